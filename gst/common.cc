@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "common.h"
+
+#include <filesystem>
+#include <map>
+#include <mutex>
+
+#include "rig/rig_json.h"
+
+namespace lf {
+
+std::shared_ptr<const Rig> shared_rig(const std::string& path) {
+  struct Entry {
+    std::weak_ptr<const Rig> rig;
+    std::filesystem::file_time_type modified;
+  };
+  static std::mutex mutex;
+  static std::map<std::string, Entry> cache;
+
+  std::error_code ignored;  // load_rig() reports a file that is not there
+  const std::filesystem::file_time_type modified = std::filesystem::last_write_time(path, ignored);
+  std::lock_guard lock(mutex);
+  Entry& entry = cache[path];
+  std::shared_ptr<const Rig> rig = entry.rig.lock();
+  if (!rig || entry.modified != modified) {
+    rig = std::make_shared<const Rig>(load_rig(path));
+    entry = {rig, modified};
+  }
+  return rig;
+}
+
+}  // namespace lf

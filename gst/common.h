@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include <gst/gst.h>
+
+#include "rig/rig.h"
+
+// What the elements share. The elements hold no mathematics: that is in lib/.
+
+// Caps are constant for the life of a stream. Requests carry the rate of their viewer (0/1: variable), so that a
+// compositor can name the frame rate of its output.
+#define LF_REQUEST_MEDIA_TYPE "application/x-lightfield-request"
+#define LF_ANSWER_MEDIA_TYPE "application/x-lightfield-answer"
+#define LF_RGB_FORMATS "RGB, BGR, RGBx, BGRx, xRGB, xBGR, RGBA, BGRA, ARGB, ABGR"
+
+// Sticky custom downstream event with which lfcamsrc names the camera of a stream: field "camera" (uint: index in the
+// rig), "rig-hash" (uint64).
+#define LF_CAMERA_EVENT "lightfield-camera"
+
+// GstReferenceTimestampMeta reference of a frame's true capture time (stamp + the camera's time offset): clock time for
+// live sources, running time for others.
+#define LF_CAPTURE_TIME_CAPS "timestamp/x-lightfield-capture"
+
+namespace lf {
+
+// The rig in `path`; elements that name the same unchanged file share one copy. Thread-safe. Throws Error.
+std::shared_ptr<const Rig> shared_rig(const std::string& path);
+
+}  // namespace lf

@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <gst/gst.h>
+
+#include "config.h"
+
+static gboolean plugin_init(GstPlugin* plugin) {
+  gboolean ok = TRUE;
+  (void)plugin;
+  return ok;
+}
+
+GST_PLUGIN_DEFINE(GST_VERSION_MAJOR, GST_VERSION_MINOR, lightfield, "Real-time, distributed light field camera",
+                  plugin_init, PACKAGE_VERSION, "LGPL", PACKAGE_NAME, "https://gst-lightfield.invalid/")

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "geometry/lens.h"
+
+#include <limits>
+
+#include "base/error.h"
+
+namespace lf {
+namespace {
+
+struct ModelInfo {
+  std::string_view name;
+  int num_params;
+  int num_focal;  // 1: f, 2: fx fy; always the first parameters
+};
+
+constexpr ModelInfo kModels[] = {
+    {"SIMPLE_PINHOLE", 3, 1}, {"PINHOLE", 4, 2}, {"SIMPLE_RADIAL", 4, 1}, {"RADIAL", 5, 1}, {"OPENCV", 8, 2}};
+
+const ModelInfo& info(LensModel model) { return kModels[static_cast<int>(model)]; }
+
+// The smallest positive root of d/dr [r (1 + k1 r^2 + k2 r^4)] = 1 + 3 k1 q + 5 k2 q^2, q = r^2.
+double first_fold_radius(double k1, double k2) {
+  constexpr double kNever = std::numeric_limits<double>::infinity();
+  const double a = 5 * k2, b = 3 * k1;
+  if (a == 0) return b < 0 ? std::sqrt(-1 / b) : kNever;
+  const double discriminant = b * b - 4 * a;
+  if (discriminant < 0) return kNever;
+  // The root 2 / (-b + sqrt(D)) of the pair is the stable form of the smaller positive one.
+  const double denominator = -b + std::sqrt(discriminant);
+  return denominator > 0 ? std::sqrt(2 / denominator) : kNever;
+}
+
+}  // namespace
+
+std::string_view lens_model_name(LensModel model) { return info(model).name; }
+int lens_model_num_params(LensModel model) { return info(model).num_params; }
+
+std::optional<LensModel> lens_model_from_code(unsigned code) {
+  if (code >= std::size(kModels)) return std::nullopt;
+  return static_cast<LensModel>(code);
+}
+
+std::optional<LensModel> lens_model_from_name(std::string_view name) {
+  for (unsigned i = 0; i < std::size(kModels); i++)
+    if (kModels[i].name == name) return static_cast<LensModel>(i);
+  return std::nullopt;
+}
+
+Lens::Lens(LensModel model, const std::array<double, kMaxParams>& params) : model_(model) {
+  const int n = num_params();
+  for (int i = 0; i < n; i++) {
+    params_[i] = params[i];
+    if (!is_finite(params_[i])) throw Error("params[" + std::to_string(i) + "]: must be a finite number");
+  }
+  const int num_focal = info(model).num_focal;
+  for (int i = 0; i < num_focal; i++)
+    if (params_[i] <= 0) throw Error("params[" + std::to_string(i) + "]: the focal length must be positive");
+  fx_ = params_[0];
+  fy_ = params_[num_focal - 1];
+  cx_ = params_[num_focal];
+  cy_ = params_[num_focal + 1];
+  const int first_distortion = num_focal + 2;
+  if (n > first_distortion) k1_ = params_[first_distortion];
+  if (n > first_distortion + 1) k2_ = params_[first_distortion + 1];
+  if (model == LensModel::kOpenCv) {
+    p1_ = params_[6];
+    p2_ = params_[7];
+  }
+  max_radius_ = first_fold_radius(k1_, k2_);
+}
+
+Lens Lens::pinhole(double f, double cx, double cy) { return Lens(LensModel::kSimplePinhole, {f, cx, cy}); }
+
+Lens Lens::from_fov_y(double fov_y_deg, int width, int height) {
+  if (!(fov_y_deg > 0 && fov_y_deg < 180)) throw Error("fov_y: must be between 0 and 180 degrees");
+  const double f = (height / 2.0) / std::tan(fov_y_deg * (M_PI / 180) / 2);
+  return pinhole(f, (width - 1) / 2.0, (height - 1) / 2.0);
+}
+
+int Lens::num_params() const { return info(model_).num_params; }
+
+std::optional<Vec2> Lens::distort(const Vec2& u) const {
+  if (!has_distortion()) return u;
+  const double r2 = glm::dot(u, u);
+  if (r2 > max_radius_ * max_radius_) return std::nullopt;
+  const double radial = 1 + r2 * (k1_ + r2 * k2_);
+  return Vec2(u.x * radial + 2 * p1_ * u.x * u.y + p2_ * (r2 + 2 * u.x * u.x),
+              u.y * radial + p1_ * (r2 + 2 * u.y * u.y) + 2 * p2_ * u.x * u.y);
+}
+
+std::optional<Vec2> Lens::undistort(const Vec2& distorted) const {
+  if (!has_distortion()) return distorted;
+  // Radial part alone first: r (1 + k1 r^2 + k2 r^4) grows on [0, max_radius], so bracketed Newton always converges.
+  const double target = glm::length(distorted);
+  const auto radial = [&](double r) { return r * (1 + r * r * (k1_ + r * r * k2_)); };
+  double low = 0, high = max_radius_;
+  if (std::isinf(high))
+    for (high = 1 + target; radial(high) < target; high *= 2) {
+    }
+  const bool has_tangential = p1_ != 0 || p2_ != 0;
+  if (!has_tangential && radial(high) < target) return std::nullopt;
+  double r = std::min(target, high);
+  for (int i = 0; i < 100; i++) {
+    const double value = radial(r) - target;
+    (value > 0 ? high : low) = r;
+    const double slope = 1 + r * r * (3 * k1_ + 5 * k2_ * r * r);
+    double next = r - value / slope;
+    if (!(next >= low && next <= high)) next = (low + high) / 2;
+    if (std::abs(next - r) <= 1e-16 * (1 + r)) break;
+    r = next;
+  }
+  Vec2 u = target > 0 ? distorted * (r / target) : Vec2(0, 0);
+  if (!has_tangential) return u;
+  // Full Newton with the analytic Jacobian of distort().
+  for (int i = 0; i < 50; i++) {
+    const double r2 = glm::dot(u, u), g = 1 + r2 * (k1_ + r2 * k2_), dg = 2 * k1_ + 4 * k2_ * r2;
+    const Vec2 f(u.x * g + 2 * p1_ * u.x * u.y + p2_ * (r2 + 2 * u.x * u.x) - distorted.x,
+                 u.y * g + p1_ * (r2 + 2 * u.y * u.y) + 2 * p2_ * u.x * u.y - distorted.y);
+    const double xx = g + u.x * u.x * dg + 2 * p1_ * u.y + 6 * p2_ * u.x;
+    const double xy = u.x * u.y * dg + 2 * p1_ * u.x + 2 * p2_ * u.y;
+    const double yy = g + u.y * u.y * dg + 6 * p1_ * u.y + 2 * p2_ * u.x;
+    const double det = xx * yy - xy * xy;
+    if (det == 0) return std::nullopt;
+    const Vec2 step((yy * f.x - xy * f.y) / det, (xx * f.y - xy * f.x) / det);
+    u -= step;
+    if (glm::dot(step, step) <= 1e-32 * (1 + glm::dot(u, u))) break;
+  }
+  const std::optional<Vec2> check = distort(u);
+  if (!check || !(glm::length(*check - distorted) <= 1e-12 * (1 + target))) return std::nullopt;
+  return u;
+}
+
+std::optional<Vec2> Lens::project(const Vec3& x) const {
+  if (!(x.z > 0)) return std::nullopt;
+  const std::optional<Vec2> d = distort(Vec2(x.x / x.z, x.y / x.z));
+  if (!d) return std::nullopt;
+  return Vec2(fx_ * d->x + cx_, fy_ * d->y + cy_);
+}
+
+std::optional<Vec2> Lens::unproject(const Vec2& pixel) const {
+  return undistort(Vec2((pixel.x - cx_) / fx_, (pixel.y - cy_) / fy_));
+}
+
+}  // namespace lf

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "geometry/vec.h"
+
+namespace lf {
+
+// COLMAP's camera models under COLMAP's names; the number of each is also its code on the wire.
+enum class LensModel { kSimplePinhole = 0, kPinhole = 1, kSimpleRadial = 2, kRadial = 3, kOpenCv = 4 };
+
+// Between camera coordinates and pixels. (0, 0) is the centre of the top-left pixel.
+//
+// A point (X, Y, Z) with Z > 0 has undistorted normalised coordinates (X/Z, Y/Z). Distortion maps these to distorted
+// ones (COLMAP's models.h, OpenCV's calib3d): with r^2 = u^2 + v^2,
+//   u' = u (1 + k1 r^2 + k2 r^4) + 2 p1 u v + p2 (r^2 + 2 u^2),  v' = v (1 + ...) + p1 (r^2 + 2 v^2) + 2 p2 u v
+// and the pixel is (fx u' + cx, fy v' + cy). Beyond the first radius at which r (1 + k1 r^2 + k2 r^4) stops growing a
+// ray is outside the image (it would fold back in).
+class Lens {
+ public:
+  static constexpr int kMaxParams = 8;
+
+  Lens() : Lens(LensModel::kSimplePinhole, {1, 0, 0}) {}
+  // `params` in COLMAP's order for the model; the rest is ignored. Throws Error if one is not finite or a focal length
+  // is not positive; the message begins with "params[i]: ".
+  Lens(LensModel model, const std::array<double, kMaxParams>& params);
+
+  static Lens pinhole(double f, double cx, double cy);
+  // The lens of a view: f = (height/2) / tan(fov_y/2), principal point in the middle. fov_y in degrees, in (0, 180).
+  static Lens from_fov_y(double fov_y_deg, int width, int height);
+
+  LensModel model() const { return model_; }
+  const std::array<double, kMaxParams>& params() const { return params_; }
+  int num_params() const;
+  bool operator==(const Lens& o) const { return model_ == o.model_ && params_ == o.params_; }
+
+  double fx() const { return fx_; }
+  double fy() const { return fy_; }
+  double cx() const { return cx_; }
+  double cy() const { return cy_; }
+  bool has_distortion() const { return k1_ != 0 || k2_ != 0 || p1_ != 0 || p2_ != 0; }
+  // The largest undistorted radius that the lens sees (infinity without a fold).
+  double max_radius() const { return max_radius_; }
+
+  // Undistorted to distorted normalised coordinates; nothing beyond max_radius().
+  std::optional<Vec2> distort(const Vec2& undistorted) const;
+  // The inverse, to 1e-12 of a focal length; nothing where no ray falls.
+  std::optional<Vec2> undistort(const Vec2& distorted) const;
+
+  // Camera coordinates to a pixel position (may lie outside the image); nothing for Z <= 0 or beyond max_radius().
+  std::optional<Vec2> project(const Vec3& x_camera) const;
+  // Pixel position to undistorted normalised coordinates (u, v): the line of sight (u, v, 1).
+  std::optional<Vec2> unproject(const Vec2& pixel) const;
+
+ private:
+  LensModel model_;
+  std::array<double, kMaxParams> params_{};
+  double fx_, fy_, cx_, cy_;
+  double k1_ = 0, k2_ = 0, p1_ = 0, p2_ = 0;
+  double max_radius_;
+};
+
+std::string_view lens_model_name(LensModel model);
+std::optional<LensModel> lens_model_from_name(std::string_view name);
+std::optional<LensModel> lens_model_from_code(unsigned code);
+int lens_model_num_params(LensModel model);
+
+}  // namespace lf

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include "geometry/vec.h"
+
+namespace lf {
+
+// world_from_camera. Axes of world and camera alike: right-handed, x right, y down, z forward (OpenCV, COLMAP).
+struct Pose {
+  Vec3 position{0, 0, 0};         // centre of projection in the world, metres
+  Quat orientation{1, 0, 0, 0};   // w, x, y, z; unit norm
+
+  Mat3 rotation() const { return glm::mat3_cast(orientation); }  // world_from_camera
+  Vec3 forward() const { return rotation()[2]; }                 // optical axis in the world, unit length
+  Vec3 right() const { return rotation()[0]; }
+  Vec3 down() const { return rotation()[1]; }
+
+  Vec3 world_from_camera(const Vec3& x_camera) const { return rotation() * x_camera + position; }
+  Vec3 camera_from_world(const Vec3& x_world) const { return glm::transpose(rotation()) * (x_world - position); }
+
+  bool operator==(const Pose&) const = default;
+};
+
+// How far |orientation| may be from 1 in files and on the wire.
+inline constexpr double kUnitTolerance = 1e-6;
+
+// Pose at `eye` looking at `target`, with the camera's y axis as near to `down` as it can be.
+// Requires eye != target and the line of sight not parallel to `down`.
+Pose look_at(const Vec3& eye, const Vec3& target, const Vec3& down);
+
+}  // namespace lf

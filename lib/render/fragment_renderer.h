@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "image/image.h"
+#include "render/fragment.h"
+#include "render/ownership.h"
+#include "rig/rig.h"
+
+namespace lf {
+
+// Renders one camera's fragment of a view: weight x colour where the camera sees the point on the focal surface, lost
+// weight where it does not. Implementations are interchangeable and stateless between calls; call from any thread.
+class FragmentRenderer {
+ public:
+  virtual ~FragmentRenderer() = default;
+
+  // `camera` is `rig_camera`'s index in the rig of the plan; `owners.region()` contains plan.camera_rect(camera).
+  // `image` has the size of `rig_camera` (else Error). Nothing if the camera has no weight anywhere in the view.
+  virtual std::optional<Fragment> render(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
+                                         const Camera& rig_camera, const ImageView& image) const = 0;
+};
+
+// Plain C++, one pixel at a time, geometry in double precision: the yardstick for every faster one.
+std::unique_ptr<FragmentRenderer> make_scalar_renderer();
+
+// For tests and measurements: the same without the rounding to 8 bits (kRgb only). `colour`: 3 floats (0..255, already
+// weighted) and `valid`: 1 float (valid weight, 0..1) per pixel of `rect`, row-major.
+struct FloatFragment {
+  Rect rect;
+  std::vector<float> colour, valid, lost;
+};
+std::optional<FloatFragment> render_float(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
+                                          const Camera& rig_camera, const ImageView& image);
+
+}  // namespace lf

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "render/view_plan.h"
+
+namespace lf {
+
+// Which face owns each pixel of a part of a view. The owner is the lowest-numbered facing face that contains the pixel's
+// line of sight; a pixel whose line of sight does not meet the focal surface at t > 0 has none.
+// Where meshes fold, several faces contain a pixel and cameras far apart must agree on its owner: looking it up in one
+// map, made from all faces, is both the exact rule and cheaper than testing each camera's ring per fragment.
+class OwnerMap {
+ public:
+  static constexpr int32_t kNone = -1;
+
+  // For the pixels of `region`. The result for a pixel does not depend on the region.
+  OwnerMap(const ViewPlan& plan, const Rect& region);
+
+  const Rect& region() const { return region_; }
+  // Index into plan.faces(), or kNone. (x, y) inside region().
+  int32_t at(int x, int y) const {
+    return owner_[static_cast<size_t>(y - region_.y0) * region_.width() + (x - region_.x0)];
+  }
+  const int32_t* row(int x, int y) const {
+    return &owner_[static_cast<size_t>(y - region_.y0) * region_.width() + (x - region_.x0)];
+  }
+
+ private:
+  Rect region_;
+  std::vector<int32_t> owner_;
+};
+
+// The weight of corner 0, 1, 2 of a face for the line of sight (u, v, 1): in float, from edge functions in double in a
+// fixed order of operations. All three are in [0, 1] for a pixel that the face owns.
+struct FaceWeights {
+  float w[3];
+};
+FaceWeights face_weights(const FacePlan& face, const Vec2& ray);
+
+// The hat function of `camera`: its weight in each pixel of `rect` (row-major, rect.width() * rect.height() values),
+// 0 where its face does not own the pixel. `rect` inside owners.region().
+std::vector<float> camera_hat(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Rect& rect);
+
+}  // namespace lf

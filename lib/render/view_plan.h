@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "render/rays.h"
+#include "rig/mesh.h"
+#include "rig/rig.h"
+#include "view/view.h"
+
+namespace lf {
+
+// Pixels [x0, x1) x [y0, y1) of a view.
+struct Rect {
+  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+  int width() const { return x1 - x0; }
+  int height() const { return y1 - y0; }
+  bool empty() const { return x1 <= x0 || y1 <= y0; }
+  bool operator==(const Rect&) const = default;
+};
+Rect intersect(const Rect& a, const Rect& b);
+Rect unite(const Rect& a, const Rect& b);  // the smallest that holds both; an empty one adds nothing
+
+// One mesh face as a view sees it. For the line of sight d = (u, v, 1) in view coordinates the three edge functions are
+// e_k(d) = edge[k] . d (k = the corner opposite the edge), and corner k has weight e_k / (e_0 + e_1 + e_2) where all
+// three quotients are >= 0 (DESIGN: w_i = e_jk / (e_ij + e_jk + e_ki)).
+struct FacePlan {
+  uint32_t face = 0;      // its number in the mesh
+  std::array<CameraIndex, 3> camera{};
+  Vec3 edge[3];           // scaled by a common power of two; shared edges of neighbours are equal up to sign
+  Vec3 facing;            // faces d where facing . d > 0: the sum of the corners' forward axes in view coordinates
+  Rect rect;              // contains every pixel of the view that the face owns
+
+  bool operator==(const FacePlan&) const = default;
+};
+
+// Everything geometric about one view that no pixel of a camera is needed for. Immutable once made; share between
+// threads. Cost: O(faces of the mesh) in place of O(pixels).
+class ViewPlan {
+ public:
+  // `rig`, `mesh`: only read during the call. The view must be valid (see validate()).
+  ViewPlan(const Rig& rig, const Mesh& mesh, const View& view);
+
+  const View& view() const { return view_; }
+  const Rays& rays() const { return rays_; }
+  // The faces that may own pixels of the view, ascending by number: the lowest-numbered one that contains a pixel owns it.
+  const std::vector<FacePlan>& faces() const { return faces_; }
+  // Bounds the pixels in which the camera may have a weight; empty if there are none.
+  Rect camera_rect(CameraIndex camera) const { return camera_rects_[camera]; }
+  // Cameras with a rectangle that is not empty, ascending.
+  std::vector<CameraIndex> contributors() const;
+
+  // Line of sight t > 0 to the focal plane in view coordinates: (focal_normal . d) t = focal_offset.
+  const Vec3& focal_normal() const { return focal_normal_; }
+  double focal_offset() const { return focal_offset_; }
+
+ private:
+  View view_;
+  Rays rays_;
+  std::vector<FacePlan> faces_;
+  std::vector<Rect> camera_rects_;
+  Vec3 focal_normal_;
+  double focal_offset_ = 0;
+};
+
+}  // namespace lf

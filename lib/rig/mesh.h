@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "rig/rig.h"
+
+namespace lf {
+
+// A set of cameras out of service: ascending indices, no repeats.
+using CameraSet = std::vector<CameraIndex>;
+
+// One face of the camera mesh. A triangle has three cameras. A rig whose cameras make no triangle still has faces:
+// a *strip* of two cameras (collinear rigs: neighbours along the line; the face extends without end along `extent`,
+// so weights vary along the line of cameras alone), or a *point* of one camera (weight 1 for every line of sight).
+struct MeshFace {
+  static constexpr CameraIndex kNone = UINT32_MAX;
+  std::array<CameraIndex, 3> camera{kNone, kNone, kNone};  // unused corners are kNone, at the end
+  Vec3 extent{0, 0, 0};                                    // strips only: unit vector in the world
+  int corners() const { return camera[2] != kNone ? 3 : camera[1] != kNone ? 2 : 1; }
+};
+
+// The triangulation of the array that blending weights live on; a face's number is its place in `faces`.
+struct Mesh {
+  std::vector<MeshFace> faces;
+};
+
+// A function of (rig, out of service) alone and the same on every machine: centres are quantised to integers in plane
+// coordinates, predicates on them are exact, ties go to the lowest index.
+//  - grid: each cell with corners a, a+1 / a+C, a+C+1 is split into (a, a+1, a+C) and (a+1, a+C+1, a+C).
+//  - triangles: as listed.
+//  - delaunay: of the cameras in service, projected onto the best-fit plane of all cameras; among cocircular
+//    candidates the diagonal with the lowest index; of coincident cameras the lowest index counts.
+//  - holes (grid, triangles): cameras out of service are taken out one by one in ascending order and the hole each
+//    leaves is filled by clipping ears in its local plane (the chain of its neighbours, where it was at the border).
+// Triangles without area (three cameras on a line, duplicates) stay: no line of sight but a null set meets them.
+// Throws Error for an index in `out_of_service` that the rig does not have.
+Mesh build_mesh(const Rig& rig, const CameraSet& out_of_service = {});
+
+}  // namespace lf

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include "image/image.h"
+#include "rig/rig.h"
+#include "view/view.h"
+
+namespace lf {
+
+// The built-in scene: analytic, dynamic, in front of the array of scene_rig(). Ray-traced per pixel, so that any lens
+// and pose at any time has an exact ground truth. A pure function of its arguments: every machine films the same scene.
+struct Rgb {
+  double r, g, b;  // 0..255, gamma-encoded
+};
+
+// What the ray from `origin` (world, metres) along `direction` (any length > 0) sees at `time` seconds.
+Rgb scene_colour(const Vec3& origin, const Vec3& direction, double time);
+
+struct SceneCamera {
+  int width, height;
+  Lens lens;
+  Pose pose;
+};
+// `samples` x `samples` rays per pixel on a regular grid (box filter over the pixel). Rays that the lens does not see
+// are black.
+Image render_scene(const SceneCamera& camera, double time, int samples = 3);
+
+// The array the scene was made for: rows x columns cameras of width x height in the plane z = 0 around the origin,
+// looking along +z.
+Rig scene_rig(int rows = 8, int columns = 8, int width = 320, int height = 240);
+
+// Depths (metres along +z) at which the scene has something to focus on, near to far.
+inline constexpr double kSceneNear = 1.2, kSceneMiddle = 2.2, kSceneFar = 4.5;
+
+}  // namespace lf

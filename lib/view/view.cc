@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "view/view.h"
+
+#include "base/error.h"
+#include "rig/rig.h"
+
+namespace lf {
+
+void validate(const View& view) {
+  const auto size = [](const char* name, int value) {
+    if (value < 1 || value > kMaxImageSize)
+      throw Error(std::string(name) + ": must be 1 to " + std::to_string(kMaxImageSize) + " pixels, is " +
+                  std::to_string(value));
+  };
+  size("width", view.width);
+  size("height", view.height);
+  if (!is_finite(view.pose.position)) throw Error("position: must be finite numbers");
+  if (!(std::abs(glm::length(view.pose.orientation) - 1) <= kUnitTolerance))
+    throw Error("orientation: must be a quaternion of unit norm");
+  if (!(std::abs(glm::length(view.focus.plane.normal) - 1) <= kUnitTolerance) || !is_finite(view.focus.plane.d))
+    throw Error("focal_plane: must be finite numbers with a normal of unit length");
+}
+
+Plane focal_plane_at(const Pose& view_pose, double distance) {
+  const Vec3 axis = view_pose.forward();
+  return plane_through(view_pose.position + distance * axis, -axis);
+}
+
+}  // namespace lf

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include "geometry/lens.h"
+#include "geometry/plane.h"
+#include "geometry/pose.h"
+
+namespace lf {
+
+// Where a line of sight takes its colour: X = its meeting point with the focal surface. A plane so far.
+struct FocalSurface {
+  Plane plane;
+  bool operator==(const FocalSurface&) const = default;
+};
+
+// One virtual camera: what to render.
+struct View {
+  int width = 0, height = 0;  // pixels, 1..kMaxImageSize
+  Lens lens;
+  Pose pose;  // world_from_view; position = the eye E
+  FocalSurface focus;
+  bool operator==(const View&) const = default;
+};
+
+// Throws Error ("width: ...", "orientation: ...", "focal_plane: ...") if a number is not finite, a size out of range,
+// a quaternion or a plane normal not of unit length (kUnitTolerance).
+void validate(const View& view);
+
+// The plane facing the view at `distance` metres along its optical axis.
+Plane focal_plane_at(const Pose& view_pose, double distance);
+
+}  // namespace lf

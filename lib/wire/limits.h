@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "rig/rig.h"
+
+// The limits of the wire format, in one place. A unit beyond them is not decoded; see spec.md.
+namespace lf::wire {
+
+inline constexpr uint8_t kVersion = 1;
+inline constexpr size_t kMaxRequestBytes = 1 << 18;        // 256 KiB
+inline constexpr size_t kMaxAnswerBytes = size_t{1} << 30;  // 1 GiB: 8192 x 8192 RGB fragments of a whole array
+inline constexpr uint32_t kMaxFragments = kMaxCameras + 1;
+inline constexpr int kMaxViewSize = kMaxImageSize;          // pixels a side
+
+}  // namespace lf::wire

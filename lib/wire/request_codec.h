@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "view/view_request.h"
+
+namespace lf::wire {
+
+// application/x-lightfield-request, see spec.md. Stateless; every length and number is checked before it is used.
+std::vector<uint8_t> encode_request(const ViewRequest& request);
+// Nothing for bytes that are not exactly one valid request; `reason` (may be null) then says why, naming the field.
+std::optional<ViewRequest> decode_request(std::span<const uint8_t> bytes, std::string* reason = nullptr);
+
+}  // namespace lf::wire
