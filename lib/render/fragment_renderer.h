@@ -18,10 +18,14 @@ class FragmentRenderer {
   virtual ~FragmentRenderer() = default;
 
   // `camera` is `rig_camera`'s index in the rig of the plan; `owners.region()` contains plan.camera_rect(camera).
+  // In I420 the fragment's rectangle is grown to whole chroma samples (chroma_aligned), so owners must cover that too.
   // `image` has the size of `rig_camera` (else Error). Nothing if the camera has no weight anywhere in the view.
   virtual std::optional<Fragment> render(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
                                          const Camera& rig_camera, const ImageView& image) const = 0;
 };
+
+// The smallest rectangle of whole 2x2 chroma blocks around `rect`, inside the view.
+Rect chroma_aligned(const Rect& rect, const View& view);
 
 // Plain C++, one pixel at a time, geometry in double precision: the yardstick for every faster one.
 std::unique_ptr<FragmentRenderer> make_scalar_renderer();

@@ -40,6 +40,21 @@ struct FaceWeights {
 };
 FaceWeights face_weights(const FacePlan& face, const Vec2& ray);
 
+// Which corner of each face a camera is.
+class CameraCorners {
+ public:
+  CameraCorners(const ViewPlan& plan, CameraIndex camera);
+
+  // The camera's weight for a ray whose owner is `owner`: 0 if that is OwnerMap::kNone or a face of other cameras.
+  float weight(const ViewPlan& plan, int32_t owner, const Vec2& ray) const {
+    if (owner == OwnerMap::kNone || corner_[owner] < 0) return 0;
+    return face_weights(plan.faces()[owner], ray).w[corner_[owner]];
+  }
+
+ private:
+  std::vector<int8_t> corner_;  // per plan.faces(); -1: none of them
+};
+
 // The hat function of `camera`: its weight in each pixel of `rect` (row-major, rect.width() * rect.height() values),
 // 0 where its face does not own the pixel. `rect` inside owners.region().
 std::vector<float> camera_hat(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Rect& rect);

@@ -1,26 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <memory>
+#include <array>
 #include <vector>
 
 #include "render/rays.h"
+#include "render/rect.h"
 #include "rig/mesh.h"
 #include "rig/rig.h"
 #include "view/view.h"
 
 namespace lf {
-
-// Pixels [x0, x1) x [y0, y1) of a view.
-struct Rect {
-  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
-  int width() const { return x1 - x0; }
-  int height() const { return y1 - y0; }
-  bool empty() const { return x1 <= x0 || y1 <= y0; }
-  bool operator==(const Rect&) const = default;
-};
-Rect intersect(const Rect& a, const Rect& b);
-Rect unite(const Rect& a, const Rect& b);  // the smallest that holds both; an empty one adds nothing
 
 // One mesh face as a view sees it. For the line of sight d = (u, v, 1) in view coordinates the three edge functions are
 // e_k(d) = edge[k] . d (k = the corner opposite the edge), and corner k has weight e_k / (e_0 + e_1 + e_2) where all
@@ -28,11 +18,12 @@ Rect unite(const Rect& a, const Rect& b);  // the smallest that holds both; an e
 struct FacePlan {
   uint32_t face = 0;      // its number in the mesh
   std::array<CameraIndex, 3> camera{};
-  Vec3 edge[3];           // scaled by a common power of two; shared edges of neighbours are equal up to sign
+  Vec3 edge[3];           // neighbours' shared edges are equal up to sign, to the last bit; 0 for unused corners
   Vec3 facing;            // faces d where facing . d > 0: the sum of the corners' forward axes in view coordinates
   Rect rect;              // contains every pixel of the view that the face owns
 
-  bool operator==(const FacePlan&) const = default;
+  // The value of an edge function, always with this order of operations: every machine gets the same bits.
+  static double evaluate(const Vec3& edge, const Vec2& ray) { return edge.x * ray.x + (edge.y * ray.y + edge.z); }
 };
 
 // Everything geometric about one view that no pixel of a camera is needed for. Immutable once made; share between

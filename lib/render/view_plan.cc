@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "render/view_plan.h"
+
+#include "render/face_bounds.h"
+
+namespace lf {
+namespace {
+
+// Cameras as one view sees them: nothing but differences of world positions ever meets a rotation, so that arrays at
+// 1e6 m keep their precision.
+class CamerasInView {
+ public:
+  CamerasInView(const Rig& rig, const Pose& world_from_view)
+      : rig_(rig), view_from_world_(glm::transpose(world_from_view.rotation())), eye_(world_from_view.position) {}
+
+  Vec3 centre(CameraIndex i) const { return view_from_world_ * (position(i) - eye_); }
+  Vec3 forward(CameraIndex i) const { return view_from_world_ * rig_.cameras[i].pose.forward(); }
+  Vec3 direction(const Vec3& world) const { return view_from_world_ * world; }
+
+  // e_ij = d . ((C_i - E) x (C_j - E)), as (C_i - E) x (C_j - C_i): exactly 0 where the eye is at either end.
+  // Canonical order makes e_ij = -e_ji exact.
+  Vec3 edge(CameraIndex i, CameraIndex j) const {
+    if (i > j) return -edge(j, i);
+    return glm::cross(centre(i), view_from_world_ * (position(j) - position(i)));
+  }
+
+ private:
+  const Vec3& position(CameraIndex i) const { return rig_.cameras[i].pose.position; }
+
+  const Rig& rig_;
+  Mat3 view_from_world_;
+  Vec3 eye_;
+};
+
+FacePlan plan_face(const CamerasInView& cameras, const MeshFace& face, uint32_t number) {
+  FacePlan plan;
+  plan.face = number;
+  plan.camera = face.camera;
+  plan.facing = Vec3(0);
+  for (int k = 0; k < face.corners(); k++) plan.facing += cameras.forward(face.camera[k]);
+  for (Vec3& edge : plan.edge) edge = Vec3(0);
+  const auto& [a, b, c] = face.camera;
+  switch (face.corners()) {
+    case 3:
+      plan.edge[0] = cameras.edge(b, c);
+      plan.edge[1] = cameras.edge(c, a);
+      plan.edge[2] = cameras.edge(a, b);
+      break;
+    case 2: {
+      // The limit of a triangle whose third corner is infinitely far away in both directions of `extent`.
+      const Vec3 extent = cameras.direction(face.extent);
+      plan.edge[0] = -glm::cross(cameras.centre(b), extent);
+      plan.edge[1] = glm::cross(cameras.centre(a), extent);
+      break;
+    }
+    default: plan.edge[0] = plan.facing;  // any functional: the only corner has weight e / e = 1
+  }
+  return plan;
+}
+
+}  // namespace
+
+ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view)
+    : view_(view), rays_(view.lens, view.width, view.height), camera_rects_(rig.cameras.size()) {
+  const Plane& plane = view.focus.plane;
+  focal_normal_ = glm::transpose(view.pose.rotation()) * plane.normal;
+  focal_offset_ = -plane.signed_distance(view.pose.position);
+  if (focal_offset_ == 0) return;  // the eye is in the focal plane: no line of sight meets it at t > 0
+  const Vec3 in_front = focal_offset_ > 0 ? focal_normal_ : -focal_normal_;
+
+  const CamerasInView cameras(rig, view.pose);
+  const RegionBounds bounds(rays_, view.lens, view.width, view.height);
+  for (uint32_t i = 0; i < mesh.faces.size(); i++) {
+    FacePlan face = plan_face(cameras, mesh.faces[i], i);
+    for (const double sign : {1.0, -1.0}) {
+      const Vec3 half_planes[5] = {sign * face.edge[0], sign * face.edge[1], sign * face.edge[2], face.facing, in_front};
+      face.rect = unite(face.rect, bounds.bound(half_planes));
+    }
+    if (face.rect.empty()) continue;
+    for (int k = 0; k < mesh.faces[i].corners(); k++) {
+      Rect& rect = camera_rects_[face.camera[k]];
+      rect = unite(rect, face.rect);
+    }
+    faces_.push_back(face);
+  }
+}
+
+std::vector<CameraIndex> ViewPlan::contributors() const {
+  std::vector<CameraIndex> cameras;
+  for (CameraIndex i = 0; i < camera_rects_.size(); i++)
+    if (!camera_rects_[i].empty()) cameras.push_back(i);
+  return cameras;
+}
+
+}  // namespace lf
