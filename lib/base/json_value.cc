@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "base/json_value.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <system_error>
+
+#include "base/error.h"
+#include "geometry/pose.h"
+
+namespace lf {
+namespace {
+
+using nlohmann::json;
+
+constexpr int kMaxDepth = 64;  // nothing in our formats is deeper; printing what is read recurses
+
+std::string join(const std::string& place, const std::string& key) { return place.empty() ? key : place + "." + key; }
+std::string join(const std::string& place, size_t index) { return place + "[" + std::to_string(index) + "]"; }
+
+// Follows the parser, to say where it was when it stopped.
+class PlaceTracker {
+ public:
+  void follow(json::parse_event_t event, const json& parsed) {
+    using Event = json::parse_event_t;
+    switch (event) {
+      case Event::object_start:
+      case Event::array_start: levels_.push_back({event == Event::array_start}); break;
+      case Event::object_end:
+      case Event::array_end:
+        levels_.pop_back();
+        value_done();
+        break;
+      case Event::key: levels_.back().key = parsed.get<std::string>(); break;
+      case Event::value: value_done(); break;
+    }
+  }
+  std::string place() const {
+    std::string place;
+    for (const Level& level : levels_) {
+      if (level.is_array)
+        place = join(place, level.count);
+      else if (!level.key.empty())
+        place = join(place, level.key);
+    }
+    return place;
+  }
+
+ private:
+  struct Level {
+    bool is_array;
+    size_t count = 0;
+    std::string key;
+  };
+  void value_done() {
+    if (levels_.empty()) return;
+    levels_.back().count++;
+    levels_.back().key.clear();
+  }
+  std::vector<Level> levels_;
+};
+
+// nlohmann's messages begin with "[json.exception.parse_error.101] ".
+std::string without_tag(const std::string& what) {
+  const size_t end = what.find("] ");
+  return what.rfind("[json.", 0) == 0 && end != std::string::npos ? what.substr(end + 2) : what;
+}
+
+}  // namespace
+
+std::string read_text_file(const std::string& path) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) throw Error(path + ": can't be read: it is a folder");
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw Error(path + ": can't be read: " + std::strerror(errno));
+  std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  if (file.bad()) throw Error(path + ": can't be read to its end");
+  return text;
+}
+
+void write_text_file(const std::string& text, const std::string& path) {
+  const std::string temporary = path + ".part";
+  errno = 0;
+  std::ofstream file(temporary, std::ios::binary | std::ios::trunc);
+  file << text;
+  file.close();
+  if (!file || std::rename(temporary.c_str(), path.c_str()) != 0) {
+    const int reason = errno;
+    std::remove(temporary.c_str());
+    throw Error(path + ": can't be written: " + std::strerror(reason ? reason : EIO));
+  }
+}
+
+json parse_json(const std::string& text, const std::string& name) {
+  PlaceTracker tracker;
+  const auto at_place = [&] { return tracker.place().empty() ? "" : tracker.place() + ": "; };
+  try {
+    return json::parse(text, [&](int depth, json::parse_event_t event, json& parsed) {
+      if (depth > kMaxDepth) throw Error(name + ": " + at_place() + "nested too deeply");
+      tracker.follow(event, parsed);
+      return true;
+    });
+  } catch (const json::exception& e) {
+    throw Error(name + ": " + at_place() + "not valid JSON: " + without_tag(e.what()));
+  }
+}
+
+void JsonValue::fail(const std::string& what) const {
+  throw Error(*file_ + ": " + (place_.empty() ? "" : place_ + ": ") + what);
+}
+
+void JsonValue::fail_inside(const std::string& place_and_what) const {
+  throw Error(*file_ + ": " + join(place_, place_and_what));
+}
+
+void JsonValue::require_object() const {
+  if (!value_->is_object()) fail(std::string("must be an object, is ") + value_->type_name());
+}
+
+JsonValue JsonValue::at(const char* key) const {
+  std::optional<JsonValue> member = find(key);
+  if (!member) fail(std::string("key \"") + key + "\" is missing");
+  return *member;
+}
+
+std::optional<JsonValue> JsonValue::find(const char* key) const {
+  require_object();
+  const auto it = value_->find(key);
+  if (it == value_->end()) return std::nullopt;
+  return JsonValue(*it, file_, join(place_, key));
+}
+
+std::vector<JsonValue> JsonValue::elements() const {
+  if (!value_->is_array()) fail(std::string("must be an array, is ") + value_->type_name());
+  std::vector<JsonValue> elements;
+  elements.reserve(value_->size());
+  for (const json& element : *value_) elements.push_back(JsonValue(element, file_, join(place_, elements.size())));
+  return elements;
+}
+
+std::vector<JsonValue> JsonValue::elements(size_t count) const {
+  std::vector<JsonValue> all = elements();
+  if (all.size() != count)
+    fail("must have " + std::to_string(count) + " elements, has " + std::to_string(all.size()));
+  return all;
+}
+
+double JsonValue::number() const {
+  if (!value_->is_number()) fail(std::string("must be a finite number, is ") + value_->type_name());
+  const double number = value_->get<double>();
+  if (!is_finite(number)) fail("must be a finite number");
+  return number;
+}
+
+int64_t JsonValue::integer(int64_t least, int64_t most) const {
+  if (!value_->is_number_integer()) {
+    const std::string is = value_->is_number() ? value_->dump() : value_->type_name();
+    fail("must be an integer, is " + is);
+  }
+  const bool too_large = value_->is_number_unsigned() && value_->get<uint64_t>() > static_cast<uint64_t>(INT64_MAX);
+  const int64_t number = too_large ? INT64_MAX : value_->get<int64_t>();
+  if (too_large || number < least || number > most)
+    fail("must be " + std::to_string(least) + " to " + std::to_string(most) + ", is " + value_->dump());
+  return number;
+}
+
+std::string JsonValue::text() const {
+  if (!value_->is_string()) fail(std::string("must be a string, is ") + value_->type_name());
+  return value_->get<std::string>();
+}
+
+Vec3 JsonValue::vec3() const {
+  const std::vector<JsonValue> v = elements(3);
+  return {v[0].number(), v[1].number(), v[2].number()};
+}
+
+Quat JsonValue::unit_quaternion() const {
+  const std::vector<JsonValue> v = elements(4);
+  const Quat q(v[0].number(), v[1].number(), v[2].number(), v[3].number());
+  const double norm = glm::length(q);
+  if (!(std::abs(norm - 1) <= kUnitTolerance))
+    fail("must be a quaternion (w, x, y, z) of unit norm, its norm is " + json(norm).dump());
+  return q;
+}
+
+void JsonValue::require_format(const std::string& format, int version) const {
+  const JsonValue found = at("format");
+  if (found.text() != format) found.fail("must be \"" + format + "\", is \"" + found.text() + "\"");
+  at("version").integer(version, version);
+}
+
+}  // namespace lf

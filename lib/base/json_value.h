@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "geometry/vec.h"
+
+namespace lf {
+
+// The whole of a file. Throws Error naming it.
+std::string read_text_file(const std::string& path);
+// Replaces the file as a whole: a reader sees the old text or the new one. Throws Error naming it.
+void write_text_file(const std::string& text, const std::string& path);
+
+// Parses JSON; `name` stands for the file in messages. Throws Error with line and column, and with the place
+// ("cameras[3].params[0]") where the error is inside a value, such as a number that no double can hold.
+nlohmann::json parse_json(const std::string& text, const std::string& name);
+
+// A value inside a JSON file that knows its place there, so that every wrong one is reported as "FILE: PLACE: what".
+// Refers to the parsed file: valid as long as that is. All functions throw Error where the value is not as asked for.
+class JsonValue {
+ public:
+  JsonValue(const nlohmann::json& root, const std::string& file) : value_(&root), file_(&file) {}
+  JsonValue(const nlohmann::json&, const std::string&&) = delete;
+  JsonValue(const nlohmann::json&&, const std::string&) = delete;
+
+  [[noreturn]] void fail(const std::string& what) const;
+  // For a message that names a member itself: fail_inside("params[0]: must be positive").
+  [[noreturn]] void fail_inside(const std::string& place_and_what) const;
+  const std::string& file() const { return *file_; }
+
+  // Objects: a member that must be there, or may be.
+  JsonValue at(const char* key) const;
+  std::optional<JsonValue> find(const char* key) const;
+  // Arrays: the elements; of exactly `count` where that is given.
+  std::vector<JsonValue> elements() const;
+  std::vector<JsonValue> elements(size_t count) const;
+
+  double number() const;  // finite
+  int64_t integer(int64_t least, int64_t most) const;
+  std::string text() const;
+  Vec3 vec3() const;
+  Quat unit_quaternion() const;  // [w, x, y, z], unit norm within kUnitTolerance; kept as it is
+
+  // "format" and "version" as they must be in an object.
+  void require_format(const std::string& format, int version) const;
+
+ private:
+  JsonValue(const nlohmann::json& value, const std::string* file, std::string place)
+      : value_(&value), file_(file), place_(std::move(place)) {}
+  void require_object() const;
+
+  const nlohmann::json* value_;
+  const std::string* file_;
+  std::string place_;
+};
+
+}  // namespace lf

@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rig/rig.h"
+
+#include <algorithm>
+#include <bit>
+#include <charconv>
+#include <filesystem>
+#include <unordered_map>
+
+#include "base/error.h"
+
+namespace lf {
+namespace {
+
+// FNV-1a, 64 bits (Fowler, Noll, Vo; draft-eastlake-fnv).
+class Fnv1a {
+ public:
+  void add(uint64_t value) {
+    for (int i = 0; i < 8; i++) hash_ = (hash_ ^ ((value >> (8 * i)) & 0xff)) * 0x100000001b3;
+  }
+  void add(double value) { add(std::bit_cast<uint64_t>(value + 0.0)); }  // -0 and 0 make the same picture
+  void add(const Vec3& v) {
+    for (int i = 0; i < 3; i++) add(v[i]);
+  }
+  uint64_t hash() const { return hash_; }
+
+ private:
+  uint64_t hash_ = 0xcbf29ce484222325;
+};
+
+// As gst_uri_is_valid() has it: a scheme of two characters at least, then a colon.
+bool is_uri(const std::string& path) {
+  const auto is_alpha = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  size_t n = 0;
+  while (n < path.size() && (is_alpha(path[n]) || (n > 0 && ((path[n] >= '0' && path[n] <= '9') || path[n] == '+' ||
+                                                              path[n] == '-' || path[n] == '.'))))
+    n++;
+  return n >= 2 && n < path.size() && path[n] == ':';
+}
+
+// The columns and rows of a grid that `indices` are the full product of, in ascending row-major order.
+bool find_sub_grid(const Topology& grid, const std::vector<CameraIndex>& indices, int* rows, int* columns) {
+  const CameraIndex stride = grid.columns;
+  size_t width = 0;
+  while (width < indices.size() && indices[width] / stride == indices[0] / stride) width++;
+  if (width == 0 || indices.size() % width != 0) return false;
+  for (size_t i = 0; i < indices.size(); i++) {
+    const CameraIndex row = indices[i] / stride, column = indices[i] % stride;
+    if (row != indices[i - i % width] / stride || column != indices[i % width] % stride) return false;
+    if (i > 0 && indices[i] <= indices[i - 1]) return false;
+  }
+  *rows = static_cast<int>(indices.size() / width);
+  *columns = static_cast<int>(width);
+  return true;
+}
+
+}  // namespace
+
+uint64_t Rig::hash() const {
+  Fnv1a fnv;
+  fnv.add(uint64_t{cameras.size()});
+  for (const Camera& camera : cameras) {
+    fnv.add(static_cast<uint64_t>(camera.width));
+    fnv.add(static_cast<uint64_t>(camera.height));
+    fnv.add(static_cast<uint64_t>(camera.lens.model()));
+    for (int i = 0; i < camera.lens.num_params(); i++) fnv.add(camera.lens.params()[i]);
+    fnv.add(camera.pose.position);
+    const Quat& q = camera.pose.orientation;
+    fnv.add(q.w);
+    fnv.add(Vec3(q.x, q.y, q.z));
+  }
+  fnv.add(static_cast<uint64_t>(topology.type));
+  if (topology.type == Topology::Type::kGrid) {
+    fnv.add(static_cast<uint64_t>(topology.rows));
+    fnv.add(static_cast<uint64_t>(topology.columns));
+  } else if (topology.type == Topology::Type::kTriangles) {
+    fnv.add(uint64_t{topology.triangles.size()});
+    for (const auto& triangle : topology.triangles)
+      for (const CameraIndex corner : triangle) fnv.add(uint64_t{corner});
+  }
+  return fnv.hash() == 0 ? 1 : fnv.hash();
+}
+
+std::optional<CameraIndex> Rig::index_of_id(uint32_t id) const {
+  for (size_t i = 0; i < cameras.size(); i++)
+    if (cameras[i].id == id) return static_cast<CameraIndex>(i);
+  return std::nullopt;
+}
+
+std::string Rig::resolve(const std::string& path) const {
+  if (path.empty() || directory.empty() || is_uri(path)) return path;
+  return (std::filesystem::path(directory) / path).string();  // an absolute `path` replaces `directory`
+}
+
+Rig sub_rig(const Rig& rig, const std::vector<CameraIndex>& indices) {
+  if (indices.empty()) throw Error("a rig needs at least one camera");
+  Rig sub;
+  sub.directory = rig.directory;
+  std::vector<bool> taken(rig.cameras.size());
+  for (const CameraIndex index : indices) {
+    if (index >= rig.cameras.size())
+      throw Error("camera index " + std::to_string(index) + ": the rig has " + std::to_string(rig.cameras.size()) +
+                  " cameras");
+    if (taken[index]) throw Error("camera index " + std::to_string(index) + ": named twice");
+    taken[index] = true;
+    sub.cameras.push_back(rig.cameras[index]);
+  }
+  const bool whole = indices.size() == rig.cameras.size() && std::is_sorted(indices.begin(), indices.end());
+  if (whole) {
+    sub.topology = rig.topology;
+  } else if (rig.topology.type == Topology::Type::kGrid &&
+             find_sub_grid(rig.topology, indices, &sub.topology.rows, &sub.topology.columns)) {
+    sub.topology.type = Topology::Type::kGrid;
+  }
+  return sub;
+}
+
+Rig every_nth(const Rig& rig, int n) {
+  if (rig.topology.type != Topology::Type::kGrid) throw Error("every: the rig's topology is not a grid");
+  if (n < 1) throw Error("every: must be at least 1, is " + std::to_string(n));
+  std::vector<CameraIndex> indices;
+  for (int64_t row = 0; row < rig.topology.rows; row += n)
+    for (int64_t column = 0; column < rig.topology.columns; column += n)
+      indices.push_back(static_cast<CameraIndex>(row * rig.topology.columns + column));
+  return sub_rig(rig, indices);
+}
+
+std::vector<CameraIndex> parse_camera_list(const Rig& rig, const std::string& list) {
+  std::unordered_map<uint32_t, CameraIndex> index_of;
+  for (size_t i = 0; i < rig.cameras.size(); i++) index_of.emplace(rig.cameras[i].id, static_cast<CameraIndex>(i));
+  std::vector<bool> wanted(rig.cameras.size(), list.empty());
+
+  for (size_t begin = 0; !list.empty() && begin <= list.size();) {
+    const size_t end = std::min(list.find(',', begin), list.size());
+    const std::string part = list.substr(begin, end - begin);
+    begin = end + 1;
+
+    const auto fail = [&](const std::string& what) {
+      throw Error("camera list \"" + list + "\": \"" + part + "\": " + what);
+    };
+    const char* at = part.data();
+    const char* const stop = at + part.size();
+    const auto number = [&] {
+      uint32_t id = 0;
+      const auto [next, error] = std::from_chars(at, stop, id);
+      if (error != std::errc()) fail("must be a camera id or a range of them like 0-3");
+      at = next;
+      return id;
+    };
+    const uint32_t first = number();
+    uint32_t last = first;
+    if (at != stop && *at == '-') {
+      at++;
+      last = number();
+    }
+    if (at != stop) fail("must be a camera id or a range of them like 0-3");
+    if (last < first) fail("the range runs backwards");
+    for (uint64_t id = first; id <= last; id++) {
+      const auto found = index_of.find(static_cast<uint32_t>(id));
+      if (found == index_of.end()) fail("the rig has no camera with id " + std::to_string(id));
+      wanted[found->second] = true;
+    }
+  }
+
+  std::vector<CameraIndex> indices;
+  for (size_t i = 0; i < wanted.size(); i++)
+    if (wanted[i]) indices.push_back(static_cast<CameraIndex>(i));
+  return indices;
+}
+
+}  // namespace lf

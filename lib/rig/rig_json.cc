@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rig/rig_json.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <initializer_list>
+#include <string_view>
+#include <unordered_map>
+
+#include "base/error.h"
+#include "base/json_value.h"
+#include "geometry/lens_json.h"
+
+namespace lf {
+namespace {
+
+using nlohmann::json;
+using nlohmann::ordered_json;
+
+constexpr char kFormat[] = "lightfield-rig";
+constexpr int kVersion = 1;
+
+Camera parse_camera(const JsonValue& value) {
+  Camera camera;
+  camera.id = static_cast<uint32_t>(value.at("id").integer(0, UINT32_MAX));
+  camera.name = value.at("name").text();
+  camera.width = static_cast<int>(value.at("width").integer(1, kMaxImageSize));
+  camera.height = static_cast<int>(value.at("height").integer(1, kMaxImageSize));
+  camera.lens = parse_lens(value);
+  camera.pose.position = value.at("position").vec3();
+  camera.pose.orientation = value.at("orientation").unit_quaternion();
+  if (const auto image = value.find("image")) camera.image = image->text();
+  if (const auto source = value.find("source")) camera.source = source->text();
+  if (const auto offset = value.find("time_offset")) camera.time_offset = offset->number();
+  return camera;
+}
+
+Topology parse_topology(const JsonValue& value, size_t num_cameras) {
+  Topology topology;
+  const std::string type = value.at("type").text();
+  if (type == "grid") {
+    topology.type = Topology::Type::kGrid;
+    topology.rows = static_cast<int>(value.at("rows").integer(1, kMaxCameras));
+    topology.columns = static_cast<int>(value.at("columns").integer(1, kMaxCameras));
+    if (static_cast<uint64_t>(topology.rows) * topology.columns != num_cameras)
+      value.fail(std::to_string(topology.rows) + " rows x " + std::to_string(topology.columns) +
+                 " columns do not make the rig's " + std::to_string(num_cameras) + " cameras");
+  } else if (type == "triangles") {
+    topology.type = Topology::Type::kTriangles;
+    for (const JsonValue& triangle : value.at("triangles").elements()) {
+      std::array<CameraIndex, 3> corners;
+      const std::vector<JsonValue> values = triangle.elements(3);
+      for (int i = 0; i < 3; i++)
+        corners[i] = static_cast<CameraIndex>(values[i].integer(0, static_cast<int64_t>(num_cameras) - 1));
+      if (corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0])
+        triangle.fail("must be three different cameras");
+      topology.triangles.push_back(corners);
+    }
+  } else if (type == "delaunay") {
+    topology.type = Topology::Type::kDelaunay;
+  } else {
+    value.at("type").fail("must be \"grid\", \"triangles\" or \"delaunay\", is \"" + type + "\"");
+  }
+  return topology;
+}
+
+Rig rig_from_json(const json& root, const std::string& name) {
+  const JsonValue file(root, name);
+  file.require_format(kFormat, kVersion);
+  Rig rig;
+  const JsonValue cameras = file.at("cameras");
+  const std::vector<JsonValue> values = cameras.elements();
+  if (values.empty()) cameras.fail("a rig needs at least one camera");
+  if (values.size() > kMaxCameras)
+    cameras.fail("at most " + std::to_string(kMaxCameras) + " cameras, has " + std::to_string(values.size()));
+  std::unordered_map<uint32_t, size_t> index_of_id;
+  for (const JsonValue& value : values) {
+    Camera camera = parse_camera(value);
+    const auto [same, is_new] = index_of_id.emplace(camera.id, rig.cameras.size());
+    if (!is_new)
+      value.at("id").fail(std::to_string(camera.id) + " is also the id of cameras[" + std::to_string(same->second) +
+                          "]");
+    rig.cameras.push_back(std::move(camera));
+  }
+  rig.topology = parse_topology(file.at("topology"), rig.cameras.size());
+  return rig;
+}
+
+ordered_json to_json(const Camera& camera) {
+  const Vec3& p = camera.pose.position;
+  const Quat& q = camera.pose.orientation;
+  ordered_json value = {{"id", camera.id}, {"name", camera.name}, {"width", camera.width}, {"height", camera.height}};
+  put_lens(camera.lens, value);
+  value["position"] = {p.x, p.y, p.z};
+  value["orientation"] = {q.w, q.x, q.y, q.z};
+  if (!camera.image.empty()) value["image"] = camera.image;
+  if (!camera.source.empty()) value["source"] = camera.source;
+  if (camera.time_offset != 0) value["time_offset"] = camera.time_offset;
+  return value;
+}
+
+ordered_json to_json(const Topology& topology) {
+  switch (topology.type) {
+    case Topology::Type::kGrid:
+      return {{"type", "grid"}, {"rows", topology.rows}, {"columns", topology.columns}};
+    case Topology::Type::kTriangles: return {{"type", "triangles"}, {"triangles", topology.triangles}};
+    case Topology::Type::kDelaunay: break;
+  }
+  return {{"type", "delaunay"}};
+}
+
+// Copies members of `original` that this version does not know.
+void keep_unknown(const json& original, std::initializer_list<std::string_view> known, ordered_json& value) {
+  if (!original.is_object()) return;
+  for (const auto& [key, member] : original.items())
+    if (std::find(known.begin(), known.end(), key) == known.end()) value[key] = member;
+}
+
+}  // namespace
+
+Rig load_rig(const std::string& path) {
+  return parse_rig(read_text_file(path), path, std::filesystem::path(path).parent_path().string());
+}
+
+Rig parse_rig(const std::string& text, const std::string& name, const std::string& directory) {
+  Rig rig = rig_from_json(parse_json(text, name), name);
+  rig.directory = directory;
+  return rig;
+}
+
+void save_rig(const Rig& rig, const std::string& path, const json* original) {
+  write_text_file(rig_to_json(rig, original), path);
+}
+
+std::string rig_to_json(const Rig& rig, const json* original) {
+  std::unordered_map<uint32_t, const json*> original_cameras;
+  if (original && original->contains("cameras"))
+    for (const json& camera : (*original)["cameras"]) original_cameras.emplace(camera["id"].get<uint32_t>(), &camera);
+
+  // One line per camera: small enough to read, and a change to one camera is a change to one line.
+  std::string text = "{\n \"format\": \"" + std::string(kFormat) + "\",\n \"version\": " + std::to_string(kVersion) +
+                     ",\n \"cameras\": [\n";
+  for (size_t i = 0; i < rig.cameras.size(); i++) {
+    ordered_json camera = to_json(rig.cameras[i]);
+    if (const auto kept = original_cameras.find(rig.cameras[i].id); kept != original_cameras.end())
+      keep_unknown(*kept->second,
+                   {"id", "name", "width", "height", "model", "params", "position", "orientation", "image", "source",
+                    "time_offset"},
+                   camera);
+    text += "  " + camera.dump() + (i + 1 < rig.cameras.size() ? ",\n" : "\n");
+  }
+  ordered_json topology = to_json(rig.topology);
+  ordered_json rest;
+  if (original) {
+    if (original->contains("topology"))
+      keep_unknown((*original)["topology"], {"type", "rows", "columns", "triangles"}, topology);
+    keep_unknown(*original, {"format", "version", "cameras", "topology"}, rest);
+  }
+  text += " ],\n \"topology\": " + topology.dump();
+  for (const auto& [key, member] : rest.items()) text += ",\n " + json(key).dump() + ": " + member.dump();
+  return text + "\n}\n";
+}
+
+}  // namespace lf
