@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "quality/quality.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include <gtest/gtest.h>
+#include <opencv2/imgproc.hpp>
+
+#include "base/error.h"
+
+namespace lf {
+namespace {
+
+Image noise(int width, int height, unsigned seed) {
+  std::mt19937 random(seed);
+  Image image(PixelFamily::kRgb, width, height);
+  for (uint8_t& v : image.data()) v = static_cast<uint8_t>(random() % 256);
+  return image;
+}
+
+Image disturbed(const Image& image, int amount, unsigned seed) {
+  std::mt19937 random(seed);
+  Image out = image;
+  for (uint8_t& v : out.data()) {
+    const int change = static_cast<int>(random() % (2 * amount + 1)) - amount;
+    v = static_cast<uint8_t>(std::clamp(v + change, 0, 255));
+  }
+  return out;
+}
+
+Image grey(int width, int height, uint8_t value) {
+  Image image(PixelFamily::kRgb, width, height);
+  std::fill(image.data().begin(), image.data().end(), value);
+  return image;
+}
+
+cv::Mat luma(const Image& image) {
+  cv::Mat out(image.height(), image.width(), CV_64F);
+  for (int y = 0; y < image.height(); y++)
+    for (int x = 0; x < image.width(); x++) {
+      const uint8_t* p = image.pixel(x, y);
+      out.at<double>(y, x) = 0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2];
+    }
+  return out;
+}
+
+// A window cut off at the border and renormalised = blur with zeros outside / blur of ones with zeros outside.
+cv::Mat window_mean(const cv::Mat& in) {
+  cv::Mat sum, weight;
+  cv::GaussianBlur(in, sum, {11, 11}, 1.5, 1.5, cv::BORDER_CONSTANT);
+  cv::GaussianBlur(cv::Mat::ones(in.size(), CV_64F), weight, {11, 11}, 1.5, 1.5, cv::BORDER_CONSTANT);
+  return sum / weight;
+}
+
+cv::Mat reference_ssim(const Image& a, const Image& b) {
+  const cv::Mat x = luma(a), y = luma(b), mx = window_mean(x), my = window_mean(y);
+  const cv::Mat vx = window_mean(x.mul(x)) - mx.mul(mx), vy = window_mean(y.mul(y)) - my.mul(my);
+  const cv::Mat cov = window_mean(x.mul(y)) - mx.mul(my);
+  const double c1 = 6.5025, c2 = 58.5225;
+  const cv::Mat numerator = (2 * mx.mul(my) + c1).mul(2 * cov + c2);
+  const cv::Mat denominator = (mx.mul(mx) + my.mul(my) + c1).mul(vx + vy + c2);
+  return numerator / denominator;
+}
+
+TEST(Quality, EqualPictures) {
+  const Image a = noise(40, 30, 1);
+  const Quality q = compare(a, a);
+  EXPECT_EQ(q.psnr_db, std::numeric_limits<double>::infinity());
+  EXPECT_EQ(q.ssim, 1);
+  EXPECT_EQ(q.max_error, 0);
+  EXPECT_EQ(q.coverage, 1);
+}
+
+TEST(Quality, PsnrOfAKnownError) {
+  const Quality q = compare(grey(20, 10, 110), grey(20, 10, 100));
+  EXPECT_NEAR(q.psnr_db, 10 * std::log10(255.0 * 255.0 / 100.0), 1e-12);
+  EXPECT_EQ(q.max_error, 10);
+  // Without texture only the luminance term is left: (2 ab + C1) / (a^2 + b^2 + C1).
+  EXPECT_NEAR(q.ssim, (2 * 110 * 100 + 6.5025) / (110 * 110 + 100 * 100 + 6.5025), 1e-9);
+}
+
+TEST(Quality, OneWrongChannelOfOnePixel) {
+  Image a = grey(4, 4, 50);
+  a.pixel(2, 1)[1] = 57;
+  const Quality q = compare(a, grey(4, 4, 50));
+  EXPECT_NEAR(q.psnr_db, 10 * std::log10(255.0 * 255.0 * 48 / 49), 1e-12);
+  EXPECT_EQ(q.max_error, 7);
+}
+
+TEST(Quality, SsimAgreesWithOpenCvsGaussian) {
+  // Down to pictures smaller than the window.
+  for (const auto& [w, h] : {std::pair{64, 48}, {17, 33}, {11, 11}, {5, 3}, {1, 1}}) {
+    const Image a = noise(w, h, 7);
+    for (const int amount : {3, 40, 255}) {
+      const Image b = disturbed(a, amount, 8);
+      EXPECT_NEAR(compare(a, b).ssim, cv::mean(reference_ssim(a, b))[0], 1e-9) << w << "x" << h << " +-" << amount;
+    }
+  }
+}
+
+TEST(Quality, OnlyCoveredPixelsCount) {
+  const Image truth = noise(32, 24, 3);
+  Image picture = disturbed(truth, 5, 4);
+  std::vector<float> coverage(32 * 24, 1.0f);
+  for (int y = 0; y < 24; y++)
+    for (int x = 0; x < 8; x++) {
+      std::fill_n(picture.pixel(x, y), 3, 0);
+      coverage[y * 32 + x] = x % 2 == 0 ? 0.0f : 0.999f;  // the threshold itself is not counted
+    }
+  const Quality q = compare(picture, truth, coverage);
+  EXPECT_DOUBLE_EQ(q.coverage, 0.75);
+  EXPECT_LE(q.max_error, 5);
+  EXPECT_GT(q.psnr_db, 35);
+  const cv::Mat map = reference_ssim(picture, truth);
+  EXPECT_NEAR(q.ssim, cv::mean(map.colRange(8, 32))[0], 1e-9);
+}
+
+TEST(Quality, NothingCovered) {
+  const Quality q = compare(grey(3, 3, 1), grey(3, 3, 2), std::vector<float>(9, 0.5f));
+  EXPECT_TRUE(std::isnan(q.psnr_db));
+  EXPECT_TRUE(std::isnan(q.ssim));
+  EXPECT_EQ(q.coverage, 0);
+}
+
+TEST(Quality, RefusesWhatCannotBeCompared) {
+  EXPECT_THROW(compare(grey(3, 3, 1), grey(3, 4, 1)), Error);
+  EXPECT_THROW(compare(grey(4, 4, 1), Image(PixelFamily::kI420, 4, 4)), Error);
+  EXPECT_THROW(compare(grey(3, 3, 1), grey(3, 3, 1), std::vector<float>(8, 1.0f)), Error);
+  EXPECT_THROW(error_map(grey(3, 3, 1), grey(4, 3, 1)), Error);
+}
+
+TEST(Quality, ErrorMapShowsTheLargestChannelTimesGain) {
+  Image a = grey(2, 1, 100);
+  a.pixel(1, 0)[0] = 90;
+  a.pixel(1, 0)[2] = 103;
+  const Image map = error_map(a, grey(2, 1, 100), 4);
+  EXPECT_EQ(map.data(), (std::vector<uint8_t>{0, 0, 0, 40, 40, 40}));
+  const Image saturated = error_map(a, grey(2, 1, 100), 100);
+  EXPECT_EQ(saturated.pixel(1, 0)[1], 255);
+}
+
+}  // namespace
+}  // namespace lf
