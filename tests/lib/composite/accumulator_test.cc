@@ -1,0 +1,472 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "composite/accumulator.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "base/error.h"
+
+namespace lf {
+namespace {
+
+constexpr PixelFamily kFamilies[] = {PixelFamily::kRgb, PixelFamily::kI420};
+
+Fragment blank(PixelFamily family, const Rect& rect) {
+  Fragment f;
+  f.camera = 0;
+  f.family = family;
+  f.rect = rect;
+  f.pixels.assign(packed_size(family, rect.width(), rect.height()), 0);
+  return f;
+}
+
+size_t area(const Rect& r) {
+  return static_cast<size_t>(r.width()) * r.height();
+}
+
+// A whole-picture fragment of one colour: RGB (or Y, Cb, Cr, the latter two signed).
+Fragment plain(PixelFamily family, const Rect& rect, int a, int b, int c) {
+  Fragment f = blank(family, rect);
+  if (family == PixelFamily::kRgb) {
+    for (size_t i = 0; i < area(rect); i++) {
+      f.pixels[3 * i] = static_cast<uint8_t>(a);
+      f.pixels[3 * i + 1] = static_cast<uint8_t>(b);
+      f.pixels[3 * i + 2] = static_cast<uint8_t>(c);
+    }
+    return f;
+  }
+  const size_t chroma = static_cast<size_t>(chroma_size(rect.width())) * chroma_size(rect.height());
+  std::fill_n(f.pixels.begin(), area(rect), static_cast<uint8_t>(a));
+  std::fill_n(f.pixels.begin() + area(rect), chroma, static_cast<uint8_t>(b));
+  std::fill_n(f.pixels.begin() + area(rect) + chroma, chroma, static_cast<uint8_t>(c));
+  return f;
+}
+
+Fragment random_fragment(PixelFamily family, int width, int height, std::mt19937& random, int max_value, bool lost) {
+  const auto below = [&](int n) { return static_cast<int>(random() % n); };
+  const int align = family == PixelFamily::kI420 ? ~1 : ~0;
+  Rect r;
+  r.x0 = below(width) & align;
+  r.y0 = below(height) & align;
+  r.x1 = r.x0 + 1 + below(width - r.x0);
+  r.y1 = r.y0 + 1 + below(height - r.y0);
+  Fragment f = blank(family, r);
+  for (size_t i = 0; i < f.pixels.size(); i++) {
+    const bool chroma = family == PixelFamily::kI420 && i >= area(r);
+    f.pixels[i] = static_cast<uint8_t>(chroma ? below(max_value + 1) - max_value / 2 : below(max_value + 1));
+  }
+  if (lost) {
+    f.lost.resize(area(r));
+    for (uint8_t& v : f.lost) v = below(3) == 0 ? static_cast<uint8_t>(below(max_value + 1)) : 0;
+  }
+  return f;
+}
+
+// The rule of the header in double precision, one value at a time.
+class Reference {
+ public:
+  Reference(PixelFamily family, int width, int height)
+      : family_(family),
+        width_(width),
+        height_(height),
+        sum_(packed_size(family, width, height)),
+        lost_(static_cast<size_t>(width) * height) {}
+
+  void add(const Fragment& f) {
+    const Rect& r = f.rect;
+    for (int y = r.y0; y < r.y1; y++)
+      for (int x = r.x0; x < r.x1; x++) {
+        const size_t from = static_cast<size_t>(y - r.y0) * r.width() + (x - r.x0),
+                     to = static_cast<size_t>(y) * width_ + x;
+        if (!f.lost.empty()) lost_[to] += f.lost[from];
+        if (family_ == PixelFamily::kI420)
+          sum_[to] += f.pixels[from];
+        else
+          for (int c = 0; c < 3; c++) sum_[3 * to + c] += f.pixels[3 * from + c];
+      }
+    if (family_ != PixelFamily::kI420) return;
+    const int cw = chroma_size(r.width()), ch = chroma_size(r.height());
+    for (int p = 0; p < 2; p++)
+      for (int y = 0; y < ch; y++)
+        for (int x = 0; x < cw; x++)
+          sum_[chroma_at(p, r.x0 / 2 + x, r.y0 / 2 + y)] +=
+              static_cast<int8_t>(f.pixels[area(r) + (static_cast<size_t>(p) * ch + y) * cw + x]);
+  }
+
+  // Before rounding; the result of Accumulator must lie within 0.5 (and the float's last place) of it.
+  std::vector<double> resolve(const double back[3]) const {
+    std::vector<double> out(sum_.size());
+    for (int y = 0; y < height_; y++)
+      for (int x = 0; x < width_; x++) {
+        const size_t i = static_cast<size_t>(y) * width_ + x;
+        const int channels = family_ == PixelFamily::kRgb ? 3 : 1;
+        for (int c = 0; c < channels; c++)
+          out[channels * i + c] =
+              hidden(i) ? back[c] : std::clamp(sum_[channels * i + c] * 255 / (255 - lost_[i]), 0., 255.);
+      }
+    if (family_ == PixelFamily::kRgb) return out;
+    for (int p = 0; p < 2; p++)
+      for (int y = 0; y < chroma_size(height_); y++)
+        for (int x = 0; x < chroma_size(width_); x++) {
+          double lost = 0, share = 0, n = 0;
+          for (int yy = 2 * y; yy < std::min(2 * y + 2, height_); yy++)
+            for (int xx = 2 * x; xx < std::min(2 * x + 2, width_); xx++, n++) {
+              const size_t i = static_cast<size_t>(yy) * width_ + xx;
+              lost += std::min(lost_[i], 255.);
+              share += hidden(i);
+            }
+          const double left = 255 - lost / n;
+          share = left < 3 ? 1 : share / n;
+          const size_t i = chroma_at(p, x, y);
+          const double colour = share == 1 ? 0 : std::clamp(sum_[i] * 255 / left, -128., 127.);
+          out[i] = std::clamp(128 + colour * (1 - share) + back[1 + p] * share, 0., 255.);
+        }
+    return out;
+  }
+
+ private:
+  bool hidden(size_t i) const { return lost_[i] > 252; }
+  size_t chroma_at(int plane, int x, int y) const {
+    const size_t luma = static_cast<size_t>(width_) * height_;
+    const size_t chroma = static_cast<size_t>(chroma_size(width_)) * chroma_size(height_);
+    return luma + plane * chroma + static_cast<size_t>(y) * chroma_size(width_) + x;
+  }
+  PixelFamily family_;
+  int width_, height_;
+  std::vector<double> sum_, lost_;
+};
+
+TEST(Accumulator, AddsFragmentsWhereTheyLie) {
+  Accumulator sum;
+  sum.reset(PixelFamily::kRgb, 5, 3);
+  ASSERT_TRUE(sum.add(plain(PixelFamily::kRgb, {0, 0, 3, 3}, 10, 20, 30)));
+  ASSERT_TRUE(sum.add(plain(PixelFamily::kRgb, {2, 1, 5, 2}, 1, 2, 3)));
+  const Image image = sum.resolve();
+  EXPECT_EQ(image.pixel(0, 0)[0], 10);
+  EXPECT_EQ(image.pixel(2, 1)[0], 11);
+  EXPECT_EQ(image.pixel(2, 1)[1], 22);
+  EXPECT_EQ(image.pixel(4, 1)[2], 3);
+  EXPECT_EQ(image.pixel(4, 2)[2], 0);
+}
+
+TEST(Accumulator, EveryLostLevelGivesTheColourBack) {
+  // A camera with valid weight v shows v * colour; dividing by v returns the colour up to the 8-bit rounding of
+  // v * colour: 0.5 * 255 / v, and 0.5 of its own.
+  for (const PixelFamily family : kFamilies)
+    for (int lost = 0; lost <= 255; lost++) {
+      const double weight = (255 - lost) / 255.0;
+      const int colour[3] = {200, family == PixelFamily::kRgb ? 17 : -90, family == PixelFamily::kRgb ? 255 : 101};
+      const auto weighted = [&](int c) { return static_cast<int>(std::lround(weight * colour[c])); };
+      Fragment f = plain(family, {0, 0, 3, 3}, weighted(0), weighted(1), weighted(2));
+      if (lost) f.lost.assign(9, static_cast<uint8_t>(lost));
+      Accumulator sum;
+      sum.reset(family, 3, 3);
+      ASSERT_TRUE(sum.add(f));
+      const Image image = sum.resolve({1, 2, 3});
+      const double bound = 0.5 / weight + 0.5 + 1e-4;
+      for (int c = 0; c < 3; c++) {
+        const int value =
+            family == PixelFamily::kRgb ? image.pixel(2, 2)[c] : image.plane(c)[c == 0 ? 8 : 3] - (c ? 128 : 0);
+        if (lost <= 252) {
+          EXPECT_NEAR(value, colour[c], bound) << "lost " << lost << " channel " << c;
+        } else if (family == PixelFamily::kRgb) {
+          EXPECT_EQ(value, c + 1) << "lost " << lost;
+        }
+      }
+    }
+}
+
+TEST(Accumulator, WithinHalfOfTheDoubleReference) {
+  std::mt19937 random(7);
+  double worst = 0;
+  for (const PixelFamily family : kFamilies)
+    for (const auto& [width, height] : {std::pair{1, 1}, {2, 1}, {1, 2}, {7, 5}, {8, 8}, {33, 19}, {64, 48}, {131, 77}})
+      for (int round = 0; round < 12; round++) {
+        Accumulator sum;
+        sum.reset(family, width, height);
+        Reference reference(family, width, height);
+        for (int i = 0; i < 6; i++) {
+          const Fragment f = random_fragment(family, width, height, random, 80, round % 3 != 0);
+          ASSERT_TRUE(sum.add(f));
+          reference.add(f);
+        }
+        const Background background{200, 30, 90};
+        const double back_rgb[3] = {200, 30, 90};
+        const double back_ycc[3] = {0.299 * 200 + 0.587 * 30 + 0.114 * 90, -0.168736 * 200 - 0.331264 * 30 + 0.5 * 90,
+                                    0.5 * 200 - 0.418688 * 30 - 0.081312 * 90};
+        const std::vector<double> expected = reference.resolve(family == PixelFamily::kRgb ? back_rgb : back_ycc);
+        const Image image = sum.resolve(background);
+        ASSERT_EQ(image.data().size(), expected.size());
+        for (size_t i = 0; i < expected.size(); i++) worst = std::max(worst, std::abs(image.data()[i] - expected[i]));
+      }
+  EXPECT_LE(worst, 0.5 + 1e-4);
+}
+
+TEST(Accumulator, OrderDoesNotMatter) {
+  std::mt19937 random(3);
+  for (const PixelFamily family : kFamilies) {
+    std::vector<Fragment> fragments;
+    for (int i = 0; i < 40; i++) fragments.push_back(random_fragment(family, 37, 21, random, 255, i % 2));
+    Accumulator sum;
+    sum.reset(family, 37, 21);
+    for (const Fragment& f : fragments) ASSERT_TRUE(sum.add(f));
+    const Image first = sum.resolve();
+    for (int round = 0; round < 5; round++) {
+      std::shuffle(fragments.begin(), fragments.end(), random);
+      sum.reset(family, 37, 21);
+      for (const Fragment& f : fragments) ASSERT_TRUE(sum.add(f));
+      EXPECT_EQ(sum.resolve().data(), first.data());
+    }
+  }
+}
+
+TEST(Accumulator, PartialSumsAddUpToTheSame) {
+  std::mt19937 random(4);
+  for (const PixelFamily family : kFamilies)
+    for (int round = 0; round < 20; round++) {
+      Accumulator whole, part[2], tree;
+      for (Accumulator* a : {&whole, &part[0], &part[1], &tree}) a->reset(family, 23, 17);
+      for (int i = 0; i < 8; i++) {
+        const Fragment f = random_fragment(family, 23, 17, random, 30, true);
+        ASSERT_TRUE(whole.add(f));
+        ASSERT_TRUE(part[i % 2].add(f));
+      }
+      for (const Accumulator& p : part) {
+        const std::optional<Fragment> sum = p.partial_sum();
+        ASSERT_TRUE(sum.has_value());
+        EXPECT_EQ(sum->camera, Fragment::kSum);
+        ASSERT_TRUE(tree.add(*sum));
+      }
+      EXPECT_EQ(tree.resolve({9, 8, 7}).data(), whole.resolve({9, 8, 7}).data());
+    }
+}
+
+TEST(Accumulator, PartialSumIsTightAndSaturates) {
+  Accumulator sum;
+  sum.reset(PixelFamily::kRgb, 20, 10);
+  EXPECT_FALSE(sum.partial_sum().has_value());
+  ASSERT_TRUE(sum.add(plain(PixelFamily::kRgb, {3, 4, 5, 6}, 200, 1, 2)));
+  ASSERT_TRUE(sum.add(plain(PixelFamily::kRgb, {4, 5, 9, 7}, 100, 1, 2)));
+  const std::optional<Fragment> rgb = sum.partial_sum();
+  ASSERT_TRUE(rgb.has_value());
+  EXPECT_EQ(rgb->rect, (Rect{3, 4, 9, 7}));
+  EXPECT_TRUE(rgb->lost.empty());
+  EXPECT_EQ(rgb->pixels[(1 * 6 + 1) * 3], 255);
+  EXPECT_EQ(rgb->pixels[(1 * 6 + 1) * 3 + 1], 2);
+
+  sum.reset(PixelFamily::kI420, 21, 11);
+  EXPECT_FALSE(sum.partial_sum().has_value());
+  Fragment f = plain(PixelFamily::kI420, {2, 2, 5, 5}, 1, 100, -100);
+  f.lost.assign(9, 200);
+  ASSERT_TRUE(sum.add(f));
+  ASSERT_TRUE(sum.add(f));
+  ASSERT_TRUE(sum.add_lost_hat({1, 3, 2, 4}, {0.5f}));
+  const std::optional<Fragment> ycc = sum.partial_sum();
+  ASSERT_TRUE(ycc.has_value());
+  EXPECT_EQ(ycc->rect, (Rect{0, 2, 5, 5}));
+  EXPECT_EQ(ycc->pixels.size(), packed_size(PixelFamily::kI420, 5, 3));
+  EXPECT_EQ(static_cast<int8_t>(ycc->pixels[15 + 1]), 127);
+  EXPECT_EQ(static_cast<int8_t>(ycc->pixels[15 + 6 + 1]), -128);
+  EXPECT_EQ(ycc->lost[0 * 5 + 2], 255);
+  EXPECT_EQ(ycc->lost[1 * 5 + 1], 128);
+}
+
+TEST(Accumulator, HostileInputSaturates) {
+  for (const PixelFamily family : kFamilies) {
+    Accumulator sum;
+    sum.reset(family, 3, 3);
+    Fragment high = plain(family, {0, 0, 3, 3}, 255, 127, 127), low = plain(family, {0, 0, 3, 3}, 255, -128, -128);
+    high.lost.assign(9, 255);
+    for (int i = 0; i < 1000; i++) ASSERT_TRUE(sum.add(high));
+    EXPECT_EQ(sum.resolve({4, 4, 4}).data()[0], 4);  // all lost: background
+    sum.reset(family, 3, 3);
+    high.lost.clear();
+    for (int i = 0; i < 1000; i++) ASSERT_TRUE(sum.add(high));
+    const Image image = sum.resolve();
+    EXPECT_EQ(image.data().front(), 255);
+    if (family == PixelFamily::kRgb) continue;
+    EXPECT_EQ(image.plane(1)[0], 255);
+    sum.reset(family, 3, 3);
+    for (int i = 0; i < 1000; i++) ASSERT_TRUE(sum.add(low));
+    EXPECT_EQ(sum.resolve().plane(2)[0], 0);
+  }
+}
+
+TEST(Accumulator, HoldsAHundredAndTwentyEightWholeFragments) {
+  Accumulator sum;
+  sum.reset(PixelFamily::kI420, 2, 2);
+  for (int i = 0; i < 128; i++) ASSERT_TRUE(sum.add(plain(PixelFamily::kI420, {0, 0, 2, 2}, 255, 127, -128)));
+  for (int i = 0; i < 128; i++) ASSERT_TRUE(sum.add(plain(PixelFamily::kI420, {0, 0, 2, 2}, 0, -127, 127)));
+  const Image image = sum.resolve();
+  EXPECT_EQ(image.plane(1)[0], 128);  // nothing was cut off on the way up
+  EXPECT_EQ(image.plane(2)[0], 0);    // 128 * -1
+}
+
+TEST(Accumulator, RejectsWhatDoesNotFit) {
+  Accumulator none;
+  EXPECT_FALSE(none.add(plain(PixelFamily::kRgb, {0, 0, 1, 1}, 0, 0, 0)));
+  EXPECT_FALSE(none.add_lost_hat({0, 0, 1, 1}, {1.f}));
+  for (const PixelFamily family : kFamilies) {
+    Accumulator sum;
+    sum.reset(family, 8, 6);
+    for (const Rect& r : {Rect{-2, 0, 2, 2}, {0, -2, 2, 2}, {6, 0, 9, 2}, {0, 4, 2, 7}, {8, 0, 10, 2}, {2, 2, 2, 4}})
+      EXPECT_FALSE(sum.add(blank(family, r))) << r.x0 << ' ' << r.y0;
+    EXPECT_FALSE(sum.add(Fragment{.family = family, .rect = {4, 4, 2, 2}}));
+    Fragment f = blank(family, {0, 0, 4, 4});
+    f.pixels.pop_back();
+    EXPECT_FALSE(sum.add(f));
+    f = blank(family, {0, 0, 4, 4});
+    f.lost.assign(15, 1);
+    EXPECT_FALSE(sum.add(f));
+    EXPECT_EQ(sum.add(blank(family, {1, 0, 4, 4})), family == PixelFamily::kRgb);
+    EXPECT_EQ(sum.add(blank(family, {0, 3, 4, 4})), family == PixelFamily::kRgb);
+    EXPECT_FALSE(sum.add(blank(family == PixelFamily::kRgb ? PixelFamily::kI420 : PixelFamily::kRgb, {0, 0, 4, 4})));
+    EXPECT_FALSE(sum.add_lost_hat({0, 0, 2, 2}, {1.f, 1.f, 1.f}));
+    EXPECT_FALSE(sum.add_lost_hat({7, 0, 9, 1}, {1.f, 1.f}));
+    EXPECT_EQ(sum.resolve().data()[0], 0);
+  }
+}
+
+TEST(Accumulator, LostHatsCountLikeLostWeight) {
+  Accumulator sum;
+  sum.reset(PixelFamily::kRgb, 4, 1);
+  ASSERT_TRUE(sum.add(plain(PixelFamily::kRgb, {0, 0, 4, 1}, 100, 50, 10)));
+  ASSERT_TRUE(sum.add_lost_hat({1, 0, 4, 1}, {0.5f, std::nanf(""), 7.f}));
+  const Image image = sum.resolve({1, 2, 3});
+  EXPECT_EQ(image.pixel(0, 0)[0], 100);
+  EXPECT_EQ(image.pixel(1, 0)[0], 201);  // 100 * 255 / (255 - 128)
+  EXPECT_EQ(image.pixel(2, 0)[0], 100);  // a weight that is no number is none
+  EXPECT_EQ(image.pixel(3, 0)[0], 1);    // everything lost
+}
+
+TEST(Accumulator, ChromaLosesTheMeanOfItsPixels) {
+  Accumulator sum;
+  sum.reset(PixelFamily::kI420, 3, 3);
+  Fragment f = plain(PixelFamily::kI420, {0, 0, 3, 3}, 40, 30, -30);
+  f.lost = {0, 100, 51, 100, 200, 51, 0, 255, 127};
+  ASSERT_TRUE(sum.add(f));
+  const Image image = sum.resolve({255, 255, 255});
+  EXPECT_EQ(image.plane(0)[1], 66);        // 40 * 255 / 155
+  EXPECT_EQ(image.plane(1)[0], 128 + 49);  // mean of 0, 100, 100, 200
+  EXPECT_EQ(image.plane(2)[0], 128 - 49);
+  EXPECT_EQ(image.plane(1)[1], 128 + 38);  // 51 twice: 37.5, halves up
+  EXPECT_EQ(image.plane(2)[1], 128 - 37);
+  EXPECT_EQ(image.plane(1)[2], 128 + 30);  // half of it the background's grey, half 30 * 255 / 127.5
+  EXPECT_EQ(image.plane(0)[7], 255);       // all lost: the background
+}
+
+TEST(Accumulator, BackgroundIsConvertedToYCbCr) {
+  Accumulator sum;
+  sum.reset(PixelFamily::kI420, 3, 3);
+  Fragment f = blank(PixelFamily::kI420, {0, 0, 3, 3});
+  f.lost.assign(9, 255);
+  ASSERT_TRUE(sum.add(f));
+  for (const Background& b :
+       {Background{0, 0, 0}, {255, 255, 255}, {255, 0, 0}, {0, 255, 0}, {0, 0, 255}, {12, 200, 99}}) {
+    Image rgb(PixelFamily::kRgb, 3, 3);
+    for (int i = 0; i < 9; i++) {
+      rgb.pixel(i % 3, i / 3)[0] = b.r;
+      rgb.pixel(i % 3, i / 3)[1] = b.g;
+      rgb.pixel(i % 3, i / 3)[2] = b.b;
+    }
+    const Image expected = to_i420(rgb), image = sum.resolve(b);
+    EXPECT_EQ(image.data(), expected.data());
+  }
+}
+
+TEST(Accumulator, UncoveredPixelsShowTheBackground) {
+  Rig rig;
+  rig.cameras.resize(3);
+  const Vec3 centres[3] = {{-0.5, -0.5, 0}, {0.5, -0.5, 0}, {-0.5, 0.5, 0}};
+  for (int i = 0; i < 3; i++) {
+    rig.cameras[i].width = rig.cameras[i].height = 8;
+    rig.cameras[i].lens = Lens::pinhole(8, 3.5, 3.5);
+    rig.cameras[i].pose.position = centres[i];
+  }
+  Mesh mesh;
+  mesh.faces.push_back({.camera = {0, 1, 2}});
+  View view;
+  view.width = 15;
+  view.height = 9;
+  view.lens = Lens::pinhole(10, 7, 4);
+  view.pose.position = {0, 0, -1};
+  view.focus.plane = focal_plane_at(view.pose, 3);
+  const ViewPlan plan(rig, mesh, view);
+  const Rect whole{0, 0, 15, 9};
+  const OwnerMap owners(plan, whole);
+
+  for (const PixelFamily family : kFamilies) {
+    Accumulator sum;
+    sum.reset(family, 15, 9);
+    ASSERT_TRUE(sum.add(plain(family, whole, 90, 50, 40)));
+    sum.set_uncovered(owners);
+    const Background white{255, 255, 255};
+    const Image image = sum.resolve(white);
+    const int step = family == PixelFamily::kRgb ? 3 : 1;
+    int covered = 0;
+    for (int i = 0; i < 15 * 9; i++) {
+      const bool owned = owners.at(i % 15, i / 15) != OwnerMap::kNone;
+      covered += owned;
+      EXPECT_EQ(image.data()[i * step], owned ? 90 : 255) << i;
+    }
+    EXPECT_GT(covered, 20);
+    EXPECT_LT(covered, 15 * 9 - 20);
+    if (family == PixelFamily::kI420)
+      for (int cy = 0; cy < 5; cy++)
+        for (int cx = 0; cx < 8; cx++) {
+          int n = 0, hidden = 0;
+          for (int y = 2 * cy; y < std::min(2 * cy + 2, 9); y++)
+            for (int x = 2 * cx; x < std::min(2 * cx + 2, 15); x++, n++) hidden += owners.at(x, y) == OwnerMap::kNone;
+          EXPECT_NEAR(image.plane(1)[cy * 8 + cx], 128 + 50. * (n - hidden) / n, 0.501);
+        }
+    EXPECT_THROW(sum.set_uncovered(OwnerMap(plan, {0, 0, 15, 8})), Error);
+    sum.reset(family, 15, 9);  // forgets the map too
+    EXPECT_EQ(sum.resolve(white).data()[0], 0);
+  }
+}
+
+TEST(Accumulator, WritesAnyLayoutAndStride) {
+  std::mt19937 random(5);
+  Accumulator sum;
+  sum.reset(PixelFamily::kRgb, 9, 4);
+  ASSERT_TRUE(sum.add(random_fragment(PixelFamily::kRgb, 9, 4, random, 255, true)));
+  const Image expected = sum.resolve({7, 8, 9});
+  for (const RgbLayout& layout : {RgbLayout{3, 2, 1, 0}, {4, 0, 1, 2}, {4, 2, 1, 0}, {4, 1, 2, 3}, {4, 3, 2, 1}}) {
+    const ptrdiff_t stride[3] = {9 * layout.pixel_stride + 5, 0, 0};
+    std::vector<uint8_t> bytes(stride[0] * 4, 0x55);
+    uint8_t* plane[3] = {bytes.data(), nullptr, nullptr};
+    sum.resolve({7, 8, 9}, layout, plane, stride);
+    for (int y = 0; y < 4; y++) {
+      for (int x = 0; x < 9; x++) {
+        const uint8_t* p = &bytes[y * stride[0] + x * layout.pixel_stride];
+        EXPECT_EQ(p[layout.r], expected.pixel(x, y)[0]);
+        EXPECT_EQ(p[layout.g], expected.pixel(x, y)[1]);
+        EXPECT_EQ(p[layout.b], expected.pixel(x, y)[2]);
+        if (layout.pixel_stride == 4) {
+          EXPECT_EQ(p[6 - layout.r - layout.g - layout.b], 255);  // opaque
+        }
+      }
+      EXPECT_EQ(bytes[y * stride[0] + stride[0] - 1], 0x55);
+    }
+  }
+}
+
+TEST(Accumulator, ResetForgetsEverything) {
+  Accumulator sum;
+  sum.reset(PixelFamily::kRgb, 4, 4);
+  Fragment f = plain(PixelFamily::kRgb, {0, 0, 4, 4}, 9, 9, 9);
+  f.lost.assign(16, 9);
+  ASSERT_TRUE(sum.add(f));
+  sum.reset(PixelFamily::kI420, 5, 2);
+  EXPECT_FALSE(sum.partial_sum().has_value());
+  const Image image = sum.resolve({255, 255, 255});
+  EXPECT_EQ(image.family(), PixelFamily::kI420);
+  EXPECT_TRUE(std::all_of(image.plane(0), image.plane(0) + 10, [](uint8_t v) { return v == 0; }));
+  EXPECT_TRUE(std::all_of(image.plane(1), image.plane(1) + 6, [](uint8_t v) { return v == 128; }));
+}
+
+}  // namespace
+}  // namespace lf
