@@ -29,8 +29,9 @@ Lens parse_view_lens(const JsonValue& value, int width, int height) {
   if (fov_y && has_lens) value.fail("has both \"fov_y\" and \"model\": one lens is enough");
   if (!fov_y && !has_lens) value.fail("key \"fov_y\" (or \"model\" and \"params\") is missing");
   if (!fov_y) return parse_lens(value);
+  const double degrees = fov_y->number();
   try {
-    return Lens::from_fov_y(fov_y->number(), width, height);
+    return Lens::from_fov_y(degrees, width, height);
   } catch (const Error&) {
     fov_y->fail("must be between 0 and 180 degrees");
   }
@@ -86,7 +87,7 @@ std::vector<NamedView> parse_views(const std::string& text, const std::string& n
   std::map<std::string, size_t> index_of_name;
   for (const JsonValue& value : file.at("views").elements()) {
     NamedView view = parse_view(value, views.size());
-    if (!views.empty() && view.time < views.back().time) value.at("time").fail("is before the view in front of it");
+    if (!views.empty() && view.time < views.back().time) value.fail_inside("time: is before that of the view in front of it");
     const auto [same, is_new] = index_of_name.emplace(view.name, views.size());
     if (!is_new) value.fail("name \"" + view.name + "\" is also that of views[" + std::to_string(same->second) + "]");
     views.push_back(std::move(view));

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "base/json_value.h"
+
+#include <filesystem>
+
+#include <gtest/gtest.h>
+
+#include "support/expect_error.h"
+
+namespace lf {
+namespace {
+
+TEST(ParseJson, NamesLineAndPlaceOfASyntaxError) {
+  struct {
+    const char* text;
+    const char* message;
+  } const cases[] = {
+      {"", "f.json: not valid JSON: parse error at line 1, column 1"},
+      {"hello", "f.json: not valid JSON: parse error at line 1"},
+      {"{\"a\": [1, {\"b\": tru}]}", "f.json: a[1].b: not valid JSON: parse error at line 1, column 20"},
+      {"{\"a\": [1,\n 2", "f.json: a[2]: not valid JSON: parse error at line 2"},
+      {"{\"a\": {\"b\": [0, 0, 1e999]}}", "f.json: a.b[2]: not valid JSON: number overflow parsing '1e999'"},
+      {"{\"a\": [0, NaN]}", "f.json: a[1]: not valid JSON"},
+      {"{\"a\": 1} x", "f.json: not valid JSON"},
+      {"{\"a\": {\"b\": 1}, \"c\": \"\xff\"}", "f.json: c: not valid JSON"},
+  };
+  for (const auto& c : cases) EXPECT_ERROR(parse_json(c.text, "f.json"), c.message);
+  EXPECT_ERROR(parse_json(std::string(100000, '['), "f.json"), "nested too deeply");
+}
+
+TEST(JsonValue, ReportsWhatIsWrongWhere) {
+  const std::string name = "f.json";
+  const nlohmann::json root = parse_json(R"({"o": {"n": 1.5, "s": "x", "i": 7, "big": 18446744073709551615, "z": null,
+      "v": [1, 2, 3], "w": [1, 2], "q": [1, 0, 0, 0.01], "l": [0, "x", 0]}})",
+                                         name);
+  const JsonValue o = JsonValue(root, name).at("o");
+  EXPECT_EQ(o.at("n").number(), 1.5);
+  EXPECT_EQ(o.at("i").number(), 7);
+  EXPECT_EQ(o.at("i").integer(0, 7), 7);
+  EXPECT_EQ(o.at("s").text(), "x");
+  EXPECT_EQ(o.at("v").vec3(), Vec3(1, 2, 3));
+  EXPECT_FALSE(o.find("none"));
+
+  EXPECT_ERROR(o.at("none"), "f.json: o: key \"none\" is missing");
+  EXPECT_ERROR(o.at("n").find("x"), "f.json: o.n: must be an object, is number");
+  EXPECT_ERROR(o.at("s").number(), "f.json: o.s: must be a finite number, is string");
+  EXPECT_ERROR(o.at("z").number(), "f.json: o.z: must be a finite number, is null");
+  EXPECT_ERROR(o.at("n").integer(0, 7), "f.json: o.n: must be an integer, is 1.5");
+  EXPECT_ERROR(o.at("i").integer(0, 6), "f.json: o.i: must be 0 to 6, is 7");
+  EXPECT_ERROR(o.at("big").integer(0, 6), "f.json: o.big: must be 0 to 6, is 18446744073709551615");
+  EXPECT_ERROR(o.at("n").text(), "f.json: o.n: must be a string, is number");
+  EXPECT_ERROR(o.at("s").elements(), "f.json: o.s: must be an array, is string");
+  EXPECT_ERROR(o.at("w").vec3(), "f.json: o.w: must have 3 elements, has 2");
+  EXPECT_ERROR(o.at("l").vec3(), "f.json: o.l[1]: must be a finite number, is string");
+  EXPECT_ERROR(o.at("q").unit_quaternion(), "f.json: o.q: must be a quaternion (w, x, y, z) of unit norm");
+}
+
+TEST(TextFile, ComesBackWholeAndReplacesWhatWasThere) {
+  const std::string path = testing::TempDir() + "lf_text_file_test.txt";
+  write_text_file("first, and longer", path);
+  const std::string text("a\0b\r\n\xff", 6);
+  write_text_file(text, path);
+  EXPECT_EQ(read_text_file(path), text);
+  EXPECT_FALSE(std::filesystem::exists(path + ".part"));
+  write_text_file("", path);
+  EXPECT_EQ(read_text_file(path), "");
+  std::filesystem::remove(path);
+}
+
+TEST(TextFile, ErrorsNameTheFile) {
+  const std::string directory = testing::TempDir();
+  EXPECT_ERROR(read_text_file(directory + "no_such_file"), "no_such_file: can't be read: No such file or directory");
+  EXPECT_ERROR(read_text_file(directory), "can't be read: it is a folder");
+  EXPECT_ERROR(write_text_file("", directory + "no_such_folder/x"), "no_such_folder/x: can't be written");
+}
+
+}  // namespace
+}  // namespace lf

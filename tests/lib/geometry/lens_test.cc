@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "geometry/lens.h"
+
+#include <limits>
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "support/expect_error.h"
+
+namespace lf {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+struct Case {
+  const char* what;
+  Lens lens;
+  double max_radius;  // of the lens, by hand
+  double reach;       // undistorted radius up to which the round trip is tested
+};
+
+// Radii where 1 + 3 k1 q + 5 k2 q^2 = 0, q = r^2.
+std::vector<Case> cases() {
+  using enum LensModel;
+  return {
+      {"pinhole", Lens(kPinhole, {500, 400, 320, 240}), kInfinity, 100},
+      {"barrel", Lens(kSimpleRadial, {500, 320, 240, -0.2}), std::sqrt(1 / 0.6), 1.29},
+      {"strong barrel", Lens(kSimpleRadial, {500, 320, 240, -2}), std::sqrt(1.0 / 6), 0.408},
+      {"pincushion", Lens(kRadial, {500, 320, 240, 0.4, 0.1}), kInfinity, 20},
+      {"barrel, straightened", Lens(kRadial, {500, 320, 240, -0.2, 0.05}), kInfinity, 20},  // 0.36 < 4 * 0.25
+      {"fold by k2", Lens(kRadial, {500, 320, 240, 0.1, -0.2}), std::sqrt((0.3 + std::sqrt(0.09 + 4.0)) / 2), 1.07},
+      {"first of two folds", Lens(kRadial, {500, 320, 240, -0.5, 0.1}), 1, 0.999},  // (q - 1)(q - 2) / 2
+      {"tangential", Lens(kOpenCv, {500, 480, 320, 240, -0.15, 0.03, 0.001, -0.002}), kInfinity, 1.5},
+      {"strong tangential", Lens(kOpenCv, {500, 480, 320, 240, -0.1, 0.1, 0.02, 0.03}), kInfinity, 1},
+      {"tangential alone", Lens(kOpenCv, {500, 480, 320, 240, 0, 0, 0.01, 0.01}), kInfinity, 2},
+  };
+}
+
+TEST(Lens, FoldRadiusIsWhereRadialDistortionStopsGrowing) {
+  for (const Case& c : cases()) {
+    SCOPED_TRACE(c.what);
+    if (std::isinf(c.max_radius)) {
+      EXPECT_EQ(c.lens.max_radius(), kInfinity);
+      continue;
+    }
+    EXPECT_NEAR(c.lens.max_radius(), c.max_radius, 1e-12);
+    EXPECT_TRUE(c.lens.distort({c.max_radius * (1 - 1e-9), 0}));
+    EXPECT_FALSE(c.lens.distort({0, c.max_radius * (1 + 1e-9)}));
+    // Nothing falls beyond the image of the fold either.
+    const double edge = c.lens.distort({c.max_radius * (1 - 1e-12), 0})->x;
+    EXPECT_TRUE(c.lens.undistort({edge * (1 - 1e-9), 0}));
+    EXPECT_FALSE(c.lens.undistort({edge * (1 + 1e-9), 0}));
+  }
+}
+
+TEST(Lens, UndistortInvertsDistort) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> angle(0, 2 * M_PI), share(0, 1);
+  for (const Case& c : cases()) {
+    SCOPED_TRACE(c.what);
+    double worst = 0;
+    for (int i = 0; i < 2000; i++) {
+      const double r = c.reach * share(random), a = angle(random);
+      const Vec2 u(r * std::cos(a), r * std::sin(a));
+      const auto d = c.lens.distort(u);
+      ASSERT_TRUE(d);
+      const auto back = c.lens.undistort(*d);
+      ASSERT_TRUE(back) << u.x << " " << u.y;
+      const auto again = c.lens.distort(*back);
+      ASSERT_TRUE(again);
+      worst = std::max(worst, glm::length(*again - *d) / (1 + glm::length(*d)));
+      EXPECT_NEAR(back->x, u.x, 1e-7 * (1 + r));  // the inverse itself is only as good as its slope near a fold
+      EXPECT_NEAR(back->y, u.y, 1e-7 * (1 + r));
+    }
+    EXPECT_LE(worst, 1e-12);
+  }
+}
+
+TEST(Lens, CentreStaysWhereItIs) {
+  for (const Case& c : cases()) {
+    SCOPED_TRACE(c.what);
+    EXPECT_EQ(c.lens.undistort({0, 0}), Vec2(0, 0));
+    EXPECT_EQ(c.lens.project({0, 0, 2}), Vec2(320, 240));
+  }
+}
+
+// The values that COLMAP's OpenCVCameraModel and OpenCV's projectPoints give, computed by hand from their formula.
+TEST(Lens, FollowsTheFormulaOfOpenCv) {
+  const Lens lens(LensModel::kOpenCv, {100, 200, 10, 20, 0.1, 0.01, 0.001, 0.002});
+  // u = 0.5, v = -0.25: r2 = 0.3125, radial = 1 + 0.03125 + 0.0009765625 = 1.0322265625
+  const double u = 0.5 * 1.0322265625 + 2 * 0.001 * -0.125 + 0.002 * (0.3125 + 0.5);
+  const double v = -0.25 * 1.0322265625 + 0.001 * (0.3125 + 0.125) + 2 * 0.002 * -0.125;
+  const auto pixel = lens.project({1, -0.5, 2});
+  ASSERT_TRUE(pixel);
+  EXPECT_NEAR(pixel->x, 100 * u + 10, 1e-13);
+  EXPECT_NEAR(pixel->y, 200 * v + 20, 1e-13);
+}
+
+TEST(Lens, ProjectsAndUnprojects) {
+  const Lens lens(LensModel::kRadial, {400, 159.5, 119.5, -0.15, 0.03});
+  EXPECT_FALSE(lens.project({0, 0, 0}));
+  EXPECT_FALSE(lens.project({0, 0, -1}));
+  EXPECT_FALSE(lens.project({1, 1, std::nan("")}));
+  for (const Vec2& pixel : {Vec2(-0.5, -0.5), Vec2(319.5, 239.5), Vec2(159.5, 119.5), Vec2(0, 239)}) {
+    const auto u = lens.unproject(pixel);
+    ASSERT_TRUE(u);
+    const auto back = lens.project(Vec3(*u, 1) * 7.0);
+    ASSERT_TRUE(back);
+    EXPECT_NEAR(back->x, pixel.x, 1e-10);
+    EXPECT_NEAR(back->y, pixel.y, 1e-10);
+  }
+}
+
+TEST(Lens, SimpleModelsAreCasesOfTheGeneralOne) {
+  const Lens general(LensModel::kOpenCv, {400, 400, 160, 120, -0.15, 0, 0, 0});
+  EXPECT_EQ(Lens(LensModel::kSimpleRadial, {400, 160, 120, -0.15}).project({0.3, 0.2, 1}),
+            general.project({0.3, 0.2, 1}));
+  const Lens no_distortion(LensModel::kOpenCv, {400, 400, 160, 120});
+  EXPECT_FALSE(no_distortion.has_distortion());
+  EXPECT_EQ(Lens::pinhole(400, 160, 120).project({0.3, 0.2, 1}), no_distortion.project({0.3, 0.2, 1}));
+}
+
+TEST(Lens, FieldOfViewGivesFocalLengthAndMiddle) {
+  const Lens lens = Lens::from_fov_y(90, 640, 480);
+  EXPECT_NEAR(lens.fx(), 240, 1e-12);
+  EXPECT_EQ(lens.cx(), 319.5);
+  EXPECT_EQ(lens.cy(), 239.5);
+  EXPECT_NO_THROW(Lens::from_fov_y(1e-3, 1, 1));
+  EXPECT_NO_THROW(Lens::from_fov_y(179.999, 8192, 8192));
+  for (const double bad : {0.0, -1.0, 180.0, std::nan(""), kInfinity}) EXPECT_ERROR(Lens::from_fov_y(bad, 4, 4), "fov_y: ");
+}
+
+TEST(Lens, RefusesBadParametersByName) {
+  using enum LensModel;
+  EXPECT_ERROR(Lens(kSimplePinhole, {0, 1, 1}), "params[0]: ");
+  EXPECT_ERROR(Lens(kSimplePinhole, {-1, 1, 1}), "params[0]: ");
+  EXPECT_ERROR(Lens(kPinhole, {1, 0, 1, 1}), "params[1]: ");
+  EXPECT_ERROR(Lens(kRadial, {1, 0, kInfinity, 0, 0}), "params[2]: ");
+  EXPECT_ERROR(Lens(kOpenCv, {1, 1, 0, 0, 0, 0, 0, std::nan("")}), "params[7]: ");
+  EXPECT_NO_THROW(Lens(kSimplePinhole, {1, 0, 0, std::nan("")})) << "not a parameter of this model";
+}
+
+TEST(LensModel, NamesAndCodesAreOneToOne) {
+  for (unsigned code = 0; code < 5; code++) {
+    const auto model = lens_model_from_code(code);
+    ASSERT_TRUE(model);
+    EXPECT_EQ(lens_model_from_name(lens_model_name(*model)), *model);
+  }
+  EXPECT_FALSE(lens_model_from_code(5));
+  EXPECT_FALSE(lens_model_from_name("FISHEYE"));
+  EXPECT_FALSE(lens_model_from_name("radial"));
+}
+
+}  // namespace
+}  // namespace lf

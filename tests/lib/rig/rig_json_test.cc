@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rig/rig_json.h"
+
+#include <filesystem>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "support/expect_error.h"
+
+namespace lf {
+namespace {
+
+using nlohmann::json;
+
+// Four cameras with the ids 10, 3, 7, 5.
+json good_rig() {
+  json rig = json::parse(R"({"format": "lightfield-rig", "version": 1, "cameras": [],
+    "topology": {"type": "grid", "rows": 2, "columns": 2, "note": "kept"}, "provenance": {"tool": "x", "n": [1, 2]}})");
+  for (const int id : {10, 3, 7, 5})
+    rig["cameras"].push_back({{"id", id},
+                              {"name", "cam"},
+                              {"width", 320},
+                              {"height", 240},
+                              {"model", "RADIAL"},
+                              {"params", {400, 159.5, 119.5, -0.1, 0.01}},
+                              {"position", {id / 3.0, 0, 1e6 / 7}},
+                              {"orientation", {1, 0, 0, 0}},
+                              {"image", "cam.png"},
+                              {"colour", {{"gamma", {1, 1, id}}}}});
+  rig["cameras"][1]["source"] = "v4l2:///dev/video0";
+  rig["cameras"][1]["time_offset"] = -0.0125;
+  return rig;
+}
+
+Rig parse(const json& rig) { return parse_rig(rig.dump(), "r.json"); }
+
+TEST(RigJson, ReadsEveryMember) {
+  const Rig rig = parse_rig(good_rig().dump(), "r.json", "folder");
+  ASSERT_EQ(rig.cameras.size(), 4u);
+  EXPECT_EQ(rig.directory, "folder");
+  const Camera& camera = rig.cameras[1];
+  EXPECT_EQ(camera.id, 3u);
+  EXPECT_EQ(camera.name, "cam");
+  EXPECT_EQ(camera.width, 320);
+  EXPECT_EQ(camera.height, 240);
+  EXPECT_EQ(camera.lens, Lens(LensModel::kRadial, {400, 159.5, 119.5, -0.1, 0.01}));
+  EXPECT_EQ(camera.pose.position, Vec3(1, 0, 1e6 / 7));
+  EXPECT_EQ(camera.image, "cam.png");
+  EXPECT_EQ(camera.source, "v4l2:///dev/video0");
+  EXPECT_EQ(camera.time_offset, -0.0125);
+  EXPECT_EQ(rig.cameras[0].source, "");
+  EXPECT_EQ(rig.topology.rows, 2);
+  EXPECT_EQ(rig.topology.columns, 2);
+}
+
+TEST(RigJson, ReadsTheOtherTopologies) {
+  json rig = good_rig();
+  rig["topology"] = {{"type", "delaunay"}};
+  EXPECT_EQ(parse(rig).topology.type, Topology::Type::kDelaunay);
+  rig["topology"] = {{"type", "triangles"}, {"triangles", {{0, 1, 2}, {1, 3, 2}}}};
+  EXPECT_EQ(parse(rig).topology.triangles, (std::vector<std::array<CameraIndex, 3>>{{0, 1, 2}, {1, 3, 2}}));
+  rig["topology"] = {{"type", "triangles"}, {"triangles", json::array()}};
+  EXPECT_TRUE(parse(rig).topology.triangles.empty()) << "one and two cameras have none";
+}
+
+TEST(RigJson, TinyAndLargeImagesAreFine) {
+  for (const int size : {1, 8192, kMaxImageSize}) {
+    json rig = good_rig();
+    rig["cameras"][0]["width"] = rig["cameras"][0]["height"] = size;
+    EXPECT_EQ(parse(rig).cameras[0].width, size);
+  }
+}
+
+TEST(RigJson, RoundTripsToTheLastBit) {
+  Rig rig = parse(good_rig());
+  rig.cameras[0].pose.position = {1 / 3.0, 5e-324, -1.7976931348623157e308};
+  rig.cameras[1].pose.orientation = glm::normalize(Quat(0.1, -0.2, 0.3, 0.4));
+  rig.cameras[2].lens = Lens(LensModel::kOpenCv, {1e3 / 7, 1e3 / 11, 0.1, 0.2, 1e-17, 1 / 3.0, -1 / 7.0, 1e-5});
+  rig.cameras[3].id = UINT32_MAX;
+  rig.cameras[3].name = "quote \" and \u00fc and \n";
+  for (const Topology& topology :
+       {rig.topology, Topology{}, Topology{Topology::Type::kTriangles, 0, 0, {{0, 1, 2}, {3, 2, 1}}}}) {
+    rig.topology = topology;
+    const std::string path = testing::TempDir() + "lf_rig_json_test.json";
+    save_rig(rig, path);
+    const Rig back = load_rig(path);
+    std::filesystem::remove(path);
+    EXPECT_EQ(back.hash(), rig.hash());
+    EXPECT_EQ(back.directory + "/", testing::TempDir());
+    for (size_t i = 0; i < rig.cameras.size(); i++) {
+      EXPECT_EQ(back.cameras[i].id, rig.cameras[i].id);
+      EXPECT_EQ(back.cameras[i].name, rig.cameras[i].name);
+      EXPECT_EQ(back.cameras[i].lens, rig.cameras[i].lens);
+      EXPECT_EQ(back.cameras[i].pose, rig.cameras[i].pose);
+      EXPECT_EQ(back.cameras[i].image, rig.cameras[i].image);
+      EXPECT_EQ(back.cameras[i].source, rig.cameras[i].source);
+      EXPECT_EQ(back.cameras[i].time_offset, rig.cameras[i].time_offset);
+    }
+    EXPECT_EQ(back.topology.type, topology.type);
+    EXPECT_EQ(back.topology.triangles, topology.triangles);
+  }
+}
+
+TEST(RigJson, KeepsUnknownKeysByCameraId) {
+  const json original = good_rig();
+  Rig rig = sub_rig(parse(original), {2, 1});
+  rig.cameras[0].image = "";
+  rig.cameras[0].width = 99;
+  const json saved = json::parse(rig_to_json(rig, &original));
+  EXPECT_EQ(saved["provenance"], original["provenance"]);
+  EXPECT_EQ(saved["topology"]["note"], "kept");
+  EXPECT_FALSE(saved["topology"].contains("rows")) << "known keys are the rig's alone";
+  ASSERT_EQ(saved["cameras"].size(), 2u);
+  EXPECT_EQ(saved["cameras"][0]["id"], 7);
+  EXPECT_EQ(saved["cameras"][0]["colour"], original["cameras"][2]["colour"]);
+  EXPECT_EQ(saved["cameras"][1]["colour"], original["cameras"][1]["colour"]);
+  EXPECT_EQ(saved["cameras"][0]["width"], 99);
+  EXPECT_FALSE(saved["cameras"][0].contains("image"));
+}
+
+TEST(RigJson, ErrorsNameThePlace) {
+  struct {
+    const char* patch;  // merged into the good file; null takes a key away
+    const char* message;
+  } const files[] = {
+      {R"({"format": null})", "key \"format\" is missing"},
+      {R"({"format": 7})", "format: must be a string"},
+      {R"({"format": "lightfield-views"})", "format: must be \"lightfield-rig\", is \"lightfield-views\""},
+      {R"({"version": null})", "key \"version\" is missing"},
+      {R"({"version": 2})", "version: must be 1 to 1, is 2"},
+      {R"({"version": "1"})", "version: must be an integer, is string"},
+      {R"({"cameras": null})", "key \"cameras\" is missing"},
+      {R"({"cameras": []})", "cameras: a rig needs at least one camera"},
+      {R"({"cameras": {"0": 1}})", "cameras: must be an array, is object"},
+      {R"({"cameras": [[]]})", "cameras[0]: must be an object, is array"},
+      {R"({"topology": null})", "key \"topology\" is missing"},
+      {R"({"topology": "grid"})", "topology: must be an object, is string"},
+      {R"({"topology": {"type": null}})", "topology: key \"type\" is missing"},
+      {R"({"topology": {"type": "hexagons"}})", "topology.type: must be \"grid\", \"triangles\" or \"delaunay\", is"},
+      {R"({"topology": {"rows": null}})", "topology: key \"rows\" is missing"},
+      {R"({"topology": {"rows": 0}})", "topology.rows: must be 1 to 65535, is 0"},
+      {R"({"topology": {"rows": 3}})", "topology: 3 rows x 2 columns do not make the rig's 4 cameras"},
+      {R"({"topology": {"rows": 65535, "columns": 65535}})", "topology: 65535 rows x 65535 columns do not make"},
+      {R"({"topology": {"columns": 2.0}})", "topology.columns: must be an integer, is 2.0"},
+      {R"({"topology": {"type": "triangles"}})", "topology: key \"triangles\" is missing"},
+      {R"({"topology": {"type": "triangles", "triangles": [[0, 1, 2], [1, 2, 4]]}})",
+       "topology.triangles[1][2]: must be 0 to 3, is 4"},
+      {R"({"topology": {"type": "triangles", "triangles": [[0, -1, 2]]}})",
+       "topology.triangles[0][1]: must be 0 to 3, is -1"},
+      {R"({"topology": {"type": "triangles", "triangles": [[0, 1]]}})",
+       "topology.triangles[0]: must have 3 elements, has 2"},
+      {R"({"topology": {"type": "triangles", "triangles": [[0, 1, 1]]}})",
+       "topology.triangles[0]: must be three different cameras"},
+      {R"({"topology": {"type": "triangles", "triangles": [0, 1, 2]}})", "topology.triangles[0]: must be an array"},
+  };
+  for (const auto& c : files) {
+    json file = good_rig();
+    file.merge_patch(json::parse(c.patch));
+    EXPECT_ERROR(parse(file), std::string("r.json: ") + c.message);
+  }
+}
+
+TEST(RigJson, ErrorsNameTheCameraAndItsMember) {
+  struct {
+    const char* patch;  // merged into cameras[3]
+    const char* message;
+  } const cases[] = {
+      {R"({"id": null})", "cameras[3]: key \"id\" is missing"},
+      {R"({"id": "3"})", "cameras[3].id: must be an integer, is string"},
+      {R"({"id": -1})", "cameras[3].id: must be 0 to 4294967295, is -1"},
+      {R"({"id": 4294967296})", "cameras[3].id: must be 0 to 4294967295, is 4294967296"},
+      {R"({"id": 7})", "cameras[3].id: 7 is also the id of cameras[2]"},
+      {R"({"name": null})", "cameras[3]: key \"name\" is missing"},
+      {R"({"name": 1})", "cameras[3].name: must be a string, is number"},
+      {R"({"width": null})", "cameras[3]: key \"width\" is missing"},
+      {R"({"width": 0})", "cameras[3].width: must be 1 to 16384, is 0"},
+      {R"({"width": 16385})", "cameras[3].width: must be 1 to 16384, is 16385"},
+      {R"({"width": true})", "cameras[3].width: must be an integer, is boolean"},
+      {R"({"height": 1e3})", "cameras[3].height: must be an integer, is 1000.0"},
+      {R"({"model": null})", "cameras[3]: key \"model\" is missing"},
+      {R"({"model": "FOV"})", "cameras[3].model: unknown lens model \"FOV\""},
+      {R"({"params": null})", "cameras[3]: key \"params\" is missing"},
+      {R"({"params": [400, 1, 1]})", "cameras[3].params: RADIAL takes 5 numbers, has 3"},
+      {R"({"params": ["NaN", 1, 1, 0, 0]})", "cameras[3].params[0]: must be a finite number, is string"},
+      {R"({"params": [400, 1, null, 0, 0]})", "cameras[3].params[2]: must be a finite number, is null"},
+      {R"({"params": [0, 1, 1, 0, 0]})", "cameras[3].params[0]: the focal length must be positive"},
+      {R"({"position": null})", "cameras[3]: key \"position\" is missing"},
+      {R"({"position": 0})", "cameras[3].position: must be an array, is number"},
+      {R"({"position": [0, 0, 0, 0]})", "cameras[3].position: must have 3 elements, has 4"},
+      {R"({"position": [0, null, 0]})", "cameras[3].position[1]: must be a finite number, is null"},
+      {R"({"orientation": null})", "cameras[3]: key \"orientation\" is missing"},
+      {R"({"orientation": [1, 0, 0]})", "cameras[3].orientation: must have 4 elements, has 3"},
+      {R"({"orientation": [1, 0, 0, "nan"]})", "cameras[3].orientation[3]: must be a finite number"},
+      {R"({"orientation": [0, 0, 0, 0]})", "cameras[3].orientation: must be a quaternion (w, x, y, z) of unit norm"},
+      {R"({"orientation": [1.000002, 0, 0, 0]})", "cameras[3].orientation: must be a quaternion"},
+      {R"({"image": 5})", "cameras[3].image: must be a string, is number"},
+      {R"({"source": []})", "cameras[3].source: must be a string, is array"},
+      {R"({"time_offset": "late"})", "cameras[3].time_offset: must be a finite number, is string"},
+  };
+  for (const auto& c : cases) {
+    json file = good_rig();
+    file["cameras"][3].merge_patch(json::parse(c.patch));
+    EXPECT_ERROR(parse(file), std::string("r.json: ") + c.message);
+  }
+}
+
+TEST(RigJson, ErrorsOfTheTextNameLineAndPlace) {
+  const std::string text = good_rig().dump(1);
+  EXPECT_ERROR(parse_rig(text.substr(0, text.size() - 10), "r.json"), "r.json: ");
+  EXPECT_ERROR(parse_rig(text.substr(0, text.find("\"height\"")), "r.json"),
+               "r.json: cameras[0]: not valid JSON: parse error at line ");
+  EXPECT_ERROR(parse_rig("P6 320 240 255", "r.json"), "r.json: not valid JSON: parse error at line 1");
+  EXPECT_ERROR(parse_rig("", "r.json"), "r.json: not valid JSON");
+  EXPECT_ERROR(parse_rig("[]", "r.json"), "r.json: must be an object, is array");
+  std::string infinite = text;
+  infinite.replace(infinite.find("159.5"), 5, "1e999");
+  EXPECT_ERROR(parse_rig(infinite, "r.json"), "r.json: cameras[0].params[1]: not valid JSON: number overflow");
+  EXPECT_ERROR(load_rig(testing::TempDir() + "no_such_rig.json"), "no_such_rig.json: can't be read");
+}
+
+TEST(RigJson, RefusesTooManyCameras) {
+  json file = good_rig();
+  for (uint32_t i = 4; i <= kMaxCameras; i++) file["cameras"].push_back(7);
+  EXPECT_ERROR(parse(file), "r.json: cameras: at most 65535 cameras, has 65536");
+}
+
+TEST(RigJson, ReadsTheRealRigs) {
+  const std::filesystem::path data = std::filesystem::path(LF_SOURCE_ROOT) / "../shared/data";
+  if (!std::filesystem::exists(data)) GTEST_SKIP() << "needs ../shared/data";
+  EXPECT_EQ(load_rig(data / "chess/rig.json").cameras.size(), 64u);
+  const Rig toys = load_rig(data / "toys/rig.json");
+  EXPECT_EQ(every_nth(toys, 2).cameras.size(), 64u);
+  EXPECT_EQ(parse_rig(rig_to_json(toys), "toys").hash(), toys.hash());
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rig/rig.h"
+
+#include <functional>
+#include <set>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "support/expect_error.h"
+
+namespace lf {
+namespace {
+
+using testing::ElementsAre;
+
+// Cameras at (column, row, 0); ids 100, 101, ...
+Rig grid(int rows, int columns) {
+  Rig rig;
+  for (int i = 0; i < rows * columns; i++) {
+    Camera camera;
+    camera.id = 100 + i;
+    camera.name = "cam " + std::to_string(i);
+    camera.width = 320;
+    camera.height = 240;
+    camera.lens = Lens(LensModel::kRadial, {400, 159.5, 119.5, 0, 0});
+    camera.pose.position = {i % columns, i / columns, 0};
+    rig.cameras.push_back(camera);
+  }
+  rig.topology.type = Topology::Type::kGrid;
+  rig.topology.rows = rows;
+  rig.topology.columns = columns;
+  return rig;
+}
+
+std::vector<uint32_t> ids(const Rig& rig) {
+  std::vector<uint32_t> ids;
+  for (const Camera& camera : rig.cameras) ids.push_back(camera.id);
+  return ids;
+}
+
+TEST(RigHash, ChangesWithEverythingThatThePictureDependsOn) {
+  const std::function<void(Rig&)> changes[] = {
+      [](Rig&) {},
+      [](Rig& r) { r.cameras[2].width++; },
+      [](Rig& r) { r.cameras[2].height++; },
+      [](Rig& r) { r.cameras[2].lens = Lens(LensModel::kRadial, {400, 159.5, 119.5, 1e-12, 0}); },
+      [](Rig& r) { r.cameras[2].lens = Lens(LensModel::kSimpleRadial, {400, 159.5, 119.5, 0}); },
+      [](Rig& r) { r.cameras[2].pose.position.z = 1e-300; },
+      [](Rig& r) { r.cameras[2].pose.orientation = Quat(0, 1, 0, 0); },
+      [](Rig& r) { r.cameras[2].pose.orientation = Quat(0, 0, 1, 0); },
+      [](Rig& r) { std::swap(r.cameras[1], r.cameras[2]); },
+      [](Rig& r) { r.cameras.pop_back(); },
+      [](Rig& r) { std::swap(r.topology.rows, r.topology.columns); },
+      [](Rig& r) { r.topology.type = Topology::Type::kDelaunay; },
+      [](Rig& r) { r.topology = {Topology::Type::kTriangles, 0, 0, {{0, 1, 2}}}; },
+      [](Rig& r) { r.topology = {Topology::Type::kTriangles, 0, 0, {{0, 2, 1}}}; },
+  };
+  std::set<uint64_t> hashes;
+  for (const auto& change : changes) {
+    Rig rig = grid(2, 3);
+    change(rig);
+    EXPECT_NE(rig.hash(), 0u);
+    hashes.insert(rig.hash());
+  }
+  EXPECT_EQ(hashes.size(), std::size(changes));
+}
+
+TEST(RigHash, IgnoresNamesFilesAndTheSignOfZero) {
+  const Rig rig = grid(2, 3);
+  Rig other = rig;
+  other.directory = "elsewhere";
+  for (Camera& camera : other.cameras) {
+    camera.name = "x";
+    camera.image = "x.png";
+    camera.source = "file:///x";
+    camera.pose.position.z = -0.0;
+  }
+  EXPECT_EQ(other.hash(), rig.hash());
+}
+
+// Every machine must agree on it, this and later versions of the code: written down once.
+TEST(RigHash, IsFixed) { EXPECT_EQ(grid(2, 3).hash(), 0x283e1b05c5ccb88bu); }
+
+TEST(Rig, FindsCamerasById) {
+  const Rig rig = grid(2, 3);
+  EXPECT_EQ(rig.index_of_id(104), 4u);
+  EXPECT_FALSE(rig.index_of_id(4));
+}
+
+TEST(Rig, ResolvesRelativePathsAlone) {
+  Rig rig;
+  rig.directory = "some/where";
+  EXPECT_EQ(rig.resolve("a.png"), "some/where/a.png");
+  EXPECT_EQ(rig.resolve("../b/a.png"), "some/where/../b/a.png");
+  EXPECT_EQ(rig.resolve("20:15.png"), "some/where/20:15.png");
+  EXPECT_EQ(rig.resolve("C:x"), "some/where/C:x") << "schemes have two characters at least";
+  for (const char* as_it_is : {"", "/abs/a.png", "v4l2:///dev/video0", "rtsp://host/x", "testbin:videotestsrc"})
+    EXPECT_EQ(rig.resolve(as_it_is), as_it_is);
+  rig.directory = "";
+  EXPECT_EQ(rig.resolve("a.png"), "a.png");
+}
+
+TEST(SubRig, StaysAGridWhereItIsRowsTimesColumns) {
+  const Rig rig = grid(4, 5);
+  struct {
+    std::vector<CameraIndex> indices;
+    int rows, columns;  // 0: Delaunay
+  } const cases[] = {
+      {{0, 1, 5, 6}, 2, 2},
+      {{6, 8, 9, 16, 18, 19}, 2, 3},
+      {{7}, 1, 1},
+      {{5, 6, 7, 8, 9}, 1, 5},
+      {{3, 8, 13, 18}, 4, 1},
+      {{0, 1, 5}, 0, 0},
+      {{0, 1, 5, 7}, 0, 0},
+      {{0, 1, 6, 7}, 0, 0},
+      {{1, 0, 6, 5}, 0, 0},   // mirrored
+      {{5, 6, 0, 1}, 0, 0},   // rows exchanged
+      {{0, 6, 12, 18}, 0, 0}  // a diagonal: one column by count, not by place
+  };
+  for (const auto& c : cases) {
+    const Rig sub = sub_rig(rig, c.indices);
+    ASSERT_EQ(sub.cameras.size(), c.indices.size());
+    for (size_t i = 0; i < c.indices.size(); i++) EXPECT_EQ(sub.cameras[i].id, 100 + c.indices[i]);
+    EXPECT_EQ(sub.topology.type, c.rows ? Topology::Type::kGrid : Topology::Type::kDelaunay);
+    EXPECT_EQ(sub.topology.rows, c.rows);
+    EXPECT_EQ(sub.topology.columns, c.columns);
+  }
+}
+
+TEST(SubRig, KeepsTheTrianglesOfTheWholeRigAlone) {
+  Rig rig = grid(2, 2);
+  rig.topology = {Topology::Type::kTriangles, 0, 0, {{0, 1, 3}}};
+  EXPECT_EQ(sub_rig(rig, {0, 1, 2, 3}).topology.triangles, rig.topology.triangles);
+  EXPECT_EQ(sub_rig(rig, {0, 1, 3}).topology.type, Topology::Type::kDelaunay);
+  EXPECT_EQ(sub_rig(rig, {1, 0, 2, 3}).topology.type, Topology::Type::kDelaunay);
+}
+
+TEST(SubRig, RefusesWhatIsNotInTheRig) {
+  EXPECT_ERROR(sub_rig(grid(2, 2), {0, 4}), "camera index 4: the rig has 4 cameras");
+  EXPECT_ERROR(sub_rig(grid(2, 2), {0, 1, 0}), "camera index 0: named twice");
+  EXPECT_ERROR(sub_rig(grid(2, 2), {}), "at least one camera");
+}
+
+TEST(EveryNth, KeepsRowsAndColumnsFromTheFirst) {
+  EXPECT_THAT(ids(every_nth(grid(3, 4), 2)), ElementsAre(100, 102, 108, 110));
+  EXPECT_THAT(ids(every_nth(grid(4, 4), 3)), ElementsAre(100, 103, 112, 115));
+  EXPECT_THAT(ids(every_nth(grid(3, 4), 9)), ElementsAre(100));
+  EXPECT_THAT(ids(every_nth(grid(3, 4), INT32_MAX)), ElementsAre(100));
+  const Rig same = every_nth(grid(3, 4), 1);
+  EXPECT_EQ(same.hash(), grid(3, 4).hash());
+  EXPECT_EQ(every_nth(grid(3, 4), 2).topology.rows, 2);
+  EXPECT_EQ(every_nth(grid(3, 4), 2).topology.columns, 2);
+  EXPECT_ERROR(every_nth(grid(3, 4), 0), "every: must be at least 1, is 0");
+  Rig rig = grid(2, 2);
+  rig.topology.type = Topology::Type::kDelaunay;
+  EXPECT_ERROR(every_nth(rig, 2), "every: the rig's topology is not a grid");
+}
+
+TEST(CameraList, NamesCamerasById) {
+  const Rig rig = grid(2, 4);
+  EXPECT_THAT(parse_camera_list(rig, ""), ElementsAre(0, 1, 2, 3, 4, 5, 6, 7));
+  EXPECT_THAT(parse_camera_list(rig, "107"), ElementsAre(7));
+  EXPECT_THAT(parse_camera_list(rig, "100-102,107"), ElementsAre(0, 1, 2, 7));
+  EXPECT_THAT(parse_camera_list(rig, "105,101-101,105,104-106"), ElementsAre(1, 4, 5, 6));
+}
+
+TEST(CameraList, NamesThePartThatIsWrong) {
+  struct {
+    const char* list;
+    const char* message;
+  } const cases[] = {
+      {"99", "camera list \"99\": \"99\": the rig has no camera with id 99"},
+      {"100,106-108", "\"106-108\": the rig has no camera with id 108"},
+      {"100-4294967295", "\"100-4294967295\": the rig has no camera with id 108"},
+      {"102-101", "\"102-101\": the range runs backwards"},
+      {"100,,101", "\"\": must be a camera id"},
+      {"100,", "\"\": must be a camera id"},
+      {",", "\"\": must be a camera id"},
+      {"x", "\"x\": must be a camera id"},
+      {"-1", "\"-1\": must be a camera id"},
+      {"100-", "\"100-\": must be a camera id"},
+      {"100-101-102", "\"100-101-102\": must be a camera id"},
+      {"100 101", "\"100 101\": must be a camera id"},
+      {"4294967296", "\"4294967296\": must be a camera id"},
+  };
+  for (const auto& c : cases) EXPECT_ERROR(parse_camera_list(grid(2, 4), c.list), c.message);
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "view/views_json.h"
+
+#include <filesystem>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "support/expect_error.h"
+
+namespace lf {
+namespace {
+
+using nlohmann::json;
+
+json good_views() {
+  return json::parse(R"({"format": "lightfield-views", "version": 1, "note": "ignored", "views": [
+    {"name": "first", "position": [0, 0, 0], "orientation": [1, 0, 0, 0], "width": 320, "height": 240, "fov_y": 90,
+     "focal_plane": [0, 0, -1, 3]},
+    {"time": 0.5, "position": [1, 2, 3], "orientation": [0, 0, 1, 0], "width": 1, "height": 8192,
+     "model": "RADIAL", "params": [386.73880838315351, 159.5, 119.5, -0.15, 0.03], "focus_distance": 2}]})");
+}
+
+TEST(ViewsJson, ReadsBothFormsOfLensAndFocus) {
+  const std::vector<NamedView> views = parse_views(good_views().dump(), "v.json");
+  ASSERT_EQ(views.size(), 2u);
+  EXPECT_EQ(views[0].name, "first");
+  EXPECT_EQ(views[0].time, 0);
+  EXPECT_EQ(views[0].view.lens, Lens::pinhole(views[0].view.lens.fx(), 159.5, 119.5));
+  EXPECT_NEAR(views[0].view.lens.fx(), 120, 1e-12);
+  EXPECT_EQ(views[0].view.focus.plane, (Plane{{0, 0, -1}, 3}));
+  EXPECT_EQ(views[1].name, "view_01");
+  EXPECT_EQ(views[1].time, 0.5);
+  EXPECT_EQ(views[1].view.height, 8192);
+  EXPECT_EQ(views[1].view.lens.model(), LensModel::kRadial);
+  EXPECT_NEAR(views[1].view.focus.plane.signed_distance({7, 8, 1}), 0, 1e-14) << "it looks along -z";
+  for (const NamedView& view : views) EXPECT_NO_THROW(validate(view.view));
+}
+
+TEST(ViewsJson, RoundTripsToTheLastBit) {
+  std::vector<NamedView> views = parse_views(good_views().dump(), "v.json");
+  views[0].view.pose.position = {1 / 3.0, -1e-300, 1e6 / 7};
+  views[0].view.pose.orientation = glm::normalize(Quat(0.1, 0.2, 0.3, 0.4));
+  views[1].time = 1 / 3.0;
+  const std::string path = testing::TempDir() + "lf_views_json_test.json";
+  save_views(views, path);
+  const std::vector<NamedView> back = load_views(path);
+  std::filesystem::remove(path);
+  ASSERT_EQ(back.size(), views.size());
+  for (size_t i = 0; i < views.size(); i++) {
+    EXPECT_EQ(back[i].name, views[i].name);
+    EXPECT_EQ(back[i].time, views[i].time);
+    EXPECT_EQ(back[i].view, views[i].view);
+  }
+}
+
+TEST(ViewsJson, ErrorsNameThePlace) {
+  struct {
+    const char* patch;  // merged into the good file; null takes a key away
+    const char* message;
+  } const files[] = {
+      {R"({"format": null})", "v.json: key \"format\" is missing"},
+      {R"({"format": "lightfield-rig"})", "v.json: format: must be \"lightfield-views\", is \"lightfield-rig\""},
+      {R"({"version": 2})", "v.json: version: must be 1 to 1, is 2"},
+      {R"({"views": null})", "v.json: key \"views\" is missing"},
+      {R"({"views": []})", "v.json: views: no views"},
+      {R"({"views": {}})", "v.json: views: must be an array"},
+      {R"({"views": [3]})", "v.json: views[0]: must be an object"},
+  };
+  for (const auto& c : files) {
+    json file = good_views();
+    file.merge_patch(json::parse(c.patch));
+    EXPECT_ERROR(parse_views(file.dump(), "v.json"), c.message);
+  }
+  struct {
+    int view;
+    const char* patch;
+    const char* message;
+  } const cases[] = {
+      {0, R"({"name": 3})", "views[0].name: must be a string"},
+      {0, R"({"name": ""})", "views[0].name: must be usable as a file name"},
+      {0, R"({"name": "../x"})", "views[0].name: must be usable as a file name"},
+      {1, R"({"name": "first"})", "views[1]: name \"first\" is also that of views[0]"},
+      {0, R"({"name": "view_01"})", "views[1]: name \"view_01\" is also that of views[0]"},
+      {0, R"({"time": -1})", "views[0].time: must be 0 to 1e9 seconds"},
+      {0, R"({"time": 1e300})", "views[0].time: must be 0 to 1e9 seconds"},
+      {0, R"({"time": 0.75})", "views[1].time: is before that of the view in front of it"},
+      {1, R"({"position": null})", "views[1]: key \"position\" is missing"},
+      {1, R"({"position": [0, 0]})", "views[1].position: must have 3 elements, has 2"},
+      {1, R"({"position": [0, "NaN", 0]})", "views[1].position[1]: must be a finite number"},
+      {1, R"({"orientation": [1, 0, 0, 0.1]})", "views[1].orientation: must be a quaternion"},
+      {1, R"({"width": 0})", "views[1].width: must be 1 to 16384, is 0"},
+      {1, R"({"width": 1.5})", "views[1].width: must be an integer, is 1.5"},
+      {1, R"({"height": 16385})", "views[1].height: must be 1 to 16384, is 16385"},
+      {0, R"({"fov_y": null})", "views[0]: key \"fov_y\" (or \"model\" and \"params\") is missing"},
+      {0, R"({"fov_y": 0})", "views[0].fov_y: must be between 0 and 180 degrees"},
+      {0, R"({"fov_y": 180})", "views[0].fov_y: must be between 0 and 180 degrees"},
+      {0, R"({"fov_y": "wide"})", "views[0].fov_y: must be a finite number, is string"},
+      {1, R"({"fov_y": 40})", "views[1]: has both \"fov_y\" and \"model\""},
+      {1, R"({"model": "FISHEYE"})", "views[1].model: unknown lens model \"FISHEYE\""},
+      {1, R"({"params": [0, 0, 0, 0, 0]})", "views[1].params[0]: the focal length must be positive"},
+      {0, R"({"focal_plane": null})", "views[0]: key \"focal_plane\" (or \"focus_distance\") is missing"},
+      {0, R"({"focal_plane": [0, 0, 2, 3]})", "views[0].focal_plane: (a, b, c) must have unit length"},
+      {0, R"({"focal_plane": [0, 0, 1]})", "views[0].focal_plane: must have 4 elements, has 3"},
+      {0, R"({"focus_distance": 1})", "views[0]: has both \"focal_plane\" and \"focus_distance\""},
+      {1, R"({"focus_distance": 0})", "views[1].focus_distance: must be positive"},
+  };
+  for (const auto& c : cases) {
+    json file = good_views();
+    file["views"][c.view].merge_patch(json::parse(c.patch));
+    EXPECT_ERROR(parse_views(file.dump(), "v.json"), std::string("v.json: ") + c.message);
+  }
+  EXPECT_ERROR(parse_views(good_views().dump().substr(0, 200), "v.json"), "v.json: views[1]: not valid JSON: parse error at line 1, column 201");
+}
+
+}  // namespace
+}  // namespace lf
