@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+
+namespace lf {
+
+// The instants a rate of `numerator`/`denominator` frames per second stands for: instant k is k periods after time 0,
+// rounded down to whole nanoseconds from the exact fraction, so that nothing drifts. In absolute clock time this is the
+// capture schedule all cameras and viewers of that rate agree on without a word.
+class Schedule {
+ public:
+  // Both positive.
+  Schedule(int numerator, int denominator) : numerator_(numerator), denominator_(denominator) {}
+
+  uint64_t instant(uint64_t k) const;             // nanoseconds
+  uint64_t index_at(uint64_t nanoseconds) const;  // the largest k with instant(k) <= nanoseconds
+  uint64_t period() const { return instant(1); }  // nanoseconds, rounded down
+
+ private:
+  uint64_t numerator_, denominator_;
+};
+
+}  // namespace lf

@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "view/navigator.h"
+
+#include <algorithm>
+#include <cctype>
+#include <string>
+
+namespace lf {
+namespace {
+
+constexpr double kStep = 0.1;           // of the focus distance, per notch of a wheel or key press
+constexpr double kKeyOrbit = 1.0 / 60;  // of the height, i.e. 3 degrees
+constexpr double kZoomStep = 1.05;
+
+Vec3 centre_of(const Rig& rig) {
+  Vec3 sum(0);
+  for (const Camera& camera : rig.cameras) sum += camera.pose.position;
+  return sum / static_cast<double>(rig.cameras.size());
+}
+
+// Of the axes rather than of quaternions: these have no sign to agree on. A ring of cameras that look everywhere has no
+// mean; its middle camera speaks for it.
+Quat mean_orientation(const Rig& rig) {
+  Vec3 forward(0), down(0);
+  for (const Camera& camera : rig.cameras) {
+    forward += camera.pose.forward();
+    down += camera.pose.down();
+  }
+  const double tiny = 1e-3 * static_cast<double>(rig.cameras.size());
+  if (glm::length(forward) < tiny || glm::length(glm::cross(down, glm::normalize(forward))) < tiny)
+    return glm::normalize(rig.cameras[middle_camera(rig)].pose.orientation);
+  return look_at(Vec3(0), forward, down).orientation;
+}
+
+}  // namespace
+
+Viewpoint clamped(const Viewpoint& viewpoint) {
+  Viewpoint v = viewpoint;
+  v.pose.position = glm::clamp(v.pose.position, Vec3(-kMaxPosition), Vec3(kMaxPosition));
+  v.pose.orientation = glm::normalize(v.pose.orientation);
+  v.fov_y_deg = std::clamp(v.fov_y_deg, kMinFovDeg, kMaxFovDeg);
+  v.focus_distance = std::clamp(v.focus_distance, kMinFocus, kMaxFocus);
+  return v;
+}
+
+bool is_finite(const Viewpoint& v) {
+  return is_finite(v.pose.position) && is_finite(v.pose.orientation) && is_finite(v.fov_y_deg) &&
+         is_finite(v.focus_distance);
+}
+
+View make_view(const Viewpoint& v, int width, int height) {
+  return {
+      width, height, Lens::from_fov_y(v.fov_y_deg, width, height), v.pose, {focal_plane_at(v.pose, v.focus_distance)}};
+}
+
+CameraIndex middle_camera(const Rig& rig) {
+  const Vec3 centre = centre_of(rig);
+  const auto nearer = [&](const Camera& a, const Camera& b) {
+    return glm::length(a.pose.position - centre) < glm::length(b.pose.position - centre);
+  };
+  return static_cast<CameraIndex>(std::min_element(rig.cameras.begin(), rig.cameras.end(), nearer) -
+                                  rig.cameras.begin());
+}
+
+Viewpoint default_viewpoint(const Rig& rig, double focus_distance) {
+  const Vec3 centre = centre_of(rig);
+  const Camera& middle = rig.cameras[middle_camera(rig)];
+  Viewpoint v;
+  v.pose = {centre, mean_orientation(rig)};
+  v.fov_y_deg = 2 * std::atan(middle.height / 2.0 / middle.lens.fy()) * (180 / M_PI);
+  v.focus_distance = focus_distance;
+  if (focus_distance <= 0) {
+    double radius = 0;
+    for (const Camera& camera : rig.cameras) radius = std::max(radius, glm::length(camera.pose.position - centre));
+    v.focus_distance = radius > 0 ? kFocusPerExtent * 2 * radius : 1;
+  }
+  return clamped(v);
+}
+
+void Navigator::orbit(double dx, double dy) {
+  const Vec3 centre = pivot();
+  Viewpoint v = now_;
+  // The camera goes against the mouse: the eye moves left (about "down", forward turns right) when the mouse goes
+  // right.
+  const Quat about_vertical = glm::angleAxis(dx * M_PI, home_.pose.down());
+  const Quat about_right = glm::angleAxis(-dy * M_PI, now_.pose.right());
+  v.pose.orientation = glm::normalize(about_vertical * about_right * now_.pose.orientation);
+  v.pose.position = centre - v.focus_distance * v.pose.forward();
+  set(v);
+}
+
+void Navigator::pan(double dx, double dy) {
+  // Metres at the pivot per height of the view.
+  const double scale = 2 * now_.focus_distance * std::tan(now_.fov_y_deg * (M_PI / 180) / 2);
+  Viewpoint v = now_;
+  v.pose.position -= scale * (dx * v.pose.right() + dy * v.pose.down());
+  set(v);
+}
+
+void Navigator::dolly(double steps) {
+  Viewpoint v = now_;
+  v.focus_distance = std::clamp(now_.focus_distance * std::pow(1 - kStep, steps), kMinFocus, kMaxFocus);
+  v.pose.position = pivot() - v.focus_distance * v.pose.forward();
+  set(v);
+}
+
+void Navigator::focus(double steps) {
+  Viewpoint v = now_;
+  v.focus_distance *= std::pow(1 + kStep, steps);
+  set(v);
+}
+
+void Navigator::zoom(double steps) {
+  Viewpoint v = now_;
+  v.fov_y_deg *= std::pow(kZoomStep, -steps);
+  set(v);
+}
+
+void Navigator::fly(const Vec3& steps_camera) {
+  Viewpoint v = now_;
+  v.pose.position += v.pose.rotation() * (kStep * v.focus_distance * steps_camera);
+  set(v);
+}
+
+bool Navigator::key(std::string_view name) {
+  std::string k(name);
+  if (k.size() == 1) k[0] = static_cast<char>(std::tolower(static_cast<unsigned char>(k[0])));
+  if (k == "Left") {
+    orbit(-kKeyOrbit, 0);
+  } else if (k == "Right") {
+    orbit(kKeyOrbit, 0);
+  } else if (k == "Up") {
+    orbit(0, -kKeyOrbit);
+  } else if (k == "Down") {
+    orbit(0, kKeyOrbit);
+  } else if (k == "w") {
+    fly({0, 0, 1});
+  } else if (k == "s") {
+    fly({0, 0, -1});
+  } else if (k == "a") {
+    fly({-1, 0, 0});
+  } else if (k == "d") {
+    fly({1, 0, 0});
+  } else if (k == "q") {
+    fly({0, 1, 0});
+  } else if (k == "e") {
+    fly({0, -1, 0});
+  } else if (k == "plus" || k == "equal" || k == "KP_Add" || k == "+" || k == "=") {
+    zoom(1);
+  } else if (k == "minus" || k == "KP_Subtract" || k == "-") {
+    zoom(-1);
+  } else if (k == "bracketleft" || k == "[") {
+    focus(-1);
+  } else if (k == "bracketright" || k == "]") {
+    focus(1);
+  } else if (k == "r") {
+    reset();
+  } else {
+    return false;
+  }
+  return true;
+}
+
+}  // namespace lf

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <string_view>
+
+#include "geometry/pose.h"
+#include "rig/rig.h"
+#include "view/view.h"
+
+namespace lf {
+
+// What somebody flies: a pinhole camera with a focal plane facing it.
+struct Viewpoint {
+  Pose pose;                  // world_from_view
+  double fov_y_deg = 45;      // vertical, kMinFovDeg..kMaxFovDeg
+  double focus_distance = 2;  // metres along the optical axis, kMinFocus..kMaxFocus
+  bool operator==(const Viewpoint&) const = default;
+};
+
+inline constexpr double kMinFovDeg = 1, kMaxFovDeg = 170;
+inline constexpr double kMinFocus = 1e-6, kMaxFocus = 1e9;
+inline constexpr double kMaxPosition = 1e9;  // metres, of each coordinate
+
+// Everything put inside its limits and the quaternion to unit length. Requires finite numbers and a quaternion != 0.
+Viewpoint clamped(const Viewpoint& viewpoint);
+bool is_finite(const Viewpoint& viewpoint);
+View make_view(const Viewpoint& viewpoint, int width, int height);
+
+// Where to stand before an array: at the mean of its centres, along the mean of its axes, with the vertical field of
+// view of its middle camera, focused at `focus_distance` or, where that is 0, at kFocusPerExtent times the diameter of
+// the array (1 m for an array without extent). Requires at least one camera.
+inline constexpr double kFocusPerExtent = 4;
+Viewpoint default_viewpoint(const Rig& rig, double focus_distance = 0);
+// The camera nearest to the mean of the centres; ties go to the lowest index.
+CameraIndex middle_camera(const Rig& rig);
+
+// Turns the movements of a mouse and keys into viewpoints. Mouse distances are in heights of the view, x to the right
+// and y down, so that they mean the same at every size. The *pivot* is the point in focus on the optical axis. A plain
+// value without locks.
+class Navigator {
+ public:
+  explicit Navigator(const Viewpoint& home = {}) { set_home(home); }
+
+  const Viewpoint& viewpoint() const { return now_; }
+  const Viewpoint& home() const { return home_; }
+  Vec3 pivot() const { return now_.pose.position + now_.focus_distance * now_.pose.forward(); }
+
+  void set(const Viewpoint& viewpoint) { now_ = clamped(viewpoint); }
+  void set_home(const Viewpoint& viewpoint) { now_ = home_ = clamped(viewpoint); }
+  void reset() { now_ = home_; }
+
+  // Around the pivot, half a turn per height: dx about home's vertical (so that the horizon stays), dy about the view's
+  // right axis. The scene follows the mouse.
+  void orbit(double dx, double dy);
+  // Sideways, so that what is in focus follows the mouse.
+  void pan(double dx, double dy);
+  // `steps` > 0: nearer to the pivot, by a tenth of the way each; the pivot stays, so it is never passed.
+  void dolly(double steps);
+  // `steps` > 0: the focal plane moves away, by a tenth of its distance each.
+  void focus(double steps);
+  // `steps` > 0: a narrower field of view, by 5 % each.
+  void zoom(double steps);
+  // In the view's own axes, in tenths of the focus distance; the focus distance stays.
+  void fly(const Vec3& steps_camera);
+
+  // By the key's X keysym name, letters in either case. Arrows orbit, w/s fly forward and back, a/d left and right,
+  // q/e down and up, plus/minus zoom, bracketleft/bracketright focus nearer and farther, r goes home. False if the key
+  // means nothing here.
+  bool key(std::string_view name);
+
+ private:
+  Viewpoint home_, now_;
+};
+
+}  // namespace lf

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "view/view_path.h"
+
+#include <algorithm>
+#include <cstdio>
+
+#include "base/error.h"
+
+namespace lf {
+namespace {
+
+using Vec4 = glm::dvec4;
+
+// The Hermite segment between keys i and i + 1 and how far along it we are.
+struct Segment {
+  const std::vector<NamedView>& keys;
+  size_t i;
+  double s, length;  // 0..1, seconds
+
+  // value(k) of key k, interpolated.
+  template <typename Value>
+  auto mix(Value value) const {
+    using T = decltype(value(i));
+    const size_t n = keys.size();
+    const auto velocity = [&](size_t k) -> T {  // per second; one-sided at the ends
+      const size_t before = k > 0 ? k - 1 : k, after = k + 1 < n ? k + 1 : k;
+      return (value(after) - value(before)) / (keys[after].time - keys[before].time);
+    };
+    const double s2 = s * s, s3 = s2 * s;
+    return value(i) * (2 * s3 - 3 * s2 + 1) + value(i + 1) * (3 * s2 - 2 * s3) +
+           velocity(i) * ((s3 - 2 * s2 + s) * length) + velocity(i + 1) * ((s3 - s2) * length);
+  }
+};
+
+Vec4 as_vec(const Quat& q) {
+  return {q.w, q.x, q.y, q.z};
+}
+Vec4 as_vec(const Plane& p) {
+  return {p.normal, p.d};
+}
+
+// The plane's distance along the optical axis if it faces the view, else 0.
+double facing_distance(const View& view) {
+  const Vec3 axis = view.pose.forward();
+  const double distance =
+      -view.focus.plane.signed_distance(view.pose.position) / glm::dot(view.focus.plane.normal, axis);
+  const bool faces = glm::length(glm::cross(view.focus.plane.normal, axis)) < 1e-6;
+  return faces && distance > 0 ? distance : 0;
+}
+
+}  // namespace
+
+ViewPath::ViewPath(std::vector<NamedView> keys) : keys_(std::move(keys)) {
+  if (keys_.empty()) throw Error("views: a path needs at least one view");
+  for (size_t i = 0; i < keys_.size(); i++) {
+    View& view = keys_[i].view;
+    planes_face_ = planes_face_ && facing_distance(view) > 0;
+    if (i == 0) continue;
+    View& before = keys_[i - 1].view;
+    const std::string place = "views[" + std::to_string(i) + "].";
+    if (!(keys_[i].time > keys_[i - 1].time)) throw Error(place + "time: must be later than that of the view before");
+    if (view.width != before.width || view.height != before.height)
+      throw Error(place + "width, height: must be those of the first view");
+    if (view.lens.model() != before.lens.model()) throw Error(place + "model: must be that of the first view");
+    // q and -q are one orientation, a plane and its negative one plane: take the nearer.
+    if (glm::dot(view.pose.orientation, before.pose.orientation) < 0) view.pose.orientation = -view.pose.orientation;
+  }
+  for (size_t i = 1; i < keys_.size() && !planes_face_; i++) {
+    Plane& plane = keys_[i].view.focus.plane;
+    if (glm::dot(plane.normal, keys_[i - 1].view.focus.plane.normal) < 0) plane = {-plane.normal, -plane.d};
+  }
+}
+
+View ViewPath::at(double time) const {
+  const auto later = [](double t, const NamedView& key) { return t < key.time; };
+  const size_t next = std::upper_bound(keys_.begin(), keys_.end(), time, later) - keys_.begin();
+  if (next == 0) return keys_.front().view;
+  const NamedView& key = keys_[next - 1];
+  if (next == keys_.size() || time == key.time) return key.view;
+
+  const double length = keys_[next].time - key.time;
+  const Segment segment{keys_, next - 1, (time - key.time) / length, length};
+  View view = key.view;
+  view.pose.position = segment.mix([&](size_t k) { return keys_[k].view.pose.position; });
+  const Vec4 q = glm::normalize(segment.mix([&](size_t k) { return as_vec(keys_[k].view.pose.orientation); }));
+  view.pose.orientation = Quat(q.x, q.y, q.z, q.w);
+  std::array<double, Lens::kMaxParams> params{};
+  for (int p = 0; p < view.lens.num_params(); p++)
+    params[p] = segment.mix([&](size_t k) { return keys_[k].view.lens.params()[p]; });
+  view.lens = Lens(view.lens.model(), params);
+  if (planes_face_) {
+    const double log_distance = segment.mix([&](size_t k) { return std::log(facing_distance(keys_[k].view)); });
+    view.focus.plane = focal_plane_at(view.pose, std::exp(log_distance));
+  } else {
+    const Vec4 plane = segment.mix([&](size_t k) { return as_vec(keys_[k].view.focus.plane); });
+    const double norm = glm::length(Vec3(plane));
+    view.focus.plane = {Vec3(plane) / norm, plane.w / norm};
+  }
+  return view;
+}
+
+std::vector<NamedView> ViewPath::sample(double rate_hz) const {
+  if (!(rate_hz > 0)) throw Error("rate: must be positive");
+  const size_t count = static_cast<size_t>(std::floor((end() - begin()) * rate_hz + 1e-3)) + 1;
+  std::vector<NamedView> views(count);
+  for (size_t i = 0; i < count; i++) {
+    char name[32];
+    std::snprintf(name, sizeof name, "view_%06zu", i);
+    views[i].name = name;
+    views[i].time = begin() + static_cast<double>(i) / rate_hz;
+    views[i].view = at(views[i].time);
+  }
+  return views;
+}
+
+}  // namespace lf

@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "view/navigator.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "geometry/euler.h"
+
+namespace lf {
+namespace {
+
+double distance(const Vec3& a, const Vec3& b) {
+  return glm::length(a - b);
+}
+
+Viewpoint somewhere() {
+  Viewpoint v;
+  v.pose = {{1, -2, 0.5}, quat_from_euler({35, -20, 10})};
+  v.fov_y_deg = 40;
+  v.focus_distance = 3;
+  return v;
+}
+
+Rig array(int rows, int columns, double pitch, const Pose& world_from_array) {
+  Rig rig;
+  for (int r = 0; r < rows; r++)
+    for (int c = 0; c < columns; c++) {
+      Camera camera;
+      camera.width = 320;
+      camera.height = 240;
+      camera.lens = Lens(LensModel::kRadial, {400, 159.5, 119.5, -0.1, 0.01});
+      camera.pose.position =
+          world_from_array.world_from_camera({(c - (columns - 1) / 2.0) * pitch, (r - (rows - 1) / 2.0) * pitch, 0});
+      camera.pose.orientation = world_from_array.orientation;
+      rig.cameras.push_back(camera);
+    }
+  return rig;
+}
+
+TEST(Navigator, OrbitKeepsThePivotAndItsDistance) {
+  Navigator n(somewhere());
+  const Vec3 pivot = n.pivot();
+  n.orbit(0.25, 0);
+  EXPECT_LT(distance(n.pivot(), pivot), 1e-14);
+  EXPECT_EQ(n.viewpoint().focus_distance, 3);
+  // A quarter of the height is an eighth of a turn about home's vertical: the eye keeps its height over it ...
+  EXPECT_NEAR(glm::dot(n.viewpoint().pose.position - somewhere().pose.position, somewhere().pose.down()), 0, 1e-14);
+  const Vec3 before = somewhere().pose.position - pivot, after = n.viewpoint().pose.position - pivot;
+  EXPECT_NEAR(glm::dot(before, after) / 9, std::cos(M_PI / 4), 1e-14);
+  // ... and goes to the left, so that the scene goes right with the mouse.
+  EXPECT_LT(glm::dot(n.viewpoint().pose.position - somewhere().pose.position, somewhere().pose.right()), -1);
+}
+
+TEST(Navigator, OrbitDownLooksFromAbove) {
+  Navigator n;
+  n.orbit(0, 0.1);
+  EXPECT_LT(n.viewpoint().pose.position.y, -0.1);  // y is down
+  EXPECT_GT(n.viewpoint().pose.forward().y, 0.1);
+}
+
+TEST(Navigator, PanMovesWhatIsInFocusWithTheMouse) {
+  Navigator n(somewhere());
+  const View before = make_view(n.viewpoint(), 640, 480);
+  const Vec3 x = before.pose.world_from_camera({0.3, -0.2, 3});  // on the focal plane
+  const Vec2 from = *before.lens.project(before.pose.camera_from_world(x));
+  n.pan(60 / 480.0, -24 / 480.0);
+  const View after = make_view(n.viewpoint(), 640, 480);
+  const Vec2 to = *after.lens.project(after.pose.camera_from_world(x));
+  EXPECT_NEAR(to.x - from.x, 60, 1e-9);
+  EXPECT_NEAR(to.y - from.y, -24, 1e-9);
+}
+
+TEST(Navigator, DollyNearsThePivotButNeverPassesIt) {
+  Navigator n(somewhere());
+  const Vec3 pivot = n.pivot();
+  n.dolly(1);
+  EXPECT_NEAR(n.viewpoint().focus_distance, 2.7, 1e-12);
+  EXPECT_LT(distance(n.pivot(), pivot), 1e-14);
+  n.dolly(10000);
+  EXPECT_EQ(n.viewpoint().focus_distance, kMinFocus);
+  EXPECT_LT(distance(n.pivot(), pivot), 1e-12);
+  n.dolly(-1e6);
+  EXPECT_EQ(n.viewpoint().focus_distance, kMaxFocus);
+  EXPECT_TRUE(is_finite(n.viewpoint()));
+}
+
+TEST(Navigator, FocusAndZoomAreMultiplicativeAndClamped) {
+  Navigator n(somewhere());
+  n.focus(2);
+  EXPECT_NEAR(n.viewpoint().focus_distance, 3 * 1.21, 1e-12);
+  n.focus(-2);
+  EXPECT_NEAR(n.viewpoint().focus_distance, 3, 1e-12);
+  EXPECT_EQ(n.viewpoint().pose, Navigator(somewhere()).viewpoint().pose);
+  n.focus(1e5);
+  EXPECT_EQ(n.viewpoint().focus_distance, kMaxFocus);
+  n.focus(-1e5);
+  EXPECT_EQ(n.viewpoint().focus_distance, kMinFocus);
+  n.zoom(1);
+  EXPECT_NEAR(n.viewpoint().fov_y_deg, 40 / 1.05, 1e-12);
+  n.zoom(1e5);
+  EXPECT_EQ(n.viewpoint().fov_y_deg, kMinFovDeg);
+  n.zoom(-1e5);
+  EXPECT_EQ(n.viewpoint().fov_y_deg, kMaxFovDeg);
+}
+
+TEST(Navigator, EveryKeyDoesWhatTheHeaderSays) {
+  struct Row {
+    const char *key, *opposite;
+    Vec3 moved_towards;  // in home's axes; 0: the eye stays
+  };
+  const Row rows[] = {{"Left", "Right", {1, 0, 0}},
+                      {"Up", "Down", {0, 1, 0}},
+                      {"w", "s", {0, 0, 1}},
+                      {"d", "a", {1, 0, 0}},
+                      {"q", "e", {0, 1, 0}},
+                      {"W", "S", {0, 0, 1}},
+                      {"plus", "minus", {0, 0, 0}},
+                      {"bracketleft", "bracketright", {0, 0, 0}},
+                      {"KP_Add", "KP_Subtract", {0, 0, 0}}};
+  for (const Row& row : rows) {
+    Navigator n(somewhere());
+    ASSERT_TRUE(n.key(row.key)) << row.key;
+    EXPECT_FALSE(n.viewpoint() == n.home()) << row.key;
+    const Vec3 moved = n.viewpoint().pose.position - somewhere().pose.position;
+    if (row.moved_towards == Vec3(0))
+      EXPECT_EQ(glm::length(moved), 0) << row.key;
+    else
+      EXPECT_GT(glm::dot(glm::normalize(moved), somewhere().pose.rotation() * row.moved_towards), 0.99) << row.key;
+    ASSERT_TRUE(n.key(row.opposite)) << row.opposite;
+    EXPECT_LT(distance(n.viewpoint().pose.position, somewhere().pose.position), 1e-14) << row.key;
+    EXPECT_NEAR(n.viewpoint().fov_y_deg, 40, 1e-12);
+    EXPECT_NEAR(n.viewpoint().focus_distance, 3, 1e-12);
+  }
+  Navigator n(somewhere());
+  n.key("bracketright");
+  EXPECT_GT(n.viewpoint().focus_distance, 3);
+  n.key("plus");
+  EXPECT_LT(n.viewpoint().fov_y_deg, 40);
+  n.key("r");
+  EXPECT_EQ(n.viewpoint(), n.home());
+  EXPECT_FALSE(n.key("F1"));
+  EXPECT_FALSE(n.key(""));
+  EXPECT_EQ(n.viewpoint(), n.home());
+}
+
+TEST(Navigator, AHundredThousandStepsKeepTheQuaternionAndThePivot) {
+  Navigator n(somewhere());
+  const Vec3 pivot = n.pivot();
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> step(-0.05, 0.05);
+  for (int i = 0; i < 100000; i++) {
+    n.orbit(step(random), step(random));
+    if (i % 2) n.dolly(step(random));
+  }
+  EXPECT_NEAR(glm::length(n.viewpoint().pose.orientation), 1, 1e-15);
+  EXPECT_LT(distance(n.pivot(), pivot), 1e-10);
+  validate(make_view(n.viewpoint(), 640, 480));
+}
+
+TEST(Navigator, SetKeepsLimits) {
+  Navigator n;
+  Viewpoint v = somewhere();
+  v.pose.position.x = 1e300;
+  v.pose.orientation = Quat(0, 0, 2, 0);
+  v.fov_y_deg = 500;
+  v.focus_distance = -1;
+  n.set(v);
+  EXPECT_EQ(n.viewpoint().pose.position.x, kMaxPosition);
+  EXPECT_EQ(n.viewpoint().pose.orientation, Quat(0, 0, 1, 0));
+  EXPECT_EQ(n.viewpoint().fov_y_deg, kMaxFovDeg);
+  EXPECT_EQ(n.viewpoint().focus_distance, kMinFocus);
+}
+
+TEST(DefaultViewpoint, StandsInTheMiddleOfTheArray) {
+  const Pose world_from_array = somewhere().pose;
+  const Rig rig = array(5, 7, 0.1, world_from_array);
+  const Viewpoint v = default_viewpoint(rig);
+  EXPECT_LT(distance(v.pose.position, world_from_array.position), 1e-14);
+  EXPECT_GT(std::abs(glm::dot(v.pose.orientation, world_from_array.orientation)), 1 - 1e-14);
+  EXPECT_NEAR(make_view(v, 320, 240).lens.fx(), 400, 1e-9);
+  EXPECT_NEAR(v.focus_distance, kFocusPerExtent * std::hypot(0.6, 0.4), 1e-12);
+  EXPECT_EQ(default_viewpoint(rig, 7.5).focus_distance, 7.5);
+  EXPECT_EQ(middle_camera(rig), 17u);
+}
+
+TEST(DefaultViewpoint, MeanOfDifferingOrientations) {
+  Rig rig = array(1, 2, 0.2, {});
+  rig.cameras[0].pose.orientation = quat_from_euler({20, 5, 0});
+  rig.cameras[1].pose.orientation = -quat_from_euler({-20, 5, 0});  // the sign of a quaternion means nothing
+  const Euler e = euler_from_quat(default_viewpoint(rig).pose.orientation);
+  EXPECT_NEAR(e.yaw, 0, 1e-12);
+  EXPECT_NEAR(e.roll, 0, 1e-12);
+  EXPECT_NEAR(e.pitch, 5, 0.5);
+}
+
+TEST(DefaultViewpoint, OneCameraAndCamerasThatLookEverywhere) {
+  Rig one = array(1, 1, 0.1, somewhere().pose);
+  const Viewpoint v = default_viewpoint(one);
+  EXPECT_EQ(v.pose.position, one.cameras[0].pose.position);
+  EXPECT_EQ(v.focus_distance, 1);
+
+  Rig ring = array(1, 4, 0, {});
+  for (int i = 0; i < 4; i++) {
+    ring.cameras[i].pose.orientation = quat_from_euler({90.0 * i, 0, 0});
+    ring.cameras[i].pose.position = -ring.cameras[i].pose.forward();
+  }
+  const Viewpoint inside = default_viewpoint(ring);
+  EXPECT_TRUE(is_finite(inside));
+  EXPECT_EQ(inside.pose.orientation, ring.cameras[middle_camera(ring)].pose.orientation);
+  validate(make_view(inside, 320, 240));
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "view/view_path.h"
+
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "geometry/euler.h"
+#include "view/navigator.h"
+
+namespace lf {
+namespace {
+
+NamedView key(double time, const Vec3& position, const Euler& degrees, double focus, double fov = 40) {
+  Viewpoint v;
+  v.pose = {position, quat_from_euler(degrees)};
+  v.focus_distance = focus;
+  v.fov_y_deg = fov;
+  return {"key", time, make_view(v, 320, 240)};
+}
+
+std::vector<NamedView> keys() {
+  return {key(1, {0, 0, 0}, {0, 0, 0}, 2), key(2, {1, 0, 0}, {20, 5, 0}, 4, 50), key(4, {1, 1, 0}, {-30, 0, 10}, 1),
+          key(5, {0, 1, -1}, {170, 0, 0}, 3)};
+}
+
+TEST(ViewPath, IsAtEachKeyAtItsTimeAndStaysAtTheEnds) {
+  const ViewPath path(keys());
+  EXPECT_EQ(path.begin(), 1);
+  EXPECT_EQ(path.end(), 5);
+  for (const NamedView& k : keys()) {
+    const View view = path.at(k.time);
+    EXPECT_EQ(view.pose.position, k.view.pose.position);
+    EXPECT_NEAR(std::abs(glm::dot(view.pose.orientation, k.view.pose.orientation)), 1, 1e-15);
+    EXPECT_EQ(view.lens, k.view.lens);
+  }
+  EXPECT_EQ(path.at(-3).pose.position, keys().front().view.pose.position);
+  EXPECT_EQ(path.at(99).pose.position, keys().back().view.pose.position);
+}
+
+TEST(ViewPath, IsSmooth) {
+  const ViewPath path(keys());
+  // Velocity by differences is continuous: across keys too, it changes by no more than acceleration allows.
+  const double h = 1e-4;
+  const auto velocity = [&](double t) { return (path.at(t + h).pose.position - path.at(t).pose.position) / h; };
+  const auto turn = [&](double t) { return (path.at(t + h).pose.orientation - path.at(t).pose.orientation) / h; };
+  for (double t = 1 + h; t < 5 - 3 * h; t += 0.01) {
+    EXPECT_LT(glm::length(velocity(t + h) - velocity(t)), 20 * h) << t;
+    EXPECT_LT(glm::length(turn(t + h) - turn(t)), 20 * h) << t;
+  }
+  for (double t : {2.0, 4.0}) {
+    EXPECT_LT(glm::length(velocity(t) - velocity(t - h)), 20 * h) << t;
+    EXPECT_LT(glm::length(turn(t) - turn(t - h)), 20 * h) << t;
+  }
+}
+
+TEST(ViewPath, EveryViewIsValidAndItsPlaneFacesIt) {
+  const ViewPath path(keys());
+  for (double t = 0; t < 6; t += 0.037) {
+    const View view = path.at(t);
+    validate(view);
+    EXPECT_NEAR(glm::length(view.pose.orientation), 1, 1e-14);
+    EXPECT_NEAR(glm::dot(view.focus.plane.normal, view.pose.forward()), -1, 1e-12) << t;
+  }
+}
+
+TEST(ViewPath, FocusMovesLogarithmically) {
+  const ViewPath path({key(0, {}, {}, 1), key(2, {}, {}, 16)});
+  const View view = path.at(1);
+  EXPECT_NEAR(view.focus.plane.signed_distance(view.pose.position), 4, 1e-12);  // not 8.5
+}
+
+TEST(ViewPath, AStraightEvenPathStaysStraightAndEven) {
+  const ViewPath path({key(0, {0, 0, 0}, {}, 2), key(1, {1, 2, 3}, {}, 2), key(2, {2, 4, 6}, {}, 2)});
+  for (double t = 0; t <= 2; t += 0.125)
+    EXPECT_LT(glm::length(path.at(t).pose.position - t * Vec3(1, 2, 3)), 1e-14) << t;
+}
+
+TEST(ViewPath, PlanesThatStandInTheWorldStay) {
+  const Plane wall{{0, 0, -1}, 5};
+  std::vector<NamedView> k = keys();
+  for (NamedView& view : k) view.view.focus.plane = wall;
+  k[2].view.focus.plane = {-wall.normal, -wall.d};  // the same plane
+  const ViewPath path(k);
+  for (double t = 1; t < 5; t += 0.1) {
+    EXPECT_LT(glm::length(path.at(t).focus.plane.normal - wall.normal), 1e-14);
+    EXPECT_NEAR(path.at(t).focus.plane.d, 5, 1e-14);
+  }
+}
+
+TEST(ViewPath, TheSignOfAQuaternionMeansNothing) {
+  std::vector<NamedView> flipped = keys();
+  flipped[1].view.pose.orientation = -flipped[1].view.pose.orientation;
+  const ViewPath a(keys()), b(flipped);
+  for (double t = 1; t < 5; t += 0.1)
+    EXPECT_NEAR(std::abs(glm::dot(a.at(t).pose.orientation, b.at(t).pose.orientation)), 1, 1e-15);
+}
+
+TEST(ViewPath, SamplesIncludeBothEnds) {
+  const std::vector<NamedView> views = ViewPath(keys()).sample(15);
+  ASSERT_EQ(views.size(), 61u);
+  EXPECT_EQ(views.front().name, "view_000000");
+  EXPECT_EQ(views.back().name, "view_000060");
+  EXPECT_EQ(views[15].time, 2);
+  EXPECT_EQ(views.back().view.pose.position, keys().back().view.pose.position);
+  EXPECT_EQ(ViewPath({keys()[0]}).sample(30).size(), 1u);
+}
+
+TEST(ViewPath, BadKeysAreNamed) {
+  const auto text = [](std::vector<NamedView> k) -> std::string {
+    try {
+      ViewPath path(std::move(k));
+    } catch (const Error& e) {
+      return e.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(text({}), "views: a path needs at least one view");
+  std::vector<NamedView> k = keys();
+  k[2].time = k[1].time;
+  EXPECT_EQ(text(k), "views[2].time: must be later than that of the view before");
+  k = keys();
+  k[1].view.width = 321;
+  EXPECT_EQ(text(k), "views[1].width, height: must be those of the first view");
+  k = keys();
+  k[3].view.lens = Lens(LensModel::kPinhole, {100, 100, 0, 0});
+  EXPECT_EQ(text(k), "views[3].model: must be that of the first view");
+  EXPECT_THROW(ViewPath(keys()).sample(0), Error);
+}
+
+}  // namespace
+}  // namespace lf
