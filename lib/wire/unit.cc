@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "wire/unit.h"
+
+#include <algorithm>
+
+#include "wire/limits.h"
+
+namespace lf::wire {
+namespace {
+
+size_t max_size(UnitKind kind) {
+  return kind == UnitKind::kRequest ? kMaxRequestBytes : kMaxAnswerBytes;
+}
+const char* name(UnitKind kind) {
+  return kind == UnitKind::kRequest ? "request" : "answer";
+}
+
+std::optional<UnitKind> kind_of(std::span<const uint8_t> bytes) {
+  if (!std::equal(std::begin(kMagicPrefix), std::end(kMagicPrefix), bytes.begin())) return std::nullopt;
+  if (bytes[3] == kRequestMagic) return UnitKind::kRequest;
+  if (bytes[3] == kAnswerMagic) return UnitKind::kAnswer;
+  return std::nullopt;
+}
+
+UnitHeader read_header(std::span<const uint8_t> bytes, UnitKind kind) {
+  Reader in(bytes.subspan(4, kUnitHeaderBytes - 4));
+  UnitHeader header{.kind = kind, .size = 0};
+  header.version = in.get<uint8_t>();
+  header.type = in.get<uint8_t>();
+  header.flags = in.get<uint16_t>();
+  header.size = in.get<uint32_t>();
+  return header;
+}
+
+bool size_in_limits(const UnitHeader& header) {
+  return header.size >= kUnitHeaderBytes && header.size <= max_size(header.kind);
+}
+
+}  // namespace
+
+std::optional<UnitHeader> peek_unit(std::span<const uint8_t> bytes) {
+  if (bytes.size() < kUnitHeaderBytes) return std::nullopt;
+  const std::optional<UnitKind> kind = kind_of(bytes);
+  if (!kind) return std::nullopt;
+  const UnitHeader header = read_header(bytes, *kind);
+  if (header.version == 0 || header.type == 0 || !size_in_limits(header)) return std::nullopt;
+  return header;
+}
+
+void put_unit_header(Writer& out, UnitKind kind, uint8_t type, uint16_t flags, size_t size) {
+  out.put_bytes(kMagicPrefix);
+  out.put(kind == UnitKind::kRequest ? kRequestMagic : kAnswerMagic);
+  out.put(kVersion);
+  out.put(type);
+  out.put(flags);
+  out.put(static_cast<uint32_t>(size));
+}
+
+std::optional<UnitHeader> check_unit_header(std::span<const uint8_t> bytes, UnitKind kind, uint8_t type,
+                                            uint16_t known_flags, std::string& reason) {
+  if (bytes.size() < kUnitHeaderBytes) {
+    reason = "header: needs " + std::to_string(kUnitHeaderBytes) + " bytes, there are " + std::to_string(bytes.size());
+    return std::nullopt;
+  }
+  if (kind_of(bytes) != kind) {
+    reason = std::string("magic: no ") + name(kind) + " begins here";
+    return std::nullopt;
+  }
+  const UnitHeader header = read_header(bytes, kind);
+  if (header.version != kVersion) {
+    reason = "version: " + std::to_string(header.version) + " is not supported, only " + std::to_string(kVersion);
+  } else if (header.type != type) {
+    reason = "type: " + std::to_string(header.type) + " is not supported in " + name(kind) + " units";
+  } else if (header.flags & ~known_flags) {
+    reason = "flags: unknown bits " + std::to_string(header.flags & ~known_flags);
+  } else if (!size_in_limits(header)) {
+    reason = "length: " + std::to_string(header.size) + " bytes, must be " + std::to_string(kUnitHeaderBytes) + " to " +
+             std::to_string(max_size(kind));
+  } else {
+    return header;
+  }
+  return std::nullopt;
+}
+
+bool check_unit_size(std::span<const uint8_t> bytes, const UnitHeader& header, std::string& reason) {
+  if (bytes.size() == header.size) return true;
+  reason = "length: the unit says " + std::to_string(header.size) + " bytes, there are " + std::to_string(bytes.size());
+  return false;
+}
+
+}  // namespace lf::wire

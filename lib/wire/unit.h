@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "wire/bytes.h"
+
+// What both streams have in common: a unit begins with magic, version, type, flags and its whole length. This frame is
+// the same in every version of the format, so that units of a later one can be told apart and passed on.
+namespace lf::wire {
+
+enum class UnitKind { kRequest, kAnswer };
+inline constexpr size_t kUnitHeaderBytes = 12;
+
+// The first three bytes of both kinds' magic, for those who search a stream for one; the fourth is 'Q' or 'A'.
+inline constexpr uint8_t kMagicPrefix[3] = {0x8f, 'L', 'F'};
+inline constexpr uint8_t kRequestMagic = 'Q', kAnswerMagic = 'A';
+
+// Types of units, see spec.md. Others are passed on by whoever only frames.
+inline constexpr uint8_t kViewRequestType = 1;  // of a request stream
+inline constexpr uint8_t kFragmentsType = 1;    // of an answer stream
+
+struct UnitHeader {
+  UnitKind kind;
+  size_t size;  // of the whole unit, header included; within limits.h
+  uint8_t version = 0, type = 0;
+  uint16_t flags = 0;
+};
+// From the first kUnitHeaderBytes bytes of a unit; nothing if it is not the beginning of one.
+std::optional<UnitHeader> peek_unit(std::span<const uint8_t> bytes);
+
+void put_unit_header(Writer& out, UnitKind kind, uint8_t type, uint16_t flags, size_t size);
+
+// The header of a unit of this kind, type and version without flags beyond `known_flags`, or nothing and the reason.
+std::optional<UnitHeader> check_unit_header(std::span<const uint8_t> bytes, UnitKind kind, uint8_t type,
+                                            uint16_t known_flags, std::string& reason);
+// Whether there are as many bytes as the header says.
+bool check_unit_size(std::span<const uint8_t> bytes, const UnitHeader& header, std::string& reason);
+
+}  // namespace lf::wire

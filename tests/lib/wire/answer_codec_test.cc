@@ -1,0 +1,234 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "wire/answer_codec.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "base/error.h"
+#include "lib/wire/wire_test.h"
+#include "wire/limits.h"
+
+namespace lf::wire {
+namespace {
+
+// Written from spec.md, not by the encoder.
+const char kGolden[] =
+    "8f4c464101010001000000770000000700000009000000003b9aca00000000003b9aca7b112233445566778800000003"
+    "0009000702000000000000020005000000020004000300020000000300000010ffff0000000800060001000100000001"
+    "000000030102030405060708090a00ff00070000c8807f";
+constexpr size_t kTable = 60, kSecond = 80;
+
+Answer golden_answer() {
+  Answer a;
+  a.view_id = 7;
+  a.sequence = 9;
+  a.view_width = 9;
+  a.view_height = 7;
+  a.family = PixelFamily::kI420;
+  a.target_time = 1'000'000'000;
+  a.actual_time = 1'000'000'123;
+  a.rig_hash = 0x1122334455667788;
+  a.node = 3;
+  a.fragments = {{5, PixelFamily::kI420, {2, 4, 5, 6}, {1, 2, 3, 4, 5, 6, 7, 8, 9, 10}, {0, 255, 0, 7, 0, 0}},
+                 {Fragment::kSum, PixelFamily::kI420, {8, 6, 9, 7}, {200, 0x80, 0x7f}, {}}};
+  return a;
+}
+
+Answer random_answer(std::mt19937& random, int max_size) {
+  const auto below = [&](int n) { return static_cast<int>(random() % n); };
+  Answer a;
+  a.view_id = random();
+  a.sequence = random();
+  a.view_width = 1 + below(max_size);
+  a.view_height = 1 + below(max_size);
+  a.target_time = below(3) ? random() : kNoTime;
+  a.actual_time = below(3) ? random() : kNoTime;
+  a.rig_hash = (uint64_t{random()} << 32) | random();
+  a.node = random();
+  a.last_of_node = below(2);
+  a.family = static_cast<PixelFamily>(below(3));
+  if (a.family == PixelFamily::kNone) return a;
+  const int align = a.family == PixelFamily::kI420 ? ~1 : ~0;
+  for (int n = below(5); n > 0; n--) {
+    Fragment f;
+    f.camera = below(4) ? below(kMaxCameras) : Fragment::kSum;
+    f.family = a.family;
+    f.rect.x0 = below(a.view_width) & align;
+    f.rect.y0 = below(a.view_height) & align;
+    f.rect.x1 = f.rect.x0 + 1 + below(a.view_width - f.rect.x0);
+    f.rect.y1 = f.rect.y0 + 1 + below(a.view_height - f.rect.y0);
+    f.pixels.resize(packed_size(f.family, f.rect.width(), f.rect.height()));
+    if (below(2)) f.lost.resize(static_cast<size_t>(f.rect.width()) * f.rect.height());
+    for (uint8_t& v : f.pixels) v = static_cast<uint8_t>(random());
+    for (uint8_t& v : f.lost) v = static_cast<uint8_t>(random());
+    a.fragments.push_back(std::move(f));
+  }
+  return a;
+}
+
+std::string reason_of(const std::vector<uint8_t>& bytes) {
+  std::string reason;
+  EXPECT_FALSE(decode_answer(bytes, &reason).has_value());
+  EXPECT_FALSE(decode_answer(bytes).has_value());
+  return reason;
+}
+
+TEST(AnswerCodec, GoldenBytes) {
+  EXPECT_EQ(encode_answer(golden_answer()), from_hex(kGolden));
+  EXPECT_EQ(decode_answer(from_hex(kGolden)), golden_answer());
+}
+
+TEST(AnswerCodec, RoundTrips) {
+  std::mt19937 random(1);
+  for (int i = 0; i < 1000; i++) {
+    const Answer answer = random_answer(random, 40);
+    const std::vector<uint8_t> bytes = encode_answer(answer);
+    std::string reason;
+    const std::optional<Answer> decoded = decode_answer(bytes, &reason);
+    ASSERT_TRUE(decoded.has_value()) << reason;
+    EXPECT_EQ(*decoded, answer);
+    Answer header = answer;
+    header.fragments.clear();
+    EXPECT_EQ(decode_answer_header(bytes), header);
+    EXPECT_EQ(decode_answer_header(std::span(bytes).first(60)), header);
+  }
+}
+
+TEST(AnswerCodec, NothingToGiveIsAnAnswer) {
+  Answer answer;
+  answer.view_width = answer.view_height = 1;
+  EXPECT_EQ(encode_answer(answer).size(), 60u);
+  EXPECT_EQ(decode_answer(encode_answer(answer)), answer);
+}
+
+TEST(AnswerCodec, RefusesEveryTruncation) {
+  const std::vector<uint8_t> bytes = from_hex(kGolden);
+  for (size_t n = 0; n < bytes.size(); n++) {
+    const std::string there = ", there are " + std::to_string(n);
+    const std::string plain = reason_of({bytes.begin(), bytes.begin() + n});
+    std::string reason;
+    EXPECT_EQ(decode_answer_header(std::span(bytes).first(n), &reason).has_value(), n >= 60);
+    if (n < 12) {
+      EXPECT_EQ(plain, "header: needs 12 bytes" + there);
+    } else if (n < 60) {
+      EXPECT_EQ(plain, "header: needs 60 bytes" + there);
+      EXPECT_EQ(reason, plain);
+      EXPECT_EQ(reason_of(resized(bytes, n)), plain);
+    } else {
+      EXPECT_EQ(plain, "length: the unit says 119 bytes" + there);
+      // With a length field that agrees, what is cut is named.
+      const std::string cut = reason_of(resized(bytes, n));
+      if (n < 100) {
+        EXPECT_EQ(cut, "fragments: a table of 2 is longer than the answer") << n;
+      } else if (n < 116) {
+        EXPECT_EQ(cut, "fragments[0].length: 16 bytes, but " + std::to_string(n - 100) + " are left");
+      } else {
+        EXPECT_EQ(cut, "fragments[1].length: 3 bytes, but " + std::to_string(n - 116) + " are left");
+      }
+    }
+  }
+  EXPECT_EQ(reason_of(resized(bytes, 121)), "length: 2 bytes after the last fragment's payload");
+}
+
+TEST(AnswerCodec, NamesTheFieldThatIsWrong) {
+  const struct {
+    size_t offset;
+    int size;
+    uint64_t value;
+    const char* reason;
+  } rows[] = {
+      {0, 1, 0x8e, "magic: no answer begins here"},
+      {3, 1, 'Q', "magic: no answer begins here"},
+      {4, 1, 3, "version: 3 is not supported, only 1"},
+      {5, 1, 5, "type: 5 is not supported in answer units"},
+      {6, 2, 3, "flags: unknown bits 2"},
+      {8, 4, 118, "length: the unit says 118 bytes, there are 119"},
+      {8, 4, 0xffffffff, "length: 4294967295 bytes, must be 12 to 1073741824"},
+      {48, 2, 0, "view_width: must be 1 to 16384 pixels, is 0"},
+      {50, 2, 16385, "view_height: must be 1 to 16384 pixels, is 16385"},
+      {52, 1, 3, "family: 3 is unknown"},
+      {52, 1, 0, "family: none, but there are 2 fragments"},
+      {52, 1, 1, "fragments[0].length: must be 24 bytes, is 16"},
+      {53, 1, 1, "reserved: must be 0, is 65536"},
+      {55, 1, 1, "reserved: must be 0, is 1"},
+      {56, 4, 3, "fragments: a table of 3 is longer than the answer"},
+      {56, 4, 0xffffffff, "fragments: at most 65536, not 4294967295"},
+      {56, 4, 1, "length: 23 bytes after the last fragment's payload"},
+      {kTable + 2, 2, 1, "fragments[0].plane: 1 is not supported"},
+      {kTable + 4, 2, 1, "fragments[0].rectangle: x and y must be even in YCbCr"},
+      {kTable + 6, 2, 3, "fragments[0].rectangle: x and y must be even in YCbCr"},
+      {kTable + 4, 2, 0xffff, "fragments[0].rectangle: is not inside the view"},
+      {kTable + 6, 2, 6, "fragments[0].rectangle: is not inside the view"},
+      {kTable + 8, 2, 0, "fragments[0].rectangle: is empty"},
+      {kTable + 10, 2, 0, "fragments[0].rectangle: is empty"},
+      {kTable + 10, 2, 3, "fragments[0].length: must be 26 bytes, is 16"},
+      {kTable + 12, 1, 1, "fragments[0].codec: 1 (JPEG) is not supported"},
+      {kTable + 12, 1, 2, "fragments[0].codec: 2 is not supported"},
+      {kTable + 13, 1, 80, "fragments[0].quality: must be 0 for raw pixels, is 80"},
+      {kTable + 14, 2, 7, "fragments[0].flags: unknown bits"},
+      {kTable + 14, 2, 2, "fragments[0].flags: fragments without weight are not supported"},
+      {kTable + 14, 2, 1, "fragments[0].length: must be 10 bytes, is 16"},
+      {kTable + 16, 4, 0xffffffff, "fragments[0].length: must be 16 bytes, is 4294967295"},
+      {kSecond + 4, 2, 10, "fragments[1].rectangle: is not inside the view"},
+      {kSecond + 16, 4, 4, "fragments[1].length: must be 3 bytes, is 4"},
+  };
+  for (const auto& row : rows)
+    EXPECT_EQ(reason_of(with(from_hex(kGolden), row.offset, row.size, row.value)), row.reason)
+        << "offset " << row.offset;
+}
+
+TEST(AnswerCodec, EncodesOnlyWhatIsValid) {
+  const auto refused = [](const char* reason, auto change) {
+    Answer answer = golden_answer();
+    change(answer);
+    try {
+      encode_answer(answer);
+      ADD_FAILURE() << "accepted: " << reason;
+    } catch (const Error& error) {
+      EXPECT_STREQ(error.what(), reason);
+    }
+  };
+  refused("view_width: must be 1 to 16384 pixels, is 70000", [](Answer& a) { a.view_width = 70000; });
+  refused("family: none, but there are 2 fragments", [](Answer& a) { a.family = PixelFamily::kNone; });
+  refused("fragments[0].family: differs from the answer's", [](Answer& a) { a.family = PixelFamily::kRgb; });
+  refused("fragments[0].camera: 65535 is beyond 65534", [](Answer& a) { a.fragments[0].camera = kMaxCameras; });
+  refused("fragments[1].pixels: do not fill the rectangle", [](Answer& a) { a.fragments[1].pixels.pop_back(); });
+  refused("fragments[0].lost: does not fill the rectangle", [](Answer& a) { a.fragments[0].lost.pop_back(); });
+  refused("fragments[0].rectangle: is not inside the view", [](Answer& a) { a.fragments[0].rect = {-2, 4, 1, 6}; });
+  refused("fragments[0].rectangle: is empty", [](Answer& a) { a.fragments[0].rect = {4, 4, 2, 6}; });
+}
+
+TEST(AnswerCodec, SurvivesRandomCorruption) {
+  std::mt19937 random(2);
+  std::vector<std::vector<uint8_t>> answers;
+  while (answers.size() < 64) answers.push_back(encode_answer(random_answer(random, 12)));
+  int accepted = 0;
+  for (int i = 0; i < 100'000; i++) {
+    std::vector<uint8_t> bytes = answers[i % answers.size()];
+    if (i % 8 == 0) bytes = resized(std::move(bytes), random() % (bytes.size() + 8));
+    if (bytes.empty()) continue;
+    corrupt(bytes, 100, random);
+    const std::optional<Answer> header = decode_answer_header(bytes), decoded = decode_answer(bytes);
+    if (!decoded) continue;
+    accepted++;
+    ASSERT_TRUE(header.has_value());
+    ASSERT_EQ(encode_answer(*decoded), bytes);
+  }
+  EXPECT_GT(accepted, 10'000);
+  EXPECT_LT(accepted, 90'000);
+}
+
+TEST(AnswerCodec, LargeAnswersAreOneCopy) {
+  Answer answer;
+  answer.view_width = answer.view_height = 2048;
+  answer.family = PixelFamily::kRgb;
+  answer.fragments.push_back({0, PixelFamily::kRgb, {0, 0, 2048, 2048}, std::vector<uint8_t>(2048 * 2048 * 3, 7), {}});
+  const std::vector<uint8_t> bytes = encode_answer(answer);
+  EXPECT_EQ(bytes.size(), 80u + 2048 * 2048 * 3);
+  EXPECT_EQ(bytes.capacity(), bytes.size());  // sized once, never grown
+  EXPECT_EQ(decode_answer(bytes), answer);
+}
+
+}  // namespace
+}  // namespace lf::wire

@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "wire/request_codec.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <random>
+
+#include "base/error.h"
+#include "lib/wire/wire_test.h"
+#include "wire/limits.h"
+
+namespace lf::wire {
+namespace {
+
+// Written from spec.md, not by the encoder.
+const char kGolden[] =
+    "8f4c465101010001000000ac0000000701020304000000003b9aca001122334455667788028001e0000100003ff00000"
+    "00000000c0000000000000003fe00000000000003ff00000000000000000000000000000000000000000000000000000"
+    "00000000407f400000000000407f5000000000004073f80000000000406df00000000000000000000000000000000000"
+    "00000000bff000000000000040040000000000000000000200030102";
+
+ViewRequest golden_request() {
+  ViewRequest r;
+  r.view_id = 7;
+  r.sequence = 0x01020304;
+  r.target_time = 1'000'000'000;
+  r.absolute_time = true;
+  r.rig_hash = 0x1122334455667788;
+  r.view.width = 640;
+  r.view.height = 480;
+  r.view.lens = Lens(LensModel::kPinhole, {500, 501, 319.5, 239.5});
+  r.view.pose.position = {1, -2, 0.5};
+  r.view.focus.plane = {{0, 0, -1}, 2.5};
+  r.out_of_service = {3, 258};
+  return r;
+}
+
+ViewRequest random_request(std::mt19937& random) {
+  std::uniform_real_distribution<double> number(-1, 1);
+  ViewRequest r;
+  r.view_id = random();
+  r.sequence = random();
+  r.target_time = random() % 3 ? (uint64_t{random()} << 32) | random() : kNoTime;
+  r.absolute_time = random() % 2;
+  r.quality = random() % 101;
+  r.rig_hash = (uint64_t{random()} << 32) | random();
+  r.view.width = 1 + random() % kMaxViewSize;
+  r.view.height = 1 + random() % kMaxViewSize;
+  std::array<double, Lens::kMaxParams> params;
+  for (double& p : params) p = 1000 * number(random);
+  params[0] = std::abs(params[0]) + 1;
+  params[1] = std::abs(params[1]) + 1;
+  r.view.lens = Lens(*lens_model_from_code(random() % 5), params);
+  r.view.pose.position = {1e6 * number(random), number(random), 1e-6 * number(random)};
+  r.view.pose.orientation =
+      glm::normalize(Quat(number(random), number(random), number(random), number(random) + 1.001));
+  r.view.focus.plane = {glm::normalize(Vec3(number(random), number(random), number(random) + 1.001)), number(random)};
+  for (CameraIndex camera = random() % 4; camera < 1000 && random() % 8; camera += 1 + random() % 300)
+    r.out_of_service.push_back(camera);
+  return r;
+}
+
+std::string reason_of(const std::vector<uint8_t>& bytes) {
+  std::string reason;
+  EXPECT_FALSE(decode_request(bytes, &reason).has_value());
+  EXPECT_FALSE(decode_request(bytes).has_value());
+  return reason;
+}
+
+TEST(RequestCodec, GoldenBytes) {
+  EXPECT_EQ(encode_request(golden_request()), from_hex(kGolden));
+  const std::optional<ViewRequest> decoded = decode_request(from_hex(kGolden));
+  ASSERT_TRUE(decoded.has_value());
+  EXPECT_EQ(*decoded, golden_request());
+}
+
+TEST(RequestCodec, RoundTrips) {
+  std::mt19937 random(1);
+  for (int i = 0; i < 2000; i++) {
+    const ViewRequest request = random_request(random);
+    std::string reason;
+    const std::optional<ViewRequest> decoded = decode_request(encode_request(request), &reason);
+    ASSERT_TRUE(decoded.has_value()) << reason;
+    EXPECT_EQ(*decoded, request);
+  }
+}
+
+TEST(RequestCodec, EveryCameraMayBeOutOfService) {
+  ViewRequest request = golden_request();
+  request.out_of_service.clear();
+  for (CameraIndex i = 0; i < kMaxCameras; i++) request.out_of_service.push_back(i);
+  const std::vector<uint8_t> bytes = encode_request(request);
+  EXPECT_LE(bytes.size(), kMaxRequestBytes);
+  EXPECT_EQ(decode_request(bytes), request);
+}
+
+TEST(RequestCodec, RefusesEveryTruncation) {
+  const std::vector<uint8_t> bytes = from_hex(kGolden);
+  for (size_t n = 0; n < bytes.size(); n++) {
+    const std::string plain = reason_of({bytes.begin(), bytes.begin() + n});
+    if (n < 12) {
+      EXPECT_EQ(plain, "header: needs 12 bytes, there are " + std::to_string(n));
+      continue;
+    }
+    EXPECT_EQ(plain, "length: the unit says 172 bytes, there are " + std::to_string(n));
+    // With a length field that agrees, the field that is cut is named.
+    const char* field = n < 100 ? "view" : n < 132 ? "lens params" : n < 164 ? "focal_plane" : "out_of_service";
+    if (n < 168) {
+      EXPECT_EQ(reason_of(resized(bytes, n)), std::string(field) + ": the request ends before it does") << n;
+    } else {
+      EXPECT_EQ(reason_of(resized(bytes, n)),
+                "out_of_service: 2 cameras do not fill the " + std::to_string(n - 168) + " bytes left");
+    }
+  }
+  EXPECT_EQ(reason_of(resized(bytes, 173)), "out_of_service: 2 cameras do not fill the 5 bytes left");
+}
+
+TEST(RequestCodec, NamesTheFieldThatIsWrong) {
+  const uint64_t nan = std::bit_cast<uint64_t>(std::nan("")), two = std::bit_cast<uint64_t>(2.);
+  const uint64_t infinity = std::bit_cast<uint64_t>(std::numeric_limits<double>::infinity());
+  const struct {
+    size_t offset;
+    int size;
+    uint64_t value;
+    const char* reason;
+  } rows[] = {
+      {0, 1, 0x8e, "magic: no request begins here"},
+      {3, 1, 'A', "magic: no request begins here"},
+      {4, 1, 2, "version: 2 is not supported, only 1"},
+      {4, 1, 0, "version: 0 is not supported, only 1"},
+      {5, 1, 2, "type: 2 is not supported in request units"},
+      {6, 2, 6, "flags: unknown bits 6"},
+      {8, 4, 171, "length: the unit says 171 bytes, there are 172"},
+      {8, 4, 0, "length: 0 bytes, must be 12 to 262144"},
+      {8, 4, 0xffffffff, "length: 4294967295 bytes, must be 12 to 262144"},
+      {36, 2, 0, "width: must be 1 to 16384 pixels, is 0"},
+      {38, 2, 16385, "height: must be 1 to 16384 pixels, is 16385"},
+      {40, 1, 101, "quality: must be 0 to 100, is 101"},
+      {41, 1, 5, "lens model: 5 is unknown"},
+      {41, 1, 4, "focal_plane: the request ends before it does"},
+      {42, 1, 1, "focal surface: kind 1 is not supported"},
+      {43, 1, 1, "reserved: must be 0, is 1"},
+      {44, 8, nan, "position: must be finite numbers"},
+      {60, 8, infinity, "position: must be finite numbers"},
+      {68, 8, two, "orientation: must be a quaternion of unit norm"},
+      {92, 8, nan, "orientation: must be a quaternion of unit norm"},
+      {100, 8, 0, "params[0]: the focal length must be positive"},
+      {108, 8, nan, "params[1]: must be a finite number"},
+      {132, 8, two, "focal_plane: must be finite numbers with a normal of unit length"},
+      {156, 8, nan, "focal_plane: must be finite numbers with a normal of unit length"},
+      {164, 4, 0xffffffff, "out_of_service: 4294967295 cameras do not fill the 4 bytes left"},
+      {168, 2, 258, "out_of_service[1]: cameras must ascend"},
+      {170, 2, 0xffff, "out_of_service[1]: camera 65535 is beyond 65534"},
+  };
+  for (const auto& row : rows)
+    EXPECT_EQ(reason_of(with(from_hex(kGolden), row.offset, row.size, row.value)), row.reason)
+        << "offset " << row.offset;
+}
+
+TEST(RequestCodec, EncodesOnlyWhatIsValid) {
+  const auto refused = [](auto change) {
+    ViewRequest request = golden_request();
+    change(request);
+    EXPECT_THROW(encode_request(request), Error);
+  };
+  refused([](ViewRequest& r) { r.view.width = 0; });
+  refused([](ViewRequest& r) { r.view.height = 70000; });
+  refused([](ViewRequest& r) { r.quality = 101; });
+  refused([](ViewRequest& r) { r.view.pose.position.x = std::nan(""); });
+  refused([](ViewRequest& r) { r.out_of_service = {kMaxCameras}; });
+  refused([](ViewRequest& r) { r.out_of_service = {5, 4}; });
+}
+
+TEST(RequestCodec, SurvivesRandomCorruption) {
+  std::mt19937 random(2);
+  std::vector<std::vector<uint8_t>> requests;
+  for (int i = 0; i < 64; i++) requests.push_back(encode_request(random_request(random)));
+  int accepted = 0;
+  for (int i = 0; i < 100'000; i++) {
+    std::vector<uint8_t> bytes = requests[i % requests.size()];
+    if (i % 8 == 0) bytes = resized(std::move(bytes), random() % (bytes.size() + 8));
+    if (bytes.empty()) continue;
+    corrupt(bytes, 44, random);
+    const std::optional<ViewRequest> decoded = decode_request(bytes);
+    if (!decoded) continue;
+    accepted++;
+    ASSERT_EQ(encode_request(*decoded), bytes);
+  }
+  EXPECT_GT(accepted, 10'000);
+  EXPECT_LT(accepted, 90'000);
+}
+
+}  // namespace
+}  // namespace lf::wire
