@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <set>
+
+#include "composite/accumulator.h"
+#include "render/render_job.h"
+#include "view/view_request.h"
+#include "wire/answer_codec.h"
+
+namespace lf {
+
+// Puts the picture of one request together from the answers of any number of nodes, in any order. Reused from request
+// to request. Not thread-safe.
+class Assembly {
+ public:
+  // With the rig known, fragments that never came count as lost weight and pixels outside the mesh show the background.
+  void set_rig(std::shared_ptr<const Rig> rig);
+  // Throws Error if the request names cameras out of service that the rig does not have.
+  void begin(const ViewRequest& request);
+
+  enum class Verdict {
+    kAdded,
+    kOtherRequest,  // another view or sequence number
+    kOtherRig,      // rendered from another rig than the request, this compositor's or the first answer's
+    kBadFragment,   // another pixel family or view size than the first answer's; other fragments of it were added
+  };
+  Verdict add(const wire::Answer& answer);
+
+  // Call once after the last answer, before picture(): gives missing cameras' weight up for lost. `fallback`: the family
+  // of the picture if no answer named one. `mark_uncovered`: see Accumulator::set_uncovered; costs an owner map of the
+  // whole view and changes nothing if the background is black.
+  void finish(PixelFamily fallback, bool mark_uncovered);
+
+  // Of the answers so far; kNone before the first that names one.
+  PixelFamily family() const { return family_; }
+  const Accumulator& picture() const { return accumulator_; }
+  unsigned fragments() const { return fragments_; }
+  // Fragments that should have come and did not; known after finish() and with a rig alone, else 0.
+  unsigned missing() const { return missing_; }
+  // The largest |capture time - target time| of the answers, nanoseconds.
+  uint64_t skew() const { return skew_; }
+
+ private:
+  std::shared_ptr<const Rig> rig_;
+  uint64_t rig_hash_ = 0;  // of rig_, 0 without
+  MeshCache mesh_;
+  ViewRequest request_;
+  uint64_t expected_rig_ = 0;  // hash that answers must carry, 0: not known yet
+  Accumulator accumulator_;
+  PixelFamily family_ = PixelFamily::kNone;
+  std::set<CameraIndex> received_;
+  bool have_sums_ = false;  // a partial sum does not tell which cameras are in it
+  unsigned fragments_ = 0, missing_ = 0;
+  uint64_t skew_ = 0;
+};
+
+}  // namespace lf
