@@ -2,10 +2,13 @@
 #include <gst/gst.h>
 
 #include "config.h"
+#include "lfparse.h"
+#include "lftypefind.h"
 
 static gboolean plugin_init(GstPlugin* plugin) {
   gboolean ok = TRUE;
-  (void)plugin;
+  ok &= GST_ELEMENT_REGISTER(lfparse, plugin);
+  ok &= lf_typefind_register(plugin);
   return ok;
 }
 

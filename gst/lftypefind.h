@@ -1,0 +1,7 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+// Registers the typefinders of request streams (.lfq) and answer streams (.lfa).
+gboolean lf_typefind_register(GstPlugin* plugin);

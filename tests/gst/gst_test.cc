@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "gst/gst_test.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+namespace lf::test {
+
+GstBuffer* to_buffer(const std::vector<uint8_t>& bytes) {
+  return gst_buffer_new_memdup(bytes.data(), bytes.size());
+}
+
+std::vector<uint8_t> to_bytes(GstBuffer* buffer) {
+  std::vector<uint8_t> bytes(gst_buffer_get_size(buffer));
+  gst_buffer_extract(buffer, 0, bytes.data(), bytes.size());
+  return bytes;
+}
+
+ElementPtr launch(const std::string& line) {
+  GError* error = nullptr;
+  GstElement* pipeline = gst_parse_launch_full(line.c_str(), nullptr, GST_PARSE_FLAG_FATAL_ERRORS, &error);
+  if (error) ADD_FAILURE() << line << ": " << error->message;
+  g_clear_error(&error);
+  return ElementPtr(pipeline);
+}
+
+std::string run(GstElement* pipeline, double seconds) {
+  gst_element_set_state(pipeline, GST_STATE_PLAYING);
+  GstBus* bus = gst_element_get_bus(pipeline);
+  GstMessage* message = gst_bus_timed_pop_filtered(bus, static_cast<GstClockTime>(seconds * GST_SECOND),
+                                                   static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR));
+  std::string result;
+  if (!message) {
+    result = "timeout";
+  } else if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) {
+    GError* error = nullptr;
+    gchar* debug = nullptr;
+    gst_message_parse_error(message, &error, &debug);
+    result = std::string(error->message) + " (" + (debug ? debug : "") + ")";
+    g_clear_error(&error);
+    g_free(debug);
+  }
+  if (message) gst_message_unref(message);
+  gst_object_unref(bus);
+  gst_element_set_state(pipeline, GST_STATE_NULL);
+  return result;
+}
+
+uint64_t stat(GstElement* element, const char* field) {
+  GstStructure* stats = nullptr;
+  g_object_get(element, "stats", &stats, nullptr);
+  const StructurePtr owner(stats);
+  guint64 value = 0;
+  if (!stats || !gst_structure_get_uint64(stats, field, &value)) ADD_FAILURE() << "stats have no " << field;
+  return value;
+}
+
+TempFile::TempFile(const std::vector<uint8_t>& bytes, const std::string& ending) {
+  std::string name = (std::filesystem::temp_directory_path() / "lf-test-XXXXXX").string() + ending;
+  const int file = mkstemps(name.data(), static_cast<int>(ending.size()));
+  if (file < 0) throw std::runtime_error("no temporary file");
+  close(file);
+  path_ = name;
+  std::ofstream(path_, std::ios::binary)
+      .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+}
+
+TempFile::~TempFile() {
+  std::error_code ignored;
+  std::filesystem::remove(path_, ignored);
+}
+
+}  // namespace lf::test
+
+int main(int argc, char** argv) {
+  // A registry of our own: the tests neither use nor change the user's.
+  g_setenv("GST_PLUGIN_PATH", LF_PLUGIN_DIR, TRUE);
+  g_setenv("GST_REGISTRY", LF_PLUGIN_DIR "/test-registry.bin", TRUE);
+  testing::InitGoogleTest(&argc, argv);
+  gst_init(&argc, &argv);
+  g_log_set_always_fatal(static_cast<GLogLevelFlags>(G_LOG_FATAL_MASK | G_LOG_LEVEL_CRITICAL));
+  const int result = RUN_ALL_TESTS();
+  gst_deinit();  // lets the leaks tracer report
+  return result;
+}

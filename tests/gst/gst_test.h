@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/check/gstharness.h>
+#include <gst/gst.h>
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+// What the tests of the elements share. gst_test.cc holds their main(): it lets GStreamer see the plugin of this build
+// and those of the system, and makes every GLib critical end the program.
+namespace lf::test {
+
+template <auto unref>
+struct Unref {
+  template <typename T>
+  void operator()(T* object) const {
+    unref(object);
+  }
+};
+using BufferPtr = std::unique_ptr<GstBuffer, Unref<gst_buffer_unref>>;
+using CapsPtr = std::unique_ptr<GstCaps, Unref<gst_caps_unref>>;
+using ElementPtr = std::unique_ptr<GstElement, Unref<gst_object_unref>>;
+using HarnessPtr = std::unique_ptr<GstHarness, Unref<gst_harness_teardown>>;
+using StructurePtr = std::unique_ptr<GstStructure, Unref<gst_structure_free>>;
+
+// Takes the bytes along.
+GstBuffer* to_buffer(const std::vector<uint8_t>& bytes);
+std::vector<uint8_t> to_bytes(GstBuffer* buffer);
+
+// A pipeline from a launch line; a broken line fails the test and gives null.
+ElementPtr launch(const std::string& line);
+// Plays until the end of the stream and sets it to NULL: "" or the error's message and debug text ("timeout" after
+// `seconds`).
+std::string run(GstElement* pipeline, double seconds = 20);
+
+// A uint64 field of an element's `stats` structure; fails the test where there is none.
+uint64_t stat(GstElement* element, const char* field);
+
+// A file that is gone with the object.
+class TempFile {
+ public:
+  explicit TempFile(const std::vector<uint8_t>& bytes, const std::string& ending = "");
+  ~TempFile();
+  TempFile(const TempFile&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+}  // namespace lf::test
