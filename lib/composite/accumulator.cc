@@ -152,91 +152,102 @@ void Accumulator::set_uncovered(const OwnerMap& whole_view) {
   }
 }
 
-void Accumulator::resolve(const Background& background, const RgbLayout& layout, uint8_t* const plane[3],
-                          const ptrdiff_t stride[3]) const {
-  const int w = width_, h = height_;
-  std::vector<float> scale(static_cast<size_t>(w) * 2);
-  // Whether row y needs more than its sum; its scales then start at `to`.
-  const auto scales = [&](int y, float* to) {
-    const size_t row = static_cast<size_t>(y) * w;
-    const uint8_t* uncovered = uncovered_.empty() ? nullptr : &uncovered_[row];
-    if (!(any_lost_ && any_set(&lost_[row], w)) && !(uncovered && any_set(uncovered, w))) return false;
-    make_scales(to, &lost_[row], uncovered, w);
-    return true;
-  };
+bool Accumulator::row_scales(int y, float* scale) const {
+  const size_t row = static_cast<size_t>(y) * width_;
+  const uint8_t* uncovered = uncovered_.empty() ? nullptr : &uncovered_[row];
+  if (!(any_lost_ && any_set(&lost_[row], width_)) && !(uncovered && any_set(uncovered, width_))) return false;
+  make_scales(scale, &lost_[row], uncovered, width_);
+  return true;
+}
 
-  if (family_ == PixelFamily::kRgb) {
-    const bool direct = layout == RgbLayout{};
-    const int padding = layout.pixel_stride == 4 ? 6 - layout.r - layout.g - layout.b : -1;
-    std::vector<uint8_t> packed(direct ? 0 : static_cast<size_t>(w) * 3);
-    for (int y = 0; y < h; y++) {
-      const int16_t* sum = &sum_[static_cast<size_t>(y) * w * 3];
-      uint8_t* const out = plane[0] + y * stride[0];
-      uint8_t* const rgb = direct ? out : packed.data();
-      if (scales(y, scale.data())) {
-        for (int x = 0; x < w; x++, sum += 3) {
-          const float s = scale[x];
-          rgb[3 * x + 0] = s == 0 ? background.r : to_byte(sum[0] * s);
-          rgb[3 * x + 1] = s == 0 ? background.g : to_byte(sum[1] * s);
-          rgb[3 * x + 2] = s == 0 ? background.b : to_byte(sum[2] * s);
-        }
-      } else {
-        saturate_row(rgb, sum, w * 3);
+void Accumulator::resolve_rgb(const Background& background, const RgbLayout& layout, uint8_t* plane,
+                              ptrdiff_t stride) const {
+  const int w = width_;
+  const bool direct = layout == RgbLayout{};
+  const int padding = layout.pixel_stride == 4 ? 6 - layout.r - layout.g - layout.b : -1;
+  std::vector<float> scale(w);
+  std::vector<uint8_t> packed(direct ? 0 : static_cast<size_t>(w) * 3);
+  for (int y = 0; y < height_; y++) {
+    const int16_t* sum = &sum_[static_cast<size_t>(y) * w * 3];
+    uint8_t* const out = plane + y * stride;
+    uint8_t* const rgb = direct ? out : packed.data();
+    if (row_scales(y, scale.data())) {
+      for (int x = 0; x < w; x++, sum += 3) {
+        const float s = scale[x];
+        rgb[3 * x + 0] = s == 0 ? background.r : to_byte(sum[0] * s);
+        rgb[3 * x + 1] = s == 0 ? background.g : to_byte(sum[1] * s);
+        rgb[3 * x + 2] = s == 0 ? background.b : to_byte(sum[2] * s);
       }
-      if (direct) continue;
+    } else {
+      saturate_row(rgb, sum, w * 3);
+    }
+    if (direct) continue;
+    for (int x = 0; x < w; x++) {
+      uint8_t* const pixel = out + static_cast<ptrdiff_t>(x) * layout.pixel_stride;
+      pixel[layout.r] = rgb[3 * x];
+      pixel[layout.g] = rgb[3 * x + 1];
+      pixel[layout.b] = rgb[3 * x + 2];
+      if (padding >= 0) pixel[padding] = 255;
+    }
+  }
+}
+
+void Accumulator::resolve_i420(const Background& background, uint8_t* const plane[3], const ptrdiff_t stride[3]) const {
+  const YCbCr back = to_ycbcr(background);
+  const uint8_t back_y = to_byte(back.y);
+  const int w = width_, cw = chroma_size(w), ch = chroma_size(height_);
+  const size_t luma = static_cast<size_t>(w) * height_;
+  std::vector<float> scale(w);
+  std::vector<int> lost(cw), hidden(cw);  // over the pixels of a chroma sample
+  std::vector<float> chroma_scale(cw), share(cw);
+  for (int cy = 0; cy < ch; cy++) {
+    const int rows = std::min(2, height_ - 2 * cy);
+    bool plain = true;
+    std::fill(lost.begin(), lost.end(), 0);
+    std::fill(hidden.begin(), hidden.end(), 0);
+    for (int y = 2 * cy; y < 2 * cy + rows; y++) {
+      const int16_t* sum = &sum_[static_cast<size_t>(y) * w];
+      uint8_t* const out = plane[0] + y * stride[0];
+      if (!row_scales(y, scale.data())) {
+        saturate_row(out, sum, w);
+        continue;
+      }
+      plain = false;
+      for (int x = 0; x < w; x++) out[x] = scale[x] == 0 ? back_y : to_byte(sum[x] * scale[x]);
+      const uint16_t* row_lost = &lost_[static_cast<size_t>(y) * w];
       for (int x = 0; x < w; x++) {
-        uint8_t* const pixel = out + static_cast<ptrdiff_t>(x) * layout.pixel_stride;
-        pixel[layout.r] = rgb[3 * x];
-        pixel[layout.g] = rgb[3 * x + 1];
-        pixel[layout.b] = rgb[3 * x + 2];
-        if (padding >= 0) pixel[padding] = 255;
+        lost[x / 2] += std::min<int>(row_lost[x], 255);
+        hidden[x / 2] += scale[x] == 0;
       }
     }
-  } else if (family_ == PixelFamily::kI420) {
-    const YCbCr back = to_ycbcr(background);
-    const uint8_t back_y = to_byte(back.y);
-    const int cw = chroma_size(w), ch = chroma_size(h);
-    const size_t luma = static_cast<size_t>(w) * h;
-    for (int cy = 0; cy < ch; cy++) {
-      const int rows = std::min(2, h - 2 * cy);
-      bool scaled[2] = {};
-      for (int i = 0; i < rows; i++) {
-        const int y = 2 * cy + i;
-        const int16_t* sum = &sum_[static_cast<size_t>(y) * w];
-        float* const row_scale = &scale[static_cast<size_t>(i) * w];
-        uint8_t* const out = plane[0] + y * stride[0];
-        scaled[i] = scales(y, row_scale);
-        if (scaled[i]) {
-          for (int x = 0; x < w; x++) out[x] = row_scale[x] == 0 ? back_y : to_byte(sum[x] * row_scale[x]);
-        } else {
-          saturate_row(out, sum, w);
-          std::fill_n(row_scale, w, 1.f);
-        }
+    // Lost weight is the mean over the sample's pixels; the background takes the share of those that show it.
+    if (!plain)
+      for (int cx = 0; cx < cw; cx++) {
+        const float n = static_cast<float>(rows * std::min(2, w - 2 * cx));
+        const float left = 255 - static_cast<float>(lost[cx]) / n;
+        share[cx] = left < kLeastWeight ? 1.f : static_cast<float>(hidden[cx]) / n;
+        chroma_scale[cx] = left < kLeastWeight ? 0.f : 255 / left;
       }
-      for (int c = 0; c < 2; c++) {
-        const int16_t* sum = &sum_[luma + (static_cast<size_t>(c) * ch + cy) * cw];
-        uint8_t* const out = plane[1 + c] + cy * stride[1 + c];
-        if (!scaled[0] && !scaled[1]) {
-          saturate_chroma_row(out, sum, cw, 128);
-          continue;
-        }
-        const float back_c = c == 0 ? back.cb : back.cr;
-        for (int cx = 0; cx < cw; cx++) {
-          // Lost weight is the mean over the sample's pixels; the background takes its share of those that show it.
-          int lost = 0, hidden = 0, n = 0;
-          for (int i = 0; i < rows; i++)
-            for (int x = 2 * cx; x < std::min(2 * cx + 2, w); x++, n++) {
-              lost += std::min<int>(lost_[static_cast<size_t>(2 * cy + i) * w + x], 255);
-              hidden += scale[static_cast<size_t>(i) * w + x] == 0;
-            }
-          const float left = 255.f - static_cast<float>(lost) / n;
-          const float share = left < kLeastWeight ? 1.f : static_cast<float>(hidden) / n;
-          const float colour = share == 1 ? 0.f : std::clamp(sum[cx] * 255.f / left, -128.f, 127.f);
-          out[cx] = to_byte(128 + colour * (1 - share) + back_c * share);
-        }
+    for (int c = 0; c < 2; c++) {
+      const int16_t* sum = &sum_[luma + (static_cast<size_t>(c) * ch + cy) * cw];
+      uint8_t* const out = plane[1 + c] + cy * stride[1 + c];
+      if (plain) {
+        saturate_chroma_row(out, sum, cw, 128);
+        continue;
+      }
+      const float back_c = c == 0 ? back.cb : back.cr;
+      for (int cx = 0; cx < cw; cx++) {
+        const float colour = std::clamp(sum[cx] * chroma_scale[cx], -128.f, 127.f);
+        out[cx] = to_byte(128 + colour * (1 - share[cx]) + back_c * share[cx]);
       }
     }
   }
+}
+
+void Accumulator::resolve(const Background& background, const RgbLayout& layout, uint8_t* const plane[3],
+                          const ptrdiff_t stride[3]) const {
+  if (family_ == PixelFamily::kRgb) resolve_rgb(background, layout, plane[0], stride[0]);
+  if (family_ == PixelFamily::kI420) resolve_i420(background, plane, stride);
 }
 
 Image Accumulator::resolve(const Background& background) const {

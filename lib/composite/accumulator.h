@@ -35,7 +35,9 @@ class Accumulator {
   // Pixels that no face of the mesh owns show the background too (without it they stay as they are: black).
   void set_uncovered(const OwnerMap& whole_view);
 
-  // The finished picture into packed planes as in ImageView: kRgb in `layout`, or kI420 with the 128 offset.
+  // The finished picture into packed planes as in ImageView: kRgb in `layout` (a fourth byte is set to 255: opaque), or
+  // kI420 with the 128 offset. Rounded to the nearest level, halves up. Chroma loses the mean of the lost weight of its
+  // up to four pixels; the background takes the share of those of them that show it.
   // A pixel with less than 3/255 of its weight left shows the background: rounding leaves it no colour.
   void resolve(const Background& background, const RgbLayout& layout, uint8_t* const plane[3],
                const ptrdiff_t stride[3]) const;
@@ -46,9 +48,14 @@ class Accumulator {
   std::optional<Fragment> partial_sum() const;
 
  private:
+  // The factors for the sums of row y, 0 where the background shows; false if the row is its sum as it is.
+  bool row_scales(int y, float* scale) const;
+  void resolve_rgb(const Background& background, const RgbLayout& layout, uint8_t* plane, ptrdiff_t stride) const;
+  void resolve_i420(const Background& background, uint8_t* const plane[3], const ptrdiff_t stride[3]) const;
+
   PixelFamily family_ = PixelFamily::kNone;
   int width_ = 0, height_ = 0;
-  Rect touched_;                    // union of what was added
+  Rect touched_;  // union of what was added
   bool any_lost_ = false;
   std::vector<int16_t> sum_;        // kRgb: 3 per pixel; kI420: planes, chroma signed
   std::vector<uint16_t> lost_;      // per pixel, 255 = weight 1
