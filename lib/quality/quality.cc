@@ -80,8 +80,8 @@ std::vector<double> ssim_map(const Image& picture, const Image& truth) {
   for (size_t i = 0; i < out.size(); i++) {
     // Written so that equal pictures give exactly 1: both halves of the fraction are then the same sum.
     const double var_x = xx[i] - mx[i] * mx[i], var_y = yy[i] - my[i] * my[i], cov = xy[i] - mx[i] * my[i];
-    out[i] = ((2 * mx[i] * my[i] + kC1) * (2 * cov + kC2)) /
-             ((mx[i] * mx[i] + my[i] * my[i] + kC1) * (var_x + var_y + kC2));
+    out[i] =
+        ((2 * mx[i] * my[i] + kC1) * (2 * cov + kC2)) / ((mx[i] * mx[i] + my[i] * my[i] + kC1) * (var_x + var_y + kC2));
   }
   return out;
 }
@@ -123,8 +123,7 @@ Image error_map(const Image& picture, const Image& truth, double gain) {
   Image out(PixelFamily::kRgb, picture.width(), picture.height());
   for (size_t i = 0; i < out.data().size(); i += 3) {
     int difference = 0;
-    for (size_t c = i; c < i + 3; c++)
-      difference = std::max(difference, std::abs(picture.data()[c] - truth.data()[c]));
+    for (size_t c = i; c < i + 3; c++) difference = std::max(difference, std::abs(picture.data()[c] - truth.data()[c]));
     const auto grey = static_cast<uint8_t>(std::clamp(std::lround(difference * gain), 0L, 255L));
     std::fill_n(out.data().begin() + static_cast<ptrdiff_t>(i), 3, grey);
   }

@@ -21,14 +21,20 @@ struct SceneCamera {
   Lens lens;
   Pose pose;
 };
-// `samples` x `samples` rays per pixel on a regular grid (box filter over the pixel). Rays that the lens does not see
-// are black.
-Image render_scene(const SceneCamera& camera, double time, int samples = 3);
+// What a sensor behind the lens records: light averaged over each pixel, then gamma-encoded. A pixel takes one ray
+// through its middle (textures are filtered in closed form over its footprint), and samples x samples rays on a regular
+// grid where it differs from a neighbour in object or contrast, or `everywhere`. Rays that the lens does not see are
+// black. Single-threaded; throws Error if samples < 1.
+Image render_scene(const SceneCamera& camera, double time, int samples = 2, bool everywhere = false);
 
 // The array the scene was made for: rows x columns cameras of width x height in the plane z = 0 around the origin,
 // looking along +z.
 Rig scene_rig(int rows = 8, int columns = 8, int width = 320, int height = 240);
 
+// Metres between neighbouring cameras of scene_rig(), along rows and columns.
+inline constexpr double kScenePitch = 0.04;
+// Everything moves with this period, seconds: a film of one period loops without a seam.
+inline constexpr double kScenePeriod = 4.0;
 // Depths (metres along +z) at which the scene has something to focus on, near to far.
 inline constexpr double kSceneNear = 1.2, kSceneMiddle = 2.2, kSceneFar = 4.5;
 

@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "scene/trace.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+#include <limits>
+
+#include "scene/pattern.h"
+
+// Intersections with spheres, capsules, cylinders and boxes in closed form (as collected by I. Quilez,
+// iquilezles.org/articles/intersectors).
+namespace lf::scene {
+namespace {
+
+using glm::dot;
+
+constexpr float kMiss = std::numeric_limits<float>::infinity();
+constexpr V3 kLight{-1.3f, -1.5f, 0.4f};
+constexpr float kLightRadius = 0.22f;
+
+// From the nearest approach rather than the textbook discriminant, whose cancellation is as large as a thin string.
+float enter_sphere(const V3& from_centre, const V3& d, float radius) {
+  const float b = dot(from_centre, d);
+  const V3 nearest = from_centre - b * d;
+  const float h = radius * radius - dot(nearest, nearest);
+  return h > 0 ? -b - std::sqrt(h) : kMiss;
+}
+
+float enter_capsule(const Capsule& c, const V3& origin, const V3& d) {
+  const V3 oa = origin - c.base;
+  const float aa = dot(c.axis, c.axis), ad = dot(c.axis, d), ao = dot(c.axis, oa);
+  // Across the axis it is a circle.
+  const V3 across = d - (ad / aa) * c.axis, start = oa - (ao / aa) * c.axis;
+  const float level = dot(across, across), b = dot(start, across) / level;
+  const V3 nearest = start - b * across;
+  const float h = c.radius * c.radius - dot(nearest, nearest);
+  if (!(h >= 0)) return kMiss;
+  const float t = -b - std::sqrt(h / level), along = ao + t * ad;
+  if (along > 0 && along < aa) return t;
+  return enter_sphere(along <= 0 ? oa : oa - c.axis, d, c.radius);
+}
+
+float enter_pillar(const Pillar& p, const V3& origin, const V3& d, bool& on_top) {
+  const float ox = origin.x - p.x, oz = origin.z - p.z;
+  const float a = d.x * d.x + d.z * d.z, b = ox * d.x + oz * d.z, c = ox * ox + oz * oz - p.radius * p.radius;
+  const float h = b * b - a * c;
+  if (!(h > 0)) return kMiss;
+  on_top = false;
+  const float t = (-b - std::sqrt(h)) / a, y = origin.y + t * d.y;
+  if (y > p.top && y < p.bottom) return t;
+  if (!(d.y > 0)) return kMiss;
+  const float top = (p.top - origin.y) / d.y, x = ox + top * d.x, z = oz + top * d.z;
+  if (!(x * x + z * z < p.radius * p.radius)) return kMiss;
+  on_top = true;
+  return top;
+}
+
+V3 to_block(const Block& b, const V3& v) {
+  return {b.cosine * v.x + b.sine * v.z, v.y, b.cosine * v.z - b.sine * v.x};
+}
+V3 from_block(const Block& b, const V3& v) {
+  return {b.cosine * v.x - b.sine * v.z, v.y, b.sine * v.x + b.cosine * v.z};
+}
+
+// Where a line enters the three slabs |x| < half, and where it leaves the first of them.
+struct Slabs {
+  V3 enter, leave;
+  float near, far;
+};
+Slabs cross_slabs(const V3& origin, const V3& d, const V3& half) {
+  // Never 0 / 0 or infinity - infinity for directions within the slabs.
+  const auto inverse = [](float v) { return 1 / (std::abs(v) < 1e-9f ? 1e-9f : v); };
+  const V3 m(inverse(d.x), inverse(d.y), inverse(d.z)), n = m * origin, k = glm::abs(m) * half, enter = -n - k,
+                                                        leave = k - n;
+  return {enter, leave, std::max({enter.x, enter.y, enter.z}), std::min({leave.x, leave.y, leave.z})};
+}
+
+float enter_block(const Block& b, const V3& origin, const V3& d, V3& normal) {
+  const V3 from_centre = origin - b.centre;
+  const float along = dot(from_centre, d);
+  if (dot(from_centre, from_centre) - along * along > b.radius * b.radius) return kMiss;
+  const V3 local = to_block(b, d);
+  const Slabs s = cross_slabs(to_block(b, from_centre), local, b.half);
+  if (!(s.near < s.far)) return kMiss;
+  V3 n(0, 0, 0);
+  const int axis = s.near == s.enter.x ? 0 : s.near == s.enter.y ? 1 : 2;
+  n[axis] = local[axis] > 0 ? -1.0f : 1.0f;
+  normal = from_block(b, n);
+  return s.near;
+}
+
+// The inner side of the room's walls, where the ray leaves it.
+void leave_room(const V3& origin, const V3& d, Hit& hit) {
+  const V3 centre = 0.5f * (kRoomMin + kRoomMax), half = 0.5f * (kRoomMax - kRoomMin);
+  const Slabs s = cross_slabs(origin - centre, d, half);
+  if (!(s.far > 0) || !(s.near < s.far)) return;
+  const int axis = s.far == s.leave.z ? 2 : s.far == s.leave.y ? 1 : 0;
+  hit.t = s.far;
+  hit.kind = Kind::kRoom;
+  hit.index = 2 * axis + (d[axis] > 0);
+  hit.normal[axis] = d[axis] > 0 ? -1.0f : 1.0f;
+}
+
+bool in_front(float t, float limit) {
+  return t > 0 && t < limit;
+}
+
+void hit_groups(const Objects& o, const Ray& ray, Hit& hit) {
+  for (const Group& g : o.groups) {
+    const V3 from_centre = ray.origin - g.centre;
+    const float b = dot(from_centre, ray.direction), c = dot(from_centre, from_centre) - g.radius * g.radius;
+    const float h = b * b - c;
+    if (h < 0 || (c > 0 && (b > 0 || -b - std::sqrt(h) > hit.t))) continue;
+    for (uint32_t i = g.first_sphere; i < g.last_sphere; i++) {
+      const Sphere& s = o.spheres[i];
+      const float t = enter_sphere(ray.origin - s.centre, ray.direction, s.radius);
+      if (in_front(t, hit.t)) hit = {t, Kind::kSphere, i, {}};
+    }
+    for (uint32_t i = g.first_capsule; i < g.last_capsule; i++) {
+      const float t = enter_capsule(o.capsules[i], ray.origin, ray.direction);
+      if (in_front(t, hit.t)) hit = {t, Kind::kCapsule, i, {}};
+    }
+  }
+}
+
+// How much of the light passes an object whose surface is `gap` from the line of sight (negative: inside), `along` it.
+float pass(float gap, float along, float spread) {
+  const float width = along * spread + 0.004f;
+  return gap >= width ? 1 : gap <= -width ? 0 : ramp(-1, 1, gap / width);
+}
+
+float pass_capsule(const Capsule& c, const V3& point, const V3& d, float distance, float spread) {
+  const V3 r = point - c.base;
+  const float ad = dot(c.axis, d), rd = dot(r, d), aa = dot(c.axis, c.axis), ar = dot(c.axis, r);
+  const float determinant = aa - ad * ad;
+  float s = determinant > 1e-8f ? std::clamp((ad * ar - rd * aa) / determinant, 0.0f, distance) : 0;
+  const float u = std::clamp((ad * s + ar) / aa, 0.0f, 1.0f);
+  s = std::clamp(u * ad - rd, 0.0f, distance);
+  return pass(glm::length(r + s * d - u * c.axis) - c.radius, s, spread);
+}
+
+float pass_sphere(const Sphere& ball, const V3& point, const V3& d, float distance, float spread) {
+  const V3 r = ball.centre - point;
+  const float s = std::clamp(dot(r, d), 0.0f, distance);
+  return pass(glm::length(r - s * d) - ball.radius, s, spread);
+}
+
+float pass_block(const Block& b, const V3& point, const V3& d, float distance, float spread) {
+  const V3 origin = to_block(b, point - b.centre), local = to_block(b, d);
+  const Slabs slabs = cross_slabs(origin, local, b.half);
+  const float s = std::clamp(0.5f * (slabs.near + slabs.far), 0.0f, distance);
+  const V3 q = glm::abs(origin + s * local) - b.half;  // signed distance to a box
+  const float gap = glm::length(glm::max(q, V3(0))) + std::min(std::max({q.x, q.y, q.z}), 0.0f);
+  return pass(gap, s, spread);
+}
+
+// Whether a sphere may shade the point.
+bool may_shade(const V3& centre, float radius, const V3& point, const V3& d, float distance, float spread) {
+  const V3 r = centre - point;
+  const float s = dot(r, d);
+  if (s < -radius || s > distance + radius) return false;
+  const float reach = radius + (s + radius) * spread + 0.004f;
+  return dot(r, r) - s * s < reach * reach;
+}
+
+// The same for a pillar, seen from above.
+bool may_shade(const Pillar& p, const V3& point, const V3& d, float distance, float spread) {
+  const float x = p.x - point.x, z = p.z - point.z, level = d.x * d.x + d.z * d.z, along = x * d.x + z * d.z;
+  const float reach = p.radius + distance * spread + 0.004f, squared = x * x + z * z;
+  if (along < 0 && squared > reach * reach) return false;
+  const float off = x * d.z - z * d.x;
+  return off * off < reach * reach * level || squared < reach * reach;
+}
+
+}  // namespace
+
+Hit first_hit(const Objects& o, const Ray& ray) {
+  Hit hit;
+  leave_room(ray.origin, ray.direction, hit);
+  if (hit.kind == Kind::kNothing) return hit;
+  bool on_top = false;
+  V3 block_normal(0);
+  for (uint32_t i = 0; i < o.pillars.size(); i++) {
+    bool top = false;
+    const float t = enter_pillar(o.pillars[i], ray.origin, ray.direction, top);
+    if (!in_front(t, hit.t)) continue;
+    hit = {t, Kind::kPillar, i, {}};
+    on_top = top;
+  }
+  for (uint32_t i = 0; i < o.blocks.size(); i++) {
+    V3 normal(0);
+    const float t = enter_block(o.blocks[i], ray.origin, ray.direction, normal);
+    if (!in_front(t, hit.t)) continue;
+    hit = {t, Kind::kBlock, i, {}};
+    block_normal = normal;
+  }
+  hit_groups(o, ray, hit);
+
+  const V3 p = ray.origin + hit.t * ray.direction;
+  switch (hit.kind) {
+    case Kind::kSphere:
+      hit.normal = glm::normalize(p - o.spheres[hit.index].centre);
+      break;
+    case Kind::kCapsule: {
+      const Capsule& c = o.capsules[hit.index];
+      const float u = std::clamp(dot(p - c.base, c.axis) / dot(c.axis, c.axis), 0.0f, 1.0f);
+      hit.normal = glm::normalize(p - c.base - u * c.axis);
+      break;
+    }
+    case Kind::kPillar: {
+      const Pillar& c = o.pillars[hit.index];
+      hit.normal = on_top ? V3(0, -1, 0) : glm::normalize(V3(p.x - c.x, 0, p.z - c.z));
+      break;
+    }
+    case Kind::kBlock:
+      hit.normal = block_normal;
+      break;
+    case Kind::kRoom:
+    case Kind::kNothing:
+      break;
+  }
+  return hit;
+}
+
+float light_seen(const Objects& o, const V3& point, const V3& d, float distance, float spread, Kind kind,
+                 uint32_t index) {
+  float seen = 1;
+  for (const Group& g : o.groups) {
+    if (!may_shade(g.centre, g.radius, point, d, distance, spread)) continue;
+    for (uint32_t i = g.first_sphere; i < g.last_sphere; i++)
+      if (kind != Kind::kSphere || index != i) seen *= pass_sphere(o.spheres[i], point, d, distance, spread);
+    for (uint32_t i = g.first_capsule; i < g.last_capsule; i++)
+      if (kind != Kind::kCapsule || index != i) seen *= pass_capsule(o.capsules[i], point, d, distance, spread);
+  }
+  for (uint32_t i = 0; i < o.pillars.size(); i++) {
+    if (kind == Kind::kPillar && index == i) continue;
+    const Pillar& p = o.pillars[i];
+    if (!may_shade(p, point, d, distance, spread)) continue;
+    // The capsule inside it: the penumbras are too soft to show the difference.
+    const float top = p.top + 0.5f * p.radius;
+    seen *=
+        pass_capsule({{p.x, top, p.z}, {0, p.bottom - top, 0}, 0.97f * p.radius, p.paint}, point, d, distance, spread);
+  }
+  for (uint32_t i = 0; i < o.blocks.size(); i++) {
+    const Block& b = o.blocks[i];
+    if (kind == Kind::kBlock && index == i) continue;
+    if (may_shade(b.centre, b.radius, point, d, distance, spread)) seen *= pass_block(b, point, d, distance, spread);
+  }
+  return seen;
+}
+
+Seen trace(const Objects& o, const Ray& ray, PixelShadows& shadows) {
+  const Hit hit = first_hit(o, ray);
+  if (hit.kind == Kind::kNothing) return {V3(0), 0};
+  const uint32_t object = (static_cast<uint32_t>(hit.kind) << 16) | hit.index;
+  const auto seen = [&](int light, const V3& direction, float distance, float spread) {
+    return shadows.seen(light, object, [&] {
+      return light_seen(o, ray.origin + hit.t * ray.direction, direction, distance, spread, hit.kind, hit.index);
+    });
+  };
+  Surface s;
+  s.point = ray.origin + hit.t * ray.direction;
+  s.normal = hit.normal;
+  // The footprint: neighbouring rays meet the tangent plane, at most 20 times as far apart as facing it.
+  const float facing = std::min(dot(hit.normal, ray.direction), -0.05f);
+  s.dx = hit.t * (ray.dx - ray.direction * (dot(hit.normal, ray.dx) / facing));
+  s.dy = hit.t * (ray.dy - ray.direction * (dot(hit.normal, ray.dy) / facing));
+  const Finish finish = paint(o, hit.kind, hit.index, s);
+
+  const V3 to_light = kLight - s.point;
+  const float distance = glm::length(to_light);
+  const V3 l = to_light / distance;
+  const float cosine = dot(hit.normal, l);
+  float key = 0;
+  if (cosine > 0)
+    key = cosine * seen(0, l, distance, kLightRadius / distance) * (3.3f / (1.9f + distance * distance * 0.16f));
+  // The room's own light: from above and from the cameras' side, less where walls and floor meet.
+  float ambient = 0.30f - 0.10f * hit.normal.y - 0.07f * hit.normal.z;
+  const V3 to_wall = glm::min(s.point - kRoomMin, kRoomMax - s.point);
+  const float second = to_wall.x + to_wall.y + to_wall.z - std::min({to_wall.x, to_wall.y, to_wall.z}) -
+                       std::max({to_wall.x, to_wall.y, to_wall.z});
+  if (hit.kind == Kind::kRoom) {
+    ambient *= 0.62f + 0.38f * ramp(-0.2f, 0.7f, second);
+    if (hit.index == 3) ambient *= 0.35f + 0.65f * seen(1, {0, -1, 0}, 1.2f, 0.55f);
+  }
+  V3 light = finish.albedo * (V3(1.0f, 0.95f, 0.86f) * key + V3(0.90f, 0.96f, 1.06f) * ambient);
+  if (finish.gloss > 0 && key > 0) {
+    const float shine = std::max(0.0f, dot(hit.normal, glm::normalize(l - ray.direction)));
+    const float p2 = shine * shine, p4 = p2 * p2, p8 = p4 * p4, p16 = p8 * p8;
+    light += V3(finish.gloss * key / cosine * 0.5f * p16 * p16 * p8);
+  }
+  return {light, object};
+}
+
+}  // namespace lf::scene
