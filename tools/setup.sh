@@ -1,0 +1,81 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: LGPL-2.1-or-later
+# Installs the Debian 12 packages that gst-lightfield needs, configures and builds it in build/.
+# Asks nothing, and says nothing when nothing is to do. TARGETs (of ninja) are built in place of everything.
+set -euo pipefail
+
+if [[ "${1:-}" == -* ]]; then
+  echo "usage: tools/setup.sh [TARGET...]"
+  [[ "$1" == --help || "$1" == -h ]]
+  exit
+fi
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+packages=(
+  g++ meson ninja-build pkg-config
+  libgstreamer1.0-dev libgstreamer-plugins-base1.0-dev gstreamer1.0-tools
+  gstreamer1.0-plugins-base gstreamer1.0-plugins-good  # videoconvert, PNG, JPEG, Matroska
+  gstreamer1.0-plugins-bad                             # jpegparse
+  gstreamer1.0-x                                       # windows
+  libcli11-dev libglm-dev nlohmann-json3-dev
+  libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev
+  libgmock-dev libgtest-dev
+)
+
+missing_packages() {
+  comm -23 <(printf '%s\n' "${packages[@]}" | sort) \
+    <(dpkg-query -W -f '${db:Status-Status} ${Package}\n' "${packages[@]}" 2>/dev/null | sed -n 's/^installed //p' | sort)
+}
+
+install_packages() {
+  local missing as_root=()
+  mapfile -t missing < <(missing_packages)
+  ((${#missing[@]})) || return 0
+  if ((EUID != 0)); then
+    if ! command -v sudo >/dev/null || ! sudo -n true 2>/dev/null && [[ ! -t 0 ]]; then
+      echo "tools/setup.sh: needs root, or sudo, to install: ${missing[*]}" >&2
+      exit 1
+    fi
+    as_root=(sudo)
+  fi
+  echo "installing ${missing[*]}"
+  local log
+  log=$(mktemp)
+  if ! { "${as_root[@]}" apt-get -qq update &&
+    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq -y --no-install-recommends install "${missing[@]}"; } \
+    >"$log" 2>&1 </dev/null; then
+    cat "$log" >&2
+    rm "$log"
+    echo "tools/setup.sh: packages could not be installed" >&2
+    exit 1
+  fi
+  rm "$log"
+}
+
+configure() {
+  [[ -f build/build.ninja ]] && return
+  echo "configuring build/"
+  local log
+  log=$(mktemp)
+  meson setup build >"$log" 2>&1 || { cat "$log" >&2; rm "$log"; exit 1; }
+  rm "$log"
+}
+
+build() {
+  # A dry run knows whether there is work, but for build files that changed, which it regenerates first.
+  if ninja -C build -n "$@" | grep -q 'no work to do'; then return; fi
+  if [[ -t 1 ]]; then
+    ninja -C build "$@"
+  else
+    echo "building"
+    ninja -C build --quiet "$@"
+  fi
+}
+
+if command -v dpkg-query >/dev/null; then
+  install_packages
+else
+  echo "tools/setup.sh: not a Debian system; going on with what is installed" >&2
+fi
+configure
+build "$@"
