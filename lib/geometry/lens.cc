@@ -35,6 +35,7 @@ double first_fold_radius(double k1, double k2) {
 
 std::string_view lens_model_name(LensModel model) { return info(model).name; }
 int lens_model_num_params(LensModel model) { return info(model).num_params; }
+int lens_model_num_focal(LensModel model) { return info(model).num_focal; }
 
 std::optional<LensModel> lens_model_from_code(unsigned code) {
   if (code >= std::size(kModels)) return std::nullopt;

@@ -68,5 +68,6 @@ std::string_view lens_model_name(LensModel model);
 std::optional<LensModel> lens_model_from_name(std::string_view name);
 std::optional<LensModel> lens_model_from_code(unsigned code);
 int lens_model_num_params(LensModel model);
+int lens_model_num_focal(LensModel model);  // 1: f, 2: fx fy; always the first parameters, then cx cy
 
 }  // namespace lf

@@ -92,6 +92,22 @@ std::string Rig::resolve(const std::string& path) const {
   return (std::filesystem::path(directory) / path).string();  // an absolute `path` replaces `directory`
 }
 
+void relocate(Rig& rig, const std::string& directory) {
+  namespace fs = std::filesystem;
+  const fs::path to = fs::weakly_canonical(directory.empty() ? "." : directory);
+  const auto rewrite = [&](std::string& path) {
+    if (path.empty() || is_uri(path) || fs::path(path).is_absolute()) return;
+    // Folders may be links, which ".." does not go back through; what the file itself is does not matter.
+    const fs::path from = fs::path(rig.directory.empty() ? "." : rig.directory) / path;
+    path = (fs::weakly_canonical(from.parent_path()) / from.filename()).lexically_relative(to).string();
+  };
+  for (Camera& camera : rig.cameras) {
+    rewrite(camera.image);
+    rewrite(camera.source);
+  }
+  rig.directory = directory;
+}
+
 Rig sub_rig(const Rig& rig, const std::vector<CameraIndex>& indices) {
   if (indices.empty()) throw Error("a rig needs at least one camera");
   Rig sub;

@@ -49,6 +49,10 @@ struct Rig {
   std::string resolve(const std::string& path) const;
 };
 
+// Rewrites relative paths of images and sources so that they mean the same from `directory` ("": the current one), which
+// becomes Rig::directory.
+void relocate(Rig& rig, const std::string& directory);
+
 // A rig of the cameras named by their index, in that order and with their ids and names; a grid stays a grid where
 // `indices` are full rows x columns of it (`rows`, `columns` of the result given), else the topology becomes Delaunay.
 Rig sub_rig(const Rig& rig, const std::vector<CameraIndex>& indices);

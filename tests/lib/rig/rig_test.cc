@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "support/expect_error.h"
+#include "support/temp_dir.h"
 
 namespace lf {
 namespace {
@@ -99,6 +100,40 @@ TEST(Rig, ResolvesRelativePathsAlone) {
     EXPECT_EQ(rig.resolve(as_it_is), as_it_is);
   rig.directory = "";
   EXPECT_EQ(rig.resolve("a.png"), "a.png");
+}
+
+TEST(Relocate, PathsMeanTheSameFromTheNewFolder) {
+  const TempDir dir;
+  std::filesystem::create_directories(dir / "a/images");
+  std::filesystem::create_directories(dir / "b/c");
+  std::filesystem::create_directory_symlink(dir / "b/c", dir / "link");
+  struct {
+    const char* from;
+    const char* path;
+    const char* to;
+    const char* expected;
+  } const cases[] = {
+      {"a", "images/x.png", "a", "images/x.png"},
+      {"a", "images/x.png", "b/c", "../../a/images/x.png"},
+      {"a", "../b/x.png", "b", "x.png"},
+      {"a", "images/x.png", "link", "../../a/images/x.png"},
+      {"link", "x.png", "a", "../b/c/x.png"},
+      {"a", "film_%03d.png", "b", "../a/film_%03d.png"},
+      {"a", "x.png", "not/yet/there", "../../../a/x.png"},
+      {"a", "/abs/x.png", "b", "/abs/x.png"},
+      {"a", "rtsp://host/x", "b", "rtsp://host/x"},
+      {"a", "", "b", ""},
+  };
+  for (const auto& c : cases) {
+    SCOPED_TRACE(c.from + std::string("/") + c.path + " from " + c.to);
+    Rig rig = grid(1, 1);
+    rig.directory = dir / c.from;
+    rig.cameras[0].image = rig.cameras[0].source = c.path;
+    relocate(rig, dir / c.to);
+    EXPECT_EQ(rig.cameras[0].image, c.expected);
+    EXPECT_EQ(rig.cameras[0].source, c.expected);
+    EXPECT_EQ(rig.directory, dir / c.to);
+  }
 }
 
 TEST(SubRig, StaysAGridWhereItIsRowsTimesColumns) {

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "rig/rig.h"
+
+namespace lf {
+
+// COLMAP's text models (https://colmap.github.io/format.html): cameras.txt and images.txt; points3D.txt is not needed.
+// COLMAP puts the centre of the top-left pixel at (0.5, 0.5) and stores camera_from_world; lens models are its own.
+// All functions throw Error naming file and line, or the camera.
+
+struct ColmapImportOptions {
+  // Folder of the image files. "": `images` in the model's folder if there is one; else files are not looked at and
+  // Camera::image is NAME (nothing if that has no ending like an image's).
+  std::string images;
+  // The image files are the undistorted ones (COLMAP's image_undistorter): PINHOLE with the focal length of cameras.txt
+  // and the size of each file; the principal point moves with the size, so that the middle stays the middle.
+  // Otherwise a file of another size than its camera is an error.
+  bool undistorted = false;
+  // A grid of the cameras in the order of their names; 0: Delaunay, cameras in the order of images.txt.
+  int rows = 0, columns = 0;
+};
+
+struct ColmapImport {
+  Rig rig;                         // directory "": image paths start where those of the arguments do
+  std::vector<std::string> notes;  // for people: what was assumed, which files stand for which names
+};
+
+// One camera per image: id = IMAGE_ID, name = NAME without its ending. An image file that is not there under its name
+// is the one whose name ends NAME, or the other way round ("20.23.45.jpg" for "2021-05-19 20.23.45.jpg"), where there
+// is exactly one. Models that our lenses can't express exactly are refused, unless `undistorted`.
+ColmapImport import_colmap(const std::string& directory, const ColmapImportOptions& options = {});
+
+struct ColmapExport {
+  double max_error = 0;            // pixels: reprojection error of what was written against the rig
+  std::vector<std::string> notes;  // for people: what a COLMAP model can't hold
+};
+
+// Writes cameras.txt, images.txt and an empty points3D.txt (COLMAP wants one) into `directory`, which is made where it
+// is missing. NAME is Camera::image, or the camera's name where it has none. Numbers round-trip to the last bit.
+ColmapExport export_colmap(const Rig& rig, const std::string& directory);
+
+}  // namespace lf

@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rig/colmap.h"
+
+#include <filesystem>
+
+#include <gtest/gtest.h>
+
+#include "image/image_io.h"
+#include "rig/reprojection.h"
+#include "rig/rig_json.h"
+#include "support/expect_error.h"
+#include "support/temp_dir.h"
+
+namespace lf {
+namespace {
+
+// A camera of every model, pointing every way.
+Rig mixed_rig() {
+  using enum LensModel;
+  const Lens lenses[] = {Lens(kSimplePinhole, {400, 159.5, 119.5}), Lens(kPinhole, {400, 410, 160, 118}),
+                         Lens(kSimpleRadial, {400, 159.5, 119.5, -0.1}),
+                         Lens(kRadial, {386.73880838315351, 159.5, 119.5, -0.15, 0.03}),
+                         Lens(kOpenCv, {400, 410, 160, 118, -0.15, 0.03, 1e-3, -2e-3})};
+  Rig rig;
+  for (const Lens& lens : lenses) {
+    Camera camera;
+    const double i = static_cast<double>(rig.cameras.size());
+    camera.id = 20 - static_cast<uint32_t>(rig.cameras.size());
+    camera.name = "cam_" + std::to_string(rig.cameras.size());
+    camera.image = camera.name + ".png";
+    camera.width = 320;
+    camera.height = 240;
+    camera.lens = lens;
+    camera.pose = {{57.1 + i / 3, -23.4 * i, 1 / (i + 3)}, glm::normalize(Quat(0.3 - i / 4, 0.2, -0.5, 0.1 * i))};
+    rig.cameras.push_back(camera);
+  }
+  return rig;
+}
+
+constexpr char kImage[] = "1 1 0 0 0 0 0 0 1 a.png\n\n";
+
+void write_model(const TempDir& dir, const std::string& cameras, const std::string& images) {
+  dir.write("cameras.txt", cameras);
+  dir.write("images.txt", images);
+}
+
+TEST(Colmap, ConventionsOfPixelsAndPoses) {
+  const TempDir dir;
+  // camera_from_world: a quarter turn about y, then one metre along x.
+  write_model(dir, "1 SIMPLE_RADIAL 320 240 400 160 120 0.1\n",
+              "7 0.70710678118654752 0 0.70710678118654752 0 1 0 0 1 a b.png\n\n");
+  const ColmapImport result = import_colmap(dir.path());
+  ASSERT_EQ(result.rig.cameras.size(), 1u);
+  const Camera& camera = result.rig.cameras[0];
+  EXPECT_EQ(camera.id, 7u);
+  EXPECT_EQ(camera.name, "a b");
+  EXPECT_EQ(camera.image, "a b.png");
+  EXPECT_EQ(camera.lens, Lens(LensModel::kSimpleRadial, {400, 159.5, 119.5, 0.1}))
+      << "the middle of 320 pixels is 160 where (0.5, 0.5) is the first centre, 159.5 where (0, 0) is";
+  // R turns world z to camera x, world x to camera -z: the camera looks along -x of the world and sits where
+  // R c + (1, 0, 0) = 0: c = (0, 0, -1).
+  EXPECT_NEAR(glm::length(camera.pose.position - Vec3(0, 0, -1)), 0, 1e-15);
+  EXPECT_NEAR(glm::length(camera.pose.forward() - Vec3(-1, 0, 0)), 0, 1e-15);
+  EXPECT_EQ(result.rig.topology.type, Topology::Type::kDelaunay);
+  EXPECT_EQ(result.notes.size(), 1u) << "that sizes were not checked";
+}
+
+TEST(Colmap, RoundTripsEveryModelWithin1e9Pixels) {
+  const TempDir dir;
+  const Rig rig = mixed_rig();
+  const ColmapExport result = export_colmap(rig, dir / "new/model");
+  EXPECT_LE(result.max_error, 1e-9);
+  EXPECT_TRUE(result.notes.empty());
+  EXPECT_TRUE(std::filesystem::exists(dir / "new/model/points3D.txt"));
+  const Rig back = import_colmap(dir / "new/model").rig;
+  for (const double distance : {0.5, 3.0, 100.0}) EXPECT_LE(max_reprojection_error(rig, back, distance), 1e-9);
+  ASSERT_EQ(back.cameras.size(), rig.cameras.size());
+  for (size_t i = 0; i < rig.cameras.size(); i++) {
+    EXPECT_EQ(back.cameras[i].id, rig.cameras[i].id);
+    EXPECT_EQ(back.cameras[i].name, rig.cameras[i].name);
+    EXPECT_EQ(back.cameras[i].image, rig.cameras[i].image);
+    EXPECT_EQ(back.cameras[i].lens.model(), rig.cameras[i].lens.model());
+    EXPECT_EQ(back.cameras[i].width, 320);
+    EXPECT_EQ(back.cameras[i].height, 240);
+  }
+}
+
+TEST(Colmap, RoundTripsNamesWithoutImages) {
+  const TempDir dir;
+  Rig rig = mixed_rig();
+  for (Camera& camera : rig.cameras) camera.image = "";
+  rig.cameras[0].name = "20.23.45";
+  export_colmap(rig, dir.path());
+  const Rig back = import_colmap(dir.path()).rig;
+  EXPECT_EQ(back.cameras[0].name, "20.23.45");
+  EXPECT_EQ(back.cameras[0].image, "");
+}
+
+TEST(Colmap, ExportSaysWhatItLoses) {
+  const TempDir dir;
+  Rig rig = mixed_rig();
+  rig.topology = {Topology::Type::kGrid, 1, 5, {}};
+  rig.cameras[1].source = "rtsp://host/1";
+  rig.cameras[1].time_offset = 0.1;
+  const double norm = 1 + 9e-7;  // as files may have it; COLMAP's are normalised
+  rig.cameras[2].pose.orientation = rig.cameras[2].pose.orientation * norm;
+  const ColmapExport result = export_colmap(rig, dir.path());
+  EXPECT_EQ(result.notes.size(), 3u);
+  EXPECT_GT(result.max_error, 1e-9);
+  EXPECT_LT(result.max_error, 1e-2);
+}
+
+TEST(Colmap, ExportRefusesWhatColmapCantRead) {
+  const TempDir dir;
+  Rig rig = mixed_rig();
+  rig.cameras[1].image = "a b.png";
+  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19: COLMAP reads the name \"a b.png\" up to its first space");
+  rig = mixed_rig();
+  rig.cameras[1].image = rig.cameras[0].image;
+  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19: the name \"cam_0.png\" is also that of camera 20");
+  rig = mixed_rig();
+  rig.cameras[1].image = rig.cameras[1].name = "";
+  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 19: COLMAP wants a name");
+  rig = mixed_rig();
+  rig.cameras[1].id = UINT32_MAX;
+  EXPECT_ERROR(export_colmap(rig, dir.path()), "camera 4294967295: COLMAP has no ids beyond");
+  EXPECT_FALSE(std::filesystem::exists(dir / "cameras.txt")) << "nothing is written then";
+  dir.write("file", "");
+  EXPECT_ERROR(export_colmap(mixed_rig(), dir / "file/x"), "file/x: can't be made");
+}
+
+TEST(Colmap, LensesThatWeLackAreRefusedByCamera) {
+  const TempDir dir;
+  write_model(dir, "1 FULL_OPENCV 4 3 5 5 2 1.5 -0.1 0.01 0.001 0.002 0 0 0 0\n", kImage);
+  EXPECT_EQ(import_colmap(dir.path()).rig.cameras[0].lens,
+            Lens(LensModel::kOpenCv, {5, 5, 1.5, 1, -0.1, 0.01, 0.001, 0.002}));
+  struct {
+    const char* camera;
+    const char* message;
+  } const cases[] = {
+      {"1 FULL_OPENCV 4 3 5 5 2 1.5 -0.1 0.01 0.001 0.002 0 0 1e-9 0", "equals its FULL_OPENCV without loss"},
+      {"1 OPENCV_FISHEYE 4 3 5 5 2 1.5 0 0 0 0", "equals its OPENCV_FISHEYE without loss"},
+      {"1 FOV 4 3 5 5 2 1.5 0", "equals its FOV without loss"},
+      {"1 SIMPLE_RADIAL_FISHEYE 4 3 5 2 1.5 0", "equals its SIMPLE_RADIAL_FISHEYE without loss"},
+      {"1 RADIAL_FISHEYE 4 3 5 2 1.5 0 0", "equals its RADIAL_FISHEYE without loss"},
+      {"1 THIN_PRISM_FISHEYE 4 3 5 5 2 1.5 0 0 0 0 0 0 0 0", "equals its THIN_PRISM_FISHEYE without loss"},
+      {"1 PINHOLE 4 3 5 0 2 1.5", "params[1]: the focal length must be positive"},
+  };
+  for (const auto& c : cases) {
+    write_model(dir, c.camera, kImage);
+    EXPECT_ERROR(import_colmap(dir.path()), dir / "cameras.txt" + ": camera 1: ");
+    EXPECT_ERROR(import_colmap(dir.path()), c.message);
+  }
+}
+
+TEST(Colmap, SizesOfImageFilesMustAgree) {
+  const TempDir dir;
+  write_model(dir, "1 PINHOLE 4 3 5 5 2 1.5\n", kImage);
+  std::filesystem::create_directories(dir / "images");
+  EXPECT_ERROR(import_colmap(dir.path()), "images: no image file for \"a.png\"");
+  save_image(Image(PixelFamily::kRgb, 4, 3), dir / "images/a.png");
+  EXPECT_EQ(import_colmap(dir.path()).rig.cameras[0].image, dir / "images/a.png");
+  EXPECT_TRUE(import_colmap(dir.path()).notes.empty());
+  save_image(Image(PixelFamily::kRgb, 8, 2), dir / "images/a.png");
+  EXPECT_ERROR(import_colmap(dir.path()),
+               dir / "images/a.png" + ": is 8x2, its camera 1 in cameras.txt 4x3; is it an undistorted image?");
+  dir.write("images/a.png", "not a picture");
+  EXPECT_ERROR(import_colmap(dir.path()), dir / "images/a.png");
+  EXPECT_ERROR(import_colmap(dir.path(), {dir / "nowhere"}), "nowhere: can't be read");
+}
+
+TEST(Colmap, UndistortedImagesHavePinholesOfTheirOwnSize) {
+  const TempDir dir;
+  write_model(dir, "1 SIMPLE_RADIAL 8 6 5 4 3 0.1\n2 OPENCV_FISHEYE 8 6 5 6 4 2 0 0 0 1\n",
+              "1 1 0 0 0 0 0 0 1 day 1.png\n\n2 1 0 0 0 0 0 0 2 day 2.png\n\n");
+  const ColmapImportOptions options = {dir / "files", true};
+  EXPECT_ERROR(import_colmap(dir.path(), {"", true}), "their folder must be given");
+  std::filesystem::create_directories(dir / "files");
+  save_image(Image(PixelFamily::kRgb, 7, 5), dir / "files/1.png");
+  save_image(Image(PixelFamily::kRgb, 16, 12), dir / "files/2.png");
+  const ColmapImport result = import_colmap(dir.path(), options);
+  ASSERT_EQ(result.rig.cameras.size(), 2u);
+  EXPECT_EQ(result.rig.cameras[0].width, 7);
+  EXPECT_EQ(result.rig.cameras[0].height, 5);
+  EXPECT_EQ(result.rig.cameras[0].lens, Lens(LensModel::kPinhole, {5, 5, 3, 2})) << "the middle stays the middle";
+  EXPECT_EQ(result.rig.cameras[1].lens, Lens(LensModel::kPinhole, {5, 6, 7.5, 3.5}));
+  ASSERT_EQ(result.notes.size(), 1u);
+  EXPECT_EQ(result.notes[0], "2 image files have other names than in images.txt: 1.png for \"day 1.png\", ...");
+
+  write_model(dir, "1 PINHOLE 8 6 5 5 4 3\n", "1 1 0 0 0 0 0 0 1 day 1.png\n\n2 1 0 0 0 0 0 0 1 night 1.png\n\n");
+  EXPECT_ERROR(import_colmap(dir.path(), options), "1.png: stands for \"day 1.png\" and \"night 1.png\"");
+}
+
+TEST(Colmap, AGridIsInTheOrderOfNames) {
+  const TempDir dir;
+  write_model(dir, "1 PINHOLE 8 6 5 5 4 3\n",
+              "1 1 0 0 0 0 0 0 1 c.png\n\n2 1 0 0 0 1 0 0 1 a.png\n\n3 1 0 0 0 2 0 0 1 d.png\n\n"
+              "4 1 0 0 0 3 0 0 1 b.png\n\n");
+  const Rig rig = import_colmap(dir.path(), {"", false, 2, 2}).rig;
+  EXPECT_EQ(rig.topology.type, Topology::Type::kGrid);
+  EXPECT_EQ(rig.topology.rows, 2);
+  EXPECT_EQ(rig.topology.columns, 2);
+  std::string names;
+  for (const Camera& camera : rig.cameras) names += camera.name;
+  EXPECT_EQ(names, "abcd");
+  EXPECT_ERROR(import_colmap(dir.path(), {"", false, 2, 3}), "images.txt: 4 images do not make a grid of 2x3");
+}
+
+TEST(Colmap, MissingAndEmptyModels) {
+  const TempDir dir;
+  EXPECT_ERROR(import_colmap(dir.path()), "cameras.txt: can't be read");
+  write_model(dir, "1 PINHOLE 8 6 5 5 4 3\n", "# none\n");
+  EXPECT_ERROR(import_colmap(dir.path()), "images.txt: no images");
+}
+
+TEST(Colmap, RoundTripsTheRealRigs) {
+  const std::filesystem::path data = std::filesystem::path(LF_SOURCE_ROOT) / "../shared/data";
+  if (!std::filesystem::exists(data)) GTEST_SKIP() << "needs ../shared/data";
+  for (const char* name : {"chess", "toys"}) {
+    const TempDir dir;
+    const Rig rig = load_rig(data / name / "rig.json");
+    EXPECT_LE(export_colmap(rig, dir.path()).max_error, 1e-9);
+    const Rig back = import_colmap(dir.path()).rig;
+    for (const double distance : {1.0, 10.0, 100.0}) EXPECT_LE(max_reprojection_error(rig, back, distance), 1e-9);
+  }
+}
+
+}  // namespace
+}  // namespace lf
