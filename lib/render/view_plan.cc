@@ -17,11 +17,13 @@ class CamerasInView {
   Vec3 forward(CameraIndex i) const { return view_from_world_ * rig_.cameras[i].pose.forward(); }
   Vec3 direction(const Vec3& world) const { return view_from_world_ * world; }
 
-  // e_ij = d . ((C_i - E) x (C_j - E)), as (C_i - E) x (C_j - C_i): exactly 0 where the eye is at either end.
-  // Canonical order makes e_ij = -e_ji exact.
+  // e_ij = d . ((C_i - E) x (C_j - E)), as (C_n - E) x (C_j - C_i) with n the end nearer to the eye: rounding is then
+  // relative to the distance of the nearer end, so that the edges that meet in a camera agree on which side of them the
+  // eye is however near it is to that camera (exactly 0 at it). Canonical order makes e_ij = -e_ji exact.
   Vec3 edge(CameraIndex i, CameraIndex j) const {
     if (i > j) return -edge(j, i);
-    return glm::cross(centre(i), view_from_world_ * (position(j) - position(i)));
+    const Vec3 a = centre(i), b = centre(j);
+    return glm::cross(glm::dot(a, a) <= glm::dot(b, b) ? a : b, view_from_world_ * (position(j) - position(i)));
   }
 
  private:
