@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "render/ownership.h"
 
+#include <algorithm>
+
 namespace lf {
 namespace {
 
@@ -47,6 +49,22 @@ CameraCorners::CameraCorners(const ViewPlan& plan, CameraIndex camera) : corner_
   for (size_t i = 0; i < corner_.size(); i++)
     for (int8_t k = 0; k < 3; k++)
       if (plan.faces()[i].camera[k] == camera) corner_[i] = k;
+}
+
+Rect CameraCorners::owned(const OwnerMap& owners, const Rect& rect) const {
+  Rect bounds;
+  for (int y = rect.y0; y < rect.y1; y++) {
+    const int32_t* const begin = owners.row(rect.x0, y);
+    const int32_t* const end = begin + rect.width();
+    const auto mine = [this](int32_t owner) { return has(owner); };
+    const int32_t* const first = std::find_if(begin, end, mine);
+    if (first == end) continue;
+    const int32_t* last = end - 1;
+    while (!mine(*last)) last--;
+    const int x0 = rect.x0 + static_cast<int>(first - begin), x1 = rect.x0 + static_cast<int>(last - begin) + 1;
+    bounds = unite(bounds, {x0, y, x1, y + 1});
+  }
+  return bounds;
 }
 
 std::vector<float> camera_hat(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Rect& rect) {

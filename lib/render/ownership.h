@@ -51,7 +51,14 @@ class CameraCorners {
     return face_weights(plan.faces()[owner], ray).w[corner_[owner]];
   }
 
+  // The smallest rectangle in `rect` (inside owners.region()) that holds all of its pixels with a face of this camera.
+  // What is planned without looking at pixels is larger: tiles of distorted views, triangles without area, faces hidden
+  // by lower-numbered ones.
+  Rect owned(const OwnerMap& owners, const Rect& rect) const;
+
  private:
+  bool has(int32_t owner) const { return owner != OwnerMap::kNone && corner_[owner] >= 0; }
+
   std::vector<int8_t> corner_;  // per plan.faces(); -1: none of them
 };
 

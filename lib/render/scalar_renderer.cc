@@ -58,6 +58,7 @@ class Contribution {
   float hat(int x, int y) const { return corners_.weight(plan_, owners_.at(x, y), plan_.rays().at(x, y)); }
   bool project(const Vec2& ray, Vec2& pixel) const { return projection_.project(ray, pixel); }
   const Rays& rays() const { return plan_.rays(); }
+  Rect rect(CameraIndex camera) const { return corners_.owned(owners_, plan_.camera_rect(camera)); }
 
   // Calls fn(x, y, hat, valid, position in the camera's image) for the pixels of `rect` with a weight. False if none has.
   template <class Fn>
@@ -90,14 +91,15 @@ class ScalarRenderer : public FragmentRenderer {
     Fragment fragment;
     fragment.camera = camera;
     fragment.family = image.family;
-    fragment.rect = plan.camera_rect(camera);
+    if (plan.camera_rect(camera).empty()) return std::nullopt;
+    const Contribution contribution(plan, owners, camera, rig_camera);
+    fragment.rect = contribution.rect(camera);
     if (fragment.rect.empty()) return std::nullopt;
     if (image.family == PixelFamily::kI420) fragment.rect = chroma_aligned(fragment.rect, plan.view());
     const Rect& rect = fragment.rect;
     fragment.pixels.resize(packed_size(fragment.family, rect.width(), rect.height()));
     fragment.lost.resize(static_cast<size_t>(rect.width()) * rect.height());
 
-    const Contribution contribution(plan, owners, camera, rig_camera);
     const bool any = image.family == PixelFamily::kI420 ? render_i420(contribution, image, fragment)
                                                         : render_rgb(contribution, image, fragment);
     if (!any) return std::nullopt;
@@ -177,15 +179,16 @@ std::unique_ptr<FragmentRenderer> make_scalar_renderer() { return std::make_uniq
 std::optional<FloatFragment> render_float(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
                                           const Camera& rig_camera, const ImageView& image) {
   check_image(rig_camera, image);
+  if (plan.camera_rect(camera).empty()) return std::nullopt;
+  const Contribution contribution(plan, owners, camera, rig_camera);
   FloatFragment fragment;
-  fragment.rect = plan.camera_rect(camera);
+  fragment.rect = contribution.rect(camera);
   const Rect& rect = fragment.rect;
   if (rect.empty()) return std::nullopt;
   const size_t pixels = static_cast<size_t>(rect.width()) * rect.height();
   fragment.colour.resize(3 * pixels);
   fragment.valid.resize(pixels);
   fragment.lost.resize(pixels);
-  const Contribution contribution(plan, owners, camera, rig_camera);
   const bool any = contribution.for_each(rect, [&](int x, int y, float hat, bool valid, const Vec2& position) {
     const size_t i = static_cast<size_t>(y - rect.y0) * rect.width() + (x - rect.x0);
     if (!valid) {
