@@ -2,11 +2,15 @@
 #include <gst/gst.h>
 
 #include "config.h"
+#include "lfcompositor.h"
+#include "lffragment.h"
 #include "lfparse.h"
 #include "lftypefind.h"
 
 static gboolean plugin_init(GstPlugin* plugin) {
   gboolean ok = TRUE;
+  ok &= GST_ELEMENT_REGISTER(lfcompositor, plugin);
+  ok &= GST_ELEMENT_REGISTER(lffragment, plugin);
   ok &= GST_ELEMENT_REGISTER(lfparse, plugin);
   ok &= lf_typefind_register(plugin);
   return ok;

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "camera_frames.h"
+
+#include <algorithm>
+
+namespace lf {
+namespace {
+
+uint64_t distance(uint64_t a, uint64_t b) { return a > b ? a - b : b - a; }
+
+}  // namespace
+
+void CameraFrames::set_mode(Mode mode) {
+  std::lock_guard lock(mutex_);
+  mode_ = mode;
+  changed_.notify_all();
+}
+
+void CameraFrames::start_stream(bool live) {
+  std::lock_guard lock(mutex_);
+  started_ = true;
+  live_ = live;
+  ended_ = false;
+  changed_.notify_all();
+}
+
+void CameraFrames::drop_oldest() {
+  if (!frames_.front().used) dropped_++;
+  frames_.pop_front();
+}
+
+// A frame is passed when the one after it is not later than what is wanted.
+void CameraFrames::drop_passed() {
+  while (frames_.size() > 1 && frames_[1].frame.time <= wanted_) drop_oldest();
+}
+
+// "The newest" must not make a file run through: there it is the frame that stands now.
+void CameraFrames::want(uint64_t time) {
+  if (time != kNoTime) wanted_ = time;
+  if (!live_) drop_passed();
+}
+
+void CameraFrames::advance(uint64_t time) {
+  std::lock_guard lock(mutex_);
+  want(time);
+  changed_.notify_all();
+}
+
+GstFlowReturn CameraFrames::push(CameraFrame frame) {
+  std::unique_lock lock(mutex_);
+  if (!live_)
+    changed_.wait(lock, [this] {
+      drop_passed();
+      return mode_ == Mode::kStopped || flushing_ || mode_ == Mode::kFinished || frames_.size() < kFileFrames;
+    });
+  if (mode_ == Mode::kStopped || flushing_) return GST_FLOW_FLUSHING;
+  if (mode_ == Mode::kFinished) return GST_FLOW_EOS;
+  // Time may jump back (a stream started again without a flush): what is held is then of another time line.
+  while (!frames_.empty() && frames_.back().frame.time > frame.time) drop_oldest();
+  frames_.push_back({std::move(frame)});
+  while (frames_.size() > kLiveFrames) drop_oldest();
+  changed_.notify_all();
+  return GST_FLOW_OK;
+}
+
+void CameraFrames::end_stream() {
+  std::lock_guard lock(mutex_);
+  ended_ = true;
+  changed_.notify_all();
+}
+
+void CameraFrames::set_flushing(bool flushing) {
+  std::lock_guard lock(mutex_);
+  flushing_ = flushing;
+  frames_.clear();
+  ended_ = false;
+  changed_.notify_all();
+}
+
+void CameraFrames::clear() {
+  std::lock_guard lock(mutex_);
+  frames_.clear();
+  started_ = live_ = ended_ = flushing_ = false;
+  wanted_ = 0;
+  dropped_ = 0;
+}
+
+bool CameraFrames::must_wait(uint64_t time, bool wait_for_first) const {
+  if (ended_ || flushing_) return false;
+  if (live_ || !started_) return frames_.empty() && wait_for_first;
+  return frames_.empty() || (time != kNoTime && frames_.back().frame.time < time);
+}
+
+std::optional<CameraFrame> CameraFrames::find(uint64_t time, bool wait_for_first) {
+  std::unique_lock lock(mutex_);
+  want(time);
+  changed_.notify_all();
+  changed_.wait(lock, [&] {
+    if (!live_) drop_passed();
+    return mode_ == Mode::kStopped || !must_wait(time, wait_for_first);
+  });
+  if (mode_ == Mode::kStopped || frames_.empty()) return std::nullopt;
+  auto best = frames_.end() - 1;
+  if (time != kNoTime)
+    best = std::min_element(frames_.begin(), frames_.end(), [time](const Held& a, const Held& b) {
+      return distance(a.frame.time, time) < distance(b.frame.time, time);
+    });
+  best->used = true;
+  return best->frame;
+}
+
+size_t CameraFrames::held() const {
+  std::lock_guard lock(mutex_);
+  return frames_.size();
+}
+
+uint64_t CameraFrames::dropped() const {
+  std::lock_guard lock(mutex_);
+  return dropped_;
+}
+
+}  // namespace lf

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+
+#include <gst/video/video.h>
+
+#include "view/view_request.h"
+
+namespace lf {
+
+// A camera image in the node's pixel family, ready to be mapped and rendered from.
+struct CameraFrame {
+  std::shared_ptr<GstBuffer> buffer;
+  GstVideoInfo info;
+  uint64_t time = 0;  // capture time, running time of the pipeline in nanoseconds
+};
+
+// The latest frames of one camera. Thread-safe.
+//
+// Live cameras: the newest kLiveFrames are kept and nobody waits. Others: the camera's streaming thread waits in push()
+// until requests have moved on, and requests wait in find() until the frame that belongs to their time is there.
+class CameraFrames {
+ public:
+  static constexpr size_t kLiveFrames = 4, kFileFrames = 2;
+
+  enum class Mode {
+    kStopped,   // nothing waits, nothing is taken (the state after construction)
+    kRunning,
+    kFinished,  // no request will come any more: the camera is told EOS
+  };
+  void set_mode(Mode mode);
+
+  void start_stream(bool live);
+  // Hands over a frame. GST_FLOW_FLUSHING while flushing, GST_FLOW_EOS when no request will come any more.
+  GstFlowReturn push(CameraFrame frame);
+  void end_stream();                 // EOS: the last frame stands for all times after it
+  void set_flushing(bool flushing);  // of this camera's stream; drops what is held
+  void clear();                      // back to the state after construction, but for the mode
+
+  // Requests have come to `time`: frames that none of them can need any more make room for newer ones. For cameras
+  // that a request does not look at, so that they don't fall behind.
+  void advance(uint64_t time);
+  // The frame nearest to `time` (kNoTime: the newest). Waits as the class comment says, and for the first frame of a
+  // camera that has not begun if `wait_for_first`. Nothing if the camera has no frame to give or the node shuts down.
+  std::optional<CameraFrame> find(uint64_t time, bool wait_for_first);
+
+  size_t held() const;
+  uint64_t dropped() const;  // frames that no request was answered with
+
+ private:
+  bool must_wait(uint64_t time, bool wait_for_first) const;  // locked
+  void want(uint64_t time);                                  // locked
+  void drop_passed();                                        // locked
+  void drop_oldest();                                        // locked
+
+  struct Held {
+    CameraFrame frame;
+    bool used = false;
+  };
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  Mode mode_ = Mode::kStopped;
+  std::deque<Held> frames_;  // ascending time
+  bool started_ = false, live_ = false, ended_ = false, flushing_ = false;
+  uint64_t wanted_ = 0;  // time of the latest request that named one
+  uint64_t dropped_ = 0;
+};
+
+}  // namespace lf

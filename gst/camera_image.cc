@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "camera_image.h"
+
+namespace lf {
+namespace {
+
+std::shared_ptr<GstBuffer> share(GstBuffer* buffer) { return {buffer, gst_buffer_unref}; }
+
+bool is_system_i420(const GstVideoInfo& info) {
+  // Unknown siting of full-range BT.601 is JPEG's.
+  const bool centred = info.chroma_site == GST_VIDEO_CHROMA_SITE_NONE || info.chroma_site == GST_VIDEO_CHROMA_SITE_UNKNOWN;
+  return GST_VIDEO_INFO_FORMAT(&info) == GST_VIDEO_FORMAT_I420 && info.colorimetry.range == GST_VIDEO_COLOR_RANGE_0_255 &&
+         info.colorimetry.matrix == GST_VIDEO_COLOR_MATRIX_BT601 && centred;
+}
+
+}  // namespace
+
+PixelFamily family_of(const GstVideoInfo& info) {
+  if (GST_VIDEO_INFO_FORMAT(&info) == GST_VIDEO_FORMAT_I420) return PixelFamily::kI420;
+  return GST_VIDEO_INFO_IS_RGB(&info) ? PixelFamily::kRgb : PixelFamily::kNone;
+}
+
+RgbLayout rgb_layout(const GstVideoInfo& info) {
+  const auto offset = [&info](int component) { return static_cast<int>(GST_VIDEO_INFO_COMP_POFFSET(&info, component)); };
+  return {GST_VIDEO_INFO_COMP_PSTRIDE(&info, 0), offset(0), offset(1), offset(2)};
+}
+
+void set_system_colorimetry(GstVideoInfo& info) {
+  if (family_of(info) != PixelFamily::kI420) return;
+  gst_video_colorimetry_from_string(&info.colorimetry, "1:4:0:0");
+  info.chroma_site = GST_VIDEO_CHROMA_SITE_JPEG;
+}
+
+FrameConverter::FrameConverter(const GstVideoInfo& input, PixelFamily family) : input_(input) {
+  if (family == PixelFamily::kRgb ? family_of(input) == family : is_system_i420(input)) return;
+  if (family == PixelFamily::kI420 && family_of(input) == PixelFamily::kI420) {
+    // From I420 to I420 GstVideoConverter 1.22 copies and leaves range and siting as they are: go through RGB.
+    add_step(input, GST_VIDEO_FORMAT_RGB);
+    add_step(steps_[0].to, GST_VIDEO_FORMAT_I420);
+  } else {
+    add_step(input, family == PixelFamily::kRgb ? GST_VIDEO_FORMAT_RGB : GST_VIDEO_FORMAT_I420);
+  }
+}
+
+void FrameConverter::add_step(const GstVideoInfo& from, GstVideoFormat format) {
+  GstVideoInfo to;
+  gst_video_info_set_format(&to, format, static_cast<guint>(from.width), static_cast<guint>(from.height));
+  to.fps_n = from.fps_n;
+  to.fps_d = from.fps_d;
+  set_system_colorimetry(to);
+  GstVideoInfo in = from, out = to;
+  steps_.push_back({from, to, {gst_video_converter_new(&in, &out, nullptr), gst_video_converter_free}});
+}
+
+CameraFrame FrameConverter::run(const Step& step, GstBuffer* buffer) {
+  CameraFrame result{share(gst_buffer_new_allocate(nullptr, step.to.size, nullptr)), step.to};
+  GstVideoFrame in, out;
+  if (!gst_video_frame_map(&in, const_cast<GstVideoInfo*>(&step.from), buffer, GST_MAP_READ)) return {};
+  if (gst_video_frame_map(&out, const_cast<GstVideoInfo*>(&step.to), result.buffer.get(), GST_MAP_WRITE)) {
+    gst_video_converter_frame(step.converter.get(), &in, &out);
+    gst_video_frame_unmap(&out);
+  }
+  gst_video_frame_unmap(&in);
+  return result;
+}
+
+CameraFrame FrameConverter::convert(GstBuffer* buffer) const {
+  CameraFrame frame{share(buffer), input_};
+  for (const Step& step : steps_)
+    if (frame.buffer) frame = run(step, frame.buffer.get());
+  return frame;
+}
+
+MappedFrame::MappedFrame(const CameraFrame& frame)
+    : ok_(gst_video_frame_map(&frame_, const_cast<GstVideoInfo*>(&frame.info), frame.buffer.get(), GST_MAP_READ)) {}
+
+MappedFrame::~MappedFrame() {
+  if (ok_) gst_video_frame_unmap(&frame_);
+}
+
+ImageView MappedFrame::view() const {
+  ImageView view;
+  view.family = family_of(frame_.info);
+  view.width = GST_VIDEO_FRAME_WIDTH(&frame_);
+  view.height = GST_VIDEO_FRAME_HEIGHT(&frame_);
+  if (view.family == PixelFamily::kRgb) view.layout = rgb_layout(frame_.info);
+  for (unsigned i = 0; i < GST_VIDEO_FRAME_N_PLANES(&frame_); i++) {
+    view.plane[i] = static_cast<const uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&frame_, i));
+    view.stride[i] = GST_VIDEO_FRAME_PLANE_STRIDE(&frame_, i);
+  }
+  return view;
+}
+
+}  // namespace lf

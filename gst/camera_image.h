@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include <gst/video/video.h>
+
+#include "camera_frames.h"
+#include "image/image.h"
+
+namespace lf {
+
+// The pixel family of a raw video format, kNone if it is neither in the RGB family nor I420.
+PixelFamily family_of(const GstVideoInfo& info);
+// Where R, G and B are in a format of the RGB family.
+RgbLayout rgb_layout(const GstVideoInfo& info);
+// Sets what I420 means inside the system: full-range BT.601, centred chroma.
+void set_system_colorimetry(GstVideoInfo& info);
+
+// Turns the frames of one stream into the node's family: nothing to do for RGB in any order and for full-range BT.601
+// I420 with centred chroma; everything else (limited range, other matrix or siting, the other family) is converted.
+class FrameConverter {
+ public:
+  FrameConverter(const GstVideoInfo& input, PixelFamily family);
+
+  // Takes ownership of `buffer`. Null buffer in the result if it can't be mapped.
+  CameraFrame convert(GstBuffer* buffer) const;
+
+ private:
+  struct Step {
+    GstVideoInfo from, to;
+    std::unique_ptr<GstVideoConverter, void (*)(GstVideoConverter*)> converter;
+  };
+  static CameraFrame run(const Step& step, GstBuffer* buffer);
+  void add_step(const GstVideoInfo& from, GstVideoFormat format);
+
+  GstVideoInfo input_;
+  std::vector<Step> steps_;  // none: frames are taken as they are
+};
+
+// A frame mapped for reading as long as this lives.
+class MappedFrame {
+ public:
+  explicit MappedFrame(const CameraFrame& frame);
+  ~MappedFrame();
+  MappedFrame(const MappedFrame&) = delete;
+  MappedFrame& operator=(const MappedFrame&) = delete;
+  bool ok() const { return ok_; }
+  ImageView view() const;
+
+ private:
+  GstVideoFrame frame_;
+  bool ok_;
+};
+
+}  // namespace lf

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "compositor_stats.h"
+
+namespace lf {
+namespace {
+
+constexpr size_t kMostInFlight = 256;  // requests that were never answered don't pile up
+
+uint64_t nanoseconds(int64_t from, int64_t to) { return to > from ? static_cast<uint64_t>(to - from) * 1000 : 0; }
+
+}  // namespace
+
+void CompositorStats::reset() {
+  std::lock_guard lock(mutex_);
+  for (uint64_t& counter : counters_) counter = 0;
+  pictures_ = complete_ = fragments_ = missing_ = bytes_ = max_skew_ns_ = 0;
+  arrivals_.clear();
+  for (Percentiles* times : {&answer_ns_, &composite_ns_, &latency_ns_}) times->clear();
+}
+
+void CompositorStats::count(Counter counter) {
+  std::lock_guard lock(mutex_);
+  counters_[counter]++;
+}
+
+void CompositorStats::request_arrived(uint32_t sequence, int64_t time) {
+  std::lock_guard lock(mutex_);
+  if (arrivals_.size() >= kMostInFlight) arrivals_.clear();
+  arrivals_[sequence] = time;
+}
+
+GstStructure* CompositorStats::record(const Picture& p, bool describe) {
+  std::lock_guard lock(mutex_);
+  int64_t asked = p.answered;
+  if (const auto arrival = arrivals_.find(p.sequence); arrival != arrivals_.end()) {
+    asked = arrival->second;
+    arrivals_.erase(arrival);
+  }
+  const uint64_t composite = nanoseconds(p.answered, p.done), latency = nanoseconds(asked, p.done);
+  pictures_++;
+  complete_ += p.missing == 0;
+  fragments_ += p.fragments;
+  missing_ += p.missing;
+  bytes_ += p.bytes;
+  max_skew_ns_ = std::max(max_skew_ns_, p.skew_ns);
+  answer_ns_.add(nanoseconds(asked, p.answered));
+  composite_ns_.add(composite);
+  latency_ns_.add(latency);
+  if (!describe) return nullptr;
+  return gst_structure_new("lightfield-view", "view-id", G_TYPE_UINT, p.view_id, "sequence", G_TYPE_UINT, p.sequence,  //
+                           "pts", G_TYPE_UINT64, p.pts, "complete", G_TYPE_BOOLEAN, p.missing == 0,                   //
+                           "fragments", G_TYPE_UINT, p.fragments, "missing", G_TYPE_UINT, p.missing,                  //
+                           "bytes", G_TYPE_UINT64, p.bytes, "skew-ns", G_TYPE_UINT64, p.skew_ns,                      //
+                           "latency-ns", G_TYPE_UINT64, latency, "composite-ns", G_TYPE_UINT64, composite, nullptr);
+}
+
+GstStructure* CompositorStats::structure() const {
+  std::lock_guard lock(mutex_);
+  GstStructure* stats = gst_structure_new_empty("application/x-lightfield-compositor-stats");
+  const auto set = [stats](const char* name, uint64_t value) {
+    gst_structure_set(stats, name, G_TYPE_UINT64, value, nullptr);
+  };
+  set("pictures", pictures_);
+  set("complete", complete_);
+  set("incomplete", pictures_ - complete_);
+  set("fragments", fragments_);
+  set("missing-fragments", missing_);
+  set("late-answers", counters_[kLateAnswers]);
+  set("bytes", bytes_);
+  set("bad-requests", counters_[kBadRequests]);
+  set("bad-answers", counters_[kBadAnswers]);
+  set("rig-mismatches", counters_[kRigMismatches]);
+  set("max-skew-ns", max_skew_ns_);
+  set("answer-ns-p50", answer_ns_.at(50));
+  set("answer-ns-p95", answer_ns_.at(95));
+  set("composite-ns-p50", composite_ns_.at(50));
+  set("composite-ns-p95", composite_ns_.at(95));
+  set("latency-ns-p50", latency_ns_.at(50));
+  set("latency-ns-p95", latency_ns_.at(95));
+  set("latency-ns-p99", latency_ns_.at(99));
+  return stats;
+}
+
+}  // namespace lf

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <mutex>
+
+#include <gst/gst.h>
+
+#include "base/percentiles.h"
+
+namespace lf {
+
+// What lfcompositor has done and how long its stages took. Thread-safe.
+class CompositorStats {
+ public:
+  enum Counter { kLateAnswers, kBadRequests, kBadAnswers, kRigMismatches, kNumCounters };
+
+  // One finished picture. Times are g_get_monotonic_time(), microseconds.
+  struct Picture {
+    uint32_t view_id = 0, sequence = 0;
+    GstClockTime pts = GST_CLOCK_TIME_NONE;
+    unsigned fragments = 0, missing = 0;
+    uint64_t bytes = 0;    // of the answers
+    uint64_t skew_ns = 0;  // largest |capture time - target time|
+    int64_t answered = 0;  // when the last answer was in, or the deadline over
+    int64_t done = 0;      // when the picture was ready
+  };
+
+  void reset();
+  void count(Counter counter);
+  void request_arrived(uint32_t sequence, int64_t time);
+  // Adds the picture up; the structure of its element message "lightfield-view" if `describe`, else null.
+  GstStructure* record(const Picture& picture, bool describe);
+  // The `stats` property; owned by the caller.
+  GstStructure* structure() const;
+
+ private:
+  mutable std::mutex mutex_;
+  uint64_t counters_[kNumCounters] = {};
+  uint64_t pictures_ = 0, complete_ = 0, fragments_ = 0, missing_ = 0, bytes_ = 0, max_skew_ns_ = 0;
+  std::map<uint32_t, int64_t> arrivals_;  // sequence to time, of requests not answered yet
+  Percentiles answer_ns_, composite_ns_, latency_ns_;  // request in to last answer in to picture ready
+};
+
+}  // namespace lf

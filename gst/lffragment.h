@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+G_BEGIN_DECLS
+
+#define LF_TYPE_FRAGMENT (lf_fragment_get_type())
+G_DECLARE_FINAL_TYPE(LfFragment, lf_fragment, LF, FRAGMENT, GstElement)
+
+// One camera's input: property "camera".
+#define LF_TYPE_FRAGMENT_PAD (lf_fragment_pad_get_type())
+G_DECLARE_FINAL_TYPE(LfFragmentPad, lf_fragment_pad, LF, FRAGMENT_PAD, GstPad)
+
+GST_ELEMENT_REGISTER_DECLARE(lffragment);
+
+G_END_DECLS
