@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <string>
+
+#include "gst/gst_test.h"
+#include "rig/rig.h"
+#include "view/view_request.h"
+
+namespace lf::test {
+
+// A 2x2 array of small cameras, its rig file, and requests for a view from its middle: every camera contributes.
+class ArrayFixture {
+ public:
+  static constexpr int kWidth = 32, kHeight = 24;
+
+  ArrayFixture();
+
+  const Rig& rig() const { return rig_; }
+  const std::string& rig_path() const { return file_.path(); }
+  // A request for the middle view at `time` (running time, nanoseconds).
+  ViewRequest request(uint32_t sequence, uint64_t time, uint32_t view_id = 0) const;
+  // An RGB or I420 frame of one grey value (I420: neutral chroma), PTS `time`.
+  static GstBuffer* frame(const char* format, uint8_t value, uint64_t time);
+  static std::string caps(const char* format);
+
+ private:
+  Rig rig_;
+  TempFile file_;
+};
+
+}  // namespace lf::test

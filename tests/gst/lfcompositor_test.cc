@@ -1,0 +1,299 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <gmock/gmock.h>
+#include <gst/video/navigation.h>
+#include <gst/video/video.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "gst/array_fixture.h"
+#include "render/fragment_renderer.h"
+#include "render/render_job.h"
+#include "wire/answer_codec.h"
+#include "wire/request_codec.h"
+
+namespace lf::test {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr uint64_t kFrame = 100 * GST_MSECOND;
+
+// lfcompositor with its request and src pads in one harness and a harness for each node.
+class LfCompositorTest : public testing::Test {
+ protected:
+  void start(int nodes, const std::vector<std::pair<std::string, std::string>>& properties = {}, const char* sink_caps = nullptr) {
+    element_.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfcompositor", nullptr))));
+    for (const auto& [name, value] : properties) gst_util_set_object_arg(G_OBJECT(element_.get()), name.c_str(), value.c_str());
+    harness_.reset(gst_harness_new_with_element(element_.get(), "request", "src"));
+    gst_harness_set_live(harness_.get(), FALSE);
+    if (sink_caps) gst_harness_set_sink_caps_str(harness_.get(), sink_caps);
+    gst_harness_set_src_caps_str(harness_.get(), "application/x-lightfield-request,framerate=10/1");
+    for (int i = 0; i < nodes; i++) {
+      nodes_.emplace_back(gst_harness_new_with_element(element_.get(), ("sink_" + std::to_string(i)).c_str(), nullptr));
+      gst_harness_set_live(nodes_.back().get(), FALSE);
+      gst_harness_set_src_caps_str(nodes_.back().get(), "application/x-lightfield-answer");
+    }
+  }
+
+  void request(const ViewRequest& request) {
+    GstBuffer* buffer = to_buffer(wire::encode_request(request));
+    GST_BUFFER_PTS(buffer) = request.target_time;
+    GST_BUFFER_DURATION(buffer) = kFrame;
+    ASSERT_EQ(gst_harness_push(harness_.get(), buffer), GST_FLOW_OK);
+  }
+
+  // What a node with these cameras answers, all of one grey value.
+  wire::Answer answer_of(const ViewRequest& request, std::vector<CameraIndex> cameras, uint8_t grey = 200,
+                         PixelFamily family = PixelFamily::kRgb) {
+    const Rig& rig = array_.rig();
+    const RenderJob job(rig, build_mesh(rig, request.out_of_service), request.view, cameras);
+    Image image(family, ArrayFixture::kWidth, ArrayFixture::kHeight);
+    std::fill(image.data().begin(), image.data().end(), uint8_t{128});
+    const size_t grey_bytes = family == PixelFamily::kRgb ? image.data().size() : ArrayFixture::kWidth * ArrayFixture::kHeight;
+    std::fill_n(image.data().begin(), grey_bytes, grey);
+    wire::Answer answer;
+    answer.view_id = request.view_id;
+    answer.sequence = request.sequence;
+    answer.view_width = request.view.width;
+    answer.view_height = request.view.height;
+    answer.family = family;
+    answer.target_time = answer.actual_time = request.target_time;
+    answer.rig_hash = rig.hash();
+    for (const CameraIndex camera : job.cameras()) {
+      auto fragment = make_scalar_renderer()->render(job.plan(), job.owners(), camera, rig.cameras[camera], image.view());
+      if (fragment) answer.fragments.push_back(std::move(*fragment));
+    }
+    return answer;
+  }
+
+  void push(int node, const wire::Answer& answer) {
+    ASSERT_EQ(gst_harness_push(nodes_[static_cast<size_t>(node)].get(), to_buffer(wire::encode_answer(answer))), GST_FLOW_OK);
+  }
+
+  std::vector<uint8_t> pull() {
+    const BufferPtr buffer(gst_harness_pull(harness_.get()));
+    if (!buffer) {
+      ADD_FAILURE() << "no picture";
+      return {};
+    }
+    last_pts_ = GST_BUFFER_PTS(buffer.get());
+    return to_bytes(buffer.get());
+  }
+
+  std::string output_format() {
+    const CapsPtr caps(gst_pad_get_current_caps(harness_->sinkpad));
+    return gst_structure_get_string(gst_caps_get_structure(caps.get(), 0), "format");
+  }
+
+  static std::pair<int, int> range(const std::vector<uint8_t>& bytes) {
+    const auto [low, high] = std::minmax_element(bytes.begin(), bytes.end());
+    return {*low, *high};
+  }
+
+  ArrayFixture array_;
+  ElementPtr element_;
+  HarnessPtr harness_;
+  std::vector<HarnessPtr> nodes_;
+  uint64_t last_pts_ = 0;
+};
+
+TEST_F(LfCompositorTest, AddsOneNodesAnswer) {
+  start(1);
+  const ViewRequest asked = array_.request(0, 3 * kFrame);
+  request(asked);
+  push(0, answer_of(asked, {0, 1, 2, 3}));
+  const std::vector<uint8_t> picture = pull();
+  EXPECT_EQ(picture.size(), 16u * 12 * 3);
+  EXPECT_EQ(last_pts_, 3 * kFrame);
+  EXPECT_GE(range(picture).first, 199);
+  EXPECT_LE(range(picture).second, 201);
+  EXPECT_EQ(output_format(), "RGB");
+}
+
+TEST_F(LfCompositorTest, TwoNodesAreOnePictureToTheBit) {
+  const ViewRequest asked = array_.request(0, 0);
+  start(1);
+  request(asked);
+  push(0, answer_of(asked, {0, 1, 2, 3}));
+  const std::vector<uint8_t> together = pull();
+  nodes_.clear();
+  start(2);
+  request(asked);
+  push(1, answer_of(asked, {1, 3}));
+  push(0, answer_of(asked, {0, 2}));
+  EXPECT_EQ(pull(), together);
+}
+
+TEST_F(LfCompositorTest, AnswersComeBeforeTheRequestOrAfterIt) {
+  start(1);
+  const ViewRequest asked = array_.request(0, 0);
+  push(0, answer_of(asked, {0, 1, 2, 3}));
+  request(asked);
+  EXPECT_GE(range(pull()).first, 199);
+}
+
+TEST_F(LfCompositorTest, ComposesBySequenceNotByArrival) {
+  start(2);
+  const ViewRequest first = array_.request(UINT32_MAX, 0), second = array_.request(0, kFrame);  // the number wraps
+  request(first);
+  push(0, answer_of(first, {0, 2}, 10));
+  push(1, answer_of(second, {1, 3}, 250));  // this node skipped the first request
+  const std::vector<uint8_t> dark = pull();
+  EXPECT_LE(range(dark).second, 11);
+  request(second);
+  push(0, answer_of(second, {0, 2}, 250));
+  EXPECT_GE(range(pull()).first, 248);
+}
+
+TEST_F(LfCompositorTest, OtherViewsAreIgnored) {
+  start(1, {{"view-id", "2"}});
+  const ViewRequest other = array_.request(0, 0, 1), own = array_.request(0, 0, 2);
+  request(other);
+  push(0, answer_of(other, {0, 1, 2, 3}, 10));
+  request(own);
+  push(0, answer_of(own, {0, 1, 2, 3}, 100));
+  EXPECT_GE(range(pull()).first, 99);
+  EXPECT_EQ(stat(element_.get(), "pictures"), 1u);
+}
+
+TEST_F(LfCompositorTest, LateAndForeignAnswersAreCounted) {
+  start(1);
+  const ViewRequest old = array_.request(4, 0), asked = array_.request(5, 0);
+  wire::Answer other_rig = answer_of(asked, {0, 1, 2, 3});
+  other_rig.rig_hash ^= 1;
+  request(asked);
+  push(0, answer_of(old, {0, 1, 2, 3}));
+  ASSERT_EQ(gst_harness_push(nodes_[0].get(), to_buffer({9, 9, 9})), GST_FLOW_OK);
+  push(0, other_rig);
+  EXPECT_EQ(range(pull()).second, 0);  // nothing was composed
+  EXPECT_EQ(stat(element_.get(), "late-answers"), 1u);
+  EXPECT_EQ(stat(element_.get(), "bad-answers"), 1u);
+  EXPECT_EQ(stat(element_.get(), "rig-mismatches"), 1u);
+}
+
+TEST_F(LfCompositorTest, WithTheRigTheOthersMakeUpForAMissingCamera) {
+  start(1, {{"rig", array_.rig_path()}});
+  const ViewRequest asked = array_.request(0, 0);
+  request(asked);
+  push(0, answer_of(asked, {0, 1, 2}));
+  const std::vector<uint8_t> picture = pull();
+  EXPECT_EQ(stat(element_.get(), "missing-fragments"), 1u);
+  EXPECT_EQ(stat(element_.get(), "incomplete"), 1u);
+  // Camera 3 is the far corner: towards the middle the other three have most of the weight and restore the grey.
+  const size_t middle = (6 * 16 + 8) * 3;
+  EXPECT_NEAR(picture[middle], 200, 6);
+}
+
+TEST_F(LfCompositorTest, BackgroundShowsWhereNothingContributes) {
+  start(1, {{"rig", array_.rig_path()}, {"background", "0xff102030"}});
+  const ViewRequest asked = array_.request(0, 0);
+  request(asked);
+  push(0, answer_of(asked, {}));
+  const std::vector<uint8_t> picture = pull();
+  EXPECT_EQ(picture[0], 0x10);
+  EXPECT_EQ(picture[1], 0x20);
+  EXPECT_EQ(picture[2], 0x30);
+}
+
+TEST_F(LfCompositorTest, I420StaysI420AndSizeMayChange) {
+  start(1);
+  ViewRequest asked = array_.request(0, 0);
+  asked.view.width = 15;  // odd
+  asked.view.height = 11;
+  request(asked);
+  push(0, answer_of(asked, {0, 1, 2, 3}, 90, PixelFamily::kI420));
+  EXPECT_GE(pull()[0], 89);
+  EXPECT_EQ(output_format(), "I420");
+  ViewRequest larger = array_.request(1, kFrame);
+  larger.view.width = 20;
+  request(larger);
+  push(0, answer_of(larger, {0, 1, 2, 3}));
+  EXPECT_EQ(pull().size(), 20u * 12 * 3);
+  EXPECT_EQ(output_format(), "RGB");
+}
+
+TEST_F(LfCompositorTest, DownstreamChoosesWithinTheFamily) {
+  start(1, {}, "video/x-raw,format=BGRx");
+  const ViewRequest asked = array_.request(0, 0);
+  request(asked);
+  push(0, answer_of(asked, {0, 1, 2, 3}));
+  EXPECT_EQ(pull().size(), 16u * 12 * 4);
+}
+
+TEST_F(LfCompositorTest, EndOfRequestsEndsTheOutput) {
+  start(1);
+  gst_harness_push_event(harness_.get(), gst_event_new_eos());
+  bool eos = false;
+  for (int i = 0; i < 20 && !eos; i++) {
+    GstEvent* event = gst_harness_pull_event(harness_.get());
+    if (!event) break;
+    eos = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+    gst_event_unref(event);
+  }
+  EXPECT_TRUE(eos);
+}
+
+TEST_F(LfCompositorTest, NavigationGoesToTheRequestsAloneAndIsTagged) {
+  start(1, {{"view-id", "6"}});
+  gst_harness_push_upstream_event(harness_.get(), gst_event_new_navigation(gst_structure_new(
+                                                      "application/x-gst-navigation", "event", G_TYPE_STRING, "mouse-move",
+                                                      "pointer_x", G_TYPE_DOUBLE, 1.0, "pointer_y", G_TYPE_DOUBLE, 2.0, nullptr)));
+  GstEvent* event = nullptr;
+  for (int i = 0; i < 10; i++) {
+    event = gst_harness_try_pull_upstream_event(harness_.get());
+    if (!event || GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION) break;
+    gst_event_unref(event);
+  }
+  ASSERT_TRUE(event);
+  guint view = 0;
+  EXPECT_TRUE(gst_structure_get_uint(gst_event_get_structure(event), "lf-view-id", &view));
+  EXPECT_EQ(view, 6u);
+  gst_event_unref(event);
+  while (GstEvent* other = gst_harness_try_pull_upstream_event(nodes_[0].get())) {
+    EXPECT_NE(GST_EVENT_TYPE(other), GST_EVENT_NAVIGATION);
+    gst_event_unref(other);
+  }
+}
+
+TEST_F(LfCompositorTest, ALivePictureIsOutAtItsDeadlineWithoutTheSilentNode) {
+  element_.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfcompositor", nullptr))));
+  g_object_set(element_.get(), "rig", array_.rig_path().c_str(), "latency", 40 * GST_MSECOND, nullptr);
+  harness_.reset(gst_harness_new_with_element(element_.get(), "request", "src"));
+  gst_harness_use_systemclock(harness_.get());
+  gst_harness_set_src_caps_str(harness_.get(), "application/x-lightfield-request,framerate=10/1");
+  for (const char* pad : {"sink_0", "sink_1"}) {
+    nodes_.emplace_back(gst_harness_new_with_element(element_.get(), pad, nullptr));
+    gst_harness_set_src_caps_str(nodes_.back().get(), "application/x-lightfield-answer");
+  }
+  gst_harness_query_latency(harness_.get());
+  const ViewRequest asked = array_.request(0, 0);
+  request(asked);
+  push(0, answer_of(asked, {0, 1, 2}));
+  pull();
+  EXPECT_EQ(stat(element_.get(), "missing-fragments"), 1u);
+}
+
+TEST_F(LfCompositorTest, ErrorsNameThePlace) {
+  start(1, {}, "video/x-raw,format=I420");
+  const ViewRequest asked = array_.request(0, 0);
+  GstBus* bus = gst_bus_new();
+  gst_element_set_bus(element_.get(), bus);
+  request(asked);
+  push(0, answer_of(asked, {0, 1, 2, 3}));
+  GstMessage* message = gst_bus_timed_pop_filtered(bus, 5 * GST_SECOND, GST_MESSAGE_ERROR);
+  ASSERT_TRUE(message);
+  GError* error = nullptr;
+  gst_message_parse_error(message, &error, nullptr);
+  EXPECT_THAT(error->message, HasSubstr("put a videoconvert behind"));
+  g_clear_error(&error);
+  gst_message_unref(message);
+  gst_element_set_bus(element_.get(), nullptr);
+  gst_object_unref(bus);
+
+  const ElementPtr pipeline = launch("lfcompositor rig=/nowhere/rig.json ! fakesink");
+  EXPECT_THAT(run(pipeline.get(), 5), HasSubstr("/nowhere/rig.json"));
+}
+
+}  // namespace
+}  // namespace lf::test

@@ -1,0 +1,275 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "composite/assembly.h"
+#include "gst/array_fixture.h"
+#include "wire/answer_codec.h"
+#include "wire/request_codec.h"
+
+namespace lf::test {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr uint64_t kFrame = 100 * GST_MSECOND;
+
+// lffragment with its request and src pads in one harness and a harness for each camera pad.
+class LfFragmentTest : public testing::Test {
+ protected:
+  void start(int cameras, const char* format = "RGB", bool live = false) {
+    element_.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lffragment", nullptr))));
+    g_object_set(element_.get(), "rig", array_.rig_path().c_str(), "node", 7u, nullptr);
+    harness_.reset(gst_harness_new_with_element(element_.get(), "request", "src"));
+    gst_harness_set_live(harness_.get(), FALSE);
+    for (int i = 0; i < cameras; i++) {
+      const std::string pad = "sink_" + std::to_string(i);
+      cameras_.emplace_back(gst_harness_new_with_element(element_.get(), pad.c_str(), nullptr));
+      gst_harness_set_live(cameras_.back().get(), live);
+      gst_harness_set_src_caps_str(cameras_.back().get(), ArrayFixture::caps(format).c_str());
+    }
+    gst_harness_set_src_caps_str(harness_.get(), "application/x-lightfield-request,framerate=10/1");
+  }
+
+  void push_frames(uint8_t value, uint64_t time, const char* format = "RGB") {
+    for (const HarnessPtr& camera : cameras_)
+      ASSERT_EQ(gst_harness_push(camera.get(), ArrayFixture::frame(format, value, time)), GST_FLOW_OK);
+  }
+
+  GstFlowReturn request(const ViewRequest& request) {
+    GstBuffer* buffer = to_buffer(wire::encode_request(request));
+    GST_BUFFER_PTS(buffer) = request.target_time;
+    GST_BUFFER_DURATION(buffer) = kFrame;
+    return gst_harness_push(harness_.get(), buffer);
+  }
+
+  wire::Answer pull() {
+    const BufferPtr buffer(gst_harness_try_pull(harness_.get()));
+    if (!buffer) {
+      ADD_FAILURE() << "no answer";
+      return {};
+    }
+    last_pts_ = GST_BUFFER_PTS(buffer.get());
+    std::string reason;
+    const std::optional<wire::Answer> answer = wire::decode_answer(to_bytes(buffer.get()), &reason);
+    EXPECT_TRUE(answer) << reason;
+    return answer.value_or(wire::Answer{});
+  }
+
+  // The picture that the answer makes, as its smallest and largest byte.
+  std::pair<int, int> picture_range(const ViewRequest& request, const wire::Answer& answer) {
+    Assembly assembly;
+    assembly.begin(request);
+    EXPECT_EQ(assembly.add(answer), Assembly::Verdict::kAdded);
+    assembly.finish(PixelFamily::kRgb, false);
+    const Image picture = assembly.picture().resolve();
+    const auto [low, high] = std::minmax_element(picture.data().begin(), picture.data().end());
+    return {*low, *high};
+  }
+
+  ArrayFixture array_;
+  ElementPtr element_;
+  std::vector<HarnessPtr> cameras_;
+  HarnessPtr harness_;
+  uint64_t last_pts_ = 0;
+};
+
+TEST_F(LfFragmentTest, AnswersWithEveryCamerasContribution) {
+  start(4);
+  push_frames(200, 0);
+  const ViewRequest asked = array_.request(5, 0);
+  ASSERT_EQ(request(asked), GST_FLOW_OK);
+  const wire::Answer answer = pull();
+  EXPECT_EQ(answer.sequence, 5u);
+  EXPECT_EQ(answer.node, 7u);
+  EXPECT_EQ(answer.rig_hash, array_.rig().hash());
+  EXPECT_TRUE(answer.last_of_node);
+  EXPECT_EQ(answer.actual_time, 0u);
+  EXPECT_EQ(answer.fragments.size(), 4u);
+  const auto [low, high] = picture_range(asked, answer);
+  EXPECT_GE(low, 199);  // three roundings
+  EXPECT_LE(high, 201);
+}
+
+TEST_F(LfFragmentTest, AnswersCarryTheRequestsTimestamp) {
+  start(4);
+  push_frames(10, 0);
+  push_frames(20, kFrame);
+  ASSERT_EQ(request(array_.request(0, kFrame)), GST_FLOW_OK);
+  pull();
+  EXPECT_EQ(last_pts_, kFrame);
+}
+
+TEST_F(LfFragmentTest, TakesTheFrameNearestToTheRequestedTime) {
+  start(4);
+  push_frames(10, 0);
+  push_frames(250, kFrame);
+  const ViewRequest early = array_.request(0, kFrame * 4 / 10), late = array_.request(1, kFrame * 6 / 10);
+  ASSERT_EQ(request(early), GST_FLOW_OK);
+  const wire::Answer first = pull();
+  EXPECT_EQ(first.actual_time, 0u);
+  EXPECT_LE(picture_range(early, first).second, 11);
+  ASSERT_EQ(request(late), GST_FLOW_OK);
+  const wire::Answer second = pull();
+  EXPECT_EQ(second.actual_time, kFrame);
+  EXPECT_GE(picture_range(late, second).first, 248);
+}
+
+TEST_F(LfFragmentTest, WaitsForTheFrameOfAFile) {
+  start(4);
+  push_frames(10, 0);
+  std::thread cameras([this] {
+    g_usleep(50000);
+    push_frames(90, kFrame);
+  });
+  ASSERT_EQ(request(array_.request(0, kFrame)), GST_FLOW_OK);
+  cameras.join();
+  EXPECT_EQ(pull().actual_time, kFrame);
+}
+
+TEST_F(LfFragmentTest, FilesAreReadNoFasterThanRequestsMoveOn) {
+  start(1);
+  std::atomic<int> pushed{0};
+  std::thread camera([this, &pushed] {
+    for (int i = 0; i < 6; i++, pushed++)
+      ASSERT_EQ(gst_harness_push(cameras_[0].get(), ArrayFixture::frame("RGB", 9, static_cast<uint64_t>(i) * kFrame)), GST_FLOW_OK);
+  });
+  g_usleep(100000);
+  EXPECT_LE(pushed, 2);
+  ASSERT_EQ(request(array_.request(0, 5 * kFrame)), GST_FLOW_OK);
+  camera.join();
+  EXPECT_EQ(pull().actual_time, 5 * kFrame);
+}
+
+TEST_F(LfFragmentTest, TheLastFrameOfAFileStands) {
+  start(4);
+  push_frames(10, 0);
+  for (const HarnessPtr& camera : cameras_) gst_harness_push_event(camera.get(), gst_event_new_eos());
+  ASSERT_EQ(request(array_.request(0, 50 * kFrame)), GST_FLOW_OK);
+  const wire::Answer answer = pull();
+  EXPECT_EQ(answer.fragments.size(), 4u);
+  EXPECT_EQ(answer.actual_time, 0u);
+}
+
+TEST_F(LfFragmentTest, LiveCamerasAreNeverWaitedFor) {
+  start(4, "RGB", true);
+  for (int i = 0; i < 20; i++) push_frames(static_cast<uint8_t>(i), static_cast<uint64_t>(i) * kFrame);
+  ASSERT_EQ(request(array_.request(0, 100 * kFrame)), GST_FLOW_OK);
+  EXPECT_EQ(pull().actual_time, 19 * kFrame);
+  ASSERT_EQ(request(array_.request(1, 18 * kFrame)), GST_FLOW_OK);  // the latest few are kept
+  EXPECT_EQ(pull().actual_time, 18 * kFrame);
+}
+
+TEST_F(LfFragmentTest, I420StaysI420) {
+  start(4, "I420");
+  push_frames(120, 0, "I420");
+  ASSERT_EQ(request(array_.request(0, 0)), GST_FLOW_OK);
+  const wire::Answer answer = pull();
+  EXPECT_EQ(answer.family, PixelFamily::kI420);
+  EXPECT_EQ(answer.fragments.size(), 4u);
+}
+
+TEST_F(LfFragmentTest, LimitedRangeIsConverted) {
+  start(0);
+  cameras_.emplace_back(gst_harness_new_with_element(element_.get(), "sink_0", nullptr));
+  gst_harness_set_src_caps_str(cameras_[0].get(), "video/x-raw,format=I420,width=32,height=24,framerate=10/1,colorimetry=bt601");
+  gst_harness_push(cameras_[0].get(), ArrayFixture::frame("I420", 235, 0));  // white of the limited range
+  const ViewRequest asked = array_.request(0, 0);
+  ASSERT_EQ(request(asked), GST_FLOW_OK);
+  const wire::Answer answer = pull();
+  ASSERT_EQ(answer.fragments.size(), 1u);
+  // Where camera 0 has its largest weight its luma is that weight of 255, not of 235.
+  Rig rig = array_.rig();
+  const RenderJob job(rig, build_mesh(rig), asked.view, std::vector<CameraIndex>{0});
+  const Rect rect = answer.fragments[0].rect;
+  const std::vector<float> hat = camera_hat(job.plan(), job.owners(), 0, rect);
+  const size_t peak = static_cast<size_t>(std::max_element(hat.begin(), hat.end()) - hat.begin());
+  EXPECT_NEAR(answer.fragments[0].pixels[peak], 255 * hat[peak], 1.5);
+}
+
+TEST_F(LfFragmentTest, AnotherRigsRequestGetsNoPicture) {
+  start(4);
+  push_frames(10, 0);
+  ViewRequest foreign = array_.request(0, 0);
+  foreign.rig_hash ^= 1;
+  ASSERT_EQ(request(foreign), GST_FLOW_OK);
+  EXPECT_TRUE(pull().fragments.empty());
+  EXPECT_EQ(stat(element_.get(), "rig-mismatches"), 1u);
+}
+
+TEST_F(LfFragmentTest, GarbageIsCountedAndDropped) {
+  start(4);
+  push_frames(10, 0);
+  ASSERT_EQ(gst_harness_push(harness_.get(), to_buffer({1, 2, 3})), GST_FLOW_OK);
+  EXPECT_EQ(gst_harness_buffers_in_queue(harness_.get()), 0u);
+  EXPECT_EQ(stat(element_.get(), "bad-requests"), 1u);
+  ViewRequest unknown_camera = array_.request(1, 0);
+  unknown_camera.out_of_service = {99};
+  ASSERT_EQ(request(unknown_camera), GST_FLOW_OK);
+  EXPECT_TRUE(pull().fragments.empty());
+  EXPECT_EQ(stat(element_.get(), "bad-requests"), 2u);
+}
+
+TEST_F(LfFragmentTest, EosOfTheRequestsEndsAnswersAndCameras) {
+  start(4);
+  push_frames(10, 0);
+  gst_harness_push_event(harness_.get(), gst_event_new_eos());
+  while (GstEvent* event = gst_harness_try_pull_event(harness_.get())) {
+    const bool eos = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+    gst_event_unref(event);
+    if (eos) break;
+  }
+  EXPECT_EQ(gst_harness_push(cameras_[0].get(), ArrayFixture::frame("RGB", 1, kFrame)), GST_FLOW_EOS);
+}
+
+TEST_F(LfFragmentTest, CameraLatencyStaysOutOfTheRequestPath) {
+  start(1, "RGB", true);
+  gst_harness_set_upstream_latency(cameras_[0].get(), 200 * GST_MSECOND);
+  gst_harness_set_live(harness_.get(), TRUE);
+  EXPECT_EQ(gst_harness_query_latency(harness_.get()), 0u);
+}
+
+TEST_F(LfFragmentTest, FurtherRequestersHaveTheirOwnPads) {
+  start(4);
+  push_frames(77, 0);
+  const HarnessPtr second(gst_harness_new_with_element(element_.get(), "request_3", "src_3"));
+  gst_harness_set_src_caps_str(second.get(), "application/x-lightfield-request");
+  ASSERT_EQ(gst_harness_push(second.get(), to_buffer(wire::encode_request(array_.request(9, 0)))), GST_FLOW_OK);
+  const BufferPtr buffer(gst_harness_try_pull(second.get()));
+  ASSERT_TRUE(buffer);
+  EXPECT_EQ(wire::decode_answer(to_bytes(buffer.get()))->sequence, 9u);
+  EXPECT_EQ(gst_harness_buffers_in_queue(harness_.get()), 0u);
+}
+
+TEST_F(LfFragmentTest, ErrorsNameThePlace) {
+  const struct {
+    std::string line, message;
+  } cases[] = {
+      {"lffragment ! fakesink", "set the property \"rig\""},
+      {"lffragment rig=/nowhere/rig.json ! fakesink", "/nowhere/rig.json"},
+      {"videotestsrc num-buffers=1 ! video/x-raw,format=RGB,width=31,height=24 ! n.sink_0 lffragment name=n rig=" +
+           array_.rig_path() + " ! fakesink",
+       "31x24 pixels, the rig " + array_.rig_path() + " says 32x24"},
+      {"videotestsrc num-buffers=1 ! video/x-raw,format=RGB,width=32,height=24 ! n.sink_9 lffragment name=n rig=" +
+           array_.rig_path() + " ! fakesink",
+       "has no camera 9"},
+  };
+  for (const auto& test : cases) {
+    const ElementPtr pipeline = launch(test.line);
+    ASSERT_TRUE(pipeline) << test.line;
+    EXPECT_THAT(run(pipeline.get(), 5), HasSubstr(test.message)) << test.line;
+  }
+}
+
+TEST_F(LfFragmentTest, ShutsDownWhileARequestWaits) {
+  start(4);
+  std::thread requester([this] { request(array_.request(0, kFrame)); });
+  g_usleep(30000);
+  gst_element_set_state(element_.get(), GST_STATE_NULL);
+  requester.join();
+}
+
+}  // namespace
+}  // namespace lf::test
