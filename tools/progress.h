@@ -3,10 +3,12 @@
 
 #include <unistd.h>
 
+#include <chrono>
 #include <cstdio>
 #include <string>
 
-// A progress bar on standard error, drawn only where somebody is there to see it.
+// A progress bar on standard error; where that is not a terminal, a plain line now and then, so that a log shows that a
+// long job lives and a short one leaves no trace. One thread at a time.
 class Progress {
  public:
   Progress(std::string what, size_t total) : what_(std::move(what)), total_(total), visible_(isatty(STDERR_FILENO)) {}
@@ -15,8 +17,15 @@ class Progress {
 
   void step() {
     done_++;
-    if (!visible_ || total_ == 0) return;
+    if (total_ == 0) return;
     const int percent = static_cast<int>(100 * done_ / total_);
+    if (!visible_) {
+      const auto now = std::chrono::steady_clock::now();
+      if (now - last_line_ < std::chrono::seconds(10)) return;
+      last_line_ = now;
+      std::fprintf(stderr, "%s: %d %%\n", what_.c_str(), percent);
+      return;
+    }
     if (percent == shown_) return;
     shown_ = percent;
     const int filled = percent * kWidth / 100;
@@ -36,4 +45,5 @@ class Progress {
   size_t total_, done_ = 0;
   int shown_ = -1;
   bool visible_;
+  std::chrono::steady_clock::time_point last_line_ = std::chrono::steady_clock::now();
 };

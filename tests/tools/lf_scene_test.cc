@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-scene as a program: what it writes is whole, named by its rig file, and the scene.
+#include <gst/app/gstappsink.h>
+#include <gst/gst.h>
+#include <gst/video/video.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "image/image_io.h"
+#include "quality/quality.h"
+#include "rig/rig_json.h"
+#include "scene/scene.h"
+#include "view/views_json.h"
+
+namespace lf {
+namespace {
+
+namespace fs = std::filesystem;
+
+class LfScene : public testing::Test {
+ protected:
+  void SetUp() override {
+    gst_init(nullptr, nullptr);
+    folder_ = fs::temp_directory_path() / "lf-scene-test-XXXXXX";
+    std::string name = folder_.string();
+    ASSERT_NE(mkdtemp(name.data()), nullptr);
+    folder_ = name;
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  // Exit status; what it prints on both channels goes to output_.
+  int run(const std::string& arguments) {
+    const fs::path log = folder_ / "log";
+    const std::string line = std::string(LF_TOOLS_DIR) + "/lf-scene " + arguments + " >'" + log.string() + "' 2>&1";
+    const int status = std::system(line.c_str());
+    std::stringstream text;
+    text << std::ifstream(log).rdbuf();
+    output_ = text.str();
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  // --out and, so that names with blanks are met too, quotes.
+  std::string out(const std::string& name) const { return "--out '" + path(name) + "' "; }
+
+  static Image rendered(const Camera& c, double time) {
+    return render_scene({c.width, c.height, c.lens, c.pose}, time);
+  }
+  static void expect_whole(const fs::path& folder) {
+    for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder))
+      EXPECT_EQ(entry.path().filename().string().find("part"), std::string::npos) << entry.path();
+  }
+
+  fs::path folder_;
+  std::string output_;
+};
+
+struct Frame {
+  Image i420;
+  double time;
+};
+
+// All frames of a Matroska file, and the colorimetry of its pictures.
+std::vector<Frame> decode(const std::string& file, std::string& colorimetry) {
+  const std::string line = "filesrc location=\"" + file +
+                           "\" ! matroskademux ! jpegdec ! video/x-raw,format=I420 ! appsink name=s sync=false";
+  GstElement* pipeline = gst_parse_launch(line.c_str(), nullptr);
+  GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline), "s");
+  gst_element_set_state(pipeline, GST_STATE_PLAYING);
+  std::vector<Frame> frames;
+  while (GstSample* sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink), 10 * GST_SECOND)) {
+    GstVideoInfo info;
+    gst_video_info_from_caps(&info, gst_sample_get_caps(sample));
+    gchar* name = gst_video_colorimetry_to_string(&info.colorimetry);
+    colorimetry = name ? name : "";
+    g_free(name);
+    GstVideoFrame frame;
+    gst_video_frame_map(&frame, &info, gst_sample_get_buffer(sample), GST_MAP_READ);
+    Image image(PixelFamily::kI420, info.width, info.height);
+    for (int i = 0; i < 3; i++)
+      for (int y = 0, w = GST_VIDEO_FRAME_COMP_WIDTH(&frame, i); y < GST_VIDEO_FRAME_COMP_HEIGHT(&frame, i); y++)
+        std::copy_n(static_cast<uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&frame, i)) +
+                        static_cast<ptrdiff_t>(y) * GST_VIDEO_FRAME_PLANE_STRIDE(&frame, i),
+                    w, image.plane(i) + static_cast<ptrdiff_t>(y) * w);
+    gst_video_frame_unmap(&frame);
+    frames.push_back(
+        {std::move(image), static_cast<double>(GST_BUFFER_PTS(gst_sample_get_buffer(sample))) / GST_SECOND});
+    gst_sample_unref(sample);
+  }
+  gst_element_set_state(pipeline, GST_STATE_NULL);
+  gst_object_unref(sink);
+  gst_object_unref(pipeline);
+  return frames;
+}
+
+TEST_F(LfScene, FilmsMotionJpeg) {
+  ASSERT_EQ(run(out("a b") + "--grid 2x2 --width 161 --height 120 --frames 3 --framerate 12.5 --quality 95"), 0)
+      << output_;
+  expect_whole(folder_);
+  const Rig rig = load_rig(path("a b/rig.json"));
+  ASSERT_EQ(rig.cameras.size(), 4u);
+  EXPECT_EQ(rig.hash(), scene_rig(2, 2, 161, 120).hash());
+  for (const Camera& camera : rig.cameras) {
+    EXPECT_EQ(camera.source, camera.name + ".mkv");
+    EXPECT_EQ(camera.image, "");
+    std::string colorimetry;
+    const std::vector<Frame> frames = decode(rig.resolve(camera.source), colorimetry);
+    ASSERT_EQ(frames.size(), 3u) << camera.name;
+    EXPECT_EQ(colorimetry.substr(0, 3), "1:4") << "full range, BT.601";
+    for (int n = 0; n < 3; n++) {
+      EXPECT_NEAR(frames[n].time, n / 12.5, 0.0011);  // Matroska counts milliseconds
+      const Image expected = to_rgb(to_i420(rendered(camera, n / 12.5)));
+      EXPECT_GT(compare(to_rgb(frames[n].i420), expected).psnr_db, 34) << camera.name << " frame " << n;
+    }
+    EXPECT_LT(compare(to_rgb(frames[0].i420), to_rgb(frames[2].i420)).psnr_db, 32) << "nothing moves";
+  }
+}
+
+TEST_F(LfScene, FilmsImageSequencesOfAnyRig) {
+  Rig rig = scene_rig(1, 3, 100, 75);
+  rig.cameras[1].lens = Lens(LensModel::kOpenCv, {120, 118, 52, 36, -0.2, 0.05, 0.002, -0.001});
+  rig.cameras[1].time_offset = 0.25;
+  rig.cameras[2].pose = look_at({0.3, -0.1, 0.1}, {0, 0.1, 2}, {0, 1, 0});
+  rig.cameras[2].image = "a-photograph.jpg";
+  save_rig(rig, path("rig.json"));
+  ASSERT_EQ(run("--rig '" + path("rig.json") + "' " + out("o") + "--format png --frames 4"), 0) << output_;
+  ASSERT_EQ(run("--rig '" + path("rig.json") + "' " + out("o") + "--format png --frames 3 --framerate 30000/1001"), 0);
+  expect_whole(folder_);
+  const Rig filmed = load_rig(path("o/rig.json"));
+  EXPECT_EQ(filmed.hash(), rig.hash());
+  for (const Camera& camera : filmed.cameras) {
+    EXPECT_EQ(camera.source, camera.name + "_%04d.png");
+    EXPECT_EQ(camera.image, camera.name + "_0000.png");
+    for (int n = 0; n < 3; n++) {
+      const Image image = load_image(path("o/" + camera.name + "_000" + std::to_string(n) + ".png"));
+      EXPECT_EQ(image.data(), rendered(camera, n * 1001 / 30000.0 + camera.time_offset).data()) << camera.name << n;
+    }
+    EXPECT_FALSE(fs::exists(path("o/" + camera.name + "_0003.png"))) << "left over from the longer film";
+  }
+}
+
+TEST_F(LfScene, WritesGroundTruth) {
+  NamedView view;
+  view.name = "first";
+  view.view.width = 64;
+  view.view.height = 48;
+  view.view.lens = Lens::from_fov_y(40, 64, 48);
+  view.view.focus.plane = focal_plane_at(view.view.pose, 2);
+  NamedView second = view;
+  second.name = "second";
+  second.time = 1.5;
+  second.view.pose.position = {0.05, 0, 0.1};
+  save_views({view, second}, path("views.json"));
+  const std::string arguments = out("o") + "--grid 1x1 --width 32 --height 24 --frames 1 --format png --truth '";
+  ASSERT_EQ(run(arguments + path("views.json") + "'"), 0) << output_;
+  for (const NamedView& v : {view, second}) {
+    const Image truth = load_image(path("o/truth/" + v.name + ".png"));
+    EXPECT_EQ(truth.data(), render_scene({64, 48, v.view.lens, v.view.pose}, v.time).data()) << v.name;
+  }
+}
+
+TEST_F(LfScene, SaysWhatIsWrong) {
+  const auto expect_refused = [&](const std::string& arguments, const std::string& reason) {
+    EXPECT_EQ(run(arguments), 1) << arguments;
+    EXPECT_NE(output_.find(reason), std::string::npos) << output_;
+  };
+  expect_refused("--grid 2x2", "--out");
+  expect_refused(out("o") + "--grid 2by2", "--grid 2by2: must be ROWSxCOLUMNS");
+  expect_refused(out("o") + "--grid 0x2", "0x2");
+  expect_refused(out("o") + "--framerate 0/1", "--framerate 0/1");
+  expect_refused(out("o") + "--framerate nan", "--framerate nan");
+  expect_refused(out("o") + "--grid 2x2 --rig r.json", "--grid");
+  expect_refused(out("o") + "--rig '" + path("none.json") + "'", "none.json");
+  expect_refused(out("log/o") + "--grid 1x1 --frames 1", "log/o");  // a file is in the way
+  Rig rig = scene_rig(1, 2, 8, 8);
+  rig.cameras[1].name = "../outside";
+  save_rig(rig, path("rig.json"));
+  expect_refused(out("o") + "--rig '" + path("rig.json") + "'", "cameras[1].name: \"../outside\"");
+  EXPECT_FALSE(fs::exists(path("o")));
+}
+
+TEST_F(LfScene, AFailedRunLeavesNoRigFile) {
+  ASSERT_EQ(run(out("o") + "--grid 1x2 --width 16 --height 16 --frames 2"), 0) << output_;
+  fs::remove(path("o/cam_00_01.mkv"));
+  fs::create_directories(path("o/cam_00_01.mkv/in-the-way"));
+  EXPECT_EQ(run(out("o") + "--grid 1x2 --width 16 --height 16 --frames 2"), 1);
+  EXPECT_NE(output_.find("cam_00_01.mkv"), std::string::npos) << output_;
+  EXPECT_FALSE(fs::exists(path("o/rig.json")));
+}
+
+}  // namespace
+}  // namespace lf

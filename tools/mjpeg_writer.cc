@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "mjpeg_writer.h"
+
+#include <gst/app/gstappsrc.h>
+#include <gst/video/video.h>
+
+#include <cstring>
+#include <filesystem>
+
+#include "base/error.h"
+
+namespace {
+
+// The conventions of Image: full-range BT.601, chroma in the middle of its four pixels.
+GstVideoInfo info_of(int width, int height, FrameRate rate) {
+  GstVideoInfo info;
+  gst_video_info_set_format(&info, GST_VIDEO_FORMAT_I420, width, height);
+  info.colorimetry = {GST_VIDEO_COLOR_RANGE_0_255, GST_VIDEO_COLOR_MATRIX_BT601, GST_VIDEO_TRANSFER_UNKNOWN,
+                      GST_VIDEO_COLOR_PRIMARIES_UNKNOWN};
+  info.chroma_site = GST_VIDEO_CHROMA_SITE_JPEG;
+  info.fps_n = rate.numerator;
+  info.fps_d = rate.denominator;
+  return info;
+}
+
+GstBuffer* to_buffer(const lf::Image& i420, const GstVideoInfo& info) {
+  GstBuffer* buffer = gst_buffer_new_allocate(nullptr, info.size, nullptr);
+  GstVideoFrame frame;
+  gst_video_frame_map(&frame, &info, buffer, GST_MAP_WRITE);
+  for (int i = 0; i < 3; i++) {
+    const size_t width = GST_VIDEO_FRAME_COMP_WIDTH(&frame, i);
+    for (int y = 0; y < GST_VIDEO_FRAME_COMP_HEIGHT(&frame, i); y++)
+      std::memcpy(static_cast<uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&frame, i)) +
+                      static_cast<ptrdiff_t>(y) * GST_VIDEO_FRAME_PLANE_STRIDE(&frame, i),
+                  i420.plane(i) + y * width, width);
+  }
+  gst_video_frame_unmap(&frame);
+  return buffer;
+}
+
+}  // namespace
+
+MjpegWriter::MjpegWriter(const std::string& path, int width, int height, FrameRate rate, int quality)
+    : path_(path), rate_(rate) {
+  GError* error = nullptr;
+  pipeline_ = gst_parse_launch(
+      "appsrc name=source format=time block=true max-buffers=4 ! jpegenc name=encoder ! matroskamux ! filesink "
+      "name=sink",
+      &error);
+  if (error) {
+    const std::string reason = error->message;
+    g_error_free(error);
+    if (pipeline_) gst_object_unref(pipeline_);
+    throw lf::Error(path + ": can't be written: " + reason);
+  }
+  const auto element = [&](const char* name) { return gst_bin_get_by_name(GST_BIN(pipeline_), name); };
+  GstElement *encoder = element("encoder"), *sink = element("sink");
+  source_ = element("source");
+  g_object_set(encoder, "quality", quality, nullptr);
+  g_object_set(sink, "location", (path + ".part").c_str(), nullptr);
+  const GstVideoInfo info = info_of(width, height, rate);
+  GstCaps* caps = gst_video_info_to_caps(&info);
+  gst_app_src_set_caps(GST_APP_SRC(source_), caps);
+  gst_caps_unref(caps);
+  gst_object_unref(encoder);
+  gst_object_unref(sink);
+  if (gst_element_set_state(pipeline_, GST_STATE_PLAYING) == GST_STATE_CHANGE_FAILURE) fail();
+}
+
+MjpegWriter::~MjpegWriter() {
+  close();
+}
+
+void MjpegWriter::close() {
+  if (!pipeline_) return;
+  gst_element_set_state(pipeline_, GST_STATE_NULL);
+  gst_object_unref(source_);
+  gst_object_unref(pipeline_);
+  pipeline_ = nullptr;
+}
+
+void MjpegWriter::add(const lf::Image& rgb) {
+  GstBuffer* buffer = to_buffer(lf::to_i420(rgb), info_of(rgb.width(), rgb.height(), rate_));
+  GST_BUFFER_PTS(buffer) = GST_BUFFER_DTS(buffer) = rate_.time(frames_);
+  GST_BUFFER_DURATION(buffer) = rate_.time(frames_ + 1) - rate_.time(frames_);
+  frames_++;
+  if (gst_app_src_push_buffer(GST_APP_SRC(source_), buffer) != GST_FLOW_OK) fail();
+}
+
+void MjpegWriter::finish() {
+  gst_app_src_end_of_stream(GST_APP_SRC(source_));
+  GstBus* bus = gst_element_get_bus(pipeline_);
+  GstMessage* message = gst_bus_timed_pop_filtered(bus, GST_CLOCK_TIME_NONE,
+                                                   static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR));
+  const bool whole = GST_MESSAGE_TYPE(message) == GST_MESSAGE_EOS;
+  if (!whole) gst_bus_post(bus, gst_message_ref(message));  // for fail()
+  gst_message_unref(message);
+  gst_object_unref(bus);
+  if (!whole) fail();
+  close();
+  std::filesystem::rename(path_ + ".part", path_);
+}
+
+void MjpegWriter::fail() {
+  std::string reason = "the pipeline stopped";
+  GstBus* bus = gst_element_get_bus(pipeline_);
+  // The error may still be on its way from another thread.
+  if (GstMessage* message = gst_bus_timed_pop_filtered(bus, GST_SECOND, GST_MESSAGE_ERROR)) {
+    GError* error = nullptr;
+    gst_message_parse_error(message, &error, nullptr);
+    reason = error->message;
+    g_error_free(error);
+    gst_message_unref(message);
+  }
+  gst_object_unref(bus);
+  close();  // the constructor, too, ends here
+  throw lf::Error(path_ + ": can't be written: " + reason);
+}

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <string>
+
+#include "image/image.h"
+
+// Frames per second as a fraction.
+struct FrameRate {
+  int numerator = 15, denominator = 1;
+  // Of frame `n` (from 0), nanoseconds.
+  GstClockTime time(uint64_t n) const {
+    return gst_util_uint64_scale(n, GST_SECOND * static_cast<guint64>(denominator), static_cast<guint64>(numerator));
+  }
+};
+
+// Motion JPEG in a Matroska file, through GStreamer. The file has its name only once it is whole: until finish() it is
+// PATH.part. One thread at a time. Throws lf::Error naming the file.
+class MjpegWriter {
+ public:
+  // `quality`: of JPEG, 1..100. gst_init() must have been called.
+  MjpegWriter(const std::string& path, int width, int height, FrameRate rate, int quality);
+  ~MjpegWriter();
+  MjpegWriter(const MjpegWriter&) = delete;
+  MjpegWriter& operator=(const MjpegWriter&) = delete;
+
+  // The next frame: RGB of the writer's size.
+  void add(const lf::Image& rgb);
+  void finish();
+
+ private:
+  void close();
+  [[noreturn]] void fail();  // with what the pipeline has to say
+
+  std::string path_;
+  FrameRate rate_;
+  uint64_t frames_ = 0;
+  GstElement* pipeline_ = nullptr;
+  GstElement* source_ = nullptr;
+};
