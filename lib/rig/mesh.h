@@ -29,14 +29,22 @@ struct Mesh {
 
 // A function of (rig, out of service) alone and the same on every machine: centres are quantised to integers in plane
 // coordinates, predicates on them are exact, ties go to the lowest index.
-//  - grid: each cell with corners a, a+1 / a+C, a+C+1 is split into (a, a+1, a+C) and (a+1, a+C+1, a+C).
+//  - grid: each cell with corners a, a+1 / a+C, a+C+1 is split into (a, a+1, a+C) and (a+1, a+C+1, a+C), cell by cell.
 //  - triangles: as listed.
 //  - delaunay: of the cameras in service, projected onto the best-fit plane of all cameras; among cocircular
-//    candidates the diagonal with the lowest index; of coincident cameras the lowest index counts.
+//    candidates the diagonal with the lowest index (a polygon of more becomes the fan from its lowest index); of
+//    coincident cameras the lowest index counts, the others are in no face. Triangles begin at their lowest index,
+//    turn from the plane's x (right) to its y (down), and are sorted.
 //  - holes (grid, triangles): cameras out of service are taken out one by one in ascending order and the hole each
-//    leaves is filled by clipping ears in its local plane (the chain of its neighbours, where it was at the border).
-// Triangles without area (three cameras on a line, duplicates) stay: no line of sight but a null set meets them.
-// Throws Error for an index in `out_of_service` that the rig does not have.
+//    leaves is filled by clipping ears in its local plane (the chain of its neighbours, where it was at the border),
+//    see hole_filling.h. The faces that remain keep their order, the new ones follow in order of filling.
+//  - where no triangle with area is left: strips of neighbours along the line that fits the cameras in service best,
+//    numbered from its end with the lower index; of cameras at one place along it the lowest index counts; one place
+//    makes a point (see strips.h). No faces without cameras.
+// Triangles without area (three cameras on a line, duplicates) stay beside others: no line of sight but a null set
+// meets them. Pure; call from any thread. 1024 cameras take a few milliseconds.
+// Throws Error for an index in `out_of_service` or in the topology that the rig does not have, a grid of another
+// number of cameras, and a position that is not finite.
 Mesh build_mesh(const Rig& rig, const CameraSet& out_of_service = {});
 
 }  // namespace lf

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rig/mesh.h"
+
+#include <algorithm>
+#include <string>
+
+#include "base/error.h"
+#include "rig/delaunay.h"
+#include "rig/hole_filling.h"
+#include "rig/plane_coordinates.h"
+#include "rig/strips.h"
+
+namespace lf {
+namespace {
+
+std::vector<Triangle> grid_triangles(const Rig& rig) {
+  const auto& [type, rows, columns, listed] = rig.topology;
+  if (rows < 1 || columns < 1 || static_cast<uint64_t>(rows) * columns != rig.cameras.size()) {
+    throw Error("topology: a grid of " + std::to_string(rows) + " rows x " + std::to_string(columns) +
+                " columns does not fit " + std::to_string(rig.cameras.size()) + " cameras");
+  }
+  std::vector<Triangle> faces;
+  const CameraIndex width = columns;
+  for (int row = 0; row + 1 < rows; ++row) {
+    for (int column = 0; column + 1 < columns; ++column) {
+      const CameraIndex a = row * width + column;
+      faces.push_back({a, a + 1, a + width});
+      faces.push_back({a + 1, a + width + 1, a + width});
+    }
+  }
+  return faces;
+}
+
+std::vector<Triangle> listed_triangles(const Rig& rig) {
+  const std::vector<Triangle>& faces = rig.topology.triangles;
+  for (size_t i = 0; i < faces.size(); ++i) {
+    for (int k = 0; k < 3; ++k) {
+      if (faces[i][k] < rig.cameras.size()) continue;
+      throw Error("topology.triangles[" + std::to_string(i) + "][" + std::to_string(k) + "]: there is no camera " +
+                  std::to_string(faces[i][k]));
+    }
+  }
+  return faces;
+}
+
+std::vector<Triangle> delaunay_triangles(const CameraCentres& centres, const PlaneAxes& plane,
+                                         const std::vector<CameraIndex>& in_service) {
+  std::vector<IntPoint> points;
+  for (const CameraIndex i : in_service) points.push_back(quantise(centres.at[i], plane, centres.quantum));
+  std::vector<Triangle> faces = delaunay(points);
+  // in_service ascends, so lowest-first and sorted stay so.
+  for (Triangle& t : faces) t = {in_service[t[0]], in_service[t[1]], in_service[t[2]]};
+  return faces;
+}
+
+PlaneAxes plane_of_cameras(const Rig& rig, const CameraCentres& centres) {
+  Vec3 right(0), forward(0);
+  for (const Camera& camera : rig.cameras) {
+    right += camera.pose.right();
+    forward += camera.pose.forward();
+  }
+  return best_fit_plane(centres.at, right, forward);
+}
+
+bool any_has_area(const std::vector<Triangle>& faces, const CameraCentres& centres) {
+  return std::any_of(faces.begin(), faces.end(), [&](const Triangle& t) {
+    return !on_one_line(centres.at[t[0]], centres.at[t[1]], centres.at[t[2]], centres.quantum);
+  });
+}
+
+}  // namespace
+
+Mesh build_mesh(const Rig& rig, const CameraSet& out_of_service) {
+  std::vector<char> is_out(rig.cameras.size(), 0);
+  for (const CameraIndex i : out_of_service) {
+    if (i >= rig.cameras.size()) throw Error("out of service: there is no camera " + std::to_string(i));
+    is_out[i] = 1;
+  }
+  std::vector<CameraIndex> in_service;
+  std::vector<Vec3> positions;
+  for (CameraIndex i = 0; i < rig.cameras.size(); ++i) {
+    if (!is_out[i]) in_service.push_back(i);
+    positions.push_back(rig.cameras[i].pose.position);
+  }
+  // Of all cameras: coordinates do not change when a camera fails.
+  const CameraCentres centres = normalised_centres(positions);
+  const PlaneAxes plane = plane_of_cameras(rig, centres);
+
+  std::vector<Triangle> triangles;
+  if (rig.topology.type == Topology::Type::kDelaunay) {
+    triangles = delaunay_triangles(centres, plane, in_service);
+  } else {
+    triangles = rig.topology.type == Topology::Type::kGrid ? grid_triangles(rig) : listed_triangles(rig);
+    for (CameraIndex i = 0; i < rig.cameras.size(); ++i) {
+      if (is_out[i]) remove_camera(triangles, i, centres, plane);
+    }
+  }
+  if (!any_has_area(triangles, centres)) return {make_strips(rig, in_service, centres)};
+  Mesh mesh;
+  mesh.faces.reserve(triangles.size());
+  for (const Triangle& t : triangles) mesh.faces.push_back({t, {}});
+  return mesh;
+}
+
+}  // namespace lf
