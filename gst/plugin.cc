@@ -6,12 +6,14 @@
 #include "lffragment.h"
 #include "lfparse.h"
 #include "lftypefind.h"
+#include "lfviewrequest.h"
 
 static gboolean plugin_init(GstPlugin* plugin) {
   gboolean ok = TRUE;
   ok &= GST_ELEMENT_REGISTER(lfcompositor, plugin);
   ok &= GST_ELEMENT_REGISTER(lffragment, plugin);
   ok &= GST_ELEMENT_REGISTER(lfparse, plugin);
+  ok &= GST_ELEMENT_REGISTER(lfviewrequest, plugin);
   ok &= lf_typefind_register(plugin);
   return ok;
 }

@@ -18,4 +18,8 @@ uint64_t Schedule::index_at(uint64_t nanoseconds) const {
   return static_cast<uint64_t>(((Wide{nanoseconds} + 1) * numerator_ - 1) / (Wide{denominator_} * kSecond));
 }
 
+uint64_t Schedule::first_from(uint64_t nanoseconds) const {
+  return nanoseconds == 0 ? 0 : index_at(nanoseconds - 1) + 1;
+}
+
 }  // namespace lf

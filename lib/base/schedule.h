@@ -13,9 +13,10 @@ class Schedule {
   // Both positive.
   Schedule(int numerator, int denominator) : numerator_(numerator), denominator_(denominator) {}
 
-  uint64_t instant(uint64_t k) const;             // nanoseconds
-  uint64_t index_at(uint64_t nanoseconds) const;  // the largest k with instant(k) <= nanoseconds
-  uint64_t period() const { return instant(1); }  // nanoseconds, rounded down
+  uint64_t instant(uint64_t k) const;               // nanoseconds
+  uint64_t index_at(uint64_t nanoseconds) const;    // the largest k with instant(k) <= nanoseconds
+  uint64_t first_from(uint64_t nanoseconds) const;  // the smallest k with instant(k) >= nanoseconds
+  uint64_t period() const { return instant(1); }    // nanoseconds, rounded down
 
  private:
   uint64_t numerator_, denominator_;

@@ -33,6 +33,11 @@ TEST(Schedule, IndexIsTheInverse) {
       const uint64_t k = s.index_at(t);
       EXPECT_LE(s.instant(k), t);
       EXPECT_GT(s.instant(k + 1), t);
+      const uint64_t first = s.first_from(t);
+      EXPECT_GE(s.instant(first), t);
+      if (first > 0) {
+        EXPECT_LT(s.instant(first - 1), t);
+      }
     }
     if (s.period() == 0) continue;  // several instants in one nanosecond
     for (uint64_t k = 0; k < 100; k++) EXPECT_EQ(s.index_at(s.instant(k)), k);

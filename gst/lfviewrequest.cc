@@ -1,0 +1,402 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+
+/**
+ * SECTION:element-lfviewrequest
+ * @title: lfviewrequest
+ * @short_description: the virtual camera of one viewer, as a stream of view requests
+ *
+ * Each buffer asks for one picture: pose, lens, size and focal plane of the view, and the capture time it should show.
+ * Nodes (lffragment, lfcameranode) answer it, lfcompositor makes a picture of the answers.
+ *
+ * Where the view comes from:
+ *
+ * - `location`: a views.json file. One request per view, stamped with the view's time, then EOS. Where all views have
+ *   the same time they are stamped one frame after the other, while each still asks for its own capture time. Sizes
+ *   are the file's.
+ * - else the properties `x`, `y`, `z`, `yaw`, `pitch`, `roll`, `fov`, `focus-distance`: one request per frame. They are
+ *   controllable; a GstController is asked for the stamp of each request. With `rig` those that are not set are chosen
+ *   so that the view stands in the middle of the array and looks where it looks.
+ * - while running, these can be changed: by setting them; by mouse and keys, i.e. GstNavigation events from a video
+ *   sink (drag: orbit about the point in focus; shift-drag or another button: pan; wheel: dolly; ctrl-wheel: focus;
+ *   arrows: orbit; w s a d q e: fly forward, back, left, right, down, up; + -: zoom; [ ]: focus nearer, farther; r:
+ *   back to the start); by a custom upstream event with a structure "lf-view-request" with any of the properties as
+ *   fields; by the action signal `set-view` with such a structure. The very next request has the change, and the
+ *   properties notify.
+ *
+ * Upstream events that carry a field "lf-view-id" (uint) are for the view of that id alone.
+ *
+ * Not live, requests leave as fast as they are taken and ask for the running time of their frame. Live, they leave at
+ * the instants of the capture schedule (multiples of the frame time on the pipeline's clock) plus `capture-delay`, and
+ * ask for that instant in clock time; instants that passed while downstream was blocked are left out.
+ *
+ * ## Example launch lines
+ * |[
+ * gst-launch-1.0 lfviewrequest location=views.json ! tee name=r  r. ! queue ! n.request \
+ *   lfcameranode name=n rig=rig.json ! c.sink_0  r. ! queue ! c.request \
+ *   lfcompositor name=c ! videoconvert ! pngenc ! multifilesink location=out_%02d.png
+ * ]| Pictures of the views in a file.
+ * |[
+ * gst-launch-1.0 lfviewrequest rig=rig.json is-live=true width=640 height=480 framerate=30/1 ! tee name=r \
+ *   r. ! queue leaky=downstream ! n.request  lfcameranode name=n rig=rig.json is-live=true ! c.sink_0 \
+ *   r. ! queue leaky=downstream ! c.request  lfcompositor name=c ! videoconvert ! autovideosink
+ * ]| A window in which mouse and keys fly.
+ */
+
+#include "lfviewrequest.h"
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "common.h"
+#include "request_stream.h"
+#include "view_control.h"
+#include "view_request_settings.h"
+#include "wire/request_codec.h"
+
+GST_DEBUG_CATEGORY_STATIC(lf_view_request_debug);
+#define GST_CAT_DEFAULT lf_view_request_debug
+
+struct _LfViewRequest {
+  GstPushSrc parent;
+  // Under the object lock.
+  lf::ViewRequestSettings* settings;
+  lf::ViewControl* control;
+  lf::RequestStream* stream;  // null when stopped; what other threads do not ask for is the streaming thread's alone
+  GstClockID clock_id;
+  bool unlocked;
+};
+
+enum {
+  PROP_0,
+  PROP_IS_LIVE,
+  PROP_FIRST_FIELD,  // one for each of kViewFields, then one for each of the settings
+  PROP_FIRST_SETTING = PROP_FIRST_FIELD + lf::kNumViewFields,
+};
+enum { SIGNAL_SET_VIEW, NUM_SIGNALS };
+static guint signals[NUM_SIGNALS];
+static GParamSpec* field_pspecs[lf::kNumViewFields];
+
+static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
+    "src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE ", framerate = (fraction) [ 0/1, max ]"));
+
+G_DEFINE_FINAL_TYPE(LfViewRequest, lf_view_request, GST_TYPE_PUSH_SRC)
+GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfviewrequest, "lfviewrequest", GST_RANK_NONE, LF_TYPE_VIEW_REQUEST,
+                                      GST_DEBUG_CATEGORY_INIT(lf_view_request_debug, "lfviewrequest", 0,
+                                                              "source of view requests"))
+
+// ------------------------------------------------------------------------------------------------- the view's state
+
+static lf::View current_view(LfViewRequest* self) {
+  const int width = self->settings->width, height = self->settings->height;
+  return lf::make_view(self->control->viewpoint(), width ? width : self->stream->default_width(),
+                       height ? height : self->stream->default_height());
+}
+
+// Runs `change` on the view under the lock and then tells who watches the properties. Returns what `change` returns.
+template <typename Change>
+static gboolean change_view(LfViewRequest* self, Change change) {
+  GST_OBJECT_LOCK(self);
+  const lf::ViewValues before = self->control->values();
+  const gboolean done = change(*self->control);
+  const lf::ViewValues after = self->control->values();
+  GST_OBJECT_UNLOCK(self);
+  for (int i = 0; i < lf::kNumViewFields; i++)
+    if (before[i] != after[i]) g_object_notify_by_pspec(G_OBJECT(self), field_pspecs[i]);
+  return done;
+}
+
+static gboolean lf_view_request_set_view(LfViewRequest* self, const GstStructure* structure) {
+  return structure && change_view(self, [&](lf::ViewControl& control) { return control.set_view(structure); });
+}
+
+static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
+  LfViewRequest* self = LF_VIEW_REQUEST(base);
+  const bool navigation = GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION;
+  const bool view = GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && gst_event_has_name(event, lf::kViewEvent);
+  if (!navigation && !view) return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->event(base, event);
+
+  return change_view(self, [&](lf::ViewControl& control) {
+    if (!self->stream || self->stream->from_file()) return false;
+    if (!lf::is_for_view(event, self->settings->view_id)) return false;
+    if (view) return control.set_view(gst_event_get_structure(event));
+    return self->settings->navigation && control.navigate(event, current_view(self).height);
+  });
+}
+
+// ----------------------------------------------------------------------------------------------------------- stream
+
+static GstCaps* lf_view_request_get_caps(GstBaseSrc* base, GstCaps* filter) {
+  LfViewRequest* self = LF_VIEW_REQUEST(base);
+  GST_OBJECT_LOCK(self);
+  GstCaps* caps = gst_caps_new_simple(LF_REQUEST_MEDIA_TYPE, "framerate", GST_TYPE_FRACTION, self->settings->fps_n,
+                                      self->settings->fps_d, nullptr);
+  GST_OBJECT_UNLOCK(self);
+  if (!filter) return caps;
+  GstCaps* filtered = gst_caps_intersect_full(filter, caps, GST_CAPS_INTERSECT_FIRST);
+  gst_caps_unref(caps);
+  return filtered;
+}
+
+static gboolean lf_view_request_start(GstBaseSrc* base) {
+  LfViewRequest* self = LF_VIEW_REQUEST(base);
+  GST_OBJECT_LOCK(self);
+  const lf::ViewRequestSettings settings = *self->settings;
+  GST_OBJECT_UNLOCK(self);
+
+  std::unique_ptr<lf::RequestStream> stream;
+  try {
+    stream = std::make_unique<lf::RequestStream>(settings);
+  } catch (const lf::Error& error) {
+    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
+    return FALSE;
+  }
+  base->segment.duration = stream->end();
+  GST_INFO_OBJECT(self, "view %u at %d/%d frames/s, %s", settings.view_id, settings.fps_n, settings.fps_d,
+                  stream->from_file() ? settings.location.c_str() : "from properties");
+  change_view(self, [&](lf::ViewControl& control) {
+    self->stream = stream.release();
+    control.begin(self->stream->default_viewpoint());
+    return true;
+  });
+  return TRUE;
+}
+
+static gboolean lf_view_request_stop(GstBaseSrc* base) {
+  LfViewRequest* self = LF_VIEW_REQUEST(base);
+  GST_OBJECT_LOCK(self);
+  delete self->stream;
+  self->stream = nullptr;
+  GST_OBJECT_UNLOCK(self);
+  return TRUE;
+}
+
+static gboolean lf_view_request_is_seekable(GstBaseSrc* base) {
+  LfViewRequest* self = LF_VIEW_REQUEST(base);
+  GST_OBJECT_LOCK(self);
+  const bool loop = self->settings->loop;
+  GST_OBJECT_UNLOCK(self);
+  return !loop && !gst_base_src_is_live(base);
+}
+
+static gboolean lf_view_request_do_seek(GstBaseSrc* base, GstSegment* segment) {
+  if (segment->rate <= 0) return FALSE;
+  if (!gst_base_src_is_live(base)) LF_VIEW_REQUEST(base)->stream->seek(segment->position);
+  return TRUE;
+}
+
+static gboolean lf_view_request_query(GstBaseSrc* base, GstQuery* query) {
+  if (GST_QUERY_TYPE(query) != GST_QUERY_LATENCY || !gst_base_src_is_live(base))
+    return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->query(base, query);
+  // A request leaves at its stamp, and is replaced by the next a frame later.
+  LfViewRequest* self = LF_VIEW_REQUEST(base);
+  GST_OBJECT_LOCK(self);
+  const GstClockTime period = lf::Schedule(self->settings->fps_n, self->settings->fps_d).period();
+  GST_OBJECT_UNLOCK(self);
+  gst_query_set_latency(query, TRUE, 0, period);
+  return TRUE;
+}
+
+static gboolean lf_view_request_unlock(GstBaseSrc* base) {
+  LfViewRequest* self = LF_VIEW_REQUEST(base);
+  GST_OBJECT_LOCK(self);
+  self->unlocked = true;
+  if (self->clock_id) gst_clock_id_unschedule(self->clock_id);
+  GST_OBJECT_UNLOCK(self);
+  return TRUE;
+}
+
+static gboolean lf_view_request_unlock_stop(GstBaseSrc* base) {
+  LfViewRequest* self = LF_VIEW_REQUEST(base);
+  GST_OBJECT_LOCK(self);
+  self->unlocked = false;
+  GST_OBJECT_UNLOCK(self);
+  return TRUE;
+}
+
+// GstBaseSrc would wait after create(), with a request that is then a frame old: so the wait is here, before the view
+// is looked at.
+static GstFlowReturn wait_until(LfViewRequest* self, GstClock* clock, GstClockTime time) {
+  GST_OBJECT_LOCK(self);
+  if (self->unlocked) {
+    GST_OBJECT_UNLOCK(self);
+    return GST_FLOW_FLUSHING;
+  }
+  GstClockID id = self->clock_id = gst_clock_new_single_shot_id(clock, time);
+  GST_OBJECT_UNLOCK(self);
+  const GstClockReturn result = gst_clock_id_wait(id, nullptr);
+  GST_OBJECT_LOCK(self);
+  self->clock_id = nullptr;
+  GST_OBJECT_UNLOCK(self);
+  gst_clock_id_unref(id);
+  return result == GST_CLOCK_UNSCHEDULED ? GST_FLOW_FLUSHING : GST_FLOW_OK;
+}
+
+// Chooses the next slot of a live stream and waits for it.
+static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlot>* slot) {
+  g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(self));
+  if (!clock) {
+    GST_ELEMENT_ERROR(self, CORE, CLOCK, ("A live source of view requests needs a clock"), (nullptr));
+    return GST_FLOW_ERROR;
+  }
+  const GstClockTime base_time = gst_element_get_base_time(GST_ELEMENT(self));
+  *slot = self->stream->next_live(gst_clock_get_time(clock), base_time);
+  return *slot ? wait_until(self, clock, base_time + (*slot)->pts) : GST_FLOW_EOS;
+}
+
+static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
+  LfViewRequest* self = LF_VIEW_REQUEST(push);
+  const bool live = gst_base_src_is_live(GST_BASE_SRC(push));
+  std::optional<lf::RequestSlot> slot;
+  if (live) {
+    const GstFlowReturn flow = wait_live(self, &slot);
+    if (flow != GST_FLOW_OK) return flow;
+  } else {
+    slot = self->stream->next();
+    if (!slot) return GST_FLOW_EOS;
+  }
+  if (!slot->view) gst_object_sync_values(GST_OBJECT(self), slot->pts);
+
+  lf::ViewRequest request;
+  request.target_time = slot->target_time;
+  request.absolute_time = live;
+  request.sequence = self->stream->advance(*slot);
+  request.rig_hash = self->stream->rig_hash();
+  GST_OBJECT_LOCK(self);
+  request.view_id = self->settings->view_id;
+  request.quality = static_cast<uint8_t>(self->settings->quality);
+  request.out_of_service = self->stream->out_of_service();
+  request.view = slot->view ? *slot->view : current_view(self);
+  GST_OBJECT_UNLOCK(self);
+
+  const std::vector<uint8_t> bytes = lf::wire::encode_request(request);
+  *out = gst_buffer_new_memdup(bytes.data(), bytes.size());
+  GST_BUFFER_PTS(*out) = slot->pts;
+  GST_BUFFER_DURATION(*out) = slot->duration;
+  GST_LOG_OBJECT(self, "request %u of view %u for %" GST_TIME_FORMAT, request.sequence, request.view_id,
+                 GST_TIME_ARGS(request.target_time));
+  return GST_FLOW_OK;
+}
+
+// ------------------------------------------------------------------------------------------------------- properties
+
+static void set_setting(LfViewRequest* self, lf::ViewRequestSettings::Property property, const GValue* value) {
+  std::string problem;
+  GST_OBJECT_LOCK(self);
+  lf::ViewRequestSettings changed = *self->settings;
+  changed.set(property, value);
+  try {
+    if (self->stream && property == lf::ViewRequestSettings::kOutOfService)
+      self->stream->set_out_of_service(changed.out_of_service);
+    *self->settings = changed;
+  } catch (const lf::Error& error) {
+    problem = error.what();
+  }
+  GST_OBJECT_UNLOCK(self);
+  if (!problem.empty())
+    GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS, ("%s; the cameras out of service stay as they were", problem.c_str()),
+                        (nullptr));
+}
+
+static void lf_view_request_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
+  LfViewRequest* self = LF_VIEW_REQUEST(object);
+  if (id == PROP_IS_LIVE) {
+    gst_base_src_set_live(GST_BASE_SRC(self), g_value_get_boolean(value));
+  } else if (id >= PROP_FIRST_SETTING) {
+    set_setting(self, static_cast<lf::ViewRequestSettings::Property>(id - PROP_FIRST_SETTING), value);
+  } else if (id >= PROP_FIRST_FIELD) {
+    GST_OBJECT_LOCK(self);
+    self->control->set(static_cast<int>(id) - PROP_FIRST_FIELD, g_value_get_double(value));
+    GST_OBJECT_UNLOCK(self);
+  } else {
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
+  }
+}
+
+static void lf_view_request_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
+  LfViewRequest* self = LF_VIEW_REQUEST(object);
+  if (id == PROP_IS_LIVE) return g_value_set_boolean(value, gst_base_src_is_live(GST_BASE_SRC(self)));
+  GST_OBJECT_LOCK(self);
+  if (id >= PROP_FIRST_SETTING)
+    self->settings->get(static_cast<lf::ViewRequestSettings::Property>(id - PROP_FIRST_SETTING), value);
+  else if (id >= PROP_FIRST_FIELD)
+    g_value_set_double(value, self->control->values()[id - PROP_FIRST_FIELD]);
+  else
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
+  GST_OBJECT_UNLOCK(self);
+}
+
+static void lf_view_request_finalize(GObject* object) {
+  LfViewRequest* self = LF_VIEW_REQUEST(object);
+  delete self->settings;
+  delete self->control;
+  G_OBJECT_CLASS(lf_view_request_parent_class)->finalize(object);
+}
+
+static void install_properties(GObjectClass* klass) {
+  for (int i = 0; i < lf::kNumViewFields; i++) {
+    const lf::ViewField& f = lf::kViewFields[i];
+    field_pspecs[i] = g_param_spec_double(
+        f.name, f.nick, f.blurb, f.min, f.max, f.initial,
+        GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING | GST_PARAM_CONTROLLABLE));
+    g_object_class_install_property(klass, PROP_FIRST_FIELD + i, field_pspecs[i]);
+  }
+  lf::ViewRequestSettings::install(klass, PROP_FIRST_SETTING);
+  g_object_class_install_property(
+      klass, PROP_IS_LIVE,
+      g_param_spec_boolean("is-live", "Is live",
+                           "Make requests in time with the clock, for frames that live cameras make", FALSE,
+                           GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
+}
+
+static void lf_view_request_class_init(LfViewRequestClass* klass) {
+  GObjectClass* object_class = G_OBJECT_CLASS(klass);
+  object_class->set_property = lf_view_request_set_property;
+  object_class->get_property = lf_view_request_get_property;
+  object_class->finalize = lf_view_request_finalize;
+  install_properties(object_class);
+
+  /**
+   * LfViewRequest::set-view:
+   * @request: the element
+   * @view: a structure of any name with any of the fields x, y, z, yaw, pitch, roll, fov, focus-distance, as numbers
+   *
+   * Moves the view; values beyond the properties' ranges are put inside them. The next request has it.
+   *
+   * Returns: %FALSE, and nothing is changed, if there is none of these fields or one is not a finite number.
+   */
+  signals[SIGNAL_SET_VIEW] = g_signal_new_class_handler(
+      "set-view", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
+      G_CALLBACK(lf_view_request_set_view), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN, 1,
+      GST_TYPE_STRUCTURE | G_SIGNAL_TYPE_STATIC_SCOPE);
+
+  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  gst_element_class_add_static_pad_template(element_class, &src_template);
+  gst_element_class_set_static_metadata(
+      element_class, "Light field view request source", "Source",
+      "The virtual camera of one viewer, as a stream of view requests: from a camera path (location), from properties, "
+      "flown with mouse and keys, or set by the action set-view, whose structure has properties as fields (x, y, z, "
+      "yaw, "
+      "pitch, roll, fov, focus-distance; each optional)",
+      "gst-lightfield");
+
+  GstBaseSrcClass* base_class = GST_BASE_SRC_CLASS(klass);
+  base_class->get_caps = lf_view_request_get_caps;
+  base_class->start = lf_view_request_start;
+  base_class->stop = lf_view_request_stop;
+  base_class->is_seekable = lf_view_request_is_seekable;
+  base_class->do_seek = lf_view_request_do_seek;
+  base_class->query = lf_view_request_query;
+  base_class->event = lf_view_request_event;
+  base_class->unlock = lf_view_request_unlock;
+  base_class->unlock_stop = lf_view_request_unlock_stop;
+  GST_PUSH_SRC_CLASS(klass)->create = lf_view_request_create;
+}
+
+static void lf_view_request_init(LfViewRequest* self) {
+  self->settings = new lf::ViewRequestSettings;
+  self->control = new lf::ViewControl;
+  gst_base_src_set_format(GST_BASE_SRC(self), GST_FORMAT_TIME);
+}

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "request_stream.h"
+
+#include <algorithm>
+
+#include "base/error.h"
+#include "common.h"
+#include "view/views_json.h"
+
+namespace lf {
+
+RequestStream::RequestStream(const ViewRequestSettings& settings)
+    : schedule_(settings.fps_n, settings.fps_d), capture_delay_(settings.capture_delay), loop_(settings.loop) {
+  if (!settings.rig.empty()) {
+    rig_ = shared_rig(settings.rig);
+    rig_hash_ = rig_->hash();
+    const Camera& camera = rig_->cameras[middle_camera(*rig_)];
+    default_width_ = camera.width;
+    default_height_ = camera.height;
+    default_viewpoint_ = lf::default_viewpoint(*rig_);
+  }
+  set_out_of_service(settings.out_of_service);
+  if (!settings.location.empty()) playback_.emplace(load_views(settings.location), schedule_, settings.loop);
+}
+
+GstClockTime RequestStream::end() const {
+  if (!playback_ || loop_) return GST_CLOCK_TIME_NONE;
+  return playback_->item(0)->time + playback_->duration();
+}
+
+void RequestStream::set_out_of_service(const std::string& list) {
+  if (!list.empty() && !rig_) throw Error("out-of-service: needs the property rig, which says what cameras there are");
+  out_of_service_ = list.empty() ? CameraSet{} : parse_camera_list(*rig_, list);
+}
+
+void RequestStream::seek(GstClockTime running_time) {
+  index_ = playback_ ? playback_->first_at(running_time) : schedule_.first_from(running_time);
+}
+
+std::optional<RequestSlot> RequestStream::next() const {
+  if (!playback_) {
+    const GstClockTime begin = schedule_.instant(index_);
+    return RequestSlot{begin, schedule_.instant(index_ + 1) - begin, begin};
+  }
+  const auto item = playback_->item(index_);
+  if (!item) return std::nullopt;
+  return RequestSlot{item->time, item->duration, item->target_time, item->view};
+}
+
+std::optional<RequestSlot> RequestStream::next_live(GstClockTime now, GstClockTime base_time) const {
+  std::optional<RequestSlot> slot = next();
+  if (!slot) return std::nullopt;
+  const auto before_delay = [&](GstClockTime time) { return time > capture_delay_ ? time - capture_delay_ : 0; };
+  if (playback_ && playback_->has_times()) {
+    slot->target_time = schedule_.instant(schedule_.index_at(before_delay(base_time + slot->pts)));
+    return slot;
+  }
+  // The newest instant that is old enough, but none twice and none before the stream begins.
+  const GstClockTime earliest = base_time + (last_pts_ ? *last_pts_ + 1 : 0);
+  const uint64_t k = std::max(schedule_.index_at(before_delay(now)), schedule_.first_from(before_delay(earliest)));
+  slot->target_time = schedule_.instant(k);
+  slot->pts = slot->target_time + capture_delay_ - base_time;
+  slot->duration = schedule_.instant(k + 1) - slot->target_time;
+  return slot;
+}
+
+uint32_t RequestStream::advance(const RequestSlot& slot) {
+  last_pts_ = slot.pts;
+  index_++;
+  return sequence_++;
+}
+
+}  // namespace lf

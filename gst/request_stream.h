@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "base/schedule.h"
+#include "rig/mesh.h"
+#include "view/navigator.h"
+#include "view/view_playback.h"
+#include "view_request_settings.h"
+
+namespace lf {
+
+// When a request leaves and what it asks for. `view` is null where it is not from a file.
+struct RequestSlot {
+  GstClockTime pts, duration;
+  uint64_t target_time;
+  const View* view = nullptr;
+};
+
+// What lfviewrequest has from start to stop: its files, and which request is next. Without locks.
+class RequestStream {
+ public:
+  // Reads the files. Throws Error.
+  explicit RequestStream(const ViewRequestSettings& settings);
+
+  const Schedule& schedule() const { return schedule_; }
+  uint64_t rig_hash() const { return rig_hash_; }
+  const CameraSet& out_of_service() const { return out_of_service_; }
+  bool from_file() const { return playback_.has_value(); }
+  int default_width() const { return default_width_; }
+  int default_height() const { return default_height_; }
+  const Viewpoint& default_viewpoint() const { return default_viewpoint_; }
+  GstClockTime end() const;  // running time; GST_CLOCK_TIME_NONE: never
+
+  // Ids of cameras of the rig; unlike in tools, "" is none. Throws Error.
+  void set_out_of_service(const std::string& list);
+
+  void seek(GstClockTime running_time);  // not live
+  // The next request; nothing after the end.
+  std::optional<RequestSlot> next() const;
+  // The same of a live stream at clock time `now`; it leaves at clock time base_time + pts.
+  std::optional<RequestSlot> next_live(GstClockTime now, GstClockTime base_time) const;
+  // The slot is used: on to the next one. Returns the request's sequence number.
+  uint32_t advance(const RequestSlot& slot);
+
+ private:
+  std::shared_ptr<const Rig> rig_;
+  uint64_t rig_hash_ = 0;
+  CameraSet out_of_service_;
+  int default_width_ = ViewRequestSettings::kDefaultWidth, default_height_ = ViewRequestSettings::kDefaultHeight;
+  Viewpoint default_viewpoint_;
+  Schedule schedule_;
+  GstClockTime capture_delay_;
+  bool loop_;
+  std::optional<ViewPlayback> playback_;
+  uint64_t index_ = 0;  // of the next view of the file, or of the next frame
+  uint32_t sequence_ = 0;
+  std::optional<GstClockTime> last_pts_;
+};
+
+}  // namespace lf

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <array>
+#include <optional>
+
+#include "view/navigator.h"
+
+namespace lf {
+
+// One number of a view: its property, and its field in set-view structures.
+struct ViewField {
+  const char *name, *nick, *blurb;
+  double min, max, initial;
+};
+enum ViewFieldIndex {
+  kFieldX,
+  kFieldY,
+  kFieldZ,
+  kFieldYaw,
+  kFieldPitch,
+  kFieldRoll,
+  kFieldFov,
+  kFieldFocus,
+  kNumViewFields
+};
+extern const std::array<ViewField, kNumViewFields> kViewFields;
+using ViewValues = std::array<double, kNumViewFields>;
+
+// Upstream events name the view they are for in this field (uint); without it they are for every view.
+inline constexpr char kViewIdField[] = "lf-view-id";
+// Custom upstream event that sets the view: any of the fields of kViewFields, as numbers.
+inline constexpr char kViewEvent[] = "lf-view-request";
+
+bool is_for_view(GstEvent* event, guint view_id);
+
+// Properties, events and signals of one view, made into a viewpoint. Without locks.
+class ViewControl {
+ public:
+  ViewControl();
+
+  const Viewpoint& viewpoint() const { return navigator_.viewpoint(); }
+  // Angles as they were set, until something else turns the view.
+  const ViewValues& values() const { return values_; }
+
+  void set(int field, double value);  // finite
+  // All or nothing: false if there is no number of a view in it, or one that is not finite.
+  bool set_view(const GstStructure* structure);
+  // What was set by set() or set_view() stays, everything else is as in `defaults`; "home" is here.
+  void begin(const Viewpoint& defaults);
+  // A GstNavigation event of a picture of `view_height` pixels. False if it means nothing here.
+  bool navigate(GstEvent* event, int view_height);
+
+ private:
+  struct Drag {
+    double x, y;
+    bool pan;  // whatever the modifiers
+  };
+
+  bool drag_to(double x, double y, bool shift, int view_height);
+  bool wheel(double steps, bool control);
+  void read_values();
+
+  Navigator navigator_;
+  ViewValues values_;
+  std::array<std::optional<double>, kNumViewFields> given_;
+  std::optional<Drag> drag_;
+};
+
+}  // namespace lf

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <string>
+
+namespace lf {
+
+// lfviewrequest's properties but for the numbers of the view itself (view_control.h).
+struct ViewRequestSettings {
+  static constexpr int kDefaultWidth = 640, kDefaultHeight = 480;  // without a rig
+
+  std::string location, rig, out_of_service;
+  guint view_id = 0;
+  gint width = 0, height = 0;  // 0: as the rig's cameras
+  gint fps_n = 15, fps_d = 1;
+  GstClockTime capture_delay = 0;
+  bool navigation = true, loop = false;
+  guint quality = 0;
+
+  enum Property {
+    kLocation,
+    kRig,
+    kViewId,
+    kWidth,
+    kHeight,
+    kFramerate,
+    kCaptureDelay,
+    kNavigation,
+    kQuality,
+    kOutOfService,
+    kLoop,
+    kNumProperties
+  };
+  // As properties first_id, first_id + 1, ... of the class.
+  static void install(GObjectClass* klass, guint first_id);
+  void set(Property property, const GValue* value);
+  void get(Property property, GValue* value) const;
+};
+
+}  // namespace lf

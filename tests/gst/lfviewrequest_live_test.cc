@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "gst/view_request_source.h"
+
+namespace lf::test {
+namespace {
+
+TEST(LfViewRequestLive, RequestsFollowTheCaptureSchedule) {
+  Source source;
+  source.set("framerate", 15, 1, "capture-delay", 50 * kMs);
+  const GstClockTime second = 1'700'000'000ull * GST_SECOND;  // as a realtime clock shows
+  gst_element_set_base_time(source.element(), second + 10 * kMs);
+  source.play_live(second + 10 * kMs);
+  for (int i = 0; i < 40; i++) {
+    const Unit unit = source.next_live();
+    // Instant 0 of this second becomes old enough 40 ms after the start; the one before it was already too old then.
+    const GstClockTime instant = second + gst_util_uint64_scale(i, GST_SECOND, 15);
+    EXPECT_EQ(unit.request.target_time, instant) << i;
+    EXPECT_TRUE(unit.request.absolute_time);
+    EXPECT_EQ(source.clock_time(), instant + 50 * kMs) << i;
+    EXPECT_EQ(unit.pts, instant - second + 40 * kMs) << i;
+    EXPECT_EQ(unit.request.sequence, static_cast<uint32_t>(i));
+  }
+}
+
+TEST(LfViewRequestLive, InstantsThatPassedAreLeftOut) {
+  Source source;
+  source.set("framerate", 10, 1, "capture-delay", 30 * kMs);
+  source.play_live();
+  EXPECT_EQ(source.next_live().request.target_time, 0u);
+  // The clock jumps over five requests: the one that waits leaves, the next is the newest.
+  EXPECT_TRUE(gst_harness_wait_for_clock_id_waits(source.harness(), 1, 30));
+  gst_harness_set_time(source.harness(), 655 * kMs);
+  EXPECT_EQ(source.next_live().request.target_time, 100 * kMs);
+  const Unit newest = source.next_live();
+  EXPECT_EQ(newest.request.target_time, 600 * kMs);
+  EXPECT_EQ(newest.request.sequence, 2u);
+  EXPECT_EQ(newest.pts, 630 * kMs);
+  EXPECT_EQ(source.next_live().request.target_time, 700 * kMs);
+}
+
+TEST(LfViewRequestLive, LatencyIsThatOfALiveSourceWithoutDelay) {
+  Source source;
+  source.set("framerate", 20, 1, "capture-delay", 200 * kMs);
+  source.play_live();
+  GstQuery* query = gst_query_new_latency();
+  ASSERT_TRUE(gst_pad_peer_query(source.harness()->sinkpad, query));
+  gboolean live;
+  GstClockTime min, max;
+  gst_query_parse_latency(query, &live, &min, &max);
+  gst_query_unref(query);
+  EXPECT_TRUE(live);
+  EXPECT_EQ(min, 0u);
+  EXPECT_EQ(max, 50 * kMs);
+}
+
+TEST(LfViewRequestLive, EosAndStopNeverWaitForTheClock) {
+  for (const bool eos : {true, false}) {
+    Source source;
+    source.set("framerate", 1, 3600);  // an hour to the next request
+    source.play_live();
+    source.next_live();
+    EXPECT_TRUE(gst_harness_wait_for_clock_id_waits(source.harness(), 1, 30));
+    const gint64 begin = g_get_monotonic_time();
+    if (eos) {
+      EXPECT_TRUE(gst_element_send_event(source.element(), gst_event_new_eos()));
+      EXPECT_TRUE(source.wait_eos());
+    } else {
+      EXPECT_EQ(gst_element_set_state(source.element(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
+    }
+    EXPECT_LT(g_get_monotonic_time() - begin, 5'000'000);
+  }
+}
+
+// A pipeline on the system clock that notes the stamps that reach its "sink".
+class Pipeline {
+ public:
+  explicit Pipeline(const std::string& line) : pipeline_(launch(line)) {
+    GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline_.get()), "sink");
+    GstPad* pad = gst_element_get_static_pad(sink, "sink");
+    gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, note, this, nullptr);
+    gst_object_unref(pad);
+    gst_object_unref(sink);
+  }
+  ~Pipeline() {
+    gst_element_set_state(pipeline_.get(), GST_STATE_NULL);
+    g_mutex_clear(&mutex_);
+    g_cond_clear(&cond_);
+  }
+  GstStateChangeReturn set_state(GstState state) { return gst_element_set_state(pipeline_.get(), state); }
+  // The stamps of all buffers once there are `count` of them.
+  std::vector<GstClockTime> wait(size_t count) {
+    g_mutex_lock(&mutex_);
+    const gint64 deadline = g_get_monotonic_time() + 30 * G_TIME_SPAN_SECOND;
+    while (stamps_.size() < count && g_cond_wait_until(&cond_, &mutex_, deadline)) {
+    }
+    const std::vector<GstClockTime> stamps = stamps_;
+    g_mutex_unlock(&mutex_);
+    EXPECT_GE(stamps.size(), count);
+    return stamps;
+  }
+
+ private:
+  static GstPadProbeReturn note(GstPad*, GstPadProbeInfo* info, gpointer data) {
+    auto* self = static_cast<Pipeline*>(data);
+    g_mutex_lock(&self->mutex_);
+    self->stamps_.push_back(GST_BUFFER_PTS(GST_PAD_PROBE_INFO_BUFFER(info)));
+    g_cond_signal(&self->cond_);
+    g_mutex_unlock(&self->mutex_);
+    return GST_PAD_PROBE_OK;
+  }
+
+  ElementPtr pipeline_;
+  GMutex mutex_{};
+  GCond cond_{};
+  std::vector<GstClockTime> stamps_;
+};
+
+TEST(LfViewRequestStates, PausesAndGoesOn) {
+  Pipeline pipeline("lfviewrequest is-live=true framerate=100/1 ! fakesink name=sink sync=false");
+  EXPECT_EQ(pipeline.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL);
+  size_t count = 0;
+  for (int i = 0; i < 5; i++) {
+    EXPECT_NE(pipeline.set_state(GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
+    count = pipeline.wait(count + 3).size();
+    EXPECT_EQ(pipeline.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL);
+  }
+  const std::vector<GstClockTime> stamps = pipeline.wait(15);
+  for (size_t i = 1; i < stamps.size(); i++) EXPECT_GT(stamps[i], stamps[i - 1]) << i;
+}
+
+TEST(LfViewRequestStates, StartsAndStopsTwoHundredTimes) {
+  const gint64 begin = g_get_monotonic_time();
+  for (const char* live : {"true", "false"}) {
+    Pipeline pipeline(std::string("lfviewrequest is-live=") + live +
+                      " framerate=1000/1 ! fakesink name=sink sync=true");
+    for (int i = 0; i < 100; i++) {
+      EXPECT_NE(pipeline.set_state(GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
+      if (i % 10 == 0) pipeline.wait(i / 10 + 1);
+      EXPECT_EQ(pipeline.set_state(GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
+    }
+  }
+  RecordProperty("ms_per_cycle", std::to_string((g_get_monotonic_time() - begin) / 200e3));
+}
+
+TEST(LfViewRequestStates, SequencesAndTimesStartAnew) {
+  const TemporaryFiles files;
+  save_views(test_views({0, 0}), files.path("views.json"));
+  Source source;
+  source.set("location", files.path("views.json").c_str());
+  source.play();
+  for (int run = 0; run < 2; run++) {
+    for (uint32_t i = 0; i < 2; i++) {
+      const Unit unit = source.pull();
+      EXPECT_EQ(unit.request.sequence, i);
+      EXPECT_EQ(unit.request.view.width, 32 + static_cast<int>(i));
+    }
+    EXPECT_TRUE(source.wait_eos());
+    if (run > 0) break;
+    EXPECT_EQ(gst_element_set_state(source.element(), GST_STATE_READY), GST_STATE_CHANGE_SUCCESS);
+    EXPECT_NE(gst_element_set_state(source.element(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
+  }
+}
+
+}  // namespace
+}  // namespace lf::test

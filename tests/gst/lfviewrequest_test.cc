@@ -1,0 +1,291 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <gst/controller/gstdirectcontrolbinding.h>
+#include <gst/controller/gstinterpolationcontrolsource.h>
+
+#include "gst/view_request_source.h"
+
+namespace lf::test {
+namespace {
+
+// Files.
+
+TEST(LfViewRequestFile, AListIsStampedFrameByFrameAndEnds) {
+  const TemporaryFiles files;
+  const std::vector<NamedView> views = test_views({2, 2, 2});
+  save_views(views, files.path("views.json"));
+  Source source;
+  source.set("location", files.path("views.json").c_str(), "framerate", 10, 1, "view-id", 7u);
+  source.play();
+  for (uint32_t i = 0; i < 3; i++) {
+    const Unit unit = source.pull();
+    EXPECT_EQ(unit.pts, i * 100 * kMs);
+    EXPECT_EQ(unit.duration, 100 * kMs);
+    ViewRequest expected;
+    expected.view_id = 7;
+    expected.sequence = i;
+    expected.target_time = 2 * GST_SECOND;
+    expected.view = views[i].view;
+    EXPECT_EQ(unit.request, expected) << i;
+    EXPECT_EQ(unit.bytes, wire::encode_request(expected)) << i;
+  }
+  EXPECT_TRUE(source.wait_eos());
+  EXPECT_EQ(gst_harness_buffers_in_queue(source.harness()), 0u);
+}
+
+TEST(LfViewRequestFile, APathKeepsItsTimes) {
+  const TemporaryFiles files;
+  save_views(test_views({0.5, 1, 3}), files.path("views.json"));
+  Source source;
+  source.set("location", files.path("views.json").c_str());
+  source.play();
+  const GstClockTime times[] = {500 * kMs, 1000 * kMs, 3000 * kMs}, durations[] = {500 * kMs, 2000 * kMs, 2000 * kMs};
+  for (int i = 0; i < 3; i++) {
+    const Unit unit = source.pull();
+    EXPECT_EQ(unit.pts, times[i]);
+    EXPECT_EQ(unit.duration, durations[i]);
+    EXPECT_EQ(unit.request.target_time, times[i]);
+    EXPECT_FALSE(unit.request.absolute_time);
+  }
+  EXPECT_TRUE(source.wait_eos());
+}
+
+TEST(LfViewRequestFile, LoopsWithoutTimesGoingBack) {
+  const TemporaryFiles files;
+  save_views(test_views({0, 1}), files.path("views.json"));
+  Source source;
+  source.set("location", files.path("views.json").c_str(), "loop", TRUE, "num-buffers", 5);
+  source.play();
+  for (uint32_t i = 0; i < 5; i++) {
+    const Unit unit = source.pull();
+    EXPECT_EQ(unit.pts, i * GST_SECOND);
+    EXPECT_EQ(unit.request.target_time, i * GST_SECOND);
+    EXPECT_EQ(unit.request.sequence, i);
+    EXPECT_EQ(unit.request.view.width, 32 + static_cast<int>(i % 2));
+  }
+  EXPECT_TRUE(source.wait_eos());
+}
+
+TEST(LfViewRequestFile, SeeksAndKnowsItsDuration) {
+  const TemporaryFiles files;
+  save_views(test_views({0, 1, 2, 3}), files.path("views.json"));
+  Source source;
+  source.set("location", files.path("views.json").c_str());
+  source.play();
+  for (int i = 0; i < 4; i++) source.pull();
+  EXPECT_TRUE(source.wait_eos());
+  gint64 duration = 0;
+  EXPECT_TRUE(gst_element_query_duration(source.element(), GST_FORMAT_TIME, &duration));
+  EXPECT_EQ(duration, static_cast<gint64>(4 * GST_SECOND));
+  EXPECT_TRUE(source.send(gst_event_new_seek(1, GST_FORMAT_TIME, GST_SEEK_FLAG_FLUSH, GST_SEEK_TYPE_SET, 1500 * kMs,
+                                             GST_SEEK_TYPE_NONE, 0)));
+  const Unit unit = source.pull();
+  EXPECT_EQ(unit.pts, 2 * GST_SECOND);
+  EXPECT_EQ(unit.request.sequence, 4u);
+  EXPECT_EQ(source.pull().pts, 3 * GST_SECOND);
+  EXPECT_TRUE(source.wait_eos());
+  EXPECT_FALSE(source.send(gst_event_new_seek(-1, GST_FORMAT_TIME, GST_SEEK_FLAG_FLUSH, GST_SEEK_TYPE_SET, 0,
+                                              GST_SEEK_TYPE_SET, 2 * GST_SECOND)));
+}
+
+TEST(LfViewRequestFile, LiveShowsAListInstantByInstant) {
+  const TemporaryFiles files;
+  save_views(test_views({5, 5}), files.path("views.json"));
+  Source source;
+  source.set("location", files.path("views.json").c_str(), "framerate", 10, 1);
+  source.play_live(GST_SECOND);
+  for (int i = 0; i < 2; i++) {
+    const Unit unit = source.next_live();
+    EXPECT_EQ(unit.request.target_time, GST_SECOND + i * 100 * kMs);
+    EXPECT_TRUE(unit.request.absolute_time);
+    EXPECT_EQ(unit.request.view.width, 32 + i);
+  }
+  EXPECT_TRUE(source.wait_eos());
+}
+
+TEST(LfViewRequestFile, LiveShowsAPathAtItsTimes) {
+  const TemporaryFiles files;
+  save_views(test_views({0.25, 0.5}), files.path("views.json"));
+  Source source;
+  source.set("location", files.path("views.json").c_str(), "framerate", 10, 1, "capture-delay", 20 * kMs);
+  source.play_live();
+  const Unit first = source.next_live();
+  EXPECT_EQ(first.pts, 250 * kMs);
+  EXPECT_EQ(source.clock_time(), 250 * kMs);
+  EXPECT_EQ(first.request.target_time, 200 * kMs);  // the newest multiple of 100 ms before 230 ms
+  EXPECT_EQ(source.next_live().request.target_time, 400 * kMs);
+}
+
+TEST(LfViewRequestFile, BadFilesAreNamedWithThePlace) {
+  const TemporaryFiles files;
+  const std::string head = R"({"format": "lightfield-views", "version": 1, "views": [)";
+  const std::string view = head + R"({"position": [0,0,0], "orientation": [1,0,0,0], "width": 8, "height": 8, )";
+  struct Row {
+    const char *property, *name;
+    std::string text;
+    std::vector<std::string> expected;
+  };
+  const Row rows[] = {
+      {"location", "not-json", "view", {}},
+      {"location", "truncated", view, {}},
+      {"location", "empty", head + "]}", {"views"}},
+      {"location", "fov", view + R"("fov_y": "wide", "focus_distance": 1}]})", {"views[0].fov_y"}},
+      {"location", "no-focus", view + R"("fov_y": 40}]})", {"views[0]"}},
+      {"location", "format", R"({"format": "lightfield-rig", "version": 1, "views": []})", {"format"}},
+      {"rig", "rig-truncated", R"({"format": "lightfield-rig", )", {}},
+      {"rig", "rig-empty", R"({"format": "lightfield-rig", "version": 1, "cameras": []})", {"cameras"}},
+      {"rig", "rig-views", head + "]}", {"format"}},
+  };
+  const auto error_of = [](Source& source) {
+    EXPECT_EQ(gst_element_set_state(source.element(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
+    return source.pop_message(GST_MESSAGE_ERROR);
+  };
+  for (const Row& row : rows) {
+    Source source;
+    const std::string path = files.write(row.name, row.text);
+    source.set(row.property, path.c_str());
+    const std::string error = error_of(source);
+    EXPECT_NE(error.find(path), std::string::npos) << row.name << ": " << error;
+    for (const std::string& part : row.expected)
+      EXPECT_NE(error.find(part), std::string::npos) << row.name << ": " << error;
+  }
+  for (const char* property : {"location", "rig"}) {
+    Source source;
+    source.set(property, files.path("none.json").c_str());
+    EXPECT_NE(error_of(source).find("none.json"), std::string::npos) << property;
+    // A source that failed once starts when its files are right.
+    gst_element_set_state(source.element(), GST_STATE_NULL);
+    source.set(property, nullptr, "num-buffers", 1);
+    source.play();
+    source.pull();
+  }
+}
+
+// Properties.
+
+TEST(LfViewRequestProperties, EveryOneIsDocumentedAndTheViewIsControllable) {
+  Source source;
+  guint n = 0;
+  GParamSpec** pspecs = g_object_class_list_properties(G_OBJECT_GET_CLASS(source.element()), &n);
+  int own = 0, controllable = 0;
+  for (guint i = 0; i < n; i++) {
+    if (pspecs[i]->owner_type != G_OBJECT_TYPE(source.element())) continue;
+    own++;
+    controllable += (pspecs[i]->flags & GST_PARAM_CONTROLLABLE) != 0;
+    EXPECT_GT(strlen(g_param_spec_get_blurb(pspecs[i])), 10u) << pspecs[i]->name;
+    EXPECT_TRUE(pspecs[i]->flags & (GST_PARAM_MUTABLE_READY | GST_PARAM_MUTABLE_PLAYING)) << pspecs[i]->name;
+    // A fresh element has the defaults it documents.
+    GValue value = G_VALUE_INIT;
+    g_value_init(&value, pspecs[i]->value_type);
+    g_object_get_property(G_OBJECT(source.element()), pspecs[i]->name, &value);
+    EXPECT_TRUE(g_param_value_defaults(pspecs[i], &value)) << pspecs[i]->name;
+    g_value_unset(&value);
+  }
+  g_free(pspecs);
+  EXPECT_EQ(own, 20);
+  EXPECT_EQ(controllable, 8);
+}
+
+TEST(LfViewRequestProperties, MakeTheView) {
+  Source source;
+  set_somewhere(source);
+  source.set("view-id", 3u, "quality", 80u, "framerate", 30000, 1001, "num-buffers", 3);
+  source.play();
+  for (uint32_t i = 0; i < 3; i++) {
+    const Unit unit = source.pull();
+    expect_near(unit.request.view, make_view(somewhere(), 320, 200));
+    EXPECT_EQ(unit.request.view_id, 3u);
+    EXPECT_EQ(unit.request.quality, 80);
+    EXPECT_EQ(unit.request.sequence, i);
+    EXPECT_EQ(unit.request.rig_hash, 0u);
+    EXPECT_EQ(unit.pts, i * 1001 * GST_SECOND / 30000);
+    EXPECT_EQ(unit.request.target_time, unit.pts);
+    EXPECT_FALSE(unit.request.absolute_time);
+  }
+  EXPECT_TRUE(source.wait_eos());
+  GstCaps* caps = gst_pad_get_current_caps(source.harness()->sinkpad);
+  gchar* text = gst_caps_to_string(caps);
+  EXPECT_STREQ(text, "application/x-lightfield-request, framerate=(fraction)30000/1001");
+  g_free(text);
+  gst_caps_unref(caps);
+}
+
+TEST(LfViewRequestProperties, AnglesStayAsTheyWereSetEvenStraightUp) {
+  Source source;
+  source.set("pitch", 90.0, "yaw", 20.0, "roll", 30.0, "num-buffers", 1);
+  source.play();
+  Viewpoint expected;
+  expected.pose.orientation = quat_from_euler({20, 90, 30});
+  expect_near(source.pull().request.view, make_view(expected, 640, 480));
+  EXPECT_EQ(source.get("pitch"), 90);
+  EXPECT_EQ(source.get("yaw"), 20);
+  EXPECT_EQ(source.get("roll"), 30);
+}
+
+TEST(LfViewRequestProperties, WhatIsNotSetSuitsTheRig) {
+  const TemporaryFiles files;
+  save_rig(test_rig(), files.path("rig.json"));
+  const Rig rig = load_rig(files.path("rig.json"));
+  Source source;
+  source.set("rig", files.path("rig.json").c_str(), "x", 1.25, "focus-distance", 9.0, "num-buffers", 1);
+  source.play();
+  const ViewRequest request = source.pull().request;
+  Viewpoint expected = default_viewpoint(rig, 9);
+  expected.pose.position.x = 1.25;
+  expect_near(request.view, make_view(expected, 64, 48));
+  EXPECT_EQ(request.rig_hash, rig.hash());
+  EXPECT_NEAR(source.get("yaw"), 30, 1e-9);
+  EXPECT_NEAR(source.get("y"), 2.05, 1e-12);
+}
+
+TEST(LfViewRequestProperties, ControllersAreAskedForEachRequest) {
+  Source source;
+  GstControlSource* ramp = gst_interpolation_control_source_new();
+  g_object_set(ramp, "mode", GST_INTERPOLATION_MODE_LINEAR, nullptr);
+  gst_timed_value_control_source_set(GST_TIMED_VALUE_CONTROL_SOURCE(ramp), 0, 10);
+  gst_timed_value_control_source_set(GST_TIMED_VALUE_CONTROL_SOURCE(ramp), GST_SECOND, 20);
+  for (const char* name : {"x", "fov", "focus-distance"})
+    gst_object_add_control_binding(GST_OBJECT(source.element()),
+                                   gst_direct_control_binding_new_absolute(GST_OBJECT(source.element()), name, ramp));
+  gst_object_unref(ramp);
+  source.set("framerate", 10, 1, "num-buffers", 11, "width", 100, "height", 100);
+  source.play();
+  for (int i = 0; i <= 10; i++) {
+    Viewpoint expected;
+    expected.pose.position.x = expected.fov_y_deg = expected.focus_distance = 10 + i;
+    expect_near(source.pull().request.view, make_view(expected, 100, 100), std::to_string(i));
+  }
+}
+
+TEST(LfViewRequestProperties, OutOfServiceChangesWhilePlaying) {
+  const TemporaryFiles files;
+  save_rig(test_rig(), files.path("rig.json"));
+  Source source;
+  source.set("rig", files.path("rig.json").c_str(), "out-of-service", "15,10-11");
+  source.play_live();
+  EXPECT_EQ(source.next_live().request.out_of_service, (CameraSet{0, 1, 5}));
+  source.set("out-of-service", "13");
+  EXPECT_EQ(source.next_live().request.out_of_service, (CameraSet{3}));
+  source.set("out-of-service", "13,99");
+  const std::string warning = source.pop_message(GST_MESSAGE_WARNING);
+  EXPECT_NE(warning.find("99"), std::string::npos) << warning;
+  EXPECT_EQ(source.next_live().request.out_of_service, (CameraSet{3}));
+  source.set("out-of-service", nullptr);
+  EXPECT_EQ(source.next_live().request.out_of_service, CameraSet{});
+}
+
+TEST(LfViewRequestProperties, OutOfServiceNeedsCamerasOfTheRig) {
+  const TemporaryFiles files;
+  save_rig(test_rig(), files.path("rig.json"));
+  Source source;
+  source.set("out-of-service", "1");
+  EXPECT_EQ(gst_element_set_state(source.element(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
+  EXPECT_NE(source.pop_message(GST_MESSAGE_ERROR).find("out-of-service: needs"), std::string::npos);
+  gst_element_set_state(source.element(), GST_STATE_NULL);
+  source.set("rig", files.path("rig.json").c_str());
+  EXPECT_EQ(gst_element_set_state(source.element(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
+  const std::string error = source.pop_message(GST_MESSAGE_ERROR);
+  EXPECT_NE(error.find("camera list \"1\""), std::string::npos) << error;
+}
+
+}  // namespace
+}  // namespace lf::test

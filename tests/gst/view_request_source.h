@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/check/gstharness.h>
+#include <gst/gst.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "geometry/euler.h"
+#include "gst/gst_test.h"
+#include "rig/rig_json.h"
+#include "view/navigator.h"
+#include "view/views_json.h"
+#include "wire/request_codec.h"
+
+// What the tests of lfviewrequest share.
+namespace lf::test {
+
+inline constexpr GstClockTime kMs = GST_MSECOND;
+
+// A folder for the files of one test.
+class TemporaryFiles {
+ public:
+  TemporaryFiles()
+      : folder_(std::filesystem::path(testing::TempDir()) / ("lfviewrequest-" + std::to_string(getpid()))) {
+    std::filesystem::create_directories(folder_);
+  }
+  ~TemporaryFiles() { std::filesystem::remove_all(folder_); }
+  std::string path(const std::string& name) const { return folder_ / name; }
+  std::string write(const std::string& name, const std::string& text) const {
+    std::ofstream(path(name)) << text;
+    return path(name);
+  }
+
+ private:
+  std::filesystem::path folder_;
+};
+
+// 2 x 3 cameras of 64 x 48 pixels with ids 10 to 15.
+inline Rig test_rig() {
+  Rig rig;
+  rig.topology = {Topology::Type::kGrid, 2, 3, {}};
+  for (uint32_t i = 0; i < 6; i++) {
+    Camera camera;
+    camera.id = 10 + i;
+    camera.name = std::to_string(10 + i);
+    camera.width = 64;
+    camera.height = 48;
+    camera.lens = Lens::pinhole(70, 31.5, 23.5);
+    camera.pose = {{1 + 0.1 * (i % 3), 2 + 0.1 * (i / 3), 3}, quat_from_euler({30, -10, 0})};
+    rig.cameras.push_back(camera);
+  }
+  return rig;
+}
+
+inline std::vector<NamedView> test_views(const std::vector<double>& times) {
+  std::vector<NamedView> views;
+  for (double time : times) {
+    const int i = static_cast<int>(views.size());
+    Viewpoint v;
+    v.pose = {{0.5 * i, -0.25, 1}, quat_from_euler({5.0 * i, 1, 2})};
+    v.focus_distance = 1 + i;
+    views.push_back({"view_" + std::to_string(i), time, make_view(v, 32 + i, 24)});
+  }
+  return views;
+}
+
+struct Unit {
+  ViewRequest request;
+  std::vector<uint8_t> bytes;
+  GstClockTime pts, duration;
+};
+
+// One lfviewrequest in a harness, with a bus of its own.
+class Source {
+ public:
+  Source() : element_(gst_element_factory_make("lfviewrequest", nullptr)), bus_(gst_bus_new()) {
+    gst_object_ref_sink(element_);
+    gst_element_set_bus(element_, bus_);
+  }
+  ~Source() {
+    if (harness_) gst_harness_teardown(harness_);
+    gst_element_set_state(element_, GST_STATE_NULL);
+    gst_element_set_bus(element_, nullptr);
+    gst_object_unref(element_);
+    gst_object_unref(bus_);
+  }
+  GstElement* element() const { return element_; }
+  GstHarness* harness() const { return harness_; }
+
+  template <typename... Args>
+  Source& set(const char* name, Args... args) {
+    g_object_set(element_, name, args..., nullptr);
+    return *this;
+  }
+  double get(const char* name) const {
+    double value = 0;
+    g_object_get(element_, name, &value, nullptr);
+    return value;
+  }
+
+  // Not live: with num-buffers or a file, else it fills memory.
+  void play() {
+    harness_ = gst_harness_new_with_element(element_, nullptr, "src");
+    gst_harness_play(harness_);
+  }
+  void play_live(GstClockTime clock_time = 0) {
+    set("is-live", TRUE);
+    harness_ = gst_harness_new_with_element(element_, nullptr, "src");
+    gst_harness_use_testclock(harness_);
+    gst_harness_set_time(harness_, clock_time);
+    gst_harness_play(harness_);
+  }
+
+  Unit pull() {
+    Unit unit{};
+    GstBuffer* buffer = gst_harness_pull(harness_);  // gives up after a minute
+    EXPECT_TRUE(buffer);
+    if (!buffer) return unit;
+    unit.pts = GST_BUFFER_PTS(buffer);
+    unit.duration = GST_BUFFER_DURATION(buffer);
+    unit.bytes = to_bytes(buffer);
+    gst_buffer_unref(buffer);
+    std::string reason;
+    const auto request = wire::decode_request(unit.bytes, &reason);
+    EXPECT_TRUE(request) << reason;
+    if (request) unit.request = *request;
+    return unit;
+  }
+  // Live: lets time go on to the next request.
+  Unit next_live() {
+    EXPECT_TRUE(gst_harness_wait_for_clock_id_waits(harness_, 1, 30));
+    EXPECT_TRUE(gst_harness_crank_single_clock_wait(harness_));
+    return pull();
+  }
+  GstClockTime clock_time() const {
+    GstClock* clock = gst_element_get_clock(element_);
+    const GstClockTime time = gst_clock_get_time(clock);
+    gst_object_unref(clock);
+    return time;
+  }
+  bool wait_eos() {
+    for (int i = 0; i < 3000; i++) {
+      GstEvent* event = gst_harness_try_pull_event(harness_);
+      if (!event) {
+        g_usleep(10000);
+        continue;
+      }
+      const bool eos = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+      gst_event_unref(event);
+      if (eos) return true;
+    }
+    return false;
+  }
+  bool send(GstEvent* event) { return gst_harness_push_upstream_event(harness_, event); }
+
+  // The first; GstBaseSrc adds one of its own where a source doesn't start. "" if there is none.
+  std::string pop_message(GstMessageType type) {
+    GstMessage* message = gst_bus_pop_filtered(bus_, type);
+    if (!message) return "";
+    GError* error = nullptr;
+    if (type == GST_MESSAGE_ERROR)
+      gst_message_parse_error(message, &error, nullptr);
+    else
+      gst_message_parse_warning(message, &error, nullptr);
+    const std::string text = error->message;
+    g_error_free(error);
+    do gst_message_unref(message);
+    while ((message = gst_bus_pop_filtered(bus_, type)));
+    return text;
+  }
+
+ private:
+  GstElement* element_;
+  GstBus* bus_;
+  GstHarness* harness_ = nullptr;
+};
+
+inline void expect_near(const View& a, const View& b, const std::string& what = "") {
+  EXPECT_EQ(a.width, b.width) << what;
+  EXPECT_EQ(a.height, b.height) << what;
+  EXPECT_NEAR(a.lens.fx(), b.lens.fx(), 1e-9) << what;
+  EXPECT_LT(glm::length(a.pose.position - b.pose.position), 1e-12) << what;
+  EXPECT_GT(std::abs(glm::dot(a.pose.orientation, b.pose.orientation)), 1 - 1e-14) << what;
+  EXPECT_LT(glm::length(a.focus.plane.normal - b.focus.plane.normal), 1e-12) << what;
+  EXPECT_NEAR(a.focus.plane.d, b.focus.plane.d, 1e-12) << what;
+}
+
+inline Viewpoint somewhere() {
+  Viewpoint v;
+  v.pose = {{1, -2, 0.5}, quat_from_euler({35, -20, 10})};
+  v.fov_y_deg = 40;
+  v.focus_distance = 3;
+  return v;
+}
+
+inline void set_somewhere(Source& source) {
+  source.set("x", 1.0, "y", -2.0, "z", 0.5, "yaw", 35.0, "pitch", -20.0, "roll", 10.0, "fov", 40.0, "focus-distance",
+             3.0, "width", 320, "height", 200);
+}
+
+}  // namespace lf::test
