@@ -386,17 +386,14 @@ static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
 }
 
 // Events come here in the order of the data: at EOS of the requests all of them have been answered. That ends the output,
-// whether or not the nodes go on.
+// whether or not the nodes ever end theirs (GstAggregator waits for all).
 static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* pad, GstEvent* event) {
   LfCompositor* self = LF_COMPOSITOR(agg);
-  GstAggregatorClass* parent_class = GST_AGGREGATOR_CLASS(lf_compositor_parent_class);
-  if (GST_PAD(pad) == self->request && GST_EVENT_TYPE(event) == GST_EVENT_EOS) {
-    GList* pads = lf_compositor_answer_pads(self);
-    for (GList* item = pads; item; item = item->next)
-      parent_class->sink_event(agg, GST_AGGREGATOR_PAD(item->data), gst_event_new_eos());
-    g_list_free_full(pads, gst_object_unref);
-  }
-  return parent_class->sink_event(agg, pad, event);
+  const bool ended = GST_PAD(pad) == self->request && GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+  const gboolean ok = GST_AGGREGATOR_CLASS(lf_compositor_parent_class)->sink_event(agg, pad, event);
+  // Before the first picture the source pad has no segment to end yet.
+  if (ended && self->state->info.finfo) gst_pad_push_event(GST_AGGREGATOR_SRC_PAD(agg), gst_event_new_eos());
+  return ok;
 }
 
 static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {

@@ -223,7 +223,11 @@ TEST_F(LfCompositorTest, DownstreamChoosesWithinTheFamily) {
 
 TEST_F(LfCompositorTest, EndOfRequestsEndsTheOutput) {
   start(1);
-  gst_harness_push_event(harness_.get(), gst_event_new_eos());
+  const ViewRequest asked = array_.request(0, 0);
+  request(asked);
+  push(0, answer_of(asked, {0, 1, 2, 3}));
+  pull();
+  gst_harness_push_event(harness_.get(), gst_event_new_eos());  // the node does not end
   bool eos = false;
   for (int i = 0; i < 20 && !eos; i++) {
     GstEvent* event = gst_harness_pull_event(harness_.get());
