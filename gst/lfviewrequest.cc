@@ -47,14 +47,13 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "base/error.h"
 #include "common.h"
+#include "gst_wire.h"
 #include "request_stream.h"
 #include "view_control.h"
 #include "view_request_settings.h"
-#include "wire/request_codec.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_view_request_debug);
 #define GST_CAT_DEFAULT lf_view_request_debug
@@ -271,8 +270,7 @@ static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   request.view = slot->view ? *slot->view : current_view(self);
   GST_OBJECT_UNLOCK(self);
 
-  const std::vector<uint8_t> bytes = lf::wire::encode_request(request);
-  *out = gst_buffer_new_memdup(bytes.data(), bytes.size());
+  *out = lf::encode_request_buffer(request);
   GST_BUFFER_PTS(*out) = slot->pts;
   GST_BUFFER_DURATION(*out) = slot->duration;
   GST_LOG_OBJECT(self, "request %u of view %u for %" GST_TIME_FORMAT, request.sequence, request.view_id,
