@@ -2,6 +2,8 @@
 #include <gst/gst.h>
 
 #include "config.h"
+#include "lfcameranode.h"
+#include "lfcamsrc.h"
 #include "lfcompositor.h"
 #include "lffragment.h"
 #include "lfparse.h"
@@ -10,6 +12,8 @@
 
 static gboolean plugin_init(GstPlugin* plugin) {
   gboolean ok = TRUE;
+  ok &= GST_ELEMENT_REGISTER(lfcameranode, plugin);
+  ok &= GST_ELEMENT_REGISTER(lfcamsrc, plugin);
   ok &= GST_ELEMENT_REGISTER(lfcompositor, plugin);
   ok &= GST_ELEMENT_REGISTER(lffragment, plugin);
   ok &= GST_ELEMENT_REGISTER(lfparse, plugin);

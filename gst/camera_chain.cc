@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "camera_chain.h"
+
+#include <gst/video/video.h>
+
+#include "common.h"
+#include "lfscenesrc.h"
+
+namespace lf {
+namespace {
+
+using Kind = CameraSource::Kind;
+using Codec = CameraSource::Codec;
+
+// Files are read in few large pieces: a still is one.
+constexpr guint kBlockSize = 1 << 20;
+
+GstElement* add(GstBin* bin, const char* factory) {
+  GstElement* element = gst_element_factory_make(factory, nullptr);
+  if (!element) throw MissingElement(factory);
+  gst_bin_add(bin, element);
+  return element;
+}
+
+// The pad without the reference: it stays as long as its element.
+GstPad* borrow_pad(GstElement* element, const char* name) {
+  GstPad* pad = gst_element_get_static_pad(element, name);
+  gst_object_unref(pad);
+  return pad;
+}
+
+// Appends `next` to the chain that ends in `tail`. The elements of a chain fit by construction, so nothing is checked.
+GstElement* append(GstElement* tail, GstElement* next) {
+  if (tail) gst_element_link_pads_full(tail, "src", next, "sink", GST_PAD_LINK_CHECK_NOTHING);
+  return next;
+}
+
+GstElement* add_decoder(GstBin* bin, Codec codec) {
+  if (codec == Codec::kPng) return add(bin, "pngdec");
+  GstElement* decoder = add(bin, "jpegdec");
+  gst_util_set_object_arg(G_OBJECT(decoder), "idct-method", "islow");  // the default's errors cost PSNR, not time
+  g_object_set(decoder, "qos", FALSE, nullptr);                        // no frame is skipped for being late
+  return decoder;
+}
+
+GstElement* add_capsfilter(GstBin* bin, GstCaps* caps) {
+  GstElement* filter = add(bin, "capsfilter");
+  g_object_set(filter, "caps", caps, nullptr);
+  gst_caps_unref(caps);
+  return filter;
+}
+
+GstCaps* frame_rate_caps(int fps_n, int fps_d) {
+  return gst_caps_new_simple("video/x-raw", "framerate", GST_TYPE_FRACTION, fps_n, fps_d, nullptr);
+}
+
+GstCaps* camera_caps(const Camera& camera) {
+  GstCaps* caps = gst_caps_from_string("video/x-raw, format = (string) { " LF_RGB_FORMATS ", I420 }");
+  gst_caps_set_simple(caps, "width", G_TYPE_INT, camera.width, "height", G_TYPE_INT, camera.height, nullptr);
+  return caps;
+}
+
+// Links a pad that has just appeared with the sink pad of `next`, if that is still free. Unchecked, so that a picture
+// of the wrong size comes as far as to be named.
+void link_new_pad(GstPad* pad, GstElement* next) {
+  GstPad* sink = borrow_pad(next, "sink");
+  if (!gst_pad_is_linked(sink)) gst_pad_link_full(pad, sink, GST_PAD_LINK_CHECK_NOTHING);
+}
+
+bool is_media(GstPad* pad, const char* prefix) {
+  GstCaps* caps = gst_pad_query_caps(pad, nullptr);
+  const bool yes = !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
+                   g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps, 0)), prefix);
+  gst_caps_unref(caps);
+  return yes;
+}
+
+void on_decoded_pad(GstElement* /*decoder*/, GstPad* pad, gpointer convert) {
+  if (is_media(pad, "video/x-raw")) link_new_pad(pad, GST_ELEMENT(convert));
+}
+
+// The first video track of a Matroska file. MJPEG goes through jpegdec on the demuxer's own thread; what else there is
+// goes through decodebin, which brings queues and threads.
+void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer convert) {
+  GstPad* sink = borrow_pad(GST_ELEMENT(convert), "sink");
+  if (gst_pad_is_linked(sink) || !(is_media(pad, "video/") || is_media(pad, "image/"))) return;
+  if (is_media(pad, "video/x-raw")) return link_new_pad(pad, GST_ELEMENT(convert));
+
+  GstObject* bin = gst_element_get_parent(demuxer);
+  if (!bin) return;  // being taken apart
+  GstElement* decoder = nullptr;
+  try {
+    if (is_media(pad, "image/jpeg")) {
+      decoder = add_decoder(GST_BIN(bin), Codec::kJpeg);
+      append(decoder, GST_ELEMENT(convert));
+    } else {
+      decoder = add(GST_BIN(bin), "decodebin");
+      g_signal_connect(decoder, "pad-added", G_CALLBACK(on_decoded_pad), convert);
+    }
+    gst_element_sync_state_with_parent(decoder);
+    link_new_pad(pad, decoder);
+  } catch (const MissingElement& missing) {
+    GST_ELEMENT_ERROR(demuxer, CORE, MISSING_PLUGIN, ("element %s is not installed", missing.what()), (nullptr));
+  }
+  gst_object_unref(bin);
+}
+
+void on_no_more_pads(GstElement* element, gpointer /*unused*/) {
+  bool linked = false;
+  GST_OBJECT_LOCK(element);
+  for (GList* pad = element->srcpads; pad; pad = pad->next) linked |= GST_PAD_IS_LINKED(GST_PAD(pad->data));
+  GST_OBJECT_UNLOCK(element);
+  if (!linked) GST_ELEMENT_ERROR(element, STREAM, WRONG_TYPE, ("no video in it"), (nullptr));
+}
+
+GstElement* add_file_reader(GstBin* bin, const std::string& path) {
+  GstElement* reader = add(bin, "filesrc");
+  g_object_set(reader, "location", path.c_str(), "blocksize", kBlockSize, nullptr);
+  return reader;
+}
+
+// A decoder whose pads appear later; they are linked with `convert` then.
+void add_uri_decoder(GstBin* bin, const std::string& uri, GstElement* convert) {
+  GstElement* decoder = add(bin, "uridecodebin");
+  GstCaps* caps = gst_caps_from_string("video/x-raw");
+  g_object_set(decoder, "uri", uri.c_str(), "caps", caps, "expose-all-streams", FALSE, nullptr);
+  gst_caps_unref(caps);
+  g_signal_connect(decoder, "pad-added", G_CALLBACK(on_decoded_pad), convert);
+  g_signal_connect(decoder, "no-more-pads", G_CALLBACK(on_no_more_pads), nullptr);
+}
+
+void add_matroska_reader(GstBin* bin, const std::string& path, GstElement* convert) {
+  GstElement* reader = add_file_reader(bin, path);
+  GstElement* demuxer = append(reader, add(bin, "matroskademux"));
+  g_signal_connect(demuxer, "pad-added", G_CALLBACK(on_matroska_pad), convert);
+  g_signal_connect(demuxer, "no-more-pads", G_CALLBACK(on_no_more_pads), nullptr);
+}
+
+GstElement* add_sequence_reader(GstBin* bin, const CameraSource& source, int fps_n, int fps_d, bool loop) {
+  GstElement* reader = add(bin, "multifilesrc");
+  GstCaps* caps = gst_caps_new_simple(source.codec == Codec::kPng ? "image/png" : "image/jpeg", "framerate",
+                                      GST_TYPE_FRACTION, fps_n, fps_d, nullptr);
+  g_object_set(reader, "location", source.location.c_str(), "start-index", source.first, "caps", caps, "loop", loop,
+               nullptr);
+  gst_caps_unref(caps);
+  return append(reader, add_decoder(bin, source.codec));
+}
+
+GstElement* add_scene(GstBin* bin, const Camera& camera, int fps_n, int fps_d, bool live) {
+  GstElement* scene = new_scene_source(camera, fps_n, fps_d, live);
+  gst_bin_add(bin, scene);
+  return scene;
+}
+
+// What feeds `convert`.
+void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, const ChainOptions& options, int fps_n,
+                int fps_d, GstElement* convert) {
+  switch (source.kind) {
+    case Kind::kStill:
+      if (source.codec == Codec::kOther) return add_uri_decoder(bin, source.location, convert);
+      append(append(add_file_reader(bin, source.location), add_decoder(bin, source.codec)), convert);
+      return;
+    case Kind::kSequence:
+      append(add_sequence_reader(bin, source, fps_n, fps_d, options.loop), convert);
+      return;
+    case Kind::kMatroska:
+      return add_matroska_reader(bin, source.location, convert);
+    case Kind::kUri:
+      return add_uri_decoder(bin, source.location, convert);
+    case Kind::kScene:
+      append(add_scene(bin, camera, fps_n, fps_d, options.live), convert);
+      return;
+  }
+}
+
+}  // namespace
+
+CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Camera& camera,
+                               const ChainOptions& options) {
+  const bool own_rate = options.fps_n == 0;
+  const int fps_n = own_rate ? kDefaultFps : options.fps_n;
+  const int fps_d = own_rate ? 1 : options.fps_d;
+  GstElement* convert = add(bin, "videoconvert");
+  add_reader(bin, source, camera, options, fps_n, fps_d, convert);
+
+  CameraChain chain;
+  chain.decoded = borrow_pad(convert, "sink");
+  chain.tail = {convert};
+  const auto append_to_tail = [&](GstElement* next) { chain.tail.push_back(append(chain.tail.back(), next)); };
+  append_to_tail(add_capsfilter(bin, camera_caps(camera)));
+  if (source.kind == Kind::kStill) append_to_tail(add(bin, "imagefreeze"));
+  chain.frames = borrow_pad(chain.tail.back(), "src");
+  const bool has_rate = source.kind == Kind::kMatroska || source.kind == Kind::kUri;
+  if (has_rate && !own_rate) append_to_tail(add(bin, "videorate"));
+  if (source.kind == Kind::kStill || (has_rate && !own_rate))
+    append_to_tail(add_capsfilter(bin, frame_rate_caps(fps_n, fps_d)));
+  if (options.live) append_to_tail(add(bin, "clocksync"));
+  chain.out = borrow_pad(chain.tail.back(), "src");
+  return chain;
+}
+
+}  // namespace lf

@@ -1,0 +1,233 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "camera_stream.h"
+
+#include <gst/video/video.h>
+
+#include "common.h"
+
+namespace lf {
+namespace {
+
+GstCaps* capture_time_reference() {
+  static GstStaticCaps caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
+  return gst_static_caps_get(&caps);
+}
+
+std::string size_text(int width, int height) {
+  return std::to_string(width) + "x" + std::to_string(height);
+}
+
+// The buffer goes no further, and upstream is told why.
+GstPadProbeReturn refuse(GstPadProbeInfo* info, GstFlowReturn reason) {
+  gst_clear_buffer(reinterpret_cast<GstBuffer**>(&info->data));
+  GST_PAD_PROBE_INFO_FLOW_RETURN(info) = reason;
+  return GST_PAD_PROBE_HANDLED;
+}
+
+// Calls `method` of the CameraStream `data`.
+template <auto method>
+GstPadProbeReturn call(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
+  return (static_cast<CameraStream*>(data)->*method)(pad, info);
+}
+
+}  // namespace
+
+CameraStream::CameraStream(GstElement* owner, const CameraChain& chain, const StreamOptions& options)
+    : owner_(owner), chain_(chain), options_(options) {
+  gst_segment_init(&segment_, GST_FORMAT_TIME);
+}
+
+// The probes go away with the pads, before the stream does.
+void CameraStream::watch() {
+  constexpr auto kData = GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM;
+  gst_pad_add_probe(chain_.decoded, GstPadProbeType(kData | GST_PAD_PROBE_TYPE_EVENT_FLUSH),
+                    call<&CameraStream::on_decoded>, this, nullptr);
+  gst_pad_add_probe(chain_.frames, GstPadProbeType(kData), call<&CameraStream::on_frame>, this, nullptr);
+  gst_pad_add_probe(chain_.out, GstPadProbeType(kData | GST_PAD_PROBE_TYPE_EVENT_UPSTREAM),
+                    call<&CameraStream::on_output>, this, nullptr);
+}
+
+void CameraStream::fail(GstStreamError code, const std::string& text) {
+  if (!first_error()) return;
+  gst_element_message_full(owner_, GST_MESSAGE_ERROR, GST_STREAM_ERROR, code, g_strdup((place() + ": " + text).c_str()),
+                           nullptr, __FILE__, GST_FUNCTION, __LINE__);
+}
+
+// Frames of another size than the rig's would be rendered as if they were of that size.
+void CameraStream::check_size(GstCaps* caps) {
+  GstVideoInfo info;
+  if (!gst_video_info_from_caps(&info, caps)) return;
+  size_is_wrong_ = info.width != options_.width || info.height != options_.height;
+  if (size_is_wrong_)
+    fail(GST_STREAM_ERROR_FORMAT, "the picture is " + size_text(info.width, info.height) + ", the rig says " +
+                                      size_text(options_.width, options_.height));
+}
+
+void CameraStream::stop() {
+  stopping_ = true;
+  std::lock_guard wait_for_seek(seeking_);
+}
+
+void CameraStream::seek_to_start(guint32 seqnum) {
+  std::lock_guard lock(seeking_);
+  if (stopping_) return;
+  GstEvent* seek = gst_event_new_seek(1.0, GST_FORMAT_TIME, GST_SEEK_FLAG_FLUSH, GST_SEEK_TYPE_SET, 0,
+                                      GST_SEEK_TYPE_NONE, GST_CLOCK_TIME_NONE);
+  gst_event_set_seqnum(seek, seqnum);
+  if (!gst_pad_push_event(chain_.decoded, seek))
+    fail(GST_STREAM_ERROR_FAILED, "can't begin again: there is no seeking in it");
+}
+
+// At the end of the file: true if it is to begin again.
+bool CameraStream::begin_again() {
+  // Nobody wants more frames, or the file has none: no reason to turn round and round.
+  if (!options_.seek_to_loop || ending_ || round_frames_ == 0) return false;
+  if (gst_pad_get_last_flow_return(chain_.out) != GST_FLOW_OK) return false;
+  round_start_ = stream_end_;
+  round_frames_ = 0;
+  loop_seqnum_ = gst_util_seqnum_next();
+
+  // On another thread: a seek that flushes waits until this one has let go.
+  struct Task {
+    std::shared_ptr<CameraStream> stream;
+    guint32 seqnum;
+    GstPad* pad;  // so that it is still there, if not in use any more
+  };
+  gst_element_call_async(
+      owner_,
+      [](GstElement* /*owner*/, gpointer data) {
+        const auto* task = static_cast<Task*>(data);
+        task->stream->seek_to_start(task->seqnum);
+      },
+      new Task{shared_from_this(), loop_seqnum_, GST_PAD(gst_object_ref(chain_.decoded))},
+      [](gpointer data) {
+        auto* task = static_cast<Task*>(data);
+        gst_object_unref(task->pad);
+        delete task;
+      });
+  return true;
+}
+
+// The same segment, `round_start_` later: running time goes on where the last round ended. Takes and gives a reference.
+GstEvent* CameraStream::later_segment(GstEvent* event) const {
+  GstSegment segment;
+  gst_event_copy_segment(event, &segment);
+  segment.base += round_start_;
+  segment.flags = GstSegmentFlags(segment.flags & ~GST_SEGMENT_FLAG_RESET);
+  GstEvent* later = gst_event_new_segment(&segment);
+  gst_event_set_seqnum(later, gst_event_get_seqnum(event));
+  gst_event_unref(event);
+  return later;
+}
+
+GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* info) {
+  if (info->type & GST_PAD_PROBE_TYPE_BUFFER) {
+    ++pictures_;
+    return size_is_wrong_ ? refuse(info, GST_FLOW_ERROR) : GST_PAD_PROBE_OK;
+  }
+  GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
+  const bool looping = loop_seqnum_ != GST_SEQNUM_INVALID && gst_event_get_seqnum(event) == loop_seqnum_;
+  switch (GST_EVENT_TYPE(event)) {
+    case GST_EVENT_CAPS: {
+      GstCaps* caps = nullptr;
+      gst_event_parse_caps(event, &caps);
+      check_size(caps);
+      return GST_PAD_PROBE_OK;
+    }
+    case GST_EVENT_FLUSH_START:
+      return looping ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;  // downstream the stream just goes on
+    case GST_EVENT_FLUSH_STOP:
+      if (looping) return GST_PAD_PROBE_DROP;
+      round_start_ = stream_end_ = 0;
+      return GST_PAD_PROBE_OK;
+    case GST_EVENT_SEGMENT:
+      if (round_start_ > 0) info->data = later_segment(event);
+      return GST_PAD_PROBE_OK;
+    case GST_EVENT_EOS:
+      if (pictures_ == 0) fail(GST_STREAM_ERROR_DECODE, "there is no picture in it");
+      return begin_again() ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
+    default:
+      return GST_PAD_PROBE_OK;
+  }
+}
+
+// Notes the running time of a frame as it was taken, before its stamp may be changed to that of another frame rate.
+GstPadProbeReturn CameraStream::on_frame(GstPad* /*pad*/, GstPadProbeInfo* info) {
+  if (info->type & GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM) {
+    GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
+    if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT) gst_event_copy_segment(event, &segment_);
+    return GST_PAD_PROBE_OK;
+  }
+  auto* buffer = static_cast<GstBuffer*>(info->data);
+  const GstClockTime stamp = gst_segment_to_running_time(&segment_, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
+  ++round_frames_;
+  if (!GST_CLOCK_TIME_IS_VALID(stamp)) return GST_PAD_PROBE_OK;
+  const GstClockTime last_duration = stamp > stream_end_ ? stamp - stream_end_ : 0;
+  stream_end_ = stamp + (GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : last_duration);
+
+  buffer = gst_buffer_make_writable(buffer);
+  GstCaps* reference = capture_time_reference();
+  gst_buffer_add_reference_timestamp_meta(buffer, reference, stamp, GST_BUFFER_DURATION(buffer));
+  gst_caps_unref(reference);
+  info->data = buffer;
+  return GST_PAD_PROBE_OK;
+}
+
+// From running time to the true capture time. Only here: while a live frame waits for PLAYING there is no base time.
+GstBuffer* CameraStream::complete_capture_time(GstBuffer* buffer) const {
+  buffer = gst_buffer_make_writable(buffer);
+  GstCaps* reference = capture_time_reference();
+  GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(buffer, reference);
+  gst_caps_unref(reference);
+  if (!meta) return buffer;  // a frame without a stamp
+  if (live_) meta->timestamp += gst_element_get_base_time(owner_);
+  const auto offset = static_cast<GstClockTimeDiff>(options_.time_offset * GST_SECOND);
+  const bool before_zero = offset < 0 && meta->timestamp < static_cast<GstClockTime>(-offset);
+  meta->timestamp = before_zero ? 0 : meta->timestamp + offset;
+  return buffer;
+}
+
+void CameraStream::announce(GstPad* pad) {
+  if (announced_) return;
+  announced_ = true;
+  GstStructure* camera = gst_structure_new(LF_CAMERA_EVENT, "camera", G_TYPE_UINT, options_.camera, "rig-hash",
+                                           G_TYPE_UINT64, options_.rig_hash, nullptr);
+  gst_pad_push_event(pad, gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM_STICKY, camera));
+}
+
+GstPadProbeReturn CameraStream::on_output_event(GstPad* pad, GstEvent* event) {
+  switch (GST_EVENT_TYPE(event)) {
+    case GST_EVENT_QOS:
+      // Who is late in files still gets all frames: a picture must not depend on the speed of the machine.
+      return live_ ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
+    case GST_EVENT_SEGMENT:  // the first one, one after a flush, or the next round
+      announced_ = eos_sent_ = false;
+      return GST_PAD_PROBE_OK;
+    case GST_EVENT_GAP:
+      announce(pad);
+      return GST_PAD_PROBE_OK;
+    case GST_EVENT_EOS:
+      if (eos_sent_) return GST_PAD_PROBE_DROP;
+      eos_sent_ = true;
+      announce(pad);
+      return GST_PAD_PROBE_OK;
+    default:
+      return GST_PAD_PROBE_OK;
+  }
+}
+
+GstPadProbeReturn CameraStream::on_output(GstPad* pad, GstPadProbeInfo* info) {
+  if (!(info->type & GST_PAD_PROBE_TYPE_BUFFER)) return on_output_event(pad, GST_PAD_PROBE_INFO_EVENT(info));
+  if (options_.num_frames >= 0 && frames_out_ >= options_.num_frames) ending_ = true;
+  if (ending_) {
+    // The source stops then; not every one also tells downstream (decodebin's queues don't).
+    gst_pad_push_event(pad, gst_event_new_eos());
+    return refuse(info, GST_FLOW_EOS);
+  }
+  info->data = complete_capture_time(static_cast<GstBuffer*>(info->data));
+  announce(pad);
+  ++frames_out_;
+  return GST_PAD_PROBE_OK;
+}
+
+}  // namespace lf

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "camera_chain.h"
+#include "rig/rig.h"
+
+namespace lf {
+
+// What is said of a camera's stream, and what becomes of it.
+struct StreamOptions {
+  CameraIndex camera = 0;
+  uint64_t rig_hash = 0;
+  int width = 0, height = 0;  // pixels
+  double time_offset = 0;     // seconds, of the true capture time
+  gint64 num_frames = -1;     // -1: all
+  bool seek_to_loop = false;  // at its end the source is sought back to its beginning
+  std::string place;          // begins the text of each error: "rig.json: camera 5 (cam_00_05): cam_00_05.mkv"
+};
+
+// Watches the pads of a chain from one start to the next stop and makes of what passes a camera's stream: of the rig's
+// size, named by the sticky event LF_CAMERA_EVENT, with the true capture time on each frame, going on where a file
+// begins again, and ending after `num_frames`.
+class CameraStream : public std::enable_shared_from_this<CameraStream> {
+ public:
+  // `owner`: the element that posts errors and whose base time counts; it outlives the stream's data flow.
+  CameraStream(GstElement* owner, const CameraChain& chain, const StreamOptions& options);
+
+  // Call once, before data flows.
+  void watch();
+  // Frames come at their time on a clock, which their capture times are to be of. Before data flows.
+  void set_live() { live_ = true; }
+  // The next frame is no more sent; the stream ends. Any thread.
+  void end() { ending_ = true; }
+  // Call before data flow is shut down: demuxers don't take a seek and a change to READY at the same time.
+  void stop();
+  // True the first time: an error follows from the one before it and is not worth telling.
+  bool first_error() { return !failed_.exchange(true); }
+  const std::string& place() const { return options_.place; }
+
+ private:
+  // Each takes what passes and says what becomes of it.
+  GstPadProbeReturn on_decoded(GstPad* pad, GstPadProbeInfo* info);
+  GstPadProbeReturn on_frame(GstPad* pad, GstPadProbeInfo* info);
+  GstPadProbeReturn on_output(GstPad* pad, GstPadProbeInfo* info);
+  GstPadProbeReturn on_output_event(GstPad* pad, GstEvent* event);
+
+  void fail(GstStreamError code, const std::string& text);
+  void check_size(GstCaps* caps);
+  bool begin_again();
+  void seek_to_start(guint32 seqnum);
+  GstEvent* later_segment(GstEvent* event) const;
+  GstBuffer* complete_capture_time(GstBuffer* buffer) const;
+  void announce(GstPad* pad);
+
+  GstElement* const owner_;
+  const CameraChain chain_;
+  const StreamOptions options_;
+  bool live_ = false;
+  std::atomic<bool> ending_ = false, stopping_ = false, failed_ = false;
+  std::mutex seeking_;
+  std::atomic<guint32> loop_seqnum_ = GST_SEQNUM_INVALID;  // of the seek back to the beginning
+
+  // Of the streaming thread.
+  GstSegment segment_;            // of the frames pad
+  guint64 pictures_ = 0;          // decoded
+  GstClockTime stream_end_ = 0;   // running time at which the newest frame ends
+  GstClockTime round_start_ = 0;  // running time at which this round of a loop began
+  guint64 round_frames_ = 0;      // frames since then
+  gint64 frames_out_ = 0;
+  bool size_is_wrong_ = false, announced_ = false, eos_sent_ = false;
+};
+
+}  // namespace lf

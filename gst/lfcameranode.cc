@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+
+/**
+ * SECTION:element-lfcameranode
+ * @title: lfcameranode
+ * @short_description: the cameras of a rig, or some of them, as one node that answers view requests
+ *
+ * A bin of one #element-lfcamsrc for each camera of a list and one #element-lffragment. View requests come in on
+ * `request`, an answer for each goes out on `src`.
+ *
+ * ## Example launch line
+ * |[
+ * gst-launch-1.0 lfviewrequest location=views.json ! tee name=r  r. ! queue ! n.request \
+ *   lfcameranode name=n rig=rig.json ! c.sink_0  r. ! queue ! c.request \
+ *   lfcompositor name=c ! videoconvert ! pngenc ! multifilesink location=out_%02d.png
+ * ]|
+ */
+
+#include "lfcameranode.h"
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "common.h"
+
+GST_DEBUG_CATEGORY_STATIC(lf_camera_node_debug);
+#define GST_CAT_DEFAULT lf_camera_node_debug
+
+namespace {
+
+enum { kPropRig = 1, kPropCameras, kPropFramerate, kPropIsLive, kPropLoop, kPropNode, kPropStats };
+
+// What the application sets. Under the object lock.
+struct Settings {
+  std::string rig;
+  std::string cameras;
+  int fps_n = 0, fps_d = 1;
+  bool is_live = false;
+  bool loop = false;
+  guint node = 0;
+  bool operator==(const Settings&) const = default;
+};
+
+}  // namespace
+
+struct _LfCameraNode {
+  GstBin parent;
+  GstElement* fragment;  // borrowed from the bin's children; null where lffragment is not installed
+  Settings* settings;
+  Settings* opened;                   // what the children were made for
+  std::vector<GstElement*>* cameras;  // borrowed from the bin's children
+};
+
+G_DEFINE_TYPE_WITH_CODE(LfCameraNode, lf_camera_node, GST_TYPE_BIN,
+                        GST_DEBUG_CATEGORY_INIT(lf_camera_node_debug, "lfcameranode", 0, "cameras of a rig as a node"))
+GST_ELEMENT_REGISTER_DEFINE(lfcameranode, "lfcameranode", GST_RANK_NONE, LF_TYPE_CAMERA_NODE)
+
+static GstStaticPadTemplate request_template =
+    GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE));
+static GstStaticPadTemplate src_template =
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_ANSWER_MEDIA_TYPE));
+
+static Settings current_settings(LfCameraNode* self) {
+  GST_OBJECT_LOCK(self);
+  Settings settings = *self->settings;
+  GST_OBJECT_UNLOCK(self);
+  return settings;
+}
+
+static void remove_cameras(LfCameraNode* self) {
+  for (GstElement* camera : *self->cameras) {
+    GstPad* src = gst_element_get_static_pad(camera, "src");
+    GstPad* sink = gst_pad_get_peer(src);
+    gst_element_set_state(camera, GST_STATE_NULL);
+    gst_bin_remove(GST_BIN(self), camera);
+    if (sink) {
+      gst_element_release_request_pad(self->fragment, sink);
+      gst_object_unref(sink);
+    }
+    gst_object_unref(src);
+  }
+  self->cameras->clear();
+}
+
+// The pad is named after the camera's index, so that it can be found among many in a picture of the pipeline.
+static void add_camera(LfCameraNode* self, const Settings& settings, const lf::Rig& rig, lf::CameraIndex index) {
+  const std::string id = std::to_string(rig.cameras[index].id);
+  GstElement* camera = gst_element_factory_make("lfcamsrc", ("camera" + id).c_str());
+  if (!camera) throw lf::Error("element lfcamsrc is not installed");
+  g_object_set(camera, "rig", settings.rig.c_str(), "camera", rig.cameras[index].id, "is-live", settings.is_live,
+               "loop", settings.loop, nullptr);
+  gst_util_set_object_arg(G_OBJECT(camera), "framerate",
+                          (std::to_string(settings.fps_n) + "/" + std::to_string(settings.fps_d)).c_str());
+  gst_bin_add(GST_BIN(self), camera);
+  self->cameras->push_back(camera);
+  if (!gst_element_link_pads(camera, "src", self->fragment, ("sink_" + std::to_string(index)).c_str()))
+    throw lf::Error(settings.rig + ": camera " + id + ": can't be linked with lffragment");
+}
+
+// False, without cameras, after posting the reason.
+static bool open_cameras(LfCameraNode* self) {
+  remove_cameras(self);
+  const Settings settings = current_settings(self);
+  try {
+    if (!self->fragment) throw lf::Error("element lffragment is not installed");
+    if (settings.rig.empty()) throw lf::Error("rig: not set");
+    if (!g_file_test(settings.rig.c_str(), G_FILE_TEST_EXISTS)) throw lf::Error(settings.rig + ": no such file");
+    const std::shared_ptr<const lf::Rig> rig = lf::shared_rig(settings.rig);
+    std::vector<lf::CameraIndex> indices;
+    try {
+      indices = lf::parse_camera_list(*rig, settings.cameras);
+    } catch (const lf::Error& error) {
+      throw lf::Error(settings.rig + ": cameras \"" + settings.cameras + "\": " + error.what());
+    }
+    g_object_set(self->fragment, "rig", settings.rig.c_str(), "node", settings.node, nullptr);
+    for (const lf::CameraIndex index : indices) add_camera(self, settings, *rig, index);
+    *self->opened = settings;
+    return true;
+  } catch (const lf::Error& error) {
+    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
+  }
+  remove_cameras(self);
+  return false;
+}
+
+static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, GstStateChange transition) {
+  LfCameraNode* self = LF_CAMERA_NODE(element);
+  const bool stale = transition == GST_STATE_CHANGE_NULL_TO_READY ||
+                     (transition == GST_STATE_CHANGE_READY_TO_PAUSED && *self->opened != current_settings(self));
+  if (stale && !open_cameras(self)) return GST_STATE_CHANGE_FAILURE;
+  const GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_camera_node_parent_class)->change_state(element, transition);
+  if (transition == GST_STATE_CHANGE_READY_TO_NULL ||
+      (transition == GST_STATE_CHANGE_NULL_TO_READY && result == GST_STATE_CHANGE_FAILURE))
+    remove_cameras(self);
+  return result;
+}
+
+static void lf_camera_node_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
+  LfCameraNode* self = LF_CAMERA_NODE(object);
+  Settings& settings = *self->settings;
+  GST_OBJECT_LOCK(self);
+  switch (id) {
+    case kPropRig:
+      settings.rig = g_value_get_string(value) ? g_value_get_string(value) : "";
+      break;
+    case kPropCameras:
+      settings.cameras = g_value_get_string(value) ? g_value_get_string(value) : "";
+      break;
+    case kPropFramerate:
+      settings.fps_n = gst_value_get_fraction_numerator(value);
+      settings.fps_d = gst_value_get_fraction_denominator(value);
+      break;
+    case kPropIsLive:
+      settings.is_live = g_value_get_boolean(value);
+      break;
+    case kPropLoop:
+      settings.loop = g_value_get_boolean(value);
+      break;
+    case kPropNode:
+      settings.node = g_value_get_uint(value);
+      break;
+    default:
+      G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
+  }
+  GST_OBJECT_UNLOCK(self);
+}
+
+static void lf_camera_node_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
+  LfCameraNode* self = LF_CAMERA_NODE(object);
+  if (id == kPropStats) {
+    if (self->fragment) g_object_get_property(G_OBJECT(self->fragment), "stats", value);
+    return;
+  }
+  const Settings settings = current_settings(self);
+  switch (id) {
+    case kPropRig:
+      g_value_set_string(value, settings.rig.empty() ? nullptr : settings.rig.c_str());
+      break;
+    case kPropCameras:
+      g_value_set_string(value, settings.cameras.c_str());
+      break;
+    case kPropFramerate:
+      gst_value_set_fraction(value, settings.fps_n, settings.fps_d);
+      break;
+    case kPropIsLive:
+      g_value_set_boolean(value, settings.is_live);
+      break;
+    case kPropLoop:
+      g_value_set_boolean(value, settings.loop);
+      break;
+    case kPropNode:
+      g_value_set_uint(value, settings.node);
+      break;
+    default:
+      G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
+  }
+}
+
+static void lf_camera_node_finalize(GObject* object) {
+  LfCameraNode* self = LF_CAMERA_NODE(object);
+  delete self->settings;
+  delete self->opened;
+  delete self->cameras;
+  G_OBJECT_CLASS(lf_camera_node_parent_class)->finalize(object);
+}
+
+static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
+  GObjectClass* object_class = G_OBJECT_CLASS(klass);
+  object_class->set_property = lf_camera_node_set_property;
+  object_class->get_property = lf_camera_node_get_property;
+  object_class->finalize = lf_camera_node_finalize;
+
+  constexpr auto kFlags =
+      static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY);
+  g_object_class_install_property(
+      object_class, kPropRig,
+      g_param_spec_string("rig", "Rig", "Path of the rig file (rig.json) of the whole array", nullptr, kFlags));
+  g_object_class_install_property(
+      object_class, kPropCameras,
+      g_param_spec_string("cameras", "Cameras",
+                          "Ids of the cameras of this node, such as \"0-15,20\" (empty = all of the rig)", "", kFlags));
+  g_object_class_install_property(
+      object_class, kPropFramerate,
+      gst_param_spec_fraction(
+          "framerate", "Frame rate",
+          "Frames per second of each camera (0/1 = as its source has them, 15/1 where that has none)", 0, 1, G_MAXINT,
+          1, 0, 1, kFlags));
+  g_object_class_install_property(
+      object_class, kPropIsLive,
+      g_param_spec_boolean("is-live", "Is live",
+                           "Frames come at their time on the pipeline's clock, in place of when a request needs them",
+                           FALSE, kFlags));
+  g_object_class_install_property(
+      object_class, kPropLoop,
+      g_param_spec_boolean("loop", "Loop", "Videos and image sequences begin again at their end", FALSE, kFlags));
+  g_object_class_install_property(
+      object_class, kPropNode,
+      g_param_spec_uint("node", "Node", "Number of this node in its answers; each node of an array has its own", 0,
+                        G_MAXUINT, 0, kFlags));
+  g_object_class_install_property(
+      object_class, kPropStats,
+      g_param_spec_boxed("stats", "Statistics", "What lffragment counts, see there", GST_TYPE_STRUCTURE,
+                         static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+
+  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  element_class->change_state = lf_camera_node_change_state;
+  gst_element_class_add_static_pad_template(element_class, &request_template);
+  gst_element_class_add_static_pad_template(element_class, &src_template);
+  gst_element_class_set_static_metadata(
+      element_class, "Light field camera node", "Filter/Video",
+      "Answers view requests with the fragments of a range of cameras: an lfcamsrc each and one lffragment",
+      "gst-lightfield");
+}
+
+static void add_ghost_pad(LfCameraNode* self, const char* name, GstStaticPadTemplate* static_template) {
+  GstPadTemplate* pad_template = gst_static_pad_template_get(static_template);
+  GstPad* target = self->fragment ? gst_element_get_static_pad(self->fragment, name) : nullptr;
+  GstPad* pad = target ? gst_ghost_pad_new_from_template(name, target, pad_template)
+                       : gst_ghost_pad_new_no_target_from_template(name, pad_template);
+  gst_element_add_pad(GST_ELEMENT(self), pad);
+  gst_clear_object(&target);
+  gst_object_unref(pad_template);
+}
+
+static void lf_camera_node_init(LfCameraNode* self) {
+  self->settings = new Settings;
+  self->opened = new Settings;
+  self->cameras = new std::vector<GstElement*>;
+  // It answers requests: their end, not an EOS event to its cameras, is the end of its output.
+  gst_bin_set_suppressed_flags(GST_BIN(self),
+                               static_cast<GstElementFlags>(GST_ELEMENT_FLAG_SOURCE | GST_ELEMENT_FLAG_SINK));
+  self->fragment = gst_element_factory_make("lffragment", "fragment");
+  if (self->fragment) gst_bin_add(GST_BIN(self), self->fragment);
+  add_ghost_pad(self, "request", &request_template);
+  add_ghost_pad(self, "src", &src_template);
+}

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "gst/camera_files.h"
+
+#include <gst/gst.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <stdexcept>
+
+#include "image/image_io.h"
+#include "rig/rig_json.h"
+
+namespace lf::test {
+namespace {
+
+void run_to_end(const std::string& launch_line) {
+  g_autoptr(GError) error = nullptr;
+  GstElement* pipeline = gst_parse_launch(launch_line.c_str(), &error);
+  if (error) throw std::runtime_error(launch_line + ": " + error->message);
+  gst_element_set_state(pipeline, GST_STATE_PLAYING);
+  GstBus* bus = gst_element_get_bus(pipeline);
+  GstMessage* message = gst_bus_timed_pop_filtered(bus, 20 * GST_SECOND,
+                                                   static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR));
+  const bool done = message && GST_MESSAGE_TYPE(message) == GST_MESSAGE_EOS;
+  gst_clear_message(&message);
+  gst_object_unref(bus);
+  gst_element_set_state(pipeline, GST_STATE_NULL);
+  gst_object_unref(pipeline);
+  if (!done) throw std::runtime_error(launch_line + ": did not end");
+}
+
+}  // namespace
+
+CameraFiles::CameraFiles() {
+  g_autofree gchar* folder = g_dir_make_tmp("lightfield-XXXXXX", nullptr);
+  if (!folder) throw std::runtime_error("no temporary folder");
+  folder_ = folder;
+  for (int k = 0; k < kFrames; ++k) {
+    Image image(PixelFamily::kRgb, kWidth, kHeight);
+    std::fill(image.data().begin(), image.data().end(), static_cast<uint8_t>(grey_of(k)));
+    save_image(image, path("jpeg_0" + std::to_string(k) + ".jpg"));
+    save_image(image, path("png_" + std::to_string(k + 1) + ".png"));
+  }
+  const std::string frames = "multifilesrc location=" + path("jpeg_%02d.jpg") +
+                             " caps=image/jpeg,framerate=15/1 ! jpegdec ! videoconvert ! video/x-raw,format=I420 ! ";
+  run_to_end(frames + "jpegenc quality=95 ! matroskamux ! filesink location=" + path("mjpeg.mkv"));
+  run_to_end(frames + "jpegenc quality=95 ! avimux ! filesink location=" + path("mjpeg.avi"));
+  run_to_end(frames + "matroskamux ! filesink location=" + path("raw.mkv"));
+  run_to_end("videotestsrc num-buffers=1 ! video/x-raw,format=GRAY8,width=64,height=48 ! pngenc ! filesink location=" +
+             path("grey.png"));
+  run_to_end("audiotestsrc num-buffers=5 ! matroskamux ! filesink location=" + path("sound.mkv"));
+}
+
+CameraFiles::~CameraFiles() {
+  std::error_code ignored;
+  std::filesystem::remove_all(folder_, ignored);
+}
+
+std::string CameraFiles::save(const std::string& name, int count, const std::function<void(Camera&)>& edit) const {
+  Rig rig;
+  for (int i = 0; i < count; ++i) {
+    Camera camera;
+    camera.id = static_cast<uint32_t>(i);
+    camera.name = "cam_" + std::to_string(i);
+    camera.width = kWidth;
+    camera.height = kHeight;
+    camera.lens = Lens::pinhole(60, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0);
+    camera.pose.position = {0.1 * i, 0, 0};
+    edit(camera);
+    rig.cameras.push_back(camera);
+  }
+  rig.topology.type = Topology::Type::kGrid;
+  rig.topology.rows = 1;
+  rig.topology.columns = count;
+  save_rig(rig, path(name));
+  return path(name);
+}
+
+}  // namespace lf::test
