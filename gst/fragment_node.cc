@@ -23,14 +23,29 @@ void FragmentNode::set_rig(std::shared_ptr<const Rig> rig) {
   rig_hash_ = rig_ ? rig_->hash() : 0;
 }
 
+void FragmentNode::expect_input(std::shared_ptr<CameraFrames> frames) {
+  std::lock_guard lock(mutex_);
+  expected_.insert(std::move(frames));
+}
+
 bool FragmentNode::add_camera(CameraIndex camera, std::shared_ptr<CameraFrames> frames) {
   std::lock_guard lock(mutex_);
+  expected_.erase(frames);
+  inputs_changed_.notify_all();
   return cameras_.try_emplace(camera, frames).first->second == frames;
 }
 
-void FragmentNode::remove_camera(const std::shared_ptr<CameraFrames>& frames) {
+void FragmentNode::give_up(const std::shared_ptr<CameraFrames>& frames) {
   std::lock_guard lock(mutex_);
+  expected_.erase(frames);
   std::erase_if(cameras_, [&frames](const auto& entry) { return entry.second == frames; });
+  inputs_changed_.notify_all();
+}
+
+void FragmentNode::set_running(bool running) {
+  std::lock_guard lock(mutex_);
+  running_ = running;
+  inputs_changed_.notify_all();
 }
 
 PixelFamily FragmentNode::agree_on_family(PixelFamily offered) {
@@ -44,8 +59,9 @@ void FragmentNode::forget_family() {
   family_ = PixelFamily::kNone;
 }
 
-FragmentNode::Cameras FragmentNode::cameras() const {
-  std::lock_guard lock(mutex_);
+FragmentNode::Cameras FragmentNode::cameras(bool wait_for_all) {
+  std::unique_lock lock(mutex_);
+  if (wait_for_all) inputs_changed_.wait(lock, [this] { return !running_ || expected_.empty(); });
   return cameras_;
 }
 
@@ -73,7 +89,7 @@ wire::Answer FragmentNode::answer(const ViewRequest& request, Requester& request
 
   try {
     const uint64_t begin = now_ns();
-    const Cameras inputs = cameras();
+    const Cameras inputs = cameras(!live_request);
     std::vector<CameraIndex> own;
     for (const auto& [camera, frames] : inputs) {
       own.push_back(camera);

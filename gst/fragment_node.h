@@ -4,6 +4,7 @@
 #include <atomic>
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -31,9 +32,14 @@ class FragmentNode {
   const std::shared_ptr<const Rig>& rig() const { return rig_; }
   void set_node_id(uint32_t id) { node_id_ = id; }
 
+  // Inputs announced here and not yet known as a camera (or given up) are waited for by requests of files.
+  void expect_input(std::shared_ptr<CameraFrames> frames);
   // False if another input has this camera already.
   bool add_camera(CameraIndex camera, std::shared_ptr<CameraFrames> frames);
-  void remove_camera(const std::shared_ptr<CameraFrames>& frames);
+  // The input has no camera (any more): its stream ended without a picture, or its pad is gone.
+  void give_up(const std::shared_ptr<CameraFrames>& frames);
+  // While false, answer() waits for nothing.
+  void set_running(bool running);
 
   // The family of the first stream that came; all others are converted to it. kNone asks without offering.
   PixelFamily agree_on_family(PixelFamily offered);
@@ -51,14 +57,17 @@ class FragmentNode {
 
  private:
   using Cameras = std::map<CameraIndex, std::shared_ptr<CameraFrames>>;
-  Cameras cameras() const;
+  Cameras cameras(bool wait_for_all);
 
   Stats stats_;
   std::shared_ptr<const Rig> rig_;
   uint64_t rig_hash_ = 0;
   uint32_t node_id_ = 0;
   std::unique_ptr<FragmentRenderer> renderer_ = make_scalar_renderer();
-  mutable std::mutex mutex_;  // of what follows
+  std::mutex mutex_;  // of what follows
+  std::condition_variable inputs_changed_;
+  bool running_ = false;
+  std::set<std::shared_ptr<CameraFrames>> expected_;
   Cameras cameras_;
   PixelFamily family_ = PixelFamily::kNone;
 };

@@ -283,7 +283,10 @@ static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, Gst
       pad->input->live = upstream_is_live(gst_pad);
       pad->input->frames->start_stream(pad->input->live);
       break;
-    case GST_EVENT_EOS: pad->input->frames->end_stream(); break;
+    case GST_EVENT_EOS:
+      if (pad->input->index == lf::MeshFace::kNone) self->node->give_up(pad->input->frames);
+      pad->input->frames->end_stream();
+      break;
     case GST_EVENT_FLUSH_START: pad->input->frames->set_flushing(true); break;
     case GST_EVENT_FLUSH_STOP: pad->input->frames->set_flushing(false); break;
     default: break;
@@ -376,9 +379,14 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
 static void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode) {
   GST_OBJECT_LOCK(self);
   self->mode = mode;
-  for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next)
-    if (LF_IS_FRAGMENT_PAD(item->data)) LF_FRAGMENT_PAD(item->data)->input->frames->set_mode(mode);
+  for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next) {
+    if (!LF_IS_FRAGMENT_PAD(item->data)) continue;
+    auto& input = *LF_FRAGMENT_PAD(item->data)->input;
+    input.frames->set_mode(mode);
+    if (mode == lf::CameraFrames::Mode::kRunning) self->node->expect_input(input.frames);
+  }
   GST_OBJECT_UNLOCK(self);
+  self->node->set_running(mode == lf::CameraFrames::Mode::kRunning);
 }
 
 static void lf_fragment_lane_ended(LfFragment* self, Lane* lane) {
@@ -486,6 +494,7 @@ static GstPad* lf_fragment_request_new_pad(GstElement* element, GstPadTemplate* 
   pad->input->frames = std::make_shared<lf::CameraFrames>();
   GST_OBJECT_LOCK(self);
   pad->input->frames->set_mode(self->mode);
+  if (self->mode == lf::CameraFrames::Mode::kRunning) self->node->expect_input(pad->input->frames);
   GST_OBJECT_UNLOCK(self);
   gst_pad_set_chain_function(GST_PAD(pad), lf_fragment_camera_chain);
   gst_pad_set_event_function(GST_PAD(pad), lf_fragment_camera_event);
@@ -500,7 +509,7 @@ static void lf_fragment_release_pad(GstElement* element, GstPad* pad) {
   if (LF_IS_FRAGMENT_PAD(pad)) {
     auto& input = *LF_FRAGMENT_PAD(pad)->input;
     input.frames->set_flushing(true);
-    self->node->remove_camera(input.frames);
+    self->node->give_up(input.frames);
     gst_child_proxy_child_removed(GST_CHILD_PROXY(element), G_OBJECT(pad), GST_PAD_NAME(pad));
     gst_element_remove_pad(element, pad);
     return;
@@ -544,7 +553,7 @@ static bool lf_fragment_start(LfFragment* self) {
 static gboolean lf_fragment_forget_frames(GstElement* element, GstPad* pad, gpointer) {
   if (!LF_IS_FRAGMENT_PAD(pad)) return TRUE;
   auto& input = *LF_FRAGMENT_PAD(pad)->input;
-  LF_FRAGMENT(element)->node->remove_camera(input.frames);
+  LF_FRAGMENT(element)->node->give_up(input.frames);
   input.frames->clear();
   input.converter.reset();
   input.index = input.from_stream = lf::MeshFace::kNone;

@@ -129,6 +129,21 @@ TEST_F(LfFragmentTest, WaitsForTheFrameOfAFile) {
   EXPECT_EQ(pull().actual_time, kFrame);
 }
 
+TEST_F(LfFragmentTest, WaitsForCamerasThatHaveNotBegun) {
+  start(3);
+  const HarnessPtr late(gst_harness_new_with_element(element_.get(), "sink_3", nullptr));
+  gst_harness_set_live(late.get(), FALSE);
+  push_frames(60, 0);
+  std::thread camera([&late] {
+    g_usleep(50000);
+    gst_harness_set_src_caps_str(late.get(), ArrayFixture::caps("RGB").c_str());
+    gst_harness_push(late.get(), ArrayFixture::frame("RGB", 60, 0));
+  });
+  ASSERT_EQ(request(array_.request(0, 0)), GST_FLOW_OK);
+  camera.join();
+  EXPECT_EQ(pull().fragments.size(), 4u);
+}
+
 TEST_F(LfFragmentTest, FilesAreReadNoFasterThanRequestsMoveOn) {
   start(1);
   std::atomic<int> pushed{0};
