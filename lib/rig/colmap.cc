@@ -115,6 +115,7 @@ ColmapImport import_colmap(const std::string& directory, const ColmapImportOptio
         throw Error(camera.image + ": is " + size_text(camera.width, camera.height) + ", its camera " +
                     std::to_string(image.camera_id) + " in cameras.txt " + size_text(from.width, from.height) +
                     "; is it an undistorted image?");
+      camera.image = fs::proximate(camera.image).string();
     }
     try {
       camera.lens = options.undistorted ? undistorted_lens(from, camera.width, camera.height) : lens_of(from);

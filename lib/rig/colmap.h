@@ -25,7 +25,7 @@ struct ColmapImportOptions {
 };
 
 struct ColmapImport {
-  Rig rig;                         // directory "": image paths start where those of the arguments do
+  Rig rig;                         // directory "": image paths start at the current folder
   std::vector<std::string> notes;  // for people: what was assumed, which files stand for which names
 };
 

@@ -28,16 +28,6 @@ class Fnv1a {
   uint64_t hash_ = 0xcbf29ce484222325;
 };
 
-// As gst_uri_is_valid() has it: a scheme of two characters at least, then a colon.
-bool is_uri(const std::string& path) {
-  const auto is_alpha = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
-  size_t n = 0;
-  while (n < path.size() && (is_alpha(path[n]) || (n > 0 && ((path[n] >= '0' && path[n] <= '9') || path[n] == '+' ||
-                                                              path[n] == '-' || path[n] == '.'))))
-    n++;
-  return n >= 2 && n < path.size() && path[n] == ':';
-}
-
 // The columns and rows of a grid that `indices` are the full product of, in ascending row-major order.
 bool find_sub_grid(const Topology& grid, const std::vector<CameraIndex>& indices, int* rows, int* columns) {
   const CameraIndex stride = grid.columns;
@@ -90,6 +80,15 @@ std::optional<CameraIndex> Rig::index_of_id(uint32_t id) const {
 std::string Rig::resolve(const std::string& path) const {
   if (path.empty() || directory.empty() || is_uri(path)) return path;
   return (std::filesystem::path(directory) / path).string();  // an absolute `path` replaces `directory`
+}
+
+bool is_uri(const std::string& path) {
+  const auto is_alpha = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  size_t n = 0;
+  while (n < path.size() && (is_alpha(path[n]) || (n > 0 && ((path[n] >= '0' && path[n] <= '9') || path[n] == '+' ||
+                                                              path[n] == '-' || path[n] == '.'))))
+    n++;
+  return n >= 2 && n < path.size() && path[n] == ':';
 }
 
 void relocate(Rig& rig, const std::string& directory) {

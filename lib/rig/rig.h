@@ -49,6 +49,9 @@ struct Rig {
   std::string resolve(const std::string& path) const;
 };
 
+// Whether `path` begins with a scheme ("v4l2:", two characters at least), as gst_uri_is_valid() has it.
+bool is_uri(const std::string& path);
+
 // Rewrites relative paths of images and sources so that they mean the same from `directory` ("": the current one), which
 // becomes Rig::directory.
 void relocate(Rig& rig, const std::string& directory);

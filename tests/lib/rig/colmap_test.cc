@@ -159,7 +159,7 @@ TEST(Colmap, SizesOfImageFilesMustAgree) {
   std::filesystem::create_directories(dir / "images");
   EXPECT_ERROR(import_colmap(dir.path()), "images: no image file for \"a.png\"");
   save_image(Image(PixelFamily::kRgb, 4, 3), dir / "images/a.png");
-  EXPECT_EQ(import_colmap(dir.path()).rig.cameras[0].image, dir / "images/a.png");
+  EXPECT_EQ(import_colmap(dir.path()).rig.cameras[0].image, std::filesystem::proximate(dir / "images/a.png"));
   EXPECT_TRUE(import_colmap(dir.path()).notes.empty());
   save_image(Image(PixelFamily::kRgb, 8, 2), dir / "images/a.png");
   EXPECT_ERROR(import_colmap(dir.path()),

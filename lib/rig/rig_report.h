@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "rig/rig.h"
+
+namespace lf {
+
+// What a person wants to know about a rig. Lengths in metres.
+struct RigSummary {
+  Vec3 extent{0, 0, 0};                   // of the box around the cameras, along the axes of the world
+  double baseline = 0;                    // between the two cameras farthest apart
+  double mean_neighbour = 0;              // mean over cameras of the distance to the nearest other one; 0: one camera
+  size_t triangles = 0, other_faces = 0;  // of the mesh; others: strips and points
+  size_t images = 0, sources = 0;         // cameras that have one
+  std::vector<std::string> lenses;        // "RADIAL, f 386.7 px, 64 cameras of 320x240": a line for each model
+};
+RigSummary summarize(const Rig& rig);
+
+struct RigFinding {
+  enum class Severity { kWarning, kError };
+  Severity severity;
+  std::string text;  // names the place: "cameras[3].image: ..."
+};
+// What is wrong with a rig that could be loaded. Errors: an image that is missing, can't be read or has another size than
+// its camera; a source that is a file and is missing; a mesh without a triangle. Warnings: cameras without a picture,
+// equal names, several cameras at one place, slivers in the mesh. Reads every image.
+std::vector<RigFinding> check_rig(const Rig& rig);
+
+}  // namespace lf

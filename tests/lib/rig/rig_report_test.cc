@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rig/rig_report.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "image/image_io.h"
+#include "rig/grid_rig.h"
+#include "support/temp_dir.h"
+
+namespace lf {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+// "error: ..." or "warning: ..." each.
+std::vector<std::string> check(const Rig& rig) {
+  std::vector<std::string> texts;
+  for (const RigFinding& finding : check_rig(rig))
+    texts.push_back((finding.severity == RigFinding::Severity::kError ? "error: " : "warning: ") + finding.text);
+  return texts;
+}
+
+class CheckRig : public testing::Test {
+ protected:
+  // A grid that has an image for every camera.
+  void SetUp() override {
+    rig_ = make_grid_rig({2, 3, 0.1, 60, 8, 6});
+    rig_.directory = dir_.path();
+    for (Camera& camera : rig_.cameras) {
+      camera.image = camera.name + ".png";
+      save_image(Image(PixelFamily::kRgb, 8, 6), rig_.resolve(camera.image));
+    }
+  }
+  TempDir dir_;
+  Rig rig_;
+};
+
+TEST_F(CheckRig, HasNothingToSayOfAGoodRig) { EXPECT_THAT(check(rig_), IsEmpty()); }
+
+TEST_F(CheckRig, NamesBadImages) {
+  std::filesystem::remove(dir_ / "cam_00_01.png");
+  save_image(Image(PixelFamily::kRgb, 6, 8), dir_ / "cam_00_02.png");
+  dir_.write("cam_01_00.png", "not a picture");
+  EXPECT_THAT(check(rig_), ElementsAre("error: cameras[1].image: " + dir_ / "cam_00_01.png" + ": no such image file",
+                                       "error: cameras[2].image: " + dir_ / "cam_00_02.png" +
+                                           " is 6x8, the camera is 8x6",
+                                       "error: cameras[3].image: " + dir_ / "cam_01_00.png" +
+                                           ": not an image that can be read"));
+}
+
+TEST_F(CheckRig, NamesMissingSources) {
+  dir_.write("film.mkv", "");
+  const char* sources[] = {"film.mkv", "none.mkv", "frame_%03d.png", "none/frame_%03d.png", "rtsp://host/x", ""};
+  for (size_t i = 0; i < 6; i++) rig_.cameras[i].source = sources[i];
+  EXPECT_THAT(check(rig_), ElementsAre("error: cameras[1].source: " + dir_ / "none.mkv" + " is missing",
+                                       "error: cameras[3].source: " + dir_ / "none" + " is missing"));
+}
+
+TEST_F(CheckRig, WarnsOfCamerasWithoutAPicture) {
+  rig_.cameras[4].image = "";
+  EXPECT_THAT(check(rig_), ElementsAre("warning: cameras[4] has neither an image nor a source"));
+  rig_.cameras[2].image = "";
+  EXPECT_THAT(check(rig_), ElementsAre("warning: cameras[2] and 1 more have neither an image nor a source"));
+}
+
+TEST_F(CheckRig, WarnsOfEqualNamesAndPlaces) {
+  rig_.cameras[3].name = rig_.cameras[1].name;
+  rig_.cameras[5].pose.position = rig_.cameras[1].pose.position + Vec3(0, 0, 1e-12);
+  const std::vector<std::string> found = check(rig_);
+  EXPECT_THAT(found, testing::Contains("warning: cameras[3].name: \"cam_00_01\" is that of cameras[1] too"));
+  EXPECT_THAT(found, testing::Contains("warning: cameras[5].position: is that of cameras[1] too"));
+}
+
+TEST_F(CheckRig, WarnsOfSlivers) {
+  for (Camera& camera : rig_.cameras) camera.pose.position.y *= 0.01;  // heights of 1 % of the sides
+  EXPECT_THAT(check(rig_), ElementsAre(testing::HasSubstr("warning: topology: 4 of 4 triangles are slivers, the worst")));
+}
+
+TEST_F(CheckRig, AMeshWithoutATriangleIsAnError) {
+  EXPECT_THAT(check(sub_rig(rig_, {0})), ElementsAre("error: topology: the mesh of 1 camera has no triangle"));
+  EXPECT_THAT(check(sub_rig(rig_, {0, 1})), ElementsAre("error: topology: the mesh of 2 cameras has no triangle"));
+}
+
+TEST(Summary, MeasuresTheArray) {
+  Rig rig = make_grid_rig({2, 3, 0.1, 90, 64, 48});
+  rig.cameras[0].image = "x.png";
+  rig.cameras[1].source = "rtsp://host/x";
+  rig.cameras[2].lens = Lens::pinhole(99, 0, 0);
+  rig.cameras[3].width = 32;
+  const RigSummary summary = summarize(rig);
+  EXPECT_NEAR(glm::length(summary.extent - Vec3(0.2, 0.1, 0)), 0, 1e-15);
+  EXPECT_NEAR(summary.baseline, std::sqrt(0.05), 1e-15);
+  EXPECT_NEAR(summary.mean_neighbour, 0.1, 1e-15);
+  EXPECT_EQ(summary.triangles, 4u);
+  EXPECT_EQ(summary.other_faces, 0u);
+  EXPECT_EQ(summary.images, 1u);
+  EXPECT_EQ(summary.sources, 1u);
+  EXPECT_THAT(summary.lenses, ElementsAre("SIMPLE_PINHOLE, f 99 px, 1 camera of 64x48",
+                                          "RADIAL, f 24 px, 5 cameras of 32x48 to 64x48"));
+}
+
+TEST(Summary, OfOneCamera) {
+  const RigSummary summary = summarize(make_grid_rig({1, 1, 0.1, 90, 64, 48}));
+  EXPECT_EQ(summary.extent, Vec3(0, 0, 0));
+  EXPECT_EQ(summary.baseline, 0);
+  EXPECT_EQ(summary.mean_neighbour, 0);
+  EXPECT_EQ(summary.triangles, 0u);
+  EXPECT_EQ(summary.other_faces, 1u);
+}
+
+}  // namespace
+}  // namespace lf

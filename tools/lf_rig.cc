@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-rig: makes, describes, checks, cuts and converts rig files.
+#include <charconv>
+#include <cstdio>
+#include <exception>
+#include <filesystem>
+#include <string>
+
+#include <CLI/CLI.hpp>
+#include <gst/gst.h>
+
+#include "base/error.h"
+#include "base/json_value.h"
+#include "rig/colmap.h"
+#include "rig/grid_rig.h"
+#include "rig/rig_json.h"
+#include "rig/rig_report.h"
+#include "video_devices.h"
+
+namespace {
+
+using lf::Rig;
+
+struct Arguments {
+  std::string grid;
+  lf::GridRigOptions new_rig;
+  bool devices = false;
+  std::string rig, directory, out, cameras;
+  int every = 0;
+  lf::ColmapImportOptions colmap;
+};
+
+void parse_grid(const std::string& text, int& rows, int& columns) {
+  const char* const end = text.data() + text.size();
+  const auto first = std::from_chars(text.data(), end, rows);
+  if (first.ec == std::errc() && first.ptr != end && *first.ptr == 'x') {
+    const auto second = std::from_chars(first.ptr + 1, end, columns);
+    if (second.ec == std::errc() && second.ptr == end && rows >= 1 && columns >= 1) return;
+  }
+  throw lf::Error("--grid " + text + ": must be rows x columns, such as 8x8");
+}
+
+void print_notes(const std::vector<std::string>& notes) {
+  for (const std::string& note : notes) std::printf("note: %s\n", note.c_str());
+}
+
+void save(Rig rig, const std::string& out, const nlohmann::json* original = nullptr) {
+  lf::relocate(rig, std::filesystem::path(out).parent_path().string());
+  lf::save_rig(rig, out, original);
+  std::printf("%s: %zu cameras\n", out.c_str(), rig.cameras.size());
+}
+
+void assign_devices(Rig& rig) {
+  gst_init(nullptr, nullptr);
+  const std::vector<VideoDevice> devices = find_video_devices();
+  if (devices.empty()) throw lf::Error("--devices: no camera is plugged in that GStreamer knows");
+  for (size_t i = 0; i < devices.size(); i++) {
+    const bool used = i < rig.cameras.size();
+    if (used) rig.cameras[i].source = devices[i].uri;
+    std::printf("%s: %s (%s)\n", used ? rig.cameras[i].name.c_str() : "not used", devices[i].uri.c_str(),
+                devices[i].name.c_str());
+  }
+  if (devices.size() < rig.cameras.size())
+    std::printf("warning: %zu cameras are left without a device\n", rig.cameras.size() - devices.size());
+}
+
+int run_new(Arguments& arguments) {
+  parse_grid(arguments.grid, arguments.new_rig.rows, arguments.new_rig.columns);
+  Rig rig = lf::make_grid_rig(arguments.new_rig);
+  if (arguments.devices) assign_devices(rig);
+  save(rig, arguments.out);
+  return 0;
+}
+
+int run_info(const Arguments& arguments) {
+  const Rig rig = lf::load_rig(arguments.rig);
+  const lf::RigSummary summary = lf::summarize(rig);
+  const lf::Topology& topology = rig.topology;
+  std::string shape = "delaunay";
+  if (topology.type == lf::Topology::Type::kGrid)
+    shape = "grid of " + std::to_string(topology.rows) + "x" + std::to_string(topology.columns);
+  else if (topology.type == lf::Topology::Type::kTriangles)
+    shape = "triangles";
+  std::printf("cameras     %zu (%zu with an image, %zu with a source)\n", rig.cameras.size(), summary.images,
+              summary.sources);
+  std::printf("hash        %016llx\n", static_cast<unsigned long long>(rig.hash()));
+  std::printf("topology    %s\n", shape.c_str());
+  std::printf("mesh        %zu triangles", summary.triangles);
+  if (summary.other_faces > 0) std::printf(", %zu other faces", summary.other_faces);
+  std::printf("\nextent      %.6g x %.6g x %.6g m\n", summary.extent.x, summary.extent.y, summary.extent.z);
+  std::printf("baseline    %.6g m (farthest pair)\n", summary.baseline);
+  std::printf("neighbours  %.6g m (mean distance to the nearest)\n", summary.mean_neighbour);
+  for (const std::string& lens : summary.lenses) std::printf("lens        %s\n", lens.c_str());
+  return 0;
+}
+
+int run_check(const Arguments& arguments) {
+  int errors = 0, warnings = 0;
+  for (const lf::RigFinding& finding : lf::check_rig(lf::load_rig(arguments.rig))) {
+    const bool is_error = finding.severity == lf::RigFinding::Severity::kError;
+    (is_error ? errors : warnings)++;
+    std::printf("%s: %s: %s\n", arguments.rig.c_str(), is_error ? "error" : "warning", finding.text.c_str());
+  }
+  std::printf("%s: %d errors, %d warnings\n", arguments.rig.c_str(), errors, warnings);
+  return errors > 0 ? 1 : 0;
+}
+
+int run_subset(const Arguments& arguments) {
+  const nlohmann::json original = lf::parse_json(lf::read_text_file(arguments.rig), arguments.rig);
+  const Rig rig = lf::load_rig(arguments.rig);
+  save(arguments.every > 0 ? lf::every_nth(rig, arguments.every)
+                           : lf::sub_rig(rig, lf::parse_camera_list(rig, arguments.cameras)),
+       arguments.out, &original);
+  return 0;
+}
+
+int run_import_colmap(Arguments& arguments) {
+  if (!arguments.grid.empty()) parse_grid(arguments.grid, arguments.colmap.rows, arguments.colmap.columns);
+  const lf::ColmapImport result = lf::import_colmap(arguments.directory, arguments.colmap);
+  print_notes(result.notes);
+  save(result.rig, arguments.out);
+  return 0;
+}
+
+int run_export_colmap(const Arguments& arguments) {
+  const Rig rig = lf::load_rig(arguments.rig);
+  const lf::ColmapExport result = lf::export_colmap(rig, arguments.directory);
+  print_notes(result.notes);
+  std::printf("%s: %zu images, maximum error %.2g px\n", arguments.directory.c_str(), rig.cameras.size(),
+              result.max_error);
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Arguments arguments;
+  CLI::App app("Makes, describes, checks, cuts and converts rig files", "lf-rig");
+  app.require_subcommand(1);
+
+  CLI::App* make = app.add_subcommand("new", "A first rig for cameras mounted as a grid");
+  make->add_option("--grid", arguments.grid, "Rows x columns, row 0 at the top")->required()->type_name("RxC");
+  make->add_option("--pitch", arguments.new_rig.pitch, "Between neighbours, metres")->required();
+  make->add_option("--fov", arguments.new_rig.fov_y_deg, "Vertical field of view, degrees")->required();
+  make->add_option("--width", arguments.new_rig.width, "Pixels")->capture_default_str();
+  make->add_option("--height", arguments.new_rig.height, "Pixels")->capture_default_str();
+  make->add_flag("--devices", arguments.devices, "Plugged-in cameras become the sources, in order");
+  make->add_option("--out", arguments.out, "Rig file to write")->required();
+
+  CLI::App* info = app.add_subcommand("info", "Describes a rig");
+  info->add_option("RIG", arguments.rig, "Rig file")->required();
+
+  CLI::App* check = app.add_subcommand("check", "Looks for what is wrong; exit status 1 if something is");
+  check->add_option("RIG", arguments.rig, "Rig file")->required();
+
+  CLI::App* subset = app.add_subcommand("subset", "Some of the cameras, as a rig file of their own");
+  subset->add_option("RIG", arguments.rig, "Rig file")->required();
+  CLI::Option_group* which = subset->add_option_group("which");
+  which->add_option("--every", arguments.every, "Rows and columns 0, N, 2N, ... of a grid")->check(CLI::PositiveNumber);
+  which->add_option("--cameras", arguments.cameras, "Ids: 0-3,7");
+  which->require_option(1);
+  subset->add_option("--out", arguments.out, "Rig file to write")->required();
+
+  CLI::App* import = app.add_subcommand("import", "Makes a rig file from another program's");
+  import->require_subcommand(1);
+  CLI::App* from_colmap = import->add_subcommand("colmap", "From a COLMAP text model (cameras.txt, images.txt)");
+  from_colmap->add_option("DIR", arguments.directory, "Folder of the model")->required();
+  from_colmap->add_option("--images", arguments.colmap.images, "Folder of the image files (default: DIR/images)");
+  from_colmap->add_flag("--undistorted", arguments.colmap.undistorted,
+                        "The image files are the undistorted ones: pinhole lenses, the size of each file");
+  from_colmap->add_option("--grid", arguments.grid, "The cameras, ordered by name, are a grid")->type_name("RxC");
+  from_colmap->add_option("--out", arguments.out, "Rig file to write")->required();
+
+  CLI::App* exports = app.add_subcommand("export", "Makes another program's files from a rig file");
+  exports->require_subcommand(1);
+  CLI::App* to_colmap = exports->add_subcommand("colmap", "A COLMAP text model");
+  to_colmap->add_option("RIG", arguments.rig, "Rig file")->required();
+  to_colmap->add_option("DIR", arguments.directory, "Folder to write")->required();
+
+  CLI11_PARSE(app, argc, argv);
+  try {
+    if (*make) return run_new(arguments);
+    if (*info) return run_info(arguments);
+    if (*check) return run_check(arguments);
+    if (*subset) return run_subset(arguments);
+    if (*from_colmap) return run_import_colmap(arguments);
+    return run_export_colmap(arguments);
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "lf-rig: %s\n", e.what());
+    return 1;
+  }
+}
