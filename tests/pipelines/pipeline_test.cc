@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// gst-launch-1.0 on files, compared with the library without GStreamer and with ground truth.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <iterator>
+
+#include "composite/accumulator.h"
+#include "image/image_io.h"
+#include "pipelines/gst_launch.h"
+#include "quality/quality.h"
+#include "render/fragment_renderer.h"
+#include "render/render_job.h"
+#include "rig/rig_json.h"
+#include "scene/scene.h"
+#include "view/views_json.h"
+
+namespace lf::test {
+namespace {
+
+using testing::HasSubstr;
+
+std::vector<uint8_t> read_bytes(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// A view of a still array straight from the library: what the pipeline must come to.
+Image render_without_gstreamer(const Rig& rig, const View& view, const std::vector<Image>& images) {
+  std::vector<CameraIndex> all(rig.cameras.size());
+  for (CameraIndex i = 0; i < all.size(); i++) all[i] = i;
+  const RenderJob job(rig, build_mesh(rig), view, all);
+  Accumulator picture;
+  picture.reset(images[0].family(), view.width, view.height);
+  for (const CameraIndex camera : job.cameras()) {
+    const auto fragment =
+        make_scalar_renderer()->render(job.plan(), job.owners(), camera, rig.cameras[camera], images[camera].view());
+    if (fragment) picture.add(*fragment);
+  }
+  return picture.resolve();
+}
+
+// The line that the README leads with.
+std::string files_in_files_out(const std::string& rig, const std::string& views, const std::string& out) {
+  return "lfviewrequest location=" + views + " ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" + rig +
+         " ! c.sink_0  r. ! queue ! c.request  lfcompositor name=c ! videoconvert ! pngenc ! multifilesink location=" + out;
+}
+
+// A 3x3 array of the built-in scene as PNG stills, with a path of three views.
+class StillArray : public testing::Test {
+ protected:
+  void SetUp() override {
+    rig_ = scene_rig(3, 3, 80, 60);
+    for (Camera& camera : rig_.cameras) {
+      camera.lens = Lens(LensModel::kRadial, {camera.lens.fx(), 39.5, 29.5, -0.1, 0.02});
+      camera.image = camera.name + ".png";
+      images_.push_back(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0, 1));
+      save_image(images_.back(), dir_ / camera.image);
+    }
+    save_rig(rig_, dir_ / "rig.json");
+    rig_ = load_rig(dir_ / "rig.json");
+    const double focus[] = {kSceneNear, kSceneMiddle, kSceneFar};
+    for (int i = 0; i < 3; i++) {
+      NamedView view{"view_" + std::to_string(i), 0, {}};
+      view.view.width = 100;
+      view.view.height = 75;
+      view.view.lens = Lens::from_fov_y(30, 100, 75);
+      view.view.pose.position = Vec3(0.01 * i, -0.005 * i, -0.02 * i);
+      view.view.focus.plane = focal_plane_at(view.view.pose, focus[i]);
+      views_.push_back(view);
+    }
+    save_views(views_, dir_ / "views.json");
+    views_ = load_views(dir_ / "views.json");
+  }
+
+  TempDir dir_;
+  Rig rig_;
+  std::vector<Image> images_;
+  std::vector<NamedView> views_;
+};
+
+TEST_F(StillArray, ThePipelineGivesTheLibrarysPictures) {
+  const Launched run = gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "views.json", dir_ / "out_%02d.png"));
+  ASSERT_EQ(run.status, 0) << run.output;
+  for (size_t i = 0; i < views_.size(); i++) {
+    const Image expected = render_without_gstreamer(rig_, views_[i].view, images_);
+    const Image picture = load_image(dir_ / ("out_0" + std::to_string(i) + ".png"));
+    EXPECT_EQ(compare(picture, expected).max_error, 0) << views_[i].name;
+  }
+  EXPECT_FALSE(std::filesystem::exists(dir_ / "out_03.png"));
+}
+
+TEST_F(StillArray, TwoNodesGiveTheSamePicturesAsOne) {
+  const std::string rig = dir_ / "rig.json", views = dir_ / "views.json";
+  ASSERT_EQ(gst_launch("lfviewrequest location=" + views + " ! tee name=r r. ! queue ! n.request lfcameranode name=n rig=" + rig +
+                       " ! c.sink_0 r. ! queue ! c.request lfcompositor name=c ! filesink location=" + dir_ / "one.raw").status, 0);
+  const Launched run = gst_launch(
+      "lfviewrequest location=" + views + " ! tee name=r r. ! queue ! a.request lfcameranode name=a node=0 cameras=0-3 rig=" +
+      rig + " ! queue ! c.sink_0 r. ! queue ! b.request lfcameranode name=b node=1 cameras=4-8 rig=" + rig +
+      " ! queue ! c.sink_1 r. ! queue ! c.request lfcompositor name=c ! filesink location=" + dir_ / "two.raw");
+  ASSERT_EQ(run.status, 0) << run.output;
+  const std::vector<uint8_t> one = read_bytes(dir_ / "one.raw");
+  EXPECT_EQ(one.size(), 3u * 100 * 75 * 3);
+  EXPECT_EQ(one, read_bytes(dir_ / "two.raw"));
+}
+
+TEST_F(StillArray, RequestsAndAnswersTravelThroughFiles) {
+  const std::string rig = dir_ / "rig.json", requests = dir_ / "path.lfq", answers = dir_ / "path.lfa";
+  Launched run = gst_launch("lfviewrequest rig=" + rig + " location=" + dir_ / "views.json" + " ! filesink location=" + requests);
+  ASSERT_EQ(run.status, 0) << run.output;
+  run = gst_launch("filesrc location=" + requests + " blocksize=97 ! lfparse ! n.request lfcameranode name=n rig=" + rig +
+                   " ! filesink location=" + answers);
+  ASSERT_EQ(run.status, 0) << run.output;
+  run = gst_launch("filesrc location=" + requests + " ! lfparse ! c.request filesrc location=" + answers +
+                   " ! lfparse ! c.sink_0 lfcompositor name=c rig=" + rig +
+                   " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / "out_%02d.png");
+  ASSERT_EQ(run.status, 0) << run.output;
+  for (size_t i = 0; i < views_.size(); i++) {
+    const Image expected = render_without_gstreamer(rig_, views_[i].view, images_);
+    EXPECT_EQ(compare(load_image(dir_ / ("out_0" + std::to_string(i) + ".png")), expected).max_error, 0) << i;
+  }
+}
+
+TEST_F(StillArray, NothingLeaks) {
+  const Launched run = gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "views.json", dir_ / "out_%02d.png"), "-q",
+                                  "GST_TRACERS=leaks GST_DEBUG=GST_TRACER:7,leaks:7 GST_DEBUG_NO_COLOR=1");
+  ASSERT_EQ(run.status, 0) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("object-alive, type-name=(string)%s"));  // the tracer is there and says its format
+  EXPECT_THAT(run.output, testing::Not(testing::ContainsRegex("object-alive, type-name=.string.[A-Za-z]")));
+}
+
+TEST_F(StillArray, AMissingImageIsNamed) {
+  std::filesystem::remove(dir_ / "cam_01_01.png");
+  const Launched run = gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "views.json", dir_ / "out_%02d.png"));
+  EXPECT_NE(run.status, 0);
+  EXPECT_THAT(run.output, HasSubstr("cam_01_01.png"));
+}
+
+TEST_F(StillArray, AnImageOfAnotherSizeIsNamed) {
+  save_image(Image(PixelFamily::kRgb, 81, 60), dir_ / "cam_02_00.png");
+  const Launched run = gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "views.json", dir_ / "out_%02d.png"));
+  EXPECT_NE(run.status, 0);
+  EXPECT_THAT(run.output, testing::AllOf(HasSubstr("cam_02_00.png"), HasSubstr("81x60"), HasSubstr("80x60")));
+}
+
+TEST_F(StillArray, AViewsFileWithoutViewsIsNamed) {
+  std::ofstream(dir_ / "none.json") << R"({"format": "lightfield-views", "version": 1, "views": []})";
+  const Launched run = gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "none.json", dir_ / "out_%02d.png"));
+  EXPECT_NE(run.status, 0);
+  EXPECT_THAT(run.output, HasSubstr("none.json"));
+}
+
+TEST_F(StillArray, OddTinyAndOneCameraViewsRender) {
+  std::vector<NamedView> views = {views_[0], views_[0]};
+  views[0].view.width = views[0].view.height = 1;
+  views[0].view.lens = Lens::from_fov_y(30, 1, 1);
+  views[1].name = "odd";
+  views[1].view.width = 33;
+  views[1].view.height = 17;
+  views[1].view.lens = Lens::from_fov_y(30, 33, 17);
+  save_views(views, dir_ / "tiny.json");
+  const std::string line = "lfviewrequest location=" + dir_ / "tiny.json" +
+                           " ! tee name=r r. ! queue ! n.request lfcameranode name=n rig=" + dir_ / "one.json" +
+                           " ! c.sink_0 r. ! queue ! c.request lfcompositor name=c ! filesink location=" + dir_ / "tiny.raw";
+  for (const size_t cameras : {9, 2, 1}) {
+    std::vector<CameraIndex> some(cameras);
+    for (CameraIndex i = 0; i < cameras; i++) some[i] = i;
+    save_rig(sub_rig(rig_, some), dir_ / "one.json");
+    const Launched run = gst_launch(line);
+    ASSERT_EQ(run.status, 0) << cameras << " cameras: " << run.output;
+    EXPECT_EQ(read_bytes(dir_ / "tiny.raw").size(), 4u + 100 * 17) << cameras;  // GStreamer pads rows to 4 bytes
+  }
+}
+
+// The built-in scene as MJPEG films, seen from between the cameras while it moves.
+TEST(FilmPipeline, MovingScene) {
+  const TempDir dir;
+  ASSERT_EQ(std::system((LF_TOOLS_DIR "/lf-scene --grid 3x3 --width 160 --height 120 --frames 6 --framerate 15 --out " +
+                         dir.path().string() + " >/dev/null 2>&1").c_str()), 0);
+  std::vector<NamedView> views;
+  for (int i = 0; i < 6; i++) {
+    NamedView view{"view_" + std::to_string(i), i / 15.0, {}};
+    view.view.width = 160;
+    view.view.height = 120;
+    view.view.lens = Lens::from_fov_y(28, 160, 120);
+    view.view.pose.position = Vec3(0.004 * i, 0.004, -0.01);
+    view.view.focus.plane = focal_plane_at(view.view.pose, kSceneMiddle);
+    views.push_back(view);
+  }
+  save_views(views, dir / "views.json");
+  const std::string line = "lfviewrequest location=" + dir / "views.json" +
+                           " ! tee name=r r. ! queue ! n.request lfcameranode name=n rig=" + dir / "rig.json" +
+                           " ! c.sink_0 r. ! queue ! c.request lfcompositor name=c ! video/x-raw,format=I420 ! filesink location=";
+  const Launched run = gst_launch(line + dir / "a.raw");
+  ASSERT_EQ(run.status, 0) << run.output;
+  const std::vector<uint8_t> film = read_bytes(dir / "a.raw");
+  const size_t frame_bytes = packed_size(PixelFamily::kI420, 160, 120);
+  ASSERT_EQ(film.size(), 6 * frame_bytes);
+  for (size_t i = 0; i < 6; i++) {
+    Image picture(PixelFamily::kI420, 160, 120);
+    std::copy_n(film.begin() + static_cast<ptrdiff_t>(i * frame_bytes), frame_bytes, picture.data().begin());
+    const View& view = views[i].view;
+    const Image truth = render_scene({view.width, view.height, view.lens, view.pose}, views[i].time);
+    const Quality quality = compare(to_rgb(picture), truth);
+    std::printf("frame %zu: %.2f dB, SSIM %.3f, largest error %d\n", i, quality.psnr_db, quality.ssim, quality.max_error);
+    EXPECT_GT(quality.psnr_db, 20) << i;
+  }
+  // Files in, files out: the same on every run.
+  ASSERT_EQ(gst_launch(line + dir / "b.raw").status, 0);
+  EXPECT_EQ(film, read_bytes(dir / "b.raw"));
+}
+
+TEST(ChessPipeline, GivesTheLibrarysPictures) {
+  const std::string data = LF_SOURCE_ROOT "/../shared/data/chess/";
+  if (!std::filesystem::exists(data + "rig.json")) GTEST_SKIP() << "no chess data beside the checkout";
+  const TempDir dir;
+  const Launched run = gst_launch(files_in_files_out(data + "rig.json", data + "views.json", dir / "out_%02d.png"));
+  ASSERT_EQ(run.status, 0) << run.output;
+  const Rig rig = load_rig(data + "rig.json");
+  std::vector<Image> images;
+  for (const Camera& camera : rig.cameras) images.push_back(load_image(rig.resolve(camera.image)));
+  const std::vector<NamedView> views = load_views(data + "views.json");
+  for (size_t i = 0; i < views.size(); i++) {
+    const Image picture = load_image(dir / ("out_0" + std::to_string(i) + ".png"));
+    const Image expected = render_without_gstreamer(rig, views[i].view, images);
+    size_t off_by_more = 0;
+    for (size_t k = 0; k < picture.data().size(); k++) off_by_more += std::abs(picture.data()[k] - expected.data()[k]) > 1;
+    EXPECT_LE(static_cast<double>(off_by_more), 0.001 * static_cast<double>(picture.data().size())) << views[i].name;
+  }
+}
+
+}  // namespace
+}  // namespace lf::test

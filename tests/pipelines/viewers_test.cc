@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// Several viewers of one node in one process, and pipelines that start and stop.
+#include <gst/video/video.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <fstream>
+
+#include "gst/gst_test.h"
+#include "image/image_io.h"
+#include "pipelines/gst_launch.h"
+#include "rig/rig_json.h"
+#include "scene/scene.h"
+
+namespace lf::test {
+namespace {
+
+// A 2x2 array of small PNG stills.
+class ViewersTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    Rig rig = scene_rig(2, 2, 64, 48);
+    for (Camera& camera : rig.cameras) {
+      camera.image = camera.name + ".png";
+      save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0, 1), dir_ / camera.image);
+    }
+    save_rig(rig, dir_ / "rig.json");
+  }
+
+  std::string viewer(int id) const {
+    const std::string n = std::to_string(id);
+    return " t. ! queue leaky=downstream ! c" + n + ".sink_0  r. ! queue leaky=downstream ! c" + n + ".request  lfcompositor name=c" +
+           n + " view-id=" + n + " ! fakesink name=s" + n + " sync=false signal-handoffs=true";
+  }
+  std::string requests(int id) const {
+    return " lfviewrequest name=v" + std::to_string(id) + " view-id=" + std::to_string(id) + " rig=" + dir_ / "rig.json" +
+           " is-live=true framerate=20/1 ! f.";
+  }
+
+  TempDir dir_;
+};
+
+ElementPtr child(GstElement* bin, const char* name) { return ElementPtr(gst_bin_get_by_name(GST_BIN(bin), name)); }
+
+void count_handoff(GstElement*, GstBuffer*, GstPad*, gpointer counter) { ++*static_cast<std::atomic<int>*>(counter); }
+
+int pictures_in(std::atomic<int>& counter, double seconds) {
+  const int before = counter;
+  g_usleep(static_cast<gulong>(seconds * 1e6));
+  return counter - before;
+}
+
+TEST_F(ViewersTest, TwoViewersFlyAndStallAlone) {
+  const ElementPtr pipeline =
+      launch(requests(1) + requests(2) + " funnel name=f ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" +
+             dir_ / "rig.json" + " ! tee name=t " + viewer(1) + viewer(2));
+  ASSERT_TRUE(pipeline);
+  std::atomic<int> shown[2] = {0, 0};
+  for (int i : {0, 1}) {
+    const ElementPtr sink = child(pipeline.get(), i == 0 ? "s1" : "s2");
+    g_signal_connect(sink.get(), "handoff", G_CALLBACK(count_handoff), &shown[i]);
+  }
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  ASSERT_EQ(gst_element_get_state(pipeline.get(), nullptr, nullptr, 10 * GST_SECOND), GST_STATE_CHANGE_SUCCESS);
+  for (int i = 0; i < 50 && (shown[0] < 5 || shown[1] < 5); i++) g_usleep(100000);
+  EXPECT_GT(pictures_in(shown[0], 0.5), 2);
+
+  // Each navigates alone.
+  const ElementPtr v1 = child(pipeline.get(), "v1"), v2 = child(pipeline.get(), "v2"), c1 = child(pipeline.get(), "c1");
+  const auto x_of = [](const ElementPtr& element) {
+    gdouble x = 0;
+    g_object_get(element.get(), "x", &x, nullptr);
+    return x;
+  };
+  const double x1 = x_of(v1), x2 = x_of(v2);
+  GstPad* src = gst_element_get_static_pad(c1.get(), "src");
+  gst_pad_send_event(src, gst_event_new_navigation(gst_structure_new("application/x-gst-navigation", "event", G_TYPE_STRING,
+                                                                     "key-press", "key", G_TYPE_STRING, "Right", nullptr)));
+  gst_object_unref(src);
+  EXPECT_NE(x_of(v1), x1);
+  EXPECT_EQ(x_of(v2), x2);
+
+  // A stalled viewer leaves the other's rate alone. Rates are compared in one run, and loosely: machines are noisy.
+  const int before = pictures_in(shown[0], 1);
+  const ElementPtr s2 = child(pipeline.get(), "s2");
+  GstPad* stalled = gst_element_get_static_pad(s2.get(), "sink");
+  const gulong probe = gst_pad_add_probe(
+      stalled, GST_PAD_PROBE_TYPE_BLOCK_DOWNSTREAM, [](GstPad*, GstPadProbeInfo*, gpointer) { return GST_PAD_PROBE_OK; }, nullptr, nullptr);
+  pictures_in(shown[1], 0.3);
+  const int stalled_before = shown[1];
+  const int after = pictures_in(shown[0], 1);
+  EXPECT_GE(after, before / 2);
+  EXPECT_LE(shown[1] - stalled_before, 1);
+  gst_pad_remove_probe(stalled, probe);
+  gst_object_unref(stalled);
+  EXPECT_GT(pictures_in(shown[1], 1), 2);  // and it comes back
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+}
+
+long resident_kib() {
+  std::ifstream statm("/proc/self/statm");
+  long size = 0, resident = 0;
+  statm >> size >> resident;
+  return resident * (sysconf(_SC_PAGESIZE) / 1024);
+}
+
+// LF_CYCLES=1000 for the long run.
+TEST_F(ViewersTest, StartsAndStopsWithoutGrowing) {
+  const char* setting = std::getenv("LF_CYCLES");
+  const int cycles = setting ? std::atoi(setting) : 40;
+  const ElementPtr pipeline = launch(requests(1) + " funnel name=f ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" +
+                                     dir_ / "rig.json" + " ! tee name=t " + viewer(1));
+  ASSERT_TRUE(pipeline);
+  long warm = 0;
+  for (int i = 0; i < cycles; i++) {
+    if (i == cycles / 4) warm = resident_kib();
+    ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE) << i;
+    g_usleep(static_cast<gulong>(1000 * (i % 7)));  // stops at every stage of starting
+    ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_NULL), GST_STATE_CHANGE_FAILURE) << i;
+  }
+  const long grown = resident_kib() - warm;
+  std::printf("%d cycles: resident memory grew by %ld KiB after the first quarter, to %ld KiB\n", cycles, grown, resident_kib());
+  EXPECT_LT(grown, 8 * 1024);
+}
+
+}  // namespace
+}  // namespace lf::test
