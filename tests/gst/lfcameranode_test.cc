@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "gst/array_fixture.h"
+#include "gst/camera_files.h"
+#include "gst/gst_test.h"
+#include "wire/answer_codec.h"
+#include "wire/request_codec.h"
+
+namespace lf::test {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+// lfcameranode in a harness: requests in, answers out. The cameras of the array have no files: they film the scene.
+class LfCameraNodeTest : public testing::Test {
+ protected:
+  GstElement* make(const std::function<void(GstElement*)>& set = [](GstElement*) {}) {
+    node_.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfcameranode", nullptr))));
+    g_object_set(node_.get(), "rig", array_.rig_path().c_str(), "node", 7u, "framerate", 10, 1, nullptr);
+    set(node_.get());
+    return node_.get();
+  }
+  void play() {
+    harness_.reset(gst_harness_new_with_element(node_.get(), "request", "src"));
+    gst_harness_set_live(harness_.get(), FALSE);  // answers wait for the frames they need
+    gst_harness_set_src_caps_str(harness_.get(), "application/x-lightfield-request,framerate=10/1");
+  }
+  wire::Answer ask(uint32_t sequence) {
+    const uint64_t time = sequence * 100 * GST_MSECOND;
+    GstBuffer* buffer = to_buffer(wire::encode_request(array_.request(sequence, time)));
+    GST_BUFFER_PTS(buffer) = time;
+    EXPECT_EQ(gst_harness_push(harness_.get(), buffer), GST_FLOW_OK);
+    const BufferPtr answer(gst_harness_pull(harness_.get()));
+    std::string reason = "no answer";
+    const auto decoded = answer ? wire::decode_answer(to_bytes(answer.get()), &reason) : std::nullopt;
+    EXPECT_TRUE(decoded) << reason;
+    return decoded.value_or(wire::Answer{});
+  }
+  static std::vector<CameraIndex> cameras_of(const wire::Answer& answer) {
+    std::vector<CameraIndex> cameras;
+    for (const Fragment& fragment : answer.fragments) cameras.push_back(fragment.camera);
+    return cameras;
+  }
+
+  // Puts the node into a pipeline of its own and changes its state: "" or the text of the error it posted.
+  static std::string error_of(const std::string& properties, GstStateChangeReturn* result) {
+    const ElementPtr pipeline = launch("lfcameranode name=n " + properties + " ! fakesink");
+    *result = gst_element_set_state(pipeline.get(), GST_STATE_PAUSED);
+    GstBus* bus = gst_element_get_bus(pipeline.get());
+    GstMessage* message = gst_bus_timed_pop_filtered(bus, 5 * GST_SECOND, GST_MESSAGE_ERROR);
+    gst_object_unref(bus);
+    std::string text;
+    if (message) {
+      g_autoptr(GError) error = nullptr;
+      gst_message_parse_error(message, &error, nullptr);
+      text = error->message;
+      gst_message_unref(message);
+    }
+    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+    return text;
+  }
+
+  ArrayFixture array_;
+  ElementPtr node_;
+  HarnessPtr harness_;  // goes first: it stops the node
+};
+
+TEST_F(LfCameraNodeTest, AnswersWithAllItsCameras) {
+  make();
+  play();
+  for (uint32_t sequence = 0; sequence < 3; ++sequence) {
+    const wire::Answer answer = ask(sequence);
+    EXPECT_EQ(answer.node, 7u);
+    EXPECT_EQ(answer.sequence, sequence);
+    EXPECT_EQ(answer.rig_hash, array_.rig().hash());
+    EXPECT_EQ(answer.actual_time, sequence * 100 * GST_MSECOND) << "the frame of that time";
+    EXPECT_THAT(cameras_of(answer), ElementsAre(0, 1, 2, 3));
+  }
+  EXPECT_EQ(stat(node_.get(), "answers"), 3u);
+}
+
+TEST_F(LfCameraNodeTest, AnswersWithTheCamerasOfItsList) {
+  make([](GstElement* node) { g_object_set(node, "cameras", "1,3", nullptr); });
+  play();
+  EXPECT_THAT(cameras_of(ask(0)), ElementsAre(1, 3));
+}
+
+TEST_F(LfCameraNodeTest, PropertiesReachTheCameras) {
+  GstElement* node = make([](GstElement* element) {
+    g_object_set(element, "framerate", 7, 2, "is-live", TRUE, "loop", TRUE, "cameras", "2", nullptr);
+  });
+  ASSERT_EQ(gst_element_set_state(node, GST_STATE_READY), GST_STATE_CHANGE_SUCCESS);
+  const ElementPtr camera(gst_bin_get_by_name(GST_BIN(node), "camera2"));
+  ASSERT_TRUE(camera);
+  guint id = 0;
+  gint numerator = 0, denominator = 0;
+  gboolean live = FALSE, loop = FALSE;
+  g_autofree gchar* rig = nullptr;
+  g_object_get(camera.get(), "camera", &id, "is-live", &live, "loop", &loop, "rig", &rig, nullptr);
+  GValue rate = G_VALUE_INIT;
+  g_value_init(&rate, GST_TYPE_FRACTION);
+  g_object_get_property(G_OBJECT(camera.get()), "framerate", &rate);
+  numerator = gst_value_get_fraction_numerator(&rate);
+  denominator = gst_value_get_fraction_denominator(&rate);
+  g_value_unset(&rate);
+  EXPECT_EQ(id, 2u);
+  EXPECT_EQ(rig, array_.rig_path());
+  EXPECT_EQ(numerator, 7);
+  EXPECT_EQ(denominator, 2);
+  EXPECT_TRUE(live);
+  EXPECT_TRUE(loop);
+  gst_element_set_state(node, GST_STATE_NULL);
+}
+
+TEST_F(LfCameraNodeTest, EndOfRequestsIsTheEndOfAnswers) {
+  make();
+  play();
+  ask(0);
+  EXPECT_TRUE(gst_harness_push_event(harness_.get(), gst_event_new_eos()));
+  bool ended = false;
+  for (int i = 0; i < 20 && !ended; ++i) {
+    GstEvent* event = gst_harness_try_pull_event(harness_.get());
+    if (!event) break;
+    ended = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+    gst_event_unref(event);
+  }
+  EXPECT_TRUE(ended);
+}
+
+// The cameras wait in lffragment for requests that never come.
+TEST_F(LfCameraNodeTest, StopsWhileItsCamerasAreBlocked) {
+  GstElement* node = make();
+  for (int i = 0; i < 30; ++i) {
+    for (const GstState state :
+         {GST_STATE_PAUSED, GST_STATE_PLAYING, GST_STATE_PAUSED, GST_STATE_READY, GST_STATE_PLAYING, GST_STATE_NULL}) {
+      gst_element_set_state(node, state);
+      ASSERT_NE(gst_element_get_state(node, nullptr, nullptr, 10 * GST_SECOND), GST_STATE_CHANGE_FAILURE);
+      if (i % 3 == 0) g_usleep(2000);  // some get as far as to be blocked
+    }
+    ASSERT_EQ(GST_BIN_NUMCHILDREN(node), 1) << "only lffragment stays";
+  }
+  const ElementPtr fragment(gst_bin_get_by_name(GST_BIN(node), "fragment"));
+  EXPECT_EQ(fragment->numsinkpads, 1) << "the pads of the cameras are given back";
+}
+
+TEST_F(LfCameraNodeTest, AnswersAgainAfterEachRestart) {
+  make();
+  for (int i = 0; i < 10; ++i) {
+    play();
+    ASSERT_EQ(ask(0).fragments.size(), 4u) << i;
+    harness_.reset();
+    ASSERT_EQ(gst_element_set_state(node_.get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
+  }
+}
+
+TEST_F(LfCameraNodeTest, PropertiesSetInReadyCount) {
+  GstElement* node = make();
+  ASSERT_EQ(gst_element_set_state(node, GST_STATE_READY), GST_STATE_CHANGE_SUCCESS);
+  EXPECT_EQ(GST_BIN_NUMCHILDREN(node), 5);
+  g_object_set(node, "cameras", "0-1", nullptr);
+  play();
+  EXPECT_THAT(cameras_of(ask(0)), ElementsAre(0, 1));
+}
+
+TEST_F(LfCameraNodeTest, FilesLoopUnderRequests) {
+  const CameraFiles files;
+  // The array's cameras, with films of another size.
+  const std::string rig = files.save("rig.json", 3, [](Camera& camera) { camera.source = "mjpeg.mkv"; });
+  const ElementPtr pipeline =
+      launch("lfviewrequest name=r num-buffers=20 framerate=15/1 width=64 height=48 ! lfcameranode rig=" + rig +
+             " loop=true name=n ! fakesink sync=false");
+  ASSERT_TRUE(pipeline);
+  ASSERT_EQ(run(pipeline.get()), "");
+  const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));
+  EXPECT_EQ(stat(node.get(), "answers"), 20u) << "of 6 frames in each file";
+  EXPECT_EQ(stat(node.get(), "missing-frames"), 0u);
+}
+
+TEST_F(LfCameraNodeTest, ErrorsNameThePlace) {
+  const CameraFiles files;
+  const std::string missing = files.save("m.json", 2, [](Camera& camera) {
+    if (camera.id == 1) camera.source = "nowhere.mkv";
+  });
+  struct Case {
+    std::string properties;
+    std::vector<std::string> words;
+  };
+  for (const Case& c :
+       {Case{"", {"rig: not set"}}, Case{"rig=" + files.path("none.json"), {"none.json", "no such file"}},
+        Case{"rig=" + missing + " cameras=0-5", {missing, "0-5"}},
+        Case{"rig=" + missing + " cameras=one", {missing, "one"}},
+        Case{"rig=" + missing, {missing, "camera 1", "nowhere.mkv", "no such file"}}}) {
+    GstStateChangeReturn result = GST_STATE_CHANGE_SUCCESS;
+    const std::string text = error_of(c.properties, &result);
+    EXPECT_EQ(result, GST_STATE_CHANGE_FAILURE) << c.properties;
+    for (const std::string& word : c.words) EXPECT_THAT(text, HasSubstr(word)) << c.properties;
+  }
+}
+
+TEST_F(LfCameraNodeTest, LiveCamerasMakeALiveNode) {
+  GstElement* node = make([](GstElement* element) { g_object_set(element, "is-live", TRUE, nullptr); });
+  EXPECT_EQ(gst_element_set_state(node, GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL);
+  gst_element_set_state(node, GST_STATE_NULL);
+}
+
+}  // namespace
+}  // namespace lf::test
