@@ -84,7 +84,7 @@ static void remove_cameras(LfCameraNode* self) {
   self->cameras->clear();
 }
 
-// The pad is named after the camera's index, so that it can be found among many in a picture of the pipeline.
+// The pad is named after the camera's index, which is easily found in a picture of the pipeline.
 static void add_camera(LfCameraNode* self, const Settings& settings, const lf::Rig& rig, lf::CameraIndex index) {
   const std::string id = std::to_string(rig.cameras[index].id);
   GstElement* camera = gst_element_factory_make("lfcamsrc", ("camera" + id).c_str());

@@ -27,6 +27,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <optional>
 #include <set>
 
 #include "base/error.h"
@@ -79,6 +80,7 @@ struct _LfFragmentPad {
   gint camera;  // id in the rig, -1: told by the stream, else the pad's number
   struct Input {
     std::shared_ptr<lf::CameraFrames> frames;
+    std::optional<GstVideoInfo> new_format;         // from the caps, until the next frame
     std::unique_ptr<lf::FrameConverter> converter;
     lf::CameraIndex index = lf::MeshFace::kNone;    // once known
     lf::CameraIndex from_stream = lf::MeshFace::kNone;
@@ -244,9 +246,8 @@ static bool lf_fragment_assign_camera(LfFragment* self, LfFragmentPad* pad) {
   return true;
 }
 
-static bool lf_fragment_set_camera_caps(LfFragment* self, LfFragmentPad* pad, GstCaps* caps) {
-  GstVideoInfo info;
-  if (!gst_video_info_from_caps(&info, caps)) return false;
+// Only at the first frame of a format: which camera it is comes after the caps.
+static bool lf_fragment_set_camera_format(LfFragment* self, LfFragmentPad* pad, const GstVideoInfo& info) {
   if (!lf_fragment_assign_camera(self, pad)) return false;
   const lf::Camera& camera = self->node->rig()->cameras[pad->input->index];
   if (info.width != camera.width || info.height != camera.height) {
@@ -276,7 +277,9 @@ static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, Gst
     case GST_EVENT_CAPS: {
       GstCaps* caps;
       gst_event_parse_caps(event, &caps);
-      ok = lf_fragment_set_camera_caps(self, pad, caps);
+      GstVideoInfo info;
+      ok = gst_video_info_from_caps(&info, caps);
+      if (ok) pad->input->new_format = info;
       break;
     }
     case GST_EVENT_SEGMENT:
@@ -329,7 +332,13 @@ static uint64_t lf_fragment_capture_time(LfFragment* self, GstPad* pad, GstBuffe
 
 static GstFlowReturn lf_fragment_camera_chain(GstPad* gst_pad, GstObject* parent, GstBuffer* buffer) {
   LfFragment* self = LF_FRAGMENT(parent);
-  auto& input = *LF_FRAGMENT_PAD(gst_pad)->input;
+  LfFragmentPad* pad = LF_FRAGMENT_PAD(gst_pad);
+  auto& input = *pad->input;
+  if (input.new_format) {
+    input.converter.reset();
+    lf_fragment_set_camera_format(self, pad, *input.new_format);
+    input.new_format.reset();
+  }
   if (!input.converter) {
     gst_buffer_unref(buffer);
     return GST_FLOW_NOT_NEGOTIATED;
@@ -556,6 +565,7 @@ static gboolean lf_fragment_forget_frames(GstElement* element, GstPad* pad, gpoi
   LF_FRAGMENT(element)->node->give_up(input.frames);
   input.frames->clear();
   input.converter.reset();
+  input.new_format.reset();
   input.index = input.from_stream = lf::MeshFace::kNone;
   return TRUE;
 }

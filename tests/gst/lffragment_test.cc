@@ -4,6 +4,7 @@
 
 #include <thread>
 
+#include "../gst/common.h"
 #include "composite/assembly.h"
 #include "gst/array_fixture.h"
 #include "wire/answer_codec.h"
@@ -276,6 +277,17 @@ TEST_F(LfFragmentTest, ErrorsNameThePlace) {
     ASSERT_TRUE(pipeline) << test.line;
     EXPECT_THAT(run(pipeline.get(), 5), HasSubstr(test.message)) << test.line;
   }
+}
+
+TEST_F(LfFragmentTest, TheStreamSaysWhichCameraItIs) {
+  start(1);  // on sink_0
+  GstStructure* name = gst_structure_new(LF_CAMERA_EVENT, "camera", G_TYPE_UINT, 3u, nullptr);
+  gst_harness_push_event(cameras_[0].get(), gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM_STICKY, name));
+  push_frames(60, 0);
+  ASSERT_EQ(request(array_.request(0, 0)), GST_FLOW_OK);
+  const wire::Answer answer = pull();
+  ASSERT_EQ(answer.fragments.size(), 1u);
+  EXPECT_EQ(answer.fragments[0].camera, 3u);
 }
 
 TEST_F(LfFragmentTest, ShutsDownWhileARequestWaits) {
