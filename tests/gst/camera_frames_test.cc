@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// The one place where streaming threads meet: also run under ThreadSanitizer (tests/sanitize.sh thread).
+#include "camera_frames.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <thread>
+#include <vector>
+
+namespace lf {
+namespace {
+
+using Mode = CameraFrames::Mode;
+
+CameraFrame frame(uint64_t time) {
+  CameraFrame frame;
+  frame.time = time;
+  return frame;
+}
+
+TEST(CameraFrames, TakesNothingWhileStopped) {
+  CameraFrames frames;
+  EXPECT_EQ(frames.push(frame(0)), GST_FLOW_FLUSHING);
+  EXPECT_FALSE(frames.find(0, true));
+}
+
+TEST(CameraFrames, RequestsAndFramesOfAFileMeetOneByOne) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(false);
+  constexpr uint64_t kCount = 5000;
+  std::thread camera([&] {
+    for (uint64_t t = 0; t < kCount; t++) ASSERT_EQ(frames.push(frame(t * 10)), GST_FLOW_OK);
+    frames.end_stream();
+  });
+  for (uint64_t t = 0; t < kCount; t++) {
+    const std::optional<CameraFrame> found = frames.find(t * 10, true);
+    ASSERT_TRUE(found);
+    ASSERT_EQ(found->time, t * 10);
+    ASSERT_LE(frames.held(), CameraFrames::kFileFrames);
+  }
+  camera.join();
+  EXPECT_EQ(frames.dropped(), 0u);
+}
+
+TEST(CameraFrames, ACameraNobodyLooksAtKeepsUp) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(false);
+  std::atomic<uint64_t> pushed{0};
+  std::thread camera([&] {
+    for (uint64_t t = 0; t < 100; t++, pushed++) ASSERT_EQ(frames.push(frame(t)), GST_FLOW_OK);
+  });
+  for (uint64_t t = 0; t < 100; t++) frames.advance(t);
+  camera.join();
+  EXPECT_EQ(pushed, 100u);
+  EXPECT_EQ(frames.find(99, true)->time, 99u);
+}
+
+TEST(CameraFrames, TheNewestFrameOfAFileIsTheOneThatStands) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(false);
+  frames.push(frame(5));
+  for (int i = 0; i < 10; i++) EXPECT_EQ(frames.find(kNoTime, true)->time, 5u);
+}
+
+TEST(CameraFrames, LiveRequestersDoNotWaitForACameraThatHasNotBegun) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  EXPECT_FALSE(frames.find(100, false));
+}
+
+TEST(CameraFrames, StoppingWakesBothSides) {
+  for (int i = 0; i < 50; i++) {
+    CameraFrames frames;
+    frames.set_mode(Mode::kRunning);
+    frames.start_stream(false);
+    std::thread camera([&] {
+      uint64_t t = 0;
+      while (frames.push(frame(t)) == GST_FLOW_OK) t++;
+    });
+    std::thread requester([&] { frames.find(1'000'000'000'000, true); });
+    std::thread stopper([&] { frames.set_mode(Mode::kStopped); });
+    camera.join();
+    requester.join();
+    stopper.join();
+  }
+}
+
+TEST(CameraFrames, FinishingTellsTheCameraEos) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(false);
+  std::atomic<GstFlowReturn> last{GST_FLOW_OK};
+  std::thread camera([&] {
+    for (uint64_t t = 0; last == GST_FLOW_OK; t++) last = frames.push(frame(t));
+  });
+  frames.set_mode(Mode::kFinished);
+  camera.join();
+  EXPECT_EQ(last, GST_FLOW_EOS);
+}
+
+TEST(CameraFrames, AFlushForgetsWhatIsHeldAndItsEnd) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(false);
+  frames.push(frame(3));
+  frames.end_stream();
+  frames.set_flushing(true);
+  EXPECT_EQ(frames.push(frame(4)), GST_FLOW_FLUSHING);
+  frames.set_flushing(false);
+  EXPECT_EQ(frames.held(), 0u);
+  EXPECT_EQ(frames.push(frame(9)), GST_FLOW_OK);
+  EXPECT_EQ(frames.find(9, true)->time, 9u);
+}
+
+}  // namespace
+}  // namespace lf

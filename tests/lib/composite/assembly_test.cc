@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "composite/assembly.h"
+
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "render/fragment_renderer.h"
+#include "scene/scene.h"
+
+namespace lf {
+namespace {
+
+// A 3x3 array that sees nothing but one grey; whatever is missing shows as darker or lighter.
+class AssemblyTest : public testing::Test {
+ protected:
+  AssemblyTest() : rig_(std::make_shared<const Rig>(scene_rig(3, 3, 48, 36))) {
+    request_.sequence = 7;
+    request_.target_time = 1000;
+    request_.view.width = 30;
+    request_.view.height = 20;
+    request_.view.lens = Lens::from_fov_y(12, 30, 20);
+    request_.view.pose.position = Vec3(0, 0, -0.1);
+    request_.view.focus.plane = focal_plane_at(request_.view.pose, 2.5);
+  }
+
+  wire::Answer answer(const std::vector<CameraIndex>& cameras, uint8_t grey = 180) const {
+    const RenderJob job(*rig_, build_mesh(*rig_, request_.out_of_service), request_.view, cameras);
+    Image image(PixelFamily::kRgb, 48, 36);
+    std::fill(image.data().begin(), image.data().end(), grey);
+    wire::Answer answer;
+    answer.view_id = request_.view_id;
+    answer.sequence = request_.sequence;
+    answer.view_width = request_.view.width;
+    answer.view_height = request_.view.height;
+    answer.family = PixelFamily::kRgb;
+    answer.target_time = request_.target_time;
+    answer.actual_time = request_.target_time;
+    answer.rig_hash = rig_->hash();
+    for (const CameraIndex camera : job.cameras()) {
+      auto fragment = make_scalar_renderer()->render(job.plan(), job.owners(), camera, rig_->cameras[camera], image.view());
+      if (fragment) answer.fragments.push_back(std::move(*fragment));
+    }
+    return answer;
+  }
+
+  static std::pair<int, int> range(const Image& image) {
+    const auto [low, high] = std::minmax_element(image.data().begin(), image.data().end());
+    return {*low, *high};
+  }
+
+  std::shared_ptr<const Rig> rig_;
+  ViewRequest request_;
+  Assembly assembly_;
+  const std::vector<CameraIndex> all_ = {0, 1, 2, 3, 4, 5, 6, 7, 8};
+};
+
+TEST_F(AssemblyTest, AddsNodesInAnyOrder) {
+  assembly_.begin(request_);
+  EXPECT_EQ(assembly_.add(answer({4, 5, 6, 7, 8})), Assembly::Verdict::kAdded);
+  EXPECT_EQ(assembly_.add(answer({0, 1, 2, 3})), Assembly::Verdict::kAdded);
+  assembly_.finish(PixelFamily::kRgb, false);
+  const auto [low, high] = range(assembly_.picture().resolve());
+  EXPECT_GE(low, 178);
+  EXPECT_LE(high, 182);
+}
+
+TEST_F(AssemblyTest, EveryCameraCountsOnce) {
+  assembly_.begin(request_);
+  assembly_.add(answer(all_));
+  EXPECT_EQ(assembly_.add(answer({4})), Assembly::Verdict::kBadFragment);
+  assembly_.finish(PixelFamily::kRgb, false);
+  EXPECT_LE(range(assembly_.picture().resolve()).second, 182);
+}
+
+TEST_F(AssemblyTest, OtherRequestsAndRigsAreRefused) {
+  assembly_.begin(request_);
+  wire::Answer late = answer(all_), other_view = late, other_rig = late, other_size = late;
+  late.sequence--;
+  other_view.view_id++;
+  other_size.view_width++;
+  EXPECT_EQ(assembly_.add(late), Assembly::Verdict::kOtherRequest);
+  EXPECT_EQ(assembly_.add(other_view), Assembly::Verdict::kOtherRequest);
+  EXPECT_EQ(assembly_.add(other_size), Assembly::Verdict::kBadFragment);
+  EXPECT_EQ(assembly_.add(answer({0})), Assembly::Verdict::kAdded);  // names the rig of this picture
+  other_rig.rig_hash ^= 1;
+  EXPECT_EQ(assembly_.add(other_rig), Assembly::Verdict::kOtherRig);
+  EXPECT_EQ(assembly_.fragments(), answer({0}).fragments.size());
+}
+
+TEST_F(AssemblyTest, WithTheRigMissingCamerasCountAsLost) {
+  assembly_.set_rig(rig_);
+  assembly_.begin(request_);
+  assembly_.add(answer({0, 1, 2, 3, 5, 6, 7, 8}));
+  assembly_.finish(PixelFamily::kRgb, false);
+  EXPECT_EQ(assembly_.missing(), 1u);  // camera 4, the middle
+  const Image picture = assembly_.picture().resolve();
+  // Where the others have half the weight or more, they restore the grey within the rounding that division enlarges.
+  EXPECT_NEAR(picture.pixel(1, 10)[0], 180, 5);
+}
+
+TEST_F(AssemblyTest, CamerasOutOfServiceAreNotMissing) {
+  assembly_.set_rig(rig_);
+  request_.out_of_service = {4};
+  assembly_.begin(request_);
+  assembly_.add(answer({0, 1, 2, 3, 5, 6, 7, 8}));
+  assembly_.finish(PixelFamily::kRgb, false);
+  EXPECT_EQ(assembly_.missing(), 0u);
+  EXPECT_GE(range(assembly_.picture().resolve()).first, 178);
+}
+
+TEST_F(AssemblyTest, UnknownCamerasOutOfServiceAreAnError) {
+  assembly_.set_rig(rig_);
+  request_.out_of_service = {9};
+  EXPECT_THROW(assembly_.begin(request_), Error);
+}
+
+TEST_F(AssemblyTest, NothingAtAllIsTheBackground) {
+  assembly_.set_rig(rig_);
+  assembly_.begin(request_);
+  assembly_.finish(PixelFamily::kRgb, true);
+  const Image picture = assembly_.picture().resolve({10, 20, 30});
+  EXPECT_EQ(picture.pixel(15, 10)[0], 10);
+  EXPECT_EQ(picture.pixel(0, 0)[2], 30);
+}
+
+TEST_F(AssemblyTest, SkewIsTheWorstAnswers) {
+  assembly_.begin(request_);
+  wire::Answer early = answer({0}), late = answer({1});
+  early.actual_time = 900;
+  late.actual_time = 1250;
+  assembly_.add(early);
+  assembly_.add(late);
+  EXPECT_EQ(assembly_.skew(), 250u);
+}
+
+TEST_F(AssemblyTest, BeginForgetsThePictureBefore) {
+  assembly_.begin(request_);
+  assembly_.add(answer(all_, 250));
+  request_.sequence++;
+  assembly_.begin(request_);
+  assembly_.add(answer(all_, 20));
+  assembly_.finish(PixelFamily::kRgb, false);
+  EXPECT_LE(range(assembly_.picture().resolve()).second, 22);
+  EXPECT_EQ(assembly_.fragments(), answer(all_).fragments.size());
+}
+
+}  // namespace
+}  // namespace lf
