@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <cstring>
+
+#include "common.h"
+#include "lffragment_private.h"
+
+GST_DEBUG_CATEGORY_EXTERN(lf_fragment_debug);
+#define GST_CAT_DEFAULT lf_fragment_debug
+
+G_DEFINE_FINAL_TYPE(LfFragmentPad, lf_fragment_pad, GST_TYPE_PAD)
+
+enum { PAD_PROP_0, PAD_PROP_CAMERA };
+
+static void lf_fragment_pad_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
+  LfFragmentPad* pad = LF_FRAGMENT_PAD(object);
+  if (id == PAD_PROP_CAMERA)
+    pad->camera = g_value_get_int(value);
+  else
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
+}
+
+static void lf_fragment_pad_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
+  LfFragmentPad* pad = LF_FRAGMENT_PAD(object);
+  if (id == PAD_PROP_CAMERA)
+    g_value_set_int(value, pad->camera);
+  else
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
+}
+
+static void lf_fragment_pad_finalize(GObject* object) {
+  delete LF_FRAGMENT_PAD(object)->input;
+  G_OBJECT_CLASS(lf_fragment_pad_parent_class)->finalize(object);
+}
+
+static void lf_fragment_pad_class_init(LfFragmentPadClass* klass) {
+  GObjectClass* object_class = G_OBJECT_CLASS(klass);
+  object_class->set_property = lf_fragment_pad_set_property;
+  object_class->get_property = lf_fragment_pad_get_property;
+  object_class->finalize = lf_fragment_pad_finalize;
+  g_object_class_install_property(
+      object_class, PAD_PROP_CAMERA,
+      g_param_spec_int("camera", "Camera",
+                       "Id of this pad's camera in the rig (-1: as the stream of lfcamsrc says, else the pad's number)", -1,
+                       G_MAXINT, -1,
+                       GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
+}
+
+static void lf_fragment_pad_init(LfFragmentPad* pad) {
+  pad->camera = -1;
+  pad->input = new _LfFragmentPad::Input;
+}
+// Which camera this pad has; posts an error and returns false if there is none such or another pad has it.
+static bool lf_fragment_assign_camera(LfFragment* self, LfFragmentPad* pad) {
+  auto& input = *pad->input;
+  if (input.index != lf::MeshFace::kNone) return true;
+  const lf::Rig* rig = self->node->rig().get();
+  if (!rig) return false;  // the state change has failed with an error already
+  const guint number = static_cast<guint>(g_ascii_strtoull(GST_PAD_NAME(pad) + strlen("sink_"), nullptr, 10));
+  std::optional<lf::CameraIndex> index;
+  guint id = number;
+  if (pad->camera >= 0) {
+    id = static_cast<guint>(pad->camera);
+    index = rig->index_of_id(id);
+  } else if (input.from_stream < rig->cameras.size()) {
+    index = input.from_stream;
+  } else {
+    index = rig->index_of_id(id);
+  }
+  if (!index) {
+    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("Pad %s: the rig %s has no camera %u.", GST_PAD_NAME(pad), self->rig_path, id),
+                      ("%zu cameras in the rig", rig->cameras.size()));
+    return false;
+  }
+  if (!self->node->add_camera(*index, input.frames)) {
+    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS,
+                      ("Pad %s: camera %u has a pad already.", GST_PAD_NAME(pad), rig->cameras[*index].id), (nullptr));
+    return false;
+  }
+  input.index = *index;
+  return true;
+}
+
+// Only at the first frame of a format: which camera it is comes after the caps.
+static bool lf_fragment_set_camera_format(LfFragment* self, LfFragmentPad* pad, const GstVideoInfo& info) {
+  if (!lf_fragment_assign_camera(self, pad)) return false;
+  const lf::Camera& camera = self->node->rig()->cameras[pad->input->index];
+  if (info.width != camera.width || info.height != camera.height) {
+    GST_ELEMENT_ERROR(self, STREAM, FORMAT,
+                      ("Pad %s: the video of camera %u has %dx%d pixels, the rig %s says %dx%d.", GST_PAD_NAME(pad),
+                       camera.id, info.width, info.height, self->rig_path, camera.width, camera.height),
+                      (nullptr));
+    return false;
+  }
+  const lf::PixelFamily family = self->node->agree_on_family(lf::family_of(info));
+  pad->input->converter = std::make_unique<lf::FrameConverter>(info, family);
+  return true;
+}
+
+static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, GstEvent* event) {
+  LfFragment* self = LF_FRAGMENT(parent);
+  LfFragmentPad* pad = LF_FRAGMENT_PAD(gst_pad);
+  gboolean ok = TRUE;
+  switch (GST_EVENT_TYPE(event)) {
+    case GST_EVENT_CUSTOM_DOWNSTREAM_STICKY: {
+      const GstStructure* structure = gst_event_get_structure(event);
+      guint camera;
+      if (gst_structure_has_name(structure, LF_CAMERA_EVENT) && gst_structure_get_uint(structure, "camera", &camera))
+        pad->input->from_stream = camera;
+      break;
+    }
+    case GST_EVENT_CAPS: {
+      GstCaps* caps;
+      gst_event_parse_caps(event, &caps);
+      GstVideoInfo info;
+      ok = gst_video_info_from_caps(&info, caps);
+      if (ok) pad->input->new_format = info;
+      break;
+    }
+    case GST_EVENT_SEGMENT:
+      pad->input->live = lf_fragment_upstream_is_live(gst_pad);
+      pad->input->frames->start_stream(pad->input->live);
+      break;
+    case GST_EVENT_EOS:
+      if (pad->input->index == lf::MeshFace::kNone) self->node->give_up(pad->input->frames);
+      pad->input->frames->end_stream();
+      break;
+    case GST_EVENT_FLUSH_START: pad->input->frames->set_flushing(true); break;
+    case GST_EVENT_FLUSH_STOP: pad->input->frames->set_flushing(false); break;
+    default: break;
+  }
+  gst_event_unref(event);  // a camera's events end here: answers follow the requests
+  return ok;
+}
+
+static gboolean lf_fragment_camera_query(GstPad* pad, GstObject* parent, GstQuery* query) {
+  if (GST_QUERY_TYPE(query) == GST_QUERY_ALLOCATION) {
+    gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
+    return TRUE;
+  }
+  return gst_pad_query_default(pad, parent, query);
+}
+
+// Running time of a frame's capture: the stamp that lfcamsrc left, else PTS and the rig's time offset.
+static uint64_t lf_fragment_capture_time(LfFragment* self, GstPad* pad, GstBuffer* buffer, const lf::Camera& camera,
+                                         bool live) {
+  static GstStaticCaps reference_caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
+  GstCaps* reference = gst_static_caps_get(&reference_caps);
+  const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(buffer, reference);
+  gst_caps_unref(reference);
+  if (meta) {
+    const GstClockTime base = live ? gst_element_get_base_time(GST_ELEMENT(self)) : 0;
+    return meta->timestamp - MIN(meta->timestamp, base);
+  }
+  uint64_t running = 0;
+  GstEvent* event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
+  if (event) {
+    const GstSegment* segment;
+    gst_event_parse_segment(event, &segment);
+    const guint64 time = gst_segment_to_running_time(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
+    if (GST_CLOCK_TIME_IS_VALID(time)) running = time;
+    gst_event_unref(event);
+  }
+  const gint64 offset = static_cast<gint64>(camera.time_offset * GST_SECOND);
+  return offset < 0 && static_cast<uint64_t>(-offset) > running ? 0 : running + static_cast<uint64_t>(offset);
+}
+
+static GstFlowReturn lf_fragment_camera_chain(GstPad* gst_pad, GstObject* parent, GstBuffer* buffer) {
+  LfFragment* self = LF_FRAGMENT(parent);
+  LfFragmentPad* pad = LF_FRAGMENT_PAD(gst_pad);
+  auto& input = *pad->input;
+  if (input.new_format) {
+    input.converter.reset();
+    lf_fragment_set_camera_format(self, pad, *input.new_format);
+    input.new_format.reset();
+  }
+  if (!input.converter) {
+    gst_buffer_unref(buffer);
+    return GST_FLOW_NOT_NEGOTIATED;
+  }
+  const lf::Camera& camera = self->node->rig()->cameras[input.index];
+  const uint64_t time = lf_fragment_capture_time(self, gst_pad, buffer, camera, input.live);
+  lf::CameraFrame frame = input.converter->convert(buffer);
+  if (!frame.buffer) {
+    GST_WARNING_OBJECT(gst_pad, "dropped a frame that can't be mapped");
+    return GST_FLOW_OK;
+  }
+  frame.time = time;
+  return input.frames->push(std::move(frame));
+}
+
+GstPad* lf_fragment_camera_pad_new(GstPadTemplate* templ, const gchar* name, lf::CameraFrames::Mode mode) {
+  LfFragmentPad* pad = static_cast<LfFragmentPad*>(
+      g_object_new(LF_TYPE_FRAGMENT_PAD, "name", name, "direction", templ->direction, "template", templ, nullptr));
+  pad->input->frames = std::make_shared<lf::CameraFrames>();
+  pad->input->frames->set_mode(mode);
+  gst_pad_set_chain_function(GST_PAD(pad), lf_fragment_camera_chain);
+  gst_pad_set_event_function(GST_PAD(pad), lf_fragment_camera_event);
+  gst_pad_set_query_function(GST_PAD(pad), lf_fragment_camera_query);
+  return GST_PAD(pad);
+}
+
+void lf_fragment_camera_pad_reset(LfFragment* self, LfFragmentPad* pad) {
+  auto& input = *pad->input;
+  self->node->give_up(input.frames);
+  input.frames->clear();
+  input.converter.reset();
+  input.new_format.reset();
+  input.index = input.from_stream = lf::MeshFace::kNone;
+}

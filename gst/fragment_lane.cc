@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
+
+#include "common.h"
+#include "gst_wire.h"
+#include "lffragment_private.h"
+#include "wire/request_codec.h"
+
+GST_DEBUG_CATEGORY_EXTERN(lf_fragment_debug);
+#define GST_CAT_DEFAULT lf_fragment_debug
+
+Lane* lf_fragment_lane_of(GstPad* pad) { return static_cast<Lane*>(gst_pad_get_element_private(pad)); }
+
+static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
+  LfFragment* self = LF_FRAGMENT(parent);
+  Lane* lane = lf_fragment_lane_of(pad);
+  std::string reason;
+  const std::optional<lf::ViewRequest> request = lf::decode_request_buffer(buffer, &reason);
+  const GstClockTime pts = GST_BUFFER_PTS(buffer), duration = GST_BUFFER_DURATION(buffer);
+  gst_buffer_unref(buffer);
+  if (!request) {
+    self->node->stats().bad_requests++;
+    GST_WARNING_OBJECT(pad, "dropped a view request: %s", reason.c_str());
+    return GST_FLOW_OK;
+  }
+  std::string warning;
+  const lf::wire::Answer answer = self->node->answer(*request, lane->requester, gst_element_get_base_time(GST_ELEMENT(self)),
+                                                     lane->live, warning);
+  if (!warning.empty()) GST_ELEMENT_WARNING(self, STREAM, FAILED, ("View %u: %s.", request->view_id, warning.c_str()), (nullptr));
+  GstBuffer* out = lf::encode_answer_buffer(answer);
+  GST_BUFFER_PTS(out) = pts;
+  GST_BUFFER_DURATION(out) = duration;
+  self->node->stats().answers++;
+  self->node->stats().fragments += answer.fragments.size();
+  self->node->stats().bytes += gst_buffer_get_size(out);
+  GST_LOG_OBJECT(pad, "view %u, request %u: %zu fragments, %" G_GSIZE_FORMAT " bytes", request->view_id, request->sequence,
+                 answer.fragments.size(), gst_buffer_get_size(out));
+  return gst_pad_push(lane->src, out);
+}
+static void lf_fragment_lane_ended(LfFragment* self, Lane* lane) {
+  GST_OBJECT_LOCK(self);
+  lane->ended = true;
+  const bool all = std::all_of(self->lanes->begin(), self->lanes->end(),
+                               [](const Lane* l) { return l->ended || !gst_pad_is_linked(l->request); });
+  GST_OBJECT_UNLOCK(self);
+  if (!all) return;
+  lf_fragment_set_mode(self, lf::CameraFrames::Mode::kFinished);
+}
+
+static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEvent* event) {
+  LfFragment* self = LF_FRAGMENT(parent);
+  Lane* lane = lf_fragment_lane_of(pad);
+  switch (GST_EVENT_TYPE(event)) {
+    case GST_EVENT_CAPS: {
+      GstCaps* caps = gst_caps_new_empty_simple(LF_ANSWER_MEDIA_TYPE);
+      gst_event_unref(event);
+      event = gst_event_new_caps(caps);
+      gst_caps_unref(caps);
+      break;
+    }
+    case GST_EVENT_SEGMENT: lane->live = lf_fragment_upstream_is_live(pad); break;
+    case GST_EVENT_EOS: lf_fragment_lane_ended(self, lane); break;
+    default: break;
+  }
+  return gst_pad_push_event(lane->src, event);
+}
+
+// Everything from downstream (QoS, navigation, latency) concerns the requester, never the cameras: what they take
+// belongs to the capture, not to the request path.
+static gboolean lf_fragment_src_event(GstPad* pad, GstObject*, GstEvent* event) {
+  return gst_pad_push_event(lf_fragment_lane_of(pad)->request, event);
+}
+
+static gboolean lf_fragment_src_query(GstPad* pad, GstObject* parent, GstQuery* query) {
+  if (GST_QUERY_TYPE(query) == GST_QUERY_CAPS) return gst_pad_query_default(pad, parent, query);
+  return gst_pad_peer_query(lf_fragment_lane_of(pad)->request, query);
+}
+
+static gboolean lf_fragment_request_query(GstPad* pad, GstObject* parent, GstQuery* query) {
+  switch (GST_QUERY_TYPE(query)) {
+    case GST_QUERY_CAPS:
+    case GST_QUERY_ACCEPT_CAPS: return gst_pad_query_default(pad, parent, query);
+    case GST_QUERY_ALLOCATION: return FALSE;
+    default: return gst_pad_peer_query(lf_fragment_lane_of(pad)->src, query);
+  }
+}
+
+static GstIterator* lf_fragment_internal_links(GstPad* pad, GstObject*) {
+  GstPad* other = GST_PAD_IS_SRC(pad) ? lf_fragment_lane_of(pad)->request : lf_fragment_lane_of(pad)->src;
+  GValue value = G_VALUE_INIT;
+  g_value_init(&value, GST_TYPE_PAD);
+  g_value_set_object(&value, other);
+  GstIterator* iterator = gst_iterator_new_single(GST_TYPE_PAD, &value);
+  g_value_unset(&value);
+  return iterator;
+}
+
+Lane* lf_fragment_lane_new(LfFragment* self, GstPadTemplate* request, const gchar* request_name, GstPadTemplate* src,
+                                  const gchar* src_name) {
+  Lane* lane = new Lane;
+  lane->request = gst_pad_new_from_template(request, request_name);
+  lane->src = gst_pad_new_from_template(src, src_name);
+  gst_pad_set_chain_function(lane->request, lf_fragment_request_chain);
+  gst_pad_set_event_function(lane->request, lf_fragment_request_event);
+  gst_pad_set_query_function(lane->request, lf_fragment_request_query);
+  gst_pad_set_event_function(lane->src, lf_fragment_src_event);
+  gst_pad_set_query_function(lane->src, lf_fragment_src_query);
+  for (GstPad* pad : {lane->request, lane->src}) {
+    gst_pad_set_iterate_internal_links_function(pad, lf_fragment_internal_links);
+    gst_pad_set_element_private(pad, lane);
+  }
+  GST_OBJECT_LOCK(self);
+  self->lanes->insert(lane);
+  GST_OBJECT_UNLOCK(self);
+  gst_element_add_pad(GST_ELEMENT(self), lane->src);
+  gst_element_add_pad(GST_ELEMENT(self), lane->request);
+  return lane;
+}
