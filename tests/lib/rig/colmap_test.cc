@@ -106,8 +106,7 @@ TEST(Colmap, ExportSaysWhatItLoses) {
   rig.cameras[2].pose.orientation = rig.cameras[2].pose.orientation * norm;
   const ColmapExport result = export_colmap(rig, dir.path());
   EXPECT_EQ(result.notes.size(), 3u);
-  EXPECT_GT(result.max_error, 1e-9);
-  EXPECT_LT(result.max_error, 1e-2);
+  EXPECT_LE(result.max_error, 1e-9);  // a norm that is off turns nothing: Pose::rotation() takes it out
 }
 
 TEST(Colmap, ExportRefusesWhatColmapCantRead) {
