@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "render/view_plan.h"
 
+#include <limits>
+
 #include "render/face_bounds.h"
 
 namespace lf {
@@ -13,20 +15,31 @@ class CamerasInView {
   CamerasInView(const Rig& rig, const Pose& world_from_view)
       : rig_(rig), view_from_world_(glm::transpose(world_from_view.rotation())), eye_(world_from_view.position) {}
 
-  Vec3 centre(CameraIndex i) const { return view_from_world_ * (position(i) - eye_); }
   Vec3 forward(CameraIndex i) const { return view_from_world_ * rig_.cameras[i].pose.forward(); }
-  Vec3 direction(const Vec3& world) const { return view_from_world_ * world; }
 
   // e_ij = d . ((C_i - E) x (C_j - E)), as (C_n - E) x (C_j - C_i) with n the end nearer to the eye: rounding is then
   // relative to the distance of the nearer end, so that the edges that meet in a camera agree on which side of them the
   // eye is however near it is to that camera (exactly 0 at it). Canonical order makes e_ij = -e_ji exact.
   Vec3 edge(CameraIndex i, CameraIndex j) const {
     if (i > j) return -edge(j, i);
-    const Vec3 a = centre(i), b = centre(j);
-    return glm::cross(glm::dot(a, a) <= glm::dot(b, b) ? a : b, view_from_world_ * (position(j) - position(i)));
+    const Vec3 a = position(i) - eye_, b = position(j) - eye_;
+    return normal_of_sight(glm::dot(a, a) <= glm::dot(b, b) ? a : b, position(j) - position(i), i);
   }
+  // The same for the end of a strip, a line along `extent` through camera i.
+  Vec3 strip_edge(CameraIndex i, const Vec3& extent) const { return normal_of_sight(position(i) - eye_, extent, i); }
 
  private:
+  // Of the plane through the eye and a line through camera i, in view coordinates: 0 where the eye is on the line as
+  // far as positions can tell. What rounding would leave there has a direction of its own: it would hide half a picture
+  // from an eye on the array's border, and let a triangle without area contain whatever an eye in line with it looks at.
+  // Zeros only add to what a face contains, so no cracks come of it.
+  Vec3 normal_of_sight(const Vec3& to_line, const Vec3& along, CameraIndex i) const {
+    constexpr double kPositionRounding = 8 * std::numeric_limits<double>::epsilon();  // of a position's length
+    const Vec3 normal = glm::cross(to_line, along);
+    const double tolerance = kPositionRounding * (glm::length(position(i)) + glm::length(eye_)) * glm::length(along);
+    return glm::dot(normal, normal) <= tolerance * tolerance ? Vec3(0) : view_from_world_ * normal;
+  }
+
   const Vec3& position(CameraIndex i) const { return rig_.cameras[i].pose.position; }
 
   const Rig& rig_;
@@ -48,13 +61,11 @@ FacePlan plan_face(const CamerasInView& cameras, const MeshFace& face, uint32_t 
       plan.edge[1] = cameras.edge(c, a);
       plan.edge[2] = cameras.edge(a, b);
       break;
-    case 2: {
+    case 2:
       // The limit of a triangle whose third corner is infinitely far away in both directions of `extent`.
-      const Vec3 extent = cameras.direction(face.extent);
-      plan.edge[0] = -glm::cross(cameras.centre(b), extent);
-      plan.edge[1] = glm::cross(cameras.centre(a), extent);
+      plan.edge[0] = -cameras.strip_edge(b, face.extent);
+      plan.edge[1] = cameras.strip_edge(a, face.extent);
       break;
-    }
     default: plan.edge[0] = plan.facing;  // any functional: the only corner has weight e / e = 1
   }
   return plan;
@@ -74,6 +85,7 @@ ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view)
   const RegionBounds bounds(rays_, view.lens, view.width, view.height);
   for (uint32_t i = 0; i < mesh.faces.size(); i++) {
     FacePlan face = plan_face(cameras, mesh.faces[i], i);
+    if (face.edge[0] + face.edge[1] + face.edge[2] == Vec3(0)) continue;  // without area: never contains anything
     for (const double sign : {1.0, -1.0}) {
       const Vec3 half_planes[5] = {sign * face.edge[0], sign * face.edge[1], sign * face.edge[2], face.facing, in_front};
       face.rect = unite(face.rect, bounds.bound(half_planes));
