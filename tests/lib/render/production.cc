@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "lib/render/production.h"
+
+#include <filesystem>
+
+#include "composite/accumulator.h"
+#include "image/image_io.h"
+
+namespace lf::test {
+
+Rect whole(const View& view) {
+  return {0, 0, view.width, view.height};
+}
+
+std::vector<Fragment> Production::fragments(const std::vector<Image>& images) const {
+  const auto renderer = make_scalar_renderer();
+  std::vector<Fragment> out;
+  for (const CameraIndex i : plan.contributors())
+    if (auto fragment = renderer->render(plan, owners, i, rig.cameras[i], images[i].view()))
+      out.push_back(std::move(*fragment));
+  return out;
+}
+
+Image Production::picture(const std::vector<Image>& images) const {
+  Accumulator accumulator;
+  accumulator.reset(images.front().family(), plan.view().width, plan.view().height);
+  for (const Fragment& fragment : fragments(images)) accumulator.add(fragment);
+  accumulator.set_uncovered(owners);
+  return accumulator.resolve();
+}
+
+Production::Sums Production::sums(const std::vector<Image>& images) const {
+  const int width = plan.view().width;
+  const size_t pixels = static_cast<size_t>(width) * plan.view().height;
+  Sums sums{std::vector<double>(3 * pixels), std::vector<double>(pixels), std::vector<double>(pixels)};
+  for (const CameraIndex i : plan.contributors()) {
+    const auto fragment = render_float(plan, owners, i, rig.cameras[i], images[i].view());
+    if (!fragment) continue;
+    const Rect& rect = fragment->rect;
+    for (int y = rect.y0; y < rect.y1; y++)
+      for (int x = rect.x0; x < rect.x1; x++) {
+        const size_t from = static_cast<size_t>(y - rect.y0) * rect.width() + (x - rect.x0);
+        const size_t to = static_cast<size_t>(y) * width + x;
+        sums.valid[to] += fragment->valid[from];
+        sums.lost[to] += fragment->lost[from];
+        for (int c = 0; c < 3; c++) sums.colour[3 * to + c] += fragment->colour[3 * from + c];
+      }
+  }
+  for (size_t i = 0; i < pixels; i++)
+    for (int c = 0; c < 3; c++)
+      if (sums.lost[i] < 1) sums.colour[3 * i + c] /= 1 - sums.lost[i];
+  return sums;
+}
+
+std::vector<Production::Hat> Production::hats() const {
+  const int width = plan.view().width;
+  std::vector<Hat> hats;
+  for (const CameraIndex i : plan.contributors()) {
+    const Rect& rect = plan.camera_rect(i);
+    const std::vector<float> part = camera_hat(plan, owners, i, rect);
+    Hat hat{i, std::vector<float>(static_cast<size_t>(width) * plan.view().height)};
+    for (int y = rect.y0; y < rect.y1; y++)
+      std::copy_n(&part[static_cast<size_t>(y - rect.y0) * rect.width()], rect.width(),
+                  &hat.weight[static_cast<size_t>(y) * width + rect.x0]);
+    hats.push_back(std::move(hat));
+  }
+  return hats;
+}
+
+std::vector<Image> i420_of(const std::vector<Image>& images) {
+  std::vector<Image> out;
+  for (const Image& image : images) out.push_back(to_i420(image));
+  return out;
+}
+
+std::string data_folder(const std::string& name) {
+  const auto folder = std::filesystem::path(LF_SOURCE_ROOT).parent_path() / "shared" / "data" / name;
+  return std::filesystem::exists(folder / "rig.json") ? folder.string() : "";
+}
+
+std::vector<Image> load_images(const Rig& rig) {
+  std::vector<Image> images;
+  for (const Camera& camera : rig.cameras) images.push_back(load_image(rig.resolve(camera.image)));
+  return images;
+}
+
+}  // namespace lf::test

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <vector>
+
+#include "image/image.h"
+#include "render/fragment_renderer.h"
+#include "render/ownership.h"
+#include "render/view_plan.h"
+#include "rig/mesh.h"
+#include "rig/rig.h"
+
+namespace lf::test {
+
+Rect whole(const View& view);
+
+// Everything a node computes for a view, by one process for all cameras of the rig.
+struct Production {
+  Production(const Rig& rig, const Mesh& mesh, const View& view)
+      : rig(rig), plan(rig, mesh, view), owners(plan, whole(view)) {}
+
+  // 8-bit fragments of all contributing cameras.
+  std::vector<Fragment> fragments(const std::vector<Image>& images) const;
+  // They and what no face owns, through the compositor's arithmetic.
+  Image picture(const std::vector<Image>& images) const;
+
+  // Sums without rounding to 8 bits, per pixel of the view. `colour` (3 per pixel) is divided by 1 - lost.
+  struct Sums {
+    std::vector<double> colour, valid, lost;
+  };
+  Sums sums(const std::vector<Image>& images) const;
+
+  // The hats of all contributing cameras, each over the whole view (0 outside its rectangle).
+  struct Hat {
+    CameraIndex camera;
+    std::vector<float> weight;
+  };
+  std::vector<Hat> hats() const;
+
+  const Rig& rig;
+  ViewPlan plan;
+  OwnerMap owners;
+};
+
+std::vector<Image> i420_of(const std::vector<Image>& images);
+
+// The folder of real data beside the repository, or "" where it is absent.
+std::string data_folder(const std::string& name);
+// The still of every camera.
+std::vector<Image> load_images(const Rig& rig);
+
+}  // namespace lf::test
