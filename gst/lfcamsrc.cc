@@ -55,6 +55,7 @@ struct Settings {
 // One use of the children, from READY through PAUSED at most once.
 struct Run {
   Settings settings;
+  std::shared_ptr<const lf::Rig> rig;  // kept, so that the next camera finds it read already
   lf::CameraChain chain;
   std::shared_ptr<lf::CameraStream> stream;
   bool used = false;  // has been in PAUSED: pads that come by and by have come
@@ -161,7 +162,7 @@ static void add_children(LfCamSrc* self, const Settings& settings) {
   stream->watch();
   if (settings.is_live) stream->set_live();
   gst_ghost_pad_set_target(GST_GHOST_PAD(self->src), chain.out);
-  self->run = new Run{settings, chain, stream};
+  self->run = new Run{settings, rig, chain, stream};
 }
 
 // Children for the current settings. False, without children, after posting the reason.
