@@ -49,6 +49,7 @@ static void lf_fragment_pad_init(LfFragmentPad* pad) {
   pad->camera = -1;
   pad->input = new _LfFragmentPad::Input;
 }
+
 // Which camera this pad has; posts an error and returns false if there is none such or another pad has it.
 static bool lf_fragment_assign_camera(LfFragment* self, LfFragmentPad* pad) {
   auto& input = *pad->input;

@@ -37,6 +37,7 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
                  answer.fragments.size(), gst_buffer_get_size(out));
   return gst_pad_push(lane->src, out);
 }
+
 static void lf_fragment_lane_ended(LfFragment* self, Lane* lane) {
   GST_OBJECT_LOCK(self);
   lane->ended = true;

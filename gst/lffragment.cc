@@ -69,6 +69,7 @@ void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode) {
   GST_OBJECT_UNLOCK(self);
   self->node->set_running(mode == lf::CameraFrames::Mode::kRunning);
 }
+
 // The camera pads' properties, for gst-launch's `sink_0::camera=5`.
 static GObject* lf_fragment_child_by_index(GstChildProxy* proxy, guint index) {
   GObject* child = nullptr;
@@ -140,6 +141,7 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
   }
   GST_OBJECT_UNLOCK(self);
 }
+
 static guint number_of(const gchar* name, const gchar* prefix, guint* next) {
   guint number = *next;
   if (name && g_str_has_prefix(name, prefix))
