@@ -98,7 +98,12 @@ Job film_job(const Options& options, const lf::Camera& camera, FrameRate rate) {
     };
   return [=, quality = options.quality](const Step& step) {
     MjpegWriter writer((folder / (name + ".mkv")).string(), lens.width, lens.height, rate, quality);
-    for (int n = 0; n < frames; n++, step()) writer.add(frame(n));
+    for (int n = 0; n < frames; n++, step()) {
+      const lf::Image image = frame(n);
+      // A still beside the film, for tools that render without a stream.
+      if (n == 0) save_whole(image, folder / (name + ".png"));
+      writer.add(image);
+    }
     writer.finish();
   };
 }
@@ -172,7 +177,7 @@ void film(const Options& options) {
   for (lf::Camera& camera : filmed.cameras) {
     const bool png = options.format == "png";
     camera.source = camera.name + (png ? "_%04d.png" : ".mkv");
-    camera.image = png ? frame_name(camera.name, 0) : "";
+    camera.image = png ? frame_name(camera.name, 0) : camera.name + ".png";
   }
   lf::save_rig(filmed, rig_path.string());
   std::printf("%zu cameras, %d frames at %s/s, %zu ground truth views: %s\n", rig.cameras.size(), options.frames,
@@ -195,7 +200,7 @@ int main(int argc, char** argv) {
   app.add_option("--height", o.height, "of its cameras, pixels")->capture_default_str()->excludes(rig);
   app.add_option("--frames", o.frames)->capture_default_str()->check(CLI::Range(1, 1000000));
   app.add_option("--framerate", o.framerate, "frames per second: 15, 29.97, 30000/1001")->capture_default_str();
-  app.add_option("--format", o.format, "mjpeg: NAME.mkv; png: NAME_0000.png, ...")
+  app.add_option("--format", o.format, "mjpeg: NAME.mkv and its first frame, NAME.png; png: NAME_0000.png, ...")
       ->capture_default_str()
       ->check(CLI::IsMember({"mjpeg", "png"}));
   app.add_option("--quality", o.quality, "of JPEG")->capture_default_str()->check(CLI::Range(1, 100));

@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "render/contribution_map.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "base/error.h"
+#include "render/camera_projection.h"
+
+namespace lf {
+namespace {
+
+// Okabe and Ito's palette (Color Universal Design, 2008), which colour-blind people can tell apart; white for black.
+constexpr std::array<CameraColour, 8> kPalette{{{0, 114, 178},
+                                                {230, 159, 0},
+                                                {0, 158, 115},
+                                                {204, 121, 167},
+                                                {240, 228, 66},
+                                                {213, 94, 0},
+                                                {86, 180, 233},
+                                                {235, 235, 235}}};
+
+constexpr float kLineWidth = 1.2f;  // pixels, of a face's outline
+
+// How much of the pixel a face's outline covers, 0..1: a weight is 0 along the edge opposite its corner, so the distance
+// to that edge is the weight over its slope.
+float outline(const ViewPlan& plan, const FacePlan& face, int x, int y) {
+  const auto weights = [&](int px, int py) { return face_weights(face, plan.rays().at(px, py)); };
+  const FaceWeights here = weights(x, y);
+  const int dx = x + 1 < plan.view().width ? 1 : -1, dy = y + 1 < plan.view().height ? 1 : -1;
+  const FaceWeights right = weights(x + dx, y), below = weights(x, y + dy);
+  float nearest = INFINITY;
+  for (int k = 0; k < 3; k++) {
+    const float slope = std::hypot(right.w[k] - here.w[k], below.w[k] - here.w[k]);
+    if (slope > 0) nearest = std::min(nearest, here.w[k] / slope);
+  }
+  return std::clamp(kLineWidth - nearest, 0.f, 1.f);
+}
+
+float luma(const Image& rgb, int x, int y) {
+  const uint8_t* p = rgb.pixel(x, y);
+  return 0.299f * p[0] + 0.587f * p[1] + 0.114f * p[2];
+}
+
+}  // namespace
+
+std::vector<float> valid_weights(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
+                                 const Camera& rig_camera, const Rect& rect) {
+  std::vector<float> weights = camera_hat(plan, owners, camera, rect);
+  const CameraProjection projection(plan, rig_camera);
+  float* weight = weights.data();
+  for (int y = rect.y0; y < rect.y1; y++)
+    for (int x = rect.x0; x < rect.x1; x++, weight++) {
+      Vec2 pixel;
+      if (*weight > 0 && !projection.project(plan.rays().at(x, y), pixel)) *weight = 0;
+    }
+  return weights;
+}
+
+std::vector<float> view_coverage(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners) {
+  const int width = plan.view().width;
+  std::vector<float> coverage(static_cast<size_t>(width) * plan.view().height);
+  for (const CameraIndex camera : plan.contributors()) {
+    const Rect rect = plan.camera_rect(camera);
+    const std::vector<float> weights = valid_weights(plan, owners, camera, rig.cameras[camera], rect);
+    const float* weight = weights.data();
+    for (int y = rect.y0; y < rect.y1; y++)
+      for (int x = rect.x0; x < rect.x1; x++) coverage[static_cast<size_t>(y) * width + x] += *weight++;
+  }
+  return coverage;
+}
+
+std::vector<CameraColour> camera_colours(const Mesh& mesh, size_t num_cameras) {
+  std::vector<std::vector<CameraIndex>> neighbours(num_cameras);
+  for (const MeshFace& face : mesh.faces)
+    for (int i = 0; i < face.corners(); i++)
+      for (int k = 0; k < face.corners(); k++)
+        if (i != k) neighbours[face.camera[i]].push_back(face.camera[k]);
+
+  // Greedy: each camera in turn takes the colour that the fewest of its neighbours so far have, the start moving on so
+  // that all colours are used.
+  std::vector<size_t> chosen(num_cameras);
+  std::vector<CameraColour> colours(num_cameras);
+  for (size_t i = 0; i < num_cameras; i++) {
+    std::array<int, kPalette.size()> taken{};
+    for (const CameraIndex neighbour : neighbours[i])
+      if (neighbour < i) taken[chosen[neighbour]]++;
+    chosen[i] = i % kPalette.size();
+    for (size_t k = 0; k < kPalette.size(); k++) {
+      const size_t candidate = (i + k) % kPalette.size();
+      if (taken[candidate] < taken[chosen[i]]) chosen[i] = candidate;
+    }
+    colours[i] = kPalette[chosen[i]];
+  }
+  return colours;
+}
+
+Image contribution_map(const Rig& rig, const Mesh& mesh, const View& view, const Image* underlay) {
+  if (underlay && (underlay->family() != PixelFamily::kRgb || underlay->width() != view.width ||
+                   underlay->height() != view.height))
+    throw Error("the picture under a contribution map must be RGB of the view's size");
+  const ViewPlan plan(rig, mesh, view);
+  const OwnerMap owners(plan, {0, 0, view.width, view.height});
+  const std::vector<CameraColour> colours = camera_colours(mesh, rig.cameras.size());
+
+  std::vector<float> sum(static_cast<size_t>(view.width) * view.height * 3);
+  for (const CameraIndex camera : plan.contributors()) {
+    const Rect rect = plan.camera_rect(camera);
+    const std::vector<float> weights = valid_weights(plan, owners, camera, rig.cameras[camera], rect);
+    const float* weight = weights.data();
+    for (int y = rect.y0; y < rect.y1; y++) {
+      float* out = &sum[(static_cast<size_t>(y) * view.width + rect.x0) * 3];
+      for (int x = rect.x0; x < rect.x1; x++, weight++, out += 3) {
+        out[0] += *weight * colours[camera].r;
+        out[1] += *weight * colours[camera].g;
+        out[2] += *weight * colours[camera].b;
+      }
+    }
+  }
+
+  Image map(PixelFamily::kRgb, view.width, view.height);
+  const float* in = sum.data();
+  for (int y = 0; y < view.height; y++)
+    for (int x = 0; x < view.width; x++, in += 3) {
+      const int32_t owner = owners.at(x, y);
+      if (owner == OwnerMap::kNone) continue;
+      const float line = outline(plan, plan.faces()[owner], x, y);
+      // The colours stay readable over black, the picture over white.
+      const float light = underlay ? 0.35f + 0.65f * luma(*underlay, x, y) / 255 : 1.f;
+      for (int c = 0; c < 3; c++) {
+        const float v = in[c] * light * (1 - line) + 20 * line;
+        map.pixel(x, y)[c] = static_cast<uint8_t>(std::clamp(v + 0.5f, 0.f, 255.f));
+      }
+    }
+  return map;
+}
+
+}  // namespace lf

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "image/image.h"
+#include "render/ownership.h"
+#include "rig/mesh.h"
+
+namespace lf {
+
+// Which cameras make which pixel of a view: what a person looks at to understand a picture, and what tests count.
+
+// The part of a camera's hat that it can give: its weight where it sees the point on the focal surface, 0 where that is
+// lost. Per pixel of `rect` (row-major, rect.width() * rect.height() values). `rect` inside owners.region().
+std::vector<float> valid_weights(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
+                                 const Camera& rig_camera, const Rect& rect);
+
+// The sum of these over all cameras, per pixel of the view: 1 where nothing is lost, 0 outside the mesh.
+// `owners.region()` contains the rectangles of all contributors; pixels outside them are 0.
+std::vector<float> view_coverage(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners);
+
+struct CameraColour {
+  uint8_t r, g, b;
+  bool operator==(const CameraColour&) const = default;
+};
+// One colour per camera of the rig, such that cameras that share a face differ (as long as none has eight neighbours or
+// more, all of other colours). A function of the mesh alone.
+std::vector<CameraColour> camera_colours(const Mesh& mesh, size_t num_cameras);
+
+// The overlay of the paper's Figure 10: every pixel of the view in the colours of the cameras that make it, mixed by
+// their weights; faces outlined. Weight that is lost and pixels without an owner are dark. `underlay` (RGB, of the
+// view's size) shows through by its luma where it is given.
+Image contribution_map(const Rig& rig, const Mesh& mesh, const View& view, const Image* underlay = nullptr);
+
+}  // namespace lf

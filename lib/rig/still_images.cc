@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rig/still_images.h"
+
+#include <string>
+
+#include "base/error.h"
+#include "image/image_io.h"
+
+namespace lf {
+namespace {
+
+std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
+}  // namespace
+
+const Image& StillImages::get(CameraIndex camera) {
+  if (const auto found = place_.find(camera); found != place_.end()) {
+    kept_.splice(kept_.begin(), kept_, found->second);
+    return kept_.front().image;
+  }
+  const Camera& rig_camera = rig_.cameras[camera];
+  const std::string name = "camera " + std::to_string(rig_camera.id) +
+                           (rig_camera.name.empty() ? "" : " (" + rig_camera.name + ")") + ": ";
+  if (rig_camera.image.empty()) throw Error(name + "the rig names no image for it");
+  const std::string path = rig_.resolve(rig_camera.image);
+  Image image;
+  try {
+    image = load_image(path);
+  } catch (const Error& e) {
+    throw Error(name + e.what());
+  }
+  if (image.width() != rig_camera.width || image.height() != rig_camera.height)
+    throw Error(name + path + ": has " + size_text(image.width(), image.height()) + " pixels, the rig says " +
+                size_text(rig_camera.width, rig_camera.height));
+  if (family_ == PixelFamily::kI420) image = to_i420(image);
+
+  used_ += image.data().size();
+  kept_.push_front({camera, std::move(image)});
+  place_[camera] = kept_.begin();
+  while (used_ > room_ && kept_.size() > 1) {
+    used_ -= kept_.back().image.data().size();
+    place_.erase(kept_.back().camera);
+    kept_.pop_back();
+  }
+  return kept_.front().image;
+}
+
+}  // namespace lf

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// What the README says of the elements and tools is so, and its launch lines work as pasted.
+#include <gst/gst.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <filesystem>
+#include <map>
+#include <regex>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/json_value.h"
+#include "gst/gst_test.h"
+#include "pipelines/gst_launch.h"
+
+namespace lf {
+namespace {
+
+namespace fs = std::filesystem;
+using Names = std::set<std::string>;
+
+std::string readme() { return read_text_file(LF_SOURCE_ROOT "/README.md"); }
+
+// The text under "## HEADING", up to the next heading of that level.
+std::string section(const std::string& heading) {
+  const std::string text = readme();
+  const size_t begin = text.find("\n## " + heading + "\n");
+  if (begin == std::string::npos) return "";
+  return text.substr(begin + 1, text.find("\n## ", begin + 1) - begin);
+}
+
+// Everything between backquotes.
+Names quoted(const std::string& text) {
+  const std::regex code("`([^`]*)`");
+  Names names;
+  for (std::sregex_iterator i(text.begin(), text.end(), code), end; i != end; ++i) names.insert((*i)[1]);
+  return names;
+}
+
+// First column (without backquotes) to the rest of the row, of the rows whose first column is code.
+std::map<std::string, std::string> table(const std::string& heading) {
+  const std::regex row("^\\| `([^`]+)` \\|(.*)$");
+  std::map<std::string, std::string> rows;
+  std::istringstream text(section(heading));
+  for (std::string line; std::getline(text, line);)
+    if (std::smatch match; std::regex_match(line, match, row)) rows[match[1]] = match[2];
+  return rows;
+}
+
+// The launch lines, as the shell would join them.
+std::vector<std::string> launch_lines() {
+  const std::string text = section("Launch lines");
+  std::vector<std::string> lines;
+  for (size_t at = 0; (at = text.find("\ngst-launch-1.0 ", at)) != std::string::npos;) {
+    at += sizeof("\ngst-launch-1.0 ") - 1;
+    lines.push_back(std::regex_replace(text.substr(at, text.find("\n```", at) - at), std::regex("\\\\\n"), " "));
+  }
+  return lines;
+}
+
+Names plugin_elements() {
+  Names names;
+  GList* features = gst_registry_get_feature_list_by_plugin(gst_registry_get(), "lightfield");
+  for (GList* i = features; i; i = i->next)
+    if (GST_IS_ELEMENT_FACTORY(i->data)) names.insert(GST_OBJECT_NAME(i->data));
+  gst_plugin_feature_list_free(features);
+  return names;
+}
+
+TEST(Readme, ElementTableIsThatOfThePlugin) {
+  const std::map<std::string, std::string> rows = table("Elements");
+  Names named;
+  for (const auto& [name, rest] : rows) {
+    named.insert(name);
+    GstElementFactory* factory = gst_element_factory_find(name.c_str());
+    ASSERT_TRUE(factory) << name;
+    Names pads;
+    for (const GList* i = gst_element_factory_get_static_pad_templates(factory); i; i = i->next)
+      pads.insert(static_cast<const GstStaticPadTemplate*>(i->data)->name_template);
+    gst_object_unref(factory);
+    EXPECT_EQ(quoted(rest.substr(rest.rfind('|', rest.size() - 2))), pads) << name;
+  }
+  EXPECT_EQ(named, plugin_elements());
+}
+
+TEST(Readme, ToolTableIsThatOfTheTools) {
+  Names named, built;
+  for (const auto& [name, rest] : table("Tools")) named.insert(name);
+  for (const fs::directory_entry& entry : fs::directory_iterator(LF_TOOLS_DIR))
+    if (entry.is_regular_file() && entry.path().filename().string().starts_with("lf-"))
+      built.insert(entry.path().filename().string());
+  EXPECT_EQ(named, built);
+}
+
+// A folder with a small film and path, made as the README says; it is the current one while this lives.
+class FilmFolder {
+ public:
+  FilmFolder() : before_(fs::current_path()) {
+    const std::string tools = LF_TOOLS_DIR, scene = folder_ / "scene";
+    const std::string film = tools + "/lf-scene --out '" + scene + "' --width 48 --height 36 --frames 8 >&2";
+    const std::string path = tools + "/lf-path --rig '" + scene + "/rig.json' --out '" + scene +
+                             "/views.json' --frames 8 >&2";
+    ready_ = std::system(film.c_str()) == 0 && std::system(path.c_str()) == 0;
+    if (ready_) fs::current_path(scene);
+  }
+  ~FilmFolder() { fs::current_path(before_); }
+  bool ready() const { return ready_; }
+
+ private:
+  test::TempDir folder_;
+  fs::path before_;
+  bool ready_ = false;
+};
+
+GstPadProbeReturn count_buffer(GstPad*, GstPadProbeInfo*, gpointer count) {
+  (*static_cast<std::atomic<int>*>(count))++;
+  return GST_PAD_PROBE_OK;
+}
+
+// Runs a launch line until its end, or, where it has none, until every sink has had a few pictures. Returns what went
+// wrong, or nothing. Windows are left away.
+std::string run_line(std::string line, size_t expected_sinks, int pictures) {
+  line = std::regex_replace(line, std::regex("autovideosink"), "fakesink sync=true");
+  const test::ElementPtr owner = test::launch(line);
+  GstElement* pipeline = owner.get();
+  if (!pipeline) return "not a pipeline";
+  std::vector<std::atomic<int>> counts(expected_sinks);
+  size_t sinks = 0;
+  GstIterator* all = gst_bin_iterate_sinks(GST_BIN(pipeline));
+  GValue item = G_VALUE_INIT;
+  while (gst_iterator_next(all, &item) == GST_ITERATOR_OK) {
+    if (sinks < expected_sinks) {
+      GstPad* pad = gst_element_get_static_pad(GST_ELEMENT(g_value_get_object(&item)), "sink");
+      gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, count_buffer, &counts[sinks], nullptr);
+      gst_object_unref(pad);
+    }
+    sinks++;
+    g_value_reset(&item);
+  }
+  g_value_unset(&item);
+  gst_iterator_free(all);
+  std::string result = sinks == expected_sinks ? "" : std::to_string(sinks) + " sinks";
+
+  gst_element_set_state(pipeline, GST_STATE_PLAYING);
+  GstBus* bus = gst_element_get_bus(pipeline);
+  const auto enough = [&] {
+    return std::all_of(counts.begin(), counts.end(), [&](const std::atomic<int>& n) { return n >= pictures; });
+  };
+  bool ended = false;
+  const gint64 deadline = g_get_monotonic_time() + 60 * G_USEC_PER_SEC;
+  // A line with an end is run to it, so that what it writes is whole.
+  const bool endless = line.find("is-live=true") != std::string::npos;
+  while (result.empty() && !ended && !(endless && enough())) {
+    GstMessage* message = gst_bus_timed_pop_filtered(bus, 50 * GST_MSECOND,
+                                                     GstMessageType(GST_MESSAGE_ERROR | GST_MESSAGE_EOS));
+    if (message && GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) {
+      GError* error = nullptr;
+      gst_message_parse_error(message, &error, nullptr);
+      result = error->message;
+      g_clear_error(&error);
+    }
+    ended = message != nullptr;
+    gst_clear_message(&message);
+    if (g_get_monotonic_time() > deadline) result = "no end after a minute";
+  }
+  if (result.empty() && !enough()) result = "ended after " + std::to_string(counts[0]) + " buffers";
+  gst_element_set_state(pipeline, GST_STATE_NULL);
+  gst_object_unref(bus);
+  return result;
+}
+
+TEST(Readme, LaunchLinesWork) {
+  const FilmFolder folder;
+  ASSERT_TRUE(folder.ready());
+  const std::vector<std::string> lines = launch_lines();
+  ASSERT_EQ(lines.size(), 5u);
+  EXPECT_EQ(run_line(lines[0], 1, 8), "");
+  EXPECT_TRUE(fs::exists("out_007.png"));
+  EXPECT_EQ(run_line(lines[1], 1, 1), "");
+  EXPECT_GT(fs::file_size("view.mkv"), 8 * 500u);
+  EXPECT_EQ(run_line(lines[2], 1, 5), "");
+  EXPECT_EQ(run_line(lines[3], 2, 5), "");
+  EXPECT_EQ(run_line(lines[4], 1, 5), "");
+}
+
+}  // namespace
+}  // namespace lf

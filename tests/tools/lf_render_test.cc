@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-render as a program: pictures, figures and errors.
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "image/image_io.h"
+#include "rig/rig_json.h"
+#include "view/views_json.h"
+
+namespace lf {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class LfRender : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "lf-render-test-XXXXXX").string();
+    ASSERT_NE(mkdtemp(name.data()), nullptr);
+    folder_ = name;
+    // 2x3 cameras, each of one grey; ids from 10.
+    for (int i = 0; i < 6; i++) {
+      Camera camera;
+      camera.id = static_cast<uint32_t>(10 + i);
+      camera.name = "cam" + std::to_string(i);
+      camera.width = 40;
+      camera.height = 30;
+      camera.lens = Lens::pinhole(40, 19.5, 14.5);
+      camera.pose.position = {0.1 * (i % 3), 0.1 * (i / 3), 0};
+      camera.image = camera.name + ".png";
+      rig_.cameras.push_back(camera);
+      save_image(grey(grey_of(i)), path(camera.image));
+    }
+    rig_.topology = {Topology::Type::kGrid, 2, 3, {}};
+    save_rig(rig_, path("rig.json"));
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  static int grey_of(int camera) { return 40 + 30 * camera; }
+  static Image grey(int value, int width = 40, int height = 30) {
+    Image image(PixelFamily::kRgb, width, height);
+    std::fill(image.data().begin(), image.data().end(), static_cast<uint8_t>(value));
+    return image;
+  }
+  // At camera `camera`, the plane z = 5 in focus.
+  NamedView view_at(const std::string& name, int camera) const {
+    const Camera& c = rig_.cameras[camera];
+    return {name, 0, {c.width, c.height, c.lens, c.pose, {plane_through({0, 0, 5}, {0, 0, 1})}}};
+  }
+  void write(const std::string& name, const std::string& text) const { std::ofstream(path(name)) << text; }
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+
+  // Exit status; output_ and errors_ are what it printed.
+  int run(const std::string& more = "", const std::string& rig = "rig.json") {
+    const std::string line = std::string(LF_TOOLS_DIR) + "/lf-render --rig '" + path(rig) + "' --views '" +
+                             path("views.json") + "' --out '" + path("out folder") + "' " + more + " >'" +
+                             path("stdout") + "' 2>'" + path("stderr") + "'";
+    const int status = std::system(line.c_str());
+    output_ = text("stdout");
+    errors_ = text("stderr");
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  std::string text(const std::string& name) const {
+    std::stringstream all;
+    all << std::ifstream(path(name)).rdbuf();
+    return all.str();
+  }
+  // One line on standard error that has all of `parts`, and exit status 1.
+  void expect_failure(const std::string& more, const std::vector<std::string>& parts,
+                      const std::string& rig = "rig.json") {
+    EXPECT_EQ(run(more, rig), 1) << parts[0];
+    EXPECT_EQ(std::count(errors_.begin(), errors_.end(), '\n'), 1) << errors_;
+    for (const std::string& part : parts) EXPECT_THAT(errors_, HasSubstr(part));
+  }
+  static void expect_grey(const Image& image, int value, int tolerance) {
+    for (const uint8_t v : image.data()) ASSERT_NEAR(v, value, tolerance);
+  }
+  Image picture(const std::string& name) const { return load_image(path("out folder/" + name + ".png")); }
+
+  fs::path folder_;
+  Rig rig_;
+  std::string output_, errors_;
+};
+
+TEST_F(LfRender, PicturesTableAndJson) {
+  save_views({view_at("left", 0), view_at("right", 5)}, path("views.json"));
+  fs::create_directories(path("truth"));
+  save_image(grey(grey_of(0)), path("truth/left.png"));
+  save_image(grey(grey_of(5) - 10), path("truth/right.png"));
+  ASSERT_EQ(run("--truth '" + path("truth") + "' --json '" + path("figures.json") + "'"), 0) << errors_;
+  EXPECT_EQ(errors_, "");
+  expect_grey(picture("left"), grey_of(0), 1);
+  expect_grey(picture("right"), grey_of(5), 1);
+  for (const char* word : {"view", "psnr_db", "ssim", "coverage", "left", "right", "mean"})
+    EXPECT_THAT(output_, HasSubstr(word));
+
+  const nlohmann::json json = nlohmann::json::parse(text("figures.json"));
+  ASSERT_EQ(json["views"].size(), 2u);
+  const nlohmann::json& right = json["views"][1];
+  EXPECT_EQ(right["name"], "right");
+  EXPECT_NEAR(right["psnr_db"].get<double>(), 20 * std::log10(255 / 10.0), 0.9);
+  EXPECT_NEAR(right["max_error"].get<int>(), 10, 1);
+  EXPECT_GT(right["ssim"].get<double>(), 0.98);
+  EXPECT_EQ(right["coverage"], 1);
+  EXPECT_GE(right["fragment_bytes"].get<int>(), 40 * 30 * 3);
+  EXPECT_GE(right["fragments"].get<int>(), 1);
+  EXPECT_GT(right["ms"].get<double>(), 0);
+  EXPECT_EQ(json["mean"]["coverage"], 1);
+  EXPECT_FALSE(json["mean"].contains("name"));
+}
+
+TEST_F(LfRender, WithoutTruthTheFiguresAreNull) {
+  save_views({view_at("v", 0)}, path("views.json"));
+  ASSERT_EQ(run("--json '" + path("figures.json") + "'"), 0) << errors_;
+  const nlohmann::json json = nlohmann::json::parse(text("figures.json"));
+  for (const char* key : {"psnr_db", "ssim", "max_error"}) {
+    EXPECT_TRUE(json["views"][0][key].is_null());
+    EXPECT_TRUE(json["mean"][key].is_null());
+  }
+}
+
+TEST_F(LfRender, CamerasOutOfServiceGiveNothing) {
+  save_views({view_at("v", 0)}, path("views.json"));
+  ASSERT_EQ(run("--cameras 13"), 0) << errors_;  // one camera: all of the view is its
+  const Image out = picture("v");
+  EXPECT_EQ(out.pixel(20, 15)[0], grey_of(3));
+  ASSERT_EQ(run("--cameras 10,13"), 0) << errors_;
+  EXPECT_NEAR(picture("v").pixel(20, 15)[0], grey_of(0), 6);
+}
+
+TEST_F(LfRender, EveryNthCamera) {
+  save_views({view_at("v", 1)}, path("views.json"));
+  ASSERT_EQ(run("--every 2"), 0) << errors_;  // cameras 0 and 2 are left, half of each
+  EXPECT_NEAR(picture("v").pixel(20, 15)[0], (grey_of(0) + grey_of(2)) / 2, 4);
+}
+
+TEST_F(LfRender, I420GivesTheSamePicture) {
+  save_views({view_at("v", 2)}, path("views.json"));
+  ASSERT_EQ(run("--i420"), 0) << errors_;
+  expect_grey(picture("v"), grey_of(2), 2);
+}
+
+TEST_F(LfRender, OddAndTinyViewsAndOnesThatSeeNothing) {
+  NamedView tiny = view_at("tiny", 0), odd = view_at("odd", 0), away = view_at("away", 0);
+  tiny.view.width = tiny.view.height = 1;
+  odd.view.width = 3;
+  odd.view.height = 101;
+  away.view.pose.orientation = Quat(0, 0, 1, 0);
+  save_views({tiny, odd, away}, path("views.json"));
+  for (const char* family : {"", "--i420"}) {
+    ASSERT_EQ(run(family), 0) << errors_;
+    EXPECT_EQ(picture("tiny").width(), 1);
+    EXPECT_EQ(picture("odd").height(), 101);
+    EXPECT_EQ(picture("away").data(), Image(PixelFamily::kRgb, 40, 30).data());
+  }
+}
+
+TEST_F(LfRender, ErrorsNameFileAndPlace) {
+  save_views({view_at("v", 0)}, path("views.json"));
+  expect_failure("", {"no.json", "can't be read"}, "no.json");
+  write("half.json", text("rig.json").substr(0, 300));
+  expect_failure("", {"half.json: cameras[", "not valid JSON"}, "half.json");
+  expect_failure("--cameras 10,99", {"\"99\"", "no camera with id 99"});
+  expect_failure("--every 0", {"every"});
+  expect_failure("--truth '" + path("nowhere") + "'", {"nowhere/v.png: no such image file"});
+  expect_failure("--no-such-option", {"lf-render: ", "--no-such-option"});
+
+  save_image(grey(0, 41, 30), path("cam0.png"));
+  expect_failure("", {"camera 10 (cam0): ", "cam0.png: has 41x30 pixels, the rig says 40x30"});
+  fs::remove(path("cam0.png"));
+  expect_failure("", {"camera 10 (cam0): ", "cam0.png: no such image file"});
+
+  write("views.json", R"({"format": "lightfield-views", "version": 1, "views": []})");
+  expect_failure("", {"views.json: views"});
+  save_views({view_at("../v", 0)}, path("views.json"));
+  expect_failure("", {"views.json: views[0].name: "});
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-report: what a run of a light field pipeline came to, as report.json and a contact sheet.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "base/json_value.h"
+#include "base/percentiles.h"
+#include "image/image_io.h"
+#include "progress.h"
+#include "quality/quality.h"
+#include "render/contribution_map.h"
+#include "rig/rig_json.h"
+#include "rig/still_images.h"
+#include "run_tool.h"
+#include "scene/scene.h"
+#include "sheet.h"
+#include "view/views_json.h"
+#include "view_log.h"
+
+namespace {
+
+struct Options {
+  std::string rig, views, frames, log, live_log, out;
+  bool scene = false;
+};
+
+// Pictures as `video/x-raw,format=RGB ! filesink` leaves them: rows padded to four bytes, one picture after the other.
+class RawFrames {
+ public:
+  RawFrames(const std::string& path, int width, int height)
+      : path_(path), file_(path, std::ios::binary), width_(width), height_(height), stride_((width * 3 + 3) / 4 * 4) {
+    if (!file_) throw lf::Error(path + ": can't be read");
+    const uint64_t bytes = std::filesystem::file_size(path), frame = static_cast<uint64_t>(stride_) * height;
+    if (bytes == 0 || bytes % frame != 0)
+      throw lf::Error(path + ": is not a number of RGB pictures of " + std::to_string(width) + "x" +
+                      std::to_string(height));
+    count_ = bytes / frame;
+  }
+  size_t count() const { return count_; }
+  lf::Image read(size_t i) {
+    lf::Image image(lf::PixelFamily::kRgb, width_, height_);
+    std::vector<char> row(stride_);
+    file_.seekg(static_cast<std::streamoff>(i) * stride_ * height_);
+    for (int y = 0; y < height_; y++) {
+      file_.read(row.data(), stride_);
+      std::copy_n(row.begin(), width_ * 3, image.pixel(0, y));
+    }
+    if (!file_) throw lf::Error(path_ + ": can't be read to its end");
+    return image;
+  }
+
+ private:
+  std::string path_;
+  std::ifstream file_;
+  int width_, height_, stride_;
+  size_t count_ = 0;
+};
+
+lf::Image truth_of(const lf::NamedView& view) {
+  return lf::render_scene({view.view.width, view.view.height, view.view.lens, view.view.pose}, view.time);
+}
+
+lf::Quality quality_of(const lf::Rig& rig, const lf::Mesh& mesh, const lf::NamedView& view, const lf::Image& picture) {
+  const lf::ViewPlan plan(rig, mesh, view.view);
+  const lf::OwnerMap owners(plan, {0, 0, view.view.width, view.view.height});
+  return lf::compare(picture, truth_of(view), lf::view_coverage(rig, plan, owners));
+}
+
+double focus_distance(const lf::View& view) {
+  const double along = glm::dot(view.focus.plane.normal, view.pose.forward());
+  return -view.focus.plane.signed_distance(view.pose.position) / along;
+}
+
+struct Run {
+  lf::Rig rig;
+  lf::Mesh mesh;
+  std::vector<lf::NamedView> views;  // those that came out, in order
+  std::vector<ViewLogEntry> log;
+  std::optional<double> psnr_db;
+};
+
+template <class Value>
+size_t index_of_largest(size_t count, const Value& value) {
+  size_t best = 0;
+  for (size_t i = 1; i < count; i++)
+    if (value(i) > value(best)) best = i;
+  return best;
+}
+
+std::string metres(double v) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g m", v);
+  return text;
+}
+
+// The camera that is nearest to a view and looks its way.
+lf::CameraIndex nearest_camera(const lf::Rig& rig, const lf::View& view) {
+  return static_cast<lf::CameraIndex>(index_of_largest(rig.cameras.size(), [&](size_t i) {
+    return -glm::length(rig.cameras[i].pose.position - view.pose.position);
+  }));
+}
+
+lf::Image sheet_of(const Run& run, RawFrames& frames, bool scene, const std::string& foot) {
+  lf::StillImages files(run.rig);
+  lf::Image filmed;  // cameras that have a video and no still
+  const auto image_of = [&](lf::CameraIndex i) -> const lf::Image& {
+    const lf::Camera& camera = run.rig.cameras[i];
+    if (!camera.image.empty() || !scene) return files.get(i);
+    return filmed = lf::render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0);
+  };
+  const size_t n = run.views.size();
+  const size_t near = index_of_largest(n, [&](size_t i) { return -focus_distance(run.views[i].view); });
+  const size_t far = index_of_largest(n, [&](size_t i) { return focus_distance(run.views[i].view); });
+  // Where the most cameras work together, the picture and the overlay say most.
+  const size_t rich = index_of_largest(n, [&](size_t i) {
+    return lf::ViewPlan(run.rig, run.mesh, run.views[i].view).contributors().size();
+  });
+  const lf::NamedView& view = run.views[rich];
+  const lf::Image picture = frames.read(rich);
+
+  std::vector<Panel> panels;
+  panels.push_back({std::to_string(run.rig.cameras.size()) + " camera images", camera_mosaic(run.rig, image_of, 960)});
+  panels.push_back({"near focus, " + metres(focus_distance(run.views[near].view)), frames.read(near)});
+  panels.push_back({"far focus, " + metres(focus_distance(run.views[far].view)), frames.read(far)});
+  panels.push_back({"view " + std::to_string(rich) + ", focus " + metres(focus_distance(view.view)), picture});
+  if (scene) {
+    panels.push_back({"ground truth of view " + std::to_string(rich), truth_of(view)});
+  } else {
+    const lf::CameraIndex camera = nearest_camera(run.rig, view.view);
+    panels.push_back({"nearest camera, " + run.rig.cameras[camera].name + " (no ground truth)", image_of(camera)});
+  }
+  panels.push_back({"which cameras make view " + std::to_string(rich),
+                    lf::contribution_map(run.rig, run.mesh, view.view, &picture)});
+  return make_sheet("gst-lightfield", panels, 3, foot);
+}
+
+void run_report(const Options& options) {
+  Run run;
+  run.rig = lf::load_rig(options.rig);
+  run.mesh = lf::build_mesh(run.rig);
+  run.views = lf::load_views(options.views);
+  run.log = read_view_log(options.log);
+  RawFrames frames(options.frames, run.views[0].view.width, run.views[0].view.height);
+  if (frames.count() > run.views.size() || frames.count() != run.log.size())
+    throw lf::Error(options.frames + ": has " + std::to_string(frames.count()) + " pictures for " +
+                    std::to_string(run.views.size()) + " views and " + std::to_string(run.log.size()) + " messages");
+  run.views.resize(frames.count());
+  const double n = static_cast<double>(frames.count());
+
+  if (options.scene) {
+    Progress progress("comparing with the ground truth", frames.count());
+    double sum = 0, judged = 0;
+    for (size_t i = 0; i < frames.count(); i++, progress.step()) {
+      const double psnr = quality_of(run.rig, run.mesh, run.views[i], frames.read(i)).psnr_db;
+      if (!std::isfinite(psnr)) continue;
+      sum += psnr;
+      judged++;
+    }
+    if (judged > 0) run.psnr_db = sum / judged;
+  }
+
+  nlohmann::ordered_json report;
+  report["frames"] = frames.count();
+  const double seconds = run.log.back().clock - run.log.front().clock;
+  report["fps"] = seconds > 0 ? nlohmann::ordered_json((n - 1) / seconds) : nullptr;
+  // One request in flight: the live run's, where there is one.
+  lf::Percentiles latency(1 << 20);
+  for (const ViewLogEntry& entry : read_view_log(options.live_log.empty() ? options.log : options.live_log))
+    latency.add(entry.latency_ns);
+  report["latency_ms"] = {{"p50", latency.at(50) * 1e-6}, {"p95", latency.at(95) * 1e-6}};
+  double bytes = 0;
+  for (const ViewLogEntry& entry : run.log) bytes += static_cast<double>(entry.bytes) / n;
+  report["bytes_per_frame"] = bytes;
+  report["psnr_db"] = run.psnr_db ? nlohmann::ordered_json(*run.psnr_db) : nullptr;
+
+  char psnr[48] = "no ground truth";
+  if (run.psnr_db) std::snprintf(psnr, sizeof psnr, "%.1f dB against ground truth", *run.psnr_db);
+  char foot[256];
+  std::snprintf(foot, sizeof foot, "%zu frames of %dx%d, %.1f frames/s, latency %.1f ms, %.0f kB of fragments a frame, %s",
+                frames.count(), run.views[0].view.width, run.views[0].view.height, seconds > 0 ? (n - 1) / seconds : 0,
+                latency.at(50) * 1e-6, bytes / 1e3, psnr);
+  const size_t incomplete = static_cast<size_t>(
+      std::count_if(run.log.begin(), run.log.end(), [](const ViewLogEntry& entry) { return !entry.complete; }));
+  if (incomplete > 0)
+    std::fprintf(stderr, "lf-report: %zu of %zu frames are incomplete\n", incomplete, run.log.size());
+
+  lf::save_image(sheet_of(run, frames, options.scene, foot), options.out + "/sheet.png");
+  lf::write_text_file(report.dump(1) + "\n", options.out + "/report.json");
+  std::printf("%s\n", report.dump(1).c_str());
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Options o;
+  CLI::App app("Writes report.json and sheet.png of a run of a light field pipeline and prints the former.", "lf-report");
+  app.add_option("--rig", o.rig, "rig file")->required()->type_name("RIG.json");
+  app.add_option("--views", o.views, "views that were asked for")->required()->type_name("VIEWS.json");
+  app.add_option("--frames", o.frames, "the pictures: raw RGB video as filesink writes it")->required();
+  app.add_option("--log", o.log, "what gst-launch-1.0 -m printed, each line with the clock in front")->required();
+  app.add_option("--live-log", o.live_log, "the same of a live run, for the latency with one request in flight");
+  app.add_flag("--scene", o.scene, "the cameras filmed the built-in scene: compare with its ground truth");
+  app.add_option("--out", o.out, "folder to write to")->required()->type_name("DIR");
+  return run_tool(app, argc, argv, [&] { run_report(o); });
+}
