@@ -1,0 +1,130 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: LGPL-2.1-or-later
+# Sets up, then flies a virtual camera through a light field with a real gst-launch-1.0 pipeline, and reports.
+set -euo pipefail
+export LC_ALL=C.UTF-8  # numbers with a decimal point
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+out=quickstart-out
+rig=
+frames=120
+framerate=15
+window=false
+
+usage() {
+  cat <<END
+usage: pipelines/quickstart.sh [--out DIR] [--rig RIG.json] [--frames N] [--window]
+
+Renders a virtual camera on a smooth path with changing focus and writes view.mkv, sheet.png and report.json.
+
+  --out DIR       where to (default: quickstart-out)
+  --rig RIG.json  any rig with images, in place of the built-in scene filmed by an 8x8 array
+  --frames N      length of the path (default: $frames)
+  --window        afterwards open a window in which mouse and keys fly: drag orbits, shift-drag pans, the wheel
+                  dollies and with ctrl focuses; arrows, w s a d q e, + -, [ ], r
+END
+}
+
+while (($#)); do
+  case $1 in
+    --out | --rig | --frames)
+      if (($# < 2)); then
+        echo "quickstart.sh: $1 needs a value" >&2
+        exit 1
+      fi
+      printf -v "${1#--}" %s "$2"
+      shift 2
+      ;;
+    --window) window=true; shift ;;
+    --help | -h) usage; exit ;;
+    *)
+      echo "quickstart.sh: unknown option $1 (see --help)" >&2
+      exit 1
+      ;;
+  esac
+done
+if [[ ! $frames =~ ^[1-9][0-9]{0,5}$ ]]; then
+  echo "quickstart.sh: --frames $frames: must be a number from 1 to 999999" >&2
+  exit 1
+fi
+if [[ -n $rig && ! -f $rig ]]; then
+  echo "quickstart.sh: --rig $rig: no such file" >&2
+  exit 1
+fi
+if $window && [[ -z ${DISPLAY:-}${WAYLAND_DISPLAY:-} ]]; then
+  echo "quickstart.sh: --window needs a display; none is set in DISPLAY or WAYLAND_DISPLAY" >&2
+  exit 1
+fi
+
+"$root/tools/setup.sh" programs
+export GST_PLUGIN_PATH=$root/build/gst${GST_PLUGIN_PATH:+:$GST_PLUGIN_PATH}
+PATH=$root/build/tools:$PATH
+mkdir -p "$out"
+work=$(mktemp -d "$out/.quickstart.XXXXXX")
+trap 'rm -rf "$work"' EXIT
+
+# The camera path, and what the cameras are. Films are kept from run to run; another scene is another film.
+if [[ -z $rig ]]; then
+  cache=${XDG_CACHE_HOME:+$XDG_CACHE_HOME/gst-lightfield}
+  cache=${cache:-$root/.cache}
+  version=$(cat "$root"/lib/scene/*.{cc,h} "$root"/tools/lf_scene.cc | sha256sum | cut -c1-12)
+  film=$cache/scene-8x8-320x240-60-frames-$framerate-fps-$version
+  rig=$film/rig.json
+  if [[ ! -f $rig ]]; then
+    echo "filming the built-in scene with 8x8 cameras (once, kept in $film)"
+    lf-scene --out "$film" --grid 8x8 --width 320 --height 240 --frames 60 --framerate "$framerate"
+  fi
+  # Depths of the scene's nearest and farthest things; the film is one period long, so that it loops.
+  path=(--near 1.2 --far 4.5)
+  report=(--scene)
+else
+  path=(--still)
+  report=()
+fi
+lf-path --rig "$rig" --out "$out/views.json" --frames "$frames" --framerate "$framerate" "${path[@]}"
+
+# Prints a pipeline as a command that can be pasted, and runs it. What it says about its pictures goes to the file $1, each
+# line with the clock in front.
+launch() {
+  local log=$1
+  shift
+  printf '\ngst-launch-1.0 -m %s\n' "$*"
+  if ! gst-launch-1.0 -m "$@" 2>"$log.errors" | grep --line-buffered -F lightfield-view, |
+    while IFS= read -r line; do printf '%s %s\n' "$EPOCHREALTIME" "$line"; done >"$log"; then
+    cat "$log.errors" >&2
+    echo "quickstart.sh: the pipeline failed" >&2
+    exit 1
+  fi
+}
+
+# Every request for a view goes to the cameras, which answer with fragments, and to the compositor, which adds them up.
+light_field() { # is-live
+  pipeline=(lfviewrequest "location=$out/views.json" "rig=$rig" "framerate=$framerate/1" "is-live=$1" ! tee name=r
+    r. ! queue ! n.request
+    lfcameranode name=n "rig=$rig" "framerate=$framerate/1" "is-live=$1" loop=true ! queue ! c.sink_0
+    r. ! queue ! c.request
+    lfcompositor name=c "rig=$rig" post-messages=true)
+}
+
+light_field false
+launch "$work/log" "${pipeline[@]}" ! tee name=o \
+  o. ! queue ! videoconvert ! jpegenc quality=95 ! matroskamux ! filesink "location=$out/view.mkv" \
+  o. ! queue ! videoconvert ! video/x-raw,format=RGB ! filesink "location=$work/frames.rgb"
+
+# At the pace of the cameras one request is in flight at a time: its latency is that of the light field alone.
+light_field true
+launch "$work/live-log" "${pipeline[@]}" ! fakesink sync=false
+
+echo
+lf-report --rig "$rig" --views "$out/views.json" --frames "$work/frames.rgb" --log "$work/log" \
+  --live-log "$work/live-log" --out "$out" "${report[@]}"
+echo "in $out: view.mkv, sheet.png, report.json, views.json"
+
+if $window; then
+  echo "opening a window; close it to end"
+  gst-launch-1.0 -q lfviewrequest "rig=$rig" is-live=true framerate=30/1 ! tee name=r \
+    r. ! queue leaky=downstream max-size-buffers=2 ! n.request \
+    lfcameranode name=n "rig=$rig" is-live=true loop=true ! queue ! c.sink_0 \
+    r. ! queue leaky=downstream max-size-buffers=2 ! c.request \
+    lfcompositor name=c "rig=$rig" ! videoconvert ! autovideosink
+fi
