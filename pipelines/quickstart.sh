@@ -78,7 +78,7 @@ if [[ -z $rig ]]; then
   path=(--near 1.2 --far 4.5)
   report=(--scene)
 else
-  path=(--still)
+  path=()
   report=()
 fi
 lf-path --rig "$rig" --out "$out/views.json" --frames "$frames" --framerate "$framerate" "${path[@]}"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-path: a camera path through any rig, as views.json.
+#include <algorithm>
 #include <cstdio>
 #include <optional>
 #include <string>
@@ -19,10 +20,10 @@ struct Options {
   lf::TourOptions tour{.frames = 120};
 };
 
-bool has_images(const lf::Rig& rig) {
-  for (const lf::Camera& camera : rig.cameras)
-    if (camera.image.empty()) return false;
-  return true;
+// Stills alone: time stands still.
+bool stands_still(const lf::Rig& rig) {
+  return std::all_of(rig.cameras.begin(), rig.cameras.end(),
+                     [](const lf::Camera& c) { return c.source.empty() && !c.image.empty(); });
 }
 
 // Named on the command line, else from the images, else by the size of the array.
@@ -30,7 +31,7 @@ lf::FocusRange focus_of(const Options& options, const lf::Rig& rig) {
   lf::FocusRange focus{options.near, options.far};
   if (focus.near > 0 && focus.far > 0) return focus;
   std::optional<lf::FocusRange> found;
-  if (has_images(rig)) {
+  if (lf::has_images(rig)) {
     lf::StillImages images(rig);
     found = lf::estimate_focus_range(rig, [&](lf::CameraIndex i) -> const lf::Image& { return images.get(i); });
   }
@@ -44,6 +45,7 @@ lf::FocusRange focus_of(const Options& options, const lf::Rig& rig) {
 void run(Options& options) {
   const lf::Rig rig = lf::load_rig(options.rig);
   const lf::FocusRange focus = focus_of(options, rig);
+  options.tour.still = stands_still(rig);
   lf::save_views(lf::make_tour(rig, focus, options.tour), options.out);
   std::printf("%s: %d views, focus from %.4g to %.4g m\n", options.out.c_str(), options.tour.frames, focus.near,
               focus.far);
@@ -53,7 +55,7 @@ void run(Options& options) {
 
 int main(int argc, char** argv) {
   Options o;
-  CLI::App app("Writes a smooth camera path with changing focus through a rig.", "lf-path");
+  CLI::App app("Writes a smooth camera path with changing focus through a rig; all at time 0 if its cameras are stills.", "lf-path");
   app.add_option("--rig", o.rig, "rig file")->required()->type_name("RIG.json");
   app.add_option("--out", o.out, "file to write")->required()->type_name("VIEWS.json");
   app.add_option("--near", o.near, "nearest focus, metres (0: from the images)")->check(CLI::NonNegativeNumber);
@@ -64,6 +66,5 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0, lf::kMaxImageSize));
   app.add_option("--height", o.tour.height, "of the views, pixels (0: as the cameras)")
       ->check(CLI::Range(0, lf::kMaxImageSize));
-  app.add_flag("--still", o.tour.still, "all views at time 0, for images that stand still");
   return run_tool(app, argc, argv, [&] { run(o); });
 }

@@ -111,12 +111,8 @@ lf::CameraIndex nearest_camera(const lf::Rig& rig, const lf::View& view) {
 
 lf::Image sheet_of(const Run& run, RawFrames& frames, bool scene, const std::string& foot) {
   lf::StillImages files(run.rig);
-  lf::Image filmed;  // cameras that have a video and no still
-  const auto image_of = [&](lf::CameraIndex i) -> const lf::Image& {
-    const lf::Camera& camera = run.rig.cameras[i];
-    if (!camera.image.empty() || !scene) return files.get(i);
-    return filmed = lf::render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0);
-  };
+  const auto image_of = [&](lf::CameraIndex i) -> const lf::Image& { return files.get(i); };
+  const bool images = lf::has_images(run.rig);
   const size_t n = run.views.size();
   const size_t near = index_of_largest(n, [&](size_t i) { return -focus_distance(run.views[i].view); });
   const size_t far = index_of_largest(n, [&](size_t i) { return focus_distance(run.views[i].view); });
@@ -128,13 +124,15 @@ lf::Image sheet_of(const Run& run, RawFrames& frames, bool scene, const std::str
   const lf::Image picture = frames.read(rich);
 
   std::vector<Panel> panels;
-  panels.push_back({std::to_string(run.rig.cameras.size()) + " camera images", camera_mosaic(run.rig, image_of, 960)});
+  if (images)
+    panels.push_back(
+        {std::to_string(run.rig.cameras.size()) + " camera images", camera_mosaic(run.rig, image_of, 960)});
   panels.push_back({"near focus, " + metres(focus_distance(run.views[near].view)), frames.read(near)});
   panels.push_back({"far focus, " + metres(focus_distance(run.views[far].view)), frames.read(far)});
   panels.push_back({"view " + std::to_string(rich) + ", focus " + metres(focus_distance(view.view)), picture});
   if (scene) {
     panels.push_back({"ground truth of view " + std::to_string(rich), truth_of(view)});
-  } else {
+  } else if (images) {
     const lf::CameraIndex camera = nearest_camera(run.rig, view.view);
     panels.push_back({"nearest camera, " + run.rig.cameras[camera].name + " (no ground truth)", image_of(camera)});
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "rig/still_images.h"
 
+#include <algorithm>
 #include <string>
 
 #include "base/error.h"
@@ -12,6 +13,10 @@ namespace {
 std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
 }  // namespace
+
+bool has_images(const Rig& rig) {
+  return std::none_of(rig.cameras.begin(), rig.cameras.end(), [](const Camera& c) { return c.image.empty(); });
+}
 
 const Image& StillImages::get(CameraIndex camera) {
   if (const auto found = place_.find(camera); found != place_.end()) {

@@ -13,6 +13,9 @@ namespace lf {
 // Gives the image of a camera; the reference stays valid until the next call. May throw Error.
 using CameraImages = std::function<const Image&(CameraIndex)>;
 
+// Whether every camera names a still.
+bool has_images(const Rig& rig);
+
 // The `image` files of a rig's cameras, read when first asked for and kept as long as there is room. Not thread-safe.
 class StillImages {
  public:

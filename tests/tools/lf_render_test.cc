@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-render as a program: pictures, figures and errors.
-#include <sys/wait.h>
-
-#include <cstdlib>
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "base/json_value.h"
 #include "image/image_io.h"
 #include "rig/rig_json.h"
+#include "support/run_program.h"
+#include "support/temp_dir.h"
 #include "view/views_json.h"
 
 namespace lf {
@@ -24,9 +24,6 @@ using testing::HasSubstr;
 class LfRender : public testing::Test {
  protected:
   void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "lf-render-test-XXXXXX").string();
-    ASSERT_NE(mkdtemp(name.data()), nullptr);
-    folder_ = name;
     // 2x3 cameras, each of one grey; ids from 10.
     for (int i = 0; i < 6; i++) {
       Camera camera;
@@ -43,7 +40,6 @@ class LfRender : public testing::Test {
     rig_.topology = {Topology::Type::kGrid, 2, 3, {}};
     save_rig(rig_, path("rig.json"));
   }
-  void TearDown() override { fs::remove_all(folder_); }
 
   static int grey_of(int camera) { return 40 + 30 * camera; }
   static Image grey(int value, int width = 40, int height = 30) {
@@ -57,38 +53,31 @@ class LfRender : public testing::Test {
     return {name, 0, {c.width, c.height, c.lens, c.pose, {plane_through({0, 0, 5}, {0, 0, 1})}}};
   }
   void write(const std::string& name, const std::string& text) const { std::ofstream(path(name)) << text; }
-  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  std::string path(const std::string& name) const { return folder_ / name; }
 
-  // Exit status; output_ and errors_ are what it printed.
+  // Exit status; what it printed goes to output_.
   int run(const std::string& more = "", const std::string& rig = "rig.json") {
-    const std::string line = std::string(LF_TOOLS_DIR) + "/lf-render --rig '" + path(rig) + "' --views '" +
-                             path("views.json") + "' --out '" + path("out folder") + "' " + more + " >'" +
-                             path("stdout") + "' 2>'" + path("stderr") + "'";
-    const int status = std::system(line.c_str());
-    output_ = text("stdout");
-    errors_ = text("stderr");
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    const Outcome outcome =
+        run_program("lf-render", "--rig " + rig + " --views views.json --out 'out folder' " + more, folder_.path());
+    output_ = outcome.output;
+    return outcome.status;
   }
-  std::string text(const std::string& name) const {
-    std::stringstream all;
-    all << std::ifstream(path(name)).rdbuf();
-    return all.str();
-  }
-  // One line on standard error that has all of `parts`, and exit status 1.
+  std::string text(const std::string& name) const { return read_text_file(path(name)); }
+  // One line that has all of `parts`, and exit status 1.
   void expect_failure(const std::string& more, const std::vector<std::string>& parts,
                       const std::string& rig = "rig.json") {
     EXPECT_EQ(run(more, rig), 1) << parts[0];
-    EXPECT_EQ(std::count(errors_.begin(), errors_.end(), '\n'), 1) << errors_;
-    for (const std::string& part : parts) EXPECT_THAT(errors_, HasSubstr(part));
+    EXPECT_EQ(std::count(output_.begin(), output_.end(), '\n'), 1) << output_;
+    for (const std::string& part : parts) EXPECT_THAT(output_, HasSubstr(part));
   }
   static void expect_grey(const Image& image, int value, int tolerance) {
     for (const uint8_t v : image.data()) ASSERT_NEAR(v, value, tolerance);
   }
   Image picture(const std::string& name) const { return load_image(path("out folder/" + name + ".png")); }
 
-  fs::path folder_;
+  TempDir folder_;
   Rig rig_;
-  std::string output_, errors_;
+  std::string output_;
 };
 
 TEST_F(LfRender, PicturesTableAndJson) {
@@ -96,8 +85,7 @@ TEST_F(LfRender, PicturesTableAndJson) {
   fs::create_directories(path("truth"));
   save_image(grey(grey_of(0)), path("truth/left.png"));
   save_image(grey(grey_of(5) - 10), path("truth/right.png"));
-  ASSERT_EQ(run("--truth '" + path("truth") + "' --json '" + path("figures.json") + "'"), 0) << errors_;
-  EXPECT_EQ(errors_, "");
+  ASSERT_EQ(run("--truth '" + path("truth") + "' --json '" + path("figures.json") + "'"), 0) << output_;
   expect_grey(picture("left"), grey_of(0), 1);
   expect_grey(picture("right"), grey_of(5), 1);
   for (const char* word : {"view", "psnr_db", "ssim", "coverage", "left", "right", "mean"})
@@ -120,7 +108,7 @@ TEST_F(LfRender, PicturesTableAndJson) {
 
 TEST_F(LfRender, WithoutTruthTheFiguresAreNull) {
   save_views({view_at("v", 0)}, path("views.json"));
-  ASSERT_EQ(run("--json '" + path("figures.json") + "'"), 0) << errors_;
+  ASSERT_EQ(run("--json '" + path("figures.json") + "'"), 0) << output_;
   const nlohmann::json json = nlohmann::json::parse(text("figures.json"));
   for (const char* key : {"psnr_db", "ssim", "max_error"}) {
     EXPECT_TRUE(json["views"][0][key].is_null());
@@ -130,22 +118,22 @@ TEST_F(LfRender, WithoutTruthTheFiguresAreNull) {
 
 TEST_F(LfRender, CamerasOutOfServiceGiveNothing) {
   save_views({view_at("v", 0)}, path("views.json"));
-  ASSERT_EQ(run("--cameras 13"), 0) << errors_;  // one camera: all of the view is its
+  ASSERT_EQ(run("--cameras 13"), 0) << output_;  // one camera: all of the view is its
   const Image out = picture("v");
   EXPECT_EQ(out.pixel(20, 15)[0], grey_of(3));
-  ASSERT_EQ(run("--cameras 10,13"), 0) << errors_;
+  ASSERT_EQ(run("--cameras 10,13"), 0) << output_;
   EXPECT_NEAR(picture("v").pixel(20, 15)[0], grey_of(0), 6);
 }
 
 TEST_F(LfRender, EveryNthCamera) {
   save_views({view_at("v", 1)}, path("views.json"));
-  ASSERT_EQ(run("--every 2"), 0) << errors_;  // cameras 0 and 2 are left, half of each
+  ASSERT_EQ(run("--every 2"), 0) << output_;  // cameras 0 and 2 are left, half of each
   EXPECT_NEAR(picture("v").pixel(20, 15)[0], (grey_of(0) + grey_of(2)) / 2, 4);
 }
 
 TEST_F(LfRender, I420GivesTheSamePicture) {
   save_views({view_at("v", 2)}, path("views.json"));
-  ASSERT_EQ(run("--i420"), 0) << errors_;
+  ASSERT_EQ(run("--i420"), 0) << output_;
   expect_grey(picture("v"), grey_of(2), 2);
 }
 
@@ -157,7 +145,7 @@ TEST_F(LfRender, OddAndTinyViewsAndOnesThatSeeNothing) {
   away.view.pose.orientation = Quat(0, 0, 1, 0);
   save_views({tiny, odd, away}, path("views.json"));
   for (const char* family : {"", "--i420"}) {
-    ASSERT_EQ(run(family), 0) << errors_;
+    ASSERT_EQ(run(family), 0) << output_;
     EXPECT_EQ(picture("tiny").width(), 1);
     EXPECT_EQ(picture("odd").height(), 101);
     EXPECT_EQ(picture("away").data(), Image(PixelFamily::kRgb, 40, 30).data());

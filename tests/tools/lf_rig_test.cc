@@ -1,18 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The program as people use it: its files, its output, its exit status.
-#include <array>
-#include <cstdio>
 #include <filesystem>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
-#include <sys/wait.h>
 
 #include "base/json_value.h"
 #include "image/image_io.h"
 #include "rig/reprojection.h"
 #include "rig/rig_json.h"
+#include "support/run_program.h"
 #include "support/temp_dir.h"
 
 namespace lf {
@@ -21,20 +19,8 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-struct Outcome {
-  int status = -1;
-  std::string output;  // both streams
-};
-
 Outcome lf_rig(const std::string& arguments, const std::string& directory = ".") {
-  const std::string command = "cd '" + directory + "' && '" LF_TOOLS_DIR "/lf-rig' " + arguments + " 2>&1";
-  Outcome outcome;
-  FILE* pipe = popen(command.c_str(), "r");
-  std::array<char, 4096> buffer;
-  while (const size_t n = fread(buffer.data(), 1, buffer.size(), pipe)) outcome.output.append(buffer.data(), n);
-  const int status = pclose(pipe);
-  outcome.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  return outcome;
+  return run_program("lf-rig", arguments, directory);
 }
 
 #define EXPECT_SUCCESS(outcome)                       \

@@ -4,17 +4,16 @@
 #include <gst/gst.h>
 #include <gst/video/video.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 
 #include "image/image_io.h"
 #include "quality/quality.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/run_program.h"
 #include "view/views_json.h"
 
 namespace lf {
@@ -35,13 +34,9 @@ class LfScene : public testing::Test {
 
   // Exit status; what it prints on both channels goes to output_.
   int run(const std::string& arguments) {
-    const fs::path log = folder_ / "log";
-    const std::string line = std::string(LF_TOOLS_DIR) + "/lf-scene " + arguments + " >'" + log.string() + "' 2>&1";
-    const int status = std::system(line.c_str());
-    std::stringstream text;
-    text << std::ifstream(log).rdbuf();
-    output_ = text.str();
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    const Outcome outcome = run_program("lf-scene", arguments);
+    output_ = outcome.output;
+    return outcome.status;
   }
   std::string path(const std::string& name) const { return (folder_ / name).string(); }
   // --out and, so that names with blanks are met too, quotes.
@@ -168,6 +163,7 @@ TEST_F(LfScene, SaysWhatIsWrong) {
     EXPECT_EQ(run(arguments), 1) << arguments;
     EXPECT_NE(output_.find(reason), std::string::npos) << output_;
   };
+  std::ofstream(path("log")) << "not a folder";
   expect_refused("--grid 2x2", "--out");
   expect_refused(out("o") + "--grid 2by2", "--grid 2by2: must be ROWSxCOLUMNS");
   expect_refused(out("o") + "--grid 0x2", "0x2");

@@ -58,6 +58,13 @@ TEST(StillImages, ReadsOnDemandAndKeepsWhatThereIsRoomFor) {
   EXPECT_ERROR(images.get(0), "no such image file");  // it had to go
 }
 
+TEST(StillImages, HasImagesIfEveryCameraNamesOne) {
+  Rig rig = three_cameras("");
+  EXPECT_TRUE(has_images(rig));
+  rig.cameras[1].image = "";
+  EXPECT_FALSE(has_images(rig));
+}
+
 TEST(StillImages, GivesI420WhereAsked) {
   const Folder folder;
   const Rig rig = three_cameras(folder.path());

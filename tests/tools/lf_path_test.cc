@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-path as a program: where its focus and its times come from.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "rig/rig_json.h"
+#include "scene/scene.h"
+#include "support/run_program.h"
+#include "support/temp_dir.h"
+#include "view/views_json.h"
+
+namespace lf {
+namespace {
+
+using testing::HasSubstr;
+
+// `source`, `image`: of every camera.
+void write_rig(const std::string& path, const std::string& source, const std::string& image) {
+  Rig rig = scene_rig(3, 3, 32, 24);
+  for (Camera& camera : rig.cameras) {
+    camera.source = source;
+    camera.image = image;
+  }
+  save_rig(rig, path);
+}
+
+double depth(const View& view) { return -view.focus.plane.d / view.focus.plane.normal.z; }
+
+TEST(LfPath, VideosGiveAPathWithTimesAndTheFocusNamed) {
+  const TempDir dir;
+  write_rig(dir / "rig.json", "film.mkv", "");
+  const Outcome outcome = run_program(
+      "lf-path", "--rig rig.json --out views.json --frames 31 --framerate 10 --near 1.5 --far 3 --width 20 --height 16",
+      dir.path());
+  ASSERT_EQ(outcome.status, 0) << outcome.output;
+  EXPECT_THAT(outcome.output, HasSubstr("31 views, focus from 1.5 to 3 m"));
+  const std::vector<NamedView> views = load_views(dir / "views.json");
+  ASSERT_EQ(views.size(), 31u);
+  EXPECT_NEAR(views[30].time, 3, 1e-9);
+  EXPECT_NEAR(depth(views[0].view), 1.5, 1e-9);
+  EXPECT_EQ(views[0].view.width, 20);
+}
+
+TEST(LfPath, WithoutImagesTheSizeOfTheArrayDecidesOnTheFocus) {
+  const TempDir dir;
+  write_rig(dir / "rig.json", "film.mkv", "");
+  ASSERT_EQ(run_program("lf-path", "--rig rig.json --out views.json --frames 5", dir.path()).status, 0);
+  const double near = depth(load_views(dir / "views.json")[0].view), extent = 2 * std::sqrt(2.0) * kScenePitch;
+  EXPECT_NEAR(near, 2 * extent, 1e-6);
+}
+
+TEST(LfPath, StillsStandAtTimeZero) {
+  const TempDir dir;
+  write_rig(dir / "rig.json", "", "still.png");
+  const Outcome outcome =
+      run_program("lf-path", "--rig rig.json --out views.json --frames 5 --near 1 --far 2", dir.path());
+  ASSERT_EQ(outcome.status, 0) << outcome.output;
+  for (const NamedView& view : load_views(dir / "views.json")) EXPECT_EQ(view.time, 0);
+}
+
+TEST(LfPath, ErrorsNameFileOrOption) {
+  const TempDir dir;
+  write_rig(dir / "rig.json", "", "still.png");
+  const auto expect_failure = [&](const std::string& arguments, const std::string& text) {
+    const Outcome outcome = run_program("lf-path", arguments, dir.path());
+    EXPECT_EQ(outcome.status, 1) << arguments;
+    EXPECT_THAT(outcome.output, HasSubstr(text));
+  };
+  expect_failure("--rig no.json --out v.json", "no.json: can't be read");
+  expect_failure("--rig rig.json --out v.json", "still.png: no such image file");
+  expect_failure("--rig rig.json --out v.json --near 2 --far 1", "focus: must be 0 < near <= far");
+  expect_failure("--rig rig.json --out v.json --frames 0", "--frames");
+  expect_failure("--rig rig.json --near 1 --far 2 --out no/folder/v.json", "no/folder/v.json: can't be written");
+}
+
+}  // namespace
+}  // namespace lf
