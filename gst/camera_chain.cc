@@ -160,16 +160,10 @@ void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, c
       if (source.codec == Codec::kOther) return add_uri_decoder(bin, source.location, convert);
       append(append(add_file_reader(bin, source.location), add_decoder(bin, source.codec)), convert);
       return;
-    case Kind::kSequence:
-      append(add_sequence_reader(bin, source, fps_n, fps_d, options.loop), convert);
-      return;
-    case Kind::kMatroska:
-      return add_matroska_reader(bin, source.location, convert);
-    case Kind::kUri:
-      return add_uri_decoder(bin, source.location, convert);
-    case Kind::kScene:
-      append(add_scene(bin, camera, fps_n, fps_d, options.live), convert);
-      return;
+    case Kind::kSequence: append(add_sequence_reader(bin, source, fps_n, fps_d, options.loop), convert); return;
+    case Kind::kMatroska: return add_matroska_reader(bin, source.location, convert);
+    case Kind::kUri: return add_uri_decoder(bin, source.location, convert);
+    case Kind::kScene: append(add_scene(bin, camera, fps_n, fps_d, options.live), convert); return;
   }
 }
 

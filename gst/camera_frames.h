@@ -30,7 +30,7 @@ class CameraFrames {
   static constexpr size_t kLiveFrames = 4, kFileFrames = 2;
 
   enum class Mode {
-    kStopped,   // nothing waits, nothing is taken (the state after construction)
+    kStopped,  // nothing waits, nothing is taken (the state after construction)
     kRunning,
     kFinished,  // no request will come any more: the camera is told EOS
   };

@@ -8,8 +8,10 @@ std::shared_ptr<GstBuffer> share(GstBuffer* buffer) { return {buffer, gst_buffer
 
 bool is_system_i420(const GstVideoInfo& info) {
   // Unknown siting of full-range BT.601 is JPEG's.
-  const bool centred = info.chroma_site == GST_VIDEO_CHROMA_SITE_NONE || info.chroma_site == GST_VIDEO_CHROMA_SITE_UNKNOWN;
-  return GST_VIDEO_INFO_FORMAT(&info) == GST_VIDEO_FORMAT_I420 && info.colorimetry.range == GST_VIDEO_COLOR_RANGE_0_255 &&
+  const bool centred =
+      info.chroma_site == GST_VIDEO_CHROMA_SITE_NONE || info.chroma_site == GST_VIDEO_CHROMA_SITE_UNKNOWN;
+  return GST_VIDEO_INFO_FORMAT(&info) == GST_VIDEO_FORMAT_I420 &&
+         info.colorimetry.range == GST_VIDEO_COLOR_RANGE_0_255 &&
          info.colorimetry.matrix == GST_VIDEO_COLOR_MATRIX_BT601 && centred;
 }
 
@@ -21,7 +23,9 @@ PixelFamily family_of(const GstVideoInfo& info) {
 }
 
 RgbLayout rgb_layout(const GstVideoInfo& info) {
-  const auto offset = [&info](int component) { return static_cast<int>(GST_VIDEO_INFO_COMP_POFFSET(&info, component)); };
+  const auto offset = [&info](int component) {
+    return static_cast<int>(GST_VIDEO_INFO_COMP_POFFSET(&info, component));
+  };
   return {GST_VIDEO_INFO_COMP_PSTRIDE(&info, 0), offset(0), offset(1), offset(2)};
 }
 

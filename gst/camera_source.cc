@@ -33,12 +33,9 @@ FileType sniff(const std::string& path) {
 
 CameraSource::Codec codec_of(FileType type) {
   switch (type) {
-    case FileType::kPng:
-      return CameraSource::Codec::kPng;
-    case FileType::kJpeg:
-      return CameraSource::Codec::kJpeg;
-    default:
-      return CameraSource::Codec::kOther;
+    case FileType::kPng: return CameraSource::Codec::kPng;
+    case FileType::kJpeg: return CameraSource::Codec::kJpeg;
+    default: return CameraSource::Codec::kOther;
   }
 }
 

@@ -13,9 +13,7 @@ GstCaps* capture_time_reference() {
   return gst_static_caps_get(&caps);
 }
 
-std::string size_text(int width, int height) {
-  return std::to_string(width) + "x" + std::to_string(height);
-}
+std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
 // The buffer goes no further, and upstream is told why.
 GstPadProbeReturn refuse(GstPadProbeInfo* info, GstFlowReturn reason) {
@@ -146,8 +144,7 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* inf
     case GST_EVENT_EOS:
       if (pictures_ == 0) fail(GST_STREAM_ERROR_DECODE, "there is no picture in it");
       return begin_again() ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
-    default:
-      return GST_PAD_PROBE_OK;
+    default: return GST_PAD_PROBE_OK;
   }
 }
 
@@ -203,16 +200,13 @@ GstPadProbeReturn CameraStream::on_output_event(GstPad* pad, GstEvent* event) {
     case GST_EVENT_SEGMENT:  // the first one, one after a flush, or the next round
       announced_ = eos_sent_ = false;
       return GST_PAD_PROBE_OK;
-    case GST_EVENT_GAP:
-      announce(pad);
-      return GST_PAD_PROBE_OK;
+    case GST_EVENT_GAP: announce(pad); return GST_PAD_PROBE_OK;
     case GST_EVENT_EOS:
       if (eos_sent_) return GST_PAD_PROBE_DROP;
       eos_sent_ = true;
       announce(pad);
       return GST_PAD_PROBE_OK;
-    default:
-      return GST_PAD_PROBE_OK;
+    default: return GST_PAD_PROBE_OK;
   }
 }
 

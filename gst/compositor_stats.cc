@@ -47,10 +47,11 @@ GstStructure* CompositorStats::record(const Picture& p, bool describe) {
   composite_ns_.add(composite);
   latency_ns_.add(latency);
   if (!describe) return nullptr;
-  return gst_structure_new("lightfield-view", "view-id", G_TYPE_UINT, p.view_id, "sequence", G_TYPE_UINT, p.sequence,  //
-                           "pts", G_TYPE_UINT64, p.pts, "complete", G_TYPE_BOOLEAN, p.missing == 0,                   //
-                           "fragments", G_TYPE_UINT, p.fragments, "missing", G_TYPE_UINT, p.missing,                  //
-                           "bytes", G_TYPE_UINT64, p.bytes, "skew-ns", G_TYPE_UINT64, p.skew_ns,                      //
+  return gst_structure_new("lightfield-view", "view-id", G_TYPE_UINT, p.view_id, "sequence", G_TYPE_UINT,
+                           p.sequence,                                                                //
+                           "pts", G_TYPE_UINT64, p.pts, "complete", G_TYPE_BOOLEAN, p.missing == 0,   //
+                           "fragments", G_TYPE_UINT, p.fragments, "missing", G_TYPE_UINT, p.missing,  //
+                           "bytes", G_TYPE_UINT64, p.bytes, "skew-ns", G_TYPE_UINT64, p.skew_ns,      //
                            "latency-ns", G_TYPE_UINT64, latency, "composite-ns", G_TYPE_UINT64, composite, nullptr);
 }
 

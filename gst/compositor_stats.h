@@ -39,7 +39,7 @@ class CompositorStats {
   mutable std::mutex mutex_;
   uint64_t counters_[kNumCounters] = {};
   uint64_t pictures_ = 0, complete_ = 0, fragments_ = 0, missing_ = 0, bytes_ = 0, max_skew_ns_ = 0;
-  std::map<uint32_t, int64_t> arrivals_;  // sequence to time, of requests not answered yet
+  std::map<uint32_t, int64_t> arrivals_;               // sequence to time, of requests not answered yet
   Percentiles answer_ns_, composite_ns_, latency_ns_;  // request in to last answer in to picture ready
 };
 

@@ -40,8 +40,8 @@ static void lf_fragment_pad_class_init(LfFragmentPadClass* klass) {
   g_object_class_install_property(
       object_class, PAD_PROP_CAMERA,
       g_param_spec_int("camera", "Camera",
-                       "Id of this pad's camera in the rig (-1: as the stream of lfcamsrc says, else the pad's number)", -1,
-                       G_MAXINT, -1,
+                       "Id of this pad's camera in the rig (-1: as the stream of lfcamsrc says, else the pad's number)",
+                       -1, G_MAXINT, -1,
                        GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
 }
 
@@ -68,7 +68,8 @@ static bool lf_fragment_assign_camera(LfFragment* self, LfFragmentPad* pad) {
     index = rig->index_of_id(id);
   }
   if (!index) {
-    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("Pad %s: the rig %s has no camera %u.", GST_PAD_NAME(pad), self->rig_path, id),
+    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS,
+                      ("Pad %s: the rig %s has no camera %u.", GST_PAD_NAME(pad), self->rig_path, id),
                       ("%zu cameras in the rig", rig->cameras.size()));
     return false;
   }

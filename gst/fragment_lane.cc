@@ -24,17 +24,18 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
     return GST_FLOW_OK;
   }
   std::string warning;
-  const lf::wire::Answer answer = self->node->answer(*request, lane->requester, gst_element_get_base_time(GST_ELEMENT(self)),
-                                                     lane->live, warning);
-  if (!warning.empty()) GST_ELEMENT_WARNING(self, STREAM, FAILED, ("View %u: %s.", request->view_id, warning.c_str()), (nullptr));
+  const lf::wire::Answer answer =
+      self->node->answer(*request, lane->requester, gst_element_get_base_time(GST_ELEMENT(self)), lane->live, warning);
+  if (!warning.empty())
+    GST_ELEMENT_WARNING(self, STREAM, FAILED, ("View %u: %s.", request->view_id, warning.c_str()), (nullptr));
   GstBuffer* out = lf::encode_answer_buffer(answer);
   GST_BUFFER_PTS(out) = pts;
   GST_BUFFER_DURATION(out) = duration;
   self->node->stats().answers++;
   self->node->stats().fragments += answer.fragments.size();
   self->node->stats().bytes += gst_buffer_get_size(out);
-  GST_LOG_OBJECT(pad, "view %u, request %u: %zu fragments, %" G_GSIZE_FORMAT " bytes", request->view_id, request->sequence,
-                 answer.fragments.size(), gst_buffer_get_size(out));
+  GST_LOG_OBJECT(pad, "view %u, request %u: %zu fragments, %" G_GSIZE_FORMAT " bytes", request->view_id,
+                 request->sequence, answer.fragments.size(), gst_buffer_get_size(out));
   return gst_pad_push(lane->src, out);
 }
 
@@ -97,7 +98,7 @@ static GstIterator* lf_fragment_internal_links(GstPad* pad, GstObject*) {
 }
 
 Lane* lf_fragment_lane_new(LfFragment* self, GstPadTemplate* request, const gchar* request_name, GstPadTemplate* src,
-                                  const gchar* src_name) {
+                           const gchar* src_name) {
   Lane* lane = new Lane;
   lane->request = gst_pad_new_from_template(request, request_name);
   lane->src = gst_pad_new_from_template(src, src_name);

@@ -142,27 +142,16 @@ static void lf_camera_node_set_property(GObject* object, guint id, const GValue*
   Settings& settings = *self->settings;
   GST_OBJECT_LOCK(self);
   switch (id) {
-    case kPropRig:
-      settings.rig = g_value_get_string(value) ? g_value_get_string(value) : "";
-      break;
-    case kPropCameras:
-      settings.cameras = g_value_get_string(value) ? g_value_get_string(value) : "";
-      break;
+    case kPropRig: settings.rig = g_value_get_string(value) ? g_value_get_string(value) : ""; break;
+    case kPropCameras: settings.cameras = g_value_get_string(value) ? g_value_get_string(value) : ""; break;
     case kPropFramerate:
       settings.fps_n = gst_value_get_fraction_numerator(value);
       settings.fps_d = gst_value_get_fraction_denominator(value);
       break;
-    case kPropIsLive:
-      settings.is_live = g_value_get_boolean(value);
-      break;
-    case kPropLoop:
-      settings.loop = g_value_get_boolean(value);
-      break;
-    case kPropNode:
-      settings.node = g_value_get_uint(value);
-      break;
-    default:
-      G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
+    case kPropIsLive: settings.is_live = g_value_get_boolean(value); break;
+    case kPropLoop: settings.loop = g_value_get_boolean(value); break;
+    case kPropNode: settings.node = g_value_get_uint(value); break;
+    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
   GST_OBJECT_UNLOCK(self);
 }
@@ -175,26 +164,13 @@ static void lf_camera_node_get_property(GObject* object, guint id, GValue* value
   }
   const Settings settings = current_settings(self);
   switch (id) {
-    case kPropRig:
-      g_value_set_string(value, settings.rig.empty() ? nullptr : settings.rig.c_str());
-      break;
-    case kPropCameras:
-      g_value_set_string(value, settings.cameras.c_str());
-      break;
-    case kPropFramerate:
-      gst_value_set_fraction(value, settings.fps_n, settings.fps_d);
-      break;
-    case kPropIsLive:
-      g_value_set_boolean(value, settings.is_live);
-      break;
-    case kPropLoop:
-      g_value_set_boolean(value, settings.loop);
-      break;
-    case kPropNode:
-      g_value_set_uint(value, settings.node);
-      break;
-    default:
-      G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
+    case kPropRig: g_value_set_string(value, settings.rig.empty() ? nullptr : settings.rig.c_str()); break;
+    case kPropCameras: g_value_set_string(value, settings.cameras.c_str()); break;
+    case kPropFramerate: gst_value_set_fraction(value, settings.fps_n, settings.fps_d); break;
+    case kPropIsLive: g_value_set_boolean(value, settings.is_live); break;
+    case kPropLoop: g_value_set_boolean(value, settings.loop); break;
+    case kPropNode: g_value_set_uint(value, settings.node); break;
+    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
 }
 

@@ -264,27 +264,16 @@ static void lf_cam_src_set_property(GObject* object, guint id, const GValue* val
   Settings& settings = *self->settings;
   GST_OBJECT_LOCK(self);
   switch (id) {
-    case kPropRig:
-      settings.rig = g_value_get_string(value) ? g_value_get_string(value) : "";
-      break;
-    case kPropCamera:
-      settings.camera = g_value_get_uint(value);
-      break;
+    case kPropRig: settings.rig = g_value_get_string(value) ? g_value_get_string(value) : ""; break;
+    case kPropCamera: settings.camera = g_value_get_uint(value); break;
     case kPropFramerate:
       settings.fps_n = gst_value_get_fraction_numerator(value);
       settings.fps_d = gst_value_get_fraction_denominator(value);
       break;
-    case kPropIsLive:
-      settings.is_live = g_value_get_boolean(value);
-      break;
-    case kPropLoop:
-      settings.loop = g_value_get_boolean(value);
-      break;
-    case kPropNumFrames:
-      settings.num_frames = g_value_get_int64(value);
-      break;
-    default:
-      G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
+    case kPropIsLive: settings.is_live = g_value_get_boolean(value); break;
+    case kPropLoop: settings.loop = g_value_get_boolean(value); break;
+    case kPropNumFrames: settings.num_frames = g_value_get_int64(value); break;
+    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
   GST_OBJECT_UNLOCK(self);
 }
@@ -294,26 +283,13 @@ static void lf_cam_src_get_property(GObject* object, guint id, GValue* value, GP
   const Settings& settings = *self->settings;
   GST_OBJECT_LOCK(self);
   switch (id) {
-    case kPropRig:
-      g_value_set_string(value, settings.rig.empty() ? nullptr : settings.rig.c_str());
-      break;
-    case kPropCamera:
-      g_value_set_uint(value, settings.camera);
-      break;
-    case kPropFramerate:
-      gst_value_set_fraction(value, settings.fps_n, settings.fps_d);
-      break;
-    case kPropIsLive:
-      g_value_set_boolean(value, settings.is_live);
-      break;
-    case kPropLoop:
-      g_value_set_boolean(value, settings.loop);
-      break;
-    case kPropNumFrames:
-      g_value_set_int64(value, settings.num_frames);
-      break;
-    default:
-      G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
+    case kPropRig: g_value_set_string(value, settings.rig.empty() ? nullptr : settings.rig.c_str()); break;
+    case kPropCamera: g_value_set_uint(value, settings.camera); break;
+    case kPropFramerate: gst_value_set_fraction(value, settings.fps_n, settings.fps_d); break;
+    case kPropIsLive: g_value_set_boolean(value, settings.is_live); break;
+    case kPropLoop: g_value_set_boolean(value, settings.loop); break;
+    case kPropNumFrames: g_value_set_int64(value, settings.num_frames); break;
+    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
   GST_OBJECT_UNLOCK(self);
 }

@@ -5,10 +5,10 @@
  * @title: lfcompositor
  * @short_description: adds the fragments of a view up to its picture
  *
- * Takes the view requests of one viewer on `request` and the answers of any number of nodes (`lffragment`) on `sink_%u`,
- * and puts out one picture per request, when every node has answered or, in a live pipeline, when the time that
- * `latency` allows is over. Requests and answers of other views than `view-id` are ignored, so that one `tee` can serve
- * many compositors. Fragments that never came count as lost: with `rig` set the others make up for them.
+ * Takes the view requests of one viewer on `request` and the answers of any number of nodes (`lffragment`) on
+ * `sink_%u`, and puts out one picture per request, when every node has answered or, in a live pipeline, when the time
+ * that `latency` allows is over. Requests and answers of other views than `view-id` are ignored, so that one `tee` can
+ * serve many compositors. Fragments that never came count as lost: with `rig` set the others make up for them.
  *
  * Navigation events (mouse, keys) and custom "lf-view-request" events go upstream to the view's own `lfviewrequest`.
  *
@@ -20,8 +20,9 @@
  * ]|
  *
  * ## Element messages
- * With `post-messages` an element message "lightfield-view" per picture: view-id, sequence (uint), pts (uint64), complete
- * (boolean), fragments, missing (uint), bytes, skew-ns, latency-ns (request to picture) and composite-ns (uint64).
+ * With `post-messages` an element message "lightfield-view" per picture: view-id, sequence (uint), pts (uint64),
+ * complete (boolean), fragments, missing (uint), bytes, skew-ns, latency-ns (request to picture) and composite-ns
+ * (uint64).
  */
 
 #include "lfcompositor.h"
@@ -31,8 +32,8 @@
 #include "base/error.h"
 #include "camera_image.h"
 #include "common.h"
-#include "compositor_stats.h"
 #include "composite/assembly.h"
+#include "compositor_stats.h"
 #include "gst_wire.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_compositor_debug);
@@ -46,9 +47,8 @@ GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink_%u", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_ANSWER_MEDIA_TYPE));
 GstStaticPadTemplate request_template =
     GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE));
-GstStaticPadTemplate src_template =
-    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
-                            GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }")));
+GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
+    "src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }")));
 
 }  // namespace
 
@@ -63,19 +63,20 @@ struct _LfCompositor {
   gboolean post_messages;
 
   struct State {
-    lf::Assembly assembly;                               // streaming thread
-    std::optional<lf::ViewRequest> current;              // the request at the head of the request pad; streaming thread
-    GstVideoInfo info{};                                 // negotiated; streaming thread
-    bool renegotiate = true;                             // streaming thread
-    bool warned_rig = false;                             // streaming thread
-    uint64_t current_bytes = 0;                          // of the answers added; streaming thread
+    lf::Assembly assembly;                   // streaming thread
+    std::optional<lf::ViewRequest> current;  // the request at the head of the request pad; streaming thread
+    GstVideoInfo info{};                     // negotiated; streaming thread
+    bool renegotiate = true;                 // streaming thread
+    bool warned_rig = false;                 // streaming thread
+    uint64_t current_bytes = 0;              // of the answers added; streaming thread
     lf::CompositorStats stats;
-  }* state;
+  } * state;
 };
 
 G_DEFINE_FINAL_TYPE(LfCompositor, lf_compositor, GST_TYPE_AGGREGATOR)
 GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfcompositor, "lfcompositor", GST_RANK_NONE, LF_TYPE_COMPOSITOR,
-                                      GST_DEBUG_CATEGORY_INIT(lf_compositor_debug, "lfcompositor", 0, "view compositor"))
+                                      GST_DEBUG_CATEGORY_INIT(lf_compositor_debug, "lfcompositor", 0,
+                                                              "view compositor"))
 
 enum { PROP_0, PROP_VIEW_ID, PROP_RIG, PROP_BACKGROUND, PROP_POST_MESSAGES, PROP_STATS };
 
@@ -125,7 +126,7 @@ static GstCaps* lf_compositor_choose_caps(LfCompositor* self, lf::PixelFamily fa
     g_autofree gchar* text = g_strdup_printf("video/x-raw, format=(string)%s", formats);
     return gst_caps_from_string(text);
   };
-  GstCaps* wanted = family == lf::PixelFamily::kI420 ? candidates("I420")
+  GstCaps* wanted = family == lf::PixelFamily::kI420  ? candidates("I420")
                     : family == lf::PixelFamily::kRgb ? candidates("{ " LF_RGB_FORMATS " }")
                                                       : candidates("{ " LF_RGB_FORMATS ", I420 }");
   GstCaps* sink_caps = gst_pad_get_current_caps(self->request);
@@ -156,9 +157,10 @@ static GstFlowReturn lf_compositor_agree_on_output(LfCompositor* self, lf::Pixel
   GstVideoInfo info;
   if (!caps || !gst_video_info_from_caps(&info, caps)) {
     const char* name = family == lf::PixelFamily::kI420 ? "I420" : "RGB";
-    GST_ELEMENT_ERROR(self, STREAM, FORMAT,
-                      ("Downstream takes no %s video of %dx%d pixels: put a videoconvert behind lfcompositor.", name, width, height),
-                      (nullptr));
+    GST_ELEMENT_ERROR(
+        self, STREAM, FORMAT,
+        ("Downstream takes no %s video of %dx%d pixels: put a videoconvert behind lfcompositor.", name, width, height),
+        (nullptr));
     if (caps) gst_caps_unref(caps);
     return GST_FLOW_NOT_NEGOTIATED;
   }
@@ -277,10 +279,10 @@ static void lf_compositor_take_answer(LfCompositor* self, GstAggregatorPad* pad)
 static void lf_compositor_record(LfCompositor* self, int64_t answered, GstClockTime pts, bool post) {
   auto& state = *self->state;
   const lf::Assembly& assembly = state.assembly;
-  GstStructure* description = state.stats.record(
-      {state.current->view_id, state.current->sequence, pts, assembly.fragments(), assembly.missing(),
-       state.current_bytes, assembly.skew(), answered, g_get_monotonic_time()},
-      post);
+  GstStructure* description =
+      state.stats.record({state.current->view_id, state.current->sequence, pts, assembly.fragments(),
+                          assembly.missing(), state.current_bytes, assembly.skew(), answered, g_get_monotonic_time()},
+                         post);
   if (description) gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), description));
 }
 
@@ -292,7 +294,8 @@ static GstFlowReturn lf_compositor_finish_picture(LfCompositor* self) {
   const guint32 argb = self->background;
   const bool post = self->post_messages;
   GST_OBJECT_UNLOCK(self);
-  const lf::Background background{static_cast<uint8_t>(argb >> 16), static_cast<uint8_t>(argb >> 8), static_cast<uint8_t>(argb)};
+  const lf::Background background{static_cast<uint8_t>(argb >> 16), static_cast<uint8_t>(argb >> 8),
+                                  static_cast<uint8_t>(argb)};
 
   const lf::View& view = state.current->view;
   const GstFlowReturn agreed = lf_compositor_agree_on_output(self, state.assembly.family(), view.width, view.height);
@@ -311,7 +314,8 @@ static GstFlowReturn lf_compositor_finish_picture(LfCompositor* self) {
     plane[i] = static_cast<uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&frame, i));
     stride[i] = GST_VIDEO_FRAME_PLANE_STRIDE(&frame, i);
   }
-  const lf::RgbLayout layout = lf::family_of(state.info) == lf::PixelFamily::kRgb ? lf::rgb_layout(state.info) : lf::RgbLayout{};
+  const lf::RgbLayout layout =
+      lf::family_of(state.info) == lf::PixelFamily::kRgb ? lf::rgb_layout(state.info) : lf::RgbLayout{};
   state.assembly.picture().resolve(background, layout, plane, stride);
   gst_video_frame_unmap(&frame);
 
@@ -381,12 +385,13 @@ static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
                        gst_structure_has_name(structure, "lf-view-request");
   if (!is_navigation && !is_view) return GST_AGGREGATOR_CLASS(lf_compositor_parent_class)->src_event(agg, event);
   event = gst_event_make_writable(event);
-  gst_structure_set(gst_event_writable_structure(event), "lf-view-id", G_TYPE_UINT, lf_compositor_view_id(self), nullptr);
+  gst_structure_set(gst_event_writable_structure(event), "lf-view-id", G_TYPE_UINT, lf_compositor_view_id(self),
+                    nullptr);
   return gst_pad_push_event(self->request, event);
 }
 
-// Events come here in the order of the data: at EOS of the requests all of them have been answered. That ends the output,
-// whether or not the nodes ever end theirs (GstAggregator waits for all).
+// Events come here in the order of the data: at EOS of the requests all of them have been answered. That ends the
+// output, whether or not the nodes ever end theirs (GstAggregator waits for all).
 static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* pad, GstEvent* event) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   const bool ended = GST_PAD(pad) == self->request && GST_EVENT_TYPE(event) == GST_EVENT_EOS;
@@ -400,7 +405,8 @@ static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo*
   LfCompositor* self = LF_COMPOSITOR(data);
   const std::optional<lf::ViewRequest> request = lf::decode_request_buffer(GST_PAD_PROBE_INFO_BUFFER(info));
   if (!request) return GST_PAD_PROBE_OK;
-  if (request->view_id == lf_compositor_view_id(self)) self->state->stats.request_arrived(request->sequence, g_get_monotonic_time());
+  if (request->view_id == lf_compositor_view_id(self))
+    self->state->stats.request_arrived(request->sequence, g_get_monotonic_time());
   return GST_PAD_PROBE_OK;
 }
 
@@ -431,7 +437,8 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
 }
 
 // GstAggregator's own would name every pad sink_N and keep no name that was asked for.
-static GstAggregatorPad* lf_compositor_create_pad(GstAggregator* agg, GstPadTemplate* templ, const gchar* name, const GstCaps*) {
+static GstAggregatorPad* lf_compositor_create_pad(GstAggregator* agg, GstPadTemplate* templ, const gchar* name,
+                                                  const GstCaps*) {
   g_autofree gchar* pad_name = nullptr;
   if (name && g_str_has_prefix(name, "sink_")) {
     pad_name = g_strdup(name);
@@ -445,8 +452,8 @@ static GstAggregatorPad* lf_compositor_create_pad(GstAggregator* agg, GstPadTemp
       gst_object_unref(taken);
     } while (true);
   }
-  return static_cast<GstAggregatorPad*>(g_object_new(GST_TYPE_AGGREGATOR_PAD, "name", pad_name, "direction", GST_PAD_SINK,
-                                                     "template", templ, nullptr));
+  return static_cast<GstAggregatorPad*>(
+      g_object_new(GST_TYPE_AGGREGATOR_PAD, "name", pad_name, "direction", GST_PAD_SINK, "template", templ, nullptr));
 }
 
 static void lf_compositor_finalize(GObject* object) {
@@ -475,28 +482,30 @@ static void lf_compositor_class_init(LfCompositorClass* klass) {
   const auto flags = [](int more) { return GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | more); };
   g_object_class_install_property(
       object_class, PROP_VIEW_ID,
-      g_param_spec_uint("view-id", "View id", "The view to compose: requests and answers of others are ignored", 0, G_MAXUINT, 0,
-                        flags(GST_PARAM_MUTABLE_READY)));
+      g_param_spec_uint("view-id", "View id", "The view to compose: requests and answers of others are ignored", 0,
+                        G_MAXUINT, 0, flags(GST_PARAM_MUTABLE_READY)));
   g_object_class_install_property(
       object_class, PROP_RIG,
-      g_param_spec_string("rig", "Rig",
-                          "Rig file (rig.json); optional: with it the weight of fragments that never came is known and made "
-                          "up for, and `background` shows outside the array's mesh",
-                          nullptr, flags(GST_PARAM_MUTABLE_READY)));
+      g_param_spec_string(
+          "rig", "Rig",
+          "Rig file (rig.json); optional: with it the weight of fragments that never came is known and made "
+          "up for, and `background` shows outside the array's mesh",
+          nullptr, flags(GST_PARAM_MUTABLE_READY)));
   g_object_class_install_property(
       object_class, PROP_BACKGROUND,
-      g_param_spec_uint("background", "Background", "Colour where nothing contributes, 0xAARRGGBB (alpha is ignored)", 0,
-                        G_MAXUINT32, 0xff000000, flags(GST_PARAM_MUTABLE_PLAYING)));
-  g_object_class_install_property(
-      object_class, PROP_POST_MESSAGES,
-      g_param_spec_boolean("post-messages", "Post messages", "Post an element message \"lightfield-view\" for every picture",
-                           FALSE, flags(GST_PARAM_MUTABLE_PLAYING)));
+      g_param_spec_uint("background", "Background", "Colour where nothing contributes, 0xAARRGGBB (alpha is ignored)",
+                        0, G_MAXUINT32, 0xff000000, flags(GST_PARAM_MUTABLE_PLAYING)));
+  g_object_class_install_property(object_class, PROP_POST_MESSAGES,
+                                  g_param_spec_boolean("post-messages", "Post messages",
+                                                       "Post an element message \"lightfield-view\" for every picture",
+                                                       FALSE, flags(GST_PARAM_MUTABLE_PLAYING)));
   g_object_class_install_property(
       object_class, PROP_STATS,
-      g_param_spec_boxed("stats", "Statistics",
-                         "Counts of pictures (complete, incomplete), fragments (missing), late and bad answers, bytes; the "
-                         "largest skew; latency per stage (p50, p95, p99 over the latest 1024 pictures, nanoseconds)",
-                         GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+      g_param_spec_boxed(
+          "stats", "Statistics",
+          "Counts of pictures (complete, incomplete), fragments (missing), late and bad answers, bytes; the "
+          "largest skew; latency per stage (p50, p95, p99 over the latest 1024 pictures, nanoseconds)",
+          GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
 
   gst_element_class_add_static_pad_template_with_gtype(element_class, &sink_template, GST_TYPE_AGGREGATOR_PAD);
   gst_element_class_add_static_pad_template_with_gtype(element_class, &request_template, GST_TYPE_AGGREGATOR_PAD);
@@ -510,8 +519,8 @@ static void lf_compositor_init(LfCompositor* self) {
   self->state = new _LfCompositor::State;
   self->background = 0xff000000;
   GstPadTemplate* templ = gst_element_class_get_pad_template(GST_ELEMENT_GET_CLASS(self), "request");
-  self->request = static_cast<GstPad*>(g_object_new(GST_TYPE_AGGREGATOR_PAD, "name", "request", "direction", GST_PAD_SINK,
-                                                    "template", templ, nullptr));
+  self->request = static_cast<GstPad*>(
+      g_object_new(GST_TYPE_AGGREGATOR_PAD, "name", "request", "direction", GST_PAD_SINK, "template", templ, nullptr));
   gst_pad_add_probe(self->request, GST_PAD_PROBE_TYPE_BUFFER, lf_compositor_request_arrives, self, nullptr);
   gst_element_add_pad(GST_ELEMENT(self), self->request);
   g_object_set(self, "latency", kDefaultLatency, nullptr);

@@ -36,9 +36,8 @@ GST_DEBUG_CATEGORY(lf_fragment_debug);
 
 namespace {
 
-GstStaticPadTemplate sink_template =
-    GST_STATIC_PAD_TEMPLATE("sink_%u", GST_PAD_SINK, GST_PAD_REQUEST,
-                            GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }")));
+GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
+    "sink_%u", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }")));
 GstStaticPadTemplate request_template =
     GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE));
 GstStaticPadTemplate more_request_template =
@@ -97,22 +96,23 @@ static void lf_fragment_child_proxy_init(gpointer iface, gpointer) {
 G_DEFINE_FINAL_TYPE_WITH_CODE(LfFragment, lf_fragment, GST_TYPE_ELEMENT,
                               G_IMPLEMENT_INTERFACE(GST_TYPE_CHILD_PROXY, lf_fragment_child_proxy_init))
 GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lffragment, "lffragment", GST_RANK_NONE, LF_TYPE_FRAGMENT,
-                                      GST_DEBUG_CATEGORY_INIT(lf_fragment_debug, "lffragment", 0, "random access camera"))
+                                      GST_DEBUG_CATEGORY_INIT(lf_fragment_debug, "lffragment", 0,
+                                                              "random access camera"))
 
 enum { PROP_0, PROP_RIG, PROP_NODE, PROP_STATS };
 
 static GstStructure* lf_fragment_stats(LfFragment* self) {
   const lf::FragmentNode::Stats& s = self->node->stats();
-  return gst_structure_new("application/x-lightfield-fragment-stats",                       //
-                           "requests", G_TYPE_UINT64, s.requests.load(),                    //
-                           "bad-requests", G_TYPE_UINT64, s.bad_requests.load(),            //
-                           "rig-mismatches", G_TYPE_UINT64, s.rig_mismatches.load(),        //
-                           "answers", G_TYPE_UINT64, s.answers.load(),                      //
-                           "fragments", G_TYPE_UINT64, s.fragments.load(),                  //
-                           "bytes", G_TYPE_UINT64, s.bytes.load(),                          //
-                           "missing-frames", G_TYPE_UINT64, s.missing_frames.load(),        //
-                           "wait-ns", G_TYPE_UINT64, s.wait_ns.load(),                      //
-                           "render-ns", G_TYPE_UINT64, s.render_ns.load(),                  //
+  return gst_structure_new("application/x-lightfield-fragment-stats",                 //
+                           "requests", G_TYPE_UINT64, s.requests.load(),              //
+                           "bad-requests", G_TYPE_UINT64, s.bad_requests.load(),      //
+                           "rig-mismatches", G_TYPE_UINT64, s.rig_mismatches.load(),  //
+                           "answers", G_TYPE_UINT64, s.answers.load(),                //
+                           "fragments", G_TYPE_UINT64, s.fragments.load(),            //
+                           "bytes", G_TYPE_UINT64, s.bytes.load(),                    //
+                           "missing-frames", G_TYPE_UINT64, s.missing_frames.load(),  //
+                           "wait-ns", G_TYPE_UINT64, s.wait_ns.load(),                //
+                           "render-ns", G_TYPE_UINT64, s.render_ns.load(),            //
                            "max-skew-ns", G_TYPE_UINT64, s.max_skew_ns.load(), nullptr);
 }
 
@@ -150,14 +150,17 @@ static guint number_of(const gchar* name, const gchar* prefix, guint* next) {
   return number;
 }
 
-static GstPad* lf_fragment_request_new_pad(GstElement* element, GstPadTemplate* templ, const gchar* name, const GstCaps*) {
+static GstPad* lf_fragment_request_new_pad(GstElement* element, GstPadTemplate* templ, const gchar* name,
+                                           const GstCaps*) {
   LfFragment* self = LF_FRAGMENT(element);
   GstElementClass* klass = GST_ELEMENT_GET_CLASS(element);
   if (templ == gst_element_class_get_pad_template(klass, "request_%u")) {
     const guint number = number_of(name, "request_", &self->next_lane);
     g_autofree gchar* request_name = g_strdup_printf("request_%u", number);
     g_autofree gchar* src_name = g_strdup_printf("src_%u", number);
-    return lf_fragment_lane_new(self, templ, request_name, gst_element_class_get_pad_template(klass, "src_%u"), src_name)->request;
+    return lf_fragment_lane_new(self, templ, request_name, gst_element_class_get_pad_template(klass, "src_%u"),
+                                src_name)
+        ->request;
   }
   g_autofree gchar* pad_name = g_strdup_printf("sink_%u", number_of(name, "sink_", &self->next_camera_pad));
   GST_OBJECT_LOCK(self);
@@ -259,10 +262,11 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
                         GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
   g_object_class_install_property(
       object_class, PROP_STATS,
-      g_param_spec_boxed("stats", "Statistics",
-                         "Counts of requests, answers, fragments, bytes and frames that were missing; the latest answer's "
-                         "time waited for frames and spent rendering, the largest skew of a frame (nanoseconds)",
-                         GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+      g_param_spec_boxed(
+          "stats", "Statistics",
+          "Counts of requests, answers, fragments, bytes and frames that were missing; the latest answer's "
+          "time waited for frames and spent rendering, the largest skew of a frame (nanoseconds)",
+          GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
 
   gst_element_class_add_static_pad_template_with_gtype(element_class, &sink_template, LF_TYPE_FRAGMENT_PAD);
   gst_element_class_add_static_pad_template(element_class, &request_template);

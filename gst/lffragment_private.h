@@ -17,12 +17,12 @@ struct _LfFragmentPad {
   gint camera;  // id in the rig, -1: told by the stream, else the pad's number
   struct Input {
     std::shared_ptr<lf::CameraFrames> frames;
-    std::optional<GstVideoInfo> new_format;         // from the caps, until the next frame
+    std::optional<GstVideoInfo> new_format;  // from the caps, until the next frame
     std::unique_ptr<lf::FrameConverter> converter;
-    lf::CameraIndex index = lf::MeshFace::kNone;    // once known
+    lf::CameraIndex index = lf::MeshFace::kNone;  // once known
     lf::CameraIndex from_stream = lf::MeshFace::kNone;
-    bool live = false;                              // known from the segment on
-  }* input;
+    bool live = false;  // known from the segment on
+  } * input;
 };
 
 // One requester: a request pad and the answer pad it pairs with.
@@ -39,7 +39,7 @@ struct _LfFragment {
   gchar* rig_path;
   guint node_id;
   lf::FragmentNode* node;
-  std::set<Lane*>* lanes;  // under the object lock
+  std::set<Lane*>* lanes;       // under the object lock
   lf::CameraFrames::Mode mode;  // of all cameras; under the object lock
   guint next_camera_pad, next_lane;
 };

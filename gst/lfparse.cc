@@ -187,8 +187,7 @@ static void lf_parse_set_property(GObject* object, guint id, const GValue* value
       self->max_unit_size = g_value_get_uint(value);
       GST_OBJECT_UNLOCK(self);
       break;
-    default:
-      G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
   }
 }
 
@@ -207,8 +206,7 @@ static void lf_parse_get_property(GObject* object, guint id, GValue* value, GPar
                                    self->skipped_bytes, "gaps", G_TYPE_UINT64, self->gaps, nullptr));
       GST_OBJECT_UNLOCK(self);
       break;
-    default:
-      G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
   }
 }
 

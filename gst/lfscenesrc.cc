@@ -98,9 +98,7 @@ static void lf_scene_src_class_init(LfSceneSrcClass* klass) {
   GST_PUSH_SRC_CLASS(klass)->create = lf_scene_src_create;
 }
 
-static void lf_scene_src_init(LfSceneSrc* self) {
-  gst_base_src_set_format(GST_BASE_SRC(self), GST_FORMAT_TIME);
-}
+static void lf_scene_src_init(LfSceneSrc* self) { gst_base_src_set_format(GST_BASE_SRC(self), GST_FORMAT_TIME); }
 
 namespace lf {
 

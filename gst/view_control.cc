@@ -61,9 +61,7 @@ ViewControl::ViewControl() {
   navigator_.set_home(viewpoint_of(values_));
 }
 
-void ViewControl::read_values() {
-  values_ = values_of(navigator_.viewpoint());
-}
+void ViewControl::read_values() { values_ = values_of(navigator_.viewpoint()); }
 
 void ViewControl::set(int field, double value) {
   given_[field] = values_[field] = value;
@@ -144,8 +142,7 @@ bool ViewControl::navigate(GstEvent* event, int view_height) {
       if (!gst_navigation_event_parse_key_event(event, &key) || !key || !navigator_.key(key)) return false;
       read_values();
       return true;
-    default:
-      return false;
+    default: return false;
   }
 }
 

@@ -11,9 +11,7 @@ std::string text(const GValue* value) {
   return s ? s : "";
 }
 
-void set_text(GValue* value, const std::string& s) {
-  g_value_set_string(value, s.empty() ? nullptr : s.c_str());
-}
+void set_text(GValue* value, const std::string& s) { g_value_set_string(value, s.empty() ? nullptr : s.c_str()); }
 
 GParamSpec* make_pspec(ViewRequestSettings::Property property) {
   const auto ready = GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY);
@@ -81,82 +79,38 @@ void ViewRequestSettings::install(GObjectClass* klass, guint first_id) {
 
 void ViewRequestSettings::set(Property property, const GValue* value) {
   switch (property) {
-    case kLocation:
-      location = text(value);
-      break;
-    case kRig:
-      rig = text(value);
-      break;
-    case kViewId:
-      view_id = g_value_get_uint(value);
-      break;
-    case kWidth:
-      width = g_value_get_int(value);
-      break;
-    case kHeight:
-      height = g_value_get_int(value);
-      break;
+    case kLocation: location = text(value); break;
+    case kRig: rig = text(value); break;
+    case kViewId: view_id = g_value_get_uint(value); break;
+    case kWidth: width = g_value_get_int(value); break;
+    case kHeight: height = g_value_get_int(value); break;
     case kFramerate:
       fps_n = gst_value_get_fraction_numerator(value);
       fps_d = gst_value_get_fraction_denominator(value);
       break;
-    case kCaptureDelay:
-      capture_delay = g_value_get_uint64(value);
-      break;
-    case kNavigation:
-      navigation = g_value_get_boolean(value);
-      break;
-    case kQuality:
-      quality = g_value_get_uint(value);
-      break;
-    case kOutOfService:
-      out_of_service = text(value);
-      break;
-    case kLoop:
-      loop = g_value_get_boolean(value);
-      break;
-    case kNumProperties:
-      break;
+    case kCaptureDelay: capture_delay = g_value_get_uint64(value); break;
+    case kNavigation: navigation = g_value_get_boolean(value); break;
+    case kQuality: quality = g_value_get_uint(value); break;
+    case kOutOfService: out_of_service = text(value); break;
+    case kLoop: loop = g_value_get_boolean(value); break;
+    case kNumProperties: break;
   }
 }
 
 void ViewRequestSettings::get(Property property, GValue* value) const {
   switch (property) {
-    case kLocation:
-      set_text(value, location);
-      break;
-    case kRig:
-      set_text(value, rig);
-      break;
-    case kViewId:
-      g_value_set_uint(value, view_id);
-      break;
-    case kWidth:
-      g_value_set_int(value, width);
-      break;
-    case kHeight:
-      g_value_set_int(value, height);
-      break;
-    case kFramerate:
-      gst_value_set_fraction(value, fps_n, fps_d);
-      break;
-    case kCaptureDelay:
-      g_value_set_uint64(value, capture_delay);
-      break;
-    case kNavigation:
-      g_value_set_boolean(value, navigation);
-      break;
-    case kQuality:
-      g_value_set_uint(value, quality);
-      break;
-    case kOutOfService:
-      set_text(value, out_of_service);
-      break;
-    case kLoop:
-      g_value_set_boolean(value, loop);
-      break;
-    case kNumProperties:
-      break;
+    case kLocation: set_text(value, location); break;
+    case kRig: set_text(value, rig); break;
+    case kViewId: g_value_set_uint(value, view_id); break;
+    case kWidth: g_value_set_int(value, width); break;
+    case kHeight: g_value_set_int(value, height); break;
+    case kFramerate: gst_value_set_fraction(value, fps_n, fps_d); break;
+    case kCaptureDelay: g_value_set_uint64(value, capture_delay); break;
+    case kNavigation: g_value_set_boolean(value, navigation); break;
+    case kQuality: g_value_set_uint(value, quality); break;
+    case kOutOfService: set_text(value, out_of_service); break;
+    case kLoop: g_value_set_boolean(value, loop); break;
+    case kNumProperties: break;
   }
 }
 

@@ -55,7 +55,9 @@ void run(Options& options) {
 
 int main(int argc, char** argv) {
   Options o;
-  CLI::App app("Writes a smooth camera path with changing focus through a rig; all at time 0 if its cameras are stills.", "lf-path");
+  CLI::App app(
+      "Writes a smooth camera path with changing focus through a rig; all at time 0 if its cameras are stills.",
+      "lf-path");
   app.add_option("--rig", o.rig, "rig file")->required()->type_name("RIG.json");
   app.add_option("--out", o.out, "file to write")->required()->type_name("VIEWS.json");
   app.add_option("--near", o.near, "nearest focus, metres (0: from the images)")->check(CLI::NonNegativeNumber);

@@ -172,8 +172,7 @@ void run(const Options& options) {
     row.fragment_bytes = static_cast<double>(still.fragment_bytes);
     const lf::Image picture =
         still.picture.family() == lf::PixelFamily::kI420 ? lf::to_rgb(still.picture) : still.picture;
-    if (!options.truth.empty())
-      row.quality = quality_against(still, picture, options.truth + "/" + view.name + ".png");
+    if (!options.truth.empty()) row.quality = quality_against(still, picture, options.truth + "/" + view.name + ".png");
     lf::save_image(picture, options.out + "/" + view.name + ".png");
     rows.push_back(row);
     progress.step();

@@ -104,9 +104,8 @@ std::string metres(double v) {
 
 // The camera that is nearest to a view and looks its way.
 lf::CameraIndex nearest_camera(const lf::Rig& rig, const lf::View& view) {
-  return static_cast<lf::CameraIndex>(index_of_largest(rig.cameras.size(), [&](size_t i) {
-    return -glm::length(rig.cameras[i].pose.position - view.pose.position);
-  }));
+  return static_cast<lf::CameraIndex>(index_of_largest(
+      rig.cameras.size(), [&](size_t i) { return -glm::length(rig.cameras[i].pose.position - view.pose.position); }));
 }
 
 lf::Image sheet_of(const Run& run, RawFrames& frames, bool scene, const std::string& foot) {
@@ -117,9 +116,8 @@ lf::Image sheet_of(const Run& run, RawFrames& frames, bool scene, const std::str
   const size_t near = index_of_largest(n, [&](size_t i) { return -focus_distance(run.views[i].view); });
   const size_t far = index_of_largest(n, [&](size_t i) { return focus_distance(run.views[i].view); });
   // Where the most cameras work together, the picture and the overlay say most.
-  const size_t rich = index_of_largest(n, [&](size_t i) {
-    return lf::ViewPlan(run.rig, run.mesh, run.views[i].view).contributors().size();
-  });
+  const size_t rich = index_of_largest(
+      n, [&](size_t i) { return lf::ViewPlan(run.rig, run.mesh, run.views[i].view).contributors().size(); });
   const lf::NamedView& view = run.views[rich];
   const lf::Image picture = frames.read(rich);
 
@@ -183,13 +181,13 @@ void run_report(const Options& options) {
   char psnr[48] = "no ground truth";
   if (run.psnr_db) std::snprintf(psnr, sizeof psnr, "%.1f dB against ground truth", *run.psnr_db);
   char foot[256];
-  std::snprintf(foot, sizeof foot, "%zu frames of %dx%d, %.1f frames/s, latency %.1f ms, %.0f kB of fragments a frame, %s",
-                frames.count(), run.views[0].view.width, run.views[0].view.height, seconds > 0 ? (n - 1) / seconds : 0,
+  std::snprintf(foot, sizeof foot,
+                "%zu frames of %dx%d, %.1f frames/s, latency %.1f ms, %.0f kB of fragments a frame, %s", frames.count(),
+                run.views[0].view.width, run.views[0].view.height, seconds > 0 ? (n - 1) / seconds : 0,
                 latency.at(50) * 1e-6, bytes / 1e3, psnr);
   const size_t incomplete = static_cast<size_t>(
       std::count_if(run.log.begin(), run.log.end(), [](const ViewLogEntry& entry) { return !entry.complete; }));
-  if (incomplete > 0)
-    std::fprintf(stderr, "lf-report: %zu of %zu frames are incomplete\n", incomplete, run.log.size());
+  if (incomplete > 0) std::fprintf(stderr, "lf-report: %zu of %zu frames are incomplete\n", incomplete, run.log.size());
 
   lf::save_image(sheet_of(run, frames, options.scene, foot), options.out + "/sheet.png");
   lf::write_text_file(report.dump(1) + "\n", options.out + "/report.json");
@@ -200,7 +198,8 @@ void run_report(const Options& options) {
 
 int main(int argc, char** argv) {
   Options o;
-  CLI::App app("Writes report.json and sheet.png of a run of a light field pipeline and prints the former.", "lf-report");
+  CLI::App app("Writes report.json and sheet.png of a run of a light field pipeline and prints the former.",
+               "lf-report");
   app.add_option("--rig", o.rig, "rig file")->required()->type_name("RIG.json");
   app.add_option("--views", o.views, "views that were asked for")->required()->type_name("VIEWS.json");
   app.add_option("--frames", o.frames, "the pictures: raw RGB video as filesink writes it")->required();

@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <string>
 
-#include <CLI/CLI.hpp>
 #include <gst/gst.h>
+#include <CLI/CLI.hpp>
 
 #include "base/error.h"
 #include "base/json_value.h"

@@ -67,9 +67,7 @@ MjpegWriter::MjpegWriter(const std::string& path, int width, int height, FrameRa
   if (gst_element_set_state(pipeline_, GST_STATE_PLAYING) == GST_STATE_CHANGE_FAILURE) fail();
 }
 
-MjpegWriter::~MjpegWriter() {
-  close();
-}
+MjpegWriter::~MjpegWriter() { close(); }
 
 void MjpegWriter::close() {
   if (!pipeline_) return;

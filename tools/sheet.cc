@@ -8,7 +8,8 @@
 
 namespace {
 
-constexpr int kPanelWidth = 480, kPanelHeight = 360, kGap = 16, kTitleHeight = 30, kHeadingHeight = 52, kFootHeight = 36;
+constexpr int kPanelWidth = 480, kPanelHeight = 360, kGap = 16, kTitleHeight = 30, kHeadingHeight = 52,
+              kFootHeight = 36;
 constexpr int kMostTiles = 16;  // a side of the mosaic
 const cv::Scalar kPaper(24, 26, 30), kInk(235, 235, 235), kQuiet(160, 165, 170);
 

@@ -41,7 +41,8 @@ std::vector<VideoDevice> find_video_devices() {
   // video2 comes before video10; several providers may know one device.
   std::stable_sort(devices.begin(), devices.end(),
                    [](const auto& a, const auto& b) { return strverscmp(a.uri.c_str(), b.uri.c_str()) < 0; });
-  devices.erase(std::unique(devices.begin(), devices.end(), [](const auto& a, const auto& b) { return a.uri == b.uri; }),
-                devices.end());
+  devices.erase(
+      std::unique(devices.begin(), devices.end(), [](const auto& a, const auto& b) { return a.uri == b.uri; }),
+      devices.end());
   return devices;
 }

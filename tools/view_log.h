@@ -13,6 +13,6 @@ struct ViewLogEntry {
   uint64_t bytes = 0, latency_ns = 0;
 };
 
-// Reads what `gst-launch-1.0 -m` printed, each line with the clock in front (seconds: bash's $EPOCHREALTIME); lines that
-// are no such message are passed over. Throws lf::Error if the file can't be read or there is not one.
+// Reads what `gst-launch-1.0 -m` printed, each line with the clock in front (seconds: bash's $EPOCHREALTIME); lines
+// that are no such message are passed over. Throws lf::Error if the file can't be read or there is not one.
 std::vector<ViewLogEntry> read_view_log(const std::string& path);

@@ -144,8 +144,7 @@ std::vector<JsonValue> JsonValue::elements() const {
 
 std::vector<JsonValue> JsonValue::elements(size_t count) const {
   std::vector<JsonValue> all = elements();
-  if (all.size() != count)
-    fail("must have " + std::to_string(count) + " elements, has " + std::to_string(all.size()));
+  if (all.size() != count) fail("must have " + std::to_string(count) + " elements, has " + std::to_string(all.size()));
   return all;
 }
 

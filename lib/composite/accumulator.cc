@@ -54,9 +54,7 @@ bool any_set(const T* values, int n) {
 
 // To the nearest of 0..255, halves up. `v` is a sum, scaled: exact in float wherever the result is not clamped, up to
 // the rounding of the scale itself (2^-23 of the value).
-uint8_t to_byte(float v) {
-  return static_cast<uint8_t>(std::clamp(v + 0.5f, 0.f, 255.f));
-}
+uint8_t to_byte(float v) { return static_cast<uint8_t>(std::clamp(v + 0.5f, 0.f, 255.f)); }
 
 // What a pixel of the row becomes is sum * scale, or the background where scale is 0.
 void make_scales(float* __restrict scale, const uint16_t* __restrict lost, const uint8_t* __restrict uncovered, int n) {

@@ -30,9 +30,9 @@ class Assembly {
   };
   Verdict add(const wire::Answer& answer);
 
-  // Call once after the last answer, before picture(): gives missing cameras' weight up for lost. `fallback`: the family
-  // of the picture if no answer named one. `mark_uncovered`: see Accumulator::set_uncovered; costs an owner map of the
-  // whole view and changes nothing if the background is black.
+  // Call once after the last answer, before picture(): gives missing cameras' weight up for lost. `fallback`: the
+  // family of the picture if no answer named one. `mark_uncovered`: see Accumulator::set_uncovered; costs an owner map
+  // of the whole view and changes nothing if the background is black.
   void finish(PixelFamily fallback, bool mark_uncovered);
 
   // Of the answers so far; kNone before the first that names one.

@@ -7,12 +7,12 @@ namespace lf {
 
 // world_from_camera. Axes of world and camera alike: right-handed, x right, y down, z forward (OpenCV, COLMAP).
 struct Pose {
-  Vec3 position{0, 0, 0};         // centre of projection in the world, metres
-  Quat orientation{1, 0, 0, 0};   // w, x, y, z; unit norm
+  Vec3 position{0, 0, 0};        // centre of projection in the world, metres
+  Quat orientation{1, 0, 0, 0};  // w, x, y, z; unit norm
 
   // world_from_camera; a rotation however far within kUnitTolerance |orientation| is from 1.
   Mat3 rotation() const { return glm::mat3_cast(glm::normalize(orientation)); }
-  Vec3 forward() const { return rotation()[2]; }                 // optical axis in the world, unit length
+  Vec3 forward() const { return rotation()[2]; }  // optical axis in the world, unit length
   Vec3 right() const { return rotation()[0]; }
   Vec3 down() const { return rotation()[1]; }
 

@@ -21,10 +21,10 @@ struct RgbLayout {
 // A camera image in somebody else's memory. Valid as long as its owner keeps it.
 struct ImageView {
   PixelFamily family = PixelFamily::kNone;
-  int width = 0, height = 0;            // pixels
-  RgbLayout layout;                     // kRgb
-  const uint8_t* plane[3] = {};         // kRgb: plane[0]; kI420: Y, Cb, Cr (offset 128)
-  ptrdiff_t stride[3] = {};             // bytes from row to row
+  int width = 0, height = 0;     // pixels
+  RgbLayout layout;              // kRgb
+  const uint8_t* plane[3] = {};  // kRgb: plane[0]; kI420: Y, Cb, Cr (offset 128)
+  ptrdiff_t stride[3] = {};      // bytes from row to row
 };
 
 // Chroma samples along a side of `luma` pixels.

@@ -23,8 +23,8 @@ constexpr std::array<CameraColour, 8> kPalette{{{0, 114, 178},
 
 constexpr float kLineWidth = 1.2f;  // pixels, of a face's outline
 
-// How much of the pixel a face's outline covers, 0..1: a weight is 0 along the edge opposite its corner, so the distance
-// to that edge is the weight over its slope.
+// How much of the pixel a face's outline covers, 0..1: a weight is 0 along the edge opposite its corner, so the
+// distance to that edge is the weight over its slope.
 float outline(const ViewPlan& plan, const FacePlan& face, int x, int y) {
   const auto weights = [&](int px, int py) { return face_weights(face, plan.rays().at(px, py)); };
   const FaceWeights here = weights(x, y);
@@ -97,8 +97,8 @@ std::vector<CameraColour> camera_colours(const Mesh& mesh, size_t num_cameras) {
 }
 
 Image contribution_map(const Rig& rig, const Mesh& mesh, const View& view, const Image* underlay) {
-  if (underlay && (underlay->family() != PixelFamily::kRgb || underlay->width() != view.width ||
-                   underlay->height() != view.height))
+  if (underlay &&
+      (underlay->family() != PixelFamily::kRgb || underlay->width() != view.width || underlay->height() != view.height))
     throw Error("the picture under a contribution map must be RGB of the view's size");
   const ViewPlan plan(rig, mesh, view);
   const OwnerMap owners(plan, {0, 0, view.width, view.height});

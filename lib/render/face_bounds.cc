@@ -7,9 +7,9 @@
 namespace lf {
 namespace {
 
-constexpr int kTileSize = 16;          // pixels
-constexpr double kSlack = 1e-9;        // of a half-plane's largest value in the view: far above rounding, far below a pixel
-constexpr double kPixelSlack = 1e-6;   // pixels
+constexpr int kTileSize = 16;    // pixels
+constexpr double kSlack = 1e-9;  // of a half-plane's largest value in the view: far above rounding, far below a pixel
+constexpr double kPixelSlack = 1e-6;  // pixels
 
 double value(const Vec3& h, const Vec2& ray) { return h.x * ray.x + h.y * ray.y + h.z; }
 
@@ -69,7 +69,8 @@ Rect RegionBounds::bound_polygon(std::span<const Vec3> half_planes) const {
   }
   const auto first = [](double v) { return static_cast<int>(std::ceil(v - kPixelSlack)); };
   const auto past = [](double v) { return static_cast<int>(std::floor(v + kPixelSlack)) + 1; };
-  const Rect rect{first(low.x * fx_ + cx_), first(low.y * fy_ + cy_), past(high.x * fx_ + cx_), past(high.y * fy_ + cy_)};
+  const Rect rect{first(low.x * fx_ + cx_), first(low.y * fy_ + cy_), past(high.x * fx_ + cx_),
+                  past(high.y * fy_ + cy_)};
   return intersect(rect, {0, 0, width_, height_});
 }
 

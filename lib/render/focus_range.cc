@@ -13,7 +13,7 @@ namespace lf {
 namespace {
 
 constexpr size_t kNeighbours = 4;
-constexpr int kBlock = 12, kStep = 2;       // pixels: side of a block, distance of its samples
+constexpr int kBlock = 12, kStep = 2;  // pixels: side of a block, distance of its samples
 constexpr int kPlanes = 96;
 constexpr double kLargestDisparity = 0.25;  // of the image's width, between the two farthest of the cameras used
 constexpr double kLeastTexture = 8;         // mean absolute deviation of a block's luma, 0..255
@@ -35,8 +35,8 @@ Grey grey(const Image& image) {
   if (image.family() != PixelFamily::kRgb) throw Error("focus is estimated from RGB images");
   Grey out{image.width(), image.height(), {}};
   for (size_t i = 0; i < image.data().size(); i += 3)
-    out.luma.push_back(static_cast<uint8_t>((image.data()[i] * 77 + image.data()[i + 1] * 150 +
-                                             image.data()[i + 2] * 29) >> 8));
+    out.luma.push_back(
+        static_cast<uint8_t>((image.data()[i] * 77 + image.data()[i + 1] * 150 + image.data()[i + 2] * 29) >> 8));
   return out;
 }
 
@@ -47,7 +47,8 @@ std::vector<CameraIndex> neighbours(const Rig& rig, CameraIndex middle) {
   std::vector<CameraIndex> around;
   for (CameraIndex i = 0; i < rig.cameras.size(); i++)
     if (distance(i) > 0) around.push_back(i);
-  std::stable_sort(around.begin(), around.end(), [&](CameraIndex a, CameraIndex b) { return distance(a) < distance(b); });
+  std::stable_sort(around.begin(), around.end(),
+                   [&](CameraIndex a, CameraIndex b) { return distance(a) < distance(b); });
   if (around.size() > kNeighbours) around.resize(kNeighbours);
   return around;
 }

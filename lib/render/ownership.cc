@@ -72,8 +72,7 @@ std::vector<float> camera_hat(const ViewPlan& plan, const OwnerMap& owners, Came
   std::vector<float> hat;
   hat.reserve(static_cast<size_t>(rect.width()) * rect.height());
   for (int y = rect.y0; y < rect.y1; y++)
-    for (int x = rect.x0; x < rect.x1; x++)
-      hat.push_back(corners.weight(plan, owners.at(x, y), plan.rays().at(x, y)));
+    for (int x = rect.x0; x < rect.x1; x++) hat.push_back(corners.weight(plan, owners.at(x, y), plan.rays().at(x, y)));
   return hat;
 }
 

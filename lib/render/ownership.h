@@ -8,10 +8,10 @@
 
 namespace lf {
 
-// Which face owns each pixel of a part of a view. The owner is the lowest-numbered facing face that contains the pixel's
-// line of sight; a pixel whose line of sight does not meet the focal surface at t > 0 has none.
-// Where meshes fold, several faces contain a pixel and cameras far apart must agree on its owner: looking it up in one
-// map, made from all faces, is both the exact rule and cheaper than testing each camera's ring per fragment.
+// Which face owns each pixel of a part of a view. The owner is the lowest-numbered facing face that contains the
+// pixel's line of sight; a pixel whose line of sight does not meet the focal surface at t > 0 has none. Where meshes
+// fold, several faces contain a pixel and cameras far apart must agree on its owner: looking it up in one map, made
+// from all faces, is both the exact rule and cheaper than testing each camera's ring per fragment.
 class OwnerMap {
  public:
   static constexpr int32_t kNone = -1;

@@ -14,7 +14,8 @@ namespace lf {
 // threads.
 class RenderJob {
  public:
-  // `own`: indices of the node's cameras, ascending. `mesh` must not hold cameras that the view counts as out of service.
+  // `own`: indices of the node's cameras, ascending. `mesh` must not hold cameras that the view counts as out of
+  // service.
   RenderJob(const Rig& rig, const Mesh& mesh, const View& view, std::span<const CameraIndex> own);
 
   const ViewPlan& plan() const { return plan_; }

@@ -60,7 +60,8 @@ class Contribution {
   const Rays& rays() const { return plan_.rays(); }
   Rect rect(CameraIndex camera) const { return corners_.owned(owners_, plan_.camera_rect(camera)); }
 
-  // Calls fn(x, y, hat, valid, position in the camera's image) for the pixels of `rect` with a weight. False if none has.
+  // Calls fn(x, y, hat, valid, position in the camera's image) for the pixels of `rect` with a weight. False if none
+  // has.
   template <class Fn>
   bool for_each(const Rect& rect, const Fn& fn) const {
     bool any = false;
@@ -171,7 +172,8 @@ class ScalarRenderer : public FragmentRenderer {
 }  // namespace
 
 Rect chroma_aligned(const Rect& rect, const View& view) {
-  return {rect.x0 & ~1, rect.y0 & ~1, std::min((rect.x1 + 1) & ~1, view.width), std::min((rect.y1 + 1) & ~1, view.height)};
+  return {rect.x0 & ~1, rect.y0 & ~1, std::min((rect.x1 + 1) & ~1, view.width),
+          std::min((rect.y1 + 1) & ~1, view.height)};
 }
 
 std::unique_ptr<FragmentRenderer> make_scalar_renderer() { return std::make_unique<ScalarRenderer>(); }

@@ -31,8 +31,8 @@ class CamerasInView {
  private:
   // Of the plane through the eye and a line through camera i, in view coordinates: 0 where the eye is on the line as
   // far as positions can tell. What rounding would leave there has a direction of its own: it would hide half a picture
-  // from an eye on the array's border, and let a triangle without area contain whatever an eye in line with it looks at.
-  // Zeros only add to what a face contains, so no cracks come of it.
+  // from an eye on the array's border, and let a triangle without area contain whatever an eye in line with it looks
+  // at. Zeros only add to what a face contains, so no cracks come of it.
   Vec3 normal_of_sight(const Vec3& to_line, const Vec3& along, CameraIndex i) const {
     constexpr double kPositionRounding = 8 * std::numeric_limits<double>::epsilon();  // of a position's length
     const Vec3 normal = glm::cross(to_line, along);
@@ -87,7 +87,8 @@ ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view)
     FacePlan face = plan_face(cameras, mesh.faces[i], i);
     if (face.edge[0] + face.edge[1] + face.edge[2] == Vec3(0)) continue;  // without area: never contains anything
     for (const double sign : {1.0, -1.0}) {
-      const Vec3 half_planes[5] = {sign * face.edge[0], sign * face.edge[1], sign * face.edge[2], face.facing, in_front};
+      const Vec3 half_planes[5] = {sign * face.edge[0], sign * face.edge[1], sign * face.edge[2], face.facing,
+                                   in_front};
       face.rect = unite(face.rect, bounds.bound(half_planes));
     }
     if (face.rect.empty()) continue;

@@ -16,11 +16,11 @@ namespace lf {
 // e_k(d) = edge[k] . d (k = the corner opposite the edge), and corner k has weight e_k / (e_0 + e_1 + e_2) where all
 // three quotients are >= 0 (DESIGN: w_i = e_jk / (e_ij + e_jk + e_ki)).
 struct FacePlan {
-  uint32_t face = 0;      // its number in the mesh
+  uint32_t face = 0;  // its number in the mesh
   std::array<CameraIndex, 3> camera{};
-  Vec3 edge[3];           // neighbours' shared edges are equal up to sign, to the last bit; 0 for unused corners
-  Vec3 facing;            // faces d where facing . d > 0: the sum of the corners' forward axes in view coordinates
-  Rect rect;              // contains every pixel of the view that the face owns
+  Vec3 edge[3];  // neighbours' shared edges are equal up to sign, to the last bit; 0 for unused corners
+  Vec3 facing;   // faces d where facing . d > 0: the sum of the corners' forward axes in view coordinates
+  Rect rect;     // contains every pixel of the view that the face owns
 
   // The value of an edge function, always with this order of operations: every machine gets the same bits.
   static double evaluate(const Vec3& edge, const Vec2& ray) { return edge.x * ray.x + (edge.y * ray.y + edge.z); }
@@ -35,7 +35,8 @@ class ViewPlan {
 
   const View& view() const { return view_; }
   const Rays& rays() const { return rays_; }
-  // The faces that may own pixels of the view, ascending by number: the lowest-numbered one that contains a pixel owns it.
+  // The faces that may own pixels of the view, ascending by number: the lowest-numbered one that contains a pixel owns
+  // it.
   const std::vector<FacePlan>& faces() const { return faces_; }
   // Bounds the pixels in which the camera may have a weight; empty if there are none.
   Rect camera_rect(CameraIndex camera) const { return camera_rects_[camera]; }

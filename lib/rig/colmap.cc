@@ -151,8 +151,11 @@ ColmapExport export_colmap(const Rig& rig, const std::string& directory) {
 
     const Lens& lens = camera.lens;
     const size_t num_focal = lens_model_num_focal(lens.model());
-    ColmapCamera to{std::string(lens_model_name(lens.model())), camera.width, camera.height,
-                    {lens.params().begin(), lens.params().begin() + lens.num_params()}, num_focal};
+    ColmapCamera to{std::string(lens_model_name(lens.model())),
+                    camera.width,
+                    camera.height,
+                    {lens.params().begin(), lens.params().begin() + lens.num_params()},
+                    num_focal};
     to.params[num_focal] += kPixelCentre;
     to.params[num_focal + 1] += kPixelCentre;
     cameras.emplace(camera.id, to);

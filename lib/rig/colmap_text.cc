@@ -21,9 +21,9 @@ struct ColmapModel {
 };
 
 // Those of COLMAP's models.h that are not ours as well.
-constexpr ColmapModel kOtherModels[] = {{"OPENCV_FISHEYE", 8, 2},        {"FULL_OPENCV", 12, 2},
-                                        {"FOV", 5, 2},                   {"SIMPLE_RADIAL_FISHEYE", 4, 1},
-                                        {"RADIAL_FISHEYE", 5, 1},        {"THIN_PRISM_FISHEYE", 12, 2}};
+constexpr ColmapModel kOtherModels[] = {
+    {"OPENCV_FISHEYE", 8, 2},        {"FULL_OPENCV", 12, 2},   {"FOV", 5, 2},
+    {"SIMPLE_RADIAL_FISHEYE", 4, 1}, {"RADIAL_FISHEYE", 5, 1}, {"THIN_PRISM_FISHEYE", 12, 2}};
 
 // One file of a model, line by line.
 class LineReader {

@@ -171,8 +171,6 @@ class Triangulation {
 
 }  // namespace
 
-std::vector<Triangle> delaunay(std::span<const IntPoint> points) {
-  return Triangulation(points).triangles();
-}
+std::vector<Triangle> delaunay(std::span<const IntPoint> points) { return Triangulation(points).triangles(); }
 
 }  // namespace lf

@@ -34,7 +34,8 @@ Rig make_grid_rig(const GridRigOptions& options) {
       camera.width = options.width;
       camera.height = options.height;
       camera.lens = lens;
-      camera.pose.position = Vec3(column - (options.columns - 1) / 2.0, row - (options.rows - 1) / 2.0, 0) * options.pitch;
+      camera.pose.position =
+          Vec3(column - (options.columns - 1) / 2.0, row - (options.rows - 1) / 2.0, 0) * options.pitch;
       rig.cameras.push_back(camera);
     }
   return rig;

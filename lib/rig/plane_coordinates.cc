@@ -11,9 +11,7 @@
 namespace lf {
 namespace {
 
-double largest_component(const Vec3& v) {
-  return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
-}
+double largest_component(const Vec3& v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
 
 int exponent_of(double v) {  // v in [2^(e-1), 2^e)
   int e = 0;
@@ -30,13 +28,9 @@ int scale_to_unit(std::vector<Vec3>& points) {
   return e;
 }
 
-double length2(const Vec3& v) {
-  return glm::dot(v, v);
-}
+double length2(const Vec3& v) { return glm::dot(v, v); }
 
-Vec3 unit(const Vec3& v) {
-  return v / std::sqrt(length2(v));
-}
+Vec3 unit(const Vec3& v) { return v / std::sqrt(length2(v)); }
 
 }  // namespace
 

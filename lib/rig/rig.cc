@@ -86,7 +86,7 @@ bool is_uri(const std::string& path) {
   const auto is_alpha = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
   size_t n = 0;
   while (n < path.size() && (is_alpha(path[n]) || (n > 0 && ((path[n] >= '0' && path[n] <= '9') || path[n] == '+' ||
-                                                              path[n] == '-' || path[n] == '.'))))
+                                                             path[n] == '-' || path[n] == '.'))))
     n++;
   return n >= 2 && n < path.size() && path[n] == ':';
 }

@@ -23,17 +23,17 @@ struct Camera {
   std::string name;
   int width = 0, height = 0;  // pixels
   Lens lens;
-  Pose pose;                // world_from_camera
-  std::string image;        // a still, relative to the rig file; may be empty
-  std::string source;       // any GStreamer URI or path relative to the rig file; may be empty
-  double time_offset = 0;   // seconds; true capture time = stamp + offset
+  Pose pose;               // world_from_camera
+  std::string image;       // a still, relative to the rig file; may be empty
+  std::string source;      // any GStreamer URI or path relative to the rig file; may be empty
+  double time_offset = 0;  // seconds; true capture time = stamp + offset
 };
 
 struct Topology {
   enum class Type { kGrid, kTriangles, kDelaunay };
   Type type = Type::kDelaunay;
-  int rows = 0, columns = 0;                            // kGrid, row-major: rows * columns == number of cameras
-  std::vector<std::array<CameraIndex, 3>> triangles;    // kTriangles
+  int rows = 0, columns = 0;                          // kGrid, row-major: rows * columns == number of cameras
+  std::vector<std::array<CameraIndex, 3>> triangles;  // kTriangles
 };
 
 // One array of cameras. A plain value: copy it, share it const between threads.
@@ -52,8 +52,8 @@ struct Rig {
 // Whether `path` begins with a scheme ("v4l2:", two characters at least), as gst_uri_is_valid() has it.
 bool is_uri(const std::string& path);
 
-// Rewrites relative paths of images and sources so that they mean the same from `directory` ("": the current one), which
-// becomes Rig::directory.
+// Rewrites relative paths of images and sources so that they mean the same from `directory` ("": the current one),
+// which becomes Rig::directory.
 void relocate(Rig& rig, const std::string& directory);
 
 // A rig of the cameras named by their index, in that order and with their ids and names; a grid stays a grid where

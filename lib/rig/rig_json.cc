@@ -101,8 +101,7 @@ ordered_json to_json(const Camera& camera) {
 
 ordered_json to_json(const Topology& topology) {
   switch (topology.type) {
-    case Topology::Type::kGrid:
-      return {{"type", "grid"}, {"rows", topology.rows}, {"columns", topology.columns}};
+    case Topology::Type::kGrid: return {{"type", "grid"}, {"rows", topology.rows}, {"columns", topology.columns}};
     case Topology::Type::kTriangles: return {{"type", "triangles"}, {"triangles", topology.triangles}};
     case Topology::Type::kDelaunay: break;
   }

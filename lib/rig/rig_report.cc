@@ -106,13 +106,12 @@ void check_mesh(const Rig& rig, std::vector<RigFinding>& findings) {
     slivers++;
     if (flat >= worst) continue;
     worst = flat;
-    worst_text = std::to_string(face.camera[0]) + ", " + std::to_string(face.camera[1]) + ", " +
-                 std::to_string(face.camera[2]);
+    worst_text =
+        std::to_string(face.camera[0]) + ", " + std::to_string(face.camera[1]) + ", " + std::to_string(face.camera[2]);
   }
   if (triangles == 0)
     findings.push_back({Severity::kError, "topology: the mesh of " + std::to_string(rig.cameras.size()) +
-                                              (rig.cameras.size() == 1 ? " camera" : " cameras") +
-                                              " has no triangle"});
+                                              (rig.cameras.size() == 1 ? " camera" : " cameras") + " has no triangle"});
   if (slivers > 0)
     findings.push_back({Severity::kWarning, "topology: " + std::to_string(slivers) + " of " +
                                                 std::to_string(triangles) +
@@ -179,11 +178,10 @@ std::vector<RigFinding> check_rig(const Rig& rig) {
     check_files(rig, i, findings);
   }
   if (!blind.empty())
-    findings.push_back({Severity::kWarning, "cameras[" + std::to_string(blind[0]) + "]" +
-                                                (blind.size() > 1 ? " and " + std::to_string(blind.size() - 1) +
-                                                                        " more have"
-                                                                  : " has") +
-                                                " neither an image nor a source"});
+    findings.push_back({Severity::kWarning,
+                        "cameras[" + std::to_string(blind[0]) + "]" +
+                            (blind.size() > 1 ? " and " + std::to_string(blind.size() - 1) + " more have" : " has") +
+                            " neither an image nor a source"});
   find_duplicates(rig, findings);
   check_mesh(rig, findings);
   return findings;

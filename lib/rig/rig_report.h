@@ -24,9 +24,9 @@ struct RigFinding {
   Severity severity;
   std::string text;  // names the place: "cameras[3].image: ..."
 };
-// What is wrong with a rig that could be loaded. Errors: an image that is missing, can't be read or has another size than
-// its camera; a source that is a file and is missing; a mesh without a triangle. Warnings: cameras without a picture,
-// equal names, several cameras at one place, slivers in the mesh. Reads every image.
+// What is wrong with a rig that could be loaded. Errors: an image that is missing, can't be read or has another size
+// than its camera; a source that is a file and is missing; a mesh without a triangle. Warnings: cameras without a
+// picture, equal names, several cameras at one place, slivers in the mesh. Reads every image.
 std::vector<RigFinding> check_rig(const Rig& rig);
 
 }  // namespace lf

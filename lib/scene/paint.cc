@@ -16,9 +16,7 @@ constexpr V3 linear(int r, int g, int b) {
   return {(r / 255.0f) * (r / 255.0f), (g / 255.0f) * (g / 255.0f), (b / 255.0f) * (b / 255.0f)};
 }
 
-V3 mix(const V3& a, const V3& b, float t) {
-  return a + t * (b - a);
-}
+V3 mix(const V3& a, const V3& b, float t) { return a + t * (b - a); }
 
 // Two texture coordinates and a pixel's width along them.
 struct Texel {
@@ -32,13 +30,9 @@ Texel project(const Surface& s, const V3& u_axis, const V3& v_axis, const V3& or
           std::abs(glm::dot(s.dx, v_axis)) + std::abs(glm::dot(s.dy, v_axis))};
 }
 
-float footprint(const Surface& s) {
-  return std::sqrt(std::max(glm::dot(s.dx, s.dx), glm::dot(s.dy, s.dy)));
-}
+float footprint(const Surface& s) { return std::sqrt(std::max(glm::dot(s.dx, s.dx), glm::dot(s.dy, s.dy))); }
 
-float grain_of(const Texel& t) {
-  return grain(t.u, t.wu, t.v, t.wv);
-}
+float grain_of(const Texel& t) { return grain(t.u, t.wu, t.v, t.wv); }
 
 // 1 inside the interval low..high of the coordinate, averaged over the width.
 float inside(float x, float w, float low, float high) {
@@ -157,10 +151,8 @@ Finish block_paint(const Block& b, const Surface& s) {
   const float nx = std::abs(glm::dot(s.normal, x_axis)), ny = std::abs(s.normal.y);
   const Texel t = project(s, nx > 0.5f ? z_axis : x_axis, ny > 0.5f ? z_axis : V3(0, 1, 0), b.centre);
   switch (b.paint) {
-    case Paint::kChart:
-      return ny > 0.5f || nx > 0.5f ? Finish{linear(96, 70, 48)} : chart_paint(t);
-    case Paint::kCrate:
-      return crate_paint(t, b.half.x);
+    case Paint::kChart: return ny > 0.5f || nx > 0.5f ? Finish{linear(96, 70, 48)} : chart_paint(t);
+    case Paint::kCrate: return crate_paint(t, b.half.x);
     case Paint::kRings: {
       const float r = std::sqrt(t.u * t.u + t.v * t.v), w = std::max(t.wu, t.wv);
       return {mix(linear(206, 176, 98), linear(92, 138, 124), stripes(r / 0.022f, w / 0.022f, 0.5f)), 0.10f};
@@ -194,14 +186,10 @@ Finish sphere_paint(const Sphere& ball, const Surface& s) {
   const V3 n = ball.local_from_world * s.normal;
   const float w = footprint(s) / ball.radius;
   switch (ball.paint) {
-    case Paint::kJoint:
-      return {linear(150, 58, 44), 0.15f};
-    case Paint::kEye:
-      return {linear(24, 22, 24), 0.6f};
-    case Paint::kBalloon:
-      return {linear(206, 70, 70), 0.5f};
-    case Paint::kGlobe:
-      return {globe_colour(n, w), 0.25f};
+    case Paint::kJoint: return {linear(150, 58, 44), 0.15f};
+    case Paint::kEye: return {linear(24, 22, 24), 0.6f};
+    case Paint::kBalloon: return {linear(206, 70, 70), 0.5f};
+    case Paint::kGlobe: return {globe_colour(n, w), 0.25f};
     case Paint::kBeachBall: {
       // Six gores around z: the sign of sin 3a is that of y (3 x^2 - y^2).
       const float wedge = n.y * (3 * n.x * n.x - n.y * n.y) / std::max(std::pow(n.x * n.x + n.y * n.y, 1.5f), 1e-6f);
@@ -219,8 +207,7 @@ Finish sphere_paint(const Sphere& ball, const Surface& s) {
                          0.6f * wave(4.1f * n.y + 2.3f * n.x, 4.7f * w) * wave(3.9f * n.x - 2 * n.z, 4.4f * w);
       return {mix(linear(78, 112, 64), linear(118, 150, 82), 0.5f + 0.45f * leaf), 0.04f};
     }
-    default:
-      return {linear(200, 200, 200), 0};
+    default: return {linear(200, 200, 200), 0};
   }
 }
 
@@ -232,12 +219,9 @@ V3 wood(float along, float w) {
 Finish capsule_paint(const Capsule& c, const Surface& s) {
   const float along = glm::dot(s.point - c.base, c.axis) / glm::length(c.axis);
   switch (c.paint) {
-    case Paint::kWood:
-      return {wood(along, footprint(s)), 0.12f};
-    case Paint::kString:
-      return {linear(70, 62, 58), 0};
-    default:
-      return {linear(122, 84, 52), 0.05f};
+    case Paint::kWood: return {wood(along, footprint(s)), 0.12f};
+    case Paint::kString: return {linear(70, 62, 58), 0};
+    default: return {linear(122, 84, 52), 0.05f};
   }
 }
 
@@ -254,8 +238,7 @@ Finish pillar_paint(const Pillar& p, const Surface& s) {
           linear(216, 208, 190) * (0.86f + 0.16f * flute) * (1 + 0.06f * grain_of({3 * z, 2 * s.point.y, w, 2 * w})),
           0.04f};
     }
-    case Paint::kPot:
-      return {linear(190, 104, 72) * (0.9f + 0.1f * wave(s.point.y / 0.07f, w / 0.07f)), 0.06f};
+    case Paint::kPot: return {linear(190, 104, 72) * (0.9f + 0.1f * wave(s.point.y / 0.07f, w / 0.07f)), 0.06f};
     case Paint::kTable:
       if (on_top) return {linear(206, 160, 104) * (1 + 0.15f * grain_of(top.scaled(12, 70))), 0.10f};
       return {mix(linear(206, 160, 104), linear(130, 90, 56), inside(s.point.y, w, p.top + 0.03f, 2)), 0.08f};
@@ -274,16 +257,11 @@ Finish paint(const Objects& objects, Kind kind, uint32_t index, const Surface& s
     case Kind::kRoom:
       if (index == 3) return floor_paint(surface);
       return index == 5 ? wall_paint(surface) : plaster(surface, index);
-    case Kind::kSphere:
-      return sphere_paint(objects.spheres[index], surface);
-    case Kind::kCapsule:
-      return capsule_paint(objects.capsules[index], surface);
-    case Kind::kPillar:
-      return pillar_paint(objects.pillars[index], surface);
-    case Kind::kBlock:
-      return block_paint(objects.blocks[index], surface);
-    case Kind::kNothing:
-      break;
+    case Kind::kSphere: return sphere_paint(objects.spheres[index], surface);
+    case Kind::kCapsule: return capsule_paint(objects.capsules[index], surface);
+    case Kind::kPillar: return pillar_paint(objects.pillars[index], surface);
+    case Kind::kBlock: return block_paint(objects.blocks[index], surface);
+    case Kind::kNothing: break;
   }
   return {};
 }

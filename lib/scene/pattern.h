@@ -22,9 +22,7 @@ inline float floor_of(float x) {
   return n > x ? n - 1 : n;
 }
 
-inline float fraction_of(float x) {
-  return x - floor_of(x);
-}
+inline float fraction_of(float x) { return x - floor_of(x); }
 
 // 0 below `low`, 1 above `high`, smooth between.
 inline float ramp(float low, float high, float x) {
@@ -47,9 +45,7 @@ inline float kept_amplitude(float w) {
 }
 
 // Cosine of period 1.
-inline float wave(float x, float w) {
-  return cos_turns(x) * kept_amplitude(w);
-}
+inline float wave(float x, float w) { return cos_turns(x) * kept_amplitude(w); }
 
 // How much of the interval of width `w` around x lies in {fraction(x) < duty}.
 inline float stripes(float x, float w, float duty) {

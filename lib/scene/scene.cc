@@ -17,9 +17,7 @@ namespace {
 using scene::V3;
 
 // Gamma 2: exact, fast and near enough to what cameras do.
-V3 encode(const V3& light) {
-  return 255.0f * glm::sqrt(glm::clamp(light, 0.0f, 1.0f));
-}
+V3 encode(const V3& light) { return 255.0f * glm::sqrt(glm::clamp(light, 0.0f, 1.0f)); }
 
 // Rays of one camera through one instant.
 class Film {

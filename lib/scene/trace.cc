@@ -57,9 +57,7 @@ float enter_pillar(const Pillar& p, const V3& origin, const V3& d, bool& on_top)
   return top;
 }
 
-V3 to_block(const Block& b, const V3& v) {
-  return {b.cosine * v.x + b.sine * v.z, v.y, b.cosine * v.z - b.sine * v.x};
-}
+V3 to_block(const Block& b, const V3& v) { return {b.cosine * v.x + b.sine * v.z, v.y, b.cosine * v.z - b.sine * v.x}; }
 V3 from_block(const Block& b, const V3& v) {
   return {b.cosine * v.x - b.sine * v.z, v.y, b.sine * v.x + b.cosine * v.z};
 }
@@ -103,9 +101,7 @@ void leave_room(const V3& origin, const V3& d, Hit& hit) {
   hit.normal[axis] = d[axis] > 0 ? -1.0f : 1.0f;
 }
 
-bool in_front(float t, float limit) {
-  return t > 0 && t < limit;
-}
+bool in_front(float t, float limit) { return t > 0 && t < limit; }
 
 void hit_groups(const Objects& o, const Ray& ray, Hit& hit) {
   for (const Group& g : o.groups) {
@@ -200,9 +196,7 @@ Hit first_hit(const Objects& o, const Ray& ray) {
 
   const V3 p = ray.origin + hit.t * ray.direction;
   switch (hit.kind) {
-    case Kind::kSphere:
-      hit.normal = glm::normalize(p - o.spheres[hit.index].centre);
-      break;
+    case Kind::kSphere: hit.normal = glm::normalize(p - o.spheres[hit.index].centre); break;
     case Kind::kCapsule: {
       const Capsule& c = o.capsules[hit.index];
       const float u = std::clamp(dot(p - c.base, c.axis) / dot(c.axis, c.axis), 0.0f, 1.0f);
@@ -214,12 +208,9 @@ Hit first_hit(const Objects& o, const Ray& ray) {
       hit.normal = on_top ? V3(0, -1, 0) : glm::normalize(V3(p.x - c.x, 0, p.z - c.z));
       break;
     }
-    case Kind::kBlock:
-      hit.normal = block_normal;
-      break;
+    case Kind::kBlock: hit.normal = block_normal; break;
     case Kind::kRoom:
-    case Kind::kNothing:
-      break;
+    case Kind::kNothing: break;
   }
   return hit;
 }

@@ -62,8 +62,8 @@ std::vector<NamedView> make_tour(const Rig& rig, const FocusRange& focus, const 
     Viewpoint v = home;
     // Never more than half-way to what is in focus, however large the array.
     const double forward = std::min(key.z * reach, focus.near / 2);
-    v.pose.position += key.x * extent_x * home.pose.right() + key.y * extent_y * home.pose.down() +
-                       forward * home.pose.forward();
+    v.pose.position +=
+        key.x * extent_x * home.pose.right() + key.y * extent_y * home.pose.down() + forward * home.pose.forward();
     v.fov_y_deg = 2 * std::atan(half_y) * (180 / M_PI);
     v.focus_distance = focus.near * std::pow(focus.far / focus.near, key.focus) - forward;
     keys.push_back({"", seconds * i / (kNumKeys - 1), make_view(clamped(v), width, height)});

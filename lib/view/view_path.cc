@@ -32,12 +32,8 @@ struct Segment {
   }
 };
 
-Vec4 as_vec(const Quat& q) {
-  return {q.w, q.x, q.y, q.z};
-}
-Vec4 as_vec(const Plane& p) {
-  return {p.normal, p.d};
-}
+Vec4 as_vec(const Quat& q) { return {q.w, q.x, q.y, q.z}; }
+Vec4 as_vec(const Plane& p) { return {p.normal, p.d}; }
 
 // The plane's distance along the optical axis if it faces the view, else 0.
 double facing_distance(const View& view) {

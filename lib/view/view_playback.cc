@@ -7,9 +7,7 @@
 namespace lf {
 namespace {
 
-uint64_t nanoseconds(double seconds) {
-  return static_cast<uint64_t>(std::llround(seconds * 1e9));
-}
+uint64_t nanoseconds(double seconds) { return static_cast<uint64_t>(std::llround(seconds * 1e9)); }
 
 }  // namespace
 

@@ -13,12 +13,12 @@ inline constexpr uint64_t kNoTime = UINT64_MAX;
 // The whole state of one view: no history is needed to answer it.
 struct ViewRequest {
   uint32_t view_id = 0;
-  uint32_t sequence = 0;          // of this view; grows by one per request, wraps
-  uint64_t target_time = 0;       // nanoseconds; capture time wanted, or kNoTime: the newest frame there is
-  bool absolute_time = false;     // target_time is clock time (live), else running time from 0 (files)
+  uint32_t sequence = 0;       // of this view; grows by one per request, wraps
+  uint64_t target_time = 0;    // nanoseconds; capture time wanted, or kNoTime: the newest frame there is
+  bool absolute_time = false;  // target_time is clock time (live), else running time from 0 (files)
   View view;
-  uint8_t quality = 0;            // of fragment payloads: 0 raw; 1..100 reserved for JPEG
-  uint64_t rig_hash = 0;          // of the rig the view was made for; 0: any
+  uint8_t quality = 0;    // of fragment payloads: 0 raw; 1..100 reserved for JPEG
+  uint64_t rig_hash = 0;  // of the rig the view was made for; 0: any
   CameraSet out_of_service;
   bool operator==(const ViewRequest&) const = default;
 };

@@ -87,7 +87,8 @@ std::vector<NamedView> parse_views(const std::string& text, const std::string& n
   std::map<std::string, size_t> index_of_name;
   for (const JsonValue& value : file.at("views").elements()) {
     NamedView view = parse_view(value, views.size());
-    if (!views.empty() && view.time < views.back().time) value.fail_inside("time: is before that of the view in front of it");
+    if (!views.empty() && view.time < views.back().time)
+      value.fail_inside("time: is before that of the view in front of it");
     const auto [same, is_new] = index_of_name.emplace(view.name, views.size());
     if (!is_new) value.fail("name \"" + view.name + "\" is also that of views[" + std::to_string(same->second) + "]");
     views.push_back(std::move(view));

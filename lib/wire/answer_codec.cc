@@ -44,9 +44,7 @@ void check_fragment(const Answer& answer, CameraIndex camera, const Rect& rect) 
     throw Error("rectangle: x and y must be even in YCbCr");
 }
 
-size_t area(const Rect& rect) {
-  return static_cast<size_t>(rect.width()) * rect.height();
-}
+size_t area(const Rect& rect) { return static_cast<size_t>(rect.width()) * rect.height(); }
 
 // "fragments[3].rectangle: ..."
 template <typename F>

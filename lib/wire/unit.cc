@@ -8,12 +8,8 @@
 namespace lf::wire {
 namespace {
 
-size_t max_size(UnitKind kind) {
-  return kind == UnitKind::kRequest ? kMaxRequestBytes : kMaxAnswerBytes;
-}
-const char* name(UnitKind kind) {
-  return kind == UnitKind::kRequest ? "request" : "answer";
-}
+size_t max_size(UnitKind kind) { return kind == UnitKind::kRequest ? kMaxRequestBytes : kMaxAnswerBytes; }
+const char* name(UnitKind kind) { return kind == UnitKind::kRequest ? "request" : "answer"; }
 
 std::optional<UnitKind> kind_of(std::span<const uint8_t> bytes) {
   if (!std::equal(std::begin(kMagicPrefix), std::end(kMagicPrefix), bytes.begin())) return std::nullopt;

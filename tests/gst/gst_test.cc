@@ -9,9 +9,7 @@
 
 namespace lf::test {
 
-GstBuffer* to_buffer(const std::vector<uint8_t>& bytes) {
-  return gst_buffer_new_memdup(bytes.data(), bytes.size());
-}
+GstBuffer* to_buffer(const std::vector<uint8_t>& bytes) { return gst_buffer_new_memdup(bytes.data(), bytes.size()); }
 
 std::vector<uint8_t> to_bytes(GstBuffer* buffer) {
   std::vector<uint8_t> bytes(gst_buffer_get_size(buffer));

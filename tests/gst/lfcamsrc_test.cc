@@ -173,9 +173,7 @@ struct SourceCase {
   GstVideoFormat format;
   Moves moves;
 };
-void PrintTo(const SourceCase& c, std::ostream* out) {
-  *out << c.name;
-}
+void PrintTo(const SourceCase& c, std::ostream* out) { *out << c.name; }
 
 const SourceCase kSources[] = {
     {"mjpeg_in_matroska", "mjpeg.mkv", "", GST_VIDEO_FORMAT_I420, Moves::kYes},

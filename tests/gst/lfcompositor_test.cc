@@ -22,9 +22,11 @@ constexpr uint64_t kFrame = 100 * GST_MSECOND;
 // lfcompositor with its request and src pads in one harness and a harness for each node.
 class LfCompositorTest : public testing::Test {
  protected:
-  void start(int nodes, const std::vector<std::pair<std::string, std::string>>& properties = {}, const char* sink_caps = nullptr) {
+  void start(int nodes, const std::vector<std::pair<std::string, std::string>>& properties = {},
+             const char* sink_caps = nullptr) {
     element_.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfcompositor", nullptr))));
-    for (const auto& [name, value] : properties) gst_util_set_object_arg(G_OBJECT(element_.get()), name.c_str(), value.c_str());
+    for (const auto& [name, value] : properties)
+      gst_util_set_object_arg(G_OBJECT(element_.get()), name.c_str(), value.c_str());
     harness_.reset(gst_harness_new_with_element(element_.get(), "request", "src"));
     gst_harness_set_live(harness_.get(), FALSE);
     if (sink_caps) gst_harness_set_sink_caps_str(harness_.get(), sink_caps);
@@ -50,7 +52,8 @@ class LfCompositorTest : public testing::Test {
     const RenderJob job(rig, build_mesh(rig, request.out_of_service), request.view, cameras);
     Image image(family, ArrayFixture::kWidth, ArrayFixture::kHeight);
     std::fill(image.data().begin(), image.data().end(), uint8_t{128});
-    const size_t grey_bytes = family == PixelFamily::kRgb ? image.data().size() : ArrayFixture::kWidth * ArrayFixture::kHeight;
+    const size_t grey_bytes =
+        family == PixelFamily::kRgb ? image.data().size() : ArrayFixture::kWidth * ArrayFixture::kHeight;
     std::fill_n(image.data().begin(), grey_bytes, grey);
     wire::Answer answer;
     answer.view_id = request.view_id;
@@ -61,14 +64,16 @@ class LfCompositorTest : public testing::Test {
     answer.target_time = answer.actual_time = request.target_time;
     answer.rig_hash = rig.hash();
     for (const CameraIndex camera : job.cameras()) {
-      auto fragment = make_scalar_renderer()->render(job.plan(), job.owners(), camera, rig.cameras[camera], image.view());
+      auto fragment =
+          make_scalar_renderer()->render(job.plan(), job.owners(), camera, rig.cameras[camera], image.view());
       if (fragment) answer.fragments.push_back(std::move(*fragment));
     }
     return answer;
   }
 
   void push(int node, const wire::Answer& answer) {
-    ASSERT_EQ(gst_harness_push(nodes_[static_cast<size_t>(node)].get(), to_buffer(wire::encode_answer(answer))), GST_FLOW_OK);
+    ASSERT_EQ(gst_harness_push(nodes_[static_cast<size_t>(node)].get(), to_buffer(wire::encode_answer(answer))),
+              GST_FLOW_OK);
   }
 
   std::vector<uint8_t> pull() {
@@ -240,9 +245,10 @@ TEST_F(LfCompositorTest, EndOfRequestsEndsTheOutput) {
 
 TEST_F(LfCompositorTest, NavigationGoesToTheRequestsAloneAndIsTagged) {
   start(1, {{"view-id", "6"}});
-  gst_harness_push_upstream_event(harness_.get(), gst_event_new_navigation(gst_structure_new(
-                                                      "application/x-gst-navigation", "event", G_TYPE_STRING, "mouse-move",
-                                                      "pointer_x", G_TYPE_DOUBLE, 1.0, "pointer_y", G_TYPE_DOUBLE, 2.0, nullptr)));
+  gst_harness_push_upstream_event(
+      harness_.get(), gst_event_new_navigation(gst_structure_new("application/x-gst-navigation", "event", G_TYPE_STRING,
+                                                                 "mouse-move", "pointer_x", G_TYPE_DOUBLE, 1.0,
+                                                                 "pointer_y", G_TYPE_DOUBLE, 2.0, nullptr)));
   GstEvent* event = nullptr;
   for (int i = 0; i < 10; i++) {
     event = gst_harness_try_pull_upstream_event(harness_.get());

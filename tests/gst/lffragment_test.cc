@@ -150,7 +150,8 @@ TEST_F(LfFragmentTest, FilesAreReadNoFasterThanRequestsMoveOn) {
   std::atomic<int> pushed{0};
   std::thread camera([this, &pushed] {
     for (int i = 0; i < 6; i++, pushed++)
-      ASSERT_EQ(gst_harness_push(cameras_[0].get(), ArrayFixture::frame("RGB", 9, static_cast<uint64_t>(i) * kFrame)), GST_FLOW_OK);
+      ASSERT_EQ(gst_harness_push(cameras_[0].get(), ArrayFixture::frame("RGB", 9, static_cast<uint64_t>(i) * kFrame)),
+                GST_FLOW_OK);
   });
   g_usleep(100000);
   EXPECT_LE(pushed, 2);
@@ -190,7 +191,8 @@ TEST_F(LfFragmentTest, I420StaysI420) {
 TEST_F(LfFragmentTest, LimitedRangeIsConverted) {
   start(0);
   cameras_.emplace_back(gst_harness_new_with_element(element_.get(), "sink_0", nullptr));
-  gst_harness_set_src_caps_str(cameras_[0].get(), "video/x-raw,format=I420,width=32,height=24,framerate=10/1,colorimetry=bt601");
+  gst_harness_set_src_caps_str(cameras_[0].get(),
+                               "video/x-raw,format=I420,width=32,height=24,framerate=10/1,colorimetry=bt601");
   gst_harness_push(cameras_[0].get(), ArrayFixture::frame("I420", 235, 0));  // white of the limited range
   const ViewRequest asked = array_.request(0, 0);
   ASSERT_EQ(request(asked), GST_FLOW_OK);

@@ -45,7 +45,8 @@ Image render_without_gstreamer(const Rig& rig, const View& view, const std::vect
 // The line that the README leads with.
 std::string files_in_files_out(const std::string& rig, const std::string& views, const std::string& out) {
   return "lfviewrequest location=" + views + " ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" + rig +
-         " ! c.sink_0  r. ! queue ! c.request  lfcompositor name=c ! videoconvert ! pngenc ! multifilesink location=" + out;
+         " ! c.sink_0  r. ! queue ! c.request  lfcompositor name=c ! videoconvert ! pngenc ! multifilesink location=" +
+         out;
 }
 
 // A 3x3 array of the built-in scene as PNG stills, with a path of three views.
@@ -94,11 +95,15 @@ TEST_F(StillArray, ThePipelineGivesTheLibrarysPictures) {
 
 TEST_F(StillArray, TwoNodesGiveTheSamePicturesAsOne) {
   const std::string rig = dir_ / "rig.json", views = dir_ / "views.json";
-  ASSERT_EQ(gst_launch("lfviewrequest location=" + views + " ! tee name=r r. ! queue ! n.request lfcameranode name=n rig=" + rig +
-                       " ! c.sink_0 r. ! queue ! c.request lfcompositor name=c ! filesink location=" + dir_ / "one.raw").status, 0);
+  ASSERT_EQ(gst_launch("lfviewrequest location=" + views +
+                       " ! tee name=r r. ! queue ! n.request lfcameranode name=n rig=" + rig +
+                       " ! c.sink_0 r. ! queue ! c.request lfcompositor name=c ! filesink location=" + dir_ / "one.raw")
+                .status,
+            0);
   const Launched run = gst_launch(
-      "lfviewrequest location=" + views + " ! tee name=r r. ! queue ! a.request lfcameranode name=a node=0 cameras=0-3 rig=" +
-      rig + " ! queue ! c.sink_0 r. ! queue ! b.request lfcameranode name=b node=1 cameras=4-8 rig=" + rig +
+      "lfviewrequest location=" + views +
+      " ! tee name=r r. ! queue ! a.request lfcameranode name=a node=0 cameras=0-3 rig=" + rig +
+      " ! queue ! c.sink_0 r. ! queue ! b.request lfcameranode name=b node=1 cameras=4-8 rig=" + rig +
       " ! queue ! c.sink_1 r. ! queue ! c.request lfcompositor name=c ! filesink location=" + dir_ / "two.raw");
   ASSERT_EQ(run.status, 0) << run.output;
   const std::vector<uint8_t> one = read_bytes(dir_ / "one.raw");
@@ -108,10 +113,12 @@ TEST_F(StillArray, TwoNodesGiveTheSamePicturesAsOne) {
 
 TEST_F(StillArray, RequestsAndAnswersTravelThroughFiles) {
   const std::string rig = dir_ / "rig.json", requests = dir_ / "path.lfq", answers = dir_ / "path.lfa";
-  Launched run = gst_launch("lfviewrequest rig=" + rig + " location=" + dir_ / "views.json" + " ! filesink location=" + requests);
+  Launched run =
+      gst_launch("lfviewrequest rig=" + rig + " location=" + dir_ / "views.json" + " ! filesink location=" + requests);
   ASSERT_EQ(run.status, 0) << run.output;
-  run = gst_launch("filesrc location=" + requests + " blocksize=97 ! lfparse ! n.request lfcameranode name=n rig=" + rig +
-                   " ! filesink location=" + answers);
+  run =
+      gst_launch("filesrc location=" + requests + " blocksize=97 ! lfparse ! n.request lfcameranode name=n rig=" + rig +
+                 " ! filesink location=" + answers);
   ASSERT_EQ(run.status, 0) << run.output;
   run = gst_launch("filesrc location=" + requests + " ! lfparse ! c.request filesrc location=" + answers +
                    " ! lfparse ! c.sink_0 lfcompositor name=c rig=" + rig +
@@ -124,8 +131,8 @@ TEST_F(StillArray, RequestsAndAnswersTravelThroughFiles) {
 }
 
 TEST_F(StillArray, NothingLeaks) {
-  const Launched run = gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "views.json", dir_ / "out_%02d.png"), "-q",
-                                  "GST_TRACERS=leaks GST_DEBUG=GST_TRACER:7,leaks:7 GST_DEBUG_NO_COLOR=1");
+  const Launched run = gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "views.json", dir_ / "out_%02d.png"),
+                                  "-q", "GST_TRACERS=leaks GST_DEBUG=GST_TRACER:7,leaks:7 GST_DEBUG_NO_COLOR=1");
   ASSERT_EQ(run.status, 0) << run.output;
   EXPECT_THAT(run.output, HasSubstr("object-alive, type-name=(string)%s"));  // the tracer is there and says its format
   EXPECT_THAT(run.output, testing::Not(testing::ContainsRegex("object-alive, type-name=.string.[A-Za-z]")));
@@ -161,9 +168,10 @@ TEST_F(StillArray, OddTinyAndOneCameraViewsRender) {
   views[1].view.height = 17;
   views[1].view.lens = Lens::from_fov_y(30, 33, 17);
   save_views(views, dir_ / "tiny.json");
-  const std::string line = "lfviewrequest location=" + dir_ / "tiny.json" +
-                           " ! tee name=r r. ! queue ! n.request lfcameranode name=n rig=" + dir_ / "one.json" +
-                           " ! c.sink_0 r. ! queue ! c.request lfcompositor name=c ! filesink location=" + dir_ / "tiny.raw";
+  const std::string line =
+      "lfviewrequest location=" + dir_ / "tiny.json" +
+      " ! tee name=r r. ! queue ! n.request lfcameranode name=n rig=" + dir_ / "one.json" +
+      " ! c.sink_0 r. ! queue ! c.request lfcompositor name=c ! filesink location=" + dir_ / "tiny.raw";
   for (const size_t cameras : {9, 2, 1}) {
     std::vector<CameraIndex> some(cameras);
     for (CameraIndex i = 0; i < cameras; i++) some[i] = i;
@@ -178,7 +186,9 @@ TEST_F(StillArray, OddTinyAndOneCameraViewsRender) {
 TEST(FilmPipeline, MovingScene) {
   const TempDir dir;
   ASSERT_EQ(std::system((LF_TOOLS_DIR "/lf-scene --grid 3x3 --width 160 --height 120 --frames 6 --framerate 15 --out " +
-                         dir.path().string() + " >/dev/null 2>&1").c_str()), 0);
+                         dir.path().string() + " >/dev/null 2>&1")
+                            .c_str()),
+            0);
   std::vector<NamedView> views;
   for (int i = 0; i < 6; i++) {
     NamedView view{"view_" + std::to_string(i), i / 15.0, {}};
@@ -190,9 +200,10 @@ TEST(FilmPipeline, MovingScene) {
     views.push_back(view);
   }
   save_views(views, dir / "views.json");
-  const std::string line = "lfviewrequest location=" + dir / "views.json" +
-                           " ! tee name=r r. ! queue ! n.request lfcameranode name=n rig=" + dir / "rig.json" +
-                           " ! c.sink_0 r. ! queue ! c.request lfcompositor name=c ! video/x-raw,format=I420 ! filesink location=";
+  const std::string line =
+      "lfviewrequest location=" + dir / "views.json" +
+      " ! tee name=r r. ! queue ! n.request lfcameranode name=n rig=" + dir / "rig.json" +
+      " ! c.sink_0 r. ! queue ! c.request lfcompositor name=c ! video/x-raw,format=I420 ! filesink location=";
   const Launched run = gst_launch(line + dir / "a.raw");
   ASSERT_EQ(run.status, 0) << run.output;
   const std::vector<uint8_t> film = read_bytes(dir / "a.raw");
@@ -204,7 +215,8 @@ TEST(FilmPipeline, MovingScene) {
     const View& view = views[i].view;
     const Image truth = render_scene({view.width, view.height, view.lens, view.pose}, views[i].time);
     const Quality quality = compare(to_rgb(picture), truth);
-    std::printf("frame %zu: %.2f dB, SSIM %.3f, largest error %d\n", i, quality.psnr_db, quality.ssim, quality.max_error);
+    std::printf("frame %zu: %.2f dB, SSIM %.3f, largest error %d\n", i, quality.psnr_db, quality.ssim,
+                quality.max_error);
     EXPECT_GT(quality.psnr_db, 20) << i;
   }
   // Files in, files out: the same on every run.
@@ -226,7 +238,8 @@ TEST(ChessPipeline, GivesTheLibrarysPictures) {
     const Image picture = load_image(dir / ("out_0" + std::to_string(i) + ".png"));
     const Image expected = render_without_gstreamer(rig, views[i].view, images);
     size_t off_by_more = 0;
-    for (size_t k = 0; k < picture.data().size(); k++) off_by_more += std::abs(picture.data()[k] - expected.data()[k]) > 1;
+    for (size_t k = 0; k < picture.data().size(); k++)
+      off_by_more += std::abs(picture.data()[k] - expected.data()[k]) > 1;
     EXPECT_LE(static_cast<double>(off_by_more), 0.001 * static_cast<double>(picture.data().size())) << views[i].name;
   }
 }

@@ -105,8 +105,8 @@ class FilmFolder {
   FilmFolder() : before_(fs::current_path()) {
     const std::string tools = LF_TOOLS_DIR, scene = folder_ / "scene";
     const std::string film = tools + "/lf-scene --out '" + scene + "' --width 48 --height 36 --frames 8 >&2";
-    const std::string path = tools + "/lf-path --rig '" + scene + "/rig.json' --out '" + scene +
-                             "/views.json' --frames 8 >&2";
+    const std::string path =
+        tools + "/lf-path --rig '" + scene + "/rig.json' --out '" + scene + "/views.json' --frames 8 >&2";
     ready_ = std::system(film.c_str()) == 0 && std::system(path.c_str()) == 0;
     if (ready_) fs::current_path(scene);
   }
@@ -158,8 +158,8 @@ std::string run_line(std::string line, size_t expected_sinks, int pictures) {
   // A line with an end is run to it, so that what it writes is whole.
   const bool endless = line.find("is-live=true") != std::string::npos;
   while (result.empty() && !ended && !(endless && enough())) {
-    GstMessage* message = gst_bus_timed_pop_filtered(bus, 50 * GST_MSECOND,
-                                                     GstMessageType(GST_MESSAGE_ERROR | GST_MESSAGE_EOS));
+    GstMessage* message =
+        gst_bus_timed_pop_filtered(bus, 50 * GST_MSECOND, GstMessageType(GST_MESSAGE_ERROR | GST_MESSAGE_EOS));
     if (message && GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) {
       GError* error = nullptr;
       gst_message_parse_error(message, &error, nullptr);

@@ -32,12 +32,13 @@ class ViewersTest : public testing::Test {
 
   std::string viewer(int id) const {
     const std::string n = std::to_string(id);
-    return " t. ! queue leaky=downstream ! c" + n + ".sink_0  r. ! queue leaky=downstream ! c" + n + ".request  lfcompositor name=c" +
-           n + " view-id=" + n + " ! fakesink name=s" + n + " sync=false signal-handoffs=true";
+    return " t. ! queue leaky=downstream ! c" + n + ".sink_0  r. ! queue leaky=downstream ! c" + n +
+           ".request  lfcompositor name=c" + n + " view-id=" + n + " ! fakesink name=s" + n +
+           " sync=false signal-handoffs=true";
   }
   std::string requests(int id) const {
-    return " lfviewrequest name=v" + std::to_string(id) + " view-id=" + std::to_string(id) + " rig=" + dir_ / "rig.json" +
-           " is-live=true framerate=20/1 ! f.";
+    return " lfviewrequest name=v" + std::to_string(id) + " view-id=" + std::to_string(id) +
+           " rig=" + dir_ / "rig.json" + " is-live=true framerate=20/1 ! f.";
   }
 
   TempDir dir_;
@@ -55,8 +56,9 @@ int pictures_in(std::atomic<int>& counter, double seconds) {
 
 TEST_F(ViewersTest, TwoViewersFlyAndStallAlone) {
   const ElementPtr pipeline =
-      launch(requests(1) + requests(2) + " funnel name=f ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" +
-             dir_ / "rig.json" + " ! tee name=t " + viewer(1) + viewer(2));
+      launch(requests(1) + requests(2) +
+             " funnel name=f ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" + dir_ / "rig.json" +
+             " ! tee name=t " + viewer(1) + viewer(2));
   ASSERT_TRUE(pipeline);
   std::atomic<int> shown[2] = {0, 0};
   for (int i : {0, 1}) {
@@ -77,8 +79,9 @@ TEST_F(ViewersTest, TwoViewersFlyAndStallAlone) {
   };
   const double x1 = x_of(v1), x2 = x_of(v2);
   GstPad* src = gst_element_get_static_pad(c1.get(), "src");
-  gst_pad_send_event(src, gst_event_new_navigation(gst_structure_new("application/x-gst-navigation", "event", G_TYPE_STRING,
-                                                                     "key-press", "key", G_TYPE_STRING, "Right", nullptr)));
+  gst_pad_send_event(src,
+                     gst_event_new_navigation(gst_structure_new("application/x-gst-navigation", "event", G_TYPE_STRING,
+                                                                "key-press", "key", G_TYPE_STRING, "Right", nullptr)));
   gst_object_unref(src);
   EXPECT_NE(x_of(v1), x1);
   EXPECT_EQ(x_of(v2), x2);
@@ -88,7 +91,8 @@ TEST_F(ViewersTest, TwoViewersFlyAndStallAlone) {
   const ElementPtr s2 = child(pipeline.get(), "s2");
   GstPad* stalled = gst_element_get_static_pad(s2.get(), "sink");
   const gulong probe = gst_pad_add_probe(
-      stalled, GST_PAD_PROBE_TYPE_BLOCK_DOWNSTREAM, [](GstPad*, GstPadProbeInfo*, gpointer) { return GST_PAD_PROBE_OK; }, nullptr, nullptr);
+      stalled, GST_PAD_PROBE_TYPE_BLOCK_DOWNSTREAM,
+      [](GstPad*, GstPadProbeInfo*, gpointer) { return GST_PAD_PROBE_OK; }, nullptr, nullptr);
   pictures_in(shown[1], 0.3);
   const int stalled_before = shown[1];
   const int after = pictures_in(shown[0], 1);
@@ -111,8 +115,9 @@ long resident_kib() {
 TEST_F(ViewersTest, StartsAndStopsWithoutGrowing) {
   const char* setting = std::getenv("LF_CYCLES");
   const int cycles = setting ? std::atoi(setting) : 40;
-  const ElementPtr pipeline = launch(requests(1) + " funnel name=f ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" +
-                                     dir_ / "rig.json" + " ! tee name=t " + viewer(1));
+  const ElementPtr pipeline =
+      launch(requests(1) + " funnel name=f ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" +
+             dir_ / "rig.json" + " ! tee name=t " + viewer(1));
   ASSERT_TRUE(pipeline);
   long warm = 0;
   for (int i = 0; i < cycles; i++) {
@@ -122,7 +127,8 @@ TEST_F(ViewersTest, StartsAndStopsWithoutGrowing) {
     ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_NULL), GST_STATE_CHANGE_FAILURE) << i;
   }
   const long grown = resident_kib() - warm;
-  std::printf("%d cycles: resident memory grew by %ld KiB after the first quarter, to %ld KiB\n", cycles, grown, resident_kib());
+  std::printf("%d cycles: resident memory grew by %ld KiB after the first quarter, to %ld KiB\n", cycles, grown,
+              resident_kib());
   EXPECT_LT(grown, 8 * 1024);
 }
 

@@ -106,9 +106,7 @@ Camera make_camera(uint32_t id, int width, int height, const Lens& lens, const P
   return camera;
 }
 
-Lens grid_lens() {
-  return Lens::from_fov_y(60, kImageWidth, kImageHeight);
-}
+Lens grid_lens() { return Lens::from_fov_y(60, kImageWidth, kImageHeight); }
 
 Rig planar_grid(int rows, int columns, double pitch) {
   Rig rig;
@@ -123,24 +121,20 @@ Rig planar_grid(int rows, int columns, double pitch) {
 
 Rig random_rig(Random& random) {
   switch (random.integer(0, 5)) {
-    case 0:
-      return jittered_grid(random);
+    case 0: return jittered_grid(random);
     case 1: {
       Rig rig = jittered_grid(random);
       rig.topology = {};
       return rig;
     }
-    case 2:
-      return round_rig(random, false);
-    case 3:
-      return round_rig(random, true);
+    case 2: return round_rig(random, false);
+    case 3: return round_rig(random, true);
     case 4: {
       Rig rig = soup(random);
       rig.topology = {};
       return rig;
     }
-    default:
-      return soup(random);
+    default: return soup(random);
   }
 }
 
@@ -149,14 +143,10 @@ Lens random_lens(Random& random, int width, int height) {
                cy = (height - 1) / 2.0 + random.uniform(-2, 2);
   const double k1 = random.uniform(-0.3, 0.2), k2 = random.uniform(-0.05, 0.1);
   switch (random.integer(0, 4)) {
-    case 0:
-      return Lens(LensModel::kSimplePinhole, {f, cx, cy});
-    case 1:
-      return Lens(LensModel::kPinhole, {f, f * random.uniform(0.9, 1.1), cx, cy});
-    case 2:
-      return Lens(LensModel::kSimpleRadial, {f, cx, cy, k1});
-    case 3:
-      return Lens(LensModel::kRadial, {f, cx, cy, k1, k2});
+    case 0: return Lens(LensModel::kSimplePinhole, {f, cx, cy});
+    case 1: return Lens(LensModel::kPinhole, {f, f * random.uniform(0.9, 1.1), cx, cy});
+    case 2: return Lens(LensModel::kSimpleRadial, {f, cx, cy, k1});
+    case 3: return Lens(LensModel::kRadial, {f, cx, cy, k1, k2});
     default:
       return Lens(LensModel::kOpenCv, {f, f * random.uniform(0.9, 1.1), cx, cy, k1, k2, random.uniform(-0.01, 0.01),
                                        random.uniform(-0.01, 0.01)});
@@ -171,20 +161,11 @@ View random_view(Random& random, const Rig& rig, int width, int height) {
       random.one_in(5) ? random_lens(random, width, height) : Lens::from_fov_y(random.uniform(10, 120), width, height);
   const Camera& near = rig.cameras[random.integer(0, static_cast<int>(rig.cameras.size()) - 1)];
   switch (random.integer(0, 4)) {
-    case 0:
-      view.pose = {random.point_in_box(2), random.orientation()};
-      break;
-    case 1:
-      view.pose = near.pose;
-      break;
-    case 2:
-      view.pose = {near.pose.position + random.point_in_box(0.3), near.pose.orientation};
-      break;
-    case 3:
-      view.pose = {near.pose.position - random.uniform(0, 2) * near.pose.forward(), near.pose.orientation};
-      break;
-    default:
-      view.pose = {near.pose.position + random.point_in_box(0.5), random.orientation()};
+    case 0: view.pose = {random.point_in_box(2), random.orientation()}; break;
+    case 1: view.pose = near.pose; break;
+    case 2: view.pose = {near.pose.position + random.point_in_box(0.3), near.pose.orientation}; break;
+    case 3: view.pose = {near.pose.position - random.uniform(0, 2) * near.pose.forward(), near.pose.orientation}; break;
+    default: view.pose = {near.pose.position + random.point_in_box(0.5), random.orientation()};
   }
   if (random.one_in(2)) view.pose.orientation = glm::normalize(view.pose.orientation * random.small_rotation(0.5));
   const double distance = random.uniform(0.2, 5);

@@ -9,12 +9,8 @@ namespace {
 
 constexpr Real kInfinity = std::numeric_limits<Real>::infinity();
 
-V3 centre(const Rig& rig, CameraIndex camera) {
-  return to_v3(rig.cameras[camera].pose.position);
-}
-V3 axis(const Rig& rig, CameraIndex camera) {
-  return rotate(rig.cameras[camera].pose.orientation, V3{0, 0, 1});
-}
+V3 centre(const Rig& rig, CameraIndex camera) { return to_v3(rig.cameras[camera].pose.position); }
+V3 axis(const Rig& rig, CameraIndex camera) { return rotate(rig.cameras[camera].pose.orientation, V3{0, 0, 1}); }
 
 // What rounding errors of d . (a x b) are proportional to in good double arithmetic, a x b = a x (b - a), and at least
 // in this one: 2^-11 is how much finer an 80-bit real is.

@@ -13,21 +13,11 @@ struct V3 {
   Real x = 0, y = 0, z = 0;
 };
 
-inline V3 operator+(const V3& a, const V3& b) {
-  return {a.x + b.x, a.y + b.y, a.z + b.z};
-}
-inline V3 operator-(const V3& a, const V3& b) {
-  return {a.x - b.x, a.y - b.y, a.z - b.z};
-}
-inline V3 operator*(Real s, const V3& a) {
-  return {s * a.x, s * a.y, s * a.z};
-}
-inline Real dot(const V3& a, const V3& b) {
-  return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-inline Real norm(const V3& a) {
-  return std::sqrt(dot(a, a));
-}
+inline V3 operator+(const V3& a, const V3& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+inline V3 operator-(const V3& a, const V3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+inline V3 operator*(Real s, const V3& a) { return {s * a.x, s * a.y, s * a.z}; }
+inline Real dot(const V3& a, const V3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline Real norm(const V3& a) { return std::sqrt(dot(a, a)); }
 inline V3 cross(const V3& a, const V3& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }

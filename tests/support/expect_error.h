@@ -18,5 +18,5 @@ inline std::string text_of_error(const std::function<void()>& action) {
 }
 
 // Expects an lf::Error whose text contains `part`. (gmock's ThrowsMessage compiles several times as long.)
-#define EXPECT_ERROR(statement, part)                                                                        \
+#define EXPECT_ERROR(statement, part) \
   EXPECT_PRED_FORMAT2(::testing::IsSubstring, std::string(part), text_of_error([&] { (void)(statement); }))

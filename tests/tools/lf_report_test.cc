@@ -60,14 +60,15 @@ class LfReport : public testing::Test {
     file << "9.5 Setting pipeline to PLAYING ...\n";
     int sequence = 0;
     for (const Message& m : messages)
-      file << std::fixed << m.clock << " Got message #9 from element \"c\" (element): lightfield-view, view-id=(uint)0, "
+      file << std::fixed << m.clock
+           << " Got message #9 from element \"c\" (element): lightfield-view, view-id=(uint)0, "
            << "sequence=(uint)" << sequence++ << ", pts=(guint64)0, complete=(boolean)true, fragments=(uint)3, "
            << "missing=(uint)0, bytes=(guint64)" << m.bytes << ", skew-ns=(guint64)0, latency-ns=(guint64)"
            << m.latency_ns << ", composite-ns=(guint64)1;\n";
   }
   Outcome report(const std::string& more = "") {
-    return run_program("lf-report",
-                       "--rig rig.json --views views.json --frames frames.rgb --log log --out out " + more, dir_.path());
+    return run_program("lf-report", "--rig rig.json --views views.json --frames frames.rgb --log log --out out " + more,
+                       dir_.path());
   }
   nlohmann::json figures() const { return nlohmann::json::parse(read_text_file(dir_ / "out/report.json")); }
 

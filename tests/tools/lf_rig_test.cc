@@ -23,16 +23,16 @@ Outcome lf_rig(const std::string& arguments, const std::string& directory = ".")
   return run_program("lf-rig", arguments, directory);
 }
 
-#define EXPECT_SUCCESS(outcome)                       \
-  do {                                                \
-    const Outcome o = (outcome);                      \
-    EXPECT_EQ(o.status, 0) << o.output;               \
+#define EXPECT_SUCCESS(outcome)         \
+  do {                                  \
+    const Outcome o = (outcome);        \
+    EXPECT_EQ(o.status, 0) << o.output; \
   } while (false)
-#define EXPECT_FAILURE(outcome, text)                 \
-  do {                                                \
-    const Outcome o = (outcome);                      \
-    EXPECT_EQ(o.status, 1) << o.output;               \
-    EXPECT_THAT(o.output, HasSubstr(text));           \
+#define EXPECT_FAILURE(outcome, text)       \
+  do {                                      \
+    const Outcome o = (outcome);            \
+    EXPECT_EQ(o.status, 1) << o.output;     \
+    EXPECT_THAT(o.output, HasSubstr(text)); \
   } while (false)
 
 const fs::path kData = fs::path(LF_SOURCE_ROOT) / "../shared/data";
@@ -62,11 +62,10 @@ TEST(LfRig, NewMakesARigThatInfoDescribes) {
   EXPECT_EQ(info.status, 0);
   char hash[20];
   std::snprintf(hash, sizeof(hash), "%016llx", static_cast<unsigned long long>(rig.hash()));
-  const std::vector<std::string> texts = {"20 (0 with an image", hash,     "grid of 4x5", "24 triangles",
-                                          "0.2 x 0.15 x 0 m",    "0.25 m", "0.05 m",
-                                          "RADIAL, f 415.692 px, 20 cameras of 640x480"};
-  for (const std::string& text : texts)
-    EXPECT_THAT(info.output, HasSubstr(text));
+  const std::vector<std::string> texts = {
+      "20 (0 with an image", hash,     "grid of 4x5", "24 triangles",
+      "0.2 x 0.15 x 0 m",    "0.25 m", "0.05 m",      "RADIAL, f 415.692 px, 20 cameras of 640x480"};
+  for (const std::string& text : texts) EXPECT_THAT(info.output, HasSubstr(text));
 }
 
 TEST(LfRig, NewRefusesNonsense) {

@@ -23,9 +23,7 @@ Fragment blank(PixelFamily family, const Rect& rect) {
   return f;
 }
 
-size_t area(const Rect& r) {
-  return static_cast<size_t>(r.width()) * r.height();
-}
+size_t area(const Rect& r) { return static_cast<size_t>(r.width()) * r.height(); }
 
 // A whole-picture fragment of one colour: RGB (or Y, Cb, Cr, the latter two signed).
 Fragment plain(PixelFamily family, const Rect& rect, int a, int b, int c) {

@@ -37,7 +37,8 @@ class AssemblyTest : public testing::Test {
     answer.actual_time = request_.target_time;
     answer.rig_hash = rig_->hash();
     for (const CameraIndex camera : job.cameras()) {
-      auto fragment = make_scalar_renderer()->render(job.plan(), job.owners(), camera, rig_->cameras[camera], image.view());
+      auto fragment =
+          make_scalar_renderer()->render(job.plan(), job.owners(), camera, rig_->cameras[camera], image.view());
       if (fragment) answer.fragments.push_back(std::move(*fragment));
     }
     return answer;

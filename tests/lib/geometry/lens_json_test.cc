@@ -40,7 +40,8 @@ TEST(LensJson, ErrorsNameThePlace) {
       {R"({"model": "RADIAL", "params": [1, 0, 0, 0]})", "f.json: camera.params: RADIAL takes 5 numbers, has 4"},
       {R"({"model": "PINHOLE", "params": 7})", "f.json: camera.params: must be an array"},
       {R"({"model": "PINHOLE", "params": [1, 1, "NaN", 0]})", "f.json: camera.params[2]: must be a finite number"},
-      {R"({"model": "PINHOLE", "params": [1, 0, 0, 0]})", "f.json: camera.params[1]: the focal length must be positive"},
+      {R"({"model": "PINHOLE", "params": [1, 0, 0, 0]})",
+       "f.json: camera.params[1]: the focal length must be positive"},
   };
   for (const auto& c : cases) EXPECT_ERROR(parse(std::string("{\"camera\": ") + c.camera + "}"), c.message);
 }

@@ -128,7 +128,8 @@ TEST(Lens, FieldOfViewGivesFocalLengthAndMiddle) {
   EXPECT_EQ(lens.cy(), 239.5);
   EXPECT_NO_THROW(Lens::from_fov_y(1e-3, 1, 1));
   EXPECT_NO_THROW(Lens::from_fov_y(179.999, 8192, 8192));
-  for (const double bad : {0.0, -1.0, 180.0, std::nan(""), kInfinity}) EXPECT_ERROR(Lens::from_fov_y(bad, 4, 4), "fov_y: ");
+  for (const double bad : {0.0, -1.0, 180.0, std::nan(""), kInfinity})
+    EXPECT_ERROR(Lens::from_fov_y(bad, 4, 4), "fov_y: ");
 }
 
 TEST(Lens, RefusesBadParametersByName) {

@@ -9,8 +9,8 @@ namespace lf {
 namespace {
 
 void expect_near(const Vec3& a, const Vec3& b, double tolerance = 1e-14) {
-  EXPECT_LE(glm::length(a - b), tolerance) << a.x << " " << a.y << " " << a.z << " is not " << b.x << " " << b.y << " "
-                                           << b.z;
+  EXPECT_LE(glm::length(a - b), tolerance)
+      << a.x << " " << a.y << " " << a.z << " is not " << b.x << " " << b.y << " " << b.z;
 }
 
 TEST(Pose, AxesAreRightDownForward) {

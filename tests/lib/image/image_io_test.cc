@@ -28,8 +28,8 @@ class ImageIo : public testing::Test {
   }
 
  private:
-  std::string directory_ = testing::TempDir() + "lf_image_io_test_" +
-                           testing::UnitTest::GetInstance()->current_test_info()->name();
+  std::string directory_ =
+      testing::TempDir() + "lf_image_io_test_" + testing::UnitTest::GetInstance()->current_test_info()->name();
 };
 
 TEST_F(ImageIo, PngKeepsEveryValue) {

@@ -44,7 +44,8 @@ TEST_P(RegionBoundsTest, HoldsEveryPixelAndLittleMore) {
     // Corners of the region between pixel centres make a pinhole's bound up to a few pixels larger on slivers;
     // a distorted one's grows to whole tiles.
     const bool pinhole = GetParam() == 0;
-    EXPECT_LE(bound.width() * bound.height(), pinhole ? exact.width() * exact.height() * 2 + 400 : kWidth * kHeight) << i;
+    EXPECT_LE(bound.width() * bound.height(), pinhole ? exact.width() * exact.height() * 2 + 400 : kWidth * kHeight)
+        << i;
   }
   EXPECT_GT(seen, 1000);
 }

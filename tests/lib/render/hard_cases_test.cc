@@ -84,13 +84,9 @@ View view_at(const Vec3& eye, const Quat& orientation = {1, 0, 0, 0}, double fov
 }
 
 // 4x4 cameras, 0.5 m apart, all corners at quarters of a metre.
-Rig array() {
-  return reference::planar_grid(4, 4, 0.5);
-}
+Rig array() { return reference::planar_grid(4, 4, 0.5); }
 
-Quat about_y(double angle) {
-  return {std::cos(angle / 2), 0, std::sin(angle / 2), 0};
-}
+Quat about_y(double angle) { return {std::cos(angle / 2), 0, std::sin(angle / 2), 0}; }
 
 // The same with a pose in the world that is not made of round numbers.
 std::pair<Rig, View> moved(Rig rig, View view, const Vec3& by, const Quat& turn) {

@@ -8,9 +8,7 @@
 
 namespace lf::test {
 
-Rect whole(const View& view) {
-  return {0, 0, view.width, view.height};
-}
+Rect whole(const View& view) { return {0, 0, view.width, view.height}; }
 
 std::vector<Fragment> Production::fragments(const std::vector<Image>& images) const {
   const auto renderer = make_scalar_renderer();

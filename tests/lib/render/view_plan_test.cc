@@ -86,7 +86,8 @@ TEST(ScalarRenderer, EveryRgbLayoutGivesTheSameFragment) {
   const RenderJob job(rig, build_mesh(rig), middle_view(), std::vector<CameraIndex>{0});
   const Image image = render_scene({64, 48, rig.cameras[0].lens, rig.cameras[0].pose}, 0, 1);
   const auto expected = make_scalar_renderer()->render(job.plan(), job.owners(), 0, rig.cameras[0], image.view());
-  for (const RgbLayout layout : {RgbLayout{4, 0, 1, 2}, RgbLayout{4, 2, 1, 0}, RgbLayout{4, 1, 2, 3}, RgbLayout{3, 2, 1, 0}}) {
+  for (const RgbLayout layout :
+       {RgbLayout{4, 0, 1, 2}, RgbLayout{4, 2, 1, 0}, RgbLayout{4, 1, 2, 3}, RgbLayout{3, 2, 1, 0}}) {
     std::vector<uint8_t> bytes(64 * 48 * static_cast<size_t>(layout.pixel_stride));
     for (size_t i = 0; i < 64 * 48; i++) {
       uint8_t* pixel = &bytes[i * static_cast<size_t>(layout.pixel_stride)];

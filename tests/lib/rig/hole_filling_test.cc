@@ -42,9 +42,7 @@ std::vector<Vec3> positions(const std::vector<IntPoint>& points) {
   return result;
 }
 
-Array grid(int rows, int columns) {
-  return {grid_faces(rows, columns), positions(grid_points(rows, columns))};
-}
+Array grid(int rows, int columns) { return {grid_faces(rows, columns), positions(grid_points(rows, columns))}; }
 
 TEST(HoleFilling, InnerCamera) {
   EXPECT_THAT(grid(3, 3).without({4}).faces,

@@ -11,9 +11,7 @@ using testing::ElementsAre;
 using testing::IsEmpty;
 using testing::SizeIs;
 
-std::vector<LinkPart> link_of_9(const std::vector<Triangle>& star) {
-  return camera_link(star, 9);
-}
+std::vector<LinkPart> link_of_9(const std::vector<Triangle>& star) { return camera_link(star, 9); }
 
 TEST(Link, RingAroundAnInnerCamera) {
   const auto link = link_of_9({{1, 2, 9}, {9, 3, 4}, {2, 3, 9}, {4, 1, 9}});

@@ -43,11 +43,10 @@ TEST_F(CheckRig, NamesBadImages) {
   std::filesystem::remove(dir_ / "cam_00_01.png");
   save_image(Image(PixelFamily::kRgb, 6, 8), dir_ / "cam_00_02.png");
   dir_.write("cam_01_00.png", "not a picture");
-  EXPECT_THAT(check(rig_), ElementsAre("error: cameras[1].image: " + dir_ / "cam_00_01.png" + ": no such image file",
-                                       "error: cameras[2].image: " + dir_ / "cam_00_02.png" +
-                                           " is 6x8, the camera is 8x6",
-                                       "error: cameras[3].image: " + dir_ / "cam_01_00.png" +
-                                           ": not an image that can be read"));
+  EXPECT_THAT(check(rig_),
+              ElementsAre("error: cameras[1].image: " + dir_ / "cam_00_01.png" + ": no such image file",
+                          "error: cameras[2].image: " + dir_ / "cam_00_02.png" + " is 6x8, the camera is 8x6",
+                          "error: cameras[3].image: " + dir_ / "cam_01_00.png" + ": not an image that can be read"));
 }
 
 TEST_F(CheckRig, NamesMissingSources) {
@@ -75,7 +74,8 @@ TEST_F(CheckRig, WarnsOfEqualNamesAndPlaces) {
 
 TEST_F(CheckRig, WarnsOfSlivers) {
   for (Camera& camera : rig_.cameras) camera.pose.position.y *= 0.01;  // heights of 1 % of the sides
-  EXPECT_THAT(check(rig_), ElementsAre(testing::HasSubstr("warning: topology: 4 of 4 triangles are slivers, the worst")));
+  EXPECT_THAT(check(rig_),
+              ElementsAre(testing::HasSubstr("warning: topology: 4 of 4 triangles are slivers, the worst")));
 }
 
 TEST_F(CheckRig, AMeshWithoutATriangleIsAnError) {

@@ -45,8 +45,12 @@ TEST(RigHash, ChangesWithEverythingThatThePictureDependsOn) {
       [](Rig&) {},
       [](Rig& r) { r.cameras[2].width++; },
       [](Rig& r) { r.cameras[2].height++; },
-      [](Rig& r) { r.cameras[2].lens = Lens(LensModel::kRadial, {400, 159.5, 119.5, 1e-12, 0}); },
-      [](Rig& r) { r.cameras[2].lens = Lens(LensModel::kSimpleRadial, {400, 159.5, 119.5, 0}); },
+      [](Rig& r) {
+        r.cameras[2].lens = Lens(LensModel::kRadial, {400, 159.5, 119.5, 1e-12, 0});
+      },
+      [](Rig& r) {
+        r.cameras[2].lens = Lens(LensModel::kSimpleRadial, {400, 159.5, 119.5, 0});
+      },
       [](Rig& r) { r.cameras[2].pose.position.z = 1e-300; },
       [](Rig& r) { r.cameras[2].pose.orientation = Quat(0, 1, 0, 0); },
       [](Rig& r) { r.cameras[2].pose.orientation = Quat(0, 0, 1, 0); },
@@ -54,8 +58,12 @@ TEST(RigHash, ChangesWithEverythingThatThePictureDependsOn) {
       [](Rig& r) { r.cameras.pop_back(); },
       [](Rig& r) { std::swap(r.topology.rows, r.topology.columns); },
       [](Rig& r) { r.topology.type = Topology::Type::kDelaunay; },
-      [](Rig& r) { r.topology = {Topology::Type::kTriangles, 0, 0, {{0, 1, 2}}}; },
-      [](Rig& r) { r.topology = {Topology::Type::kTriangles, 0, 0, {{0, 2, 1}}}; },
+      [](Rig& r) {
+        r.topology = {Topology::Type::kTriangles, 0, 0, {{0, 1, 2}}};
+      },
+      [](Rig& r) {
+        r.topology = {Topology::Type::kTriangles, 0, 0, {{0, 2, 1}}};
+      },
   };
   std::set<uint64_t> hashes;
   for (const auto& change : changes) {
@@ -142,16 +150,10 @@ TEST(SubRig, StaysAGridWhereItIsRowsTimesColumns) {
     std::vector<CameraIndex> indices;
     int rows, columns;  // 0: Delaunay
   } const cases[] = {
-      {{0, 1, 5, 6}, 2, 2},
-      {{6, 8, 9, 16, 18, 19}, 2, 3},
-      {{7}, 1, 1},
-      {{5, 6, 7, 8, 9}, 1, 5},
-      {{3, 8, 13, 18}, 4, 1},
-      {{0, 1, 5}, 0, 0},
-      {{0, 1, 5, 7}, 0, 0},
-      {{0, 1, 6, 7}, 0, 0},
-      {{1, 0, 6, 5}, 0, 0},   // mirrored
-      {{5, 6, 0, 1}, 0, 0},   // rows exchanged
+      {{0, 1, 5, 6}, 2, 2},    {{6, 8, 9, 16, 18, 19}, 2, 3}, {{7}, 1, 1},
+      {{5, 6, 7, 8, 9}, 1, 5}, {{3, 8, 13, 18}, 4, 1},        {{0, 1, 5}, 0, 0},
+      {{0, 1, 5, 7}, 0, 0},    {{0, 1, 6, 7}, 0, 0},          {{1, 0, 6, 5}, 0, 0},  // mirrored
+      {{5, 6, 0, 1}, 0, 0},                                                          // rows exchanged
       {{0, 6, 12, 18}, 0, 0}  // a diagonal: one column by count, not by place
   };
   for (const auto& c : cases) {

@@ -18,9 +18,7 @@ double mean(F&& f, double x, double w) {
   return sum / kSteps;
 }
 
-double fraction(double x) {
-  return x - std::floor(x);
-}
+double fraction(double x) { return x - std::floor(x); }
 
 TEST(Pattern, CosineOfTurns) {
   for (double x = -7; x < 7; x += 0.0137) EXPECT_NEAR(cos_turns(static_cast<float>(x)), std::cos(2 * M_PI * x), 2e-4);

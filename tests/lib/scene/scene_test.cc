@@ -16,9 +16,7 @@
 namespace lf {
 namespace {
 
-SceneCamera camera_of(const Camera& c) {
-  return {c.width, c.height, c.lens, c.pose};
-}
+SceneCamera camera_of(const Camera& c) { return {c.width, c.height, c.lens, c.pose}; }
 
 SceneCamera central_camera(int width = 160, int height = 120) {
   SceneCamera c = camera_of(scene_rig(1, 1, width, height).cameras[0]);

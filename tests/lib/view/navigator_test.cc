@@ -10,9 +10,7 @@
 namespace lf {
 namespace {
 
-double distance(const Vec3& a, const Vec3& b) {
-  return glm::length(a - b);
-}
+double distance(const Vec3& a, const Vec3& b) { return glm::length(a - b); }
 
 Viewpoint somewhere() {
   Viewpoint v;

@@ -46,8 +46,7 @@ TEST(Tour, GoesToTheFarFocusSmoothly) {
     farthest = std::max(farthest, focus_depth(views[i].view));
     nearest = std::min(nearest, focus_depth(views[i].view));
     if (i > 0)
-      longest_step =
-          std::max(longest_step, glm::length(views[i].view.pose.position - views[i - 1].view.pose.position));
+      longest_step = std::max(longest_step, glm::length(views[i].view.pose.position - views[i - 1].view.pose.position));
   }
   EXPECT_NEAR(farthest, 6, 0.6);
   EXPECT_NEAR(nearest, 2, 0.2);

@@ -41,7 +41,10 @@ TEST(View, RefusesByName) {
       {"orientation: ", [](View& v) { v.pose.orientation.w = 1.001; }},
       {"orientation: ", [](View& v) { v.pose.orientation = Quat(0, 0, 0, 0); }},
       {"focal_plane: ", [&](View& v) { v.focus.plane.normal.z = nan; }},
-      {"focal_plane: ", [](View& v) { v.focus.plane.normal = {0, 0, 0.9}; }},
+      {"focal_plane: ",
+       [](View& v) {
+         v.focus.plane.normal = {0, 0, 0.9};
+       }},
       {"focal_plane: ", [&](View& v) { v.focus.plane.d = nan; }},
   };
   for (const auto& [message, spoil] : cases) {

@@ -110,7 +110,8 @@ TEST(ViewsJson, ErrorsNameThePlace) {
     file["views"][c.view].merge_patch(json::parse(c.patch));
     EXPECT_ERROR(parse_views(file.dump(), "v.json"), std::string("v.json: ") + c.message);
   }
-  EXPECT_ERROR(parse_views(good_views().dump().substr(0, 200), "v.json"), "v.json: views[1]: not valid JSON: parse error at line 1, column 201");
+  EXPECT_ERROR(parse_views(good_views().dump().substr(0, 200), "v.json"),
+               "v.json: views[1]: not valid JSON: parse error at line 1, column 201");
 }
 
 }  // namespace
