@@ -8,8 +8,9 @@
 namespace lf {
 namespace {
 
-constexpr double kStep = 0.1;           // of the focus distance, per notch of a wheel or key press
-constexpr double kKeyOrbit = 1.0 / 60;  // of the height, i.e. 3 degrees
+constexpr double kStep = 0.1;           // of the focus distance, per notch of a wheel
+constexpr double kFlyStep = 0.01;       // of the focus distance, per key press
+constexpr double kKeyOrbit = 1.0 / 20;  // of the height
 constexpr double kZoomStep = 1.05;
 
 Vec3 centre_of(const Rig& rig) {
@@ -82,8 +83,8 @@ void Navigator::orbit(double dx, double dy) {
   Viewpoint v = now_;
   // The camera goes against the mouse: the eye moves left (about "down", forward turns right) when the mouse goes
   // right.
-  const Quat about_vertical = glm::angleAxis(dx * M_PI, home_.pose.down());
-  const Quat about_right = glm::angleAxis(-dy * M_PI, now_.pose.right());
+  const Quat about_vertical = glm::angleAxis(dx * kOrbitPerHeight, home_.pose.down());
+  const Quat about_right = glm::angleAxis(-dy * kOrbitPerHeight, now_.pose.right());
   v.pose.orientation = glm::normalize(about_vertical * about_right * now_.pose.orientation);
   v.pose.position = centre - v.focus_distance * v.pose.forward();
   set(v);
@@ -118,7 +119,7 @@ void Navigator::zoom(double steps) {
 
 void Navigator::fly(const Vec3& steps_camera) {
   Viewpoint v = now_;
-  v.pose.position += v.pose.rotation() * (kStep * v.focus_distance * steps_camera);
+  v.pose.position += v.pose.rotation() * (kFlyStep * v.focus_distance * steps_camera);
   set(v);
 }
 

@@ -31,6 +31,8 @@ View make_view(const Viewpoint& viewpoint, int width, int height);
 // the array (1 m for an array without extent). Requires at least one camera.
 inline constexpr double kFocusPerExtent = 4;
 Viewpoint default_viewpoint(const Rig& rig, double focus_distance = 0);
+// An array is a window: from default_viewpoint() a drag over the height of the view moves the eye by its diameter.
+inline constexpr double kOrbitPerHeight = 1 / kFocusPerExtent;
 // The camera nearest to the mean of the centres; ties go to the lowest index.
 CameraIndex middle_camera(const Rig& rig);
 
@@ -49,8 +51,8 @@ class Navigator {
   void set_home(const Viewpoint& viewpoint) { now_ = home_ = clamped(viewpoint); }
   void reset() { now_ = home_; }
 
-  // Around the pivot, half a turn per height: dx about home's vertical (so that the horizon stays), dy about the view's
-  // right axis. The scene follows the mouse.
+  // Around the pivot, kOrbitPerHeight radians per height: dx about home's vertical (so that the horizon stays), dy
+  // about the view's right axis. The scene follows the mouse.
   void orbit(double dx, double dy);
   // Sideways, so that what is in focus follows the mouse.
   void pan(double dx, double dy);
@@ -60,7 +62,7 @@ class Navigator {
   void focus(double steps);
   // `steps` > 0: a narrower field of view, by 5 % each.
   void zoom(double steps);
-  // In the view's own axes, in tenths of the focus distance; the focus distance stays.
+  // In the view's own axes, in hundredths of the focus distance; the focus distance stays.
   void fly(const Vec3& steps_camera);
 
   // By the key's X keysym name, letters in either case. Arrows orbit, w/s fly forward and back, a/d left and right,
