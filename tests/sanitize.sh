@@ -22,11 +22,10 @@ tools/setup.sh lib/liblightfield.a  # for the packages
   meson setup "$build" -Db_sanitize="$sanitizers" -Db_lundef=false -Doptimization=1 -Ddebug=true >/dev/null
 ninja -C "$build" --quiet "${tests[@]/#/tests/test-}"
 
-# What GLib, GStreamer and their plugins keep until the end of the process is not ours to free.
 export LSAN_OPTIONS="suppressions=$PWD/tests/lsan.supp:print_suppressions=0"
 export UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 TSAN_OPTIONS=halt_on_error=1
 export GST_REGISTRY_FORK=no  # the scanner is no program of ours and can't load a sanitized plugin
 # Nor is gst-launch-1.0: it gets the sanitizer from outside. Leaks there are the leaks tracer's to find.
-runtime=$(g++ -print-file-name=libasan.so)
-export LF_LAUNCH_ENV="LD_PRELOAD=$runtime ASAN_OPTIONS=detect_leaks=0"
+runtime=$(g++ -print-file-name=libasan.so):$(g++ -print-file-name=libstdc++.so)
+[[ $sanitizers == thread ]] || export LF_LAUNCH_ENV="LD_PRELOAD=$runtime ASAN_OPTIONS=detect_leaks=0"
 meson test -C "$build" --no-rebuild --no-suite slow --timeout-multiplier 10 --print-errorlogs "${tests[@]}" "$@"

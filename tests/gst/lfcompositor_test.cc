@@ -278,8 +278,8 @@ TEST_F(LfCompositorTest, ALivePictureIsOutAtItsDeadlineWithoutTheSilentNode) {
   }
   gst_harness_query_latency(harness_.get());
   const ViewRequest asked = array_.request(0, 0);
+  push(0, answer_of(asked, {0, 1, 2}));  // before the request: however slow the machine, it is there at the deadline
   request(asked);
-  push(0, answer_of(asked, {0, 1, 2}));
   pull();
   EXPECT_EQ(stat(element_.get(), "missing-fragments"), 1u);
 }
