@@ -35,6 +35,7 @@
 #include "composite/assembly.h"
 #include "compositor_stats.h"
 #include "gst_wire.h"
+#include "output_caps.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_compositor_debug);
 #define GST_CAT_DEFAULT lf_compositor_debug
@@ -119,41 +120,12 @@ static guint lf_compositor_view_id(LfCompositor* self) {
 
 // ---------------------------------------------------------------------------------------------------- negotiation
 
-// A fixed format that downstream takes, of the fragments' own family where `family` is known; null if there is none.
-static GstCaps* lf_compositor_choose_caps(LfCompositor* self, lf::PixelFamily family, int width, int height) {
-  GstPad* src = GST_AGGREGATOR_SRC_PAD(self);
-  const auto candidates = [](const char* formats) {
-    g_autofree gchar* text = g_strdup_printf("video/x-raw, format=(string)%s", formats);
-    return gst_caps_from_string(text);
-  };
-  GstCaps* wanted = family == lf::PixelFamily::kI420  ? candidates("I420")
-                    : family == lf::PixelFamily::kRgb ? candidates("{ " LF_RGB_FORMATS " }")
-                                                      : candidates("{ " LF_RGB_FORMATS ", I420 }");
-  GstCaps* sink_caps = gst_pad_get_current_caps(self->request);
-  gint rate_n = 0, rate_d = 1;
-  if (sink_caps) {
-    gst_structure_get_fraction(gst_caps_get_structure(sink_caps, 0), "framerate", &rate_n, &rate_d);
-    gst_caps_unref(sink_caps);
-  }
-  gst_caps_set_simple(wanted, "width", G_TYPE_INT, width, "height", G_TYPE_INT, height, "framerate", GST_TYPE_FRACTION,
-                      rate_n, rate_d, "pixel-aspect-ratio", GST_TYPE_FRACTION, 1, 1, nullptr);
-  GstCaps* allowed = gst_pad_peer_query_caps(src, wanted);
-  GstCaps* chosen = gst_caps_intersect_full(wanted, allowed, GST_CAPS_INTERSECT_FIRST);
-  gst_caps_unref(wanted);
-  gst_caps_unref(allowed);
-  if (gst_caps_is_empty(chosen)) {
-    gst_caps_unref(chosen);
-    return nullptr;
-  }
-  return gst_caps_fixate(chosen);
-}
-
 static GstFlowReturn lf_compositor_agree_on_output(LfCompositor* self, lf::PixelFamily family, int width, int height) {
   auto& state = *self->state;
   const bool same = state.info.width == width && state.info.height == height &&
                     (family == lf::PixelFamily::kNone || lf::family_of(state.info) == family);
   if (same && !state.renegotiate) return GST_FLOW_OK;
-  GstCaps* caps = lf_compositor_choose_caps(self, family, width, height);
+  GstCaps* caps = lf::choose_output_caps(GST_AGGREGATOR_SRC_PAD(self), self->request, family, width, height);
   GstVideoInfo info;
   if (!caps || !gst_video_info_from_caps(&info, caps)) {
     const char* name = family == lf::PixelFamily::kI420 ? "I420" : "RGB";
