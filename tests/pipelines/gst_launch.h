@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <filesystem>
 #include <string>
 
-// What the pipeline tests share: gst-launch-1.0 with this build's plugin, and a folder for its files.
+// What the pipeline tests share: gst-launch-1.0 with this build's plugin.
 namespace lf::test {
 
 struct Launched {
@@ -15,18 +14,5 @@ struct Launched {
 // Runs `environment gst-launch-1.0 options line`. `line` is a launch line as one would paste it into a shell.
 Launched gst_launch(const std::string& line, const std::string& options = "-q", const std::string& environment = "",
                     int seconds = 60);
-
-// A folder that is gone with the object.
-class TempDir {
- public:
-  TempDir();
-  ~TempDir();
-  TempDir(const TempDir&) = delete;
-  std::string operator/(const std::string& name) const { return (path_ / name).string(); }
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 }  // namespace lf::test

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 
@@ -15,6 +16,7 @@
 #include "render/render_job.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/temp_dir.h"
 #include "view/views_json.h"
 
 namespace lf::test {
@@ -186,7 +188,7 @@ TEST_F(StillArray, OddTinyAndOneCameraViewsRender) {
 TEST(FilmPipeline, MovingScene) {
   const TempDir dir;
   ASSERT_EQ(std::system((LF_TOOLS_DIR "/lf-scene --grid 3x3 --width 160 --height 120 --frames 6 --framerate 15 --out " +
-                         dir.path().string() + " >/dev/null 2>&1")
+                         dir.path() + " >/dev/null 2>&1")
                             .c_str()),
             0);
   std::vector<NamedView> views;

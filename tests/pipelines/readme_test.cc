@@ -19,6 +19,7 @@
 #include "base/json_value.h"
 #include "gst/gst_test.h"
 #include "pipelines/gst_launch.h"
+#include "support/temp_dir.h"
 
 namespace lf {
 namespace {
@@ -114,7 +115,7 @@ class FilmFolder {
   bool ready() const { return ready_; }
 
  private:
-  test::TempDir folder_;
+  TempDir folder_;
   fs::path before_;
   bool ready_ = false;
 };

@@ -14,6 +14,7 @@
 #include "pipelines/gst_launch.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/temp_dir.h"
 
 namespace lf::test {
 namespace {
