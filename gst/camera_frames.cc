@@ -4,12 +4,6 @@
 #include <algorithm>
 
 namespace lf {
-namespace {
-
-uint64_t distance(uint64_t a, uint64_t b) { return a > b ? a - b : b - a; }
-
-}  // namespace
-
 void CameraFrames::set_mode(Mode mode) {
   std::lock_guard lock(mutex_);
   mode_ = mode;
@@ -103,7 +97,7 @@ std::optional<CameraFrame> CameraFrames::find(uint64_t time, bool wait_for_first
   auto best = frames_.end() - 1;
   if (time != kNoTime)
     best = std::min_element(frames_.begin(), frames_.end(), [time](const Held& a, const Held& b) {
-      return distance(a.frame.time, time) < distance(b.frame.time, time);
+      return time_between(a.frame.time, time) < time_between(b.frame.time, time);
     });
   best->used = true;
   return best->frame;

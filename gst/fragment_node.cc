@@ -15,8 +15,6 @@ uint64_t now_ns() {
           .count());
 }
 
-uint64_t distance(uint64_t a, uint64_t b) { return a > b ? a - b : b - a; }
-
 }  // namespace
 
 void FragmentNode::set_rig(std::shared_ptr<const Rig> rig) {
@@ -112,7 +110,7 @@ wire::Answer FragmentNode::answer(const ViewRequest& request, Requester& request
       const MappedFrame image(frame);
       if (!image.ok()) continue;
       answer.family = image.view().family;
-      const uint64_t skew = newest ? 0 : distance(frame.time, wanted);
+      const uint64_t skew = newest ? 0 : time_between(frame.time, wanted);
       if (answer.actual_time == kNoTime || skew > worst_skew) {
         worst_skew = skew;
         answer.actual_time = frame.time + to_running;

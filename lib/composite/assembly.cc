@@ -46,10 +46,8 @@ Assembly::Verdict Assembly::add(const wire::Answer& answer) {
     have_sums_ |= is_sum;
     if (!is_sum) received_.insert(fragment.camera);
   }
-  if (answer.actual_time != kNoTime && answer.target_time != kNoTime) {
-    const uint64_t later = std::max(answer.actual_time, answer.target_time);
-    skew_ = std::max(skew_, later - std::min(answer.actual_time, answer.target_time));
-  }
+  if (answer.actual_time != kNoTime && answer.target_time != kNoTime)
+    skew_ = std::max(skew_, time_between(answer.actual_time, answer.target_time));
   return all_good ? Verdict::kAdded : Verdict::kBadFragment;
 }
 

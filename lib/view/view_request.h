@@ -10,6 +10,9 @@ namespace lf {
 
 inline constexpr uint64_t kNoTime = UINT64_MAX;
 
+// |a - b|, nanoseconds. Neither may be kNoTime.
+inline uint64_t time_between(uint64_t a, uint64_t b) { return a > b ? a - b : b - a; }
+
 // The whole state of one view: no history is needed to answer it.
 struct ViewRequest {
   uint32_t view_id = 0;

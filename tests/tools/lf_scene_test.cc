@@ -14,6 +14,7 @@
 #include "rig/rig_json.h"
 #include "scene/scene.h"
 #include "support/run_program.h"
+#include "support/temp_dir.h"
 #include "view/views_json.h"
 
 namespace lf {
@@ -23,14 +24,7 @@ namespace fs = std::filesystem;
 
 class LfScene : public testing::Test {
  protected:
-  void SetUp() override {
-    gst_init(nullptr, nullptr);
-    folder_ = fs::temp_directory_path() / "lf-scene-test-XXXXXX";
-    std::string name = folder_.string();
-    ASSERT_NE(mkdtemp(name.data()), nullptr);
-    folder_ = name;
-  }
-  void TearDown() override { fs::remove_all(folder_); }
+  void SetUp() override { gst_init(nullptr, nullptr); }
 
   // Exit status; what it prints on both channels goes to output_.
   int run(const std::string& arguments) {
@@ -50,7 +44,8 @@ class LfScene : public testing::Test {
       EXPECT_EQ(entry.path().filename().string().find("part"), std::string::npos) << entry.path();
   }
 
-  fs::path folder_;
+  const TempDir temp_dir_;
+  const fs::path folder_ = temp_dir_.path();
   std::string output_;
 };
 
