@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "../gst/common.h"
-#include "gst/camera_files.h"
+#include "gst/camera_pipeline.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
 
@@ -24,130 +24,6 @@ namespace lf::test {
 namespace {
 
 using ::testing::HasSubstr;
-constexpr int kFrames = CameraFiles::kFrames;
-constexpr GstClockTime kPeriod = GST_SECOND / CameraFiles::kRate;
-
-struct Frame {
-  GstClockTime running_time;
-  GstClockTime capture_time;  // GST_CLOCK_TIME_NONE: without the meta
-  int level;                  // of the top-left pixel: its first component that is no filling, or luma
-  std::vector<uint8_t> first_row;
-};
-
-// A pipeline lfcamsrc ! [middle !] fakesink, and what came to the sink.
-class CameraPipeline {
- public:
-  explicit CameraPipeline(const std::string& properties, const std::string& middle = "") {
-    const std::string line = "lfcamsrc name=camera " + properties + " ! " + (middle.empty() ? "" : middle + " ! ") +
-                             "fakesink name=sink sync=false enable-last-sample=false";
-    g_autoptr(GError) error = nullptr;
-    pipeline_ = gst_parse_launch(line.c_str(), &error);
-    if (!pipeline_ || error) throw std::runtime_error(line + ": " + (error ? error->message : "?"));
-    camera_ = gst_bin_get_by_name(GST_BIN(pipeline_), "camera");
-    GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline_), "sink");
-    pad_ = gst_element_get_static_pad(sink, "sink");
-    gst_object_unref(sink);
-    gst_pad_add_probe(pad_,
-                      static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_EVENT_BOTH |
-                                                   GST_PAD_PROBE_TYPE_EVENT_FLUSH),
-                      on_data, this, nullptr);
-  }
-  ~CameraPipeline() {
-    gst_element_set_state(pipeline_, GST_STATE_NULL);
-    gst_object_unref(pad_);
-    gst_object_unref(camera_);
-    gst_object_unref(pipeline_);
-  }
-  CameraPipeline(const CameraPipeline&) = delete;
-  CameraPipeline& operator=(const CameraPipeline&) = delete;
-
-  GstStateChangeReturn set_state(GstState state) { return gst_element_set_state(pipeline_, state); }
-  // True once the state is reached.
-  bool reach(GstState state) {
-    set_state(state);
-    const GstStateChangeReturn result = gst_element_get_state(pipeline_, nullptr, nullptr, 10 * GST_SECOND);
-    return result == GST_STATE_CHANGE_SUCCESS || result == GST_STATE_CHANGE_NO_PREROLL;
-  }
-  // "EOS", the text of the first error, or "timeout".
-  std::string wait(GstClockTime timeout = 20 * GST_SECOND) {
-    GstBus* bus = gst_element_get_bus(pipeline_);
-    GstMessage* message =
-        gst_bus_timed_pop_filtered(bus, timeout, static_cast<GstMessageType>(GST_MESSAGE_EOS | GST_MESSAGE_ERROR));
-    gst_object_unref(bus);
-    std::string text = message ? "EOS" : "timeout";
-    if (message && GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) {
-      g_autoptr(GError) error = nullptr;
-      gst_message_parse_error(message, &error, nullptr);
-      text = error->message;
-    }
-    gst_clear_message(&message);
-    return text;
-  }
-  // Plays to the end.
-  std::string play() {
-    set_state(GST_STATE_PLAYING);
-    const std::string text = wait();
-    set_state(GST_STATE_NULL);
-    return text;
-  }
-
-  GstElement* pipeline() { return pipeline_; }
-  GstElement* camera() { return camera_; }
-  GstPad* pad() { return pad_; }  // of the sink
-  // Read these in state NULL (or while nothing flows).
-  std::vector<Frame> frames;
-  std::vector<std::string> items;  // names of events, "buffer"
-  GstVideoInfo info{};
-  guint camera_index = G_MAXUINT;
-  guint64 rig_hash = 0;
-
- private:
-  static GstPadProbeReturn on_data(GstPad* pad, GstPadProbeInfo* probe, gpointer data) {
-    auto* self = static_cast<CameraPipeline*>(data);
-    if (probe->type & GST_PAD_PROBE_TYPE_BUFFER) {
-      self->items.push_back("buffer");
-      self->take_frame(GST_PAD_PROBE_INFO_BUFFER(probe), pad);
-      return GST_PAD_PROBE_OK;
-    }
-    if (!(probe->type & GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM)) return GST_PAD_PROBE_OK;
-    GstEvent* event = GST_PAD_PROBE_INFO_EVENT(probe);
-    self->items.push_back(gst_event_has_name(event, LF_CAMERA_EVENT) ? LF_CAMERA_EVENT : GST_EVENT_TYPE_NAME(event));
-    if (GST_EVENT_TYPE(event) == GST_EVENT_CAPS) {
-      GstCaps* caps = nullptr;
-      gst_event_parse_caps(event, &caps);
-      gst_video_info_from_caps(&self->info, caps);
-    } else if (gst_event_has_name(event, LF_CAMERA_EVENT)) {
-      EXPECT_TRUE(gst_event_type_get_flags(GST_EVENT_TYPE(event)) & GST_EVENT_TYPE_STICKY);
-      gst_structure_get(gst_event_get_structure(event), "camera", G_TYPE_UINT, &self->camera_index, "rig-hash",
-                        G_TYPE_UINT64, &self->rig_hash, nullptr);
-    }
-    return GST_PAD_PROBE_OK;
-  }
-
-  void take_frame(GstBuffer* buffer, GstPad* pad) {
-    GstEvent* event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
-    const GstSegment* segment = nullptr;
-    gst_event_parse_segment(event, &segment);
-    Frame frame{};
-    frame.running_time = gst_segment_to_running_time(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
-    gst_event_unref(event);
-    GstCaps* reference = gst_caps_from_string(LF_CAPTURE_TIME_CAPS);
-    const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(buffer, reference);
-    frame.capture_time = meta ? meta->timestamp : GST_CLOCK_TIME_NONE;
-    gst_caps_unref(reference);
-    GstVideoFrame picture;
-    ASSERT_TRUE(gst_video_frame_map(&picture, &info, buffer, GST_MAP_READ));
-    frame.level = *static_cast<uint8_t*>(GST_VIDEO_FRAME_COMP_DATA(&picture, 0));
-    auto* row = static_cast<uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&picture, 0));
-    frame.first_row.assign(row, row + GST_VIDEO_INFO_COMP_PSTRIDE(&info, 0) * info.width);
-    gst_video_frame_unmap(&picture);
-    frames.push_back(frame);
-  }
-
-  GstElement* pipeline_;
-  GstElement* camera_;
-  GstPad* pad_;
-};
 
 class CamSrcTest : public ::testing::Test {
  protected:
