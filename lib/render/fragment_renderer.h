@@ -30,13 +30,4 @@ Rect chroma_aligned(const Rect& rect, const View& view);
 // Plain C++, one pixel at a time, geometry in double precision: the yardstick for every faster one.
 std::unique_ptr<FragmentRenderer> make_scalar_renderer();
 
-// For tests and measurements: the same without the rounding to 8 bits (kRgb only). `colour`: 3 floats (0..255, already
-// weighted) and `valid`: 1 float (valid weight, 0..1) per pixel of `rect`, row-major.
-struct FloatFragment {
-  Rect rect;
-  std::vector<float> colour, valid, lost;
-};
-std::optional<FloatFragment> render_float(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
-                                          const Camera& rig_camera, const ImageView& image);
-
 }  // namespace lf

@@ -27,27 +27,9 @@ Image Production::picture(const std::vector<Image>& images) const {
   return accumulator.resolve();
 }
 
-Production::Sums Production::sums(const std::vector<Image>& images) const {
-  const int width = plan.view().width;
-  const size_t pixels = static_cast<size_t>(width) * plan.view().height;
-  Sums sums{std::vector<double>(3 * pixels), std::vector<double>(pixels), std::vector<double>(pixels)};
-  for (const CameraIndex i : plan.contributors()) {
-    const auto fragment = render_float(plan, owners, i, rig.cameras[i], images[i].view());
-    if (!fragment) continue;
-    const Rect& rect = fragment->rect;
-    for (int y = rect.y0; y < rect.y1; y++)
-      for (int x = rect.x0; x < rect.x1; x++) {
-        const size_t from = static_cast<size_t>(y - rect.y0) * rect.width() + (x - rect.x0);
-        const size_t to = static_cast<size_t>(y) * width + x;
-        sums.valid[to] += fragment->valid[from];
-        sums.lost[to] += fragment->lost[from];
-        for (int c = 0; c < 3; c++) sums.colour[3 * to + c] += fragment->colour[3 * from + c];
-      }
-  }
-  for (size_t i = 0; i < pixels; i++)
-    for (int c = 0; c < 3; c++)
-      if (sums.lost[i] < 1) sums.colour[3 * i + c] /= 1 - sums.lost[i];
-  return sums;
+FloatStill Production::sums(const std::vector<Image>& images) const {
+  return render_float_still(rig, plan, owners, images.front().family(),
+                            [&](CameraIndex i) -> const Image& { return images[i]; });
 }
 
 std::vector<Production::Hat> Production::hats() const {

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "composite/float_still.h"
 #include "image/image.h"
 #include "render/fragment_renderer.h"
 #include "render/ownership.h"
@@ -24,11 +25,8 @@ struct Production {
   // They and what no face owns, through the compositor's arithmetic.
   Image picture(const std::vector<Image>& images) const;
 
-  // Sums without rounding to 8 bits, per pixel of the view. `colour` (3 per pixel) is divided by 1 - lost.
-  struct Sums {
-    std::vector<double> colour, valid, lost;
-  };
-  Sums sums(const std::vector<Image>& images) const;
+  // Without rounding to 8 bits.
+  FloatStill sums(const std::vector<Image>& images) const;
 
   // The hats of all contributing cameras, each over the whole view (0 outside its rectangle).
   struct Hat {

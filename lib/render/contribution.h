@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <algorithm>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "image/image.h"
+#include "render/camera_projection.h"
+#include "render/fragment_renderer.h"
+
+// The rule for one camera's part in a view, pixel by pixel: what the plain renderers share, whatever they write.
+namespace lf::plain {
+
+inline void check_image(const Camera& camera, const ImageView& image) {
+  if (image.width != camera.width || image.height != camera.height)
+    throw Error("camera " + std::to_string(camera.id) + ": its image has " + std::to_string(image.width) + "x" +
+                std::to_string(image.height) + " pixels, the rig says " + std::to_string(camera.width) + "x" +
+                std::to_string(camera.height));
+}
+
+// Bilinear sampling of one 8-bit channel; coordinates are clamped to the outer pixel centres.
+struct Bilinear {
+  Bilinear(const Vec2& position, int width, int height) {
+    const double x = std::clamp(position.x, 0.0, width - 1.0), y = std::clamp(position.y, 0.0, height - 1.0);
+    x0 = static_cast<int>(x);
+    y0 = static_cast<int>(y);
+    x1 = std::min(x0 + 1, width - 1);
+    y1 = std::min(y0 + 1, height - 1);
+    ax = static_cast<float>(x - x0);
+    ay = static_cast<float>(y - y0);
+  }
+  float sample(const uint8_t* plane, ptrdiff_t stride, int pixel_stride) const {
+    const uint8_t *top = plane + y0 * stride, *bottom = plane + y1 * stride;
+    const float a = top[x0 * pixel_stride], b = top[x1 * pixel_stride];
+    const float c = bottom[x0 * pixel_stride], d = bottom[x1 * pixel_stride];
+    const float upper = a + (b - a) * ax, lower = c + (d - c) * ax;
+    return upper + (lower - upper) * ay;
+  }
+  int x0, y0, x1, y1;
+  float ax, ay;
+};
+
+inline void sample_rgb(const ImageView& image, const Vec2& position, float rgb[3]) {
+  const Bilinear at(position, image.width, image.height);
+  const RgbLayout& layout = image.layout;
+  rgb[0] = at.sample(image.plane[0] + layout.r, image.stride[0], layout.pixel_stride);
+  rgb[1] = at.sample(image.plane[0] + layout.g, image.stride[0], layout.pixel_stride);
+  rgb[2] = at.sample(image.plane[0] + layout.b, image.stride[0], layout.pixel_stride);
+}
+
+inline size_t rect_offset(const Rect& rect, int x, int y) {
+  return static_cast<size_t>(y - rect.y0) * rect.width() + (x - rect.x0);
+}
+
+class Contribution {
+ public:
+  Contribution(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Camera& rig_camera)
+      : plan_(plan), owners_(owners), corners_(plan, camera), projection_(plan, rig_camera) {}
+
+  float hat(int x, int y) const { return corners_.weight(plan_, owners_.at(x, y), plan_.rays().at(x, y)); }
+  bool project(const Vec2& ray, Vec2& pixel) const { return projection_.project(ray, pixel); }
+  const Rays& rays() const { return plan_.rays(); }
+  // Holds all of the camera's pixels.
+  Rect rect(CameraIndex camera) const { return corners_.owned(owners_, plan_.camera_rect(camera)); }
+
+  // Calls fn(x, y, hat, valid, position in the camera's image) for the pixels of `rect` with a weight. False if none
+  // has.
+  template <class Fn>
+  bool for_each(const Rect& rect, const Fn& fn) const {
+    bool any = false;
+    for (int y = rect.y0; y < rect.y1; y++)
+      for (int x = rect.x0; x < rect.x1; x++) {
+        const float w = hat(x, y);
+        if (w == 0) continue;
+        any = true;
+        Vec2 position;
+        const bool valid = project(rays().at(x, y), position);
+        fn(x, y, w, valid, position);
+      }
+    return any;
+  }
+
+ private:
+  const ViewPlan& plan_;
+  const OwnerMap& owners_;
+  CameraCorners corners_;
+  CameraProjection projection_;
+};
+
+// The same for an I420 image and a chroma-aligned rectangle. Calls luma(index, weight, value) and lost(index, weight)
+// per pixel and chroma(index, cb, cr) per chroma sample, values weighted, indices into planes of the rectangle's size.
+// Chroma has the mean valid weight of its (up to four) luma pixels, so that luma and chroma of all cameras together are
+// covered alike.
+template <class Luma, class Lost, class Chroma>
+bool for_each_i420(const Contribution& contribution, const ImageView& image, const Rect& rect, const Luma& luma,
+                   const Lost& lost, const Chroma& chroma) {
+  const int chroma_width = chroma_size(rect.width()), chroma_height = chroma_size(rect.height());
+  struct Block {
+    float weight = 0;
+    Vec2 position;  // of one valid luma sample
+  };
+  std::vector<Block> blocks(static_cast<size_t>(chroma_width) * chroma_height);
+  const bool any = contribution.for_each(rect, [&](int x, int y, float hat, bool valid, const Vec2& position) {
+    const size_t i = rect_offset(rect, x, y);
+    if (!valid) {
+      lost(i, hat);
+      return;
+    }
+    const Bilinear at(position, image.width, image.height);
+    luma(i, hat, hat * at.sample(image.plane[0], image.stride[0], 1));
+    Block& block = blocks[static_cast<size_t>((y - rect.y0) / 2) * chroma_width + (x - rect.x0) / 2];
+    block.weight += hat;
+    block.position = position;
+  });
+  for (int cy = 0; cy < chroma_height; cy++)
+    for (int cx = 0; cx < chroma_width; cx++) {
+      const size_t i = static_cast<size_t>(cy) * chroma_width + cx;
+      if (blocks[i].weight == 0) continue;
+      const int x = rect.x0 + 2 * cx, y = rect.y0 + 2 * cy;
+      const int pixels = (x + 1 < rect.x1 ? 2 : 1) * (y + 1 < rect.y1 ? 2 : 1);
+      const float weight = blocks[i].weight / static_cast<float>(pixels);
+      Vec2 position;
+      if (!contribution.project(contribution.rays().at_centre_of_four(x, y), position)) position = blocks[i].position;
+      const Vec2 chroma_position = (position - 0.5) / 2.0;
+      const Bilinear at(chroma_position, chroma_size(image.width), chroma_size(image.height));
+      chroma(i, weight * (at.sample(image.plane[1], image.stride[1], 1) - 128),
+             weight * (at.sample(image.plane[2], image.stride[2], 1) - 128));
+    }
+  return any;
+}
+
+}  // namespace lf::plain
