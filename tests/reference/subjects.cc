@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The renderers that are set beside the reference: a new one is a line in subjects().
+#include <algorithm>
+
+#include "composite/accumulator.h"
+#include "composite/float_still.h"
+#include "reference/numerics.h"
+#include "render/fragment_renderer.h"
+
+namespace lf::reference {
+namespace {
+
+struct Plans {
+  Plans(const Rig& rig, const Mesh& mesh, const View& view)
+      : plan(rig, mesh, view), owners(plan, {0, 0, view.width, view.height}) {}
+  ViewPlan plan;
+  OwnerMap owners;
+};
+
+// `values` of `rect` in a plane of the whole view.
+template <class T>
+void place(const T* values, const Rect& rect, int width, double scale, std::vector<double>& plane) {
+  for (int y = rect.y0; y < rect.y1; y++)
+    for (int x = rect.x0; x < rect.x1; x++) plane[static_cast<size_t>(y) * width + x] += *values++ * scale;
+}
+
+// The scalar renderer before it rounds.
+Answer in_float(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images) {
+  const Plans plans(rig, mesh, view);
+  FloatStill still = render_float_still(rig, plans.plan, plans.owners, PixelFamily::kRgb,
+                                        [&](CameraIndex i) -> const Image& { return images[i]; });
+  Answer answer;
+  for (const CameraIndex i : plans.plan.contributors()) {
+    const Rect rect = plans.plan.camera_rect(i);
+    Answer::Hat hat{i, std::vector<double>(still.valid.size())};
+    place(camera_hat(plans.plan, plans.owners, i, rect).data(), rect, view.width, 1, hat.weight);
+    answer.hats.push_back(std::move(hat));
+  }
+  answer.colour = std::move(still.colour);
+  answer.valid = std::move(still.valid);
+  answer.lost = std::move(still.lost);
+  return answer;
+}
+
+// Red as luma: then the luma of I420 images has a known rule, rounded nowhere.
+Image as_i420(const Image& rgb) {
+  Image image(PixelFamily::kI420, rgb.width(), rgb.height());
+  std::fill(image.data().begin(), image.data().end(), uint8_t{128});
+  for (int y = 0; y < rgb.height(); y++)
+    for (int x = 0; x < rgb.width(); x++) image.plane(0)[static_cast<size_t>(y) * rgb.width() + x] = rgb.pixel(x, y)[0];
+  return image;
+}
+
+// 8-bit fragments of any renderer, added up by the compositor. Weights are those that white images show.
+Answer in_fragments(const FragmentRenderer& renderer, PixelFamily family, const Rig& rig, const Mesh& mesh,
+                    const View& view, const std::vector<Image>& images) {
+  const Plans plans(rig, mesh, view);
+  const size_t pixels = static_cast<size_t>(view.width) * view.height;
+  const bool i420 = family == PixelFamily::kI420;
+  Answer answer;
+  answer.channels = i420 ? 1 : 3;
+  answer.valid.resize(pixels);
+  answer.lost.resize(pixels);
+  Accumulator sum;
+  sum.reset(family, view.width, view.height);
+  const auto render = [&](CameraIndex i, const Image& rgb) {
+    const Image image = i420 ? as_i420(rgb) : rgb;
+    return renderer.render(plans.plan, plans.owners, i, rig.cameras[i], image.view());
+  };
+  for (const CameraIndex i : plans.plan.contributors()) {
+    if (const auto fragment = render(i, images[i])) sum.add(*fragment);
+    const auto white = render(i, white_image(rig.cameras[i].width, rig.cameras[i].height));
+    if (!white) continue;
+    std::vector<uint8_t> weight(white->pixels.begin(), white->pixels.end());
+    if (!i420)
+      for (size_t p = 0; 3 * p < white->pixels.size(); p++) weight[p] = white->pixels[3 * p];
+    Answer::Hat hat{i, std::vector<double>(pixels)};
+    place(weight.data(), white->rect, view.width, 1 / 255.0, hat.weight);
+    place(weight.data(), white->rect, view.width, 1 / 255.0, answer.valid);
+    if (!white->lost.empty()) {
+      place(white->lost.data(), white->rect, view.width, 1 / 255.0, hat.weight);
+      place(white->lost.data(), white->rect, view.width, 1 / 255.0, answer.lost);
+    }
+    answer.hats.push_back(std::move(hat));
+  }
+  const Image picture = sum.resolve();
+  answer.colour.assign(picture.data().begin(),
+                       picture.data().begin() + static_cast<ptrdiff_t>(answer.channels * pixels));
+  return answer;
+}
+
+// Three samples rounded to 8 bits add up to an integer less than 1.5 from their exact sum, and a lost weight below half
+// a level is forgotten.
+Subject of_fragments(std::string name, std::shared_ptr<const FragmentRenderer> renderer, PixelFamily family) {
+  constexpr double kHalf = 0.5 / 255 + 1e-6;
+  return {std::move(name),
+          3 * kHalf,
+          3 * kHalf,
+          1.75,
+          0.999,
+          [=](const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images) {
+            return in_fragments(*renderer, family, rig, mesh, view, images);
+          }};
+}
+
+}  // namespace
+
+std::vector<Subject> subjects() {
+  const std::shared_ptr<const FragmentRenderer> scalar = make_scalar_renderer();
+  return {{"float", 1e-6, 1e-6, 2e-3, 0.01, in_float},
+          of_fragments("scalar RGB", scalar, PixelFamily::kRgb),
+          of_fragments("scalar I420", scalar, PixelFamily::kI420)};
+}
+
+}  // namespace lf::reference
