@@ -43,6 +43,11 @@ void compare(const Picture& expected, const Subject& subject, const Answer& answ
 
 }  // namespace
 
+bool is_within(const Measured& measured, const Subject& bounds) {
+  return measured.weight <= bounds.weight_bound && measured.partition <= bounds.partition_bound &&
+         measured.colour <= bounds.colour_bound;
+}
+
 std::vector<Measured> measure(const HardCase& hard, const std::vector<Subject>& subjects) {
   std::vector<Measured> measured(subjects.size());
   double pixels = 0;

@@ -41,6 +41,7 @@ struct Measured {
   double weight = 0, partition = 0, colour = 0;  // largest errors; infinity for a NaN
   double owned = 0;                              // fraction of pixels that some face owns
 };
+bool is_within(const Measured& measured, const Subject& bounds);
 // One each of `subjects`, over all trials of the case.
 std::vector<Measured> measure(const HardCase& hard, const std::vector<Subject>& subjects);
 

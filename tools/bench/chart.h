@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace lf::bench {
+
+// Line charts by gnuplot: panels side by side that share one legend.
+struct Point {
+  double x, y;
+  std::string label;
+};
+struct Series {
+  std::string name;
+  bool dashed = false;
+  std::vector<Point> points;  // ascending in x
+};
+struct Panel {
+  std::string title, x_label, y_label;
+  bool log_x = true, log_y = false;
+  std::vector<double> x_tics;  // empty: round numbers
+  std::vector<Series> series;
+  std::vector<Point> front;  // a staircase behind the series; may be empty
+  std::string front_name;
+};
+struct Chart {
+  std::string title, note;
+  std::vector<Panel> panels;
+};
+
+// Writes FOLDER/NAME.gp and has gnuplot make FOLDER/NAME.png of it. Throws Error if that fails.
+void draw(const Chart& chart, const std::string& folder, const std::string& name);
+
+}  // namespace lf::bench

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-bench: speed against error of every way to render a view, beside OpenCV.
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "base/json_value.h"
+#include "bench/acceptance.h"
+#include "bench/numerics.h"
+#include "bench/plan.h"
+#include "bench/plots.h"
+#include "progress.h"
+#include "run_tool.h"
+
+namespace {
+
+struct Options {
+  lf::bench::PlanOptions plan;
+  std::vector<std::string> sizes;
+  std::string json, plots;
+};
+
+std::pair<int, int> size_of(const std::string& text) {
+  int width, height, end = 0;
+  if (std::sscanf(text.c_str(), "%dx%d%n", &width, &height, &end) != 2 || text[end] != 0 || width < 16 || height < 16 ||
+      width > lf::kMaxImageSize || height > lf::kMaxImageSize)
+    throw lf::Error("--sizes " + text + ": must be WIDTHxHEIGHT, 16 to 16384 pixels each");
+  return {width, height};
+}
+
+void run(Options options) {
+  if (!options.sizes.empty()) options.plan.sizes.clear();
+  for (const std::string& size : options.sizes) options.plan.sizes.push_back(size_of(size));
+  if (!options.plots.empty()) lf::bench::require_gnuplot();
+  const std::vector<lf::bench::Configuration> plan = lf::bench::make_plan(options.plan);
+  std::vector<lf::bench::Row> rows;
+  Progress progress("measuring", plan.size());
+  for (const lf::bench::Configuration& configuration : plan) {
+    const lf::bench::Scene scene(configuration.scene);
+    const std::vector<lf::bench::Row> some =
+        measure(scene, lf::bench::methods(configuration.methods), configuration.timing);
+    progress.finish();
+    print_table(some);
+    rows.insert(rows.end(), some.begin(), some.end());
+    progress.step();
+  }
+  progress.finish();
+  print_pareto(rows);
+  if (options.plan.full || options.plan.acceptance) print_acceptance(rows);
+  if (!options.json.empty()) lf::write_text_file(to_json(rows), options.json);
+  if (!options.plots.empty()) lf::bench::write_plots(rows, options.plots);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Options o;
+  CLI::App app(
+      "Measures every way to render views of an array: time, bytes and error, beside OpenCV. Without options: 64 "
+      "cameras, one thread, four sizes, within 5 minutes.",
+      "lf-bench");
+  app.add_flag("--full", o.plan.full, "everything: 4 to 1024 cameras, qualities, threads, pixel families, views");
+  app.add_flag("--acceptance", o.plan.acceptance, "what is promised, beside the goals");
+  app.add_option("--sizes", o.sizes, "of views and cameras: 640x480,1920x1080")->delimiter(',')->type_name("WxH,...");
+  app.add_option("--cameras", o.plan.cameras, "64 without this")->delimiter(',')->check(CLI::Range(4, 4096));
+  app.add_option("--threads", o.plan.threads)->delimiter(',')->check(CLI::Range(1, 256));
+  app.add_option("--qualities", o.plan.qualities, "of JPEG")->delimiter(',')->check(CLI::Range(1, 100));
+  app.add_option("--repeats", o.plan.repeats, "turns of each method, in place of a few seconds each situation")
+      ->check(CLI::Range(1, 1000000));
+  app.add_option("--json", o.json, "write the rows to this file")->type_name("FILE");
+  app.add_option("--plots", o.plots, "draw them into this folder (needs gnuplot)")->type_name("DIR");
+  app.require_subcommand(0, 1);
+  const CLI::App* numerics =
+      app.add_subcommand("numerics", "errors of every renderer in the hard cases, against 80-bit reals");
+  return run_tool(app, argc, argv, [&] {
+    if (*numerics) {
+      if (!lf::bench::print_numerics()) throw lf::Error("an error is beyond its bound");
+    } else {
+      run(o);
+    }
+  });
+}
