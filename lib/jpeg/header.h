@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "jpeg/huffman_spec.h"
+
+namespace lf::jpeg {
+
+struct Component {
+  uint8_t id = 0;
+  uint8_t h = 1, v = 1;               // blocks of an MCU along x and y; 1, 1 where the frame has only this component
+  uint8_t quant = 0, dc = 0, ac = 0;  // indices of tables
+};
+
+// What precedes the entropy-coded bytes of a frame of one or three components, 8 bits a sample, grey or YCbCr.
+struct Header {
+  int width = 0, height = 0;  // pixels, 1..kMaxImageSize
+  int components = 0;         // 1 (grey) or 3 (Y, Cb, Cr)
+  Component component[3];
+  int h_max = 1, v_max = 1;    // largest h and v: an MCU covers 8 h_max x 8 v_max pixels
+  uint16_t quant[4][64] = {};  // in zigzag order
+  HuffmanSpec dc[4], ac[4];    // what the file does not define is as T.81 annex K has it, or empty
+  int restart_interval = 0;    // MCUs between restart markers; 0: none
+  size_t scan = 0;             // offset of the first scan's entropy-coded bytes
+  // Whether this is one baseline scan of all components with chroma at full or half resolution along each axis, which
+  // is what can be decoded in regions. Else a general decoder has to decode the frame as a whole.
+  bool one_baseline_scan = false;
+
+  int blocks_per_mcu() const;
+  int mcus_x() const { return (width + 8 * h_max - 1) / (8 * h_max); }
+  int mcus_y() const { return (height + 8 * v_max - 1) / (8 * v_max); }
+};
+
+// Reads the marker segments up to the first scan. Nothing, and why in *reason (fit to be shown to a person), if they
+// are damaged or of no kind of JPEG that becomes I420. Makes no allocations but for the reason.
+std::optional<Header> parse_header(std::span<const uint8_t> frame, std::string* reason);
+
+}  // namespace lf::jpeg

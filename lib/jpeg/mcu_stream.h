@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "jpeg/header.h"
+#include "jpeg/huffman_table.h"
+#include "jpeg/scan_data.h"
+
+namespace lf::jpeg {
+
+// The MCUs of a baseline scan, from left to right and from top to bottom, in any order that its reader likes: restart
+// markers let it jump, between them it passes over what it is not asked for, once. Not thread-safe.
+class McuStream {
+ public:
+  static constexpr int kMaxBlocks = 10;
+  // The dequantised coefficients of one MCU in natural order, block after block in the scan's order. One without any AC
+  // coefficient has dc_only set.
+  struct Mcu {
+    alignas(64) int16_t block[kMaxBlocks][64];
+    bool dc_only[kMaxBlocks];
+  };
+
+  // `header` (one_baseline_scan) and `frame`, the bytes it was read from, have to outlive the stream's construction
+  // alone. Check error() before use.
+  McuStream(const Header& header, std::span<const uint8_t> frame);
+  McuStream(const McuStream&) = delete;
+  McuStream& operator=(const McuStream&) = delete;
+
+  // Nullptr, or why nothing can be read.
+  const char* error() const { return error_; }
+
+  // Goes to MCU x of row y. False if what lies before it is damaged.
+  bool seek(int x, int y);
+  // Reads or passes over the next MCU, or `count` MCUs, within the row of the last seek(). False if they are damaged.
+  bool read(Mcu& mcu);
+  bool pass(int count);
+
+ private:
+  struct Block {
+    int component;
+    const uint16_t* quant;
+    const DcTable* dc;
+    const AcTable* ac;
+  };
+  // Where an MCU begins.
+  struct Position {
+    int64_t mcu = -1;  // -1: not known
+    uint64_t bit = 0;
+    int32_t predictor[3] = {};
+  };
+
+  Position start_of_segment(int64_t segment) const;
+  Position nearest_before(int64_t mcu) const;
+  bool start_next();
+  bool pass_to(int64_t mcu);
+  bool move_to(const Position& next);
+  uint64_t end_of_data() const;
+
+  const char* error_ = nullptr;
+  int mcus_x_ = 0, mcus_y_ = 0;
+  int64_t segment_mcus_ = 0;  // MCUs between restart markers
+  uint16_t quant_[4][64];
+  std::vector<Block> blocks_;
+  std::vector<std::shared_ptr<const void>> tables_;
+  ScanData data_;
+  std::vector<Position> rows_;  // where rows begin, as far as it is known
+  Position at_;                 // of the next MCU; where a segment has ended, at its end
+};
+
+}  // namespace lf::jpeg

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "jpeg/header.h"
+
+#include <gtest/gtest.h>
+
+#include "support/jpeg_samples.h"
+
+namespace lf::jpeg {
+namespace {
+
+using Bytes = std::vector<uint8_t>;
+
+Bytes jpeg_of(const test::JpegKind& kind) { return test::encode_jpeg(test::noisy_picture(33, 17, 1), kind); }
+
+std::string reason_for(const Bytes& jpeg) {
+  std::string reason;
+  const auto header = parse_header(jpeg, &reason);
+  return header ? "" : reason;
+}
+
+// The offset of the first segment with this marker: of its FF.
+size_t find_marker(const Bytes& jpeg, int marker) {
+  for (size_t at = 2;; at += 2 + (static_cast<size_t>(jpeg[at + 2]) << 8 | jpeg[at + 3]))
+    if (jpeg[at + 1] == marker || jpeg[at + 1] == 0xda) return at;
+}
+
+TEST(JpegHeader, TellsWhatACameraSends) {
+  const auto header = parse_header(jpeg_of({.restart_interval = 3}), nullptr);
+  ASSERT_TRUE(header);
+  EXPECT_EQ(header->width, 33);
+  EXPECT_EQ(header->height, 17);
+  EXPECT_EQ(header->components, 3);
+  EXPECT_EQ(header->blocks_per_mcu(), 6);
+  EXPECT_EQ(header->mcus_x(), 3);
+  EXPECT_EQ(header->mcus_y(), 2);
+  EXPECT_EQ(header->restart_interval, 3);
+  EXPECT_TRUE(header->one_baseline_scan);
+  EXPECT_EQ(header->ac[1], standard_ac(1));
+}
+
+TEST(JpegHeader, GreyHasMcusOfOneBlockWhateverItsFactors) {
+  const auto header = parse_header(jpeg_of({.grey = true}), nullptr);
+  ASSERT_TRUE(header);
+  EXPECT_EQ(header->blocks_per_mcu(), 1);
+  EXPECT_EQ(header->mcus_x(), 5);
+  EXPECT_TRUE(header->one_baseline_scan);
+}
+
+TEST(JpegHeader, KnowsWhatHasToBeDecodedAsAWhole) {
+  for (const test::JpegKind& kind :
+       {test::JpegKind{.progressive = true}, {.arithmetic = true}, {.one_by_one = true}, {.h = 4, .v = 1}}) {
+    const auto header = parse_header(jpeg_of(kind), nullptr);
+    ASSERT_TRUE(header);
+    EXPECT_FALSE(header->one_baseline_scan);
+  }
+}
+
+TEST(JpegHeader, StandardTablesAreLibjpegs) {
+  const auto jpeg = jpeg_of({});
+  const auto with = parse_header(jpeg, nullptr), without = parse_header(test::without_huffman_tables(jpeg), nullptr);
+  for (int i = 0; i < 2; i++) {
+    EXPECT_EQ(with->dc[i], without->dc[i]);
+    EXPECT_EQ(with->ac[i], without->ac[i]);
+  }
+}
+
+TEST(JpegHeader, SaysWhatIsNotSupported) {
+  EXPECT_EQ(reason_for(jpeg_of({.h = 1, .v = 1, .rgb = true})), "RGB inside of JPEG is not supported");
+  Bytes jpeg = jpeg_of({});
+  const size_t sof = find_marker(jpeg, 0xc0);
+  jpeg[sof + 4] = 12;
+  EXPECT_EQ(reason_for(jpeg), "only 8 bits a sample are supported");
+  jpeg[sof + 4] = 8;
+  jpeg[sof + 9] = 4;
+  EXPECT_EQ(reason_for(jpeg), "only grey and YCbCr are supported");
+  jpeg[sof + 1] = 0xc3;
+  EXPECT_EQ(reason_for(jpeg), "lossless and hierarchical JPEG are not supported");
+}
+
+TEST(JpegHeader, ImpossibleSizesAreRefused) {
+  Bytes jpeg = jpeg_of({});
+  const size_t sof = find_marker(jpeg, 0xc0);
+  const auto with_size = [&](int width, int height) {
+    Bytes lie = jpeg;
+    lie[sof + 5] = static_cast<uint8_t>(height >> 8);
+    lie[sof + 6] = static_cast<uint8_t>(height);
+    lie[sof + 7] = static_cast<uint8_t>(width >> 8);
+    lie[sof + 8] = static_cast<uint8_t>(width);
+    return reason_for(lie);
+  };
+  EXPECT_EQ(with_size(33, 17), "");
+  EXPECT_EQ(with_size(0, 17), "bad image size");
+  EXPECT_EQ(with_size(33, 0), "bad image size");
+  EXPECT_EQ(with_size(16385, 17), "bad image size");
+  EXPECT_EQ(with_size(16384, 16384), "too few bytes for the image's size");
+}
+
+TEST(JpegHeader, EndsAnywhere) {
+  const Bytes jpeg = jpeg_of({});
+  const size_t scan = parse_header(jpeg, nullptr)->scan;
+  for (size_t size = 0; size < scan; size++)
+    EXPECT_NE(reason_for(Bytes(jpeg.begin(), jpeg.begin() + size)), "") << size;
+  EXPECT_EQ(reason_for(Bytes(jpeg.begin(), jpeg.begin() + scan)), "too few bytes for the image's size");
+}
+
+TEST(JpegHeader, MissingQuantisation) {
+  Bytes jpeg = jpeg_of({});
+  jpeg[find_marker(jpeg, 0xdb) + 1] = 0xec;  // some APP segment
+  EXPECT_EQ(reason_for(jpeg), "a quantisation table is missing");
+}
+
+}  // namespace
+}  // namespace lf::jpeg
