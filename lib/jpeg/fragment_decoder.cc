@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "jpeg/fragment_decoder.h"
+
+#include <array>
+#include <cstring>
+#include <string>
+
+#include "base/byte_buffer.h"
+#include "base/error.h"
+#include "jpeg/scan.h"
+#include "jpeg/stack.h"
+
+namespace lf::jpeg {
+namespace {
+
+// libjpeg has a fast way through the entropy-coded bytes that needs this many behind every MCU (512 a block), and most
+// fragments are shorter than that: with zeros behind them they decode faster.
+constexpr size_t kRoomBehind = 6 * 512;
+
+// libjpeg writes RGB rows that begin at an aligned address past the caches: up to four times the time for small
+// pictures, and the rows are read right afterwards.
+constexpr size_t kUnaligned = 1;
+
+// The markers that were left out in front of the scan. Baseline; component 1 has table 0, and 2x2 samples a unit if
+// there are others, which have table 1.
+size_t write_header(uint8_t* out, const StackSize& size, int components) {
+  const uint8_t* const begin = out;
+  const auto put = [&out](std::initializer_list<int> bytes) {
+    for (const int byte : bytes) *out++ = static_cast<uint8_t>(byte);
+  };
+  put({0xff, 0xd8});  // SOI
+  put({0xff, 0xc0, 0, 8 + 3 * components, 8, size.height >> 8, size.height, size.width >> 8, size.width, components});
+  for (int c = 0; c < components; c++) put({c + 1, c == 0 && components > 1 ? 0x22 : 0x11, c > 0});
+  put({0xff, 0xda, 0, 6 + 2 * components, components});
+  for (int c = 0; c < components; c++) put({c + 1, c > 0 ? 0x11 : 0});
+  put({0, 63, 0});
+  return out - begin;
+}
+
+// The quantisation tables of each quality, made by libjpeg's own rule when first asked for.
+class Tables {
+ public:
+  Tables() {
+    info_.err = errors_.install(false);
+    if (setjmp(errors_.jump)) throw Error("JPEG: libjpeg can't be used");
+    jpeg_create_compress(&info_);
+  }
+  ~Tables() { jpeg_destroy_compress(&info_); }
+  Tables(const Tables&) = delete;
+
+  // Luma's (or lost weight's) and chroma's; may jump out to nobody's surprise: it can't fail for 1 to 100.
+  std::array<JQUANT_TBL, 2>& of(int quality) {
+    auto& tables = tables_[quality];
+    if (!tables) {
+      jpeg_set_quality(&info_, quality, TRUE);
+      tables = std::make_unique<std::array<JQUANT_TBL, 2>>();
+      for (int i = 0; i < 2; i++) (*tables)[i] = *info_.quant_tbl_ptrs[i];
+    }
+    return *tables;
+  }
+
+ private:
+  Errors errors_;
+  jpeg_compress_struct info_{};
+  std::unique_ptr<std::array<JQUANT_TBL, 2>> tables_[101];
+};
+
+}  // namespace
+
+// libjpeg's state for the pixels or for the lost weight, and the planes of the picture decoded last.
+class FragmentDecoder::Picture {
+ public:
+  explicit Picture(bool lost) : components_(lost ? 1 : 3) {
+    info_.err = errors_.install(true);
+    if (setjmp(errors_.jump)) throw Error("JPEG: libjpeg can't be used");
+    jpeg_create_decompress(&info_);
+    info_.src = &source_;
+    source_.init_source = [](j_decompress_ptr) {};
+    source_.fill_input_buffer = [](j_decompress_ptr info) -> boolean {
+      info->err->error_exit(reinterpret_cast<j_common_ptr>(info));
+      return FALSE;
+    };
+    source_.skip_input_data = [](j_decompress_ptr info, long) {
+      info->err->error_exit(reinterpret_cast<j_common_ptr>(info));
+    };
+    source_.resync_to_restart = jpeg_resync_to_restart;
+    source_.term_source = [](j_decompress_ptr) {};
+  }
+  ~Picture() { jpeg_destroy_decompress(&info_); }
+  Picture(const Picture&) = delete;
+
+  bool decode(std::span<const uint8_t> scan, int quality, const StackSize& size, bool rgb) {
+    if (quality < 1 || quality > 100 || size.width < 1 || size.height < 1) return false;
+    if (size.width > JPEG_MAX_DIMENSION || size.height > JPEG_MAX_DIMENSION) return false;
+    if (scan.size() < (components_ == 1 ? least_lost_scan(size) : least_pixel_scan(size))) return false;
+    auto& tables = tables_.of(quality);
+    info_.quant_tbl_ptrs[0] = &tables[0];
+    info_.quant_tbl_ptrs[1] = &tables[1];
+
+    const size_t header = components_ == 1 ? kLostHeader : kPixelHeader;
+    bytes_.resize(header + scan.size() + kEoi + kRoomBehind);
+    write_header(bytes_.data(), size, components_);
+    uint8_t* const end = bytes_.data() + header + scan.size();
+    std::memcpy(bytes_.data() + header, scan.data(), scan.size());
+    end[0] = 0xff;
+    end[1] = 0xd9;
+    std::memset(end + kEoi, 0, kRoomBehind);
+    source_.next_input_byte = bytes_.data();
+    source_.bytes_in_buffer = bytes_.size();
+
+    const size_t area = static_cast<size_t>(size.width) * size.height;
+    planes_.resize(rgb ? kUnaligned + 3 * area : components_ == 1 ? area : area + area / 2);
+    size_ = size;
+    // Never on to the next marker: what follows the scan is nobody's header. A sound scan is used up to its last byte.
+    const bool whole = rgb ? decompress_rgb() : decompress_planes();
+    const bool used_up = source_.next_input_byte >= end;
+    jpeg_abort_decompress(&info_);
+    return whole && used_up;
+  }
+
+  // Of the picture decoded last, which is RGB.
+  uint8_t* rgb_row(int y) { return planes_.data() + kUnaligned + static_cast<size_t>(y) * size_.width * 3; }
+  // Of the picture decoded last, which is not.
+  uint8_t* plane(int c, int x, int y) {
+    const size_t area = static_cast<size_t>(size_.width) * size_.height;
+    uint8_t* const begin = planes_.data() + (c == 0 ? 0 : c == 1 ? area : area + area / 4);
+    return begin + y * stride(c) + x;
+  }
+  ptrdiff_t stride(int c) const { return c == 0 ? size_.width : size_.width / 2; }
+
+ private:
+  // Nothing in these has a destructor that a jump would pass over.
+  bool start(bool rgb) {
+    jpeg_read_header(&info_, TRUE);
+    info_.dct_method = JDCT_ISLOW;
+    // The counterpart of the encoder's averages over 2x2; and neighbours in a stack do not bleed.
+    info_.do_fancy_upsampling = FALSE;
+    info_.raw_data_out = !rgb;
+    return jpeg_start_decompress(&info_);
+  }
+
+  bool decompress_rgb() {
+    if (setjmp(errors_.jump)) return false;
+    if (!start(true)) return false;
+    while (info_.output_scanline < info_.output_height) {
+      JSAMPROW lines[kPixelUnit];
+      const int left = static_cast<int>(info_.output_height - info_.output_scanline);
+      for (int i = 0; i < kPixelUnit; i++) lines[i] = rgb_row(static_cast<int>(info_.output_scanline) + i);
+      if (jpeg_read_scanlines(&info_, lines, std::min(left, kPixelUnit)) == 0) return false;
+    }
+    return true;
+  }
+
+  bool decompress_planes() {
+    if (setjmp(errors_.jump)) return false;
+    if (!start(false)) return false;
+    const int step = components_ == 1 ? kLostUnit : kPixelUnit;
+    for (int y = 0; y < size_.height; y += step) {
+      JSAMPROW lines[3][kPixelUnit];
+      JSAMPARRAY planes[3] = {lines[0], lines[1], lines[2]};
+      for (int c = 0; c < components_; c++)
+        for (int i = 0; i < (c ? step / 2 : step); i++) lines[c][i] = plane(c, 0, (c ? y / 2 : y) + i);
+      if (jpeg_read_raw_data(&info_, planes, step) == 0) return false;
+      for (int c = 1; c < components_; c++) {  // rows of a plane lie one after the other
+        uint8_t* const chroma = lines[c][0];
+        const int n = static_cast<int>(stride(c)) * step / 2;
+        for (int i = 0; i < n; i++) chroma[i] ^= 0x80;  // the 128 offset
+      }
+    }
+    return true;
+  }
+
+  const int components_;
+  Errors errors_;
+  jpeg_decompress_struct info_{};
+  jpeg_source_mgr source_{};
+  Tables tables_;
+  ByteBuffer bytes_, planes_;
+  StackSize size_;
+};
+
+FragmentDecoder::FragmentDecoder() = default;
+FragmentDecoder::~FragmentDecoder() = default;
+FragmentDecoder::FragmentDecoder(FragmentDecoder&&) noexcept = default;
+FragmentDecoder& FragmentDecoder::operator=(FragmentDecoder&&) noexcept = default;
+
+bool FragmentDecoder::decode_pixels(std::span<const uint8_t> scan, int quality, std::span<FragmentPlanes> members) {
+  if (members.empty()) return false;
+  const PixelFamily family = members[0].family;
+  for (const FragmentPlanes& member : members)
+    if (member.family != family || member.rect.empty()) return false;
+  if (family == PixelFamily::kNone) return false;
+  const bool rgb = family == PixelFamily::kRgb;
+  if (!pixels_) pixels_ = std::make_unique<Picture>(false);
+  const StackSize size = stack_size(members, kPixelUnit);
+  if (!pixels_->decode(scan, quality, size, rgb)) return false;
+  int y = 0;
+  for (FragmentPlanes& member : members) {
+    if (rgb) {
+      member.plane[0] = pixels_->rgb_row(y);
+      member.stride[0] = 3 * pixels_->stride(0);
+    } else {
+      for (int c = 0; c < 3; c++) {
+        member.plane[c] = pixels_->plane(c, 0, c ? y / 2 : y);
+        member.stride[c] = pixels_->stride(c);
+      }
+    }
+    y += padded(member.rect.height(), kPixelUnit);
+  }
+  return true;
+}
+
+bool FragmentDecoder::decode_lost(std::span<const uint8_t> scan, int quality, std::span<FragmentPlanes> members) {
+  for (const FragmentPlanes& member : members)
+    if (member.rect.empty()) return false;
+  if (!lost_) lost_ = std::make_unique<Picture>(true);
+  if (!lost_->decode(scan, quality, stack_size(members, kLostUnit), false)) return false;
+  int y = 0;
+  for (FragmentPlanes& member : members) {
+    member.lost = lost_->plane(0, 0, y);
+    member.lost_stride = lost_->stride(0);
+    y += padded(member.rect.height(), kLostUnit);
+  }
+  return true;
+}
+
+}  // namespace lf::jpeg

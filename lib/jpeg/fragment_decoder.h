@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "render/fragment_planes.h"
+
+namespace lf::jpeg {
+
+// The way back from FragmentEncoder. Bytes may be anything: what is not a whole scan of the picture's size is damaged.
+// Keeps libjpeg's state, tables and planes from call to call. One for each thread.
+class FragmentDecoder {
+ public:
+  FragmentDecoder();
+  ~FragmentDecoder();
+  FragmentDecoder(FragmentDecoder&&) noexcept;
+  FragmentDecoder& operator=(FragmentDecoder&&) noexcept;
+
+  // Decodes the stack of `members`, whose family and rectangles the caller has set, and points their planes (or their
+  // lost weight) into memory of this object, valid until the next call of the same function. False, and the members
+  // as they were, if the scan is damaged or the stack, the family or the quality is not what FragmentEncoder makes.
+  bool decode_pixels(std::span<const uint8_t> scan, int quality, std::span<FragmentPlanes> members);
+  bool decode_lost(std::span<const uint8_t> scan, int quality, std::span<FragmentPlanes> members);
+
+ private:
+  class Picture;
+  std::unique_ptr<Picture> pixels_, lost_;
+};
+
+}  // namespace lf::jpeg

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "jpeg/fragment_decoder.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "jpeg/stack.h"
+#include "lib/jpeg/fragment_codec_fixture.h"
+#include "support/weighted_fragments.h"
+
+namespace lf::jpeg {
+namespace {
+
+constexpr PixelFamily kFamilies[] = {PixelFamily::kRgb, PixelFamily::kI420};
+
+ByteBuffer pixels_scan(const std::vector<FragmentPlanes>& members, int quality) {
+  ByteBuffer out;
+  FragmentEncoder().encode_pixels(members, quality, out);
+  return out;
+}
+
+// Stated bounds: what a picture of the built-in scene loses per quality. Chroma of RGB loses its resolution at every
+// quality.
+TEST(JpegFragmentDecoder, LosesNoMoreThanStated) {
+  const struct {
+    int quality;
+    double psnr, chroma_psnr, rgb_psnr;
+    int worst;
+  } rows[] = {
+      {50, 38, 40, 35, 60}, {75, 41, 42, 36, 45}, {90, 45, 45, 38, 30}, {95, 48, 47, 39, 20}, {100, 54, 51, 40, 8}};
+  for (const PixelFamily family : kFamilies) {
+    const std::vector<Fragment> fragments = weighted_fragments(family, 8, 320, 240, 12);
+    const std::vector<FragmentPlanes> members = planes_of_all(fragments);
+    FragmentDecoder decoder;
+    for (const auto& row : rows) {
+      Errors8 luma, chroma;
+      for (const FragmentPlanes& member : members) {
+        std::vector<FragmentPlanes> out = empty_like({&member, 1});
+        ASSERT_TRUE(decoder.decode_pixels(pixels_scan({member}, row.quality), row.quality, out));
+        compare_pixels(member, out[0], luma, chroma);
+      }
+      const bool rgb = family == PixelFamily::kRgb;
+      EXPECT_GE(luma.psnr(), rgb ? row.rgb_psnr : row.psnr) << "quality " << row.quality;
+      if (rgb) continue;
+      EXPECT_GE(chroma.psnr(), row.chroma_psnr) << "quality " << row.quality;
+      EXPECT_LE(std::max(luma.worst, chroma.worst), row.worst) << "quality " << row.quality;
+    }
+  }
+}
+
+TEST(JpegFragmentDecoder, EverySizeComesBack) {
+  FragmentEncoder encoder;
+  FragmentDecoder decoder;
+  for (const PixelFamily family : kFamilies)
+    for (const auto& [w, h] :
+         {std::pair{1, 1}, {1, 40}, {40, 1}, {2, 2}, {15, 17}, {16, 16}, {17, 15}, {33, 47}, {129, 64}}) {
+      const Fragment f = patterned(family, {2, 4, 2 + w, 4 + h}, true);
+      const FragmentPlanes in = planes_of(f);
+      ByteBuffer pixels, lost;
+      encoder.encode_pixels({&in, 1}, 95, pixels);
+      encoder.encode_lost({&in, 1}, 95, lost);
+      std::vector<FragmentPlanes> out = empty_like({&in, 1});
+      ASSERT_TRUE(decoder.decode_pixels(pixels, 95, out)) << w << 'x' << h;
+      ASSERT_TRUE(decoder.decode_lost(lost, 95, out)) << w << 'x' << h;
+      Errors8 luma, chroma, weight;
+      compare_pixels(in, out[0], luma, chroma);
+      compare_lost(in, out[0], weight);
+      EXPECT_LE(luma.worst, family == PixelFamily::kRgb ? 40 : 12) << w << 'x' << h;
+      EXPECT_LE(chroma.worst, 14) << w << 'x' << h;
+      EXPECT_LE(weight.worst, 24) << w << 'x' << h;
+    }
+}
+
+// Members in whole units do not touch one another: alone or together, the same values.
+TEST(JpegFragmentDecoder, AStackIsWhatItsMembersAreAlone) {
+  for (const PixelFamily family : kFamilies) {
+    std::vector<Fragment> fragments;
+    for (int i = 0; i < 5; i++) fragments.push_back(patterned(family, {0, 0, 30 + i, 20 + 7 * i}, i % 2 == 0, i));
+    const std::vector<FragmentPlanes> members = planes_of_all(fragments);
+    FragmentEncoder encoder;
+    FragmentDecoder together, alone;
+    std::vector<FragmentPlanes> out = empty_like(members);
+    ASSERT_TRUE(together.decode_pixels(pixels_scan(members, 90), 90, out));
+    ByteBuffer lost;
+    encoder.encode_lost(members, 90, lost);
+    std::vector<FragmentPlanes> with_lost = {out[0], out[2], out[4]};
+    ASSERT_TRUE(together.decode_lost(lost, 90, with_lost));
+    for (size_t i = 0; i < members.size(); i++) {
+      std::vector<FragmentPlanes> one = empty_like({&members[i], 1});
+      ASSERT_TRUE(alone.decode_pixels(pixels_scan({members[i]}, 90), 90, one));
+      Errors8 luma, chroma, weight;
+      compare_pixels(one[0], out[i], luma, chroma);
+      EXPECT_EQ(luma.worst, 0) << i;
+      EXPECT_EQ(chroma.worst, 0) << i;
+      if (i % 2) continue;
+      ByteBuffer own;
+      encoder.encode_lost({&members[i], 1}, 90, own);
+      ASSERT_TRUE(alone.decode_lost(own, 90, one));
+      compare_lost(one[0], with_lost[i / 2], weight);
+      EXPECT_EQ(weight.worst, 0) << i;
+    }
+  }
+}
+
+TEST(JpegFragmentDecoder, WhatIsCutIsDamaged) {
+  for (const PixelFamily family : kFamilies) {
+    const Fragment f = patterned(family, {0, 0, 60, 44});
+    const ByteBuffer scan = pixels_scan({planes_of(f)}, 90);
+    FragmentDecoder decoder;
+    for (size_t n = 0; n < scan.size(); n++) {
+      std::vector<FragmentPlanes> out = {{.family = family, .rect = f.rect}};
+      EXPECT_FALSE(decoder.decode_pixels(std::span(scan).first(n), 90, out)) << n;
+      EXPECT_EQ(out[0].plane[0], nullptr);
+    }
+    std::vector<FragmentPlanes> out = {{.family = family, .rect = f.rect}};
+    EXPECT_TRUE(decoder.decode_pixels(scan, 90, out));
+    ByteBuffer longer = scan;
+    longer.resize(scan.size() + 16, 0x55);
+    EXPECT_FALSE(decoder.decode_pixels(longer, 90, out));
+    out[0].rect.y1 += 16;
+    EXPECT_FALSE(decoder.decode_pixels(scan, 90, out));
+    out[0].rect.y1 -= 32;
+    EXPECT_FALSE(decoder.decode_pixels(scan, 90, out));
+  }
+}
+
+TEST(JpegFragmentDecoder, RefusesWhatNoEncoderMakes) {
+  const Fragment f = patterned(PixelFamily::kI420, {0, 0, 30, 30});
+  const ByteBuffer scan = pixels_scan({planes_of(f)}, 90);
+  FragmentDecoder decoder;
+  std::vector<FragmentPlanes> none, out = empty_like(std::vector{planes_of(f)}), two = {out[0], out[0]};
+  EXPECT_FALSE(decoder.decode_pixels(scan, 90, none));
+  EXPECT_FALSE(decoder.decode_lost(scan, 90, none));
+  EXPECT_FALSE(decoder.decode_pixels(scan, 0, out));
+  EXPECT_FALSE(decoder.decode_pixels(scan, 101, out));
+  two[1].family = PixelFamily::kRgb;
+  EXPECT_FALSE(decoder.decode_pixels(scan, 90, two));
+  out[0].rect = {5, 5, 5, 9};
+  EXPECT_FALSE(decoder.decode_pixels(scan, 90, out));
+  out[0].rect = {0, 0, 16384, 16384};  // no memory for what can't be there
+  EXPECT_FALSE(decoder.decode_pixels(scan, 90, out));
+  out[0].rect = {0, 0, 70000, 1};
+  EXPECT_FALSE(decoder.decode_pixels(ByteBuffer(70000, 0), 90, out));
+}
+
+// Markers in the scan do nothing: above all they do not leave other tables behind.
+TEST(JpegFragmentDecoder, BytesMayBeAnything) {
+  std::mt19937 random(5);
+  for (const PixelFamily family : kFamilies) {
+    const Fragment f = patterned(family, {0, 0, 70, 50});
+    const FragmentPlanes in = planes_of(f);
+    const ByteBuffer scan = pixels_scan({in}, 80);
+    FragmentDecoder decoder;
+    std::vector<FragmentPlanes> out = empty_like({&in, 1});
+    ASSERT_TRUE(decoder.decode_pixels(scan, 80, out));
+    const std::vector<uint8_t> first(out[0].plane[0], out[0].plane[0] + out[0].stride[0] * 50);
+    int accepted = 0;
+    for (int i = 0; i < 3000; i++) {
+      ByteBuffer bad = scan;
+      const size_t at = random() % bad.size();
+      switch (i % 4) {
+        case 0: bad[at] ^= static_cast<uint8_t>(1 << random() % 8); break;
+        case 1: bad[at] = 0xff; break;
+        case 2:  // a marker: restart, tables, another frame, EOI
+          if (at + 3 < bad.size()) {
+            const uint8_t markers[] = {0xd0, 0xc4, 0xdb, 0xc0, 0xd9, 0xda, 0xd8, 0xdd};
+            bad[at] = 0xff;
+            bad[at + 1] = markers[random() % 8];
+          }
+          break;
+        case 3:
+          for (size_t k = at; k < bad.size(); k++) bad[k] = static_cast<uint8_t>(random());
+          break;
+      }
+      accepted += decoder.decode_pixels(bad, 80, out);
+      decoder.decode_lost(bad, 80, out);
+    }
+    EXPECT_LT(accepted, 1500);  // a flipped bit may well be another picture
+    ASSERT_TRUE(decoder.decode_pixels(scan, 80, out));
+    EXPECT_EQ(first, std::vector<uint8_t>(out[0].plane[0], out[0].plane[0] + out[0].stride[0] * 50));
+  }
+}
+
+}  // namespace
+}  // namespace lf::jpeg
