@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "composite/resolve.h"
+
+#include <algorithm>
+#include <cstring>
+#include <vector>
+
+#include "render/sum_rounding.h"
+
+namespace lf {
+namespace {
+
+// With less valid weight than this a pixel shows the background: 3/255, rounded up.
+constexpr int kLeastWeight = (3 * kLostOne + 254) / 255;
+constexpr float kOneLevel = 1 << kSumFractionBits;
+
+// The loops over a row are free of branches and of aliasing, so that the compiler makes vector code of them.
+
+template <typename T>
+bool any_set(const T* values, int n) {
+  T any = 0;
+  for (int i = 0; i < n; i++) any |= values[i];
+  return any != 0;
+}
+
+// To the nearest of 0..255, halves up. `v` is a sum, scaled: exact in float wherever the result is not clamped, up to
+// the rounding of the scale itself (2^-23 of the value).
+uint8_t to_byte(float v) { return static_cast<uint8_t>(std::clamp(v + 0.5f, 0.f, 255.f)); }
+
+// What a pixel of the row becomes is sum * scale, or the background where scale is 0.
+void make_scales(float* __restrict scale, const uint16_t* __restrict lost, int n) {
+  for (int i = 0; i < n; i++) {
+    const int left = kLostOne - std::min<int>(lost[i], kLostOne);
+    scale[i] = left < kLeastWeight ? 0.f : kLostOne / kOneLevel / static_cast<float>(std::max(left, 1));
+  }
+}
+
+void hide(float* __restrict scale, const uint8_t* __restrict uncovered, int n) {
+  for (int i = 0; i < n; i++) scale[i] = uncovered[i] ? 0.f : scale[i];
+}
+
+void scale_row(uint8_t* __restrict out, const int16_t* __restrict sum, const float* __restrict scale, float background,
+               int n) {
+  for (int i = 0; i < n; i++) {
+    const float v = sum[i] * scale[i];
+    out[i] = to_byte(scale[i] == 0 ? background : v);
+  }
+}
+
+// BT.601, full range; chroma without the 128 offset.
+struct YCbCr {
+  float y, cb, cr;
+};
+YCbCr to_ycbcr(const Background& b) {
+  return {0.299f * b.r + 0.587f * b.g + 0.114f * b.b, -0.168736f * b.r - 0.331264f * b.g + 0.5f * b.b,
+          0.5f * b.r - 0.418688f * b.g - 0.081312f * b.b};
+}
+
+// Which rows need more than rounding.
+class Weights {
+ public:
+  Weights(const ConstSumPlanes& sum, const uint8_t* uncovered)
+      : sum_(sum), uncovered_(uncovered), width_(sum.rect.width()) {}
+
+  const uint16_t* lost(int y) const { return sum_.lost ? sum_.lost + y * sum_.lost_stride : nullptr; }
+  // The factors for the sums of row y, 0 where the background shows; false if the row is its sum as it is.
+  bool scales(int y, float* scale) const {
+    const uint8_t* uncovered = uncovered_ ? uncovered_ + static_cast<size_t>(y) * width_ : nullptr;
+    const bool some_lost = lost(y) && any_set(lost(y), width_), some_hidden = uncovered && any_set(uncovered, width_);
+    if (!some_lost && !some_hidden) return false;
+    if (some_lost)
+      make_scales(scale, lost(y), width_);
+    else
+      std::fill_n(scale, width_, 1 / kOneLevel);
+    if (some_hidden) hide(scale, uncovered, width_);
+    return true;
+  }
+
+ private:
+  const ConstSumPlanes& sum_;
+  const uint8_t* uncovered_;
+  int width_;
+};
+
+void interleave(uint8_t* __restrict out, const RgbLayout& layout, const uint8_t* __restrict r,
+                const uint8_t* __restrict g, const uint8_t* __restrict b, int n) {
+  if (layout == RgbLayout{}) {
+    for (int x = 0; x < n; x++) {
+      out[3 * x + 0] = r[x];
+      out[3 * x + 1] = g[x];
+      out[3 * x + 2] = b[x];
+    }
+  } else if (layout.pixel_stride == 4) {
+    const int rs = 8 * layout.r, gs = 8 * layout.g, bs = 8 * layout.b;
+    const uint32_t opaque = 0xffu << 8 * (6 - layout.r - layout.g - layout.b);
+    for (int x = 0; x < n; x++) {
+      const uint32_t pixel = opaque | uint32_t{r[x]} << rs | uint32_t{g[x]} << gs | uint32_t{b[x]} << bs;
+      std::memcpy(out + 4 * x, &pixel, 4);
+    }
+  } else {
+    for (int x = 0; x < n; x++) {
+      out[layout.pixel_stride * x + layout.r] = r[x];
+      out[layout.pixel_stride * x + layout.g] = g[x];
+      out[layout.pixel_stride * x + layout.b] = b[x];
+    }
+  }
+}
+
+void resolve_rgb(const ConstSumPlanes& sum, const Weights& weights, const Background& background,
+                 const RgbLayout& layout, uint8_t* plane, ptrdiff_t stride) {
+  const int w = sum.rect.width();
+  const float back[3] = {static_cast<float>(background.r), static_cast<float>(background.g),
+                         static_cast<float>(background.b)};
+  std::vector<float> scale(w);
+  std::vector<uint8_t> rows(3 * static_cast<size_t>(w));
+  uint8_t* const row[3] = {&rows[0], &rows[w], &rows[2 * static_cast<size_t>(w)]};
+  for (int y = 0; y < sum.rect.height(); y++) {
+    const bool scaled = weights.scales(y, scale.data());
+    for (int c = 0; c < 3; c++) {
+      const int16_t* const in = sum.plane[c] + y * sum.stride[c];
+      if (scaled)
+        scale_row(row[c], in, scale.data(), back[c], w);
+      else
+        round_row(row[c], in, w);
+    }
+    interleave(plane + y * stride, layout, row[0], row[1], row[2], w);
+  }
+}
+
+void resolve_i420(const ConstSumPlanes& sum, const Weights& weights, const Background& background,
+                  uint8_t* const plane[3], const ptrdiff_t stride[3]) {
+  const int w = sum.rect.width(), h = sum.rect.height(), cw = chroma_size(w);
+  const YCbCr back = to_ycbcr(background);
+  std::vector<float> scale(w), share(cw), chroma_scale(cw);
+  std::vector<int> lost(cw), hidden(cw);  // sums over the pixels of a chroma sample
+  for (int cy = 0; cy < chroma_size(h); cy++) {
+    const int rows = std::min(2, h - 2 * cy);
+    std::ranges::fill(lost, 0);
+    std::ranges::fill(hidden, 0);
+    bool plain = true;
+    for (int y = 2 * cy; y < 2 * cy + rows; y++) {
+      const int16_t* const in = sum.plane[0] + y * sum.stride[0];
+      uint8_t* const out = plane[0] + y * stride[0];
+      if (!weights.scales(y, scale.data())) {
+        round_row(out, in, w);
+        continue;
+      }
+      plain = false;
+      scale_row(out, in, scale.data(), back.y, w);
+      const uint16_t* const row_lost = weights.lost(y);
+      for (int x = 0; x < w; x++) {
+        if (row_lost) lost[x / 2] += std::min<int>(row_lost[x], kLostOne);
+        hidden[x / 2] += scale[x] == 0;
+      }
+    }
+    // Lost weight is the mean over the sample's pixels; the background takes the share of those that show it.
+    if (!plain)
+      for (int cx = 0; cx < cw; cx++) {
+        const float n = static_cast<float>(rows * std::min(2, w - 2 * cx));
+        const float left = kLostOne - static_cast<float>(lost[cx]) / n;
+        share[cx] = left < kLeastWeight ? 1.f : static_cast<float>(hidden[cx]) / n;
+        chroma_scale[cx] = left < kLeastWeight ? 0.f : kLostOne / kOneLevel / left;
+      }
+    for (int c = 1; c < 3; c++) {
+      const int16_t* const in = sum.plane[c] + cy * sum.stride[c];
+      uint8_t* const out = plane[c] + cy * stride[c];
+      if (plain) {
+        round_chroma_row(out, in, cw, 128);
+        continue;
+      }
+      const float back_c = c == 1 ? back.cb : back.cr;
+      for (int cx = 0; cx < cw; cx++) {
+        const float colour = std::clamp(in[cx] * chroma_scale[cx], -128.f, 127.f);
+        out[cx] = to_byte(128 + colour * (1 - share[cx]) + back_c * share[cx]);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+void resolve(const ConstSumPlanes& sum, const uint8_t* uncovered, const Background& background, const RgbLayout& layout,
+             uint8_t* const plane[3], const ptrdiff_t stride[3]) {
+  const Weights weights(sum, uncovered);
+  if (sum.family == PixelFamily::kRgb) resolve_rgb(sum, weights, background, layout, plane[0], stride[0]);
+  if (sum.family == PixelFamily::kI420) resolve_i420(sum, weights, background, plane, stride);
+}
+
+}  // namespace lf

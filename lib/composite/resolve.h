@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "image/image.h"
+#include "render/sum_planes.h"
+
+namespace lf {
+
+// Opaque colour shown where nothing contributes, RGB 0..255.
+struct Background {
+  uint8_t r = 0, g = 0, b = 0;
+  bool operator==(const Background&) const = default;
+};
+
+// From the sum of everything to the picture: divided by 1 - (sum of lost weight) where weight was lost.
+//
+// `sum`: of the whole view (rect.x0 = rect.y0 = 0). `uncovered`: a byte per pixel without padding, not 0 where the
+// background shows too; null: nowhere. Into packed planes as in ImageView: kRgb in `layout` (a fourth byte is set to
+// 255: opaque), or kI420 with the 128 offset. Rounded to the nearest level, halves up. Chroma loses the mean of the
+// lost weight of its up to four pixels; the background takes the share of those of them that show it. A pixel with less
+// than 3/255 of its weight left shows the background: sums of 8-bit fragments leave it no colour.
+void resolve(const ConstSumPlanes& sum, const uint8_t* uncovered, const Background& background, const RgbLayout& layout,
+             uint8_t* const plane[3], const ptrdiff_t stride[3]);
+
+}  // namespace lf
