@@ -13,7 +13,7 @@ uint64_t nanoseconds(int64_t from, int64_t to) { return to > from ? static_cast<
 void CompositorStats::reset() {
   std::lock_guard lock(mutex_);
   for (uint64_t& counter : counters_) counter = 0;
-  pictures_ = complete_ = fragments_ = missing_ = bytes_ = max_skew_ns_ = 0;
+  pictures_ = complete_ = fragments_ = missing_ = damaged_ = bytes_ = max_skew_ns_ = 0;
   arrivals_.clear();
   for (Percentiles* times : {&answer_ns_, &composite_ns_, &latency_ns_}) times->clear();
 }
@@ -38,9 +38,10 @@ GstStructure* CompositorStats::record(const Picture& p, bool describe) {
   }
   const uint64_t composite = nanoseconds(p.answered, p.done), latency = nanoseconds(asked, p.done);
   pictures_++;
-  complete_ += p.missing == 0;
+  complete_ += p.missing == 0 && p.damaged == 0;
   fragments_ += p.fragments;
   missing_ += p.missing;
+  damaged_ += p.damaged;
   bytes_ += p.bytes;
   max_skew_ns_ = std::max(max_skew_ns_, p.skew_ns);
   answer_ns_.add(nanoseconds(asked, p.answered));
@@ -48,9 +49,11 @@ GstStructure* CompositorStats::record(const Picture& p, bool describe) {
   latency_ns_.add(latency);
   if (!describe) return nullptr;
   return gst_structure_new("lightfield-view", "view-id", G_TYPE_UINT, p.view_id, "sequence", G_TYPE_UINT,
-                           p.sequence,                                                                //
-                           "pts", G_TYPE_UINT64, p.pts, "complete", G_TYPE_BOOLEAN, p.missing == 0,   //
+                           p.sequence,  //
+                           "pts", G_TYPE_UINT64, p.pts, "complete", G_TYPE_BOOLEAN,
+                           p.missing == 0 && p.damaged == 0,                                          //
                            "fragments", G_TYPE_UINT, p.fragments, "missing", G_TYPE_UINT, p.missing,  //
+                           "damaged", G_TYPE_UINT, p.damaged,                                         //
                            "bytes", G_TYPE_UINT64, p.bytes, "skew-ns", G_TYPE_UINT64, p.skew_ns,      //
                            "latency-ns", G_TYPE_UINT64, latency, "composite-ns", G_TYPE_UINT64, composite, nullptr);
 }
@@ -66,6 +69,7 @@ GstStructure* CompositorStats::structure() const {
   set("incomplete", pictures_ - complete_);
   set("fragments", fragments_);
   set("missing-fragments", missing_);
+  set("damaged-fragments", damaged_);
   set("late-answers", counters_[kLateAnswers]);
   set("bytes", bytes_);
   set("bad-requests", counters_[kBadRequests]);

@@ -20,7 +20,7 @@ class CompositorStats {
   struct Picture {
     uint32_t view_id = 0, sequence = 0;
     GstClockTime pts = GST_CLOCK_TIME_NONE;
-    unsigned fragments = 0, missing = 0;
+    unsigned fragments = 0, missing = 0, damaged = 0;
     uint64_t bytes = 0;    // of the answers
     uint64_t skew_ns = 0;  // largest |capture time - target time|
     int64_t answered = 0;  // when the last answer was in, or the deadline over
@@ -38,7 +38,7 @@ class CompositorStats {
  private:
   mutable std::mutex mutex_;
   uint64_t counters_[kNumCounters] = {};
-  uint64_t pictures_ = 0, complete_ = 0, fragments_ = 0, missing_ = 0, bytes_ = 0, max_skew_ns_ = 0;
+  uint64_t pictures_ = 0, complete_ = 0, fragments_ = 0, missing_ = 0, damaged_ = 0, bytes_ = 0, max_skew_ns_ = 0;
   std::map<uint32_t, int64_t> arrivals_;               // sequence to time, of requests not answered yet
   Percentiles answer_ns_, composite_ns_, latency_ns_;  // request in to last answer in to picture ready
 };

@@ -28,7 +28,7 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
       self->node->answer(*request, lane->requester, gst_element_get_base_time(GST_ELEMENT(self)), lane->live, warning);
   if (!warning.empty())
     GST_ELEMENT_WARNING(self, STREAM, FAILED, ("View %u: %s.", request->view_id, warning.c_str()), (nullptr));
-  GstBuffer* out = lf::encode_answer_buffer(answer);
+  GstBuffer* out = lf::wrap_bytes(lane->encoder.encode(answer, answer.fragments, 0));
   GST_BUFFER_PTS(out) = pts;
   GST_BUFFER_DURATION(out) = duration;
   self->node->stats().answers++;

@@ -11,7 +11,7 @@
 #include "camera_frames.h"
 #include "render/fragment_renderer.h"
 #include "render/render_job.h"
-#include "wire/answer_codec.h"
+#include "wire/answer.h"
 
 namespace lf {
 

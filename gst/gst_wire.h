@@ -2,22 +2,38 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 
 #include <gst/gst.h>
 
-#include "wire/answer_codec.h"
+#include "base/byte_buffer.h"
+#include "wire/answer_parser.h"
 #include "wire/request_codec.h"
 
 // Buffers hold exactly the bytes of one unit of the wire format.
 namespace lf {
 
 std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
-std::optional<wire::Answer> decode_answer_buffer(GstBuffer* buffer, std::string* reason = nullptr);
-std::optional<wire::Answer> decode_answer_buffer_header(GstBuffer* buffer, std::string* reason = nullptr);
+std::optional<wire::AnswerHeader> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason = nullptr);
+
+// A buffer's bytes, mapped and held as long as this lives.
+class MappedBuffer {
+ public:
+  explicit MappedBuffer(GstBuffer* buffer);
+  ~MappedBuffer();
+  MappedBuffer(const MappedBuffer&) = delete;
+  MappedBuffer& operator=(const MappedBuffer&) = delete;
+  // Empty if the buffer can't be mapped.
+  std::span<const uint8_t> bytes() const { return {map_.data, map_.size}; }
+
+ private:
+  GstBuffer* buffer_;
+  GstMapInfo map_{};
+};
 
 // New buffers, owned by the caller.
 GstBuffer* encode_request_buffer(const ViewRequest& request);
-GstBuffer* encode_answer_buffer(const wire::Answer& answer);
+GstBuffer* wrap_bytes(ByteBuffer bytes);
 
 }  // namespace lf

@@ -21,8 +21,8 @@
  *
  * ## Element messages
  * With `post-messages` an element message "lightfield-view" per picture: view-id, sequence (uint), pts (uint64),
- * complete (boolean), fragments, missing (uint), bytes, skew-ns, latency-ns (request to picture) and composite-ns
- * (uint64).
+ * complete (boolean), fragments, missing, damaged (uint), bytes, skew-ns, latency-ns (request to picture) and
+ * composite-ns (uint64).
  */
 
 #include "lfcompositor.h"
@@ -186,15 +186,17 @@ static bool lf_compositor_find_request(LfCompositor* self, guint view_id) {
 
 static void lf_compositor_add(LfCompositor* self, GstBuffer* buffer) {
   auto& state = *self->state;
+  const auto mapped = std::make_shared<const lf::MappedBuffer>(buffer);
   std::string reason;
-  const std::optional<lf::wire::Answer> answer = lf::decode_answer_buffer(buffer, &reason);
+  const std::optional<lf::wire::AnswerView> answer = lf::wire::parse_answer(mapped->bytes(), &reason);
   if (!answer) {
     GST_WARNING_OBJECT(self, "dropped an answer: %s", reason.c_str());
     self->state->stats.count(lf::CompositorStats::kBadAnswers);
     return;
   }
-  state.current_bytes += gst_buffer_get_size(buffer);
-  switch (state.assembly.add(*answer)) {
+  state.current_bytes += mapped->bytes().size();
+  const unsigned damaged_before = state.assembly.damaged();
+  switch (state.assembly.add(*answer, mapped)) {
     case lf::Assembly::Verdict::kOtherRig:
       self->state->stats.count(lf::CompositorStats::kRigMismatches);
       if (!state.warned_rig)
@@ -209,6 +211,8 @@ static void lf_compositor_add(LfCompositor* self, GstBuffer* buffer) {
       break;
     default: break;
   }
+  if (const unsigned damaged = state.assembly.damaged() - damaged_before)
+    GST_WARNING_OBJECT(self, "node %u: %u fragments are damaged", answer->node, damaged);
 }
 
 // Brings the answer pad's head to the current request. True when this node has nothing more to wait for.
@@ -216,7 +220,7 @@ static bool lf_compositor_node_answered(LfCompositor* self, GstAggregatorPad* pa
   auto& state = *self->state;
   while (GstBuffer* buffer = gst_aggregator_pad_peek_buffer(pad)) {
     std::string reason;
-    const std::optional<lf::wire::Answer> header = lf::decode_answer_buffer_header(buffer, &reason);
+    const std::optional<lf::wire::AnswerHeader> header = lf::parse_answer_buffer_header(buffer, &reason);
     // Sequence numbers wrap: the sign of the difference tells the order.
     const int32_t ahead = header ? static_cast<int32_t>(header->sequence - state.current->sequence) : 0;
     const bool own = header && header->view_id == state.current->view_id;
@@ -239,7 +243,7 @@ static bool lf_compositor_node_answered(LfCompositor* self, GstAggregatorPad* pa
 static void lf_compositor_take_answer(LfCompositor* self, GstAggregatorPad* pad) {
   GstBuffer* buffer = gst_aggregator_pad_peek_buffer(pad);
   if (!buffer) return;
-  const std::optional<lf::wire::Answer> header = lf::decode_answer_buffer_header(buffer);
+  const std::optional<lf::wire::AnswerHeader> header = lf::parse_answer_buffer_header(buffer);
   const lf::ViewRequest& current = *self->state->current;
   if (header && header->view_id == current.view_id && header->sequence == current.sequence) {
     lf_compositor_add(self, buffer);
@@ -251,10 +255,10 @@ static void lf_compositor_take_answer(LfCompositor* self, GstAggregatorPad* pad)
 static void lf_compositor_record(LfCompositor* self, int64_t answered, GstClockTime pts, bool post) {
   auto& state = *self->state;
   const lf::Assembly& assembly = state.assembly;
-  GstStructure* description =
-      state.stats.record({state.current->view_id, state.current->sequence, pts, assembly.fragments(),
-                          assembly.missing(), state.current_bytes, assembly.skew(), answered, g_get_monotonic_time()},
-                         post);
+  GstStructure* description = state.stats.record(
+      {state.current->view_id, state.current->sequence, pts, assembly.fragments(), assembly.missing(),
+       assembly.damaged(), state.current_bytes, assembly.skew(), answered, g_get_monotonic_time()},
+      post);
   if (description) gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), description));
 }
 
@@ -303,6 +307,7 @@ static GstFlowReturn lf_compositor_finish_picture(LfCompositor* self) {
   gst_buffer_unref(request);
 
   lf_compositor_record(self, answered, GST_BUFFER_PTS(out), post);
+  state.assembly.release();
   state.current.reset();
   GstSegment& segment = GST_AGGREGATOR_PAD(agg->srcpad)->segment;
   if (GST_BUFFER_PTS_IS_VALID(out)) segment.position = GST_BUFFER_PTS(out);
@@ -383,6 +388,7 @@ static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo*
 }
 
 static GstFlowReturn lf_compositor_flush(GstAggregator* agg) {
+  LF_COMPOSITOR(agg)->state->assembly.release();
   LF_COMPOSITOR(agg)->state->current.reset();
   return GST_FLOW_OK;
 }
@@ -475,7 +481,7 @@ static void lf_compositor_class_init(LfCompositorClass* klass) {
       object_class, PROP_STATS,
       g_param_spec_boxed(
           "stats", "Statistics",
-          "Counts of pictures (complete, incomplete), fragments (missing), late and bad answers, bytes; the "
+          "Counts of pictures (complete, incomplete), fragments (missing, damaged), late and bad answers, bytes; the "
           "largest skew; latency per stage (p50, p95, p99 over the latest 1024 pictures, nanoseconds)",
           GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
 

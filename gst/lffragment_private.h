@@ -8,6 +8,7 @@
 #include "camera_image.h"
 #include "fragment_node.h"
 #include "lffragment.h"
+#include "wire/fragment_codec.h"
 
 // What the files of lffragment share: lffragment.cc (the element), fragment_camera_pad.cc (camera video in) and
 // fragment_lane.cc (requests in, answers out).
@@ -30,8 +31,9 @@ struct Lane {
   GstPad* request = nullptr;
   GstPad* src = nullptr;
   lf::FragmentNode::Requester requester;
-  bool live = false;   // requests come in real time; known from the segment on
-  bool ended = false;  // has sent EOS; under the object lock of the element
+  lf::wire::FragmentEncoder encoder;  // streaming thread
+  bool live = false;                  // requests come in real time; known from the segment on
+  bool ended = false;                 // has sent EOS; under the object lock of the element
 };
 
 struct _LfFragment {

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <iterator>
 
+#include "wire/payload.h"
+
 namespace lf {
 
 void Assembly::set_rig(std::shared_ptr<const Rig> rig) {
@@ -17,14 +19,19 @@ void Assembly::begin(const ViewRequest& request) {
   request_ = request;
   expected_rig_ = rig_hash_ != 0 ? rig_hash_ : request.rig_hash;
   family_ = PixelFamily::kNone;
-  accumulator_.reset(family_, request.view.width, request.view.height);
+  release();
   received_.clear();
   have_sums_ = false;
-  fragments_ = missing_ = 0;
+  fragments_ = missing_ = damaged_ = 0;
   skew_ = 0;
 }
 
-Assembly::Verdict Assembly::add(const wire::Answer& answer) {
+void Assembly::release() {
+  accumulator_.reset(family_, request_.view.width, request_.view.height);
+  kept_.reset();
+}
+
+Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<const void> bytes) {
   if (answer.view_id != request_.view_id || answer.sequence != request_.sequence) return Verdict::kOtherRequest;
   if (expected_rig_ == 0) expected_rig_ = answer.rig_hash;
   if (answer.rig_hash != expected_rig_) return Verdict::kOtherRig;
@@ -35,20 +42,49 @@ Assembly::Verdict Assembly::add(const wire::Answer& answer) {
     accumulator_.reset(family_, request_.view.width, request_.view.height);
   }
   bool all_good = true;
-  for (const Fragment& fragment : answer.fragments) {
+  const std::span<const wire::FragmentView> all = answer.fragments;
+  for (size_t i = 0, n; i < all.size(); i += n) {
+    n = wire::group_size(all.subspan(i));
+    all_good = add_group(all.subspan(i, n), bytes) && all_good;
+  }
+  if (answer.actual_time != kNoTime && answer.target_time != kNoTime)
+    skew_ = std::max(skew_, time_between(answer.actual_time, answer.target_time));
+  return all_good ? Verdict::kAdded : Verdict::kBadFragment;
+}
+
+// False if some of it does not fit, which is no damage.
+bool Assembly::add_group(std::span<const wire::FragmentView> group, const std::shared_ptr<const void>& bytes) {
+  std::span<const FragmentPlanes> planes;
+  if (group[0].codec != wire::Codec::kRaw16) {
+    planes = decoder_.decode(group);
+    if (planes.empty()) {
+      damaged_ += static_cast<unsigned>(group.size());
+      return true;
+    }
+  }
+  bool all_good = true;
+  for (size_t i = 0; i < group.size(); i++) {
     // Twice the same camera (a duplicated packet, two nodes with one camera) would be too bright.
-    const bool is_sum = fragment.camera == Fragment::kSum;
-    if ((!is_sum && received_.contains(fragment.camera)) || !accumulator_.add(fragment)) {
+    const bool is_sum = group[i].camera == Fragment::kSum;
+    if ((!is_sum && received_.contains(group[i].camera)) ||
+        !(planes.empty() ? add_sums(group[i], bytes) : accumulator_.add(planes[i]))) {
       all_good = false;
       continue;
     }
     fragments_++;
     have_sums_ |= is_sum;
-    if (!is_sum) received_.insert(fragment.camera);
+    if (!is_sum) received_.insert(group[i].camera);
   }
-  if (answer.actual_time != kNoTime && answer.target_time != kNoTime)
-    skew_ = std::max(skew_, time_between(answer.actual_time, answer.target_time));
-  return all_good ? Verdict::kAdded : Verdict::kBadFragment;
+  return all_good;
+}
+
+bool Assembly::add_sums(const wire::FragmentView& fragment, const std::shared_ptr<const void>& bytes) {
+  bool copied;
+  const ConstSumPlanes sums = decoder_.sums(fragment, &copied);
+  if (!bytes || copied) return accumulator_.add(sums);
+  const bool added = accumulator_.add_kept(sums);
+  if (added && !kept_) kept_ = bytes;
+  return added;
 }
 
 void Assembly::finish(PixelFamily fallback, bool mark_uncovered) {

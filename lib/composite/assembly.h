@@ -5,11 +5,13 @@
 #include <memory>
 #include <optional>
 #include <set>
+#include <span>
 
 #include "composite/accumulator.h"
 #include "render/render_job.h"
 #include "view/view_request.h"
-#include "wire/answer_codec.h"
+#include "wire/answer.h"
+#include "wire/fragment_codec.h"
 
 namespace lf {
 
@@ -28,7 +30,10 @@ class Assembly {
     kOtherRig,      // rendered from another rig than the request, this compositor's or the first answer's
     kBadFragment,   // another pixel family or view size than the first answer's; other fragments of it were added
   };
-  Verdict add(const wire::Answer& answer);
+  // Damaged fragments are left out and counted; the others of the answer are added. `bytes`: what owns the payloads
+  // and keeps them where they are; with it the sums of a whole view are used in their place, until release() or
+  // begin().
+  Verdict add(const wire::AnswerView& answer, std::shared_ptr<const void> bytes = nullptr);
 
   // Call once after the last answer, before picture(): gives missing cameras' weight up for lost. `fallback`: the
   // family of the picture if no answer named one. `mark_uncovered`: see Accumulator::set_uncovered; costs an owner map
@@ -39,22 +44,31 @@ class Assembly {
   PixelFamily family() const { return family_; }
   const Accumulator& picture() const { return accumulator_; }
   unsigned fragments() const { return fragments_; }
-  // Fragments that should have come and did not; known after finish() and with a rig alone, else 0.
+  // Fragments that came and could not be decoded.
+  unsigned damaged() const { return damaged_; }
+  // Fragments that should have come and did not, or damaged; known after finish() and with a rig alone, else 0.
   unsigned missing() const { return missing_; }
   // The largest |capture time - target time| of the answers, nanoseconds.
   uint64_t skew() const { return skew_; }
+  // The picture has been taken: lets go of what it was made from.
+  void release();
 
  private:
+  bool add_group(std::span<const wire::FragmentView> group, const std::shared_ptr<const void>& bytes);
+  bool add_sums(const wire::FragmentView& fragment, const std::shared_ptr<const void>& bytes);
+
   std::shared_ptr<const Rig> rig_;
   uint64_t rig_hash_ = 0;  // of rig_, 0 without
   MeshCache mesh_;
   ViewRequest request_;
   uint64_t expected_rig_ = 0;  // hash that answers must carry, 0: not known yet
   Accumulator accumulator_;
+  std::shared_ptr<const void> kept_;  // owns memory that accumulator_ refers to
+  wire::FragmentDecoder decoder_;
   PixelFamily family_ = PixelFamily::kNone;
   std::set<CameraIndex> received_;
   bool have_sums_ = false;  // a partial sum does not tell which cameras are in it
-  unsigned fragments_ = 0, missing_ = 0;
+  unsigned fragments_ = 0, missing_ = 0, damaged_ = 0;
   uint64_t skew_ = 0;
 };
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <cstdint>
 #include <span>
@@ -16,6 +17,13 @@ using WireInt = std::conditional_t<
     sizeof(T) == 8, uint64_t,
     std::conditional_t<sizeof(T) == 4, uint32_t, std::conditional_t<sizeof(T) == 2, uint16_t, uint8_t>>>;
 
+template <typename T>
+void store(uint8_t* to, T value) {
+  static_assert(std::is_unsigned_v<T> || std::is_same_v<T, double>);
+  const auto bits = std::bit_cast<WireInt<T>>(value);
+  for (size_t i = 0; i < sizeof(T); i++) to[i] = static_cast<uint8_t>(bits >> (8 * (sizeof(T) - 1 - i)));
+}
+
 // Appends; memory is that of the size given.
 class Writer {
  public:
@@ -24,10 +32,8 @@ class Writer {
   // Unsigned integers of 1, 2, 4, 8 bytes, and double (IEEE 754 binary64).
   template <typename T>
   void put(T value) {
-    static_assert(std::is_unsigned_v<T> || std::is_same_v<T, double>);
-    const auto bits = std::bit_cast<WireInt<T>>(value);
     uint8_t out[sizeof(T)];
-    for (size_t i = 0; i < sizeof(T); i++) out[i] = static_cast<uint8_t>(bits >> (8 * (sizeof(T) - 1 - i)));
+    store(out, value);
     bytes_.insert(bytes_.end(), out, out + sizeof(T));
   }
   void put_bytes(std::span<const uint8_t> bytes) { bytes_.insert(bytes_.end(), bytes.begin(), bytes.end()); }
@@ -37,6 +43,21 @@ class Writer {
 
  private:
   std::vector<uint8_t> bytes_;
+};
+
+// The same into memory that is there and large enough.
+class PlacedWriter {
+ public:
+  explicit PlacedWriter(uint8_t* to) : to_(to) {}
+  template <typename T>
+  void put(T value) {
+    store(to_, value);
+    to_ += sizeof(T);
+  }
+  void put_bytes(std::span<const uint8_t> bytes) { to_ = std::copy(bytes.begin(), bytes.end(), to_); }
+
+ private:
+  uint8_t* to_;
 };
 
 // Reads from the front. Whatever lies beyond the end reads as 0 and makes ok() false for good: check it before using

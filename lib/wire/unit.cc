@@ -3,8 +3,6 @@
 
 #include <algorithm>
 
-#include "wire/limits.h"
-
 namespace lf::wire {
 namespace {
 
@@ -41,15 +39,6 @@ std::optional<UnitHeader> peek_unit(std::span<const uint8_t> bytes) {
   const UnitHeader header = read_header(bytes, *kind);
   if (header.version == 0 || header.type == 0 || !size_in_limits(header)) return std::nullopt;
   return header;
-}
-
-void put_unit_header(Writer& out, UnitKind kind, uint8_t type, uint16_t flags, size_t size) {
-  out.put_bytes(kMagicPrefix);
-  out.put(kind == UnitKind::kRequest ? kRequestMagic : kAnswerMagic);
-  out.put(kVersion);
-  out.put(type);
-  out.put(flags);
-  out.put(static_cast<uint32_t>(size));
 }
 
 std::optional<UnitHeader> check_unit_header(std::span<const uint8_t> bytes, UnitKind kind, uint8_t type,

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "wire/bytes.h"
+#include "wire/limits.h"
 
 // What both streams have in common: a unit begins with magic, version, type, flags and its whole length. This frame is
 // the same in every version of the format, so that units of a later one can be told apart and passed on.
@@ -32,7 +33,16 @@ struct UnitHeader {
 // From the first kUnitHeaderBytes bytes of a unit; nothing if it is not the beginning of one.
 std::optional<UnitHeader> peek_unit(std::span<const uint8_t> bytes);
 
-void put_unit_header(Writer& out, UnitKind kind, uint8_t type, uint16_t flags, size_t size);
+// `out`: a Writer or PlacedWriter.
+template <typename Out>
+void put_unit_header(Out& out, UnitKind kind, uint8_t type, uint16_t flags, size_t size) {
+  out.put_bytes(kMagicPrefix);
+  out.put(kind == UnitKind::kRequest ? kRequestMagic : kAnswerMagic);
+  out.put(kVersion);
+  out.put(type);
+  out.put(flags);
+  out.put(static_cast<uint32_t>(size));
+}
 
 // The header of a unit of this kind, type and version without flags beyond `known_flags`, or nothing and the reason.
 std::optional<UnitHeader> check_unit_header(std::span<const uint8_t> bytes, UnitKind kind, uint8_t type,

@@ -5,8 +5,8 @@
 #include <thread>
 
 #include "../gst/common.h"
-#include "composite/assembly.h"
 #include "gst/array_fixture.h"
+#include "support/add_answer.h"
 #include "wire/answer_codec.h"
 #include "wire/request_codec.h"
 
@@ -63,7 +63,7 @@ class LfFragmentTest : public testing::Test {
   std::pair<int, int> picture_range(const ViewRequest& request, const wire::Answer& answer) {
     Assembly assembly;
     assembly.begin(request);
-    EXPECT_EQ(assembly.add(answer), Assembly::Verdict::kAdded);
+    EXPECT_EQ(add_answer(assembly, answer), Assembly::Verdict::kAdded);
     assembly.finish(PixelFamily::kRgb, false);
     const Image picture = assembly.picture().resolve();
     const auto [low, high] = std::minmax_element(picture.data().begin(), picture.data().end());

@@ -8,6 +8,7 @@
 #include "gst/gst_test.h"
 #include "wire/answer_codec.h"
 #include "wire/request_codec.h"
+#include "wire/unit.h"
 
 namespace lf::test {
 namespace {

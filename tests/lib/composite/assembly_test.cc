@@ -6,6 +6,7 @@
 #include "base/error.h"
 #include "render/fragment_renderer.h"
 #include "scene/scene.h"
+#include "support/add_answer.h"
 
 namespace lf {
 namespace {
@@ -57,8 +58,8 @@ class AssemblyTest : public testing::Test {
 
 TEST_F(AssemblyTest, AddsNodesInAnyOrder) {
   assembly_.begin(request_);
-  EXPECT_EQ(assembly_.add(answer({4, 5, 6, 7, 8})), Assembly::Verdict::kAdded);
-  EXPECT_EQ(assembly_.add(answer({0, 1, 2, 3})), Assembly::Verdict::kAdded);
+  EXPECT_EQ(add_answer(assembly_, answer({4, 5, 6, 7, 8})), Assembly::Verdict::kAdded);
+  EXPECT_EQ(add_answer(assembly_, answer({0, 1, 2, 3})), Assembly::Verdict::kAdded);
   assembly_.finish(PixelFamily::kRgb, false);
   const auto [low, high] = range(assembly_.picture().resolve());
   EXPECT_GE(low, 178);
@@ -67,8 +68,8 @@ TEST_F(AssemblyTest, AddsNodesInAnyOrder) {
 
 TEST_F(AssemblyTest, EveryCameraCountsOnce) {
   assembly_.begin(request_);
-  assembly_.add(answer(all_));
-  EXPECT_EQ(assembly_.add(answer({4})), Assembly::Verdict::kBadFragment);
+  add_answer(assembly_, answer(all_));
+  EXPECT_EQ(add_answer(assembly_, answer({4})), Assembly::Verdict::kBadFragment);
   assembly_.finish(PixelFamily::kRgb, false);
   EXPECT_LE(range(assembly_.picture().resolve()).second, 182);
 }
@@ -79,19 +80,19 @@ TEST_F(AssemblyTest, OtherRequestsAndRigsAreRefused) {
   late.sequence--;
   other_view.view_id++;
   other_size.view_width++;
-  EXPECT_EQ(assembly_.add(late), Assembly::Verdict::kOtherRequest);
-  EXPECT_EQ(assembly_.add(other_view), Assembly::Verdict::kOtherRequest);
-  EXPECT_EQ(assembly_.add(other_size), Assembly::Verdict::kBadFragment);
-  EXPECT_EQ(assembly_.add(answer({0})), Assembly::Verdict::kAdded);  // names the rig of this picture
+  EXPECT_EQ(add_answer(assembly_, late), Assembly::Verdict::kOtherRequest);
+  EXPECT_EQ(add_answer(assembly_, other_view), Assembly::Verdict::kOtherRequest);
+  EXPECT_EQ(add_answer(assembly_, other_size), Assembly::Verdict::kBadFragment);
+  EXPECT_EQ(add_answer(assembly_, answer({0})), Assembly::Verdict::kAdded);  // names the rig of this picture
   other_rig.rig_hash ^= 1;
-  EXPECT_EQ(assembly_.add(other_rig), Assembly::Verdict::kOtherRig);
+  EXPECT_EQ(add_answer(assembly_, other_rig), Assembly::Verdict::kOtherRig);
   EXPECT_EQ(assembly_.fragments(), answer({0}).fragments.size());
 }
 
 TEST_F(AssemblyTest, WithTheRigMissingCamerasCountAsLost) {
   assembly_.set_rig(rig_);
   assembly_.begin(request_);
-  assembly_.add(answer({0, 1, 2, 3, 5, 6, 7, 8}));
+  add_answer(assembly_, answer({0, 1, 2, 3, 5, 6, 7, 8}));
   assembly_.finish(PixelFamily::kRgb, false);
   EXPECT_EQ(assembly_.missing(), 1u);  // camera 4, the middle
   const Image picture = assembly_.picture().resolve();
@@ -103,7 +104,7 @@ TEST_F(AssemblyTest, CamerasOutOfServiceAreNotMissing) {
   assembly_.set_rig(rig_);
   request_.out_of_service = {4};
   assembly_.begin(request_);
-  assembly_.add(answer({0, 1, 2, 3, 5, 6, 7, 8}));
+  add_answer(assembly_, answer({0, 1, 2, 3, 5, 6, 7, 8}));
   assembly_.finish(PixelFamily::kRgb, false);
   EXPECT_EQ(assembly_.missing(), 0u);
   EXPECT_GE(range(assembly_.picture().resolve()).first, 178);
@@ -129,17 +130,17 @@ TEST_F(AssemblyTest, SkewIsTheWorstAnswers) {
   wire::Answer early = answer({0}), late = answer({1});
   early.actual_time = 900;
   late.actual_time = 1250;
-  assembly_.add(early);
-  assembly_.add(late);
+  add_answer(assembly_, early);
+  add_answer(assembly_, late);
   EXPECT_EQ(assembly_.skew(), 250u);
 }
 
 TEST_F(AssemblyTest, BeginForgetsThePictureBefore) {
   assembly_.begin(request_);
-  assembly_.add(answer(all_, 250));
+  add_answer(assembly_, answer(all_, 250));
   request_.sequence++;
   assembly_.begin(request_);
-  assembly_.add(answer(all_, 20));
+  add_answer(assembly_, answer(all_, 20));
   assembly_.finish(PixelFamily::kRgb, false);
   EXPECT_LE(range(assembly_.picture().resolve()).second, 22);
   EXPECT_EQ(assembly_.fragments(), answer(all_).fragments.size());

@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "lib/wire/wire_test.h"
+#include "wire/answer_parser.h"
 #include "wire/limits.h"
 
 namespace lf::wire {
@@ -88,10 +89,9 @@ TEST(AnswerCodec, RoundTrips) {
     const std::optional<Answer> decoded = decode_answer(bytes, &reason);
     ASSERT_TRUE(decoded.has_value()) << reason;
     EXPECT_EQ(*decoded, answer);
-    Answer header = answer;
-    header.fragments.clear();
-    EXPECT_EQ(decode_answer_header(bytes), header);
-    EXPECT_EQ(decode_answer_header(std::span(bytes).first(60)), header);
+    const AnswerHeader& header = answer;
+    EXPECT_EQ(parse_answer_header(bytes), header);
+    EXPECT_EQ(parse_answer_header(std::span(bytes).first(60)), header);
   }
 }
 
@@ -108,7 +108,7 @@ TEST(AnswerCodec, RefusesEveryTruncation) {
     const std::string there = ", there are " + std::to_string(n);
     const std::string plain = reason_of({bytes.begin(), bytes.begin() + n});
     std::string reason;
-    EXPECT_EQ(decode_answer_header(std::span(bytes).first(n), &reason).has_value(), n >= 60);
+    EXPECT_EQ(parse_answer_header(std::span(bytes).first(n), &reason).has_value(), n >= 60);
     if (n < 12) {
       EXPECT_EQ(plain, "header: needs 12 bytes" + there);
     } else if (n < 60) {
@@ -163,8 +163,12 @@ TEST(AnswerCodec, NamesTheFieldThatIsWrong) {
       {kTable + 8, 2, 0, "fragments[0].rectangle: is empty"},
       {kTable + 10, 2, 0, "fragments[0].rectangle: is empty"},
       {kTable + 10, 2, 3, "fragments[0].length: must be 26 bytes, is 16"},
-      {kTable + 12, 1, 1, "fragments[0].codec: 1 (JPEG) is not supported"},
-      {kTable + 12, 1, 2, "fragments[0].codec: 2 is not supported"},
+      {kTable + 12, 1, 1, "fragments[0].quality: must be 1 to 100 for JPEG, is 0"},
+      {kTable + 12, 1, 2, "fragments[0].length: must be 32 bytes, is 16"},
+      {kTable + 12, 1, 3, "fragments[0].quality: must be 1 to 100 for JPEG, is 0"},
+      {kTable + 12, 1, 4, "fragments[0].codec: 4 is not supported"},
+      {kTable + 12, 2, 0x0150, "fragments[0].length: of the first scan is beyond the payload"},
+      {kTable + 12, 2, 0x0165, "fragments[0].quality: must be 1 to 100 for JPEG, is 101"},
       {kTable + 13, 1, 80, "fragments[0].quality: must be 0 for raw pixels, is 80"},
       {kTable + 14, 2, 7, "fragments[0].flags: unknown bits"},
       {kTable + 14, 2, 2, "fragments[0].flags: fragments without weight are not supported"},
@@ -209,7 +213,8 @@ TEST(AnswerCodec, SurvivesRandomCorruption) {
     if (i % 8 == 0) bytes = resized(std::move(bytes), random() % (bytes.size() + 8));
     if (bytes.empty()) continue;
     corrupt(bytes, 100, random);
-    const std::optional<Answer> header = decode_answer_header(bytes), decoded = decode_answer(bytes);
+    const std::optional<AnswerHeader> header = parse_answer_header(bytes);
+    const std::optional<Answer> decoded = decode_answer(bytes);
     if (!decoded) continue;
     accepted++;
     ASSERT_TRUE(header.has_value());
@@ -226,7 +231,7 @@ TEST(AnswerCodec, LargeAnswersAreOneCopy) {
   answer.fragments.push_back({0, PixelFamily::kRgb, {0, 0, 2048, 2048}, std::vector<uint8_t>(2048 * 2048 * 3, 7), {}});
   const std::vector<uint8_t> bytes = encode_answer(answer);
   EXPECT_EQ(bytes.size(), 80u + 2048 * 2048 * 3);
-  EXPECT_EQ(bytes.capacity(), bytes.size());  // sized once, never grown
+  EXPECT_EQ(bytes.capacity(), bytes.size());
   EXPECT_EQ(decode_answer(bytes), answer);
 }
 

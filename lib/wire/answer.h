@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "render/fragment.h"
+#include "view/view_request.h"
+
+namespace lf::wire {
+
+// What one node has to give for one request of one view: one buffer, application/x-lightfield-answer; see spec.md.
+
+struct AnswerHeader {
+  uint32_t view_id = 0;
+  uint32_t sequence = 0;
+  int view_width = 0, view_height = 0;      // pixels
+  PixelFamily family = PixelFamily::kNone;  // of all its fragments; kNone: the node has no camera image yet
+  uint64_t target_time = kNoTime;           // as in the request, nanoseconds
+  uint64_t actual_time = kNoTime;           // capture time of the frame farthest from the target; same clock
+  uint64_t rig_hash = 0;
+  uint32_t node = 0;
+  bool last_of_node = true;  // nothing more comes from this node for this request
+  bool operator==(const AnswerHeader&) const = default;
+};
+
+// With its fragments uncompressed, 8 bits a value.
+struct Answer : AnswerHeader {
+  std::vector<Fragment> fragments;
+  bool operator==(const Answer&) const = default;
+};
+
+enum class Codec : uint8_t {
+  kRaw = 0,        // 8 bits, as in Fragment
+  kJpeg = 1,       // a scan without tables
+  kRaw16 = 2,      // sums in 16 bits, as in SumPlanes
+  kJpegAtlas = 3,  // several fragments in one JPEG: the first carries it, those that follow are its other members
+};
+inline bool is_jpeg(Codec codec) { return codec == Codec::kJpeg || codec == Codec::kJpegAtlas; }
+
+// An entry of the fragment table.
+struct FragmentHeader {
+  CameraIndex camera = Fragment::kSum;
+  PixelFamily family = PixelFamily::kNone;  // the answer's
+  Rect rect;                                // inside the view; kI420: x0, y0 even
+  Codec codec = Codec::kRaw;
+  uint8_t quality = 0;    // 1 to 100 of JPEG, else 0
+  bool has_lost = false;  // a plane of lost weight follows the pixels
+  bool operator==(const FragmentHeader&) const = default;
+};
+
+// With its bytes where they came in. Empty for all but the first member of an atlas, whose are its members'.
+struct FragmentView : FragmentHeader {
+  std::span<const uint8_t> payload;
+};
+
+struct AnswerView : AnswerHeader {
+  std::vector<FragmentView> fragments;
+};
+
+}  // namespace lf::wire

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "wire/answer_layout.h"
+
+#include "wire/limits.h"
+
+namespace lf::wire {
+
+void check_header(const AnswerHeader& answer, size_t fragments) {
+  const auto size = [](const char* name, int value) {
+    if (value < 1 || value > kMaxViewSize)
+      throw Error(std::string(name) + ": must be 1 to " + std::to_string(kMaxViewSize) + " pixels, is " +
+                  std::to_string(value));
+  };
+  size("view_width", answer.view_width);
+  size("view_height", answer.view_height);
+  if (answer.family > PixelFamily::kI420)
+    throw Error("family: " + std::to_string(static_cast<int>(answer.family)) + " is unknown");
+  if (fragments > kMaxFragments)
+    throw Error("fragments: at most " + std::to_string(kMaxFragments) + ", not " + std::to_string(fragments));
+  if (answer.family == PixelFamily::kNone && fragments > 0)
+    throw Error("family: none, but there are " + std::to_string(fragments) + " fragments");
+}
+
+void check_fragment(const AnswerHeader& answer, const FragmentHeader& fragment) {
+  const Rect& rect = fragment.rect;
+  if (fragment.camera != Fragment::kSum && fragment.camera >= kMaxCameras)
+    throw Error("camera: " + std::to_string(fragment.camera) + " is beyond " + std::to_string(kMaxCameras - 1));
+  if (fragment.family != answer.family) throw Error("family: differs from the answer's");
+  if (rect.empty()) throw Error("rectangle: is empty");
+  if (rect.x0 < 0 || rect.y0 < 0 || rect.x1 > answer.view_width || rect.y1 > answer.view_height)
+    throw Error("rectangle: is not inside the view");
+  if (answer.family == PixelFamily::kI420 && (rect.x0 % 2 != 0 || rect.y0 % 2 != 0))
+    throw Error("rectangle: x and y must be even in YCbCr");
+  if (fragment.codec > Codec::kJpegAtlas)
+    throw Error("codec: " + std::to_string(static_cast<int>(fragment.codec)) + " is not supported");
+  const bool jpeg = is_jpeg(fragment.codec);
+  if (jpeg && (fragment.quality < 1 || fragment.quality > 100))
+    throw Error("quality: must be 1 to 100 for JPEG, is " + std::to_string(fragment.quality));
+  if (!jpeg && fragment.quality != 0)
+    throw Error("quality: must be 0 for raw pixels, is " + std::to_string(fragment.quality));
+}
+
+}  // namespace lf::wire

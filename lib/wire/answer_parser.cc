@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "wire/answer_parser.h"
+
+#include <algorithm>
+
+#include "jpeg/stack.h"
+#include "wire/answer_layout.h"
+#include "wire/limits.h"
+#include "wire/payload.h"
+#include "wire/unit.h"
+
+namespace lf::wire {
+namespace {
+
+struct Head {
+  AnswerHeader answer;
+  UnitHeader unit;
+  uint32_t fragments;
+};
+
+Head read_head(std::span<const uint8_t> bytes) {
+  std::string reason;
+  const std::optional<UnitHeader> unit =
+      check_unit_header(bytes, UnitKind::kAnswer, kFragmentsType, kLastOfNode, reason);
+  if (!unit) throw Error(reason);
+  Head head{.unit = *unit};
+  Reader in(bytes.first(std::min(bytes.size(), unit->size)).subspan(kUnitHeaderBytes));
+  AnswerHeader& answer = head.answer;
+  answer.last_of_node = unit->flags & kLastOfNode;
+  answer.view_id = in.get<uint32_t>();
+  answer.sequence = in.get<uint32_t>();
+  answer.target_time = in.get<uint64_t>();
+  answer.actual_time = in.get<uint64_t>();
+  answer.rig_hash = in.get<uint64_t>();
+  answer.node = in.get<uint32_t>();
+  answer.view_width = in.get<uint16_t>();
+  answer.view_height = in.get<uint16_t>();
+  answer.family = static_cast<PixelFamily>(in.get<uint8_t>());
+  const uint32_t reserved = (uint32_t{in.get<uint8_t>()} << 16) | in.get<uint16_t>();
+  head.fragments = in.get<uint32_t>();
+  if (!in.ok())
+    throw Error("header: needs " + std::to_string(kAnswerHeaderBytes) + " bytes, there are " +
+                std::to_string(std::min(bytes.size(), unit->size)));
+  if (reserved != 0) throw Error("reserved: must be 0, is " + std::to_string(reserved));
+  check_header(answer, head.fragments);
+  if (head.fragments > (unit->size - kAnswerHeaderBytes) / kFragmentBytes)
+    throw Error("fragments: a table of " + std::to_string(head.fragments) + " is longer than the answer");
+  return head;
+}
+
+// One entry of the table; its payload is taken from the front of `payloads`, which begins at `offset` in the unit.
+FragmentView read_fragment(const AnswerHeader& answer, Reader& table, Reader& payloads, size_t offset) {
+  FragmentView fragment;
+  const uint16_t camera = table.get<uint16_t>();
+  const uint16_t plane = table.get<uint16_t>();
+  const uint16_t x = table.get<uint16_t>(), y = table.get<uint16_t>();
+  const uint16_t w = table.get<uint16_t>(), h = table.get<uint16_t>();
+  fragment.codec = static_cast<Codec>(table.get<uint8_t>());
+  fragment.quality = table.get<uint8_t>();
+  const uint16_t flags = table.get<uint16_t>();
+  const uint32_t length = table.get<uint32_t>();
+
+  fragment.camera = camera == kSumOnWire ? Fragment::kSum : camera;
+  fragment.family = answer.family;
+  fragment.rect = {x, y, x + w, y + h};
+  fragment.has_lost = flags & kLostPlane;
+  check_fragment(answer, fragment);
+  if (plane != 0) throw Error("plane: " + std::to_string(plane) + " is not supported");
+  if (flags & ~(kWeighted | kLostPlane)) throw Error("flags: unknown bits");
+  if (!(flags & kWeighted)) throw Error("flags: fragments without weight are not supported");
+  if (!is_jpeg(fragment.codec) && length != raw_size(fragment))
+    throw Error("length: must be " + std::to_string(raw_size(fragment)) + " bytes, is " + std::to_string(length));
+  if (length > payloads.left())
+    throw Error("length: " + std::to_string(length) + " bytes, but " + std::to_string(payloads.left()) + " are left");
+  if (fragment.codec == Codec::kRaw16 && offset % 2 != 0)
+    throw Error("codec: 16-bit values must begin at an even offset");
+  fragment.payload = payloads.get_bytes(length);
+  return fragment;
+}
+
+// A fragment in JPEG, or all members of an atlas.
+void check_scans(std::span<const FragmentView> group) {
+  if (group[0].payload.empty()) throw Error("length: a JPEG of 0 bytes, and no atlas begins before it");
+  if (group.size() > kMaxAtlasMembers)
+    throw Error("codec: an atlas of more than " + std::to_string(kMaxAtlasMembers) + " fragments");
+  for (const FragmentView& member : group)
+    if (member.quality != group[0].quality) throw Error("quality: differs in an atlas");
+  const std::optional<Scans> scans = split_scans(group[0].payload, any_lost(group));
+  if (!scans) throw Error("length: of the first scan is beyond the payload");
+  const jpeg::StackSize size = jpeg::stack_size(group, jpeg::kPixelUnit);
+  if (size.height > jpeg::padded(kMaxViewSize, jpeg::kPixelUnit))
+    throw Error("codec: an atlas of more than " + std::to_string(kMaxViewSize) + " lines");
+  const auto long_enough = [](size_t least, std::span<const uint8_t> scan) {
+    if (scan.size() < least)
+      throw Error("length: a scan of this size has at least " + std::to_string(least) + " bytes, not " +
+                  std::to_string(scan.size()));
+  };
+  long_enough(jpeg::least_pixel_scan(size), scans->pixels);
+  if (!any_lost(group)) return;
+  std::vector<FragmentView> with_lost;
+  std::ranges::copy_if(group, std::back_inserter(with_lost), &FragmentView::has_lost);
+  long_enough(jpeg::least_lost_scan(jpeg::stack_size(with_lost, jpeg::kLostUnit)), scans->lost);
+}
+
+AnswerView read_answer(std::span<const uint8_t> bytes) {
+  const Head head = read_head(bytes);
+  std::string reason;
+  if (!check_unit_size(bytes, head.unit, reason)) throw Error(reason);
+  AnswerView answer{head.answer, {}};
+  const size_t begin = kAnswerHeaderBytes + head.fragments * kFragmentBytes;
+  Reader table(bytes.first(begin).subspan(kAnswerHeaderBytes));
+  Reader payloads(bytes.subspan(begin));
+  answer.fragments.reserve(head.fragments);  // their entries are there
+  for (uint32_t i = 0; i < head.fragments; i++)
+    answer.fragments.push_back(
+        in_fragment(i, [&] { return read_fragment(answer, table, payloads, bytes.size() - payloads.left()); }));
+  if (payloads.left() > 0)
+    throw Error("length: " + std::to_string(payloads.left()) + " bytes after the last fragment's payload");
+  const std::span<const FragmentView> all = answer.fragments;
+  for (size_t i = 0, n; i < all.size(); i += n) {
+    n = group_size(all.subspan(i));
+    if (is_jpeg(all[i].codec)) in_fragment(i, [&] { check_scans(all.subspan(i, n)); });
+  }
+  return answer;
+}
+
+template <typename T, typename F>
+std::optional<T> or_reason(std::string* reason, F read) {
+  try {
+    return read();
+  } catch (const Error& error) {
+    if (reason) *reason = error.what();
+    return std::nullopt;
+  }
+}
+
+}  // namespace
+
+std::optional<AnswerView> parse_answer(std::span<const uint8_t> bytes, std::string* reason) {
+  return or_reason<AnswerView>(reason, [&] { return read_answer(bytes); });
+}
+
+std::optional<AnswerHeader> parse_answer_header(std::span<const uint8_t> bytes, std::string* reason) {
+  return or_reason<AnswerHeader>(reason, [&] { return read_head(bytes).answer; });
+}
+
+}  // namespace lf::wire

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "wire/answer.h"
+
+namespace lf::wire {
+
+// Reading an answer where it lies: nothing is copied, payloads refer to `bytes`. Everything is checked that can be
+// without decoding JPEG: rectangles inside the view, payloads of exactly their sizes (raw), within them and no shorter
+// than any scan of their size (JPEG), atlases complete. Stateless; memory for the table alone.
+
+// Nothing for bytes that are not exactly one valid answer; `reason` (may be null) then says why, naming the field.
+std::optional<AnswerView> parse_answer(std::span<const uint8_t> bytes, std::string* reason = nullptr);
+
+// The fields in front of the fragment table alone; cheap. Same checks for these fields. `bytes` may end anywhere after
+// them.
+std::optional<AnswerHeader> parse_answer_header(std::span<const uint8_t> bytes, std::string* reason = nullptr);
+
+}  // namespace lf::wire

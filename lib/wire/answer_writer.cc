@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "wire/answer_writer.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "wire/answer_layout.h"
+#include "wire/bytes.h"
+#include "wire/limits.h"
+#include "wire/payload.h"
+#include "wire/unit.h"
+
+namespace lf::wire {
+
+AnswerWriter::AnswerWriter(const AnswerHeader& header, size_t max_fragments, ByteBuffer memory)
+    : header_(header), max_fragments_(max_fragments), bytes_(std::move(memory)) {
+  check_header(header, max_fragments);
+  bytes_.clear();
+  bytes_.resize(kAnswerHeaderBytes + max_fragments * kFragmentBytes);
+}
+
+void AnswerWriter::reserve_payloads(size_t bytes) { bytes_.reserve(bytes_.size() + std::min(bytes, kMaxAnswerBytes)); }
+
+size_t AnswerWriter::begin_payload(const FragmentHeader& fragment) {
+  if (fragments_ == max_fragments_)
+    throw Error("fragments: more than the " + std::to_string(max_fragments_) + " there is room for");
+  in_fragment(fragments_, [&] {
+    check_fragment(header_, fragment);
+    if (fragment.codec == Codec::kRaw16 && bytes_.size() % 2 != 0)
+      throw Error("codec: 16-bit values must begin at an even offset");
+  });
+  return bytes_.size();
+}
+
+void AnswerWriter::end_payload(const FragmentHeader& fragment, size_t begin) {
+  if (bytes_.size() > kMaxAnswerBytes)
+    throw Error("fragments: more than the " + std::to_string(kMaxAnswerBytes) + " bytes an answer may have");
+  const size_t length = bytes_.size() - begin;
+  in_fragment(fragments_, [&] {
+    if (is_jpeg(fragment.codec) ? length == 0 : length != raw_size(fragment))
+      throw Error("length: " + std::to_string(length) + " bytes are no payload of this fragment");
+  });
+  put_entry(fragment, length);
+  atlas_open_ = fragment.codec == Codec::kJpegAtlas;
+}
+
+std::span<uint8_t> AnswerWriter::add(const FragmentHeader& fragment) {
+  const size_t begin = begin_payload(fragment);
+  const size_t size = is_jpeg(fragment.codec) ? 0 : raw_size(fragment);
+  if (begin + size > kMaxAnswerBytes)
+    throw Error("fragments: more than the " + std::to_string(kMaxAnswerBytes) + " bytes an answer may have");
+  bytes_.resize(begin + size);
+  end_payload(fragment, begin);
+  return {bytes_.data() + begin, size};
+}
+
+SumPlanes AnswerWriter::add_sums(const FragmentHeader& fragment) {
+  if (fragment.codec != Codec::kRaw16) throw Error("codec: sums are sent in 16 bits");
+  return raw16_planes(fragment, add(fragment).data());
+}
+
+void AnswerWriter::add_member(const FragmentHeader& fragment) {
+  const size_t begin = begin_payload(fragment);
+  if (fragment.codec != Codec::kJpegAtlas || !atlas_open_)
+    throw Error("codec: a member without an atlas in front of it");
+  put_entry(fragment, bytes_.size() - begin);
+}
+
+void AnswerWriter::put_entry(const FragmentHeader& fragment, size_t length) {
+  PlacedWriter out(bytes_.data() + kAnswerHeaderBytes + fragments_ * kFragmentBytes);
+  out.put(fragment.camera == Fragment::kSum ? kSumOnWire : static_cast<uint16_t>(fragment.camera));
+  out.put(uint16_t{0});  // plane
+  out.put(static_cast<uint16_t>(fragment.rect.x0));
+  out.put(static_cast<uint16_t>(fragment.rect.y0));
+  out.put(static_cast<uint16_t>(fragment.rect.width()));
+  out.put(static_cast<uint16_t>(fragment.rect.height()));
+  out.put(static_cast<uint8_t>(fragment.codec));
+  out.put(fragment.quality);
+  out.put(static_cast<uint16_t>(fragment.has_lost ? kWeighted | kLostPlane : kWeighted));
+  out.put(static_cast<uint32_t>(length));
+  fragments_++;
+}
+
+ByteBuffer AnswerWriter::finish() {
+  if (fragments_ < max_fragments_) {
+    const size_t payloads = kAnswerHeaderBytes + max_fragments_ * kFragmentBytes;
+    const size_t place = kAnswerHeaderBytes + fragments_ * kFragmentBytes;
+    std::memmove(bytes_.data() + place, bytes_.data() + payloads, bytes_.size() - payloads);
+    bytes_.resize(bytes_.size() - (payloads - place));
+  }
+  PlacedWriter out(bytes_.data());
+  put_unit_header(out, UnitKind::kAnswer, kFragmentsType, header_.last_of_node ? kLastOfNode : uint16_t{0},
+                  bytes_.size());
+  out.put(header_.view_id);
+  out.put(header_.sequence);
+  out.put(header_.target_time);
+  out.put(header_.actual_time);
+  out.put(header_.rig_hash);
+  out.put(header_.node);
+  out.put(static_cast<uint16_t>(header_.view_width));
+  out.put(static_cast<uint16_t>(header_.view_height));
+  out.put(static_cast<uint8_t>(header_.family));
+  out.put(uint8_t{0});
+  out.put(uint16_t{0});
+  out.put(static_cast<uint32_t>(fragments_));
+  return std::move(bytes_);
+}
+
+}  // namespace lf::wire

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "base/byte_buffer.h"
+#include "render/sum_planes.h"
+#include "wire/answer.h"
+
+namespace lf::wire {
+
+// Writing an answer in the one buffer it travels in: fragments are rendered or encoded straight into their places.
+//
+//   AnswerWriter writer(header, 2, std::move(recycled));
+//   renderer.render(..., writer.add_sums(sum_header));                                     // sizes known beforehand
+//   writer.add(jpeg_header, [&](ByteBuffer& out) { encoder.encode_pixels(..., out); });  // or afterwards
+//   ByteBuffer bytes = writer.finish();
+//
+// Everything throws Error naming the field for what parse_answer() would not take back, and must then not be used
+// further. Not thread-safe.
+class AnswerWriter {
+ public:
+  // Room in the table for `max_fragments`; fewer may come (which costs moving the payloads). `memory`: what it holds is
+  // thrown away and its capacity used.
+  AnswerWriter(const AnswerHeader& header, size_t max_fragments, ByteBuffer memory = {});
+
+  // For those who know what all payloads will have together: nothing is moved while they are added.
+  void reserve_payloads(size_t bytes);
+
+  // kRaw and kRaw16: uninitialised memory of the payload's size (see payload.h for what lies where in it), valid until
+  // the next call. 16-bit payloads must begin at an even offset: put them in front of others.
+  std::span<uint8_t> add(const FragmentHeader& fragment);
+  // The same for kRaw16, as planes.
+  SumPlanes add_sums(const FragmentHeader& fragment);
+
+  // Any codec: `append(ByteBuffer&)` appends the payload to what is there, and leaves that alone.
+  template <typename Append>
+  void add(const FragmentHeader& fragment, Append append) {
+    const size_t begin = begin_payload(fragment);
+    append(bytes_);
+    end_payload(fragment, begin);
+  }
+
+  // A further member of the atlas added last.
+  void add_member(const FragmentHeader& fragment);
+
+  // Known when all frames have been looked at.
+  void set_actual_time(uint64_t time) { header_.actual_time = time; }
+
+  size_t fragments() const { return fragments_; }
+  // The whole unit. The writer is empty then.
+  ByteBuffer finish();
+
+ private:
+  size_t begin_payload(const FragmentHeader& fragment);
+  void end_payload(const FragmentHeader& fragment, size_t begin);
+  void put_entry(const FragmentHeader& fragment, size_t length);
+
+  AnswerHeader header_;
+  size_t max_fragments_, fragments_ = 0;
+  bool atlas_open_ = false;  // the fragment added last may have further members
+  ByteBuffer bytes_;
+};
+
+}  // namespace lf::wire
