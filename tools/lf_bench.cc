@@ -7,7 +7,9 @@
 #include "base/error.h"
 #include "base/json_value.h"
 #include "bench/acceptance.h"
+#include "bench/budget.h"
 #include "bench/numerics.h"
+#include "bench/once.h"
 #include "bench/plan.h"
 #include "bench/plots.h"
 #include "progress.h"
@@ -18,7 +20,7 @@ namespace {
 struct Options {
   lf::bench::PlanOptions plan;
   std::vector<std::string> sizes;
-  std::string json, plots;
+  std::string json, plots, method;
 };
 
 std::pair<int, int> size_of(const std::string& text) {
@@ -73,9 +75,19 @@ int main(int argc, char** argv) {
   app.require_subcommand(0, 1);
   const CLI::App* numerics =
       app.add_subcommand("numerics", "errors of every renderer in the hard cases, against 80-bit reals");
+  const CLI::App* budget = app.add_subcommand("budget", "what each step of rendering adds to the error");
+  CLI::App* once = app.add_subcommand("once", "renders one view once: what tests/bench/instructions.sh counts");
+  once->add_option("METHOD", o.method, "as in the table: \"scalar i420\"")->required();
   return run_tool(app, argc, argv, [&] {
+    const auto require = [](bool within) {
+      if (!within) throw lf::Error("an error is beyond its bound");
+    };
     if (*numerics) {
-      if (!lf::bench::print_numerics()) throw lf::Error("an error is beyond its bound");
+      require(lf::bench::print_numerics());
+    } else if (*budget) {
+      require(lf::bench::print_budget());
+    } else if (*once) {
+      lf::bench::run_once(o.method);
     } else {
       run(o);
     }

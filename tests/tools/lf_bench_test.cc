@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-bench as a program, on pictures too small for its times to mean anything.
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <set>
+#include <sstream>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -96,6 +98,25 @@ TEST_F(LfBench, NumericsAreWithinTheirBounds) {
   for (const char* text : {"float", "scalar I420", "eye at a camera", "a million metres away", "slivers"})
     EXPECT_THAT(outcome.output, HasSubstr(text));
   EXPECT_THAT(outcome.output, testing::Not(HasSubstr("BEYOND")));
+}
+
+// Every term is explained, in the words of the table.
+TEST_F(LfBench, TheErrorBudgetIsThatOfItsDocument) {
+  const Outcome outcome = run("budget");
+  EXPECT_EQ(outcome.status, 0) << outcome.output;
+  std::istringstream lines(read_text_file(LF_SOURCE_ROOT "/docs/error-budget.md"));
+  int terms = 0;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.rfind("| ", 0) != 0 || line.rfind("| term", 0) == 0 || line.rfind("| ---", 0) == 0) continue;
+    EXPECT_THAT(outcome.output, HasSubstr(line.substr(2, line.find(" |", 2) - 2)));
+    terms++;
+  }
+  EXPECT_EQ(terms + 3, std::count(outcome.output.begin(), outcome.output.end(), '\n')) << outcome.output;
+}
+
+TEST_F(LfBench, RendersOnceForAProfiler) {
+  EXPECT_EQ(run("once 'scalar i420'").status, 0);
+  EXPECT_THAT(run("once nothing").output, HasSubstr("scalar i420"));
 }
 
 TEST_F(LfBench, PlotsOrWhatIsMissingForThem) {

@@ -37,6 +37,7 @@ class Scene {
   const std::vector<View>& views() const { return views_; }
   const std::vector<CameraIndex>& cameras() const { return cameras_; }  // all of them
   ImageView image(CameraIndex camera, Pixels pixels) const;
+  const Image& source(CameraIndex camera, PixelFamily family) const;  // the same, packed
 
   // The first view without any rounding, from the images of that family.
   const FloatStill& exact(PixelFamily family) const;
@@ -46,7 +47,6 @@ class Scene {
  private:
   void film();
   void draw_checkerboard();
-  const Image& source(CameraIndex camera, PixelFamily family) const;
   const uint8_t* in_layout(size_t source, const RgbLayout& layout, std::vector<std::vector<uint8_t>>& made) const;
 
   SceneOptions options_;

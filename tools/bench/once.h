@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <string>
+
+namespace lf::bench {
+
+// Renders one view of a fixed scene by the method of that label, inside a function "render_once" of which a profiler
+// counts instructions. Throws Error if there is no such method; the message names those that there are.
+void run_once(const std::string& method);
+
+}  // namespace lf::bench
