@@ -12,9 +12,10 @@ bool print_budget() {
   const Scene natural(options);
   options.content = "checkerboard";
   const Scene checkerboard(options);
-  std::printf("Each step on its own, %s\n%-44s %-7s | %21s | %21s |\n%-44s %-7s | %10s %10s | %10s %10s | %10s\n",
-              label(options).c_str(), "", "", "natural", "checkerboard", "term", "unit", "max", "rms", "max", "rms",
-              "bound");
+  const std::string situation = label(options);
+  std::printf("Each step on its own: %s\n%-44s %-7s | %21s | %21s |\n%-44s %-7s | %10s %10s | %10s %10s | %10s\n",
+              situation.substr(situation.find(' ') + 1).c_str(), "", "", "natural", "checkerboard", "term", "unit",
+              "max", "rms", "max", "rms", "bound");
   bool all = true;
   for (const Term& term : terms()) {
     const Spread a = term.measure(natural), b = term.measure(checkerboard);

@@ -5,12 +5,12 @@
 namespace lf::bench {
 
 void add_opencv(const MethodOptions& options, std::vector<MethodKind>& kinds);
-void add_scalar(const MethodOptions& options, std::vector<MethodKind>& kinds);
+void add_fragments(const MethodOptions& options, std::vector<MethodKind>& kinds);
 
 std::vector<MethodKind> methods(const MethodOptions& options) {
   std::vector<MethodKind> kinds;
   add_opencv(options, kinds);
-  add_scalar(options, kinds);
+  add_fragments(options, kinds);
   return kinds;
 }
 

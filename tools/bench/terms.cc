@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
-
 #include <algorithm>
 #include <cmath>
 
 #include "bench/budget.h"
 #include "composite/accumulator.h"
+#include "jpeg/fragment_decoder.h"
+#include "jpeg/fragment_encoder.h"
 #include "quality/quality.h"
 #include "reference/reference_lens.h"
 #include "reference/renderer.h"
@@ -141,23 +140,30 @@ Spread chroma_subsampling(const Scene& scene) {
   return errors.spread();
 }
 
-// The luma of weighted fragments through JPEG and back.
-template <int kQuality>
-Spread jpeg(const Scene& scene) {
+// Weighted fragments through JPEG and back: all samples of a plane (0: luma).
+template <int kQuality, int kPlane>
+Spread jpeg_error(const Scene& scene) {
   const RenderJob job = job_of(scene);
   const auto renderer = make_scalar_renderer();
+  jpeg::FragmentEncoder encoder;
+  jpeg::FragmentDecoder decoder;
   Collector errors;
-  std::vector<uint8_t> bytes;
   for (const CameraIndex camera : job.cameras()) {
     const auto fragment = renderer->render(job.plan(), job.owners(), camera, scene.rig().cameras[camera],
                                            scene.image(camera, Pixels::kI420));
     if (!fragment) continue;
-    std::vector<uint8_t> pixels = fragment->pixels;
-    const cv::Mat luma(fragment->rect.height(), fragment->rect.width(), CV_8U, pixels.data());
-    cv::imencode(".jpg", luma, bytes, {cv::IMWRITE_JPEG_QUALITY, kQuality});
-    const cv::Mat back = cv::imdecode(bytes, cv::IMREAD_GRAYSCALE);
-    for (int y = 0; y < luma.rows; y++)
-      for (int x = 0; x < luma.cols; x++) errors.add(back.at<uint8_t>(y, x) - luma.at<uint8_t>(y, x));
+    const FragmentPlanes before = planes_of(*fragment);
+    FragmentPlanes after{.family = before.family, .rect = before.rect};
+    ByteBuffer scan;
+    encoder.encode_pixels({&before, 1}, kQuality, scan);
+    decoder.decode_pixels(scan, kQuality, {&after, 1});
+    const auto side = [](int luma) { return kPlane == 0 ? luma : chroma_size(luma); };
+    const auto value = [](const FragmentPlanes& planes, int x, int y) -> int {
+      const uint8_t byte = planes.plane[kPlane][y * planes.stride[kPlane] + x];
+      return kPlane == 0 ? byte : static_cast<int8_t>(byte);
+    };
+    for (int y = 0; y < side(before.rect.height()); y++)
+      for (int x = 0; x < side(before.rect.width()); x++) errors.add(value(after, x, y) - value(before, x, y));
   }
   return errors.spread();
 }
@@ -171,10 +177,11 @@ std::vector<Term> terms() {
           {"weighted samples rounded to 8 bits", "of 255", 0.5 + 1e-3, fragment_rounding},
           {"sum of three 8-bit samples", "of 255", 1.75, accumulation},
           {"chroma at half resolution", "of 255", 0, chroma_subsampling},
-          {"JPEG 50, luma of a fragment", "of 255", 0, jpeg<50>},
-          {"JPEG 75, luma of a fragment", "of 255", 0, jpeg<75>},
-          {"JPEG 90, luma of a fragment", "of 255", 0, jpeg<90>},
-          {"JPEG 95, luma of a fragment", "of 255", 0, jpeg<95>}};
+          {"JPEG 50, luma of a fragment", "of 255", 0, jpeg_error<50, 0>},
+          {"JPEG 75, luma of a fragment", "of 255", 0, jpeg_error<75, 0>},
+          {"JPEG 90, luma of a fragment", "of 255", 0, jpeg_error<90, 0>},
+          {"JPEG 95, luma of a fragment", "of 255", 0, jpeg_error<95, 0>},
+          {"JPEG 90, chroma of a fragment", "of 255", 0, jpeg_error<90, 1>}};
 }
 
 }  // namespace lf::bench

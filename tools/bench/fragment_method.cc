@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// A fragment of 8 bits each camera, added up by the compositor's arithmetic: in memory as they are, or by way of an
+// answer in JPEG.
+#include "bench/method.h"
+#include "composite/accumulator.h"
+#include "render/fragment_renderer.h"
+#include "render/render_job.h"
+#include "wire/answer_parser.h"
+#include "wire/fragment_codec.h"
+#include "wire/payload.h"
+
+namespace lf::bench {
+namespace {
+
+using Renderer = std::shared_ptr<const FragmentRenderer>;
+
+class FragmentMethod : public Method {
+ public:
+  FragmentMethod(const Scene& scene, const View& view, Renderer renderer, Pixels pixels, int jpeg_quality)
+      : scene_(scene), view_(view), renderer_(std::move(renderer)), pixels_(pixels), jpeg_quality_(jpeg_quality) {}
+
+  void render() override {
+    const RenderJob job(scene_.rig(), scene_.mesh(), view_, scene_.cameras());
+    sum_.reset(family_of(pixels_), view_.width, view_.height);
+    bytes_ = 0;
+    fragments_.clear();
+    for (const CameraIndex camera : job.cameras()) {
+      auto fragment = renderer_->render(job.plan(), job.owners(), camera, scene_.rig().cameras[camera],
+                                        scene_.image(camera, pixels_));
+      if (!fragment) continue;
+      if (jpeg_quality_ > 0) {
+        fragments_.push_back(std::move(*fragment));
+      } else {
+        bytes_ += fragment->bytes();
+        sum_.add(*fragment);
+      }
+    }
+    if (jpeg_quality_ > 0) send();
+    picture_ = sum_.resolve();
+  }
+  Image picture() const override { return picture_; }
+  size_t bytes() const override { return bytes_; }
+
+ private:
+  void send() {
+    const wire::AnswerHeader header{
+        .view_width = view_.width, .view_height = view_.height, .family = family_of(pixels_)};
+    answer_ = encoder_.encode(header, fragments_, jpeg_quality_, std::move(answer_));
+    bytes_ = answer_.size();
+    const auto answer = wire::parse_answer(answer_);
+    const std::span<const wire::FragmentView> all = answer->fragments;
+    for (size_t i = 0, n; i < all.size(); i += n) {
+      n = wire::group_size(all.subspan(i));
+      for (const FragmentPlanes& planes : decoder_.decode(all.subspan(i, n))) sum_.add(planes);
+    }
+  }
+
+  const Scene& scene_;
+  const View& view_;
+  const Renderer renderer_;
+  const Pixels pixels_;
+  const int jpeg_quality_;  // 0: none
+  wire::FragmentEncoder encoder_;
+  wire::FragmentDecoder decoder_;
+  std::vector<Fragment> fragments_;
+  ByteBuffer answer_;
+  Accumulator sum_;
+  Image picture_;
+  size_t bytes_ = 0;
+};
+
+}  // namespace
+
+void add_fragments(const MethodOptions& options, std::vector<MethodKind>& kinds) {
+  const Renderer scalar = make_scalar_renderer();
+  const auto add = [&](Pixels pixels, int quality) {
+    Setting setting{"scalar", pixels, quality > 0 ? "jpeg" : "raw", quality};
+    setting.is_default = pixels == Pixels::kI420 && (quality == 0 || quality == 90);
+    kinds.push_back({setting, [=](const Scene& scene, const View& view) {
+                       return std::make_unique<FragmentMethod>(scene, view, scalar, pixels, quality);
+                     }});
+  };
+  add(Pixels::kI420, 0);
+  if (options.all) add(Pixels::kRgb, 0);
+  for (const int quality : options.qualities) add(Pixels::kI420, quality);
+}
+
+}  // namespace lf::bench
