@@ -79,23 +79,30 @@ class Script {
     if (panel.log_x) out_ << "set logscale x\n";
     if (panel.log_y) out_ << "set logscale y\n";
     ranges(panel);
-    data("front", panel.front);
-    for (size_t i = 0; i < names_.size(); i++) {
-      const auto series =
-          std::find_if(panel.series.begin(), panel.series.end(), [&](const Series& s) { return s.name == names_[i]; });
-      data("s" + std::to_string(i), series == panel.series.end() ? std::vector<Point>{} : series->points);
+    std::string curves;
+    const auto add = [&](const std::string& curve) { curves += (curves.empty() ? "plot " : ", ") + curve; };
+    if (!panel.front.empty()) {
+      data("front", panel.front);
+      add("$front using 1:2 with steps lw 5 lc rgb '#D8D8D8' title " + quoted(panel.front_name));
     }
-    out_ << "plot ";
-    if (!panel.front_name.empty())
-      out_ << "$front using 1:2 with steps lw 5 lc rgb '#D8D8D8' title " << quoted(panel.front_name) << ", ";
     for (size_t i = 0; i < names_.size(); i++) {
       const std::string colour = std::string(" lc rgb '") + kColours[i % std::size(kColours)] + "'";
-      out_ << (i ? ", " : "") << "$s" << i << " using 1:2 with linespoints lw 1.8 ps 1.3 pt "
-           << kMarks[i % std::size(kMarks)] << (dashed(names_[i]) ? " dt 2" : "") << colour << " "
-           << (with_legend ? "title " + quoted(names_[i]) : std::string("notitle")) << ", $s" << i
-           << " using 1:2:3 with labels offset 0,0.9 font 'sans,8' textcolor" << std::string(colour, 3) << " notitle";
+      const std::string look = " with linespoints lw 1.8 ps 1.3 pt " + std::to_string(kMarks[i % std::size(kMarks)]) +
+                               (dashed(names_[i]) ? " dt 2" : "") + colour +
+                               (with_legend ? " title " + quoted(names_[i]) : " notitle");
+      const auto series = std::ranges::find(panel.series, names_[i], &Series::name);
+      if (series == panel.series.end()) {
+        if (with_legend) add("NaN" + look);
+        continue;
+      }
+      const std::string block = "s" + std::to_string(i);
+      data(block, series->points);
+      add("$" + block + " using 1:2" + look);
+      if (std::ranges::any_of(series->points, [](const Point& point) { return !point.label.empty(); }))
+        add("$" + block + " using 1:2:3 with labels left offset 1,0 font 'sans,8' textcolor" + colour.substr(3) +
+            " notitle");
     }
-    out_ << "\n";
+    out_ << curves << "\n";
   }
 
   bool dashed(const std::string& name) const {
@@ -149,15 +156,13 @@ class Script {
   }
   static std::string tics(const std::vector<double>& values) {
     std::ostringstream out;
-    out.precision(3);
+    out.precision(4);
     for (const double value : values) out << (out.str().empty() ? "(" : ",") << "'" << value << "' " << value;
     return out.str() + ")";
   }
 
-  // An empty block can't be plotted; a point that is no number can.
   void data(const std::string& name, const std::vector<Point>& points) {
     out_ << "$" << name << " << END\n";
-    if (points.empty()) out_ << "NaN NaN \"\"\n";
     for (const Point& point : points) out_ << point.x << " " << point.y << " \"" << point.label << "\"\n";
     out_ << "END\n";
   }

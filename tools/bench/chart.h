@@ -14,7 +14,7 @@ struct Point {
 struct Series {
   std::string name;
   bool dashed = false;
-  std::vector<Point> points;  // ascending in x
+  std::vector<Point> points;  // joined in this order
 };
 struct Panel {
   std::string title, x_label, y_label;

@@ -29,7 +29,7 @@ class Plan {
       for (const Size& size : options_.sizes) {
         add(size, n, methods_);
         if (size == errors_at() || options_.acceptance || options_.full)
-          add(size, n, size == errors_at() ? methods_ : plain_).array.distortion = false;
+          add(size, n, options_.full || size == errors_at() ? methods_ : plain_).array.distortion = false;
         add_errors(size, n);
       }
     const auto also = [&](std::vector<int> counts, const std::vector<Size>& sizes) {

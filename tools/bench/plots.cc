@@ -80,7 +80,6 @@ Chart error_chart(const std::vector<Row>& rows, const Rows& chosen, const std::s
         .points.push_back({x(*row), psnr, row->setting.quality > 0 ? std::to_string(row->setting.quality) : ""});
   }
   for (Panel& panel : chart.panels) {
-    sort_points(panel.series);
     panel.front = front_of(panel.series);
     panel.front_name = "Pareto front";
   }
