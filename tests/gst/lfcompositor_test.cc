@@ -10,6 +10,9 @@
 #include "render/fragment_renderer.h"
 #include "render/render_job.h"
 #include "wire/answer_codec.h"
+#include "wire/answer_parser.h"
+#include "wire/fragment_codec.h"
+#include "wire/payload.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {
@@ -160,6 +163,33 @@ TEST_F(LfCompositorTest, OtherViewsAreIgnored) {
   push(0, answer_of(own, {0, 1, 2, 3}, 100));
   EXPECT_GE(range(pull()).first, 99);
   EXPECT_EQ(stat(element_.get(), "pictures"), 1u);
+}
+
+TEST_F(LfCompositorTest, DamagedFragmentsAreCountedAndTheRestIsComposed) {
+  const ViewRequest asked = array_.request(0, 0);
+  const wire::Answer answer = answer_of(asked, {0, 1, 2, 3});
+  ByteBuffer bytes = wire::FragmentEncoder().encode(answer, answer.fragments, 90);
+  const wire::AnswerView view = wire::parse_answer(bytes).value();
+  const size_t members = wire::group_size(view.fragments);
+  const uint8_t marker[] = {0xff, 0xd9};
+  for (const bool damage : {false, true}) {
+    start(1, {{"rig", array_.rig_path()}});
+    if (damage) std::ranges::copy(marker, bytes.begin() + (view.fragments[0].payload.data() - bytes.data()) + 4);
+    request(asked);
+    ASSERT_EQ(gst_harness_push(nodes_[0].get(), to_buffer({bytes.begin(), bytes.end()})), GST_FLOW_OK);
+    const std::vector<uint8_t> picture = pull();
+    if (!damage) {
+      EXPECT_GE(range(picture).first, 190);
+      EXPECT_LE(range(picture).second, 210);
+    }
+    EXPECT_EQ(stat(element_.get(), "damaged-fragments"), damage ? members : 0);
+    EXPECT_EQ(stat(element_.get(), "missing-fragments"), damage ? members : 0);
+    EXPECT_EQ(stat(element_.get(), "fragments"), answer.fragments.size() - (damage ? members : 0));
+    EXPECT_EQ(stat(element_.get(), "incomplete"), damage ? 1u : 0u);
+    EXPECT_EQ(stat(element_.get(), "bad-answers"), 0u);
+    nodes_.clear();
+    harness_.reset();
+  }
 }
 
 TEST_F(LfCompositorTest, LateAndForeignAnswersAreCounted) {

@@ -7,6 +7,8 @@
 #include "render/fragment_renderer.h"
 #include "scene/scene.h"
 #include "support/add_answer.h"
+#include "wire/answer_writer.h"
+#include "wire/payload.h"
 
 namespace lf {
 namespace {
@@ -144,6 +146,74 @@ TEST_F(AssemblyTest, BeginForgetsThePictureBefore) {
   assembly_.finish(PixelFamily::kRgb, false);
   EXPECT_LE(range(assembly_.picture().resolve()).second, 22);
   EXPECT_EQ(assembly_.fragments(), answer(all_).fragments.size());
+}
+
+TEST_F(AssemblyTest, JpegMakesNearlyTheSamePicture) {
+  const wire::Answer raw = answer(all_);
+  const ByteBuffer bytes = wire::FragmentEncoder().encode(raw, raw.fragments, 90);
+  assembly_.set_rig(rig_);
+  assembly_.begin(request_);
+  EXPECT_EQ(assembly_.add(wire::parse_answer(bytes).value()), Assembly::Verdict::kAdded);
+  EXPECT_EQ(assembly_.fragments(), raw.fragments.size());
+  EXPECT_EQ(assembly_.damaged(), 0u);
+  assembly_.finish(PixelFamily::kRgb, false);
+  EXPECT_EQ(assembly_.missing(), 0u);
+  const auto [low, high] = range(assembly_.picture().resolve());
+  EXPECT_GE(low, 170);
+  EXPECT_LE(high, 190);
+}
+
+TEST_F(AssemblyTest, DamagedFragmentsAreMissingAndTheOthersAreUsed) {
+  const wire::Answer raw = answer(all_);
+  ByteBuffer bytes = wire::FragmentEncoder().encode(raw, raw.fragments, 90);
+  const wire::AnswerView view = wire::parse_answer(bytes).value();
+  const size_t members = wire::group_size(view.fragments);
+  bytes[view.fragments[0].payload.data() - bytes.data() + 8] = 0xff;  // a marker: end of image
+  bytes[view.fragments[0].payload.data() - bytes.data() + 9] = 0xd9;
+  assembly_.set_rig(rig_);
+  assembly_.begin(request_);
+  EXPECT_EQ(assembly_.add(view), Assembly::Verdict::kAdded);
+  EXPECT_EQ(assembly_.damaged(), members);
+  EXPECT_EQ(assembly_.fragments(), raw.fragments.size() - members);
+  // Another node has them too.
+  wire::Answer again = raw;
+  again.fragments.clear();
+  for (const Fragment& f : raw.fragments)
+    if (f.camera == view.fragments[0].camera) again.fragments.push_back(f);
+  EXPECT_EQ(add_answer(assembly_, again), Assembly::Verdict::kAdded);
+  assembly_.finish(PixelFamily::kRgb, false);
+  EXPECT_EQ(assembly_.missing(), members - 1);
+  request_.sequence++;
+  assembly_.begin(request_);
+  EXPECT_EQ(assembly_.damaged(), 0u);
+}
+
+TEST_F(AssemblyTest, SumsOfTheWholeViewStayWhereTheyAre) {
+  Accumulator sum;
+  sum.reset(PixelFamily::kRgb, request_.view.width, request_.view.height);
+  const wire::Answer raw = answer(all_);
+  for (const Fragment& f : raw.fragments) ASSERT_TRUE(sum.add(f));
+  const ConstSumPlanes sums = *sum.sums();
+  wire::AnswerWriter writer(raw, 1);
+  const wire::FragmentHeader header{Fragment::kSum, raw.family, sums.rect, wire::Codec::kRaw16, 0, false};
+  const SumPlanes to = writer.add_sums(header);
+  for (int c = 0; c < 3; c++)
+    for (int y = 0; y < sums.rect.height(); y++)
+      std::copy_n(sums.plane[c] + y * sums.stride[c], sums.rect.width(), to.plane[c] + y * to.stride[c]);
+  const auto bytes = std::make_shared<const ByteBuffer>(writer.finish());
+  const wire::AnswerView view = wire::parse_answer(*bytes).value();
+  for (const bool kept : {false, true}) {
+    assembly_.begin(request_);
+    EXPECT_EQ(kept ? assembly_.add(view, bytes) : assembly_.add(view), Assembly::Verdict::kAdded);
+    assembly_.finish(PixelFamily::kRgb, false);
+    EXPECT_EQ(assembly_.picture().resolve().data(), sum.resolve().data());
+    EXPECT_EQ(bytes.use_count(), kept ? 2 : 1);
+    EXPECT_EQ(
+        reinterpret_cast<const uint8_t*>(assembly_.picture().sums()->plane[0]) == view.fragments[0].payload.data(),
+        kept);
+    assembly_.release();
+    EXPECT_EQ(bytes.use_count(), 1);
+  }
 }
 
 }  // namespace
