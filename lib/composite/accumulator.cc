@@ -19,6 +19,10 @@ void for_rows(To* to, ptrdiff_t to_stride, const From* from, ptrdiff_t from_stri
   for (int y = 0; y < height; y++, to += to_stride, from += from_stride) row(to, from, width);
 }
 
+// Overloads by name.
+void add_sums(int16_t* to, const int16_t* from, int n) { add_sum_row(to, from, n); }
+void add_lost_sums(uint16_t* to, const uint16_t* from, int n) { add_sum_row(to, from, n); }
+
 template <typename T>
 void copy_row(T* to, const T* from, int n) {
   std::memcpy(to, from, n * sizeof(T));
@@ -115,10 +119,9 @@ bool Accumulator::add(const ConstSumPlanes& in) {
   const SumPlanes to = part_of(own(), in.rect);
   for (int c = 0; c < 3; c++)
     for_rows(to.plane[c], to.stride[c], in.plane[c], in.stride[c], plane_width(family_, in.rect, c),
-             plane_height(family_, in.rect, c), add_sum_row<int16_t>);
+             plane_height(family_, in.rect, c), add_sums);
   if (in.lost)
-    for_rows(to.lost, to.lost_stride, in.lost, in.lost_stride, in.rect.width(), in.rect.height(),
-             add_sum_row<uint16_t>);
+    for_rows(to.lost, to.lost_stride, in.lost, in.lost_stride, in.rect.width(), in.rect.height(), add_lost_sums);
   touched_ = unite(touched_, in.rect);
   return true;
 }

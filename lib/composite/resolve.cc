@@ -2,19 +2,15 @@
 #include "composite/resolve.h"
 
 #include <algorithm>
-#include <cstring>
 #include <vector>
 
+#include "composite/scale_rows.h"
 #include "render/sum_rounding.h"
 
 namespace lf {
 namespace {
 
-// With less valid weight than this a pixel shows the background: 3/255, rounded up.
-constexpr int kLeastWeight = (3 * kLostOne + 254) / 255;
 constexpr float kOneLevel = 1 << kSumFractionBits;
-
-// The loops over a row are free of branches and of aliasing, so that the compiler makes vector code of them.
 
 template <typename T>
 bool any_set(const T* values, int n) {
@@ -23,28 +19,11 @@ bool any_set(const T* values, int n) {
   return any != 0;
 }
 
-// To the nearest of 0..255, halves up. `v` is a sum, scaled: exact in float wherever the result is not clamped, up to
-// the rounding of the scale itself (2^-23 of the value).
+// To the nearest of 0..255, halves up.
 uint8_t to_byte(float v) { return static_cast<uint8_t>(std::clamp(v + 0.5f, 0.f, 255.f)); }
-
-// What a pixel of the row becomes is sum * scale, or the background where scale is 0.
-void make_scales(float* __restrict scale, const uint16_t* __restrict lost, int n) {
-  for (int i = 0; i < n; i++) {
-    const int left = kLostOne - std::min<int>(lost[i], kLostOne);
-    scale[i] = left < kLeastWeight ? 0.f : kLostOne / kOneLevel / static_cast<float>(std::max(left, 1));
-  }
-}
 
 void hide(float* __restrict scale, const uint8_t* __restrict uncovered, int n) {
   for (int i = 0; i < n; i++) scale[i] = uncovered[i] ? 0.f : scale[i];
-}
-
-void scale_row(uint8_t* __restrict out, const int16_t* __restrict sum, const float* __restrict scale, float background,
-               int n) {
-  for (int i = 0; i < n; i++) {
-    const float v = sum[i] * scale[i];
-    out[i] = to_byte(scale[i] == 0 ? background : v);
-  }
 }
 
 // BT.601, full range; chroma without the 128 offset.
@@ -84,25 +63,12 @@ class Weights {
 
 void interleave(uint8_t* __restrict out, const RgbLayout& layout, const uint8_t* __restrict r,
                 const uint8_t* __restrict g, const uint8_t* __restrict b, int n) {
-  if (layout == RgbLayout{}) {
-    for (int x = 0; x < n; x++) {
-      out[3 * x + 0] = r[x];
-      out[3 * x + 1] = g[x];
-      out[3 * x + 2] = b[x];
-    }
-  } else if (layout.pixel_stride == 4) {
-    const int rs = 8 * layout.r, gs = 8 * layout.g, bs = 8 * layout.b;
-    const uint32_t opaque = 0xffu << 8 * (6 - layout.r - layout.g - layout.b);
-    for (int x = 0; x < n; x++) {
-      const uint32_t pixel = opaque | uint32_t{r[x]} << rs | uint32_t{g[x]} << gs | uint32_t{b[x]} << bs;
-      std::memcpy(out + 4 * x, &pixel, 4);
-    }
-  } else {
-    for (int x = 0; x < n; x++) {
-      out[layout.pixel_stride * x + layout.r] = r[x];
-      out[layout.pixel_stride * x + layout.g] = g[x];
-      out[layout.pixel_stride * x + layout.b] = b[x];
-    }
+  const int step = layout.pixel_stride, opaque = 6 - layout.r - layout.g - layout.b;
+  for (int x = 0; x < n; x++) {
+    out[step * x + layout.r] = r[x];
+    out[step * x + layout.g] = g[x];
+    out[step * x + layout.b] = b[x];
+    if (step == 4) out[step * x + opaque] = 255;
   }
 }
 
@@ -115,15 +81,15 @@ void resolve_rgb(const ConstSumPlanes& sum, const Weights& weights, const Backgr
   std::vector<uint8_t> rows(3 * static_cast<size_t>(w));
   uint8_t* const row[3] = {&rows[0], &rows[w], &rows[2 * static_cast<size_t>(w)]};
   for (int y = 0; y < sum.rect.height(); y++) {
-    const bool scaled = weights.scales(y, scale.data());
-    for (int c = 0; c < 3; c++) {
-      const int16_t* const in = sum.plane[c] + y * sum.stride[c];
-      if (scaled)
-        scale_row(row[c], in, scale.data(), back[c], w);
-      else
-        round_row(row[c], in, w);
+    const int16_t* const in[3] = {sum.plane[0] + y * sum.stride[0], sum.plane[1] + y * sum.stride[1],
+                                  sum.plane[2] + y * sum.stride[2]};
+    uint8_t* const out = plane + y * stride;
+    if (!weights.scales(y, scale.data())) {
+      round_rgb_row(out, layout, in[0], in[1], in[2], w);
+      continue;
     }
-    interleave(plane + y * stride, layout, row[0], row[1], row[2], w);
+    for (int c = 0; c < 3; c++) scale_row(row[c], in[c], scale.data(), back[c], w);
+    interleave(out, layout, row[0], row[1], row[2], w);
   }
 }
 
@@ -148,9 +114,11 @@ void resolve_i420(const ConstSumPlanes& sum, const Weights& weights, const Backg
       plain = false;
       scale_row(out, in, scale.data(), back.y, w);
       const uint16_t* const row_lost = weights.lost(y);
-      for (int x = 0; x < w; x++) {
-        if (row_lost) lost[x / 2] += std::min<int>(row_lost[x], kLostOne);
-        hidden[x / 2] += scale[x] == 0;
+      for (int cx = 0; cx < cw; cx++) {
+        const int left = 2 * cx, right = std::min(left + 1, w - 1), both = right - left;
+        hidden[cx] += (scale[left] == 0) + both * (scale[right] == 0);
+        if (row_lost)
+          lost[cx] += std::min<int>(row_lost[left], kLostOne) + both * std::min<int>(row_lost[right], kLostOne);
       }
     }
     // Lost weight is the mean over the sample's pixels; the background takes the share of those that show it.
