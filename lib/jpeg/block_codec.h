@@ -1,28 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <array>
 #include <cstdint>
 
 #include "jpeg/bit_reader.h"
 #include "jpeg/huffman_table.h"
+#include "jpeg/idct.h"
 
 // One 8x8 block of a baseline scan (T.81 annex F): read, or passed over, which takes no more than the lengths of its
 // codes. Inline: BitReader has to stay in registers.
 namespace lf::jpeg {
-
-// Where coefficient k of the zigzag order lies in rows of 8.
-inline constexpr std::array<uint8_t, 64> kNaturalOrder = {
-    0,  1,  8,  16, 9,  2,  3,  10, 17, 24, 32, 25, 18, 11, 4,  5,  12, 19, 26, 33, 40, 48,
-    41, 34, 27, 20, 13, 6,  7,  14, 21, 28, 35, 42, 49, 56, 57, 50, 43, 36, 29, 22, 15, 23,
-    30, 37, 44, 51, 58, 59, 52, 45, 38, 31, 39, 46, 53, 60, 61, 54, 47, 55, 62, 63};
-
-// The signed number of `size` bits (0..15) at the top of `bits` as T.81 codes it: a leading zero means negative.
-inline int32_t signed_value(uint64_t bits, unsigned size) {
-  const auto magnitude = static_cast<int32_t>(bits >> 1 >> (63 - size));
-  const auto negative = static_cast<int32_t>(~(static_cast<int64_t>(bits) >> 63));
-  return magnitude + (negative & (1 - (1 << size)));
-}
 
 // Adds the block's difference to the predictor; false if its code is none. Takes 27 bits at most.
 inline bool read_dc(BitReader& reader, const DcTable& table, int32_t& predictor) {
@@ -93,26 +80,43 @@ inline bool skip_ac(BitReader& reader, const AcTable& table) {
   }
 }
 
-// Reads the AC coefficients of a block times `quant` (zigzag order) into `block` (natural order), which has to be zero.
-// False if they are damaged. *last: the index of the last one in zigzag order, 0 without any. Takes a reader just
-// refilled, leaves it to be refilled.
+// Reads the AC coefficients of a block times `quant` (zigzag order) into `block` (each at its kIdctPlace), which has to
+// be zero. False if they are damaged. *last: the index of the last one in zigzag order, 0 without any. Takes a reader
+// just refilled, leaves it to be refilled.
 inline bool read_ac(BitReader& reader, const AcTable& table, const uint16_t* quant, int16_t* block, unsigned* last) {
-  unsigned k = 1;
-  *last = 0;
-  while (k < 64) {
+  const auto store = [&](unsigned k, int32_t value) { block[kIdctPlace[k]] = static_cast<int16_t>(value * quant[k]); };
+  for (unsigned k = 1;;) {
+    // Most symbols have short codes and small values: up to four of them, then one of any kind, between refills.
+    for (int i = 0; i < 4; i++) {
+      const uint32_t entry = table.shorts[reader.peek(AcTable::kShortBits)];
+      const unsigned to = k + AcTable::short_steps(entry);
+      if (to >= 64) {
+        if (to > 64 && to < AcTable::kEnd) break;
+        if (to == 64) store(63, AcTable::short_value(entry));
+        reader.skip(AcTable::short_bits(entry));
+        *last = to == 64 ? 63 : k - 1;
+        return true;
+      }
+      store(to - 1, AcTable::short_value(entry));
+      k = to;
+      reader.skip(AcTable::short_bits(entry));
+    }
+    reader.refill();
     const AcSymbol symbol = find_ac(reader, table);
-    k += symbol.steps;
-    if (k > 64) {
+    if (symbol.steps == AcTable::kEnd || k + symbol.steps > 64) {
       reader.skip(symbol.code_bits);
+      *last = k - 1;
       return symbol.steps == AcTable::kEnd;
     }
-    const int32_t value = signed_value(reader.buffer() << symbol.code_bits, symbol.size);
-    block[kNaturalOrder[k - 1]] = static_cast<int16_t>(value * quant[k - 1]);
-    *last = k - 1;
+    k += symbol.steps;
+    store(k - 1, signed_value(reader.buffer() << symbol.code_bits, symbol.size));
     reader.skip(symbol.code_bits + symbol.size);
+    if (k == 64) {
+      *last = 63;
+      return true;
+    }
     reader.refill();
   }
-  return true;
 }
 
 }  // namespace lf::jpeg

@@ -49,7 +49,7 @@ std::shared_ptr<const AcTable> make(const HuffmanSpec& spec, const AcTable*) {
               Single{static_cast<uint8_t>(length), static_cast<uint8_t>(size), steps});
   });
 
-  auto table = std::make_shared<AcTable>(AcTable{LongCodes(spec), {}});
+  auto table = std::make_shared<AcTable>(AcTable{LongCodes(spec), {}, {}});
   for (uint32_t i = 0; i < singles.size(); i++) {
     const Single& first = singles[i];
     uint32_t bits = 0, steps = 0;
@@ -65,6 +65,14 @@ std::shared_ptr<const AcTable> make(const HuffmanSpec& spec, const AcTable*) {
     if (bits == 0) steps = AcTable::kNone;
     table->entries[i] = bits | steps << 8 | static_cast<uint32_t>(first.code_bits) << 16 |
                         static_cast<uint32_t>(first.size) << 20 | static_cast<uint32_t>(first.steps) << 24;
+  }
+  for (uint32_t i = 0; i < table->shorts.size(); i++) {
+    const Single& single = singles[i << (AcTable::kBits - AcTable::kShortBits)];
+    const uint32_t bits = single.code_bits + single.size;
+    table->shorts[i] = AcTable::kNone << 8;
+    if (single.code_bits == 0 || bits > AcTable::kShortBits) continue;
+    const int32_t value = signed_value(uint64_t{i} << (64 - AcTable::kShortBits + single.code_bits), single.size);
+    table->shorts[i] = bits | static_cast<uint32_t>(single.steps) << 8 | static_cast<uint32_t>(value) << 16;
   }
   return table;
 }

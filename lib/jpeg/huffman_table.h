@@ -56,7 +56,21 @@ struct AcTable {
 
   LongCodes long_codes;
   std::array<uint32_t, 1 << kBits> entries;
+
+  // One symbol with its value where both lie in the next kShortBits bits; else kNone.
+  static constexpr int kShortBits = 10;
+  static unsigned short_bits(uint32_t entry) { return entry & 0xff; }
+  static unsigned short_steps(uint32_t entry) { return entry >> 8 & 0xff; }
+  static int32_t short_value(uint32_t entry) { return static_cast<int32_t>(entry) >> 16; }
+  std::array<uint32_t, 1 << kShortBits> shorts;
 };
+
+// The signed number of `size` bits (0..15) at the top of `bits` as T.81 codes it: a leading zero means negative.
+inline int32_t signed_value(uint64_t bits, unsigned size) {
+  const auto magnitude = static_cast<int32_t>(bits >> 1 >> (63 - size));
+  const auto negative = static_cast<int32_t>(~(static_cast<int64_t>(bits) >> 63));
+  return magnitude + (negative & (1 - (1 << size)));
+}
 
 // The table of a specification, made once and then shared: cameras send the same ones with every frame. Null if it is
 // no prefix code or empty. Thread-safe.

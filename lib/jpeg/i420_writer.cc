@@ -7,17 +7,6 @@
 #include "jpeg/idct.h"
 
 namespace lf::jpeg {
-namespace {
-
-void transform(const McuStream::Mcu& mcu, int block, uint8_t* out, ptrdiff_t stride) {
-  if (mcu.dc_only[block])
-    idct_dc(mcu.block[block][0], out, stride);
-  else
-    idct(mcu.block[block], out, stride);
-}
-
-}  // namespace
-
 I420Writer::I420Writer(const Header& header) : header_(header) {
   const ptrdiff_t width = ptrdiff_t{8} * header.h_max * header.mcus_x();
   const ptrdiff_t height = ptrdiff_t{8} * header.v_max * header.mcus_y();
@@ -46,7 +35,8 @@ void I420Writer::write(const McuStream::Mcu& mcu, int x, int y) {
   int block = 0;
   for (int by = 0; by < v_max; by++)
     for (int bx = 0; bx < h_max; bx++, block++)
-      transform(mcu, block, plane_[0] + (y * v_max + by) * 8 * stride_[0] + (x * h_max + bx) * 8, stride_[0]);
+      idct(mcu.block[block], mcu.last[block], plane_[0] + (y * v_max + by) * 8 * stride_[0] + (x * h_max + bx) * 8,
+           stride_[0]);
   for (int i = 1; i < 3; i++) {
     uint8_t* const chroma = plane_[i] + y * 4 * v_max * stride_[i] + x * 4 * h_max;
     if (header_.components == 1) {
@@ -56,18 +46,19 @@ void I420Writer::write(const McuStream::Mcu& mcu, int x, int y) {
     }
     const Component& c = header_.component[i];
     if (2 * c.h == h_max && 2 * c.v == v_max)
-      transform(mcu, block, chroma, stride_[i]);
+      idct(mcu.block[block], mcu.last[block], chroma, stride_[i]);
     else
       write_averaged(mcu, block, i, x, y);
     block += c.h * c.v;
   }
 }
 
-void I420Writer::write_averaged(const McuStream::Mcu& mcu, int first_block, int component, int x, int y) {
+void I420Writer::write_averaged(const McuStream::Mcu& mcu, int block, int component, int x, int y) {
   const Component& c = header_.component[component];
   uint8_t full[16][16];
   for (int by = 0; by < c.v; by++)
-    for (int bx = 0; bx < c.h; bx++) transform(mcu, first_block + by * c.h + bx, &full[by * 8][bx * 8], sizeof full[0]);
+    for (int bx = 0; bx < c.h; bx++, block++)
+      idct(mcu.block[block], mcu.last[block], &full[by * 8][bx * 8], sizeof full[0]);
 
   // What lies beyond an odd edge of the image is no part of it: the last sample counts for two.
   const int step_x = 2 * c.h / header_.h_max, step_y = 2 * c.v / header_.v_max;

@@ -23,7 +23,7 @@ class I420Writer {
   void write(const McuStream::Mcu& mcu, int x, int y);
 
  private:
-  void write_averaged(const McuStream::Mcu& mcu, int first_block, int component, int x, int y);
+  void write_averaged(const McuStream::Mcu& mcu, int block, int component, int x, int y);
 
   const Header& header_;
   ptrdiff_t stride_[3];

@@ -4,121 +4,158 @@
 #include <algorithm>
 #include <cstring>
 
-// Scalable vectors can't be kept in arrays; Arm machines have NEON as well.
+// Vectors of unknown size can't be kept in arrays; Arm machines have NEON as well.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "jpeg/idct.cc"
 #include <hwy/foreach_target.h>  // has to precede highway.h
 #include <hwy/highway.h>
 
+// What one pass adds up, with 13 bits of fraction: from inputs 0, 2, 4, 6 the even half of outputs 0..3, from inputs
+// 1, 3, 5, 7 the odd half. Output i is even + odd, output 7 - i even - odd. These are the sums that the butterflies of
+// jidctint.c come to; being exact, they have no order. No input of 16 bits makes them overflow.
+#ifndef LF_JPEG_IDCT_SUMS
+#define LF_JPEG_IDCT_SUMS
+namespace lf::jpeg {
+inline constexpr int16_t kEven[4][4] = {
+    {8192, 10703, 8192, 4433}, {8192, 4433, -8192, -10704}, {8192, -4433, -8192, 10704}, {8192, -10703, 8192, -4433}};
+inline constexpr int16_t kOdd[4][4] = {
+    {11363, 9633, 6437, 2260}, {9633, -2259, -11362, -6436}, {6437, -11362, 2261, 9633}, {2260, -6436, 9633, -11363}};
+// Fraction bits that a pass takes away: the first one leaves 2, the second none, and with them the DCT's factor of 8.
+inline constexpr int kShift[2] = {13 - 2, 13 + 2 + 3};
+// What rounds, and 128 in the end.
+inline constexpr int32_t kBias[2] = {1 << 10, (1 << 17) + (128 << 18)};
+}  // namespace lf::jpeg
+#endif
+
 HWY_BEFORE_NAMESPACE();
 namespace lf::jpeg::HWY_NAMESPACE {
-namespace hn = hwy::HWY_NAMESPACE;
-
-using Wide = hn::CappedTag<int32_t, 8>;  // eight columns at once, four where vectors are short, one without vectors
-using VWide = hn::Vec<Wide>;
-
-HWY_INLINE VWide multiply(VWide v, int32_t constant) { return hn::Mul(v, hn::Set(Wide(), constant)); }
-
-// One pass of Loeffler, Ligtenberg and Moschytz' algorithm in jidctint.c's order, in each lane: 13 bits of fraction,
-// which `kShift` takes away again, rounding.
-template <int kShift>
-HWY_INLINE void transform(VWide (&v)[8]) {
-  const auto even = multiply(hn::Add(v[2], v[6]), 4433);
-  const auto t2 = hn::Add(even, multiply(v[6], -15137)), t3 = hn::Add(even, multiply(v[2], 6270));
-  const auto t0 = hn::ShiftLeft<13>(hn::Add(v[0], v[4])), t1 = hn::ShiftLeft<13>(hn::Sub(v[0], v[4]));
-  const auto rounding = hn::Set(Wide(), 1 << (kShift - 1));
-  const auto a0 = hn::Add(hn::Add(t0, t3), rounding), a3 = hn::Add(hn::Sub(t0, t3), rounding);
-  const auto a1 = hn::Add(hn::Add(t1, t2), rounding), a2 = hn::Add(hn::Sub(t1, t2), rounding);
-
-  const auto z3 = hn::Add(v[7], v[3]), z4 = hn::Add(v[5], v[1]);
-  const auto z5 = multiply(hn::Add(z3, z4), 9633);
-  const auto m1 = multiply(hn::Add(v[7], v[1]), -7373), m2 = multiply(hn::Add(v[5], v[3]), -20995);
-  const auto m3 = hn::Add(multiply(z3, -16069), z5), m4 = hn::Add(multiply(z4, -3196), z5);
-  const auto b0 = hn::Add(multiply(v[7], 2446), hn::Add(m1, m3));
-  const auto b1 = hn::Add(multiply(v[5], 16819), hn::Add(m2, m4));
-  const auto b2 = hn::Add(multiply(v[3], 25172), hn::Add(m2, m3));
-  const auto b3 = hn::Add(multiply(v[1], 12299), hn::Add(m1, m4));
-
-  v[0] = hn::ShiftRight<kShift>(hn::Add(a0, b3));
-  v[7] = hn::ShiftRight<kShift>(hn::Sub(a0, b3));
-  v[1] = hn::ShiftRight<kShift>(hn::Add(a1, b2));
-  v[6] = hn::ShiftRight<kShift>(hn::Sub(a1, b2));
-  v[2] = hn::ShiftRight<kShift>(hn::Add(a2, b1));
-  v[5] = hn::ShiftRight<kShift>(hn::Sub(a2, b1));
-  v[3] = hn::ShiftRight<kShift>(hn::Add(a3, b0));
-  v[4] = hn::ShiftRight<kShift>(hn::Sub(a3, b0));
-}
 
 #if HWY_TARGET == HWY_SCALAR
 
-template <int kShift>
-void transform_columns(const int16_t* in, int16_t* transposed) {
-  for (int x = 0; x < 8; x++) {
-    VWide v[8];
-    for (int i = 0; i < 8; i++) v[i] = hn::Set(Wide(), in[8 * i + x]);
-    transform<kShift>(v);
-    for (int i = 0; i < 8; i++)
-      transposed[8 * x + i] = static_cast<int16_t>(std::clamp(hn::GetLane(v[i]), -32768, 32767));
+// Transforms columns into rows.
+template <int kPass>
+void transform(const int16_t* in, int16_t* out) {
+  for (int x = 0; x < 8; x++)
+    for (int i = 0; i < 4; i++) {
+      int32_t even = kBias[kPass], odd = 0;
+      for (int k = 0; k < 4; k++) {
+        even += kEven[i][k] * in[16 * k + x];
+        odd += kOdd[i][k] * in[16 * k + 8 + x];
+      }
+      const auto clamped = [](int32_t v) { return static_cast<int16_t>(std::clamp(v, -32768, 32767)); };
+      out[8 * x + i] = clamped((even + odd) >> kShift[kPass]);
+      out[8 * x + 7 - i] = clamped((even - odd) >> kShift[kPass]);
+    }
+}
+
+void idct(const int16_t* block, unsigned, uint8_t* out, ptrdiff_t stride) {
+  int16_t natural[64], work[64];
+  for (int i = 0; i < 64; i++) natural[i] = block[idct_place(i / 8, i % 8)];
+  transform<0>(natural, work);
+  transform<1>(work, natural);
+  for (int i = 0; i < 64; i++) out[i / 8 * stride + i % 8] = static_cast<uint8_t>(std::clamp<int>(natural[i], 0, 255));
+}
+
+#else
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+using Wide = hn::CappedTag<int32_t, 8>;  // eight columns at once, or four where vectors are short
+using Pairs = hn::Repartition<int16_t, Wide>;
+using VWide = hn::Vec<Wide>;
+using VPairs = hn::Vec<Pairs>;
+constexpr bool kShort = HWY_MAX_BYTES < 32;
+
+// first x a + second x b of each pair.
+HWY_INLINE VWide multiply_add(VPairs pairs, int16_t a, int16_t b) {
+  const Wide d;
+  const auto factors = static_cast<uint32_t>(static_cast<uint16_t>(a)) | static_cast<uint32_t>(b) << 16;
+  auto odd = hn::Zero(d);
+  const auto sum = hn::ReorderWidenMulAccumulate(
+      d, pairs, hn::BitCast(Pairs(), hn::Set(d, static_cast<int32_t>(factors))), hn::Zero(d), odd);
+  return hn::RearrangeToOddPlusEven(sum, odd);
+}
+
+// One pass over inputs 0 and 2, 1 and 3, 4 and 6, 5 and 7 of each lane. kLow: those from 4 on are zero.
+template <int kPass, bool kLow>
+HWY_INLINE void transform(VPairs in02, VPairs in13, VPairs in46, VPairs in57, VWide (&out)[8]) {
+  for (int i = 0; i < 4; i++) {
+    auto even = hn::Add(multiply_add(in02, kEven[i][0], kEven[i][1]), hn::Set(Wide(), kBias[kPass]));
+    auto odd = multiply_add(in13, kOdd[i][0], kOdd[i][1]);
+    if constexpr (!kLow) {
+      even = hn::Add(even, multiply_add(in46, kEven[i][2], kEven[i][3]));
+      odd = hn::Add(odd, multiply_add(in57, kOdd[i][2], kOdd[i][3]));
+    }
+    out[i] = hn::ShiftRight<kShift[kPass]>(hn::Add(even, odd));
+    out[7 - i] = hn::ShiftRight<kShift[kPass]>(hn::Sub(even, odd));
   }
 }
 
-void idct(const int16_t* block, uint8_t* out, ptrdiff_t stride) {
-  int16_t work[64], samples[64];
-  transform_columns<13 - 2>(block, work);
-  transform_columns<13 + 2 + 3>(work, samples);
-  for (int i = 0; i < 64; i++) out[i / 8 * stride + i % 8] = static_cast<uint8_t>(std::clamp(samples[i] + 128, 0, 255));
+// From rows of four columns in each block of 128 bits, in the order 0 2 1 3, to pairs of columns 0 and 2 (a) and of 1
+// and 3 (b), each of four rows. What does not fit 16 bits, as happens in damaged blocks alone, is clamped.
+HWY_INLINE void transpose(VWide row0, VWide row1, VWide row2, VWide row3, VPairs& a, VPairs& b) {
+  const hn::Repartition<uint32_t, Wide> d32;
+  const hn::Repartition<uint64_t, Wide> d64;
+  const auto rows02 = hn::BitCast(d32, hn::ReorderDemote2To(Pairs(), row0, row2));
+  const auto rows13 = hn::BitCast(d32, hn::ReorderDemote2To(Pairs(), row1, row3));
+  const auto rows01 = hn::BitCast(d64, hn::InterleaveLower(d32, rows02, rows13));
+  const auto rows23 = hn::BitCast(d64, hn::InterleaveUpper(d32, rows02, rows13));
+  a = hn::BitCast(Pairs(), hn::InterleaveLower(d64, rows01, rows23));
+  b = hn::BitCast(Pairs(), hn::InterleaveUpper(d64, rows01, rows23));
 }
 
-#else
+// From columns to rows of bytes: four in each block.
+HWY_INLINE void store_rows(const VWide (&columns)[8], uint8_t* out, ptrdiff_t stride) {
+  const Pairs d;
+  VPairs both[4];  // columns i and i + 4 of four rows
+  for (int i = 0; i < 4; i++) {
+    both[i] = hn::ReorderDemote2To(d, columns[i], columns[i + 4]);
+    both[i] = hn::Min(hn::Max(both[i], hn::Zero(d)), hn::Set(d, 255));
+  }
+  const auto columns01 = hn::Or(both[0], hn::ShiftLeft<8>(both[1]));
+  const auto columns23 = hn::Or(both[2], hn::ShiftLeft<8>(both[3]));
+  const hn::Repartition<uint32_t, Wide> d32;
+  const auto left = hn::BitCast(d32, hn::InterleaveLower(d, columns01, columns23));
+  const auto right = hn::BitCast(d32, hn::InterleaveUpper(d, columns01, columns23));
+  alignas(32) uint32_t rows[2][8];
+  hn::Store(hn::InterleaveLower(d32, left, right), d32, rows[0]);
+  hn::Store(hn::InterleaveUpper(d32, left, right), d32, rows[1]);
+  for (int y = 0; y < (kShort ? 4 : 8); y++) std::memcpy(out + y * stride, &rows[y / 2 % 2][y / 4 * 4 + y % 2 * 2], 8);
+}
 
-using Row = hn::FixedTag<int16_t, 8>;
-using VRow = hn::Vec<Row>;
-
-// The same over eight rows of 16 bits; what does not fit them, as happens in damaged blocks alone, is clamped.
-template <int kShift>
-HWY_INLINE void transform_rows(VRow (&rows)[8]) {
+template <bool kLow>
+HWY_INLINE void transform_block(const int16_t* block, uint8_t* out, ptrdiff_t stride) {
+  const Pairs d;
   VWide v[8];
 #if HWY_MAX_BYTES >= 32
-  for (int i = 0; i < 8; i++) v[i] = hn::PromoteTo(Wide(), rows[i]);
-  transform<kShift>(v);
-  for (int i = 0; i < 8; i++) rows[i] = hn::DemoteTo(Row(), v[i]);
+  VPairs upper_a, upper_b, lower_a, lower_b;  // rows 0..3 and 4..7; the right block has columns 4 to 7
+  transform<0, kLow>(hn::Load(d, block), hn::Load(d, block + 16), hn::Load(d, block + 32), hn::Load(d, block + 48), v);
+  transpose(v[0], v[1], v[2], v[3], upper_a, upper_b);
+  transpose(v[4], v[5], v[6], v[7], lower_a, lower_b);
+  transform<1, kLow>(hn::ConcatLowerLower(d, lower_a, upper_a), hn::ConcatLowerLower(d, lower_b, upper_b),
+                     hn::ConcatUpperUpper(d, lower_a, upper_a), hn::ConcatUpperUpper(d, lower_b, upper_b), v);
+  store_rows(v, out, stride);
 #else
-  const hn::Half<Row> half;
-  hn::Vec<hn::Half<Row> > left[8];
-  for (int i = 0; i < 8; i++) v[i] = hn::PromoteTo(Wide(), hn::LowerHalf(half, rows[i]));
-  transform<kShift>(v);
-  for (int i = 0; i < 8; i++) left[i] = hn::DemoteTo(half, v[i]);
-  for (int i = 0; i < 8; i++) v[i] = hn::PromoteTo(Wide(), hn::UpperHalf(half, rows[i]));
-  transform<kShift>(v);
-  for (int i = 0; i < 8; i++) rows[i] = hn::Combine(Row(), hn::DemoteTo(half, v[i]), left[i]);
+  VPairs a[2][2], b[2][2];  // [left, right][upper, lower]
+  for (int x = 0; x < 2; x++) {
+    const int16_t* const half = block + 8 * x;
+    transform<0, kLow>(hn::Load(d, half), hn::Load(d, half + 16), hn::Load(d, half + 32), hn::Load(d, half + 48), v);
+    transpose(v[0], v[1], v[2], v[3], a[x][0], b[x][0]);
+    transpose(v[4], v[5], v[6], v[7], a[x][1], b[x][1]);
+  }
+  for (int y = 0; y < 2; y++) {
+    transform<1, kLow>(a[0][y], b[0][y], a[1][y], b[1][y], v);
+    store_rows(v, out + 4 * y * stride, stride);
+  }
 #endif
 }
 
-HWY_INLINE void transpose(VRow (&r)[8]) {
-  const Row d;
-  // Three times the same perfect shuffle of the rows' index and the columns'.
-  for (int pass = 0; pass < 3; pass++) {
-    VRow s[8];
-    for (int i = 0; i < 4; i++) {
-      s[2 * i] = hn::InterleaveLower(d, r[i], r[i + 4]);
-      s[2 * i + 1] = hn::InterleaveUpper(d, r[i], r[i + 4]);
-    }
-    for (int i = 0; i < 8; i++) r[i] = s[i];
-  }
-}
-
-void idct(const int16_t* block, uint8_t* out, ptrdiff_t stride) {
-  const Row d;
-  VRow rows[8];
-  for (int i = 0; i < 8; i++) rows[i] = hn::Load(d, block + 8 * i);
-  transform_rows<13 - 2>(rows);  // columns; two bits of fraction stay
-  transpose(rows);
-  transform_rows<13 + 2 + 3>(rows);  // rows; with the DCT's factor of 8
-  transpose(rows);
-  const hn::FixedTag<uint8_t, 8> bytes;
-  for (int i = 0; i < 8; i++)
-    hn::StoreU(hn::DemoteTo(bytes, hn::SaturatedAdd(rows[i], hn::Set(d, 128))), bytes, out + i * stride);
+void idct(const int16_t* block, unsigned last, uint8_t* out, ptrdiff_t stride) {
+  if (last < 10)  // all in the first four rows and columns
+    transform_block<true>(block, out, stride);
+  else
+    transform_block<false>(block, out, stride);
 }
 
 #endif
@@ -131,10 +168,12 @@ namespace lf::jpeg {
 
 HWY_EXPORT(idct);
 
-void idct(const int16_t* block, uint8_t* out, ptrdiff_t stride) { HWY_DYNAMIC_DISPATCH(idct)(block, out, stride); }
-
-void idct_dc(int dc, uint8_t* out, ptrdiff_t stride) {
-  const int sample = std::clamp(((dc + 4) >> 3) + 128, 0, 255);
+void idct(const int16_t* block, unsigned last, uint8_t* out, ptrdiff_t stride) {
+  if (last > 0) {
+    HWY_DYNAMIC_DISPATCH(idct)(block, last, out, stride);
+    return;
+  }
+  const int sample = std::clamp(((block[0] + 4) >> 3) + 128, 0, 255);
   for (int y = 0; y < 8; y++) std::memset(out + y * stride, sample, 8);
 }
 

@@ -116,13 +116,11 @@ bool McuStream::read(Mcu& mcu) {
   for (size_t i = 0; i < blocks_.size(); i++) {
     const Block& block = blocks_[i];
     int32_t& predictor = next.predictor[block.component];
-    unsigned last;
     reader.refill();
     if (!read_dc(reader, *block.dc, predictor)) return false;
     reader.refill();
-    if (!read_ac(reader, *block.ac, block.quant, mcu.block[i], &last)) return false;
+    if (!read_ac(reader, *block.ac, block.quant, mcu.block[i], &mcu.last[i])) return false;
     mcu.block[i][0] = static_cast<int16_t>(predictor * block.quant[0]);
-    mcu.dc_only[i] = last == 0;
   }
   next.bit = reader.position();
   next.mcu++;

@@ -18,11 +18,10 @@ namespace lf::jpeg {
 class McuStream {
  public:
   static constexpr int kMaxBlocks = 10;
-  // The dequantised coefficients of one MCU in natural order, block after block in the scan's order. One without any AC
-  // coefficient has dc_only set.
+  // The dequantised coefficients of one MCU as idct() takes them, block after block in the scan's order.
   struct Mcu {
     alignas(64) int16_t block[kMaxBlocks][64];
-    bool dc_only[kMaxBlocks];
+    unsigned last[kMaxBlocks];  // no coefficient beyond this one, in zigzag order, is other than zero
   };
 
   // `header` (one_baseline_scan) and `frame`, the bytes it was read from, have to outlive the stream's construction

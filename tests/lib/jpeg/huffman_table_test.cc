@@ -88,9 +88,9 @@ TEST(HuffmanTable, BlocksOfEverySymbol) {
         int run = std::min<int>(static_cast<int>(random() % mean_run) * (random() % 8 ? 1 : 3), end - 1 - k);
         for (k += run; run >= 16; run -= 16) writer.symbol(0xf0);
         const int size = 1 + static_cast<int>(random() % largest);
-        expected[kNaturalOrder[k++]] = random_value(size, random);
+        expected[kIdctPlace[k++]] = random_value(size, random);
         writer.symbol(run << 4 | size);
-        writer.put(coded(expected[kNaturalOrder[k - 1]], size), size);
+        writer.put(coded(expected[kIdctPlace[k - 1]], size), size);
       }
       if (k < 64) writer.symbol(0);
       const uint64_t bits = writer.bits();
