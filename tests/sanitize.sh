@@ -9,7 +9,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 case "${1:-}" in
   address) sanitizers=address,undefined tests=() ;;
-  thread) sanitizers=thread tests=(camera-frames) ;;
+  thread) sanitizers=thread tests=(camera-frames jpeg) ;;
   *)
     sed -n '3,6s/^# //p' "$0"
     exit 2

@@ -48,7 +48,7 @@ inline AcSymbol find_ac(const BitReader& reader, const AcTable& table) {
 inline bool skip_ac(BitReader& reader, const AcTable& table) {
   for (unsigned k = 1;;) {
     // A chain that leads beyond the last coefficient, to the end of the block or nowhere leaves this loop: the only
-    // jump that depends on the data. Two lookups of at most 12 + 15 bits lie between refills.
+    // jump that depends on the data. Two lookups of at most 26 bits lie between refills.
     uint32_t entry;
     unsigned to;
     for (;;) {
@@ -86,22 +86,25 @@ inline bool skip_ac(BitReader& reader, const AcTable& table) {
 inline bool read_ac(BitReader& reader, const AcTable& table, const uint16_t* quant, int16_t* block, unsigned* last) {
   const auto store = [&](unsigned k, int32_t value) { block[kIdctPlace[k]] = static_cast<int16_t>(value * quant[k]); };
   for (unsigned k = 1;;) {
-    // Most symbols have short codes and small values: up to four of them, then one of any kind, between refills.
-    for (int i = 0; i < 4; i++) {
-      const uint32_t entry = table.shorts[reader.peek(AcTable::kShortBits)];
-      const unsigned to = k + AcTable::short_steps(entry);
-      if (to >= 64) {
-        if (to > 64 && to < AcTable::kEnd) break;
-        if (to == 64) store(63, AcTable::short_value(entry));
-        reader.skip(AcTable::short_bits(entry));
-        *last = to == 64 ? 63 : k - 1;
-        return true;
-      }
+    // Most symbols have short codes and small values: five of them fit between refills.
+    uint32_t entry = 0;
+    unsigned to = 0;
+    for (int i = 0; i < 5; i++) {
+      entry = table.shorts[reader.peek(AcTable::kShortBits)];
+      to = k + AcTable::short_steps(entry);
+      if (to >= 64) break;
       store(to - 1, AcTable::short_value(entry));
-      k = to;
       reader.skip(AcTable::short_bits(entry));
+      k = to;
+    }
+    if (to >= AcTable::kEnd || to == 64) {
+      if (to == 64) store(63, AcTable::short_value(entry));
+      reader.skip(AcTable::short_bits(entry));
+      *last = to == 64 ? 63 : k - 1;
+      return true;
     }
     reader.refill();
+    if (to < 64) continue;
     const AcSymbol symbol = find_ac(reader, table);
     if (symbol.steps == AcTable::kEnd || k + symbol.steps > 64) {
       reader.skip(symbol.code_bits);

@@ -221,6 +221,8 @@ std::optional<Header> parse_header(std::span<const uint8_t> frame, std::string* 
     const auto bits = static_cast<int64_t>(frame.size() - header->scan) * 8;
     if (bits < blocks * (header->one_baseline_scan ? 2 : 1)) error = "too few bytes for the image's size";
   }
+  if (!error && !header->one_baseline_scan && header->width * header->height > kMaxWholePixels)
+    error = "too large for a frame that has to be decoded as a whole";
   if (!error) return header;
   if (reason) *reason = error;
   return std::nullopt;

@@ -17,6 +17,10 @@ struct Component {
   uint8_t quant = 0, dc = 0, ac = 0;  // indices of tables
 };
 
+// Of a frame that has to be decoded as a whole: libjpeg keeps the coefficients of all of it in memory, whereas regions
+// touch no more memory than they cover.
+inline constexpr int kMaxWholePixels = 1 << 26;
+
 // What precedes the entropy-coded bytes of a frame of one or three components, 8 bits a sample, grey or YCbCr.
 struct Header {
   int width = 0, height = 0;  // pixels, 1..kMaxImageSize

@@ -71,7 +71,7 @@ std::shared_ptr<const AcTable> make(const HuffmanSpec& spec, const AcTable*) {
     const uint32_t bits = single.code_bits + single.size;
     table->shorts[i] = AcTable::kNone << 8;
     if (single.code_bits == 0 || bits > AcTable::kShortBits) continue;
-    const int32_t value = signed_value(uint64_t{i} << (64 - AcTable::kShortBits + single.code_bits), single.size);
+    const int32_t value = signed_value(uint64_t{i} << (64 - AcTable::kShortBits) << single.code_bits, single.size);
     table->shorts[i] = bits | static_cast<uint32_t>(single.steps) << 8 | static_cast<uint32_t>(value) << 16;
   }
   return table;

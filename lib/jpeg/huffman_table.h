@@ -31,7 +31,7 @@ class LongCodes {
 
 // DC codes. An entry is the answer to the next kBits bits, as packed fields; 0: a longer code, or none.
 struct DcTable {
-  static constexpr int kBits = 10;
+  static constexpr int kBits = 9;
   static unsigned total_bits(uint32_t entry) { return entry & 0xff; }  // of the code and the difference
   static unsigned code_bits(uint32_t entry) { return entry >> 8 & 0xff; }
   static unsigned size(uint32_t entry) { return entry >> 16; }  // bits of the difference, 0..11
@@ -43,7 +43,7 @@ struct DcTable {
 // AC codes. An entry tells of the next kBits bits at once what the first symbol in them is, and how far all symbols
 // whose codes lie in them lead: to pass over a block takes a few lookups.
 struct AcTable {
-  static constexpr int kBits = 12;
+  static constexpr int kBits = 11;
   // The chain of symbols: bits of codes and values, coefficients passed (0..63), plus kEnd where it ends the block.
   static constexpr unsigned kEnd = 128;
   static constexpr unsigned kNone = 64;  // passes this many and takes no bits: no code, or a longer one

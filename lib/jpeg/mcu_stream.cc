@@ -33,20 +33,19 @@ McuStream::McuStream(const Header& header, std::span<const uint8_t> frame)
   }
   const int64_t mcus = int64_t{mcus_x_} * mcus_y_;
   segment_mcus_ = header.restart_interval > 0 ? header.restart_interval : mcus;
-  data_ = unstuff(frame.subspan(header.scan), static_cast<size_t>((mcus + segment_mcus_ - 1) / segment_mcus_));
+  data_.emplace(frame.subspan(header.scan), static_cast<size_t>((mcus + segment_mcus_ - 1) / segment_mcus_));
   rows_.resize(static_cast<size_t>(mcus_y_));
 }
 
-McuStream::Position McuStream::start_of_segment(int64_t segment) const {
+McuStream::Position McuStream::start_of_segment(int64_t segment) {
   Position start;
   start.mcu = segment * segment_mcus_;
-  if (segment < static_cast<int64_t>(data_.segments.size()))
-    start.bit = uint64_t{data_.segments[static_cast<size_t>(segment)].begin} * 8;
+  start.bit = uint64_t{data_->segment(static_cast<size_t>(segment)).begin} * 8;
   return start;
 }
 
 // The last known position from which the MCU can be reached.
-McuStream::Position McuStream::nearest_before(int64_t mcu) const {
+McuStream::Position McuStream::nearest_before(int64_t mcu) {
   Position best = start_of_segment(mcu / segment_mcus_);
   for (int64_t row = mcu / mcus_x_; row * mcus_x_ > best.mcu; row--)
     if (const Position& start = rows_[static_cast<size_t>(row)]; start.mcu >= 0) {
@@ -56,15 +55,10 @@ McuStream::Position McuStream::nearest_before(int64_t mcu) const {
   return at_.mcu > best.mcu && at_.mcu <= mcu ? at_ : best;
 }
 
-// The bit after the current segment's last; 0 if that segment never arrived.
-uint64_t McuStream::end_of_data() const {
-  const auto segment = static_cast<size_t>(at_.mcu / segment_mcus_);
-  return segment < data_.segments.size() ? uint64_t{data_.segments[segment].end} * 8 : 0;
-}
-
 bool McuStream::seek(int x, int y) {
   const int64_t mcu = int64_t{y} * mcus_x_ + x;
   at_ = nearest_before(mcu);
+  run_end_ = -1;
   return pass_to(mcu);
 }
 
@@ -72,17 +66,23 @@ bool McuStream::pass(int count) { return pass_to(at_.mcu + count); }
 
 // Before an MCU is read: goes on in the next segment where one ends, and remembers where rows begin.
 bool McuStream::start_next() {
-  if (at_.mcu % segment_mcus_ == 0) at_ = start_of_segment(at_.mcu / segment_mcus_);
-  if (at_.mcu % mcus_x_ == 0) rows_[static_cast<size_t>(at_.mcu / mcus_x_)] = at_;
-  return at_.bit < end_of_data();
+  if (at_.mcu >= run_end_) {
+    const int64_t segment = at_.mcu / segment_mcus_, row = at_.mcu / mcus_x_;
+    if (at_.mcu == segment * segment_mcus_) at_ = start_of_segment(segment);
+    if (at_.mcu == row * mcus_x_) rows_[static_cast<size_t>(row)] = at_;
+    run_end_ = std::min((segment + 1) * segment_mcus_, (row + 1) * mcus_x_);
+    end_of_data_ = uint64_t{data_->segment(static_cast<size_t>(segment)).end} * 8;
+  }
+  return at_.bit < end_of_data_;
 }
 
 // Whole bytes left over before a restart marker tell of damage just as bits that are missing. After the last MCU of all
 // some cameras send padding.
 bool McuStream::move_to(const Position& next) {
-  const uint64_t end = end_of_data();
-  if (next.bit > end) return false;
-  if (next.mcu % segment_mcus_ == 0 && next.mcu < int64_t{mcus_x_} * mcus_y_ && end - next.bit >= 8) return false;
+  if (next.bit > end_of_data_) return false;
+  if (next.mcu == run_end_ && next.mcu % segment_mcus_ == 0 && next.mcu < int64_t{mcus_x_} * mcus_y_ &&
+      end_of_data_ - next.bit >= 8)
+    return false;
   at_ = next;
   return true;
 }
@@ -90,18 +90,15 @@ bool McuStream::move_to(const Position& next) {
 bool McuStream::pass_to(int64_t mcu) {
   while (at_.mcu < mcu) {
     if (!start_next()) return false;
-    const int64_t row_end = (at_.mcu / mcus_x_ + 1) * mcus_x_;
-    const int64_t segment_end = (at_.mcu / segment_mcus_ + 1) * segment_mcus_;
-    const int64_t stop = std::min({mcu, row_end, segment_end});
-    const uint64_t end = end_of_data();
-    BitReader reader(data_.bytes.get(), at_.bit);
+    const int64_t stop = std::min(mcu, run_end_);
+    BitReader reader(data_->bytes(), at_.bit);
     int32_t predictor[3] = {at_.predictor[0], at_.predictor[1], at_.predictor[2]};
     for (int64_t i = at_.mcu; i < stop; i++) {
       for (const Block& block : blocks_) {
         reader.refill();
         if (!read_dc(reader, *block.dc, predictor[block.component]) || !skip_ac(reader, *block.ac)) return false;
       }
-      if (reader.position() > end || !plausible(predictor)) return false;
+      if (reader.position() > end_of_data_ || !plausible(predictor)) return false;
     }
     if (!move_to({stop, reader.position(), {predictor[0], predictor[1], predictor[2]}})) return false;
   }
@@ -110,7 +107,7 @@ bool McuStream::pass_to(int64_t mcu) {
 
 bool McuStream::read(Mcu& mcu) {
   if (!start_next()) return false;
-  BitReader reader(data_.bytes.get(), at_.bit);
+  BitReader reader(data_->bytes(), at_.bit);
   Position next = at_;
   std::memset(mcu.block, 0, sizeof mcu.block[0] * blocks_.size());
   for (size_t i = 0; i < blocks_.size(); i++) {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -24,8 +25,8 @@ class McuStream {
     unsigned last[kMaxBlocks];  // no coefficient beyond this one, in zigzag order, is other than zero
   };
 
-  // `header` (one_baseline_scan) and `frame`, the bytes it was read from, have to outlive the stream's construction
-  // alone. Check error() before use.
+  // `header`: one_baseline_scan. `frame`, the bytes it was read from, has to outlive the stream. Check error() before
+  // use.
   McuStream(const Header& header, std::span<const uint8_t> frame);
   McuStream(const McuStream&) = delete;
   McuStream& operator=(const McuStream&) = delete;
@@ -53,12 +54,11 @@ class McuStream {
     int32_t predictor[3] = {};
   };
 
-  Position start_of_segment(int64_t segment) const;
-  Position nearest_before(int64_t mcu) const;
+  Position start_of_segment(int64_t segment);
+  Position nearest_before(int64_t mcu);
   bool start_next();
   bool pass_to(int64_t mcu);
   bool move_to(const Position& next);
-  uint64_t end_of_data() const;
 
   const char* error_ = nullptr;
   int mcus_x_ = 0, mcus_y_ = 0;
@@ -66,9 +66,11 @@ class McuStream {
   uint16_t quant_[4][64];
   std::vector<Block> blocks_;
   std::vector<std::shared_ptr<const void>> tables_;
-  ScanData data_;
+  std::optional<ScanData> data_;
   std::vector<Position> rows_;  // where rows begin, as far as it is known
   Position at_;                 // of the next MCU; where a segment has ended, at its end
+  int64_t run_end_ = -1;        // MCUs up to this one lie in the same row and segment as at_, whose
+  uint64_t end_of_data_ = 0;    // bits end here; both not known if run_end_ <= at_.mcu
 };
 
 }  // namespace lf::jpeg

@@ -95,6 +95,17 @@ TEST(JpegHeader, ImpossibleSizesAreRefused) {
   EXPECT_EQ(with_size(16384, 16384), "too few bytes for the image's size");
 }
 
+TEST(JpegHeader, WholeFramesAreSmaller) {
+  Bytes jpeg = jpeg_of({.progressive = true});
+  const size_t sof = find_marker(jpeg, 0xc2);
+  jpeg[sof + 5] = jpeg[sof + 7] = 0x40;
+  jpeg[sof + 6] = jpeg[sof + 8] = 0;
+  jpeg.resize(1 << 20);
+  EXPECT_EQ(reason_for(jpeg), "too large for a frame that has to be decoded as a whole");
+  jpeg[sof + 5] = jpeg[sof + 7] = 0x20;
+  EXPECT_EQ(reason_for(jpeg), "");
+}
+
 TEST(JpegHeader, EndsAnywhere) {
   const Bytes jpeg = jpeg_of({});
   const size_t scan = parse_header(jpeg, nullptr)->scan;

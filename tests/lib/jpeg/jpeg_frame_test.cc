@@ -2,6 +2,7 @@
 #include "jpeg/jpeg_frame.h"
 
 #include <algorithm>
+#include <atomic>
 #include <random>
 #include <thread>
 
@@ -147,6 +148,18 @@ TEST(JpegFrame, PlanesAreThereFromTheFirstRegionOn) {
   EXPECT_EQ(view.family, PixelFamily::kI420);
   EXPECT_EQ(view.width, 100);
   EXPECT_EQ(view.height, 61);
+}
+
+// The largest width; the memory of what nobody looks at is not touched.
+TEST(JpegFrame, WideFrames) {
+  const auto jpeg = test::encode_jpeg(test::noisy_picture(16384, 33, 6), {.restart_interval = 100});
+  const Image truth = test::to_i420(test::decode_raw(jpeg));
+  const auto frame = test::open_jpeg(jpeg);
+  ASSERT_TRUE(frame);
+  for (const Rect& region : {Rect{16000, 30, 16384, 33}, {5000, 0, 5001, 33}, {7000, 15, 9000, 17}}) {
+    ASSERT_TRUE(frame->ensure(region));
+    EXPECT_TRUE(equal_inside(region, frame->view(), truth));
+  }
 }
 
 TEST(JpegFrame, ViewsMayShareIt) {

@@ -11,17 +11,19 @@ namespace {
 
 // The segments in hex, divided by bars.
 std::string segments_of(const std::vector<uint8_t>& scan, size_t max_segments) {
-  const ScanData data = unstuff(scan, max_segments);
-  std::string text;
-  for (const ScanData::Segment& s : data.segments) {
-    if (&s != data.segments.data()) text += "|";
+  ScanData data(scan, max_segments);
+  std::vector<std::string> texts(data.segments());
+  for (size_t k = data.segments(); k-- > 0;) {  // in any order
+    const ScanData::Range s = data.segment(k);
     for (size_t i = s.begin; i < s.end; i++) {
       char hex[4];
-      std::snprintf(hex, sizeof hex, "%02x", data.bytes[i]);
-      text += hex;
+      std::snprintf(hex, sizeof hex, "%02x", data.bytes()[i]);
+      texts[k] += hex;
     }
   }
-  for (size_t i = 0; i < ScanData::kPadding; i++) EXPECT_EQ(data.bytes[data.segments.back().end + i], 0);
+  EXPECT_EQ(data.segment(data.segments()).end, 0u);
+  std::string text = texts[0];
+  for (size_t k = 1; k < texts.size(); k++) text += "|" + texts[k];
   return text;
 }
 
