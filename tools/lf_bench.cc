@@ -20,20 +20,22 @@ namespace {
 struct Options {
   lf::bench::PlanOptions plan;
   std::vector<std::string> sizes;
-  std::string json, plots, method;
+  std::string json, plots;
+  std::string method, size = "320x240";
+  int cameras = 16, times = 1;
 };
 
-std::pair<int, int> size_of(const std::string& text) {
+std::pair<int, int> size_of(const std::string& option, const std::string& text) {
   int width, height, end = 0;
   if (std::sscanf(text.c_str(), "%dx%d%n", &width, &height, &end) != 2 || text[end] != 0 || width < 16 || height < 16 ||
       width > lf::kMaxImageSize || height > lf::kMaxImageSize)
-    throw lf::Error("--sizes " + text + ": must be WIDTHxHEIGHT, 16 to 16384 pixels each");
+    throw lf::Error(option + " " + text + ": must be WIDTHxHEIGHT, 16 to 16384 pixels each");
   return {width, height};
 }
 
 void run(Options options) {
   if (!options.sizes.empty()) options.plan.sizes.clear();
-  for (const std::string& size : options.sizes) options.plan.sizes.push_back(size_of(size));
+  for (const std::string& size : options.sizes) options.plan.sizes.push_back(size_of("--sizes", size));
   if (!options.plots.empty()) lf::bench::require_gnuplot();
   const std::vector<lf::bench::Configuration> plan = lf::bench::make_plan(options.plan);
   std::vector<lf::bench::Row> rows;
@@ -78,6 +80,11 @@ int main(int argc, char** argv) {
   const CLI::App* budget = app.add_subcommand("budget", "what each step of rendering adds to the error");
   CLI::App* once = app.add_subcommand("once", "renders one view once: what tests/bench/instructions.sh counts");
   once->add_option("METHOD", o.method, "as in the table: \"scalar i420\"")->required();
+  once->add_option("--size", o.size, "of the view")->capture_default_str()->type_name("WxH");
+  once->add_option("--cameras", o.cameras)->capture_default_str()->check(CLI::Range(4, 4096));
+  once->add_option("--times", o.times, "not once: for profilers that take samples")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000000));
   return run_tool(app, argc, argv, [&] {
     const auto require = [](bool within) {
       if (!within) throw lf::Error("an error is beyond its bound");
@@ -87,7 +94,8 @@ int main(int argc, char** argv) {
     } else if (*budget) {
       require(lf::bench::print_budget());
     } else if (*once) {
-      lf::bench::run_once(o.method);
+      const auto [width, height] = size_of("--size", o.size);
+      lf::bench::run_once(o.method, {o.cameras, width, height}, o.times);
     } else {
       run(o);
     }

@@ -2,6 +2,7 @@
 // A fragment of 8 bits each camera, added up by the compositor's arithmetic: in memory as they are, or by way of an
 // answer in JPEG.
 #include "bench/method.h"
+#include "bench/output.h"
 #include "composite/accumulator.h"
 #include "render/fragment_renderer.h"
 #include "render/render_job.h"
@@ -36,7 +37,7 @@ class FragmentMethod : public Method {
       }
     }
     if (jpeg_quality_ > 0) send();
-    picture_ = sum_.resolve();
+    resolve_into(sum_, picture_);
   }
   Image picture() const override { return picture_; }
   size_t bytes() const override { return bytes_; }

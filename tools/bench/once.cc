@@ -12,9 +12,9 @@ extern "C" [[gnu::noinline]] void render_once(lf::bench::Method* method) {
 
 namespace lf::bench {
 
-void run_once(const std::string& name) {
+void run_once(const std::string& name, const ArrayOptions& array, int times) {
   SceneOptions options;
-  options.array.cameras = 16;
+  options.array = array;
   options.most_filmed_pixels = 2.0 * options.array.width * options.array.height;  // a simulated processor is slow
   MethodOptions all;
   all.all = true;
@@ -27,7 +27,7 @@ void run_once(const std::string& name) {
     const Scene scene(options);
     const auto method = kind.make(scene, scene.views().front());
     method->render();  // the first call also makes room and tables
-    render_once(method.get());
+    for (int i = 0; i < times; i++) render_once(method.get());
     return;
   }
   throw Error("no method \"" + name + "\"; there are " + names);
