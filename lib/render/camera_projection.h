@@ -15,8 +15,16 @@ class CameraProjection {
  public:
   CameraProjection(const ViewPlan& plan, const Camera& camera);
 
+  // The homography from a line of sight (u, v, 1) to camera coordinates, up to a positive factor for t > 0.
+  const Mat3& camera_from_ray() const { return camera_from_ray_; }
+  const Lens& lens() const { return lens_; }
+
   // False if the sample is lost: behind the camera or outside its image. `pixel`: position in the image.
   bool project(const Vec2& ray, Vec2& pixel) const {
+    return project_beyond(ray, pixel) && pixel.x >= -0.5 && pixel.x <= right_ && pixel.y >= -0.5 && pixel.y <= bottom_;
+  }
+  // The same, but positions outside the image are good too.
+  bool project_beyond(const Vec2& ray, Vec2& pixel) const {
     const Vec3 x = camera_from_ray_ * Vec3(ray, 1);
     if (!(x.z > 0)) return false;
     const Vec2 undistorted(x.x / x.z, x.y / x.z);
@@ -27,7 +35,7 @@ class CameraProjection {
     } else {
       pixel = {lens_.fx() * undistorted.x + lens_.cx(), lens_.fy() * undistorted.y + lens_.cy()};
     }
-    return pixel.x >= -0.5 && pixel.x <= right_ && pixel.y >= -0.5 && pixel.y <= bottom_;
+    return true;
   }
 
  private:

@@ -62,9 +62,10 @@ class Contribution {
 
   float hat(int x, int y) const { return corners_.weight(plan_, owners_.at(x, y), plan_.rays().at(x, y)); }
   bool project(const Vec2& ray, Vec2& pixel) const { return projection_.project(ray, pixel); }
+  bool project_beyond(const Vec2& ray, Vec2& pixel) const { return projection_.project_beyond(ray, pixel); }
   const Rays& rays() const { return plan_.rays(); }
   // Holds all of the camera's pixels.
-  Rect rect(CameraIndex camera) const { return corners_.owned(owners_, plan_.camera_rect(camera)); }
+  Rect rect(CameraIndex camera) const { return corners_.owned(owners_.runs(), plan_.camera_rect(camera)); }
 
   // Calls fn(x, y, hat, valid, position in the camera's image) for the pixels of `rect` with a weight. False if none
   // has.
@@ -123,7 +124,8 @@ bool for_each_i420(const Contribution& contribution, const ImageView& image, con
       const int pixels = (x + 1 < rect.x1 ? 2 : 1) * (y + 1 < rect.y1 ? 2 : 1);
       const float weight = blocks[i].weight / static_cast<float>(pixels);
       Vec2 position;
-      if (!contribution.project(contribution.rays().at_centre_of_four(x, y), position)) position = blocks[i].position;
+      if (!contribution.project_beyond(contribution.rays().at_centre_of_four(x, y), position))
+        position = blocks[i].position;
       const Vec2 chroma_position = (position - 0.5) / 2.0;
       const Bilinear at(chroma_position, chroma_size(image.width), chroma_size(image.height));
       chroma(i, weight * (at.sample(image.plane[1], image.stride[1], 1) - 128),

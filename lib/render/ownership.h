@@ -4,22 +4,21 @@
 #include <cstdint>
 #include <vector>
 
+#include "render/owner_runs.h"
 #include "render/view_plan.h"
 
 namespace lf {
 
-// Which face owns each pixel of a part of a view. The owner is the lowest-numbered facing face that contains the
-// pixel's line of sight; a pixel whose line of sight does not meet the focal surface at t > 0 has none. Where meshes
-// fold, several faces contain a pixel and cameras far apart must agree on its owner: looking it up in one map, made
-// from all faces, is both the exact rule and cheaper than testing each camera's ring per fragment.
+// OwnerRuns spread out, for looking up one pixel after the other.
 class OwnerMap {
  public:
   static constexpr int32_t kNone = -1;
 
-  // For the pixels of `region`. The result for a pixel does not depend on the region.
+  explicit OwnerMap(OwnerRuns runs);
   OwnerMap(const ViewPlan& plan, const Rect& region);
 
   const Rect& region() const { return region_; }
+  const OwnerRuns& runs() const { return runs_; }
   // Index into plan.faces(), or kNone. (x, y) inside region().
   int32_t at(int x, int y) const {
     return owner_[static_cast<size_t>(y - region_.y0) * region_.width() + (x - region_.x0)];
@@ -29,6 +28,7 @@ class OwnerMap {
   }
 
  private:
+  OwnerRuns runs_;
   Rect region_;
   std::vector<int32_t> owner_;
 };
@@ -51,10 +51,10 @@ class CameraCorners {
     return face_weights(plan.faces()[owner], ray).w[corner_[owner]];
   }
 
-  // The smallest rectangle in `rect` (inside owners.region()) that holds all of its pixels with a face of this camera.
+  // The smallest rectangle in `rect` (inside runs.region()) that holds all of its pixels with a face of this camera.
   // What is planned without looking at pixels is larger: tiles of distorted views, triangles without area, faces hidden
   // by lower-numbered ones.
-  Rect owned(const OwnerMap& owners, const Rect& rect) const;
+  Rect owned(const OwnerRuns& runs, const Rect& rect) const;
 
  private:
   bool has(int32_t owner) const { return owner != OwnerMap::kNone && corner_[owner] >= 0; }

@@ -22,7 +22,12 @@ Rect region(const ViewPlan& plan, const std::vector<CameraIndex>& cameras) {
 }  // namespace
 
 RenderJob::RenderJob(const Rig& rig, const Mesh& mesh, const View& view, std::span<const CameraIndex> own)
-    : plan_(rig, mesh, view), cameras_(contributing(plan_, own)), owners_(plan_, region(plan_, cameras_)) {}
+    : plan_(rig, mesh, view), cameras_(contributing(plan_, own)), runs_(plan_, region(plan_, cameras_)) {}
+
+const OwnerMap& RenderJob::owners() const {
+  std::call_once(owners_made_, [this] { owners_.emplace(runs_); });
+  return *owners_;
+}
 
 const Mesh& MeshCache::get(const Rig& rig, const CameraSet& out_of_service) {
   if (!mesh_ || out_of_service != out_of_service_) {

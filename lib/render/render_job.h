@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <mutex>
 #include <optional>
 #include <span>
 #include <vector>
@@ -19,15 +20,19 @@ class RenderJob {
   RenderJob(const Rig& rig, const Mesh& mesh, const View& view, std::span<const CameraIndex> own);
 
   const ViewPlan& plan() const { return plan_; }
-  // Covers the (chroma-aligned) rectangles of cameras().
-  const OwnerMap& owners() const { return owners_; }
+  // Cover the (chroma-aligned) rectangles of cameras().
+  const OwnerRuns& runs() const { return runs_; }
+  // The same for looking up pixels; made when first asked for.
+  const OwnerMap& owners() const;
   // The node's contributing cameras, ascending.
   const std::vector<CameraIndex>& cameras() const { return cameras_; }
 
  private:
   ViewPlan plan_;
   std::vector<CameraIndex> cameras_;
-  OwnerMap owners_;
+  OwnerRuns runs_;
+  mutable std::once_flag owners_made_;
+  mutable std::optional<OwnerMap> owners_;
 };
 
 // The mesh of a rig for the out-of-service set asked for last: sets change rarely. Not thread-safe.

@@ -99,7 +99,7 @@ class OpenCvMethod : public Method {
 
   void add(const Scene& scene, const RenderJob& job, CameraIndex camera) {
     const ViewPlan& plan = job.plan();
-    const Rect rect = CameraCorners(plan, camera).owned(job.owners(), plan.camera_rect(camera));
+    const Rect rect = CameraCorners(plan, camera).owned(job.runs(), plan.camera_rect(camera));
     if (rect.empty()) return;
     const Camera& rig_camera = scene.rig().cameras[camera];
     const ImageView image = scene.image(camera, Pixels::kBgr);

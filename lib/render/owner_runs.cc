@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "render/owner_runs.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace lf {
+namespace {
+
+bool meets_focal_surface(const ViewPlan& plan, const Vec2& ray) {
+  const double along = glm::dot(plan.focal_normal(), Vec3(ray, 1));
+  return plan.focal_offset() > 0 ? along > 0 : along < 0;
+}
+
+// All quotients e_k / (e_0 + e_1 + e_2) >= 0. False for rays that do not exist (NaN).
+bool contains(const FacePlan& face, const Vec2& ray) {
+  const double e0 = FacePlan::evaluate(face.edge[0], ray), e1 = FacePlan::evaluate(face.edge[1], ray),
+               e2 = FacePlan::evaluate(face.edge[2], ray), sum = e0 + e1 + e2;
+  return (e0 >= 0 && e1 >= 0 && e2 >= 0 && sum > 0) || (e0 <= 0 && e1 <= 0 && e2 <= 0 && sum < 0);
+}
+
+bool may_own(const ViewPlan& plan, const FacePlan& face, const Vec2& ray) {
+  return contains(face, ray) && glm::dot(face.facing, Vec3(ray, 1)) > 0 && meets_focal_surface(plan, ray);
+}
+
+// Whether h . d > 0 over all of `rect`, by more than rounding: linear, so the corners tell.
+bool positive_over(const Vec3& h, const Rays& rays, const Rect& rect) {
+  for (const int x : {rect.x0, rect.x1 - 1})
+    for (const int y : {rect.y0, rect.y1 - 1}) {
+      const Vec2 ray = rays.at(x, y);
+      const double scale = std::abs(h.x * ray.x) + std::abs(h.y * ray.y) + std::abs(h.z);
+      if (!(glm::dot(h, Vec3(ray, 1)) > 1e-12 * scale)) return false;
+    }
+  return true;
+}
+
+// Where one edge function changes its sign along the rows of a view: at x = offset + slope * v.
+class EdgeCrossing {
+ public:
+  EdgeCrossing(const Vec3& edge, const Rays& rays) : edge_(edge), rays_(&rays) {
+    const Vec2 origin = rays.at(0, 0);
+    const double step = rays.at(1, 0).x - origin.x;  // of u, from pixel to pixel
+    const double scale = -1 / (edge.x * step);
+    offset_ = edge.z * scale - origin.x / step;
+    slope_ = edge.y * scale;
+  }
+
+  // For row y with v: pixels x >= at_least() and x < less_than() on either side of the change; they differ by one where
+  // the function is 0 at a pixel. False if rounding is too large to tell.
+  struct Ends {
+    int first = 0;  // the smallest x not before the change
+    int past = 0;   // past the largest x not after it
+    bool rising = true;
+    bool constant = false;  // the whole row has sign `value`
+    double value = 0;
+  };
+  bool find(int y, double v, Ends& ends) const {
+    if (edge_.x == 0) {
+      ends.constant = true;
+      ends.value = FacePlan::evaluate(edge_, {0, v});
+      return true;
+    }
+    constexpr double kRounding = 1e-13;  // far above that of the sums below, relative to their terms
+    const double x = offset_ + slope_ * v,
+                 doubt = kRounding * (std::abs(offset_) + std::abs(slope_ * v) + kMaxImageSize);
+    if (!(doubt < 1e-3)) return false;
+    ends.rising = edge_.x > 0;
+    const double limited = std::clamp(x, -1e6, 1e6), nearest = std::nearbyint(limited);
+    if (std::abs(limited - nearest) > doubt) {
+      ends.first = ends.past = static_cast<int>(std::ceil(limited));
+      return true;
+    }
+    const int n = static_cast<int>(nearest);
+    const double value = FacePlan::evaluate(edge_, rays_->at(n, y));
+    if (value == 0) {
+      ends.first = n;
+      ends.past = n + 1;
+    } else {
+      ends.first = ends.past = (value > 0) == ends.rising ? n : n + 1;
+    }
+    return true;
+  }
+
+ private:
+  Vec3 edge_;
+  const Rays* rays_;
+  double offset_, slope_;
+};
+
+struct Interval {
+  int x0, x1;
+  bool empty() const { return x1 <= x0; }
+  void at_least(int x) { x0 = std::max(x0, x); }
+  void less_than(int x) { x1 = std::min(x1, x); }
+  void clear() { x1 = x0; }
+};
+
+// Keeps what has sign * e >= 0.
+void clip(const EdgeCrossing::Ends& ends, int sign, Interval& interval) {
+  if (ends.constant) {
+    if (sign * ends.value < 0) interval.clear();
+  } else if (ends.rising == (sign > 0)) {
+    interval.at_least(ends.first);
+  } else {
+    interval.less_than(ends.past);
+  }
+}
+
+// Calls fn(x0, x1) for the runs of a row that the face may own, pixel by pixel.
+template <class Fn>
+void scan(const ViewPlan& plan, const FacePlan& face, int y, Interval range, const Fn& fn) {
+  for (int x = range.x0; x < range.x1; x++) {
+    if (!may_own(plan, face, plan.rays().at(x, y))) continue;
+    const int begin = x;
+    while (x + 1 < range.x1 && may_own(plan, face, plan.rays().at(x + 1, y))) x++;
+    fn(begin, x + 1);
+  }
+}
+
+// The same for rows y0 to y1 of a face, calling fn(y, x0, x1).
+template <class Fn>
+void find_runs(const ViewPlan& plan, const FacePlan& face, const Rect& rect, const Fn& fn) {
+  const Rays& rays = plan.rays();
+  const Vec3 towards_focus = plan.focal_offset() > 0 ? plan.focal_normal() : -plan.focal_normal();
+  if (!rays.separable() || !positive_over(face.facing, rays, rect) || !positive_over(towards_focus, rays, rect)) {
+    for (int y = rect.y0; y < rect.y1; y++)
+      scan(plan, face, y, {rect.x0, rect.x1}, [&](int x0, int x1) { fn(y, x0, x1); });
+    return;
+  }
+  const EdgeCrossing crossing[3] = {{face.edge[0], rays}, {face.edge[1], rays}, {face.edge[2], rays}};
+  // A sum of 0 is none: only where all three functions vanish, which the ends of an interval show.
+  const auto has_sum = [&](int x, int y) { return contains(face, rays.at(x, y)); };
+  for (int y = rect.y0; y < rect.y1; y++) {
+    const double v = rays.at(0, y).y;
+    EdgeCrossing::Ends ends[3];
+    bool clear = true;
+    for (int k = 0; k < 3; k++) clear = crossing[k].find(y, v, ends[k]) && clear;
+    if (!clear) {
+      scan(plan, face, y, {rect.x0, rect.x1}, [&](int x0, int x1) { fn(y, x0, x1); });
+      continue;
+    }
+    Interval found[2];
+    for (int i = 0; i < 2; i++) {
+      found[i] = {rect.x0, rect.x1};
+      for (int k = 0; k < 3; k++) clip(ends[k], i == 0 ? 1 : -1, found[i]);
+    }
+    for (const Interval& interval : found) {
+      if (interval.empty()) continue;
+      if (has_sum(interval.x0, y) && has_sum(interval.x1 - 1, y))
+        fn(y, interval.x0, interval.x1);
+      else
+        scan(plan, face, y, interval, [&](int x0, int x1) { fn(y, x0, x1); });
+    }
+  }
+}
+
+}  // namespace
+
+OwnerRuns::OwnerRuns(const ViewPlan& plan, const Rect& region)
+    : region_(intersect(region, {0, 0, plan.view().width, plan.view().height})) {
+  if (region_.empty()) region_ = {};
+  struct Found {
+    int y, x0, x1;
+    int32_t face;
+  };
+  std::vector<Found> found;
+  rows_.resize(static_cast<size_t>(region_.height()));
+  for (size_t i = 0; i < plan.faces().size(); i++) {
+    const Rect rect = intersect(plan.faces()[i].rect, region_);
+    if (rect.empty()) continue;
+    find_runs(plan, plan.faces()[i], rect, [&](int y, int x0, int x1) {
+      found.push_back({y, x0, x1, static_cast<int32_t>(i)});
+      rows_[static_cast<size_t>(y - region_.y0)].count++;
+    });
+  }
+  // Each run that lower-numbered ones cut leaves at most one more piece than it has cuts, and n disjoint runs make at
+  // most n + 1 of them: 2 n are enough for a row.
+  uint32_t begin = 0;
+  for (Row& row : rows_) {
+    row.begin = begin;
+    begin += 2 * row.count;
+    row.count = 0;
+  }
+  runs_.resize(begin);
+  for (const Found& f : found) add(f.y, f.x0, f.x1, f.face);
+}
+
+// Faces come in ascending order: what is there already stays.
+void OwnerRuns::add(int y, int x0, int x1, int32_t face) {
+  Row& row = rows_[static_cast<size_t>(y - region_.y0)];
+  OwnerRun* const begin = runs_.data() + row.begin;
+  OwnerRun* at = begin + row.count;
+  while (at > begin && (at - 1)->x1 > x0) at--;  // the first one that ends past x0
+  const auto insert = [&](int from, int to) {
+    std::move_backward(at, begin + row.count, begin + row.count + 1);
+    *at = {from, to, face};
+    row.count++;
+  };
+  while (x0 < x1) {
+    const int next = at < begin + row.count ? at->x0 : x1;
+    if (next >= x1) {
+      insert(x0, x1);
+      return;
+    }
+    if (x0 < next) {
+      insert(x0, next);
+      at++;
+    }
+    x0 = at->x1;
+    at++;
+  }
+}
+
+std::span<const OwnerRun> OwnerRuns::row(int y, int x0, int x1) const {
+  const std::span<const OwnerRun> all = row(y);
+  const auto first = std::partition_point(all.begin(), all.end(), [x0](const OwnerRun& r) { return r.x1 <= x0; });
+  const auto past = std::partition_point(first, all.end(), [x1](const OwnerRun& r) { return r.x0 < x1; });
+  return {first, past};
+}
+
+}  // namespace lf
