@@ -42,6 +42,10 @@ class Lens {
   double fy() const { return fy_; }
   double cx() const { return cx_; }
   double cy() const { return cy_; }
+  double k1() const { return k1_; }
+  double k2() const { return k2_; }
+  double p1() const { return p1_; }
+  double p2() const { return p2_; }
   bool has_distortion() const { return k1_ != 0 || k2_ != 0 || p1_ != 0 || p2_ != 0; }
   // The largest undistorted radius that the lens sees (infinity without a fold).
   double max_radius() const { return max_radius_; }

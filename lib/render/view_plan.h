@@ -38,6 +38,8 @@ class ViewPlan {
   // The faces that may own pixels of the view, ascending by number: the lowest-numbered one that contains a pixel owns
   // it.
   const std::vector<FacePlan>& faces() const { return faces_; }
+  // Of the rig.
+  size_t num_cameras() const { return camera_rects_.size(); }
   // Bounds the pixels in which the camera may have a weight; empty if there are none.
   Rect camera_rect(CameraIndex camera) const { return camera_rects_[camera]; }
   // Cameras with a rectangle that is not empty, ascending.

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "image/image.h"
+#include "render/camera_projection.h"
+#include "render/owner_runs.h"
+#include "render/view_plan.h"
+
+// What the vector code of SumRenderer works on: a band of kBandRows rows of a view at a time, in blocks of kBlock
+// pixels aligned to the view: results don't depend on where a rectangle begins.
+namespace lf::simd {
+
+inline constexpr int kBlock = 16;       // pixels
+inline constexpr int kChromaBlock = 8;  // chroma samples of a block
+inline constexpr int kBandRows = 4;     // of pixels; as many as keep a band's data in the nearest caches
+inline constexpr int kBandPairs = kBandRows / 2;
+inline constexpr int kPositionBits = 11;  // of fraction in positions relative to a block's window
+
+// A source camera of the sum.
+struct Slot {
+  CameraIndex camera = 0;
+  ImageView image;  // family kNone: all lost
+  Rect rect;        // bounds its hat; even in x0, y0
+  const CameraProjection* projection = nullptr;
+  // Camera coordinates of pixel (x, y) of the view, up to a positive factor: from_pixel * (x, y, 1).
+  Mat3 from_pixel;
+  float fx = 0, fy = 0, cx = 0, cy = 0, k1 = 0, k2 = 0, p1 = 0, p2 = 0, max_r2 = 0;
+  bool radial = false, tangential = false;
+};
+
+// One camera's weights in one block of a band, 32767 = 1.
+struct alignas(64) BlockWeights {
+  int16_t w[kBandRows][kBlock];
+  int32_t slot;
+  int32_t next;   // of the same block, -1: none
+  uint32_t rows;  // bit r: row r has some
+};
+
+// How the samples of one plane and row of a block are fetched.
+enum class Fetch : int16_t {
+  kMixed,    // some lost, or near the border, or positions don't interpolate well: each sample is projected
+  kLost,     // all of them
+  kGather,   // inside the image, byte by byte
+  kTwoRows,  // byte shuffle within windows of 16 bytes of two image rows
+  kThreeRows,
+};
+
+// Positions of the samples of one plane and row of a block relative to its window's corner, in fixed point
+// (kPositionBits): p(t) = p0 + t D + t (t - 1)/4 S for t = 0..1 along the block (Bessel's interpolation of four nodes).
+struct WindowPositions {
+  uint16_t x0, dx;
+  int16_t sx, y0, dy, sy;
+  int16_t half;   // columns from the corner to the window of the block's second half
+  int16_t fetch;  // Fetch
+};
+
+struct PlanePositions {
+  std::vector<float> node_x, node_y;  // at left edges, from one block before the first
+  std::vector<WindowPositions> window;
+  std::vector<int32_t> corner;  // byte offset of the window in the plane
+  std::vector<int32_t> fetch;   // as in window
+  void resize(size_t n);
+};
+
+// One slot's positions in a band. Entry (row, block) is at row * pitch + block; rows of chroma are pairs of rows.
+struct SlotBand {
+  // What is done with a pair of rows of a block.
+  enum Verdict : int32_t { kProject, kAllLost, kSample, kShuffle };
+
+  int y = -1;  // of the band; -1: none yet
+  const Slot* slot = nullptr;
+  int first_block = 0, blocks = 0;
+  int pitch = 0;                     // blocks + 3 nodes
+  std::vector<float> columns, rows;  // of the nodes, pixels from the first one; for this pitch
+  std::vector<float> node_z;
+  PlanePositions luma, chroma;   // luma: or RGB
+  std::vector<int32_t> verdict;  // per pair of rows
+};
+
+// Which weights the last face of a block has: the next row's are mostly the same.
+struct FaceEntries {
+  int32_t face = -1;
+  int32_t entry[3] = {};
+};
+
+// Memory of one thread, reused from band to band.
+struct Scratch {
+  std::vector<BlockWeights> weights;
+  size_t weights_used = 0;
+  std::vector<int32_t> head;  // per block of the rectangle: first BlockWeights, -1: none
+  std::vector<FaceEntries> last_face[2];
+  std::vector<SlotBand> bands;  // per slot
+  // The sums, whole blocks: [row][plane] for RGB, luma [row][0] and chroma [pair][1..2]: in the memory below or right
+  // where they are wanted.
+  int16_t* sum[kBandRows][3] = {};
+  uint16_t* lost[kBandRows] = {};
+  std::vector<int16_t> sum_memory[kBandRows][3];
+  std::vector<uint16_t> lost_memory[kBandRows];
+  bool any_lost = false;
+};
+
+// The whole task, the same for all rows.
+struct SumTask {
+  const ViewPlan* plan = nullptr;
+  const OwnerRuns* runs = nullptr;
+  std::vector<Slot> slots;
+  std::vector<int32_t> slot_of_camera;  // -1: not ours
+  std::vector<uint8_t> face_corners;    // per plan.faces(): bit k: corner k is ours
+  PixelFamily family = PixelFamily::kNone;
+  bool exact = false;  // Coordinates::kExact
+};
+
+// Computes rows y to y + kBandRows - 1 (as far as `rect` has them) into scratch.sum and scratch.lost, which are large
+// enough: all blocks that rect touches. In I420 y is even.
+void render_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch);
+const char* target_name();
+
+// Where even that is in doubt: adds a camera's contribution to rows y + 2 pair and y + 2 pair + 1 (before y_end) of one
+// block pixel by pixel, in double, to scratch.sum and scratch.lost. `x`: the block's left edge; `out`: its number in
+// scratch.
+void add_mixed_block(const SumTask& task, const BlockWeights& weights, int pair, int x, int out, int y_end, int y,
+                     Scratch& scratch);
+
+}  // namespace lf::simd

@@ -1,0 +1,255 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Per target, see render_band.cc: where a band of a view lies in one camera's image.
+#if defined(LF_RENDER_SIMD_POSITIONS_INL_H_) == defined(HWY_TARGET_TOGGLE)
+#ifdef LF_RENDER_SIMD_POSITIONS_INL_H_
+#undef LF_RENDER_SIMD_POSITIONS_INL_H_
+#else
+#define LF_RENDER_SIMD_POSITIONS_INL_H_
+#endif
+
+#include <hwy/highway.h>
+
+#include "render/simd/band_data.h"
+#include "render/simd/fixed-inl.h"
+#include "render/sum_renderer.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace lf::simd::HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+// Bessel's second-difference weight, t (t - 1) / 4.
+constexpr float bessel(float t) { return t * (t - 1) / 4; }
+
+// Projects points near (x, y): CameraProjection::project() in float, without its verdict on what is lost. Rounding
+// stays small because what is linear in the view starts from double precision near the points.
+struct Projection {
+  Projection(const Slot& slot, double x, double y) : slot(slot) {
+    const Vec3 start = slot.from_pixel * Vec3(x, y, 1);
+    // A common factor changes nothing: bring the depth to about 1, far from the ends of float.
+    const double scale = 1 / std::max(std::abs(start.z), 1e-300);
+    for (int k = 0; k < 3; k++) {
+      from[k] = static_cast<float>(start[k] * scale);
+      along[k] = static_cast<float>(slot.from_pixel[0][k] * scale);
+      down[k] = static_cast<float>(slot.from_pixel[1][k] * scale);
+    }
+  }
+  // `i`, `j`: columns and rows from there.
+  template <class D, class V = hn::Vec<D>>
+  HWY_INLINE void project(D d, V i, V j, V& x, V& y, V& z, V& r2) const {
+    const auto at = [&](int k) HWY_ATTR {
+      return hn::MulAdd(i, hn::Set(d, along[k]), hn::MulAdd(j, hn::Set(d, down[k]), hn::Set(d, from[k])));
+    };
+    z = at(2);
+    const auto inverse = hn::Div(hn::Set(d, 1.f), z);
+    const auto u = hn::Mul(at(0), inverse), v = hn::Mul(at(1), inverse);
+    auto du = u, dv = v;
+    r2 = hn::MulAdd(u, u, hn::Mul(v, v));
+    if (slot.radial) {
+      const auto stretch = hn::MulAdd(r2, hn::MulAdd(r2, hn::Set(d, slot.k2), hn::Set(d, slot.k1)), hn::Set(d, 1.f));
+      du = hn::Mul(u, stretch);
+      dv = hn::Mul(v, stretch);
+      if (slot.tangential) {
+        const auto two_uv = hn::Mul(hn::Add(u, u), v), p1 = hn::Set(d, slot.p1), p2 = hn::Set(d, slot.p2);
+        du = hn::MulAdd(p2, hn::MulAdd(hn::Add(u, u), u, r2), hn::MulAdd(p1, two_uv, du));
+        dv = hn::MulAdd(p1, hn::MulAdd(hn::Add(v, v), v, r2), hn::MulAdd(p2, two_uv, dv));
+      }
+    }
+    x = hn::MulAdd(du, hn::Set(d, slot.fx), hn::Set(d, slot.cx));
+    y = hn::MulAdd(dv, hn::Set(d, slot.fy), hn::Set(d, slot.cy));
+  }
+  const Slot& slot;
+  float from[3], along[3], down[3];
+};
+
+// Columns and rows of a band's nodes.
+inline void lay_nodes(int pitch, SlotBand& band) {
+  if (band.pitch == pitch) return;
+  band.pitch = pitch;
+  const size_t padded = static_cast<size_t>(pitch) * kBandRows + 2 * kBlock;  // whole vectors
+  if (band.node_z.size() < padded) {
+    band.luma.resize(padded);
+    band.chroma.resize(padded);
+    band.node_z.resize(padded);
+    band.verdict.resize(padded);
+  }
+  band.columns.assign(padded, 0);
+  band.rows.assign(padded, 0);
+  for (int row = 0, i = 0; row < kBandRows; row++)
+    for (int column = 0; column < pitch; column++, i++) {
+      band.columns[i] = static_cast<float>(column * kBlock);
+      band.rows[i] = static_cast<float>(row);
+    }
+}
+
+// NaN where nothing is seen: behind the camera, beyond the fold of its lens.
+inline void project_nodes(const Slot& slot, int y, SlotBand& out) {
+  const hn::CappedTag<float, kBlock> d;
+  const Projection projection(slot, (out.first_block - 1) * kBlock, y);
+  const size_t lanes = hn::Lanes(d), nodes = static_cast<size_t>(out.pitch) * kBandRows;
+  for (size_t i = 0; i < nodes; i += lanes) {
+    hn::Vec<decltype(d)> px, py, z, r2;
+    projection.project(d, hn::LoadU(d, out.columns.data() + i), hn::LoadU(d, out.rows.data() + i), px, py, z, r2);
+    const auto seen = hn::And(hn::Gt(z, hn::Zero(d)), hn::Le(r2, hn::Set(d, slot.max_r2)));
+    hn::StoreU(hn::IfThenElse(seen, px, hn::NaN(d)), d, out.luma.node_x.data() + i);
+    hn::StoreU(hn::IfThenElse(seen, py, hn::NaN(d)), d, out.luma.node_y.data() + i);
+    hn::StoreU(z, d, out.node_z.data() + i);
+  }
+}
+
+// Chroma positions of the same nodes for the middle between two rows: chroma sample k sits at luma 2 k + 0.5.
+inline void place_chroma_nodes(SlotBand& band) {
+  const hn::CappedTag<float, kBlock> d;
+  for (int pair = 0; pair < kBandPairs; pair++) {
+    const int upper = 2 * pair * band.pitch, lower = upper + band.pitch;
+    const auto middle = [&](const std::vector<float>& of, int i) HWY_ATTR {
+      const auto sum = hn::Add(hn::LoadU(d, of.data() + upper + i), hn::LoadU(d, of.data() + lower + i));
+      return hn::Mul(hn::Sub(sum, hn::Set(d, 1.f)), hn::Set(d, 0.25f));
+    };
+    for (int i = 0; i < band.pitch; i += static_cast<int>(hn::Lanes(d))) {
+      hn::StoreU(middle(band.luma.node_x, i), d, band.chroma.node_x.data() + pair * band.pitch + i);
+      hn::StoreU(middle(band.luma.node_y, i), d, band.chroma.node_y.data() + pair * band.pitch + i);
+    }
+  }
+}
+
+// One plane of an image, and where along a block its samples are.
+struct PlaneGeometry {
+  float width, height;                  // of the plane, samples
+  int32_t stride;                       // bytes
+  float spare_columns;                  // on the right, left to the slow way
+  bool shuffles;                        // 8-bit samples side by side, rows of at least a window
+  float t_before_half, t_half, t_last;  // of samples 7, 8 and 15, or of the only half's last one
+};
+
+inline constexpr int kWindow = 16;  // bytes
+
+// How and where one plane's samples of `n` blocks are fetched, from its nodes. `node_z`: null for
+// chroma, which follows luma in what is lost.
+inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z, PlanePositions& out) {
+  const hn::CappedTag<float, kBlock> d;
+  const hn::RebindToSigned<decltype(d)> di;
+  const hn::RebindToUnsigned<decltype(d)> du;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
+  const auto code = [&](Fetch f) HWY_ATTR { return hn::Set(d, static_cast<float>(f)); };
+  const auto unit = set(static_cast<float>(1 << kPositionBits));
+  const auto slack = set(3.f / (1 << kPositionBits));  // by which fixed point may differ from float
+  // The next term of the interpolation is t (t - 1) (t - 1/2) / 6 of the third difference: 0.0081 of it at most.
+  const auto largest_third = set(static_cast<float>(kGridError / 0.0081));
+  const float *const node_x = out.node_x.data(), *const node_y = out.node_y.data();
+  for (int i = 0; i < n; i += lanes) {
+    const auto xa = hn::LoadU(d, node_x + i), x0 = hn::LoadU(d, node_x + i + 1), x1 = hn::LoadU(d, node_x + i + 2),
+               xb = hn::LoadU(d, node_x + i + 3);
+    const auto ya = hn::LoadU(d, node_y + i), y0 = hn::LoadU(d, node_y + i + 1), y1 = hn::LoadU(d, node_y + i + 2),
+               yb = hn::LoadU(d, node_y + i + 3);
+    const auto dx = hn::Sub(x1, x0), dy = hn::Sub(y1, y0);
+    const auto sx = hn::Sub(hn::Sub(xb, x1), hn::Sub(x0, xa)), sy = hn::Sub(hn::Sub(yb, y1), hn::Sub(y0, ya));
+    const auto third_x = hn::Abs(hn::Sub(hn::Sub(xb, xa), hn::Mul(set(3), dx)));
+    const auto third_y = hn::Abs(hn::Sub(hn::Sub(yb, ya), hn::Mul(set(3), dy)));
+    const auto at_x = [&](float t) HWY_ATTR { return hn::MulAdd(set(bessel(t)), sx, hn::MulAdd(set(t), dx, x0)); };
+    const auto at_y = [&](float t) HWY_ATTR { return hn::MulAdd(set(bessel(t)), sy, hn::MulAdd(set(t), dy, y0)); };
+    const auto last_x = at_x(plane.t_last), last_y = at_y(plane.t_last);
+    const auto bulge_x = hn::MulAdd(hn::Abs(sx), set(1.f / 16), slack);
+    const auto bulge_y = hn::MulAdd(hn::Abs(sy), set(1.f / 16), slack);
+    const auto low_x = hn::Sub(hn::Min(x0, last_x), bulge_x), high_x = hn::Add(hn::Max(x0, last_x), bulge_x);
+    const auto low_y = hn::Sub(hn::Min(y0, last_y), bulge_y), high_y = hn::Add(hn::Max(y0, last_y), bulge_y);
+
+    // NaN fails every comparison and stays kMixed.
+    const auto smooth = hn::And(hn::Lt(third_x, largest_third), hn::Lt(third_y, largest_third));
+    const auto inside =
+        hn::And(hn::And(hn::Ge(low_x, set(0)), hn::Lt(high_x, set(plane.width - 1 - plane.spare_columns))),
+                hn::And(hn::Ge(low_y, set(0)), hn::Lt(high_y, set(plane.height - 1))));
+    auto fetch = hn::IfThenElse(hn::And(inside, smooth), code(Fetch::kGather), code(Fetch::kMixed));
+    if (node_z) {
+      const auto outside = hn::Or(hn::Or(hn::Lt(high_x, set(-0.5f)), hn::Gt(low_x, set(plane.width - 0.5f))),
+                                  hn::Or(hn::Lt(high_y, set(-0.5f)), hn::Gt(low_y, set(plane.height - 0.5f))));
+      // Samples that are behind the camera at both ends of a block are behind it all along: depth is linear.
+      const auto behind =
+          hn::And(hn::Le(hn::LoadU(d, node_z + i + 1), hn::Zero(d)), hn::Le(hn::LoadU(d, node_z + i + 2), hn::Zero(d)));
+      fetch = hn::IfThenElse(hn::Or(behind, hn::And(outside, smooth)), code(Fetch::kLost), fetch);
+    }
+
+    const auto column = hn::Floor(low_x), row = hn::Floor(low_y);
+    const auto half = hn::Floor(hn::Sub(at_x(plane.t_half), slack));
+    if (plane.shuffles) {
+      const auto reach = set(kWindow - 1);
+      const auto rightmost = hn::Floor(hn::Add(at_x(plane.t_before_half), slack));
+      const auto rises = hn::Gt(dx, hn::MulAdd(hn::Abs(sx), set(0.25f), set(1.f / 64)));
+      const auto narrow =
+          hn::And(hn::Lt(hn::Sub(rightmost, column), reach), hn::Lt(hn::Sub(hn::Floor(high_x), half), reach));
+      const auto level =
+          hn::And(hn::Lt(hn::Abs(dy), set(8)), hn::And(hn::Lt(hn::Abs(sy), set(8)), hn::Lt(hn::Abs(sx), set(8))));
+      const auto last_row = hn::Floor(high_y), more = hn::Sub(last_row, row);
+      const auto readable =
+          hn::Or(hn::Lt(last_row, set(plane.height - 2)), hn::Le(hn::Add(half, set(kWindow)), set(plane.width)));
+      const auto rows = hn::IfThenElse(hn::Lt(more, set(0.5f)), code(Fetch::kTwoRows), code(Fetch::kThreeRows));
+      const auto fits = hn::And(hn::And(rises, narrow), hn::And(level, hn::And(readable, hn::Lt(more, set(1.5f)))));
+      fetch = hn::IfThenElse(hn::And(hn::And(inside, smooth), fits), rows, fetch);
+    }
+    const auto fixed = [&](const auto v) HWY_ATTR { return to_low_bits(hn::Mul(v, unit)); };
+    const auto pack = [&](const auto low, const auto high)
+                          HWY_ATTR { return hn::Or(hn::And(low, hn::Set(du, 0xffff)), hn::ShiftLeft<16>(high)); };
+    hn::StoreInterleaved4(pack(fixed(hn::Sub(x0, column)), fixed(dx)), pack(fixed(sx), fixed(hn::Sub(y0, row))),
+                          pack(fixed(dy), fixed(sy)), pack(to_low_bits(hn::Sub(half, column)), to_low_bits(fetch)), du,
+                          reinterpret_cast<uint32_t*>(out.window.data() + i));
+    hn::StoreU(hn::Add(hn::Mul(hn::ConvertTo(di, row), hn::Set(di, plane.stride)), hn::ConvertTo(di, column)), di,
+               out.corner.data() + i);
+    hn::StoreU(hn::BitCast(di, hn::And(to_low_bits(fetch), hn::Set(du, 0xff))), di, out.fetch.data() + i);
+  }
+}
+
+// What is done with each pair of rows of each block, all its planes considered.
+inline void decide(bool i420, SlotBand& band) {
+  constexpr int32_t kLost = static_cast<int32_t>(Fetch::kLost), kGather = static_cast<int32_t>(Fetch::kGather);
+  for (int pair = 0; pair < kBandPairs; pair++) {
+    const int32_t* const upper = band.luma.fetch.data() + 2 * pair * band.pitch;
+    const int32_t* const lower = upper + band.pitch;
+    const int32_t* const chroma = i420 ? band.chroma.fetch.data() + pair * band.pitch : upper;
+    int32_t* __restrict const verdict = band.verdict.data() + pair * band.pitch;
+    for (int i = 0; i < band.blocks; i++) {
+      const int32_t least_luma = std::min(upper[i], lower[i]), least = std::min(least_luma, chroma[i]);
+      const bool lost = least_luma == kLost && std::max(upper[i], lower[i]) == kLost;
+      int32_t v = least > kGather ? SlotBand::kShuffle : SlotBand::kSample;
+      v = least < kGather ? SlotBand::kProject : v;
+      verdict[i] = lost ? SlotBand::kAllLost : v;
+    }
+  }
+}
+
+// All that is known of a slot in a band before any pixel of it is read.
+inline void place_slot(const SumTask& task, const Slot& slot, int y, SlotBand& band) {
+  band.y = y;
+  band.slot = &slot;
+  band.first_block = slot.rect.x0 / kBlock;
+  band.blocks = (slot.rect.x1 + kBlock - 1) / kBlock - band.first_block;
+  lay_nodes(band.blocks + 3, band);
+  const bool i420 = task.family == PixelFamily::kI420;
+  project_nodes(slot, y, band);
+  const PlaneGeometry luma{.width = static_cast<float>(slot.image.width),
+                           .height = static_cast<float>(slot.image.height),
+                           .stride = static_cast<int32_t>(slot.image.stride[0]),
+                           .spare_columns = i420 ? 0.f : 1.f,
+                           .shuffles = i420 && slot.image.width >= kWindow,
+                           .t_before_half = 7.f / kBlock,
+                           .t_half = 8.f / kBlock,
+                           .t_last = 15.f / kBlock};
+  place_blocks(luma, band.pitch * kBandRows - 3, band.node_z.data(), band.luma);
+  if (i420) {
+    place_chroma_nodes(band);
+    const PlaneGeometry chroma{
+        .width = static_cast<float>(chroma_size(slot.image.width)),
+        .height = static_cast<float>(chroma_size(slot.image.height)),
+        .stride = static_cast<int32_t>(slot.image.stride[1]),
+        .spare_columns = 0,
+        .shuffles = chroma_size(slot.image.width) >= kWindow && slot.image.stride[1] == slot.image.stride[2],
+        .t_before_half = 14.5f / kBlock,
+        .t_half = 0,  // Cb and Cr have a half each
+        .t_last = 14.5f / kBlock};
+    place_blocks(chroma, band.pitch * kBandPairs - 3, nullptr, band.chroma);
+  }
+  decide(i420, band);
+}
+
+}  // namespace lf::simd::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+#endif

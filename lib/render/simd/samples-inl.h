@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Per target, see render_band.cc: bilinear samples of one plane and row of a block, times 128.
+#if defined(LF_RENDER_SIMD_SAMPLES_INL_H_) == defined(HWY_TARGET_TOGGLE)
+#ifdef LF_RENDER_SIMD_SAMPLES_INL_H_
+#undef LF_RENDER_SIMD_SAMPLES_INL_H_
+#else
+#define LF_RENDER_SIMD_SAMPLES_INL_H_
+#endif
+
+#include <algorithm>
+#include <cstring>
+
+#include <hwy/highway.h>
+
+#include "render/simd/band_data.h"
+#include "render/simd/positions-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace lf::simd::HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+using D16 = hn::CappedTag<int16_t, kBlock>;
+using V16 = hn::Vec<D16>;
+using DU16 = hn::RebindToUnsigned<D16>;
+
+// a + (b - a) f, f in 0..1 as 15-bit fraction; a and b are levels times 128, so differences fit.
+HWY_INLINE V16 mix(V16 a, V16 b, V16 f) { return hn::Add(a, hn::MulFixedPoint15(hn::Sub(b, a), f)); }
+
+// Where the 16 samples of a unit are along its block: t, and Bessel's weight of it, in fixed point.
+struct UnitTable {
+  alignas(64) uint16_t t16[kBlock];  // 65536 = 1
+  alignas(64) int16_t t15[kBlock];   // 32768 = 1
+  alignas(64) int16_t bessel15[kBlock];
+  alignas(64) uint16_t second_half[kBlock];  // all ones there
+  alignas(64) float x[kBlock];               // pixels from the block's left edge
+};
+
+constexpr UnitTable make_unit_table(bool chroma) {
+  UnitTable table{};
+  for (int i = 0; i < kBlock; i++) {
+    const float x = chroma ? static_cast<float>(2 * (i % kChromaBlock)) + 0.5f : static_cast<float>(i), t = x / kBlock;
+    table.t16[i] = static_cast<uint16_t>(t * 65536);
+    table.t15[i] = static_cast<int16_t>(t * 32768);
+    table.bessel15[i] = static_cast<int16_t>(bessel(t) * 32768 - 0.5f);  // never positive
+    table.second_half[i] = i >= kChromaBlock ? 0xffff : 0;
+    table.x[i] = x;
+  }
+  return table;
+}
+inline constexpr UnitTable kLumaTable = make_unit_table(false), kChromaTable = make_unit_table(true);
+
+// 16 bytes for each half of a vector of 16 samples; for shorter vectors those of the half they are in.
+HWY_INLINE auto load_windows(const uint8_t* low, const uint8_t* high, size_t lane) {
+  const hn::Repartition<uint8_t, D16> d8;
+  if constexpr (hn::MaxLanes(D16()) == kBlock) {
+    const hn::Half<decltype(d8)> half;
+    return hn::Combine(d8, hn::LoadU(half, high), hn::LoadU(half, low));
+  } else {
+    return hn::LoadU(d8, lane < kChromaBlock ? low : high);
+  }
+}
+
+// Samples lane.. of a block whose windows hold all that is needed. `low`, `high`: the planes of its two halves.
+template <bool kThreeRows>
+HWY_INLINE V16 sample_windows(const WindowPositions& at, const UnitTable& table, const uint8_t* low,
+                              const uint8_t* high, ptrdiff_t stride, size_t lane) {
+  const D16 d;
+  const DU16 du;
+  const hn::Repartition<uint8_t, D16> d8;
+  const auto x = hn::Add(hn::Add(hn::Set(du, at.x0), hn::MulHigh(hn::Set(du, at.dx), hn::Load(du, table.t16 + lane))),
+                         hn::BitCast(du, hn::MulFixedPoint15(hn::Set(d, at.sx), hn::Load(d, table.bessel15 + lane))));
+  auto y = hn::Add(hn::Add(hn::Set(d, at.y0), hn::MulFixedPoint15(hn::Set(d, at.dy), hn::Load(d, table.t15 + lane))),
+                   hn::MulFixedPoint15(hn::Set(d, at.sy), hn::Load(d, table.bessel15 + lane)));
+  constexpr int kToFraction15 = 15 - kPositionBits;
+  const auto fraction_mask = hn::Set(du, (1 << kPositionBits) - 1);
+  const auto fx = hn::BitCast(d, hn::ShiftLeft<kToFraction15>(hn::And(x, fraction_mask)));
+  const auto index = hn::Sub(hn::ShiftRight<kPositionBits>(x), hn::And(hn::Set(du, static_cast<uint16_t>(at.half)),
+                                                                       hn::Load(du, table.second_half + lane)));
+  // Bytes of a 16-bit lane: a sample and its right neighbour.
+  const auto pick = hn::BitCast(d8, hn::Add(hn::Or(index, hn::ShiftLeft<8>(index)), hn::Set(du, 0x0100)));
+  const auto across = [&](ptrdiff_t row) HWY_ATTR {
+    const auto pairs =
+        hn::BitCast(du, hn::TableLookupBytes(load_windows(low + row * stride, high + row * stride, lane), pick));
+    const auto left = hn::ShiftRight<1>(hn::ShiftLeft<8>(pairs));
+    const auto right = hn::And(hn::ShiftRight<1>(pairs), hn::Set(du, 0x7f80));
+    return mix(hn::BitCast(d, left), hn::BitCast(d, right), fx);
+  };
+  const auto upper = across(0), lower = across(1);
+  if constexpr (!kThreeRows) return mix(upper, lower, hn::ShiftLeft<kToFraction15>(y));
+  const auto lowest = across(2);
+  const auto next = hn::Gt(y, hn::Set(d, (1 << kPositionBits) - 1));
+  const auto fy = hn::ShiftLeft<kToFraction15>(hn::And(y, hn::Set(d, (1 << kPositionBits) - 1)));
+  return mix(hn::IfThenElse(next, lower, upper), hn::IfThenElse(next, lowest, lower), fy);
+}
+
+// Positions of all samples of a block in the plane's own coordinates, as whole part and 15-bit fraction.
+struct Positions {
+  alignas(64) int32_t column[kBlock], row[kBlock];
+  alignas(64) int16_t fx[kBlock], fy[kBlock];
+};
+
+// `largest`: of the whole part, so that there is a neighbour.
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE void split(D d, V v, V largest, int32_t* whole, int16_t* fraction) {
+  const hn::RebindToSigned<D> di;
+  const hn::Rebind<int16_t, D> d16;
+  const auto floor = hn::Min(hn::Floor(v), largest);
+  hn::Store(hn::ConvertTo(di, floor), di, whole);
+  const auto f = hn::Min(hn::Mul(hn::Sub(v, floor), hn::Set(d, 32768.f)), hn::Set(d, 32767.f));
+  hn::Store(hn::BitCast(d16, to_fixed(d16, f)), d16, fraction);
+}
+
+// Entry `i` of a plane's positions.
+inline void interpolate_positions(const PlanePositions& at, int i, const UnitTable& table, Positions& out) {
+  const hn::CappedTag<float, kBlock> d;
+  const auto along = [&](const std::vector<float>& node, size_t lane) HWY_ATTR {
+    const float *n = node.data() + i, delta = n[2] - n[1], second = (n[3] - n[2]) - (n[1] - n[0]);
+    const auto t = hn::Mul(hn::Load(d, table.x + lane), hn::Set(d, 1.f / kBlock));
+    const auto b = hn::Mul(hn::Mul(t, hn::Sub(t, hn::Set(d, 1.f))), hn::Set(d, 0.25f * second));
+    return hn::Add(hn::MulAdd(t, hn::Set(d, delta), hn::Set(d, n[1])), b);
+  };
+  for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
+    split(d, along(at.node_x, lane), hn::Set(d, 1e9f), out.column + lane, out.fx + lane);
+    split(d, along(at.node_y, lane), hn::Set(d, 1e9f), out.row + lane, out.fy + lane);
+  }
+}
+
+// How the samples of projected positions are.
+enum class Sight { kAll, kSome, kDoubtful };
+
+// The same without interpolation, for chroma or another plane, clamped to the image. (x, y): the first sample's pixel,
+// for chroma the first of its four. Lanes with `weight` that are lost have it moved to `lost` (both of kBlock values;
+// null for chroma, which is where its pixels are). Doubtful: rounding could decide on a sample, or its bytes can't be
+// read; nothing is changed then.
+inline Sight project_positions(const SumTask& task, const Slot& slot, bool chroma, int x, int y, const UnitTable& table,
+                               int16_t* weight, int16_t* lost, Positions& out) {
+  const hn::CappedTag<float, kBlock> d;
+  const hn::RebindToSigned<decltype(d)> di;
+  const hn::Rebind<int16_t, decltype(d)> d16;
+  const Projection projection(slot, x, chroma ? y + 0.5 : y);
+  const float width = static_cast<float>(chroma ? chroma_size(slot.image.width) : slot.image.width);
+  const float height = static_cast<float>(chroma ? chroma_size(slot.image.height) : slot.image.height);
+  if (width < 2 || height < 2) return Sight::kDoubtful;
+  const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
+  constexpr float kDoubt = 1.f / 128;  // pixels; far above the rounding of float
+  bool doubtful = false, all = true;
+  alignas(64) int16_t seen_weight[kBlock] = {}, lost_weight[kBlock] = {};
+  for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
+    hn::Vec<decltype(d)> px, py, z, r2;
+    projection.project(d, hn::Load(d, table.x + lane), hn::Zero(d), px, py, z, r2);
+    const auto in_front = hn::And(hn::Gt(z, hn::Zero(d)), hn::Le(r2, set(slot.max_r2)));
+    if (weight) {
+      // How far inside the image's domain: negative outside.
+      const auto depth = hn::Min(hn::Min(hn::Add(px, set(0.5f)), hn::Sub(set(width - 0.5f), px)),
+                                 hn::Min(hn::Add(py, set(0.5f)), hn::Sub(set(height - 0.5f), py)));
+      const auto w = hn::PromoteTo(di, hn::Load(d16, weight + lane));
+      const auto weighs = hn::RebindMask(d, hn::Gt(w, hn::Zero(di)));
+      const auto seen = hn::And(in_front, hn::Gt(depth, hn::Zero(d)));
+      // Near the eye's plane, the fold and the border: let doubles decide.
+      const auto to_fold = hn::Abs(hn::Sub(r2, set(slot.max_r2)));
+      const auto clear =
+          hn::And(hn::Gt(hn::Abs(depth), set(kDoubt)),
+                  hn::And(hn::Gt(hn::Abs(z), set(1e-3f)), hn::Gt(to_fold, set(1e-3f * std::min(slot.max_r2, 1e3f)))));
+      doubtful = doubtful || !hn::AllFalse(d, hn::AndNot(clear, weighs));
+      const auto w_seen = hn::IfThenElseZero(hn::RebindMask(di, seen), w);
+      hn::Store(hn::DemoteTo(d16, w_seen), d16, seen_weight + lane);
+      hn::Store(hn::DemoteTo(d16, hn::Sub(w, w_seen)), d16, lost_weight + lane);
+      all = all && hn::AllFalse(d, hn::AndNot(seen, weighs));
+    } else {
+      px = hn::Mul(hn::Sub(px, set(0.5f)), set(0.5f));
+      py = hn::Mul(hn::Sub(py, set(0.5f)), set(0.5f));
+      // A chroma sample may lie behind the camera and some of its pixels in front of it.
+      doubtful = doubtful || !hn::AllTrue(d, in_front);
+    }
+    // What is not in front has no weight, and any position is good.
+    const auto good = hn::And(in_front, hn::And(hn::Eq(px, px), hn::Eq(py, py)));
+    const auto limited = [&](const auto v, float largest) HWY_ATTR {
+      return hn::IfThenElseZero(good, hn::Max(hn::Min(v, set(largest)), hn::Zero(d)));
+    };
+    split(d, limited(px, width - 1), set(width - 2), out.column + lane, out.fx + lane);
+    split(d, limited(py, height - 1), set(height - 2), out.row + lane, out.fy + lane);
+  }
+  // The bytes after the last pixel of three bytes are not ours.
+  if (task.family == PixelFamily::kRgb && slot.image.layout.pixel_stride < 4)
+    for (int i = 0; i < kBlock; i++)
+      doubtful = doubtful || (out.row[i] + 2 >= slot.image.height && out.column[i] + 2 >= slot.image.width);
+  if (doubtful) return Sight::kDoubtful;
+  if (weight && !all) {
+    std::copy_n(seen_weight, kBlock, weight);
+    std::copy_n(lost_weight, kBlock, lost);
+  }
+  return all ? Sight::kAll : Sight::kSome;
+}
+
+// Samples from anywhere inside the planes of the two halves.
+HWY_INLINE void gather_bytes(const Positions& at, const uint8_t* low, const uint8_t* high, ptrdiff_t low_stride,
+                             ptrdiff_t high_stride, int16_t* out) {
+  alignas(64) uint16_t upper[kBlock], lower[kBlock];
+  for (int i = 0; i < kBlock; i++) {
+    const ptrdiff_t stride = i < kChromaBlock ? low_stride : high_stride;
+    const uint8_t* from = (i < kChromaBlock ? low : high) + at.row[i] * stride + at.column[i];
+    std::memcpy(&upper[i], from, 2);
+    std::memcpy(&lower[i], from + stride, 2);
+  }
+  const D16 d;
+  const DU16 du;
+  for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
+    const auto fx = hn::Load(d, at.fx + lane), fy = hn::Load(d, at.fy + lane);
+    const auto across = [&](const uint16_t* pairs) HWY_ATTR {
+      const auto v = hn::Load(du, pairs + lane);
+      return mix(hn::BitCast(d, hn::ShiftRight<1>(hn::ShiftLeft<8>(v))),
+                 hn::BitCast(d, hn::And(hn::ShiftRight<1>(v), hn::Set(du, 0x7f80))), fx);
+    };
+    hn::Store(mix(across(upper), across(lower), fy), d, out + lane);
+  }
+}
+
+// RGB in any order: bytes 0 and 2 of the pixels in `even`, pixel after pixel, bytes 1 and 3 in `odd`.
+struct PixelPairs {
+  alignas(64) int16_t even[2 * kBlock], odd[2 * kBlock];
+};
+HWY_INLINE void gather_pixels(const Positions& at, const uint8_t* plane, ptrdiff_t stride, int pixel_stride,
+                              PixelPairs& out) {
+  alignas(64) uint32_t corner[4][kBlock];
+  alignas(64) int16_t fx[2 * kBlock], fy[2 * kBlock];
+  for (int i = 0; i < kBlock; i++) {
+    const uint8_t* from = plane + at.row[i] * stride + at.column[i] * static_cast<ptrdiff_t>(pixel_stride);
+    std::memcpy(&corner[0][i], from, 4);
+    std::memcpy(&corner[1][i], from + pixel_stride, 4);
+    std::memcpy(&corner[2][i], from + stride, 4);
+    std::memcpy(&corner[3][i], from + stride + pixel_stride, 4);
+    fx[2 * i] = fx[2 * i + 1] = at.fx[i];
+    fy[2 * i] = fy[2 * i + 1] = at.fy[i];
+  }
+  const D16 d;
+  const DU16 du;
+  const auto bytes = hn::Set(du, 0xff);
+  for (size_t lane = 0; lane < 2 * kBlock; lane += hn::Lanes(d)) {
+    const auto x = hn::Load(d, fx + lane), y = hn::Load(d, fy + lane);
+    const auto load = [&](int c) HWY_ATTR {
+      return hn::BitCast(du, hn::Load(hn::Repartition<uint32_t, D16>(), corner[c] + lane / 2));
+    };
+    const auto even = [&](int c) HWY_ATTR { return hn::BitCast(d, hn::ShiftLeft<7>(hn::And(load(c), bytes))); };
+    const auto odd = [&](int c) HWY_ATTR { return hn::BitCast(d, hn::ShiftLeft<7>(hn::ShiftRight<8>(load(c)))); };
+    hn::Store(mix(mix(even(0), even(1), x), mix(even(2), even(3), x), y), d, out.even + lane);
+    hn::Store(mix(mix(odd(0), odd(1), x), mix(odd(2), odd(3), x), y), d, out.odd + lane);
+  }
+}
+
+}  // namespace lf::simd::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+#endif

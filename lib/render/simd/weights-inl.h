@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Per target, see render_band.cc: the weights of all our cameras in a band.
+#if defined(LF_RENDER_SIMD_WEIGHTS_INL_H_) == defined(HWY_TARGET_TOGGLE)
+#ifdef LF_RENDER_SIMD_WEIGHTS_INL_H_
+#undef LF_RENDER_SIMD_WEIGHTS_INL_H_
+#else
+#define LF_RENDER_SIMD_WEIGHTS_INL_H_
+#endif
+
+#include <cmath>
+
+#include <hwy/highway.h>
+
+#include "render/simd/band_data.h"
+#include "render/simd/fixed-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace lf::simd::HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+// The number of a slot's entry in a block, made if there is none.
+inline int32_t entry_of(Scratch& scratch, int block, int32_t slot) {
+  for (int32_t i = scratch.head[block]; i >= 0; i = scratch.weights[i].next)
+    if (scratch.weights[i].slot == slot) return i;
+  if (scratch.weights_used == scratch.weights.size()) scratch.weights.resize(2 * scratch.weights.size() + 64);
+  const int32_t number = static_cast<int32_t>(scratch.weights_used++);
+  BlockWeights& entry = scratch.weights[number];
+  const hn::CappedTag<int16_t, kBlock> d;
+  for (auto& row : entry.w)
+    for (size_t i = 0; i < kBlock; i += hn::Lanes(d)) hn::Store(hn::Zero(d), d, row + i);
+  entry.slot = slot;
+  entry.rows = 0;
+  entry.next = scratch.head[block];
+  scratch.head[block] = number;
+  return number;
+}
+
+// The entries of a face's corners that are ours.
+HWY_INLINE const FaceEntries& entries_of(const SumTask& task, Scratch& scratch, int block, int32_t face,
+                                         uint8_t corners) {
+  for (auto& last : scratch.last_face)
+    if (last[block].face == face) return last[block];
+  FaceEntries& entries = scratch.last_face[0][block];
+  std::swap(entries, scratch.last_face[1][block]);
+  entries.face = face;
+  for (int k = 0; k < 3; k++)
+    if (corners >> k & 1)
+      entries.entry[k] = entry_of(scratch, block, task.slot_of_camera[task.plan->faces()[face].camera[k]]);
+  return entries;
+}
+
+// The weights e_k / (e_0 + e_1 + e_2) of the corners in `corners` for pixels [x0, x1) of one block and row, x in pixels
+// from the block's left edge. `e`: the edge functions at x0, `step`: from pixel to pixel. The functions are linear, so
+// starting where the face begins keeps them free of what happens outside of it.
+inline void weigh(const float e[3], const float step[3], int x0, int x1, uint8_t corners, int16_t* const out[3]) {
+  const hn::CappedTag<float, kBlock> df;
+  const hn::Rebind<int16_t, decltype(df)> d16;
+  const int lanes = static_cast<int>(hn::Lanes(df));
+  const auto iota = hn::Iota(df, 0);
+  const auto first = hn::Set(df, static_cast<float>(x0)), past = hn::Set(df, static_cast<float>(x1));
+  // Where the sum varies little two steps of Newton's from its middle are as good as a division, and faster.
+  const float sum_x0 = e[0] + e[1] + e[2];
+  const float half_change = 0.5f * static_cast<float>(x1 - 1 - x0) * (step[0] + step[1] + step[2]);
+  const float middle = sum_x0 + half_change;
+  const bool divide = !(std::abs(half_change) * 16 < std::abs(middle));
+  const auto guess = hn::Set(df, 1 / middle), two = hn::Set(df, 2.f);
+  for (int i = x0 / lanes * lanes; i < x1; i += lanes) {
+    const auto x = hn::Add(iota, hn::Set(df, static_cast<float>(i)));
+    const auto from_x0 = hn::Sub(x, first);
+    const auto e0 = hn::MulAdd(from_x0, hn::Set(df, step[0]), hn::Set(df, e[0]));
+    const auto e1 = hn::MulAdd(from_x0, hn::Set(df, step[1]), hn::Set(df, e[1]));
+    const auto e2 = hn::MulAdd(from_x0, hn::Set(df, step[2]), hn::Set(df, e[2]));
+    const auto inside = hn::And(hn::Ge(x, first), hn::Lt(x, past));
+    const auto sum = hn::Add(hn::Add(e0, e1), e2), one = hn::Set(df, 32768.f);
+    auto scale = guess;
+    if (HWY_UNLIKELY(divide)) {
+      scale = hn::Div(one, sum);
+    } else {
+      const auto better = hn::Mul(guess, hn::NegMulAdd(sum, guess, two));
+      scale = hn::Mul(hn::Mul(better, hn::NegMulAdd(sum, better, two)), one);
+    }
+    const auto store = [&](const auto e_k, int16_t* to) HWY_ATTR {
+      // Rounding may leave a corner slightly outside of 0 to 1 at an edge. NaN is nothing.
+      const auto w = hn::Min(hn::Max(hn::Mul(e_k, scale), hn::Zero(df)), hn::Set(df, 32767.f));
+      const auto w16 = hn::BitCast(d16, to_fixed(d16, hn::IfThenElseZero(inside, w)));
+      hn::Store(hn::Or(hn::Load(d16, to + i), w16), d16, to + i);
+    };
+    if (corners & 1) store(e0, out[0]);
+    if (corners & 2) store(e1, out[1]);
+    if (corners & 4) store(e2, out[2]);
+  }
+}
+
+// Fills scratch.weights and head for the rows of a band inside rect.
+inline void weigh_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
+  scratch.weights_used = 0;
+  const int first_block = rect.x0 / kBlock, blocks = (rect.x1 + kBlock - 1) / kBlock - first_block;
+  std::fill_n(scratch.head.begin(), blocks, -1);
+  for (auto& last : scratch.last_face) std::fill_n(last.begin(), blocks, FaceEntries{});
+  const Rays& rays = task.plan->rays();
+  const bool linear = rays.separable();
+  const double u_step = linear ? rays.at(1, 0).x - rays.at(0, 0).x : 0;
+  for (int r = 0; r < kBandRows && y + r < rect.y1; r++)
+    for (const OwnerRun& run : task.runs->row(y + r, rect.x0, rect.x1)) {
+      const uint8_t corners = task.face_corners[run.face];
+      if (!corners) continue;
+      const FacePlan& face = task.plan->faces()[run.face];
+      const int run_x0 = std::max(run.x0, rect.x0), run_x1 = std::min(run.x1, rect.x1);
+      const Vec2 begin = rays.at(run_x0, y + r);
+      double e_begin[3], e_step[3];
+      float step[3];
+      for (int k = 0; k < 3; k++) {
+        e_begin[k] = FacePlan::evaluate(face.edge[k], begin);
+        e_step[k] = face.edge[k].x * u_step;
+        step[k] = static_cast<float>(e_step[k]);
+      }
+      for (int x = run_x0; x < run_x1;) {
+        const int block = x / kBlock, left = block * kBlock, end = linear ? std::min(run_x1, left + kBlock) : x + 1;
+        const FaceEntries& entries = entries_of(task, scratch, block - first_block, run.face, corners);
+        int16_t* out[3] = {};
+        for (int k = 0; k < 3; k++)
+          if (corners >> k & 1) {
+            BlockWeights& weights = scratch.weights[entries.entry[k]];
+            weights.rows |= 1u << r;
+            out[k] = weights.w[r];
+          }
+        float e[3];
+        for (int k = 0; k < 3; k++)
+          e[k] = static_cast<float>(linear ? e_begin[k] + (x - run_x0) * e_step[k]
+                                           : FacePlan::evaluate(face.edge[k], rays.at(x, y + r)));
+        weigh(e, step, x - left, end - left, corners, out);
+        x = end;
+      }
+    }
+}
+
+}  // namespace lf::simd::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+#endif

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Planning and rendering of one view from a square array of cameras: ns per output pixel = 1e9 / items_per_second.
+#include <benchmark/benchmark.h>
+
+#include "reference/generators.h"
+#include "render/sum_renderer.h"
+#include "rig/mesh.h"
+
+namespace lf {
+namespace {
+
+constexpr int kSizes[][2] = {{320, 240}, {640, 480}, {1280, 720}, {1920, 1080}};
+
+struct Scene {
+  Scene(int side, int width, int height, bool distorted, PixelFamily family) {
+    reference::Random random(1);
+    const double f = 1.25 * width, pitch = 0.4 / (side - 1);
+    for (int i = 0; i < side * side; i++) {
+      const Lens lens(LensModel::kRadial, {f * random.uniform(0.98, 1.02), (width - 1) / 2.0, (height - 1) / 2.0,
+                                           distorted ? -0.15 : 0, distorted ? 0.03 : 0});
+      const Vec3 place(i % side + random.uniform(-0.05, 0.05), i / side + random.uniform(-0.05, 0.05), 0);
+      rig.cameras.push_back(
+          reference::make_camera(i, width, height, lens, {pitch * place, random.small_rotation(0.0175)}));
+    }
+    rig.topology = {Topology::Type::kGrid, side, side, {}};
+    mesh = build_mesh(rig);
+    const Image rgb = reference::smooth_image(random, width, height);
+    image = family == PixelFamily::kI420 ? to_i420(rgb) : rgb;
+    for (int i = 0; i < side * side; i++) images.push_back(image);
+    view.width = width;
+    view.height = height;
+    view.lens = Lens::pinhole(f, (width - 1) / 2.0, (height - 1) / 2.0);
+    // Far enough behind the array for it to fill the view.
+    view.pose = {Vec3(0.2, 0.2, -0.45 * 0.4 * 1.25 * width / std::max(width, height) * 1), Quat(1, 0, 0, 0)};
+    view.pose.position.z = -0.9 * 0.2 * f / (width / 2.0);
+    view.focus.plane = plane_through({0, 0, 2}, {0, 0, -1});
+    for (int c = 0; c < 3; c++) sum[c].resize(static_cast<size_t>(width) * height);
+    lost.resize(sum[0].size());
+  }
+  std::vector<Source> sources(const ViewPlan& plan) const {
+    std::vector<Source> out;
+    for (const CameraIndex i : plan.contributors()) out.push_back({i, &rig.cameras[i], images[i].view()});
+    return out;
+  }
+  Rig rig;
+  Mesh mesh;
+  Image image;
+  std::vector<Image> images;
+  View view;
+  std::vector<int16_t> sum[3];
+  std::vector<uint16_t> lost;
+};
+
+void count(benchmark::State& state, const View& view) {
+  state.SetItemsProcessed(state.iterations() * int64_t{view.width} * view.height);
+}
+
+void Plan(benchmark::State& state) {
+  const auto& size = kSizes[state.range(0)];
+  Scene scene(static_cast<int>(state.range(1)), size[0], size[1], true, PixelFamily::kI420);
+  for (auto _ : state) {
+    const ViewPlan plan(scene.rig, scene.mesh, scene.view);
+    benchmark::DoNotOptimize(plan.faces().data());
+  }
+  count(state, scene.view);
+}
+BENCHMARK(Plan)->ArgsProduct({{0, 1, 2, 3}, {4, 8, 16}});
+
+void Owners(benchmark::State& state) {
+  const auto& size = kSizes[state.range(0)];
+  Scene scene(static_cast<int>(state.range(1)), size[0], size[1], true, PixelFamily::kI420);
+  const ViewPlan plan(scene.rig, scene.mesh, scene.view);
+  for (auto _ : state) {
+    const OwnerRuns runs(plan, {0, 0, scene.view.width, scene.view.height});
+    benchmark::DoNotOptimize(runs.row(0).data());
+  }
+  count(state, scene.view);
+}
+BENCHMARK(Owners)->ArgsProduct({{0, 1, 2, 3}, {4, 8, 16}});
+
+void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinates coordinates) {
+  const auto& size = kSizes[state.range(0)];
+  Scene scene(static_cast<int>(state.range(1)), size[0], size[1], distorted, family);
+  const ViewPlan plan(scene.rig, scene.mesh, scene.view);
+  const OwnerRuns runs(plan, {0, 0, scene.view.width, scene.view.height});
+  const auto sources = scene.sources(plan);
+  SumPlanes out{.family = family};
+  for (auto _ : state) {
+    const SumRenderer renderer(plan, runs, sources, family, coordinates);
+    out.rect = renderer.rect();
+    for (int c = 0; c < 3; c++) {
+      out.plane[c] = scene.sum[c].data();
+      out.stride[c] = family == PixelFamily::kI420 && c > 0 ? chroma_size(out.rect.width()) : out.rect.width();
+    }
+    benchmark::DoNotOptimize(renderer.render_rows(out.rect.y0, out.rect.y1, out));
+  }
+  state.SetLabel(simd_target_name());
+  state.SetItemsProcessed(state.iterations() * int64_t{out.rect.width()} * out.rect.height());
+}
+BENCHMARK_CAPTURE(Sum, i420_grid, PixelFamily::kI420, true, Coordinates::kGrid)
+    ->ArgsProduct({{0, 1, 2, 3}, {4, 8, 16}});
+BENCHMARK_CAPTURE(Sum, i420_undistorted, PixelFamily::kI420, false, Coordinates::kGrid)->ArgsProduct({{0, 3}, {8}});
+BENCHMARK_CAPTURE(Sum, i420_exact, PixelFamily::kI420, true, Coordinates::kExact)->ArgsProduct({{0, 3}, {8}});
+BENCHMARK_CAPTURE(Sum, rgb_grid, PixelFamily::kRgb, true, Coordinates::kGrid)->ArgsProduct({{0, 3}, {8}});
+
+}  // namespace
+}  // namespace lf
+
+BENCHMARK_MAIN();

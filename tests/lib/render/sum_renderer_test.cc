@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "render/sum_renderer.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+
+#include <hwy/targets.h>
+
+#include "base/error.h"
+#include "lib/render/production.h"
+#include "reference/generators.h"
+#include "render/float_renderer.h"
+
+namespace lf {
+namespace {
+
+using reference::Random;
+
+// Memory for a sum over a rectangle.
+struct Sum {
+  Sum(PixelFamily family, const Rect& rect) {
+    planes.family = family;
+    planes.rect = rect;
+    for (int c = 0; c < 3; c++) {
+      const bool half = family == PixelFamily::kI420 && c > 0;
+      const int w = half ? chroma_size(rect.width()) : rect.width(),
+                h = half ? chroma_size(rect.height()) : rect.height();
+      memory[c].assign(static_cast<size_t>(w) * h, 12345);
+      planes.plane[c] = memory[c].data();
+      planes.stride[c] = w;
+    }
+    lost.assign(static_cast<size_t>(rect.width()) * rect.height(), 12345);
+    planes.lost = lost.data();
+    planes.lost_stride = rect.width();
+  }
+  double lost_weight(int x, int y) const {
+    return planes.lost[(y - planes.rect.y0) * planes.lost_stride + (x - planes.rect.x0)] / double{kLostOne};
+  }
+  bool operator==(const Sum& o) const {
+    return memory[0] == o.memory[0] && memory[1] == o.memory[1] && memory[2] == o.memory[2] && lost == o.lost;
+  }
+  std::vector<int16_t> memory[3];
+  std::vector<uint16_t> lost;
+  SumPlanes planes;
+};
+
+std::vector<Source> sources_of(const Rig& rig, const ViewPlan& plan, const std::vector<Image>& images) {
+  std::vector<Source> sources;
+  for (const CameraIndex i : plan.contributors()) sources.push_back({i, &rig.cameras[i], images[i].view()});
+  return sources;
+}
+
+Image checkerboard(Random& random, int width, int height) {
+  Image image(PixelFamily::kRgb, width, height);
+  for (int y = 0; y < height; y++)
+    for (int x = 0; x < width; x++)
+      for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = (x + y) % 2 ? 255 : 0;
+  (void)random;
+  return image;
+}
+
+struct Worst {
+  double level = 0, chroma = 0, lost = 0;
+  int64_t pixels = 0;
+};
+
+// Sums of render_float() over the view, per plane: R, G, B or Y, Cb, Cr.
+struct FloatSum {
+  FloatSum(const Rig& rig, const test::Production& production, const std::vector<Image>& images) {
+    const View& view = production.plan.view();
+    const bool i420 = images.front().family() == PixelFamily::kI420;
+    width = view.width;
+    for (int c = 0; c < 3; c++) {
+      stride[c] = i420 && c > 0 ? chroma_size(width) : width;
+      plane[c].resize(static_cast<size_t>(stride[c]) * (i420 && c > 0 ? chroma_size(view.height) : view.height));
+    }
+    lost.resize(static_cast<size_t>(width) * view.height);
+    for (const CameraIndex i : production.plan.contributors()) {
+      const auto f = render_float(production.plan, production.owners, i, rig.cameras[i], images[i].view());
+      if (!f) continue;
+      const Rect& rect = f->rect;
+      size_t from = 0;
+      for (int y = rect.y0; y < rect.y1; y++)
+        for (int x = rect.x0; x < rect.x1; x++, from++) {
+          lost[y * width + x] += f->lost[from];
+          for (int c = 0; c < 3 && !i420; c++) plane[c][y * width + x] += f->colour[3 * from + c];
+          if (i420) plane[0][y * width + x] += f->colour[from];
+        }
+      for (int c = 1; c < 3 && i420; c++)
+        for (int y = 0; y < chroma_size(rect.height()); y++)
+          for (int x = 0; x < chroma_size(rect.width()); x++, from++)
+            plane[c][(rect.y0 / 2 + y) * stride[c] + rect.x0 / 2 + x] += f->colour[from];
+    }
+  }
+  int width;
+  int stride[3];
+  std::vector<double> plane[3], lost;
+};
+
+// Beside render_float(), in sums that are not divided by what was lost.
+void compare(const Rig& rig, const View& view, const std::vector<Image>& rgb, PixelFamily family,
+             Coordinates coordinates, Worst& worst) {
+  const Mesh mesh = build_mesh(rig);
+  const test::Production production(rig, mesh, view);
+  const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
+  const FloatSum expected(rig, production, images);
+  const OwnerRuns runs(production.plan, test::whole(view));
+  const auto sources = sources_of(rig, production.plan, images);
+  const SumRenderer renderer(production.plan, runs, sources, family, coordinates);
+  const Rect& rect = renderer.rect();
+  if (rect.empty()) return;
+  Sum sum(family, rect);
+  const bool any_lost = renderer.render_rows(rect.y0, rect.y1, sum.planes);
+  bool expect_lost = false;
+  for (int y = rect.y0; y < rect.y1; y++)
+    for (int x = rect.x0; x < rect.x1; x++) {
+      worst.pixels++;
+      const double lost = expected.lost[y * view.width + x];
+      expect_lost = expect_lost || lost > 1e-4;
+      worst.lost = std::max(worst.lost, std::abs(sum.lost_weight(x, y) - lost));
+    }
+  EXPECT_TRUE(any_lost || !expect_lost);
+  for (int c = 0; c < 3; c++) {
+    const int shift = family == PixelFamily::kI420 && c > 0 ? 1 : 0;
+    for (int y = rect.y0 >> shift; y < (rect.y1 + shift) >> shift; y++)
+      for (int x = rect.x0 >> shift; x < (rect.x1 + shift) >> shift; x++) {
+        const int16_t value =
+            sum.planes.plane[c][(y - (rect.y0 >> shift)) * sum.planes.stride[c] + x - (rect.x0 >> shift)];
+        const double error = std::abs(value / 128.0 - expected.plane[c][y * expected.stride[c] + x]);
+        double& largest = shift ? worst.chroma : worst.level;
+        largest = std::max(largest, error);
+      }
+  }
+}
+
+// An array of cameras as they are mounted: jitter, lenses that differ and distort.
+Rig jittered_array(Random& random, int side, int width, int height, double k1) {
+  Rig rig;
+  for (int i = 0; i < side * side; i++) {
+    const double focal = 1.25 * width * random.uniform(0.98, 1.02);
+    const Lens lens(LensModel::kRadial, {focal, (width - 1) / 2.0, (height - 1) / 2.0, k1, -k1 / 5});
+    const Vec3 place(i % side + random.uniform(-0.05, 0.05), i / side + random.uniform(-0.05, 0.05), 0);
+    rig.cameras.push_back(reference::make_camera(i, width, height, lens, {0.1 * place, random.small_rotation(0.0175)}));
+  }
+  rig.topology = {Topology::Type::kGrid, side, side, {}};
+  return rig;
+}
+
+View view_into(const Rig& rig, int side, int width, int height, const Quat& turn) {
+  View view;
+  view.width = width;
+  view.height = height;
+  const double f = 1.25 * width;
+  view.lens = Lens::pinhole(f, (width - 1) / 2.0, (height - 1) / 2.0);
+  const double middle = 0.1 * (side - 1) / 2;
+  view.pose = {Vec3(middle + 0.01, middle - 0.02, -0.9 * middle * 2 * 1.25), turn};
+  view.focus.plane = plane_through({0, 0, 2}, glm::normalize(Vec3(0.1, 0.2, -1)));
+  (void)rig;
+  return view;
+}
+
+TEST(SumRenderer, IsWithinItsBoundOfTheRule) {
+  for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
+      for (const Coordinates coordinates : {Coordinates::kGrid, Coordinates::kExact})
+        for (const bool hard : {false, true}) {
+          Worst worst;
+          for (int trial = 0; trial < 4; trial++) {
+            Random random(trial);
+            const int side = 3 + trial, width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
+            const Rig rig = jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
+            const View view = view_into(rig, side, width, height, random.small_rotation(0.2));
+            const auto images = images_of(rig, random, hard ? checkerboard : reference::smooth_image);
+            compare(rig, view, images, family, coordinates, worst);
+          }
+          std::printf("%-8s %s %-5s %-12s: level error %.3f, chroma %.3f, lost %.2g, %ld pixels\n",
+                      hwy::TargetName(target), family == PixelFamily::kI420 ? "I420" : "RGB ",
+                      coordinates == Coordinates::kGrid ? "grid" : "exact", hard ? "checkerboard" : "smooth",
+                      worst.level, worst.chroma, worst.lost, long(worst.pixels));
+          EXPECT_LE(worst.level, hard ? 0.75 : 0.2);
+          EXPECT_LE(worst.chroma, hard ? 0.75 : 0.2);
+          EXPECT_LE(worst.lost, 1e-4);
+        }
+    hwy::SetSupportedTargetsForTest(0);
+  }
+}
+
+}  // namespace
+}  // namespace lf
