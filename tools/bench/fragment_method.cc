@@ -6,6 +6,7 @@
 #include "composite/accumulator.h"
 #include "render/fragment_renderer.h"
 #include "render/render_job.h"
+#include "render/sum_renderer.h"
 #include "wire/answer_parser.h"
 #include "wire/fragment_codec.h"
 #include "wire/payload.h"
@@ -13,7 +14,8 @@
 namespace lf::bench {
 namespace {
 
-using Renderer = std::shared_ptr<const FragmentRenderer>;
+using Renderer = std::function<std::optional<Fragment>(const RenderJob& job, CameraIndex camera,
+                                                       const Camera& rig_camera, const ImageView& image)>;
 
 class FragmentMethod : public Method {
  public:
@@ -26,8 +28,7 @@ class FragmentMethod : public Method {
     bytes_ = 0;
     fragments_.clear();
     for (const CameraIndex camera : job.cameras()) {
-      auto fragment = renderer_->render(job.plan(), job.owners(), camera, scene_.rig().cameras[camera],
-                                        scene_.image(camera, pixels_));
+      auto fragment = renderer_(job, camera, scene_.rig().cameras[camera], scene_.image(camera, pixels_));
       if (!fragment) continue;
       if (jpeg_quality_ > 0) {
         fragments_.push_back(std::move(*fragment));
@@ -73,17 +74,31 @@ class FragmentMethod : public Method {
 }  // namespace
 
 void add_fragments(const MethodOptions& options, std::vector<MethodKind>& kinds) {
-  const Renderer scalar = make_scalar_renderer();
-  const auto add = [&](Pixels pixels, int quality) {
-    Setting setting{"scalar", pixels, quality > 0 ? "jpeg" : "raw", quality};
-    setting.is_default = pixels == Pixels::kI420 && (quality == 0 || quality == 90);
+  const auto add = [&](const char* name, const Renderer& renderer, Pixels pixels, int quality) {
+    Setting setting{name, pixels, quality > 0 ? "jpeg" : "raw", quality};
+    if (setting.renderer == "simd") setting.grid = std::to_string(kGridStep);
     kinds.push_back({setting, [=](const Scene& scene, const View& view) {
-                       return std::make_unique<FragmentMethod>(scene, view, scalar, pixels, quality);
+                       return std::make_unique<FragmentMethod>(scene, view, renderer, pixels, quality);
                      }});
   };
-  add(Pixels::kI420, 0);
-  if (options.all) add(Pixels::kRgb, 0);
-  for (const int quality : options.qualities) add(Pixels::kI420, quality);
+  const std::shared_ptr<const FragmentRenderer> plain = make_scalar_renderer();
+  const Renderer scalar = [plain](const RenderJob& job, CameraIndex camera, const Camera& rig_camera,
+                                  const ImageView& image) {
+    return plain->render(job.plan(), job.owners(), camera, rig_camera, image);
+  };
+  const Renderer simd = [](const RenderJob& job, CameraIndex camera, const Camera& rig_camera, const ImageView& image) {
+    return render_fragment(job.plan(), job.runs(), {camera, &rig_camera, image});
+  };
+  add("scalar", scalar, Pixels::kI420, 0);
+  add("simd", simd, Pixels::kI420, 0);
+  if (options.all) {
+    add("scalar", scalar, Pixels::kRgb, 0);
+    add("simd", simd, Pixels::kRgb, 0);
+  }
+  for (const int quality : options.qualities) {
+    if (options.all) add("scalar", scalar, Pixels::kI420, quality);
+    add("simd", simd, Pixels::kI420, quality);
+  }
 }
 
 }  // namespace lf::bench
