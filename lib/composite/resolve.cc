@@ -19,9 +19,6 @@ bool any_set(const T* values, int n) {
   return any != 0;
 }
 
-// To the nearest of 0..255, halves up.
-uint8_t to_byte(float v) { return static_cast<uint8_t>(std::clamp(v + 0.5f, 0.f, 255.f)); }
-
 void hide(float* __restrict scale, const uint8_t* __restrict uncovered, int n) {
   for (int i = 0; i < n; i++) scale[i] = uncovered[i] ? 0.f : scale[i];
 }
@@ -98,7 +95,7 @@ void resolve_i420(const ConstSumPlanes& sum, const Weights& weights, const Backg
   const int w = sum.rect.width(), h = sum.rect.height(), cw = chroma_size(w);
   const YCbCr back = to_ycbcr(background);
   std::vector<float> scale(w), share(cw), chroma_scale(cw);
-  std::vector<int> lost(cw), hidden(cw);  // sums over the pixels of a chroma sample
+  std::vector<int32_t> lost(cw), hidden(cw);  // sums over the pixels of a chroma sample
   for (int cy = 0; cy < chroma_size(h); cy++) {
     const int rows = std::min(2, h - 2 * cy);
     std::ranges::fill(lost, 0);
@@ -113,22 +110,15 @@ void resolve_i420(const ConstSumPlanes& sum, const Weights& weights, const Backg
       }
       plain = false;
       scale_row(out, in, scale.data(), back.y, w);
-      const uint16_t* const row_lost = weights.lost(y);
-      for (int cx = 0; cx < cw; cx++) {
-        const int left = 2 * cx, right = std::min(left + 1, w - 1), both = right - left;
-        hidden[cx] += (scale[left] == 0) + both * (scale[right] == 0);
-        if (row_lost)
-          lost[cx] += std::min<int>(row_lost[left], kLostOne) + both * std::min<int>(row_lost[right], kLostOne);
-      }
+      add_pairs(lost.data(), hidden.data(), weights.lost(y), scale.data(), w);
     }
     // Lost weight is the mean over the sample's pixels; the background takes the share of those that show it.
-    if (!plain)
-      for (int cx = 0; cx < cw; cx++) {
-        const float n = static_cast<float>(rows * std::min(2, w - 2 * cx));
-        const float left = kLostOne - static_cast<float>(lost[cx]) / n;
-        share[cx] = left < kLeastWeight ? 1.f : static_cast<float>(hidden[cx]) / n;
-        chroma_scale[cx] = left < kLeastWeight ? 0.f : kLostOne / kOneLevel / left;
-      }
+    if (!plain) {
+      const int pairs = w / 2;
+      const auto pixels = static_cast<float>(rows);
+      make_chroma_scales(chroma_scale.data(), share.data(), lost.data(), hidden.data(), 2 * pixels, pairs);
+      if (cw > pairs) make_chroma_scales(&chroma_scale[pairs], &share[pairs], &lost[pairs], &hidden[pairs], pixels, 1);
+    }
     for (int c = 1; c < 3; c++) {
       const int16_t* const in = sum.plane[c] + cy * sum.stride[c];
       uint8_t* const out = plane[c] + cy * stride[c];
@@ -136,11 +126,7 @@ void resolve_i420(const ConstSumPlanes& sum, const Weights& weights, const Backg
         round_chroma_row(out, in, cw, 128);
         continue;
       }
-      const float back_c = c == 1 ? back.cb : back.cr;
-      for (int cx = 0; cx < cw; cx++) {
-        const float colour = std::clamp(in[cx] * chroma_scale[cx], -128.f, 127.f);
-        out[cx] = to_byte(128 + colour * (1 - share[cx]) + back_c * share[cx]);
-      }
+      scale_chroma_row(out, in, chroma_scale.data(), share.data(), c == 1 ? back.cb : back.cr, cw);
     }
   }
 }

@@ -22,6 +22,13 @@ void scales_of(float* HWY_RESTRICT scale, const uint16_t* HWY_RESTRICT lost, int
   });
 }
 
+// To the nearest of 0..255, halves up.
+template <class D, class V>
+HWY_INLINE auto to_bytes(D d, V v) {
+  const auto level = hn::Min(hn::Max(hn::Add(v, hn::Set(d, 0.5f)), hn::Zero(d)), hn::Set(d, 255.f));
+  return hn::DemoteTo(hn::Rebind<uint8_t, D>(), hn::ConvertTo(hn::Rebind<int32_t, D>(), level));
+}
+
 void scaled(uint8_t* HWY_RESTRICT out, const int16_t* HWY_RESTRICT sum, const float* HWY_RESTRICT scale,
             float background, int n) {
   for_lanes<float>(n, [&](auto d, int i) HWY_ATTR {
@@ -31,9 +38,49 @@ void scaled(uint8_t* HWY_RESTRICT out, const int16_t* HWY_RESTRICT sum, const fl
     const auto s = hn::LoadU(d, scale + i);
     const auto value = hn::Mul(hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d16, sum + i))), s);
     const auto shown = hn::IfThenElse(hn::Eq(s, hn::Zero(d)), hn::Set(d, background), value);
-    const auto rounded = hn::Add(shown, hn::Set(d, 0.5f));
-    const auto level = hn::Min(hn::Max(rounded, hn::Zero(d)), hn::Set(d, 255.f));
-    hn::StoreU(hn::DemoteTo(d8, hn::ConvertTo(d32, level)), d8, out + i);
+    hn::StoreU(to_bytes(d, shown), d8, out + i);
+  });
+}
+
+// Plain loops that the compiler makes vector code of, for each instruction set: nothing of std:: in here.
+
+HWY_INLINE int32_t at_most_one(uint16_t lost) { return lost < kLostOne ? lost : kLostOne; }
+
+void pairs_of(int32_t* HWY_RESTRICT lost, int32_t* HWY_RESTRICT hidden, const uint16_t* HWY_RESTRICT row_lost,
+              const float* HWY_RESTRICT row_scale, int w) {
+  const int pairs = w / 2;
+  if (row_lost)
+    for (int i = 0; i < pairs; i++) lost[i] += at_most_one(row_lost[2 * i]) + at_most_one(row_lost[2 * i + 1]);
+  for (int i = 0; i < pairs; i++) hidden[i] += (row_scale[2 * i] == 0) + (row_scale[2 * i + 1] == 0);
+  if (w % 2 == 0) return;
+  if (row_lost) lost[pairs] += at_most_one(row_lost[w - 1]);
+  hidden[pairs] += row_scale[w - 1] == 0;
+}
+
+void chroma_scales_of(float* HWY_RESTRICT scale, float* HWY_RESTRICT share, const int32_t* HWY_RESTRICT lost,
+                      const int32_t* HWY_RESTRICT hidden, float pixels, int n) {
+  constexpr float kOne = kLostOne / static_cast<float>(1 << kSumFractionBits);
+  for (int i = 0; i < n; i++) {
+    const float left = kLostOne - static_cast<float>(lost[i]) / pixels;
+    const float enough = left < kLeastWeight ? 0.f : 1.f, some = left < kLeastWeight ? 1.f : left;
+    scale[i] = enough * (kOne / some);
+    share[i] = (1 - enough) + enough * (static_cast<float>(hidden[i]) / pixels);
+  }
+}
+
+void scaled_chroma(uint8_t* HWY_RESTRICT out, const int16_t* HWY_RESTRICT sum, const float* HWY_RESTRICT scale,
+                   const float* HWY_RESTRICT share, float background, int n) {
+  for_lanes<float>(n, [&](auto d, int i) HWY_ATTR {
+    const hn::Rebind<int32_t, decltype(d)> d32;
+    const hn::Rebind<int16_t, decltype(d)> d16;
+    const hn::Rebind<uint8_t, decltype(d)> d8;
+    const auto value = hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d16, sum + i)));
+    const auto colour =
+        hn::Min(hn::Max(hn::Mul(value, hn::LoadU(d, scale + i)), hn::Set(d, -128.f)), hn::Set(d, 127.f));
+    const auto back = hn::LoadU(d, share + i);
+    const auto shown = hn::Add(hn::Add(hn::Set(d, 128), hn::Mul(colour, hn::Sub(hn::Set(d, 1), back))),
+                               hn::Mul(hn::Set(d, background), back));
+    hn::StoreU(to_bytes(d, shown), d8, out + i);
   });
 }
 
@@ -45,10 +92,24 @@ namespace lf {
 
 HWY_EXPORT(scales_of);
 HWY_EXPORT(scaled);
+HWY_EXPORT(pairs_of);
+HWY_EXPORT(chroma_scales_of);
+HWY_EXPORT(scaled_chroma);
 
 void make_scales(float* scale, const uint16_t* lost, int n) { HWY_DYNAMIC_DISPATCH(scales_of)(scale, lost, n); }
 void scale_row(uint8_t* out, const int16_t* sum, const float* scale, float background, int n) {
   HWY_DYNAMIC_DISPATCH(scaled)(out, sum, scale, background, n);
+}
+
+void add_pairs(int32_t* lost, int32_t* hidden, const uint16_t* row_lost, const float* row_scale, int w) {
+  HWY_DYNAMIC_DISPATCH(pairs_of)(lost, hidden, row_lost, row_scale, w);
+}
+void make_chroma_scales(float* scale, float* share, const int32_t* lost, const int32_t* hidden, float pixels, int n) {
+  HWY_DYNAMIC_DISPATCH(chroma_scales_of)(scale, share, lost, hidden, pixels, n);
+}
+void scale_chroma_row(uint8_t* out, const int16_t* sum, const float* scale, const float* share, float background,
+                      int n) {
+  HWY_DYNAMIC_DISPATCH(scaled_chroma)(out, sum, scale, share, background, n);
 }
 
 }  // namespace lf

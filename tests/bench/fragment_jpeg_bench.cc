@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // What a fragment costs in JPEG, alone and in stacks: the measurements behind FragmentEncoder's rule for atlases.
 // Counters: microseconds and bytes a fragment, and the PSNR of what comes back.
+#include <map>
+
 #include <benchmark/benchmark.h>
 
 #include "jpeg/fragment_decoder.h"
@@ -19,12 +21,20 @@ constexpr struct {
 } kSets[] = {
     {"40x30", 16, 320, 240, 48}, {"64x48", 10, 320, 240, 32}, {"96x72", 8, 384, 288, 24}, {"320x240", 8, 1280, 960, 8}};
 
+// Rendered once: Google Benchmark calls a function many times.
+const std::vector<Fragment>& fragments_of(PixelFamily family, int set) {
+  static std::map<std::pair<PixelFamily, int>, std::vector<Fragment>> cache;
+  std::vector<Fragment>& fragments = cache[{family, set}];
+  if (!fragments.empty()) return fragments;
+  const auto& s = kSets[set];
+  fragments = weighted_fragments(family, s.side, s.width, s.height, s.count);
+  std::ranges::stable_sort(fragments, {}, [](const Fragment& f) { return (f.rect.width() + 15) / 16; });
+  return fragments;
+}
+
 struct Stacks {
   // As FragmentEncoder does: members of a stack are as wide as one another.
-  Stacks(PixelFamily family, int set, size_t members)
-      : fragments(weighted_fragments(family, kSets[set].side, kSets[set].width, kSets[set].height, kSets[set].count)) {
-    std::ranges::stable_sort(fragments, {}, [](const Fragment& f) { return (f.rect.width() + 15) / 16; });
-    all = planes_of_all(fragments);
+  Stacks(PixelFamily family, int set, size_t members) : all(planes_of_all(fragments_of(family, set))) {
     const std::span<const FragmentPlanes> rest = all;
     for (size_t i = 0, n; i < rest.size(); i += n) {
       const auto width = [&](size_t k) { return (rest[k].rect.width() + 15) / 16; };
@@ -32,7 +42,6 @@ struct Stacks {
       stacks.push_back(rest.subspan(i, n));
     }
   }
-  std::vector<Fragment> fragments;
   std::vector<FragmentPlanes> all;
   std::vector<std::span<const FragmentPlanes>> stacks;
 };
