@@ -24,6 +24,11 @@
 // live sources, running time for others.
 #define LF_CAPTURE_TIME_CAPS "timestamp/x-lightfield-capture"
 
+// Custom query with which a node asks downstream whether the compositor is in its process: lfcompositor answers TRUE.
+// Elements that keep buffers as they are (queue, tee, identity, funnel) pass it on; files, sockets and payloaders don't
+// know it.
+#define LF_IN_PROCESS_QUERY "lightfield-in-process"
+
 namespace lf {
 
 // The rig in `path`; elements that name the same unchanged file share one copy. Thread-safe. Throws Error.

@@ -51,7 +51,7 @@ static void lf_fragment_pad_init(LfFragmentPad* pad) {
 }
 
 // Which camera this pad has; posts an error and returns false if there is none such or another pad has it.
-static bool lf_fragment_assign_camera(LfFragment* self, LfFragmentPad* pad) {
+bool lf_fragment_assign_camera(LfFragment* self, LfFragmentPad* pad) {
   auto& input = *pad->input;
   if (input.index != lf::MeshFace::kNone) return true;
   const lf::Rig* rig = self->node->rig().get();

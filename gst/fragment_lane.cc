@@ -11,6 +11,16 @@ GST_DEBUG_CATEGORY_EXTERN(lf_fragment_debug);
 
 Lane* lf_fragment_lane_of(GstPad* pad) { return static_cast<Lane*>(gst_pad_get_element_private(pad)); }
 
+// Whether answers stay in this process up to the compositor. Asked once and when downstream has changed.
+static bool lf_fragment_compositor_is_near(Lane* lane) {
+  if (!lane->downstream_is_new.exchange(false)) return lane->in_process;
+  GstQuery* query = gst_query_new_custom(GST_QUERY_CUSTOM, gst_structure_new_empty(LF_IN_PROCESS_QUERY));
+  lane->in_process = gst_pad_peer_query(lane->src, query);
+  gst_query_unref(query);
+  GST_INFO_OBJECT(lane->src, "the compositor is %s", lane->in_process ? "in this process" : "behind a link");
+  return lane->in_process;
+}
+
 static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
   LfFragment* self = LF_FRAGMENT(parent);
   Lane* lane = lf_fragment_lane_of(pad);
@@ -23,19 +33,25 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
     GST_WARNING_OBJECT(pad, "dropped a view request: %s", reason.c_str());
     return GST_FLOW_OK;
   }
-  std::string warning;
-  const lf::wire::Answer answer =
-      self->node->answer(*request, lane->requester, gst_element_get_base_time(GST_ELEMENT(self)), lane->live, warning);
-  if (!warning.empty())
-    GST_ELEMENT_WARNING(self, STREAM, FAILED, ("View %u: %s.", request->view_id, warning.c_str()), (nullptr));
-  GstBuffer* out = lf::wrap_bytes(lane->encoder.encode(answer, answer.fragments, 0));
+  lf::FragmentNode::Manner manner;
+  GST_OBJECT_LOCK(self);
+  manner.sum = self->sum;
+  manner.codec = self->codec;
+  GST_OBJECT_UNLOCK(self);
+  manner.in_process = lf_fragment_compositor_is_near(lane);
+  manner.live = lane->live;
+  manner.base_time = gst_element_get_base_time(GST_ELEMENT(self));
+  lf::FragmentNode::Reply reply = self->node->answer(*request, lane->requester, manner, lane->memory->take());
+  if (!reply.warning.empty())
+    GST_ELEMENT_WARNING(self, STREAM, FAILED, ("View %u: %s.", request->view_id, reply.warning.c_str()), (nullptr));
+  GstBuffer* out = lf::wrap_answer(std::move(reply.bytes), lane->memory);
   GST_BUFFER_PTS(out) = pts;
   GST_BUFFER_DURATION(out) = duration;
   self->node->stats().answers++;
-  self->node->stats().fragments += answer.fragments.size();
+  self->node->stats().fragments += reply.fragments;
   self->node->stats().bytes += gst_buffer_get_size(out);
   GST_LOG_OBJECT(pad, "view %u, request %u: %zu fragments, %" G_GSIZE_FORMAT " bytes", request->view_id,
-                 request->sequence, answer.fragments.size(), gst_buffer_get_size(out));
+                 request->sequence, reply.fragments, gst_buffer_get_size(out));
   return gst_pad_push(lane->src, out);
 }
 
@@ -58,9 +74,13 @@ static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEve
       gst_event_unref(event);
       event = gst_event_new_caps(caps);
       gst_caps_unref(caps);
+      lane->downstream_is_new = true;
       break;
     }
-    case GST_EVENT_SEGMENT: lane->live = lf_fragment_upstream_is_live(pad); break;
+    case GST_EVENT_SEGMENT:
+      lane->live = lf_fragment_upstream_is_live(pad);
+      lane->downstream_is_new = true;
+      break;
     case GST_EVENT_EOS: lf_fragment_lane_ended(self, lane); break;
     default: break;
   }
@@ -70,6 +90,7 @@ static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEve
 // Everything from downstream (QoS, navigation, latency) concerns the requester, never the cameras: what they take
 // belongs to the capture, not to the request path.
 static gboolean lf_fragment_src_event(GstPad* pad, GstObject*, GstEvent* event) {
+  if (GST_EVENT_TYPE(event) == GST_EVENT_RECONFIGURE) lf_fragment_lane_of(pad)->downstream_is_new = true;
   return gst_pad_push_event(lf_fragment_lane_of(pad)->request, event);
 }
 

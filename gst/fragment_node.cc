@@ -4,7 +4,8 @@
 #include <chrono>
 
 #include "base/error.h"
-#include "camera_image.h"
+#include "node/answer_renderer.h"
+#include "wire/answer_writer.h"
 
 namespace lf {
 namespace {
@@ -64,70 +65,80 @@ FragmentNode::Cameras FragmentNode::cameras(bool wait_for_all) {
   return cameras_;
 }
 
-wire::Answer FragmentNode::answer(const ViewRequest& request, Requester& requester, uint64_t base_time,
-                                  bool live_request, std::string& warning) {
+FragmentNode::Reply FragmentNode::answer(const ViewRequest& request, Requester& requester, const Manner& manner,
+                                         ByteBuffer memory) {
   stats_.requests++;
-  wire::Answer answer;
-  answer.view_id = request.view_id;
-  answer.sequence = request.sequence;
-  answer.view_width = request.view.width;
-  answer.view_height = request.view.height;
-  answer.target_time = request.target_time;
-  answer.rig_hash = rig_hash_;
-  answer.node = node_id_;
-  if (request.rig_hash != 0 && request.rig_hash != answer.rig_hash) {
+  wire::AnswerHeader header;
+  header.view_id = request.view_id;
+  header.sequence = request.sequence;
+  header.view_width = request.view.width;
+  header.view_height = request.view.height;
+  header.target_time = request.target_time;
+  header.rig_hash = rig_hash_;
+  header.node = node_id_;
+  std::string warning;
+  if (request.rig_hash != 0 && request.rig_hash != header.rig_hash) {
     stats_.rig_mismatches++;
     warning = "a request was made for another rig than the one of this node: not answered with a picture";
-    return answer;
+  } else {
+    try {
+      return render(request, requester, manner, header, std::move(memory));
+    } catch (const Error& error) {
+      warning = error.what();
+      stats_.bad_requests++;
+    }
   }
+  return {.bytes = wire::AnswerWriter(header, 0).finish(), .warning = std::move(warning)};
+}
 
+FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& requester, const Manner& manner,
+                                         wire::AnswerHeader header, ByteBuffer memory) {
   // Frame times are running times; the request's may be clock time.
   const bool newest = request.target_time == kNoTime;
-  const uint64_t to_running = request.absolute_time ? base_time : 0;
+  const uint64_t to_running = request.absolute_time ? manner.base_time : 0;
   const uint64_t wanted = newest ? kNoTime : request.target_time - std::min(request.target_time, to_running);
 
-  try {
-    const uint64_t begin = now_ns();
-    const Cameras inputs = cameras(!live_request);
-    std::vector<CameraIndex> own;
-    for (const auto& [camera, frames] : inputs) {
-      own.push_back(camera);
-      frames->advance(wanted);
-    }
-    const RenderJob job(*rig_, requester.mesh.get(*rig_, request.out_of_service), request.view, own);
-    const uint64_t planned = now_ns();
-    std::vector<std::pair<CameraIndex, CameraFrame>> frames;
-    for (const CameraIndex camera : job.cameras()) {
-      std::optional<CameraFrame> frame = inputs.at(camera)->find(wanted, !live_request);
-      if (frame)
-        frames.emplace_back(camera, std::move(*frame));
-      else
-        stats_.missing_frames++;
-    }
-    const uint64_t found = now_ns();
-    uint64_t worst_skew = 0;
-    for (const auto& [camera, frame] : frames) {
-      const MappedFrame image(frame);
-      if (!image.ok()) continue;
-      answer.family = image.view().family;
-      const uint64_t skew = newest ? 0 : time_between(frame.time, wanted);
-      if (answer.actual_time == kNoTime || skew > worst_skew) {
-        worst_skew = skew;
-        answer.actual_time = frame.time + to_running;
-      }
-      std::optional<Fragment> fragment =
-          renderer_->render(job.plan(), job.owners(), camera, rig_->cameras[camera], image.view());
-      if (fragment) answer.fragments.push_back(std::move(*fragment));
-    }
-    if (answer.family == PixelFamily::kNone) answer.family = agree_on_family(PixelFamily::kNone);
-    stats_.wait_ns = found - planned;
-    stats_.render_ns = now_ns() - found + (planned - begin);
-    if (worst_skew > stats_.max_skew_ns) stats_.max_skew_ns = worst_skew;
-  } catch (const Error& error) {
-    warning = error.what();
-    stats_.bad_requests++;
+  const uint64_t arrived = now_ns();
+  const Cameras inputs = cameras(!manner.live);
+  const uint64_t begun = now_ns();
+  std::vector<CameraIndex> own;
+  for (const auto& [camera, frames] : inputs) {
+    own.push_back(camera);
+    frames->advance(wanted);
   }
-  return answer;
+  const RenderJob job(*rig_, requester.mesh.get(*rig_, request.out_of_service), request.view, own);
+  const uint64_t planned = now_ns();
+  std::vector<std::optional<CameraFrame>> frames;
+  for (const CameraIndex camera : job.cameras()) frames.push_back(inputs.at(camera)->find(wanted, !manner.live));
+  const uint64_t found = now_ns();
+
+  FrameSources sources(*rig_);
+  uint64_t worst_skew = 0;
+  for (size_t i = 0; i < frames.size(); i++) {
+    if (!frames[i] || !sources.add(job.cameras()[i], *frames[i])) {
+      if (!frames[i]) sources.add_without_image(job.cameras()[i]);
+      stats_.missing_frames++;
+      continue;
+    }
+    const uint64_t skew = newest ? 0 : time_between(frames[i]->time, wanted);
+    if (header.actual_time == kNoTime || skew > worst_skew) {
+      worst_skew = skew;
+      header.actual_time = frames[i]->time + to_running;
+    }
+  }
+  header.family = sources.family();
+  // Without an image in the view the answer still says what the node's images are.
+  const bool nothing = header.family == PixelFamily::kNone;
+  if (nothing) header.family = agree_on_family(PixelFamily::kNone);
+
+  const AnswerForm form = choose_form(job, manner.sum, manner.codec, manner.in_process, request.quality);
+  RenderedAnswer rendered =
+      render_answer(header, job, nothing ? std::span<const Source>() : sources.sources(), form, std::move(memory));
+  stats_.add({.wait = begun - arrived + (found - planned),
+              .render = planned - begun + rendered.render_ns,
+              .encode = rendered.encode_ns});
+  if (worst_skew > stats_.max_skew_ns) stats_.max_skew_ns = worst_skew;
+  return {.bytes = std::move(rendered.bytes), .fragments = rendered.fragments};
 }
 
 }  // namespace lf

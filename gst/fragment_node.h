@@ -8,8 +8,11 @@
 #include <string>
 #include <vector>
 
+#include "base/byte_buffer.h"
 #include "camera_frames.h"
-#include "render/fragment_renderer.h"
+#include "frame_sources.h"
+#include "node/answer_form.h"
+#include "node_stats.h"
 #include "render/render_job.h"
 #include "wire/answer.h"
 
@@ -19,14 +22,7 @@ namespace lf {
 // element is stopped; cameras may come and go at any time; answer() may run in several threads, one per requester.
 class FragmentNode {
  public:
-  struct Stats {
-    std::atomic<uint64_t> requests{0}, bad_requests{0}, rig_mismatches{0}, answers{0}, fragments{0}, bytes{0},
-        missing_frames{0};
-    std::atomic<uint64_t> wait_ns{0}, render_ns{0};  // of the latest answer
-    std::atomic<uint64_t> max_skew_ns{0};
-  };
-
-  Stats& stats() { return stats_; }
+  NodeStats& stats() { return stats_; }
 
   void set_rig(std::shared_ptr<const Rig> rig);
   const std::shared_ptr<const Rig>& rig() const { return rig_; }
@@ -49,21 +45,33 @@ class FragmentNode {
   struct Requester {
     MeshCache mesh;
   };
-  // Waits for the frames that belong to the request's time (see CameraFrames::find) and renders. `base_time`: of the
-  // pipeline, turns absolute target times into running time. Never throws; a request that can't be served (another
-  // rig's) gets an answer without fragments. `warning` receives a text for the user where something is wrong.
-  wire::Answer answer(const ViewRequest& request, Requester& requester, uint64_t base_time, bool live_request,
-                      std::string& warning);
+  // How requests are to be answered.
+  struct Manner {
+    SumChoice sum = SumChoice::kAuto;
+    CodecChoice codec = CodecChoice::kAuto;
+    bool in_process = false;  // the compositor is in this process
+    bool live = false;        // the request is: nothing is waited for
+    uint64_t base_time = 0;   // of the pipeline: turns absolute target times into running time
+  };
+  struct Reply {
+    ByteBuffer bytes;  // the answer, always whole
+    size_t fragments = 0;
+    std::string warning;  // for the user, where something is wrong
+  };
+  // Waits for the frames that belong to the request's time (see CameraFrames::find) and renders. Never throws; a
+  // request that can't be served (another rig's) gets an answer without fragments. `memory` is recycled.
+  Reply answer(const ViewRequest& request, Requester& requester, const Manner& manner, ByteBuffer memory);
 
  private:
   using Cameras = std::map<CameraIndex, std::shared_ptr<CameraFrames>>;
   Cameras cameras(bool wait_for_all);
+  Reply render(const ViewRequest& request, Requester& requester, const Manner& manner, wire::AnswerHeader header,
+               ByteBuffer memory);
 
-  Stats stats_;
+  NodeStats stats_;
   std::shared_ptr<const Rig> rig_;
   uint64_t rig_hash_ = 0;
   uint32_t node_id_ = 0;
-  std::unique_ptr<FragmentRenderer> renderer_ = make_scalar_renderer();
   std::mutex mutex_;  // of what follows
   std::condition_variable inputs_changed_;
   bool running_ = false;

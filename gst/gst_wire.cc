@@ -9,12 +9,17 @@ auto decode(GstBuffer* buffer, std::string* reason, Decode decode_bytes) -> decl
   return decode_bytes(MappedBuffer(buffer).bytes(), reason);
 }
 
-template <class Bytes>
-GstBuffer* wrap(Bytes bytes) {
-  auto* owned = new Bytes(std::move(bytes));
-  return gst_buffer_new_wrapped_full(GstMemoryFlags(0), owned->data(), owned->size(), 0, owned->size(), owned,
-                                     [](gpointer data) { delete static_cast<Bytes*>(data); });
+template <class Owner, class Bytes>
+GstBuffer* wrap(Owner* owner, Bytes& bytes) {
+  return gst_buffer_new_wrapped_full(GstMemoryFlags(0), bytes.data(), bytes.size(), 0, bytes.size(), owner,
+                                     [](gpointer data) { delete static_cast<Owner*>(data); });
 }
+
+struct OwnedAnswer {
+  ByteBuffer bytes;
+  std::shared_ptr<AnswerMemory> memory;
+  ~OwnedAnswer() { memory->give_back(std::move(bytes)); }
+};
 
 }  // namespace
 
@@ -32,7 +37,26 @@ std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string*
 std::optional<wire::AnswerHeader> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason) {
   return decode(buffer, reason, wire::parse_answer_header);
 }
-GstBuffer* encode_request_buffer(const ViewRequest& request) { return wrap(wire::encode_request(request)); }
-GstBuffer* wrap_bytes(ByteBuffer bytes) { return wrap(std::move(bytes)); }
+
+ByteBuffer AnswerMemory::take() {
+  std::lock_guard lock(mutex_);
+  if (unused_.empty()) return {};
+  ByteBuffer bytes = std::move(unused_.back());
+  unused_.pop_back();
+  return bytes;
+}
+void AnswerMemory::give_back(ByteBuffer bytes) {
+  std::lock_guard lock(mutex_);
+  if (unused_.size() < kMostKept) unused_.push_back(std::move(bytes));
+}
+
+GstBuffer* encode_request_buffer(const ViewRequest& request) {
+  auto* bytes = new std::vector<uint8_t>(wire::encode_request(request));
+  return wrap(bytes, *bytes);
+}
+GstBuffer* wrap_answer(ByteBuffer bytes, std::shared_ptr<AnswerMemory> memory) {
+  auto* owned = new OwnedAnswer{std::move(bytes), std::move(memory)};
+  return wrap(owned, owned->bytes);
+}
 
 }  // namespace lf

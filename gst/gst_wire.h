@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include <gst/gst.h>
 
@@ -32,8 +35,22 @@ class MappedBuffer {
   GstMapInfo map_{};
 };
 
+// Memory of answers that have been taken: the sums of a 1080p view have six megabytes, which cost more to get from the
+// system anew for each than to fill. Thread-safe; buffers may outlive whoever made them.
+class AnswerMemory {
+ public:
+  ByteBuffer take();
+  void give_back(ByteBuffer bytes);
+
+ private:
+  static constexpr size_t kMostKept = 4;
+  std::mutex mutex_;
+  std::vector<ByteBuffer> unused_;
+};
+
 // New buffers, owned by the caller.
 GstBuffer* encode_request_buffer(const ViewRequest& request);
-GstBuffer* wrap_bytes(ByteBuffer bytes);
+// The memory goes back to `memory` with the buffer.
+GstBuffer* wrap_answer(ByteBuffer bytes, std::shared_ptr<AnswerMemory> memory);
 
 }  // namespace lf

@@ -24,13 +24,24 @@
 
 #include "base/error.h"
 #include "common.h"
+#include "lffragment_private.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_camera_node_debug);
 #define GST_CAT_DEFAULT lf_camera_node_debug
 
 namespace {
 
-enum { kPropRig = 1, kPropCameras, kPropFramerate, kPropIsLive, kPropLoop, kPropNode, kPropStats };
+enum {
+  kPropRig = 1,
+  kPropCameras,
+  kPropFramerate,
+  kPropIsLive,
+  kPropLoop,
+  kPropNode,
+  kPropSum,
+  kPropCodec,
+  kPropStats
+};
 
 // What the application sets. Under the object lock.
 struct Settings {
@@ -97,6 +108,8 @@ static void add_camera(LfCameraNode* self, const Settings& settings, const lf::R
   self->cameras->push_back(camera);
   if (!gst_element_link_pads(camera, "src", self->fragment, ("sink_" + std::to_string(index)).c_str()))
     throw lf::Error(settings.rig + ": camera " + id + ": can't be linked with lffragment");
+  gst_child_proxy_set(GST_CHILD_PROXY(self->fragment), ("sink_" + std::to_string(index) + "::camera").c_str(),
+                      static_cast<gint>(rig.cameras[index].id), nullptr);
 }
 
 // False, without cameras, after posting the reason.
@@ -137,8 +150,15 @@ static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, Gst
   return result;
 }
 
+// How lffragment answers is its own property under the same name.
+static bool is_of_fragment(guint id) { return id == kPropSum || id == kPropCodec || id == kPropStats; }
+
 static void lf_camera_node_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfCameraNode* self = LF_CAMERA_NODE(object);
+  if (is_of_fragment(id)) {
+    if (self->fragment) g_object_set_property(G_OBJECT(self->fragment), pspec->name, value);
+    return;
+  }
   Settings& settings = *self->settings;
   GST_OBJECT_LOCK(self);
   switch (id) {
@@ -158,8 +178,8 @@ static void lf_camera_node_set_property(GObject* object, guint id, const GValue*
 
 static void lf_camera_node_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
   LfCameraNode* self = LF_CAMERA_NODE(object);
-  if (id == kPropStats) {
-    if (self->fragment) g_object_get_property(G_OBJECT(self->fragment), "stats", value);
+  if (is_of_fragment(id)) {
+    if (self->fragment) g_object_get_property(G_OBJECT(self->fragment), pspec->name, value);
     return;
   }
   const Settings settings = current_settings(self);
@@ -215,6 +235,7 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
       object_class, kPropNode,
       g_param_spec_uint("node", "Node", "Number of this node in its answers; each node of an array has its own", 0,
                         G_MAXUINT, 0, kFlags));
+  lf_fragment_install_choices(object_class, kPropSum, kPropCodec);
   g_object_class_install_property(
       object_class, kPropStats,
       g_param_spec_boxed("stats", "Statistics", "What lffragment counts, see there", GST_TYPE_STRUCTURE,

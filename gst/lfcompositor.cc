@@ -378,6 +378,12 @@ static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* p
   return ok;
 }
 
+static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* pad, GstQuery* query) {
+  const GstStructure* structure = GST_QUERY_TYPE(query) == GST_QUERY_CUSTOM ? gst_query_get_structure(query) : nullptr;
+  if (structure && gst_structure_has_name(structure, LF_IN_PROCESS_QUERY)) return TRUE;
+  return GST_AGGREGATOR_CLASS(lf_compositor_parent_class)->sink_query(agg, pad, query);
+}
+
 static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
   LfCompositor* self = LF_COMPOSITOR(data);
   const std::optional<lf::ViewRequest> request = lf::decode_request_buffer(GST_PAD_PROBE_INFO_BUFFER(info));
@@ -455,6 +461,7 @@ static void lf_compositor_class_init(LfCompositorClass* klass) {
   aggregator_class->get_next_time = lf_compositor_next_time;
   aggregator_class->src_event = lf_compositor_src_event;
   aggregator_class->sink_event = lf_compositor_sink_event;
+  aggregator_class->sink_query = lf_compositor_sink_query;
   aggregator_class->create_new_pad = lf_compositor_create_pad;
 
   const auto flags = [](int more) { return GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | more); };

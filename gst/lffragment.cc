@@ -99,22 +99,7 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lffragment, "lffragment", GST_RANK_NONE, L
                                       GST_DEBUG_CATEGORY_INIT(lf_fragment_debug, "lffragment", 0,
                                                               "random access camera"))
 
-enum { PROP_0, PROP_RIG, PROP_NODE, PROP_STATS };
-
-static GstStructure* lf_fragment_stats(LfFragment* self) {
-  const lf::FragmentNode::Stats& s = self->node->stats();
-  return gst_structure_new("application/x-lightfield-fragment-stats",                 //
-                           "requests", G_TYPE_UINT64, s.requests.load(),              //
-                           "bad-requests", G_TYPE_UINT64, s.bad_requests.load(),      //
-                           "rig-mismatches", G_TYPE_UINT64, s.rig_mismatches.load(),  //
-                           "answers", G_TYPE_UINT64, s.answers.load(),                //
-                           "fragments", G_TYPE_UINT64, s.fragments.load(),            //
-                           "bytes", G_TYPE_UINT64, s.bytes.load(),                    //
-                           "missing-frames", G_TYPE_UINT64, s.missing_frames.load(),  //
-                           "wait-ns", G_TYPE_UINT64, s.wait_ns.load(),                //
-                           "render-ns", G_TYPE_UINT64, s.render_ns.load(),            //
-                           "max-skew-ns", G_TYPE_UINT64, s.max_skew_ns.load(), nullptr);
-}
+enum { PROP_0, PROP_RIG, PROP_NODE, PROP_SUM, PROP_CODEC, PROP_STATS };
 
 static void lf_fragment_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfFragment* self = LF_FRAGMENT(object);
@@ -125,6 +110,8 @@ static void lf_fragment_set_property(GObject* object, guint id, const GValue* va
       self->rig_path = g_value_dup_string(value);
       break;
     case PROP_NODE: self->node_id = g_value_get_uint(value); break;
+    case PROP_SUM: self->sum = static_cast<lf::SumChoice>(g_value_get_enum(value)); break;
+    case PROP_CODEC: self->codec = static_cast<lf::CodecChoice>(g_value_get_enum(value)); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
   GST_OBJECT_UNLOCK(self);
@@ -136,7 +123,9 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
   switch (id) {
     case PROP_RIG: g_value_set_string(value, self->rig_path); break;
     case PROP_NODE: g_value_set_uint(value, self->node_id); break;
-    case PROP_STATS: g_value_take_boxed(value, lf_fragment_stats(self)); break;
+    case PROP_SUM: g_value_set_enum(value, static_cast<gint>(self->sum)); break;
+    case PROP_CODEC: g_value_set_enum(value, static_cast<gint>(self->codec)); break;
+    case PROP_STATS: g_value_take_boxed(value, self->node->stats().structure()); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
   GST_OBJECT_UNLOCK(self);
@@ -194,6 +183,12 @@ static void lf_fragment_release_pad(GstElement* element, GstPad* pad) {
   delete lane;
 }
 
+// A camera that the application names counts from the start on: its weight is lost in a sum until it has a frame.
+static gboolean lf_fragment_assign_named_camera(GstElement* element, GstPad* pad, gpointer) {
+  if (!LF_IS_FRAGMENT_PAD(pad) || LF_FRAGMENT_PAD(pad)->camera < 0) return TRUE;
+  return lf_fragment_assign_camera(LF_FRAGMENT(element), LF_FRAGMENT_PAD(pad));
+}
+
 static bool lf_fragment_start(LfFragment* self) {
   if (!self->rig_path) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("No rig file given: set the property \"rig\"."), (nullptr));
@@ -214,7 +209,9 @@ static bool lf_fragment_start(LfFragment* self) {
   }
   GST_OBJECT_UNLOCK(self);
   lf_fragment_set_mode(self, lf::CameraFrames::Mode::kRunning);
-  return true;
+  if (gst_element_foreach_sink_pad(GST_ELEMENT(self), lf_fragment_assign_named_camera, nullptr)) return true;
+  lf_fragment_set_mode(self, lf::CameraFrames::Mode::kStopped);
+  return false;
 }
 
 static gboolean lf_fragment_reset_camera_pad(GstElement* element, GstPad* pad, gpointer) {
@@ -260,12 +257,15 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
       object_class, PROP_NODE,
       g_param_spec_uint("node", "Node", "Number of this node, carried in its answers", 0, G_MAXUINT, 0,
                         GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
+  lf_fragment_install_choices(object_class, PROP_SUM, PROP_CODEC);
   g_object_class_install_property(
       object_class, PROP_STATS,
       g_param_spec_boxed(
           "stats", "Statistics",
-          "Counts of requests, answers, fragments, bytes and frames that were missing; the latest answer's "
-          "time waited for frames and spent rendering, the largest skew of a frame (nanoseconds)",
+          "Counts of requests, answers, fragments, bytes, frames that were missing and frames that were damaged; the "
+          "largest skew of a frame; what waiting for frames, decoding, rendering and encoding took: the latest "
+          "answer's "
+          "time and p50, p95, p99 over the latest 1024, and of all of them together (answer-ns; nanoseconds)",
           GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
 
   gst_element_class_add_static_pad_template_with_gtype(element_class, &sink_template, LF_TYPE_FRAGMENT_PAD);

@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <optional>
 #include <set>
 
 #include "camera_image.h"
 #include "fragment_node.h"
+#include "gst_wire.h"
 #include "lffragment.h"
-#include "wire/fragment_codec.h"
 
-// What the files of lffragment share: lffragment.cc (the element), fragment_camera_pad.cc (camera video in) and
-// fragment_lane.cc (requests in, answers out).
+// What the files of lffragment share: lffragment.cc (the element), fragment_camera_pad.cc (camera video in),
+// fragment_lane.cc (requests in, answers out) and fragment_choices.cc (how answers are made).
 
 struct _LfFragmentPad {
   GstPad parent;
@@ -31,20 +32,27 @@ struct Lane {
   GstPad* request = nullptr;
   GstPad* src = nullptr;
   lf::FragmentNode::Requester requester;
-  lf::wire::FragmentEncoder encoder;  // streaming thread
-  bool live = false;                  // requests come in real time; known from the segment on
-  bool ended = false;                 // has sent EOS; under the object lock of the element
+  std::shared_ptr<lf::AnswerMemory> memory = std::make_shared<lf::AnswerMemory>();
+  bool live = false;                           // requests come in real time; known from the segment on
+  bool ended = false;                          // has sent EOS; under the object lock of the element
+  std::atomic<bool> downstream_is_new = true;  // what is known of it is to be asked again
+  bool in_process = false;                     // the compositor is; streaming thread
 };
 
 struct _LfFragment {
   GstElement parent;
   gchar* rig_path;
   guint node_id;
+  lf::SumChoice sum;      // under the object lock
+  lf::CodecChoice codec;  // under the object lock
   lf::FragmentNode* node;
   std::set<Lane*>* lanes;       // under the object lock
   lf::CameraFrames::Mode mode;  // of all cameras; under the object lock
   guint next_camera_pad, next_lane;
 };
+
+// The properties that say how answers are made: fragment_choices.cc.
+void lf_fragment_install_choices(GObjectClass* klass, guint sum_id, guint codec_id);
 
 // Whether what comes to this sink pad comes in real time.
 bool lf_fragment_upstream_is_live(GstPad* sink);
@@ -53,6 +61,8 @@ void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode);
 
 // A new camera pad, not yet added to the element. `mode`: of the node's other cameras.
 GstPad* lf_fragment_camera_pad_new(GstPadTemplate* templ, const gchar* name, lf::CameraFrames::Mode mode);
+// Which camera this pad has; posts an error and returns false if there is none such or another pad has it.
+bool lf_fragment_assign_camera(LfFragment* self, LfFragmentPad* pad);
 // Forgets frames, format and camera.
 void lf_fragment_camera_pad_reset(LfFragment* self, LfFragmentPad* pad);
 

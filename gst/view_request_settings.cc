@@ -58,7 +58,7 @@ GParamSpec* make_pspec(ViewRequestSettings::Property property) {
                                   initial.navigation, playing);
     case ViewRequestSettings::kQuality:
       return g_param_spec_uint("quality", "Quality",
-                               "Quality asked for of the fragments' payloads (0: raw, 1 to 100: JPEG)", 0, 100,
+                               "Quality of the JPEG in which answers come over links (0: uncompressed)", 0, 100,
                                initial.quality, playing);
     case ViewRequestSettings::kOutOfService:
       return g_param_spec_string("out-of-service", "Out of service",

@@ -17,7 +17,7 @@ struct ViewRequestSettings {
   gint fps_n = 15, fps_d = 1;
   GstClockTime capture_delay = 0;
   bool navigation = true, loop = false;
-  guint quality = 0;
+  guint quality = 90;
 
   enum Property {
     kLocation,

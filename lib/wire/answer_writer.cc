@@ -42,6 +42,16 @@ void AnswerWriter::end_payload(const FragmentHeader& fragment, size_t begin) {
   });
   put_entry(fragment, length);
   atlas_open_ = fragment.codec == Codec::kJpegAtlas;
+  last_ = fragment;
+  last_begin_ = begin;
+}
+
+void AnswerWriter::drop_lost() {
+  if (fragments_ == 0 || !last_.has_lost || is_jpeg(last_.codec)) throw Error("lost: there is none to take back");
+  last_.has_lost = false;
+  bytes_.resize(last_begin_ + raw_size(last_));
+  fragments_--;
+  put_entry(last_, bytes_.size() - last_begin_);
 }
 
 std::span<uint8_t> AnswerWriter::add(const FragmentHeader& fragment) {

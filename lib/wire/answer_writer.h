@@ -34,6 +34,10 @@ class AnswerWriter {
   // The same for kRaw16, as planes.
   SumPlanes add_sums(const FragmentHeader& fragment);
 
+  // The lost weight of the raw fragment added last, whose header promised it, turned out to be nothing: its plane is
+  // taken back. Planes handed out for the fragment are no longer valid.
+  void drop_lost();
+
   // Any codec: `append(ByteBuffer&)` appends the payload to what is there, and leaves that alone.
   template <typename Append>
   void add(const FragmentHeader& fragment, Append append) {
@@ -60,6 +64,8 @@ class AnswerWriter {
   AnswerHeader header_;
   size_t max_fragments_, fragments_ = 0;
   bool atlas_open_ = false;  // the fragment added last may have further members
+  FragmentHeader last_;      // fragment added last, and where its payload begins
+  size_t last_begin_ = 0;
   ByteBuffer bytes_;
 };
 

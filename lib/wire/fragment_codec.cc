@@ -74,7 +74,32 @@ void write_raw(AnswerWriter& writer, std::span<const Fragment> fragments) {
   }
 }
 
+std::vector<FragmentPlanes> members_of(std::span<const Fragment> fragments, std::span<const size_t> indices) {
+  std::vector<FragmentPlanes> members;
+  for (const size_t i : indices) members.push_back(planes_of(fragments[i]));
+  return members;
+}
+
+// The fragments `indices`, which share one JPEG payload that `append` appends.
+template <typename Append>
+void write_group(AnswerWriter& writer, std::span<const Fragment> fragments, std::span<const size_t> indices,
+                 int quality, Append append) {
+  const Codec codec = indices.size() == 1 ? Codec::kJpeg : Codec::kJpegAtlas;
+  writer.add(header_of(fragments[indices[0]], codec, quality), append);
+  for (const size_t i : indices.subspan(1)) writer.add_member(header_of(fragments[i], codec, quality));
+}
+
 }  // namespace
+
+void FragmentEncoder::encode_payload(std::span<const FragmentPlanes> members, int quality, ByteBuffer& out) {
+  const bool lost = std::ranges::any_of(members, [](const FragmentPlanes& m) { return m.lost != nullptr; });
+  const size_t begin = out.size();
+  if (lost) out.resize(begin + sizeof(uint32_t));
+  jpeg_.encode_pixels(members, quality, out);
+  if (!lost) return;
+  store(&out[begin], static_cast<uint32_t>(out.size() - begin - sizeof(uint32_t)));
+  jpeg_.encode_lost(members, std::max(quality, kLeastLostQuality), out);
+}
 
 ByteBuffer FragmentEncoder::encode(const AnswerHeader& header, std::span<const Fragment> fragments, int quality,
                                    ByteBuffer memory) {
@@ -86,25 +111,35 @@ ByteBuffer FragmentEncoder::encode(const AnswerHeader& header, std::span<const F
     return writer.finish();
   }
   const Grouping groups = group(fragments);
-  std::vector<FragmentPlanes> members;
   size_t first = 0;
   for (const size_t size : groups.sizes) {
     const std::span<const size_t> indices = std::span(groups.order).subspan(first, size);
     first += size;
-    members.clear();
-    for (const size_t i : indices) members.push_back(planes_of(fragments[i]));
-    const bool lost = std::ranges::any_of(members, [](const FragmentPlanes& m) { return m.lost != nullptr; });
-    const Codec codec = size == 1 ? Codec::kJpeg : Codec::kJpegAtlas;
-    writer.add(header_of(fragments[indices[0]], codec, quality), [&](ByteBuffer& out) {
-      const size_t begin = out.size();
-      if (lost) out.resize(begin + sizeof(uint32_t));
-      jpeg_.encode_pixels(members, quality, out);
-      if (!lost) return;
-      store(&out[begin], static_cast<uint32_t>(out.size() - begin - sizeof(uint32_t)));
-      jpeg_.encode_lost(members, std::max(quality, kLeastLostQuality), out);
-    });
-    for (const size_t i : indices.subspan(1)) writer.add_member(header_of(fragments[i], codec, quality));
+    write_group(writer, fragments, indices, quality,
+                [&](ByteBuffer& out) { encode_payload(members_of(fragments, indices), quality, out); });
   }
+  return writer.finish();
+}
+
+ByteBuffer encode_fragments(const AnswerHeader& header, std::span<const Fragment> fragments, int quality,
+                            ByteBuffer memory, const ParallelFor& parallel) {
+  if (quality == 0 || fragments.size() < 2) {
+    thread_local FragmentEncoder encoder;
+    return encoder.encode(header, fragments, quality, std::move(memory));
+  }
+  AnswerWriter writer(header, fragments.size(), std::move(memory));
+  for (size_t i = 0; i < fragments.size(); i++) in_fragment(i, [&] { check_planes(header, fragments[i]); });
+  const Grouping groups = group(fragments);
+  std::vector<std::span<const size_t>> indices;
+  for (size_t g = 0, first = 0; g < groups.sizes.size(); first += groups.sizes[g++])
+    indices.push_back(std::span(groups.order).subspan(first, groups.sizes[g]));
+  std::vector<ByteBuffer> payloads(indices.size());
+  parallel(indices.size(), [&](size_t g) {
+    thread_local FragmentEncoder encoder;
+    encoder.encode_payload(members_of(fragments, indices[g]), quality, payloads[g]);
+  });
+  for (size_t g = 0; g < indices.size(); g++)
+    write_group(writer, fragments, indices[g], quality, [&](ByteBuffer& out) { append(out, payloads[g]); });
   return writer.finish();
 }
 

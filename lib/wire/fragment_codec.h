@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/byte_buffer.h"
+#include "base/parallel.h"
 #include "jpeg/fragment_decoder.h"
 #include "jpeg/fragment_encoder.h"
 #include "render/fragment_planes.h"
@@ -28,9 +29,16 @@ class FragmentEncoder {
   ByteBuffer encode(const AnswerHeader& header, std::span<const Fragment> fragments, int quality,
                     ByteBuffer memory = {});
 
+  // Appends the JPEG payload of one fragment or of the members of an atlas.
+  void encode_payload(std::span<const FragmentPlanes> members, int quality, ByteBuffer& out);
+
  private:
   jpeg::FragmentEncoder jpeg_;
 };
+
+// The same answer by several threads, each with an encoder of its own.
+ByteBuffer encode_fragments(const AnswerHeader& header, std::span<const Fragment> fragments, int quality,
+                            ByteBuffer memory, const ParallelFor& parallel);
 
 class FragmentDecoder {
  public:

@@ -24,6 +24,7 @@ class LfCameraNodeTest : public testing::Test {
   GstElement* make(const std::function<void(GstElement*)>& set = [](GstElement*) {}) {
     node_.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfcameranode", nullptr))));
     g_object_set(node_.get(), "rig", array_.rig_path().c_str(), "node", 7u, "framerate", 10, 1, nullptr);
+    gst_util_set_object_arg(G_OBJECT(node_.get()), "sum", "camera");  // which cameras are in it
     set(node_.get());
     return node_.get();
   }

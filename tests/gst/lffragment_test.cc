@@ -8,6 +8,7 @@
 #include "gst/array_fixture.h"
 #include "support/add_answer.h"
 #include "wire/answer_codec.h"
+#include "wire/answer_parser.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {
@@ -23,6 +24,7 @@ class LfFragmentTest : public testing::Test {
   void start(int cameras, const char* format = "RGB", bool live = false) {
     element_.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lffragment", nullptr))));
     g_object_set(element_.get(), "rig", array_.rig_path().c_str(), "node", 7u, nullptr);
+    set("sum", "camera");  // which cameras are in it
     harness_.reset(gst_harness_new_with_element(element_.get(), "request", "src"));
     gst_harness_set_live(harness_.get(), FALSE);
     for (int i = 0; i < cameras; i++) {
@@ -32,6 +34,10 @@ class LfFragmentTest : public testing::Test {
       gst_harness_set_src_caps_str(cameras_.back().get(), ArrayFixture::caps(format).c_str());
     }
     gst_harness_set_src_caps_str(harness_.get(), "application/x-lightfield-request,framerate=10/1");
+  }
+
+  void set(const char* property, const char* value) {
+    gst_util_set_object_arg(G_OBJECT(element_.get()), property, value);
   }
 
   void push_frames(uint8_t value, uint64_t time, const char* format = "RGB") {
@@ -92,6 +98,94 @@ TEST_F(LfFragmentTest, AnswersWithEveryCamerasContribution) {
   const auto [low, high] = picture_range(asked, answer);
   EXPECT_GE(low, 199);  // three roundings
   EXPECT_LE(high, 201);
+}
+
+TEST_F(LfFragmentTest, ASumHasEveryCamerasContribution) {
+  start(4);
+  set("sum", "auto");  // the cameras' rectangles are most of the view each
+  push_frames(200, 0);
+  const ViewRequest asked = array_.request(5, 0);
+  for (const char* codec : {"auto", "raw", "raw16", "jpeg"}) {
+    set("codec", codec);
+    ASSERT_EQ(request(asked), GST_FLOW_OK);
+    const wire::Answer answer = pull();
+    ASSERT_EQ(answer.fragments.size(), 1u) << codec;
+    EXPECT_EQ(answer.fragments[0].camera, Fragment::kSum) << codec;
+    const auto [low, high] = picture_range(asked, answer);
+    EXPECT_GE(low, 199) << codec;
+    EXPECT_LE(high, 201) << codec;
+  }
+}
+
+TEST_F(LfFragmentTest, InASumACameraWithoutAFrameIsLost) {
+  start(4, "RGB", true);
+  gst_element_set_state(element_.get(), GST_STATE_READY);
+  for (int i = 0; i < 4; i++) {
+    const std::string property = "sink_" + std::to_string(i) + "::camera";
+    gst_child_proxy_set(GST_CHILD_PROXY(element_.get()), property.c_str(), i, nullptr);
+  }
+  gst_element_set_state(element_.get(), GST_STATE_PLAYING);
+  set("sum", "node");
+  for (size_t i = 1; i < 4; i++)
+    ASSERT_EQ(gst_harness_push(cameras_[i].get(), ArrayFixture::frame("RGB", 200, 0)), GST_FLOW_OK);
+  gst_harness_set_live(harness_.get(), TRUE);
+  const ViewRequest asked = array_.request(5, 0);
+  ASSERT_EQ(request(asked), GST_FLOW_OK);
+  const wire::Answer answer = pull();
+  ASSERT_EQ(answer.fragments.size(), 1u);
+  EXPECT_FALSE(answer.fragments[0].lost.empty());
+  EXPECT_GE(picture_range(asked, answer).first, 195) << "the others make up for it";
+}
+
+TEST_F(LfFragmentTest, JpegIsOfTheQualityAskedFor) {
+  start(4);
+  set("codec", "jpeg");
+  push_frames(200, 0);
+  for (const uint8_t quality : {uint8_t{0}, uint8_t{90}, uint8_t{40}}) {
+    ViewRequest asked = array_.request(quality, 0);
+    asked.quality = quality;
+    ASSERT_EQ(request(asked), GST_FLOW_OK);
+    const BufferPtr buffer(gst_harness_try_pull(harness_.get()));
+    ASSERT_TRUE(buffer);
+    const std::vector<uint8_t> bytes = to_bytes(buffer.get());
+    const auto answer = wire::parse_answer(bytes);
+    ASSERT_TRUE(answer);
+    for (const wire::FragmentView& fragment : answer->fragments) {
+      EXPECT_EQ(wire::is_jpeg(fragment.codec), quality > 0);
+      EXPECT_EQ(fragment.quality, quality);
+    }
+  }
+}
+
+GstPadProbeReturn note_codec(GstPad*, GstPadProbeInfo* info, gpointer data) {
+  const std::vector<uint8_t> bytes = to_bytes(GST_PAD_PROBE_INFO_BUFFER(info));
+  const auto answer = wire::parse_answer(bytes);
+  if (answer && !answer->fragments.empty()) *static_cast<wire::Codec*>(data) = answer->fragments[0].codec;
+  return GST_PAD_PROBE_OK;
+}
+
+TEST_F(LfFragmentTest, CodecFollowsTheLink) {
+  const struct {
+    const char* downstream;
+    wire::Codec codec;
+  } cases[] = {
+      {"tee ! queue ! identity ! c.sink_0", wire::Codec::kRaw16},
+      {"queue ! fakesink", wire::Codec::kJpeg},
+  };
+  for (const auto& test : cases) {
+    const ElementPtr pipeline =
+        launch("lfviewrequest num-buffers=3 framerate=15/1 rig=" + array_.rig_path() +
+               " ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" + array_.rig_path() + " ! " +
+               test.downstream + "  r. ! queue ! c.request  lfcompositor name=c ! fakesink");
+    ASSERT_TRUE(pipeline) << test.downstream;
+    const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));
+    GstPad* src = gst_element_get_static_pad(node.get(), "src");
+    wire::Codec codec = wire::Codec::kRaw;
+    gst_pad_add_probe(src, GST_PAD_PROBE_TYPE_BUFFER, note_codec, &codec, nullptr);
+    gst_object_unref(src);
+    EXPECT_EQ(run(pipeline.get(), 10), "") << test.downstream;
+    EXPECT_EQ(codec, test.codec) << test.downstream;
+  }
 }
 
 TEST_F(LfFragmentTest, AnswersCarryTheRequestsTimestamp) {

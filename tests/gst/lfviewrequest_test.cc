@@ -24,6 +24,7 @@ TEST(LfViewRequestFile, AListIsStampedFrameByFrameAndEnds) {
     expected.view_id = 7;
     expected.sequence = i;
     expected.target_time = 2 * GST_SECOND;
+    expected.quality = 90;
     expected.view = views[i].view;
     EXPECT_EQ(unit.request, expected) << i;
     EXPECT_EQ(unit.bytes, wire::encode_request(expected)) << i;

@@ -12,8 +12,8 @@
 #include "image/image_io.h"
 #include "pipelines/gst_launch.h"
 #include "quality/quality.h"
-#include "render/fragment_renderer.h"
 #include "render/render_job.h"
+#include "render/sum_renderer.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
 #include "support/temp_dir.h"
@@ -32,15 +32,22 @@ std::vector<uint8_t> read_bytes(const std::string& path) {
 // A view of a still array straight from the library: what the pipeline must come to.
 Image render_without_gstreamer(const Rig& rig, const View& view, const std::vector<Image>& images) {
   std::vector<CameraIndex> all(rig.cameras.size());
-  for (CameraIndex i = 0; i < all.size(); i++) all[i] = i;
-  const RenderJob job(rig, build_mesh(rig), view, all);
-  Accumulator picture;
-  picture.reset(images[0].family(), view.width, view.height);
-  for (const CameraIndex camera : job.cameras()) {
-    const auto fragment =
-        make_scalar_renderer()->render(job.plan(), job.owners(), camera, rig.cameras[camera], images[camera].view());
-    if (fragment) picture.add(*fragment);
+  std::vector<Source> sources;
+  for (CameraIndex i = 0; i < all.size(); i++) {
+    all[i] = i;
+    sources.push_back({i, &rig.cameras[i], images[i].view()});
   }
+  const RenderJob job(rig, build_mesh(rig), view, all);
+  const PixelFamily family = images[0].family();
+  const SumRenderer renderer(job.plan(), job.runs(), sources, family);
+  const Rect rect = renderer.rect();
+  const size_t area = static_cast<size_t>(rect.width()) * rect.height();
+  std::vector<int16_t> samples(3 * area);
+  std::vector<uint16_t> lost(area);
+  renderer.render_rows(rect.y0, rect.y1, packed_sums(family, rect, samples.data(), lost.data()));
+  Accumulator picture;
+  picture.reset(family, view.width, view.height);
+  picture.add(packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(), lost.data()));
   return picture.resolve();
 }
 
@@ -118,9 +125,9 @@ TEST_F(StillArray, RequestsAndAnswersTravelThroughFiles) {
   Launched run =
       gst_launch("lfviewrequest rig=" + rig + " location=" + dir_ / "views.json" + " ! filesink location=" + requests);
   ASSERT_EQ(run.status, 0) << run.output;
-  run =
-      gst_launch("filesrc location=" + requests + " blocksize=97 ! lfparse ! n.request lfcameranode name=n rig=" + rig +
-                 " ! filesink location=" + answers);
+  run = gst_launch("filesrc location=" + requests +
+                   " blocksize=97 ! lfparse ! n.request lfcameranode name=n codec=raw16 rig=" + rig +
+                   " ! filesink location=" + answers);
   ASSERT_EQ(run.status, 0) << run.output;
   run = gst_launch("filesrc location=" + requests + " ! lfparse ! c.request filesrc location=" + answers +
                    " ! lfparse ! c.sink_0 lfcompositor name=c rig=" + rig +
@@ -130,6 +137,36 @@ TEST_F(StillArray, RequestsAndAnswersTravelThroughFiles) {
     const Image expected = render_without_gstreamer(rig_, views_[i].view, images_);
     EXPECT_EQ(compare(load_image(dir_ / ("out_0" + std::to_string(i) + ".png")), expected).max_error, 0) << i;
   }
+}
+
+TEST_F(StillArray, FragmentsTravelThroughFilesInAnyForm) {
+  const std::string rig = dir_ / "rig.json", requests = dir_ / "path.lfq", answers = dir_ / "path.lfa";
+  Launched run =
+      gst_launch("lfviewrequest rig=" + rig + " location=" + dir_ / "views.json" + " ! filesink location=" + requests);
+  ASSERT_EQ(run.status, 0) << run.output;
+  size_t auto_bytes = 0;
+  for (const std::string sum : {"auto", "node", "camera"})
+    for (const std::string codec : {"auto", "raw", "raw16", "jpeg"}) {
+      run = gst_launch("filesrc location=" + requests + " ! lfparse ! lfcameranode name=n sum=" + sum +
+                       " codec=" + codec + " rig=" + rig + " ! filesink location=" + answers);
+      ASSERT_EQ(run.status, 0) << run.output;
+      run = gst_launch("filesrc location=" + requests + " ! lfparse ! c.request filesrc location=" + answers +
+                       " ! lfparse ! c.sink_0 lfcompositor name=c rig=" + rig +
+                       " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / "out_%02d.png");
+      ASSERT_EQ(run.status, 0) << run.output;
+      if (sum == "auto" && codec == "auto") auto_bytes = std::filesystem::file_size(answers);
+      if (sum == "auto" && codec == "raw") {
+        EXPECT_LT(4 * auto_bytes, std::filesystem::file_size(answers)) << "a file is a link: JPEG";
+      }
+      for (size_t i = 0; i < views_.size(); i++) {
+        const Image expected = render_without_gstreamer(rig_, views_[i].view, images_);
+        const Quality quality = compare(load_image(dir_ / ("out_0" + std::to_string(i) + ".png")), expected);
+        if (codec == "raw" || codec == "raw16")
+          EXPECT_GT(quality.psnr_db, 50) << sum << " " << codec << " " << i;
+        else
+          EXPECT_GT(quality.psnr_db, 30) << sum << " " << codec << " " << i;
+      }
+    }
 }
 
 TEST_F(StillArray, NothingLeaks) {

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "lffragment_private.h"
+
+// The values' order is that of lf::SumChoice.
+GType lf_fragment_sum_get_type(void) {
+  static const GType type = [] {
+    static const GEnumValue values[] = {
+        {static_cast<gint>(lf::SumChoice::kAuto), "The sum where it has no more pixels than all cameras' fragments",
+         "auto"},
+        {static_cast<gint>(lf::SumChoice::kNode), "The sum of the node's cameras", "node"},
+        {static_cast<gint>(lf::SumChoice::kCamera), "A fragment of each camera", "camera"},
+        {0, nullptr, nullptr}};
+    return g_enum_register_static("LfFragmentSum", values);
+  }();
+  return type;
+}
+
+GType lf_fragment_codec_get_type(void) {
+  static const GType type = [] {
+    static const GEnumValue values[] = {
+        {static_cast<gint>(lf::CodecChoice::kAuto),
+         "Uncompressed to a compositor in this process, else JPEG of the quality that the request asks for", "auto"},
+        {static_cast<gint>(lf::CodecChoice::kRaw), "8 bits a value", "raw"},
+        {static_cast<gint>(lf::CodecChoice::kRaw16), "16 bits a value: sums are rounded in the picture alone", "raw16"},
+        {static_cast<gint>(lf::CodecChoice::kJpeg),
+         "JPEG of the quality that the request asks for, raw where that is 0", "jpeg"},
+        {0, nullptr, nullptr}};
+    return g_enum_register_static("LfFragmentCodec", values);
+  }();
+  return type;
+}
+
+void lf_fragment_install_choices(GObjectClass* klass, guint sum_id, guint codec_id) {
+  constexpr auto kFlags = GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING);
+  g_object_class_install_property(
+      klass, sum_id,
+      g_param_spec_enum("sum", "Sum", "What an answer holds: the sum of this node's cameras or a fragment of each",
+                        LF_TYPE_FRAGMENT_SUM, static_cast<gint>(lf::SumChoice::kAuto), kFlags));
+  g_object_class_install_property(
+      klass, codec_id,
+      g_param_spec_enum("codec", "Codec", "How pixels travel in the answers", LF_TYPE_FRAGMENT_CODEC,
+                        static_cast<gint>(lf::CodecChoice::kAuto), kFlags));
+  gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_SUM, GstPluginAPIFlags(0));
+  gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_CODEC, GstPluginAPIFlags(0));
+}

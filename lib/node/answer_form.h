@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include "render/render_job.h"
+#include "wire/answer.h"
+
+namespace lf {
+
+// How what a node has to give for a view is put into its answer.
+struct AnswerForm {
+  bool sum = false;                       // its cameras' contributions added up; else a fragment of each
+  wire::Codec codec = wire::Codec::kRaw;  // kRaw, kRaw16 or kJpeg
+  int quality = 0;                        // of JPEG
+  bool operator==(const AnswerForm&) const = default;
+};
+
+enum class SumChoice {
+  kAuto,    // the sum where its rectangle has no more pixels than all cameras' together
+  kNode,    // the sum
+  kCamera,  // a fragment of each camera
+};
+enum class CodecChoice {
+  kAuto,   // 16-bit sums or raw fragments within a process; over links JPEG of the quality asked for
+  kRaw,    // 8 bits a value
+  kRaw16,  // 16 bits a value
+  kJpeg,   // of the quality asked for; raw where that is 0
+};
+
+// `in_process`: the compositor takes the bytes as they are, so that bytes cost nothing and coding them does. `quality`:
+// of the request, 0 to 100.
+AnswerForm choose_form(const RenderJob& job, SumChoice sum, CodecChoice codec, bool in_process, int quality);
+
+}  // namespace lf

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "node/answer_renderer.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <iterator>
+#include <optional>
+#include <vector>
+
+#include "render/sum_rounding.h"
+#include "wire/answer_writer.h"
+#include "wire/fragment_codec.h"
+
+namespace lf {
+namespace {
+
+// Rows of a task where rows go straight into the answer: a multiple of the renderer's bands (4 rows) and of what two
+// threads may write without sharing a cache line.
+constexpr int kBandRows = 32;
+// A sum that is to be encoded is cut into fragments of about so many pixels: coding and decoding them takes several
+// threads, and a lost packet loses a strip and not the view.
+constexpr int kStripPixels = 1 << 16, kStripUnit = 16;
+
+uint64_t now_ns() {
+  const auto now = std::chrono::steady_clock::now().time_since_epoch();
+  return static_cast<uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(now).count());
+}
+
+// Rectangles of all of `rect`'s width and at most `rows` rows.
+std::vector<Rect> cut(const Rect& rect, int rows) {
+  std::vector<Rect> parts;
+  for (int y = rect.y0; y < rect.y1; y += rows) parts.push_back({rect.x0, y, rect.x1, std::min(y + rows, rect.y1)});
+  return parts;
+}
+
+// One fragment of 16-bit values, rendered where it travels.
+void write_sums(wire::AnswerWriter& writer, const SumRenderer& renderer, CameraIndex camera, PixelFamily family,
+                const ParallelFor& parallel) {
+  const Rect rect = renderer.rect();
+  if (rect.empty()) return;
+  const SumPlanes out = writer.add_sums({camera, family, rect, wire::Codec::kRaw16, 0, true});
+  const std::vector<Rect> bands = cut(rect, kBandRows);
+  std::atomic<bool> any_lost = false;
+  parallel(bands.size(), [&](size_t i) {
+    if (renderer.render_rows(bands[i].y0, bands[i].y1, out)) any_lost = true;
+  });
+  if (!any_lost) writer.drop_lost();
+}
+
+RenderedAnswer render_sums16(const wire::AnswerHeader& header, const RenderJob& job, std::span<const Source> sources,
+                             bool sum, ByteBuffer memory, const ParallelFor& parallel) {
+  wire::AnswerWriter writer(header, sum ? 1 : sources.size(), std::move(memory));
+  if (sum) {
+    write_sums(writer, {job.plan(), job.runs(), sources, header.family}, Fragment::kSum, header.family, parallel);
+  } else {
+    for (const Source& source : sources)
+      if (source.image.family != PixelFamily::kNone)
+        write_sums(writer, {job.plan(), job.runs(), {&source, 1}, header.family}, source.camera, header.family,
+                   parallel);
+  }
+  const size_t fragments = writer.fragments();
+  return {.bytes = writer.finish(), .fragments = fragments};
+}
+
+Fragment render_strip(const SumRenderer& renderer, const Rect& rect, PixelFamily family) {
+  thread_local UninitializedVector<int16_t> samples;
+  thread_local UninitializedVector<uint16_t> lost;
+  const size_t area = static_cast<size_t>(rect.width()) * rect.height();
+  samples.resize(std::max(samples.size(), 3 * area));
+  lost.resize(std::max(lost.size(), area));
+  const SumPlanes out = packed_sums(family, rect, samples.data(), lost.data());
+  const bool any_lost = renderer.render_rows(rect.y0, rect.y1, out);
+  return rounded_fragment(Fragment::kSum, packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(),
+                                                                                     any_lost ? lost.data() : nullptr));
+}
+
+std::vector<Fragment> render_strips(const RenderJob& job, std::span<const Source> sources, PixelFamily family,
+                                    const ParallelFor& parallel) {
+  const SumRenderer renderer(job.plan(), job.runs(), sources, family);
+  const Rect rect = renderer.rect();
+  if (rect.empty()) return {};
+  const int rows = std::max(kStripPixels / rect.width() / kStripUnit, 1) * kStripUnit;
+  const std::vector<Rect> strips = cut(rect, rows);
+  std::vector<Fragment> fragments(strips.size());
+  parallel(strips.size(), [&](size_t i) { fragments[i] = render_strip(renderer, strips[i], family); });
+  return fragments;
+}
+
+std::vector<Fragment> render_cameras(const RenderJob& job, std::span<const Source> sources,
+                                     const ParallelFor& parallel) {
+  std::vector<std::optional<Fragment>> rendered(sources.size());
+  parallel(sources.size(), [&](size_t i) {
+    if (sources[i].image.family != PixelFamily::kNone)
+      rendered[i] = render_fragment(job.plan(), job.runs(), sources[i]);
+  });
+  std::vector<Fragment> fragments;
+  for (std::optional<Fragment>& fragment : rendered)
+    if (fragment) fragments.push_back(std::move(*fragment));
+  return fragments;
+}
+
+}  // namespace
+
+RenderedAnswer render_answer(const wire::AnswerHeader& header, const RenderJob& job, std::span<const Source> sources,
+                             const AnswerForm& form, ByteBuffer memory, const ParallelFor& parallel) {
+  const uint64_t begin = now_ns();
+  RenderedAnswer answer;
+  if (header.family == PixelFamily::kNone) {  // no camera has an image yet
+    answer.bytes = wire::AnswerWriter(header, 0, std::move(memory)).finish();
+  } else if (form.codec == wire::Codec::kRaw16) {
+    answer = render_sums16(header, job, sources, form.sum, std::move(memory), parallel);
+    answer.render_ns = now_ns() - begin;
+  } else {
+    const std::vector<Fragment> fragments =
+        form.sum ? render_strips(job, sources, header.family, parallel) : render_cameras(job, sources, parallel);
+    const uint64_t rendered = now_ns();
+    answer.bytes = wire::encode_fragments(header, fragments, form.quality, std::move(memory), parallel);
+    answer.fragments = fragments.size();
+    answer.render_ns = rendered - begin;
+    answer.encode_ns = now_ns() - rendered;
+  }
+  return answer;
+}
+
+}  // namespace lf

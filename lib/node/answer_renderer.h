@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <span>
+
+#include "base/byte_buffer.h"
+#include "base/parallel.h"
+#include "node/answer_form.h"
+#include "render/render_job.h"
+#include "render/sum_renderer.h"
+#include "wire/answer.h"
+
+namespace lf {
+
+// What render_answer() came to.
+struct RenderedAnswer {
+  ByteBuffer bytes;  // one unit
+  size_t fragments = 0;
+  uint64_t render_ns = 0, encode_ns = 0;  // wall time; rounding to 8 bits counts as rendering
+};
+
+// Renders what a node's cameras give for a view straight into the bytes of its answer. `sources`: of all job.cameras(),
+// images of the family header.family. One without an image (kNone) is lost weight in a sum and no fragment otherwise.
+// `memory` is recycled (see AnswerWriter). The result does not depend on `parallel`. Throws Error as SumRenderer and
+// AnswerWriter.
+RenderedAnswer render_answer(const wire::AnswerHeader& header, const RenderJob& job, std::span<const Source> sources,
+                             const AnswerForm& form, ByteBuffer memory = {}, const ParallelFor& parallel = serial_for);
+
+}  // namespace lf
