@@ -128,8 +128,9 @@ void find_runs(const ViewPlan& plan, const FacePlan& face, const Rect& rect, con
     return;
   }
   const EdgeCrossing crossing[3] = {{face.edge[0], rays}, {face.edge[1], rays}, {face.edge[2], rays}};
-  // A sum of 0 is none: only where all three functions vanish, which the ends of an interval show.
-  const auto has_sum = [&](int x, int y) { return contains(face, rays.at(x, y)); };
+  // A sum of 0 is none. That is only where all three functions vanish, and the ends of an interval show it.
+  const Vec3 sum = face.edge[0] + face.edge[1] + face.edge[2];
+  const double u0 = rays.at(0, 0).x, u_step = rays.at(1, 0).x - u0;
   for (int y = rect.y0; y < rect.y1; y++) {
     const double v = rays.at(0, y).y;
     EdgeCrossing::Ends ends[3];
@@ -146,7 +147,11 @@ void find_runs(const ViewPlan& plan, const FacePlan& face, const Rect& rect, con
     }
     for (const Interval& interval : found) {
       if (interval.empty()) continue;
-      if (has_sum(interval.x0, y) && has_sum(interval.x1 - 1, y))
+      const double row_sum = sum.y * v + sum.z;
+      const double first = sum.x * (u0 + interval.x0 * u_step) + row_sum;
+      const double last = sum.x * (u0 + (interval.x1 - 1) * u_step) + row_sum;
+      const double rounding = 1e-12 * (std::abs(sum.x) + std::abs(row_sum));
+      if (std::min(std::abs(first), std::abs(last)) > rounding)
         fn(y, interval.x0, interval.x1);
       else
         scan(plan, face, y, interval, [&](int x0, int x1) { fn(y, x0, x1); });
@@ -164,6 +169,7 @@ OwnerRuns::OwnerRuns(const ViewPlan& plan, const Rect& region)
     int32_t face;
   };
   std::vector<Found> found;
+  found.reserve(4 * static_cast<size_t>(region_.height()) * 8);
   rows_.resize(static_cast<size_t>(region_.height()));
   for (size_t i = 0; i < plan.faces().size(); i++) {
     const Rect rect = intersect(plan.faces()[i].rect, region_);

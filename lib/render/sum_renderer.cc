@@ -42,6 +42,7 @@ simd::Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& s
   slot.radial = lens.has_distortion();
   // Slightly less than the fold: rounding must not see beyond it.
   slot.max_r2 = static_cast<float>(std::min(lens.max_radius() * lens.max_radius() * (1 - 1e-6), 1e30));
+  slot.calm = plan.rays().separable() && simd::is_calm(slot, family);
   return slot;
 }
 

@@ -15,7 +15,7 @@ namespace lf::simd {
 
 inline constexpr int kBlock = 16;       // pixels
 inline constexpr int kChromaBlock = 8;  // chroma samples of a block
-inline constexpr int kBandRows = 4;     // of pixels; as many as keep a band's data in the nearest caches
+inline constexpr int kBandRows = 8;     // of pixels; as many as keep a band's data in the nearest caches
 inline constexpr int kBandPairs = kBandRows / 2;
 inline constexpr int kPositionBits = 11;  // of fraction in positions relative to a block's window
 
@@ -29,6 +29,7 @@ struct Slot {
   Mat3 from_pixel;
   float fx = 0, fy = 0, cx = 0, cy = 0, k1 = 0, k2 = 0, p1 = 0, p2 = 0, max_r2 = 0;
   bool radial = false, tangential = false;
+  bool calm = false;  // all of the hat lies well inside the image, nearly upright and at about its scale: see is_calm()
 };
 
 // One camera's weights in one block of a band, 32767 = 1.
@@ -117,6 +118,10 @@ struct SumTask {
 // enough: all blocks that rect touches. In I420 y is even.
 void render_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch);
 const char* target_name();
+
+// Whether every block of the slot's rectangle can be shuffled and interpolates well: told from nodes kBlock rows apart,
+// with room for what happens between. Saves asking for each block. `image`: of the slot; from_pixel and lens are set.
+bool is_calm(const Slot& slot, PixelFamily family);
 
 // Where even that is in doubt: adds a camera's contribution to rows y + 2 pair and y + 2 pair + 1 (before y_end) of one
 // block pixel by pixel, in double, to scratch.sum and scratch.lost. `x`: the block's left edge; `out`: its number in

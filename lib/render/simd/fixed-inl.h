@@ -13,12 +13,14 @@ HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// The nearest integer, |v| < 2^22, in the low bits of 32: adding 1.5 * 2^23 leaves no bits for a fraction. Cheaper than
+inline constexpr float kMagic = 12582912;  // 1.5 * 2^23
+
+// The nearest integer, |v| < 2^22, in the low bits of 32: adding kMagic leaves no bits for a fraction. Cheaper than
 // a conversion, which must also do right by what doesn't fit.
 template <class V>
 HWY_INLINE auto to_low_bits(V v) {
   const hn::DFromV<V> d;
-  return hn::BitCast(hn::RebindToUnsigned<decltype(d)>(), hn::Add(v, hn::Set(d, 12582912.f)));
+  return hn::BitCast(hn::RebindToUnsigned<decltype(d)>(), hn::Add(v, hn::Set(d, kMagic)));
 }
 
 // The same modulo 2^16: right for int16_t and uint16_t alike.

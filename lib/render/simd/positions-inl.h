@@ -7,6 +7,9 @@
 #define LF_RENDER_SIMD_POSITIONS_INL_H_
 #endif
 
+#include <cmath>
+#include <vector>
+
 #include <hwy/highway.h>
 
 #include "render/simd/band_data.h"
@@ -121,7 +124,11 @@ struct PlaneGeometry {
   float t_before_half, t_half, t_last;  // of samples 7, 8 and 15, or of the only half's last one
 };
 
-inline constexpr int kWindow = 16;  // bytes
+inline constexpr int kWindow = 16;                           // bytes
+inline constexpr float kSlack = 3.f / (1 << kPositionBits);  // by which fixed point may differ from float
+
+// The next term of the interpolation is t (t - 1) (t - 1/2) / 6 of the third difference: 0.0081 of it at most.
+inline constexpr float kLargestThird = static_cast<float>(kGridError / 0.0081);
 
 // How and where one plane's samples of `n` blocks are fetched, from its nodes. `node_z`: null for
 // chroma, which follows luma in what is lost.
@@ -133,9 +140,8 @@ inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z,
   const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
   const auto code = [&](Fetch f) HWY_ATTR { return hn::Set(d, static_cast<float>(f)); };
   const auto unit = set(static_cast<float>(1 << kPositionBits));
-  const auto slack = set(3.f / (1 << kPositionBits));  // by which fixed point may differ from float
-  // The next term of the interpolation is t (t - 1) (t - 1/2) / 6 of the third difference: 0.0081 of it at most.
-  const auto largest_third = set(static_cast<float>(kGridError / 0.0081));
+  const auto slack = set(kSlack);
+  const auto largest_third = set(kLargestThird);
   const float *const node_x = out.node_x.data(), *const node_y = out.node_y.data();
   for (int i = 0; i < n; i += lanes) {
     const auto xa = hn::LoadU(d, node_x + i), x0 = hn::LoadU(d, node_x + i + 1), x1 = hn::LoadU(d, node_x + i + 2),
@@ -198,6 +204,39 @@ inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z,
   }
 }
 
+// The same for a calm slot: nothing is to be asked.
+inline void place_calm_blocks(const PlaneGeometry& plane, int n, PlanePositions& out) {
+  const hn::CappedTag<float, kBlock> d;
+  const hn::RebindToSigned<decltype(d)> di;
+  const hn::RebindToUnsigned<decltype(d)> du;
+  const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
+  const auto slack = set(kSlack), unit = set(static_cast<float>(1 << kPositionBits)), magic = set(kMagic);
+  const float *const node_x = out.node_x.data(), *const node_y = out.node_y.data();
+  for (int i = 0; i < n; i += static_cast<int>(hn::Lanes(d))) {
+    const auto x0 = hn::LoadU(d, node_x + i + 1), x1 = hn::LoadU(d, node_x + i + 2);
+    const auto y0 = hn::LoadU(d, node_y + i + 1), y1 = hn::LoadU(d, node_y + i + 2);
+    const auto dx = hn::Sub(x1, x0), dy = hn::Sub(y1, y0);
+    const auto sx = hn::Sub(hn::Sub(hn::LoadU(d, node_x + i + 3), x1), hn::Sub(x0, hn::LoadU(d, node_x + i)));
+    const auto sy = hn::Sub(hn::Sub(hn::LoadU(d, node_y + i + 3), y1), hn::Sub(y0, hn::LoadU(d, node_y + i)));
+    const auto column = hn::Floor(hn::Sub(x0, slack));
+    const auto middle = hn::MulAdd(set(bessel(plane.t_half)), sx, hn::MulAdd(set(plane.t_half), dx, x0));
+    const auto half = hn::Sub(hn::Floor(hn::Sub(middle, slack)), column);
+    const auto last_y = hn::MulAdd(set(bessel(plane.t_last)), sy, hn::MulAdd(set(plane.t_last), dy, y0));
+    const auto bulge = hn::MulAdd(hn::Abs(sy), set(1.f / 16), slack);
+    const auto row = hn::Floor(hn::Sub(hn::Min(y0, last_y), bulge));
+    const auto more = hn::Sub(hn::Floor(hn::Add(hn::Max(y0, last_y), bulge)), row);
+    const auto fetch = hn::Add(more, set(static_cast<float>(Fetch::kTwoRows)));  // or kThreeRows
+    const auto fixed = [&](const auto v) HWY_ATTR { return hn::BitCast(du, hn::MulAdd(v, unit, magic)); };
+    const auto pack = [&](const auto low, const auto high)
+                          HWY_ATTR { return hn::Or(hn::And(low, hn::Set(du, 0xffff)), hn::ShiftLeft<16>(high)); };
+    hn::StoreInterleaved4(pack(fixed(hn::Sub(x0, column)), fixed(dx)), pack(fixed(sx), fixed(hn::Sub(y0, row))),
+                          pack(fixed(dy), fixed(sy)), pack(to_low_bits(half), to_low_bits(fetch)), du,
+                          reinterpret_cast<uint32_t*>(out.window.data() + i));
+    hn::StoreU(hn::ConvertTo(di, hn::MulAdd(row, set(static_cast<float>(plane.stride)), column)), di,
+               out.corner.data() + i);
+  }
+}
+
 // What is done with each pair of rows of each block, all its planes considered.
 inline void decide(bool i420, SlotBand& band) {
   constexpr int32_t kLost = static_cast<int32_t>(Fetch::kLost), kGather = static_cast<int32_t>(Fetch::kGather);
@@ -216,6 +255,75 @@ inline void decide(bool i420, SlotBand& band) {
   }
 }
 
+inline PlaneGeometry luma_geometry(const ImageView& image, bool i420) {
+  return {.width = static_cast<float>(image.width),
+          .height = static_cast<float>(image.height),
+          .stride = static_cast<int32_t>(image.stride[0]),
+          .spare_columns = i420 ? 0.f : 1.f,
+          .shuffles = i420 && image.width >= kWindow,
+          .t_before_half = 7.f / kBlock,
+          .t_half = 8.f / kBlock,
+          .t_last = 15.f / kBlock};
+}
+
+inline PlaneGeometry chroma_geometry(const ImageView& image) {
+  return {.width = static_cast<float>(chroma_size(image.width)),
+          .height = static_cast<float>(chroma_size(image.height)),
+          .stride = static_cast<int32_t>(image.stride[1]),
+          .spare_columns = 0,
+          .shuffles = chroma_size(image.width) >= kWindow && image.stride[1] == image.stride[2],
+          .t_before_half = 14.5f / kBlock,
+          .t_half = 0,  // Cb and Cr have a half each
+          .t_last = 14.5f / kBlock};
+}
+
+// See is_calm().
+inline bool find_calm(const Slot& slot, PixelFamily family) {
+  const ImageView& image = slot.image;
+  if (family != PixelFamily::kI420 || image.family != family) return false;
+  if (!luma_geometry(image, true).shuffles || !chroma_geometry(image).shuffles) return false;
+  if (int64_t{image.height} * image.stride[0] >= 1 << 24) return false;  // corners are computed in float
+  const hn::CappedTag<float, kBlock> d;
+  const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
+  const int left = slot.rect.x0 / kBlock - 1, columns = (slot.rect.x1 + kBlock - 1) / kBlock - left + 2;
+  const int top = slot.rect.y0 - kBlock, rows = (slot.rect.height() + kBlock - 1) / kBlock + 3;
+  const Projection projection(slot, left * kBlock, top);
+  const int pitch = columns + kBlock;
+  std::vector<float> x(static_cast<size_t>(pitch) * rows), y(x.size());
+  auto seen = hn::Eq(set(0), set(0));
+  for (int j = 0; j < rows; j++)
+    for (int i = 0; i < columns; i += static_cast<int>(hn::Lanes(d))) {
+      hn::Vec<decltype(d)> px, py, z, r2;
+      const auto column = hn::Mul(hn::Add(hn::Iota(d, 0.f), set(static_cast<float>(i))), set(kBlock));
+      projection.project(d, column, set(static_cast<float>(j * kBlock)), px, py, z, r2);
+      const auto used = hn::Lt(hn::Add(hn::Iota(d, 0.f), set(static_cast<float>(i))), set(static_cast<float>(columns)));
+      seen = hn::And(seen, hn::Or(hn::Not(used), hn::And(hn::Gt(z, set(1e-3f)), hn::Le(r2, set(0.9f * slot.max_r2)))));
+      hn::StoreU(px, d, &x[static_cast<size_t>(j) * pitch + i]);
+      hn::StoreU(py, d, &y[static_cast<size_t>(j) * pitch + i]);
+    }
+  if (!hn::AllTrue(d, seen)) return false;
+  // Room for what happens between the rows that were looked at, and for whole windows at the right and bottom.
+  constexpr float kRoom = 2, kWindowRoom = 2 * kWindow + 4;
+  const float right = static_cast<float>(image.width) - kWindowRoom, bottom = static_cast<float>(image.height) - 8;
+  for (int j = 1; j + 1 < rows; j++)
+    for (int i = 1; i + 1 < columns; i++) {
+      const size_t at = static_cast<size_t>(j) * pitch + i;
+      const auto second = [&](const std::vector<float>& v, size_t step) {
+        return v[at + step] - 2 * v[at] + v[at - step];
+      };
+      if (!(x[at] > kRoom && x[at] < right && y[at] > kRoom && y[at] < bottom)) return false;
+      if (!(std::abs(second(x, 1)) < 0.25f && std::abs(second(y, 1)) < 0.25f)) return false;
+      if (!(std::abs(second(x, pitch)) < 0.25f && std::abs(second(y, pitch)) < 0.25f)) return false;
+      const float dx = x[at + 1] - x[at], dy = y[at + 1] - y[at];
+      if (!(dx > 0.25f * kBlock && dx < 1.7f * kBlock && std::abs(dy) < 0.85f)) return false;
+      if (i + 2 < columns) {
+        const float third_x = x[at + 2] - x[at - 1] - 3 * dx, third_y = y[at + 2] - y[at - 1] - 3 * dy;
+        if (!(std::abs(third_x) < 0.5f * kLargestThird && std::abs(third_y) < 0.5f * kLargestThird)) return false;
+      }
+    }
+  return true;
+}
+
 // All that is known of a slot in a band before any pixel of it is read.
 inline void place_slot(const SumTask& task, const Slot& slot, int y, SlotBand& band) {
   band.y = y;
@@ -225,27 +333,18 @@ inline void place_slot(const SumTask& task, const Slot& slot, int y, SlotBand& b
   lay_nodes(band.blocks + 3, band);
   const bool i420 = task.family == PixelFamily::kI420;
   project_nodes(slot, y, band);
-  const PlaneGeometry luma{.width = static_cast<float>(slot.image.width),
-                           .height = static_cast<float>(slot.image.height),
-                           .stride = static_cast<int32_t>(slot.image.stride[0]),
-                           .spare_columns = i420 ? 0.f : 1.f,
-                           .shuffles = i420 && slot.image.width >= kWindow,
-                           .t_before_half = 7.f / kBlock,
-                           .t_half = 8.f / kBlock,
-                           .t_last = 15.f / kBlock};
-  place_blocks(luma, band.pitch * kBandRows - 3, band.node_z.data(), band.luma);
+  const int luma_entries = band.pitch * kBandRows - 3, chroma_entries = band.pitch * kBandPairs - 3;
+  const PlaneGeometry luma = luma_geometry(slot.image, i420);
+  if (slot.calm) {
+    place_calm_blocks(luma, luma_entries, band.luma);
+    place_chroma_nodes(band);
+    place_calm_blocks(chroma_geometry(slot.image), chroma_entries, band.chroma);
+    return;
+  }
+  place_blocks(luma, luma_entries, band.node_z.data(), band.luma);
   if (i420) {
     place_chroma_nodes(band);
-    const PlaneGeometry chroma{
-        .width = static_cast<float>(chroma_size(slot.image.width)),
-        .height = static_cast<float>(chroma_size(slot.image.height)),
-        .stride = static_cast<int32_t>(slot.image.stride[1]),
-        .spare_columns = 0,
-        .shuffles = chroma_size(slot.image.width) >= kWindow && slot.image.stride[1] == slot.image.stride[2],
-        .t_before_half = 14.5f / kBlock,
-        .t_half = 0,  // Cb and Cr have a half each
-        .t_last = 14.5f / kBlock};
-    place_blocks(chroma, band.pitch * kBandPairs - 3, nullptr, band.chroma);
+    place_blocks(chroma_geometry(slot.image), chroma_entries, nullptr, band.chroma);
   }
   decide(i420, band);
 }

@@ -54,6 +54,8 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
       Part part{&weights, &band, block - band.first_block, SlotBand::kProject};
       if (task.slots[weights.slot].image.family == PixelFamily::kNone)
         part.verdict = SlotBand::kAllLost;
+      else if (!alone && task.slots[weights.slot].calm)
+        part.verdict = SlotBand::kShuffle;
       else if (!alone)
         part.verdict = band.verdict[pair * band.pitch + part.block];
       if (part.verdict == SlotBand::kAllLost)
@@ -87,6 +89,8 @@ void RenderBand(const SumTask& task, const Rect& rect, int y, Scratch& scratch) 
   for (int i = 0; i < blocks; i++) render_block(task, rect, first_block + i, i, y, scratch);
 }
 
+bool IsCalm(const Slot& slot, PixelFamily family) { return find_calm(slot, family); }
+
 const char* TargetName() { return hwy::TargetName(HWY_TARGET); }
 
 }  // namespace lf::simd::HWY_NAMESPACE
@@ -95,11 +99,13 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace lf::simd {
 HWY_EXPORT(RenderBand);
+HWY_EXPORT(IsCalm);
 HWY_EXPORT(TargetName);
 
 void render_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
   HWY_DYNAMIC_DISPATCH(RenderBand)(task, rect, y, scratch);
 }
+bool is_calm(const Slot& slot, PixelFamily family) { return HWY_DYNAMIC_DISPATCH(IsCalm)(slot, family); }
 const char* target_name() { return HWY_DYNAMIC_DISPATCH(TargetName)(); }
 
 void PlanePositions::resize(size_t n) {
