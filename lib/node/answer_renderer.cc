@@ -5,9 +5,9 @@
 #include <atomic>
 #include <chrono>
 #include <iterator>
-#include <optional>
 #include <vector>
 
+#include "render/fragment_set.h"
 #include "render/sum_rounding.h"
 #include "wire/answer_writer.h"
 #include "wire/fragment_codec.h"
@@ -15,7 +15,7 @@
 namespace lf {
 namespace {
 
-// Rows of a task where rows go straight into the answer: a multiple of the renderer's bands (4 rows) and of what two
+// Rows of a task where rows go straight into the answer: a multiple of the renderer's bands (8 rows) and of what two
 // threads may write without sharing a cache line.
 constexpr int kBandRows = 32;
 // A sum that is to be encoded is cut into fragments of about so many pixels: coding and decoding them takes several
@@ -87,17 +87,16 @@ std::vector<Fragment> render_strips(const RenderJob& job, std::span<const Source
   return fragments;
 }
 
-std::vector<Fragment> render_cameras(const RenderJob& job, std::span<const Source> sources,
-                                     const ParallelFor& parallel) {
-  std::vector<std::optional<Fragment>> rendered(sources.size());
-  parallel(sources.size(), [&](size_t i) {
-    if (sources[i].image.family != PixelFamily::kNone)
-      rendered[i] = render_fragment(job.plan(), job.runs(), sources[i]);
-  });
-  std::vector<Fragment> fragments;
-  for (std::optional<Fragment>& fragment : rendered)
-    if (fragment) fragments.push_back(std::move(*fragment));
-  return fragments;
+// In memory of `set`. Cameras without an image give nothing.
+std::span<const CameraFragment> render_cameras(const RenderJob& job, std::span<const Source> sources,
+                                               PixelFamily family, FragmentSet& set, const ParallelFor& parallel) {
+  std::vector<Source> seeing;
+  std::ranges::copy_if(sources, std::back_inserter(seeing),
+                       [](const Source& source) { return source.image.family != PixelFamily::kNone; });
+  set.begin(job.plan(), job.runs(), seeing, family);
+  const std::vector<Rect> bands = cut(set.rect(), kBandRows);
+  parallel(bands.size(), [&](size_t i) { set.render_rows(bands[i].y0, bands[i].y1); });
+  return set.fragments();
 }
 
 }  // namespace
@@ -112,8 +111,17 @@ RenderedAnswer render_answer(const wire::AnswerHeader& header, const RenderJob& 
     answer = render_sums16(header, job, sources, form.sum, std::move(memory), parallel);
     answer.render_ns = now_ns() - begin;
   } else {
-    const std::vector<Fragment> fragments =
-        form.sum ? render_strips(job, sources, header.family, parallel) : render_cameras(job, sources, parallel);
+    thread_local FragmentSet set;
+    std::vector<Fragment> strips;
+    std::vector<CameraFragment> strip_planes;
+    std::span<const CameraFragment> fragments;
+    if (form.sum) {
+      strips = render_strips(job, sources, header.family, parallel);
+      for (const Fragment& strip : strips) strip_planes.push_back({strip.camera, planes_of(strip)});
+      fragments = strip_planes;
+    } else {
+      fragments = render_cameras(job, sources, header.family, set, parallel);
+    }
     const uint64_t rendered = now_ns();
     answer.bytes = wire::encode_fragments(header, fragments, form.quality, std::move(memory), parallel);
     answer.fragments = fragments.size();

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "render/fragment_renderer.h"
+#include "render/fragment_set.h"
 #include "render/sum_renderer.h"
-#include "render/sum_rounding.h"
 
 namespace lf {
 namespace {
@@ -19,38 +18,32 @@ class SimdRenderer : public FragmentRenderer {
   Coordinates coordinates_;
 };
 
+void append_rows(std::vector<uint8_t>& out, const uint8_t* rows, ptrdiff_t stride, int width, int height) {
+  for (int y = 0; y < height; y++) out.insert(out.end(), rows + y * stride, rows + y * stride + width);
+}
+
 }  // namespace
 
 std::optional<Fragment> render_fragment(const ViewPlan& plan, const OwnerRuns& runs, const Source& source,
                                         Coordinates coordinates) {
-  const PixelFamily family = source.image.family;
-  const SumRenderer renderer(plan, runs, {&source, 1}, family, coordinates);
-  if (renderer.rect().empty()) return std::nullopt;
-  Rect rect = CameraCorners(plan, source.camera).owned(runs, plan.camera_rect(source.camera));
-  if (rect.empty()) return std::nullopt;
-  const bool i420 = family == PixelFamily::kI420;
-  if (i420) rect = chroma_aligned(rect, plan.view());
-
-  thread_local std::vector<int16_t> sums;
-  thread_local std::vector<uint16_t> lost;
-  const size_t area = static_cast<size_t>(rect.width()) * rect.height();
-  sums.resize(std::max(sums.size(), 3 * area));
-  lost.resize(std::max(lost.size(), area));
-  SumPlanes out{.family = family, .rect = rect, .lost = lost.data(), .lost_stride = rect.width()};
-  for (int c = 0; c < 3; c++) {
-    out.plane[c] = sums.data() + c * area;
-    out.stride[c] = i420 && c > 0 ? chroma_size(rect.width()) : rect.width();
+  thread_local FragmentSet set;
+  set.begin(plan, runs, {&source, 1}, source.image.family, coordinates);
+  if (set.rect().empty()) return std::nullopt;
+  set.render_rows(set.rect().y0, set.rect().y1);
+  if (set.fragments().empty()) return std::nullopt;
+  const FragmentPlanes& planes = set.fragments()[0].planes;
+  const int w = planes.rect.width(), h = planes.rect.height();
+  Fragment fragment{.camera = source.camera, .family = planes.family, .rect = planes.rect};
+  fragment.pixels.reserve(packed_size(planes.family, w, h));
+  if (planes.family == PixelFamily::kRgb) {
+    append_rows(fragment.pixels, planes.plane[0], planes.stride[0], 3 * w, h);
+  } else {
+    append_rows(fragment.pixels, planes.plane[0], planes.stride[0], w, h);
+    for (int c = 1; c < 3; c++)
+      append_rows(fragment.pixels, planes.plane[c], planes.stride[c], chroma_size(w), chroma_size(h));
   }
-  ConstSumPlanes sum{.family = family, .rect = rect};
-  if (renderer.render_rows(rect.y0, rect.y1, out)) {
-    sum.lost = out.lost;
-    sum.lost_stride = out.lost_stride;
-  }
-  for (int c = 0; c < 3; c++) {
-    sum.plane[c] = out.plane[c];
-    sum.stride[c] = out.stride[c];
-  }
-  return rounded_fragment(source.camera, sum);
+  if (planes.lost) append_rows(fragment.lost, planes.lost, planes.lost_stride, w, h);
+  return fragment;
 }
 
 std::unique_ptr<FragmentRenderer> make_simd_renderer(Coordinates coordinates) {

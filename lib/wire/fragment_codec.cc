@@ -20,8 +20,10 @@ namespace {
 // lost packet takes all members of an atlas along: at quality 90 four of 40x30 (1.3 kB) fit one.
 constexpr int kLargestAtlas = 4 * 48 * 32, kLargestMember = kLargestAtlas / 2;  // padded pixels
 
-int padded_width(const Fragment& f) { return jpeg::padded(f.rect.width(), jpeg::kPixelUnit); }
-int padded_area(const Fragment& f) { return padded_width(f) * jpeg::padded(f.rect.height(), jpeg::kPixelUnit); }
+int padded_width(const CameraFragment& f) { return jpeg::padded(f.planes.rect.width(), jpeg::kPixelUnit); }
+int padded_area(const CameraFragment& f) {
+  return padded_width(f) * jpeg::padded(f.planes.rect.height(), jpeg::kPixelUnit);
+}
 
 // Indices of the fragments in an order in which those that share a picture are neighbours, and how many each shares.
 // Only fragments as wide as one another do: an atlas has no empty corners.
@@ -29,7 +31,7 @@ struct Grouping {
   std::vector<size_t> order;
   std::vector<size_t> sizes;
 };
-Grouping group(std::span<const Fragment> fragments) {
+Grouping group(std::span<const CameraFragment> fragments) {
   Grouping out;
   out.order.resize(fragments.size());
   std::iota(out.order.begin(), out.order.end(), size_t{0});
@@ -51,38 +53,66 @@ Grouping group(std::span<const Fragment> fragments) {
   return out;
 }
 
-FragmentHeader header_of(const Fragment& f, Codec codec, int quality) {
-  return {f.camera, f.family, f.rect, codec, static_cast<uint8_t>(quality), !f.lost.empty()};
+FragmentHeader header_of(const CameraFragment& f, Codec codec, int quality) {
+  return {f.camera, f.planes.family, f.planes.rect, codec, static_cast<uint8_t>(quality), f.planes.lost != nullptr};
 }
 
-void check_planes(const AnswerHeader& header, const Fragment& f) {
-  check_fragment(header, header_of(f, Codec::kRaw, 0));
-  if (f.pixels.size() != packed_size(f.family, f.rect.width(), f.rect.height()))
-    throw Error("pixels: do not fill the rectangle");
-  if (!f.lost.empty() && f.lost.size() != area(f.rect)) throw Error("lost: does not fill the rectangle");
+// Fragments as planes, once they are known to fill their rectangles.
+std::vector<CameraFragment> checked_planes(const AnswerHeader& header, std::span<const Fragment> fragments) {
+  static_cast<void>(AnswerWriter(header, fragments.size()));  // its errors come first
+  std::vector<CameraFragment> all;
+  for (size_t i = 0; i < fragments.size(); i++) {
+    const Fragment& f = fragments[i];
+    all.push_back({f.camera, planes_of(f)});
+    in_fragment(i, [&] {
+      check_fragment(header, header_of(all.back(), Codec::kRaw, 0));
+      if (f.pixels.size() != packed_size(f.family, f.rect.width(), f.rect.height()))
+        throw Error("pixels: do not fill the rectangle");
+      if (!f.lost.empty() && f.lost.size() != area(f.rect)) throw Error("lost: does not fill the rectangle");
+    });
+  }
+  return all;
 }
 
-void write_raw(AnswerWriter& writer, std::span<const Fragment> fragments) {
+size_t raw_bytes(const CameraFragment& f) {
+  const Rect& rect = f.planes.rect;
+  return packed_size(f.planes.family, rect.width(), rect.height()) + (f.planes.lost ? area(rect) : 0);
+}
+
+uint8_t* copy_rows(const uint8_t* from, ptrdiff_t stride, int width, int height, uint8_t* to) {
+  for (int y = 0; y < height; y++, to += width) std::memcpy(to, from + y * stride, static_cast<size_t>(width));
+  return to;
+}
+
+void write_raw(AnswerWriter& writer, std::span<const CameraFragment> fragments) {
   size_t total = 0;
-  for (const Fragment& f : fragments) total += f.bytes();
+  for (const CameraFragment& f : fragments) total += raw_bytes(f);
   if (total > kMaxAnswerBytes)
     throw Error("fragments: more than the " + std::to_string(kMaxAnswerBytes) + " bytes an answer may have");
   writer.reserve_payloads(total);
-  for (const Fragment& f : fragments) {
-    const std::span<uint8_t> to = writer.add(header_of(f, Codec::kRaw, 0));
-    std::ranges::copy(f.lost, std::ranges::copy(f.pixels, to.begin()).out);
+  for (const CameraFragment& f : fragments) {
+    const FragmentPlanes& p = f.planes;
+    const int w = p.rect.width(), h = p.rect.height();
+    uint8_t* to = writer.add(header_of(f, Codec::kRaw, 0)).data();
+    if (p.family == PixelFamily::kRgb) {
+      to = copy_rows(p.plane[0], p.stride[0], 3 * w, h, to);
+    } else {
+      to = copy_rows(p.plane[0], p.stride[0], w, h, to);
+      for (int c = 1; c < 3; c++) to = copy_rows(p.plane[c], p.stride[c], chroma_size(w), chroma_size(h), to);
+    }
+    if (p.lost) copy_rows(p.lost, p.lost_stride, w, h, to);
   }
 }
 
-std::vector<FragmentPlanes> members_of(std::span<const Fragment> fragments, std::span<const size_t> indices) {
+std::vector<FragmentPlanes> members_of(std::span<const CameraFragment> fragments, std::span<const size_t> indices) {
   std::vector<FragmentPlanes> members;
-  for (const size_t i : indices) members.push_back(planes_of(fragments[i]));
+  for (const size_t i : indices) members.push_back(fragments[i].planes);
   return members;
 }
 
 // The fragments `indices`, which share one JPEG payload that `append` appends.
 template <typename Append>
-void write_group(AnswerWriter& writer, std::span<const Fragment> fragments, std::span<const size_t> indices,
+void write_group(AnswerWriter& writer, std::span<const CameraFragment> fragments, std::span<const size_t> indices,
                  int quality, Append append) {
   const Codec codec = indices.size() == 1 ? Codec::kJpeg : Codec::kJpegAtlas;
   writer.add(header_of(fragments[indices[0]], codec, quality), append);
@@ -103,9 +133,14 @@ void FragmentEncoder::encode_payload(std::span<const FragmentPlanes> members, in
 
 ByteBuffer FragmentEncoder::encode(const AnswerHeader& header, std::span<const Fragment> fragments, int quality,
                                    ByteBuffer memory) {
+  return encode(header, checked_planes(header, fragments), quality, std::move(memory));
+}
+
+ByteBuffer FragmentEncoder::encode(const AnswerHeader& header, std::span<const CameraFragment> fragments, int quality,
+                                   ByteBuffer memory) {
   if (quality < 0 || quality > 100) throw Error("quality: must be 0 to 100, is " + std::to_string(quality));
   AnswerWriter writer(header, fragments.size(), std::move(memory));
-  for (size_t i = 0; i < fragments.size(); i++) in_fragment(i, [&] { check_planes(header, fragments[i]); });
+  for (size_t i = 0; i < fragments.size(); i++) in_fragment(i, [&] { check_fragment(header, header_of(fragments[i], Codec::kRaw, 0)); });
   if (quality == 0) {
     write_raw(writer, fragments);
     return writer.finish();
@@ -121,14 +156,14 @@ ByteBuffer FragmentEncoder::encode(const AnswerHeader& header, std::span<const F
   return writer.finish();
 }
 
-ByteBuffer encode_fragments(const AnswerHeader& header, std::span<const Fragment> fragments, int quality,
+ByteBuffer encode_fragments(const AnswerHeader& header, std::span<const CameraFragment> fragments, int quality,
                             ByteBuffer memory, const ParallelFor& parallel) {
   if (quality == 0 || fragments.size() < 2) {
     thread_local FragmentEncoder encoder;
     return encoder.encode(header, fragments, quality, std::move(memory));
   }
   AnswerWriter writer(header, fragments.size(), std::move(memory));
-  for (size_t i = 0; i < fragments.size(); i++) in_fragment(i, [&] { check_planes(header, fragments[i]); });
+  for (size_t i = 0; i < fragments.size(); i++) in_fragment(i, [&] { check_fragment(header, header_of(fragments[i], Codec::kRaw, 0)); });
   const Grouping groups = group(fragments);
   std::vector<std::span<const size_t>> indices;
   for (size_t g = 0, first = 0; g < groups.sizes.size(); first += groups.sizes[g++])

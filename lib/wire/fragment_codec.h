@@ -11,6 +11,7 @@
 #include "jpeg/fragment_decoder.h"
 #include "jpeg/fragment_encoder.h"
 #include "render/fragment_planes.h"
+#include "render/fragment_set.h"
 #include "render/sum_planes.h"
 #include "wire/answer.h"
 
@@ -28,6 +29,8 @@ class FragmentEncoder {
   // does, and for planes that do not fill their rectangles.
   ByteBuffer encode(const AnswerHeader& header, std::span<const Fragment> fragments, int quality,
                     ByteBuffer memory = {});
+  ByteBuffer encode(const AnswerHeader& header, std::span<const CameraFragment> fragments, int quality,
+                    ByteBuffer memory = {});
 
   // Appends the JPEG payload of one fragment or of the members of an atlas.
   void encode_payload(std::span<const FragmentPlanes> members, int quality, ByteBuffer& out);
@@ -37,7 +40,7 @@ class FragmentEncoder {
 };
 
 // The same answer by several threads, each with an encoder of its own.
-ByteBuffer encode_fragments(const AnswerHeader& header, std::span<const Fragment> fragments, int quality,
+ByteBuffer encode_fragments(const AnswerHeader& header, std::span<const CameraFragment> fragments, int quality,
                             ByteBuffer memory, const ParallelFor& parallel);
 
 class FragmentDecoder {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <vector>
 
@@ -103,6 +104,17 @@ struct Scratch {
   bool any_lost = false;
 };
 
+// Where one slot's own fragment goes, 8 bits a value, in whole blocks from the view's block `first_block` and row `y0`.
+struct SlotTarget {
+  int first_block = 0, blocks = 0;
+  int y0 = 0, y1 = 0;
+  uint8_t* plane[3] = {};  // kRgb: plane[0], R, G, B; chroma signed
+  ptrdiff_t stride[3] = {};
+  uint8_t* lost = nullptr;  // null: a calm slot, which loses nothing
+  ptrdiff_t lost_stride = 0;
+  std::atomic<bool>* any_lost = nullptr;
+};
+
 // The whole task, the same for all rows.
 struct SumTask {
   const ViewPlan* plan = nullptr;
@@ -111,11 +123,13 @@ struct SumTask {
   std::vector<int32_t> slot_of_camera;  // -1: not ours
   std::vector<uint8_t> face_corners;    // per plan.faces(): bit k: corner k is ours
   PixelFamily family = PixelFamily::kNone;
-  bool exact = false;  // Coordinates::kExact
+  bool exact = false;               // Coordinates::kExact
+  std::vector<SlotTarget> targets;  // per slot; empty: all are added up in scratch
 };
 
-// Computes rows y to y + kBandRows - 1 (as far as `rect` has them) into scratch.sum and scratch.lost, which are large
-// enough: all blocks that rect touches. In I420 y is even.
+// Computes rows y to y + kBandRows - 1 (as far as `rect` has them; y a multiple of kBandRows) into scratch.sum and
+// scratch.lost, which are large enough: all blocks that rect touches. Or into task.targets; then rect.y0 is even and
+// scratch has its own memory. In I420 rect.y0 is even.
 void render_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch);
 const char* target_name();
 

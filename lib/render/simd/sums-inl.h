@@ -8,6 +8,7 @@
 #endif
 
 #include <algorithm>
+#include <cstring>
 
 #include <hwy/cache_control.h>
 #include <hwy/highway.h>
@@ -42,6 +43,7 @@ inline void sum_i420(const Part*, int, const PairPlace& at, Scratch& scratch) {
   for (int r = 2 * at.pair; r < 2 * at.pair + 2; r++) std::fill_n(scratch.sum[r][0] + at.out * kBlock, kBlock, 0);
   for (int c = 1; c < 3; c++) std::fill_n(scratch.sum[at.pair][c] + at.out * kChromaBlock, kChromaBlock, 0);
 }
+inline void store_i420(const Part&, const PairPlace&, const SlotTarget&) {}
 // A machine without vectors goes the slow way everywhere.
 inline bool add_part(const SumTask&, const Part&, const PairPlace&, Scratch&) { return false; }
 
@@ -84,6 +86,34 @@ HWY_INLINE V16 weigh_chroma(V16 samples, V16 weights) {
 // Rows to come: cameras' rows are too far apart for the machine to see a pattern.
 inline constexpr int kPrefetchRows = 8;
 
+// The weighted samples of a part's pair of rows, lane..: two rows of luma, and chroma.
+struct WeightedPair {
+  V16 upper, lower, chroma;
+};
+HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
+  const D16 d;
+  const SlotBand& band = *part.band;
+  const ImageView& image = band.slot->image;
+  const int upper = 2 * pair, lower = upper + 1;
+  const BlockWeights& weights = *part.weights;
+  const ptrdiff_t stride = image.stride[0], chroma_stride = image.stride[1];
+  const ptrdiff_t entry = upper * band.pitch + part.block, chroma_entry = pair * band.pitch + part.block;
+  const uint8_t* const y0 = image.plane[0] + band.luma.corner[entry];
+  const uint8_t* const y1 = image.plane[0] + band.luma.corner[entry + band.pitch];
+  const uint8_t* const cb = image.plane[1] + band.chroma.corner[chroma_entry];
+  const uint8_t* const cr = image.plane[2] + band.chroma.corner[chroma_entry];
+  hwy::Prefetch(y0 + kPrefetchRows * stride);
+  hwy::Prefetch(y1 + kPrefetchRows * stride);
+  hwy::Prefetch(cb + kPrefetchRows / 2 * chroma_stride);
+  hwy::Prefetch(cr + kPrefetchRows / 2 * chroma_stride);
+  const auto v0 = sample_shuffled(band.luma.window[entry], kLumaTable, y0, y0, stride, lane);
+  const auto v1 = sample_shuffled(band.luma.window[entry + band.pitch], kLumaTable, y1, y1, stride, lane);
+  const auto v2 = sample_shuffled(band.chroma.window[chroma_entry], kChromaTable, cb, cr, chroma_stride, lane);
+  return {hn::MulFixedPoint15(v0, hn::Load(d, weights.w[upper] + lane)),
+          hn::MulFixedPoint15(v1, hn::Load(d, weights.w[lower] + lane)),
+          weigh_chroma(v2, chroma_weights(weights.w[upper], weights.w[lower]))};
+}
+
 // The hottest loop: the sum of `count` parts into scratch.
 inline void sum_i420(const Part* parts, int count, const PairPlace& at, Scratch& scratch) {
   const D16 d;
@@ -92,25 +122,10 @@ inline void sum_i420(const Part* parts, int count, const PairPlace& at, Scratch&
   for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
     auto sum_upper = hn::Zero(d), sum_lower = hn::Zero(d), sum_chroma = hn::Zero(d);
     for (int i = 0; i < count; i++) {
-      const SlotBand& band = *parts[i].band;
-      const ImageView& image = band.slot->image;
-      const BlockWeights& weights = *parts[i].weights;
-      const ptrdiff_t stride = image.stride[0], chroma_stride = image.stride[1];
-      const ptrdiff_t entry = upper * band.pitch + parts[i].block, chroma_entry = at.pair * band.pitch + parts[i].block;
-      const uint8_t* const y0 = image.plane[0] + band.luma.corner[entry];
-      const uint8_t* const y1 = image.plane[0] + band.luma.corner[entry + band.pitch];
-      const uint8_t* const cb = image.plane[1] + band.chroma.corner[chroma_entry];
-      const uint8_t* const cr = image.plane[2] + band.chroma.corner[chroma_entry];
-      hwy::Prefetch(y0 + kPrefetchRows * stride);
-      hwy::Prefetch(y1 + kPrefetchRows * stride);
-      hwy::Prefetch(cb + kPrefetchRows / 2 * chroma_stride);
-      hwy::Prefetch(cr + kPrefetchRows / 2 * chroma_stride);
-      const auto v0 = sample_shuffled(band.luma.window[entry], kLumaTable, y0, y0, stride, lane);
-      sum_upper = hn::Add(sum_upper, hn::MulFixedPoint15(v0, hn::Load(d, weights.w[upper] + lane)));
-      const auto v1 = sample_shuffled(band.luma.window[entry + band.pitch], kLumaTable, y1, y1, stride, lane);
-      sum_lower = hn::Add(sum_lower, hn::MulFixedPoint15(v1, hn::Load(d, weights.w[lower] + lane)));
-      const auto v2 = sample_shuffled(band.chroma.window[chroma_entry], kChromaTable, cb, cr, chroma_stride, lane);
-      sum_chroma = hn::Add(sum_chroma, weigh_chroma(v2, chroma_weights(weights.w[upper], weights.w[lower])));
+      const WeightedPair part = weigh_pair(parts[i], at.pair, lane);
+      sum_upper = hn::Add(sum_upper, part.upper);
+      sum_lower = hn::Add(sum_lower, part.lower);
+      sum_chroma = hn::Add(sum_chroma, part.chroma);
     }
     hn::StoreU(sum_upper, d, scratch.sum[upper][0] + at.out * kBlock + lane);
     hn::StoreU(sum_lower, d, scratch.sum[lower][0] + at.out * kBlock + lane);
@@ -118,6 +133,29 @@ inline void sum_i420(const Part* parts, int count, const PairPlace& at, Scratch&
   }
   std::copy_n(chroma, kChromaBlock, scratch.sum[at.pair][1] + at.out * kChromaBlock);
   std::copy_n(chroma + kChromaBlock, kChromaBlock, scratch.sum[at.pair][2] + at.out * kChromaBlock);
+}
+
+// A part by itself, rounded, to its slot's fragment.
+inline void store_i420(const Part& part, const PairPlace& at, const SlotTarget& to) {
+  const D16 d;
+  const hn::Rebind<uint8_t, D16> d8;
+  const hn::Rebind<int8_t, D16> di8;
+  const auto rounded = [&](V16 v) HWY_ATTR {
+    return hn::ShiftRight<kSumFractionBits>(hn::Add(v, hn::Set(d, 1 << (kSumFractionBits - 1))));
+  };
+  const int row = at.y + 2 * at.pair - to.y0;
+  const ptrdiff_t block = at.x / kBlock - to.first_block;
+  uint8_t* const upper = to.plane[0] + row * to.stride[0] + block * kBlock;
+  alignas(64) int8_t chroma[kBlock];
+  for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
+    const WeightedPair v = weigh_pair(part, at.pair, lane);
+    hn::StoreU(hn::DemoteTo(d8, rounded(v.upper)), d8, upper + lane);
+    hn::StoreU(hn::DemoteTo(d8, rounded(v.lower)), d8, upper + to.stride[0] + lane);
+    hn::Store(hn::DemoteTo(di8, rounded(v.chroma)), di8, chroma + lane);
+  }
+  for (int c = 0; c < 2; c++)
+    std::memcpy(to.plane[1 + c] + row / 2 * to.stride[1 + c] + block * kChromaBlock, chroma + c * kChromaBlock,
+                kChromaBlock);
 }
 
 // What add_part() works with: two rows and their chroma.

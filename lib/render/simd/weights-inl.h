@@ -100,13 +100,15 @@ inline void weigh_band(const SumTask& task, const Rect& rect, int y, Scratch& sc
   const Rays& rays = task.plan->rays();
   const bool linear = rays.separable();
   const double u_step = linear ? rays.at(1, 0).x - rays.at(0, 0).x : 0;
-  for (int r = 0; r < kBandRows && y + r < rect.y1; r++)
-    for (const OwnerRun& run : task.runs->row(y + r, rect.x0, rect.x1)) {
+  // Whole blocks, wherever the rectangle begins in one: the same pixel has the same weights in all of them.
+  const int blocks_x0 = first_block * kBlock, blocks_x1 = blocks_x0 + blocks * kBlock;
+  for (int r = std::max(0, rect.y0 - y); r < kBandRows && y + r < rect.y1; r++)
+    for (const OwnerRun& run : task.runs->row(y + r, blocks_x0, blocks_x1)) {
       const uint8_t corners = task.face_corners[run.face];
       if (!corners) continue;
       const FacePlan& face = task.plan->faces()[run.face];
-      const int run_x0 = std::max(run.x0, rect.x0), run_x1 = std::min(run.x1, rect.x1);
-      const Vec2 begin = rays.at(run_x0, y + r);
+      const int run_x0 = std::max(run.x0, blocks_x0), run_x1 = std::min(run.x1, blocks_x1);
+      const Vec2 begin = rays.at(run.x0, y + r);
       double e_begin[3], e_step[3];
       float step[3];
       for (int k = 0; k < 3; k++) {
@@ -126,7 +128,7 @@ inline void weigh_band(const SumTask& task, const Rect& rect, int y, Scratch& sc
           }
         float e[3];
         for (int k = 0; k < 3; k++)
-          e[k] = static_cast<float>(linear ? e_begin[k] + (x - run_x0) * e_step[k]
+          e[k] = static_cast<float>(linear ? e_begin[k] + (x - run.x0) * e_step[k]
                                            : FacePlan::evaluate(face.edge[k], rays.at(x, y + r)));
         weigh(e, step, x - left, end - left, corners, out);
         x = end;

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "render/simd/sum_task.h"
+
+#include <algorithm>
+
+#include "base/error.h"
+#include "render/contribution.h"
+#include "render/fragment_renderer.h"
+
+namespace lf::simd {
+namespace {
+
+// Camera coordinates are homography * ray(x, y); for pinhole views the ray is linear in the pixel too.
+Mat3 from_pixel(const Mat3& camera_from_ray, const Rays& rays) {
+  const Vec2 origin = rays.at(0, 0);
+  const double du = rays.at(1, 0).x - origin.x, dv = rays.at(0, 1).y - origin.y;
+  return {camera_from_ray[0] * du, camera_from_ray[1] * dv, camera_from_ray * Vec3(origin, 1)};
+}
+
+Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source, PixelFamily family,
+               const CameraProjection& projection) {
+  Slot slot;
+  slot.camera = source.camera;
+  slot.image = source.image;
+  slot.rect = plan.camera_rect(source.camera);
+  if (family == PixelFamily::kI420) slot.rect = chroma_aligned(slot.rect, plan.view());
+  slot.projection = &projection;
+  if (plan.rays().separable()) slot.from_pixel = from_pixel(projection.camera_from_ray(), plan.rays());
+  const Lens& lens = camera.lens;
+  slot.fx = static_cast<float>(lens.fx());
+  slot.fy = static_cast<float>(lens.fy());
+  slot.cx = static_cast<float>(lens.cx());
+  slot.cy = static_cast<float>(lens.cy());
+  slot.k1 = static_cast<float>(lens.k1());
+  slot.k2 = static_cast<float>(lens.k2());
+  slot.p1 = static_cast<float>(lens.p1());
+  slot.p2 = static_cast<float>(lens.p2());
+  slot.tangential = lens.p1() != 0 || lens.p2() != 0;
+  slot.radial = lens.has_distortion();
+  // Slightly less than the fold: rounding must not see beyond it.
+  slot.max_r2 = static_cast<float>(std::min(lens.max_radius() * lens.max_radius() * (1 - 1e-6), 1e30));
+  slot.calm = plan.rays().separable() && is_calm(slot, family);
+  return slot;
+}
+
+}  // namespace
+
+PreparedTask::PreparedTask(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources,
+                           PixelFamily family, Coordinates coordinates) {
+  task.plan = &plan;
+  task.runs = &runs;
+  task.family = family;
+  task.exact = coordinates == Coordinates::kExact;
+  task.slot_of_camera.assign(plan.num_cameras(), -1);
+  projections.reserve(sources.size());  // slots point at them
+  for (const Source& source : sources) {
+    const Camera& camera = *source.rig_camera;
+    if (source.image.family != PixelFamily::kNone) {
+      if (source.image.family != family) throw Error("camera " + std::to_string(camera.id) + ": another pixel family");
+      plain::check_image(camera, source.image);
+    }
+    if (plan.camera_rect(source.camera).empty()) continue;
+    projections.emplace_back(plan, camera);
+    task.slot_of_camera[source.camera] = static_cast<int32_t>(task.slots.size());
+    task.slots.push_back(make_slot(plan, camera, source, family, projections.back()));
+    rect = unite(rect, task.slots.back().rect);
+  }
+  task.face_corners.reserve(plan.faces().size());
+  for (const FacePlan& face : plan.faces()) {
+    uint8_t corners = 0;
+    for (int k = 0; k < 3; k++)
+      if (face.camera[k] != MeshFace::kNone && task.slot_of_camera[face.camera[k]] >= 0)
+        corners |= static_cast<uint8_t>(1 << k);
+    task.face_corners.push_back(corners);
+  }
+}
+
+Scratch& scratch_for(const Rect& rect, size_t slots) {
+  thread_local Scratch scratch;
+  const size_t blocks = static_cast<size_t>((rect.x1 + kBlock - 1) / kBlock - rect.x0 / kBlock);
+  scratch.head.resize(std::max(scratch.head.size(), blocks));
+  for (auto& last : scratch.last_face) last.resize(std::max(last.size(), blocks));
+  scratch.bands.resize(std::max(scratch.bands.size(), slots));
+  for (SlotBand& band : scratch.bands) band.y = -1;
+  for (int r = 0; r < kBandRows; r++) {
+    for (int c = 0; c < 3; c++) {
+      auto& sum = scratch.sum_memory[r][c];
+      sum.resize(std::max(sum.size(), blocks * kBlock));
+      scratch.sum[r][c] = sum.data();
+    }
+    auto& lost = scratch.lost_memory[r];
+    lost.resize(std::max(lost.size(), blocks * kBlock));
+    scratch.lost[r] = lost.data();
+  }
+  return scratch;
+}
+
+}  // namespace lf::simd
