@@ -30,16 +30,23 @@ GType lf_fragment_codec_get_type(void) {
   return type;
 }
 
-void lf_fragment_install_choices(GObjectClass* klass, guint sum_id, guint codec_id) {
+void lf_fragment_install_choices(GObjectClass* klass, guint first_id) {
   constexpr auto kFlags = GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING);
   g_object_class_install_property(
-      klass, sum_id,
+      klass, first_id,
       g_param_spec_enum("sum", "Sum", "What an answer holds: the sum of this node's cameras or a fragment of each",
                         LF_TYPE_FRAGMENT_SUM, static_cast<gint>(lf::SumChoice::kAuto), kFlags));
   g_object_class_install_property(
-      klass, codec_id,
+      klass, first_id + 1,
       g_param_spec_enum("codec", "Codec", "How pixels travel in the answers", LF_TYPE_FRAGMENT_CODEC,
                         static_cast<gint>(lf::CodecChoice::kAuto), kFlags));
+  g_object_class_install_property(
+      klass, first_id + 2,
+      g_param_spec_uint(
+          "threads", "Threads",
+          "Threads that work on an answer at most, out of those that all lffragments of the process share "
+          "(0: as many as there are processors)",
+          0, 256, 0, kFlags));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_SUM, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_CODEC, GstPluginAPIFlags(0));
 }

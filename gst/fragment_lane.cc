@@ -37,9 +37,13 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
   GST_OBJECT_LOCK(self);
   manner.sum = self->sum;
   manner.codec = self->codec;
+  const guint threads = self->threads > 0 ? self->threads : g_get_num_processors();
   GST_OBJECT_UNLOCK(self);
   manner.in_process = lf_fragment_compositor_is_near(lane);
   manner.live = lane->live;
+  manner.parallel = [self, threads](size_t count, const std::function<void(size_t)>& task) {
+    (*self->workers)->run(threads, count, task);
+  };
   manner.base_time = gst_element_get_base_time(GST_ELEMENT(self));
   lf::FragmentNode::Reply reply = self->node->answer(*request, lane->requester, manner, lane->memory->take());
   if (!reply.warning.empty())

@@ -132,8 +132,8 @@ FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& 
   if (nothing) header.family = agree_on_family(PixelFamily::kNone);
 
   const AnswerForm form = choose_form(job, manner.sum, manner.codec, manner.in_process, request.quality);
-  RenderedAnswer rendered =
-      render_answer(header, job, nothing ? std::span<const Source>() : sources.sources(), form, std::move(memory));
+  RenderedAnswer rendered = render_answer(header, job, nothing ? std::span<const Source>() : sources.sources(), form,
+                                          std::move(memory), manner.parallel);
   stats_.add({.wait = begun - arrived + (found - planned),
               .render = planned - begun + rendered.render_ns,
               .encode = rendered.encode_ns});

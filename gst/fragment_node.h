@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/byte_buffer.h"
+#include "base/parallel.h"
 #include "camera_frames.h"
 #include "frame_sources.h"
 #include "node/answer_form.h"
@@ -52,6 +53,7 @@ class FragmentNode {
     bool in_process = false;  // the compositor is in this process
     bool live = false;        // the request is: nothing is waited for
     uint64_t base_time = 0;   // of the pipeline: turns absolute target times into running time
+    ParallelFor parallel = serial_for;
   };
   struct Reply {
     ByteBuffer bytes;  // the answer, always whole

@@ -40,6 +40,7 @@ enum {
   kPropNode,
   kPropSum,
   kPropCodec,
+  kPropThreads,
   kPropStats
 };
 
@@ -151,7 +152,9 @@ static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, Gst
 }
 
 // How lffragment answers is its own property under the same name.
-static bool is_of_fragment(guint id) { return id == kPropSum || id == kPropCodec || id == kPropStats; }
+static bool is_of_fragment(guint id) {
+  return id == kPropSum || id == kPropCodec || id == kPropThreads || id == kPropStats;
+}
 
 static void lf_camera_node_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfCameraNode* self = LF_CAMERA_NODE(object);
@@ -235,7 +238,7 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
       object_class, kPropNode,
       g_param_spec_uint("node", "Node", "Number of this node in its answers; each node of an array has its own", 0,
                         G_MAXUINT, 0, kFlags));
-  lf_fragment_install_choices(object_class, kPropSum, kPropCodec);
+  lf_fragment_install_choices(object_class, kPropSum);
   g_object_class_install_property(
       object_class, kPropStats,
       g_param_spec_boxed("stats", "Statistics", "What lffragment counts, see there", GST_TYPE_STRUCTURE,

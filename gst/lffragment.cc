@@ -99,7 +99,7 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lffragment, "lffragment", GST_RANK_NONE, L
                                       GST_DEBUG_CATEGORY_INIT(lf_fragment_debug, "lffragment", 0,
                                                               "random access camera"))
 
-enum { PROP_0, PROP_RIG, PROP_NODE, PROP_SUM, PROP_CODEC, PROP_STATS };
+enum { PROP_0, PROP_RIG, PROP_NODE, PROP_SUM, PROP_CODEC, PROP_THREADS, PROP_STATS };
 
 static void lf_fragment_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfFragment* self = LF_FRAGMENT(object);
@@ -111,6 +111,7 @@ static void lf_fragment_set_property(GObject* object, guint id, const GValue* va
       break;
     case PROP_NODE: self->node_id = g_value_get_uint(value); break;
     case PROP_SUM: self->sum = static_cast<lf::SumChoice>(g_value_get_enum(value)); break;
+    case PROP_THREADS: self->threads = g_value_get_uint(value); break;
     case PROP_CODEC: self->codec = static_cast<lf::CodecChoice>(g_value_get_enum(value)); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -124,6 +125,7 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
     case PROP_RIG: g_value_set_string(value, self->rig_path); break;
     case PROP_NODE: g_value_set_uint(value, self->node_id); break;
     case PROP_SUM: g_value_set_enum(value, static_cast<gint>(self->sum)); break;
+    case PROP_THREADS: g_value_set_uint(value, self->threads); break;
     case PROP_CODEC: g_value_set_enum(value, static_cast<gint>(self->codec)); break;
     case PROP_STATS: g_value_take_boxed(value, self->node->stats().structure()); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
@@ -235,6 +237,7 @@ static void lf_fragment_finalize(GObject* object) {
   for (Lane* lane : *self->lanes) delete lane;
   delete self->lanes;
   delete self->node;
+  delete self->workers;
   g_free(self->rig_path);
   G_OBJECT_CLASS(lf_fragment_parent_class)->finalize(object);
 }
@@ -257,7 +260,7 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
       object_class, PROP_NODE,
       g_param_spec_uint("node", "Node", "Number of this node, carried in its answers", 0, G_MAXUINT, 0,
                         GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
-  lf_fragment_install_choices(object_class, PROP_SUM, PROP_CODEC);
+  lf_fragment_install_choices(object_class, PROP_SUM);
   g_object_class_install_property(
       object_class, PROP_STATS,
       g_param_spec_boxed(
@@ -283,6 +286,7 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
 static void lf_fragment_init(LfFragment* self) {
   self->node = new lf::FragmentNode;
   self->lanes = new std::set<Lane*>;
+  self->workers = new std::shared_ptr<lf::WorkerPool>(lf::WorkerPool::shared());
   GstElementClass* klass = GST_ELEMENT_GET_CLASS(self);
   lf_fragment_lane_new(self, gst_element_class_get_pad_template(klass, "request"), "request",
                        gst_element_class_get_pad_template(klass, "src"), "src");

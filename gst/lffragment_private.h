@@ -10,6 +10,7 @@
 #include "fragment_node.h"
 #include "gst_wire.h"
 #include "lffragment.h"
+#include "worker_pool.h"
 
 // What the files of lffragment share: lffragment.cc (the element), fragment_camera_pad.cc (camera video in),
 // fragment_lane.cc (requests in, answers out) and fragment_choices.cc (how answers are made).
@@ -45,14 +46,16 @@ struct _LfFragment {
   guint node_id;
   lf::SumChoice sum;      // under the object lock
   lf::CodecChoice codec;  // under the object lock
+  guint threads;          // under the object lock
+  std::shared_ptr<lf::WorkerPool>* workers;
   lf::FragmentNode* node;
   std::set<Lane*>* lanes;       // under the object lock
   lf::CameraFrames::Mode mode;  // of all cameras; under the object lock
   guint next_camera_pad, next_lane;
 };
 
-// The properties that say how answers are made: fragment_choices.cc.
-void lf_fragment_install_choices(GObjectClass* klass, guint sum_id, guint codec_id);
+// The properties that say how answers are made (fragment_choices.cc): sum, codec, threads, in the order of their ids.
+void lf_fragment_install_choices(GObjectClass* klass, guint first_id);
 
 // Whether what comes to this sink pad comes in real time.
 bool lf_fragment_upstream_is_live(GstPad* sink);

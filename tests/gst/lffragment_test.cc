@@ -117,6 +117,23 @@ TEST_F(LfFragmentTest, ASumHasEveryCamerasContribution) {
   }
 }
 
+TEST_F(LfFragmentTest, ThreadsDoNotShowInTheAnswer) {
+  start(4);
+  push_frames(137, 0);
+  const ViewRequest asked = array_.request(5, 0);
+  for (const char* sum : {"node", "camera"}) {
+    set("sum", sum);
+    std::vector<std::vector<uint8_t>> answers;
+    for (const char* threads : {"1", "2", "7", "0"}) {
+      set("threads", threads);
+      ASSERT_EQ(request(asked), GST_FLOW_OK);
+      const BufferPtr buffer(gst_harness_try_pull(harness_.get()));
+      answers.push_back(to_bytes(buffer.get()));
+    }
+    EXPECT_THAT(answers, testing::Each(answers[0])) << sum;
+  }
+}
+
 TEST_F(LfFragmentTest, InASumACameraWithoutAFrameIsLost) {
   start(4, "RGB", true);
   gst_element_set_state(element_.get(), GST_STATE_READY);

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <functional>
+#include <memory>
+#include <mutex>
+
+namespace lf {
+
+// The threads that the lffragments of a process share: as many nodes as there are don't take more processors than
+// there are. Thread-safe.
+class WorkerPool {
+ public:
+  // The one that is in use, or a new one: it goes when nobody holds it any more.
+  static std::shared_ptr<WorkerPool> shared();
+
+  WorkerPool();
+  ~WorkerPool();
+  WorkerPool(const WorkerPool&) = delete;
+  WorkerPool& operator=(const WorkerPool&) = delete;
+
+  // A ParallelFor (base/parallel.h) of at most `threads`, of which the calling one is one: it never waits for a
+  // thread of the pool to come free, only for those that have taken up some of its tasks.
+  void run(unsigned threads, size_t count, const std::function<void(size_t)>& task);
+
+ private:
+  GstTaskPool* pool_;
+  std::mutex mutex_;
+  unsigned most_threads_ = 0;  // what the pool has been set to
+};
+
+}  // namespace lf

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// Also run under ThreadSanitizer (tests/sanitize.sh thread).
+#include "worker_pool.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <set>
+#include <stdexcept>
+#include <thread>
+#include <vector>
+
+namespace lf {
+namespace {
+
+class WorkerPoolTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() { gst_init(nullptr, nullptr); }
+};
+
+TEST_F(WorkerPoolTest, EveryTaskIsDoneOnce) {
+  WorkerPool pool;
+  for (const unsigned threads : {1u, 2u, 5u})
+    for (const size_t count : {0u, 1u, 2u, 100u}) {
+      std::vector<std::atomic<int>> done(count);
+      pool.run(threads, count, [&](size_t i) { done[i]++; });
+      for (const std::atomic<int>& n : done) EXPECT_EQ(n, 1);
+    }
+}
+
+TEST_F(WorkerPoolTest, SeveralThreadsWork) {
+  WorkerPool pool;
+  std::mutex mutex;
+  std::set<std::thread::id> threads;
+  pool.run(3, 30, [&](size_t) {
+    g_usleep(2000);
+    std::lock_guard lock(mutex);
+    threads.insert(std::this_thread::get_id());
+  });
+  EXPECT_GE(threads.size(), 2u);
+  EXPECT_LE(threads.size(), 3u);
+  EXPECT_TRUE(threads.contains(std::this_thread::get_id()));
+}
+
+TEST_F(WorkerPoolTest, ManyCallersShareIt) {
+  const auto pool = WorkerPool::shared();
+  EXPECT_EQ(pool, WorkerPool::shared());
+  std::atomic<int> done = 0;
+  std::vector<std::thread> callers;
+  for (int c = 0; c < 4; c++)
+    callers.emplace_back([&] {
+      for (int round = 0; round < 200; round++) pool->run(2, 8, [&](size_t) { done++; });
+    });
+  for (std::thread& caller : callers) caller.join();
+  EXPECT_EQ(done, 4 * 200 * 8);
+}
+
+TEST_F(WorkerPoolTest, AnErrorComesToTheCaller) {
+  WorkerPool pool;
+  std::atomic<int> done = 0;
+  EXPECT_THROW(pool.run(2, 10,
+                        [&](size_t i) {
+                          done++;
+                          if (i == 3) throw std::runtime_error("three");
+                        }),
+               std::runtime_error);
+  EXPECT_EQ(done, 10);
+}
+
+}  // namespace
+}  // namespace lf
