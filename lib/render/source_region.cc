@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "render/source_region.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "render/camera_projection.h"
+
+namespace lf {
+namespace {
+
+constexpr int kStep = 16;  // pixels of the view between two that are looked at
+// Bilinear sampling reaches a pixel further, chroma two; positions that the fast renderer interpolates are off by less
+// than one.
+constexpr int kReach = 4;
+
+// lo, lo + kStep, ... and the last pixel: of [lo, hi).
+template <typename Call>
+void for_grid(int lo, int hi, Call call) {
+  for (int at = lo; at < hi - 1; at += kStep) call(at);
+  call(hi - 1);
+}
+
+}  // namespace
+
+Rect source_region(const ViewPlan& plan, const Rect& rect, const Camera& camera) {
+  const Rect whole{0, 0, camera.width, camera.height};
+  if (rect.empty()) return {};
+  const CameraProjection projection(plan, camera);
+  Vec2 low(INFINITY), high(-INFINITY);
+  double largest_step = 0;  // between neighbours of the grid
+  std::vector<Vec2> above;  // the row of the grid before
+  bool known = true;
+  for_grid(rect.y0, rect.y1, [&](int y) {
+    std::vector<Vec2> row;
+    for_grid(rect.x0, rect.x1, [&](int x) {
+      Vec2 pixel;
+      if (!projection.project_beyond(plan.rays().at(x, y), pixel)) {
+        known = false;
+        return;
+      }
+      low = glm::min(low, pixel);
+      high = glm::max(high, pixel);
+      if (!row.empty()) largest_step = std::max(largest_step, glm::distance(pixel, row.back()));
+      if (row.size() < above.size()) largest_step = std::max(largest_step, glm::distance(pixel, above[row.size()]));
+      row.push_back(pixel);
+    });
+    above = std::move(row);
+  });
+  // Not before NaN and infinity are ruled out: they can't become integers.
+  if (!known || !std::isfinite(low.x + low.y + high.x + high.y)) return whole;
+  // Between the points looked at a curved edge bulges by less than a sixteenth of their distance, unless the lens bends
+  // it more than any that a picture is taken with.
+  const Vec2 margin(largest_step / 16 + kReach);
+  low = glm::max(low - margin, Vec2(0));
+  high = glm::min(high + margin, Vec2(camera.width, camera.height));
+  if (low.x >= high.x || low.y >= high.y) return {};
+  return intersect(whole, {static_cast<int>(std::floor(low.x)), static_cast<int>(std::floor(low.y)),
+                           static_cast<int>(std::ceil(high.x)) + 1, static_cast<int>(std::ceil(high.y)) + 1});
+}
+
+}  // namespace lf

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include "render/rect.h"
+#include "render/view_plan.h"
+#include "rig/rig.h"
+
+namespace lf {
+
+// The pixels of a camera's image that its contribution to the view may be sampled from, with those that interpolation
+// and chroma reach: what has to be decoded of it. `rect`: of the view, where the camera may have a weight. The whole
+// image where that can't be told; empty if none of it is seen.
+Rect source_region(const ViewPlan& plan, const Rect& rect, const Camera& camera);
+
+}  // namespace lf

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "render/source_region.h"
+
+#include <gtest/gtest.h>
+
+#include "reference/generators.h"
+#include "render/camera_projection.h"
+#include "render/fragment_renderer.h"
+#include "scene/scene.h"
+
+namespace lf::test {
+namespace {
+
+int area(const Rect& rect) { return rect.empty() ? 0 : rect.width() * rect.height(); }
+
+// All that sampling the camera for the rectangle touches, its chroma included.
+Rect touched(const ViewPlan& plan, const Rect& rect, const Camera& camera) {
+  const CameraProjection projection(plan, camera);
+  Rect all;
+  const auto sample = [&](const Vec2& ray) {
+    Vec2 p;
+    if (std::isnan(ray.x) || !projection.project(ray, p)) return;
+    const int x = static_cast<int>(std::floor(p.x)), y = static_cast<int>(std::floor(p.y));
+    // The four chroma samples around p cover these luma pixels.
+    const int cx = 2 * static_cast<int>(std::floor((p.x - 0.5) / 2)),
+              cy = 2 * static_cast<int>(std::floor((p.y - 0.5) / 2));
+    all = unite(all, {x, y, x + 2, y + 2});
+    all = unite(all, {cx, cy, cx + 4, cy + 4});
+  };
+  for (int y = rect.y0; y < rect.y1; y++)
+    for (int x = rect.x0; x < rect.x1; x++) {
+      sample(plan.rays().at(x, y));
+      if (x % 2 == 0 && y % 2 == 0) sample(plan.rays().at_centre_of_four(x, y));
+    }
+  return intersect(all, {0, 0, camera.width, camera.height});
+}
+
+TEST(SourceRegion, HoldsEverySampleOfAnyRig) {
+  reference::Random random(7);
+  int regions = 0;
+  for (int i = 0; i < 150; i++) {
+    Rig rig = reference::random_rig(random);
+    for (Camera& camera : rig.cameras) camera.lens = reference::random_lens(random, camera.width, camera.height);
+    const View view = reference::random_view(random, rig, 160, 120);
+    const ViewPlan plan(rig, build_mesh(rig), view);
+    for (const CameraIndex camera : plan.contributors()) {
+      const Rect rect = chroma_aligned(plan.camera_rect(camera), view);
+      const Rect need = touched(plan, rect, rig.cameras[camera]);
+      if (need.empty()) continue;
+      const Rect region = source_region(plan, rect, rig.cameras[camera]);
+      EXPECT_EQ(intersect(need, region), need)
+          << "rig " << i << ", camera " << camera << ": " << need.x0 << "," << need.y0 << " to " << need.x1 << ","
+          << need.y1 << " against " << region.x0 << "," << region.y0 << " to " << region.x1 << "," << region.y1;
+      EXPECT_EQ(intersect(region, {0, 0, rig.cameras[camera].width, rig.cameras[camera].height}), region);
+      regions++;
+    }
+  }
+  EXPECT_GT(regions, 300);
+}
+
+TEST(SourceRegion, IsLittleMoreThanThat) {
+  const Rig rig = scene_rig(8, 8, 640, 480);
+  View view;
+  view.width = 640;
+  view.height = 480;
+  view.lens = Lens::from_fov_y(33, 640, 480);
+  view.pose.position = Vec3(0.01, 0.02, -0.6);
+  view.focus.plane = focal_plane_at(view.pose, kSceneMiddle);
+  const ViewPlan plan(rig, build_mesh(rig), view);
+  int needed = 0, decoded = 0;
+  for (const CameraIndex camera : plan.contributors()) {
+    needed += area(touched(plan, plan.camera_rect(camera), rig.cameras[camera]));
+    decoded += area(source_region(plan, plan.camera_rect(camera), rig.cameras[camera]));
+  }
+  EXPECT_GT(needed, 0);
+  EXPECT_LT(decoded, needed * 1.4);
+}
+
+}  // namespace
+}  // namespace lf::test
