@@ -15,8 +15,8 @@ using Codec = CameraSource::Codec;
 // Files are read in few large pieces: a still is one.
 constexpr guint kBlockSize = 1 << 20;
 
-GstElement* add(GstBin* bin, const char* factory) {
-  GstElement* element = gst_element_factory_make(factory, nullptr);
+GstElement* add(GstBin* bin, const char* factory, const char* name = nullptr) {
+  GstElement* element = gst_element_factory_make(factory, name);
   if (!element) throw MissingElement(factory);
   gst_bin_add(bin, element);
   return element;
@@ -51,7 +51,9 @@ GstElement* add_capsfilter(GstBin* bin, GstCaps* caps) {
 }
 
 GstCaps* frame_rate_caps(int fps_n, int fps_d) {
-  return gst_caps_new_simple("video/x-raw", "framerate", GST_TYPE_FRACTION, fps_n, fps_d, nullptr);
+  GstCaps* caps = gst_caps_from_string("video/x-raw; image/jpeg");
+  gst_caps_set_simple(caps, "framerate", GST_TYPE_FRACTION, fps_n, fps_d, nullptr);
+  return caps;
 }
 
 GstCaps* camera_caps(const Camera& camera) {
@@ -75,13 +77,45 @@ bool is_media(GstPad* pad, const char* prefix) {
   return yes;
 }
 
-void on_decoded_pad(GstElement* /*decoder*/, GstPad* pad, gpointer convert) {
-  if (is_media(pad, "video/x-raw")) link_new_pad(pad, GST_ELEMENT(convert));
+// The identities around what makes raw video, where JPEG goes past it: named so, because pads that appear later find
+// nothing but the first of them.
+constexpr const char* kBeforeConvert = "before-convert";
+constexpr const char* kAfterConvert = "after-convert";
+
+bool may_bypass(GstElement* head) { return g_strcmp0(GST_OBJECT_NAME(head), kBeforeConvert) == 0; }
+
+// Links the first identity with the last: the video is JPEG and stays it. Before data flows.
+void bypass(GstElement* before) {
+  GstObject* bin = gst_element_get_parent(before);
+  if (!bin) return;  // being taken apart
+  GstElement* after = gst_bin_get_by_name(GST_BIN(bin), kAfterConvert);
+  GstPad* src = borrow_pad(before, "src");
+  GstPad* sink = borrow_pad(after, "sink");
+  for (GstPad* pad : {src, sink}) {
+    GstPad* peer = gst_pad_get_peer(pad);
+    if (!peer) continue;
+    if (pad == src)
+      gst_pad_unlink(pad, peer);
+    else
+      gst_pad_unlink(peer, pad);
+    gst_object_unref(peer);
+  }
+  gst_pad_link_full(src, sink, GST_PAD_LINK_CHECK_NOTHING);
+  gst_object_unref(after);
+  gst_object_unref(bin);
 }
 
-// The first video track of a Matroska file. MJPEG goes through jpegdec on the demuxer's own thread; what else there is
-// goes through decodebin, which brings queues and threads.
+void on_decoded_pad(GstElement* /*decoder*/, GstPad* pad, gpointer head) {
+  GstPad* sink = borrow_pad(GST_ELEMENT(head), "sink");
+  const bool jpeg = may_bypass(GST_ELEMENT(head)) && is_media(pad, "image/jpeg") && !gst_pad_is_linked(sink);
+  if (jpeg) bypass(GST_ELEMENT(head));
+  if (jpeg || is_media(pad, "video/x-raw")) link_new_pad(pad, GST_ELEMENT(head));
+}
+
+// The first video track of a Matroska file. MJPEG goes through jpegdec on the demuxer's own thread, or stays as it is;
+// what else there is goes through decodebin, which brings queues and threads.
 void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer convert) {
+  if (may_bypass(GST_ELEMENT(convert)) && is_media(pad, "image/jpeg")) return on_decoded_pad(demuxer, pad, convert);
   GstPad* sink = borrow_pad(GST_ELEMENT(convert), "sink");
   if (gst_pad_is_linked(sink) || !(is_media(pad, "video/") || is_media(pad, "image/"))) return;
   if (is_media(pad, "video/x-raw")) return link_new_pad(pad, GST_ELEMENT(convert));
@@ -122,7 +156,7 @@ GstElement* add_file_reader(GstBin* bin, const std::string& path) {
 // A decoder whose pads appear later; they are linked with `convert` then.
 void add_uri_decoder(GstBin* bin, const std::string& uri, GstElement* convert) {
   GstElement* decoder = add(bin, "uridecodebin");
-  GstCaps* caps = gst_caps_from_string("video/x-raw");
+  GstCaps* caps = gst_caps_from_string(may_bypass(convert) ? "image/jpeg; video/x-raw" : "video/x-raw");
   g_object_set(decoder, "uri", uri.c_str(), "caps", caps, "expose-all-streams", FALSE, nullptr);
   gst_caps_unref(caps);
   g_signal_connect(decoder, "pad-added", G_CALLBACK(on_decoded_pad), convert);
@@ -143,13 +177,23 @@ GstElement* add_sequence_reader(GstBin* bin, const CameraSource& source, int fps
   g_object_set(reader, "location", source.location.c_str(), "start-index", source.first, "caps", caps, "loop", loop,
                nullptr);
   gst_caps_unref(caps);
-  return append(reader, add_decoder(bin, source.codec));
+  return reader;
 }
 
 GstElement* add_scene(GstBin* bin, const Camera& camera, int fps_n, int fps_d, bool live) {
   GstElement* scene = new_scene_source(camera, fps_n, fps_d, live);
   gst_bin_add(bin, scene);
   return scene;
+}
+
+// multifilesrc knows nothing of the size and would make one up. Whether it is true the frames tell.
+void set_size(GstElement* multifilesrc, const Camera& camera) {
+  GstCaps* caps = nullptr;
+  g_object_get(multifilesrc, "caps", &caps, nullptr);
+  caps = gst_caps_make_writable(caps);
+  gst_caps_set_simple(caps, "width", G_TYPE_INT, camera.width, "height", G_TYPE_INT, camera.height, nullptr);
+  g_object_set(multifilesrc, "caps", caps, nullptr);
+  gst_caps_unref(caps);
 }
 
 // What feeds `convert`.
@@ -160,7 +204,17 @@ void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, c
       if (source.codec == Codec::kOther) return add_uri_decoder(bin, source.location, convert);
       append(append(add_file_reader(bin, source.location), add_decoder(bin, source.codec)), convert);
       return;
-    case Kind::kSequence: append(add_sequence_reader(bin, source, fps_n, fps_d, options.loop), convert); return;
+    case Kind::kSequence: {
+      GstElement* reader = add_sequence_reader(bin, source, fps_n, fps_d, options.loop);
+      if (may_bypass(convert) && source.codec == Codec::kJpeg) {
+        bypass(convert);
+        set_size(reader, camera);
+      } else {
+        reader = append(reader, add_decoder(bin, source.codec));
+      }
+      append(reader, convert);
+      return;
+    }
     case Kind::kMatroska: return add_matroska_reader(bin, source.location, convert);
     case Kind::kUri: return add_uri_decoder(bin, source.location, convert);
     case Kind::kScene: append(add_scene(bin, camera, fps_n, fps_d, options.live), convert); return;
@@ -175,15 +229,21 @@ CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Ca
   const int fps_n = own_rate ? kDefaultFps : options.fps_n;
   const int fps_d = own_rate ? 1 : options.fps_d;
   GstElement* convert = add(bin, "videoconvert");
-  add_reader(bin, source, camera, options, fps_n, fps_d, convert);
-
   CameraChain chain;
-  chain.decoded = borrow_pad(convert, "sink");
-  chain.tail = {convert};
   const auto append_to_tail = [&](GstElement* next) { chain.tail.push_back(append(chain.tail.back(), next)); };
-  append_to_tail(add_capsfilter(bin, camera_caps(camera)));
-  if (source.kind == Kind::kStill) append_to_tail(add(bin, "imagefreeze"));
+  if (options.decode || source.kind == Kind::kStill || source.kind == Kind::kScene) {
+    chain.tail = {convert};
+    append_to_tail(add_capsfilter(bin, camera_caps(camera)));
+    if (source.kind == Kind::kStill) append_to_tail(add(bin, "imagefreeze"));
+  } else {
+    chain.tail = {add(bin, "identity", kBeforeConvert)};
+    append_to_tail(convert);
+    append_to_tail(add_capsfilter(bin, camera_caps(camera)));
+    append_to_tail(add(bin, "identity", kAfterConvert));
+  }
+  chain.decoded = borrow_pad(chain.tail.front(), "sink");
   chain.frames = borrow_pad(chain.tail.back(), "src");
+  add_reader(bin, source, camera, options, fps_n, fps_d, chain.tail.front());
   const bool has_rate = source.kind == Kind::kMatroska || source.kind == Kind::kUri;
   if (has_rate && !own_rate) append_to_tail(add(bin, "videorate"));
   if (source.kind == Kind::kStill || (has_rate && !own_rate))

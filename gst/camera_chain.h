@@ -15,6 +15,7 @@ struct ChainOptions {
   int fps_n = 0, fps_d = 1;  // 0/1: as the source has them, kDefaultFps where it has no rate of its own
   bool live = false;         // each at its time on the clock
   bool loop = false;         // image sequences begin again by themselves; other files are up to the caller
+  bool decode = true;        // JPEG video too; stills always
 };
 
 inline constexpr int kDefaultFps = 15;
@@ -22,6 +23,8 @@ inline constexpr int kDefaultFps = 15;
 // The elements between a camera's source and lfcamsrc's pad, in the order of the pads named here. The pads are borrowed
 // from the bin's children and live as long as those.
 //   source ! decoder ! (decoded) convert ! formats and size [! imagefreeze] (frames) [! videorate] [! clocksync] (out)
+// Where JPEG is not to be decoded, what is between `decoded` and `frames` is bypassed once it is known to be JPEG:
+//   source ! (decoded) identity [! convert ! formats and size] ! identity (frames) [! videorate] [! clocksync] (out)
 struct CameraChain {
   GstPad* decoded = nullptr;  // sink pad: pictures as decoded, of whatever size
   GstPad* frames = nullptr;   // source pad: one buffer for each frame the camera took

@@ -20,12 +20,13 @@ void CameraFrames::start_stream(bool live) {
 
 void CameraFrames::drop_oldest() {
   if (!frames_.front().used) dropped_++;
+  if (frames_.front().frame.jpeg) before_ = std::move(frames_.front().frame);
   frames_.pop_front();
 }
 
 // A frame is passed when the one after it is not later than what is wanted.
 void CameraFrames::drop_passed() {
-  while (frames_.size() > 1 && frames_[1].frame.time <= wanted_) drop_oldest();
+  while (frames_.size() > 1 && frames_[1].time <= wanted_) drop_oldest();
 }
 
 // "The newest" must not make a file run through: there it is the frame that stands now.
@@ -41,6 +42,13 @@ void CameraFrames::advance(uint64_t time) {
 }
 
 GstFlowReturn CameraFrames::push(CameraFrame frame) {
+  const uint64_t time = frame.time;
+  return push_at(time, std::move(frame));
+}
+
+GstFlowReturn CameraFrames::push_damaged(uint64_t time) { return push_at(time, std::nullopt); }
+
+GstFlowReturn CameraFrames::push_at(uint64_t time, std::optional<CameraFrame> frame) {
   std::unique_lock lock(mutex_);
   if (!live_)
     changed_.wait(lock, [this] {
@@ -50,11 +58,33 @@ GstFlowReturn CameraFrames::push(CameraFrame frame) {
   if (mode_ == Mode::kStopped || flushing_) return GST_FLOW_FLUSHING;
   if (mode_ == Mode::kFinished) return GST_FLOW_EOS;
   // Time may jump back (a stream started again without a flush): what is held is then of another time line.
-  while (!frames_.empty() && frames_.back().frame.time > frame.time) drop_oldest();
-  frames_.push_back({std::move(frame)});
+  while (!frames_.empty() && frames_.back().time > time) drop_oldest();
+  if (!frame) frame = frames_.empty() ? before_ : frames_.back().frame;
+  frames_.push_back({time, std::move(*frame)});
   while (frames_.size() > kLiveFrames) drop_oldest();
   changed_.notify_all();
   return GST_FLOW_OK;
+}
+
+std::optional<CameraFrame> CameraFrames::replace_damaged(const std::shared_ptr<JpegFrame>& damaged, bool* first) {
+  std::lock_guard lock(mutex_);
+  bool known = before_.jpeg == damaged;
+  if (known) before_ = {};
+  CameraFrame serves = before_;
+  std::optional<CameraFrame> result;
+  for (Held& held : frames_) {
+    if (held.frame.jpeg == damaged) {
+      held.frame = serves;
+      known = true;
+      result = serves;
+    } else if (!result) {
+      serves = held.frame;
+    }
+  }
+  if (first) *first = known;
+  if (!result) result = before_;  // it is no longer held: what was before it is the best there is
+  if (!result->jpeg) return std::nullopt;
+  return result;
 }
 
 void CameraFrames::end_stream() {
@@ -67,6 +97,7 @@ void CameraFrames::set_flushing(bool flushing) {
   std::lock_guard lock(mutex_);
   flushing_ = flushing;
   frames_.clear();
+  before_ = {};
   ended_ = false;
   changed_.notify_all();
 }
@@ -74,6 +105,7 @@ void CameraFrames::set_flushing(bool flushing) {
 void CameraFrames::clear() {
   std::lock_guard lock(mutex_);
   frames_.clear();
+  before_ = {};
   started_ = live_ = ended_ = flushing_ = false;
   wanted_ = 0;
   dropped_ = 0;
@@ -82,7 +114,7 @@ void CameraFrames::clear() {
 bool CameraFrames::must_wait(uint64_t time, bool wait_for_first) const {
   if (ended_ || flushing_) return false;
   if (live_ || !started_) return frames_.empty() && wait_for_first;
-  return frames_.empty() || (time != kNoTime && frames_.back().frame.time < time);
+  return frames_.empty() || (time != kNoTime && frames_.back().time < time);
 }
 
 std::optional<CameraFrame> CameraFrames::find(uint64_t time, bool wait_for_first) {
@@ -97,7 +129,7 @@ std::optional<CameraFrame> CameraFrames::find(uint64_t time, bool wait_for_first
   auto best = frames_.end() - 1;
   if (time != kNoTime)
     best = std::min_element(frames_.begin(), frames_.end(), [time](const Held& a, const Held& b) {
-      return time_between(a.frame.time, time) < time_between(b.frame.time, time);
+      return time_between(a.time, time) < time_between(b.time, time);
     });
   best->used = true;
   return best->frame;

@@ -10,15 +10,18 @@
 
 #include <gst/video/video.h>
 
+#include "jpeg/jpeg_frame.h"
 #include "view/view_request.h"
 
 namespace lf {
 
-// A camera image in the node's pixel family, ready to be mapped and rendered from.
+// A camera image in the node's pixel family, ready to be mapped and rendered from;
+// or one as compressed as it came, decoded where a view looks.
 struct CameraFrame {
   std::shared_ptr<GstBuffer> buffer;
   GstVideoInfo info;
-  uint64_t time = 0;  // capture time, running time of the pipeline in nanoseconds
+  std::shared_ptr<JpegFrame> jpeg;  // in place of buffer and info
+  uint64_t time = 0;                // capture time, running time of the pipeline in nanoseconds
 };
 
 // The latest frames of one camera. Thread-safe.
@@ -39,6 +42,8 @@ class CameraFrames {
   void start_stream(bool live);
   // Hands over a frame. GST_FLOW_FLUSHING while flushing, GST_FLOW_EOS when no request will come any more.
   GstFlowReturn push(CameraFrame frame);
+  // The same for a frame that is damaged: the one before it serves in its place, too.
+  GstFlowReturn push_damaged(uint64_t time);
   void end_stream();                 // EOS: the last frame stands for all times after it
   void set_flushing(bool flushing);  // of this camera's stream; drops what is held
   void clear();                      // back to the state after construction, but for the mode
@@ -50,6 +55,10 @@ class CameraFrames {
   // camera that has not begun if `wait_for_first`. Nothing if the camera has no frame to give or the node shuts down.
   std::optional<CameraFrame> find(uint64_t time, bool wait_for_first);
 
+  // A frame from find() turned out to be damaged where a request looks: the one before it serves from now on. True in
+  // *first (may be null) to the first that says so.
+  std::optional<CameraFrame> replace_damaged(const std::shared_ptr<JpegFrame>& damaged, bool* first = nullptr);
+
   size_t held() const;
   uint64_t dropped() const;  // frames that no request was answered with
 
@@ -59,14 +68,18 @@ class CameraFrames {
   void drop_passed();                                        // locked
   void drop_oldest();                                        // locked
 
+  GstFlowReturn push_at(uint64_t time, std::optional<CameraFrame> frame);
+
   struct Held {
-    CameraFrame frame;
+    uint64_t time;      // of the frame, or of the damaged one in whose place it serves
+    CameraFrame frame;  // without a picture where there was none to serve
     bool used = false;
   };
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   Mode mode_ = Mode::kStopped;
   std::deque<Held> frames_;  // ascending time
+  CameraFrame before_;       // compressed one that was held before these
   bool started_ = false, live_ = false, ended_ = false, flushing_ = false;
   uint64_t wanted_ = 0;  // time of the latest request that named one
   uint64_t dropped_ = 0;

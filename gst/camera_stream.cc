@@ -4,6 +4,8 @@
 #include <gst/video/video.h>
 
 #include "common.h"
+#include "gst_wire.h"
+#include "jpeg/jpeg_frame.h"
 
 namespace lf {
 namespace {
@@ -54,10 +56,24 @@ void CameraStream::fail(GstStreamError code, const std::string& text) {
 // Frames of another size than the rig's would be rendered as if they were of that size.
 void CameraStream::check_size(GstCaps* caps) {
   GstVideoInfo info;
-  if (!gst_video_info_from_caps(&info, caps)) return;
+  const GstStructure* structure = gst_caps_get_structure(caps, 0);
+  is_jpeg_ = gst_structure_has_name(structure, "image/jpeg");
+  gst_structure_get_fraction(structure, "framerate", &fps_n_, &fps_d_);
+  if (!gst_video_info_from_caps(&info, caps) || info.width == 0) return;  // JPEG files: the picture alone knows
   size_is_wrong_ = info.width != options_.width || info.height != options_.height;
   if (size_is_wrong_)
     fail(GST_STREAM_ERROR_FORMAT, "the picture is " + size_text(info.width, info.height) + ", the rig says " +
+                                      size_text(options_.width, options_.height));
+}
+
+// Files of a sequence have no caps to say it.
+void CameraStream::check_size_of_jpeg(GstBuffer* buffer) {
+  const auto bytes = std::make_shared<const MappedBuffer>(buffer);
+  const std::shared_ptr<JpegFrame> frame = JpegFrame::open(bytes, bytes->bytes());
+  if (!frame) return;  // damaged
+  size_is_wrong_ = frame->width() != options_.width || frame->height() != options_.height;
+  if (size_is_wrong_)
+    fail(GST_STREAM_ERROR_FORMAT, "the picture is " + size_text(frame->width(), frame->height()) + ", the rig says " +
                                       size_text(options_.width, options_.height));
 }
 
@@ -118,8 +134,36 @@ GstEvent* CameraStream::later_segment(GstEvent* event) const {
   return later;
 }
 
+// Files of a sequence are stretches of bytes to GStreamer until a decoder gives them times. Takes and gives a
+// reference.
+GstEvent* CameraStream::time_segment(GstEvent* event) {
+  const GstSegment* segment = nullptr;
+  gst_event_parse_segment(event, &segment);
+  counts_time_ = segment->format != GST_FORMAT_TIME && fps_n_ > 0;
+  if (!counts_time_) return event;
+  GstSegment time;
+  gst_segment_init(&time, GST_FORMAT_TIME);
+  GstEvent* timed = gst_event_new_segment(&time);
+  gst_event_set_seqnum(timed, gst_event_get_seqnum(event));
+  gst_event_unref(event);
+  return timed;
+}
+
+GstBuffer* CameraStream::stamp(GstBuffer* buffer) const {
+  buffer = gst_buffer_make_writable(buffer);
+  const auto time = [this](guint64 n) {
+    return gst_util_uint64_scale(n, GST_SECOND * static_cast<guint64>(fps_d_), static_cast<guint64>(fps_n_));
+  };
+  GST_BUFFER_PTS(buffer) = time(pictures_);
+  GST_BUFFER_DTS(buffer) = GST_CLOCK_TIME_NONE;
+  GST_BUFFER_DURATION(buffer) = time(pictures_ + 1) - time(pictures_);
+  return buffer;
+}
+
 GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* info) {
   if (info->type & GST_PAD_PROBE_TYPE_BUFFER) {
+    if (pictures_ == 0 && is_jpeg_) check_size_of_jpeg(GST_PAD_PROBE_INFO_BUFFER(info));
+    if (counts_time_) info->data = stamp(static_cast<GstBuffer*>(info->data));
     ++pictures_;
     return size_is_wrong_ ? refuse(info, GST_FLOW_ERROR) : GST_PAD_PROBE_OK;
   }
@@ -139,7 +183,8 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* inf
       round_start_ = stream_end_ = 0;
       return GST_PAD_PROBE_OK;
     case GST_EVENT_SEGMENT:
-      if (round_start_ > 0) info->data = later_segment(event);
+      if (is_jpeg_) info->data = time_segment(event);
+      if (round_start_ > 0) info->data = later_segment(static_cast<GstEvent*>(info->data));
       return GST_PAD_PROBE_OK;
     case GST_EVENT_EOS:
       if (pictures_ == 0) fail(GST_STREAM_ERROR_DECODE, "there is no picture in it");

@@ -54,6 +54,9 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
 
   void fail(GstStreamError code, const std::string& text);
   void check_size(GstCaps* caps);
+  void check_size_of_jpeg(GstBuffer* buffer);
+  GstEvent* time_segment(GstEvent* event);
+  GstBuffer* stamp(GstBuffer* buffer) const;
   bool begin_again();
   void seek_to_start(guint32 seqnum);
   GstEvent* later_segment(GstEvent* event) const;
@@ -75,7 +78,9 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstClockTime round_start_ = 0;  // running time at which this round of a loop began
   guint64 round_frames_ = 0;      // frames since then
   gint64 frames_out_ = 0;
-  bool size_is_wrong_ = false, announced_ = false, eos_sent_ = false;
+  gint fps_n_ = 0, fps_d_ = 1;
+  bool counts_time_ = false;  // frames have no stamps of their own
+  bool is_jpeg_ = false, size_is_wrong_ = false, announced_ = false, eos_sent_ = false;
 };
 
 }  // namespace lf

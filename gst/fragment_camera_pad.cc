@@ -82,17 +82,20 @@ bool lf_fragment_assign_camera(LfFragment* self, LfFragmentPad* pad) {
   return true;
 }
 
+static bool lf_fragment_check_size(LfFragment* self, LfFragmentPad* pad, int width, int height) {
+  const lf::Camera& camera = self->node->rig()->cameras[pad->input->index];
+  if (width == camera.width && height == camera.height) return true;
+  GST_ELEMENT_ERROR(self, STREAM, FORMAT,
+                    ("Pad %s: the video of camera %u has %dx%d pixels, the rig %s says %dx%d.", GST_PAD_NAME(pad),
+                     camera.id, width, height, self->rig_path, camera.width, camera.height),
+                    (nullptr));
+  return false;
+}
+
 // Only at the first frame of a format: which camera it is comes after the caps.
 static bool lf_fragment_set_camera_format(LfFragment* self, LfFragmentPad* pad, const GstVideoInfo& info) {
-  if (!lf_fragment_assign_camera(self, pad)) return false;
-  const lf::Camera& camera = self->node->rig()->cameras[pad->input->index];
-  if (info.width != camera.width || info.height != camera.height) {
-    GST_ELEMENT_ERROR(self, STREAM, FORMAT,
-                      ("Pad %s: the video of camera %u has %dx%d pixels, the rig %s says %dx%d.", GST_PAD_NAME(pad),
-                       camera.id, info.width, info.height, self->rig_path, camera.width, camera.height),
-                      (nullptr));
+  if (!lf_fragment_assign_camera(self, pad) || !lf_fragment_check_size(self, pad, info.width, info.height))
     return false;
-  }
   const lf::PixelFamily family = self->node->agree_on_family(lf::family_of(info));
   pad->input->converter = std::make_unique<lf::FrameConverter>(info, family);
   return true;
@@ -114,6 +117,9 @@ static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, Gst
       GstCaps* caps;
       gst_event_parse_caps(event, &caps);
       GstVideoInfo info;
+      pad->input->new_jpeg = gst_structure_has_name(gst_caps_get_structure(caps, 0), "image/jpeg");
+      pad->input->new_format.reset();
+      if (pad->input->new_jpeg) break;
       ok = gst_video_info_from_caps(&info, caps);
       if (ok) pad->input->new_format = info;
       break;
@@ -166,21 +172,57 @@ static uint64_t lf_fragment_capture_time(LfFragment* self, GstPad* pad, GstBuffe
   return offset < 0 && static_cast<uint64_t>(-offset) > running ? 0 : running + static_cast<uint64_t>(offset);
 }
 
+// Keeps a compressed frame; a damaged one is dropped and counted.
+static GstFlowReturn lf_fragment_take_jpeg(LfFragment* self, LfFragmentPad* pad, GstBuffer* buffer, uint64_t time) {
+  auto& input = *pad->input;
+  const lf::Camera& camera = self->node->rig()->cameras[input.index];
+  const auto bytes = std::make_shared<const lf::MappedBuffer>(buffer);
+  gst_buffer_unref(buffer);
+  std::string reason;
+  lf::CameraFrame frame;
+  frame.time = time;
+  frame.jpeg = lf::JpegFrame::open(bytes, bytes->bytes(), &reason);
+  if (frame.jpeg && (frame.jpeg->width() != camera.width || frame.jpeg->height() != camera.height)) {
+    // The camera's own size is wrong from the first frame on.
+    if (input.frames->held() == 0 && !lf_fragment_check_size(self, pad, frame.jpeg->width(), frame.jpeg->height()))
+      return GST_FLOW_ERROR;
+    reason = "it is of another size than those before";
+    frame.jpeg.reset();
+  }
+  if (frame.jpeg) return input.frames->push(std::move(frame));
+  self->node->stats().damaged_frames++;
+  if (!input.warned_damaged)
+    GST_ELEMENT_WARNING(
+        self, STREAM, DECODE,
+        ("Pad %s: dropped a damaged frame of camera %u: %s.", GST_PAD_NAME(pad), camera.id, reason.c_str()),
+        ("further ones are counted in stats"));
+  input.warned_damaged = true;
+  return input.frames->push_damaged(time);
+}
+
 static GstFlowReturn lf_fragment_camera_chain(GstPad* gst_pad, GstObject* parent, GstBuffer* buffer) {
   LfFragment* self = LF_FRAGMENT(parent);
   LfFragmentPad* pad = LF_FRAGMENT_PAD(gst_pad);
   auto& input = *pad->input;
   if (input.new_format) {
     input.converter.reset();
+    input.jpeg = false;
     lf_fragment_set_camera_format(self, pad, *input.new_format);
     input.new_format.reset();
   }
-  if (!input.converter) {
+  if (input.new_jpeg) {
+    input.converter.reset();
+    input.new_jpeg = false;
+    input.jpeg = lf_fragment_assign_camera(self, pad);
+    if (input.jpeg) self->node->agree_on_family(lf::PixelFamily::kI420);
+  }
+  if (!input.converter && !input.jpeg) {
     gst_buffer_unref(buffer);
     return GST_FLOW_NOT_NEGOTIATED;
   }
   const lf::Camera& camera = self->node->rig()->cameras[input.index];
   const uint64_t time = lf_fragment_capture_time(self, gst_pad, buffer, camera, input.live);
+  if (input.jpeg) return lf_fragment_take_jpeg(self, pad, buffer, time);
   lf::CameraFrame frame = input.converter->convert(buffer);
   if (!frame.buffer) {
     GST_WARNING_OBJECT(gst_pad, "dropped a frame that can't be mapped");
@@ -207,5 +249,6 @@ void lf_fragment_camera_pad_reset(LfFragment* self, LfFragmentPad* pad) {
   input.frames->clear();
   input.converter.reset();
   input.new_format.reset();
+  input.new_jpeg = input.jpeg = input.warned_damaged = false;
   input.index = input.from_stream = lf::MeshFace::kNone;
 }

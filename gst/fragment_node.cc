@@ -108,22 +108,30 @@ FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& 
   }
   const RenderJob job(*rig_, requester.mesh.get(*rig_, request.out_of_service), request.view, own);
   const uint64_t planned = now_ns();
-  std::vector<std::optional<CameraFrame>> frames;
-  for (const CameraIndex camera : job.cameras()) frames.push_back(inputs.at(camera)->find(wanted, !manner.live));
+  FrameSources sources(*rig_, job);
+  for (const CameraIndex camera : job.cameras()) sources.add(camera, inputs.at(camera)->find(wanted, !manner.live));
   const uint64_t found = now_ns();
+  sources.decode(
+      agree_on_family(PixelFamily::kNone),
+      [&](CameraIndex camera, const CameraFrame& damaged) {
+        bool first = false;
+        auto before = inputs.at(camera)->replace_damaged(damaged.jpeg, &first);
+        if (first) stats_.damaged_frames++;
+        return before;
+      },
+      manner.parallel);
+  const uint64_t decoded = now_ns();
 
-  FrameSources sources(*rig_);
   uint64_t worst_skew = 0;
-  for (size_t i = 0; i < frames.size(); i++) {
-    if (!frames[i] || !sources.add(job.cameras()[i], *frames[i])) {
-      if (!frames[i]) sources.add_without_image(job.cameras()[i]);
+  for (size_t i = 0; i < sources.sources().size(); i++) {
+    if (sources.sources()[i].image.family == PixelFamily::kNone) {
       stats_.missing_frames++;
       continue;
     }
-    const uint64_t skew = newest ? 0 : time_between(frames[i]->time, wanted);
+    const uint64_t skew = newest ? 0 : time_between(sources.time(i), wanted);
     if (header.actual_time == kNoTime || skew > worst_skew) {
       worst_skew = skew;
-      header.actual_time = frames[i]->time + to_running;
+      header.actual_time = sources.time(i) + to_running;
     }
   }
   header.family = sources.family();
@@ -135,6 +143,7 @@ FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& 
   RenderedAnswer rendered = render_answer(header, job, nothing ? std::span<const Source>() : sources.sources(), form,
                                           std::move(memory), manner.parallel);
   stats_.add({.wait = begun - arrived + (found - planned),
+              .decode = decoded - found,
               .render = planned - begun + rendered.render_ns,
               .encode = rendered.encode_ns});
   if (worst_skew > stats_.max_skew_ns) stats_.max_skew_ns = worst_skew;

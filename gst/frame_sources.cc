@@ -1,17 +1,59 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "frame_sources.h"
 
+#include <algorithm>
+
+#include "render/source_region.h"
+
 namespace lf {
 
-bool FrameSources::add(CameraIndex camera, const CameraFrame& frame) {
-  auto mapped = std::make_unique<MappedFrame>(frame);
-  if (!mapped->ok()) {
-    add_without_image(camera);
-    return false;
+void FrameSources::add(CameraIndex camera, std::optional<CameraFrame> frame) {
+  sources_.push_back({camera, &rig_.cameras[camera], {}});
+  frames_.push_back(frame ? std::move(*frame) : CameraFrame{});
+  const CameraFrame& held = frames_.back();
+  if (held.jpeg) {
+    compressed_.push_back(sources_.size() - 1);
+  } else if (held.buffer) {
+    mapped_.push_back(std::make_unique<MappedFrame>(held));
+    if (mapped_.back()->ok()) sources_.back().image = mapped_.back()->view();
   }
-  sources_.push_back({camera, &rig_.cameras[camera], mapped->view()});
-  mapped_.push_back(std::move(mapped));
+}
+
+bool FrameSources::decode_one(size_t i, PixelFamily family) {
+  JpegFrame& frame = *frames_[i].jpeg;
+  const Camera& camera = *sources_[i].rig_camera;
+  Rect region{0, 0, camera.width, camera.height};
+  if (family != PixelFamily::kRgb) {
+    const Rect rect = chroma_aligned(job_.plan().camera_rect(sources_[i].camera), job_.plan().view());
+    region = source_region(job_.plan(), rect, camera);
+    if (region.empty()) region = {0, 0, 1, 1};  // the planes must be there
+  }
+  if (!frame.ensure(region)) return false;
+  sources_[i].image = frame.view();
+  if (family != PixelFamily::kRgb) return true;
+  // Cameras of both families on one node: rare, and never cheap.
+  const ImageView from = frame.view();
+  Image packed(PixelFamily::kI420, from.width, from.height);
+  for (int c = 0; c < 3; c++) {
+    const int w = c ? chroma_size(from.width) : from.width, h = c ? chroma_size(from.height) : from.height;
+    for (int y = 0; y < h; y++)
+      std::copy_n(from.plane[c] + y * from.stride[c], w, packed.plane(c) + static_cast<ptrdiff_t>(y) * w);
+  }
+  converted_[i] = to_rgb(packed);
+  sources_[i].image = converted_[i].view();
   return true;
+}
+
+void FrameSources::decode(PixelFamily family, const Replace& replace, const ParallelFor& parallel) {
+  if (family == PixelFamily::kRgb) converted_.resize(sources_.size());
+  parallel(compressed_.size(), [&](size_t k) {
+    const size_t i = compressed_[k];
+    while (!decode_one(i, family)) {
+      std::optional<CameraFrame> before = replace(sources_[i].camera, frames_[i]);
+      if (!before) return;
+      frames_[i] = std::move(*before);
+    }
+  });
 }
 
 PixelFamily FrameSources::family() const {

@@ -1,32 +1,49 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <functional>
 #include <memory>
+#include <optional>
 #include <vector>
 
+#include "base/parallel.h"
 #include "camera_image.h"
 #include "render/render_job.h"
 #include "render/sum_renderer.h"
 
 namespace lf {
 
-// The frames that one request is answered from, mapped as long as this lives.
+// The frames that one request is answered from, held, mapped and decoded where the request looks.
 class FrameSources {
  public:
-  explicit FrameSources(const Rig& rig) : rig_(rig) {}
+  FrameSources(const Rig& rig, const RenderJob& job) : rig_(rig), job_(job) {}
 
-  // False if the frame can't be mapped; the camera has no image then.
-  bool add(CameraIndex camera, const CameraFrame& frame);
-  void add_without_image(CameraIndex camera) { sources_.push_back({camera, &rig_.cameras[camera], {}}); }
+  // Cameras of the job in their order; null: it has no frame.
+  void add(CameraIndex camera, std::optional<CameraFrame> frame);
 
+  // What serves in place of a damaged frame, if anything does.
+  using Replace = std::function<std::optional<CameraFrame>(CameraIndex camera, const CameraFrame& damaged)>;
+  // Call once after the last add(): decodes what the view needs of compressed frames into `family` (of the node).
+  // `replace` is called from the threads of `parallel`.
+  void decode(PixelFamily family, const Replace& replace, const ParallelFor& parallel);
+
+  // Those whose frame is gone or damaged have no image.
   const std::vector<Source>& sources() const { return sources_; }
+  // Capture time of a source's frame; sources()[i] has an image.
+  uint64_t time(size_t i) const { return frames_[i].time; }
   // Of the images; kNone without any.
   PixelFamily family() const;
 
  private:
+  bool decode_one(size_t i, PixelFamily family);
+
   const Rig& rig_;
+  const RenderJob& job_;
   std::vector<Source> sources_;
+  std::vector<CameraFrame> frames_;
   std::vector<std::unique_ptr<MappedFrame>> mapped_;
+  std::vector<Image> converted_;  // of JPEG frames in a node of RGB
+  std::vector<size_t> compressed_;
 };
 
 }  // namespace lf

@@ -41,6 +41,7 @@ enum {
   kPropSum,
   kPropCodec,
   kPropThreads,
+  kPropDecode,
   kPropStats
 };
 
@@ -51,6 +52,7 @@ struct Settings {
   int fps_n = 0, fps_d = 1;
   bool is_live = false;
   bool loop = false;
+  bool decode = false;
   guint node = 0;
   bool operator==(const Settings&) const = default;
 };
@@ -102,7 +104,7 @@ static void add_camera(LfCameraNode* self, const Settings& settings, const lf::R
   GstElement* camera = gst_element_factory_make("lfcamsrc", ("camera" + id).c_str());
   if (!camera) throw lf::Error("element lfcamsrc is not installed");
   g_object_set(camera, "rig", settings.rig.c_str(), "camera", rig.cameras[index].id, "is-live", settings.is_live,
-               "loop", settings.loop, nullptr);
+               "loop", settings.loop, "decode", settings.decode, nullptr);
   gst_util_set_object_arg(G_OBJECT(camera), "framerate",
                           (std::to_string(settings.fps_n) + "/" + std::to_string(settings.fps_d)).c_str());
   gst_bin_add(GST_BIN(self), camera);
@@ -173,6 +175,7 @@ static void lf_camera_node_set_property(GObject* object, guint id, const GValue*
       break;
     case kPropIsLive: settings.is_live = g_value_get_boolean(value); break;
     case kPropLoop: settings.loop = g_value_get_boolean(value); break;
+    case kPropDecode: settings.decode = g_value_get_boolean(value); break;
     case kPropNode: settings.node = g_value_get_uint(value); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -192,6 +195,7 @@ static void lf_camera_node_get_property(GObject* object, guint id, GValue* value
     case kPropFramerate: gst_value_set_fraction(value, settings.fps_n, settings.fps_d); break;
     case kPropIsLive: g_value_set_boolean(value, settings.is_live); break;
     case kPropLoop: g_value_set_boolean(value, settings.loop); break;
+    case kPropDecode: g_value_set_boolean(value, settings.decode); break;
     case kPropNode: g_value_set_uint(value, settings.node); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -238,6 +242,10 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
       object_class, kPropNode,
       g_param_spec_uint("node", "Node", "Number of this node in its answers; each node of an array has its own", 0,
                         G_MAXUINT, 0, kFlags));
+  g_object_class_install_property(
+      object_class, kPropDecode,
+      g_param_spec_boolean("decode", "Decode",
+                           "JPEG video is decoded frame by frame, in place of where a request looks", FALSE, kFlags));
   lf_fragment_install_choices(object_class, kPropSum);
   g_object_class_install_property(
       object_class, kPropStats,

@@ -8,7 +8,7 @@
  * Gives the camera's `source` (a video file, an image sequence `dir/frame_%04d.jpg` counted from 0 or 1, or any other
  * GStreamer URI), else its `image` (a still), else the built-in scene, seen with the camera's pose and lens. Formats
  * stay as decoded wherever they are of the RGB family or I420. Frames have the size that the rig gives the camera;
- * anything else is an error.
+ * anything else is an error. With `decode=false` JPEG video comes as it is.
  *
  * The stream carries the sticky event `lightfield-camera` (which camera of which rig) and each frame a
  * #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture` with its true capture time: clock time where frames
@@ -39,7 +39,7 @@ GST_DEBUG_CATEGORY_STATIC(lf_cam_src_debug);
 
 namespace {
 
-enum { kPropRig = 1, kPropCamera, kPropFramerate, kPropIsLive, kPropLoop, kPropNumFrames };
+enum { kPropRig = 1, kPropCamera, kPropFramerate, kPropIsLive, kPropLoop, kPropNumFrames, kPropDecode };
 
 // What the application sets. Under the object lock.
 struct Settings {
@@ -49,6 +49,7 @@ struct Settings {
   bool is_live = false;
   bool loop = false;
   gint64 num_frames = -1;
+  bool decode = true;
   bool operator==(const Settings&) const = default;
 };
 
@@ -74,8 +75,9 @@ G_DEFINE_TYPE_WITH_CODE(LfCamSrc, lf_cam_src, GST_TYPE_BIN,
                         GST_DEBUG_CATEGORY_INIT(lf_cam_src_debug, "lfcamsrc", 0, "one camera of a rig as a source"))
 GST_ELEMENT_REGISTER_DEFINE(lfcamsrc, "lfcamsrc", GST_RANK_NONE, LF_TYPE_CAM_SRC)
 
-static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
-    "src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }")));
+static GstStaticPadTemplate src_template =
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
+                            GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }") "; image/jpeg"));
 
 // A live stream may come up to one frame time after its stamps: a frame takes as long to be had.
 static gboolean on_query(GstPad* pad, GstObject* parent, GstQuery* query) {
@@ -145,9 +147,12 @@ static void add_children(LfCamSrc* self, const Settings& settings) {
   const lf::CameraSource source = find_source(*rig, camera, place);
   if (!source.location.empty()) place += ": " + source.location;
 
-  const lf::CameraChain chain = lf::build_camera_chain(
-      GST_BIN(self), source, camera,
-      {.fps_n = settings.fps_n, .fps_d = settings.fps_d, .live = settings.is_live, .loop = settings.loop});
+  const lf::CameraChain chain = lf::build_camera_chain(GST_BIN(self), source, camera,
+                                                       {.fps_n = settings.fps_n,
+                                                        .fps_d = settings.fps_d,
+                                                        .live = settings.is_live,
+                                                        .loop = settings.loop,
+                                                        .decode = settings.decode});
   using Kind = lf::CameraSource::Kind;
   auto stream = std::make_shared<lf::CameraStream>(
       GST_ELEMENT(self), chain,
@@ -272,6 +277,7 @@ static void lf_cam_src_set_property(GObject* object, guint id, const GValue* val
       break;
     case kPropIsLive: settings.is_live = g_value_get_boolean(value); break;
     case kPropLoop: settings.loop = g_value_get_boolean(value); break;
+    case kPropDecode: settings.decode = g_value_get_boolean(value); break;
     case kPropNumFrames: settings.num_frames = g_value_get_int64(value); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -288,6 +294,7 @@ static void lf_cam_src_get_property(GObject* object, guint id, GValue* value, GP
     case kPropFramerate: gst_value_set_fraction(value, settings.fps_n, settings.fps_d); break;
     case kPropIsLive: g_value_set_boolean(value, settings.is_live); break;
     case kPropLoop: g_value_set_boolean(value, settings.loop); break;
+    case kPropDecode: g_value_set_boolean(value, settings.decode); break;
     case kPropNumFrames: g_value_set_int64(value, settings.num_frames); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -340,6 +347,13 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
                          "Frames after which the stream ends (-1 = when the source does: stills and the built-in scene "
                          "never do)",
                          -1, G_MAXINT64, -1, kFlags));
+
+  g_object_class_install_property(
+      object_class, kPropDecode,
+      g_param_spec_boolean("decode", "Decode",
+                           "Raw video whatever the source is; without it JPEG video comes as it is, for lffragment to "
+                           "decode where it needs it",
+                           TRUE, kFlags));
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf_cam_src_change_state;

@@ -10,6 +10,9 @@
  * requested focal plane, in a tight rectangle. `lfcompositor` adds the fragments up. Further requesters use the pads
  * `request_%u`, each paired with a `src_%u`.
  *
+ * JPEG video is kept as it comes and decoded only where a request looks. Damaged frames are dropped and counted; the
+ * one before serves in their place.
+ *
  * Live cameras are never waited for: the frame nearest to the requested capture time is used. Frames of other cameras
  * (files) are waited for, so that files in give the same files out on every machine, and are read no faster than
  * requests move on.
@@ -36,8 +39,9 @@ GST_DEBUG_CATEGORY(lf_fragment_debug);
 
 namespace {
 
-GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
-    "sink_%u", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }")));
+GstStaticPadTemplate sink_template =
+    GST_STATIC_PAD_TEMPLATE("sink_%u", GST_PAD_SINK, GST_PAD_REQUEST,
+                            GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }") "; image/jpeg"));
 GstStaticPadTemplate request_template =
     GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE));
 GstStaticPadTemplate more_request_template =

@@ -21,7 +21,10 @@ struct _LfFragmentPad {
   struct Input {
     std::shared_ptr<lf::CameraFrames> frames;
     std::optional<GstVideoInfo> new_format;  // from the caps, until the next frame
+    bool new_jpeg = false;                   // the caps said so, until the next frame
     std::unique_ptr<lf::FrameConverter> converter;
+    bool jpeg = false;                            // frames are kept as they come
+    bool warned_damaged = false;                  // a person has been told
     lf::CameraIndex index = lf::MeshFace::kNone;  // once known
     lf::CameraIndex from_stream = lf::MeshFace::kNone;
     bool live = false;  // known from the segment on

@@ -103,6 +103,46 @@ TEST(CameraFrames, FinishingTellsTheCameraEos) {
   EXPECT_EQ(last, GST_FLOW_EOS);
 }
 
+// Frames are told apart, never opened.
+std::shared_ptr<JpegFrame> jpeg(int id) { return {std::shared_ptr<void>(), reinterpret_cast<JpegFrame*>(0x1000 + id)}; }
+CameraFrame compressed(uint64_t time, int id) {
+  CameraFrame f = frame(time);
+  f.jpeg = jpeg(id);
+  return f;
+}
+
+TEST(CameraFrames, TheFrameBeforeADamagedOneServes) {
+  for (const bool live : {false, true}) {
+    CameraFrames frames;
+    frames.set_mode(Mode::kRunning);
+    frames.start_stream(live);
+    frames.push(compressed(0, 1));
+    frames.push(compressed(10, 2));
+    EXPECT_EQ(frames.find(10, true)->jpeg, jpeg(2));
+    ASSERT_EQ(frames.push_damaged(20), GST_FLOW_OK);
+    const std::optional<CameraFrame> found = frames.find(20, true);
+    EXPECT_EQ(found->jpeg, jpeg(2));
+    EXPECT_EQ(found->time, 10u) << "it is of another time, and says so";
+    ASSERT_EQ(frames.push(compressed(30, 3)), GST_FLOW_OK);
+    EXPECT_EQ(frames.find(30, true)->jpeg, jpeg(3));
+    bool first = false;
+    EXPECT_EQ(frames.replace_damaged(jpeg(3), &first)->jpeg, jpeg(2));
+    EXPECT_TRUE(first);
+    EXPECT_EQ(frames.find(30, true)->jpeg, jpeg(2)) << "for all who ask from now on";
+    EXPECT_EQ(frames.replace_damaged(jpeg(3), &first)->jpeg, jpeg(2)) << "one that still had it";
+    EXPECT_FALSE(first);
+  }
+}
+
+TEST(CameraFrames, WithoutAFrameBeforeItADamagedOneIsNone) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(true);
+  frames.push(compressed(0, 1));
+  EXPECT_FALSE(frames.replace_damaged(jpeg(1)));
+  EXPECT_FALSE(frames.find(0, true)->jpeg);
+}
+
 TEST(CameraFrames, AFlushForgetsWhatIsHeldAndItsEnd) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);

@@ -17,6 +17,7 @@
 
 #include "../gst/common.h"
 #include "gst/camera_pipeline.h"
+#include "gst/gst_test.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
 
@@ -270,6 +271,29 @@ TEST_F(CamSrcTest, DownstreamMayChooseTheFormat) {
   ASSERT_EQ(camera.play(), "EOS");
   EXPECT_EQ(GST_VIDEO_INFO_FORMAT(&camera.info), GST_VIDEO_FORMAT_BGRx);
   EXPECT_NEAR(camera.frames[0].level, CameraFiles::grey_of(0), 2);
+}
+
+TEST_F(CamSrcTest, JpegComesAsItIsWhereItIsNotDecoded) {
+  for (const std::string source : {"mjpeg.mkv", "mjpeg.avi", "jpeg_%02d.jpg"})
+    for (const std::string framerate : {"0/1", "30/1"}) {
+      const ElementPtr pipeline =
+          launch("lfcamsrc decode=false framerate=" + framerate + " rig=" + rig_with_source(source) +
+                 " ! image/jpeg ! jpegdec ! fakesink sync=false");
+      ASSERT_TRUE(pipeline);
+      EXPECT_EQ(run(pipeline.get()), "") << source << " " << framerate;
+    }
+  const ElementPtr wrong = launch("lfcamsrc decode=false rig=" + files->save("wrong.json", 1, [](Camera& camera) {
+    camera.source = "jpeg_%02d.jpg";
+    camera.width = 65;
+  }) + " ! fakesink");
+  ASSERT_TRUE(wrong);
+  EXPECT_THAT(run(wrong.get()), HasSubstr("the picture is 64x48, the rig says 65x48"));
+  for (const std::string source : {"raw.mkv", "png_%d.png"}) {  // nothing to bypass
+    const ElementPtr pipeline =
+        launch("lfcamsrc decode=false rig=" + rig_with_source(source) + " ! video/x-raw ! fakesink sync=false");
+    ASSERT_TRUE(pipeline);
+    EXPECT_EQ(run(pipeline.get()), "") << source;
+  }
 }
 
 TEST_F(CamSrcTest, EventComesAgainAfterAFlush) {

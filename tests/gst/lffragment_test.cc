@@ -2,10 +2,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
+#include <iterator>
 #include <thread>
 
 #include "../gst/common.h"
 #include "gst/array_fixture.h"
+#include "image/image_io.h"
 #include "support/add_answer.h"
 #include "wire/answer_codec.h"
 #include "wire/answer_parser.h"
@@ -318,6 +321,92 @@ TEST_F(LfFragmentTest, LimitedRangeIsConverted) {
   EXPECT_NEAR(answer.fragments[0].pixels[peak], 255 * hat[peak], 1.5);
 }
 
+// A grey JPEG of the cameras' size.
+std::vector<uint8_t> grey_jpeg(uint8_t value) {
+  Image image(PixelFamily::kRgb, ArrayFixture::kWidth, ArrayFixture::kHeight);
+  std::fill(image.data().begin(), image.data().end(), value);
+  const TempFile file({}, ".jpg");
+  save_image(image, file.path());
+  std::ifstream in(file.path(), std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+GstBuffer* stamped(const std::vector<uint8_t>& bytes, uint64_t time) {
+  GstBuffer* buffer = to_buffer(bytes);
+  GST_BUFFER_PTS(buffer) = time;
+  return buffer;
+}
+
+class LfFragmentJpegTest : public LfFragmentTest {
+ protected:
+  void start_jpeg(int cameras) {
+    start(0);
+    for (int i = 0; i < cameras; i++) {
+      cameras_.emplace_back(
+          gst_harness_new_with_element(element_.get(), ("sink_" + std::to_string(i)).c_str(), nullptr));
+      gst_harness_set_live(cameras_.back().get(), FALSE);
+      gst_harness_set_src_caps_str(cameras_.back().get(), "image/jpeg,framerate=10/1");
+    }
+  }
+  void push_jpeg(const std::vector<uint8_t>& bytes, uint64_t time) {
+    for (const HarnessPtr& camera : cameras_)
+      ASSERT_EQ(gst_harness_push(camera.get(), stamped(bytes, time)), GST_FLOW_OK);
+  }
+  int grey_at(uint64_t time) {
+    const ViewRequest asked = array_.request(static_cast<uint32_t>(time / kFrame), time);
+    EXPECT_EQ(request(asked), GST_FLOW_OK);
+    const wire::Answer answer = pull();
+    EXPECT_EQ(answer.family, PixelFamily::kI420);
+    Assembly assembly;
+    assembly.begin(asked);
+    add_answer(assembly, answer);
+    return assembly.picture().resolve().plane(0)[8 * 6];
+  }
+};
+
+TEST_F(LfFragmentJpegTest, FramesAreDecodedForTheView) {
+  start_jpeg(4);
+  push_jpeg(grey_jpeg(200), 0);
+  EXPECT_NEAR(grey_at(0), 200, 2);
+  push_jpeg(grey_jpeg(90), kFrame);
+  EXPECT_NEAR(grey_at(kFrame), 90, 2);
+  EXPECT_EQ(stat(element_.get(), "damaged-frames"), 0u);
+}
+
+TEST_F(LfFragmentJpegTest, TheFrameBeforeADamagedOneServes) {
+  start_jpeg(4);
+  push_jpeg(grey_jpeg(200), 0);
+  EXPECT_NEAR(grey_at(0), 200, 2);
+  push_jpeg({1, 2, 3}, kFrame);  // not even headers
+  EXPECT_NEAR(grey_at(kFrame), 200, 2);
+  EXPECT_EQ(stat(element_.get(), "damaged-frames"), 4u);
+  std::vector<uint8_t> torn = grey_jpeg(50);
+  torn[torn.size() - 12] = 0xff;  // a marker in the middle of the scan
+  torn[torn.size() - 11] = 0xc4;
+  push_jpeg(torn, 2 * kFrame);
+  EXPECT_NEAR(grey_at(2 * kFrame), 200, 2);
+  EXPECT_EQ(stat(element_.get(), "damaged-frames"), 8u);
+  push_jpeg(grey_jpeg(120), 3 * kFrame);
+  EXPECT_NEAR(grey_at(3 * kFrame), 120, 2);
+  EXPECT_EQ(stat(element_.get(), "missing-frames"), 0u);
+}
+
+TEST_F(LfFragmentJpegTest, BesideRgbCamerasTheyBecomeRgb) {
+  start(3);
+  push_frames(200, 0);
+  cameras_.emplace_back(gst_harness_new_with_element(element_.get(), "sink_3", nullptr));
+  gst_harness_set_live(cameras_.back().get(), FALSE);
+  gst_harness_set_src_caps_str(cameras_.back().get(), "image/jpeg,framerate=10/1");
+  ASSERT_EQ(gst_harness_push(cameras_.back().get(), stamped(grey_jpeg(200), 0)), GST_FLOW_OK);
+  const ViewRequest asked = array_.request(0, 0);
+  ASSERT_EQ(request(asked), GST_FLOW_OK);
+  const wire::Answer answer = pull();
+  EXPECT_EQ(answer.family, PixelFamily::kRgb);
+  EXPECT_EQ(answer.fragments.size(), 4u);
+  const auto [low, high] = picture_range(asked, answer);
+  EXPECT_GE(low, 197);
+  EXPECT_LE(high, 203);
+}
+
 TEST_F(LfFragmentTest, AnotherRigsRequestGetsNoPicture) {
   start(4);
   push_frames(10, 0);
@@ -384,6 +473,9 @@ TEST_F(LfFragmentTest, ErrorsNameThePlace) {
       {"videotestsrc num-buffers=1 ! video/x-raw,format=RGB,width=32,height=24 ! n.sink_9 lffragment name=n rig=" +
            array_.rig_path() + " ! fakesink",
        "has no camera 9"},
+      {"videotestsrc num-buffers=1 ! video/x-raw,width=48,height=24 ! jpegenc ! n.sink_0 lffragment name=n rig=" +
+           array_.rig_path() + " ! fakesink",
+       "48x24 pixels, the rig " + array_.rig_path() + " says 32x24"},
   };
   for (const auto& test : cases) {
     const ElementPtr pipeline = launch(test.line);
