@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "compositor_stats.h"
 
+#include <algorithm>
+#include <string>
+#include <utility>
+
 namespace lf {
 namespace {
 
@@ -15,7 +19,7 @@ void CompositorStats::reset() {
   for (uint64_t& counter : counters_) counter = 0;
   pictures_ = complete_ = fragments_ = missing_ = damaged_ = bytes_ = max_skew_ns_ = 0;
   arrivals_.clear();
-  for (Percentiles* times : {&answer_ns_, &composite_ns_, &latency_ns_}) times->clear();
+  for (Percentiles* times : {&answer_ns_, &composite_ns_, &latency_ns_, &add_ns_, &picture_ns_}) times->clear();
 }
 
 void CompositorStats::count(Counter counter) {
@@ -46,6 +50,9 @@ GstStructure* CompositorStats::record(const Picture& p, bool describe) {
   max_skew_ns_ = std::max(max_skew_ns_, p.skew_ns);
   answer_ns_.add(nanoseconds(asked, p.answered));
   composite_ns_.add(composite);
+  const uint64_t adding = nanoseconds(0, p.adding);
+  add_ns_.add(adding);
+  picture_ns_.add(composite - std::min(composite, adding));
   latency_ns_.add(latency);
   if (!describe) return nullptr;
   return gst_structure_new("lightfield-view", "view-id", G_TYPE_UINT, p.view_id, "sequence", G_TYPE_UINT,
@@ -76,13 +83,13 @@ GstStructure* CompositorStats::structure() const {
   set("bad-answers", counters_[kBadAnswers]);
   set("rig-mismatches", counters_[kRigMismatches]);
   set("max-skew-ns", max_skew_ns_);
-  set("answer-ns-p50", answer_ns_.at(50));
-  set("answer-ns-p95", answer_ns_.at(95));
-  set("composite-ns-p50", composite_ns_.at(50));
-  set("composite-ns-p95", composite_ns_.at(95));
-  set("latency-ns-p50", latency_ns_.at(50));
-  set("latency-ns-p95", latency_ns_.at(95));
-  set("latency-ns-p99", latency_ns_.at(99));
+  const std::pair<const char*, const Percentiles*> stages[] = {{"answer", &answer_ns_},
+                                                               {"add", &add_ns_},
+                                                               {"picture", &picture_ns_},
+                                                               {"composite", &composite_ns_},
+                                                               {"latency", &latency_ns_}};
+  for (const auto& [name, times] : stages)
+    for (const int p : {50, 95, 99}) set((std::string(name) + "-ns-p" + std::to_string(p)).c_str(), times->at(p));
   return stats;
 }
 

@@ -24,6 +24,7 @@ class CompositorStats {
     uint64_t bytes = 0;    // of the answers
     uint64_t skew_ns = 0;  // largest |capture time - target time|
     int64_t answered = 0;  // when the last answer was in, or the deadline over
+    int64_t adding = 0;    // how long answers were decoded and added
     int64_t done = 0;      // when the picture was ready
   };
 
@@ -41,6 +42,7 @@ class CompositorStats {
   uint64_t pictures_ = 0, complete_ = 0, fragments_ = 0, missing_ = 0, damaged_ = 0, bytes_ = 0, max_skew_ns_ = 0;
   std::map<uint32_t, int64_t> arrivals_;               // sequence to time, of requests not answered yet
   Percentiles answer_ns_, composite_ns_, latency_ns_;  // request in to last answer in to picture ready
+  Percentiles add_ns_, picture_ns_;                    // what compositing is: adding, and the picture from the sum
 };
 
 }  // namespace lf

@@ -36,6 +36,7 @@
 #include "compositor_stats.h"
 #include "gst_wire.h"
 #include "output_caps.h"
+#include "picture_pool.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_compositor_debug);
 #define GST_CAT_DEFAULT lf_compositor_debug
@@ -70,6 +71,8 @@ struct _LfCompositor {
     bool renegotiate = true;                 // streaming thread
     bool warned_rig = false;                 // streaming thread
     uint64_t current_bytes = 0;              // of the answers added; streaming thread
+    int64_t adding = 0;                      // time spent adding them, microseconds; streaming thread
+    lf::PicturePool pool;                    // streaming thread
     lf::CompositorStats stats;
   } * state;
 };
@@ -142,8 +145,9 @@ static GstFlowReturn lf_compositor_agree_on_output(LfCompositor* self, lf::Pixel
   state.info = info;
   state.renegotiate = false;
   gst_aggregator_set_src_caps(GST_AGGREGATOR(self), caps);
+  const bool ready = state.pool.configure(caps, info.size);
   gst_caps_unref(caps);
-  return GST_FLOW_OK;
+  return ready ? GST_FLOW_OK : GST_FLOW_ERROR;
 }
 
 // Output caps follow the requests and answers, not the sink caps: aggregate() sees to them.
@@ -169,6 +173,7 @@ static bool lf_compositor_find_request(LfCompositor* self, guint view_id) {
         state.assembly.begin(*request);
         state.current = std::move(request);
         state.current_bytes = 0;
+        state.adding = 0;
         return true;
       } catch (const lf::Error& error) {
         reason = error.what();
@@ -194,6 +199,7 @@ static void lf_compositor_add(LfCompositor* self, GstBuffer* buffer) {
     self->state->stats.count(lf::CompositorStats::kBadAnswers);
     return;
   }
+  const int64_t begun = g_get_monotonic_time();
   state.current_bytes += mapped->bytes().size();
   const unsigned damaged_before = state.assembly.damaged();
   switch (state.assembly.add(*answer, mapped)) {
@@ -211,6 +217,7 @@ static void lf_compositor_add(LfCompositor* self, GstBuffer* buffer) {
       break;
     default: break;
   }
+  state.adding += g_get_monotonic_time() - begun;
   if (const unsigned damaged = state.assembly.damaged() - damaged_before)
     GST_WARNING_OBJECT(self, "node %u: %u fragments are damaged", answer->node, damaged);
 }
@@ -257,15 +264,15 @@ static void lf_compositor_record(LfCompositor* self, int64_t answered, GstClockT
   const lf::Assembly& assembly = state.assembly;
   GstStructure* description = state.stats.record(
       {state.current->view_id, state.current->sequence, pts, assembly.fragments(), assembly.missing(),
-       assembly.damaged(), state.current_bytes, assembly.skew(), answered, g_get_monotonic_time()},
+       assembly.damaged(), state.current_bytes, assembly.skew(), answered, state.adding, g_get_monotonic_time()},
       post);
   if (description) gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), description));
 }
 
-static GstFlowReturn lf_compositor_finish_picture(LfCompositor* self) {
+// `answered`: when the last answer was in.
+static GstFlowReturn lf_compositor_finish_picture(LfCompositor* self, int64_t answered) {
   auto& state = *self->state;
   GstAggregator* agg = GST_AGGREGATOR(self);
-  const int64_t answered = g_get_monotonic_time();
   GST_OBJECT_LOCK(self);
   const guint32 argb = self->background;
   const bool post = self->post_messages;
@@ -278,7 +285,8 @@ static GstFlowReturn lf_compositor_finish_picture(LfCompositor* self) {
   if (agreed != GST_FLOW_OK) return agreed;
   state.assembly.finish(lf::family_of(state.info), background != lf::Background{});
 
-  GstBuffer* out = gst_buffer_new_allocate(nullptr, state.info.size, nullptr);
+  GstBuffer* out = state.pool.take();
+  if (!out) return GST_FLOW_ERROR;
   GstVideoFrame frame;
   if (!gst_video_frame_map(&frame, &state.info, out, GST_MAP_WRITE)) {
     gst_buffer_unref(out);
@@ -334,8 +342,9 @@ static GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean timeou
     all_answered = lf_compositor_node_answered(self, GST_AGGREGATOR_PAD(item->data)) && all_answered;
   GstFlowReturn result = GST_AGGREGATOR_FLOW_NEED_DATA;
   if (all_answered || timeout) {
+    const int64_t answered = g_get_monotonic_time();
     for (GList* item = pads; item; item = item->next) lf_compositor_take_answer(self, GST_AGGREGATOR_PAD(item->data));
-    result = lf_compositor_finish_picture(self);
+    result = lf_compositor_finish_picture(self, answered);
   }
   g_list_free_full(pads, gst_object_unref);
   return result;
@@ -399,6 +408,11 @@ static GstFlowReturn lf_compositor_flush(GstAggregator* agg) {
   return GST_FLOW_OK;
 }
 
+static gboolean lf_compositor_stop(GstAggregator* agg) {
+  LF_COMPOSITOR(agg)->state->pool.clear();
+  return TRUE;
+}
+
 static gboolean lf_compositor_start(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   auto& state = *self->state;
@@ -455,6 +469,7 @@ static void lf_compositor_class_init(LfCompositorClass* klass) {
   object_class->get_property = lf_compositor_get_property;
   object_class->finalize = lf_compositor_finalize;
   aggregator_class->start = lf_compositor_start;
+  aggregator_class->stop = lf_compositor_stop;
   aggregator_class->flush = lf_compositor_flush;
   aggregator_class->aggregate = lf_compositor_aggregate;
   aggregator_class->negotiate = lf_compositor_negotiate;

@@ -119,6 +119,24 @@ TEST_F(LfCompositorTest, AddsOneNodesAnswer) {
   EXPECT_EQ(output_format(), "RGB");
 }
 
+TEST_F(LfCompositorTest, EveryStageIsTimed) {
+  start(1);
+  for (uint32_t i = 0; i < 5; i++) {
+    const ViewRequest asked = array_.request(i, i * kFrame);
+    request(asked);
+    push(0, answer_of(asked, {0, 1, 2, 3}));
+    pull();
+  }
+  for (const std::string stage : {"answer", "add", "picture", "composite", "latency"}) {
+    const uint64_t p50 = stat(element_.get(), (stage + "-ns-p50").c_str());
+    const uint64_t p95 = stat(element_.get(), (stage + "-ns-p95").c_str());
+    const uint64_t p99 = stat(element_.get(), (stage + "-ns-p99").c_str());
+    EXPECT_LE(p50, p95) << stage;
+    EXPECT_LE(p95, p99) << stage;
+    EXPECT_LE(p99, stat(element_.get(), "latency-ns-p99")) << stage;
+  }
+}
+
 TEST_F(LfCompositorTest, TwoNodesAreOnePictureToTheBit) {
   const ViewRequest asked = array_.request(0, 0);
   start(1);
