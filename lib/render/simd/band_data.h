@@ -46,8 +46,7 @@ enum class Fetch : int16_t {
   kMixed,    // some lost, or near the border, or positions don't interpolate well: each sample is projected
   kLost,     // all of them
   kGather,   // inside the image, byte by byte
-  kTwoRows,  // byte shuffle within windows of 16 bytes of two image rows
-  kThreeRows,
+  kShuffle,  // by a byte shuffle within windows of 16 bytes of three image rows
 };
 
 // Positions of the samples of one plane and row of a block relative to its window's corner, in fixed point
@@ -55,8 +54,8 @@ enum class Fetch : int16_t {
 struct WindowPositions {
   uint16_t x0, dx;
   int16_t sx, y0, dy, sy;
-  int16_t half;   // columns from the corner to the window of the block's second half
-  int16_t fetch;  // Fetch
+  uint16_t x0_half;  // x0 in the window of the block's second half
+  int16_t half;      // columns from the corner to that window
 };
 
 struct PlanePositions {

@@ -185,18 +185,20 @@ inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z,
           hn::And(hn::Lt(hn::Sub(rightmost, column), reach), hn::Lt(hn::Sub(hn::Floor(high_x), half), reach));
       const auto level =
           hn::And(hn::Lt(hn::Abs(dy), set(8)), hn::And(hn::Lt(hn::Abs(sy), set(8)), hn::Lt(hn::Abs(sx), set(8))));
-      const auto last_row = hn::Floor(high_y), more = hn::Sub(last_row, row);
+      const auto third = hn::Add(row, set(2));
       const auto readable =
-          hn::Or(hn::Lt(last_row, set(plane.height - 2)), hn::Le(hn::Add(half, set(kWindow)), set(plane.width)));
-      const auto rows = hn::IfThenElse(hn::Lt(more, set(0.5f)), code(Fetch::kTwoRows), code(Fetch::kThreeRows));
-      const auto fits = hn::And(hn::And(rises, narrow), hn::And(level, hn::And(readable, hn::Lt(more, set(1.5f)))));
-      fetch = hn::IfThenElse(hn::And(hn::And(inside, smooth), fits), rows, fetch);
+          hn::Or(hn::Lt(third, set(plane.height - 1)),
+                 hn::And(hn::Le(third, set(plane.height - 1)), hn::Le(hn::Add(half, set(kWindow)), set(plane.width))));
+      const auto two_steps = hn::Lt(hn::Sub(hn::Floor(high_y), row), set(1.5f));
+      const auto fits = hn::And(hn::And(rises, narrow), hn::And(level, hn::And(readable, two_steps)));
+      fetch = hn::IfThenElse(hn::And(hn::And(inside, smooth), fits), code(Fetch::kShuffle), fetch);
     }
     const auto fixed = [&](const auto v) HWY_ATTR { return to_low_bits(hn::Mul(v, unit)); };
     const auto pack = [&](const auto low, const auto high)
                           HWY_ATTR { return hn::Or(hn::And(low, hn::Set(du, 0xffff)), hn::ShiftLeft<16>(high)); };
     hn::StoreInterleaved4(pack(fixed(hn::Sub(x0, column)), fixed(dx)), pack(fixed(sx), fixed(hn::Sub(y0, row))),
-                          pack(fixed(dy), fixed(sy)), pack(to_low_bits(hn::Sub(half, column)), to_low_bits(fetch)), du,
+                          pack(fixed(dy), fixed(sy)),
+                          pack(fixed(hn::Sub(x0, half)), to_low_bits(hn::Sub(half, column))), du,
                           reinterpret_cast<uint32_t*>(out.window.data() + i));
     hn::StoreU(hn::Add(hn::Mul(hn::ConvertTo(di, row), hn::Set(di, plane.stride)), hn::ConvertTo(di, column)), di,
                out.corner.data() + i);
@@ -220,17 +222,16 @@ inline void place_calm_blocks(const PlaneGeometry& plane, int n, PlanePositions&
     const auto sy = hn::Sub(hn::Sub(hn::LoadU(d, node_y + i + 3), y1), hn::Sub(y0, hn::LoadU(d, node_y + i)));
     const auto column = hn::Floor(hn::Sub(x0, slack));
     const auto middle = hn::MulAdd(set(bessel(plane.t_half)), sx, hn::MulAdd(set(plane.t_half), dx, x0));
-    const auto half = hn::Sub(hn::Floor(hn::Sub(middle, slack)), column);
+    const auto half = hn::Floor(hn::Sub(middle, slack));
     const auto last_y = hn::MulAdd(set(bessel(plane.t_last)), sy, hn::MulAdd(set(plane.t_last), dy, y0));
     const auto bulge = hn::MulAdd(hn::Abs(sy), set(1.f / 16), slack);
     const auto row = hn::Floor(hn::Sub(hn::Min(y0, last_y), bulge));
-    const auto more = hn::Sub(hn::Floor(hn::Add(hn::Max(y0, last_y), bulge)), row);
-    const auto fetch = hn::Add(more, set(static_cast<float>(Fetch::kTwoRows)));  // or kThreeRows
     const auto fixed = [&](const auto v) HWY_ATTR { return hn::BitCast(du, hn::MulAdd(v, unit, magic)); };
     const auto pack = [&](const auto low, const auto high)
                           HWY_ATTR { return hn::Or(hn::And(low, hn::Set(du, 0xffff)), hn::ShiftLeft<16>(high)); };
     hn::StoreInterleaved4(pack(fixed(hn::Sub(x0, column)), fixed(dx)), pack(fixed(sx), fixed(hn::Sub(y0, row))),
-                          pack(fixed(dy), fixed(sy)), pack(to_low_bits(half), to_low_bits(fetch)), du,
+                          pack(fixed(dy), fixed(sy)),
+                          pack(fixed(hn::Sub(x0, half)), to_low_bits(hn::Sub(half, column))), du,
                           reinterpret_cast<uint32_t*>(out.window.data() + i));
     hn::StoreU(hn::ConvertTo(di, hn::MulAdd(row, set(static_cast<float>(plane.stride)), column)), di,
                out.corner.data() + i);

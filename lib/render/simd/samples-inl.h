@@ -31,8 +31,7 @@ struct UnitTable {
   alignas(64) uint16_t t16[kBlock];  // 65536 = 1
   alignas(64) int16_t t15[kBlock];   // 32768 = 1
   alignas(64) int16_t bessel15[kBlock];
-  alignas(64) uint16_t second_half[kBlock];  // all ones there
-  alignas(64) float x[kBlock];               // pixels from the block's left edge
+  alignas(64) float x[kBlock];  // pixels from the block's left edge
 };
 
 constexpr UnitTable make_unit_table(bool chroma) {
@@ -42,7 +41,6 @@ constexpr UnitTable make_unit_table(bool chroma) {
     table.t16[i] = static_cast<uint16_t>(t * 65536);
     table.t15[i] = static_cast<int16_t>(t * 32768);
     table.bessel15[i] = static_cast<int16_t>(bessel(t) * 32768 - 0.5f);  // never positive
-    table.second_half[i] = i >= kChromaBlock ? 0xffff : 0;
     table.x[i] = x;
   }
   return table;
@@ -60,37 +58,47 @@ HWY_INLINE auto load_windows(const uint8_t* low, const uint8_t* high, size_t lan
   }
 }
 
-// Samples lane.. of a block whose windows hold all that is needed. `low`, `high`: the planes of its two halves.
-template <bool kThreeRows>
+// One value for the samples of a block's first half, another for those of its second.
+HWY_INLINE auto by_half(uint16_t low, uint16_t high, size_t lane) {
+  const DU16 d;
+  if constexpr (hn::MaxLanes(D16()) == kBlock)
+    return hn::ConcatUpperLower(d, hn::Set(d, high), hn::Set(d, low));
+  else
+    return hn::Set(d, lane < kChromaBlock ? low : high);
+}
+
+// Samples lane.. of a block whose windows hold all that is needed. `low`, `high`: where the windows of its two halves
+// begin.
 HWY_INLINE V16 sample_windows(const WindowPositions& at, const UnitTable& table, const uint8_t* low,
                               const uint8_t* high, ptrdiff_t stride, size_t lane) {
   const D16 d;
   const DU16 du;
   const hn::Repartition<uint8_t, D16> d8;
-  const auto x = hn::Add(hn::Add(hn::Set(du, at.x0), hn::MulHigh(hn::Set(du, at.dx), hn::Load(du, table.t16 + lane))),
-                         hn::BitCast(du, hn::MulFixedPoint15(hn::Set(d, at.sx), hn::Load(d, table.bessel15 + lane))));
-  auto y = hn::Add(hn::Add(hn::Set(d, at.y0), hn::MulFixedPoint15(hn::Set(d, at.dy), hn::Load(d, table.t15 + lane))),
-                   hn::MulFixedPoint15(hn::Set(d, at.sy), hn::Load(d, table.bessel15 + lane)));
-  constexpr int kToFraction15 = 15 - kPositionBits;
-  const auto fraction_mask = hn::Set(du, (1 << kPositionBits) - 1);
-  const auto fx = hn::BitCast(d, hn::ShiftLeft<kToFraction15>(hn::And(x, fraction_mask)));
-  const auto index = hn::Sub(hn::ShiftRight<kPositionBits>(x), hn::And(hn::Set(du, static_cast<uint16_t>(at.half)),
-                                                                       hn::Load(du, table.second_half + lane)));
+  const auto bend = hn::Load(d, table.bessel15 + lane);
+  const auto along = hn::Add(hn::MulHigh(hn::Set(du, at.dx), hn::Load(du, table.t16 + lane)),
+                             hn::BitCast(du, hn::MulFixedPoint15(hn::Set(d, at.sx), bend)));
+  const auto x = hn::Add(by_half(at.x0, at.x0_half, lane), along);  // in each half's window
+  const auto y = hn::Add(hn::Add(hn::Set(d, at.y0), hn::MulFixedPoint15(hn::Set(d, at.sy), bend)),
+                         hn::MulFixedPoint15(hn::Set(d, at.dy), hn::Load(d, table.t15 + lane)));
+  constexpr int kToFraction15 = 15 - kPositionBits, kFraction = (1 << kPositionBits) - 1;
+  const auto fx = hn::BitCast(d, hn::ShiftLeft<kToFraction15>(hn::And(x, hn::Set(du, kFraction))));
+  const auto fy = hn::ShiftLeft<kToFraction15>(hn::And(y, hn::Set(d, kFraction)));
   // Bytes of a 16-bit lane: a sample and its right neighbour.
+  const auto index = hn::ShiftRight<kPositionBits>(x);
   const auto pick = hn::BitCast(d8, hn::Add(hn::Or(index, hn::ShiftLeft<8>(index)), hn::Set(du, 0x0100)));
-  const auto across = [&](ptrdiff_t row) HWY_ATTR {
-    const auto pairs =
-        hn::BitCast(du, hn::TableLookupBytes(load_windows(low + row * stride, high + row * stride, lane), pick));
-    const auto left = hn::ShiftRight<1>(hn::ShiftLeft<8>(pairs));
-    const auto right = hn::And(hn::ShiftRight<1>(pairs), hn::Set(du, 0x7f80));
+  const auto pairs = [&](ptrdiff_t row) HWY_ATTR {
+    return hn::BitCast(d, hn::TableLookupBytes(load_windows(low + row * stride, high + row * stride, lane), pick));
+  };
+  // Positions wander over two pairs of rows: reading the third always is faster than asking.
+  const auto first = pairs(0), second = pairs(1), third = pairs(2);
+  const auto next = hn::Gt(y, hn::Set(d, kFraction));
+  const auto across = [&](V16 pair) HWY_ATTR {
+    const auto bytes = hn::BitCast(du, pair);
+    const auto left = hn::ShiftRight<1>(hn::ShiftLeft<8>(bytes));
+    const auto right = hn::And(hn::ShiftRight<1>(bytes), hn::Set(du, 0x7f80));
     return mix(hn::BitCast(d, left), hn::BitCast(d, right), fx);
   };
-  const auto upper = across(0), lower = across(1);
-  if constexpr (!kThreeRows) return mix(upper, lower, hn::ShiftLeft<kToFraction15>(y));
-  const auto lowest = across(2);
-  const auto next = hn::Gt(y, hn::Set(d, (1 << kPositionBits) - 1));
-  const auto fy = hn::ShiftLeft<kToFraction15>(hn::And(y, hn::Set(d, (1 << kPositionBits) - 1)));
-  return mix(hn::IfThenElse(next, lower, upper), hn::IfThenElse(next, lowest, lower), fy);
+  return mix(across(hn::IfThenElse(next, second, first)), across(hn::IfThenElse(next, third, second)), fy);
 }
 
 // Positions of all samples of a block in the plane's own coordinates, as whole part and 15-bit fraction.

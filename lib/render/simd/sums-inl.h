@@ -49,14 +49,6 @@ inline bool add_part(const SumTask&, const Part&, const PairPlace&, Scratch&) { 
 
 #else
 
-// Samples lane.. of a unit: a row of luma, or both chroma planes of a pair of rows.
-HWY_INLINE V16 sample_shuffled(const WindowPositions& at, const UnitTable& table, const uint8_t* low,
-                               const uint8_t* high, ptrdiff_t stride, size_t lane) {
-  return HWY_LIKELY(at.fetch == static_cast<int16_t>(Fetch::kTwoRows))
-             ? sample_windows<false>(at, table, low, high + at.half, stride, lane)
-             : sample_windows<true>(at, table, low, high + at.half, stride, lane);
-}
-
 // The weight of chroma: the mean of its four pixels', for both planes. `upper`, `lower`: two rows of weights.
 HWY_INLINE V16 chroma_weights(const int16_t* upper, const int16_t* lower) {
   const D16 d;
@@ -106,9 +98,12 @@ HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
   hwy::Prefetch(y1 + kPrefetchRows * stride);
   hwy::Prefetch(cb + kPrefetchRows / 2 * chroma_stride);
   hwy::Prefetch(cr + kPrefetchRows / 2 * chroma_stride);
-  const auto v0 = sample_shuffled(band.luma.window[entry], kLumaTable, y0, y0, stride, lane);
-  const auto v1 = sample_shuffled(band.luma.window[entry + band.pitch], kLumaTable, y1, y1, stride, lane);
-  const auto v2 = sample_shuffled(band.chroma.window[chroma_entry], kChromaTable, cb, cr, chroma_stride, lane);
+  const auto sample_at = [lane](const WindowPositions& at, const UnitTable& table, const uint8_t* low,
+                                const uint8_t* high, ptrdiff_t bytes)
+                             HWY_ATTR { return sample_windows(at, table, low, high + at.half, bytes, lane); };
+  const auto v0 = sample_at(band.luma.window[entry], kLumaTable, y0, y0, stride);
+  const auto v1 = sample_at(band.luma.window[entry + band.pitch], kLumaTable, y1, y1, stride);
+  const auto v2 = sample_at(band.chroma.window[chroma_entry], kChromaTable, cb, cr, chroma_stride);
   return {hn::MulFixedPoint15(v0, hn::Load(d, weights.w[upper] + lane)),
           hn::MulFixedPoint15(v1, hn::Load(d, weights.w[lower] + lane)),
           weigh_chroma(v2, chroma_weights(weights.w[upper], weights.w[lower]))};
