@@ -42,13 +42,13 @@ void FragmentSet::begin(const ViewPlan& plan, const OwnerRuns& runs, std::span<c
     target.lost_stride = width;
     offsets[i][0] = take(target.stride[0], rows);
     for (int c = 1; c < 3 && i420; c++) offsets[i][c] = take(target.stride[c], rows / 2);
-    if (!task.slots[i].calm) offsets[i][3] = take(width, rows);
+    if (!task.slots[i].is_calm()) offsets[i][3] = take(width, rows);
   }
   memory_.resize(size);
   for (size_t i = 0; i < task.slots.size(); i++) {
     simd::SlotTarget& target = task.targets[i];
     for (int c = 0; c < (i420 ? 3 : 1); c++) target.plane[c] = memory_.data() + offsets[i][c];
-    if (!task.slots[i].calm) target.lost = memory_.data() + offsets[i][3];
+    if (!task.slots[i].is_calm()) target.lost = memory_.data() + offsets[i][3];
     target.any_lost = &any_lost_[i];
   }
   rect_ = state_->rect;

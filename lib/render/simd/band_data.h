@@ -30,7 +30,11 @@ struct Slot {
   Mat3 from_pixel;
   float fx = 0, fy = 0, cx = 0, cy = 0, k1 = 0, k2 = 0, p1 = 0, p2 = 0, max_r2 = 0;
   bool radial = false, tangential = false;
-  bool calm = false;  // all of the hat lies well inside the image, nearly upright and at about its scale: see is_calm()
+  // Rows in which all of the hat lies well inside the image, nearly upright and at about its scale: see
+  // find_calm_rows().
+  int calm_y0 = 0, calm_y1 = 0;
+  bool is_calm(int y0, int y1) const { return calm_y0 <= y0 && y1 <= calm_y1; }
+  bool is_calm() const { return is_calm(rect.y0, rect.y1); }
 };
 
 // One camera's weights in one block of a band, 32767 = 1.
@@ -73,6 +77,7 @@ struct SlotBand {
 
   int y = -1;  // of the band; -1: none yet
   const Slot* slot = nullptr;
+  bool calm = false;  // all verdicts are kShuffle
   int first_block = 0, blocks = 0;
   int pitch = 0;                     // blocks + 3 nodes
   std::vector<float> columns, rows;  // of the nodes, pixels from the first one; for this pitch
@@ -132,9 +137,10 @@ struct SumTask {
 void render_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch);
 const char* target_name();
 
-// Whether every block of the slot's rectangle can be shuffled and interpolates well: told from nodes kBlock rows apart,
-// with room for what happens between. Saves asking for each block. `image`: of the slot; from_pixel and lens are set.
-bool is_calm(const Slot& slot, PixelFamily family);
+// Sets calm_y0 and calm_y1: every block of these rows of the slot's rectangle can be shuffled and interpolates well.
+// Told from nodes kBlock rows apart, with room for what happens between; saves asking for each block. from_pixel, lens
+// and image are set.
+void find_calm_rows(PixelFamily family, Slot& slot);
 
 // Where even that is in doubt: adds a camera's contribution to rows y + 2 pair and y + 2 pair + 1 (before y_end) of one
 // block pixel by pixel, in double, to scratch.sum and scratch.lost. `x`: the block's left edge; `out`: its number in

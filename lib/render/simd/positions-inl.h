@@ -278,12 +278,12 @@ inline PlaneGeometry chroma_geometry(const ImageView& image) {
           .t_last = 14.5f / kBlock};
 }
 
-// See is_calm().
-inline bool find_calm(const Slot& slot, PixelFamily family) {
+// See band_data.h.
+inline void set_calm_rows(PixelFamily family, Slot& slot) {
   const ImageView& image = slot.image;
-  if (family != PixelFamily::kI420 || image.family != family) return false;
-  if (!luma_geometry(image, true).shuffles || !chroma_geometry(image).shuffles) return false;
-  if (int64_t{image.height} * image.stride[0] >= 1 << 24) return false;  // corners are computed in float
+  if (family != PixelFamily::kI420 || image.family != family) return;
+  if (!luma_geometry(image, true).shuffles || !chroma_geometry(image).shuffles) return;
+  if (int64_t{image.height} * image.stride[0] >= 1 << 24) return;  // corners are computed in float
   const hn::CappedTag<float, kBlock> d;
   const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
   const int left = slot.rect.x0 / kBlock - 1, columns = (slot.rect.x1 + kBlock - 1) / kBlock - left + 2;
@@ -291,38 +291,48 @@ inline bool find_calm(const Slot& slot, PixelFamily family) {
   const Projection projection(slot, left * kBlock, top);
   const int pitch = columns + kBlock;
   std::vector<float> x(static_cast<size_t>(pitch) * rows), y(x.size());
-  auto seen = hn::Eq(set(0), set(0));
-  for (int j = 0; j < rows; j++)
+  std::vector<uint8_t> seen(rows);
+  for (int j = 0; j < rows; j++) {
+    auto all = hn::Eq(set(0), set(0));
     for (int i = 0; i < columns; i += static_cast<int>(hn::Lanes(d))) {
       hn::Vec<decltype(d)> px, py, z, r2;
-      const auto column = hn::Mul(hn::Add(hn::Iota(d, 0.f), set(static_cast<float>(i))), set(kBlock));
-      projection.project(d, column, set(static_cast<float>(j * kBlock)), px, py, z, r2);
-      const auto used = hn::Lt(hn::Add(hn::Iota(d, 0.f), set(static_cast<float>(i))), set(static_cast<float>(columns)));
-      seen = hn::And(seen, hn::Or(hn::Not(used), hn::And(hn::Gt(z, set(1e-3f)), hn::Le(r2, set(0.9f * slot.max_r2)))));
+      const auto column = hn::Add(hn::Iota(d, 0.f), set(static_cast<float>(i)));
+      projection.project(d, hn::Mul(column, set(kBlock)), set(static_cast<float>(j * kBlock)), px, py, z, r2);
+      const auto good = hn::And(hn::Gt(z, set(1e-3f)), hn::Le(r2, set(0.9f * slot.max_r2)));
+      all = hn::And(all, hn::Or(hn::Ge(column, set(static_cast<float>(columns))), good));
       hn::StoreU(px, d, &x[static_cast<size_t>(j) * pitch + i]);
       hn::StoreU(py, d, &y[static_cast<size_t>(j) * pitch + i]);
     }
-  if (!hn::AllTrue(d, seen)) return false;
-  // Room for what happens between the rows that were looked at, and for whole windows at the right and bottom.
-  constexpr float kRoom = 2, kWindowRoom = 2 * kWindow + 4;
-  const float right = static_cast<float>(image.width) - kWindowRoom, bottom = static_cast<float>(image.height) - 8;
-  for (int j = 1; j + 1 < rows; j++)
-    for (int i = 1; i + 1 < columns; i++) {
-      const size_t at = static_cast<size_t>(j) * pitch + i;
-      const auto second = [&](const std::vector<float>& v, size_t step) {
-        return v[at + step] - 2 * v[at] + v[at - step];
-      };
-      if (!(x[at] > kRoom && x[at] < right && y[at] > kRoom && y[at] < bottom)) return false;
-      if (!(std::abs(second(x, 1)) < 0.25f && std::abs(second(y, 1)) < 0.25f)) return false;
-      if (!(std::abs(second(x, pitch)) < 0.25f && std::abs(second(y, pitch)) < 0.25f)) return false;
-      const float dx = x[at + 1] - x[at], dy = y[at + 1] - y[at];
-      if (!(dx > 0.25f * kBlock && dx < 1.7f * kBlock && std::abs(dy) < 0.85f)) return false;
-      if (i + 2 < columns) {
-        const float third_x = x[at + 2] - x[at - 1] - 3 * dx, third_y = y[at + 2] - y[at - 1] - 3 * dy;
-        if (!(std::abs(third_x) < 0.5f * kLargestThird && std::abs(third_y) < 0.5f * kLargestThird)) return false;
-      }
+    seen[j] = hn::AllTrue(d, all);
+  }
+  // Room for what happens between the rows that were looked at. Windows may run over into the next image row, but not
+  // beyond the last one.
+  constexpr float kRoom = 3, kLargestSecond = 0.75f;
+  const float right = static_cast<float>(image.width - 1) - kRoom, bottom = static_cast<float>(image.height) - 8;
+  const auto calm = [&](int j, int i) {
+    const size_t at = static_cast<size_t>(j) * pitch + i;
+    const auto bends = [&](const std::vector<float>& v, size_t step) {
+      return !(std::abs(v[at + step] - 2 * v[at] + v[at - step]) < kLargestSecond);
+    };
+    if (!(x[at] > kRoom && x[at] < right && y[at] > kRoom && y[at] < bottom)) return false;
+    if (bends(x, 1) || bends(y, 1) || bends(x, pitch) || bends(y, pitch)) return false;
+    const float dx = x[at + 1] - x[at], dy = y[at + 1] - y[at];
+    if (!(dx > 0.25f * kBlock && dx < 1.7f * kBlock && std::abs(dy) < 0.8f)) return false;
+    if (i + 2 >= columns) return true;
+    const float third_x = x[at + 2] - x[at - 1] - 3 * dx, third_y = y[at + 2] - y[at - 1] - 3 * dy;
+    return std::abs(third_x) < 0.5f * kLargestThird && std::abs(third_y) < 0.5f * kLargestThird;
+  };
+  int begin = 1;  // of the calm rows of nodes up to j
+  for (int j = 1; j + 1 < rows; j++) {
+    bool good = seen[j - 1] && seen[j] && seen[j + 1];
+    for (int i = 1; i + 1 < columns && good; i++) good = calm(j, i);
+    if (!good) {
+      begin = j + 1;
+    } else if ((j - begin) * kBlock >= slot.calm_y1 - slot.calm_y0) {
+      slot.calm_y0 = top + begin * kBlock;
+      slot.calm_y1 = top + j * kBlock + 1;
     }
-  return true;
+  }
 }
 
 // All that is known of a slot in a band before any pixel of it is read.
@@ -336,7 +346,8 @@ inline void place_slot(const SumTask& task, const Slot& slot, int y, SlotBand& b
   project_nodes(slot, y, band);
   const int luma_entries = band.pitch * kBandRows - 3, chroma_entries = band.pitch * kBandPairs - 3;
   const PlaneGeometry luma = luma_geometry(slot.image, i420);
-  if (slot.calm) {
+  band.calm = slot.is_calm(std::max(y, slot.rect.y0), std::min(y + kBandRows, slot.rect.y1));
+  if (band.calm) {
     place_calm_blocks(luma, luma_entries, band.luma);
     place_chroma_nodes(band);
     place_calm_blocks(chroma_geometry(slot.image), chroma_entries, band.chroma);

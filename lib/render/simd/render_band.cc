@@ -95,7 +95,7 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
       Part part{&weights, &band, block - band.first_block, SlotBand::kProject};
       if (task.slots[weights.slot].image.family == PixelFamily::kNone)
         part.verdict = SlotBand::kAllLost;
-      else if (!alone && task.slots[weights.slot].calm)
+      else if (!alone && band.calm)
         part.verdict = SlotBand::kShuffle;
       else if (!alone)
         part.verdict = band.verdict[pair * band.pitch + part.block];
@@ -147,7 +147,7 @@ void RenderBand(const SumTask& task, const Rect& rect, int y, Scratch& scratch) 
   for (int i = 0; i < blocks; i++) render_block(task, rect, first_block + i, i, y, scratch);
 }
 
-bool IsCalm(const Slot& slot, PixelFamily family) { return find_calm(slot, family); }
+void FindCalmRows(PixelFamily family, Slot& slot) { set_calm_rows(family, slot); }
 
 const char* TargetName() { return hwy::TargetName(HWY_TARGET); }
 
@@ -157,13 +157,13 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace lf::simd {
 HWY_EXPORT(RenderBand);
-HWY_EXPORT(IsCalm);
+HWY_EXPORT(FindCalmRows);
 HWY_EXPORT(TargetName);
 
 void render_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
   HWY_DYNAMIC_DISPATCH(RenderBand)(task, rect, y, scratch);
 }
-bool is_calm(const Slot& slot, PixelFamily family) { return HWY_DYNAMIC_DISPATCH(IsCalm)(slot, family); }
+void find_calm_rows(PixelFamily family, Slot& slot) { HWY_DYNAMIC_DISPATCH(FindCalmRows)(family, slot); }
 const char* target_name() { return HWY_DYNAMIC_DISPATCH(TargetName)(); }
 
 void PlanePositions::resize(size_t n) {

@@ -39,7 +39,7 @@ Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source,
   slot.radial = lens.has_distortion();
   // Slightly less than the fold: rounding must not see beyond it.
   slot.max_r2 = static_cast<float>(std::min(lens.max_radius() * lens.max_radius() * (1 - 1e-6), 1e30));
-  slot.calm = plan.rays().separable() && is_calm(slot, family);
+  if (plan.rays().separable()) find_calm_rows(family, slot);
   return slot;
 }
 

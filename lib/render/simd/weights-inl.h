@@ -65,7 +65,6 @@ inline void weigh(const float e[3], const float step[3], int x0, int x1, uint8_t
   const float middle = sum_x0 + half_change;
   const float change = std::abs(half_change), largest = std::abs(middle);
   const bool divide = !(change * 16 < largest), once = change * 128 < largest;
-  const bool whole = x0 == 0 && x1 == kBlock;
   const auto guess = hn::Set(df, 1 / middle), two = hn::Set(df, 2.f);
   for (int i = x0 / lanes * lanes; i < x1; i += lanes) {
     const auto x = hn::Add(iota, hn::Set(df, static_cast<float>(i)));
@@ -86,10 +85,6 @@ inline void weigh(const float e[3], const float step[3], int x0, int x1, uint8_t
     const auto store = [&](const auto e_k, int16_t* to) HWY_ATTR {
       // Rounding may leave a corner slightly outside of 0 to 1 at an edge. NaN is nothing.
       const auto w = hn::Min(hn::Max(hn::Mul(e_k, scale), hn::Zero(df)), hn::Set(df, 32767.f));
-      if (whole) {
-        hn::Store(hn::BitCast(d16, to_fixed(d16, w)), d16, to + i);
-        return;
-      }
       const auto w16 = hn::BitCast(d16, to_fixed(d16, hn::IfThenElseZero(inside, w)));
       hn::Store(hn::Or(hn::Load(d16, to + i), w16), d16, to + i);
     };
