@@ -3,9 +3,9 @@
 
 #include <gst/gst.h>
 
+#include <deque>
 #include <functional>
 #include <memory>
-#include <mutex>
 
 namespace lf {
 
@@ -26,9 +26,12 @@ class WorkerPool {
   void run(unsigned threads, size_t count, const std::function<void(size_t)>& task);
 
  private:
+  class Batch;
+  static void help(gpointer self);
+
   GstTaskPool* pool_;
-  std::mutex mutex_;
-  unsigned most_threads_ = 0;  // what the pool has been set to
+  std::deque<std::shared_ptr<Batch>> waiting_;  // one for each helper that is to come
+  unsigned most_threads_ = 0;                   // what the pool has been set to
 };
 
 }  // namespace lf
