@@ -2,6 +2,7 @@
 //
 // Whole pipelines in one process, with 64 cameras: pictures per second as fast as they come, a live view of JPEG
 // cameras, and the latency of single requests. bench-pipeline [--seconds N] [--json FILE] [throughput] [live] [latency]
+// [overhead]
 #include <gst/gst.h>
 #include <sys/resource.h>
 
@@ -176,6 +177,26 @@ class Bench {
       add("latency codec=" + codec, 320, 240,
           pipeline(film.requests("is-live=true framerate=20/1"), film.node("codec=" + codec), "fakesink"), seconds_);
   }
+  // What GStreamer adds: processor time of a picture against that of its stages. Goal: 1.3.
+  void overhead() {
+    const int sizes[][2] = {{320, 240}, {640, 480}, {1280, 720}};
+    for (const auto& [width, height] : sizes) {
+      const Film film(width, height, false);
+      for (const std::string codec : {"jpeg", "auto"}) {
+        add("1 thread codec=" + codec, width, height,
+            pipeline(film.requests("framerate=15/1"), film.node("threads=1 codec=" + codec), "fakesink"), seconds_);
+        auto& f = rows_.back().figures;
+        double stages = 0;
+        for (const char* stage :
+             {"node_decode_ms_p50", "node_render_ms_p50", "node_encode_ms_p50", "add_ms_p50", "picture_ms_p50"})
+          stages += f[stage];
+        const double picture = 1000 * f["processors"] / f["fps"];
+        f["ratio_to_stages"] = picture / stages;
+        std::printf("  %.2f ms of processor a picture, %.2f ms in its stages: %.2f\n", picture, stages,
+                    picture / stages);
+      }
+    }
+  }
   void save(const std::string& path) const {
     std::ofstream out(path);
     out << "{\"rows\": [";
@@ -228,7 +249,7 @@ int main(int argc, char** argv) try {
     else
       parts.push_back(argv[i]);
   }
-  if (parts.empty()) parts = {"throughput", "live", "latency"};
+  if (parts.empty()) parts = {"throughput", "live", "latency", "overhead"};
   lf::Bench bench(seconds);
   for (const std::string& part : parts) {
     if (part == "throughput")
@@ -237,8 +258,10 @@ int main(int argc, char** argv) try {
       bench.live();
     else if (part == "latency")
       bench.latency();
+    else if (part == "overhead")
+      bench.overhead();
     else
-      throw std::runtime_error("there is no part \"" + part + "\": throughput, live, latency");
+      throw std::runtime_error("there is no part \"" + part + "\": throughput, live, latency, overhead");
   }
   if (!json.empty()) bench.save(json);
   return 0;
