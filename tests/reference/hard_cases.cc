@@ -29,6 +29,14 @@ struct More {
 };
 const More kPlain{};
 
+Lens enlarged(const Lens& lens, int times) {
+  std::array<double, Lens::kMaxParams> params = lens.params();
+  const int focal = lens_model_num_focal(lens.model());
+  for (int i = 0; i < focal; i++) params[i] *= times;
+  for (int i = focal; i < focal + 2; i++) params[i] = (params[i] + 0.5) * times - 0.5;
+  return Lens(lens.model(), params);
+}
+
 }  // namespace
 
 View view_at(const Vec3& eye, const Quat& orientation, double fov_y, double focus) {
@@ -55,6 +63,26 @@ std::pair<Rig, View> moved(Rig rig, View view, const Vec3& by, const Quat& turn)
   move(view.pose);
   return {rig, view};
 }
+
+HardCase enlarged(const HardCase& hard, int times) {
+  HardCase large = hard;
+  large.trials = 2;
+  large.least_owned /= 4;  // fewer trials
+  large.make = [=](Random& random) {
+    auto [rig, view] = hard.make(random);
+    for (Camera& camera : rig.cameras) {
+      camera.lens = enlarged(camera.lens, times);
+      camera.width *= times;
+      camera.height *= times;
+    }
+    view.lens = enlarged(view.lens, times);
+    view.width *= times;
+    view.height *= times;
+    return std::pair(rig, view);
+  };
+  return large;
+}
+
 std::vector<HardCase> hard_cases() {
   std::vector<HardCase> all;
   const auto add = [&](const char* name, auto make, More more = kPlain) {

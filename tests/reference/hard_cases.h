@@ -18,6 +18,10 @@ struct HardCase {
   double least_owned = 0.2;  // fraction of pixels that some face owns: the case is about something
 };
 std::vector<HardCase> hard_cases();
+// The same seen by cameras and a view of `times` as many rows and columns, where fast renderers leave the borders of
+// their blocks behind; two trials.
+inline constexpr int kEnlarged = 3;
+HardCase enlarged(const HardCase& hard, int times);
 
 // What most of them are made of: a view of 48x36 pixels; 4x4 cameras, 0.5 m apart, all corners at quarters of a metre.
 View view_at(const Vec3& eye, const Quat& orientation = {1, 0, 0, 0}, double fov_y = 60, double focus = 2);

@@ -4,25 +4,20 @@
 
 #include "composite/accumulator.h"
 #include "composite/float_still.h"
-#include "reference/numerics.h"
+#include "reference/subject_parts.h"
 #include "render/fragment_renderer.h"
 
 namespace lf::reference {
-namespace {
 
-struct Plans {
-  Plans(const Rig& rig, const Mesh& mesh, const View& view)
-      : plan(rig, mesh, view), owners(plan, {0, 0, view.width, view.height}) {}
-  ViewPlan plan;
-  OwnerMap owners;
-};
-
-// `values` of `rect` in a plane of the whole view.
-template <class T>
-void place(const T* values, const Rect& rect, int width, double scale, std::vector<double>& plane) {
-  for (int y = rect.y0; y < rect.y1; y++)
-    for (int x = rect.x0; x < rect.x1; x++) plane[static_cast<size_t>(y) * width + x] += *values++ * scale;
+Image as_i420(const Image& rgb) {
+  Image image(PixelFamily::kI420, rgb.width(), rgb.height());
+  std::fill(image.data().begin(), image.data().end(), uint8_t{128});
+  for (int y = 0; y < rgb.height(); y++)
+    for (int x = 0; x < rgb.width(); x++) image.plane(0)[static_cast<size_t>(y) * rgb.width() + x] = rgb.pixel(x, y)[0];
+  return image;
 }
+
+namespace {
 
 // The scalar renderer before it rounds.
 Answer in_float(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images) {
@@ -40,15 +35,6 @@ Answer in_float(const Rig& rig, const Mesh& mesh, const View& view, const std::v
   answer.valid = std::move(still.valid);
   answer.lost = std::move(still.lost);
   return answer;
-}
-
-// Red as luma: then the luma of I420 images has a known rule, rounded nowhere.
-Image as_i420(const Image& rgb) {
-  Image image(PixelFamily::kI420, rgb.width(), rgb.height());
-  std::fill(image.data().begin(), image.data().end(), uint8_t{128});
-  for (int y = 0; y < rgb.height(); y++)
-    for (int x = 0; x < rgb.width(); x++) image.plane(0)[static_cast<size_t>(y) * rgb.width() + x] = rgb.pixel(x, y)[0];
-  return image;
 }
 
 // 8-bit fragments of any renderer, added up by the compositor. Weights are those that white images show.
@@ -107,9 +93,19 @@ Subject of_fragments(std::string name, std::shared_ptr<const FragmentRenderer> r
 
 std::vector<Subject> subjects() {
   const std::shared_ptr<const FragmentRenderer> scalar = make_scalar_renderer();
-  return {{"float", 1e-6, 1e-6, 2e-3, 0.01, in_float},
-          of_fragments("scalar RGB", scalar, PixelFamily::kRgb),
-          of_fragments("scalar I420", scalar, PixelFamily::kI420)};
+  std::vector<Subject> all{{"float", 1e-6, 1e-6, 2e-3, 0.01, in_float},
+                           of_fragments("scalar RGB", scalar, PixelFamily::kRgb),
+                           of_fragments("scalar I420", scalar, PixelFamily::kI420)};
+  for (const Coordinates coordinates : {Coordinates::kGrid, Coordinates::kExact}) {
+    const std::shared_ptr<const FragmentRenderer> simd = make_simd_renderer(coordinates);
+    const std::string grid = coordinates == Coordinates::kGrid ? " grid" : " exact";
+    for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
+      const std::string name = "simd " + std::string(family == PixelFamily::kRgb ? "RGB" : "I420") + grid;
+      all.push_back(of_fragments(name, simd, family));
+      all.push_back(of_sums(name + " sum", family, coordinates));
+    }
+  }
+  return all;
 }
 
 }  // namespace lf::reference

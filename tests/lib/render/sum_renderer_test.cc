@@ -11,7 +11,7 @@
 
 #include "base/error.h"
 #include "lib/render/production.h"
-#include "reference/generators.h"
+#include "reference/hard_cases.h"
 #include "render/float_renderer.h"
 #include "render/fragment_set.h"
 #include "render/sum_rounding.h"
@@ -189,6 +189,26 @@ TEST(SumRenderer, IsWithinItsBoundOfTheRule) {
         }
     hwy::SetSupportedTargetsForTest(0);
   }
+}
+
+// Chroma, lost weight and a checkerboard, too, which reference::subjects() don't have; beside the rule in doubles.
+TEST(SumRenderer, IsWithinItsBoundInTheHardCases) {
+  for (const reference::HardCase& small : reference::hard_cases())
+    for (const reference::HardCase& hard : {small, reference::enlarged(small, reference::kEnlarged)})
+      for (const Coordinates coordinates : {Coordinates::kGrid, Coordinates::kExact})
+        for (const bool sharp : {false, true}) {
+          Worst worst;
+          for (int trial = 0; trial < 2; trial++) {
+            Random random(trial);
+            const auto [rig, view] = hard.make(random);
+            const auto images = images_of(rig, random, sharp ? checkerboard : reference::smooth_image);
+            compare(rig, view, images, PixelFamily::kI420, coordinates, worst);
+          }
+          SCOPED_TRACE(hard.name);
+          EXPECT_LE(worst.level, sharp ? 0.75 : 0.2);
+          EXPECT_LE(worst.chroma, 0.2);
+          EXPECT_LE(worst.lost, 1e-4);
+        }
 }
 
 // Fragments are what the sum of one camera rounds to, whatever the others are.
