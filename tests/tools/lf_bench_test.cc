@@ -59,6 +59,11 @@ TEST_F(LfBench, RowsHaveAllFieldsAndSensibleErrors) {
       EXPECT_LE(row["max_error"], 2);
       EXPECT_GE(row["psnr_reference_db"], 50);
     }
+    if (renderer == "simd" && row["codec"] == "raw" && row["sum"] == "node") {
+      EXPECT_TRUE(row["default"]);
+      EXPECT_LE(row["max_error"], 2);
+      EXPECT_GE(row["psnr_reference_db"], 50);
+    }
     if (renderer == "opencv") {  // knows no distortion: its picture is then another
       EXPECT_EQ(row["distortion"], row["max_error"].is_null());
     }
@@ -72,7 +77,25 @@ TEST_F(LfBench, RowsHaveAllFieldsAndSensibleErrors) {
       EXPECT_GT(row["ssim_truth"], 0.2);
     }
   }
-  EXPECT_THAT(renderers, testing::IsSupersetOf({"opencv", "scalar"}));
+  EXPECT_THAT(renderers, testing::IsSupersetOf({"opencv", "scalar", "simd"}));
+}
+
+TEST_F(LfBench, ThreadsAreRowsOfTheirOwnWithTheSamePicture) {
+  int rows_of_two = 0;
+  const nlohmann::json all = rows("--threads 1,2");
+  for (const nlohmann::json& row : all) {
+    if (row["threads"] == 1) continue;
+    EXPECT_EQ(row["sum"], "node");
+    EXPECT_GT(row["ns_per_output_pixel"], 0);
+    for (const nlohmann::json& other : all)
+      if (other["threads"] == 1 && other["renderer"] == "simd" && other["sum"] == "node" &&
+          other["codec"] == row["codec"] && other["scene"] == row["scene"] &&
+          other["distortion"] == row["distortion"]) {
+        EXPECT_EQ(row["max_error"], other["max_error"]);
+        rows_of_two++;
+      }
+  }
+  EXPECT_GE(rows_of_two, 2);
 }
 
 TEST_F(LfBench, QualitiesAreRowsOfTheirOwnAndCostBytes) {
@@ -95,7 +118,8 @@ TEST_F(LfBench, SaysWhichSettingsAreParetoPointsAndWhatIsPromised) {
 TEST_F(LfBench, NumericsAreWithinTheirBounds) {
   const Outcome outcome = run("numerics");
   EXPECT_EQ(outcome.status, 0);
-  for (const char* text : {"float", "scalar I420", "eye at a camera", "a million metres away", "slivers"})
+  for (const char* text : {"float", "scalar I420", "simd I420 grid sum", "simd RGB exact", "eye at a camera",
+                           "a million metres away", "slivers"})
     EXPECT_THAT(outcome.output, HasSubstr(text));
   EXPECT_THAT(outcome.output, testing::Not(HasSubstr("BEYOND")));
 }

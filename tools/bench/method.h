@@ -46,8 +46,8 @@ struct MethodKind {
 // Which settings are wanted.
 struct MethodOptions {
   std::vector<int> qualities = {90};
-  std::vector<int> threads = {1};
-  bool all = false;  // families, formulations and grids that are neither default nor baseline, too
+  std::vector<int> threads = {1};  // of what elements do by several
+  bool all = false;                // families, formulations and grids that are neither default nor baseline, too
 };
 // Every way there is: each file adds its own (see methods.cc).
 std::vector<MethodKind> methods(const MethodOptions& options);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "bench/plan.h"
 
+#include <thread>
+
 namespace lf::bench {
 namespace {
 
@@ -13,13 +15,16 @@ class Plan {
     methods_.threads = {1};
     if (options.full) {
       methods_.qualities = {50, 60, 70, 80, 85, 90, 95};
-      methods_.threads = {1, 2};
       methods_.all = true;
     }
+    if (options.full || options.acceptance) methods_.threads = {1, 2};
+    if (options.full)
+      for (int n = 4; n <= static_cast<int>(std::thread::hardware_concurrency()); n *= 2) methods_.threads.push_back(n);
     if (!options.qualities.empty()) methods_.qualities = options.qualities;
     if (!options.threads.empty()) methods_.threads = options.threads;
     plain_ = methods_;
     plain_.qualities = {methods_.qualities.size() > 1 ? 90 : methods_.qualities.front()};
+    plain_.threads = {methods_.threads.front()};
     plain_.all = false;
   }
 
@@ -29,7 +34,8 @@ class Plan {
       for (const Size& size : options_.sizes) {
         add(size, n, methods_);
         if (size == errors_at() || options_.acceptance || options_.full)
-          add(size, n, options_.full || size == errors_at() ? methods_ : plain_).array.distortion = false;
+          add(size, n, on_one_thread(options_.full || size == errors_at() ? methods_ : plain_)).array.distortion =
+              false;
         add_errors(size, n);
       }
     const auto also = [&](std::vector<int> counts, const std::vector<Size>& sizes) {
@@ -66,10 +72,16 @@ class Plan {
     return plan_.back().scene;
   }
 
+  // Where threads change nothing that is shown.
+  static MethodOptions on_one_thread(MethodOptions methods) {
+    methods.threads.resize(1);
+    return methods;
+  }
+
   void add_errors(const Size& size, int cameras) {
     for (const bool distortion : {true, false}) {
       if (!distortion && size != errors_at()) continue;
-      SceneOptions& scene = add(size, cameras, methods_);
+      SceneOptions& scene = add(size, cameras, on_one_thread(methods_));
       scene.content = "checkerboard";
       scene.array.distortion = distortion;
       plan_.back().timing.repeats = 1;
