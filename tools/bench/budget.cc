@@ -2,6 +2,7 @@
 #include "bench/budget.h"
 
 #include <cstdio>
+#include <utility>
 
 #include "bench/row.h"
 
@@ -17,7 +18,9 @@ bool print_budget() {
               situation.substr(situation.find(' ') + 1).c_str(), "", "", "natural", "checkerboard", "term", "unit",
               "max", "rms", "max", "rms", "bound");
   bool all = true;
-  for (const Term& term : terms()) {
+  std::vector<Term> terms = plain_terms();
+  for (Term& term : simd_terms()) terms.push_back(std::move(term));
+  for (const Term& term : terms) {
     const Spread a = term.measure(natural), b = term.measure(checkerboard);
     std::printf("%-44s %-7s | %10.2g %10.2g | %10.2g %10.2g | ", term.name.c_str(), term.unit.c_str(), a.max, a.rms,
                 b.max, b.rms);

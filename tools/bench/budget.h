@@ -17,8 +17,9 @@ struct Term {
   double bound = 0;  // of `max`; 0: stated by no one
   Spread (*measure)(const Scene& scene);
 };
-// In the order in which a pixel meets them.
-std::vector<Term> terms();
+// In the order in which a pixel meets them: the plain renderer's and JPEG's, and those of SIMD.
+std::vector<Term> plain_terms();
+std::vector<Term> simd_terms();
 
 // Measures them all on a natural picture and on a 1-pixel checkerboard. False if a bound is broken: it is marked.
 bool print_budget();

@@ -1,8 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include <algorithm>
-#include <cmath>
-
-#include "bench/budget.h"
+#include "bench/collector.h"
 #include "composite/accumulator.h"
 #include "jpeg/fragment_decoder.h"
 #include "jpeg/fragment_encoder.h"
@@ -16,20 +13,6 @@
 
 namespace lf::bench {
 namespace {
-
-class Collector {
- public:
-  void add(double difference) {
-    max_ = std::max(max_, std::abs(difference));
-    squares_ += difference * difference;
-    count_++;
-  }
-  Spread spread() const { return {max_, count_ ? std::sqrt(squares_ / static_cast<double>(count_)) : 0}; }
-
- private:
-  double max_ = 0, squares_ = 0;
-  size_t count_ = 0;
-};
 
 RenderJob job_of(const Scene& scene) { return {scene.rig(), scene.mesh(), scene.views().front(), scene.cameras()}; }
 
@@ -170,7 +153,7 @@ Spread jpeg_error(const Scene& scene) {
 
 }  // namespace
 
-std::vector<Term> terms() {
+std::vector<Term> plain_terms() {
   return {{"edge functions: weights in float", "of 1", 1e-6, weights},
           {"coordinates in double", "pixels", 1e-6, positions},
           {"interpolation in float, with both of these", "of 255", 2e-3, interpolation},
