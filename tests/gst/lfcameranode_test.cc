@@ -184,6 +184,33 @@ TEST_F(LfCameraNodeTest, FilesLoopUnderRequests) {
   EXPECT_EQ(stat(node.get(), "missing-frames"), 0u);
 }
 
+// Frames stay compressed up to the view; at every stage of starting.
+TEST_F(LfCameraNodeTest, JpegCamerasStartAndStop) {
+  const CameraFiles files;
+  for (const std::string source : {"mjpeg.mkv", "jpeg_%02d.jpg"}) {
+    const std::string rig = files.save("rig.json", 3, [&](Camera& camera) { camera.source = source; });
+    const ElementPtr pipeline =
+        launch("lfviewrequest rig=" + rig +
+               " is-live=true framerate=30/1 ! tee name=r  r. ! queue ! n.request  "
+               "lfcameranode name=n is-live=true loop=true rig=" +
+               rig + " ! queue ! c.sink_0  r. ! queue ! c.request  lfcompositor name=c ! fakesink");
+    ASSERT_TRUE(pipeline);
+    for (int i = 0; i < 12; ++i) {
+      ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE) << source;
+      g_usleep(static_cast<gulong>(4000 * i));
+      if (i == 11) {
+        const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));
+        const ElementPtr compositor(gst_bin_get_by_name(GST_BIN(pipeline.get()), "c"));
+        for (int k = 0; k < 100 && stat(compositor.get(), "pictures") <= 12; k++) g_usleep(50000);
+        EXPECT_GT(stat(compositor.get(), "pictures"), 12u) << source;
+        EXPECT_EQ(stat(node.get(), "damaged-frames"), 0u) << source;
+        EXPECT_GT(stat(node.get(), "decode-ns-p99"), 0u) << source;
+      }
+      ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_NULL), GST_STATE_CHANGE_FAILURE) << source;
+    }
+  }
+}
+
 TEST_F(LfCameraNodeTest, ErrorsNameThePlace) {
   const CameraFiles files;
   const std::string missing = files.save("m.json", 2, [](Camera& camera) {

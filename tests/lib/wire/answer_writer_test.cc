@@ -53,6 +53,23 @@ TEST(AnswerWriter, PayloadsAreWrittenInPlace) {
   EXPECT_EQ(view->fragments[2].payload.size(), 5u);
 }
 
+TEST(AnswerWriter, LostWeightThatIsNothingIsTakenBack) {
+  for (const Codec codec : {Codec::kRaw, Codec::kRaw16}) {
+    const FragmentHeader with{Fragment::kSum, kRgb, {1, 1, 4, 4}, codec, 0, true};
+    FragmentHeader without = with;
+    without.has_lost = false;
+    AnswerWriter writer(header_of_view(kRgb, 8, 8), 2), expected(header_of_view(kRgb, 8, 8), 2);
+    std::ranges::fill(writer.add(with), uint8_t{3});
+    writer.drop_lost();
+    EXPECT_THROW(writer.drop_lost(), Error);
+    std::ranges::fill(expected.add(without), uint8_t{3});
+    for (AnswerWriter* w : {&writer, &expected}) std::ranges::fill(w->add(with), uint8_t{4});
+    EXPECT_EQ(writer.finish(), expected.finish());
+  }
+  AnswerWriter empty(header_of_view(kRgb, 8, 8), 1);
+  EXPECT_THROW(empty.drop_lost(), Error);
+}
+
 TEST(AnswerWriter, FewerFragmentsThanRoomCloseUp) {
   for (int given = 0; given <= 3; given++) {
     AnswerWriter writer(header_of_view(kRgb, 8, 8), 3), exact(header_of_view(kRgb, 8, 8), given);
