@@ -60,7 +60,7 @@ class Script {
     for (size_t i = 0; i < chart.panels.size(); i++) {
       const bool last = i + 1 == chart.panels.size();
       if (last)
-        out_ << "set key at screen 0.5," << 0.35 * kLegendRow / height << " center bottom horizontal maxrows "
+        out_ << "set key at screen 0.5," << 0.35 * kLegendRow / height << " center bottom vertical maxrows "
              << legend_rows << " Left reverse font 'sans,10' samplen 2.5 width 1\n";
       panel(chart.panels[i], static_cast<int>(i), last);
       if (i == 0) out_ << "unset label 100\nunset label 101\n";

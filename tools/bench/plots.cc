@@ -19,10 +19,11 @@ using Rows = std::vector<const Row*>;
 
 std::string size_name(const Row& row) { return std::to_string(row.width()) + " x " + std::to_string(row.height()); }
 
-// Qualities of one codec are one series.
+// Qualities of one codec are one series, and so are numbers of threads.
 std::string series_name(const Row& row) {
   Setting setting = row.setting;
   setting.quality = 0;
+  setting.threads = 1;
   return label(setting);
 }
 
