@@ -94,7 +94,8 @@ TEST_P(AnswerRendererTest, ThreadsDoNotShowInTheAnswer) {
 TEST_P(AnswerRendererTest, LostWeightTravelsOnlyWhereThereIsSome) {
   const auto lost_planes = [](const RenderedAnswer& answer) {
     size_t count = 0;
-    for (const wire::FragmentView& fragment : wire::parse_answer(answer.bytes)->fragments) count += fragment.has_lost;
+    const auto parsed = wire::parse_answer(answer.bytes);  // not in the loop's head: it would not live through it
+    for (const wire::FragmentView& fragment : parsed->fragments) count += fragment.has_lost;
     return count;
   };
   View& view = request_.view;
