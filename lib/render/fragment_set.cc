@@ -66,10 +66,11 @@ const std::vector<CameraFragment>& FragmentSet::fragments() {
   const simd::SumTask& task = state_->task;
   const ViewPlan& plan = *task.plan;
   const bool i420 = task.family == PixelFamily::kI420;
+  const std::vector<Rect> rects = owned_rects(plan, *task.runs);
   fragments_.clear();
   for (size_t i = 0; i < task.slots.size(); i++) {
     const CameraIndex camera = task.slots[i].camera;
-    Rect rect = CameraCorners(plan, camera).owned(*task.runs, plan.camera_rect(camera));
+    Rect rect = rects[camera];
     if (rect.empty()) continue;
     if (i420) rect = chroma_aligned(rect, plan.view());
     const simd::SlotTarget& from = task.targets[i];

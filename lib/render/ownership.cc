@@ -35,6 +35,15 @@ Rect CameraCorners::owned(const OwnerRuns& runs, const Rect& rect) const {
   return bounds;
 }
 
+std::vector<Rect> owned_rects(const ViewPlan& plan, const OwnerRuns& runs) {
+  std::vector<Rect> rects(plan.num_cameras());
+  for (int y = runs.region().y0; y < runs.region().y1; y++)
+    for (const OwnerRun& run : runs.row(y))
+      for (const CameraIndex camera : plan.faces()[run.face].camera)
+        if (camera != MeshFace::kNone) rects[camera] = unite(rects[camera], {run.x0, y, run.x1, y + 1});
+  return rects;
+}
+
 std::vector<float> camera_hat(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Rect& rect) {
   const CameraCorners corners(plan, camera);
   std::vector<float> hat;

@@ -6,6 +6,7 @@
 #include "render/simd/sum_task.h"
 
 namespace lf {
+
 struct SumRenderer::State : simd::PreparedTask {
   using PreparedTask::PreparedTask;
 };

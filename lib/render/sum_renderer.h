@@ -34,7 +34,7 @@ inline constexpr double kGridError = 1.0 / 512;  // pixels of the camera's image
 // a pixel meet in registers, in 16 bits with 7 bits of fraction, so that rounding to 8 bits comes once and at the end.
 // Portable SIMD (Highway): SSE2, SSE4, AVX2, AVX-512 or NEON as the processor has them.
 //
-// Bound against the rule in double precision, where coverage is above 0.999: 1 of 255 (2 in the chroma of I420); see
+// Bound against the rule in double precision, where coverage is above 0.999: 1 of 255 once rounded; see
 // docs/error-budget.md.
 class SumRenderer {
  public:

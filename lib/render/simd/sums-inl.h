@@ -209,10 +209,10 @@ inline void add_i420(const Slot& slot, const PairSamples& samples, const PairPla
   }
 }
 
-inline void add_rgb(const Slot& slot, const PairSamples& samples, const PairPlace& place, int rows, Scratch& scratch) {
+inline void add_rgb(const Slot& slot, const PairSamples& samples, const PairPlace& place, Scratch& scratch) {
   const RgbLayout& layout = slot.image.layout;
   const int offset[3] = {layout.r, layout.g, layout.b};
-  for (int r = 0; r < rows; r++) {
+  for (int r = 0; r < 2; r++) {
     PixelPairs pixels;
     gather_pixels(samples.at[r], slot.image.plane[0], slot.image.stride[0], layout.pixel_stride, pixels);
     for (int c = 0; c < 3; c++) {
@@ -239,7 +239,7 @@ inline bool add_part(const SumTask& task, const Part& part, const PairPlace& pla
   if (task.family == PixelFamily::kI420)
     add_i420(*part.band->slot, samples, place, scratch);
   else
-    add_rgb(*part.band->slot, samples, place, 2, scratch);
+    add_rgb(*part.band->slot, samples, place, scratch);
   return true;
 }
 

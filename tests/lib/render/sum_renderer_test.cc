@@ -237,6 +237,9 @@ TEST(FragmentSet, IsEachCamerasSumRounded) {
           if (y + 16 > set.rect().y0) set.render_rows(std::max(y, set.rect().y0), std::min(y + 16, set.rect().y1));
         for (const CameraFragment& fragment : set.fragments()) {
           const Source source = *std::ranges::find(sources, fragment.camera, &Source::camera);
+          Rect owned = CameraCorners(plan, fragment.camera).owned(runs, plan.camera_rect(fragment.camera));
+          if (family == PixelFamily::kI420) owned = chroma_aligned(owned, view);
+          ASSERT_EQ(fragment.planes.rect, owned);
           const SumRenderer renderer(plan, runs, {&source, 1}, family);
           Sum sum(family, fragment.planes.rect);
           const bool lost = renderer.render_rows(fragment.planes.rect.y0, fragment.planes.rect.y1, sum.planes);
