@@ -123,9 +123,11 @@ FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& 
   const uint64_t decoded = now_ns();
 
   uint64_t worst_skew = 0;
+  CameraSet blind;
   for (size_t i = 0; i < sources.sources().size(); i++) {
     if (sources.sources()[i].image.family == PixelFamily::kNone) {
       stats_.missing_frames++;
+      blind.push_back(sources.sources()[i].camera);
       continue;
     }
     const uint64_t skew = newest ? 0 : time_between(sources.time(i), wanted);
@@ -134,6 +136,8 @@ FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& 
       header.actual_time = sources.time(i) + to_running;
     }
   }
+  header.cameras = CameraRanges(own);
+  header.blind = CameraRanges(blind);
   header.family = sources.family();
   // Without an image in the view the answer still says what the node's images are.
   const bool nothing = header.family == PixelFamily::kNone;

@@ -27,8 +27,9 @@ class Accumulator {
   int width() const { return width_; }
   int height() const { return height_; }
 
-  // False (and nothing added) if the family differs or the rectangle is not inside the picture or begins at an odd
-  // pixel in kI420; for a Fragment also if its planes don't fill the rectangle.
+  bool fits(PixelFamily family, const Rect& rect) const;
+  // False (and nothing added) if that says no: if the family differs or the rectangle is not inside the picture or
+  // begins at an odd pixel in kI420; for a Fragment also if its planes don't fill the rectangle.
   bool add(const FragmentPlanes& fragment);
   bool add(const Fragment& fragment);
   bool add(const ConstSumPlanes& sums);
@@ -50,7 +51,6 @@ class Accumulator {
   std::optional<Fragment> partial_sum() const;
 
  private:
-  bool fits(PixelFamily family, const Rect& rect) const;
   Rect all() const { return {0, 0, width_, height_}; }
   SumPlanes own();               // whole picture, after materialize()
   ConstSumPlanes whole() const;  // own, kept, or zeros

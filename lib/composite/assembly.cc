@@ -20,8 +20,10 @@ void Assembly::begin(const ViewRequest& request) {
   expected_rig_ = rig_hash_ != 0 ? rig_hash_ : request.rig_hash;
   family_ = PixelFamily::kNone;
   release();
-  received_.clear();
-  have_sums_ = false;
+  sources_.clear();
+  coverage_.clear();
+  cameras_ = seeing_ = {};
+  have_unnamed_sums_ = false;
   fragments_ = missing_ = damaged_ = 0;
   skew_ = 0;
 }
@@ -41,19 +43,30 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
     family_ = answer.family;
     accumulator_.reset(family_, request_.view.width, request_.view.height);
   }
+  cameras_.add(answer.cameras);
+  CameraRanges seeing = answer.cameras;
+  seeing.remove(answer.blind);
+  seeing_.add(seeing);
+  const unsigned damaged_before = damaged_;
   bool all_good = true;
   const std::span<const wire::FragmentView> all = answer.fragments;
   for (size_t i = 0, n; i < all.size(); i += n) {
     n = wire::group_size(all.subspan(i));
-    all_good = add_group(all.subspan(i, n), bytes) && all_good;
+    all_good = add_group(answer, all.subspan(i, n), bytes) && all_good;
   }
+  Source& source = sources_[{answer.node, answer.cameras}];
+  source.parts.add(answer.part);
+  source.blind = answer.blind;
+  source.spoilt |= damaged_ > damaged_before || !all_good;
+  source.sums |= std::ranges::any_of(all, [](const auto& f) { return f.camera == Fragment::kSum; });
   if (answer.actual_time != kNoTime && answer.target_time != kNoTime)
     skew_ = std::max(skew_, time_between(answer.actual_time, answer.target_time));
   return all_good ? Verdict::kAdded : Verdict::kBadFragment;
 }
 
 // False if some of it does not fit, which is no damage.
-bool Assembly::add_group(std::span<const wire::FragmentView> group, const std::shared_ptr<const void>& bytes) {
+bool Assembly::add_group(const wire::AnswerView& answer, std::span<const wire::FragmentView> group,
+                         const std::shared_ptr<const void>& bytes) {
   std::span<const FragmentPlanes> planes;
   if (group[0].codec != wire::Codec::kRaw16) {
     planes = decoder_.decode(group);
@@ -64,18 +77,22 @@ bool Assembly::add_group(std::span<const wire::FragmentView> group, const std::s
   }
   bool all_good = true;
   for (size_t i = 0; i < group.size(); i++) {
-    // Twice the same camera (a duplicated packet, two nodes with one camera) would be too bright.
-    const bool is_sum = group[i].camera == Fragment::kSum;
-    if ((!is_sum && received_.contains(group[i].camera)) ||
-        !(planes.empty() ? add_sums(group[i], bytes) : accumulator_.add(planes[i]))) {
+    if (!accumulator_.fits(group[i].family, group[i].rect) || !covers(answer, group[i])) {
       all_good = false;
       continue;
     }
+    planes.empty() ? add_sums(group[i], bytes) : accumulator_.add(planes[i]);
     fragments_++;
-    have_sums_ |= is_sum;
-    if (!is_sum) received_.insert(group[i].camera);
   }
   return all_good;
+}
+
+// Twice the same camera (a duplicated packet, two nodes with one camera) would be too bright.
+bool Assembly::covers(const wire::AnswerView& answer, const wire::FragmentView& fragment) {
+  if (fragment.camera != Fragment::kSum) return coverage_.add(fragment.camera, fragment.rect);
+  if (!answer.cameras.empty()) return coverage_.add(answer.cameras, fragment.rect);
+  have_unnamed_sums_ = true;
+  return true;
 }
 
 bool Assembly::add_sums(const wire::FragmentView& fragment, const std::shared_ptr<const void>& bytes) {
@@ -87,6 +104,22 @@ bool Assembly::add_sums(const wire::FragmentView& fragment, const std::shared_pt
   return added;
 }
 
+// Cameras that may have a weight somewhere for which something may not have come.
+CameraSet Assembly::absent(const ViewPlan& plan) const {
+  if (have_unnamed_sums_) return {};
+  CameraRanges there;  // all they have to give
+  for (const auto& [key, source] : sources_) {
+    if (!source.parts.complete() || source.spoilt) continue;
+    CameraRanges giving = key.second;
+    if (!source.sums) giving.remove(source.blind);
+    there.add(giving);
+  }
+  CameraSet absent;
+  for (const CameraIndex camera : plan.contributors())
+    if (!there.contains(camera)) absent.push_back(camera);
+  return absent;
+}
+
 void Assembly::finish(PixelFamily fallback, bool mark_uncovered) {
   if (family_ == PixelFamily::kNone) {
     family_ = fallback;
@@ -95,16 +128,14 @@ void Assembly::finish(PixelFamily fallback, bool mark_uncovered) {
   if (!rig_) return;
   const View& view = request_.view;
   const ViewPlan plan(*rig_, mesh_.get(*rig_, request_.out_of_service), view);
-  std::vector<CameraIndex> absent;  // cameras that may have a weight somewhere and sent nothing
-  if (!have_sums_)
-    std::ranges::copy_if(plan.contributors(), std::back_inserter(absent),
-                         [this](CameraIndex camera) { return !received_.contains(camera); });
+  const CameraSet absent = this->absent(plan);
   if (absent.empty() && !mark_uncovered) return;
 
   const OwnerMap owners(plan, {0, 0, view.width, view.height});
   for (const CameraIndex camera : absent) {
     const Rect rect = plan.camera_rect(camera);
-    const std::vector<float> hat = camera_hat(plan, owners, camera, rect);
+    std::vector<float> hat = camera_hat(plan, owners, camera, rect);
+    coverage_.take_out(camera, rect, hat);
     if (std::ranges::all_of(hat, [](float w) { return w == 0; })) continue;
     missing_++;
     accumulator_.add_lost_hat(rect, hat);

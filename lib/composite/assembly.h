@@ -2,21 +2,23 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
-#include <set>
 #include <span>
 
 #include "composite/accumulator.h"
+#include "composite/coverage.h"
 #include "render/render_job.h"
 #include "view/view_request.h"
 #include "wire/answer.h"
+#include "wire/answer_parts.h"
 #include "wire/fragment_codec.h"
 
 namespace lf {
 
-// Puts the picture of one request together from the answers of any number of nodes, in any order. Reused from request
-// to request. Not thread-safe.
+// Puts the picture of one request together from the answers of any number of nodes, whole or part by part, in any
+// order. Reused from request to request. Not thread-safe.
 class Assembly {
  public:
   // With the rig known, fragments that never came count as lost weight and pixels outside the mesh show the background.
@@ -28,7 +30,8 @@ class Assembly {
     kAdded,
     kOtherRequest,  // another view or sequence number
     kOtherRig,      // rendered from another rig than the request, this compositor's or the first answer's
-    kBadFragment,   // another pixel family or view size than the first answer's; other fragments of it were added
+    kBadFragment,   // another pixel family or view size than the first answer's, or cameras that have been there
+                    // already; other fragments of it were added
   };
   // Damaged fragments are left out and counted; the others of the answer are added. `bytes`: what owns the payloads
   // and keeps them where they are; with it the sums of a whole view are used in their place, until release() or
@@ -46,15 +49,30 @@ class Assembly {
   unsigned fragments() const { return fragments_; }
   // Fragments that came and could not be decoded.
   unsigned damaged() const { return damaged_; }
-  // Fragments that should have come and did not, or damaged; known after finish() and with a rig alone, else 0.
+  // Cameras of which something should have come and did not, or damaged; known after finish() and with a rig alone,
+  // else 0.
   unsigned missing() const { return missing_; }
+  // Cameras that the answers so far speak for and that have pictures.
+  const CameraRanges& seeing() const { return seeing_; }
+  // All that they speak for, pictures or not.
+  const CameraRanges& cameras() const { return cameras_; }
   // The largest |capture time - target time| of the answers, nanoseconds.
   uint64_t skew() const { return skew_; }
   // The picture has been taken: lets go of what it was made from.
   void release();
 
  private:
-  bool add_group(std::span<const wire::FragmentView> group, const std::shared_ptr<const void>& bytes);
+  // What has come of one answer; nodes may share a number, but not cameras.
+  struct Source {
+    wire::AnswerParts parts;
+    CameraRanges blind;
+    bool spoilt = false;  // some of it could not be added
+    bool sums = false;
+  };
+  CameraSet absent(const ViewPlan& plan) const;
+  bool covers(const wire::AnswerView& answer, const wire::FragmentView& fragment);
+  bool add_group(const wire::AnswerView& answer, std::span<const wire::FragmentView> group,
+                 const std::shared_ptr<const void>& bytes);
   bool add_sums(const wire::FragmentView& fragment, const std::shared_ptr<const void>& bytes);
 
   std::shared_ptr<const Rig> rig_;
@@ -66,8 +84,10 @@ class Assembly {
   std::shared_ptr<const void> kept_;  // owns memory that accumulator_ refers to
   wire::FragmentDecoder decoder_;
   PixelFamily family_ = PixelFamily::kNone;
-  std::set<CameraIndex> received_;
-  bool have_sums_ = false;  // a partial sum does not tell which cameras are in it
+  std::map<std::pair<uint32_t, CameraRanges>, Source> sources_;  // by node and its cameras
+  Coverage coverage_;
+  CameraRanges cameras_, seeing_;
+  bool have_unnamed_sums_ = false;  // sums that do not tell which cameras are in them
   unsigned fragments_ = 0, missing_ = 0, damaged_ = 0;
   uint64_t skew_ = 0;
 };

@@ -6,11 +6,13 @@
 #include <vector>
 
 #include "render/fragment.h"
+#include "rig/camera_ranges.h"
 #include "view/view_request.h"
 
 namespace lf::wire {
 
-// What one node has to give for one request of one view: one buffer, application/x-lightfield-answer; see spec.md.
+// What one node has to give for one request of one view: one buffer, application/x-lightfield-answer, or several parts
+// of it, each a unit of its own; see spec.md.
 
 struct AnswerHeader {
   uint32_t view_id = 0;
@@ -22,10 +24,25 @@ struct AnswerHeader {
   uint64_t rig_hash = 0;
   uint32_t node = 0;
   bool last_of_node = true;  // nothing more comes from this node for this request
+  CameraRanges cameras;      // whose contributions to the view are in the answer, or are nothing; empty: not told
+  CameraRanges blind;        // those of them that have no picture: in a sum, lost weight stands in its place
   bool operator==(const AnswerHeader&) const = default;
 };
 
-// With its fragments uncompressed, 8 bits a value.
+// Which of an answer's fragments are in a unit: `count` of `total` from number `first` on.
+struct AnswerPart {
+  uint32_t first = 0, count = 0, total = 0;
+  bool whole() const { return count == total; }
+  bool operator==(const AnswerPart&) const = default;
+};
+
+// All that a unit says in front of its fragments.
+struct AnswerHead : AnswerHeader {
+  AnswerPart part;
+  bool operator==(const AnswerHead&) const = default;
+};
+
+// A whole answer with its fragments uncompressed, 8 bits a value.
 struct Answer : AnswerHeader {
   std::vector<Fragment> fragments;
   bool operator==(const Answer&) const = default;
@@ -55,7 +72,7 @@ struct FragmentView : FragmentHeader {
   std::span<const uint8_t> payload;
 };
 
-struct AnswerView : AnswerHeader {
+struct AnswerView : AnswerHead {
   std::vector<FragmentView> fragments;
 };
 

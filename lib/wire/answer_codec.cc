@@ -39,6 +39,10 @@ std::vector<uint8_t> encode_answer(const Answer& answer) {
 std::optional<Answer> decode_answer(std::span<const uint8_t> bytes, std::string* reason) {
   const std::optional<AnswerView> view = parse_answer(bytes, reason);
   if (!view) return std::nullopt;
+  if (!view->part.whole()) {
+    if (reason) *reason = "total: a part of an answer, not a whole one";
+    return std::nullopt;
+  }
   Answer answer{*view, {}};
   FragmentDecoder decoder;
   const std::span<const FragmentView> all = view->fragments;

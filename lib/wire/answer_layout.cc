@@ -19,6 +19,23 @@ void check_header(const AnswerHeader& answer, size_t fragments) {
     throw Error("fragments: at most " + std::to_string(kMaxFragments) + ", not " + std::to_string(fragments));
   if (answer.family == PixelFamily::kNone && fragments > 0)
     throw Error("family: none, but there are " + std::to_string(fragments) + " fragments");
+  const auto ranges = [](const char* name, const CameraRanges& cameras) {
+    if (!cameras.empty() && cameras.ranges().back().last >= kMaxCameras)
+      throw Error(std::string(name) + ": camera " + std::to_string(cameras.ranges().back().last) + " is beyond " +
+                  std::to_string(kMaxCameras - 1));
+  };
+  ranges("cameras", answer.cameras);
+  ranges("blind", answer.blind);
+  if (!answer.cameras.contains(answer.blind)) throw Error("blind: cameras that are not the answer's");
+}
+
+void check_part(const AnswerPart& part) {
+  if (part.total > kMaxFragments)
+    throw Error("total: at most " + std::to_string(kMaxFragments) + " fragments, not " + std::to_string(part.total));
+  if (part.first > part.total || part.count > part.total - part.first)
+    throw Error("total: " + std::to_string(part.total) + " fragments, but this part has " + std::to_string(part.count) +
+                " from number " + std::to_string(part.first) + " on");
+  if (part.count == 0 && part.total > 0) throw Error("fragments: a part without any");
 }
 
 void check_fragment(const AnswerHeader& answer, const FragmentHeader& fragment) {

@@ -12,13 +12,19 @@
 namespace lf::wire {
 
 inline constexpr uint16_t kLastOfNode = 1;  // flag of the unit
-inline constexpr size_t kAnswerHeaderBytes = 60, kFragmentBytes = 20;
+inline constexpr size_t kAnswerHeaderBytes = 72, kRangeBytes = 4, kFragmentBytes = 20;
 inline constexpr uint16_t kWeighted = 1, kLostPlane = 2;  // flags of a fragment
 inline constexpr uint16_t kSumOnWire = 0xffff;            // camera
 
 // Throw Error naming the field.
 void check_header(const AnswerHeader& answer, size_t fragments);
+void check_part(const AnswerPart& part);
 void check_fragment(const AnswerHeader& answer, const FragmentHeader& fragment);
+
+// Where the fragment table begins.
+inline size_t table_offset(const AnswerHeader& answer) {
+  return kAnswerHeaderBytes + kRangeBytes * (answer.cameras.ranges().size() + answer.blind.ranges().size());
+}
 
 // Runs f(), with "fragments[3]." in front of the text of an Error.
 template <typename F>

@@ -13,10 +13,20 @@ namespace lf::wire {
 namespace {
 
 struct Head {
-  AnswerHeader answer;
+  AnswerHead answer;
   UnitHeader unit;
-  uint32_t fragments;
 };
+
+CameraRanges read_ranges(Reader& in, const char* name, size_t count) {
+  CameraRanges out;
+  for (size_t i = 0; i < count; i++) {
+    const uint16_t first = in.get<uint16_t>(), last = in.get<uint16_t>();
+    if (!out.append({first, last}))
+      throw Error(std::string(name) + "[" + std::to_string(i) + "]: " + std::to_string(first) + " to " +
+                  std::to_string(last) + " is no range beyond the one before");
+  }
+  return out;
+}
 
 Head read_head(std::span<const uint8_t> bytes) {
   std::string reason;
@@ -25,7 +35,7 @@ Head read_head(std::span<const uint8_t> bytes) {
   if (!unit) throw Error(reason);
   Head head{.unit = *unit};
   Reader in(bytes.first(std::min(bytes.size(), unit->size)).subspan(kUnitHeaderBytes));
-  AnswerHeader& answer = head.answer;
+  AnswerHead& answer = head.answer;
   answer.last_of_node = unit->flags & kLastOfNode;
   answer.view_id = in.get<uint32_t>();
   answer.sequence = in.get<uint32_t>();
@@ -36,15 +46,24 @@ Head read_head(std::span<const uint8_t> bytes) {
   answer.view_width = in.get<uint16_t>();
   answer.view_height = in.get<uint16_t>();
   answer.family = static_cast<PixelFamily>(in.get<uint8_t>());
-  const uint32_t reserved = (uint32_t{in.get<uint8_t>()} << 16) | in.get<uint16_t>();
-  head.fragments = in.get<uint32_t>();
-  if (!in.ok())
-    throw Error("header: needs " + std::to_string(kAnswerHeaderBytes) + " bytes, there are " +
+  const uint8_t reserved = in.get<uint8_t>();
+  const uint16_t cameras = in.get<uint16_t>();
+  answer.part.count = in.get<uint32_t>();
+  answer.part.first = in.get<uint32_t>();
+  answer.part.total = in.get<uint32_t>();
+  const uint16_t blind = in.get<uint16_t>(), reserved_too = in.get<uint16_t>();
+  const size_t header_bytes = kAnswerHeaderBytes + kRangeBytes * (size_t{cameras} + blind);
+  if (!in.ok() || in.left() < header_bytes - kAnswerHeaderBytes)
+    throw Error("header: needs " + std::to_string(in.ok() ? header_bytes : kAnswerHeaderBytes) + " bytes, there are " +
                 std::to_string(std::min(bytes.size(), unit->size)));
-  if (reserved != 0) throw Error("reserved: must be 0, is " + std::to_string(reserved));
-  check_header(answer, head.fragments);
-  if (head.fragments > (unit->size - kAnswerHeaderBytes) / kFragmentBytes)
-    throw Error("fragments: a table of " + std::to_string(head.fragments) + " is longer than the answer");
+  if (reserved != 0 || reserved_too != 0)
+    throw Error("reserved: must be 0, is " + std::to_string(std::max<uint32_t>(reserved, reserved_too)));
+  answer.cameras = read_ranges(in, "cameras", cameras);
+  answer.blind = read_ranges(in, "blind", blind);
+  check_header(answer, answer.part.count);
+  check_part(answer.part);
+  if (answer.part.count > (unit->size - header_bytes) / kFragmentBytes)
+    throw Error("fragments: a table of " + std::to_string(answer.part.count) + " is longer than the answer");
   return head;
 }
 
@@ -107,11 +126,11 @@ AnswerView read_answer(std::span<const uint8_t> bytes) {
   std::string reason;
   if (!check_unit_size(bytes, head.unit, reason)) throw Error(reason);
   AnswerView answer{head.answer, {}};
-  const size_t begin = kAnswerHeaderBytes + head.fragments * kFragmentBytes;
-  Reader table(bytes.first(begin).subspan(kAnswerHeaderBytes));
+  const size_t table_begin = table_offset(answer), begin = table_begin + answer.part.count * kFragmentBytes;
+  Reader table(bytes.first(begin).subspan(table_begin));
   Reader payloads(bytes.subspan(begin));
-  answer.fragments.reserve(head.fragments);  // their entries are there
-  for (uint32_t i = 0; i < head.fragments; i++)
+  answer.fragments.reserve(answer.part.count);  // their entries are there
+  for (uint32_t i = 0; i < answer.part.count; i++)
     answer.fragments.push_back(
         in_fragment(i, [&] { return read_fragment(answer, table, payloads, bytes.size() - payloads.left()); }));
   if (payloads.left() > 0)
@@ -140,8 +159,8 @@ std::optional<AnswerView> parse_answer(std::span<const uint8_t> bytes, std::stri
   return or_reason<AnswerView>(reason, [&] { return read_answer(bytes); });
 }
 
-std::optional<AnswerHeader> parse_answer_header(std::span<const uint8_t> bytes, std::string* reason) {
-  return or_reason<AnswerHeader>(reason, [&] { return read_head(bytes).answer; });
+std::optional<AnswerHead> parse_answer_header(std::span<const uint8_t> bytes, std::string* reason) {
+  return or_reason<AnswerHead>(reason, [&] { return read_head(bytes).answer; });
 }
 
 }  // namespace lf::wire

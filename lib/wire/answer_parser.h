@@ -19,6 +19,6 @@ std::optional<AnswerView> parse_answer(std::span<const uint8_t> bytes, std::stri
 
 // The fields in front of the fragment table alone; cheap. Same checks for these fields. `bytes` may end anywhere after
 // them.
-std::optional<AnswerHeader> parse_answer_header(std::span<const uint8_t> bytes, std::string* reason = nullptr);
+std::optional<AnswerHead> parse_answer_header(std::span<const uint8_t> bytes, std::string* reason = nullptr);
 
 }  // namespace lf::wire

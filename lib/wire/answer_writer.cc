@@ -13,10 +13,10 @@
 namespace lf::wire {
 
 AnswerWriter::AnswerWriter(const AnswerHeader& header, size_t max_fragments, ByteBuffer memory)
-    : header_(header), max_fragments_(max_fragments), bytes_(std::move(memory)) {
+    : header_(header), table_(table_offset(header)), max_fragments_(max_fragments), bytes_(std::move(memory)) {
   check_header(header, max_fragments);
   bytes_.clear();
-  bytes_.resize(kAnswerHeaderBytes + max_fragments * kFragmentBytes);
+  bytes_.resize(table_ + max_fragments * kFragmentBytes);
 }
 
 void AnswerWriter::reserve_payloads(size_t bytes) { bytes_.reserve(bytes_.size() + std::min(bytes, kMaxAnswerBytes)); }
@@ -77,7 +77,7 @@ void AnswerWriter::add_member(const FragmentHeader& fragment) {
 }
 
 void AnswerWriter::put_entry(const FragmentHeader& fragment, size_t length) {
-  PlacedWriter out(bytes_.data() + kAnswerHeaderBytes + fragments_ * kFragmentBytes);
+  PlacedWriter out(bytes_.data() + table_ + fragments_ * kFragmentBytes);
   out.put(fragment.camera == Fragment::kSum ? kSumOnWire : static_cast<uint16_t>(fragment.camera));
   out.put(uint16_t{0});  // plane
   out.put(static_cast<uint16_t>(fragment.rect.x0));
@@ -91,10 +91,16 @@ void AnswerWriter::put_entry(const FragmentHeader& fragment, size_t length) {
   fragments_++;
 }
 
+void AnswerWriter::set_part(uint32_t first, uint32_t total) { part_ = AnswerPart{first, 0, total}; }
+
 ByteBuffer AnswerWriter::finish() {
+  const auto count = static_cast<uint32_t>(fragments_);
+  AnswerPart part = part_.value_or(AnswerPart{0, 0, count});
+  part.count = count;
+  check_part(part);
   if (fragments_ < max_fragments_) {
-    const size_t payloads = kAnswerHeaderBytes + max_fragments_ * kFragmentBytes;
-    const size_t place = kAnswerHeaderBytes + fragments_ * kFragmentBytes;
+    const size_t payloads = table_ + max_fragments_ * kFragmentBytes;
+    const size_t place = table_ + fragments_ * kFragmentBytes;
     std::memmove(bytes_.data() + place, bytes_.data() + payloads, bytes_.size() - payloads);
     bytes_.resize(bytes_.size() - (payloads - place));
   }
@@ -111,8 +117,17 @@ ByteBuffer AnswerWriter::finish() {
   out.put(static_cast<uint16_t>(header_.view_height));
   out.put(static_cast<uint8_t>(header_.family));
   out.put(uint8_t{0});
+  out.put(static_cast<uint16_t>(header_.cameras.ranges().size()));
+  out.put(part.count);
+  out.put(part.first);
+  out.put(part.total);
+  out.put(static_cast<uint16_t>(header_.blind.ranges().size()));
   out.put(uint16_t{0});
-  out.put(static_cast<uint32_t>(fragments_));
+  for (const CameraRanges* cameras : {&header_.cameras, &header_.blind})
+    for (const CameraRange& range : cameras->ranges()) {
+      out.put(static_cast<uint16_t>(range.first));
+      out.put(static_cast<uint16_t>(range.last));
+    }
   return std::move(bytes_);
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "base/byte_buffer.h"
@@ -49,6 +50,9 @@ class AnswerWriter {
   // A further member of the atlas added last.
   void add_member(const FragmentHeader& fragment);
 
+  // The unit has some of an answer's `total` fragments, from number `first` on; unless this is called it has all.
+  void set_part(uint32_t first, uint32_t total);
+
   // Known when all frames have been looked at.
   void set_actual_time(uint64_t time) { header_.actual_time = time; }
 
@@ -62,6 +66,8 @@ class AnswerWriter {
   void put_entry(const FragmentHeader& fragment, size_t length);
 
   AnswerHeader header_;
+  size_t table_;                    // where it begins
+  std::optional<AnswerPart> part_;  // without its count
   size_t max_fragments_, fragments_ = 0;
   bool atlas_open_ = false;  // the fragment added last may have further members
   FragmentHeader last_;      // fragment added last, and where its payload begins

@@ -102,6 +102,101 @@ TEST_F(AssemblyTest, WithTheRigMissingCamerasCountAsLost) {
   EXPECT_NEAR(picture.pixel(1, 10)[0], 180, 5);
 }
 
+// What a node sends that adds its cameras up, `rows` rows a fragment.
+std::vector<wire::AnswerView> parts_of(const wire::AnswerHeader& header, const ConstSumPlanes& sums, int rows,
+                                       std::vector<ByteBuffer>& memory) {
+  const Rect& all = sums.rect;
+  const auto total = static_cast<uint32_t>((all.height() + rows - 1) / rows);
+  for (uint32_t i = 0; i < total; i++) {
+    const int y0 = all.y0 + static_cast<int>(i) * rows;
+    const Rect rect{all.x0, y0, all.x1, std::min(y0 + rows, all.y1)};
+    wire::AnswerWriter writer(header, 1);
+    const SumPlanes to = writer.add_sums({Fragment::kSum, header.family, rect, wire::Codec::kRaw16, 0, false});
+    for (int c = 0; c < 3; c++)
+      for (int y = 0; y < rect.height(); y++)
+        std::copy_n(sums.plane[c] + (y0 - all.y0 + y) * sums.stride[c], rect.width(), to.plane[c] + y * to.stride[c]);
+    writer.set_part(i, total);
+    memory.push_back(writer.finish());
+  }
+  std::vector<wire::AnswerView> parts;
+  for (const ByteBuffer& bytes : memory) parts.push_back(wire::parse_answer(bytes).value());
+  return parts;
+}
+
+TEST_F(AssemblyTest, SumsComeInPartsInAnyOrderAndOnce) {
+  Accumulator sum;
+  sum.reset(PixelFamily::kRgb, request_.view.width, request_.view.height);
+  wire::Answer raw = answer(all_);
+  raw.cameras = CameraRanges(all_);
+  for (const Fragment& f : raw.fragments) ASSERT_TRUE(sum.add(f));
+  std::vector<ByteBuffer> memory;
+  const std::vector<wire::AnswerView> parts = parts_of(raw, *sum.sums(), 5, memory);
+  ASSERT_EQ(parts.size(), 4u);
+  for (const bool backwards : {false, true}) {
+    assembly_.set_rig(rig_);
+    assembly_.begin(request_);
+    for (size_t i = 0; i < 4; i++) {
+      EXPECT_EQ(assembly_.add(parts[backwards ? 3 - i : i]), Assembly::Verdict::kAdded);
+      EXPECT_EQ(assembly_.add(parts[backwards ? 3 - i : i]), Assembly::Verdict::kBadFragment);  // a duplicate
+    }
+    assembly_.finish(PixelFamily::kRgb, false);
+    EXPECT_EQ(assembly_.missing(), 0u);
+    EXPECT_EQ(assembly_.picture().resolve().data(), sum.resolve().data());
+  }
+}
+
+// A picture of two nodes' sums, of which one loses a strip or everything: what came of the other fills it.
+TEST_F(AssemblyTest, WithTheRigTheLostStripOfASumIsMadeUpFor) {
+  const CameraSet few = {4}, others = {0, 1, 2, 3, 5, 6, 7, 8};
+  std::vector<ByteBuffer> memory[2];
+  std::vector<wire::AnswerView> parts[2];
+  for (int node = 0; node < 2; node++) {
+    wire::Answer raw = answer(node ? few : others);
+    raw.cameras = CameraRanges(node ? few : others);
+    raw.node = node;
+    Accumulator sum;
+    sum.reset(PixelFamily::kRgb, request_.view.width, request_.view.height);
+    for (const Fragment& f : raw.fragments) ASSERT_TRUE(sum.add(f));
+    parts[node] = parts_of(raw, *sum.sums(), 4, memory[node]);
+    ASSERT_GE(parts[node].size(), 4u);
+  }
+  assembly_.set_rig(rig_);
+  for (const size_t lost : {0, 2, 99}) {
+    SCOPED_TRACE(lost);
+    assembly_.begin(request_);
+    for (const wire::AnswerView& part : parts[0]) assembly_.add(part);
+    for (size_t i = 0; i < parts[1].size(); i++)
+      if (i != lost && lost != 99) assembly_.add(parts[1][i]);
+    EXPECT_EQ(assembly_.cameras().size(), lost == 99 ? 8u : 9u);
+    assembly_.finish(PixelFamily::kRgb, false);
+    EXPECT_EQ(assembly_.missing(), 1u);
+    const Image picture = assembly_.picture().resolve();
+    for (int y = 0; y < picture.height(); y++) EXPECT_NEAR(picture.pixel(1, y)[0], 180, 5) << y;
+  }
+}
+
+// In a sum lost weight stands for a blind camera, among fragments nothing does.
+TEST_F(AssemblyTest, BlindCamerasAreLookedForUnlessASumHasThem) {
+  wire::Answer raw = answer({0, 1, 2, 3, 5, 6, 7, 8});
+  raw.cameras = CameraRanges(all_);
+  raw.blind = CameraRanges(CameraSet{4});
+  assembly_.set_rig(rig_);
+  assembly_.begin(request_);
+  add_answer(assembly_, raw);
+  assembly_.finish(PixelFamily::kRgb, false);
+  EXPECT_EQ(assembly_.missing(), 1u);
+  EXPECT_FALSE(assembly_.seeing().contains(4));
+  EXPECT_TRUE(assembly_.cameras().contains(4));
+  Accumulator sum;
+  sum.reset(PixelFamily::kRgb, request_.view.width, request_.view.height);
+  for (const Fragment& f : raw.fragments) ASSERT_TRUE(sum.add(f));
+  std::vector<ByteBuffer> memory;
+  assembly_.begin(request_);
+  assembly_.add(parts_of(raw, *sum.sums(), 100, memory)[0]);
+  assembly_.finish(PixelFamily::kRgb, false);
+  EXPECT_EQ(assembly_.missing(), 0u);
+}
+
 TEST_F(AssemblyTest, CamerasOutOfServiceAreNotMissing) {
   assembly_.set_rig(rig_);
   request_.out_of_service = {4};

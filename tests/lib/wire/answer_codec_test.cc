@@ -15,10 +15,11 @@ namespace {
 
 // Written from spec.md, not by the encoder.
 const char kGolden[] =
-    "8f4c464101010001000000770000000700000009000000003b9aca00000000003b9aca7b112233445566778800000003"
-    "0009000702000000000000020005000000020004000300020000000300000010ffff0000000800060001000100000001"
+    "8f4c4641010100010000008f0000000700000009000000003b9aca00000000003b9aca7b112233445566778800000003"
+    "00090007020000020000000200000000000000020001000000050006000800080006000600050000000200040003000200000003"
+    "00000010ffff0000000800060001000100000001"
     "000000030102030405060708090a00ff00070000c8807f";
-constexpr size_t kTable = 60, kSecond = 80;
+constexpr size_t kTable = 84, kSecond = 104;
 
 Answer golden_answer() {
   Answer a;
@@ -31,6 +32,8 @@ Answer golden_answer() {
   a.actual_time = 1'000'000'123;
   a.rig_hash = 0x1122334455667788;
   a.node = 3;
+  a.cameras = CameraRanges(CameraSet{5, 6, 8});
+  a.blind = CameraRanges(CameraSet{6});
   a.fragments = {{5, PixelFamily::kI420, {2, 4, 5, 6}, {1, 2, 3, 4, 5, 6, 7, 8, 9, 10}, {0, 255, 0, 7, 0, 0}},
                  {Fragment::kSum, PixelFamily::kI420, {8, 6, 9, 7}, {200, 0x80, 0x7f}, {}}};
   return a;
@@ -48,6 +51,13 @@ Answer random_answer(std::mt19937& random, int max_size) {
   a.rig_hash = (uint64_t{random()} << 32) | random();
   a.node = random();
   a.last_of_node = below(2);
+  CameraSet cameras, blind;
+  for (CameraIndex camera = 0; camera < 12; camera++) {
+    if (below(3)) cameras.push_back(camera);
+    if (!cameras.empty() && cameras.back() == camera && !below(4)) blind.push_back(camera);
+  }
+  a.cameras = CameraRanges(cameras);
+  a.blind = CameraRanges(blind);
   a.family = static_cast<PixelFamily>(below(3));
   if (a.family == PixelFamily::kNone) return a;
   const int align = a.family == PixelFamily::kI420 ? ~1 : ~0;
@@ -90,15 +100,18 @@ TEST(AnswerCodec, RoundTrips) {
     ASSERT_TRUE(decoded.has_value()) << reason;
     EXPECT_EQ(*decoded, answer);
     const AnswerHeader& header = answer;
-    EXPECT_EQ(parse_answer_header(bytes), header);
-    EXPECT_EQ(parse_answer_header(std::span(bytes).first(60)), header);
+    const auto n = static_cast<uint32_t>(answer.fragments.size());
+    const size_t header_bytes = 72 + 4 * (answer.cameras.ranges().size() + answer.blind.ranges().size());
+    EXPECT_EQ(parse_answer_header(bytes), (AnswerHead{header, {0, n, n}}));
+    EXPECT_EQ(parse_answer_header(std::span(bytes).first(header_bytes)), (AnswerHead{header, {0, n, n}}));
+    EXPECT_FALSE(parse_answer_header(std::span(bytes).first(header_bytes - 1)).has_value());
   }
 }
 
 TEST(AnswerCodec, NothingToGiveIsAnAnswer) {
   Answer answer;
   answer.view_width = answer.view_height = 1;
-  EXPECT_EQ(encode_answer(answer).size(), 60u);
+  EXPECT_EQ(encode_answer(answer).size(), 72u);
   EXPECT_EQ(decode_answer(encode_answer(answer)), answer);
 }
 
@@ -108,27 +121,27 @@ TEST(AnswerCodec, RefusesEveryTruncation) {
     const std::string there = ", there are " + std::to_string(n);
     const std::string plain = reason_of({bytes.begin(), bytes.begin() + n});
     std::string reason;
-    EXPECT_EQ(parse_answer_header(std::span(bytes).first(n), &reason).has_value(), n >= 60);
+    EXPECT_EQ(parse_answer_header(std::span(bytes).first(n), &reason).has_value(), n >= 84);
     if (n < 12) {
       EXPECT_EQ(plain, "header: needs 12 bytes" + there);
-    } else if (n < 60) {
-      EXPECT_EQ(plain, "header: needs 60 bytes" + there);
+    } else if (n < 84) {
+      EXPECT_EQ(plain, (n < 72 ? "header: needs 72 bytes" : "header: needs 84 bytes") + there);
       EXPECT_EQ(reason, plain);
       EXPECT_EQ(reason_of(resized(bytes, n)), plain);
     } else {
-      EXPECT_EQ(plain, "length: the unit says 119 bytes" + there);
+      EXPECT_EQ(plain, "length: the unit says 143 bytes" + there);
       // With a length field that agrees, what is cut is named.
       const std::string cut = reason_of(resized(bytes, n));
-      if (n < 100) {
+      if (n < 124) {
         EXPECT_EQ(cut, "fragments: a table of 2 is longer than the answer") << n;
-      } else if (n < 116) {
-        EXPECT_EQ(cut, "fragments[0].length: 16 bytes, but " + std::to_string(n - 100) + " are left");
+      } else if (n < 140) {
+        EXPECT_EQ(cut, "fragments[0].length: 16 bytes, but " + std::to_string(n - 124) + " are left");
       } else {
-        EXPECT_EQ(cut, "fragments[1].length: 3 bytes, but " + std::to_string(n - 116) + " are left");
+        EXPECT_EQ(cut, "fragments[1].length: 3 bytes, but " + std::to_string(n - 140) + " are left");
       }
     }
   }
-  EXPECT_EQ(reason_of(resized(bytes, 121)), "length: 2 bytes after the last fragment's payload");
+  EXPECT_EQ(reason_of(resized(bytes, 145)), "length: 2 bytes after the last fragment's payload");
 }
 
 TEST(AnswerCodec, NamesTheFieldThatIsWrong) {
@@ -143,18 +156,30 @@ TEST(AnswerCodec, NamesTheFieldThatIsWrong) {
       {4, 1, 3, "version: 3 is not supported, only 1"},
       {5, 1, 5, "type: 5 is not supported in answer units"},
       {6, 2, 3, "flags: unknown bits 2"},
-      {8, 4, 118, "length: the unit says 118 bytes, there are 119"},
+      {8, 4, 142, "length: the unit says 142 bytes, there are 143"},
       {8, 4, 0xffffffff, "length: 4294967295 bytes, must be 12 to 1073741824"},
       {48, 2, 0, "view_width: must be 1 to 16384 pixels, is 0"},
       {50, 2, 16385, "view_height: must be 1 to 16384 pixels, is 16385"},
       {52, 1, 3, "family: 3 is unknown"},
       {52, 1, 0, "family: none, but there are 2 fragments"},
       {52, 1, 1, "fragments[0].length: must be 24 bytes, is 16"},
-      {53, 1, 1, "reserved: must be 0, is 65536"},
-      {55, 1, 1, "reserved: must be 0, is 1"},
-      {56, 4, 3, "fragments: a table of 3 is longer than the answer"},
+      {53, 1, 1, "reserved: must be 0, is 1"},
+      {54, 2, 0xffff, "header: needs 262216 bytes, there are 143"},
+      {56, 4, 3, "total: 2 fragments, but this part has 3 from number 0 on"},
       {56, 4, 0xffffffff, "fragments: at most 65536, not 4294967295"},
       {56, 4, 1, "length: 23 bytes after the last fragment's payload"},
+      {56, 4, 0, "fragments: a part without any"},
+      {60, 4, 1, "total: 2 fragments, but this part has 2 from number 1 on"},
+      {60, 4, 0xffffffff, "total: 2 fragments, but this part has 2 from number 4294967295 on"},
+      {64, 4, 1, "total: 1 fragments, but this part has 2 from number 0 on"},
+      {64, 4, 0xffffffff, "total: at most 65536 fragments, not 4294967295"},
+      {64, 4, 3, "total: a part of an answer, not a whole one"},
+      {68, 2, 2, "blind[1]: 5 to 0 is no range beyond the one before"},
+      {70, 2, 7, "reserved: must be 0, is 7"},
+      {74, 2, 4, "cameras[0]: 5 to 4 is no range beyond the one before"},
+      {76, 2, 7, "cameras[1]: 7 to 8 is no range beyond the one before"},
+      {78, 2, 0xffff, "cameras: camera 65535 is beyond 65534"},
+      {80, 2, 4, "blind: cameras that are not the answer's"},
       {kTable + 2, 2, 1, "fragments[0].plane: 1 is not supported"},
       {kTable + 4, 2, 1, "fragments[0].rectangle: x and y must be even in YCbCr"},
       {kTable + 6, 2, 3, "fragments[0].rectangle: x and y must be even in YCbCr"},
@@ -194,6 +219,7 @@ TEST(AnswerCodec, EncodesOnlyWhatIsValid) {
     }
   };
   refused("view_width: must be 1 to 16384 pixels, is 70000", [](Answer& a) { a.view_width = 70000; });
+  refused("blind: cameras that are not the answer's", [](Answer& a) { a.blind = CameraRanges(CameraSet{7}); });
   refused("family: none, but there are 2 fragments", [](Answer& a) { a.family = PixelFamily::kNone; });
   refused("fragments[0].family: differs from the answer's", [](Answer& a) { a.family = PixelFamily::kRgb; });
   refused("fragments[0].camera: 65535 is beyond 65534", [](Answer& a) { a.fragments[0].camera = kMaxCameras; });
@@ -213,7 +239,7 @@ TEST(AnswerCodec, SurvivesRandomCorruption) {
     if (i % 8 == 0) bytes = resized(std::move(bytes), random() % (bytes.size() + 8));
     if (bytes.empty()) continue;
     corrupt(bytes, 100, random);
-    const std::optional<AnswerHeader> header = parse_answer_header(bytes);
+    const std::optional<AnswerHead> header = parse_answer_header(bytes);
     const std::optional<Answer> decoded = decode_answer(bytes);
     if (!decoded) continue;
     accepted++;
@@ -230,7 +256,7 @@ TEST(AnswerCodec, LargeAnswersAreOneCopy) {
   answer.family = PixelFamily::kRgb;
   answer.fragments.push_back({0, PixelFamily::kRgb, {0, 0, 2048, 2048}, std::vector<uint8_t>(2048 * 2048 * 3, 7), {}});
   const std::vector<uint8_t> bytes = encode_answer(answer);
-  EXPECT_EQ(bytes.size(), 80u + 2048 * 2048 * 3);
+  EXPECT_EQ(bytes.size(), 92u + 2048 * 2048 * 3);
   EXPECT_EQ(bytes.capacity(), bytes.size());
   EXPECT_EQ(decode_answer(bytes), answer);
 }

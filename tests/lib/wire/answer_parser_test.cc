@@ -15,7 +15,7 @@
 namespace lf::wire {
 namespace {
 
-constexpr size_t kTable = 60, kEntry = 20, kCodec = 12, kQuality = 13, kFlags = 14, kLength = 16;
+constexpr size_t kTable = 72, kEntry = 20, kCodec = 12, kQuality = 13, kFlags = 14, kLength = 16;
 
 std::vector<uint8_t> to_vector(const ByteBuffer& bytes) { return {bytes.begin(), bytes.end()}; }
 
@@ -72,7 +72,7 @@ TEST(AnswerParser, RefersToTheBytes) {
   EXPECT_EQ(next, bytes.data() + bytes.size());
   EXPECT_TRUE(view->fragments[2].payload.empty());
   EXPECT_EQ(view->fragments[3].codec, Codec::kJpegAtlas);
-  EXPECT_EQ(parse_answer_header(bytes), static_cast<const AnswerHeader&>(*view));
+  EXPECT_EQ(parse_answer_header(bytes), static_cast<const AnswerHead&>(*view));
   ASSERT_TRUE(decode_answer(bytes).has_value());
   EXPECT_EQ(decode_answer(bytes)->fragments.size(), 6u);
 }

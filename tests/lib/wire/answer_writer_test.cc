@@ -15,6 +15,22 @@ constexpr auto kRgb = PixelFamily::kRgb;
 
 void append_bytes(ByteBuffer& out, int n) { out.insert(out.end(), static_cast<size_t>(n), uint8_t{0}); }
 
+TEST(AnswerWriter, PartsOfAnAnswer) {
+  const AnswerHeader header = header_of_view(PixelFamily::kRgb, 8, 8);
+  AnswerWriter writer(header, 2);
+  std::ranges::fill(writer.add({1, header.family, {0, 0, 2, 2}}), uint8_t{3});
+  writer.set_part(4, 9);
+  const ByteBuffer bytes = writer.finish();
+  const std::optional<AnswerView> view = parse_answer(bytes);
+  ASSERT_TRUE(view.has_value());
+  EXPECT_EQ(view->part, (AnswerPart{4, 1, 9}));
+  EXPECT_EQ(parse_answer_header(bytes)->part, view->part);
+  AnswerWriter beyond(header, 1);
+  beyond.add({1, header.family, {0, 0, 2, 2}});
+  beyond.set_part(9, 9);
+  EXPECT_THROW(beyond.finish(), Error);
+}
+
 TEST(AnswerWriter, PayloadsAreWrittenInPlace) {
   const AnswerHeader header = header_of_view(kRgb, 8, 8);
   AnswerWriter writer(header, 3);
@@ -44,7 +60,7 @@ TEST(AnswerWriter, PayloadsAreWrittenInPlace) {
   EXPECT_EQ(static_cast<const FragmentHeader&>(view->fragments[1]), raw);
   EXPECT_EQ(static_cast<const FragmentHeader&>(view->fragments[2]), jpeg);
   const uint8_t* const first = view->fragments[0].payload.data();
-  EXPECT_EQ(first - bytes.data(), 120);
+  EXPECT_EQ(first - bytes.data(), 132);
   EXPECT_EQ(first[0], 0xfd);  // -3, little-endian
   EXPECT_EQ(first[1], 0xff);
   EXPECT_EQ(raw16_planes(view->fragments[0], first).plane[2][8], 205);
@@ -88,7 +104,7 @@ TEST(AnswerWriter, UsesTheMemoryItIsGiven) {
   writer.add({0, kRgb, {0, 0, 8, 8}, Codec::kRaw, 0, false});
   const ByteBuffer bytes = writer.finish();
   EXPECT_EQ(bytes.data(), where);
-  EXPECT_EQ(bytes.size(), 80u + 192);
+  EXPECT_EQ(bytes.size(), 92u + 192);
 }
 
 TEST(AnswerWriter, RefusesWhatCannotBeRead) {

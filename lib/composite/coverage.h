@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <map>
+#include <span>
+#include <vector>
+
+#include "render/rect.h"
+#include "rig/camera_ranges.h"
+
+namespace lf {
+
+// Where in a view which cameras' contributions have come: nothing may be added twice, and what never came is lost.
+// Not thread-safe.
+class Coverage {
+ public:
+  void clear() { *this = {}; }
+
+  // A fragment of one camera, or the sum of several. False, and nothing is noted, if one of the cameras has been there
+  // already somewhere in the rectangle.
+  bool add(CameraIndex camera, const Rect& rect);
+  bool add(const CameraRanges& cameras, const Rect& rect);
+
+  bool has(CameraIndex camera) const;  // anywhere
+  // Sets to 0 what of `hat`, the camera's weights over `rect` row by row, has come.
+  void take_out(CameraIndex camera, const Rect& rect, std::span<float> hat) const;
+
+ private:
+  template <typename F>
+  void for_each_rect(CameraIndex camera, const F& f) const;
+
+  std::map<CameraIndex, std::vector<Rect>> cameras_;
+  std::map<CameraRanges, std::vector<Rect>> sums_;
+};
+
+}  // namespace lf
