@@ -170,6 +170,40 @@ static void add_children(LfCamSrc* self, const Settings& settings) {
   self->run = new Run{settings, rig, chain, stream};
 }
 
+// --- Decoders that are bins -----------------------------------------------------------------------------------------
+//
+// They go to PAUSED by and by (ASYNC). A GstBin that has come to PAUSED without preroll, as a live one does, tells its
+// parent of the beginning of that and not of its end, and the pipeline waits for ever. Nobody needs to wait for them: a
+// sink prerolls with the frame it gets. So their state is locked and follows ours from here, and their messages about
+// it end here.
+
+static void lf_cam_src_element_added(GstBin* /*bin*/, GstElement* child) {
+  if (GST_IS_BIN(child)) gst_element_set_locked_state(child, TRUE);
+}
+
+static GstStateChangeReturn set_decoder_states(LfCamSrc* self, GstState state) {
+  std::vector<GstElement*> decoders;
+  GST_OBJECT_LOCK(self);
+  for (GList* child = GST_BIN(self)->children; child; child = child->next)
+    if (GST_IS_BIN(child->data)) decoders.push_back(GST_ELEMENT(gst_object_ref(child->data)));
+  GST_OBJECT_UNLOCK(self);
+  GstStateChangeReturn result = GST_STATE_CHANGE_SUCCESS;
+  for (GstElement* decoder : decoders) {
+    const GstStateChangeReturn one = gst_element_set_state(decoder, state);
+    if (one == GST_STATE_CHANGE_FAILURE || one == GST_STATE_CHANGE_NO_PREROLL) result = one;
+    gst_object_unref(decoder);
+  }
+  return result;
+}
+
+// A decoder has come to PAUSED: on to PLAYING, if that is where we are.
+static void continue_decoders(GstElement* element, gpointer /*unused*/) {
+  GST_STATE_LOCK(element);
+  if (GST_STATE_TARGET(element) == GST_STATE_PLAYING && GST_STATE(element) >= GST_STATE_PAUSED)
+    set_decoder_states(LF_CAM_SRC(element), GST_STATE_PLAYING);
+  GST_STATE_UNLOCK(element);
+}
+
 // Children for the current settings. False, without children, after posting the reason.
 static bool open_camera(LfCamSrc* self) {
   remove_children(self);
@@ -218,7 +252,13 @@ static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStat
     stop_tail(self->run->chain);
   }
 
-  const GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_cam_src_parent_class)->change_state(element, transition);
+  // As in any bin, who takes starts first and stops first.
+  const GstState next = GST_STATE_TRANSITION_NEXT(transition);
+  const bool up = GST_STATE_TRANSITION_CURRENT(transition) < next;
+  GstStateChangeReturn decoders = up ? GST_STATE_CHANGE_SUCCESS : set_decoder_states(self, next);
+  GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_cam_src_parent_class)->change_state(element, transition);
+  if (up && result != GST_STATE_CHANGE_FAILURE) decoders = set_decoder_states(self, next);
+  if (result != GST_STATE_CHANGE_FAILURE && decoders != GST_STATE_CHANGE_SUCCESS) result = decoders;
 
   // A live child gives no frame before PLAYING, so that this comes in time.
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED && result == GST_STATE_CHANGE_NO_PREROLL)
@@ -232,6 +272,12 @@ static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStat
 // Errors of the children know nothing of cameras: says whose they are.
 static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
   LfCamSrc* self = LF_CAM_SRC(bin);
+  const GstMessageType type = GST_MESSAGE_TYPE(message);
+  if (type == GST_MESSAGE_ASYNC_START || type == GST_MESSAGE_ASYNC_DONE) {
+    if (type == GST_MESSAGE_ASYNC_DONE) gst_element_call_async(GST_ELEMENT(self), continue_decoders, nullptr, nullptr);
+    gst_message_unref(message);
+    return;
+  }
   if (GST_MESSAGE_TYPE(message) != GST_MESSAGE_ERROR || !self->run) {
     GST_BIN_CLASS(lf_cam_src_parent_class)->handle_message(bin, message);
     return;
@@ -359,6 +405,7 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   element_class->change_state = lf_cam_src_change_state;
   element_class->send_event = lf_cam_src_send_event;
   GST_BIN_CLASS(klass)->handle_message = lf_cam_src_handle_message;
+  GST_BIN_CLASS(klass)->element_added = lf_cam_src_element_added;
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(
       element_class, "Light field camera source", "Source/Video",

@@ -187,7 +187,7 @@ TEST_F(LfCameraNodeTest, FilesLoopUnderRequests) {
 // Frames stay compressed up to the view; at every stage of starting.
 TEST_F(LfCameraNodeTest, JpegCamerasStartAndStop) {
   const CameraFiles files;
-  for (const std::string source : {"mjpeg.mkv", "jpeg_%02d.jpg"}) {
+  for (const std::string source : {"mjpeg.mkv", "jpeg_%02d.jpg", "mjpeg.avi"}) {
     const std::string rig = files.save("rig.json", 3, [&](Camera& camera) { camera.source = source; });
     const ElementPtr pipeline =
         launch("lfviewrequest rig=" + rig +

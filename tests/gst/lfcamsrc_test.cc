@@ -191,6 +191,23 @@ TEST_P(CamSrcSourceTest, LiveFramesComeAtTheirTime) {
         << "clock time, of the frame that is shown";
 }
 
+// uridecodebin goes to PAUSED by and by, the camera at once: the pipeline must not wait for the one after the other.
+TEST_F(CamSrcTest, DecodersDoNotKeepALivePipelineWaiting) {
+  const std::string camera = "lfcamsrc is-live=true loop=true rig=" + rig_with_source("mjpeg.avi") + " ! queue ! ";
+  const ElementPtr pipeline = launch("funnel name=all ! fakesink name=sink  " + camera + "all.  " + camera + "all.  " +
+                                     camera + "all.  " + camera + "all.");
+  ASSERT_TRUE(pipeline);
+  for (int i = 0; i < 60; ++i) {
+    gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+    GstState state = GST_STATE_NULL;
+    ASSERT_EQ(gst_element_get_state(pipeline.get(), &state, nullptr, 10 * GST_SECOND), GST_STATE_CHANGE_SUCCESS) << i;
+    ASSERT_EQ(state, GST_STATE_PLAYING) << i;
+    const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "sink"));
+    ASSERT_EQ(GST_STATE(sink.get()), GST_STATE_PLAYING) << i;
+    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  }
+}
+
 TEST_F(CamSrcTest, CaptureTimeCountsTheTimeOffset) {
   struct Case {
     double offset;
