@@ -79,11 +79,6 @@ size_t raw_bytes(const CameraFragment& f) {
   return packed_size(f.planes.family, rect.width(), rect.height()) + (f.planes.lost ? area(rect) : 0);
 }
 
-uint8_t* copy_rows(const uint8_t* from, ptrdiff_t stride, int width, int height, uint8_t* to) {
-  for (int y = 0; y < height; y++, to += width) std::memcpy(to, from + y * stride, static_cast<size_t>(width));
-  return to;
-}
-
 void write_raw(AnswerWriter& writer, std::span<const CameraFragment> fragments) {
   size_t total = 0;
   for (const CameraFragment& f : fragments) total += raw_bytes(f);

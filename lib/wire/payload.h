@@ -3,6 +3,7 @@
 
 #include <bit>
 #include <cstdint>
+#include <cstring>
 #include <optional>
 #include <span>
 
@@ -41,6 +42,12 @@ auto raw16_planes(const FragmentHeader& f, Byte* payload) {
   Sample* const samples = reinterpret_cast<Sample*>(payload);
   const size_t pixels = packed_size(f.family, f.rect.width(), f.rect.height());
   return packed_sums(f.family, f.rect, samples, f.has_lost ? reinterpret_cast<Weight*>(samples + pixels) : nullptr);
+}
+
+// Bytes: `height` rows of `width` bytes, packed. Returns the end of what it wrote.
+inline uint8_t* copy_rows(const uint8_t* from, ptrdiff_t stride, size_t width, int height, uint8_t* to) {
+  for (int y = 0; y < height; y++, to += width) std::memcpy(to, from + y * stride, width);
+  return to;
 }
 
 // A JPEG payload: the scan of the pixels, and with lost weight its length (4 bytes) in front and the scan of that
