@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <span>
+
+#include "base/byte_buffer.h"
+#include "rtp/payload_format.h"
+#include "rtp/reassembly.h"
+#include "rtp/recent.h"
+#include "rtp/sequence_window.h"
+#include "wire/unit.h"
+
+namespace lf::rtp {
+
+struct Packet {
+  uint32_t source = 0;    // SSRC
+  uint16_t sequence = 0;  // of the RTP header
+  uint32_t timestamp = 0;
+  std::span<const uint8_t> payload;
+};
+
+// Makes units of one kind from packets, which may be lost, doubled, out of order or forged; see spec.md. Whatever is
+// not exactly one sound unit is dropped and counted; units of a version or type not known are passed on. Memory is
+// bounded. Not thread-safe.
+class Depacketizer {
+ public:
+  explicit Depacketizer(wire::UnitKind kind, const Reassembly::Limits& limits = {})
+      : kind_(kind), reassembly_(limits) {}
+
+  // Calls `deliver` for each unit that is there with this packet, in order: `bytes` is all of it and lies in the
+  // packet, or in `*own` if that is not null, which may be moved from.
+  using Deliver = std::function<void(std::span<const uint8_t> bytes, ByteBuffer* own)>;
+  void push(const Packet& packet, const Deliver& deliver);
+
+  // Forgets what has come: a new stream begins.
+  void clear();
+  void set_limits(const Reassembly::Limits& limits) { reassembly_.set_limits(limits); }
+
+  struct Stats {
+    uint64_t packets = 0, bytes = 0;  // all that came; bytes of payload
+    uint64_t units = 0;               // delivered
+    uint64_t chunks = 0;              // packets with a piece of a unit
+    uint64_t repeated = 0;            // requests known already: their repetition was not needed
+    uint64_t lost = 0;                // packets missing in their source's sequence
+    // Dropped:
+    uint64_t duplicates = 0;        // packets
+    uint64_t bad_packets = 0;       // cut short, of another version or an unknown kind
+    uint64_t bad_chunks = 0;        // that contradict others, or too large a unit
+    uint64_t bad_units = 0;         // that are no sound unit of the stream
+    uint64_t incomplete_units = 0;  // given up with chunks missing
+  };
+  Stats stats() const;
+
+ private:
+  // A view's requests come in order: one that is not newer than the last one passed on, and not so old that the viewer
+  // must have begun anew, has been seen or is of no more use.
+  static constexpr int32_t kMaxRequestAge = 8;
+  static constexpr size_t kSources = 64, kViews = 256;
+  struct Source {
+    SequenceWindow window;
+    Recent<std::optional<uint32_t>> requests{kViews};  // sequence of the last one, by view
+  };
+  bool is_new_request(Source& source, uint32_t view_id, uint32_t sequence);
+  // `bytes` is exactly one unit with this header.
+  bool is_sound(Source& source, std::span<const uint8_t> bytes, const wire::UnitHeader& header);
+  void take_units(Source& source, std::span<const uint8_t> bytes, const Deliver& deliver);
+  void take_chunk(Source& source, uint32_t id, const Chunk& chunk, const Deliver& deliver);
+
+  wire::UnitKind kind_;
+  Recent<Source> sources_{kSources};
+  Reassembly reassembly_;
+  Stats stats_;
+};
+
+}  // namespace lf::rtp

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "base/byte_buffer.h"
+#include "wire/answer_parser.h"
+#include "wire/tiles.h"
+
+namespace lf::rtp {
+
+// How an answer is divided into parts, each a unit of its own of at most so many bytes. Pure.
+
+// What stays together: fragments that share a payload, or a tile of a raw fragment.
+struct Piece {
+  size_t first = 0, count = 0;  // fragments of the answer
+  std::optional<Rect> tile;     // of the first
+  size_t bytes = 0;             // payload
+};
+
+struct Part {
+  size_t first_piece = 0, pieces = 0;
+  uint32_t first = 0, count = 0;  // fragments
+  size_t bytes = 0;               // of the unit
+};
+
+struct PartPlan {
+  std::vector<Piece> pieces;
+  std::vector<Part> parts;  // one of a single piece may have more than `max_bytes`
+  uint32_t total = 0;       // fragments of the whole answer, tiles counted
+};
+
+// In the table's order, as many pieces in a part as have room. Raw fragments that have none are cut into tiles where
+// all the answer is at hand: the number of its fragments is told in each part. Nothing if dividing is of no use,
+// because the header alone takes up most of a part.
+std::optional<PartPlan> plan_parts(const wire::AnswerView& answer, size_t max_bytes);
+
+// The unit of one part, in `memory`.
+ByteBuffer write_part(const wire::AnswerView& answer, const PartPlan& plan, const Part& part, ByteBuffer memory);
+
+}  // namespace lf::rtp

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+namespace lf::rtp {
+
+// A value for each of the keys used last: what is kept of views and sources stays bounded, whatever comes. Not
+// thread-safe.
+template <typename Value>
+class Recent {
+ public:
+  explicit Recent(size_t most) : most_(most) {}
+
+  // The key's; a new one in place of that used longest ago if there is none. Valid until the next call.
+  Value& operator[](uint32_t key) {
+    auto found = std::ranges::find(entries_, key, &Entry::first);
+    if (found == entries_.end()) {
+      if (entries_.size() == most_) entries_.erase(entries_.begin());
+      entries_.emplace_back(key, Value());
+    } else {
+      std::rotate(found, found + 1, entries_.end());
+    }
+    return entries_.back().second;
+  }
+  void clear() { entries_.clear(); }
+  size_t size() const { return entries_.size(); }
+
+ private:
+  using Entry = std::pair<uint32_t, Value>;
+  size_t most_;
+  std::vector<Entry> entries_;  // used last: at the end
+};
+
+}  // namespace lf::rtp

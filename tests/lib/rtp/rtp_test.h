@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <vector>
+
+#include "lib/wire/answers.h"
+#include "rtp/depacketizer.h"
+#include "rtp/packetizer.h"
+#include "wire/answer_writer.h"
+#include "wire/fragment_codec.h"
+#include "wire/payload.h"
+#include "wire/request_codec.h"
+
+// What the tests of both directions share.
+namespace lf::rtp {
+
+using Bytes = std::vector<uint8_t>;
+inline Bytes to_bytes(std::span<const uint8_t> bytes) { return {bytes.begin(), bytes.end()}; }
+
+inline Bytes request(uint32_t sequence, uint32_t view_id = 0, int out_of_service = 0) {
+  ViewRequest r;
+  r.view_id = view_id;
+  r.sequence = sequence;
+  r.view.width = r.view.height = 64;
+  for (int i = 0; i < out_of_service; i++) r.out_of_service.push_back(static_cast<CameraIndex>(2 * i));
+  return wire::encode_request(r);
+}
+
+// Fragments of a pattern in a view of 400 x 400; quality 0: raw.
+inline Bytes answer(int fragments, int width, int height, int quality, PixelFamily family = PixelFamily::kI420,
+                    const CameraRanges& cameras = {}) {
+  wire::AnswerHeader header = wire::header_of_view(family, 400, 400);
+  header.cameras = cameras;
+  return to_bytes(
+      wire::FragmentEncoder().encode(header, wire::patterned_fragments(family, fragments, width, height), quality));
+}
+
+// A sum in 16 bits of patterned values, then `jpegs` fragments in JPEG.
+inline Bytes answer_with_sum(int width, int height, bool lost, int jpegs = 0) {
+  const wire::AnswerHeader header = wire::header_of_view(PixelFamily::kI420, 400, 400);
+  wire::AnswerWriter writer(header, 1 + jpegs);
+  const wire::FragmentHeader sum{Fragment::kSum, header.family, {0, 0, width, height}, wire::Codec::kRaw16, 0, lost};
+  uint32_t state = 1;
+  for (uint8_t& byte : writer.add(sum)) byte = static_cast<uint8_t>((state = state * 1664525 + 1013904223) >> 24);
+  wire::FragmentEncoder encoder;
+  for (const Fragment& f : wire::patterned_fragments(header.family, jpegs, 30, 20)) {
+    const FragmentPlanes planes[] = {planes_of(f)};
+    writer.add({f.camera, header.family, f.rect, wire::Codec::kJpeg, 80, !f.lost.empty()},
+               [&](ByteBuffer& out) { encoder.encode_payload(planes, 80, out); });
+  }
+  return to_bytes(writer.finish());
+}
+
+struct Sent {
+  Bytes payload;
+  bool last;
+};
+
+inline std::vector<Sent> packetize(Packetizer& packetizer, const Bytes& unit, size_t max_payload) {
+  std::vector<Sent> packets;
+  std::string reason;
+  const auto emit = [&](const Payload& payload) {
+    packets.push_back({Bytes(payload.size()), payload.last});
+    payload.copy_to(packets.back().payload.data());
+  };
+  EXPECT_TRUE(packetizer.packetize(unit, max_payload, emit, &reason)) << reason;
+  return packets;
+}
+
+inline std::vector<Sent> packetize(wire::UnitKind kind, const Bytes& unit, size_t max_payload) {
+  Packetizer packetizer(kind);
+  return packetize(packetizer, unit, max_payload);
+}
+
+// All the pixels of an answer's raw fragments and sums: by (fragment's camera, plane of 4, x, y) their bytes.
+using Samples = std::vector<std::tuple<CameraIndex, int, int, int, int>>;
+inline void add_samples(const wire::AnswerView& answer, Samples& samples) {
+  for (const wire::FragmentView& f : answer.fragments) {
+    if (wire::is_jpeg(f.codec)) continue;
+    const int size = f.codec == wire::Codec::kRaw16 ? 2 : 1;
+    const uint8_t* at = f.payload.data();
+    const auto plane = [&](int number, int values, int side) {
+      for (int y = f.rect.y0 / side; y < (f.rect.y1 + side - 1) / side; y++)
+        for (int x = f.rect.x0 / side; x < (f.rect.x1 + side - 1) / side; x++)
+          for (int v = 0; v < values; v++, at += size)
+            samples.emplace_back(f.camera, number + v, x, y, size == 2 ? at[0] | at[1] << 8 : at[0]);
+    };
+    if (f.family == PixelFamily::kRgb && size == 1) {
+      plane(0, 3, 1);
+    } else {
+      for (int c = 0; c < 3; c++) plane(c, 1, c > 0 && f.family == PixelFamily::kI420 ? 2 : 1);
+    }
+    if (f.has_lost) plane(3, 1, 1);
+  }
+}
+
+}  // namespace lf::rtp
