@@ -48,6 +48,12 @@ GstFlowReturn CameraFrames::push(CameraFrame frame) {
 
 GstFlowReturn CameraFrames::push_damaged(uint64_t time) { return push_at(time, std::nullopt); }
 
+// The frame before the earliest time looked for is kept too: it may be the nearest.
+bool CameraFrames::has_too_many() const {
+  if (frames_.size() <= kLiveFrames) return false;
+  return frames_.size() > kMostLiveFrames || frames_.back().time - frames_[1].time >= reach_;
+}
+
 GstFlowReturn CameraFrames::push_at(uint64_t time, std::optional<CameraFrame> frame) {
   std::unique_lock lock(mutex_);
   if (!live_)
@@ -61,7 +67,7 @@ GstFlowReturn CameraFrames::push_at(uint64_t time, std::optional<CameraFrame> fr
   while (!frames_.empty() && frames_.back().time > time) drop_oldest();
   if (!frame) frame = frames_.empty() ? before_ : frames_.back().frame;
   frames_.push_back({time, std::move(*frame)});
-  while (frames_.size() > kLiveFrames) drop_oldest();
+  while (has_too_many()) drop_oldest();
   changed_.notify_all();
   return GST_FLOW_OK;
 }
@@ -107,7 +113,7 @@ void CameraFrames::clear() {
   frames_.clear();
   before_ = {};
   started_ = live_ = ended_ = flushing_ = false;
-  wanted_ = 0;
+  wanted_ = reach_ = 0;
   dropped_ = 0;
 }
 
@@ -115,6 +121,13 @@ bool CameraFrames::must_wait(uint64_t time, bool wait_for_first) const {
   if (ended_ || flushing_) return false;
   if (live_ || !started_) return frames_.empty() && wait_for_first;
   return frames_.empty() || (time != kNoTime && frames_.back().time < time);
+}
+
+// Several viewers may look back differently far: the farthest counts, and is forgotten by and by.
+void CameraFrames::look_back(uint64_t time) {
+  const uint64_t newest = frames_.back().time;
+  const uint64_t reach = time < newest ? newest - time : 0;
+  reach_ = std::max(reach > kLongestReach ? 0 : reach, reach_ - reach_ / 64);
 }
 
 std::optional<CameraFrame> CameraFrames::find(uint64_t time, bool wait_for_first) {
@@ -126,6 +139,7 @@ std::optional<CameraFrame> CameraFrames::find(uint64_t time, bool wait_for_first
     return mode_ == Mode::kStopped || !must_wait(time, wait_for_first);
   });
   if (mode_ == Mode::kStopped || frames_.empty()) return std::nullopt;
+  look_back(time);
   auto best = frames_.end() - 1;
   if (time != kNoTime)
     best = std::min_element(frames_.begin(), frames_.end(), [time](const Held& a, const Held& b) {
@@ -133,6 +147,16 @@ std::optional<CameraFrame> CameraFrames::find(uint64_t time, bool wait_for_first
     });
   best->used = true;
   return best->frame;
+}
+
+bool CameraFrames::is_live() const {
+  std::lock_guard lock(mutex_);
+  return live_;
+}
+
+uint64_t CameraFrames::period() const {
+  std::lock_guard lock(mutex_);
+  return frames_.size() < 2 ? 0 : (frames_.back().time - frames_.front().time) / (frames_.size() - 1);
 }
 
 size_t CameraFrames::held() const {

@@ -21,16 +21,18 @@ struct CameraFrame {
   std::shared_ptr<GstBuffer> buffer;
   GstVideoInfo info;
   std::shared_ptr<JpegFrame> jpeg;  // in place of buffer and info
-  uint64_t time = 0;                // capture time, running time of the pipeline in nanoseconds
+  uint64_t time = 0;                // capture time, nanoseconds: clock time of live cameras, running time of others
 };
 
 // The latest frames of one camera. Thread-safe.
 //
-// Live cameras: the newest kLiveFrames are kept and nobody waits. Others: the camera's streaming thread waits in push()
+// Live cameras: the newest kLiveFrames are kept, and as many before them as requests look back (up to kLongestReach);
+// nobody waits. Others: the camera's streaming thread waits in push()
 // until requests have moved on, and requests wait in find() until the frame that belongs to their time is there.
 class CameraFrames {
  public:
-  static constexpr size_t kLiveFrames = 4, kFileFrames = 2;
+  static constexpr size_t kLiveFrames = 4, kMostLiveFrames = 128, kFileFrames = 2;
+  static constexpr uint64_t kLongestReach = 2'000'000'000;  // nanoseconds
 
   enum class Mode {
     kStopped,  // nothing waits, nothing is taken (the state after construction)
@@ -59,6 +61,8 @@ class CameraFrames {
   // *first (may be null) to the first that says so.
   std::optional<CameraFrame> replace_damaged(const std::shared_ptr<JpegFrame>& damaged, bool* first = nullptr);
 
+  bool is_live() const;
+  uint64_t period() const;  // nanoseconds between the frames held, on average; 0 where there are fewer than two
   size_t held() const;
   uint64_t dropped() const;  // frames that no request was answered with
 
@@ -67,6 +71,8 @@ class CameraFrames {
   void want(uint64_t time);                                  // locked
   void drop_passed();                                        // locked
   void drop_oldest();                                        // locked
+  void look_back(uint64_t time);                             // locked
+  bool has_too_many() const;                                 // locked
 
   GstFlowReturn push_at(uint64_t time, std::optional<CameraFrame> frame);
 
@@ -82,6 +88,7 @@ class CameraFrames {
   CameraFrame before_;       // compressed one that was held before these
   bool started_ = false, live_ = false, ended_ = false, flushing_ = false;
   uint64_t wanted_ = 0;  // time of the latest request that named one
+  uint64_t reach_ = 0;   // how far behind the newest frame of a live camera requests look
   uint64_t dropped_ = 0;
 };
 

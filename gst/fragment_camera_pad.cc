@@ -148,28 +148,27 @@ static gboolean lf_fragment_camera_query(GstPad* pad, GstObject* parent, GstQuer
   return gst_pad_query_default(pad, parent, query);
 }
 
-// Running time of a frame's capture: the stamp that lfcamsrc left, else PTS and the rig's time offset.
+// When a frame was taken, clock time where it is live, else running time: the stamp that lfcamsrc left, else PTS and
+// the rig's time offset.
 static uint64_t lf_fragment_capture_time(LfFragment* self, GstPad* pad, GstBuffer* buffer, const lf::Camera& camera,
                                          bool live) {
   static GstStaticCaps reference_caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
   GstCaps* reference = gst_static_caps_get(&reference_caps);
   const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(buffer, reference);
   gst_caps_unref(reference);
-  if (meta) {
-    const GstClockTime base = live ? gst_element_get_base_time(GST_ELEMENT(self)) : 0;
-    return meta->timestamp - MIN(meta->timestamp, base);
-  }
-  uint64_t running = 0;
+  if (meta) return meta->timestamp;
+  uint64_t taken = 0;
   GstEvent* event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
   if (event) {
     const GstSegment* segment;
     gst_event_parse_segment(event, &segment);
     const guint64 time = gst_segment_to_running_time(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
-    if (GST_CLOCK_TIME_IS_VALID(time)) running = time;
+    if (GST_CLOCK_TIME_IS_VALID(time)) taken = time;
     gst_event_unref(event);
   }
+  if (live) taken += gst_element_get_base_time(GST_ELEMENT(self));
   const gint64 offset = static_cast<gint64>(camera.time_offset * GST_SECOND);
-  return offset < 0 && static_cast<uint64_t>(-offset) > running ? 0 : running + static_cast<uint64_t>(offset);
+  return offset < 0 && static_cast<uint64_t>(-offset) > taken ? 0 : taken + static_cast<uint64_t>(offset);
 }
 
 // Keeps a compressed frame; a damaged one is dropped and counted.

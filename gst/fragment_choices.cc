@@ -47,6 +47,13 @@ void lf_fragment_install_choices(GObjectClass* klass, guint first_id) {
           "Threads that work on an answer at most, out of those that all lffragments of the process share "
           "(0: as many as there are processors)",
           0, 256, 0, kFlags));
+  g_object_class_install_property(
+      klass, first_id + 3,
+      g_param_spec_uint64(
+          "max-skew", "Largest skew",
+          "Live: how far, in nanoseconds, a frame may be from the capture time asked for; a camera with "
+          "no frame as near counts as blind, and others make up for it (0: any)",
+          0, G_MAXINT64, 500 * GST_MSECOND, kFlags));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_SUM, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_CODEC, GstPluginAPIFlags(0));
 }

@@ -16,7 +16,37 @@ uint64_t now_ns() {
           .count());
 }
 
+// Live cameras' frames have clock time, those of others running time, and a request may ask in either.
+uint64_t convert_time(uint64_t time, bool from_clock, bool to_clock, uint64_t base_time) {
+  if (time == kNoTime || from_clock == to_clock) return time;
+  return to_clock ? time + base_time : time - std::min(time, base_time);
+}
+
+uint64_t wanted_of(const ViewRequest& request, const CameraFrames& frames, uint64_t base_time) {
+  return convert_time(request.target_time, request.absolute_time, frames.is_live(), base_time);
+}
+
+uint64_t time_of(const ViewRequest& request, const CameraFrames& frames, uint64_t time, uint64_t base_time) {
+  return convert_time(time, frames.is_live(), request.absolute_time, base_time);
+}
+
+std::string milliseconds(uint64_t ns) { return std::to_string(ns / 1'000'000) + " ms"; }
+
 }  // namespace
+
+std::string FragmentNode::skew_warning(const std::optional<SkewWatch::Report>& report) const {
+  if (!report) return "";
+  std::string ids;
+  constexpr size_t kNamed = 8;
+  for (size_t i = 0; i < std::min(report->cameras.size(), kNamed); i++)
+    ids += (i ? ", " : "") + std::to_string(rig_->cameras[report->cameras[i]].id);
+  if (report->cameras.size() > kNamed) ids += " and " + std::to_string(report->cameras.size() - kNamed) + " more";
+  return "node " + std::to_string(node_id_) + " is off the capture time asked for by " + milliseconds(report->skew) +
+         ", more than a frame (" + milliseconds(report->period) + "): the frames of camera " + ids + " are too " +
+         (report->is_late ? "old: is the camera running, capture-delay long enough for frames to arrive, and the clock "
+                            "that of all machines?"
+                          : "new: is the clock that of all machines?");
+}
 
 void FragmentNode::set_rig(std::shared_ptr<const Rig> rig) {
   rig_ = std::move(rig);
@@ -93,23 +123,31 @@ FragmentNode::Reply FragmentNode::answer(const ViewRequest& request, Requester& 
 
 FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& requester, const Manner& manner,
                                          wire::AnswerHeader header, ByteBuffer memory) {
-  // Frame times are running times; the request's may be clock time.
-  const bool newest = request.target_time == kNoTime;
-  const uint64_t to_running = request.absolute_time ? manner.base_time : 0;
-  const uint64_t wanted = newest ? kNoTime : request.target_time - std::min(request.target_time, to_running);
-
   const uint64_t arrived = now_ns();
   const Cameras inputs = cameras(!manner.live);
   const uint64_t begun = now_ns();
   std::vector<CameraIndex> own;
   for (const auto& [camera, frames] : inputs) {
     own.push_back(camera);
-    frames->advance(wanted);
+    frames->advance(wanted_of(request, *frames, manner.base_time));
   }
   const RenderJob job(*rig_, requester.mesh.get(*rig_, request.out_of_service), request.view, own);
   const uint64_t planned = now_ns();
   FrameSources sources(*rig_, job);
-  for (const CameraIndex camera : job.cameras()) sources.add(camera, inputs.at(camera)->find(wanted, !manner.live));
+  std::vector<SkewWatch::Frame> skews;
+  for (const CameraIndex camera : job.cameras()) {
+    CameraFrames& frames = *inputs.at(camera);
+    const uint64_t wanted = wanted_of(request, frames, manner.base_time);
+    std::optional<CameraFrame> frame = frames.find(wanted, !manner.live);
+    if (frame && wanted != kNoTime && frames.is_live()) {
+      skews.push_back({camera, frame->time, wanted, frames.period()});
+      if (manner.max_skew > 0 && time_between(frame->time, wanted) > manner.max_skew) {
+        frame.reset();
+        stats_.stale_frames++;
+      }
+    }
+    sources.add(camera, std::move(frame));
+  }
   const uint64_t found = now_ns();
   sources.decode(
       agree_on_family(PixelFamily::kNone),
@@ -130,10 +168,12 @@ FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& 
       blind.push_back(sources.sources()[i].camera);
       continue;
     }
-    const uint64_t skew = newest ? 0 : time_between(sources.time(i), wanted);
+    const CameraFrames& frames = *inputs.at(sources.sources()[i].camera);
+    const uint64_t wanted = wanted_of(request, frames, manner.base_time);
+    const uint64_t skew = wanted == kNoTime ? 0 : time_between(sources.time(i), wanted);
     if (header.actual_time == kNoTime || skew > worst_skew) {
       worst_skew = skew;
-      header.actual_time = sources.time(i) + to_running;
+      header.actual_time = time_of(request, frames, sources.time(i), manner.base_time);
     }
   }
   header.cameras = CameraRanges(own);
@@ -151,7 +191,9 @@ FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& 
               .render = planned - begun + rendered.render_ns,
               .encode = rendered.encode_ns});
   if (worst_skew > stats_.max_skew_ns) stats_.max_skew_ns = worst_skew;
-  return {.bytes = std::move(rendered.bytes), .fragments = rendered.fragments};
+  return {.bytes = std::move(rendered.bytes),
+          .fragments = rendered.fragments,
+          .warning = skew_warning(requester.watch.see(skews))};
 }
 
 }  // namespace lf

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "camera_frames.h"
 #include "frame_sources.h"
 #include "node/answer_form.h"
+#include "node/skew_watch.h"
 #include "node_stats.h"
 #include "render/render_job.h"
 #include "wire/answer.h"
@@ -42,9 +44,10 @@ class FragmentNode {
   PixelFamily agree_on_family(PixelFamily offered);
   void forget_family();
 
-  // One requester's caches.
+  // What is kept of one requester.
   struct Requester {
     MeshCache mesh;
+    SkewWatch watch;
   };
   // How requests are to be answered.
   struct Manner {
@@ -52,7 +55,8 @@ class FragmentNode {
     CodecChoice codec = CodecChoice::kAuto;
     bool in_process = false;  // the compositor is in this process
     bool live = false;        // the request is: nothing is waited for
-    uint64_t base_time = 0;   // of the pipeline: turns absolute target times into running time
+    uint64_t base_time = 0;   // of the pipeline: clock time of running time 0
+    uint64_t max_skew = 0;    // of a live camera's frame; what is farther from the target is none; 0: any
     ParallelFor parallel = serial_for;
   };
   struct Reply {
@@ -69,6 +73,8 @@ class FragmentNode {
   Cameras cameras(bool wait_for_all);
   Reply render(const ViewRequest& request, Requester& requester, const Manner& manner, wire::AnswerHeader header,
                ByteBuffer memory);
+
+  std::string skew_warning(const std::optional<SkewWatch::Report>& report) const;
 
   NodeStats stats_;
   std::shared_ptr<const Rig> rig_;

@@ -41,6 +41,7 @@ enum {
   kPropSum,
   kPropCodec,
   kPropThreads,
+  kPropMaxSkew,
   kPropDecode,
   kPropStats
 };
@@ -155,7 +156,7 @@ static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, Gst
 
 // How lffragment answers is its own property under the same name.
 static bool is_of_fragment(guint id) {
-  return id == kPropSum || id == kPropCodec || id == kPropThreads || id == kPropStats;
+  return id == kPropSum || id == kPropCodec || id == kPropThreads || id == kPropMaxSkew || id == kPropStats;
 }
 
 static void lf_camera_node_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {

@@ -13,7 +13,8 @@
  * JPEG video is kept as it comes and decoded only where a request looks. Damaged frames are dropped and counted; the
  * one before serves in their place.
  *
- * Live cameras are never waited for: the frame nearest to the requested capture time is used. Frames of other cameras
+ * Live cameras are never waited for: the frame nearest to the requested capture time is used, if it is not farther
+ * than `max-skew`. A warning tells when a camera comes to be off by more than a frame. Frames of other cameras
  * (files) are waited for, so that files in give the same files out on every machine, and are read no faster than
  * requests move on.
  *
@@ -103,7 +104,7 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lffragment, "lffragment", GST_RANK_NONE, L
                                       GST_DEBUG_CATEGORY_INIT(lf_fragment_debug, "lffragment", 0,
                                                               "random access camera"))
 
-enum { PROP_0, PROP_RIG, PROP_NODE, PROP_SUM, PROP_CODEC, PROP_THREADS, PROP_STATS };
+enum { PROP_0, PROP_RIG, PROP_NODE, PROP_SUM, PROP_CODEC, PROP_THREADS, PROP_MAX_SKEW, PROP_STATS };
 
 static void lf_fragment_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfFragment* self = LF_FRAGMENT(object);
@@ -116,6 +117,7 @@ static void lf_fragment_set_property(GObject* object, guint id, const GValue* va
     case PROP_NODE: self->node_id = g_value_get_uint(value); break;
     case PROP_SUM: self->sum = static_cast<lf::SumChoice>(g_value_get_enum(value)); break;
     case PROP_THREADS: self->threads = g_value_get_uint(value); break;
+    case PROP_MAX_SKEW: self->max_skew = g_value_get_uint64(value); break;
     case PROP_CODEC: self->codec = static_cast<lf::CodecChoice>(g_value_get_enum(value)); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -130,6 +132,7 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
     case PROP_NODE: g_value_set_uint(value, self->node_id); break;
     case PROP_SUM: g_value_set_enum(value, static_cast<gint>(self->sum)); break;
     case PROP_THREADS: g_value_set_uint(value, self->threads); break;
+    case PROP_MAX_SKEW: g_value_set_uint64(value, self->max_skew); break;
     case PROP_CODEC: g_value_set_enum(value, static_cast<gint>(self->codec)); break;
     case PROP_STATS: g_value_take_boxed(value, self->node->stats().structure()); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
@@ -212,6 +215,7 @@ static bool lf_fragment_start(LfFragment* self) {
   for (Lane* lane : *self->lanes) {
     lane->ended = false;
     lane->requester.mesh.clear();
+    lane->requester.watch = {};
   }
   GST_OBJECT_UNLOCK(self);
   lf_fragment_set_mode(self, lf::CameraFrames::Mode::kRunning);
@@ -269,10 +273,10 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
       object_class, PROP_STATS,
       g_param_spec_boxed(
           "stats", "Statistics",
-          "Counts of requests, answers, fragments, bytes, frames that were missing and frames that were damaged; the "
-          "largest skew of a frame; what waiting for frames, decoding, rendering and encoding took: the latest "
-          "answer's "
-          "time and p50, p95, p99 over the latest 1024, and of all of them together (answer-ns; nanoseconds)",
+          "Counts of requests, answers, fragments, bytes, frames that were missing (of these stale: farther than "
+          "max-skew) and frames that were damaged; the largest skew of a frame; what waiting for frames, decoding, "
+          "rendering and encoding took: the latest answer's time and p50, p95, p99 over the latest 1024, and of all of "
+          "them together (answer-ns; nanoseconds)",
           GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
 
   gst_element_class_add_static_pad_template_with_gtype(element_class, &sink_template, LF_TYPE_FRAGMENT_PAD);
@@ -289,6 +293,7 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
 
 static void lf_fragment_init(LfFragment* self) {
   self->node = new lf::FragmentNode;
+  self->max_skew = 500 * GST_MSECOND;
   self->lanes = new std::set<Lane*>;
   self->workers = new std::shared_ptr<lf::WorkerPool>(lf::WorkerPool::shared());
   GstElementClass* klass = GST_ELEMENT_GET_CLASS(self);

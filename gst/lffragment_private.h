@@ -50,6 +50,7 @@ struct _LfFragment {
   lf::SumChoice sum;      // under the object lock
   lf::CodecChoice codec;  // under the object lock
   guint threads;          // under the object lock
+  GstClockTime max_skew;  // under the object lock
   std::shared_ptr<lf::WorkerPool>* workers;
   lf::FragmentNode* node;
   std::set<Lane*>* lanes;       // under the object lock
@@ -57,7 +58,8 @@ struct _LfFragment {
   guint next_camera_pad, next_lane;
 };
 
-// The properties that say how answers are made (fragment_choices.cc): sum, codec, threads, in the order of their ids.
+// The properties that say how answers are made (fragment_choices.cc): sum, codec, threads, max-skew, in the order of
+// their ids.
 void lf_fragment_install_choices(GObjectClass* klass, guint first_id);
 
 // Whether what comes to this sink pad comes in real time.

@@ -27,6 +27,7 @@ GstStructure* NodeStats::structure() const {
   set("fragments", fragments);
   set("bytes", bytes);
   set("missing-frames", missing_frames);
+  set("stale-frames", stale_frames);
   set("damaged-frames", damaged_frames);
   set("max-skew-ns", max_skew_ns);
   std::lock_guard lock(mutex_);

@@ -73,6 +73,34 @@ TEST(CameraFrames, LiveRequestersDoNotWaitForACameraThatHasNotBegun) {
   EXPECT_FALSE(frames.find(100, false));
 }
 
+// A viewer that gives slow cameras time to deliver needs the frames of fast ones for as long.
+TEST(CameraFrames, LiveFramesAreKeptForAsLongAsRequestsLookBack) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(true);
+  constexpr uint64_t kPeriod = 33'000'000, kBack = 500'000'000;
+  for (uint64_t k = 0; k < 300; k++) {
+    ASSERT_EQ(frames.push(frame(k * kPeriod)), GST_FLOW_OK);
+    if (k * kPeriod < kBack) continue;
+    const uint64_t wanted = k * kPeriod - kBack;
+    const std::optional<CameraFrame> found = frames.find(wanted, false);
+    ASSERT_TRUE(found);
+    if (k > 40) {
+      ASSERT_LE(time_between(found->time, wanted), kPeriod / 2) << k;
+    }
+    ASSERT_LE(frames.held(), kBack / kPeriod + 2);
+    ASSERT_EQ(frames.period(), kPeriod);
+  }
+  for (uint64_t k = 300; k < 1000; k++) {  // it is forgotten when nobody looks back any more
+    frames.push(frame(k * kPeriod));
+    frames.find(k * kPeriod, false);
+  }
+  EXPECT_EQ(frames.held(), CameraFrames::kLiveFrames);
+  frames.find(0, false);  // farther than is kept
+  frames.push(frame(1000 * kPeriod));
+  EXPECT_EQ(frames.held(), CameraFrames::kLiveFrames);
+}
+
 TEST(CameraFrames, StoppingWakesBothSides) {
   for (int i = 0; i < 50; i++) {
     CameraFrames frames;

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+
+#include "rig/mesh.h"
+
+namespace lf {
+
+// Tells once when cameras have come to be off the capture times asked of them: by more than a frame time, and for
+// longer than a lost frame explains. Without locks.
+class SkewWatch {
+ public:
+  static constexpr int kRequests = 5;  // in a row, before a camera counts as off, and before it counts as on again
+
+  // What one camera answered a request with. Times in nanoseconds of any one clock.
+  struct Frame {
+    CameraIndex camera = 0;
+    uint64_t taken = 0, wanted = 0;
+    uint64_t period = 0;  // between the camera's frames; 0: not known, it is not judged
+  };
+  struct Report {
+    CameraSet cameras;     // ascending; those that have come to be off with this request
+    uint64_t skew = 0;     // the largest of theirs, nanoseconds
+    uint64_t period = 0;   // of that camera
+    bool is_late = false;  // its frame is older than asked for
+  };
+  // The frames that answered a request, ascending cameras.
+  std::optional<Report> see(std::span<const Frame> frames);
+
+ private:
+  struct State {
+    bool off = false;
+    int against = 0;  // requests in a row that say otherwise
+  };
+  std::map<CameraIndex, State> states_;
+};
+
+}  // namespace lf

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "node/skew_watch.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace lf {
+namespace {
+
+using testing::ElementsAre;
+
+constexpr uint64_t kPeriod = 100, kWanted = 10'000;
+
+SkewWatch::Frame frame(CameraIndex camera, int64_t skew, uint64_t period = kPeriod) {
+  return {camera, kWanted + static_cast<uint64_t>(skew), kWanted, period};
+}
+
+TEST(SkewWatch, TellsOnceWhenACameraComesToBeOff) {
+  SkewWatch watch;
+  const SkewWatch::Frame frames[] = {frame(2, 60), frame(5, -130)};
+  int reports = 0;
+  for (int i = 1; i < 50; i++) {
+    const auto report = watch.see(frames);
+    if (!report) continue;
+    reports++;
+    EXPECT_EQ(i, SkewWatch::kRequests);
+    EXPECT_THAT(report->cameras, ElementsAre(5));
+    EXPECT_EQ(report->skew, 130u);
+    EXPECT_EQ(report->period, kPeriod);
+    EXPECT_TRUE(report->is_late);
+  }
+  EXPECT_EQ(reports, 1);
+}
+
+TEST(SkewWatch, LostFramesAreNoReason) {
+  SkewWatch watch;
+  for (int i = 0; i < 100; i++) {
+    const SkewWatch::Frame frames[] = {frame(0, i % SkewWatch::kRequests == 0 ? 20 : 300)};
+    EXPECT_FALSE(watch.see(frames)) << i;
+  }
+}
+
+TEST(SkewWatch, AFrameTimeIsAllowed) {
+  SkewWatch watch;
+  for (int i = 0; i < 20; i++) {
+    const SkewWatch::Frame frames[] = {frame(0, -100), frame(1, 110), frame(2, 100'000, 0)};
+    EXPECT_FALSE(watch.see(frames)) << i;
+  }
+}
+
+TEST(SkewWatch, TellsAgainOfACameraThatWasWellForAWhile) {
+  SkewWatch watch;
+  const auto run = [&](int64_t skew, int requests) {
+    int reports = 0;
+    for (int i = 0; i < requests; i++) {
+      const SkewWatch::Frame frames[] = {frame(0, skew)};
+      const auto report = watch.see(frames);
+      if (!report) continue;
+      reports++;
+      EXPECT_FALSE(report->is_late);
+    }
+    return reports;
+  };
+  EXPECT_EQ(run(500, 20), 1);
+  EXPECT_EQ(run(0, SkewWatch::kRequests - 1), 0);
+  EXPECT_EQ(run(500, 20), 0) << "it has not been well long enough";
+  EXPECT_EQ(run(0, SkewWatch::kRequests), 0);
+  EXPECT_EQ(run(500, 20), 1);
+}
+
+}  // namespace
+}  // namespace lf
