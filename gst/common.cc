@@ -29,4 +29,11 @@ std::shared_ptr<const Rig> shared_rig(const std::string& path) {
   return rig;
 }
 
+bool compositor_is_near(GstPad* src) {
+  GstQuery* query = gst_query_new_custom(GST_QUERY_CUSTOM, gst_structure_new_empty(LF_IN_PROCESS_QUERY));
+  const bool near = gst_pad_peer_query(src, query);
+  gst_query_unref(query);
+  return near;
+}
+
 }  // namespace lf

@@ -31,6 +31,9 @@
 
 namespace lf {
 
+// Whether answers pushed on this pad stay in this process up to the compositor.
+bool compositor_is_near(GstPad* src);
+
 // The rig in `path`; elements that name the same unchanged file share one copy. Thread-safe. Throws Error.
 std::shared_ptr<const Rig> shared_rig(const std::string& path);
 

@@ -17,7 +17,7 @@ uint64_t nanoseconds(int64_t from, int64_t to) { return to > from ? static_cast<
 void CompositorStats::reset() {
   std::lock_guard lock(mutex_);
   for (uint64_t& counter : counters_) counter = 0;
-  pictures_ = complete_ = fragments_ = missing_ = damaged_ = bytes_ = max_skew_ns_ = 0;
+  pictures_ = complete_ = fragments_ = missing_ = damaged_ = bytes_ = max_skew_ns_ = out_of_service_ = 0;
   arrivals_.clear();
   for (Percentiles* times : {&answer_ns_, &composite_ns_, &latency_ns_, &add_ns_, &picture_ns_}) times->clear();
 }
@@ -25,6 +25,11 @@ void CompositorStats::reset() {
 void CompositorStats::count(Counter counter) {
   std::lock_guard lock(mutex_);
   counters_[counter]++;
+}
+
+void CompositorStats::set_out_of_service(size_t cameras) {
+  std::lock_guard lock(mutex_);
+  out_of_service_ = cameras;
 }
 
 void CompositorStats::request_arrived(uint32_t sequence, int64_t time) {
@@ -74,11 +79,15 @@ GstStructure* CompositorStats::structure() const {
   set("pictures", pictures_);
   set("complete", complete_);
   set("incomplete", pictures_ - complete_);
+  set("repeated", counters_[kRepeatedPictures]);
+  set("dropped", counters_[kDroppedPictures]);
   set("fragments", fragments_);
   set("missing-fragments", missing_);
   set("damaged-fragments", damaged_);
   set("late-answers", counters_[kLateAnswers]);
+  set("repeated-answers", counters_[kRepeatedAnswers]);
   set("bytes", bytes_);
+  set("out-of-service", out_of_service_);
   set("bad-requests", counters_[kBadRequests]);
   set("bad-answers", counters_[kBadAnswers]);
   set("rig-mismatches", counters_[kRigMismatches]);

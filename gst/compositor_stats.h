@@ -14,7 +14,16 @@ namespace lf {
 // What lfcompositor has done and how long its stages took. Thread-safe.
 class CompositorStats {
  public:
-  enum Counter { kLateAnswers, kBadRequests, kBadAnswers, kRigMismatches, kNumCounters };
+  enum Counter {
+    kLateAnswers,
+    kBadRequests,
+    kBadAnswers,
+    kRigMismatches,
+    kRepeatedAnswers,
+    kRepeatedPictures,
+    kDroppedPictures,
+    kNumCounters
+  };
 
   // One finished picture. Times are g_get_monotonic_time(), microseconds.
   struct Picture {
@@ -30,6 +39,7 @@ class CompositorStats {
 
   void reset();
   void count(Counter counter);
+  void set_out_of_service(size_t cameras);
   void request_arrived(uint32_t sequence, int64_t time);
   // Adds the picture up; the structure of its element message "lightfield-view" if `describe`, else null.
   GstStructure* record(const Picture& picture, bool describe);
@@ -39,7 +49,8 @@ class CompositorStats {
  private:
   mutable std::mutex mutex_;
   uint64_t counters_[kNumCounters] = {};
-  uint64_t pictures_ = 0, complete_ = 0, fragments_ = 0, missing_ = 0, damaged_ = 0, bytes_ = 0, max_skew_ns_ = 0;
+  uint64_t pictures_ = 0, complete_ = 0, fragments_ = 0, missing_ = 0, damaged_ = 0, bytes_ = 0, max_skew_ns_ = 0,
+           out_of_service_ = 0;
   std::map<uint32_t, int64_t> arrivals_;               // sequence to time, of requests not answered yet
   Percentiles answer_ns_, composite_ns_, latency_ns_;  // request in to last answer in to picture ready
   Percentiles add_ns_, picture_ns_;                    // what compositing is: adding, and the picture from the sum

@@ -14,9 +14,7 @@ Lane* lf_fragment_lane_of(GstPad* pad) { return static_cast<Lane*>(gst_pad_get_e
 // Whether answers stay in this process up to the compositor. Asked once and when downstream has changed.
 static bool lf_fragment_compositor_is_near(Lane* lane) {
   if (!lane->downstream_is_new.exchange(false)) return lane->in_process;
-  GstQuery* query = gst_query_new_custom(GST_QUERY_CUSTOM, gst_structure_new_empty(LF_IN_PROCESS_QUERY));
-  lane->in_process = gst_pad_peer_query(lane->src, query);
-  gst_query_unref(query);
+  lane->in_process = lf::compositor_is_near(lane->src);
   GST_INFO_OBJECT(lane->src, "the compositor is %s", lane->in_process ? "in this process" : "behind a link");
   return lane->in_process;
 }

@@ -34,7 +34,7 @@ MappedBuffer::~MappedBuffer() {
 std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string* reason) {
   return decode(buffer, reason, wire::decode_request);
 }
-std::optional<wire::AnswerHeader> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason) {
+std::optional<wire::AnswerHead> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason) {
   return decode(buffer, reason, wire::parse_answer_header);
 }
 

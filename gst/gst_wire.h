@@ -18,7 +18,7 @@
 namespace lf {
 
 std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
-std::optional<wire::AnswerHeader> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason = nullptr);
+std::optional<wire::AnswerHead> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason = nullptr);
 
 // A buffer's bytes, mapped and held as long as this lives.
 class MappedBuffer {

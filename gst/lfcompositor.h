@@ -8,6 +8,15 @@ G_BEGIN_DECLS
 #define LF_TYPE_COMPOSITOR (lf_compositor_get_type())
 G_DECLARE_FINAL_TYPE(LfCompositor, lf_compositor, LF, COMPOSITOR, GstAggregator)
 
+// Property "incomplete": what is put out for a request of which something is missing.
+typedef enum {
+  LF_COMPOSITOR_INCOMPLETE_CONCEAL,
+  LF_COMPOSITOR_INCOMPLETE_REPEAT,
+  LF_COMPOSITOR_INCOMPLETE_DROP,
+} LfCompositorIncomplete;
+#define LF_TYPE_COMPOSITOR_INCOMPLETE (lf_compositor_incomplete_get_type())
+GType lf_compositor_incomplete_get_type(void);
+
 GST_ELEMENT_REGISTER_DECLARE(lfcompositor);
 
 G_END_DECLS

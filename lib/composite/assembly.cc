@@ -26,6 +26,7 @@ void Assembly::begin(const ViewRequest& request) {
   have_unnamed_sums_ = false;
   fragments_ = missing_ = damaged_ = 0;
   skew_ = 0;
+  actual_time_ = kNoTime;
 }
 
 void Assembly::release() {
@@ -59,8 +60,11 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
   source.blind = answer.blind;
   source.spoilt |= damaged_ > damaged_before || !all_good;
   source.sums |= std::ranges::any_of(all, [](const auto& f) { return f.camera == Fragment::kSum; });
-  if (answer.actual_time != kNoTime && answer.target_time != kNoTime)
-    skew_ = std::max(skew_, time_between(answer.actual_time, answer.target_time));
+  if (answer.actual_time != kNoTime && answer.target_time != kNoTime) {
+    const uint64_t skew = time_between(answer.actual_time, answer.target_time);
+    if (actual_time_ == kNoTime || skew > skew_) actual_time_ = answer.actual_time;
+    skew_ = std::max(skew_, skew);
+  }
   return all_good ? Verdict::kAdded : Verdict::kBadFragment;
 }
 
@@ -132,6 +136,19 @@ void Assembly::finish(PixelFamily fallback, bool mark_uncovered) {
   if (absent.empty() && !mark_uncovered) return;
 
   const OwnerMap owners(plan, {0, 0, view.width, view.height});
+  add_missing(plan, absent, owners);
+  if (mark_uncovered) accumulator_.set_uncovered(owners);
+}
+
+void Assembly::finish_partial() {
+  if (!rig_ || family_ == PixelFamily::kNone) return;
+  const ViewPlan plan(*rig_, mesh_.get(*rig_, request_.out_of_service), request_.view);
+  CameraSet absent = this->absent(plan);
+  std::erase_if(absent, [this](CameraIndex camera) { return !cameras_.contains(camera); });
+  if (!absent.empty()) add_missing(plan, absent, OwnerMap(plan, {0, 0, request_.view.width, request_.view.height}));
+}
+
+void Assembly::add_missing(const ViewPlan& plan, const CameraSet& absent, const OwnerMap& owners) {
   for (const CameraIndex camera : absent) {
     const Rect rect = plan.camera_rect(camera);
     std::vector<float> hat = camera_hat(plan, owners, camera, rect);
@@ -140,7 +157,6 @@ void Assembly::finish(PixelFamily fallback, bool mark_uncovered) {
     missing_++;
     accumulator_.add_lost_hat(rect, hat);
   }
-  if (mark_uncovered) accumulator_.set_uncovered(owners);
 }
 
 }  // namespace lf

@@ -43,6 +43,9 @@ class Assembly {
   // of the whole view and changes nothing if the background is black.
   void finish(PixelFamily fallback, bool mark_uncovered);
 
+  // The same for a compositor inside a tree: cameras of which nothing came are not missing, but another compositor's.
+  void finish_partial();
+
   // Of the answers so far; kNone before the first that names one.
   PixelFamily family() const { return family_; }
   const Accumulator& picture() const { return accumulator_; }
@@ -56,8 +59,10 @@ class Assembly {
   const CameraRanges& seeing() const { return seeing_; }
   // All that they speak for, pictures or not.
   const CameraRanges& cameras() const { return cameras_; }
-  // The largest |capture time - target time| of the answers, nanoseconds.
+  // The largest |capture time - target time| of the answers, nanoseconds, and that capture time (kNoTime: none told).
   uint64_t skew() const { return skew_; }
+  uint64_t actual_time() const { return actual_time_; }
+  uint64_t rig_hash() const { return expected_rig_; }  // of the answers; 0 before the first
   // The picture has been taken: lets go of what it was made from.
   void release();
 
@@ -70,6 +75,7 @@ class Assembly {
     bool sums = false;
   };
   CameraSet absent(const ViewPlan& plan) const;
+  void add_missing(const ViewPlan& plan, const CameraSet& absent, const OwnerMap& owners);
   bool covers(const wire::AnswerView& answer, const wire::FragmentView& fragment);
   bool add_group(const wire::AnswerView& answer, std::span<const wire::FragmentView> group,
                  const std::shared_ptr<const void>& bytes);
@@ -89,7 +95,7 @@ class Assembly {
   CameraRanges cameras_, seeing_;
   bool have_unnamed_sums_ = false;  // sums that do not tell which cameras are in them
   unsigned fragments_ = 0, missing_ = 0, damaged_ = 0;
-  uint64_t skew_ = 0;
+  uint64_t skew_ = 0, actual_time_ = kNoTime;
 };
 
 }  // namespace lf

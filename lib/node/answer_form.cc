@@ -22,10 +22,14 @@ bool sum_is_smaller(const RenderJob& job) {
 }  // namespace
 
 AnswerForm choose_form(const RenderJob& job, SumChoice sum, CodecChoice codec, bool in_process, int quality) {
-  AnswerForm form;
-  form.sum = sum == SumChoice::kNode || (sum == SumChoice::kAuto && sum_is_smaller(job));
+  const bool add = sum == SumChoice::kNode || (sum == SumChoice::kAuto && sum_is_smaller(job));
+  return {choose_codec(codec, add, in_process, quality), add};
+}
+
+CodedAs choose_codec(CodecChoice codec, bool sum, bool in_process, int quality) {
+  CodedAs form;
   if (codec == CodecChoice::kAuto && in_process)
-    form.codec = form.sum ? wire::Codec::kRaw16 : wire::Codec::kRaw;
+    form.codec = sum ? wire::Codec::kRaw16 : wire::Codec::kRaw;
   else if (codec == CodecChoice::kRaw16)
     form.codec = wire::Codec::kRaw16;
   else if (codec != CodecChoice::kRaw && quality > 0)

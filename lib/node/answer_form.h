@@ -6,11 +6,16 @@
 
 namespace lf {
 
-// How what a node has to give for a view is put into its answer.
-struct AnswerForm {
-  bool sum = false;                       // its cameras' contributions added up; else a fragment of each
+// How pixels are coded.
+struct CodedAs {
   wire::Codec codec = wire::Codec::kRaw;  // kRaw, kRaw16 or kJpeg
   int quality = 0;                        // of JPEG
+  bool operator==(const CodedAs&) const = default;
+};
+
+// How what a node has to give for a view is put into its answer.
+struct AnswerForm : CodedAs {
+  bool sum = false;  // its cameras' contributions added up; else a fragment of each
   bool operator==(const AnswerForm&) const = default;
 };
 
@@ -28,6 +33,7 @@ enum class CodecChoice {
 
 // `in_process`: the compositor takes the bytes as they are, so that bytes cost nothing and coding them does. `quality`:
 // of the request, 0 to 100.
+CodedAs choose_codec(CodecChoice codec, bool sum, bool in_process, int quality);
 AnswerForm choose_form(const RenderJob& job, SumChoice sum, CodecChoice codec, bool in_process, int quality);
 
 }  // namespace lf

@@ -11,6 +11,7 @@
 #include "render/sum_rounding.h"
 #include "wire/answer_writer.h"
 #include "wire/fragment_codec.h"
+#include "wire/strips.h"
 
 namespace lf {
 namespace {
@@ -18,20 +19,10 @@ namespace {
 // Rows of a task where rows go straight into the answer: a multiple of the renderer's bands (8 rows) and of what two
 // threads may write without sharing a cache line.
 constexpr int kBandRows = 32;
-// A sum that is to be encoded is cut into fragments of about so many pixels: coding and decoding them takes several
-// threads, and a lost packet loses a strip and not the view.
-constexpr int kStripPixels = 1 << 16, kStripUnit = 16;
 
 uint64_t now_ns() {
   const auto now = std::chrono::steady_clock::now().time_since_epoch();
   return static_cast<uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(now).count());
-}
-
-// Rectangles of all of `rect`'s width and at most `rows` rows.
-std::vector<Rect> cut(const Rect& rect, int rows) {
-  std::vector<Rect> parts;
-  for (int y = rect.y0; y < rect.y1; y += rows) parts.push_back({rect.x0, y, rect.x1, std::min(y + rows, rect.y1)});
-  return parts;
 }
 
 // One fragment of 16-bit values, rendered where it travels.
@@ -40,7 +31,7 @@ void write_sums(wire::AnswerWriter& writer, const SumRenderer& renderer, CameraI
   const Rect rect = renderer.rect();
   if (rect.empty()) return;
   const SumPlanes out = writer.add_sums({camera, family, rect, wire::Codec::kRaw16, 0, true});
-  const std::vector<Rect> bands = cut(rect, kBandRows);
+  const std::vector<Rect> bands = wire::cut_rows(rect, kBandRows);
   std::atomic<bool> any_lost = false;
   parallel(bands.size(), [&](size_t i) {
     if (renderer.render_rows(bands[i].y0, bands[i].y1, out)) any_lost = true;
@@ -80,8 +71,7 @@ std::vector<Fragment> render_strips(const RenderJob& job, std::span<const Source
   const SumRenderer renderer(job.plan(), job.runs(), sources, family);
   const Rect rect = renderer.rect();
   if (rect.empty()) return {};
-  const int rows = std::max(kStripPixels / rect.width() / kStripUnit, 1) * kStripUnit;
-  const std::vector<Rect> strips = cut(rect, rows);
+  const std::vector<Rect> strips = wire::cut_rows(rect, wire::strip_rows(rect.width()));
   std::vector<Fragment> fragments(strips.size());
   parallel(strips.size(), [&](size_t i) { fragments[i] = render_strip(renderer, strips[i], family); });
   return fragments;
@@ -94,7 +84,7 @@ std::span<const CameraFragment> render_cameras(const RenderJob& job, std::span<c
   std::ranges::copy_if(sources, std::back_inserter(seeing),
                        [](const Source& source) { return source.image.family != PixelFamily::kNone; });
   set.begin(job.plan(), job.runs(), seeing, family);
-  const std::vector<Rect> bands = cut(set.rect(), kBandRows);
+  const std::vector<Rect> bands = wire::cut_rows(set.rect(), kBandRows);
   parallel(bands.size(), [&](size_t i) { set.render_rows(bands[i].y0, bands[i].y1); });
   return set.fragments();
 }

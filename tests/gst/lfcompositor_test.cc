@@ -1,110 +1,17 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <gmock/gmock.h>
 #include <gst/video/navigation.h>
-#include <gst/video/video.h>
 #include <gtest/gtest.h>
 
-#include <algorithm>
-
-#include "gst/array_fixture.h"
-#include "render/fragment_renderer.h"
-#include "render/render_job.h"
-#include "wire/answer_codec.h"
+#include "gst/compositor_fixture.h"
 #include "wire/answer_parser.h"
 #include "wire/fragment_codec.h"
 #include "wire/payload.h"
-#include "wire/request_codec.h"
 
 namespace lf::test {
 namespace {
 
 using testing::HasSubstr;
-
-constexpr uint64_t kFrame = 100 * GST_MSECOND;
-
-// lfcompositor with its request and src pads in one harness and a harness for each node.
-class LfCompositorTest : public testing::Test {
- protected:
-  void start(int nodes, const std::vector<std::pair<std::string, std::string>>& properties = {},
-             const char* sink_caps = nullptr) {
-    element_.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfcompositor", nullptr))));
-    for (const auto& [name, value] : properties)
-      gst_util_set_object_arg(G_OBJECT(element_.get()), name.c_str(), value.c_str());
-    harness_.reset(gst_harness_new_with_element(element_.get(), "request", "src"));
-    gst_harness_set_live(harness_.get(), FALSE);
-    if (sink_caps) gst_harness_set_sink_caps_str(harness_.get(), sink_caps);
-    gst_harness_set_src_caps_str(harness_.get(), "application/x-lightfield-request,framerate=10/1");
-    for (int i = 0; i < nodes; i++) {
-      nodes_.emplace_back(gst_harness_new_with_element(element_.get(), ("sink_" + std::to_string(i)).c_str(), nullptr));
-      gst_harness_set_live(nodes_.back().get(), FALSE);
-      gst_harness_set_src_caps_str(nodes_.back().get(), "application/x-lightfield-answer");
-    }
-  }
-
-  void request(const ViewRequest& request) {
-    GstBuffer* buffer = to_buffer(wire::encode_request(request));
-    GST_BUFFER_PTS(buffer) = request.target_time;
-    GST_BUFFER_DURATION(buffer) = kFrame;
-    ASSERT_EQ(gst_harness_push(harness_.get(), buffer), GST_FLOW_OK);
-  }
-
-  // What a node with these cameras answers, all of one grey value.
-  wire::Answer answer_of(const ViewRequest& request, std::vector<CameraIndex> cameras, uint8_t grey = 200,
-                         PixelFamily family = PixelFamily::kRgb) {
-    const Rig& rig = array_.rig();
-    const RenderJob job(rig, build_mesh(rig, request.out_of_service), request.view, cameras);
-    Image image(family, ArrayFixture::kWidth, ArrayFixture::kHeight);
-    std::fill(image.data().begin(), image.data().end(), uint8_t{128});
-    const size_t grey_bytes =
-        family == PixelFamily::kRgb ? image.data().size() : ArrayFixture::kWidth * ArrayFixture::kHeight;
-    std::fill_n(image.data().begin(), grey_bytes, grey);
-    wire::Answer answer;
-    answer.view_id = request.view_id;
-    answer.sequence = request.sequence;
-    answer.view_width = request.view.width;
-    answer.view_height = request.view.height;
-    answer.family = family;
-    answer.target_time = answer.actual_time = request.target_time;
-    answer.rig_hash = rig.hash();
-    for (const CameraIndex camera : job.cameras()) {
-      auto fragment =
-          make_scalar_renderer()->render(job.plan(), job.owners(), camera, rig.cameras[camera], image.view());
-      if (fragment) answer.fragments.push_back(std::move(*fragment));
-    }
-    return answer;
-  }
-
-  void push(int node, const wire::Answer& answer) {
-    ASSERT_EQ(gst_harness_push(nodes_[static_cast<size_t>(node)].get(), to_buffer(wire::encode_answer(answer))),
-              GST_FLOW_OK);
-  }
-
-  std::vector<uint8_t> pull() {
-    const BufferPtr buffer(gst_harness_pull(harness_.get()));
-    if (!buffer) {
-      ADD_FAILURE() << "no picture";
-      return {};
-    }
-    last_pts_ = GST_BUFFER_PTS(buffer.get());
-    return to_bytes(buffer.get());
-  }
-
-  std::string output_format() {
-    const CapsPtr caps(gst_pad_get_current_caps(harness_->sinkpad));
-    return gst_structure_get_string(gst_caps_get_structure(caps.get(), 0), "format");
-  }
-
-  static std::pair<int, int> range(const std::vector<uint8_t>& bytes) {
-    const auto [low, high] = std::minmax_element(bytes.begin(), bytes.end());
-    return {*low, *high};
-  }
-
-  ArrayFixture array_;
-  ElementPtr element_;
-  HarnessPtr harness_;
-  std::vector<HarnessPtr> nodes_;
-  uint64_t last_pts_ = 0;
-};
 
 TEST_F(LfCompositorTest, AddsOneNodesAnswer) {
   start(1);
@@ -312,24 +219,6 @@ TEST_F(LfCompositorTest, NavigationGoesToTheRequestsAloneAndIsTagged) {
     EXPECT_NE(GST_EVENT_TYPE(other), GST_EVENT_NAVIGATION);
     gst_event_unref(other);
   }
-}
-
-TEST_F(LfCompositorTest, ALivePictureIsOutAtItsDeadlineWithoutTheSilentNode) {
-  element_.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfcompositor", nullptr))));
-  g_object_set(element_.get(), "rig", array_.rig_path().c_str(), "latency", 40 * GST_MSECOND, nullptr);
-  harness_.reset(gst_harness_new_with_element(element_.get(), "request", "src"));
-  gst_harness_use_systemclock(harness_.get());
-  gst_harness_set_src_caps_str(harness_.get(), "application/x-lightfield-request,framerate=10/1");
-  for (const char* pad : {"sink_0", "sink_1"}) {
-    nodes_.emplace_back(gst_harness_new_with_element(element_.get(), pad, nullptr));
-    gst_harness_set_src_caps_str(nodes_.back().get(), "application/x-lightfield-answer");
-  }
-  gst_harness_query_latency(harness_.get());
-  const ViewRequest asked = array_.request(0, 0);
-  push(0, answer_of(asked, {0, 1, 2}));  // before the request: however slow the machine, it is there at the deadline
-  request(asked);
-  pull();
-  EXPECT_EQ(stat(element_.get(), "missing-fragments"), 1u);
 }
 
 TEST_F(LfCompositorTest, ErrorsNameThePlace) {

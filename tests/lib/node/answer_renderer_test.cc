@@ -71,9 +71,9 @@ class AnswerRendererTest : public testing::TestWithParam<PixelFamily> {
   wire::AnswerHeader header_;
 };
 
-const AnswerForm kForms[] = {{true, wire::Codec::kRaw16, 0}, {true, wire::Codec::kRaw, 0},
-                             {true, wire::Codec::kJpeg, 92}, {false, wire::Codec::kRaw16, 0},
-                             {false, wire::Codec::kRaw, 0},  {false, wire::Codec::kJpeg, 92}};
+const CodedAs kRaw16{wire::Codec::kRaw16, 0}, kRaw{wire::Codec::kRaw, 0}, kJpeg{wire::Codec::kJpeg, 92};
+const AnswerForm kForms[] = {{kRaw16, true},  {kRaw, true},  {kJpeg, true},
+                             {kRaw16, false}, {kRaw, false}, {kJpeg, false}};
 
 TEST_P(AnswerRendererTest, EveryFormMakesThePicture) {
   const Image exact = picture(render(kForms[0]));

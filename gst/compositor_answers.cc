@@ -1,0 +1,345 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
+
+#include "base/error.h"
+#include "lfcompositor_private.h"
+#include "out_of_service_event.h"
+
+GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
+#define GST_CAT_DEFAULT lf_compositor_debug
+
+// GstAggregator calls aggregate() when every pad has a buffer, which is when every node has answered: the last part of
+// a node's answer stays on its pad until the picture is done. Live, that would leave all the work for the end and wait
+// in vain for nodes that are gone: there lf_compositor_next_time() names the past as the next deadline whenever there
+// is something to do.
+
+using lf::CompositorStats;
+
+namespace {
+
+constexpr size_t kMostPast = 32;  // requests whose late answers are still signs of life
+
+struct AnswerPads {
+  explicit AnswerPads(LfCompositor* self) {
+    GST_OBJECT_LOCK(self);
+    for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next)
+      if (item->data != self->request) pads.push_back(GST_AGGREGATOR_PAD(gst_object_ref(item->data)));
+    GST_OBJECT_UNLOCK(self);
+  }
+  ~AnswerPads() {
+    for (GstAggregatorPad* pad : pads) gst_object_unref(pad);
+  }
+  AnswerPads(const AnswerPads&) = delete;
+  AnswerPads& operator=(const AnswerPads&) = delete;
+  auto begin() const { return pads.begin(); }
+  auto end() const { return pads.end(); }
+  std::vector<GstAggregatorPad*> pads;
+};
+
+bool is_live(LfCompositor* self) { return GST_CLOCK_TIME_IS_VALID(gst_aggregator_get_latency(GST_AGGREGATOR(self))); }
+
+GstClockTime clock_time(LfCompositor* self) {
+  GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
+  if (!clock) return GST_CLOCK_TIME_NONE;
+  const GstClockTime now = gst_clock_get_time(clock);
+  gst_object_unref(clock);
+  return now;
+}
+
+GstClockTime running_time(LfCompositor* self, GstBuffer* request) {
+  return gst_segment_to_running_time(&GST_AGGREGATOR_PAD(self->request)->segment, GST_FORMAT_TIME,
+                                     GST_BUFFER_PTS(request));
+}
+
+// When the picture of the request at the head of its pad has to be out, in clock time.
+GstClockTime deadline(LfCompositor* self) {
+  GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
+  if (!request) return GST_CLOCK_TIME_NONE;
+  const GstClockTime time = running_time(self, request);
+  gst_buffer_unref(request);
+  const GstClockTime latency = gst_aggregator_get_latency(GST_AGGREGATOR(self));
+  if (!GST_CLOCK_TIME_IS_VALID(time) || !GST_CLOCK_TIME_IS_VALID(latency)) return GST_CLOCK_TIME_NONE;
+  return gst_element_get_base_time(GST_ELEMENT(self)) + time + latency;
+}
+
+void take_new_rig(LfCompositor* self) {
+  GST_OBJECT_LOCK(self);
+  const std::unique_ptr<std::shared_ptr<const lf::Rig>> rig(std::exchange(self->new_rig, nullptr));
+  GST_OBJECT_UNLOCK(self);
+  if (!rig) return;
+  self->state->rig = *rig;
+  self->state->assembly.set_rig(*rig);
+  if (*rig) self->state->health.expect((*rig)->cameras.size());
+}
+
+void drop_head(GstAggregatorPad* pad, NodeInput& node) {
+  node.head = NodeInput::Head::kUnseen;
+  node.seen = nullptr;
+  gst_aggregator_pad_drop_buffer(pad);
+}
+
+}  // namespace
+
+guint lf_compositor_view_id(LfCompositor* self) {
+  GST_OBJECT_LOCK(self);
+  const guint view_id = self->view_id;
+  GST_OBJECT_UNLOCK(self);
+  return view_id;
+}
+
+void lf_compositor_forget_request(LfCompositor* self) {
+  self->state->assembly.release();
+  self->state->current.reset();
+  for (GstAggregatorPad* pad : AnswerPads(self)) {
+    NodeInput& node = lf_compositor_node_of(pad);
+    node.head = NodeInput::Head::kUnseen;
+    node.seen = nullptr;
+    node.parts.clear();
+  }
+}
+
+// Makes the first own request on the request pad the current one; it stays on the pad until it is answered, so that
+// aggregation fires when the last answer arrives and not when the next request does.
+static bool find_request(LfCompositor* self, guint view_id) {
+  auto& state = *self->state;
+  if (state.current) return true;
+  take_new_rig(self);
+  GstAggregatorPad* pad = GST_AGGREGATOR_PAD(self->request);
+  while (GstBuffer* buffer = gst_aggregator_pad_peek_buffer(pad)) {
+    std::string reason;
+    std::optional<lf::ViewRequest> request = lf::decode_request_buffer(buffer, &reason);
+    gst_buffer_unref(buffer);
+    if (request && request->view_id == view_id) {
+      try {
+        lf_compositor_forget_request(self);
+        state.assembly.begin(*request);
+        state.current = std::move(request);
+        state.current_bytes = 0;
+        state.adding = 0;
+        return true;
+      } catch (const lf::Error& error) {
+        reason = error.what();
+        request.reset();
+      }
+    }
+    if (!request) {
+      GST_WARNING_OBJECT(self, "dropped a view request: %s", reason.c_str());
+      state.stats.count(CompositorStats::kBadRequests);
+    }
+    gst_aggregator_pad_drop_buffer(pad);
+  }
+  return false;
+}
+
+static void add_answer(LfCompositor* self, GstBuffer* buffer) {
+  auto& state = *self->state;
+  const auto mapped = std::make_shared<const lf::MappedBuffer>(buffer);
+  std::string reason;
+  const std::optional<lf::wire::AnswerView> answer = lf::wire::parse_answer(mapped->bytes(), &reason);
+  if (!answer) {
+    GST_WARNING_OBJECT(self, "dropped an answer: %s", reason.c_str());
+    state.stats.count(CompositorStats::kBadAnswers);
+    return;
+  }
+  const int64_t begun = g_get_monotonic_time();
+  state.current_bytes += mapped->bytes().size();
+  const unsigned damaged_before = state.assembly.damaged();
+  switch (state.assembly.add(*answer, mapped)) {
+    case lf::Assembly::Verdict::kOtherRig:
+      state.stats.count(CompositorStats::kRigMismatches);
+      if (!state.warned_rig)
+        GST_ELEMENT_WARNING(self, STREAM, FAILED,
+                            ("Node %u answers for another rig: its fragments are not composed.", answer->node),
+                            ("view %u, request %u", answer->view_id, answer->sequence));
+      state.warned_rig = true;
+      break;
+    case lf::Assembly::Verdict::kBadFragment:
+      GST_WARNING_OBJECT(self, "node %u: fragments that don't fit the view or the other nodes'", answer->node);
+      state.stats.count(CompositorStats::kBadAnswers);
+      break;
+    default: break;
+  }
+  state.adding += g_get_monotonic_time() - begun;
+  if (const unsigned damaged = state.assembly.damaged() - damaged_before)
+    GST_WARNING_OBJECT(self, "node %u: %u fragments are damaged", answer->node, damaged);
+}
+
+// An answer to a request that has been composed: too late for the picture, but in time all the same if nobody waited
+// for this node.
+static void note_late_answer(LfCompositor* self, const lf::wire::AnswerHead& answer, NodeInput& node) {
+  auto& state = *self->state;
+  state.stats.count(CompositorStats::kLateAnswers);
+  const auto past = std::ranges::find(state.past, answer.sequence, &_LfCompositor::State::Past::sequence);
+  if (past == state.past.end() || clock_time(self) > past->deadline) return;
+  node.missed = 0;
+  lf::CameraRanges seeing = answer.cameras;
+  seeing.remove(answer.blind);
+  state.seeing_since.add(seeing);
+}
+
+// Adds what has come from this node for the current request, up to its last part.
+static void take_answers(LfCompositor* self, GstAggregatorPad* pad) {
+  auto& state = *self->state;
+  NodeInput& node = lf_compositor_node_of(pad);
+  while (GstBuffer* buffer = gst_aggregator_pad_peek_buffer(pad)) {
+    gst_buffer_unref(buffer);  // the pad keeps it
+    if (buffer == node.seen) return;
+    std::string reason;
+    const std::optional<lf::wire::AnswerHead> answer = lf::parse_answer_buffer_header(buffer, &reason);
+    const bool own = answer && answer->view_id == state.current->view_id;
+    // Sequence numbers wrap: the sign of the difference tells the order.
+    const int32_t ahead = own ? static_cast<int32_t>(answer->sequence - state.current->sequence) : 0;
+    if (!answer) {
+      GST_WARNING_OBJECT(pad, "dropped an answer: %s", reason.c_str());
+      state.stats.count(CompositorStats::kBadAnswers);
+    } else if (own && ahead > 0) {
+      node.head = NodeInput::Head::kAhead;
+      node.seen = buffer;
+      return;
+    } else if (own && ahead < 0) {
+      note_late_answer(self, *answer, node);
+    } else if (own && !node.parts.add(answer->part)) {
+      state.stats.count(CompositorStats::kRepeatedAnswers);
+    } else if (own) {
+      add_answer(self, buffer);
+      if (node.parts.complete() && answer->last_of_node) {
+        node.head = NodeInput::Head::kDone;
+        node.seen = buffer;
+        return;
+      }
+      if (node.parts.complete()) node.parts.clear();  // another answer follows
+    }
+    gst_aggregator_pad_drop_buffer(pad);
+  }
+}
+
+static bool is_awaited(LfCompositor* self, GstAggregatorPad* pad) {
+  const NodeInput& node = lf_compositor_node_of(pad);
+  if (node.answered() || gst_aggregator_pad_is_eos(pad)) return false;
+  return self->max_missed == 0 || node.missed <= self->max_missed || !is_live(self);
+}
+
+static void announce_out_of_service(LfCompositor* self) {
+  auto& state = *self->state;
+  const lf::CameraSet& cameras = state.health.out_of_service();
+  state.stats.set_out_of_service(cameras.size());
+  const guint view_id = state.current->view_id;
+  GST_INFO_OBJECT(self, "%zu cameras are out of service", cameras.size());
+  gst_pad_push_event(self->request,
+                     gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, lf::out_of_service_structure(view_id, cameras)));
+  gst_element_post_message(GST_ELEMENT(self),
+                           gst_message_new_element(GST_OBJECT(self), lf::out_of_service_structure(view_id, cameras)));
+}
+
+// Makes room for the next request. Returns whether a node that was waited for has not answered.
+static void close_request(LfCompositor* self, const AnswerPads& pads, GstClockTime due) {
+  auto& state = *self->state;
+  for (GstAggregatorPad* pad : pads) {
+    NodeInput& node = lf_compositor_node_of(pad);
+    const bool took_part = node.head == NodeInput::Head::kDone;
+    node.missed = took_part || gst_aggregator_pad_is_eos(pad) ? 0 : node.missed + 1;
+    if (took_part) drop_head(pad, node);
+  }
+  if (is_live(self)) {
+    state.past.push_back({state.current->sequence, due});
+    if (state.past.size() > kMostPast) state.past.pop_front();
+    lf::CameraRanges seeing = state.assembly.seeing();
+    seeing.add(std::exchange(state.seeing_since, {}));
+    if (state.health.picture(seeing)) announce_out_of_service(self);
+  }
+  state.assembly.release();
+  state.current.reset();
+}
+
+// What is put out in place of an incomplete picture; takes it.
+static GstBuffer* replace_incomplete(LfCompositor* self, GstBuffer* picture) {
+  auto& state = *self->state;
+  GST_OBJECT_LOCK(self);
+  const LfCompositorIncomplete manner = self->partial ? LF_COMPOSITOR_INCOMPLETE_CONCEAL : self->incomplete;
+  GST_OBJECT_UNLOCK(self);
+  const bool complete = state.assembly.missing() == 0 && state.assembly.damaged() == 0;
+  if (manner != LF_COMPOSITOR_INCOMPLETE_REPEAT) gst_clear_buffer(&state.last_picture);
+  if (manner == LF_COMPOSITOR_INCOMPLETE_REPEAT && complete) {
+    gst_buffer_replace(&state.last_picture, picture);
+  } else if (manner == LF_COMPOSITOR_INCOMPLETE_REPEAT && state.last_picture &&
+             gst_buffer_get_size(state.last_picture) == gst_buffer_get_size(picture)) {
+    state.stats.count(CompositorStats::kRepeatedPictures);
+    gst_buffer_unref(picture);
+    return gst_buffer_copy(state.last_picture);
+  } else if (manner == LF_COMPOSITOR_INCOMPLETE_DROP && !complete) {
+    state.stats.count(CompositorStats::kDroppedPictures);
+    gst_buffer_unref(picture);
+    return nullptr;
+  }
+  return picture;
+}
+
+static void record(LfCompositor* self, int64_t answered, GstClockTime pts) {
+  auto& state = *self->state;
+  GST_OBJECT_LOCK(self);
+  const bool post = self->post_messages;
+  GST_OBJECT_UNLOCK(self);
+  const lf::Assembly& assembly = state.assembly;
+  GstStructure* description = state.stats.record(
+      {state.current->view_id, state.current->sequence, pts, assembly.fragments(), assembly.missing(),
+       assembly.damaged(), state.current_bytes, assembly.skew(), answered, state.adding, g_get_monotonic_time()},
+      post);
+  if (description) gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), description));
+}
+
+static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) {
+  auto& state = *self->state;
+  const int64_t answered = g_get_monotonic_time();
+  GstFlowReturn flow = GST_FLOW_OK;
+  GstBuffer* out = lf_compositor_make_picture(self, &flow);
+  if (!out) return flow;
+  const GstClockTime due = deadline(self);
+  GstBuffer* request = gst_aggregator_pad_pop_buffer(GST_AGGREGATOR_PAD(self->request));
+  if (!request) {  // flushed meanwhile
+    gst_buffer_unref(out);
+    lf_compositor_forget_request(self);
+    return GST_FLOW_OK;
+  }
+  const GstClockTime pts = running_time(self, request), duration = GST_BUFFER_DURATION(request);
+  gst_buffer_unref(request);
+  record(self, answered, pts);
+  out = replace_incomplete(self, out);
+  close_request(self, pads, due);
+  if (!out) return GST_FLOW_OK;
+  if (state.last_picture == out) out = gst_buffer_make_writable(out);
+  GST_BUFFER_PTS(out) = pts;
+  GST_BUFFER_DURATION(out) = duration;
+  GstSegment& segment = GST_AGGREGATOR_PAD(GST_AGGREGATOR_SRC_PAD(self))->segment;
+  if (GST_BUFFER_PTS_IS_VALID(out)) segment.position = GST_BUFFER_PTS(out);
+  return gst_aggregator_finish_buffer(GST_AGGREGATOR(self), out);
+}
+
+GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  if (!find_request(self, lf_compositor_view_id(self)))
+    return gst_aggregator_pad_is_eos(GST_AGGREGATOR_PAD(self->request)) ? GST_FLOW_EOS : GST_AGGREGATOR_FLOW_NEED_DATA;
+  const AnswerPads pads(self);
+  for (GstAggregatorPad* pad : pads) take_answers(self, pad);
+  const bool all_answered = std::ranges::none_of(pads, [self](GstAggregatorPad* pad) { return is_awaited(self, pad); });
+  const GstClockTime due = deadline(self);
+  const bool late = GST_CLOCK_TIME_IS_VALID(due) && clock_time(self) >= due;
+  return all_answered || late ? finish_request(self, pads) : GST_AGGREGATOR_FLOW_NEED_DATA;
+}
+
+// Live, the running time that aggregate() is called at, less the latency, if not all pads have a buffer before.
+GstClockTime lf_compositor_next_time(GstAggregator* agg) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
+  if (!request) return GST_CLOCK_TIME_NONE;
+  const GstClockTime time = running_time(self, request);
+  gst_buffer_unref(request);
+  if (!self->state->current) return 0;
+  bool awaited = false;
+  for (GstAggregatorPad* pad : AnswerPads(self)) {
+    GstBuffer* head = gst_aggregator_pad_peek_buffer(pad);
+    if (head) gst_buffer_unref(head);
+    if (head && head != lf_compositor_node_of(pad).seen) return 0;
+    awaited = awaited || is_awaited(self, pad);
+  }
+  return awaited ? time : 0;
+}

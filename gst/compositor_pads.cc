@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "lfcompositor_private.h"
+
+GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
+#define GST_CAT_DEFAULT lf_compositor_debug
+
+namespace {
+
+GstStaticPadTemplate sink_template =
+    GST_STATIC_PAD_TEMPLATE("sink_%u", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_ANSWER_MEDIA_TYPE));
+GstStaticPadTemplate request_template =
+    GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE));
+GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
+    "src", GST_PAD_SRC, GST_PAD_ALWAYS,
+    GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }") "; " LF_ANSWER_MEDIA_TYPE));
+
+// The node's data goes with its pad.
+GQuark node_quark() {
+  static const GQuark quark = g_quark_from_static_string("lf-compositor-node");
+  return quark;
+}
+
+GstAggregatorClass* parent_class() { return GST_AGGREGATOR_CLASS(g_type_class_peek(GST_TYPE_AGGREGATOR)); }
+
+}  // namespace
+
+NodeInput& lf_compositor_node_of(GstAggregatorPad* pad) {
+  return *static_cast<NodeInput*>(g_object_get_qdata(G_OBJECT(pad), node_quark()));
+}
+
+// What a viewer does concerns its own requests alone. (GstAggregator 1.22.0 drops navigation events.)
+static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  const GstStructure* structure = gst_event_get_structure(event);
+  const bool is_navigation = GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION;
+  const bool is_view = GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && structure &&
+                       gst_structure_has_name(structure, "lf-view-request");
+  if (!is_navigation && !is_view) {
+    return parent_class()->src_event(agg, event);
+  }
+  event = gst_event_make_writable(event);
+  gst_structure_set(gst_event_writable_structure(event), "lf-view-id", G_TYPE_UINT, lf_compositor_view_id(self),
+                    nullptr);
+  return gst_pad_push_event(self->request, event);
+}
+
+// Events come here in the order of the data: at EOS of the requests all of them have been answered. That ends the
+// output, whether or not the nodes ever end theirs (GstAggregator waits for all).
+static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* pad, GstEvent* event) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  const bool ended = GST_PAD(pad) == self->request && GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+  const gboolean ok = parent_class()->sink_event(agg, pad, event);
+  // Before the first picture the source pad has no segment to end yet.
+  if (ended && self->state->negotiated) gst_pad_push_event(GST_AGGREGATOR_SRC_PAD(agg), gst_event_new_eos());
+  return ok;
+}
+
+static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* pad, GstQuery* query) {
+  const GstStructure* structure = GST_QUERY_TYPE(query) == GST_QUERY_CUSTOM ? gst_query_get_structure(query) : nullptr;
+  if (structure && gst_structure_has_name(structure, LF_IN_PROCESS_QUERY)) return TRUE;
+  return parent_class()->sink_query(agg, pad, query);
+}
+
+static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
+  LfCompositor* self = LF_COMPOSITOR(data);
+  const std::optional<lf::ViewRequest> request = lf::decode_request_buffer(GST_PAD_PROBE_INFO_BUFFER(info));
+  if (!request) return GST_PAD_PROBE_OK;
+  if (request->view_id == lf_compositor_view_id(self))
+    self->state->stats.request_arrived(request->sequence, g_get_monotonic_time());
+  return GST_PAD_PROBE_OK;
+}
+
+// GstAggregator's own would name every pad sink_N and keep no name that was asked for.
+static GstAggregatorPad* lf_compositor_create_pad(GstAggregator* agg, GstPadTemplate* templ, const gchar* name,
+                                                  const GstCaps*) {
+  g_autofree gchar* pad_name = nullptr;
+  if (name && g_str_has_prefix(name, "sink_")) {
+    pad_name = g_strdup(name);
+  } else {
+    guint number = 0;
+    do {
+      g_free(pad_name);
+      pad_name = g_strdup_printf("sink_%u", number++);
+      GstPad* taken = gst_element_get_static_pad(GST_ELEMENT(agg), pad_name);
+      if (!taken) break;
+      gst_object_unref(taken);
+    } while (true);
+  }
+  gpointer pad =
+      g_object_new(GST_TYPE_AGGREGATOR_PAD, "name", pad_name, "direction", GST_PAD_SINK, "template", templ, nullptr);
+  g_object_set_qdata_full(G_OBJECT(pad), node_quark(), new NodeInput,
+                          [](gpointer data) { delete static_cast<NodeInput*>(data); });
+  return GST_AGGREGATOR_PAD(pad);
+}
+
+void lf_compositor_add_request_pad(LfCompositor* self) {
+  GstPadTemplate* templ = gst_element_class_get_pad_template(GST_ELEMENT_GET_CLASS(self), "request");
+  self->request = GST_PAD(
+      g_object_new(GST_TYPE_AGGREGATOR_PAD, "name", "request", "direction", GST_PAD_SINK, "template", templ, nullptr));
+  gst_pad_add_probe(self->request, GST_PAD_PROBE_TYPE_BUFFER, lf_compositor_request_arrives, self, nullptr);
+  gst_element_add_pad(GST_ELEMENT(self), self->request);
+}
+
+void lf_compositor_install_pads(LfCompositorClass* klass) {
+  GstAggregatorClass* aggregator_class = GST_AGGREGATOR_CLASS(klass);
+  aggregator_class->src_event = lf_compositor_src_event;
+  aggregator_class->sink_event = lf_compositor_sink_event;
+  aggregator_class->sink_query = lf_compositor_sink_query;
+  aggregator_class->create_new_pad = lf_compositor_create_pad;
+  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  gst_element_class_add_static_pad_template_with_gtype(element_class, &sink_template, GST_TYPE_AGGREGATOR_PAD);
+  gst_element_class_add_static_pad_template_with_gtype(element_class, &request_template, GST_TYPE_AGGREGATOR_PAD);
+  gst_element_class_add_static_pad_template_with_gtype(element_class, &src_template, GST_TYPE_AGGREGATOR_PAD);
+}

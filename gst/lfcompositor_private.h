@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <deque>
+#include <memory>
+#include <optional>
+
+#include <gst/video/video.h>
+
+#include "common.h"
+#include "composite/assembly.h"
+#include "composite/camera_health.h"
+#include "compositor_stats.h"
+#include "gst_wire.h"
+#include "lfcompositor.h"
+#include "node/answer_form.h"
+#include "picture_pool.h"
+#include "wire/answer_parts.h"
+
+// What the files of lfcompositor share: lfcompositor.cc (the element), compositor_properties.cc, compositor_answers.cc
+// (requests and answers in), compositor_output.cc (pictures or partial answers out) and compositor_pads.cc (events,
+// queries, pads).
+
+// The node behind an answer pad, as the current request shows it. Streaming thread.
+struct NodeInput {
+  enum class Head {
+    kUnseen,  // nothing there, or something that has not been looked at
+    kDone,    // the last part of the node's answer: it has been added and stays until the picture is done
+    kAhead,   // an answer to a later request: the node skipped this one
+  };
+  Head head = Head::kUnseen;
+  GstBuffer* seen = nullptr;    // the buffer that `head` is about; not owned
+  lf::wire::AnswerParts parts;  // that have been added
+  unsigned missed = 0;          // pictures in a row that had to do without this node
+  bool answered() const { return head != Head::kUnseen; }
+};
+
+struct _LfCompositor {
+  GstAggregator parent;
+  GstPad* request;
+
+  // Properties, under the object lock.
+  std::shared_ptr<const lf::Rig>* new_rig;  // set while running, from the next request on; null: none
+  guint view_id;
+  gchar* rig_path;
+  guint32 background;
+  gboolean post_messages;
+  LfCompositorIncomplete incomplete;
+  guint max_missed;
+  gboolean partial;
+  guint node;
+  lf::CodecChoice codec;
+
+  // Streaming thread, but for stats.
+  struct State {
+    std::shared_ptr<const lf::Rig> rig;
+    lf::Assembly assembly;
+    std::optional<lf::ViewRequest> current;  // the request at the head of the request pad
+    GstVideoInfo info{};                     // negotiated
+    bool negotiated = false;
+    bool renegotiate = true;
+    bool warned_rig = false;
+    uint64_t current_bytes = 0;  // of the answers added
+    int64_t adding = 0;          // time spent adding them, microseconds
+    lf::PicturePool pool;
+    GstBuffer* last_picture = nullptr;  // kept where incomplete pictures are to repeat it
+
+    struct Past {
+      uint32_t sequence;
+      GstClockTime deadline;  // clock time
+    };
+    std::deque<Past> past;  // requests that were composed last
+    lf::CameraHealth health;
+    lf::CameraRanges seeing_since;  // cameras whose answers were in time, but after their picture
+
+    std::shared_ptr<lf::AnswerMemory> memory = std::make_shared<lf::AnswerMemory>();
+    bool root_is_near = false;  // the compositor that partial answers go to is in this process
+    lf::CompositorStats stats;  // any thread
+  } * state;
+};
+
+// compositor_properties.cc
+void lf_compositor_install_properties(GObjectClass* klass);
+// The rig of the property; null without one. Posts an error and returns false if it can't be read.
+bool lf_compositor_load_rig(LfCompositor* self, std::shared_ptr<const lf::Rig>* rig);
+
+// compositor_answers.cc
+guint lf_compositor_view_id(LfCompositor* self);
+GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean timeout);
+GstClockTime lf_compositor_next_time(GstAggregator* agg);
+void lf_compositor_forget_request(LfCompositor* self);
+
+// compositor_output.cc
+gboolean lf_compositor_negotiate(GstAggregator* agg);
+// The picture, or partial answer, of the current request as it is now. Null if there is none to put out; *flow then
+// says why.
+GstBuffer* lf_compositor_make_picture(LfCompositor* self, GstFlowReturn* flow);
+
+// compositor_pads.cc
+void lf_compositor_install_pads(LfCompositorClass* klass);
+void lf_compositor_add_request_pad(LfCompositor* self);
+NodeInput& lf_compositor_node_of(GstAggregatorPad* pad);

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <vector>
+
+#include "rig/camera_ranges.h"
+
+namespace lf {
+
+// Which cameras are out of order, judged by the answers to one view's requests: a camera that is missing from so many
+// pictures in a row is taken out of service, so that its neighbours close the gap, and put back when it has been in
+// some again. Not thread-safe.
+class CameraHealth {
+ public:
+  static constexpr unsigned kBackAfter = 3;  // pictures in a row: a camera that comes and goes stays out
+
+  // `max_missed` pictures are forgiven; 0: all are, no camera is ever taken out.
+  explicit CameraHealth(unsigned max_missed = 0) : max_missed_(max_missed) {}
+
+  // Cameras 0 to count - 1 are there; those that never answer are missing, too. Others are known once they answer.
+  void expect(size_t count);
+  // One more picture, of which `seeing` answered in time with pictures of theirs. A picture of none counts for
+  // nothing: then it is not the cameras that are out of order. True if out_of_service() is another now.
+  bool picture(const CameraRanges& seeing);
+
+  const CameraSet& out_of_service() const { return out_; }
+
+ private:
+  struct Camera {
+    bool known = false, out = false;
+    unsigned missed = 0, seen = 0;  // in a row
+  };
+  unsigned max_missed_;
+  std::vector<Camera> cameras_;
+  CameraSet out_;
+};
+
+}  // namespace lf

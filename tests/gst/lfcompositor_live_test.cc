@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <gmock/gmock.h>
+#include <gst/check/gsttestclock.h>
+#include <gtest/gtest.h>
+
+#include "composite/camera_health.h"
+#include "gst/compositor_fixture.h"
+#include "out_of_service_event.h"
+#include "wire/answer_parser.h"
+#include "wire/answer_writer.h"
+#include "wire/payload.h"
+
+namespace lf::test {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+constexpr uint64_t kNow = 1000 * GST_SECOND, kLatency = 40 * GST_MSECOND;
+
+// Live, on a clock that stands still unless a test moves it: what comes out without that was not waited for.
+class LfCompositorLiveTest : public LfCompositorTest {
+ protected:
+  void start_live(int nodes, const std::vector<std::pair<std::string, std::string>>& properties = {}) {
+    start(nodes, properties);
+    g_object_set(element_.get(), "latency", kLatency, nullptr);
+    gst_harness_set_live(harness_.get(), TRUE);
+    for (const HarnessPtr& node : nodes_) gst_harness_set_live(node.get(), TRUE);
+    gst_harness_use_testclock(harness_.get());
+    gst_harness_set_time(harness_.get(), kNow);
+    gst_harness_query_latency(harness_.get());
+  }
+
+  ViewRequest ask(const CameraSet& out_of_service = {}) {
+    ViewRequest asked = array_.request(sequence_, kNow + sequence_ * kFrame);
+    sequence_++;
+    asked.out_of_service = out_of_service;
+    gst_harness_set_time(harness_.get(), asked.target_time);
+    request(asked);
+    return asked;
+  }
+
+  // The deadline of the request asked for last passes.
+  void pass_deadline() { gst_harness_set_time(harness_.get(), kNow + (sequence_ - 1) * kFrame + kLatency); }
+
+  // What comes out while the clock stands still. (A test clock lets nobody go on by itself, not even from the past.)
+  std::vector<uint8_t> pull() {
+    GstTestClock* clock = gst_harness_get_testclock(harness_.get());
+    for (int i = 0; i < 5000 && gst_harness_buffers_in_queue(harness_.get()) == 0; i++) {
+      GstClockID id = nullptr;
+      if (gst_test_clock_peek_next_pending_id(clock, &id)) {
+        if (gst_clock_id_get_time(id) <= gst_clock_get_time(GST_CLOCK(clock)))
+          gst_clock_id_unref(gst_test_clock_process_next_clock_id(clock));
+        gst_clock_id_unref(id);
+      }
+      g_usleep(1000);
+    }
+    gst_object_unref(clock);
+    return gst_harness_buffers_in_queue(harness_.get()) > 0 ? LfCompositorTest::pull() : std::vector<uint8_t>{};
+  }
+
+  // The sets that were announced since the last call.
+  std::vector<CameraSet> announced() {
+    std::vector<CameraSet> sets;
+    while (GstEvent* event = gst_harness_try_pull_upstream_event(harness_.get())) {
+      CameraSet cameras;
+      if (parse_out_of_service(event, 0, &cameras)) sets.push_back(cameras);
+      gst_event_unref(event);
+    }
+    return sets;
+  }
+
+  uint32_t sequence_ = 0;
+};
+
+TEST_F(LfCompositorLiveTest, APictureIsOutAtItsDeadlineWithoutTheSilentNode) {
+  start_live(2, {{"rig", array_.rig_path()}});
+  const ViewRequest asked = ask();
+  push(0, answer_of(asked, {0, 1, 2}));
+  pass_deadline();
+  pull();
+  EXPECT_EQ(stat(element_.get(), "missing-fragments"), 1u);
+  EXPECT_THAT(announced(), IsEmpty());
+}
+
+// Both of the nodes have two cameras; the second one stops after the first picture.
+TEST_F(LfCompositorLiveTest, ANodeThatStopsIsLeftOutAndComesBack) {
+  start_live(2, {{"rig", array_.rig_path()}, {"max-missed", "2"}});
+  ViewRequest asked = ask();
+  push(0, answer_of(asked, {0, 1}));
+  push(1, answer_of(asked, {2, 3}));
+  EXPECT_GE(range(pull()).first, 199);
+  for (int i = 0; i < 3; i++) {
+    EXPECT_THAT(announced(), IsEmpty()) << i;
+    asked = ask();
+    push(0, answer_of(asked, {0, 1}));
+    pass_deadline();
+    pull();
+  }
+  EXPECT_THAT(announced(), ElementsAre(CameraSet{2, 3}));
+  EXPECT_EQ(stat(element_.get(), "out-of-service"), 2u);
+
+  // From now on nobody waits for it, and the picture has no hole.
+  for (int i = 0; i < 3; i++) {
+    asked = ask({2, 3});
+    push(0, answer_of(asked, {0, 1}));
+    const std::vector<uint8_t> healed = pull();
+    ASSERT_FALSE(healed.empty());
+    EXPECT_GE(range(healed).first, 199);
+    EXPECT_EQ(stat(element_.get(), "missing-fragments"), 6u);
+  }
+
+  // It is back: its first answers come too late for their pictures, but in time.
+  for (unsigned i = 0; i < CameraHealth::kBackAfter + 1 && stat(element_.get(), "out-of-service") > 0; i++) {
+    asked = ask({2, 3});
+    wire::Answer nothing = answer_of(asked, {});
+    nothing.cameras = CameraRanges(CameraSet{2, 3});
+    push(0, answer_of(asked, {0, 1}));
+    if (i == 0) pull();
+    push(1, nothing);
+    if (i > 0) pull();
+  }
+  EXPECT_THAT(announced(), ElementsAre(CameraSet{}));
+  asked = ask();
+  push(1, answer_of(asked, {2, 3}));
+  push(0, answer_of(asked, {0, 1}));
+  EXPECT_GE(range(pull()).first, 199);
+  EXPECT_EQ(stat(element_.get(), "missing-fragments"), 6u);
+}
+
+TEST_F(LfCompositorLiveTest, ABlindCameraIsTakenOut) {
+  start_live(1, {{"max-missed", "1"}});
+  for (int i = 0; i < 3; i++) {
+    const ViewRequest asked = ask();
+    wire::Answer answer = answer_of(asked, i == 0 ? CameraSet{0, 1, 2, 3} : CameraSet{0, 1, 2});
+    answer.cameras = CameraRanges(CameraSet{0, 1, 2, 3});
+    if (i > 0) answer.blind = CameraRanges(CameraSet{3});
+    push(0, answer);
+    pull();
+  }
+  EXPECT_THAT(announced(), ElementsAre(CameraSet{3}));
+}
+
+TEST_F(LfCompositorLiveTest, IncompletePicturesAreRepeatedOrDropped) {
+  for (const std::string manner : {"repeat", "drop"}) {
+    SCOPED_TRACE(manner);
+    start_live(1, {{"rig", array_.rig_path()}, {"incomplete", manner}});
+    ViewRequest asked = ask();
+    push(0, answer_of(asked, {0, 1, 2, 3}, 90));
+    const std::vector<uint8_t> complete = pull();
+    asked = ask();
+    push(0, answer_of(asked, {0, 1, 2}, 250));
+    if (manner == "repeat") {
+      EXPECT_EQ(pull(), complete);
+      EXPECT_EQ(last_pts_, asked.target_time);
+      EXPECT_EQ(stat(element_.get(), "repeated"), 1u);
+    }
+    asked = ask();
+    push(0, answer_of(asked, {0, 1, 2, 3}, 250));
+    EXPECT_GE(range(pull()).first, 248);
+    EXPECT_EQ(last_pts_, asked.target_time);
+    EXPECT_EQ(stat(element_.get(), "incomplete"), 1u);
+    EXPECT_EQ(stat(element_.get(), "dropped"), manner == "drop" ? 1u : 0u);
+    nodes_.clear();
+    harness_.reset();
+    sequence_ = 0;
+  }
+}
+
+// An answer in two parts, each with some of its fragments.
+std::vector<std::vector<uint8_t>> in_parts(const wire::Answer& answer) {
+  std::vector<std::vector<uint8_t>> parts;
+  const size_t total = answer.fragments.size(), half = total / 2;
+  for (const auto& [first, count] : {std::pair{size_t{0}, half}, std::pair{half, total - half}}) {
+    wire::AnswerWriter writer(answer, count);
+    for (size_t i = first; i < first + count; i++) {
+      const Fragment& f = answer.fragments[i];
+      const std::span<uint8_t> to = writer.add({f.camera, f.family, f.rect, wire::Codec::kRaw, 0, !f.lost.empty()});
+      std::ranges::copy(f.lost, std::ranges::copy(f.pixels, to.begin()).out);
+    }
+    writer.set_part(static_cast<uint32_t>(first), static_cast<uint32_t>(total));
+    const ByteBuffer bytes = writer.finish();
+    parts.emplace_back(bytes.begin(), bytes.end());
+  }
+  return parts;
+}
+
+TEST_F(LfCompositorLiveTest, PartsOfAnswersComeInAnyOrderAndMoreThanOnce) {
+  start_live(2, {{"rig", array_.rig_path()}});
+  for (const std::vector<size_t>& order : {std::vector<size_t>{0, 1}, {1, 0}, {1, 1, 0}}) {
+    const ViewRequest asked = ask();
+    push(0, answer_of(asked, {0}));
+    const auto parts = in_parts(answer_of(asked, {1, 2, 3}));
+    for (const size_t i : order)
+      ASSERT_EQ(gst_harness_push(nodes_[1].get(), to_buffer(std::vector<uint8_t>(parts[i]))), GST_FLOW_OK);
+    EXPECT_GE(range(pull()).first, 199);
+  }
+  EXPECT_EQ(stat(element_.get(), "repeated-answers"), 1u);
+  EXPECT_EQ(stat(element_.get(), "bad-answers"), 0u);
+  EXPECT_EQ(stat(element_.get(), "incomplete"), 0u);
+}
+
+TEST_F(LfCompositorLiveTest, ALostPartIsConcealedAtTheDeadline) {
+  start_live(1, {{"rig", array_.rig_path()}});
+  const ViewRequest asked = ask();
+  const auto parts = in_parts(answer_of(asked, {0, 1, 2, 3}));
+  ASSERT_EQ(gst_harness_push(nodes_[0].get(), to_buffer(std::vector<uint8_t>(parts[1]))), GST_FLOW_OK);
+  pass_deadline();
+  const std::vector<uint8_t> picture = pull();
+  EXPECT_EQ(stat(element_.get(), "missing-fragments"), 2u);
+  EXPECT_NEAR(picture[(6 * 16 + 8) * 3], 200, 6);
+}
+
+}  // namespace
+}  // namespace lf::test
