@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "fragment_node.h"
 
+#include <algorithm>
 #include <chrono>
 
 #include "base/error.h"
@@ -135,19 +136,26 @@ FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& 
   const uint64_t planned = now_ns();
   FrameSources sources(*rig_, job);
   std::vector<SkewWatch::Frame> skews;
-  for (const CameraIndex camera : job.cameras()) {
+  // Nothing if the camera has none, or none of about the time asked for.
+  const auto find = [&](CameraIndex camera) {
     CameraFrames& frames = *inputs.at(camera);
     const uint64_t wanted = wanted_of(request, frames, manner.base_time);
     std::optional<CameraFrame> frame = frames.find(wanted, !manner.live);
-    if (frame && wanted != kNoTime && frames.is_live()) {
-      skews.push_back({camera, frame->time, wanted, frames.period()});
-      if (manner.max_skew > 0 && time_between(frame->time, wanted) > manner.max_skew) {
-        frame.reset();
-        stats_.stale_frames++;
-      }
+    if (!frame || wanted == kNoTime || !frames.is_live()) return frame;
+    skews.push_back({camera, frame->time, wanted, frames.period()});
+    if (manner.max_skew > 0 && time_between(frame->time, wanted) > manner.max_skew) {
+      frame.reset();
+      stats_.stale_frames++;
     }
-    sources.add(camera, std::move(frame));
-  }
+    return frame;
+  };
+  for (const CameraIndex camera : job.cameras()) sources.add(camera, find(camera));
+  // The others are looked at, too: what is out of service or out of sight must be known to be well before it is used.
+  CameraSet blind;
+  for (const CameraIndex camera : own)
+    if ((manner.live || inputs.at(camera)->is_live()) && !std::ranges::binary_search(job.cameras(), camera) &&
+        !find(camera))
+      blind.push_back(camera);
   const uint64_t found = now_ns();
   sources.decode(
       agree_on_family(PixelFamily::kNone),
@@ -161,7 +169,6 @@ FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& 
   const uint64_t decoded = now_ns();
 
   uint64_t worst_skew = 0;
-  CameraSet blind;
   for (size_t i = 0; i < sources.sources().size(); i++) {
     if (sources.sources()[i].image.family == PixelFamily::kNone) {
       stats_.missing_frames++;
@@ -176,6 +183,7 @@ FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& 
       header.actual_time = time_of(request, frames, sources.time(i), manner.base_time);
     }
   }
+  std::ranges::sort(blind);
   header.cameras = CameraRanges(own);
   header.blind = CameraRanges(blind);
   header.family = sources.family();

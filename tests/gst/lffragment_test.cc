@@ -438,6 +438,11 @@ TEST_F(LfFragmentClockTest, ACameraThatStoppedIsBlind) {
   EXPECT_EQ(stat(element_.get(), "missing-frames"), 10u);
   EXPECT_THAT(warnings(), testing::ElementsAre(testing::AllOf(HasSubstr("node 7 is off"), HasSubstr("camera 2 "),
                                                               HasSubstr("a frame (100 ms)"), HasSubstr("too old"))));
+  ViewRequest without = array_.request(20, at(19));
+  without.absolute_time = true;
+  without.out_of_service = {2};
+  ASSERT_EQ(request(without), GST_FLOW_OK);
+  EXPECT_EQ(pull().blind, CameraRanges(CameraSet{2})) << "nor may it come back before it has frames";
   set("max-skew", "0");
   EXPECT_TRUE(ask(20, at(20)).blind.empty()) << "any frame is good enough";
 }

@@ -49,7 +49,7 @@ TEST_P(PartialAnswer, ATreeMakesTheSamePicture) {
   const wire::AnswerHeader header = wire::header_of_view(GetParam(), kSize, kSize);
   std::vector<Fragment> all = wire::patterned_fragments(GetParam(), 30, 60, 44);
   for (Fragment& fragment : all) {  // weights of a half and less, as where cameras overlap
-    for (uint8_t& value : fragment.pixels) value = static_cast<uint8_t>(static_cast<int8_t>(value) / 2);
+    for (uint8_t& value : fragment.pixels) value = static_cast<uint8_t>(value / 2);
     for (uint8_t& value : fragment.lost) value /= 4;
   }
   const Image expected = sum_of(all, GetParam()).resolve();
@@ -59,6 +59,8 @@ TEST_P(PartialAnswer, ATreeMakesTheSamePicture) {
     int bound;  // levels of 255; what is lost is divided out, which enlarges it by a third at most
   } rows[] = {{{wire::Codec::kRaw16, 0}, 0}, {{wire::Codec::kRaw, 0}, 2}, {{wire::Codec::kJpeg, 100}, 12}};
   for (const auto& row : rows) {
+    // Of RGB, JPEG keeps no colour of single pixels.
+    if (row.form.codec == wire::Codec::kJpeg && GetParam() == PixelFamily::kRgb) continue;
     SCOPED_TRACE(static_cast<int>(row.form.codec));
     Accumulator root;
     root.reset(GetParam(), kSize, kSize);
