@@ -25,6 +25,7 @@
 #include "base/error.h"
 #include "common.h"
 #include "lffragment_private.h"
+#include "net_clock.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_camera_node_debug);
 #define GST_CAT_DEFAULT lf_camera_node_debug
@@ -43,7 +44,8 @@ enum {
   kPropThreads,
   kPropMaxSkew,
   kPropDecode,
-  kPropStats
+  kPropStats,
+  kPropNetClock
 };
 
 // What the application sets. Under the object lock.
@@ -64,6 +66,7 @@ struct _LfCameraNode {
   GstBin parent;
   GstElement* fragment;  // borrowed from the bin's children; null where lffragment is not installed
   Settings* settings;
+  lf::NetClock* net_clock;
   Settings* opened;                   // what the children were made for
   std::vector<GstElement*>* cameras;  // borrowed from the bin's children
 };
@@ -144,10 +147,12 @@ static bool open_cameras(LfCameraNode* self) {
 
 static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, GstStateChange transition) {
   LfCameraNode* self = LF_CAMERA_NODE(element);
+  if (!self->net_clock->before(element, transition)) return GST_STATE_CHANGE_FAILURE;
   const bool stale = transition == GST_STATE_CHANGE_NULL_TO_READY ||
                      (transition == GST_STATE_CHANGE_READY_TO_PAUSED && *self->opened != current_settings(self));
   if (stale && !open_cameras(self)) return GST_STATE_CHANGE_FAILURE;
   const GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_camera_node_parent_class)->change_state(element, transition);
+  self->net_clock->after(element, transition);
   if (transition == GST_STATE_CHANGE_READY_TO_NULL ||
       (transition == GST_STATE_CHANGE_NULL_TO_READY && result == GST_STATE_CHANGE_FAILURE))
     remove_cameras(self);
@@ -165,6 +170,7 @@ static void lf_camera_node_set_property(GObject* object, guint id, const GValue*
     if (self->fragment) g_object_set_property(G_OBJECT(self->fragment), pspec->name, value);
     return;
   }
+  if (id >= kPropNetClock) return self->net_clock->set(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
   Settings& settings = *self->settings;
   GST_OBJECT_LOCK(self);
   switch (id) {
@@ -189,6 +195,7 @@ static void lf_camera_node_get_property(GObject* object, guint id, GValue* value
     if (self->fragment) g_object_get_property(G_OBJECT(self->fragment), pspec->name, value);
     return;
   }
+  if (id >= kPropNetClock) return self->net_clock->get(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
   const Settings settings = current_settings(self);
   switch (id) {
     case kPropRig: g_value_set_string(value, settings.rig.empty() ? nullptr : settings.rig.c_str()); break;
@@ -205,9 +212,14 @@ static void lf_camera_node_get_property(GObject* object, guint id, GValue* value
 static void lf_camera_node_finalize(GObject* object) {
   LfCameraNode* self = LF_CAMERA_NODE(object);
   delete self->settings;
+  delete self->net_clock;
   delete self->opened;
   delete self->cameras;
   G_OBJECT_CLASS(lf_camera_node_parent_class)->finalize(object);
+}
+
+static GstClock* lf_camera_node_provide_clock(GstElement* element) {
+  return LF_CAMERA_NODE(element)->net_clock->provide();
 }
 
 static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
@@ -252,9 +264,11 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
       object_class, kPropStats,
       g_param_spec_boxed("stats", "Statistics", "What lffragment counts, see there", GST_TYPE_STRUCTURE,
                          static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+  lf::NetClock::install(object_class, kPropNetClock);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf_camera_node_change_state;
+  element_class->provide_clock = lf_camera_node_provide_clock;
   gst_element_class_add_static_pad_template(element_class, &request_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(
@@ -275,11 +289,15 @@ static void add_ghost_pad(LfCameraNode* self, const char* name, GstStaticPadTemp
 
 static void lf_camera_node_init(LfCameraNode* self) {
   self->settings = new Settings;
+  self->net_clock = new lf::NetClock;
   self->opened = new Settings;
   self->cameras = new std::vector<GstElement*>;
   // It answers requests: their end, not an EOS event to its cameras, is the end of its output.
-  gst_bin_set_suppressed_flags(GST_BIN(self),
-                               static_cast<GstElementFlags>(GST_ELEMENT_FLAG_SOURCE | GST_ELEMENT_FLAG_SINK));
+  // Its clock is not its children's either.
+  gst_bin_set_suppressed_flags(
+      GST_BIN(self),
+      static_cast<GstElementFlags>(GST_ELEMENT_FLAG_SOURCE | GST_ELEMENT_FLAG_SINK | GST_ELEMENT_FLAG_PROVIDE_CLOCK));
+  GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
   self->fragment = gst_element_factory_make("lffragment", "fragment");
   if (self->fragment) gst_bin_add(GST_BIN(self), self->fragment);
   add_ghost_pad(self, "request", &request_template);

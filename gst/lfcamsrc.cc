@@ -33,13 +33,14 @@
 #include "camera_source.h"
 #include "camera_stream.h"
 #include "common.h"
+#include "net_clock.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_cam_src_debug);
 #define GST_CAT_DEFAULT lf_cam_src_debug
 
 namespace {
 
-enum { kPropRig = 1, kPropCamera, kPropFramerate, kPropIsLive, kPropLoop, kPropNumFrames, kPropDecode };
+enum { kPropRig = 1, kPropCamera, kPropFramerate, kPropIsLive, kPropLoop, kPropNumFrames, kPropDecode, kPropNetClock };
 
 // What the application sets. Under the object lock.
 struct Settings {
@@ -68,6 +69,7 @@ struct _LfCamSrc {
   GstBin parent;
   GstPad* src;
   Settings* settings;
+  lf::NetClock* net_clock;
   Run* run;  // null in state NULL
 };
 
@@ -240,6 +242,7 @@ static void stop_tail(const lf::CameraChain& chain) {
 
 static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStateChange transition) {
   LfCamSrc* self = LF_CAM_SRC(element);
+  if (!self->net_clock->before(element, transition)) return GST_STATE_CHANGE_FAILURE;
   if (transition == GST_STATE_CHANGE_NULL_TO_READY) {
     if (!open_camera(self)) return GST_STATE_CHANGE_FAILURE;
   } else if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) {
@@ -260,6 +263,7 @@ static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStat
   if (up && result != GST_STATE_CHANGE_FAILURE) decoders = set_decoder_states(self, next);
   if (result != GST_STATE_CHANGE_FAILURE && decoders != GST_STATE_CHANGE_SUCCESS) result = decoders;
 
+  self->net_clock->after(element, transition);
   // A live child gives no frame before PLAYING, so that this comes in time.
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED && result == GST_STATE_CHANGE_NO_PREROLL)
     self->run->stream->set_live();
@@ -312,6 +316,7 @@ static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
 
 static void lf_cam_src_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfCamSrc* self = LF_CAM_SRC(object);
+  if (id >= kPropNetClock) return self->net_clock->set(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
   Settings& settings = *self->settings;
   GST_OBJECT_LOCK(self);
   switch (id) {
@@ -332,6 +337,7 @@ static void lf_cam_src_set_property(GObject* object, guint id, const GValue* val
 
 static void lf_cam_src_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
   LfCamSrc* self = LF_CAM_SRC(object);
+  if (id >= kPropNetClock) return self->net_clock->get(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
   const Settings& settings = *self->settings;
   GST_OBJECT_LOCK(self);
   switch (id) {
@@ -351,8 +357,11 @@ static void lf_cam_src_finalize(GObject* object) {
   LfCamSrc* self = LF_CAM_SRC(object);
   delete self->run;
   delete self->settings;
+  delete self->net_clock;
   G_OBJECT_CLASS(lf_cam_src_parent_class)->finalize(object);
 }
+
+static GstClock* lf_cam_src_provide_clock(GstElement* element) { return LF_CAM_SRC(element)->net_clock->provide(); }
 
 static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
@@ -400,9 +409,11 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
                            "Raw video whatever the source is; without it JPEG video comes as it is, for lffragment to "
                            "decode where it needs it",
                            TRUE, kFlags));
+  lf::NetClock::install(object_class, kPropNetClock);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf_cam_src_change_state;
+  element_class->provide_clock = lf_cam_src_provide_clock;
   element_class->send_event = lf_cam_src_send_event;
   GST_BIN_CLASS(klass)->handle_message = lf_cam_src_handle_message;
   GST_BIN_CLASS(klass)->element_added = lf_cam_src_element_added;
@@ -415,10 +426,12 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
 
 static void lf_cam_src_init(LfCamSrc* self) {
   self->settings = new Settings;
+  self->net_clock = new lf::NetClock;
   // A source also while it has no children.
-  gst_bin_set_suppressed_flags(GST_BIN(self),
-                               static_cast<GstElementFlags>(GST_ELEMENT_FLAG_SOURCE | GST_ELEMENT_FLAG_SINK));
-  GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_SOURCE);
+  gst_bin_set_suppressed_flags(
+      GST_BIN(self),
+      static_cast<GstElementFlags>(GST_ELEMENT_FLAG_SOURCE | GST_ELEMENT_FLAG_SINK | GST_ELEMENT_FLAG_PROVIDE_CLOCK));
+  GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_SOURCE | GST_ELEMENT_FLAG_PROVIDE_CLOCK);
   GstPadTemplate* pad_template = gst_static_pad_template_get(&src_template);
   self->src = gst_ghost_pad_new_no_target_from_template("src", pad_template);
   gst_object_unref(pad_template);

@@ -51,6 +51,7 @@
 #include "base/error.h"
 #include "common.h"
 #include "gst_wire.h"
+#include "net_clock.h"
 #include "request_stream.h"
 #include "view_control.h"
 #include "view_request_settings.h"
@@ -63,6 +64,7 @@ struct _LfViewRequest {
   // Under the object lock.
   lf::ViewRequestSettings* settings;
   lf::ViewControl* control;
+  lf::NetClock* net_clock;
   lf::RequestStream* stream;  // null when stopped; what other threads do not ask for is the streaming thread's alone
   GstClockID clock_id;
   bool unlocked;
@@ -73,6 +75,7 @@ enum {
   PROP_IS_LIVE,
   PROP_FIRST_FIELD,  // one for each of kViewFields, then one for each of the settings
   PROP_FIRST_SETTING = PROP_FIRST_FIELD + lf::kNumViewFields,
+  PROP_NET_CLOCK = PROP_FIRST_SETTING + lf::ViewRequestSettings::kNumProperties,
 };
 enum { SIGNAL_SET_VIEW, NUM_SIGNALS };
 static guint signals[NUM_SIGNALS];
@@ -302,6 +305,8 @@ static void lf_view_request_set_property(GObject* object, guint id, const GValue
   LfViewRequest* self = LF_VIEW_REQUEST(object);
   if (id == PROP_IS_LIVE) {
     gst_base_src_set_live(GST_BASE_SRC(self), g_value_get_boolean(value));
+  } else if (id >= PROP_NET_CLOCK) {
+    self->net_clock->set(static_cast<lf::NetClock::Property>(id - PROP_NET_CLOCK), value);
   } else if (id >= PROP_FIRST_SETTING) {
     set_setting(self, static_cast<lf::ViewRequestSettings::Property>(id - PROP_FIRST_SETTING), value);
   } else if (id >= PROP_FIRST_FIELD) {
@@ -316,6 +321,8 @@ static void lf_view_request_set_property(GObject* object, guint id, const GValue
 static void lf_view_request_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
   LfViewRequest* self = LF_VIEW_REQUEST(object);
   if (id == PROP_IS_LIVE) return g_value_set_boolean(value, gst_base_src_is_live(GST_BASE_SRC(self)));
+  if (id >= PROP_NET_CLOCK)
+    return self->net_clock->get(static_cast<lf::NetClock::Property>(id - PROP_NET_CLOCK), value);
   GST_OBJECT_LOCK(self);
   if (id >= PROP_FIRST_SETTING)
     self->settings->get(static_cast<lf::ViewRequestSettings::Property>(id - PROP_FIRST_SETTING), value);
@@ -326,10 +333,24 @@ static void lf_view_request_get_property(GObject* object, guint id, GValue* valu
   GST_OBJECT_UNLOCK(self);
 }
 
+static GstStateChangeReturn lf_view_request_change_state(GstElement* element, GstStateChange transition) {
+  lf::NetClock& net_clock = *LF_VIEW_REQUEST(element)->net_clock;
+  if (!net_clock.before(element, transition)) return GST_STATE_CHANGE_FAILURE;
+  const GstStateChangeReturn result =
+      GST_ELEMENT_CLASS(lf_view_request_parent_class)->change_state(element, transition);
+  net_clock.after(element, transition);
+  return result;
+}
+
+static GstClock* lf_view_request_provide_clock(GstElement* element) {
+  return LF_VIEW_REQUEST(element)->net_clock->provide();
+}
+
 static void lf_view_request_finalize(GObject* object) {
   LfViewRequest* self = LF_VIEW_REQUEST(object);
   delete self->settings;
   delete self->control;
+  delete self->net_clock;
   G_OBJECT_CLASS(lf_view_request_parent_class)->finalize(object);
 }
 
@@ -342,6 +363,7 @@ static void install_properties(GObjectClass* klass) {
     g_object_class_install_property(klass, PROP_FIRST_FIELD + i, field_pspecs[i]);
   }
   lf::ViewRequestSettings::install(klass, PROP_FIRST_SETTING);
+  lf::NetClock::install(klass, PROP_NET_CLOCK);
   g_object_class_install_property(
       klass, PROP_IS_LIVE,
       g_param_spec_boolean("is-live", "Is live",
@@ -371,6 +393,8 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
       GST_TYPE_STRUCTURE | G_SIGNAL_TYPE_STATIC_SCOPE);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  element_class->change_state = lf_view_request_change_state;
+  element_class->provide_clock = lf_view_request_provide_clock;
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(
       element_class, "Light field view request source", "Source",
@@ -396,5 +420,7 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
 static void lf_view_request_init(LfViewRequest* self) {
   self->settings = new lf::ViewRequestSettings;
   self->control = new lf::ViewControl;
+  self->net_clock = new lf::NetClock;
+  GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
   gst_base_src_set_format(GST_BASE_SRC(self), GST_FORMAT_TIME);
 }
