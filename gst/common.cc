@@ -29,6 +29,11 @@ std::shared_ptr<const Rig> shared_rig(const std::string& path) {
   return rig;
 }
 
+bool is_in_process_query(GstQuery* query) {
+  const GstStructure* structure = GST_QUERY_TYPE(query) == GST_QUERY_CUSTOM ? gst_query_get_structure(query) : nullptr;
+  return structure && gst_structure_has_name(structure, LF_IN_PROCESS_QUERY);
+}
+
 bool compositor_is_near(GstPad* src) {
   GstQuery* query = gst_query_new_custom(GST_QUERY_CUSTOM, gst_structure_new_empty(LF_IN_PROCESS_QUERY));
   const bool near = gst_pad_peer_query(src, query);

@@ -31,6 +31,7 @@
 
 namespace lf {
 
+bool is_in_process_query(GstQuery* query);
 // Whether answers pushed on this pad stay in this process up to the compositor.
 bool compositor_is_near(GstPad* src);
 

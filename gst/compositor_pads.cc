@@ -56,8 +56,7 @@ static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* p
 }
 
 static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* pad, GstQuery* query) {
-  const GstStructure* structure = GST_QUERY_TYPE(query) == GST_QUERY_CUSTOM ? gst_query_get_structure(query) : nullptr;
-  if (structure && gst_structure_has_name(structure, LF_IN_PROCESS_QUERY)) return TRUE;
+  if (lf::is_in_process_query(query)) return TRUE;
   return parent_class()->sink_query(agg, pad, query);
 }
 

@@ -54,6 +54,10 @@ GstBuffer* encode_request_buffer(const ViewRequest& request) {
   auto* bytes = new std::vector<uint8_t>(wire::encode_request(request));
   return wrap(bytes, *bytes);
 }
+GstBuffer* wrap_bytes(ByteBuffer bytes) {
+  auto* owned = new ByteBuffer(std::move(bytes));
+  return wrap(owned, *owned);
+}
 GstBuffer* wrap_answer(ByteBuffer bytes, std::shared_ptr<AnswerMemory> memory) {
   auto* owned = new OwnedAnswer{std::move(bytes), std::move(memory)};
   return wrap(owned, owned->bytes);

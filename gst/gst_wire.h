@@ -50,6 +50,7 @@ class AnswerMemory {
 
 // New buffers, owned by the caller.
 GstBuffer* encode_request_buffer(const ViewRequest& request);
+GstBuffer* wrap_bytes(ByteBuffer bytes);
 // The memory goes back to `memory` with the buffer.
 GstBuffer* wrap_answer(ByteBuffer bytes, std::shared_ptr<AnswerMemory> memory);
 

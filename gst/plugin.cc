@@ -9,6 +9,8 @@
 #include "lfparse.h"
 #include "lftypefind.h"
 #include "lfviewrequest.h"
+#include "rtp/rtplfdepay.h"
+#include "rtp/rtplfpay.h"
 
 static gboolean plugin_init(GstPlugin* plugin) {
   gboolean ok = TRUE;
@@ -18,6 +20,8 @@ static gboolean plugin_init(GstPlugin* plugin) {
   ok &= GST_ELEMENT_REGISTER(lffragment, plugin);
   ok &= GST_ELEMENT_REGISTER(lfparse, plugin);
   ok &= GST_ELEMENT_REGISTER(lfviewrequest, plugin);
+  ok &= GST_ELEMENT_REGISTER(rtplfdepay, plugin);
+  ok &= GST_ELEMENT_REGISTER(rtplfpay, plugin);
   ok &= lf_typefind_register(plugin);
   return ok;
 }

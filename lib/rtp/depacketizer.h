@@ -30,6 +30,8 @@ class Depacketizer {
   explicit Depacketizer(wire::UnitKind kind, const Reassembly::Limits& limits = {})
       : kind_(kind), reassembly_(limits) {}
 
+  wire::UnitKind kind() const { return kind_; }
+
   // Calls `deliver` for each unit that is there with this packet, in order: `bytes` is all of it and lies in the
   // packet, or in `*own` if that is not null, which may be moved from.
   using Deliver = std::function<void(std::span<const uint8_t> bytes, ByteBuffer* own)>;

@@ -33,6 +33,8 @@ class Packetizer {
  public:
   explicit Packetizer(wire::UnitKind kind) : kind_(kind) {}
 
+  wire::UnitKind kind() const { return kind_; }
+
   // Calls `emit` for each packet, in order; none of them is larger than `max_payload` (at least kMinPayloadBytes).
   // Units of a version or type not known are sent as they are. False for bytes that are not exactly one sound unit of
   // this kind; `reason` (may be null) then says why.

@@ -47,6 +47,15 @@ std::string run(GstElement* pipeline, double seconds) {
   return result;
 }
 
+std::string caps_of(GstPad* pad) {
+  const CapsPtr caps(gst_pad_get_current_caps(pad));
+  if (!caps) return "";
+  gchar* text = gst_caps_to_string(caps.get());
+  const std::string out = text;
+  g_free(text);
+  return out;
+}
+
 uint64_t stat(GstElement* element, const char* field) {
   GstStructure* stats = nullptr;
   g_object_get(element, "stats", &stats, nullptr);

@@ -36,6 +36,9 @@ ElementPtr launch(const std::string& line);
 // `seconds`).
 std::string run(GstElement* pipeline, double seconds = 20);
 
+// The caps of a pad as text; "" if it has none.
+std::string caps_of(GstPad* pad);
+
 // A uint64 field of an element's `stats` structure; fails the test where there is none.
 uint64_t stat(GstElement* element, const char* field);
 

@@ -84,14 +84,7 @@ class Parser {
     }
     return units;
   }
-  std::string caps() {
-    const CapsPtr caps(gst_pad_get_current_caps(h()->sinkpad));
-    if (!caps) return "";
-    gchar* text = gst_caps_to_string(caps.get());
-    const std::string out = text;
-    g_free(text);
-    return out;
-  }
+  std::string caps() { return caps_of(h()->sinkpad); }
   uint64_t stat(const char* field) { return lf::test::stat(h()->element, field); }
 
   std::vector<GstClockTime> times;

@@ -1,0 +1,308 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+/**
+ * SECTION:element-rtplfpay
+ * @title: rtplfpay
+ * @short_description: puts light field requests or answers into RTP packets
+ *
+ * Packets are never larger than #GstRTPBasePayload:mtu (header extensions, if an application adds some, and SRTP's tag
+ * come on top). An answer is divided at its fragments: a lost packet loses the fragments in it and no others. Each
+ * request is sent with the two before it, so that one or two lost packets cost nothing.
+ *
+ * All packets of an answer are ready at once, more than the socket buffer of a receiver may hold: ask for a large one
+ * (`udpsrc buffer-size=4000000`, within the kernel's `net.core.rmem_max`), or spread them with #rtplfpay:max-bitrate,
+ * some of what the link can do. Have a `queue` in front then: the node works on its next answer in the meantime.
+ * (`udpsink max-bitrate=` counts from an answer's time stamp: it is no help with answers that leave later than that,
+ * and none with `sync=false`.)
+ *
+ * A compositor behind this element is behind a link: nodes with `codec=auto` compress.
+ *
+ * ## Answers of a node
+ * |[
+ * gst-launch-1.0 udpsrc port=5000
+ * caps="application/x-rtp,media=application,clock-rate=90000,encoding-name=X-LIGHTFIELD-REQUEST" \
+ *   ! rtplfdepay ! n.request  lfcameranode name=n rig=rig.json is-live=true ! queue ! rtplfpay max-bitrate=400000000 \
+ *   ! udpsink host=compositor port=5001 sync=false
+ * ]|
+ */
+#include "rtp/rtplfpay.h"
+
+#include <gst/rtp/gstrtpbuffer.h>
+
+#include "gst_wire.h"
+#include "rtp/pacer.h"
+#include "rtp/packetizer.h"
+#include "rtp/rtp_caps.h"
+
+GST_DEBUG_CATEGORY_STATIC(lf_rtp_pay_debug);
+#define GST_CAT_DEFAULT lf_rtp_pay_debug
+
+enum { PROP_0, PROP_MAX_BITRATE, PROP_STATS };
+
+// Packets that leave together when they are paced.
+static constexpr guint kPacketsAtOnce = 8;
+
+struct _LfRtpPay {
+  GstRTPBasePayload parent;
+
+  // Streaming thread.
+  lf::rtp::Packetizer* packetizer;  // null before caps
+  lf::rtp::Pacer* pacer;
+
+  // Object lock.
+  guint64 max_bitrate;
+  gboolean flushing;
+  GstClockID wait;
+  lf::rtp::Packetizer::Stats stats;
+  guint64 packets, bytes, dropped;
+};
+
+static GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
+    "sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE "; " LF_ANSWER_MEDIA_TYPE));
+static GstStaticPadTemplate src_template =
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
+                            GST_STATIC_CAPS(LF_RTP_CAPS ", payload = (int) " GST_RTP_PAYLOAD_DYNAMIC_STRING));
+
+G_DEFINE_TYPE(LfRtpPay, lf_rtp_pay, GST_TYPE_RTP_BASE_PAYLOAD)
+GST_ELEMENT_REGISTER_DEFINE(rtplfpay, "rtplfpay", GST_RANK_SECONDARY, LF_TYPE_RTP_PAY)
+
+static gboolean lf_rtp_pay_set_caps(GstRTPBasePayload* base, GstCaps* caps) {
+  LfRtpPay* self = LF_RTP_PAY(base);
+  const GstStructure* structure = gst_caps_get_structure(caps, 0);
+  const lf::wire::UnitKind kind = lf::kind_of_units(structure);
+  if (!self->packetizer || self->packetizer->kind() != kind) {
+    delete self->packetizer;
+    self->packetizer = new lf::rtp::Packetizer(kind);
+  }
+  const bool request = kind == lf::wire::UnitKind::kRequest;
+  gst_rtp_base_payload_set_options(base, "application", TRUE,
+                                   request ? LF_RTP_REQUEST_ENCODING : LF_RTP_ANSWER_ENCODING, lf::rtp::kClockRate);
+  gint numerator = 0, denominator = 1;
+  if (!request || !gst_structure_get_fraction(structure, "framerate", &numerator, &denominator) || numerator == 0)
+    return gst_rtp_base_payload_set_outcaps(base, nullptr);
+  // A string, as SDP has it.
+  gchar* rate = g_strdup_printf("%d/%d", numerator, denominator);
+  const gboolean ok = gst_rtp_base_payload_set_outcaps(base, "framerate", G_TYPE_STRING, rate, nullptr);
+  g_free(rate);
+  return ok;
+}
+
+// Waits until the next packets may leave. False if the wait was broken off.
+static bool lf_rtp_pay_wait(LfRtpPay* self, guint64 bytes, guint64 max_bitrate) {
+  GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
+  if (!clock) return true;  // not playing: nothing is sent in earnest
+  const GstClockTime now = gst_clock_get_time(clock), time = self->pacer->next(now);
+  self->pacer->sent(time, bytes, max_bitrate);
+  bool ok = true;
+  if (time > now) {
+    GST_OBJECT_LOCK(self);
+    ok = !self->flushing;
+    const GstClockID id = ok ? self->wait = gst_clock_new_single_shot_id(clock, time) : nullptr;
+    GST_OBJECT_UNLOCK(self);
+    if (ok) {
+      ok = gst_clock_id_wait(id, nullptr) != GST_CLOCK_UNSCHEDULED;
+      GST_OBJECT_LOCK(self);
+      self->wait = nullptr;
+      GST_OBJECT_UNLOCK(self);
+      gst_clock_id_unref(id);
+    }
+  }
+  gst_object_unref(clock);
+  return ok;
+}
+
+static void lf_rtp_pay_set_flushing(LfRtpPay* self, gboolean flushing) {
+  GST_OBJECT_LOCK(self);
+  self->flushing = flushing;
+  if (flushing && self->wait) gst_clock_id_unschedule(self->wait);
+  GST_OBJECT_UNLOCK(self);
+}
+
+// Takes the packets.
+static GstFlowReturn lf_rtp_pay_push(LfRtpPay* self, GstBufferList* packets, guint64 max_bitrate) {
+  const gsize bytes = gst_buffer_list_calculate_size(packets);
+  const guint count = gst_buffer_list_length(packets);
+  if (max_bitrate > 0 && !lf_rtp_pay_wait(self, bytes, max_bitrate)) {
+    gst_buffer_list_unref(packets);
+    return GST_FLOW_FLUSHING;
+  }
+  GST_OBJECT_LOCK(self);
+  self->packets += count;
+  self->bytes += bytes;
+  GST_OBJECT_UNLOCK(self);
+  return gst_rtp_base_payload_push_list(GST_RTP_BASE_PAYLOAD(self), packets);
+}
+
+static GstBuffer* lf_rtp_pay_packet(LfRtpPay* self, const lf::rtp::Payload& payload, GstBuffer* unit) {
+  GstBuffer* packet =
+      gst_rtp_base_payload_allocate_output_buffer(GST_RTP_BASE_PAYLOAD(self), static_cast<guint>(payload.size()), 0, 0);
+  GstRTPBuffer rtp = GST_RTP_BUFFER_INIT;
+  gst_rtp_buffer_map(packet, GST_MAP_WRITE, &rtp);
+  payload.copy_to(static_cast<uint8_t*>(gst_rtp_buffer_get_payload(&rtp)));
+  gst_rtp_buffer_set_marker(&rtp, payload.last);
+  gst_rtp_buffer_unmap(&rtp);
+  if (payload.last) GST_BUFFER_FLAG_SET(packet, GST_BUFFER_FLAG_MARKER);
+  gst_buffer_copy_into(packet, unit, GST_BUFFER_COPY_TIMESTAMPS, 0, -1);
+  GST_BUFFER_OFFSET(packet) = GST_BUFFER_OFFSET_NONE;  // or RTP time would be made of it
+  return packet;
+}
+
+static GstFlowReturn lf_rtp_pay_handle_buffer(GstRTPBasePayload* base, GstBuffer* buffer) {
+  LfRtpPay* self = LF_RTP_PAY(base);
+  const guint sources = gst_rtp_base_payload_get_source_count(base, buffer);
+  const guint max_payload = gst_rtp_buffer_calc_payload_len(GST_RTP_BASE_PAYLOAD_MTU(base), 0, sources);
+  if (GST_RTP_BASE_PAYLOAD_MTU(base) < lf::rtp::kMinPayloadBytes || max_payload < lf::rtp::kMinPayloadBytes) {
+    GST_ELEMENT_ERROR(self, LIBRARY, SETTINGS, ("The MTU of %u bytes is too small.", GST_RTP_BASE_PAYLOAD_MTU(base)),
+                      ("set mtu to %u or more",
+                       gst_rtp_buffer_calc_packet_len(lf::rtp::kMinPayloadBytes, 0, static_cast<guint8>(sources))));
+    gst_buffer_unref(buffer);
+    return GST_FLOW_ERROR;
+  }
+  GST_OBJECT_LOCK(self);
+  const guint64 max_bitrate = self->max_bitrate;
+  GST_OBJECT_UNLOCK(self);
+
+  GstFlowReturn flow = GST_FLOW_OK;
+  GstBufferList* packets = gst_buffer_list_new();
+  const auto emit = [&](const lf::rtp::Payload& payload) {
+    if (flow != GST_FLOW_OK) return;
+    gst_buffer_list_add(packets, lf_rtp_pay_packet(self, payload, buffer));
+    if (max_bitrate == 0 || gst_buffer_list_length(packets) < kPacketsAtOnce) return;
+    flow = lf_rtp_pay_push(self, packets, max_bitrate);
+    packets = gst_buffer_list_new();
+  };
+  std::string reason;
+  const bool taken = self->packetizer->packetize(lf::MappedBuffer(buffer).bytes(), max_payload, emit, &reason);
+  if (!taken) GST_WARNING_OBJECT(self, "dropped a unit: %s", reason.c_str());
+  GST_OBJECT_LOCK(self);
+  self->stats = self->packetizer->stats();
+  if (!taken) self->dropped++;
+  GST_OBJECT_UNLOCK(self);
+  if (flow == GST_FLOW_OK && gst_buffer_list_length(packets) > 0)
+    flow = lf_rtp_pay_push(self, packets, max_bitrate);
+  else
+    gst_buffer_list_unref(packets);
+  gst_buffer_unref(buffer);
+  return flow;
+}
+
+static void lf_rtp_pay_reset(LfRtpPay* self) {
+  if (self->packetizer) self->packetizer->clear();
+  self->pacer->clear();
+}
+
+static gboolean lf_rtp_pay_sink_event(GstRTPBasePayload* base, GstEvent* event) {
+  LfRtpPay* self = LF_RTP_PAY(base);
+  const GstEventType type = GST_EVENT_TYPE(event);
+  if (type == GST_EVENT_FLUSH_START) lf_rtp_pay_set_flushing(self, TRUE);
+  const gboolean ok = GST_RTP_BASE_PAYLOAD_CLASS(lf_rtp_pay_parent_class)->sink_event(base, event);
+  if (type == GST_EVENT_FLUSH_STOP) {
+    lf_rtp_pay_reset(self);
+    lf_rtp_pay_set_flushing(self, FALSE);
+  }
+  return ok;
+}
+
+static gboolean lf_rtp_pay_query(GstRTPBasePayload* base, GstPad* pad, GstQuery* query) {
+  if (lf::is_in_process_query(query)) return FALSE;
+  return GST_RTP_BASE_PAYLOAD_CLASS(lf_rtp_pay_parent_class)->query(base, pad, query);
+}
+
+static GstStateChangeReturn lf_rtp_pay_change_state(GstElement* element, GstStateChange transition) {
+  LfRtpPay* self = LF_RTP_PAY(element);
+  if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) {
+    lf_rtp_pay_set_flushing(self, FALSE);
+    GST_OBJECT_LOCK(self);
+    self->stats = {};
+    self->packets = self->bytes = self->dropped = 0;
+    GST_OBJECT_UNLOCK(self);
+  } else if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) {
+    lf_rtp_pay_set_flushing(self, TRUE);
+  }
+  const GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_rtp_pay_parent_class)->change_state(element, transition);
+  if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) {
+    delete self->packetizer;
+    self->packetizer = nullptr;
+    self->pacer->clear();
+  }
+  return result;
+}
+
+static void lf_rtp_pay_set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
+  LfRtpPay* self = LF_RTP_PAY(object);
+  switch (id) {
+    case PROP_MAX_BITRATE:
+      GST_OBJECT_LOCK(self);
+      self->max_bitrate = g_value_get_uint64(value);
+      GST_OBJECT_UNLOCK(self);
+      break;
+    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+  }
+}
+
+static void lf_rtp_pay_get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
+  LfRtpPay* self = LF_RTP_PAY(object);
+  switch (id) {
+    case PROP_MAX_BITRATE:
+      GST_OBJECT_LOCK(self);
+      g_value_set_uint64(value, self->max_bitrate);
+      GST_OBJECT_UNLOCK(self);
+      break;
+    case PROP_STATS: {
+      GstStructure* stats = lf::base_stats(object, lf_rtp_pay_parent_class);
+      GST_OBJECT_LOCK(self);
+      gst_structure_set(stats, "units", G_TYPE_UINT64, self->stats.units, "packets", G_TYPE_UINT64, self->packets,
+                        "parts", G_TYPE_UINT64, self->stats.parts, "chunks", G_TYPE_UINT64, self->stats.chunks, "tiles",
+                        G_TYPE_UINT64, self->stats.tiles, "bytes", G_TYPE_UINT64, self->bytes, "dropped", G_TYPE_UINT64,
+                        self->dropped, nullptr);
+      GST_OBJECT_UNLOCK(self);
+      g_value_take_boxed(value, stats);
+      break;
+    }
+    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+  }
+}
+
+static void lf_rtp_pay_finalize(GObject* object) {
+  LfRtpPay* self = LF_RTP_PAY(object);
+  delete self->packetizer;
+  delete self->pacer;
+  G_OBJECT_CLASS(lf_rtp_pay_parent_class)->finalize(object);
+}
+
+static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
+  GST_DEBUG_CATEGORY_INIT(lf_rtp_pay_debug, "rtplfpay", 0, "light field RTP payloader");
+  GObjectClass* object_class = G_OBJECT_CLASS(klass);
+  object_class->set_property = lf_rtp_pay_set_property;
+  object_class->get_property = lf_rtp_pay_get_property;
+  object_class->finalize = lf_rtp_pay_finalize;
+  g_object_class_install_property(
+      object_class, PROP_MAX_BITRATE,
+      g_param_spec_uint64(
+          "max-bitrate", "Maximum bitrate",
+          "Bits per second at which the packets of an answer leave at most (0: all at once)", 0, G_MAXUINT64, 0,
+          static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
+  g_object_class_install_property(
+      object_class, PROP_STATS,
+      g_param_spec_boxed(
+          "stats", "Statistics",
+          "Those of every RTP payloader and, since the start (all uint64): units (taken), packets, parts "
+          "(packets with whole units), chunks (packets with a piece of a unit), tiles (pieces of raw "
+          "fragments), bytes (of RTP packets), dropped (units that were not sound)",
+          GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+
+  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  element_class->change_state = lf_rtp_pay_change_state;
+  gst_element_class_add_static_pad_template(element_class, &sink_template);
+  gst_element_class_add_static_pad_template(element_class, &src_template);
+  gst_element_class_set_static_metadata(element_class, "Light field RTP payloader", "Codec/Payloader/Network/RTP",
+                                        "Puts light field requests or answers into RTP packets",
+                                        "gst-lightfield developers");
+
+  GstRTPBasePayloadClass* base_class = GST_RTP_BASE_PAYLOAD_CLASS(klass);
+  base_class->set_caps = lf_rtp_pay_set_caps;
+  base_class->handle_buffer = lf_rtp_pay_handle_buffer;
+  base_class->sink_event = lf_rtp_pay_sink_event;
+  base_class->query = lf_rtp_pay_query;
+}
+
+static void lf_rtp_pay_init(LfRtpPay* self) { self->pacer = new lf::rtp::Pacer; }

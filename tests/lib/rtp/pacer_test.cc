@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rtp/pacer.h"
+
+#include <gtest/gtest.h>
+
+namespace lf::rtp {
+namespace {
+
+TEST(Pacer, SpreadsABurst) {
+  Pacer pacer;
+  EXPECT_EQ(pacer.next(1000), 1000u);
+  pacer.sent(1000, 1000, 8'000'000);  // a millisecond
+  EXPECT_EQ(pacer.next(1000), 1'001'000u);
+  pacer.sent(1'001'000, 500, 8'000'000);
+  EXPECT_EQ(pacer.next(1'002'000), 1'501'000u);
+}
+
+TEST(Pacer, DoesNotMakeUpForSilence) {
+  Pacer pacer;
+  pacer.sent(0, 1000, 8'000'000);
+  EXPECT_EQ(pacer.next(1'000'000'000), 1'000'000'000u);
+  pacer.sent(1'000'000'000, 1000, 8'000'000);
+  EXPECT_EQ(pacer.next(1'000'000'000), 1'001'000'000u);
+  pacer.clear();
+  EXPECT_EQ(pacer.next(5), 5u);
+}
+
+}  // namespace
+}  // namespace lf::rtp
