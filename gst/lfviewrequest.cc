@@ -23,6 +23,12 @@
  *   fields; by the action signal `set-view` with such a structure. The very next request has the change, and the
  *   properties notify.
  *
+ * Cameras that lfcompositor announces as out of service (upstream event "lightfield-out-of-service") are named in the
+ * view's requests from then on, beside those of the property `out-of-service`.
+ *
+ * With its sink pad linked the element makes no requests of its own but relays those of other viewers, and adds the
+ * cameras that are out of service: on the host of the compositors, behind the network.
+ *
  * Upstream events that carry a field "lf-view-id" (uint) are for the view of that id alone.
  *
  * Not live, requests leave as fast as they are taken and ask for the running time of their frame. Live, they leave at
@@ -40,35 +46,23 @@
  *   r. ! queue leaky=downstream ! n.request  lfcameranode name=n rig=rig.json is-live=true ! c.sink_0 \
  *   r. ! queue leaky=downstream ! c.request  lfcompositor name=c ! videoconvert ! autovideosink
  * ]| A window in which mouse and keys fly.
+ * |[
+ * gst-launch-1.0 tcpserversrc port=5000 ! lfparse ! lfviewrequest is-live=true ! tee name=r  r. ! queue ! n.request \
+ *   lfcameranode name=n rig=rig.json is-live=true ! c.sink_0  r. ! queue ! c.request \
+ *   lfcompositor name=c rig=rig.json ! videoconvert ! autovideosink
+ * ]| The requests of a viewer on another host.
  */
-
-#include "lfviewrequest.h"
 
 #include <memory>
 #include <optional>
 #include <string>
 
 #include "base/error.h"
-#include "common.h"
 #include "gst_wire.h"
-#include "net_clock.h"
-#include "request_stream.h"
-#include "view_control.h"
-#include "view_request_settings.h"
+#include "lfviewrequest_private.h"
 
-GST_DEBUG_CATEGORY_STATIC(lf_view_request_debug);
+GST_DEBUG_CATEGORY(lf_view_request_debug);
 #define GST_CAT_DEFAULT lf_view_request_debug
-
-struct _LfViewRequest {
-  GstPushSrc parent;
-  // Under the object lock.
-  lf::ViewRequestSettings* settings;
-  lf::ViewControl* control;
-  lf::NetClock* net_clock;
-  lf::RequestStream* stream;  // null when stopped; what other threads do not ask for is the streaming thread's alone
-  GstClockID clock_id;
-  bool unlocked;
-};
 
 enum {
   PROP_0,
@@ -116,9 +110,11 @@ static gboolean lf_view_request_set_view(LfViewRequest* self, const GstStructure
 
 static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
+  if (self->out_of_service->announce(event)) return TRUE;
   const bool navigation = GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION;
   const bool view = GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && gst_event_has_name(event, lf::kViewEvent);
   if (!navigation && !view) return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->event(base, event);
+  if (lf_view_request_is_relay(self)) return gst_pad_push_event(self->sink, gst_event_ref(event));
 
   return change_view(self, [&](lf::ViewControl& control) {
     if (!self->stream || self->stream->from_file()) return false;
@@ -140,6 +136,12 @@ static GstCaps* lf_view_request_get_caps(GstBaseSrc* base, GstCaps* filter) {
   GstCaps* filtered = gst_caps_intersect_full(filter, caps, GST_CAPS_INTERSECT_FIRST);
   gst_caps_unref(caps);
   return filtered;
+}
+
+// The caps of what is relayed are known when it comes.
+static gboolean lf_view_request_negotiate(GstBaseSrc* base) {
+  return lf_view_request_is_relay(LF_VIEW_REQUEST(base)) ||
+         GST_BASE_SRC_CLASS(lf_view_request_parent_class)->negotiate(base);
 }
 
 static gboolean lf_view_request_start(GstBaseSrc* base) {
@@ -172,6 +174,8 @@ static gboolean lf_view_request_stop(GstBaseSrc* base) {
   delete self->stream;
   self->stream = nullptr;
   GST_OBJECT_UNLOCK(self);
+  self->relay->clear();
+  self->out_of_service->clear();
   return TRUE;
 }
 
@@ -180,7 +184,7 @@ static gboolean lf_view_request_is_seekable(GstBaseSrc* base) {
   GST_OBJECT_LOCK(self);
   const bool loop = self->settings->loop;
   GST_OBJECT_UNLOCK(self);
-  return !loop && !gst_base_src_is_live(base);
+  return !loop && !gst_base_src_is_live(base) && !lf_view_request_is_relay(self);
 }
 
 static gboolean lf_view_request_do_seek(GstBaseSrc* base, GstSegment* segment) {
@@ -205,6 +209,7 @@ static gboolean lf_view_request_unlock(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GST_OBJECT_LOCK(self);
   self->unlocked = true;
+  self->relay->set_unlocked(true);
   if (self->clock_id) gst_clock_id_unschedule(self->clock_id);
   GST_OBJECT_UNLOCK(self);
   return TRUE;
@@ -214,6 +219,7 @@ static gboolean lf_view_request_unlock_stop(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GST_OBJECT_LOCK(self);
   self->unlocked = false;
+  self->relay->set_unlocked(false);
   GST_OBJECT_UNLOCK(self);
   return TRUE;
 }
@@ -250,6 +256,7 @@ static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlo
 
 static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   LfViewRequest* self = LF_VIEW_REQUEST(push);
+  if (lf_view_request_is_relay(self)) return lf_view_request_relay(self, out);
   const bool live = gst_base_src_is_live(GST_BASE_SRC(push));
   std::optional<lf::RequestSlot> slot;
   if (live) {
@@ -269,7 +276,7 @@ static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   GST_OBJECT_LOCK(self);
   request.view_id = self->settings->view_id;
   request.quality = static_cast<uint8_t>(self->settings->quality);
-  request.out_of_service = self->stream->out_of_service();
+  request.out_of_service = self->out_of_service->with_announced(request.view_id, self->stream->out_of_service());
   request.view = slot->view ? *slot->view : current_view(self);
   GST_OBJECT_UNLOCK(self);
 
@@ -348,6 +355,9 @@ static GstClock* lf_view_request_provide_clock(GstElement* element) {
 
 static void lf_view_request_finalize(GObject* object) {
   LfViewRequest* self = LF_VIEW_REQUEST(object);
+  delete self->relay;
+  delete self->out_of_service;
+  gst_clear_caps(&self->relayed_caps);
   delete self->settings;
   delete self->control;
   delete self->net_clock;
@@ -396,6 +406,7 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
   element_class->change_state = lf_view_request_change_state;
   element_class->provide_clock = lf_view_request_provide_clock;
   gst_element_class_add_static_pad_template(element_class, &src_template);
+  lf_view_request_install_relay(element_class);
   gst_element_class_set_static_metadata(
       element_class, "Light field view request source", "Source",
       "The virtual camera of one viewer, as a stream of view requests: from a camera path (location), from properties, "
@@ -406,6 +417,7 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
 
   GstBaseSrcClass* base_class = GST_BASE_SRC_CLASS(klass);
   base_class->get_caps = lf_view_request_get_caps;
+  base_class->negotiate = lf_view_request_negotiate;
   base_class->start = lf_view_request_start;
   base_class->stop = lf_view_request_stop;
   base_class->is_seekable = lf_view_request_is_seekable;
@@ -422,5 +434,7 @@ static void lf_view_request_init(LfViewRequest* self) {
   self->control = new lf::ViewControl;
   self->net_clock = new lf::NetClock;
   GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
+  self->relay = new lf::RequestRelay;
+  self->out_of_service = new lf::OutOfService;
   gst_base_src_set_format(GST_BASE_SRC(self), GST_FORMAT_TIME);
 }

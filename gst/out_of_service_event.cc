@@ -19,15 +19,13 @@ GstStructure* out_of_service_structure(guint view_id, const CameraSet& cameras) 
   return structure;
 }
 
-bool parse_out_of_service(GstEvent* event, guint view_id, CameraSet* cameras) {
+bool parse_out_of_service(GstEvent* event, guint* view_id, CameraSet* cameras) {
   const GstStructure* structure = gst_event_get_structure(event);
   if (GST_EVENT_TYPE(event) != GST_EVENT_CUSTOM_UPSTREAM || !structure ||
       !gst_structure_has_name(structure, LF_OUT_OF_SERVICE_EVENT))
     return false;
-  guint view = 0;
   const GValue* array = gst_structure_get_value(structure, "cameras");
-  if (!gst_structure_get_uint(structure, "lf-view-id", &view) || view != view_id || !array ||
-      !GST_VALUE_HOLDS_ARRAY(array))
+  if (!gst_structure_get_uint(structure, "lf-view-id", view_id) || !array || !GST_VALUE_HOLDS_ARRAY(array))
     return false;
   cameras->clear();
   for (guint i = 0; i < gst_value_array_get_size(array); i++) {

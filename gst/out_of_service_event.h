@@ -14,7 +14,7 @@ namespace lf {
 
 // The event's structure, owned by the caller; the element message of the same name has it, too.
 GstStructure* out_of_service_structure(guint view_id, const CameraSet& cameras);
-// False if the event is another one, or of another view. Cameras beyond every rig are left out.
-bool parse_out_of_service(GstEvent* event, guint view_id, CameraSet* cameras);
+// False if the event is another one. Cameras beyond every rig are left out.
+bool parse_out_of_service(GstEvent* event, guint* view_id, CameraSet* cameras);
 
 }  // namespace lf

@@ -64,7 +64,8 @@ class LfCompositorLiveTest : public LfCompositorTest {
     std::vector<CameraSet> sets;
     while (GstEvent* event = gst_harness_try_pull_upstream_event(harness_.get())) {
       CameraSet cameras;
-      if (parse_out_of_service(event, 0, &cameras)) sets.push_back(cameras);
+      guint view_id = 0;
+      if (parse_out_of_service(event, &view_id, &cameras) && view_id == 0) sets.push_back(cameras);
       gst_event_unref(event);
     }
     return sets;

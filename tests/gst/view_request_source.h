@@ -112,6 +112,7 @@ class Source {
   void play_live(GstClockTime clock_time = 0) {
     set("is-live", TRUE);
     harness_ = gst_harness_new_with_element(element_, nullptr, "src");
+    gst_element_set_state(element_, GST_STATE_NULL);  // it could have a sink pad, so that the harness has started it
     gst_harness_use_testclock(harness_);
     gst_harness_set_time(harness_, clock_time);
     gst_harness_play(harness_);

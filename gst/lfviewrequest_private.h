@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include "common.h"
+#include "lfviewrequest.h"
+#include "net_clock.h"
+#include "request_relay.h"
+#include "request_stream.h"
+#include "view_control.h"
+#include "view_request_settings.h"
+
+// What the files of lfviewrequest share: lfviewrequest.cc (the element) and view_request_relay.cc (foreign requests).
+
+struct _LfViewRequest {
+  GstPushSrc parent;
+  // Under the object lock.
+  lf::ViewRequestSettings* settings;
+  lf::ViewControl* control;
+  lf::NetClock* net_clock;
+  lf::RequestStream* stream;  // null when stopped; what other threads do not ask for is the streaming thread's alone
+  lf::OutOfService* out_of_service;  // has a lock of its own
+  lf::RequestRelay* relay;           // has a lock of its own
+  GstPad* sink;                      // of requests to be relayed; null: the element makes its own
+  GstCaps* relayed_caps;             // of the sink pad, until they have been passed on
+  GstClockID clock_id;
+  bool unlocked;
+};
+
+// view_request_relay.cc
+void lf_view_request_install_relay(GstElementClass* klass);
+bool lf_view_request_is_relay(LfViewRequest* self);
+// The next request that came in, with the cameras that are out of service added; waits for it.
+GstFlowReturn lf_view_request_relay(LfViewRequest* self, GstBuffer** out);

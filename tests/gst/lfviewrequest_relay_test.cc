@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <gtest/gtest.h>
+
+#include "gst/view_request_source.h"
+#include "out_of_service_event.h"
+
+namespace lf::test {
+namespace {
+
+// lfviewrequest with requests of other viewers coming in.
+class LfViewRequestRelay : public testing::Test {
+ protected:
+  void start(bool live = false) {
+    element_.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfviewrequest", nullptr))));
+    g_object_set(element_.get(), "is-live", live, nullptr);
+    harness_.reset(gst_harness_new_with_element(element_.get(), "sink", "src"));
+    gst_harness_set_src_caps_str(harness_.get(), "application/x-lightfield-request,framerate=30/1");
+  }
+
+  ViewRequest request(uint32_t view_id, uint32_t sequence, const CameraSet& out = {}) {
+    ViewRequest request;
+    request.view_id = view_id;
+    request.sequence = sequence;
+    request.view = test_views({0})[0].view;
+    request.out_of_service = out;
+    return request;
+  }
+
+  void push(const ViewRequest& request, GstClockTime pts = 0) {
+    GstBuffer* buffer = to_buffer(wire::encode_request(request));
+    GST_BUFFER_PTS(buffer) = pts;
+    ASSERT_EQ(gst_harness_push(harness_.get(), buffer), GST_FLOW_OK);
+  }
+
+  ViewRequest pull() {
+    const BufferPtr buffer(gst_harness_pull(harness_.get()));
+    EXPECT_TRUE(buffer);
+    if (!buffer) return {};
+    pts_ = GST_BUFFER_PTS(buffer.get());
+    return wire::decode_request(to_bytes(buffer.get())).value_or(ViewRequest{});
+  }
+
+  void announce(guint view_id, const CameraSet& cameras) {
+    EXPECT_TRUE(gst_harness_push_upstream_event(
+        harness_.get(), gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, out_of_service_structure(view_id, cameras))));
+  }
+
+  ElementPtr element_;
+  HarnessPtr harness_;
+  GstClockTime pts_ = 0;
+};
+
+TEST_F(LfViewRequestRelay, PassesRequestsOnAsTheyAre) {
+  start();
+  for (uint32_t i = 0; i < 5; i++) {
+    const ViewRequest asked = request(i % 2, i, {3});
+    push(asked, i * kMs);
+    EXPECT_EQ(pull(), asked);
+    EXPECT_EQ(pts_, i * kMs);
+  }
+  const CapsPtr caps(gst_pad_get_current_caps(harness_->sinkpad));
+  EXPECT_TRUE(gst_structure_has_field(gst_caps_get_structure(caps.get(), 0), "framerate"));
+  gst_harness_push_event(harness_.get(), gst_event_new_eos());
+  bool eos = false;
+  for (int i = 0; i < 20 && !eos; i++) {
+    GstEvent* event = gst_harness_pull_event(harness_.get());
+    if (!event) break;
+    eos = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+    gst_event_unref(event);
+  }
+  EXPECT_TRUE(eos);
+}
+
+TEST_F(LfViewRequestRelay, AddsTheCamerasThatAreOutOfServiceInThisView) {
+  start();
+  announce(1, {5, 9});
+  push(request(1, 0, {3, 9}));
+  EXPECT_EQ(pull().out_of_service, (CameraSet{3, 5, 9}));
+  push(request(2, 0, {3, 9}));
+  EXPECT_EQ(pull().out_of_service, (CameraSet{3, 9}));
+  announce(1, {});
+  push(request(1, 1));
+  EXPECT_TRUE(pull().out_of_service.empty());
+}
+
+TEST_F(LfViewRequestRelay, DropsGarbage) {
+  start();
+  ASSERT_EQ(gst_harness_push(harness_.get(), to_buffer({1, 2, 3})), GST_FLOW_OK);
+  push(request(0, 7));
+  EXPECT_EQ(pull().sequence, 7u);
+}
+
+TEST_F(LfViewRequestRelay, FlushesAndStopsWhateverWaits) {
+  for (const bool live : {false, true}) {
+    for (int i = 0; i < 20; i++) {
+      start(live);
+      if (i % 2) push(request(0, 0));
+      if (i % 3 == 0) {
+        gst_harness_push_event(harness_.get(), gst_event_new_flush_start());
+        gst_harness_push_event(harness_.get(), gst_event_new_flush_stop(TRUE));
+      }
+      harness_.reset();
+    }
+  }
+}
+
+TEST(LfViewRequestOutOfService, AnnouncedCamerasAreInTheNextRequests) {
+  TemporaryFiles files;
+  save_rig(test_rig(), files.path("rig.json"));
+  Source source;
+  source.set("rig", files.path("rig.json").c_str(), "out-of-service", "11", "view-id", 4u);
+  source.play_live();
+  EXPECT_EQ(source.next_live().request.out_of_service, CameraSet{1});
+  const auto announce = [&](guint view_id, const CameraSet& cameras) {
+    EXPECT_TRUE(
+        source.send(gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, out_of_service_structure(view_id, cameras))));
+  };
+  announce(4, {0, 3});
+  announce(5, {2});
+  EXPECT_EQ(source.next_live().request.out_of_service, (CameraSet{0, 1, 3}));
+  announce(4, {});
+  EXPECT_EQ(source.next_live().request.out_of_service, CameraSet{1});
+}
+
+}  // namespace
+}  // namespace lf::test
