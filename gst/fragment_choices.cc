@@ -54,6 +54,12 @@ void lf_fragment_install_choices(GObjectClass* klass, guint first_id) {
           "Live: how far, in nanoseconds, a frame may be from the capture time asked for; a camera with "
           "no frame as near counts as blind, and others make up for it (0: any)",
           0, G_MAXINT64, 500 * GST_MSECOND, kFlags));
+  g_object_class_install_property(
+      klass, first_id + 4,
+      g_param_spec_int("strip-pixels", "Pixels of a strip",
+                       "How many pixels the fragments have, about, that a sum in 8 bits or JPEG is cut into: with "
+                       "fewer, a lost packet loses less (16 rows are the least)",
+                       1, 1 << 28, lf::wire::kStripPixels, kFlags));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_SUM, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_CODEC, GstPluginAPIFlags(0));
 }

@@ -35,6 +35,7 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
   GST_OBJECT_LOCK(self);
   manner.sum = self->sum;
   manner.codec = self->codec;
+  manner.strip_pixels = self->strip_pixels;
   manner.max_skew = self->max_skew;
   const guint threads = self->threads > 0 ? self->threads : g_get_num_processors();
   GST_OBJECT_UNLOCK(self);

@@ -191,7 +191,8 @@ FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& 
   const bool nothing = header.family == PixelFamily::kNone;
   if (nothing) header.family = agree_on_family(PixelFamily::kNone);
 
-  const AnswerForm form = choose_form(job, manner.sum, manner.codec, manner.in_process, request.quality);
+  AnswerForm form = choose_form(job, manner.sum, manner.codec, manner.in_process, request.quality);
+  form.strip_pixels = manner.strip_pixels;
   RenderedAnswer rendered = render_answer(header, job, nothing ? std::span<const Source>() : sources.sources(), form,
                                           std::move(memory), manner.parallel);
   stats_.add({.wait = begun - arrived + (found - planned),

@@ -53,6 +53,7 @@ class FragmentNode {
   struct Manner {
     SumChoice sum = SumChoice::kAuto;
     CodecChoice codec = CodecChoice::kAuto;
+    int strip_pixels = wire::kStripPixels;
     bool in_process = false;  // the compositor is in this process
     bool live = false;        // the request is: nothing is waited for
     uint64_t base_time = 0;   // of the pipeline: clock time of running time 0

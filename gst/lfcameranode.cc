@@ -6,7 +6,8 @@
  * @short_description: the cameras of a rig, or some of them, as one node that answers view requests
  *
  * A bin of one #element-lfcamsrc for each camera of a list and one #element-lffragment. View requests come in on
- * `request`, an answer for each goes out on `src`.
+ * `request`, an answer for each goes out on `src`. Further requesters, such as compositors on other hosts, have pads of
+ * their own: what comes in on `request_0` is answered on `src_0`.
  *
  * ## Example launch line
  * |[
@@ -43,6 +44,7 @@ enum {
   kPropCodec,
   kPropThreads,
   kPropMaxSkew,
+  kPropStripPixels,
   kPropDecode,
   kPropStats,
   kPropNetClock
@@ -79,6 +81,11 @@ static GstStaticPadTemplate request_template =
     GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE));
 static GstStaticPadTemplate src_template =
     GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_ANSWER_MEDIA_TYPE));
+
+static GstStaticPadTemplate more_request_template =
+    GST_STATIC_PAD_TEMPLATE("request_%u", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE));
+static GstStaticPadTemplate more_src_template =
+    GST_STATIC_PAD_TEMPLATE("src_%u", GST_PAD_SRC, GST_PAD_SOMETIMES, GST_STATIC_CAPS(LF_ANSWER_MEDIA_TYPE));
 
 static Settings current_settings(LfCameraNode* self) {
   GST_OBJECT_LOCK(self);
@@ -161,7 +168,8 @@ static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, Gst
 
 // How lffragment answers is its own property under the same name.
 static bool is_of_fragment(guint id) {
-  return id == kPropSum || id == kPropCodec || id == kPropThreads || id == kPropMaxSkew || id == kPropStats;
+  return id == kPropSum || id == kPropCodec || id == kPropThreads || id == kPropMaxSkew || id == kPropStripPixels ||
+         id == kPropStats;
 }
 
 static void lf_camera_node_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
@@ -222,6 +230,48 @@ static GstClock* lf_camera_node_provide_clock(GstElement* element) {
   return LF_CAMERA_NODE(element)->net_clock->provide();
 }
 
+static GstPad* add_ghost_pad(LfCameraNode* self, const char* name, GstStaticPadTemplate* static_template) {
+  GstPadTemplate* pad_template = gst_static_pad_template_get(static_template);
+  GstPad* target = self->fragment ? gst_element_get_static_pad(self->fragment, name) : nullptr;
+  GstPad* pad = target ? gst_ghost_pad_new_from_template(name, target, pad_template)
+                       : gst_ghost_pad_new_no_target_from_template(name, pad_template);
+  gst_element_add_pad(GST_ELEMENT(self), pad);
+  gst_clear_object(&target);
+  gst_object_unref(pad_template);
+  return pad;
+}
+
+// lffragment adds the source pad with the request pad and takes it away with it.
+static GstPad* lf_camera_node_new_pad(GstElement* element, GstPadTemplate*, const gchar* name, const GstCaps*) {
+  LfCameraNode* self = LF_CAMERA_NODE(element);
+  if (!self->fragment) return nullptr;
+  GstPad* target = gst_element_request_pad_simple(self->fragment, name ? name : "request_%u");
+  if (!target) return nullptr;
+  const std::string request_name = GST_PAD_NAME(target);
+  const std::string src_name = "src" + request_name.substr(sizeof("request") - 1);
+  gst_object_unref(target);
+  gst_pad_set_active(add_ghost_pad(self, src_name.c_str(), &more_src_template), TRUE);
+  GstPad* pad = add_ghost_pad(self, request_name.c_str(), &more_request_template);
+  gst_pad_set_active(pad, TRUE);
+  return pad;
+}
+
+static void lf_camera_node_release_pad(GstElement* element, GstPad* pad) {
+  LfCameraNode* self = LF_CAMERA_NODE(element);
+  const std::string src_name = "src" + std::string(GST_PAD_NAME(pad)).substr(sizeof("request") - 1);
+  GstPad* target = gst_ghost_pad_get_target(GST_GHOST_PAD(pad));
+  if (GstPad* src = gst_element_get_static_pad(element, src_name.c_str())) {
+    gst_pad_set_active(src, FALSE);
+    gst_element_remove_pad(element, src);
+    gst_object_unref(src);
+  }
+  gst_pad_set_active(pad, FALSE);
+  gst_element_remove_pad(element, pad);
+  if (!target) return;
+  gst_element_release_request_pad(self->fragment, target);
+  gst_object_unref(target);
+}
+
 static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
   object_class->set_property = lf_camera_node_set_property;
@@ -269,22 +319,16 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf_camera_node_change_state;
   element_class->provide_clock = lf_camera_node_provide_clock;
+  element_class->request_new_pad = lf_camera_node_new_pad;
+  element_class->release_pad = lf_camera_node_release_pad;
   gst_element_class_add_static_pad_template(element_class, &request_template);
+  gst_element_class_add_static_pad_template(element_class, &more_request_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
+  gst_element_class_add_static_pad_template(element_class, &more_src_template);
   gst_element_class_set_static_metadata(
       element_class, "Light field camera node", "Filter/Video",
       "Answers view requests with the fragments of a range of cameras: an lfcamsrc each and one lffragment",
       "gst-lightfield");
-}
-
-static void add_ghost_pad(LfCameraNode* self, const char* name, GstStaticPadTemplate* static_template) {
-  GstPadTemplate* pad_template = gst_static_pad_template_get(static_template);
-  GstPad* target = self->fragment ? gst_element_get_static_pad(self->fragment, name) : nullptr;
-  GstPad* pad = target ? gst_ghost_pad_new_from_template(name, target, pad_template)
-                       : gst_ghost_pad_new_no_target_from_template(name, pad_template);
-  gst_element_add_pad(GST_ELEMENT(self), pad);
-  gst_clear_object(&target);
-  gst_object_unref(pad_template);
 }
 
 static void lf_camera_node_init(LfCameraNode* self) {

@@ -50,6 +50,7 @@ struct _LfFragment {
   lf::SumChoice sum;      // under the object lock
   lf::CodecChoice codec;  // under the object lock
   guint threads;          // under the object lock
+  gint strip_pixels;      // under the object lock
   GstClockTime max_skew;  // under the object lock
   std::shared_ptr<lf::WorkerPool>* workers;
   lf::FragmentNode* node;

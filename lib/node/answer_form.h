@@ -3,6 +3,7 @@
 
 #include "render/render_job.h"
 #include "wire/answer.h"
+#include "wire/strips.h"
 
 namespace lf {
 
@@ -15,7 +16,8 @@ struct CodedAs {
 
 // How what a node has to give for a view is put into its answer.
 struct AnswerForm : CodedAs {
-  bool sum = false;  // its cameras' contributions added up; else a fragment of each
+  bool sum = false;                       // its cameras' contributions added up; else a fragment of each
+  int strip_pixels = wire::kStripPixels;  // of a sum in 8 bits: how large its fragments are
   bool operator==(const AnswerForm&) const = default;
 };
 

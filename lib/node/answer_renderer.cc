@@ -67,11 +67,11 @@ Fragment render_strip(const SumRenderer& renderer, const Rect& rect, PixelFamily
 }
 
 std::vector<Fragment> render_strips(const RenderJob& job, std::span<const Source> sources, PixelFamily family,
-                                    const ParallelFor& parallel) {
+                                    int strip_pixels, const ParallelFor& parallel) {
   const SumRenderer renderer(job.plan(), job.runs(), sources, family);
   const Rect rect = renderer.rect();
   if (rect.empty()) return {};
-  const std::vector<Rect> strips = wire::cut_rows(rect, wire::strip_rows(rect.width()));
+  const std::vector<Rect> strips = wire::cut_rows(rect, wire::strip_rows(rect.width(), strip_pixels));
   std::vector<Fragment> fragments(strips.size());
   parallel(strips.size(), [&](size_t i) { fragments[i] = render_strip(renderer, strips[i], family); });
   return fragments;
@@ -106,7 +106,7 @@ RenderedAnswer render_answer(const wire::AnswerHeader& header, const RenderJob& 
     std::vector<CameraFragment> strip_planes;
     std::span<const CameraFragment> fragments;
     if (form.sum) {
-      strips = render_strips(job, sources, header.family, parallel);
+      strips = render_strips(job, sources, header.family, form.strip_pixels, parallel);
       for (const Fragment& strip : strips) strip_planes.push_back({strip.camera, planes_of(strip)});
       fragments = strip_planes;
     } else {

@@ -12,7 +12,10 @@ namespace lf::wire {
 // threads, and a lost packet loses a strip and not the view.
 inline constexpr int kStripPixels = 1 << 16, kStripUnit = 16;
 
-inline int strip_rows(int width) { return std::max(kStripPixels / width / kStripUnit, 1) * kStripUnit; }
+// Rows of strips of at most `pixels` pixels, but for kStripUnit rows being the least.
+inline int strip_rows(int width, int pixels = kStripPixels) {
+  return std::max(pixels / width / kStripUnit, 1) * kStripUnit;
+}
 
 // Rectangles of all of `rect`'s width and at most `rows` rows.
 inline std::vector<Rect> cut_rows(const Rect& rect, int rows) {

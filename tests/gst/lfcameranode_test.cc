@@ -87,6 +87,26 @@ TEST_F(LfCameraNodeTest, AnswersWithAllItsCameras) {
   EXPECT_EQ(stat(node_.get(), "answers"), 3u);
 }
 
+TEST_F(LfCameraNodeTest, FurtherRequestersHaveTheirOwnPads) {
+  make();
+  play();
+  const auto further = [this] {
+    HarnessPtr harness(gst_harness_new_with_element(node_.get(), "request_5", "src_5"));
+    gst_harness_set_live(harness.get(), FALSE);
+    gst_harness_set_src_caps_str(harness.get(), "application/x-lightfield-request,framerate=10/1");
+    return harness;
+  };
+  for (int i = 0; i < 2; i++) {
+    const HarnessPtr other = further();
+    ASSERT_EQ(gst_harness_push(other.get(), to_buffer(wire::encode_request(array_.request(77, 0)))), GST_FLOW_OK);
+    const BufferPtr answer(gst_harness_pull(other.get()));
+    ASSERT_TRUE(answer);
+    EXPECT_EQ(wire::decode_answer(to_bytes(answer.get())).value().sequence, 77u);
+    EXPECT_EQ(cameras_of(ask(static_cast<uint32_t>(i))).size(), 4u);
+  }
+  EXPECT_EQ(gst_element_get_static_pad(node_.get(), "src_5"), nullptr) << "released with the harness";
+}
+
 TEST_F(LfCameraNodeTest, AnswersWithTheCamerasOfItsList) {
   make([](GstElement* node) { g_object_set(node, "cameras", "1,3", nullptr); });
   play();
