@@ -170,6 +170,22 @@ TEST_F(StillArray, FragmentsTravelThroughFilesInAnyForm) {
     }
 }
 
+TEST_F(StillArray, RtpChangesNoPicture) {
+  const std::string rig = dir_ / "rig.json", link = " ! rtplfpay mtu=700 ! rtplfdepay ! ";
+  for (const std::string sum : {"node", "camera"}) {
+    const Launched run = gst_launch("lfviewrequest location=" + dir_ / "views.json" + " rig=" + rig +
+                                    " ! tee name=r r. ! queue" + link + "n.request lfcameranode name=n codec=raw16 sum=" +
+                                    sum + " rig=" + rig + link + "c.sink_0 r. ! queue ! c.request lfcompositor name=c rig=" +
+                                    rig + " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / "out_%02d.png");
+    ASSERT_EQ(run.status, 0) << run.output;
+    for (size_t i = 0; i < views_.size(); i++) {
+      const Image expected = render_without_gstreamer(rig_, views_[i].view, images_);
+      const Quality quality = compare(load_image(dir_ / ("out_0" + std::to_string(i) + ".png")), expected);
+      EXPECT_LE(quality.max_error, sum == "node" ? 0 : 2) << i;
+    }
+  }
+}
+
 TEST_F(StillArray, NothingLeaks) {
   const Launched run = gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "views.json", dir_ / "out_%02d.png"),
                                   "-q", "GST_TRACERS=leaks GST_DEBUG=GST_TRACER:7,leaks:7 GST_DEBUG_NO_COLOR=1");
