@@ -154,13 +154,44 @@ GstElement* add_file_reader(GstBin* bin, const std::string& path) {
 }
 
 // A decoder whose pads appear later; they are linked with `convert` then.
-void add_uri_decoder(GstBin* bin, const std::string& uri, GstElement* convert) {
-  GstElement* decoder = add(bin, "uridecodebin");
+GstElement* add_decodebin(GstBin* bin, const char* factory, GstElement* convert) {
+  GstElement* decoder = add(bin, factory);
   GstCaps* caps = gst_caps_from_string(may_bypass(convert) ? "image/jpeg; video/x-raw" : "video/x-raw");
-  g_object_set(decoder, "uri", uri.c_str(), "caps", caps, "expose-all-streams", FALSE, nullptr);
+  g_object_set(decoder, "caps", caps, "expose-all-streams", FALSE, nullptr);
   gst_caps_unref(caps);
   g_signal_connect(decoder, "pad-added", G_CALLBACK(on_decoded_pad), convert);
   g_signal_connect(decoder, "no-more-pads", G_CALLBACK(on_no_more_pads), nullptr);
+  return decoder;
+}
+
+void on_source_setup(GstElement* /*decoder*/, GstElement* source, gpointer latency) {
+  if (g_object_class_find_property(G_OBJECT_GET_CLASS(source), "latency"))
+    g_object_set(source, "latency", GPOINTER_TO_UINT(latency), nullptr);
+}
+
+void add_uri_decoder(GstBin* bin, const std::string& uri, const ChainOptions& options, GstElement* convert) {
+  GstElement* decoder = add_decodebin(bin, "uridecodebin", convert);
+  g_object_set(decoder, "uri", uri.c_str(), nullptr);
+  g_signal_connect(decoder, "source-setup", G_CALLBACK(on_source_setup), GUINT_TO_POINTER(options.latency));
+}
+
+// What a device is asked for: left to itself it takes the largest pictures it has. JPEG first where it stays JPEG.
+GstCaps* device_caps(const Camera& camera, const ChainOptions& options) {
+  GstCaps* caps = gst_caps_from_string(options.decode ? "video/x-raw; image/jpeg; video/x-h264"
+                                                      : "image/jpeg; video/x-raw; video/x-h264");
+  gst_caps_set_simple(caps, "width", G_TYPE_INT, camera.width, "height", G_TYPE_INT, camera.height, nullptr);
+  if (options.fps_n > 0)
+    gst_caps_set_simple(caps, "framerate", GST_TYPE_FRACTION, options.fps_n, options.fps_d, nullptr);
+  return caps;
+}
+
+void add_device(GstBin* bin, const std::string& uri, const Camera& camera, const ChainOptions& options,
+                GstElement* convert) {
+  g_autoptr(GError) error = nullptr;
+  GstElement* device = gst_element_make_from_uri(GST_URI_SRC, uri.c_str(), nullptr, &error);
+  if (!device) throw Error(uri + ": " + error->message);
+  gst_bin_add(bin, device);
+  append(append(device, add_capsfilter(bin, device_caps(camera, options))), add_decodebin(bin, "decodebin", convert));
 }
 
 void add_matroska_reader(GstBin* bin, const std::string& path, GstElement* convert) {
@@ -201,7 +232,7 @@ void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, c
                 int fps_d, GstElement* convert) {
   switch (source.kind) {
     case Kind::kStill:
-      if (source.codec == Codec::kOther) return add_uri_decoder(bin, source.location, convert);
+      if (source.codec == Codec::kOther) return add_uri_decoder(bin, source.location, options, convert);
       append(append(add_file_reader(bin, source.location), add_decoder(bin, source.codec)), convert);
       return;
     case Kind::kSequence: {
@@ -216,7 +247,8 @@ void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, c
       return;
     }
     case Kind::kMatroska: return add_matroska_reader(bin, source.location, convert);
-    case Kind::kUri: return add_uri_decoder(bin, source.location, convert);
+    case Kind::kDevice: return add_device(bin, source.location, camera, options, convert);
+    case Kind::kUri: return add_uri_decoder(bin, source.location, options, convert);
     case Kind::kScene: append(add_scene(bin, camera, fps_n, fps_d, options.live), convert); return;
   }
 }
@@ -248,7 +280,7 @@ CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Ca
   if (has_rate && !own_rate) append_to_tail(add(bin, "videorate"));
   if (source.kind == Kind::kStill || (has_rate && !own_rate))
     append_to_tail(add_capsfilter(bin, frame_rate_caps(fps_n, fps_d)));
-  if (options.live) append_to_tail(add(bin, "clocksync"));
+  if (options.live && source.kind != Kind::kDevice) append_to_tail(add(bin, "clocksync"));
   chain.out = borrow_pad(chain.tail.back(), "src");
   return chain;
 }

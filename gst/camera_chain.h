@@ -16,6 +16,7 @@ struct ChainOptions {
   bool live = false;         // each at its time on the clock
   bool loop = false;         // image sequences begin again by themselves; other files are up to the caller
   bool decode = true;        // JPEG video too; stills always
+  guint latency = 200;       // of network sources, milliseconds: how long packets are waited for and put in order
 };
 
 inline constexpr int kDefaultFps = 15;
@@ -41,7 +42,7 @@ class MissingElement : public Error {
 };
 
 // Puts the chain of `camera` into `bin`, in state NULL. It has one streaming thread for each camera wherever the kind
-// of source is known in advance (all but kUri and stills of an unknown type). Throws MissingElement.
+// of source is known in advance (all but kDevice, kUri and stills of an unknown type). Throws MissingElement.
 CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Camera& camera,
                                const ChainOptions& options);
 

@@ -91,6 +91,25 @@ std::string file_uri(const std::string& path) {
   return uri;
 }
 
+// Whether the source of the URI has pictures on a pad of its own, in place of bytes or packets.
+bool gives_pictures(const std::string& uri) {
+  GstElement* source = gst_element_make_from_uri(GST_URI_SRC, uri.c_str(), nullptr, nullptr);
+  if (!source) return false;
+  gst_object_ref_sink(source);
+  bool pictures = false;
+  if (GstPad* pad = gst_element_get_static_pad(source, "src")) {
+    GstCaps* caps = gst_pad_get_pad_template_caps(pad);
+    for (guint i = 0; i < gst_caps_get_size(caps) && !gst_caps_is_any(caps); i++) {
+      const gchar* name = gst_structure_get_name(gst_caps_get_structure(caps, i));
+      pictures |= g_str_equal(name, "video/x-raw") || g_str_equal(name, "image/jpeg");
+    }
+    gst_caps_unref(caps);
+    gst_object_unref(pad);
+  }
+  gst_object_unref(source);
+  return pictures;
+}
+
 }  // namespace
 
 CameraSource find_camera_source(const Rig& rig, const Camera& camera) {
@@ -101,7 +120,8 @@ CameraSource find_camera_source(const Rig& rig, const Camera& camera) {
   const std::string& text = still ? camera.image : camera.source;
   std::string path = rig.resolve(text);
   if (gst_uri_is_valid(path.c_str())) {
-    if (!gst_uri_has_protocol(path.c_str(), "file")) return {.kind = Kind::kUri, .location = path};
+    if (!gst_uri_has_protocol(path.c_str(), "file"))
+      return {.kind = gives_pictures(path) ? Kind::kDevice : Kind::kUri, .location = path};
     g_autofree gchar* local = g_filename_from_uri(path.c_str(), nullptr, nullptr);
     if (!local) throw Error("source \"" + text + "\": not a file URI with an absolute path");
     path = local;

@@ -21,13 +21,14 @@ struct CameraSource {
     kStill,     // one picture, shown for ever
     kSequence,  // numbered pictures: `location` is a printf pattern with one %d, `first` the first number
     kMatroska,  // a Matroska file
+    kDevice,    // a URI whose source gives pictures itself, of the sizes and rates it has (v4l2:///dev/video0)
     kUri,       // anything else GStreamer plays: `location` is a URI
   };
   enum class Codec { kOther, kPng, kJpeg };  // of the pictures of kStill and kSequence
 
   Kind kind = Kind::kScene;
   Codec codec = Codec::kOther;
-  std::string location;  // a local path but for kUri
+  std::string location;  // a local path but for kDevice and kUri
   int first = 0;
 };
 

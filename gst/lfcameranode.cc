@@ -46,6 +46,7 @@ enum {
   kPropMaxSkew,
   kPropStripPixels,
   kPropDecode,
+  kPropLatency,
   kPropStats,
   kPropNetClock
 };
@@ -58,6 +59,7 @@ struct Settings {
   bool is_live = false;
   bool loop = false;
   bool decode = false;
+  guint latency = 200;  // ms
   guint node = 0;
   bool operator==(const Settings&) const = default;
 };
@@ -115,7 +117,7 @@ static void add_camera(LfCameraNode* self, const Settings& settings, const lf::R
   GstElement* camera = gst_element_factory_make("lfcamsrc", ("camera" + id).c_str());
   if (!camera) throw lf::Error("element lfcamsrc is not installed");
   g_object_set(camera, "rig", settings.rig.c_str(), "camera", rig.cameras[index].id, "is-live", settings.is_live,
-               "loop", settings.loop, "decode", settings.decode, nullptr);
+               "loop", settings.loop, "decode", settings.decode, "latency", settings.latency, nullptr);
   gst_util_set_object_arg(G_OBJECT(camera), "framerate",
                           (std::to_string(settings.fps_n) + "/" + std::to_string(settings.fps_d)).c_str());
   gst_bin_add(GST_BIN(self), camera);
@@ -191,6 +193,7 @@ static void lf_camera_node_set_property(GObject* object, guint id, const GValue*
     case kPropIsLive: settings.is_live = g_value_get_boolean(value); break;
     case kPropLoop: settings.loop = g_value_get_boolean(value); break;
     case kPropDecode: settings.decode = g_value_get_boolean(value); break;
+    case kPropLatency: settings.latency = g_value_get_uint(value); break;
     case kPropNode: settings.node = g_value_get_uint(value); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -212,6 +215,7 @@ static void lf_camera_node_get_property(GObject* object, guint id, GValue* value
     case kPropIsLive: g_value_set_boolean(value, settings.is_live); break;
     case kPropLoop: g_value_set_boolean(value, settings.loop); break;
     case kPropDecode: g_value_set_boolean(value, settings.decode); break;
+    case kPropLatency: g_value_set_uint(value, settings.latency); break;
     case kPropNode: g_value_set_uint(value, settings.node); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -309,6 +313,11 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
       object_class, kPropDecode,
       g_param_spec_boolean("decode", "Decode",
                            "JPEG video is decoded frame by frame, in place of where a request looks", FALSE, kFlags));
+  g_object_class_install_property(
+      object_class, kPropLatency,
+      g_param_spec_uint("latency", "Latency",
+                        "Network cameras (RTSP): how long, in milliseconds, packets are waited for and put in order", 0,
+                        60000, 200, kFlags));
   lf_fragment_install_choices(object_class, kPropSum);
   g_object_class_install_property(
       object_class, kPropStats,

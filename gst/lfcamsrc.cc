@@ -25,12 +25,14 @@
 #include <gst/video/video.h>
 
 #include <algorithm>
+#include <cstring>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "camera_chain.h"
 #include "camera_source.h"
+#include "camera_states.h"
 #include "camera_stream.h"
 #include "common.h"
 #include "net_clock.h"
@@ -40,7 +42,17 @@ GST_DEBUG_CATEGORY_STATIC(lf_cam_src_debug);
 
 namespace {
 
-enum { kPropRig = 1, kPropCamera, kPropFramerate, kPropIsLive, kPropLoop, kPropNumFrames, kPropDecode, kPropNetClock };
+enum {
+  kPropRig = 1,
+  kPropCamera,
+  kPropFramerate,
+  kPropIsLive,
+  kPropLoop,
+  kPropNumFrames,
+  kPropDecode,
+  kPropLatency,
+  kPropNetClock
+};
 
 // What the application sets. Under the object lock.
 struct Settings {
@@ -51,6 +63,7 @@ struct Settings {
   bool loop = false;
   gint64 num_frames = -1;
   bool decode = true;
+  guint latency = 200;  // ms
   bool operator==(const Settings&) const = default;
 };
 
@@ -60,7 +73,8 @@ struct Run {
   std::shared_ptr<const lf::Rig> rig;  // kept, so that the next camera finds it read already
   lf::CameraChain chain;
   std::shared_ptr<lf::CameraStream> stream;
-  bool used = false;  // has been in PAUSED: pads that come by and by have come
+  std::string wanted;  // of a device, in words
+  bool used = false;   // has been in PAUSED: pads that come by and by have come
 };
 
 }  // namespace
@@ -154,7 +168,8 @@ static void add_children(LfCamSrc* self, const Settings& settings) {
                                                         .fps_d = settings.fps_d,
                                                         .live = settings.is_live,
                                                         .loop = settings.loop,
-                                                        .decode = settings.decode});
+                                                        .decode = settings.decode,
+                                                        .latency = settings.latency});
   using Kind = lf::CameraSource::Kind;
   auto stream = std::make_shared<lf::CameraStream>(
       GST_ELEMENT(self), chain,
@@ -169,41 +184,13 @@ static void add_children(LfCamSrc* self, const Settings& settings) {
   stream->watch();
   if (settings.is_live) stream->set_live();
   gst_ghost_pad_set_target(GST_GHOST_PAD(self->src), chain.out);
-  self->run = new Run{settings, rig, chain, stream};
-}
-
-// --- Decoders that are bins -----------------------------------------------------------------------------------------
-//
-// They go to PAUSED by and by (ASYNC). A GstBin that has come to PAUSED without preroll, as a live one does, tells its
-// parent of the beginning of that and not of its end, and the pipeline waits for ever. Nobody needs to wait for them: a
-// sink prerolls with the frame it gets. So their state is locked and follows ours from here, and their messages about
-// it end here.
-
-static void lf_cam_src_element_added(GstBin* /*bin*/, GstElement* child) {
-  if (GST_IS_BIN(child)) gst_element_set_locked_state(child, TRUE);
-}
-
-static GstStateChangeReturn set_decoder_states(LfCamSrc* self, GstState state) {
-  std::vector<GstElement*> decoders;
-  GST_OBJECT_LOCK(self);
-  for (GList* child = GST_BIN(self)->children; child; child = child->next)
-    if (GST_IS_BIN(child->data)) decoders.push_back(GST_ELEMENT(gst_object_ref(child->data)));
-  GST_OBJECT_UNLOCK(self);
-  GstStateChangeReturn result = GST_STATE_CHANGE_SUCCESS;
-  for (GstElement* decoder : decoders) {
-    const GstStateChangeReturn one = gst_element_set_state(decoder, state);
-    if (one == GST_STATE_CHANGE_FAILURE || one == GST_STATE_CHANGE_NO_PREROLL) result = one;
-    gst_object_unref(decoder);
+  std::string wanted;
+  if (source.kind == Kind::kDevice) {
+    wanted = std::to_string(camera.width) + "x" + std::to_string(camera.height);
+    if (settings.fps_n > 0)
+      wanted += " at " + std::to_string(settings.fps_n) + "/" + std::to_string(settings.fps_d) + " frames/s";
   }
-  return result;
-}
-
-// A decoder has come to PAUSED: on to PLAYING, if that is where we are.
-static void continue_decoders(GstElement* element, gpointer /*unused*/) {
-  GST_STATE_LOCK(element);
-  if (GST_STATE_TARGET(element) == GST_STATE_PLAYING && GST_STATE(element) >= GST_STATE_PAUSED)
-    set_decoder_states(LF_CAM_SRC(element), GST_STATE_PLAYING);
-  GST_STATE_UNLOCK(element);
+  self->run = new Run{settings, rig, chain, stream, wanted};
 }
 
 // Children for the current settings. False, without children, after posting the reason.
@@ -255,14 +242,8 @@ static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStat
     stop_tail(self->run->chain);
   }
 
-  // As in any bin, who takes starts first and stops first.
-  const GstState next = GST_STATE_TRANSITION_NEXT(transition);
-  const bool up = GST_STATE_TRANSITION_CURRENT(transition) < next;
-  GstStateChangeReturn decoders = up ? GST_STATE_CHANGE_SUCCESS : set_decoder_states(self, next);
-  GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_cam_src_parent_class)->change_state(element, transition);
-  if (up && result != GST_STATE_CHANGE_FAILURE) decoders = set_decoder_states(self, next);
-  if (result != GST_STATE_CHANGE_FAILURE && decoders != GST_STATE_CHANGE_SUCCESS) result = decoders;
-
+  const GstStateChangeReturn result =
+      lf::change_camera_state(GST_BIN(self), transition, GST_ELEMENT_CLASS(lf_cam_src_parent_class)->change_state);
   self->net_clock->after(element, transition);
   // A live child gives no frame before PLAYING, so that this comes in time.
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED && result == GST_STATE_CHANGE_NO_PREROLL)
@@ -276,12 +257,7 @@ static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStat
 // Errors of the children know nothing of cameras: says whose they are.
 static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
   LfCamSrc* self = LF_CAM_SRC(bin);
-  const GstMessageType type = GST_MESSAGE_TYPE(message);
-  if (type == GST_MESSAGE_ASYNC_START || type == GST_MESSAGE_ASYNC_DONE) {
-    if (type == GST_MESSAGE_ASYNC_DONE) gst_element_call_async(GST_ELEMENT(self), continue_decoders, nullptr, nullptr);
-    gst_message_unref(message);
-    return;
-  }
+  if (lf::take_decoder_message(bin, message)) return;
   if (GST_MESSAGE_TYPE(message) != GST_MESSAGE_ERROR || !self->run) {
     GST_BIN_CLASS(lf_cam_src_parent_class)->handle_message(bin, message);
     return;
@@ -290,7 +266,11 @@ static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
     GError* error = nullptr;
     gchar* debug = nullptr;
     gst_message_parse_error(message, &error, &debug);
-    gchar* text = g_strdup_printf("%s: %s", self->run->stream->place().c_str(), error->message);
+    std::string what = error->message;
+    if (!self->run->wanted.empty() && debug && strstr(debug, "not-negotiated"))
+      what =
+          "it gives no pictures of " + self->run->wanted + "; v4l2-ctl --list-formats-ext lists what a V4L2 device has";
+    gchar* text = g_strdup_printf("%s: %s", self->run->stream->place().c_str(), what.c_str());
     gst_element_message_full(GST_ELEMENT(self), GST_MESSAGE_ERROR, error->domain, error->code, text, debug, __FILE__,
                              GST_FUNCTION, __LINE__);  // takes the texts
     g_error_free(error);
@@ -329,6 +309,7 @@ static void lf_cam_src_set_property(GObject* object, guint id, const GValue* val
     case kPropIsLive: settings.is_live = g_value_get_boolean(value); break;
     case kPropLoop: settings.loop = g_value_get_boolean(value); break;
     case kPropDecode: settings.decode = g_value_get_boolean(value); break;
+    case kPropLatency: settings.latency = g_value_get_uint(value); break;
     case kPropNumFrames: settings.num_frames = g_value_get_int64(value); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -347,6 +328,7 @@ static void lf_cam_src_get_property(GObject* object, guint id, GValue* value, GP
     case kPropIsLive: g_value_set_boolean(value, settings.is_live); break;
     case kPropLoop: g_value_set_boolean(value, settings.loop); break;
     case kPropDecode: g_value_set_boolean(value, settings.decode); break;
+    case kPropLatency: g_value_set_uint(value, settings.latency); break;
     case kPropNumFrames: g_value_set_int64(value, settings.num_frames); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -409,6 +391,11 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
                            "Raw video whatever the source is; without it JPEG video comes as it is, for lffragment to "
                            "decode where it needs it",
                            TRUE, kFlags));
+  g_object_class_install_property(
+      object_class, kPropLatency,
+      g_param_spec_uint("latency", "Latency",
+                        "Network cameras (RTSP): how long, in milliseconds, packets are waited for and put in order", 0,
+                        60000, 200, kFlags));
   lf::NetClock::install(object_class, kPropNetClock);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
@@ -416,7 +403,7 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   element_class->provide_clock = lf_cam_src_provide_clock;
   element_class->send_event = lf_cam_src_send_event;
   GST_BIN_CLASS(klass)->handle_message = lf_cam_src_handle_message;
-  GST_BIN_CLASS(klass)->element_added = lf_cam_src_element_added;
+  GST_BIN_CLASS(klass)->element_added = lf::lock_decoder;
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(
       element_class, "Light field camera source", "Source/Video",

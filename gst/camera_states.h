@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+namespace lf {
+
+// The states of lfcamsrc's children, some of which are bins that decode: these come to PAUSED by and by (ASYNC). A
+// GstBin that has come to PAUSED without preroll, as a live one does, tells its parent of the beginning of that and not
+// of its end, and the pipeline waits for ever. Nobody needs to wait for them: a sink prerolls with the frame it gets.
+// So the bin does not know: their state is locked and is changed here, and their messages about it end here.
+
+// For GstBinClass::element_added.
+void lock_decoder(GstBin* bin, GstElement* child);
+
+// In place of the parent class's change_state. `chain_up` is that.
+GstStateChangeReturn change_camera_state(GstBin* bin, GstStateChange transition,
+                                         GstStateChangeReturn (*chain_up)(GstElement*, GstStateChange));
+
+// For GstBinClass::handle_message: true if the message ends here; it is unreferenced then.
+bool take_decoder_message(GstBin* bin, GstMessage* message);
+
+}  // namespace lf
