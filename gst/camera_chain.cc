@@ -156,7 +156,8 @@ GstElement* add_file_reader(GstBin* bin, const std::string& path) {
 // A decoder whose pads appear later; they are linked with `convert` then.
 GstElement* add_decodebin(GstBin* bin, const char* factory, GstElement* convert) {
   GstElement* decoder = add(bin, factory);
-  GstCaps* caps = gst_caps_from_string(may_bypass(convert) ? "image/jpeg; video/x-raw" : "video/x-raw");
+  // ANY: decoders that can also give interlaced pictures or a GPU's memory are passed over otherwise.
+  GstCaps* caps = gst_caps_from_string(may_bypass(convert) ? "image/jpeg; video/x-raw(ANY)" : "video/x-raw(ANY)");
   g_object_set(decoder, "caps", caps, "expose-all-streams", FALSE, nullptr);
   gst_caps_unref(caps);
   g_signal_connect(decoder, "pad-added", G_CALLBACK(on_decoded_pad), convert);
