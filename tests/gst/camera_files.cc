@@ -29,19 +29,20 @@ void run_to_end(const std::string& launch_line) {
   if (!done) throw std::runtime_error(launch_line + ": did not end");
 }
 
-// Whether H.264 can be made with this encoder and read again.
-bool can_code(const std::string& encoder) {
-  const auto is_installed = [](const char* name) {
-    GstElementFactory* factory = gst_element_factory_find(name);
-    const bool yes = factory != nullptr;
-    gst_clear_object(&factory);
-    return yes;
-  };
-  return is_installed(encoder.c_str()) && is_installed("h264parse") &&
-         (is_installed("avdec_h264") || is_installed("openh264dec"));
+bool is_installed(const char* name) {
+  GstElementFactory* factory = gst_element_factory_find(name);
+  const bool yes = factory != nullptr;
+  gst_clear_object(&factory);
+  return yes;
 }
 
 }  // namespace
+
+std::string CameraFiles::h264_encoder() {
+  if (!is_installed("h264parse") || !(is_installed("avdec_h264") || is_installed("openh264dec"))) return "";
+  if (is_installed("x264enc")) return "x264enc tune=zerolatency quantizer=18 pass=quant ! video/x-h264,profile=main";
+  return is_installed("openh264enc") ? "openh264enc" : "";
+}
 
 CameraFiles::CameraFiles() {
   g_autofree gchar* folder = g_dir_make_tmp("lightfield-XXXXXX", nullptr);
@@ -58,12 +59,9 @@ CameraFiles::CameraFiles() {
   run_to_end(frames + "jpegenc quality=95 ! matroskamux ! filesink location=" + path("mjpeg.mkv"));
   run_to_end(frames + "jpegenc quality=95 ! avimux ! filesink location=" + path("mjpeg.avi"));
   run_to_end(frames + "matroskamux ! filesink location=" + path("raw.mkv"));
-  for (const char* encoder : {"x264enc bframes=0 ! video/x-h264,profile=baseline", "openh264enc"}) {
-    if (!can_code(std::string(encoder).substr(0, std::string(encoder).find(' ')))) continue;
+  if (const std::string encoder = h264_encoder(); !encoder.empty()) {
     run_to_end(frames + encoder + " ! h264parse ! mp4mux ! filesink location=" + path("h264.mp4"));
     run_to_end(frames + encoder + " ! h264parse ! matroskamux ! filesink location=" + path("h264.mkv"));
-    has_h264_ = true;
-    break;
   }
   run_to_end("videotestsrc num-buffers=1 ! video/x-raw,format=GRAY8,width=64,height=48 ! pngenc ! filesink location=" +
              path("grey.png"));

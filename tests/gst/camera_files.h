@@ -19,8 +19,9 @@ class CameraFiles {
   CameraFiles(const CameraFiles&) = delete;
   CameraFiles& operator=(const CameraFiles&) = delete;
 
-  // Whether there are h264.mp4 and h264.mkv: an encoder and a decoder are optional.
-  bool has_h264() const { return has_h264_; }
+  // The part of a launch line that makes H.264 of raw video; "" where an encoder or a decoder is not installed. With it
+  // there are h264.mp4 and h264.mkv.
+  static std::string h264_encoder();
   static int grey_of(int frame) { return 20 + 30 * frame; }
   std::string path(const std::string& name) const { return folder_ + "/" + name; }
   std::string uri(const std::string& name) const { return "file://" + path(name); }
@@ -31,7 +32,6 @@ class CameraFiles {
 
  private:
   std::string folder_;
-  bool has_h264_ = false;
 };
 
 }  // namespace lf::test
