@@ -45,6 +45,29 @@ class EdgeCrossing {
     slope_ = edge.y * scale;
   }
 
+  // Clips what has sign * e >= 0 in many rows at once: `v` of the rows, x0 and x1 of what is left of them. Rows where
+  // find() has to look twice are marked as unclear.
+  void clip_rows(int sign, std::span<const double> v, int* x0, int* x1, uint8_t* unclear) const {
+    if (edge_.x == 0) {
+      for (size_t i = 0; i < v.size(); i++)
+        if (sign * FacePlan::evaluate(edge_, {0, v[i]}) < 0) x1[i] = x0[i];
+      return;
+    }
+    const bool at_least = (edge_.x > 0) == (sign > 0);
+    for (size_t i = 0; i < v.size(); i++) {
+      const double x = offset_ + slope_ * v[i], doubt = doubt_at(v[i]);
+      const double limited = x > -kFar ? (x < kFar ? x : kFar) : -kFar;  // NaN, too
+      constexpr double kWhole = 0x1.8p52;                                // leaves no bits for a fraction
+      const double nearest = (limited + kWhole) - kWhole;
+      const int end = static_cast<int>(nearest) + (limited > nearest ? 1 : 0);
+      unclear[i] |= !(doubt < kMostDoubt) | !(std::abs(limited - nearest) > doubt);
+      if (at_least)
+        x0[i] = std::max(x0[i], end);
+      else
+        x1[i] = std::min(x1[i], end);
+    }
+  }
+
   // For row y with v: pixels x >= at_least() and x < less_than() on either side of the change; they differ by one where
   // the function is 0 at a pixel. False if rounding is too large to tell.
   struct Ends {
@@ -60,12 +83,10 @@ class EdgeCrossing {
       ends.value = FacePlan::evaluate(edge_, {0, v});
       return true;
     }
-    constexpr double kRounding = 1e-13;  // far above that of the sums below, relative to their terms
-    const double x = offset_ + slope_ * v,
-                 doubt = kRounding * (std::abs(offset_) + std::abs(slope_ * v) + kMaxImageSize);
-    if (!(doubt < 1e-3)) return false;
+    const double x = offset_ + slope_ * v, doubt = doubt_at(v);
+    if (!(doubt < kMostDoubt)) return false;
     ends.rising = edge_.x > 0;
-    const double limited = std::clamp(x, -1e6, 1e6), nearest = std::nearbyint(limited);
+    const double limited = std::clamp(x, -kFar, kFar), nearest = std::nearbyint(limited);
     if (std::abs(limited - nearest) > doubt) {
       ends.first = ends.past = static_cast<int>(std::ceil(limited));
       return true;
@@ -82,6 +103,10 @@ class EdgeCrossing {
   }
 
  private:
+  static constexpr double kRounding = 1e-13;  // far above that of the sums, relative to their terms
+  static constexpr double kMostDoubt = 1e-3, kFar = 1e6;
+  double doubt_at(double v) const { return kRounding * (std::abs(offset_) + std::abs(slope_ * v) + kMaxImageSize); }
+
   Vec3 edge_;
   const Rays* rays_;
   double offset_, slope_;
@@ -117,7 +142,52 @@ void scan(const ViewPlan& plan, const FacePlan& face, int y, Interval range, con
   }
 }
 
-// The same for rows y0 to y1 of a face, calling fn(y, x0, x1).
+// A face whose edge functions are linear along the rows.
+struct LinearFace {
+  LinearFace(const ViewPlan& plan, const FacePlan& face)
+      : plan(plan),
+        face(face),
+        crossing{{face.edge[0], plan.rays()}, {face.edge[1], plan.rays()}, {face.edge[2], plan.rays()}},
+        sum(face.edge[0] + face.edge[1] + face.edge[2]) {}
+  const ViewPlan& plan;
+  const FacePlan& face;
+  const EdgeCrossing crossing[3];
+  const Vec3 sum;  // 0 is no part of the face. That is only where all three functions vanish.
+};
+
+// One row with all the care there is. `range`: where to look.
+template <class Fn>
+void find_in_row(const LinearFace& linear, int y, const Interval& range, const Fn& fn) {
+  const auto scan_row = [&](const Interval& part) {
+    scan(linear.plan, linear.face, y, part, [&](int x0, int x1) { fn(y, x0, x1); });
+  };
+  const Rays& rays = linear.plan.rays();
+  const Vec2 begin = rays.at(0, y);
+  EdgeCrossing::Ends ends[3];
+  bool clear = true;
+  for (int k = 0; k < 3; k++) clear = linear.crossing[k].find(y, begin.y, ends[k]) && clear;
+  if (!clear) return scan_row(range);
+  Interval found[2];
+  for (int i = 0; i < 2; i++) {
+    found[i] = range;
+    for (int k = 0; k < 3; k++) clip(ends[k], i == 0 ? 1 : -1, found[i]);
+  }
+  // That the sum is not 0 shows at the ends of an interval.
+  const Vec3& sum = linear.sum;
+  const double u_step = rays.at(1, y).x - begin.x, row_sum = sum.y * begin.y + sum.z;
+  for (const Interval& interval : found) {
+    if (interval.empty()) continue;
+    const double first = sum.x * (begin.x + interval.x0 * u_step) + row_sum;
+    const double last = sum.x * (begin.x + (interval.x1 - 1) * u_step) + row_sum;
+    const double rounding = 1e-12 * (std::abs(sum.x) + std::abs(row_sum));
+    if (std::min(std::abs(first), std::abs(last)) > rounding)
+      fn(y, interval.x0, interval.x1);
+    else
+      scan_row(interval);
+  }
+}
+
+// Calls fn(y, x0, x1) for the runs of a face in `rect`.
 template <class Fn>
 void find_runs(const ViewPlan& plan, const FacePlan& face, const Rect& rect, const Fn& fn) {
   const Rays& rays = plan.rays();
@@ -127,35 +197,29 @@ void find_runs(const ViewPlan& plan, const FacePlan& face, const Rect& rect, con
       scan(plan, face, y, {rect.x0, rect.x1}, [&](int x0, int x1) { fn(y, x0, x1); });
     return;
   }
-  const EdgeCrossing crossing[3] = {{face.edge[0], rays}, {face.edge[1], rays}, {face.edge[2], rays}};
-  // A sum of 0 is none. That is only where all three functions vanish, and the ends of an interval show it.
-  const Vec3 sum = face.edge[0] + face.edge[1] + face.edge[2];
-  const double u0 = rays.at(0, 0).x, u_step = rays.at(1, 0).x - u0;
-  for (int y = rect.y0; y < rect.y1; y++) {
-    const double v = rays.at(0, y).y;
-    EdgeCrossing::Ends ends[3];
-    bool clear = true;
-    for (int k = 0; k < 3; k++) clear = crossing[k].find(y, v, ends[k]) && clear;
-    if (!clear) {
-      scan(plan, face, y, {rect.x0, rect.x1}, [&](int x0, int x1) { fn(y, x0, x1); });
-      continue;
-    }
-    Interval found[2];
-    for (int i = 0; i < 2; i++) {
-      found[i] = {rect.x0, rect.x1};
-      for (int k = 0; k < 3; k++) clip(ends[k], i == 0 ? 1 : -1, found[i]);
-    }
-    for (const Interval& interval : found) {
-      if (interval.empty()) continue;
-      const double row_sum = sum.y * v + sum.z;
-      const double first = sum.x * (u0 + interval.x0 * u_step) + row_sum;
-      const double last = sum.x * (u0 + (interval.x1 - 1) * u_step) + row_sum;
-      const double rounding = 1e-12 * (std::abs(sum.x) + std::abs(row_sum));
-      if (std::min(std::abs(first), std::abs(last)) > rounding)
-        fn(y, interval.x0, interval.x1);
-      else
-        scan(plan, face, y, interval, [&](int x0, int x1) { fn(y, x0, x1); });
-    }
+  const LinearFace linear(plan, face);
+  const int sign = positive_over(linear.sum, rays, rect) ? 1 : positive_over(-linear.sum, rays, rect) ? -1 : 0;
+  if (sign == 0) {  // it straddles the eye's plane
+    for (int y = rect.y0; y < rect.y1; y++) find_in_row(linear, y, {rect.x0, rect.x1}, fn);
+    return;
+  }
+  constexpr int kRows = 64;
+  double v[kRows];
+  int x0[kRows], x1[kRows];
+  uint8_t unclear[kRows];
+  for (int y = rect.y0; y < rect.y1; y += kRows) {
+    const int rows = std::min(rect.y1 - y, kRows);
+    for (int i = 0; i < rows; i++) v[i] = rays.at(0, y + i).y;
+    std::fill_n(x0, rows, rect.x0);
+    std::fill_n(x1, rows, rect.x1);
+    std::fill_n(unclear, rows, 0);
+    for (const EdgeCrossing& crossing : linear.crossing)
+      crossing.clip_rows(sign, {v, static_cast<size_t>(rows)}, x0, x1, unclear);
+    for (int i = 0; i < rows; i++)
+      if (unclear[i])
+        find_in_row(linear, y + i, {rect.x0, rect.x1}, fn);
+      else if (x0[i] < x1[i])
+        fn(y + i, x0[i], x1[i]);
   }
 }
 
@@ -188,16 +252,24 @@ OwnerRuns::OwnerRuns(const ViewPlan& plan, const Rect& region)
     row.count = 0;
   }
   runs_.resize(begin);
-  for (const Found& f : found) add(f.y, f.x0, f.x1, f.face);
+  for (const Found& f : found) {
+    Row& row = rows_[static_cast<size_t>(f.y - region_.y0)];
+    OwnerRun* const end = runs_.data() + row.begin + row.count;
+    if (row.count == 0 || (end - 1)->x1 <= f.x0) {
+      *end = {f.x0, f.x1, f.face};
+      row.count++;
+    } else {
+      insert(row, f.x0, f.x1, f.face);
+    }
+  }
 }
 
 // Faces come in ascending order: what is there already stays.
-void OwnerRuns::add(int y, int x0, int x1, int32_t face) {
-  Row& row = rows_[static_cast<size_t>(y - region_.y0)];
+void OwnerRuns::insert(Row& row, int x0, int x1, int32_t face) {
   OwnerRun* const begin = runs_.data() + row.begin;
   OwnerRun* at = begin + row.count;
   while (at > begin && (at - 1)->x1 > x0) at--;  // the first one that ends past x0
-  const auto insert = [&](int from, int to) {
+  const auto put = [&](int from, int to) {
     std::move_backward(at, begin + row.count, begin + row.count + 1);
     *at = {from, to, face};
     row.count++;
@@ -205,11 +277,11 @@ void OwnerRuns::add(int y, int x0, int x1, int32_t face) {
   while (x0 < x1) {
     const int next = at < begin + row.count ? at->x0 : x1;
     if (next >= x1) {
-      insert(x0, x1);
+      put(x0, x1);
       return;
     }
     if (x0 < next) {
-      insert(x0, next);
+      put(x0, next);
       at++;
     }
     x0 = at->x1;

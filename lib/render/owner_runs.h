@@ -41,7 +41,7 @@ class OwnerRuns {
   struct Row {
     uint32_t begin = 0, count = 0;
   };
-  void add(int y, int x0, int x1, int32_t face);
+  void insert(Row& row, int x0, int x1, int32_t face);
 
   Rect region_;
   std::vector<Row> rows_;
