@@ -86,10 +86,24 @@ struct SlotBand {
   std::vector<int32_t> verdict;  // per pair of rows
 };
 
-// Which weights the last face of a block has: the next row's are mostly the same.
-struct FaceEntries {
-  int32_t face = -1;
-  int32_t entry[3] = {};
+// A face in one block of a band.
+struct FaceBlock {
+  int32_t face;
+  uint8_t corners;   // bit k: corner k is ours
+  bool smooth;       // see fit_weights()
+  int32_t entry[3];  // numbers of the BlockWeights of corners that are ours
+  // Where it is smooth: bit r: row r has pixels [x0, x1) of the block, whose weights are
+  // w(t) = at + t rise + t (t - 1)/4 bend, t = 0..1 along the block.
+  uint32_t rows;
+  uint8_t x0[kBandRows], x1[kBandRows];
+  alignas(32) uint32_t at[3][kBandRows];         // 2^30 = 1, raised by kWeightOffset
+  alignas(32) uint32_t rise_bend[3][kBandRows];  // two int16_t, 2^15 = 1: rise in the low bits
+};
+
+// The two faces that a block met last: those of the next row are mostly the same.
+struct LastFaces {
+  int32_t face[2] = {-1, -1};
+  int32_t number[2] = {};  // in Scratch::faces
 };
 
 // Memory of one thread, reused from band to band.
@@ -97,8 +111,10 @@ struct Scratch {
   std::vector<BlockWeights> weights;
   size_t weights_used = 0;
   std::vector<int32_t> head;  // per block of the rectangle: first BlockWeights, -1: none
-  std::vector<FaceEntries> last_face[2];
-  std::vector<SlotBand> bands;  // per slot
+  std::vector<FaceBlock> faces;
+  size_t faces_used = 0;
+  std::vector<LastFaces> last_faces;  // per block of the rectangle
+  std::vector<SlotBand> bands;        // per slot
   // The sums, whole blocks: [row][plane] for RGB, luma [row][0] and chroma [pair][1..2]: in the memory below or right
   // where they are wanted.
   int16_t* sum[kBandRows][3] = {};

@@ -79,7 +79,7 @@ Scratch& scratch_for(const Rect& rect, size_t slots) {
   thread_local Scratch scratch;
   const size_t blocks = static_cast<size_t>((rect.x1 + kBlock - 1) / kBlock - rect.x0 / kBlock);
   scratch.head.resize(std::max(scratch.head.size(), blocks));
-  for (auto& last : scratch.last_face) last.resize(std::max(last.size(), blocks));
+  scratch.last_faces.resize(std::max(scratch.last_faces.size(), blocks));
   scratch.bands.resize(std::max(scratch.bands.size(), slots));
   for (SlotBand& band : scratch.bands) band.y = -1;
   for (int r = 0; r < kBandRows; r++) {

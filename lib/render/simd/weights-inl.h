@@ -13,6 +13,7 @@
 
 #include "render/simd/band_data.h"
 #include "render/simd/fixed-inl.h"
+#include "render/simd/smooth_weights-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
@@ -35,18 +36,25 @@ inline int32_t entry_of(Scratch& scratch, int block, int32_t slot) {
   return number;
 }
 
-// The entries of a face's corners that are ours.
-HWY_INLINE const FaceEntries& entries_of(const SumTask& task, Scratch& scratch, int block, int32_t face,
-                                         uint8_t corners) {
-  for (auto& last : scratch.last_face)
-    if (last[block].face == face) return last[block];
-  FaceEntries& entries = scratch.last_face[0][block];
-  std::swap(entries, scratch.last_face[1][block]);
-  entries.face = face;
+// The number in scratch.faces of a face in a block, made if none of its rows was there before. `block`: of the
+// rectangle; x, y: the block's and the band's first pixel.
+HWY_INLINE int32_t face_in_block(const SumTask& task, Scratch& scratch, int block, int x, int y, int32_t face,
+                                 uint8_t corners) {
+  LastFaces& last = scratch.last_faces[block];
+  if (last.face[0] == face) return last.number[0];
+  if (last.face[1] == face) return last.number[1];
+  if (scratch.faces_used == scratch.faces.size()) scratch.faces.resize(2 * scratch.faces.size() + 64);
+  const int32_t number = static_cast<int32_t>(scratch.faces_used++);
+  last = {{face, last.face[0]}, {number, last.number[0]}};
+  FaceBlock& made = scratch.faces[number];
+  const FacePlan& plan = task.plan->faces()[face];
+  made.face = face;
+  made.corners = corners;
   for (int k = 0; k < 3; k++)
-    if (corners >> k & 1)
-      entries.entry[k] = entry_of(scratch, block, task.slot_of_camera[task.plan->faces()[face].camera[k]]);
-  return entries;
+    if (corners >> k & 1) made.entry[k] = entry_of(scratch, block, task.slot_of_camera[plan.camera[k]]);
+  made.rows = 0;
+  made.smooth = fit_weights(plan, task.plan->rays(), x, y, made);
+  return number;
 }
 
 // The weights e_k / (e_0 + e_1 + e_2) of the corners in `corners` for pixels [x0, x1) of one block and row, x in pixels
@@ -59,12 +67,12 @@ inline void weigh(const float e[3], const float step[3], int x0, int x1, uint8_t
   const auto iota = hn::Iota(df, 0);
   const auto first = hn::Set(df, static_cast<float>(x0)), past = hn::Set(df, static_cast<float>(x1));
   // Where the sum varies little a step or two of Newton's from its middle are as good as a division (each squares the
-  // relative error, which is 1/128 or 1/16 at first), and faster.
+  // relative error, which is 1/256 or 1/16 at first), and faster.
   const float sum_x0 = e[0] + e[1] + e[2];
   const float half_change = 0.5f * static_cast<float>(x1 - 1 - x0) * (step[0] + step[1] + step[2]);
   const float middle = sum_x0 + half_change;
   const float change = std::abs(half_change), largest = std::abs(middle);
-  const bool divide = !(change * 16 < largest), once = change * 128 < largest;
+  const bool divide = !(change * 16 < largest), once = change * 256 < largest;
   const auto guess = hn::Set(df, 1 / middle), two = hn::Set(df, 2.f);
   for (int i = x0 / lanes * lanes; i < x1; i += lanes) {
     const auto x = hn::Add(iota, hn::Set(df, static_cast<float>(i)));
@@ -94,49 +102,68 @@ inline void weigh(const float e[3], const float step[3], int x0, int x1, uint8_t
   }
 }
 
+// Pixels [x, x1) of a run, in one block, pixel by pixel.
+inline void weigh_exactly(const SumTask& task, const OwnerRun& run, int y, int x, int x1, const FaceBlock& block,
+                          Scratch& scratch) {
+  const FacePlan& face = task.plan->faces()[run.face];
+  const Rays& rays = task.plan->rays();
+  const int left = x / kBlock * kBlock, r = y % kBandRows;
+  int16_t* out[3] = {};
+  for (int k = 0; k < 3; k++)
+    if (block.corners >> k & 1) out[k] = scratch.weights[block.entry[k]].w[r];
+  float e[3], step[3] = {};
+  if (!rays.separable()) {
+    for (; x < x1; x++) {
+      for (int k = 0; k < 3; k++) e[k] = static_cast<float>(FacePlan::evaluate(face.edge[k], rays.at(x, y)));
+      weigh(e, step, x - left, x + 1 - left, block.corners, out);
+    }
+    return;
+  }
+  const Vec2 begin = rays.at(run.x0, y);
+  const double u_step = rays.at(1, 0).x - rays.at(0, 0).x;
+  for (int k = 0; k < 3; k++) {
+    const double e_step = face.edge[k].x * u_step;
+    step[k] = static_cast<float>(e_step);
+    e[k] = static_cast<float>(FacePlan::evaluate(face.edge[k], begin) + (x - run.x0) * e_step);
+  }
+  weigh(e, step, x - left, x1 - left, block.corners, out);
+}
+
 // Fills scratch.weights and head for the rows of a band inside rect.
 inline void weigh_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
-  scratch.weights_used = 0;
+  scratch.weights_used = scratch.faces_used = 0;
   const int first_block = rect.x0 / kBlock, blocks = (rect.x1 + kBlock - 1) / kBlock - first_block;
   std::fill_n(scratch.head.begin(), blocks, -1);
-  for (auto& last : scratch.last_face) std::fill_n(last.begin(), blocks, FaceEntries{});
-  const Rays& rays = task.plan->rays();
-  const bool linear = rays.separable();
-  const double u_step = linear ? rays.at(1, 0).x - rays.at(0, 0).x : 0;
+  std::fill_n(scratch.last_faces.begin(), blocks, LastFaces{});
   // Whole blocks, wherever the rectangle begins in one: the same pixel has the same weights in all of them.
   const int blocks_x0 = first_block * kBlock, blocks_x1 = blocks_x0 + blocks * kBlock;
   for (int r = std::max(0, rect.y0 - y); r < kBandRows && y + r < rect.y1; r++)
     for (const OwnerRun& run : task.runs->row(y + r, blocks_x0, blocks_x1)) {
       const uint8_t corners = task.face_corners[run.face];
       if (!corners) continue;
-      const FacePlan& face = task.plan->faces()[run.face];
-      const int run_x0 = std::max(run.x0, blocks_x0), run_x1 = std::min(run.x1, blocks_x1);
-      const Vec2 begin = rays.at(run.x0, y + r);
-      double e_begin[3], e_step[3];
-      float step[3];
-      for (int k = 0; k < 3; k++) {
-        e_begin[k] = FacePlan::evaluate(face.edge[k], begin);
-        e_step[k] = face.edge[k].x * u_step;
-        step[k] = static_cast<float>(e_step[k]);
-      }
-      for (int x = run_x0; x < run_x1;) {
-        const int block = x / kBlock, left = block * kBlock, end = linear ? std::min(run_x1, left + kBlock) : x + 1;
-        const FaceEntries& entries = entries_of(task, scratch, block - first_block, run.face, corners);
-        int16_t* out[3] = {};
-        for (int k = 0; k < 3; k++)
-          if (corners >> k & 1) {
-            BlockWeights& weights = scratch.weights[entries.entry[k]];
-            weights.rows |= 1u << r;
-            out[k] = weights.w[r];
-          }
-        float e[3];
-        for (int k = 0; k < 3; k++)
-          e[k] = static_cast<float>(linear ? e_begin[k] + (x - run.x0) * e_step[k]
-                                           : FacePlan::evaluate(face.edge[k], rays.at(x, y + r)));
-        weigh(e, step, x - left, end - left, corners, out);
-        x = end;
+      const int run_x1 = std::min(run.x1, blocks_x1);
+      for (int x = std::max(run.x0, blocks_x0), end; x < run_x1; x = end) {
+        const int block = x / kBlock, left = block * kBlock;
+        end = std::min(run_x1, left + kBlock);
+        const int32_t number = face_in_block(task, scratch, block - first_block, left, y, run.face, corners);
+        FaceBlock& face = scratch.faces[number];
+        if (HWY_UNLIKELY(!face.smooth)) {
+          weigh_exactly(task, run, y + r, x, end, face, scratch);
+          for (int k = 0; k < 3; k++)
+            if (corners >> k & 1) scratch.weights[face.entry[k]].rows |= 1u << r;
+          continue;
+        }
+        if (HWY_UNLIKELY(face.rows >> r & 1)) {  // it has a run of this row already
+          spread_weights(face, scratch);
+          face.rows = 0;
+        }
+        face.rows |= 1u << r;
+        face.x0[r] = static_cast<uint8_t>(x - left);
+        face.x1[r] = static_cast<uint8_t>(end - left);
       }
     }
+  for (size_t i = 0; i < scratch.faces_used; i++)
+    if (scratch.faces[i].smooth) spread_weights(scratch.faces[i], scratch);
 }
 
 }  // namespace lf::simd::HWY_NAMESPACE
