@@ -75,33 +75,59 @@ inline void clear_target(bool i420, int y, int y_end, const SlotTarget& to) {
 
 inline constexpr int kMostParts = kBandRows * 3 * kBlock;  // three corners of a face for every pixel
 
+// The parts of a block of `width` view pixels.
+struct BlockParts {
+  Part part[kMostParts];
+  int count = 0;
+  bool calm = true;     // all are to be shuffled in every pair of rows
+  uint32_t rows = ~0u;  // that all of them have a weight in
+};
+
+inline void find_parts(const SumTask& task, int block, int out, const Scratch& scratch, BlockParts& parts) {
+  for (int32_t i = scratch.head[out]; i >= 0; i = scratch.weights[i].next) {
+    const BlockWeights& weights = scratch.weights[i];
+    const SlotBand& band = scratch.bands[weights.slot];
+    const bool seen = task.slots[weights.slot].image.family != PixelFamily::kNone;
+    parts.part[parts.count++] = {&weights, &band, block - band.first_block,
+                                 seen ? SlotBand::kShuffle : SlotBand::kAllLost};
+    parts.calm = parts.calm && seen && band.calm;
+    parts.rows &= weights.rows;
+  }
+}
+
 // `block`: of the view; `out`: counted from the rectangle's first one; y: the band's first row.
 inline void render_block(const SumTask& task, const Rect& rect, int block, int out, int y, Scratch& scratch) {
   const View& view = task.plan->view();
   const int x = block * kBlock;
   const bool i420 = task.family == PixelFamily::kI420, separable = task.plan->rays().separable();
   const bool odd_column = i420 && view.width % 2 != 0 && x + kBlock > view.width - 1;
+  BlockParts all;
+  find_parts(task, block, out, scratch, all);
+  const bool shuffles = i420 && separable && !odd_column && !task.exact && HWY_TARGET != HWY_SCALAR;
   Part shuffled[kMostParts], slow[kMostParts];
   for (int pair = 0; pair < kBandPairs && y + 2 * pair < rect.y1; pair++) {
     if (y + 2 * pair + 1 < rect.y0) continue;
     const PairPlace place{pair, x, y, out};
     // A chroma sample at the border of an odd view has only two pixels, or one.
     const bool odd = odd_column || (i420 && y + 2 * pair + 1 >= view.height), alone = odd || !separable;
+    // Nearly everywhere there is nothing to ask.
+    if (HWY_LIKELY(shuffles && !odd && all.calm && (all.rows >> (2 * pair) & 3) && task.targets.empty())) {
+      sum_i420(all.part, all.count, place, scratch);
+      continue;
+    }
     int num_shuffled = 0, num_slow = 0;
-    for (int32_t i = scratch.head[out]; i >= 0; i = scratch.weights[i].next) {
-      const BlockWeights& weights = scratch.weights[i];
-      if (!(weights.rows >> (2 * pair) & 3)) continue;
-      const SlotBand& band = scratch.bands[weights.slot];
-      Part part{&weights, &band, block - band.first_block, SlotBand::kProject};
-      if (task.slots[weights.slot].image.family == PixelFamily::kNone)
-        part.verdict = SlotBand::kAllLost;
-      else if (!alone && band.calm)
-        part.verdict = SlotBand::kShuffle;
-      else if (!alone)
-        part.verdict = band.verdict[pair * band.pitch + part.block];
+    for (int i = 0; i < all.count; i++) {
+      Part part = all.part[i];
+      if (!(part.weights->rows >> (2 * pair) & 3)) continue;
+      if (part.verdict == SlotBand::kAllLost)
+        ;
+      else if (alone)
+        part.verdict = SlotBand::kProject;
+      else if (!part.band->calm)
+        part.verdict = part.band->verdict[pair * part.band->pitch + part.block];
       if (part.verdict == SlotBand::kAllLost && task.targets.empty())
-        add_lost(weights, place, scratch);
-      else if (part.verdict == SlotBand::kShuffle && !task.exact && HWY_TARGET != HWY_SCALAR)
+        add_lost(*part.weights, place, scratch);
+      else if (part.verdict == SlotBand::kShuffle && shuffles)
         shuffled[num_shuffled++] = part;
       else
         slow[num_slow++] = part;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Per target, see render_band.cc: bilinear samples of one plane and row of a block, times 128.
+// Per target, see render_band.cc: bilinear samples of one plane and row of a block.
 #if defined(LF_RENDER_SIMD_SAMPLES_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef LF_RENDER_SIMD_SAMPLES_INL_H_
 #undef LF_RENDER_SIMD_SAMPLES_INL_H_
@@ -67,10 +67,18 @@ HWY_INLINE auto by_half(uint16_t low, uint16_t high, size_t lane) {
     return hn::Set(d, lane < kChromaBlock ? low : high);
 }
 
-// Samples lane.. of a block whose windows hold all that is needed. `low`, `high`: where the windows of its two halves
-// begin.
-HWY_INLINE V16 sample_windows(const WindowPositions& at, const UnitTable& table, const uint8_t* low,
-                              const uint8_t* high, ptrdiff_t stride, size_t lane) {
+using VU16 = hn::Vec<DU16>;
+
+// a (1 - f) + b f of 16-bit values, f in 0..1 as 16-bit fraction and `rest` its complement.
+HWY_INLINE VU16 blend(VU16 a, VU16 b, VU16 rest, VU16 f) { return hn::Add(hn::MulHigh(a, rest), hn::MulHigh(b, f)); }
+
+// What sample_windows() cuts off from its products, on average: from nothing to twice as much.
+inline constexpr int kCutOff = 3;
+
+// Samples lane.. of a block whose windows hold all that is needed, times 256, and kCutOff too small. `low`, `high`:
+// where the windows of its two halves begin.
+HWY_INLINE VU16 sample_windows(const WindowPositions& at, const UnitTable& table, const uint8_t* low,
+                               const uint8_t* high, ptrdiff_t stride, size_t lane) {
   const D16 d;
   const DU16 du;
   const hn::Repartition<uint8_t, D16> d8;
@@ -80,25 +88,22 @@ HWY_INLINE V16 sample_windows(const WindowPositions& at, const UnitTable& table,
   const auto x = hn::Add(by_half(at.x0, at.x0_half, lane), along);  // in each half's window
   const auto y = hn::Add(hn::Add(hn::Set(d, at.y0), hn::MulFixedPoint15(hn::Set(d, at.sy), bend)),
                          hn::MulFixedPoint15(hn::Set(d, at.dy), hn::Load(d, table.t15 + lane)));
-  constexpr int kToFraction15 = 15 - kPositionBits, kFraction = (1 << kPositionBits) - 1;
-  const auto fx = hn::BitCast(d, hn::ShiftLeft<kToFraction15>(hn::And(x, hn::Set(du, kFraction))));
-  const auto fy = hn::ShiftLeft<kToFraction15>(hn::And(y, hn::Set(d, kFraction)));
+  constexpr int kToFraction16 = 16 - kPositionBits, kFraction = (1 << kPositionBits) - 1;
+  const auto fx = hn::ShiftLeft<kToFraction16>(x), fy = hn::BitCast(du, hn::ShiftLeft<kToFraction16>(y));
+  const auto rest_x = hn::Not(fx), rest_y = hn::Not(fy);
   // Bytes of a 16-bit lane: a sample and its right neighbour.
   const auto index = hn::ShiftRight<kPositionBits>(x);
   const auto pick = hn::BitCast(d8, hn::Add(hn::Or(index, hn::ShiftLeft<8>(index)), hn::Set(du, 0x0100)));
   const auto pairs = [&](ptrdiff_t row) HWY_ATTR {
-    return hn::BitCast(d, hn::TableLookupBytes(load_windows(low + row * stride, high + row * stride, lane), pick));
+    return hn::BitCast(du, hn::TableLookupBytes(load_windows(low + row * stride, high + row * stride, lane), pick));
   };
   // Positions wander over two pairs of rows: reading the third always is faster than asking.
   const auto first = pairs(0), second = pairs(1), third = pairs(2);
-  const auto next = hn::Gt(y, hn::Set(d, kFraction));
-  const auto across = [&](V16 pair) HWY_ATTR {
-    const auto bytes = hn::BitCast(du, pair);
-    const auto left = hn::ShiftRight<1>(hn::ShiftLeft<8>(bytes));
-    const auto right = hn::And(hn::ShiftRight<1>(bytes), hn::Set(du, 0x7f80));
-    return mix(hn::BitCast(d, left), hn::BitCast(d, right), fx);
+  const auto next = hn::RebindMask(du, hn::Gt(y, hn::Set(d, kFraction)));
+  const auto across = [&](VU16 pair) HWY_ATTR {
+    return blend(hn::ShiftLeft<8>(pair), hn::And(pair, hn::Set(du, 0xff00)), rest_x, fx);
   };
-  return mix(across(hn::IfThenElse(next, second, first)), across(hn::IfThenElse(next, third, second)), fy);
+  return blend(across(hn::IfThenElse(next, second, first)), across(hn::IfThenElse(next, third, second)), rest_y, fy);
 }
 
 // Positions of all samples of a block in the plane's own coordinates, as whole part and 15-bit fraction.
@@ -200,7 +205,7 @@ inline Sight project_positions(const SumTask& task, const Slot& slot, bool chrom
   return all ? Sight::kAll : Sight::kSome;
 }
 
-// Samples from anywhere inside the planes of the two halves.
+// Samples from anywhere inside the planes of the two halves, times 128.
 HWY_INLINE void gather_bytes(const Positions& at, const uint8_t* low, const uint8_t* high, ptrdiff_t low_stride,
                              ptrdiff_t high_stride, int16_t* out) {
   alignas(64) uint16_t upper[kBlock], lower[kBlock];
@@ -223,7 +228,7 @@ HWY_INLINE void gather_bytes(const Positions& at, const uint8_t* low, const uint
   }
 }
 
-// RGB in any order: bytes 0 and 2 of the pixels in `even`, pixel after pixel, bytes 1 and 3 in `odd`.
+// RGB in any order, times 128: bytes 0 and 2 of the pixels in `even`, pixel after pixel, bytes 1 and 3 in `odd`.
 struct PixelPairs {
   alignas(64) int16_t even[2 * kBlock], odd[2 * kBlock];
 };

@@ -27,7 +27,7 @@ struct Part {
   const BlockWeights* weights;
   const SlotBand* band;
   int32_t block;    // among the band's
-  int32_t verdict;  // SlotBand::Verdict
+  int32_t verdict;  // SlotBand::Verdict, of a pair of rows
 };
 
 // A pair of rows of a block.
@@ -49,8 +49,11 @@ inline bool add_part(const SumTask&, const Part&, const PairPlace&, Scratch&) { 
 
 #else
 
-// The weight of chroma: the mean of its four pixels', for both planes. `upper`, `lower`: two rows of weights.
+// The weight of chroma: the mean of its four pixels', 2^kBits = 1, for both planes. `upper`, `lower`: two rows of
+// weights.
+template <int kBits>
 HWY_INLINE V16 chroma_weights(const int16_t* upper, const int16_t* lower) {
+  constexpr int kShift = 17 - kBits;  // of the sum of four
   const D16 d;
   const DU16 du;
   const hn::Repartition<uint32_t, D16> d32;
@@ -58,9 +61,9 @@ HWY_INLINE V16 chroma_weights(const int16_t* upper, const int16_t* lower) {
     const auto rows = hn::Add(hn::BitCast(du, hn::Load(d, upper + i)), hn::BitCast(du, hn::Load(d, lower + i)));
     const auto v = hn::BitCast(d32, rows);
     const auto sum = hn::Add(hn::And(v, hn::Set(d32, 0xffff)), hn::ShiftRight<16>(v));
-    return hn::DemoteTo(
-        hn::Rebind<int16_t, decltype(d32)>(),
-        hn::BitCast(hn::RebindToSigned<decltype(d32)>(), hn::ShiftRight<2>(hn::Add(sum, hn::Set(d32, 2)))));
+    return hn::DemoteTo(hn::Rebind<int16_t, decltype(d32)>(),
+                        hn::BitCast(hn::RebindToSigned<decltype(d32)>(),
+                                    hn::ShiftRight<kShift>(hn::Add(sum, hn::Set(d32, 1 << (kShift - 1))))));
   };
   if constexpr (hn::MaxLanes(D16()) == kBlock) {
     const auto all = half(0);
@@ -101,12 +104,18 @@ HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
   const auto sample_at = [lane](const WindowPositions& at, const UnitTable& table, const uint8_t* low,
                                 const uint8_t* high, ptrdiff_t bytes)
                              HWY_ATTR { return sample_windows(at, table, low, high + at.half, bytes, lane); };
+  const DU16 du;
+  // Half of 256 times the samples, with what sample_windows() cuts off.
+  const auto weigh = [&](VU16 samples, const int16_t* by) HWY_ATTR {
+    const auto halved = hn::AverageRound(samples, hn::Set(du, kCutOff));
+    return hn::MulFixedPoint15(hn::BitCast(d, halved), hn::Load(d, by + lane));
+  };
   const auto v0 = sample_at(band.luma.window[entry], kLumaTable, y0, y0, stride);
   const auto v1 = sample_at(band.luma.window[entry + band.pitch], kLumaTable, y1, y1, stride);
   const auto v2 = sample_at(band.chroma.window[chroma_entry], kChromaTable, cb, cr, chroma_stride);
-  return {hn::MulFixedPoint15(v0, hn::Load(d, weights.w[upper] + lane)),
-          hn::MulFixedPoint15(v1, hn::Load(d, weights.w[lower] + lane)),
-          weigh_chroma(v2, chroma_weights(weights.w[upper], weights.w[lower]))};
+  const auto without_offset = hn::BitCast(d, hn::Sub(v2, hn::Set(du, (128 << 8) - kCutOff)));
+  return {weigh(v0, weights.w[upper]), weigh(v1, weights.w[lower]),
+          hn::MulFixedPoint15(without_offset, chroma_weights<14>(weights.w[upper], weights.w[lower]))};
 }
 
 // The hottest loop: the sum of `count` parts into scratch.
@@ -201,7 +210,7 @@ inline void add_i420(const Slot& slot, const PairSamples& samples, const PairPla
   }
   gather_bytes(samples.at[2], image.plane[1], image.plane[2], image.stride[1], image.stride[2], values);
   for (size_t i = 0; i < kBlock; i += hn::Lanes(d))
-    hn::Store(weigh_chroma(hn::Load(d, values + i), chroma_weights(samples.weight[0], samples.weight[1])), d,
+    hn::Store(weigh_chroma(hn::Load(d, values + i), chroma_weights<15>(samples.weight[0], samples.weight[1])), d,
               values + i);
   for (int c = 0; c < 2; c++) {
     int16_t* const sum = scratch.sum[place.pair][1 + c] + place.out * kChromaBlock;
