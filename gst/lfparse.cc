@@ -23,7 +23,6 @@
  */
 #include "lfparse.h"
 
-#include <algorithm>
 #include <optional>
 #include <span>
 
@@ -105,20 +104,6 @@ static std::optional<UnitHeader> unit_at(LfParse* self, std::span<const uint8_t>
   return header;
 }
 
-// Bytes to pass over, at least 1: up to where a magic begins, or may begin if more bytes come.
-static size_t distance_to_magic(std::span<const uint8_t> bytes, bool more_to_come) {
-  const auto& magic = lf::wire::kMagicPrefix;
-  const auto from = bytes.begin() + 1;
-  auto found = std::search(from, bytes.end(), std::begin(magic), std::end(magic));
-  if (found == bytes.end() && more_to_come) {
-    const auto tail = bytes.end() - std::min<ptrdiff_t>(std::size(magic) - 1, bytes.end() - from);
-    found = std::find_if(tail, bytes.end(), [&](const uint8_t& byte) {
-      return std::equal(&byte, bytes.data() + bytes.size(), std::begin(magic));
-    });
-  }
-  return found - bytes.begin();
-}
-
 static void skip(LfParse* self, size_t count) {
   GST_OBJECT_LOCK(self);
   self->skipped_bytes += count;
@@ -151,7 +136,7 @@ static GstFlowReturn lf_parse_handle_frame(GstBaseParse* base, GstBaseParseFrame
       gst_base_parse_set_min_frame_size(base, unit->size);
     } else {
       // At the end of the stream a unit may be incomplete because its length is wrong: others may follow inside.
-      const size_t count = distance_to_magic(bytes, !draining);
+      const size_t count = lf::wire::distance_to_magic(bytes, !draining);
       skip(self, count);
       *skip_size = static_cast<gint>(count);
       gst_base_parse_set_min_frame_size(base, lf::wire::kUnitHeaderBytes);

@@ -41,6 +41,18 @@ std::optional<UnitHeader> peek_unit(std::span<const uint8_t> bytes) {
   return header;
 }
 
+size_t distance_to_magic(std::span<const uint8_t> bytes, bool more_to_come) {
+  const auto from = bytes.begin() + 1;
+  auto found = std::search(from, bytes.end(), std::begin(kMagicPrefix), std::end(kMagicPrefix));
+  if (found == bytes.end() && more_to_come) {
+    const auto tail = bytes.end() - std::min<ptrdiff_t>(std::size(kMagicPrefix) - 1, bytes.end() - from);
+    found = std::find_if(tail, bytes.end(), [&](const uint8_t& byte) {
+      return std::equal(&byte, bytes.data() + bytes.size(), std::begin(kMagicPrefix));
+    });
+  }
+  return static_cast<size_t>(found - bytes.begin());
+}
+
 std::optional<UnitHeader> check_unit_header(std::span<const uint8_t> bytes, UnitKind kind, uint8_t type,
                                             uint16_t known_flags, std::string& reason) {
   if (bytes.size() < kUnitHeaderBytes) {

@@ -33,6 +33,10 @@ struct UnitHeader {
 // From the first kUnitHeaderBytes bytes of a unit; nothing if it is not the beginning of one.
 std::optional<UnitHeader> peek_unit(std::span<const uint8_t> bytes);
 
+// Where no unit begins: how many bytes to pass over, at least 1, up to where a magic begins, or may begin if more bytes
+// come. `bytes` is not empty.
+size_t distance_to_magic(std::span<const uint8_t> bytes, bool more_to_come);
+
 // `out`: a Writer or PlacedWriter.
 template <typename Out>
 void put_unit_header(Out& out, UnitKind kind, uint8_t type, uint16_t flags, size_t size) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <vector>
 
 #include "lib/wire/answers.h"

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Writes inputs to begin with, made of real units: seeds FOLDER makes FOLDER/TARGET/....
+#include <filesystem>
+#include <fstream>
+
+#include "lib/rtp/rtp_test.h"
+#include "wire/unit.h"
+
+namespace {
+
+using lf::rtp::Bytes;
+
+void write(const std::filesystem::path& folder, const Bytes& bytes) {
+  std::filesystem::create_directories(folder);
+  int number = 0;
+  for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(folder)) number++;
+  std::ofstream(folder / ("seed-" + std::to_string(number)), std::ios::binary)
+      .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+}
+
+Bytes join(const std::vector<Bytes>& parts) {
+  Bytes out;
+  for (const Bytes& part : parts) out.insert(out.end(), part.begin(), part.end());
+  return out;
+}
+
+Bytes packets(lf::wire::UnitKind kind, const std::vector<Bytes>& units, size_t max_payload) {
+  Bytes out{kind == lf::wire::UnitKind::kRequest};
+  lf::rtp::Packetizer packetizer(kind);
+  for (const Bytes& unit : units)
+    for (const lf::rtp::Sent& sent : lf::rtp::packetize(packetizer, unit, max_payload))
+      out = join({out,
+                  {16, static_cast<uint8_t>(sent.payload.size() >> 8), static_cast<uint8_t>(sent.payload.size())},
+                  sent.payload});
+  return out;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 2) return 2;
+  const std::filesystem::path folder = argv[1];
+  using enum lf::PixelFamily;
+  lf::CameraRanges cameras;
+  cameras.append({0, 3});
+  cameras.append({7, 9});
+  const std::vector<Bytes> answers{
+      lf::rtp::answer(0, 1, 1, 0),
+      lf::rtp::answer(2, 6, 5, 0, kRgb),
+      lf::rtp::answer(2, 7, 5, 0, kI420, cameras),
+      lf::rtp::answer(5, 16, 16, 50, kI420, cameras),  // an atlas
+      lf::rtp::answer(3, 20, 10, 90, kRgb),
+      lf::rtp::answer(1, 90, 70, 75, kI420),
+      lf::rtp::answer_with_sum(6, 5, true, 2),
+      lf::rtp::answer_with_sum(8, 6, false, 0),
+  };
+  const std::vector<Bytes> requests{lf::rtp::request(1), lf::rtp::request(2), lf::rtp::request(3, 7, 5)};
+  for (const Bytes& unit : answers) {
+    write(folder / "answer", unit);
+    write(folder / "packetizer", join({{0, 0}, unit}));
+    write(folder / "depacketizer", packets(lf::wire::UnitKind::kAnswer, {unit}, lf::rtp::kMinPayloadBytes));
+  }
+  for (const Bytes& unit : requests) {
+    write(folder / "request", unit);
+    write(folder / "packetizer", join({{0, 1}, unit}));
+  }
+  write(folder / "depacketizer", packets(lf::wire::UnitKind::kAnswer, answers, 600));
+  write(folder / "depacketizer", packets(lf::wire::UnitKind::kRequest, requests, 1388));
+  write(folder / "framing", join({{30}, requests[0], {0x8f, 'L', 'x'}, requests[1], requests[2]}));
+  write(folder / "framing", join({{7}, answers[1], Bytes(40, 'x'), answers[2], answers[0]}));
+}
