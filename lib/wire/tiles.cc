@@ -2,6 +2,7 @@
 #include "wire/tiles.h"
 
 #include <algorithm>
+#include <vector>
 
 #include "wire/limits.h"
 #include "wire/payload.h"
@@ -27,23 +28,30 @@ FragmentHeader tile_header(const FragmentHeader& fragment, const Rect& tile) {
 std::optional<Tiling> tile_raw(const FragmentHeader& fragment, size_t max_bytes) {
   if (is_jpeg(fragment.codec)) return std::nullopt;
   const int unit = fragment.family == PixelFamily::kI420 ? 2 : 1;  // pixels a side that stay together
-  const auto units_that_fit = [&](int width, int height) {
-    const size_t bytes = raw_size(tile_header(fragment, {0, 0, width, height}));
+  const auto units_that_fit = [&](int width) {
+    const size_t bytes = raw_size(tile_header(fragment, {0, 0, width, unit}));
     return static_cast<int>(std::min<size_t>(max_bytes / bytes, kMaxViewSize / unit));
   };
-  Tiling out{.whole = fragment.rect, .width = fragment.rect.width()};
-  if (const int rows = units_that_fit(out.width, unit)) {
-    out.height = rows * unit;
-  } else {
-    const int columns = units_that_fit(unit, unit);
-    if (columns == 0) return std::nullopt;
-    // As wide as one another.
-    out.width = divided_up(divided_up(out.width, divided_up(out.width, columns * unit)), unit) * unit;
-    out.height = unit;
+  const auto in_columns = [&](int columns) {
+    Tiling out{.whole = fragment.rect};
+    out.width = divided_up(divided_up(out.whole.width(), columns), unit) * unit;
+    out.height = units_that_fit(out.width) * unit;
+    if (out.height == 0) return out;
+    out.columns = divided_up(out.whole.width(), out.width);
+    out.rows = divided_up(out.whole.height(), out.height);
+    return out;
+  };
+  const int widest = units_that_fit(unit) * unit;
+  if (widest == 0) return std::nullopt;
+  // Row pairs that leave half of a packet empty double the packets: narrower tiles fill them better.
+  const int least = units_that_fit(fragment.rect.width()) > 0 ? 1 : divided_up(fragment.rect.width(), widest);
+  std::vector<Tiling> choices;
+  for (int columns = least; columns <= 2 * least + 6; columns++) {
+    choices.push_back(in_columns(columns));
+    if (choices.back().count() == 0) choices.pop_back();
   }
-  out.columns = divided_up(out.whole.width(), out.width);
-  out.rows = divided_up(out.whole.height(), out.height);
-  return out;
+  const size_t fewest = std::ranges::min_element(choices, {}, &Tiling::count)->count();
+  return *std::ranges::find_if(choices, [&](const Tiling& t) { return 9 * t.count() <= 10 * fewest; });
 }
 
 void copy_tile(const FragmentView& fragment, const Rect& tile, uint8_t* to) {

@@ -11,8 +11,8 @@ namespace lf::wire {
 // Raw fragments (kRaw, kRaw16) cut into smaller ones that together are the same: for links that lose packets, where a
 // fragment larger than a packet would be lost with any of its packets. Pure functions.
 
-// Tiles side by side and below one another, row by row; those at the right and at the bottom may be smaller. Strips as
-// wide as the fragment where a row of it (in kI420: two) is small enough. Chroma samples are never cut.
+// Tiles side by side and below one another, row by row; those at the right and at the bottom may be smaller. Chroma
+// samples are never cut.
 struct Tiling {
   Rect whole;                 // of the fragment
   int width = 0, height = 0;  // of a tile, pixels
@@ -22,8 +22,8 @@ struct Tiling {
   Rect tile(size_t i) const;  // in the view
 };
 
-// The largest tiles whose payloads have at most `max_bytes` each; nothing if not even the smallest one does, or for
-// JPEG.
+// Few tiles whose payloads have at most `max_bytes` each: as wide as possible, strips of rows at best, unless narrower
+// ones are fewer by a tenth. Nothing if not even the smallest one does, or for JPEG.
 std::optional<Tiling> tile_raw(const FragmentHeader& fragment, size_t max_bytes);
 
 // The same fragment with another rectangle.

@@ -16,17 +16,17 @@ FragmentHeader raw(PixelFamily family, const Rect& rect, Codec codec = Codec::kR
   return {3, family, rect, codec, 0, lost};
 }
 
-TEST(Tiles, StripsWhereARowFits) {
+TEST(Tiles, StripsWhereRowsFillThem) {
   const std::optional<Tiling> rgb = tile_raw(raw(PixelFamily::kRgb, {10, 20, 110, 51}), 1000);
   ASSERT_TRUE(rgb.has_value());
   EXPECT_EQ(rgb->count(), 11u);  // three rows of 300 bytes each
   EXPECT_EQ(rgb->tile(0), (Rect{10, 20, 110, 23}));
   EXPECT_EQ(rgb->tile(10), (Rect{10, 50, 110, 51}));
-  // Row pairs of 300 bytes; the last strip has a single row.
-  const std::optional<Tiling> ycc = tile_raw(raw(PixelFamily::kI420, {10, 20, 110, 51}), 1000);
+  // Row pairs of 330 bytes; the last strip has a single row.
+  const std::optional<Tiling> ycc = tile_raw(raw(PixelFamily::kI420, {10, 20, 120, 51}), 1000);
   EXPECT_EQ(ycc->count(), 6u);
-  EXPECT_EQ(ycc->tile(1), (Rect{10, 26, 110, 32}));
-  EXPECT_EQ(ycc->tile(5), (Rect{10, 50, 110, 51}));
+  EXPECT_EQ(ycc->tile(1), (Rect{10, 26, 120, 32}));
+  EXPECT_EQ(ycc->tile(5), (Rect{10, 50, 120, 51}));
 }
 
 TEST(Tiles, ColumnsWhereNoRowFits) {
@@ -37,7 +37,16 @@ TEST(Tiles, ColumnsWhereNoRowFits) {
   const std::optional<Tiling> ycc = tile_raw(raw(PixelFamily::kI420, {0, 0, 641, 3}, Codec::kRaw16, true), 1000);
   EXPECT_EQ(ycc->width % 2, 0);
   EXPECT_EQ(ycc->tile(ycc->count() - 1).x1, 641);
-  EXPECT_EQ(ycc->tile(ycc->count() - 1).height(), 1);
+}
+
+TEST(Tiles, AreWellFilled) {
+  for (const int width : {33, 100, 215, 320, 433, 640, 1280, 1920})
+    for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
+      for (const Codec codec : {Codec::kRaw, Codec::kRaw16}) {
+        const FragmentHeader header = raw(family, {0, 0, width, 480}, codec);
+        const std::optional<Tiling> tiling = tile_raw(header, 1290);
+        EXPECT_GT(static_cast<double>(raw_size(header)) / static_cast<double>(1290 * tiling->count()), .8) << width;
+      }
 }
 
 TEST(Tiles, NotWhereAPixelDoesNotFitNorInJpeg) {
