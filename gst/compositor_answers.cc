@@ -213,10 +213,10 @@ static void take_answers(LfCompositor* self, GstAggregatorPad* pad) {
   }
 }
 
-static bool is_awaited(LfCompositor* self, GstAggregatorPad* pad) {
+static bool is_awaited(LfCompositor* self, GstAggregatorPad* pad, bool live) {
   const NodeInput& node = lf_compositor_node_of(pad);
   if (node.answered() || gst_aggregator_pad_is_eos(pad)) return false;
-  return self->max_missed == 0 || node.missed <= self->max_missed || !is_live(self);
+  return !live || self->max_missed == 0 || node.missed <= self->max_missed;
 }
 
 static void announce_out_of_service(LfCompositor* self) {
@@ -251,27 +251,27 @@ static void close_request(LfCompositor* self, const AnswerPads& pads, GstClockTi
   state.current.reset();
 }
 
+bool lf_compositor_is_complete(LfCompositor* self) {
+  const lf::Assembly& assembly = self->state->assembly;
+  return assembly.missing() == 0 && assembly.damaged() == 0;
+}
+
 // What is put out in place of an incomplete picture; takes it.
 static GstBuffer* replace_incomplete(LfCompositor* self, GstBuffer* picture) {
   auto& state = *self->state;
+  if (self->partial || lf_compositor_is_complete(self)) return picture;
   GST_OBJECT_LOCK(self);
-  const LfCompositorIncomplete manner = self->partial ? LF_COMPOSITOR_INCOMPLETE_CONCEAL : self->incomplete;
+  const LfCompositorIncomplete manner = self->incomplete;
   GST_OBJECT_UNLOCK(self);
-  const bool complete = state.assembly.missing() == 0 && state.assembly.damaged() == 0;
-  if (manner != LF_COMPOSITOR_INCOMPLETE_REPEAT) gst_clear_buffer(&state.last_picture);
-  if (manner == LF_COMPOSITOR_INCOMPLETE_REPEAT && complete) {
-    gst_buffer_replace(&state.last_picture, picture);
-  } else if (manner == LF_COMPOSITOR_INCOMPLETE_REPEAT && state.last_picture &&
-             gst_buffer_get_size(state.last_picture) == gst_buffer_get_size(picture)) {
+  if (manner == LF_COMPOSITOR_INCOMPLETE_REPEAT && state.last_picture) {
     state.stats.count(CompositorStats::kRepeatedPictures);
     gst_buffer_unref(picture);
     return gst_buffer_copy(state.last_picture);
-  } else if (manner == LF_COMPOSITOR_INCOMPLETE_DROP && !complete) {
-    state.stats.count(CompositorStats::kDroppedPictures);
-    gst_buffer_unref(picture);
-    return nullptr;
   }
-  return picture;
+  if (manner != LF_COMPOSITOR_INCOMPLETE_DROP) return picture;
+  state.stats.count(CompositorStats::kDroppedPictures);
+  gst_buffer_unref(picture);
+  return nullptr;
 }
 
 static void record(LfCompositor* self, int64_t answered, GstClockTime pts) {
@@ -306,11 +306,12 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
   out = replace_incomplete(self, out);
   close_request(self, pads, due);
   if (!out) return GST_FLOW_OK;
-  if (state.last_picture == out) out = gst_buffer_make_writable(out);
   GST_BUFFER_PTS(out) = pts;
   GST_BUFFER_DURATION(out) = duration;
   GstSegment& segment = GST_AGGREGATOR_PAD(GST_AGGREGATOR_SRC_PAD(self))->segment;
   if (GST_BUFFER_PTS_IS_VALID(out)) segment.position = GST_BUFFER_PTS(out);
+  // Where nothing is ever missing nothing is kept: downstream may then write into the picture.
+  if (is_live(self) && !self->partial) gst_buffer_replace(&state.last_picture, out);
   return gst_aggregator_finish_buffer(GST_AGGREGATOR(self), out);
 }
 
@@ -320,13 +321,16 @@ GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
     return gst_aggregator_pad_is_eos(GST_AGGREGATOR_PAD(self->request)) ? GST_FLOW_EOS : GST_AGGREGATOR_FLOW_NEED_DATA;
   const AnswerPads pads(self);
   for (GstAggregatorPad* pad : pads) take_answers(self, pad);
-  const bool all_answered = std::ranges::none_of(pads, [self](GstAggregatorPad* pad) { return is_awaited(self, pad); });
+  const bool live = is_live(self);
+  const bool all_answered =
+      std::ranges::none_of(pads, [&](GstAggregatorPad* pad) { return is_awaited(self, pad, live); });
   const GstClockTime due = deadline(self);
   const bool late = GST_CLOCK_TIME_IS_VALID(due) && clock_time(self) >= due;
   return all_answered || late ? finish_request(self, pads) : GST_AGGREGATOR_FLOW_NEED_DATA;
 }
 
-// Live, the running time that aggregate() is called at, less the latency, if not all pads have a buffer before.
+// Live (else it does not count), the running time that aggregate() is called at, less the latency, if not all pads have
+// a buffer before. Called with GstAggregator's lock held: what asks it for the latency would wait for ever.
 GstClockTime lf_compositor_next_time(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
@@ -339,7 +343,7 @@ GstClockTime lf_compositor_next_time(GstAggregator* agg) {
     GstBuffer* head = gst_aggregator_pad_peek_buffer(pad);
     if (head) gst_buffer_unref(head);
     if (head && head != lf_compositor_node_of(pad).seen) return 0;
-    awaited = awaited || is_awaited(self, pad);
+    awaited = awaited || is_awaited(self, pad, true);
   }
   return awaited ? time : 0;
 }

@@ -33,6 +33,7 @@ static GstFlowReturn agree_on_picture(LfCompositor* self, lf::PixelFamily family
   gst_caps_unref(caps);
   lf::set_system_colorimetry(info);
   caps = gst_video_info_to_caps(&info);
+  gst_clear_buffer(&state.last_picture);  // of another size or format
   state.info = info;
   state.renegotiate = false;
   state.negotiated = true;
@@ -40,6 +41,28 @@ static GstFlowReturn agree_on_picture(LfCompositor* self, lf::PixelFamily family
   const bool ready = state.pool.configure(caps, info.size);
   gst_caps_unref(caps);
   return ready ? GST_FLOW_OK : GST_FLOW_ERROR;
+}
+
+// What is wholly lost is taken from the picture before.
+static void conceal(LfCompositor* self, GstVideoFrame* frame) {
+  auto& state = *self->state;
+  GstVideoFrame before;
+  if (!state.last_picture || !gst_video_frame_map(&before, &state.info, state.last_picture, GST_MAP_READ)) return;
+  lf::ImageView view;
+  view.family = lf::family_of(state.info);
+  view.width = state.info.width;
+  view.height = state.info.height;
+  if (view.family == lf::PixelFamily::kRgb) view.layout = lf::rgb_layout(state.info);
+  uint8_t* plane[3] = {};
+  ptrdiff_t stride[3] = {};
+  for (guint i = 0; i < GST_VIDEO_FRAME_N_PLANES(frame); i++) {
+    plane[i] = static_cast<uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(frame, i));
+    stride[i] = GST_VIDEO_FRAME_PLANE_STRIDE(frame, i);
+    view.plane[i] = static_cast<const uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&before, i));
+    view.stride[i] = GST_VIDEO_FRAME_PLANE_STRIDE(&before, i);
+  }
+  state.assembly.picture().conceal(view, plane, stride);
+  gst_video_frame_unmap(&before);
 }
 
 static GstBuffer* make_video(LfCompositor* self, const lf::Background& background, GstFlowReturn* flow) {
@@ -65,6 +88,7 @@ static GstBuffer* make_video(LfCompositor* self, const lf::Background& backgroun
   const lf::RgbLayout layout =
       lf::family_of(state.info) == lf::PixelFamily::kRgb ? lf::rgb_layout(state.info) : lf::RgbLayout{};
   state.assembly.picture().resolve(background, layout, plane, stride);
+  if (!lf_compositor_is_complete(self)) conceal(self, &frame);
   gst_video_frame_unmap(&frame);
   return out;
 }

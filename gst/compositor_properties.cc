@@ -30,8 +30,10 @@ GType lf_compositor_incomplete_get_type(void) {
   static const GType type = [] {
     static const GEnumValue values[] = {
         {LF_COMPOSITOR_INCOMPLETE_CONCEAL,
-         "Show what there is; with `rig`, the other cameras make up for what is missing", "conceal"},
-        {LF_COMPOSITOR_INCOMPLETE_REPEAT, "Show the latest complete picture again; conceal before the first", "repeat"},
+         "Show what there is; with `rig`, the other cameras make up for what is missing, and the picture before where "
+         "nothing is left",
+         "conceal"},
+        {LF_COMPOSITOR_INCOMPLETE_REPEAT, "Show the picture before again; conceal before the first", "repeat"},
         {LF_COMPOSITOR_INCOMPLETE_DROP, "Show nothing", "drop"},
         {0, nullptr, nullptr}};
     return g_enum_register_static("LfCompositorIncomplete", values);

@@ -63,7 +63,7 @@ struct _LfCompositor {
     uint64_t current_bytes = 0;  // of the answers added
     int64_t adding = 0;          // time spent adding them, microseconds
     lf::PicturePool pool;
-    GstBuffer* last_picture = nullptr;  // kept where incomplete pictures are to repeat it
+    GstBuffer* last_picture = nullptr;  // live: what an incomplete picture may be replaced or mended with
 
     struct Past {
       uint32_t sequence;
@@ -89,6 +89,9 @@ guint lf_compositor_view_id(LfCompositor* self);
 GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean timeout);
 GstClockTime lf_compositor_next_time(GstAggregator* agg);
 void lf_compositor_forget_request(LfCompositor* self);
+
+// Of what came for the current request; known once its picture is made.
+bool lf_compositor_is_complete(LfCompositor* self);
 
 // compositor_output.cc
 gboolean lf_compositor_negotiate(GstAggregator* agg);

@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "composite/add_rows.h"
+#include "composite/conceal.h"
 #include "render/sum_rounding.h"
 
 namespace lf {
@@ -166,6 +167,10 @@ void Accumulator::set_uncovered(const OwnerMap& whole_view) {
 void Accumulator::resolve(const Background& background, const RgbLayout& layout, uint8_t* const plane[3],
                           const ptrdiff_t stride[3]) const {
   lf::resolve(whole(), uncovered_.empty() ? nullptr : uncovered_.data(), background, layout, plane, stride);
+}
+
+void Accumulator::conceal(const ImageView& before, uint8_t* const plane[3], const ptrdiff_t stride[3]) const {
+  lf::conceal(whole(), before, plane, stride);
 }
 
 Image Accumulator::resolve(const Background& background) const {

@@ -44,6 +44,8 @@ class Accumulator {
   void resolve(const Background& background, const RgbLayout& layout, uint8_t* const plane[3],
                const ptrdiff_t stride[3]) const;
   Image resolve(const Background& background = {}) const;
+  // After it, the picture before shows where most of the weight was lost, see conceal.h.
+  void conceal(const ImageView& before, uint8_t* const plane[3], const ptrdiff_t stride[3]) const;
 
   // The sum of what was added so far, over the bounding rectangle of it all; nothing if nothing was added. As it is,
   // valid until the next call that is not const, or rounded and saturated to 8 bits.

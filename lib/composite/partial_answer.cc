@@ -12,25 +12,11 @@
 namespace lf {
 namespace {
 
-// The rows [y0, y1) of sums.
-ConstSumPlanes rows_of(const ConstSumPlanes& sums, const Rect& rect) {
-  ConstSumPlanes out = sums;
-  const int skip = rect.y0 - sums.rect.y0;
-  out.rect = rect;
-  for (int c = 0; c < 3; c++)
-    out.plane[c] += (c > 0 && sums.family == PixelFamily::kI420 ? skip / 2 : skip) * sums.stride[c];
-  if (out.lost) out.lost += skip * sums.lost_stride;
-  return out;
-}
-
 void copy(const ConstSumPlanes& from, const SumPlanes& to) {
-  for (int c = 0; c < 3; c++) {
-    const bool chroma = c > 0 && from.family == PixelFamily::kI420;
-    const int width = chroma ? chroma_size(from.rect.width()) : from.rect.width();
-    const int height = chroma ? chroma_size(from.rect.height()) : from.rect.height();
-    for (int y = 0; y < height; y++)
-      std::copy_n(from.plane[c] + y * from.stride[c], width, to.plane[c] + y * to.stride[c]);
-  }
+  for (int c = 0; c < 3; c++)
+    for (int y = 0; y < plane_height(from.family, from.rect, c); y++)
+      std::copy_n(from.plane[c] + y * from.stride[c], plane_width(from.family, from.rect, c),
+                  to.plane[c] + y * to.stride[c]);
   if (!from.lost) return;
   for (int y = 0; y < from.rect.height(); y++)
     std::copy_n(from.lost + y * from.lost_stride, from.rect.width(), to.lost + y * to.lost_stride);
@@ -50,7 +36,7 @@ ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& s
   }
   const std::vector<Rect> rects = wire::cut_rows(sums->rect, wire::strip_rows(sums->rect.width()));
   std::vector<Fragment> strips(rects.size());
-  parallel(rects.size(), [&](size_t i) { strips[i] = rounded_fragment(Fragment::kSum, rows_of(*sums, rects[i])); });
+  parallel(rects.size(), [&](size_t i) { strips[i] = rounded_fragment(Fragment::kSum, part_of(*sums, rects[i])); });
   std::vector<CameraFragment> fragments;
   for (const Fragment& strip : strips) fragments.push_back({strip.camera, planes_of(strip)});
   return wire::encode_fragments(header, fragments, form.quality, std::move(memory), parallel);

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: LGPL-2.1-or-later
+# What the pipelines that span hosts share; sourced.
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+# An installed plugin serves as well as one built here.
+[[ ! -d $root/build/gst ]] || export GST_PLUGIN_PATH=${GST_PLUGIN_PATH:+$GST_PLUGIN_PATH:}$root/build/gst
+
+request_caps='application/x-rtp,media=application,clock-rate=90000,encoding-name=X-LIGHTFIELD-REQUEST,payload=96'
+answer_caps='application/x-rtp,media=application,clock-rate=90000,encoding-name=X-LIGHTFIELD-ANSWER,payload=96'
+video_caps='application/x-rtp,media=video,clock-rate=90000,encoding-name=JPEG,payload=26'
+# A burst of answers must fit: the system's default is 208 KiB. (Capped by the sysctl net.core.rmem_max.)
+receive_buffer=8388608
+# Late requests are of no use.
+leaky_queue=(queue leaky=downstream max-size-buffers=2 max-size-time=0 max-size-bytes=0)
+
+die() {
+  echo "$(basename "$0"): $*" >&2
+  exit 1
+}
+
+# Checks the value of an option: a file that is there, HOST:PORT, a port.
+need_file() { [[ -f $2 ]] || die "$1 $2: no such file"; }
+need_port() { [[ $2 =~ ^[0-9]+$ ]] && (($2 > 0 && $2 < 65536)) || die "$1 $2: not a port"; }
+need_address() {
+  [[ $2 =~ ^.+:[0-9]+$ ]] || die "$1 $2: must be HOST:PORT"
+  need_port "$1" "${2##*:}"
+}
+
+# udpsrc on a port, or on GROUP:PORT for multicast.
+receive() { # PORT|GROUP:PORT CAPS
+  local address=()
+  [[ $1 != *:* ]] || address=("address=${1%:*}" auto-multicast=true)
+  printf '%s\n' udpsrc "${address[@]}" "port=${1##*:}" "buffer-size=$receive_buffer" "caps=$2"
+}
+send() { # HOST:PORT
+  printf '%s\n' udpsink "host=${1%:*}" "port=${1##*:}" sync=false async=false
+}
+
+# Runs a pipeline under the clock that all hosts share (chrony or PTP keep it so), after printing it as a command that
+# can be pasted.
+launch() {
+  printf 'gst-launch-1.0 -m clockselect. \\( clock-id=realtime %s \\)\n' "$(printf '%q ' "$@")"
+  exec gst-launch-1.0 -m clockselect. '(' clock-id=realtime "$@" ')'
+}

@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "network/array_network.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <regex>
+#include <stdexcept>
+#include <thread>
+
+#include "pipelines/gst_launch.h"
+#include "rig/rig_json.h"
+#include "support/run_program.h"
+#include "view/navigator.h"
+#include "view/views_json.h"
+
+namespace lf::test {
+namespace {
+
+constexpr int kRequestPort = 6000, kAnswerPort = 6100, kViewerPort = 6200, kVideoPort = 6300;
+// The viewers are 10.77.0.10 and 10.77.0.11, so that a view's id is the end of its viewer's address.
+constexpr int kFirstHost = 3;
+
+std::vector<std::string> host_names() {
+  std::vector<std::string> names;
+  for (int i = 0; i < ArrayNetwork::kNodes; i++) names.push_back("c" + std::to_string(i));
+  names.push_back("compositor");
+  for (int i = 0; i < ArrayNetwork::kViewers; i++) names.push_back("v" + std::to_string(i));
+  return names;
+}
+
+// Every view of the path is of this viewer, and no two are alike.
+std::vector<NamedView> path_of(const Rig& rig, int viewer) {
+  std::vector<NamedView> views;
+  const Viewpoint home = default_viewpoint(rig);
+  for (int i = 0; i < ArrayNetwork::kViewsOfPath; i++) {
+    Viewpoint at = home;
+    at.pose.position += Vec3(0.02 * (i - 2) + 0.01 * viewer, 0.015 * (2 * viewer - 1) * (i - 2), -0.3 - 0.05 * viewer);
+    at.focus_distance = 2.2 + 0.2 * i;
+    views.push_back({"view_" + std::to_string(i), 0.0, make_view(at, ArrayNetwork::kWidth, ArrayNetwork::kHeight)});
+  }
+  return views;
+}
+
+Image rgb_image(const uint8_t* bytes) {
+  Image image(PixelFamily::kRgb, ArrayNetwork::kWidth, ArrayNetwork::kHeight);
+  std::copy_n(bytes, image.data().size(), image.data().begin());
+  return image;
+}
+
+std::vector<uint8_t> read_bytes(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+}  // namespace
+
+const char* const ArrayNetwork::kCameras[kNodes] = {"0-7", "8-15", "16-23", "24-31", "32-47", "48-63"};
+
+ArrayNetwork::ArrayNetwork(const Options& options) : options_(options), network_(host_names(), kFirstHost) {
+  const Outcome filmed = run_program("lf-scene", "--out '" + folder_.path() + "' --frames 1 --samples 1 --width " +
+                                                     std::to_string(kWidth) + " --height " + std::to_string(kHeight));
+  if (filmed.status != 0) throw std::runtime_error(filmed.output);
+  Rig rig = load_rig(file("rig.json"));
+  for (Camera& camera : rig.cameras) camera.source.clear();  // the first frame, a still, serves for ever
+  save_rig(rig, file("rig.json"));
+  for (int i = 0; i < kViewers; i++) save_views(path_of(rig, i), file("views" + std::to_string(i) + ".json"));
+}
+
+std::vector<std::string> ArrayNetwork::with_environment(std::vector<std::string> command) const {
+  command.insert(command.begin(),
+                 {"env", "GST_PLUGIN_PATH=" LF_PLUGIN_DIR, "GST_REGISTRY=" LF_PLUGIN_DIR "/test-registry.bin"});
+  return command;
+}
+
+void ArrayNetwork::start_node(int i) {
+  std::vector<std::string> command = {LF_SOURCE_ROOT "/pipelines/camera-node.sh",
+                                      "--rig",
+                                      file("rig.json"),
+                                      "--cameras",
+                                      kCameras[i],
+                                      "--node",
+                                      std::to_string(i),
+                                      "--requests",
+                                      std::to_string(kRequestPort),
+                                      "--answers",
+                                      network_.address("compositor") + ":" + std::to_string(kAnswerPort + i),
+                                      "--framerate",
+                                      std::to_string(options_.framerate) + "/1"};
+  command.insert(command.end(), options_.camera.begin(), options_.camera.end());
+  nodes_[i].reset();
+  nodes_[i] = network_.start("c" + std::to_string(i), with_environment(command));
+}
+
+void ArrayNetwork::start_compositor() {
+  std::vector<std::string> command = {LF_SOURCE_ROOT "/pipelines/compositor-node.sh", "--rig", file("rig.json"),
+                                      "--requests", std::to_string(kViewerPort)};
+  for (int i = 0; i < kNodes; i++)
+    command.insert(command.end(), {"--node", network_.address("c" + std::to_string(i)) + ":" +
+                                                 std::to_string(kRequestPort) + ":" + std::to_string(kAnswerPort + i)});
+  for (int i = 0; i < kViewers; i++)
+    command.insert(command.end(), {"--view", std::to_string(i) + ":" + network_.address("v" + std::to_string(i)) + ":" +
+                                                 std::to_string(kVideoPort)});
+  command.insert(command.end(),
+                 {"--sink",
+                  "videoconvert ! video/x-raw,format=RGB ! tee name=tVIEW tVIEW. ! queue ! multifilesink "
+                  "async=false sync=false max-files=100 location=" +
+                      file("VIEW-%d.rgb") +
+                      " tVIEW. ! queue ! videoconvert ! video/x-raw,format=I420 ! jpegenc ! rtpjpegpay ! udpsink "
+                      "host=10.77.0.1VIEW port=" +
+                      std::to_string(kVideoPort) + " sync=false async=false"});
+  command.insert(command.end(), options_.compositor.begin(), options_.compositor.end());
+  compositor_ = network_.start("compositor", with_environment(command));
+}
+
+void ArrayNetwork::start_viewer(int i) {
+  const std::string number = std::to_string(i);
+  std::vector<std::string> command = {LF_SOURCE_ROOT "/pipelines/viewer.sh",
+                                      "--rig",
+                                      file("rig.json"),
+                                      "--path",
+                                      file("views" + number + ".json"),
+                                      "--view",
+                                      number,
+                                      "--compositor",
+                                      network_.address("compositor") + ":" + std::to_string(kViewerPort),
+                                      "--video",
+                                      std::to_string(kVideoPort),
+                                      "--framerate",
+                                      std::to_string(options_.framerate) + "/1",
+                                      "--sink",
+                                      "fakesink name=shown silent=false sync=false async=false"};
+  command.insert(command.end(), options_.viewer[i].begin(), options_.viewer[i].end());
+  viewers_[i] = network_.start("v" + number, with_environment(command));
+}
+
+void ArrayNetwork::start_all() {
+  for (int i = 0; i < kNodes; i++) start_node(i);
+  start_compositor();
+  for (int i = 0; i < kViewers; i++) start_viewer(i);
+}
+
+std::vector<ArrayNetwork::Picture> ArrayNetwork::pictures(int view) const {
+  static const std::regex pattern(
+      "lightfield-view, view-id=\\(uint\\)(\\d+), sequence=\\(uint\\)(\\d+), .*complete=\\(boolean\\)(\\w+), .*"
+      "missing=\\(uint\\)(\\d+), .*bytes=\\(guint64\\)(\\d+), .*latency-ns=\\(guint64\\)(\\d+)");
+  std::vector<Picture> all;
+  for (const Process::Line& line : compositor_->lines()) {
+    std::smatch m;
+    if (!std::regex_search(line.text, m, pattern) || std::stoi(m[1]) != view) continue;
+    all.push_back({line.time, static_cast<uint32_t>(std::stoul(m[2])), m[3] == "true",
+                   static_cast<unsigned>(std::stoul(m[4])), std::stod(m[6]) / 1e6, std::stoull(m[5])});
+  }
+  return all;
+}
+
+bool ArrayNetwork::wait_for_pictures(int view, int count) const {
+  const std::string message = "lightfield-view, view-id=(uint)" + std::to_string(view);
+  return compositor_->wait_for(message, static_cast<int>(pictures(view).size()) + count);
+}
+
+Image ArrayNetwork::next_picture(int view, uint32_t* sequence) {
+  const size_t before = pictures(view).size();
+  const double begun = now_seconds();
+  while (now_seconds() < begun + 30) {
+    const std::vector<Picture> all = pictures(view);
+    for (size_t k = before; k < all.size(); k++) {
+      const std::string path = file(std::to_string(view) + "-" + std::to_string(k) + ".rgb");
+      const std::vector<uint8_t> bytes = read_bytes(path);
+      if (!all[k].complete || bytes.size() != 3u * kWidth * kHeight) continue;
+      *sequence = all[k].sequence;
+      return rgb_image(bytes.data());
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  throw std::runtime_error("view " + std::to_string(view) + ": no complete picture within half a minute:\n" +
+                           compositor_->text());
+}
+
+std::vector<std::pair<Image, uint32_t>> ArrayNetwork::latest_pictures(int view) const {
+  std::vector<std::pair<Image, uint32_t>> kept;
+  const std::vector<Picture> all = pictures(view);
+  for (size_t k = all.size() > 90 ? all.size() - 90 : 0; k < all.size(); k++) {
+    const std::vector<uint8_t> bytes = read_bytes(file(std::to_string(view) + "-" + std::to_string(k) + ".rgb"));
+    if (bytes.size() == 3u * kWidth * kHeight) kept.emplace_back(rgb_image(bytes.data()), all[k].sequence);
+  }
+  return kept;
+}
+
+std::vector<Image> ArrayNetwork::one_machine(int view, const std::string& out_of_service) const {
+  const std::string out = file("reference.rgb"), rig = file("rig.json");
+  const std::string without = out_of_service.empty() ? "" : " out-of-service=" + out_of_service;
+  const Launched run =
+      gst_launch("lfviewrequest rig=" + rig + " location=" + file("views" + std::to_string(view) + ".json") + without +
+                 " ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" + rig +
+                 " ! c.sink_0  r. ! queue ! c.request  lfcompositor name=c ! videoconvert ! " +
+                 "video/x-raw,format=RGB ! filesink location=" + out);
+  if (run.status != 0) throw std::runtime_error(run.output);
+  const std::vector<uint8_t> bytes = read_bytes(out);
+  std::vector<Image> images;
+  constexpr size_t kBytes = 3u * kWidth * kHeight;
+  for (size_t at = 0; at + kBytes <= bytes.size(); at += kBytes) images.push_back(rgb_image(&bytes[at]));
+  return images;
+}
+
+}  // namespace lf::test

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "image/image.h"
+#include "network/hosts.h"
+#include "support/temp_dir.h"
+
+namespace lf::test {
+
+// The array of the paper's Figure 2 on hosts of its own: 64 cameras (stills of the built-in scene, so that a picture
+// does not depend on when it is taken) on six camera hosts, a compositor host and two viewer hosts, run by the scripts
+// in pipelines/.
+class ArrayNetwork {
+ public:
+  static constexpr int kNodes = 6, kViewers = 2;
+  static constexpr int kWidth = 320, kHeight = 240;
+  static const char* const kCameras[kNodes];  // 4 x 8 + 2 x 16
+
+  // What a host's script is told beside the necessary.
+  struct Options {
+    int framerate = 15;
+    std::vector<std::string> camera, compositor, viewer[kViewers];
+  };
+  explicit ArrayNetwork(const Options& options);
+
+  void start_node(int node);
+  void start_compositor();
+  void start_viewer(int viewer);
+  void start_all();
+
+  Process& node(int i) { return *nodes_[i]; }
+  Process& viewer(int i) { return *viewers_[i]; }
+  Process& compositor() { return *compositor_; }
+
+  // Pictures of a view so far.
+  struct Picture {
+    double time;  // when its message was written, seconds
+    uint32_t sequence;
+    bool complete;
+    unsigned missing;
+    double latency_ms;  // request at the compositor host to picture
+    uint64_t bytes;     // of the answers
+  };
+  std::vector<Picture> pictures(int view) const;
+  // Waits for so many more of them. False after half a minute, or if there are no more.
+  bool wait_for_pictures(int view, int count) const;
+  // The newest complete picture of the view as it comes out of the compositor and which request it answers. Waits for
+  // one made after this call.
+  Image next_picture(int view, uint32_t* sequence);
+  // Those that were kept of the latest, complete or not, each with the request it answers.
+  std::vector<std::pair<Image, uint32_t>> latest_pictures(int view) const;
+  // The same pictures on one machine, one for each view of the path, without the cameras of these ids.
+  std::vector<Image> one_machine(int view, const std::string& out_of_service = "") const;
+
+  static constexpr int kViewsOfPath = 5;
+
+ private:
+  std::string file(const std::string& name) const { return folder_.path() + "/" + name; }
+  std::vector<std::string> with_environment(std::vector<std::string> command) const;
+
+  Options options_;
+  TempDir folder_;
+  Network network_;
+  std::unique_ptr<Process> nodes_[kNodes], viewers_[kViewers], compositor_;
+};
+
+}  // namespace lf::test

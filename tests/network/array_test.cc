@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The whole system on hosts of its own, as in the paper's Figure 2, with the scripts of pipelines/.
+#include <gtest/gtest.h>
+
+#include <signal.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <thread>
+
+#include "base/percentiles.h"
+#include "image/image_io.h"
+#include "network/array_network.h"
+#include "quality/quality.h"
+
+namespace lf::test {
+namespace {
+
+class ArrayNetworkTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (const std::string reason = Network::unavailable(); !reason.empty()) GTEST_SKIP() << reason;
+  }
+};
+
+constexpr double kJpegPsnr = 30;  // of quality 90 against one machine, uncompressed
+
+void sleep_seconds(double seconds) { std::this_thread::sleep_for(std::chrono::duration<double>(seconds)); }
+
+// For people to look at, where they ask for them.
+void save_for_people(const Image& picture, const std::string& name) {
+  if (const char* folder = std::getenv("LF_NETWORK_PICTURES")) save_image(picture, std::string(folder) + "/" + name);
+}
+
+double rate(const std::vector<ArrayNetwork::Picture>& pictures, double from, double to) {
+  const auto count = std::ranges::count_if(pictures, [&](const auto& p) { return p.time >= from && p.time < to; });
+  return static_cast<double>(count) / (to - from);
+}
+
+double longest_gap(const std::vector<ArrayNetwork::Picture>& pictures, double from, double to) {
+  double gap = 0, last = from;
+  for (const auto& picture : pictures) {
+    if (picture.time < from || picture.time > to) continue;
+    gap = std::max(gap, picture.time - last);
+    last = picture.time;
+  }
+  return std::max(gap, to - last);
+}
+
+// When, after `from`, the first of `count` complete pictures in a row was made; a negative number if never.
+double complete_since(const std::vector<ArrayNetwork::Picture>& pictures, double from, int count = 5) {
+  int row = 0;
+  double since = -1;
+  for (const auto& picture : pictures) {
+    if (picture.time < from) continue;
+    if (!picture.complete) row = 0;
+    if (picture.complete && row++ == 0) since = picture.time;
+    if (row >= count) return since;
+  }
+  return -1;
+}
+
+void print_latency(const std::vector<ArrayNetwork::Picture>& pictures, const char* name) {
+  Percentiles latency;
+  size_t complete = 0;
+  for (const auto& picture : pictures) {
+    latency.add(static_cast<uint64_t>(picture.latency_ms * 1e6));
+    complete += picture.complete;
+  }
+  std::printf("%s: %zu pictures, %.1f %% complete, request to picture p50 %.1f ms, p95 %.1f ms\n", name,
+              pictures.size(),
+              100.0 * static_cast<double>(complete) / static_cast<double>(std::max<size_t>(pictures.size(), 1)),
+              static_cast<double>(latency.at(50)) / 1e6, static_cast<double>(latency.at(95)) / 1e6);
+}
+
+// LF_NETWORK_SECONDS: how long the system runs; by hand ten minutes.
+double seconds_to_run() {
+  const char* seconds = std::getenv("LF_NETWORK_SECONDS");
+  return seconds ? std::atof(seconds) : 10;
+}
+
+TEST_F(ArrayNetworkTest, TwoViewersSeeWhatOneMachineShows) {
+  ArrayNetwork::Options options;
+  options.viewer[0] = {"--set", "quality=90"};
+  options.viewer[1] = {"--set", "quality=0"};  // uncompressed
+  ArrayNetwork array(options);
+  array.start_all();
+  ASSERT_TRUE(array.wait_for_pictures(0, 5)) << array.compositor().text();
+  ASSERT_TRUE(array.wait_for_pictures(1, 5)) << array.compositor().text();
+  for (int view = 0; view < 2; view++) {
+    const std::vector<Image> expected = array.one_machine(view);
+    ASSERT_EQ(expected.size(), size_t{ArrayNetwork::kViewsOfPath});
+    for (int i = 0; i < 3; i++) {
+      uint32_t sequence = 0;
+      const Image picture = array.next_picture(view, &sequence);
+      const Quality quality = compare(picture, expected[sequence % expected.size()]);
+      std::printf("view %d, request %u: PSNR %.1f dB, SSIM %.4f, largest error %d\n", view, sequence, quality.psnr_db,
+                  quality.ssim, quality.max_error);
+      // Uncompressed, each node's sum is rounded to 8 bits; where images end, what is left of the weight is scaled up
+      // and its rounding with it.
+      EXPECT_GE(quality.psnr_db, view == 1 ? 48 : kJpegPsnr);
+      save_for_people(picture, "view" + std::to_string(view) + ".png");
+    }
+  }
+  EXPECT_TRUE(array.viewer(0).is_running());
+
+  // One viewer stopped: the other keeps its rate.
+  const double begun = now_seconds();
+  sleep_seconds(seconds_to_run() / 2);
+  const double stopped = now_seconds();
+  array.viewer(1).signal(SIGTERM);
+  sleep_seconds(0.5);
+  const double after = now_seconds();
+  sleep_seconds(seconds_to_run() / 2);
+  const double end = now_seconds();
+  const std::vector<ArrayNetwork::Picture> kept = array.pictures(0), gone = array.pictures(1);
+  std::printf("viewer 0: %.1f pictures/s beside viewer 1 (%.1f), %.1f alone\n", rate(kept, begun, stopped),
+              rate(gone, begun, stopped), rate(kept, after, end));
+  print_latency(kept, "viewer 0");
+  print_latency(gone, "viewer 1");
+  EXPECT_GT(rate(kept, after, end), 0.5 * rate(kept, begun, stopped));
+  EXPECT_EQ(rate(gone, after, end), 0);
+  for (int i = 0; i < ArrayNetwork::kNodes; i++) EXPECT_TRUE(array.node(i).is_running()) << array.node(i).text();
+}
+
+TEST_F(ArrayNetworkTest, AKilledNodeIsClosedOverAndComesBack) {
+  ArrayNetwork array({});
+  array.start_all();
+  ASSERT_TRUE(array.wait_for_pictures(0, 10)) << array.compositor().text();
+  uint32_t sequence = 0;
+  const Image before = array.next_picture(0, &sequence);
+  save_for_people(before, "node-before.png");
+  const std::vector<Image> all = array.one_machine(0), without = array.one_machine(0, ArrayNetwork::kCameras[4]);
+  EXPECT_GE(compare(before, all[sequence % all.size()]).psnr_db, kJpegPsnr);
+
+  const double killed = now_seconds();
+  array.node(4).signal(SIGKILL);
+  sleep_seconds(0.1);
+  ASSERT_TRUE(array.wait_for_pictures(0, 20));
+  const Image healed = array.next_picture(0, &sequence);
+  save_for_people(healed, "node-healed.png");
+  const Quality quality = compare(healed, without[sequence % without.size()]);
+  EXPECT_GE(quality.psnr_db, kJpegPsnr) << "the mesh without its cameras";
+  const double restarted = now_seconds();
+  array.start_node(4);
+  bool back = false;
+  for (int i = 0; i < 40 && !back; i++) {
+    ASSERT_TRUE(array.wait_for_pictures(0, 5));
+    const Image picture = array.next_picture(0, &sequence);
+    const Image& full = all[sequence % all.size()];
+    back = compare(picture, full).psnr_db > compare(picture, without[sequence % all.size()]).psnr_db;
+    if (!back) continue;
+    save_for_people(picture, "node-back.png");
+    EXPECT_GE(compare(picture, full).psnr_db, kJpegPsnr);
+    std::printf("back with all cameras %.2f s after the restart\n", now_seconds() - restarted);
+  }
+  EXPECT_TRUE(back);
+  const std::vector<ArrayNetwork::Picture> pictures = array.pictures(0);
+  const double healed_at = complete_since(pictures, killed + 0.02);
+  std::printf(
+      "killed: longest pause %.0f ms (frame time %.0f ms), whole again after %.2f s (PSNR %.1f dB against the mesh "
+      "without its cameras)\n",
+      1e3 * longest_gap(pictures, killed, restarted), 1e3 / 15, healed_at - killed, quality.psnr_db);
+  EXPECT_GT(healed_at, 0);
+  EXPECT_LT(longest_gap(pictures, killed, restarted), 2);
+}
+
+class ImpairedLinks : public ArrayNetworkTest, public testing::WithParamInterface<int> {};
+
+// Lost, delayed, overtaken and doubled packets, both ways.
+TEST_P(ImpairedLinks, PicturesGoOnAndAreNeverMixed) {
+  const std::string loss = std::to_string(GetParam() / 100.0);
+  const std::string link =
+      "netsim drop-probability=" + loss +
+      " duplicate-probability=0.01 delay-probability=0.5 min-delay=0 max-delay=5 allow-reordering=true";
+  ArrayNetwork::Options options;
+  options.camera = {"--link", link, "--set", "strip-pixels=5120"};  // a sum goes in pieces of about a packet
+  options.compositor = {"--link", link};
+  options.viewer[0] = options.viewer[1] = {"--link", link};
+  ArrayNetwork array(options);
+  array.start_all();
+  ASSERT_TRUE(array.wait_for_pictures(0, 20)) << array.compositor().text();
+  const std::vector<Image> all = array.one_machine(0);
+  for (int i = 0; i < (GetParam() <= 1 ? 5 : 0); i++) {
+    uint32_t sequence = 0;
+    const Image picture = array.next_picture(0, &sequence);
+    EXPECT_GE(compare(picture, all[sequence % all.size()]).psnr_db, kJpegPsnr) << "a complete picture";
+  }
+  sleep_seconds(seconds_to_run() / 2);
+  ASSERT_TRUE(array.wait_for_pictures(0, 10)) << "still running";
+  print_latency(array.pictures(0), (std::to_string(GetParam()) + " % lost").c_str());
+  const std::vector<std::pair<Image, uint32_t>> latest = array.latest_pictures(0);
+  double worst = 99, sum = 0;
+  for (const auto& [picture, sequence] : latest) {
+    const double psnr = compare(picture, all[sequence % all.size()]).psnr_db;
+    if (psnr < worst) save_for_people(picture, "loss-" + std::to_string(GetParam()) + "-worst.png");
+    worst = std::min(worst, psnr);
+    sum += psnr;
+  }
+  ASSERT_GT(latest.size(), 5u);
+  std::printf("%d %% lost: the latest %zu pictures have PSNR %.1f dB on average, %.1f dB at worst\n", GetParam(),
+              latest.size(), sum / static_cast<double>(latest.size()), worst);
+  if (GetParam() <= 1) {
+    EXPECT_GT(sum / static_cast<double>(latest.size()), 25);
+    EXPECT_GT(worst, 12) << "black has less";
+  }
+  EXPECT_TRUE(array.compositor().is_running());
+  for (int i = 0; i < ArrayNetwork::kNodes; i++) EXPECT_TRUE(array.node(i).is_running()) << array.node(i).text();
+}
+INSTANTIATE_TEST_SUITE_P(Percent, ImpairedLinks, testing::Values(1, 30));
+
+}  // namespace
+}  // namespace lf::test
