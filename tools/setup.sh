@@ -12,7 +12,7 @@ fi
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 packages=(
-  g++ meson ninja-build pkg-config
+  g++ meson ninja-build pkg-config iproute2
   libgstreamer1.0-dev libgstreamer-plugins-base1.0-dev gstreamer1.0-tools
   gstreamer1.0-plugins-base gstreamer1.0-plugins-good  # videoconvert, PNG, JPEG, Matroska
   gstreamer1.0-plugins-bad                             # jpegparse
