@@ -67,7 +67,8 @@ GstStructure* CompositorStats::record(const Picture& p, bool describe) {
                            "fragments", G_TYPE_UINT, p.fragments, "missing", G_TYPE_UINT, p.missing,  //
                            "damaged", G_TYPE_UINT, p.damaged,                                         //
                            "bytes", G_TYPE_UINT64, p.bytes, "skew-ns", G_TYPE_UINT64, p.skew_ns,      //
-                           "latency-ns", G_TYPE_UINT64, latency, "composite-ns", G_TYPE_UINT64, composite, nullptr);
+                           "latency-ns", G_TYPE_UINT64, latency, "add-ns", G_TYPE_UINT64, adding,     //
+                           "composite-ns", G_TYPE_UINT64, composite, nullptr);
 }
 
 GstStructure* CompositorStats::structure() const {

@@ -60,6 +60,10 @@ void lf_fragment_install_choices(GObjectClass* klass, guint first_id) {
                        "How many pixels the fragments have, about, that a sum in 8 bits or JPEG is cut into: with "
                        "fewer, a lost packet loses less (16 rows are the least)",
                        1, 1 << 28, lf::wire::kStripPixels, kFlags));
+  g_object_class_install_property(
+      klass, first_id + 5,
+      g_param_spec_boolean("post-messages", "Post messages",
+                           "Post an element message \"lightfield-answer\" for every answer", FALSE, kFlags));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_SUM, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_CODEC, GstPluginAPIFlags(0));
 }

@@ -37,6 +37,7 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
   manner.codec = self->codec;
   manner.strip_pixels = self->strip_pixels;
   manner.max_skew = self->max_skew;
+  const bool post = self->post_messages;
   const guint threads = self->threads > 0 ? self->threads : g_get_num_processors();
   GST_OBJECT_UNLOCK(self);
   manner.in_process = lf_fragment_compositor_is_near(lane);
@@ -53,6 +54,19 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
   GST_BUFFER_DURATION(out) = duration;
   self->node->stats().answers++;
   self->node->stats().fragments += reply.fragments;
+  if (post) {
+    const lf::NodeStats::Stages& s = reply.stages;
+    gst_element_post_message(
+        GST_ELEMENT(self),
+        gst_message_new_element(
+            GST_OBJECT(self),
+            gst_structure_new("lightfield-answer", "view-id", G_TYPE_UINT, request->view_id, "sequence", G_TYPE_UINT,
+                              request->sequence, "pts", G_TYPE_UINT64, pts, "fragments", G_TYPE_UINT,
+                              static_cast<guint>(reply.fragments), "bytes", G_TYPE_UINT64,
+                              static_cast<guint64>(gst_buffer_get_size(out)), "wait-ns", G_TYPE_UINT64, s.wait,
+                              "decode-ns", G_TYPE_UINT64, s.decode, "render-ns", G_TYPE_UINT64, s.render, "encode-ns",
+                              G_TYPE_UINT64, s.encode, nullptr)));
+  }
   self->node->stats().bytes += gst_buffer_get_size(out);
   GST_LOG_OBJECT(pad, "view %u, request %u: %zu fragments, %" G_GSIZE_FORMAT " bytes", request->view_id,
                  request->sequence, reply.fragments, gst_buffer_get_size(out));

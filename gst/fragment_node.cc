@@ -195,13 +195,15 @@ FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& 
   form.strip_pixels = manner.strip_pixels;
   RenderedAnswer rendered = render_answer(header, job, nothing ? std::span<const Source>() : sources.sources(), form,
                                           std::move(memory), manner.parallel);
-  stats_.add({.wait = begun - arrived + (found - planned),
-              .decode = decoded - found,
-              .render = planned - begun + rendered.render_ns,
-              .encode = rendered.encode_ns});
+  const NodeStats::Stages stages = {.wait = begun - arrived + (found - planned),
+                                    .decode = decoded - found,
+                                    .render = planned - begun + rendered.render_ns,
+                                    .encode = rendered.encode_ns};
+  stats_.add(stages);
   if (worst_skew > stats_.max_skew_ns) stats_.max_skew_ns = worst_skew;
   return {.bytes = std::move(rendered.bytes),
           .fragments = rendered.fragments,
+          .stages = stages,
           .warning = skew_warning(requester.watch.see(skews))};
 }
 

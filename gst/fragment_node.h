@@ -63,6 +63,7 @@ class FragmentNode {
   struct Reply {
     ByteBuffer bytes;  // the answer, always whole
     size_t fragments = 0;
+    NodeStats::Stages stages;
     std::string warning;  // for the user, where something is wrong
   };
   // Waits for the frames that belong to the request's time (see CameraFrames::find) and renders. Never throws; a

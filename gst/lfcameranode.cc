@@ -45,6 +45,7 @@ enum {
   kPropThreads,
   kPropMaxSkew,
   kPropStripPixels,
+  kPropPostMessages,
   kPropDecode,
   kPropLatency,
   kPropStats,
@@ -170,8 +171,7 @@ static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, Gst
 
 // How lffragment answers is its own property under the same name.
 static bool is_of_fragment(guint id) {
-  return id == kPropSum || id == kPropCodec || id == kPropThreads || id == kPropMaxSkew || id == kPropStripPixels ||
-         id == kPropStats;
+  return id == kPropStats || (id >= kPropSum && id <= kPropPostMessages);
 }
 
 static void lf_camera_node_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {

@@ -34,7 +34,7 @@
  *
  * ## Element messages
  * With `post-messages` an element message "lightfield-view" per picture: view-id, sequence (uint), pts (uint64),
- * complete (boolean), fragments, missing, damaged (uint), bytes, skew-ns, latency-ns (request to picture) and
+ * complete (boolean), fragments, missing, damaged (uint), bytes, skew-ns, latency-ns (request to picture), add-ns (decoding and adding what came) and
  * composite-ns (uint64). Always "lightfield-out-of-service" when that set changes: lf-view-id (uint), cameras (array of
  * uint).
  */

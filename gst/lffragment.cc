@@ -25,6 +25,11 @@
  *   lfcamsrc rig=rig.json camera=1 ! n.sink_1  lfcamsrc rig=rig.json camera=8 ! n.sink_2 \
  *   r. ! queue ! c.request  lfcompositor name=c ! videoconvert ! autovideosink
  * ]|
+ *
+ * ## Element messages
+ * With `post-messages` an element message "lightfield-answer" per answer: view-id, sequence (uint), pts (uint64),
+ * fragments (uint), bytes, and what it took: wait-ns (for frames of the time asked for), decode-ns, render-ns,
+ * encode-ns (uint64).
  */
 
 #include "lffragment.h"
@@ -104,7 +109,18 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lffragment, "lffragment", GST_RANK_NONE, L
                                       GST_DEBUG_CATEGORY_INIT(lf_fragment_debug, "lffragment", 0,
                                                               "random access camera"))
 
-enum { PROP_0, PROP_RIG, PROP_NODE, PROP_SUM, PROP_CODEC, PROP_THREADS, PROP_MAX_SKEW, PROP_STRIP_PIXELS, PROP_STATS };
+enum {
+  PROP_0,
+  PROP_RIG,
+  PROP_NODE,
+  PROP_SUM,
+  PROP_CODEC,
+  PROP_THREADS,
+  PROP_MAX_SKEW,
+  PROP_STRIP_PIXELS,
+  PROP_POST_MESSAGES,
+  PROP_STATS
+};
 
 static void lf_fragment_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfFragment* self = LF_FRAGMENT(object);
@@ -118,6 +134,7 @@ static void lf_fragment_set_property(GObject* object, guint id, const GValue* va
     case PROP_SUM: self->sum = static_cast<lf::SumChoice>(g_value_get_enum(value)); break;
     case PROP_THREADS: self->threads = g_value_get_uint(value); break;
     case PROP_STRIP_PIXELS: self->strip_pixels = g_value_get_int(value); break;
+    case PROP_POST_MESSAGES: self->post_messages = g_value_get_boolean(value); break;
     case PROP_MAX_SKEW: self->max_skew = g_value_get_uint64(value); break;
     case PROP_CODEC: self->codec = static_cast<lf::CodecChoice>(g_value_get_enum(value)); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
@@ -134,6 +151,7 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
     case PROP_SUM: g_value_set_enum(value, static_cast<gint>(self->sum)); break;
     case PROP_THREADS: g_value_set_uint(value, self->threads); break;
     case PROP_STRIP_PIXELS: g_value_set_int(value, self->strip_pixels); break;
+    case PROP_POST_MESSAGES: g_value_set_boolean(value, self->post_messages); break;
     case PROP_MAX_SKEW: g_value_set_uint64(value, self->max_skew); break;
     case PROP_CODEC: g_value_set_enum(value, static_cast<gint>(self->codec)); break;
     case PROP_STATS: g_value_take_boxed(value, self->node->stats().structure()); break;

@@ -47,11 +47,12 @@ struct _LfFragment {
   GstElement parent;
   gchar* rig_path;
   guint node_id;
-  lf::SumChoice sum;      // under the object lock
-  lf::CodecChoice codec;  // under the object lock
-  guint threads;          // under the object lock
-  gint strip_pixels;      // under the object lock
-  GstClockTime max_skew;  // under the object lock
+  lf::SumChoice sum;       // under the object lock
+  lf::CodecChoice codec;   // under the object lock
+  guint threads;           // under the object lock
+  gint strip_pixels;       // under the object lock
+  gboolean post_messages;  // under the object lock
+  GstClockTime max_skew;   // under the object lock
   std::shared_ptr<lf::WorkerPool>* workers;
   lf::FragmentNode* node;
   std::set<Lane*>* lanes;       // under the object lock

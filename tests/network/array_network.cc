@@ -18,7 +18,7 @@
 namespace lf::test {
 namespace {
 
-constexpr int kRequestPort = 6000, kAnswerPort = 6100, kViewerPort = 6200, kVideoPort = 6300;
+constexpr int kRequestPort = 6000, kAnswerPort = 6100;
 // The viewers are 10.77.0.10 and 10.77.0.11, so that a view's id is the end of its viewer's address.
 constexpr int kFirstHost = 3;
 

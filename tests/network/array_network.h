@@ -29,6 +29,15 @@ class ArrayNetwork {
   };
   explicit ArrayNetwork(const Options& options);
 
+  static constexpr int kViewerPort = 6200, kVideoPort = 6300;  // requests to the compositor host, pictures to viewers
+
+  // Any other program on one of the hosts c0 to c5, compositor, v0, v1.
+  std::unique_ptr<Process> start(const std::string& host, const std::vector<std::string>& command) const {
+    return network_.start(host, with_environment(command));
+  }
+  const std::string& address(const std::string& host) const { return network_.address(host); }
+  std::string path_file(int view) const { return file("views" + std::to_string(view) + ".json"); }
+
   void start_node(int node);
   void start_compositor();
   void start_viewer(int viewer);
