@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Answers: parsed and decoded, JPEG and all, as a compositor does it.
-#include "fuzz/fuzz.h"
+#include "fuzz/repair.h"
 #include "wire/answer_parser.h"
 #include "wire/fragment_codec.h"
 #include "wire/payload.h"
@@ -25,6 +25,10 @@ void read(const lf::FragmentPlanes& f) {
 }
 
 }  // namespace
+
+extern "C" size_t LLVMFuzzerCustomMutator(uint8_t* data, size_t size, size_t max_size, unsigned seed) {
+  return lf::fuzz::mutate_answer(data, size, max_size, seed, 0);
+}
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   static lf::wire::FragmentDecoder decoder;

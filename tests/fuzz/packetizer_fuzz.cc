@@ -2,12 +2,16 @@
 // Units into packets of any size and out of them again: every packet is small enough, and every fragment comes once.
 #include <vector>
 
-#include "fuzz/fuzz.h"
+#include "fuzz/repair.h"
 #include "rtp/depacketizer.h"
 #include "rtp/packetizer.h"
 
 using lf::fuzz::require;
 using lf::wire::UnitKind;
+
+extern "C" size_t LLVMFuzzerCustomMutator(uint8_t* data, size_t size, size_t max_size, unsigned seed) {
+  return lf::fuzz::mutate_answer(data, size, max_size, seed, 2);
+}
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   lf::fuzz::Input input(data, size);

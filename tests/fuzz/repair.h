@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <random>
+
+#include "fuzz/fuzz.h"
+#include "wire/answer_layout.h"
+#include "wire/bytes.h"
+#include "wire/unit.h"
+
+extern "C" size_t LLVMFuzzerMutate(uint8_t* data, size_t size, size_t max_size);
+
+namespace lf::fuzz {
+
+// Makes the lengths of an answer agree again with its size, so that a change reaches what is behind that check.
+inline void repair_answer(uint8_t* data, size_t size) {
+  if (size < wire::kAnswerHeaderBytes) return;
+  const auto number = [&](size_t at, size_t bytes) {
+    size_t value = 0;
+    for (size_t i = 0; i < bytes; i++) value = value << 8 | data[at + i];
+    return value;
+  };
+  wire::store(data + 8, static_cast<uint32_t>(size));
+  const size_t table = wire::kAnswerHeaderBytes + wire::kRangeBytes * (number(54, 2) + number(68, 2));
+  const size_t payloads = table + number(56, 4) * wire::kFragmentBytes;
+  if (payloads > size) return;
+  size_t rest = size - payloads, last = 0;
+  for (size_t at = table + 16; at < payloads; at += wire::kFragmentBytes) {
+    const size_t length = number(at, 4);
+    if (length == 0) continue;
+    if (last > 0) rest -= std::min(rest, number(last, 4));
+    last = at;
+  }
+  if (last > 0) wire::store(data + last, static_cast<uint32_t>(rest));
+}
+
+// A change to an answer that has `front` other bytes before it, repaired most times.
+inline size_t mutate_answer(uint8_t* data, size_t size, size_t max_size, unsigned seed, size_t front) {
+  size = LLVMFuzzerMutate(data, size, max_size);
+  std::minstd_rand random(seed);
+  if (size > front && random() % 8 != 0) repair_answer(data + front, size - front);
+  return size;
+}
+
+}  // namespace lf::fuzz
