@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "node/answer_renderer.h"
+#include "render/source_region.h"
 #include "wire/answer_writer.h"
 
 namespace lf {
@@ -134,7 +135,9 @@ FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& 
   }
   const RenderJob job(*rig_, requester.mesh.get(*rig_, request.out_of_service), request.view, own);
   const uint64_t planned = now_ns();
-  FrameSources sources(*rig_, job);
+  FrameSources sources(*rig_, [&](CameraIndex camera) {
+    return needed_pixels(job.plan(), camera, rig_->cameras[camera]);
+  });
   std::vector<SkewWatch::Frame> skews;
   // Nothing if the camera has none, or none of about the time asked for.
   const auto find = [&](CameraIndex camera) {

@@ -3,8 +3,6 @@
 
 #include <algorithm>
 
-#include "render/source_region.h"
-
 namespace lf {
 
 void FrameSources::add(CameraIndex camera, std::optional<CameraFrame> frame) {
@@ -23,11 +21,7 @@ bool FrameSources::decode_one(size_t i, PixelFamily family) {
   JpegFrame& frame = *frames_[i].jpeg;
   const Camera& camera = *sources_[i].rig_camera;
   Rect region{0, 0, camera.width, camera.height};
-  if (family != PixelFamily::kRgb) {
-    const Rect rect = chroma_aligned(job_.plan().camera_rect(sources_[i].camera), job_.plan().view());
-    region = source_region(job_.plan(), rect, camera);
-    if (region.empty()) region = {0, 0, 1, 1};  // the planes must be there
-  }
+  if (family != PixelFamily::kRgb) region = region_(sources_[i].camera);
   if (!frame.ensure(region)) return false;
   sources_[i].image = frame.view();
   if (family != PixelFamily::kRgb) return true;

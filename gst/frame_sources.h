@@ -8,7 +8,6 @@
 
 #include "base/parallel.h"
 #include "camera_image.h"
-#include "render/render_job.h"
 #include "render/sum_renderer.h"
 
 namespace lf {
@@ -16,9 +15,10 @@ namespace lf {
 // The frames that one request is answered from, held, mapped and decoded where the request looks.
 class FrameSources {
  public:
-  FrameSources(const Rig& rig, const RenderJob& job) : rig_(rig), job_(job) {}
+  // `region`: what is needed of a camera's image.
+  FrameSources(const Rig& rig, std::function<Rect(CameraIndex)> region) : rig_(rig), region_(std::move(region)) {}
 
-  // Cameras of the job in their order; null: it has no frame.
+  // Null: the camera has no frame.
   void add(CameraIndex camera, std::optional<CameraFrame> frame);
 
   // What serves in place of a damaged frame, if anything does.
@@ -38,7 +38,7 @@ class FrameSources {
   bool decode_one(size_t i, PixelFamily family);
 
   const Rig& rig_;
-  const RenderJob& job_;
+  const std::function<Rect(CameraIndex)> region_;
   std::vector<Source> sources_;
   std::vector<CameraFrame> frames_;
   std::vector<std::unique_ptr<MappedFrame>> mapped_;

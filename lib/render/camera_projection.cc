@@ -3,15 +3,19 @@
 
 namespace lf {
 
-CameraProjection::CameraProjection(const ViewPlan& plan, const Camera& camera)
-    : lens_(camera.lens),
-      distorted_(camera.lens.has_distortion()),
-      right_(camera.width - 0.5),
-      bottom_(camera.height - 0.5) {
+CameraProjection::CameraProjection(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera)
+    : lens_(rig_camera.lens),
+      distorted_(rig_camera.lens.has_distortion()),
+      right_(rig_camera.width - 0.5),
+      bottom_(rig_camera.height - 0.5) {
+  if (const Mat3* told = plan.told_matrix(camera)) {
+    camera_from_ray_ = *told;
+    return;
+  }
   const Pose& view = plan.view().pose;
-  const Mat3 camera_from_world = glm::transpose(camera.pose.rotation());
+  const Mat3 camera_from_world = glm::transpose(rig_camera.pose.rotation());
   const Mat3 camera_from_view = camera_from_world * view.rotation();
-  const Vec3 eye_in_camera = camera_from_world * (view.position - camera.pose.position);
+  const Vec3 eye_in_camera = camera_from_world * (view.position - rig_camera.pose.position);
   const double c = plan.focal_offset(), sign = c > 0 ? 1 : -1;
   camera_from_ray_ = sign * (c * camera_from_view + glm::outerProduct(eye_in_camera, plan.focal_normal()));
 }

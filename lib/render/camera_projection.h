@@ -13,7 +13,8 @@ namespace lf {
 // (p . d) X_camera = (c R + T p^T) d. The sign of c makes the factor positive for t > 0.
 class CameraProjection {
  public:
-  CameraProjection(const ViewPlan& plan, const Camera& camera);
+  // `rig_camera`: what the rig says of `camera`; only its lens and size count where the plan was told.
+  CameraProjection(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
 
   // The homography from a line of sight (u, v, 1) to camera coordinates, up to a positive factor for t > 0.
   const Mat3& camera_from_ray() const { return camera_from_ray_; }

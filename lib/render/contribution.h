@@ -58,7 +58,7 @@ inline size_t rect_offset(const Rect& rect, int x, int y) {
 class Contribution {
  public:
   Contribution(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Camera& rig_camera)
-      : plan_(plan), owners_(owners), corners_(plan, camera), projection_(plan, rig_camera) {}
+      : plan_(plan), owners_(owners), corners_(plan, camera), projection_(plan, camera, rig_camera) {}
 
   float hat(int x, int y) const { return corners_.weight(plan_, owners_.at(x, y), plan_.rays().at(x, y)); }
   bool project(const Vec2& ray, Vec2& pixel) const { return projection_.project(ray, pixel); }

@@ -48,7 +48,7 @@ float luma(const Image& rgb, int x, int y) {
 std::vector<float> valid_weights(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
                                  const Camera& rig_camera, const Rect& rect) {
   std::vector<float> weights = camera_hat(plan, owners, camera, rect);
-  const CameraProjection projection(plan, rig_camera);
+  const CameraProjection projection(plan, camera, rig_camera);
   float* weight = weights.data();
   for (int y = rect.y0; y < rect.y1; y++)
     for (int x = rect.x0; x < rect.x1; x++, weight++) {

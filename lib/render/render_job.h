@@ -18,6 +18,7 @@ class RenderJob {
   // `own`: indices of the node's cameras, ascending. `mesh` must not hold cameras that the view counts as out of
   // service.
   RenderJob(const Rig& rig, const Mesh& mesh, const View& view, std::span<const CameraIndex> own);
+  RenderJob(ViewPlan plan, std::span<const CameraIndex> own);
 
   const ViewPlan& plan() const { return plan_; }
   // Cover the (chroma-aligned) rectangles of cameras().

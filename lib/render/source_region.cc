@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "render/camera_projection.h"
+#include "render/fragment_renderer.h"
 
 namespace lf {
 namespace {
@@ -24,10 +25,10 @@ void for_grid(int lo, int hi, Call call) {
 
 }  // namespace
 
-Rect source_region(const ViewPlan& plan, const Rect& rect, const Camera& camera) {
-  const Rect whole{0, 0, camera.width, camera.height};
+Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, const Camera& rig_camera) {
+  const Rect whole{0, 0, rig_camera.width, rig_camera.height};
   if (rect.empty()) return {};
-  const CameraProjection projection(plan, camera);
+  const CameraProjection projection(plan, camera, rig_camera);
   Vec2 low(INFINITY), high(-INFINITY);
   double largest_step = 0;  // between neighbours of the grid
   std::vector<Vec2> above;  // the row of the grid before
@@ -54,10 +55,18 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, const Camera& camera)
   // it more than any that a picture is taken with.
   const Vec2 margin(largest_step / 16 + kReach);
   low = glm::max(low - margin, Vec2(0));
-  high = glm::min(high + margin, Vec2(camera.width, camera.height));
+  high = glm::min(high + margin, Vec2(rig_camera.width, rig_camera.height));
   if (low.x >= high.x || low.y >= high.y) return {};
   return intersect(whole, {static_cast<int>(std::floor(low.x)), static_cast<int>(std::floor(low.y)),
                            static_cast<int>(std::ceil(high.x)) + 1, static_cast<int>(std::ceil(high.y)) + 1});
+}
+
+Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera) {
+  const Rect rect = chroma_aligned(plan.camera_rect(camera), plan.view());
+  const Rect region = source_region(plan, rect, camera, rig_camera);
+  if (region.empty()) return {0, 0, 1, 1};
+  return {region.x0 & ~1, region.y0 & ~1, std::min((region.x1 + 1) & ~1, rig_camera.width),
+          std::min((region.y1 + 1) & ~1, rig_camera.height)};
 }
 
 }  // namespace lf

@@ -10,6 +10,10 @@ namespace lf {
 // The pixels of a camera's image that its contribution to the view may be sampled from, with those that interpolation
 // and chroma reach: what has to be decoded of it. `rect`: of the view, where the camera may have a weight. The whole
 // image where that can't be told; empty if none of it is seen.
-Rect source_region(const ViewPlan& plan, const Rect& rect, const Camera& camera);
+Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, const Camera& rig_camera);
+
+// What has to be there of a contributing camera's image for all of its part in the view: the above, grown to whole
+// chroma samples; one pixel where none is seen, because the part is lost weight then.
+Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
 
 }  // namespace lf

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "render/view_plan.h"
 
+#include <algorithm>
 #include <limits>
+#include <string>
 
+#include "base/error.h"
 #include "render/face_bounds.h"
+#include "render/view_warp.h"
 
 namespace lf {
 namespace {
@@ -92,12 +96,37 @@ ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view)
       face.rect = unite(face.rect, bounds.bound(half_planes));
     }
     if (face.rect.empty()) continue;
-    for (int k = 0; k < mesh.faces[i].corners(); k++) {
-      Rect& rect = camera_rects_[face.camera[k]];
-      rect = unite(rect, face.rect);
-    }
+    bound_corners(face);
     faces_.push_back(face);
   }
+}
+
+ViewPlan::ViewPlan(const ViewWarp& warp, size_t num_cameras)
+    : rays_(warp.lens, warp.width, warp.height),
+      faces_(warp.faces),
+      camera_rects_(num_cameras),
+      focal_normal_(warp.in_front),
+      focal_offset_(1) {
+  view_.width = warp.width;
+  view_.height = warp.height;
+  view_.lens = warp.lens;
+  for (const ViewWarp::Projection& camera : warp.cameras) {
+    if (camera.camera >= num_cameras)
+      throw Error("camera " + std::to_string(camera.camera) + " is not one of the " + std::to_string(num_cameras) +
+                  " of the rig");
+    told_.emplace_back(camera.camera, camera.camera_from_ray);
+  }
+  for (const FacePlan& face : faces_) bound_corners(face);
+}
+
+void ViewPlan::bound_corners(const FacePlan& face) {
+  for (const CameraIndex camera : face.camera)
+    if (camera != MeshFace::kNone) camera_rects_[camera] = unite(camera_rects_[camera], face.rect);
+}
+
+const Mat3* ViewPlan::told_matrix(CameraIndex camera) const {
+  const auto found = std::ranges::lower_bound(told_, camera, {}, &std::pair<CameraIndex, Mat3>::first);
+  return found != told_.end() && found->first == camera ? &found->second : nullptr;
 }
 
 std::vector<CameraIndex> ViewPlan::contributors() const {

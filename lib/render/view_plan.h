@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <utility>
 #include <vector>
 
 #include "render/rays.h"
@@ -11,6 +12,8 @@
 #include "view/view.h"
 
 namespace lf {
+
+struct ViewWarp;
 
 // One mesh face as a view sees it. For the line of sight d = (u, v, 1) in view coordinates the three edge functions are
 // e_k(d) = edge[k] . d (k = the corner opposite the edge), and corner k has weight e_k / (e_0 + e_1 + e_2) where all
@@ -24,6 +27,7 @@ struct FacePlan {
 
   // The value of an edge function, always with this order of operations: every machine gets the same bits.
   static double evaluate(const Vec3& edge, const Vec2& ray) { return edge.x * ray.x + (edge.y * ray.y + edge.z); }
+  bool operator==(const FacePlan&) const = default;
 };
 
 // Everything geometric about one view that no pixel of a camera is needed for. Immutable once made; share between
@@ -32,6 +36,9 @@ class ViewPlan {
  public:
   // `rig`, `mesh`: only read during the call. The view must be valid (see validate()).
   ViewPlan(const Rig& rig, const Mesh& mesh, const View& view);
+  // As somebody else planned it, who knows the rig of `num_cameras` cameras: the same to the last bit. Throws Error for
+  // cameras beyond that. `warp` must be valid (see validate()); the view has no pose then, and no focal plane.
+  ViewPlan(const ViewWarp& warp, size_t num_cameras);
 
   const View& view() const { return view_; }
   const Rays& rays() const { return rays_; }
@@ -48,6 +55,8 @@ class ViewPlan {
   // Line of sight t > 0 to the focal plane in view coordinates: (focal_normal . d) t = focal_offset.
   const Vec3& focal_normal() const { return focal_normal_; }
   double focal_offset() const { return focal_offset_; }
+  // The homography into a camera, where the plan was told; else null: it follows from the poses.
+  const Mat3* told_matrix(CameraIndex camera) const;
 
  private:
   View view_;
@@ -56,6 +65,8 @@ class ViewPlan {
   std::vector<Rect> camera_rects_;
   Vec3 focal_normal_;
   double focal_offset_ = 0;
+  std::vector<std::pair<CameraIndex, Mat3>> told_;  // ascending
+  void bound_corners(const FacePlan& face);
 };
 
 }  // namespace lf

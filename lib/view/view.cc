@@ -6,14 +6,15 @@
 
 namespace lf {
 
+void validate_size(const char* name, int pixels) {
+  if (pixels < 1 || pixels > kMaxImageSize)
+    throw Error(std::string(name) + ": must be 1 to " + std::to_string(kMaxImageSize) + " pixels, is " +
+                std::to_string(pixels));
+}
+
 void validate(const View& view) {
-  const auto size = [](const char* name, int value) {
-    if (value < 1 || value > kMaxImageSize)
-      throw Error(std::string(name) + ": must be 1 to " + std::to_string(kMaxImageSize) + " pixels, is " +
-                  std::to_string(value));
-  };
-  size("width", view.width);
-  size("height", view.height);
+  validate_size("width", view.width);
+  validate_size("height", view.height);
   if (!is_finite(view.pose.position)) throw Error("position: must be finite numbers");
   if (!(std::abs(glm::length(view.pose.orientation) - 1) <= kUnitTolerance))
     throw Error("orientation: must be a quaternion of unit norm");

@@ -25,6 +25,8 @@ struct View {
 // Throws Error ("width: ...", "orientation: ...", "focal_plane: ...") if a number is not finite, a size out of range,
 // a quaternion or a plane normal not of unit length (kUnitTolerance).
 void validate(const View& view);
+// Throws Error ("NAME: ...") for pixels a side that no view has.
+void validate_size(const char* name, int pixels);
 
 // The plane facing the view at `distance` metres along its optical axis.
 Plane focal_plane_at(const Pose& view_pose, double distance);

@@ -109,12 +109,13 @@ class OpenCvMethod : public Method {
                          static_cast<size_t>(image.stride[0]));
     part.weights = three_channel_weights(valid_weights(plan, job.owners(), camera, rig_camera, rect), rect);
     part.homography = homography(plan, rig_camera, rect);
-    if (formulation_ == Formulation::kRemap) make_maps(plan, rig_camera, rect, part);
+    if (formulation_ == Formulation::kRemap) make_maps(plan, camera, rig_camera, rect, part);
     parts_.push_back(part);
   }
 
-  static void make_maps(const ViewPlan& plan, const Camera& camera, const Rect& rect, Part& part) {
-    const CameraProjection projection(plan, camera);
+  static void make_maps(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera, const Rect& rect,
+                        Part& part) {
+    const CameraProjection projection(plan, camera, rig_camera);
     cv::Mat map(rect.height(), rect.width(), CV_32FC2, cv::Scalar(-9, -9));
     for (int y = rect.y0; y < rect.y1; y++)
       for (int x = rect.x0; x < rect.x1; x++)

@@ -43,7 +43,7 @@ Spread positions(const Scene& scene) {
   for (const CameraIndex camera : job.cameras()) {
     const Camera& rig_camera = scene.rig().cameras[camera];
     const ReferenceLens lens(rig_camera.lens);
-    const CameraProjection projection(job.plan(), rig_camera);
+    const CameraProjection projection(job.plan(), camera, rig_camera);
     const Rect rect = job.plan().camera_rect(camera);
     for (int y = rect.y0; y < rect.y1; y++)
       for (int x = rect.x0; x < rect.x1; x++) {

@@ -60,7 +60,7 @@ PreparedTask::PreparedTask(const ViewPlan& plan, const OwnerRuns& runs, std::spa
       plain::check_image(camera, source.image);
     }
     if (plan.camera_rect(source.camera).empty()) continue;
-    projections.emplace_back(plan, camera);
+    projections.emplace_back(plan, source.camera, camera);
     task.slot_of_camera[source.camera] = static_cast<int32_t>(task.slots.size());
     task.slots.push_back(make_slot(plan, camera, source, family, projections.back()));
     rect = unite(rect, task.slots.back().rect);

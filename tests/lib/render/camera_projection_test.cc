@@ -25,8 +25,9 @@ TEST(CameraProjection, IsTheFocalPointSeenByTheCamera) {
   for (const double focus : {0.5, 2.0, 100.0}) {
     const View view = view_at({0.03, -0.02, -0.1}, focus);
     const ViewPlan plan(rig, mesh, view);
-    for (const Camera& camera : rig.cameras) {
-      const CameraProjection projection(plan, camera);
+    for (CameraIndex i = 0; i < rig.cameras.size(); i++) {
+      const Camera& camera = rig.cameras[i];
+      const CameraProjection projection(plan, i, camera);
       for (int y = 0; y < view.height; y += 7)
         for (int x = 0; x < view.width; x += 7) {
           const Vec3 d(*view.lens.unproject(Vec2(x, y)), 1);
@@ -49,7 +50,7 @@ TEST(CameraProjection, BehindTheCameraIsLost) {
   const View view = view_at({0, 0, -5}, 2);  // the focal plane lies 3 m behind the cameras
   const ViewPlan plan(rig, build_mesh(rig), view);
   Vec2 pixel;
-  EXPECT_FALSE(CameraProjection(plan, rig.cameras[0]).project(Vec2(0, 0), pixel));
+  EXPECT_FALSE(CameraProjection(plan, 0, rig.cameras[0]).project(Vec2(0, 0), pixel));
 }
 
 TEST(CameraProjection, TheImageEndsHalfAPixelBeyondItsOuterCentres) {
@@ -61,7 +62,7 @@ TEST(CameraProjection, TheImageEndsHalfAPixelBeyondItsOuterCentres) {
   view.pose = rig.cameras[0].pose;
   view.focus.plane = focal_plane_at(view.pose, 2);
   const ViewPlan plan(rig, build_mesh(rig), view);
-  const CameraProjection projection(plan, rig.cameras[0]);
+  const CameraProjection projection(plan, 0, rig.cameras[0]);
   const Lens& lens = view.lens;
   const auto sees = [&](double x, double y) {
     Vec2 pixel;

@@ -14,8 +14,8 @@ namespace {
 int area(const Rect& rect) { return rect.empty() ? 0 : rect.width() * rect.height(); }
 
 // All that sampling the camera for the rectangle touches, its chroma included.
-Rect touched(const ViewPlan& plan, const Rect& rect, const Camera& camera) {
-  const CameraProjection projection(plan, camera);
+Rect touched(const ViewPlan& plan, const Rect& rect, CameraIndex index, const Camera& camera) {
+  const CameraProjection projection(plan, index, camera);
   Rect all;
   const auto sample = [&](const Vec2& ray) {
     Vec2 p;
@@ -45,9 +45,9 @@ TEST(SourceRegion, HoldsEverySampleOfAnyRig) {
     const ViewPlan plan(rig, build_mesh(rig), view);
     for (const CameraIndex camera : plan.contributors()) {
       const Rect rect = chroma_aligned(plan.camera_rect(camera), view);
-      const Rect need = touched(plan, rect, rig.cameras[camera]);
+      const Rect need = touched(plan, rect, camera, rig.cameras[camera]);
       if (need.empty()) continue;
-      const Rect region = source_region(plan, rect, rig.cameras[camera]);
+      const Rect region = source_region(plan, rect, camera, rig.cameras[camera]);
       EXPECT_EQ(intersect(need, region), need)
           << "rig " << i << ", camera " << camera << ": " << need.x0 << "," << need.y0 << " to " << need.x1 << ","
           << need.y1 << " against " << region.x0 << "," << region.y0 << " to " << region.x1 << "," << region.y1;
@@ -69,8 +69,8 @@ TEST(SourceRegion, IsLittleMoreThanThat) {
   const ViewPlan plan(rig, build_mesh(rig), view);
   int needed = 0, decoded = 0;
   for (const CameraIndex camera : plan.contributors()) {
-    needed += area(touched(plan, plan.camera_rect(camera), rig.cameras[camera]));
-    decoded += area(source_region(plan, plan.camera_rect(camera), rig.cameras[camera]));
+    needed += area(touched(plan, plan.camera_rect(camera), camera, rig.cameras[camera]));
+    decoded += area(source_region(plan, plan.camera_rect(camera), camera, rig.cameras[camera]));
   }
   EXPECT_GT(needed, 0);
   EXPECT_LT(decoded, needed * 1.4);
