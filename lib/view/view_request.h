@@ -13,15 +13,20 @@ inline constexpr uint64_t kNoTime = UINT64_MAX;
 // |a - b|, nanoseconds. Neither may be kNoTime.
 inline uint64_t time_between(uint64_t a, uint64_t b) { return a > b ? a - b : b - a; }
 
-// The whole state of one view: no history is needed to answer it.
-struct ViewRequest {
+// Which picture is asked for, and when: what requests of all kinds begin with.
+struct RequestHead {
   uint32_t view_id = 0;
   uint32_t sequence = 0;       // of this view; grows by one per request, wraps
   uint64_t target_time = 0;    // nanoseconds; capture time wanted, or kNoTime: the newest frame there is
   bool absolute_time = false;  // target_time is clock time (live), else running time from 0 (files)
+  uint8_t quality = 0;         // of fragment payloads: 0 raw; 1..100 allow JPEG of this quality
+  uint64_t rig_hash = 0;       // of the rig the view was made for; 0: any
+  bool operator==(const RequestHead&) const = default;
+};
+
+// The whole state of one view: no history is needed to answer it.
+struct ViewRequest : RequestHead {
   View view;
-  uint8_t quality = 0;    // of fragment payloads: 0 raw; 1..100 reserved for JPEG
-  uint64_t rig_hash = 0;  // of the rig the view was made for; 0: any
   CameraSet out_of_service;
   bool operator==(const ViewRequest&) const = default;
 };

@@ -6,13 +6,8 @@
 namespace lf::wire {
 
 void check_header(const AnswerHeader& answer, size_t fragments) {
-  const auto size = [](const char* name, int value) {
-    if (value < 1 || value > kMaxViewSize)
-      throw Error(std::string(name) + ": must be 1 to " + std::to_string(kMaxViewSize) + " pixels, is " +
-                  std::to_string(value));
-  };
-  size("view_width", answer.view_width);
-  size("view_height", answer.view_height);
+  validate_size("view_width", answer.view_width);
+  validate_size("view_height", answer.view_height);
   if (answer.family > PixelFamily::kI420)
     throw Error("family: " + std::to_string(static_cast<int>(answer.family)) + " is unknown");
   if (fragments > kMaxFragments)

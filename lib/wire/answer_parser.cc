@@ -143,24 +143,14 @@ AnswerView read_answer(std::span<const uint8_t> bytes) {
   return answer;
 }
 
-template <typename T, typename F>
-std::optional<T> or_reason(std::string* reason, F read) {
-  try {
-    return read();
-  } catch (const Error& error) {
-    if (reason) *reason = error.what();
-    return std::nullopt;
-  }
-}
-
 }  // namespace
 
 std::optional<AnswerView> parse_answer(std::span<const uint8_t> bytes, std::string* reason) {
-  return or_reason<AnswerView>(reason, [&] { return read_answer(bytes); });
+  return or_reason(reason, [&] { return read_answer(bytes); });
 }
 
 std::optional<AnswerHead> parse_answer_header(std::span<const uint8_t> bytes, std::string* reason) {
-  return or_reason<AnswerHead>(reason, [&] { return read_head(bytes).answer; });
+  return or_reason(reason, [&] { return read_head(bytes).answer; });
 }
 
 }  // namespace lf::wire

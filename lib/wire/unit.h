@@ -6,6 +6,7 @@
 #include <span>
 #include <string>
 
+#include "base/error.h"
 #include "wire/bytes.h"
 #include "wire/limits.h"
 
@@ -21,8 +22,8 @@ inline constexpr uint8_t kMagicPrefix[3] = {0x8f, 'L', 'F'};
 inline constexpr uint8_t kRequestMagic = 'Q', kAnswerMagic = 'A';
 
 // Types of units, see spec.md. Others are passed on by whoever only frames.
-inline constexpr uint8_t kViewRequestType = 1;  // of a request stream
-inline constexpr uint8_t kFragmentsType = 1;    // of an answer stream
+inline constexpr uint8_t kViewRequestType = 1, kWarpCommandType = 3, kPixelCommandType = 4;  // of a request stream
+inline constexpr uint8_t kFragmentsType = 1;                                                 // of an answer stream
 
 struct UnitHeader {
   UnitKind kind;
@@ -53,5 +54,16 @@ std::optional<UnitHeader> check_unit_header(std::span<const uint8_t> bytes, Unit
                                             uint16_t known_flags, std::string& reason);
 // Whether there are as many bytes as the header says.
 bool check_unit_size(std::span<const uint8_t> bytes, const UnitHeader& header, std::string& reason);
+
+// What read() returns, or nothing and in *reason (may be null) the text of the Error that it throws.
+template <typename F>
+auto or_reason(std::string* reason, F read) -> std::optional<decltype(read())> {
+  try {
+    return read();
+  } catch (const Error& error) {
+    if (reason) *reason = error.what();
+    return std::nullopt;
+  }
+}
 
 }  // namespace lf::wire

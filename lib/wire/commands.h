@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "render/view_warp.h"
+#include "view/view_request.h"
+
+namespace lf::wire {
+
+// Requests for cameras that are told what to do (the paper's section 4.2), in place of a ViewRequest, from which
+// cameras find out themselves. One for all cameras that contribute to the view: each takes its own. Like a view
+// request they are complete in themselves.
+
+// For cameras that know their lens alone.
+struct WarpCommand : RequestHead {
+  ViewWarp warp;
+  bool operator==(const WarpCommand&) const = default;
+};
+
+// For cameras that only have pixels to give.
+struct PixelCommand : RequestHead {
+  struct Region {
+    CameraIndex camera = 0;
+    Rect rect;  // of the camera's image, not empty; x0, y0 even
+    bool operator==(const Region&) const = default;
+  };
+  int view_width = 0, view_height = 0;
+  std::vector<Region> regions;  // ascending cameras
+  bool operator==(const PixelCommand&) const = default;
+};
+
+using AnyRequest = std::variant<ViewRequest, WarpCommand, PixelCommand>;
+
+inline const RequestHead& head_of(const AnyRequest& request) {
+  return std::visit([](const RequestHead& head) -> const RequestHead& { return head; }, request);
+}
+// Width and height of the view, pixels.
+inline std::pair<int, int> view_size(const AnyRequest& request) {
+  if (const auto* view = std::get_if<ViewRequest>(&request)) return {view->view.width, view->view.height};
+  if (const auto* warp = std::get_if<WarpCommand>(&request)) return {warp->warp.width, warp->warp.height};
+  const auto& pixels = std::get<PixelCommand>(request);
+  return {pixels.view_width, pixels.view_height};
+}
+
+}  // namespace lf::wire

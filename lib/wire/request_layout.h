@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "view/view_request.h"
+#include "wire/bytes.h"
+#include "wire/unit.h"
+
+// What the units of a request stream have in common; see spec.md.
+namespace lf::wire {
+
+inline constexpr uint16_t kAbsoluteTime = 1;                        // flag of the unit
+inline constexpr size_t kRequestHeadBytes = kUnitHeaderBytes + 29;  // up to the quality
+
+// Throws Error naming the field. The size of the view is checked with the rest of it.
+void check_request_head(const RequestHead& head);
+
+// The unit's header and the fields that all types begin with.
+void put_request_head(Writer& out, uint8_t type, const RequestHead& head, int width, int height, size_t size);
+// The other way; what follows them is left to read. Throws Error if this is not exactly one unit of that type, or ends
+// before them.
+Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHead& head, int& width, int& height);
+
+// Throws Error if the request ended before `field` did.
+void need_more(const Reader& in, const char* field);
+
+void put_vec(Writer& out, const Vec3& v);
+Vec3 get_vec(Reader& in);
+// Parameters alone; the model stands elsewhere as its code. read_lens() throws Error naming the field.
+void put_lens(Writer& out, const Lens& lens);
+Lens read_lens(Reader& in, uint8_t model_code);
+
+}  // namespace lf::wire
