@@ -16,6 +16,7 @@ namespace lf {
 struct CameraFragment {
   CameraIndex camera = Fragment::kSum;
   FragmentPlanes planes;
+  bool plain = false;  // no contribution, but pixels of the camera's image as they are: planes.rect is in that
 };
 
 // The fragments of any number of cameras, by the same code as SumRenderer and as good: weights are found once for all

@@ -64,6 +64,7 @@ struct FragmentHeader {
   Codec codec = Codec::kRaw;
   uint8_t quality = 0;    // 1 to 100 of JPEG, else 0
   bool has_lost = false;  // a plane of lost weight follows the pixels
+  bool plain = false;     // pixels of the camera's image as they are: rect is inside that, not inside the view
   bool operator==(const FragmentHeader&) const = default;
 };
 

@@ -48,6 +48,10 @@ std::optional<Answer> decode_answer(std::span<const uint8_t> bytes, std::string*
   const std::span<const FragmentView> all = view->fragments;
   for (size_t i = 0, n; i < all.size(); i += n) {
     n = group_size(all.subspan(i));
+    if (all[i].plain) {
+      if (reason) *reason = "fragments[" + std::to_string(i) + "].flags: plain colour, no contribution to the view";
+      return std::nullopt;
+    }
     if (all[i].codec == Codec::kRaw16) {
       answer.fragments.push_back(rounded_fragment(all[i].camera, decoder.sums(all[i])));
       continue;

@@ -39,8 +39,14 @@ void check_fragment(const AnswerHeader& answer, const FragmentHeader& fragment) 
     throw Error("camera: " + std::to_string(fragment.camera) + " is beyond " + std::to_string(kMaxCameras - 1));
   if (fragment.family != answer.family) throw Error("family: differs from the answer's");
   if (rect.empty()) throw Error("rectangle: is empty");
-  if (rect.x0 < 0 || rect.y0 < 0 || rect.x1 > answer.view_width || rect.y1 > answer.view_height)
-    throw Error("rectangle: is not inside the view");
+  const int right = fragment.plain ? kMaxImageSize : answer.view_width;
+  const int bottom = fragment.plain ? kMaxImageSize : answer.view_height;
+  if (rect.x0 < 0 || rect.y0 < 0 || rect.x1 > right || rect.y1 > bottom)
+    throw Error(std::string("rectangle: is not inside ") + (fragment.plain ? "any image" : "the view"));
+  if (fragment.plain && fragment.camera == Fragment::kSum) throw Error("camera: plain colour of a sum");
+  if (fragment.plain && fragment.has_lost) throw Error("flags: plain colour has no lost weight");
+  if (fragment.plain && fragment.codec == Codec::kRaw16)
+    throw Error("codec: 16 bits are for sums, not for plain colour");
   if (answer.family == PixelFamily::kI420 && (rect.x0 % 2 != 0 || rect.y0 % 2 != 0))
     throw Error("rectangle: x and y must be even in YCbCr");
   if (fragment.codec > Codec::kJpegAtlas)

@@ -83,10 +83,10 @@ FragmentView read_fragment(const AnswerHeader& answer, Reader& table, Reader& pa
   fragment.family = answer.family;
   fragment.rect = {x, y, x + w, y + h};
   fragment.has_lost = flags & kLostPlane;
+  fragment.plain = !(flags & kWeighted);
   check_fragment(answer, fragment);
   if (plane != 0) throw Error("plane: " + std::to_string(plane) + " is not supported");
   if (flags & ~(kWeighted | kLostPlane)) throw Error("flags: unknown bits");
-  if (!(flags & kWeighted)) throw Error("flags: fragments without weight are not supported");
   if (!is_jpeg(fragment.codec) && length != raw_size(fragment))
     throw Error("length: must be " + std::to_string(raw_size(fragment)) + " bytes, is " + std::to_string(length));
   if (length > payloads.left())

@@ -86,7 +86,7 @@ void AnswerWriter::put_entry(const FragmentHeader& fragment, size_t length) {
   out.put(static_cast<uint16_t>(fragment.rect.height()));
   out.put(static_cast<uint8_t>(fragment.codec));
   out.put(fragment.quality);
-  out.put(static_cast<uint16_t>(fragment.has_lost ? kWeighted | kLostPlane : kWeighted));
+  out.put(static_cast<uint16_t>((fragment.plain ? 0 : kWeighted) | (fragment.has_lost ? kLostPlane : 0)));
   out.put(static_cast<uint32_t>(length));
   fragments_++;
 }

@@ -54,7 +54,8 @@ Grouping group(std::span<const CameraFragment> fragments) {
 }
 
 FragmentHeader header_of(const CameraFragment& f, Codec codec, int quality) {
-  return {f.camera, f.planes.family, f.planes.rect, codec, static_cast<uint8_t>(quality), f.planes.lost != nullptr};
+  return {f.camera, f.planes.family, f.planes.rect, codec, static_cast<uint8_t>(quality), f.planes.lost != nullptr,
+          f.plain};
 }
 
 // Fragments as planes, once they are known to fill their rectangles.

@@ -196,7 +196,7 @@ TEST(AnswerCodec, NamesTheFieldThatIsWrong) {
       {kTable + 12, 2, 0x0165, "fragments[0].quality: must be 1 to 100 for JPEG, is 101"},
       {kTable + 13, 1, 80, "fragments[0].quality: must be 0 for raw pixels, is 80"},
       {kTable + 14, 2, 7, "fragments[0].flags: unknown bits"},
-      {kTable + 14, 2, 2, "fragments[0].flags: fragments without weight are not supported"},
+      {kTable + 14, 2, 2, "fragments[0].flags: plain colour has no lost weight"},
       {kTable + 14, 2, 1, "fragments[0].length: must be 10 bytes, is 16"},
       {kTable + 16, 4, 0xffffffff, "fragments[0].length: must be 16 bytes, is 4294967295"},
       {kSecond + 4, 2, 10, "fragments[1].rectangle: is not inside the view"},

@@ -55,6 +55,44 @@ TEST(FragmentCodec, EveryQualityComesBack) {
       }
 }
 
+TEST(FragmentCodec, PlainPixelsLieInTheCamerasImage) {
+  for (const PixelFamily family : kFamilies)
+    for (const int quality : {0, 90}) {
+      const Fragment pixels = jpeg::patterned(family, {200, 100, 296, 172}, false, 1);
+      const AnswerHeader header = header_of_view(family, 40, 30);  // smaller than the rectangle
+      const std::vector<CameraFragment> fragments{{5, planes_of(pixels), true}};
+      const ByteBuffer bytes = FragmentEncoder().encode(header, fragments, quality);
+      std::string reason;
+      const std::optional<AnswerView> answer = parse_answer(bytes, &reason);
+      ASSERT_TRUE(answer) << reason;
+      ASSERT_EQ(answer->fragments.size(), 1u);
+      EXPECT_TRUE(answer->fragments[0].plain);
+      EXPECT_EQ(answer->fragments[0].rect, pixels.rect);
+      jpeg::Errors8 luma, chroma;
+      FragmentDecoder decoder;
+      const std::span<const FragmentPlanes> planes = decoder.decode(answer->fragments);
+      ASSERT_EQ(planes.size(), 1u);
+      jpeg::compare_pixels(planes_of(pixels), planes[0], luma, chroma);
+      EXPECT_LE(luma.worst, quality == 0 ? 0 : 255);
+      EXPECT_GT(luma.psnr(), 34);
+      // Whoever wants contributions is not given something else.
+      EXPECT_FALSE(decode_answer(bytes, &reason));
+      EXPECT_EQ(reason, "fragments[0].flags: plain colour, no contribution to the view");
+    }
+}
+
+TEST(FragmentCodec, RefusesPlainPixelsThatCanNotBe) {
+  const Fragment pixels = jpeg::patterned(PixelFamily::kRgb, {0, 0, 8, 8}, true, 1);
+  const AnswerHeader header = header_of_view(PixelFamily::kRgb, 40, 30);
+  const auto encode = [&](CameraFragment fragment) { return FragmentEncoder().encode(header, {&fragment, 1}, 0); };
+  EXPECT_ERROR(encode({5, planes_of(pixels), true}), "fragments[0].flags: plain colour has no lost weight");
+  Fragment whole = pixels;
+  whole.lost.clear();
+  EXPECT_ERROR(encode({Fragment::kSum, planes_of(whole), true}), "fragments[0].camera: plain colour of a sum");
+  whole.rect = {kMaxImageSize - 7, 0, kMaxImageSize + 1, 8};
+  EXPECT_ERROR(encode({5, planes_of(whole), true}), "fragments[0].rectangle: is not inside any image");
+}
+
 TEST(FragmentCodec, SmallFragmentsShareAtlasesOfOneWidth) {
   const auto groups = [](int w, int h, int count) {
     const ByteBuffer bytes = FragmentEncoder().encode(header_of_view(PixelFamily::kI420, 400, 400),
