@@ -2,21 +2,14 @@
 #include "fragment_node.h"
 
 #include <algorithm>
-#include <chrono>
+#include <tuple>
 
 #include "base/error.h"
-#include "node/answer_renderer.h"
-#include "render/source_region.h"
+#include "base/now.h"
 #include "wire/answer_writer.h"
 
 namespace lf {
 namespace {
-
-uint64_t now_ns() {
-  return static_cast<uint64_t>(
-      std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
-          .count());
-}
 
 // Live cameras' frames have clock time, those of others running time, and a request may ask in either.
 uint64_t convert_time(uint64_t time, bool from_clock, bool to_clock, uint64_t base_time) {
@@ -24,11 +17,11 @@ uint64_t convert_time(uint64_t time, bool from_clock, bool to_clock, uint64_t ba
   return to_clock ? time + base_time : time - std::min(time, base_time);
 }
 
-uint64_t wanted_of(const ViewRequest& request, const CameraFrames& frames, uint64_t base_time) {
+uint64_t wanted_of(const RequestHead& request, const CameraFrames& frames, uint64_t base_time) {
   return convert_time(request.target_time, request.absolute_time, frames.is_live(), base_time);
 }
 
-uint64_t time_of(const ViewRequest& request, const CameraFrames& frames, uint64_t time, uint64_t base_time) {
+uint64_t time_of(const RequestHead& request, const CameraFrames& frames, uint64_t time, uint64_t base_time) {
   return convert_time(time, frames.is_live(), request.absolute_time, base_time);
 }
 
@@ -97,14 +90,23 @@ FragmentNode::Cameras FragmentNode::cameras(bool wait_for_all) {
   return cameras_;
 }
 
-FragmentNode::Reply FragmentNode::answer(const ViewRequest& request, Requester& requester, const Manner& manner,
+FragmentNode::MakeTask FragmentNode::task_maker(const wire::AnyRequest& request, Requester& requester) const {
+  return [this, &request, &requester](std::span<const CameraIndex> own) {
+    if (const auto* view = std::get_if<ViewRequest>(&request))
+      return make_task(*rig_, requester.mesh.get(*rig_, view->out_of_service), *view, own);
+    if (const auto* warp = std::get_if<wire::WarpCommand>(&request)) return make_task(*rig_, *warp, own);
+    return make_task(*rig_, std::get<wire::PixelCommand>(request), own);
+  };
+}
+
+FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester& requester, const Manner& manner,
                                          ByteBuffer memory) {
   stats_.requests++;
+  const RequestHead& request = wire::head_of(any);
   wire::AnswerHeader header;
   header.view_id = request.view_id;
   header.sequence = request.sequence;
-  header.view_width = request.view.width;
-  header.view_height = request.view.height;
+  std::tie(header.view_width, header.view_height) = wire::view_size(any);
   header.target_time = request.target_time;
   header.rig_hash = rig_hash_;
   header.node = node_id_;
@@ -114,7 +116,7 @@ FragmentNode::Reply FragmentNode::answer(const ViewRequest& request, Requester& 
     warning = "a request was made for another rig than the one of this node: not answered with a picture";
   } else {
     try {
-      return render(request, requester, manner, header, std::move(memory));
+      return render(request, task_maker(any, requester), requester, manner, header, std::move(memory));
     } catch (const Error& error) {
       warning = error.what();
       stats_.bad_requests++;
@@ -123,8 +125,8 @@ FragmentNode::Reply FragmentNode::answer(const ViewRequest& request, Requester& 
   return {.bytes = wire::AnswerWriter(header, 0).finish(), .warning = std::move(warning)};
 }
 
-FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& requester, const Manner& manner,
-                                         wire::AnswerHeader header, ByteBuffer memory) {
+FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeTask& make_task, Requester& requester,
+                                         const Manner& manner, wire::AnswerHeader header, ByteBuffer memory) {
   const uint64_t arrived = now_ns();
   const Cameras inputs = cameras(!manner.live);
   const uint64_t begun = now_ns();
@@ -133,11 +135,9 @@ FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& 
     own.push_back(camera);
     frames->advance(wanted_of(request, *frames, manner.base_time));
   }
-  const RenderJob job(*rig_, requester.mesh.get(*rig_, request.out_of_service), request.view, own);
+  const std::unique_ptr<const AnswerTask> task = make_task(own);
   const uint64_t planned = now_ns();
-  FrameSources sources(*rig_, [&](CameraIndex camera) {
-    return needed_pixels(job.plan(), camera, rig_->cameras[camera]);
-  });
+  FrameSources sources(*rig_, [&task](CameraIndex camera) { return task->region(camera); });
   std::vector<SkewWatch::Frame> skews;
   // Nothing if the camera has none, or none of about the time asked for.
   const auto find = [&](CameraIndex camera) {
@@ -152,11 +152,11 @@ FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& 
     }
     return frame;
   };
-  for (const CameraIndex camera : job.cameras()) sources.add(camera, find(camera));
+  for (const CameraIndex camera : task->cameras()) sources.add(camera, find(camera));
   // The others are looked at, too: what is out of service or out of sight must be known to be well before it is used.
   CameraSet blind;
   for (const CameraIndex camera : own)
-    if ((manner.live || inputs.at(camera)->is_live()) && !std::ranges::binary_search(job.cameras(), camera) &&
+    if ((manner.live || inputs.at(camera)->is_live()) && !std::ranges::binary_search(task->cameras(), camera) &&
         !find(camera))
       blind.push_back(camera);
   const uint64_t found = now_ns();
@@ -194,10 +194,8 @@ FragmentNode::Reply FragmentNode::render(const ViewRequest& request, Requester& 
   const bool nothing = header.family == PixelFamily::kNone;
   if (nothing) header.family = agree_on_family(PixelFamily::kNone);
 
-  AnswerForm form = choose_form(job, manner.sum, manner.codec, manner.in_process, request.quality);
-  form.strip_pixels = manner.strip_pixels;
-  RenderedAnswer rendered = render_answer(header, job, nothing ? std::span<const Source>() : sources.sources(), form,
-                                          std::move(memory), manner.parallel);
+  RenderedAnswer rendered = task->render(header, nothing ? std::span<const Source>() : sources.sources(), manner,
+                                         std::move(memory), manner.parallel);
   const NodeStats::Stages stages = {.wait = begun - arrived + (found - planned),
                                     .decode = decoded - found,
                                     .render = planned - begun + rendered.render_ns,

@@ -13,11 +13,12 @@
 #include "base/parallel.h"
 #include "camera_frames.h"
 #include "frame_sources.h"
-#include "node/answer_form.h"
+#include "node/answer_task.h"
 #include "node/skew_watch.h"
 #include "node_stats.h"
 #include "render/render_job.h"
 #include "wire/answer.h"
+#include "wire/commands.h"
 
 namespace lf {
 
@@ -50,14 +51,10 @@ class FragmentNode {
     SkewWatch watch;
   };
   // How requests are to be answered.
-  struct Manner {
-    SumChoice sum = SumChoice::kAuto;
-    CodecChoice codec = CodecChoice::kAuto;
-    int strip_pixels = wire::kStripPixels;
-    bool in_process = false;  // the compositor is in this process
-    bool live = false;        // the request is: nothing is waited for
-    uint64_t base_time = 0;   // of the pipeline: clock time of running time 0
-    uint64_t max_skew = 0;    // of a live camera's frame; what is farther from the target is none; 0: any
+  struct Manner : AnswerTask::Manner {
+    bool live = false;       // the request is: nothing is waited for
+    uint64_t base_time = 0;  // of the pipeline: clock time of running time 0
+    uint64_t max_skew = 0;   // of a live camera's frame; what is farther from the target is none; 0: any
     ParallelFor parallel = serial_for;
   };
   struct Reply {
@@ -68,13 +65,16 @@ class FragmentNode {
   };
   // Waits for the frames that belong to the request's time (see CameraFrames::find) and renders. Never throws; a
   // request that can't be served (another rig's) gets an answer without fragments. `memory` is recycled.
-  Reply answer(const ViewRequest& request, Requester& requester, const Manner& manner, ByteBuffer memory);
+  Reply answer(const wire::AnyRequest& request, Requester& requester, const Manner& manner, ByteBuffer memory);
 
  private:
   using Cameras = std::map<CameraIndex, std::shared_ptr<CameraFrames>>;
   Cameras cameras(bool wait_for_all);
-  Reply render(const ViewRequest& request, Requester& requester, const Manner& manner, wire::AnswerHeader header,
-               ByteBuffer memory);
+  // What the request comes to, given the node's cameras.
+  using MakeTask = std::function<std::unique_ptr<AnswerTask>(std::span<const CameraIndex> own)>;
+  MakeTask task_maker(const wire::AnyRequest& request, Requester& requester) const;
+  Reply render(const RequestHead& request, const MakeTask& make_task, Requester& requester, const Manner& manner,
+               wire::AnswerHeader header, ByteBuffer memory);
 
   std::string skew_warning(const std::optional<SkewWatch::Report>& report) const;
 

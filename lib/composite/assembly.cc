@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <iterator>
 
+#include "render/source_region.h"
+#include "render/sum_renderer.h"
 #include "wire/payload.h"
 
 namespace lf {
@@ -22,6 +24,7 @@ void Assembly::begin(const ViewRequest& request) {
   release();
   sources_.clear();
   coverage_.clear();
+  incomplete_ = {};
   cameras_ = seeing_ = {};
   have_unnamed_sums_ = false;
   fragments_ = missing_ = damaged_ = 0;
@@ -32,6 +35,7 @@ void Assembly::begin(const ViewRequest& request) {
 void Assembly::release() {
   accumulator_.reset(family_, request_.view.width, request_.view.height);
   kept_.reset();
+  pixels_.clear();
 }
 
 Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<const void> bytes) {
@@ -44,6 +48,7 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
     family_ = answer.family;
     accumulator_.reset(family_, request_.view.width, request_.view.height);
   }
+  if (!rig_ && std::ranges::any_of(answer.fragments, &wire::FragmentView::plain)) return Verdict::kNeedsRig;
   cameras_.add(answer.cameras);
   CameraRanges seeing = answer.cameras;
   seeing.remove(answer.blind);
@@ -81,6 +86,12 @@ bool Assembly::add_group(const wire::AnswerView& answer, std::span<const wire::F
   }
   bool all_good = true;
   for (size_t i = 0; i < group.size(); i++) {
+    if (group[i].plain) {
+      const bool added = add_pixels(group[i], planes[i]);
+      fragments_ += added;
+      all_good = all_good && added;
+      continue;
+    }
     if (!accumulator_.fits(group[i].family, group[i].rect) || !covers(answer, group[i])) {
       all_good = false;
       continue;
@@ -97,6 +108,12 @@ bool Assembly::covers(const wire::AnswerView& answer, const wire::FragmentView& 
   if (!answer.cameras.empty()) return coverage_.add(answer.cameras, fragment.rect);
   have_unnamed_sums_ = true;
   return true;
+}
+
+// Of the answers' family, which all have.
+bool Assembly::add_pixels(const wire::FragmentView& fragment, const FragmentPlanes& planes) {
+  if (fragment.camera >= rig_->cameras.size() || coverage_.has(fragment.camera)) return false;
+  return pixels_.add(fragment.camera, rig_->cameras[fragment.camera], planes);
 }
 
 bool Assembly::add_sums(const wire::FragmentView& fragment, const std::shared_ptr<const void>& bytes) {
@@ -120,7 +137,7 @@ CameraSet Assembly::absent(const ViewPlan& plan) const {
   }
   CameraSet absent;
   for (const CameraIndex camera : plan.contributors())
-    if (!there.contains(camera)) absent.push_back(camera);
+    if (!there.contains(camera) || incomplete_.contains(camera)) absent.push_back(camera);
   return absent;
 }
 
@@ -132,6 +149,7 @@ void Assembly::finish(PixelFamily fallback, bool mark_uncovered) {
   if (!rig_) return;
   const View& view = request_.view;
   const ViewPlan plan(*rig_, mesh_.get(*rig_, request_.out_of_service), view);
+  render_pixels(plan);
   const CameraSet absent = this->absent(plan);
   if (absent.empty() && !mark_uncovered) return;
 
@@ -143,9 +161,39 @@ void Assembly::finish(PixelFamily fallback, bool mark_uncovered) {
 void Assembly::finish_partial() {
   if (!rig_ || family_ == PixelFamily::kNone) return;
   const ViewPlan plan(*rig_, mesh_.get(*rig_, request_.out_of_service), request_.view);
+  render_pixels(plan);
   CameraSet absent = this->absent(plan);
   std::erase_if(absent, [this](CameraIndex camera) { return !cameras_.contains(camera); });
   if (!absent.empty()) add_missing(plan, absent, OwnerMap(plan, {0, 0, request_.view.width, request_.view.height}));
+}
+
+// What the cameras would have contributed.
+void Assembly::render_pixels(const ViewPlan& plan) {
+  std::vector<lf::Source> sources;
+  CameraSet incomplete;
+  Rect rect;
+  for (const CameraIndex camera : pixels_.cameras()) {
+    const Rect hat = plan.camera_rect(camera);
+    if (hat.empty()) continue;
+    const Camera& rig_camera = rig_->cameras[camera];
+    if (!pixels_.has(camera, needed_pixels(plan, camera, rig_camera))) {
+      incomplete.push_back(camera);
+    } else if (coverage_.add(camera, hat)) {
+      sources.push_back({camera, &rig_camera, pixels_.image(camera)});
+      rect = unite(rect, chroma_aligned(hat, plan.view()));
+    }
+  }
+  incomplete_ = CameraRanges(incomplete);
+  if (sources.empty()) return;
+  const OwnerRuns runs(plan, rect);
+  const SumRenderer renderer(plan, runs, sources, family_);
+  const size_t area = wire::area(rect);
+  pixel_sum_.resize(3 * area);
+  pixel_lost_.resize(area);
+  const bool any_lost =
+      renderer.render_rows(rect.y0, rect.y1, packed_sums(family_, rect, pixel_sum_.data(), pixel_lost_.data()));
+  accumulator_.add_kept(packed_sums<const int16_t, const uint16_t>(family_, rect, pixel_sum_.data(),
+                                                                   any_lost ? pixel_lost_.data() : nullptr));
 }
 
 void Assembly::add_missing(const ViewPlan& plan, const CameraSet& absent, const OwnerMap& owners) {

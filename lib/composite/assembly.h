@@ -7,7 +7,9 @@
 #include <optional>
 #include <span>
 
+#include "base/byte_buffer.h"
 #include "composite/accumulator.h"
+#include "composite/camera_pixels.h"
 #include "composite/coverage.h"
 #include "render/render_job.h"
 #include "view/view_request.h"
@@ -18,7 +20,8 @@
 namespace lf {
 
 // Puts the picture of one request together from the answers of any number of nodes, whole or part by part, in any
-// order. Reused from request to request. Not thread-safe.
+// order: adds fragments up, and renders from plain pixels, for cameras that give nothing else. Reused from request to
+// request. Not thread-safe.
 class Assembly {
  public:
   // With the rig known, fragments that never came count as lost weight and pixels outside the mesh show the background.
@@ -30,6 +33,7 @@ class Assembly {
     kAdded,
     kOtherRequest,  // another view or sequence number
     kOtherRig,      // rendered from another rig than the request, this compositor's or the first answer's
+    kNeedsRig,      // plain pixels, which only somebody who knows the rig can use
     kBadFragment,   // another pixel family or view size than the first answer's, or cameras that have been there
                     // already; other fragments of it were added
   };
@@ -76,9 +80,11 @@ class Assembly {
   };
   CameraSet absent(const ViewPlan& plan) const;
   void add_missing(const ViewPlan& plan, const CameraSet& absent, const OwnerMap& owners);
+  void render_pixels(const ViewPlan& plan);
   bool covers(const wire::AnswerView& answer, const wire::FragmentView& fragment);
   bool add_group(const wire::AnswerView& answer, std::span<const wire::FragmentView> group,
                  const std::shared_ptr<const void>& bytes);
+  bool add_pixels(const wire::FragmentView& fragment, const FragmentPlanes& planes);
   bool add_sums(const wire::FragmentView& fragment, const std::shared_ptr<const void>& bytes);
 
   std::shared_ptr<const Rig> rig_;
@@ -92,6 +98,10 @@ class Assembly {
   PixelFamily family_ = PixelFamily::kNone;
   std::map<std::pair<uint32_t, CameraRanges>, Source> sources_;  // by node and its cameras
   Coverage coverage_;
+  CameraPixels pixels_;
+  CameraRanges incomplete_;                 // cameras whose pixels have come in part
+  UninitializedVector<int16_t> pixel_sum_;  // rendered from them
+  UninitializedVector<uint16_t> pixel_lost_;
   CameraRanges cameras_, seeing_;
   bool have_unnamed_sums_ = false;  // sums that do not tell which cameras are in them
   unsigned fragments_ = 0, missing_ = 0, damaged_ = 0;

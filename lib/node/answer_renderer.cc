@@ -3,10 +3,10 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <iterator>
 #include <vector>
 
+#include "base/now.h"
 #include "render/fragment_set.h"
 #include "render/sum_rounding.h"
 #include "wire/answer_writer.h"
@@ -19,11 +19,6 @@ namespace {
 // Rows of a task where rows go straight into the answer: a multiple of the renderer's bands (8 rows) and of what two
 // threads may write without sharing a cache line.
 constexpr int kBandRows = 32;
-
-uint64_t now_ns() {
-  const auto now = std::chrono::steady_clock::now().time_since_epoch();
-  return static_cast<uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(now).count());
-}
 
 // One fragment of 16-bit values, rendered where it travels.
 void write_sums(wire::AnswerWriter& writer, const SumRenderer& renderer, CameraIndex camera, PixelFamily family,

@@ -8,6 +8,7 @@
 #include "scene/scene.h"
 #include "support/add_answer.h"
 #include "wire/answer_writer.h"
+#include "wire/fragment_codec.h"
 #include "wire/payload.h"
 
 namespace lf {
@@ -100,6 +101,63 @@ TEST_F(AssemblyTest, WithTheRigMissingCamerasCountAsLost) {
   const Image picture = assembly_.picture().resolve();
   // Where the others have half the weight or more, they restore the grey within the rounding that division enlarges.
   EXPECT_NEAR(picture.pixel(1, 10)[0], 180, 5);
+}
+
+// An answer with grey pixels of cameras, as they are.
+ByteBuffer pixels_of(const wire::AnswerHeader& header, const std::vector<std::pair<CameraIndex, Rect>>& regions) {
+  const std::vector<uint8_t> grey(3 * 48 * 36, 180);
+  std::vector<CameraFragment> fragments;
+  for (const auto& [camera, rect] : regions)
+    fragments.push_back({camera, packed_planes(PixelFamily::kRgb, rect, grey.data(), nullptr), true});
+  return wire::FragmentEncoder().encode(header, fragments, 0);
+}
+
+TEST_F(AssemblyTest, PixelsMakeAPictureWithTheRigAlone) {
+  wire::Answer header = answer({});
+  header.cameras = CameraRanges(all_);
+  std::vector<std::pair<CameraIndex, Rect>> whole;
+  for (const CameraIndex camera : all_) whole.push_back({camera, {0, 0, 48, 36}});
+  const ByteBuffer bytes = pixels_of(header, whole);
+  assembly_.begin(request_);
+  EXPECT_EQ(assembly_.add(wire::parse_answer(bytes).value()), Assembly::Verdict::kNeedsRig);
+  EXPECT_EQ(assembly_.fragments(), 0u);
+
+  assembly_.set_rig(rig_);
+  assembly_.begin(request_);
+  EXPECT_EQ(assembly_.add(wire::parse_answer(bytes).value()), Assembly::Verdict::kAdded);
+  EXPECT_EQ(assembly_.add(wire::parse_answer(bytes).value()), Assembly::Verdict::kBadFragment) << "once";
+  assembly_.finish(PixelFamily::kRgb, false);
+  EXPECT_EQ(assembly_.missing(), 0u);
+  EXPECT_EQ(range(assembly_.picture().resolve()), std::pair(180, 180));
+}
+
+TEST_F(AssemblyTest, CamerasWhosePixelsHaveNotAllComeAreMadeUpFor) {
+  wire::Answer header = answer({});
+  header.cameras = CameraRanges(all_);
+  std::vector<std::pair<CameraIndex, Rect>> regions;
+  for (const CameraIndex camera : all_) {
+    regions.push_back({camera, {0, 0, 48, 18}});
+    if (camera != 4) regions.push_back({camera, {0, 18, 48, 36}});
+  }
+  assembly_.set_rig(rig_);
+  assembly_.begin(request_);
+  const ByteBuffer bytes = pixels_of(header, regions);
+  EXPECT_EQ(assembly_.add(wire::parse_answer(bytes).value()), Assembly::Verdict::kAdded);
+  assembly_.finish(PixelFamily::kRgb, false);
+  EXPECT_EQ(assembly_.missing(), 1u);
+  EXPECT_NEAR(assembly_.picture().resolve().pixel(1, 10)[0], 180, 2);
+}
+
+TEST_F(AssemblyTest, PixelsAndFragmentsOfOneCameraCountOnce) {
+  wire::Answer header = answer({});
+  assembly_.set_rig(rig_);
+  assembly_.begin(request_);
+  add_answer(assembly_, answer({4}));
+  const ByteBuffer bytes = pixels_of(header, {{4, {0, 0, 48, 36}}, {9, {0, 0, 48, 36}}, {3, {0, 0, 48, 36}}});
+  EXPECT_EQ(assembly_.add(wire::parse_answer(bytes).value()), Assembly::Verdict::kBadFragment);
+  add_answer(assembly_, answer({0, 1, 2, 3, 5, 6, 7, 8}));  // 3 comes again
+  assembly_.finish(PixelFamily::kRgb, false);
+  EXPECT_LE(range(assembly_.picture().resolve()).second, 182);
 }
 
 // What a node sends that adds its cameras up, `rows` rows a fragment.

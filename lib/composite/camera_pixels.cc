@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "composite/camera_pixels.h"
+
+#include <algorithm>
+#include <cstring>
+
+namespace lf {
+namespace {
+
+constexpr uint8_t kChromaOffset = 128;
+
+size_t area(const Rect& rect) { return rect.empty() ? 0 : static_cast<size_t>(rect.width()) * rect.height(); }
+
+ImageView packed_image(PixelFamily family, int width, int height, const uint8_t* memory) {
+  const FragmentPlanes planes = packed_planes(family, {0, 0, width, height}, memory, nullptr);
+  ImageView image{.family = family, .width = width, .height = height};
+  for (int c = 0; c < 3; c++) {
+    image.plane[c] = planes.plane[c];
+    image.stride[c] = planes.stride[c];
+  }
+  return image;
+}
+
+// `memory`: the image's.
+void copy(const FragmentPlanes& piece, const ImageView& image, uint8_t* memory) {
+  const Rect& rect = piece.rect;
+  const bool rgb = image.family == PixelFamily::kRgb;
+  uint8_t* to = memory + (image.plane[0] - memory) + rect.y0 * image.stride[0] + (rgb ? 3 : 1) * rect.x0;
+  const size_t bytes = static_cast<size_t>(rgb ? 3 : 1) * rect.width();
+  for (int y = 0; y < rect.height(); y++)
+    std::memcpy(to + y * image.stride[0], piece.plane[0] + y * piece.stride[0], bytes);
+  for (int c = 1; c < 3 && !rgb; c++) {
+    to = memory + (image.plane[c] - memory) + rect.y0 / 2 * image.stride[c] + rect.x0 / 2;
+    for (int y = 0; y < chroma_size(rect.height()); y++)
+      for (int x = 0; x < chroma_size(rect.width()); x++)
+        to[y * image.stride[c] + x] = static_cast<uint8_t>(piece.plane[c][y * piece.stride[c] + x] + kChromaOffset);
+  }
+}
+
+}  // namespace
+
+bool CameraPixels::add(CameraIndex camera, const Camera& rig_camera, const FragmentPlanes& piece) {
+  const int width = rig_camera.width, height = rig_camera.height;
+  if (piece.rect.empty() || intersect(piece.rect, {0, 0, width, height}) != piece.rect) return false;
+  Pixels& pixels = cameras_[camera];
+  if (!pixels.memory) {
+    pixels.memory = jpeg::take_buffer(packed_size(piece.family, width, height));
+    pixels.image = packed_image(piece.family, width, height, pixels.memory.get());
+  }
+  if (piece.family != pixels.image.family) return false;
+  if (std::ranges::any_of(pixels.pieces, [&](const Rect& r) { return !intersect(r, piece.rect).empty(); }))
+    return false;
+  copy(piece, pixels.image, pixels.memory.get());
+  pixels.pieces.push_back(piece.rect);
+  return true;
+}
+
+std::vector<CameraIndex> CameraPixels::cameras() const {
+  std::vector<CameraIndex> cameras;
+  for (const auto& [camera, pixels] : cameras_) cameras.push_back(camera);
+  return cameras;
+}
+
+bool CameraPixels::has(CameraIndex camera, const Rect& region) const {
+  const auto found = cameras_.find(camera);
+  if (found == cameras_.end()) return false;
+  size_t there = 0;
+  for (const Rect& piece : found->second.pieces) there += area(intersect(piece, region));
+  return there == area(region);
+}
+
+}  // namespace lf

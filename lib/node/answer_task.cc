@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "node/answer_task.h"
+
+#include <algorithm>
+#include <string>
+
+#include "base/error.h"
+#include "node/pixel_answer.h"
+#include "render/source_region.h"
+
+namespace lf {
+namespace {
+
+class WarpTask : public AnswerTask {
+ public:
+  WarpTask(const Rig& rig, ViewPlan plan, int quality, std::span<const CameraIndex> own)
+      : rig_(rig), job_(std::move(plan), own), quality_(quality) {}
+
+  const std::vector<CameraIndex>& cameras() const override { return job_.cameras(); }
+  Rect region(CameraIndex camera) const override { return needed_pixels(job_.plan(), camera, rig_.cameras[camera]); }
+  RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Manner& manner,
+                        ByteBuffer memory, const ParallelFor& parallel) const override {
+    AnswerForm form = choose_form(job_, manner.sum, manner.codec, manner.in_process, quality_);
+    form.strip_pixels = manner.strip_pixels;
+    return render_answer(header, job_, sources, form, std::move(memory), parallel);
+  }
+
+ private:
+  const Rig& rig_;
+  const RenderJob job_;
+  const int quality_;
+};
+
+class PixelTask : public AnswerTask {
+ public:
+  PixelTask(const Rig& rig, const wire::PixelCommand& command, std::span<const CameraIndex> own)
+      : quality_(command.quality) {
+    for (const wire::PixelCommand::Region& region : command.regions) {
+      if (!std::ranges::binary_search(own, region.camera)) continue;
+      const Camera& camera = rig.cameras[region.camera];
+      if (intersect(region.rect, {0, 0, camera.width, camera.height}) != region.rect)
+        throw Error("camera " + std::to_string(camera.id) + ": pixels outside of its image are asked for");
+      cameras_.push_back(region.camera);
+      regions_.push_back(region.rect);
+    }
+  }
+
+  const std::vector<CameraIndex>& cameras() const override { return cameras_; }
+  Rect region(CameraIndex camera) const override {
+    return regions_[static_cast<size_t>(std::ranges::lower_bound(cameras_, camera) - cameras_.begin())];
+  }
+  RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Manner& manner,
+                        ByteBuffer memory, const ParallelFor& parallel) const override {
+    std::vector<PixelSource> pixels;
+    for (const Source& source : sources)
+      if (source.image.family != PixelFamily::kNone) pixels.push_back({source, region(source.camera)});
+    const CodedAs form = choose_codec(manner.codec, false, manner.in_process, quality_);
+    return pixel_answer(header, pixels, form.quality, manner.strip_pixels, std::move(memory), parallel);
+  }
+
+ private:
+  const int quality_;
+  std::vector<CameraIndex> cameras_;
+  std::vector<Rect> regions_;  // of these
+};
+
+}  // namespace
+
+std::unique_ptr<AnswerTask> make_task(const Rig& rig, const Mesh& mesh, const ViewRequest& request,
+                                      std::span<const CameraIndex> own) {
+  return std::make_unique<WarpTask>(rig, ViewPlan(rig, mesh, request.view), request.quality, own);
+}
+
+std::unique_ptr<AnswerTask> make_task(const Rig& rig, const wire::WarpCommand& command,
+                                      std::span<const CameraIndex> own) {
+  return std::make_unique<WarpTask>(rig, ViewPlan(command.warp, rig.cameras.size()), command.quality, own);
+}
+
+std::unique_ptr<AnswerTask> make_task(const Rig& rig, const wire::PixelCommand& command,
+                                      std::span<const CameraIndex> own) {
+  return std::make_unique<PixelTask>(rig, command, own);
+}
+
+}  // namespace lf

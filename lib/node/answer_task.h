@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "node/answer_form.h"
+#include "node/answer_renderer.h"
+#include "rig/mesh.h"
+#include "wire/commands.h"
+
+namespace lf {
+
+// What a node has to do for one request, in whichever way it is told. Immutable.
+class AnswerTask {
+ public:
+  // What the node may choose.
+  struct Manner {
+    SumChoice sum = SumChoice::kAuto;
+    CodecChoice codec = CodecChoice::kAuto;
+    bool in_process = false;                // the compositor is in this process: see choose_form()
+    int strip_pixels = wire::kStripPixels;  // see AnswerForm
+  };
+
+  virtual ~AnswerTask() = default;
+  // The node's cameras whose images are needed, ascending.
+  virtual const std::vector<CameraIndex>& cameras() const = 0;
+  // What is needed of such an image.
+  virtual Rect region(CameraIndex camera) const = 0;
+  // The answer. Arguments and errors as for render_answer(); `sources` are of cameras().
+  virtual RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Manner& manner,
+                                ByteBuffer memory = {}, const ParallelFor& parallel = serial_for) const = 0;
+};
+
+// `own`: indices of the node's cameras, ascending. `rig` must outlive the task; for commands only the lenses and sizes
+// of `own` are looked at. Throws Error for what does not fit the rig.
+std::unique_ptr<AnswerTask> make_task(const Rig& rig, const Mesh& mesh, const ViewRequest& request,
+                                      std::span<const CameraIndex> own);
+std::unique_ptr<AnswerTask> make_task(const Rig& rig, const wire::WarpCommand& command,
+                                      std::span<const CameraIndex> own);
+std::unique_ptr<AnswerTask> make_task(const Rig& rig, const wire::PixelCommand& command,
+                                      std::span<const CameraIndex> own);
+
+}  // namespace lf

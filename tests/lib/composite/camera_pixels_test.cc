@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "composite/camera_pixels.h"
+
+#include <gtest/gtest.h>
+
+#include "render/fragment.h"
+
+namespace lf {
+namespace {
+
+class CameraPixelsTest : public testing::Test {
+ protected:
+  CameraPixelsTest() {
+    camera_.width = 21;
+    camera_.height = 11;
+  }
+  bool add(const Rect& rect, uint8_t value = 7, CameraIndex camera = 3, PixelFamily family = PixelFamily::kI420) {
+    const std::vector<uint8_t> bytes(3 * 21 * 11, value);
+    return pixels_.add(camera, camera_, packed_planes(family, rect, bytes.data(), nullptr));
+  }
+  Camera camera_;
+  CameraPixels pixels_;
+};
+
+TEST_F(CameraPixelsTest, PutsPiecesTogether) {
+  EXPECT_TRUE(add({2, 2, 10, 6}, 50));
+  EXPECT_FALSE(pixels_.has(3, {2, 2, 21, 6}));
+  EXPECT_TRUE(add({10, 2, 21, 6}, 60));
+  EXPECT_TRUE(pixels_.has(3, {2, 2, 21, 6}));
+  EXPECT_TRUE(pixels_.has(3, {5, 3, 12, 4}));
+  EXPECT_FALSE(pixels_.has(3, {0, 2, 21, 6}));
+  EXPECT_FALSE(pixels_.has(4, {2, 2, 3, 3}));
+  EXPECT_TRUE(add({0, 10, 1, 11}, 9, 1));
+  EXPECT_EQ(pixels_.cameras(), (std::vector<CameraIndex>{1, 3}));
+  const ImageView image = pixels_.image(3);
+  EXPECT_EQ(image.width, 21);
+  EXPECT_EQ(image.height, 11);
+  EXPECT_EQ(image.plane[0][2 * image.stride[0] + 9], 50);
+  EXPECT_EQ(image.plane[0][5 * image.stride[0] + 20], 60);
+  EXPECT_EQ(image.plane[1][1 * image.stride[1] + 4], 50 + 128);  // signed in the piece
+  EXPECT_EQ(image.plane[2][2 * image.stride[2] + 10], 60 + 128);
+  pixels_.clear();
+  EXPECT_TRUE(pixels_.cameras().empty());
+}
+
+TEST_F(CameraPixelsTest, RefusesWhatDoesNotFit) {
+  EXPECT_TRUE(add({2, 2, 10, 6}));
+  EXPECT_FALSE(add({8, 4, 12, 8})) << "meets another piece";
+  EXPECT_FALSE(add({10, 2, 22, 6})) << "outside";
+  EXPECT_FALSE(add({12, 6, 12, 8})) << "empty";
+  EXPECT_FALSE(add({12, 6, 14, 8}, 7, 3, PixelFamily::kRgb)) << "another family";
+  EXPECT_TRUE(add({12, 6, 14, 8}));
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "node/answer_task.h"
+
+#include <gtest/gtest.h>
+
+#include "quality/quality.h"
+#include "scene/scene.h"
+#include "support/access_pictures.h"
+#include "support/expect_error.h"
+
+namespace lf {
+namespace {
+
+class AnswerTaskTest : public testing::TestWithParam<PixelFamily> {
+ protected:
+  AnswerTaskTest() : rig_(scene_rig(3, 3, 81, 61)) {
+    for (const Camera& camera : rig_.cameras) {
+      const Image rgb = render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0, 1);
+      images_.push_back(GetParam() == PixelFamily::kI420 ? to_i420(rgb) : rgb);
+    }
+    View& view = request_.view;
+    view.width = 133;
+    view.height = 91;
+    view.lens = Lens::from_fov_y(36, view.width, view.height);
+    view.focus.plane = focal_plane_at(view.pose, kSceneMiddle);
+    request_.quality = 92;
+  }
+
+  Quality compare_with(const Image& a, const Image& b) const {
+    const bool i420 = GetParam() == PixelFamily::kI420;
+    return compare(i420 ? to_rgb(a) : a, i420 ? to_rgb(b) : b);
+  }
+
+  Rig rig_;
+  std::vector<Image> images_;
+  ViewRequest request_;
+  const AnswerTask::Manner near_{.in_process = true}, raw_{.codec = CodecChoice::kRaw},
+      jpeg_{.sum = SumChoice::kCamera, .codec = CodecChoice::kJpeg};
+  const std::vector<CameraIndex> all_ = {0, 1, 2, 3, 4, 5, 6, 7, 8};
+};
+
+TEST_P(AnswerTaskTest, AllMakeTheSamePicture) {
+  AccessPictures pictures(rig_, request_, images_);
+  const Image self = pictures.picture(Access::kSelf, near_);
+  EXPECT_EQ(pictures.picture(Access::kWarp, near_).data(), self.data());
+  EXPECT_EQ(pictures.picture(Access::kPixels, near_).data(), self.data());
+  EXPECT_EQ(pictures.picture(Access::kPixels, raw_).data(), self.data());
+  EXPECT_EQ(pictures.assembly().missing(), 0u);
+  for (const Access access : kAccesses) EXPECT_GT(compare_with(pictures.picture(access, jpeg_), self).psnr_db, 30);
+}
+
+TEST_P(AnswerTaskTest, WarpCommandsAreAnsweredAsRequestsAre) {
+  const AccessPictures pictures(rig_, request_, images_);
+  for (const AnswerTask::Manner& manner : {near_, raw_, jpeg_})
+    EXPECT_EQ(pictures.answer(Access::kWarp, all_, manner), pictures.answer(Access::kSelf, all_, manner));
+}
+
+// Hats reach beyond the images, of two cameras nothing is seen at all, one is out of service, one has no image.
+TEST_P(AnswerTaskTest, WhatIsLostIsTheSame) {
+  request_.view.lens = Lens::from_fov_y(75, 133, 91);
+  for (const CameraIndex turned : {0, 4}) rig_.cameras[turned].pose.orientation = glm::angleAxis(3.0, Vec3(0, 1, 0));
+  request_.out_of_service = {2};
+  images_[8] = {};
+  AccessPictures pictures(rig_, request_, images_);
+  const Image self = pictures.picture(Access::kSelf, near_);
+  EXPECT_EQ(pictures.picture(Access::kWarp, near_).data(), self.data());
+  // A camera that is missing and one that says it is blind are given up with and without a rounding.
+  EXPECT_LE(compare_with(pictures.picture(Access::kPixels, near_), self).max_error, 3);
+}
+
+TEST_P(AnswerTaskTest, NodesOfAnyKindMix) {
+  AccessPictures pictures(rig_, request_, images_);
+  const Image self = pictures.picture(Access::kSelf, near_);
+  const std::vector<CameraIndex> a = {0, 3, 4}, b = {1, 2, 5}, c = {6, 7, 8};
+  const Image mixed =
+      pictures.picture({pictures.answer(Access::kPixels, a, near_), pictures.answer(Access::kWarp, b, near_),
+                        pictures.answer(Access::kSelf, c, near_)});
+  EXPECT_EQ(mixed.data(), self.data());
+}
+
+TEST_P(AnswerTaskTest, DistortedViewsAreTheSame) {
+  request_.view.lens = Lens(LensModel::kRadial, {140, 66, 45, -0.2, 0.03});
+  AccessPictures pictures(rig_, request_, images_);
+  const Image self = pictures.picture(Access::kSelf, near_);
+  EXPECT_EQ(pictures.picture(Access::kWarp, near_).data(), self.data());
+  EXPECT_EQ(pictures.picture(Access::kPixels, near_).data(), self.data());
+}
+
+TEST_P(AnswerTaskTest, RefusesWhatDoesNotFitTheRig) {
+  wire::PixelCommand pixels{request_, 10, 10, {{3, {60, 0, 82, 10}}}};
+  EXPECT_ERROR(make_task(rig_, pixels, all_), "camera 3: pixels outside of its image are asked for");
+  EXPECT_TRUE(make_task(rig_, pixels, {all_.data(), 2})->cameras().empty()) << "another node's";
+  const wire::WarpCommand warp = warp_command(rig_, build_mesh(rig_), request_);
+  EXPECT_ERROR(make_task(sub_rig(rig_, {0, 1, 2}), warp, {all_.data(), 3}), "is not one of the 3 of the rig");
+}
+
+INSTANTIATE_TEST_SUITE_P(Families, AnswerTaskTest, testing::Values(PixelFamily::kRgb, PixelFamily::kI420));
+
+}  // namespace
+}  // namespace lf

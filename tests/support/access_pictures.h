@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "composite/assembly.h"
+#include "node/answer_task.h"
+#include "node/commands.h"
+#include "wire/answer_parser.h"
+#include "wire/command_codec.h"
+
+// One view by way of each of the random access cameras, everything that travels encoded and decoded again.
+namespace lf {
+
+inline constexpr Access kAccesses[] = {Access::kSelf, Access::kWarp, Access::kPixels};
+
+// What cameras know that are told: lenses and sizes.
+inline Rig without_places(Rig rig) {
+  for (Camera& camera : rig.cameras) camera.pose = {Vec3(7, 7, 7), Quat(0.6, 0, 0.8, 0)};
+  return rig;
+}
+
+class AccessPictures {
+ public:
+  // Images of one family; an empty one: the camera has none.
+  AccessPictures(const Rig& rig, const ViewRequest& request, const std::vector<Image>& images)
+      : rig_(std::make_shared<const Rig>(rig)), told_(without_places(rig)), request_(request), images_(images) {
+    for (const Image& image : images)
+      if (image.family() != PixelFamily::kNone) family_ = image.family();
+  }
+
+  std::unique_ptr<AnswerTask> task(Access access, std::span<const CameraIndex> own) const {
+    const Mesh mesh = build_mesh(*rig_, request_.out_of_service);
+    if (access == Access::kSelf) return make_task(*rig_, mesh, request_, own);
+    const std::vector<uint8_t> bytes = access == Access::kWarp
+                                           ? wire::encode_command(warp_command(*rig_, mesh, request_))
+                                           : wire::encode_command(pixel_command(*rig_, mesh, request_));
+    const wire::AnyRequest command = wire::decode_any_request(bytes).value();
+    if (const auto* warp = std::get_if<wire::WarpCommand>(&command)) return make_task(told_, *warp, own);
+    return make_task(told_, std::get<wire::PixelCommand>(command), own);
+  }
+
+  ByteBuffer answer(Access access, const std::vector<CameraIndex>& own, const AnswerTask::Manner& manner) const {
+    const auto task = this->task(access, own);
+    const Rig& known = access == Access::kSelf ? *rig_ : told_;
+    std::vector<Source> sources;
+    CameraSet blind;
+    for (const CameraIndex camera : task->cameras()) {
+      sources.push_back({camera, &known.cameras[camera], images_[camera].view()});
+      if (images_[camera].family() == PixelFamily::kNone) blind.push_back(camera);
+    }
+    wire::AnswerHeader header;
+    header.view_id = request_.view_id;
+    header.sequence = request_.sequence;
+    header.view_width = request_.view.width;
+    header.view_height = request_.view.height;
+    header.family = family_;
+    header.rig_hash = rig_->hash();
+    header.cameras = CameraRanges(own);
+    header.blind = CameraRanges(blind);
+    return task->render(header, sources, manner).bytes;
+  }
+
+  // From one answer, or from more (of several nodes).
+  Image picture(const std::vector<ByteBuffer>& answers) {
+    assembly_.set_rig(rig_);
+    assembly_.begin(request_);
+    for (const ByteBuffer& bytes : answers) {
+      std::string reason;
+      const auto answer = wire::parse_answer(bytes, &reason);
+      EXPECT_TRUE(answer) << reason;
+      if (!answer) return {};
+      EXPECT_EQ(assembly_.add(*answer), Assembly::Verdict::kAdded);
+    }
+    assembly_.finish(family_, true);
+    return assembly_.picture().resolve();
+  }
+  Image picture(Access access, const AnswerTask::Manner& manner) {
+    std::vector<CameraIndex> all(rig_->cameras.size());
+    for (CameraIndex i = 0; i < all.size(); i++) all[i] = i;
+    return picture({answer(access, all, manner)});
+  }
+  const Assembly& assembly() const { return assembly_; }
+
+ private:
+  const std::shared_ptr<const Rig> rig_;
+  const Rig told_;
+  const ViewRequest request_;
+  const std::vector<Image>& images_;
+  PixelFamily family_ = PixelFamily::kNone;
+  Assembly assembly_;
+};
+
+}  // namespace lf
