@@ -108,20 +108,29 @@ static gboolean lf_view_request_set_view(LfViewRequest* self, const GstStructure
   return structure && change_view(self, [&](lf::ViewControl& control) { return control.set_view(structure); });
 }
 
-static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
-  LfViewRequest* self = LF_VIEW_REQUEST(base);
-  if (self->out_of_service->announce(event)) return TRUE;
-  const bool navigation = GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION;
-  const bool view = GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && gst_event_has_name(event, lf::kViewEvent);
-  if (!navigation && !view) return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->event(base, event);
-  if (lf_view_request_is_relay(self)) return gst_pad_push_event(self->sink, gst_event_ref(event));
+static bool is_navigation(GstEvent* event) { return GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION; }
+static bool is_view(GstEvent* event) {
+  return GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && gst_event_has_name(event, lf::kViewEvent);
+}
 
+// By an event that is one of these two.
+static gboolean steer(LfViewRequest* self, GstEvent* event) {
   return change_view(self, [&](lf::ViewControl& control) {
     if (!self->stream || self->stream->from_file()) return false;
     if (!lf::is_for_view(event, self->settings->view_id)) return false;
-    if (view) return control.set_view(gst_event_get_structure(event));
+    if (is_view(event)) return control.set_view(gst_event_get_structure(event));
     return self->settings->navigation && control.navigate(event, current_view(self).height);
   });
+}
+
+static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
+  LfViewRequest* self = LF_VIEW_REQUEST(base);
+  if (self->out_of_service->announce(event)) return TRUE;
+  if (!is_navigation(event) && !is_view(event))
+    return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->event(base, event);
+  if (lf_view_request_is_relay(self)) return gst_pad_push_event(self->sink, gst_event_ref(event));
+
+  return steer(self, event);
 }
 
 // ----------------------------------------------------------------------------------------------------------- stream
@@ -165,11 +174,23 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
     control.begin(self->stream->default_viewpoint());
     return true;
   });
+  const auto navigated = [self](GstEvent* event) {
+    if (is_navigation(event) || is_view(event)) steer(self, event);
+  };
+  if (!settings.navigation_from.empty() &&
+      !self->navigation_tap->attach(GST_ELEMENT(self), settings.navigation_from, navigated)) {
+    GST_ELEMENT_ERROR(
+        self, RESOURCE, SETTINGS,
+        ("navigation-from: the pipeline has no element \"%s\" with a source pad.", settings.navigation_from.c_str()),
+        (nullptr));
+    return FALSE;
+  }
   return TRUE;
 }
 
 static gboolean lf_view_request_stop(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
+  self->navigation_tap->detach();
   GST_OBJECT_LOCK(self);
   delete self->stream;
   self->stream = nullptr;
@@ -355,6 +376,7 @@ static GstClock* lf_view_request_provide_clock(GstElement* element) {
 
 static void lf_view_request_finalize(GObject* object) {
   LfViewRequest* self = LF_VIEW_REQUEST(object);
+  delete self->navigation_tap;
   delete self->relay;
   delete self->out_of_service;
   gst_clear_caps(&self->relayed_caps);
@@ -434,6 +456,7 @@ static void lf_view_request_init(LfViewRequest* self) {
   self->control = new lf::ViewControl;
   self->net_clock = new lf::NetClock;
   GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
+  self->navigation_tap = new lf::NavigationTap;
   self->relay = new lf::RequestRelay;
   self->out_of_service = new lf::OutOfService;
   gst_base_src_set_format(GST_BASE_SRC(self), GST_FORMAT_TIME);

@@ -3,6 +3,7 @@
 
 #include "common.h"
 #include "lfviewrequest.h"
+#include "navigation_tap.h"
 #include "net_clock.h"
 #include "request_relay.h"
 #include "request_stream.h"
@@ -17,6 +18,7 @@ struct _LfViewRequest {
   lf::ViewRequestSettings* settings;
   lf::ViewControl* control;
   lf::NetClock* net_clock;
+  lf::NavigationTap* navigation_tap;
   lf::RequestStream* stream;  // null when stopped; what other threads do not ask for is the streaming thread's alone
   lf::OutOfService* out_of_service;  // has a lock of its own
   lf::RequestRelay* relay;           // has a lock of its own

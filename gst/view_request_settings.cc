@@ -64,6 +64,11 @@ GParamSpec* make_pspec(ViewRequestSettings::Property property) {
       return g_param_spec_string("out-of-service", "Out of service",
                                  "Ids of cameras that the nodes are to do without, like \"0-3,7\"; needs rig", nullptr,
                                  playing);
+    case ViewRequestSettings::kNavigationFrom:
+      return g_param_spec_string("navigation-from", "Navigation from",
+                                 "Name of an element of this pipeline that the pictures pass: mouse and keys of their "
+                                 "window steer the view, though the pictures come from another host",
+                                 nullptr, ready);
     case ViewRequestSettings::kLoop:
     default:
       return g_param_spec_boolean("loop", "Loop", "Begin the file of location again at its end", initial.loop, ready);
@@ -93,6 +98,7 @@ void ViewRequestSettings::set(Property property, const GValue* value) {
     case kQuality: quality = g_value_get_uint(value); break;
     case kOutOfService: out_of_service = text(value); break;
     case kLoop: loop = g_value_get_boolean(value); break;
+    case kNavigationFrom: navigation_from = text(value); break;
     case kNumProperties: break;
   }
 }
@@ -110,6 +116,7 @@ void ViewRequestSettings::get(Property property, GValue* value) const {
     case kQuality: g_value_set_uint(value, quality); break;
     case kOutOfService: set_text(value, out_of_service); break;
     case kLoop: g_value_set_boolean(value, loop); break;
+    case kNavigationFrom: set_text(value, navigation_from); break;
     case kNumProperties: break;
   }
 }

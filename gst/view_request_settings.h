@@ -11,7 +11,7 @@ namespace lf {
 struct ViewRequestSettings {
   static constexpr int kDefaultWidth = 640, kDefaultHeight = 480;  // without a rig
 
-  std::string location, rig, out_of_service;
+  std::string location, rig, out_of_service, navigation_from;
   guint view_id = 0;
   gint width = 0, height = 0;  // 0: as the rig's cameras
   gint fps_n = 15, fps_d = 1;
@@ -31,6 +31,7 @@ struct ViewRequestSettings {
     kQuality,
     kOutOfService,
     kLoop,
+    kNavigationFrom,
     kNumProperties
   };
   // As properties first_id, first_id + 1, ... of the class.

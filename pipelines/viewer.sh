@@ -53,5 +53,5 @@ mapfile -t out < <(send "$compositor")
 read -ra tail <<<"$sink"
 read -ra link <<<"$link"
 launch lfviewrequest "rig=$rig" "view-id=$view" is-live=true "framerate=$framerate" \
-  "capture-delay=$((delay * 1000000))" "${settings[@]}" ! rtplfpay ! "${link[@]}" ! "${out[@]}" \
-  "${in[@]}" ! rtpjpegdepay ! jpegdec ! videoconvert ! "${tail[@]}"
+  "capture-delay=$((delay * 1000000))" navigation-from=pictures "${settings[@]}" ! rtplfpay ! "${link[@]}" ! "${out[@]}" \
+  "${in[@]}" ! rtpjpegdepay ! jpegdec name=pictures ! videoconvert ! "${tail[@]}"

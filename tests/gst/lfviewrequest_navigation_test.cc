@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include <gmock/gmock.h>
 #include <gst/video/navigation.h>
 
 #include "gst/view_request_source.h"
@@ -161,6 +162,31 @@ TEST(LfViewRequestNavigation, TheSignalSetsTheViewAndPropertiesNotify) {
   notified.clear();
   source.send(gst_navigation_event_new_key_press("plus", kPlain));
   EXPECT_NE(notified.find("fov"), std::string::npos) << notified;
+}
+
+// Pictures of another host: what their window says never comes to the source by itself.
+TEST(LfViewRequestNavigation, AWindowInAnotherBranchSteers) {
+  const ElementPtr pipeline = launch(
+      "lfviewrequest name=v is-live=true navigation-from=pictures ! fakesink  videotestsrc is-live=true ! "
+      "identity name=pictures ! fakesink name=window");
+  ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
+  gst_element_get_state(pipeline.get(), nullptr, nullptr, 10 * GST_SECOND);
+  GstElement* view = gst_bin_get_by_name(GST_BIN(pipeline.get()), "v");
+  GstElement* window = gst_bin_get_by_name(GST_BIN(pipeline.get()), "window");
+  GstPad* pad = gst_element_get_static_pad(window, "sink");
+  double before = 0, after = 0;
+  g_object_get(view, "z", &before, nullptr);
+  gst_pad_push_event(pad,
+                     gst_event_new_navigation(gst_structure_new("application/x-gst-navigation", "event", G_TYPE_STRING,
+                                                                "key-press", "key", G_TYPE_STRING, "w", nullptr)));
+  g_object_get(view, "z", &after, nullptr);
+  EXPECT_GT(after, before);
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  gst_object_unref(pad);
+  gst_object_unref(window);
+  gst_object_unref(view);
+  EXPECT_THAT(run(launch("lfviewrequest navigation-from=nobody ! fakesink").get(), 5),
+              testing::HasSubstr("no element \"nobody\""));
 }
 
 }  // namespace

@@ -182,7 +182,7 @@ TEST(LfViewRequestProperties, EveryOneIsDocumentedAndTheViewIsControllable) {
     g_value_unset(&value);
   }
   g_free(pspecs);
-  EXPECT_EQ(own, 22);
+  EXPECT_EQ(own, 23);
   EXPECT_EQ(controllable, 8);
 }
 
