@@ -1,0 +1,8 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+// The steps of lf-calibrate, one file each (NAME_command.cc): each adds its subcommand with options and a callback that
+// runs it. What goes wrong is thrown as lf::Error.
+void add_solve_command(CLI::App& app);

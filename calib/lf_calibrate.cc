@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-calibrate: measures the cameras of an array, step by step.
+#include "commands.h"
+#include "run_tool.h"
+
+int main(int argc, char** argv) {
+  CLI::App app("Measures the cameras of an array: lenses, positions, orientations, each with its uncertainty",
+               "lf-calibrate");
+  app.require_subcommand(1);
+  add_solve_command(app);
+  return run_tool(app, argc, argv, [] {});
+}

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "geometry/vec.h"
+
+namespace lf {
+
+// One light as one camera saw it.
+struct Observation {
+  uint32_t camera = 0;    // index into Tracks::cameras
+  uint32_t position = 0;  // of the light or the bar, counted from 0
+  uint32_t light = 0;     // 0, or 1 for the second light of a bar
+  Vec2 pixel{0, 0};       // (0, 0) is the centre of the top-left pixel
+};
+
+// What all cameras saw of a light (or of two on a rigid bar) at a sequence of places; or of the features of a still
+// scene, where each position is a feature. A plain value.
+struct Tracks {
+  struct Camera {
+    uint32_t id = 0;            // unique
+    int width = 0, height = 0;  // pixels
+  };
+  std::vector<Camera> cameras;
+  bool bar = false;     // positions have two lights, always equally far apart
+  bool ordered = true;  // positions follow each other in time at one frame each (features do not)
+  size_t num_positions = 0;
+  std::vector<Observation> observations;
+};
+
+// Throws Error ("observations[3]: camera 9 is not one of the 4 cameras") where an index is out of range, a pixel is not
+// finite or far outside of its image, a camera's id or an observation comes twice.
+void check_tracks(const Tracks& tracks, const std::string& name);
+
+}  // namespace lf
