@@ -15,13 +15,14 @@
 
 namespace lf {
 
-// A camera image in the node's pixel family, ready to be mapped and rendered from;
-// or one as compressed as it came, decoded where a view looks.
+// A camera image in the node's pixel family (its own where that was not chosen yet), ready to be mapped and rendered
+// from; or one as compressed as it came, decoded where a view looks.
 struct CameraFrame {
   std::shared_ptr<GstBuffer> buffer;
   GstVideoInfo info;
-  std::shared_ptr<JpegFrame> jpeg;  // in place of buffer and info
-  uint64_t time = 0;                // capture time, nanoseconds: clock time of live cameras, running time of others
+  std::shared_ptr<const CameraFrame> original;  // as it came, if it is converted and may have to be to the other family
+  std::shared_ptr<JpegFrame> jpeg;              // in place of buffer and info
+  uint64_t time = 0;  // capture time, nanoseconds: clock time of live cameras, running time of others
 };
 
 // The latest frames of one camera. Thread-safe.

@@ -35,7 +35,7 @@ void set_system_colorimetry(GstVideoInfo& info) {
   info.chroma_site = GST_VIDEO_CHROMA_SITE_JPEG;
 }
 
-FrameConverter::FrameConverter(const GstVideoInfo& input, PixelFamily family) : input_(input) {
+FrameConverter::FrameConverter(const GstVideoInfo& input, PixelFamily family) : input_(input), family_(family) {
   if (family == PixelFamily::kRgb ? family_of(input) == family : is_system_i420(input)) return;
   if (family == PixelFamily::kI420 && family_of(input) == PixelFamily::kI420) {
     // From I420 to I420 GstVideoConverter 1.22 copies and leaves range and siting as they are: go through RGB.
@@ -68,11 +68,21 @@ CameraFrame FrameConverter::run(const Step& step, GstBuffer* buffer) {
   return result;
 }
 
-CameraFrame FrameConverter::convert(GstBuffer* buffer) const {
-  CameraFrame frame{share(buffer), input_};
+CameraFrame FrameConverter::convert(GstBuffer* buffer, bool keep_original) const {
+  const CameraFrame original{share(buffer), input_};
+  CameraFrame frame = original;
   for (const Step& step : steps_)
     if (frame.buffer) frame = run(step, frame.buffer.get());
+  if (keep_original && !steps_.empty()) frame.original = std::make_shared<const CameraFrame>(original);
   return frame;
+}
+
+CameraFrame in_family(const CameraFrame& frame, PixelFamily family) {
+  if (family_of(frame.info) == family) return frame;
+  const CameraFrame& from = frame.original ? *frame.original : frame;
+  CameraFrame converted = FrameConverter(from.info, family).convert(gst_buffer_ref(from.buffer.get()));
+  converted.time = frame.time;
+  return converted;
 }
 
 MappedFrame::MappedFrame(const CameraFrame& frame)

@@ -24,8 +24,10 @@ class FrameConverter {
  public:
   FrameConverter(const GstVideoInfo& input, PixelFamily family);
 
-  // Takes ownership of `buffer`. Null buffer in the result if it can't be mapped.
-  CameraFrame convert(GstBuffer* buffer) const;
+  PixelFamily family() const { return family_; }
+  // Takes ownership of `buffer`. Null buffer in the result if it can't be mapped. `keep_original`: so that in_family()
+  // can go back to it.
+  CameraFrame convert(GstBuffer* buffer, bool keep_original = false) const;
 
  private:
   struct Step {
@@ -36,8 +38,13 @@ class FrameConverter {
   void add_step(const GstVideoInfo& from, GstVideoFormat format);
 
   GstVideoInfo input_;
+  PixelFamily family_;
   std::vector<Step> steps_;  // none: frames are taken as they are
 };
+
+// The frame in that family, the same to the bit whether it was converted to the other one before or not: from its
+// original where there is one. Not for JPEG.
+CameraFrame in_family(const CameraFrame& frame, PixelFamily family);
 
 // A frame mapped for reading as long as this lives.
 class MappedFrame {

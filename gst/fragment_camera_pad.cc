@@ -73,7 +73,7 @@ bool lf_fragment_assign_camera(LfFragment* self, LfFragmentPad* pad) {
                       ("%zu cameras in the rig", rig->cameras.size()));
     return false;
   }
-  if (!self->node->add_camera(*index, input.frames)) {
+  if (!self->node->set_camera(input.frames, *index)) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS,
                       ("Pad %s: camera %u has a pad already.", GST_PAD_NAME(pad), rig->cameras[*index].id), (nullptr));
     return false;
@@ -96,9 +96,19 @@ static bool lf_fragment_check_size(LfFragment* self, LfFragmentPad* pad, int wid
 static bool lf_fragment_set_camera_format(LfFragment* self, LfFragmentPad* pad, const GstVideoInfo& info) {
   if (!lf_fragment_assign_camera(self, pad) || !lf_fragment_check_size(self, pad, info.width, info.height))
     return false;
-  const lf::PixelFamily family = self->node->agree_on_family(lf::family_of(info));
-  pad->input->converter = std::make_unique<lf::FrameConverter>(info, family);
+  pad->input->format = info;
   return true;
+}
+
+// In the node's family, or in its own as long as that is not chosen.
+static lf::CameraFrame lf_fragment_convert(LfFragment* self, LfFragmentPad* pad, GstBuffer* buffer) {
+  auto& input = *pad->input;
+  const lf::PixelFamily chosen = self->node->family();
+  const bool open = chosen == lf::PixelFamily::kNone;
+  const lf::PixelFamily family = open ? lf::family_of(*input.format) : chosen;
+  if (!input.converter || input.converter->family() != family)
+    input.converter = std::make_unique<lf::FrameConverter>(*input.format, family);
+  return input.converter->convert(buffer, open);
 }
 
 static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, GstEvent* event) {
@@ -119,9 +129,12 @@ static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, Gst
       GstVideoInfo info;
       pad->input->new_jpeg = gst_structure_has_name(gst_caps_get_structure(caps, 0), "image/jpeg");
       pad->input->new_format.reset();
-      if (pad->input->new_jpeg) break;
-      ok = gst_video_info_from_caps(&info, caps);
-      if (ok) pad->input->new_format = info;
+      if (!pad->input->new_jpeg) {
+        ok = gst_video_info_from_caps(&info, caps);
+        if (!ok) break;
+        pad->input->new_format = info;
+      }
+      self->node->set_family(pad->input->frames, pad->input->new_jpeg ? lf::PixelFamily::kI420 : lf::family_of(info));
       break;
     }
     case GST_EVENT_SEGMENT:
@@ -129,7 +142,7 @@ static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, Gst
       pad->input->frames->start_stream(pad->input->live);
       break;
     case GST_EVENT_EOS:
-      if (pad->input->index == lf::MeshFace::kNone) self->node->give_up(pad->input->frames);
+      self->node->give_up(pad->input->frames);
       pad->input->frames->end_stream();
       break;
     case GST_EVENT_FLUSH_START: pad->input->frames->set_flushing(true); break;
@@ -205,24 +218,24 @@ static GstFlowReturn lf_fragment_camera_chain(GstPad* gst_pad, GstObject* parent
   auto& input = *pad->input;
   if (input.new_format) {
     input.converter.reset();
+    input.format.reset();
     input.jpeg = false;
     lf_fragment_set_camera_format(self, pad, *input.new_format);
     input.new_format.reset();
   }
   if (input.new_jpeg) {
-    input.converter.reset();
+    input.format.reset();
     input.new_jpeg = false;
     input.jpeg = lf_fragment_assign_camera(self, pad);
-    if (input.jpeg) self->node->agree_on_family(lf::PixelFamily::kI420);
   }
-  if (!input.converter && !input.jpeg) {
+  if (!input.format && !input.jpeg) {
     gst_buffer_unref(buffer);
     return GST_FLOW_NOT_NEGOTIATED;
   }
   const lf::Camera& camera = self->node->rig()->cameras[input.index];
   const uint64_t time = lf_fragment_capture_time(self, gst_pad, buffer, camera, input.live);
   if (input.jpeg) return lf_fragment_take_jpeg(self, pad, buffer, time);
-  lf::CameraFrame frame = input.converter->convert(buffer);
+  lf::CameraFrame frame = lf_fragment_convert(self, pad, buffer);
   if (!frame.buffer) {
     GST_WARNING_OBJECT(gst_pad, "dropped a frame that can't be mapped");
     return GST_FLOW_OK;
@@ -244,9 +257,10 @@ GstPad* lf_fragment_camera_pad_new(GstPadTemplate* templ, const gchar* name, lf:
 
 void lf_fragment_camera_pad_reset(LfFragment* self, LfFragmentPad* pad) {
   auto& input = *pad->input;
-  self->node->give_up(input.frames);
+  self->node->remove_input(input.frames);
   input.frames->clear();
   input.converter.reset();
+  input.format.reset();
   input.new_format.reset();
   input.new_jpeg = input.jpeg = input.warned_damaged = false;
   input.index = input.from_stream = lf::MeshFace::kNone;

@@ -48,21 +48,34 @@ void FragmentNode::set_rig(std::shared_ptr<const Rig> rig) {
   rig_hash_ = rig_ ? rig_->hash() : 0;
 }
 
-void FragmentNode::expect_input(std::shared_ptr<CameraFrames> frames) {
+void FragmentNode::add_input(std::shared_ptr<CameraFrames> frames) {
   std::lock_guard lock(mutex_);
-  expected_.insert(std::move(frames));
+  inputs_.try_emplace(std::move(frames));
 }
 
-bool FragmentNode::add_camera(CameraIndex camera, std::shared_ptr<CameraFrames> frames) {
+bool FragmentNode::set_camera(const std::shared_ptr<CameraFrames>& frames, CameraIndex camera) {
   std::lock_guard lock(mutex_);
-  expected_.erase(frames);
+  if (cameras_.try_emplace(camera, frames).first->second != frames) return false;
+  inputs_[frames].camera = camera;
   inputs_changed_.notify_all();
-  return cameras_.try_emplace(camera, frames).first->second == frames;
+  return true;
+}
+
+void FragmentNode::set_family(const std::shared_ptr<CameraFrames>& frames, PixelFamily family) {
+  std::lock_guard lock(mutex_);
+  inputs_[frames].family = family;
+  inputs_changed_.notify_all();
 }
 
 void FragmentNode::give_up(const std::shared_ptr<CameraFrames>& frames) {
   std::lock_guard lock(mutex_);
-  expected_.erase(frames);
+  inputs_[frames].given_up = true;
+  inputs_changed_.notify_all();
+}
+
+void FragmentNode::remove_input(const std::shared_ptr<CameraFrames>& frames) {
+  std::lock_guard lock(mutex_);
+  inputs_.erase(frames);
   std::erase_if(cameras_, [&frames](const auto& entry) { return entry.second == frames; });
   inputs_changed_.notify_all();
 }
@@ -73,20 +86,21 @@ void FragmentNode::set_running(bool running) {
   inputs_changed_.notify_all();
 }
 
-PixelFamily FragmentNode::agree_on_family(PixelFamily offered) {
+PixelFamily FragmentNode::choose_family() {
   std::lock_guard lock(mutex_);
-  if (family_ == PixelFamily::kNone) family_ = offered;
-  return family_;
-}
-
-void FragmentNode::forget_family() {
-  std::lock_guard lock(mutex_);
-  family_ = PixelFamily::kNone;
+  if (family_ != PixelFamily::kNone) return family_;
+  PixelFamily chosen = PixelFamily::kNone;
+  for (const auto& [frames, input] : inputs_)
+    if (input.family != PixelFamily::kNone && chosen != PixelFamily::kRgb) chosen = input.family;
+  return family_ = chosen;
 }
 
 FragmentNode::Cameras FragmentNode::cameras(bool wait_for_all) {
   std::unique_lock lock(mutex_);
-  if (wait_for_all) inputs_changed_.wait(lock, [this] { return !running_ || expected_.empty(); });
+  if (wait_for_all)
+    inputs_changed_.wait(lock, [this] {
+      return !running_ || std::ranges::all_of(inputs_, [](const auto& entry) { return entry.second.is_known(); });
+    });
   return cameras_;
 }
 
@@ -160,8 +174,10 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
         !find(camera))
       blind.push_back(camera);
   const uint64_t found = now_ns();
+  // Of whatever has a frame the family is known.
+  const PixelFamily family = choose_family();
   sources.decode(
-      agree_on_family(PixelFamily::kNone),
+      family,
       [&](CameraIndex camera, const CameraFrame& damaged) {
         bool first = false;
         auto before = inputs.at(camera)->replace_damaged(damaged.jpeg, &first);
@@ -192,7 +208,7 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
   header.family = sources.family();
   // Without an image in the view the answer still says what the node's images are.
   const bool nothing = header.family == PixelFamily::kNone;
-  if (nothing) header.family = agree_on_family(PixelFamily::kNone);
+  if (nothing) header.family = family;
 
   RenderedAnswer rendered = task->render(header, nothing ? std::span<const Source>() : sources.sources(), manner,
                                          std::move(memory), manner.parallel);

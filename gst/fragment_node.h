@@ -5,7 +5,6 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -32,18 +31,22 @@ class FragmentNode {
   const std::shared_ptr<const Rig>& rig() const { return rig_; }
   void set_node_id(uint32_t id) { node_id_ = id; }
 
-  // Inputs announced here and not yet known as a camera (or given up) are waited for by requests of files.
-  void expect_input(std::shared_ptr<CameraFrames> frames);
+  // Until it is known of an input which camera it is and what its pixels are, requests of files wait.
+  void add_input(std::shared_ptr<CameraFrames> frames);
   // False if another input has this camera already.
-  bool add_camera(CameraIndex camera, std::shared_ptr<CameraFrames> frames);
-  // The input has no camera (any more): its stream ended without a picture, or its pad is gone.
+  bool set_camera(const std::shared_ptr<CameraFrames>& frames, CameraIndex camera);
+  void set_family(const std::shared_ptr<CameraFrames>& frames, PixelFamily family);
+  // Its stream ended: what is not known will never be.
   void give_up(const std::shared_ptr<CameraFrames>& frames);
+  void remove_input(const std::shared_ptr<CameraFrames>& frames);
   // While false, answer() waits for nothing.
   void set_running(bool running);
 
-  // The family of the first stream that came; all others are converted to it. kNone asks without offering.
-  PixelFamily agree_on_family(PixelFamily offered);
-  void forget_family();
+  // Of all answers; chosen for the first one, kNone before: RGB if an input has it then, else I420. Requests of files
+  // wait until all inputs are known, so that it is not a matter of who comes first. Frames of the other family are
+  // converted.
+  PixelFamily family() const { return family_; }
+  void forget_family() { family_ = PixelFamily::kNone; }
 
   // What is kept of one requester.
   struct Requester {
@@ -68,7 +71,14 @@ class FragmentNode {
   Reply answer(const wire::AnyRequest& request, Requester& requester, const Manner& manner, ByteBuffer memory);
 
  private:
+  struct Input {
+    std::optional<CameraIndex> camera;
+    PixelFamily family = PixelFamily::kNone;
+    bool given_up = false;
+    bool is_known() const { return given_up || (camera && family != PixelFamily::kNone); }
+  };
   using Cameras = std::map<CameraIndex, std::shared_ptr<CameraFrames>>;
+  PixelFamily choose_family();
   Cameras cameras(bool wait_for_all);
   // What the request comes to, given the node's cameras.
   using MakeTask = std::function<std::unique_ptr<AnswerTask>(std::span<const CameraIndex> own)>;
@@ -82,12 +92,12 @@ class FragmentNode {
   std::shared_ptr<const Rig> rig_;
   uint64_t rig_hash_ = 0;
   uint32_t node_id_ = 0;
+  std::atomic<PixelFamily> family_ = PixelFamily::kNone;
   std::mutex mutex_;  // of what follows
   std::condition_variable inputs_changed_;
   bool running_ = false;
-  std::set<std::shared_ptr<CameraFrames>> expected_;
-  Cameras cameras_;
-  PixelFamily family_ = PixelFamily::kNone;
+  std::map<std::shared_ptr<CameraFrames>, Input> inputs_;
+  Cameras cameras_;  // of inputs_
 };
 
 }  // namespace lf

@@ -9,12 +9,24 @@ void FrameSources::add(CameraIndex camera, std::optional<CameraFrame> frame) {
   sources_.push_back({camera, &rig_.cameras[camera], {}});
   frames_.push_back(frame ? std::move(*frame) : CameraFrame{});
   const CameraFrame& held = frames_.back();
+  mapped_.push_back(nullptr);
   if (held.jpeg) {
-    compressed_.push_back(sources_.size() - 1);
+    pending_.push_back(sources_.size() - 1);
   } else if (held.buffer) {
-    mapped_.push_back(std::make_unique<MappedFrame>(held));
-    if (mapped_.back()->ok()) sources_.back().image = mapped_.back()->view();
+    map(sources_.size() - 1);
   }
+}
+
+void FrameSources::map(size_t i) {
+  mapped_[i] = std::make_unique<MappedFrame>(frames_[i]);
+  sources_[i].image = mapped_[i]->ok() ? mapped_[i]->view() : ImageView{};
+}
+
+void FrameSources::convert_one(size_t i, PixelFamily family) {
+  const CameraFrame converted = in_family(frames_[i], family);
+  mapped_[i].reset();
+  frames_[i] = converted;
+  map(i);
 }
 
 bool FrameSources::decode_one(size_t i, PixelFamily family) {
@@ -40,8 +52,11 @@ bool FrameSources::decode_one(size_t i, PixelFamily family) {
 
 void FrameSources::decode(PixelFamily family, const Replace& replace, const ParallelFor& parallel) {
   if (family == PixelFamily::kRgb) converted_.resize(sources_.size());
-  parallel(compressed_.size(), [&](size_t k) {
-    const size_t i = compressed_[k];
+  for (size_t i = 0; i < sources_.size(); i++)
+    if (mapped_[i] && mapped_[i]->ok() && sources_[i].image.family != family) pending_.push_back(i);
+  parallel(pending_.size(), [&](size_t k) {
+    const size_t i = pending_[k];
+    if (!frames_[i].jpeg) return convert_one(i, family);
     while (!decode_one(i, family)) {
       std::optional<CameraFrame> before = replace(sources_[i].camera, frames_[i]);
       if (!before) return;

@@ -23,7 +23,8 @@ class FrameSources {
 
   // What serves in place of a damaged frame, if anything does.
   using Replace = std::function<std::optional<CameraFrame>(CameraIndex camera, const CameraFrame& damaged)>;
-  // Call once after the last add(): decodes what the view needs of compressed frames into `family` (of the node).
+  // Call once after the last add(): decodes what the view needs of compressed frames into `family` (of the node), and
+  // converts frames of the other one, which came before it was chosen.
   // `replace` is called from the threads of `parallel`.
   void decode(PixelFamily family, const Replace& replace, const ParallelFor& parallel);
 
@@ -36,14 +37,16 @@ class FrameSources {
 
  private:
   bool decode_one(size_t i, PixelFamily family);
+  void convert_one(size_t i, PixelFamily family);
+  void map(size_t i);
 
   const Rig& rig_;
   const std::function<Rect(CameraIndex)> region_;
   std::vector<Source> sources_;
   std::vector<CameraFrame> frames_;
-  std::vector<std::unique_ptr<MappedFrame>> mapped_;
-  std::vector<Image> converted_;  // of JPEG frames in a node of RGB
-  std::vector<size_t> compressed_;
+  std::vector<std::unique_ptr<MappedFrame>> mapped_;  // null for JPEG
+  std::vector<Image> converted_;                      // of JPEG frames in a node of RGB
+  std::vector<size_t> pending_;                       // of which decode() has to make an image
 };
 
 }  // namespace lf

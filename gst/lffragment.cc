@@ -73,7 +73,7 @@ void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode) {
     if (!LF_IS_FRAGMENT_PAD(item->data)) continue;
     auto& input = *LF_FRAGMENT_PAD(item->data)->input;
     input.frames->set_mode(mode);
-    if (mode == lf::CameraFrames::Mode::kRunning) self->node->expect_input(input.frames);
+    if (mode == lf::CameraFrames::Mode::kRunning) self->node->add_input(input.frames);
   }
   GST_OBJECT_UNLOCK(self);
   self->node->set_running(mode == lf::CameraFrames::Mode::kRunning);
@@ -185,7 +185,7 @@ static GstPad* lf_fragment_request_new_pad(GstElement* element, GstPadTemplate* 
   const lf::CameraFrames::Mode mode = self->mode;
   GST_OBJECT_UNLOCK(self);
   GstPad* pad = lf_fragment_camera_pad_new(templ, pad_name, mode);
-  if (mode == lf::CameraFrames::Mode::kRunning) self->node->expect_input(LF_FRAGMENT_PAD(pad)->input->frames);
+  if (mode == lf::CameraFrames::Mode::kRunning) self->node->add_input(LF_FRAGMENT_PAD(pad)->input->frames);
   gst_element_add_pad(element, pad);
   gst_child_proxy_child_added(GST_CHILD_PROXY(element), G_OBJECT(pad), pad_name);
   return pad;
@@ -196,7 +196,7 @@ static void lf_fragment_release_pad(GstElement* element, GstPad* pad) {
   if (LF_IS_FRAGMENT_PAD(pad)) {
     auto& input = *LF_FRAGMENT_PAD(pad)->input;
     input.frames->set_flushing(true);
-    self->node->give_up(input.frames);
+    self->node->remove_input(input.frames);
     gst_child_proxy_child_removed(GST_CHILD_PROXY(element), G_OBJECT(pad), GST_PAD_NAME(pad));
     gst_element_remove_pad(element, pad);
     return;

@@ -22,6 +22,7 @@ struct _LfFragmentPad {
     std::shared_ptr<lf::CameraFrames> frames;
     std::optional<GstVideoInfo> new_format;  // from the caps, until the next frame
     bool new_jpeg = false;                   // the caps said so, until the next frame
+    std::optional<GstVideoInfo> format;      // of raw frames
     std::unique_ptr<lf::FrameConverter> converter;
     bool jpeg = false;                            // frames are kept as they come
     bool warned_damaged = false;                  // a person has been told

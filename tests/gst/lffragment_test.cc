@@ -38,7 +38,7 @@ class LfFragmentTest : public testing::Test {
       const std::string pad = "sink_" + std::to_string(i);
       cameras_.emplace_back(gst_harness_new_with_element(element_.get(), pad.c_str(), nullptr));
       gst_harness_set_live(cameras_.back().get(), live);
-      gst_harness_set_src_caps_str(cameras_.back().get(), ArrayFixture::caps(format).c_str());
+      if (format) gst_harness_set_src_caps_str(cameras_.back().get(), ArrayFixture::caps(format).c_str());
     }
     gst_harness_set_src_caps_str(harness_.get(), "application/x-lightfield-request,framerate=10/1");
   }
@@ -483,6 +483,42 @@ TEST_F(LfFragmentTest, LimitedRangeIsConverted) {
   const std::vector<float> hat = camera_hat(job.plan(), job.owners(), 0, rect);
   const size_t peak = static_cast<size_t>(std::max_element(hat.begin(), hat.end()) - hat.begin());
   EXPECT_NEAR(answer.fragments[0].pixels[peak], 255 * hat[peak], 1.5);
+}
+
+// Frames that came before all cameras were known are converted as if they had come later.
+TEST_F(LfFragmentTest, AnswersDoNotDependOnWhichCameraComesFirst) {
+  const std::string i420 = ArrayFixture::caps("I420"), rgb = ArrayFixture::caps("RGB");
+  const std::string limited = "video/x-raw,format=I420,width=32,height=24,framerate=10/1,colorimetry=bt601";
+  const struct {
+    std::vector<std::string> caps;
+    PixelFamily family;
+  } cases[] = {{{i420, rgb, limited, rgb}, PixelFamily::kRgb}, {{i420, limited, i420, limited}, PixelFamily::kI420}};
+  for (const auto& test : cases) {
+    std::vector<std::vector<uint8_t>> answers;
+    for (const std::vector<size_t>& order : {std::vector<size_t>{0, 1, 2, 3}, {3, 2, 1, 0}, {1, 2, 0, 3}}) {
+      cameras_.clear();
+      harness_.reset();
+      start(4, nullptr);
+      for (const size_t i : order) {
+        gst_harness_set_src_caps_str(cameras_[i].get(), test.caps[i].c_str());
+        std::mt19937 random(static_cast<unsigned>(i));
+        std::vector<uint8_t> pixels(32 * 24 * (test.caps[i] == rgb ? 6 : 3) / 2);
+        std::ranges::generate(pixels, [&random] { return static_cast<uint8_t>(random() % 256); });
+        GstBuffer* frame = to_buffer(pixels);
+        GST_BUFFER_PTS(frame) = 0;
+        ASSERT_EQ(gst_harness_push(cameras_[i].get(), frame), GST_FLOW_OK);
+      }
+      ASSERT_EQ(request(array_.request(0, 0)), GST_FLOW_OK);
+      const BufferPtr answer(gst_harness_try_pull(harness_.get()));
+      ASSERT_TRUE(answer);
+      answers.push_back(to_bytes(answer.get()));
+      const auto decoded = wire::decode_answer(answers.back());
+      ASSERT_TRUE(decoded);
+      EXPECT_EQ(decoded->family, test.family);
+      EXPECT_EQ(decoded->fragments.size(), 4u);
+    }
+    EXPECT_THAT(answers, testing::Each(answers[0]));
+  }
 }
 
 // A grey JPEG of the cameras' size.
