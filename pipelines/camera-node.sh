@@ -45,6 +45,7 @@ done
 ((${#requests[@]} && ${#requests[@]} == ${#answers[@]})) || die "each --requests needs its --answers (see --help)"
 
 pipeline=(lfcameranode name=n "rig=$rig" "cameras=$cameras" "node=$node" "framerate=$framerate" is-live=true
+  strip-pixels=5120 # 16 rows of 320: about a packet, so that a lost one loses no more
   "${settings[@]}")
 read -ra link <<<"$link"
 for i in "${!requests[@]}"; do

@@ -17,7 +17,7 @@ namespace {
 
 // Beginning a JPEG costs about 2 us each way, nearly half of what a fragment of 40x30 pixels costs alone: four of them
 // in one picture take a third less time, eight 38 % less; two of 64x48 9 %, two of 96x72 6 % (bench-fragment-jpeg). A
-// lost packet takes all members of an atlas along: at quality 90 four of 40x30 (1.3 kB) fit one.
+// lost packet takes all members of an atlas along: at quality 90 four of 40x30 have 1.3 kB, a packet or two.
 constexpr int kLargestAtlas = 4 * 48 * 32, kLargestMember = kLargestAtlas / 2;  // padded pixels
 
 int padded_width(const CameraFragment& f) { return jpeg::padded(f.planes.rect.width(), jpeg::kPixelUnit); }

@@ -175,7 +175,7 @@ TEST_P(ImpairedLinks, PicturesGoOnAndAreNeverMixed) {
       "netsim drop-probability=" + loss +
       " duplicate-probability=0.01 delay-probability=0.5 min-delay=0 max-delay=5 allow-reordering=true";
   ArrayNetwork::Options options;
-  options.camera = {"--link", link, "--set", "strip-pixels=5120"};  // a sum goes in pieces of about a packet
+  options.camera = {"--link", link};
   options.compositor = {"--link", link};
   options.viewer[0] = options.viewer[1] = {"--link", link};
   ArrayNetwork array(options);
