@@ -28,6 +28,8 @@ need_address() {
 # udpsrc on a port, or on GROUP:PORT for multicast.
 receive() { # PORT|GROUP:PORT CAPS
   local address=()
+  # A name may stand for an address of either family: where there is IPv6, its socket takes both.
+  ! grep -qs . /proc/net/if_inet6 || address=(address=::)
   [[ $1 != *:* ]] || address=("address=${1%:*}" auto-multicast=true)
   printf '%s\n' udpsrc "${address[@]}" "port=${1##*:}" "buffer-size=$receive_buffer" "caps=$2"
 }
