@@ -153,6 +153,15 @@ static void add_answer(LfCompositor* self, GstBuffer* buffer) {
                             ("view %u, request %u", answer->view_id, answer->sequence));
       state.warned_rig = true;
       break;
+    case lf::Assembly::Verdict::kNeedsRig:
+      state.stats.count(CompositorStats::kBadAnswers);
+      if (!state.warned_rig)
+        GST_ELEMENT_WARNING(
+            self, RESOURCE, SETTINGS,
+            ("Node %u answers with pixels of its cameras: set the property \"rig\" to compose them.", answer->node),
+            ("view %u, request %u", answer->view_id, answer->sequence));
+      state.warned_rig = true;
+      break;
     case lf::Assembly::Verdict::kBadFragment:
       GST_WARNING_OBJECT(self, "node %u: fragments that don't fit the view or the other nodes'", answer->node);
       state.stats.count(CompositorStats::kBadAnswers);

@@ -62,10 +62,12 @@ static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* p
 
 static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
   LfCompositor* self = LF_COMPOSITOR(data);
-  const std::optional<lf::ViewRequest> request = lf::decode_request_buffer(GST_PAD_PROBE_INFO_BUFFER(info));
-  if (!request) return GST_PAD_PROBE_OK;
-  if (request->view_id == lf_compositor_view_id(self))
-    self->state->stats.request_arrived(request->sequence, g_get_monotonic_time());
+  const std::optional<lf::wire::AnyRequest> any = lf::decode_any_request_buffer(GST_PAD_PROBE_INFO_BUFFER(info));
+  if (!any) return GST_PAD_PROBE_OK;  // told apart and counted where it is taken
+  if (lf::wire::access_of(*any) != lf::Access::kSelf) return GST_PAD_PROBE_DROP;  // for cameras
+  const lf::RequestHead& request = lf::wire::head_of(*any);
+  if (request.view_id == lf_compositor_view_id(self))
+    self->state->stats.request_arrived(request.sequence, g_get_monotonic_time());
   return GST_PAD_PROBE_OK;
 }
 

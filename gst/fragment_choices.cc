@@ -64,6 +64,13 @@ void lf_fragment_install_choices(GObjectClass* klass, guint first_id) {
       klass, first_id + 5,
       g_param_spec_boolean("post-messages", "Post messages",
                            "Post an element message \"lightfield-answer\" for every answer", FALSE, kFlags));
+  g_object_class_install_property(
+      klass, first_id + 6,
+      g_param_spec_enum("access", "Access",
+                        "What the cameras know, and so what is answered: view requests, or the commands that "
+                        "lfviewrequest sends with the same setting. Pixels need an lfcompositor with a rig",
+                        LF_TYPE_ACCESS, static_cast<gint>(lf::Access::kSelf), kFlags));
+  gst_type_mark_as_plugin_api(LF_TYPE_ACCESS, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_SUM, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_CODEC, GstPluginAPIFlags(0));
 }

@@ -23,7 +23,7 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
   LfFragment* self = LF_FRAGMENT(parent);
   Lane* lane = lf_fragment_lane_of(pad);
   std::string reason;
-  const std::optional<lf::ViewRequest> request = lf::decode_request_buffer(buffer, &reason);
+  const std::optional<lf::wire::AnyRequest> request = lf::decode_any_request_buffer(buffer, &reason);
   const GstClockTime pts = GST_BUFFER_PTS(buffer), duration = GST_BUFFER_DURATION(buffer);
   gst_buffer_unref(buffer);
   if (!request) {
@@ -31,6 +31,7 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
     GST_WARNING_OBJECT(pad, "dropped a view request: %s", reason.c_str());
     return GST_FLOW_OK;
   }
+  const lf::RequestHead& head = lf::wire::head_of(*request);
   lf::FragmentNode::Manner manner;
   GST_OBJECT_LOCK(self);
   manner.sum = self->sum;
@@ -38,8 +39,10 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
   manner.strip_pixels = self->strip_pixels;
   manner.max_skew = self->max_skew;
   const bool post = self->post_messages;
+  const lf::Access access = self->access;
   const guint threads = self->threads > 0 ? self->threads : g_get_num_processors();
   GST_OBJECT_UNLOCK(self);
+  if (lf::wire::access_of(*request) != access) return GST_FLOW_OK;  // for cameras of another kind
   manner.in_process = lf_fragment_compositor_is_near(lane);
   manner.live = lane->live;
   manner.parallel = [self, threads](size_t count, const std::function<void(size_t)>& task) {
@@ -48,7 +51,7 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
   manner.base_time = gst_element_get_base_time(GST_ELEMENT(self));
   lf::FragmentNode::Reply reply = self->node->answer(*request, lane->requester, manner, lane->memory->take());
   if (!reply.warning.empty())
-    GST_ELEMENT_WARNING(self, STREAM, FAILED, ("View %u: %s.", request->view_id, reply.warning.c_str()), (nullptr));
+    GST_ELEMENT_WARNING(self, STREAM, FAILED, ("View %u: %s.", head.view_id, reply.warning.c_str()), (nullptr));
   GstBuffer* out = lf::wrap_answer(std::move(reply.bytes), lane->memory);
   GST_BUFFER_PTS(out) = pts;
   GST_BUFFER_DURATION(out) = duration;
@@ -60,16 +63,16 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
         GST_ELEMENT(self),
         gst_message_new_element(
             GST_OBJECT(self),
-            gst_structure_new("lightfield-answer", "view-id", G_TYPE_UINT, request->view_id, "sequence", G_TYPE_UINT,
-                              request->sequence, "pts", G_TYPE_UINT64, pts, "fragments", G_TYPE_UINT,
+            gst_structure_new("lightfield-answer", "view-id", G_TYPE_UINT, head.view_id, "sequence", G_TYPE_UINT,
+                              head.sequence, "pts", G_TYPE_UINT64, pts, "fragments", G_TYPE_UINT,
                               static_cast<guint>(reply.fragments), "bytes", G_TYPE_UINT64,
                               static_cast<guint64>(gst_buffer_get_size(out)), "wait-ns", G_TYPE_UINT64, s.wait,
                               "decode-ns", G_TYPE_UINT64, s.decode, "render-ns", G_TYPE_UINT64, s.render, "encode-ns",
                               G_TYPE_UINT64, s.encode, nullptr)));
   }
   self->node->stats().bytes += gst_buffer_get_size(out);
-  GST_LOG_OBJECT(pad, "view %u, request %u: %zu fragments, %" G_GSIZE_FORMAT " bytes", request->view_id,
-                 request->sequence, reply.fragments, gst_buffer_get_size(out));
+  GST_LOG_OBJECT(pad, "view %u, request %u: %zu fragments, %" G_GSIZE_FORMAT " bytes", head.view_id, head.sequence,
+                 reply.fragments, gst_buffer_get_size(out));
   return gst_pad_push(lane->src, out);
 }
 

@@ -34,6 +34,9 @@ MappedBuffer::~MappedBuffer() {
 std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string* reason) {
   return decode(buffer, reason, wire::decode_request);
 }
+std::optional<wire::AnyRequest> decode_any_request_buffer(GstBuffer* buffer, std::string* reason) {
+  return decode(buffer, reason, wire::decode_any_request);
+}
 std::optional<wire::AnswerHead> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason) {
   return decode(buffer, reason, wire::parse_answer_header);
 }
@@ -50,9 +53,10 @@ void AnswerMemory::give_back(ByteBuffer bytes) {
   if (unused_.size() < kMostKept) unused_.push_back(std::move(bytes));
 }
 
-GstBuffer* encode_request_buffer(const ViewRequest& request) {
-  auto* bytes = new std::vector<uint8_t>(wire::encode_request(request));
-  return wrap(bytes, *bytes);
+GstBuffer* encode_request_buffer(const ViewRequest& request) { return wrap_bytes(wire::encode_request(request)); }
+GstBuffer* wrap_bytes(std::vector<uint8_t> bytes) {
+  auto* owned = new std::vector<uint8_t>(std::move(bytes));
+  return wrap(owned, *owned);
 }
 GstBuffer* wrap_bytes(ByteBuffer bytes) {
   auto* owned = new ByteBuffer(std::move(bytes));

@@ -12,12 +12,14 @@
 
 #include "base/byte_buffer.h"
 #include "wire/answer_parser.h"
+#include "wire/command_codec.h"
 #include "wire/request_codec.h"
 
 // Buffers hold exactly the bytes of one unit of the wire format.
 namespace lf {
 
 std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
+std::optional<wire::AnyRequest> decode_any_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
 std::optional<wire::AnswerHead> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason = nullptr);
 
 // A buffer's bytes, mapped and held as long as this lives.
@@ -50,6 +52,7 @@ class AnswerMemory {
 
 // New buffers, owned by the caller.
 GstBuffer* encode_request_buffer(const ViewRequest& request);
+GstBuffer* wrap_bytes(std::vector<uint8_t> bytes);
 GstBuffer* wrap_bytes(ByteBuffer bytes);
 // The memory goes back to `memory` with the buffer.
 GstBuffer* wrap_answer(ByteBuffer bytes, std::shared_ptr<AnswerMemory> memory);

@@ -46,6 +46,7 @@ enum {
   kPropMaxSkew,
   kPropStripPixels,
   kPropPostMessages,
+  kPropAccess,
   kPropDecode,
   kPropLatency,
   kPropStats,
@@ -170,9 +171,7 @@ static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, Gst
 }
 
 // How lffragment answers is its own property under the same name.
-static bool is_of_fragment(guint id) {
-  return id == kPropStats || (id >= kPropSum && id <= kPropPostMessages);
-}
+static bool is_of_fragment(guint id) { return id == kPropStats || (id >= kPropSum && id <= kPropAccess); }
 
 static void lf_camera_node_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfCameraNode* self = LF_CAMERA_NODE(object);

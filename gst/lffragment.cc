@@ -10,6 +10,10 @@
  * requested focal plane, in a tight rectangle. `lfcompositor` adds the fragments up. Further requesters use the pads
  * `request_%u`, each paired with a `src_%u`.
  *
+ * With `access` the cameras are those of the paper's section 4.2 that know less: they take their part from warp or
+ * pixel commands, which `lfviewrequest access=` sends behind its requests, and leave the requests themselves alone. Of
+ * `rig` only their lenses count then, or only the sizes of their images.
+ *
  * JPEG video is kept as it comes and decoded only where a request looks. Damaged frames are dropped and counted; the
  * one before serves in their place.
  *
@@ -119,6 +123,7 @@ enum {
   PROP_MAX_SKEW,
   PROP_STRIP_PIXELS,
   PROP_POST_MESSAGES,
+  PROP_ACCESS,
   PROP_STATS
 };
 
@@ -135,6 +140,7 @@ static void lf_fragment_set_property(GObject* object, guint id, const GValue* va
     case PROP_THREADS: self->threads = g_value_get_uint(value); break;
     case PROP_STRIP_PIXELS: self->strip_pixels = g_value_get_int(value); break;
     case PROP_POST_MESSAGES: self->post_messages = g_value_get_boolean(value); break;
+    case PROP_ACCESS: self->access = static_cast<lf::Access>(g_value_get_enum(value)); break;
     case PROP_MAX_SKEW: self->max_skew = g_value_get_uint64(value); break;
     case PROP_CODEC: self->codec = static_cast<lf::CodecChoice>(g_value_get_enum(value)); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
@@ -152,6 +158,7 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
     case PROP_THREADS: g_value_set_uint(value, self->threads); break;
     case PROP_STRIP_PIXELS: g_value_set_int(value, self->strip_pixels); break;
     case PROP_POST_MESSAGES: g_value_set_boolean(value, self->post_messages); break;
+    case PROP_ACCESS: g_value_set_enum(value, static_cast<gint>(self->access)); break;
     case PROP_MAX_SKEW: g_value_set_uint64(value, self->max_skew); break;
     case PROP_CODEC: g_value_set_enum(value, static_cast<gint>(self->codec)); break;
     case PROP_STATS: g_value_take_boxed(value, self->node->stats().structure()); break;

@@ -6,6 +6,7 @@
 #include <optional>
 #include <set>
 
+#include "access.h"
 #include "camera_image.h"
 #include "fragment_node.h"
 #include "gst_wire.h"
@@ -53,6 +54,7 @@ struct _LfFragment {
   guint threads;           // under the object lock
   gint strip_pixels;       // under the object lock
   gboolean post_messages;  // under the object lock
+  lf::Access access;       // under the object lock
   GstClockTime max_skew;   // under the object lock
   std::shared_ptr<lf::WorkerPool>* workers;
   lf::FragmentNode* node;
@@ -61,8 +63,8 @@ struct _LfFragment {
   guint next_camera_pad, next_lane;
 };
 
-// The properties that say how answers are made (fragment_choices.cc): sum, codec, threads, max-skew, in the order of
-// their ids.
+// The properties that say how answers are made (fragment_choices.cc): sum, codec, threads, max-skew, strip-pixels,
+// post-messages, access, in the order of their ids.
 void lf_fragment_install_choices(GObjectClass* klass, guint first_id);
 
 // Whether what comes to this sink pad comes in real time.

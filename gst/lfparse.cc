@@ -27,8 +27,8 @@
 #include <span>
 
 #include "common.h"
+#include "wire/command_codec.h"
 #include "wire/limits.h"
-#include "wire/request_codec.h"
 #include "wire/unit.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_parse_debug);
@@ -115,8 +115,10 @@ static void skip(LfParse* self, size_t count) {
 
 // The running time a request asks for, or none.
 static GstClockTime time_asked_for(std::span<const uint8_t> unit) {
-  const std::optional<lf::ViewRequest> request = lf::wire::decode_request(unit);
-  return request && !request->absolute_time ? request->target_time : GST_CLOCK_TIME_NONE;
+  const std::optional<lf::wire::AnyRequest> request = lf::wire::decode_any_request(unit);
+  if (!request) return GST_CLOCK_TIME_NONE;
+  const lf::RequestHead& head = lf::wire::head_of(*request);
+  return head.absolute_time ? GST_CLOCK_TIME_NONE : head.target_time;
 }
 
 static GstFlowReturn lf_parse_handle_frame(GstBaseParse* base, GstBaseParseFrame* frame, gint* skip_size) {

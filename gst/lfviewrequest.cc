@@ -29,6 +29,10 @@
  * With its sink pad linked the element makes no requests of its own but relays those of other viewers, and adds the
  * cameras that are out of service: on the host of the compositors, behind the network.
  *
+ * For cameras that do not answer view requests (`lffragment access`) `access` makes commands of each request, which
+ * leave behind it. A relay lets no commands through, because they were made before it knew which cameras are out of
+ * service: it makes them itself.
+ *
  * Upstream events that carry a field "lf-view-id" (uint) are for the view of that id alone.
  *
  * Not live, requests leave as fast as they are taken and ask for the running time of their frame. Live, they leave at
@@ -56,6 +60,8 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "base/error.h"
 #include "gst_wire.h"
@@ -195,6 +201,7 @@ static gboolean lf_view_request_stop(GstBaseSrc* base) {
   delete self->stream;
   self->stream = nullptr;
   GST_OBJECT_UNLOCK(self);
+  self->warned_commands = false;
   self->relay->clear();
   self->out_of_service->clear();
   return TRUE;
@@ -275,6 +282,23 @@ static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlo
   return *slot ? wait_until(self, clock, base_time + (*slot)->pts) : GST_FLOW_EOS;
 }
 
+void lf_view_request_add_command(LfViewRequest* self, const lf::ViewRequest& request, GstBuffer** out) {
+  std::vector<uint8_t> bytes;
+  try {
+    bytes = self->stream->command_for(request);
+  } catch (const lf::Error& error) {
+    GST_ELEMENT_WARNING(self, STREAM, ENCODE,
+                        ("View %u: no commands for the cameras: %s", request.view_id, error.what()), (nullptr));
+  }
+  if (bytes.empty()) return;
+  GstBuffer* command = lf::wrap_bytes(std::move(bytes));
+  gst_buffer_copy_into(command, *out, GST_BUFFER_COPY_TIMESTAMPS, 0, -1);
+  GstBufferList* both = gst_buffer_list_new_sized(2);
+  gst_buffer_list_add(both, std::exchange(*out, nullptr));
+  gst_buffer_list_add(both, command);
+  gst_base_src_submit_buffer_list(GST_BASE_SRC(self), both);
+}
+
 static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   LfViewRequest* self = LF_VIEW_REQUEST(push);
   if (lf_view_request_is_relay(self)) return lf_view_request_relay(self, out);
@@ -306,6 +330,7 @@ static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   GST_BUFFER_DURATION(*out) = slot->duration;
   GST_LOG_OBJECT(self, "request %u of view %u for %" GST_TIME_FORMAT, request.sequence, request.view_id,
                  GST_TIME_ARGS(request.target_time));
+  lf_view_request_add_command(self, request, out);
   return GST_FLOW_OK;
 }
 

@@ -26,7 +26,12 @@ struct _LfViewRequest {
   GstCaps* relayed_caps;             // of the sink pad, until they have been passed on
   GstClockID clock_id;
   bool unlocked;
+  bool warned_commands;  // streaming thread
 };
+
+// lfviewrequest.cc
+// The command for the cameras goes along with the request *out, as a buffer list that takes it, if there is one.
+void lf_view_request_add_command(LfViewRequest* self, const lf::ViewRequest& request, GstBuffer** out);
 
 // view_request_relay.cc
 void lf_view_request_install_relay(GstElementClass* klass);

@@ -6,11 +6,15 @@
 #include "base/error.h"
 #include "common.h"
 #include "view/views_json.h"
+#include "wire/command_codec.h"
 
 namespace lf {
 
 RequestStream::RequestStream(const ViewRequestSettings& settings)
-    : schedule_(settings.fps_n, settings.fps_d), capture_delay_(settings.capture_delay), loop_(settings.loop) {
+    : access_(settings.access),
+      schedule_(settings.fps_n, settings.fps_d),
+      capture_delay_(settings.capture_delay),
+      loop_(settings.loop) {
   if (!settings.rig.empty()) {
     rig_ = shared_rig(settings.rig);
     rig_hash_ = rig_->hash();
@@ -19,6 +23,8 @@ RequestStream::RequestStream(const ViewRequestSettings& settings)
     default_height_ = camera.height;
     default_viewpoint_ = lf::default_viewpoint(*rig_);
   }
+  if (access_ != Access::kSelf && !rig_)
+    throw Error("access: needs the property rig, from which commands for the cameras are made");
   set_out_of_service(settings.out_of_service);
   if (!settings.location.empty()) playback_.emplace(load_views(settings.location), schedule_, settings.loop);
 }
@@ -62,6 +68,14 @@ std::optional<RequestSlot> RequestStream::next_live(GstClockTime now, GstClockTi
   slot->pts = slot->target_time + capture_delay_ - base_time;
   slot->duration = schedule_.instant(k + 1) - slot->target_time;
   return slot;
+}
+
+std::vector<uint8_t> RequestStream::command_for(const ViewRequest& request) {
+  if (access_ == Access::kSelf) return {};
+  if (request.rig_hash != 0 && request.rig_hash != rig_hash_) throw Error("rig: the request is for another one");
+  const Mesh& mesh = mesh_.get(*rig_, request.out_of_service);
+  if (access_ == Access::kWarp) return wire::encode_command(warp_command(*rig_, mesh, request));
+  return wire::encode_command(pixel_command(*rig_, mesh, request));
 }
 
 uint32_t RequestStream::advance(const RequestSlot& slot) {

@@ -6,8 +6,11 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "access.h"
 #include "base/schedule.h"
+#include "render/render_job.h"
 #include "rig/mesh.h"
 #include "view/navigator.h"
 #include "view/view_playback.h"
@@ -29,6 +32,7 @@ class RequestStream {
   explicit RequestStream(const ViewRequestSettings& settings);
 
   const Schedule& schedule() const { return schedule_; }
+  bool makes_commands() const { return access_ != Access::kSelf; }
   uint64_t rig_hash() const { return rig_hash_; }
   const CameraSet& out_of_service() const { return out_of_service_; }
   bool from_file() const { return playback_.has_value(); }
@@ -45,11 +49,16 @@ class RequestStream {
   std::optional<RequestSlot> next() const;
   // The same of a live stream at clock time `now`; it leaves at clock time base_time + pts.
   std::optional<RequestSlot> next_live(GstClockTime now, GstClockTime base_time) const;
+  // The command that goes with a request, for cameras that have to be told (property access); empty where they have
+  // not. Throws Error if the request does not fit the rig or the command is too long.
+  std::vector<uint8_t> command_for(const ViewRequest& request);
   // The slot is used: on to the next one. Returns the request's sequence number.
   uint32_t advance(const RequestSlot& slot);
 
  private:
   std::shared_ptr<const Rig> rig_;
+  Access access_;
+  MeshCache mesh_;
   uint64_t rig_hash_ = 0;
   CameraSet out_of_service_;
   int default_width_ = ViewRequestSettings::kDefaultWidth, default_height_ = ViewRequestSettings::kDefaultHeight;

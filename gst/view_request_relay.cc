@@ -93,6 +93,17 @@ void lf_view_request_install_relay(GstElementClass* klass) {
   gst_element_class_add_static_pad_template(klass, &sink_template);
 }
 
+// Made for a mesh that may be another one here.
+static void drop_command(LfViewRequest* self) {
+  GST_LOG_OBJECT(self, "dropped a command");
+  if (!self->warned_commands && !self->stream->makes_commands())
+    GST_ELEMENT_WARNING(self, STREAM, FAILED,
+                        ("Commands for cameras end here: set the property \"access\" of this relay, in place of the "
+                         "viewer's."),
+                        (nullptr));
+  self->warned_commands = true;
+}
+
 GstFlowReturn lf_view_request_relay(LfViewRequest* self, GstBuffer** out) {
   while (true) {
     GstBuffer* buffer = nullptr;
@@ -107,23 +118,28 @@ GstFlowReturn lf_view_request_relay(LfViewRequest* self, GstBuffer** out) {
       gst_caps_unref(caps);
     }
     std::string reason;
-    std::optional<lf::ViewRequest> request = lf::decode_request_buffer(buffer, &reason);
-    if (!request) {
-      GST_WARNING_OBJECT(self, "dropped a view request: %s", reason.c_str());
+    const std::optional<lf::wire::AnyRequest> any = lf::decode_any_request_buffer(buffer, &reason);
+    if (!any || lf::wire::access_of(*any) != lf::Access::kSelf) {
+      if (any)
+        drop_command(self);
+      else
+        GST_WARNING_OBJECT(self, "dropped a view request: %s", reason.c_str());
       gst_buffer_unref(buffer);
       continue;
     }
+    lf::ViewRequest request = std::get<lf::ViewRequest>(*any);
     lf::CameraSet all;
-    std::ranges::set_union(request->out_of_service, own, std::back_inserter(all));
-    all = self->out_of_service->with_announced(request->view_id, all);
-    if (all == request->out_of_service) {
+    std::ranges::set_union(request.out_of_service, own, std::back_inserter(all));
+    all = self->out_of_service->with_announced(request.view_id, all);
+    if (all == request.out_of_service) {
       *out = buffer;
-      return GST_FLOW_OK;
+    } else {
+      request.out_of_service = std::move(all);
+      *out = lf::encode_request_buffer(request);
+      gst_buffer_copy_into(*out, buffer, GST_BUFFER_COPY_TIMESTAMPS, 0, -1);
+      gst_buffer_unref(buffer);
     }
-    request->out_of_service = std::move(all);
-    *out = lf::encode_request_buffer(*request);
-    gst_buffer_copy_into(*out, buffer, GST_BUFFER_COPY_TIMESTAMPS, 0, -1);
-    gst_buffer_unref(buffer);
+    lf_view_request_add_command(self, request, out);
     return GST_FLOW_OK;
   }
 }

@@ -69,6 +69,11 @@ GParamSpec* make_pspec(ViewRequestSettings::Property property) {
                                  "Name of an element of this pipeline that the pictures pass: mouse and keys of their "
                                  "window steer the view, though the pictures come from another host",
                                  nullptr, ready);
+    case ViewRequestSettings::kAccess:
+      return g_param_spec_enum("access", "Access",
+                               "What the cameras know: behind each request go commands for those that do not find out "
+                               "themselves what they have to give (lffragment access); needs rig",
+                               LF_TYPE_ACCESS, static_cast<gint>(initial.access), ready);
     case ViewRequestSettings::kLoop:
     default:
       return g_param_spec_boolean("loop", "Loop", "Begin the file of location again at its end", initial.loop, ready);
@@ -99,6 +104,7 @@ void ViewRequestSettings::set(Property property, const GValue* value) {
     case kOutOfService: out_of_service = text(value); break;
     case kLoop: loop = g_value_get_boolean(value); break;
     case kNavigationFrom: navigation_from = text(value); break;
+    case kAccess: access = static_cast<Access>(g_value_get_enum(value)); break;
     case kNumProperties: break;
   }
 }
@@ -117,6 +123,7 @@ void ViewRequestSettings::get(Property property, GValue* value) const {
     case kOutOfService: set_text(value, out_of_service); break;
     case kLoop: g_value_set_boolean(value, loop); break;
     case kNavigationFrom: set_text(value, navigation_from); break;
+    case kAccess: g_value_set_enum(value, static_cast<gint>(access)); break;
     case kNumProperties: break;
   }
 }

@@ -5,6 +5,8 @@
 
 #include <string>
 
+#include "access.h"
+
 namespace lf {
 
 // lfviewrequest's properties but for the numbers of the view itself (view_control.h).
@@ -18,6 +20,7 @@ struct ViewRequestSettings {
   GstClockTime capture_delay = 0;
   bool navigation = true, loop = false;
   guint quality = 90;
+  Access access = Access::kSelf;
 
   enum Property {
     kLocation,
@@ -32,6 +35,7 @@ struct ViewRequestSettings {
     kOutOfService,
     kLoop,
     kNavigationFrom,
+    kAccess,
     kNumProperties
   };
   // As properties first_id, first_id + 1, ... of the class.

@@ -8,7 +8,16 @@
 #include "render/view_warp.h"
 #include "view/view_request.h"
 
-namespace lf::wire {
+namespace lf {
+
+// What a camera has to know to take part in a view: the paper's three random access cameras.
+enum class Access {
+  kSelf,    // its place and its neighbours': it finds out from the view request
+  kWarp,    // its lens: it is told triangles and matrices
+  kPixels,  // nothing: it is told which of its pixels are wanted, as they are
+};
+
+namespace wire {
 
 // Requests for cameras that are told what to do (the paper's section 4.2), in place of a ViewRequest, from which
 // cameras find out themselves. One for all cameras that contribute to the view: each takes its own. Like a view
@@ -32,11 +41,13 @@ struct PixelCommand : RequestHead {
   bool operator==(const PixelCommand&) const = default;
 };
 
+// In the order of Access.
 using AnyRequest = std::variant<ViewRequest, WarpCommand, PixelCommand>;
 
 inline const RequestHead& head_of(const AnyRequest& request) {
   return std::visit([](const RequestHead& head) -> const RequestHead& { return head; }, request);
 }
+inline Access access_of(const AnyRequest& request) { return static_cast<Access>(request.index()); }
 // Width and height of the view, pixels.
 inline std::pair<int, int> view_size(const AnyRequest& request) {
   if (const auto* view = std::get_if<ViewRequest>(&request)) return {view->view.width, view->view.height};
@@ -45,4 +56,5 @@ inline std::pair<int, int> view_size(const AnyRequest& request) {
   return {pixels.view_width, pixels.view_height};
 }
 
-}  // namespace lf::wire
+}  // namespace wire
+}  // namespace lf

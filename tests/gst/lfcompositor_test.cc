@@ -4,7 +4,10 @@
 #include <gtest/gtest.h>
 
 #include "gst/compositor_fixture.h"
+#include "node/commands.h"
+#include "node/pixel_answer.h"
 #include "wire/answer_parser.h"
+#include "wire/command_codec.h"
 #include "wire/fragment_codec.h"
 #include "wire/payload.h"
 
@@ -143,6 +146,31 @@ TEST_F(LfCompositorTest, WithTheRigTheOthersMakeUpForAMissingCamera) {
   // Camera 3 is the far corner: towards the middle the other three have most of the weight and restore the grey.
   const size_t middle = (6 * 16 + 8) * 3;
   EXPECT_NEAR(picture[middle], 200, 6);
+}
+
+TEST_F(LfCompositorTest, PixelsOfCamerasAreRenderedHere) {
+  const ViewRequest asked = array_.request(0, 0);
+  const std::vector<CameraIndex> all{0, 1, 2, 3};
+  Image image(PixelFamily::kRgb, ArrayFixture::kWidth, ArrayFixture::kHeight);
+  std::ranges::fill(image.data(), uint8_t{200});
+  std::vector<PixelSource> sources;
+  for (const CameraIndex camera : all)
+    sources.push_back(
+        {{camera, &array_.rig().cameras[camera], image.view()}, {0, 0, ArrayFixture::kWidth, ArrayFixture::kHeight}});
+  const ByteBuffer pixels = pixel_answer(answer_of(asked, all), sources, 0).bytes;
+  const wire::PixelCommand command = pixel_command(array_.rig(), build_mesh(array_.rig()), asked);
+  for (const bool with_rig : {true, false}) {
+    nodes_.clear();
+    with_rig ? start(1, {{"rig", array_.rig_path()}}) : start(1);
+    request(asked);
+    ASSERT_EQ(gst_harness_push(harness_.get(), to_buffer(wire::encode_command(command))), GST_FLOW_OK);  // for cameras
+    ASSERT_EQ(gst_harness_push(nodes_[0].get(), to_buffer({pixels.begin(), pixels.end()})), GST_FLOW_OK);
+    const std::vector<uint8_t> picture = pull();
+    EXPECT_EQ(range(picture), with_rig ? std::pair(200, 200) : std::pair(0, 0));
+    EXPECT_EQ(stat(element_.get(), "bad-answers"), with_rig ? 0u : 1u);
+    EXPECT_EQ(stat(element_.get(), "bad-requests"), 0u);
+    EXPECT_EQ(stat(element_.get(), "missing-fragments"), 0u);
+  }
 }
 
 TEST_F(LfCompositorTest, BackgroundShowsWhereNothingContributes) {

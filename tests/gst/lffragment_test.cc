@@ -13,9 +13,11 @@
 #include "base/schedule.h"
 #include "gst/array_fixture.h"
 #include "image/image_io.h"
+#include "node/commands.h"
 #include "support/add_answer.h"
 #include "wire/answer_codec.h"
 #include "wire/answer_parser.h"
+#include "wire/command_codec.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {
@@ -122,6 +124,59 @@ TEST_F(LfFragmentTest, ASumHasEveryCamerasContribution) {
     EXPECT_GE(low, 199) << codec;
     EXPECT_LE(high, 201) << codec;
   }
+}
+
+TEST_F(LfFragmentTest, AnswersWhatItsAccessIsFor) {
+  start(4);
+  set("sum", "node");
+  push_frames(200, 0);
+  const ViewRequest asked = array_.request(5, 0);
+  const Mesh mesh = build_mesh(array_.rig());
+  const auto push = [&](const std::vector<uint8_t>& bytes) {
+    ASSERT_EQ(gst_harness_push(harness_.get(), to_buffer(bytes)), GST_FLOW_OK);
+  };
+  const auto push_all = [&] {
+    push(wire::encode_request(asked));
+    push(wire::encode_command(warp_command(array_.rig(), mesh, asked)));
+    push(wire::encode_command(pixel_command(array_.rig(), mesh, asked)));
+  };
+  const auto pull_bytes = [&] {
+    const BufferPtr buffer(gst_harness_try_pull(harness_.get()));
+    EXPECT_TRUE(buffer);
+    EXPECT_FALSE(BufferPtr(gst_harness_try_pull(harness_.get()))) << "one answer";
+    return buffer ? to_bytes(buffer.get()) : std::vector<uint8_t>();
+  };
+  push_all();
+  const std::vector<uint8_t> self = pull_bytes();
+  set("access", "warp");
+  push_all();
+  EXPECT_EQ(pull_bytes(), self);
+  set("access", "pixels");
+  push_all();
+  const std::vector<uint8_t> bytes = pull_bytes();
+  const auto pixels = wire::parse_answer(bytes);
+  ASSERT_TRUE(pixels);
+  EXPECT_EQ(pixels->fragments.size(), 4u);
+  EXPECT_EQ(pixels->cameras.size(), 4u);
+  EXPECT_TRUE(pixels->last_of_node);
+  EXPECT_TRUE(std::ranges::all_of(pixels->fragments, &wire::FragmentView::plain));
+  EXPECT_EQ(stat(element_.get(), "bad-requests"), 0u);
+}
+
+TEST_F(LfFragmentTest, CommandsThatDoNotFitAreAnsweredWithNothing) {
+  start(4);
+  push_frames(200, 0);
+  set("access", "pixels");
+  const ViewRequest asked = array_.request(5, 0);
+  const int width = ArrayFixture::kWidth;
+  wire::PixelCommand command{asked, 16, 12, {{2, {width - 2, 0, width + 2, 2}}}};
+  ASSERT_EQ(gst_harness_push(harness_.get(), to_buffer(wire::encode_command(command))), GST_FLOW_OK);
+  EXPECT_TRUE(pull().fragments.empty());
+  EXPECT_EQ(stat(element_.get(), "bad-requests"), 1u);
+  command.rig_hash ^= 1;
+  ASSERT_EQ(gst_harness_push(harness_.get(), to_buffer(wire::encode_command(command))), GST_FLOW_OK);
+  EXPECT_TRUE(pull().fragments.empty());
+  EXPECT_EQ(stat(element_.get(), "rig-mismatches"), 1u);
 }
 
 TEST_F(LfFragmentTest, ThreadsDoNotShowInTheAnswer) {

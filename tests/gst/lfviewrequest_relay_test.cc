@@ -2,7 +2,9 @@
 #include <gtest/gtest.h>
 
 #include "gst/view_request_source.h"
+#include "node/commands.h"
 #include "out_of_service_event.h"
+#include "wire/command_codec.h"
 
 namespace lf::test {
 namespace {
@@ -81,6 +83,33 @@ TEST_F(LfViewRequestRelay, AddsTheCamerasThatAreOutOfServiceInThisView) {
   announce(1, {});
   push(request(1, 1));
   EXPECT_TRUE(pull().out_of_service.empty());
+}
+
+// The viewer does not know what is out of service here: its commands end, new ones are made.
+TEST_F(LfViewRequestRelay, MakesTheCommandsItself) {
+  TemporaryFiles files;
+  const Rig rig = test_rig();
+  save_rig(rig, files.path("rig.json"));
+  start();
+  gst_element_set_state(element_.get(), GST_STATE_READY);
+  g_object_set(element_.get(), "rig", files.path("rig.json").c_str(), nullptr);
+  gst_util_set_object_arg(G_OBJECT(element_.get()), "access", "pixels");
+  gst_element_set_state(element_.get(), GST_STATE_PLAYING);
+  announce(1, {5});
+  ViewRequest asked = request(1, 0);
+  asked.view = make_view(default_viewpoint(rig), 32, 24);
+  push(asked);
+  ASSERT_EQ(
+      gst_harness_push(harness_.get(), to_buffer(wire::encode_command(warp_command(rig, build_mesh(rig), asked)))),
+      GST_FLOW_OK);
+  asked.out_of_service = {5};
+  EXPECT_EQ(pull(), asked);
+  const BufferPtr command(gst_harness_pull(harness_.get()));
+  ASSERT_TRUE(command);
+  EXPECT_EQ(wire::decode_pixel_command(to_bytes(command.get())), pixel_command(rig, build_mesh(rig, {5}), asked));
+  asked.sequence++;
+  push(asked);
+  EXPECT_EQ(pull(), asked) << "the viewer's command has ended";
 }
 
 TEST_F(LfViewRequestRelay, DropsGarbage) {

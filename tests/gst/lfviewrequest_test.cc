@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <gst/controller/gstdirectcontrolbinding.h>
 #include <gst/controller/gstinterpolationcontrolsource.h>
+#include <gmock/gmock.h>
 
 #include "gst/view_request_source.h"
+#include "node/commands.h"
+#include "wire/command_codec.h"
 
 namespace lf::test {
 namespace {
@@ -182,7 +185,7 @@ TEST(LfViewRequestProperties, EveryOneIsDocumentedAndTheViewIsControllable) {
     g_value_unset(&value);
   }
   g_free(pspecs);
-  EXPECT_EQ(own, 23);
+  EXPECT_EQ(own, 24);
   EXPECT_EQ(controllable, 8);
 }
 
@@ -286,6 +289,48 @@ TEST(LfViewRequestProperties, OutOfServiceNeedsCamerasOfTheRig) {
   EXPECT_EQ(gst_element_set_state(source.element(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
   const std::string error = source.pop_message(GST_MESSAGE_ERROR);
   EXPECT_NE(error.find("camera list \"1\""), std::string::npos) << error;
+}
+
+// One view's request and the command that follows it.
+std::pair<ViewRequest, wire::AnyRequest> request_and_command(const char* access, const CameraSet& out = {}) {
+  TemporaryFiles files;
+  save_rig(test_rig(), files.path("rig.json"));
+  Source source;
+  source.set("rig", files.path("rig.json").c_str(), "view-id", 7u, "num-buffers", 1);
+  gst_util_set_object_arg(G_OBJECT(source.element()), "access", access);
+  if (!out.empty()) source.set("out-of-service", "12");
+  source.play();
+  const Unit unit = source.pull();
+  const BufferPtr command(gst_harness_pull(source.harness()));
+  EXPECT_TRUE(command);
+  if (!command) return {};
+  EXPECT_EQ(GST_BUFFER_PTS(command.get()), unit.pts);
+  std::string reason;
+  const auto any = wire::decode_any_request(to_bytes(command.get()), &reason);
+  EXPECT_TRUE(any) << reason;
+  EXPECT_TRUE(source.wait_eos());
+  return {unit.request, any.value_or(wire::AnyRequest{})};
+}
+
+TEST(LfViewRequest, CommandsFollowTheirRequest) {
+  const Rig rig = test_rig();
+  for (const CameraSet& out : {CameraSet{}, CameraSet{2}}) {
+    const Mesh mesh = build_mesh(rig, out);
+    const auto [asked, warp] = request_and_command("warp", out);
+    EXPECT_EQ(asked.out_of_service, out);
+    ASSERT_EQ(wire::access_of(warp), Access::kWarp);
+    EXPECT_EQ(std::get<wire::WarpCommand>(warp), warp_command(rig, mesh, asked));
+    const auto [again, pixels] = request_and_command("pixels", out);
+    ASSERT_EQ(wire::access_of(pixels), Access::kPixels);
+    EXPECT_EQ(std::get<wire::PixelCommand>(pixels), pixel_command(rig, mesh, again));
+  }
+}
+
+TEST(LfViewRequest, CommandsNeedARig) {
+  Source source;
+  gst_util_set_object_arg(G_OBJECT(source.element()), "access", "warp");
+  EXPECT_EQ(gst_element_set_state(source.element(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
+  EXPECT_THAT(source.pop_message(GST_MESSAGE_ERROR), testing::HasSubstr("access: needs the property rig"));
 }
 
 }  // namespace

@@ -186,6 +186,60 @@ TEST_F(StillArray, RtpChangesNoPicture) {
   }
 }
 
+// The paper's three random access cameras, of which two know nothing of one another: the same pictures.
+TEST_F(StillArray, CamerasThatAreToldGiveTheSamePictures) {
+  const std::string rig = dir_ / "rig.json", views = dir_ / "views.json";
+  const auto pictures = [&](const std::string& access, const std::string& node, const std::string& quality = "0") {
+    const Launched run = gst_launch(
+        "lfviewrequest location=" + views + " rig=" + rig + " access=" + access + " quality=" + quality +
+        " ! tee name=r r. ! queue ! a.request lfcameranode name=a node=0 cameras=0-3 " + node + " access=" + access +
+        " rig=" + rig + " ! queue ! c.sink_0 r. ! queue ! b.request lfcameranode name=b node=1 cameras=4-8 " + node +
+        " access=" + access + " rig=" + rig + " ! queue ! c.sink_1 r. ! queue ! c.request lfcompositor name=c rig=" +
+        rig + " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / (access + "_%d.png"));
+    EXPECT_EQ(run.status, 0) << run.output;
+    std::vector<Image> images;
+    for (size_t i = 0; i < views_.size(); i++)
+      images.push_back(load_image(dir_ / (access + "_" + std::to_string(i) + ".png")));
+    EXPECT_FALSE(std::filesystem::exists(dir_ / (access + "_3.png")));
+    return images;
+  };
+  const std::vector<Image> self = pictures("self", "codec=auto"),
+                           jpeg = pictures("self", "codec=jpeg sum=camera", "90");
+  for (const std::string access : {"warp", "pixels"}) {
+    const std::vector<Image> same = pictures(access, "codec=auto");
+    const std::vector<Image> coded = pictures(access, "codec=jpeg sum=camera", "90");
+    for (size_t i = 0; i < views_.size(); i++) {
+      EXPECT_EQ(compare(same[i], self[i]).max_error, 0) << access << " " << i;
+      const double psnr = compare(coded[i], self[i]).psnr_db;
+      std::printf("%s, view %zu: JPEG 90 %.1f dB (self %.1f dB)\n", access.c_str(), i, psnr,
+                  compare(jpeg[i], self[i]).psnr_db);
+      EXPECT_GT(psnr, 29) << access << " " << i;
+    }
+  }
+}
+
+TEST_F(StillArray, CommandsTravelThroughFiles) {
+  const std::string rig = dir_ / "rig.json", requests = dir_ / "path.lfq", answers = dir_ / "path.lfa";
+  for (const std::string access : {"warp", "pixels"}) {
+    Launched run = gst_launch("lfviewrequest rig=" + rig + " access=" + access + " location=" + dir_ / "views.json" +
+                              " ! filesink location=" + requests);
+    ASSERT_EQ(run.status, 0) << run.output;
+    run = gst_launch("filesrc location=" + requests +
+                     " blocksize=997 ! lfparse ! n.request lfcameranode name=n access=" + access +
+                     " codec=raw16 rig=" + rig + " ! filesink location=" + answers);
+    ASSERT_EQ(run.status, 0) << run.output;
+    run = gst_launch("filesrc location=" + requests + " ! lfparse ! c.request filesrc location=" + answers +
+                     " ! lfparse ! c.sink_0 lfcompositor name=c rig=" + rig +
+                     " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / "out_%02d.png");
+    ASSERT_EQ(run.status, 0) << run.output;
+    for (size_t i = 0; i < views_.size(); i++) {
+      const Image expected = render_without_gstreamer(rig_, views_[i].view, images_);
+      EXPECT_EQ(compare(load_image(dir_ / ("out_0" + std::to_string(i) + ".png")), expected).max_error, 0)
+          << access << " " << i;
+    }
+  }
+}
+
 TEST_F(StillArray, NothingLeaks) {
   const Launched run = gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "views.json", dir_ / "out_%02d.png"),
                                   "-q", "GST_TRACERS=leaks GST_DEBUG=GST_TRACER:7,leaks:7 GST_DEBUG_NO_COLOR=1");
