@@ -1,12 +1,28 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// View requests: what is taken can be written again, and is the same.
+// View requests and commands: what is taken can be written again, and is the same; and of what a command tells a view
+// can be planned.
+#include "base/error.h"
 #include "fuzz/fuzz.h"
+#include "wire/command_codec.h"
 #include "wire/request_codec.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  using namespace lf;
   std::string reason;
-  const std::optional<lf::ViewRequest> request = lf::wire::decode_request({data, size}, &reason);
-  lf::fuzz::require(request || !reason.empty());
-  if (request) lf::fuzz::require(lf::wire::decode_request(lf::wire::encode_request(*request)) == request);
+  const std::optional<wire::AnyRequest> request = wire::decode_any_request({data, size}, &reason);
+  fuzz::require(request || !reason.empty());
+  if (!request) return 0;
+  std::vector<uint8_t> again;
+  if (const auto* view = std::get_if<ViewRequest>(&*request)) again = wire::encode_request(*view);
+  if (const auto* pixels = std::get_if<wire::PixelCommand>(&*request)) again = wire::encode_command(*pixels);
+  if (const auto* warp = std::get_if<wire::WarpCommand>(&*request)) {
+    again = wire::encode_command(*warp);
+    try {
+      if (warp->warp.width <= 64 && warp->warp.height <= 64)
+        OwnerRuns(ViewPlan(warp->warp, 1000), {0, 0, warp->warp.width, warp->warp.height});
+    } catch (const Error&) {
+    }
+  }
+  fuzz::require(wire::decode_any_request(again) == request);
   return 0;
 }

@@ -4,6 +4,9 @@
 #include <fstream>
 
 #include "lib/rtp/rtp_test.h"
+#include "node/commands.h"
+#include "scene/scene.h"
+#include "wire/command_codec.h"
 #include "wire/unit.h"
 
 namespace {
@@ -60,6 +63,13 @@ int main(int argc, char** argv) {
     write(folder / "packetizer", join({{0, 0}, unit}));
     write(folder / "depacketizer", packets(lf::wire::UnitKind::kAnswer, {unit}, lf::rtp::kMinPayloadBytes));
   }
+  lf::ViewRequest asked;
+  asked.view.width = asked.view.height = 64;
+  asked.view.lens = lf::Lens::from_fov_y(40, 64, 64);
+  asked.view.focus.plane = lf::focal_plane_at(asked.view.pose, 2);
+  const lf::Rig rig = lf::scene_rig(2, 2, 64, 48);
+  write(folder / "request", lf::wire::encode_command(warp_command(rig, build_mesh(rig), asked)));
+  write(folder / "request", lf::wire::encode_command(pixel_command(rig, build_mesh(rig), asked)));
   for (const Bytes& unit : requests) {
     write(folder / "request", unit);
     write(folder / "packetizer", join({{0, 1}, unit}));
