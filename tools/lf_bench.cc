@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "base/json_value.h"
 #include "bench/acceptance.h"
+#include "bench/access.h"
 #include "bench/budget.h"
 #include "bench/numerics.h"
 #include "bench/once.h"
@@ -33,9 +34,14 @@ std::pair<int, int> size_of(const std::string& option, const std::string& text) 
   return {width, height};
 }
 
+std::vector<std::pair<int, int>> sizes_of(const Options& options) {
+  std::vector<std::pair<int, int>> sizes;
+  for (const std::string& size : options.sizes) sizes.push_back(size_of("--sizes", size));
+  return sizes.empty() ? options.plan.sizes : sizes;
+}
+
 void run(Options options) {
-  if (!options.sizes.empty()) options.plan.sizes.clear();
-  for (const std::string& size : options.sizes) options.plan.sizes.push_back(size_of("--sizes", size));
+  options.plan.sizes = sizes_of(options);
   if (!options.plots.empty()) lf::bench::require_gnuplot();
   const std::vector<lf::bench::Configuration> plan = lf::bench::make_plan(options.plan);
   std::vector<lf::bench::Row> rows;
@@ -78,6 +84,8 @@ int main(int argc, char** argv) {
   const CLI::App* numerics =
       app.add_subcommand("numerics", "errors of every renderer in the hard cases, against 80-bit reals");
   const CLI::App* budget = app.add_subcommand("budget", "what each step of rendering adds to the error");
+  const CLI::App* access =
+      app.add_subcommand("access", "cameras that find out, that are told how to warp, that give pixels: bytes and time");
   CLI::App* once = app.add_subcommand("once", "renders one view once: what tests/bench/instructions.sh counts");
   once->add_option("METHOD", o.method, "as in the table: \"scalar i420\"")->required();
   once->add_option("--size", o.size, "of the view")->capture_default_str()->type_name("WxH");
@@ -93,6 +101,8 @@ int main(int argc, char** argv) {
       require(lf::bench::print_numerics());
     } else if (*budget) {
       require(lf::bench::print_budget());
+    } else if (*access) {
+      lf::bench::print_access(sizes_of(o), o.plan.cameras.empty() ? 64 : o.plan.cameras.front(), o.plan.repeats);
     } else if (*once) {
       const auto [width, height] = size_of("--size", o.size);
       lf::bench::run_once(o.method, {o.cameras, width, height}, o.times);

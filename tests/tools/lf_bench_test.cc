@@ -138,6 +138,13 @@ TEST_F(LfBench, TheErrorBudgetIsThatOfItsDocument) {
   EXPECT_EQ(terms + 3, std::count(outcome.output.begin(), outcome.output.end(), '\n')) << outcome.output;
 }
 
+TEST_F(LfBench, ComparesTheRandomAccessCameras) {
+  const Outcome outcome = run("--sizes 64x48 --cameras 4 --repeats 1 access");
+  EXPECT_EQ(outcome.status, 0) << outcome.output;
+  for (const char* kind : {"self, node's sum", "self ", "warp ", "pixels "})
+    EXPECT_THAT(outcome.output, HasSubstr(std::string("\n") + kind));
+}
+
 TEST_F(LfBench, RendersOnceForAProfiler) {
   EXPECT_EQ(run("once 'scalar i420'").status, 0);
   EXPECT_THAT(run("once nothing").output, HasSubstr("scalar i420"));

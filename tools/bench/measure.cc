@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "bench/measure.h"
 
-#include <time.h>
-
 #include <algorithm>
 #include <cmath>
 
@@ -10,13 +8,14 @@
 #include "quality/quality.h"
 
 namespace lf::bench {
-namespace {
 
 double seconds(clockid_t clock) {
   timespec t;
   clock_gettime(clock, &t);
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
+
+namespace {
 
 // One method for every view of the scene.
 class Runner {

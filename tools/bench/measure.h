@@ -1,12 +1,17 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <time.h>
+
 #include <vector>
 
 #include "bench/method.h"
 #include "bench/row.h"
 
 namespace lf::bench {
+
+// What a clock shows.
+double seconds(clockid_t clock);
 
 // How long to measure one situation: until all methods have had `repeats` turns; 0: until `seconds` are over, but at
 // least three turns.
