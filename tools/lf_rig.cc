@@ -13,8 +13,12 @@
 #include "base/json_value.h"
 #include "rig/colmap.h"
 #include "rig/grid_rig.h"
+#include "rig/kalibr.h"
+#include "rig/nerf_transforms.h"
+#include "rig/opencv_yaml.h"
 #include "rig/rig_json.h"
 #include "rig/rig_report.h"
+#include "rig/stanford_names.h"
 #include "video_devices.h"
 
 namespace {
@@ -25,9 +29,10 @@ struct Arguments {
   std::string grid;
   lf::GridRigOptions new_rig;
   bool devices = false;
-  std::string rig, directory, out, cameras;
+  std::string rig, other, out, cameras;
   int every = 0;
   lf::ColmapImportOptions colmap;
+  lf::StanfordOptions stanford;
 };
 
 void parse_grid(const std::string& text, int& rows, int& columns) {
@@ -114,21 +119,69 @@ int run_subset(const Arguments& arguments) {
   return 0;
 }
 
-int run_import_colmap(Arguments& arguments) {
-  if (!arguments.grid.empty()) parse_grid(arguments.grid, arguments.colmap.rows, arguments.colmap.columns);
-  const lf::ColmapImport result = lf::import_colmap(arguments.directory, arguments.colmap);
+int finish_import(const Arguments& arguments, const lf::RigImport& result) {
   print_notes(result.notes);
   save(result.rig, arguments.out);
   return 0;
 }
 
-int run_export_colmap(const Arguments& arguments) {
-  const Rig rig = lf::load_rig(arguments.rig);
-  const lf::ColmapExport result = lf::export_colmap(rig, arguments.directory);
+int finish_export(const Arguments& arguments, const Rig& rig, const lf::RigExport& result) {
   print_notes(result.notes);
-  std::printf("%s: %zu images, maximum error %.2g px\n", arguments.directory.c_str(), rig.cameras.size(),
-              result.max_error);
+  std::printf("%s: %zu images, maximum error %.2g px\n", arguments.other.c_str(), rig.cameras.size(), result.max_error);
   return 0;
+}
+
+// A format of other programs, with what it takes to read and to write it.
+struct Format {
+  const char* name;
+  const char* place;  // of its files, on the command line
+  const char* about;
+  lf::RigImport (*read)(const Arguments&);
+  lf::RigExport (*write)(const Rig&, const Arguments&);
+  CLI::App* import = nullptr;
+  CLI::App* export_ = nullptr;
+};
+
+Format formats[] = {
+    {"colmap", "DIR", "a COLMAP text model (cameras.txt, images.txt)",
+     [](const Arguments& a) { return lf::import_colmap(a.other, a.colmap); },
+     [](const Rig& rig, const Arguments& a) { return lf::export_colmap(rig, a.other); }},
+    {"kalibr", "FILE", "Kalibr's camchain.yaml", [](const Arguments& a) { return lf::import_kalibr(a.other); },
+     [](const Rig& rig, const Arguments& a) { return lf::export_kalibr(rig, a.other); }},
+    {"nerf", "FILE", "NeRF's transforms.json", [](const Arguments& a) { return lf::import_nerf(a.other); },
+     [](const Rig& rig, const Arguments& a) { return lf::export_nerf(rig, a.other); }},
+    {"opencv", "FILE", "OpenCV's YAML (camera_matrix, distortion_coefficients, R, T)",
+     [](const Arguments& a) { return lf::import_opencv_yaml(a.other); },
+     [](const Rig& rig, const Arguments& a) { return lf::export_opencv_yaml(rig, a.other); }},
+    {"stanford", "DIR", "images named as in the Stanford light field archive (out_00_01_Y_X_.png)",
+     [](const Arguments& a) { return lf::import_stanford(a.other, a.stanford); },
+     [](const Rig& rig, const Arguments& a) { return lf::export_stanford(rig, a.other, a.stanford.unit); }},
+};
+
+void add_formats(CLI::App& app, Arguments& arguments) {
+  CLI::App* import = app.add_subcommand("import", "Makes a rig file from another program's");
+  CLI::App* exports = app.add_subcommand("export", "Makes another program's files from a rig file");
+  import->require_subcommand(1);
+  exports->require_subcommand(1);
+  for (Format& format : formats) {
+    format.import = import->add_subcommand(format.name, std::string("From ") + format.about);
+    format.import->add_option(format.place, arguments.other, "To read")->required();
+    format.import->add_option("--out", arguments.out, "Rig file to write")->required();
+    format.export_ = exports->add_subcommand(format.name, std::string("As ") + format.about);
+    format.export_->add_option("RIG", arguments.rig, "Rig file")->required();
+    format.export_->add_option(format.place, arguments.other, "To write")->required();
+  }
+  CLI::App* colmap = import->get_subcommand("colmap");
+  colmap->add_option("--images", arguments.colmap.images, "Folder of the image files (default: DIR/images)");
+  colmap->add_flag("--undistorted", arguments.colmap.undistorted,
+                   "The image files are the undistorted ones: pinhole lenses, the size of each file");
+  colmap->add_option("--grid", arguments.grid, "The cameras, ordered by name, are a grid")->type_name("RxC");
+  CLI::App* stanford = import->get_subcommand("stanford");
+  stanford->add_option("--f", arguments.stanford.f, "Focal length, pixels")->required();
+  stanford->add_option("--focus-distance", arguments.stanford.focus_distance,
+                       "Where points stand still, metres (default: far away)");
+  for (CLI::App* command : {stanford, exports->get_subcommand("stanford")})
+    command->add_option("--unit", arguments.stanford.unit, "Metres in one unit of the names")->capture_default_str();
 }
 
 }  // namespace
@@ -161,21 +214,7 @@ int main(int argc, char** argv) {
   which->require_option(1);
   subset->add_option("--out", arguments.out, "Rig file to write")->required();
 
-  CLI::App* import = app.add_subcommand("import", "Makes a rig file from another program's");
-  import->require_subcommand(1);
-  CLI::App* from_colmap = import->add_subcommand("colmap", "From a COLMAP text model (cameras.txt, images.txt)");
-  from_colmap->add_option("DIR", arguments.directory, "Folder of the model")->required();
-  from_colmap->add_option("--images", arguments.colmap.images, "Folder of the image files (default: DIR/images)");
-  from_colmap->add_flag("--undistorted", arguments.colmap.undistorted,
-                        "The image files are the undistorted ones: pinhole lenses, the size of each file");
-  from_colmap->add_option("--grid", arguments.grid, "The cameras, ordered by name, are a grid")->type_name("RxC");
-  from_colmap->add_option("--out", arguments.out, "Rig file to write")->required();
-
-  CLI::App* exports = app.add_subcommand("export", "Makes another program's files from a rig file");
-  exports->require_subcommand(1);
-  CLI::App* to_colmap = exports->add_subcommand("colmap", "A COLMAP text model");
-  to_colmap->add_option("RIG", arguments.rig, "Rig file")->required();
-  to_colmap->add_option("DIR", arguments.directory, "Folder to write")->required();
+  add_formats(app, arguments);
 
   CLI11_PARSE(app, argc, argv);
   try {
@@ -183,8 +222,17 @@ int main(int argc, char** argv) {
     if (*info) return run_info(arguments);
     if (*check) return run_check(arguments);
     if (*subset) return run_subset(arguments);
-    if (*from_colmap) return run_import_colmap(arguments);
-    return run_export_colmap(arguments);
+    for (const Format& format : formats) {
+      if (*format.import) {
+        if (!arguments.grid.empty()) parse_grid(arguments.grid, arguments.colmap.rows, arguments.colmap.columns);
+        return finish_import(arguments, format.read(arguments));
+      }
+      if (*format.export_) {
+        const Rig rig = lf::load_rig(arguments.rig);
+        return finish_export(arguments, rig, format.write(rig, arguments));
+      }
+    }
+    return 1;
   } catch (const std::exception& e) {
     std::fprintf(stderr, "lf-rig: %s\n", e.what());
     return 1;

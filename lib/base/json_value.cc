@@ -148,6 +148,11 @@ std::vector<JsonValue> JsonValue::elements(size_t count) const {
   return all;
 }
 
+bool JsonValue::flag() const {
+  if (!value_->is_boolean()) fail(std::string("must be true or false, is ") + value_->type_name());
+  return value_->get<bool>();
+}
+
 double JsonValue::number() const {
   if (!value_->is_number()) fail(std::string("must be a finite number, is ") + value_->type_name());
   const double number = value_->get<double>();

@@ -41,6 +41,7 @@ class JsonValue {
   std::vector<JsonValue> elements() const;
   std::vector<JsonValue> elements(size_t count) const;
 
+  bool flag() const;
   double number() const;  // finite
   int64_t integer(int64_t least, int64_t most) const;
   std::string text() const;

@@ -11,7 +11,6 @@
 #include "image/image_io.h"
 #include "rig/colmap_text.h"
 #include "rig/image_search.h"
-#include "rig/reprojection.h"
 
 namespace lf {
 namespace {
@@ -61,14 +60,14 @@ std::string size_text(int width, int height) { return std::to_string(width) + "x
 
 }  // namespace
 
-ColmapImport import_colmap(const std::string& directory, const ColmapImportOptions& options) {
+RigImport import_colmap(const std::string& directory, const ColmapImportOptions& options) {
   const std::string cameras_path = path_in(directory, "cameras.txt"), images_path = path_in(directory, "images.txt");
   const auto cameras = read_colmap_cameras(cameras_path);
   std::vector<ColmapImage> images = read_colmap_images(images_path, cameras);
   if (images.empty()) throw Error(images_path + ": no images");
   if (images.size() > kMaxCameras) throw Error(images_path + ": at most " + std::to_string(kMaxCameras) + " images");
 
-  ColmapImport result;
+  RigImport result;
   Topology& topology = result.rig.topology;
   if (options.rows > 0 || options.columns > 0) {
     topology = {Topology::Type::kGrid, options.rows, options.columns, {}};
@@ -130,17 +129,12 @@ ColmapImport import_colmap(const std::string& directory, const ColmapImportOptio
   return result;
 }
 
-ColmapExport export_colmap(const Rig& rig, const std::string& directory) {
+RigExport export_colmap(const Rig& rig, const std::string& directory) {
   std::map<uint32_t, ColmapCamera> cameras;
   std::vector<ColmapImage> images;
   std::map<std::string, uint32_t> id_of_name;
-  ColmapExport result;
-  double extent = 0;
-  bool has_time_offset = false, has_source = false;
   for (const Camera& camera : rig.cameras) {
-    const auto fail = [&](const std::string& what) {
-      throw Error("camera " + std::to_string(camera.id) + ": " + what);
-    };
+    const auto fail = [&](const std::string& what) { refuse_camera(camera, what); };
     if (camera.id > kMaxColmapId) fail("COLMAP has no ids beyond " + std::to_string(kMaxColmapId));
     const std::string name = camera.image.empty() ? camera.name : camera.image;
     if (name.empty()) fail("COLMAP wants a name");
@@ -161,10 +155,6 @@ ColmapExport export_colmap(const Rig& rig, const std::string& directory) {
     cameras.emplace(camera.id, to);
     const Quat q = glm::conjugate(glm::normalize(camera.pose.orientation));
     images.push_back({camera.id, camera.id, q, -(glm::mat3_cast(q) * camera.pose.position), name});
-
-    extent = std::max(extent, glm::length(camera.pose.position - rig.cameras[0].pose.position));
-    has_time_offset |= camera.time_offset != 0;
-    has_source |= !camera.source.empty();
   }
 
   std::error_code error;
@@ -183,11 +173,7 @@ ColmapExport export_colmap(const Rig& rig, const std::string& directory) {
     camera.pose = pose_of(image);
     written.cameras.push_back(camera);
   }
-  result.max_error = max_reprojection_error(rig, written, extent > 0 ? extent : 1);
-  if (rig.topology.type != Topology::Type::kDelaunay) result.notes.push_back("the topology of the rig is not kept");
-  if (has_source) result.notes.push_back("the sources of the cameras are not kept");
-  if (has_time_offset) result.notes.push_back("the time offsets of the cameras are not kept");
-  return result;
+  return describe_export(rig, written, {});
 }
 
 }  // namespace lf

@@ -2,9 +2,8 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
-#include "rig/rig.h"
+#include "rig/exchange.h"
 
 namespace lf {
 
@@ -24,23 +23,13 @@ struct ColmapImportOptions {
   int rows = 0, columns = 0;
 };
 
-struct ColmapImport {
-  Rig rig;                         // directory "": image paths start at the current folder
-  std::vector<std::string> notes;  // for people: what was assumed, which files stand for which names
-};
-
 // One camera per image: id = IMAGE_ID, name = NAME without its ending. An image file that is not there under its name
 // is the one whose name ends NAME, or the other way round ("20.23.45.jpg" for "2021-05-19 20.23.45.jpg"), where there
 // is exactly one. Models that our lenses can't express exactly are refused, unless `undistorted`.
-ColmapImport import_colmap(const std::string& directory, const ColmapImportOptions& options = {});
-
-struct ColmapExport {
-  double max_error = 0;            // pixels: reprojection error of what was written against the rig
-  std::vector<std::string> notes;  // for people: what a COLMAP model can't hold
-};
+RigImport import_colmap(const std::string& directory, const ColmapImportOptions& options = {});
 
 // Writes cameras.txt, images.txt and an empty points3D.txt (COLMAP wants one) into `directory`, which is made where it
 // is missing. NAME is Camera::image, or the camera's name where it has none. Numbers round-trip to the last bit.
-ColmapExport export_colmap(const Rig& rig, const std::string& directory);
+RigExport export_colmap(const Rig& rig, const std::string& directory);
 
 }  // namespace lf

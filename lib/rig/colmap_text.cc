@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "base/json_value.h"
+#include "base/number_text.h"
 #include "geometry/lens.h"
 #include "rig/rig.h"
 
@@ -89,11 +90,6 @@ class LineReader {
   size_t position_ = 0;
   int number_ = 0;
 };
-
-std::string number_text(double value) {
-  char text[40];  // to_chars() gives the shortest text that reads back as the same number
-  return {text, std::to_chars(text, text + sizeof(text), value).ptr};
-}
 
 }  // namespace
 

@@ -145,6 +145,21 @@ TEST(LfRig, ColmapThereAndBack) {
   EXPECT_FAILURE(lf_rig("import colmap in --out x.json", dir.path()), "in/cameras.txt: can't be read");
 }
 
+TEST(LfRig, OtherFormatsThereAndBack) {
+  const TempDir dir;
+  write_rig(dir);
+  const Rig rig = load_rig(dir / "in/rig.json");
+  const std::pair<std::string, std::string> formats[] = {
+      {"opencv", ""}, {"kalibr", ""}, {"nerf", ""}, {"stanford", " --f 5.1961524227066320"}};
+  for (const auto& [format, options] : formats) {
+    EXPECT_SUCCESS(lf_rig("export " + format + " in/rig.json there_" + format, dir.path()));
+    EXPECT_SUCCESS(lf_rig("import " + format + " there_" + format + options + " --out back.json", dir.path()));
+    EXPECT_LE(max_reprojection_error(rig, load_rig(dir / "back.json"), 1), 1e-9) << format;
+    if (format != "kalibr") EXPECT_SUCCESS(lf_rig("check back.json", dir.path()));
+  }
+  EXPECT_FAILURE(lf_rig("import kalibr in/rig.json --out x.json", dir.path()), "in/rig.json: key \"cam0\" is missing");
+}
+
 // Hand-held photographs: the files are undistorted ones, of sizes and under names of their own.
 TEST(LfRig, ImportsTheKettle) {
   if (!fs::exists(kData / "kettle")) GTEST_SKIP() << "needs ../shared/data/kettle";

@@ -9,33 +9,11 @@
 #include "rig/reprojection.h"
 #include "rig/rig_json.h"
 #include "support/expect_error.h"
+#include "support/mixed_rig.h"
 #include "support/temp_dir.h"
 
 namespace lf {
 namespace {
-
-// A camera of every model, pointing every way.
-Rig mixed_rig() {
-  using enum LensModel;
-  const Lens lenses[] = {Lens(kSimplePinhole, {400, 159.5, 119.5}), Lens(kPinhole, {400, 410, 160, 118}),
-                         Lens(kSimpleRadial, {400, 159.5, 119.5, -0.1}),
-                         Lens(kRadial, {386.73880838315351, 159.5, 119.5, -0.15, 0.03}),
-                         Lens(kOpenCv, {400, 410, 160, 118, -0.15, 0.03, 1e-3, -2e-3})};
-  Rig rig;
-  for (const Lens& lens : lenses) {
-    Camera camera;
-    const double i = static_cast<double>(rig.cameras.size());
-    camera.id = 20 - static_cast<uint32_t>(rig.cameras.size());
-    camera.name = "cam_" + std::to_string(rig.cameras.size());
-    camera.image = camera.name + ".png";
-    camera.width = 320;
-    camera.height = 240;
-    camera.lens = lens;
-    camera.pose = {{57.1 + i / 3, -23.4 * i, 1 / (i + 3)}, glm::normalize(Quat(0.3 - i / 4, 0.2, -0.5, 0.1 * i))};
-    rig.cameras.push_back(camera);
-  }
-  return rig;
-}
 
 constexpr char kImage[] = "1 1 0 0 0 0 0 0 1 a.png\n\n";
 
@@ -49,7 +27,7 @@ TEST(Colmap, ConventionsOfPixelsAndPoses) {
   // camera_from_world: a quarter turn about y, then one metre along x.
   write_model(dir, "1 SIMPLE_RADIAL 320 240 400 160 120 0.1\n",
               "7 0.70710678118654752 0 0.70710678118654752 0 1 0 0 1 a b.png\n\n");
-  const ColmapImport result = import_colmap(dir.path());
+  const RigImport result = import_colmap(dir.path());
   ASSERT_EQ(result.rig.cameras.size(), 1u);
   const Camera& camera = result.rig.cameras[0];
   EXPECT_EQ(camera.id, 7u);
@@ -68,7 +46,7 @@ TEST(Colmap, ConventionsOfPixelsAndPoses) {
 TEST(Colmap, RoundTripsEveryModelWithin1e9Pixels) {
   const TempDir dir;
   const Rig rig = mixed_rig();
-  const ColmapExport result = export_colmap(rig, dir / "new/model");
+  const RigExport result = export_colmap(rig, dir / "new/model");
   EXPECT_LE(result.max_error, 1e-9);
   EXPECT_TRUE(result.notes.empty());
   EXPECT_TRUE(std::filesystem::exists(dir / "new/model/points3D.txt"));
@@ -104,7 +82,7 @@ TEST(Colmap, ExportSaysWhatItLoses) {
   rig.cameras[1].time_offset = 0.1;
   const double norm = 1 + 9e-7;  // as files may have it; COLMAP's are normalised
   rig.cameras[2].pose.orientation = rig.cameras[2].pose.orientation * norm;
-  const ColmapExport result = export_colmap(rig, dir.path());
+  const RigExport result = export_colmap(rig, dir.path());
   EXPECT_EQ(result.notes.size(), 3u);
   EXPECT_LE(result.max_error, 1e-9);  // a norm that is off turns nothing: Pose::rotation() takes it out
 }
@@ -177,7 +155,7 @@ TEST(Colmap, UndistortedImagesHavePinholesOfTheirOwnSize) {
   std::filesystem::create_directories(dir / "files");
   save_image(Image(PixelFamily::kRgb, 7, 5), dir / "files/1.png");
   save_image(Image(PixelFamily::kRgb, 16, 12), dir / "files/2.png");
-  const ColmapImport result = import_colmap(dir.path(), options);
+  const RigImport result = import_colmap(dir.path(), options);
   ASSERT_EQ(result.rig.cameras.size(), 2u);
   EXPECT_EQ(result.rig.cameras[0].width, 7);
   EXPECT_EQ(result.rig.cameras[0].height, 5);

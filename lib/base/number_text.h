@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <charconv>
+#include <string>
+
+namespace lf {
+
+// The shortest text that reads back as the same number: "0.1", "1e-09".
+inline std::string number_text(double value) {
+  char text[40];
+  return {text, std::to_chars(text, text + sizeof(text), value).ptr};
+}
+
+}  // namespace lf

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rig/opencv_yaml.h"
+
+#include <algorithm>
+#include <filesystem>
+
+#include <opencv2/core.hpp>
+
+#include "base/error.h"
+#include "base/json_value.h"
+#include "base/yaml_value.h"
+#include "rig/opencv_terms.h"
+
+namespace lf {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kDistortionSizes[] = {4, 5, 8, 12, 14};  // those of cv::calibrateCamera
+constexpr int kOurTerms = 4;                           // k1 k2 p1 p2
+
+struct Matrix {
+  int rows, columns;
+  std::vector<double> data;  // row by row
+};
+
+Matrix parse_matrix(const JsonValue& value) {
+  Matrix matrix;
+  matrix.rows = static_cast<int>(value.at("rows").integer(1, 100));
+  matrix.columns = static_cast<int>(value.at("cols").integer(1, 100));
+  for (const JsonValue& element : value.at("data").elements(static_cast<size_t>(matrix.rows) * matrix.columns))
+    matrix.data.push_back(element.number());
+  return matrix;
+}
+
+Matrix parse_matrix(const JsonValue& value, int rows, int columns) {
+  Matrix matrix = parse_matrix(value);
+  if (matrix.rows != rows || matrix.columns != columns)
+    value.fail("must be " + std::to_string(rows) + "x" + std::to_string(columns));
+  return matrix;
+}
+
+Lens parse_lens(const JsonValue& camera) {
+  const JsonValue place = camera.at("camera_matrix");
+  const std::vector<double> k = parse_matrix(place, 3, 3).data;
+  if (k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1)
+    place.fail("must be [fx, 0, cx, 0, fy, cy, 0, 0, 1]");
+  std::vector<double> distortion;
+  if (const auto value = camera.find("distortion_coefficients")) {
+    const Matrix terms = parse_matrix(*value);
+    distortion = terms.data;
+    const int size = static_cast<int>(distortion.size());
+    if ((terms.rows != 1 && terms.columns != 1) ||
+        std::find(std::begin(kDistortionSizes), std::end(kDistortionSizes), size) == std::end(kDistortionSizes))
+      value->fail("must be a row or a column of 4, 5, 8, 12 or 14 numbers");
+    for (int i = kOurTerms; i < size; i++)
+      if (distortion[i] != 0) {
+        const std::string term = i == kOurTerms ? "k3" : "term " + std::to_string(i);
+        value->fail(term + " is not 0, and no lens of ours has it; calibrate with k1, k2, p1, p2 alone");
+      }
+  }
+  try {
+    return lens_of_opencv_terms({k[0], k[4], k[2], k[5]}, distortion);
+  } catch (const Error& e) {
+    place.fail(e.what());
+  }
+}
+
+Camera parse_camera(const JsonValue& value, const fs::path& directory) {
+  Camera camera;
+  camera.width = static_cast<int>(value.at("image_width").integer(1, kMaxImageSize));
+  camera.height = static_cast<int>(value.at("image_height").integer(1, kMaxImageSize));
+  camera.lens = parse_lens(value);
+  RigidMotion motion;
+  if (const auto rotation = value.find("R")) {
+    const std::vector<double> r = parse_matrix(*rotation, 3, 3).data;
+    motion.rotation =
+        nearest_rotation(glm::transpose(Mat3(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8])), *rotation);
+  }
+  if (const auto translation = value.find("T")) {
+    const std::vector<double> t = parse_matrix(*translation, 3, 1).data;
+    motion.translation = Vec3(t[0], t[1], t[2]);
+  }
+  camera.pose = pose_of_camera_from_world(motion);
+  if (const auto name = value.find("name")) camera.name = name->text();
+  if (const auto image = value.find("image")) camera.image = (directory / image->text()).lexically_normal().string();
+  return camera;
+}
+
+Rig parse(const std::string& text, const std::string& path) {
+  const nlohmann::json root = parse_yaml(text, path);
+  const JsonValue file(root, path);
+  const fs::path directory = fs::path(path).parent_path();
+  Rig rig;
+  if (const auto cameras = file.find("cameras")) {
+    for (const JsonValue& value : cameras->elements()) rig.cameras.push_back(parse_camera(value, directory));
+    if (rig.cameras.empty() || rig.cameras.size() > kMaxCameras)
+      cameras->fail("must be 1 to " + std::to_string(kMaxCameras) + " cameras");
+  } else {
+    rig.cameras.push_back(parse_camera(file, directory));
+  }
+  for (size_t i = 0; i < rig.cameras.size(); i++) {
+    rig.cameras[i].id = static_cast<uint32_t>(i);
+    if (rig.cameras[i].name.empty()) rig.cameras[i].name = "cam_" + std::to_string(i);
+  }
+  return rig;
+}
+
+std::string text_of(const Rig& rig) {
+  cv::FileStorage file(".yaml", cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
+  file << "cameras"
+       << "[";
+  for (const Camera& camera : rig.cameras) {
+    const Lens& lens = camera.lens;
+    const RigidMotion motion = camera_from_world(camera.pose);
+    file << "{"
+         << "name" << camera.name;
+    if (!camera.image.empty()) file << "image" << camera.image;
+    file << "image_width" << camera.width << "image_height" << camera.height;
+    file << "camera_matrix" << cv::Mat_<double>({3, 3}, {lens.fx(), 0, lens.cx(), 0, lens.fy(), lens.cy(), 0, 0, 1});
+    file << "distortion_coefficients" << cv::Mat_<double>({4, 1}, {lens.k1(), lens.k2(), lens.p1(), lens.p2()});
+    cv::Mat_<double> r(3, 3), t(3, 1);
+    for (int row = 0; row < 3; row++) {
+      for (int column = 0; column < 3; column++) r(row, column) = motion.rotation[column][row];
+      t(row) = motion.translation[row];
+    }
+    file << "R" << r << "T" << t << "}";
+  }
+  file << "]";
+  return file.releaseAndGetString();
+}
+
+}  // namespace
+
+RigImport import_opencv_yaml(const std::string& path) { return {parse(read_text_file(path), path), {}}; }
+
+RigExport export_opencv_yaml(const Rig& rig, const std::string& path) {
+  Rig moved = rig;
+  relocate(moved, fs::path(path).parent_path().string());
+  const std::string text = text_of(moved);
+  const RigExport result = describe_export(rig, parse(text, path), {.ids = false});
+  write_text_file(text, path);
+  return result;
+}
+
+}  // namespace lf

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rig/stanford_names.h"
+
+#include <charconv>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <regex>
+
+#include "base/error.h"
+#include "base/number_text.h"
+#include "image/image_io.h"
+
+namespace lf {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kMaxExportError = 1e-6;  // pixels
+
+using Place = std::pair<int, int>;  // row, column
+
+struct NamedImage {
+  std::string path;
+  Vec2 position{0, 0};  // x, y as the name has them
+};
+
+std::map<Place, NamedImage> read_names(const std::string& directory) {
+  static const std::regex kName(R"(.*?_(\d{1,5})_(\d{1,5})_(-?\d+\.?\d*)_(-?\d+\.?\d*)_?\.(png|jpg|jpeg))",
+                                std::regex::icase);
+  std::error_code error;
+  std::map<Place, NamedImage> images;
+  for (fs::directory_iterator it(directory, error), end; !error && it != end; it.increment(error)) {
+    const std::string name = it->path().filename().string();
+    std::smatch parts;
+    if (!std::regex_match(name, parts, kName)) continue;
+    const auto number = [&](int part) {
+      double value = 0;
+      std::from_chars(&*parts[part].first, &*parts[part].first + parts[part].length(), value);
+      return value;
+    };
+    const Place place(static_cast<int>(number(1)), static_cast<int>(number(2)));
+    const auto [other, is_new] = images.emplace(place, NamedImage{it->path().string(), {number(4), number(3)}});
+    if (!is_new) throw Error(it->path().string() + ": is in the same place as " + other->second.path);
+  }
+  if (error) throw Error(directory + ": can't be read: " + error.message());
+  if (images.empty()) throw Error(directory + ": no image is called as in out_00_01_-381.9_-776.8.png");
+  if (images.size() > kMaxCameras) throw Error(directory + ": at most " + std::to_string(kMaxCameras) + " images");
+  return images;
+}
+
+// The rig that the names mean; widths, heights and images are there already.
+void place_cameras(const std::vector<Vec2>& positions, const StanfordOptions& options, Rig& rig) {
+  Vec2 middle(0, 0);
+  for (const Vec2& position : positions) middle += position / static_cast<double>(positions.size());
+  for (size_t i = 0; i < positions.size(); i++) {
+    Camera& camera = rig.cameras[i];
+    camera.pose = {Vec3(positions[i] * options.unit, 0), Quat(1, 0, 0, 0)};
+    Vec2 centre((camera.width - 1) / 2.0, (camera.height - 1) / 2.0);
+    if (options.focus_distance > 0)
+      centre += (positions[i] - middle) * (options.unit * options.f / options.focus_distance);
+    camera.lens = Lens::pinhole(options.f, centre.x, centre.y);
+  }
+}
+
+std::string place_text(int index, int columns) {
+  char text[20];
+  std::snprintf(text, sizeof(text), "%02d_%02d", index / columns, index % columns);
+  return text;
+}
+
+// No exponent, which the archive's names never have.
+std::string fixed_text(double value) {
+  char text[400];
+  return {text, std::to_chars(text, text + sizeof(text), value, std::chars_format::fixed).ptr};
+}
+
+}  // namespace
+
+RigImport import_stanford(const std::string& directory, const StanfordOptions& options) {
+  if (!(options.f > 0)) throw Error("f: the focal length must be given in pixels: the names of the files do not tell");
+  if (!(options.unit > 0)) throw Error("unit: must be positive");
+  if (!(options.focus_distance >= 0)) throw Error("focus distance: must not be negative");
+  RigImport result;
+  Rig& rig = result.rig;
+  std::vector<Vec2> positions;
+  Place last(0, 0);
+  for (const auto& [place, named] : read_names(directory)) {
+    last = {std::max(last.first, place.first), std::max(last.second, place.second)};
+    const Image image = load_image(named.path);
+    Camera camera;
+    camera.id = static_cast<uint32_t>(rig.cameras.size());
+    camera.name = fs::path(named.path).stem().string();
+    camera.image = fs::proximate(named.path).string();
+    camera.width = image.width();
+    camera.height = image.height();
+    rig.cameras.push_back(camera);
+    positions.push_back(named.position);
+  }
+  place_cameras(positions, options, rig);
+  if (static_cast<size_t>(last.first + 1) * (last.second + 1) == rig.cameras.size())
+    rig.topology = {Topology::Type::kGrid, last.first + 1, last.second + 1, {}};
+  else
+    result.notes.push_back("the images do not fill a grid: their triangulation is Delaunay's");
+  if (options.focus_distance == 0)
+    result.notes.push_back("no focus distance was given: images are taken for unshifted ones");
+  return result;
+}
+
+RigExport export_stanford(const Rig& rig, const std::string& directory, double unit) {
+  if (!(unit > 0)) throw Error("unit: must be positive");
+  if (rig.topology.type != Topology::Type::kGrid) throw Error("the archive's names want a grid of cameras");
+
+  // In the axes of the first camera.
+  Rig turned = rig;
+  const Mat3 turn = glm::transpose(rig.cameras[0].pose.rotation());
+  const double depth = (turn * rig.cameras[0].pose.position).z;
+  std::vector<Vec2> positions, shifts;
+  Vec2 mean_position(0, 0), mean_shift(0, 0);
+  for (Camera& camera : turned.cameras) {
+    if (camera.image.empty()) refuse_camera(camera, "has no image to be copied");
+    const Vec3 position = turn * camera.pose.position;
+    camera.pose = {position - Vec3(0, 0, depth), glm::normalize(glm::quat_cast(turn * camera.pose.rotation()))};
+    positions.push_back(Vec2(position) / unit);
+    shifts.push_back(Vec2(camera.lens.cx(), camera.lens.cy()));
+    mean_position += Vec2(position) / static_cast<double>(rig.cameras.size());
+    mean_shift += shifts.back() / static_cast<double>(rig.cameras.size());
+  }
+  double slope = 0, square = 0;  // of principal points over positions: f / focus distance
+  for (size_t i = 0; i < positions.size(); i++) {
+    const Vec2 position = positions[i] * unit - mean_position;
+    slope += glm::dot(position, shifts[i] - mean_shift);
+    square += glm::dot(position, position);
+  }
+  StanfordOptions options;
+  options.unit = unit;
+  options.f = rig.cameras[0].lens.fx();
+  slope = square > 0 ? slope / square : 0;
+  if (slope > 1e-12 * options.f) options.focus_distance = options.f / slope;
+  Rig written = turned;
+  place_cameras(positions, options, written);
+  RigExport result = describe_export(turned, written, {.names = false, .ids = false});
+  if (!(result.max_error <= kMaxExportError))
+    throw Error(
+        "names can't hold this rig: they mean a flat array of equal pinholes that look the same way, which differs "
+        "by " +
+        number_text(result.max_error) + " px");
+  std::erase(result.notes, "the topology of the rig is not kept");
+
+  std::error_code error;
+  fs::create_directories(directory, error);
+  if (error) throw Error(directory + ": can't be made: " + error.message());
+  for (size_t i = 0; i < positions.size(); i++) {
+    const fs::path from = rig.resolve(rig.cameras[i].image);
+    const fs::path to = fs::path(directory) / ("out_" + place_text(static_cast<int>(i), rig.topology.columns) + "_" +
+                                               fixed_text(positions[i].y) + "_" + fixed_text(positions[i].x) + "_" +
+                                               from.extension().string());
+    fs::copy_file(from, to, fs::copy_options::overwrite_existing, error);
+    if (error) throw Error(from.string() + ": can't be copied to " + to.string() + ": " + error.message());
+  }
+  result.notes.push_back("lf-rig import stanford --f " + number_text(options.f) + " --focus-distance " +
+                         number_text(options.focus_distance) + " --unit " + number_text(unit) + " reads it back");
+  return result;
+}
+
+}  // namespace lf

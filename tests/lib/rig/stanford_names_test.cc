@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rig/stanford_names.h"
+
+#include <filesystem>
+
+#include <gtest/gtest.h>
+
+#include "image/image_io.h"
+#include "rig/grid_rig.h"
+#include "rig/reprojection.h"
+#include "support/expect_error.h"
+#include "support/temp_dir.h"
+
+namespace lf {
+namespace {
+
+void write_images(const TempDir& dir, std::initializer_list<const char*> names) {
+  for (const char* name : names) {
+    dir.write(name, "");
+    save_image(Image(PixelFamily::kRgb, 8, 6), dir / name);
+  }
+}
+
+TEST(StanfordNames, YIsBeforeXAndPointsDown) {
+  const TempDir dir;
+  write_images(dir, {"out_00_00_-10_20.5_.png", "out_00_01_-10_30.5.png"});
+  const RigImport result = import_stanford(dir.path(), {100, 0, 0.001});
+  const Rig& rig = result.rig;
+  ASSERT_EQ(rig.cameras.size(), 2u);
+  EXPECT_EQ(rig.topology.type, Topology::Type::kGrid);
+  EXPECT_EQ(rig.topology.columns, 2);
+  EXPECT_LT(glm::length(rig.cameras[1].pose.position - Vec3(0.0305, -0.01, 0)), 1e-15);
+  EXPECT_EQ(rig.cameras[1].lens, Lens::pinhole(100, 3.5, 2.5));
+  EXPECT_EQ(result.notes.size(), 1u) << "no focus distance";
+}
+
+TEST(StanfordNames, APointAtTheFocusDistanceStandsStill) {
+  const TempDir dir;
+  write_images(dir, {"out_00_00_0_0_.png", "out_00_01_1_10_.png", "out_01_00_12_0_.png"});
+  const RigImport result = import_stanford(dir.path(), {100, 2, 0.001});
+  EXPECT_EQ(result.rig.topology.type, Topology::Type::kDelaunay);
+  EXPECT_EQ(result.notes.size(), 1u) << "not a grid";
+  std::optional<Vec2> first;
+  for (const Camera& camera : result.rig.cameras) {
+    const Vec2 pixel = *camera.lens.project(camera.pose.camera_from_world(Vec3(0.01, 0.02, 2)));
+    if (!first) first = pixel;
+    EXPECT_LT(glm::length(pixel - *first), 1e-12);
+  }
+}
+
+TEST(StanfordNames, RoundTripsWithin1e9Pixels) {
+  const TempDir dir;
+  Rig rig = make_grid_rig({2, 3, 0.1, 60, 8, 6});
+  const double f = rig.cameras[0].lens.fx();
+  for (size_t i = 0; i < rig.cameras.size(); i++) {
+    Camera& camera = rig.cameras[i];
+    camera.pose.position += Vec3(i / 700.0, i / 900.0, 0);
+    camera.image = "in_" + std::to_string(i) + ".png";
+    save_image(Image(PixelFamily::kRgb, 8, 6), dir / camera.image);
+  }
+  Vec3 middle(0, 0, 0);
+  for (const Camera& camera : rig.cameras) middle += camera.pose.position / 6.0;
+  for (Camera& camera : rig.cameras) {
+    const Vec3 shift = (camera.pose.position - middle) * (f / 3);
+    camera.lens = Lens::pinhole(f, 3.5 + shift.x, 2.5 + shift.y);
+  }
+  rig.directory = dir.path();
+  const RigExport result = export_stanford(rig, dir / "out");
+  EXPECT_LE(result.max_error, 1e-9);
+  ASSERT_EQ(result.notes.size(), 2u) << "names and the way back";
+  const Rig back = import_stanford(dir / "out", {f, 3}).rig;
+  EXPECT_LE(max_reprojection_error(rig, back, 1), 1e-9);
+  EXPECT_EQ(back.topology.rows, 2);
+  EXPECT_TRUE(std::filesystem::exists(back.cameras[0].image));
+}
+
+TEST(StanfordNames, RefusesWhatNamesCantHold) {
+  const TempDir dir;
+  Rig rig = make_grid_rig({2, 2, 0.1, 60, 8, 6});
+  EXPECT_ERROR(export_stanford(rig, dir / "out"), "camera 0: has no image to be copied");
+  for (Camera& camera : rig.cameras) camera.image = "none.png";
+  Rig jittered = rig;
+  jittered.cameras[3].pose.position.z = 0.01;
+  EXPECT_ERROR(export_stanford(jittered, dir / "out"), "names can't hold this rig");
+  EXPECT_FALSE(std::filesystem::exists(dir / "out"));
+  EXPECT_ERROR(export_stanford(rig, dir / "out"), "none.png: can't be copied");
+  rig.topology.type = Topology::Type::kDelaunay;
+  EXPECT_ERROR(export_stanford(rig, dir / "out"), "want a grid");
+  EXPECT_ERROR(import_stanford(dir / "nowhere", {1}), "nowhere: can't be read");
+  EXPECT_ERROR(import_stanford(dir.path(), {1}), "no image is called as in");
+  EXPECT_ERROR(import_stanford(dir.path(), {}), "the focal length must be given");
+  write_images(dir, {"out_00_00_0_0_.png", "x_00_00_1_10_.png"});
+  EXPECT_ERROR(import_stanford(dir.path(), {1}), "is in the same place as");
+}
+
+}  // namespace
+}  // namespace lf
