@@ -4,6 +4,12 @@
 #include <algorithm>
 
 namespace lf {
+
+bool CameraFrame::fits(const Camera& camera) const {
+  if (jpeg) return jpeg->width() == camera.width && jpeg->height() == camera.height;
+  return buffer && info.width == camera.width && info.height == camera.height;
+}
+
 void CameraFrames::set_mode(Mode mode) {
   std::lock_guard lock(mutex_);
   mode_ = mode;
@@ -130,13 +136,18 @@ void CameraFrames::look_back(uint64_t time) {
   reach_ = std::max(reach > kLongestReach ? 0 : reach, reach_ - reach_ / 64);
 }
 
-std::optional<CameraFrame> CameraFrames::find(uint64_t time, bool wait_for_first) {
+void CameraFrames::wake() {
+  std::lock_guard lock(mutex_);
+  changed_.notify_all();
+}
+
+std::optional<CameraFrame> CameraFrames::find(uint64_t time, bool wait_for_first, const std::atomic<bool>* cancelled) {
   std::unique_lock lock(mutex_);
   want(time);
   changed_.notify_all();
   changed_.wait(lock, [&] {
     if (!live_) drop_passed();
-    return mode_ == Mode::kStopped || !must_wait(time, wait_for_first);
+    return mode_ == Mode::kStopped || (cancelled && *cancelled) || !must_wait(time, wait_for_first);
   });
   if (mode_ == Mode::kStopped || frames_.empty()) return std::nullopt;
   look_back(time);
@@ -147,6 +158,11 @@ std::optional<CameraFrame> CameraFrames::find(uint64_t time, bool wait_for_first
     });
   best->used = true;
   return best->frame;
+}
+
+std::optional<CameraFrame> CameraFrames::newest() const {
+  std::lock_guard lock(mutex_);
+  return frames_.empty() ? std::nullopt : std::optional(frames_.back().frame);
 }
 
 bool CameraFrames::is_live() const {

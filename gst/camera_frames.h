@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
@@ -11,6 +12,7 @@
 #include <gst/video/video.h>
 
 #include "jpeg/jpeg_frame.h"
+#include "rig/rig.h"
 #include "view/view_request.h"
 
 namespace lf {
@@ -23,6 +25,9 @@ struct CameraFrame {
   std::shared_ptr<const CameraFrame> original;  // as it came, if it is converted and may have to be to the other family
   std::shared_ptr<JpegFrame> jpeg;              // in place of buffer and info
   uint64_t time = 0;  // capture time, nanoseconds: clock time of live cameras, running time of others
+
+  // Whether it is a picture of the size that the rig has the camera in.
+  bool fits(const Camera& camera) const;
 };
 
 // The latest frames of one camera. Thread-safe.
@@ -56,12 +61,15 @@ class CameraFrames {
   void advance(uint64_t time);
   // The frame nearest to `time` (kNoTime: the newest). Waits as the class comment says, and for the first frame of a
   // camera that has not begun if `wait_for_first`. Nothing if the camera has no frame to give or the node shuts down.
-  std::optional<CameraFrame> find(uint64_t time, bool wait_for_first);
+  // Doesn't wait while `cancelled`, if given.
+  std::optional<CameraFrame> find(uint64_t time, bool wait_for_first, const std::atomic<bool>* cancelled = nullptr);
+  void wake();  // find() looks at `cancelled` again
 
   // A frame from find() turned out to be damaged where a request looks: the one before it serves from now on. True in
   // *first (may be null) to the first that says so.
   std::optional<CameraFrame> replace_damaged(const std::shared_ptr<JpegFrame>& damaged, bool* first = nullptr);
 
+  std::optional<CameraFrame> newest() const;
   bool is_live() const;
   uint64_t period() const;  // nanoseconds between the frames held, on average; 0 where there are fewer than two
   size_t held() const;

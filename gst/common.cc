@@ -1,32 +1,69 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "common.h"
 
-#include <filesystem>
+#include <sys/stat.h>
+
 #include <map>
 #include <mutex>
 
+#include "base/error.h"
 #include "rig/rig_json.h"
 
 namespace lf {
+namespace {
+
+// Tells a file that was written or replaced. The time alone would not: clocks of file systems tick every few
+// milliseconds.
+struct FileVersion {
+  ino_t inode = 0;
+  off_t size = 0;
+  time_t seconds = 0;
+  long nanoseconds = 0;
+  bool operator==(const FileVersion&) const = default;
+};
+
+FileVersion version_of(const std::string& path) {
+  struct stat s {};
+  if (stat(path.c_str(), &s) != 0) return {};  // load_rig() reports a file that is not there
+  return {s.st_ino, s.st_size, s.st_mtim.tv_sec, s.st_mtim.tv_nsec};
+}
+
+}  // namespace
 
 std::shared_ptr<const Rig> shared_rig(const std::string& path) {
   struct Entry {
     std::weak_ptr<const Rig> rig;
-    std::filesystem::file_time_type modified;
+    FileVersion version;
   };
   static std::mutex mutex;
   static std::map<std::string, Entry> cache;
 
-  std::error_code ignored;  // load_rig() reports a file that is not there
-  const std::filesystem::file_time_type modified = std::filesystem::last_write_time(path, ignored);
+  const FileVersion version = version_of(path);
   std::lock_guard lock(mutex);
   Entry& entry = cache[path];
   std::shared_ptr<const Rig> rig = entry.rig.lock();
-  if (!rig || entry.modified != modified) {
+  if (!rig || entry.version != version) {
     rig = std::make_shared<const Rig>(load_rig(path));
-    entry = {rig, modified};
+    entry = {rig, version};
   }
   return rig;
+}
+
+bool is_running(GstElement* element) {
+  GST_OBJECT_LOCK(element);
+  const bool running = GST_STATE(element) >= GST_STATE_PAUSED;
+  GST_OBJECT_UNLOCK(element);
+  return running;
+}
+
+std::shared_ptr<const Rig> reload_rig(GstElement* element, const gchar* path) {
+  try {
+    if (!path) throw Error("no rig file given");
+    return shared_rig(path);
+  } catch (const Error& error) {
+    GST_ELEMENT_WARNING(element, RESOURCE, SETTINGS, ("%s; the rig stays as it was", error.what()), (nullptr));
+    return nullptr;
+  }
 }
 
 bool is_in_process_query(GstQuery* query) {

@@ -38,4 +38,9 @@ bool compositor_is_near(GstPad* src);
 // The rig in `path`; elements that name the same unchanged file share one copy. Thread-safe. Throws Error.
 std::shared_ptr<const Rig> shared_rig(const std::string& path);
 
+// Whether the element runs: a rig that is named before is read by its start, one that is named then by reload_rig().
+bool is_running(GstElement* element);
+// The rig in `path`, as shared_rig(). Null if it can't be read: then a warning says so, and nothing is to change.
+std::shared_ptr<const Rig> reload_rig(GstElement* element, const gchar* path);
+
 }  // namespace lf

@@ -53,41 +53,33 @@ static void lf_fragment_pad_init(LfFragmentPad* pad) {
 // Which camera this pad has; posts an error and returns false if there is none such or another pad has it.
 bool lf_fragment_assign_camera(LfFragment* self, LfFragmentPad* pad) {
   auto& input = *pad->input;
-  if (input.index != lf::MeshFace::kNone) return true;
-  const lf::Rig* rig = self->node->rig().get();
+  if (input.id) return true;
+  const std::shared_ptr<const lf::Rig> rig = self->node->inputs().array()->rig;
   if (!rig) return false;  // the state change has failed with an error already
   const guint number = static_cast<guint>(g_ascii_strtoull(GST_PAD_NAME(pad) + strlen("sink_"), nullptr, 10));
-  std::optional<lf::CameraIndex> index;
-  guint id = number;
-  if (pad->camera >= 0) {
-    id = static_cast<guint>(pad->camera);
-    index = rig->index_of_id(id);
-  } else if (input.from_stream < rig->cameras.size()) {
-    index = input.from_stream;
-  } else {
-    index = rig->index_of_id(id);
-  }
-  if (!index) {
-    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS,
-                      ("Pad %s: the rig %s has no camera %u.", GST_PAD_NAME(pad), self->rig_path, id),
+  const guint id = pad->camera >= 0 ? static_cast<guint>(pad->camera) : input.from_stream.value_or(number);
+  if (!rig->index_of_id(id)) {
+    g_autofree gchar* path = lf_fragment_rig_path(self);
+    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("Pad %s: the rig %s has no camera %u.", GST_PAD_NAME(pad), path, id),
                       ("%zu cameras in the rig", rig->cameras.size()));
     return false;
   }
-  if (!self->node->set_camera(input.frames, *index)) {
-    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS,
-                      ("Pad %s: camera %u has a pad already.", GST_PAD_NAME(pad), rig->cameras[*index].id), (nullptr));
+  if (!self->node->inputs().set_camera(input.frames, id)) {
+    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("Pad %s: camera %u has a pad already.", GST_PAD_NAME(pad), id),
+                      (nullptr));
     return false;
   }
-  input.index = *index;
+  input.id = id;
   return true;
 }
 
 static bool lf_fragment_check_size(LfFragment* self, LfFragmentPad* pad, int width, int height) {
-  const lf::Camera& camera = self->node->rig()->cameras[pad->input->index];
-  if (width == camera.width && height == camera.height) return true;
+  const auto camera = self->node->inputs().camera(*pad->input->id);
+  if (!camera || (width == camera->width && height == camera->height)) return true;
+  g_autofree gchar* path = lf_fragment_rig_path(self);
   GST_ELEMENT_ERROR(self, STREAM, FORMAT,
                     ("Pad %s: the video of camera %u has %dx%d pixels, the rig %s says %dx%d.", GST_PAD_NAME(pad),
-                     camera.id, width, height, self->rig_path, camera.width, camera.height),
+                     camera->id, width, height, path, camera->width, camera->height),
                     (nullptr));
   return false;
 }
@@ -103,7 +95,7 @@ static bool lf_fragment_set_camera_format(LfFragment* self, LfFragmentPad* pad, 
 // In the node's family, or in its own as long as that is not chosen.
 static lf::CameraFrame lf_fragment_convert(LfFragment* self, LfFragmentPad* pad, GstBuffer* buffer) {
   auto& input = *pad->input;
-  const lf::PixelFamily chosen = self->node->family();
+  const lf::PixelFamily chosen = self->node->inputs().family();
   const bool open = chosen == lf::PixelFamily::kNone;
   const lf::PixelFamily family = open ? lf::family_of(*input.format) : chosen;
   if (!input.converter || input.converter->family() != family)
@@ -119,8 +111,10 @@ static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, Gst
     case GST_EVENT_CUSTOM_DOWNSTREAM_STICKY: {
       const GstStructure* structure = gst_event_get_structure(event);
       guint camera;
-      if (gst_structure_has_name(structure, LF_CAMERA_EVENT) && gst_structure_get_uint(structure, "camera", &camera))
-        pad->input->from_stream = camera;
+      const std::shared_ptr<const lf::Rig> rig = self->node->inputs().array()->rig;
+      if (gst_structure_has_name(structure, LF_CAMERA_EVENT) && gst_structure_get_uint(structure, "camera", &camera) &&
+          rig && camera < rig->cameras.size())
+        pad->input->from_stream = rig->cameras[camera].id;
       break;
     }
     case GST_EVENT_CAPS: {
@@ -134,7 +128,8 @@ static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, Gst
         if (!ok) break;
         pad->input->new_format = info;
       }
-      self->node->set_family(pad->input->frames, pad->input->new_jpeg ? lf::PixelFamily::kI420 : lf::family_of(info));
+      self->node->inputs().set_family(pad->input->frames,
+                                      pad->input->new_jpeg ? lf::PixelFamily::kI420 : lf::family_of(info));
       break;
     }
     case GST_EVENT_SEGMENT:
@@ -142,7 +137,7 @@ static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, Gst
       pad->input->frames->start_stream(pad->input->live);
       break;
     case GST_EVENT_EOS:
-      self->node->give_up(pad->input->frames);
+      self->node->inputs().give_up(pad->input->frames);
       pad->input->frames->end_stream();
       break;
     case GST_EVENT_FLUSH_START: pad->input->frames->set_flushing(true); break;
@@ -163,7 +158,7 @@ static gboolean lf_fragment_camera_query(GstPad* pad, GstObject* parent, GstQuer
 
 // When a frame was taken, clock time where it is live, else running time: the stamp that lfcamsrc left, else PTS and
 // the rig's time offset.
-static uint64_t lf_fragment_capture_time(LfFragment* self, GstPad* pad, GstBuffer* buffer, const lf::Camera& camera,
+static uint64_t lf_fragment_capture_time(LfFragment* self, GstPad* pad, GstBuffer* buffer, double time_offset,
                                          bool live) {
   static GstStaticCaps reference_caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
   GstCaps* reference = gst_static_caps_get(&reference_caps);
@@ -180,33 +175,36 @@ static uint64_t lf_fragment_capture_time(LfFragment* self, GstPad* pad, GstBuffe
     gst_event_unref(event);
   }
   if (live) taken += gst_element_get_base_time(GST_ELEMENT(self));
-  const gint64 offset = static_cast<gint64>(camera.time_offset * GST_SECOND);
+  const gint64 offset = static_cast<gint64>(time_offset * GST_SECOND);
   return offset < 0 && static_cast<uint64_t>(-offset) > taken ? 0 : taken + static_cast<uint64_t>(offset);
 }
 
 // Keeps a compressed frame; a damaged one is dropped and counted.
 static GstFlowReturn lf_fragment_take_jpeg(LfFragment* self, LfFragmentPad* pad, GstBuffer* buffer, uint64_t time) {
   auto& input = *pad->input;
-  const lf::Camera& camera = self->node->rig()->cameras[input.index];
   const auto bytes = std::make_shared<const lf::MappedBuffer>(buffer);
   gst_buffer_unref(buffer);
   std::string reason;
   lf::CameraFrame frame;
   frame.time = time;
   frame.jpeg = lf::JpegFrame::open(bytes, bytes->bytes(), &reason);
-  if (frame.jpeg && (frame.jpeg->width() != camera.width || frame.jpeg->height() != camera.height)) {
-    // The camera's own size is wrong from the first frame on.
-    if (input.frames->held() == 0 && !lf_fragment_check_size(self, pad, frame.jpeg->width(), frame.jpeg->height()))
-      return GST_FLOW_ERROR;
-    reason = "it is of another size than those before";
-    frame.jpeg.reset();
+  if (frame.jpeg) {
+    const std::pair size(frame.jpeg->width(), frame.jpeg->height());
+    const auto camera = self->node->inputs().camera(*input.id);
+    if (camera && size == std::pair(camera->width, camera->height)) input.jpeg_size = size;
+    if (size != input.jpeg_size && input.jpeg_size) {
+      reason = "it is of another size than those before";
+      frame.jpeg.reset();
+    } else if (!input.jpeg_size && !lf_fragment_check_size(self, pad, size.first, size.second)) {
+      return GST_FLOW_ERROR;  // the camera's own size is wrong from the first frame on
+    }
   }
   if (frame.jpeg) return input.frames->push(std::move(frame));
   self->node->stats().damaged_frames++;
   if (!input.warned_damaged)
     GST_ELEMENT_WARNING(
         self, STREAM, DECODE,
-        ("Pad %s: dropped a damaged frame of camera %u: %s.", GST_PAD_NAME(pad), camera.id, reason.c_str()),
+        ("Pad %s: dropped a damaged frame of camera %u: %s.", GST_PAD_NAME(pad), *input.id, reason.c_str()),
         ("further ones are counted in stats"));
   input.warned_damaged = true;
   return input.frames->push_damaged(time);
@@ -232,8 +230,8 @@ static GstFlowReturn lf_fragment_camera_chain(GstPad* gst_pad, GstObject* parent
     gst_buffer_unref(buffer);
     return GST_FLOW_NOT_NEGOTIATED;
   }
-  const lf::Camera& camera = self->node->rig()->cameras[input.index];
-  const uint64_t time = lf_fragment_capture_time(self, gst_pad, buffer, camera, input.live);
+  const auto camera = self->node->inputs().camera(*input.id);
+  const uint64_t time = lf_fragment_capture_time(self, gst_pad, buffer, camera ? camera->time_offset : 0, input.live);
   if (input.jpeg) return lf_fragment_take_jpeg(self, pad, buffer, time);
   lf::CameraFrame frame = lf_fragment_convert(self, pad, buffer);
   if (!frame.buffer) {
@@ -257,11 +255,13 @@ GstPad* lf_fragment_camera_pad_new(GstPadTemplate* templ, const gchar* name, lf:
 
 void lf_fragment_camera_pad_reset(LfFragment* self, LfFragmentPad* pad) {
   auto& input = *pad->input;
-  self->node->remove_input(input.frames);
+  self->node->inputs().remove(input.frames);
   input.frames->clear();
   input.converter.reset();
   input.format.reset();
   input.new_format.reset();
+  input.jpeg_size.reset();
   input.new_jpeg = input.jpeg = input.warned_damaged = false;
-  input.index = input.from_stream = lf::MeshFace::kNone;
+  input.id.reset();
+  input.from_stream.reset();
 }

@@ -9,23 +9,43 @@
 GST_DEBUG_CATEGORY_EXTERN(lf_fragment_debug);
 #define GST_CAT_DEFAULT lf_fragment_debug
 
-Lane* lf_fragment_lane_of(GstPad* pad) { return static_cast<Lane*>(gst_pad_get_element_private(pad)); }
+static Lane* lf_fragment_lane_of(GstPad* pad) { return static_cast<Lane*>(gst_pad_get_element_private(pad)); }
+
+// The other pad of the same lane; null while both are being released.
+static PadPtr lf_fragment_pair_of(GstPad* pad) {
+  Lane* lane = lf_fragment_lane_of(pad);
+  return GST_PAD_IS_SRC(pad) ? lane->request.get() : lane->src.get();
+}
+
+static gboolean lf_fragment_pair_event(GstPad* pad, GstEvent* event) {
+  const PadPtr pair = lf_fragment_pair_of(pad);
+  if (pair) return gst_pad_push_event(pair.get(), event);
+  gst_event_unref(event);
+  return FALSE;
+}
+
+static gboolean lf_fragment_pair_query(GstPad* pad, GstQuery* query) {
+  const PadPtr pair = lf_fragment_pair_of(pad);
+  return pair && gst_pad_peer_query(pair.get(), query);
+}
 
 // Whether answers stay in this process up to the compositor. Asked once and when downstream has changed.
-static bool lf_fragment_compositor_is_near(Lane* lane) {
+static bool lf_fragment_compositor_is_near(Lane* lane, GstPad* src) {
   if (!lane->downstream_is_new.exchange(false)) return lane->in_process;
-  lane->in_process = lf::compositor_is_near(lane->src);
-  GST_INFO_OBJECT(lane->src, "the compositor is %s", lane->in_process ? "in this process" : "behind a link");
+  lane->in_process = lf::compositor_is_near(src);
+  GST_INFO_OBJECT(src, "the compositor is %s", lane->in_process ? "in this process" : "behind a link");
   return lane->in_process;
 }
 
 static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
   LfFragment* self = LF_FRAGMENT(parent);
   Lane* lane = lf_fragment_lane_of(pad);
+  const PadPtr src = lf_fragment_pair_of(pad);
   std::string reason;
   const std::optional<lf::wire::AnyRequest> request = lf::decode_any_request_buffer(buffer, &reason);
   const GstClockTime pts = GST_BUFFER_PTS(buffer), duration = GST_BUFFER_DURATION(buffer);
   gst_buffer_unref(buffer);
+  if (!src) return GST_FLOW_FLUSHING;
   if (!request) {
     self->node->stats().bad_requests++;
     GST_WARNING_OBJECT(pad, "dropped a view request: %s", reason.c_str());
@@ -43,7 +63,7 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
   const guint threads = self->threads > 0 ? self->threads : g_get_num_processors();
   GST_OBJECT_UNLOCK(self);
   if (lf::wire::access_of(*request) != access) return GST_FLOW_OK;  // for cameras of another kind
-  manner.in_process = lf_fragment_compositor_is_near(lane);
+  manner.in_process = lf_fragment_compositor_is_near(lane, src.get());
   manner.live = lane->live;
   manner.parallel = [self, threads](size_t count, const std::function<void(size_t)>& task) {
     (*self->workers)->run(threads, count, task);
@@ -73,17 +93,26 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
   self->node->stats().bytes += gst_buffer_get_size(out);
   GST_LOG_OBJECT(pad, "view %u, request %u: %zu fragments, %" G_GSIZE_FORMAT " bytes", head.view_id, head.sequence,
                  reply.fragments, gst_buffer_get_size(out));
-  return gst_pad_push(lane->src, out);
+  return gst_pad_push(src.get(), out);
+}
+
+// The cameras end with the last requester.
+static void lf_fragment_finish_if_all_ended(LfFragment* self) {
+  GST_OBJECT_LOCK(self);
+  bool any = false, all = self->mode == lf::CameraFrames::Mode::kRunning;
+  for (Lane* lane : *self->lanes) {
+    any = any || lane->ended;
+    all = all && (lane->ended || !gst_pad_is_linked(lane->request.get().get()));
+  }
+  GST_OBJECT_UNLOCK(self);
+  if (any && all) lf_fragment_set_mode(self, lf::CameraFrames::Mode::kFinished);
 }
 
 static void lf_fragment_lane_ended(LfFragment* self, Lane* lane) {
   GST_OBJECT_LOCK(self);
   lane->ended = true;
-  const bool all = std::all_of(self->lanes->begin(), self->lanes->end(),
-                               [](const Lane* l) { return l->ended || !gst_pad_is_linked(l->request); });
   GST_OBJECT_UNLOCK(self);
-  if (!all) return;
-  lf_fragment_set_mode(self, lf::CameraFrames::Mode::kFinished);
+  lf_fragment_finish_if_all_ended(self);
 }
 
 static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEvent* event) {
@@ -103,21 +132,28 @@ static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEve
       lane->downstream_is_new = true;
       break;
     case GST_EVENT_EOS: lf_fragment_lane_ended(self, lane); break;
+    // First downstream, so that nobody gets an answer for which nothing was waited.
+    case GST_EVENT_FLUSH_START: {
+      const gboolean ok = lf_fragment_pair_event(pad, event);
+      self->node->cancel(lane->requester, true);
+      return ok;
+    }
+    case GST_EVENT_FLUSH_STOP: self->node->cancel(lane->requester, false); break;
     default: break;
   }
-  return gst_pad_push_event(lane->src, event);
+  return lf_fragment_pair_event(pad, event);
 }
 
 // Everything from downstream (QoS, navigation, latency) concerns the requester, never the cameras: what they take
 // belongs to the capture, not to the request path.
 static gboolean lf_fragment_src_event(GstPad* pad, GstObject*, GstEvent* event) {
   if (GST_EVENT_TYPE(event) == GST_EVENT_RECONFIGURE) lf_fragment_lane_of(pad)->downstream_is_new = true;
-  return gst_pad_push_event(lf_fragment_lane_of(pad)->request, event);
+  return lf_fragment_pair_event(pad, event);
 }
 
 static gboolean lf_fragment_src_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   if (GST_QUERY_TYPE(query) == GST_QUERY_CAPS) return gst_pad_query_default(pad, parent, query);
-  return gst_pad_peer_query(lf_fragment_lane_of(pad)->request, query);
+  return lf_fragment_pair_query(pad, query);
 }
 
 static gboolean lf_fragment_request_query(GstPad* pad, GstObject* parent, GstQuery* query) {
@@ -125,38 +161,58 @@ static gboolean lf_fragment_request_query(GstPad* pad, GstObject* parent, GstQue
     case GST_QUERY_CAPS:
     case GST_QUERY_ACCEPT_CAPS: return gst_pad_query_default(pad, parent, query);
     case GST_QUERY_ALLOCATION: return FALSE;
-    default: return gst_pad_peer_query(lf_fragment_lane_of(pad)->src, query);
+    default: return lf_fragment_pair_query(pad, query);
   }
 }
 
 static GstIterator* lf_fragment_internal_links(GstPad* pad, GstObject*) {
-  GstPad* other = GST_PAD_IS_SRC(pad) ? lf_fragment_lane_of(pad)->request : lf_fragment_lane_of(pad)->src;
+  const PadPtr pair = lf_fragment_pair_of(pad);
+  if (!pair) return nullptr;
   GValue value = G_VALUE_INIT;
   g_value_init(&value, GST_TYPE_PAD);
-  g_value_set_object(&value, other);
+  g_value_set_object(&value, pair.get());
   GstIterator* iterator = gst_iterator_new_single(GST_TYPE_PAD, &value);
   g_value_unset(&value);
   return iterator;
 }
 
-Lane* lf_fragment_lane_new(LfFragment* self, GstPadTemplate* request, const gchar* request_name, GstPadTemplate* src,
-                           const gchar* src_name) {
-  Lane* lane = new Lane;
-  lane->request = gst_pad_new_from_template(request, request_name);
-  lane->src = gst_pad_new_from_template(src, src_name);
-  gst_pad_set_chain_function(lane->request, lf_fragment_request_chain);
-  gst_pad_set_event_function(lane->request, lf_fragment_request_event);
-  gst_pad_set_query_function(lane->request, lf_fragment_request_query);
-  gst_pad_set_event_function(lane->src, lf_fragment_src_event);
-  gst_pad_set_query_function(lane->src, lf_fragment_src_query);
-  for (GstPad* pad : {lane->request, lane->src}) {
+GstPad* lf_fragment_lane_new(LfFragment* self, GstPadTemplate* request_template, const gchar* request_name,
+                             GstPadTemplate* src_template, const gchar* src_name) {
+  static const GQuark quark = g_quark_from_static_string("lf-fragment-lane");
+  GstPad* request = gst_pad_new_from_template(request_template, request_name);
+  GstPad* src = gst_pad_new_from_template(src_template, src_name);
+  const auto lane = std::make_shared<Lane>(request, src);
+  gst_pad_set_chain_function(request, lf_fragment_request_chain);
+  gst_pad_set_event_function(request, lf_fragment_request_event);
+  gst_pad_set_query_function(request, lf_fragment_request_query);
+  gst_pad_set_event_function(src, lf_fragment_src_event);
+  gst_pad_set_query_function(src, lf_fragment_src_query);
+  for (GstPad* pad : {src, request}) {
     gst_pad_set_iterate_internal_links_function(pad, lf_fragment_internal_links);
-    gst_pad_set_element_private(pad, lane);
+    gst_pad_set_element_private(pad, lane.get());
+    g_object_set_qdata_full(G_OBJECT(pad), quark, new std::shared_ptr<Lane>(lane),
+                            [](gpointer data) { delete static_cast<std::shared_ptr<Lane>*>(data); });
   }
   GST_OBJECT_LOCK(self);
-  self->lanes->insert(lane);
+  self->lanes->insert(lane.get());
   GST_OBJECT_UNLOCK(self);
-  gst_element_add_pad(GST_ELEMENT(self), lane->src);
-  gst_element_add_pad(GST_ELEMENT(self), lane->request);
-  return lane;
+  for (GstPad* pad : {src, request}) {
+    if (lf::is_running(GST_ELEMENT(self))) gst_pad_set_active(pad, TRUE);
+    gst_element_add_pad(GST_ELEMENT(self), pad);
+  }
+  return request;
+}
+
+void lf_fragment_lane_release(LfFragment* self, GstPad* request) {
+  Lane* lane = lf_fragment_lane_of(request);
+  const PadPtr src = lf_fragment_pair_of(request);
+  GST_OBJECT_LOCK(self);
+  self->lanes->erase(lane);
+  GST_OBJECT_UNLOCK(self);
+  gst_pad_set_active(src.get(), FALSE);  // an answer made without waiting goes nowhere
+  self->node->cancel(lane->requester, true);
+  gst_pad_set_active(request, FALSE);
+  gst_element_remove_pad(GST_ELEMENT(self), src.get());
+  gst_element_remove_pad(GST_ELEMENT(self), request);
+  lf_fragment_finish_if_all_ended(self);
 }

@@ -29,87 +29,30 @@ std::string milliseconds(uint64_t ns) { return std::to_string(ns / 1'000'000) + 
 
 }  // namespace
 
-std::string FragmentNode::skew_warning(const std::optional<SkewWatch::Report>& report) const {
+std::string FragmentNode::skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report) const {
   if (!report) return "";
-  std::string ids;
-  constexpr size_t kNamed = 8;
-  for (size_t i = 0; i < std::min(report->cameras.size(), kNamed); i++)
-    ids += (i ? ", " : "") + std::to_string(rig_->cameras[report->cameras[i]].id);
-  if (report->cameras.size() > kNamed) ids += " and " + std::to_string(report->cameras.size() - kNamed) + " more";
+  std::vector<uint32_t> ids;
+  for (const CameraIndex camera : report->cameras) ids.push_back(rig.cameras[camera].id);
   return "node " + std::to_string(node_id_) + " is off the capture time asked for by " + milliseconds(report->skew) +
-         ", more than a frame (" + milliseconds(report->period) + "): the frames of camera " + ids + " are too " +
+         ", more than a frame (" + milliseconds(report->period) + "): the frames of camera " + list_of_ids(ids) +
+         " are too " +
          (report->is_late ? "old: is the camera running, capture-delay long enough for frames to arrive, and the clock "
                             "that of all machines?"
                           : "new: is the clock that of all machines?");
 }
 
-void FragmentNode::set_rig(std::shared_ptr<const Rig> rig) {
-  rig_ = std::move(rig);
-  rig_hash_ = rig_ ? rig_->hash() : 0;
+void FragmentNode::cancel(Requester& requester, bool cancelled) {
+  requester.cancelled = cancelled;
+  inputs_.wake();
 }
 
-void FragmentNode::add_input(std::shared_ptr<CameraFrames> frames) {
-  std::lock_guard lock(mutex_);
-  inputs_.try_emplace(std::move(frames));
-}
-
-bool FragmentNode::set_camera(const std::shared_ptr<CameraFrames>& frames, CameraIndex camera) {
-  std::lock_guard lock(mutex_);
-  if (cameras_.try_emplace(camera, frames).first->second != frames) return false;
-  inputs_[frames].camera = camera;
-  inputs_changed_.notify_all();
-  return true;
-}
-
-void FragmentNode::set_family(const std::shared_ptr<CameraFrames>& frames, PixelFamily family) {
-  std::lock_guard lock(mutex_);
-  inputs_[frames].family = family;
-  inputs_changed_.notify_all();
-}
-
-void FragmentNode::give_up(const std::shared_ptr<CameraFrames>& frames) {
-  std::lock_guard lock(mutex_);
-  inputs_[frames].given_up = true;
-  inputs_changed_.notify_all();
-}
-
-void FragmentNode::remove_input(const std::shared_ptr<CameraFrames>& frames) {
-  std::lock_guard lock(mutex_);
-  inputs_.erase(frames);
-  std::erase_if(cameras_, [&frames](const auto& entry) { return entry.second == frames; });
-  inputs_changed_.notify_all();
-}
-
-void FragmentNode::set_running(bool running) {
-  std::lock_guard lock(mutex_);
-  running_ = running;
-  inputs_changed_.notify_all();
-}
-
-PixelFamily FragmentNode::choose_family() {
-  std::lock_guard lock(mutex_);
-  if (family_ != PixelFamily::kNone) return family_;
-  PixelFamily chosen = PixelFamily::kNone;
-  for (const auto& [frames, input] : inputs_)
-    if (input.family != PixelFamily::kNone && chosen != PixelFamily::kRgb) chosen = input.family;
-  return family_ = chosen;
-}
-
-FragmentNode::Cameras FragmentNode::cameras(bool wait_for_all) {
-  std::unique_lock lock(mutex_);
-  if (wait_for_all)
-    inputs_changed_.wait(lock, [this] {
-      return !running_ || std::ranges::all_of(inputs_, [](const auto& entry) { return entry.second.is_known(); });
-    });
-  return cameras_;
-}
-
-FragmentNode::MakeTask FragmentNode::task_maker(const wire::AnyRequest& request, Requester& requester) const {
-  return [this, &request, &requester](std::span<const CameraIndex> own) {
+FragmentNode::MakeTask FragmentNode::task_maker(const wire::AnyRequest& request, const Array& array,
+                                                Requester& requester) const {
+  return [&](std::span<const CameraIndex> own) {
     if (const auto* view = std::get_if<ViewRequest>(&request))
-      return make_task(*rig_, requester.mesh.get(*rig_, view->out_of_service), *view, own);
-    if (const auto* warp = std::get_if<wire::WarpCommand>(&request)) return make_task(*rig_, *warp, own);
-    return make_task(*rig_, std::get<wire::PixelCommand>(request), own);
+      return make_task(*array.rig, requester.mesh.get(*array.rig, view->out_of_service), *view, own);
+    if (const auto* warp = std::get_if<wire::WarpCommand>(&request)) return make_task(*array.rig, *warp, own);
+    return make_task(*array.rig, std::get<wire::PixelCommand>(request), own);
   };
 }
 
@@ -122,15 +65,27 @@ FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester&
   header.sequence = request.sequence;
   std::tie(header.view_width, header.view_height) = wire::view_size(any);
   header.target_time = request.target_time;
-  header.rig_hash = rig_hash_;
   header.node = node_id_;
+  const uint64_t arrived = now_ns();
+  const auto array = manner.live ? inputs_.array() : inputs_.wait_for_all(requester.cancelled);
+  const uint64_t waited = now_ns() - arrived;
+  header.rig_hash = array->rig_hash;
+  if (requester.rig != array->rig) {
+    requester.rig = array->rig;
+    requester.mesh.clear();
+    requester.watch = {};
+    requester.warned_of = 0;
+  }
   std::string warning;
   if (request.rig_hash != 0 && request.rig_hash != header.rig_hash) {
     stats_.rig_mismatches++;
-    warning = "a request was made for another rig than the one of this node: not answered with a picture";
+    if (requester.warned_of != request.rig_hash)
+      warning = "a request was made for another rig than the one of this node: not answered with a picture";
+    requester.warned_of = request.rig_hash;
   } else {
     try {
-      return render(request, task_maker(any, requester), requester, manner, header, std::move(memory));
+      return render(request, task_maker(any, *array, requester), *array, requester, manner, header, std::move(memory),
+                    waited);
     } catch (const Error& error) {
       warning = error.what();
       stats_.bad_requests++;
@@ -139,25 +94,26 @@ FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester&
   return {.bytes = wire::AnswerWriter(header, 0).finish(), .warning = std::move(warning)};
 }
 
-FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeTask& make_task, Requester& requester,
-                                         const Manner& manner, wire::AnswerHeader header, ByteBuffer memory) {
-  const uint64_t arrived = now_ns();
-  const Cameras inputs = cameras(!manner.live);
+FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeTask& make_task, const Array& array,
+                                         Requester& requester, const Manner& manner, wire::AnswerHeader header,
+                                         ByteBuffer memory, uint64_t waited) {
   const uint64_t begun = now_ns();
   std::vector<CameraIndex> own;
-  for (const auto& [camera, frames] : inputs) {
+  for (const auto& [camera, frames] : array.cameras) {
     own.push_back(camera);
     frames->advance(wanted_of(request, *frames, manner.base_time));
   }
   const std::unique_ptr<const AnswerTask> task = make_task(own);
   const uint64_t planned = now_ns();
-  FrameSources sources(*rig_, [&task](CameraIndex camera) { return task->region(camera); });
+  FrameSources sources(*array.rig, [&task](CameraIndex camera) { return task->region(camera); });
   std::vector<SkewWatch::Frame> skews;
-  // Nothing if the camera has none, or none of about the time asked for.
+  // Nothing if the camera has none, or none of about the time asked for, or of another size than the rig has it since
+  // that was replaced.
   const auto find = [&](CameraIndex camera) {
-    CameraFrames& frames = *inputs.at(camera);
+    CameraFrames& frames = *array.cameras.at(camera);
     const uint64_t wanted = wanted_of(request, frames, manner.base_time);
-    std::optional<CameraFrame> frame = frames.find(wanted, !manner.live);
+    std::optional<CameraFrame> frame = frames.find(wanted, !manner.live, &requester.cancelled);
+    if (frame && !frame->fits(array.rig->cameras[camera])) frame.reset();
     if (!frame || wanted == kNoTime || !frames.is_live()) return frame;
     skews.push_back({camera, frame->time, wanted, frames.period()});
     if (manner.max_skew > 0 && time_between(frame->time, wanted) > manner.max_skew) {
@@ -170,18 +126,19 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
   // The others are looked at, too: what is out of service or out of sight must be known to be well before it is used.
   CameraSet blind;
   for (const CameraIndex camera : own)
-    if ((manner.live || inputs.at(camera)->is_live()) && !std::ranges::binary_search(task->cameras(), camera) &&
+    if ((manner.live || array.cameras.at(camera)->is_live()) && !std::ranges::binary_search(task->cameras(), camera) &&
         !find(camera))
       blind.push_back(camera);
   const uint64_t found = now_ns();
   // Of whatever has a frame the family is known.
-  const PixelFamily family = choose_family();
+  const PixelFamily family = inputs_.choose_family();
   sources.decode(
       family,
       [&](CameraIndex camera, const CameraFrame& damaged) {
         bool first = false;
-        auto before = inputs.at(camera)->replace_damaged(damaged.jpeg, &first);
+        auto before = array.cameras.at(camera)->replace_damaged(damaged.jpeg, &first);
         if (first) stats_.damaged_frames++;
+        if (before && !before->fits(array.rig->cameras[camera])) before.reset();
         return before;
       },
       manner.parallel);
@@ -194,7 +151,7 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
       blind.push_back(sources.sources()[i].camera);
       continue;
     }
-    const CameraFrames& frames = *inputs.at(sources.sources()[i].camera);
+    const CameraFrames& frames = *array.cameras.at(sources.sources()[i].camera);
     const uint64_t wanted = wanted_of(request, frames, manner.base_time);
     const uint64_t skew = wanted == kNoTime ? 0 : time_between(sources.time(i), wanted);
     if (header.actual_time == kNoTime || skew > worst_skew) {
@@ -212,7 +169,7 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
 
   RenderedAnswer rendered = task->render(header, nothing ? std::span<const Source>() : sources.sources(), manner,
                                          std::move(memory), manner.parallel);
-  const NodeStats::Stages stages = {.wait = begun - arrived + (found - planned),
+  const NodeStats::Stages stages = {.wait = waited + (found - planned),
                                     .decode = decoded - found,
                                     .render = planned - begun + rendered.render_ns,
                                     .encode = rendered.encode_ns};
@@ -221,7 +178,7 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
   return {.bytes = std::move(rendered.bytes),
           .fragments = rendered.fragments,
           .stages = stages,
-          .warning = skew_warning(requester.watch.see(skews))};
+          .warning = skew_warning(*array.rig, requester.watch.see(skews))};
 }
 
 }  // namespace lf

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <atomic>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -10,7 +9,7 @@
 
 #include "base/byte_buffer.h"
 #include "base/parallel.h"
-#include "camera_frames.h"
+#include "camera_inputs.h"
 #include "frame_sources.h"
 #include "node/answer_task.h"
 #include "node/skew_watch.h"
@@ -21,38 +20,24 @@
 
 namespace lf {
 
-// The inside of lffragment without its pads: the cameras of a node and the answering of requests. Configured while the
-// element is stopped; cameras may come and go at any time; answer() may run in several threads, one per requester.
+// The inside of lffragment without its pads: the cameras of a node and the answering of requests. answer() may run in
+// several threads, one per requester.
 class FragmentNode {
  public:
   NodeStats& stats() { return stats_; }
-
-  void set_rig(std::shared_ptr<const Rig> rig);
-  const std::shared_ptr<const Rig>& rig() const { return rig_; }
-  void set_node_id(uint32_t id) { node_id_ = id; }
-
-  // Until it is known of an input which camera it is and what its pixels are, requests of files wait.
-  void add_input(std::shared_ptr<CameraFrames> frames);
-  // False if another input has this camera already.
-  bool set_camera(const std::shared_ptr<CameraFrames>& frames, CameraIndex camera);
-  void set_family(const std::shared_ptr<CameraFrames>& frames, PixelFamily family);
-  // Its stream ended: what is not known will never be.
-  void give_up(const std::shared_ptr<CameraFrames>& frames);
-  void remove_input(const std::shared_ptr<CameraFrames>& frames);
-  // While false, answer() waits for nothing.
-  void set_running(bool running);
-
-  // Of all answers; chosen for the first one, kNone before: RGB if an input has it then, else I420. Requests of files
-  // wait until all inputs are known, so that it is not a matter of who comes first. Frames of the other family are
-  // converted.
-  PixelFamily family() const { return family_; }
-  void forget_family() { family_ = PixelFamily::kNone; }
+  CameraInputs& inputs() { return inputs_; }
+  void set_node_id(uint32_t id) { node_id_ = id; }  // while stopped
 
   // What is kept of one requester.
   struct Requester {
+    std::shared_ptr<const Rig> rig;  // that the rest is about
     MeshCache mesh;
     SkewWatch watch;
+    uint64_t warned_of = 0;               // hash of another rig that a person has been told of
+    std::atomic<bool> cancelled = false;  // nothing is waited for; see cancel()
   };
+  // From any thread: an answer being made for this requester waits for nothing any more.
+  void cancel(Requester& requester, bool cancelled);
   // How requests are to be answered.
   struct Manner : AnswerTask::Manner {
     bool live = false;       // the request is: nothing is waited for
@@ -71,33 +56,17 @@ class FragmentNode {
   Reply answer(const wire::AnyRequest& request, Requester& requester, const Manner& manner, ByteBuffer memory);
 
  private:
-  struct Input {
-    std::optional<CameraIndex> camera;
-    PixelFamily family = PixelFamily::kNone;
-    bool given_up = false;
-    bool is_known() const { return given_up || (camera && family != PixelFamily::kNone); }
-  };
-  using Cameras = std::map<CameraIndex, std::shared_ptr<CameraFrames>>;
-  PixelFamily choose_family();
-  Cameras cameras(bool wait_for_all);
+  using Array = CameraInputs::Array;
   // What the request comes to, given the node's cameras.
   using MakeTask = std::function<std::unique_ptr<AnswerTask>(std::span<const CameraIndex> own)>;
-  MakeTask task_maker(const wire::AnyRequest& request, Requester& requester) const;
-  Reply render(const RequestHead& request, const MakeTask& make_task, Requester& requester, const Manner& manner,
-               wire::AnswerHeader header, ByteBuffer memory);
-
-  std::string skew_warning(const std::optional<SkewWatch::Report>& report) const;
+  MakeTask task_maker(const wire::AnyRequest& request, const Array& array, Requester& requester) const;
+  Reply render(const RequestHead& request, const MakeTask& make_task, const Array& array, Requester& requester,
+               const Manner& manner, wire::AnswerHeader header, ByteBuffer memory, uint64_t waited);
+  std::string skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report) const;
 
   NodeStats stats_;
-  std::shared_ptr<const Rig> rig_;
-  uint64_t rig_hash_ = 0;
+  CameraInputs inputs_;
   uint32_t node_id_ = 0;
-  std::atomic<PixelFamily> family_ = PixelFamily::kNone;
-  std::mutex mutex_;  // of what follows
-  std::condition_variable inputs_changed_;
-  bool running_ = false;
-  std::map<std::shared_ptr<CameraFrames>, Input> inputs_;
-  Cameras cameras_;  // of inputs_
 };
 
 }  // namespace lf

@@ -77,10 +77,10 @@ void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode) {
     if (!LF_IS_FRAGMENT_PAD(item->data)) continue;
     auto& input = *LF_FRAGMENT_PAD(item->data)->input;
     input.frames->set_mode(mode);
-    if (mode == lf::CameraFrames::Mode::kRunning) self->node->add_input(input.frames);
+    if (mode == lf::CameraFrames::Mode::kRunning) self->node->inputs().add(input.frames);
   }
   GST_OBJECT_UNLOCK(self);
-  self->node->set_running(mode == lf::CameraFrames::Mode::kRunning);
+  self->node->inputs().set_running(mode == lf::CameraFrames::Mode::kRunning);
 }
 
 // The camera pads' properties, for gst-launch's `sink_0::camera=5`.
@@ -127,14 +127,36 @@ enum {
   PROP_STATS
 };
 
+gchar* lf_fragment_rig_path(LfFragment* self) {
+  GST_OBJECT_LOCK(self);
+  gchar* path = g_strdup(self->rig_path);
+  GST_OBJECT_UNLOCK(self);
+  return path;
+}
+
+// While the element runs the file is read at once, and serves from the next request on.
+static void lf_fragment_set_rig(LfFragment* self, const GValue* value) {
+  if (lf::is_running(GST_ELEMENT(self))) {
+    const std::shared_ptr<const lf::Rig> rig = lf::reload_rig(GST_ELEMENT(self), g_value_get_string(value));
+    if (!rig) return;
+    const std::string problem = self->node->inputs().set_rig(rig);
+    if (!problem.empty())
+      GST_ELEMENT_WARNING(
+          self, RESOURCE, SETTINGS,
+          ("%s: %s, of which this node has the video: it is left out.", g_value_get_string(value), problem.c_str()),
+          (nullptr));
+  }
+  GST_OBJECT_LOCK(self);
+  g_free(self->rig_path);
+  self->rig_path = g_value_dup_string(value);
+  GST_OBJECT_UNLOCK(self);
+}
+
 static void lf_fragment_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfFragment* self = LF_FRAGMENT(object);
+  if (id == PROP_RIG) return lf_fragment_set_rig(self, value);
   GST_OBJECT_LOCK(self);
   switch (id) {
-    case PROP_RIG:
-      g_free(self->rig_path);
-      self->rig_path = g_value_dup_string(value);
-      break;
     case PROP_NODE: self->node_id = g_value_get_uint(value); break;
     case PROP_SUM: self->sum = static_cast<lf::SumChoice>(g_value_get_enum(value)); break;
     case PROP_THREADS: self->threads = g_value_get_uint(value); break;
@@ -184,15 +206,15 @@ static GstPad* lf_fragment_request_new_pad(GstElement* element, GstPadTemplate* 
     g_autofree gchar* request_name = g_strdup_printf("request_%u", number);
     g_autofree gchar* src_name = g_strdup_printf("src_%u", number);
     return lf_fragment_lane_new(self, templ, request_name, gst_element_class_get_pad_template(klass, "src_%u"),
-                                src_name)
-        ->request;
+                                src_name);
   }
   g_autofree gchar* pad_name = g_strdup_printf("sink_%u", number_of(name, "sink_", &self->next_camera_pad));
   GST_OBJECT_LOCK(self);
   const lf::CameraFrames::Mode mode = self->mode;
   GST_OBJECT_UNLOCK(self);
   GstPad* pad = lf_fragment_camera_pad_new(templ, pad_name, mode);
-  if (mode == lf::CameraFrames::Mode::kRunning) self->node->add_input(LF_FRAGMENT_PAD(pad)->input->frames);
+  if (mode == lf::CameraFrames::Mode::kRunning) self->node->inputs().add(LF_FRAGMENT_PAD(pad)->input->frames);
+  if (lf::is_running(element)) gst_pad_set_active(pad, TRUE);
   gst_element_add_pad(element, pad);
   gst_child_proxy_child_added(GST_CHILD_PROXY(element), G_OBJECT(pad), pad_name);
   return pad;
@@ -201,22 +223,16 @@ static GstPad* lf_fragment_request_new_pad(GstElement* element, GstPadTemplate* 
 static void lf_fragment_release_pad(GstElement* element, GstPad* pad) {
   LfFragment* self = LF_FRAGMENT(element);
   if (LF_IS_FRAGMENT_PAD(pad)) {
+    // Only when its streaming thread is out nothing of it comes back.
     auto& input = *LF_FRAGMENT_PAD(pad)->input;
-    input.frames->set_flushing(true);
-    self->node->remove_input(input.frames);
+    input.frames->set_mode(lf::CameraFrames::Mode::kStopped);
+    gst_pad_set_active(pad, FALSE);
+    self->node->inputs().remove(input.frames);
     gst_child_proxy_child_removed(GST_CHILD_PROXY(element), G_OBJECT(pad), GST_PAD_NAME(pad));
     gst_element_remove_pad(element, pad);
     return;
   }
-  Lane* lane = lf_fragment_lane_of(pad);
-  GST_OBJECT_LOCK(self);
-  self->lanes->erase(lane);
-  GST_OBJECT_UNLOCK(self);
-  gst_pad_set_active(lane->request, FALSE);
-  gst_pad_set_active(lane->src, FALSE);
-  gst_element_remove_pad(element, lane->src);
-  gst_element_remove_pad(element, lane->request);
-  delete lane;
+  lf_fragment_lane_release(self, pad);
 }
 
 // A camera that the application names counts from the start on: its weight is lost in a sum until it has a frame.
@@ -231,18 +247,18 @@ static bool lf_fragment_start(LfFragment* self) {
     return false;
   }
   try {
-    self->node->set_rig(lf::shared_rig(self->rig_path));
+    self->node->inputs().set_rig(lf::shared_rig(self->rig_path));
   } catch (const lf::Error& error) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
     return false;
   }
   self->node->set_node_id(self->node_id);
-  self->node->forget_family();
+  self->node->inputs().forget_family();
   GST_OBJECT_LOCK(self);
   for (Lane* lane : *self->lanes) {
     lane->ended = false;
-    lane->requester.mesh.clear();
-    lane->requester.watch = {};
+    lane->requester.rig.reset();
+    lane->requester.cancelled = false;
   }
   GST_OBJECT_UNLOCK(self);
   lf_fragment_set_mode(self, lf::CameraFrames::Mode::kRunning);
@@ -269,7 +285,6 @@ static GstStateChangeReturn lf_fragment_change_state(GstElement* element, GstSta
 
 static void lf_fragment_finalize(GObject* object) {
   LfFragment* self = LF_FRAGMENT(object);
-  for (Lane* lane : *self->lanes) delete lane;
   delete self->lanes;
   delete self->node;
   delete self->workers;
@@ -289,8 +304,11 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
 
   g_object_class_install_property(
       object_class, PROP_RIG,
-      g_param_spec_string("rig", "Rig", "Rig file (rig.json) of the whole array; required", nullptr,
-                          GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
+      g_param_spec_string("rig", "Rig",
+                          "Rig file (rig.json) of the whole array; required. Set while running, it is read again and "
+                          "serves from the next request on; cameras keep their pads by id",
+                          nullptr,
+                          GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
   g_object_class_install_property(
       object_class, PROP_NODE,
       g_param_spec_uint("node", "Node", "Number of this node, carried in its answers", 0, G_MAXUINT, 0,

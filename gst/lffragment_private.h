@@ -25,18 +25,35 @@ struct _LfFragmentPad {
     bool new_jpeg = false;                   // the caps said so, until the next frame
     std::optional<GstVideoInfo> format;      // of raw frames
     std::unique_ptr<lf::FrameConverter> converter;
-    bool jpeg = false;                            // frames are kept as they come
-    bool warned_damaged = false;                  // a person has been told
-    lf::CameraIndex index = lf::MeshFace::kNone;  // once known
-    lf::CameraIndex from_stream = lf::MeshFace::kNone;
-    bool live = false;  // known from the segment on
+    bool jpeg = false;                             // frames are kept as they come
+    std::optional<std::pair<int, int>> jpeg_size;  // of these
+    bool warned_damaged = false;                   // a person has been told
+    std::optional<guint> id;                       // of the camera, once known
+    std::optional<guint> from_stream;              // the same as the stream says it
+    bool live = false;                             // known from the segment on
   } * input;
 };
 
-// One requester: a request pad and the answer pad it pairs with.
+using PadPtr = std::unique_ptr<GstPad, decltype([](GstPad* pad) { gst_object_unref(pad); })>;
+
+// One pad of a lane for whoever comes through the other one, while both may be released.
+class WeakPad {
+ public:
+  explicit WeakPad(GstPad* pad) { g_weak_ref_init(&ref_, pad); }
+  ~WeakPad() { g_weak_ref_clear(&ref_); }
+  WeakPad(const WeakPad&) = delete;
+  WeakPad& operator=(const WeakPad&) = delete;
+  // Null once it is gone.
+  PadPtr get() { return PadPtr(static_cast<GstPad*>(g_weak_ref_get(&ref_))); }
+
+ private:
+  GWeakRef ref_;
+};
+
+// One requester: a request pad and the answer pad it pairs with. Belongs to both of them.
 struct Lane {
-  GstPad* request = nullptr;
-  GstPad* src = nullptr;
+  Lane(GstPad* request_pad, GstPad* src_pad) : request(request_pad), src(src_pad) {}
+  WeakPad request, src;
   lf::FragmentNode::Requester requester;
   std::shared_ptr<lf::AnswerMemory> memory = std::make_shared<lf::AnswerMemory>();
   bool live = false;                           // requests come in real time; known from the segment on
@@ -79,7 +96,10 @@ bool lf_fragment_assign_camera(LfFragment* self, LfFragmentPad* pad);
 // Forgets frames, format and camera.
 void lf_fragment_camera_pad_reset(LfFragment* self, LfFragmentPad* pad);
 
-// A new lane with both its pads added to the element.
-Lane* lf_fragment_lane_new(LfFragment* self, GstPadTemplate* request, const gchar* request_name, GstPadTemplate* src,
-                           const gchar* src_name);
-Lane* lf_fragment_lane_of(GstPad* pad);
+// The request pad of a new lane, both of whose pads have been added to the element.
+GstPad* lf_fragment_lane_new(LfFragment* self, GstPadTemplate* request, const gchar* request_name, GstPadTemplate* src,
+                             const gchar* src_name);
+// Takes both pads away; an answer that is being made ends at once.
+void lf_fragment_lane_release(LfFragment* self, GstPad* request);
+// The rig file, for messages; to be freed.
+gchar* lf_fragment_rig_path(LfFragment* self);
