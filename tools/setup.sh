@@ -18,7 +18,7 @@ packages=(
   gstreamer1.0-plugins-bad                             # jpegparse
   gstreamer1.0-x                                       # windows
   libceres-dev libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libyaml-cpp-dev nlohmann-json3-dev
-  libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev
+  libopencv-calib3d-dev libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev
   libbenchmark-dev libgmock-dev libgtest-dev
 )
 

@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-calibrate intrinsics: one camera's lens, with its covariance, from images of a checkerboard.
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "base/json_value.h"
+#include "calibration/intrinsics.h"
+#include "commands.h"
+#include "image/image_io.h"
+#include "rig/rig_json.h"
+
+namespace {
+
+using lf::IntrinsicsResult;
+using nlohmann::ordered_json;
+
+struct Options {
+  std::vector<std::string> images;
+  std::string board, model = "auto", rig, out, json;
+  double square = 1;
+  uint32_t camera = 0;
+};
+
+lf::Checkerboard parse_board(const Options& options) {
+  lf::Checkerboard board;
+  board.square = options.square;
+  char rest = 0;
+  if (std::sscanf(options.board.c_str(), "%dx%d%c", &board.columns, &board.rows, &rest) != 2 || board.columns < 3 ||
+      board.rows < 3 || board.columns > 100 || board.rows > 100)
+    throw lf::Error("--board " + options.board + ": must be inner corners along x and y, such as 9x6");
+  return board;
+}
+
+struct Images {
+  int width = 0, height = 0;
+  std::vector<lf::BoardView> views;
+  std::vector<std::string> without_board;
+};
+
+Images find_boards(const Options& options, const lf::Checkerboard& board) {
+  Images found;
+  for (const std::string& path : options.images) {
+    const lf::Image image = lf::load_image(path);
+    if (found.width == 0) {
+      found.width = image.width();
+      found.height = image.height();
+    }
+    if (image.width() != found.width || image.height() != found.height)
+      throw lf::Error(path + ": is " + std::to_string(image.width()) + "x" + std::to_string(image.height()) +
+                      ", the others " + std::to_string(found.width) + "x" + std::to_string(found.height));
+    if (auto corners = lf::find_checkerboard(image, board))
+      found.views.push_back({path, std::move(*corners)});
+    else
+      found.without_board.push_back(path);
+  }
+  return found;
+}
+
+void print(const IntrinsicsResult& result, const Images& images) {
+  for (const std::string& path : images.without_board) std::printf("%s: no whole board found\n", path.c_str());
+  for (const IntrinsicsResult::View& view : result.views)
+    std::printf("%s: %.3f px%s\n", view.name.c_str(), view.rms, view.used ? "" : ": bad view, left out");
+  std::printf("%-30s %8s %12s %10s %10s\n", "model", "rms px", "held out px", "parameters", "BIC");
+  for (const IntrinsicsResult::Model& m : result.models)
+    std::printf("%-30s %8.4f %12.4f %10zu %10.1f%s\n", m.model.name().c_str(), m.rms, m.held_out_rms, m.num_params,
+                m.bic, m.model == result.fit.model ? "  <- chosen" : "");
+  for (int i = 0; i < result.fit.lens.num_params(); i++)
+    std::printf("%-4s %12.6g +- %.2g\n", result.covariance.parameters[i].c_str(), result.fit.lens.params()[i],
+                std::sqrt(result.covariance.at(i, i)));
+  for (const std::string& warning : result.warnings) std::printf("warning: %s\n", warning.c_str());
+}
+
+ordered_json report(const IntrinsicsResult& result, const Images& images) {
+  ordered_json views = ordered_json::array(), models = ordered_json::array(), parameters = ordered_json::object();
+  for (const IntrinsicsResult::View& view : result.views)
+    views.push_back({{"name", view.name}, {"rms_px", view.rms}, {"used", view.used}});
+  for (const std::string& path : images.without_board) views.push_back({{"name", path}, {"used", false}});
+  for (const IntrinsicsResult::Model& m : result.models)
+    models.push_back({{"model", m.model.name()},
+                      {"rms_px", m.rms},
+                      {"held_out_rms_px", m.held_out_rms},
+                      {"parameters", m.num_params},
+                      {"bic", m.bic}});
+  for (int i = 0; i < result.fit.lens.num_params(); i++)
+    parameters[result.covariance.parameters[i]] = {{"value", result.fit.lens.params()[i]},
+                                                   {"std", std::sqrt(result.covariance.at(i, i))}};
+  return {{"model", result.fit.model.name()},
+          {"rms_px", result.fit.rms},
+          {"held_out_rms_px", result.held_out_rms},
+          {"lens", parameters},
+          {"views", views},
+          {"models", models},
+          {"warnings", result.warnings}};
+}
+
+// A rig of this camera alone, or `--rig` with this camera's lens in it.
+void save(const Options& options, const IntrinsicsResult& result, const Images& images) {
+  lf::Rig rig;
+  nlohmann::json original = {{"cameras", nlohmann::json::array()}};
+  if (options.rig.empty()) {
+    lf::Camera camera;
+    camera.id = options.camera;
+    camera.name = "cam_" + std::to_string(camera.id);
+    camera.width = images.width;
+    camera.height = images.height;
+    rig.cameras.push_back(camera);
+    original["cameras"].push_back({{"id", camera.id}});
+  } else {
+    rig = lf::load_rig(options.rig);
+    original = lf::parse_json(lf::read_text_file(options.rig), options.rig);
+  }
+  const auto index = rig.index_of_id(options.camera);
+  if (!index) throw lf::Error(options.rig + ": has no camera " + std::to_string(options.camera));
+  lf::Camera& camera = rig.cameras[*index];
+  if (camera.width != images.width || camera.height != images.height)
+    throw lf::Error(options.rig + ": camera " + std::to_string(options.camera) + " has another size than the images, " +
+                    std::to_string(images.width) + "x" + std::to_string(images.height));
+  camera.lens = result.fit.lens;
+  original["cameras"][*index]["covariance"] = lf::to_json(result.covariance);
+  lf::relocate(rig, std::filesystem::path(options.out).parent_path().string());
+  lf::save_rig(rig, options.out, &original);
+}
+
+void calibrate(const Options& options) {
+  const lf::Checkerboard board = parse_board(options);
+  lf::IntrinsicsOptions how;
+  if (options.model != "auto") {
+    how.lens = lf::lens_model_from_name(options.model);
+    if (!how.lens) throw lf::Error("--model " + options.model + ": no such lens model");
+  }
+  how.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
+  how.progress("looking for the board in " + std::to_string(options.images.size()) + " images");
+  const Images images = find_boards(options, board);
+  if (images.views.empty()) throw lf::Error("no image shows the whole board of " + options.board + " inner corners");
+  const IntrinsicsResult result = lf::calibrate_intrinsics(images.views, board, images.width, images.height, how);
+  print(result, images);
+  save(options, result, images);
+  if (!options.json.empty()) lf::write_text_file(report(result, images).dump(1) + "\n", options.json);
+}
+
+}  // namespace
+
+void add_intrinsics_command(CLI::App& app) {
+  const auto o = std::make_shared<Options>();
+  CLI::App* command =
+      app.add_subcommand("intrinsics", "One camera's lens and its covariance from images of a checkerboard");
+  command->add_option("IMAGES", o->images, "Images of the board, at all distances, tilted to all sides")->required();
+  command->add_option("--board", o->board, "Inner corners along x and y")->required()->type_name("CxR");
+  command->add_option("--square", o->square, "Side of a square, metres (lenses do not depend on it)")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--model", o->model, "Lens model, or auto: by evidence")->capture_default_str();
+  command->add_option("--rig", o->rig, "Rig file whose camera this is; else the result is a rig of one camera");
+  command->add_option("--camera", o->camera, "Its id")->capture_default_str();
+  command->add_option("--out", o->out, "Rig file to write; may be that of --rig")->required();
+  command->add_option("--json", o->json, "Report to write");
+  command->callback([o] { calibrate(*o); });
+}

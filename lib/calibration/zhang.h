@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calibration/checkerboard.h"
+#include "geometry/lens.h"
+
+namespace lf {
+
+// What one image shows of the board.
+struct BoardView {
+  std::string name;           // for people
+  std::vector<Vec2> corners;  // pixels, all of the board
+};
+
+// Which terms of a lens are estimated, and whether the board is what it should be.
+struct ZhangModel {
+  LensModel lens = LensModel::kRadial;
+  // The corners' true places are estimated, too (Strobl and Hirzinger 2011): boards are printed and mounted by hand.
+  bool free_board = false;
+
+  bool operator==(const ZhangModel&) const = default;
+  std::string name() const;  // "RADIAL", "RADIAL, board free"
+  int num_lens_params() const { return lens_model_num_params(lens); }
+};
+
+// One calibration from views of a board (Zhang 2000).
+struct ZhangFit {
+  ZhangModel model;
+  Lens lens;
+  std::vector<double> covariance;  // of lens.params(), row by row; scaled by what the residuals show
+  std::vector<Vec3> board;         // the corners as estimated, in the board's axes
+  std::vector<double> view_rms;    // one a view, pixels (of the distances)
+  double rms = 0;                  // pixels (of the distances, over all corners)
+  size_t num_params = 0;           // lens, poses and board
+  double bic = 0;                  // Bayesian information criterion: lower is better
+};
+
+// All views have the same size and at least 3 of them are there. Throws Error where the views do not determine a lens.
+ZhangFit fit_zhang(const std::vector<BoardView>& views, const Checkerboard& board, int width, int height,
+                   const ZhangModel& model);
+
+// How far corners of another view lie from where `fit` sees them, once the board's pose is fitted: RMS distance,
+// pixels.
+double held_out_rms(const ZhangFit& fit, const BoardView& view);
+
+}  // namespace lf
