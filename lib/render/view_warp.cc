@@ -50,8 +50,7 @@ void validate(const ViewWarp& warp) {
       if (camera != MeshFace::kNone) corners.push_back(camera);
   }
   std::ranges::sort(corners);
-  const auto repeated = std::ranges::unique(corners);
-  corners.erase(repeated.begin(), repeated.end());
+  corners.erase(std::unique(corners.begin(), corners.end()), corners.end());
   if (!std::ranges::equal(corners, warp.cameras, {}, {}, &ViewWarp::Projection::camera))
     throw Error("cameras: must be the triangles' corners, ascending");
   for (size_t i = 0; i < warp.cameras.size(); i++)

@@ -3,6 +3,7 @@
 // can be planned.
 #include "base/error.h"
 #include "fuzz/fuzz.h"
+#include "render/owner_runs.h"
 #include "wire/command_codec.h"
 #include "wire/request_codec.h"
 
