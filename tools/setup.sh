@@ -13,11 +13,12 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 packages=(
   g++ meson ninja-build pkg-config iproute2
-  libgstreamer1.0-dev libgstreamer-plugins-base1.0-dev gstreamer1.0-tools
+  libgstreamer1.0-dev libgstreamer-plugins-base1.0-dev libgstreamer-plugins-bad1.0-dev gstreamer1.0-tools
   gstreamer1.0-plugins-base gstreamer1.0-plugins-good  # videoconvert, PNG, JPEG, Matroska
-  gstreamer1.0-plugins-bad                             # jpegparse
+  gstreamer1.0-plugins-bad                             # jpegparse, WebRTC
+  gstreamer1.0-nice gstreamer1.0-plugins-ugly          # WebRTC's network, H.264
   gstreamer1.0-x                                       # windows
-  libceres-dev libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libyaml-cpp-dev nlohmann-json3-dev
+  libceres-dev libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libsoup-3.0-dev libyaml-cpp-dev nlohmann-json3-dev
   libopencv-calib3d-dev libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev
   libbenchmark-dev libgmock-dev libgtest-dev
 )

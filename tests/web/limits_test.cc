@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Who may ask, how often, and for what.
+#include "serve/limits.h"
+
+#include <gtest/gtest.h>
+
+#include "serve/access.h"
+#include "serve/quality_control.h"
+#include "serve/rate_limit.h"
+
+namespace lf::serve {
+namespace {
+
+constexpr int64_t kSecond = 1000000;
+
+TEST(Access, Secrets) {
+  EXPECT_TRUE(is_same_secret("abc", "abc"));
+  for (const char* wrong : {"", "ab", "abd", "abcc", "ABC"}) EXPECT_FALSE(is_same_secret(wrong, "abc")) << wrong;
+}
+
+TEST(Access, Tokens) {
+  const Access open("", {}, false), closed("secret", {}, false);
+  EXPECT_TRUE(open.has_token(nullptr));
+  EXPECT_TRUE(closed.has_token("Bearer secret"));
+  EXPECT_TRUE(closed.has_token("bearer secret"));
+  for (const char* wrong : {"", "Bearer", "Bearer ", "Bearer secre", "Bearer secret ", "Basic secret", "secret"})
+    EXPECT_FALSE(closed.has_token(wrong)) << wrong;
+  EXPECT_FALSE(closed.has_token(nullptr));
+}
+
+TEST(Access, Loopback) {
+  for (const char* address : {"127.0.0.1", "127.1.2.3", "::1", "localhost", "LOCALHOST"})
+    EXPECT_TRUE(is_loopback(address)) << address;
+  for (const char* address : {"0.0.0.0", "::", "10.0.0.1", "example.org", "", "127.0.0.1.example.org"})
+    EXPECT_FALSE(is_loopback(address)) << address;
+}
+
+TEST(Access, Origins) {
+  const Access local("", {"https://example.org"}, true), other("", {"https://example.org"}, false),
+      any("", {"*"}, false);
+  EXPECT_TRUE(local.allows_origin(nullptr, "127.0.0.1:8080"));
+  EXPECT_TRUE(local.allows_origin("http://localhost:8080", "localhost:8080"));
+  EXPECT_TRUE(local.allows_origin("http://[::1]:8080", "[::1]:8080"));
+  EXPECT_TRUE(local.allows_origin("https://example.org", "127.0.0.1:8080"));
+  EXPECT_FALSE(local.allows_origin("http://localhost:9090", "localhost:8080"));
+  EXPECT_FALSE(local.allows_origin("https://evil.org", "127.0.0.1:8080"));
+  EXPECT_FALSE(local.allows_origin("http://evil.org:8080", "evil.org:8080")) << "a name made to point here";
+  EXPECT_FALSE(local.allows_origin(nullptr, nullptr));
+  EXPECT_TRUE(other.allows_origin("https://cameras.example:8080", "cameras.example:8080"));
+  EXPECT_FALSE(other.allows_origin("null", "cameras.example:8080"));
+  EXPECT_TRUE(any.allows_origin("https://anything", "cameras.example"));
+}
+
+TEST(RateLimit, BucketsFillWithTime) {
+  TokenBucket bucket(2, 4);
+  int64_t now = 100 * kSecond;
+  for (int i = 0; i < 4; i++) EXPECT_TRUE(bucket.take(now)) << i;
+  EXPECT_FALSE(bucket.take(now));
+  now += kSecond / 2;
+  EXPECT_TRUE(bucket.take(now));
+  EXPECT_FALSE(bucket.take(now));
+  now += 100 * kSecond;
+  EXPECT_TRUE(bucket.full(now));
+  for (int i = 0; i < 4; i++) EXPECT_TRUE(bucket.take(now)) << "no more than the burst";
+  EXPECT_FALSE(bucket.take(now));
+}
+
+TEST(RateLimit, AddressesHaveTheirOwnAndAreForgotten) {
+  AddressLimit limit(1, 1);
+  const int64_t now = kSecond;
+  EXPECT_TRUE(limit.take("a", now));
+  EXPECT_FALSE(limit.take("a", now));
+  EXPECT_TRUE(limit.take("b", now));
+  for (size_t i = 0; i < 2 * AddressLimit::kMaxAddresses; i++) limit.take(std::to_string(i), now);
+  EXPECT_LE(limit.size(), AddressLimit::kMaxAddresses);
+  EXPECT_FALSE(limit.take("one more", now)) << "shared by all beyond the limit";
+  EXPECT_TRUE(limit.take("one more", now + 10 * kSecond));
+  EXPECT_LE(limit.size(), 10u);
+}
+
+TEST(Limits, SizesOfViews) {
+  EXPECT_EQ(view_side(nullptr, 1280, 640), 640);
+  EXPECT_EQ(view_side("", 1280, 640), 640);
+  EXPECT_EQ(view_side(nullptr, 320, 640), 320);
+  EXPECT_EQ(view_side("321", 1280, 640), 320);
+  EXPECT_EQ(view_side("1", 1280, 640), Limits::kMinSize);
+  EXPECT_EQ(view_side("99999", 1281, 640), 1280);
+  for (const char* wrong : {"0", "-1", "nan", "inf", "1e9", "10x", "x", " "})
+    EXPECT_EQ(view_side(wrong, 1280, 640), std::nullopt) << wrong;
+}
+
+TEST(QualityControl, FallsWithLossAndDelayAndComesBack) {
+  QualityControl quality(300000, 6000000);
+  EXPECT_EQ(quality.bits_per_second(), 6000000);
+  EXPECT_FALSE(quality.update(0, 0.01));
+  EXPECT_TRUE(quality.update(0.1, 0.01));
+  EXPECT_EQ(quality.bits_per_second(), 4500000);
+  EXPECT_FALSE(quality.update(0.03, 0.01)) << "stays where some is lost";
+  EXPECT_TRUE(quality.update(0, 0.2)) << "packets queue up";
+  EXPECT_LT(quality.bits_per_second(), 4500000);
+  for (int i = 0; i < 100; i++) quality.update(0.5, 0);
+  EXPECT_EQ(quality.bits_per_second(), 300000);
+  for (int i = 0; i < 100; i++) quality.update(0, 0.01);
+  EXPECT_EQ(quality.bits_per_second(), 6000000);
+}
+
+}  // namespace
+}  // namespace lf::serve

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "serve/offer.h"
+
+#include <gst/gst.h>
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "web/offers.h"
+
+namespace lf::serve {
+namespace {
+
+using test::browser_offer;
+using test::with;
+
+std::string refused(const std::string& text, bool h264 = true, bool vp8 = true) {
+  std::string reason;
+  return parse_offer(text, h264, vp8, &reason) ? "" : reason;
+}
+
+TEST(Offer, TakesTheBrowsersOwnNumberForH264) {
+  const auto offer = parse_offer(browser_offer(), true, true, nullptr);
+  ASSERT_TRUE(offer);
+  EXPECT_EQ(offer->codec, VideoCodec::kH264);
+  EXPECT_EQ(offer->payload_type, 108u) << "constrained baseline, mode 1";
+  EXPECT_EQ(offer->profile, "42e01f");
+}
+
+TEST(Offer, FallsBackToVp8) {
+  for (const std::string& text : {browser_offer(), with(browser_offer(), "H264", "H265")}) {
+    const auto offer = parse_offer(text, text.find("H265") != text.npos, true, nullptr);
+    ASSERT_TRUE(offer);
+    EXPECT_EQ(offer->codec, VideoCodec::kVp8);
+    EXPECT_EQ(offer->payload_type, 96u);
+  }
+  EXPECT_NE(refused(browser_offer(), false, false), "");
+}
+
+TEST(Offer, RefusesWhatCanNotBeAnsweredAndSaysWhy) {
+  const std::string good = browser_offer();
+  const std::pair<std::string, const char*> table[] = {
+      {"", "not SDP"},
+      {"v", "not SDP"},
+      {"hello", "not SDP"},
+      {std::string("v=0\0a", 5), "not SDP"},
+      {"v=0\r\n\xff\xfe", "not SDP"},
+      {"v=0\r\n", "no media"},
+      {good + std::string(Offer::kMaxBytes, ' '), "too long"},
+      {good.substr(0, good.find("m=video")), "no media"},
+      {with(good, "m=video", "m=audio"), "no video"},
+      {with(good, "m=application", "m=message"), "unknown kind"},
+      {with(good, "m=application 9 UDP/DTLS/SCTP webrtc-datachannel", "m=video 9 UDP/TLS/RTP/SAVPF 96"), "rtcp-mux"},
+      {with(good, "a=ice-ufrag:Yzk8\r\n", ""), "ice-ufrag"},
+      {with(good, "a=ice-pwd:lrnRvCr0XvB7VlGEhFXcIGWV\r\n", ""), "ice-pwd"},
+      {with(good, "a=fingerprint", "a=fingerpaint"), "fingerprint"},
+      {with(good, "a=setup:actpass\r\n", ""), "setup"},
+      {with(good, "a=mid:1\r\n", ""), "mid"},
+      {with(good, "a=rtcp-mux\r\n", ""), "rtcp-mux"},
+      {with(good, "a=recvonly", "a=sendonly"), "receive"},
+      {with(good, "a=recvonly", "a=inactive"), "receive"},
+      {with(with(good, "42e01f", "640c1f"), "VP8/", "VP9/"), "codec"},
+      {with(with(good, "mode=1", "mode=2"), "VP8/", "VP9/"), "codec"},
+      {with(good, "a=rtpmap", "a=rtpmop"), "codec"}};
+  for (const auto& [text, why] : table)
+    EXPECT_NE(refused(text).find(why), std::string::npos) << why << ": " << refused(text);
+  EXPECT_EQ(refused(good), "");
+}
+
+// Criticals of GStreamer's parser end the program.
+TEST(Offer, SurvivesDamage) {
+  g_log_set_always_fatal(GLogLevelFlags(G_LOG_LEVEL_CRITICAL | G_LOG_FATAL_MASK));
+  const std::string good = browser_offer();
+  std::mt19937 random(1);
+  for (size_t i = 0; i < good.size(); i += 7) refused(good.substr(0, i));
+  for (int n = 0; n < 4000; n++) {
+    std::string text = good;
+    for (int i = 0; i < 4; i++) {
+      const size_t at = 3 + random() % (text.size() - 3);
+      if (random() % 3 == 0)
+        text.erase(at, random() % 40);
+      else
+        text[at] = "\r\n=: 0Aaz/;\x01"[random() % 12];
+    }
+    refused(text);
+  }
+}
+
+}  // namespace
+}  // namespace lf::serve

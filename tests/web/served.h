@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gio/gio.h>
+
+#include <string>
+#include <vector>
+
+#include "image/image_io.h"
+#include "rig/rig_json.h"
+#include "scene/scene.h"
+#include "support/temp_dir.h"
+
+namespace lf::test {
+
+// A running lf-serve with a 2x2 array of small stills, at any free port.
+class Served {
+ public:
+  explicit Served(const std::vector<std::string>& options = {}) {
+    Rig rig = scene_rig(2, 2, 64, 48);
+    for (Camera& camera : rig.cameras) {
+      camera.image = camera.name + ".png";
+      save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0, 1), dir_ / camera.image);
+    }
+    save_rig(rig, dir_ / "rig.json");
+    std::vector<std::string> words = {LF_TOOLS_DIR "/lf-serve", "--rig", dir_ / "rig.json", "--port", "0"};
+    words.insert(words.end(), options.begin(), options.end());
+    std::vector<const char*> argv;
+    for (const std::string& word : words) argv.push_back(word.c_str());
+    argv.push_back(nullptr);
+    process_ = g_subprocess_newv(
+        argv.data(), GSubprocessFlags(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE), nullptr);
+    out_ = g_data_input_stream_new(g_subprocess_get_stdout_pipe(process_));
+    for (std::string line = read_line(); !line.empty(); line = read_line()) {
+      said_ += line + "\n";
+      if (const size_t at = line.find(" at http"); line.starts_with("serving") && at != line.npos) {
+        url_ = line.substr(at + 4);
+        break;
+      }
+    }
+  }
+  // Ends it as a service would; its exit status is expected to be 0.
+  ~Served() {
+    stop();
+    g_object_unref(out_);
+    g_object_unref(process_);
+  }
+  Served(const Served&) = delete;
+
+  // "http://127.0.0.1:PORT/"; "" if it does not serve, see said().
+  const std::string& url() const { return url_; }
+  const std::string& said() const { return said_; }
+  // Exit status, -1 if it was killed by a signal. All it said is in said() then.
+  int stop() {
+    if (!stopped_) {
+      g_subprocess_send_signal(process_, SIGTERM);
+      for (std::string line = read_line(); !line.empty(); line = read_line()) said_ += line + "\n";
+      g_subprocess_wait(process_, nullptr, nullptr);
+      stopped_ = true;
+    }
+    return g_subprocess_get_if_exited(process_) ? g_subprocess_get_exit_status(process_) : -1;
+  }
+
+ private:
+  std::string read_line() {
+    g_autofree gchar* line = g_data_input_stream_read_line(out_, nullptr, nullptr, nullptr);
+    return line ? line : "";
+  }
+
+  TempDir dir_;
+  GSubprocess* process_;
+  GDataInputStream* out_;
+  std::string url_, said_;
+  bool stopped_ = false;
+};
+
+}  // namespace lf::test

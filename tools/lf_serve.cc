@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-serve: anybody with a browser flies through the light field.
+#include <glib-unix.h>
+#include <gst/gst.h>
+#include <malloc.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/error.h"
+#include "base/json_value.h"
+#include "run_tool.h"
+#include "serve/encoder.h"
+#include "serve/film.h"
+#include "serve/http_server.h"
+
+namespace {
+
+using namespace lf::serve;
+
+struct Options {
+  std::string rig, nodes, token_file;
+  std::vector<std::string> origins;
+  ServerOptions server;
+  Limits limits;
+};
+
+// Making a key takes up to a second; the first viewer should not wait for it.
+void make_dtls_key() {
+  GstElement* decoder = gst_element_factory_make("dtlsdec", nullptr);
+  if (!decoder) throw lf::Error("element dtlsdec is not installed (gstreamer1.0-plugins-bad)");
+  g_autofree gchar* pem = nullptr;
+  g_object_get(decoder, "pem", &pem, nullptr);
+  gst_object_unref(decoder);
+}
+
+void check_elements() {
+  const std::pair<const char*, const char*> needed[] = {{"lfviewrequest", "gst-lightfield: see GST_PLUGIN_PATH"},
+                                                        {"webrtcbin", "gstreamer1.0-plugins-bad"},
+                                                        {"nicesrc", "gstreamer1.0-nice"},
+                                                        {"rtph264pay", "gstreamer1.0-plugins-good"},
+                                                        {"srtpenc", "gstreamer1.0-plugins-bad"}};
+  for (const auto& [element, package] : needed) {
+    GstElementFactory* factory = gst_element_factory_find(element);
+    if (!factory) throw lf::Error(std::string("element ") + element + " is not installed (" + package + ")");
+    gst_object_unref(factory);
+  }
+  if (!can_encode(VideoCodec::kH264) && !can_encode(VideoCodec::kVp8))
+    throw lf::Error("no encoder is installed for H.264 (gstreamer1.0-plugins-ugly) or VP8 (gstreamer1.0-plugins-good)");
+}
+
+gboolean quit(gpointer loop) {
+  g_main_loop_quit(static_cast<GMainLoop*>(loop));
+  return G_SOURCE_CONTINUE;
+}
+
+void serve(Options& options) {
+  if (!options.nodes.empty() && options.rig.empty())
+    throw lf::Error("--nodes: needs --rig, which says where cameras are");
+  check_elements();
+  make_dtls_key();
+  const std::vector<NodeAddress> nodes = parse_nodes(options.nodes);
+  if (options.rig.empty()) options.rig = film_of_scene();
+  if (!options.token_file.empty()) {
+    std::string text = lf::read_text_file(options.token_file);
+    while (!text.empty() && g_ascii_isspace(text.back())) text.pop_back();
+    if (text.empty()) throw lf::Error(options.token_file + ": has no token");
+    options.server.token = text;
+  }
+  options.server.origins.insert(options.origins.begin(), options.origins.end());
+
+  GMainLoop* loop = g_main_loop_new(nullptr, FALSE);
+  const guint signals[] = {g_unix_signal_add(SIGINT, quit, loop), g_unix_signal_add(SIGTERM, quit, loop)};
+  std::string failure;
+  {
+    LightField field(options.rig, nodes, options.limits.viewers);
+    field.start([&](const std::string& what) {
+      failure = what;
+      g_main_loop_quit(loop);
+    });
+    // Reached at the address that it listens at alone, or at all of the machine's.
+    const std::string& address = options.server.address;
+    const bool any = address == "0.0.0.0" || address == "::";
+    Sessions sessions(field, options.limits, any ? "" : address == "localhost" ? "127.0.0.1" : address);
+    HttpServer server(options.server, options.limits, field, sessions);
+    std::printf("serving %s at %s\n", options.rig.c_str(), server.url().c_str());
+    g_main_loop_run(loop);
+  }
+  for (const guint source : signals) g_source_remove(source);
+  g_main_loop_unref(loop);
+  if (!failure.empty()) throw lf::Error(failure);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  // Viewers come and go with all their threads: with an arena each, memory would be torn to pieces.
+  mallopt(M_ARENA_MAX, 2);
+  setlinebuf(stdout);
+  Options o;
+  CLI::App app("Serves a page in which everybody flies their own virtual camera, and the same streams over WHEP.",
+               "lf-serve");
+  app.add_option("--rig", o.rig, "the cameras; without it the built-in scene, filmed once")->type_name("RIG.json");
+  app.add_option("--nodes", o.nodes, "hosts that the cameras are on: HOST:PORT-THERE:PORT-HERE,... (camera-node.sh)");
+  app.add_option("--listen", o.server.address, "IP address; other than loopback with TLS or --insecure alone")
+      ->capture_default_str();
+  app.add_option("--port", o.server.port, "0: any")->capture_default_str()->check(CLI::Range(0, 65535));
+  app.add_option("--tls-certificate", o.server.certificate)->type_name("FILE.pem");
+  app.add_option("--tls-key", o.server.key)->type_name("FILE.pem");
+  app.add_flag("--insecure", o.server.insecure, "others may listen in");
+  app.add_option("--token-file", o.token_file, "viewers need the bearer token in this file")->type_name("FILE");
+  app.add_option("--origin", o.origins, "of other sites' pages that may watch (https://example.org, or *); repeat");
+  app.add_option("--viewers", o.limits.viewers, "at a time")->capture_default_str()->check(CLI::Range(1, 1000));
+  app.add_option("--framerate", o.limits.framerate, "pictures per second")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 120));
+  app.add_option("--max-width", o.limits.max_width, "of a view")->capture_default_str()->check(CLI::Range(64, 4096));
+  app.add_option("--max-height", o.limits.max_height, "of a view")->capture_default_str()->check(CLI::Range(64, 4096));
+  app.add_option("--bitrate", o.limits.bit_rate, "of a viewer's video at best, bits per second")
+      ->capture_default_str()
+      ->check(CLI::Range(100000, 100000000));
+  app.add_option("--messages", o.limits.messages_per_second, "of a viewer, per second")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 10000));
+  app.add_option("--connects", o.limits.connects_per_second, "of an address, per second, in the long run")
+      ->capture_default_str()
+      ->check(CLI::Range(0.01, 1000.0));
+  gst_init(nullptr, nullptr);
+  return run_tool(app, argc, argv, [&] { serve(o); });
+}

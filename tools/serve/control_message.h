@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace lf::serve {
+
+struct UnrefEvent {
+  void operator()(GstEvent* event) const { gst_event_unref(event); }
+};
+using EventPtr = std::unique_ptr<GstEvent, UnrefEvent>;
+
+// What a viewer says on the data channel "control", in the format of webrtcsink: {"id": 7, "mid": null, "request":
+// {"type": "navigationEvent", "event": {"event": "MouseMove", "x": 1, "y": 2, "modifier_state": "button1-mask"}}} or
+// {"type": "customUpstreamEvent", "structureName": "lf-view-request", "structure": {"x": 0.1}}.
+struct ControlMessage {
+  static constexpr size_t kMaxBytes = 4096;
+  static constexpr size_t kMaxFields = 16;        // of a structure
+  static constexpr double kMaxPicture = 1 << 20;  // pixels and steps of a wheel
+
+  std::optional<uint64_t> id;  // where the message has one, sound or not
+  EventPtr event;              // to be sent upstream; null: see error
+  std::string error;
+};
+
+// Never throws.
+ControlMessage parse_control_message(std::string_view text);
+
+// {"type": "ControlResponseMessage", "id": 7, "error": null}; `error` "": none.
+std::string control_response(uint64_t id, const std::string& error);
+
+}  // namespace lf::serve

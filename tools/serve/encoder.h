@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <string>
+
+#include "offer.h"
+
+namespace lf::serve {
+
+// Whether an encoder for it is installed.
+bool can_encode(VideoCodec codec);
+
+// From raw video to RTP for webrtcbin, as a part of a launch line: an encoder "encoder" that keeps no picture back, and
+// a payloader "payloader" whose timestamps are 90,000 times the running time in seconds.
+std::string encoder_line(const Offer& offer, int bits_per_second);
+// While it runs.
+void set_bit_rate(GstElement* encoder, int bits_per_second);
+
+}  // namespace lf::serve

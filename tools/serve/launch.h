@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <functional>
+#include <string>
+
+#include "base/error.h"
+
+namespace lf::serve {
+
+// A pipeline from a launch line; owned by the caller. Throws Error that names what is not installed.
+inline GstElement* launch_pipeline(const std::string& line) {
+  GError* error = nullptr;
+  GstElement* pipeline = gst_parse_launch_full(line.c_str(), nullptr, GST_PARSE_FLAG_FATAL_ERRORS, &error);
+  if (pipeline && !error) return GST_ELEMENT(gst_object_ref_sink(pipeline));
+  const std::string text = error ? error->message : "no pipeline";
+  g_clear_error(&error);
+  if (pipeline) gst_object_unref(pipeline);
+  throw Error(text);
+}
+
+// g_object_set() of the element of this name inside.
+template <typename... Args>
+void set_in(GstElement* bin, const char* name, Args... args) {
+  GstElement* element = gst_bin_get_by_name(GST_BIN(bin), name);
+  g_object_set(element, args..., nullptr);
+  gst_object_unref(element);
+}
+
+// Of an error or a warning: which element says what.
+inline std::string text_of(GstMessage* message) {
+  GError* error = nullptr;
+  if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR)
+    gst_message_parse_error(message, &error, nullptr);
+  else
+    gst_message_parse_warning(message, &error, nullptr);
+  std::string text = std::string(GST_OBJECT_NAME(GST_MESSAGE_SRC(message))) + ": " + (error ? error->message : "");
+  g_clear_error(&error);
+  return text;
+}
+
+// From any thread: runs it in the main loop, soon, never inside of this call.
+inline void on_main_thread(std::function<void()> job) {
+  GSource* source = g_idle_source_new();
+  g_source_set_priority(source, G_PRIORITY_DEFAULT);
+  g_source_set_callback(
+      source,
+      [](gpointer data) -> gboolean {
+        (*static_cast<std::function<void()>*>(data))();
+        return G_SOURCE_REMOVE;
+      },
+      new std::function<void()>(std::move(job)),
+      [](gpointer data) { delete static_cast<std::function<void()>*>(data); });
+  g_source_attach(source, nullptr);
+  g_source_unref(source);
+}
+
+}  // namespace lf::serve

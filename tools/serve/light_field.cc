@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "light_field.h"
+
+#include <cstdio>
+#include <optional>
+#include <sstream>
+
+#include "base/error.h"
+#include "launch.h"
+
+namespace lf::serve {
+namespace {
+
+constexpr char kRequestCaps[] = "application/x-lightfield-request,framerate=(fraction)0/1";
+constexpr char kRtpCaps[] = "application/x-rtp,media=application,clock-rate=90000,encoding-name=X-LIGHTFIELD-ANSWER";
+constexpr int kReceiveBuffer = 8388608;  // a burst of answers
+
+// The same place in requests and answers (lib/wire/spec.md). Nothing for what is too short to be one.
+std::optional<uint32_t> view_of(GstBuffer* unit) {
+  guint8 bytes[4];
+  if (gst_buffer_extract(unit, 12, bytes, sizeof bytes) != sizeof bytes) return std::nullopt;
+  return GST_READ_UINT32_BE(bytes);
+}
+
+std::string launch_line(const std::vector<NodeAddress>& nodes) {
+  constexpr char kSink[] = "appsink sync=false async=false enable-last-sample=false name=answers";
+  std::ostringstream line;
+  line << "appsrc name=requests is-live=true format=time do-timestamp=true leaky-type=downstream max-bytes=0 caps=\""
+       << kRequestCaps << "\" ! ";
+  // Answers don't leave the process, although the compositors are in pipelines of their own.
+  if (nodes.empty()) {
+    line << "lfcameranode name=cameras is-live=true loop=true codec=raw16 ! " << kSink << '0';
+    return line.str();
+  }
+  line << "rtplfpay ! multiudpsink name=hosts sync=false async=false";
+  for (size_t i = 0; i < nodes.size(); i++)
+    line << " udpsrc port=" << nodes[i].answer_port << " buffer-size=" << kReceiveBuffer << " caps=\"" << kRtpCaps
+         << "\" ! rtplfdepay ! " << kSink << i;
+  return line.str();
+}
+
+}  // namespace
+
+std::vector<NodeAddress> parse_nodes(const std::string& text) {
+  std::vector<NodeAddress> nodes;
+  std::istringstream items(text);
+  for (std::string item; std::getline(items, item, ',');) {
+    NodeAddress node;
+    const size_t last = item.rfind(':'), first = last == item.npos || last == 0 ? item.npos : item.rfind(':', last - 1);
+    int end = 0;
+    if (first == item.npos || first == 0 ||
+        std::sscanf(item.c_str() + first, ":%5d:%5d%n", &node.request_port, &node.answer_port, &end) != 2 ||
+        item[first + static_cast<size_t>(end)] != 0 || node.request_port < 1 || node.request_port > 65535 ||
+        node.answer_port < 1 || node.answer_port > 65535)
+      throw Error("--nodes " + item + ": must be HOST:PORT-THERE:PORT-HERE");
+    node.host = item.substr(0, first);
+    nodes.push_back(node);
+  }
+  return nodes;
+}
+
+LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, int max_views) : rig_(rig) {
+  pipeline_ = launch_pipeline(launch_line(nodes));
+  requests_ = GST_APP_SRC(gst_bin_get_by_name(GST_BIN(pipeline_), "requests"));
+  gst_app_src_set_max_buffers(requests_, static_cast<guint64>(2 * max_views));
+  if (nodes.empty()) {
+    set_in(pipeline_, "cameras", "rig", rig.c_str());
+  } else {
+    GstElement* hosts = gst_bin_get_by_name(GST_BIN(pipeline_), "hosts");
+    for (const NodeAddress& node : nodes)
+      g_signal_emit_by_name(hosts, "add", node.host.c_str(), node.request_port, nullptr);
+    gst_object_unref(hosts);
+  }
+  for (size_t i = 0; i < std::max<size_t>(nodes.size(), 1); i++) {
+    answers_.push_back(std::make_unique<Answers>(Answers{this, i}));
+    GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline_), ("answers" + std::to_string(i)).c_str());
+    GstAppSinkCallbacks callbacks = {};
+    callbacks.new_sample = take_answer;
+    gst_app_sink_set_callbacks(GST_APP_SINK(sink), &callbacks, answers_[i].get(), nullptr);
+    gst_object_unref(sink);
+  }
+  // Hosts share the time of day; requests name the time of capture by it.
+  clock_ = GST_CLOCK(g_object_new(GST_TYPE_SYSTEM_CLOCK, "name", "lf-serve", "clock-type",
+                                  nodes.empty() ? GST_CLOCK_TYPE_MONOTONIC : GST_CLOCK_TYPE_REALTIME, nullptr));
+  gst_object_ref_sink(clock_);
+  gst_pipeline_use_clock(GST_PIPELINE(pipeline_), clock_);
+}
+
+LightField::~LightField() {
+  if (watch_) g_source_remove(watch_);
+  gst_element_set_state(pipeline_, GST_STATE_NULL);
+  gst_object_unref(requests_);
+  gst_object_unref(pipeline_);
+  gst_object_unref(clock_);
+}
+
+void LightField::start(std::function<void(const std::string&)> on_error) {
+  gst_element_set_state(pipeline_, GST_STATE_PLAYING);
+  const GstStateChangeReturn result = gst_element_get_state(pipeline_, nullptr, nullptr, 60 * GST_SECOND);
+  GstBus* bus = gst_element_get_bus(pipeline_);
+  if (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR)) {
+    const std::string text = text_of(message);
+    gst_message_unref(message);
+    gst_object_unref(bus);
+    throw Error(text);
+  }
+  on_error_ = std::move(on_error);
+  watch_ = gst_bus_add_watch(bus, bus_message, this);
+  gst_object_unref(bus);
+  if (result == GST_STATE_CHANGE_FAILURE || result == GST_STATE_CHANGE_ASYNC)
+    throw Error(rig_ + ": the cameras do not start");
+}
+
+gboolean LightField::bus_message(GstBus*, GstMessage* message, gpointer data) {
+  LightField* self = static_cast<LightField*>(data);
+  if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR)
+    self->on_error_(text_of(message));
+  else if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING)
+    std::fprintf(stderr, "lf-serve: cameras: %s\n", text_of(message).c_str());
+  return G_SOURCE_CONTINUE;
+}
+
+void LightField::join(uint32_t view, OnAnswer on_answer) {
+  const std::lock_guard lock(mutex_);
+  views_[view] = std::move(on_answer);
+}
+
+void LightField::leave(uint32_t view) {
+  const std::lock_guard lock(mutex_);
+  views_.erase(view);
+}
+
+void LightField::request(GstBuffer* request) {
+  // Stamps are those of the viewer's pipeline and mean nothing here.
+  GstBuffer* buffer = gst_buffer_copy(request);
+  GST_BUFFER_PTS(buffer) = GST_CLOCK_TIME_NONE;
+  gst_app_src_push_buffer(requests_, buffer);
+}
+
+GstFlowReturn LightField::take_answer(GstAppSink* sink, gpointer data) {
+  const auto& [self, node] = *static_cast<Answers*>(data);
+  GstSample* sample = gst_app_sink_pull_sample(sink);
+  if (!sample) return GST_FLOW_OK;
+  GstBuffer* buffer = gst_sample_get_buffer(sample);
+  if (const auto view = buffer ? view_of(buffer) : std::nullopt) {
+    self->bytes_ += gst_buffer_get_size(buffer);
+    const std::lock_guard lock(self->mutex_);
+    if (const auto found = self->views_.find(*view); found != self->views_.end()) found->second(node, buffer);
+  }
+  gst_sample_unref(sample);
+  return GST_FLOW_OK;
+}
+
+}  // namespace lf::serve

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/app/app.h>
+#include <gst/gst.h>
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+namespace lf::serve {
+
+// A host with cameras, as pipelines/camera-node.sh runs it.
+struct NodeAddress {
+  std::string host;
+  int request_port = 0;  // there
+  int answer_port = 0;   // here
+};
+// From "HOST:OUT:IN,HOST:OUT:IN". Throws Error.
+std::vector<NodeAddress> parse_nodes(const std::string& text);
+
+// The cameras, in one pipeline for all viewers: requests of any view go in, answers come out to the viewer of their
+// view. Nobody is waited for: where one side is behind, its oldest are dropped. All functions are thread-safe.
+class LightField {
+ public:
+  // Called for each answer of the view, in a streaming thread; must not wait. The buffer is the caller's.
+  using OnAnswer = std::function<void(size_t node, GstBuffer* answer)>;
+
+  // Cameras in this process, or, where `nodes` has any, on those hosts. `max_views` bounds what is in flight. Throws
+  // Error.
+  LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, int max_views);
+  ~LightField();
+  LightField(const LightField&) = delete;
+
+  // Blocks until the cameras run. Throws Error. `on_error` is called on the main thread, when they have failed later.
+  void start(std::function<void(const std::string&)> on_error);
+
+  // Pipelines of viewers run under the clock of the cameras.
+  GstClock* clock() const { return clock_; }
+  const std::string& rig() const { return rig_; }
+  size_t nodes() const { return answers_.size(); }
+
+  void join(uint32_t view, OnAnswer on_answer);
+  void leave(uint32_t view);         // when it returns, on_answer is not called any more
+  void request(GstBuffer* request);  // takes a reference
+
+  uint64_t answer_bytes() const { return bytes_; }
+
+ private:
+  struct Answers {
+    LightField* field;
+    size_t node;
+  };
+  static GstFlowReturn take_answer(GstAppSink* sink, gpointer data);
+  static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
+
+  std::string rig_;
+  GstElement* pipeline_ = nullptr;
+  GstAppSrc* requests_ = nullptr;
+  GstClock* clock_ = nullptr;
+  std::vector<std::unique_ptr<Answers>> answers_;
+  guint watch_ = 0;
+  std::function<void(const std::string&)> on_error_;
+  std::mutex mutex_;
+  std::map<uint32_t, OnAnswer> views_;
+  std::atomic<uint64_t> bytes_ = 0;
+};
+
+}  // namespace lf::serve

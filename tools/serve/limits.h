@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <algorithm>
+#include <cstdlib>
+#include <optional>
+#include <string>
+
+namespace lf::serve {
+
+// What viewers may ask of the server.
+struct Limits {
+  int viewers = 8;
+  int max_width = 1280, max_height = 720;  // of a view, pixels
+  int framerate = 30;
+  int bit_rate = 6000000;            // bits per second, of one viewer's video
+  double messages_per_second = 240;  // on a data channel
+  double connects_per_second = 2;    // of one address, after the first `connect_burst`
+  double connect_burst = 40;
+  static constexpr int kMinSize = 64;    // pixels a side
+  static constexpr double kSilence = 5;  // seconds without a packet until a viewer is removed
+  static constexpr double kAnswer = 15;  // seconds until an offer must have its answer
+};
+
+// A side of a view as asked for in pixels: even, within kMinSize and `most`. "" or null: `otherwise`. Nothing for what
+// is no number.
+inline std::optional<int> view_side(const char* text, int most, int otherwise) {
+  if (!text || !*text) return std::min(otherwise, most) & ~1;
+  char* end = nullptr;
+  const double value = std::strtod(text, &end);
+  if (*end || !(value > 0) || value > 1e6) return std::nullopt;
+  return std::clamp(static_cast<int>(value), Limits::kMinSize, most) & ~1;
+}
+
+}  // namespace lf::serve

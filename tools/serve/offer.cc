@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "offer.h"
+
+#include <charconv>
+#include <string_view>
+
+namespace lf::serve {
+namespace {
+
+// The value of "NAME" in "NAME=value;OTHER=value" (RFC 6184: names in either case).
+std::string parameter(std::string_view parameters, std::string_view name) {
+  while (!parameters.empty()) {
+    std::string_view item = parameters.substr(0, parameters.find(';'));
+    parameters.remove_prefix(std::min(parameters.size(), item.size() + 1));
+    while (item.starts_with(' ')) item.remove_prefix(1);
+    if (item.size() > name.size() && item[name.size()] == '=' &&
+        g_ascii_strncasecmp(item.data(), name.data(), name.size()) == 0)
+      return std::string(item.substr(name.size() + 1));
+  }
+  return "";
+}
+
+// Baseline in the constrained form: profile_idc 42, constraint_set1_flag (RFC 6184, table 5).
+bool is_constrained_baseline(const std::string& profile) {
+  unsigned value = 0;
+  const char* end = profile.data() + profile.size();
+  if (profile.size() != 6 || std::from_chars(profile.data(), end, value, 16).ptr != end) return false;
+  return value >> 16 == 0x42 && (value >> 8 & 0x40);
+}
+
+// The text after "PAYLOAD " of the attribute `name`; "" if there is none.
+std::string_view of_payload(const GstSDPMedia* media, const char* name, std::string_view payload) {
+  for (guint i = 0; const gchar* value = gst_sdp_media_get_attribute_val_n(media, name, i); i++) {
+    const std::string_view text = value;
+    if (text.size() > payload.size() && text.starts_with(payload) && text[payload.size()] == ' ')
+      return text.substr(payload.size() + 1);
+  }
+  return "";
+}
+
+bool encodes(std::string_view rtpmap, std::string_view encoding) {
+  return rtpmap.size() >= encoding.size() &&
+         g_ascii_strncasecmp(rtpmap.data(), encoding.data(), encoding.size()) == 0 &&
+         rtpmap.substr(encoding.size()) == "";
+}
+
+bool find_codec(const GstSDPMedia* media, VideoCodec codec, Offer& offer) {
+  for (guint i = 0; i < gst_sdp_media_formats_len(media); i++) {
+    const std::string_view payload = gst_sdp_media_get_format(media, i);
+    guint number = 0;
+    if (std::from_chars(payload.data(), payload.data() + payload.size(), number).ptr !=
+            payload.data() + payload.size() ||
+        number > 127)
+      continue;
+    const std::string_view map = of_payload(media, "rtpmap", payload), parameters = of_payload(media, "fmtp", payload);
+    std::string profile;
+    if (codec == VideoCodec::kH264) {
+      profile = parameter(parameters, "profile-level-id");
+      if (!encodes(map, "H264/90000") || parameter(parameters, "packetization-mode") != "1" ||
+          !is_constrained_baseline(profile))
+        continue;
+    } else if (!encodes(map, "VP8/90000")) {
+      continue;
+    }
+    offer.codec = codec;
+    offer.payload_type = number;
+    offer.profile = profile;
+    return true;
+  }
+  return false;
+}
+
+bool has(const GstSDPMessage* sdp, const GstSDPMedia* media, const char* attribute) {
+  return gst_sdp_media_get_attribute_val(media, attribute) || gst_sdp_message_get_attribute_val(sdp, attribute);
+}
+
+std::string problem_of(const GstSDPMessage* sdp, const GstSDPMedia* media, const std::string& name) {
+  for (const char* attribute : {"ice-ufrag", "ice-pwd", "fingerprint", "setup"})
+    if (!has(sdp, media, attribute)) return name + " has no a=" + attribute;
+  if (!gst_sdp_media_get_attribute_val(media, "mid")) return name + " has no a=mid";
+  if (!gst_sdp_media_get_attribute_val(media, "rtcp-mux") && name == "m=video") return "m=video has no a=rtcp-mux";
+  return "";
+}
+
+}  // namespace
+
+const char* to_string(VideoCodec codec) { return codec == VideoCodec::kH264 ? "H264" : "VP8"; }
+
+std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, std::string* reason) {
+  const auto fail = [reason](const std::string& why) {
+    if (reason) *reason = why;
+    return std::nullopt;
+  };
+  // GStreamer's parser warns of criticals for what is no text at all.
+  if (text.size() > Offer::kMaxBytes) return fail("the offer is too long");
+  if (!text.starts_with("v=0") || text.find('\0') != text.npos || !g_utf8_validate(text.data(), -1, nullptr))
+    return fail("the offer is not SDP");
+  GstSDPMessage* sdp = nullptr;
+  const GstSDPResult result = gst_sdp_message_new_from_text(text.c_str(), &sdp);
+  Offer offer{SdpPtr(sdp)};
+  if (result != GST_SDP_OK || !sdp) return fail("the offer is not SDP");
+  const guint media = gst_sdp_message_medias_len(sdp);
+  if (media == 0 || media > Offer::kMaxMedia) return fail("the offer has no media, or too many");
+  const GstSDPMedia* video = nullptr;
+  for (guint i = 0; i < media; i++) {
+    const GstSDPMedia* m = gst_sdp_message_get_media(sdp, i);
+    const std::string kind = gst_sdp_media_get_media(m) ? gst_sdp_media_get_media(m) : "";
+    const std::string problem = problem_of(sdp, m, "m=" + kind);
+    if (!problem.empty()) return fail(problem);
+    if (kind == "video") {
+      if (video) return fail("the offer has more than one video");
+      video = m;
+    } else if (kind != "application" && kind != "audio") {
+      return fail("the offer has media of an unknown kind");
+    }
+  }
+  if (!video) return fail("the offer has no video");
+  if (gst_sdp_media_get_attribute_val(video, "sendonly") || gst_sdp_media_get_attribute_val(video, "inactive"))
+    return fail("the offer does not receive video");
+  if (!(h264 && find_codec(video, VideoCodec::kH264, offer)) && !(vp8 && find_codec(video, VideoCodec::kVp8, offer)))
+    return fail("the offer has no codec that is spoken here (H.264 constrained baseline in mode 1, VP8)");
+  return offer;
+}
+
+}  // namespace lf::serve

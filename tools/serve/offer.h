@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/sdp/sdp.h>
+
+#include <memory>
+#include <optional>
+#include <string>
+
+namespace lf::serve {
+
+enum class VideoCodec { kH264, kVp8 };
+const char* to_string(VideoCodec codec);
+
+struct FreeSdp {
+  void operator()(GstSDPMessage* sdp) const { gst_sdp_message_free(sdp); }
+};
+using SdpPtr = std::unique_ptr<GstSDPMessage, FreeSdp>;
+
+// What a browser offers to receive, checked as far as webrtcbin takes it for granted.
+struct Offer {
+  static constexpr size_t kMaxBytes = 65536;
+  static constexpr guint kMaxMedia = 16;
+
+  SdpPtr sdp;
+  VideoCodec codec;
+  guint payload_type;   // the offer's own number for the codec
+  std::string profile;  // kH264: profile-level-id
+};
+
+// `h264`, `vp8`: what can be encoded here; H.264 goes first. Nothing for an offer that can't be answered, and the
+// reason.
+std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, std::string* reason);
+
+}  // namespace lf::serve

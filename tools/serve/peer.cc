@@ -1,0 +1,251 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "peer.h"
+
+#define GST_USE_UNSTABLE_API
+#include <gst/webrtc/webrtc.h>
+
+#include <cstring>
+
+#include "launch.h"
+
+namespace lf::serve {
+namespace {
+
+using Reply = std::function<void(const GstStructure*)>;
+
+// `reply` is called in webrtcbin's thread; null where the promise was not kept.
+GstPromise* promise(Reply reply) {
+  return gst_promise_new_with_change_func(
+      [](GstPromise* promise, gpointer data) {
+        const bool kept = gst_promise_wait(promise) == GST_PROMISE_RESULT_REPLIED;
+        (*static_cast<Reply*>(data))(kept ? gst_promise_get_reply(promise) : nullptr);
+      },
+      new Reply(std::move(reply)), [](gpointer data) { delete static_cast<Reply*>(data); });
+}
+
+std::string error_in(const GstStructure* reply) {
+  if (!reply || !gst_structure_has_field(reply, "error")) return "";
+  GError* error = nullptr;
+  gst_structure_get(reply, "error", G_TYPE_ERROR, &error, nullptr);
+  const std::string text = error ? error->message : "unknown error";
+  g_clear_error(&error);
+  return text;
+}
+
+// Signal handlers know the peer as long as it lives.
+using Weak = std::weak_ptr<Peer>;
+
+template <typename Handler>
+void connect(gpointer object, const char* signal, Handler* handler, const Weak& peer) {
+  g_signal_connect_data(
+      object, signal, G_CALLBACK(handler), new Weak(peer),
+      [](gpointer data, GClosure*) { delete static_cast<Weak*>(data); }, GConnectFlags(0));
+}
+std::shared_ptr<Peer> peer_of(gpointer data) { return static_cast<Weak*>(data)->lock(); }
+
+void read_report(const GstStructure* stats, LinkReport& report) {
+  gst_structure_foreach(
+      stats,
+      [](GQuark, const GValue* value, gpointer data) -> gboolean {
+        LinkReport& r = *static_cast<LinkReport*>(data);
+        if (!GST_VALUE_HOLDS_STRUCTURE(value)) return TRUE;
+        const GstStructure* s = gst_value_get_structure(value);
+        GstWebRTCStatsType type;
+        if (gst_structure_get(s, "type", GST_TYPE_WEBRTC_STATS_TYPE, &type, nullptr) &&
+            type == GST_WEBRTC_STATS_REMOTE_INBOUND_RTP) {
+          gst_structure_get_double(s, "fraction-lost", &r.loss);
+          gst_structure_get_double(s, "round-trip-time", &r.round_trip);
+        }
+        return TRUE;
+      },
+      &report);
+}
+
+}  // namespace
+
+Peer::Peer(GstElement* webrtc, Offer offer, Callbacks callbacks)
+    : webrtc_(webrtc), offer_(std::move(offer)), callbacks_(std::move(callbacks)) {}
+
+std::shared_ptr<Peer> Peer::make(GstElement* webrtc, Offer offer, const std::string& address, Callbacks callbacks) {
+  std::shared_ptr<Peer> peer(new Peer(webrtc, std::move(offer), std::move(callbacks)));
+  peer->watch(address);
+  return peer;
+}
+
+Peer::~Peer() {
+  if (!channel_) return;
+  g_signal_handlers_disconnect_matched(channel_, G_SIGNAL_MATCH_DETAIL, 0, 0, nullptr, nullptr, nullptr);
+  g_object_unref(channel_);
+}
+
+void Peer::fail(const std::string& why) {
+  on_main_thread([weak = weak_from_this(), why] {
+    if (const auto peer = weak.lock()) peer->callbacks_.on_failed(why);
+  });
+}
+
+void Peer::watch_element(GstElement* element) {
+  GstElementFactory* factory = gst_element_get_factory(element);
+  const std::string type = factory ? GST_OBJECT_NAME(factory) : "";
+  // Would hold every picture back for a frame.
+  if (type == "clocksync") g_object_set(element, "sync", FALSE, nullptr);
+  if (type != "nicesrc") return;
+  GstPad* pad = gst_element_get_static_pad(element, "src");
+  gst_pad_add_probe(
+      pad, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
+      [](GstPad*, GstPadProbeInfo*, gpointer data) {
+        if (const auto peer = peer_of(data)) peer->heard_ = g_get_monotonic_time();
+        return GST_PAD_PROBE_OK;
+      },
+      new Weak(weak_from_this()), [](gpointer data) { delete static_cast<Weak*>(data); });
+  gst_object_unref(pad);
+}
+
+void Peer::watch(const std::string& address) {
+  connect(
+      webrtc_, "deep-element-added",
+      +[](GstBin*, GstBin*, GstElement* element, gpointer data) {
+        if (const auto peer = peer_of(data)) peer->watch_element(element);
+      },
+      weak_from_this());
+  connect(
+      webrtc_, "on-data-channel",
+      +[](GstElement*, GstWebRTCDataChannel* channel, gpointer data) {
+        if (const auto peer = peer_of(data)) peer->open_channel(channel);
+      },
+      weak_from_this());
+  connect(
+      webrtc_, "notify::connection-state",
+      +[](GstElement* webrtc, GParamSpec*, gpointer data) {
+        GstWebRTCPeerConnectionState state;
+        g_object_get(webrtc, "connection-state", &state, nullptr);
+        const auto peer = peer_of(data);
+        if (!peer) return;
+        if (state == GST_WEBRTC_PEER_CONNECTION_STATE_CONNECTED) peer->connected_ = true;
+        if (state == GST_WEBRTC_PEER_CONNECTION_STATE_FAILED || state == GST_WEBRTC_PEER_CONNECTION_STATE_CLOSED)
+          peer->fail("the connection is lost");
+      },
+      weak_from_this());
+  connect(
+      webrtc_, "notify::ice-gathering-state",
+      +[](GstElement*, GParamSpec*, gpointer data) {
+        if (const auto peer = peer_of(data)) peer->answer();
+      },
+      weak_from_this());
+
+  GObject *ice = nullptr, *agent = nullptr;
+  g_object_get(webrtc_, "ice-agent", &ice, nullptr);
+  g_object_get(ice, "agent", &agent, nullptr);
+  g_object_set(agent, "upnp", FALSE, "ice-tcp", FALSE, nullptr);
+  gboolean added = TRUE;
+  if (!address.empty()) g_signal_emit_by_name(ice, "add-local-ip-address", address.c_str(), &added);
+  g_object_unref(agent);
+  g_object_unref(ice);
+
+  GstWebRTCRTPTransceiver* transceiver = nullptr;
+  g_signal_emit_by_name(webrtc_, "get-transceiver", 0, &transceiver);
+  g_object_set(transceiver, "direction", GST_WEBRTC_RTP_TRANSCEIVER_DIRECTION_SENDONLY, "do-nack", TRUE, nullptr);
+  gst_object_unref(transceiver);
+
+  // An answer made before the stream has its SSRC would name 0 as the one of retransmissions, and browsers show black.
+  GstPad* sink = gst_element_get_static_pad(webrtc_, "sink_0");
+  connect(
+      sink, "notify::caps",
+      +[](GstPad* pad, GParamSpec*, gpointer data) {
+        GstCaps* caps = gst_pad_get_current_caps(pad);
+        const bool named = caps && gst_structure_has_field(gst_caps_get_structure(caps, 0), "ssrc");
+        if (caps) gst_caps_unref(caps);
+        const auto peer = peer_of(data);
+        if (named && peer && !peer->negotiating_.exchange(true))
+          on_main_thread([weak = Weak(peer)] {
+            if (const auto p = weak.lock()) p->negotiate();
+          });
+      },
+      weak_from_this());
+  gst_object_unref(sink);
+}
+
+void Peer::negotiate() {
+  GstWebRTCSessionDescription* remote =
+      gst_webrtc_session_description_new(GST_WEBRTC_SDP_TYPE_OFFER, offer_.sdp.release());
+  const auto made = [weak = weak_from_this()](const GstStructure* reply) {
+    const auto peer = weak.lock();
+    if (!peer) return;
+    GstWebRTCSessionDescription* local = nullptr;
+    if (reply) gst_structure_get(reply, "answer", GST_TYPE_WEBRTC_SESSION_DESCRIPTION, &local, nullptr);
+    if (!local) return peer->fail("the offer can't be answered: " + error_in(reply));
+    g_signal_emit_by_name(peer->webrtc_, "set-local-description", local, promise([weak](const GstStructure* set) {
+                            const auto p = weak.lock();
+                            if (p && !error_in(set).empty()) p->fail("the offer can't be answered: " + error_in(set));
+                          }));
+    gst_webrtc_session_description_free(local);
+  };
+  const auto taken = [weak = weak_from_this(), made](const GstStructure* reply) {
+    const auto peer = weak.lock();
+    if (!peer) return;
+    if (!error_in(reply).empty()) return peer->fail("the offer can't be answered: " + error_in(reply));
+    g_signal_emit_by_name(peer->webrtc_, "create-answer", nullptr, promise(made));
+  };
+  g_signal_emit_by_name(webrtc_, "set-remote-description", remote, promise(taken));
+  gst_webrtc_session_description_free(remote);
+}
+
+// Once all candidates are known.
+void Peer::answer() {
+  GstWebRTCICEGatheringState state;
+  GstWebRTCSessionDescription* local = nullptr;
+  g_object_get(webrtc_, "ice-gathering-state", &state, "local-description", &local, nullptr);
+  if (state == GST_WEBRTC_ICE_GATHERING_STATE_COMPLETE && local && !answered_.exchange(true)) {
+    g_autofree gchar* text = gst_sdp_message_as_text(local->sdp);
+    on_main_thread([weak = weak_from_this(), sdp = std::string(text)] {
+      if (const auto peer = weak.lock()) peer->callbacks_.on_answer(sdp);
+    });
+  }
+  if (local) gst_webrtc_session_description_free(local);
+}
+
+// The channel may be open already.
+void Peer::open_channel(GstWebRTCDataChannel* channel) {
+  g_autofree gchar* label = nullptr;
+  g_object_get(channel, "label", &label, nullptr);
+  const std::lock_guard lock(mutex_);
+  if (channel_ || g_strcmp0(label, "control") != 0) return;
+  channel_ = static_cast<GstWebRTCDataChannel*>(g_object_ref(channel));
+  connect(
+      channel, "on-message-string",
+      +[](GstWebRTCDataChannel*, const gchar* text, gpointer data) {
+        const auto peer = peer_of(data);
+        if (peer && text) peer->callbacks_.on_message(text);
+      },
+      weak_from_this());
+}
+
+void Peer::send(const std::string& text) {
+  GstWebRTCDataChannel* channel = nullptr;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!channel_) return;
+    channel = static_cast<GstWebRTCDataChannel*>(g_object_ref(channel_));
+  }
+  GstWebRTCDataChannelState state;
+  guint64 waiting = 0;
+  g_object_get(channel, "ready-state", &state, "buffered-amount", &waiting, nullptr);
+  // Who does not read is told nothing.
+  constexpr guint64 kMostWaiting = 65536;
+  if (state == GST_WEBRTC_DATA_CHANNEL_STATE_OPEN && waiting < kMostWaiting)
+    gst_webrtc_data_channel_send_string(channel, text.c_str());
+  g_object_unref(channel);
+}
+
+void Peer::ask_for_report() {
+  g_signal_emit_by_name(webrtc_, "get-stats", nullptr, promise([weak = weak_from_this()](const GstStructure* stats) {
+                          LinkReport report;
+                          if (!stats) return;
+                          read_report(stats, report);
+                          on_main_thread([weak, report] {
+                            if (const auto peer = weak.lock()) peer->callbacks_.on_report(report);
+                          });
+                        }));
+}
+
+}  // namespace lf::serve

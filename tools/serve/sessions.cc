@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "sessions.h"
+
+#include <cstdio>
+#include <random>
+
+#include "launch.h"
+
+namespace lf::serve {
+namespace {
+
+constexpr guint kTickMs = 250;
+constexpr unsigned kTicksPerReport = 4;
+
+std::string random_name() {
+  std::random_device random;
+  std::string name;
+  for (int i = 0; i < 4; i++) {
+    char hex[9];
+    std::snprintf(hex, sizeof hex, "%08x", random());
+    name += hex;
+  }
+  return name;
+}
+
+void add(Viewer::Figures& sum, const Viewer::Figures& figures) {
+  sum.pictures += figures.pictures;
+  sum.incomplete += figures.incomplete;
+  sum.answer_bytes += figures.answer_bytes;
+  sum.video_bytes += figures.video_bytes;
+  sum.refused_messages += figures.refused_messages;
+}
+
+}  // namespace
+
+Sessions::Sessions(LightField& field, const Limits& limits, std::string address)
+    : field_(field), limits_(limits), address_(std::move(address)) {
+  timer_ = g_timeout_add(
+      kTickMs,
+      [](gpointer data) -> gboolean {
+        static_cast<Sessions*>(data)->tick();
+        return G_SOURCE_CONTINUE;
+      },
+      this);
+}
+
+Sessions::~Sessions() {
+  g_source_remove(timer_);
+  alive_.reset();
+  while (!viewers_.empty()) close(viewers_.begin()->first, "the server ends");
+}
+
+std::string Sessions::open(Offer offer, int width, int height, OnAnswer on_answer) {
+  ViewerSettings settings;
+  settings.view = next_view_++;
+  settings.width = width;
+  settings.height = height;
+  settings.framerate = limits_.framerate;
+  settings.most_bit_rate = limits_.bit_rate;
+  settings.least_bit_rate = std::min(settings.least_bit_rate, limits_.bit_rate);
+  settings.messages_per_second = limits_.messages_per_second;
+  settings.address = address_;
+  const std::string name = random_name(), codec = to_string(offer.codec);
+  Viewer::Callbacks callbacks;
+  callbacks.on_answer = [this, name](const std::string& sdp) {
+    const auto found = viewers_.find(name);
+    if (found == viewers_.end() || !found->second.on_answer) return;
+    const OnAnswer on_answer = std::move(found->second.on_answer);
+    found->second.on_answer = nullptr;
+    on_answer(sdp, "");
+  };
+  callbacks.on_gone = [this, name](const std::string& why) { close_soon(name, why); };
+  auto viewer = std::make_unique<Viewer>(field_, std::move(offer), settings, std::move(callbacks));
+  viewers_.emplace(name, Session{std::move(viewer), settings.view, std::move(on_answer)});
+  opened_++;
+  std::printf("view %u opens: %dx%d, %s; %zu viewers\n", settings.view, width, height, codec.c_str(), viewers_.size());
+  return name;
+}
+
+bool Sessions::close(const std::string& name, const std::string& why) {
+  const auto found = viewers_.find(name);
+  if (found == viewers_.end()) return false;
+  Session session = std::move(found->second);
+  viewers_.erase(found);
+  add(gone_, session.viewer->figures());
+  session.viewer.reset();
+  std::printf("view %u closes: %s; %zu viewers\n", session.view, why.c_str(), viewers_.size());
+  if (session.on_answer) session.on_answer("", why);
+  return true;
+}
+
+void Sessions::close_soon(const std::string& name, const std::string& why) {
+  on_main_thread([this, alive = std::weak_ptr(alive_), name, why] {
+    if (alive.lock()) close(name, why);
+  });
+}
+
+void Sessions::tick() {
+  const int64_t now = g_get_monotonic_time();
+  const bool report = ++ticks_ % kTicksPerReport == 0;
+  for (auto i = viewers_.begin(); i != viewers_.end();) {
+    const auto& [name, session] = *i++;
+    if (session.viewer->silence(now) > (session.viewer->answered() ? Limits::kSilence : Limits::kAnswer))
+      close(std::string(name), session.viewer->connected() ? "nothing is heard of the browser" : "it does not connect");
+    else if (report)
+      session.viewer->tick();
+  }
+}
+
+Viewer::Figures Sessions::figures() const {
+  Viewer::Figures sum = gone_;
+  for (const auto& [name, session] : viewers_) add(sum, session.viewer->figures());
+  return sum;
+}
+
+}  // namespace lf::serve

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Mouse, pen, touch, wheel, keys and gamepad, made into the navigation events that GStreamer's windows send.
+
+const kKeys = { ArrowLeft: 'Left', ArrowRight: 'Right', ArrowUp: 'Up', ArrowDown: 'Down', '+': 'plus', '=': 'plus',
+  '-': 'minus', '[': 'bracketleft', ']': 'bracketright' };
+const kLetters = 'wsadqer';
+const kWheelStep = 100;     // pixels of a wheel that are one step
+const kPinchStep = 1.1;     // ratio of finger distances that is one step
+const kStickDead = 0.15;
+
+export class Controls {
+  constructor(viewer) {
+    this.viewer = viewer;
+    this.pointers = new Map();
+    this.wheel = 0;
+    const video = viewer.video;
+    video.addEventListener('pointerdown', event => this.down(event));
+    video.addEventListener('pointermove', event => this.move(event));
+    for (const name of ['pointerup', 'pointercancel']) video.addEventListener(name, event => this.up(event));
+    video.addEventListener('wheel', event => this.turn(event), { passive: false });
+    video.addEventListener('contextmenu', event => event.preventDefault());
+    video.addEventListener('keydown', event => this.press(event));
+    addEventListener('gamepadconnected', () => requestAnimationFrame(now => this.gamepad(now)));
+  }
+
+  // In pixels of the picture.
+  place(event) {
+    const video = this.viewer.video, box = video.getBoundingClientRect();
+    const scale = Math.min(box.width / (video.videoWidth || 1), box.height / (video.videoHeight || 1)) || 1;
+    return { x: (event.clientX - box.left) / scale, y: (event.clientY - box.top) / scale };
+  }
+  modifiers(event) {
+    return [event.shiftKey && 'shift-mask', event.ctrlKey && 'control-mask'].filter(Boolean).join('+');
+  }
+  send(name, event, more = {}) {
+    const modifier_state = this.modifiers(event);
+    return this.viewer.navigate({ event: name, ...this.place(event), ...more, ...(modifier_state && { modifier_state }) });
+  }
+
+  down(event) {
+    this.viewer.video.focus();
+    this.viewer.video.setPointerCapture(event.pointerId);
+    this.pointers.set(event.pointerId, event);
+    if (this.pointers.size === 2) this.pinch = this.spread();
+    // Two fingers pan and pinch.
+    if (this.pointers.size === 2) this.send('MouseButtonRelease', event, { button: 1 });
+    this.send('MouseButtonPress', event, { button: this.pointers.size === 2 ? 2 : event.button + 1 });
+    event.preventDefault();
+  }
+
+  move(event) {
+    if (!this.pointers.has(event.pointerId)) return;
+    this.pointers.set(event.pointerId, event);
+    if (this.pointers.size < 2) {
+      this.send('MouseMove', event);
+    } else if (event.pointerId === [...this.pointers.keys()].at(-1)) {
+      this.send('MouseMove', event);
+      const now = this.spread(), steps = Math.log(now / this.pinch) / Math.log(kPinchStep);
+      if (Math.abs(steps) < 0.2) return;
+      this.pinch = now;
+      this.send('MouseScroll', event, { delta_x: 0, delta_y: steps });
+    }
+  }
+
+  up(event) {
+    if (!this.pointers.delete(event.pointerId)) return;
+    this.send('MouseButtonRelease', event, { button: this.pointers.size === 1 ? 2 : event.button + 1 });
+  }
+
+  spread() {
+    const [a, b] = [...this.pointers.values()];
+    return Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY) || 1;
+  }
+
+  turn(event) {
+    event.preventDefault();
+    const pixels = event.deltaMode === WheelEvent.DOM_DELTA_PIXEL ? event.deltaY : event.deltaY * 33;
+    this.send('MouseScroll', event, { delta_x: 0, delta_y: -pixels / kWheelStep });
+  }
+
+  press(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.key === 'i') return this.viewer.toggleFigures();
+    const key = kKeys[event.key] ?? (kLetters.includes(event.key.toLowerCase()) ? event.key.toLowerCase() : null);
+    if (!key) return;
+    this.key(key);
+    event.preventDefault();
+  }
+  key(key) { return this.viewer.navigate({ event: 'KeyPress', key }); }
+
+  // Left stick orbits, right stick flies; shoulder buttons focus.
+  gamepad() {
+    const pad = navigator.getGamepads().find(Boolean);
+    if (!pad) return;
+    const stick = (axis, less, more) => {
+      if (Math.abs(pad.axes[axis] ?? 0) > kStickDead) this.key(pad.axes[axis] < 0 ? less : more);
+    };
+    stick(0, 'Left', 'Right');
+    stick(1, 'Up', 'Down');
+    stick(2, 'a', 'd');
+    stick(3, 'w', 's');
+    if (pad.buttons[4]?.pressed) this.key('bracketleft');
+    if (pad.buttons[5]?.pressed) this.key('bracketright');
+    if (pad.buttons[9]?.pressed) this.key('r');
+    requestAnimationFrame(() => this.gamepad());
+  }
+}
