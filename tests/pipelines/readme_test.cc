@@ -94,9 +94,10 @@ TEST(Readme, ElementTableIsThatOfThePlugin) {
 TEST(Readme, ToolTableIsThatOfTheTools) {
   Names named, built;
   for (const auto& [name, rest] : table("Tools")) named.insert(name);
-  for (const fs::directory_entry& entry : fs::directory_iterator(LF_TOOLS_DIR))
-    if (entry.is_regular_file() && entry.path().filename().string().starts_with("lf-"))
-      built.insert(entry.path().filename().string());
+  for (const char* folder : {LF_TOOLS_DIR, LF_TOOLS_DIR "/../calib"})
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder))
+      if (entry.is_regular_file() && entry.path().filename().string().starts_with("lf-"))
+        built.insert(entry.path().filename().string());
   EXPECT_EQ(named, built);
 }
 
