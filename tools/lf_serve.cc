@@ -21,6 +21,8 @@ namespace {
 
 using namespace lf::serve;
 
+constexpr double kSceneFocus = 2.2;  // metres: the figure of the built-in scene
+
 struct Options {
   std::string rig, nodes, token_file;
   std::vector<std::string> origins;
@@ -63,7 +65,10 @@ void serve(Options& options) {
   check_elements();
   make_dtls_key();
   const std::vector<NodeAddress> nodes = parse_nodes(options.nodes);
-  if (options.rig.empty()) options.rig = film_of_scene();
+  if (options.rig.empty()) {
+    options.rig = film_of_scene();
+    if (options.limits.focus == 0) options.limits.focus = kSceneFocus;
+  }
   if (!options.token_file.empty()) {
     std::string text = lf::read_text_file(options.token_file);
     while (!text.empty() && g_ascii_isspace(text.back())) text.pop_back();
@@ -117,6 +122,9 @@ int main(int argc, char** argv) {
   app.add_option("--framerate", o.limits.framerate, "pictures per second")
       ->capture_default_str()
       ->check(CLI::Range(1, 120));
+  app.add_option("--focus", o.limits.focus,
+                 "distance of what is sharp to begin with, metres (default: 4 times the array)")
+      ->check(CLI::PositiveNumber);
   app.add_option("--max-width", o.limits.max_width, "of a view")->capture_default_str()->check(CLI::Range(64, 4096));
   app.add_option("--max-height", o.limits.max_height, "of a view")->capture_default_str()->check(CLI::Range(64, 4096));
   app.add_option("--bitrate", o.limits.bit_rate, "of a viewer's video at best, bits per second")

@@ -8,11 +8,12 @@
 
 namespace lf::serve {
 
-// What viewers may ask of the server.
+// What viewers may ask of the server, and get.
 struct Limits {
   int viewers = 8;
   int max_width = 1280, max_height = 720;  // of a view, pixels
   int framerate = 30;
+  double focus = 0;                  // metres, of a view to begin with; 0: as lfviewrequest chooses
   int bit_rate = 6000000;            // bits per second, of one viewer's video
   double messages_per_second = 240;  // on a data channel
   double connects_per_second = 2;    // of one address, after the first `connect_burst`

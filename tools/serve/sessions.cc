@@ -56,6 +56,7 @@ std::string Sessions::open(Offer offer, int width, int height, OnAnswer on_answe
   settings.width = width;
   settings.height = height;
   settings.framerate = limits_.framerate;
+  settings.focus = limits_.focus;
   settings.most_bit_rate = limits_.bit_rate;
   settings.least_bit_rate = std::min(settings.least_bit_rate, limits_.bit_rate);
   settings.messages_per_second = limits_.messages_per_second;

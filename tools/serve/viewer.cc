@@ -66,6 +66,7 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   set_in(pipeline_, "view", "rig", field.rig().c_str(), "view-id", settings.view, "width", settings.width, "height",
          settings.height, "framerate", settings.framerate, 1);
   set_in(pipeline_, "c", "rig", field.rig().c_str(), "view-id", settings.view);
+  if (settings.focus > 0) set_in(pipeline_, "view", "focus-distance", settings.focus);
   compositor_ = find("c");
   encoder_ = find("encoder");
   view_ = find("view");
@@ -167,7 +168,9 @@ void Viewer::control(const std::string& text) {
   {
     const std::lock_guard lock(mutex_);
     if (!messages_.take(g_get_monotonic_time())) {
-      if (refused_messages_++ == 0) std::fprintf(stderr, "lf-serve: view %u: too many messages\n", settings_.view);
+      refused_messages_++;
+      if (!flooded_) std::printf("view %u: too many messages\n", settings_.view);
+      flooded_ = true;
       return;
     }
   }

@@ -21,6 +21,7 @@ struct ViewerSettings {
   uint32_t view = 0;
   int width = 640, height = 480;  // pixels, even
   int framerate = 30;
+  double focus = 0;  // metres, to begin with; 0: as lfviewrequest chooses
   int least_bit_rate = 300000, most_bit_rate = 6000000;
   double messages_per_second = 240;
   std::string address;  // the only one to be reached at, or ""
@@ -76,6 +77,7 @@ class Viewer {
 
   std::mutex mutex_;  // of what follows
   TokenBucket messages_;
+  bool flooded_ = false;
   std::optional<uint64_t> applied_;  // the latest message that the next request shows
 };
 

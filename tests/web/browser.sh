@@ -1,0 +1,34 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: LGPL-2.1-or-later
+# Runs the tests in headless Chromium, with playwright-core from npm: browser.sh BUILD TEST.mjs. Prints TAP; without
+# Chromium, Node.js or npm's registry the tests are skipped, with the reason.
+set -euo pipefail
+build=$1 test=$(realpath "$2")
+source=$(dirname "$test")
+
+skip() {
+  printf '1..1\nok 1 - %s # SKIP\n' "$*"  # the name is what reports show
+  exit
+}
+chromium=$(command -v chromium || command -v chromium-browser || command -v google-chrome) ||
+  skip "no Chromium (Debian: chromium)"
+command -v node >/dev/null || skip "no Node.js (Debian: nodejs)"
+command -v npm >/dev/null || skip "no npm (Debian: npm)"
+
+# Once, as the lock file has it. Modules are looked for from where the test is, so it is copied there.
+work=$build/tests/web
+mkdir -p "$work"
+if ! cmp -s "$source/package-lock.json" "$work/package-lock.json" || [[ ! -d $work/node_modules/playwright-core ]]; then
+  cp "$source/package.json" "$work/"
+  rm -f "$work/package-lock.json"
+  mkdir -p "$work/install"
+  cp "$source"/package{,-lock}.json "$work/install/"
+  (cd "$work/install" && timeout 120 npm ci --ignore-scripts --no-audit --no-fund >"$work/npm.log" 2>&1) ||
+    skip "npm can't install playwright-core: $(tail -n 1 "$work/npm.log")"
+  rm -rf "$work/node_modules"
+  mv "$work/install/node_modules" "$work/"
+  cp "$source/package-lock.json" "$work/"
+fi
+cp "$source"/*.mjs "$work/"
+export GST_PLUGIN_PATH=$build/gst LF_TOOLS_DIR=$build/tools LF_CHROMIUM=$chromium LF_ARTEFACTS=$work
+exec node "$work/$(basename "$test")"

@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// What the browser tests share: TAP, a running lf-serve, headless Chromium, and pictures compared.
+import { execFile, spawn } from 'node:child_process';
+import { once } from 'node:events';
+import { mkdtemp, readFile, rm, writeFile } from 'node:fs/promises';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { createInterface } from 'node:readline';
+import { promisify } from 'node:util';
+import { chromium } from 'playwright-core';
+
+const tools = process.env.LF_TOOLS_DIR;
+const run = promisify(execFile);
+export const patience = 60000;  // milliseconds; machines are busy
+export const artefacts = process.env.LF_ARTEFACTS;
+
+// Runs the tests one after the other, in the order they are in.
+export async function runTests(tests) {
+  const chosen = process.env.LF_TESTS ? tests.filter(([name]) => name.match(process.env.LF_TESTS)) : tests;
+  console.log(`1..${chosen.length}`);
+  let failed = 0;
+  for (const [i, [name, test]] of chosen.entries()) {
+    const began = Date.now();
+    try {
+      await test();
+      console.log(`ok ${i + 1} - ${name}`);
+    } catch (error) {
+      failed++;
+      console.log(`not ok ${i + 1} - ${name}`);
+      console.log(String(error.stack ?? error).replace(/^/gm, '# '));
+    }
+    console.log(`# ${name}: ${((Date.now() - began) / 1000).toFixed(1)} s`);
+  }
+  process.exit(failed ? 1 : 0);
+}
+
+export function expect(condition, what) {
+  if (!condition) throw new Error(what);
+}
+
+export async function until(condition, what) {
+  const deadline = Date.now() + patience;
+  while (!await condition()) {
+    if (Date.now() > deadline) throw new Error(`never: ${what}`);
+    await new Promise(done => setTimeout(done, 100));
+  }
+}
+
+// A rig of stills of the built-in scene: its pictures do not move. Returns its folder, which is gone at the end.
+export async function makeRig(grid) {
+  const folder = await mkdtemp(join(tmpdir(), 'lf_web_'));
+  process.on('exit', () => spawn('rm', ['-rf', folder], { detached: true }));
+  await run(join(tools, 'lf-scene'), ['--out', folder, '--grid', grid, '--frames', '1', '--format', 'png']);
+  const rig = JSON.parse(await readFile(join(folder, 'rig.json')));
+  for (const camera of rig.cameras) delete camera.source;
+  await writeFile(join(folder, 'rig.json'), JSON.stringify(rig));
+  return folder;
+}
+
+// lf-serve with these options; stop() it. `said` grows as it speaks.
+export async function serve(...options) {
+  const process = spawn(join(tools, 'lf-serve'), ['--port', '0', ...options], { stdio: ['ignore', 'pipe', 'pipe'] });
+  const served = { said: '', pid: process.pid };
+  const url = new Promise((resolve, reject) => {
+    for (const stream of [process.stdout, process.stderr])
+      createInterface({ input: stream }).on('line', line => {
+        served.said += line + '\n';
+        const match = line.match(/^serving .* at (http\S+)/);
+        if (match) resolve(match[1]);
+      });
+    process.on('exit', () => reject(new Error(`lf-serve ended:\n${served.said}`)));
+  });
+  served.url = await url;
+  served.metric = async name => {
+    const text = await (await fetch(new URL('metrics', served.url))).text();
+    return Number(text.match(new RegExp(`^lightfield_${name} (.*)$`, 'm'))?.[1]);
+  };
+  served.stop = async () => {
+    process.removeAllListeners('exit');
+    const ended = once(process, 'exit');
+    process.kill('SIGTERM');
+    const [status] = await ended;
+    expect(status === 0, `lf-serve ends with ${status}:\n${served.said}`);
+  };
+  return served;
+}
+
+const launchOptions = {
+  executablePath: process.env.LF_CHROMIUM,
+  args: ['--allow-loopback-in-peer-connection', '--disable-features=WebRtcHideLocalIpsWithMdns', '--disable-gpu',
+    ...(process.getuid() === 0 ? ['--no-sandbox'] : [])],
+};
+export const launchBrowser = () => chromium.launch(launchOptions);
+export const launchBrowserServer = () => chromium.launchServer(launchOptions);
+export const connectBrowser = server => chromium.connect(server.wsEndpoint());
+
+// A page in a window of its own (tabs in the background are throttled). `page.problems` has what went wrong in it.
+export async function openPage(browser, url, size = { width: 640, height: 480 }) {
+  const context = await browser.newContext({ viewport: size });
+  const page = await context.newPage();
+  page.problems = [];
+  page.on('pageerror', error => page.problems.push(error.message));
+  await page.goto(url);
+  return page;
+}
+
+export async function shown(page, frames = 1) {
+  await page.waitForFunction(
+    n => document.querySelector('lightfield-viewer')?.video.getVideoPlaybackQuality().totalVideoFrames >= n, frames,
+    { timeout: patience }).catch(async error => {
+    const status = await page.evaluate(() => document.querySelector('lightfield-viewer')?.status.textContent);
+    throw new Error(`no picture: ${status}; ${page.problems}; ${error.message}`);
+  });
+}
+
+// Sets the view, waits for a picture that shows it, and returns the view's state.
+export async function setView(page, view) {
+  return page.evaluate(async view => {
+    const viewer = document.querySelector('lightfield-viewer');
+    const stamp = await new Promise(done => {
+      let id = 0;
+      viewer.addEventListener('applied', function take({ detail }) {
+        if (detail.id < id) return;
+        viewer.removeEventListener('applied', take);
+        done(detail.rtpTimestamp);
+      });
+      id = viewer.setView(view);
+    });
+    // The encoder has a few pictures to make a still one sharp.
+    await new Promise(done => {
+      let after = 0;
+      const look = (now, frame) => {
+        if (((frame.rtpTimestamp - stamp) >>> 0) < 0x80000000) after++;
+        after > 15 ? done() : viewer.video.requestVideoFrameCallback(look);
+      };
+      viewer.video.requestVideoFrameCallback(look);
+    });
+    return viewer.state;
+  }, view);
+}
+
+export async function stateOf(page) {
+  await page.waitForFunction(() => document.querySelector('lightfield-viewer').state, null, { timeout: patience });
+  return page.evaluate(() => document.querySelector('lightfield-viewer').state);
+}
+
+// The decoded picture as a PNG.
+export async function picture(page) {
+  const url = await page.evaluate(() => {
+    const { video } = document.querySelector('lightfield-viewer');
+    const canvas = Object.assign(document.createElement('canvas'), { width: video.videoWidth, height: video.videoHeight });
+    canvas.getContext('2d').drawImage(video, 0, 0);
+    return canvas.toDataURL('image/png');
+  });
+  return Buffer.from(url.split(',')[1], 'base64');
+}
+
+// Decibels between two PNGs of one size; the mean and the deviation of the first.
+export async function compare(page, a, b) {
+  return page.evaluate(async ([a, b]) => {
+    const pixels = async data => {
+      const image = await createImageBitmap(await (new Blob([Uint8Array.from(atob(data), c => c.charCodeAt(0))])));
+      const canvas = new OffscreenCanvas(image.width, image.height), context = canvas.getContext('2d');
+      context.drawImage(image, 0, 0);
+      return context.getImageData(0, 0, image.width, image.height);
+    };
+    const [p, q] = [await pixels(a), await pixels(b)];
+    if (p.width !== q.width || p.height !== q.height)
+      throw new Error(`${p.width}x${p.height} against ${q.width}x${q.height}`);
+    let n = 0, error = 0, sum = 0, squares = 0;
+    for (let i = 0; i < p.data.length; i++) {
+      if (i % 4 === 3) continue;
+      n++;
+      error += (p.data[i] - q.data[i]) ** 2;
+      sum += p.data[i];
+      squares += p.data[i] ** 2;
+    }
+    return { psnr: 10 * Math.log10(255 ** 2 * n / Math.max(error, 1e-9)), mean: sum / n,
+      deviation: Math.sqrt(Math.max(0, squares / n - (sum / n) ** 2)) };
+  }, [a.toString('base64'), b.toString('base64')]);
+}
+
+// What lf-render makes of the view that the server tells: a PNG.
+export async function rendered(folder, state, { width, height }) {
+  const half = degrees => degrees * Math.PI / 360;
+  const [[cy, sy], [cp, sp], [cr, sr]] =
+    [state.yaw, state.pitch, state.roll].map(angle => [Math.cos(half(angle)), Math.sin(half(angle))]);
+  // About y, then x, then z.
+  const orientation = [cy * cp * cr + sy * sp * sr, cy * sp * cr + sy * cp * sr, sy * cp * cr - cy * sp * sr,
+    cy * cp * sr - sy * sp * cr];
+  const view = { name: 'view', position: [state.x, state.y, state.z], orientation, width, height, fov_y: state.fov,
+    focus_distance: state['focus-distance'] };
+  const out = await mkdtemp(join(tmpdir(), 'lf_web_view_'));
+  await writeFile(join(out, 'views.json'), JSON.stringify({ format: 'lightfield-views', version: 1, views: [view] }));
+  await run(join(tools, 'lf-render'),
+    ['--rig', join(folder, 'rig.json'), '--views', join(out, 'views.json'), '--out', out]);
+  const png = await readFile(join(out, 'view.png'));
+  await rm(out, { recursive: true });
+  return png;
+}
