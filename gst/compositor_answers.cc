@@ -3,7 +3,6 @@
 
 #include "base/error.h"
 #include "lfcompositor_private.h"
-#include "out_of_service_event.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
 #define GST_CAT_DEFAULT lf_compositor_debug
@@ -63,13 +62,17 @@ GstClockTime deadline(LfCompositor* self) {
 }
 
 void take_new_rig(LfCompositor* self) {
+  auto& state = *self->state;
   GST_OBJECT_LOCK(self);
   const std::unique_ptr<std::shared_ptr<const lf::Rig>> rig(std::exchange(self->new_rig, nullptr));
   GST_OBJECT_UNLOCK(self);
   if (!rig) return;
-  self->state->rig = *rig;
-  self->state->assembly.set_rig(*rig);
-  if (*rig) self->state->health.expect((*rig)->cameras.size());
+  state.rig = *rig;
+  state.assembly.set_rig(*rig);
+  state.warned_rig = false;
+  if (!*rig) return;
+  lf_compositor_use_rig_for_health(self, (*rig)->hash());
+  if (!self->partial) state.health.expect((*rig)->cameras.size());
 }
 
 void drop_head(GstAggregatorPad* pad, NodeInput& node) {
@@ -113,6 +116,7 @@ static bool find_request(LfCompositor* self, guint view_id) {
       try {
         lf_compositor_forget_request(self);
         state.assembly.begin(*request);
+        lf_compositor_use_rig_for_health(self, state.assembly.rig_hash());
         state.current = std::move(request);
         state.current_bytes = 0;
         state.adding = 0;
@@ -181,6 +185,7 @@ static void note_late_answer(LfCompositor* self, const lf::wire::AnswerHead& ans
   const auto past = std::ranges::find(state.past, answer.sequence, &_LfCompositor::State::Past::sequence);
   if (past == state.past.end() || clock_time(self) > past->deadline) return;
   node.missed = 0;
+  if (state.health_rig != 0 && answer.rig_hash != state.health_rig) return;
   lf::CameraRanges seeing = answer.cameras;
   seeing.remove(answer.blind);
   state.seeing_since.add(seeing);
@@ -228,18 +233,6 @@ static bool is_awaited(LfCompositor* self, GstAggregatorPad* pad, bool live) {
   return !live || self->max_missed == 0 || node.missed <= self->max_missed;
 }
 
-static void announce_out_of_service(LfCompositor* self) {
-  auto& state = *self->state;
-  const lf::CameraSet& cameras = state.health.out_of_service();
-  state.stats.set_out_of_service(cameras.size());
-  const guint view_id = state.current->view_id;
-  GST_INFO_OBJECT(self, "%zu cameras are out of service", cameras.size());
-  gst_pad_push_event(self->request,
-                     gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, lf::out_of_service_structure(view_id, cameras)));
-  gst_element_post_message(GST_ELEMENT(self),
-                           gst_message_new_element(GST_OBJECT(self), lf::out_of_service_structure(view_id, cameras)));
-}
-
 // Makes room for the next request. Returns whether a node that was waited for has not answered.
 static void close_request(LfCompositor* self, const AnswerPads& pads, GstClockTime due) {
   auto& state = *self->state;
@@ -252,9 +245,10 @@ static void close_request(LfCompositor* self, const AnswerPads& pads, GstClockTi
   if (is_live(self)) {
     state.past.push_back({state.current->sequence, due});
     if (state.past.size() > kMostPast) state.past.pop_front();
+    lf_compositor_use_rig_for_health(self, state.assembly.rig_hash());
     lf::CameraRanges seeing = state.assembly.seeing();
     seeing.add(std::exchange(state.seeing_since, {}));
-    if (state.health.picture(seeing)) announce_out_of_service(self);
+    if (state.health.picture(seeing)) lf_compositor_announce_out_of_service(self);
   }
   state.assembly.release();
   state.current.reset();
@@ -268,7 +262,11 @@ bool lf_compositor_is_complete(LfCompositor* self) {
 // What is put out in place of an incomplete picture; takes it.
 static GstBuffer* replace_incomplete(LfCompositor* self, GstBuffer* picture) {
   auto& state = *self->state;
-  if (self->partial || lf_compositor_is_complete(self)) return picture;
+  const uint64_t rig = state.assembly.fragments() > 0 ? state.assembly.rig_hash() : state.last_rig;
+  if (self->partial || lf_compositor_is_complete(self)) {
+    state.last_rig = rig;
+    return picture;
+  }
   GST_OBJECT_LOCK(self);
   const LfCompositorIncomplete manner = self->incomplete;
   GST_OBJECT_UNLOCK(self);
@@ -277,7 +275,10 @@ static GstBuffer* replace_incomplete(LfCompositor* self, GstBuffer* picture) {
     gst_buffer_unref(picture);
     return gst_buffer_copy(state.last_picture);
   }
-  if (manner != LF_COMPOSITOR_INCOMPLETE_DROP) return picture;
+  if (manner != LF_COMPOSITOR_INCOMPLETE_DROP) {
+    state.last_rig = rig;
+    return picture;
+  }
   state.stats.count(CompositorStats::kDroppedPictures);
   gst_buffer_unref(picture);
   return nullptr;

@@ -43,9 +43,10 @@ static GstFlowReturn agree_on_picture(LfCompositor* self, lf::PixelFamily family
   return ready ? GST_FLOW_OK : GST_FLOW_ERROR;
 }
 
-// What is wholly lost is taken from the picture before.
+// What is wholly lost is taken from the picture before, if not part of the picture is made with another rig than that.
 static void conceal(LfCompositor* self, GstVideoFrame* frame) {
   auto& state = *self->state;
+  if (state.assembly.fragments() > 0 && state.assembly.rig_hash() != state.last_rig) return;
   GstVideoFrame before;
   if (!state.last_picture || !gst_video_frame_map(&before, &state.info, state.last_picture, GST_MAP_READ)) return;
   lf::ImageView view;

@@ -57,23 +57,15 @@ bool lf_compositor_load_rig(LfCompositor* self, std::shared_ptr<const lf::Rig>* 
 }
 
 // Before the element runs the path is noted; while it runs the file is read at once, and serves from the next request
-// on. A file that can't be read changes nothing then.
+// on.
 static void lf_compositor_set_rig(LfCompositor* self, const GValue* value) {
-  GST_OBJECT_LOCK(self);
-  const bool running = GST_STATE(self) >= GST_STATE_PAUSED;
-  GST_OBJECT_UNLOCK(self);
+  const gchar* path = g_value_get_string(value);
+  const bool running = lf::is_running(GST_ELEMENT(self));
   std::shared_ptr<const lf::Rig> rig;
-  if (running && g_value_get_string(value)) {
-    try {
-      rig = lf::shared_rig(g_value_get_string(value));
-    } catch (const lf::Error& error) {
-      GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS, ("%s; the rig stays as it was", error.what()), (nullptr));
-      return;
-    }
-  }
+  if (running && (path || self->partial) && !(rig = lf::reload_rig(GST_ELEMENT(self), path))) return;
   GST_OBJECT_LOCK(self);
   g_free(self->rig_path);
-  self->rig_path = g_value_dup_string(value);
+  self->rig_path = g_strdup(path);
   if (running) {
     delete self->new_rig;
     self->new_rig = new std::shared_ptr<const lf::Rig>(std::move(rig));

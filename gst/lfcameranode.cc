@@ -19,6 +19,7 @@
 
 #include "lfcameranode.h"
 
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -73,8 +74,9 @@ struct _LfCameraNode {
   GstElement* fragment;  // borrowed from the bin's children; null where lffragment is not installed
   Settings* settings;
   lf::NetClock* net_clock;
-  Settings* opened;                   // what the children were made for
-  std::vector<GstElement*>* cameras;  // borrowed from the bin's children
+  Settings* opened;                     // what the children were made for
+  std::shared_ptr<const lf::Rig>* rig;  // the same
+  std::vector<GstElement*>* cameras;    // borrowed from the bin's children
 };
 
 G_DEFINE_TYPE_WITH_CODE(LfCameraNode, lf_camera_node, GST_TYPE_BIN,
@@ -148,12 +150,59 @@ static bool open_cameras(LfCameraNode* self) {
     g_object_set(self->fragment, "rig", settings.rig.c_str(), "node", settings.node, nullptr);
     for (const lf::CameraIndex index : indices) add_camera(self, settings, *rig, index);
     *self->opened = settings;
+    *self->rig = rig;
     return true;
   } catch (const lf::Error& error) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
   }
   remove_cameras(self);
   return false;
+}
+
+// Whether the rig has the same cameras with the same sources as the one that the cameras were opened with; else
+// *problem says what is not.
+static bool has_same_sources(LfCameraNode* self, const lf::Rig& rig, std::string* problem) {
+  const lf::Rig& before = **self->rig;
+  const auto place = [](const lf::Rig& of, const std::string& path) {
+    return lf::is_uri(path) ? path : std::filesystem::path(of.resolve(path)).lexically_normal().string();
+  };
+  try {
+    std::vector<lf::CameraIndex> own = lf::parse_camera_list(before, self->opened->cameras);
+    if (lf::parse_camera_list(rig, self->opened->cameras).size() != own.size())
+      throw lf::Error("it has another number of cameras");
+    for (const lf::CameraIndex index : own) {
+      const lf::Camera& was = before.cameras[index];
+      const auto is = rig.index_of_id(was.id);
+      if (!is) throw lf::Error("it has no camera " + std::to_string(was.id));
+      const lf::Camera& now = rig.cameras[*is];
+      if (place(before, was.source) != place(rig, now.source) || place(before, was.image) != place(rig, now.image))
+        throw lf::Error("camera " + std::to_string(was.id) + " has another source");
+    }
+    return true;
+  } catch (const lf::Error& error) {
+    *problem = error.what();
+    return false;
+  }
+}
+
+// While the node runs lffragment takes the new rig, and the cameras go on as they are.
+static void lf_camera_node_set_rig(LfCameraNode* self, const gchar* path) {
+  if (lf::is_running(GST_ELEMENT(self))) {
+    const std::shared_ptr<const lf::Rig> rig = lf::reload_rig(GST_ELEMENT(self), path);
+    if (!rig) return;
+    std::string problem;
+    if (!has_same_sources(self, *rig, &problem)) {
+      GST_ELEMENT_WARNING(
+          self, RESOURCE, SETTINGS,
+          ("%s: %s: such a rig needs this node to be started anew; the rig stays as it was.", path, problem.c_str()),
+          (nullptr));
+      return;
+    }
+    g_object_set(self->fragment, "rig", path, nullptr);
+  }
+  GST_OBJECT_LOCK(self);
+  self->settings->rig = path ? path : "";
+  GST_OBJECT_UNLOCK(self);
 }
 
 static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, GstStateChange transition) {
@@ -179,11 +228,11 @@ static void lf_camera_node_set_property(GObject* object, guint id, const GValue*
     if (self->fragment) g_object_set_property(G_OBJECT(self->fragment), pspec->name, value);
     return;
   }
+  if (id == kPropRig) return lf_camera_node_set_rig(self, g_value_get_string(value));
   if (id >= kPropNetClock) return self->net_clock->set(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
   Settings& settings = *self->settings;
   GST_OBJECT_LOCK(self);
   switch (id) {
-    case kPropRig: settings.rig = g_value_get_string(value) ? g_value_get_string(value) : ""; break;
     case kPropCameras: settings.cameras = g_value_get_string(value) ? g_value_get_string(value) : ""; break;
     case kPropFramerate:
       settings.fps_n = gst_value_get_fraction_numerator(value);
@@ -225,6 +274,7 @@ static void lf_camera_node_finalize(GObject* object) {
   delete self->settings;
   delete self->net_clock;
   delete self->opened;
+  delete self->rig;
   delete self->cameras;
   G_OBJECT_CLASS(lf_camera_node_parent_class)->finalize(object);
 }
@@ -285,7 +335,12 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
       static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY);
   g_object_class_install_property(
       object_class, kPropRig,
-      g_param_spec_string("rig", "Rig", "Path of the rig file (rig.json) of the whole array", nullptr, kFlags));
+      g_param_spec_string("rig", "Rig",
+                          "Path of the rig file (rig.json) of the whole array. Set while running, it is read again and "
+                          "serves from the next request on, if it has the same cameras with the same sources; time "
+                          "offsets count from the next start on",
+                          nullptr,
+                          GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
   g_object_class_install_property(
       object_class, kPropCameras,
       g_param_spec_string("cameras", "Cameras",
@@ -343,6 +398,7 @@ static void lf_camera_node_init(LfCameraNode* self) {
   self->settings = new Settings;
   self->net_clock = new lf::NetClock;
   self->opened = new Settings;
+  self->rig = new std::shared_ptr<const lf::Rig>;
   self->cameras = new std::vector<GstElement*>;
   // It answers requests: their end, not an EOS event to its cameras, is the end of its output.
   // Its clock is not its children's either.

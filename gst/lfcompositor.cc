@@ -34,9 +34,9 @@
  *
  * ## Element messages
  * With `post-messages` an element message "lightfield-view" per picture: view-id, sequence (uint), pts (uint64),
- * complete (boolean), fragments, missing, damaged (uint), bytes, skew-ns, latency-ns (request to picture), add-ns (decoding and adding what came) and
- * composite-ns (uint64). Always "lightfield-out-of-service" when that set changes: lf-view-id (uint), cameras (array of
- * uint).
+ * complete (boolean), fragments, missing, damaged (uint), bytes, skew-ns, latency-ns (request to picture), add-ns
+ * (decoding and adding what came) and composite-ns (uint64). Always "lightfield-out-of-service" when that set changes:
+ * lf-view-id (uint), cameras (array of uint).
  */
 
 #include "lfcompositor_private.h"
@@ -65,15 +65,14 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
     return FALSE;
   }
   state.assembly.set_rig(state.rig);
-  state.health = lf::CameraHealth(self->max_missed);
-  if (state.rig && !self->partial) state.health.expect(state.rig->cameras.size());
+  state.health_rig = state.last_rig = 0;
+  lf_compositor_reset_health(self);
   state.current.reset();
   state.info = {};
   state.negotiated = false;
   state.renegotiate = true;
   state.warned_rig = false;
   state.past.clear();
-  state.seeing_since = {};
   state.stats.reset();
   return TRUE;
 }

@@ -64,6 +64,7 @@ struct _LfCompositor {
     int64_t adding = 0;          // time spent adding them, microseconds
     lf::PicturePool pool;
     GstBuffer* last_picture = nullptr;  // live: what an incomplete picture may be replaced or mended with
+    uint64_t last_rig = 0;              // hash of the rig that it was made with, 0: not known
 
     struct Past {
       uint32_t sequence;
@@ -71,6 +72,7 @@ struct _LfCompositor {
     };
     std::deque<Past> past;  // requests that were composed last
     lf::CameraHealth health;
+    uint64_t health_rig = 0;        // hash of the rig whose cameras they are, 0: not known yet
     lf::CameraRanges seeing_since;  // cameras whose answers were in time, but after their picture
 
     std::shared_ptr<lf::AnswerMemory> memory = std::make_shared<lf::AnswerMemory>();
@@ -92,6 +94,15 @@ void lf_compositor_forget_request(LfCompositor* self);
 
 // Of what came for the current request; known once its picture is made.
 bool lf_compositor_is_complete(LfCompositor* self);
+
+// compositor_health.cc
+// All cameras are thought to be well.
+void lf_compositor_reset_health(LfCompositor* self);
+// Cameras are known by their index, which in another rig may be another camera's or nobody's: all that was known is
+// forgotten if this is the hash of another one than before. 0 changes nothing.
+void lf_compositor_use_rig_for_health(LfCompositor* self, uint64_t hash);
+// Tells upstream and the application which cameras are out of service.
+void lf_compositor_announce_out_of_service(LfCompositor* self);
 
 // compositor_output.cc
 gboolean lf_compositor_negotiate(GstAggregator* agg);

@@ -282,10 +282,11 @@ static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlo
   return *slot ? wait_until(self, clock, base_time + (*slot)->pts) : GST_FLOW_EOS;
 }
 
-void lf_view_request_add_command(LfViewRequest* self, const lf::ViewRequest& request, GstBuffer** out) {
+void lf_view_request_add_command(LfViewRequest* self, const lf::ViewRequest& request,
+                                 const std::shared_ptr<const lf::Rig>& rig, GstBuffer** out) {
   std::vector<uint8_t> bytes;
   try {
-    bytes = self->stream->command_for(request);
+    bytes = self->stream->command_for(request, rig);
   } catch (const lf::Error& error) {
     GST_ELEMENT_WARNING(self, STREAM, ENCODE,
                         ("View %u: no commands for the cameras: %s", request.view_id, error.what()), (nullptr));
@@ -317,8 +318,9 @@ static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   request.target_time = slot->target_time;
   request.absolute_time = live;
   request.sequence = self->stream->advance(*slot);
-  request.rig_hash = self->stream->rig_hash();
   GST_OBJECT_LOCK(self);
+  request.rig_hash = self->stream->rig_hash();
+  const std::shared_ptr<const lf::Rig> rig = self->stream->rig();
   request.view_id = self->settings->view_id;
   request.quality = static_cast<uint8_t>(self->settings->quality);
   request.out_of_service = self->out_of_service->with_announced(request.view_id, self->stream->out_of_service());
@@ -330,18 +332,31 @@ static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   GST_BUFFER_DURATION(*out) = slot->duration;
   GST_LOG_OBJECT(self, "request %u of view %u for %" GST_TIME_FORMAT, request.sequence, request.view_id,
                  GST_TIME_ARGS(request.target_time));
-  lf_view_request_add_command(self, request, out);
+  lf_view_request_add_command(self, request, rig, out);
   return GST_FLOW_OK;
 }
 
 // ------------------------------------------------------------------------------------------------------- properties
 
+// While the element runs a rig is read at once. Cameras that were announced as out of service are those of the rig
+// before: whoever notices that one is missing says so again.
+static void set_rig(LfViewRequest* self, const lf::ViewRequestSettings& changed, std::shared_ptr<const lf::Rig> rig) {
+  const uint64_t before = self->stream->rig_hash();
+  self->stream->set_rig(std::move(rig), changed.out_of_service);
+  if (self->stream->rig_hash() != before) self->out_of_service->clear();
+}
+
 static void set_setting(LfViewRequest* self, lf::ViewRequestSettings::Property property, const GValue* value) {
+  const bool is_rig = property == lf::ViewRequestSettings::kRig;
+  const gchar* path = is_rig ? g_value_get_string(value) : nullptr;
+  std::shared_ptr<const lf::Rig> rig;
+  if (path && lf::is_running(GST_ELEMENT(self)) && !(rig = lf::reload_rig(GST_ELEMENT(self), path))) return;
   std::string problem;
   GST_OBJECT_LOCK(self);
   lf::ViewRequestSettings changed = *self->settings;
   changed.set(property, value);
   try {
+    if (self->stream && is_rig && (rig || !path)) set_rig(self, changed, rig);
     if (self->stream && property == lf::ViewRequestSettings::kOutOfService)
       self->stream->set_out_of_service(changed.out_of_service);
     *self->settings = changed;
@@ -350,7 +365,9 @@ static void set_setting(LfViewRequest* self, lf::ViewRequestSettings::Property p
   }
   GST_OBJECT_UNLOCK(self);
   if (!problem.empty())
-    GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS, ("%s; the cameras out of service stay as they were", problem.c_str()),
+    GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
+                        ("%s; %s as %s", problem.c_str(), is_rig ? "the rig stays" : "the cameras out of service stay",
+                         is_rig ? "it was" : "they were"),
                         (nullptr));
 }
 

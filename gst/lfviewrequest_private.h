@@ -31,7 +31,8 @@ struct _LfViewRequest {
 
 // lfviewrequest.cc
 // The command for the cameras goes along with the request *out, as a buffer list that takes it, if there is one.
-void lf_view_request_add_command(LfViewRequest* self, const lf::ViewRequest& request, GstBuffer** out);
+void lf_view_request_add_command(LfViewRequest* self, const lf::ViewRequest& request,
+                                 const std::shared_ptr<const lf::Rig>& rig, GstBuffer** out);
 
 // view_request_relay.cc
 void lf_view_request_install_relay(GstElementClass* klass);

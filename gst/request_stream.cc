@@ -2,6 +2,7 @@
 #include "request_stream.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "base/error.h"
 #include "common.h"
@@ -10,22 +11,23 @@
 
 namespace lf {
 
+namespace {
+
+CameraSet parse_out_of_service(const Rig* rig, const std::string& list) {
+  if (list.empty()) return {};
+  if (!rig) throw Error("out-of-service: needs the property rig, which says what cameras there are");
+  return parse_camera_list(*rig, list);
+}
+
+}  // namespace
+
 RequestStream::RequestStream(const ViewRequestSettings& settings)
     : access_(settings.access),
       schedule_(settings.fps_n, settings.fps_d),
       capture_delay_(settings.capture_delay),
       loop_(settings.loop) {
-  if (!settings.rig.empty()) {
-    rig_ = shared_rig(settings.rig);
-    rig_hash_ = rig_->hash();
-    const Camera& camera = rig_->cameras[middle_camera(*rig_)];
-    default_width_ = camera.width;
-    default_height_ = camera.height;
-    default_viewpoint_ = lf::default_viewpoint(*rig_);
-  }
-  if (access_ != Access::kSelf && !rig_)
-    throw Error("access: needs the property rig, from which commands for the cameras are made");
-  set_out_of_service(settings.out_of_service);
+  set_rig(settings.rig.empty() ? nullptr : shared_rig(settings.rig), settings.out_of_service);
+  if (rig_) default_viewpoint_ = lf::default_viewpoint(*rig_);
   if (!settings.location.empty()) playback_.emplace(load_views(settings.location), schedule_, settings.loop);
 }
 
@@ -34,9 +36,20 @@ GstClockTime RequestStream::end() const {
   return playback_->item(0)->time + playback_->duration();
 }
 
+void RequestStream::set_rig(std::shared_ptr<const Rig> rig, const std::string& out_of_service) {
+  if (access_ != Access::kSelf && !rig)
+    throw Error("access: needs the property rig, from which commands for the cameras are made");
+  out_of_service_ = parse_out_of_service(rig.get(), out_of_service);
+  rig_ = std::move(rig);
+  rig_hash_ = rig_ ? rig_->hash() : 0;
+  if (!rig_) return;
+  const Camera& camera = rig_->cameras[middle_camera(*rig_)];
+  default_width_ = camera.width;
+  default_height_ = camera.height;
+}
+
 void RequestStream::set_out_of_service(const std::string& list) {
-  if (!list.empty() && !rig_) throw Error("out-of-service: needs the property rig, which says what cameras there are");
-  out_of_service_ = list.empty() ? CameraSet{} : parse_camera_list(*rig_, list);
+  out_of_service_ = parse_out_of_service(rig_.get(), list);
 }
 
 void RequestStream::seek(GstClockTime running_time) {
@@ -70,12 +83,13 @@ std::optional<RequestSlot> RequestStream::next_live(GstClockTime now, GstClockTi
   return slot;
 }
 
-std::vector<uint8_t> RequestStream::command_for(const ViewRequest& request) {
+std::vector<uint8_t> RequestStream::command_for(const ViewRequest& request, const std::shared_ptr<const Rig>& rig) {
   if (access_ == Access::kSelf) return {};
-  if (request.rig_hash != 0 && request.rig_hash != rig_hash_) throw Error("rig: the request is for another one");
-  const Mesh& mesh = mesh_.get(*rig_, request.out_of_service);
-  if (access_ == Access::kWarp) return wire::encode_command(warp_command(*rig_, mesh, request));
-  return wire::encode_command(pixel_command(*rig_, mesh, request));
+  if (request.rig_hash != 0 && request.rig_hash != rig->hash()) throw Error("rig: the request is for another one");
+  if (std::exchange(mesh_rig_, rig) != rig) mesh_.clear();
+  const Mesh& mesh = mesh_.get(*rig, request.out_of_service);
+  if (access_ == Access::kWarp) return wire::encode_command(warp_command(*rig, mesh, request));
+  return wire::encode_command(pixel_command(*rig, mesh, request));
 }
 
 uint32_t RequestStream::advance(const RequestSlot& slot) {

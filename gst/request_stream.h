@@ -33,6 +33,7 @@ class RequestStream {
 
   const Schedule& schedule() const { return schedule_; }
   bool makes_commands() const { return access_ != Access::kSelf; }
+  const std::shared_ptr<const Rig>& rig() const { return rig_; }  // may be null
   uint64_t rig_hash() const { return rig_hash_; }
   const CameraSet& out_of_service() const { return out_of_service_; }
   bool from_file() const { return playback_.has_value(); }
@@ -41,6 +42,9 @@ class RequestStream {
   const Viewpoint& default_viewpoint() const { return default_viewpoint_; }
   GstClockTime end() const;  // running time; GST_CLOCK_TIME_NONE: never
 
+  // Another rig, or null. The view stays where it is. Throws Error, and nothing has changed, where this rig does not
+  // have the cameras of `out_of_service` (see below).
+  void set_rig(std::shared_ptr<const Rig> rig, const std::string& out_of_service);
   // Ids of cameras of the rig; unlike in tools, "" is none. Throws Error.
   void set_out_of_service(const std::string& list);
 
@@ -51,7 +55,8 @@ class RequestStream {
   std::optional<RequestSlot> next_live(GstClockTime now, GstClockTime base_time) const;
   // The command that goes with a request, for cameras that have to be told (property access); empty where they have
   // not. Throws Error if the request does not fit the rig or the command is too long.
-  std::vector<uint8_t> command_for(const ViewRequest& request);
+  // `rig`: rig() when the request was made. To be called by one thread, but whatever others do.
+  std::vector<uint8_t> command_for(const ViewRequest& request, const std::shared_ptr<const Rig>& rig);
   // The slot is used: on to the next one. Returns the request's sequence number.
   uint32_t advance(const RequestSlot& slot);
 
@@ -59,6 +64,7 @@ class RequestStream {
   std::shared_ptr<const Rig> rig_;
   Access access_;
   MeshCache mesh_;
+  std::shared_ptr<const Rig> mesh_rig_;  // of mesh_
   uint64_t rig_hash_ = 0;
   CameraSet out_of_service_;
   int default_width_ = ViewRequestSettings::kDefaultWidth, default_height_ = ViewRequestSettings::kDefaultHeight;

@@ -112,6 +112,7 @@ GstFlowReturn lf_view_request_relay(LfViewRequest* self, GstBuffer** out) {
     GST_OBJECT_LOCK(self);
     GstCaps* caps = std::exchange(self->relayed_caps, nullptr);
     const lf::CameraSet own = self->stream->out_of_service();
+    const std::shared_ptr<const lf::Rig> rig = self->stream->rig();
     GST_OBJECT_UNLOCK(self);
     if (caps) {
       gst_base_src_set_caps(GST_BASE_SRC(self), caps);
@@ -139,7 +140,7 @@ GstFlowReturn lf_view_request_relay(LfViewRequest* self, GstBuffer** out) {
       gst_buffer_copy_into(*out, buffer, GST_BUFFER_COPY_TIMESTAMPS, 0, -1);
       gst_buffer_unref(buffer);
     }
-    lf_view_request_add_command(self, request, out);
+    lf_view_request_add_command(self, request, rig, out);
     return GST_FLOW_OK;
   }
 }

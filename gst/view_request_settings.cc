@@ -24,10 +24,12 @@ GParamSpec* make_pspec(ViewRequestSettings::Property property) {
                                  "properties",
                                  nullptr, ready);
     case ViewRequestSettings::kRig:
-      return g_param_spec_string("rig", "Rig",
-                                 "The rig.json file the view is of: requests carry its hash, and what is not set of "
-                                 "the view is chosen to suit it",
-                                 nullptr, ready);
+      return g_param_spec_string(
+          "rig", "Rig",
+          "The rig.json file the view is of: requests carry its hash, and what is not set of "
+          "the view is chosen to suit it. Set while running, it is read again and its hash is that "
+          "of the next request",
+          nullptr, playing);
     case ViewRequestSettings::kViewId:
       return g_param_spec_uint("view-id", "View id", "Id of the view, that of its lfcompositor", 0, G_MAXUINT,
                                initial.view_id, ready);

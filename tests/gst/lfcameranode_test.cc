@@ -9,6 +9,7 @@
 #include "gst/array_fixture.h"
 #include "gst/camera_files.h"
 #include "gst/gst_test.h"
+#include "gst/other_rig.h"
 #include "wire/answer_codec.h"
 #include "wire/request_codec.h"
 
@@ -33,9 +34,12 @@ class LfCameraNodeTest : public testing::Test {
     gst_harness_set_live(harness_.get(), FALSE);  // answers wait for the frames they need
     gst_harness_set_src_caps_str(harness_.get(), "application/x-lightfield-request,framerate=10/1");
   }
-  wire::Answer ask(uint32_t sequence) {
+  wire::Answer ask(uint32_t sequence) { return ask(sequence, array_.rig().hash()); }
+  wire::Answer ask(uint32_t sequence, uint64_t rig_hash) {
     const uint64_t time = sequence * 100 * GST_MSECOND;
-    GstBuffer* buffer = to_buffer(wire::encode_request(array_.request(sequence, time)));
+    ViewRequest asked = array_.request(sequence, time);
+    asked.rig_hash = rig_hash;
+    GstBuffer* buffer = to_buffer(wire::encode_request(asked));
     GST_BUFFER_PTS(buffer) = time;
     EXPECT_EQ(gst_harness_push(harness_.get(), buffer), GST_FLOW_OK);
     const BufferPtr answer(gst_harness_pull(harness_.get()));
@@ -249,6 +253,35 @@ TEST_F(LfCameraNodeTest, ErrorsNameThePlace) {
     const std::string text = error_of(c.properties, &result);
     EXPECT_EQ(result, GST_STATE_CHANGE_FAILURE) << c.properties;
     for (const std::string& word : c.words) EXPECT_THAT(text, HasSubstr(word)) << c.properties;
+  }
+}
+
+TEST_F(LfCameraNodeTest, ARigWithTheSameCamerasIsTakenWhileRunning) {
+  const OtherRig calibrated(array_.rig(), [](Rig& rig) { rig.cameras[0].lens = Lens::pinhole(31, 15, 12); });
+  const OtherRig moved(array_.rig(), [](Rig& rig) { rig.cameras[1].source = "elsewhere.mkv"; });
+  const OtherRig smaller(array_.rig(), [](Rig& rig) {
+    rig.cameras.pop_back();
+    rig.topology = {};
+  });
+  make();
+  play();
+  const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_bus_new());
+  gst_element_set_bus(node_.get(), bus.get());
+  EXPECT_EQ(ask(0).fragments.size(), 4u);
+  g_object_set(node_.get(), "rig", calibrated.path().c_str(), nullptr);
+  EXPECT_EQ(ask(1, calibrated.hash()).fragments.size(), 4u);
+  for (const OtherRig* other : {&moved, &smaller}) {
+    g_object_set(node_.get(), "rig", other->path().c_str(), nullptr);
+    GstMessage* message = gst_bus_pop_filtered(bus.get(), GST_MESSAGE_WARNING);
+    ASSERT_TRUE(message);
+    g_autoptr(GError) error = nullptr;
+    gst_message_parse_warning(message, &error, nullptr);
+    EXPECT_THAT(error->message, testing::AllOf(HasSubstr(other->path()), HasSubstr("started anew")));
+    gst_message_unref(message);
+    g_autofree gchar* kept = nullptr;
+    g_object_get(node_.get(), "rig", &kept, nullptr);
+    EXPECT_EQ(kept, calibrated.path());
+    EXPECT_EQ(ask(2, calibrated.hash()).fragments.size(), 4u);
   }
 }
 

@@ -7,7 +7,7 @@
 #include <thread>
 
 #include "gst/fragment_fixture.h"
-#include "rig/rig_json.h"
+#include "gst/other_rig.h"
 
 // Cameras and requesters that come and go, and rigs that are replaced, while lffragment runs.
 namespace lf::test {
@@ -153,23 +153,6 @@ TEST_F(LfFragmentChangeTest, CamerasAndRequestersComeAndGoWhileOthersAsk) {
 }
 
 // ------------------------------------------------------------------------------------------------------------ rigs
-
-// A rig file that is made of the array's.
-class OtherRig {
- public:
-  template <typename Change>
-  OtherRig(Rig rig, Change change) : rig_((change(rig), rig)), file_(bytes(), ".json") {}
-  const std::string& path() const { return file_.path(); }
-  uint64_t hash() const { return rig_.hash(); }
-
- private:
-  std::vector<uint8_t> bytes() const {
-    const std::string text = rig_to_json(rig_);
-    return {text.begin(), text.end()};
-  }
-  Rig rig_;
-  TempFile file_;
-};
 
 class LfFragmentRigTest : public LfFragmentChangeTest {
  protected:

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include "gst/other_rig.h"
 #include "gst/view_request_source.h"
+#include "out_of_service_event.h"
 
 namespace lf::test {
 namespace {
@@ -20,6 +22,42 @@ TEST(LfViewRequestLive, RequestsFollowTheCaptureSchedule) {
     EXPECT_EQ(unit.pts, instant - second + 40 * kMs) << i;
     EXPECT_EQ(unit.request.sequence, static_cast<uint32_t>(i));
   }
+}
+
+TEST(LfViewRequestLive, ARigIsReadAgainWhileRunning) {
+  const OtherRig first(test_rig(), [](Rig&) {});
+  const OtherRig second(test_rig(), [](Rig& rig) {
+    rig.cameras.pop_back();
+    rig.topology = {};
+    for (Camera& camera : rig.cameras) camera.width = 96;
+  });
+  Source source;
+  source.set("rig", first.path().c_str(), "out-of-service", "11");
+  source.play_live();
+  EXPECT_EQ(source.next_live().request.rig_hash, first.hash());
+  source.send(gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, out_of_service_structure(0, {5})));
+  Unit unit = source.next_live();
+  unit = source.next_live();  // one may have been waiting
+  EXPECT_EQ(unit.request.out_of_service, (CameraSet{1, 5}));
+
+  source.set("rig", second.path().c_str());
+  source.next_live();
+  unit = source.next_live();
+  EXPECT_EQ(unit.request.rig_hash, second.hash());
+  EXPECT_EQ(unit.request.out_of_service, CameraSet{1}) << "what was announced is of the other rig";
+  EXPECT_EQ(unit.request.view.width, 96);
+  EXPECT_EQ(source.pop_message(GST_MESSAGE_WARNING), "");
+
+  // What can't be taken changes nothing.
+  source.set("rig", first.path().c_str(), "out-of-service", "15");
+  source.set("rig", second.path().c_str());
+  EXPECT_NE(source.pop_message(GST_MESSAGE_WARNING).find("the rig stays"), std::string::npos);
+  source.set("rig", "/nowhere/rig.json");
+  EXPECT_NE(source.pop_message(GST_MESSAGE_WARNING).find("/nowhere/rig.json"), std::string::npos);
+  source.next_live();
+  unit = source.next_live();
+  EXPECT_EQ(unit.request.rig_hash, first.hash());
+  EXPECT_EQ(unit.request.out_of_service, CameraSet{5});
 }
 
 TEST(LfViewRequestLive, InstantsThatPassedAreLeftOut) {
