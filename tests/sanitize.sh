@@ -9,7 +9,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 case "${1:-}" in
   address) sanitizers=address,undefined tests=() ;;
-  thread) sanitizers=thread tests=(camera-frames jpeg worker-pool) ;;
+  thread) sanitizers=thread tests=(camera-frames camera-inputs jpeg worker-pool) ;;
   *)
     sed -n '3,6s/^# //p' "$0"
     exit 2
