@@ -7,6 +7,7 @@ int main(int argc, char** argv) {
   CLI::App app("Measures the cameras of an array: lenses, positions, orientations, each with its uncertainty",
                "lf-calibrate");
   app.require_subcommand(1);
+  add_features_command(app);
   add_intrinsics_command(app);
   add_solve_command(app);
   return run_tool(app, argc, argv, [] {});

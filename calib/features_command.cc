@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-calibrate features: tracks of a still scene's corners through the images of an array.
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/json_value.h"
+#include "calibration/feature_tracks.h"
+#include "calibration/tracks_json.h"
+#include "commands.h"
+#include "rig/rig_json.h"
+#include "rig/still_images.h"
+
+namespace {
+
+struct Options {
+  std::string rig, out;
+  int every = 1;
+  lf::FeatureOptions features;
+};
+
+void find(Options options) {
+  lf::Rig rig = lf::load_rig(options.rig);
+  if (options.every > 1) rig = lf::every_nth(rig, options.every);
+  lf::StillImages stills(rig);
+  std::vector<lf::Image> images;
+  for (lf::CameraIndex i = 0; i < rig.cameras.size(); i++) images.push_back(stills.get(i));
+  options.features.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
+  const lf::Tracks tracks = lf::track_features(rig, images, options.features);
+  lf::write_text_file(lf::tracks_to_json(tracks), options.out);
+  std::printf("%s: %zu tracks, %zu observations, %.1f cameras a track\n", options.out.c_str(), tracks.num_positions,
+              tracks.observations.size(),
+              static_cast<double>(tracks.observations.size()) / static_cast<double>(tracks.num_positions));
+}
+
+}  // namespace
+
+void add_features_command(CLI::App& app) {
+  const auto o = std::make_shared<Options>();
+  CLI::App* command =
+      app.add_subcommand("features", "Tracks of a still scene's corners, from a rig with an image each");
+  command->add_option("RIG", o->rig, "Rig file; a nominal one will do")->required();
+  command->add_option("--every", o->every, "Rows and columns 0, N, 2N, ... of a grid")->check(CLI::PositiveNumber);
+  command->add_option("--references", o->features.references, "Cameras whose corners are followed")
+      ->capture_default_str();
+  command->add_option("--features", o->features.features, "Corners a reference camera")->capture_default_str();
+  command->add_option("--least-cameras", o->features.least_cameras, "That must see a track")->capture_default_str();
+  command->add_option("--out", o->out, "Tracks to write (JSON)")->required();
+  command->callback([o] { find(*o); });
+}

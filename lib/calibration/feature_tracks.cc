@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "calibration/feature_tracks.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
+
+#include "base/error.h"
+
+namespace lf {
+namespace {
+
+constexpr int kWindow = 15;            // pixels: larger ones straddle depths, smaller ones are noisier
+constexpr int kLevels = 3;             // of the pyramid: halvings
+constexpr double kQuality = 0.01;      // of the best corner: what still counts as one
+constexpr double kSpacing = 6;         // pixels between corners
+constexpr double kMaxDifference = 12;  // mean over a window, grey levels: beyond, something else is seen
+constexpr size_t kLeastForEpipolar = 20;
+constexpr size_t kLeastTracks = 20;
+
+using Pyramid = std::vector<cv::Mat>;
+
+cv::Mat grey_of(const Image& image) {
+  const cv::Mat rgb(image.height(), image.width(), CV_8UC3, const_cast<uint8_t*>(image.data().data()));
+  cv::Mat grey;
+  cv::cvtColor(rgb, grey, cv::COLOR_RGB2GRAY);
+  return grey;
+}
+
+// The camera nearest to the middle, then always the one farthest from those chosen.
+std::vector<size_t> spread(const Rig& rig, size_t count) {
+  Vec3 middle(0, 0, 0);
+  for (const Camera& camera : rig.cameras) middle += camera.pose.position / static_cast<double>(rig.cameras.size());
+  std::vector<size_t> chosen;
+  std::vector<double> distance(rig.cameras.size());
+  for (size_t i = 0; i < distance.size(); i++) distance[i] = glm::length(rig.cameras[i].pose.position - middle);
+  size_t next = std::min_element(distance.begin(), distance.end()) - distance.begin();
+  std::fill(distance.begin(), distance.end(), INFINITY);
+  while (chosen.size() < std::min(count, rig.cameras.size())) {
+    chosen.push_back(next);
+    for (size_t i = 0; i < distance.size(); i++)
+      distance[i] = std::min(distance[i], glm::length(rig.cameras[i].pose.position - rig.cameras[next].pose.position));
+    next = std::max_element(distance.begin(), distance.end()) - distance.begin();
+  }
+  return chosen;
+}
+
+// One corner of a reference image on its way through the others.
+struct Track {
+  cv::Point2f start;
+  std::vector<std::pair<size_t, cv::Point2f>> seen;  // camera, where; the reference first
+
+  // Where the camera at `at` should see it: displacements go with the distance between cameras (one over depth). From
+  // the nearest camera that saw it, which shares most of what this does not model.
+  cv::Point2f foretell(const Rig& rig, size_t camera) const {
+    const Camera& reference = rig.cameras[seen[0].first];
+    const Mat3 axes = glm::transpose(reference.pose.rotation());
+    const auto offset = [&](size_t i) { return Vec2(axes * (rig.cameras[i].pose.position - reference.pose.position)); };
+    double along = 0, square = 0, nearest_distance = INFINITY;
+    const std::pair<size_t, cv::Point2f>* nearest = nullptr;
+    for (const auto& other : seen) {
+      const Vec2 o = offset(other.first);
+      along += o.x * (other.second.x - start.x) + o.y * (other.second.y - start.y);
+      square += glm::dot(o, o);
+      const double distance = glm::length(o - offset(camera));
+      if (distance >= nearest_distance) continue;
+      nearest_distance = distance;
+      nearest = &other;
+    }
+    const double disparity = square > 0 ? along / square : 0;
+    const Vec2 step = (offset(camera) - offset(nearest->first)) * disparity;
+    return nearest->second + cv::Point2f(static_cast<float>(step.x), static_cast<float>(step.y));
+  }
+};
+
+class Tracker {
+ public:
+  Tracker(const Rig& rig, const std::vector<Image>& images, const FeatureOptions& options)
+      : rig_(rig), options_(options) {
+    for (const Image& image : images) {
+      Pyramid pyramid;
+      cv::buildOpticalFlowPyramid(grey_of(image), pyramid, {kWindow, kWindow}, kLevels, false);
+      pyramids_.push_back(std::move(pyramid));
+    }
+  }
+
+  // Corners of camera `reference`, away from places `taken`, followed into all other cameras, the nearest first.
+  std::vector<Track> follow(size_t reference, const std::vector<cv::Point2f>& taken) const {
+    const cv::Mat grey = pyramids_[reference][0];
+    cv::Mat mask(grey.size(), CV_8U, cv::Scalar(255));
+    for (const cv::Point2f& point : taken) cv::circle(mask, point, static_cast<int>(kSpacing), 0, cv::FILLED);
+    std::vector<cv::Point2f> corners;
+    cv::goodFeaturesToTrack(grey, corners, options_.features, kQuality, kSpacing, mask);
+    std::vector<Track> tracks;
+    if (corners.empty()) return tracks;
+    cv::cornerSubPix(grey, corners, {3, 3}, {-1, -1}, {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 20, 1e-2});
+    for (const cv::Point2f& corner : corners) tracks.push_back({corner, {{reference, corner}}});
+
+    std::vector<size_t> order(rig_.cameras.size());
+    std::iota(order.begin(), order.end(), size_t{0});
+    const auto distance = [&](size_t i) {
+      return glm::length(rig_.cameras[i].pose.position - rig_.cameras[reference].pose.position);
+    };
+    std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return distance(a) < distance(b); });
+    for (const size_t camera : order)
+      if (camera != reference) follow_into(camera, tracks);
+    std::erase_if(tracks, [&](const Track& track) {
+      return track.seen.size() < static_cast<size_t>(std::max(options_.least_cameras, 2));
+    });
+    return tracks;
+  }
+
+ private:
+  void follow_into(size_t camera, std::vector<Track>& tracks) const {
+    const size_t reference = tracks[0].seen[0].first;
+    std::vector<cv::Point2f> start, there, back;
+    for (const Track& track : tracks) {
+      start.push_back(track.start);
+      there.push_back(track.foretell(rig_, camera));
+    }
+    std::vector<uint8_t> found, came_back;
+    std::vector<float> difference;
+    match(reference, camera, start, there, found, difference);
+    back = start;
+    std::vector<float> ignored;
+    match(camera, reference, there, back, came_back, ignored);
+    const cv::Mat& image = pyramids_[camera][0];
+    const cv::Rect inside(kWindow / 2, kWindow / 2, image.cols - kWindow + 1, image.rows - kWindow + 1);
+    std::vector<size_t> kept;
+    std::vector<cv::Point2f> from, to;
+    for (size_t i = 0; i < tracks.size(); i++) {
+      if (!found[i] || !came_back[i] || !(difference[i] < kMaxDifference) || !inside.contains(there[i]) ||
+          !(cv::norm(back[i] - start[i]) < options_.round_trip))
+        continue;
+      kept.push_back(i);
+      from.push_back(start[i]);
+      to.push_back(there[i]);
+    }
+    std::vector<uint8_t> agrees(kept.size(), 1);
+    if (kept.size() >= kLeastForEpipolar)
+      cv::findFundamentalMat(from, to, cv::USAC_MAGSAC, options_.epipolar, 0.999, 1000, agrees);
+    for (size_t k = 0; k < kept.size(); k++)
+      if (k < agrees.size() && agrees[k]) tracks[kept[k]].seen.emplace_back(camera, to[k]);
+  }
+
+  void match(size_t from, size_t to, const std::vector<cv::Point2f>& start, std::vector<cv::Point2f>& end,
+             std::vector<uint8_t>& found, std::vector<float>& difference) const {
+    cv::calcOpticalFlowPyrLK(pyramids_[from], pyramids_[to], start, end, found, difference, {kWindow, kWindow}, kLevels,
+                             {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 40, 1e-3}, cv::OPTFLOW_USE_INITIAL_FLOW);
+  }
+
+  const Rig& rig_;
+  const FeatureOptions& options_;
+  std::vector<Pyramid> pyramids_;
+};
+
+}  // namespace
+
+Tracks track_features(const Rig& rig, const std::vector<Image>& images, const FeatureOptions& options) {
+  if (rig.cameras.size() < 2 || images.size() != rig.cameras.size())
+    throw Error("features: at least two cameras with an image each are needed");
+  const Tracker tracker(rig, images, options);
+  Tracks tracks;
+  tracks.ordered = false;
+  for (const Camera& camera : rig.cameras) tracks.cameras.push_back({camera.id, camera.width, camera.height});
+  std::vector<std::vector<cv::Point2f>> taken(rig.cameras.size());
+  for (const size_t reference : spread(rig, static_cast<size_t>(std::max(options.references, 1)))) {
+    if (options.progress) options.progress("following corners of camera " + std::to_string(rig.cameras[reference].id));
+    for (const Track& track : tracker.follow(reference, taken[reference])) {
+      for (const auto& [camera, point] : track.seen) {
+        tracks.observations.push_back(
+            {static_cast<uint32_t>(camera), static_cast<uint32_t>(tracks.num_positions), 0, Vec2(point.x, point.y)});
+        taken[camera].push_back(point);
+      }
+      tracks.num_positions++;
+    }
+  }
+  if (tracks.num_positions < kLeastTracks)
+    throw Error("features: only " + std::to_string(tracks.num_positions) +
+                " corners were found again in other cameras: the scene needs more texture, or the cameras are too far "
+                "apart for it");
+  return tracks;
+}
+
+}  // namespace lf
