@@ -122,6 +122,10 @@ int main(int argc, char** argv) {
   app.add_option("--framerate", o.limits.framerate, "pictures per second")
       ->capture_default_str()
       ->check(CLI::Range(1, 120));
+  app.add_option("--capture-delay", o.limits.capture_delay_ms,
+                 "how old a capture must be before it is asked for: what the cameras take, milliseconds")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 10000));
   app.add_option("--focus", o.limits.focus,
                  "distance of what is sharp to begin with, metres (default: 4 times the array)")
       ->check(CLI::PositiveNumber);

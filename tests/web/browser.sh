@@ -31,4 +31,6 @@ if ! cmp -s "$source/package-lock.json" "$work/package-lock.json" || [[ ! -d $wo
 fi
 cp "$source"/*.mjs "$work/"
 export GST_PLUGIN_PATH=$build/gst LF_TOOLS_DIR=$build/tools LF_CHROMIUM=$chromium LF_ARTEFACTS=$work
+LF_SOURCE_ROOT=$(cd "$source/../.." && pwd)
+export LF_SOURCE_ROOT
 exec node "$work/$(basename "$test")"

@@ -4,7 +4,7 @@ import { createServer } from 'node:http';
 import { writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { artefacts, compare, connectBrowser, expect, launchBrowser, launchBrowserServer, makeRig, openPage, picture,
-  rendered, runTests, serve, setView, shown, stateOf, until } from './harness.mjs';
+  rendered, runTests, serve, setView, shown, source, start, stateOf, until } from './harness.mjs';
 
 const size = { width: 640, height: 480 };
 const folder = await makeRig('4x4');
@@ -96,6 +96,26 @@ async function fourViewers() {
   expect(await served.metric('viewers') === 4, 'four viewers');
   await Promise.all(pages.map(page => page.context().close()));
   await until(async () => await served.metric('viewers') === 0, 'all viewers are gone');
+  await served.stop();
+}
+
+// The cameras on two other hosts; here they are processes.
+async function nodes() {
+  const port = 20000 + Math.floor(Math.random() * 10000), hosts = [0, 1].map(i =>
+    start(join(source, 'pipelines/camera-node.sh'), '--rig', join(folder, 'rig.json'), '--node', String(i), '--cameras',
+      i ? '8-15' : '0-7', '--requests', String(port + i), '--answers', `127.0.0.1:${port + 10 + i}`));
+  const served = await serve(...rig, '--nodes', [0, 1].map(i => `127.0.0.1:${port + i}:${port + 10 + i}`).join());
+  const page = await openPage(browser, served.url, { width: 320, height: 240 });
+  await shown(page, 30);
+  // A host may take its time to begin.
+  await until(async () => await page.evaluate(async () => {
+    const viewer = document.querySelector('lightfield-viewer'), before = viewer.figures;
+    await new Promise(done => viewer.addEventListener('statistics', done, { once: true }));
+    return viewer.figures.pictures - before.pictures > 5 && viewer.figures.incomplete === before.incomplete;
+  }), 'all hosts answer');
+  await expectTruth(page, await setView(page, { yaw: 1 }), { width: 320, height: 240 }, 'from two hosts');
+  for (const host of hosts) host.kill('SIGTERM');
+  await page.context().close();
   await served.stop();
 }
 
@@ -191,6 +211,7 @@ await runTests([
   ['the page shows the light field and flies', showsAndFlies],
   ['links, keyboard and names', linkKeyboardAndNames],
   ['four viewers have their own views', fourViewers],
+  ['cameras on other hosts', nodes],
   ['stalled and killed browsers are forgotten, others go on', stalledAndKilled],
   ['viewers come and go', comesAndGoes],
   ['tokens, too many viewers, floods', refusals],

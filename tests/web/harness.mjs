@@ -14,6 +14,15 @@ const run = promisify(execFile);
 export const patience = 60000;  // milliseconds; machines are busy
 export const artefacts = process.env.LF_ARTEFACTS;
 
+export const source = process.env.LF_SOURCE_ROOT;
+
+// A program in the background, ended with the tests at the latest.
+export function start(program, ...args) {
+  const child = spawn(program, args, { stdio: 'ignore' });
+  process.on('exit', () => child.kill('SIGKILL'));
+  return child;
+}
+
 // Runs the tests one after the other, in the order they are in.
 export async function runTests(tests) {
   const chosen = process.env.LF_TESTS ? tests.filter(([name]) => name.match(process.env.LF_TESTS)) : tests;

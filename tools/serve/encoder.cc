@@ -32,7 +32,7 @@ std::string encoder_line(const Offer& offer, int bits_per_second) {
             "error-resilient=default buffer-initial-size=200 buffer-optimal-size=300 buffer-size=500 target-bitrate="
          << bits_per_second << " ! rtpvp8pay name=payloader picture-id-mode=15-bit";
   } else if (g_str_equal(h264_encoder(), "x264enc")) {
-    line << "x264enc name=encoder tune=zerolatency speed-preset=ultrafast threads=1 key-int-max=900 "
+    line << "x264enc name=encoder tune=zerolatency speed-preset=ultrafast trellis=false threads=1 key-int-max=900 "
             "vbv-buf-capacity=300 "
             "bitrate="
          << bits_per_second / 1000 << " ! video/x-h264,profile=constrained-baseline ! rtph264pay name=payloader";

@@ -13,6 +13,7 @@ struct Limits {
   int viewers = 8;
   int max_width = 1280, max_height = 720;  // of a view, pixels
   int framerate = 30;
+  int capture_delay_ms = 100;        // how old a capture must be before it is asked for: what the cameras take
   double focus = 0;                  // metres, of a view to begin with; 0: as lfviewrequest chooses
   int bit_rate = 6000000;            // bits per second, of one viewer's video
   double messages_per_second = 240;  // on a data channel

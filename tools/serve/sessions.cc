@@ -57,6 +57,7 @@ std::string Sessions::open(Offer offer, int width, int height, OnAnswer on_answe
   settings.height = height;
   settings.framerate = limits_.framerate;
   settings.focus = limits_.focus;
+  settings.capture_delay = static_cast<uint64_t>(limits_.capture_delay_ms) * GST_MSECOND;
   settings.most_bit_rate = limits_.bit_rate;
   settings.least_bit_rate = std::min(settings.least_bit_rate, limits_.bit_rate);
   settings.messages_per_second = limits_.messages_per_second;

@@ -64,7 +64,7 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   pipeline_ = launch_pipeline(launch_line(offer, field.nodes(), settings));
   const auto find = [this](const std::string& name) { return gst_bin_get_by_name(GST_BIN(pipeline_), name.c_str()); };
   set_in(pipeline_, "view", "rig", field.rig().c_str(), "view-id", settings.view, "width", settings.width, "height",
-         settings.height, "framerate", settings.framerate, 1);
+         settings.height, "framerate", settings.framerate, 1, "capture-delay", settings.capture_delay);
   set_in(pipeline_, "c", "rig", field.rig().c_str(), "view-id", settings.view);
   if (settings.focus > 0) set_in(pipeline_, "view", "focus-distance", settings.focus);
   compositor_ = find("c");

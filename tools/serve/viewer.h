@@ -21,7 +21,8 @@ struct ViewerSettings {
   uint32_t view = 0;
   int width = 640, height = 480;  // pixels, even
   int framerate = 30;
-  double focus = 0;  // metres, to begin with; 0: as lfviewrequest chooses
+  uint64_t capture_delay = 0;  // nanoseconds, how old a capture must be before it is asked for
+  double focus = 0;            // metres, to begin with; 0: as lfviewrequest chooses
   int least_bit_rate = 300000, most_bit_rate = 6000000;
   double messages_per_second = 240;
   std::string address;  // the only one to be reached at, or ""

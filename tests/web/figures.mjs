@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// What viewers cost and how long a movement takes until it is seen: tests/web/browser.sh BUILD tests/web/figures.mjs
+import { readFile } from 'node:fs/promises';
+import { join } from 'node:path';
+import { launchBrowser, makeRig, openPage, runTests, serve, shown } from './harness.mjs';
+
+const seconds = Number(process.env.LF_SECONDS ?? 10);
+const browser = await launchBrowser();
+
+// Seconds of processor time of a process so far.
+async function processorTime(pid) {
+  const fields = (await readFile(`/proc/${pid}/stat`, 'utf8')).split(') ')[1].split(' ');
+  return (Number(fields[11]) + Number(fields[12])) / 100;
+}
+
+const decoded = page => page.evaluate(async () => {
+  const { peer } = document.querySelector('lightfield-viewer').connection;
+  for (const entry of (await peer.getStats()).values())
+    if (entry.type === 'inbound-rtp') return { frames: entry.framesDecoded, time: performance.now() };
+});
+
+async function sample(served, pages) {
+  const metric = async name => await served.metric(name);
+  return { frames: await Promise.all(pages.map(decoded)), processor: await processorTime(served.pid), time: Date.now(),
+    pictures: await metric('pictures_total'), camera: await metric('camera_bytes_total'),
+    video: await metric('video_bytes_total'), resident: await metric('resident_bytes') };
+}
+
+async function viewers(folder, count, size) {
+  const served = await serve('--rig', join(folder, 'rig.json'));
+  const pages = [];
+  for (let i = 0; i < count; i++)
+    pages.push(await openPage(browser, new URL(`#yaw=${i - count / 2}`, served.url).href, size));
+  await Promise.all(pages.map(page => shown(page, 30)));
+  const a = await sample(served, pages);
+  await new Promise(done => setTimeout(done, seconds * 1000));
+  const b = await sample(served, pages);
+  const rates = b.frames.map((now, i) => (now.frames - a.frames[i].frames) / (now.time - a.frames[i].time) * 1000);
+  const time = (b.time - a.time) / 1000, pictures = b.pictures - a.pictures;
+  const row = { pictures: pictures / time, bytes: (b.camera - a.camera) / pictures };
+  console.log(`# ${count} viewers of ${size.width}x${size.height}: ${rates.map(rate => rate.toFixed(1)).join(' ')} frames/s, ` +
+    `${((b.processor - a.processor) / time * 100).toFixed(0)} % of a processor, ` +
+    `${(b.resident / 2 ** 20).toFixed(0)} MiB, ${row.bytes.toFixed(0)} bytes of answers a picture, ` +
+    `${((b.video - a.video) * 8e-6 / time).toFixed(1)} Mbit/s of video`);
+  await Promise.all(pages.map(page => page.context().close()));
+  await served.stop();
+  return row;
+}
+
+async function growth() {
+  const rows = [];
+  for (const grid of ['4x4', '8x8', '16x16'])
+    rows.push([grid, await viewers(await makeRig(grid), 1, { width: 320, height: 240 })]);
+  for (const [grid, { bytes }] of rows)
+    console.log(`# ${grid} cameras: ${bytes.toFixed(0)} bytes a picture, ratio ${(bytes / rows[0][1].bytes).toFixed(2)}`);
+}
+
+// Movements at any moment between two pictures, one at a time. `decoded`: the frame that shows it leaves the decoder;
+// `painted`: the browser says it is on the screen.
+async function motion(folder) {
+  const served = await serve('--rig', join(folder, 'rig.json'));
+  const page = await openPage(browser, served.url, { width: 640, height: 480 });
+  await shown(page, 30);
+  const times = await page.evaluate(async count => {
+    const viewer = document.querySelector('lightfield-viewer');
+    const reader = new MediaStreamTrackProcessor({ track: viewer.video.srcObject.getVideoTracks()[0] }).readable.getReader();
+    const shows = (stamp, rtp) => rtp !== undefined && ((rtp - stamp) >>> 0) < 0x80000000;
+    let latest = [], stamps = true;
+    (async () => {
+      for (;;) {
+        const { value } = await reader.read(), rtp = value.metadata().rtpTimestamp;
+        stamps = rtp !== undefined;
+        latest = [...latest.slice(-8), { time: performance.now(), rtp }];
+        value.close();
+      }
+    })();
+    let painted = [];
+    const paint = (now, frame) => {
+      painted = [...painted.slice(-8), { time: now, rtp: frame.rtpTimestamp }];
+      viewer.video.requestVideoFrameCallback(paint);
+    };
+    viewer.video.requestVideoFrameCallback(paint);
+    const rows = [];
+    for (let i = 0; i < count; i++) {
+      await new Promise(done => setTimeout(done, 150 + Math.random() * 100));
+      const applied = new Promise(done => viewer.addEventListener('applied', event =>
+        done({ stamp: event.detail.rtpTimestamp, time: performance.now() }), { once: true }));
+      const began = performance.now();
+      viewer.setView({ yaw: (i % 7) / 2 });
+      const { stamp, time } = await applied;
+      const first = async list => {
+        for (;;) {
+          const found = list().find(({ rtp }) => shows(stamp, rtp));
+          if (found) return found.time - began;
+          await new Promise(done => setTimeout(done, 1));
+        }
+      };
+      rows.push({ asked: time - began, decoded: stamps ? await first(() => latest) : NaN, painted: await first(() => painted) });
+    }
+    return rows.map(row => ({ ...row, picture: viewer.figures.pictureMs }));
+  }, 100);
+  for (const [name, what] of [['asked', 'until it is in a request'], ['picture', 'from request to picture (median)'],
+    ['decoded', 'until a decoded frame shows it'], ['painted', 'until that is painted']]) {
+    const sorted = times.map(row => row[name]).sort((a, b) => a - b), at = p => sorted[Math.ceil(p * sorted.length) - 1];
+    console.log(`# motion to photon, ${what}: p50 ${at(0.5)?.toFixed(1)} ms, p95 ${at(0.95)?.toFixed(1)} ms`);
+  }
+  await page.context().close();
+  await served.stop();
+}
+
+await runTests([
+  ['motion to photon', async () => motion(await makeRig('8x8'))],
+  ['4 viewers of 640x480', async () => viewers(await makeRig('8x8'), 4, { width: 640, height: 480 })],
+  ['8 viewers of 320x240', async () => viewers(await makeRig('8x8'), 8, { width: 320, height: 240 })],
+  ['bytes over cameras', growth],
+]);
