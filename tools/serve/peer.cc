@@ -13,12 +13,13 @@ namespace {
 
 using Reply = std::function<void(const GstStructure*)>;
 
-// `reply` is called in webrtcbin's thread; null where the promise was not kept.
+// For one call, which takes it. `reply` is called in webrtcbin's thread; null where the promise was not kept.
 GstPromise* promise(Reply reply) {
   return gst_promise_new_with_change_func(
       [](GstPromise* promise, gpointer data) {
         const bool kept = gst_promise_wait(promise) == GST_PROMISE_RESULT_REPLIED;
         (*static_cast<Reply*>(data))(kept ? gst_promise_get_reply(promise) : nullptr);
+        gst_promise_unref(promise);
       },
       new Reply(std::move(reply)), [](gpointer data) { delete static_cast<Reply*>(data); });
 }
