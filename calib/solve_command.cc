@@ -1,21 +1,118 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-calibrate solve: positions, orientations and lenses from the tracks of a moving light.
+#include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <string>
 
+#include <nlohmann/json.hpp>
+
 #include "base/error.h"
+#include "base/json_value.h"
+#include "calibration/diagnosis.h"
+#include "calibration/multicamselfcal.h"
+#include "calibration/placement.h"
+#include "calibration/report.h"
 #include "calibration/tracks_json.h"
 #include "commands.h"
+#include "rig/rig_json.h"
 
 namespace {
 
+using nlohmann::json;
+
 struct Options {
-  std::string tracks, prior, out, json, distortion = "auto";
+  std::string tracks, prior, out, json, distortion = "auto", distance;
+  double first_pixel = 0;
+  lf::PlacementOptions placement;
 };
 
-void solve(const Options& options) {
-  const lf::Tracks tracks = lf::load_tracks(options.tracks);
-  throw lf::Error("solve: not there yet for " + std::to_string(tracks.cameras.size()) + " cameras");
+std::optional<lf::DistortionModel> distortion_of(const std::string& name) {
+  if (name == "auto") return std::nullopt;
+  return lf::DistortionModel{name == "none" ? 0 : name == "k1" ? 1 : 2, false};
+}
+
+lf::PlacementOptions::Distance parse_distance(const std::string& text) {
+  lf::PlacementOptions::Distance d;
+  int end = 0;
+  if (std::sscanf(text.c_str(), "%u,%u,%lf%n", &d.a, &d.b, &d.metres, &end) != 3 || text[end] != 0)
+    throw lf::Error("--distance " + text + ": must be ID,ID,METRES");
+  return d;
+}
+
+json load_prior(const std::string& path, lf::SolveOptions& options) {
+  json original = lf::parse_json(lf::read_text_file(path), path);
+  options.prior = lf::load_rig(path);
+  for (const lf::JsonValue& camera : lf::JsonValue(original, path).at("cameras").elements())
+    options.prior_covariances.push_back(lf::parse_camera_covariance(camera));
+  return original;
+}
+
+// With the covariance of each camera found; whatever else `original` says of it stays.
+void write_rig(const lf::Solution& solution, const lf::Tracks& tracks, const lf::Placement& placement, lf::Rig rig,
+               json original, const std::string& out) {
+  json kept = json::array();
+  for (size_t i = 0; i < tracks.cameras.size(); i++) {
+    if (!solution.scene.cameras[i].used) continue;
+    json camera = {{"id", tracks.cameras[i].id}};
+    if (original.contains("cameras"))
+      for (const json& known : original["cameras"])
+        if (known["id"] == tracks.cameras[i].id) camera = known;
+    camera["covariance"] =
+        json::parse(to_json(lf::covariance_in_rig(solution.uncertainty, i, placement.world_from_scene)).dump());
+    kept.push_back(std::move(camera));
+  }
+  original["cameras"] = kept;
+  original["provenance"]["calibration"] = {
+      {"program", "lf-calibrate solve"}, {"sigma_px", solution.sigma}, {"scale_from", placement.scale_from}};
+  lf::relocate(rig, std::filesystem::path(out).parent_path().string());
+  lf::save_rig(rig, out, &original);
+}
+
+void print_summary(const json& report) {
+  for (const json& trial : report["models"])
+    std::printf("tried       %-18s BIC %9.1f  transfer %s%s\n", trial["model"].get<std::string>().c_str(),
+                trial["bic"].get<double>(),
+                trial["transfer_px"].is_null() ? "-" : (trial["transfer_px"].dump().substr(0, 6) + " px").c_str(),
+                trial["chosen"].get<bool>() ? "  chosen" : "");
+  std::printf("distortion  %s\n", report["model"].get<std::string>().c_str());
+  std::printf(
+      "residuals   mean %.3f px, median %.3f px, rms %.3f px over all; rms %.3f px without outliers (expected "
+      "%.3f)\n",
+      report["mean_px"].get<double>(), report["median_px"].get<double>(), report["rms_px"].get<double>(),
+      report["inliers"]["rms_px"].get<double>(), report["expected_rms_px"].get<double>());
+  std::printf("outliers    %zu of %zu observations\n", report["outliers"].get<size_t>(),
+              report["observations"].get<size_t>());
+  for (const json& finding : report["findings"])
+    std::printf("%s: %s\n", finding["severity"].get<std::string>().c_str(), finding["text"].get<std::string>().c_str());
+}
+
+void solve(const Options& o) {
+  lf::SolveOptions options;
+  options.distortion = distortion_of(o.distortion);
+  options.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
+  lf::PlacementOptions placement_options = o.placement;
+  if (!o.distance.empty()) placement_options.distance = parse_distance(o.distance);
+  lf::Tracks tracks;
+  json original = json::object();
+  if (std::filesystem::is_directory(o.tracks)) {
+    lf::MultiCamSelfCal input = lf::load_multicamselfcal(o.tracks, o.first_pixel);
+    tracks = std::move(input.tracks);
+    options.prior = std::move(input.lenses);
+  } else {
+    tracks = lf::load_tracks(o.tracks);
+  }
+  if (!o.prior.empty()) original = load_prior(o.prior, options);
+  const lf::Solution solution = lf::solve_tracks(tracks, options);
+  const lf::Placement placement = lf::place_solution(solution, tracks, options, placement_options);
+  const auto report = calibration_report(solution, tracks, placement, diagnose(solution, tracks, options, placement));
+  write_rig(solution, tracks, placement, lf::make_rig(solution, tracks, options, placement), original, o.out);
+  if (!o.json.empty()) lf::write_text_file(report.dump(1) + "\n", o.json);
+  print_summary(json::parse(report.dump()));
+  std::printf("%s: %zu of %zu cameras\n", o.out.c_str(),
+              static_cast<size_t>(std::count_if(solution.scene.cameras.begin(), solution.scene.cameras.end(),
+                                                [](const auto& c) { return c.used; })),
+              tracks.cameras.size());
 }
 
 }  // namespace
@@ -23,7 +120,26 @@ void solve(const Options& options) {
 void add_solve_command(CLI::App& app) {
   const auto o = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("solve", "Positions, orientations and lenses from tracks of a moving light");
-  command->add_option("--tracks", o->tracks, "Tracks (JSON)")->required();
-  command->add_option("--out", o->out, "Rig file to write")->required();
+  command->add_option("--tracks", o->tracks, "Tracks (JSON), or a folder of MultiCamSelfCal's files")
+      ->required()
+      ->check(CLI::ExistingPath)
+      ->type_name("FILE|DIR");
+  command->add_option("--prior", o->prior, "Rig: lenses, with covariance where they were measured, and nominal layout")
+      ->type_name("RIG");
+  command->add_option("--distortion", o->distortion, "auto: as many terms as the tracks call for")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"auto", "none", "k1", "k1k2"}));
+  command->add_option("--bar", o->placement.bar_length, "Between the two lights, metres: gives the scale")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--pitch", o->placement.pitch, "Between neighbouring cameras, metres: gives the scale")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--distance", o->distance, "Between two cameras: gives the scale")->type_name("ID,ID,METRES");
+  command
+      ->add_option("--first-pixel", o->first_pixel,
+                   "Centre of the top-left pixel in MultiCamSelfCal's files: 1 where Matlab wrote them")
+      ->capture_default_str()
+      ->check(CLI::IsMember({0, 1}));
+  command->add_option("--out", o->out, "Rig file to write")->required()->type_name("RIG");
+  command->add_option("--json", o->json, "Report to write")->type_name("FILE");
   command->callback([o] { solve(*o); });
 }

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "calibration/tracks.h"
+#include "rig/rig.h"
+
+namespace lf {
+
+// The lens parameters that calibration can set, in this order everywhere. The rest (fy/fx, p1, p2) stays as given.
+enum LensTerm { kF, kCx, kCy, kK1, kK2, kNumLensTerms };
+
+// One camera while it is being measured: a flat block of parameters, world_from_camera, then the lens.
+struct CameraState {
+  static constexpr int kSize = 12;
+  static constexpr int kNumFree = 11;  // of a pose (rotation, position) and a lens, as steps are counted
+  std::array<double, kSize> v{1, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0};  // w x y z, position, f cx cy k1 k2
+  double aspect = 1, p1 = 0, p2 = 0;                                // fy / fx and tangential terms: never changed
+  int width = 0, height = 0;
+  bool used = false;  // takes part: it sees enough of what others see
+
+  Pose pose() const { return {{v[4], v[5], v[6]}, {v[0], v[1], v[2], v[3]}}; }
+  void set_pose(const Pose& pose);
+  double* lens_terms() { return v.data() + 7; }
+  const double* lens_terms() const { return v.data() + 7; }
+  // RADIAL, or OPENCV where that is needed.
+  Lens lens() const;
+  void set_lens(const Lens& lens);
+};
+
+// One place of the light: a point; or the middle of a bar and its direction, a unit vector (the bar's length is the
+// unit of length then).
+struct TargetState {
+  enum class Kind : uint8_t { kNone, kPoint, kBar };
+  std::array<double, 6> v{};
+  Kind kind = Kind::kNone;
+  uint32_t light = 0;  // which one, where it is a point
+
+  bool has(uint32_t which) const { return kind == Kind::kBar || (kind == Kind::kPoint && light == which); }
+  Vec3 point(uint32_t which) const;
+};
+
+// What is known of a lens before: its terms and the square root of their information (upper rows; W (lens - mean) has
+// unit covariance).
+struct LensPrior {
+  std::array<double, kNumLensTerms> mean{};
+  std::array<double, kNumLensTerms * kNumLensTerms> root_information{};  // row by row
+};
+
+// Lenses of one batch are alike: each is within `spread` of the batch's mean, or within `tight` where the term is said
+// to be the same in all; the mean is within `width` of `mean`. All of them one sigma.
+struct BatchPrior {
+  std::array<double, kNumLensTerms> mean{}, width{}, spread{}, tight{};
+};
+
+struct Scene {
+  std::vector<CameraState> cameras;
+  std::vector<TargetState> targets;                   // one a position
+  std::vector<std::optional<LensPrior>> lens_priors;  // per camera; those without have the batch's
+  BatchPrior batch;
+  std::array<double, kNumLensTerms> batch_mean{};  // estimated
+};
+
+struct AdjustmentOptions {
+  std::array<bool, kNumLensTerms> free{};    // lens terms
+  std::array<bool, kNumLensTerms> shared{};  // of those, alike in all cameras that have no prior of their own
+  double sigma = 1;                          // of an observation's x and of its y, pixels
+  double robust = 0;                         // beyond this many sigmas an error counts less; 0: least squares
+  bool redescending = true;                  // less and less (Cauchy), or by its length (Huber)
+  int max_iterations = 50;
+  double tolerance = 1e-9;  // relative, of the cost
+  bool free_poses = true, free_targets = true;
+};
+
+struct AdjustmentSummary {
+  bool ok = false;
+  double cost = 0;
+  int iterations = 0;
+};
+
+// Whether an observation takes part, one a observation.
+using Inliers = std::vector<char>;
+
+// Bundle adjustment over the observations with use[i] of cameras that are used and targets that have that light.
+AdjustmentSummary adjust(Scene& scene, const std::vector<Observation>& observations, const Inliers& use,
+                         const AdjustmentOptions& options);
+
+// Pixels from where `target` should appear in `camera`; nothing behind it.
+std::optional<Vec2> residual(const CameraState& camera, const TargetState& target, const Observation& observation);
+
+}  // namespace lf

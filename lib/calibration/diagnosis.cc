@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "calibration/diagnosis.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <numeric>
+
+#include "calibration/initial_layout.h"
+#include "calibration/triangulation.h"
+
+namespace lf {
+namespace {
+
+using Severity = Finding::Severity;
+
+constexpr double kNothingLearnt = 0.8;           // of the sigma known before
+constexpr double kSoftDepth = 0.01;              // of the depth
+constexpr double kSoftPosition = 0.1;            // of the distance of neighbours
+constexpr double kSoftRotation = 0.01;           // radians
+constexpr double kManyOutliers = 0.2;            // share of a camera's observations
+constexpr int kMostFrames = 5;                   // that a camera may be late or early
+constexpr double kContradiction = 4;             // sigmas of a batch's mean
+constexpr double kClosest = 1e-3, kWidest = 10;  // metres between neighbours
+
+template <class... Args>
+std::string text(const char* format, Args... args) {
+  char buffer[512];
+  std::snprintf(buffer, sizeof buffer, format, args...);
+  return buffer;
+}
+
+class Diagnosis {
+ public:
+  Diagnosis(const Solution& solution, const Tracks& tracks, const SolveOptions& options, const Placement& placement)
+      : solution_(solution),
+        tracks_(tracks),
+        options_(options),
+        placement_(placement),
+        by_camera_(observations_of_cameras(tracks)) {}
+
+  std::vector<Finding> run() {
+    for (size_t i = 0; i < tracks_.cameras.size(); i++) judge_camera(i);
+    find_groups();
+    find_swaps();
+    judge_lenses();
+    judge_modes();
+    judge_scale();
+    return std::move(findings_);
+  }
+
+ private:
+  void add(Severity severity, const char* code, std::string what) {
+    findings_.push_back({severity, code, std::move(what)});
+  }
+  unsigned id(size_t camera) const { return tracks_.cameras[camera].id; }
+  const Scene& scene() const { return solution_.scene; }
+
+  void judge_camera(size_t i) {
+    const auto& list = by_camera_[i];
+    if (list.empty()) {
+      add(Severity::kError, "dead-camera", text("camera %u never saw the light: it is not in the rig", id(i)));
+      return;
+    }
+    size_t outliers = 0;
+    for (const uint32_t index : list) outliers += !solution_.inliers[index];
+    const double share = static_cast<double>(outliers) / static_cast<double>(list.size());
+    const bool found = scene().cameras[i].used;
+    if (found && share <= kManyOutliers) return;
+    if (const int frames = frames_late(i); frames != 0) {
+      add(Severity::kError, "late-camera",
+          text("camera %u is %d frame%s %s: its tracks fit the others' when they are moved by that", id(i),
+               std::abs(frames), std::abs(frames) == 1 ? "" : "s", frames > 0 ? "late" : "early"));
+      return;
+    }
+    if (!found)
+      add(Severity::kError, "camera-not-found",
+          text("camera %u fits nowhere (%zu observations): it is not in the rig. Is it another camera's id, a moved "
+               "camera, or another lens than in the prior rig?",
+               id(i), list.size()));
+    else if (share > 2 * typical_outliers())
+      add(Severity::kWarning, "many-outliers",
+          text("camera %u: %.0f %% of its observations do not fit", id(i), share * 100));
+  }
+
+  double typical_outliers() const {
+    const auto bad = std::count(solution_.inliers.begin(), solution_.inliers.end(), 0);
+    return static_cast<double>(bad) / static_cast<double>(std::max<size_t>(1, solution_.inliers.size()));
+  }
+
+  // How many frames a camera's tracks must be moved back by to fit; 0 where that does not help. Its pose must be found
+  // again for each: that of a camera in between its neighbours does for a look at the same places.
+  int frames_late(size_t i) const {
+    if (!tracks_.ordered) return 0;
+    int best = 0;
+    double most = 0, now = 0;
+    for (int frames = -kMostFrames; frames <= kMostFrames; frames++) {
+      Tracks moved = tracks_;
+      for (const uint32_t index : by_camera_[i]) {
+        const int64_t position = int64_t{moved.observations[index].position} - frames;
+        moved.observations[index].position =
+            static_cast<uint32_t>(std::clamp<int64_t>(position, 0, static_cast<int64_t>(tracks_.num_positions) - 1));
+      }
+      Scene trial = scene();
+      trial.cameras[i].used = false;
+      if (resect_cameras(trial, moved, kResection) < 1 || !trial.cameras[i].used) continue;
+      double fit = 0;
+      for (const uint32_t index : by_camera_[i]) {
+        const Observation& o = moved.observations[index];
+        if (!trial.targets[o.position].has(o.light)) continue;
+        const auto e = residual(trial.cameras[i], trial.targets[o.position], o);
+        if (e) fit += std::max(0.0, 1 - glm::dot(*e, *e) / (kResection * kResection));
+      }
+      if (frames == 0) now = fit;
+      if (fit > most) most = fit, best = frames;
+    }
+    return most > 1.5 * now + 4 ? best : 0;
+  }
+
+  // Cameras that see the light together, directly or through others.
+  void find_groups() {
+    std::vector<size_t> group(tracks_.cameras.size());
+    std::iota(group.begin(), group.end(), 0);
+    const auto root = [&](size_t i) {
+      while (group[i] != i) i = group[i] = group[group[i]];
+      return i;
+    };
+    const auto positions = observations_of_positions(tracks_);
+    for (const auto& list : positions)
+      for (const uint32_t index : list)
+        group[root(tracks_.observations[index].camera)] = root(tracks_.observations[list[0]].camera);
+    std::map<size_t, std::vector<size_t>> groups;
+    for (size_t i = 0; i < group.size(); i++)
+      if (!by_camera_[i].empty()) groups[root(i)].push_back(i);
+    if (groups.size() < 2) return;
+    std::string names;
+    for (const auto& [first, members] : groups) {
+      names += names.empty() ? "{" : ", {";
+      for (size_t k = 0; k < members.size() && k < 8; k++) names += (k ? " " : "") + std::to_string(id(members[k]));
+      names += members.size() > 8 ? " ...}" : "}";
+    }
+    add(Severity::kError, "disconnected-groups",
+        "these groups of cameras never see the light at the same time, so that nothing tells where they are to each "
+        "other: " +
+            names);
+  }
+
+  // Two cameras of which each is where the prior rig has the other.
+  void find_swaps() {
+    if (!options_.prior) return;
+    std::vector<Vec3> at(tracks_.cameras.size()), nominal(at.size());
+    std::vector<Pose> poses;
+    for (size_t i = 0; i < at.size(); i++) {
+      nominal[i] = options_.prior->cameras[*options_.prior->index_of_id(tracks_.cameras[i].id)].pose.position;
+      at[i] = placement_.world_from_scene(scene().cameras[i].pose()).position;
+    }
+    for (size_t a = 0; a < at.size(); a++)
+      for (size_t b = 0; b < a; b++) {
+        if (!scene().cameras[a].used || !scene().cameras[b].used) continue;
+        const double apart = glm::length(nominal[a] - nominal[b]) / 3;
+        if (apart > 0 && glm::length(at[a] - nominal[b]) < apart && glm::length(at[b] - nominal[a]) < apart)
+          add(Severity::kError, "swapped-cameras",
+              text("cameras %u and %u are where the prior rig has each other: their ids are swapped", id(b), id(a)));
+      }
+  }
+
+  // A parameter that is no better known than before is not calibrated, in any camera or in all of them alike.
+  void judge_lenses() {
+    static constexpr const char* kCodes[] = {"unknown-focal-length", "unknown-principal-point",
+                                             "unknown-principal-point", "unknown-k1", "unknown-k2"};
+    static constexpr const char* kNames[] = {"focal length", "principal point (x)", "principal point (y)", "k1", "k2"};
+    const Uncertainty& u = solution_.uncertainty;
+    const int terms = static_cast<int>(u.lens_terms.size());
+    std::vector<size_t> used;
+    for (size_t i = 0; i < scene().cameras.size(); i++)
+      if (scene().cameras[i].used) used.push_back(i);
+    const auto n = static_cast<double>(used.size());
+    for (int t = 0; t < terms; t++) {
+      const int k = u.lens_terms[t];
+      Eigen::VectorXd mean = Eigen::VectorXd::Zero(u.covariance.rows());
+      Eigen::VectorXd mean_before = Eigen::VectorXd::Zero(u.prior_covariance.rows());
+      size_t alone = 0;
+      double offset = 0;
+      for (size_t rank = 0; rank < used.size(); rank++) {
+        const int row = u.camera_row[used[rank]] + 6 + t;
+        const auto before = static_cast<Eigen::Index>(rank * terms + t);
+        mean[row] = mean_before[before] = 1 / n;
+        alone += u.covariance(row, row) > kNothingLearnt * kNothingLearnt * u.prior_covariance(before, before);
+        const auto& prior = scene().lens_priors[used[rank]];
+        const double expected = prior ? prior->mean[k] : scene().batch.mean[k];
+        offset += (scene().cameras[used[rank]].lens_terms()[k] - expected) / n;
+      }
+      const double after = u.sigma_of(mean), before = std::sqrt(mean_before.dot(u.prior_covariance * mean_before));
+      const double f = scene().cameras[used[0]].lens_terms()[kF];
+      const std::string size = k == kF ? text("+-%.2g %%", after / f * 100) : text("+-%.2g", after);
+      if (after > kNothingLearnt * before)
+        add(has_priors() ? Severity::kWarning : Severity::kError, kCodes[k],
+            text("%s, common to all cameras: %s, as before: these tracks tell nothing of it%s", kNames[k], size.c_str(),
+                 k <= kCy && !tracks_.bar ? "; use a bar with two lights" : ""));
+      else if (alone > 0)
+        add(Severity::kNote, kCodes[k],
+            text("%s: no better known than before in %zu of %zu cameras", kNames[k], alone, used.size()));
+      const double surprise = std::sqrt(std::max(before * before - after * after, 1e-30));
+      if (has_priors() && std::abs(offset) > kContradiction * surprise && std::abs(offset) > kContradiction * after)
+        add(Severity::kError, "prior-contradicted",
+            text("%s: the tracks say %+.3g more than the prior rig on average, %.0f times what it allows", kNames[k],
+                 offset, std::abs(offset) / surprise));
+    }
+  }
+
+  bool has_priors() const {
+    return std::any_of(scene().lens_priors.begin(), scene().lens_priors.end(), [](const auto& p) { return !!p; });
+  }
+
+  void judge_modes() {
+    const Uncertainty& u = solution_.uncertainty;
+    double f = 0, position = 0, rotation = 0, n = 0;
+    std::vector<Pose> poses;
+    Eigen::VectorXd mean = Eigen::VectorXd::Zero(u.covariance.rows());
+    for (size_t i = 0; i < scene().cameras.size(); i++) {
+      const int row = u.camera_row[i];
+      if (row < 0) continue;
+      n++, f += scene().cameras[i].lens_terms()[kF];
+      if (u.camera_size > 6) mean[row + 6] = 1;
+      position += u.covariance.diagonal().segment(row + 3, 3).sum();
+      rotation += u.covariance.diagonal().segment(row, 3).sum();
+      poses.push_back(scene().cameras[i].pose());
+    }
+    const double depth = u.sigma_of(mean) / f, pitch = neighbour_distance(poses);
+    const char* cure = tracks_.bar ? "move the bar nearer, through more depths"
+                                   : "use a bar with two lights, or measure the lenses first";
+    if (!(depth < kSoftDepth))
+      add(Severity::kWarning, "soft-depth",
+          text("depth scale +-%.2g %%, with the focal lengths: %s", depth * 100, cure));
+    const double shift = std::sqrt(position / n) / pitch, turn = std::sqrt(rotation / n);
+    if (!(shift < kSoftPosition))
+      add(Severity::kError, "soft-positions",
+          text("positions +-%.2g of the distance of neighbours: the light must be moved nearer, and through a volume, "
+               "not along a plane or a line",
+               shift));
+    if (!(turn < kSoftRotation))
+      add(Severity::kWarning, "soft-rotations", text("orientations +-%.2g degrees: %s", turn * 180 / M_PI, cure));
+  }
+
+  void judge_scale() {
+    std::vector<Pose> poses;
+    for (const CameraState& camera : scene().cameras)
+      if (camera.used) poses.push_back(placement_.world_from_scene(camera.pose()));
+    if (placement_.scale_from.empty()) {
+      add(Severity::kWarning, "no-scale",
+          "nothing gives the scale: neighbours are 1 apart. Give --bar, --pitch, --distance or --prior");
+      return;
+    }
+    const double pitch = neighbour_distance(poses);
+    if (pitch < kClosest || pitch > kWidest)
+      add(Severity::kError, "odd-scale",
+          text("neighbouring cameras are %.3g m apart, from %s: millimetres for metres?", pitch,
+               placement_.scale_from.c_str()));
+  }
+
+  static constexpr double kResection = 8;  // pixels
+
+  const Solution& solution_;
+  const Tracks& tracks_;
+  const SolveOptions& options_;
+  const Placement& placement_;
+  const std::vector<std::vector<uint32_t>> by_camera_;
+  std::vector<Finding> findings_;
+};
+
+}  // namespace
+
+std::vector<Finding> diagnose(const Solution& solution, const Tracks& tracks, const SolveOptions& options,
+                              const Placement& placement) {
+  return Diagnosis(solution, tracks, options, placement).run();
+}
+
+}  // namespace lf

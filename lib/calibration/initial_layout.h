@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include "calibration/adjustment.h"
+
+namespace lf {
+
+// First poses and targets without any guess of them. The lenses are those in the scene; cameras that could not be
+// placed are left unused.
+
+// For an array whose cameras look about the same way from about a plane. Returns the share of the sights that fit.
+double layout_from_disparities(Scene& scene, const Tracks& tracks);
+
+// For any rig: a pair of cameras by its essential matrix, then one camera after the other from what those see. Returns
+// how many were placed.
+int layout_from_pairs(Scene& scene, const Tracks& tracks, double threshold);
+
+// Targets for poses that are there already, with bars made of unit length where the tracks have bars.
+void targets_from_poses(Scene& scene, const Tracks& tracks, double threshold);
+
+// Unused cameras from the targets that they see. Returns how many were placed.
+int resect_cameras(Scene& scene, const Tracks& tracks, double threshold);
+
+}  // namespace lf

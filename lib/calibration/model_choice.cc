@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "calibration/model_choice.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "calibration/robust_scale.h"
+
+namespace lf {
+namespace {
+
+constexpr double kHeldOut = 0.1;  // share of the observations
+constexpr int kLeastSights = 4;   // of a target that gives one up
+constexpr double kReach = 3.8;    // sigmas: beyond, an error counts as this
+constexpr double kRobust = 2;
+constexpr DistortionModel kModels[] = {{0, false}, {1, true}, {1, false}, {2, true}, {2, false}};
+
+struct Fit {
+  Scene scene;
+  std::vector<double> lengths;
+  double sigma;
+};
+
+Fit fit_model(Scene scene, const Tracks& tracks, AdjustmentOptions options, const DistortionModel& model) {
+  apply_model(model, options);
+  const Inliers all(tracks.observations.size(), true);
+  options.robust = kRobust, options.tolerance = 1e-4;
+  for (int round = 0; round < 2; round++) {
+    options.max_iterations = round == 0 ? 3 : 6;
+    options.sigma = std::max(1e-3, robust_sigma(residual_lengths(scene, tracks.observations)));
+    adjust(scene, tracks.observations, all, options);
+  }
+  Fit fit{std::move(scene), {}, 0};
+  fit.lengths = residual_lengths(fit.scene, tracks.observations);
+  fit.sigma = std::max(1e-3, robust_sigma(fit.lengths));
+  return fit;
+}
+
+// Sights that seem right, of targets that can do without one: at most one each.
+std::vector<size_t> hold_out(const Tracks& tracks, const Fit& best) {
+  std::vector<int> sights(tracks.num_positions * 2);
+  const auto light = [&](size_t i) { return tracks.observations[i].position * 2 + tracks.observations[i].light; };
+  const Inliers good = within(best.lengths, kReach, best.sigma);
+  std::vector<size_t> order;
+  for (size_t i = 0; i < good.size(); i++)
+    if (good[i]) sights[light(i)]++, order.push_back(i);
+  std::shuffle(order.begin(), order.end(), std::mt19937(1));
+  const auto most = static_cast<size_t>(kHeldOut * static_cast<double>(order.size()));
+  std::vector<size_t> held;
+  for (const size_t i : order) {
+    if (held.size() >= most) break;
+    if (sights[light(i)] < kLeastSights) continue;
+    sights[light(i)]--;
+    held.push_back(i);
+  }
+  return held;
+}
+
+double transfer(const Fit& fit, const Tracks& tracks, AdjustmentOptions options, const DistortionModel& model,
+                const std::vector<size_t>& held) {
+  apply_model(model, options);
+  Inliers use = within(fit.lengths, 2 * kReach, fit.sigma);
+  for (const size_t i : held) use[i] = false;
+  options.sigma = fit.sigma, options.robust = kRobust, options.max_iterations = 4, options.tolerance = 1e-4;
+  Scene scene = fit.scene;
+  adjust(scene, tracks.observations, use, options);
+  const auto lengths = residual_lengths(scene, tracks.observations);
+  double sum = 0;
+  for (const size_t i : held) sum += lengths[i] * lengths[i];
+  return held.empty() ? 0 : std::sqrt(sum / static_cast<double>(held.size()));
+}
+
+}  // namespace
+
+void apply_model(const DistortionModel& model, AdjustmentOptions& options) {
+  options.free = {true, true, true, model.terms >= 1, model.terms >= 2};
+  options.shared[kK1] = options.shared[kK2] = model.shared;
+}
+
+ModelChoice choose_distortion(Scene& scene, const Tracks& tracks, const AdjustmentOptions& options) {
+  std::vector<Fit> fits;
+  for (const DistortionModel& model : kModels) {
+    Scene start = fits.empty() ? scene : fits.back().scene;
+    for (CameraState& camera : start.cameras)
+      for (int k = model.terms; k < 2; k++) camera.lens_terms()[kK1 + k] = 0;
+    for (int k = model.terms; k < 2; k++) start.batch_mean[kK1 + k] = 0;
+    fits.push_back(fit_model(std::move(start), tracks, options, model));
+  }
+  const auto best =
+      std::min_element(fits.begin(), fits.end(), [](const Fit& a, const Fit& b) { return a.sigma < b.sigma; });
+  const std::vector<size_t> held = hold_out(tracks, *best);
+  const auto cameras = static_cast<double>(
+      std::count_if(scene.cameras.begin(), scene.cameras.end(), [](const CameraState& c) { return c.used; }));
+  ModelChoice choice;
+  size_t chosen = 0;
+  for (size_t m = 0; m < fits.size(); m++) {
+    double chi2 = 0, count = 0;
+    for (const double l : fits[m].lengths)
+      if (l >= 0) chi2 += std::min(std::pow(l / best->sigma, 2), kReach * kReach), count += 2;
+    const DistortionModel& model = kModels[m];
+    const double parameters = model.terms * (model.shared ? 1 : cameras);
+    choice.trials.push_back({model.name(), chi2 + parameters * std::log(count), {}, false});
+    ModelTrial& now = choice.trials[m];
+    const ModelTrial& before = choice.trials[chosen];
+    if (m > 0 && now.bic >= before.bic) continue;
+    now.transfer_px = transfer(fits[m], tracks, options, model, held);
+    if (m > 0 && *now.transfer_px < *before.transfer_px) chosen = m;
+  }
+  choice.trials[chosen].chosen = true;
+  choice.model = kModels[chosen];
+  scene = std::move(fits[chosen].scene);
+  return choice;
+}
+
+}  // namespace lf

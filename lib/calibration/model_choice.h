@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <vector>
+
+#include "calibration/solve.h"
+
+namespace lf {
+
+// The lens terms that are free under a model of distortion, and those that cameras share.
+void apply_model(const DistortionModel& model, AdjustmentOptions& options);
+
+// Fits `scene` under each model, from none to two terms a camera, and takes the one that the tracks call for: a larger
+// model only where both the Bayesian information criterion and the error of observations held out improve on the
+// best so far. `scene` becomes the chosen fit.
+struct ModelChoice {
+  DistortionModel model;
+  std::vector<ModelTrial> trials;
+};
+ModelChoice choose_distortion(Scene& scene, const Tracks& tracks, const AdjustmentOptions& options);
+
+}  // namespace lf

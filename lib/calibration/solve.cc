@@ -1,0 +1,277 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "calibration/solve.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.h"
+#include "calibration/initial_layout.h"
+#include "calibration/model_choice.h"
+#include "calibration/placement.h"
+#include "calibration/robust_scale.h"
+#include "calibration/scene.h"
+#include "calibration/triangulation.h"
+
+namespace lf {
+namespace {
+
+constexpr double kReach = 3.8;        // sigmas to an outlier: 1 of 1,400 good ones is lost
+constexpr double kKept = 0.9947;      // of the variance of normal errors that are cut off there
+constexpr int kFirmSights = 3;        // two rays always meet nearly, mistaken or not
+constexpr double kLeastSigma = 1e-3;  // pixels; no light is measured better, and exact data must not divide by zero
+constexpr double kRobust = 2;         // sigmas where the Cauchy loss bends
+constexpr double kFits = 4;           // pixels: a first layout that is as near is right
+constexpr double kGoodFit = 0.5;      // share of the observations
+constexpr double kCoarse = 8;         // pixels: how far off sights may be in a first layout
+
+class Solver {
+ public:
+  Solver(const Tracks& tracks, const SolveOptions& options) : tracks_(tracks), options_(options) {
+    solution_.scene = make_scene(tracks, options);
+    all_.assign(tracks.observations.size(), true);
+  }
+
+  Solution run() {
+    step("first layout");
+    find_layout();
+    complete();
+    step("lenses");
+    free_lenses();
+    step("final adjustment");
+    finish();
+    step("uncertainty");
+    judge();
+    settle_doubtful_targets();
+    return std::move(solution_);
+  }
+
+ private:
+  Scene& scene() { return solution_.scene; }
+  void step(const char* what) {
+    if (options_.progress) options_.progress(what);
+  }
+
+  // The share of all observations that fit what there is, softly.
+  double fit() {
+    double sum = 0;
+    for (const double l : residual_lengths(scene(), tracks_.observations))
+      if (l >= 0) sum += std::max(0.0, 1 - l * l / (kFits * kFits));
+    return sum / static_cast<double>(tracks_.observations.size());
+  }
+
+  // Tries one start after the other until one is good.
+  void find_layout() {
+    const Scene empty = scene();
+    Scene best;
+    double best_fit = 0;
+    const auto attempt = [&](const std::string& name, const auto& layout, bool free_f) {
+      if (best_fit > kGoodFit) return;
+      scene() = empty;
+      if (!layout()) return;
+      robust({}, 3);
+      if (free_f) {
+        solution_.model.shared[kF] = true;
+        robust({true}, 2);
+        solution_.model.shared[kF] = false;
+      }
+      const double now = fit();
+      if (now <= best_fit) return;
+      best_fit = now, best = scene(), solution_.start = name;
+    };
+    const auto used = [&] {
+      return std::count_if(scene().cameras.begin(), scene().cameras.end(), [](const auto& c) { return c.used; }) >= 2;
+    };
+    attempt(
+        "disparities", [&] { return layout_from_disparities(scene(), tracks_) > 0 && used(); }, false);
+    if (options_.prior)
+      attempt(
+          "the prior rig's layout", [&] { return nominal_layout(); }, false);
+    // Without lenses known, a few focal lengths (in widths of an image) are tried.
+    for (const double f : {1.0, 0.7, 1.4, 2.0, 0.5}) {
+      if (options_.prior && f != 1.0) break;
+      attempt(
+          "pairs",
+          [&] {
+            if (!options_.prior)
+              for (CameraState& camera : scene().cameras)
+                camera.lens_terms()[kF] = f * std::max(camera.width, camera.height);
+            return layout_from_pairs(scene(), tracks_, kCoarse) >= 2;
+          },
+          !options_.prior);
+    }
+    if (best_fit == 0) throw Error("no two cameras see the light in a way that fits together");
+    scene() = std::move(best);
+  }
+
+  bool nominal_layout() {
+    std::vector<Pose> poses;
+    for (size_t i = 0; i < tracks_.cameras.size(); i++) {
+      const Pose& pose = options_.prior->cameras[*options_.prior->index_of_id(tracks_.cameras[i].id)].pose;
+      // Relative to the first: nothing is lost far from the origin.
+      scene().cameras[i].set_pose({pose.position - options_.prior->cameras[0].pose.position, pose.orientation});
+      scene().cameras[i].used = true;
+      poses.push_back(pose);
+    }
+    if (!(neighbour_distance(poses) > 0)) return false;
+    targets_from_poses(scene(), tracks_, 4 * kCoarse);
+    return true;
+  }
+
+  double sigma_now() { return std::max(kLeastSigma, robust_sigma(residual_lengths(scene(), tracks_.observations))); }
+
+  // Adjusts with a scale of errors that follows what is left of them.
+  void robust(const std::array<bool, kNumLensTerms>& free, int rounds, int iterations = 4) {
+    AdjustmentOptions o = solution_.model;
+    o.free = free;
+    o.robust = kRobust;
+    o.max_iterations = iterations;
+    o.tolerance = 1e-3;
+    for (int round = 0; round < rounds; round++) {
+      o.sigma = sigma_now();
+      adjust(scene(), tracks_.observations, all_, o);
+    }
+  }
+
+  // Targets and cameras that the first layout missed or mistook.
+  void complete() {
+    const double reach = std::min(kCoarse, 6 * sigma_now());
+    triangulate_targets(scene(), tracks_, reach);
+    drop_poor_cameras();
+    if (resect_cameras(scene(), tracks_, kCoarse) > 0) triangulate_targets(scene(), tracks_, reach);
+    robust({}, 2);
+  }
+
+  void drop_poor_cameras() {
+    const auto lengths = residual_lengths(scene(), tracks_.observations);
+    const double reach = 6 * sigma_now();
+    std::vector<double> fit(scene().cameras.size()), all(scene().cameras.size());
+    for (size_t i = 0; i < lengths.size(); i++) {
+      if (lengths[i] < 0) continue;
+      all[tracks_.observations[i].camera]++;
+      fit[tracks_.observations[i].camera] += lengths[i] < reach;
+    }
+    for (size_t i = 0; i < fit.size(); i++)
+      if (fit[i] < 0.3 * all[i] || all[i] < 4) scene().cameras[i].used = false;
+  }
+
+  void free_lenses() {
+    if (!has_lens_prior()) {
+      solution_.model.shared[kF] = true;
+      robust({true}, 1);
+      solution_.model.shared[kF] = false;
+      robust({true, true, true}, 1);
+    }
+    if (options_.distortion || has_lens_prior()) {
+      solution_.distortion = options_.distortion.value_or(DistortionModel{2, false});
+    } else {
+      step("distortion");
+      ModelChoice choice = choose_distortion(scene(), tracks_, solution_.model);
+      solution_.distortion = choice.model;
+      solution_.trials = std::move(choice.trials);
+    }
+    apply_model(solution_.distortion, solution_.model);
+    for (CameraState& camera : scene().cameras)
+      for (int k = solution_.distortion.terms; k < 2; k++) camera.lens_terms()[kK1 + k] = 0;
+    robust(solution_.model.free, 3, 8);
+    triangulate_targets(scene(), tracks_, 4 * sigma_now());
+    robust(solution_.model.free, 1, 8);
+  }
+
+  bool has_lens_prior() {
+    return std::any_of(scene().lens_priors.begin(), scene().lens_priors.end(), [](const auto& p) { return !!p; });
+  }
+
+  // Least squares over what is no outlier, until that does not change.
+  void finish() {
+    AdjustmentOptions o = solution_.model;
+    o.sigma = sigma_now();
+    Inliers inliers = within(residual_lengths(scene(), tracks_.observations), kReach, o.sigma);
+    for (int round = 0; round < 6; round++) {
+      o.max_iterations = 30;
+      o.tolerance = 1e-8;
+      adjust(scene(), tracks_.observations, inliers, o);
+      const auto lengths = residual_lengths(scene(), tracks_.observations);
+      const double sigma = std::max(kLeastSigma, inlier_sigma(lengths, inliers));
+      Inliers next = within(lengths, kReach, sigma);
+      const bool same = next == inliers && std::abs(sigma / o.sigma - 1) < 0.01;
+      inliers = std::move(next);
+      o.sigma = sigma;
+      if (same) break;
+    }
+    solution_.inliers = inliers;
+    solution_.model.sigma = o.sigma;
+  }
+
+  // Targets that fewer than three good sights hold: a place amid all of their sights, so that what is reported of these
+  // is fair.
+  void settle_doubtful_targets() {
+    std::vector<int> good(scene().targets.size());
+    for (size_t i = 0; i < solution_.inliers.size(); i++)
+      good[tracks_.observations[i].position] += solution_.inliers[i];
+    Inliers doubtful(solution_.inliers.size());
+    for (size_t i = 0; i < doubtful.size(); i++) doubtful[i] = good[tracks_.observations[i].position] < kFirmSights;
+    AdjustmentOptions o;
+    o.sigma = solution_.model.sigma, o.robust = 1, o.redescending = false, o.free_poses = false;
+    adjust(scene(), tracks_.observations, doubtful, o);
+    const Inliers near = within(residual_lengths(scene(), tracks_.observations), kReach, solution_.sigma);
+    for (size_t i = 0; i < doubtful.size(); i++)
+      if (doubtful[i]) solution_.inliers[i] = near[i];
+  }
+
+  // Noise and uncertainty: each depends on the other where parameters are known before.
+  void judge() {
+    const auto lengths = residual_lengths(scene(), tracks_.observations);
+    std::vector<double> good;
+    for (size_t i = 0; i < lengths.size(); i++)
+      if (solution_.inliers[i]) good.push_back(lengths[i]);
+    solution_.expected_rms = std::sqrt(2) * robust_sigma(good);
+    for (int round = 0; round < 2; round++) {
+      const double before = solution_.model.sigma;
+      solution_.uncertainty = estimate_uncertainty(scene(), tracks_.observations, solution_.inliers, solution_.model);
+      solution_.model.sigma = std::max(kLeastSigma, inlier_sigma(lengths, solution_.inliers));
+      if (std::abs(solution_.model.sigma / before - 1) < 0.01) break;
+    }
+    solution_.sigma = solution_.model.sigma;
+  }
+
+  // Of the noise: what parameters took of it is given back.
+  double inlier_sigma(const std::vector<double>& lengths, const Inliers& inliers) {
+    double sum = 0, count = 0;
+    std::vector<char> target_used(scene().targets.size());
+    for (size_t i = 0; i < lengths.size(); i++)
+      if (inliers[i]) {
+        sum += lengths[i] * lengths[i], count += 2;
+        target_used[tracks_.observations[i].position] = true;
+      }
+    double parameters = -7;
+    for (size_t j = 0; j < target_used.size(); j++)
+      if (target_used[j]) parameters += scene().targets[j].kind == TargetState::Kind::kBar ? 5 : 3;
+    // Of a parameter known before, as much as the observations tell of it.
+    const Uncertainty& u = solution_.uncertainty;
+    int lens = 0;
+    for (size_t i = 0; i < scene().cameras.size(); i++) {
+      if (!scene().cameras[i].used) continue;
+      parameters += 6;
+      for (int k = 0; k < static_cast<int>(u.lens_terms.size()); k++, lens++)
+        parameters += 1 - std::min(1.0, u.covariance(u.camera_row[i] + 6 + k, u.camera_row[i] + 6 + k) /
+                                            u.prior_covariance(lens, lens));
+    }
+    return std::sqrt(sum / std::max(1.0, count - parameters) / kKept);
+  }
+
+  const Tracks& tracks_;
+  const SolveOptions& options_;
+  Solution solution_;
+  Inliers all_;
+};
+
+}  // namespace
+
+std::string DistortionModel::name() const {
+  if (terms == 0) return "none";
+  return std::string(terms == 1 ? "k1" : "k1, k2") + (shared ? ", alike" : ", per camera");
+}
+
+Solution solve_tracks(const Tracks& tracks, const SolveOptions& options) { return Solver(tracks, options).run(); }
+
+}  // namespace lf

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calibration/adjustment.h"
+#include "calibration/camera_covariance.h"
+#include "calibration/uncertainty.h"
+
+namespace lf {
+
+// How many radial terms, and whether all cameras have the same.
+struct DistortionModel {
+  int terms = 0;        // 0, 1: k1, 2: k1 and k2
+  bool shared = false;  // about the same in all cameras
+  bool operator==(const DistortionModel&) const = default;
+  std::string name() const;
+};
+
+// One model that was tried.
+struct ModelTrial {
+  std::string model;
+  double bic = 0;                     // Bayesian information criterion: less is better
+  std::optional<double> transfer_px;  // of observations held out, root of the mean square; where the BIC is good
+  bool chosen = false;
+};
+
+struct SolveOptions {
+  std::optional<Rig> prior;                                        // nominal lenses and layout; cameras are found by id
+  std::vector<std::optional<CameraCovariance>> prior_covariances;  // of its cameras' lenses; may be empty
+  std::optional<DistortionModel> distortion;                       // nothing: chosen by evidence
+  std::function<void(const std::string& step)> progress;           // called before each step; may throw to cancel
+};
+
+struct Solution {
+  Scene scene;              // in the scale and frame of the solver: see alignment.h
+  Inliers inliers;          // one an observation
+  double sigma = 0;         // of the inliers' noise in x and in y, pixels, estimated
+  double expected_rms = 0;  // of the lengths of residuals if all were noise like their middle half, pixels
+  AdjustmentOptions model;  // which lens terms are free
+  DistortionModel distortion;
+  std::vector<ModelTrial> trials;  // empty where nothing was to be chosen
+  std::string start;               // how the first layout was found
+  Uncertainty uncertainty;         // in the solver's frame and scale
+};
+
+// Everything but the frame: poses, lenses and targets from tracks. Throws Error where nothing can be found at all.
+Solution solve_tracks(const Tracks& tracks, const SolveOptions& options);
+
+}  // namespace lf

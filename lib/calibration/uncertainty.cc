@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "calibration/uncertainty.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include "calibration/alignment.h"
+#include "calibration/costs.h"
+
+namespace lf {
+namespace {
+
+using Eigen::MatrixXd;
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+constexpr double kSolid = 1e-13;  // relative information that keeps what nothing tells finite
+
+struct Seen {
+  int row;
+  MatrixXd cross;  // information between the camera's steps and the target's
+};
+struct TargetInformation {
+  MatrixXd own;
+  std::vector<Seen> seen;
+};
+
+class Builder {
+ public:
+  Builder(const Scene& scene, const AdjustmentOptions& options)
+      : scene_(scene), options_(options), manifold_(options.free, true) {
+    result_.camera_size = manifold_.TangentSize();
+    for (int k = 0; k < kNumLensTerms; k++)
+      if (options.free[k]) result_.lens_terms.push_back(k);
+    int rows = 0;
+    for (const CameraState& camera : scene.cameras) {
+      result_.camera_row.push_back(camera.used ? rows : -1);
+      if (camera.used) rows += result_.camera_size;
+    }
+    information_ = MatrixXd::Zero(rows + num_terms(), rows + num_terms());  // the batch's mean at the end
+    targets_.resize(scene.targets.size());
+    for (const CameraState& camera : scene.cameras) {
+      RowMajor j(CameraState::kSize, result_.camera_size);
+      manifold_.PlusJacobian(camera.v.data(), j.data());
+      camera_steps_.push_back(j);
+    }
+  }
+
+  void add(const Observation& o) {
+    const CameraState& camera = scene_.cameras[o.camera];
+    const TargetState& target = scene_.targets[o.position];
+    const bool bar = target.kind == TargetState::Kind::kBar;
+    Eigen::Matrix<double, 2, CameraState::kSize, Eigen::RowMajor> by_camera;
+    RowMajor by_target(2, bar ? 6 : 3);
+    double error[2];
+    double* jacobians[2] = {by_camera.data(), by_target.data()};
+    const double* blocks[2] = {camera.v.data(), target.v.data()};
+    if (bar) {
+      const ceres::AutoDiffCostFunction<ReprojectionCost<true>, 2, CameraState::kSize, 6> cost(
+          new ReprojectionCost<true>{&camera, o.pixel, o.light, 1 / options_.sigma});
+      if (!cost.Evaluate(blocks, error, jacobians)) return;
+      RowMajor steps(6, 5);
+      bar_manifold_.PlusJacobian(target.v.data(), steps.data());
+      by_target = RowMajor(by_target * steps);
+    } else {
+      const ceres::AutoDiffCostFunction<ReprojectionCost<false>, 2, CameraState::kSize, 3> cost(
+          new ReprojectionCost<false>{&camera, o.pixel, o.light, 1 / options_.sigma});
+      if (!cost.Evaluate(blocks, error, jacobians)) return;
+    }
+    const RowMajor c = by_camera * camera_steps_[o.camera];
+    const int row = result_.camera_row[o.camera], n = result_.camera_size;
+    information_.block(row, row, n, n) += c.transpose() * c;
+    TargetInformation& t = targets_[o.position];
+    if (t.own.size() == 0) t.own = MatrixXd::Zero(by_target.cols(), by_target.cols());
+    t.own += by_target.transpose() * by_target;
+    if (t.seen.empty() || t.seen.back().row != row) {
+      // Both lights of a bar as one camera sees them.
+      for (Seen& seen : t.seen)
+        if (seen.row == row) {
+          seen.cross += c.transpose() * by_target;
+          return;
+        }
+      t.seen.push_back({row, c.transpose() * by_target});
+    } else {
+      t.seen.back().cross += c.transpose() * by_target;
+    }
+  }
+
+  void eliminate_targets() {
+    for (TargetInformation& t : targets_) {
+      if (t.own.size() == 0) continue;
+      t.own.diagonal() *= 1 + kSolid;
+      const Eigen::LDLT<MatrixXd> own(t.own);
+      for (size_t a = 0; a < t.seen.size(); a++) {
+        const MatrixXd gain = own.solve(t.seen[a].cross.transpose()).transpose();
+        for (size_t b = 0; b <= a; b++) {
+          const MatrixXd part = gain * t.seen[b].cross.transpose();
+          information_.block(t.seen[a].row, t.seen[b].row, part.rows(), part.cols()) -= part;
+          if (a != b) information_.block(t.seen[b].row, t.seen[a].row, part.cols(), part.rows()) -= part.transpose();
+        }
+      }
+    }
+  }
+
+  // Adds what was known of the lenses to `information`, whose camera i has its lens terms from lens_row(i) on.
+  template <class LensRow>
+  void add_priors(MatrixXd& information, int batch_row, const LensRow& lens_row) const {
+    bool has_batch = false;
+    for (size_t i = 0; i < scene_.cameras.size(); i++) {
+      if (!scene_.cameras[i].used) continue;
+      const int row = lens_row(i);
+      if (scene_.lens_priors[i]) {
+        const Eigen::Map<const Eigen::Matrix<double, kNumLensTerms, kNumLensTerms, Eigen::RowMajor>> root(
+            scene_.lens_priors[i]->root_information.data());
+        const Eigen::Matrix<double, kNumLensTerms, kNumLensTerms> full = root.transpose() * root;
+        for (int a = 0; a < num_terms(); a++)
+          for (int b = 0; b < num_terms(); b++)
+            information(row + a, row + b) += full(result_.lens_terms[a], result_.lens_terms[b]);
+        continue;
+      }
+      has_batch = true;
+      for (int a = 0; a < num_terms(); a++) {
+        const int k = result_.lens_terms[a];
+        const double spread = options_.shared[k] ? scene_.batch.tight[k] : scene_.batch.spread[k],
+                     w = 1 / (spread * spread);
+        information(row + a, row + a) += w;
+        information(batch_row + a, batch_row + a) += w;
+        information(row + a, batch_row + a) -= w;
+        information(batch_row + a, row + a) -= w;
+      }
+    }
+    for (int a = 0; a < num_terms(); a++) {
+      const double width = scene_.batch.width[result_.lens_terms[a]];
+      information(batch_row + a, batch_row + a) += has_batch ? 1 / (width * width) : 1;
+    }
+  }
+
+  Uncertainty finish(const UncertaintyOptions& what) {
+    eliminate_targets();
+    const int rows = static_cast<int>(information_.rows()) - num_terms();
+    if (what.priors)
+      add_priors(information_, rows, [&](size_t i) { return result_.camera_row[i] + 6; });
+    else
+      information_.bottomRightCorner(num_terms(), num_terms()).setIdentity();
+    invert();
+    result_.covariance.conservativeResize(rows, rows);
+    // As known before.
+    std::vector<int> rank(scene_.cameras.size());
+    int used = 0;
+    for (size_t i = 0; i < rank.size(); i++) rank[i] = scene_.cameras[i].used ? used++ : -1;
+    MatrixXd prior = MatrixXd::Zero((used + 1) * num_terms(), (used + 1) * num_terms());
+    add_priors(prior, used * num_terms(), [&](size_t i) { return rank[i] * num_terms(); });
+    result_.prior_covariance = prior.inverse().topLeftCorner(used * num_terms(), used * num_terms());
+    return std::move(result_);
+  }
+
+ private:
+  int num_terms() const { return static_cast<int>(result_.lens_terms.size()); }
+
+  // With the similarities that the observations leave open taken out: P (S + K K')^-1 P', P the projection onto steps
+  // that need no further alignment.
+  void invert() {
+    std::vector<Vec3> centres;
+    Vec3 mean(0, 0, 0);
+    for (const CameraState& camera : scene_.cameras)
+      if (camera.used) centres.push_back(camera.pose().position);
+    for (const Vec3& c : centres) mean += c;
+    mean /= static_cast<double>(centres.size());
+    const double turn_weight =
+        std::pow(kTurnWeight * spread(centres), 2) * 2;  // align() has three axes: each turn moves two
+    const Eigen::Index size = information_.rows();
+    MatrixXd gauge = MatrixXd::Zero(size, 7), weighted = MatrixXd::Zero(size, 7);
+    for (size_t i = 0; i < scene_.cameras.size(); i++) {
+      const int row = result_.camera_row[i];
+      if (row < 0) continue;
+      const Vec3 c = scene_.cameras[i].pose().position - mean;
+      for (int axis = 0; axis < 3; axis++) {
+        Vec3 unit(0, 0, 0);
+        unit[axis] = 1;
+        const Vec3 moved = glm::cross(unit, c);
+        gauge(row + axis, axis) = 1;
+        for (int k = 0; k < 3; k++) gauge(row + 3 + k, axis) = moved[k];
+        gauge(row + 3 + axis, 3 + axis) = 1;
+        gauge(row + 3 + axis, 6) = c[axis];
+      }
+      weighted.middleRows(row, 3) = gauge.middleRows(row, 3) * turn_weight;
+      weighted.middleRows(row + 3, 3) = gauge.middleRows(row + 3, 3);
+    }
+    const MatrixXd overlap = gauge.transpose() * weighted;
+    // A bar of unit length is a scale: no observation leaves it open.
+    const bool has_scale = std::any_of(scene_.targets.begin(), scene_.targets.end(),
+                                       [](const TargetState& t) { return t.kind == TargetState::Kind::kBar; });
+    for (int g = 0; g < (has_scale ? 6 : 7); g++) {
+      // As firm as the observations hold the steps that it is made of.
+      const Eigen::VectorXd k = weighted.col(g) / weighted.col(g).norm();
+      const double firm = k.cwiseAbs2().dot(information_.diagonal());
+      information_ += firm * k * k.transpose();
+    }
+    const Eigen::VectorXd scale = information_.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    MatrixXd scaled = scale.asDiagonal() * information_ * scale.asDiagonal();
+    scaled.diagonal().array() += kSolid;
+    const Eigen::LLT<MatrixXd> llt(scaled);
+    MatrixXd inverse = llt.info() == Eigen::Success ? MatrixXd(llt.solve(MatrixXd::Identity(size, size)))
+                                                    : MatrixXd(scaled.ldlt().solve(MatrixXd::Identity(size, size)));
+    inverse = scale.asDiagonal() * inverse * scale.asDiagonal();
+    const MatrixXd back = overlap.inverse();
+    // P = 1 - gauge back weighted'
+    const MatrixXd left = weighted.transpose() * inverse;
+    inverse -= gauge * (back * left);
+    const MatrixXd right = inverse * weighted;
+    inverse -= (right * back.transpose()) * gauge.transpose();
+    result_.covariance = (inverse + inverse.transpose()) / 2;
+  }
+
+  const Scene& scene_;
+  const AdjustmentOptions& options_;
+  CameraManifold manifold_;
+  ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::SphereManifold<3>> bar_manifold_;
+  std::vector<RowMajor> camera_steps_;
+  MatrixXd information_;
+  std::vector<TargetInformation> targets_;
+  Uncertainty result_;
+};
+
+}  // namespace
+
+Uncertainty estimate_uncertainty(const Scene& scene, const std::vector<Observation>& observations, const Inliers& use,
+                                 const AdjustmentOptions& options, const UncertaintyOptions& what) {
+  Builder builder(scene, options);
+  for (size_t i = 0; i < observations.size(); i++) {
+    const Observation& o = observations[i];
+    if (use[i] && scene.cameras[o.camera].used && scene.targets[o.position].has(o.light)) builder.add(o);
+  }
+  return builder.finish(what);
+}
+
+}  // namespace lf

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "calibration/simulator.h"
+
+#include "calibration/scene.h"
+#include "rig/grid_rig.h"
+
+namespace lf::sim {
+namespace {
+
+using Random = std::mt19937_64;
+
+double normal(Random& random, double sigma) { return std::normal_distribution<double>(0, 1)(random) * sigma; }
+double uniform(Random& random, double from, double to) {
+  return std::uniform_real_distribution<double>(from, to)(random);
+}
+Vec3 normal3(Random& random, double sigma) {
+  return {normal(random, sigma), normal(random, sigma), normal(random, sigma)};
+}
+
+// In the field of view of the array's middle at a depth whose inverse is uniform.
+Vec3 place(const Rig& rig, const PathOptions& options, int i, Random& random) {
+  double t = uniform(random, 0, 1), x = uniform(random, -1, 1), y = uniform(random, -1, 1);
+  if (options.shape == PathOptions::Shape::kPlane) t = 0.5;
+  if (options.shape == PathOptions::Shape::kLine) t = 0.5, x = 2.0 * i / options.positions - 1, y = 0.3 * x;
+  const double z = 1 / (t / options.near + (1 - t) / options.far);
+  const Camera& camera = rig.cameras[0];
+  return {x * z * camera.width / 2.3 / camera.lens.fx(), y * z * camera.height / 2.3 / camera.lens.fx(), z};
+}
+
+}  // namespace
+
+Rig make_array(const ArrayOptions& o, uint64_t seed) {
+  Random random(seed);
+  Rig rig = make_grid_rig({o.rows, o.columns, o.pitch, 40, o.width, o.height});
+  for (Camera& camera : rig.cameras) {
+    camera.pose.position += normal3(random, o.position_jitter * o.pitch);
+    const Vec3 turn = normal3(random, o.pointing_jitter);
+    const double angle = glm::length(turn);
+    if (angle > 0) camera.pose.orientation = glm::angleAxis(angle, turn / angle);
+    camera.lens = Lens(LensModel::kRadial, {o.f * (1 + normal(random, o.focal_spread)),
+                                            (o.width - 1) / 2.0 + normal(random, o.centre_spread),
+                                            (o.height - 1) / 2.0 + normal(random, o.centre_spread),
+                                            o.k1 + normal(random, o.k1_spread), o.k2 + normal(random, o.k2_spread)});
+  }
+  return rig;
+}
+
+Watched watch(const Rig& truth, const PathOptions& options, uint64_t seed) {
+  Random random(seed);
+  Watched watched;
+  Tracks& tracks = watched.tracks;
+  tracks.bar = options.bar > 0;
+  tracks.num_positions = options.positions;
+  for (const Camera& camera : truth.cameras) tracks.cameras.push_back({camera.id, camera.width, camera.height});
+  for (int j = 0; j < options.positions; j++) {
+    Vec3 lights[2] = {place(truth, options, j, random)};
+    lights[1] = lights[0];
+    if (tracks.bar) {
+      const Vec3 half = glm::normalize(normal3(random, 1)) * (options.bar / 2);
+      lights[0] -= half, lights[1] += half;
+    }
+    watched.lights.insert(watched.lights.end(), lights, lights + (tracks.bar ? 2 : 1));
+    for (uint32_t i = 0; i < truth.cameras.size(); i++) {
+      const Camera& camera = truth.cameras[i];
+      for (uint32_t light = 0; light < (tracks.bar ? 2u : 1u); light++) {
+        Observation o{i, static_cast<uint32_t>(j), light};
+        const bool missed = uniform(random, 0, 1) < options.missed;
+        const auto pixel = camera.lens.project(camera.pose.camera_from_world(lights[light]));
+        if (missed || !pixel || pixel->x < -0.5 || pixel->y < -0.5 || pixel->x > camera.width - 0.5 ||
+            pixel->y > camera.height - 0.5)
+          continue;
+        o.pixel = *pixel + Vec2(normal(random, options.noise), normal(random, options.noise));
+        const bool outlier = uniform(random, 0, 1) < options.outliers;
+        if (outlier) o.pixel = {uniform(random, 0, camera.width - 1), uniform(random, 0, camera.height - 1)};
+        tracks.observations.push_back(o);
+        watched.good.push_back(!outlier);
+      }
+    }
+  }
+  return watched;
+}
+
+void measure_lenses(const Rig& truth, const LensSigmas& sigmas, uint64_t seed, SolveOptions& options) {
+  Random random(seed);
+  options.prior = truth;
+  const double sigma[] = {sigmas.f, sigmas.c, sigmas.c, sigmas.k1, sigmas.k2};
+  CameraCovariance covariance{{"f", "cx", "cy", "k1", "k2"}, std::vector<double>(25, 0)};
+  for (int k = 0; k < kNumLensTerms; k++) covariance.matrix[k * 6] = sigma[k] * sigma[k];
+  options.prior_covariances.assign(truth.cameras.size(), covariance);
+  for (Camera& camera : options.prior->cameras) {
+    auto params = camera.lens.params();
+    for (int k = 0; k < kNumLensTerms; k++) params[k] += normal(random, sigma[k]);
+    camera.lens = Lens(LensModel::kRadial, params);
+  }
+}
+
+Scene true_scene(const Rig& truth, const Watched& watched, const SolveOptions& options) {
+  Scene scene = make_scene(watched.tracks, options);
+  const bool bar = watched.tracks.bar;
+  const double unit = bar ? glm::length(watched.lights[1] - watched.lights[0]) : 1;
+  for (size_t i = 0; i < scene.cameras.size(); i++) {
+    Pose pose = truth.cameras[i].pose;
+    pose.position /= unit;
+    scene.cameras[i].set_pose(pose);
+    scene.cameras[i].set_lens(truth.cameras[i].lens);
+    scene.cameras[i].used = true;
+  }
+  for (size_t j = 0; j < scene.targets.size(); j++) {
+    TargetState& target = scene.targets[j];
+    target.kind = bar ? TargetState::Kind::kBar : TargetState::Kind::kPoint;
+    const Vec3 a = watched.lights[bar ? 2 * j : j] / unit, b = watched.lights[bar ? 2 * j + 1 : j] / unit;
+    for (int k = 0; k < 3; k++) target.v[k] = (a[k] + b[k]) / 2, target.v[3 + k] = b[k] - a[k];
+  }
+  return scene;
+}
+
+}  // namespace lf::sim

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <random>
+
+#include "calibration/solve.h"
+#include "rig/rig.h"
+
+namespace lf::sim {
+
+// An array of cameras on a board that watches a light or a bar, with the truth beside: everything follows from `seed`.
+struct ArrayOptions {
+  int rows = 8, columns = 8;
+  double pitch = 0.06;  // metres
+  double f = 420;       // pixels
+  int width = 320, height = 240;
+  double position_jitter = 0.05;                  // of the pitch, one sigma
+  double pointing_jitter = M_PI / 180;            // radians, each axis
+  double focal_spread = 0.02, centre_spread = 3;  // relative; pixels
+  double k1 = -0.15, k2 = 0.03, k1_spread = 0.01, k2_spread = 0.01;
+};
+
+struct PathOptions {
+  enum class Shape { kVolume, kPlane, kLine };
+  int positions = 100;
+  double near = 0.8, far = 3;  // metres
+  Shape shape = Shape::kVolume;
+  double bar = 0;                   // metres between two lights; 0: one light
+  double noise = 0.2;               // pixels, x and y each
+  double missed = 0, outliers = 0;  // shares of the observations
+};
+
+Rig make_array(const ArrayOptions& options, uint64_t seed);
+
+struct Watched {
+  Tracks tracks;
+  std::vector<Vec3> lights;  // of each position, or of both ends of the bar there in turn
+  Inliers good;              // observations that are not outliers
+};
+Watched watch(const Rig& truth, const PathOptions& options, uint64_t seed);
+
+// What Zhang's step would have said of the lenses, with errors as large as it says; poses are those of a nominal grid.
+struct LensSigmas {
+  double f = 1, c = 1.5, k1 = 0.01, k2 = 0.02;
+};
+void measure_lenses(const Rig& truth, const LensSigmas& sigmas, uint64_t seed, SolveOptions& options);
+
+// The scene at the truth, as adjust() has it: bars are the unit of length.
+Scene true_scene(const Rig& truth, const Watched& watched, const SolveOptions& options);
+
+}  // namespace lf::sim

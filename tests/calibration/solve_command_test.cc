@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-calibrate solve as people run it.
+#include <filesystem>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "base/json_value.h"
+#include "calibration/alignment.h"
+#include "calibration/camera_covariance.h"
+#include "calibration/simulator.h"
+#include "calibration/tracks_json.h"
+#include "rig/rig_json.h"
+#include "support/run_program.h"
+#include "support/temp_dir.h"
+
+namespace lf {
+namespace {
+
+using testing::HasSubstr;
+
+sim::ArrayOptions small_array() {
+  sim::ArrayOptions array;
+  array.rows = array.columns = 3;
+  return array;
+}
+
+TEST(SolveCommand, ARigAndAReport) {
+  const TempDir dir;
+  const Rig truth = sim::make_array(small_array(), 1);
+  sim::PathOptions path;
+  path.bar = 0.3;
+  dir.write("tracks.json", tracks_to_json(sim::watch(truth, path, 2).tracks));
+  const Outcome outcome =
+      run_program("lf-calibrate", "solve --tracks tracks.json --bar 0.3 --out rig.json --json report.json", dir.path());
+  ASSERT_EQ(outcome.status, 0) << outcome.output;
+  EXPECT_THAT(outcome.output, HasSubstr("rig.json: 9 of 9 cameras"));
+  const Rig rig = load_rig(dir / "rig.json");
+  std::vector<Pose> found, expected;
+  for (size_t i = 0; i < 9; i++) found.push_back(rig.cameras[i].pose), expected.push_back(truth.cameras[i].pose);
+  const Similarity s = align(found, expected);
+  EXPECT_NEAR(s.scale, 1, 0.03);
+  for (size_t i = 0; i < 9; i++) EXPECT_LE(glm::length(s(found[i]).position - expected[i].position), 0.01);
+  const std::string name = dir / "rig.json";
+  const nlohmann::json json = parse_json(read_text_file(name), name);
+  for (const JsonValue& camera : JsonValue(json, name).at("cameras").elements()) {
+    const auto covariance = parse_camera_covariance(camera);
+    ASSERT_TRUE(covariance);
+    EXPECT_TRUE(covariance->index_of("rz"));
+  }
+  const nlohmann::json report = parse_json(read_text_file(dir / "report.json"), "report.json");
+  for (const char* key : {"mean_px", "median_px", "rms_px", "expected_rms_px", "observations", "outliers"})
+    EXPECT_TRUE(report.at(key).is_number()) << key;
+  EXPECT_EQ(report.at("cameras").size(), 9u);
+  EXPECT_TRUE(report.at("model").is_string());
+  EXPECT_EQ(report.at("scale_from"), "the bar's length");
+}
+
+TEST(SolveCommand, MistakesLeaveNoRig) {
+  const TempDir dir;
+  const auto expect_failure = [&](const std::string& options, const std::string& part) {
+    const Outcome outcome = run_program("lf-calibrate", "solve --out rig.json " + options, dir.path());
+    EXPECT_EQ(outcome.status, 1) << outcome.output;
+    EXPECT_THAT(outcome.output, HasSubstr(part));
+    EXPECT_FALSE(std::filesystem::exists(dir / "rig.json"));
+  };
+  dir.write("bad.json", R"({"format": "lightfield-tracks", "version": 1, "cameras": 3})");
+  expect_failure("--tracks bad.json", "bad.json: cameras: must be an array");
+  expect_failure("--tracks none.json", "does not exist");
+  const Rig truth = sim::make_array(small_array(), 1);
+  Tracks tracks = sim::watch(truth, {}, 2).tracks;
+  dir.write("tracks.json", tracks_to_json(tracks));
+  expect_failure("--tracks tracks.json --bar 1", "the tracks are of one light");
+  expect_failure("--tracks tracks.json --distance 1,2", "must be ID,ID,METRES");
+  Rig other = truth;
+  other.cameras[4].width = 100;
+  save_rig(other, dir / "other.json");
+  expect_failure("--tracks tracks.json --prior other.json", "camera 4 has 320x240 pixels in the tracks");
+  tracks.observations.clear();
+  dir.write("empty.json", tracks_to_json(tracks));
+  expect_failure("--tracks empty.json", "no two cameras see the light");
+}
+
+}  // namespace
+}  // namespace lf
