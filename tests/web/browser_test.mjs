@@ -3,8 +3,8 @@
 import { createServer } from 'node:http';
 import { writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { artefacts, compare, connectBrowser, expect, launchBrowser, launchBrowserServer, makeRig, openPage, picture,
-  rendered, runTests, serve, setView, shown, source, start, stateOf, until } from './harness.mjs';
+import { artefacts, compare, connectBrowser, expect, launchBrowser, launchBrowserServer, makeRig, openPage, patience,
+  picture, rendered, runTests, serve, setView, shown, source, start, stateOf, until } from './harness.mjs';
 
 const size = { width: 640, height: 480 };
 const folder = await makeRig('4x4');
@@ -53,7 +53,7 @@ async function showsAndFlies() {
   await served.stop();
 }
 
-async function linkKeyboardAndNames() {
+async function linkKeyboardNamesAndSize() {
   const served = await serve(...rig);
   const page = await openPage(browser, new URL('#x=0.02&yaw=2&focus-distance=3&nonsense=1', served.url).href, size);
   await shown(page, 5);
@@ -76,6 +76,12 @@ async function linkKeyboardAndNames() {
   for (let i = 0; i < 20; i++) await page.keyboard.press('ArrowRight');
   await until(async () => (await stateOf(page))['focus-distance'] > before * 1.2, 'the slider focuses');
   await page.focus('lightfield-viewer video');
+  const kept = await stateOf(page);
+  await page.setViewportSize({ width: 320, height: 240 });
+  await page.waitForFunction(() => document.querySelector('lightfield-viewer').video.videoWidth === 320, null,
+    { timeout: patience });
+  const state = await setView(page, { fov: kept.fov });
+  expect(state.yaw === kept.yaw && state['focus-distance'] === kept['focus-distance'], 'a new size keeps the view');
   await page.keyboard.press('i');
   await page.waitForFunction(
     () => document.querySelector('lightfield-viewer').shadowRoot.querySelector('pre').textContent.includes('frames/s'));
@@ -155,7 +161,8 @@ async function comesAndGoes() {
   }
   await until(async () => await served.metric('viewers') === 0, 'all viewers are gone');
   const now = await served.metric('resident_bytes');
-  console.log(`# ${cycles} cycles: ${(warm / 2 ** 20).toFixed(1)} MiB resident, then ${(now / 2 ** 20).toFixed(1)} MiB`);
+  const [before, after] = [warm, now].map(bytes => (bytes / 2 ** 20).toFixed(1));
+  console.log(`# ${cycles} cycles: ${before} MiB resident, then ${after} MiB`);
   expect(now < 1.15 * warm + 8 * 2 ** 20, 'memory grows');
   await served.stop();
 }
@@ -209,7 +216,7 @@ async function fiveLines() {
 
 await runTests([
   ['the page shows the light field and flies', showsAndFlies],
-  ['links, keyboard and names', linkKeyboardAndNames],
+  ['links, keyboard, names and sizes', linkKeyboardNamesAndSize],
   ['four viewers have their own views', fourViewers],
   ['cameras on other hosts', nodes],
   ['stalled and killed browsers are forgotten, others go on', stalledAndKilled],

@@ -38,7 +38,8 @@ async function viewers(folder, count, size) {
   const rates = b.frames.map((now, i) => (now.frames - a.frames[i].frames) / (now.time - a.frames[i].time) * 1000);
   const time = (b.time - a.time) / 1000, pictures = b.pictures - a.pictures;
   const row = { pictures: pictures / time, bytes: (b.camera - a.camera) / pictures };
-  console.log(`# ${count} viewers of ${size.width}x${size.height}: ${rates.map(rate => rate.toFixed(1)).join(' ')} frames/s, ` +
+  console.log(`# ${count} viewers of ${size.width}x${size.height}: ` +
+    `${rates.map(rate => rate.toFixed(1)).join(' ')} frames/s, ` +
     `${((b.processor - a.processor) / time * 100).toFixed(0)} % of a processor, ` +
     `${(b.resident / 2 ** 20).toFixed(0)} MiB, ${row.bytes.toFixed(0)} bytes of answers a picture, ` +
     `${((b.video - a.video) * 8e-6 / time).toFixed(1)} Mbit/s of video`);
@@ -51,8 +52,9 @@ async function growth() {
   const rows = [];
   for (const grid of ['4x4', '8x8', '16x16'])
     rows.push([grid, await viewers(await makeRig(grid), 1, { width: 320, height: 240 })]);
+  const [[, { bytes: least }]] = rows;
   for (const [grid, { bytes }] of rows)
-    console.log(`# ${grid} cameras: ${bytes.toFixed(0)} bytes a picture, ratio ${(bytes / rows[0][1].bytes).toFixed(2)}`);
+    console.log(`# ${grid} cameras: ${bytes.toFixed(0)} bytes a picture, ratio ${(bytes / least).toFixed(2)}`);
 }
 
 // Movements at any moment between two pictures, one at a time. `decoded`: the frame that shows it leaves the decoder;
@@ -63,7 +65,8 @@ async function motion(folder) {
   await shown(page, 30);
   const times = await page.evaluate(async count => {
     const viewer = document.querySelector('lightfield-viewer');
-    const reader = new MediaStreamTrackProcessor({ track: viewer.video.srcObject.getVideoTracks()[0] }).readable.getReader();
+    const [track] = viewer.video.srcObject.getVideoTracks();
+    const reader = new MediaStreamTrackProcessor({ track }).readable.getReader();
     const shows = (stamp, rtp) => rtp !== undefined && ((rtp - stamp) >>> 0) < 0x80000000;
     let latest = [], stamps = true;
     (async () => {
@@ -95,13 +98,15 @@ async function motion(folder) {
           await new Promise(done => setTimeout(done, 1));
         }
       };
-      rows.push({ asked: time - began, decoded: stamps ? await first(() => latest) : NaN, painted: await first(() => painted) });
+      rows.push({ asked: time - began, decoded: stamps ? await first(() => latest) : NaN,
+        painted: await first(() => painted) });
     }
     return rows.map(row => ({ ...row, picture: viewer.figures.pictureMs }));
   }, 100);
   for (const [name, what] of [['asked', 'until it is in a request'], ['picture', 'from request to picture (median)'],
     ['decoded', 'until a decoded frame shows it'], ['painted', 'until that is painted']]) {
-    const sorted = times.map(row => row[name]).sort((a, b) => a - b), at = p => sorted[Math.ceil(p * sorted.length) - 1];
+    const sorted = times.map(row => row[name]).sort((a, b) => a - b);
+    const at = p => sorted[Math.ceil(p * sorted.length) - 1];
     console.log(`# motion to photon, ${what}: p50 ${at(0.5)?.toFixed(1)} ms, p95 ${at(0.95)?.toFixed(1)} ms`);
   }
   await page.context().close();

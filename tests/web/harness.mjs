@@ -157,7 +157,8 @@ export async function stateOf(page) {
 export async function picture(page) {
   const url = await page.evaluate(() => {
     const { video } = document.querySelector('lightfield-viewer');
-    const canvas = Object.assign(document.createElement('canvas'), { width: video.videoWidth, height: video.videoHeight });
+    const canvas = document.createElement('canvas');
+    Object.assign(canvas, { width: video.videoWidth, height: video.videoHeight });
     canvas.getContext('2d').drawImage(video, 0, 0);
     return canvas.toDataURL('image/png');
   });

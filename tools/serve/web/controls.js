@@ -34,7 +34,8 @@ export class Controls {
   }
   send(name, event, more = {}) {
     const modifier_state = this.modifiers(event);
-    return this.viewer.navigate({ event: name, ...this.place(event), ...more, ...(modifier_state && { modifier_state }) });
+    if (modifier_state) more = { ...more, modifier_state };
+    return this.viewer.navigate({ event: name, ...this.place(event), ...more });
   }
 
   down(event) {

@@ -2,32 +2,38 @@
 // <lightfield-viewer src="https://HOST:PORT/whep" token="..." width="640" height="480"></lightfield-viewer>
 //
 // One virtual camera of an lf-serve: its picture, and mouse, touch, keys and a slider that fly it. Without `src` the
-// server that this file came from. Without `width` and `height` the view follows the element's size when it connects.
+// server that this file came from. Without `width` and `height` the view follows the
+// element's size.
 // Properties: view (what has been set, as sent to the server), figures (the latest statistics), video.
 // Methods: setView({x, y, z, yaw, pitch, roll, fov, "focus-distance"}), connect(), disconnect().
-// Events: "connected", "disconnected" (detail: why), "statistics" (detail: figures), "applied" (detail: {id, rtpTimestamp}).
+// Events: "connected", "disconnected" (detail: why), "statistics" (detail: figures), "applied" (detail: {id,
+// rtpTimestamp}).
 
 import { Connection } from './connection.js';
 import { Controls } from './controls.js';
 import { Overlay } from './overlay.js';
 
+const kRest = 400;  // milliseconds without another size until the view takes it
+
 const style = `
   :host { display: block; position: relative; background: #000; color: #fff; font: 14px/1.4 system-ui, sans-serif;
     min-width: 64px; min-height: 64px; overflow: hidden; }
-  video { width: 100%; height: 100%; object-fit: contain; display: block; touch-action: none; cursor: grab; outline: none; }
+  video { width: 100%; height: 100%; object-fit: contain; display: block; touch-action: none; cursor: grab;
+    outline: none; }
   video:active { cursor: grabbing; }
   :host(:focus-within) .frame { box-shadow: inset 0 0 0 2px #6cf; }
   .frame { position: absolute; inset: 0; pointer-events: none; }
-  .bar { position: absolute; left: 0; right: 0; bottom: 0; display: flex; gap: 12px; align-items: center; flex-wrap: wrap;
-    padding: 8px 12px calc(8px + env(safe-area-inset-bottom)); background: linear-gradient(transparent, rgb(0 0 0 / .7)); }
+  .bar { position: absolute; left: 0; right: 0; bottom: 0; display: flex; gap: 12px; align-items: center;
+    flex-wrap: wrap; padding: 8px 12px calc(8px + env(safe-area-inset-bottom));
+    background: linear-gradient(transparent, rgb(0 0 0 / .7)); }
   label { display: flex; gap: 8px; align-items: center; flex: 1 1 160px; }
   input[type=range] { flex: 1; min-width: 80px; height: 28px; }
   button { font: inherit; color: inherit; background: rgb(40 40 40 / .8); border: 1px solid #888; border-radius: 6px;
     padding: 6px 10px; min-height: 36px; }
   button[aria-pressed=true] { background: #246; }
   :focus-visible { outline: 2px solid #6cf; outline-offset: 1px; }
-  pre { position: absolute; left: 8px; top: 8px; margin: 0; padding: 6px 8px; background: rgb(0 0 0 / .6); font: 12px/1.35
-    ui-monospace, monospace; pointer-events: none; }
+  pre { position: absolute; left: 8px; top: 8px; margin: 0; padding: 6px 8px; background: rgb(0 0 0 / .6);
+    font: 12px/1.35 ui-monospace, monospace; pointer-events: none; }
   .status { position: absolute; inset: 0; display: grid; place-items: center; text-align: center; padding: 16px;
     pointer-events: none; }
   [hidden] { display: none !important; }`;
@@ -40,14 +46,15 @@ const markup = `
   <pre hidden aria-label="Figures"></pre>
   <div class="status" role="status">connecting</div>
   <div class="bar">
-    <label>Focus <input type="range" min="-1" max="1" step="0.01" value="0" aria-label="Distance of what is sharp"></label>
+    <label>Focus
+      <input type="range" min="-1" max="1" step="0.01" value="0" aria-label="Distance of what is sharp"></label>
     <button class="sweep" aria-pressed="false" title="Moves the focus through the scene and back">Sweep</button>
     <button class="home" title="Back to where the flight began (key r)">Home</button>
     <button class="figures" aria-pressed="false" title="Frames per second, latency, bytes (key i)">Figures</button>
     <button class="share" title="Copies a link to exactly this view">Share</button>
   </div>
-  <span id="help" hidden>Arrow keys turn around the scene, w s a d q e fly, plus and minus zoom, square brackets move the
-    focus, r goes back to the start, i shows figures.</span>`;
+  <span id="help" hidden>Arrow keys turn around the scene, w s a d q e fly, plus and minus zoom, square brackets move
+    the focus, r goes back to the start, i shows figures.</span>`;
 
 export const kFields = ['x', 'y', 'z', 'yaw', 'pitch', 'roll', 'fov', 'focus-distance'];
 
@@ -80,10 +87,26 @@ export class LightfieldViewer extends HTMLElement {
   }
 
   connectedCallback() {
+    this.resizes = new ResizeObserver(() => this.resized());
+    this.resizes.observe(this);
     this.disconnect();
     this.connect();
   }
-  disconnectedCallback() { this.disconnect(); }
+  disconnectedCallback() {
+    this.resizes.disconnect();
+    this.disconnect();
+  }
+
+  // A stream keeps its size: one of another size is another stream. Waits until the window rests.
+  resized() {
+    clearTimeout(this.rest);
+    this.rest = setTimeout(() => {
+      const { width, height } = this.size;
+      if (!this.asked || !this.connection || (width === this.asked.width && height === this.asked.height)) return;
+      this.disconnect();
+      this.connect();
+    }, kRest);
+  }
 
   // Where to: the attribute, or the server of this file.
   get endpoint() { return new URL(this.getAttribute('src') ?? new URL('whep', import.meta.url), document.baseURI); }
@@ -93,7 +116,8 @@ export class LightfieldViewer extends HTMLElement {
   // Pixels to ask for: what the element has, in whole multiples of 16.
   get size() {
     const box = this.getBoundingClientRect(), scale = Math.min(devicePixelRatio || 1, 2);
-    const side = (name, length) => Number(this.getAttribute(name)) || Math.max(64, Math.round(length * scale / 16) * 16);
+    const side = (name, length) =>
+      Number(this.getAttribute(name)) || Math.max(64, Math.round(length * scale / 16) * 16);
     return { width: side('width', box.width || 640), height: side('height', box.height || 480) };
   }
 
@@ -104,7 +128,9 @@ export class LightfieldViewer extends HTMLElement {
     connection.addEventListener('open', () => {
       this.status.hidden = true;
       this.retry = 0;
-      this.setView({ ...viewOf(location.hash.slice(1)), ...this.view });
+      this.asked = this.size;
+      // Another connection goes on where the one before was.
+      this.sendView(this.state ?? { ...viewOf(location.hash.slice(1)), ...this.view });
       this.dispatchEvent(new CustomEvent('connected'));
     });
     try {
@@ -152,18 +178,20 @@ export class LightfieldViewer extends HTMLElement {
     this.state = view;
     this.home ??= view;
     const focus = view['focus-distance'];
-    if (this.shadowRoot.activeElement !== this.slider) this.slider.value = Math.log10(focus / this.home['focus-distance']);
+    if (this.shadowRoot.activeElement !== this.slider)
+      this.slider.value = Math.log10(focus / this.home['focus-distance']);
     this.slider.setAttribute('aria-valuetext', `${focus.toPrecision(3)} metres`);
   }
 
   // Returns the message's id, which the event "applied" names; 0 if there is no connection or nothing to set.
   setView(view) {
-    if (!Object.keys(view).length) return 0;
     Object.assign(this.view, view);
     return this.sendView(view);
   }
   sendView(view) {
-    return this.connection?.request({ type: 'customUpstreamEvent', structureName: 'lf-view-request', structure: view }) ?? 0;
+    if (!Object.keys(view).length) return 0;
+    const request = { type: 'customUpstreamEvent', structureName: 'lf-view-request', structure: view };
+    return this.connection?.request(request) ?? 0;
   }
   navigate(event) { return this.connection?.request({ type: 'navigationEvent', event }) ?? 0; }
 
