@@ -110,6 +110,7 @@ TEST_F(LfFragmentChangeTest, ARequesterLeavesWhileItsRequestWaits) {
   push_frames(60, 0);
   HarnessPtr other = requester(3);
   std::thread asking([&] { EXPECT_EQ(push(other, array_.request(0, kFrame)), GST_FLOW_FLUSHING); });
+  for (int i = 0; i < 5000 && stat(element_.get(), "requests") == 0; i++) g_usleep(1000);
   g_usleep(20000);
   GstPad* pad = gst_element_get_static_pad(element_.get(), "request_3");
   gst_element_release_request_pad(element_.get(), pad);
