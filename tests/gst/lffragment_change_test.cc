@@ -93,10 +93,12 @@ TEST_F(LfFragmentChangeTest, ACameraLeavesWhileARequestWaitsForItAndComesBack) {
 TEST_F(LfFragmentChangeTest, ACameraLeavesWhileItsStreamWaitsForRequests) {
   start(1);
   GstFlowReturn flow = GST_FLOW_OK;
+  std::atomic<uint64_t> pushed = 0;
   std::thread streaming([&] {
-    for (uint64_t i = 0; flow == GST_FLOW_OK && i < 10; i++)
-      flow = gst_harness_push(cameras_[0].get(), ArrayFixture::frame("RGB", 60, i * kFrame));
+    for (; flow == GST_FLOW_OK && pushed < 10; pushed++)
+      flow = gst_harness_push(cameras_[0].get(), ArrayFixture::frame("RGB", 60, pushed * kFrame));
   });
+  for (int i = 0; i < 5000 && pushed == 0; i++) g_usleep(1000);
   g_usleep(20000);
   GstPad* pad = gst_element_get_static_pad(element_.get(), "sink_0");
   gst_element_release_request_pad(element_.get(), pad);
