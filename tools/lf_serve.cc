@@ -93,6 +93,7 @@ void serve(Options& options) {
     HttpServer server(options.server, options.limits, field, sessions);
     std::printf("serving %s at %s\n", options.rig.c_str(), server.url().c_str());
     g_main_loop_run(loop);
+    sessions.close_all("the server ends");  // while there is a server to tell it
   }
   for (const guint source : signals) g_source_remove(source);
   g_main_loop_unref(loop);

@@ -208,23 +208,27 @@ void HttpServer::whep(SoupServerMessage* message, GHashTable* query) {
     set_header(message, "Retry-After", "10");
     return refuse(message, kFull, SOUP_STATUS_SERVICE_UNAVAILABLE, "too many viewers");
   }
-  // The browser may have gone when the answer is there.
   g_object_ref(message);
   soup_server_message_pause(message);
+  // The browser may have gone when the answer is there: nobody waits for it then.
   auto name = std::make_shared<std::string>();
+  auto waits = std::make_shared<bool>(true);
+  using Waits = std::shared_ptr<bool>;
+  g_signal_connect_data(
+      message, "finished", G_CALLBACK(+[](SoupServerMessage*, gpointer data) { **static_cast<Waits*>(data) = false; }),
+      new Waits(waits), [](gpointer data, GClosure*) { delete static_cast<Waits*>(data); }, GConnectFlags(0));
+  const auto answer = [this, message, name, waits](const std::string& sdp, const std::string& problem) {
+    if (*waits && sdp.empty()) {
+      refuse(message, kOffer, SOUP_STATUS_BAD_REQUEST, problem);
+    } else if (*waits) {
+      set_header(message, "Location", std::string(kWhep) + "/" + *name);
+      respond(message, SOUP_STATUS_CREATED, "application/sdp", sdp);
+    }
+    if (*waits) soup_server_message_unpause(message);
+    g_object_unref(message);
+  };
   try {
-    *name = sessions_.open(std::move(*offer), *width, *height,
-                           [this, message, name](const std::string& sdp, const std::string& problem) {
-                             g_signal_handlers_disconnect_by_data(message, this);
-                             if (sdp.empty()) {
-                               refuse(message, kOffer, SOUP_STATUS_BAD_REQUEST, problem);
-                             } else {
-                               set_header(message, "Location", std::string(kWhep) + "/" + *name);
-                               respond(message, SOUP_STATUS_CREATED, "application/sdp", sdp);
-                             }
-                             soup_server_message_unpause(message);
-                             g_object_unref(message);
-                           });
+    *name = sessions_.open(std::move(*offer), *width, *height, answer);
   } catch (const Error& error) {
     respond(message, SOUP_STATUS_INTERNAL_SERVER_ERROR, "text/plain", std::string(error.what()) + "\n");
     soup_server_message_unpause(message);

@@ -47,7 +47,11 @@ Sessions::Sessions(LightField& field, const Limits& limits, std::string address)
 Sessions::~Sessions() {
   g_source_remove(timer_);
   alive_.reset();
-  while (!viewers_.empty()) close(viewers_.begin()->first, "the server ends");
+  close_all("the server ends");
+}
+
+void Sessions::close_all(const std::string& why) {
+  while (!viewers_.empty()) close(std::string(viewers_.begin()->first), why);
 }
 
 std::string Sessions::open(Offer offer, int width, int height, OnAnswer on_answer) {

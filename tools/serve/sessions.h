@@ -29,6 +29,8 @@ class Sessions {
   // False if there is none. Not inside of a viewer's callback.
   bool close(const std::string& name, const std::string& why);
 
+  void close_all(const std::string& why);
+
   uint64_t opened() const { return opened_; }
   // Over all viewers, those gone included.
   Viewer::Figures figures() const;
