@@ -68,16 +68,17 @@ export async function makeRig(grid) {
 
 // lf-serve with these options; stop() it. `said` grows as it speaks.
 export async function serve(...options) {
-  const process = spawn(join(tools, 'lf-serve'), ['--port', '0', ...options], { stdio: ['ignore', 'pipe', 'pipe'] });
-  const served = { said: '', pid: process.pid };
+  const child = spawn(join(tools, 'lf-serve'), ['--port', '0', ...options], { stdio: ['ignore', 'pipe', 'pipe'] });
+  process.on('exit', () => child.kill('SIGKILL'));  // of a test that failed
+  const served = { said: '', pid: child.pid };
   const url = new Promise((resolve, reject) => {
-    for (const stream of [process.stdout, process.stderr])
+    for (const stream of [child.stdout, child.stderr])
       createInterface({ input: stream }).on('line', line => {
         served.said += line + '\n';
         const match = line.match(/^serving .* at (http\S+)/);
         if (match) resolve(match[1]);
       });
-    process.on('exit', () => reject(new Error(`lf-serve ended:\n${served.said}`)));
+    child.on('exit', () => reject(new Error(`lf-serve ended:\n${served.said}`)));
   });
   served.url = await url;
   served.metric = async name => {
@@ -85,9 +86,9 @@ export async function serve(...options) {
     return Number(text.match(new RegExp(`^lightfield_${name} (.*)$`, 'm'))?.[1]);
   };
   served.stop = async () => {
-    process.removeAllListeners('exit');
-    const ended = once(process, 'exit');
-    process.kill('SIGTERM');
+    child.removeAllListeners('exit');
+    const ended = once(child, 'exit');
+    child.kill('SIGTERM');
     const [status] = await ended;
     expect(status === 0, `lf-serve ends with ${status}:\n${served.said}`);
   };
