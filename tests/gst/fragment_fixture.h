@@ -75,6 +75,24 @@ class LfFragmentTest : public testing::Test {
     return {*low, *high};
   }
 
+  // Keeps what the element posts from here on.
+  void listen() {
+    bus_.reset(gst_bus_new());
+    gst_element_set_bus(element_.get(), bus_.get());
+  }
+  // The texts of the warnings since the last call.
+  std::vector<std::string> warnings() {
+    std::vector<std::string> texts;
+    while (GstMessage* message = gst_bus_pop_filtered(bus_.get(), GST_MESSAGE_WARNING)) {
+      g_autoptr(GError) error = nullptr;
+      gst_message_parse_warning(message, &error, nullptr);
+      texts.emplace_back(error->message);
+      gst_message_unref(message);
+    }
+    return texts;
+  }
+
+  std::unique_ptr<GstBus, Unref<gst_object_unref>> bus_;
   ArrayFixture array_;
   ElementPtr element_;
   std::vector<HarnessPtr> cameras_;

@@ -21,8 +21,7 @@ class LfFragmentChangeTest : public LfFragmentTest {
  protected:
   void start(int cameras, const char* format = "RGB", bool live = false) {
     LfFragmentTest::start(cameras, format, live);
-    bus_.reset(gst_bus_new());
-    gst_element_set_bus(element_.get(), bus_.get());
+    listen();
   }
   HarnessPtr join(int camera) {
     HarnessPtr harness(
@@ -47,18 +46,6 @@ class LfFragmentChangeTest : public LfFragmentTest {
     for (const Fragment& fragment : pull().fragments) cameras.push_back(fragment.camera);
     return cameras;
   }
-  std::vector<std::string> warnings() {
-    std::vector<std::string> texts;
-    while (GstMessage* message = gst_bus_pop_filtered(bus_.get(), GST_MESSAGE_WARNING)) {
-      g_autoptr(GError) error = nullptr;
-      gst_message_parse_warning(message, &error, nullptr);
-      texts.emplace_back(error->message);
-      gst_message_unref(message);
-    }
-    return texts;
-  }
-
-  std::unique_ptr<GstBus, Unref<gst_object_unref>> bus_;
 };
 
 TEST_F(LfFragmentChangeTest, ACameraJoinsWithItsFirstFrame) {
