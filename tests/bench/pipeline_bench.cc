@@ -66,7 +66,8 @@ class Film {
     return "lfviewrequest rig=" + dir_ / "rig.json" + " location=" + dir_ / "views.json" + " loop=true " + more;
   }
   std::string node(const std::string& more) const {
-    return "lfcameranode name=n rig=" + dir_ / "rig.json" + " is-live=true loop=true framerate=30/1 " + more;
+    // Requests as fast as they come ask for times that live cameras are far from: any frame is good enough.
+    return "lfcameranode name=n rig=" + dir_ / "rig.json" + " is-live=true loop=true framerate=30/1 max-skew=0 " + more;
   }
 
  private:
