@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "render/visible_share.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "render/contribution_map.h"
+
+namespace lf {
+namespace {
+
+constexpr int kRows = 12, kMaxColumns = 4 * kRows;
+
+}  // namespace
+
+VisibleShare::VisibleShare(const Rig& rig) : rig_(rig), mesh_(build_mesh(rig)) {}
+
+double VisibleShare::operator()(const Viewpoint& viewpoint, double aspect) const {
+  Viewpoint far = viewpoint;
+  far.focus_distance = kMaxFocus;
+  const int columns = std::clamp(static_cast<int>(std::lround(kRows * aspect)), 1, kMaxColumns);
+  const ViewPlan plan(rig_, mesh_, make_view(far, columns, kRows));
+  const OwnerMap owners(plan, {0, 0, columns, kRows});
+  const std::vector<float> coverage = view_coverage(rig_, plan, owners);
+  return std::accumulate(coverage.begin(), coverage.end(), 0.0) / static_cast<double>(coverage.size());
+}
+
+}  // namespace lf

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include "rig/mesh.h"
+#include "rig/rig.h"
+#include "view/navigator.h"
+
+namespace lf {
+
+// How much of a view an array can fill: what keeps somebody who flies from ending in the dark. Immutable; thread-safe.
+class VisibleShare {
+ public:
+  // Throws Error as build_mesh() does.
+  explicit VisibleShare(const Rig& rig);
+
+  // The share of the view's pixels, 0..1, that cameras can see, estimated on a coarse raster. Lines of sight are
+  // followed to far away rather than to the focal plane, so that it does not depend on the focus. `aspect`: the view's
+  // width over its height. Cost: that of a ViewPlan.
+  double operator()(const Viewpoint& viewpoint, double aspect) const;
+
+ private:
+  Rig rig_;
+  Mesh mesh_;
+};
+
+}  // namespace lf
