@@ -19,9 +19,9 @@
  * - while running, these can be changed: by setting them; by mouse and keys, i.e. GstNavigation events from a video
  *   sink (drag: orbit about the point in focus; shift-drag or another button: pan; wheel: dolly; ctrl-wheel: focus;
  *   arrows: orbit; w s a d q e: fly forward, back, left, right, down, up; + -: zoom; [ ]: focus nearer, farther; r:
- *   back to the start); by a custom upstream event with a structure "lf-view-request" with any of the properties as
- *   fields; by the action signal `set-view` with such a structure. The very next request has the change, and the
- *   properties notify.
+ *   back to the start; but with shift they are held where the array is in sight, see `keep-visible`); by a
+ *   custom upstream event with a structure "lf-view-request" with any of the properties as fields; by the action signal
+ *   `set-view` with such a structure. The very next request has the change, and the properties notify.
  *
  * Cameras that lfcompositor announces as out of service (upstream event "lightfield-out-of-service") are named in the
  * view's requests from then on, beside those of the property `out-of-service`.
@@ -97,6 +97,13 @@ static lf::View current_view(LfViewRequest* self) {
                        height ? height : self->stream->default_height());
 }
 
+// What mouse and keys are held back by, if they are.
+static std::shared_ptr<const lf::VisibleShare> visible_share(const lf::ViewRequestSettings& settings,
+                                                             const std::shared_ptr<const lf::Rig>& rig) {
+  if (!rig || !settings.keep_visible) return nullptr;
+  return std::make_shared<lf::VisibleShare>(*rig);
+}
+
 // Runs `change` on the view under the lock and then tells who watches the properties. Returns what `change` returns.
 template <typename Change>
 static gboolean change_view(LfViewRequest* self, Change change) {
@@ -125,7 +132,8 @@ static gboolean steer(LfViewRequest* self, GstEvent* event) {
     if (!self->stream || self->stream->from_file()) return false;
     if (!lf::is_for_view(event, self->settings->view_id)) return false;
     if (is_view(event)) return control.set_view(gst_event_get_structure(event));
-    return self->settings->navigation && control.navigate(event, current_view(self).height);
+    const lf::View view = current_view(self);
+    return self->settings->navigation && control.navigate(event, view.width, view.height);
   });
 }
 
@@ -166,8 +174,10 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
   GST_OBJECT_UNLOCK(self);
 
   std::unique_ptr<lf::RequestStream> stream;
+  std::shared_ptr<const lf::VisibleShare> share;
   try {
     stream = std::make_unique<lf::RequestStream>(settings);
+    share = visible_share(settings, stream->rig());
   } catch (const lf::Error& error) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
     return FALSE;
@@ -178,6 +188,7 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
   change_view(self, [&](lf::ViewControl& control) {
     self->stream = stream.release();
     control.begin(self->stream->default_viewpoint());
+    control.keep_visible(share);
     return true;
   });
   const auto navigated = [self](GstEvent* event) {
@@ -359,6 +370,8 @@ static void set_setting(LfViewRequest* self, lf::ViewRequestSettings::Property p
     if (self->stream && is_rig && (rig || !path)) set_rig(self, changed, rig);
     if (self->stream && property == lf::ViewRequestSettings::kOutOfService)
       self->stream->set_out_of_service(changed.out_of_service);
+    if (self->stream && (is_rig || property == lf::ViewRequestSettings::kKeepVisible))
+      self->control->keep_visible(visible_share(changed, self->stream->rig()));
     *self->settings = changed;
   } catch (const lf::Error& error) {
     problem = error.what();

@@ -113,10 +113,21 @@ bool ViewControl::wheel(double steps, bool control) {
   return true;
 }
 
-bool ViewControl::navigate(GstEvent* event, int view_height) {
+void ViewControl::keep_visible(std::shared_ptr<const VisibleShare> share) {
+  share_ = std::move(share);
+  aspect_ = 0;
+  navigator_.set_visible(nullptr);
+}
+
+bool ViewControl::navigate(GstEvent* event, int view_width, int view_height) {
+  if (const double aspect = static_cast<double>(view_width) / view_height; share_ && aspect != aspect_) {
+    aspect_ = aspect;
+    navigator_.set_visible([share = share_, aspect](const Viewpoint& v) { return (*share)(v, aspect); });
+  }
   GstNavigationModifierType state = GST_NAVIGATION_MODIFIER_NONE;
   gst_navigation_event_parse_modifier_state(event, &state);
   const bool shift = state & GST_NAVIGATION_MODIFIER_SHIFT_MASK, control = state & GST_NAVIGATION_MODIFIER_CONTROL_MASK;
+  navigator_.set_free(shift);
   double x = 0, y = 0, delta_x = 0, delta_y = 0;
   int button = 0;
   const gchar* key = nullptr;

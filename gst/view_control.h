@@ -4,8 +4,10 @@
 #include <gst/gst.h>
 
 #include <array>
+#include <memory>
 #include <optional>
 
+#include "render/visible_share.h"
 #include "view/navigator.h"
 
 namespace lf {
@@ -50,8 +52,10 @@ class ViewControl {
   bool set_view(const GstStructure* structure);
   // What was set by set() or set_view() stays, everything else is as in `defaults`; "home" is here.
   void begin(const Viewpoint& defaults);
-  // A GstNavigation event of a picture of `view_height` pixels. False if it means nothing here.
-  bool navigate(GstEvent* event, int view_height);
+  // Mouse and keys go as far as something is visible of this array; null: anywhere.
+  void keep_visible(std::shared_ptr<const VisibleShare> share);
+  // A GstNavigation event of a picture of this size in pixels. False if it means nothing here.
+  bool navigate(GstEvent* event, int view_width, int view_height);
 
  private:
   struct Drag {
@@ -67,6 +71,8 @@ class ViewControl {
   ViewValues values_;
   std::array<std::optional<double>, kNumViewFields> given_;
   std::optional<Drag> drag_;
+  std::shared_ptr<const VisibleShare> share_;
+  double aspect_ = 0;  // that the navigator knows
 };
 
 }  // namespace lf

@@ -58,6 +58,12 @@ GParamSpec* make_pspec(ViewRequestSettings::Property property) {
                                   "Let GstNavigation events move the view: drag orbits, shift-drag pans, the wheel "
                                   "dollies, with ctrl it focuses; keys are arrows, w s a d q e, + -, [ ], r",
                                   initial.navigation, playing);
+    case ViewRequestSettings::kKeepVisible:
+      return g_param_spec_boolean(
+          "keep-visible", "Keep visible",
+          "Mouse and keys, but with shift, lose sight of no more than half of what is seen from "
+          "the start: the view is held back. Needs rig",
+          initial.keep_visible, playing);
     case ViewRequestSettings::kQuality:
       return g_param_spec_uint("quality", "Quality",
                                "Quality of the JPEG in which answers come over links (0: uncompressed)", 0, 100,
@@ -102,6 +108,7 @@ void ViewRequestSettings::set(Property property, const GValue* value) {
       break;
     case kCaptureDelay: capture_delay = g_value_get_uint64(value); break;
     case kNavigation: navigation = g_value_get_boolean(value); break;
+    case kKeepVisible: keep_visible = g_value_get_boolean(value); break;
     case kQuality: quality = g_value_get_uint(value); break;
     case kOutOfService: out_of_service = text(value); break;
     case kLoop: loop = g_value_get_boolean(value); break;
@@ -121,6 +128,7 @@ void ViewRequestSettings::get(Property property, GValue* value) const {
     case kFramerate: gst_value_set_fraction(value, fps_n, fps_d); break;
     case kCaptureDelay: g_value_set_uint64(value, capture_delay); break;
     case kNavigation: g_value_set_boolean(value, navigation); break;
+    case kKeepVisible: g_value_set_boolean(value, keep_visible); break;
     case kQuality: g_value_set_uint(value, quality); break;
     case kOutOfService: set_text(value, out_of_service); break;
     case kLoop: g_value_set_boolean(value, loop); break;

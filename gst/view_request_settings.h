@@ -18,7 +18,7 @@ struct ViewRequestSettings {
   gint width = 0, height = 0;  // 0: as the rig's cameras
   gint fps_n = 15, fps_d = 1;
   GstClockTime capture_delay = 0;
-  bool navigation = true, loop = false;
+  bool navigation = true, keep_visible = true, loop = false;
   guint quality = 90;
   Access access = Access::kSelf;
 
@@ -31,6 +31,7 @@ struct ViewRequestSettings {
     kFramerate,
     kCaptureDelay,
     kNavigation,
+    kKeepVisible,
     kQuality,
     kOutOfService,
     kLoop,

@@ -12,6 +12,8 @@ constexpr double kStep = 0.1;           // of the focus distance, per notch of a
 constexpr double kFlyStep = 0.01;       // of the focus distance, per key press
 constexpr double kKeyOrbit = 1.0 / 20;  // of the height
 constexpr double kZoomStep = 1.05;
+constexpr double kLevel = 0.01;  // sine of the angle to the vertical from which on there is a horizon
+constexpr int kHalvings = 6;     // on the way to where a movement must end
 
 Vec3 centre_of(const Rig& rig) {
   Vec3 sum(0);
@@ -31,6 +33,18 @@ Quat mean_orientation(const Rig& rig) {
   if (glm::length(forward) < tiny || glm::length(glm::cross(down, glm::normalize(forward))) < tiny)
     return glm::normalize(rig.cameras[middle_camera(rig)].pose.orientation);
   return look_at(Vec3(0), forward, down).orientation;
+}
+
+// The largest share, 0..1, with which `fits(share)`; 0 if there is none.
+template <typename Fits>
+double largest_share(Fits fits) {
+  if (fits(1)) return 1;
+  double inside = 0, outside = 1;
+  for (int i = 0; i < kHalvings; i++) {
+    const double middle = (inside + outside) / 2;
+    (fits(middle) ? inside : outside) = middle;
+  }
+  return inside;
 }
 
 }  // namespace
@@ -78,31 +92,70 @@ Viewpoint default_viewpoint(const Rig& rig, double focus_distance) {
   return clamped(v);
 }
 
+// Rotated about its pivot by a share of what would take its optical axis through home's position. The horizon stays.
+Viewpoint Navigator::drawn_home(const Viewpoint& viewpoint, double share) const {
+  Viewpoint v = viewpoint;
+  const Vec3 centre = pivot_of(v), forward = v.pose.forward(), down = home_.pose.down();
+  Vec3 axis = centre - home_.pose.position;
+  if (glm::dot(axis, forward) < 0) axis = -axis;
+  if (glm::length(axis) < kMinFocus) return v;
+  const Vec3 turned = glm::normalize(glm::mix(forward, glm::normalize(axis), share));
+  if (glm::length(glm::cross(forward, down)) < kLevel || glm::length(glm::cross(turned, down)) < kLevel) return v;
+  const Quat before = look_at(Vec3(0), forward, down).orientation, after = look_at(Vec3(0), turned, down).orientation;
+  v.pose.orientation = glm::normalize(after * glm::conjugate(before) * v.pose.orientation);
+  v.pose.position = centre - v.focus_distance * v.pose.forward();
+  return v;
+}
+
+// `move` makes the viewpoint after a share of the movement.
+template <typename Move>
+void Navigator::go(Move move) {
+  const Viewpoint target = clamped(move(1));
+  if (free_ || !visible_) return set(target);
+  if (!enough_) enough_ = kEnough * visible_(home_);
+  const double seen = visible_(target);
+  if (seen >= *enough_) return set(target);
+  const double least = std::min(*enough_, visible_(now_));
+  if (seen >= least) return set(target);
+  const auto shows = [&](const Viewpoint& v) { return visible_(clamped(v)) >= least; };
+  const double far = largest_share([&](double share) { return shows(drawn_home(move(share), 1)); });
+  const Viewpoint there = move(far);
+  const double kept = largest_share([&](double share) { return shows(drawn_home(there, 1 - share)); });
+  if (far > 0) set(drawn_home(there, 1 - kept));
+}
+
 void Navigator::orbit(double dx, double dy) {
   const Vec3 centre = pivot();
-  Viewpoint v = now_;
-  // The camera goes against the mouse: the eye moves left (about "down", forward turns right) when the mouse goes
-  // right.
-  const Quat about_vertical = glm::angleAxis(dx * kOrbitPerHeight, home_.pose.down());
-  const Quat about_right = glm::angleAxis(-dy * kOrbitPerHeight, now_.pose.right());
-  v.pose.orientation = glm::normalize(about_vertical * about_right * now_.pose.orientation);
-  v.pose.position = centre - v.focus_distance * v.pose.forward();
-  set(v);
+  go([&](double share) {
+    Viewpoint v = now_;
+    // The camera goes against the mouse: the eye moves left (about "down", forward turns right) when the mouse goes
+    // right.
+    const Quat about_vertical = glm::angleAxis(share * dx * kOrbitPerHeight, home_.pose.down());
+    const Quat about_right = glm::angleAxis(-share * dy * kOrbitPerHeight, now_.pose.right());
+    v.pose.orientation = glm::normalize(about_vertical * about_right * now_.pose.orientation);
+    v.pose.position = centre - v.focus_distance * v.pose.forward();
+    return v;
+  });
 }
 
 void Navigator::pan(double dx, double dy) {
   // Metres at the pivot per height of the view.
   const double scale = 2 * now_.focus_distance * std::tan(now_.fov_y_deg * (M_PI / 180) / 2);
-  Viewpoint v = now_;
-  v.pose.position -= scale * (dx * v.pose.right() + dy * v.pose.down());
-  set(v);
+  go([&](double share) {
+    Viewpoint v = now_;
+    v.pose.position -= share * scale * (dx * v.pose.right() + dy * v.pose.down());
+    return v;
+  });
 }
 
 void Navigator::dolly(double steps) {
-  Viewpoint v = now_;
-  v.focus_distance = std::clamp(now_.focus_distance * std::pow(1 - kStep, steps), kMinFocus, kMaxFocus);
-  v.pose.position = pivot() - v.focus_distance * v.pose.forward();
-  set(v);
+  const Vec3 centre = pivot();
+  go([&](double share) {
+    Viewpoint v = now_;
+    v.focus_distance = std::clamp(now_.focus_distance * std::pow(1 - kStep, share * steps), kMinFocus, kMaxFocus);
+    v.pose.position = centre - v.focus_distance * v.pose.forward();
+    return v;
+  });
 }
 
 void Navigator::focus(double steps) {
@@ -112,15 +165,19 @@ void Navigator::focus(double steps) {
 }
 
 void Navigator::zoom(double steps) {
-  Viewpoint v = now_;
-  v.fov_y_deg *= std::pow(kZoomStep, -steps);
-  set(v);
+  go([&](double share) {
+    Viewpoint v = now_;
+    v.fov_y_deg *= std::pow(kZoomStep, -share * steps);
+    return v;
+  });
 }
 
 void Navigator::fly(const Vec3& steps_camera) {
-  Viewpoint v = now_;
-  v.pose.position += v.pose.rotation() * (kFlyStep * v.focus_distance * steps_camera);
-  set(v);
+  go([&](double share) {
+    Viewpoint v = now_;
+    v.pose.position += v.pose.rotation() * (share * kFlyStep * v.focus_distance * steps_camera);
+    return v;
+  });
 }
 
 bool Navigator::key(std::string_view name) {

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <functional>
+#include <optional>
 #include <string_view>
+#include <utility>
 
 #include "geometry/pose.h"
 #include "rig/rig.h"
@@ -24,6 +27,8 @@ inline constexpr double kMaxPosition = 1e9;  // metres, of each coordinate
 // Everything put inside its limits and the quaternion to unit length. Requires finite numbers and a quaternion != 0.
 Viewpoint clamped(const Viewpoint& viewpoint);
 bool is_finite(const Viewpoint& viewpoint);
+// The point in focus on the optical axis.
+inline Vec3 pivot_of(const Viewpoint& v) { return v.pose.position + v.focus_distance * v.pose.forward(); }
 View make_view(const Viewpoint& viewpoint, int width, int height);
 
 // Where to stand before an array: at the mean of its centres, along the mean of its axes, with the vertical field of
@@ -45,10 +50,25 @@ class Navigator {
 
   const Viewpoint& viewpoint() const { return now_; }
   const Viewpoint& home() const { return home_; }
-  Vec3 pivot() const { return now_.pose.position + now_.focus_distance * now_.pose.forward(); }
+  Vec3 pivot() const { return pivot_of(now_); }
+
+  // How much there is to see from a viewpoint, 0..1. While there is such a function, no movement leaves less than
+  // kEnough of what home shows, or less than before it where that was less already: the eye is drawn, around the pivot,
+  // towards the line through home's position as far as it takes, and where that is of no use, movements end.
+  using Visible = std::function<double(const Viewpoint&)>;
+  static constexpr double kEnough = 0.5;
+  void set_visible(Visible visible) {
+    visible_ = std::move(visible);
+    enough_.reset();
+  }
+  // Movements are not held back.
+  void set_free(bool free) { free_ = free; }
 
   void set(const Viewpoint& viewpoint) { now_ = clamped(viewpoint); }
-  void set_home(const Viewpoint& viewpoint) { now_ = home_ = clamped(viewpoint); }
+  void set_home(const Viewpoint& viewpoint) {
+    now_ = home_ = clamped(viewpoint);
+    enough_.reset();
+  }
   void reset() { now_ = home_; }
 
   // Around the pivot, kOrbitPerHeight radians per height: dx about home's vertical (so that the horizon stays), dy
@@ -71,7 +91,14 @@ class Navigator {
   bool key(std::string_view name);
 
  private:
+  template <typename Move>
+  void go(Move move);
+  Viewpoint drawn_home(const Viewpoint& viewpoint, double share) const;
+
   Viewpoint home_, now_;
+  Visible visible_;
+  std::optional<double> enough_;  // of what is visible; once it was asked for
+  bool free_ = false;
 };
 
 }  // namespace lf

@@ -76,6 +76,36 @@ TEST(LfViewRequestNavigation, EachKindMovesTheVeryNextRequest) {
   check("r");
 }
 
+// How far a drag over twice the height takes the eye, metres.
+double drag_far(Source& source, GstNavigationModifierType state) {
+  const Vec3 before = source.next_live().request.view.pose.position;
+  EXPECT_TRUE(source.send(gst_navigation_event_new_mouse_button_press(1, 0, 20, state)));
+  for (int x = 2; x <= 96; x += 2) EXPECT_TRUE(source.send(gst_navigation_event_new_mouse_move(x, 20, state)));
+  EXPECT_TRUE(source.send(gst_navigation_event_new_mouse_button_release(1, 96, 20, state)));
+  const double far = glm::length(source.next_live().request.view.pose.position - before);
+  EXPECT_TRUE(source.send(gst_navigation_event_new_key_press("r", kPlain)));
+  return far;
+}
+
+TEST(LfViewRequestNavigation, StaysWhereTheArrayIsSeen) {
+  const TemporaryFiles files;
+  save_rig(test_rig(), files.path("rig.json"));
+  Source source;
+  source.set("rig", files.path("rig.json").c_str());
+  source.play_live();
+  EXPECT_LT(drag_far(source, kPlain), 0.16) << "half of the array's width is 0.1 m";
+  EXPECT_GT(drag_far(source, kShift), 0.3);
+  source.set("keep-visible", FALSE);
+  EXPECT_GT(drag_far(source, kPlain), 0.3);
+  source.set("keep-visible", TRUE);
+  for (int i = 0; i < 50; i++) source.send(gst_navigation_event_new_key_press("d", kPlain));
+  EXPECT_LT(source.get("x"), 1.22);
+  for (int i = 0; i < 50; i++) source.send(gst_navigation_event_new_key_press("d", kShift));
+  EXPECT_GT(source.get("x"), 1.3);
+  source.set("rig", nullptr);
+  EXPECT_GT(drag_far(source, kPlain), 0.3) << "without a rig nobody knows what is seen";
+}
+
 TEST(LfViewRequestNavigation, EventsOfOtherViewsAndNonsenseChangeNothing) {
   Source source;
   set_somewhere(source);

@@ -39,11 +39,23 @@ async function showsAndFlies() {
   for (let x = 300; x <= 340; x += 10) await page.mouse.move(x, 200);
   await page.mouse.up();
   await until(async () => (await stateOf(page)).x < home.x - 0.01, 'the drag moves the eye');
-  const third = await expectTruth(page, await setView(page, { fov: home.fov }), size, 'dragged');
+  const dragged = await setView(page, { fov: home.fov });
+  const third = await expectTruth(page, dragged, size, 'dragged');
   expect((await compare(page, second, third)).psnr < 35, 'the drag changes nothing');
 
+  // However far it goes, it does not end in the dark.
+  await page.mouse.move(320, 240);
+  await page.mouse.down();
+  for (let x = 320; x <= 1600; x += 40) await page.mouse.move(x, 240 + x / 4);
+  await page.mouse.up();
+  await until(async () => (await stateOf(page)).x < dragged.x - 0.01, 'a long drag moves the eye');
+  const border = await setView(page, { fov: home.fov });
+  const { mean } = await compare(page, await picture(page), await picture(page));
+  expect(mean > 40, `a long drag ends in the dark: ${mean} at ${JSON.stringify(border)}`);
+
+  await page.mouse.move(320, 240);
   await page.mouse.wheel(0, -200);
-  await until(async () => (await stateOf(page)).z > home.z + 0.01, 'the wheel moves the eye forwards');
+  await until(async () => (await stateOf(page)).z > border.z + 0.01, 'the wheel moves the eye forwards');
   await page.keyboard.press('r');
   await until(async () => Math.abs((await stateOf(page)).x - home.x) < 1e-9, 'r goes home');
   await expectTruth(page, await setView(page, { fov: home.fov }), size, 'home again');

@@ -170,6 +170,71 @@ TEST(Navigator, AHundredThousandStepsKeepTheQuaternionAndThePivot) {
   validate(make_view(n.viewpoint(), 640, 480));
 }
 
+// Everything is seen from |x| and |y| up to 0.1 m, half of it at 0.2 m, and nothing from 0.3 m on.
+double seen_from(const Viewpoint& v) {
+  const double off = std::max(std::abs(v.pose.position.x), std::abs(v.pose.position.y));
+  return std::clamp(1.5 - 5 * off, 0.0, 1.0);
+}
+
+TEST(Navigator, NoMovementLosesSightOfTheArray) {
+  Navigator n;
+  n.set_visible(seen_from);
+  const auto position = [&] { return n.viewpoint().pose.position; };
+  n.orbit(-1, 0);
+  EXPECT_NEAR(position().x, 0.2, 0.01);
+  EXPECT_GE(seen_from(n.viewpoint()), Navigator::kEnough);
+  // Along the border it goes on, and back at once.
+  for (int i = 0; i < 20; i++) n.orbit(-0.05, 0.01);
+  EXPECT_LT(position().y, -0.03);
+  EXPECT_NEAR(position().x, 0.2, 0.01);
+  n.orbit(0.1, 0);
+  EXPECT_LT(position().x, 0.17);
+  // The pivot follows the mouse nevertheless, and the horizon stays.
+  n.reset();
+  n.pan(-0.3, -0.2);
+  EXPECT_GT(n.pivot().x, 0.45);
+  EXPECT_NEAR(position().x, 0.2, 0.01);
+  EXPECT_NEAR(n.viewpoint().pose.right().y, 0, 1e-12);
+  n.dolly(3);
+  EXPECT_GT(n.pivot().x, 0.45);
+  EXPECT_NEAR(n.viewpoint().focus_distance, 2 * 0.9 * 0.9 * 0.9, 1e-12);
+  EXPECT_GE(seen_from(n.viewpoint()), Navigator::kEnough);
+  n.reset();
+  for (int i = 0; i < 100; i++) n.orbit(0.05, 0.05);
+  EXPECT_GE(seen_from(n.viewpoint()), Navigator::kEnough);
+  EXPECT_LT(glm::length(n.pivot() - Vec3(0, 0, 2)), 1e-9);
+}
+
+TEST(Navigator, MovementsThatNothingHelpsEnd) {
+  Navigator n;
+  // Of a view that is twice as wide as home's half as much is filled, wherever it is.
+  n.set_visible([&n](const Viewpoint& v) { return std::min(1.0, n.home().fov_y_deg / v.fov_y_deg); });
+  for (int i = 0; i < 100; i++) n.zoom(-1);
+  EXPECT_NEAR(n.viewpoint().fov_y_deg, 2 * n.home().fov_y_deg, 1);
+  EXPECT_EQ(n.viewpoint().pose, n.home().pose);
+  n.zoom(1);
+  EXPECT_LT(n.viewpoint().fov_y_deg, 1.95 * n.home().fov_y_deg);
+}
+
+TEST(Navigator, FreeMovementsGoAnywhereAndFindBack) {
+  Navigator n;
+  n.set_visible(seen_from);
+  n.set_free(true);
+  for (int i = 0; i < 50; i++) n.key("d");
+  EXPECT_NEAR(n.viewpoint().pose.position.x, 1, 1e-12);
+  n.set_free(false);
+  // In the dark nothing is lost by moving; where a little is seen, it does not become less, and nothing jumps.
+  n.key("d");
+  EXPECT_GT(n.viewpoint().pose.position.x, 1.01);
+  Viewpoint v;
+  v.pose.position.x = 0.25;
+  n.set(v);
+  n.key("d");
+  EXPECT_NEAR(n.viewpoint().pose.position.x, 0.25, 0.001);
+  n.key("a");
+  EXPECT_LT(n.viewpoint().pose.position.x, 0.24);
+}
+
 TEST(Navigator, SetKeepsLimits) {
   Navigator n;
   Viewpoint v = somewhere();

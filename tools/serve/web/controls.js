@@ -84,10 +84,13 @@ export class Controls {
     if (event.key === 'i') return this.viewer.toggleFigures();
     const key = kKeys[event.key] ?? (kLetters.includes(event.key.toLowerCase()) ? event.key.toLowerCase() : null);
     if (!key) return;
-    this.key(key);
+    this.key(key, event);
     event.preventDefault();
   }
-  key(key) { return this.viewer.navigate({ event: 'KeyPress', key }); }
+  key(key, event = {}) {
+    const modifier_state = this.modifiers(event);
+    return this.viewer.navigate({ event: 'KeyPress', key, ...modifier_state && { modifier_state } });
+  }
 
   // Left stick orbits, right stick flies; shoulder buttons focus.
   gamepad() {
