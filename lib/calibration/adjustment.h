@@ -73,6 +73,7 @@ struct AdjustmentOptions {
   bool redescending = true;                  // less and less (Cauchy), or by its length (Huber)
   int max_iterations = 50;
   double tolerance = 1e-9;  // relative, of the cost
+  double trust = 1e4;       // first radius of the trust region; more where the start is good: soft modes are long
   bool free_poses = true, free_targets = true;
 };
 

@@ -44,11 +44,9 @@ AdjustmentSummary adjust(Scene& scene, const std::vector<Observation>& observati
     if (!use[i] || !camera.used || !target.has(o.light) || !residual(camera, target, o)) continue;
     ceres::CostFunction* cost;
     if (target.kind == TargetState::Kind::kBar)
-      cost = new ceres::AutoDiffCostFunction<ReprojectionCost<true>, 2, CameraState::kSize, 6>(
-          new ReprojectionCost<true>{&camera, o.pixel, o.light, 1 / options.sigma});
+      cost = new ReprojectionCost<true>(camera, o, options.sigma);
     else
-      cost = new ceres::AutoDiffCostFunction<ReprojectionCost<false>, 2, CameraState::kSize, 3>(
-          new ReprojectionCost<false>{&camera, o.pixel, o.light, 1 / options.sigma});
+      cost = new ReprojectionCost<false>(camera, o, options.sigma);
     problem.AddResidualBlock(cost, loss.get(), camera.v.data(), target.v.data());
     camera_used[o.camera] = target_used[o.position] = true;
   }
@@ -107,6 +105,7 @@ AdjustmentSummary adjust(Scene& scene, const std::vector<Observation>& observati
   solver.gradient_tolerance = 0;
   solver.parameter_tolerance = 1e-12;
   solver.num_threads = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1u, 8u));
+  solver.initial_trust_region_radius = options.trust;
   solver.logging_type = ceres::SILENT;
   // The larger of the two groups is eliminated.
   auto* ordering = new ceres::ParameterBlockOrdering;

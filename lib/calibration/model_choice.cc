@@ -14,6 +14,7 @@ constexpr double kHeldOut = 0.1;  // share of the observations
 constexpr int kLeastSights = 4;   // of a target that gives one up
 constexpr double kReach = 3.8;    // sigmas: beyond, an error counts as this
 constexpr double kRobust = 2;
+constexpr double kSettled = 0.05;  // change of sigma
 constexpr DistortionModel kModels[] = {{0, false}, {1, true}, {1, false}, {2, true}, {2, false}};
 
 struct Fit {
@@ -25,10 +26,12 @@ struct Fit {
 Fit fit_model(Scene scene, const Tracks& tracks, AdjustmentOptions options, const DistortionModel& model) {
   apply_model(model, options);
   const Inliers all(tracks.observations.size(), true);
-  options.robust = kRobust, options.tolerance = 1e-4;
+  options.robust = kRobust, options.tolerance = 3e-4;
   for (int round = 0; round < 2; round++) {
     options.max_iterations = round == 0 ? 3 : 6;
-    options.sigma = std::max(1e-3, robust_sigma(residual_lengths(scene, tracks.observations)));
+    const double sigma = std::max(1e-3, robust_sigma(residual_lengths(scene, tracks.observations)));
+    if (round > 0 && std::abs(sigma / options.sigma - 1) < kSettled) break;
+    options.sigma = sigma;
     adjust(scene, tracks.observations, all, options);
   }
   Fit fit{std::move(scene), {}, 0};
@@ -62,7 +65,7 @@ double transfer(const Fit& fit, const Tracks& tracks, AdjustmentOptions options,
   apply_model(model, options);
   Inliers use = within(fit.lengths, 2 * kReach, fit.sigma);
   for (const size_t i : held) use[i] = false;
-  options.sigma = fit.sigma, options.robust = kRobust, options.max_iterations = 4, options.tolerance = 1e-4;
+  options.sigma = fit.sigma, options.robust = kRobust, options.max_iterations = 2, options.tolerance = 1e-3;
   Scene scene = fit.scene;
   adjust(scene, tracks.observations, use, options);
   const auto lengths = residual_lengths(scene, tracks.observations);
@@ -78,7 +81,8 @@ void apply_model(const DistortionModel& model, AdjustmentOptions& options) {
   options.shared[kK1] = options.shared[kK2] = model.shared;
 }
 
-ModelChoice choose_distortion(Scene& scene, const Tracks& tracks, const AdjustmentOptions& options) {
+ModelChoice choose_distortion(Scene& scene, const Tracks& tracks, const AdjustmentOptions& options,
+                              size_t num_observations) {
   std::vector<Fit> fits;
   for (const DistortionModel& model : kModels) {
     Scene start = fits.empty() ? scene : fits.back().scene;
@@ -100,7 +104,8 @@ ModelChoice choose_distortion(Scene& scene, const Tracks& tracks, const Adjustme
       if (l >= 0) chi2 += std::min(std::pow(l / best->sigma, 2), kReach * kReach), count += 2;
     const DistortionModel& model = kModels[m];
     const double parameters = model.terms * (model.shared ? 1 : cameras);
-    choice.trials.push_back({model.name(), chi2 + parameters * std::log(count), {}, false});
+    const double part = static_cast<double>(tracks.observations.size()) / static_cast<double>(num_observations);
+    choice.trials.push_back({model.name(), chi2 / part + parameters * std::log(count / part), {}, false});
     ModelTrial& now = choice.trials[m];
     const ModelTrial& before = choice.trials[chosen];
     if (m > 0 && now.bic >= before.bic) continue;

@@ -12,11 +12,13 @@ void apply_model(const DistortionModel& model, AdjustmentOptions& options);
 
 // Fits `scene` under each model, from none to two terms a camera, and takes the one that the tracks call for: a larger
 // model only where both the Bayesian information criterion and the error of observations held out improve on the
-// best so far. `scene` becomes the chosen fit.
+// best so far. `scene` becomes the chosen fit. `tracks` may be a part of `num_observations` like them, for which the
+// criterion is.
 struct ModelChoice {
   DistortionModel model;
   std::vector<ModelTrial> trials;
 };
-ModelChoice choose_distortion(Scene& scene, const Tracks& tracks, const AdjustmentOptions& options);
+ModelChoice choose_distortion(Scene& scene, const Tracks& tracks, const AdjustmentOptions& options,
+                              size_t num_observations);
 
 }  // namespace lf

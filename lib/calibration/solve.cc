@@ -23,12 +23,22 @@ constexpr double kRobust = 2;         // sigmas where the Cauchy loss bends
 constexpr double kFits = 4;           // pixels: a first layout that is as near is right
 constexpr double kGoodFit = 0.5;      // share of the observations
 constexpr double kCoarse = 8;         // pixels: how far off sights may be in a first layout
+constexpr double kSettled = 0.05;     // change of sigma
+constexpr size_t kEnough = 4000;      // observations to begin with
+constexpr size_t kEnoughPositions = 50;
+
+// Every nth position: poses, and the choice of a lens model, need not look at all of very many.
+Tracks sample_of(Tracks tracks) {
+  const size_t n = std::min(tracks.observations.size() / kEnough, tracks.num_positions / kEnoughPositions);
+  if (n > 1) std::erase_if(tracks.observations, [&](const Observation& o) { return o.position % n != 0; });
+  return tracks;
+}
 
 class Solver {
  public:
-  Solver(const Tracks& tracks, const SolveOptions& options) : tracks_(tracks), options_(options) {
+  Solver(const Tracks& tracks, const SolveOptions& options)
+      : tracks_(tracks), options_(options), sample_(sample_of(tracks)) {
     solution_.scene = make_scene(tracks, options);
-    all_.assign(tracks.observations.size(), true);
   }
 
   Solution run() {
@@ -51,12 +61,12 @@ class Solver {
     if (options_.progress) options_.progress(what);
   }
 
-  // The share of all observations that fit what there is, softly.
+  // The share of the observations that fit what there is, softly.
   double fit() {
     double sum = 0;
-    for (const double l : residual_lengths(scene(), tracks_.observations))
+    for (const double l : residual_lengths(scene(), sample_.observations))
       if (l >= 0) sum += std::max(0.0, 1 - l * l / (kFits * kFits));
-    return sum / static_cast<double>(tracks_.observations.size());
+    return sum / static_cast<double>(sample_.observations.size());
   }
 
   // Tries one start after the other until one is good.
@@ -68,12 +78,8 @@ class Solver {
       if (best_fit > kGoodFit) return;
       scene() = empty;
       if (!layout()) return;
-      robust({}, 3);
-      if (free_f) {
-        solution_.model.shared[kF] = true;
-        robust({true}, 2);
-        solution_.model.shared[kF] = false;
-      }
+      robust(sample_, {}, 2);
+      if (free_f) robust_shared_f(sample_, 2);
       const double now = fit();
       if (now <= best_fit) return;
       best_fit = now, best = scene(), solution_.start = name;
@@ -117,19 +123,29 @@ class Solver {
     return true;
   }
 
-  double sigma_now() { return std::max(kLeastSigma, robust_sigma(residual_lengths(scene(), tracks_.observations))); }
+  double sigma_now() { return sigma_of(tracks_); }
+  double sigma_of(const Tracks& tracks) {
+    return std::max(kLeastSigma, robust_sigma(residual_lengths(scene(), tracks.observations)));
+  }
 
   // Adjusts with a scale of errors that follows what is left of them.
-  void robust(const std::array<bool, kNumLensTerms>& free, int rounds, int iterations = 4) {
+  void robust(const Tracks& tracks, const std::array<bool, kNumLensTerms>& free, int rounds, int iterations = 4) {
     AdjustmentOptions o = solution_.model;
     o.free = free;
     o.robust = kRobust;
     o.max_iterations = iterations;
     o.tolerance = 1e-3;
     for (int round = 0; round < rounds; round++) {
-      o.sigma = sigma_now();
-      adjust(scene(), tracks_.observations, all_, o);
+      const double sigma = sigma_of(tracks);
+      if (round > 0 && std::abs(sigma / o.sigma - 1) < kSettled) break;
+      o.sigma = sigma;
+      adjust(scene(), tracks.observations, Inliers(tracks.observations.size(), true), o);
     }
+  }
+  void robust_shared_f(const Tracks& tracks, int rounds) {
+    solution_.model.shared[kF] = true;
+    robust(tracks, {true}, rounds);
+    solution_.model.shared[kF] = false;
   }
 
   // Targets and cameras that the first layout missed or mistook.
@@ -138,7 +154,7 @@ class Solver {
     triangulate_targets(scene(), tracks_, reach);
     drop_poor_cameras();
     if (resect_cameras(scene(), tracks_, kCoarse) > 0) triangulate_targets(scene(), tracks_, reach);
-    robust({}, 2);
+    robust(sample_, {}, 2);
   }
 
   void drop_poor_cameras() {
@@ -156,25 +172,23 @@ class Solver {
 
   void free_lenses() {
     if (!has_lens_prior()) {
-      solution_.model.shared[kF] = true;
-      robust({true}, 1);
-      solution_.model.shared[kF] = false;
-      robust({true, true, true}, 1);
+      robust_shared_f(sample_, 1);
+      robust(sample_, {true, true, true}, 1);
     }
     if (options_.distortion || has_lens_prior()) {
       solution_.distortion = options_.distortion.value_or(DistortionModel{2, false});
     } else {
       step("distortion");
-      ModelChoice choice = choose_distortion(scene(), tracks_, solution_.model);
+      ModelChoice choice = choose_distortion(scene(), sample_, solution_.model, tracks_.observations.size());
       solution_.distortion = choice.model;
       solution_.trials = std::move(choice.trials);
     }
     apply_model(solution_.distortion, solution_.model);
     for (CameraState& camera : scene().cameras)
       for (int k = solution_.distortion.terms; k < 2; k++) camera.lens_terms()[kK1 + k] = 0;
-    robust(solution_.model.free, 3, 8);
-    triangulate_targets(scene(), tracks_, 4 * sigma_now());
-    robust(solution_.model.free, 1, 8);
+    robust(sample_, solution_.model.free, 3, 8);
+    triangulate_targets(scene(), tracks_, 4 * sigma_of(sample_));
+    robust(tracks_, solution_.model.free, 2, 8);
   }
 
   bool has_lens_prior() {
@@ -188,7 +202,8 @@ class Solver {
     Inliers inliers = within(residual_lengths(scene(), tracks_.observations), kReach, o.sigma);
     for (int round = 0; round < 6; round++) {
       o.max_iterations = 30;
-      o.tolerance = 1e-8;
+      o.tolerance = 1e-7;
+      o.trust = 1e6;
       adjust(scene(), tracks_.observations, inliers, o);
       const auto lengths = residual_lengths(scene(), tracks_.observations);
       const double sigma = std::max(kLeastSigma, inlier_sigma(lengths, inliers));
@@ -246,12 +261,14 @@ class Solver {
     double parameters = -7;
     for (size_t j = 0; j < target_used.size(); j++)
       if (target_used[j]) parameters += scene().targets[j].kind == TargetState::Kind::kBar ? 5 : 3;
-    // Of a parameter known before, as much as the observations tell of it.
+    // Of a parameter known before, as much as the observations tell of it: a half, until that is known.
     const Uncertainty& u = solution_.uncertainty;
+    const auto free = static_cast<double>(std::count(solution_.model.free.begin(), solution_.model.free.end(), true));
     int lens = 0;
     for (size_t i = 0; i < scene().cameras.size(); i++) {
       if (!scene().cameras[i].used) continue;
       parameters += 6;
+      if (u.camera_row.empty()) parameters += free / 2;
       for (int k = 0; k < static_cast<int>(u.lens_terms.size()); k++, lens++)
         parameters += 1 - std::min(1.0, u.covariance(u.camera_row[i] + 6 + k, u.camera_row[i] + 6 + k) /
                                             u.prior_covariance(lens, lens));
@@ -261,8 +278,8 @@ class Solver {
 
   const Tracks& tracks_;
   const SolveOptions& options_;
+  const Tracks sample_;
   Solution solution_;
-  Inliers all_;
 };
 
 }  // namespace

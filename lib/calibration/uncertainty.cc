@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "calibration/uncertainty.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
@@ -15,14 +18,31 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 
 constexpr double kSolid = 1e-13;  // relative information that keeps what nothing tells finite
 
-struct Seen {
-  int row;
-  MatrixXd cross;  // information between the camera's steps and the target's
-};
+constexpr Eigen::Index kPanel = 64;  // columns at a time
+constexpr Eigen::Index kStack = 512;
+
 struct TargetInformation {
   MatrixXd own;
-  std::vector<Seen> seen;
+  std::vector<int> rows;          // of the cameras that see it
+  std::vector<MatrixXd> crosses;  // information between each camera's steps and the target's
 };
+
+// The inverse of L L'. A general solver would multiply all the zeros of a unit matrix.
+MatrixXd inverse_of(const Eigen::LLT<MatrixXd>& llt) {
+  const MatrixXd& l = llt.matrixLLT();
+  const Eigen::Index n = l.rows();
+  MatrixXd inverse_l = MatrixXd::Identity(n, n), inverse(n, n);
+  for (Eigen::Index k = 0; k < n; k += kPanel) {
+    auto panel = inverse_l.block(k, k, n - k, std::min(kPanel, n - k));
+    l.bottomRightCorner(n - k, n - k).triangularView<Eigen::Lower>().solveInPlace(panel);
+  }
+  for (Eigen::Index k = 0; k < n; k += kPanel) {
+    const Eigen::Index width = std::min(kPanel, n - k);
+    inverse.block(k, 0, width, k + width).noalias() =
+        inverse_l.block(k, k, n - k, width).transpose() * inverse_l.block(k, 0, n - k, k + width);
+  }
+  return inverse.selfadjointView<Eigen::Lower>();
+}
 
 class Builder {
  public:
@@ -55,50 +75,50 @@ class Builder {
     double* jacobians[2] = {by_camera.data(), by_target.data()};
     const double* blocks[2] = {camera.v.data(), target.v.data()};
     if (bar) {
-      const ceres::AutoDiffCostFunction<ReprojectionCost<true>, 2, CameraState::kSize, 6> cost(
-          new ReprojectionCost<true>{&camera, o.pixel, o.light, 1 / options_.sigma});
-      if (!cost.Evaluate(blocks, error, jacobians)) return;
+      if (!ReprojectionCost<true>(camera, o, options_.sigma).Evaluate(blocks, error, jacobians)) return;
       RowMajor steps(6, 5);
       bar_manifold_.PlusJacobian(target.v.data(), steps.data());
       by_target = RowMajor(by_target * steps);
     } else {
-      const ceres::AutoDiffCostFunction<ReprojectionCost<false>, 2, CameraState::kSize, 3> cost(
-          new ReprojectionCost<false>{&camera, o.pixel, o.light, 1 / options_.sigma});
-      if (!cost.Evaluate(blocks, error, jacobians)) return;
+      if (!ReprojectionCost<false>(camera, o, options_.sigma).Evaluate(blocks, error, jacobians)) return;
     }
     const RowMajor c = by_camera * camera_steps_[o.camera];
     const int row = result_.camera_row[o.camera], n = result_.camera_size;
     information_.block(row, row, n, n) += c.transpose() * c;
     TargetInformation& t = targets_[o.position];
-    if (t.own.size() == 0) t.own = MatrixXd::Zero(by_target.cols(), by_target.cols());
+    if (t.rows.empty()) t.own = MatrixXd::Zero(by_target.cols(), by_target.cols());
     t.own += by_target.transpose() * by_target;
-    if (t.seen.empty() || t.seen.back().row != row) {
-      // Both lights of a bar as one camera sees them.
-      for (Seen& seen : t.seen)
-        if (seen.row == row) {
-          seen.cross += c.transpose() * by_target;
-          return;
-        }
-      t.seen.push_back({row, c.transpose() * by_target});
+    // A camera may see both lights of a bar.
+    const auto seen = std::find(t.rows.rbegin(), t.rows.rend(), row);
+    if (seen == t.rows.rend()) {
+      t.rows.push_back(row);
+      t.crosses.push_back(c.transpose() * by_target);
     } else {
-      t.seen.back().cross += c.transpose() * by_target;
+      t.crosses[t.rows.rend() - seen - 1] += c.transpose() * by_target;
     }
   }
 
+  // information -= cross own^-1 cross', many targets at a time.
   void eliminate_targets() {
+    MatrixXd stack = MatrixXd::Zero(information_.rows(), kStack);
+    Eigen::Index columns = 0;
+    const auto flush = [&] {
+      information_.selfadjointView<Eigen::Lower>().rankUpdate(stack.leftCols(columns), -1);
+      stack.leftCols(columns).setZero();
+      columns = 0;
+    };
     for (TargetInformation& t : targets_) {
-      if (t.own.size() == 0) continue;
+      if (t.rows.empty()) continue;
       t.own.diagonal() *= 1 + kSolid;
-      const Eigen::LDLT<MatrixXd> own(t.own);
-      for (size_t a = 0; a < t.seen.size(); a++) {
-        const MatrixXd gain = own.solve(t.seen[a].cross.transpose()).transpose();
-        for (size_t b = 0; b <= a; b++) {
-          const MatrixXd part = gain * t.seen[b].cross.transpose();
-          information_.block(t.seen[a].row, t.seen[b].row, part.rows(), part.cols()) -= part;
-          if (a != b) information_.block(t.seen[b].row, t.seen[a].row, part.cols(), part.rows()) -= part.transpose();
-        }
-      }
+      const Eigen::LLT<MatrixXd> own(t.own);
+      if (columns + t.own.rows() > kStack) flush();
+      for (size_t i = 0; i < t.rows.size(); i++)
+        stack.block(t.rows[i], columns, result_.camera_size, t.own.rows()) =
+            own.matrixL().solve(t.crosses[i].transpose()).transpose();
+      columns += t.own.rows();
     }
+    flush();
+    information_ = MatrixXd(information_.selfadjointView<Eigen::Lower>());
   }
 
   // Adds what was known of the lenses to `information`, whose camera i has its lens terms from lens_row(i) on.
@@ -199,8 +219,8 @@ class Builder {
     MatrixXd scaled = scale.asDiagonal() * information_ * scale.asDiagonal();
     scaled.diagonal().array() += kSolid;
     const Eigen::LLT<MatrixXd> llt(scaled);
-    MatrixXd inverse = llt.info() == Eigen::Success ? MatrixXd(llt.solve(MatrixXd::Identity(size, size)))
-                                                    : MatrixXd(scaled.ldlt().solve(MatrixXd::Identity(size, size)));
+    MatrixXd inverse =
+        llt.info() == Eigen::Success ? inverse_of(llt) : MatrixXd(scaled.ldlt().solve(MatrixXd::Identity(size, size)));
     inverse = scale.asDiagonal() * inverse * scale.asDiagonal();
     const MatrixXd back = overlap.inverse();
     // P = 1 - gauge back weighted'
