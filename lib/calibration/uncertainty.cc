@@ -154,13 +154,10 @@ class Builder {
     }
   }
 
-  Uncertainty finish(const UncertaintyOptions& what) {
+  Uncertainty finish() {
     eliminate_targets();
     const int rows = static_cast<int>(information_.rows()) - num_terms();
-    if (what.priors)
-      add_priors(information_, rows, [&](size_t i) { return result_.camera_row[i] + 6; });
-    else
-      information_.bottomRightCorner(num_terms(), num_terms()).setIdentity();
+    add_priors(information_, rows, [&](size_t i) { return result_.camera_row[i] + 6; });
     invert();
     result_.covariance.conservativeResize(rows, rows);
     // As known before.
@@ -244,13 +241,13 @@ class Builder {
 }  // namespace
 
 Uncertainty estimate_uncertainty(const Scene& scene, const std::vector<Observation>& observations, const Inliers& use,
-                                 const AdjustmentOptions& options, const UncertaintyOptions& what) {
+                                 const AdjustmentOptions& options) {
   Builder builder(scene, options);
   for (size_t i = 0; i < observations.size(); i++) {
     const Observation& o = observations[i];
     if (use[i] && scene.cameras[o.camera].used && scene.targets[o.position].has(o.light)) builder.add(o);
   }
-  return builder.finish(what);
+  return builder.finish();
 }
 
 }  // namespace lf

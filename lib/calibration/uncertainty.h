@@ -27,11 +27,7 @@ struct Uncertainty {
   double sigma_of(const Eigen::VectorXd& weights) const { return std::sqrt(weights.dot(covariance * weights)); }
 };
 
-struct UncertaintyOptions {
-  bool priors = true;  // false: from the observations alone (there must be enough in them)
-};
-
 Uncertainty estimate_uncertainty(const Scene& scene, const std::vector<Observation>& observations, const Inliers& use,
-                                 const AdjustmentOptions& options, const UncertaintyOptions& what = {});
+                                 const AdjustmentOptions& options);
 
 }  // namespace lf

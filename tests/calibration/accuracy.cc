@@ -23,8 +23,13 @@ double normalised(const Vec3& error, const Eigen::Matrix3d& covariance) {
   return eigen(error).dot(covariance.ldlt().solve(eigen(error)));
 }
 
-// A new point seen without noise by all cameras but one, predicted in that one.
-void add_transfers(const Rig& truth, const std::vector<CameraState>& found, Errors& errors) {
+struct Transfers {
+  double squared = 0, count = 0;
+};
+
+// New points seen without noise by all cameras but one, predicted in that one.
+Transfers transfers(const Rig& truth, const std::vector<CameraState>& found) {
+  Transfers result;
   for (int n = 0; n < 9; n++) {
     const Vec3 point((n % 3 - 1) * 0.25, (n / 3 - 1) * 0.2, kTransferDistance);
     Tracks tracks;
@@ -44,33 +49,63 @@ void add_transfers(const Rig& truth, const std::vector<CameraState>& found, Erro
     target.kind = TargetState::Kind::kPoint;
     for (int k = 0; k < 3; k++) target.v[k] = predicted->point[k];
     const auto e = residual(found[held.camera], target, held);
-    errors.transfer_squared += e ? glm::dot(*e, *e) : 1e6;
-    errors.transfers++;
+    result.squared += e ? glm::dot(*e, *e) : 1e6;
+    result.count++;
   }
+  return result;
+}
+
+// Cameras as far from `scene`'s, in metres, as the bound allows, at random.
+std::vector<CameraState> at_the_bound(const Scene& scene, const Uncertainty& bound, double unit, uint64_t seed) {
+  std::mt19937_64 random(seed);
+  const Eigen::VectorXd size = bound.covariance.diagonal().cwiseSqrt();
+  Eigen::MatrixXd correlation = size.cwiseInverse().asDiagonal() * bound.covariance * size.cwiseInverse().asDiagonal();
+  correlation.diagonal().array() += 1e-9;  // nothing moves along the gauge
+  Eigen::VectorXd step(size.size());
+  for (double& s : step) s = std::normal_distribution<double>()(random);
+  step = size.asDiagonal() * (correlation.llt().matrixL() * step);
+  std::vector<CameraState> cameras = scene.cameras;
+  for (size_t i = 0; i < cameras.size(); i++) {
+    const auto s = step.segment(bound.camera_row[i], bound.camera_size);
+    const Pose pose = cameras[i].pose();
+    cameras[i].set_pose(
+        {(pose.position + Vec3(s[3], s[4], s[5])) * unit, Quat(1, s[0] / 2, s[1] / 2, s[2] / 2) * pose.orientation});
+    for (size_t k = 0; k < bound.lens_terms.size(); k++)
+      cameras[i].lens_terms()[bound.lens_terms[k]] += s[static_cast<Eigen::Index>(6 + k)];
+  }
+  return cameras;
 }
 
 }  // namespace
 
-void add_run(const Study& study, uint64_t seed, Errors& errors) {
+Errors& Errors::operator+=(const Errors& other) {
+  for (int q = 0; q < kNumQuantities; q++) squared[q] += other.squared[q], bound[q] += other.bound[q];
+  for (int q = 0; q < kTransfer; q++) inside[q] += other.inside[q];
+  cameras += other.cameras, transfers += other.transfers;
+  converged += other.converged, runs += other.runs;
+  seconds = std::max(seconds, other.seconds);
+  return *this;
+}
+
+Errors run_seed(const Study& study, uint64_t seed) {
   const Rig truth = make_array(study.array, seed);
   const Watched watched = watch(truth, study.path, seed + 1000000);
   SolveOptions options;
   options.distortion = study.distortion;
   if (study.prior) measure_lenses(truth, {}, seed + 2000000, options);
-  errors.runs++;
+  Errors run;
+  run.runs = 1;
   const auto begin = std::chrono::steady_clock::now();
   const Solution solution = solve_tracks(watched.tracks, options);
-  errors.seconds =
-      std::max(errors.seconds, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+  run.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 
-  Scene at_truth = true_scene(truth, watched, options);
+  const Scene at_truth = true_scene(truth, watched, options);
   AdjustmentOptions model = solution.model;
   model.sigma = study.path.noise;
-  const Uncertainty best =
-      estimate_uncertainty(at_truth, watched.tracks.observations, watched.good, model, {study.prior});
+  const Uncertainty best = estimate_uncertainty(at_truth, watched.tracks.observations, watched.good, model);
   std::vector<Pose> found, expected;
   for (size_t i = 0; i < truth.cameras.size(); i++) {
-    if (!solution.scene.cameras[i].used) return;  // not converged
+    if (!solution.scene.cameras[i].used) return run;  // not converged
     found.push_back(solution.scene.cameras[i].pose());
     expected.push_back(truth.cameras[i].pose);
   }
@@ -81,7 +116,6 @@ void add_run(const Study& study, uint64_t seed, Errors& errors) {
   Eigen::Matrix3d r;
   for (int row = 0; row < 3; row++)
     for (int column = 0; column < 3; column++) r(row, column) = turn[column][row];
-  Errors run;
   std::vector<CameraState> aligned = solution.scene.cameras;
   for (size_t i = 0; i < found.size(); i++) {
     const Pose pose = s(found[i]);
@@ -104,14 +138,12 @@ void add_run(const Study& study, uint64_t seed, Errors& errors) {
     run.inside[Errors::kRotation] += normalised(rotation, of_rotation) < kChi3;
     run.inside[Errors::kFocal] += focal * focal / told.covariance(t + 6, t + 6) < kChi1;
   }
-  add_transfers(truth, aligned, errors);
-  errors.cameras += static_cast<double>(found.size());
-  errors.converged += run.ratio(Errors::kPosition) < kConverged && run.ratio(Errors::kRotation) < kConverged;
-  for (int q = 0; q < Errors::kNumQuantities; q++) {
-    errors.squared[q] += run.squared[q];
-    errors.bound[q] += run.bound[q];
-    errors.inside[q] += run.inside[q];
-  }
+  run.cameras = static_cast<double>(found.size());
+  const Transfers predicted = transfers(truth, aligned);
+  run.squared[Errors::kTransfer] = predicted.squared, run.transfers = predicted.count;
+  run.bound[Errors::kTransfer] = transfers(truth, at_the_bound(at_truth, best, unit, seed + 3000000)).squared;
+  run.converged = run.ratio(Errors::kPosition) < kConverged && run.ratio(Errors::kRotation) < kConverged;
+  return run;
 }
 
 }  // namespace lf::sim
