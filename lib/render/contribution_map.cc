@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 
 #include "base/error.h"
 #include "render/camera_projection.h"
@@ -69,6 +70,37 @@ std::vector<float> view_coverage(const Rig& rig, const ViewPlan& plan, const Own
       for (int x = rect.x0; x < rect.x1; x++) coverage[static_cast<size_t>(y) * width + x] += *weight++;
   }
   return coverage;
+}
+
+double mean_coverage(const Rig& rig, const ViewPlan& plan, int rows) {
+  const int width = plan.view().width, height = plan.view().height;
+  double sum = 0;
+  for (int i = 0; i < rows; i++) {
+    const int y = (2 * i + 1) * height / (2 * rows);
+    const Rect row{0, y, width, y + 1};
+    const OwnerMap owners(plan, row);
+    for (const CameraIndex camera : plan.contributors()) {
+      const Rect rect = intersect(plan.camera_rect(camera), row);
+      if (rect.empty()) continue;
+      const std::vector<float> weights = valid_weights(plan, owners, camera, rig.cameras[camera], rect);
+      sum = std::accumulate(weights.begin(), weights.end(), sum);
+    }
+  }
+  return sum / (static_cast<double>(rows) * width);
+}
+
+std::vector<PixelShare> pixel_shares(const Rig& rig, const ViewPlan& plan, int x, int y) {
+  const Rect pixel{x, y, x + 1, y + 1};
+  const OwnerMap owners(plan, pixel);
+  std::vector<PixelShare> shares;
+  for (const CameraIndex camera : plan.contributors()) {
+    if (intersect(plan.camera_rect(camera), pixel).empty()) continue;
+    const float weight = camera_hat(plan, owners, camera, pixel)[0];
+    if (weight > 0)
+      shares.push_back({camera, weight, valid_weights(plan, owners, camera, rig.cameras[camera], pixel)[0] > 0});
+  }
+  std::sort(shares.begin(), shares.end(), [](const auto& a, const auto& b) { return a.weight > b.weight; });
+  return shares;
 }
 
 std::vector<CameraColour> camera_colours(const Mesh& mesh, size_t num_cameras) {

@@ -21,6 +21,17 @@ std::vector<float> valid_weights(const ViewPlan& plan, const OwnerMap& owners, C
 // `owners.region()` contains the rectangles of all contributors; pixels outside them are 0.
 std::vector<float> view_coverage(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners);
 
+// The mean of that over `rows` rows of the view, evenly spaced: exact for `rows` = its height.
+double mean_coverage(const Rig& rig, const ViewPlan& plan, int rows);
+
+struct PixelShare {
+  CameraIndex camera;
+  float weight;  // of its hat
+  bool sees;     // else the weight is lost
+};
+// The cameras that make the pixel (x, y) of the view, the heaviest first; none outside the mesh.
+std::vector<PixelShare> pixel_shares(const Rig& rig, const ViewPlan& plan, int x, int y);
+
 struct CameraColour {
   uint8_t r, g, b;
   bool operator==(const CameraColour&) const = default;

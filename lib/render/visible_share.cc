@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "render/contribution_map.h"
 
@@ -20,10 +19,7 @@ double VisibleShare::operator()(const Viewpoint& viewpoint, double aspect) const
   Viewpoint far = viewpoint;
   far.focus_distance = kMaxFocus;
   const int columns = std::clamp(static_cast<int>(std::lround(kRows * aspect)), 1, kMaxColumns);
-  const ViewPlan plan(rig_, mesh_, make_view(far, columns, kRows));
-  const OwnerMap owners(plan, {0, 0, columns, kRows});
-  const std::vector<float> coverage = view_coverage(rig_, plan, owners);
-  return std::accumulate(coverage.begin(), coverage.end(), 0.0) / static_cast<double>(coverage.size());
+  return mean_coverage(rig_, ViewPlan(rig_, mesh_, make_view(far, columns, kRows)), kRows);
 }
 
 }  // namespace lf

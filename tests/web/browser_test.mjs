@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-serve and its page in headless Chromium.
 import { createServer } from 'node:http';
-import { writeFile } from 'node:fs/promises';
+import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { artefacts, compare, connectBrowser, expect, launchBrowser, launchBrowserServer, makeRig, openPage, patience,
   picture, rendered, runTests, serve, setView, shown, source, start, stateOf, until } from './harness.mjs';
@@ -96,7 +96,50 @@ async function linkKeyboardNamesAndSize() {
   expect(state.yaw === kept.yaw && state['focus-distance'] === kept['focus-distance'], 'a new size keeps the view');
   await page.keyboard.press('i');
   await page.waitForFunction(
-    () => document.querySelector('lightfield-viewer').shadowRoot.querySelector('pre').textContent.includes('frames/s'));
+    () => document.querySelector('lightfield-viewer').shadowRoot.querySelector('pre.figures').textContent
+      .includes('frames/s'));
+  await page.context().close();
+  await served.stop();
+}
+
+// The overlay of cameras against what the server says of the pixels that it marks.
+async function showsItsCameras() {
+  const served = await serve(...rig);
+  const page = await openPage(browser, served.url, size);
+  await shown(page, 5);
+  const { cameras } = JSON.parse(await readFile(join(folder, 'rig.json')));
+  const [x, y, z] = cameras[5].position;
+  await setView(page, { x: x + 0.01, y: y - 0.02, z: z - 0.4, yaw: 3, pitch: -4, roll: 5 });
+  await page.keyboard.press('Tab');
+  await page.keyboard.press('c');
+  await page.waitForFunction(() => document.querySelector('lightfield-viewer').cameras.makers.length, null,
+    { timeout: patience });
+  const drawn = await page.evaluate(() => {
+    const { canvas } = document.querySelector('lightfield-viewer').cameras;
+    return canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.filter(value => value).length;
+  });
+  expect(drawn > 5000, `the mesh is not drawn: ${drawn}`);
+  // Where the fifth camera is drawn it makes the picture alone.
+  const at = await page.evaluate(async position => {
+    const { axesOf, inView } = await import('/view.js');
+    const viewer = document.querySelector('lightfield-viewer'), { box } = viewer.eyes[0];
+    const [x, y, z] = inView(viewer.seen, axesOf(viewer.seen), position);
+    const focal = box.height / 2 / Math.tan(viewer.seen.fov * Math.PI / 360);
+    return [box.x + box.width / 2 + focal * x / z, box.y + box.height / 2 + focal * y / z];
+  }, [x, y, z]);
+  await page.mouse.move(...at);
+  const words = () => page.evaluate(
+    () => document.querySelector('lightfield-viewer').shadowRoot.querySelector('pre.makers').textContent);
+  await until(async () => new RegExp(`^${cameras[5].name} (9\\d|100) %`).test(await words()),
+    `${cameras[5].name} makes the pixel at ${at}`);
+  await page.keyboard.press('i');
+  await page.waitForFunction(
+    () => /coverage +\d+\.\d %/.test(
+      document.querySelector('lightfield-viewer').shadowRoot.querySelector('pre.figures').textContent));
+  await page.screenshot({ path: join(artefacts, 'cameras.png') });
+  await page.keyboard.press('c');
+  expect(await page.evaluate(() => document.querySelector('lightfield-viewer').cameras.canvas.hidden), 'c hides it');
+  expect(!page.problems.length, page.problems.join('; '));
   await page.context().close();
   await served.stop();
 }
@@ -229,6 +272,7 @@ async function fiveLines() {
 await runTests([
   ['the page shows the light field and flies', showsAndFlies],
   ['links, keyboard, names and sizes', linkKeyboardNamesAndSize],
+  ['the cameras of a pixel', showsItsCameras],
   ['four viewers have their own views', fourViewers],
   ['cameras on other hosts', nodes],
   ['stalled and killed browsers are forgotten, others go on', stalledAndKilled],

@@ -53,6 +53,19 @@ TEST(ControlMessage, ViewsBecomeCustomEvents) {
   EXPECT_EQ(gst_structure_n_fields(structure), 2);
 }
 
+std::string pixel(const std::string& structure) {
+  return R"({"id":9,"request":{"type":"customUpstreamEvent","structureName":"lf-pixel","structure":)" + structure +
+         "}}";
+}
+
+TEST(ControlMessage, AsksAboutPixels) {
+  const ControlMessage message = parse_control_message(pixel(R"({"x":20.4,"y":-10})"));
+  ASSERT_TRUE(message.pixel) << message.error;
+  EXPECT_FALSE(message.event);
+  EXPECT_EQ(message.pixel->x, 20);
+  EXPECT_EQ(message.pixel->y, -10);
+}
+
 TEST(ControlMessage, RefusesEverythingElse) {
   const std::string table[] = {
       "",
@@ -87,12 +100,16 @@ TEST(ControlMessage, RefusesEverythingElse) {
       view(R"({"x y":1})"),
       view(R"({"lf-view-id":1})"),
       view(R"({"":1})"),
+      pixel(R"({"x":1})"),
+      pixel(R"({"x":1,"y":"2"})"),
+      pixel(R"({"x":1,"y":1e300})"),
+      pixel("[]"),
       R"({"id":8,"request":{"type":"customUpstreamEvent","structureName":"GstForceKeyUnit","structure":{"x":1}}})",
       std::string(ControlMessage::kMaxBytes, '['),
       view("{\"x\":1}" + std::string(ControlMessage::kMaxBytes, ' '))};
   for (const std::string& text : table) {
     const ControlMessage message = parse_control_message(text);
-    EXPECT_FALSE(message.event) << text;
+    EXPECT_FALSE(message.event || message.pixel) << text;
     EXPECT_NE(message.error, "") << text;
   }
   std::string many = "{\"x\":1";

@@ -76,13 +76,18 @@ TEST_F(LfServe, ServesPageHealthAndMetrics) {
   const Response page = ask(served, "GET", "");
   EXPECT_EQ(page.status, 200u);
   EXPECT_THAT(page.body, HasSubstr("<lightfield-viewer"));
-  for (const char* file : {"lightfield-viewer.js", "connection.js", "controls.js", "overlay.js"}) {
+  for (const char* file :
+       {"lightfield-viewer.js", "cameras.js", "connection.js", "controls.js", "figures.js", "markup.js", "view.js"}) {
     const Response script = ask(served, "GET", file);
     EXPECT_EQ(script.status, 200u) << file;
     EXPECT_THAT(script.headers.at("Content-Type"), HasSubstr("text/javascript")) << file;
     EXPECT_EQ(script.body.find("http://"), std::string::npos) << file << " needs something from outside";
   }
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
+  const Response array = ask(served, "GET", "array.json");
+  EXPECT_EQ(array.status, 200u);
+  EXPECT_THAT(array.body, HasSubstr("{\"name\":\"cam_00_00\",\"position\":[-0."));
+  EXPECT_THAT(array.body, HasSubstr("\"faces\":[[0,1,"));
   EXPECT_EQ(ask(served, "GET", "../../etc/passwd").status, 404u);
   EXPECT_EQ(ask(served, "POST", "").status, 405u);
   EXPECT_EQ(metric(served, "viewers"), "0");
@@ -137,10 +142,11 @@ TEST_F(LfServe, AsksForTheToken) {
     EXPECT_EQ(response.status, 401u);
     EXPECT_EQ(response.headers.at("WWW-Authenticate"), "Bearer");
     EXPECT_EQ(ask(served, "GET", "metrics", wrong).status, 401u);
+    EXPECT_EQ(ask(served, "GET", "array.json", wrong).status, 401u);
     EXPECT_EQ(ask(served, "DELETE", "whep/0123456789abcdef0123456789abcdef", wrong).status, 401u);
   }
   EXPECT_EQ(offer(served, browser_offer(), right).status, 201u);
-  EXPECT_EQ(metric(served, "refused_total{reason=\"token\"}", right), "6");
+  EXPECT_EQ(metric(served, "refused_total{reason=\"token\"}", right), "8");
 }
 
 TEST_F(LfServe, AsksForTheOrigin) {

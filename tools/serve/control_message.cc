@@ -100,12 +100,21 @@ GstEvent* view_change(const json& request) {
   return gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, structure);
 }
 
-GstEvent* event_of(const json& message) {
-  const json& request = member(message, "request");
+ControlMessage::Pixel pixel_of(const json& structure) {
+  const auto side = [&](const char* key) { return static_cast<int>(std::lround(picture(structure, key))); };
+  return {side("x"), side("y")};
+}
+
+void read_request(const json& request, ControlMessage& message) {
   const std::string type = text(request, "type");
-  if (type == "navigationEvent") return navigation(member(request, "event"));
-  if (type == "customUpstreamEvent") return view_change(request);
-  throw Error("request is of an unknown type");
+  if (type == "navigationEvent")
+    message.event.reset(navigation(member(request, "event")));
+  else if (type != "customUpstreamEvent")
+    throw Error("request is of an unknown type");
+  else if (text(request, "structureName") == "lf-pixel")
+    message.pixel = pixel_of(member(request, "structure"));
+  else
+    message.event.reset(view_change(request));
 }
 
 }  // namespace
@@ -125,7 +134,7 @@ ControlMessage parse_control_message(std::string_view text) {
     message.id = id->get<uint64_t>();
   try {
     if (!message.id) throw Error("id must be a number from 0 on");
-    message.event.reset(event_of(parsed));
+    read_request(member(parsed, "request"), message);
   } catch (const Error& error) {
     message.error = error.what();
   }

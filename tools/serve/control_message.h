@@ -18,14 +18,19 @@ using EventPtr = std::unique_ptr<GstEvent, UnrefEvent>;
 
 // What a viewer says on the data channel "control", in the format of webrtcsink: {"id": 7, "mid": null, "request":
 // {"type": "navigationEvent", "event": {"event": "MouseMove", "x": 1, "y": 2, "modifier_state": "button1-mask"}}} or
-// {"type": "customUpstreamEvent", "structureName": "lf-view-request", "structure": {"x": 0.1}}.
+// {"type": "customUpstreamEvent", "structureName": "lf-view-request", "structure": {"x": 0.1}}. One structure is none
+// of lfviewrequest: "lf-pixel", {"x": 20, "y": 10}, asks which cameras make that pixel.
 struct ControlMessage {
   static constexpr size_t kMaxBytes = 4096;
   static constexpr size_t kMaxFields = 16;        // of a structure
   static constexpr double kMaxPicture = 1 << 20;  // pixels and steps of a wheel
 
+  struct Pixel {
+    int x, y;
+  };
   std::optional<uint64_t> id;  // where the message has one, sound or not
-  EventPtr event;              // to be sent upstream; null: see error
+  EventPtr event;              // to be sent upstream; null: see pixel and error
+  std::optional<Pixel> pixel;  // that is asked about
   std::string error;
 };
 

@@ -29,6 +29,13 @@ void respond(SoupServerMessage* message, guint status, const char* type, const s
   soup_server_message_set_response(message, type, SOUP_MEMORY_COPY, body.data(), body.size());
 }
 
+// What a page of another site may ask for.
+void allow(SoupServerMessage* message, const char* methods) {
+  set_header(message, "Access-Control-Allow-Methods", methods);
+  set_header(message, "Access-Control-Allow-Headers", "Authorization, Content-Type");
+  soup_server_message_set_status(message, SOUP_STATUS_NO_CONTENT, nullptr);
+}
+
 std::string address_of(SoupServerMessage* message) {
   GSocketAddress* address = soup_server_message_get_remote_address(message);
   if (!address || !G_IS_INET_SOCKET_ADDRESS(address)) return "";
@@ -142,10 +149,15 @@ void HttpServer::handle(SoupServerMessage* message, const std::string& path, GHa
     if (path == kWhep) return whep(message, query);
     return session(message, path.substr(kWhep.size() + 1));
   }
+  if (path == "/array.json") {
+    if (!admit(message)) return;
+    if (method == "OPTIONS") return allow(message, "GET, OPTIONS");
+  }
   if (method != "GET" && method != "HEAD") {
     set_header(message, "Allow", "GET, HEAD");
     return respond(message, SOUP_STATUS_METHOD_NOT_ALLOWED, "text/plain", "GET only\n");
   }
+  if (path == "/array.json") return respond(message, SOUP_STATUS_OK, "application/json", field_.array().json());
   if (path != "/metrics") return page(message, path);
   if (admit(message)) respond(message, SOUP_STATUS_OK, "text/plain; version=0.0.4", metrics());
 }
@@ -173,11 +185,7 @@ bool HttpServer::admit(SoupServerMessage* message) {
 void HttpServer::whep(SoupServerMessage* message, GHashTable* query) {
   const std::string method = soup_server_message_get_method(message);
   set_header(message, "Accept-Post", "application/sdp");
-  if (method == "OPTIONS") {
-    set_header(message, "Access-Control-Allow-Methods", kMethods);
-    set_header(message, "Access-Control-Allow-Headers", "Authorization, Content-Type");
-    return soup_server_message_set_status(message, SOUP_STATUS_NO_CONTENT, nullptr);
-  }
+  if (method == "OPTIONS") return allow(message, kMethods);
   if (method != "POST") {
     set_header(message, "Allow", kMethods);
     return respond(message, SOUP_STATUS_METHOD_NOT_ALLOWED, "text/plain", "POST an offer\n");
@@ -238,11 +246,7 @@ void HttpServer::whep(SoupServerMessage* message, GHashTable* query) {
 
 void HttpServer::session(SoupServerMessage* message, const std::string& name) {
   const std::string method = soup_server_message_get_method(message);
-  if (method == "OPTIONS") {
-    set_header(message, "Access-Control-Allow-Methods", kMethods);
-    set_header(message, "Access-Control-Allow-Headers", "Authorization, Content-Type");
-    return soup_server_message_set_status(message, SOUP_STATUS_NO_CONTENT, nullptr);
-  }
+  if (method == "OPTIONS") return allow(message, kMethods);
   if (method != "DELETE") {
     set_header(message, "Allow", "DELETE, OPTIONS");
     return respond(message, SOUP_STATUS_METHOD_NOT_ALLOWED, "text/plain", "DELETE only\n");

@@ -13,6 +13,8 @@
 #include <string>
 #include <vector>
 
+#include "array_info.h"
+
 namespace lf::serve {
 
 // A host with cameras, as pipelines/camera-node.sh runs it.
@@ -43,6 +45,7 @@ class LightField {
   // Pipelines of viewers run under the clock of the cameras.
   GstClock* clock() const { return clock_; }
   const std::string& rig() const { return rig_; }
+  const ArrayInfo& array() const { return array_; }
   size_t nodes() const { return answers_.size(); }
 
   void join(uint32_t view, OnAnswer on_answer);
@@ -60,6 +63,7 @@ class LightField {
   static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
 
   std::string rig_;
+  ArrayInfo array_;
   GstElement* pipeline_ = nullptr;
   GstAppSrc* requests_ = nullptr;
   GstClock* clock_ = nullptr;

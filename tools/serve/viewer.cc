@@ -5,9 +5,9 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "control_message.h"
 #include "encoder.h"
 #include "launch.h"
+#include "wire/request_codec.h"
 
 namespace lf::serve {
 namespace {
@@ -46,6 +46,14 @@ json view_of(GstElement* element) {
     view[specs[i]->name] = value;
   }
   return view;
+}
+
+std::optional<View> view_in(GstBuffer* request) {
+  GstMapInfo map;
+  if (!gst_buffer_map(request, &map, GST_MAP_READ)) return std::nullopt;
+  const auto decoded = wire::decode_request({map.data, map.size});
+  gst_buffer_unmap(request, &map);
+  return decoded ? std::optional(decoded->view) : std::nullopt;
 }
 
 std::string info_message(const json& info) {
@@ -145,6 +153,7 @@ GstFlowReturn Viewer::take_request(GstAppSink* sink, gpointer data) {
   std::optional<uint64_t> applied;
   {
     const std::lock_guard lock(self->mutex_);
+    if (auto asked = view_in(buffer)) self->asked_ = std::move(asked);
     applied.swap(self->applied_);
   }
   if (applied && GST_BUFFER_PTS_IS_VALID(buffer)) {
@@ -176,6 +185,7 @@ void Viewer::control(const std::string& text) {
   }
   ControlMessage message = parse_control_message(text);
   if (!message.error.empty()) refused_messages_++;
+  if (message.pixel) tell_pixel(*message.pixel);
   // That a key or a movement means nothing here is no error.
   const bool changed = message.event && gst_pad_send_event(view_pad_, message.event.release());
   if (!message.id) return;
@@ -184,6 +194,17 @@ void Viewer::control(const std::string& text) {
     applied_ = message.id;
   }
   peer_->send(control_response(*message.id, message.error));
+}
+
+std::optional<View> Viewer::asked() {
+  const std::lock_guard lock(mutex_);
+  return asked_;
+}
+
+void Viewer::tell_pixel(const ControlMessage::Pixel& pixel) {
+  if (const auto view = asked())
+    peer_->send(info_message(
+        {{"pixel", {{"x", pixel.x}, {"y", pixel.y}, {"cameras", field_.array().pixel(*view, pixel.x, pixel.y)}}}}));
 }
 
 void Viewer::tick() {
@@ -198,15 +219,18 @@ void Viewer::report(const LinkReport& link) {
   json info = {{"pictures", count_in(stats, "pictures")},
                {"incomplete", count_in(stats, "incomplete")},
                {"missing", count_in(stats, "missing-fragments")},
+               {"outOfService", count_in(stats, "out-of-service")},
                {"answerBytes", count_in(stats, "bytes")},
                {"skewMs", ms("max-skew-ns")},
                {"answerMs", ms("answer-ns-p50")},
+               {"addMs", ms("add-ns-p50")},
                {"pictureMs", ms("latency-ns-p50")},
                {"videoBytes", video_bytes_.load()},
                {"bitRate", quality_.bits_per_second()},
                {"loss", link.loss},
                {"roundTripMs", link.round_trip * 1e3}};
   gst_structure_free(stats);
+  if (const auto view = asked()) info["coverage"] = field_.array().coverage(*view);
   peer_->send(info_message({{"statistics", std::move(info)}, {"view", view_of(view_)}}));
 }
 

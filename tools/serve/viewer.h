@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "control_message.h"
 #include "light_field.h"
 #include "peer.h"
 #include "quality_control.h"
@@ -61,6 +62,8 @@ class Viewer {
   void control(const std::string& text);
   void take_answer(size_t node, GstBuffer* answer);
   void report(const LinkReport& link);
+  void tell_pixel(const ControlMessage::Pixel& pixel);
+  std::optional<View> asked();
 
   LightField& field_;
   ViewerSettings settings_;
@@ -79,6 +82,7 @@ class Viewer {
   std::mutex mutex_;  // of what follows
   TokenBucket messages_;
   bool flooded_ = false;
+  std::optional<View> asked_;        // for, last
   std::optional<uint64_t> applied_;  // the latest message that the next request shows
 };
 

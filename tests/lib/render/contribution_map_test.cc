@@ -56,6 +56,37 @@ TEST(ValidWeights, AreTheHatLessWhatIsLost) {
   for (const float w : valid_weights(plan, owners, 0, away, rect)) ASSERT_EQ(w, 0);
 }
 
+TEST(MeanCoverage, IsTheMeanOfTheCoverage) {
+  const Rig rig = grid(3, 3);
+  const View view = from_behind(rig, 0.4);
+  const ViewPlan plan(rig, build_mesh(rig), view);
+  double sum = 0;
+  for (const float c : view_coverage(rig, plan, OwnerMap(plan, {0, 0, 64, 64}))) sum += c;
+  EXPECT_NEAR(mean_coverage(rig, plan, 64), sum / (64 * 64), 1e-9);
+  EXPECT_NEAR(mean_coverage(rig, plan, 16), sum / (64 * 64), 0.05);
+  EXPECT_GT(sum, 0);
+}
+
+TEST(PixelShares, NameWhoMakesThePixel) {
+  Rig rig = grid(3, 3);
+  rig.cameras[1].pose.orientation = Quat(0.995, 0, 0.0998, 0);  // looks aside
+  rig.cameras[1].lens = Lens::pinhole(600, 31.5, 31.5);
+  const View view = from_behind(rig, 0.4);
+  const ViewPlan plan(rig, build_mesh(rig), view);
+  EXPECT_TRUE(pixel_shares(rig, plan, 0, 0).empty()) << "beside the array";
+  // 0.03 m left of the middle camera and 0.02 m above it: on the triangle (1, 4, 3).
+  const int x = static_cast<int>(31.5 - 0.03 / 0.4 * 64), y = static_cast<int>(31.5 - 0.02 / 0.4 * 64);
+  const std::vector<PixelShare> shares = pixel_shares(rig, plan, x, y);
+  ASSERT_EQ(shares.size(), 3u);
+  EXPECT_EQ(shares[0].camera, 4u);
+  EXPECT_EQ(shares[1].camera, 3u);
+  EXPECT_EQ(shares[2].camera, 1u);
+  EXPECT_NEAR(shares[0].weight + shares[1].weight + shares[2].weight, 1, 1e-6);
+  EXPECT_TRUE(shares[0].sees);
+  EXPECT_FALSE(shares[2].sees);
+  EXPECT_NEAR(shares[2].weight, 0.2, 0.08);
+}
+
 TEST(ContributionMap, EveryCameraShowsItsColourWhereItIsSeen) {
   const Rig rig = grid(3, 3);
   const Mesh mesh = build_mesh(rig);

@@ -23,19 +23,13 @@ export class Controls {
     addEventListener('gamepadconnected', () => requestAnimationFrame(now => this.gamepad(now)));
   }
 
-  // In pixels of the picture.
-  place(event) {
-    const video = this.viewer.video, box = video.getBoundingClientRect();
-    const scale = Math.min(box.width / (video.videoWidth || 1), box.height / (video.videoHeight || 1)) || 1;
-    return { x: (event.clientX - box.left) / scale, y: (event.clientY - box.top) / scale };
-  }
   modifiers(event) {
     return [event.shiftKey && 'shift-mask', event.ctrlKey && 'control-mask'].filter(Boolean).join('+');
   }
   send(name, event, more = {}) {
     const modifier_state = this.modifiers(event);
     if (modifier_state) more = { ...more, modifier_state };
-    return this.viewer.navigate({ event: name, ...this.place(event), ...more });
+    return this.viewer.navigate({ event: name, ...this.viewer.pixelAt(event), ...more });
   }
 
   down(event) {
@@ -81,7 +75,8 @@ export class Controls {
 
   press(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    if (event.key === 'i') return this.viewer.toggleFigures();
+    if (event.key === 'i') return this.viewer.toggle('figures', this.viewer.panel);
+    if (event.key === 'c') return this.viewer.toggle('cameras', this.viewer.cameras);
     const key = kKeys[event.key] ?? (kLetters.includes(event.key.toLowerCase()) ? event.key.toLowerCase() : null);
     if (!key) return;
     this.key(key, event);

@@ -9,81 +9,39 @@
 // Events: "connected", "disconnected" (detail: why), "statistics" (detail: figures), "applied" (detail: {id,
 // rtpTimestamp}).
 
+import { Cameras } from './cameras.js';
 import { Connection } from './connection.js';
 import { Controls } from './controls.js';
-import { Overlay } from './overlay.js';
+import { Figures, isShown } from './figures.js';
+import { markup, sheet } from './markup.js';
+import { viewOf } from './view.js';
 
 const kRest = 400;  // milliseconds without another size until the view takes it
-
-const style = `
-  :host { display: block; position: relative; background: #000; color: #fff; font: 14px/1.4 system-ui, sans-serif;
-    min-width: 64px; min-height: 64px; overflow: hidden; }
-  video { width: 100%; height: 100%; object-fit: contain; display: block; touch-action: none; cursor: grab;
-    outline: none; }
-  video:active { cursor: grabbing; }
-  :host(:focus-within) .frame { box-shadow: inset 0 0 0 2px #6cf; }
-  .frame { position: absolute; inset: 0; pointer-events: none; }
-  .bar { position: absolute; left: 0; right: 0; bottom: 0; display: flex; gap: 12px; align-items: center;
-    flex-wrap: wrap; padding: 8px 12px calc(8px + env(safe-area-inset-bottom));
-    background: linear-gradient(transparent, rgb(0 0 0 / .7)); }
-  label { display: flex; gap: 8px; align-items: center; flex: 1 1 160px; }
-  input[type=range] { flex: 1; min-width: 80px; height: 28px; }
-  button { font: inherit; color: inherit; background: rgb(40 40 40 / .8); border: 1px solid #888; border-radius: 6px;
-    padding: 6px 10px; min-height: 36px; }
-  button[aria-pressed=true] { background: #246; }
-  :focus-visible { outline: 2px solid #6cf; outline-offset: 1px; }
-  pre { position: absolute; left: 8px; top: 8px; margin: 0; padding: 6px 8px; background: rgb(0 0 0 / .6);
-    font: 12px/1.35 ui-monospace, monospace; pointer-events: none; }
-  .status { position: absolute; inset: 0; display: grid; place-items: center; text-align: center; padding: 16px;
-    pointer-events: none; }
-  [hidden] { display: none !important; }`;
-
-const markup = `
-  <style>${style}</style>
-  <video autoplay playsinline muted tabindex="0" role="img" aria-describedby="help"
-    aria-label="Live picture of the light field, flown by a virtual camera"></video>
-  <div class="frame"></div>
-  <pre hidden aria-label="Figures"></pre>
-  <div class="status" role="status">connecting</div>
-  <div class="bar">
-    <label>Focus
-      <input type="range" min="-1" max="1" step="0.01" value="0" aria-label="Distance of what is sharp"></label>
-    <button class="sweep" aria-pressed="false" title="Moves the focus through the scene and back">Sweep</button>
-    <button class="home" title="Back to where the flight began (key r)">Home</button>
-    <button class="figures" aria-pressed="false" title="Frames per second, latency, bytes (key i)">Figures</button>
-    <button class="share" title="Copies a link to exactly this view">Share</button>
-  </div>
-  <span id="help" hidden>Arrow keys turn around the scene, w s a d q e fly, plus and minus zoom, square brackets move
-    the focus, r goes back to the start, i shows figures.</span>`;
-
-export const kFields = ['x', 'y', 'z', 'yaw', 'pitch', 'roll', 'fov', 'focus-distance'];
-
-// "x=0.1&yaw=5" to {x: 0.1, yaw: 5}; what is no number of a view is left out.
-export function viewOf(text) {
-  const view = {};
-  for (const [name, value] of new URLSearchParams(text))
-    if (kFields.includes(name) && value !== '' && Number.isFinite(Number(value))) view[name] = Number(value);
-  return view;
-}
 
 export class LightfieldViewer extends HTMLElement {
   constructor() {
     super();
     this.attachShadow({ mode: 'open' }).innerHTML = markup;
+    this.shadowRoot.adoptedStyleSheets = [sheet];
     const find = selector => this.shadowRoot.querySelector(selector);
     this.video = find('video');
     this.status = find('.status');
     this.slider = find('input');
     this.view = {};
     this.state = null;  // of the view, as the server tells it
+    this.seen = null;   // that of the picture that is shown
+    this.changes = [];  // [RTP timestamp, state] of pictures to come
     this.figures = {};
-    this.overlay = new Overlay(this, find('pre'));
+    this.panel = new Figures(this, find('pre.figures'));
+    this.cameras = new Cameras(this, find('canvas.cameras'), find('pre.makers'));
     this.controls = new Controls(this);
     this.slider.addEventListener('input', () => this.focusAt(Number(this.slider.value)));
     find('.sweep').addEventListener('click', event => this.sweep(event.target));
     find('.home').addEventListener('click', () => this.controls.key('r'));
-    find('.figures').addEventListener('click', () => this.toggleFigures());
+    find('button.figures').addEventListener('click', () => this.toggle('figures', this.panel));
+    find('button.cameras').addEventListener('click', () => this.toggle('cameras', this.cameras));
     find('.share').addEventListener('click', event => this.share(event.target));
+    this.watch();
   }
 
   connectedCallback() {
@@ -160,15 +118,17 @@ export class LightfieldViewer extends HTMLElement {
 
   take(message) {
     if (message.type !== 'InfoMessage') return;
-    const { statistics, applied, view } = message.info;
+    const { statistics, applied, view, pixel } = message.info;
+    if (pixel) this.cameras.take(pixel);
     if (statistics) {
       this.figures = statistics;
-      this.overlay.update();
+      this.panel.update();
       this.dispatchEvent(new CustomEvent('statistics', { detail: statistics }));
     }
     if (view) this.showView(view);
+    if (view) this.changes.push([applied?.rtpTimestamp, view]);
     if (applied) {
-      this.overlay.applied(applied);
+      this.panel.applied(applied);
       this.dispatchEvent(new CustomEvent('applied', { detail: applied }));
     }
   }
@@ -212,9 +172,49 @@ export class LightfieldViewer extends HTMLElement {
     if (on) requestAnimationFrame(step);
   }
 
-  toggleFigures() {
-    const button = this.shadowRoot.querySelector('button.figures');
-    button.setAttribute('aria-pressed', this.overlay.toggle());
+  async toggle(name, layer) {
+    const button = this.shadowRoot.querySelector(`button.${name}`);
+    button.setAttribute('aria-pressed', await layer.toggle());
+  }
+
+  // Every frame that is shown.
+  watch() {
+    this.video.requestVideoFrameCallback?.((now, frame) => {
+      while (this.changes.length) {
+        const [stamp, state] = this.changes[0];
+        if (stamp !== undefined && frame.rtpTimestamp !== undefined && !isShown(stamp, frame.rtpTimestamp)) break;
+        this.seen = state;
+        this.changes.shift();
+      }
+      this.panel.frame(now, frame);
+      this.cameras.draw(now, this.seen);
+      this.watch();
+    });
+  }
+
+  // Where the picture is in the element, in CSS pixels: it keeps its shape.
+  get pictureBox() {
+    const { clientWidth, clientHeight, videoWidth, videoHeight } = this.video;
+    const scale = Math.min(clientWidth / (videoWidth || 1), clientHeight / (videoHeight || 1)) || 1;
+    const width = videoWidth * scale, height = videoHeight * scale;
+    return { x: (clientWidth - width) / 2, y: (clientHeight - height) / 2, width, height, scale };
+  }
+  // What each eye sees where: `offset` metres to the right of the view.
+  get eyes() { return [{ box: this.pictureBox, offset: 0 }]; }
+  get eyeWidth() { return this.video.videoWidth; }
+  // The pixel of the view under a pointer, and back.
+  pixelAt(event) {
+    const frame = this.video.getBoundingClientRect(), box = this.pictureBox;
+    return { x: (event.clientX - frame.left - box.x) / box.scale, y: (event.clientY - frame.top - box.y) / box.scale };
+  }
+  placeOf({ x, y }) {
+    const box = this.pictureBox;
+    return { x: box.x + x * box.scale, y: box.y + y * box.scale };
+  }
+  // The answer goes to the cameras' overlay.
+  askAbout({ x, y }) {
+    return this.connection?.request(
+      { type: 'customUpstreamEvent', structureName: 'lf-pixel', structure: { x: Math.round(x), y: Math.round(y) } });
   }
 
   get link() {

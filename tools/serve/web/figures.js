@@ -3,28 +3,22 @@
 
 const kLatest = 30;  // latencies that the median is of
 
-export class Overlay {
+export class Figures {
   constructor(viewer, box) {
     this.viewer = viewer;
     this.box = box;
     this.shown = [];     // times of frames of the latest second
     this.waiting = [];   // [RTP timestamp, time sent] of changes whose picture has not been shown
     this.latencies = []; // milliseconds, from the change to the picture that shows it
-    if (viewer.video.requestVideoFrameCallback) this.watch();
   }
 
-  watch() {
-    this.viewer.video.requestVideoFrameCallback((now, frame) => {
-      this.shown = [...this.shown.filter(time => time > now - 1000), now];
-      const stamp = frame.rtpTimestamp;
-      if (stamp !== undefined) {
-        // Stamps go round at 2^32.
-        const done = this.waiting.filter(([rtp]) => ((stamp - rtp) >>> 0) < 0x80000000);
-        this.waiting = this.waiting.filter(entry => !done.includes(entry));
-        for (const [, sent] of done) this.latencies = [...this.latencies, now - sent].slice(-kLatest);
-      }
-      this.watch();
-    });
+  // With every frame.
+  frame(now, { rtpTimestamp }) {
+    this.shown = [...this.shown.filter(time => time > now - 1000), now];
+    if (rtpTimestamp === undefined) return;
+    const done = this.waiting.filter(([stamp]) => isShown(stamp, rtpTimestamp));
+    this.waiting = this.waiting.filter(entry => !done.includes(entry));
+    for (const [, sent] of done) this.latencies = [...this.latencies, now - sent].slice(-kLatest);
   }
 
   // A change that was sent at `sent` is in the picture with this stamp.
@@ -51,19 +45,25 @@ export class Overlay {
     this.before = f;
     if (this.box.hidden || f.pictures === undefined) return;
     const each = (bytes, old) => f.pictures > before.pictures
-      ? Math.round((bytes - old) / (f.pictures - before.pictures)) : 0;
-    const video = this.viewer.video;
+      ? `${((bytes - old) / (f.pictures - before.pictures) / 1000).toFixed(1)} kB` : '-';
+    const { videoWidth: width, videoHeight: height } = this.viewer.video;
     const lines = [
-      ['picture', `${video.videoWidth} x ${video.videoHeight}, ${this.shown.length} frames/s`],
+      ['picture', `${width} x ${height}, ${this.shown.length} frames/s`],
+      ['coverage', f.coverage === undefined ? '-' : `${(100 * f.coverage).toFixed(1)} % of the picture`],
       ['motion to picture', this.latency === undefined ? 'move to measure' : `${this.latency.toFixed(0)} ms`],
-      ['request to picture', `${f.pictureMs.toFixed(1)} ms, of this answers ${f.answerMs.toFixed(1)} ms`],
+      ['request to picture', `${f.pictureMs.toFixed(1)} ms, of this answers ${f.answerMs.toFixed(1)} ms, ` +
+        `adding ${f.addMs.toFixed(1)} ms`],
       ['bytes a picture', `${each(f.answerBytes, before.answerBytes)} from the cameras, ` +
-        `${each(f.videoBytes, before.videoBytes)} as video`],
+        `${(width * height * 1.5 / 1000).toFixed(1)} kB composed, ${each(f.videoBytes, before.videoBytes)} as video`],
       ['bit rate', `${(f.bitRate / 1e6).toFixed(1)} Mbit/s at most`],
       ['network', `${(f.loss * 100).toFixed(1)} % lost, ${f.roundTripMs.toFixed(0)} ms there and back`],
-      ['skew', `${f.skewMs.toFixed(1)} ms`],
-      ['incomplete', `${f.incomplete} of ${f.pictures} pictures, ${f.missing} fragments missing`],
+      ['skew', `${f.skewMs.toFixed(1)} ms at most`],
+      ['lost', `${f.missing} fragments, in ${f.incomplete} of ${f.pictures} pictures; ` +
+        `${f.outOfService} cameras out of service`],
     ];
     this.box.textContent = lines.map(([name, value]) => `${name.padEnd(20)}${value}`).join('\n');
   }
 }
+
+// Whether the frame with this stamp is the one asked for, or a later one. Stamps go round at 2^32.
+export const isShown = (asked, frame) => ((frame - asked) >>> 0) < 0x80000000;

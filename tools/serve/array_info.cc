@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "array_info.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "render/contribution_map.h"
+#include "rig/rig_json.h"
+#include "view/navigator.h"
+
+namespace lf::serve {
+namespace {
+
+constexpr int kCoverageRows = 16;
+
+std::string name_of(const Camera& camera) { return camera.name.empty() ? std::to_string(camera.id) : camera.name; }
+
+nlohmann::json numbers(const Vec3& v) { return {v.x, v.y, v.z}; }
+
+}  // namespace
+
+ArrayInfo::ArrayInfo(const std::string& rig) : rig_(load_rig(rig)), mesh_(build_mesh(rig_)) {
+  nlohmann::json cameras = nlohmann::json::array(), faces = nlohmann::json::array();
+  for (const Camera& camera : rig_.cameras) {
+    cameras.push_back({{"name", name_of(camera)}, {"position", numbers(camera.pose.position)}});
+  }
+  for (const MeshFace& face : mesh_.faces)
+    faces.push_back(std::vector<CameraIndex>(face.camera.begin(), face.camera.begin() + face.corners()));
+  const Pose front = default_viewpoint(rig_).pose;
+  json_ = nlohmann::json{{"cameras", std::move(cameras)},
+                         {"faces", std::move(faces)},
+                         {"right", numbers(front.right())},
+                         {"down", numbers(front.down())}}
+              .dump();
+}
+
+nlohmann::json ArrayInfo::pixel(const View& view, int x, int y) const {
+  nlohmann::json cameras = nlohmann::json::array();
+  if (x < 0 || y < 0 || x >= view.width || y >= view.height) return cameras;
+  for (const PixelShare& share : pixel_shares(rig_, ViewPlan(rig_, mesh_, view), x, y))
+    cameras.push_back({{"name", name_of(rig_.cameras[share.camera])}, {"weight", share.weight}, {"sees", share.sees}});
+  return cameras;
+}
+
+double ArrayInfo::coverage(const View& view) const {
+  return mean_coverage(rig_, ViewPlan(rig_, mesh_, view), std::min(kCoverageRows, view.height));
+}
+
+}  // namespace lf::serve

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "rig/mesh.h"
+#include "rig/rig.h"
+#include "view/view.h"
+
+namespace lf::serve {
+
+// What the page tells of the cameras, as JSON. Immutable; thread-safe.
+class ArrayInfo {
+ public:
+  // Throws Error.
+  explicit ArrayInfo(const std::string& rig);
+
+  // {"cameras": [{"name": "cam_00_00", "position": [0, 0, 0]}, ...], "faces": [[0, 1, 8], ...],
+  // "right": [1, 0, 0], "down": [0, 1, 0]}: the axes of whoever stands before the array.
+  const std::string& json() const { return json_; }
+  // Who makes a pixel, the heaviest first: [{"name": "cam_00_00", "weight": 0.5, "sees": true}, ...]
+  nlohmann::json pixel(const View& view, int x, int y) const;
+  // The share of the view that cameras make, 0..1.
+  double coverage(const View& view) const;
+
+ private:
+  Rig rig_;
+  Mesh mesh_;
+  std::string json_;
+};
+
+}  // namespace lf::serve
