@@ -31,6 +31,12 @@ Vec3 TargetState::point(uint32_t which) const {
   return {p[0], p[1], p[2]};
 }
 
+bool Scene::measured(int term) const {
+  for (size_t i = 0; i < lens_priors.size(); i++)
+    if (measured(i, term)) return true;
+  return false;
+}
+
 std::optional<Vec2> residual(const CameraState& camera, const TargetState& target, const Observation& observation) {
   const Vec3 point = target.point(observation.light);
   double pixel[2];

@@ -45,10 +45,19 @@ struct TargetState {
 };
 
 // What is known of a lens before: its terms and the square root of their information (upper rows; W (lens - mean) has
-// unit covariance).
+// unit covariance). Rows and columns of terms that nothing is known of are zero: they have the batch's prior.
 struct LensPrior {
   std::array<double, kNumLensTerms> mean{};
   std::array<double, kNumLensTerms * kNumLensTerms> root_information{};  // row by row
+  std::array<bool, kNumLensTerms> known{};
+};
+
+// What is known of a pose before: x, y, z and a turn about the world's axes, as a rig's covariance counts them, in the
+// frame and the metres of the rig that says so. Zero rows and columns as above.
+struct PosePrior {
+  static constexpr int kNumTerms = 6;
+  Pose mean;
+  std::array<double, kNumTerms * kNumTerms> root_information{};
 };
 
 // Lenses of one batch are alike: each is within `spread` of the batch's mean, or within `tight` where the term is said
@@ -63,11 +72,20 @@ struct Scene {
   std::vector<std::optional<LensPrior>> lens_priors;  // per camera; those without have the batch's
   BatchPrior batch;
   std::array<double, kNumLensTerms> batch_mean{};  // estimated
+  // Per camera, or empty: only once the scene is in the frame that they are of.
+  std::vector<std::optional<PosePrior>> pose_priors;
+  double metres = 1;  // of those in a unit of the scene: estimated where a bar is the unit
+
+  // Whether the term was measured before in that camera (it is the batch's otherwise), or in any.
+  bool measured(size_t camera, int term) const { return lens_priors[camera] && lens_priors[camera]->known[term]; }
+  bool measured(int term) const;
+  // How far the term may be from the batch's mean, one sigma.
+  double spread(int term, bool shared) const { return shared ? batch.tight[term] : batch.spread[term]; }
 };
 
 struct AdjustmentOptions {
   std::array<bool, kNumLensTerms> free{};    // lens terms
-  std::array<bool, kNumLensTerms> shared{};  // of those, alike in all cameras that have no prior of their own
+  std::array<bool, kNumLensTerms> shared{};  // of those, alike in all cameras where they were not measured before
   double sigma = 1;                          // of an observation's x and of its y, pixels
   double robust = 0;                         // beyond this many sigmas an error counts less; 0: least squares
   bool redescending = true;                  // less and less (Cauchy), or by its length (Huber)

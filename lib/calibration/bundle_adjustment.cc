@@ -28,6 +28,12 @@ struct Blocks {
   std::vector<double*> cameras, targets;
 };
 
+bool all_measured(const Scene& scene, size_t camera) {
+  for (int k = 0; k < kNumLensTerms; k++)
+    if (!scene.measured(camera, k)) return false;
+  return true;
+}
+
 }  // namespace
 
 AdjustmentSummary adjust(Scene& scene, const std::vector<Observation>& observations, const Inliers& use,
@@ -52,7 +58,7 @@ AdjustmentSummary adjust(Scene& scene, const std::vector<Observation>& observati
   }
   Blocks blocks;
   const bool lenses = std::any_of(options.free.begin(), options.free.end(), [](bool f) { return f; });
-  bool has_batch = false;
+  bool has_batch = false, has_pose_priors = false;
   for (size_t i = 0; i < scene.cameras.size(); i++) {
     if (!camera_used[i]) continue;
     double* block = scene.cameras[i].v.data();
@@ -62,16 +68,22 @@ AdjustmentSummary adjust(Scene& scene, const std::vector<Observation>& observati
     }
     problem.SetManifold(block, &camera_manifold);
     blocks.cameras.push_back(block);
+    if (!scene.pose_priors.empty() && scene.pose_priors[i] && options.free_poses) {
+      problem.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<PosePriorCost, PosePrior::kNumTerms, CameraState::kSize, 1>(
+              new PosePriorCost{&*scene.pose_priors[i]}),
+          nullptr, block, &scene.metres);
+      has_pose_priors = true;
+    }
     if (!lenses) continue;
-    if (scene.lens_priors[i]) {
+    if (scene.lens_priors[i])
       problem.AddResidualBlock(new ceres::AutoDiffCostFunction<LensPriorCost, kNumLensTerms, CameraState::kSize>(
                                    new LensPriorCost{&*scene.lens_priors[i]}),
                                nullptr, block);
-      continue;
-    }
+    if (all_measured(scene, i)) continue;
     auto* spread = new BatchSpreadCost;
     for (int k = 0; k < kNumLensTerms; k++)
-      spread->weight[k] = 1 / (options.shared[k] ? scene.batch.tight[k] : scene.batch.spread[k]);
+      spread->weight[k] = scene.measured(i, k) ? 0 : 1 / scene.spread(k, options.shared[k]);
     problem.AddResidualBlock(
         new ceres::AutoDiffCostFunction<BatchSpreadCost, kNumLensTerms, CameraState::kSize, kNumLensTerms>(spread),
         nullptr, block, scene.batch_mean.data());
@@ -88,8 +100,10 @@ AdjustmentSummary adjust(Scene& scene, const std::vector<Observation>& observati
     batch_manifold = std::make_unique<ceres::SubsetManifold>(kNumLensTerms, fixed);
     problem.SetManifold(scene.batch_mean.data(), batch_manifold.get());
   }
+  bool has_bar = false;
   for (size_t i = 0; i < scene.targets.size(); i++) {
     if (!target_used[i]) continue;
+    has_bar |= scene.targets[i].kind == TargetState::Kind::kBar;
     double* block = scene.targets[i].v.data();
     if (scene.targets[i].kind == TargetState::Kind::kBar) problem.SetManifold(block, &bar_manifold);
     if (options.free_targets)
@@ -97,6 +111,9 @@ AdjustmentSummary adjust(Scene& scene, const std::vector<Observation>& observati
     else
       problem.SetParameterBlockConstant(block);
   }
+
+  const bool free_metres = has_pose_priors && has_bar;
+  if (has_pose_priors && !free_metres) problem.SetParameterBlockConstant(&scene.metres);
 
   ceres::Solver::Options solver;
   solver.linear_solver_type = ceres::DENSE_SCHUR;
@@ -113,6 +130,7 @@ AdjustmentSummary adjust(Scene& scene, const std::vector<Observation>& observati
       blocks.cameras.size() * camera_manifold.TangentSize() > blocks.targets.size() * (scene.targets[0].v.size() / 2);
   for (double* block : blocks.cameras) ordering->AddElementToGroup(block, cameras_first ? 0 : 1);
   for (double* block : blocks.targets) ordering->AddElementToGroup(block, cameras_first ? 1 : 0);
+  if (free_metres) ordering->AddElementToGroup(&scene.metres, 1);
   if (has_batch) ordering->AddElementToGroup(scene.batch_mean.data(), 1);
   solver.linear_solver_ordering.reset(ordering);
   ceres::Solver::Summary summary;

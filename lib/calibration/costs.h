@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include <ceres/ceres.h>
+#include <ceres/rotation.h>
 #include <Eigen/Core>
 
 #include "calibration/adjustment.h"
@@ -141,6 +142,29 @@ struct LensPriorCost {
       error[r] = T(0);
       for (int c = 0; c < kNumLensTerms; c++)
         error[r] += T(prior->root_information[r * kNumLensTerms + c]) * (state[7 + c] - T(prior->mean[c]));
+    }
+    return true;
+  }
+};
+
+// A pose near what was known of it; `metres` of its frame make a unit of the scene.
+struct PosePriorCost {
+  const PosePrior* prior;
+  template <class T>
+  bool operator()(const T* state, const T* metres, T* error) const {
+    const Quat& q = prior->mean.orientation;
+    const T mean[4] = {T(q.w), T(-q.x), T(-q.y), T(-q.z)};
+    T turn[4], off[PosePrior::kNumTerms];
+    ceres::QuaternionProduct(state, mean, turn);
+    const T sign(turn[0] < T(0) ? -2 : 2);
+    for (int i = 0; i < 3; i++) {
+      off[i] = state[4 + i] * metres[0] - T(prior->mean.position[i]);
+      off[3 + i] = sign * turn[1 + i];
+    }
+    for (int r = 0; r < PosePrior::kNumTerms; r++) {
+      error[r] = T(0);
+      for (int c = 0; c < PosePrior::kNumTerms; c++)
+        error[r] += T(prior->root_information[r * PosePrior::kNumTerms + c]) * off[c];
     }
     return true;
   }

@@ -45,6 +45,7 @@ class Diagnosis {
     find_groups();
     find_swaps();
     judge_lenses();
+    judge_poses();
     judge_modes();
     judge_scale();
     return std::move(findings_);
@@ -187,30 +188,33 @@ class Diagnosis {
         const auto before = static_cast<Eigen::Index>(rank * terms + t);
         mean[row] = mean_before[before] = 1 / n;
         alone += u.covariance(row, row) > kNothingLearnt * kNothingLearnt * u.prior_covariance(before, before);
-        const auto& prior = scene().lens_priors[used[rank]];
-        const double expected = prior ? prior->mean[k] : scene().batch.mean[k];
+        const double expected =
+            scene().measured(used[rank], k) ? scene().lens_priors[used[rank]]->mean[k] : scene().batch.mean[k];
         offset += (scene().cameras[used[rank]].lens_terms()[k] - expected) / n;
       }
       const double after = u.sigma_of(mean), before = std::sqrt(mean_before.dot(u.prior_covariance * mean_before));
       const double f = scene().cameras[used[0]].lens_terms()[kF];
       const std::string size = k == kF ? text("+-%.2g %%", after / f * 100) : text("+-%.2g", after);
       if (after > kNothingLearnt * before)
-        add(has_priors() ? Severity::kWarning : Severity::kError, kCodes[k],
+        add(scene().measured(k) ? Severity::kWarning : Severity::kError, kCodes[k],
             text("%s, common to all cameras: %s, as before: these tracks tell nothing of it%s", kNames[k], size.c_str(),
                  k <= kCy && !tracks_.bar ? "; use a bar with two lights" : ""));
       else if (alone > 0)
         add(Severity::kNote, kCodes[k],
             text("%s: no better known than before in %zu of %zu cameras", kNames[k], alone, used.size()));
       const double surprise = std::sqrt(std::max(before * before - after * after, 1e-30));
-      if (has_priors() && std::abs(offset) > kContradiction * surprise && std::abs(offset) > kContradiction * after)
+      if (scene().measured(k) && std::abs(offset) > kContradiction * surprise &&
+          std::abs(offset) > kContradiction * after)
         add(Severity::kError, "prior-contradicted",
             text("%s: the tracks say %+.3g more than the prior rig on average, %.0f times what it allows", kNames[k],
                  offset, std::abs(offset) / surprise));
     }
   }
 
-  bool has_priors() const {
-    return std::any_of(scene().lens_priors.begin(), scene().lens_priors.end(), [](const auto& p) { return !!p; });
+  void judge_poses() {
+    for (const size_t i : solution_.contradicted_poses)
+      add(Severity::kError, "prior-contradicted",
+          text("camera %u is not where the prior rig's covariance allows: that was not used", id(i)));
   }
 
   void judge_modes() {

@@ -4,16 +4,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Core>
-#include <Eigen/LU>
-
 #include "base/error.h"
+#include "calibration/root_information.h"
 
 namespace lf {
 namespace {
-
-using LensMatrix = Eigen::Matrix<double, kNumLensTerms, kNumLensTerms, Eigen::RowMajor>;
 
 constexpr const char* kTermNames[kNumLensTerms] = {"f", "cx", "cy", "k1", "k2"};
 
@@ -28,24 +23,18 @@ BatchPrior usual(int width, int height) {
   return batch;
 }
 
-// Of the terms that the covariance has; what it lacks, and what it says to be exact, is held fast.
+// Of the terms that the covariance has: what it says to be exact is held fast, of what it lacks nothing is known.
 std::optional<LensPrior> make_prior(const CameraState& camera, const CameraCovariance& covariance) {
+  const std::array<double, kNumLensTerms> least = {1e-6 * camera.lens_terms()[kF], 1e-4, 1e-4, 1e-7, 1e-7};
   std::array<std::optional<size_t>, kNumLensTerms> index;
   for (int k = 0; k < kNumLensTerms; k++) index[k] = covariance.index_of(kTermNames[k]);
   if (!index[kF]) index[kF] = covariance.index_of("fx");
-  if (!index[kF]) return std::nullopt;
-  const std::array<double, kNumLensTerms> least = {1e-6 * camera.lens_terms()[kF], 1e-4, 1e-4, 1e-7, 1e-7};
-  LensMatrix m = LensMatrix::Zero();
-  for (int r = 0; r < kNumLensTerms; r++) {
-    for (int c = 0; c < kNumLensTerms; c++)
-      if (index[r] && index[c]) m(r, c) = covariance.at(*index[r], *index[c]);
-    m(r, r) += least[r] * least[r];
-  }
-  const Eigen::LLT<LensMatrix> information(m.inverse());
-  if (information.info() != Eigen::Success) return std::nullopt;
+  const auto root = root_information<kNumLensTerms>(covariance, index, least);
+  if (!root) return std::nullopt;
   LensPrior prior;
   std::copy(camera.lens_terms(), camera.lens_terms() + kNumLensTerms, prior.mean.begin());
-  Eigen::Map<LensMatrix>(prior.root_information.data()) = LensMatrix(information.matrixU());
+  std::copy(root->data(), root->data() + root->size(), prior.root_information.begin());
+  for (int k = 0; k < kNumLensTerms; k++) prior.known[k] = index[k].has_value();
   return prior;
 }
 

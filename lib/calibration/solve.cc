@@ -8,6 +8,7 @@
 #include "calibration/initial_layout.h"
 #include "calibration/model_choice.h"
 #include "calibration/placement.h"
+#include "calibration/pose_priors.h"
 #include "calibration/robust_scale.h"
 #include "calibration/scene.h"
 #include "calibration/triangulation.h"
@@ -49,6 +50,7 @@ class Solver {
     free_lenses();
     step("final adjustment");
     finish();
+    use_known_poses();
     step("uncertainty");
     judge();
     settle_doubtful_targets();
@@ -171,11 +173,11 @@ class Solver {
   }
 
   void free_lenses() {
-    if (!has_lens_prior()) {
+    if (!scene().measured(kF)) {
       robust_shared_f(sample_, 1);
       robust(sample_, {true, true, true}, 1);
     }
-    if (options_.distortion || has_lens_prior()) {
+    if (options_.distortion || scene().measured(kK1)) {
       solution_.distortion = options_.distortion.value_or(DistortionModel{2, false});
     } else {
       step("distortion");
@@ -189,10 +191,6 @@ class Solver {
     robust(sample_, solution_.model.free, 3, 8);
     triangulate_targets(scene(), tracks_, 4 * sigma_of(sample_));
     robust(tracks_, solution_.model.free, 2, 8);
-  }
-
-  bool has_lens_prior() {
-    return std::any_of(scene().lens_priors.begin(), scene().lens_priors.end(), [](const auto& p) { return !!p; });
   }
 
   // Least squares over what is no outlier, until that does not change.
@@ -215,6 +213,15 @@ class Solver {
     }
     solution_.inliers = inliers;
     solution_.model.sigma = o.sigma;
+  }
+
+  void use_known_poses() {
+    if (!knows_poses(options_)) return;
+    const PosePriorUse use =
+        use_pose_priors(scene(), tracks_, options_,
+                        estimate_uncertainty(scene(), tracks_.observations, solution_.inliers, solution_.model));
+    solution_.contradicted_poses = use.contradicted;
+    if (use.any) finish();
   }
 
   // Targets that fewer than three good sights hold: a place amid all of their sights, so that what is reported of these

@@ -30,7 +30,7 @@ struct ModelTrial {
 
 struct SolveOptions {
   std::optional<Rig> prior;                                        // nominal lenses and layout; cameras are found by id
-  std::vector<std::optional<CameraCovariance>> prior_covariances;  // of its cameras' lenses; may be empty
+  std::vector<std::optional<CameraCovariance>> prior_covariances;  // of its cameras, each on its own; may be empty
   std::optional<DistortionModel> distortion;                       // nothing: chosen by evidence
   std::function<void(const std::string& step)> progress;           // called before each step; may throw to cancel
 };
@@ -42,9 +42,10 @@ struct Solution {
   double expected_rms = 0;  // of the lengths of residuals if all were noise like their middle half, pixels
   AdjustmentOptions model;  // which lens terms are free
   DistortionModel distortion;
-  std::vector<ModelTrial> trials;  // empty where nothing was to be chosen
-  std::string start;               // how the first layout was found
-  Uncertainty uncertainty;         // in the solver's frame and scale
+  std::vector<ModelTrial> trials;          // empty where nothing was to be chosen
+  std::string start;                       // how the first layout was found
+  Uncertainty uncertainty;                 // in the solver's frame and scale
+  std::vector<size_t> contradicted_poses;  // cameras that are not where the prior rig's covariance allows
 };
 
 // Everything but the frame: poses, lenses and targets from tracks. Throws Error where nothing can be found at all.

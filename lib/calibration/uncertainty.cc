@@ -56,7 +56,7 @@ class Builder {
       result_.camera_row.push_back(camera.used ? rows : -1);
       if (camera.used) rows += result_.camera_size;
     }
-    information_ = MatrixXd::Zero(rows + num_terms(), rows + num_terms());  // the batch's mean at the end
+    information_ = MatrixXd::Zero(rows + num_terms() + 1, rows + num_terms() + 1);  // the batch's mean and the metres
     targets_.resize(scene.targets.size());
     for (const CameraState& camera : scene.cameras) {
       RowMajor j(CameraState::kSize, result_.camera_size);
@@ -124,7 +124,6 @@ class Builder {
   // Adds what was known of the lenses to `information`, whose camera i has its lens terms from lens_row(i) on.
   template <class LensRow>
   void add_priors(MatrixXd& information, int batch_row, const LensRow& lens_row) const {
-    bool has_batch = false;
     for (size_t i = 0; i < scene_.cameras.size(); i++) {
       if (!scene_.cameras[i].used) continue;
       const int row = lens_row(i);
@@ -135,13 +134,11 @@ class Builder {
         for (int a = 0; a < num_terms(); a++)
           for (int b = 0; b < num_terms(); b++)
             information(row + a, row + b) += full(result_.lens_terms[a], result_.lens_terms[b]);
-        continue;
       }
-      has_batch = true;
       for (int a = 0; a < num_terms(); a++) {
         const int k = result_.lens_terms[a];
-        const double spread = options_.shared[k] ? scene_.batch.tight[k] : scene_.batch.spread[k],
-                     w = 1 / (spread * spread);
+        if (scene_.measured(i, k)) continue;
+        const double w = std::pow(scene_.spread(k, options_.shared[k]), -2);
         information(row + a, row + a) += w;
         information(batch_row + a, batch_row + a) += w;
         information(row + a, batch_row + a) -= w;
@@ -150,13 +147,37 @@ class Builder {
     }
     for (int a = 0; a < num_terms(); a++) {
       const double width = scene_.batch.width[result_.lens_terms[a]];
-      information(batch_row + a, batch_row + a) += has_batch ? 1 / (width * width) : 1;
+      information(batch_row + a, batch_row + a) += 1 / (width * width);
     }
+  }
+
+  // A turn, a shift: in this order steps come.
+  void add_pose_priors(int metres_row) {
+    const bool bars = has_bars();
+    for (size_t i = 0; i < scene_.pose_priors.size(); i++) {
+      const int row = result_.camera_row[i];
+      if (row < 0 || !scene_.pose_priors[i]) continue;
+      const Eigen::Map<const Eigen::Matrix<double, PosePrior::kNumTerms, PosePrior::kNumTerms, Eigen::RowMajor>> root(
+          scene_.pose_priors[i]->root_information.data());
+      const Vec3 at = scene_.cameras[i].pose().position;
+      Eigen::Matrix<double, PosePrior::kNumTerms, 7> by_step;
+      by_step << root.rightCols<3>(), root.leftCols<3>() * scene_.metres,
+          root.leftCols<3>() * Eigen::Vector3d(at.x, at.y, at.z);
+      const Eigen::Matrix<double, 7, 7> own = by_step.transpose() * by_step;
+      information_.block<6, 6>(row, row) += own.topLeftCorner<6, 6>();
+      pose_priors_ = true;
+      if (!bars) continue;
+      information_.block<6, 1>(row, metres_row) += own.topRightCorner<6, 1>();
+      information_.block<1, 6>(metres_row, row) += own.bottomLeftCorner<1, 6>();
+      information_(metres_row, metres_row) += own(6, 6);
+    }
+    if (!(information_(metres_row, metres_row) > 0)) information_(metres_row, metres_row) = 1;
   }
 
   Uncertainty finish() {
     eliminate_targets();
-    const int rows = static_cast<int>(information_.rows()) - num_terms();
+    const int rows = static_cast<int>(information_.rows()) - num_terms() - 1;
+    add_pose_priors(rows + num_terms());
     add_priors(information_, rows, [&](size_t i) { return result_.camera_row[i] + 6; });
     invert();
     result_.covariance.conservativeResize(rows, rows);
@@ -172,6 +193,10 @@ class Builder {
 
  private:
   int num_terms() const { return static_cast<int>(result_.lens_terms.size()); }
+  bool has_bars() const {
+    return std::any_of(scene_.targets.begin(), scene_.targets.end(),
+                       [](const TargetState& t) { return t.kind == TargetState::Kind::kBar; });
+  }
 
   // With the similarities that the observations leave open taken out: P (S + K K')^-1 P', P the projection onto steps
   // that need no further alignment.
@@ -203,10 +228,8 @@ class Builder {
       weighted.middleRows(row + 3, 3) = gauge.middleRows(row + 3, 3);
     }
     const MatrixXd overlap = gauge.transpose() * weighted;
-    // A bar of unit length is a scale: no observation leaves it open.
-    const bool has_scale = std::any_of(scene_.targets.begin(), scene_.targets.end(),
-                                       [](const TargetState& t) { return t.kind == TargetState::Kind::kBar; });
-    for (int g = 0; g < (has_scale ? 6 : 7); g++) {
+    // A bar of unit length is a scale: no observation leaves it open. Known poses leave nothing open.
+    for (int g = 0; g < (pose_priors_ ? 0 : has_bars() ? 6 : 7); g++) {
       // As firm as the observations hold the steps that it is made of.
       const Eigen::VectorXd k = weighted.col(g) / weighted.col(g).norm();
       const double firm = k.cwiseAbs2().dot(information_.diagonal());
@@ -234,6 +257,7 @@ class Builder {
   ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::SphereManifold<3>> bar_manifold_;
   std::vector<RowMajor> camera_steps_;
   MatrixXd information_;
+  bool pose_priors_ = false;
   std::vector<TargetInformation> targets_;
   Uncertainty result_;
 };
