@@ -4,6 +4,7 @@
 #include <gst/gst.h>
 #include <gtest/gtest.h>
 
+#include <cstring>
 #include <random>
 
 #include "web/offers.h"
@@ -25,6 +26,30 @@ TEST(Offer, TakesTheBrowsersOwnNumberForH264) {
   EXPECT_EQ(offer->codec, VideoCodec::kH264);
   EXPECT_EQ(offer->payload_type, 108u) << "constrained baseline, mode 1";
   EXPECT_EQ(offer->profile, "42e01f");
+}
+
+// Or webrtcbin declines the video of who does not say that levels may differ.
+TEST(Offer, LetsLevelsDiffer) {
+  const auto offer = parse_offer(with(browser_offer(), "level-asymmetry-allowed=1;", ""), true, true, nullptr);
+  ASSERT_TRUE(offer);
+  g_autofree gchar* text = gst_sdp_message_as_text(offer->sdp.get());
+  EXPECT_TRUE(strstr(text, "a=fmtp:108 level-asymmetry-allowed=1;packetization-mode=1;profile-level-id=42e01f\r\n"))
+      << text;
+  EXPECT_FALSE(strstr(text, "a=fmtp:108 packetization-mode")) << text;
+  EXPECT_TRUE(strstr(text, "a=fmtp:104 packetization-mode=1;profile-level-id=64001f")) << "the others as they are";
+}
+
+TEST(Offer, AnswersNameTheProfile) {
+  const auto offer = parse_offer(browser_offer(), true, true, nullptr);
+  ASSERT_TRUE(offer);
+  GstSDPMessage* answer = nullptr;
+  const std::string bare = "v=0\r\no=- 1 0 IN IP4 0.0.0.0\r\ns=-\r\nt=0 0\r\nm=video 9 UDP/TLS/RTP/SAVPF 108\r\n";
+  ASSERT_EQ(gst_sdp_message_new_from_text((bare + "a=fmtp:108 packetization-mode=1\r\n").c_str(), &answer), GST_SDP_OK);
+  name_profile(answer, *offer);
+  g_autofree gchar* text = gst_sdp_message_as_text(answer);
+  EXPECT_EQ(std::string(text),
+            bare + "a=fmtp:108 level-asymmetry-allowed=1;packetization-mode=1;profile-level-id=42e01f\r\n");
+  gst_sdp_message_free(answer);
 }
 
 TEST(Offer, FallsBackToVp8) {

@@ -70,6 +70,20 @@ bool find_codec(const GstSDPMedia* media, VideoCodec codec, Offer& offer) {
   return false;
 }
 
+// Of H.264 as it is sent here. Streams may be of any level up to the one named (RFC 6184): webrtcbin would decline an
+// offer that does not name just the stream's own.
+void set_parameters(const GstSDPMedia* media, guint payload_type, const std::string& profile) {
+  GstSDPMedia* writable = const_cast<GstSDPMedia*>(media);  // the message is ours
+  const std::string payload = std::to_string(payload_type) + " ";
+  const std::string value = payload + "level-asymmetry-allowed=1;packetization-mode=1;profile-level-id=" + profile;
+  for (guint i = gst_sdp_media_attributes_len(media); i-- > 0;) {
+    const GstSDPAttribute* attribute = gst_sdp_media_get_attribute(media, i);
+    if (g_str_equal(attribute->key, "fmtp") && attribute->value && g_str_has_prefix(attribute->value, payload.c_str()))
+      gst_sdp_media_remove_attribute(writable, i);
+  }
+  gst_sdp_media_add_attribute(writable, "fmtp", value.c_str());
+}
+
 bool has(const GstSDPMessage* sdp, const GstSDPMedia* media, const char* attribute) {
   return gst_sdp_media_get_attribute_val(media, attribute) || gst_sdp_message_get_attribute_val(sdp, attribute);
 }
@@ -119,7 +133,16 @@ std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, s
     return fail("the offer does not receive video");
   if (!(h264 && find_codec(video, VideoCodec::kH264, offer)) && !(vp8 && find_codec(video, VideoCodec::kVp8, offer)))
     return fail("the offer has no codec that is spoken here (H.264 constrained baseline in mode 1, VP8)");
+  if (offer.codec == VideoCodec::kH264) set_parameters(video, offer.payload_type, offer.profile);
   return offer;
+}
+
+void name_profile(GstSDPMessage* answer, const Offer& offer) {
+  if (offer.codec != VideoCodec::kH264) return;
+  for (guint i = 0; i < gst_sdp_message_medias_len(answer); i++)
+    if (const GstSDPMedia* media = gst_sdp_message_get_media(answer, i);
+        g_strcmp0(gst_sdp_media_get_media(media), "video") == 0)
+      set_parameters(media, offer.payload_type, offer.profile);
 }
 
 }  // namespace lf::serve

@@ -32,4 +32,8 @@ struct Offer {
 // reason.
 std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, std::string* reason);
 
+// Gives the chosen codec the profile and level of the offer in the answer, where browsers look for it; webrtcbin leaves
+// it out.
+void name_profile(GstSDPMessage* answer, const Offer& offer);
+
 }  // namespace lf::serve

@@ -175,6 +175,7 @@ void Peer::negotiate() {
     GstWebRTCSessionDescription* local = nullptr;
     if (reply) gst_structure_get(reply, "answer", GST_TYPE_WEBRTC_SESSION_DESCRIPTION, &local, nullptr);
     if (!local) return peer->fail("the offer can't be answered: " + error_in(reply));
+    name_profile(local->sdp, peer->offer_);
     g_signal_emit_by_name(peer->webrtc_, "set-local-description", local, promise([weak](const GstStructure* set) {
                             const auto p = weak.lock();
                             if (p && !error_in(set).empty()) p->fail("the offer can't be answered: " + error_in(set));
