@@ -71,6 +71,8 @@ static GstBuffer* make_video(LfCompositor* self, const lf::Background& backgroun
   const lf::View& view = state.current->view;
   *flow = agree_on_picture(self, state.assembly.family(), view.width, view.height);
   if (*flow != GST_FLOW_OK) return nullptr;
+  // It would show the picture before, and the work would make a machine that is too slow slower still.
+  if (state.last_picture && state.assembly.all_is_missing()) return gst_buffer_copy(state.last_picture);
   state.assembly.finish(lf::family_of(state.info), background != lf::Background{});
 
   GstBuffer* out = state.pool.take();

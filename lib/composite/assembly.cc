@@ -158,6 +158,15 @@ void Assembly::finish(PixelFamily fallback, bool mark_uncovered) {
   if (mark_uncovered) accumulator_.set_uncovered(owners);
 }
 
+bool Assembly::all_is_missing() {
+  if (!rig_ || fragments_ > 0) return false;
+  const ViewPlan plan(*rig_, mesh_.get(*rig_, request_.out_of_service), request_.view);
+  const size_t wanted = plan.contributors().size();
+  if (wanted == 0 || absent(plan).size() < wanted) return false;
+  missing_ = static_cast<unsigned>(wanted);
+  return true;
+}
+
 void Assembly::finish_partial() {
   if (!rig_ || family_ == PixelFamily::kNone) return;
   const ViewPlan plan(*rig_, mesh_.get(*rig_, request_.out_of_service), request_.view);

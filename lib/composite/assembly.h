@@ -47,6 +47,10 @@ class Assembly {
   // of the whole view and changes nothing if the background is black.
   void finish(PixelFamily fallback, bool mark_uncovered);
 
+  // Before it: whether there is something to be seen in the view and nothing of it has come. If so missing() is known
+  // and a picture need not be made, which is more work than any other: there is nothing to be seen in it.
+  bool all_is_missing();
+
   // The same for a compositor inside a tree: cameras of which nothing came are not missing, but another compositor's.
   void finish_partial();
 

@@ -86,6 +86,22 @@ TEST_F(LfCompositorLiveTest, ABlindCameraIsTakenOut) {
   EXPECT_THAT(announced(), ElementsAre(CameraSet{3}));
 }
 
+TEST_F(LfCompositorLiveTest, WhereNothingComesThePictureBeforeShows) {
+  start_live(1, {{"rig", array_.rig_path()}, {"max-missed", "0"}});
+  ViewRequest asked = ask();
+  push(0, answer_of(asked, {0, 1, 2, 3}, 90));
+  const std::vector<uint8_t> complete = pull();
+  asked = ask();
+  pass_deadline();
+  EXPECT_EQ(pull(), complete);
+  EXPECT_EQ(last_pts_, asked.target_time);
+  EXPECT_EQ(stat(element_.get(), "incomplete"), 1u);
+  EXPECT_EQ(stat(element_.get(), "missing-fragments"), 4u);
+  asked = ask();
+  push(0, answer_of(asked, {0, 1, 2, 3}, 250));
+  EXPECT_GE(range(pull()).first, 248);
+}
+
 TEST_F(LfCompositorLiveTest, IncompletePicturesAreRepeatedOrDropped) {
   for (const std::string manner : {"repeat", "drop"}) {
     SCOPED_TRACE(manner);

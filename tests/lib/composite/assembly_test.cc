@@ -280,6 +280,21 @@ TEST_F(AssemblyTest, NothingAtAllIsTheBackground) {
   EXPECT_EQ(picture.pixel(0, 0)[2], 30);
 }
 
+TEST_F(AssemblyTest, AllIsMissingWhereSomethingIsToBeSeenAndNothingCame) {
+  assembly_.begin(request_);
+  EXPECT_FALSE(assembly_.all_is_missing()) << "without a rig nobody knows";
+  assembly_.set_rig(rig_);
+  assembly_.begin(request_);
+  EXPECT_TRUE(assembly_.all_is_missing());
+  EXPECT_GT(assembly_.missing(), 0u);
+  assembly_.begin(request_);
+  add_answer(assembly_, answer({4}));
+  EXPECT_FALSE(assembly_.all_is_missing());
+  request_.view.pose.position.x = 100;
+  assembly_.begin(request_);
+  EXPECT_FALSE(assembly_.all_is_missing()) << "from there no camera is seen";
+}
+
 TEST_F(AssemblyTest, SkewIsTheWorstAnswers) {
   assembly_.begin(request_);
   wire::Answer early = answer({0}), late = answer({1});
