@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "serve/access.h"
+#include "serve/pace.h"
 #include "serve/quality_control.h"
 #include "serve/rate_limit.h"
 
@@ -76,6 +77,23 @@ TEST(RateLimit, AddressesHaveTheirOwnAndAreForgotten) {
   EXPECT_FALSE(limit.take("one more", now)) << "shared by all beyond the limit";
   EXPECT_TRUE(limit.take("one more", now + 10 * kSecond));
   EXPECT_LE(limit.size(), 10u);
+}
+
+TEST(Pace, WaitsForPicturesButNotForEver) {
+  Pace pace(2);
+  EXPECT_TRUE(pace.begin(10));
+  EXPECT_TRUE(pace.begin(20));
+  EXPECT_FALSE(pace.begin(30));
+  pace.end(10);
+  EXPECT_TRUE(pace.begin(40));
+  EXPECT_FALSE(pace.begin(50));
+  pace.end(40);  // that of 20 was left out
+  EXPECT_TRUE(pace.begin(60));
+  EXPECT_TRUE(pace.begin(70));
+  EXPECT_FALSE(pace.begin(60 + Pace::kPatience));
+  EXPECT_TRUE(pace.begin(61 + Pace::kPatience));
+  pace.end(60);
+  EXPECT_FALSE(pace.begin(62 + Pace::kPatience)) << "what comes too late gives no credit";
 }
 
 TEST(Limits, SizesOfViews) {

@@ -47,6 +47,7 @@ class LightField {
   const std::string& rig() const { return rig_; }
   const ArrayInfo& array() const { return array_; }
   size_t nodes() const { return answers_.size(); }
+  bool is_local() const { return local_; }  // no other hosts
 
   void join(uint32_t view, OnAnswer on_answer);
   void leave(uint32_t view);         // when it returns, on_answer is not called any more
@@ -64,6 +65,7 @@ class LightField {
 
   std::string rig_;
   ArrayInfo array_;
+  bool local_;
   GstElement* pipeline_ = nullptr;
   GstAppSrc* requests_ = nullptr;
   GstClock* clock_ = nullptr;

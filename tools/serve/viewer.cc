@@ -14,6 +14,11 @@ namespace {
 
 using nlohmann::json;
 
+// Requests of a viewer that are under way. Over a network a round trip may be longer than a frame.
+constexpr int kMostLocal = 2, kMostRemote = 4;
+// Cameras in this process do answer, however busy it is.
+constexpr GstClockTime kLocalPatience = 500 * GST_MSECOND;
+
 // Between the light field and the encoder the newest picture is the only one that counts.
 std::string launch_line(const Offer& offer, size_t nodes, const ViewerSettings& settings) {
   std::ostringstream line;
@@ -67,6 +72,7 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
       settings_(settings),
       callbacks_(std::move(callbacks)),
       began_(g_get_monotonic_time()),
+      pace_(field.is_local() ? kMostLocal : kMostRemote),
       quality_(settings.least_bit_rate, settings.most_bit_rate),
       messages_(settings.messages_per_second, 2 * settings.messages_per_second) {
   pipeline_ = launch_pipeline(launch_line(offer, field.nodes(), settings));
@@ -74,12 +80,14 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   set_in(pipeline_, "view", "rig", field.rig().c_str(), "view-id", settings.view, "width", settings.width, "height",
          settings.height, "framerate", settings.framerate, 1, "capture-delay", settings.capture_delay);
   set_in(pipeline_, "c", "rig", field.rig().c_str(), "view-id", settings.view);
+  if (field.is_local()) set_in(pipeline_, "c", "latency", kLocalPatience);
   if (settings.focus > 0) set_in(pipeline_, "view", "focus-distance", settings.focus);
   compositor_ = find("c");
   encoder_ = find("encoder");
   view_ = find("view");
   view_pad_ = gst_element_get_static_pad(view_, "src");
 
+  watch_pace();
   GstElement* requests = find("requests");
   GstAppSinkCallbacks sink_callbacks = {};
   sink_callbacks.new_sample = take_request;
@@ -118,6 +126,25 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   gst_pipeline_use_clock(GST_PIPELINE(pipeline_), field.clock());
   field.join(settings.view, [this](size_t node, GstBuffer* answer) { take_answer(node, answer); });
   gst_element_set_state(pipeline_, GST_STATE_PLAYING);
+}
+
+void Viewer::watch_pace() {
+  gst_pad_add_probe(
+      view_pad_, GST_PAD_PROBE_TYPE_BUFFER,
+      [](GstPad*, GstPadProbeInfo* info, gpointer data) {
+        const GstClockTime time = GST_BUFFER_PTS(GST_PAD_PROBE_INFO_BUFFER(info));
+        return static_cast<Pace*>(data)->begin(time) ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
+      },
+      &pace_, nullptr);
+  GstPad* pictures = gst_element_get_static_pad(compositor_, "src");
+  gst_pad_add_probe(
+      pictures, GST_PAD_PROBE_TYPE_BUFFER,
+      [](GstPad*, GstPadProbeInfo* info, gpointer data) {
+        static_cast<Pace*>(data)->end(GST_BUFFER_PTS(GST_PAD_PROBE_INFO_BUFFER(info)));
+        return GST_PAD_PROBE_OK;
+      },
+      &pace_, nullptr);
+  gst_object_unref(pictures);
 }
 
 Viewer::~Viewer() {

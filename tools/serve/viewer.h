@@ -12,6 +12,7 @@
 
 #include "control_message.h"
 #include "light_field.h"
+#include "pace.h"
 #include "peer.h"
 #include "quality_control.h"
 #include "rate_limit.h"
@@ -57,6 +58,7 @@ class Viewer {
   Figures figures() const;
 
  private:
+  void watch_pace();
   static GstFlowReturn take_request(GstAppSink* sink, gpointer data);
   static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
   void control(const std::string& text);
@@ -76,6 +78,7 @@ class Viewer {
   std::shared_ptr<Peer> peer_;
   guint watch_ = 0;
   int64_t began_, answered_ = 0;
+  Pace pace_;
   QualityControl quality_;
   std::atomic<uint64_t> video_bytes_ = 0, refused_messages_ = 0;
 

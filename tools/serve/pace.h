@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <mutex>
+
+namespace lf::serve {
+
+// Which of a viewer's requests are being answered. Where the machine or the network is slower than the frame rate,
+// requests that nobody has time for are not made: pictures come at the rate that there is, each whole and of the
+// newest moment, in place of queues that end in gaps. Thread-safe. Times are those of requests, nanoseconds, rising.
+class Pace {
+ public:
+  static constexpr uint64_t kPatience = 1000000000;  // nanoseconds until an answer is not waited for any more
+
+  explicit Pace(size_t most) : most_(most) {}
+
+  // The request of this time may be made, and is. False: not now.
+  bool begin(uint64_t time) {
+    const std::lock_guard lock(mutex_);
+    while (!under_way_.empty() && time - under_way_.front() > kPatience) under_way_.pop_front();
+    if (under_way_.size() >= most_) return false;
+    under_way_.push_back(time);
+    return true;
+  }
+  // It has become a picture. What was asked for before never will.
+  void end(uint64_t time) {
+    const std::lock_guard lock(mutex_);
+    while (!under_way_.empty() && under_way_.front() <= time) under_way_.pop_front();
+  }
+
+ private:
+  const size_t most_;
+  std::mutex mutex_;
+  std::deque<uint64_t> under_way_;
+};
+
+}  // namespace lf::serve
