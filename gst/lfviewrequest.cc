@@ -37,7 +37,8 @@
  *
  * Not live, requests leave as fast as they are taken and ask for the running time of their frame. Live, they leave at
  * the instants of the capture schedule (multiples of the frame time on the pipeline's clock) plus `capture-delay`, and
- * ask for that instant in clock time; instants that passed while downstream was blocked are left out.
+ * ask for that instant in clock time; instants that passed while downstream was blocked are left out. With `eager` a
+ * change of the view is asked for at once, in place of the next instant.
  *
  * ## Example launch lines
  * |[
@@ -57,6 +58,7 @@
  * ]| The requests of a viewer on another host.
  */
 
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <string>
@@ -104,6 +106,12 @@ static std::shared_ptr<const lf::VisibleShare> visible_share(const lf::ViewReque
   return std::make_shared<lf::VisibleShare>(*rig);
 }
 
+// With the object lock: a request that waits for its turn may leave.
+static void note_change(LfViewRequest* self) {
+  self->changed = true;
+  if (self->waits_for_change && self->clock_id) gst_clock_id_unschedule(self->clock_id);
+}
+
 // Runs `change` on the view under the lock and then tells who watches the properties. Returns what `change` returns.
 template <typename Change>
 static gboolean change_view(LfViewRequest* self, Change change) {
@@ -111,6 +119,7 @@ static gboolean change_view(LfViewRequest* self, Change change) {
   const lf::ViewValues before = self->control->values();
   const gboolean done = change(*self->control);
   const lf::ViewValues after = self->control->values();
+  if (before != after) note_change(self);
   GST_OBJECT_UNLOCK(self);
   for (int i = 0; i < lf::kNumViewFields; i++)
     if (before[i] != after[i]) g_object_notify_by_pspec(G_OBJECT(self), field_pspecs[i]);
@@ -265,24 +274,43 @@ static gboolean lf_view_request_unlock_stop(GstBaseSrc* base) {
 
 // GstBaseSrc would wait after create(), with a request that is then a frame old: so the wait is here, before the view
 // is looked at.
-static GstFlowReturn wait_until(LfViewRequest* self, GstClock* clock, GstClockTime time) {
+static GstFlowReturn wait_until(LfViewRequest* self, GstClock* clock, GstClockTime time, bool or_change = false) {
   GST_OBJECT_LOCK(self);
-  if (self->unlocked) {
+  if (self->unlocked || (or_change && self->changed)) {
+    const GstFlowReturn flow = self->unlocked ? GST_FLOW_FLUSHING : GST_FLOW_OK;
     GST_OBJECT_UNLOCK(self);
-    return GST_FLOW_FLUSHING;
+    return flow;
   }
+  self->waits_for_change = or_change;
   GstClockID id = self->clock_id = gst_clock_new_single_shot_id(clock, time);
   GST_OBJECT_UNLOCK(self);
   const GstClockReturn result = gst_clock_id_wait(id, nullptr);
   GST_OBJECT_LOCK(self);
   self->clock_id = nullptr;
+  const bool ended = result == GST_CLOCK_UNSCHEDULED && !(or_change && self->changed && !self->unlocked);
   GST_OBJECT_UNLOCK(self);
   gst_clock_id_unref(id);
-  return result == GST_CLOCK_UNSCHEDULED ? GST_FLOW_FLUSHING : GST_FLOW_OK;
+  return ended ? GST_FLOW_FLUSHING : GST_FLOW_OK;
+}
+
+// Waits for the slot's turn, or for a change before it. *leaves: the slot, with the times that it then has.
+static GstFlowReturn wait_for_turn(LfViewRequest* self, GstClock* clock, GstClockTime base_time,
+                                   const lf::RequestSlot& slot, lf::RequestSlot* leaves) {
+  const GstClockTime turn = base_time + slot.pts, early = std::min(slot.pts, slot.duration / 4 * 3);
+  GST_OBJECT_LOCK(self);
+  const bool eager = self->settings->eager && !slot.view;
+  GST_OBJECT_UNLOCK(self);
+  *leaves = slot;
+  if (!eager) return wait_until(self, clock, turn);
+  GstFlowReturn flow = wait_until(self, clock, turn - early);
+  if (flow == GST_FLOW_OK) flow = wait_until(self, clock, turn, true);
+  if (const GstClockTime now = gst_clock_get_time(clock); now < turn)
+    *leaves = self->stream->ahead_of_turn(slot, now, base_time);
+  return flow;
 }
 
 // Chooses the next slot of a live stream and waits for it.
-static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlot>* slot) {
+static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlot>* slot, lf::RequestSlot* leaves) {
   g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(self));
   if (!clock) {
     GST_ELEMENT_ERROR(self, CORE, CLOCK, ("A live source of view requests needs a clock"), (nullptr));
@@ -290,7 +318,7 @@ static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlo
   }
   const GstClockTime base_time = gst_element_get_base_time(GST_ELEMENT(self));
   *slot = self->stream->next_live(gst_clock_get_time(clock), base_time);
-  return *slot ? wait_until(self, clock, base_time + (*slot)->pts) : GST_FLOW_EOS;
+  return *slot ? wait_for_turn(self, clock, base_time, **slot, leaves) : GST_FLOW_EOS;
 }
 
 void lf_view_request_add_command(LfViewRequest* self, const lf::ViewRequest& request,
@@ -315,32 +343,35 @@ static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   LfViewRequest* self = LF_VIEW_REQUEST(push);
   if (lf_view_request_is_relay(self)) return lf_view_request_relay(self, out);
   const bool live = gst_base_src_is_live(GST_BASE_SRC(push));
-  std::optional<lf::RequestSlot> slot;
+  std::optional<lf::RequestSlot> turn;
+  lf::RequestSlot slot{};
   if (live) {
-    const GstFlowReturn flow = wait_live(self, &slot);
+    const GstFlowReturn flow = wait_live(self, &turn, &slot);
     if (flow != GST_FLOW_OK) return flow;
   } else {
-    slot = self->stream->next();
-    if (!slot) return GST_FLOW_EOS;
+    turn = self->stream->next();
+    if (!turn) return GST_FLOW_EOS;
+    slot = *turn;
   }
-  if (!slot->view) gst_object_sync_values(GST_OBJECT(self), slot->pts);
+  if (!slot.view) gst_object_sync_values(GST_OBJECT(self), slot.pts);
 
   lf::ViewRequest request;
-  request.target_time = slot->target_time;
+  request.target_time = slot.target_time;
   request.absolute_time = live;
-  request.sequence = self->stream->advance(*slot);
+  request.sequence = self->stream->advance(*turn);
   GST_OBJECT_LOCK(self);
   request.rig_hash = self->stream->rig_hash();
   const std::shared_ptr<const lf::Rig> rig = self->stream->rig();
   request.view_id = self->settings->view_id;
   request.quality = static_cast<uint8_t>(self->settings->quality);
   request.out_of_service = self->out_of_service->with_announced(request.view_id, self->stream->out_of_service());
-  request.view = slot->view ? *slot->view : current_view(self);
+  request.view = slot.view ? *slot.view : current_view(self);
+  self->changed = false;
   GST_OBJECT_UNLOCK(self);
 
   *out = lf::encode_request_buffer(request);
-  GST_BUFFER_PTS(*out) = slot->pts;
-  GST_BUFFER_DURATION(*out) = slot->duration;
+  GST_BUFFER_PTS(*out) = slot.pts;
+  GST_BUFFER_DURATION(*out) = slot.duration;
   GST_LOG_OBJECT(self, "request %u of view %u for %" GST_TIME_FORMAT, request.sequence, request.view_id,
                  GST_TIME_ARGS(request.target_time));
   lf_view_request_add_command(self, request, rig, out);
@@ -395,6 +426,7 @@ static void lf_view_request_set_property(GObject* object, guint id, const GValue
   } else if (id >= PROP_FIRST_FIELD) {
     GST_OBJECT_LOCK(self);
     self->control->set(static_cast<int>(id) - PROP_FIRST_FIELD, g_value_get_double(value));
+    note_change(self);
     GST_OBJECT_UNLOCK(self);
   } else {
     G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);

@@ -26,6 +26,8 @@ struct _LfViewRequest {
   GstCaps* relayed_caps;             // of the sink pad, until they have been passed on
   GstClockID clock_id;
   bool unlocked;
+  bool changed;                // the view, since the request before
+  bool waits_for_change;       // clock_id ends with it
   bool warned_commands;  // streaming thread
 };
 

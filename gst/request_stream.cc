@@ -66,10 +66,13 @@ std::optional<RequestSlot> RequestStream::next() const {
   return RequestSlot{item->time, item->duration, item->target_time, item->view};
 }
 
+GstClockTime RequestStream::before_delay(GstClockTime time) const {
+  return time > capture_delay_ ? time - capture_delay_ : 0;
+}
+
 std::optional<RequestSlot> RequestStream::next_live(GstClockTime now, GstClockTime base_time) const {
   std::optional<RequestSlot> slot = next();
   if (!slot) return std::nullopt;
-  const auto before_delay = [&](GstClockTime time) { return time > capture_delay_ ? time - capture_delay_ : 0; };
   if (playback_ && playback_->has_times()) {
     slot->target_time = schedule_.instant(schedule_.index_at(before_delay(base_time + slot->pts)));
     return slot;
@@ -81,6 +84,13 @@ std::optional<RequestSlot> RequestStream::next_live(GstClockTime now, GstClockTi
   slot->pts = slot->target_time + capture_delay_ - base_time;
   slot->duration = schedule_.instant(k + 1) - slot->target_time;
   return slot;
+}
+
+RequestSlot RequestStream::ahead_of_turn(const RequestSlot& slot, GstClockTime now, GstClockTime base_time) const {
+  RequestSlot early = slot;
+  early.pts = now - base_time;
+  early.target_time = schedule_.instant(schedule_.index_at(before_delay(now)));
+  return early;
 }
 
 std::vector<uint8_t> RequestStream::command_for(const ViewRequest& request, const std::shared_ptr<const Rig>& rig) {

@@ -53,6 +53,8 @@ class RequestStream {
   std::optional<RequestSlot> next() const;
   // The same of a live stream at clock time `now`; it leaves at clock time base_time + pts.
   std::optional<RequestSlot> next_live(GstClockTime now, GstClockTime base_time) const;
+  // That one, leaving at clock time `now`, before its turn.
+  RequestSlot ahead_of_turn(const RequestSlot& slot, GstClockTime now, GstClockTime base_time) const;
   // The command that goes with a request, for cameras that have to be told (property access); empty where they have
   // not. Throws Error if the request does not fit the rig or the command is too long.
   // `rig`: rig() when the request was made. To be called by one thread, but whatever others do.
@@ -61,6 +63,8 @@ class RequestStream {
   uint32_t advance(const RequestSlot& slot);
 
  private:
+  GstClockTime before_delay(GstClockTime time) const;
+
   std::shared_ptr<const Rig> rig_;
   Access access_;
   MeshCache mesh_;

@@ -82,6 +82,13 @@ GParamSpec* make_pspec(ViewRequestSettings::Property property) {
                                "What the cameras know: behind each request go commands for those that do not find out "
                                "themselves what they have to give (lffragment access); needs rig",
                                LF_TYPE_ACCESS, static_cast<gint>(initial.access), ready);
+    case ViewRequestSettings::kEager:
+      return g_param_spec_boolean(
+          "eager", "Eager",
+          "Live, without location: once the view is changed the next request does not wait for its turn, but for a "
+          "quarter of a frame after the turn before, and asks for the newest capture there is. No more requests are "
+          "made for it",
+          initial.eager, playing);
     case ViewRequestSettings::kLoop:
     default:
       return g_param_spec_boolean("loop", "Loop", "Begin the file of location again at its end", initial.loop, ready);
@@ -114,6 +121,7 @@ void ViewRequestSettings::set(Property property, const GValue* value) {
     case kLoop: loop = g_value_get_boolean(value); break;
     case kNavigationFrom: navigation_from = text(value); break;
     case kAccess: access = static_cast<Access>(g_value_get_enum(value)); break;
+    case kEager: eager = g_value_get_boolean(value); break;
     case kNumProperties: break;
   }
 }
@@ -134,6 +142,7 @@ void ViewRequestSettings::get(Property property, GValue* value) const {
     case kLoop: g_value_set_boolean(value, loop); break;
     case kNavigationFrom: set_text(value, navigation_from); break;
     case kAccess: g_value_set_enum(value, static_cast<gint>(access)); break;
+    case kEager: g_value_set_boolean(value, eager); break;
     case kNumProperties: break;
   }
 }

@@ -18,7 +18,7 @@ struct ViewRequestSettings {
   gint width = 0, height = 0;  // 0: as the rig's cameras
   gint fps_n = 15, fps_d = 1;
   GstClockTime capture_delay = 0;
-  bool navigation = true, keep_visible = true, loop = false;
+  bool navigation = true, keep_visible = true, loop = false, eager = false;
   guint quality = 90;
   Access access = Access::kSelf;
 
@@ -37,6 +37,7 @@ struct ViewRequestSettings {
     kLoop,
     kNavigationFrom,
     kAccess,
+    kEager,
     kNumProperties
   };
   // As properties first_id, first_id + 1, ... of the class.

@@ -24,6 +24,39 @@ TEST(LfViewRequestLive, RequestsFollowTheCaptureSchedule) {
   }
 }
 
+TEST(LfViewRequestLive, AnEagerOneDoesNotWaitForItsTurnOnceTheViewIsChanged) {
+  Source source;
+  source.set("framerate", 10, 1, "capture-delay", 30 * kMs, "eager", TRUE);
+  source.play_live();
+  // It waits until it may leave, then until its turn.
+  const auto pass_wait = [&source] {
+    EXPECT_TRUE(gst_harness_wait_for_clock_id_waits(source.harness(), 1, 30));
+    EXPECT_TRUE(gst_harness_crank_single_clock_wait(source.harness()));
+  };
+  pass_wait();
+  pass_wait();
+  EXPECT_EQ(source.pull().pts, 30 * kMs) << "nothing has changed";
+  pass_wait();
+  EXPECT_EQ(source.clock_time(), 55 * kMs);
+  EXPECT_TRUE(gst_harness_wait_for_clock_id_waits(source.harness(), 1, 30));
+  gst_harness_set_time(source.harness(), 80 * kMs);
+  source.set("yaw", 7.0);
+  const Unit early = source.pull();
+  EXPECT_EQ(early.pts, 80 * kMs) << "its turn would have been at 130";
+  EXPECT_EQ(early.request.target_time, 0u) << "the newest that is old enough";
+  // The turn is used up; the next one may leave from 155 on.
+  source.set("yaw", 8.0);
+  pass_wait();
+  const Unit soon = source.pull();
+  EXPECT_EQ(soon.pts, 155 * kMs);
+  EXPECT_EQ(soon.request.target_time, 100 * kMs);
+  pass_wait();
+  pass_wait();
+  const Unit regular = source.pull();
+  EXPECT_EQ(regular.pts, 330 * kMs);
+  EXPECT_EQ(regular.request.target_time, 300 * kMs);
+}
+
 TEST(LfViewRequestLive, ARigIsReadAgainWhileRunning) {
   const OtherRig first(test_rig(), [](Rig&) {});
   const OtherRig second(test_rig(), [](Rig& rig) {
