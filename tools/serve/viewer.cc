@@ -22,7 +22,7 @@ constexpr GstClockTime kLocalPatience = 500 * GST_MSECOND;
 // Between the light field and the encoder the newest picture is the only one that counts.
 std::string launch_line(const Offer& offer, size_t nodes, const ViewerSettings& settings) {
   std::ostringstream line;
-  line << "lfviewrequest name=view is-live=true ! tee name=r  r. ! appsink name=requests sync=false async=false "
+  line << "lfviewrequest name=view is-live=true eager=true ! tee name=r  r. ! appsink name=requests sync=false async=false "
           "enable-last-sample=false  r. ! queue leaky=downstream max-size-buffers=2 ! c.request "
           "lfcompositor name=c ! queue leaky=downstream max-size-buffers=1 max-size-bytes=0 max-size-time=0 ! "
           "videoconvert ! video/x-raw,format=I420,colorimetry=bt601 ! "
@@ -171,21 +171,28 @@ gboolean Viewer::bus_message(GstBus*, GstMessage* message, gpointer data) {
   return G_SOURCE_CONTINUE;
 }
 
+GstClockTime Viewer::running_time() const {
+  return gst_clock_get_time(field_.clock()) - gst_element_get_base_time(pipeline_);
+}
+
 GstFlowReturn Viewer::take_request(GstAppSink* sink, gpointer data) {
   Viewer* self = static_cast<Viewer*>(data);
   GstSample* sample = gst_app_sink_pull_sample(sink);
   if (!sample) return GST_FLOW_OK;
   GstBuffer* buffer = gst_sample_get_buffer(sample);
   self->field_.request(buffer);
+  const guint64 time =
+      gst_segment_to_running_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
   std::optional<uint64_t> applied;
   {
     const std::lock_guard lock(self->mutex_);
     if (auto asked = view_in(buffer)) self->asked_ = std::move(asked);
-    applied.swap(self->applied_);
+    if (self->change_ && self->change_->time <= time) {
+      applied = self->change_->id;
+      self->change_.reset();
+    }
   }
-  if (applied && GST_BUFFER_PTS_IS_VALID(buffer)) {
-    const guint64 time =
-        gst_segment_to_running_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
+  if (applied) {
     const auto stamp = static_cast<uint32_t>(gst_util_uint64_scale_int(time, 90000, GST_SECOND));
     self->peer_->send(
         info_message({{"applied", {{"id", *applied}, {"rtpTimestamp", stamp}}}, {"view", view_of(self->view_)}}));
@@ -213,14 +220,19 @@ void Viewer::control(const std::string& text) {
   ControlMessage message = parse_control_message(text);
   if (!message.error.empty()) refused_messages_++;
   if (message.pixel) tell_pixel(*message.pixel);
-  // That a key or a movement means nothing here is no error.
-  const bool changed = message.event && gst_pad_send_event(view_pad_, message.event.release());
-  if (!message.id) return;
-  if (changed) {
+  // Noted before, because a request that has the change may leave at once.
+  std::optional<Change> before;
+  if (message.event) {
     const std::lock_guard lock(mutex_);
-    applied_ = message.id;
+    before = change_;
+    change_ = {*message.id, running_time()};
   }
-  peer_->send(control_response(*message.id, message.error));
+  // That a key or a movement means nothing here is no error.
+  if (message.event && !gst_pad_send_event(view_pad_, message.event.release())) {
+    const std::lock_guard lock(mutex_);
+    if (change_ && change_->id == *message.id) change_ = before;
+  }
+  if (message.id) peer_->send(control_response(*message.id, message.error));
 }
 
 std::optional<View> Viewer::asked() {

@@ -62,6 +62,7 @@ class Viewer {
   static GstFlowReturn take_request(GstAppSink* sink, gpointer data);
   static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
   void control(const std::string& text);
+  GstClockTime running_time() const;
   void take_answer(size_t node, GstBuffer* answer);
   void report(const LinkReport& link);
   void tell_pixel(const ControlMessage::Pixel& pixel);
@@ -85,8 +86,12 @@ class Viewer {
   std::mutex mutex_;  // of what follows
   TokenBucket messages_;
   bool flooded_ = false;
-  std::optional<View> asked_;        // for, last
-  std::optional<uint64_t> applied_;  // the latest message that the next request shows
+  std::optional<View> asked_;  // for, last
+  struct Change {
+    uint64_t id;        // of the message
+    GstClockTime time;  // running time just before it
+  };
+  std::optional<Change> change_;  // the latest that no request has shown yet
 };
 
 }  // namespace lf::serve
