@@ -33,6 +33,9 @@
  * leave behind it. A relay lets no commands through, because they were made before it knew which cameras are out of
  * service: it makes them itself.
  *
+ * Two of them that are given the same events are the two eyes of one viewer, with an `eye-offset` each: they name the
+ * same capture times, so that lfcompositors make pictures with the same stamps of them, of one moment.
+ *
  * Upstream events that carry a field "lf-view-id" (uint) are for the view of that id alone.
  *
  * Not live, requests leave as fast as they are taken and ask for the running time of their frame. Live, they leave at
@@ -365,7 +368,7 @@ static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   request.view_id = self->settings->view_id;
   request.quality = static_cast<uint8_t>(self->settings->quality);
   request.out_of_service = self->out_of_service->with_announced(request.view_id, self->stream->out_of_service());
-  request.view = slot.view ? *slot.view : current_view(self);
+  request.view = lf::seen_beside(slot.view ? *slot.view : current_view(self), self->settings->eye_offset);
   self->changed = false;
   GST_OBJECT_UNLOCK(self);
 

@@ -6,6 +6,8 @@
 namespace lf {
 namespace {
 
+constexpr double kMostEyeOffset = 1e6;  // metres
+
 std::string text(const GValue* value) {
   const gchar* s = g_value_get_string(value);
   return s ? s : "";
@@ -89,6 +91,11 @@ GParamSpec* make_pspec(ViewRequestSettings::Property property) {
           "quarter of a frame after the turn before, and asks for the newest capture there is. No more requests are "
           "made for it",
           initial.eager, playing);
+    case ViewRequestSettings::kEyeOffset:
+      return g_param_spec_double("eye-offset", "Eye offset",
+                                 "How far to the right of the view its picture is made from, in metres, as by one of "
+                                 "two eyes that fly together; the focal plane stays that of the view",
+                                 -kMostEyeOffset, kMostEyeOffset, initial.eye_offset, playing);
     case ViewRequestSettings::kLoop:
     default:
       return g_param_spec_boolean("loop", "Loop", "Begin the file of location again at its end", initial.loop, ready);
@@ -122,6 +129,7 @@ void ViewRequestSettings::set(Property property, const GValue* value) {
     case kNavigationFrom: navigation_from = text(value); break;
     case kAccess: access = static_cast<Access>(g_value_get_enum(value)); break;
     case kEager: eager = g_value_get_boolean(value); break;
+    case kEyeOffset: eye_offset = g_value_get_double(value); break;
     case kNumProperties: break;
   }
 }
@@ -143,6 +151,7 @@ void ViewRequestSettings::get(Property property, GValue* value) const {
     case kNavigationFrom: set_text(value, navigation_from); break;
     case kAccess: g_value_set_enum(value, static_cast<gint>(access)); break;
     case kEager: g_value_set_boolean(value, eager); break;
+    case kEyeOffset: g_value_set_double(value, eye_offset); break;
     case kNumProperties: break;
   }
 }

@@ -21,6 +21,7 @@ struct ViewRequestSettings {
   bool navigation = true, keep_visible = true, loop = false, eager = false;
   guint quality = 90;
   Access access = Access::kSelf;
+  double eye_offset = 0;  // metres
 
   enum Property {
     kLocation,
@@ -38,6 +39,7 @@ struct ViewRequestSettings {
     kNavigationFrom,
     kAccess,
     kEager,
+    kEyeOffset,
     kNumProperties
   };
   // As properties first_id, first_id + 1, ... of the class.

@@ -22,6 +22,12 @@ void validate(const View& view) {
     throw Error("focal_plane: must be finite numbers with a normal of unit length");
 }
 
+View seen_beside(const View& view, double metres) {
+  View beside = view;
+  beside.pose.position += metres * view.pose.right();
+  return beside;
+}
+
 Plane focal_plane_at(const Pose& view_pose, double distance) {
   const Vec3 axis = view_pose.forward();
   return plane_through(view_pose.position + distance * axis, -axis);

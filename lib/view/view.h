@@ -28,6 +28,10 @@ void validate(const View& view);
 // Throws Error ("NAME: ...") for pixels a side that no view has.
 void validate_size(const char* name, int pixels);
 
+// The same view from an eye `metres` to the right of it (less than 0: to the left), as one of two eyes has it: axes and
+// lens are parallel, and the focal surface stays where it is in the world.
+View seen_beside(const View& view, double metres);
+
 // The plane facing the view at `distance` metres along its optical axis.
 Plane focal_plane_at(const Pose& view_pose, double distance);
 

@@ -185,8 +185,17 @@ TEST(LfViewRequestProperties, EveryOneIsDocumentedAndTheViewIsControllable) {
     g_value_unset(&value);
   }
   g_free(pspecs);
-  EXPECT_EQ(own, 26);
+  EXPECT_EQ(own, 27);
   EXPECT_EQ(controllable, 8);
+}
+
+TEST(LfViewRequestProperties, EyeOffsetMovesTheEyeAlone) {
+  Source source;
+  set_somewhere(source);
+  source.set("eye-offset", -0.03, "num-buffers", 1);
+  source.play();
+  expect_near(source.pull().request.view, seen_beside(make_view(somewhere(), 320, 200), -0.03));
+  EXPECT_EQ(source.get("x"), 1);
 }
 
 TEST(LfViewRequestProperties, MakeTheView) {

@@ -29,6 +29,18 @@ TEST(View, ValidatesSizesFromTinyToLargest) {
   }
 }
 
+TEST(View, EyesSideBySideFocusOnOnePlane) {
+  View view = good_view();
+  view.pose = {{1, 2, 3}, glm::angleAxis(0.5, glm::normalize(Vec3(1, 2, 3)))};
+  view.focus.plane = focal_plane_at(view.pose, 3);
+  const View right = seen_beside(view, 0.06);
+  EXPECT_LT(glm::length(view.pose.camera_from_world(right.pose.position) - Vec3(0.06, 0, 0)), 1e-15);
+  EXPECT_EQ(right.pose.orientation, view.pose.orientation);
+  EXPECT_EQ(right.focus, view.focus);
+  EXPECT_EQ(right.lens, view.lens);
+  EXPECT_EQ(seen_beside(view, 0), view);
+}
+
 TEST(View, RefusesByName) {
   const double nan = std::nan("");
   const std::pair<const char*, std::function<void(View&)>> cases[] = {
