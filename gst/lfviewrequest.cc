@@ -33,8 +33,8 @@
  * leave behind it. A relay lets no commands through, because they were made before it knew which cameras are out of
  * service: it makes them itself.
  *
- * Two of them that are given the same events are the two eyes of one viewer, with an `eye-offset` each: they name the
- * same capture times, so that lfcompositors make pictures with the same stamps of them, of one moment.
+ * Two of them that are given the same events are the two eyes of one viewer, with an `eye-offset` each. Unless they
+ * are `eager` they name the same capture times, and lfcompositors make pictures with the same stamps of them.
  *
  * Upstream events that carry a field "lf-view-id" (uint) are for the view of that id alone.
  *

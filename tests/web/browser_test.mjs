@@ -3,7 +3,7 @@
 import { createServer } from 'node:http';
 import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { artefacts, compare, connectBrowser, expect, launchBrowser, launchBrowserServer, makeRig, openPage, patience,
+import { artefacts, compare, connectBrowser, expect, half, launchBrowser, launchBrowserServer, makeRig, openPage, patience,
   picture, rendered, runTests, serve, setView, shown, source, start, stateOf, until } from './harness.mjs';
 
 const size = { width: 640, height: 480 };
@@ -11,9 +11,9 @@ const folder = await makeRig('4x4');
 const rig = ['--rig', join(folder, 'rig.json'), '--connects', '100'];
 const browser = await launchBrowser();
 
-async function expectTruth(page, state, viewSize, what) {
-  const seen = await picture(page);
-  const { psnr, mean, deviation } = await compare(page, seen, await rendered(folder, state, viewSize));
+async function expectTruth(page, state, viewSize, what, side, eyeOffset) {
+  const seen = await picture(page, side);
+  const { psnr, mean, deviation } = await compare(page, seen, await rendered(folder, state, viewSize, eyeOffset));
   console.log(`# ${what}: ${psnr.toFixed(1)} dB against lf-render`);
   if (psnr < 30) await writeFile(join(artefacts, 'wrong.png'), seen);
   expect(psnr >= 30, `${what}: ${psnr.toFixed(1)} dB`);
@@ -139,6 +139,129 @@ async function showsItsCameras() {
   await page.screenshot({ path: join(artefacts, 'cameras.png') });
   await page.keyboard.press('c');
   expect(await page.evaluate(() => document.querySelector('lightfield-viewer').cameras.canvas.hidden), 'c hides it');
+  expect(!page.problems.length, page.problems.join('; '));
+  await page.context().close();
+  await served.stop();
+}
+
+async function twoEyes() {
+  const served = await serve(...rig);
+  const page = await openPage(browser, served.url, size);
+  await shown(page, 5);
+  const half = { width: 320, height: 480 };
+  const choose = async (mode, width) => {
+    await page.getByLabel('Eyes').selectOption(mode);
+    await page.waitForFunction(width => document.querySelector('lightfield-viewer').video.videoWidth === width, width,
+      { timeout: patience });
+    return setView(page, { x: 0.01, yaw: 2, roll: 3, 'focus-distance': 1.5 });
+  };
+  const side = await choose('side', 640);
+  const left = await expectTruth(page, side, half, 'left eye', 0, -0.0315);
+  const right = await expectTruth(page, side, half, 'right eye', 1, 0.0315);
+  expect((await compare(page, left, right)).psnr < 30, 'both eyes see the same');
+  await page.screenshot({ path: join(artefacts, 'side-by-side.png') });
+
+  const anaglyph = await choose('anaglyph', 1280);
+  await expectTruth(page, anaglyph, size, 'left eye of the anaglyph', 0, -0.0315);
+  // Red is the left eye's, green and blue are the right eye's. (Frames may differ in their last bits.)
+  const wrong = await page.evaluate(() => {
+    const viewer = document.querySelector('lightfield-viewer'), { canvas } = viewer.anaglyph;
+    viewer.anaglyph.draw(viewer.seen, viewer.eyeDistance);
+    const { shift } = viewer.anaglyph, width = canvas.width - 2 * shift;
+    const both = new OffscreenCanvas(2 * canvas.width, canvas.height).getContext('2d');
+    both.drawImage(viewer.video, 0, 0);
+    const get = (context, x) => context.getImageData(x, 0, width, canvas.height).data;
+    const [seen, left, right] =
+      [get(canvas.getContext('2d'), shift), get(both, 2 * shift), get(both, canvas.width)];
+    return seen.filter((value, i) => i % 4 < 3 && Math.abs(value - (i % 4 ? right : left)[i]) > 3).length;
+  });
+  expect(wrong < 1000, `${wrong} values of the anaglyph are of the wrong eye`);
+  await page.screenshot({ path: join(artefacts, 'anaglyph.png') });
+  expect(!page.problems.length, page.problems.join('; '));
+  await page.context().close();
+  await served.stop();
+}
+
+// A headset that exists in this page alone: WebXR as far as the viewer needs it. Its eyes are 60 mm apart and look
+// through displays that reach farther to their outer sides.
+function pretendHeadset() {
+  const turn = angle => ({ x: 0, y: Math.sin(angle / 2), z: 0, w: Math.cos(angle / 2) });
+  globalThis.head = { x: 0.01, y: 0.02, z: -0.03, angle: 0.05 };  // to the left, metres up and back
+  globalThis.XRWebGLLayer = class {
+    constructor(session, gl) { Object.assign(this, { gl, framebuffer: null }); }
+    getViewport({ eye }) { return { x: eye === 'left' ? 0 : 320, y: 0, width: 320, height: 320 }; }
+  };
+  class Session extends EventTarget {
+    renderState = {};
+    updateRenderState(state) {
+      Object.assign(this.renderState, state);
+      Object.assign(state.baseLayer.gl.canvas, { width: 640, height: 320 });
+    }
+    async requestReferenceSpace() { return {}; }
+    requestAnimationFrame(draw) { this.over || setTimeout(() => draw(performance.now(), { getViewerPose: pose }), 16); }
+    async end() {
+      this.over = true;
+      this.dispatchEvent(new Event('end'));
+    }
+  }
+  const pose = () => {
+    const { x, y, z, angle } = head, orientation = turn(angle);
+    const views = ['left', 'right'].map((eye, i) => {
+      const along = i ? 0.03 : -0.03, aside = i ? 0.1 : -0.1;
+      return { eye, transform: { orientation,
+        position: { x: x + along * Math.cos(angle), y, z: z - along * Math.sin(angle) } },
+        projectionMatrix: [2.5, 0, 0, 0, 0, 2.5, 0, 0, aside, 0, -1, -1, 0, 0, -0.1, 0] };
+    });
+    return { transform: { position: { x, y, z }, orientation }, views };
+  };
+  const xr = { isSessionSupported: async () => true, requestSession: async () => globalThis.session = new Session() };
+  Object.defineProperty(navigator, 'xr', { value: xr });
+}
+
+async function headset() {
+  const served = await serve(...rig, '--max-width', '480', '--max-height', '320');
+  const page = await openPage(browser, served.url, size, { before: pretendHeadset });
+  await shown(page, 5);
+  const home = await stateOf(page);
+  await page.getByLabel('Eyes').selectOption('headset');
+  await page.waitForFunction(() => {
+    const { seen, video } = document.querySelector('lightfield-viewer');
+    return video.videoWidth > video.videoHeight * 1.5 && Math.abs(seen?.yaw + 0.05 * 180 / Math.PI) < 1e-3;
+  }, null, { timeout: patience });
+  await new Promise(done => setTimeout(done, 1000));  // the encoder makes it sharp
+  const state = await stateOf(page);
+  // WebXR's y is up and its z back.
+  for (const [name, by] of [['x', 0.01], ['y', -0.02], ['z', 0.03]])
+    expect(Math.abs(state[name] - home[name] - by) < 1e-6, `the head moves ${name}: ${state[name]}`);
+  const { width, height } = await page.evaluate(() => {
+    const { video } = document.querySelector('lightfield-viewer');
+    return { width: video.videoWidth / 2, height: video.videoHeight };
+  });
+  for (const [side, offset] of [[0, -0.03], [1, 0.03]])
+    await expectTruth(page, state, { width, height }, `eye ${side} of the headset`, side, offset);
+  // On the displays it is where the eye expects it, also when the head has turned since.
+  for (const turned of [0, 0.02]) {
+    const url = await page.evaluate(turned => {
+      const viewer = document.querySelector('lightfield-viewer'), { headset } = viewer, { gl } = headset;
+      viewer.setView = () => 0;
+      head.angle = 0.05 + turned;
+      return new Promise(done => session.requestAnimationFrame((time, frame) => {
+        headset.draw(frame.getViewerPose());
+        done(gl.canvas.toDataURL('image/png'));
+      }));
+    }, turned);
+    const displays = Buffer.from(url.split(',')[1], 'base64');
+    await writeFile(join(artefacts, 'headset.png'), displays);
+    for (const [side, cx] of [[0, 175.5], [1, 143.5]]) {
+      const truth = await rendered(folder, { ...state, yaw: state.yaw - turned * 180 / Math.PI },
+        { width: 320, height: 320, lens: { model: 'PINHOLE', params: [400, 400, cx, 159.5] } }, side ? 0.03 : -0.03);
+      const { psnr } = await compare(page, await half(page, displays, side), truth);
+      console.log(`# display ${side}, turned by ${turned}: ${psnr.toFixed(1)} dB`);
+      expect(psnr > (turned ? 28 : 30), `display ${side}, turned by ${turned}: ${psnr.toFixed(1)} dB`);
+    }
+  }
+  await page.evaluate(() => session.end());
+  await page.waitForFunction(() => document.querySelector('lightfield-viewer').mode === 'one');
   expect(!page.problems.length, page.problems.join('; '));
   await page.context().close();
   await served.stop();
@@ -273,6 +396,8 @@ await runTests([
   ['the page shows the light field and flies', showsAndFlies],
   ['links, keyboard, names and sizes', linkKeyboardNamesAndSize],
   ['the cameras of a pixel', showsItsCameras],
+  ['two eyes', twoEyes],
+  ['a headset', headset],
   ['four viewers have their own views', fourViewers],
   ['cameras on other hosts', nodes],
   ['stalled and killed browsers are forgotten, others go on', stalledAndKilled],

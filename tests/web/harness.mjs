@@ -98,6 +98,7 @@ export async function serve(...options) {
 const launchOptions = {
   executablePath: process.env.LF_CHROMIUM,
   args: ['--allow-loopback-in-peer-connection', '--disable-features=WebRtcHideLocalIpsWithMdns', '--disable-gpu',
+    '--enable-unsafe-swiftshader',  // WebGL
     ...(process.getuid() === 0 ? ['--no-sandbox'] : [])],
 };
 export const launchBrowser = () => chromium.launch(launchOptions);
@@ -105,9 +106,10 @@ export const launchBrowserServer = () => chromium.launchServer(launchOptions);
 export const connectBrowser = server => chromium.connect(server.wsEndpoint());
 
 // A page in a window of its own (tabs in the background are throttled). `page.problems` has what went wrong in it.
-export async function openPage(browser, url, size = { width: 640, height: 480 }) {
-  const context = await browser.newContext({ viewport: size });
+export async function openPage(browser, url, size = { width: 640, height: 480 }, { before, ...options } = {}) {
+  const context = await browser.newContext({ viewport: size, ...options });
   const page = await context.newPage();
+  if (before) await page.addInitScript(before);
   page.problems = [];
   page.on('pageerror', error => page.problems.push(error.message));
   await page.goto(url);
@@ -154,15 +156,15 @@ export async function stateOf(page) {
   return page.evaluate(() => document.querySelector('lightfield-viewer').state);
 }
 
-// The decoded picture as a PNG.
-export async function picture(page) {
-  const url = await page.evaluate(() => {
+// The decoded picture as a PNG; of two eyes' the half of side 0 or 1.
+export async function picture(page, side) {
+  const url = await page.evaluate(side => {
     const { video } = document.querySelector('lightfield-viewer');
     const canvas = document.createElement('canvas');
-    Object.assign(canvas, { width: video.videoWidth, height: video.videoHeight });
-    canvas.getContext('2d').drawImage(video, 0, 0);
+    Object.assign(canvas, { width: video.videoWidth / (side === undefined ? 1 : 2), height: video.videoHeight });
+    canvas.getContext('2d').drawImage(video, -(side ?? 0) * canvas.width, 0);
     return canvas.toDataURL('image/png');
-  });
+  }, side);
   return Buffer.from(url.split(',')[1], 'base64');
 }
 
@@ -191,16 +193,31 @@ export async function compare(page, a, b) {
   }, [a.toString('base64'), b.toString('base64')]);
 }
 
-// What lf-render makes of the view that the server tells: a PNG.
-export async function rendered(folder, state, { width, height }) {
+// The left (0) or the right (1) half of a PNG.
+export async function half(page, png, side) {
+  const url = await page.evaluate(async ([data, side]) => {
+    const image = new Image(), canvas = document.createElement('canvas');
+    image.src = data;
+    await image.decode();
+    Object.assign(canvas, { width: image.width / 2, height: image.height });
+    canvas.getContext('2d').drawImage(image, -side * canvas.width, 0);
+    return canvas.toDataURL('image/png');
+  }, [`data:image/png;base64,${png.toString('base64')}`, side]);
+  return Buffer.from(url.split(',')[1], 'base64');
+}
+
+// What lf-render makes of the view that the server tells, or of an eye beside it: a PNG.
+export async function rendered(folder, state, { width, height, lens }, eyeOffset = 0) {
   const half = degrees => degrees * Math.PI / 360;
   const [[cy, sy], [cp, sp], [cr, sr]] =
     [state.yaw, state.pitch, state.roll].map(angle => [Math.cos(half(angle)), Math.sin(half(angle))]);
   // About y, then x, then z.
   const orientation = [cy * cp * cr + sy * sp * sr, cy * sp * cr + sy * cp * sr, sy * cp * cr - cy * sp * sr,
     cy * cp * sr - sy * sp * cr];
-  const view = { name: 'view', position: [state.x, state.y, state.z], orientation, width, height, fov_y: state.fov,
-    focus_distance: state['focus-distance'] };
+  const [w, x, y, z] = orientation, right = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)];
+  const position = [state.x, state.y, state.z].map((at, k) => at + eyeOffset * right[k]);
+  const view = { name: 'view', position, orientation, width, height,
+    ...lens ?? { fov_y: state.fov }, focus_distance: state['focus-distance'] };
   const out = await mkdtemp(join(tmpdir(), 'lf_web_view_'));
   await writeFile(join(out, 'views.json'), JSON.stringify({ format: 'lightfield-views', version: 1, views: [view] }));
   await run(join(tools, 'lf-render'),

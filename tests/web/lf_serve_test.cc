@@ -76,8 +76,8 @@ TEST_F(LfServe, ServesPageHealthAndMetrics) {
   const Response page = ask(served, "GET", "");
   EXPECT_EQ(page.status, 200u);
   EXPECT_THAT(page.body, HasSubstr("<lightfield-viewer"));
-  for (const char* file :
-       {"lightfield-viewer.js", "cameras.js", "connection.js", "controls.js", "figures.js", "markup.js", "view.js"}) {
+  for (const char* file : {"lightfield-viewer.js", "cameras.js", "connection.js", "controls.js", "figures.js",
+                           "headset.js", "markup.js", "stereo.js", "view.js"}) {
     const Response script = ask(served, "GET", file);
     EXPECT_EQ(script.status, 200u) << file;
     EXPECT_THAT(script.headers.at("Content-Type"), HasSubstr("text/javascript")) << file;
@@ -122,11 +122,12 @@ TEST_F(LfServe, RefusesBadOffersWithTheirStatus) {
         with(good, "a=ice-ufrag:Yzk8\r\n", ""), with(good, "m=video", "m=audio"), good.substr(0, 300)})
     EXPECT_EQ(offer(served, bad).status, 400u) << bad;
   EXPECT_EQ(offer(served, good, {}, "?width=x").status, 400u);
+  EXPECT_EQ(offer(served, good, {}, "?eye-distance=near").status, 400u);
   EXPECT_EQ(offer(served, std::string(100000, 'v')).status, 413u);
   EXPECT_EQ(ask(served, "POST", "whep", {}, good, "text/plain").status, 415u);
   EXPECT_EQ(ask(served, "GET", "whep").status, 405u);
   EXPECT_EQ(metric(served, "viewers_total"), "0");
-  EXPECT_EQ(metric(served, "refused_total{reason=\"offer\"}"), "8");
+  EXPECT_EQ(metric(served, "refused_total{reason=\"offer\"}"), "9");
   EXPECT_EQ(metric(served, "refused_total{reason=\"body\"}"), "1");
   EXPECT_EQ(served.stop(), 0);
   EXPECT_THAT(served.said(), HasSubstr("127.0.0.1: 413, the body is too long"));

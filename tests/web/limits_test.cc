@@ -14,6 +14,13 @@ namespace {
 
 constexpr int64_t kSecond = 1000000;
 
+TEST(Wish, EyeDistances) {
+  EXPECT_EQ(eye_distance(nullptr), 0);
+  EXPECT_EQ(eye_distance(""), 0);
+  EXPECT_EQ(eye_distance("0.063"), 0.063);
+  for (const char* wrong : {"x", "-0.1", "nan", "inf", "1e9", "0.1m"}) EXPECT_FALSE(eye_distance(wrong)) << wrong;
+}
+
 TEST(Access, Secrets) {
   EXPECT_TRUE(is_same_secret("abc", "abc"));
   for (const char* wrong : {"", "ab", "abd", "abcc", "ABC"}) EXPECT_FALSE(is_same_secret(wrong, "abc")) << wrong;

@@ -203,6 +203,9 @@ void HttpServer::whep(SoupServerMessage* message, GHashTable* query) {
   const auto width = view_side(value("width"), limits_.max_width, 640);
   const auto height = view_side(value("height"), limits_.max_height, 480);
   if (!width || !height) return refuse(message, kOffer, SOUP_STATUS_BAD_REQUEST, "width and height must be pixels");
+  const auto distance = eye_distance(value("eye-distance"));
+  if (!distance) return refuse(message, kOffer, SOUP_STATUS_BAD_REQUEST, "eye-distance must be metres");
+  const Wish wish{*width, *height, *distance, ""};
 
   SoupMessageBody* body = soup_server_message_get_request_body(message);
   g_autoptr(GBytes) bytes = soup_message_body_flatten(body);
@@ -236,7 +239,7 @@ void HttpServer::whep(SoupServerMessage* message, GHashTable* query) {
     g_object_unref(message);
   };
   try {
-    *name = sessions_.open(std::move(*offer), *width, *height, answer);
+    *name = sessions_.open(std::move(*offer), wish, answer);
   } catch (const Error& error) {
     respond(message, SOUP_STATUS_INTERNAL_SERVER_ERROR, "text/plain", std::string(error.what()) + "\n");
     soup_server_message_unpause(message);

@@ -24,6 +24,22 @@ struct Limits {
   static constexpr double kAnswer = 15;  // seconds until an offer must have its answer
 };
 
+// What a viewer asks for.
+struct Wish {
+  int width = 640, height = 480;  // pixels, of an eye
+  double eye_distance = 0;        // metres; 0: one eye
+  std::string path;               // a views.json to be flown, or ""
+};
+
+// Metres between the eyes. "" or null: 0, one eye. Nothing for what is no distance.
+inline std::optional<double> eye_distance(const char* text) {
+  if (!text || !*text) return 0;
+  char* end = nullptr;
+  const double value = std::strtod(text, &end);
+  if (*end || !(value >= 0) || value > 1e6) return std::nullopt;
+  return value;
+}
+
 // A side of a view as asked for in pixels: even, within kMinSize and `most`. "" or null: `otherwise`. Nothing for what
 // is no number.
 inline std::optional<int> view_side(const char* text, int most, int otherwise) {

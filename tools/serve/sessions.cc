@@ -54,14 +54,17 @@ void Sessions::close_all(const std::string& why) {
   while (!viewers_.empty()) close(std::string(viewers_.begin()->first), why);
 }
 
-std::string Sessions::open(Offer offer, int width, int height, OnAnswer on_answer) {
+std::string Sessions::open(Offer offer, const Wish& wish, OnAnswer on_answer) {
   ViewerSettings settings;
-  settings.view = next_view_++;
-  settings.width = width;
-  settings.height = height;
-  settings.framerate = limits_.framerate;
-  settings.focus = limits_.focus;
-  settings.capture_delay = static_cast<uint64_t>(limits_.capture_delay_ms) * GST_MSECOND;
+  settings.eye_distance = wish.eye_distance;
+  settings.eye.view = next_view_;
+  next_view_ += wish.eye_distance > 0 ? 2 : 1;
+  settings.eye.width = wish.width;
+  settings.eye.height = wish.height;
+  settings.eye.framerate = limits_.framerate;
+  settings.eye.focus = limits_.focus;
+  settings.eye.path = wish.path;
+  settings.eye.capture_delay = static_cast<uint64_t>(limits_.capture_delay_ms) * GST_MSECOND;
   settings.most_bit_rate = limits_.bit_rate;
   settings.least_bit_rate = std::min(settings.least_bit_rate, limits_.bit_rate);
   settings.messages_per_second = limits_.messages_per_second;
@@ -77,9 +80,10 @@ std::string Sessions::open(Offer offer, int width, int height, OnAnswer on_answe
   };
   callbacks.on_gone = [this, name](const std::string& why) { close_soon(name, why); };
   auto viewer = std::make_unique<Viewer>(field_, std::move(offer), settings, std::move(callbacks));
-  viewers_.emplace(name, Session{std::move(viewer), settings.view, std::move(on_answer)});
+  viewers_.emplace(name, Session{std::move(viewer), settings.eye.view, std::move(on_answer)});
   opened_++;
-  std::printf("view %u opens: %dx%d, %s; %zu viewers\n", settings.view, width, height, codec.c_str(), viewers_.size());
+  std::printf("view %u opens: %s%dx%d, %s; %zu viewers\n", settings.eye.view, wish.eye_distance > 0 ? "two of " : "",
+              wish.width, wish.height, codec.c_str(), viewers_.size());
   return name;
 }
 

@@ -25,7 +25,7 @@ class Sessions {
   bool full() const { return viewers_.size() >= static_cast<size_t>(limits_.viewers); }
   size_t size() const { return viewers_.size(); }
   // Returns the session's name; `on_answer` is called once, later. Throws Error.
-  std::string open(Offer offer, int width, int height, OnAnswer on_answer);
+  std::string open(Offer offer, const Wish& wish, OnAnswer on_answer);
   // False if there is none. Not inside of a viewer's callback.
   bool close(const std::string& name, const std::string& why);
 

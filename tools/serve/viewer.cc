@@ -3,11 +3,9 @@
 
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "encoder.h"
 #include "launch.h"
-#include "wire/request_codec.h"
 
 namespace lf::serve {
 namespace {
@@ -16,49 +14,22 @@ using nlohmann::json;
 
 // Requests of a viewer that are under way. Over a network a round trip may be longer than a frame.
 constexpr int kMostLocal = 2, kMostRemote = 4;
-// Cameras in this process do answer, however busy it is.
-constexpr GstClockTime kLocalPatience = 500 * GST_MSECOND;
 
-// Between the light field and the encoder the newest picture is the only one that counts.
+constexpr char kPicturesOfEye[] =
+    "appsink sync=false async=false enable-last-sample=false max-buffers=2 drop=true name=";
+
 std::string launch_line(const Offer& offer, size_t nodes, const ViewerSettings& settings) {
-  std::ostringstream line;
-  line << "lfviewrequest name=view is-live=true eager=true ! tee name=r  r. ! appsink name=requests sync=false async=false "
-          "enable-last-sample=false  r. ! queue leaky=downstream max-size-buffers=2 ! c.request "
-          "lfcompositor name=c ! queue leaky=downstream max-size-buffers=1 max-size-bytes=0 max-size-time=0 ! "
-          "videoconvert ! video/x-raw,format=I420,colorimetry=bt601 ! "
-       << encoder_line(offer, settings.most_bit_rate) << " ! webrtcbin name=webrtc bundle-policy=max-bundle";
-  for (size_t i = 0; i < nodes; i++)
-    line << " appsrc name=answers" << i << " is-live=true format=time max-bytes=0 max-buffers=64 leaky-type=downstream "
-         << "caps=application/x-lightfield-answer ! c.sink_" << i;
-  return line.str();
+  std::string line = Eye::launch_line(0, nodes);
+  if (settings.eye_distance > 0)
+    line += kPicturesOfEye + std::string("left ") + Eye::launch_line(1, nodes) + kPicturesOfEye + "right " +
+            "appsrc name=pictures is-live=true format=time max-bytes=0 max-buffers=1 leaky-type=downstream ! ";
+  return line + encoder_line(offer, settings.most_bit_rate) + " ! webrtcbin name=webrtc bundle-policy=max-bundle";
 }
 
 uint64_t count_in(const GstStructure* stats, const char* name) {
   guint64 value = 0;
   gst_structure_get_uint64(stats, name, &value);
   return value;
-}
-
-// The numbers of the view, as the properties of lfviewrequest.
-json view_of(GstElement* element) {
-  json view = json::object();
-  guint count = 0;
-  g_autofree GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(element), &count);
-  for (guint i = 0; i < count; i++) {
-    if (!G_IS_PARAM_SPEC_DOUBLE(specs[i])) continue;
-    gdouble value = 0;
-    g_object_get(element, specs[i]->name, &value, nullptr);
-    view[specs[i]->name] = value;
-  }
-  return view;
-}
-
-std::optional<View> view_in(GstBuffer* request) {
-  GstMapInfo map;
-  if (!gst_buffer_map(request, &map, GST_MAP_READ)) return std::nullopt;
-  const auto decoded = wire::decode_request({map.data, map.size});
-  gst_buffer_unmap(request, &map);
-  return decoded ? std::optional(decoded->view) : std::nullopt;
 }
 
 std::string info_message(const json& info) {
@@ -77,23 +48,19 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
       messages_(settings.messages_per_second, 2 * settings.messages_per_second) {
   pipeline_ = launch_pipeline(launch_line(offer, field.nodes(), settings));
   const auto find = [this](const std::string& name) { return gst_bin_get_by_name(GST_BIN(pipeline_), name.c_str()); };
-  set_in(pipeline_, "view", "rig", field.rig().c_str(), "view-id", settings.view, "width", settings.width, "height",
-         settings.height, "framerate", settings.framerate, 1, "capture-delay", settings.capture_delay);
-  set_in(pipeline_, "c", "rig", field.rig().c_str(), "view-id", settings.view);
-  if (field.is_local()) set_in(pipeline_, "c", "latency", kLocalPatience);
-  if (settings.focus > 0) set_in(pipeline_, "view", "focus-distance", settings.focus);
-  compositor_ = find("c");
   encoder_ = find("encoder");
-  view_ = find("view");
-  view_pad_ = gst_element_get_static_pad(view_, "src");
-
+  EyeSettings eye = settings.eye;
+  eye.offset = -settings.eye_distance / 2;
+  const auto eye_that = [&](Eye::OnRequest on_request) {
+    return std::make_unique<Eye>(pipeline_, static_cast<int>(eyes_.size()), field, eye, std::move(on_request));
+  };
+  eyes_.push_back(eye_that([this](const ViewRequest& request, GstClockTime time) { requested(request, time); }));
+  if (settings.eye_distance > 0) {
+    eye.view++;
+    eyes_.push_back(eye_that([](const ViewRequest&, GstClockTime) {}));
+    join_eyes();
+  }
   watch_pace();
-  GstElement* requests = find("requests");
-  GstAppSinkCallbacks sink_callbacks = {};
-  sink_callbacks.new_sample = take_request;
-  gst_app_sink_set_callbacks(GST_APP_SINK(requests), &sink_callbacks, this, nullptr);
-  gst_object_unref(requests);
-  for (size_t i = 0; i < field.nodes(); i++) answers_.push_back(GST_APP_SRC(find("answers" + std::to_string(i))));
 
   GstElement* payloader = find("payloader");
   GstPad* out = gst_element_get_static_pad(payloader, "src");
@@ -124,19 +91,30 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   watch_ = gst_bus_add_watch(bus, bus_message, this);
   gst_object_unref(bus);
   gst_pipeline_use_clock(GST_PIPELINE(pipeline_), field.clock());
-  field.join(settings.view, [this](size_t node, GstBuffer* answer) { take_answer(node, answer); });
   gst_element_set_state(pipeline_, GST_STATE_PLAYING);
+}
+
+Viewer::~Viewer() {
+  for (const auto& eye : eyes_) eye->close();
+  g_source_remove(watch_);
+  gst_element_set_state(pipeline_, GST_STATE_NULL);
+  peer_.reset();
+  eyes_.clear();
+  if (pictures_) gst_object_unref(pictures_);
+  gst_object_unref(encoder_);
+  gst_object_unref(pipeline_);
 }
 
 void Viewer::watch_pace() {
   gst_pad_add_probe(
-      view_pad_, GST_PAD_PROBE_TYPE_BUFFER,
+      eyes_[0]->requests(), GST_PAD_PROBE_TYPE_BUFFER,
       [](GstPad*, GstPadProbeInfo* info, gpointer data) {
         const GstClockTime time = GST_BUFFER_PTS(GST_PAD_PROBE_INFO_BUFFER(info));
         return static_cast<Pace*>(data)->begin(time) ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
       },
       &pace_, nullptr);
-  GstPad* pictures = gst_element_get_static_pad(compositor_, "src");
+  if (eyes_.size() > 1) return;  // it ends where both pictures are there
+  GstPad* pictures = gst_element_get_static_pad(eyes_[0]->compositor(), "src");
   gst_pad_add_probe(
       pictures, GST_PAD_PROBE_TYPE_BUFFER,
       [](GstPad*, GstPadProbeInfo* info, gpointer data) {
@@ -147,17 +125,28 @@ void Viewer::watch_pace() {
   gst_object_unref(pictures);
 }
 
-Viewer::~Viewer() {
-  field_.leave(settings_.view);
-  g_source_remove(watch_);
-  gst_element_set_state(pipeline_, GST_STATE_NULL);
-  peer_.reset();
-  for (GstAppSrc* source : answers_) gst_object_unref(source);
-  gst_object_unref(view_pad_);
-  gst_object_unref(view_);
-  gst_object_unref(compositor_);
-  gst_object_unref(encoder_);
-  gst_object_unref(pipeline_);
+void Viewer::join_eyes() {
+  pictures_ = GST_APP_SRC(gst_bin_get_by_name(GST_BIN(pipeline_), "pictures"));
+  halves_ = {{{this, StereoPair::kLeft}, {this, StereoPair::kRight}}};
+  for (Half& half : halves_) {
+    GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline_), half.side == StereoPair::kLeft ? "left" : "right");
+    GstAppSinkCallbacks callbacks = {};
+    callbacks.new_sample = take_picture;
+    gst_app_sink_set_callbacks(GST_APP_SINK(sink), &callbacks, &half, nullptr);
+    gst_object_unref(sink);
+  }
+}
+
+GstFlowReturn Viewer::take_picture(GstAppSink* sink, gpointer data) {
+  const auto& [self, side] = *static_cast<Half*>(data);
+  GstSample* sample = gst_app_sink_pull_sample(sink);
+  if (!sample) return GST_FLOW_OK;
+  GstSample* both = self->pair_.add(side, sample);
+  if (!both) return GST_FLOW_OK;
+  self->pace_.end(GST_BUFFER_PTS(gst_sample_get_buffer(both)));
+  const GstFlowReturn flow = gst_app_src_push_sample(self->pictures_, both);
+  gst_sample_unref(both);
+  return flow;
 }
 
 // A browser that goes makes an error of its own pipeline: it is a departure.
@@ -175,36 +164,23 @@ GstClockTime Viewer::running_time() const {
   return gst_clock_get_time(field_.clock()) - gst_element_get_base_time(pipeline_);
 }
 
-GstFlowReturn Viewer::take_request(GstAppSink* sink, gpointer data) {
-  Viewer* self = static_cast<Viewer*>(data);
-  GstSample* sample = gst_app_sink_pull_sample(sink);
-  if (!sample) return GST_FLOW_OK;
-  GstBuffer* buffer = gst_sample_get_buffer(sample);
-  self->field_.request(buffer);
-  const guint64 time =
-      gst_segment_to_running_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
+void Viewer::requested(const ViewRequest& request, GstClockTime time) {
+  if (eyes_.size() > 1) {
+    ViewRequest beside = request;
+    beside.view = seen_beside(request.view, settings_.eye_distance);
+    eyes_[1]->ask(std::move(beside), time);
+  }
   std::optional<uint64_t> applied;
   {
-    const std::lock_guard lock(self->mutex_);
-    if (auto asked = view_in(buffer)) self->asked_ = std::move(asked);
-    if (self->change_ && self->change_->time <= time) {
-      applied = self->change_->id;
-      self->change_.reset();
+    const std::lock_guard lock(mutex_);
+    if (change_ && change_->time <= time) {
+      applied = change_->id;
+      change_.reset();
     }
   }
-  if (applied) {
-    const auto stamp = static_cast<uint32_t>(gst_util_uint64_scale_int(time, 90000, GST_SECOND));
-    self->peer_->send(
-        info_message({{"applied", {{"id", *applied}, {"rtpTimestamp", stamp}}}, {"view", view_of(self->view_)}}));
-  }
-  gst_sample_unref(sample);
-  return GST_FLOW_OK;
-}
-
-void Viewer::take_answer(size_t node, GstBuffer* answer) {
-  GstBuffer* buffer = gst_buffer_copy(answer);
-  GST_BUFFER_PTS(buffer) = GST_CLOCK_TIME_NONE;
-  gst_app_src_push_buffer(answers_[node], buffer);
+  if (!applied) return;
+  const auto stamp = static_cast<uint32_t>(gst_util_uint64_scale_int(time, 90000, GST_SECOND));
+  peer_->send(info_message({{"applied", {{"id", *applied}, {"rtpTimestamp", stamp}}}, {"view", eyes_[0]->numbers()}}));
 }
 
 void Viewer::control(const std::string& text) {
@@ -212,7 +188,7 @@ void Viewer::control(const std::string& text) {
     const std::lock_guard lock(mutex_);
     if (!messages_.take(g_get_monotonic_time())) {
       refused_messages_++;
-      if (!flooded_) std::printf("view %u: too many messages\n", settings_.view);
+      if (!flooded_) std::printf("view %u: too many messages\n", settings_.eye.view);
       flooded_ = true;
       return;
     }
@@ -228,22 +204,20 @@ void Viewer::control(const std::string& text) {
     change_ = {*message.id, running_time()};
   }
   // That a key or a movement means nothing here is no error.
-  if (message.event && !gst_pad_send_event(view_pad_, message.event.release())) {
+  if (message.event && !eyes_[0]->steer(message.event.release())) {
     const std::lock_guard lock(mutex_);
     if (change_ && change_->id == *message.id) change_ = before;
   }
   if (message.id) peer_->send(control_response(*message.id, message.error));
 }
 
-std::optional<View> Viewer::asked() {
-  const std::lock_guard lock(mutex_);
-  return asked_;
-}
-
+// Two eyes have their pictures side by side.
 void Viewer::tell_pixel(const ControlMessage::Pixel& pixel) {
-  if (const auto view = asked())
-    peer_->send(info_message(
-        {{"pixel", {{"x", pixel.x}, {"y", pixel.y}, {"cameras", field_.array().pixel(*view, pixel.x, pixel.y)}}}}));
+  const bool right = eyes_.size() > 1 && pixel.x >= settings_.eye.width;
+  const auto view = eyes_[right]->asked();
+  if (!view) return;
+  nlohmann::json cameras = field_.array().pixel(*view, pixel.x - (right ? view->width : 0), pixel.y);
+  peer_->send(info_message({{"pixel", {{"x", pixel.x}, {"y", pixel.y}, {"cameras", std::move(cameras)}}}}));
 }
 
 void Viewer::tick() {
@@ -252,14 +226,13 @@ void Viewer::tick() {
 
 void Viewer::report(const LinkReport& link) {
   if (quality_.update(link.loss, link.round_trip)) set_bit_rate(encoder_, quality_.bits_per_second());
-  GstStructure* stats = nullptr;
-  g_object_get(compositor_, "stats", &stats, nullptr);
+  GstStructure* stats = eyes_[0]->stats();
   const auto ms = [stats](const char* name) { return static_cast<double>(count_in(stats, name)) * 1e-6; };
   json info = {{"pictures", count_in(stats, "pictures")},
                {"incomplete", count_in(stats, "incomplete")},
                {"missing", count_in(stats, "missing-fragments")},
                {"outOfService", count_in(stats, "out-of-service")},
-               {"answerBytes", count_in(stats, "bytes")},
+               {"answerBytes", figures().answer_bytes},
                {"skewMs", ms("max-skew-ns")},
                {"answerMs", ms("answer-ns-p50")},
                {"addMs", ms("add-ns-p50")},
@@ -269,8 +242,8 @@ void Viewer::report(const LinkReport& link) {
                {"loss", link.loss},
                {"roundTripMs", link.round_trip * 1e3}};
   gst_structure_free(stats);
-  if (const auto view = asked()) info["coverage"] = field_.array().coverage(*view);
-  peer_->send(info_message({{"statistics", std::move(info)}, {"view", view_of(view_)}}));
+  if (const auto view = eyes_[0]->asked()) info["coverage"] = field_.array().coverage(*view);
+  peer_->send(info_message({{"statistics", std::move(info)}, {"view", eyes_[0]->numbers()}}));
 }
 
 double Viewer::silence(int64_t now) const {
@@ -278,12 +251,16 @@ double Viewer::silence(int64_t now) const {
 }
 
 Viewer::Figures Viewer::figures() const {
-  GstStructure* stats = nullptr;
-  g_object_get(compositor_, "stats", &stats, nullptr);
-  const Figures figures{count_in(stats, "pictures"), count_in(stats, "incomplete"),
-                        count_in(stats, "bytes"),    video_bytes_,
-                        refused_messages_,           quality_.bits_per_second()};
-  gst_structure_free(stats);
+  Figures figures{.video_bytes = video_bytes_,
+                  .refused_messages = refused_messages_,
+                  .bits_per_second = quality_.bits_per_second()};
+  for (const auto& eye : eyes_) {
+    GstStructure* stats = eye->stats();
+    figures.pictures += count_in(stats, "pictures");
+    figures.incomplete += count_in(stats, "incomplete");
+    figures.answer_bytes += count_in(stats, "bytes");
+    gst_structure_free(stats);
+  }
   return figures;
 }
 

@@ -3,6 +3,7 @@
 
 #include <gst/app/app.h>
 
+#include <array>
 #include <atomic>
 #include <functional>
 #include <memory>
@@ -11,20 +12,19 @@
 #include <vector>
 
 #include "control_message.h"
+#include "eye.h"
 #include "light_field.h"
 #include "pace.h"
 #include "peer.h"
 #include "quality_control.h"
 #include "rate_limit.h"
+#include "stereo_pair.h"
 
 namespace lf::serve {
 
 struct ViewerSettings {
-  uint32_t view = 0;
-  int width = 640, height = 480;  // pixels, even
-  int framerate = 30;
-  uint64_t capture_delay = 0;  // nanoseconds, how old a capture must be before it is asked for
-  double focus = 0;            // metres, to begin with; 0: as lfviewrequest chooses
+  EyeSettings eye;          // of two eyes the left one has its view id, the right one the next
+  double eye_distance = 0;  // metres; 0: one eye
   int least_bit_rate = 300000, most_bit_rate = 6000000;
   double messages_per_second = 240;
   std::string address;  // the only one to be reached at, or ""
@@ -58,24 +58,29 @@ class Viewer {
   Figures figures() const;
 
  private:
-  void watch_pace();
-  static GstFlowReturn take_request(GstAppSink* sink, gpointer data);
+  static GstFlowReturn take_picture(GstAppSink* sink, gpointer data);
   static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
   void control(const std::string& text);
+  void join_eyes();
+  void watch_pace();
   GstClockTime running_time() const;
-  void take_answer(size_t node, GstBuffer* answer);
+  void requested(const ViewRequest& request, GstClockTime time);
   void report(const LinkReport& link);
   void tell_pixel(const ControlMessage::Pixel& pixel);
-  std::optional<View> asked();
+
+  struct Half {  // of a picture for two eyes
+    Viewer* viewer;
+    StereoPair::Side side;
+  };
 
   LightField& field_;
   ViewerSettings settings_;
   Callbacks callbacks_;
-  GstElement* pipeline_ = nullptr;
-  GstElement *compositor_ = nullptr, *encoder_ = nullptr;
-  GstElement* view_ = nullptr;  // lfviewrequest
-  GstPad* view_pad_ = nullptr;  // takes upstream events
-  std::vector<GstAppSrc*> answers_;
+  GstElement *pipeline_ = nullptr, *encoder_ = nullptr;
+  std::vector<std::unique_ptr<Eye>> eyes_;
+  std::array<Half, 2> halves_;
+  StereoPair pair_;
+  GstAppSrc* pictures_ = nullptr;  // for two eyes
   std::shared_ptr<Peer> peer_;
   guint watch_ = 0;
   int64_t began_, answered_ = 0;
@@ -86,7 +91,6 @@ class Viewer {
   std::mutex mutex_;  // of what follows
   TokenBucket messages_;
   bool flooded_ = false;
-  std::optional<View> asked_;  // for, last
   struct Change {
     uint64_t id;        // of the message
     GstClockTime time;  // running time just before it

@@ -12,7 +12,8 @@ export class Connection extends EventTarget {
     this.times = new Map();  // when the latest requests were sent, by id
   }
 
-  async open(endpoint, token, size) {
+  // `wish`: what the endpoint's query asks for, as {width, height, ...}.
+  async open(endpoint, token, wish) {
     this.token = token;
     const peer = this.peer = new RTCPeerConnection();
     peer.addTransceiver('video', { direction: 'recvonly' });
@@ -31,8 +32,7 @@ export class Connection extends EventTarget {
     await peer.setLocalDescription();
 
     const url = new URL(endpoint);
-    url.searchParams.set('width', size.width);
-    url.searchParams.set('height', size.height);
+    for (const [name, value] of Object.entries(wish)) url.searchParams.set(name, value);
     const headers = { 'Content-Type': 'application/sdp', ...this.authorization };
     const response = await fetch(url, { method: 'POST', headers, body: peer.localDescription.sdp });
     const text = await response.text();

@@ -13,9 +13,12 @@ import { Cameras } from './cameras.js';
 import { Connection } from './connection.js';
 import { Controls } from './controls.js';
 import { Figures, isShown } from './figures.js';
+import { Headset, headsets } from './headset.js';
 import { markup, sheet } from './markup.js';
+import { Anaglyph, kModes } from './stereo.js';
 import { viewOf } from './view.js';
 
+const kEyeDistance = 0.063;  // metres
 const kRest = 400;  // milliseconds without another size until the view takes it
 
 export class LightfieldViewer extends HTMLElement {
@@ -41,10 +44,16 @@ export class LightfieldViewer extends HTMLElement {
     find('button.figures').addEventListener('click', () => this.toggle('figures', this.panel));
     find('button.cameras').addEventListener('click', () => this.toggle('cameras', this.cameras));
     find('.share').addEventListener('click', event => this.share(event.target));
+    this.anaglyph = new Anaglyph(find('canvas.anaglyph'), this.video);
+    this.choice = find('select');
+    this.choice.addEventListener('change', () => this.show(this.choice.value));
+    headsets().then(there => this.choice.querySelector('[value=headset]').hidden = !there);
     this.watch();
   }
 
   connectedCallback() {
+    this.mode = Object.hasOwn(kModes, this.getAttribute('eyes')) ? this.getAttribute('eyes') : 'one';
+    this.showMode();
     this.resizes = new ResizeObserver(() => this.resized());
     this.resizes.observe(this);
     this.disconnect();
@@ -61,8 +70,7 @@ export class LightfieldViewer extends HTMLElement {
     this.rest = setTimeout(() => {
       const { width, height } = this.size;
       if (!this.asked || !this.connection || (width === this.asked.width && height === this.asked.height)) return;
-      this.disconnect();
-      this.connect();
+      if (this.mode !== 'headset') this.reconnect();
     }, kRest);
   }
 
@@ -71,12 +79,47 @@ export class LightfieldViewer extends HTMLElement {
   // The link's: #token=...&x=... ; it never leaves the browser but as a header.
   get token() { return this.getAttribute('token') ?? new URLSearchParams(location.hash.slice(1)).get('token') ?? ''; }
 
-  // Pixels to ask for: what the element has, in whole multiples of 16.
+  // Pixels to ask for: what the element has, in whole multiples of 16; of each eye.
   get size() {
     const box = this.getBoundingClientRect(), scale = Math.min(devicePixelRatio || 1, 2);
     const side = (name, length) =>
       Number(this.getAttribute(name)) || Math.max(64, Math.round(length * scale / 16) * 16);
-    return { width: side('width', box.width || 640), height: side('height', box.height || 480) };
+    return { width: side('width', (box.width || 640) / (this.mode === 'side' ? 2 : 1)),
+      height: side('height', box.height || 480) };
+  }
+  get eyeDistance() { return Number(this.getAttribute('eye-distance')) || kEyeDistance; }
+  // What the server is asked for.
+  get wish() {
+    if (this.mode === 'one') return this.size;
+    return this.headset?.wish ?? { ...this.size, 'eye-distance': this.eyeDistance };
+  }
+
+  // One of kModes.
+  async show(mode) {
+    if (mode === this.mode) return;
+    const before = this.mode, headset = this.headset;
+    this.mode = mode;
+    this.headset = null;
+    headset?.stop();
+    this.showMode();
+    if (mode !== 'headset') return this.reconnect();
+    const started = this.headset = new Headset(this, () => this.headset === started && this.show('one'));
+    try {
+      await started.start();
+    } catch (error) {
+      this.say(`no headset: ${error.message}`);
+      this.headset = null;
+      this.mode = before;
+      this.showMode();
+    }
+  }
+  showMode() {
+    this.choice.value = this.mode;
+    this.anaglyph.canvas.hidden = this.mode !== 'anaglyph';
+  }
+  reconnect() {
+    this.disconnect();
+    this.connect();
   }
 
   async connect() {
@@ -86,13 +129,14 @@ export class LightfieldViewer extends HTMLElement {
     connection.addEventListener('open', () => {
       this.status.hidden = true;
       this.retry = 0;
-      this.asked = this.size;
       // Another connection goes on where the one before was.
       this.sendView(this.state ?? { ...viewOf(location.hash.slice(1)), ...this.view });
       this.dispatchEvent(new CustomEvent('connected'));
     });
     try {
-      await connection.open(this.endpoint, this.token, this.size);
+      this.asked = this.size;
+      this.twoEyes = this.mode !== 'one';
+      await connection.open(this.endpoint, this.token, this.wish);
     } catch (error) {
       this.lost(connection, error.message, error.retryAfter);
     }
@@ -172,6 +216,9 @@ export class LightfieldViewer extends HTMLElement {
     if (on) requestAnimationFrame(step);
   }
 
+  // To who can't see it.
+  say(text) { this.shadowRoot.querySelector('.said').textContent = text; }
+
   async toggle(name, layer) {
     const button = this.shadowRoot.querySelector(`button.${name}`);
     button.setAttribute('aria-pressed', await layer.toggle());
@@ -187,6 +234,7 @@ export class LightfieldViewer extends HTMLElement {
         this.changes.shift();
       }
       this.panel.frame(now, frame);
+      this.anaglyph.draw(this.seen, this.eyeDistance);
       this.cameras.draw(now, this.seen);
       this.watch();
     });
@@ -195,13 +243,20 @@ export class LightfieldViewer extends HTMLElement {
   // Where the picture is in the element, in CSS pixels: it keeps its shape.
   get pictureBox() {
     const { clientWidth, clientHeight, videoWidth, videoHeight } = this.video;
-    const scale = Math.min(clientWidth / (videoWidth || 1), clientHeight / (videoHeight || 1)) || 1;
-    const width = videoWidth * scale, height = videoHeight * scale;
+    const shownWidth = this.mode === 'side' ? videoWidth : this.eyeWidth;
+    const scale = Math.min(clientWidth / (shownWidth || 1), clientHeight / (videoHeight || 1)) || 1;
+    const width = shownWidth * scale, height = videoHeight * scale;
     return { x: (clientWidth - width) / 2, y: (clientHeight - height) / 2, width, height, scale };
   }
   // What each eye sees where: `offset` metres to the right of the view.
-  get eyes() { return [{ box: this.pictureBox, offset: 0 }]; }
-  get eyeWidth() { return this.video.videoWidth; }
+  get eyes() {
+    const box = this.pictureBox;
+    if (this.mode !== 'side') return [{ box, offset: 0 }];
+    const width = box.width / 2;
+    return [-1, 1].map(side => ({ box: { ...box, width, x: box.x + (side > 0 ? width : 0) },
+      offset: side * this.eyeDistance / 2 }));
+  }
+  get eyeWidth() { return this.video.videoWidth / (this.twoEyes ? 2 : 1); }
   // The pixel of the view under a pointer, and back.
   pixelAt(event) {
     const frame = this.video.getBoundingClientRect(), box = this.pictureBox;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // What the element is made of.
 
+import { kModes } from './stereo.js';
+
 export const sheet = new CSSStyleSheet();  // not a <style>, which strict pages forbid
 sheet.replaceSync(`
   :host { display: block; position: relative; background: #000; color: #fff; font: 14px/1.4 system-ui, sans-serif;
@@ -18,7 +20,7 @@ sheet.replaceSync(`
     background: linear-gradient(transparent, rgb(0 0 0 / .7)); }
   label { display: flex; gap: 8px; align-items: center; flex: 1 1 160px; }
   input[type=range] { flex: 1; min-width: 80px; height: 28px; }
-  button { font: inherit; color: inherit; background: rgb(40 40 40 / .8); border: 1px solid #888; border-radius: 6px;
+  button, select { font: inherit; color: inherit; background: rgb(40 40 40 / .8); border: 1px solid #888; border-radius: 6px;
     padding: 6px 10px; min-height: 36px; }
   button[aria-pressed=true] { background: #246; }
   :focus-visible { outline: 2px solid #6cf; outline-offset: 1px; }
@@ -31,24 +33,31 @@ sheet.replaceSync(`
   @container (max-width: 520px) {
     label { flex-basis: 100%; }
     .bar { gap: 6px; }
-    button { flex: 1; padding: 6px 4px; min-height: 44px; }
+    button, select { flex: 1; padding: 6px 4px; min-height: 44px; }
     pre { font-size: 10px; }
   }
+  canvas.anaglyph { object-fit: contain; z-index: 0; }
+  .said { position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); }
   [hidden] { display: none !important; }`);
 
 export const markup = `
   <video autoplay playsinline muted tabindex="0" role="img" aria-describedby="help"
     aria-label="Live picture of the light field, flown by a virtual camera"></video>
+  <canvas class="anaglyph" hidden aria-hidden="true"></canvas>
   <canvas class="cameras" hidden aria-hidden="true"></canvas>
   <div class="frame"></div>
   <pre class="makers" hidden aria-label="Cameras that make the pixel at the pointer"></pre>
   <pre class="figures" hidden aria-label="Figures"></pre>
+  <div class="said" role="log" aria-label="What happened"></div>
   <div class="status" role="status">connecting</div>
   <div class="bar">
     <label>Focus
       <input type="range" min="-1" max="1" step="0.01" value="0" aria-label="Distance of what is sharp"></label>
     <button class="sweep" aria-pressed="false" title="Moves the focus through the scene and back">Sweep</button>
     <button class="home" title="Back to where the flight began (key r)">Home</button>
+    <select aria-label="Eyes" title="A picture for one eye, or for two">
+      ${Object.entries(kModes).map(([mode, name]) => `<option value="${mode}">${name}</option>`).join('')}
+    </select>
     <button class="cameras" aria-pressed="false" title="Which cameras make the picture (key c)">Cameras</button>
     <button class="figures" aria-pressed="false" title="Frames per second, latency, bytes (key i)">Figures</button>
     <button class="share" title="Copies a link to exactly this view">Share</button>

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "eye.h"
+
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "launch.h"
+#include "wire/request_codec.h"
+
+namespace lf::serve {
+namespace {
+
+// Cameras in this process do answer, however busy it is.
+constexpr GstClockTime kLocalPatience = 500 * GST_MSECOND;
+
+std::optional<ViewRequest> request_in(GstBuffer* buffer) {
+  GstMapInfo map;
+  if (!gst_buffer_map(buffer, &map, GST_MAP_READ)) return std::nullopt;
+  auto request = wire::decode_request({map.data, map.size});
+  gst_buffer_unmap(buffer, &map);
+  return request;
+}
+
+std::string numbered(const char* name, int index) { return name + std::to_string(index); }
+
+}  // namespace
+
+// Between the light field and the encoder the newest picture is the only one that counts.
+std::string Eye::launch_line(int index, size_t nodes) {
+  std::ostringstream line;
+  for (size_t i = 0; i < nodes; i++)
+    line << " appsrc name=answers" << index << '_' << i << " is-live=true format=time max-bytes=0 max-buffers=64 "
+         << "leaky-type=downstream caps=application/x-lightfield-answer ! c" << index << ".sink_" << i;
+  if (index > 0) line << " appsrc name=told is-live=true format=time max-bytes=0 max-buffers=4 leaky-type=downstream !";
+  line << " lfviewrequest name=view" << index << " is-live=true eager=true ! tee name=r" << index << "  r" << index
+       << ". ! appsink name=requests" << index << " sync=false async=false enable-last-sample=false  r" << index
+       << ". ! queue leaky=downstream max-size-buffers=2 ! c" << index << ".request  lfcompositor name=c" << index
+       << " ! queue leaky=downstream max-size-buffers=1 max-size-bytes=0 max-size-time=0 ! videoconvert ! "
+          "video/x-raw,format=I420,colorimetry=bt601 ! ";
+  return line.str();
+}
+
+Eye::Eye(GstElement* pipeline, int index, LightField& field, const EyeSettings& settings, OnRequest on_request)
+    : field_(field), id_(settings.view), on_request_(std::move(on_request)) {
+  const auto find = [pipeline](const std::string& name) {
+    return gst_bin_get_by_name(GST_BIN(pipeline), name.c_str());
+  };
+  compositor_ = find(numbered("c", index));
+  view_ = find(numbered("view", index));
+  view_pad_ = gst_element_get_static_pad(view_, "src");
+  g_object_set(view_, "rig", field.rig().c_str(), "view-id", id_, "width", settings.width, "height", settings.height,
+               "framerate", settings.framerate, 1, "capture-delay", settings.capture_delay, "eye-offset",
+               settings.offset, nullptr);
+  g_object_set(compositor_, "rig", field.rig().c_str(), "view-id", id_, nullptr);
+  if (field.is_local()) g_object_set(compositor_, "latency", kLocalPatience, nullptr);
+  if (settings.focus > 0) g_object_set(view_, "focus-distance", settings.focus, nullptr);
+  if (index > 0) {
+    told_ = GST_APP_SRC(find("told"));
+    GstCaps* caps = gst_caps_new_simple("application/x-lightfield-request", "framerate", GST_TYPE_FRACTION,
+                                        settings.framerate, 1, nullptr);
+    gst_app_src_set_caps(told_, caps);
+    gst_caps_unref(caps);
+  }
+  if (!settings.path.empty()) g_object_set(view_, "location", settings.path.c_str(), "loop", TRUE, nullptr);
+
+  GstElement* requests = find(numbered("requests", index));
+  GstAppSinkCallbacks sink_callbacks = {};
+  sink_callbacks.new_sample = take_request;
+  gst_app_sink_set_callbacks(GST_APP_SINK(requests), &sink_callbacks, this, nullptr);
+  gst_object_unref(requests);
+  for (size_t i = 0; i < field.nodes(); i++)
+    answers_.push_back(GST_APP_SRC(find(numbered("answers", index) + "_" + std::to_string(i))));
+  field.join(id_, [this](size_t node, GstBuffer* answer) { take_answer(node, answer); });
+}
+
+Eye::~Eye() {
+  for (GstAppSrc* source : answers_) gst_object_unref(source);
+  if (told_) gst_object_unref(told_);
+  gst_object_unref(view_pad_);
+  gst_object_unref(view_);
+  gst_object_unref(compositor_);
+}
+
+void Eye::close() { field_.leave(id_); }
+
+bool Eye::steer(GstEvent* event) { return gst_pad_send_event(view_pad_, event); }
+
+void Eye::ask(ViewRequest request, GstClockTime running_time) {
+  request.view_id = id_;
+  const std::vector<uint8_t> bytes = wire::encode_request(request);
+  GstBuffer* buffer = gst_buffer_new_memdup(bytes.data(), bytes.size());
+  GST_BUFFER_PTS(buffer) = running_time;
+  gst_app_src_push_buffer(told_, buffer);
+}
+
+GstStructure* Eye::stats() const {
+  GstStructure* stats = nullptr;
+  g_object_get(compositor_, "stats", &stats, nullptr);
+  return stats;
+}
+
+nlohmann::json Eye::numbers() const {
+  nlohmann::json view = nlohmann::json::object();
+  guint count = 0;
+  g_autofree GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(view_), &count);
+  for (guint i = 0; i < count; i++) {
+    if (!G_IS_PARAM_SPEC_DOUBLE(specs[i]) || !(specs[i]->flags & GST_PARAM_CONTROLLABLE)) continue;
+    gdouble value = 0;
+    g_object_get(view_, specs[i]->name, &value, nullptr);
+    view[specs[i]->name] = value;
+  }
+  return view;
+}
+
+std::optional<View> Eye::asked() {
+  const std::lock_guard lock(mutex_);
+  return asked_;
+}
+
+GstFlowReturn Eye::take_request(GstAppSink* sink, gpointer data) {
+  Eye* self = static_cast<Eye*>(data);
+  GstSample* sample = gst_app_sink_pull_sample(sink);
+  if (!sample) return GST_FLOW_OK;
+  GstBuffer* buffer = gst_sample_get_buffer(sample);
+  self->field_.request(buffer);
+  if (const auto request = request_in(buffer)) {
+    {
+      const std::lock_guard lock(self->mutex_);
+      self->asked_ = request->view;
+    }
+    self->on_request_(
+        *request, gst_segment_to_running_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer)));
+  }
+  gst_sample_unref(sample);
+  return GST_FLOW_OK;
+}
+
+void Eye::take_answer(size_t node, GstBuffer* answer) {
+  GstBuffer* buffer = gst_buffer_copy(answer);
+  GST_BUFFER_PTS(buffer) = GST_CLOCK_TIME_NONE;
+  gst_app_src_push_buffer(answers_[node], buffer);
+}
+
+}  // namespace lf::serve

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/app/app.h>
+
+#include <functional>
+#include <mutex>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "light_field.h"
+#include "view/view_request.h"
+
+namespace lf::serve {
+
+struct EyeSettings {
+  uint32_t view = 0;              // id
+  int width = 640, height = 480;  // pixels, even
+  int framerate = 30;
+  uint64_t capture_delay = 0;  // nanoseconds, how old a capture must be before it is asked for
+  double focus = 0;            // metres, to begin with; 0: as lfviewrequest chooses
+  double offset = 0;           // metres to the right of the view
+  std::string path;            // a views.json that is flown over and over, or ""
+};
+
+// One eye of a viewer inside of the viewer's pipeline: requests go to the light field, answers come from there, and
+// pictures leave. Number 0 flies; number 1 asks for what it is told to ask for.
+class Eye {
+ public:
+  // Streaming thread: a request has gone, for a picture of this running time.
+  using OnRequest = std::function<void(const ViewRequest&, GstClockTime)>;
+
+  // The part of a launch line that makes eye number `index`, up to "... ! ", behind which its pictures come.
+  static std::string launch_line(int index, size_t nodes);
+  // Of a pipeline made with that, which has not been started.
+  Eye(GstElement* pipeline, int index, LightField& field, const EyeSettings& settings, OnRequest on_request);
+  // After the pipeline was stopped.
+  ~Eye();
+  Eye(const Eye&) = delete;
+
+  void close();                 // before the pipeline is stopped: no answers come any more
+  bool steer(GstEvent* event);  // takes it; false if it means nothing here
+  // Number 1: the same but for the eye, and of the same moment. Its own view id is put in.
+  void ask(ViewRequest request, GstClockTime running_time);
+  GstPad* requests() const { return view_pad_; }
+  GstElement* compositor() const { return compositor_; }
+  GstStructure* stats() const;  // of the lfcompositor
+  // The numbers of the view, as the properties of lfviewrequest.
+  nlohmann::json numbers() const;
+  std::optional<View> asked();  // for, last
+
+ private:
+  static GstFlowReturn take_request(GstAppSink* sink, gpointer data);
+  void take_answer(size_t node, GstBuffer* answer);
+
+  LightField& field_;
+  uint32_t id_;
+  OnRequest on_request_;
+  GstElement *compositor_ = nullptr, *view_ = nullptr;
+  GstPad* view_pad_ = nullptr;  // takes upstream events
+  GstAppSrc* told_ = nullptr;   // of number 1
+  std::vector<GstAppSrc*> answers_;
+  std::mutex mutex_;
+  std::optional<View> asked_;
+};
+
+}  // namespace lf::serve
