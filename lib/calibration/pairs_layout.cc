@@ -1,106 +1,167 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
+#include <cmath>
 
-#include <opencv2/calib3d.hpp>
+#include <Eigen/Eigenvalues>
 
 #include "calibration/initial_layout.h"
+#include "calibration/relative_poses.h"
+#include "calibration/rotation_averaging.h"
 #include "calibration/triangulation.h"
 
 namespace lf {
 namespace {
 
-constexpr size_t kLeastShared = 12;
-constexpr size_t kPairsTried = 20;
-constexpr double kWideEnough = 0.3;  // radians between lines of sight; more does not make a better pair
+constexpr double kAgree = 0.1;  // radians between a pair and the average
+constexpr int kRounds = 20;
+constexpr double kStraight = 0.05;   // radians: lines of sight that are farther off count less and less
+constexpr double kDegenerate = 0.3;  // of the next eigenvalue
 
-struct Shared {
-  size_t a, b;
-  std::vector<cv::Point2d> in_a, in_b;  // normalised
-};
-
-std::vector<Shared> pairs_by_overlap(const Scene& scene, const Tracks& tracks) {
-  const uint32_t lights = tracks.bar ? 2 : 1;
-  std::vector<std::vector<std::optional<Vec2>>> uv(tracks.cameras.size(),
-                                                   std::vector<std::optional<Vec2>>(tracks.num_positions * lights));
-  for (const Observation& o : tracks.observations)
-    uv[o.camera][o.position * lights + o.light] = scene.cameras[o.camera].lens().unproject(o.pixel);
-  std::vector<Shared> pairs;
-  for (size_t a = 0; a < uv.size(); a++)
-    for (size_t b = 0; b < a; b++) {
-      Shared pair{a, b, {}, {}};
-      for (size_t j = 0; j < uv[a].size(); j++)
-        if (uv[a][j] && uv[b][j]) {
-          pair.in_a.emplace_back(uv[a][j]->x, uv[a][j]->y);
-          pair.in_b.emplace_back(uv[b][j]->x, uv[b][j]->y);
-        }
-      if (pair.in_a.size() >= kLeastShared) pairs.push_back(std::move(pair));
-    }
-  std::sort(pairs.begin(), pairs.end(), [](const auto& x, const auto& y) { return x.in_a.size() > y.in_a.size(); });
-  if (pairs.size() > kPairsTried) pairs.resize(kPairsTried);
-  return pairs;
+// Each end of a bar a point of its own: there is no scale yet.
+Tracks without_bars(Tracks tracks) {
+  if (!tracks.bar) return tracks;
+  tracks.bar = false;
+  tracks.num_positions *= 2;
+  for (Observation& o : tracks.observations) o.position = o.position * 2 + o.light, o.light = 0;
+  return tracks;
 }
 
-// The pose of b where a is at the origin, one unit away; `score` counts the points that fit, more where sights cross
-// at a wide angle.
-std::optional<Pose> pose_of_pair(const Shared& pair, double reach, double& score) {
-  cv::Mat fit, rotation, shift;
-  const cv::Mat k = cv::Mat::eye(3, 3, CV_64F);
-  cv::Mat essential = cv::findEssentialMat(pair.in_a, pair.in_b, k, cv::RANSAC, 0.999, reach, fit);
-  if (essential.rows < 3) return std::nullopt;
-  essential = essential.rowRange(0, 3).clone();
-  const int inliers = cv::recoverPose(essential, pair.in_a, pair.in_b, k, rotation, shift, fit);
-  if (inliers < static_cast<int>(kLeastShared) / 2) return std::nullopt;
-  Mat3 world_from_b;
-  for (int row = 0; row < 3; row++)
-    for (int column = 0; column < 3; column++) world_from_b[row][column] = rotation.at<double>(row, column);
-  const Vec3 t(shift.at<double>(0), shift.at<double>(1), shift.at<double>(2));
-  std::vector<double> angles;
-  for (size_t j = 0; j < pair.in_a.size(); j++)
-    if (fit.at<uchar>(static_cast<int>(j)))
-      angles.push_back(
-          std::acos(std::clamp(glm::dot(glm::normalize(Vec3(pair.in_a[j].x, pair.in_a[j].y, 1)),
-                                        glm::normalize(world_from_b * Vec3(pair.in_b[j].x, pair.in_b[j].y, 1))),
-                               -1.0, 1.0)));
-  std::nth_element(angles.begin(), angles.begin() + angles.size() / 2, angles.end());
-  score = inliers * std::min(angles[angles.size() / 2], kWideEnough);
-  return Pose{-(world_from_b * t), glm::quat_cast(world_from_b)};
+// Targets, the adjustment and further cameras from those that have a pose, which may be off by `reach` pixels. Returns
+// how many have one then.
+int grow(Scene& scene, const Tracks& tracks, double reach, double threshold) {
+  const Tracks points = without_bars(tracks);
+  scene.targets.assign(points.num_positions, {});
+  const auto settle = [&](double pixels) {
+    triangulate_targets(scene, points, pixels);
+    AdjustmentOptions o;
+    o.robust = 2, o.sigma = pixels / 4, o.max_iterations = 6, o.tolerance = 1e-3;
+    adjust(scene, points.observations, Inliers(points.observations.size(), true), o);
+  };
+  for (; reach > threshold; reach /= 2) settle(reach);
+  for (int more = 1; more > 0;) {
+    settle(threshold);
+    more = resect_cameras(scene, points, 2 * threshold);
+  }
+  targets_from_poses(scene, tracks, threshold);
+  return static_cast<int>(
+      std::count_if(scene.cameras.begin(), scene.cameras.end(), [](const CameraState& c) { return c.used; }));
+}
+
+void forget_poses(Scene& scene) {
+  for (CameraState& camera : scene.cameras) camera.used = false;
+}
+
+struct LineOfSight {
+  Eigen::Index camera;  // a row
+  size_t light;
+  Eigen::Vector3d along;
+};
+
+// Places of cameras whose rotations are known, and of the lights: the sum of the squared distances of lights from lines
+// of sight, in angles, is least (reweighted). The lights are eliminated; what is left is the smallest eigenvector that
+// is no shift. Nothing where that leaves more than a scale open.
+std::optional<Eigen::VectorXd> places_by_lines_of_sight(Eigen::Index cameras, size_t lights,
+                                                        const std::vector<LineOfSight>& lines) {
+  std::vector<std::vector<const LineOfSight*>> of_light(lights);
+  for (const LineOfSight& line : lines) of_light[line.light].push_back(&line);
+  std::vector<double> weight(lines.size(), 1);
+  Eigen::VectorXd places;
+  bool open = true;
+  for (int round = 0; round < kRounds; round++) {
+    Eigen::MatrixXd m = Eigen::MatrixXd::Zero(3 * cameras, 3 * cameras);
+    const auto across = [&](const LineOfSight& line) -> Eigen::Matrix3d {
+      return weight[&line - lines.data()] * (Eigen::Matrix3d::Identity() - line.along * line.along.transpose());
+    };
+    std::vector<Eigen::Matrix3d> own(lights, Eigen::Matrix3d::Zero());
+    for (size_t j = 0; j < lights; j++) {
+      for (const LineOfSight* line : of_light[j]) own[j] += across(*line);
+      if (of_light[j].size() < 2 || !(own[j].determinant() > 0)) continue;
+      own[j] = own[j].inverse().eval();
+      for (const LineOfSight* a : of_light[j]) {
+        m.block<3, 3>(3 * a->camera, 3 * a->camera) += across(*a);
+        const Eigen::Matrix3d gain = across(*a) * own[j];
+        for (const LineOfSight* b : of_light[j]) m.block<3, 3>(3 * a->camera, 3 * b->camera) -= gain * across(*b);
+      }
+    }
+    // Shifts are taken out of the way.
+    const double stiff = m.diagonal().maxCoeff() / static_cast<double>(cameras);
+    for (Eigen::Index i = 0; i < m.rows(); i++)
+      for (Eigen::Index j = i % 3; j < m.rows(); j += 3) m(i, j) += stiff;
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(m);
+    open = !(eigen.eigenvalues()[0] < kDegenerate * eigen.eigenvalues()[1]);
+    places = eigen.eigenvectors().col(0);
+    std::vector<Eigen::Vector3d> apart(lines.size(), Eigen::Vector3d::Zero());
+    double before = 0;
+    for (size_t j = 0; j < lights; j++) {
+      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+      for (const LineOfSight* line : of_light[j]) sum += across(*line) * places.segment<3>(3 * line->camera);
+      const Eigen::Vector3d at = own[j] * sum;
+      for (const LineOfSight* line : of_light[j]) {
+        apart[line - lines.data()] = at - places.segment<3>(3 * line->camera);
+        before += weight[line - lines.data()] * apart[line - lines.data()].normalized().dot(line->along);
+      }
+    }
+    const double side = before < 0 ? -1 : 1;
+    places *= side;
+    const double straight = std::max(kStraight, 0.5 * std::pow(0.7, round));
+    for (size_t i = 0; i < lines.size(); i++) {
+      const double off = std::atan2(apart[i].cross(lines[i].along).norm(), side * apart[i].dot(lines[i].along)),
+                   far = 1 + off * off / (straight * straight);
+      weight[i] = 1 / (far * far);
+    }
+  }
+  if (open) return std::nullopt;
+  return places;
 }
 
 }  // namespace
 
-int layout_from_pairs(Scene& scene, const Tracks& tracks, double threshold) {
-  cv::setRNGSeed(1);
-  for (CameraState& camera : scene.cameras) camera.used = false;
-  scene.targets.assign(tracks.num_positions, {});
-  double best = 0;
-  Pose pose;
-  size_t first = 0, second = 0;
-  for (const Shared& pair : pairs_by_overlap(scene, tracks)) {
-    double score = 0;
-    const auto found = pose_of_pair(pair, threshold / scene.cameras[pair.a].lens_terms()[kF], score);
-    if (found && score > best) best = score, pose = *found, first = pair.a, second = pair.b;
+int layout_from_averages(Scene& scene, const Tracks& tracks, double threshold) {
+  const auto pairs = relative_poses(scene, tracks, threshold);
+  std::vector<RelativeRotation> relative;
+  for (const RelativePose& pair : pairs) relative.push_back({pair.a, pair.b, pair.a_from_b.orientation, pair.score});
+  const auto rotations = average_rotations(scene.cameras.size(), relative);
+  // Rotations that no pair agrees with are not known.
+  std::vector<Eigen::Index> row(scene.cameras.size(), -1);
+  Eigen::Index count = 0;
+  for (const RelativePose& pair : pairs) {
+    const auto &a = rotations[pair.a], &b = rotations[pair.b];
+    if (!a || !b || angle_of(*a * pair.a_from_b.orientation * glm::conjugate(*b)) > kAgree) continue;
+    for (const size_t i : {pair.a, pair.b})
+      if (row[i] < 0) row[i] = count++;
   }
-  if (best == 0) return 0;
-  scene.cameras[first].set_pose({});
-  scene.cameras[second].set_pose(pose);
-  scene.cameras[first].used = scene.cameras[second].used = true;
-  Tracks single = tracks;  // each end of a bar a point of its own: there is no scale yet
-  if (tracks.bar) {
-    single.bar = false;
-    single.num_positions *= 2;
-    for (Observation& o : single.observations) o.position = o.position * 2 + o.light, o.light = 0;
+  const Tracks points = without_bars(tracks);
+  std::vector<LineOfSight> lines;
+  for (const Observation& o : points.observations) {
+    if (row[o.camera] < 0) continue;
+    const auto uv = scene.cameras[o.camera].lens().unproject(o.pixel);
+    if (!uv) continue;
+    const Vec3 along = *rotations[o.camera] * glm::normalize(Vec3(*uv, 1));
+    lines.push_back({row[o.camera], o.position, {along.x, along.y, along.z}});
   }
-  scene.targets.assign(single.num_positions, {});
-  int placed = 2;
-  for (int more = 1; more > 0; placed += more) {
-    triangulate_targets(scene, single, threshold);
-    AdjustmentOptions settle;
-    settle.robust = 2, settle.sigma = threshold / 4, settle.max_iterations = 6, settle.tolerance = 1e-3;
-    adjust(scene, single.observations, Inliers(single.observations.size(), true), settle);
-    more = resect_cameras(scene, single, 2 * threshold);
+  if (count < 2) return 0;
+  const auto places = places_by_lines_of_sight(count, points.num_positions, lines);
+  if (!places) return 0;
+  forget_poses(scene);
+  for (size_t i = 0; i < row.size(); i++) {
+    if (row[i] < 0) continue;
+    const Eigen::Vector3d at = places->segment<3>(3 * row[i]);
+    scene.cameras[i].set_pose({{at[0], at[1], at[2]}, *rotations[i]});
+    scene.cameras[i].used = true;
   }
-  targets_from_poses(scene, tracks, threshold);
-  return placed;
+  return grow(scene, tracks, kAgree * scene.batch_mean[kF], threshold);
+}
+
+int layout_from_a_pair(Scene& scene, const Tracks& tracks, double threshold) {
+  const auto pairs = relative_poses(scene, tracks, threshold);
+  const auto best =
+      std::max_element(pairs.begin(), pairs.end(), [](const auto& x, const auto& y) { return x.score < y.score; });
+  if (best == pairs.end() || !(best->score > 0)) return 0;
+  forget_poses(scene);
+  scene.cameras[best->a].set_pose({});
+  scene.cameras[best->b].set_pose(best->a_from_b);
+  scene.cameras[best->a].used = scene.cameras[best->b].used = true;
+  return grow(scene, tracks, threshold, threshold);
 }
 
 }  // namespace lf

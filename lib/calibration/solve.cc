@@ -28,6 +28,12 @@ constexpr double kSettled = 0.05;     // change of sigma
 constexpr size_t kEnough = 4000;      // observations to begin with
 constexpr size_t kEnoughPositions = 50;
 
+struct PairLayout {
+  const char* name;
+  int (*place)(Scene& scene, const Tracks& tracks, double threshold);
+};
+constexpr PairLayout kPairLayouts[] = {{"averaged pairs", layout_from_averages}, {"a pair", layout_from_a_pair}};
+
 // Every nth position: poses, and the choice of a lens model, need not look at all of very many.
 Tracks sample_of(Tracks tracks) {
   const size_t n = std::min(tracks.observations.size() / kEnough, tracks.num_positions / kEnoughPositions);
@@ -97,15 +103,16 @@ class Solver {
     // Without lenses known, a few focal lengths (in widths of an image) are tried.
     for (const double f : {1.0, 0.7, 1.4, 2.0, 0.5}) {
       if (options_.prior && f != 1.0) break;
-      attempt(
-          "pairs",
-          [&] {
-            if (!options_.prior)
-              for (CameraState& camera : scene().cameras)
-                camera.lens_terms()[kF] = f * std::max(camera.width, camera.height);
-            return layout_from_pairs(scene(), tracks_, kCoarse) >= 2;
-          },
-          !options_.prior);
+      for (const auto& [name, place] : kPairLayouts)
+        attempt(
+            name,
+            [&] {
+              if (!options_.prior)
+                for (CameraState& camera : scene().cameras)
+                  camera.lens_terms()[kF] = f * std::max(camera.width, camera.height);
+              return place(scene(), tracks_, kCoarse) >= 2;
+            },
+            !options_.prior);
     }
     if (best_fit == 0) throw Error("no two cameras see the light in a way that fits together");
     scene() = std::move(best);
@@ -189,8 +196,18 @@ class Solver {
     for (CameraState& camera : scene().cameras)
       for (int k = solution_.distortion.terms; k < 2; k++) camera.lens_terms()[kK1 + k] = 0;
     robust(sample_, solution_.model.free, 3, 8);
+    try_left_out_cameras();
     triangulate_targets(scene(), tracks_, 4 * sigma_of(sample_));
     robust(tracks_, solution_.model.free, 2, 8);
+  }
+
+  // Those that fitted nowhere, now that the lenses are known.
+  void try_left_out_cameras() {
+    for (size_t i = 0; i < scene().cameras.size(); i++)
+      for (int k = 0; k < kNumLensTerms; k++)
+        if (!scene().cameras[i].used && !scene().measured(i, k))
+          scene().cameras[i].lens_terms()[k] = scene().batch_mean[k];
+    resect_cameras(scene(), tracks_, kCoarse);
   }
 
   // Least squares over what is no outlier, until that does not change.
@@ -227,6 +244,9 @@ class Solver {
   // Targets that fewer than three good sights hold: a place amid all of their sights, so that what is reported of these
   // is fair.
   void settle_doubtful_targets() {
+    Tracks nowhere = tracks_;
+    std::erase_if(nowhere.observations, [&](const Observation& o) { return scene().targets[o.position].has(o.light); });
+    if (!tracks_.bar) triangulate_targets(scene(), nowhere, tracks_.cameras[0].width);
     std::vector<int> good(scene().targets.size());
     for (size_t i = 0; i < solution_.inliers.size(); i++)
       good[tracks_.observations[i].position] += solution_.inliers[i];

@@ -19,6 +19,8 @@ Vec3 normal3(Random& random, double sigma) {
 
 // In the field of view of the array's middle at a depth whose inverse is uniform.
 Vec3 place(const Rig& rig, const PathOptions& options, int i, Random& random) {
+  if (options.shape == PathOptions::Shape::kBall)
+    return options.near * std::cbrt(uniform(random, 0, 1)) * glm::normalize(normal3(random, 1));
   double t = uniform(random, 0, 1), x = uniform(random, -1, 1), y = uniform(random, -1, 1);
   if (options.shape == PathOptions::Shape::kPlane) t = 0.5;
   if (options.shape == PathOptions::Shape::kLine) t = 0.5, x = 2.0 * i / options.positions - 1, y = 0.3 * x;
@@ -41,6 +43,32 @@ Rig make_array(const ArrayOptions& o, uint64_t seed) {
                                             (o.width - 1) / 2.0 + normal(random, o.centre_spread),
                                             (o.height - 1) / 2.0 + normal(random, o.centre_spread),
                                             o.k1 + normal(random, o.k1_spread), o.k2 + normal(random, o.k2_spread)});
+  }
+  return rig;
+}
+
+Rig make_rig_around(Around shape, int count, uint64_t seed) {
+  Random random(seed);
+  Rig rig;
+  for (int i = 0; i < count; i++) {
+    Vec3 direction = glm::normalize(normal3(random, 1));
+    const double turn = 2 * M_PI * i / count, height = (i + 0.5) / count;
+    if (shape == Around::kRing) direction = {std::cos(turn), 0, std::sin(turn)};
+    if (shape == Around::kDome) {  // golden angles
+      const double across = std::sqrt(1 - height * height), angle = i * M_PI * (3 - std::sqrt(5.0));
+      direction = {across * std::cos(angle), -height, across * std::sin(angle)};
+    }
+    Camera camera;
+    camera.id = static_cast<uint32_t>(i);
+    camera.width = 640, camera.height = 480;
+    camera.lens = Lens(LensModel::kRadial, {600 * (1 + normal(random, 0.01)), 319.5 + normal(random, 3),
+                                            239.5 + normal(random, 3), -0.1, 0.02});
+    camera.pose.position = direction * uniform(random, 2, 3);
+    const Vec3 z = glm::normalize(normal3(random, 0.1) - camera.pose.position);
+    const Vec3 x = glm::normalize(glm::cross(std::abs(z.y) < 0.9 ? Vec3(0, 1, 0) : Vec3(1, 0, 0), z));
+    camera.pose.orientation =
+        glm::quat_cast(Mat3(x, glm::cross(z, x), z)) * glm::angleAxis(uniform(random, -0.3, 0.3), Vec3(0, 0, 1));
+    rig.cameras.push_back(camera);
   }
   return rig;
 }

@@ -22,7 +22,7 @@ struct ArrayOptions {
 };
 
 struct PathOptions {
-  enum class Shape { kVolume, kPlane, kLine };
+  enum class Shape { kVolume, kPlane, kLine, kBall };  // kBall: within `near` of the origin, for cameras around it
   int positions = 100;
   double near = 0.8, far = 3;  // metres
   Shape shape = Shape::kVolume;
@@ -32,6 +32,10 @@ struct PathOptions {
 };
 
 Rig make_array(const ArrayOptions& options, uint64_t seed);
+
+// Cameras 2 to 3 m from the origin that look at it, about.
+enum class Around { kRing, kDome, kAnywhere };
+Rig make_rig_around(Around shape, int count, uint64_t seed);
 
 struct Watched {
   Tracks tracks;

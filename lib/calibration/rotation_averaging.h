@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "geometry/pose.h"
+
+namespace lf {
+
+struct RelativeRotation {
+  size_t a = 0, b = 0;
+  Quat a_from_b;
+  double weight = 1;
+};
+
+// world_from_camera for each camera of the largest group that the pairs connect, so that they agree with most pairs
+// (a spanning tree of the pairs that close most triangles, then reweighted least squares over the group of rotations:
+// Chatterjee, Govindu 2013). The world is one camera's frame.
+std::vector<std::optional<Quat>> average_rotations(size_t num_cameras, std::vector<RelativeRotation> pairs);
+
+// The angle of a rotation, radians, 0 to pi.
+double angle_of(const Quat& rotation);
+
+}  // namespace lf
