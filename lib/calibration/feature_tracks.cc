@@ -10,6 +10,7 @@
 #include <opencv2/video/tracking.hpp>
 
 #include "base/error.h"
+#include "calibration/patch.h"
 
 namespace lf {
 namespace {
@@ -19,6 +20,7 @@ constexpr int kLevels = 3;             // of the pyramid: halvings
 constexpr double kQuality = 0.01;      // of the best corner: what still counts as one
 constexpr double kSpacing = 6;         // pixels between corners
 constexpr double kMaxDifference = 12;  // mean over a window, grey levels: beyond, something else is seen
+constexpr double kCorrelation = 0.95;  // of the patches of a track: below, an edge of something else moves through them
 constexpr size_t kLeastForEpipolar = 20;
 constexpr size_t kLeastTracks = 20;
 
@@ -85,6 +87,7 @@ class Tracker {
       Pyramid pyramid;
       cv::buildOpticalFlowPyramid(grey_of(image), pyramid, {kWindow, kWindow}, kLevels, false);
       pyramids_.push_back(std::move(pyramid));
+      smooth_.emplace_back(image);
     }
   }
 
@@ -108,6 +111,7 @@ class Tracker {
     std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) { return distance(a) < distance(b); });
     for (const size_t camera : order)
       if (camera != reference) follow_into(camera, tracks);
+    for (Track& track : tracks) refine(track);
     std::erase_if(tracks, [&](const Track& track) {
       return track.seen.size() < static_cast<size_t>(std::max(options_.least_cameras, 2));
     });
@@ -147,6 +151,21 @@ class Tracker {
       if (k < agrees.size() && agrees[k]) tracks[kept[k]].seen.emplace_back(camera, to[k]);
   }
 
+  // Optical flow takes windows for shifted by the same everywhere: good to find a corner, a few tenths of a pixel off
+  // where the surface is slanted or the lens bends.
+  void refine(Track& track) const {
+    const auto& [reference, start] = track.seen[0];
+    const auto patch = Patch::cut(smooth_[reference], Vec2(start.x, start.y));
+    std::vector<std::pair<size_t, cv::Point2f>> seen = {track.seen[0]};
+    for (size_t i = 1; patch && i < track.seen.size(); i++) {
+      const auto& [camera, at] = track.seen[i];
+      const auto found = patch->find(smooth_[camera], Vec2(at.x, at.y));
+      if (found && found->correlation > kCorrelation)
+        seen.emplace_back(camera, cv::Point2f(static_cast<float>(found->point.x), static_cast<float>(found->point.y)));
+    }
+    track.seen = std::move(seen);
+  }
+
   void match(size_t from, size_t to, const std::vector<cv::Point2f>& start, std::vector<cv::Point2f>& end,
              std::vector<uint8_t>& found, std::vector<float>& difference) const {
     cv::calcOpticalFlowPyrLK(pyramids_[from], pyramids_[to], start, end, found, difference, {kWindow, kWindow}, kLevels,
@@ -156,6 +175,7 @@ class Tracker {
   const Rig& rig_;
   const FeatureOptions& options_;
   std::vector<Pyramid> pyramids_;
+  std::vector<SplineImage> smooth_;
 };
 
 }  // namespace

@@ -12,7 +12,7 @@
 namespace lf {
 
 struct FeatureOptions {
-  int references = 9;       // cameras whose corners are followed into all others, spread over the array
+  int references = 16;      // cameras whose corners are followed into all others, spread over the array
   int features = 400;       // corners a reference camera
   int least_cameras = 4;    // that see a track
   double round_trip = 0.3;  // pixels: how far a corner may come back from where it started
@@ -23,8 +23,10 @@ struct FeatureOptions {
 // Tracks of a still scene's corners through the images of an array: for arrays that one can't darken a room for.
 //
 // A corner is always matched with its reference image, so that errors do not add up from camera to camera; where it
-// should be is foretold from the cameras nearer to the reference. Of the rig, only the cameras' order in space is used:
-// the nominal layout will do. Neighbours may be about 50 pixels apart (for images of 320x240; more for larger ones).
+// should be is foretold from the cameras nearer to the reference. It is found by optical flow, then placed with its
+// surroundings stretched and sheared as they appear there (patch.h). Of the rig, only the cameras' order in space is
+// used: the nominal layout will do. Neighbours may be about 50 pixels apart (for images of 320x240; more for larger
+// ones).
 //
 // `images` are RGB, one a camera. The result is not `ordered`. Throws Error where there are too few tracks to be of
 // use.

@@ -43,7 +43,7 @@ Image picture(const Camera& camera) {
   return image;
 }
 
-TEST(FeatureTracks, FollowsCornersToATenthOfAPixel) {
+TEST(FeatureTracks, FollowsCornersToHundredthsOfAPixel) {
   const Rig nominal = make_grid_rig({3, 3, 0.06, 40, 160, 120});
   // Mounted by hand: what the nominal rig does not know.
   Rig rig = nominal;
@@ -75,8 +75,8 @@ TEST(FeatureTracks, FollowsCornersToATenthOfAPixel) {
       errors.push_back(glm::length(*camera.lens.project(camera.pose.camera_from_world(*wall[o.position])) - o.pixel));
   }
   std::sort(errors.begin(), errors.end());
-  EXPECT_LT(errors[errors.size() / 2], 0.1);
-  EXPECT_LT(errors[errors.size() * 95 / 100], 0.3);
+  EXPECT_LT(errors[errors.size() / 2], 0.03);
+  EXPECT_LT(errors[errors.size() * 95 / 100], 0.1);
 }
 
 TEST(FeatureTracks, SaysWhenThereIsNothingToFollow) {

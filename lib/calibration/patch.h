@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <optional>
+
+#include <Eigen/Core>
+
+#include "calibration/spline_image.h"
+
+namespace lf {
+
+// What surrounds a point of one image, to be found again in others to a few hundredths of a pixel. The patch may be
+// stretched, sheared and turned there (a slanted surface, another part of the lens), brighter and of another contrast:
+// matched without these, the middle of what it shows would be found instead of the point, off by as much as the two
+// differ, and in the same way in all images. Pixels near the point count more (a Gaussian).
+class Patch {
+ public:
+  // Nothing where the image ends, or has too little in it to tell the point's place and the warp.
+  static std::optional<Patch> cut(const SplineImage& image, const Vec2& point);
+
+  struct Match {
+    Vec2 point;
+    double correlation = 0;  // of the patch with what is seen there, 1: the same
+  };
+  // Near `guess` (2 pixels): inverse compositional Gauss-Newton steps (Baker and Matthews, "Lucas-Kanade 20 years on",
+  // 2004). Nothing where these leave the image, or go astray.
+  std::optional<Match> find(const SplineImage& image, const Vec2& guess) const;
+
+ private:
+  static constexpr int kRadius = 9, kSize = (2 * kRadius + 1) * (2 * kRadius + 1);
+  static constexpr int kTerms = 6;  // a shift and a linear warp
+  using Values = Eigen::Matrix<float, kSize, 1>;
+
+  Patch() = default;
+  static const Values& weights();
+  // To zero mean and unit variance; false where that is noise.
+  static bool normalise(Values& values);
+
+  Values values_;
+  Eigen::Matrix<float, kTerms, kSize> step_;  // from differences to steps
+};
+
+}  // namespace lf
