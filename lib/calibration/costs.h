@@ -72,7 +72,7 @@ template <bool kBar>
 class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, kBar ? 6 : 3> {
  public:
   ReprojectionCost(const CameraState& camera, const Observation& observation, double sigma)
-      : camera_(camera), pixel_(observation.pixel), light_(observation.light), weight_(1 / sigma) {}
+      : camera_(camera), pixel_(observation.pixel), light_(observation.light), weight_(1 / (sigma * observation.sigma)) {}
 
   bool Evaluate(const double* const* blocks, double* error, double** jacobians) const override {
     const double *state = blocks[0], *point = blocks[1];

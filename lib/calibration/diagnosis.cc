@@ -22,6 +22,7 @@ constexpr double kSoftRotation = 0.01;           // radians
 constexpr double kManyOutliers = 0.2;            // share of a camera's observations
 constexpr int kMostFrames = 5;                   // that a camera may be late or early
 constexpr double kContradiction = 4;             // sigmas of a batch's mean
+constexpr double kAgreement = 1.2;               // of halves of the tracks: below, it may be chance
 constexpr double kClosest = 1e-3, kWidest = 10;  // metres between neighbours
 
 template <class... Args>
@@ -47,6 +48,7 @@ class Diagnosis {
     judge_lenses();
     judge_poses();
     judge_modes();
+    judge_halves();
     judge_scale();
     return std::move(findings_);
   }
@@ -245,6 +247,15 @@ class Diagnosis {
                shift));
     if (!(turn < kSoftRotation))
       add(Severity::kWarning, "soft-rotations", text("orientations +-%.2g degrees: %s", turn * 180 / M_PI, cure));
+  }
+
+  void judge_halves() {
+    if (solution_.disagreement > kAgreement)
+      add(Severity::kNote, "halves-disagree",
+          text("two halves of the tracks disagree by %.1f times what independent errors of %.2g px would do: what "
+               "tracks "
+               "have in common errs, too. All uncertainties are enlarged by that",
+               solution_.disagreement, solution_.sigma));
   }
 
   void judge_scale() {

@@ -12,7 +12,7 @@ namespace lf {
 //   dead-camera, camera-not-found, disconnected-groups, late-camera (its tracks fit when moved by whole frames),
 //   swapped-cameras (against the prior rig's layout), many-outliers,
 //   unknown-focal-length, unknown-principal-point, unknown-k1, unknown-k2 (no better known than before),
-//   soft-depth, soft-positions, soft-rotations, prior-contradicted, no-scale, odd-scale.
+//   soft-depth, soft-positions, soft-rotations, halves-disagree, prior-contradicted, no-scale, odd-scale.
 std::vector<Finding> diagnose(const Solution& solution, const Tracks& tracks, const SolveOptions& options,
                               const Placement& placement);
 

@@ -23,12 +23,11 @@ struct Fit {
   double sigma;
 };
 
-Fit fit_model(Scene scene, const Tracks& tracks, AdjustmentOptions options, const DistortionModel& model) {
-  apply_model(model, options);
+Fit fit_model(Scene scene, const Tracks& tracks, AdjustmentOptions options, int iterations) {
   const Inliers all(tracks.observations.size(), true);
   options.robust = kRobust, options.tolerance = 3e-4;
   for (int round = 0; round < 2; round++) {
-    options.max_iterations = round == 0 ? 3 : 6;
+    options.max_iterations = round == 0 ? iterations / 2 : iterations;
     const double sigma = std::max(1e-3, robust_sigma(residual_lengths(scene, tracks.observations)));
     if (round > 0 && std::abs(sigma / options.sigma - 1) < kSettled) break;
     options.sigma = sigma;
@@ -60,9 +59,7 @@ std::vector<size_t> hold_out(const Tracks& tracks, const Fit& best) {
   return held;
 }
 
-double transfer(const Fit& fit, const Tracks& tracks, AdjustmentOptions options, const DistortionModel& model,
-                const std::vector<size_t>& held) {
-  apply_model(model, options);
+double transfer(const Fit& fit, const Tracks& tracks, AdjustmentOptions options, const std::vector<size_t>& held) {
   Inliers use = within(fit.lengths, 2 * kReach, fit.sigma);
   for (const size_t i : held) use[i] = false;
   options.sigma = fit.sigma, options.robust = kRobust, options.max_iterations = 2, options.tolerance = 1e-3;
@@ -74,6 +71,57 @@ double transfer(const Fit& fit, const Tracks& tracks, AdjustmentOptions options,
   return held.empty() ? 0 : std::sqrt(sum / static_cast<double>(held.size()));
 }
 
+double count_parameters(const Scene& scene, const AdjustmentOptions& options) {
+  const auto cameras = std::count_if(scene.cameras.begin(), scene.cameras.end(), [](const auto& c) { return c.used; });
+  double count = 0;
+  for (int k = 0; k < kNumLensTerms; k++)
+    if (options.free[k]) count += options.shared[k] ? 1 : static_cast<double>(cameras);
+  return count;
+}
+
+struct Candidate {
+  std::string name;
+  AdjustmentOptions options;
+};
+
+// Of candidates from the smallest model to the largest: the index of the one that the tracks call for. Each starts from
+// the one before it, or from `scene`, which is near one of them.
+enum class Start { kPrevious, kScene };
+size_t choose(Scene& scene, const Tracks& tracks, const std::vector<Candidate>& candidates, Start from,
+              size_t num_observations, std::vector<ModelTrial>& trials) {
+  std::vector<Fit> fits;
+  for (const Candidate& candidate : candidates) {
+    Scene start = fits.empty() || from == Start::kScene ? scene : fits.back().scene;
+    for (int k = kK1; k <= kK2; k++) {
+      if (candidate.options.free[k]) continue;
+      for (CameraState& camera : start.cameras) camera.lens_terms()[k] = 0;
+      start.batch_mean[k] = 0;
+    }
+    fits.push_back(fit_model(std::move(start), tracks, candidate.options, from == Start::kScene ? 20 : 6));
+  }
+  const auto best =
+      std::min_element(fits.begin(), fits.end(), [](const Fit& a, const Fit& b) { return a.sigma < b.sigma; });
+  const std::vector<size_t> held = hold_out(tracks, *best);
+  const size_t first = trials.size();
+  size_t chosen = 0;
+  for (size_t m = 0; m < fits.size(); m++) {
+    double chi2 = 0, count = 0;
+    for (const double l : fits[m].lengths)
+      if (l >= 0) chi2 += std::min(std::pow(l / best->sigma, 2), kReach * kReach), count += 2;
+    const double parameters = count_parameters(scene, candidates[m].options);
+    const double part = static_cast<double>(tracks.observations.size()) / static_cast<double>(num_observations);
+    trials.push_back({candidates[m].name, chi2 / part + parameters * std::log(count / part), {}, false});
+    ModelTrial& now = trials.back();
+    const ModelTrial& before = trials[first + chosen];
+    if (m > 0 && now.bic >= before.bic) continue;
+    now.transfer_px = transfer(fits[m], tracks, candidates[m].options, held);
+    if (m > 0 && *now.transfer_px < *before.transfer_px) chosen = m;
+  }
+  trials[first + chosen].chosen = true;
+  scene = std::move(fits[chosen].scene);
+  return chosen;
+}
+
 }  // namespace
 
 void apply_model(const DistortionModel& model, AdjustmentOptions& options) {
@@ -83,39 +131,24 @@ void apply_model(const DistortionModel& model, AdjustmentOptions& options) {
 
 ModelChoice choose_distortion(Scene& scene, const Tracks& tracks, const AdjustmentOptions& options,
                               size_t num_observations) {
-  std::vector<Fit> fits;
+  std::vector<Candidate> candidates;
   for (const DistortionModel& model : kModels) {
-    Scene start = fits.empty() ? scene : fits.back().scene;
-    for (CameraState& camera : start.cameras)
-      for (int k = model.terms; k < 2; k++) camera.lens_terms()[kK1 + k] = 0;
-    for (int k = model.terms; k < 2; k++) start.batch_mean[kK1 + k] = 0;
-    fits.push_back(fit_model(std::move(start), tracks, options, model));
+    candidates.push_back({model.name(), options});
+    apply_model(model, candidates.back().options);
   }
-  const auto best =
-      std::min_element(fits.begin(), fits.end(), [](const Fit& a, const Fit& b) { return a.sigma < b.sigma; });
-  const std::vector<size_t> held = hold_out(tracks, *best);
-  const auto cameras = static_cast<double>(
-      std::count_if(scene.cameras.begin(), scene.cameras.end(), [](const CameraState& c) { return c.used; }));
   ModelChoice choice;
-  size_t chosen = 0;
-  for (size_t m = 0; m < fits.size(); m++) {
-    double chi2 = 0, count = 0;
-    for (const double l : fits[m].lengths)
-      if (l >= 0) chi2 += std::min(std::pow(l / best->sigma, 2), kReach * kReach), count += 2;
-    const DistortionModel& model = kModels[m];
-    const double parameters = model.terms * (model.shared ? 1 : cameras);
-    const double part = static_cast<double>(tracks.observations.size()) / static_cast<double>(num_observations);
-    choice.trials.push_back({model.name(), chi2 / part + parameters * std::log(count / part), {}, false});
-    ModelTrial& now = choice.trials[m];
-    const ModelTrial& before = choice.trials[chosen];
-    if (m > 0 && now.bic >= before.bic) continue;
-    now.transfer_px = transfer(fits[m], tracks, options, model, held);
-    if (m > 0 && *now.transfer_px < *before.transfer_px) chosen = m;
-  }
-  choice.trials[chosen].chosen = true;
-  choice.model = kModels[chosen];
-  scene = std::move(fits[chosen].scene);
+  choice.model = kModels[choose(scene, tracks, candidates, Start::kPrevious, num_observations, choice.trials)];
   return choice;
+}
+
+void choose_alike(Scene& scene, const Tracks& tracks, AdjustmentOptions& options, std::vector<ModelTrial>& trials) {
+  std::vector<Candidate> candidates = {
+      {"all f, c alike", options}, {"f per camera, c alike", options}, {"f, c per camera", options}};
+  for (size_t m = 0; m < candidates.size(); m++) {
+    candidates[m].options.shared[kF] = m < 1;
+    candidates[m].options.shared[kCx] = candidates[m].options.shared[kCy] = m < 2;
+  }
+  options = candidates[choose(scene, tracks, candidates, Start::kScene, tracks.observations.size(), trials)].options;
 }
 
 }  // namespace lf

@@ -82,6 +82,7 @@ ordered_json calibration_report(const Solution& solution, const Tracks& tracks, 
   report["inliers"] = {{"observations", inliers.lengths.size()}};
   inliers.put(report["inliers"]);
   report["sigma_px"] = solution.sigma;
+  if (solution.disagreement > 0) report["disagreement_of_halves"] = solution.disagreement;
   report["model"] = solution.distortion.name();
   report["models"] = ordered_json::array();
   for (const ModelTrial& trial : solution.trials)

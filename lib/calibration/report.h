@@ -21,7 +21,8 @@ struct Finding {
 // {"format": "lightfield-calibration", ..., "mean_px", "median_px", "rms_px": over every observation of a light that
 // was found by a camera that was found; "expected_rms_px": what noise alone would leave; "observations": all given,
 // "unplaced": those of them without a residual; "outliers"; "inliers": {"mean_px", ...}; "model"; "models": trials;
-// "scale_from"; "findings"; "cameras": [{"id", "found", "observations", "outliers", "rms_px"}]}.
+// "disagreement_of_halves" (where they were compared); "scale_from"; "findings"; "cameras": [{"id", "found",
+// "observations", "outliers", "rms_px"}]}.
 nlohmann::ordered_json calibration_report(const Solution& solution, const Tracks& tracks, const Placement& placement,
                                           const std::vector<Finding>& findings);
 

@@ -14,7 +14,7 @@ std::vector<double> residual_lengths(const Scene& scene, const std::vector<Obser
     const TargetState& target = scene.targets[o.position];
     if (!camera.used || !target.has(o.light)) continue;
     const auto e = residual(camera, target, o);
-    lengths[i] = e ? glm::length(*e) : 1e6;  // behind the camera: as wrong as can be
+    lengths[i] = e ? glm::length(*e) / o.sigma : 1e6;  // behind the camera: as wrong as can be
   }
   return lengths;
 }

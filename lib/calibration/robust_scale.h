@@ -5,7 +5,8 @@
 
 namespace lf {
 
-// Lengths of all residuals in pixels, one an observation: negative where there is none (an unused camera, no target).
+// Lengths of all residuals in pixels, over the observations' own sigmas, one an observation: negative where there is
+// none (an unused camera, no target).
 std::vector<double> residual_lengths(const Scene& scene, const std::vector<Observation>& observations);
 
 // Sigma of x and of y from the median of the lengths (that of a Rayleigh distribution), whatever a half of them is.

@@ -3,14 +3,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <numeric>
 
 #include "base/error.h"
+#include "calibration/halves.h"
 #include "calibration/initial_layout.h"
 #include "calibration/model_choice.h"
 #include "calibration/placement.h"
 #include "calibration/pose_priors.h"
 #include "calibration/robust_scale.h"
 #include "calibration/scene.h"
+#include "calibration/track_noise.h"
 #include "calibration/triangulation.h"
 
 namespace lf {
@@ -35,8 +39,8 @@ struct PairLayout {
 constexpr PairLayout kPairLayouts[] = {{"averaged pairs", layout_from_averages}, {"a pair", layout_from_a_pair}};
 
 // Every nth position: poses, and the choice of a lens model, need not look at all of very many.
-Tracks sample_of(Tracks tracks) {
-  const size_t n = std::min(tracks.observations.size() / kEnough, tracks.num_positions / kEnoughPositions);
+Tracks sample_of(Tracks tracks, size_t enough = kEnough) {
+  const size_t n = std::min(tracks.observations.size() / enough, tracks.num_positions / kEnoughPositions);
   if (n > 1) std::erase_if(tracks.observations, [&](const Observation& o) { return o.position % n != 0; });
   return tracks;
 }
@@ -55,10 +59,14 @@ class Solver {
     step("lenses");
     free_lenses();
     step("final adjustment");
-    finish();
+    if (tracks_.ordered)
+      finish();
+    else
+      weigh_tracks();
     use_known_poses();
     step("uncertainty");
     judge();
+    if (!tracks_.ordered) compare_halves();
     settle_doubtful_targets();
     return std::move(solution_);
   }
@@ -180,6 +188,9 @@ class Solver {
   }
 
   void free_lenses() {
+    // Free principal points follow what errors of features have in common, and the focal lengths follow these: they
+    // must show that they are needed.
+    if (may_be_alike()) solution_.model.shared[kCx] = solution_.model.shared[kCy] = true;
     if (!scene().measured(kF)) {
       robust_shared_f(sample_, 1);
       robust(sample_, {true, true, true}, 1);
@@ -188,7 +199,9 @@ class Solver {
       solution_.distortion = options_.distortion.value_or(DistortionModel{2, false});
     } else {
       step("distortion");
-      ModelChoice choice = choose_distortion(scene(), sample_, solution_.model, tracks_.observations.size());
+      // A part of the feature tracks says nothing for all: with errors that are alike, more would not be as telling.
+      const size_t num_observations = (tracks_.ordered ? tracks_ : sample_).observations.size();
+      ModelChoice choice = choose_distortion(scene(), sample_, solution_.model, num_observations);
       solution_.distortion = choice.model;
       solution_.trials = std::move(choice.trials);
     }
@@ -221,15 +234,42 @@ class Solver {
       o.trust = 1e6;
       adjust(scene(), tracks_.observations, inliers, o);
       const auto lengths = residual_lengths(scene(), tracks_.observations);
-      const double sigma = std::max(kLeastSigma, inlier_sigma(lengths, inliers));
+      // The errors of features have long tails: cut off by the spread of all, more and more of them would be let in.
+      const double sigma = tracks_.ordered ? std::max(kLeastSigma, inlier_sigma(lengths, inliers)) : sigma_now();
       Inliers next = within(lengths, kReach, sigma);
-      const bool same = next == inliers && std::abs(sigma / o.sigma - 1) < 0.01;
+      const size_t changed = inliers.size() - std::inner_product(next.begin(), next.end(), inliers.begin(), size_t{0},
+                                                                 std::plus<>(), std::equal_to<>());
+      const bool same =
+          changed <= (tracks_.ordered ? 0 : inliers.size() / 1000) && std::abs(sigma / o.sigma - 1) < 0.01;
       inliers = std::move(next);
       o.sigma = sigma;
       if (same) break;
     }
     solution_.inliers = inliers;
     solution_.model.sigma = o.sigma;
+  }
+
+  bool may_be_alike() { return !tracks_.ordered && !scene().measured(kF) && !scene().measured(kCx); }
+
+  void weigh_tracks() {
+    estimate_track_noise(scene(), tracks_);
+    finish();
+    if (may_be_alike()) {
+      const auto shared = solution_.model.shared;
+      choose_alike(scene(), sample_of(tracks_, 3 * kEnough), solution_.model, solution_.trials);
+      if (solution_.model.shared != shared) finish();
+    }
+    estimate_track_noise(scene(), tracks_);
+    finish();
+  }
+
+  void compare_halves() {
+    solution_.disagreement = disagreement_of_halves(scene(), tracks_, solution_.inliers, solution_.model);
+    if (!(solution_.disagreement > 1)) return;
+    solution_.model.sigma *= solution_.disagreement;
+    AdjustmentOptions o = solution_.model;  // priors count for more now
+    adjust(scene(), tracks_.observations, solution_.inliers, o);
+    solution_.uncertainty = estimate_uncertainty(scene(), tracks_.observations, solution_.inliers, solution_.model);
   }
 
   void use_known_poses() {
@@ -303,7 +343,7 @@ class Solver {
     return std::sqrt(sum / std::max(1.0, count - parameters) / kKept);
   }
 
-  const Tracks& tracks_;
+  Tracks tracks_;  // whose observations' sigmas are estimated
   const SolveOptions& options_;
   const Tracks sample_;
   Solution solution_;

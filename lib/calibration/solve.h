@@ -45,6 +45,7 @@ struct Solution {
   std::vector<ModelTrial> trials;          // empty where nothing was to be chosen
   std::string start;                       // how the first layout was found
   Uncertainty uncertainty;                 // in the solver's frame and scale
+  double disagreement = 0;                 // of halves of the tracks (halves.h); 0: not compared
   std::vector<size_t> contradicted_poses;  // cameras that are not where the prior rig's covariance allows
 };
 

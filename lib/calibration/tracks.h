@@ -15,6 +15,7 @@ struct Observation {
   uint32_t position = 0;  // of the light or the bar, counted from 0
   uint32_t light = 0;     // 0, or 1 for the second light of a bar
   Vec2 pixel{0, 0};       // (0, 0) is the centre of the top-left pixel
+  double sigma = 1;       // of x and of y, beside that of others
 };
 
 // What all cameras saw of a light (or of two on a rigid bar) at a sequence of places; or of the features of a still

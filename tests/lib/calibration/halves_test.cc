@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "calibration/halves.h"
+
+#include <array>
+#include <map>
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "calibration/simulator.h"
+
+namespace lf {
+namespace {
+
+double disagreement(bool alike) {
+  sim::ArrayOptions array;
+  array.rows = array.columns = 4;
+  const Rig truth = sim::make_array(array, 1);
+  sim::PathOptions path;
+  path.positions = 400;
+  sim::Watched watched = sim::watch(truth, path, 2);
+  watched.tracks.ordered = false;
+  if (alike) {
+    // What one camera makes of the features on one thing is off by the same.
+    std::mt19937 random(3);
+    std::normal_distribution<double> normal(0, 0.5);
+    std::map<std::array<int, 3>, Vec2> common;
+    std::map<uint32_t, Vec2> first;
+    for (Observation& o : watched.tracks.observations) {
+      const Vec2 at = first.try_emplace(o.position, o.pixel).first->second / 40.0;
+      const auto [off, added] =
+          common.try_emplace({static_cast<int>(o.camera), static_cast<int>(at.x), static_cast<int>(at.y)});
+      if (added) off->second = Vec2(normal(random), normal(random));
+      o.pixel += off->second;
+    }
+  }
+  SolveOptions options;
+  sim::measure_lenses(truth, {}, 4, options);
+  options.distortion = DistortionModel{2, false};
+  const Solution solution = solve_tracks(watched.tracks, options);
+  AdjustmentOptions model = solution.model;
+  model.sigma = solution.sigma;  // before it was enlarged by what is measured here
+  return disagreement_of_halves(solution.scene, watched.tracks, solution.inliers, model);
+}
+
+TEST(Halves, AgreeWhereErrorsAreIndependent) {
+  const double d = disagreement(false);
+  EXPECT_GT(d, 0.7);
+  EXPECT_LT(d, 1.3);
+}
+
+TEST(Halves, DisagreeWhereNeighboursErrAlike) { EXPECT_GT(disagreement(true), 1.35); }
+
+}  // namespace
+}  // namespace lf
