@@ -115,6 +115,7 @@ static bool find_request(LfCompositor* self, guint view_id) {
     if (request && request->view_id == view_id) {
       try {
         lf_compositor_forget_request(self);
+        lf_compositor_forget_moments(self);
         state.assembly.begin(*request);
         lf_compositor_use_rig_for_health(self, state.assembly.rig_hash());
         state.current = std::move(request);
@@ -198,6 +199,15 @@ static void take_answers(LfCompositor* self, GstAggregatorPad* pad) {
   while (GstBuffer* buffer = gst_aggregator_pad_peek_buffer(pad)) {
     gst_buffer_unref(buffer);  // the pad keeps it
     if (buffer == node.seen) return;
+    if (lf::is_moments_buffer(buffer)) {
+      if (lf_compositor_take_moments(self, buffer) > 0) {
+        node.head = NodeInput::Head::kAhead;
+        node.seen = buffer;
+        return;
+      }
+      gst_aggregator_pad_drop_buffer(pad);
+      continue;
+    }
     std::string reason;
     const std::optional<lf::wire::AnswerHead> answer = lf::parse_answer_buffer_header(buffer, &reason);
     const bool own = answer && answer->view_id == state.current->view_id;
@@ -313,6 +323,12 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
   const GstClockTime pts = running_time(self, request), duration = GST_BUFFER_DURATION(request);
   gst_buffer_unref(request);
   record(self, answered, pts);
+  g_autoptr(GstBuffer) moments = nullptr;
+  if (self->partial) {
+    if ((moments = lf_compositor_make_moments(self, self->node))) GST_BUFFER_PTS(moments) = pts;
+  } else {
+    lf_compositor_find_focus(self);
+  }
   out = replace_incomplete(self, out);
   close_request(self, pads, due);
   if (!out) return GST_FLOW_OK;
@@ -322,6 +338,13 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
   if (GST_BUFFER_PTS_IS_VALID(out)) segment.position = GST_BUFFER_PTS(out);
   // Where nothing is ever missing nothing is kept: downstream may then write into the picture.
   if (is_live(self) && !self->partial) gst_buffer_replace(&state.last_picture, out);
+  if (moments) {
+    flow = gst_aggregator_finish_buffer(GST_AGGREGATOR(self), static_cast<GstBuffer*>(g_steal_pointer(&moments)));
+    if (flow != GST_FLOW_OK) {
+      gst_buffer_unref(out);
+      return flow;
+    }
+  }
   return gst_aggregator_finish_buffer(GST_AGGREGATOR(self), out);
 }
 

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focal_surface_event.h"
 #include "lfcompositor_private.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
@@ -56,7 +57,10 @@ static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* p
 }
 
 static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* pad, GstQuery* query) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
   if (lf::is_in_process_query(query)) return TRUE;
+  if (guint view_id; lf::is_focus_query(query, &view_id))
+    return view_id == lf_compositor_view_id(self) && lf_compositor_finds_focus(self);
   return parent_class()->sink_query(agg, pad, query);
 }
 

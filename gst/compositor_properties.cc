@@ -8,6 +8,7 @@ GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
 
 namespace {
 
+constexpr double kMaxFocus = 1e9;       // metres
 constexpr guint kDefaultMaxMissed = 5;  // a sixth of a second at 30 pictures a second
 
 enum {
@@ -21,6 +22,9 @@ enum {
   PROP_PARTIAL,
   PROP_NODE,
   PROP_CODEC,
+  PROP_FOCUS,
+  PROP_FOCUS_NEAR,
+  PROP_FOCUS_FAR,
   PROP_STATS
 };
 
@@ -86,6 +90,9 @@ static void lf_compositor_set_property(GObject* object, guint id, const GValue* 
     case PROP_PARTIAL: self->partial = g_value_get_boolean(value); break;
     case PROP_NODE: self->node = g_value_get_uint(value); break;
     case PROP_CODEC: self->codec = static_cast<lf::CodecChoice>(g_value_get_enum(value)); break;
+    case PROP_FOCUS: self->focus.mode = static_cast<lf::FocusMode>(g_value_get_enum(value)); break;
+    case PROP_FOCUS_NEAR: self->focus.near = g_value_get_double(value); break;
+    case PROP_FOCUS_FAR: self->focus.far = g_value_get_double(value); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
   GST_OBJECT_UNLOCK(self);
@@ -104,6 +111,9 @@ static void lf_compositor_get_property(GObject* object, guint id, GValue* value,
     case PROP_PARTIAL: g_value_set_boolean(value, self->partial); break;
     case PROP_NODE: g_value_set_uint(value, self->node); break;
     case PROP_CODEC: g_value_set_enum(value, static_cast<gint>(self->codec)); break;
+    case PROP_FOCUS: g_value_set_enum(value, static_cast<gint>(self->focus.mode)); break;
+    case PROP_FOCUS_NEAR: g_value_set_double(value, self->focus.near); break;
+    case PROP_FOCUS_FAR: g_value_set_double(value, self->focus.far); break;
     case PROP_STATS: g_value_take_boxed(value, self->state->stats.structure()); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -152,12 +162,31 @@ void lf_compositor_install_properties(GObjectClass* klass) {
   install(PROP_CODEC,
           g_param_spec_enum("codec", "Codec", "How pixels travel in partial answers", LF_TYPE_FRAGMENT_CODEC,
                             static_cast<gint>(lf::CodecChoice::kAuto), flags(GST_PARAM_MUTABLE_PLAYING)));
+  install(PROP_FOCUS,
+          g_param_spec_enum("focus", "Focus",
+                            "What pictures are focused on. Other than on a plane, the focal surface is found from what "
+                            "the cameras have in common on trial surfaces, and the view's lfviewrequest is told of it",
+                            LF_TYPE_COMPOSITOR_FOCUS, static_cast<gint>(lf::FocusMode::kPlane),
+                            flags(GST_PARAM_MUTABLE_PLAYING)));
+  const auto install_distance = [&](guint id, const char* name, const char* nick, const char* blurb) {
+    install(id, g_param_spec_double(name, nick, blurb, 0, kMaxFocus, 0, flags(GST_PARAM_MUTABLE_PLAYING)));
+  };
+  install_distance(PROP_FOCUS_NEAR, "focus-near", "Focus near",
+                   "Nearest that a focal surface can be, metres from the array (0: 0.4 times the distance of the "
+                   "viewer's focal plane)");
+  install_distance(PROP_FOCUS_FAR, "focus-far", "Focus far",
+                   "Farthest that a focal surface can be, metres from the array (0: 4 times the distance of the "
+                   "viewer's focal plane)");
   install(PROP_STATS,
           g_param_spec_boxed(
               "stats", "Statistics",
               "Counts of pictures (complete, incomplete, repeated, dropped), fragments (missing, damaged), late, "
-              "repeated and bad answers, bytes, cameras out of service; the largest skew; latency per stage (p50, p95, "
+              "repeated and bad answers, bytes, cameras out of service; the largest skew; of a focal surface: rounds of "
+              "trials, their bytes, how far cameras disagree (residual, 255ths) and by how much the last round lessened "
+              "it (gained), requests from one with trials to the next (interval), whether one plane is enough (flat); "
+              "latency per stage (p50, p95, "
               "p99 over the latest 1024 pictures, nanoseconds)",
               GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_INCOMPLETE, GstPluginAPIFlags(0));
+  gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_FOCUS, GstPluginAPIFlags(0));
 }

@@ -17,7 +17,8 @@ uint64_t nanoseconds(int64_t from, int64_t to) { return to > from ? static_cast<
 void CompositorStats::reset() {
   std::lock_guard lock(mutex_);
   for (uint64_t& counter : counters_) counter = 0;
-  pictures_ = complete_ = fragments_ = missing_ = damaged_ = bytes_ = max_skew_ns_ = out_of_service_ = 0;
+  pictures_ = complete_ = fragments_ = missing_ = damaged_ = bytes_ = max_skew_ns_ = out_of_service_ = trial_bytes_ = 0;
+  focus_ = {};
   arrivals_.clear();
   for (Percentiles* times : {&answer_ns_, &composite_ns_, &latency_ns_, &add_ns_, &picture_ns_}) times->clear();
 }
@@ -30,6 +31,12 @@ void CompositorStats::count(Counter counter) {
 void CompositorStats::set_out_of_service(size_t cameras) {
   std::lock_guard lock(mutex_);
   out_of_service_ = cameras;
+}
+
+void CompositorStats::set_focus(const FocusControl::State& state, uint64_t trial_bytes) {
+  std::lock_guard lock(mutex_);
+  focus_ = state;
+  trial_bytes_ += trial_bytes;
 }
 
 void CompositorStats::request_arrived(uint32_t sequence, int64_t time) {
@@ -93,6 +100,11 @@ GstStructure* CompositorStats::structure() const {
   set("bad-answers", counters_[kBadAnswers]);
   set("rig-mismatches", counters_[kRigMismatches]);
   set("max-skew-ns", max_skew_ns_);
+  set("focus-rounds", focus_.rounds);
+  set("focus-interval", focus_.interval);
+  set("trial-bytes", trial_bytes_);
+  gst_structure_set(stats, "focus-residual", G_TYPE_DOUBLE, focus_.residual, "focus-gained", G_TYPE_DOUBLE,
+                    focus_.gained, "focus-flat", G_TYPE_BOOLEAN, focus_.flat, nullptr);
   const std::pair<const char*, const Percentiles*> stages[] = {{"answer", &answer_ns_},
                                                                {"add", &add_ns_},
                                                                {"picture", &picture_ns_},

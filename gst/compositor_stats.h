@@ -8,6 +8,7 @@
 #include <gst/gst.h>
 
 #include "base/percentiles.h"
+#include "focus/focus_control.h"
 
 namespace lf {
 
@@ -40,6 +41,8 @@ class CompositorStats {
   void reset();
   void count(Counter counter);
   void set_out_of_service(size_t cameras);
+  // After a picture whose trials, if any, came to this and took so many bytes.
+  void set_focus(const FocusControl::State& state, uint64_t trial_bytes);
   void request_arrived(uint32_t sequence, int64_t time);
   // Adds the picture up; the structure of its element message "lightfield-view" if `describe`, else null.
   GstStructure* record(const Picture& picture, bool describe);
@@ -51,6 +54,8 @@ class CompositorStats {
   uint64_t counters_[kNumCounters] = {};
   uint64_t pictures_ = 0, complete_ = 0, fragments_ = 0, missing_ = 0, damaged_ = 0, bytes_ = 0, max_skew_ns_ = 0,
            out_of_service_ = 0;
+  FocusControl::State focus_;
+  uint64_t trial_bytes_ = 0;
   std::map<uint32_t, int64_t> arrivals_;               // sequence to time, of requests not answered yet
   Percentiles answer_ns_, composite_ns_, latency_ns_;  // request in to last answer in to picture ready
   Percentiles add_ns_, picture_ns_;                    // what compositing is: adding, and the picture from the sum

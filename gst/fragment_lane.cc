@@ -72,6 +72,14 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
   lf::FragmentNode::Reply reply = self->node->answer(*request, lane->requester, manner, lane->memory->take());
   if (!reply.warning.empty())
     GST_ELEMENT_WARNING(self, STREAM, FAILED, ("View %u: %s.", head.view_id, reply.warning.c_str()), (nullptr));
+  if (!reply.moments.empty()) {
+    GstBuffer* moments = lf::wrap_bytes(std::move(reply.moments));
+    GST_BUFFER_PTS(moments) = pts;
+    GST_BUFFER_DURATION(moments) = duration;
+    self->node->stats().bytes += gst_buffer_get_size(moments);
+    const GstFlowReturn flow = gst_pad_push(src.get(), moments);
+    if (flow != GST_FLOW_OK) return flow;
+  }
   GstBuffer* out = lf::wrap_answer(std::move(reply.bytes), lane->memory);
   GST_BUFFER_PTS(out) = pts;
   GST_BUFFER_DURATION(out) = duration;

@@ -91,7 +91,7 @@ FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester&
       stats_.bad_requests++;
     }
   }
-  return {.bytes = wire::AnswerWriter(header, 0).finish(), .warning = std::move(warning)};
+  return {.moments = {}, .bytes = wire::AnswerWriter(header, 0).finish(), .warning = std::move(warning)};
 }
 
 FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeTask& make_task, const Array& array,
@@ -167,15 +167,19 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
   const bool nothing = header.family == PixelFamily::kNone;
   if (nothing) header.family = family;
 
-  RenderedAnswer rendered = task->render(header, nothing ? std::span<const Source>() : sources.sources(), manner,
-                                         std::move(memory), manner.parallel);
+  const std::span<const Source> images = nothing ? std::span<const Source>() : sources.sources();
+  const uint64_t trying = now_ns();
+  ByteBuffer moments = task->moments(header, images, manner.parallel);
+  const uint64_t tried = now_ns();
+  RenderedAnswer rendered = task->render(header, images, manner, std::move(memory), manner.parallel);
   const NodeStats::Stages stages = {.wait = waited + (found - planned),
                                     .decode = decoded - found,
-                                    .render = planned - begun + rendered.render_ns,
+                                    .render = planned - begun + tried - trying + rendered.render_ns,
                                     .encode = rendered.encode_ns};
   stats_.add(stages);
   if (worst_skew > stats_.max_skew_ns) stats_.max_skew_ns = worst_skew;
-  return {.bytes = std::move(rendered.bytes),
+  return {.moments = std::move(moments),
+          .bytes = std::move(rendered.bytes),
           .fragments = rendered.fragments,
           .stages = stages,
           .warning = skew_warning(*array.rig, requester.watch.see(skews))};

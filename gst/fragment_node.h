@@ -46,7 +46,8 @@ class FragmentNode {
     ParallelFor parallel = serial_for;
   };
   struct Reply {
-    ByteBuffer bytes;  // the answer, always whole
+    ByteBuffer moments;  // goes before the answer; empty: nothing does
+    ByteBuffer bytes;    // the answer, always whole
     size_t fragments = 0;
     NodeStats::Stages stages;
     std::string warning;  // for the user, where something is wrong

@@ -16,6 +16,11 @@
  * requests from then on, and everybody leaves them out of the mesh, so that their neighbours close the gap. They come
  * back the same way. A node that is gone is not waited for.
  *
+ * With `focus` other than plane every pixel is focused on its own: requests have trials, whose moments (sums that tell how
+ * far cameras disagree on a trial surface) come before the answers, and after each picture the better surface and the next
+ * trials go upstream (custom event "lightfield-focal-surface") to the view's lfviewrequest. Files in, files out, that
+ * waits for them, so that pictures do not depend on how fast anything is.
+ *
  * With `partial` the output is not a picture but the sum of the answers, as the answer of one node: compositors make a
  * tree, whose root takes in one answer a rack.
  *
@@ -73,6 +78,9 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   state.renegotiate = true;
   state.warned_rig = false;
   state.past.clear();
+  lf_compositor_forget_moments(self);
+  state.focus_settings = {};
+  state.focus = lf::FocusControl();
   state.stats.reset();
   return TRUE;
 }

@@ -17,6 +17,10 @@ typedef enum {
 #define LF_TYPE_COMPOSITOR_INCOMPLETE (lf_compositor_incomplete_get_type())
 GType lf_compositor_incomplete_get_type(void);
 
+// Property "focus": lf::FocusMode.
+#define LF_TYPE_COMPOSITOR_FOCUS (lf_compositor_focus_get_type())
+GType lf_compositor_focus_get_type(void);
+
 GST_ELEMENT_REGISTER_DECLARE(lfcompositor);
 
 G_END_DECLS

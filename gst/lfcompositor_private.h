@@ -11,6 +11,7 @@
 #include "composite/assembly.h"
 #include "composite/camera_health.h"
 #include "compositor_stats.h"
+#include "focus/focus_control.h"
 #include "gst_wire.h"
 #include "lfcompositor.h"
 #include "node/answer_form.h"
@@ -18,7 +19,8 @@
 #include "wire/answer_parts.h"
 
 // What the files of lfcompositor share: lfcompositor.cc (the element), compositor_properties.cc, compositor_answers.cc
-// (requests and answers in), compositor_output.cc (pictures or partial answers out) and compositor_pads.cc (events,
+// (requests and answers in), compositor_focus.cc (their focal
+// surface), compositor_output.cc (pictures or partial answers out) and compositor_pads.cc (events,
 // queries, pads).
 
 // The node behind an answer pad, as the current request shows it. Streaming thread.
@@ -50,6 +52,7 @@ struct _LfCompositor {
   gboolean partial;
   guint node;
   lf::CodecChoice codec;
+  lf::FocusControl::Settings focus;
 
   // Streaming thread, but for stats.
   struct State {
@@ -77,6 +80,13 @@ struct _LfCompositor {
 
     std::shared_ptr<lf::AnswerMemory> memory = std::make_shared<lf::AnswerMemory>();
     bool root_is_near = false;  // the compositor that partial answers go to is in this process
+
+    std::vector<lf::Moments> moments;  // of the current request's trials; empty: none yet
+    uint64_t moment_bytes = 0;
+    lf::FocusControl::Settings focus_settings;  // of `focus`
+    lf::FocusControl focus;
+    std::optional<lf::Plane> focus_from;  // what focal maps count distances from
+
     lf::CompositorStats stats;  // any thread
   } * state;
 };
@@ -103,6 +113,19 @@ void lf_compositor_reset_health(LfCompositor* self);
 void lf_compositor_use_rig_for_health(LfCompositor* self, uint64_t hash);
 // Tells upstream and the application which cameras are out of service.
 void lf_compositor_announce_out_of_service(LfCompositor* self);
+
+// compositor_focus.cc
+// Whether lf_compositor_find_focus() tells upstream of surfaces.
+bool lf_compositor_finds_focus(LfCompositor* self);
+// What came of the trials of the request before.
+void lf_compositor_forget_moments(LfCompositor* self);
+// Adds moments that belong to the current request. Negative: they belong to nothing any more; positive: they are a later
+// request's.
+int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer);
+// What has come, as the moments of one node; null if nothing has.
+GstBuffer* lf_compositor_make_moments(LfCompositor* self, guint node);
+// The current request has been composed: tells upstream where the next one is to be focused.
+void lf_compositor_find_focus(LfCompositor* self);
 
 // compositor_output.cc
 gboolean lf_compositor_negotiate(GstAggregator* agg);

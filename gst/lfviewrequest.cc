@@ -152,6 +152,14 @@ static gboolean steer(LfViewRequest* self, GstEvent* event) {
 static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   if (self->out_of_service->announce(event)) return TRUE;
+  if (lf::FocalSurfaceNews news; lf::parse_focal_surface(event, &news)) {
+    if (lf_view_request_is_relay(self)) return gst_pad_push_event(self->sink, gst_event_ref(event));
+    GST_OBJECT_LOCK(self);
+    const bool own = news.view_id == self->settings->view_id;
+    GST_OBJECT_UNLOCK(self);
+    if (own) self->focus_feedback->announce(std::move(news));
+    return own;
+  }
   if (!is_navigation(event) && !is_view(event))
     return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->event(base, event);
   if (lf_view_request_is_relay(self)) return gst_pad_push_event(self->sink, gst_event_ref(event));
@@ -224,7 +232,8 @@ static gboolean lf_view_request_stop(GstBaseSrc* base) {
   delete self->stream;
   self->stream = nullptr;
   GST_OBJECT_UNLOCK(self);
-  self->warned_commands = false;
+  self->warned_commands = self->asked_for_focus = self->has_sent = false;
+  self->focus_feedback->clear();
   self->relay->clear();
   self->out_of_service->clear();
   return TRUE;
@@ -260,6 +269,7 @@ static gboolean lf_view_request_unlock(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GST_OBJECT_LOCK(self);
   self->unlocked = true;
+  self->focus_feedback->set_unlocked(true);
   self->relay->set_unlocked(true);
   if (self->clock_id) gst_clock_id_unschedule(self->clock_id);
   GST_OBJECT_UNLOCK(self);
@@ -270,6 +280,7 @@ static gboolean lf_view_request_unlock_stop(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GST_OBJECT_LOCK(self);
   self->unlocked = false;
+  self->focus_feedback->set_unlocked(false);
   self->relay->set_unlocked(false);
   GST_OBJECT_UNLOCK(self);
   return TRUE;
@@ -342,6 +353,27 @@ void lf_view_request_add_command(LfViewRequest* self, const lf::ViewRequest& req
   gst_base_src_submit_buffer_list(GST_BASE_SRC(self), both);
 }
 
+// Files in, files out: where somebody finds the focus of this view, each request has what came of the one before.
+static GstFlowReturn wait_for_focus(LfViewRequest* self) {
+  constexpr std::chrono::milliseconds kLongest{5000};
+  if (!self->asked_for_focus) {
+    GST_OBJECT_LOCK(self);
+    const guint view_id = self->settings->view_id;
+    GST_OBJECT_UNLOCK(self);
+    self->awaits_focus = lf::is_focus_found(GST_BASE_SRC_PAD(self), view_id);
+    self->asked_for_focus = true;
+  }
+  if (!self->awaits_focus || !self->has_sent) return GST_FLOW_OK;
+  if (self->focus_feedback->wait_for(self->last_sequence, kLongest)) return GST_FLOW_OK;
+  GST_OBJECT_LOCK(self);
+  const bool unlocked = self->unlocked;
+  GST_OBJECT_UNLOCK(self);
+  if (unlocked) return GST_FLOW_FLUSHING;
+  GST_WARNING_OBJECT(self, "no focal surface came of request %u: it is not waited for any more", self->last_sequence);
+  self->awaits_focus = false;
+  return GST_FLOW_OK;
+}
+
 static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   LfViewRequest* self = LF_VIEW_REQUEST(push);
   if (lf_view_request_is_relay(self)) return lf_view_request_relay(self, out);
@@ -352,6 +384,8 @@ static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
     const GstFlowReturn flow = wait_live(self, &turn, &slot);
     if (flow != GST_FLOW_OK) return flow;
   } else {
+    const GstFlowReturn flow = wait_for_focus(self);
+    if (flow != GST_FLOW_OK) return flow;
     turn = self->stream->next();
     if (!turn) return GST_FLOW_EOS;
     slot = *turn;
@@ -372,6 +406,9 @@ static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   self->changed = false;
   GST_OBJECT_UNLOCK(self);
 
+  self->focus_feedback->apply(request);
+  self->has_sent = true;
+  self->last_sequence = request.sequence;
   *out = lf::encode_request_buffer(request);
   GST_BUFFER_PTS(*out) = slot.pts;
   GST_BUFFER_DURATION(*out) = slot.duration;
@@ -468,6 +505,7 @@ static void lf_view_request_finalize(GObject* object) {
   LfViewRequest* self = LF_VIEW_REQUEST(object);
   delete self->navigation_tap;
   delete self->relay;
+  delete self->focus_feedback;
   delete self->out_of_service;
   gst_clear_caps(&self->relayed_caps);
   delete self->settings;
@@ -548,6 +586,7 @@ static void lf_view_request_init(LfViewRequest* self) {
   GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
   self->navigation_tap = new lf::NavigationTap;
   self->relay = new lf::RequestRelay;
+  self->focus_feedback = new lf::FocusFeedback;
   self->out_of_service = new lf::OutOfService;
   gst_base_src_set_format(GST_BASE_SRC(self), GST_FORMAT_TIME);
 }

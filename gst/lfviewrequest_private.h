@@ -2,6 +2,7 @@
 #pragma once
 
 #include "common.h"
+#include "focus_feedback.h"
 #include "lfviewrequest.h"
 #include "navigation_tap.h"
 #include "net_clock.h"
@@ -21,6 +22,7 @@ struct _LfViewRequest {
   lf::NavigationTap* navigation_tap;
   lf::RequestStream* stream;  // null when stopped; what other threads do not ask for is the streaming thread's alone
   lf::OutOfService* out_of_service;  // has a lock of its own
+  lf::FocusFeedback* focus_feedback;  // has a lock of its own
   lf::RequestRelay* relay;           // has a lock of its own
   GstPad* sink;                      // of requests to be relayed; null: the element makes its own
   GstCaps* relayed_caps;             // of the sink pad, until they have been passed on
@@ -29,6 +31,9 @@ struct _LfViewRequest {
   bool changed;                // the view, since the request before
   bool waits_for_change;       // clock_id ends with it
   bool warned_commands;  // streaming thread
+  // Not live: the request before, whose focal surface is waited for; nothing: not asked for yet. Streaming thread.
+  bool asked_for_focus, awaits_focus, has_sent;
+  guint32 last_sequence;
 };
 
 // lfviewrequest.cc

@@ -5,8 +5,10 @@
 #include <string>
 
 #include "base/error.h"
+#include "focus/trial_renderer.h"
 #include "node/pixel_answer.h"
 #include "render/source_region.h"
+#include "wire/moments_codec.h"
 
 namespace lf {
 namespace {
@@ -15,6 +17,12 @@ class WarpTask : public AnswerTask {
  public:
   WarpTask(const Rig& rig, ViewPlan plan, int quality, std::span<const CameraIndex> own)
       : rig_(rig), job_(std::move(plan), own), quality_(quality) {}
+  WarpTask(const Rig& rig, const Mesh& mesh, const ViewRequest& request, std::span<const CameraIndex> own)
+      : WarpTask(rig, ViewPlan(rig, mesh, request.view), request.quality, own) {
+    if (request.trials.empty()) return;
+    trial_job_.emplace(rig, mesh, trial_view(request.view), own);
+    for (const Trial& trial : request.trials) trials_.push_back(trial_levels(*request.view.focus.map, trial));
+  }
 
   const std::vector<CameraIndex>& cameras() const override { return job_.cameras(); }
   Rect region(CameraIndex camera) const override { return needed_pixels(job_.plan(), camera, rig_.cameras[camera]); }
@@ -24,10 +32,21 @@ class WarpTask : public AnswerTask {
     form.strip_pixels = manner.strip_pixels;
     return render_answer(header, job_, sources, form, std::move(memory), parallel);
   }
+  ByteBuffer moments(const wire::AnswerHeader& header, std::span<const Source> sources,
+                     const ParallelFor& parallel) const override {
+    if (trials_.empty()) return {};
+    const View& view = trial_job_->plan().view();
+    std::vector<Moments> sums(trials_.size());
+    for (Moments& sum : sums) sum.reset(view.width, view.height);
+    add_moments(*trial_job_, sources, trials_, sums, parallel);
+    return wire::encode_moments({header.view_id, header.sequence, header.rig_hash, header.node}, sums);
+  }
 
  private:
   const Rig& rig_;
   const RenderJob job_;
+  std::optional<RenderJob> trial_job_;        // with trials
+  std::vector<std::vector<uint8_t>> trials_;  // their levels
   const int quality_;
 };
 
@@ -68,7 +87,7 @@ class PixelTask : public AnswerTask {
 
 std::unique_ptr<AnswerTask> make_task(const Rig& rig, const Mesh& mesh, const ViewRequest& request,
                                       std::span<const CameraIndex> own) {
-  return std::make_unique<WarpTask>(rig, ViewPlan(rig, mesh, request.view), request.quality, own);
+  return std::make_unique<WarpTask>(rig, mesh, request, own);
 }
 
 std::unique_ptr<AnswerTask> make_task(const Rig& rig, const wire::WarpCommand& command,

@@ -31,6 +31,11 @@ class AnswerTask {
   // The answer. Arguments and errors as for render_answer(); `sources` are of cameras().
   virtual RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Manner& manner,
                                 ByteBuffer memory = {}, const ParallelFor& parallel = serial_for) const = 0;
+  // The unit of moments that goes before the answer: what the trials of the request came to. Empty if it has none.
+  virtual ByteBuffer moments(const wire::AnswerHeader&, std::span<const Source>,
+                             const ParallelFor& = serial_for) const {
+    return {};
+  }
 };
 
 // `own`: indices of the node's cameras, ascending. `rig` must outlive the task; for commands only the lenses and sizes

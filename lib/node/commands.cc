@@ -6,7 +6,9 @@
 namespace lf {
 
 wire::WarpCommand warp_command(const Rig& rig, const Mesh& mesh, const ViewRequest& request) {
-  return {request, view_warp(rig, ViewPlan(rig, mesh, request.view))};
+  View view = request.view;
+  view.focus.map = nullptr;  // a matrix for each camera is one plane's: the viewer's
+  return {request, view_warp(rig, ViewPlan(rig, mesh, view))};
 }
 
 wire::PixelCommand pixel_command(const Rig& rig, const Mesh& mesh, const ViewRequest& request) {

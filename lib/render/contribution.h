@@ -61,9 +61,14 @@ class Contribution {
       : plan_(plan), owners_(owners), corners_(plan, camera), projection_(plan, camera, rig_camera) {}
 
   float hat(int x, int y) const { return corners_.weight(plan_, owners_.at(x, y), plan_.rays().at(x, y)); }
-  bool project(const Vec2& ray, Vec2& pixel) const { return projection_.project(ray, pixel); }
-  bool project_beyond(const Vec2& ray, Vec2& pixel) const { return projection_.project_beyond(ray, pixel); }
-  const Rays& rays() const { return plan_.rays(); }
+  bool project(int x, int y, Vec2& pixel) const {
+    return projection_.project(plan_.rays().at(x, y), plan_.inverse_at(x, y), pixel);
+  }
+  // In the middle of the chroma sample's four pixels, of which (x, y) is the first. Positions outside the image are
+  // good, too.
+  bool project_chroma(int x, int y, Vec2& pixel) const {
+    return projection_.project_beyond(plan_.rays().at_centre_of_four(x, y), plan_.inverse_at(x + 0.5, y + 0.5), pixel);
+  }
   // Holds all of the camera's pixels.
   Rect rect(CameraIndex camera) const { return corners_.owned(owners_.runs(), plan_.camera_rect(camera)); }
 
@@ -78,7 +83,7 @@ class Contribution {
         if (w == 0) continue;
         any = true;
         Vec2 position;
-        const bool valid = project(rays().at(x, y), position);
+        const bool valid = project(x, y, position);
         fn(x, y, w, valid, position);
       }
     return any;
@@ -124,7 +129,7 @@ bool for_each_i420(const Contribution& contribution, const ImageView& image, con
       const int pixels = (x + 1 < rect.x1 ? 2 : 1) * (y + 1 < rect.y1 ? 2 : 1);
       const float weight = blocks[i].weight / static_cast<float>(pixels);
       Vec2 position;
-      if (!contribution.project_beyond(contribution.rays().at_centre_of_four(x, y), position))
+      if (!contribution.project_chroma(x, y, position))
         position = blocks[i].position;
       const Vec2 chroma_position = (position - 0.5) / 2.0;
       const Bilinear at(chroma_position, chroma_size(image.width), chroma_size(image.height));

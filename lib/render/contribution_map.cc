@@ -54,7 +54,7 @@ std::vector<float> valid_weights(const ViewPlan& plan, const OwnerMap& owners, C
   for (int y = rect.y0; y < rect.y1; y++)
     for (int x = rect.x0; x < rect.x1; x++, weight++) {
       Vec2 pixel;
-      if (*weight > 0 && !projection.project(plan.rays().at(x, y), pixel)) *weight = 0;
+      if (*weight > 0 && !projection.project(plan.rays().at(x, y), plan.inverse_at(x, y), pixel)) *weight = 0;
     }
   return weights;
 }

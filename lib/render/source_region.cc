@@ -33,16 +33,21 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, c
   double largest_step = 0;  // between neighbours of the grid
   std::vector<Vec2> above;  // the row of the grid before
   bool known = true;
+  // All that a map could say: its trials look there, too.
+  std::vector<double> distances{0};
+  if (const FocalMap* map = plan.view().focus.map.get()) distances = {map->farthest, map->nearest};
   for_grid(rect.y0, rect.y1, [&](int y) {
     std::vector<Vec2> row;
     for_grid(rect.x0, rect.x1, [&](int x) {
       Vec2 pixel;
-      if (!projection.project_beyond(plan.rays().at(x, y), pixel)) {
-        known = false;
-        return;
+      for (const double inverse : distances) {
+        if (!projection.project_beyond(plan.rays().at(x, y), inverse, pixel)) {
+          known = false;
+          return;
+        }
+        low = glm::min(low, pixel);
+        high = glm::max(high, pixel);
       }
-      low = glm::min(low, pixel);
-      high = glm::max(high, pixel);
       if (!row.empty()) largest_step = std::max(largest_step, glm::distance(pixel, row.back()));
       if (row.size() < above.size()) largest_step = std::max(largest_step, glm::distance(pixel, above[row.size()]));
       row.push_back(pixel);

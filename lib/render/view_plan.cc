@@ -79,9 +79,13 @@ FacePlan plan_face(const CamerasInView& cameras, const MeshFace& face, uint32_t 
 
 ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view)
     : view_(view), rays_(view.lens, view.width, view.height), camera_rects_(rig.cameras.size()) {
-  const Plane& plane = view.focus.plane;
+  const Plane& plane = view.focus.map ? view.focus.map->from : view.focus.plane;
   focal_normal_ = glm::transpose(view.pose.rotation()) * plane.normal;
   focal_offset_ = -plane.signed_distance(view.pose.position);
+  if (view.focus.map) {
+    eye_distance_ = -focal_offset_;
+    focal_offset_ = 1;  // whatever looks along the normal meets a map somewhere; what that is behind is lost
+  }
   if (focal_offset_ == 0) return;  // the eye is in the focal plane: no line of sight meets it at t > 0
   const Vec3 in_front = focal_offset_ > 0 ? focal_normal_ : -focal_normal_;
 

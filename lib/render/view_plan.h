@@ -52,9 +52,15 @@ class ViewPlan {
   // Cameras with a rectangle that is not empty, ascending.
   std::vector<CameraIndex> contributors() const;
 
-  // Line of sight t > 0 to the focal plane in view coordinates: (focal_normal . d) t = focal_offset.
+  // Line of sight t > 0 to the focal plane in view coordinates: (focal_normal . d) t = focal_offset. With a focal map:
+  // (focal_normal . d) t = 1 / inverse distance - eye_distance, and focal_offset is 1 for its sign.
   const Vec3& focal_normal() const { return focal_normal_; }
   double focal_offset() const { return focal_offset_; }
+  double eye_distance() const { return eye_distance_; }  // of the eye from the plane that distances count from
+  // Where pixel (x, y) is in focus; 0 without a map. Between pixels, too.
+  double inverse_at(double x, double y) const {
+    return view_.focus.map ? view_.focus.map->inverse_at(x, y) : 0;
+  }
   // The homography into a camera, where the plan was told; else null: it follows from the poses.
   const Mat3* told_matrix(CameraIndex camera) const;
 
@@ -64,7 +70,7 @@ class ViewPlan {
   std::vector<FacePlan> faces_;
   std::vector<Rect> camera_rects_;
   Vec3 focal_normal_;
-  double focal_offset_ = 0;
+  double focal_offset_ = 0, eye_distance_ = 0;
   std::vector<std::pair<CameraIndex, Mat3>> told_;  // ascending
   void bound_corners(const FacePlan& face);
 };

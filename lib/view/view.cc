@@ -18,8 +18,7 @@ void validate(const View& view) {
   if (!is_finite(view.pose.position)) throw Error("position: must be finite numbers");
   if (!(std::abs(glm::length(view.pose.orientation) - 1) <= kUnitTolerance))
     throw Error("orientation: must be a quaternion of unit norm");
-  if (!(std::abs(glm::length(view.focus.plane.normal) - 1) <= kUnitTolerance) || !is_finite(view.focus.plane.d))
-    throw Error("focal_plane: must be finite numbers with a normal of unit length");
+  validate(view.focus, view.width, view.height);
 }
 
 View seen_beside(const View& view, double metres) {

@@ -1,17 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include "geometry/focal_surface.h"
 #include "geometry/lens.h"
-#include "geometry/plane.h"
 #include "geometry/pose.h"
 
 namespace lf {
-
-// Where a line of sight takes its colour: X = its meeting point with the focal surface. A plane so far.
-struct FocalSurface {
-  Plane plane;
-  bool operator==(const FocalSurface&) const = default;
-};
 
 // One virtual camera: what to render.
 struct View {
@@ -22,7 +16,7 @@ struct View {
   bool operator==(const View&) const = default;
 };
 
-// Throws Error ("width: ...", "orientation: ...", "focal_plane: ...") if a number is not finite, a size out of range,
+// Throws Error ("width: ...", "orientation: ...", "focal_plane: ...", "focal_map: ...") if a number is not finite, a size out of range,
 // a quaternion or a plane normal not of unit length (kUnitTolerance).
 void validate(const View& view);
 // Throws Error ("NAME: ...") for pixels a side that no view has.

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
+#include "focus/trial.h"
 #include "rig/mesh.h"
 #include "view/view.h"
 
@@ -28,6 +30,7 @@ struct RequestHead {
 struct ViewRequest : RequestHead {
   View view;
   CameraSet out_of_service;
+  std::vector<Trial> trials;  // of the view's focal map, to be answered with moments; at most kMaxTrials, none without
   bool operator==(const ViewRequest&) const = default;
 };
 

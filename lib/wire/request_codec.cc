@@ -2,17 +2,21 @@
 #include "wire/request_codec.h"
 
 #include "base/error.h"
+#include "wire/deflate.h"
 #include "wire/limits.h"
 #include "wire/request_layout.h"
 
 namespace lf::wire {
 namespace {
 
-constexpr uint8_t kFocalPlane = 0;  // kind of focal surface
+constexpr uint8_t kFocalPlane = 0, kFocalMap = 1;  // kind of focal surface
 
 void check(const ViewRequest& request) {
   check_request_head(request);
   validate(request.view);
+  if (request.trials.size() > kMaxTrials)
+    throw Error("trials: at most " + std::to_string(kMaxTrials) + ", not " + std::to_string(request.trials.size()));
+  if (!request.trials.empty() && !request.view.focus.map) throw Error("trials: of a map that is not there");
   const CameraSet& out = request.out_of_service;
   for (size_t i = 0; i < out.size(); i++) {
     const auto place = [i] { return "out_of_service[" + std::to_string(i) + "]: "; };
@@ -20,6 +24,60 @@ void check(const ViewRequest& request) {
       throw Error(place() + "camera " + std::to_string(out[i]) + " is beyond " + std::to_string(kMaxCameras - 1));
     if (i > 0 && out[i] <= out[i - 1]) throw Error(place() + "cameras must ascend");
   }
+}
+
+void put_plane(Writer& out, const Plane& plane) {
+  put_vec(out, plane.normal);
+  out.put(plane.d);
+}
+
+Plane get_plane(Reader& in) {
+  Plane plane;
+  plane.normal = get_vec(in);
+  plane.d = in.get<double>();
+  return plane;
+}
+
+void put_map(Writer& out, const FocalMap& map, std::span<const uint8_t> deflated, std::span<const Trial> trials) {
+  put_plane(out, map.from);
+  out.put(map.farthest);
+  out.put(map.nearest);
+  out.put(static_cast<uint8_t>(map.step));
+  out.put(static_cast<uint8_t>(trials.size()));
+  for (const Trial& trial : trials) {
+    out.put(static_cast<uint8_t>(trial.kind));
+    out.put(static_cast<uint16_t>(trial.value));
+  }
+  out.put(static_cast<uint32_t>(deflated.size()));
+  out.put_bytes(deflated);
+}
+
+void read_map(Reader& in, ViewRequest& request) {
+  View& view = request.view;
+  auto map = std::make_shared<FocalMap>();
+  map->from = get_plane(in);
+  map->farthest = in.get<double>();
+  map->nearest = in.get<double>();
+  map->step = in.get<uint8_t>();
+  request.trials.resize(in.get<uint8_t>());
+  for (Trial& trial : request.trials) {
+    const uint8_t kind = in.get<uint8_t>();
+    if (kind > static_cast<uint8_t>(Trial::Kind::kPlane))
+      throw Error("trials: kind " + std::to_string(kind) + " is unknown");
+    trial.kind = static_cast<Trial::Kind>(kind);
+    trial.value = static_cast<int16_t>(in.get<uint16_t>());
+  }
+  const std::span<const uint8_t> deflated = in.get_bytes(in.get<uint32_t>());
+  need_more(in, "focal_map");
+  if (map->step == 0) throw Error("focal_map: its step must not be 0");
+  validate_size("width", view.width);
+  validate_size("height", view.height);
+  map->columns = FocalMap::nodes(view.width, map->step);
+  map->rows = FocalMap::nodes(view.height, map->step);
+  const size_t nodes = static_cast<size_t>(map->columns) * static_cast<size_t>(map->rows);
+  if (nodes > FocalMap::kMaxNodes) throw Error("focal_map: " + std::to_string(nodes) + " nodes are too many");
+  map->levels = inflate_exactly(deflated, nodes);
+  view.focus.map = std::move(map);
 }
 
 ViewRequest read_request(std::span<const uint8_t> bytes) {
@@ -39,20 +97,20 @@ ViewRequest read_request(std::span<const uint8_t> bytes) {
 
   view.lens = read_lens(in, model_code);
 
-  if (surface != kFocalPlane) throw Error("focal surface: kind " + std::to_string(surface) + " is not supported");
+  if (surface > kFocalMap) throw Error("focal surface: kind " + std::to_string(surface) + " is not supported");
   if (reserved != 0) throw Error("reserved: must be 0, is " + std::to_string(reserved));
-  Plane& plane = view.focus.plane;
-  plane.normal = get_vec(in);
-  plane.d = in.get<double>();
+  view.focus.plane = get_plane(in);
   need("focal_plane");
 
   const uint32_t count = in.get<uint32_t>();
   need("out_of_service");
-  if (in.left() != size_t{count} * 2)
+  if (surface == kFocalMap ? in.left() < size_t{count} * 2 : in.left() != size_t{count} * 2)
     throw Error("out_of_service: " + std::to_string(count) + " cameras do not fill the " + std::to_string(in.left()) +
                 " bytes left");
   request.out_of_service.reserve(count);
   for (uint32_t i = 0; i < count; i++) request.out_of_service.push_back(in.get<uint16_t>());
+  if (surface == kFocalMap) read_map(in, request);
+  if (in.left() != 0) throw Error("focal_map: " + std::to_string(in.left()) + " bytes too many");
   check(request);
   return request;
 }
@@ -63,12 +121,18 @@ std::vector<uint8_t> encode_request(const ViewRequest& request) {
   check(request);
   const View& view = request.view;
   const int num_params = view.lens.num_params();
-  const size_t size = kRequestHeadBytes + 3 + 8 * (3 + 4 + num_params + 4) + 4 + 2 * request.out_of_service.size();
+  size_t size = kRequestHeadBytes + 3 + 8 * (3 + 4 + num_params + 4) + 4 + 2 * request.out_of_service.size();
+  const FocalMap* const map = view.focus.map.get();
+  std::vector<uint8_t> deflated;
+  if (map) {
+    deflated = deflate_all(map->levels);
+    size += 6 * 8 + 2 + 3 * request.trials.size() + 4 + deflated.size();
+  }
 
   Writer out(size);
   put_request_head(out, kViewRequestType, request, view.width, view.height, size);
   out.put(static_cast<uint8_t>(view.lens.model()));
-  out.put(kFocalPlane);
+  out.put(map ? kFocalMap : kFocalPlane);
   out.put(uint8_t{0});
   put_vec(out, view.pose.position);
   out.put(view.pose.orientation.w);
@@ -76,10 +140,10 @@ std::vector<uint8_t> encode_request(const ViewRequest& request) {
   out.put(view.pose.orientation.y);
   out.put(view.pose.orientation.z);
   put_lens(out, view.lens);
-  put_vec(out, view.focus.plane.normal);
-  out.put(view.focus.plane.d);
+  put_plane(out, view.focus.plane);
   out.put(static_cast<uint32_t>(request.out_of_service.size()));
   for (const CameraIndex camera : request.out_of_service) out.put(static_cast<uint16_t>(camera));
+  if (map) put_map(out, *map, deflated, request.trials);
   return out.take();
 }
 

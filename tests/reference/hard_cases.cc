@@ -59,6 +59,12 @@ std::pair<Rig, View> moved(Rig rig, View view, const Vec3& by, const Quat& turn)
   const Plane plane = view.focus.plane;
   const Vec3 normal = glm::normalize(glm::mat3_cast(turn) * plane.normal);
   view.focus.plane = {normal, plane.d - glm::dot(normal, by)};
+  if (view.focus.map) {
+    auto map = std::make_shared<FocalMap>(*view.focus.map);
+    map->from.normal = glm::normalize(glm::mat3_cast(turn) * map->from.normal);
+    map->from.d -= glm::dot(map->from.normal, by);
+    view.focus.map = std::move(map);
+  }
   for (Camera& camera : rig.cameras) move(camera.pose);
   move(view.pose);
   return {rig, view};
@@ -78,10 +84,32 @@ HardCase enlarged(const HardCase& hard, int times) {
     view.lens = enlarged(view.lens, times);
     view.width *= times;
     view.height *= times;
+    if (view.focus.map) {
+      auto map = std::make_shared<FocalMap>(*view.focus.map);
+      map->step *= times;
+      view.focus.map = std::move(map);
+    }
     return std::pair(rig, view);
   };
   return large;
 }
+
+namespace {
+
+// With a focal map of 12 x 9 nodes that counts distances from the array's plane; level(i): of the i-th node.
+template <typename Level>
+std::pair<Rig, View> turned_with_map(const Rig& rig, View view, double farthest, double nearest, Level level,
+                                     Random& random) {
+  auto map = std::make_shared<FocalMap>(FocalMap::for_view(view.width, view.height));
+  map->from = {{0, 0, 1}, 0};
+  map->farthest = farthest;
+  map->nearest = nearest;
+  for (int i = 0; i < map->columns * map->rows; i++) map->levels.push_back(static_cast<uint8_t>(level(i)));
+  view.focus.map = std::move(map);
+  return turned(rig, view, random);
+}
+
+}  // namespace
 
 std::vector<HardCase> hard_cases() {
   std::vector<HardCase> all;
@@ -168,6 +196,20 @@ std::vector<HardCase> hard_cases() {
         return turned(array(), view_at({0, 0, -1}, {1, 0, 0, 0}, 60, -2), r);
       },
       {.least_owned = 0});
+  add("focal map: steps of depth", [](Random& r) {
+    return turned_with_map(array(), view_at({0.1, 0.1, -0.6}), 0.2, 2, [&](int) { return r.integer(0, 255); }, r);
+  });
+  add("focal map: slopes up to infinity", [](Random& r) {
+    return turned_with_map(array(), view_at({0.1, 0.1, r.uniform(-0.6, 0)}), 0, 1, [](int i) { return i * 7 % 256; },
+                           r);
+  });
+  add("focal map: one plane", [](Random& r) {
+    const int level = r.integer(1, 255);
+    return turned_with_map(array(), view_at({0.1, 0.1, -0.6}), 0.1, 1, [=](int) { return level; }, r);
+  });
+  add("focal map: parts behind the eye", [](Random& r) {
+    return turned_with_map(array(), view_at({0.1, 0.1, 0.6}), 0.5, 4, [](int i) { return i % 12 < 6 ? 0 : 255; }, r);
+  });
   add("triangles straddle the eye's plane", [](Random& r) {
     const Rig rig = triangles({{-1, -1, -1}, {1, -1, 1}, {1, 1, 1.2}, {-1, 1, -0.8}}, {{0, 1, 2}, {0, 2, 3}});
     return turned(rig, view_at(r.point_in_box(0.1), r.small_rotation(1), 100, 3), r);

@@ -136,14 +136,35 @@ Sighting Sight::look(size_t index, const V3& d) const {
   return seen;
 }
 
+namespace {
+
+constexpr Real kFarAway = 1e12L;  // metres: infinity, for points
+
+// Bilinear between the nodes, which stand in the middle of step x step pixels; the outer ones go on.
+Real inverse_distance(const FocalMap& map, int x, int y) {
+  const auto at = [&](int i, int j) {
+    i = std::clamp(i, 0, map.columns - 1);
+    j = std::clamp(j, 0, map.rows - 1);
+    return map.farthest + (map.nearest - map.farthest) * static_cast<Real>(map.levels[j * map.columns + i]) / 255;
+  };
+  const Real column = (x + Real{0.5}) / map.step - Real{0.5}, row = (y + Real{0.5}) / map.step - Real{0.5};
+  const int i = static_cast<int>(std::floor(column)), j = static_cast<int>(std::floor(row));
+  const Real a = column - i, b = row - j;
+  return (1 - b) * ((1 - a) * at(i, j) + a * at(i + 1, j)) + b * ((1 - a) * at(i, j + 1) + a * at(i + 1, j + 1));
+}
+
+}  // namespace
+
 Picture render(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images) {
   const V3 eye = to_v3(view.pose.position);
   const ReferenceLens view_lens(view.lens);
   const Sight sight(rig, mesh, eye);
   std::vector<Viewpoint> viewpoints;
   for (const Camera& camera : rig.cameras) viewpoints.push_back({&camera, ReferenceLens(camera.lens)});
-  const V3 normal = to_v3(view.focus.plane.normal);
-  const Real distance = dot(normal, eye) + view.focus.plane.d;  // of the eye from the focal plane
+  const Plane& plane = view.focus.map ? view.focus.map->from : view.focus.plane;
+  const V3 normal = to_v3(plane.normal);
+  // Of the eye from the focal plane; with a map, from the plane that its distances count from.
+  const Real from_plane = dot(normal, eye) + plane.d;
 
   Picture picture{view.width, view.height, std::vector<Pixel>(static_cast<size_t>(view.width) * view.height)};
   for (int y = 0; y < view.height; y++) {
@@ -155,10 +176,19 @@ Picture render(const Rig& rig, const Mesh& mesh, const View& view, const std::ve
         continue;
       }
       const V3 d = rotate(view.pose.orientation, V3{ray->x, ray->y, 1});
-      const Real approach = dot(normal, d), t = -distance / approach;
+      const Real approach = dot(normal, d);
+      Real distance = from_plane, t = -distance / approach;
+      bool in_front = t > 0;
+      if (view.focus.map) {
+        // Whatever looks along the normal has an owner; a surface behind the eye loses its samples.
+        const Real inverse = inverse_distance(*view.focus.map, x, y);
+        distance = -1;
+        t = inverse > 0 ? (1 / inverse - from_plane) / approach : kFarAway;
+        in_front = approach > 0;
+      }
       Real margin = distance == 0 ? Real{1} : std::abs(approach) / norm(d);
       Sighting seen;
-      for (size_t face = 0; face < mesh.faces.size() && distance != 0 && approach != 0 && t > 0; face++) {
+      for (size_t face = 0; face < mesh.faces.size() && distance != 0 && approach != 0 && in_front; face++) {
         seen = sight.look(face, d);
         margin = std::min(margin, seen.margin);
         if (seen.faces && seen.contains) {
@@ -179,7 +209,12 @@ Picture render(const Rig& rig, const Mesh& mesh, const View& view, const std::ve
         pixel.camera[k] = owner.camera[k];
         pixel.weight[k] = static_cast<double>(seen.weight[k]);
         Real sample_margin = 1;
-        const std::optional<P2> at = viewpoints[owner.camera[k]].find(x_focus, sample_margin);
+        std::optional<P2> at = viewpoints[owner.camera[k]].find(x_focus, sample_margin);
+        if (view.focus.map) {
+          const Real before_eye = 1 - inverse_distance(*view.focus.map, x, y) * from_plane;
+          sample_margin = std::min(sample_margin, std::abs(before_eye));
+          if (before_eye <= 0) at.reset();
+        }
         if (seen.weight[k] > 0) pixel.sample_margin = std::min(pixel.sample_margin, static_cast<double>(sample_margin));
         if (!at) {
           lost += seen.weight[k];

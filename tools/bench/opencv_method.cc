@@ -119,7 +119,7 @@ class OpenCvMethod : public Method {
     cv::Mat map(rect.height(), rect.width(), CV_32FC2, cv::Scalar(-9, -9));
     for (int y = rect.y0; y < rect.y1; y++)
       for (int x = rect.x0; x < rect.x1; x++)
-        if (Vec2 p; projection.project(plan.rays().at(x, y), p))
+        if (Vec2 p; projection.project(plan.rays().at(x, y), 0, p))
           map.at<cv::Vec2f>(y - rect.y0, x - rect.x0) = {static_cast<float>(p.x), static_cast<float>(p.y)};
     cv::convertMaps(map, cv::Mat(), part.map, part.map_fraction, CV_16SC2);
   }

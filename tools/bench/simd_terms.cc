@@ -83,7 +83,7 @@ struct Place {
   int x() const { return (band.first_block + block) * simd::kBlock; }  // of the view
   std::optional<Vec2> exact(int x) const {
     Vec2 position;
-    if (!slot.projection->project_beyond(rays.at(x, band.y + row), position)) return std::nullopt;
+    if (!slot.projection->project_beyond(rays.at(x, band.y + row), 0, position)) return std::nullopt;
     return position;
   }
 };
@@ -98,7 +98,7 @@ Spread in_blocks(const Scene& scene, bool shuffled_alone, const Visit& visit) {
   for (const simd::Slot& slot : prepared.task.slots) {
     simd::SlotBand band;
     for (int y = slot.rect.y0 / simd::kBandRows * simd::kBandRows; y < slot.rect.y1; y += simd::kBandRows) {
-      target::place_slot(prepared.task, slot, y, band);
+      target::place_slot(prepared.task, slot, y, {}, 0, band);
       for (int row = std::max(slot.rect.y0 - y, 0); row < std::min(slot.rect.y1 - y, simd::kBandRows); row++)
         for (int block = 0; block < band.blocks; block++) {
           const int verdict =

@@ -48,7 +48,7 @@ Spread positions(const Scene& scene) {
     for (int y = rect.y0; y < rect.y1; y++)
       for (int x = rect.x0; x < rect.x1; x++) {
         Vec2 position;
-        if (!projection.project(job.plan().rays().at(x, y), position)) continue;
+        if (!projection.project(job.plan().rays().at(x, y), 0, position)) continue;
         const auto ray = view_lens.line_of_sight({static_cast<Real>(x), static_cast<Real>(y)});
         const V3 d = rotate(view.pose.orientation, V3{ray->x, ray->y, 1});
         const V3 point = eye + (-(dot(normal, eye) + view.focus.plane.d) / dot(normal, d)) * d;

@@ -28,6 +28,9 @@ struct Slot {
   const CameraProjection* projection = nullptr;
   // Camera coordinates of pixel (x, y) of the view, up to a positive factor: from_pixel * (x, y, 1).
   Mat3 from_pixel;
+  // With a focal map: of inverse distance 0, and this times the inverse distance more.
+  Mat3 per_inverse{0};
+  float eye_distance = 0;  // see ViewPlan
   float fx = 0, fy = 0, cx = 0, cy = 0, k1 = 0, k2 = 0, p1 = 0, p2 = 0, max_r2 = 0;
   bool radial = false, tangential = false;
   // Rows in which all of the hat lies well inside the image, nearly upright and at about its scale: see
@@ -81,7 +84,7 @@ struct SlotBand {
   int first_block = 0, blocks = 0;
   int pitch = 0;                     // blocks + 3 nodes
   std::vector<float> columns, rows;  // of the nodes, pixels from the first one; for this pitch
-  std::vector<float> node_z;
+  std::vector<float> node_z, node_inverse;  // the latter with a focal map
   PlanePositions luma, chroma;   // luma: or RGB
   std::vector<int32_t> verdict;  // per pair of rows
 };
@@ -106,8 +109,17 @@ struct LastFaces {
   int32_t number[2] = {};  // in Scratch::faces
 };
 
+// A focal map in a band of rows: inverse distances of pixels, and of chroma samples for pairs of rows.
+struct BandMap {
+  std::vector<float> luma[kBandRows], chroma[kBandPairs];  // from the rectangle's first block, whole blocks
+  // Per pair of rows and block, from the rectangle's first: whether all that its positions are interpolated from, the
+  // blocks beside it included, is at one distance.
+  std::vector<uint8_t> flat[kBandPairs];
+};
+
 // Memory of one thread, reused from band to band.
 struct Scratch {
+  BandMap map;
   std::vector<BlockWeights> weights;
   size_t weights_used = 0;
   std::vector<int32_t> head;  // per block of the rectangle: first BlockWeights, -1: none

@@ -32,7 +32,7 @@ void add_mixed_block(const SumTask& task, const BlockWeights& weights, int pair,
       const int16_t w = weights.w[r][i];
       if (w == 0) continue;
       Vec2 position;
-      if (!slot.projection->project(rays.at(x + i, y + r), position)) {
+      if (!slot.projection->project(rays.at(x + i, y + r), task.plan->inverse_at(x + i, y + r), position)) {
         uint16_t& lost = scratch.lost[r][out * kBlock + i];
         lost = static_cast<uint16_t>(std::min(lost + w, 65535));
         scratch.any_lost = true;
@@ -57,7 +57,8 @@ void add_mixed_block(const SumTask& task, const BlockWeights& weights, int pair,
     const int pixels = (x + 2 * k + 1 < x_end ? 2 : 1) * (r_end - 2 * pair);
     const float weight = chroma[k].weight / static_cast<float>(pixels);
     Vec2 position;
-    if (!slot.projection->project_beyond(rays.at_centre_of_four(x + 2 * k, y + 2 * pair), position))
+    if (!slot.projection->project_beyond(rays.at_centre_of_four(x + 2 * k, y + 2 * pair),
+                                         task.plan->inverse_at(x + 2 * k + 0.5, y + 2 * pair + 0.5), position))
       position = chroma[k].position;
     const plain::Bilinear at((position - 0.5) / 2.0, chroma_size(image.width), chroma_size(image.height));
     for (int c = 1; c <= 2; c++)

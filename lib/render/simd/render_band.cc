@@ -160,12 +160,14 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
 void RenderBand(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
   weigh_band(task, rect, y, scratch);
   const int first_block = rect.x0 / kBlock, blocks = (rect.x1 + kBlock - 1) / kBlock - first_block;
+  const FocalMap* const map = task.plan->view().focus.map.get();
+  if (map) place_map(*map, first_block * kBlock, y, blocks, scratch.map);
   if (task.plan->rays().separable())
     for (size_t i = 0; i < scratch.weights_used; i++) {
       const int32_t number = scratch.weights[i].slot;
       const Slot& slot = task.slots[number];
       if (scratch.bands[number].y == y || slot.image.family == PixelFamily::kNone) continue;
-      place_slot(task, slot, y, scratch.bands[number]);
+      place_slot(task, slot, y, scratch.map, first_block, scratch.bands[number]);
     }
   for (const SlotTarget& target : task.targets)
     clear_target(task.family == PixelFamily::kI420, std::max(y, rect.y0), std::min(y + kBandRows, rect.y1), target);

@@ -143,14 +143,16 @@ enum class Sight { kAll, kSome, kDoubtful };
 
 // The same without interpolation, for chroma or another plane, clamped to the image. (x, y): the first sample's pixel,
 // for chroma the first of its four. Lanes with `weight` that are lost have it moved to `lost` (both of kBlock values;
-// null for chroma, which is where its pixels are). Doubtful: rounding could decide on a sample, or its bytes can't be
+// null for chroma, which is where its pixels are). `inverse`: distances of the focal map, of kBlock values, those of
+// chroma twice over; null without one. Doubtful: rounding could decide on a sample, or its bytes can't be
 // read; nothing is changed then.
 inline Sight project_positions(const SumTask& task, const Slot& slot, bool chroma, int x, int y, const UnitTable& table,
-                               int16_t* weight, int16_t* lost, Positions& out) {
+                               const float* inverse, int16_t* weight, int16_t* lost, Positions& out) {
   const hn::CappedTag<float, kBlock> d;
   const hn::RebindToSigned<decltype(d)> di;
   const hn::Rebind<int16_t, decltype(d)> d16;
-  const Projection projection(slot, x, chroma ? y + 0.5 : y);
+  const double row = chroma ? y + 0.5 : y;
+  const Projection projection = inverse ? Projection(slot, x, row, inverse[0]) : Projection(slot, x, row);
   const float width = static_cast<float>(chroma ? chroma_size(slot.image.width) : slot.image.width);
   const float height = static_cast<float>(chroma ? chroma_size(slot.image.height) : slot.image.height);
   if (width < 2 || height < 2) return Sight::kDoubtful;
@@ -160,7 +162,11 @@ inline Sight project_positions(const SumTask& task, const Slot& slot, bool chrom
   alignas(64) int16_t seen_weight[kBlock] = {}, lost_weight[kBlock] = {};
   for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
     hn::Vec<decltype(d)> px, py, z, r2;
-    projection.project(d, hn::Load(d, table.x + lane), hn::Zero(d), px, py, z, r2);
+    const auto column = hn::Load(d, table.x + lane);
+    if (inverse)
+      projection.project(d, column, hn::Zero(d), hn::LoadU(d, inverse + lane), px, py, z, r2);
+    else
+      projection.project(d, column, hn::Zero(d), px, py, z, r2);
     const auto in_front = hn::And(hn::Gt(z, hn::Zero(d)), hn::Le(r2, set(slot.max_r2)));
     if (weight) {
       // How far inside the image's domain: negative outside.

@@ -25,7 +25,11 @@ Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source,
   slot.rect = plan.camera_rect(source.camera);
   if (family == PixelFamily::kI420) slot.rect = chroma_aligned(slot.rect, plan.view());
   slot.projection = &projection;
-  if (plan.rays().separable()) slot.from_pixel = from_pixel(projection.camera_from_ray(), plan.rays());
+  if (plan.rays().separable()) {
+    slot.from_pixel = from_pixel(projection.camera_from_ray(), plan.rays());
+    if (projection.has_map()) slot.per_inverse = from_pixel(projection.per_inverse(), plan.rays());
+  }
+  slot.eye_distance = static_cast<float>(plan.eye_distance());
   const Lens& lens = camera.lens;
   slot.fx = static_cast<float>(lens.fx());
   slot.fy = static_cast<float>(lens.fy());
@@ -39,7 +43,7 @@ Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source,
   slot.radial = lens.has_distortion();
   // Slightly less than the fold: rounding must not see beyond it.
   slot.max_r2 = static_cast<float>(std::min(lens.max_radius() * lens.max_radius() * (1 - 1e-6), 1e30));
-  if (plan.rays().separable()) find_calm_rows(family, slot);
+  if (plan.rays().separable() && !projection.has_map()) find_calm_rows(family, slot);
   return slot;
 }
 

@@ -171,7 +171,7 @@ struct PairSamples {
 
 // Positions and weights of a pair of rows. False: in doubt.
 inline bool find_samples(const SumTask& task, const Part& part, bool project, const PairPlace& place,
-                         PairSamples& out) {
+                         const BandMap& map, PairSamples& out) {
   const int upper = 2 * place.pair;
   for (int r = 0; r < 2; r++) std::copy_n(part.weights->w[upper + r], kBlock, out.weight[r]);
   const SlotBand& band = *part.band;
@@ -184,12 +184,20 @@ inline bool find_samples(const SumTask& task, const Part& part, bool project, co
     return true;
   }
   std::fill_n(out.lost[0], 2 * kBlock, 0);
+  const bool has_map = task.plan->view().focus.map != nullptr;
   for (int r = 0; r < 2; r++)
-    if (project_positions(task, *part.band->slot, false, place.x, place.y + upper + r, kLumaTable, out.weight[r],
+    if (project_positions(task, *part.band->slot, false, place.x, place.y + upper + r, kLumaTable,
+                          has_map ? map.luma[upper + r].data() + place.out * kBlock : nullptr, out.weight[r],
                           out.lost[r], out.at[r]) == Sight::kDoubtful)
       return false;
-  return !i420 || project_positions(task, *part.band->slot, true, place.x, place.y + upper, kChromaTable, nullptr,
-                                    nullptr, out.at[2]) != Sight::kDoubtful;
+  if (!i420) return true;
+  alignas(64) float chroma_inverse[kBlock];
+  if (has_map)
+    for (int half = 0; half < 2; half++)
+      std::copy_n(map.chroma[place.pair].data() + place.out * kChromaBlock, kChromaBlock,
+                  chroma_inverse + half * kChromaBlock);
+  return project_positions(task, *part.band->slot, true, place.x, place.y + upper, kChromaTable,
+                           has_map ? chroma_inverse : nullptr, nullptr, nullptr, out.at[2]) != Sight::kDoubtful;
 }
 
 inline void add_samples(const int16_t* samples, const int16_t* weights, int16_t* sum) {
@@ -237,7 +245,7 @@ inline void add_rgb(const Slot& slot, const PairSamples& samples, const PairPlac
 inline bool add_part(const SumTask& task, const Part& part, const PairPlace& place, Scratch& scratch) {
   const bool project = task.exact || part.verdict == SlotBand::kProject;
   PairSamples samples;
-  if (!find_samples(task, part, project, place, samples)) return false;
+  if (!find_samples(task, part, project, place, scratch.map, samples)) return false;
   for (int r = 0; r < 2; r++) {
     uint16_t* const lost = scratch.lost[2 * place.pair + r] + place.out * kBlock;
     for (int i = 0; project && i < kBlock; i++) {

@@ -36,7 +36,7 @@ TEST(CameraProjection, IsTheFocalPointSeenByTheCamera) {
           Vec2 pixel;
           const bool inside = expected && expected->x >= -0.5 && expected->x <= camera.width - 0.5 &&
                               expected->y >= -0.5 && expected->y <= camera.height - 0.5;
-          ASSERT_EQ(projection.project(Vec2(d), pixel), inside);
+          ASSERT_EQ(projection.project(Vec2(d), 0, pixel), inside);
           if (!inside) continue;
           EXPECT_NEAR(pixel.x, expected->x, 1e-9);
           EXPECT_NEAR(pixel.y, expected->y, 1e-9);
@@ -50,7 +50,7 @@ TEST(CameraProjection, BehindTheCameraIsLost) {
   const View view = view_at({0, 0, -5}, 2);  // the focal plane lies 3 m behind the cameras
   const ViewPlan plan(rig, build_mesh(rig), view);
   Vec2 pixel;
-  EXPECT_FALSE(CameraProjection(plan, 0, rig.cameras[0]).project(Vec2(0, 0), pixel));
+  EXPECT_FALSE(CameraProjection(plan, 0, rig.cameras[0]).project(Vec2(0, 0), 0, pixel));
 }
 
 TEST(CameraProjection, TheImageEndsHalfAPixelBeyondItsOuterCentres) {
@@ -66,7 +66,7 @@ TEST(CameraProjection, TheImageEndsHalfAPixelBeyondItsOuterCentres) {
   const Lens& lens = view.lens;
   const auto sees = [&](double x, double y) {
     Vec2 pixel;
-    return projection.project(Vec2((x - lens.cx()) / lens.fx(), (y - lens.cy()) / lens.fy()), pixel);
+    return projection.project(Vec2((x - lens.cx()) / lens.fx(), (y - lens.cy()) / lens.fy()), 0, pixel);
   };
   EXPECT_TRUE(sees(-0.499, 0));
   EXPECT_FALSE(sees(-0.501, 0));

@@ -19,7 +19,7 @@ Rect touched(const ViewPlan& plan, const Rect& rect, CameraIndex index, const Ca
   Rect all;
   const auto sample = [&](const Vec2& ray) {
     Vec2 p;
-    if (std::isnan(ray.x) || !projection.project(ray, p)) return;
+    if (std::isnan(ray.x) || !projection.project(ray, 0, p)) return;
     const int x = static_cast<int>(std::floor(p.x)), y = static_cast<int>(std::floor(p.y));
     // The four chroma samples around p cover these luma pixels.
     const int cx = 2 * static_cast<int>(std::floor((p.x - 0.5) / 2)),

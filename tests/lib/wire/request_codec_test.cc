@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <limits>
 #include <random>
 
@@ -61,6 +62,25 @@ ViewRequest random_request(std::mt19937& random) {
   return r;
 }
 
+// A view with a focal map and trials.
+ViewRequest focused_request(std::mt19937& random) {
+  ViewRequest r = random_request(random);
+  r.view.width = 1 + static_cast<int>(random() % 300);
+  r.view.height = 1 + static_cast<int>(random() % 300);
+  FocalMap map;
+  map.step = 1 + static_cast<int>(random() % 9);
+  map.columns = FocalMap::nodes(r.view.width, map.step);
+  map.rows = FocalMap::nodes(r.view.height, map.step);
+  map.from = {{0, 0.6, -0.8}, 3.25};
+  map.farthest = 0.125;
+  map.nearest = 4;
+  for (int i = 0; i < map.columns * map.rows; i++) map.levels.push_back(static_cast<uint8_t>(random() % 5 * 50));
+  r.view.focus.map = std::make_shared<FocalMap>(map);
+  for (size_t i = random() % (kMaxTrials + 1); i > 0; i--)
+    r.trials.push_back({static_cast<Trial::Kind>(random() % 5), static_cast<int16_t>(random())});
+  return r;
+}
+
 std::string reason_of(const std::vector<uint8_t>& bytes) {
   std::string reason;
   EXPECT_FALSE(decode_request(bytes, &reason).has_value());
@@ -73,6 +93,41 @@ TEST(RequestCodec, GoldenBytes) {
   const std::optional<ViewRequest> decoded = decode_request(from_hex(kGolden));
   ASSERT_TRUE(decoded.has_value());
   EXPECT_EQ(*decoded, golden_request());
+}
+
+TEST(RequestCodec, FocalMapsRoundTrip) {
+  std::mt19937 random(2);
+  for (int i = 0; i < 200; i++) {
+    const ViewRequest request = focused_request(random);
+    const std::vector<uint8_t> bytes = encode_request(request);
+    std::string reason;
+    const std::optional<ViewRequest> decoded = decode_request(bytes, &reason);
+    ASSERT_TRUE(decoded.has_value()) << reason;
+    EXPECT_EQ(*decoded, request);
+    for (const size_t size : {bytes.size() - 1, bytes.size() / 2}) {
+      std::vector<uint8_t> cut(bytes.begin(), bytes.begin() + static_cast<ptrdiff_t>(size));
+      EXPECT_FALSE(decode_request(cut).has_value());
+    }
+  }
+}
+
+TEST(RequestCodec, AWrongFocalMapIsRefused) {
+  std::mt19937 random(3);
+  const ViewRequest good = focused_request(random);
+  const auto with = [&](const std::function<void(ViewRequest&, FocalMap&)>& change) {
+    ViewRequest bad = good;
+    auto map = std::make_shared<FocalMap>(*good.view.focus.map);
+    change(bad, *map);
+    bad.view.focus.map = std::move(map);
+    EXPECT_THROW(encode_request(bad), Error);
+  };
+  with([](ViewRequest&, FocalMap& map) { map.levels.pop_back(); });
+  with([](ViewRequest&, FocalMap& map) { map.nearest = map.farthest; });
+  with([](ViewRequest& r, FocalMap&) { r.trials.resize(kMaxTrials + 1); });
+  ViewRequest without = good;
+  without.trials.resize(1);
+  without.view.focus.map = nullptr;
+  EXPECT_THROW(encode_request(without), Error) << "trials of no map";
 }
 
 TEST(RequestCodec, RoundTrips) {
@@ -139,7 +194,7 @@ TEST(RequestCodec, NamesTheFieldThatIsWrong) {
       {40, 1, 101, "quality: must be 0 to 100, is 101"},
       {41, 1, 5, "lens model: 5 is unknown"},
       {41, 1, 4, "focal_plane: the request ends before it does"},
-      {42, 1, 1, "focal surface: kind 1 is not supported"},
+      {42, 1, 2, "focal surface: kind 2 is not supported"},
       {43, 1, 1, "reserved: must be 0, is 1"},
       {44, 8, nan, "position: must be finite numbers"},
       {60, 8, infinity, "position: must be finite numbers"},

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focal_surface_event.h"
+
+#include "gst_wire.h"
+
+namespace lf {
+
+GstEvent* focal_surface_event(const ViewRequest& request, const FocusControl::Plan& plan) {
+  ViewRequest next = request;
+  next.view = plan.view;
+  next.trials = plan.trials;
+  GstBuffer* buffer = encode_request_buffer(next);
+  GstStructure* structure =
+      gst_structure_new(LF_FOCAL_SURFACE_EVENT, "lf-view-id", G_TYPE_UINT, request.view_id, "sequence", G_TYPE_UINT,
+                        request.sequence, "request", GST_TYPE_BUFFER, buffer, nullptr);
+  gst_buffer_unref(buffer);
+  return gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, structure);
+}
+
+bool parse_focal_surface(GstEvent* event, FocalSurfaceNews* news) {
+  const GstStructure* structure = gst_event_get_structure(event);
+  if (GST_EVENT_TYPE(event) != GST_EVENT_CUSTOM_UPSTREAM || !structure ||
+      !gst_structure_has_name(structure, LF_FOCAL_SURFACE_EVENT))
+    return false;
+  g_autoptr(GstBuffer) buffer = nullptr;
+  if (!gst_structure_get(structure, "lf-view-id", G_TYPE_UINT, &news->view_id, "sequence", G_TYPE_UINT,
+                         &news->sequence, "request", GST_TYPE_BUFFER, &buffer, nullptr))
+    return false;
+  std::optional<ViewRequest> request = decode_request_buffer(buffer);
+  if (!request) return false;
+  news->plan = {std::move(request->view), std::move(request->trials)};
+  return true;
+}
+
+bool is_focus_found(GstPad* src, guint view_id) {
+  GstQuery* query = gst_query_new_custom(
+      GST_QUERY_CUSTOM, gst_structure_new(LF_FOCAL_SURFACE_QUERY, "lf-view-id", G_TYPE_UINT, view_id, nullptr));
+  const bool found = gst_pad_peer_query(src, query);
+  gst_query_unref(query);
+  return found;
+}
+
+bool is_focus_query(GstQuery* query, guint* view_id) {
+  const GstStructure* structure = gst_query_get_structure(query);
+  return GST_QUERY_TYPE(query) == GST_QUERY_CUSTOM && structure &&
+         gst_structure_has_name(structure, LF_FOCAL_SURFACE_QUERY) &&
+         gst_structure_get_uint(structure, "lf-view-id", view_id);
+}
+
+}  // namespace lf

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include "focus/focus_control.h"
+
+// Custom upstream event from a compositor's request pad: on which focal surface the next request of the view is
+// focused, and what is tried for it. Fields "lf-view-id" (uint), "sequence" (uint: the request that it is told from) and
+// "request" (GstBuffer: a view request with the surface, the view it was found for, and the trials).
+#define LF_FOCAL_SURFACE_EVENT "lightfield-focal-surface"
+// Custom query, downstream: whether a compositor of the view (field "lf-view-id", uint) will send such events.
+#define LF_FOCAL_SURFACE_QUERY "lightfield-finds-focus"
+
+namespace lf {
+
+// A new event, owned by the caller.
+GstEvent* focal_surface_event(const ViewRequest& request, const FocusControl::Plan& plan);
+// What such an event says; false if it is another one, or damaged.
+struct FocalSurfaceNews {
+  guint view_id = 0, sequence = 0;
+  FocusControl::Plan plan;
+};
+bool parse_focal_surface(GstEvent* event, FocalSurfaceNews* news);
+
+// Whether somebody downstream of this source pad finds the focus of the view.
+bool is_focus_found(GstPad* src, guint view_id);
+// Whether the query asks that, and of which view.
+bool is_focus_query(GstQuery* query, guint* view_id);
+
+}  // namespace lf

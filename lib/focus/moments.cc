@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/moments.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace lf {
+namespace {
+
+void add_saturated(std::vector<uint16_t>& sum, const std::vector<uint16_t>& values) {
+  for (size_t i = 0; i < sum.size(); i++) sum[i] = static_cast<uint16_t>(std::min(sum[i] + values[i], 65535));
+}
+
+}  // namespace
+
+void Moments::reset(int new_columns, int new_rows) {
+  columns = new_columns;
+  rows = new_rows;
+  const size_t nodes = static_cast<size_t>(columns) * static_cast<size_t>(rows);
+  for (std::vector<uint16_t>* sum : {&weight, &luma, &square}) sum->assign(nodes, 0);
+}
+
+void Moments::add(const Moments& other) {
+  add_saturated(weight, other.weight);
+  add_saturated(luma, other.luma);
+  add_saturated(square, other.square);
+}
+
+float Moments::deviation(size_t node) const {
+  const float w = static_cast<float>(weight[node]) / kWeightOne;
+  if (!(w >= 0.5f)) return std::numeric_limits<float>::quiet_NaN();
+  const float mean = static_cast<float>(luma[node]) / kLumaOne / w;
+  return std::sqrt(std::max(static_cast<float>(square[node]) / w - mean * mean, 0.f));
+}
+
+}  // namespace lf

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace lf {
+
+// What cameras that look through one trial surface have in common: the sums, over the cameras, of weight, weight x luma
+// and weight x luma squared, a value for each node of the focal map. They add like colour, through any number of
+// partial sums, and their variance tells how far the cameras disagree: the "moment" statistics of space-time stereo,
+// here without any camera's image leaving it.
+//
+// In 16 bits: of weights that sum to 1 none overflows; sums that do (of cameras counted twice) saturate.
+struct Moments {
+  static constexpr int kWeightOne = 32768;  // weight 1
+  static constexpr int kLumaOne = 128;      // weight 1 x luma 1 of 255
+  int columns = 0, rows = 0;
+  std::vector<uint16_t> weight, luma, square;  // row-major; square: 1 = weight 1 x luma 1 squared
+
+  void reset(int columns, int rows);
+  void add(const Moments& other);  // of the same size
+  // How far the cameras disagree at a node: the standard deviation of their luma, 0..127.5; NaN where less than half
+  // of the weight is there.
+  float deviation(size_t node) const;
+};
+
+}  // namespace lf

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/surface_choice.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace lf {
+namespace {
+
+// Means over 3 x 3 nodes of the deviations there are; infinity where there is none.
+std::vector<float> smoothed_cost(const Moments& moments) {
+  const int columns = moments.columns, rows = moments.rows;
+  const size_t nodes = moments.weight.size();
+  std::vector<float> sum(nodes), count(nodes), row_sum(nodes), row_count(nodes);
+  for (size_t i = 0; i < nodes; i++) {
+    const float deviation = moments.deviation(i);
+    const bool seen = !std::isnan(deviation);
+    sum[i] = seen ? deviation : 0;
+    count[i] = seen ? 1 : 0;
+  }
+  const auto at = [&](int x, int y) { return static_cast<size_t>(y) * columns + x; };
+  for (int y = 0; y < rows; y++)
+    for (int x = 0; x < columns; x++)
+      for (int k = std::max(x - 1, 0); k <= std::min(x + 1, columns - 1); k++) {
+        row_sum[at(x, y)] += sum[at(k, y)];
+        row_count[at(x, y)] += count[at(k, y)];
+      }
+  std::vector<float> cost(nodes);
+  for (int y = 0; y < rows; y++)
+    for (int x = 0; x < columns; x++) {
+      float total = 0, seen = 0;
+      for (int k = std::max(y - 1, 0); k <= std::min(y + 1, rows - 1); k++) {
+        total += row_sum[at(x, k)];
+        seen += row_count[at(x, k)];
+      }
+      cost[at(x, y)] = seen > 0 && count[at(x, y)] > 0 ? total / seen : std::numeric_limits<float>::infinity();
+    }
+  return cost;
+}
+
+double median_of_finite(std::vector<float> values) {
+  std::erase_if(values, [](float v) { return !std::isfinite(v); });
+  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+std::vector<double> mean_costs(const std::vector<std::vector<float>>& costs) {
+  std::vector<double> means(costs.size());
+  size_t seen = 0;
+  for (size_t i = 0; i < costs[0].size(); i++) {
+    if (!std::ranges::all_of(costs, [i](const std::vector<float>& c) { return std::isfinite(c[i]); })) continue;
+    seen++;
+    for (size_t t = 0; t < costs.size(); t++) means[t] += costs[t][i];
+  }
+  for (double& mean : means) mean = seen > 0 ? mean / static_cast<double>(seen) : NAN;
+  return means;
+}
+
+}  // namespace
+
+SurfaceChoice choose_surface(const FocalMap& surface, std::span<const std::vector<uint8_t>> trials,
+                             std::span<const Moments> moments) {
+  SurfaceChoice choice;
+  choice.levels = surface.levels;
+  std::vector<float> best = smoothed_cost(moments[0]);
+  const std::vector<float> base = best;
+  choice.residual = median_of_finite(base);
+  if (std::isnan(choice.residual)) return choice;
+  const auto lead = static_cast<float>(kLead * choice.residual);
+  std::vector<size_t> chosen(best.size(), 0);
+  std::vector<std::vector<float>> costs{base};
+  for (size_t t = 1; t < trials.size(); t++) {
+    costs.push_back(smoothed_cost(moments[t]));
+    const std::vector<float>& cost = costs.back();
+    for (size_t i = 0; i < best.size(); i++)
+      if (cost[i] + lead < best[i]) {
+        best[i] = cost[i] + lead;
+        chosen[i] = t;
+      }
+  }
+  choice.cost = mean_costs(costs);
+  size_t seen = 0, changed = 0;
+  for (size_t i = 0; i < best.size(); i++) {
+    if (!std::isfinite(best[i])) continue;
+    choice.levels[i] = trials[chosen[i]][i];
+    seen++;
+    changed += chosen[i] != 0;
+    if (chosen[i] != 0 && std::isfinite(base[i])) choice.gained += base[i] - (best[i] - lead);
+  }
+  choice.gained /= static_cast<double>(seen);
+  choice.changed = static_cast<double>(changed) / static_cast<double>(seen);
+  return choice;
+}
+
+}  // namespace lf

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "geometry/focal_surface.h"
+#include "view/view.h"
+
+namespace lf {
+
+// A surface that is tried beside the one in use: made of that by the same integers on every machine.
+struct Trial {
+  enum class Kind : uint8_t {
+    kBlurred = 0,  // the surface, smoothed: [1 6 1] / 8 along rows and columns
+    kFarther = 1,  // the least level of a node and its eight neighbours, smoothed
+    kNearer = 2,   // the largest
+    kShifted = 3,  // smoothed, `value` levels nearer
+    kPlane = 4,    // level `value` everywhere
+  };
+  Kind kind = Kind::kBlurred;
+  int16_t value = 0;  // levels
+  bool operator==(const Trial&) const = default;
+};
+
+inline constexpr size_t kMaxTrials = 16;  // of one request
+
+// The trial's levels, one for each node of `surface`.
+std::vector<uint8_t> trial_levels(const FocalMap& surface, const Trial& trial);
+
+// What is tried in round `round` of a view: the smoothed surface, two that let depth edges move and small errors heal,
+// and one of kSweepPlanes planes, so that nothing near or far is missed for long.
+inline constexpr int kSweepPlanes = 12;
+std::vector<Trial> trials_of_round(unsigned round);
+
+// The view that trials are rendered in: a pixel for each node of the map, which lies in its middle.
+View trial_view(const View& view);
+
+}  // namespace lf

@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "geometry/focal_surface.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "base/error.h"
+#include "geometry/pose.h"
+
+namespace lf {
+namespace {
+
+// Between which two nodes of `count` a pixel lies, and how far from the first.
+struct Between {
+  Between(double pixel, int step, int count) {
+    const double at = std::clamp((pixel + 0.5) / step - 0.5, 0.0, count - 1.0);
+    first = std::min(static_cast<int>(at), std::max(count - 2, 0));
+    second = std::min(first + 1, count - 1);
+    part = at - first;
+  }
+  int first, second;
+  double part;
+};
+
+bool is_plane(const Plane& plane) {
+  return std::abs(glm::length(plane.normal) - 1) <= kUnitTolerance && std::isfinite(plane.d);
+}
+
+}  // namespace
+
+FocalMap FocalMap::for_view(int width, int height) {
+  FocalMap map;
+  const auto count = [&] {
+    map.columns = nodes(width, map.step);
+    map.rows = nodes(height, map.step);
+    return static_cast<size_t>(map.columns) * static_cast<size_t>(map.rows);
+  };
+  while (count() > kMaxNodes) map.step *= 2;
+  return map;
+}
+
+uint8_t FocalMap::level_of(double inverse) const {
+  const double level = (inverse - farthest) / (nearest - farthest) * kLevels;
+  return static_cast<uint8_t>(std::lround(std::clamp(level, 0.0, kLevels)));
+}
+
+double FocalMap::inverse_at(double x, double y) const {
+  const Between across(x, step, columns), down(y, step, rows);
+  const auto row = [&](int j) {
+    const uint8_t* levels_of = levels.data() + static_cast<size_t>(j) * columns;
+    return levels_of[across.first] + across.part * (levels_of[across.second] - levels_of[across.first]);
+  };
+  const double upper = row(down.first);
+  return inverse_of(upper + down.part * (row(down.second) - upper));
+}
+
+void FocalMap::inverse_row(double x, double spacing, double y, int count, float* out) const {
+  const Between down(y, step, rows);
+  const uint8_t* const upper = levels.data() + static_cast<size_t>(down.first) * columns;
+  const uint8_t* const lower = levels.data() + static_cast<size_t>(down.second) * columns;
+  const auto part = static_cast<float>(down.part), scale = static_cast<float>((nearest - farthest) / kLevels);
+  const auto far_end = static_cast<float>(farthest);
+  const auto node = [&](int i) { return upper[i] + part * static_cast<float>(lower[i] - upper[i]); };
+  for (int i = 0; i < count; i++) {
+    const Between across(x + i * spacing, step, columns);
+    const float first = node(across.first);
+    out[i] = far_end + scale * (first + static_cast<float>(across.part) * (node(across.second) - first));
+  }
+}
+
+bool FocalMap::is_flat(double x0, double y0, double x1, double y1) const {
+  const int left = Between(x0, step, columns).first, right = Between(x1, step, columns).second;
+  const int top = Between(y0, step, rows).first, bottom = Between(y1, step, rows).second;
+  const uint8_t level = levels[static_cast<size_t>(top) * columns + left];
+  for (int j = top; j <= bottom; j++) {
+    const uint8_t* const row = levels.data() + static_cast<size_t>(j) * columns;
+    if (std::any_of(row + left, row + right + 1, [level](uint8_t v) { return v != level; })) return false;
+  }
+  return true;
+}
+
+void validate(const FocalSurface& surface, int width, int height) {
+  if (!is_plane(surface.plane)) throw Error("focal_plane: must be finite numbers with a normal of unit length");
+  if (!surface.map) return;
+  const FocalMap& map = *surface.map;
+  if (!is_plane(map.from)) throw Error("focal_map: its plane must be finite numbers with a normal of unit length");
+  if (map.step < 1 || map.step > FocalMap::kMaxStep)
+    throw Error("focal_map: its step must be 1 to " + std::to_string(FocalMap::kMaxStep) + " pixels, is " +
+                std::to_string(map.step));
+  if (map.columns != FocalMap::nodes(width, map.step) || map.rows != FocalMap::nodes(height, map.step))
+    throw Error("focal_map: " + std::to_string(map.columns) + " x " + std::to_string(map.rows) +
+                " nodes are not those of the view");
+  if (map.levels.size() > FocalMap::kMaxNodes)
+    throw Error("focal_map: at most " + std::to_string(FocalMap::kMaxNodes) + " nodes, not " +
+                std::to_string(map.levels.size()));
+  if (map.levels.size() != static_cast<size_t>(map.columns) * static_cast<size_t>(map.rows))
+    throw Error("focal_map: " + std::to_string(map.levels.size()) + " levels do not fill it");
+  if (!(map.farthest >= 0) || !(map.nearest > map.farthest) || !std::isfinite(map.nearest))
+    throw Error("focal_map: inverse distances must be 0 <= farthest < nearest");
+}
+
+}  // namespace lf

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/byte_buffer.h"
+#include "focus/moments.h"
+
+namespace lf::wire {
+
+// What cameras have in common through the trial surfaces of one request: a unit of the answer stream that goes before
+// the node's fragments; see spec.md.
+struct MomentsHeader {
+  uint32_t view_id = 0, sequence = 0;
+  uint64_t rig_hash = 0;
+  uint32_t node = 0;
+  bool operator==(const MomentsHeader&) const = default;
+};
+struct MomentsUnit : MomentsHeader {
+  std::vector<Moments> trials;  // in the order of the request's, all of one size
+};
+
+// Whether a unit of the answer stream is one of moments.
+bool is_moments(std::span<const uint8_t> bytes);
+// Throws Error if there is no trial, or more than kMaxTrials, or they are not of one size.
+ByteBuffer encode_moments(const MomentsHeader& header, std::span<const Moments> trials);
+// Nothing, and in *reason (may be null) why, if this is not exactly one such unit.
+std::optional<MomentsUnit> decode_moments(std::span<const uint8_t> bytes, std::string* reason = nullptr);
+
+}  // namespace lf::wire

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cmath>
+#include <memory>
+#include <numeric>
+#include <vector>
+
+#include "focus/trial_renderer.h"
+#include "scene/scene.h"
+
+namespace lf::test {
+
+// 3 x 3 cameras before a textured wall at 3 m and, in its right half (x > 0), one at 1.5 m; the texture is smooth enough
+// for what is sampled not to matter.
+struct ArrayOfWalls {
+  explicit ArrayOfWalls(bool flat = false) : is_flat(flat), rig(scene_rig(3, 3, 160, 120)), mesh(build_mesh(rig)) {
+    for (const Camera& camera : rig.cameras) {
+      Image image(PixelFamily::kRgb, camera.width, camera.height);
+      for (int y = 0; y < camera.height; y++)
+        for (int x = 0; x < camera.width; x++) {
+          const Vec3 d(*camera.lens.unproject({x, y}), 1);
+          const Vec3 near = camera.pose.position + 1.5 * d, far = camera.pose.position + 3.0 * d;
+          const Vec3 at = !flat && near.x > 0 ? near : far;
+          const double luma = 128 + 50 * std::sin(31 * at.x + 7 * at.y) + 50 * std::sin(23 * at.y - 11 * at.x);
+          for (int c = 0; c < 3; c++)
+            image.data()[3 * (static_cast<size_t>(y) * camera.width + x) + c] = static_cast<uint8_t>(std::lround(luma));
+        }
+      images.push_back(std::move(image));
+    }
+    own.resize(rig.cameras.size());
+    std::iota(own.begin(), own.end(), 0);
+  }
+
+  // From between the cameras, with a focal map of one level. 1.5 m is level 170, 3 m is level 60.
+  View view(uint8_t level) const {
+    View view;
+    view.width = 160;
+    view.height = 120;
+    view.lens = Lens::from_fov_y(25, 160, 120);
+    view.pose.position = {0.013, -0.017, 0};
+    view.focus.plane = plane_through({0, 0, 3}, {0, 0, -1});
+    FocalMap map = FocalMap::for_view(160, 120);
+    map.from = {{0, 0, 1}, 0};
+    map.farthest = 1 / 3. - 60 * kLevel;
+    map.nearest = map.farthest + 255 * kLevel;
+    map.levels.assign(static_cast<size_t>(map.columns) * map.rows, level);
+    view.focus.map = std::make_shared<FocalMap>(map);
+    return view;
+  }
+
+  std::vector<Source> sources() const {
+    std::vector<Source> all;
+    for (CameraIndex i = 0; i < rig.cameras.size(); i++) all.push_back({i, &rig.cameras[i], images[i].view()});
+    return all;
+  }
+
+  std::vector<Moments> moments(const View& view, const std::vector<Trial>& trials,
+                               const std::vector<CameraIndex>& cameras) const {
+    std::vector<std::vector<uint8_t>> levels;
+    for (const Trial& trial : trials) levels.push_back(trial_levels(*view.focus.map, trial));
+    std::vector<Moments> sums(trials.size());
+    for (Moments& sum : sums) sum.reset(view.focus.map->columns, view.focus.map->rows);
+    const RenderJob job(rig, mesh, trial_view(view), cameras);
+    std::vector<Source> seeing;
+    for (const CameraIndex camera : job.cameras()) seeing.push_back(sources()[camera]);
+    add_moments(job, seeing, levels, sums);
+    return sums;
+  }
+
+  static constexpr double kLevel = (1 / 1.5 - 1 / 3.) / 110;
+  bool is_flat;
+  Rig rig;
+  Mesh mesh;
+  std::vector<Image> images;
+  std::vector<CameraIndex> own;
+};
+
+}  // namespace lf::test

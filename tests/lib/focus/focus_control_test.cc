@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/focus_control.h"
+
+#include <gtest/gtest.h>
+
+#include "lib/focus/array_of_walls.h"
+
+namespace lf {
+namespace {
+
+using test::ArrayOfWalls;
+
+const Plane kFrom{{0, 0, 1}, 0};
+
+// One view of an array under the control, request after request.
+struct Loop {
+  Loop(FocusMode mode, bool flat) : walls(flat), control({mode, 1.2, 6}) {
+    request.view = walls.view(0);
+    request.view.focus.map = nullptr;
+  }
+  void run(int requests) {
+    for (int i = 0; i < requests; i++) {
+      std::vector<Moments> moments;
+      if (!request.trials.empty()) moments = walls.moments(request.view, request.trials, walls.own);
+      trials += request.trials.size();
+      const FocusControl::Plan plan = control.next(request, moments, kFrom);
+      request.view = plan.view;
+      request.trials = plan.trials;
+    }
+  }
+  // Share of the nodes within a tenth of the distance they should be at.
+  double right() const {
+    const FocalMap& map = *request.view.focus.map;
+    int good = 0, all = 0;
+    for (int j = 0; j < map.rows; j++)
+      for (int i = 0; i < map.columns; i++) {
+        const double u = (*request.view.lens.unproject({4 * i + 1.5, 4 * j + 1.5})).x;
+        const double x = request.view.pose.position.x + 1.5 * u, distance = 1 / map.inverse_of(map.levels[j * 40 + i]);
+        if (!walls.is_flat && std::abs(x) < 0.06) continue;  // at the edge
+        all++;
+        good += std::abs(distance / (!walls.is_flat && x > 0 ? 1.5 : 3) - 1) < 0.1;
+      }
+    return static_cast<double>(good) / all;
+  }
+  ArrayOfWalls walls;
+  FocusControl control;
+  ViewRequest request;
+  size_t trials = 0;
+};
+
+TEST(FocusControl, LeavesAPlaneAlone) {
+  Loop loop(FocusMode::kPlane, false);
+  loop.run(3);
+  EXPECT_EQ(loop.request.view.focus.map, nullptr);
+  EXPECT_EQ(loop.trials, 0u);
+}
+
+TEST(FocusControl, BeginsOnTheViewersPlane) {
+  Loop loop(FocusMode::kSurface, false);
+  loop.run(1);
+  const FocalMap& map = *loop.request.view.focus.map;
+  for (const uint8_t level : map.levels) EXPECT_NEAR(1 / map.inverse_of(level), 3, 0.03);
+  EXPECT_NEAR(1 / map.nearest, 1.2, 1e-12);
+  EXPECT_NEAR(1 / map.farthest, 6, 1e-12);
+  EXPECT_FALSE(loop.request.trials.empty());
+  EXPECT_NO_THROW(validate(loop.request.view));
+}
+
+TEST(FocusControl, FindsTwoWallsWithinADozenRounds) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto}) {
+    Loop loop(mode, false);
+    loop.run(14);
+    EXPECT_GT(loop.right(), 0.97);
+    EXPECT_FALSE(loop.control.state().flat);
+  }
+}
+
+TEST(FocusControl, RestsWhereThereIsNothingMoreToFind) {
+  Loop loop(FocusMode::kAuto, true);
+  loop.run(60);
+  EXPECT_EQ(loop.control.state().interval, FocusControl::kLongestFlatRest);
+  EXPECT_TRUE(loop.control.state().flat);
+  const std::vector<uint8_t>& levels = loop.request.view.focus.map->levels;
+  EXPECT_EQ(std::ranges::adjacent_find(levels, std::not_equal_to<>()), levels.end()) << "one plane";
+  EXPECT_GT(loop.right(), 0.99);
+  const size_t before = loop.trials;
+  loop.run(64);
+  EXPECT_LE(loop.trials - before, 20u) << "four requests of five trials";
+}
+
+TEST(FocusControl, WakesUpWhenTheSceneChanges) {
+  Loop loop(FocusMode::kAuto, true);
+  loop.run(60);
+  loop.walls = ArrayOfWalls(false);
+  loop.run(2 * FocusControl::kLongestFlatRest + 14);
+  EXPECT_GT(loop.right(), 0.97);
+}
+
+}  // namespace
+}  // namespace lf

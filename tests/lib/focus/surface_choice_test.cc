@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/surface_choice.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace lf {
+namespace {
+
+constexpr int kColumns = 12, kRows = 10;
+
+// Moments of the deviations given, of cameras that all see everything.
+Moments deviating(const auto& deviation) {
+  Moments moments;
+  moments.reset(kColumns, kRows);
+  for (int j = 0; j < kRows; j++)
+    for (int i = 0; i < kColumns; i++) {
+      const size_t node = static_cast<size_t>(j) * kColumns + i;
+      const double sigma = deviation(i, j);
+      moments.weight[node] = Moments::kWeightOne;
+      moments.luma[node] = 100 * Moments::kLumaOne;
+      moments.square[node] = static_cast<uint16_t>(std::lround(100 * 100 + sigma * sigma));
+    }
+  return moments;
+}
+
+FocalMap flat(uint8_t level) {
+  FocalMap map;
+  map.columns = kColumns;
+  map.rows = kRows;
+  map.levels.assign(kColumns * kRows, level);
+  return map;
+}
+
+TEST(SurfaceChoice, TakesTheTrialThroughWhichCamerasAgree) {
+  const std::vector<std::vector<uint8_t>> trials{std::vector<uint8_t>(kColumns * kRows, 50),
+                                                 std::vector<uint8_t>(kColumns * kRows, 90)};
+  const std::vector<Moments> moments{deviating([](int i, int) { return i < 6 ? 2 : 20; }),
+                                     deviating([](int i, int) { return i < 6 ? 20 : 2; })};
+  const SurfaceChoice choice = choose_surface(flat(50), trials, moments);
+  for (int j = 0; j < kRows; j++)
+    for (int i = 0; i < kColumns; i++)
+      EXPECT_EQ(choice.levels[j * kColumns + i], i < 6 ? 50 : 90) << i << ", " << j;
+  EXPECT_NEAR(choice.changed, 0.5, 1e-9);
+  EXPECT_GT(choice.gained, 5);
+  EXPECT_NEAR(choice.cost[0], choice.cost[1], 0.1);
+}
+
+TEST(SurfaceChoice, ALeadKeepsWhatNothingTellsApart) {
+  const std::vector<std::vector<uint8_t>> trials{std::vector<uint8_t>(kColumns * kRows, 50),
+                                                 std::vector<uint8_t>(kColumns * kRows, 90)};
+  const auto with = [&](double other) {
+    const std::vector<Moments> moments{deviating([](int, int) { return 10.0; }),
+                                       deviating([&](int, int) { return other; })};
+    return choose_surface(flat(50), trials, moments).levels[0];
+  };
+  EXPECT_EQ(with(9.7), 50) << "within the lead";
+  EXPECT_EQ(with(9), 90);
+}
+
+TEST(SurfaceChoice, KeepsTheLevelWhereNothingIsSeen) {
+  std::vector<Moments> moments{deviating([](int, int) { return 10; }), deviating([](int, int) { return 1; })};
+  for (Moments& m : moments) m.weight[5] = 0;
+  const std::vector<std::vector<uint8_t>> trials{std::vector<uint8_t>(kColumns * kRows, 50),
+                                                 std::vector<uint8_t>(kColumns * kRows, 90)};
+  const SurfaceChoice choice = choose_surface(flat(77), trials, moments);
+  EXPECT_EQ(choice.levels[5], 77);
+  EXPECT_EQ(choice.levels[6], 90);
+  std::vector<Moments> nothing(2);
+  for (Moments& m : nothing) m.reset(kColumns, kRows);
+  EXPECT_EQ(choose_surface(flat(77), trials, nothing).levels, flat(77).levels);
+  EXPECT_TRUE(std::isnan(choose_surface(flat(77), trials, nothing).residual));
+}
+
+}  // namespace
+}  // namespace lf

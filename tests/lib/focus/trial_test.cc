@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/trial.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+namespace lf {
+namespace {
+
+using enum Trial::Kind;
+
+FocalMap spike() {
+  FocalMap map;
+  map.columns = 5;
+  map.rows = 4;
+  map.levels.assign(20, 80);
+  map.levels[1 * 5 + 2] = 240;
+  return map;
+}
+
+TEST(Trial, BlurredIsTheMeanWith161AlongBothAxes) {
+  const std::vector<uint8_t> levels = trial_levels(spike(), {kBlurred, 0});
+  EXPECT_EQ(levels[1 * 5 + 2], 170);  // 80 + 160 * 6/8 = 200 along rows; 80 + 120 * 6/8 along columns
+  EXPECT_EQ(levels[1 * 5 + 1], 95);
+  EXPECT_EQ(levels[0 * 5 + 2], 95);
+  EXPECT_EQ(levels[0 * 5 + 1], 83);  // 80 + 2.5
+  EXPECT_EQ(levels[3 * 5 + 4], 80);
+}
+
+TEST(Trial, FartherAndNearerAreTheExtremesAround) {
+  const std::vector<uint8_t> farther = trial_levels(spike(), {kFarther, 0}), nearer = trial_levels(spike(), {kNearer, 0});
+  EXPECT_EQ(farther, std::vector<uint8_t>(20, 80));
+  EXPECT_EQ(nearer[1 * 5 + 2], 240) << "in the middle of 3 x 3 nearest ones";
+  EXPECT_EQ(nearer[3 * 5 + 4], 83) << "smoothed: 80 + 160 / 8 / 8";
+}
+
+TEST(Trial, ShiftsAndPlanesStayWithinTheLevels) {
+  EXPECT_EQ(trial_levels(spike(), {kShifted, 200})[0], 255);
+  EXPECT_EQ(trial_levels(spike(), {kShifted, -100})[0], 0);
+  EXPECT_EQ(trial_levels(spike(), {kShifted, 11})[0], 91);
+  EXPECT_EQ(trial_levels(spike(), {kPlane, 17}), std::vector<uint8_t>(20, 17));
+  EXPECT_EQ(trial_levels(spike(), {kPlane, 300}), std::vector<uint8_t>(20, 255));
+}
+
+TEST(Trial, RoundsSweepAllPlanesAndBeginWithTheSurface) {
+  std::set<int> planes;
+  for (unsigned round = 100; round < 100 + kSweepPlanes; round++) {
+    const std::vector<Trial> trials = trials_of_round(round);
+    ASSERT_EQ(trials.size(), 4u);
+    EXPECT_EQ(trials[0], (Trial{kBlurred, 0}));
+    ASSERT_EQ(trials.back().kind, kPlane);
+    planes.insert(trials.back().value);
+  }
+  EXPECT_EQ(planes.size(), static_cast<size_t>(kSweepPlanes));
+  EXPECT_EQ(*planes.begin(), 0);
+  EXPECT_EQ(*planes.rbegin(), 255);
+}
+
+TEST(Trial, PixelsOfItsViewAreTheNodes) {
+  View view;
+  view.width = 22;
+  view.height = 13;
+  view.lens = Lens(LensModel::kOpenCv, {300, 310, 10.2, 6.1, -0.1, 0.02, 0.001, -0.002});
+  view.focus.map = std::make_shared<FocalMap>(FocalMap::for_view(22, 13));
+  const View trial = trial_view(view);
+  EXPECT_EQ(trial.width, 6);
+  EXPECT_EQ(trial.height, 4);
+  EXPECT_EQ(trial.focus.map->step, 1);
+  for (int j = 0; j < 4; j++)
+    for (int i = 0; i < 6; i++) {
+      const Vec2 node = *trial.lens.unproject({i, j}), pixel = *view.lens.unproject({4 * i + 1.5, 4 * j + 1.5});
+      EXPECT_LT(glm::distance(node, pixel), 1e-12);
+    }
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "wire/moments_codec.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "base/error.h"
+#include "focus/trial.h"
+#include "lib/wire/wire_test.h"
+#include "wire/answer_parser.h"
+
+namespace lf::wire {
+namespace {
+
+// Written from spec.md, not by the encoder: two trials of 2 x 1 nodes, all weight there in the first.
+const char kGolden[] =
+    "8f4c4641010500000000003c" "00000007" "00000009" "1122334455667788" "00000003" "0002" "0001" "02" "00"
+    "00" "00010002" "00030004"
+    "01" "80004000" "00050006" "00070008";
+
+MomentsUnit golden() {
+  MomentsUnit unit;
+  unit.view_id = 7;
+  unit.sequence = 9;
+  unit.rig_hash = 0x1122334455667788;
+  unit.node = 3;
+  unit.trials.resize(2);
+  for (Moments& moments : unit.trials) moments.reset(2, 1);
+  unit.trials[0].weight = {32768, 32768};
+  unit.trials[0].luma = {1, 2};
+  unit.trials[0].square = {3, 4};
+  unit.trials[1].weight = {32768, 16384};
+  unit.trials[1].luma = {5, 6};
+  unit.trials[1].square = {7, 8};
+  return unit;
+}
+
+std::vector<uint8_t> encoded(const MomentsUnit& unit) {
+  const ByteBuffer bytes = encode_moments(unit, unit.trials);
+  return {bytes.begin(), bytes.end()};
+}
+
+std::string reason_of(const std::vector<uint8_t>& bytes) {
+  std::string reason;
+  EXPECT_FALSE(decode_moments(bytes, &reason).has_value());
+  return reason;
+}
+
+TEST(MomentsCodec, GoldenBytes) {
+  EXPECT_EQ(encoded(golden()), from_hex(kGolden));
+  const std::optional<MomentsUnit> unit = decode_moments(from_hex(kGolden));
+  ASSERT_TRUE(unit.has_value());
+  EXPECT_EQ(static_cast<const MomentsHeader&>(*unit), golden());
+  for (size_t t = 0; t < 2; t++) {
+    EXPECT_EQ(unit->trials[t].weight, golden().trials[t].weight);
+    EXPECT_EQ(unit->trials[t].luma, golden().trials[t].luma);
+    EXPECT_EQ(unit->trials[t].square, golden().trials[t].square);
+  }
+}
+
+TEST(MomentsCodec, IsToldFromFragments) {
+  EXPECT_TRUE(is_moments(from_hex(kGolden)));
+  EXPECT_FALSE(parse_answer_header(from_hex(kGolden)).has_value());
+  EXPECT_FALSE(is_moments({}));
+}
+
+TEST(MomentsCodec, EveryCutAndEveryFlippedBitIsRefusedOrRead) {
+  const std::vector<uint8_t> whole = from_hex(kGolden);
+  for (size_t size = 0; size < whole.size(); size++)
+    EXPECT_FALSE(decode_moments(std::span(whole).first(size)).has_value()) << size;
+  for (size_t bit = 0; bit < 8 * whole.size(); bit++) {
+    std::vector<uint8_t> flipped = whole;
+    flipped[bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
+    decode_moments(flipped);
+  }
+  std::vector<uint8_t> longer = whole;
+  longer.push_back(0);
+  EXPECT_FALSE(decode_moments(longer).has_value());
+}
+
+TEST(MomentsCodec, NamesWhatIsWrong) {
+  const auto with = [](size_t at, uint8_t value) {
+    std::vector<uint8_t> bytes = from_hex(kGolden);
+    bytes[at] = value;
+    return reason_of(bytes);
+  };
+  EXPECT_THAT(with(36, 0), testing::StartsWith("trials: "));
+  EXPECT_THAT(with(36, 200), testing::StartsWith("trials: "));
+  EXPECT_THAT(with(37, 1), testing::StartsWith("reserved: "));
+  EXPECT_THAT(with(33, 0), testing::StartsWith("moments: "));
+  EXPECT_THAT(with(38, 2), testing::StartsWith("trials: "));
+  EXPECT_THROW(encode_moments({}, {}), Error);
+  std::vector<Moments> many(kMaxTrials + 1);
+  EXPECT_THROW(encode_moments({}, many), Error);
+  std::vector<Moments> unlike(2);
+  unlike[0].reset(2, 2);
+  unlike[1].reset(2, 1);
+  EXPECT_THROW(encode_moments({}, unlike), Error);
+}
+
+}  // namespace
+}  // namespace lf::wire

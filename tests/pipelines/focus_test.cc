@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// The focal surface found in a pipeline of files, against ground truth and against itself in other places.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "image/image_io.h"
+#include "pipelines/gst_launch.h"
+#include "quality/quality.h"
+#include "rig/rig_json.h"
+#include "scene/scene.h"
+#include "support/temp_dir.h"
+#include "view/views_json.h"
+
+namespace lf::test {
+namespace {
+
+constexpr int kPictures = 14;
+
+// A 4x4 array of the built-in scene as PNG stills, and one view of it time after time.
+class FocusedArray : public testing::Test {
+ protected:
+  void SetUp() override {
+    Rig rig = scene_rig(4, 4, 160, 120);
+    for (Camera& camera : rig.cameras) {
+      camera.image = camera.name + ".png";
+      save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0.5), dir_ / camera.image);
+    }
+    save_rig(rig, dir_ / "rig.json");
+    View view;
+    view.width = 160;
+    view.height = 120;
+    view.lens = rig.cameras[0].lens;
+    view.pose.position = {0.003, -0.002, 0};
+    view.focus.plane = focal_plane_at(view.pose, kSceneMiddle);
+    truth_ = render_scene({view.width, view.height, view.lens, view.pose}, 0.5);
+    std::vector<NamedView> path;
+    for (int i = 0; i < kPictures; i++) path.push_back({"view_" + std::to_string(i), i / 15.0, view});
+    save_views(path, dir_ / "views.json");
+  }
+
+  // The pictures of a pipeline of compositor `c`, whose nodes are `nodes`.
+  std::vector<Image> pictures(const std::string& name, const std::string& compositor, const std::string& nodes) {
+    std::filesystem::create_directories(std::string(dir_ / name));
+    const Launched run = gst_launch("lfviewrequest location=" + dir_ / "views.json" +
+                                    " ! tee name=r  r. ! queue ! c.request  lfcompositor name=c rig=" +
+                                    dir_ / "rig.json" + " " + compositor +
+                                    " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / name + "/%02d.png " +
+                                    nodes);
+    EXPECT_EQ(run.status, 0) << run.output;
+    std::vector<Image> out;
+    for (int i = 0; i < kPictures; i++)
+      out.push_back(load_image(dir_ / name + "/" + (i < 10 ? "0" : "") + std::to_string(i) + ".png"));
+    return out;
+  }
+  std::string node(const std::string& name, const std::string& cameras, const std::string& to) {
+    return " r. ! queue ! " + name + ".request  lfcameranode name=" + name + " cameras=" + cameras +
+           " rig=" + dir_ / "rig.json" + " ! queue ! " + to;
+  }
+  double psnr(const Image& picture) const { return compare(picture, truth_).psnr_db; }
+
+  TempDir dir_;
+  Image truth_;
+};
+
+TEST_F(FocusedArray, ASurfaceIsSharperThanAnyOnePlane) {
+  const std::string one = node("n", "0-15", "c.sink_0");
+  const std::vector<Image> plane = pictures("plane", "focus=plane", one);
+  const std::vector<Image> surface = pictures("surface", "focus=surface focus-near=1 focus-far=6", one);
+  const std::vector<Image> automatic = pictures("auto", "focus=auto focus-near=1 focus-far=6", one);
+  EXPECT_EQ(compare(plane.back(), plane.front()).max_error, 0);
+  for (const auto* focused : {&surface, &automatic}) {
+    EXPECT_GT(psnr(focused->back()), psnr(plane.back()) + 4);
+    for (const Image& picture : *focused) EXPECT_GT(psnr(picture), psnr(plane.back()) - 0.3);
+  }
+}
+
+TEST_F(FocusedArray, NodesOfATreeFindTheSameSurfaceAsOneProcess) {
+  const std::string near_far = "focus=surface focus-near=1 focus-far=6";
+  const std::vector<Image> one = pictures("one", near_far, node("n", "0-15", "c.sink_0"));
+  const auto rack = [&](const std::string& name, const std::string& pad) {
+    return " r. ! queue ! " + name + ".request  lfcompositor name=" + name +
+           " partial=true rig=" + dir_ / "rig.json" + " ! queue ! " + pad;
+  };
+  const std::vector<Image> tree =
+      pictures("tree", near_far,
+               rack("a", "c.sink_0") + rack("b", "c.sink_1") + node("n0", "0-2", "a.sink_0") +
+                   node("n1", "3-4", "a.sink_1") + node("n2", "5-7", "a.sink_2") + node("n3", "8-9", "b.sink_0") +
+                   node("n4", "10-12", "b.sink_1") + node("n5", "13-15", "b.sink_2"));
+  for (int i = 0; i < kPictures; i++) EXPECT_EQ(compare(tree[i], one[i]).max_error, 0) << i;
+}
+
+}  // namespace
+}  // namespace lf::test
