@@ -57,7 +57,8 @@ TEST(WarpCommand, IsThePlanInTheHardCases) {
     for (int trial = 0; trial < hard.trials; trial++) {
       SCOPED_TRACE(std::string(hard.name) + " " + std::to_string(trial));
       Random random(trial);
-      const auto [rig, view] = hard.make(random);
+      auto [rig, view] = hard.make(random);
+      view.focus.map = nullptr;  // commands are of the viewer's plane
       expect_same_plan(rig, build_mesh(rig), view);
     }
 }

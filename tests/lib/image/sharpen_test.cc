@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "image/sharpen.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+namespace lf {
+namespace {
+
+Image noise(PixelFamily family, int width, int height) {
+  Image image(family, width, height);
+  std::mt19937 random(1);
+  for (uint8_t& v : image.data()) v = static_cast<uint8_t>(random());
+  return image;
+}
+
+double expected(const uint8_t* plane, int width, int height, int step, int x, int y) {
+  const auto at = [&](int i, int j) {
+    return double{plane[(std::clamp(j, 0, height - 1) * width + std::clamp(i, 0, width - 1)) * step]};
+  };
+  const double around = (at(x - 1, y) + at(x + 1, y) + at(x, y - 1) + at(x, y + 1)) / 4;
+  return std::clamp(at(x, y) + kSharpening * (at(x, y) - around), 0., 255.);
+}
+
+TEST(Sharpen, IsTheDifferenceFromTheNeighbours) {
+  for (const auto& [width, height] : {std::pair(33, 17), {1, 5}, {5, 1}, {2, 2}}) {
+    const Image rgb = noise(PixelFamily::kRgb, width, height), i420 = noise(PixelFamily::kI420, width, height);
+    Image sharp;
+    sharpen(rgb.view(), {0, 0, width, height}, sharp);
+    for (int y = 0; y < height; y++)
+      for (int x = 0; x < width; x++)
+        for (int c = 0; c < 3; c++)
+          EXPECT_NEAR(sharp.data()[3 * (y * width + x) + c], expected(rgb.data().data() + c, width, height, 3, x, y), 1.1)
+              << x << ", " << y;
+    sharpen(i420.view(), {0, 0, width, height}, sharp);
+    const ImageView from = i420.view(), to = sharp.view();
+    for (int c = 0; c < 3; c++) {
+      const int w = c > 0 ? chroma_size(width) : width, h = c > 0 ? chroma_size(height) : height;
+      for (int y = 0; y < h; y++)
+        for (int x = 0; x < w; x++)
+          EXPECT_NEAR(to.plane[c][y * to.stride[c] + x], expected(from.plane[c], w, h, 1, x, y), 1.1);
+    }
+  }
+}
+
+TEST(Sharpen, TouchesOnlyWhatIsAskedFor) {
+  const Image image = noise(PixelFamily::kI420, 32, 24);
+  Image whole, part(PixelFamily::kI420, 32, 24);
+  std::ranges::fill(part.data(), 7);
+  sharpen(image.view(), {0, 0, 32, 24}, whole);
+  sharpen(image.view(), {8, 6, 20, 24}, part);
+  for (int y = 0; y < 24; y++)
+    for (int x = 0; x < 32; x++) {
+      const bool inside = x >= 8 && x < 20 && y >= 6;
+      EXPECT_EQ(part.data()[y * 32 + x], inside ? whole.data()[y * 32 + x] : 7);
+    }
+}
+
+TEST(Sharpen, LeavesEvenColoursAlone) {
+  Image image(PixelFamily::kRgb, 9, 9), sharp;
+  std::ranges::fill(image.data(), 201);
+  sharpen(image.view(), {0, 0, 9, 9}, sharp);
+  EXPECT_EQ(sharp.data(), image.data());
+}
+
+}  // namespace
+}  // namespace lf

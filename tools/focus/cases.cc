@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/cases.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <random>
+
+#include "base/error.h"
+#include "image/image_io.h"
+#include "rig/rig_json.h"
+#include "rig/still_images.h"
+#include "scene/scene.h"
+
+namespace lf::focus {
+namespace {
+
+constexpr int kWidth = 320, kHeight = 240;
+constexpr double kInstant = 0.5;  // seconds
+
+NamedView view_of(const std::string& name, const Lens& lens, const Pose& pose, int width, int height) {
+  NamedView named{name, 0, {}};
+  named.view = {.width = width, .height = height, .lens = lens, .pose = pose, .focus = {}};
+  named.view.focus.plane = focal_plane_at(pose, 1);
+  return named;
+}
+
+void read_stills(Case& c) {
+  struct Stills {
+    explicit Stills(const Rig& from) : rig(from), images(rig) {}
+    Rig rig;
+    StillImages images;
+    std::map<CameraIndex, Image> kept;
+  };
+  const auto stills = std::make_shared<Stills>(c.rig);
+  c.image = [stills](CameraIndex camera, size_t) -> const Image& {
+    auto found = stills->kept.find(camera);
+    if (found == stills->kept.end()) found = stills->kept.emplace(camera, stills->images.get(camera)).first;
+    return found->second;
+  };
+}
+
+// Images of the built-in scene, made when asked for.
+void film_scene(Case& c, std::function<double(size_t)> time_of) {
+  struct Filmed {
+    double time = -1;
+    Image image;
+  };
+  const auto filmed = std::make_shared<std::map<CameraIndex, Filmed>>();
+  const auto rig = std::make_shared<Rig>(c.rig);
+  c.image = [filmed, rig, time_of](CameraIndex camera, size_t view) -> const Image& {
+    Filmed& f = (*filmed)[camera];
+    if (const double time = time_of(view); f.time != time) {
+      const Camera& at = rig->cameras[camera];
+      f = {time, render_scene({at.width, at.height, at.lens, at.pose}, time)};
+    }
+    return f.image;
+  };
+  const auto views = std::make_shared<std::vector<NamedView>>(c.views);
+  c.truth = [views, time_of](size_t view) {
+    const View& v = (*views)[view].view;
+    return render_scene({v.width, v.height, v.lens, v.pose}, time_of(view));
+  };
+}
+
+}  // namespace
+
+Case held_out_case(const std::string& path, int views) {
+  const Rig all = load_rig(path);
+  Case c{.name = path, .rig = every_nth(all, 2), .views = {}, .truth = {}, .image = {}};
+  const int rows = all.topology.rows, columns = all.topology.columns;
+  auto files = std::make_shared<std::vector<std::string>>();
+  std::vector<CameraIndex> odd;  // with all their neighbours in the array
+  for (int r = 1; r + 1 < rows; r += 2)
+    for (int k = 1; k + 1 < columns; k += 2) odd.push_back(static_cast<CameraIndex>(r * columns + k));
+  if (odd.empty()) throw Error(path + ": has no odd rows and columns between even ones");
+  for (int i = 0; i < views; i++) {
+    const Camera& camera = all.cameras[odd[(2 * static_cast<size_t>(i) + 1) * odd.size() / (2 * views)]];
+    c.views.push_back(view_of(camera.name, camera.lens, camera.pose, camera.width, camera.height));
+    files->push_back(all.resolve(camera.image));
+  }
+  c.truth = [files](size_t view) { return load_image((*files)[view]); };
+  read_stills(c);
+  return c;
+}
+
+Case truth_case(const std::string& rig, const std::string& views, const std::string& folder) {
+  Case c{.name = rig, .rig = load_rig(rig), .views = load_views(views), .truth = {}, .image = {}};
+  std::vector<std::string> names;
+  for (const NamedView& view : c.views) names.push_back(folder + "/" + view.name + ".png");
+  c.truth = [names](size_t view) { return load_image(names[view]); };
+  read_stills(c);
+  return c;
+}
+
+Case scene_case() {
+  Case c{.name = "built-in scene", .rig = scene_rig(), .views = {}, .truth = {}, .image = {}};
+  const Vec3 eyes[] = {{0, 0, 0}, {-0.07, 0.03, 0}, {0.05, -0.055, 0.02}, {-0.03, 0.07, -0.05}};
+  for (const Vec3& eye : eyes)
+    c.views.push_back(view_of("view_" + std::to_string(c.views.size()), c.rig.cameras[0].lens,
+                              Pose{eye, {1, 0, 0, 0}}, kWidth, kHeight));
+  film_scene(c, [](size_t) { return kInstant; });
+  return c;
+}
+
+Case moving_case(double rate, int frames, double step) {
+  Case c{.name = "built-in scene, moving", .rig = scene_rig(), .views = {}, .truth = {}, .image = {}};
+  for (int i = 0; i < frames; i++) {
+    // To and fro inside the array, `step` of the pitch at a time.
+    const double way = i * step, span = 4, x = span / 2 - std::abs(std::fmod(way, 2 * span) - span);
+    const Vec3 eye(kScenePitch * x, 0.4 * kScenePitch, 0);
+    c.views.push_back(view_of("view_" + std::to_string(i), c.rig.cameras[0].lens, Pose{eye, {1, 0, 0, 0}}, kWidth,
+                              kHeight));
+  }
+  film_scene(c, [rate](size_t view) { return static_cast<double>(view) / rate; });
+  return c;
+}
+
+void add_faults(const Faults& faults, Case& c) {
+  if (faults.pointing_error != 0) {
+    Camera& camera = c.rig.cameras[c.rig.cameras.size() / 2 + (c.rig.topology.columns > 1 ? c.rig.topology.columns / 2 : 0)];
+    camera.pose.orientation =
+        glm::normalize(camera.pose.orientation * glm::angleAxis(faults.pointing_error * M_PI / 180, Vec3(0, 1, 0)));
+  }
+  if (faults.noise == 0 && faults.gain_error == 0) return;
+  const auto spoilt = std::make_shared<std::map<CameraIndex, Image>>();
+  c.image = [faults, spoilt, clean = c.image](CameraIndex camera, size_t view) -> const Image& {
+    Image& image = (*spoilt)[camera];
+    image = clean(camera, view);
+    const double gain = camera % 4 == 0 ? 1 + (camera % 8 == 0 ? 1 : -1) * faults.gain_error : 1;
+    std::mt19937 random(camera * 1000 + static_cast<uint32_t>(view));
+    std::normal_distribution<double> noise(0, std::max(faults.noise, 1e-9));
+    for (uint8_t& v : image.data())
+      v = static_cast<uint8_t>(std::lround(std::clamp(gain * v + (faults.noise > 0 ? noise(random) : 0), 0., 255.)));
+    return image;
+  };
+}
+
+}  // namespace lf::focus

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "focus/cases.h"
+#include "focus/focus_control.h"
+#include "quality/quality.h"
+
+namespace lf::focus {
+
+struct Options {
+  FocusControl::Settings focus;
+  bool sharpened = false;
+  int rounds = 12;  // from the viewer's plane to the picture that counts
+  int planes = 32;  // that the best one and the bound are picked from
+};
+
+// One picture and what it cost. Bytes and times are of one picture.
+struct Picture {
+  Image image;
+  std::vector<float> coverage;
+  Quality quality;
+  double colour_bytes = 0, trial_bytes = 0;  // 16-bit sums of the whole array, and moments of it
+  double colour_ms = 0, trial_ms = 0;        // by one thread; images are there already
+};
+
+// A still view.
+struct StillResult {
+  Picture plane;                 // the best single plane, picked with the truth
+  Picture bound;                 // each pixel's best of all planes, picked with the truth
+  std::vector<Picture> rounds;   // with the surface, round after round; the first on the viewer's plane
+  double best_distance = 0;      // of the best plane, metres from the array
+  FocusControl::State state;
+  std::shared_ptr<const FocalMap> map;
+};
+StillResult measure_still(const Case& c, size_t view, const Options& options);
+
+// A film: the surface carried from picture to picture beside the plane that is best over the whole film.
+struct Frame {
+  double plane_db = 0, surface_db = 0;
+};
+std::vector<Frame> measure_film(const Case& c, const Options& options, const std::function<void()>& progress);
+
+}  // namespace lf::focus
