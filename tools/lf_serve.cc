@@ -16,6 +16,7 @@
 #include "serve/encoder.h"
 #include "serve/film.h"
 #include "serve/http_server.h"
+#include "view/views_json.h"
 
 namespace {
 
@@ -25,7 +26,7 @@ constexpr double kSceneFocus = 2.2;  // metres: the figure of the built-in scene
 
 struct Options {
   std::string rig, nodes, token_file;
-  std::vector<std::string> origins;
+  std::vector<std::string> origins, paths;
   ServerOptions server;
   Limits limits;
 };
@@ -54,6 +55,16 @@ void check_elements() {
     throw lf::Error("no encoder is installed for H.264 (gstreamer1.0-plugins-ugly) or VP8 (gstreamer1.0-plugins-good)");
 }
 
+// "NAME=FILE".
+std::pair<std::string, std::string> parse_path(const std::string& text) {
+  const size_t equals = text.find('=');
+  if (equals == text.npos || equals == 0) throw lf::Error("--path " + text + ": must be NAME=FILE");
+  const std::string file = text.substr(equals + 1);
+  const lf::View& view = lf::load_views(file).front().view;
+  if (view.width % 2 || view.height % 2) throw lf::Error(file + ": video needs views of even width and height");
+  return {text.substr(0, equals), file};
+}
+
 gboolean quit(gpointer loop) {
   g_main_loop_quit(static_cast<GMainLoop*>(loop));
   return G_SOURCE_CONTINUE;
@@ -75,6 +86,7 @@ void serve(Options& options) {
     if (text.empty()) throw lf::Error(options.token_file + ": has no token");
     options.server.token = text;
   }
+  for (const std::string& path : options.paths) options.server.paths.insert(parse_path(path));
   options.server.origins.insert(options.origins.begin(), options.origins.end());
 
   GMainLoop* loop = g_main_loop_new(nullptr, FALSE);
@@ -118,7 +130,10 @@ int main(int argc, char** argv) {
   app.add_option("--tls-key", o.server.key)->type_name("FILE.pem");
   app.add_flag("--insecure", o.server.insecure, "others may listen in");
   app.add_option("--token-file", o.token_file, "viewers need the bearer token in this file")->type_name("FILE");
-  app.add_option("--origin", o.origins, "of other sites' pages that may watch (https://example.org, or *); repeat");
+  app.add_option("--origin", o.origins,
+                 "of other sites' pages that may watch: https://example.org, null (files), or *; repeat");
+  app.add_option("--path", o.paths, "a views.json that links may have flown (#path=NAME), NAME=FILE; repeat")
+      ->type_name("NAME=FILE");
   app.add_option("--viewers", o.limits.viewers, "at a time")->capture_default_str()->check(CLI::Range(1, 1000));
   app.add_option("--framerate", o.limits.framerate, "pictures per second")
       ->capture_default_str()

@@ -4,7 +4,7 @@ import { createServer } from 'node:http';
 import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { artefacts, compare, connectBrowser, expect, half, launchBrowser, launchBrowserServer, makeRig, openPage, patience,
-  picture, rendered, runTests, serve, setView, shown, source, start, stateOf, until } from './harness.mjs';
+  picture, rendered, runTests, serve, setView, shown, source, start, stateOf, until, viewFile } from './harness.mjs';
 
 const size = { width: 640, height: 480 };
 const folder = await makeRig('4x4');
@@ -267,6 +267,123 @@ async function headset() {
   await served.stop();
 }
 
+// A link to a path that the server flies: the picture is that of the file, and nobody can change it.
+async function kiosk() {
+  const views = join(folder, 'kiosk.json'), state = { x: 0.02, y: -0.01, z: 0, yaw: 2, pitch: 1, roll: 0, fov: 30,
+    'focus-distance': 1.2 }, viewSize = { width: 400, height: 300 };
+  await writeFile(views, JSON.stringify({ format: 'lightfield-views', version: 1, views: [viewFile(state, viewSize)] }));
+  const served = await serve(...rig, '--path', `still=${views}`);
+  const page = await openPage(browser, new URL('#path=still', served.url).href, size);
+  await shown(page, 60);
+  await page.mouse.move(300, 200);
+  await page.mouse.wheel(0, -500);
+  await page.keyboard.press('Tab');
+  await page.keyboard.press('w');
+  await shown(page, 90);
+  await expectTruth(page, state, viewSize, 'a path of the server');
+  expect(!await page.getByRole('button').count(), 'there is something to press');
+  await page.screenshot({ path: join(artefacts, 'kiosk.png') });
+  await page.context().close();
+  const wrong = await openPage(browser, new URL('#path=none', served.url).href, size);
+  await until(async () => /no such path/.test(await wrong.getByRole('status').textContent()), 'an unknown path is told');
+  await wrong.context().close();
+  await served.stop();
+}
+
+// Fingers and sticks.
+async function touchesAndSticks() {
+  const served = await serve(...rig);
+  const phone = { width: 360, height: 640 };
+  const page = await openPage(browser, served.url, phone, { hasTouch: true, isMobile: true, before: () => {
+    globalThis.pad = { axes: [0, 0, 0, 0], buttons: [] };
+    navigator.getGamepads = () => [null, pad];
+  } });
+  await shown(page, 10);
+  await page.screenshot({ path: join(artefacts, 'phone.png') });
+  // Everything is large enough for a finger, and nothing covers anything else.
+  const boxes = await page.evaluate(() => [...document.querySelector('lightfield-viewer').shadowRoot
+    .querySelectorAll('button, select, label')].map(part => {
+    const { left, right, top, bottom } = part.getBoundingClientRect();
+    return { name: part.textContent.trim().slice(0, 20), left, right, top, bottom, tall: part.localName !== 'label' };
+  }));
+  for (const [i, a] of boxes.entries()) {
+    expect(a.left >= 0 && a.right <= 360 && a.bottom <= 640, `${a.name} is not on the phone: ${JSON.stringify(a)}`);
+    expect(!a.tall || a.bottom - a.top >= 44, `${a.name} is too small for a finger`);
+    for (const b of boxes.slice(0, i))
+      expect(a.right <= b.left || b.right <= a.left || a.bottom <= b.top || b.bottom <= a.top,
+        `${a.name} covers ${b.name}`);
+  }
+
+  const devtools = await page.context().newCDPSession(page);
+  const touch = (type, ...points) => devtools.send('Input.dispatchTouchEvent',
+    { type, touchPoints: points.map(([x, y], id) => ({ x, y, id })) });
+  const home = await stateOf(page);
+  await touch('touchStart', [180, 200]);
+  for (let x = 180; x <= 240; x += 10) await touch('touchMove', [x, 200]);
+  await touch('touchEnd');
+  await until(async () => (await stateOf(page)).x < home.x - 0.005, 'a finger moves the eye');
+  const before = await stateOf(page);
+  await touch('touchStart', [170, 200], [190, 200]);
+  for (let by = 0; by <= 60; by += 10) await touch('touchMove', [170 - by, 200], [190 + by, 200]);
+  await touch('touchEnd');
+  await until(async () => (await stateOf(page))['focus-distance'] < 0.9 * before['focus-distance'],
+    'two fingers go nearer');
+
+  const push = async (pad, condition, what) => {
+    const from = await stateOf(page);
+    await page.evaluate(pushed => Object.assign(pad, pushed), pad);
+    await until(async () => condition(await stateOf(page), from), what);
+    await page.evaluate(() => Object.assign(pad, { axes: [0, 0, 0, 0], buttons: [] }));
+  };
+  await page.evaluate(() => dispatchEvent(new Event('gamepadconnected')));
+  await push({ axes: [0, 0, 0, 0], buttons: [{ pressed: true }] }, now => now.x === home.x && now.z === home.z,
+    'the first button goes home');
+  await push({ axes: [-1, 0, 0, 0] }, (now, then) => now.x > then.x + 0.005, 'the left stick orbits');
+  await push({ axes: [0, 0, 0.6, 0] }, (now, then) => now['focus-distance'] > then['focus-distance'] * 1.05,
+    'the right stick focuses');
+  await push({ axes: [0, 0, 0, 0.6] }, (now, then) => now.z < then.z - 0.02, 'the right stick goes back');
+  expect(!page.problems.length, page.problems.join('; '));
+  await page.context().close();
+  await served.stop();
+}
+
+// What a screen reader is told; and that nothing is asked for elsewhere.
+async function toldInWords() {
+  const served = await serve(...rig);
+  const page = await openPage(browser, 'about:blank', size), asked = [];
+  page.on('request', request => asked.push(request.url()));
+  const response = await page.goto(served.url);
+  expect(/default-src 'self'/.test(response.headers()['content-security-policy']), 'there is a policy');
+  expect(!/unsafe/.test(response.headers()['content-security-policy']), 'the policy is strict');
+  await shown(page, 5);
+  const words = await page.locator('lightfield-viewer').ariaSnapshot();
+  for (const part of ['- img "Live picture of the light field', '- slider "Distance of what is sharp"',
+    '- button "Sweep"', '- button "Home"', '- combobox "Eyes"', '- button "Cameras"', '- button "Figures"',
+    '- button "Share"', '- log "What happened"'])
+    expect(words.includes(part), `${part} is not in\n${words}`);
+  const described = await page.evaluate(() => {
+    const { shadowRoot, video } = document.querySelector('lightfield-viewer');
+    return shadowRoot.getElementById(video.getAttribute('aria-describedby')).textContent;
+  });
+  expect(/Arrow keys/.test(described), described);
+  await page.getByRole('button', { name: 'Sweep' }).press('Space');
+  const pressed = page.getByRole('button', { name: 'Sweep', pressed: true });
+  await pressed.waitFor();
+  const first = (await stateOf(page))['focus-distance'];
+  await until(async () => Math.abs((await stateOf(page))['focus-distance'] / first - 1) > 0.2, 'the focus sweeps');
+  await pressed.press('Enter');
+  await page.getByRole('button', { name: 'Home' }).press('Enter');
+  await until(async () => /Back at the start/.test(await page.getByRole('log').textContent()), 'Home is told');
+  await page.getByRole('button', { name: 'Share' }).press('Enter');
+  await until(async () => /link/.test(await page.getByRole('log').textContent()), 'Share is told');
+  expect(/focus-distance=/.test(page.url()), 'the address is the link');
+  const elsewhere = asked.filter(url => new URL(url).origin !== new URL(served.url).origin && !url.startsWith('data:'));
+  expect(asked.length > 5 && !elsewhere.length, `asked elsewhere: ${elsewhere}`);
+  await served.stop();
+  await until(async () => /\w/.test(await page.getByRole('status').textContent()), 'it is told that the server is gone');
+  await page.context().close();
+}
+
 async function fourViewers() {
   const served = await serve(...rig);
   const small = { width: 320, height: 240 };
@@ -378,7 +495,7 @@ async function fiveLines() {
   });
   await new Promise(done => site.listen(0, '127.0.0.1', done));
   const origin = `http://127.0.0.1:${site.address().port}`;
-  const served = await serve(...rig, '--origin', origin);
+  const served = await serve(...rig, '--origin', origin, '--origin', 'null');
   html = `<!doctype html>
 <title>mine</title>
 <h1>My light field</h1>
@@ -387,7 +504,18 @@ async function fiveLines() {
   const page = await openPage(browser, origin, size);
   await shown(page, 5);
   await expectTruth(page, await setView(page, { yaw: 1 }), { width: 320, height: 240 }, 'in another page');
+  // What else it asks for may be asked for from there.
+  await page.getByRole('button', { name: 'Cameras' }).press('Enter');
+  await page.waitForFunction(() => document.querySelector('lightfield-viewer').cameras.array, null,
+    { timeout: patience });
+  expect(!page.problems.length, page.problems.join('; '));
   await page.context().close();
+  // A file, whose server is named.
+  const file = join(folder, 'mine.html');
+  await writeFile(file, html.replace('<lightfield-viewer', `<lightfield-viewer src="${served.url}whep"`));
+  const local = await openPage(browser, `file://${file}`, size);
+  await shown(local, 5);
+  await local.context().close();
   await served.stop();
   site.close();
 }
@@ -398,6 +526,9 @@ await runTests([
   ['the cameras of a pixel', showsItsCameras],
   ['two eyes', twoEyes],
   ['a headset', headset],
+  ['a path of the server', kiosk],
+  ['touches and sticks', touchesAndSticks],
+  ['told in words, from here alone', toldInWords],
   ['four viewers have their own views', fourViewers],
   ['cameras on other hosts', nodes],
   ['stalled and killed browsers are forgotten, others go on', stalledAndKilled],

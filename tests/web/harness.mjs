@@ -206,8 +206,8 @@ export async function half(page, png, side) {
   return Buffer.from(url.split(',')[1], 'base64');
 }
 
-// What lf-render makes of the view that the server tells, or of an eye beside it: a PNG.
-export async function rendered(folder, state, { width, height, lens }, eyeOffset = 0) {
+// The view that the server tells, or that of an eye beside it, as views.json has it.
+export function viewFile(state, { width, height, lens }, eyeOffset = 0) {
   const half = degrees => degrees * Math.PI / 360;
   const [[cy, sy], [cp, sp], [cr, sr]] =
     [state.yaw, state.pitch, state.roll].map(angle => [Math.cos(half(angle)), Math.sin(half(angle))]);
@@ -216,10 +216,15 @@ export async function rendered(folder, state, { width, height, lens }, eyeOffset
     cy * cp * sr - sy * sp * cr];
   const [w, x, y, z] = orientation, right = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)];
   const position = [state.x, state.y, state.z].map((at, k) => at + eyeOffset * right[k]);
-  const view = { name: 'view', position, orientation, width, height,
-    ...lens ?? { fov_y: state.fov }, focus_distance: state['focus-distance'] };
+  return { name: 'view', position, orientation, width, height, ...lens ?? { fov_y: state.fov },
+    focus_distance: state['focus-distance'] };
+}
+
+// What lf-render makes of it: a PNG.
+export async function rendered(folder, state, size, eyeOffset) {
   const out = await mkdtemp(join(tmpdir(), 'lf_web_view_'));
-  await writeFile(join(out, 'views.json'), JSON.stringify({ format: 'lightfield-views', version: 1, views: [view] }));
+  await writeFile(join(out, 'views.json'),
+    JSON.stringify({ format: 'lightfield-views', version: 1, views: [viewFile(state, size, eyeOffset)] }));
   await run(join(tools, 'lf-render'),
     ['--rig', join(folder, 'rig.json'), '--views', join(out, 'views.json'), '--out', out]);
   const png = await readFile(join(out, 'view.png'));

@@ -83,6 +83,7 @@ TEST_F(LfServe, ServesPageHealthAndMetrics) {
     EXPECT_THAT(script.headers.at("Content-Type"), HasSubstr("text/javascript")) << file;
     EXPECT_EQ(script.body.find("http://"), std::string::npos) << file << " needs something from outside";
   }
+  EXPECT_THAT(ask(served, "GET", "page.css").headers.at("Content-Type"), HasSubstr("text/css"));
   EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
   const Response array = ask(served, "GET", "array.json");
   EXPECT_EQ(array.status, 200u);
@@ -92,6 +93,29 @@ TEST_F(LfServe, ServesPageHealthAndMetrics) {
   EXPECT_EQ(ask(served, "POST", "").status, 405u);
   EXPECT_EQ(metric(served, "viewers"), "0");
   EXPECT_EQ(served.stop(), 0) << served.said();
+}
+
+TEST_F(LfServe, FliesPathsThatItHas) {
+  const TempDir dir;
+  const auto views = [](const char* height) {
+    return std::string(R"({"format": "lightfield-views", "version": 1, "views": [{"position": [0, 0, 0],
+        "orientation": [1, 0, 0, 0], "width": 64, "height": )") +
+           height + R"(, "fov_y": 30, "focus_distance": 2}]})";
+  };
+  dir.write("views.json", views("48"));
+  Served served({"--path", "hall=" + (dir / "views.json")});
+  ASSERT_NE(served.url(), "") << served.said();
+  EXPECT_EQ(offer(served, browser_offer(), {}, "?path=hall").status, 201u) << served.said();
+  EXPECT_EQ(offer(served, browser_offer(), {}, "?path=views.json").status, 404u);
+  EXPECT_EQ(metric(served, "refused_total{reason=\"path\"}"), "1");
+  dir.write("odd.json", views("47"));
+  for (const char* wrong : {"hall", "=x", "hall=/nowhere.json"}) {
+    Served none({"--path", wrong});
+    EXPECT_EQ(none.stop(), 1) << wrong;
+  }
+  Served odd({"--path", "hall=" + (dir / "odd.json")});
+  EXPECT_EQ(odd.stop(), 1);
+  EXPECT_THAT(odd.said(), HasSubstr("even width and height"));
 }
 
 TEST_F(LfServe, AnswersAnOfferAndTakesLeave) {

@@ -16,7 +16,7 @@ namespace {
 constexpr std::string_view kWhep = "/whep";
 constexpr char kMethods[] = "POST, DELETE, OPTIONS";
 
-const char* const kRefusals[] = {"origin", "token", "body", "type", "rate", "full", "offer"};
+const char* const kRefusals[] = {"origin", "token", "body", "type", "rate", "full", "offer", "path"};
 
 const char* header(SoupServerMessage* message, const char* name) {
   return soup_message_headers_get_one(soup_server_message_get_request_headers(message), name);
@@ -70,6 +70,7 @@ HttpServer::HttpServer(const ServerOptions& options, const Limits& limits, Light
       field_(field),
       sessions_(sessions),
       access_(options.token, options.origins, is_loopback(options.address)),
+      paths_(options.paths),
       connects_(limits.connects_per_second, limits.connect_burst) {
   GTlsCertificate* certificate = load_certificate(options);
   if (!is_loopback(options.address) && !certificate && !options.insecure)
@@ -205,7 +206,12 @@ void HttpServer::whep(SoupServerMessage* message, GHashTable* query) {
   if (!width || !height) return refuse(message, kOffer, SOUP_STATUS_BAD_REQUEST, "width and height must be pixels");
   const auto distance = eye_distance(value("eye-distance"));
   if (!distance) return refuse(message, kOffer, SOUP_STATUS_BAD_REQUEST, "eye-distance must be metres");
-  const Wish wish{*width, *height, *distance, ""};
+  Wish wish{*width, *height, *distance, ""};
+  if (const char* name = value("path")) {
+    const auto found = paths_.find(name);
+    if (found == paths_.end()) return refuse(message, kPath, SOUP_STATUS_NOT_FOUND, "there is no such path (--path)");
+    wish.path = found->second;
+  }
 
   SoupMessageBody* body = soup_server_message_get_request_body(message);
   g_autoptr(GBytes) bytes = soup_message_body_flatten(body);
@@ -267,8 +273,10 @@ void HttpServer::page(SoupServerMessage* message, const std::string& path) {
   // Others' pages may use the element; what they may watch is decided when they ask for it.
   set_header(message, "Access-Control-Allow-Origin", "*");
   set_header(message, "Content-Security-Policy",
-             "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; frame-ancestors *");
+             "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action 'none'; "
+             "frame-ancestors *");
   const char* type = path.ends_with(".js")    ? "text/javascript; charset=utf-8"
+                     : path.ends_with(".css") ? "text/css; charset=utf-8"
                      : path.ends_with(".svg") ? "image/svg+xml"
                                               : "text/html; charset=utf-8";
   respond(message, SOUP_STATUS_OK, type, std::string(data, size));

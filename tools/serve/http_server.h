@@ -4,6 +4,7 @@
 #include <libsoup/soup.h>
 
 #include <array>
+#include <map>
 #include <set>
 #include <string>
 
@@ -19,7 +20,8 @@ struct ServerOptions {
   std::string certificate, key;  // PEM files; both or none
   std::string token;
   std::set<std::string> origins;
-  bool insecure = false;  // other addresses than loopback without TLS
+  std::map<std::string, std::string> paths;  // views.json files that viewers may have flown, by name
+  bool insecure = false;                     // other addresses than loopback without TLS
 };
 
 // The page, the WHEP endpoint (draft-ietf-wish-whep), metrics and health over HTTP. On the main thread alone.
@@ -33,7 +35,7 @@ class HttpServer {
   std::string url() const;
 
  private:
-  enum Refusal { kOrigin, kToken, kBody, kType, kRate, kFull, kOffer, kRefused };
+  enum Refusal { kOrigin, kToken, kBody, kType, kRate, kFull, kOffer, kPath, kRefused };
   void refuse(SoupServerMessage* message, Refusal why, guint status, const std::string& reason);
   bool admit(SoupServerMessage* message);
   void begin(SoupServerMessage* message);
@@ -47,6 +49,7 @@ class HttpServer {
   LightField& field_;
   Sessions& sessions_;
   Access access_;
+  std::map<std::string, std::string> paths_;
   AddressLimit connects_;
   SoupServer* server_;
   std::array<uint64_t, kRefused> refused_{};

@@ -243,7 +243,9 @@ void Viewer::report(const LinkReport& link) {
                {"roundTripMs", link.round_trip * 1e3}};
   gst_structure_free(stats);
   if (const auto view = eyes_[0]->asked()) info["coverage"] = field_.array().coverage(*view);
-  peer_->send(info_message({{"statistics", std::move(info)}, {"view", eyes_[0]->numbers()}}));
+  json message = {{"statistics", std::move(info)}};
+  if (settings_.eye.path.empty()) message["view"] = eyes_[0]->numbers();
+  peer_->send(info_message(message));
 }
 
 double Viewer::silence(int64_t now) const {

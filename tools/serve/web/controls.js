@@ -7,6 +7,8 @@ const kLetters = 'wsadqer';
 const kWheelStep = 100;     // pixels of a wheel that are one step
 const kPinchStep = 1.1;     // ratio of finger distances that is one step
 const kStickDead = 0.15;
+const kStickHeights = 0.5;  // heights of the picture a second, of a stick pushed all the way
+const kStickSteps = 5;      // of the wheel, a second
 
 export class Controls {
   constructor(viewer) {
@@ -74,7 +76,7 @@ export class Controls {
   }
 
   press(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || this.viewer.path !== null) return;
     if (event.key === 'i') return this.viewer.toggle('figures', this.viewer.panel);
     if (event.key === 'c') return this.viewer.toggle('cameras', this.viewer.cameras);
     const key = kKeys[event.key] ?? (kLetters.includes(event.key.toLowerCase()) ? event.key.toLowerCase() : null);
@@ -87,20 +89,37 @@ export class Controls {
     return this.viewer.navigate({ event: 'KeyPress', key, ...modifier_state && { modifier_state } });
   }
 
-  // Left stick orbits, right stick flies; shoulder buttons focus.
-  gamepad() {
+  // Left stick orbits, with a shoulder button pans; right stick dollies and focuses; the first button goes home. All in
+  // proportion.
+  gamepad(now, before = now) {
     const pad = navigator.getGamepads().find(Boolean);
     if (!pad) return;
-    const stick = (axis, less, more) => {
-      if (Math.abs(pad.axes[axis] ?? 0) > kStickDead) this.key(pad.axes[axis] < 0 ? less : more);
+    const along = axis => {
+      const value = pad.axes[axis] ?? 0, beyond = Math.abs(value) - kStickDead;
+      return beyond > 0 ? Math.sign(value) * beyond / (1 - kStickDead) : 0;
     };
-    stick(0, 'Left', 'Right');
-    stick(1, 'Up', 'Down');
-    stick(2, 'a', 'd');
-    stick(3, 'w', 's');
-    if (pad.buttons[4]?.pressed) this.key('bracketleft');
-    if (pad.buttons[5]?.pressed) this.key('bracketright');
-    if (pad.buttons[9]?.pressed) this.key('r');
-    requestAnimationFrame(() => this.gamepad());
+    const seconds = Math.min(now - before, 100) / 1000;
+    this.drag(along(0), along(1), seconds * kStickHeights, [4, 5].some(button => pad.buttons[button]?.pressed));
+    const steps = seconds * kStickSteps, scroll = { event: 'MouseScroll', x: 0, y: 0, delta_x: 0 };
+    if (along(3)) this.viewer.navigate({ ...scroll, delta_y: -along(3) * steps });
+    if (along(2)) this.viewer.navigate({ ...scroll, delta_y: along(2) * steps, modifier_state: 'control-mask' });
+    if (pad.buttons[0]?.pressed) this.key('r');
+    requestAnimationFrame(next => this.gamepad(next, now));
+  }
+
+  // As a mouse would that is held as long as the stick is.
+  drag(x, y, heights, pans) {
+    if (!x && !y) {
+      if (this.held) this.viewer.navigate({ event: 'MouseButtonRelease', ...this.held, button: 1 });
+      this.held = null;
+      return;
+    }
+    if (!this.held) {
+      this.held = { x: 0, y: 0 };
+      this.viewer.navigate({ event: 'MouseButtonPress', ...this.held, button: 1 });
+    }
+    const { videoHeight } = this.viewer.video;
+    this.held = { x: this.held.x + x * heights * videoHeight, y: this.held.y + y * heights * videoHeight };
+    this.viewer.navigate({ event: 'MouseMove', ...this.held, ...pans && { modifier_state: 'shift-mask' } });
   }
 }

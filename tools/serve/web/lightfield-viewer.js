@@ -2,8 +2,9 @@
 // <lightfield-viewer src="https://HOST:PORT/whep" token="..." width="640" height="480"></lightfield-viewer>
 //
 // One virtual camera of an lf-serve: its picture, and mouse, touch, keys and a slider that fly it. Without `src` the
-// server that this file came from. Without `width` and `height` the view follows the
-// element's size.
+// server that this file came from. Without `width` and `height` the view follows the element's size. `eyes` ("one",
+// "side", "anaglyph") and `eye-distance` (metres) are for two eyes. With `path`, or #path= in the page's address, the
+// server flies a path of its own of that name, and there is nothing to be done but to watch.
 // Properties: view (what has been set, as sent to the server), figures (the latest statistics), video.
 // Methods: setView({x, y, z, yaw, pitch, roll, fov, "focus-distance"}), connect(), disconnect().
 // Events: "connected", "disconnected" (detail: why), "statistics" (detail: figures), "applied" (detail: {id,
@@ -40,7 +41,10 @@ export class LightfieldViewer extends HTMLElement {
     this.controls = new Controls(this);
     this.slider.addEventListener('input', () => this.focusAt(Number(this.slider.value)));
     find('.sweep').addEventListener('click', event => this.sweep(event.target));
-    find('.home').addEventListener('click', () => this.controls.key('r'));
+    find('.home').addEventListener('click', () => {
+      this.controls.key('r');
+      this.say('Back at the start');
+    });
     find('button.figures').addEventListener('click', () => this.toggle('figures', this.panel));
     find('button.cameras').addEventListener('click', () => this.toggle('cameras', this.cameras));
     find('.share').addEventListener('click', event => this.share(event.target));
@@ -52,8 +56,10 @@ export class LightfieldViewer extends HTMLElement {
   }
 
   connectedCallback() {
-    this.mode = Object.hasOwn(kModes, this.getAttribute('eyes')) ? this.getAttribute('eyes') : 'one';
+    const eyes = this.given('eyes');
+    this.mode = Object.hasOwn(kModes, eyes) && eyes !== 'headset' ? eyes : 'one';
     this.showMode();
+    this.shadowRoot.querySelector('.bar').hidden = this.path !== null;
     this.resizes = new ResizeObserver(() => this.resized());
     this.resizes.observe(this);
     this.disconnect();
@@ -70,14 +76,16 @@ export class LightfieldViewer extends HTMLElement {
     this.rest = setTimeout(() => {
       const { width, height } = this.size;
       if (!this.asked || !this.connection || (width === this.asked.width && height === this.asked.height)) return;
-      if (this.mode !== 'headset') this.reconnect();
+      if (this.mode !== 'headset' && this.path === null) this.reconnect();
     }, kRest);
   }
 
   // Where to: the attribute, or the server of this file.
   get endpoint() { return new URL(this.getAttribute('src') ?? new URL('whep', import.meta.url), document.baseURI); }
   // The link's: #token=...&x=... ; it never leaves the browser but as a header.
-  get token() { return this.getAttribute('token') ?? new URLSearchParams(location.hash.slice(1)).get('token') ?? ''; }
+  get token() { return this.given('token') ?? ''; }
+  get path() { return this.given('path'); }
+  given(name) { return this.getAttribute(name) ?? new URLSearchParams(location.hash.slice(1)).get(name); }
 
   // Pixels to ask for: what the element has, in whole multiples of 16; of each eye.
   get size() {
@@ -90,8 +98,9 @@ export class LightfieldViewer extends HTMLElement {
   get eyeDistance() { return Number(this.getAttribute('eye-distance')) || kEyeDistance; }
   // What the server is asked for.
   get wish() {
-    if (this.mode === 'one') return this.size;
-    return this.headset?.wish ?? { ...this.size, 'eye-distance': this.eyeDistance };
+    const path = this.path && { path: this.path };
+    if (this.mode === 'one') return { ...this.size, ...path };
+    return { ...this.headset?.wish ?? { ...this.size, 'eye-distance': this.eyeDistance }, ...path };
   }
 
   // One of kModes.
@@ -197,7 +206,7 @@ export class LightfieldViewer extends HTMLElement {
     const request = { type: 'customUpstreamEvent', structureName: 'lf-view-request', structure: view };
     return this.connection?.request(request) ?? 0;
   }
-  navigate(event) { return this.connection?.request({ type: 'navigationEvent', event }) ?? 0; }
+  navigate(event) { return this.path !== null ? 0 : this.connection?.request({ type: 'navigationEvent', event }) ?? 0; }
 
   // `decades` from the distance that the flight began with.
   focusAt(decades) {
@@ -274,6 +283,7 @@ export class LightfieldViewer extends HTMLElement {
 
   get link() {
     const hash = new URLSearchParams(Object.entries(this.state ?? this.view).map(([k, v]) => [k, +v.toPrecision(7)]));
+    if (this.mode !== 'one' && this.mode !== 'headset') hash.set('eyes', this.mode);
     return new URL(`#${hash}`, location.href).href;
   }
   async share(button) {
@@ -284,6 +294,7 @@ export class LightfieldViewer extends HTMLElement {
     } catch {
       button.textContent = 'In the address bar';
     }
+    this.say(button.textContent === 'Copied' ? 'The link to this view is copied' : 'The link to this view is in the address bar');
     setTimeout(() => button.textContent = 'Share', 2000);
   }
 }
