@@ -1,15 +1,17 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Runs the tests in headless Chromium, with playwright-core from npm: browser.sh BUILD TEST.mjs. Prints TAP; without
-# Chromium, Node.js or npm's registry the tests are skipped, with the reason.
+# Runs the tests in headless Chromium, with playwright-core from npm: browser.sh BUILD TEST.mjs [PROGRAM]. Prints TAP;
+# without Chromium, Node.js or npm's registry the tests are skipped, with the reason. Where they need a PROGRAM they are
+# skipped without it, and get a network of their own, with an address beside loopback's.
 set -euo pipefail
-build=$1 test=$(realpath "$2")
+build=$1 test=$(realpath "$2") needed=${3:-}
 source=$(dirname "$test")
 
 skip() {
   printf '1..1\nok 1 - %s # SKIP\n' "$*"  # the name is what reports show
   exit
 }
+[[ -z $needed ]] || command -v "$needed" >/dev/null || skip "no $needed (Debian: $needed)"
 chromium=$(command -v chromium || command -v chromium-browser || command -v google-chrome) ||
   skip "no Chromium (Debian: chromium)"
 command -v node >/dev/null || skip "no Node.js (Debian: nodejs)"
@@ -33,4 +35,9 @@ cp "$source"/*.mjs "$work/"
 export GST_PLUGIN_PATH=$build/gst LF_TOOLS_DIR=$build/tools LF_CHROMIUM=$chromium LF_ARTEFACTS=$work
 LF_SOURCE_ROOT=$(cd "$source/../.." && pwd)
 export LF_SOURCE_ROOT
-exec node "$work/$(basename "$test")"
+run=(node "$work/$(basename "$test")")
+[[ -n $needed ]] || exec "${run[@]}"
+network='ip link set lo up && ip link add host type veth peer name other && ip addr add 10.77.0.1/24 dev host &&
+  ip link set host up && ip link set other up'
+unshare --map-root-user --net bash -c "$network" 2>/dev/null || skip "no network namespaces"
+exec unshare --map-root-user --net bash -c "$network"' && exec "$@"' bash "${run[@]}"

@@ -1,0 +1,68 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: LGPL-2.1-or-later
+# Publishes one flight through the light field to a media server, from which any number of browsers watch it: RTP to a
+# mountpoint of Janus' streaming plugin (pipelines/janus/).
+set -euo pipefail
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+usage() {
+  cat <<END
+usage: pipelines/publish-janus.sh --rig RIG.json --path VIEWS.json [OPTION...]
+
+  --rig RIG.json      the cameras
+  --path VIEWS.json   the flight, over and over, in the size and at the times of its views (lf-path makes one)
+  --to HOST:PORT      the mountpoint's videoport (default: localhost:5004)
+  --codec h264|vp8    as the mountpoint has it (default: h264)
+  --bitrate KBITS     (default: 3000)
+  --framerate N       that of the cameras (default: 30)
+  --capture-delay MS  how old a capture must be before it is asked for: what the cameras take (default: 100)
+  --print             prints the pipeline up to its RTP packets in place of running it, for a WHIP client:
+                      simple-whip-client -u URL -V "\$(pipelines/publish-janus.sh --rig ... --path ... --print)"
+END
+}
+
+rig= path= to=localhost:5004 codec=h264 bitrate=3000 framerate=30 delay=100 print=false
+while (($#)); do
+  [[ $1 != --help && $1 != -h ]] || { usage; exit; }
+  [[ $1 != --print ]] || { print=true; shift; continue; }
+  (($# > 1)) || die "$1 needs a value (see --help)"
+  case $1 in
+    --rig) need_file "$@"; rig=$2 ;;
+    --path) need_file "$@"; path=$2 ;;
+    --to) need_address "$@"; to=$2 ;;
+    --codec) [[ $2 == h264 || $2 == vp8 ]] || die "--codec $2: must be h264 or vp8"; codec=$2 ;;
+    --bitrate | --framerate | --capture-delay)
+      [[ $2 =~ ^[0-9]+$ ]] || die "$1 $2: not a number"
+      case $1 in
+        --bitrate) bitrate=$2 ;;
+        --framerate) framerate=$2 ;;
+        *) delay=$2 ;;
+      esac ;;
+    *) die "unknown option $1 (see --help)" ;;
+  esac
+  shift 2
+done
+[[ -n $rig && -n $path ]] || die "--rig and --path are needed (see --help)"
+
+# Who comes later waits for the next whole picture, a second at most.
+case $codec in
+  h264)
+    encode=(x264enc tune=zerolatency speed-preset=veryfast "bitrate=$bitrate" "key-int-max=$framerate" !
+      video/x-h264,profile=constrained-baseline ! rtph264pay config-interval=-1 aggregate-mode=zero-latency) ;;
+  vp8)
+    encode=(vp8enc deadline=1 end-usage=cbr "target-bitrate=$((bitrate * 1000))" "keyframe-max-dist=$framerate" !
+      rtpvp8pay picture-id-mode=15-bit) ;;
+esac
+pipeline=(lfcameranode name=n "rig=$rig" "framerate=$framerate/1" is-live=true loop=true ! c.sink_0
+  lfviewrequest "location=$path" "rig=$rig" "framerate=$framerate/1" is-live=true loop=true
+  "capture-delay=$((delay * 1000000))" ! tee name=r
+  r. ! "${leaky_queue[@]}" ! n.request r. ! "${leaky_queue[@]}" ! c.request
+  lfcompositor name=c "rig=$rig" ! "${leaky_queue[@]}" ! videoconvert ! video/x-raw,format=I420
+  ! "${encode[@]}" pt=96 ssrc=2 mtu=1200)
+
+if $print; then
+  printf '%s ! queue ! application/x-rtp,media=video,encoding-name=%s,payload=96\n' "${pipeline[*]}" "${codec^^}"
+else
+  mapfile -t out < <(send "$to")
+  launch "${pipeline[@]}" ! "${out[@]}"
+fi
