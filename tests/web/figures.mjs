@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // What viewers cost and how long a movement takes until it is seen: tests/web/browser.sh BUILD tests/web/figures.mjs
+import { spawn } from 'node:child_process';
+import { once } from 'node:events';
+import { createInterface } from 'node:readline';
 import { readFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { launchBrowser, makeRig, openPage, runTests, serve, shown } from './harness.mjs';
+import { launchBrowser, makeFilm, makeRig, openPage, runTests, serve, shown } from './harness.mjs';
 
 const seconds = Number(process.env.LF_SECONDS ?? 10);
 const browser = await launchBrowser();
@@ -19,31 +22,55 @@ const decoded = page => page.evaluate(async () => {
     if (entry.type === 'inbound-rtp') return { frames: entry.framesDecoded, time: performance.now() };
 });
 
-async function sample(served, pages) {
-  const metric = async name => await served.metric(name);
-  return { frames: await Promise.all(pages.map(decoded)), processor: await processorTime(served.pid), time: Date.now(),
-    pictures: await metric('pictures_total'), camera: await metric('camera_bytes_total'),
-    video: await metric('video_bytes_total'), resident: await metric('resident_bytes') };
-}
-
-async function viewers(folder, count, size) {
-  const served = await serve('--rig', join(folder, 'rig.json'));
+// Viewers in the browser: begins, and returns what ends with the pictures a second of each.
+async function browsers(served, count, size) {
   const pages = [];
   for (let i = 0; i < count; i++)
     pages.push(await openPage(browser, new URL(`#yaw=${i - count / 2}`, served.url).href, size));
   await Promise.all(pages.map(page => shown(page, 30)));
-  const a = await sample(served, pages);
+  const before = await Promise.all(pages.map(decoded));
+  return async () => {
+    const after = await Promise.all(pages.map(decoded));
+    await Promise.all(pages.map(page => page.context().close()));
+    return after.map((now, i) => (now.frames - before[i].frames) / (now.time - before[i].time) * 1000);
+  };
+}
+
+// The same without a browser, which takes more of the machine than the server does.
+async function receivers(served, count, { width, height }) {
+  const child = spawn(join(process.env.LF_TOOLS_DIR, '../tests/watch'),
+    [served.url, count, width, height, seconds], { stdio: ['ignore', 'pipe', 'inherit'] });
+  const lines = createInterface({ input: child.stdout })[Symbol.asyncIterator]();
+  await lines.next();
+  return async () => {
+    const { value } = await lines.next();
+    await once(child, 'exit');
+    return JSON.parse(value).rates;
+  };
+}
+
+async function sample(served) {
+  const metric = async name => await served.metric(name);
+  return { processor: await processorTime(served.pid), time: Date.now(),
+    pictures: await metric('pictures_total'), incomplete: await metric('incomplete_pictures_total'),
+    camera: await metric('camera_bytes_total'), video: await metric('video_bytes_total'),
+    resident: await metric('resident_bytes') };
+}
+
+async function viewers(folder, count, size, begin, ...options) {
+  const served = await serve('--rig', join(folder, 'rig.json'), '--viewers', '100', '--connects', '100', ...options);
+  const end = await begin(served, count, size);
+  const a = await sample(served);
   await new Promise(done => setTimeout(done, seconds * 1000));
-  const b = await sample(served, pages);
-  const rates = b.frames.map((now, i) => (now.frames - a.frames[i].frames) / (now.time - a.frames[i].time) * 1000);
+  const b = await sample(served), rates = await end();
   const time = (b.time - a.time) / 1000, pictures = b.pictures - a.pictures;
   const row = { pictures: pictures / time, bytes: (b.camera - a.camera) / pictures };
-  console.log(`# ${count} viewers of ${size.width}x${size.height}: ` +
-    `${rates.map(rate => rate.toFixed(1)).join(' ')} frames/s, ` +
+  console.log(`# ${count} ${begin.name} of ${size.width}x${size.height}: ` +
+    `${rates.map(rate => rate.toFixed(1)).join(' ')} frames/s, server: ` +
     `${((b.processor - a.processor) / time * 100).toFixed(0)} % of a processor, ` +
     `${(b.resident / 2 ** 20).toFixed(0)} MiB, ${row.bytes.toFixed(0)} bytes of answers a picture, ` +
-    `${((b.video - a.video) * 8e-6 / time).toFixed(1)} Mbit/s of video`);
-  await Promise.all(pages.map(page => page.context().close()));
+    `${((b.video - a.video) * 8e-6 / time).toFixed(1)} Mbit/s of video, ` +
+    `${b.incomplete - a.incomplete} of ${pictures} pictures incomplete`);
   await served.stop();
   return row;
 }
@@ -51,7 +78,7 @@ async function viewers(folder, count, size) {
 async function growth() {
   const rows = [];
   for (const grid of ['4x4', '8x8', '16x16'])
-    rows.push([grid, await viewers(await makeRig(grid), 1, { width: 320, height: 240 })]);
+    rows.push([grid, await viewers(await makeRig(grid), 1, { width: 320, height: 240 }, receivers)]);
   const [[, { bytes: least }]] = rows;
   for (const [grid, { bytes }] of rows)
     console.log(`# ${grid} cameras: ${bytes.toFixed(0)} bytes a picture, ratio ${(bytes / least).toFixed(2)}`);
@@ -113,9 +140,12 @@ async function motion(folder) {
   await served.stop();
 }
 
+const film = await makeFilm('8x8'), vga = { width: 640, height: 480 }, small = { width: 320, height: 240 };
 await runTests([
-  ['motion to photon', async () => motion(await makeRig('8x8'))],
-  ['4 viewers of 640x480', async () => viewers(await makeRig('8x8'), 4, { width: 640, height: 480 })],
-  ['8 viewers of 320x240', async () => viewers(await makeRig('8x8'), 8, { width: 320, height: 240 })],
+  ['motion to photon', () => motion(film)],
+  ['4 browsers', () => viewers(film, 4, vga, browsers)],
+  ['8 browsers', () => viewers(film, 8, small, browsers)],
+  ['4 receivers', () => viewers(film, 4, vga, receivers)],
+  ['8 receivers', () => viewers(film, 8, small, receivers)],
   ['bytes over cameras', growth],
 ]);

@@ -55,10 +55,22 @@ export async function until(condition, what) {
   }
 }
 
-// A rig of stills of the built-in scene: its pictures do not move. Returns its folder, which is gone at the end.
-export async function makeRig(grid) {
+async function makeFolder() {
   const folder = await mkdtemp(join(tmpdir(), 'lf_web_'));
   process.on('exit', () => spawn('rm', ['-rf', folder], { detached: true }));
+  return folder;
+}
+
+// JPEG video of the built-in scene, which moves, from each camera of a rig. Returns its folder, gone at the end.
+export async function makeFilm(grid) {
+  const folder = await makeFolder();
+  await run(join(tools, 'lf-scene'), ['--out', folder, '--grid', grid, '--frames', '30']);
+  return folder;
+}
+
+// A rig of stills of the built-in scene: its pictures do not move. Returns its folder, which is gone at the end.
+export async function makeRig(grid) {
+  const folder = await makeFolder();
   await run(join(tools, 'lf-scene'), ['--out', folder, '--grid', grid, '--frames', '1', '--format', 'png']);
   const rig = JSON.parse(await readFile(join(folder, 'rig.json')));
   for (const camera of rig.cameras) delete camera.source;

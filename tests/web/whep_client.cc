@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "web/whep_client.h"
+
+#define GST_USE_UNSTABLE_API
+#include <gst/webrtc/webrtc.h>
+#include <libsoup/soup.h>
+
+#include <stdexcept>
+
+namespace lf::test {
+namespace {
+
+constexpr guint64 kPatience = 30000000;  // microseconds
+
+// The reply to a call of webrtcbin; to be freed.
+GstStructure* call(GstElement* webrtc, const char* signal, gpointer argument, bool has_argument = true) {
+  GstPromise* promise = gst_promise_new();
+  if (has_argument)
+    g_signal_emit_by_name(webrtc, signal, argument, promise);
+  else
+    g_signal_emit_by_name(webrtc, signal, nullptr, promise);
+  gst_promise_wait(promise);
+  const GstStructure* reply = gst_promise_get_reply(promise);
+  GstStructure* copy = reply ? gst_structure_copy(reply) : nullptr;
+  gst_promise_unref(promise);
+  return copy;
+}
+
+void describe(GstElement* webrtc, const char* signal, GstWebRTCSessionDescription* description) {
+  GstStructure* reply = call(webrtc, signal, description);
+  const bool failed = reply && gst_structure_has_field(reply, "error");
+  if (reply) gst_structure_free(reply);
+  gst_webrtc_session_description_free(description);
+  if (failed) throw std::runtime_error(std::string(signal) + " fails");
+}
+
+template <typename Condition>
+void wait_for(const char* what, const Condition& condition) {
+  for (guint64 waited = 0; !condition(); waited += 5000) {
+    if (waited > kPatience) throw std::runtime_error(std::string("never: ") + what);
+    g_usleep(5000);
+  }
+}
+
+}  // namespace
+
+WhepClient::WhepClient(const Options& options) : options_(options) {
+  pipeline_ = gst_pipeline_new(nullptr);
+  gst_object_ref_sink(pipeline_);
+  webrtc_ = gst_element_factory_make("webrtcbin", nullptr);
+  if (!webrtc_) throw std::runtime_error("element webrtcbin is not installed");
+  gst_util_set_object_arg(G_OBJECT(webrtc_), "bundle-policy", "max-bundle");
+  gst_bin_add(GST_BIN(pipeline_), webrtc_);
+  g_signal_connect(webrtc_, "pad-added", G_CALLBACK(pad_added), this);
+  g_signal_connect(webrtc_, "deep-element-added", G_CALLBACK(+[](GstBin*, GstBin*, GstElement* element, gpointer data) {
+                     GstElementFactory* factory = gst_element_get_factory(element);
+                     if (!factory || !g_str_equal(GST_OBJECT_NAME(factory), "nicesrc")) return;
+                     GstPad* pad = gst_element_get_static_pad(element, "src");
+                     gst_pad_add_probe(
+                         pad, GST_PAD_PROBE_TYPE_BUFFER,
+                         [](GstPad*, GstPadProbeInfo* info, gpointer client) {
+                           // Media alone (RFC 7983): what it takes to connect is another test's.
+                           guint8 first = 0;
+                           gst_buffer_extract(GST_PAD_PROBE_INFO_BUFFER(info), 0, &first, 1);
+                           const double loss = static_cast<WhepClient*>(client)->options_.loss;
+                           const bool lost = first >= 128 && first < 192 && g_random_double() < loss;
+                           return lost ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
+                         },
+                         data, nullptr);
+                     gst_object_unref(pad);
+                   }),
+                   this);
+  GObject *ice = nullptr, *agent = nullptr;
+  gboolean added = FALSE;
+  g_object_get(webrtc_, "ice-agent", &ice, nullptr);
+  g_object_get(ice, "agent", &agent, nullptr);
+  g_object_set(agent, "upnp", FALSE, "ice-tcp", FALSE, nullptr);
+  g_signal_emit_by_name(ice, "add-local-ip-address", "127.0.0.1", &added);
+  g_object_unref(agent);
+  g_object_unref(ice);
+  gst_element_set_state(pipeline_, GST_STATE_PLAYING);
+
+  g_signal_emit_by_name(webrtc_, "create-data-channel", "control", nullptr, &channel_);
+  if (!channel_) throw std::runtime_error("no data channel");
+  g_signal_connect(channel_, "on-message-string",
+                   G_CALLBACK(+[](GstWebRTCDataChannel*, const gchar* text, gpointer data) {
+                     WhepClient* self = static_cast<WhepClient*>(data);
+                     const std::lock_guard lock(self->mutex_);
+                     self->messages_.push_back(text ? text : "");
+                   }),
+                   this);
+  GstCaps* caps = gst_caps_from_string(
+      options.vp8 ? "application/x-rtp,media=video,encoding-name=VP8,payload=96,clock-rate=90000"
+                  : "application/x-rtp,media=video,encoding-name=H264,payload=108,clock-rate=90000,"
+                    "packetization-mode=(string)1,profile-level-id=(string)42e01f");
+  GstWebRTCRTPTransceiver* transceiver = nullptr;
+  g_signal_emit_by_name(webrtc_, "add-transceiver", GST_WEBRTC_RTP_TRANSCEIVER_DIRECTION_RECVONLY, caps, &transceiver);
+  gst_caps_unref(caps);
+  g_object_set(transceiver, "do-nack", TRUE, nullptr);
+  gst_object_unref(transceiver);
+
+  GstStructure* reply = call(webrtc_, "create-offer", nullptr, false);
+  GstWebRTCSessionDescription* offer = nullptr;
+  if (reply) gst_structure_get(reply, "offer", GST_TYPE_WEBRTC_SESSION_DESCRIPTION, &offer, nullptr);
+  if (reply) gst_structure_free(reply);
+  if (!offer) throw std::runtime_error("no offer");
+  g_autofree gchar* text = gst_sdp_message_as_text(offer->sdp);
+  describe(webrtc_, "set-local-description", offer);
+  post(text);
+  GstSDPMessage* sdp = nullptr;
+  if (gst_sdp_message_new_from_text(answer_.c_str(), &sdp) != GST_SDP_OK) throw std::runtime_error(answer_);
+  describe(webrtc_, "set-remote-description", gst_webrtc_session_description_new(GST_WEBRTC_SDP_TYPE_ANSWER, sdp));
+  wait_for("a picture", [this] { return pictures_ > 0; });
+}
+
+WhepClient::~WhepClient() {
+  if (!session_.empty()) {
+    SoupSession* session = soup_session_new();
+    SoupMessage* message = soup_message_new("DELETE", session_.c_str());
+    GBytes* bytes = soup_session_send_and_read(session, message, nullptr, nullptr);
+    if (bytes) g_bytes_unref(bytes);
+    g_object_unref(message);
+    g_object_unref(session);
+  }
+  gst_element_set_state(pipeline_, GST_STATE_NULL);
+  if (channel_) g_object_unref(channel_);
+  gst_object_unref(pipeline_);
+}
+
+void WhepClient::post(const std::string& offer) {
+  SoupSession* session = soup_session_new();
+  const std::string url =
+      options_.url + "whep?width=" + std::to_string(options_.width) + "&height=" + std::to_string(options_.height);
+  SoupMessage* message = soup_message_new("POST", url.c_str());
+  GBytes* body = g_bytes_new(offer.data(), offer.size());
+  soup_message_set_request_body_from_bytes(message, "application/sdp", body);
+  g_bytes_unref(body);
+  GBytes* bytes = soup_session_send_and_read(session, message, nullptr, nullptr);
+  gsize size = 0;
+  const char* data = bytes ? static_cast<const char*>(g_bytes_get_data(bytes, &size)) : nullptr;
+  answer_.assign(data ? data : "", size);
+  if (bytes) g_bytes_unref(bytes);
+  const guint status = soup_message_get_status(message);
+  const char* location = soup_message_headers_get_one(soup_message_get_response_headers(message), "Location");
+  if (location) session_ = options_.url + (location + 1);
+  g_object_unref(message);
+  g_object_unref(session);
+  if (status != 201) throw std::runtime_error(std::to_string(status) + " " + answer_);
+}
+
+void WhepClient::pad_added(GstElement*, GstPad* pad, gpointer data) {
+  WhepClient* self = static_cast<WhepClient*>(data);
+  if (GST_PAD_DIRECTION(pad) != GST_PAD_SRC) return;
+  GstElement* sink = gst_element_factory_make("fakesink", nullptr);
+  g_object_set(sink, "sync", FALSE, "async", FALSE, nullptr);
+  gst_bin_add(GST_BIN(self->pipeline_), sink);
+  gst_element_sync_state_with_parent(sink);
+  GstPad* in = gst_element_get_static_pad(sink, "sink");
+  gst_pad_add_probe(in, GST_PAD_PROBE_TYPE_BUFFER, packet, self, nullptr);
+  gst_pad_link(pad, in);
+  gst_object_unref(in);
+}
+
+GstPadProbeReturn WhepClient::packet(GstPad*, GstPadProbeInfo* info, gpointer data) {
+  WhepClient* self = static_cast<WhepClient*>(data);
+  GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
+  self->bytes_ += gst_buffer_get_size(buffer);
+  guint8 marker = 0;  // RFC 3550: with the payload type
+  gst_buffer_extract(buffer, 1, &marker, 1);
+  if (marker & 0x80) self->pictures_++;
+  return GST_PAD_PROBE_OK;
+}
+
+void WhepClient::send(const std::string& text) {
+  wait_for("an open channel", [this] {
+    GstWebRTCDataChannelState state;
+    g_object_get(channel_, "ready-state", &state, nullptr);
+    return state == GST_WEBRTC_DATA_CHANNEL_STATE_OPEN;
+  });
+  gst_webrtc_data_channel_send_string(channel_, text.c_str());
+}
+
+std::vector<std::string> WhepClient::messages() const {
+  const std::lock_guard lock(mutex_);
+  return messages_;
+}
+
+}  // namespace lf::test

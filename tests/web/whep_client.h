@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <atomic>
+#include <condition_variable>
+#include <mutex>
+#include <string>
+#include <vector>
+
+typedef struct _GstWebRTCDataChannel GstWebRTCDataChannel;
+
+namespace lf::test {
+
+// A viewer of an lf-serve without a browser: takes packets in and decodes nothing, so that hundreds cost little. Errors
+// are std::runtime_error. Functions are for one thread.
+class WhepClient {
+ public:
+  struct Options {
+    std::string url;  // of the server, "http://127.0.0.1:8080/"
+    int width = 640, height = 480;
+    bool vp8 = false;   // offers that alone, else H.264
+    double loss = 0;    // of the packets that come
+  };
+
+  // Offers, connects, and blocks until the first picture has come.
+  explicit WhepClient(const Options& options);
+  // Says goodbye.
+  ~WhepClient();
+  WhepClient(const WhepClient&) = delete;
+
+  const std::string& answer() const { return answer_; }
+  uint64_t pictures() const { return pictures_; }  // whose last packet has come
+  uint64_t bytes() const { return bytes_; }
+  // On the data channel; returns when the server has taken it over.
+  void send(const std::string& text);
+  // Of the data channel, so far.
+  std::vector<std::string> messages() const;
+
+ private:
+  static void pad_added(GstElement* webrtc, GstPad* pad, gpointer data);
+  static GstPadProbeReturn packet(GstPad* pad, GstPadProbeInfo* info, gpointer data);
+  void post(const std::string& offer);
+
+  Options options_;
+  GstElement *pipeline_ = nullptr, *webrtc_ = nullptr;
+  GstWebRTCDataChannel* channel_ = nullptr;
+  std::string answer_, session_;
+  std::atomic<uint64_t> pictures_ = 0, bytes_ = 0;
+  mutable std::mutex mutex_;
+  std::vector<std::string> messages_;
+};
+
+}  // namespace lf::test
