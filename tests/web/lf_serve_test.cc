@@ -5,6 +5,7 @@
 #include <libsoup/soup.h>
 #include <unistd.h>
 
+#include <filesystem>
 #include <map>
 
 #include "web/offers.h"
@@ -226,6 +227,23 @@ TEST_F(LfServe, GoesOnWhenConnectsAreAborted) {
   EXPECT_EQ(metric(served, "viewers"), "0");
   EXPECT_EQ(served.stop(), 0);
   EXPECT_EQ(served.said().find("CRITICAL"), std::string::npos) << served.said();
+}
+
+TEST_F(LfServe, ClosesConnectionsOfClientsThatHaveGone) {
+  Served served;
+  const auto open_files = [&served] {
+    const std::filesystem::directory_iterator files("/proc/" + served.pid() + "/fd");
+    return std::distance(begin(files), end(files));
+  };
+  const auto before = open_files();
+  for (int i = 0; i < 20; i++) {
+    soup_session_abort(session_);
+    EXPECT_EQ(ask(served, "GET", i % 2 ? "healthz" : "").status, 200u);
+    EXPECT_EQ(offer(served, "v=0").status, 400u);
+  }
+  soup_session_abort(session_);
+  for (int i = 0; i < 100 && open_files() > before; i++) g_usleep(100000);
+  EXPECT_LE(open_files(), before);
 }
 
 TEST_F(LfServe, LimitsConnectsOfAnAddress) {

@@ -47,6 +47,7 @@ class Served {
   }
   Served(const Served&) = delete;
 
+  std::string pid() const { return g_subprocess_get_identifier(process_); }
   // "http://127.0.0.1:PORT/"; "" if it does not serve, see said().
   const std::string& url() const { return url_; }
   const std::string& said() const { return said_; }

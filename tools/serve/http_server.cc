@@ -127,13 +127,14 @@ void HttpServer::refuse(SoupServerMessage* message, Refusal why, guint status, c
 
 // Before the body is read: nobody needs to read one that won't be taken.
 void HttpServer::begin(SoupServerMessage* message) {
+  // libsoup before 3.3 never closes a connection that waits for another request when the client has closed it.
+  set_header(message, "Connection", "close");
   SoupMessageHeaders* headers = soup_server_message_get_request_headers(message);
   const SoupEncoding encoding = soup_message_headers_get_encoding(headers);
   const bool too_long = encoding == SOUP_ENCODING_CONTENT_LENGTH &&
                         soup_message_headers_get_content_length(headers) > static_cast<goffset>(Offer::kMaxBytes);
   if (!too_long && (encoding == SOUP_ENCODING_CONTENT_LENGTH || encoding == SOUP_ENCODING_NONE)) return;
   soup_message_body_set_accumulate(soup_server_message_get_request_body(message), FALSE);
-  set_header(message, "Connection", "close");
   if (too_long)
     refuse(message, kBody, SOUP_STATUS_REQUEST_ENTITY_TOO_LARGE, "the body is too long");
   else
