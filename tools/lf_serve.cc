@@ -3,8 +3,10 @@
 #include <glib-unix.h>
 #include <gst/gst.h>
 #include <malloc.h>
+#include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <string>
 #include <utility>
@@ -65,6 +67,14 @@ std::pair<std::string, std::string> parse_path(const std::string& text) {
   return {text.substr(0, equals), file};
 }
 
+// A viewer takes about ten files, a camera two: the usual 1024 are soon used up.
+void raise_file_limit() {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  limit.rlim_cur = std::min<rlim_t>(limit.rlim_max, 65536);
+  setrlimit(RLIMIT_NOFILE, &limit);
+}
+
 gboolean quit(gpointer loop) {
   g_main_loop_quit(static_cast<GMainLoop*>(loop));
   return G_SOURCE_CONTINUE;
@@ -118,6 +128,7 @@ int main(int argc, char** argv) {
   // Viewers come and go with all their threads: with an arena each, memory would be torn to pieces.
   mallopt(M_ARENA_MAX, 2);
   setlinebuf(stdout);
+  raise_file_limit();
   Options o;
   CLI::App app("Serves a page in which everybody flies their own virtual camera, and the same streams over WHEP.",
                "lf-serve");
