@@ -203,32 +203,6 @@ TEST_F(LfServe, LimitsViewersAndForgetsTheSilent) {
   EXPECT_THAT(served.said(), HasSubstr("closes: it does not connect"));
 }
 
-TEST_F(LfServe, GoesOnWhenConnectsAreAborted) {
-  Served served({"--viewers", "30"});
-  GUri* uri = g_uri_parse(served.url().c_str(), G_URI_FLAGS_NONE, nullptr);
-  const std::string host = "127.0.0.1:" + std::to_string(g_uri_get_port(uri)), body = browser_offer();
-  g_uri_unref(uri);
-  const std::string request = "POST /whep HTTP/1.1\r\nHost: " + host + "\r\nContent-Type: application/sdp\r\n" +
-                              "Content-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body;
-  GSocketClient* client = g_socket_client_new();
-  for (int i = 0; i < 20; i++) {
-    GSocketConnection* connection = g_socket_client_connect_to_host(client, host.c_str(), 80, nullptr, nullptr);
-    ASSERT_TRUE(connection);
-    // Whole, in parts, and nothing at all.
-    g_output_stream_write_all(g_io_stream_get_output_stream(G_IO_STREAM(connection)), request.data(),
-                              request.size() * static_cast<size_t>(i % 3) / 2, nullptr, nullptr, nullptr);
-    g_usleep(static_cast<gulong>(i % 5) * 10000);
-    g_object_unref(connection);
-  }
-  g_object_unref(client);
-  EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
-  EXPECT_EQ(offer(served).status, 201u);
-  for (int i = 0; i < 600 && metric(served, "viewers") != "0"; i++) g_usleep(100000);
-  EXPECT_EQ(metric(served, "viewers"), "0");
-  EXPECT_EQ(served.stop(), 0);
-  EXPECT_EQ(served.said().find("CRITICAL"), std::string::npos) << served.said();
-}
-
 TEST_F(LfServe, ClosesConnectionsOfClientsThatHaveGone) {
   Served served;
   const auto open_files = [&served] {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gio/gio.h>
+#include <libsoup/soup.h>
 
 #include <string>
 #include <vector>
@@ -51,6 +51,21 @@ class Served {
   // "http://127.0.0.1:PORT/"; "" if it does not serve, see said().
   const std::string& url() const { return url_; }
   const std::string& said() const { return said_; }
+  // "none" if there is none of this name.
+  std::string metric(const std::string& name) const {
+    SoupSession* session = soup_session_new();
+    SoupMessage* message = soup_message_new("GET", (url_ + "metrics").c_str());
+    GBytes* bytes = soup_session_send_and_read(session, message, nullptr, nullptr);
+    gsize size = 0;
+    const char* data = bytes ? static_cast<const char*>(g_bytes_get_data(bytes, &size)) : nullptr;
+    const std::string text = "\n" + std::string(data ? data : "", size), line = "\nlightfield_" + name + " ";
+    if (bytes) g_bytes_unref(bytes);
+    g_object_unref(message);
+    g_object_unref(session);
+    const size_t at = text.find(line);
+    if (at == text.npos) return "none";
+    return text.substr(at + line.size(), text.find('\n', at + 1) - at - line.size());
+  }
   // Exit status, -1 if it was killed by a signal. All it said is in said() then.
   int stop() {
     if (!stopped_) {

@@ -52,24 +52,7 @@ WhepClient::WhepClient(const Options& options) : options_(options) {
   gst_util_set_object_arg(G_OBJECT(webrtc_), "bundle-policy", "max-bundle");
   gst_bin_add(GST_BIN(pipeline_), webrtc_);
   g_signal_connect(webrtc_, "pad-added", G_CALLBACK(pad_added), this);
-  g_signal_connect(webrtc_, "deep-element-added", G_CALLBACK(+[](GstBin*, GstBin*, GstElement* element, gpointer data) {
-                     GstElementFactory* factory = gst_element_get_factory(element);
-                     if (!factory || !g_str_equal(GST_OBJECT_NAME(factory), "nicesrc")) return;
-                     GstPad* pad = gst_element_get_static_pad(element, "src");
-                     gst_pad_add_probe(
-                         pad, GST_PAD_PROBE_TYPE_BUFFER,
-                         [](GstPad*, GstPadProbeInfo* info, gpointer client) {
-                           // Media alone (RFC 7983): what it takes to connect is another test's.
-                           guint8 first = 0;
-                           gst_buffer_extract(GST_PAD_PROBE_INFO_BUFFER(info), 0, &first, 1);
-                           const double loss = static_cast<WhepClient*>(client)->options_.loss;
-                           const bool lost = first >= 128 && first < 192 && g_random_double() < loss;
-                           return lost ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
-                         },
-                         data, nullptr);
-                     gst_object_unref(pad);
-                   }),
-                   this);
+  g_signal_connect(webrtc_, "deep-element-added", G_CALLBACK(transport_added), this);
   GObject *ice = nullptr, *agent = nullptr;
   gboolean added = FALSE;
   g_object_get(webrtc_, "ice-agent", &ice, nullptr);
@@ -114,7 +97,7 @@ WhepClient::WhepClient(const Options& options) : options_(options) {
 }
 
 WhepClient::~WhepClient() {
-  if (!session_.empty()) {
+  if (!session_.empty() && !vanished_) {
     SoupSession* session = soup_session_new();
     SoupMessage* message = soup_message_new("DELETE", session_.c_str());
     GBytes* bytes = soup_session_send_and_read(session, message, nullptr, nullptr);
@@ -148,6 +131,33 @@ void WhepClient::post(const std::string& offer) {
   if (status != 201) throw std::runtime_error(std::to_string(status) + " " + answer_);
 }
 
+void WhepClient::transport_added(GstBin*, GstBin*, GstElement* element, gpointer data) {
+  GstElementFactory* factory = gst_element_get_factory(element);
+  const std::string kind = factory ? GST_OBJECT_NAME(factory) : "";
+  if (kind != "nicesrc" && kind != "nicesink") return;
+  const bool in = kind == "nicesrc";
+  GstPad* pad = gst_element_get_static_pad(element, in ? "src" : "sink");
+  gst_pad_add_probe(pad, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
+                    in ? arrives : leaves, data, nullptr);
+  gst_object_unref(pad);
+}
+
+// Media alone are lost (RFC 7983): what it takes to connect is another test's.
+GstPadProbeReturn WhepClient::arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
+  WhepClient* self = static_cast<WhepClient*>(data);
+  if (self->vanished_) return GST_PAD_PROBE_DROP;
+  if (!(GST_PAD_PROBE_INFO_TYPE(info) & GST_PAD_PROBE_TYPE_BUFFER)) return GST_PAD_PROBE_OK;
+  guint8 first = 0;
+  gst_buffer_extract(GST_PAD_PROBE_INFO_BUFFER(info), 0, &first, 1);
+  if (first < 128 || first >= 192 || g_random_double() >= self->options_.loss) return GST_PAD_PROBE_OK;
+  self->lost_++;
+  return GST_PAD_PROBE_DROP;
+}
+
+GstPadProbeReturn WhepClient::leaves(GstPad*, GstPadProbeInfo*, gpointer data) {
+  return static_cast<WhepClient*>(data)->vanished_ ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
+}
+
 void WhepClient::pad_added(GstElement*, GstPad* pad, gpointer data) {
   WhepClient* self = static_cast<WhepClient*>(data);
   if (GST_PAD_DIRECTION(pad) != GST_PAD_SRC) return;
@@ -165,9 +175,12 @@ GstPadProbeReturn WhepClient::packet(GstPad*, GstPadProbeInfo* info, gpointer da
   WhepClient* self = static_cast<WhepClient*>(data);
   GstBuffer* buffer = GST_PAD_PROBE_INFO_BUFFER(info);
   self->bytes_ += gst_buffer_get_size(buffer);
-  guint8 marker = 0;  // RFC 3550: with the payload type
-  gst_buffer_extract(buffer, 1, &marker, 1);
-  if (marker & 0x80) self->pictures_++;
+  guint8 header[4] = {};  // RFC 3550, 5.1: marker and payload type, sequence number
+  gst_buffer_extract(buffer, 0, header, sizeof header);
+  const int sequence = GST_READ_UINT16_BE(header + 2);
+  if (self->sequence_ >= 0) self->gaps_ += static_cast<uint16_t>(sequence - self->sequence_ - 1);
+  self->sequence_ = sequence;
+  if (header[1] & 0x80) self->pictures_++;
   return GST_PAD_PROBE_OK;
 }
 

@@ -33,6 +33,10 @@ class WhepClient {
   const std::string& answer() const { return answer_; }
   uint64_t pictures() const { return pictures_; }  // whose last packet has come
   uint64_t bytes() const { return bytes_; }
+  uint64_t lost() const { return lost_; }  // packets, by Options::loss
+  uint64_t gaps() const { return gaps_; }  // packets that did not come in the end
+  // Says nothing more, not even goodbye, as a browser that was stopped.
+  void vanish() { vanished_ = true; }
   // On the data channel; returns when the server has taken it over.
   void send(const std::string& text);
   // Of the data channel, so far.
@@ -40,6 +44,9 @@ class WhepClient {
 
  private:
   static void pad_added(GstElement* webrtc, GstPad* pad, gpointer data);
+  static void transport_added(GstBin* bin, GstBin* parent, GstElement* element, gpointer data);
+  static GstPadProbeReturn arrives(GstPad* pad, GstPadProbeInfo* info, gpointer data);
+  static GstPadProbeReturn leaves(GstPad* pad, GstPadProbeInfo* info, gpointer data);
   static GstPadProbeReturn packet(GstPad* pad, GstPadProbeInfo* info, gpointer data);
   void post(const std::string& offer);
 
@@ -47,7 +54,9 @@ class WhepClient {
   GstElement *pipeline_ = nullptr, *webrtc_ = nullptr;
   GstWebRTCDataChannel* channel_ = nullptr;
   std::string answer_, session_;
-  std::atomic<uint64_t> pictures_ = 0, bytes_ = 0;
+  std::atomic<uint64_t> pictures_ = 0, bytes_ = 0, lost_ = 0, gaps_ = 0;
+  std::atomic<bool> vanished_ = false;
+  int sequence_ = -1;  // of the packet before
   mutable std::mutex mutex_;
   std::vector<std::string> messages_;
 };

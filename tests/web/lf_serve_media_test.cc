@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// What viewers get, and what one does to others.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <libsoup/soup.h>
+
+#include <functional>
+#include <memory>
+
+#include "web/offers.h"
+#include "web/served.h"
+#include "web/whep_client.h"
+
+namespace lf::test {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr int kPatience = 60;  // seconds; machines are busy
+
+bool becomes(const std::function<bool()>& condition, int seconds = kPatience) {
+  for (int i = 0; i < 20 * seconds; i++) {
+    if (condition()) return true;
+    g_usleep(50000);
+  }
+  return false;
+}
+
+class LfServeMedia : public testing::Test {
+ protected:
+  static void SetUpTestSuite() { gst_init(nullptr, nullptr); }
+
+  static std::unique_ptr<WhepClient> watch(const Served& served, WhepClient::Options options = {}) {
+    options.url = served.url();
+    options.width = 160;
+    options.height = 120;
+    return std::make_unique<WhepClient>(options);
+  }
+  static bool goes_on(const WhepClient& client, uint64_t pictures = 10) {
+    const uint64_t before = client.pictures();
+    return becomes([&] { return client.pictures() >= before + pictures; });
+  }
+};
+
+TEST_F(LfServeMedia, TheCodecIsTheOffers) {
+  Served served;
+  WhepClient::Options vp8;
+  vp8.vp8 = true;
+  const auto first = watch(served), second = watch(served, vp8);
+  EXPECT_THAT(first->answer(), HasSubstr("H264/90000"));
+  EXPECT_THAT(first->answer(), HasSubstr("profile-level-id=42e01f"));
+  EXPECT_THAT(second->answer(), HasSubstr("VP8/90000"));
+  EXPECT_TRUE(goes_on(*first));
+  EXPECT_TRUE(goes_on(*second));
+  EXPECT_EQ(served.metric("viewers"), "2");
+}
+
+TEST_F(LfServeMedia, WhoVanishesIsForgottenAndOthersGoOn) {
+  Served served;
+  const auto stays = watch(served), gone = watch(served);
+  ASSERT_EQ(served.metric("viewers"), "2");
+  gone->vanish();
+  const gint64 began = g_get_monotonic_time();
+  EXPECT_TRUE(becomes([&] { return served.metric("viewers") == "1"; }));
+  std::printf("gone after %.1f s\n", static_cast<double>(g_get_monotonic_time() - began) * 1e-6);
+  EXPECT_TRUE(goes_on(*stays));
+}
+
+TEST_F(LfServeMedia, LostPacketsAreSentAgain) {
+  Served served;
+  WhepClient::Options lossy;
+  lossy.loss = 0.05;
+  const auto client = watch(served, lossy);
+  EXPECT_TRUE(becomes([&] { return client->lost() >= 20; })) << client->lost();
+  EXPECT_TRUE(goes_on(*client));
+  EXPECT_LE(client->gaps(), client->lost() / 4) << "of " << client->lost() << " lost packets";
+}
+
+TEST_F(LfServeMedia, ConnectsThatAreAbortedDisturbNobody) {
+  Served served({"--viewers", "200", "--connects", "1000"});
+  const auto client = watch(served);
+  GUri* uri = g_uri_parse(served.url().c_str(), G_URI_FLAGS_NONE, nullptr);
+  const std::string host = "127.0.0.1:" + std::to_string(g_uri_get_port(uri)), body = browser_offer();
+  g_uri_unref(uri);
+  const std::string request = "POST /whep HTTP/1.1\r\nHost: " + host + "\r\nContent-Type: application/sdp\r\n" +
+                              "Content-Length: " + std::to_string(body.size()) + "\r\n\r\n" + body;
+  GSocketClient* connector = g_socket_client_new();
+  const uint64_t before = client->pictures();
+  for (int i = 0; i < 100; i++) {
+    GSocketConnection* connection = g_socket_client_connect_to_host(connector, host.c_str(), 80, nullptr, nullptr);
+    ASSERT_TRUE(connection);
+    // Whole, in parts, and nothing at all.
+    g_output_stream_write_all(g_io_stream_get_output_stream(G_IO_STREAM(connection)), request.data(),
+                              request.size() * static_cast<size_t>(i % 3) / 2, nullptr, nullptr, nullptr);
+    g_usleep(static_cast<gulong>(i % 5) * 10000);
+    g_object_unref(connection);
+  }
+  g_object_unref(connector);
+  EXPECT_GT(client->pictures(), before) << "none came meanwhile";
+  EXPECT_TRUE(becomes([&] { return served.metric("viewers") == "1"; }));
+  EXPECT_TRUE(goes_on(*client));
+  EXPECT_EQ(served.stop(), 0);
+  EXPECT_THAT(served.said(), Not(HasSubstr("CRITICAL")));
+}
+
+TEST_F(LfServeMedia, NonsenseOnTheDataChannelIsRefusedAndSaidAndChangesNothing) {
+  Served served;
+  const auto client = watch(served);
+  const std::string move = R"({"id":1,"request":{"type":"customUpstreamEvent","structureName":"lf-view-request",)"
+                           R"("structure":{"x":0.01}}})";
+  const std::string table[] = {" ",
+                               "x",
+                               "{}",
+                               "[]",
+                               "null",
+                               "{\"id\":-1}",
+                               "{\"id\":1e99,\"request\":{}}",
+                               with(move, "0.01", "1e999"),
+                               with(move, "0.01", "\"0\""),
+                               with(move, "0.01", "null"),
+                               with(move, "lf-view-request", "GstForceKeyUnit"),
+                               with(move, "\"x\"", "\"lf-view-id\""),
+                               with(move, "\"x\"", "\"\""),
+                               with(move, "{\"x\":0.01}", "[1]"),
+                               with(move, "customUpstreamEvent", "navigationEvent"),
+                               std::string(3000, '['),
+                               std::string(60000, ' '),
+                               move.substr(0, move.size() / 2)};
+  for (const std::string& text : table) client->send(text);
+  client->send(move);
+  EXPECT_TRUE(becomes([&] {
+    return std::ranges::any_of(client->messages(), [](const std::string& m) { return m.find("applied") != m.npos; });
+  }));
+  EXPECT_EQ(served.metric("refused_messages_total"), std::to_string(std::size(table)));
+  for (int i = 0; i < 2000; i++) client->send(move);
+  EXPECT_TRUE(goes_on(*client));
+  EXPECT_EQ(served.stop(), 0);
+  EXPECT_THAT(served.said(), HasSubstr("too many messages"));
+  EXPECT_THAT(served.said(), Not(HasSubstr("CRITICAL")));
+}
+
+}  // namespace
+}  // namespace lf::test
