@@ -88,7 +88,7 @@ async function linkKeyboardNamesAndSize() {
   for (let i = 0; i < 20; i++) await page.keyboard.press('ArrowRight');
   await until(async () => (await stateOf(page))['focus-distance'] > before * 1.2, 'the slider focuses');
   await page.focus('lightfield-viewer video');
-  const kept = await stateOf(page);
+  const kept = await setView(page, { fov: (await stateOf(page)).fov });  // all keys have been taken
   await page.setViewportSize({ width: 320, height: 240 });
   await page.waitForFunction(() => document.querySelector('lightfield-viewer').video.videoWidth === 320, null,
     { timeout: patience });
@@ -479,6 +479,7 @@ async function refusals() {
     for (let i = 0; i < 5000; i++) channel.send('{"id":1,"request":{"type":"navigationEvent"}}');
     channel.send('x'.repeat(60000));
   });
+  await right.evaluate(() => document.querySelector('lightfield-viewer').connection.channel.send(''));
   await until(() => /too many messages/.test(served.said), 'the flood is noticed');
   await new Promise(done => setTimeout(done, 1000));
   await setView(right, { yaw: 1 });
