@@ -85,13 +85,14 @@ void lf_compositor_find_focus(LfCompositor* self) {
     state.focus = lf::FocusControl(settings);
     state.focus_from.reset();
   }
-  if (settings.mode == lf::FocusMode::kPlane && !was_finding) return;
+  // A viewer may ask for the focus once, where none is looked for.
+  if (settings.mode == lf::FocusMode::kPlane && !was_finding && state.moments.empty()) return;
   lf::ViewRequest request = *state.current;
   if (!state.focus_from) {
     // Without a rig any plane will do that stays where it is.
     state.focus_from = state.rig ? lf::array_plane(*state.rig)
                                  : lf::plane_through(request.view.pose.position, request.view.pose.forward());
-    request.view.focus.map = nullptr;
+    if (settings.mode != lf::FocusMode::kPlane) request.view.focus.map = nullptr;
   }
   const lf::FocusControl::Plan plan = state.focus.next(request, state.moments, *state.focus_from);
   state.stats.set_focus(state.focus.state(), state.moment_bytes);

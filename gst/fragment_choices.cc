@@ -30,6 +30,17 @@ GType lf_fragment_codec_get_type(void) {
   return type;
 }
 
+GType lf_fragment_resampling_get_type(void) {
+  static const GType type = [] {
+    static const GEnumValue values[] = {
+        {static_cast<gint>(lf::Resampling::kBilinear), "Bilinear", "bilinear"},
+        {static_cast<gint>(lf::Resampling::kSharpened), "Bilinear, of images sharpened before", "sharpened"},
+        {0, nullptr, nullptr}};
+    return g_enum_register_static("LfFragmentResampling", values);
+  }();
+  return type;
+}
+
 void lf_fragment_install_choices(GObjectClass* klass, guint first_id) {
   constexpr auto kFlags = GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING);
   g_object_class_install_property(
@@ -70,6 +81,13 @@ void lf_fragment_install_choices(GObjectClass* klass, guint first_id) {
                         "What the cameras know, and so what is answered: view requests, or the commands that "
                         "lfviewrequest sends with the same setting. Pixels need an lfcompositor with a rig",
                         LF_TYPE_ACCESS, static_cast<gint>(lf::Access::kSelf), kFlags));
+  g_object_class_install_property(
+      klass, first_id + 7,
+      g_param_spec_enum("resampling", "Resampling",
+                        "How cameras' images are sampled: sharpening makes up for what bilinear samples lose, which is "
+                        "what is left of the error where the focus is right",
+                        LF_TYPE_FRAGMENT_RESAMPLING, static_cast<gint>(lf::Resampling::kBilinear), kFlags));
+  gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_RESAMPLING, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_ACCESS, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_SUM, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_CODEC, GstPluginAPIFlags(0));

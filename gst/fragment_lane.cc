@@ -58,6 +58,7 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
   manner.codec = self->codec;
   manner.strip_pixels = self->strip_pixels;
   manner.max_skew = self->max_skew;
+  manner.resampling = self->resampling;
   const bool post = self->post_messages;
   const lf::Access access = self->access;
   const guint threads = self->threads > 0 ? self->threads : g_get_num_processors();

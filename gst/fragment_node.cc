@@ -94,6 +94,18 @@ FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester&
   return {.moments = {}, .bytes = wire::AnswerWriter(header, 0).finish(), .warning = std::move(warning)};
 }
 
+std::vector<Source> FragmentNode::sharpen_all(std::span<const Source> images, const AnswerTask& task,
+                                              const Manner& manner, std::vector<Image>& memory) {
+  std::vector<Source> sharpened(images.begin(), images.end());
+  memory.resize(std::max(memory.size(), images.size()));
+  manner.parallel(images.size(), [&](size_t i) {
+    if (images[i].image.family == PixelFamily::kNone) return;
+    sharpen(images[i].image, task.region(images[i].camera), memory[i]);
+    sharpened[i].image = memory[i].view();
+  });
+  return sharpened;
+}
+
 FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeTask& make_task, const Array& array,
                                          Requester& requester, const Manner& manner, wire::AnswerHeader header,
                                          ByteBuffer memory, uint64_t waited) {
@@ -171,7 +183,11 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
   const uint64_t trying = now_ns();
   ByteBuffer moments = task->moments(header, images, manner.parallel);
   const uint64_t tried = now_ns();
-  RenderedAnswer rendered = task->render(header, images, manner, std::move(memory), manner.parallel);
+  std::vector<Source> sharpened;
+  if (manner.resampling == Resampling::kSharpened)
+    sharpened = sharpen_all(images, *task, manner, requester.sharpened);
+  RenderedAnswer rendered = task->render(header, sharpened.empty() ? images : sharpened, manner, std::move(memory),
+                                         manner.parallel);
   const NodeStats::Stages stages = {.wait = waited + (found - planned),
                                     .decode = decoded - found,
                                     .render = planned - begun + tried - trying + rendered.render_ns,

@@ -11,6 +11,7 @@
 #include "base/parallel.h"
 #include "camera_inputs.h"
 #include "frame_sources.h"
+#include "image/sharpen.h"
 #include "node/answer_task.h"
 #include "node/skew_watch.h"
 #include "node_stats.h"
@@ -33,6 +34,7 @@ class FragmentNode {
     std::shared_ptr<const Rig> rig;  // that the rest is about
     MeshCache mesh;
     SkewWatch watch;
+    std::vector<Image> sharpened;         // memory of sharpened images
     uint64_t warned_of = 0;               // hash of another rig that a person has been told of
     std::atomic<bool> cancelled = false;  // nothing is waited for; see cancel()
   };
@@ -43,6 +45,7 @@ class FragmentNode {
     bool live = false;       // the request is: nothing is waited for
     uint64_t base_time = 0;  // of the pipeline: clock time of running time 0
     uint64_t max_skew = 0;   // of a live camera's frame; what is farther from the target is none; 0: any
+    Resampling resampling = Resampling::kBilinear;
     ParallelFor parallel = serial_for;
   };
   struct Reply {
@@ -63,6 +66,9 @@ class FragmentNode {
   MakeTask task_maker(const wire::AnyRequest& request, const Array& array, Requester& requester) const;
   Reply render(const RequestHead& request, const MakeTask& make_task, const Array& array, Requester& requester,
                const Manner& manner, wire::AnswerHeader header, ByteBuffer memory, uint64_t waited);
+  // The same images, what the task needs of them sharpened, in `memory`.
+  static std::vector<Source> sharpen_all(std::span<const Source> images, const AnswerTask& task, const Manner& manner,
+                                         std::vector<Image>& memory);
   std::string skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report) const;
 
   NodeStats stats_;

@@ -48,6 +48,7 @@ enum {
   kPropStripPixels,
   kPropPostMessages,
   kPropAccess,
+  kPropResampling,
   kPropDecode,
   kPropLatency,
   kPropStats,
@@ -220,7 +221,7 @@ static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, Gst
 }
 
 // How lffragment answers is its own property under the same name.
-static bool is_of_fragment(guint id) { return id == kPropStats || (id >= kPropSum && id <= kPropAccess); }
+static bool is_of_fragment(guint id) { return id == kPropStats || (id >= kPropSum && id <= kPropResampling); }
 
 static void lf_camera_node_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfCameraNode* self = LF_CAMERA_NODE(object);

@@ -124,6 +124,7 @@ enum {
   PROP_STRIP_PIXELS,
   PROP_POST_MESSAGES,
   PROP_ACCESS,
+  PROP_RESAMPLING,
   PROP_STATS
 };
 
@@ -163,6 +164,7 @@ static void lf_fragment_set_property(GObject* object, guint id, const GValue* va
     case PROP_STRIP_PIXELS: self->strip_pixels = g_value_get_int(value); break;
     case PROP_POST_MESSAGES: self->post_messages = g_value_get_boolean(value); break;
     case PROP_ACCESS: self->access = static_cast<lf::Access>(g_value_get_enum(value)); break;
+    case PROP_RESAMPLING: self->resampling = static_cast<lf::Resampling>(g_value_get_enum(value)); break;
     case PROP_MAX_SKEW: self->max_skew = g_value_get_uint64(value); break;
     case PROP_CODEC: self->codec = static_cast<lf::CodecChoice>(g_value_get_enum(value)); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
@@ -181,6 +183,7 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
     case PROP_STRIP_PIXELS: g_value_set_int(value, self->strip_pixels); break;
     case PROP_POST_MESSAGES: g_value_set_boolean(value, self->post_messages); break;
     case PROP_ACCESS: g_value_set_enum(value, static_cast<gint>(self->access)); break;
+    case PROP_RESAMPLING: g_value_set_enum(value, static_cast<gint>(self->resampling)); break;
     case PROP_MAX_SKEW: g_value_set_uint64(value, self->max_skew); break;
     case PROP_CODEC: g_value_set_enum(value, static_cast<gint>(self->codec)); break;
     case PROP_STATS: g_value_take_boxed(value, self->node->stats().structure()); break;

@@ -17,6 +17,8 @@ G_DECLARE_FINAL_TYPE(LfFragmentPad, lf_fragment_pad, LF, FRAGMENT_PAD, GstPad)
 GType lf_fragment_sum_get_type(void);
 #define LF_TYPE_FRAGMENT_CODEC (lf_fragment_codec_get_type())
 GType lf_fragment_codec_get_type(void);
+#define LF_TYPE_FRAGMENT_RESAMPLING (lf_fragment_resampling_get_type())
+GType lf_fragment_resampling_get_type(void);
 
 GST_ELEMENT_REGISTER_DECLARE(lffragment);
 

@@ -72,6 +72,7 @@ struct _LfFragment {
   gint strip_pixels;       // under the object lock
   gboolean post_messages;  // under the object lock
   lf::Access access;       // under the object lock
+  lf::Resampling resampling;  // under the object lock
   GstClockTime max_skew;   // under the object lock
   std::shared_ptr<lf::WorkerPool>* workers;
   lf::FragmentNode* node;
@@ -81,7 +82,7 @@ struct _LfFragment {
 };
 
 // The properties that say how answers are made (fragment_choices.cc): sum, codec, threads, max-skew, strip-pixels,
-// post-messages, access, in the order of their ids.
+// post-messages, access, resampling, in the order of their ids.
 void lf_fragment_install_choices(GObjectClass* klass, guint first_id);
 
 // Whether what comes to this sink pad comes in real time.

@@ -62,6 +62,7 @@
  */
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <optional>
 #include <string>
@@ -69,6 +70,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "focus/array_plane.h"
 #include "gst_wire.h"
 #include "lfviewrequest_private.h"
 
@@ -82,7 +84,7 @@ enum {
   PROP_FIRST_SETTING = PROP_FIRST_FIELD + lf::kNumViewFields,
   PROP_NET_CLOCK = PROP_FIRST_SETTING + lf::ViewRequestSettings::kNumProperties,
 };
-enum { SIGNAL_SET_VIEW, NUM_SIGNALS };
+enum { SIGNAL_SET_VIEW, SIGNAL_FOCUS_AT, NUM_SIGNALS };
 static guint signals[NUM_SIGNALS];
 static GParamSpec* field_pspecs[lf::kNumViewFields];
 
@@ -133,6 +135,23 @@ static gboolean lf_view_request_set_view(LfViewRequest* self, const GstStructure
   return structure && change_view(self, [&](lf::ViewControl& control) { return control.set_view(structure); });
 }
 
+static void set_focus_distance(LfViewRequest* self, double distance) {
+  change_view(self, [distance](lf::ViewControl& control) {
+    control.set(lf::kFieldFocus, distance);
+    return TRUE;
+  });
+}
+
+static gboolean lf_view_request_focus_at(LfViewRequest* self, gdouble x, gdouble y) {
+  if (!std::isfinite(x) || !std::isfinite(y)) return FALSE;
+  GST_OBJECT_LOCK(self);
+  const bool steered = self->stream && !self->stream->from_file();
+  GST_OBJECT_UNLOCK(self);
+  if (!steered) return FALSE;
+  if (const std::optional<double> distance = self->focus_feedback->focus_at({x, y})) set_focus_distance(self, *distance);
+  return TRUE;
+}
+
 static bool is_navigation(GstEvent* event) { return GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION; }
 static bool is_view(GstEvent* event) {
   return GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && gst_event_has_name(event, lf::kViewEvent);
@@ -140,13 +159,18 @@ static bool is_view(GstEvent* event) {
 
 // By an event that is one of these two.
 static gboolean steer(LfViewRequest* self, GstEvent* event) {
-  return change_view(self, [&](lf::ViewControl& control) {
+  std::optional<lf::Vec2> click;
+  const gboolean done = change_view(self, [&](lf::ViewControl& control) {
     if (!self->stream || self->stream->from_file()) return false;
     if (!lf::is_for_view(event, self->settings->view_id)) return false;
     if (is_view(event)) return control.set_view(gst_event_get_structure(event));
     const lf::View view = current_view(self);
-    return self->settings->navigation && control.navigate(event, view.width, view.height);
+    const bool changed = self->settings->navigation && control.navigate(event, view.width, view.height);
+    click = control.take_click();
+    return changed;
   });
+  if (click) lf_view_request_focus_at(self, click->x, click->y);
+  return done;
 }
 
 static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
@@ -157,8 +181,10 @@ static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
     GST_OBJECT_LOCK(self);
     const bool own = news.view_id == self->settings->view_id;
     GST_OBJECT_UNLOCK(self);
-    if (own) self->focus_feedback->announce(std::move(news));
-    return own;
+    if (!own) return FALSE;
+    self->focus_feedback->announce(std::move(news));
+    if (const std::optional<double> found = self->focus_feedback->take_found()) set_focus_distance(self, *found);
+    return TRUE;
   }
   if (!is_navigation(event) && !is_view(event))
     return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->event(base, event);
@@ -406,7 +432,10 @@ static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   self->changed = false;
   GST_OBJECT_UNLOCK(self);
 
-  self->focus_feedback->apply(request);
+  self->focus_feedback->apply(request, [&] {
+    return rig ? lf::array_plane(*rig)
+               : lf::plane_through(request.view.pose.position, request.view.pose.forward());
+  });
   self->has_sent = true;
   self->last_sequence = request.sequence;
   *out = lf::encode_request_buffer(request);
@@ -551,6 +580,21 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
       "set-view", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
       G_CALLBACK(lf_view_request_set_view), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN, 1,
       GST_TYPE_STRUCTURE | G_SIGNAL_TYPE_STATIC_SCOPE);
+
+  /**
+   * LfViewRequest::focus-at:
+   * @request: the element
+   * @x: pixels of the view, from the middle of its first one
+   * @y: the same
+   *
+   * Puts the focal plane where the view is in focus at a pixel, as a click on the picture does: at once if its
+   * lfcompositor has a focal surface, else as soon as two requests have swept all depths.
+   *
+   * Returns: %FALSE if a number is not finite, or the view is a file's, or the element does not run.
+   */
+  signals[SIGNAL_FOCUS_AT] = g_signal_new_class_handler(
+      "focus-at", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
+      G_CALLBACK(lf_view_request_focus_at), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN, 2, G_TYPE_DOUBLE, G_TYPE_DOUBLE);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf_view_request_change_state;

@@ -136,10 +136,13 @@ bool ViewControl::navigate(GstEvent* event, int view_width, int view_height) {
       if (!gst_navigation_event_parse_mouse_button_event(event, &button, &x, &y)) return false;
       if (button == 4 || button == 5) return wheel(button == 4 ? 1 : -1, control);  // X11's wheel
       if (button < 1 || button > 3 || !std::isfinite(x) || !std::isfinite(y)) return false;
-      drag_ = Drag{x, y, button != 1};
+      drag_ = Drag{x, y, button != 1, {x, y}};
       return true;
     case GST_NAVIGATION_EVENT_MOUSE_BUTTON_RELEASE: {
       const bool dragging = drag_.has_value();
+      constexpr double kStill = 3;  // pixels that a hand may move
+      if (dragging && !drag_->pan && glm::distance(drag_->begun, Vec2(drag_->x, drag_->y)) <= kStill)
+        click_ = drag_->begun;
       drag_.reset();
       return dragging;
     }

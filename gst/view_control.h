@@ -6,6 +6,7 @@
 #include <array>
 #include <memory>
 #include <optional>
+#include <utility>
 
 #include "render/visible_share.h"
 #include "view/navigator.h"
@@ -56,11 +57,14 @@ class ViewControl {
   void keep_visible(std::shared_ptr<const VisibleShare> share);
   // A GstNavigation event of a picture of this size in pixels. False if it means nothing here.
   bool navigate(GstEvent* event, int view_width, int view_height);
+  // Where the picture was clicked since, pixels: pressed with the first button and let go without a drag.
+  std::optional<Vec2> take_click() { return std::exchange(click_, std::nullopt); }
 
  private:
   struct Drag {
     double x, y;
     bool pan;  // whatever the modifiers
+    Vec2 begun;
   };
 
   bool drag_to(double x, double y, bool shift, int view_height);
@@ -71,6 +75,7 @@ class ViewControl {
   ViewValues values_;
   std::array<std::optional<double>, kNumViewFields> given_;
   std::optional<Drag> drag_;
+  std::optional<Vec2> click_;
   std::shared_ptr<const VisibleShare> share_;
   double aspect_ = 0;  // that the navigator knows
 };

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "focus/plane_map.h"
+
 namespace lf {
 namespace {
 
@@ -13,35 +15,21 @@ uint8_t median_level(std::vector<uint8_t> levels) {
   return *middle;
 }
 
+SurfaceChoice choice_of(const ViewRequest& request, std::span<const Moments> moments) {
+  const FocalMap& map = *request.view.focus.map;
+  std::vector<std::vector<uint8_t>> levels;
+  for (const Trial& trial : request.trials) levels.push_back(trial_levels(map, trial));
+  return choose_surface(map, levels, moments);
+}
+
 }  // namespace
 
 std::shared_ptr<const FocalMap> FocusControl::first_map(const View& view, const Plane& from) const {
-  auto map = std::make_shared<FocalMap>(FocalMap::for_view(view.width, view.height));
-  map->from = from;
-  const Plane& plane = view.focus.plane;
-
-  // Where a line of sight meets the viewer's plane, as inverse distance; nothing if it does not.
-  const Vec3 normal = glm::transpose(view.pose.rotation()) * plane.normal;
-  const Vec3 counted = glm::transpose(view.pose.rotation()) * from.normal;
-  const double offset = -plane.signed_distance(view.pose.position), eye = from.signed_distance(view.pose.position);
-  const auto inverse = [&](const Vec3& d) {
-    const double t = offset / glm::dot(normal, d);
-    const double distance = eye + t * glm::dot(counted, d);
-    return t > 0 && distance > 0 ? 1 / distance : 0;
-  };
-  const double focused = inverse({0, 0, 1});
+  const double focused = plane_inverse(view, from, {0, 0, 1});
   const double distance = focused > 0 ? 1 / focused : 1;
-  map->nearest = 1 / (settings_.near > 0 ? settings_.near : kNearest * distance);
-  map->farthest = 1 / (settings_.far > 0 ? settings_.far : kFarthest * distance);
-  if (!(map->nearest > map->farthest)) map->nearest = 2 * map->farthest;
-  map->levels.reserve(static_cast<size_t>(map->columns) * static_cast<size_t>(map->rows));
-  for (int j = 0; j < map->rows; j++)
-    for (int i = 0; i < map->columns; i++) {
-      const double middle = (map->step - 1) / 2.0;
-      const std::optional<Vec2> ray = view.lens.unproject({map->step * i + middle, map->step * j + middle});
-      map->levels.push_back(map->level_of(ray ? inverse({*ray, 1}) : focused));
-    }
-  return map;
+  const double farthest = 1 / (settings_.far > 0 ? settings_.far : kFarthest * distance);
+  const double nearest = 1 / (settings_.near > 0 ? settings_.near : kNearest * distance);
+  return std::make_shared<FocalMap>(plane_map(view, from, nearest > farthest ? nearest : 2 * farthest, farthest));
 }
 
 void FocusControl::judge(const SurfaceChoice& choice, const std::vector<Trial>& trials, FocalMap& map) {
@@ -75,20 +63,23 @@ std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
 FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<const Moments> moments,
                                       const Plane& from) {
   Plan plan{.view = request.view, .trials = {}};
+  const std::shared_ptr<const FocalMap>& map = request.view.focus.map;
   if (settings_.mode == FocusMode::kPlane) {
     plan.view.focus.map = nullptr;
+    if (!map || moments.empty()) return plan;
+    // The viewer asks where it would be in focus: see add_focus_sweep().
+    auto found = std::make_shared<FocalMap>(*map);
+    found->levels = choice_of(request, moments).levels;
+    plan.view.focus.map = std::move(found);
     return plan;
   }
-  const std::shared_ptr<const FocalMap>& map = request.view.focus.map;
   if (!map) {
     plan.view.focus.map = first_map(request.view, from);
     state_ = {};
     quiet_ = 0;
     skipped_ = 0;
   } else if (!moments.empty()) {
-    std::vector<std::vector<uint8_t>> levels;
-    for (const Trial& trial : request.trials) levels.push_back(trial_levels(*map, trial));
-    SurfaceChoice choice = choose_surface(*map, levels, moments);
+    SurfaceChoice choice = choice_of(request, moments);
     auto better = std::make_shared<FocalMap>(*map);
     better->levels = std::move(choice.levels);
     state_.rounds++;

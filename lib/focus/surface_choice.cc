@@ -8,14 +8,25 @@
 namespace lf {
 namespace {
 
-// Means over 3 x 3 nodes of the deviations there are; infinity where there is none.
-std::vector<float> smoothed_cost(const Moments& moments) {
+constexpr int kMissingWeight = Moments::kWeightOne / 16;
+
+// The most weight that any trial has at each node, less what may be missing: fewer cameras always agree better.
+std::vector<uint16_t> least_weights(std::span<const Moments> moments) {
+  std::vector<uint16_t> least(moments[0].weight.size());
+  for (const Moments& m : moments)
+    for (size_t i = 0; i < least.size(); i++) least[i] = std::max(least[i], m.weight[i]);
+  for (uint16_t& w : least) w = static_cast<uint16_t>(std::max(w - kMissingWeight, 0));
+  return least;
+}
+
+// Means over 3 x 3 nodes of the deviations there are; infinity where there is none, or less weight than `least`.
+std::vector<float> smoothed_cost(const Moments& moments, const std::vector<uint16_t>& least) {
   const int columns = moments.columns, rows = moments.rows;
   const size_t nodes = moments.weight.size();
   std::vector<float> sum(nodes), count(nodes), row_sum(nodes), row_count(nodes);
   for (size_t i = 0; i < nodes; i++) {
     const float deviation = moments.deviation(i);
-    const bool seen = !std::isnan(deviation);
+    const bool seen = !std::isnan(deviation) && moments.weight[i] >= least[i];
     sum[i] = seen ? deviation : 0;
     count[i] = seen ? 1 : 0;
   }
@@ -65,7 +76,8 @@ SurfaceChoice choose_surface(const FocalMap& surface, std::span<const std::vecto
                              std::span<const Moments> moments) {
   SurfaceChoice choice;
   choice.levels = surface.levels;
-  std::vector<float> best = smoothed_cost(moments[0]);
+  const std::vector<uint16_t> least = least_weights(moments);
+  std::vector<float> best = smoothed_cost(moments[0], least);
   const std::vector<float> base = best;
   choice.residual = median_of_finite(base);
   if (std::isnan(choice.residual)) return choice;
@@ -73,7 +85,7 @@ SurfaceChoice choose_surface(const FocalMap& surface, std::span<const std::vecto
   std::vector<size_t> chosen(best.size(), 0);
   std::vector<std::vector<float>> costs{base};
   for (size_t t = 1; t < trials.size(); t++) {
-    costs.push_back(smoothed_cost(moments[t]));
+    costs.push_back(smoothed_cost(moments[t], least));
     const std::vector<float>& cost = costs.back();
     for (size_t i = 0; i < best.size(); i++)
       if (cost[i] + lead < best[i]) {

@@ -21,7 +21,8 @@ struct SurfaceChoice {
 
 // The level, for each node, of the trial through which the cameras agree best: where the deviation, averaged over 3 x 3
 // nodes, is smallest. The smoothed surface (trials[0]) has a lead of kLead of the median deviation: against flicker
-// where nothing tells surfaces apart. Nodes that no trial sees keep their level. `trials`: levels of each.
+// where nothing tells surfaces apart. Nodes that no trial sees keep their
+// level; a trial that fewer cameras see than another does not compete there. `trials`: levels of each.
 inline constexpr double kLead = 0.06;
 SurfaceChoice choose_surface(const FocalMap& surface, std::span<const std::vector<uint8_t>> trials,
                              std::span<const Moments> moments);

@@ -2,9 +2,11 @@
 #include "wire/moments_codec.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "base/error.h"
 #include "focus/trial.h"
+#include "render/rect.h"
 #include "rig/rig.h"
 #include "wire/bytes.h"
 #include "wire/unit.h"
@@ -12,21 +14,53 @@
 namespace lf::wire {
 namespace {
 
-constexpr size_t kHeaderBytes = kUnitHeaderBytes + 4 + 4 + 8 + 4 + 2 + 2 + 2;
+constexpr size_t kHeaderBytes = kUnitHeaderBytes + 4 + 4 + 8 + 4 + 2 + 2 + 2 + 8;
 constexpr uint8_t kHasWeight = 1;  // flag of a trial: else all of its weight is there
 
-bool is_whole(const Moments& moments) {
-  return std::ranges::all_of(moments.weight, [](uint16_t w) { return w == Moments::kWeightOne; });
+// The nodes with weight in any trial.
+Rect seen_nodes(std::span<const Moments> trials) {
+  Rect rect;
+  for (const Moments& moments : trials)
+    for (int y = 0; y < moments.rows; y++) {
+      const uint16_t* const row = moments.weight.data() + static_cast<size_t>(y) * moments.columns;
+      const auto has = [](uint16_t w) { return w != 0; };
+      const uint16_t* const first = std::find_if(row, row + moments.columns, has);
+      if (first == row + moments.columns) continue;
+      const auto last = std::find_if(std::reverse_iterator(row + moments.columns), std::reverse_iterator(row), has);
+      rect = unite(rect, {static_cast<int>(first - row), y, static_cast<int>(last.base() - row), y + 1});
+    }
+  return rect;
 }
 
-void put_plane(PlacedWriter& out, const std::vector<uint16_t>& values) {
-  for (const uint16_t value : values) out.put(value);
+// Calls fn(first, past) for the rows of a plane in a rectangle.
+template <class Plane, class Fn>
+void for_rows(Plane& values, int columns, const Rect& rect, const Fn& fn) {
+  for (int y = rect.y0; y < rect.y1; y++) {
+    const auto row = values.data() + static_cast<size_t>(y) * columns;
+    fn(row + rect.x0, row + rect.x1);
+  }
 }
 
-void read_plane(Reader& in, std::vector<uint16_t>& values) {
-  const std::span<const uint8_t> bytes = in.get_bytes(2 * values.size());
-  for (size_t i = 0; i < bytes.size() / 2; i++)
-    values[i] = static_cast<uint16_t>(bytes[2 * i] << 8 | bytes[2 * i + 1]);
+bool is_whole(const Moments& moments, const Rect& rect) {
+  bool whole = true;
+  for_rows(moments.weight, moments.columns, rect, [&](const uint16_t* first, const uint16_t* past) {
+    whole = whole && std::all_of(first, past, [](uint16_t w) { return w == Moments::kWeightOne; });
+  });
+  return whole;
+}
+
+void put_plane(PlacedWriter& out, const std::vector<uint16_t>& values, int columns, const Rect& rect) {
+  for_rows(values, columns, rect, [&](const uint16_t* first, const uint16_t* past) {
+    for (; first < past; first++) out.put(*first);
+  });
+}
+
+void read_plane(Reader& in, std::vector<uint16_t>& values, int columns, const Rect& rect) {
+  for_rows(values, columns, rect, [&](uint16_t* first, uint16_t* past) {
+    const std::span<const uint8_t> bytes = in.get_bytes(2 * static_cast<size_t>(past - first));
+    for (size_t i = 0; i < bytes.size() / 2; i++)
+      first[i] = static_cast<uint16_t>(bytes[2 * i] << 8 | bytes[2 * i + 1]);
+  });
 }
 
 MomentsUnit read_moments(std::span<const uint8_t> bytes) {
@@ -47,19 +81,26 @@ MomentsUnit read_moments(std::span<const uint8_t> bytes) {
     throw Error("trials: must be 1 to " + std::to_string(kMaxTrials) + ", not " + std::to_string(trials));
   if (columns < 1 || columns > kMaxImageSize || rows < 1 || rows > kMaxImageSize)
     throw Error("moments: no view has " + std::to_string(columns) + " x " + std::to_string(rows) + " nodes");
-  const size_t plane = 2 * static_cast<size_t>(columns) * static_cast<size_t>(rows);
-  if (in.left() < trials * (1 + 2 * plane)) throw Error("moments: the unit ends before its trials do");
+  const int x = in.get<uint16_t>(), y = in.get<uint16_t>(), w = in.get<uint16_t>(), h = in.get<uint16_t>();
+  const Rect rect{x, y, x + w, y + h};
+  if (rect.x1 > columns || rect.y1 > rows || (w == 0) != (h == 0))
+    throw Error("rectangle: is not inside the map");
+  const size_t nodes = static_cast<size_t>(columns) * static_cast<size_t>(rows);
+  if (nodes > FocalMap::kMaxNodes) throw Error("moments: " + std::to_string(nodes) + " nodes are too many");
+  if (in.left() < trials * (1 + 4 * static_cast<size_t>(w) * static_cast<size_t>(h)))
+    throw Error("moments: the unit ends before its trials do");
   unit.trials.resize(trials);
   for (Moments& moments : unit.trials) {
     const uint8_t flags = in.get<uint8_t>();
     if (flags > kHasWeight) throw Error("trials: unknown flags " + std::to_string(flags));
     moments.reset(columns, rows);
     if (flags & kHasWeight)
-      read_plane(in, moments.weight);
+      read_plane(in, moments.weight, columns, rect);
     else
-      std::ranges::fill(moments.weight, Moments::kWeightOne);
-    read_plane(in, moments.luma);
-    read_plane(in, moments.square);
+      for_rows(moments.weight, columns, rect,
+               [](uint16_t* first, uint16_t* past) { std::fill(first, past, Moments::kWeightOne); });
+    read_plane(in, moments.luma, columns, rect);
+    read_plane(in, moments.square, columns, rect);
   }
   if (!in.ok() || in.left() != 0) throw Error("moments: the unit's length is not that of its trials");
   return unit;
@@ -75,13 +116,14 @@ bool is_moments(std::span<const uint8_t> bytes) {
 ByteBuffer encode_moments(const MomentsHeader& header, std::span<const Moments> trials) {
   if (trials.empty() || trials.size() > kMaxTrials)
     throw Error("trials: must be 1 to " + std::to_string(kMaxTrials) + ", not " + std::to_string(trials.size()));
-  const size_t nodes = trials[0].weight.size();
+  const Rect rect = seen_nodes(trials);
+  const size_t nodes = static_cast<size_t>(rect.width()) * static_cast<size_t>(rect.height());
   size_t size = kHeaderBytes;
   std::vector<bool> whole;
   for (const Moments& moments : trials) {
     if (moments.columns != trials[0].columns || moments.rows != trials[0].rows)
       throw Error("trials: of different sizes");
-    whole.push_back(is_whole(moments));
+    whole.push_back(is_whole(moments, rect));
     size += 1 + 2 * nodes * (whole.back() ? 2 : 3);
   }
   ByteBuffer bytes(size);
@@ -95,11 +137,13 @@ ByteBuffer encode_moments(const MomentsHeader& header, std::span<const Moments> 
   out.put(static_cast<uint16_t>(trials[0].rows));
   out.put(static_cast<uint8_t>(trials.size()));
   out.put(uint8_t{0});
+  for (const int v : {rect.x0, rect.y0, rect.width(), rect.height()}) out.put(static_cast<uint16_t>(v));
   for (size_t t = 0; t < trials.size(); t++) {
     out.put(whole[t] ? uint8_t{0} : kHasWeight);
-    if (!whole[t]) put_plane(out, trials[t].weight);
-    put_plane(out, trials[t].luma);
-    put_plane(out, trials[t].square);
+    const int columns = trials[t].columns;
+    if (!whole[t]) put_plane(out, trials[t].weight, columns, rect);
+    put_plane(out, trials[t].luma, columns, rect);
+    put_plane(out, trials[t].square, columns, rect);
   }
   return bytes;
 }

@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // The focal surface found in a pipeline of files, against ground truth and against itself in other places.
+#include <gst/video/video.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
+#include <functional>
+#include <tuple>
 
+#include "gst/gst_test.h"
 #include "image/image_io.h"
 #include "pipelines/gst_launch.h"
 #include "quality/quality.h"
@@ -89,6 +94,67 @@ TEST_F(FocusedArray, NodesOfATreeFindTheSameSurfaceAsOneProcess) {
                    node("n1", "3-4", "a.sink_1") + node("n2", "5-7", "a.sink_2") + node("n3", "8-9", "b.sink_0") +
                    node("n4", "10-12", "b.sink_1") + node("n5", "13-15", "b.sink_2"));
   for (int i = 0; i < kPictures; i++) EXPECT_EQ(compare(tree[i], one[i]).max_error, 0) << i;
+}
+
+// A live viewer of the array, whose compositor focuses as told.
+class LiveViewer {
+ public:
+  LiveViewer(const std::string& rig, const std::string& focus)
+      : pipeline_(launch("lfviewrequest name=v is-live=true framerate=20/1 focus-distance=1.3 rig=" + rig +
+                         " ! tee name=r  r. ! queue ! n.request  lfcameranode name=n max-skew=0 rig=" + rig +
+                         " ! c.sink_0  r. ! queue ! c.request  lfcompositor name=c latency=2000000000 rig=" + rig + " " +
+                         focus + " ! fakesink name=s sync=false")) {
+    gst_element_set_state(pipeline_.get(), GST_STATE_PLAYING);
+  }
+  ~LiveViewer() { gst_element_set_state(pipeline_.get(), GST_STATE_NULL); }
+  ElementPtr element(const char* name) const {
+    return ElementPtr(gst_bin_get_by_name(GST_BIN(pipeline_.get()), name));
+  }
+  double focus_distance() const {
+    double distance = 0;
+    g_object_get(element("v").get(), "focus-distance", &distance, nullptr);
+    return distance;
+  }
+  void click(double x, double y) const {
+    const ElementPtr sink = element("s");
+    gst_element_send_event(sink.get(), gst_navigation_event_new_mouse_button_press(1, x, y, GST_NAVIGATION_MODIFIER_NONE));
+    gst_element_send_event(sink.get(),
+                           gst_navigation_event_new_mouse_button_release(1, x, y, GST_NAVIGATION_MODIFIER_NONE));
+  }
+  // Whether that comes true within ten seconds.
+  static bool comes_true(const std::function<bool()>& what) {
+    for (int i = 0; i < 200 && !what(); i++) g_usleep(50'000);
+    return what();
+  }
+
+ private:
+  ElementPtr pipeline_;
+};
+
+TEST_F(FocusedArray, AClickFocusesOnWhatIsThere) {
+  for (const char* focus : {"focus=plane", "focus=surface focus-near=1 focus-far=6"}) {
+    SCOPED_TRACE(focus);
+    const LiveViewer viewer(dir_ / "rig.json", focus);
+    const auto rounds = [&] {
+      GstStructure* stats = nullptr;
+      g_object_get(viewer.element("c").get(), "stats", &stats, nullptr);
+      guint64 rounds = 0;
+      gst_structure_get_uint64(stats, "focus-rounds", &rounds);
+      gst_structure_free(stats);
+      return rounds;
+    };
+    if (std::string(focus) != "focus=plane") {
+      ASSERT_TRUE(LiveViewer::comes_true([&] { return rounds() >= 14; }));
+    }
+    for (const auto& [x, y, distance] : {std::tuple(20, 20, kSceneFar), {32, 85, kSceneNear}}) {
+      viewer.click(x, y);
+      EXPECT_TRUE(LiveViewer::comes_true([&] { return std::abs(viewer.focus_distance() / distance - 1) < 0.15; }))
+          << viewer.focus_distance() << " m, not " << distance;
+    }
+    gboolean done = TRUE;
+    g_signal_emit_by_name(viewer.element("v").get(), "focus-at", std::nan(""), 1.0, &done);
+    EXPECT_FALSE(done);
+  }
 }
 
 }  // namespace

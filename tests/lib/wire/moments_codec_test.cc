@@ -16,7 +16,7 @@ namespace {
 
 // Written from spec.md, not by the encoder: two trials of 2 x 1 nodes, all weight there in the first.
 const char kGolden[] =
-    "8f4c4641010500000000003c" "00000007" "00000009" "1122334455667788" "00000003" "0002" "0001" "02" "00"
+    "8f4c46410105000000000044" "00000007" "00000009" "1122334455667788" "00000003" "0002" "0001" "02" "00" "0000" "0000" "0002" "0001"
     "00" "00010002" "00030004"
     "01" "80004000" "00050006" "00070008";
 
@@ -60,6 +60,22 @@ TEST(MomentsCodec, GoldenBytes) {
   }
 }
 
+TEST(MomentsCodec, LeavesOutWhatNobodySees) {
+  MomentsUnit unit = golden();
+  for (Moments& moments : unit.trials) moments.reset(40, 30);
+  EXPECT_LT(encoded(unit).size(), 60u) << "nothing";
+  unit.trials[0].weight[7 * 40 + 5] = 100;
+  unit.trials[1].weight[9 * 40 + 8] = 32768;
+  unit.trials[1].square[9 * 40 + 8] = 77;
+  EXPECT_EQ(encoded(unit).size(), 46 + 2 * (1 + 6 * 4 * 3));
+  const std::optional<MomentsUnit> read = decode_moments(encoded(unit));
+  ASSERT_TRUE(read.has_value());
+  for (size_t t = 0; t < 2; t++) {
+    EXPECT_EQ(read->trials[t].weight, unit.trials[t].weight);
+    EXPECT_EQ(read->trials[t].square, unit.trials[t].square);
+  }
+}
+
 TEST(MomentsCodec, IsToldFromFragments) {
   EXPECT_TRUE(is_moments(from_hex(kGolden)));
   EXPECT_FALSE(parse_answer_header(from_hex(kGolden)).has_value());
@@ -90,7 +106,7 @@ TEST(MomentsCodec, NamesWhatIsWrong) {
   EXPECT_THAT(with(36, 200), testing::StartsWith("trials: "));
   EXPECT_THAT(with(37, 1), testing::StartsWith("reserved: "));
   EXPECT_THAT(with(33, 0), testing::StartsWith("moments: "));
-  EXPECT_THAT(with(38, 2), testing::StartsWith("trials: "));
+  EXPECT_THAT(with(46, 2), testing::StartsWith("trials: "));
   EXPECT_THROW(encode_moments({}, {}), Error);
   std::vector<Moments> many(kMaxTrials + 1);
   EXPECT_THROW(encode_moments({}, many), Error);

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "view/view_request.h"
+
+namespace lf {
+
+// The distance along the view's axis at which its focal map has a pixel: what a viewer's plane has to be at to be sharp
+// there. The median of 3 x 3 nodes. Nothing if the surface is behind the eye there, or at infinity. The view has a map.
+std::optional<double> focus_distance_at(const View& view, const Vec2& pixel);
+
+// Asks the cameras where a view is in focus that has no map: gives the request the viewer's plane as a map, and planes
+// to try. Two stages: all depths that a viewer could mean, from a fifth of the focus distance to infinity, and then
+// those around `found` (see focus_distance_at()). `from`: see FocalMap.
+void add_focus_sweep(ViewRequest& request, const Plane& from, std::optional<double> found);
+
+}  // namespace lf

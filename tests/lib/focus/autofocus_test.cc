@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/autofocus.h"
+
+#include <gtest/gtest.h>
+
+#include "focus/focus_control.h"
+#include "lib/focus/array_of_walls.h"
+
+namespace lf {
+namespace {
+
+using test::ArrayOfWalls;
+
+// What the two stages find at a pixel, from a focus far off.
+double find(const ArrayOfWalls& walls, double begin, const Vec2& pixel) {
+  FocusControl control;
+  std::optional<double> found;
+  for (int stage = 0; stage < 2; stage++) {
+    ViewRequest request;
+    request.view = walls.view(0);
+    request.view.focus.map = nullptr;
+    request.view.focus.plane = focal_plane_at(request.view.pose, begin);
+    add_focus_sweep(request, {{0, 0, 1}, 0}, found);
+    EXPECT_NO_THROW(validate(request.view));
+    EXPECT_LE(request.trials.size(), kMaxTrials);
+    const FocusControl::Plan plan =
+        control.next(request, walls.moments(request.view, request.trials, walls.own), {{0, 0, 1}, 0});
+    EXPECT_TRUE(plan.trials.empty());
+    found = focus_distance_at(plan.view, pixel);
+    if (!found) return -1;
+  }
+  return *found;
+}
+
+TEST(Autofocus, FindsTheWallAtAPixel) {
+  const ArrayOfWalls walls;
+  for (const double begin : {1.0, 2.0, 6.0}) {
+    EXPECT_NEAR(find(walls, begin, {40, 60}), 3, 0.2) << begin;
+    EXPECT_NEAR(find(walls, begin, {120, 60}), 1.5, 0.1) << begin;
+  }
+}
+
+TEST(Autofocus, DistancesAreAlongTheAxis) {
+  const ArrayOfWalls walls;
+  View view = walls.view(170);
+  EXPECT_NEAR(*focus_distance_at(view, {3, 3}), 1.5, 1e-9) << "in the corner, too";
+  view.pose.position.z = 0.5;
+  EXPECT_NEAR(*focus_distance_at(view, {80, 60}), 1, 1e-9);
+  view.pose.position.z = 1.6;
+  EXPECT_FALSE(focus_distance_at(view, {80, 60}).has_value()) << "behind the eye";
+  view.pose.position.z = 0;
+  auto far_away = std::make_shared<FocalMap>(*view.focus.map);
+  far_away->farthest = 0;
+  far_away->levels.assign(far_away->levels.size(), 0);
+  view.focus.map = far_away;
+  EXPECT_FALSE(focus_distance_at(view, {80, 60}).has_value()) << "infinity";
+}
+
+}  // namespace
+}  // namespace lf
