@@ -14,6 +14,8 @@ const run = promisify(execFile);
 export const patience = 60000;  // milliseconds; machines are busy
 export const artefacts = process.env.LF_ARTEFACTS;
 
+process.setMaxListeners(0);  // each program has one, for the end
+
 export const source = process.env.LF_SOURCE_ROOT;
 
 // A program in the background, ended with the tests at the latest.
