@@ -145,7 +145,7 @@ int main(int argc, char** argv) {
                  "of other sites' pages that may watch: https://example.org, null (files), or *; repeat");
   app.add_option("--path", o.paths, "a views.json that links may have flown (#path=NAME), NAME=FILE; repeat")
       ->type_name("NAME=FILE");
-  app.add_option("--viewers", o.limits.viewers, "at a time")->capture_default_str()->check(CLI::Range(1, 1000));
+  app.add_option("--viewers", o.limits.viewers, "at a time; one with two eyes counts twice")->capture_default_str()->check(CLI::Range(1, 1000));
   app.add_option("--framerate", o.limits.framerate, "pictures per second")
       ->capture_default_str()
       ->check(CLI::Range(1, 120));

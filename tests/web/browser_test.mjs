@@ -72,6 +72,7 @@ async function linkKeyboardNamesAndSize() {
   await until(async () => Math.abs((await stateOf(page)).yaw - 2) < 1e-6, 'the link sets the view');
   const link = await page.evaluate(() => document.querySelector('lightfield-viewer').link);
   expect(/x=0\.02&/.test(link) && /yaw=2&/.test(link), link);
+  await expectTruth(page, await setView(page, { roll: 0 }), size, 'what a link shows');
   // Everything is reached with Tab and has a name.
   const seen = new Set();
   for (let i = 0; i < 8; i++) {

@@ -191,6 +191,7 @@ TEST_F(LfServe, AsksForTheOrigin) {
 TEST_F(LfServe, LimitsViewersAndForgetsTheSilent) {
   Served served({"--viewers", "2"});
   ASSERT_EQ(offer(served).status, 201u);
+  EXPECT_EQ(offer(served, browser_offer(), {}, "?eye-distance=0.06").status, 503u) << "two views";
   ASSERT_EQ(offer(served).status, 201u);
   const Response full = offer(served);
   EXPECT_EQ(full.status, 503u);

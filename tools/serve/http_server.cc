@@ -222,7 +222,7 @@ void HttpServer::whep(SoupServerMessage* message, GHashTable* query) {
   auto offer = parse_offer(std::string(data ? data : "", size), can_encode(VideoCodec::kH264),
                            can_encode(VideoCodec::kVp8), &reason);
   if (!offer) return refuse(message, kOffer, SOUP_STATUS_BAD_REQUEST, reason);
-  if (sessions_.full()) {
+  if (sessions_.full(wish)) {
     set_header(message, "Retry-After", "10");
     return refuse(message, kFull, SOUP_STATUS_SERVICE_UNAVAILABLE, "too many viewers");
   }

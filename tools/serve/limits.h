@@ -10,7 +10,7 @@ namespace lf::serve {
 
 // What viewers may ask of the server, and get.
 struct Limits {
-  int viewers = 8;
+  int viewers = 8;                         // views in fact: who has two eyes counts twice
   int max_width = 1280, max_height = 720;  // of a view, pixels
   int framerate = 30;
   int capture_delay_ms = 100;        // how old a capture must be before it is asked for: what the cameras take
@@ -29,6 +29,7 @@ struct Wish {
   int width = 640, height = 480;  // pixels, of an eye
   double eye_distance = 0;        // metres; 0: one eye
   std::string path;               // a views.json to be flown, or ""
+  int views() const { return eye_distance > 0 ? 2 : 1; }
 };
 
 // Metres between the eyes. "" or null: 0, one eye. Nothing for what is no distance.

@@ -60,7 +60,7 @@ std::string Sessions::open(Offer offer, const Wish& wish, OnAnswer on_answer) {
   ViewerSettings settings;
   settings.eye_distance = wish.eye_distance;
   settings.eye.view = next_view_;
-  next_view_ += wish.eye_distance > 0 ? 2 : 1;
+  next_view_ += static_cast<uint32_t>(wish.views());
   settings.eye.width = wish.width;
   settings.eye.height = wish.height;
   settings.eye.framerate = limits_.framerate;
@@ -82,7 +82,8 @@ std::string Sessions::open(Offer offer, const Wish& wish, OnAnswer on_answer) {
   };
   callbacks.on_gone = [this, name](const std::string& why) { close_soon(name, why); };
   auto viewer = std::make_unique<Viewer>(field_, std::move(offer), settings, std::move(callbacks));
-  viewers_.emplace(name, Session{std::move(viewer), settings.eye.view, std::move(on_answer)});
+  viewers_.emplace(name, Session{std::move(viewer), settings.eye.view, wish.views(), std::move(on_answer)});
+  views_ += wish.views();
   opened_++;
   std::printf("view %u opens: %s%dx%d, %s; %zu viewers\n", settings.eye.view, wish.eye_distance > 0 ? "two of " : "",
               wish.width, wish.height, codec.c_str(), viewers_.size());
@@ -94,6 +95,7 @@ bool Sessions::close(const std::string& name, const std::string& why) {
   if (found == viewers_.end()) return false;
   Session session = std::move(found->second);
   viewers_.erase(found);
+  views_ -= session.views;
   add(gone_, session.viewer->figures());
   session.viewer.reset();
   malloc_trim(0);  // a viewer leaves megabytes in small pieces

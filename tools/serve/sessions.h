@@ -22,7 +22,8 @@ class Sessions {
   Sessions(LightField& field, const Limits& limits, std::string address);
   ~Sessions();
 
-  bool full() const { return viewers_.size() >= static_cast<size_t>(limits_.viewers); }
+  // Whether there is no place for this one. Two eyes are two views.
+  bool full(const Wish& wish) const { return views_ + wish.views() > limits_.viewers; }
   size_t size() const { return viewers_.size(); }
   // Returns the session's name; `on_answer` is called once, later. Throws Error.
   std::string open(Offer offer, const Wish& wish, OnAnswer on_answer);
@@ -39,6 +40,7 @@ class Sessions {
   struct Session {
     std::unique_ptr<Viewer> viewer;
     uint32_t view;
+    int views;
     OnAnswer on_answer;  // until it was called
   };
   void close_soon(const std::string& name, const std::string& why);
@@ -50,6 +52,7 @@ class Sessions {
   std::map<std::string, Session> viewers_;
   Viewer::Figures gone_;
   uint32_t next_view_ = 1;
+  int views_ = 0;  // now
   uint64_t opened_ = 0;
   guint timer_ = 0;
   unsigned ticks_ = 0;

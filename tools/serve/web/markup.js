@@ -30,8 +30,8 @@ sheet.replaceSync(`
   pre.makers { left: 0; top: 0; z-index: 1; }
   .status { position: absolute; inset: 0; display: grid; place-items: center; text-align: center; padding: 16px;
     pointer-events: none; }
+  @container (max-width: 720px) { label { flex-basis: 100%; } }
   @container (max-width: 520px) {
-    label { flex-basis: 100%; }
     .bar { gap: 6px; }
     button, select { flex: 1; padding: 6px 4px; min-height: 44px; }
     pre { font-size: 10px; }
