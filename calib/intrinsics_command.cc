@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "base/json_value.h"
+#include "calibration/charuco.h"
 #include "calibration/intrinsics.h"
 #include "commands.h"
 #include "image/image_io.h"
@@ -23,8 +24,8 @@ using nlohmann::ordered_json;
 
 struct Options {
   std::vector<std::string> images;
-  std::string board, model = "auto", rig, out, json;
-  double square = 1;
+  std::string board, charuco, model = "auto", rig, out, json;
+  double square = 1, marker = lf::CharucoBoard().marker;
   uint32_t camera = 0;
 };
 
@@ -44,8 +45,16 @@ struct Images {
   std::vector<std::string> without_board;
 };
 
+std::optional<lf::BoardView> find_board(const Options& options, const lf::Checkerboard& board, const lf::Image& image) {
+  if (!options.charuco.empty()) return lf::find_charuco(image, {board, options.charuco, options.marker});
+  auto corners = lf::find_checkerboard(image, board);
+  if (!corners) return std::nullopt;
+  return lf::BoardView{"", std::move(*corners), {}};
+}
+
 Images find_boards(const Options& options, const lf::Checkerboard& board) {
   Images found;
+  if (!options.charuco.empty()) lf::check_charuco_board({board, options.charuco, options.marker});
   for (const std::string& path : options.images) {
     const lf::Image image = lf::load_image(path);
     if (found.width == 0) {
@@ -55,16 +64,18 @@ Images find_boards(const Options& options, const lf::Checkerboard& board) {
     if (image.width() != found.width || image.height() != found.height)
       throw lf::Error(path + ": is " + std::to_string(image.width()) + "x" + std::to_string(image.height()) +
                       ", the others " + std::to_string(found.width) + "x" + std::to_string(found.height));
-    if (auto corners = lf::find_checkerboard(image, board))
-      found.views.push_back({path, std::move(*corners)});
-    else
+    if (auto view = find_board(options, board, image)) {
+      view->name = path;
+      found.views.push_back(std::move(*view));
+    } else {
       found.without_board.push_back(path);
+    }
   }
   return found;
 }
 
 void print(const IntrinsicsResult& result, const Images& images) {
-  for (const std::string& path : images.without_board) std::printf("%s: no whole board found\n", path.c_str());
+  for (const std::string& path : images.without_board) std::printf("%s: no board found\n", path.c_str());
   for (const IntrinsicsResult::View& view : result.views)
     std::printf("%s: %.3f px%s\n", view.name.c_str(), view.rms, view.used ? "" : ": bad view, left out");
   std::printf("%-30s %8s %12s %10s %10s\n", "model", "rms px", "held out px", "parameters", "BIC");
@@ -138,7 +149,7 @@ void calibrate(const Options& options) {
   how.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
   how.progress("looking for the board in " + std::to_string(options.images.size()) + " images");
   const Images images = find_boards(options, board);
-  if (images.views.empty()) throw lf::Error("no image shows the whole board of " + options.board + " inner corners");
+  if (images.views.empty()) throw lf::Error("no image shows the board of " + options.board + " inner corners");
   const IntrinsicsResult result = lf::calibrate_intrinsics(images.views, board, images.width, images.height, how);
   print(result, images);
   save(options, result, images);
@@ -155,6 +166,9 @@ void add_intrinsics_command(CLI::App& app) {
   command->add_option("--board", o->board, "Inner corners along x and y")->required()->type_name("CxR");
   command->add_option("--square", o->square, "Side of a square, metres (lenses do not depend on it)")
       ->check(CLI::PositiveNumber);
+  command->add_option("--charuco", o->charuco, "The board has markers of this dictionary, and may be seen in part")
+      ->type_name("5X5_100");
+  command->add_option("--marker", o->marker, "Side of a marker, over that of a square")->capture_default_str();
   command->add_option("--model", o->model, "Lens model, or auto: by evidence")->capture_default_str();
   command->add_option("--rig", o->rig, "Rig file whose camera this is; else the result is a rig of one camera");
   command->add_option("--camera", o->camera, "Its id")->capture_default_str();

@@ -27,6 +27,14 @@ std::vector<cv::Point2f> points_of(const std::vector<Vec2>& corners) {
   return points;
 }
 
+// Those of `board`, which has all corners, that a view shows.
+template <class T>
+std::vector<T> shown_by(const BoardView& view, const std::vector<T>& board) {
+  std::vector<T> shown;
+  for (size_t i = 0; i < view.corners.size(); i++) shown.push_back(board[view.id(i)]);
+  return shown;
+}
+
 int flags_of(LensModel lens) {
   int flags = cv::CALIB_FIX_K3;
   if (lens_model_num_focal(lens) == 1) flags |= cv::CALIB_FIX_ASPECT_RATIO;
@@ -87,9 +95,14 @@ ZhangFit fit_zhang(const std::vector<BoardView>& views, const Checkerboard& boar
     const Vec2 corner = board.corner(i);
     nominal.emplace_back(static_cast<float>(corner.x), static_cast<float>(corner.y), 0.0F);
   }
-  const std::vector<std::vector<cv::Point3f>> objects(views.size(), nominal);
+  std::vector<std::vector<cv::Point3f>> objects;
   std::vector<std::vector<cv::Point2f>> images;
-  for (const BoardView& view : views) images.push_back(points_of(view.corners));
+  for (const BoardView& view : views) {
+    objects.push_back(shown_by(view, nominal));
+    images.push_back(points_of(view.corners));
+    if (model.free_board && objects.back().size() != nominal.size())
+      throw Error(view.name + ": shows a part of the board, whose corners can't be free then");
+  }
 
   OpenCvFit fit;
   fit.matrix = cv::Mat::eye(3, 3, CV_64F);
@@ -116,11 +129,12 @@ ZhangFit fit_zhang(const std::vector<BoardView>& views, const Checkerboard& boar
       for (int axis = 0; axis < 3; axis++)
         if (is_free(i, axis, board)) board_column[i][axis] = num_params++;
   Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(num_params, num_params);
-  double sum = 0;
+  double sum = 0, num_points = 0;
   for (size_t v = 0; v < views.size(); v++) {
     std::vector<cv::Point2f> seen;
     cv::Mat jacobian, rotation;
-    cv::projectPoints(corners, fit.rotations[v], fit.translations[v], fit.matrix, fit.distortion, seen, jacobian);
+    cv::projectPoints(shown_by(views[v], corners), fit.rotations[v], fit.translations[v], fit.matrix, fit.distortion,
+                      seen, jacobian);
     cv::Rodrigues(fit.rotations[v], rotation);
     Eigen::Matrix3d r;
     for (int i = 0; i < 9; i++) r(i / 3, i % 3) = rotation.at<double>(i / 3, i % 3);
@@ -128,22 +142,23 @@ ZhangFit fit_zhang(const std::vector<BoardView>& views, const Checkerboard& boar
     for (size_t i = 0; i < seen.size(); i++) view_sum += std::pow(length_of(seen[i] - images[v][i]), 2);
     result.view_rms.push_back(std::sqrt(view_sum / static_cast<double>(seen.size())));
     sum += view_sum;
+    num_points += static_cast<double>(seen.size());
 
     using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
     const Eigen::MatrixXd all = Eigen::Map<const RowMajor>(jacobian.ptr<double>(), jacobian.rows, jacobian.cols);
     Eigen::MatrixXd j = Eigen::MatrixXd::Zero(jacobian.rows, num_params);
     j.leftCols(num_lens) = lens_columns(model.lens, all);
     j.middleCols(num_lens + kPoseParams * static_cast<int>(v), kPoseParams) = all.leftCols(kPoseParams);
-    for (size_t i = 0; i < corners.size(); i++) {
+    for (size_t i = 0; i < seen.size(); i++) {
       // A corner moves as the board would: d/dX = d/dt R.
       const auto row = static_cast<int>(2 * i);
       const Eigen::Matrix<double, 2, 3> moved = all.block<2, 3>(row, kTranslation) * r;
       for (int axis = 0; axis < 3; axis++)
-        if (board_column[i][axis] >= 0) j.block<2, 1>(row, board_column[i][axis]) = moved.col(axis);
+        if (const int column = board_column[views[v].id(i)][axis]; column >= 0)
+          j.block<2, 1>(row, column) = moved.col(axis);
     }
     normal += j.transpose() * j;
   }
-  const auto num_points = static_cast<double>(views.size() * board.num_corners());
   const double num_residuals = 2 * num_points;
   result.rms = std::sqrt(sum / num_points);
   result.num_params = num_params;
@@ -169,7 +184,7 @@ double held_out_rms(const ZhangFit& fit, const BoardView& view) {
   const cv::Matx33d matrix(lens.fx(), 0, lens.cx(), 0, lens.fy(), lens.cy(), 0, 0, 1);
   const cv::Vec4d distortion(lens.k1(), lens.k2(), lens.p1(), lens.p2());
   std::vector<cv::Point3f> corners;
-  for (const Vec3& p : fit.board)
+  for (const Vec3& p : shown_by(view, fit.board))
     corners.emplace_back(static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z));
   const std::vector<cv::Point2f> image = points_of(view.corners);
   cv::Vec3d rotation, translation;

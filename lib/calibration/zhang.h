@@ -12,13 +12,17 @@ namespace lf {
 // What one image shows of the board.
 struct BoardView {
   std::string name;           // for people
-  std::vector<Vec2> corners;  // pixels, all of the board
+  std::vector<Vec2> corners;  // pixels
+  std::vector<int> ids;       // which of the board's corners these are; empty: all of them, in order
+
+  size_t id(size_t i) const { return ids.empty() ? i : static_cast<size_t>(ids[i]); }
 };
 
 // Which terms of a lens are estimated, and whether the board is what it should be.
 struct ZhangModel {
   LensModel lens = LensModel::kRadial;
   // The corners' true places are estimated, too (Strobl and Hirzinger 2011): boards are printed and mounted by hand.
+  // Needs views of the whole board.
   bool free_board = false;
 
   bool operator==(const ZhangModel&) const = default;

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <cmath>
 #include <random>
 
 #include "calibration/zhang.h"
 #include "geometry/pose.h"
+#include "image/image.h"
 
 namespace lf {
 
@@ -29,7 +31,7 @@ inline std::vector<BoardView> board_views(const Lens& lens, size_t count, double
   std::vector<BoardView> views;
   while (views.size() < count) {
     const Pose pose = board_pose(random, tilt);
-    BoardView view{"view " + std::to_string(views.size()), {}};
+    BoardView view{"view " + std::to_string(views.size()), {}, {}};
     for (size_t i = 0; i < kTestBoard.num_corners(); i++) {
       const auto pixel = lens.project(pose.world_from_camera(Vec3(kTestBoard.corner(i), 0)));
       if (pixel) view.corners.push_back(*pixel + Vec2(normal(random), normal(random)));
@@ -37,6 +39,26 @@ inline std::vector<BoardView> board_views(const Lens& lens, size_t count, double
     if (view.corners.size() == kTestBoard.num_corners()) views.push_back(view);
   }
   return views;
+}
+
+// What `lens` sees of a board in a pose: is_white(place on the board, in squares from corner 0), 4x4 samples a pixel.
+template <class IsWhite>
+Image picture_of_board(const Lens& lens, const Pose& pose, int width, int height, const IsWhite& is_white) {
+  constexpr int kSamples = 4;
+  Image image(PixelFamily::kRgb, width, height);
+  for (int y = 0; y < height; y++)
+    for (int x = 0; x < width; x++) {
+      int white = 0;
+      for (int s = 0; s < kSamples * kSamples; s++) {
+        const Vec2 pixel(x + (s % kSamples + 0.5) / kSamples - 0.5, y + (s / kSamples + 0.5) / kSamples - 0.5);
+        const Vec3 ray = pose.rotation()[2], direction(*lens.unproject(pixel), 1);
+        const double t = glm::dot(ray, pose.position) / glm::dot(ray, direction);
+        white += is_white(Vec2(pose.camera_from_world(direction * t)) / kTestBoard.square);
+      }
+      const auto value = static_cast<uint8_t>(30 + 200 * white / (kSamples * kSamples));
+      for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = value;
+    }
+  return image;
 }
 
 }  // namespace lf
