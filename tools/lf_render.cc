@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-render: stills of a rig with images, without GStreamer.
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -14,9 +15,12 @@
 #include "base/error.h"
 #include "base/json_value.h"
 #include "composite/still.h"
+#include "focus/focus_still.h"
 #include "image/image_io.h"
 #include "progress.h"
+#include "quality/outliers.h"
 #include "quality/quality.h"
+#include "render/focus_range.h"
 #include "rig/rig_json.h"
 #include "rig/still_images.h"
 #include "run_tool.h"
@@ -27,7 +31,10 @@ namespace {
 struct Options {
   std::string rig, views, out, truth, cameras, json;
   int every = 1;
-  bool i420 = false;
+  double distance = 0;  // of the focal plane, where the views don't say
+  bool i420 = false, leave_one_out = false;
+  std::string focus = "plane";
+  lf::FocusControl::Settings surface{.mode = lf::FocusMode::kSurface};
 };
 
 // One line of the table and one entry of the JSON file.
@@ -137,15 +144,86 @@ void write_json(const std::vector<Row>& rows, const std::string& path) {
   lf::write_text_file(json.dump(1) + "\n", path);
 }
 
+// Predicts cameras from the others.
+class Predictor {
+ public:
+  Predictor(const lf::Rig& rig, const Options& options)
+      : rig_(rig), options_(options), images_(rig), out_(out_of_service(rig, options.cameras)) {
+    const std::optional<lf::FocusRange> range = lf::estimate_focus_range(rig, image_of_);
+    distance_ = options.distance > 0 ? options.distance : range ? std::sqrt(range->near * range->far) : 1;
+  }
+  bool is_in_service(lf::CameraIndex camera) const { return !std::ranges::binary_search(out_, camera); }
+
+  // Camera `camera` without itself and `others` (ascending). `picture` may be null.
+  Row predict(lf::CameraIndex camera, const std::vector<size_t>& others, lf::Image* picture) {
+    const lf::Camera& at = rig_.cameras[camera];
+    lf::CameraSet without = out_;
+    without.insert(without.end(), others.begin(), others.end());
+    without.push_back(camera);
+    std::ranges::sort(without);
+    const lf::Mesh mesh = lf::build_mesh(rig_, without);
+    lf::View view{.width = at.width, .height = at.height, .lens = at.lens, .pose = at.pose, .focus = {}};
+    view.focus.plane = lf::focal_plane_at(view.pose, distance_);
+    const auto start = std::chrono::steady_clock::now();
+    if (options_.focus != "plane") view = lf::focus_still(rig_, mesh, view, image_of_, options_.surface);
+    const lf::Still still = lf::render_still(rig_, mesh, view, *renderer_, image_of_);
+    Row row{at.name.empty() ? "camera " + std::to_string(at.id) : at.name};
+    row.ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    row.coverage = covered_fraction(still.coverage);
+    row.fragments = static_cast<double>(still.fragments);
+    row.fragment_bytes = static_cast<double>(still.fragment_bytes);
+    row.quality = lf::compare(still.picture, images_.get(camera), still.coverage);
+    if (picture) *picture = still.picture;
+    return row;
+  }
+
+ private:
+  const lf::Rig& rig_;
+  const Options& options_;
+  lf::StillImages images_;
+  const lf::CameraSet out_;
+  const lf::CameraImages image_of_ = [this](lf::CameraIndex camera) -> const lf::Image& { return images_.get(camera); };
+  const std::unique_ptr<lf::FragmentRenderer> renderer_ = lf::make_scalar_renderer();
+  double distance_;
+};
+
+// What the others predict badly has something wrong with its calibration, colour or focus, or sees what no other does.
+void leave_one_out(const lf::Rig& rig, const Options& options) {
+  Predictor predictor(rig, options);
+  Progress progress("leaving out", rig.cameras.size());
+  std::vector<Row> rows;
+  std::vector<lf::CameraIndex> cameras;
+  std::vector<double> psnr;
+  for (lf::CameraIndex i = 0; i < rig.cameras.size(); i++, progress.step()) {
+    if (!predictor.is_in_service(i)) continue;
+    lf::Image picture;
+    rows.push_back(predictor.predict(i, {}, &picture));
+    if (rows.back().coverage > 0) lf::save_image(picture, options.out + "/" + rows.back().name + ".png");
+    cameras.push_back(i);
+    psnr.push_back(rows.back().quality->psnr_db);
+  }
+  progress.finish();
+  print_table(rows);
+  const auto predict = [&](size_t camera, std::vector<size_t> without) {
+    for (size_t& other : without) other = cameras[other];
+    return predictor.predict(cameras[camera], without, nullptr).quality->psnr_db;
+  };
+  for (const size_t i : lf::find_suspects(psnr, predict))
+    std::printf("%s: %.1f dB is unusually low: look at its calibration, colour and focus.\n", rows[i].name.c_str(),
+                psnr[i]);
+  if (!options.json.empty()) write_json(rows, options.json);
+}
+
 void run(const Options& options) {
   lf::Rig rig = lf::load_rig(options.rig);
   if (options.every != 1) rig = lf::every_nth(rig, options.every);
-  const std::vector<lf::NamedView> views = lf::load_views(options.views);
-  const lf::Mesh mesh = lf::build_mesh(rig, out_of_service(rig, options.cameras));
   std::error_code error;
   std::filesystem::create_directories(options.out, error);
   if (error) throw lf::Error(options.out + ": can't be made: " + error.message());
 
+  if (options.leave_one_out) return leave_one_out(rig, options);
+  const std::vector<lf::NamedView> views = lf::load_views(options.views);
+  const lf::Mesh mesh = lf::build_mesh(rig, out_of_service(rig, options.cameras));
   const std::unique_ptr<lf::FragmentRenderer> renderer = lf::make_scalar_renderer();
   lf::StillImages images(rig, options.i420 ? lf::PixelFamily::kI420 : lf::PixelFamily::kRgb);
   Progress progress("rendering", views.size());
@@ -164,7 +242,10 @@ void run(const Options& options) {
       return image;
     };
     const Clock::time_point start = Clock::now();
-    const lf::Still still = lf::render_still(rig, mesh, view.view, *renderer, image_of);
+    const lf::View focused = options.focus == "plane"
+                                 ? view.view
+                                 : lf::focus_still(rig, mesh, view.view, image_of, options.surface);
+    const lf::Still still = lf::render_still(rig, mesh, focused, *renderer, image_of);
     Row row{view.name};
     row.ms = ms_since(start) - reading;
     row.coverage = covered_fraction(still.coverage);
@@ -188,12 +269,24 @@ int main(int argc, char** argv) {
   Options options;
   CLI::App app("Renders stills of a light field from the images that its rig file names.", "lf-render");
   app.add_option("--rig", options.rig, "Rig file (rig.json)")->required();
-  app.add_option("--views", options.views, "Views to render (views.json)")->required();
+  CLI::Option* views = app.add_option("--views", options.views, "Views to render (views.json)");
+  CLI::Option* leave_one_out = app.add_flag(
+      "--leave-one-out", options.leave_one_out,
+      "In place of views: every camera is left out and predicted by the others; tells cameras with something wrong");
+  views->excludes(leave_one_out);
   app.add_option("--out", options.out, "Folder for NAME.png of each view; made if it is not there")->required();
   app.add_option("--truth", options.truth, "Folder with NAME.png to compare with");
   app.add_option("--every", options.every, "Use rows and columns 0, N, 2N, ... of a grid");
   app.add_option("--cameras", options.cameras, "Ids of the cameras in service, such as 0-3,7 (default: all)");
   app.add_option("--json", options.json, "Write the table to this file as well");
+  app.add_option("--focus", options.focus, "On what: the views' plane, or a surface found from it")
+      ->check(CLI::IsMember({"plane", "surface"}));
+  app.add_option("--focus-near", options.surface.near, "Nearest that the surface can be, metres from the array");
+  app.add_option("--focus-far", options.surface.far, "Farthest");
+  app.add_option("--focus-distance", options.distance, "Of the cameras that are left out (default: estimated)");
   app.add_flag("--i420", options.i420, "Render in YCbCr 4:2:0 as video sources would");
-  return run_tool(app, argc, argv, [&] { run(options); });
+  return run_tool(app, argc, argv, [&] {
+    if (options.views.empty() && !options.leave_one_out) throw lf::Error("give --views or --leave-one-out");
+    run(options);
+  });
 }

@@ -11,6 +11,7 @@
 #include "base/json_value.h"
 #include "image/image_io.h"
 #include "rig/rig_json.h"
+#include "scene/scene.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 #include "view/views_json.h"
@@ -171,6 +172,31 @@ TEST_F(LfRender, ErrorsNameFileAndPlace) {
   expect_failure("", {"views.json: views"});
   save_views({view_at("../v", 0)}, path("views.json"));
   expect_failure("", {"views.json: views[0].name: "});
+}
+
+// A camera that points elsewhere than its rig says is predicted badly by the others.
+TEST(LfRenderLeaveOneOut, NamesTheCameraThatIsOff) {
+  const TempDir folder;
+  Rig rig = scene_rig(5, 5, 80, 60);
+  for (Camera& camera : rig.cameras) {
+    camera.image = camera.name + ".png";
+    save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0.5, 1), folder / camera.image);
+  }
+  const std::string off = rig.cameras[12].name;
+  rig.cameras[12].pose.orientation = glm::angleAxis(0.05, Vec3(0, 1, 0));
+  save_rig(rig, folder / "rig.json");
+  const auto run = [&](const std::string& more) {
+    const Outcome outcome = run_program("lf-render", "--rig rig.json --leave-one-out --out out " + more, folder.path());
+    EXPECT_EQ(outcome.status, 0) << outcome.output;
+    return outcome.output;
+  };
+  const std::string said = run("--focus surface --focus-near 1 --focus-far 6 --json out.json");
+  EXPECT_THAT(said, HasSubstr(off + ": "));
+  EXPECT_EQ(said.find("unusually low"), said.rfind("unusually low")) << "one alone: " << said;
+  EXPECT_GT(nlohmann::json::parse(read_text_file(folder / "out.json"))["mean"]["psnr_db"].get<double>(), 20);
+  rig.cameras[12].pose.orientation = {1, 0, 0, 0};
+  save_rig(rig, folder / "rig.json");
+  EXPECT_EQ(run("--focus surface --focus-near 1 --focus-far 6").find("unusually low"), std::string::npos);
 }
 
 }  // namespace

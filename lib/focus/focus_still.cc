@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/focus_still.h"
+
+#include <map>
+#include <numeric>
+
+#include "focus/array_plane.h"
+#include "focus/trial_renderer.h"
+
+namespace lf {
+
+View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
+                 const FocusControl::Settings& settings, int rounds) {
+  std::vector<CameraIndex> all(rig.cameras.size());
+  std::iota(all.begin(), all.end(), 0);
+  const Plane from = array_plane(rig);
+  std::map<CameraIndex, Image> kept;  // an image given is only good until the next one
+  FocusControl control(settings);
+  ViewRequest request;
+  request.view = view;
+  request.view.focus.map = nullptr;
+  for (int round = 0; round <= rounds; round++) {
+    std::vector<Moments> sums(request.trials.size());
+    if (!sums.empty()) {
+      std::vector<std::vector<uint8_t>> levels;
+      for (const Trial& trial : request.trials) levels.push_back(trial_levels(*request.view.focus.map, trial));
+      for (Moments& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
+      const RenderJob job(rig, mesh, trial_view(request.view), all);
+      std::vector<Source> sources;
+      for (const CameraIndex camera : job.cameras()) {
+        if (!kept.contains(camera)) kept[camera] = images(camera);
+        sources.push_back({camera, &rig.cameras[camera], kept[camera].view()});
+      }
+      add_moments(job, sources, levels, sums);
+    }
+    FocusControl::Plan plan = control.next(request, sums, from);
+    request.view = std::move(plan.view);
+    request.trials = std::move(plan.trials);
+  }
+  return request.view;
+}
+
+}  // namespace lf
