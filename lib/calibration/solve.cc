@@ -53,7 +53,6 @@ class Solver {
   }
 
   Solution run() {
-    step("first layout");
     find_layout();
     complete();
     step("lenses");
@@ -73,7 +72,7 @@ class Solver {
 
  private:
   Scene& scene() { return solution_.scene; }
-  void step(const char* what) {
+  void step(const std::string& what) {
     if (options_.progress) options_.progress(what);
   }
 
@@ -92,6 +91,7 @@ class Solver {
     double best_fit = 0;
     const auto attempt = [&](const std::string& name, const auto& layout, bool free_f) {
       if (best_fit > kGoodFit) return;
+      step("first layout: " + name);
       scene() = empty;
       if (!layout()) return;
       robust(sample_, {}, 2);

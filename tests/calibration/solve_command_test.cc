@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-calibrate solve as people run it.
+#include <csignal>
 #include <filesystem>
+#include <set>
+
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -80,6 +85,43 @@ TEST(SolveCommand, MistakesLeaveNoRig) {
   tracks.observations.clear();
   dir.write("empty.json", tracks_to_json(tracks));
   expect_failure("--tracks empty.json", "no two cameras see the light");
+}
+
+TEST(SolveCommand, InterruptedItLeavesTheRigThatWasThere) {
+  const TempDir dir;
+  sim::PathOptions path;
+  path.bar = 0.3;
+  dir.write("tracks.json", tracks_to_json(sim::watch(sim::make_array({}, 1), path, 2).tracks));
+  dir.write("rig.json", "as it was");
+  for (const char* what : {"first layout: disparities", "lenses", "distortion"}) {
+    int ends[2];
+    ASSERT_EQ(pipe(ends), 0);
+    const pid_t child = fork();
+    if (child == 0) {
+      dup2(ends[1], STDERR_FILENO);
+      if (chdir(dir.path().c_str()) == 0)
+        execl(LF_TOOLS_DIR "/lf-calibrate", "lf-calibrate", "solve", "--tracks", "tracks.json", "--out", "rig.json",
+              "--json", "report.json", nullptr);
+      _exit(127);
+    }
+    close(ends[1]);
+    FILE* progress = fdopen(ends[0], "r");
+    std::string seen;
+    for (char line[256]; fgets(line, sizeof line, progress);) {
+      seen += line;
+      if (line != std::string(what) + "\n") continue;
+      kill(child, SIGINT);
+      break;
+    }
+    int status = 0;
+    waitpid(child, &status, 0);
+    fclose(progress);
+    EXPECT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGINT) << what << " of\n" << seen;
+    EXPECT_EQ(read_text_file(dir / "rig.json"), "as it was") << what;
+    std::set<std::string> files;
+    for (const auto& entry : std::filesystem::directory_iterator(dir.path())) files.insert(entry.path().filename());
+    EXPECT_EQ(files, (std::set<std::string>{"rig.json", "tracks.json"})) << what;
+  }
 }
 
 }  // namespace
