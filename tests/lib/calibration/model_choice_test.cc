@@ -51,5 +51,67 @@ TEST(ModelChoice, PrincipalPointsThatDifferAreFree) {
   EXPECT_FALSE(chosen.options.shared[kCx] || chosen.options.shared[kCy]);
 }
 
+// Starts at the truth, but for lens terms: what a model needs is all that can be said against it.
+ModelChoice choose_terms(const sim::ArrayOptions& array, Scene* found = nullptr) {
+  const Rig truth = sim::make_array(array, 1);
+  sim::PathOptions path;
+  path.bar = 0.3;
+  const sim::Watched watched = sim::watch(truth, path, 2);
+  Scene scene = sim::true_scene(truth, watched, {});
+  for (CameraState& camera : scene.cameras) camera.lens_terms()[kK1] = camera.lens_terms()[kK2] = 0;
+  const ModelChoice choice = choose_distortion(scene, watched.tracks, {}, watched.tracks.observations.size());
+  if (found) *found = scene;
+  return choice;
+}
+
+sim::ArrayOptions array_with(double k1, double k1_spread) {
+  sim::ArrayOptions array;
+  array.rows = array.columns = 4;
+  array.k1 = k1, array.k1_spread = k1_spread;
+  array.k2 = array.k2_spread = 0;
+  return array;
+}
+
+TEST(ModelChoice, NoDistortionWhereThereIsNone) {
+  EXPECT_EQ(choose_terms(array_with(0, 0)).model, (DistortionModel{0, false}));
+}
+
+TEST(ModelChoice, OneTermForAll) {
+  Scene scene;
+  const ModelChoice choice = choose_terms(array_with(-0.15, 0), &scene);
+  EXPECT_EQ(choice.model, (DistortionModel{1, true}));
+  for (const CameraState& camera : scene.cameras) {
+    EXPECT_NEAR(camera.lens_terms()[kK1], -0.15, 0.03);
+    EXPECT_EQ(camera.lens_terms()[kK2], 0);
+  }
+}
+
+TEST(ModelChoice, OneTermACamera) {
+  EXPECT_EQ(choose_terms(array_with(-0.15, 0.1)).model, (DistortionModel{1, false}));
+}
+
+TEST(ModelChoice, TheTableShowsAll) {
+  const ModelChoice choice = choose_terms(array_with(-0.15, 0));
+  ASSERT_EQ(choice.trials.size(), 5u);
+  int chosen = 0;
+  for (const ModelTrial& trial : choice.trials) chosen += trial.chosen;
+  EXPECT_EQ(chosen, 1);
+  EXPECT_EQ(choice.trials[0].model, "none");
+  EXPECT_TRUE(choice.trials[1].chosen);
+  EXPECT_LT(choice.trials[1].bic, choice.trials[0].bic);
+  EXPECT_LT(*choice.trials[1].transfer_px, *choice.trials[0].transfer_px);
+}
+
+TEST(ModelChoice, FreeTermsOfEachModel) {
+  AdjustmentOptions options;
+  apply_model({1, true}, options);
+  EXPECT_EQ(options.free, (std::array<bool, kNumLensTerms>{true, true, true, true, false}));
+  EXPECT_TRUE(options.shared[kK1]);
+  EXPECT_FALSE(options.shared[kF]);
+  apply_model({2, false}, options);
+  EXPECT_TRUE(options.free[kK2]);
+  EXPECT_FALSE(options.shared[kK1]);
+}
+
 }  // namespace
 }  // namespace lf

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "calibration/costs.h"
+
+#include <gtest/gtest.h>
+
+namespace lf {
+namespace {
+
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+// Derivatives along the manifold, those that were written by hand, against differences.
+template <bool kBar>
+void expect_derivatives(const CameraState& camera, const std::array<double, 6>& target, uint32_t light) {
+  Observation observation;
+  observation.light = light, observation.pixel = {100, 80};
+  const ReprojectionCost<kBar> cost(camera, observation, 0.5);
+  const CameraManifold manifold({true, true, true, true, true}, true);
+  const auto error_at = [&](const CameraState& c, const std::array<double, 6>& t) {
+    const double* blocks[] = {c.v.data(), t.data()};
+    Eigen::Vector2d error;
+    EXPECT_TRUE(cost.Evaluate(blocks, error.data(), nullptr));
+    return error;
+  };
+  RowMajor by_camera(2, CameraState::kSize), by_target(2, kBar ? 6 : 3),
+      steps(CameraState::kSize, CameraState::kNumFree);
+  double* jacobians[] = {by_camera.data(), by_target.data()};
+  const double* blocks[] = {camera.v.data(), target.data()};
+  Eigen::Vector2d error;
+  ASSERT_TRUE(cost.Evaluate(blocks, error.data(), jacobians));
+  EXPECT_LE((error - error_at(camera, target)).norm(), 1e-12);
+  manifold.PlusJacobian(camera.v.data(), steps.data());
+  const RowMajor along = by_camera * steps;
+  constexpr double kStep = 1e-6;
+  for (int k = 0; k < CameraState::kNumFree; k++) {
+    Eigen::VectorXd step = Eigen::VectorXd::Zero(CameraState::kNumFree);
+    CameraState more = camera, less = camera;
+    step[k] = kStep;
+    manifold.Plus(camera.v.data(), step.data(), more.v.data());
+    step[k] = -kStep;
+    manifold.Plus(camera.v.data(), step.data(), less.v.data());
+    const Eigen::Vector2d difference = (error_at(more, target) - error_at(less, target)) / (2 * kStep);
+    EXPECT_LE((difference - along.col(k)).norm(), 1e-5 * (1 + difference.norm())) << "step " << k;
+  }
+  for (int k = 0; k < by_target.cols(); k++) {
+    auto more = target, less = target;
+    more[k] += kStep, less[k] -= kStep;
+    const Eigen::Vector2d difference = (error_at(camera, more) - error_at(camera, less)) / (2 * kStep);
+    EXPECT_LE((difference - by_target.col(k)).norm(), 1e-5 * (1 + difference.norm())) << "coordinate " << k;
+  }
+}
+
+TEST(ReprojectionCost, DerivativesAreThoseOfTheErrors) {
+  CameraState camera;
+  camera.set_pose({{0.3, -0.2, 0.1}, glm::angleAxis(0.7, glm::normalize(Vec3(1, 2, -1)))});
+  const Vec3 ahead = camera.pose().position + camera.pose().orientation * Vec3(0.2, -0.3, 1.5);
+  const std::array<double, 6> target{ahead.x, ahead.y, ahead.z, 0.36, 0.48, 0.8};
+  for (const Lens& lens : {Lens(LensModel::kRadial, {420, 160, 120, -0.15, 0.03}),
+                           Lens(LensModel::kOpenCv, {420, 430, 160, 120, -0.15, 0.03, 0.01, -0.02})}) {
+    camera.set_lens(lens);
+    expect_derivatives<false>(camera, target, 0);
+    expect_derivatives<true>(camera, target, 0);
+    expect_derivatives<true>(camera, target, 1);
+  }
+}
+
+TEST(ReprojectionCost, NothingBehindTheCamera) {
+  const CameraState camera;
+  const double target[] = {0, 0, -1};
+  const double* blocks[] = {camera.v.data(), target};
+  double error[2];
+  EXPECT_FALSE(ReprojectionCost<false>(camera, {}, 1).Evaluate(blocks, error, nullptr));
+}
+
+TEST(PosePriorCost, OffByWhatThePoseIsOff) {
+  PosePrior prior;
+  prior.mean = {{1, 2, 3}, glm::angleAxis(0.5, Vec3(0, 1, 0))};
+  for (int k = 0; k < PosePrior::kNumTerms; k++) prior.root_information[k * 7] = 10;
+  CameraState camera;
+  camera.set_pose({{0.5, 1, 1.4}, glm::angleAxis(-0.02, Vec3(1, 0, 0)) * prior.mean.orientation});
+  const double metres = 2;
+  double error[6];
+  ASSERT_TRUE(PosePriorCost{&prior}(camera.v.data(), &metres, error));
+  const double expected[] = {0, 0, -2, -0.2, 0, 0};
+  for (int k = 0; k < 6; k++) EXPECT_NEAR(error[k], expected[k], 1e-4) << k;
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// What is said of a solution: each finding where it belongs (see also the table of hard cases), and not where it does
+// not.
+#include "calibration/diagnosis.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "calibration/simulator.h"
+
+namespace lf {
+namespace {
+
+using testing::Contains;
+using testing::HasSubstr;
+using testing::Not;
+
+class DiagnosisTest : public testing::Test {
+ protected:
+  DiagnosisTest() {
+    array_.rows = array_.columns = 4;
+    truth_ = sim::make_array(array_, 1);
+    path_.bar = 0.3;
+    watched_ = sim::watch(truth_, path_, 2);
+    options_.distortion = DistortionModel{2, true};
+    placement_.bar_length = 0.3;
+  }
+  std::vector<Finding> findings() {
+    const Solution solution = solve_tracks(watched_.tracks, options_);
+    return diagnose(solution, watched_.tracks, options_,
+                    place_solution(solution, watched_.tracks, options_, placement_));
+  }
+  std::vector<std::string> codes() {
+    std::vector<std::string> list;
+    for (const Finding& f : findings())
+      if (f.severity != Finding::Severity::kNote) list.push_back(f.code);
+    return list;
+  }
+  sim::ArrayOptions array_;
+  sim::PathOptions path_;
+  Rig truth_;
+  sim::Watched watched_;
+  SolveOptions options_;
+  PlacementOptions placement_;
+};
+
+TEST_F(DiagnosisTest, NothingIsWrongWithAGoodBar) {
+  const auto found = codes();
+  for (const char* code : {"dead-camera", "camera-not-found", "late-camera", "many-outliers", "disconnected-groups",
+                           "swapped-cameras", "soft-positions", "no-scale", "odd-scale", "prior-contradicted"})
+    EXPECT_THAT(found, Not(Contains(code)));
+}
+
+TEST_F(DiagnosisTest, ACameraThatIsLateIsNamedWithItsFrames) {
+  for (Observation& o : watched_.tracks.observations)
+    if (o.camera == 6) o.position += 2;
+  std::erase_if(watched_.tracks.observations,
+                [&](const Observation& o) { return o.position >= watched_.tracks.num_positions; });
+  std::string all;
+  for (const Finding& f : findings()) all += f.code + ": " + f.text + "\n";
+  EXPECT_THAT(all, HasSubstr("late-camera: camera 6 is 2 frames late"));
+  watched_.tracks.ordered = false;  // features have no frames
+  EXPECT_THAT(codes(), Not(Contains("late-camera")));
+}
+
+TEST_F(DiagnosisTest, ScaleOrNone) {
+  placement_.bar_length = 0;
+  EXPECT_THAT(codes(), Contains("no-scale"));
+  placement_.bar_length = 300;
+  EXPECT_THAT(codes(), Contains("odd-scale"));
+}
+
+TEST_F(DiagnosisTest, APriorThatTheTracksContradict) {
+  sim::measure_lenses(truth_, {}, 3, options_);
+  options_.distortion.reset();
+  EXPECT_THAT(codes(), Not(Contains("prior-contradicted")));
+  for (Camera& camera : options_.prior->cameras) {
+    auto params = camera.lens.params();
+    params[kF] *= 1.05;
+    camera.lens = Lens(LensModel::kRadial, params);
+  }
+  EXPECT_THAT(codes(), Contains("prior-contradicted"));
+}
+
+TEST_F(DiagnosisTest, OneLightDoesNotTellTheDepth) {
+  array_.pointing_jitter = array_.position_jitter = 0;
+  path_.bar = 0, placement_.bar_length = 0, placement_.pitch = 0.06;
+  truth_ = sim::make_array(array_, 1);
+  watched_ = sim::watch(truth_, path_, 2);
+  EXPECT_THAT(codes(), Contains("soft-depth"));
+}
+
+}  // namespace
+}  // namespace lf
