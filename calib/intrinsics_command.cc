@@ -13,9 +13,11 @@
 #include "base/json_value.h"
 #include "calibration/charuco.h"
 #include "calibration/intrinsics.h"
+#include "calibration/view_chooser.h"
 #include "commands.h"
 #include "image/image_io.h"
 #include "rig/rig_json.h"
+#include "video_frames.h"
 
 namespace {
 
@@ -27,6 +29,7 @@ struct Options {
   std::string board, charuco, model = "auto", rig, out, json;
   double square = 1, marker = lf::CharucoBoard().marker;
   uint32_t camera = 0;
+  int views = 20;
 };
 
 lf::Checkerboard parse_board(const Options& options) {
@@ -52,18 +55,45 @@ std::optional<lf::BoardView> find_board(const Options& options, const lf::Checke
   return lf::BoardView{"", std::move(*corners), {}};
 }
 
+void check_size(Images& found, const lf::Image& image, const std::string& name) {
+  if (found.width == 0) {
+    found.width = image.width();
+    found.height = image.height();
+  }
+  if (image.width() != found.width || image.height() != found.height)
+    throw lf::Error(name + ": is " + std::to_string(image.width()) + "x" + std::to_string(image.height()) +
+                    ", the others " + std::to_string(found.width) + "x" + std::to_string(found.height));
+}
+
+// Of a video or a live camera, views of a board that stands still for a moment, again and again.
+void watch(const Options& options, const lf::Checkerboard& board, const std::string& uri, Images& found) {
+  std::optional<lf::ViewChooser> chooser;
+  int kept = 0, frame = 0;
+  lf::for_each_frame(uri, [&](const lf::Image& image) {
+    check_size(found, image, uri);
+    if (!chooser) chooser.emplace(image.width());
+    auto view = find_board(options, board, image);
+    if (view && chooser->take(*view)) {
+      view->name = uri + " frame " + std::to_string(frame);
+      found.views.push_back(std::move(*view));
+      std::fprintf(stderr, "view %d of %d\n", ++kept, options.views);
+    }
+    frame++;
+    return kept < options.views;
+  });
+  if (kept == 0) found.without_board.push_back(uri);
+}
+
 Images find_boards(const Options& options, const lf::Checkerboard& board) {
   Images found;
   if (!options.charuco.empty()) lf::check_charuco_board({board, options.charuco, options.marker});
   for (const std::string& path : options.images) {
-    const lf::Image image = lf::load_image(path);
-    if (found.width == 0) {
-      found.width = image.width();
-      found.height = image.height();
+    if (path.find("://") != std::string::npos) {
+      watch(options, board, path, found);
+      continue;
     }
-    if (image.width() != found.width || image.height() != found.height)
-      throw lf::Error(path + ": is " + std::to_string(image.width()) + "x" + std::to_string(image.height()) +
-                      ", the others " + std::to_string(found.width) + "x" + std::to_string(found.height));
+    const lf::Image image = lf::load_image(path);
+    check_size(found, image, path);
     if (auto view = find_board(options, board, image)) {
       view->name = path;
       found.views.push_back(std::move(*view));
@@ -147,7 +177,7 @@ void calibrate(const Options& options) {
     if (!how.lens) throw lf::Error("--model " + options.model + ": no such lens model");
   }
   how.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
-  how.progress("looking for the board in " + std::to_string(options.images.size()) + " images");
+  how.progress("looking for the board");
   const Images images = find_boards(options, board);
   if (images.views.empty()) throw lf::Error("no image shows the board of " + options.board + " inner corners");
   const IntrinsicsResult result = lf::calibrate_intrinsics(images.views, board, images.width, images.height, how);
@@ -162,7 +192,12 @@ void add_intrinsics_command(CLI::App& app) {
   const auto o = std::make_shared<Options>();
   CLI::App* command =
       app.add_subcommand("intrinsics", "One camera's lens and its covariance from images of a checkerboard");
-  command->add_option("IMAGES", o->images, "Images of the board, at all distances, tilted to all sides")->required();
+  command
+      ->add_option("IMAGES", o->images, "Images of the board, at all distances, tilted to all sides; or URIs of videos")
+      ->required();
+  command->add_option("--views", o->views, "To keep of each video: a live camera is watched until then")
+      ->capture_default_str()
+      ->check(CLI::Range(3, 1000));
   command->add_option("--board", o->board, "Inner corners along x and y")->required()->type_name("CxR");
   command->add_option("--square", o->square, "Side of a square, metres (lenses do not depend on it)")
       ->check(CLI::PositiveNumber);

@@ -19,7 +19,7 @@ packages=(
   gstreamer1.0-nice gstreamer1.0-plugins-ugly          # WebRTC's network, H.264
   gstreamer1.0-x                                       # windows
   libceres-dev libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libsoup-3.0-dev libyaml-cpp-dev nlohmann-json3-dev zlib1g-dev
-  libopencv-calib3d-dev libopencv-contrib-dev libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev libopencv-video-dev
+  libopencv-calib3d-dev libopencv-contrib-dev libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev libopencv-video-dev libopencv-videoio-dev
   libbenchmark-dev libgmock-dev libgtest-dev
 )
 

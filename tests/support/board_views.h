@@ -41,6 +41,13 @@ inline std::vector<BoardView> board_views(const Lens& lens, size_t count, double
   return views;
 }
 
+// The checkerboard in squares from corner 0, white outside, as paper is.
+inline bool is_white_on_checkerboard(const Vec2& at) {
+  const int column = static_cast<int>(std::floor(at.x)), row = static_cast<int>(std::floor(at.y));
+  const bool outside = column < -1 || row < -1 || column >= kTestBoard.columns || row >= kTestBoard.rows;
+  return outside || (column + row) % 2 != 0;
+}
+
 // What `lens` sees of a board in a pose: is_white(place on the board, in squares from corner 0), 4x4 samples a pixel.
 template <class IsWhite>
 Image picture_of_board(const Lens& lens, const Pose& pose, int width, int height, const IsWhite& is_white) {

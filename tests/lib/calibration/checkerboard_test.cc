@@ -10,18 +10,11 @@
 namespace lf {
 namespace {
 
-// White outside of the board, as paper is.
-bool is_white(const Vec2& at) {
-  const int column = static_cast<int>(std::floor(at.x)), row = static_cast<int>(std::floor(at.y));
-  const bool outside = column < -1 || row < -1 || column >= kTestBoard.columns || row >= kTestBoard.rows;
-  return outside || (column + row) % 2 != 0;
-}
-
 TEST(Checkerboard, FindsCornersToAFractionOfAPixel) {
   const Lens lens(LensModel::kRadial, {420, 319.5, 239.5, -0.2, 0.05});
   std::mt19937 random(3);
   const Pose pose = board_pose(random, 0.6);
-  const auto found = find_checkerboard(picture_of_board(lens, pose, 640, 480, is_white), kTestBoard);
+  const auto found = find_checkerboard(picture_of_board(lens, pose, 640, 480, is_white_on_checkerboard), kTestBoard);
   ASSERT_TRUE(found);
   double worst = 0;
   for (size_t i = 0; i < found->size(); i++) {

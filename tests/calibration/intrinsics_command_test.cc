@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-calibrate intrinsics as people run it.
+#include <cstdlib>
+#include <filesystem>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "image/image_io.h"
+#include "rig/rig_json.h"
+#include "support/board_views.h"
+#include "support/run_program.h"
+#include "support/temp_dir.h"
+
+namespace lf {
+namespace {
+
+using testing::HasSubstr;
+
+TEST(IntrinsicsCommand, AVideoInWhichTheBoardStandsStillNowAndThen) {
+  const TempDir dir;
+  const Lens lens(LensModel::kRadial, {420, 319.5, 239.5, -0.1, 0.02});
+  std::mt19937 random(5);
+  char name[32];
+  for (int pose = 0, frame = 0; pose < 10; pose++) {
+    const Image picture = picture_of_board(lens, board_pose(random, 0.6), 640, 480, is_white_on_checkerboard);
+    for (int i = 0; i < 2; i++, frame++) {
+      std::snprintf(name, sizeof name, "%02d.png", frame);
+      save_image(picture, dir / name);
+    }
+  }
+  const std::string location = dir.path();
+  const std::string make = "gst-launch-1.0 -q multifilesrc location='" + location +
+                           "/%02d.png' caps=image/png,framerate=10/1 ! pngdec ! videoconvert ! "
+                           "jpegenc quality=98 ! avimux ! filesink location='" +
+                           location + "/board.avi'";
+  ASSERT_EQ(std::system(make.c_str()), 0);
+  const Outcome outcome = run_program(
+      "lf-calibrate", "intrinsics 'file://" + location + "/board.avi' --board 8x6 --out lens.json", location);
+  ASSERT_EQ(outcome.status, 0) << outcome.output;
+  EXPECT_THAT(outcome.output, HasSubstr("view 8 of 20"));
+  EXPECT_THAT(outcome.output, HasSubstr("board.avi frame 1: "));
+  const Lens found = load_rig(dir / "lens.json").cameras.at(0).lens;
+  EXPECT_NEAR(found.fx(), 420, 2);
+  EXPECT_NEAR(found.cx(), 319.5, 2);
+}
+
+TEST(IntrinsicsCommand, MistakesLeaveNoRig) {
+  const TempDir dir;
+  save_image(Image(PixelFamily::kRgb, 64, 48), dir / "grey.png");
+  const auto expect_failure = [&](const std::string& options, const std::string& part) {
+    const Outcome outcome = run_program("lf-calibrate", "intrinsics --out lens.json " + options, dir.path());
+    EXPECT_EQ(outcome.status, 1) << outcome.output;
+    EXPECT_THAT(outcome.output, HasSubstr(part));
+    EXPECT_FALSE(std::filesystem::exists(dir / "lens.json"));
+  };
+  expect_failure("grey.png --board 8x6", "no image shows the board of 8x6 inner corners");
+  expect_failure("grey.png --board 8", "must be inner corners");
+  expect_failure("grey.png --board 8x6 --charuco 5X5", "no dictionary of markers 5X5");
+  expect_failure("file:///nothing/here.avi --board 8x6", "file:///nothing/here.avi: no video could be had from it");
+}
+
+}  // namespace
+}  // namespace lf
