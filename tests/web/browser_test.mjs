@@ -183,6 +183,31 @@ async function twoEyes() {
   await served.stop();
 }
 
+// The figure stands 2.2 m away, the globe nearer.
+async function clickFocuses() {
+  const served = await serve(...rig, '--focus', '2');
+  const page = await openPage(browser, served.url, size);
+  await shown(page, 20);
+  const focuses = async (x, y, least, most) => {
+    await page.mouse.click(x, y);
+    await until(async () => {
+      const distance = (await stateOf(page))['focus-distance'];
+      return distance > least && distance < most;
+    }, `a click at ${x}, ${y} focuses between ${least} and ${most} m`);
+  };
+  await focuses(140, 330, 0.8, 1.6);
+  await focuses(400, 150, 1.9, 2.5);
+  await page.getByLabel('Eyes').selectOption('side');
+  await page.waitForFunction(() => document.querySelector('lightfield-viewer').video.videoWidth === 640, null,
+    { timeout: patience });
+  await shown(page, 20);
+  await setView(page, { 'focus-distance': 3 });
+  await focuses(320 + 230, 150, 1.9, 2.5);  // in the right eye's
+  expect(!page.problems.length, page.problems.join('; '));
+  await page.context().close();
+  await served.stop();
+}
+
 // A headset that exists in this page alone: WebXR as far as the viewer needs it. Its eyes are 60 mm apart and look
 // through displays that reach farther to their outer sides.
 function pretendHeadset() {
@@ -527,6 +552,7 @@ await runTests([
   ['links, keyboard, names and sizes', linkKeyboardNamesAndSize],
   ['the cameras of a pixel', showsItsCameras],
   ['two eyes', twoEyes],
+  ['a click focuses', clickFocuses],
   ['a headset', headset],
   ['a path of the server', kiosk],
   ['touches and sticks', touchesAndSticks],

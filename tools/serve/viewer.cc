@@ -168,6 +168,7 @@ void Viewer::requested(const ViewRequest& request, GstClockTime time) {
   if (eyes_.size() > 1) {
     ViewRequest beside = request;
     beside.view = seen_beside(request.view, settings_.eye_distance);
+    beside.trials.clear();  // one eye looks for the focus
     eyes_[1]->ask(std::move(beside), time);
   }
   std::optional<uint64_t> applied;

@@ -14,7 +14,7 @@ export class Controls {
   constructor(viewer) {
     this.viewer = viewer;
     this.pointers = new Map();
-    this.wheel = 0;
+    this.left = 0;  // pixels to the left of the picture under the pointer
     const video = viewer.video;
     video.addEventListener('pointerdown', event => this.down(event));
     video.addEventListener('pointermove', event => this.move(event));
@@ -31,13 +31,17 @@ export class Controls {
   send(name, event, more = {}) {
     const modifier_state = this.modifiers(event);
     if (modifier_state) more = { ...more, modifier_state };
-    return this.viewer.navigate({ event: name, ...this.viewer.pixelAt(event), ...more });
+    const { x, y } = this.viewer.pixelAt(event);
+    return this.viewer.navigate({ event: name, x: x - this.left, y, ...more });
   }
 
   down(event) {
     this.viewer.video.focus();
     this.viewer.video.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, event);
+    // Of two pictures side by side, that in which it begins.
+    const { eyeWidth } = this.viewer;
+    if (this.pointers.size === 1) this.left = this.viewer.pixelAt(event).x < eyeWidth ? 0 : eyeWidth;
     if (this.pointers.size === 2) this.pinch = this.spread();
     // Two fingers pan and pinch.
     if (this.pointers.size === 2) this.send('MouseButtonRelease', event, { button: 1 });

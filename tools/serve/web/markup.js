@@ -62,6 +62,6 @@ export const markup = `
     <button class="figures" aria-pressed="false" title="Frames per second, latency, bytes (key i)">Figures</button>
     <button class="share" title="Copies a link to exactly this view">Share</button>
   </div>
-  <span id="help" hidden>Arrow keys turn around the scene, w s a d q e fly, plus and minus zoom, square brackets move
+  <span id="help" hidden>A click focuses on what is there. Arrow keys turn around the scene, w s a d q e fly, plus and minus zoom, square brackets move
     the focus, r goes back to the start, c shows the cameras, i shows figures. With shift nothing keeps the scene in
     sight.</span>`;
