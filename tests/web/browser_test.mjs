@@ -5,6 +5,7 @@ import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { artefacts, compare, connectBrowser, expect, half, launchBrowser, launchBrowserServer, makeRig, openPage, patience,
   picture, rendered, runTests, serve, setView, shown, source, start, stateOf, until, viewFile } from './harness.mjs';
+import { throughRelay } from './relay.mjs';
 
 const size = { width: 640, height: 480 };
 const folder = await makeRig('4x4');
@@ -446,6 +447,28 @@ async function nodes() {
   await served.stop();
 }
 
+// Quality falls step by step, and comes back.
+async function lossyNetwork() {
+  const served = await serve(...rig, '--bitrate', '480000');
+  const page = await (await browser.newContext({ viewport: size })).newPage();
+  const relay = await throughRelay(page);
+  await page.goto(served.url);
+  await shown(page, 30);
+  const figures = () => page.evaluate(() => document.querySelector('lightfield-viewer').figures);
+  relay.loss = 0.3;
+  await until(async () => (await figures()).frameRate === 15, 'less frames where much is lost');
+  await until(async () => (await figures()).sizeDivisor === 2, 'less pixels where much is lost');
+  const video = () => page.evaluate(() => document.querySelector('lightfield-viewer').video.videoWidth);
+  await until(async () => await video() === 320, 'the browser has the smaller picture');
+  relay.loss = 0;
+  await until(async () => (await figures()).frameRate === 30, 'all comes back');
+  await until(async () => await video() === 640, 'the browser has the larger picture');
+  await expectTruth(page, await setView(page, { yaw: 1 }), size, 'after a bad time');
+  await page.context().close();
+  await served.stop();
+  relay.close();
+}
+
 async function stalledAndKilled() {
   const served = await serve(...rig);
   const page = await openPage(browser, served.url, { width: 320, height: 240 });
@@ -559,6 +582,7 @@ await runTests([
   ['told in words, from here alone', toldInWords],
   ['four viewers have their own views', fourViewers],
   ['cameras on other hosts', nodes],
+  ['a network that loses packets', lossyNetwork],
   ['stalled and killed browsers are forgotten, others go on', stalledAndKilled],
   ['viewers come and go', comesAndGoes],
   ['tokens, too many viewers, floods', refusals],

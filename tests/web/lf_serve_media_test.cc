@@ -33,8 +33,6 @@ class LfServeMedia : public testing::Test {
 
   static std::unique_ptr<WhepClient> watch(const Served& served, WhepClient::Options options = {}) {
     options.url = served.url();
-    options.width = 160;
-    options.height = 120;
     return std::make_unique<WhepClient>(options);
   }
   static bool goes_on(const WhepClient& client, uint64_t pictures = 10) {
@@ -70,11 +68,38 @@ TEST_F(LfServeMedia, WhoVanishesIsForgottenAndOthersGoOn) {
 TEST_F(LfServeMedia, LostPacketsAreSentAgain) {
   Served served;
   WhepClient::Options lossy;
-  lossy.loss = 0.05;
+  lossy.loss = 0.1;
   const auto client = watch(served, lossy);
   EXPECT_TRUE(becomes([&] { return client->lost() >= 20; })) << client->lost();
   EXPECT_TRUE(goes_on(*client));
   EXPECT_LE(client->gaps(), client->lost() / 4) << "of " << client->lost() << " lost packets";
+}
+
+// The latest number of this name in the statistics that a viewer is told; -1 before the first.
+double told(const WhepClient& client, const std::string& name) {
+  const auto messages = client.messages();
+  const std::string key = "\"" + name + "\":";
+  for (auto message = messages.rbegin(); message != messages.rend(); ++message)
+    if (const size_t at = message->find(key); at != message->npos)
+      return std::strtod(message->c_str() + at + key.size(), nullptr);
+  return -1;
+}
+
+TEST_F(LfServeMedia, WhereTheNetworkTakesLessThereIsLessAndLaterMore) {
+  Served served({"--bitrate", "480000"});
+  const auto client = watch(served);
+  client->send("{}");  // opens the channel
+  EXPECT_TRUE(becomes([&] { return told(*client, "frameRate") == 30; }));
+  client->set_loss(0.3);
+  EXPECT_TRUE(becomes([&] { return told(*client, "frameRate") == 15; }));
+  EXPECT_TRUE(becomes([&] { return told(*client, "sizeDivisor") == 2; })) << told(*client, "bitRate");
+  EXPECT_LT(told(*client, "bitRate"), 240000);
+  client->set_loss(0);
+  EXPECT_TRUE(goes_on(*client)) << "in another size";
+  EXPECT_TRUE(becomes([&] { return told(*client, "sizeDivisor") == 1; }));
+  EXPECT_TRUE(becomes([&] { return told(*client, "frameRate") == 30; }));
+  EXPECT_TRUE(goes_on(*client));
+  EXPECT_EQ(served.stop(), 0);
 }
 
 TEST_F(LfServeMedia, ConnectsThatAreAbortedDisturbNobody) {

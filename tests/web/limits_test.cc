@@ -101,6 +101,10 @@ TEST(Pace, WaitsForPicturesButNotForEver) {
   EXPECT_TRUE(pace.begin(61 + Pace::kPatience));
   pace.end(60);
   EXPECT_FALSE(pace.begin(62 + Pace::kPatience)) << "what comes too late gives no credit";
+  pace.end(70 + Pace::kPatience);
+  pace.set_interval(100);
+  EXPECT_FALSE(pace.begin(160 + Pace::kPatience));
+  EXPECT_TRUE(pace.begin(161 + Pace::kPatience));
 }
 
 TEST(Limits, SizesOfViews) {
@@ -115,7 +119,7 @@ TEST(Limits, SizesOfViews) {
 }
 
 TEST(QualityControl, FallsWithLossAndDelayAndComesBack) {
-  QualityControl quality(300000, 6000000);
+  QualityControl quality(300000, 6000000, 0);
   EXPECT_EQ(quality.bits_per_second(), 6000000);
   EXPECT_FALSE(quality.update(0, 0.01));
   EXPECT_TRUE(quality.update(0.1, 0.01));
@@ -127,6 +131,40 @@ TEST(QualityControl, FallsWithLossAndDelayAndComesBack) {
   EXPECT_EQ(quality.bits_per_second(), 300000);
   for (int i = 0; i < 100; i++) quality.update(0, 0.01);
   EXPECT_EQ(quality.bits_per_second(), 6000000);
+}
+
+TEST(QualityControl, LeavesOutPicturesAndThenPixels) {
+  QualityControl quality(100000, 1000000, 640 * 480 * 30);
+  const auto lossy = [&](int times) {
+    for (int i = 0; i < times; i++) quality.update(0.1, 0);
+  };
+  EXPECT_EQ(quality.pictures_left_out(), 0);
+  lossy(2);  // 562 kbit/s
+  EXPECT_EQ(quality.pictures_left_out(), 0);
+  lossy(1);  // 422: 0.046 bits a pixel
+  EXPECT_EQ(quality.pictures_left_out(), 1);
+  EXPECT_EQ(quality.size_divisor(), 1);
+  lossy(3);  // 178
+  EXPECT_EQ(quality.pictures_left_out(), 1);
+  EXPECT_EQ(quality.size_divisor(), 2);
+  // Back, a little later than it fell.
+  for (int i = 0; i < 5; i++) quality.update(0, 0);  // 262
+  EXPECT_EQ(quality.size_divisor(), 2);
+  for (int i = 0; i < 2; i++) quality.update(0, 0);  // 305
+  EXPECT_EQ(quality.size_divisor(), 1);
+  EXPECT_EQ(quality.pictures_left_out(), 1);
+  for (int i = 0; i < 30; i++) quality.update(0, 0);
+  EXPECT_EQ(quality.pictures_left_out(), 0);
+}
+
+TEST(QualityControl, ABestRateThatIsLittleIsUsedAsWellAsCanBe) {
+  EXPECT_EQ(QualityControl(100000, 200000, 640 * 480 * 30).size_divisor(), 2);
+  QualityControl quality(100000, 480000, 640 * 480 * 30);
+  EXPECT_EQ(quality.pictures_left_out(), 0);
+  quality.update(0.1, 0);
+  EXPECT_EQ(quality.pictures_left_out(), 1);
+  for (int i = 0; i < 10; i++) quality.update(0, 0);
+  EXPECT_EQ(quality.pictures_left_out(), 0) << "there is no more to wait for";
 }
 
 }  // namespace

@@ -44,7 +44,7 @@ void wait_for(const char* what, const Condition& condition) {
 
 }  // namespace
 
-WhepClient::WhepClient(const Options& options) : options_(options) {
+WhepClient::WhepClient(const Options& options) : options_(options), loss_(options.loss) {
   pipeline_ = gst_pipeline_new(nullptr);
   gst_object_ref_sink(pipeline_);
   webrtc_ = gst_element_factory_make("webrtcbin", nullptr);
@@ -134,6 +134,12 @@ void WhepClient::post(const std::string& offer) {
 void WhepClient::transport_added(GstBin*, GstBin*, GstElement* element, gpointer data) {
   GstElementFactory* factory = gst_element_get_factory(element);
   const std::string kind = factory ? GST_OBJECT_NAME(factory) : "";
+  if (kind == "rtpsession") {  // reports as often as browsers send them
+    GObject* session = nullptr;
+    g_object_get(element, "internal-session", &session, nullptr);
+    g_object_set(session, "rtcp-min-interval", guint64{GST_SECOND / 2}, nullptr);
+    g_object_unref(session);
+  }
   if (kind != "nicesrc" && kind != "nicesink") return;
   const bool in = kind == "nicesrc";
   GstPad* pad = gst_element_get_static_pad(element, in ? "src" : "sink");
@@ -149,7 +155,7 @@ GstPadProbeReturn WhepClient::arrives(GstPad*, GstPadProbeInfo* info, gpointer d
   if (!(GST_PAD_PROBE_INFO_TYPE(info) & GST_PAD_PROBE_TYPE_BUFFER)) return GST_PAD_PROBE_OK;
   guint8 first = 0;
   gst_buffer_extract(GST_PAD_PROBE_INFO_BUFFER(info), 0, &first, 1);
-  if (first < 128 || first >= 192 || g_random_double() >= self->options_.loss) return GST_PAD_PROBE_OK;
+  if (first < 128 || first >= 192 || g_random_double() >= self->loss_) return GST_PAD_PROBE_OK;
   self->lost_++;
   return GST_PAD_PROBE_DROP;
 }

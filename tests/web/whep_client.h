@@ -35,6 +35,7 @@ class WhepClient {
   uint64_t bytes() const { return bytes_; }
   uint64_t lost() const { return lost_; }  // packets, by Options::loss
   uint64_t gaps() const { return gaps_; }  // packets that did not come in the end
+  void set_loss(double loss) { loss_ = loss; }
   // Says nothing more, not even goodbye, as a browser that was stopped.
   void vanish() { vanished_ = true; }
   // On the data channel; returns when the server has taken it over.
@@ -55,6 +56,7 @@ class WhepClient {
   GstWebRTCDataChannel* channel_ = nullptr;
   std::string answer_, session_;
   std::atomic<uint64_t> pictures_ = 0, bytes_ = 0, lost_ = 0, gaps_ = 0;
+  std::atomic<double> loss_;
   std::atomic<bool> vanished_ = false;
   int sequence_ = -1;  // of the packet before
   mutable std::mutex mutex_;

@@ -44,6 +44,8 @@ class Eye {
   bool steer(GstEvent* event);  // takes it; false if it means nothing here
   // Number 1: the same but for the eye, and of the same moment. Its own view id is put in.
   void ask(ViewRequest request, GstClockTime running_time);
+  // Of the pictures from the next request on, pixels, even; those of a path have their own.
+  void set_size(int width, int height) { g_object_set(view_, "width", width, "height", height, nullptr); }
   GstPad* requests() const { return view_pad_; }
   GstElement* compositor() const { return compositor_; }
   GstStructure* stats() const;  // of the lfcompositor

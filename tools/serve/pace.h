@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <deque>
 #include <mutex>
+#include <optional>
 
 namespace lf::serve {
 
@@ -16,11 +17,17 @@ class Pace {
 
   explicit Pace(size_t most) : most_(most) {}
 
+  // Requests are at least this far apart, nanoseconds.
+  void set_interval(uint64_t interval) {
+    const std::lock_guard lock(mutex_);
+    interval_ = interval;
+  }
   // The request of this time may be made, and is. False: not now.
   bool begin(uint64_t time) {
     const std::lock_guard lock(mutex_);
     while (!under_way_.empty() && time - under_way_.front() > kPatience) under_way_.pop_front();
-    if (under_way_.size() >= most_) return false;
+    if (under_way_.size() >= most_ || (latest_ && time < *latest_ + interval_)) return false;
+    latest_ = time;
     under_way_.push_back(time);
     return true;
   }
@@ -34,6 +41,8 @@ class Pace {
   const size_t most_;
   std::mutex mutex_;
   std::deque<uint64_t> under_way_;
+  uint64_t interval_ = 0;
+  std::optional<uint64_t> latest_;
 };
 
 }  // namespace lf::serve

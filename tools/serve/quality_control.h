@@ -5,18 +5,28 @@
 
 namespace lf::serve {
 
-// Which bit rate the network takes: it falls at once where packets are lost or queue up, and comes back slowly. Plain
+// What the network takes: the bit rate falls at once where packets are lost or queue up, and comes back slowly. Where
+// it is too little for every pixel first every other picture is left out, then pictures are of half the size. Plain
 // arithmetic without clock or locks; update() once a second.
 class QualityControl {
  public:
   static constexpr double kMuchLoss = 0.05, kLittleLoss = 0.02;  // of the packets of a second
   static constexpr double kQueueing = 0.1;                       // seconds of round trip beyond the least seen
   static constexpr double kFall = 0.75, kRise = 1.08;
+  // Below, H.264 shows blocks where anything moves. To come back takes a little more, or steps would follow steps.
+  static constexpr double kLeastBitsPerPixel = 0.05, kBack = 1.25;
 
-  QualityControl(int least, int most) : least_(least), most_(most), now_(most) {}
+  // `pixels_per_second`: of the video at its best.
+  QualityControl(int least, int most, double pixels_per_second)
+      : least_(least), most_(most), pixels_(pixels_per_second), now_(most) {
+    choose_step();
+  }
 
   int bits_per_second() const { return static_cast<int>(now_); }
-  // What the receiver reported; `round_trip` in seconds, 0: unknown. Returns whether the rate has changed.
+  int pictures_left_out() const { return step_ > 0 ? 1 : 0; }  // after each that is shown
+  int size_divisor() const { return step_ > 1 ? 2 : 1; }
+
+  // What the receiver reported; `round_trip` in seconds, 0: unknown. Returns whether anything has changed.
   bool update(double loss, double round_trip) {
     if (round_trip > 0) best_ = best_ > 0 ? std::min(best_, round_trip) : round_trip;
     const double before = now_;
@@ -25,11 +35,22 @@ class QualityControl {
       now_ = std::max<double>(least_, now_ * kFall);
     else if (loss < kLittleLoss && queueing < kQueueing / 2)
       now_ = std::min<double>(most_, now_ * kRise);
+    choose_step();
     return now_ != before;
   }
 
  private:
-  double least_, most_, now_, best_ = 0;
+  static constexpr double kShare[] = {1, 1.0 / 2, 1.0 / 8};  // of the pixels, at each step
+  static constexpr int kLastStep = 2;
+
+  double needed(int step) const { return kLeastBitsPerPixel * pixels_ * kShare[step]; }
+  void choose_step() {
+    while (step_ < kLastStep && now_ < needed(step_)) step_++;
+    while (step_ > 0 && (now_ >= most_ || now_ >= kBack * needed(step_ - 1)) && now_ >= needed(step_ - 1)) step_--;
+  }
+
+  double least_, most_, pixels_, now_, best_ = 0;
+  int step_ = 0;
 };
 
 }  // namespace lf::serve

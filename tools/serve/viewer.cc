@@ -44,7 +44,8 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
       callbacks_(std::move(callbacks)),
       began_(g_get_monotonic_time()),
       pace_(field.is_local() ? kMostLocal : kMostRemote),
-      quality_(settings.least_bit_rate, settings.most_bit_rate),
+      quality_(settings.least_bit_rate, settings.most_bit_rate,
+               static_cast<double>(settings.eye.width) * settings.eye.height * settings.eye.framerate),
       messages_(settings.messages_per_second, 2 * settings.messages_per_second) {
   pipeline_ = launch_pipeline(launch_line(offer, field.nodes(), settings));
   const auto find = [this](const std::string& name) { return gst_bin_get_by_name(GST_BIN(pipeline_), name.c_str()); };
@@ -214,8 +215,9 @@ void Viewer::control(const std::string& text) {
 
 // Two eyes have their pictures side by side.
 void Viewer::tell_pixel(const ControlMessage::Pixel& pixel) {
-  const bool right = eyes_.size() > 1 && pixel.x >= settings_.eye.width;
-  const auto view = eyes_[right]->asked();
+  auto view = eyes_[0]->asked();
+  const bool right = eyes_.size() > 1 && view && pixel.x >= view->width;
+  if (right) view = eyes_[1]->asked();
   if (!view) return;
   nlohmann::json cameras = field_.array().pixel(*view, pixel.x - (right ? view->width : 0), pixel.y);
   peer_->send(info_message({{"pixel", {{"x", pixel.x}, {"y", pixel.y}, {"cameras", std::move(cameras)}}}}));
@@ -225,8 +227,17 @@ void Viewer::tick() {
   if (connected()) peer_->ask_for_report();
 }
 
+void Viewer::use_quality() {
+  set_bit_rate(encoder_, quality_.bits_per_second());
+  // A little less, because requests of an eager view do not leave on the dot.
+  const uint64_t period = GST_SECOND / static_cast<uint64_t>(settings_.eye.framerate);
+  pace_.set_interval(static_cast<uint64_t>(quality_.pictures_left_out()) * (2 * period - period / 4));
+  const auto side = [this](int full) { return full / quality_.size_divisor() & ~1; };
+  eyes_[0]->set_size(side(settings_.eye.width), side(settings_.eye.height));
+}
+
 void Viewer::report(const LinkReport& link) {
-  if (quality_.update(link.loss, link.round_trip)) set_bit_rate(encoder_, quality_.bits_per_second());
+  if (quality_.update(link.loss, link.round_trip)) use_quality();
   GstStructure* stats = eyes_[0]->stats();
   const auto ms = [stats](const char* name) { return static_cast<double>(count_in(stats, name)) * 1e-6; };
   json info = {{"pictures", count_in(stats, "pictures")},
@@ -240,6 +251,8 @@ void Viewer::report(const LinkReport& link) {
                {"pictureMs", ms("latency-ns-p50")},
                {"videoBytes", video_bytes_.load()},
                {"bitRate", quality_.bits_per_second()},
+               {"frameRate", settings_.eye.framerate / (1 + quality_.pictures_left_out())},
+               {"sizeDivisor", quality_.size_divisor()},
                {"loss", link.loss},
                {"roundTripMs", link.round_trip * 1e3}};
   gst_structure_free(stats);

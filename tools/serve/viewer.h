@@ -25,7 +25,7 @@ namespace lf::serve {
 struct ViewerSettings {
   EyeSettings eye;          // of two eyes the left one has its view id, the right one the next
   double eye_distance = 0;  // metres; 0: one eye
-  int least_bit_rate = 300000, most_bit_rate = 6000000;
+  int least_bit_rate = 100000, most_bit_rate = 6000000;
   double messages_per_second = 240;
   std::string address;  // the only one to be reached at, or ""
 };
@@ -63,6 +63,7 @@ class Viewer {
   void control(const std::string& text);
   void join_eyes();
   void watch_pace();
+  void use_quality();
   GstClockTime running_time() const;
   void requested(const ViewRequest& request, GstClockTime time);
   void report(const LinkReport& link);
