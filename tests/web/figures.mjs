@@ -6,6 +6,7 @@ import { createInterface } from 'node:readline';
 import { readFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { launchBrowser, makeFilm, makeRig, openPage, runTests, serve, shown } from './harness.mjs';
+import { throughRelay } from './relay.mjs';
 
 const seconds = Number(process.env.LF_SECONDS ?? 10);
 const browser = await launchBrowser();
@@ -86,10 +87,14 @@ async function growth() {
 
 // Movements at any moment between two pictures, one at a time. `decoded`: the frame that shows it leaves the decoder;
 // `painted`: the browser says it is on the screen.
-async function motion(folder) {
+async function motion(folder, loss = 0) {
   const served = await serve('--rig', join(folder, 'rig.json'));
-  const page = await openPage(browser, served.url, { width: 640, height: 480 });
+  const page = await (await browser.newContext({ viewport: { width: 640, height: 480 } })).newPage();
+  const relay = loss > 0 ? await throughRelay(page) : null;
+  if (relay) relay.loss = loss;
+  await page.goto(served.url);
   await shown(page, 30);
+  const before = await decoded(page);
   const times = await page.evaluate(async count => {
     const viewer = document.querySelector('lightfield-viewer');
     const [track] = viewer.video.srcObject.getVideoTracks();
@@ -129,13 +134,18 @@ async function motion(folder) {
         painted: await first(() => painted) });
     }
     return rows.map(row => ({ ...row, picture: viewer.figures.pictureMs }));
-  }, 100);
+  }, Number(process.env.LF_MOVEMENTS ?? 100));
   for (const [name, what] of [['asked', 'until it is in a request'], ['picture', 'from request to picture (median)'],
     ['decoded', 'until a decoded frame shows it'], ['painted', 'until that is painted']]) {
     const sorted = times.map(row => row[name]).sort((a, b) => a - b);
     const at = p => sorted[Math.ceil(p * sorted.length) - 1];
-    console.log(`# motion to photon, ${what}: p50 ${at(0.5)?.toFixed(1)} ms, p95 ${at(0.95)?.toFixed(1)} ms`);
+    console.log(`# motion to photon${loss ? `, ${loss * 100} % lost` : ''}, ${what}: p50 ${at(0.5)?.toFixed(1)} ms, ` +
+      `p95 ${at(0.95)?.toFixed(1)} ms, p99 ${at(0.99)?.toFixed(1)} ms`);
   }
+  const after = await decoded(page);
+  console.log(`# ${((after.frames - before.frames) / (after.time - before.time) * 1000).toFixed(1)} frames/s` +
+    (relay ? `, ${relay.lost} of ${relay.lost + relay.passed} packets lost` : ''));
+  relay?.close();
   await page.context().close();
   await served.stop();
 }
@@ -143,6 +153,7 @@ async function motion(folder) {
 const film = await makeFilm('8x8'), vga = { width: 640, height: 480 }, small = { width: 320, height: 240 };
 await runTests([
   ['motion to photon', () => motion(film)],
+  ['loss', () => motion(film, 0.02)],
   ['4 browsers', () => viewers(film, 4, vga, browsers)],
   ['8 browsers', () => viewers(film, 8, small, browsers)],
   ['4 receivers', () => viewers(film, 4, vga, receivers)],
