@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Throws damaged input at all that reads bytes off a network (libFuzzer with AddressSanitizer and
 # UndefinedBehaviorSanitizer; needs clang). Not part of tests/run.sh.
-#   tests/fuzz.sh TARGET RUNS [OPTION...]   TARGET: answer depacketizer framing packetizer request; options are libFuzzer's
+#   tests/fuzz.sh TARGET RUNS [OPTION...]   TARGET: answer control depacketizer framing offer packetizer request
+# Options are libFuzzer's.
 # Begins with real units. What it finds to be new is kept in build-fuzz/corpus/TARGET, what breaks in build-fuzz/found/.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 if [[ ! ${2:-} =~ ^[0-9]+$ || ! -f tests/fuzz/$1_fuzz.cc ]]; then
-  sed -n '3,6s/^# //p' "$0"
+  sed -n '3,7s/^# //p' "$0"
   exit 2
 fi
 target=$1 runs=$2 build=build-fuzz

@@ -6,6 +6,7 @@
 #include "lib/rtp/rtp_test.h"
 #include "node/commands.h"
 #include "scene/scene.h"
+#include "web/offers.h"
 #include "wire/command_codec.h"
 #include "wire/unit.h"
 
@@ -76,6 +77,16 @@ int main(int argc, char** argv) {
   }
   write(folder / "depacketizer", packets(lf::wire::UnitKind::kAnswer, answers, 600));
   write(folder / "depacketizer", packets(lf::wire::UnitKind::kRequest, requests, 1388));
+  const auto write_text = [&folder](const char* target, const std::string& text) {
+    write(folder / target, Bytes(text.begin(), text.end()));
+  };
+  write_text("offer", lf::test::browser_offer());
+  write_text("offer", lf::test::with(lf::test::browser_offer(), "H264", "H265"));
+  write_text("control", R"({"id":7,"mid":null,"request":{"type":"navigationEvent","event":{"event":"MouseMove","x":1,)"
+                        R"("y":2,"modifier_state":"shift-mask+button1-mask"}}})");
+  write_text("control", R"({"id":8,"request":{"type":"navigationEvent","event":{"event":"KeyPress","key":"Left"}}})");
+  write_text("control", R"({"id":9,"request":{"type":"customUpstreamEvent","structureName":"lf-view-request",)"
+                        R"("structure":{"x":0.1,"focus-distance":2}}})");
   write(folder / "framing", join({{30}, requests[0], {0x8f, 'L', 'x'}, requests[1], requests[2]}));
   write(folder / "framing", join({{7}, answers[1], Bytes(40, 'x'), answers[2], answers[0]}));
 }

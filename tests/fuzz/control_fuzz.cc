@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Messages of the data channel: an event or a reason, never both, and nothing in it but numbers that are.
+#include <cmath>
+
+#include "fuzz/fuzz.h"
+#include "serve/control_message.h"
+
+extern "C" int LLVMFuzzerInitialize(int*, char***) {
+  gst_init(nullptr, nullptr);
+  g_log_set_always_fatal(GLogLevelFlags(G_LOG_LEVEL_CRITICAL | G_LOG_FATAL_MASK));
+  return 0;
+}
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  using namespace lf;
+  const auto message = serve::parse_control_message({reinterpret_cast<const char*>(data), size});
+  fuzz::require(!message.event || message.error.empty());
+  fuzz::require(!message.event || message.id);
+  if (!message.event) return 0;
+  fuzz::require(GST_EVENT_IS_UPSTREAM(message.event.get()));
+  const GstStructure* structure = gst_event_get_structure(message.event.get());
+  for (int i = 0; i < gst_structure_n_fields(structure); i++) {
+    const GValue* value = gst_structure_get_value(structure, gst_structure_nth_field_name(structure, i));
+    fuzz::require(!G_VALUE_HOLDS_DOUBLE(value) || std::isfinite(g_value_get_double(value)));
+  }
+  serve::control_response(*message.id, message.error);
+  return 0;
+}
