@@ -16,6 +16,11 @@ std::string view(const std::string& structure) {
          structure + "}}";
 }
 
+TEST(ControlMessage, FieldsThatNobodyKnowsAreRefusedAndNotKept) {
+  EXPECT_NE(parse_control_message(view(R"({"never-heard-of":1})")).error, "");
+  EXPECT_EQ(g_quark_try_string("never-heard-of"), 0u);
+}
+
 TEST(ControlMessage, NavigationBecomesGStreamersEvents) {
   const ControlMessage move = parse_control_message(
       navigation(R"({"event":"MouseMove","x":1.5,"y":2,"modifier_state":"shift-mask+button1-mask"})"));
@@ -43,6 +48,7 @@ TEST(ControlMessage, NavigationBecomesGStreamersEvents) {
 }
 
 TEST(ControlMessage, ViewsBecomeCustomEvents) {
+  for (const char* name : {"x", "focus-distance"}) g_quark_from_string(name);  // as lfviewrequest does
   const ControlMessage message = parse_control_message(view(R"({"x":0.25,"focus-distance":3})"));
   ASSERT_TRUE(message.event) << message.error;
   const GstStructure* structure = gst_event_get_structure(message.event.get());

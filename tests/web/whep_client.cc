@@ -50,6 +50,7 @@ WhepClient::WhepClient(const Options& options) : options_(options), loss_(option
   webrtc_ = gst_element_factory_make("webrtcbin", nullptr);
   if (!webrtc_) throw std::runtime_error("element webrtcbin is not installed");
   gst_util_set_object_arg(G_OBJECT(webrtc_), "bundle-policy", "max-bundle");
+  if (options.loss > 0) g_object_set(webrtc_, "latency", 2000u, nullptr);  // what is late on a busy machine is not lost
   gst_bin_add(GST_BIN(pipeline_), webrtc_);
   g_signal_connect(webrtc_, "pad-added", G_CALLBACK(pad_added), this);
   g_signal_connect(webrtc_, "deep-element-added", G_CALLBACK(transport_added), this);

@@ -75,9 +75,11 @@ GstEvent* navigation(const json& event) {
   throw Error("event is of an unknown kind");
 }
 
+// Names of fields are kept for ever (GQuark): none that nobody in this process knows, as lfviewrequest does its own.
 bool is_field_name(const std::string& name) {
   return !name.empty() && name.size() <= 32 && g_ascii_isalpha(name[0]) &&
-         std::all_of(name.begin(), name.end(), [](char c) { return g_ascii_isalnum(c) || c == '-'; });
+         std::all_of(name.begin(), name.end(), [](char c) { return g_ascii_isalnum(c) || c == '-'; }) &&
+         g_quark_try_string(name.c_str()) != 0;
 }
 
 // Numbers alone: what they mean is lfviewrequest's to know. Which view they are for is the server's to say.
