@@ -43,8 +43,7 @@ export class Controls {
     const { eyeWidth } = this.viewer;
     if (this.pointers.size === 1) this.left = this.viewer.pixelAt(event).x < eyeWidth ? 0 : eyeWidth;
     if (this.pointers.size === 2) this.pinch = this.spread();
-    // Two fingers pan and pinch.
-    if (this.pointers.size === 2) this.send('MouseButtonRelease', event, { button: 1 });
+    // Two fingers pan and pinch; the first is not let go, which would be a click.
     this.send('MouseButtonPress', event, { button: this.pointers.size === 2 ? 2 : event.button + 1 });
     event.preventDefault();
   }
