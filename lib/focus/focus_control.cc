@@ -4,16 +4,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/median.h"
 #include "focus/plane_map.h"
 
 namespace lf {
 namespace {
-
-uint8_t median_level(std::vector<uint8_t> levels) {
-  const auto middle = levels.begin() + static_cast<ptrdiff_t>(levels.size() / 2);
-  std::nth_element(levels.begin(), middle, levels.end());
-  return *middle;
-}
 
 SurfaceChoice choice_of(const ViewRequest& request, std::span<const Moments> moments) {
   const FocalMap& map = *request.view.focus.map;
@@ -56,7 +51,7 @@ std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
   std::vector<Trial> trials = trials_of_round(round_++);
   // Every third round asks whether a plane would do.
   if (settings_.mode == FocusMode::kAuto && round_ % 3 == 0)
-    trials.push_back({Trial::Kind::kPlane, median_level(map.levels)});
+    trials.push_back({Trial::Kind::kPlane, median(map.levels)});
   return trials;
 }
 

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "base/median.h"
+
 namespace lf {
 namespace {
 
@@ -53,9 +55,7 @@ std::vector<float> smoothed_cost(const Moments& moments, const std::vector<uint1
 double median_of_finite(std::vector<float> values) {
   std::erase_if(values, [](float v) { return !std::isfinite(v); });
   if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  return median(std::move(values));
 }
 
 std::vector<double> mean_costs(const std::vector<std::vector<float>>& costs) {

@@ -61,12 +61,22 @@ void FocalMap::inverse_row(double x, double spacing, double y, int count, float*
   const uint8_t* const lower = levels.data() + static_cast<size_t>(down.second) * columns;
   const auto part = static_cast<float>(down.part), scale = static_cast<float>((nearest - farthest) / kLevels);
   const auto far_end = static_cast<float>(farthest);
-  const auto node = [&](int i) { return upper[i] + part * static_cast<float>(lower[i] - upper[i]); };
-  for (int i = 0; i < count; i++) {
-    const Between across(x + i * spacing, step, columns);
-    const float first = node(across.first);
-    out[i] = far_end + scale * (first + static_cast<float>(across.part) * (node(across.second) - first));
+  const auto inverse = [&](int i) {
+    return far_end + scale * (upper[i] + part * static_cast<float>(lower[i] - upper[i]));
+  };
+  // In nodes: of the first position, and from one to the next.
+  const double first = (x + 0.5) / step - 0.5, along = spacing / step;
+  const auto past = [&](int node) {  // the first position at this node or beyond it
+    return static_cast<int>(std::clamp(std::ceil((node - first) / along), 0.0, static_cast<double>(count)));
+  };
+  int i = past(0);
+  std::fill(out, out + i, inverse(0));
+  for (int node = std::max(static_cast<int>(first), 0); node + 1 < columns && i < count; node++) {
+    const float at = inverse(node), rise = inverse(node + 1) - at;
+    const auto begin = static_cast<float>(first - node), slope = static_cast<float>(along);
+    for (const int end = past(node + 1); i < end; i++) out[i] = at + (begin + static_cast<float>(i) * slope) * rise;
   }
+  std::fill(out + i, out + count, inverse(columns - 1));
 }
 
 bool FocalMap::is_flat(double x0, double y0, double x1, double y1) const {

@@ -6,17 +6,9 @@
 #include <iterator>
 #include <limits>
 
+#include "base/median.h"
+
 namespace lf {
-namespace {
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-}  // namespace
-
 std::vector<size_t> unusually_low(const std::vector<double>& psnr_db) {
   std::vector<double> known;
   std::copy_if(psnr_db.begin(), psnr_db.end(), std::back_inserter(known), [](double v) { return std::isfinite(v); });
