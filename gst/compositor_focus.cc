@@ -39,23 +39,31 @@ int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer) {
   auto& state = *self->state;
   const lf::MappedBuffer mapped(buffer);
   std::string reason;
-  std::optional<lf::wire::MomentsUnit> unit = lf::wire::decode_moments(mapped.bytes(), &reason);
-  if (!unit) {
+  const auto drop = [&] {
     GST_WARNING_OBJECT(self, "dropped moments: %s", reason.c_str());
     state.stats.count(CompositorStats::kBadAnswers);
+  };
+  const std::optional<lf::wire::MomentsHeader> header =
+      lf::wire::parse_moments_header(mapped.bytes(), nullptr, &reason);
+  if (!header) {
+    drop();
     return -1;
   }
   const lf::ViewRequest& request = *state.current;
-  if (unit->view_id != request.view_id) return -1;
+  if (header->view_id != request.view_id) return -1;
   // Sequence numbers wrap: the sign of the difference tells the order.
-  const auto ahead = static_cast<int32_t>(unit->sequence - request.sequence);
+  const auto ahead = static_cast<int32_t>(header->sequence - request.sequence);
   if (ahead != 0) return ahead > 0 ? 1 : -1;
-  const lf::FocalMap* const map = request.view.focus.map.get();
-  const bool other_rig = request.rig_hash != 0 && unit->rig_hash != request.rig_hash;
-  if (!map || other_rig || unit->trials.size() != request.trials.size() || unit->trials[0].columns != map->columns ||
-      unit->trials[0].rows != map->rows) {
-    GST_WARNING_OBJECT(self, "node %u: moments of other trials than those of request %u", unit->node, unit->sequence);
-    state.stats.count(CompositorStats::kBadAnswers);
+  lf::wire::MomentsShape asked;
+  if (const lf::FocalMap* map = request.view.focus.map.get())
+    asked = {map->columns, map->rows, request.trials.size()};
+  std::optional<lf::wire::MomentsUnit> unit = lf::wire::decode_moments(mapped.bytes(), asked, &reason);
+  if (unit && request.rig_hash != 0 && unit->rig_hash != request.rig_hash) {
+    reason = "of another rig";
+    unit.reset();
+  }
+  if (!unit) {
+    drop();
     return 0;
   }
   state.moment_bytes += mapped.bytes().size();

@@ -10,7 +10,7 @@
 namespace lf {
 namespace {
 
-constexpr double kNearestMeant = 0.2;  // of the focus distance
+constexpr double kNearestMeant = 0.3;  // of the focus distance
 constexpr double kAround = 1.5;        // the second stage: by which factor nearer and farther
 
 }  // namespace

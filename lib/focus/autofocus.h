@@ -13,7 +13,7 @@ namespace lf {
 std::optional<double> focus_distance_at(const View& view, const Vec2& pixel);
 
 // Asks the cameras where a view is in focus that has no map: gives the request the viewer's plane as a map, and planes
-// to try. Two stages: all depths that a viewer could mean, from a fifth of the focus distance to infinity, and then
+// to try. Two stages: all depths that a viewer could mean, from three tenths of the focus distance to infinity, and then
 // those around `found` (see focus_distance_at()). `from`: see FocalMap.
 void add_focus_sweep(ViewRequest& request, const Plane& from, std::optional<double> found);
 

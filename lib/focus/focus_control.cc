@@ -10,11 +10,14 @@
 namespace lf {
 namespace {
 
-SurfaceChoice choice_of(const ViewRequest& request, std::span<const Moments> moments) {
+// A sweep is not helped by what was found before: patches of 36 pixels tell depths apart that 12 do not.
+constexpr int kSweepRadius = 4;
+
+SurfaceChoice choice_of(const ViewRequest& request, std::span<const Moments> moments, int radius = 1) {
   const FocalMap& map = *request.view.focus.map;
   std::vector<std::vector<uint8_t>> levels;
   for (const Trial& trial : request.trials) levels.push_back(trial_levels(map, trial));
-  return choose_surface(map, levels, moments);
+  return choose_surface(map, levels, moments, radius);
 }
 
 }  // namespace
@@ -64,7 +67,7 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
     if (!map || moments.empty()) return plan;
     // The viewer asks where it would be in focus: see add_focus_sweep().
     auto found = std::make_shared<FocalMap>(*map);
-    found->levels = choice_of(request, moments).levels;
+    found->levels = choice_of(request, moments, kSweepRadius).levels;
     plan.view.focus.map = std::move(found);
     return plan;
   }

@@ -21,8 +21,8 @@ std::vector<uint16_t> least_weights(std::span<const Moments> moments) {
   return least;
 }
 
-// Means over 3 x 3 nodes of the deviations there are; infinity where there is none, or less weight than `least`.
-std::vector<float> smoothed_cost(const Moments& moments, const std::vector<uint16_t>& least) {
+// Means over `radius` nodes around of the deviations there are; infinity where there is none, or less weight than `least`.
+std::vector<float> smoothed_cost(const Moments& moments, const std::vector<uint16_t>& least, int radius) {
   const int columns = moments.columns, rows = moments.rows;
   const size_t nodes = moments.weight.size();
   std::vector<float> sum(nodes), count(nodes), row_sum(nodes), row_count(nodes);
@@ -35,7 +35,7 @@ std::vector<float> smoothed_cost(const Moments& moments, const std::vector<uint1
   const auto at = [&](int x, int y) { return static_cast<size_t>(y) * columns + x; };
   for (int y = 0; y < rows; y++)
     for (int x = 0; x < columns; x++)
-      for (int k = std::max(x - 1, 0); k <= std::min(x + 1, columns - 1); k++) {
+      for (int k = std::max(x - radius, 0); k <= std::min(x + radius, columns - 1); k++) {
         row_sum[at(x, y)] += sum[at(k, y)];
         row_count[at(x, y)] += count[at(k, y)];
       }
@@ -43,7 +43,7 @@ std::vector<float> smoothed_cost(const Moments& moments, const std::vector<uint1
   for (int y = 0; y < rows; y++)
     for (int x = 0; x < columns; x++) {
       float total = 0, seen = 0;
-      for (int k = std::max(y - 1, 0); k <= std::min(y + 1, rows - 1); k++) {
+      for (int k = std::max(y - radius, 0); k <= std::min(y + radius, rows - 1); k++) {
         total += row_sum[at(x, k)];
         seen += row_count[at(x, k)];
       }
@@ -73,11 +73,11 @@ std::vector<double> mean_costs(const std::vector<std::vector<float>>& costs) {
 }  // namespace
 
 SurfaceChoice choose_surface(const FocalMap& surface, std::span<const std::vector<uint8_t>> trials,
-                             std::span<const Moments> moments) {
+                             std::span<const Moments> moments, int radius) {
   SurfaceChoice choice;
   choice.levels = surface.levels;
   const std::vector<uint16_t> least = least_weights(moments);
-  std::vector<float> best = smoothed_cost(moments[0], least);
+  std::vector<float> best = smoothed_cost(moments[0], least, radius);
   const std::vector<float> base = best;
   choice.residual = median_of_finite(base);
   if (std::isnan(choice.residual)) return choice;
@@ -85,7 +85,7 @@ SurfaceChoice choose_surface(const FocalMap& surface, std::span<const std::vecto
   std::vector<size_t> chosen(best.size(), 0);
   std::vector<std::vector<float>> costs{base};
   for (size_t t = 1; t < trials.size(); t++) {
-    costs.push_back(smoothed_cost(moments[t], least));
+    costs.push_back(smoothed_cost(moments[t], least, radius));
     const std::vector<float>& cost = costs.back();
     for (size_t i = 0; i < best.size(); i++)
       if (cost[i] + lead < best[i]) {

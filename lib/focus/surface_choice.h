@@ -19,12 +19,12 @@ struct SurfaceChoice {
   std::vector<double> cost;  // of each trial: mean deviation over the nodes that all of them see; NaN: there are none
 };
 
-// The level, for each node, of the trial through which the cameras agree best: where the deviation, averaged over 3 x 3
-// nodes, is smallest. The smoothed surface (trials[0]) has a lead of kLead of the median deviation: against flicker
+// The level, for each node, of the trial through which the cameras agree best: where the deviation, averaged over
+// `radius` nodes around, is smallest. The smoothed surface (trials[0]) has a lead of kLead of the median deviation: against flicker
 // where nothing tells surfaces apart. Nodes that no trial sees keep their
 // level; a trial that fewer cameras see than another does not compete there. `trials`: levels of each.
 inline constexpr double kLead = 0.06;
 SurfaceChoice choose_surface(const FocalMap& surface, std::span<const std::vector<uint8_t>> trials,
-                             std::span<const Moments> moments);
+                             std::span<const Moments> moments, int radius = 1);
 
 }  // namespace lf

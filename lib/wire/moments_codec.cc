@@ -63,30 +63,40 @@ void read_plane(Reader& in, std::vector<uint16_t>& values, int columns, const Re
   });
 }
 
-MomentsUnit read_moments(std::span<const uint8_t> bytes) {
+// Up to the trials' rectangle.
+Reader read_header(std::span<const uint8_t> bytes, MomentsHeader& moments, MomentsShape& shape) {
   std::string reason;
   const std::optional<UnitHeader> header = check_unit_header(bytes, UnitKind::kAnswer, kMomentsType, 0, reason);
   if (!header || !check_unit_size(bytes, *header, reason)) throw Error(reason);
   Reader in(bytes.subspan(kUnitHeaderBytes));
-  MomentsUnit unit;
-  unit.view_id = in.get<uint32_t>();
-  unit.sequence = in.get<uint32_t>();
-  unit.rig_hash = in.get<uint64_t>();
-  unit.node = in.get<uint32_t>();
-  const int columns = in.get<uint16_t>(), rows = in.get<uint16_t>();
-  const uint8_t trials = in.get<uint8_t>(), reserved = in.get<uint8_t>();
+  moments.view_id = in.get<uint32_t>();
+  moments.sequence = in.get<uint32_t>();
+  moments.rig_hash = in.get<uint64_t>();
+  moments.node = in.get<uint32_t>();
+  shape.columns = in.get<uint16_t>();
+  shape.rows = in.get<uint16_t>();
+  shape.trials = in.get<uint8_t>();
+  const uint8_t reserved = in.get<uint8_t>();
   if (!in.ok()) throw Error("moments: the unit ends before its trials");
   if (reserved != 0) throw Error("reserved: must be 0, is " + std::to_string(reserved));
-  if (trials < 1 || trials > kMaxTrials)
-    throw Error("trials: must be 1 to " + std::to_string(kMaxTrials) + ", not " + std::to_string(trials));
-  if (columns < 1 || columns > kMaxImageSize || rows < 1 || rows > kMaxImageSize)
-    throw Error("moments: no view has " + std::to_string(columns) + " x " + std::to_string(rows) + " nodes");
+  if (shape.trials < 1 || shape.trials > kMaxTrials)
+    throw Error("trials: must be 1 to " + std::to_string(kMaxTrials) + ", not " + std::to_string(shape.trials));
+  if (shape.columns < 1 || shape.columns > kMaxImageSize || shape.rows < 1 || shape.rows > kMaxImageSize)
+    throw Error("moments: no view has " + std::to_string(shape.columns) + " x " + std::to_string(shape.rows) +
+                " nodes");
+  return in;
+}
+
+MomentsUnit read_moments(std::span<const uint8_t> bytes, const MomentsShape& expected) {
+  MomentsUnit unit;
+  MomentsShape shape;
+  Reader in = read_header(bytes, unit, shape);
+  if (shape != expected) throw Error("moments: of other trials than those that were asked for");
+  const auto [columns, rows, trials] = shape;
   const int x = in.get<uint16_t>(), y = in.get<uint16_t>(), w = in.get<uint16_t>(), h = in.get<uint16_t>();
   const Rect rect{x, y, x + w, y + h};
   if (rect.x1 > columns || rect.y1 > rows || (w == 0) != (h == 0))
     throw Error("rectangle: is not inside the map");
-  const size_t nodes = static_cast<size_t>(columns) * static_cast<size_t>(rows);
-  if (nodes > FocalMap::kMaxNodes) throw Error("moments: " + std::to_string(nodes) + " nodes are too many");
   if (in.left() < trials * (1 + 4 * static_cast<size_t>(w) * static_cast<size_t>(h)))
     throw Error("moments: the unit ends before its trials do");
   unit.trials.resize(trials);
@@ -148,8 +158,20 @@ ByteBuffer encode_moments(const MomentsHeader& header, std::span<const Moments> 
   return bytes;
 }
 
-std::optional<MomentsUnit> decode_moments(std::span<const uint8_t> bytes, std::string* reason) {
-  return or_reason(reason, [&] { return read_moments(bytes); });
+std::optional<MomentsHeader> parse_moments_header(std::span<const uint8_t> bytes, MomentsShape* shape,
+                                                  std::string* reason) {
+  return or_reason(reason, [&] {
+    MomentsHeader header;
+    MomentsShape read;
+    read_header(bytes, header, read);
+    if (shape) *shape = read;
+    return header;
+  });
+}
+
+std::optional<MomentsUnit> decode_moments(std::span<const uint8_t> bytes, const MomentsShape& expected,
+                                          std::string* reason) {
+  return or_reason(reason, [&] { return read_moments(bytes, expected); });
 }
 
 }  // namespace lf::wire

@@ -23,12 +23,24 @@ struct MomentsHeader {
 struct MomentsUnit : MomentsHeader {
   std::vector<Moments> trials;  // in the order of the request's, all of one size
 };
+// Of the request's map, and how many trials it has: known to whoever has asked.
+struct MomentsShape {
+  int columns = 0, rows = 0;
+  size_t trials = 0;
+  bool operator==(const MomentsShape&) const = default;
+};
 
 // Whether a unit of the answer stream is one of moments.
 bool is_moments(std::span<const uint8_t> bytes);
 // Throws Error if there is no trial, or more than kMaxTrials, or they are not of one size.
 ByteBuffer encode_moments(const MomentsHeader& header, std::span<const Moments> trials);
-// Nothing, and in *reason (may be null) why, if this is not exactly one such unit.
-std::optional<MomentsUnit> decode_moments(std::span<const uint8_t> bytes, std::string* reason = nullptr);
+// What a unit is about: its shape may be null. Nothing, and in *reason (may be null) why, if this is not the beginning of
+// one.
+std::optional<MomentsHeader> parse_moments_header(std::span<const uint8_t> bytes, MomentsShape* shape = nullptr,
+                                                  std::string* reason = nullptr);
+// Nothing, and in *reason (may be null) why, if this is not exactly one such unit of this shape: a few bytes may say that
+// nothing was seen of many nodes, and only who has asked knows that there are as many.
+std::optional<MomentsUnit> decode_moments(std::span<const uint8_t> bytes, const MomentsShape& expected,
+                                          std::string* reason = nullptr);
 
 }  // namespace lf::wire

@@ -14,7 +14,11 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   fuzz::require(request || !reason.empty());
   if (!request) return 0;
   std::vector<uint8_t> again;
-  if (const auto* view = std::get_if<ViewRequest>(&*request)) again = wire::encode_request(*view);
+  if (const auto* view = std::get_if<ViewRequest>(&*request)) {
+    again = wire::encode_request(*view);
+    for (const Trial& trial : view->trials)
+      if (view->view.width <= 256 && view->view.height <= 256) trial_levels(*view->view.focus.map, trial);
+  }
   if (const auto* pixels = std::get_if<wire::PixelCommand>(&*request)) again = wire::encode_command(*pixels);
   if (const auto* warp = std::get_if<wire::WarpCommand>(&*request)) {
     again = wire::encode_command(*warp);

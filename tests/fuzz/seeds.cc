@@ -8,6 +8,7 @@
 #include "scene/scene.h"
 #include "web/offers.h"
 #include "wire/command_codec.h"
+#include "wire/moments_codec.h"
 #include "wire/unit.h"
 
 namespace {
@@ -71,6 +72,27 @@ int main(int argc, char** argv) {
   const lf::Rig rig = lf::scene_rig(2, 2, 64, 48);
   write(folder / "request", lf::wire::encode_command(warp_command(rig, build_mesh(rig), asked)));
   write(folder / "request", lf::wire::encode_command(pixel_command(rig, build_mesh(rig), asked)));
+  lf::FocalMap map = lf::FocalMap::for_view(64, 64);
+  map.from = {{0, 0, 1}, 0};
+  map.farthest = 0.1;
+  map.nearest = 1;
+  for (int i = 0; i < map.columns * map.rows; i++) map.levels.push_back(static_cast<uint8_t>(i / 20 * 30));
+  asked.view.focus.map = std::make_shared<lf::FocalMap>(map);
+  asked.trials = lf::trials_of_round(1);
+  write(folder / "request", lf::wire::encode_request(asked));
+  std::vector<lf::Moments> moments(2);
+  for (lf::Moments& m : moments) {
+    m.reset(5, 4);
+    for (size_t i = 6; i < 15; i++) {
+      m.weight[i] = &m == &moments[0] ? 32768 : 20000;
+      m.luma[i] = m.square[i] = static_cast<uint16_t>(1000 * i);
+    }
+  }
+  const lf::ByteBuffer coded = lf::wire::encode_moments({1, 2, 3, 4}, moments);
+  const Bytes moments_unit(coded.begin(), coded.end());
+  write(folder / "moments", moments_unit);
+  write(folder / "packetizer", join({{0, 0}, moments_unit}));
+  write(folder / "framing", join({{9}, moments_unit, answers[0]}));
   for (const Bytes& unit : requests) {
     write(folder / "request", unit);
     write(folder / "packetizer", join({{0, 1}, unit}));

@@ -40,6 +40,44 @@ TEST(Autofocus, FindsTheWallAtAPixel) {
   }
 }
 
+// The built-in scene has bricks and tiles, which look alike at many distances.
+TEST(Autofocus, IsNotMisledByPatterns) {
+  const Rig rig = scene_rig(4, 4, 160, 120);
+  const Mesh mesh = build_mesh(rig);
+  std::vector<Image> images;
+  for (const Camera& camera : rig.cameras)
+    images.push_back(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0.5));
+  std::vector<CameraIndex> own(rig.cameras.size());
+  std::vector<Source> sources;
+  for (CameraIndex i = 0; i < own.size(); i++) {
+    own[i] = i;
+    sources.push_back({i, &rig.cameras[i], images[i].view()});
+  }
+  const Plane from{{0, 0, 1}, 0};
+  for (const double begin : {0.7, 1.3, 2.2, 4.0})
+    for (const auto& [pixel, distance] : {std::pair(Vec2(20, 20), kSceneFar), {Vec2(32, 85), kSceneNear}}) {
+      FocusControl control;
+      std::optional<double> found;
+      for (int stage = 0; stage < 2; stage++) {
+        ViewRequest request;
+        request.view.width = 160;
+        request.view.height = 120;
+        request.view.lens = rig.cameras[0].lens;
+        request.view.pose.position = {0.003, -0.002, 0};
+        request.view.focus.plane = focal_plane_at(request.view.pose, begin);
+        add_focus_sweep(request, from, found);
+        std::vector<std::vector<uint8_t>> levels;
+        for (const Trial& trial : request.trials) levels.push_back(trial_levels(*request.view.focus.map, trial));
+        std::vector<Moments> sums(levels.size());
+        for (Moments& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
+        add_moments(RenderJob(rig, mesh, trial_view(request.view), own), sources, levels, sums);
+        found = focus_distance_at(control.next(request, sums, from).view, pixel);
+        ASSERT_TRUE(found.has_value());
+      }
+      EXPECT_NEAR(*found / distance, 1, 0.15) << "from " << begin << " m";
+    }
+}
+
 TEST(Autofocus, DistancesAreAlongTheAxis) {
   const ArrayOfWalls walls;
   View view = walls.view(170);

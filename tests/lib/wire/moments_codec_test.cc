@@ -42,15 +42,17 @@ std::vector<uint8_t> encoded(const MomentsUnit& unit) {
   return {bytes.begin(), bytes.end()};
 }
 
+const MomentsShape kShape{2, 1, 2};
+
 std::string reason_of(const std::vector<uint8_t>& bytes) {
   std::string reason;
-  EXPECT_FALSE(decode_moments(bytes, &reason).has_value());
+  EXPECT_FALSE(decode_moments(bytes, kShape, &reason).has_value());
   return reason;
 }
 
 TEST(MomentsCodec, GoldenBytes) {
   EXPECT_EQ(encoded(golden()), from_hex(kGolden));
-  const std::optional<MomentsUnit> unit = decode_moments(from_hex(kGolden));
+  const std::optional<MomentsUnit> unit = decode_moments(from_hex(kGolden), kShape);
   ASSERT_TRUE(unit.has_value());
   EXPECT_EQ(static_cast<const MomentsHeader&>(*unit), golden());
   for (size_t t = 0; t < 2; t++) {
@@ -68,12 +70,23 @@ TEST(MomentsCodec, LeavesOutWhatNobodySees) {
   unit.trials[1].weight[9 * 40 + 8] = 32768;
   unit.trials[1].square[9 * 40 + 8] = 77;
   EXPECT_EQ(encoded(unit).size(), 46 + 2 * (1 + 6 * 4 * 3));
-  const std::optional<MomentsUnit> read = decode_moments(encoded(unit));
+  const std::optional<MomentsUnit> read = decode_moments(encoded(unit), {40, 30, 2});
   ASSERT_TRUE(read.has_value());
   for (size_t t = 0; t < 2; t++) {
     EXPECT_EQ(read->trials[t].weight, unit.trials[t].weight);
     EXPECT_EQ(read->trials[t].square, unit.trials[t].square);
   }
+}
+
+TEST(MomentsCodec, OnlyWhatWasAskedForIsRead) {
+  MomentsShape shape;
+  const std::optional<MomentsHeader> header = parse_moments_header(from_hex(kGolden), &shape);
+  ASSERT_TRUE(header.has_value());
+  EXPECT_EQ(*header, golden());
+  EXPECT_EQ(shape, kShape);
+  for (const MomentsShape& other : {MomentsShape{2, 2, 2}, {2, 1, 3}, {0, 0, 0}, {16384, 16384, 2}})
+    EXPECT_FALSE(decode_moments(from_hex(kGolden), other).has_value());
+  EXPECT_FALSE(parse_moments_header({}).has_value());
 }
 
 TEST(MomentsCodec, IsToldFromFragments) {
@@ -85,15 +98,15 @@ TEST(MomentsCodec, IsToldFromFragments) {
 TEST(MomentsCodec, EveryCutAndEveryFlippedBitIsRefusedOrRead) {
   const std::vector<uint8_t> whole = from_hex(kGolden);
   for (size_t size = 0; size < whole.size(); size++)
-    EXPECT_FALSE(decode_moments(std::span(whole).first(size)).has_value()) << size;
+    EXPECT_FALSE(decode_moments(std::span(whole).first(size), kShape).has_value()) << size;
   for (size_t bit = 0; bit < 8 * whole.size(); bit++) {
     std::vector<uint8_t> flipped = whole;
     flipped[bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
-    decode_moments(flipped);
+    decode_moments(flipped, kShape);
   }
   std::vector<uint8_t> longer = whole;
   longer.push_back(0);
-  EXPECT_FALSE(decode_moments(longer).has_value());
+  EXPECT_FALSE(decode_moments(longer, kShape).has_value());
 }
 
 TEST(MomentsCodec, NamesWhatIsWrong) {
