@@ -156,6 +156,10 @@ int main(int argc, char** argv) {
   app.add_option("--focus", o.limits.focus,
                  "distance of what is sharp to begin with, metres (default: 4 times the array)")
       ->check(CLI::PositiveNumber);
+  app.add_option("--focus-on", o.limits.surface,
+                 "the viewer's plane; or a surface, so that all of the picture is in focus; auto: as the scene needs it")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"plane", "surface", "auto"}));
   app.add_option("--max-width", o.limits.max_width, "of a view")->capture_default_str()->check(CLI::Range(64, 4096));
   app.add_option("--max-height", o.limits.max_height, "of a view")->capture_default_str()->check(CLI::Range(64, 4096));
   app.add_option("--bitrate", o.limits.bit_rate, "of a viewer's video at best, bits per second")

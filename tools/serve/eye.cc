@@ -52,6 +52,7 @@ Eye::Eye(GstElement* pipeline, int index, LightField& field, const EyeSettings& 
                "framerate", settings.framerate, 1, "capture-delay", settings.capture_delay, "eye-offset",
                settings.offset, nullptr);
   g_object_set(compositor_, "rig", field.rig().c_str(), "view-id", id_, nullptr);
+  gst_util_set_object_arg(G_OBJECT(compositor_), "focus", settings.surface.c_str());
   if (field.is_local()) g_object_set(compositor_, "latency", kLocalPatience, nullptr);
   if (settings.focus > 0) g_object_set(view_, "focus-distance", settings.focus, nullptr);
   if (index > 0) {

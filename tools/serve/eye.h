@@ -21,6 +21,7 @@ struct EyeSettings {
   int framerate = 30;
   uint64_t capture_delay = 0;  // nanoseconds, how old a capture must be before it is asked for
   double focus = 0;            // metres, to begin with; 0: as lfviewrequest chooses
+  std::string surface = "plane";  // lfcompositor's property "focus"
   double offset = 0;           // metres to the right of the view
   std::string path;            // a views.json that is flown over and over, or ""
 };

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "encoder.h"
+#include "focus/carry_over.h"
 #include "launch.h"
 
 namespace lf::serve {
@@ -170,6 +171,7 @@ void Viewer::requested(const ViewRequest& request, GstClockTime time) {
     ViewRequest beside = request;
     beside.view = seen_beside(request.view, settings_.eye_distance);
     beside.trials.clear();  // one eye looks for the focus
+    if (request.view.focus.map) beside.view.focus.map = carry_over(request.view, beside.view);
     eyes_[1]->ask(std::move(beside), time);
   }
   std::optional<uint64_t> applied;

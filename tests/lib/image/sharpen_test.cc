@@ -19,7 +19,7 @@ Image noise(PixelFamily family, int width, int height) {
 
 double expected(const uint8_t* plane, int width, int height, int step, int x, int y) {
   const auto at = [&](int i, int j) {
-    return double{plane[(std::clamp(j, 0, height - 1) * width + std::clamp(i, 0, width - 1)) * step]};
+    return static_cast<double>(plane[(std::clamp(j, 0, height - 1) * width + std::clamp(i, 0, width - 1)) * step]);
   };
   const double around = (at(x - 1, y) + at(x + 1, y) + at(x, y - 1) + at(x, y + 1)) / 4;
   return std::clamp(at(x, y) + kSharpening * (at(x, y) - around), 0., 255.);
