@@ -175,10 +175,10 @@ struct Blocks {
 // saw; where those stand is calibrated with them, their pictures are not used.
 //
 // The camera was moved along a grid so well that from its neighbours a picture is foretold to 0.13 pixels with the
-// nominal rig, and to 0.03 where each camera's own shift is taken out. At the single best plane, half-way between the things in this scene, that is less
-// than what another accident does: with nominal poses all pictures are sampled half-way between pixels at some
-// planes, which blurs the ghosts of everything out of focus by 0.4 dB. So the plane is chosen for each block, and the
-// figure for a single one printed beside.
+// nominal rig, and to 0.03 where each camera's own shift is taken out. At the single best plane, half-way between the
+// things in this scene, that is less than what another accident does: with nominal poses all pictures are sampled
+// half-way between pixels at some planes, which blurs the ghosts of everything out of focus by 0.4 dB. So the plane is
+// chosen for each block, and the figure for a single one printed beside.
 TEST(StillArrays, ToysGetACalibrationOfTheirOwn) {
   if (!fs::exists(kData / "toys")) GTEST_SKIP() << "needs ../shared/data/toys";
   const Rig all = load_rig(kData / "toys/rig.json");
