@@ -193,7 +193,9 @@ TEST_P(ImpairedLinks, PicturesGoOnAndAreNeverMixed) {
   const std::vector<std::pair<Image, uint32_t>> latest = array.latest_pictures(0);
   double worst = 99, sum = 0;
   for (const auto& [picture, sequence] : latest) {
-    const double psnr = compare(picture, all[sequence % all.size()]).psnr_db;
+    double psnr = compare(picture, all[sequence % all.size()]).psnr_db;
+    // Where nothing comes the picture before shows, and that is of another place where the path begins anew.
+    if (sequence % all.size() == 0) psnr = std::max(psnr, compare(picture, all.back()).psnr_db);
     if (psnr < worst) save_for_people(picture, "loss-" + std::to_string(GetParam()) + "-worst.png");
     worst = std::min(worst, psnr);
     sum += psnr;
@@ -203,8 +205,7 @@ TEST_P(ImpairedLinks, PicturesGoOnAndAreNeverMixed) {
               latest.size(), sum / static_cast<double>(latest.size()), worst);
   if (GetParam() <= 1) {
     EXPECT_GT(sum / static_cast<double>(latest.size()), 25);
-    // Where nothing comes the picture before shows: 11.6 dB where the path begins anew; black has 5.
-    EXPECT_GT(worst, 10);
+    EXPECT_GT(worst, 12) << "black has less";
   }
   EXPECT_TRUE(array.compositor().is_running());
   for (int i = 0; i < ArrayNetwork::kNodes; i++) EXPECT_TRUE(array.node(i).is_running()) << array.node(i).text();
