@@ -17,11 +17,13 @@ GstEvent* focal_surface_event(const ViewRequest& request, const FocusControl::Pl
   return gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, structure);
 }
 
+bool is_focal_surface(GstEvent* event) {
+  return GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && gst_event_has_name(event, LF_FOCAL_SURFACE_EVENT);
+}
+
 bool parse_focal_surface(GstEvent* event, FocalSurfaceNews* news) {
+  if (!is_focal_surface(event)) return false;
   const GstStructure* structure = gst_event_get_structure(event);
-  if (GST_EVENT_TYPE(event) != GST_EVENT_CUSTOM_UPSTREAM || !structure ||
-      !gst_structure_has_name(structure, LF_FOCAL_SURFACE_EVENT))
-    return false;
   g_autoptr(GstBuffer) buffer = nullptr;
   if (!gst_structure_get(structure, "lf-view-id", G_TYPE_UINT, &news->view_id, "sequence", G_TYPE_UINT,
                          &news->sequence, "request", GST_TYPE_BUFFER, &buffer, nullptr))

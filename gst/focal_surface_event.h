@@ -16,6 +16,7 @@ namespace lf {
 
 // A new event, owned by the caller.
 GstEvent* focal_surface_event(const ViewRequest& request, const FocusControl::Plan& plan);
+bool is_focal_surface(GstEvent* event);
 // What such an event says; false if it is another one, or damaged.
 struct FocalSurfaceNews {
   guint view_id = 0, sequence = 0;

@@ -62,7 +62,6 @@
  */
 
 #include <algorithm>
-#include <cmath>
 #include <memory>
 #include <optional>
 #include <string>
@@ -70,6 +69,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "focal_surface_event.h"
 #include "focus/array_plane.h"
 #include "gst_wire.h"
 #include "lfviewrequest_private.h"
@@ -117,9 +117,7 @@ static void note_change(LfViewRequest* self) {
   if (self->waits_for_change && self->clock_id) gst_clock_id_unschedule(self->clock_id);
 }
 
-// Runs `change` on the view under the lock and then tells who watches the properties. Returns what `change` returns.
-template <typename Change>
-static gboolean change_view(LfViewRequest* self, Change change) {
+gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gboolean(lf::ViewControl&)>& change) {
   GST_OBJECT_LOCK(self);
   const lf::ViewValues before = self->control->values();
   const gboolean done = change(*self->control);
@@ -132,24 +130,8 @@ static gboolean change_view(LfViewRequest* self, Change change) {
 }
 
 static gboolean lf_view_request_set_view(LfViewRequest* self, const GstStructure* structure) {
-  return structure && change_view(self, [&](lf::ViewControl& control) { return control.set_view(structure); });
-}
-
-static void set_focus_distance(LfViewRequest* self, double distance) {
-  change_view(self, [distance](lf::ViewControl& control) {
-    control.set(lf::kFieldFocus, distance);
-    return TRUE;
-  });
-}
-
-static gboolean lf_view_request_focus_at(LfViewRequest* self, gdouble x, gdouble y) {
-  if (!std::isfinite(x) || !std::isfinite(y)) return FALSE;
-  GST_OBJECT_LOCK(self);
-  const bool steered = self->stream && !self->stream->from_file();
-  GST_OBJECT_UNLOCK(self);
-  if (!steered) return FALSE;
-  if (const std::optional<double> distance = self->focus_feedback->focus_at({x, y})) set_focus_distance(self, *distance);
-  return TRUE;
+  return structure && lf_view_request_change_view(
+                          self, [&](lf::ViewControl& control) { return control.set_view(structure); });
 }
 
 static bool is_navigation(GstEvent* event) { return GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION; }
@@ -160,14 +142,14 @@ static bool is_view(GstEvent* event) {
 // By an event that is one of these two.
 static gboolean steer(LfViewRequest* self, GstEvent* event) {
   std::optional<lf::Vec2> click;
-  const gboolean done = change_view(self, [&](lf::ViewControl& control) {
-    if (!self->stream || self->stream->from_file()) return false;
-    if (!lf::is_for_view(event, self->settings->view_id)) return false;
-    if (is_view(event)) return control.set_view(gst_event_get_structure(event));
+  const gboolean done = lf_view_request_change_view(self, [&](lf::ViewControl& control) {
+    if (!self->stream || self->stream->from_file()) return FALSE;
+    if (!lf::is_for_view(event, self->settings->view_id)) return FALSE;
+    if (is_view(event)) return gboolean(control.set_view(gst_event_get_structure(event)));
     const lf::View view = current_view(self);
     const bool changed = self->settings->navigation && control.navigate(event, view.width, view.height);
     click = control.take_click();
-    return changed;
+    return gboolean(changed);
   });
   if (click) lf_view_request_focus_at(self, click->x, click->y);
   return done;
@@ -176,21 +158,11 @@ static gboolean steer(LfViewRequest* self, GstEvent* event) {
 static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   if (self->out_of_service->announce(event)) return TRUE;
-  if (lf::FocalSurfaceNews news; lf::parse_focal_surface(event, &news)) {
-    if (lf_view_request_is_relay(self)) return gst_pad_push_event(self->sink, gst_event_ref(event));
-    GST_OBJECT_LOCK(self);
-    const bool own = news.view_id == self->settings->view_id;
-    GST_OBJECT_UNLOCK(self);
-    if (!own) return FALSE;
-    self->focus_feedback->announce(std::move(news));
-    if (const std::optional<double> found = self->focus_feedback->take_found()) set_focus_distance(self, *found);
-    return TRUE;
-  }
-  if (!is_navigation(event) && !is_view(event))
+  const bool of_focus = lf::is_focal_surface(event);
+  if (!of_focus && !is_navigation(event) && !is_view(event))
     return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->event(base, event);
   if (lf_view_request_is_relay(self)) return gst_pad_push_event(self->sink, gst_event_ref(event));
-
-  return steer(self, event);
+  return of_focus ? lf_view_request_take_focus(self, event) : steer(self, event);
 }
 
 // ----------------------------------------------------------------------------------------------------------- stream
@@ -231,7 +203,7 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
   base->segment.duration = stream->end();
   GST_INFO_OBJECT(self, "view %u at %d/%d frames/s, %s", settings.view_id, settings.fps_n, settings.fps_d,
                   stream->from_file() ? settings.location.c_str() : "from properties");
-  change_view(self, [&](lf::ViewControl& control) {
+  lf_view_request_change_view(self, [&](lf::ViewControl& control) {
     self->stream = stream.release();
     control.begin(self->stream->default_viewpoint());
     control.keep_visible(share);
@@ -379,27 +351,6 @@ void lf_view_request_add_command(LfViewRequest* self, const lf::ViewRequest& req
   gst_base_src_submit_buffer_list(GST_BASE_SRC(self), both);
 }
 
-// Files in, files out: where somebody finds the focus of this view, each request has what came of the one before.
-static GstFlowReturn wait_for_focus(LfViewRequest* self) {
-  constexpr std::chrono::milliseconds kLongest{5000};
-  if (!self->asked_for_focus) {
-    GST_OBJECT_LOCK(self);
-    const guint view_id = self->settings->view_id;
-    GST_OBJECT_UNLOCK(self);
-    self->awaits_focus = lf::is_focus_found(GST_BASE_SRC_PAD(self), view_id);
-    self->asked_for_focus = true;
-  }
-  if (!self->awaits_focus || !self->has_sent) return GST_FLOW_OK;
-  if (self->focus_feedback->wait_for(self->last_sequence, kLongest)) return GST_FLOW_OK;
-  GST_OBJECT_LOCK(self);
-  const bool unlocked = self->unlocked;
-  GST_OBJECT_UNLOCK(self);
-  if (unlocked) return GST_FLOW_FLUSHING;
-  GST_WARNING_OBJECT(self, "no focal surface came of request %u: it is not waited for any more", self->last_sequence);
-  self->awaits_focus = false;
-  return GST_FLOW_OK;
-}
-
 static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   LfViewRequest* self = LF_VIEW_REQUEST(push);
   if (lf_view_request_is_relay(self)) return lf_view_request_relay(self, out);
@@ -410,7 +361,7 @@ static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
     const GstFlowReturn flow = wait_live(self, &turn, &slot);
     if (flow != GST_FLOW_OK) return flow;
   } else {
-    const GstFlowReturn flow = wait_for_focus(self);
+    const GstFlowReturn flow = lf_view_request_wait_for_focus(self);
     if (flow != GST_FLOW_OK) return flow;
     turn = self->stream->next();
     if (!turn) return GST_FLOW_EOS;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <functional>
+
 #include "common.h"
 #include "focus_feedback.h"
 #include "lfviewrequest.h"
@@ -11,7 +13,8 @@
 #include "view_control.h"
 #include "view_request_settings.h"
 
-// What the files of lfviewrequest share: lfviewrequest.cc (the element) and view_request_relay.cc (foreign requests).
+// What the files of lfviewrequest share: lfviewrequest.cc (the element), view_request_focus.cc (where it is in focus) and
+// view_request_relay.cc (foreign requests).
 
 struct _LfViewRequest {
   GstPushSrc parent;
@@ -31,15 +34,26 @@ struct _LfViewRequest {
   bool changed;                // the view, since the request before
   bool waits_for_change;       // clock_id ends with it
   bool warned_commands;  // streaming thread
-  // Not live: the request before, whose focal surface is waited for; nothing: not asked for yet. Streaming thread.
-  bool asked_for_focus, awaits_focus, has_sent;
-  guint32 last_sequence;
+  // Not live: whether somebody who finds the focus has been looked for, and is waited for. Streaming thread.
+  bool asked_for_focus, awaits_focus;
+  bool has_sent;          // a request; streaming thread
+  guint32 last_sequence;  // of it
 };
 
 // lfviewrequest.cc
+// Runs `change` on the view under the lock and then tells who watches the properties. Returns what `change` returns.
+gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gboolean(lf::ViewControl&)>& change);
 // The command for the cameras goes along with the request *out, as a buffer list that takes it, if there is one.
 void lf_view_request_add_command(LfViewRequest* self, const lf::ViewRequest& request,
                                  const std::shared_ptr<const lf::Rig>& rig, GstBuffer** out);
+
+// view_request_focus.cc
+// The action focus-at.
+gboolean lf_view_request_focus_at(LfViewRequest* self, gdouble x, gdouble y);
+// By a focal surface event; false if it is of another view.
+gboolean lf_view_request_take_focus(LfViewRequest* self, GstEvent* event);
+// Files in, files out: where somebody finds the focus of this view, each request has what came of the one before.
+GstFlowReturn lf_view_request_wait_for_focus(LfViewRequest* self);
 
 // view_request_relay.cc
 void lf_view_request_install_relay(GstElementClass* klass);
