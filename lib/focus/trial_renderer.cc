@@ -2,9 +2,9 @@
 #include "focus/trial_renderer.h"
 
 #include <algorithm>
-#include <cmath>
+#include <memory>
 
-#include "render/contribution.h"
+#include "focus/trial_nodes.h"
 #include "render/source_region.h"
 
 namespace lf {
@@ -60,77 +60,6 @@ void box_luma(const ImageView& image, const Rect& rect, BoxedLuma& out) {
 
 namespace {
 
-// A source with what is needed of it for every row.
-struct TrialCamera {
-  TrialCamera(const RenderJob& job, const Source& source)
-      : corners(job.plan(), source.camera),
-        rect(corners.owned(job.runs(), job.plan().camera_rect(source.camera))),
-        projection(job.plan(), source.camera, *source.rig_camera),
-        width(static_cast<float>(source.rig_camera->width)),
-        height(static_cast<float>(source.rig_camera->height)) {}
-  CameraCorners corners;
-  Rect rect;  // of nodes that it has a weight in
-  CameraProjection projection;
-  float width, height;
-  BoxedLuma luma;
-};
-
-// The nodes of a row in which a camera has a weight. Camera coordinates are base + inverse distance x slope, up to a
-// positive factor.
-struct RowNodes {
-  std::vector<int> column;
-  std::vector<float> weight, base[3], slope[3], x, y;
-  std::vector<uint8_t> seen;
-  size_t count = 0;
-
-  void find(const RenderJob& job, const TrialCamera& camera, int row) {
-    const ViewPlan& plan = job.plan();
-    const auto room = static_cast<size_t>(camera.rect.width());
-    for (auto* v : {&weight, &base[0], &base[1], &base[2], &slope[0], &slope[1], &slope[2], &x, &y}) v->resize(room);
-    column.resize(room);
-    seen.resize(room);
-    count = 0;
-    for (int c = camera.rect.x0; c < camera.rect.x1; c++) {
-      const Vec2 ray = plan.rays().at(c, row);
-      const float w = camera.corners.weight(plan, job.owners().at(c, row), ray);
-      if (w == 0) continue;
-      const Vec3 d(ray, 1), b = camera.projection.camera_from_ray() * d, s = camera.projection.per_inverse() * d;
-      column[count] = c;
-      weight[count] = w;
-      for (int k = 0; k < 3; k++) {
-        base[k][count] = static_cast<float>(b[k]);
-        slope[k][count] = static_cast<float>(s[k]);
-      }
-      count++;
-    }
-  }
-
-  // CameraProjection::project() in float: positions in the image, and which are seen there.
-  void project(const FocalMap& map, const uint8_t* levels, const TrialCamera& camera, double eye_distance) {
-    const Lens& lens = camera.projection.lens();
-    const auto fx = static_cast<float>(lens.fx()), fy = static_cast<float>(lens.fy());
-    const auto cx = static_cast<float>(lens.cx()), cy = static_cast<float>(lens.cy());
-    const auto k1 = static_cast<float>(lens.k1()), k2 = static_cast<float>(lens.k2());
-    const auto p1 = static_cast<float>(lens.p1()), p2 = static_cast<float>(lens.p2());
-    const auto max_r2 = static_cast<float>(std::min(lens.max_radius() * lens.max_radius(), 1e30));
-    const auto far_end = static_cast<float>(map.farthest);
-    const auto scale = static_cast<float>((map.nearest - map.farthest) / FocalMap::kLevels);
-    const auto eye = static_cast<float>(eye_distance);
-    for (size_t i = 0; i < count; i++) {
-      const float s = far_end + scale * static_cast<float>(levels[column[i]]);
-      const float z = base[2][i] + s * slope[2][i], inverse = 1 / z;
-      const float u = (base[0][i] + s * slope[0][i]) * inverse, v = (base[1][i] + s * slope[1][i]) * inverse;
-      const float r2 = u * u + v * v, stretch = 1 + r2 * (k1 + r2 * k2);
-      const float px = fx * (u * stretch + 2 * p1 * u * v + p2 * (r2 + 2 * u * u)) + cx;
-      const float py = fy * (v * stretch + p1 * (r2 + 2 * v * v) + 2 * p2 * u * v) + cy;
-      seen[i] = (z > 0) & (1 - s * eye > 0) & (r2 <= max_r2) & (px >= -0.5f) & (px <= camera.width - 0.5f) &
-                (py >= -0.5f) & (py <= camera.height - 0.5f);
-      x[i] = px;
-      y[i] = py;
-    }
-  }
-};
-
 // Bilinear, in 8 bits of fraction. (x, y) relative to the first value.
 inline int sample(const BoxedLuma& luma, float x, float y) {
   const int width = luma.rect.width(), height = luma.rect.height();
@@ -148,6 +77,28 @@ inline void add_saturated(uint16_t& sum, float value) {
   sum = static_cast<uint16_t>(std::min(sum + static_cast<int>(value + 0.5f), 65535));
 }
 
+inline void add_luma(Moments& sums, size_t node, float weight, int luma) {
+  const auto value = static_cast<float>(luma);
+  add_saturated(sums.weight[node], weight * Moments::kWeightOne);
+  add_saturated(sums.luma[node], weight * value * Moments::kLumaOne);
+  add_saturated(sums.square[node], weight * value * value);
+}
+
+// A camera and its luma.
+struct Sampled {
+  Sampled(const RenderJob& job, const Source& source) : where(job, source.camera, *source.rig_camera) {
+    if (where.rect.empty()) return;
+    box_luma(source.image, needed_pixels(job.plan(), source.camera, *source.rig_camera), luma);
+    left = static_cast<float>(luma.rect.x0) + 0.5f;
+    top = static_cast<float>(luma.rect.y0) + 0.5f;
+  }
+  // 0..255, at a position in the image.
+  int at(float x, float y) const { return sample(luma, x - left, y - top); }
+  TrialCamera where;
+  BoxedLuma luma;
+  float left = 0, top = 0;
+};
+
 }  // namespace
 
 void add_moments(const RenderJob& job, std::span<const Source> sources, std::span<const std::vector<uint8_t>> trials,
@@ -161,35 +112,16 @@ void add_moments(const RenderJob& job, std::span<const Source> sources, std::spa
     plain::check_image(*source.rig_camera, source.image);
     seeing.push_back(&source);
   }
-  std::vector<std::unique_ptr<TrialCamera>> cameras(seeing.size());
-  parallel(seeing.size(), [&](size_t i) {
-    cameras[i] = std::make_unique<TrialCamera>(job, *seeing[i]);
-    if (cameras[i]->rect.empty()) return;
-    box_luma(seeing[i]->image, needed_pixels(plan, seeing[i]->camera, *seeing[i]->rig_camera), cameras[i]->luma);
-  });
+  std::vector<std::unique_ptr<Sampled>> cameras(seeing.size());
+  parallel(seeing.size(), [&](size_t i) { cameras[i] = std::make_unique<Sampled>(job, *seeing[i]); });
   constexpr int kRows = 8;  // of a task
   parallel(static_cast<size_t>((map.rows + kRows - 1) / kRows), [&](size_t band) {
-    thread_local RowNodes nodes;
     const int first = static_cast<int>(band) * kRows, last = std::min(first + kRows, map.rows);
-    for (const std::unique_ptr<TrialCamera>& camera : cameras)
-      for (int row = std::max(first, camera->rect.y0); row < std::min(last, camera->rect.y1); row++) {
-        nodes.find(job, *camera, row);
-        const size_t row_offset = static_cast<size_t>(row) * map.columns;
-        const float left = static_cast<float>(camera->luma.rect.x0) + 0.5f;
-        const float top = static_cast<float>(camera->luma.rect.y0) + 0.5f;
-        for (size_t t = 0; t < trials.size(); t++) {
-          nodes.project(map, trials[t].data() + row_offset, *camera, plan.eye_distance());
-          for (size_t i = 0; i < nodes.count; i++) {
-            if (!nodes.seen[i]) continue;
-            const float weight = nodes.weight[i];
-            const auto value = static_cast<float>(sample(camera->luma, nodes.x[i] - left, nodes.y[i] - top));
-            const size_t node = row_offset + static_cast<size_t>(nodes.column[i]);
-            add_saturated(sums[t].weight[node], weight * Moments::kWeightOne);
-            add_saturated(sums[t].luma[node], weight * value * Moments::kLumaOne);
-            add_saturated(sums[t].square[node], weight * value * value);
-          }
-        }
-      }
+    for (const std::unique_ptr<Sampled>& camera : cameras)
+      for_trial_nodes(job, camera->where, trials, first, last,
+                      [&](size_t t, size_t node, float weight, float x, float y) {
+                        add_luma(sums[t], node, weight, camera->at(x, y));
+                      });
   });
 }
 

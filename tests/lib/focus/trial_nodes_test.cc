@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/trial_nodes.h"
+
+#include <gtest/gtest.h>
+
+#include "lib/focus/array_of_walls.h"
+
+namespace lf {
+namespace {
+
+// Against the rule in double precision: every node that a camera has a weight in and sees, once, where it sees it.
+TEST(TrialNodes, AreThoseOfTheRule) {
+  const test::ArrayOfWalls walls;
+  View wide = walls.view(100);
+  wide.lens = Lens::from_fov_y(50, wide.width, wide.height);
+  const View view = trial_view(wide);
+  const RenderJob job(walls.rig, walls.mesh, view, walls.own);
+  const size_t nodes = view.focus.map->levels.size();
+  const std::vector<std::vector<uint8_t>> levels{std::vector<uint8_t>(nodes, 20), std::vector<uint8_t>(nodes, 230)};
+  size_t seen = 0, unseen = 0;
+  for (const CameraIndex camera : job.cameras()) {
+    const TrialCamera at(job, camera, walls.rig.cameras[camera]);
+    const CameraProjection projection(job.plan(), camera, walls.rig.cameras[camera]);
+    std::vector<std::vector<Vec3>> found(levels.size(), std::vector<Vec3>(nodes));
+    for_trial_nodes(job, at, levels, 0, view.height, [&](size_t t, size_t node, float weight, float x, float y) {
+      EXPECT_EQ(found[t][node].z, 0);
+      found[t][node] = {x, y, weight};
+    });
+    for (size_t t = 0; t < levels.size(); t++)
+      for (int j = 0; j < view.height; j++)
+        for (int i = 0; i < view.width; i++) {
+          const size_t node = static_cast<size_t>(j) * view.width + i;
+          const Vec2 ray = job.plan().rays().at(i, j);
+          const float weight = CameraCorners(job.plan(), camera).weight(job.plan(), job.owners().at(i, j), ray);
+          Vec2 pixel;
+          const bool sees = weight > 0 && projection.project(ray, view.focus.map->inverse_of(levels[t][node]), pixel);
+          (sees ? seen : unseen) += weight > 0;
+          ASSERT_EQ(found[t][node].z, sees ? weight : 0) << i << ", " << j;
+          if (!sees) continue;
+          EXPECT_NEAR(found[t][node].x, pixel.x, 1e-3);
+          EXPECT_NEAR(found[t][node].y, pixel.y, 1e-3);
+        }
+  }
+  EXPECT_GT(seen, nodes);
+  EXPECT_GT(unseen, 0u);
+}
+
+TEST(TrialNodes, StayInTheRowsAskedFor) {
+  const test::ArrayOfWalls walls;
+  const View view = trial_view(walls.view(100));
+  const RenderJob job(walls.rig, walls.mesh, view, walls.own);
+  const std::vector<std::vector<uint8_t>> levels{view.focus.map->levels};
+  size_t count = 0;
+  for (const CameraIndex camera : job.cameras())
+    for_trial_nodes(job, TrialCamera(job, camera, walls.rig.cameras[camera]), levels, 5, 7,
+                    [&](size_t, size_t node, float, float, float) {
+                      EXPECT_GE(node, 5u * view.width);
+                      EXPECT_LT(node, 7u * view.width);
+                      count++;
+                    });
+  EXPECT_GE(count, 2u * view.width);
+}
+
+}  // namespace
+}  // namespace lf
