@@ -3,6 +3,8 @@
 
 #include <gst/video/video.h>
 
+#include <cstring>
+
 #include "common.h"
 #include "lfscenesrc.h"
 
@@ -170,8 +172,29 @@ void on_source_setup(GstElement* /*decoder*/, GstElement* source, gpointer laten
     g_object_set(source, "latency", GPOINTER_TO_UINT(latency), nullptr);
 }
 
+// uridecodebin never disconnects from its decodebin, which messages on the bus may keep alive for longer (GStreamer
+// 1.22): a pad that is still there when that ends would be removed from an element that is gone.
+void forget_decodebin(gpointer data, GObject* uridecodebin) {
+  auto* decodebin = static_cast<GWeakRef*>(data);
+  if (GObject* alive = static_cast<GObject*>(g_weak_ref_get(decodebin))) {
+    g_signal_handlers_disconnect_by_data(alive, uridecodebin);
+    g_object_unref(alive);
+  }
+  g_weak_ref_clear(decodebin);
+  delete decodebin;
+}
+
+void on_child_of_uridecodebin(GstBin* uridecodebin, GstElement* child, gpointer /*unused*/) {
+  GstElementFactory* factory = gst_element_get_factory(child);
+  if (!factory || std::strcmp(GST_OBJECT_NAME(factory), "decodebin") != 0) return;
+  auto* decodebin = new GWeakRef;
+  g_weak_ref_init(decodebin, child);
+  g_object_weak_ref(G_OBJECT(uridecodebin), forget_decodebin, decodebin);
+}
+
 void add_uri_decoder(GstBin* bin, const std::string& uri, const ChainOptions& options, GstElement* convert) {
   GstElement* decoder = add_decodebin(bin, "uridecodebin", convert);
+  g_signal_connect(decoder, "element-added", G_CALLBACK(on_child_of_uridecodebin), nullptr);
   g_object_set(decoder, "uri", uri.c_str(), nullptr);
   g_signal_connect(decoder, "source-setup", G_CALLBACK(on_source_setup), GUINT_TO_POINTER(options.latency));
 }
