@@ -1,52 +1,80 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/trial_nodes.h"
 
+#include "render/camera_projection.h"
+
 namespace lf {
 
-void TrialRow::find(const RenderJob& job, const TrialCamera& camera, int row) {
-  const ViewPlan& plan = job.plan();
-  const auto room = static_cast<size_t>(camera.rect.width());
-  for (auto* v : {&weight, &base[0], &base[1], &base[2], &slope[0], &slope[1], &slope[2], &x, &y}) v->resize(room);
-  column.resize(room);
-  seen.resize(room);
-  count = 0;
-  for (int c = camera.rect.x0; c < camera.rect.x1; c++) {
-    const Vec2 ray = plan.rays().at(c, row);
-    const float w = camera.corners.weight(plan, job.owners().at(c, row), ray);
-    if (w == 0) continue;
-    const Vec3 d(ray, 1), b = camera.projection.camera_from_ray() * d, s = camera.projection.per_inverse() * d;
-    column[count] = c;
-    weight[count] = w;
-    for (int k = 0; k < 3; k++) {
-      base[k][count] = static_cast<float>(b[k]);
-      slope[k][count] = static_cast<float>(s[k]);
+TrialCamera::TrialCamera(const RenderJob& job, CameraIndex index, const Camera& rig_camera)
+    : corners(job.plan(), index), rect(corners.owned(job.runs(), job.plan().camera_rect(index))) {
+  const CameraProjection exact(job.plan(), index, rig_camera);
+  for (int k = 0; k < 3; k++)
+    for (int column = 0; column < 3; column++) {
+      projection.base[3 * k + column] = static_cast<float>(exact.camera_from_ray()[column][k]);
+      projection.slope[3 * k + column] = static_cast<float>(exact.per_inverse()[column][k]);
     }
-    count++;
+  const Lens& lens = rig_camera.lens;
+  projection.fx = static_cast<float>(lens.fx());
+  projection.fy = static_cast<float>(lens.fy());
+  projection.cx = static_cast<float>(lens.cx());
+  projection.cy = static_cast<float>(lens.cy());
+  projection.k1 = static_cast<float>(lens.k1());
+  projection.k2 = static_cast<float>(lens.k2());
+  projection.p1 = static_cast<float>(lens.p1());
+  projection.p2 = static_cast<float>(lens.p2());
+  projection.distorted = lens.has_distortion();
+  projection.max_r2 = static_cast<float>(std::min(lens.max_radius() * lens.max_radius(), 1e30));
+  projection.width = static_cast<float>(rig_camera.width);
+  projection.height = static_cast<float>(rig_camera.height);
+  const FocalMap& map = *job.plan().view().focus.map;
+  projection.farthest = static_cast<float>(map.farthest);
+  projection.per_level = static_cast<float>((map.nearest - map.farthest) / FocalMap::kLevels);
+  projection.eye_distance = static_cast<float>(job.plan().eye_distance());
+}
+
+TrialRow::TrialRow(const RenderJob& job)
+    : job_(job), u_(job.plan().view().width), v_(u_.size()), weight_(u_.size()) {}
+
+void TrialRow::begin(int row) {
+  row_ = row;
+  for (size_t x = 0; x < u_.size(); x++) {
+    const Vec2 ray = job_.plan().rays().at(static_cast<int>(x), row);
+    u_[x] = static_cast<float>(ray.x);
+    v_[x] = static_cast<float>(ray.y);
   }
 }
 
-void TrialRow::project(const FocalMap& map, const uint8_t* levels, const TrialCamera& camera, double eye_distance) {
-  const Lens& lens = camera.projection.lens();
-  const auto fx = static_cast<float>(lens.fx()), fy = static_cast<float>(lens.fy());
-  const auto cx = static_cast<float>(lens.cx()), cy = static_cast<float>(lens.cy());
-  const auto k1 = static_cast<float>(lens.k1()), k2 = static_cast<float>(lens.k2());
-  const auto p1 = static_cast<float>(lens.p1()), p2 = static_cast<float>(lens.p2());
-  const auto max_r2 = static_cast<float>(std::min(lens.max_radius() * lens.max_radius(), 1e30));
-  const auto far_end = static_cast<float>(map.farthest);
-  const auto scale = static_cast<float>((map.nearest - map.farthest) / FocalMap::kLevels);
-  const auto eye = static_cast<float>(eye_distance);
-  for (size_t i = 0; i < count; i++) {
-    const float s = far_end + scale * static_cast<float>(levels[column[i]]);
-    const float z = base[2][i] + s * slope[2][i], inverse = 1 / z;
-    const float u = (base[0][i] + s * slope[0][i]) * inverse, v = (base[1][i] + s * slope[1][i]) * inverse;
-    const float r2 = u * u + v * v, stretch = 1 + r2 * (k1 + r2 * k2);
-    const float px = fx * (u * stretch + 2 * p1 * u * v + p2 * (r2 + 2 * u * u)) + cx;
-    const float py = fy * (v * stretch + p1 * (r2 + 2 * v * v) + 2 * p2 * u * v) + cy;
-    seen[i] = (z > 0) & (1 - s * eye > 0) & (r2 <= max_r2) & (px >= -0.5f) & (px <= camera.width - 0.5f) &
-              (py >= -0.5f) & (py <= camera.height - 0.5f);
-    x[i] = px;
-    y[i] = py;
+TrialNodes TrialRow::find(const TrialCamera& camera, int& first) {
+  int end = -1;
+  for (const OwnerRun& run : job_.runs().row(row_, camera.rect.x0, camera.rect.x1)) {
+    const int corner = camera.corners.of_face(run.face);
+    if (corner < 0) continue;
+    if (end < 0)
+      first = run.x0;
+    else
+      std::fill(&weight_[end], &weight_[run.x0], 0.f);
+    weigh(run, corner);
+    end = run.x1;
   }
+  if (end < 0) return {};
+  return {&u_[first], &v_[first], &weight_[first], end - first};
+}
+
+void TrialRow::weigh(const OwnerRun& run, int corner) {
+  const ViewPlan& plan = job_.plan();
+  const FacePlan& face = plan.faces()[run.face];
+  if (!plan.rays().separable()) {
+    for (int x = run.x0; x < run.x1; x++) weight_[x] = face_weights(face, plan.rays().at(x, row_)).w[corner];
+    return;
+  }
+  const Vec2 ray = plan.rays().at(run.x0, row_);
+  const double spacing = plan.rays().at(run.x0 + 1, row_).x - ray.x;
+  double edge[3], step[3];
+  for (int k = 0; k < 3; k++) {
+    edge[k] = FacePlan::evaluate(face.edge[k], ray);
+    step[k] = face.edge[k].x * spacing;
+  }
+  weigh_run(edge, step, corner, run.x1 - run.x0, &weight_[run.x0]);
 }
 
 }  // namespace lf

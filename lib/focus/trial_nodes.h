@@ -6,7 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "render/contribution.h"
+#include "focus/trial_row.h"
+#include "render/ownership.h"
 #include "render/render_job.h"
 
 // Where cameras look for the nodes of trials: the same to the bit for whoever samples their images and for whoever adds
@@ -15,29 +16,28 @@ namespace lf {
 
 // One camera, with what is needed of it for every row. `job`: of trial_view().
 struct TrialCamera {
-  TrialCamera(const RenderJob& job, CameraIndex index, const Camera& rig_camera)
-      : corners(job.plan(), index),
-        rect(corners.owned(job.runs(), job.plan().camera_rect(index))),
-        projection(job.plan(), index, rig_camera),
-        width(static_cast<float>(rig_camera.width)),
-        height(static_cast<float>(rig_camera.height)) {}
+  TrialCamera(const RenderJob& job, CameraIndex index, const Camera& rig_camera);
   CameraCorners corners;
   Rect rect;  // of nodes that it has a weight in
-  CameraProjection projection;
-  float width, height;
+  TrialProjection projection;
 };
 
-// The nodes of a row in which a camera has a weight. Camera coordinates are base + inverse distance x slope, up to a
-// positive factor.
-struct TrialRow {
-  std::vector<int> column;
-  std::vector<float> weight, base[3], slope[3], x, y;
-  std::vector<uint8_t> seen;
-  size_t count = 0;
+// One camera's weights in a row of nodes.
+class TrialRow {
+ public:
+  explicit TrialRow(const RenderJob& job);
 
-  void find(const RenderJob& job, const TrialCamera& camera, int row);
-  // CameraProjection::project() in float: positions in the image, and which are seen there.
-  void project(const FocalMap& map, const uint8_t* levels, const TrialCamera& camera, double eye_distance);
+  void begin(int row);
+  // From the first node that the camera has a weight in to the last; some in between may have none. `first`: the
+  // column of the first. Valid until the next call.
+  TrialNodes find(const TrialCamera& camera, int& first);
+
+ private:
+  void weigh(const OwnerRun& run, int corner);
+
+  const RenderJob& job_;
+  int row_ = 0;
+  std::vector<float> u_, v_, weight_;  // of every column
 };
 
 // Calls fn(trial, node of the map, weight, x, y in the camera's image) for what the camera sees in rows [y0, y1) of the
@@ -45,16 +45,19 @@ struct TrialRow {
 template <class Fn>
 void for_trial_nodes(const RenderJob& job, const TrialCamera& camera, std::span<const std::vector<uint8_t>> trials,
                      int y0, int y1, const Fn& fn) {
-  thread_local TrialRow nodes;
-  const FocalMap& map = *job.plan().view().focus.map;
-  for (int row = std::max(y0, camera.rect.y0); row < std::min(y1, camera.rect.y1); row++) {
-    nodes.find(job, camera, row);
-    const size_t row_offset = static_cast<size_t>(row) * static_cast<size_t>(map.columns);
+  const int columns = job.plan().view().width;
+  TrialRow row(job);
+  std::vector<float> x(columns), y(columns);
+  std::vector<uint8_t> seen(columns);
+  for (int j = std::max(y0, camera.rect.y0); j < std::min(y1, camera.rect.y1); j++) {
+    row.begin(j);
+    int first = 0;
+    const TrialNodes nodes = row.find(camera, first);
+    const size_t offset = static_cast<size_t>(j) * columns + first;
     for (size_t t = 0; t < trials.size(); t++) {
-      nodes.project(map, trials[t].data() + row_offset, camera, job.plan().eye_distance());
-      for (size_t i = 0; i < nodes.count; i++)
-        if (nodes.seen[i])
-          fn(t, row_offset + static_cast<size_t>(nodes.column[i]), nodes.weight[i], nodes.x[i], nodes.y[i]);
+      project_trial(camera.projection, nodes, &trials[t][offset], x.data(), y.data(), seen.data());
+      for (int i = 0; i < nodes.count; i++)
+        if (seen[i] && nodes.weight[i] > 0) fn(t, offset + i, nodes.weight[i], x[i], y[i]);
     }
   }
 }

@@ -13,30 +13,6 @@ namespace {
 using enum Trial::Kind;
 using test::ArrayOfWalls;
 
-TEST(BoxedLuma, IsTheMeanOfSixteenPixels) {
-  Image image(PixelFamily::kRgb, 9, 7);
-  for (size_t i = 0; i < image.data().size(); i++) image.data()[i] = static_cast<uint8_t>(i / 3 * 53);  // grey
-  BoxedLuma out;
-  box_luma(image.view(), {2, 1, 8, 7}, out);
-  ASSERT_EQ(out.values.size(), 6u * 6);
-  for (int y = 1; y < 7; y++)
-    for (int x = 2; x < 8; x++) {
-      int sum = 0;
-      for (int j = y - 1; j <= y + 2; j++)
-        for (int i = x - 1; i <= x + 2; i++)
-          sum += image.data()[3 * (std::clamp(j, 0, 6) * 9 + std::clamp(i, 0, 8))];
-      EXPECT_EQ(out.values[(y - 1) * 6 + x - 2], (sum + 8) / 16) << x << ", " << y;
-    }
-}
-
-TEST(BoxedLuma, OfYCbCrIsOfItsLuma) {
-  Image image(PixelFamily::kI420, 8, 8);
-  for (int i = 0; i < 64; i++) image.data()[i] = 77;
-  BoxedLuma out;
-  box_luma(image.view(), {0, 0, 8, 8}, out);
-  EXPECT_EQ(out.values, std::vector<uint8_t>(64, 77));
-}
-
 TEST(TrialRenderer, CamerasAgreeWhereTheSurfaceIs) {
   const ArrayOfWalls walls;
   const View view = walls.view(60);

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include "base/byte_buffer.h"
+#include "image/image.h"
+#include "render/rect.h"
+
+namespace lf {
+
+// Luma of an image, low-passed by a box of kTrialBox x kTrialBox pixels: what trials sample, so that a quarter of the
+// view's resolution is enough. At full resolution: sampling an image of a quarter of the size costs 1 dB.
+inline constexpr int kTrialBox = 4;  // pixels
+// Value (x, y) is the mean of luma at x - 1 .. x + 2 and y - 1 .. y + 2, as far as the image goes: it belongs to
+// (x + 1/2, y + 1/2).
+struct BoxedLuma {
+  static constexpr size_t kSpare = 4;  // bytes behind the values that may be read, too, after one more row
+  Rect rect;                           // of the image
+  ByteBuffer values;                   // row-major, and rect.width() + kSpare of no meaning
+};
+// `rect`: what is needed, inside the image. The same result with every instruction set.
+void box_luma(const ImageView& image, const Rect& rect, BoxedLuma& out);
+
+}  // namespace lf

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// What finding a focal surface costs beside drawing through a plane: ns per output pixel = 1e9 / items_per_second.
+// 64 cameras, one thread.
+#include <benchmark/benchmark.h>
+
+#include <cmath>
+#include <numeric>
+
+#include "focus/array_plane.h"
+#include "focus/surface_choice.h"
+#include "focus/boxed_luma.h"
+#include "focus/trial_renderer.h"
+#include "image/sharpen.h"
+#include "reference/generators.h"
+#include "render/source_region.h"
+#include "render/sum_renderer.h"
+
+namespace lf {
+namespace {
+
+constexpr int kWidth = 320, kHeight = 240, kSide = 8;
+
+struct Scene {
+  explicit Scene(PixelFamily family) {
+    reference::Random random(1);
+    const double f = 1.25 * kWidth, pitch = 0.4 / (kSide - 1);
+    for (int i = 0; i < kSide * kSide; i++) {
+      const Lens lens(LensModel::kRadial,
+                      {f * random.uniform(0.98, 1.02), (kWidth - 1) / 2.0, (kHeight - 1) / 2.0, -0.15, 0.03});
+      const Vec3 place(i % kSide + random.uniform(-0.05, 0.05), i / kSide + random.uniform(-0.05, 0.05), 0);
+      rig.cameras.push_back(
+          reference::make_camera(i, kWidth, kHeight, lens, {pitch * place, random.small_rotation(0.0175)}));
+    }
+    rig.topology = {Topology::Type::kGrid, kSide, kSide, {}};
+    mesh = build_mesh(rig);
+    own.resize(rig.cameras.size());
+    std::iota(own.begin(), own.end(), 0);
+    const Image rgb = reference::smooth_image(random, kWidth, kHeight);
+    image = family == PixelFamily::kI420 ? to_i420(rgb) : rgb;
+    view.width = kWidth;
+    view.height = kHeight;
+    view.lens = Lens::pinhole(f, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0);
+    view.pose = {Vec3(0.2, 0.2, -0.9 * 0.2 * f / (kWidth / 2.0)), Quat(1, 0, 0, 0)};
+    view.focus.plane = plane_through({0, 0, 2}, {0, 0, -1});
+    focused = view;
+    FocalMap map = FocalMap::for_view(kWidth, kHeight);
+    map.from = array_plane(rig);
+    map.nearest = 1 / 0.8;  // as FocusControl has them around this plane
+    map.farthest = 1 / 8.;
+    for (int j = 0; j < map.rows; j++)
+      for (int i = 0; i < map.columns; i++)  // a ground that rises, and things on it
+        map.levels.push_back(static_cast<uint8_t>(40 + j + (((i / 13 + j / 11) % 3 == 0) ? 60 : 0)));
+    focused.focus.map = std::make_shared<FocalMap>(map);
+    for (const Trial& trial : trials_of_round(0)) trials.push_back(trial_levels(map, trial));
+    sums.resize(trials.size());
+  }
+  std::vector<Source> sources(const std::vector<CameraIndex>& cameras) const {
+    std::vector<Source> out;
+    for (const CameraIndex i : cameras) out.push_back({i, &rig.cameras[i], image.view()});
+    return out;
+  }
+  void add_all(const RenderJob& job) {
+    for (Moments& sum : sums) sum.reset(focused.focus.map->columns, focused.focus.map->rows);
+    add_moments(job, sources(job.cameras()), trials, sums);
+  }
+  Rig rig;
+  Mesh mesh;
+  std::vector<CameraIndex> own;
+  Image image;
+  View view, focused;  // on a plane; through a surface
+  std::vector<std::vector<uint8_t>> trials;
+  std::vector<Moments> sums;
+};
+
+void count(benchmark::State& state) { state.SetItemsProcessed(state.iterations() * int64_t{kWidth} * kHeight); }
+
+void Colour(benchmark::State& state, PixelFamily family, bool surface) {
+  const Scene scene(family);
+  const View& view = surface ? scene.focused : scene.view;
+  std::vector<int16_t> samples(size_t{3} * kWidth * kHeight);
+  std::vector<uint16_t> lost(size_t{1} * kWidth * kHeight);
+  for (auto _ : state) {
+    const RenderJob job(scene.rig, scene.mesh, view, scene.own);
+    const SumRenderer renderer(job.plan(), job.runs(), scene.sources(job.cameras()), family);
+    const Rect rect = renderer.rect();
+    benchmark::DoNotOptimize(
+        renderer.render_rows(rect.y0, rect.y1, packed_sums(family, rect, samples.data(), lost.data())));
+  }
+  count(state);
+}
+BENCHMARK_CAPTURE(Colour, plane_rgb, PixelFamily::kRgb, false);
+BENCHMARK_CAPTURE(Colour, surface_rgb, PixelFamily::kRgb, true);
+BENCHMARK_CAPTURE(Colour, plane_i420, PixelFamily::kI420, false);
+BENCHMARK_CAPTURE(Colour, surface_i420, PixelFamily::kI420, true);
+
+void Sharpen(benchmark::State& state, PixelFamily family) {
+  const Scene scene(family);
+  const RenderJob job(scene.rig, scene.mesh, scene.focused, scene.own);
+  std::vector<Image> memory(scene.rig.cameras.size());
+  int64_t pixels = 0;
+  for (auto _ : state) {
+    pixels = 0;
+    for (const CameraIndex i : job.cameras()) {
+      const Rect rect = needed_pixels(job.plan(), i, scene.rig.cameras[i]);
+      pixels += int64_t{rect.width()} * rect.height();
+      sharpen(scene.image.view(), rect, memory[i]);
+    }
+  }
+  count(state);
+  state.counters["camera_pixels"] = static_cast<double>(pixels);
+}
+BENCHMARK_CAPTURE(Sharpen, rgb, PixelFamily::kRgb);
+BENCHMARK_CAPTURE(Sharpen, i420, PixelFamily::kI420);
+
+void TrialPlan(benchmark::State& state) {
+  const Scene scene(PixelFamily::kRgb);
+  for (auto _ : state) {
+    const RenderJob job(scene.rig, scene.mesh, trial_view(scene.focused), scene.own);
+    benchmark::DoNotOptimize(&job.owners());
+  }
+  count(state);
+}
+BENCHMARK(TrialPlan);
+
+void TrialLevels(benchmark::State& state) {
+  const Scene scene(PixelFamily::kRgb);
+  for (auto _ : state)
+    for (const Trial& trial : trials_of_round(0)) benchmark::DoNotOptimize(trial_levels(*scene.focused.focus.map, trial));
+  count(state);
+}
+BENCHMARK(TrialLevels);
+
+void Box(benchmark::State& state, PixelFamily family) {
+  const Scene scene(family);
+  const RenderJob job(scene.rig, scene.mesh, trial_view(scene.focused), scene.own);
+  BoxedLuma luma;
+  for (auto _ : state)
+    for (const CameraIndex i : job.cameras())
+      box_luma(scene.image.view(), needed_pixels(job.plan(), i, scene.rig.cameras[i]), luma);
+  count(state);
+}
+BENCHMARK_CAPTURE(Box, rgb, PixelFamily::kRgb);
+BENCHMARK_CAPTURE(Box, i420, PixelFamily::kI420);
+
+void Trials(benchmark::State& state, PixelFamily family) {
+  Scene scene(family);
+  const RenderJob job(scene.rig, scene.mesh, trial_view(scene.focused), scene.own);
+  for (auto _ : state) scene.add_all(job);
+  count(state);
+}
+BENCHMARK_CAPTURE(Trials, rgb, PixelFamily::kRgb);
+BENCHMARK_CAPTURE(Trials, i420, PixelFamily::kI420);
+
+void Choice(benchmark::State& state) {
+  Scene scene(PixelFamily::kRgb);
+  scene.add_all(RenderJob(scene.rig, scene.mesh, trial_view(scene.focused), scene.own));
+  for (auto _ : state)
+    benchmark::DoNotOptimize(choose_surface(*scene.focused.focus.map, scene.trials, scene.sums));
+  count(state);
+}
+BENCHMARK(Choice);
+
+}  // namespace
+}  // namespace lf
+
+BENCHMARK_MAIN();
