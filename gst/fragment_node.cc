@@ -95,13 +95,12 @@ FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester&
 }
 
 std::vector<Source> FragmentNode::sharpen_all(std::span<const Source> images, const AnswerTask& task,
-                                              const Manner& manner, std::vector<Image>& memory) {
+                                              const Manner& manner, std::vector<ByteBuffer>& memory) {
   std::vector<Source> sharpened(images.begin(), images.end());
   memory.resize(std::max(memory.size(), images.size()));
   manner.parallel(images.size(), [&](size_t i) {
     if (images[i].image.family == PixelFamily::kNone) return;
-    sharpen(images[i].image, task.region(images[i].camera), memory[i]);
-    sharpened[i].image = memory[i].view();
+    sharpened[i].image = sharpen(images[i].image, task.region(images[i].camera), memory[i]);
   });
   return sharpened;
 }

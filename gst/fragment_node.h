@@ -34,7 +34,7 @@ class FragmentNode {
     std::shared_ptr<const Rig> rig;  // that the rest is about
     MeshCache mesh;
     SkewWatch watch;
-    std::vector<Image> sharpened;         // memory of sharpened images
+    std::vector<ByteBuffer> sharpened;    // memory of sharpened images
     uint64_t warned_of = 0;               // hash of another rig that a person has been told of
     std::atomic<bool> cancelled = false;  // nothing is waited for; see cancel()
   };
@@ -68,7 +68,7 @@ class FragmentNode {
                const Manner& manner, wire::AnswerHeader header, ByteBuffer memory, uint64_t waited);
   // The same images, what the task needs of them sharpened, in `memory`.
   static std::vector<Source> sharpen_all(std::span<const Source> images, const AnswerTask& task, const Manner& manner,
-                                         std::vector<Image>& memory);
+                                         std::vector<ByteBuffer>& memory);
   std::string skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report) const;
 
   NodeStats stats_;

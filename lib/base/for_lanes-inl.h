@@ -27,6 +27,17 @@ HWY_INLINE void for_lanes(int n, const Step& step) {
   for (; i < n; i++) step(one, i);
 }
 
+// The same for steps that may do a value twice, as those that do not change what they read: the last vector begins
+// before the others end.
+template <typename T, typename Step>
+HWY_INLINE void map_lanes(int n, const Step& step) {
+  const hn::ScalableTag<T> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  if (n < lanes) return for_lanes<T>(n, step);
+  for (int i = 0; i + lanes <= n; i += lanes) step(d, i);
+  if (n % lanes != 0) step(d, n - lanes);
+}
+
 }  // namespace lf::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 #endif

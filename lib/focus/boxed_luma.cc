@@ -30,7 +30,7 @@ HWY_INLINE auto to_bytes(D16 /*d16*/, V16 v) {
 // kStride: channels of a pixel.
 template <int kStride>
 HWY_INLINE void luma_row(const uint8_t* HWY_RESTRICT pixel, const RgbLayout& at, int n, uint8_t* HWY_RESTRICT out) {
-  for_lanes<uint16_t>(n, [&](auto d16, int i) HWY_ATTR {
+  map_lanes<uint16_t>(n, [&](auto d16, int i) HWY_ATTR {
     const hn::Rebind<uint8_t, decltype(d16)> d8;
     auto v0 = hn::Zero(d8), v1 = v0, v2 = v0, v3 = v0;
     if constexpr (kStride == 3)
@@ -52,7 +52,7 @@ void rgb_luma_row(const uint8_t* HWY_RESTRICT pixel, const RgbLayout& at, int n,
 // Sums of kTrialBox neighbours: n of n + kTrialBox - 1.
 void sums_along(const uint8_t* HWY_RESTRICT luma, int n, uint16_t* HWY_RESTRICT out) {
   static_assert(kTrialBox == 4);
-  for_lanes<uint16_t>(n, [&](auto d16, int i) HWY_ATTR {
+  map_lanes<uint16_t>(n, [&](auto d16, int i) HWY_ATTR {
     const hn::Rebind<uint8_t, decltype(d16)> d8;
     const auto at = [&](int k) HWY_ATTR { return hn::PromoteTo(d16, hn::LoadU(d8, luma + i + k)); };
     hn::StoreU(hn::Add(hn::Add(at(0), at(1)), hn::Add(at(2), at(3))), d16, out + i);
@@ -60,7 +60,7 @@ void sums_along(const uint8_t* HWY_RESTRICT luma, int n, uint16_t* HWY_RESTRICT 
 }
 
 void means_of(const uint16_t* const row[kTrialBox], int n, uint8_t* HWY_RESTRICT out) {
-  for_lanes<uint16_t>(n, [&](auto d16, int i) HWY_ATTR {
+  map_lanes<uint16_t>(n, [&](auto d16, int i) HWY_ATTR {
     const hn::Rebind<uint8_t, decltype(d16)> d8;
     const auto at = [&](int k) HWY_ATTR { return hn::LoadU(d16, row[k] + i); };
     const auto sum = hn::Add(hn::Add(at(0), at(1)), hn::Add(at(2), at(3)));

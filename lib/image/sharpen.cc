@@ -2,58 +2,89 @@
 #include "image/sharpen.h"
 
 #include <algorithm>
-#include <cmath>
 
-namespace lf {
-namespace {
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "image/sharpen.cc"
+#include <hwy/foreach_target.h>  // has to precede highway.h
+#include <hwy/highway.h>
 
+#include "base/for_lanes-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace lf::HWY_NAMESPACE {
+
+// v + (kSharpening / 4) (4 v - a - b - c - d), which fits 16 bits.
 constexpr int kFractionBits = 8;
-constexpr int kNeighbour = static_cast<int>(kSharpening * (1 << kFractionBits) / 4 + 0.5);  // of each neighbour
-constexpr int kMiddle = (1 << kFractionBits) + 4 * kNeighbour;
+constexpr int16_t kNeighbour = static_cast<int16_t>(kSharpening * (1 << kFractionBits) / 4 + 0.5);
 
-inline uint8_t sharpened(int at, int around) {
-  const int v = (kMiddle * at - kNeighbour * around + (1 << (kFractionBits - 1))) >> kFractionBits;
-  return static_cast<uint8_t>(std::clamp(v, 0, 255));
+HWY_INLINE uint8_t sharpened(int v, int a, int b, int c, int d) {
+  const int out = v + ((kNeighbour * (4 * v - (a + b + c + d)) + (1 << (kFractionBits - 1))) >> kFractionBits);
+  return static_cast<uint8_t>(out < 0 ? 0 : out > 255 ? 255 : out);
 }
 
-// A channel of a plane of width x height samples that are `step` bytes apart, to samples `out_step` bytes apart.
-void sharpen_channel(const uint8_t* plane, ptrdiff_t stride, int step, int width, int height, const Rect& rect,
-                     uint8_t* out, ptrdiff_t out_stride, int out_step) {
+// n bytes that have neighbours on all sides, those along the row `step` bytes away.
+void inner_row(const uint8_t* HWY_RESTRICT row, const uint8_t* HWY_RESTRICT above, const uint8_t* HWY_RESTRICT below,
+               int step, int n, uint8_t* HWY_RESTRICT out) {
+  map_lanes<int16_t>(n, [&](auto d, int i) HWY_ATTR {
+    const hn::Rebind<uint8_t, decltype(d)> d8;
+    const auto at = [&](const uint8_t* from) HWY_ATTR { return hn::PromoteTo(d, hn::LoadU(d8, from + i)); };
+    const auto v = at(row);
+    const auto around = hn::Add(hn::Add(at(row - step), at(row + step)), hn::Add(at(above), at(below)));
+    const auto difference = hn::Sub(hn::ShiftLeft<2>(v), around);
+    const auto more = hn::Add(hn::Mul(difference, hn::Set(d, kNeighbour)), hn::Set(d, 1 << (kFractionBits - 1)));
+    hn::StoreU(hn::DemoteTo(d8, hn::Add(v, hn::ShiftRight<kFractionBits>(more))), d8, out + i);
+  });
+}
+
+// A plane of width x height pixels of `step` bytes.
+void plane(const uint8_t* from, ptrdiff_t stride, int step, int width, int height, const Rect& rect, uint8_t* to) {
   for (int y = rect.y0; y < rect.y1; y++) {
-    const uint8_t* const row = plane + y * stride;
-    const uint8_t* const above = plane + std::max(y - 1, 0) * stride;
-    const uint8_t* const below = plane + std::min(y + 1, height - 1) * stride;
-    uint8_t* const to = out + y * out_stride;
-    const auto at = [&](int x, int left, int right) {
-      to[x * out_step] = sharpened(row[x * step], row[left * step] + row[right * step] + above[x * step] +
-                                                      below[x * step]);
+    const uint8_t* const row = from + y * stride;
+    const uint8_t* const above = y > 0 ? row - stride : row;
+    const uint8_t* const below = y + 1 < height ? row + stride : row;
+    uint8_t* const out = to + y * stride;
+    const auto border = [&](int x) {
+      const int left = x > 0 ? step : 0, right = x + 1 < width ? step : 0;
+      for (int i = x * step; i < (x + 1) * step; i++)
+        out[i] = sharpened(row[i], row[i - left], row[i + right], above[i], below[i]);
     };
-    const int first = std::max(rect.x0, 1), last = std::min(rect.x1, width - 1);
-    if (rect.x0 == 0) at(0, 0, std::min(1, width - 1));
-    for (int x = first; x < last; x++) at(x, x - 1, x + 1);
-    if (rect.x1 == width && width > 1) at(width - 1, width - 2, width - 1);
+    const int first = rect.x0 > 0 ? rect.x0 : 1, last = rect.x1 < width ? rect.x1 : width - 1;
+    if (rect.x0 == 0) border(0);
+    if (last > first) {
+      const int at = first * step;
+      inner_row(row + at, above + at, below + at, step, (last - first) * step, out + at);
+    }
+    if (rect.x1 == width && width > 1) border(width - 1);
   }
 }
 
-}  // namespace
+}  // namespace lf::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
 
-void sharpen(const ImageView& image, const Rect& rect, Image& out) {
-  if (out.family() != image.family || out.width() != image.width || out.height() != image.height)
-    out = Image(image.family, image.width, image.height);
-  uint8_t* const to = out.data().data();
-  if (image.family == PixelFamily::kRgb) {
-    const int offset[3] = {image.layout.r, image.layout.g, image.layout.b};
-    for (int c = 0; c < 3; c++)
-      sharpen_channel(image.plane[0] + offset[c], image.stride[0], image.layout.pixel_stride, image.width,
-                      image.height, rect, to + c, ptrdiff_t{3} * image.width, 3);
-    return;
+#if HWY_ONCE
+namespace lf {
+
+HWY_EXPORT(plane);
+
+ImageView sharpen(const ImageView& image, const Rect& rect, ByteBuffer& memory) {
+  ImageView out = image;
+  const bool rgb = image.family == PixelFamily::kRgb;
+  const int planes = rgb ? 1 : 3;
+  const auto rows = [&](int c) { return c == 0 ? image.height : chroma_size(image.height); };
+  size_t size = 0;
+  for (int c = 0; c < planes; c++) size += static_cast<size_t>(rows(c)) * image.stride[c];
+  memory.resize(size);
+  uint8_t* to = memory.data();
+  for (int c = 0; c < planes; c++) {
+    out.plane[c] = to;
+    const Rect half{rect.x0 / 2, rect.y0 / 2, chroma_size(rect.x1), chroma_size(rect.y1)};
+    HWY_DYNAMIC_DISPATCH(plane)
+    (image.plane[c], image.stride[c], rgb ? image.layout.pixel_stride : 1,
+     c == 0 ? image.width : chroma_size(image.width), rows(c), c == 0 ? rect : half, to);
+    to += rows(c) * image.stride[c];
   }
-  const int chroma_width = chroma_size(image.width), chroma_height = chroma_size(image.height);
-  sharpen_channel(image.plane[0], image.stride[0], 1, image.width, image.height, rect, to, image.width, 1);
-  const Rect half{rect.x0 / 2, rect.y0 / 2, chroma_size(rect.x1), chroma_size(rect.y1)};
-  uint8_t* chroma = to + static_cast<size_t>(image.width) * image.height;
-  for (int c = 1; c < 3; c++, chroma += static_cast<size_t>(chroma_width) * chroma_height)
-    sharpen_channel(image.plane[c], image.stride[c], 1, chroma_width, chroma_height, half, chroma, chroma_width, 1);
+  return out;
 }
 
 }  // namespace lf
+#endif

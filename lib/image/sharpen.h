@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include "base/byte_buffer.h"
 #include "image/image.h"
 #include "render/rect.h"
 
@@ -17,8 +18,9 @@ enum class Resampling {
 // of the way to Catmull-Rom's, at a fraction of the cost.
 inline constexpr double kSharpening = 0.3;
 
-// The part of the image in `rect` (inside it; x0, y0 even in kI420) into the same place of `out`, which becomes an image
-// of the same family and size; the rest of it is left as it is. RGB in any layout becomes packed RGB.
-void sharpen(const ImageView& image, const Rect& rect, Image& out);
+// The image with its part in `rect` (inside it; x0, y0 even in kI420) sharpened, in `memory`, of which the rest is left
+// as it is: of the same size and layout, what is between the colours of a pixel sharpened, too. Valid as long as
+// `memory` is left alone. The same result with every instruction set.
+ImageView sharpen(const ImageView& image, const Rect& rect, ByteBuffer& memory);
 
 }  // namespace lf

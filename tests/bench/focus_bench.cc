@@ -96,7 +96,7 @@ BENCHMARK_CAPTURE(Colour, surface_i420, PixelFamily::kI420, true);
 void Sharpen(benchmark::State& state, PixelFamily family) {
   const Scene scene(family);
   const RenderJob job(scene.rig, scene.mesh, scene.focused, scene.own);
-  std::vector<Image> memory(scene.rig.cameras.size());
+  std::vector<ByteBuffer> memory(scene.rig.cameras.size());
   int64_t pixels = 0;
   for (auto _ : state) {
     pixels = 0;

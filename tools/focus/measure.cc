@@ -36,11 +36,10 @@ class Renderer {
     const RenderJob job(case_.rig, mesh_, view, own_);
     std::vector<Source> sources = sources_of(job, number);
     const uint64_t begun = now_ns();
-    std::vector<Image> sharp(sharpened_ ? sources.size() : 0);
-    for (size_t i = 0; i < sharp.size(); i++) {
-      sharpen(sources[i].image, needed_pixels(job.plan(), sources[i].camera, *sources[i].rig_camera), sharp[i]);
-      sources[i].image = sharp[i].view();
-    }
+    sharp_.resize(sharpened_ ? std::max(sharp_.size(), sources.size()) : 0);
+    for (size_t i = 0; sharpened_ && i < sources.size(); i++)
+      sources[i].image = sharpen(
+          sources[i].image, needed_pixels(job.plan(), sources[i].camera, *sources[i].rig_camera), sharp_[i]);
     const SumRenderer renderer(job.plan(), job.runs(), sources, PixelFamily::kRgb);
     const Rect rect = renderer.rect();
     const size_t area = static_cast<size_t>(rect.width()) * rect.height();
@@ -86,6 +85,7 @@ class Renderer {
 
   const Case& case_;
   const bool sharpened_;
+  std::vector<ByteBuffer> sharp_;
   const Mesh mesh_;
   std::vector<CameraIndex> own_;
 };

@@ -26,44 +26,66 @@ double expected(const uint8_t* plane, int width, int height, int step, int x, in
 }
 
 TEST(Sharpen, IsTheDifferenceFromTheNeighbours) {
-  for (const auto& [width, height] : {std::pair(33, 17), {1, 5}, {5, 1}, {2, 2}}) {
+  for (const auto& [width, height] : {std::pair(83, 17), {1, 5}, {5, 1}, {2, 2}}) {
     const Image rgb = noise(PixelFamily::kRgb, width, height), i420 = noise(PixelFamily::kI420, width, height);
-    Image sharp;
-    sharpen(rgb.view(), {0, 0, width, height}, sharp);
+    ByteBuffer memory;
+    ImageView sharp = sharpen(rgb.view(), {0, 0, width, height}, memory);
     for (int y = 0; y < height; y++)
       for (int x = 0; x < width; x++)
         for (int c = 0; c < 3; c++)
-          EXPECT_NEAR(sharp.data()[3 * (y * width + x) + c], expected(rgb.data().data() + c, width, height, 3, x, y), 1.1)
+          EXPECT_NEAR(sharp.plane[0][3 * (y * width + x) + c], expected(rgb.data().data() + c, width, height, 3, x, y), 1.1)
               << x << ", " << y;
-    sharpen(i420.view(), {0, 0, width, height}, sharp);
-    const ImageView from = i420.view(), to = sharp.view();
+    const ImageView from = i420.view();
+    sharp = sharpen(from, {0, 0, width, height}, memory);
     for (int c = 0; c < 3; c++) {
       const int w = c > 0 ? chroma_size(width) : width, h = c > 0 ? chroma_size(height) : height;
       for (int y = 0; y < h; y++)
         for (int x = 0; x < w; x++)
-          EXPECT_NEAR(to.plane[c][y * to.stride[c] + x], expected(from.plane[c], w, h, 1, x, y), 1.1);
+          EXPECT_NEAR(sharp.plane[c][y * sharp.stride[c] + x], expected(from.plane[c], w, h, 1, x, y), 1.1);
     }
   }
 }
 
+TEST(Sharpen, KeepsLayoutAndStride) {
+  constexpr int kWidth = 21, kHeight = 9;
+  const Image noisy = noise(PixelFamily::kRgb, 100, kHeight);  // 300 bytes a row, of which 84 are the image
+  ImageView image = noisy.view();
+  image.width = kWidth;
+  image.layout = {4, 2, 1, 0};
+  ByteBuffer memory;
+  const ImageView sharp = sharpen(image, {0, 0, kWidth, kHeight}, memory);
+  EXPECT_EQ(sharp.layout, image.layout);
+  ASSERT_EQ(sharp.stride[0], 300);
+  for (int y = 0; y < kHeight; y++)
+    for (int x = 0; x < kWidth; x++) {
+      const auto at = [&](int i, int j) {
+        return image.plane[0][std::clamp(j, 0, kHeight - 1) * 300 + std::clamp(i, 0, kWidth - 1) * 4 + image.layout.r];
+      };
+      const double around = (at(x - 1, y) + at(x + 1, y) + at(x, y - 1) + at(x, y + 1)) / 4.;
+      EXPECT_NEAR(sharp.plane[0][y * 300 + 4 * x + 2],
+                  std::clamp(at(x, y) + kSharpening * (at(x, y) - around), 0., 255.), 1.1);
+    }
+}
+
 TEST(Sharpen, TouchesOnlyWhatIsAskedFor) {
   const Image image = noise(PixelFamily::kI420, 32, 24);
-  Image whole, part(PixelFamily::kI420, 32, 24);
-  std::ranges::fill(part.data(), 7);
+  ByteBuffer whole, part(image.data().size());
+  std::ranges::fill(part, 7);
   sharpen(image.view(), {0, 0, 32, 24}, whole);
   sharpen(image.view(), {8, 6, 20, 24}, part);
   for (int y = 0; y < 24; y++)
     for (int x = 0; x < 32; x++) {
       const bool inside = x >= 8 && x < 20 && y >= 6;
-      EXPECT_EQ(part.data()[y * 32 + x], inside ? whole.data()[y * 32 + x] : 7);
+      EXPECT_EQ(part[y * 32 + x], inside ? whole[y * 32 + x] : 7);
     }
 }
 
 TEST(Sharpen, LeavesEvenColoursAlone) {
-  Image image(PixelFamily::kRgb, 9, 9), sharp;
+  Image image(PixelFamily::kRgb, 9, 9);
   std::ranges::fill(image.data(), 201);
-  sharpen(image.view(), {0, 0, 9, 9}, sharp);
-  EXPECT_EQ(sharp.data(), image.data());
+  ByteBuffer memory;
+  sharpen(image.view(), {0, 0, 9, 9}, memory);
+  EXPECT_TRUE(std::ranges::equal(memory, image.data()));
 }
 
 }  // namespace
