@@ -44,8 +44,8 @@ void TrialRow::begin(int row) {
   }
 }
 
-TrialNodes TrialRow::find(const TrialCamera& camera, int& first) {
-  int end = -1;
+TrialNodes TrialRow::find(const TrialCamera& camera) {
+  int first = 0, end = -1;
   for (const OwnerRun& run : job_.runs().row(row_, camera.rect.x0, camera.rect.x1)) {
     const int corner = camera.corners.of_face(run.face);
     if (corner < 0) continue;
@@ -56,8 +56,7 @@ TrialNodes TrialRow::find(const TrialCamera& camera, int& first) {
     weigh(run, corner);
     end = run.x1;
   }
-  if (end < 0) return {};
-  return {&u_[first], &v_[first], &weight_[first], end - first};
+  return {u_.data(), v_.data(), weight_.data(), first, std::max(end, first), static_cast<int>(u_.size())};
 }
 
 void TrialRow::weigh(const OwnerRun& run, int corner) {

@@ -28,9 +28,9 @@ class TrialRow {
   explicit TrialRow(const RenderJob& job);
 
   void begin(int row);
-  // From the first node that the camera has a weight in to the last; some in between may have none. `first`: the
-  // column of the first. Valid until the next call.
-  TrialNodes find(const TrialCamera& camera, int& first);
+  // From the first node that the camera has a weight in to the last; some in between may have none. Valid until the
+  // next call.
+  TrialNodes find(const TrialCamera& camera);
 
  private:
   void weigh(const OwnerRun& run, int corner);
@@ -51,12 +51,11 @@ void for_trial_nodes(const RenderJob& job, const TrialCamera& camera, std::span<
   std::vector<uint8_t> seen(columns);
   for (int j = std::max(y0, camera.rect.y0); j < std::min(y1, camera.rect.y1); j++) {
     row.begin(j);
-    int first = 0;
-    const TrialNodes nodes = row.find(camera, first);
-    const size_t offset = static_cast<size_t>(j) * columns + first;
+    const TrialNodes nodes = row.find(camera);
+    const size_t offset = static_cast<size_t>(j) * columns;
     for (size_t t = 0; t < trials.size(); t++) {
       project_trial(camera.projection, nodes, &trials[t][offset], x.data(), y.data(), seen.data());
-      for (int i = 0; i < nodes.count; i++)
+      for (int i = nodes.first; i < nodes.end; i++)
         if (seen[i] && nodes.weight[i] > 0) fn(t, offset + i, nodes.weight[i], x[i], y[i]);
     }
   }

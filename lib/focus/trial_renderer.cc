@@ -14,9 +14,12 @@ namespace {
 
 // A camera and its luma.
 struct Sampled {
-  Sampled(const RenderJob& job, const Source& source) : where(job, source.camera, *source.rig_camera) {
+  Sampled(const RenderJob& job, const Source& source, std::span<const std::vector<uint8_t>> trials)
+      : where(job, source.camera, *source.rig_camera) {
     if (where.rect.empty()) return;
-    box_luma(source.image, needed_pixels(job.plan(), source.camera, *source.rig_camera), boxed);
+    Rect region = needed_pixels(job.plan(), source.camera, *source.rig_camera, trials);
+    if (region.empty()) region = {0, 0, 1, 1};  // all of it is lost weight
+    box_luma(source.image, region, boxed);
     luma = {.values = boxed.values.data(),
             .left = static_cast<float>(boxed.rect.x0) + 0.5f,
             .top = static_cast<float>(boxed.rect.y0) + 0.5f,
@@ -41,7 +44,7 @@ void add_moments(const RenderJob& job, std::span<const Source> sources, std::spa
     seeing.push_back(&source);
   }
   std::vector<std::unique_ptr<Sampled>> cameras(seeing.size());
-  parallel(seeing.size(), [&](size_t i) { cameras[i] = std::make_unique<Sampled>(job, *seeing[i]); });
+  parallel(seeing.size(), [&](size_t i) { cameras[i] = std::make_unique<Sampled>(job, *seeing[i], trials); });
   constexpr int kRows = 8;  // of a task
   parallel(static_cast<size_t>((map.rows + kRows - 1) / kRows), [&](size_t band) {
     TrialRow nodes(job);
@@ -51,9 +54,8 @@ void add_moments(const RenderJob& job, std::span<const Source> sources, std::spa
       nodes.begin(row);
       for (const std::unique_ptr<Sampled>& camera : cameras) {
         if (row < camera->where.rect.y0 || row >= camera->where.rect.y1) continue;
-        int column = 0;
-        const TrialNodes seen = nodes.find(camera->where, column);
-        const size_t offset = static_cast<size_t>(row) * map.columns + column;
+        const TrialNodes seen = nodes.find(camera->where);
+        const size_t offset = static_cast<size_t>(row) * map.columns;
         for (size_t t = 0; t < trials.size(); t++)
           row_sums[t] = {&trials[t][offset], &sums[t].weight[offset], &sums[t].luma[offset], &sums[t].square[offset]};
         add_trials(camera->where.projection, seen, camera->luma, row_sums.data(), static_cast<int>(row_sums.size()));

@@ -97,9 +97,28 @@ HWY_INLINE void add_saturated(D d, V<D> value, uint16_t* HWY_RESTRICT sum) {
   hn::StoreU(hn::SaturatedAdd(hn::LoadU(d16, sum), hn::DemoteTo(d16, rounded)), d16, sum);
 }
 
+// Calls step(d, x, inside) for all nodes, d being the tag of as many as it is to handle from x on and `inside` which of
+// them are meant. Camera's parts of a row are short, so that the last vector reaches beyond, but not over the row's end.
+template <typename Step>
+HWY_INLINE void for_nodes(const TrialNodes& nodes, const Step& step) {
+  const hn::ScalableTag<float> d;
+  const hn::CappedTag<float, 1> one;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  if (nodes.columns < lanes) {
+    for (int x = nodes.first; x < nodes.end; x++) step(one, x, hn::Eq(hn::Zero(one), hn::Zero(one)));
+    return;
+  }
+  const auto end = hn::Set(d, static_cast<float>(nodes.end));
+  for (int first = nodes.first; first < nodes.end; first += lanes) {
+    const int x = HWY_MIN(first, nodes.columns - lanes);
+    const auto place = hn::Iota(d, static_cast<float>(x));
+    step(d, x, hn::And(hn::Ge(place, hn::Set(d, static_cast<float>(first))), hn::Lt(place, end)));
+  }
+}
+
 void positions(const TrialProjection& camera, const TrialNodes& nodes, const uint8_t* HWY_RESTRICT levels,
                float* HWY_RESTRICT out_x, float* HWY_RESTRICT out_y, uint8_t* HWY_RESTRICT seen) {
-  for_lanes<float>(nodes.count, [&](auto d, int i) HWY_ATTR {
+  for_nodes(nodes, [&](auto d, int i, auto /*inside*/) HWY_ATTR {
     const hn::Rebind<uint8_t, decltype(d)> d8;
     const hn::Rebind<int32_t, decltype(d)> d32;
     const auto at = look(d, camera, hn::LoadU(d, nodes.u + i), hn::LoadU(d, nodes.v + i));
@@ -114,9 +133,9 @@ void positions(const TrialProjection& camera, const TrialNodes& nodes, const uin
 
 void sums(const TrialProjection& camera, const TrialNodes& nodes, const TrialLuma& luma, const TrialSums* trials,
           int num_trials) {
-  for_lanes<float>(nodes.count, [&](auto d, int i) HWY_ATTR {
+  for_nodes(nodes, [&](auto d, int i, auto inside) HWY_ATTR {
     const auto at = look(d, camera, hn::LoadU(d, nodes.u + i), hn::LoadU(d, nodes.v + i));
-    const auto weight = hn::LoadU(d, nodes.weight + i);
+    const auto weight = hn::IfThenElseZero(inside, hn::LoadU(d, nodes.weight + i));
     for (int t = 0; t < num_trials; t++) {
       V<decltype(d)> x, y;
       const auto seen = project(d, camera, at, trials[t].levels + i, x, y);

@@ -19,11 +19,11 @@ struct TrialProjection {
   float farthest, per_level, eye_distance;
 };
 
-// Nodes side by side.
+// Nodes [first, end) of a row of `columns`: what belongs to nodes are pointers to the row's first.
 struct TrialNodes {
-  const float *u, *v;   // their lines of sight
-  const float* weight;  // the camera's
-  int count;
+  const float *u, *v;   // lines of sight
+  const float* weight;  // the camera's; of no meaning outside
+  int first, end, columns;
 };
 
 // Values of a BoxedLuma: that of (x, y) in the image is at (x - left, y - top), bilinear.
@@ -33,7 +33,7 @@ struct TrialLuma {
   int32_t width, height;
 };
 
-// Of one trial, from the first node on.
+// Of one trial.
 struct TrialSums {
   const uint8_t* levels;
   uint16_t *weight, *luma, *square;  // see Moments

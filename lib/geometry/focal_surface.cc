@@ -79,6 +79,21 @@ void FocalMap::inverse_row(double x, double spacing, double y, int count, float*
   std::fill(out + i, out + count, inverse(columns - 1));
 }
 
+FocalMap::LevelRange FocalMap::range_of(std::span<const uint8_t> of, double x0, double y0, double x1,
+                                        double y1) const {
+  const int left = Between(x0, step, columns).first, right = Between(x1, step, columns).second;
+  const int top = Between(y0, step, rows).first, bottom = Between(y1, step, rows).second;
+  uint8_t least = 255, largest = 0;
+  for (int j = top; j <= bottom; j++) {
+    const uint8_t* const row = of.data() + static_cast<size_t>(j) * columns;
+    for (int i = left; i <= right; i++) {
+      least = std::min(least, row[i]);
+      largest = std::max(largest, row[i]);
+    }
+  }
+  return {least, largest};
+}
+
 bool FocalMap::is_flat(double x0, double y0, double x1, double y1) const {
   const int left = Between(x0, step, columns).first, right = Between(x1, step, columns).second;
   const int top = Between(y0, step, rows).first, bottom = Between(y1, step, rows).second;

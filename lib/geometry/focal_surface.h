@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "geometry/plane.h"
@@ -34,6 +35,12 @@ struct FocalMap {
   double inverse_at(double x, double y) const;
   // The same for `count` positions of a row, `spacing` pixels apart from x on.
   void inverse_row(double x, double spacing, double y, int count, float* out) const;
+  // The least and the largest level that positions in [x0, x1] x [y0, y1] depend on: of what lies between nodes, the
+  // nodes'. `levels`: this map's, or others of its size.
+  struct LevelRange {
+    uint8_t least, largest;
+  };
+  LevelRange range_of(std::span<const uint8_t> levels, double x0, double y0, double x1, double y1) const;
   // Whether all of [x0, x1] x [y0, y1] is at one distance.
   bool is_flat(double x0, double y0, double x1, double y1) const;
   bool operator==(const FocalMap&) const = default;

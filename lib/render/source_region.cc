@@ -23,9 +23,23 @@ void for_grid(int lo, int hi, Call call) {
   call(hi - 1);
 }
 
+constexpr FocalMap::LevelRange kNoLevels{0, 0};
+
+// The middle of a chroma sample may lie beyond the rectangle.
+FocalMap::LevelRange levels_in(const FocalMap& map, std::span<const uint8_t> levels, const Rect& rect) {
+  return map.range_of(levels, rect.x0, rect.y0, rect.x1, rect.y1);
+}
+
+Rect whole_samples(const Rect& region, const Camera& camera) {
+  if (region.empty()) return {0, 0, 1, 1};
+  return {region.x0 & ~1, region.y0 & ~1, std::min((region.x1 + 1) & ~1, camera.width),
+          std::min((region.y1 + 1) & ~1, camera.height)};
+}
+
 }  // namespace
 
-Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, const Camera& rig_camera) {
+Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, const Camera& rig_camera,
+                   const FocalMap::LevelRange& levels) {
   const Rect whole{0, 0, rig_camera.width, rig_camera.height};
   if (rect.empty()) return {};
   const CameraProjection projection(plan, camera, rig_camera);
@@ -33,9 +47,10 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, c
   double largest_step = 0;  // between neighbours of the grid
   std::vector<Vec2> above;  // the row of the grid before
   bool known = true;
-  // All that a map could say: its trials look there, too.
+  // Between two distances a position moves along a line.
   std::vector<double> distances{0};
-  if (const FocalMap* map = plan.view().focus.map.get()) distances = {map->farthest, map->nearest};
+  if (const FocalMap* map = plan.view().focus.map.get())
+    distances = {map->inverse_of(levels.least), map->inverse_of(levels.largest)};
   for_grid(rect.y0, rect.y1, [&](int y) {
     std::vector<Vec2> row;
     for_grid(rect.x0, rect.x1, [&](int x) {
@@ -66,12 +81,26 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, c
                            static_cast<int>(std::ceil(high.x)) + 1, static_cast<int>(std::ceil(high.y)) + 1});
 }
 
+Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, const Camera& rig_camera) {
+  const FocalMap* map = plan.view().focus.map.get();
+  return source_region(plan, rect, camera, rig_camera, map ? levels_in(*map, map->levels, rect) : kNoLevels);
+}
+
 Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera) {
   const Rect rect = chroma_aligned(plan.camera_rect(camera), plan.view());
-  const Rect region = source_region(plan, rect, camera, rig_camera);
-  if (region.empty()) return {0, 0, 1, 1};
-  return {region.x0 & ~1, region.y0 & ~1, std::min((region.x1 + 1) & ~1, rig_camera.width),
-          std::min((region.y1 + 1) & ~1, rig_camera.height)};
+  return whole_samples(source_region(plan, rect, camera, rig_camera), rig_camera);
+}
+
+Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera,
+                   std::span<const std::vector<uint8_t>> maps) {
+  const Rect rect = chroma_aligned(plan.camera_rect(camera), plan.view());
+  FocalMap::LevelRange all{255, 0};
+  for (const std::vector<uint8_t>& levels : maps) {
+    const FocalMap::LevelRange range = levels_in(*plan.view().focus.map, levels, rect);
+    all = {std::min(all.least, range.least), std::max(all.largest, range.largest)};
+  }
+  const Rect region = source_region(plan, rect, camera, rig_camera, all);
+  return region.empty() ? region : whole_samples(region, rig_camera);
 }
 
 }  // namespace lf
