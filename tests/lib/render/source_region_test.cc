@@ -17,9 +17,9 @@ int area(const Rect& rect) { return rect.empty() ? 0 : rect.width() * rect.heigh
 Rect touched(const ViewPlan& plan, const Rect& rect, CameraIndex index, const Camera& camera) {
   const CameraProjection projection(plan, index, camera);
   Rect all;
-  const auto sample = [&](const Vec2& ray) {
+  const auto sample = [&](const Vec2& ray, double inverse) {
     Vec2 p;
-    if (std::isnan(ray.x) || !projection.project(ray, 0, p)) return;
+    if (std::isnan(ray.x) || !projection.project(ray, inverse, p)) return;
     const int x = static_cast<int>(std::floor(p.x)), y = static_cast<int>(std::floor(p.y));
     // The four chroma samples around p cover these luma pixels.
     const int cx = 2 * static_cast<int>(std::floor((p.x - 0.5) / 2)),
@@ -29,19 +29,34 @@ Rect touched(const ViewPlan& plan, const Rect& rect, CameraIndex index, const Ca
   };
   for (int y = rect.y0; y < rect.y1; y++)
     for (int x = rect.x0; x < rect.x1; x++) {
-      sample(plan.rays().at(x, y));
-      if (x % 2 == 0 && y % 2 == 0) sample(plan.rays().at_centre_of_four(x, y));
+      sample(plan.rays().at(x, y), plan.inverse_at(x, y));
+      if (x % 2 == 0 && y % 2 == 0) sample(plan.rays().at_centre_of_four(x, y), plan.inverse_at(x + 0.5, y + 0.5));
     }
   return intersect(all, {0, 0, camera.width, camera.height});
 }
 
-TEST(SourceRegion, HoldsEverySampleOfAnyRig) {
+// Somewhere around the view's plane, a band of levels of a wide range.
+std::shared_ptr<const FocalMap> random_map(reference::Random& random, const View& view) {
+  FocalMap map = FocalMap::for_view(view.width, view.height);
+  // Counted towards where the view looks, from somewhere before the plane.
+  const Plane& plane = view.focus.plane;
+  const double side = glm::dot(plane.normal, view.pose.forward()) < 0 ? -1 : 1;
+  map.from = {side * plane.normal, side * plane.d + random.uniform(0.5, 3)};
+  map.nearest = random.uniform(0.5, 2);
+  const double least = random.uniform(0, 250), largest = random.uniform(least, 256);
+  for (int i = 0; i < map.columns * map.rows; i++)
+    map.levels.push_back(static_cast<uint8_t>(random.uniform(least, largest)));
+  return std::make_shared<const FocalMap>(std::move(map));
+}
+
+TEST(SourceRegion, HoldsEverySampleOfAnyRigAndSurface) {
   reference::Random random(7);
-  int regions = 0;
-  for (int i = 0; i < 150; i++) {
+  int regions = 0, through_maps = 0;
+  for (int i = 0; i < 300; i++) {
     Rig rig = reference::random_rig(random);
     for (Camera& camera : rig.cameras) camera.lens = reference::random_lens(random, camera.width, camera.height);
-    const View view = reference::random_view(random, rig, 160, 120);
+    View view = reference::random_view(random, rig, 160, 120);
+    if (i % 2 == 1) view.focus.map = random_map(random, view);
     const ViewPlan plan(rig, build_mesh(rig), view);
     for (const CameraIndex camera : plan.contributors()) {
       const Rect rect = chroma_aligned(plan.camera_rect(camera), view);
@@ -53,9 +68,11 @@ TEST(SourceRegion, HoldsEverySampleOfAnyRig) {
           << need.y1 << " against " << region.x0 << "," << region.y0 << " to " << region.x1 << "," << region.y1;
       EXPECT_EQ(intersect(region, {0, 0, rig.cameras[camera].width, rig.cameras[camera].height}), region);
       regions++;
+      through_maps += i % 2;
     }
   }
-  EXPECT_GT(regions, 300);
+  EXPECT_GT(regions, 600);
+  EXPECT_GT(through_maps, 300);
 }
 
 TEST(SourceRegion, IsLittleMoreThanThat) {
