@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "focus/array_plane.h"
+#include "focus/carry_over.h"
 #include "focus/surface_choice.h"
 #include "focus/boxed_luma.h"
 #include "focus/trial_renderer.h"
@@ -14,6 +15,7 @@
 #include "reference/generators.h"
 #include "render/source_region.h"
 #include "render/sum_renderer.h"
+#include "wire/request_codec.h"
 
 namespace lf {
 namespace {
@@ -159,6 +161,33 @@ void Choice(benchmark::State& state) {
   count(state);
 }
 BENCHMARK(Choice);
+
+void CarryOver(benchmark::State& state) {
+  const Scene scene(PixelFamily::kRgb);
+  View moved = scene.focused;
+  moved.pose.position.x += 0.02;
+  for (auto _ : state) benchmark::DoNotOptimize(carry_over(scene.focused, moved));
+  count(state);
+}
+BENCHMARK(CarryOver);
+
+// To bytes and back.
+void RequestWire(benchmark::State& state, bool surface) {
+  const Scene scene(PixelFamily::kRgb);
+  ViewRequest request;
+  request.view = surface ? scene.focused : scene.view;
+  if (surface) request.trials = trials_of_round(0);
+  size_t size = 0;
+  for (auto _ : state) {
+    const std::vector<uint8_t> bytes = wire::encode_request(request);
+    benchmark::DoNotOptimize(wire::decode_request(bytes));
+    size = bytes.size();
+  }
+  count(state);
+  state.counters["bytes"] = static_cast<double>(size);
+}
+BENCHMARK_CAPTURE(RequestWire, plane, false);
+BENCHMARK_CAPTURE(RequestWire, surface, true);
 
 }  // namespace
 }  // namespace lf
