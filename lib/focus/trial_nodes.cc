@@ -32,8 +32,7 @@ TrialCamera::TrialCamera(const RenderJob& job, CameraIndex index, const Camera& 
   projection.eye_distance = static_cast<float>(job.plan().eye_distance());
 }
 
-TrialRow::TrialRow(const RenderJob& job)
-    : job_(job), u_(job.plan().view().width), v_(u_.size()), weight_(u_.size()) {}
+TrialRow::TrialRow(const RenderJob& job) : job_(job), u_(job.plan().view().width), v_(u_.size()), weight_(u_.size()) {}
 
 void TrialRow::begin(int row) {
   row_ = row;

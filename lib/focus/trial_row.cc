@@ -98,7 +98,8 @@ HWY_INLINE void add_saturated(D d, V<D> value, uint16_t* HWY_RESTRICT sum) {
 }
 
 // Calls step(d, x, inside) for all nodes, d being the tag of as many as it is to handle from x on and `inside` which of
-// them are meant. Camera's parts of a row are short, so that the last vector reaches beyond, but not over the row's end.
+// them are meant. Camera's parts of a row are short, so that the last vector reaches beyond, but not over the row's
+// end.
 template <typename Step>
 HWY_INLINE void for_nodes(const TrialNodes& nodes, const Step& step) {
   const hn::ScalableTag<float> d;

@@ -7,9 +7,9 @@
 #include <numeric>
 
 #include "focus/array_plane.h"
+#include "focus/boxed_luma.h"
 #include "focus/carry_over.h"
 #include "focus/surface_choice.h"
-#include "focus/boxed_luma.h"
 #include "focus/trial_renderer.h"
 #include "image/sharpen.h"
 #include "reference/generators.h"
@@ -127,7 +127,8 @@ BENCHMARK(TrialPlan);
 void TrialLevels(benchmark::State& state) {
   const Scene scene(PixelFamily::kRgb);
   for (auto _ : state)
-    for (const Trial& trial : trials_of_round(0)) benchmark::DoNotOptimize(trial_levels(*scene.focused.focus.map, trial));
+    for (const Trial& trial : trials_of_round(0))
+      benchmark::DoNotOptimize(trial_levels(*scene.focused.focus.map, trial));
   count(state);
 }
 BENCHMARK(TrialLevels);
@@ -156,8 +157,7 @@ BENCHMARK_CAPTURE(Trials, i420, PixelFamily::kI420);
 void Choice(benchmark::State& state) {
   Scene scene(PixelFamily::kRgb);
   scene.add_all(RenderJob(scene.rig, scene.mesh, trial_view(scene.focused), scene.own));
-  for (auto _ : state)
-    benchmark::DoNotOptimize(choose_surface(*scene.focused.focus.map, scene.trials, scene.sums));
+  for (auto _ : state) benchmark::DoNotOptimize(choose_surface(*scene.focused.focus.map, scene.trials, scene.sums));
   count(state);
 }
 BENCHMARK(Choice);

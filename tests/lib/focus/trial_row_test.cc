@@ -13,8 +13,8 @@
 namespace lf {
 namespace {
 
-// Positions as project_trial() has them, sampled and added one after the other: the same sums to the bit, of any nodes of
-// rows of any length, and none of others.
+// Positions as project_trial() has them, sampled and added one after the other: the same sums to the bit, of any nodes
+// of rows of any length, and none of others.
 TEST(TrialRow, SumsAreThoseOfItsPositions) {
   reference::Random random(5);
   constexpr int kWidth = 60, kHeight = 40;

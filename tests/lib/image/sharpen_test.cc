@@ -33,7 +33,8 @@ TEST(Sharpen, IsTheDifferenceFromTheNeighbours) {
     for (int y = 0; y < height; y++)
       for (int x = 0; x < width; x++)
         for (int c = 0; c < 3; c++)
-          EXPECT_NEAR(sharp.plane[0][3 * (y * width + x) + c], expected(rgb.data().data() + c, width, height, 3, x, y), 1.1)
+          EXPECT_NEAR(sharp.plane[0][3 * (y * width + x) + c], expected(rgb.data().data() + c, width, height, 3, x, y),
+                      1.1)
               << x << ", " << y;
     const ImageView from = i420.view();
     sharp = sharpen(from, {0, 0, width, height}, memory);

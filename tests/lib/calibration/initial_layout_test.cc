@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Arrays; rigs of other shapes are in pairs_layout_test.cc, single cameras in resection_test.cc.
+#include "calibration/initial_layout.h"
+
+#include <gtest/gtest.h>
+
+#include "calibration/alignment.h"
+#include "calibration/scene.h"
+#include "calibration/simulator.h"
+
+namespace lf {
+namespace {
+
+class InitialLayoutTest : public testing::Test {
+ protected:
+  Scene watch(double bar, double outliers) {
+    sim::PathOptions path;
+    path.bar = bar;
+    path.outliers = outliers;
+    tracks_ = sim::watch(truth_, path, 2).tracks;
+    Scene scene = make_scene(tracks_, {});
+    for (CameraState& camera : scene.cameras) camera.lens_terms()[kF] = 420;
+    scene.batch_mean[kF] = 420;
+    return scene;
+  }
+  // Root mean square across the array, of the pitch, by the best similarity.
+  double error(const Scene& scene) {
+    std::vector<Pose> found, expected;
+    for (size_t i = 0; i < truth_.cameras.size(); i++) {
+      if (!scene.cameras[i].used) continue;
+      found.push_back(scene.cameras[i].pose());
+      expected.push_back(truth_.cameras[i].pose);
+    }
+    const Similarity s = align(found, expected);
+    double sum = 0;
+    for (size_t i = 0; i < found.size(); i++) {
+      const Vec2 e(s(found[i]).position - expected[i].position);
+      sum += glm::dot(e, e);
+    }
+    return std::sqrt(sum / static_cast<double>(found.size())) / 0.06;
+  }
+
+  const Rig truth_ = sim::make_array({.rows = 4, .columns = 4}, 1);
+  Tracks tracks_;
+};
+
+TEST_F(InitialLayoutTest, DisparitiesPlaceAnArray) {
+  Scene scene = watch(0, 0);
+  EXPECT_GT(layout_from_disparities(scene, tracks_), 0.8);
+  for (const CameraState& camera : scene.cameras) EXPECT_TRUE(camera.used);
+  EXPECT_LT(error(scene), 0.3);
+  size_t placed = 0;
+  for (const TargetState& target : scene.targets) placed += target.kind == TargetState::Kind::kPoint;
+  EXPECT_GT(placed, scene.targets.size() * 8 / 10);
+}
+
+TEST_F(InitialLayoutTest, OutliersLowerTheShareThatFits) {
+  Scene clean = watch(0, 0);
+  const double all = layout_from_disparities(clean, tracks_);
+  Scene dirty = watch(0, 0.2);
+  const double some = layout_from_disparities(dirty, tracks_);
+  EXPECT_LT(some, all - 0.1);
+  EXPECT_LT(error(dirty), 0.4);
+}
+
+// A camera that sees other lights than everybody else is not placed.
+TEST_F(InitialLayoutTest, StrangersAreLeftOut) {
+  Scene scene = watch(0, 0);
+  std::mt19937_64 random(3);
+  for (Observation& o : tracks_.observations)
+    if (o.camera == 5)
+      o.pixel = {std::uniform_real_distribution<>(0, 319)(random), std::uniform_real_distribution<>(0, 239)(random)};
+  layout_from_disparities(scene, tracks_);
+  EXPECT_FALSE(scene.cameras[5].used);
+  EXPECT_TRUE(scene.cameras[6].used);
+}
+
+TEST_F(InitialLayoutTest, BarsAreTheUnitOfLength) {
+  Scene scene = watch(0.3, 0);
+  for (size_t i = 0; i < scene.cameras.size(); i++) {
+    scene.cameras[i].set_pose(truth_.cameras[i].pose);
+    scene.cameras[i].set_lens(truth_.cameras[i].lens);
+    scene.cameras[i].used = true;
+  }
+  targets_from_poses(scene, tracks_, 2);
+  const double apart = glm::distance(scene.cameras[0].pose().position, scene.cameras[15].pose().position);
+  const double metres = glm::distance(truth_.cameras[0].pose.position, truth_.cameras[15].pose.position);
+  EXPECT_NEAR(apart, metres / 0.3, 0.02 * apart);
+  size_t bars = 0;
+  for (const TargetState& target : scene.targets) bars += target.kind == TargetState::Kind::kBar;
+  EXPECT_GT(bars, scene.targets.size() / 2);
+}
+
+}  // namespace
+}  // namespace lf
