@@ -100,7 +100,7 @@ std::vector<Source> FragmentNode::sharpen_all(std::span<const Source> images, co
   memory.resize(std::max(memory.size(), images.size()));
   manner.parallel(images.size(), [&](size_t i) {
     if (images[i].image.family == PixelFamily::kNone) return;
-    sharpened[i].image = sharpen(images[i].image, task.region(images[i].camera), memory[i]);
+    sharpened[i].image = sharpen(images[i].image, task.answer_region(images[i].camera), memory[i]);
   });
   return sharpened;
 }

@@ -26,9 +26,12 @@ class WarpTask : public AnswerTask {
 
   const std::vector<CameraIndex>& cameras() const override { return job_.cameras(); }
   Rect region(CameraIndex camera) const override {
-    const Rect colour = needed_pixels(job_.plan(), camera, rig_.cameras[camera]);
+    const Rect colour = answer_region(camera);
     if (trials_.empty() || trial_job_->plan().camera_rect(camera).empty()) return colour;
     return unite(colour, needed_pixels(trial_job_->plan(), camera, rig_.cameras[camera], trials_));
+  }
+  Rect answer_region(CameraIndex camera) const override {
+    return needed_pixels(job_.plan(), camera, rig_.cameras[camera]);
   }
   RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Manner& manner,
                         ByteBuffer memory, const ParallelFor& parallel) const override {

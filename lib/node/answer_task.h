@@ -26,8 +26,9 @@ class AnswerTask {
   virtual ~AnswerTask() = default;
   // The node's cameras whose images are needed, ascending.
   virtual const std::vector<CameraIndex>& cameras() const = 0;
-  // What is needed of such an image.
+  // What is needed of such an image, and what of that for the answer alone, without its moments.
   virtual Rect region(CameraIndex camera) const = 0;
+  virtual Rect answer_region(CameraIndex camera) const { return region(camera); }
   // The answer. Arguments and errors as for render_answer(); `sources` are of cameras().
   virtual RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Manner& manner,
                                 ByteBuffer memory = {}, const ParallelFor& parallel = serial_for) const = 0;
