@@ -16,7 +16,8 @@ void check_request_head(const RequestHead& head) {
 }
 
 void put_request_head(Writer& out, uint8_t type, const RequestHead& head, int width, int height, size_t size) {
-  put_unit_header(out, UnitKind::kRequest, type, head.absolute_time ? kAbsoluteTime : uint16_t{0}, size);
+  const int flags = (head.absolute_time ? kAbsoluteTime : 0) | (head.probe ? kProbe : 0);
+  put_unit_header(out, UnitKind::kRequest, type, static_cast<uint16_t>(flags), size);
   out.put(head.view_id);
   out.put(head.sequence);
   out.put(head.target_time);
@@ -28,10 +29,11 @@ void put_request_head(Writer& out, uint8_t type, const RequestHead& head, int wi
 
 Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHead& head, int& width, int& height) {
   std::string reason;
-  const std::optional<UnitHeader> unit = check_unit_header(bytes, UnitKind::kRequest, type, kAbsoluteTime, reason);
+  const std::optional<UnitHeader> unit = check_unit_header(bytes, UnitKind::kRequest, type, kAbsoluteTime | kProbe, reason);
   if (!unit || !check_unit_size(bytes, *unit, reason)) throw Error(reason);
   Reader in(bytes.subspan(kUnitHeaderBytes));
   head.absolute_time = unit->flags & kAbsoluteTime;
+  head.probe = unit->flags & kProbe;
   head.view_id = in.get<uint32_t>();
   head.sequence = in.get<uint32_t>();
   head.target_time = in.get<uint64_t>();

@@ -12,7 +12,7 @@
 // What the units of a request stream have in common; see spec.md.
 namespace lf::wire {
 
-inline constexpr uint16_t kAbsoluteTime = 1;                        // flag of the unit
+inline constexpr uint16_t kAbsoluteTime = 1, kProbe = 2;            // flags of the unit
 inline constexpr size_t kRequestHeadBytes = kUnitHeaderBytes + 29;  // up to the quality
 
 // Throws Error naming the field. The size of the view is checked with the rest of it.

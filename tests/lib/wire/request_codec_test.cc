@@ -44,6 +44,7 @@ ViewRequest random_request(std::mt19937& random) {
   r.sequence = random();
   r.target_time = random() % 3 ? (uint64_t{random()} << 32) | random() : kNoTime;
   r.absolute_time = random() % 2;
+  r.probe = random() % 2;
   r.quality = random() % 101;
   r.rig_hash = (uint64_t{random()} << 32) | random();
   r.view.width = 1 + random() % kMaxViewSize;
@@ -185,7 +186,7 @@ TEST(RequestCodec, NamesTheFieldThatIsWrong) {
       {4, 1, 2, "version: 2 is not supported, only 1"},
       {4, 1, 0, "version: 0 is not supported, only 1"},
       {5, 1, 2, "type: 2 is not supported in request units"},
-      {6, 2, 6, "flags: unknown bits 6"},
+      {6, 2, 6, "flags: unknown bits 4"},
       {8, 4, 171, "length: the unit says 171 bytes, there are 172"},
       {8, 4, 0, "length: 0 bytes, must be 12 to 1048576"},
       {8, 4, 0xffffffff, "length: 4294967295 bytes, must be 12 to 1048576"},
