@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "quality/camera_monitor.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/median.h"
+
+namespace lf {
+namespace {
+
+constexpr size_t kNearest = 8;       // of a grid: those around a camera
+constexpr double kCleared = 0.7;     // of what is unusual: a suspect below it is none any more
+constexpr double kSigmaPerMad = 1.4826;
+constexpr double kScatters = 3;      // beyond which a figure says something although parts of the picture differ
+
+std::vector<CameraIndex> nearest_to(const Rig& rig, CameraIndex camera) {
+  std::vector<CameraIndex> others;
+  for (CameraIndex i = 0; i < rig.cameras.size(); i++)
+    if (i != camera) others.push_back(i);
+  const auto distance = [&](CameraIndex i) {
+    return glm::length(rig.cameras[i].pose.position - rig.cameras[camera].pose.position);
+  };
+  const size_t count = std::min(kNearest, others.size());
+  std::ranges::partial_sort(others, others.begin() + static_cast<ptrdiff_t>(count), {}, distance);
+  others.resize(count);
+  return others;
+}
+
+}  // namespace
+
+CameraMonitor::CameraMonitor(const Rig& rig) : cameras_(rig.cameras.size()) {
+  for (CameraIndex i = 0; i < cameras_.size(); i++) {
+    cameras_[i].error = kNotPredicted;
+    cameras_[i].nearest = nearest_to(rig, i);
+  }
+}
+
+bool CameraMonitor::is_suspect(CameraIndex camera) const {
+  return std::ranges::find(suspects_, camera, &Suspect::camera) != suspects_.end();
+}
+
+CameraSet CameraMonitor::suspected() const {
+  CameraSet cameras;
+  for (const Suspect& suspect : suspects_) cameras.push_back(suspect.camera);
+  return cameras;
+}
+
+std::optional<CameraIndex> CameraMonitor::next(const CameraSet& out_of_service) {
+  for (CameraIndex i = 0; i < cameras_.size(); i++) cameras_[i].out = std::ranges::binary_search(out_of_service, i);
+  while (!again_.empty()) {
+    const CameraIndex camera = again_.front();
+    again_.pop_front();
+    if (!cameras_[camera].out) return camera;
+  }
+  for (size_t i = 0; i < cameras_.size(); i++) {
+    const CameraIndex camera = turn_;
+    turn_ = static_cast<CameraIndex>((turn_ + 1) % cameras_.size());
+    if (!cameras_[camera].out) return camera;
+  }
+  return std::nullopt;
+}
+
+void CameraMonitor::look_again(CameraIndex camera) {
+  if (std::ranges::find(again_, camera) == again_.end()) again_.push_back(camera);
+}
+
+CameraMonitor::Figures CameraMonitor::figures_of(const PredictionError& error) {
+  return {error.psnr_db, error.gain, error.shift.x, error.shift.y};
+}
+
+std::optional<CameraMonitor::Usual> CameraMonitor::usual() const {
+  constexpr Figures kLeast{kLowDb, kGain, kShift, kShift};
+  std::array<std::vector<double>, kFigures> known;
+  for (CameraIndex i = 0; i < cameras_.size(); i++) {
+    const Watched& camera = cameras_[i];
+    if (camera.out || is_suspect(i)) continue;
+    if (camera.taken == 0) return std::nullopt;  // not all have had a turn
+    const Figures figures = figures_of(camera.error);
+    if (!std::ranges::all_of(figures, [](double v) { return std::isfinite(v); })) continue;
+    for (size_t k = 0; k < kFigures; k++) known[k].push_back(figures[k]);
+  }
+  if (known[0].size() < kFewest) return std::nullopt;
+  Usual usual{};
+  for (size_t k = 0; k < kFigures; k++) {
+    usual.middle[k] = median(known[k]);
+    for (double& v : known[k]) v = std::abs(v - usual.middle[k]);
+    usual.most[k] = std::max(kLeast[k], kLowDeviations * kSigmaPerMad * median(known[k]));
+  }
+  return usual;
+}
+
+double CameraMonitor::oddity(const Usual& usual, const PredictionError& error, Fault* fault) {
+  Figures odd = figures_of(error);
+  const Figures scatter{0, error.gain_scatter, error.shift_scatter, error.shift_scatter};
+  for (size_t k = 0; k < kFigures; k++)
+    odd[k] = (odd[k] - usual.middle[k]) / std::max(usual.most[k], kScatters * scatter[k]);
+  const double picture = -odd[0], colour = std::abs(odd[1]), direction = std::hypot(odd[2], odd[3]);
+  // What explains a bad picture is what is wrong.
+  *fault = std::max(colour, direction) <= 1 ? Fault::kPicture : colour > direction ? Fault::kColour : Fault::kDirection;
+  const double worst = std::max({picture, colour, direction});
+  return std::isfinite(worst) ? worst : 0;
+}
+
+void CameraMonitor::take(CameraIndex camera, const PredictionError& error) {
+  cameras_[camera].error = error;
+  cameras_[camera].taken = ++turns_;
+  cameras_[camera].stale = false;
+  const std::optional<Usual> usual = this->usual();
+  if (!usual) return;
+  if (is_suspect(camera))
+    judge_suspect(camera, *usual);
+  else
+    judge_others(*usual);
+}
+
+void CameraMonitor::judge_suspect(CameraIndex camera, const Usual& usual) {
+  const auto suspect = std::ranges::find(suspects_, camera, &Suspect::camera);
+  Fault fault;
+  const double odd = oddity(usual, cameras_[camera].error, &fault);
+  if (odd > kCleared) {
+    if (odd > 1) suspect->fault = fault;
+    return;
+  }
+  suspects_.erase(suspect);
+  cameras_[camera].odd_since = 0;
+}
+
+void CameraMonitor::judge_others(const Usual& usual) {
+  std::optional<Suspect> worst;
+  double most = 1;
+  for (CameraIndex i = 0; i < cameras_.size(); i++) {
+    Watched& camera = cameras_[i];
+    if (camera.out || camera.stale || is_suspect(i)) continue;
+    Fault fault;
+    double odd = oddity(usual, camera.error, &fault);
+    // Without a neighbour the best of cameras is predicted worse.
+    if (fault == Fault::kPicture && std::ranges::any_of(camera.nearest, [&](CameraIndex n) { return is_suspect(n); }))
+      odd = 0;
+    if (odd <= 1) {
+      camera.odd_since = 0;
+      continue;
+    }
+    if (camera.odd_since == 0) {
+      camera.odd_since = turns_;
+      look_again(i);
+      for (const CameraIndex near : camera.nearest) look_again(near);
+    }
+    if (odd <= most) continue;
+    most = odd;
+    worst = {i, fault};
+  }
+  if (!worst) return;
+  const Watched& camera = cameras_[worst->camera];
+  const auto seen_since = [&](CameraIndex i) {
+    return cameras_[i].out || is_suspect(i) || cameras_[i].taken > camera.odd_since;
+  };
+  if (seen_since(worst->camera) && std::ranges::all_of(camera.nearest, seen_since)) accuse(*worst);
+}
+
+void CameraMonitor::accuse(const Suspect& suspect) {
+  suspects_.insert(std::ranges::upper_bound(suspects_, suspect.camera, {}, &Suspect::camera), suspect);
+  for (CameraIndex i = 0; i < cameras_.size(); i++) {
+    if (cameras_[i].odd_since == 0 || is_suspect(i)) continue;
+    cameras_[i].odd_since = 0;
+    cameras_[i].stale = true;
+    look_again(i);
+  }
+}
+
+std::string_view to_string(CameraMonitor::Fault fault) {
+  switch (fault) {
+    case CameraMonitor::Fault::kColour: return "colour";
+    case CameraMonitor::Fault::kDirection: return "direction";
+    case CameraMonitor::Fault::kPicture: break;
+  }
+  return "picture";
+}
+
+}  // namespace lf

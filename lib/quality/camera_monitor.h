@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "quality/outliers.h"
+#include "quality/prediction.h"
+#include "rig/mesh.h"
+
+namespace lf {
+
+// Watches an array as it runs: in turn, each camera is predicted from the others, and those of which something is wrong
+// stand out. A bad camera spoils the predictions of its neighbours: when one becomes odd they are looked at again, the
+// oddest is accused, and the others get another turn without it (as in find_suspects()). Without locks.
+class CameraMonitor {
+ public:
+  // What is wrong with a camera, as far as that can be told.
+  enum class Fault {
+    kColour,     // it is brighter or darker than the others
+    kDirection,  // it looks elsewhere than the rig says
+    kPicture,    // neither: out of focus, or something is in front of it
+  };
+  struct Suspect {
+    CameraIndex camera = 0;
+    Fault fault = Fault::kPicture;
+    bool operator==(const Suspect&) const = default;
+  };
+  // Figures are unusual beyond kLowDeviations robust standard deviations from the median of all cameras, and by at least
+  // kLowDb or these.
+  static constexpr double kGain = 0.03;   // of 1
+  static constexpr double kShift = 0.25;  // pixels of the probe
+  static constexpr size_t kFewest = 5;    // cameras whose figures are known, so that any can be unusual
+
+  explicit CameraMonitor(const Rig& rig);
+
+  // Whose turn it is, and who is not to predict it, ascending. Nobody without a camera in service.
+  std::optional<CameraIndex> next(const CameraSet& out_of_service);
+  CameraSet suspected() const;
+  // What came of a camera's turn; NaN where nothing can be told, as at the corners of an array.
+  void take(CameraIndex camera, const PredictionError& error);
+
+  // Of its latest turn; NaN where nothing is known.
+  const PredictionError& error(CameraIndex camera) const { return cameras_[camera].error; }
+  size_t cameras() const { return cameras_.size(); }
+  const std::vector<Suspect>& suspects() const { return suspects_; }  // ascending
+  uint64_t turns() const { return turns_; }
+
+ private:
+  // The figures in which cameras are compared: PSNR, gain, shift.
+  static constexpr size_t kFigures = 4;
+  using Figures = std::array<double, kFigures>;
+  struct Usual {
+    Figures middle, most;  // deviation from it
+  };
+  struct Watched {
+    PredictionError error;
+    uint64_t taken = 0;      // number of its latest turn, 0: none yet
+    uint64_t odd_since = 0;  // turn; 0: it is not
+    bool stale = false;      // odd, but because of one that has been accused since, maybe
+    bool out = false;        // of service
+    std::vector<CameraIndex> nearest;  // those that may have a part in predicting it
+  };
+  static Figures figures_of(const PredictionError& error);
+  bool is_suspect(CameraIndex camera) const;
+  std::optional<Usual> usual() const;
+  // How far a camera is off, in units of what is usual; and by what.
+  static double oddity(const Usual& usual, const PredictionError& error, Fault* fault);
+  void judge_suspect(CameraIndex camera, const Usual& usual);
+  void judge_others(const Usual& usual);
+  void accuse(const Suspect& suspect);
+  void look_again(CameraIndex camera);
+
+  std::vector<Watched> cameras_;
+  std::vector<Suspect> suspects_;
+  std::deque<CameraIndex> again_;  // before it is anybody else's turn
+  CameraIndex turn_ = 0;
+  uint64_t turns_ = 0;
+};
+
+std::string_view to_string(CameraMonitor::Fault fault);  // "colour", "direction", "picture"
+
+}  // namespace lf
