@@ -243,16 +243,16 @@ static bool is_awaited(LfCompositor* self, GstAggregatorPad* pad, bool live) {
   return !live || self->max_missed == 0 || node.missed <= self->max_missed;
 }
 
-// Makes room for the next request. Returns whether a node that was waited for has not answered.
+// Makes room for the next request. What probes are answered with says nothing of the nodes that is not said anyway.
 static void close_request(LfCompositor* self, const AnswerPads& pads, GstClockTime due) {
   auto& state = *self->state;
   for (GstAggregatorPad* pad : pads) {
     NodeInput& node = lf_compositor_node_of(pad);
     const bool took_part = node.head == NodeInput::Head::kDone;
-    node.missed = took_part || gst_aggregator_pad_is_eos(pad) ? 0 : node.missed + 1;
+    node.missed = took_part || gst_aggregator_pad_is_eos(pad) ? 0 : node.missed + !state.current->probe;
     if (took_part) drop_head(pad, node);
   }
-  if (is_live(self)) {
+  if (is_live(self) && !state.current->probe) {
     state.past.push_back({state.current->sequence, due});
     if (state.past.size() > kMostPast) state.past.pop_front();
     lf_compositor_use_rig_for_health(self, state.assembly.rig_hash());
@@ -310,10 +310,16 @@ static void record(LfCompositor* self, int64_t answered, GstClockTime pts) {
 static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) {
   auto& state = *self->state;
   const int64_t answered = g_get_monotonic_time();
+  const GstClockTime due = deadline(self);
+  if (state.current->probe && !self->partial) {
+    lf_compositor_take_probe(self);
+    close_request(self, pads, due);
+    gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request));
+    return GST_FLOW_OK;
+  }
   GstFlowReturn flow = GST_FLOW_OK;
   GstBuffer* out = lf_compositor_make_picture(self, &flow);
   if (!out) return flow;
-  const GstClockTime due = deadline(self);
   GstBuffer* request = gst_aggregator_pad_pop_buffer(GST_AGGREGATOR_PAD(self->request));
   if (!request) {  // flushed meanwhile
     gst_buffer_unref(out);
@@ -328,6 +334,7 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
     if ((moments = lf_compositor_make_moments(self, self->node))) GST_BUFFER_PTS(moments) = pts;
   } else {
     lf_compositor_find_focus(self);
+    lf_compositor_monitor(self);
   }
   out = replace_incomplete(self, out);
   close_request(self, pads, due);

@@ -70,7 +70,7 @@ static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo*
   if (!any) return GST_PAD_PROBE_OK;  // told apart and counted where it is taken
   if (lf::wire::access_of(*any) != lf::Access::kSelf) return GST_PAD_PROBE_DROP;  // for cameras
   const lf::RequestHead& request = lf::wire::head_of(*any);
-  if (request.view_id == lf_compositor_view_id(self))
+  if (request.view_id == lf_compositor_view_id(self) && !request.probe)
     self->state->stats.request_arrived(request.sequence, g_get_monotonic_time());
   return GST_PAD_PROBE_OK;
 }

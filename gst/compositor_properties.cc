@@ -25,6 +25,7 @@ enum {
   PROP_FOCUS,
   PROP_FOCUS_NEAR,
   PROP_FOCUS_FAR,
+  PROP_MONITOR_INTERVAL,
   PROP_STATS
 };
 
@@ -93,6 +94,7 @@ static void lf_compositor_set_property(GObject* object, guint id, const GValue* 
     case PROP_FOCUS: self->focus.mode = static_cast<lf::FocusMode>(g_value_get_enum(value)); break;
     case PROP_FOCUS_NEAR: self->focus.near = g_value_get_double(value); break;
     case PROP_FOCUS_FAR: self->focus.far = g_value_get_double(value); break;
+    case PROP_MONITOR_INTERVAL: self->monitor_interval = g_value_get_uint(value); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
   GST_OBJECT_UNLOCK(self);
@@ -114,6 +116,7 @@ static void lf_compositor_get_property(GObject* object, guint id, GValue* value,
     case PROP_FOCUS: g_value_set_enum(value, static_cast<gint>(self->focus.mode)); break;
     case PROP_FOCUS_NEAR: g_value_set_double(value, self->focus.near); break;
     case PROP_FOCUS_FAR: g_value_set_double(value, self->focus.far); break;
+    case PROP_MONITOR_INTERVAL: g_value_set_uint(value, self->monitor_interval); break;
     case PROP_STATS: g_value_take_boxed(value, self->state->stats.structure()); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -177,13 +180,21 @@ void lf_compositor_install_properties(GObjectClass* klass) {
   install_distance(PROP_FOCUS_FAR, "focus-far", "Focus far",
                    "Farthest that a focal surface can be, metres from the array (0: 4 times the distance of the "
                    "viewer's focal plane)");
+  install(PROP_MONITOR_INTERVAL,
+          g_param_spec_uint("monitor-interval", "Monitor interval",
+                            "Beside one of so many requests a camera, each in turn, is left out and predicted from the "
+                            "others, in a small view: `stats` tell how well, and which cameras stand out (0: never). "
+                            "Needs `rig`",
+                            0, G_MAXUINT16, 0, flags(GST_PARAM_MUTABLE_PLAYING)));
   install(PROP_STATS,
           g_param_spec_boxed(
               "stats", "Statistics",
               "Counts of pictures (complete, incomplete, repeated, dropped), fragments (missing, damaged), late, "
               "repeated and bad answers, bytes, cameras out of service; the largest skew; of a focal surface: rounds of "
               "trials, their bytes, how far cameras disagree (residual, 255ths) and by how much the last round lessened "
-              "it (gained), requests from one with trials to the next (interval), whether one plane is enough (flat); "
+              "it (gained), requests from one with trials to the next (interval), whether one plane is enough (flat); of the monitor: "
+              "turns of cameras, their bytes, for each camera the PSNR, gain and shift (pixels of the small view) of its "
+              "prediction, and suspects with their fault (colour, direction, picture); "
               "latency per stage (p50, p95, "
               "p99 over the latest 1024 pictures, nanoseconds)",
               GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));

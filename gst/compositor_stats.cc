@@ -2,6 +2,7 @@
 #include "compositor_stats.h"
 
 #include <algorithm>
+#include <functional>
 #include <string>
 #include <utility>
 
@@ -12,13 +13,42 @@ constexpr size_t kMostInFlight = 256;  // requests that were never answered don'
 
 uint64_t nanoseconds(int64_t from, int64_t to) { return to > from ? static_cast<uint64_t>(to - from) * 1000 : 0; }
 
+// One number a camera.
+void set_figures(GstStructure* stats, const char* name, const CameraMonitor& monitor,
+                 const std::function<double(const PredictionError&)>& figure) {
+  GValue array = G_VALUE_INIT, value = G_VALUE_INIT;
+  g_value_init(&array, GST_TYPE_ARRAY);
+  g_value_init(&value, G_TYPE_DOUBLE);
+  for (CameraIndex i = 0; i < monitor.cameras(); i++) {
+    g_value_set_double(&value, figure(monitor.error(i)));
+    gst_value_array_append_value(&array, &value);
+  }
+  g_value_unset(&value);
+  gst_structure_take_value(stats, name, &array);
+}
+
 }  // namespace
+
+void set_suspects(GstStructure* structure, const char* field, const std::vector<CameraMonitor::Suspect>& suspects) {
+  GValue array = G_VALUE_INIT, value = G_VALUE_INIT;
+  g_value_init(&array, GST_TYPE_ARRAY);
+  g_value_init(&value, GST_TYPE_STRUCTURE);
+  for (const CameraMonitor::Suspect& suspect : suspects) {
+    g_value_take_boxed(&value, gst_structure_new("suspect", "camera", G_TYPE_UINT, suspect.camera, "fault", G_TYPE_STRING,
+                                                 std::string(to_string(suspect.fault)).c_str(), nullptr));
+    gst_value_array_append_value(&array, &value);
+  }
+  g_value_unset(&value);
+  gst_structure_take_value(structure, field, &array);
+}
 
 void CompositorStats::reset() {
   std::lock_guard lock(mutex_);
   for (uint64_t& counter : counters_) counter = 0;
   pictures_ = complete_ = fragments_ = missing_ = damaged_ = bytes_ = max_skew_ns_ = out_of_service_ = trial_bytes_ = 0;
   focus_ = {};
+  monitor_.reset();
+  monitor_bytes_ = 0;
   arrivals_.clear();
   for (Percentiles* times : {&answer_ns_, &composite_ns_, &latency_ns_, &add_ns_, &picture_ns_}) times->clear();
 }
@@ -37,6 +67,16 @@ void CompositorStats::set_focus(const FocusControl::State& state, uint64_t trial
   std::lock_guard lock(mutex_);
   focus_ = state;
   trial_bytes_ += trial_bytes;
+}
+
+void CompositorStats::add_monitor_bytes(uint64_t bytes) {
+  std::lock_guard lock(mutex_);
+  monitor_bytes_ += bytes;
+}
+
+void CompositorStats::set_monitor(const CameraMonitor& monitor) {
+  std::lock_guard lock(mutex_);
+  monitor_ = monitor;
 }
 
 void CompositorStats::request_arrived(uint32_t sequence, int64_t time) {
@@ -105,6 +145,14 @@ GstStructure* CompositorStats::structure() const {
   set("trial-bytes", trial_bytes_);
   gst_structure_set(stats, "focus-residual", G_TYPE_DOUBLE, focus_.residual, "focus-gained", G_TYPE_DOUBLE,
                     focus_.gained, "focus-flat", G_TYPE_BOOLEAN, focus_.flat, nullptr);
+  set("monitor-turns", monitor_ ? monitor_->turns() : 0);
+  set("monitor-bytes", monitor_bytes_);
+  if (monitor_) {
+    set_figures(stats, "monitor-psnr", *monitor_, [](const PredictionError& error) { return error.psnr_db; });
+    set_figures(stats, "monitor-gain", *monitor_, [](const PredictionError& error) { return error.gain; });
+    set_figures(stats, "monitor-shift", *monitor_, [](const PredictionError& error) { return glm::length(error.shift); });
+    set_suspects(stats, "monitor-suspects", monitor_->suspects());
+  }
   const std::pair<const char*, const Percentiles*> stages[] = {{"answer", &answer_ns_},
                                                                {"add", &add_ns_},
                                                                {"picture", &picture_ns_},

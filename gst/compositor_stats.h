@@ -9,6 +9,7 @@
 
 #include "base/percentiles.h"
 #include "focus/focus_control.h"
+#include "quality/camera_monitor.h"
 
 namespace lf {
 
@@ -43,6 +44,9 @@ class CompositorStats {
   void set_out_of_service(size_t cameras);
   // After a picture whose trials, if any, came to this and took so many bytes.
   void set_focus(const FocusControl::State& state, uint64_t trial_bytes);
+  // Of answers to probes, which do not count as the view's.
+  void add_monitor_bytes(uint64_t bytes);
+  void set_monitor(const CameraMonitor& monitor);
   void request_arrived(uint32_t sequence, int64_t time);
   // Adds the picture up; the structure of its element message "lightfield-view" if `describe`, else null.
   GstStructure* record(const Picture& picture, bool describe);
@@ -56,9 +60,14 @@ class CompositorStats {
            out_of_service_ = 0;
   FocusControl::State focus_;
   uint64_t trial_bytes_ = 0;
+  std::optional<CameraMonitor> monitor_;  // as it was last
+  uint64_t monitor_bytes_ = 0;
   std::map<uint32_t, int64_t> arrivals_;               // sequence to time, of requests not answered yet
   Percentiles answer_ns_, composite_ns_, latency_ns_;  // request in to last answer in to picture ready
   Percentiles add_ns_, picture_ns_;                    // what compositing is: adding, and the picture from the sum
 };
+
+// An array of structures "suspect": camera (uint: index in the rig), fault (string).
+void set_suspects(GstStructure* structure, const char* field, const std::vector<CameraMonitor::Suspect>& suspects);
 
 }  // namespace lf

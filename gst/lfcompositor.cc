@@ -21,6 +21,10 @@
  * trials go upstream (custom event "lightfield-focal-surface") to the view's lfviewrequest. Files in, files out, that
  * waits for them, so that pictures do not depend on how fast anything is.
  *
+ * With `monitor-interval` the array is watched as it runs: now and then one camera, each in turn, is predicted from the
+ * others and compared with what it sees itself. For that its lfviewrequest asks for two small views more (custom event
+ * "lightfield-extra-requests"), which are answered like any other and not shown.
+ *
  * With `partial` the output is not a picture but the sum of the answers, as the answer of one node: compositors make a
  * tree, whose root takes in one answer a rack.
  *
@@ -41,7 +45,8 @@
  * With `post-messages` an element message "lightfield-view" per picture: view-id, sequence (uint), pts (uint64),
  * complete (boolean), fragments, missing, damaged (uint), bytes, skew-ns, latency-ns (request to picture), add-ns
  * (decoding and adding what came) and composite-ns (uint64). Always "lightfield-out-of-service" when that set changes:
- * lf-view-id (uint), cameras (array of uint).
+ * lf-view-id (uint), cameras (array of uint). "lightfield-suspects" when the monitor changes its mind: lf-view-id (uint),
+ * suspects (array of structures: camera (uint), fault (string: colour, direction or picture)).
  */
 
 #include "lfcompositor_private.h"
@@ -79,6 +84,7 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   state.warned_rig = false;
   state.past.clear();
   lf_compositor_forget_moments(self);
+  lf_compositor_reset_monitor(self);
   state.focus_settings = {};
   state.focus = lf::FocusControl();
   state.stats.reset();

@@ -16,12 +16,13 @@
 #include "lfcompositor.h"
 #include "node/answer_form.h"
 #include "picture_pool.h"
+#include "quality/camera_monitor.h"
+#include "quality/camera_probe.h"
 #include "wire/answer_parts.h"
 
 // What the files of lfcompositor share: lfcompositor.cc (the element), compositor_properties.cc, compositor_answers.cc
-// (requests and answers in), compositor_focus.cc (their focal
-// surface), compositor_output.cc (pictures or partial answers out) and compositor_pads.cc (events,
-// queries, pads).
+// (requests and answers in), compositor_focus.cc (their focal surface), compositor_monitor.cc (how well cameras are
+// predicted), compositor_output.cc (pictures or partial answers out) and compositor_pads.cc (events, queries, pads).
 
 // The node behind an answer pad, as the current request shows it. Streaming thread.
 struct NodeInput {
@@ -53,6 +54,7 @@ struct _LfCompositor {
   guint node;
   lf::CodecChoice codec;
   lf::FocusControl::Settings focus;
+  guint monitor_interval;
 
   // Streaming thread, but for stats.
   struct State {
@@ -86,6 +88,14 @@ struct _LfCompositor {
     lf::FocusControl::Settings focus_settings;  // of `focus`
     lf::FocusControl focus;
     std::optional<lf::Plane> focus_from;  // what focal maps count distances from
+
+    struct {
+      std::optional<lf::CameraMonitor> cameras;
+      uint64_t rig = 0;    // hash of the rig whose cameras they are
+      guint requests = 0;  // since the latest turn
+      std::optional<lf::CameraProbe> asked;
+      std::optional<lf::CoveredPicture> seen;
+    } monitor;
 
     lf::CompositorStats stats;  // any thread
   } * state;
@@ -126,6 +136,13 @@ int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer);
 GstBuffer* lf_compositor_make_moments(LfCompositor* self, guint node);
 // The current request has been composed: tells upstream where the next one is to be focused.
 void lf_compositor_find_focus(LfCompositor* self);
+
+// compositor_monitor.cc
+void lf_compositor_reset_monitor(LfCompositor* self);
+// The current request has been composed: asks for a camera's turn, if it is time.
+void lf_compositor_monitor(LfCompositor* self);
+// The current request is a probe, and answered.
+void lf_compositor_take_probe(LfCompositor* self);
 
 // compositor_output.cc
 gboolean lf_compositor_negotiate(GstAggregator* agg);

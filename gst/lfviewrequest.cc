@@ -29,6 +29,9 @@
  * With its sink pad linked the element makes no requests of its own but relays those of other viewers, and adds the
  * cameras that are out of service: on the host of the compositors, behind the network.
  *
+ * What a compositor wants to know beside its pictures (upstream event "lightfield-extra-requests": lfcompositor
+ * monitor-interval) leaves behind the next request, with the same capture time.
+ *
  * For cameras that do not answer view requests (`lffragment access`) `access` makes commands of each request, which
  * leave behind it. A relay lets no commands through, because they were made before it knew which cameras are out of
  * service: it makes them itself.
@@ -69,6 +72,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "extra_requests_event.h"
 #include "focal_surface_event.h"
 #include "focus/array_plane.h"
 #include "gst_wire.h"
@@ -158,10 +162,11 @@ static gboolean steer(LfViewRequest* self, GstEvent* event) {
 static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   if (self->out_of_service->announce(event)) return TRUE;
-  const bool of_focus = lf::is_focal_surface(event);
-  if (!of_focus && !is_navigation(event) && !is_view(event))
+  const bool of_focus = lf::is_focal_surface(event), of_more = lf::is_extra_requests(event);
+  if (!of_focus && !of_more && !is_navigation(event) && !is_view(event))
     return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->event(base, event);
   if (lf_view_request_is_relay(self)) return gst_pad_push_event(self->sink, gst_event_ref(event));
+  if (of_more) return lf_view_request_take_extra(self, event);
   return of_focus ? lf_view_request_take_focus(self, event) : steer(self, event);
 }
 
@@ -229,7 +234,9 @@ static gboolean lf_view_request_stop(GstBaseSrc* base) {
   GST_OBJECT_LOCK(self);
   delete self->stream;
   self->stream = nullptr;
+  self->extra->clear();
   GST_OBJECT_UNLOCK(self);
+  gst_queue_array_clear(self->to_send);
   self->warned_commands = self->asked_for_focus = self->has_sent = false;
   self->focus_feedback->clear();
   self->relay->clear();
@@ -247,6 +254,7 @@ static gboolean lf_view_request_is_seekable(GstBaseSrc* base) {
 
 static gboolean lf_view_request_do_seek(GstBaseSrc* base, GstSegment* segment) {
   if (segment->rate <= 0) return FALSE;
+  gst_queue_array_clear(LF_VIEW_REQUEST(base)->to_send);
   if (!gst_base_src_is_live(base)) LF_VIEW_REQUEST(base)->stream->seek(segment->position);
   return TRUE;
 }
@@ -333,26 +341,9 @@ static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlo
   return *slot ? wait_for_turn(self, clock, base_time, **slot, leaves) : GST_FLOW_EOS;
 }
 
-void lf_view_request_add_command(LfViewRequest* self, const lf::ViewRequest& request,
-                                 const std::shared_ptr<const lf::Rig>& rig, GstBuffer** out) {
-  std::vector<uint8_t> bytes;
-  try {
-    bytes = self->stream->command_for(request, rig);
-  } catch (const lf::Error& error) {
-    GST_ELEMENT_WARNING(self, STREAM, ENCODE,
-                        ("View %u: no commands for the cameras: %s", request.view_id, error.what()), (nullptr));
-  }
-  if (bytes.empty()) return;
-  GstBuffer* command = lf::wrap_bytes(std::move(bytes));
-  gst_buffer_copy_into(command, *out, GST_BUFFER_COPY_TIMESTAMPS, 0, -1);
-  GstBufferList* both = gst_buffer_list_new_sized(2);
-  gst_buffer_list_add(both, std::exchange(*out, nullptr));
-  gst_buffer_list_add(both, command);
-  gst_base_src_submit_buffer_list(GST_BASE_SRC(self), both);
-}
-
 static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   LfViewRequest* self = LF_VIEW_REQUEST(push);
+  if ((*out = static_cast<GstBuffer*>(gst_queue_array_pop_head(self->to_send)))) return GST_FLOW_OK;
   if (lf_view_request_is_relay(self)) return lf_view_request_relay(self, out);
   const bool live = gst_base_src_is_live(GST_BASE_SRC(push));
   std::optional<lf::RequestSlot> turn;
@@ -394,7 +385,7 @@ static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   GST_BUFFER_DURATION(*out) = slot.duration;
   GST_LOG_OBJECT(self, "request %u of view %u for %" GST_TIME_FORMAT, request.sequence, request.view_id,
                  GST_TIME_ARGS(request.target_time));
-  lf_view_request_add_command(self, request, rig, out);
+  lf_view_request_send_more(self, request, rig, *out);
   return GST_FLOW_OK;
 }
 
@@ -485,6 +476,8 @@ static void lf_view_request_finalize(GObject* object) {
   LfViewRequest* self = LF_VIEW_REQUEST(object);
   delete self->navigation_tap;
   delete self->relay;
+  gst_queue_array_free(self->to_send);
+  delete self->extra;
   delete self->focus_feedback;
   delete self->out_of_service;
   gst_clear_caps(&self->relayed_caps);
@@ -581,6 +574,9 @@ static void lf_view_request_init(LfViewRequest* self) {
   GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
   self->navigation_tap = new lf::NavigationTap;
   self->relay = new lf::RequestRelay;
+  self->to_send = gst_queue_array_new(4);
+  gst_queue_array_set_clear_func(self->to_send, reinterpret_cast<GDestroyNotify>(gst_buffer_unref));
+  self->extra = new std::vector<lf::ViewRequest>;
   self->focus_feedback = new lf::FocusFeedback;
   self->out_of_service = new lf::OutOfService;
   gst_base_src_set_format(GST_BASE_SRC(self), GST_FORMAT_TIME);

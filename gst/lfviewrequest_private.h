@@ -3,6 +3,8 @@
 
 #include <functional>
 
+#include <gst/base/gstqueuearray.h>
+
 #include "common.h"
 #include "focus_feedback.h"
 #include "lfviewrequest.h"
@@ -13,8 +15,8 @@
 #include "view_control.h"
 #include "view_request_settings.h"
 
-// What the files of lfviewrequest share: lfviewrequest.cc (the element), view_request_focus.cc (where it is in focus) and
-// view_request_relay.cc (foreign requests).
+// What the files of lfviewrequest share: lfviewrequest.cc (the element), view_request_focus.cc (where it is in focus),
+// view_request_send.cc (what leaves beside a request) and view_request_relay.cc (foreign requests).
 
 struct _LfViewRequest {
   GstPushSrc parent;
@@ -24,6 +26,7 @@ struct _LfViewRequest {
   lf::NetClock* net_clock;
   lf::NavigationTap* navigation_tap;
   lf::RequestStream* stream;  // null when stopped; what other threads do not ask for is the streaming thread's alone
+  std::vector<lf::ViewRequest>* extra;  // that go along with the next request
   lf::OutOfService* out_of_service;  // has a lock of its own
   lf::FocusFeedback* focus_feedback;  // has a lock of its own
   lf::RequestRelay* relay;           // has a lock of its own
@@ -33,7 +36,8 @@ struct _LfViewRequest {
   bool unlocked;
   bool changed;                // the view, since the request before
   bool waits_for_change;       // clock_id ends with it
-  bool warned_commands;  // streaming thread
+  bool warned_commands;    // streaming thread
+  GstQueueArray* to_send;  // buffers, before the next request; streaming thread
   // Not live: whether somebody who finds the focus has been looked for, and is waited for. Streaming thread.
   bool asked_for_focus, awaits_focus;
   bool has_sent;          // a request; streaming thread
@@ -43,9 +47,6 @@ struct _LfViewRequest {
 // lfviewrequest.cc
 // Runs `change` on the view under the lock and then tells who watches the properties. Returns what `change` returns.
 gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gboolean(lf::ViewControl&)>& change);
-// The command for the cameras goes along with the request *out, as a buffer list that takes it, if there is one.
-void lf_view_request_add_command(LfViewRequest* self, const lf::ViewRequest& request,
-                                 const std::shared_ptr<const lf::Rig>& rig, GstBuffer** out);
 
 // view_request_focus.cc
 // The action focus-at.
@@ -54,6 +55,14 @@ gboolean lf_view_request_focus_at(LfViewRequest* self, gdouble x, gdouble y);
 gboolean lf_view_request_take_focus(LfViewRequest* self, GstEvent* event);
 // Files in, files out: where somebody finds the focus of this view, each request has what came of the one before.
 GstFlowReturn lf_view_request_wait_for_focus(LfViewRequest* self);
+
+// view_request_send.cc
+// By an event of extra requests; false if it is of another view.
+gboolean lf_view_request_take_extra(LfViewRequest* self, GstEvent* event);
+// What is to leave right after a request, if anything is: the command for the cameras, and extra requests. `stamps`: the
+// request's buffer.
+void lf_view_request_send_more(LfViewRequest* self, const lf::ViewRequest& request,
+                               const std::shared_ptr<const lf::Rig>& rig, GstBuffer* stamps);
 
 // view_request_relay.cc
 void lf_view_request_install_relay(GstElementClass* klass);

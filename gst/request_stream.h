@@ -61,6 +61,8 @@ class RequestStream {
   std::vector<uint8_t> command_for(const ViewRequest& request, const std::shared_ptr<const Rig>& rig);
   // The slot is used: on to the next one. Returns the request's sequence number.
   uint32_t advance(const RequestSlot& slot);
+  // Of one more request in the slot that was used last.
+  uint32_t number() { return sequence_++; }
 
  private:
   GstClockTime before_delay(GstClockTime time) const;

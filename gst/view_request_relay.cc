@@ -140,7 +140,7 @@ GstFlowReturn lf_view_request_relay(LfViewRequest* self, GstBuffer** out) {
       gst_buffer_copy_into(*out, buffer, GST_BUFFER_COPY_TIMESTAMPS, 0, -1);
       gst_buffer_unref(buffer);
     }
-    lf_view_request_add_command(self, request, rig, out);
+    lf_view_request_send_more(self, request, rig, *out);
     return GST_FLOW_OK;
   }
 }

@@ -124,7 +124,7 @@ GstFlowReturn Eye::take_request(GstAppSink* sink, gpointer data) {
   if (!sample) return GST_FLOW_OK;
   GstBuffer* buffer = gst_sample_get_buffer(sample);
   self->field_.request(buffer);
-  if (const auto request = request_in(buffer)) {
+  if (const auto request = request_in(buffer); request && !request->probe) {
     {
       const std::lock_guard lock(self->mutex_);
       self->asked_ = request->view;
