@@ -94,17 +94,6 @@ FocalMap::LevelRange FocalMap::range_of(std::span<const uint8_t> of, double x0, 
   return {least, largest};
 }
 
-bool FocalMap::is_flat(double x0, double y0, double x1, double y1) const {
-  const int left = Between(x0, step, columns).first, right = Between(x1, step, columns).second;
-  const int top = Between(y0, step, rows).first, bottom = Between(y1, step, rows).second;
-  const uint8_t level = levels[static_cast<size_t>(top) * columns + left];
-  for (int j = top; j <= bottom; j++) {
-    const uint8_t* const row = levels.data() + static_cast<size_t>(j) * columns;
-    if (std::any_of(row + left, row + right + 1, [level](uint8_t v) { return v != level; })) return false;
-  }
-  return true;
-}
-
 void validate(const FocalSurface& surface, int width, int height) {
   if (!is_plane(surface.plane)) throw Error("focal_plane: must be finite numbers with a normal of unit length");
   if (!surface.map) return;

@@ -41,8 +41,6 @@ struct FocalMap {
     uint8_t least, largest;
   };
   LevelRange range_of(std::span<const uint8_t> levels, double x0, double y0, double x1, double y1) const;
-  // Whether all of [x0, x1] x [y0, y1] is at one distance.
-  bool is_flat(double x0, double y0, double x1, double y1) const;
   bool operator==(const FocalMap&) const = default;
 };
 

@@ -25,7 +25,8 @@ struct Source {
 // How positions in the cameras' images are found.
 enum class Coordinates {
   kExact,  // projected for every pixel, in float
-  kGrid,   // projected every kGridStep pixels of a row, interpolated between where that is good to kGridError
+  kGrid,   // projected every kGridStep pixels of a row, or at a focal map's nodes; interpolated between where that is
+           // good to kGridError
 };
 inline constexpr int kGridStep = 16;             // pixels along a row
 inline constexpr double kGridError = 1.0 / 512;  // pixels of the camera's image

@@ -1,5 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Planning and rendering of one view from a square array of cameras: ns per output pixel = 1e9 / items_per_second.
+#include <array>
+#include <cmath>
+#include <memory>
+
 #include <benchmark/benchmark.h>
 
 #include "reference/generators.h"
@@ -78,9 +82,28 @@ void Owners(benchmark::State& state) {
 }
 BENCHMARK(Owners)->ArgsProduct({{0, 1, 2, 3}, {4, 8, 16}});
 
-void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinates coordinates) {
+// Depths as rooms have them: a floor that comes nearer, and things that stand before the wall, here and there.
+std::shared_ptr<const FocalMap> room(const View& view) {
+  FocalMap map = FocalMap::for_view(view.width, view.height);
+  map.from = plane_through({0, 0, 0}, {0, 0, 1});
+  map.farthest = 1 / 5.0;
+  map.nearest = 1 / 1.2;
+  for (int j = 0; j < map.rows; j++)
+    for (int i = 0; i < map.columns; i++) {
+      const double x = (i + 0.5) / map.columns, y = (j + 0.5) / map.rows;
+      double level = std::max(20 + 10 * x, 300 * (y - 0.6));
+      for (const auto& [cx, cy, r, near] :
+           {std::array{0.2, 0.4, 0.12, 130.0}, {0.6, 0.5, 0.2, 90.0}, {0.8, 0.7, 0.1, 220.0}})
+        if (std::hypot(x - cx, (y - cy) * view.height / view.width) < r) level = near + 20 * (x - cx);
+      map.levels.push_back(static_cast<uint8_t>(std::clamp(level, 0.0, FocalMap::kLevels)));
+    }
+  return std::make_shared<FocalMap>(std::move(map));
+}
+
+void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinates coordinates, bool surface = false) {
   const auto& size = kSizes[state.range(0)];
   Scene scene(static_cast<int>(state.range(1)), size[0], size[1], distorted, family);
+  if (surface) scene.view.focus.map = room(scene.view);
   const ViewPlan plan(scene.rig, scene.mesh, scene.view);
   const OwnerRuns runs(plan, {0, 0, scene.view.width, scene.view.height});
   const auto sources = scene.sources(plan);
@@ -102,6 +125,8 @@ BENCHMARK_CAPTURE(Sum, i420_grid, PixelFamily::kI420, true, Coordinates::kGrid)
 BENCHMARK_CAPTURE(Sum, i420_undistorted, PixelFamily::kI420, false, Coordinates::kGrid)->ArgsProduct({{0, 3}, {8}});
 BENCHMARK_CAPTURE(Sum, i420_exact, PixelFamily::kI420, true, Coordinates::kExact)->ArgsProduct({{0, 3}, {8}});
 BENCHMARK_CAPTURE(Sum, rgb_grid, PixelFamily::kRgb, true, Coordinates::kGrid)->ArgsProduct({{0, 3}, {8}});
+BENCHMARK_CAPTURE(Sum, i420_surface, PixelFamily::kI420, true, Coordinates::kGrid, true)->ArgsProduct({{0, 1, 3}, {8}});
+BENCHMARK_CAPTURE(Sum, rgb_surface, PixelFamily::kRgb, true, Coordinates::kGrid, true)->ArgsProduct({{0, 1, 3}, {8}});
 
 }  // namespace
 }  // namespace lf

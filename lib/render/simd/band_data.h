@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "geometry/focal_surface.h"
 #include "image/image.h"
 #include "render/camera_projection.h"
 #include "render/owner_runs.h"
@@ -20,6 +21,14 @@ inline constexpr int kBandRows = 8;     // of pixels; as many as keep a band's d
 inline constexpr int kBandPairs = kBandRows / 2;
 inline constexpr int kPositionBits = 11;  // of fraction in positions relative to a block's window
 
+// CameraProjection near a place of the view, in float: from + i along + j down, and times the inverse distance that is
+// more than `near`, per_from + i per_along + j per_down.
+struct ProjectionTerms {
+  double near = 0;
+  float from[3] = {}, along[3] = {}, down[3] = {};
+  float per_from[3] = {}, per_along[3] = {}, per_down[3] = {};
+};
+
 // A source camera of the sum.
 struct Slot {
   CameraIndex camera = 0;
@@ -30,6 +39,7 @@ struct Slot {
   Mat3 from_pixel;
   // With a focal map: of inverse distance 0, and this times the inverse distance more.
   Mat3 per_inverse{0};
+  ProjectionTerms terms;   // with a focal map: at the first pixel of the first block and band of its rectangle
   float eye_distance = 0;  // see ViewPlan
   float fx = 0, fy = 0, cx = 0, cy = 0, k1 = 0, k2 = 0, p1 = 0, p2 = 0, max_r2 = 0;
   bool radial = false, tangential = false;
@@ -73,6 +83,44 @@ struct PlanePositions {
   void resize(size_t n);
 };
 
+// Through a focal map whose nodes are kCell pixels apart, positions are quadratic from node to node wherever that can
+// be proved good to kGridError (surface-inl.h). Nodes stand between pixels 1 and 2 of every four. Each half of a block
+// and row lies between four of them; those of chroma are of the same places, per pair of rows.
+inline constexpr int kCell = FocalMap::kFinestStep;
+inline constexpr int kHalf = kBlock / 2;
+inline constexpr int kCellRows = kBandRows / kCell + 2;  // of nodes that a band lies between
+
+// Values at the nodes of kCellRows rows, or of the cells to the right of them or below: in even and odd columns, the
+// first even one to the left of the first pixel.
+struct CellNodes {
+  std::vector<float> even[kCellRows], odd[kCellRows];
+  void resize(size_t n);
+};
+// Positions at the nodes of one row, and how they bend to the right of them.
+struct CellLine {
+  std::vector<float> even, odd, even_bend, odd_bend;
+};
+// The same of one half: four nodes and the bends between them; the last one is 0.
+struct CellHalf {
+  alignas(16) float node[4], bend[4];
+};
+
+// One slot's positions in a band, through such a map. Entry (row, half) is at row * pitch + half; of chroma in fixed
+// point (pair, block) at pair * pitch / 2 + block.
+struct SurfaceBand {
+  int pitch = 0;
+  CellNodes x, y, z, along_x, along_y, down_x, down_y;  // bends along rows and down
+  CellNodes doubt;                                      // bounds what positions in a cell are off by, pixels
+  CellLine line_x, line_y;
+  // I420 alone: eight values an entry, relative to a window's corner, in fixed point (kPositionBits) modulo 2^16. Luma:
+  // four nodes of x and four of y, and their bends; chroma: six nodes of a block.
+  std::vector<int16_t> luma_nodes, luma_bends;
+  std::vector<int16_t> chroma_x_nodes, chroma_y_nodes, chroma_x_bends, chroma_y_bends;
+  std::vector<int32_t> luma_corner, chroma_corner;  // byte offsets of windows
+  std::vector<int32_t> luma_fetch, chroma_fetch;
+  void resize(int blocks);
+};
+
 // One slot's positions in a band. Entry (row, block) is at row * pitch + block; rows of chroma are pairs of rows.
 struct SlotBand {
   // What is done with a pair of rows of a block.
@@ -84,9 +132,10 @@ struct SlotBand {
   int first_block = 0, blocks = 0;
   int pitch = 0;                     // blocks + 3 nodes
   std::vector<float> columns, rows;  // of the nodes, pixels from the first one; for this pitch
-  std::vector<float> node_z, node_inverse;  // the latter with a focal map
+  std::vector<float> node_z;
   PlanePositions luma, chroma;   // luma: or RGB
   std::vector<int32_t> verdict;  // per pair of rows
+  SurfaceBand surface;           // with a focal map instead
 };
 
 // A face in one block of a band.
@@ -109,17 +158,9 @@ struct LastFaces {
   int32_t number[2] = {};  // in Scratch::faces
 };
 
-// A focal map in a band of rows: inverse distances of pixels, and of chroma samples for pairs of rows.
-struct BandMap {
-  std::vector<float> luma[kBandRows], chroma[kBandPairs];  // from the rectangle's first block, whole blocks
-  // Per pair of rows and block, from the rectangle's first: whether all that its positions are interpolated from, the
-  // blocks beside it included, is at one distance.
-  std::vector<uint8_t> flat[kBandPairs];
-};
-
 // Memory of one thread, reused from band to band.
 struct Scratch {
-  BandMap map;
+  CellNodes inverse;  // distances of a focal map around the band over the whole view, if it has nodes kCell apart
   std::vector<BlockWeights> weights;
   size_t weights_used = 0;
   std::vector<int32_t> head;  // per block of the rectangle: first BlockWeights, -1: none
@@ -164,6 +205,11 @@ struct SumTask {
 // scratch has its own memory. In I420 rect.y0 is even.
 void render_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch);
 const char* target_name();
+
+// At (x, y) of the view. A common factor changes nothing: it brings the depth there to about 1, far from the ends of
+// float. Without a focal map, and with one: distances count from `inverse`.
+ProjectionTerms terms_at(const Slot& slot, double x, double y);
+ProjectionTerms terms_at(const Slot& slot, double x, double y, double inverse);
 
 // Sets calm_y0 and calm_y1: every block of these rows of the slot's rectangle can be shuffled and interpolates well.
 // Told from nodes kBlock rows apart, with room for what happens between; saves asking for each block. from_pixel, lens

@@ -23,54 +23,28 @@ namespace hn = hwy::HWY_NAMESPACE;
 // Bessel's second-difference weight, t (t - 1) / 4.
 constexpr float bessel(float t) { return t * (t - 1) / 4; }
 
-// Projects points near (x, y): CameraProjection::project() in float, without its verdict on what is lost. Rounding
-// stays small because what is linear in the view starts from double precision near the points.
+// Projects points near where its terms are from: CameraProjection::project() in float, without its verdict on what is
+// lost. Rounding stays small because what is linear in the view starts from double precision near the points.
 struct Projection {
-  // Without a focal map.
-  Projection(const Slot& slot, double x, double y) : slot(slot) {
-    const Vec3 start = slot.from_pixel * Vec3(x, y, 1);
-    set(start, scale_of(start));
-  }
-  // With one: `inverse` is the distance at (x, y), and project() counts from it.
-  Projection(const Slot& slot, double x, double y, double inverse) : slot(slot), near(inverse) {
-    const Vec3 per = slot.per_inverse * Vec3(x, y, 1);
-    const Vec3 start = slot.from_pixel * Vec3(x, y, 1) + inverse * per;
-    const double scale = scale_of(start);
-    set(start, scale);
-    for (int k = 0; k < 3; k++) {
-      along[k] = static_cast<float>((slot.from_pixel[0][k] + inverse * slot.per_inverse[0][k]) * scale);
-      down[k] = static_cast<float>((slot.from_pixel[1][k] + inverse * slot.per_inverse[1][k]) * scale);
-      per_from[k] = static_cast<float>(per[k] * scale);
-      per_along[k] = static_cast<float>(slot.per_inverse[0][k] * scale);
-      per_down[k] = static_cast<float>(slot.per_inverse[1][k] * scale);
-    }
-  }
-  // A common factor changes nothing: bring the depth to about 1, far from the ends of float.
-  static double scale_of(const Vec3& start) { return 1 / std::max(std::abs(start.z), 1e-300); }
-  void set(const Vec3& start, double scale) {
-    for (int k = 0; k < 3; k++) {
-      from[k] = static_cast<float>(start[k] * scale);
-      along[k] = static_cast<float>(slot.from_pixel[0][k] * scale);
-      down[k] = static_cast<float>(slot.from_pixel[1][k] * scale);
-    }
-  }
+  Projection(const Slot& slot, const ProjectionTerms& terms) : slot(slot), terms(terms) {}
   // `i`, `j`: columns and rows from there.
   template <class D, class V = hn::Vec<D>>
   HWY_INLINE void project(D d, V i, V j, V& x, V& y, V& z, V& r2) const {
     const auto at = [&](int k) HWY_ATTR {
-      return hn::MulAdd(i, hn::Set(d, along[k]), hn::MulAdd(j, hn::Set(d, down[k]), hn::Set(d, from[k])));
+      return hn::MulAdd(i, hn::Set(d, terms.along[k]),
+                        hn::MulAdd(j, hn::Set(d, terms.down[k]), hn::Set(d, terms.from[k])));
     };
     finish(d, at(0), at(1), at(2), x, y, z, r2);
   }
   // With a map: `s` inverse distances. What is not in front of the eye has z = 0.
   template <class D, class V = hn::Vec<D>>
   HWY_INLINE void project(D d, V i, V j, V s, V& x, V& y, V& z, V& r2) const {
-    const auto more = hn::Sub(s, hn::Set(d, static_cast<float>(near)));
+    const auto more = hn::Sub(s, hn::Set(d, static_cast<float>(terms.near)));
     const auto at = [&](int k) HWY_ATTR {
-      const auto base =
-          hn::MulAdd(i, hn::Set(d, along[k]), hn::MulAdd(j, hn::Set(d, down[k]), hn::Set(d, from[k])));
-      const auto per =
-          hn::MulAdd(i, hn::Set(d, per_along[k]), hn::MulAdd(j, hn::Set(d, per_down[k]), hn::Set(d, per_from[k])));
+      const auto base = hn::MulAdd(i, hn::Set(d, terms.along[k]),
+                                   hn::MulAdd(j, hn::Set(d, terms.down[k]), hn::Set(d, terms.from[k])));
+      const auto per = hn::MulAdd(i, hn::Set(d, terms.per_along[k]),
+                                  hn::MulAdd(j, hn::Set(d, terms.per_down[k]), hn::Set(d, terms.per_from[k])));
       return hn::MulAdd(more, per, base);
     };
     const auto before_eye = hn::NegMulAdd(s, hn::Set(d, slot.eye_distance), hn::Set(d, 1.f));
@@ -97,26 +71,8 @@ struct Projection {
     y = hn::MulAdd(dv, hn::Set(d, slot.fy), hn::Set(d, slot.cy));
   }
   const Slot& slot;
-  double near = 0;
-  float from[3], along[3], down[3];
-  float per_from[3] = {}, per_along[3] = {}, per_down[3] = {};
+  const ProjectionTerms& terms;
 };
-
-// Inverse distances of a band from the block at pixel x on, `blocks` of them.
-inline void place_map(const FocalMap& map, int x, int y, int blocks, BandMap& out) {
-  const int pixels = blocks * kBlock;
-  for (int r = 0; r < kBandRows; r++) {
-    out.luma[r].resize(std::max<size_t>(out.luma[r].size(), pixels));
-    map.inverse_row(x, 1, y + r, pixels, out.luma[r].data());
-  }
-  for (int pair = 0; pair < kBandPairs; pair++) {
-    out.chroma[pair].resize(std::max<size_t>(out.chroma[pair].size(), pixels / 2));
-    map.inverse_row(x + 0.5, 2, y + 2 * pair + 0.5, pixels / 2, out.chroma[pair].data());
-    out.flat[pair].resize(std::max<size_t>(out.flat[pair].size(), blocks));
-    for (int i = 0; i < blocks; i++)
-      out.flat[pair][i] = map.is_flat(x + (i - 1) * kBlock, y + 2 * pair, x + (i + 2) * kBlock, y + 2 * pair + 1);
-  }
-}
 
 // Columns and rows of a band's nodes.
 inline void lay_nodes(int pitch, SlotBand& band) {
@@ -127,7 +83,6 @@ inline void lay_nodes(int pitch, SlotBand& band) {
     band.luma.resize(padded);
     band.chroma.resize(padded);
     band.node_z.resize(padded);
-    band.node_inverse.resize(padded);
     band.verdict.resize(padded);
   }
   band.columns.assign(padded, 0);
@@ -139,23 +94,15 @@ inline void lay_nodes(int pitch, SlotBand& band) {
     }
 }
 
-// NaN where nothing is seen: behind the camera, beyond the fold of its lens. `map`: where there is one.
-inline void project_nodes(const Slot& slot, int y, const FocalMap* map, SlotBand& out) {
+// NaN where nothing is seen: behind the camera, beyond the fold of its lens.
+inline void project_nodes(const Slot& slot, int y, SlotBand& out) {
   const hn::CappedTag<float, kBlock> d;
-  const int left = (out.first_block - 1) * kBlock;
-  const Projection projection =
-      map ? Projection(slot, left, y, map->inverse_at(left, y)) : Projection(slot, left, y);
-  if (map)
-    for (int row = 0; row < kBandRows; row++)
-      map->inverse_row(left, kBlock, y + row, out.pitch, out.node_inverse.data() + row * out.pitch);
+  const ProjectionTerms terms = terms_at(slot, (out.first_block - 1) * kBlock, y);
+  const Projection projection(slot, terms);
   const size_t lanes = hn::Lanes(d), nodes = static_cast<size_t>(out.pitch) * kBandRows;
   for (size_t i = 0; i < nodes; i += lanes) {
     hn::Vec<decltype(d)> px, py, z, r2;
-    const auto column = hn::LoadU(d, out.columns.data() + i), row = hn::LoadU(d, out.rows.data() + i);
-    if (map)
-      projection.project(d, column, row, hn::LoadU(d, out.node_inverse.data() + i), px, py, z, r2);
-    else
-      projection.project(d, column, row, px, py, z, r2);
+    projection.project(d, hn::LoadU(d, out.columns.data() + i), hn::LoadU(d, out.rows.data() + i), px, py, z, r2);
     const auto seen = hn::And(hn::Gt(z, hn::Zero(d)), hn::Le(r2, hn::Set(d, slot.max_r2)));
     hn::StoreU(hn::IfThenElse(seen, px, hn::NaN(d)), d, out.luma.node_x.data() + i);
     hn::StoreU(hn::IfThenElse(seen, py, hn::NaN(d)), d, out.luma.node_y.data() + i);
@@ -352,7 +299,8 @@ inline void set_calm_rows(PixelFamily family, Slot& slot) {
   const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
   const int left = slot.rect.x0 / kBlock - 1, columns = (slot.rect.x1 + kBlock - 1) / kBlock - left + 2;
   const int top = slot.rect.y0 - kBlock, rows = (slot.rect.height() + kBlock - 1) / kBlock + 3;
-  const Projection projection(slot, left * kBlock, top);
+  const ProjectionTerms terms = terms_at(slot, left * kBlock, top);
+  const Projection projection(slot, terms);
   const int pitch = columns + kBlock;
   std::vector<float> x(static_cast<size_t>(pitch) * rows), y(x.size());
   std::vector<uint8_t> seen(rows);
@@ -399,17 +347,10 @@ inline void set_calm_rows(PixelFamily family, Slot& slot) {
   }
 }
 
-// All that is known of a slot in a band before any pixel of it is read.
-inline void place_slot(const SumTask& task, const Slot& slot, int y, const BandMap& map, int map_block,
-                       SlotBand& band) {
-  const FocalMap* const focal_map = task.plan->view().focus.map.get();
-  band.y = y;
-  band.slot = &slot;
-  band.first_block = slot.rect.x0 / kBlock;
-  band.blocks = (slot.rect.x1 + kBlock - 1) / kBlock - band.first_block;
+// All that is known of a slot in a band before any pixel of it is read, without a focal map. band's blocks are set.
+inline void place_plane(bool i420, const Slot& slot, int y, SlotBand& band) {
   lay_nodes(band.blocks + 3, band);
-  const bool i420 = task.family == PixelFamily::kI420;
-  project_nodes(slot, y, focal_map, band);
+  project_nodes(slot, y, band);
   const int luma_entries = band.pitch * kBandRows - 3, chroma_entries = band.pitch * kBandPairs - 3;
   const PlaneGeometry luma = luma_geometry(slot.image, i420);
   band.calm = slot.is_calm(std::max(y, slot.rect.y0), std::min(y + kBandRows, slot.rect.y1));
@@ -425,13 +366,6 @@ inline void place_slot(const SumTask& task, const Slot& slot, int y, const BandM
     place_blocks(chroma_geometry(slot.image), chroma_entries, nullptr, band.chroma);
   }
   decide(i420, band);
-  if (!focal_map) return;
-  for (int pair = 0; pair < kBandPairs; pair++)
-    for (int i = 0; i < band.blocks; i++) {
-      const int block = band.first_block + i - map_block;
-      const bool flat = block >= 0 && static_cast<size_t>(block) < map.flat[pair].size() && map.flat[pair][block];
-      if (!flat) band.verdict[pair * band.pitch + i] = SlotBand::kProject;
-    }
 }
 
 }  // namespace lf::simd::HWY_NAMESPACE

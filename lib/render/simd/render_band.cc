@@ -12,6 +12,7 @@
 #include "render/simd/band_data.h"
 #include "render/simd/positions-inl.h"
 #include "render/simd/sums-inl.h"
+#include "render/simd/surface-inl.h"
 #include "render/simd/weights-inl.h"
 #include "render/sum_rounding.h"
 
@@ -100,6 +101,9 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
   const View& view = task.plan->view();
   const int x = block * kBlock;
   const bool i420 = task.family == PixelFamily::kI420, separable = task.plan->rays().separable();
+  const bool surface = view.focus.map != nullptr;
+  const auto sum = surface ? sum_i420<true> : sum_i420<false>;
+  const auto store = surface ? store_i420<true> : store_i420<false>;
   const bool odd_column = i420 && view.width % 2 != 0 && x + kBlock > view.width - 1;
   BlockParts all;
   find_parts(task, block, out, scratch, all);
@@ -112,7 +116,7 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
     const bool odd = odd_column || (i420 && y + 2 * pair + 1 >= view.height), alone = odd || !separable;
     // Nearly everywhere there is nothing to ask.
     if (HWY_LIKELY(shuffles && !odd && all.calm && (all.rows >> (2 * pair) & 3) && task.targets.empty())) {
-      sum_i420(all.part, all.count, place, scratch);
+      sum(all.part, all.count, place, scratch);
       continue;
     }
     int num_shuffled = 0, num_slow = 0;
@@ -138,13 +142,13 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
     };
     if (task.targets.empty()) {
       if (i420)
-        sum_i420(shuffled, num_shuffled, place, scratch);
+        sum(shuffled, num_shuffled, place, scratch);
       else
         clear_pair(i420, place, scratch);
       for (int i = 0; i < num_slow; i++) add_slow(slow[i]);
       continue;
     }
-    for (int i = 0; i < num_shuffled; i++) store_i420(shuffled[i], place, task.targets[shuffled[i].weights->slot]);
+    for (int i = 0; i < num_shuffled; i++) store(shuffled[i], place, task.targets[shuffled[i].weights->slot]);
     for (int i = 0; i < num_slow; i++) {
       clear_pair(i420, place, scratch);
       for (int r = 2 * pair; r < 2 * pair + 2; r++) std::fill_n(scratch.lost[r] + out * kBlock, kBlock, 0);
@@ -157,17 +161,31 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
   }
 }
 
+// All that is known of a slot in a band before any pixel of it is read.
+inline void place_slot(const SumTask& task, const Slot& slot, int y, const CellNodes& inverse, SlotBand& band) {
+  const bool i420 = task.family == PixelFamily::kI420, follows = band.y >= 0 && band.y == y - kBandRows;
+  band.y = y;
+  band.slot = &slot;
+  band.first_block = slot.rect.x0 / kBlock;
+  band.blocks = (slot.rect.x1 + kBlock - 1) / kBlock - band.first_block;
+  const FocalMap* const map = task.plan->view().focus.map.get();
+  if (map)
+    place_surface(i420, slot, y, follows, map->step == kCell ? &inverse : nullptr, band);
+  else
+    place_plane(i420, slot, y, band);
+}
+
 void RenderBand(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
   weigh_band(task, rect, y, scratch);
   const int first_block = rect.x0 / kBlock, blocks = (rect.x1 + kBlock - 1) / kBlock - first_block;
   const FocalMap* const map = task.plan->view().focus.map.get();
-  if (map) place_map(*map, first_block * kBlock, y, blocks, scratch.map);
+  if (map && map->step == kCell) place_nodes(*map, y, task.plan->view().width, scratch.inverse);
   if (task.plan->rays().separable())
     for (size_t i = 0; i < scratch.weights_used; i++) {
       const int32_t number = scratch.weights[i].slot;
       const Slot& slot = task.slots[number];
       if (scratch.bands[number].y == y || slot.image.family == PixelFamily::kNone) continue;
-      place_slot(task, slot, y, scratch.map, first_block, scratch.bands[number]);
+      place_slot(task, slot, y, scratch.inverse, scratch.bands[number]);
     }
   for (const SlotTarget& target : task.targets)
     clear_target(task.family == PixelFamily::kI420, std::max(y, rect.y0), std::min(y + kBandRows, rect.y1), target);
@@ -200,6 +218,23 @@ void PlanePositions::resize(size_t n) {
   window.resize(n);
   corner.resize(n);
   fetch.resize(n);
+}
+
+void CellNodes::resize(size_t n) {
+  for (auto& row : even) row.resize(std::max(row.size(), n));
+  for (auto& row : odd) row.resize(std::max(row.size(), n));
+}
+
+void SurfaceBand::resize(int blocks) {
+  pitch = 2 * blocks;
+  const size_t halves = pitch, padding = 4 * kBlock, rows = halves * kBandRows + padding;
+  if (luma_corner.size() >= rows) return;
+  for (CellNodes* nodes : {&x, &y, &z, &along_x, &along_y, &down_x, &down_y, &doubt}) nodes->resize(halves + padding);
+  for (CellLine* line : {&line_x, &line_y})
+    for (auto* of : {&line->even, &line->odd, &line->even_bend, &line->odd_bend}) of->resize(halves + padding);
+  for (auto* of : {&luma_nodes, &luma_bends, &chroma_x_nodes, &chroma_y_nodes, &chroma_x_bends, &chroma_y_bends})
+    of->resize(8 * rows);
+  for (auto* of : {&luma_corner, &luma_fetch, &chroma_corner, &chroma_fetch}) of->resize(rows);
 }
 }  // namespace lf::simd
 #endif

@@ -77,17 +77,11 @@ inline constexpr int kCutOff = 3;
 
 // Samples lane.. of a block whose windows hold all that is needed, times 256, and kCutOff too small. `low`, `high`:
 // where the windows of its two halves begin.
-HWY_INLINE VU16 sample_windows(const WindowPositions& at, const UnitTable& table, const uint8_t* low,
-                               const uint8_t* high, ptrdiff_t stride, size_t lane) {
+// `x`, `y`: positions in the windows, in fixed point (kPositionBits).
+HWY_INLINE VU16 sample_windows(VU16 x, V16 y, const uint8_t* low, const uint8_t* high, ptrdiff_t stride, size_t lane) {
   const D16 d;
   const DU16 du;
   const hn::Repartition<uint8_t, D16> d8;
-  const auto bend = hn::Load(d, table.bessel15 + lane);
-  const auto along = hn::Add(hn::MulHigh(hn::Set(du, at.dx), hn::Load(du, table.t16 + lane)),
-                             hn::BitCast(du, hn::MulFixedPoint15(hn::Set(d, at.sx), bend)));
-  const auto x = hn::Add(by_half(at.x0, at.x0_half, lane), along);  // in each half's window
-  const auto y = hn::Add(hn::Add(hn::Set(d, at.y0), hn::MulFixedPoint15(hn::Set(d, at.sy), bend)),
-                         hn::MulFixedPoint15(hn::Set(d, at.dy), hn::Load(d, table.t15 + lane)));
   constexpr int kToFraction16 = 16 - kPositionBits, kFraction = (1 << kPositionBits) - 1;
   const auto fx = hn::ShiftLeft<kToFraction16>(x), fy = hn::BitCast(du, hn::ShiftLeft<kToFraction16>(y));
   const auto rest_x = hn::Not(fx), rest_y = hn::Not(fy);
@@ -104,6 +98,20 @@ HWY_INLINE VU16 sample_windows(const WindowPositions& at, const UnitTable& table
     return blend(hn::ShiftLeft<8>(pair), hn::And(pair, hn::Set(du, 0xff00)), rest_x, fx);
   };
   return blend(across(hn::IfThenElse(next, second, first)), across(hn::IfThenElse(next, third, second)), rest_y, fy);
+}
+
+// On a plane.
+HWY_INLINE VU16 sample_plane(const WindowPositions& at, const UnitTable& table, const uint8_t* low, const uint8_t* high,
+                             ptrdiff_t stride, size_t lane) {
+  const D16 d;
+  const DU16 du;
+  const auto bend = hn::Load(d, table.bessel15 + lane);
+  const auto along = hn::Add(hn::MulHigh(hn::Set(du, at.dx), hn::Load(du, table.t16 + lane)),
+                             hn::BitCast(du, hn::MulFixedPoint15(hn::Set(d, at.sx), bend)));
+  const auto x = hn::Add(by_half(at.x0, at.x0_half, lane), along);  // in each half's window
+  const auto y = hn::Add(hn::Add(hn::Set(d, at.y0), hn::MulFixedPoint15(hn::Set(d, at.sy), bend)),
+                         hn::MulFixedPoint15(hn::Set(d, at.dy), hn::Load(d, table.t15 + lane)));
+  return sample_windows(x, y, low, high, stride, lane);
 }
 
 // Positions of all samples of a block in the plane's own coordinates, as whole part and 15-bit fraction.
@@ -141,18 +149,18 @@ inline void interpolate_positions(const PlanePositions& at, int i, const UnitTab
 // How the samples of projected positions are.
 enum class Sight { kAll, kSome, kDoubtful };
 
-// The same without interpolation, for chroma or another plane, clamped to the image. (x, y): the first sample's pixel,
-// for chroma the first of its four. Lanes with `weight` that are lost have it moved to `lost` (both of kBlock values;
-// null for chroma, which is where its pixels are). `inverse`: distances of the focal map, of kBlock values, those of
-// chroma twice over; null without one. Doubtful: rounding could decide on a sample, or its bytes can't be
-// read; nothing is changed then.
-inline Sight project_positions(const SumTask& task, const Slot& slot, bool chroma, int x, int y, const UnitTable& table,
-                               const float* inverse, int16_t* weight, int16_t* lost, Positions& out) {
+// The same without interpolation, for chroma or another plane, clamped to the image. `x`, `y`: from where `terms` are
+// to the block's left edge and to the samples' row. Lanes with `weight` that are lost have it moved to `lost` (both of
+// kBlock values; null for chroma, which is where its pixels are). `inverse`: distances of the focal map, of kBlock
+// values, those of chroma twice over; null without one. Doubtful: rounding could decide on a sample, or its bytes can't
+// be read; nothing is changed then.
+inline Sight project_positions(const SumTask& task, const Slot& slot, const ProjectionTerms& terms, bool chroma,
+                               float x, float y, const UnitTable& table, const float* inverse, int16_t* weight,
+                               int16_t* lost, Positions& out) {
   const hn::CappedTag<float, kBlock> d;
   const hn::RebindToSigned<decltype(d)> di;
   const hn::Rebind<int16_t, decltype(d)> d16;
-  const double row = chroma ? y + 0.5 : y;
-  const Projection projection = inverse ? Projection(slot, x, row, inverse[0]) : Projection(slot, x, row);
+  const Projection projection(slot, terms);
   const float width = static_cast<float>(chroma ? chroma_size(slot.image.width) : slot.image.width);
   const float height = static_cast<float>(chroma ? chroma_size(slot.image.height) : slot.image.height);
   if (width < 2 || height < 2) return Sight::kDoubtful;
@@ -162,11 +170,11 @@ inline Sight project_positions(const SumTask& task, const Slot& slot, bool chrom
   alignas(64) int16_t seen_weight[kBlock] = {}, lost_weight[kBlock] = {};
   for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
     hn::Vec<decltype(d)> px, py, z, r2;
-    const auto column = hn::Load(d, table.x + lane);
+    const auto column = hn::Add(hn::Load(d, table.x + lane), set(x)), row = set(y);
     if (inverse)
-      projection.project(d, column, hn::Zero(d), hn::LoadU(d, inverse + lane), px, py, z, r2);
+      projection.project(d, column, row, hn::LoadU(d, inverse + lane), px, py, z, r2);
     else
-      projection.project(d, column, hn::Zero(d), px, py, z, r2);
+      projection.project(d, column, row, px, py, z, r2);
     const auto in_front = hn::And(hn::Gt(z, hn::Zero(d)), hn::Le(r2, set(slot.max_r2)));
     if (weight) {
       // How far inside the image's domain: negative outside.

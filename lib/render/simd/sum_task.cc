@@ -8,6 +8,35 @@
 #include "render/fragment_renderer.h"
 
 namespace lf::simd {
+
+ProjectionTerms terms_at(const Slot& slot, double x, double y) {
+  const Vec3 start = slot.from_pixel * Vec3(x, y, 1);
+  const double scale = 1 / std::max(std::abs(start.z), 1e-300);
+  ProjectionTerms terms;
+  for (int k = 0; k < 3; k++) {
+    terms.from[k] = static_cast<float>(start[k] * scale);
+    terms.along[k] = static_cast<float>(slot.from_pixel[0][k] * scale);
+    terms.down[k] = static_cast<float>(slot.from_pixel[1][k] * scale);
+  }
+  return terms;
+}
+
+ProjectionTerms terms_at(const Slot& slot, double x, double y, double inverse) {
+  const Vec3 per = slot.per_inverse * Vec3(x, y, 1);
+  const Vec3 start = slot.from_pixel * Vec3(x, y, 1) + inverse * per;
+  const double scale = 1 / std::max(std::abs(start.z), 1e-300);
+  ProjectionTerms terms{.near = inverse};
+  for (int k = 0; k < 3; k++) {
+    terms.from[k] = static_cast<float>(start[k] * scale);
+    terms.along[k] = static_cast<float>((slot.from_pixel[0][k] + inverse * slot.per_inverse[0][k]) * scale);
+    terms.down[k] = static_cast<float>((slot.from_pixel[1][k] + inverse * slot.per_inverse[1][k]) * scale);
+    terms.per_from[k] = static_cast<float>(per[k] * scale);
+    terms.per_along[k] = static_cast<float>(slot.per_inverse[0][k] * scale);
+    terms.per_down[k] = static_cast<float>(slot.per_inverse[1][k] * scale);
+  }
+  return terms;
+}
+
 namespace {
 
 // Camera coordinates are homography * ray(x, y); for pinhole views the ray is linear in the pixel too.
@@ -28,6 +57,10 @@ Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source,
   if (plan.rays().separable()) {
     slot.from_pixel = from_pixel(projection.camera_from_ray(), plan.rays());
     if (projection.has_map()) slot.per_inverse = from_pixel(projection.per_inverse(), plan.rays());
+  }
+  if (projection.has_map()) {
+    const int x = slot.rect.x0 / kBlock * kBlock, y = slot.rect.y0 / kBandRows * kBandRows;
+    slot.terms = terms_at(slot, x, y, plan.inverse_at(x, y));
   }
   slot.eye_distance = static_cast<float>(plan.eye_distance());
   const Lens& lens = camera.lens;

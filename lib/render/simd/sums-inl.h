@@ -15,6 +15,7 @@
 
 #include "render/simd/band_data.h"
 #if HWY_TARGET != HWY_SCALAR
+#include "render/simd/cell_samples-inl.h"
 #include "render/simd/samples-inl.h"
 #endif
 
@@ -39,10 +40,12 @@ struct PairPlace {
 
 #if HWY_TARGET == HWY_SCALAR
 
+template <bool kSurface>
 inline void sum_i420(const Part*, int, const PairPlace& at, Scratch& scratch) {
   for (int r = 2 * at.pair; r < 2 * at.pair + 2; r++) std::fill_n(scratch.sum[r][0] + at.out * kBlock, kBlock, 0);
   for (int c = 1; c < 3; c++) std::fill_n(scratch.sum[at.pair][c] + at.out * kChromaBlock, kChromaBlock, 0);
 }
+template <bool kSurface>
 inline void store_i420(const Part&, const PairPlace&, const SlotTarget&) {}
 // A machine without vectors goes the slow way everywhere.
 inline bool add_part(const SumTask&, const Part&, const PairPlace&, Scratch&) { return false; }
@@ -85,6 +88,7 @@ inline constexpr int kPrefetchRows = 8;
 struct WeightedPair {
   V16 upper, lower, chroma;
 };
+template <bool kSurface>
 HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
   const D16 d;
   const SlotBand& band = *part.band;
@@ -92,33 +96,52 @@ HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
   const int upper = 2 * pair, lower = upper + 1;
   const BlockWeights& weights = *part.weights;
   const ptrdiff_t stride = image.stride[0], chroma_stride = image.stride[1];
+  // Where the windows of luma's halves begin, row by row, and those of chroma.
+  const SurfaceBand& cells = band.surface;
   const ptrdiff_t entry = upper * band.pitch + part.block, chroma_entry = pair * band.pitch + part.block;
-  const uint8_t* const y0 = image.plane[0] + band.luma.corner[entry];
-  const uint8_t* const y1 = image.plane[0] + band.luma.corner[entry + band.pitch];
-  const uint8_t* const cb = image.plane[1] + band.chroma.corner[chroma_entry];
-  const uint8_t* const cr = image.plane[2] + band.chroma.corner[chroma_entry];
+  const ptrdiff_t cell = upper * ptrdiff_t{cells.pitch} + 2 * part.block,
+                  chroma_cell = pair * cells.pitch / 2 + part.block;
+  const auto luma_at = [&](int row, int half) HWY_ATTR {
+    if constexpr (kSurface) return image.plane[0] + cells.luma_corner[cell + row * cells.pitch + half];
+    const ptrdiff_t at = entry + row * band.pitch;
+    return image.plane[0] + band.luma.corner[at] + (half ? band.luma.window[at].half : 0);
+  };
+  const int32_t chroma_corner = kSurface ? cells.chroma_corner[chroma_cell] : band.chroma.corner[chroma_entry];
+  const uint8_t *const y0 = luma_at(0, 0), *const y1 = luma_at(1, 0);
+  const uint8_t *const cb = image.plane[1] + chroma_corner, *const cr = image.plane[2] + chroma_corner;
   hwy::Prefetch(y0 + kPrefetchRows * stride);
   hwy::Prefetch(y1 + kPrefetchRows * stride);
   hwy::Prefetch(cb + kPrefetchRows / 2 * chroma_stride);
   hwy::Prefetch(cr + kPrefetchRows / 2 * chroma_stride);
-  const auto sample_at = [lane](const WindowPositions& at, const UnitTable& table, const uint8_t* low,
-                                const uint8_t* high, ptrdiff_t bytes)
-                             HWY_ATTR { return sample_windows(at, table, low, high + at.half, bytes, lane); };
+  const auto luma = [&](int row, const uint8_t* low) HWY_ATTR {
+    const uint8_t* const high = luma_at(row, 1);
+    if constexpr (kSurface)
+      return sample_cells(cells.luma_nodes.data() + 8 * (cell + row * cells.pitch),
+                          cells.luma_bends.data() + 8 * (cell + row * cells.pitch), low, high, stride, lane);
+    else
+      return sample_plane(band.luma.window[entry + row * band.pitch], kLumaTable, low, high, stride, lane);
+  };
+  const auto chroma = [&]() HWY_ATTR {
+    if constexpr (kSurface)
+      return sample_chroma_cells(cells, chroma_cell, cb, cr, chroma_stride, lane);
+    else
+      return sample_plane(band.chroma.window[chroma_entry], kChromaTable, cb,
+                          cr + band.chroma.window[chroma_entry].half, chroma_stride, lane);
+  };
   const DU16 du;
   // Half of 256 times the samples, with what sample_windows() cuts off.
   const auto weigh = [&](VU16 samples, const int16_t* by) HWY_ATTR {
     const auto halved = hn::AverageRound(samples, hn::Set(du, kCutOff));
     return hn::MulFixedPoint15(hn::BitCast(d, halved), hn::Load(d, by + lane));
   };
-  const auto v0 = sample_at(band.luma.window[entry], kLumaTable, y0, y0, stride);
-  const auto v1 = sample_at(band.luma.window[entry + band.pitch], kLumaTable, y1, y1, stride);
-  const auto v2 = sample_at(band.chroma.window[chroma_entry], kChromaTable, cb, cr, chroma_stride);
+  const auto v0 = luma(0, y0), v1 = luma(1, y1), v2 = chroma();
   const auto without_offset = hn::BitCast(d, hn::Sub(v2, hn::Set(du, (128 << 8) - kCutOff)));
   return {weigh(v0, weights.w[upper]), weigh(v1, weights.w[lower]),
           hn::MulFixedPoint15(without_offset, chroma_weights<14>(weights.w[upper], weights.w[lower]))};
 }
 
 // The hottest loop: the sum of `count` parts into scratch.
+template <bool kSurface>
 inline void sum_i420(const Part* parts, int count, const PairPlace& at, Scratch& scratch) {
   const D16 d;
   const int upper = 2 * at.pair, lower = upper + 1;
@@ -126,7 +149,7 @@ inline void sum_i420(const Part* parts, int count, const PairPlace& at, Scratch&
   for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
     auto sum_upper = hn::Zero(d), sum_lower = hn::Zero(d), sum_chroma = hn::Zero(d);
     for (int i = 0; i < count; i++) {
-      const WeightedPair part = weigh_pair(parts[i], at.pair, lane);
+      const WeightedPair part = weigh_pair<kSurface>(parts[i], at.pair, lane);
       sum_upper = hn::Add(sum_upper, part.upper);
       sum_lower = hn::Add(sum_lower, part.lower);
       sum_chroma = hn::Add(sum_chroma, part.chroma);
@@ -140,6 +163,7 @@ inline void sum_i420(const Part* parts, int count, const PairPlace& at, Scratch&
 }
 
 // A part by itself, rounded, to its slot's fragment.
+template <bool kSurface>
 inline void store_i420(const Part& part, const PairPlace& at, const SlotTarget& to) {
   const D16 d;
   const hn::Rebind<uint8_t, D16> d8;
@@ -152,7 +176,7 @@ inline void store_i420(const Part& part, const PairPlace& at, const SlotTarget& 
   uint8_t* const upper = to.plane[0] + row * to.stride[0] + block * kBlock;
   alignas(64) int8_t chroma[kBlock];
   for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
-    const WeightedPair v = weigh_pair(part, at.pair, lane);
+    const WeightedPair v = weigh_pair<kSurface>(part, at.pair, lane);
     hn::StoreU(hn::DemoteTo(d8, rounded(v.upper)), d8, upper + lane);
     hn::StoreU(hn::DemoteTo(d8, rounded(v.lower)), d8, upper + to.stride[0] + lane);
     hn::Store(hn::DemoteTo(di8, rounded(v.chroma)), di8, chroma + lane);
@@ -169,35 +193,63 @@ struct PairSamples {
   alignas(64) int16_t lost[2][kBlock];
 };
 
+// Interpolated, of a pair of rows.
+inline void interpolate_pair(const Part& part, int pair, bool i420, bool surface, Positions out[3]) {
+  const SlotBand& band = *part.band;
+  const SurfaceBand& cells = band.surface;
+  for (int r = 0; r < 2; r++) {
+    if (surface)
+      interpolate_cells(cells, CellRow(static_cast<float>(2 * pair + r)), 2 * part.block, false, out[r]);
+    else
+      interpolate_positions(band.luma, (2 * pair + r) * band.pitch + part.block, kLumaTable, out[r]);
+  }
+  if (!i420) return;
+  if (surface)
+    interpolate_cells(cells, CellRow(static_cast<float>(2 * pair) + 0.5f), 2 * part.block, true, out[2]);
+  else
+    interpolate_positions(band.chroma, pair * band.pitch + part.block, kChromaTable, out[2]);
+}
+
+// Inverse distances of the samples of a row of a block, which is at y of the band; those of chroma twice over.
+inline void find_inverse(const FocalMap& map, const CellNodes& nodes, const PairPlace& place, float y, bool chroma,
+                         float* out) {
+  if (map.step == kCell) return inverse_along(nodes, CellRow(y), place.x / kHalf, chroma, out);
+  map.inverse_row(place.x + (chroma ? 0.5 : 0), chroma ? 2 : 1, place.y + y, chroma ? kHalf : kBlock, out);
+  if (chroma) std::copy_n(out, kHalf, out + kHalf);
+}
+
 // Positions and weights of a pair of rows. False: in doubt.
 inline bool find_samples(const SumTask& task, const Part& part, bool project, const PairPlace& place,
-                         const BandMap& map, PairSamples& out) {
+                         const CellNodes& inverse_nodes, PairSamples& out) {
   const int upper = 2 * place.pair;
   for (int r = 0; r < 2; r++) std::copy_n(part.weights->w[upper + r], kBlock, out.weight[r]);
-  const SlotBand& band = *part.band;
+  const Slot& slot = *part.band->slot;
   const bool i420 = task.family == PixelFamily::kI420;
+  const FocalMap* const map = task.plan->view().focus.map.get();
+  std::fill_n(out.lost[0], 2 * kBlock, 0);
   if (!project) {
-    for (int r = 0; r < 2; r++)
-      interpolate_positions(band.luma, (upper + r) * band.pitch + part.block, kLumaTable, out.at[r]);
-    if (i420) interpolate_positions(band.chroma, place.pair * band.pitch + part.block, kChromaTable, out.at[2]);
-    std::fill_n(out.lost[0], 2 * kBlock, 0);
+    interpolate_pair(part, place.pair, i420, map != nullptr, out.at);
     return true;
   }
-  std::fill_n(out.lost[0], 2 * kBlock, 0);
-  const bool has_map = task.plan->view().focus.map != nullptr;
-  for (int r = 0; r < 2; r++)
-    if (project_positions(task, *part.band->slot, false, place.x, place.y + upper + r, kLumaTable,
-                          has_map ? map.luma[upper + r].data() + place.out * kBlock : nullptr, out.weight[r],
-                          out.lost[r], out.at[r]) == Sight::kDoubtful)
-      return false;
-  if (!i420) return true;
-  alignas(64) float chroma_inverse[kBlock];
-  if (has_map)
-    for (int half = 0; half < 2; half++)
-      std::copy_n(map.chroma[place.pair].data() + place.out * kChromaBlock, kChromaBlock,
-                  chroma_inverse + half * kChromaBlock);
-  return project_positions(task, *part.band->slot, true, place.x, place.y + upper, kChromaTable,
-                           has_map ? chroma_inverse : nullptr, nullptr, nullptr, out.at[2]) != Sight::kDoubtful;
+  for (int i = 0; i < (i420 ? 3 : 2); i++) {
+    const bool chroma = i == 2;
+    const float y = static_cast<float>(upper) + (chroma ? 0.5f : static_cast<float>(i));
+    int16_t *const weight = chroma ? nullptr : out.weight[i], *const lost = chroma ? nullptr : out.lost[i];
+    const UnitTable& table = chroma ? kChromaTable : kLumaTable;
+    Sight sight;
+    if (map) {
+      alignas(64) float inverse[kBlock];
+      find_inverse(*map, inverse_nodes, place, y, chroma, inverse);
+      const float from_top = static_cast<float>(place.y - slot.rect.y0 / kBandRows * kBandRows) + y;
+      sight = project_positions(task, slot, slot.terms, chroma, static_cast<float>(kBlock * part.block), from_top,
+                                table, inverse, weight, lost, out.at[i]);
+    } else {
+      sight = project_positions(task, slot, terms_at(slot, place.x, place.y + y), chroma, 0, 0, table, nullptr, weight,
+                                lost, out.at[i]);
+    }
+    if (sight == Sight::kDoubtful) return false;
+  }
+  return true;
 }
 
 inline void add_samples(const int16_t* samples, const int16_t* weights, int16_t* sum) {
@@ -245,7 +297,7 @@ inline void add_rgb(const Slot& slot, const PairSamples& samples, const PairPlac
 inline bool add_part(const SumTask& task, const Part& part, const PairPlace& place, Scratch& scratch) {
   const bool project = task.exact || part.verdict == SlotBand::kProject;
   PairSamples samples;
-  if (!find_samples(task, part, project, place, scratch.map, samples)) return false;
+  if (!find_samples(task, part, project, place, scratch.inverse, samples)) return false;
   for (int r = 0; r < 2; r++) {
     uint16_t* const lost = scratch.lost[2 * place.pair + r] + place.out * kBlock;
     for (int i = 0; project && i < kBlock; i++) {

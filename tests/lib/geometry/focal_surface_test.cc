@@ -41,18 +41,6 @@ TEST(FocalMap, RowsArePositionsOneByOne) {
   }
 }
 
-TEST(FocalMap, TellsWhatIsFlat) {
-  FocalMap map = FocalMap::for_view(64, 32);
-  map.levels.assign(16 * 8, 9);
-  EXPECT_TRUE(map.is_flat(-16, 0, 80, 31));
-  map.levels[3 * 16 + 5] = 10;  // in the middle of x 20..23, y 12..15: felt up to the nodes around
-  EXPECT_FALSE(map.is_flat(0, 13, 31, 14));
-  EXPECT_FALSE(map.is_flat(20, 10, 20, 10));
-  EXPECT_TRUE(map.is_flat(26, 0, 63, 31));
-  EXPECT_TRUE(map.is_flat(0, 18, 63, 31));
-  EXPECT_TRUE(map.is_flat(0, 0, 17, 31));
-}
-
 TEST(FocalMap, LevelsAreTheNearestOnes) {
   const FocalMap map = map_of(8, 8);
   for (int level = 0; level <= 255; level++) EXPECT_EQ(map.level_of(map.inverse_of(level)), level);

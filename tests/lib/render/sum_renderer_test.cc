@@ -191,6 +191,50 @@ TEST(SumRenderer, IsWithinItsBoundOfTheRule) {
   }
 }
 
+// Depths with slopes, steps and, where `rough`, with nothing in common from node to node.
+std::shared_ptr<const FocalMap> depths(Random& random, const View& view, int step, bool rough) {
+  FocalMap map = FocalMap::for_view(view.width, view.height);
+  map.step = step;
+  map.columns = FocalMap::nodes(view.width, step);
+  map.rows = FocalMap::nodes(view.height, step);
+  map.from = plane_through({0, 0, 0}, {0, 0, 1});
+  map.farthest = 1 / 6.0;
+  map.nearest = 1 / 1.3;
+  for (int j = 0; j < map.rows; j++)
+    for (int i = 0; i < map.columns; i++) {
+      const bool nearer = (i * 5 / map.columns + j * 4 / map.rows) % 2;
+      const int slope = 60 * i / map.columns + 90 * j / map.rows;
+      map.levels.push_back(static_cast<uint8_t>(rough ? random.integer(0, 255) : slope + (nearer ? 100 : 0)));
+    }
+  return std::make_shared<FocalMap>(std::move(map));
+}
+
+TEST(SumRenderer, IsWithinItsBoundThroughAFocalMap) {
+  for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
+      for (const bool hard : {false, true}) {
+        Worst worst;
+        for (int trial = 0; trial < 4; trial++) {
+          Random random(trial);
+          const int side = 3 + trial, width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
+          const Rig rig = jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
+          View view = view_into(rig, side, width, height, random.small_rotation(0.2));
+          view.focus.map = depths(random, view, trial == 1 ? 7 : FocalMap::kFinestStep, trial == 2);
+          const auto images = images_of(rig, random, hard ? checkerboard : reference::smooth_image);
+          compare(rig, view, images, family, Coordinates::kGrid, worst);
+        }
+        std::printf("%-8s %s map   %-12s: level error %.3f, chroma %.3f, lost %.2g, %ld pixels\n",
+                    hwy::TargetName(target), family == PixelFamily::kI420 ? "I420" : "RGB ",
+                    hard ? "checkerboard" : "smooth", worst.level, worst.chroma, worst.lost, long(worst.pixels));
+        EXPECT_LE(worst.level, hard ? 0.75 : 0.2);
+        EXPECT_LE(worst.chroma, hard ? 0.75 : 0.2);
+        EXPECT_LE(worst.lost, 1e-4);
+      }
+    hwy::SetSupportedTargetsForTest(0);
+  }
+}
+
 // Chroma, lost weight and a checkerboard, too, which reference::subjects() don't have; beside the rule in doubles.
 TEST(SumRenderer, IsWithinItsBoundInTheHardCases) {
   for (const reference::HardCase& small : reference::hard_cases())
@@ -222,6 +266,7 @@ TEST(FragmentSet, IsEachCamerasSumRounded) {
         const int width = trial == 1 ? 93 : 128, height = trial == 1 ? 71 : 96;
         const Rig rig = jittered_array(random, 4, width, height, -0.25);
         View view = view_into(rig, 4, width, height, random.small_rotation(0.2));
+        if (trial == 1) view.focus.map = depths(random, view, FocalMap::kFinestStep, false);
         if (trial == 2) view.lens = Lens(LensModel::kSimpleRadial, {1.25 * width, 63.5, 47.5, -0.1});
         const Mesh mesh = build_mesh(rig);
         const ViewPlan plan(rig, mesh, view);
