@@ -21,7 +21,8 @@ std::vector<uint16_t> least_weights(std::span<const Moments> moments) {
   return least;
 }
 
-// Means over `radius` nodes around of the deviations there are; infinity where there is none, or less weight than `least`.
+// Means over `radius` nodes around of the deviations there are, farther ones with less weight (a tent: edges stay where
+// they are better than in a box); infinity where there is none, or less weight than `least`.
 std::vector<float> smoothed_cost(const Moments& moments, const std::vector<uint16_t>& least, int radius) {
   const int columns = moments.columns, rows = moments.rows;
   const size_t nodes = moments.weight.size();
@@ -36,18 +37,21 @@ std::vector<float> smoothed_cost(const Moments& moments, const std::vector<uint1
   for (int y = 0; y < rows; y++)
     for (int x = 0; x < columns; x++)
       for (int k = std::max(x - radius, 0); k <= std::min(x + radius, columns - 1); k++) {
-        row_sum[at(x, y)] += sum[at(k, y)];
-        row_count[at(x, y)] += count[at(k, y)];
+        const auto part = static_cast<float>(radius + 1 - std::abs(k - x));
+        row_sum[at(x, y)] += part * sum[at(k, y)];
+        row_count[at(x, y)] += part * count[at(k, y)];
       }
   std::vector<float> cost(nodes);
   for (int y = 0; y < rows; y++)
     for (int x = 0; x < columns; x++) {
       float total = 0, seen = 0;
       for (int k = std::max(y - radius, 0); k <= std::min(y + radius, rows - 1); k++) {
-        total += row_sum[at(x, k)];
-        seen += row_count[at(x, k)];
+        const auto part = static_cast<float>(radius + 1 - std::abs(k - y));
+        total += part * row_sum[at(x, k)];
+        seen += part * row_count[at(x, k)];
       }
-      cost[at(x, y)] = seen > 0 && count[at(x, y)] > 0 ? total / seen : std::numeric_limits<float>::infinity();
+      const bool counts = seen > 0 && count[at(x, y)] > 0;
+      cost[at(x, y)] = counts ? total / seen : std::numeric_limits<float>::infinity();
     }
   return cost;
 }

@@ -47,6 +47,16 @@ TEST(SurfaceChoice, TakesTheTrialThroughWhichCamerasAgree) {
   EXPECT_NEAR(choice.cost[0], choice.cost[1], 0.1);
 }
 
+TEST(SurfaceChoice, ANodeItselfCountsForMoreThanItsNeighbours) {
+  const std::vector<std::vector<uint8_t>> trials{std::vector<uint8_t>(kColumns * kRows, 50),
+                                                 std::vector<uint8_t>(kColumns * kRows, 90)};
+  const std::vector<Moments> moments{deviating([](int, int) { return 5.6; }),
+                                     deviating([](int i, int) { return i == 6 ? 2 : 8; })};  // 6 on average
+  const SurfaceChoice choice = choose_surface(flat(50), trials, moments);
+  EXPECT_EQ(choice.levels[3 * kColumns + 6], 90);
+  EXPECT_EQ(choice.levels[3 * kColumns + 5], 50);
+}
+
 TEST(SurfaceChoice, ALeadKeepsWhatNothingTellsApart) {
   const std::vector<std::vector<uint8_t>> trials{std::vector<uint8_t>(kColumns * kRows, 50),
                                                  std::vector<uint8_t>(kColumns * kRows, 90)};
