@@ -53,20 +53,37 @@ std::vector<uint8_t> trial_levels(const FocalMap& surface, const Trial& trial) {
   return levels;
 }
 
-std::vector<Trial> trials_of_round(unsigned round) {
-  constexpr int kSweepStep = static_cast<int>(FocalMap::kLevels) / (kSweepPlanes - 1);
+std::vector<Trial> trials_of_round(unsigned round, const LevelRange& scene) {
   // Planes far from each other follow each other: 7 of 12 is near the golden ratio, and all have their turn.
-  const int plane = static_cast<int>(round * 7 % kSweepPlanes);
+  const auto plane_of = [](unsigned turn, const LevelRange& range) {
+    const int plane = static_cast<int>(turn * 7 % kSweepPlanes);
+    return Trial{Trial::Kind::kPlane,
+                 static_cast<int16_t>(range.first + (range.last - range.first) * plane / (kSweepPlanes - 1))};
+  };
   std::vector<Trial> trials{{Trial::Kind::kBlurred, 0}};
+  if (round < kSweepRounds) {
+    constexpr unsigned kPlanes = kSweepPlanes / kSweepRounds;  // of a round
+    for (unsigned k = 0; k < kPlanes; k++) trials.push_back(plane_of(round * kPlanes + k, {}));
+    return trials;
+  }
+  round -= kSweepRounds;
   if (round % 2 == 0) {
     trials.push_back({Trial::Kind::kFarther, 0});
     trials.push_back({Trial::Kind::kNearer, 0});
   } else {
-    const auto shift = static_cast<int16_t>(round / 2 % 2 == 0 ? kSweepStep / 2 : kSweepStep / 3);
+    const int step = std::max((scene.last - scene.first) / (kSweepPlanes - 1), 4);
+    const auto shift = static_cast<int16_t>(round / 2 % 2 == 0 ? step / 2 : step / 3);
     trials.push_back({Trial::Kind::kShifted, static_cast<int16_t>(-shift)});
     trials.push_back({Trial::Kind::kShifted, shift});
   }
-  trials.push_back({Trial::Kind::kPlane, static_cast<int16_t>(255 * plane / (kSweepPlanes - 1))});
+  const unsigned turn = round / kOutsideEvery;
+  if (round % kOutsideEvery == kOutsideEvery - 1 && scene != LevelRange{}) {
+    Trial outside = plane_of(turn, {0, 254 - (scene.last - scene.first)});
+    if (outside.value >= scene.first) outside.value = static_cast<int16_t>(outside.value + scene.last - scene.first + 1);
+    trials.push_back(outside);
+  } else {
+    trials.push_back(plane_of(scene == LevelRange{} ? round : round - turn, scene));
+  }
   return trials;
 }
 

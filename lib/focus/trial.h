@@ -28,10 +28,18 @@ inline constexpr size_t kMaxTrials = 16;  // of one request
 // The trial's levels, one for each node of `surface`.
 std::vector<uint8_t> trial_levels(const FocalMap& surface, const Trial& trial);
 
-// What is tried in round `round` of a view: the smoothed surface, two that let depth edges move and small errors heal,
-// and one of kSweepPlanes planes, so that nothing near or far is missed for long.
-inline constexpr int kSweepPlanes = 12;
-std::vector<Trial> trials_of_round(unsigned round);
+// Levels from `first` to `last`.
+struct LevelRange {
+  int first = 0, last = 255;
+  bool operator==(const LevelRange&) const = default;
+};
+
+// What is tried in round `round` of a view. The first kSweepRounds find out where things are at all: the smoothed surface
+// and planes, kSweepPlanes in total, over all levels. Later ones better what was found: the smoothed surface, two that let
+// depth edges move and small errors heal, and one of kSweepPlanes planes over `scene`, the levels that the scene is known
+// to be at, or every kOutsideEvery-th time one of those outside, so that nothing near or far is missed for long.
+inline constexpr int kSweepPlanes = 12, kSweepRounds = 4, kOutsideEvery = 4;
+std::vector<Trial> trials_of_round(unsigned round, const LevelRange& scene = {});
 
 // The view that trials are rendered in: a pixel for each node of the map, which lies in its middle.
 View trial_view(const View& view);

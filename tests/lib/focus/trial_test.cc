@@ -44,17 +44,37 @@ TEST(Trial, ShiftsAndPlanesStayWithinTheLevels) {
 }
 
 TEST(Trial, RoundsSweepAllPlanesAndBeginWithTheSurface) {
-  std::set<int> planes;
-  for (unsigned round = 100; round < 100 + kSweepPlanes; round++) {
-    const std::vector<Trial> trials = trials_of_round(round);
-    ASSERT_EQ(trials.size(), 4u);
-    EXPECT_EQ(trials[0], (Trial{kBlurred, 0}));
-    ASSERT_EQ(trials.back().kind, kPlane);
-    planes.insert(trials.back().value);
+  for (const auto& [first, rounds] : {std::pair<unsigned, unsigned>{0, kSweepRounds}, {100, kSweepPlanes}}) {
+    std::set<int> planes;
+    for (unsigned round = first; round < first + rounds; round++) {
+      const std::vector<Trial> trials = trials_of_round(round);
+      ASSERT_EQ(trials.size(), 4u);
+      EXPECT_EQ(trials[0], (Trial{kBlurred, 0}));
+      ASSERT_EQ(trials.back().kind, kPlane);
+      for (const Trial& trial : trials)
+        if (trial.kind == kPlane) planes.insert(trial.value);
+    }
+    EXPECT_EQ(planes.size(), static_cast<size_t>(kSweepPlanes));
+    EXPECT_EQ(*planes.begin(), 0);
+    EXPECT_EQ(*planes.rbegin(), 255);
   }
-  EXPECT_EQ(planes.size(), static_cast<size_t>(kSweepPlanes));
-  EXPECT_EQ(*planes.begin(), 0);
-  EXPECT_EQ(*planes.rbegin(), 255);
+}
+
+TEST(Trial, RoundsLookWhereTheSceneIsAndSometimesElsewhere) {
+  const LevelRange scene{100, 160};
+  std::set<int> inside, outside;
+  for (unsigned round = kSweepRounds; round < kSweepRounds + kSweepPlanes * kOutsideEvery; round++) {
+    const int level = trials_of_round(round, scene).back().value;
+    ASSERT_GE(level, 0);
+    ASSERT_LE(level, 255);
+    (level >= scene.first && level <= scene.last ? inside : outside).insert(level);
+  }
+  EXPECT_EQ(inside.size(), static_cast<size_t>(kSweepPlanes));
+  EXPECT_EQ(*inside.begin(), 100);
+  EXPECT_EQ(*inside.rbegin(), 160);
+  EXPECT_EQ(outside.size(), static_cast<size_t>(kSweepPlanes));
+  EXPECT_EQ(*outside.begin(), 0);
+  EXPECT_EQ(*outside.rbegin(), 255);
 }
 
 TEST(Trial, PixelsOfItsViewAreTheNodes) {
