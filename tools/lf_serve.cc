@@ -160,6 +160,11 @@ int main(int argc, char** argv) {
                  "the viewer's plane; or a surface, so that all of the picture is in focus; auto: as the scene needs it")
       ->capture_default_str()
       ->check(CLI::IsMember({"plane", "surface", "auto"}));
+  app.add_option("--monitor", o.limits.monitor,
+                 "beside one of so many requests of a viewer a camera is left out and predicted from the others, each in "
+                 "turn: the page and /metrics tell which ones have something wrong (0: never)")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 10000));
   app.add_option("--max-width", o.limits.max_width, "of a view")->capture_default_str()->check(CLI::Range(64, 4096));
   app.add_option("--max-height", o.limits.max_height, "of a view")->capture_default_str()->check(CLI::Range(64, 4096));
   app.add_option("--bitrate", o.limits.bit_rate, "of a viewer's video at best, bits per second")

@@ -76,7 +76,7 @@ async function linkKeyboardNamesAndSize() {
   await expectTruth(page, await setView(page, { roll: 0 }), size, 'what a link shows');
   // Everything is reached with Tab and has a name.
   const seen = new Set();
-  for (let i = 0; i < 8; i++) {
+  for (let i = 0; i < 9; i++) {
     await page.keyboard.press('Tab');
     seen.add(await page.evaluate(() => {
       const element = document.querySelector('lightfield-viewer').shadowRoot.activeElement;

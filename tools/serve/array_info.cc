@@ -22,7 +22,8 @@ nlohmann::json numbers(const Vec3& v) { return {v.x, v.y, v.z}; }
 ArrayInfo::ArrayInfo(const std::string& rig) : rig_(load_rig(rig)), mesh_(build_mesh(rig_)) {
   nlohmann::json cameras = nlohmann::json::array(), faces = nlohmann::json::array();
   for (const Camera& camera : rig_.cameras) {
-    cameras.push_back({{"name", name_of(camera)}, {"position", numbers(camera.pose.position)}});
+    names_.push_back(name_of(camera));
+    cameras.push_back({{"name", names_.back()}, {"position", numbers(camera.pose.position)}});
   }
   for (const MeshFace& face : mesh_.faces)
     faces.push_back(std::vector<CameraIndex>(face.camera.begin(), face.camera.begin() + face.corners()));

@@ -3,6 +3,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <vector>
 
 #include "rig/mesh.h"
 #include "rig/rig.h"
@@ -19,6 +20,7 @@ class ArrayInfo {
   // {"cameras": [{"name": "cam_00_00", "position": [0, 0, 0]}, ...], "faces": [[0, 1, 8], ...],
   // "right": [1, 0, 0], "down": [0, 1, 0]}: the axes of whoever stands before the array.
   const std::string& json() const { return json_; }
+  const std::vector<std::string>& names() const { return names_; }  // of the cameras
   // Who makes a pixel, the heaviest first: [{"name": "cam_00_00", "weight": 0.5, "sees": true}, ...]
   nlohmann::json pixel(const View& view, int x, int y) const;
   // The share of the view that cameras make, 0..1.
@@ -28,6 +30,7 @@ class ArrayInfo {
   Rig rig_;
   Mesh mesh_;
   std::string json_;
+  std::vector<std::string> names_;
 };
 
 }  // namespace lf::serve

@@ -34,7 +34,7 @@ std::string Eye::launch_line(int index, size_t nodes) {
   if (index > 0) line << " appsrc name=told is-live=true format=time max-bytes=0 max-buffers=4 leaky-type=downstream !";
   line << " lfviewrequest name=view" << index << " is-live=true eager=true ! tee name=r" << index << "  r" << index
        << ". ! appsink name=requests" << index << " sync=false async=false enable-last-sample=false  r" << index
-       << ". ! queue leaky=downstream max-size-buffers=2 ! c" << index << ".request  lfcompositor name=c" << index
+       << ". ! queue leaky=downstream max-size-buffers=4 ! c" << index << ".request  lfcompositor name=c" << index
        << " ! queue leaky=downstream max-size-buffers=1 max-size-bytes=0 max-size-time=0 ! videoconvert ! "
           "video/x-raw,format=I420,colorimetry=bt601 ! ";
   return line.str();

@@ -47,6 +47,8 @@ class Eye {
   void ask(ViewRequest request, GstClockTime running_time);
   // Of the pictures from the next request on, pixels, even; those of a path have their own.
   void set_size(int width, int height) { g_object_set(view_, "width", width, "height", height, nullptr); }
+  // Watches the cameras, see lfcompositor's property "monitor-interval".
+  void set_monitor(int interval) { g_object_set(compositor_, "monitor-interval", interval, nullptr); }
   GstPad* requests() const { return view_pad_; }
   GstElement* compositor() const { return compositor_; }
   GstStructure* stats() const;  // of the lfcompositor

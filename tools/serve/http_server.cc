@@ -5,6 +5,7 @@
 
 #include <cstdio>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "base/error.h"
@@ -151,7 +152,8 @@ void HttpServer::handle(SoupServerMessage* message, const std::string& path, GHa
     if (path == kWhep) return whep(message, query);
     return session(message, path.substr(kWhep.size() + 1));
   }
-  if (path == "/array.json") {
+  const bool array = path == "/array.json", monitor = path == "/monitor.json";
+  if (array || monitor) {
     if (!admit(message)) return;
     if (method == "OPTIONS") return allow(message, "GET, OPTIONS");
   }
@@ -159,7 +161,10 @@ void HttpServer::handle(SoupServerMessage* message, const std::string& path, GHa
     set_header(message, "Allow", "GET, HEAD");
     return respond(message, SOUP_STATUS_METHOD_NOT_ALLOWED, "text/plain", "GET only\n");
   }
-  if (path == "/array.json") return respond(message, SOUP_STATUS_OK, "application/json", field_.array().json());
+  if (array) return respond(message, SOUP_STATUS_OK, "application/json", field_.array().json());
+  if (monitor)
+    return respond(message, SOUP_STATUS_OK, "application/json",
+                   to_json(sessions_.monitor(), field_.array().names()).dump());
   if (path != "/metrics") return page(message, path);
   if (admit(message)) respond(message, SOUP_STATUS_OK, "text/plain; version=0.0.4", metrics());
 }
@@ -303,6 +308,7 @@ std::string HttpServer::metrics() const {
   out << "# HELP lightfield_refused_total Requests that were refused.\n# TYPE lightfield_refused_total counter\n";
   for (size_t i = 0; i < refused_.size(); i++)
     out << "lightfield_refused_total{reason=\"" << kRefusals[i] << "\"} " << refused_[i] << '\n';
+  if (limits_.monitor > 0) out << to_metrics(sessions_.monitor(), field_.array().names());
   return out.str();
 }
 

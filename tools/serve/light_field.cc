@@ -63,7 +63,7 @@ LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& n
     : rig_(rig), array_(rig), local_(nodes.empty()) {
   pipeline_ = launch_pipeline(launch_line(nodes));
   requests_ = GST_APP_SRC(gst_bin_get_by_name(GST_BIN(pipeline_), "requests"));
-  gst_app_src_set_max_buffers(requests_, static_cast<guint64>(2 * max_views));
+  gst_app_src_set_max_buffers(requests_, static_cast<guint64>(2 * max_views + 2));
   if (nodes.empty()) {
     set_in(pipeline_, "cameras", "rig", rig.c_str());
   } else {

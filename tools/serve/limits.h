@@ -16,6 +16,7 @@ struct Limits {
   int capture_delay_ms = 100;        // how old a capture must be before it is asked for: what the cameras take
   double focus = 0;                  // metres, of a view to begin with; 0: as lfviewrequest chooses
   std::string surface = "plane";     // what pictures are focused on: lfcompositor's property "focus"
+  int monitor = 0;                   // requests from one camera's turn to be watched to the next; 0: never
   int bit_rate = 6000000;            // bits per second, of one viewer's video
   double messages_per_second = 240;  // on a data channel
   double connects_per_second = 2;    // of one address, after the first `connect_burst`

@@ -3,6 +3,7 @@
 
 #include <malloc.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <random>
 
@@ -121,6 +122,21 @@ void Sessions::tick() {
     else if (report)
       session.viewer->tick();
   }
+  if (report && limits_.monitor > 0) watch_cameras();
+}
+
+// One viewer is enough for that. What was found remains when it leaves, until another has gone round the array.
+void Sessions::watch_cameras() {
+  const auto watching = viewers_.find(watching_);
+  if (watching == viewers_.end()) {
+    const auto next = std::ranges::find_if(viewers_, [](const auto& entry) { return entry.second.viewer->connected(); });
+    if (next == viewers_.end()) return;
+    watching_ = next->first;
+    next->second.viewer->set_monitor(limits_.monitor);
+    return;
+  }
+  MonitorReport report = watching->second.viewer->monitor();
+  if (report.turns >= std::min<uint64_t>(monitor_.turns, report.cameras.size())) monitor_ = std::move(report);
 }
 
 Viewer::Figures Sessions::figures() const {

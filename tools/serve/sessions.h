@@ -32,6 +32,8 @@ class Sessions {
 
   void close_all(const std::string& why);
 
+  // What is known of the cameras, from whichever viewer watches them.
+  const MonitorReport& monitor() const { return monitor_; }
   uint64_t opened() const { return opened_; }
   // Over all viewers, those gone included.
   Viewer::Figures figures() const;
@@ -45,12 +47,15 @@ class Sessions {
   };
   void close_soon(const std::string& name, const std::string& why);
   void tick();
+  void watch_cameras();
 
   LightField& field_;
   Limits limits_;
   std::string address_;
   std::map<std::string, Session> viewers_;
   Viewer::Figures gone_;
+  std::string watching_;  // the viewer whose requests the cameras are watched by
+  MonitorReport monitor_;
   uint32_t next_view_ = 1;
   int views_ = 0;  // now
   uint64_t opened_ = 0;

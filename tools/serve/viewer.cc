@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "viewer.h"
 
+#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "encoder.h"
 #include "focus/carry_over.h"
 #include "launch.h"
+#include "wire/request_layout.h"
 
 namespace lf::serve {
 namespace {
@@ -31,6 +33,13 @@ uint64_t count_in(const GstStructure* stats, const char* name) {
   guint64 value = 0;
   gst_structure_get_uint64(stats, name, &value);
   return value;
+}
+
+bool is_probe(GstBuffer* request) {
+  uint8_t header[wire::kUnitHeaderBytes] = {};
+  gst_buffer_extract(request, 0, header, sizeof header);
+  const auto unit = wire::peek_unit(header);
+  return unit && (unit->flags & wire::kProbe);
 }
 
 std::string info_message(const json& info) {
@@ -111,7 +120,9 @@ void Viewer::watch_pace() {
   gst_pad_add_probe(
       eyes_[0]->requests(), GST_PAD_PROBE_TYPE_BUFFER,
       [](GstPad*, GstPadProbeInfo* info, gpointer data) {
-        const GstClockTime time = GST_BUFFER_PTS(GST_PAD_PROBE_INFO_BUFFER(info));
+        GstBuffer* request = GST_PAD_PROBE_INFO_BUFFER(info);
+        if (is_probe(request)) return GST_PAD_PROBE_OK;  // it becomes no picture
+        const GstClockTime time = GST_BUFFER_PTS(request);
         return static_cast<Pace*>(data)->begin(time) ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
       },
       &pace_, nullptr);
@@ -257,7 +268,19 @@ void Viewer::report(const LinkReport& link) {
                {"sizeDivisor", quality_.size_divisor()},
                {"loss", link.loss},
                {"roundTripMs", link.round_trip * 1e3}};
+  json focus = {{"on", settings_.eye.surface},
+                {"rounds", count_in(stats, "focus-rounds")},
+                {"interval", count_in(stats, "focus-interval")},
+                {"trialBytes", count_in(stats, "trial-bytes")}};
+  gdouble residual = 0, gained = 0;
+  gboolean flat = FALSE;
+  gst_structure_get(stats, "focus-residual", G_TYPE_DOUBLE, &residual, "focus-gained", G_TYPE_DOUBLE, &gained,
+                    "focus-flat", G_TYPE_BOOLEAN, &flat, nullptr);
   gst_structure_free(stats);
+  focus["residual"] = std::isfinite(residual) ? residual : 0;
+  focus["gained"] = std::isfinite(gained) ? gained : 0;
+  focus["flat"] = flat != FALSE;
+  info["focus"] = std::move(focus);
   if (const auto view = eyes_[0]->asked()) info["coverage"] = field_.array().coverage(*view);
   json message = {{"statistics", std::move(info)}};
   if (settings_.eye.path.empty()) message["view"] = eyes_[0]->numbers();
@@ -266,6 +289,13 @@ void Viewer::report(const LinkReport& link) {
 
 double Viewer::silence(int64_t now) const {
   return static_cast<double>(now - std::max(peer_->heard(), answered_ ? answered_ : began_)) * 1e-6;
+}
+
+MonitorReport Viewer::monitor() const {
+  GstStructure* stats = eyes_[0]->stats();
+  MonitorReport report = monitor_report(stats);
+  gst_structure_free(stats);
+  return report;
 }
 
 Viewer::Figures Viewer::figures() const {

@@ -14,6 +14,7 @@
 #include "control_message.h"
 #include "eye.h"
 #include "light_field.h"
+#include "monitor_report.h"
 #include "pace.h"
 #include "peer.h"
 #include "quality_control.h"
@@ -49,6 +50,9 @@ class Viewer {
   // Seconds since the browser was last heard; or was answered; or asked.
   double silence(int64_t now) const;
   bool answered() const { return answered_ != 0; }
+  // Watches the cameras by its requests, see Limits::monitor.
+  void set_monitor(int interval) { eyes_[0]->set_monitor(interval); }
+  MonitorReport monitor() const;
   bool connected() const { return peer_ && peer_->connected(); }
 
   struct Figures {

@@ -81,6 +81,7 @@ export class Controls {
   press(event) {
     if (event.ctrlKey || event.metaKey || event.altKey || this.viewer.path !== null) return;
     if (event.key === 'i') return this.viewer.toggle('figures', this.viewer.panel);
+    if (event.key === 'm') return this.viewer.toggle('quality', this.viewer.monitor);
     if (event.key === 'c') return this.viewer.toggle('cameras', this.viewer.cameras);
     const key = kKeys[event.key] ?? (kLetters.includes(event.key.toLowerCase()) ? event.key.toLowerCase() : null);
     if (!key) return;

@@ -16,6 +16,7 @@ import { Controls } from './controls.js';
 import { Figures, isShown } from './figures.js';
 import { Headset, headsets } from './headset.js';
 import { markup, sheet } from './markup.js';
+import { Monitor } from './monitor.js';
 import { Anaglyph, kModes } from './stereo.js';
 import { viewOf } from './view.js';
 
@@ -38,6 +39,7 @@ export class LightfieldViewer extends HTMLElement {
     this.figures = {};
     this.panel = new Figures(this, find('pre.figures'));
     this.cameras = new Cameras(this, find('canvas.cameras'), find('pre.makers'));
+    this.monitor = new Monitor(this, find('.monitor'));
     this.controls = new Controls(this);
     this.slider.addEventListener('input', () => this.focusAt(Number(this.slider.value)));
     find('.sweep').addEventListener('click', event => this.sweep(event.target));
@@ -47,6 +49,7 @@ export class LightfieldViewer extends HTMLElement {
     });
     find('button.figures').addEventListener('click', () => this.toggle('figures', this.panel));
     find('button.cameras').addEventListener('click', () => this.toggle('cameras', this.cameras));
+    find('button.quality').addEventListener('click', () => this.toggle('quality', this.monitor));
     find('.share').addEventListener('click', event => this.share(event.target));
     this.anaglyph = new Anaglyph(find('canvas.anaglyph'), this.video);
     this.choice = find('select');

@@ -27,6 +27,10 @@ sheet.replaceSync(`
   pre { position: absolute; left: 8px; top: 8px; margin: 0; padding: 6px 8px; background: rgb(0 0 0 / .6);
     font: 12px/1.35 ui-monospace, monospace; pointer-events: none; max-width: calc(100% - 32px); overflow: hidden;
     white-space: pre-wrap; }
+  .monitor { position: absolute; right: 8px; top: 8px; padding: 8px; background: rgb(0 0 0 / .7); pointer-events: none;
+    max-width: min(380px, calc(100% - 32px)); z-index: 1; }
+  .monitor canvas { position: static; display: block; width: auto; height: auto; margin-bottom: 6px; }
+  .monitor pre { position: static; padding: 0; background: none; max-width: none; }
   pre.makers { left: 0; top: 0; z-index: 1; }
   .status { position: absolute; inset: 0; display: grid; place-items: center; text-align: center; padding: 16px;
     pointer-events: none; }
@@ -48,6 +52,8 @@ export const markup = `
   <div class="frame"></div>
   <pre class="makers" hidden aria-label="Cameras that make the pixel at the pointer"></pre>
   <pre class="figures" hidden aria-label="Figures"></pre>
+  <div class="monitor" hidden role="group" aria-label="Quality of the cameras"><canvas aria-hidden="true"></canvas>
+    <pre></pre></div>
   <div class="said" role="log" aria-label="What happened"></div>
   <div class="status" role="status">connecting</div>
   <div class="bar">
@@ -60,8 +66,9 @@ export const markup = `
     </select>
     <button class="cameras" aria-pressed="false" title="Which cameras make the picture (key c)">Cameras</button>
     <button class="figures" aria-pressed="false" title="Frames per second, latency, bytes (key i)">Figures</button>
+    <button class="quality" aria-pressed="false" title="How well the cameras fit together (key m)">Quality</button>
     <button class="share" title="Copies a link to exactly this view">Share</button>
   </div>
   <span id="help" hidden>A click focuses on what is there. Arrow keys turn around the scene, w s a d q e fly, plus and minus zoom, square brackets move
-    the focus, r goes back to the start, c shows the cameras, i shows figures. With shift nothing keeps the scene in
+    the focus, r goes back to the start, c shows the cameras, m how well they fit together, i shows figures. With shift nothing keeps the scene in
     sight.</span>`;

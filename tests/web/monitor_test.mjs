@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The panel that tells how well the cameras fit together, in headless Chromium.
+import { readFile, writeFile } from 'node:fs/promises';
+import { join } from 'node:path';
+import { artefacts, expect, launchBrowser, makeRig, openPage, patience, runTests, serve, shown, until } from './harness.mjs';
+
+const kTurned = 6;  // of 5 x 5: an inner one
+const folder = await makeRig('5x5');
+const file = join(folder, 'rig.json'), good = await readFile(file, 'utf8');
+const browser = await launchBrowser();
+
+const words = page => page.evaluate(
+  () => document.querySelector('lightfield-viewer').shadowRoot.querySelector('.monitor pre').textContent);
+const turns = page => page.evaluate(() => document.querySelector('lightfield-viewer').monitor.report?.turns ?? 0);
+
+async function open(...options) {
+  const served = await serve('--rig', file, '--connects', '100', '--focus', '2.2', ...options);
+  const page = await openPage(browser, new URL('#x=0.02&y=0.01', served.url).href, { width: 800, height: 500 });
+  await shown(page, 5);
+  await page.keyboard.press('Tab');
+  await page.keyboard.press('m');
+  return { served, page };
+}
+
+async function close({ served, page }) {
+  expect(!page.problems.length, page.problems.join('; '));
+  await page.context().close();
+  await served.stop();
+}
+
+async function namesTheBadOne() {
+  const rig = JSON.parse(good), half = 0.25 * Math.PI / 180;
+  rig.cameras[kTurned].orientation = [Math.cos(half), 0, Math.sin(half), 0];  // 0.5 degrees
+  await writeFile(file, JSON.stringify(rig));
+  const viewer = await open('--monitor', '1', '--focus-on', 'auto'), { served, page } = viewer;
+  const { name } = rig.cameras[kTurned];
+  await until(async () => (await words(page)).includes(`${name}: looks elsewhere`), `${name} stands out`);
+  await until(async () => await turns(page) > 75, 'three rounds');
+  const said = await words(page);
+  console.log(`# ${said.replaceAll('\n', '\n# ')}`);
+  expect(said.match(/dB, gain/g).length === 1, `one alone: ${said}`);
+  expect(/cameras predicted, \d+\.\d to \d+\.\d dB/.test(said) && /trials with one request of/.test(said), said);
+  const report = await (await fetch(new URL('monitor.json', served.url))).json();
+  expect(report.cameras[kTurned].fault === 'direction' && report.cameras[0].psnr === null, JSON.stringify(report));
+  const metrics = await (await fetch(new URL('metrics', served.url))).text();
+  expect(metrics.includes(`lightfield_camera_suspect{camera="${name}",fault="direction"} 1`), metrics);
+  expect(/^lightfield_camera_psnr_db\{camera="\w+"\} \d/m.test(metrics), metrics);
+  const drawn = await page.evaluate(() => {
+    const { canvas } = document.querySelector('lightfield-viewer').monitor;
+    return canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.filter(value => value).length;
+  });
+  expect(drawn > 20000, `the map is not drawn: ${drawn}`);
+  await page.screenshot({ path: join(artefacts, 'monitor.png') });
+  await page.keyboard.press('m');
+  expect(await page.evaluate(() => document.querySelector('lightfield-viewer').monitor.box.hidden), 'm hides it');
+  await close(viewer);
+}
+
+async function ofGoodCamerasNoneStandsOut() {
+  await writeFile(file, good);
+  const viewer = await open('--monitor', '1');
+  await until(async () => await turns(viewer.page) > 60, 'two rounds');
+  const said = await words(viewer.page);
+  expect(said.includes('none stands out') && said.includes('the viewer’s plane'), said);
+  await close(viewer);
+}
+
+async function saysThatNobodyWatches() {
+  const viewer = await open();
+  await viewer.page.waitForFunction(
+    () => document.querySelector('lightfield-viewer').shadowRoot.querySelector('.monitor pre').textContent
+      .includes('not watched'), null, { timeout: patience });
+  expect(Number.isNaN(await viewer.served.metric('monitor_bytes_total')), 'metrics of what is not done');
+  await close(viewer);
+}
+
+await runTests([
+  ['the panel names the camera that looks elsewhere', namesTheBadOne],
+  ['of good cameras none stands out', ofGoodCamerasNoneStandsOut],
+  ['without --monitor the panel says so', saysThatNobodyWatches],
+]);

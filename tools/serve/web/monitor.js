@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// How well each camera is predicted by the others, as a map of the array from in front; which ones stand out, and why;
+// and what the focus costs and brings.
+
+import { dot } from './view.js';
+
+const kAskEvery = 1000;  // milliseconds
+const kMapSize = 150;    // pixels, the longer side
+const kFaults = { colour: 'other colours than its neighbours', direction: 'looks elsewhere than the rig says',
+  picture: 'out of focus, dirty or covered' };
+
+export class Monitor {
+  constructor(viewer, box) {
+    this.viewer = viewer;
+    this.box = box;
+    this.canvas = box.querySelector('canvas');
+    this.words = box.querySelector('pre');
+    this.report = null;
+  }
+
+  async toggle() {
+    this.box.hidden = !this.box.hidden;
+    clearInterval(this.timer);
+    if (this.box.hidden) return false;
+    this.timer = setInterval(() => this.ask(), kAskEvery);
+    await this.ask();
+    return true;
+  }
+
+  async ask() {
+    if (!this.viewer.isConnected) return clearInterval(this.timer);
+    try {
+      this.array ??= await this.fetch('array.json');
+      this.report = await this.fetch('monitor.json');
+      this.draw();
+    } catch (error) {
+      this.words.textContent = `nothing is known of the cameras: ${error.message}`;
+    }
+  }
+  async fetch(name) {
+    const response = await fetch(new URL(name, this.viewer.endpoint),
+      { headers: this.viewer.connection?.authorization });
+    if (!response.ok) throw new Error(response.statusText);
+    return response.json();
+  }
+
+  draw() {
+    const { cameras } = this.report;
+    this.canvas.hidden = !cameras.length;
+    if (cameras.length) this.drawMap(cameras);
+    const known = cameras.map(({ psnr }) => psnr).filter(psnr => psnr !== null).sort((a, b) => a - b);
+    const lines = cameras.length
+      ? [`${known.length} of ${cameras.length} cameras predicted, ${known[0]?.toFixed(1)} to ` +
+        `${known.at(-1)?.toFixed(1)} dB; ${(this.report.bytes / this.report.turns / 1000).toFixed(1)} kB a turn`]
+      : ['the cameras are not watched (lf-serve --monitor)'];
+    for (const { name, psnr, gain, shift, fault } of cameras.filter(({ fault }) => fault))
+      lines.push(`${name}: ${kFaults[fault] ?? fault} (${psnr?.toFixed(1)} dB, gain ${gain?.toFixed(2)}, ` +
+        `off by ${shift?.toFixed(1)})`);
+    if (cameras.length && known.length && lines.length === 1) lines.push('none stands out');
+    const focus = this.viewer.figures.focus;
+    if (focus) lines.push(...focusLines(focus));
+    this.words.textContent = lines.join('\n');
+  }
+
+  // A field for each camera, red for the worst predicted, green for the best; those that stand out have a frame.
+  drawMap(cameras) {
+    const { right, down } = this.array;
+    const points = this.array.cameras.map(({ position }) => [dot(position, right), dot(position, down)]);
+    const low = [0, 1].map(k => Math.min(...points.map(point => point[k])));
+    const high = [0, 1].map(k => Math.max(...points.map(point => point[k])));
+    const size = Math.max(high[0] - low[0], high[1] - low[1], 1e-9);
+    const field = kMapSize / (Math.sqrt(points.length) + 1), scale = (kMapSize - field) / size;
+    const [width, height] = [0, 1].map(k => (high[k] - low[k]) * scale + field);
+    const dense = devicePixelRatio || 1;
+    Object.assign(this.canvas, { width: width * dense, height: height * dense });
+    Object.assign(this.canvas.style, { width: `${width}px`, height: `${height}px` });
+    const context = this.canvas.getContext('2d');
+    context.scale(dense, dense);
+    const known = cameras.map(({ psnr }) => psnr).filter(psnr => psnr !== null);
+    const [least, most] = [Math.min(...known), Math.max(...known)];
+    for (const [i, [x, y]] of points.entries()) {
+      const { psnr, fault } = cameras[i] ?? { psnr: null };
+      const place = [(x - low[0]) * scale + 1, (y - low[1]) * scale + 1, field - 2, field - 2];
+      const hue = psnr === null ? 0 : 120 * (psnr - least) / Math.max(most - least, 1);
+      context.fillStyle = psnr === null ? '#555' : `hsl(${hue} 70% 45%)`;
+      context.fillRect(...place);
+      if (!fault) continue;
+      context.strokeStyle = '#fff';
+      context.lineWidth = 2;
+      context.strokeRect(...place);
+    }
+  }
+}
+
+function focusLines({ on, rounds, interval, trialBytes, residual, gained, flat }) {
+  if (on === 'plane') return ['focus on the viewer’s plane'];
+  return [`focus on ${flat ? 'one plane, which is enough' : 'a surface'} (${on}): the cameras disagree by ` +
+    `${residual.toFixed(1)} of 255, the latest round gained ${gained.toFixed(2)}`,
+    `trials with one request of ${interval}, ${rounds} so far, ` +
+    `${rounds ? (trialBytes / rounds / 1000).toFixed(1) : 0} kB each`];
+}
