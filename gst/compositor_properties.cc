@@ -175,11 +175,11 @@ void lf_compositor_install_properties(GObjectClass* klass) {
     install(id, g_param_spec_double(name, nick, blurb, 0, kMaxFocus, 0, flags(GST_PARAM_MUTABLE_PLAYING)));
   };
   install_distance(PROP_FOCUS_NEAR, "focus-near", "Focus near",
-                   "Nearest that a focal surface can be, metres from the array (0: 0.4 times the distance of the "
-                   "viewer's focal plane)");
+                   "Nearest that a focal surface can be, metres from the array (0: at first 0.4 times the distance "
+                   "of the viewer's focal plane, then as the scene asks)");
   install_distance(PROP_FOCUS_FAR, "focus-far", "Focus far",
-                   "Farthest that a focal surface can be, metres from the array (0: 4 times the distance of the "
-                   "viewer's focal plane)");
+                   "Farthest that a focal surface can be, metres from the array (0: at first 4 times the distance "
+                   "of the viewer's focal plane, then as the scene asks)");
   install(PROP_MONITOR_INTERVAL,
           g_param_spec_uint("monitor-interval", "Monitor interval",
                             "Beside one of so many requests a camera, each in turn, is left out and predicted from the "

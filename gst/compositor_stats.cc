@@ -142,9 +142,13 @@ GstStructure* CompositorStats::structure() const {
   set("max-skew-ns", max_skew_ns_);
   set("focus-rounds", focus_.rounds);
   set("focus-interval", focus_.interval);
+  set("focus-trials", focus_.trials);
+  set("focus-looks", focus_.looks);
   set("trial-bytes", trial_bytes_);
   gst_structure_set(stats, "focus-residual", G_TYPE_DOUBLE, focus_.residual, "focus-gained", G_TYPE_DOUBLE,
-                    focus_.gained, "focus-flat", G_TYPE_BOOLEAN, focus_.flat, nullptr);
+                    focus_.gained, "focus-flat", G_TYPE_BOOLEAN, focus_.flat, "focus-deviation", G_TYPE_DOUBLE,
+                    focus_.deviation, "focus-bought", G_TYPE_DOUBLE, focus_.bought, "focus-near", G_TYPE_DOUBLE,
+                    focus_.near, "focus-far", G_TYPE_DOUBLE, focus_.far, nullptr);
   set("monitor-turns", monitor_ ? monitor_->turns() : 0);
   set("monitor-bytes", monitor_bytes_);
   if (monitor_) {

@@ -25,6 +25,7 @@ using namespace lf::focus;
 struct Arguments {
   std::string rig, views, truth, out, json, mode = "surface";
   int held_out = 4;
+  bool automatic = false;
   double moving = 0, eye_step = 0.3, seconds = 2;
   Faults faults;
   Options options;
@@ -144,6 +145,8 @@ void film(const Arguments& a, const Case& c) {
 
 void run(Arguments a) {
   a.options.focus.mode = a.mode == "auto" ? lf::FocusMode::kAuto : lf::FocusMode::kSurface;
+  a.options.range = {1 / a.options.focus.far, 1 / a.options.focus.near};
+  if (a.automatic) a.options.focus.near = a.options.focus.far = 0;
   if (!a.out.empty()) std::filesystem::create_directories(a.out);
   const Case c = load(a);
   if (a.moving > 0)
@@ -166,6 +169,7 @@ int main(int argc, char** argv) {
   app.add_option("--held-out", a.held_out, "How many cameras to make")->check(CLI::PositiveNumber);
   app.add_option("--near", a.options.focus.near, "Nearest distance, metres from the array")->check(CLI::PositiveNumber);
   app.add_option("--far", a.options.focus.far, "Farthest distance")->check(CLI::PositiveNumber);
+  app.add_flag("--automatic", a.automatic, "The surface finds the range of depths; --near and --far are for planes");
   app.add_option("--rounds", a.options.rounds, "Pictures from the viewer's plane on")->check(CLI::PositiveNumber);
   app.add_option("--mode", a.mode, "surface or auto")->check(CLI::IsMember({"surface", "auto"}));
   app.add_flag("--sharpened", a.options.sharpened, "Sharpen images before they are sampled");

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "base/median.h"
 #include "focus/plane_map.h"
@@ -12,6 +13,9 @@ namespace {
 
 // A sweep is not helped by what was found before: patches of 36 pixels tell depths apart that 12 do not.
 constexpr int kSweepRadius = 4;
+
+// Rounds from a sweep on until what was found has settled.
+constexpr unsigned kSettling = kSweepRounds + 4;
 
 SurfaceChoice choice_of(const ViewRequest& request, std::span<const Moments> moments, int radius = 1) {
   const FocalMap& map = *request.view.focus.map;
@@ -34,27 +38,94 @@ void FocusControl::judge(const SurfaceChoice& choice, const std::vector<Trial>& 
   if (settings_.mode != FocusMode::kAuto) return;
   const bool worthwhile = choice.gained >= std::max(kWorthwhile, kWorthwhilePart * choice.residual);
   if (worthwhile) state_.flat = false;
+  // A plane that is in use gives way only to a better one.
+  double least = choice.cost[0] + (state_.flat ? 0 : kFlatEnough);
   for (size_t t = 1; t < trials.size() && !worthwhile; t++) {
-    if (trials[t].kind != Trial::Kind::kPlane || !(choice.cost[t] <= choice.cost[0] + kFlatEnough)) continue;
+    if (trials[t].kind != Trial::Kind::kPlane || !(choice.cost[t] <= least)) continue;
     state_.flat = true;
-    flat_level_ = static_cast<uint8_t>(trials[t].value);
+    flat_inverse_ = map.inverse_of(trials[t].value);
+    least = choice.cost[t];
   }
-  if (state_.flat) std::ranges::fill(map.levels, flat_level_);
+  if (state_.flat) std::ranges::fill(map.levels, map.level_of(flat_inverse_));
   if (worthwhile) {
     quiet_ = 0;
     state_.interval = 1;
-  } else if (++quiet_ >= kSweepPlanes) {
+  } else if (++quiet_ >= kQuietRounds) {
     state_.interval = std::min(2 * state_.interval, state_.flat ? kLongestFlatRest : kLongestRest);
   }
+}
+
+// Whether the cameras disagree much more than they used to.
+bool FocusControl::is_another_scene() {
+  const double now = state_.deviation;
+  if (settling_ > 0) {
+    settling_--;
+    return false;
+  }
+  if (!(usual_ > 0)) usual_ = now;
+  if (now <= kOtherFactor * usual_ + kOtherMore) {
+    constexpr double kSlowly = 0.05;
+    usual_ = std::min(now, usual_ + kSlowly * (now - usual_));
+    looks_ = 0;
+    return false;
+  }
+  if (looks_ >= kMostLooks) {  // so be it
+    usual_ = now;
+    return false;
+  }
+  looks_++;
+  state_.looks++;
+  state_.flat = false;
+  state_.interval = 1;
+  quiet_ = round_ = 0;
+  settling_ = kSettling;
+  return true;
+}
+
+void FocusControl::follow_range(bool another, FocalMap& map) {
+  if (!is_automatic()) return;
+  if (range_) set_range(*range_, map);
+  DepthRange range{map.farthest, map.nearest};
+  if (another)
+    range = {range.farthest / 2, 2 * range.nearest};
+  else if (settling_ == 0)
+    range = range_for(map);
+  if (settings_.near > 0) range.nearest = map.nearest;
+  if (settings_.far > 0) range.farthest = map.farthest;
+  if (!(range.nearest > range.farthest) || (range == DepthRange{map.farthest, map.nearest})) return;
+  range_ = range;
+  set_range(range, map);
+}
+
+// What a surface is worth beside the planes that were tried.
+void FocusControl::count_planes(const SurfaceChoice& choice, const std::vector<Trial>& trials) {
+  double least = std::numeric_limits<double>::infinity();
+  for (size_t t = 0; t < trials.size(); t++)
+    if ((trials[t].kind == Trial::Kind::kPlane || state_.flat) && choice.cost[t] < least) least = choice.cost[t];
+  plane_deviations_.push_back(least);
+  if (plane_deviations_.size() > kSweepPlanes) plane_deviations_.erase(plane_deviations_.begin());
+  const double best = *std::ranges::min_element(plane_deviations_);
+  state_.bought = std::isfinite(best) ? best - choice.cost[0] : 0;
 }
 
 std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
   if (++skipped_ < state_.interval) return {};
   skipped_ = 0;
-  std::vector<Trial> trials = trials_of_round(round_++);
-  // Every third round asks whether a plane would do.
-  if (settings_.mode == FocusMode::kAuto && round_ % 3 == 0)
-    trials.push_back({Trial::Kind::kPlane, median(map.levels)});
+  std::vector<Trial> trials;
+  const unsigned round = round_++;
+  if (state_.flat) {
+    // There are no edges to move: planes nearby, and planes all over.
+    constexpr int16_t kNearby = 6;
+    trials = trials_of_round(round % kSweepRounds);
+    trials.push_back({Trial::Kind::kPlane, static_cast<int16_t>(std::clamp(
+                                               map.levels.front() + (round % 2 == 0 ? kNearby : -kNearby / 2), 0, 255))});
+  } else {
+    trials = trials_of_round(round, is_automatic() ? levels_in_use(map) : LevelRange{});
+    // Every third round asks whether a plane would do.
+    if (settings_.mode == FocusMode::kAuto && round_ % 3 == 0)
+      trials.back() = {Trial::Kind::kPlane, median(map.levels)};
+  }
+  state_.trials = static_cast<unsigned>(trials.size());
   return trials;
 }
 
@@ -73,9 +144,9 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
   }
   if (!map) {
     plan.view.focus.map = first_map(request.view, from);
-    state_ = {};
-    quiet_ = 0;
-    skipped_ = 0;
+    const FocusControl fresh(settings_);
+    *this = fresh;
+    settling_ = kSettling;
   } else if (!moments.empty()) {
     SurfaceChoice choice = choice_of(request, moments);
     auto better = std::make_shared<FocalMap>(*map);
@@ -83,10 +154,18 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
     state_.rounds++;
     state_.residual = choice.residual;
     state_.gained = choice.gained;
-    judge(choice, request.trials, *better);
+    if (!choice.cost.empty() && std::isfinite(choice.cost[0])) {
+      state_.deviation = choice.cost[0];
+      count_planes(choice, request.trials);
+      judge(choice, request.trials, *better);
+      follow_range(is_another_scene(), *better);
+    }
     plan.view.focus.map = std::move(better);
   }
-  plan.trials = next_trials(*plan.view.focus.map);
+  const FocalMap& next = *plan.view.focus.map;
+  state_.near = 1 / next.nearest;
+  state_.far = 1 / next.farthest;
+  plan.trials = next_trials(next);
   return plan;
 }
 

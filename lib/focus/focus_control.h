@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <optional>
 #include <span>
+#include <vector>
 
+#include "focus/depth_range.h"
 #include "focus/moments.h"
 #include "focus/surface_choice.h"
 #include "view/view_request.h"
@@ -22,16 +25,22 @@ class FocusControl {
  public:
   struct Settings {
     FocusMode mode = FocusMode::kPlane;
-    double near = 0, far = 0;  // metres from the array; 0: kNearest and kFarthest times the viewer's focus distance
+    // Metres from the array. 0: at first kNearest and kFarthest times the viewer's focus distance, then as the scene asks.
+    double near = 0, far = 0;
     bool operator==(const Settings&) const = default;
   };
   static constexpr double kNearest = 0.4, kFarthest = 4;
-  // A rest begins when a whole sweep of planes gained less than this a round; then fewer and fewer requests have trials.
+  // A rest begins when kQuietRounds gained less than this each; then fewer and fewer requests have trials.
+  static constexpr unsigned kQuietRounds = 6;
   static constexpr double kWorthwhile = 0.1;       // levels of luma
   static constexpr double kWorthwhilePart = 0.05;  // of the residual: noise always seems to gain something
   static constexpr unsigned kLongestRest = 8, kLongestFlatRest = 16;  // requests from one with trials to the next
   // How much farther the cameras may disagree through one plane than through the surface for the plane to be enough.
   static constexpr double kFlatEnough = 0.05;  // levels of luma
+  // The scene is another one when the cameras disagree by this factor and so many levels of luma more than they used to:
+  // all planes are tried again, in twice the range if that may be, and again up to kMostLooks times.
+  static constexpr double kOtherFactor = 1.5, kOtherMore = 0.5;
+  static constexpr unsigned kMostLooks = 3;
 
   FocusControl() = default;
   explicit FocusControl(const Settings& settings) : settings_(settings) {}
@@ -50,21 +59,35 @@ class FocusControl {
     double residual = 0;   // see SurfaceChoice, of the last of them
     double gained = 0;
     unsigned interval = 1;  // requests from one with trials to the next
+    unsigned trials = 0;    // of the next request that has any
     bool flat = false;      // one plane is enough
+    double deviation = 0;   // how far cameras disagree through the surface, levels of luma, mean over the nodes
+    double bought = 0;      // by how much that is less than through the best plane tried lately
+    double near = 0, far = 0;  // what is looked at, metres from the array; far may be infinite
+    unsigned looks = 0;     // how often the scene was another one
   };
   const State& state() const { return state_; }
 
  private:
   std::shared_ptr<const FocalMap> first_map(const View& view, const Plane& from) const;
+  bool is_automatic() const { return !(settings_.near > 0) || !(settings_.far > 0); }
   void judge(const SurfaceChoice& choice, const std::vector<Trial>& trials, FocalMap& map);
+  bool is_another_scene();
+  void follow_range(bool another, FocalMap& map);
+  void count_planes(const SurfaceChoice& choice, const std::vector<Trial>& trials);
   std::vector<Trial> next_trials(const FocalMap& map);
 
   Settings settings_;
   State state_;
-  uint8_t flat_level_ = 0;  // where one plane is enough
-  unsigned round_ = 0;    // of trials_of_round()
-  unsigned quiet_ = 0;    // rounds in a row that were not worth while
-  unsigned skipped_ = 0;  // requests since the last trials
+  double flat_inverse_ = 0;  // where one plane is enough, 1/m
+  std::optional<DepthRange> range_;  // of all maps, where it follows the scene
+  std::vector<double> plane_deviations_;  // of the best plane of each of the latest rounds
+  double usual_ = 0;       // deviation that there used to be; 0: not known yet
+  unsigned round_ = 0;     // of trials_of_round()
+  unsigned quiet_ = 0;     // rounds in a row that were not worth while
+  unsigned skipped_ = 0;   // requests since the last trials
+  unsigned settling_ = 0;  // rounds until deviations tell something again
+  unsigned looks_ = 0;     // in a row that did not help
 };
 
 }  // namespace lf

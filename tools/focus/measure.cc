@@ -101,11 +101,11 @@ double distance_of(const FocalMap& range, int k, int planes) {
   return 1 / range.inverse_of(FocalMap::kLevels * (k + 0.5) / planes);
 }
 
-FocalMap range_of(const FocusControl::Settings& settings) {
-  FocalMap range;
-  range.farthest = 1 / settings.far;
-  range.nearest = 1 / settings.near;
-  return range;
+FocalMap map_of(const DepthRange& range) {
+  FocalMap map;
+  map.farthest = range.farthest;
+  map.nearest = range.nearest;
+  return map;
 }
 
 int squared_error(const Image& a, const Image& b, size_t pixel) {
@@ -119,7 +119,7 @@ int squared_error(const Image& a, const Image& b, size_t pixel) {
 StillResult measure_still(const Case& c, size_t view, const Options& options) {
   const Plane from = array_plane(c.rig);
   const Image truth = c.truth(view);
-  const FocalMap range = range_of(options.focus);
+  const FocalMap range = map_of(options.range);
   StillResult result;
   Renderer bilinear(c, false), renderer(c, options.sharpened);
   for (int k = 0; k < options.planes; k++) {
@@ -160,7 +160,7 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
 std::vector<Frame> measure_film(const Case& c, const Options& options, const std::function<void()>& progress) {
   constexpr int kPlanes = 16;
   const Plane from = array_plane(c.rig);
-  const FocalMap range = range_of(options.focus);
+  const FocalMap range = map_of(options.range);
   Renderer bilinear(c, false), renderer(c, options.sharpened);
   FocusControl control(options.focus);
   FocusControl::Plan plan;

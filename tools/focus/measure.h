@@ -12,6 +12,7 @@ namespace lf::focus {
 
 struct Options {
   FocusControl::Settings focus;
+  DepthRange range;  // that planes are picked from
   bool sharpened = false;
   int rounds = 12;  // from the viewer's plane to the picture that counts
   int planes = 32;  // that the best one and the bound are picked from

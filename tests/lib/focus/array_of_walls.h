@@ -12,15 +12,16 @@
 namespace lf::test {
 
 // 3 x 3 cameras before a textured wall at 3 m and, in its right half (x > 0), one at 1.5 m; the texture is smooth enough
-// for what is sampled not to matter.
+// for what is sampled not to matter. Or that many times nearer.
 struct ArrayOfWalls {
-  explicit ArrayOfWalls(bool flat = false) : is_flat(flat), rig(scene_rig(3, 3, 160, 120)), mesh(build_mesh(rig)) {
+  explicit ArrayOfWalls(bool flat = false, double times_nearer = 1)
+      : is_flat(flat), nearer(times_nearer), rig(scene_rig(3, 3, 160, 120)), mesh(build_mesh(rig)) {
     for (const Camera& camera : rig.cameras) {
       Image image(PixelFamily::kRgb, camera.width, camera.height);
       for (int y = 0; y < camera.height; y++)
         for (int x = 0; x < camera.width; x++) {
           const Vec3 d(*camera.lens.unproject({x, y}), 1);
-          const Vec3 near = camera.pose.position + 1.5 * d, far = camera.pose.position + 3.0 * d;
+          const Vec3 near = camera.pose.position + 1.5 / nearer * d, far = camera.pose.position + 3 / nearer * d;
           const Vec3 at = !flat && near.x > 0 ? near : far;
           const double luma = 128 + 50 * std::sin(31 * at.x + 7 * at.y) + 50 * std::sin(23 * at.y - 11 * at.x);
           for (int c = 0; c < 3; c++)
@@ -70,6 +71,7 @@ struct ArrayOfWalls {
 
   static constexpr double kLevel = (1 / 1.5 - 1 / 3.) / 110;
   bool is_flat;
+  double nearer;
   Rig rig;
   Mesh mesh;
   std::vector<Image> images;

@@ -14,7 +14,7 @@ const Plane kFrom{{0, 0, 1}, 0};
 
 // One view of an array under the control, request after request.
 struct Loop {
-  Loop(FocusMode mode, bool flat) : walls(flat), control({mode, 1.2, 6}) {
+  Loop(FocusMode mode, bool flat, double near = 1.2, double far = 6) : walls(flat), control({mode, near, far}) {
     request.view = walls.view(0);
     request.view.focus.map = nullptr;
   }
@@ -35,7 +35,7 @@ struct Loop {
     for (int j = 0; j < map.rows; j++)
       for (int i = 0; i < map.columns; i++) {
         const double u = (*request.view.lens.unproject({4 * i + 1.5, 4 * j + 1.5})).x;
-        const double x = request.view.pose.position.x + 1.5 * u, distance = 1 / map.inverse_of(map.levels[j * 40 + i]);
+        const double x = request.view.pose.position.x + 1.5 / walls.nearer * u, distance = walls.nearer / map.inverse_of(map.levels[j * 40 + i]);
         if (!walls.is_flat && std::abs(x) < 0.06) continue;  // at the edge
         all++;
         good += std::abs(distance / (!walls.is_flat && x > 0 ? 1.5 : 3) - 1) < 0.1;
@@ -94,6 +94,65 @@ TEST(FocusControl, WakesUpWhenTheSceneChanges) {
   loop.walls = ArrayOfWalls(false);
   loop.run(2 * FocusControl::kLongestFlatRest + 14);
   EXPECT_GT(loop.right(), 0.97);
+}
+
+TEST(FocusControl, AFlatSceneEndsWithNextToNoTrials) {
+  Loop loop(FocusMode::kAuto, true);
+  loop.run(30);
+  EXPECT_TRUE(loop.control.state().flat);
+  loop.trials = 0;
+  loop.run(64);
+  // A trial is at most a 16th of the samples of the picture, in as many bits: 2 % are 20 trials.
+  EXPECT_LE(loop.trials, 0.02 * 64 * 16);
+  EXPECT_NEAR(loop.control.state().bought, 0, FocusControl::kFlatEnough) << "and a surface would buy nothing";
+}
+
+TEST(FocusControl, TellsWhatASurfaceBought) {
+  Loop loop(FocusMode::kSurface, false);
+  loop.run(20);
+  EXPECT_GT(loop.control.state().bought, 1);
+  EXPECT_EQ(loop.control.state().trials, 4u);
+}
+
+TEST(FocusControl, TheRangeOfDepthsFollowsTheScene) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto}) {
+    Loop loop(mode, false, 0, 0);
+    loop.run(1);
+    EXPECT_NEAR(loop.control.state().near, 1.2, 1e-9) << "0.4 times the viewer's focus distance";
+    EXPECT_NEAR(loop.control.state().far, 12, 1e-9);
+    loop.run(30);
+    EXPECT_GT(loop.right(), 0.97);
+    EXPECT_LT(loop.control.state().near, 1.5);
+    EXPECT_GT(loop.control.state().far, 3);
+    EXPECT_EQ(loop.control.state().looks, 0u);
+  }
+  Loop flat(FocusMode::kAuto, true, 0, 0);
+  flat.run(30);
+  EXPECT_NEAR(flat.control.state().near, 2, 0.1) << "3 m, and half as near again";
+  EXPECT_NEAR(flat.control.state().far, 4.5, 0.2);
+}
+
+TEST(FocusControl, FindsASceneThatLeftTheRange) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto}) {
+    for (const double nearer : {3., 0.4}) {
+      SCOPED_TRACE(nearer);
+      Loop loop(mode, false, 0, 0);
+      loop.run(30);
+      loop.walls = ArrayOfWalls(false, nearer);
+      loop.run(60);
+      EXPECT_GT(loop.right(), 0.95);
+      EXPECT_GE(loop.control.state().looks, 1u);
+    }
+  }
+}
+
+TEST(FocusControl, KeepsTheRangeItWasTold) {
+  Loop loop(FocusMode::kSurface, false);
+  loop.run(20);
+  loop.walls = ArrayOfWalls(false, 3);
+  loop.run(20);
+  EXPECT_NEAR(loop.control.state().near, 1.2, 1e-12);
+  EXPECT_NEAR(loop.control.state().far, 6, 1e-12);
 }
 
 }  // namespace
