@@ -1,40 +1,76 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus_feedback.h"
 
+#include <algorithm>
+#include <cmath>
 #include <utility>
 
+#include "focus/array_plane.h"
 #include "focus/autofocus.h"
 #include "focus/carry_over.h"
 
 namespace lf {
+namespace {
+
+constexpr uint32_t kPatience = 30;  // requests until the answer to a sweep is thought to be lost
+constexpr int kMostLost = 3;        // sweeps, until a search is given up
+constexpr uint32_t kRest = 8;       // requests from one sweep to the next, of a place that is followed
+constexpr size_t kMostSwept = 8;
+constexpr double kSame = 0.02;  // of a distance: a smaller change is none
+
+}  // namespace
 
 void FocusFeedback::announce(FocalSurfaceNews news) {
   const std::lock_guard lock(mutex_);
-  if (search_ && search_->asked == news.sequence)
-    see_sweep(news);
-  else
+  if (std::ranges::find(swept_, news.sequence) != swept_.end()) {
+    if (search_ && search_->asked == news.sequence) see_sweep(news);
+  } else {
     news_ = std::move(news);
+    if (follows_ && news_->plan.view.focus.map)
+      if (const std::optional<double> distance = distance_in(news_->plan.view)) find(*distance);
+  }
   changed_.notify_all();
+}
+
+std::optional<double> FocusFeedback::distance_in(const View& view) const {
+  return focus_distance_at(view, Vec2(place_.x * view.width - 0.5, place_.y * view.height - 0.5));
+}
+
+void FocusFeedback::find(double distance) {
+  latest_ = distance;
+  if (!follows_ || !(std::abs(distance / now_ - 1) < kSame)) found_ = distance;
 }
 
 void FocusFeedback::see_sweep(const FocalSurfaceNews& news) {
   const View& view = news.plan.view;
-  const std::optional<double> distance =
-      view.focus.map ? focus_distance_at(view, search_->pixel) : std::optional<double>();
-  if (distance && !search_->found) {
+  const std::optional<double> distance = view.focus.map ? distance_in(view) : std::nullopt;
+  const std::optional<double> around = search_->found;
+  search_->asked.reset();
+  if (distance && !around) {
     search_->found = distance;
-    search_->asked.reset();
-    return;
+  } else if (distance && (!follows_ || is_inside_sweep(*distance, *around))) {
+    find(*distance);
+    search_.reset();
+  } else if (follows_ && around) {
+    search_->found.reset();  // it has left what was swept: all over again
+  } else {
+    search_.reset();
   }
-  if (distance) found_ = distance;
-  search_.reset();
 }
 
-std::optional<double> FocusFeedback::focus_at(const Vec2& pixel) {
+std::optional<double> FocusFeedback::focus_at(const Vec2& place) {
   const std::lock_guard lock(mutex_);
-  if (news_ && news_->plan.view.focus.map) return focus_distance_at(news_->plan.view, pixel);
-  search_ = Search{pixel, {}, {}};
+  place_ = place;
+  latest_.reset();
+  if (news_ && news_->plan.view.focus.map) return distance_in(news_->plan.view);
+  search_ = Search{};
   return std::nullopt;
+}
+
+void FocusFeedback::follow(bool follows) {
+  const std::lock_guard lock(mutex_);
+  follows_ = follows;
+  latest_.reset();
 }
 
 std::optional<double> FocusFeedback::take_found() {
@@ -50,24 +86,36 @@ bool FocusFeedback::wait_for(uint32_t sequence, std::chrono::milliseconds longes
   return !unlocked_ && is_there();
 }
 
-void FocusFeedback::apply(ViewRequest& request, const std::function<Plane()>& from) {
+bool FocusFeedback::sweeps_with(uint32_t sequence) {
+  if (!search_ && follows_ && (swept_.empty() || sequence - swept_.back() >= kRest)) search_ = Search{latest_, {}, 0};
+  if (!search_) return false;
+  if (search_->asked && sequence - *search_->asked > kPatience) {
+    search_->asked.reset();
+    if (++search_->lost >= kMostLost) search_.reset();
+  }
+  if (!search_ || search_->asked) return false;
+  search_->asked = sequence;
+  swept_.push_back(sequence);
+  if (swept_.size() > kMostSwept) swept_.pop_front();
+  return true;
+}
+
+void FocusFeedback::apply(ViewRequest& request, const Rig* rig) {
+  const View& view = request.view;
   View found_for;
   {
     const std::lock_guard lock(mutex_);
+    now_ = -view.focus.plane.signed_distance(view.pose.position) / glm::dot(view.focus.plane.normal, view.pose.forward());
     if (!news_ || !news_->plan.view.focus.map) {
-      if (!search_) return;
-      // A request, or what came of it, may get lost.
-      constexpr uint32_t kPatience = 30;
-      if (search_->asked && request.sequence - *search_->asked > kPatience) search_.reset();
-      if (!search_ || search_->asked) return;
-      search_->asked = request.sequence;
-      return add_focus_sweep(request, from(), search_->found);
+      if (!sweeps_with(request.sequence)) return;
+      const Plane from = rig ? array_plane(*rig) : plane_through(view.pose.position, view.pose.forward());
+      return add_focus_sweep(request, from, search_->found, rig ? sweep_reach(*rig, view) : 0);
     }
     search_.reset();
     found_for = news_->plan.view;
     request.trials = std::exchange(news_->plan.trials, {});
   }
-  request.view.focus.map = carry_over(found_for, request.view);
+  request.view.focus.map = carry_over(found_for, view);
 }
 
 void FocusFeedback::set_unlocked(bool unlocked) {
@@ -80,7 +128,9 @@ void FocusFeedback::clear() {
   const std::lock_guard lock(mutex_);
   news_.reset();
   search_.reset();
+  swept_.clear();
   found_.reset();
+  latest_.reset();
 }
 
 }  // namespace lf

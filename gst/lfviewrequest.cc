@@ -20,7 +20,8 @@
  *   sink (drag: orbit about the point in focus; shift-drag or another button: pan; wheel: dolly; ctrl-wheel: focus;
  *   arrows: orbit; w s a d q e: fly forward, back, left, right, down, up; + -: zoom; [ ]: focus nearer, farther; r:
  *   back to the start; but with shift they are held where the array is in sight, see `keep-visible`); by a
- *   custom upstream event with a structure "lf-view-request" with any of the properties as fields; by the action signal
+ *   custom upstream event with a structure "lf-view-request" with any of the properties as fields (and
+ *   focus-continuous, 0 or 1); by the action signal
  *   `set-view` with such a structure. The very next request has the change, and the properties notify.
  *
  * Cameras that lfcompositor announces as out of service (upstream event "lightfield-out-of-service") are named in the
@@ -74,7 +75,6 @@
 #include "base/error.h"
 #include "extra_requests_event.h"
 #include "focal_surface_event.h"
-#include "focus/array_plane.h"
 #include "gst_wire.h"
 #include "lfviewrequest_private.h"
 
@@ -102,7 +102,7 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfviewrequest, "lfviewrequest", GST_RANK_N
 
 // ------------------------------------------------------------------------------------------------- the view's state
 
-static lf::View current_view(LfViewRequest* self) {
+lf::View lf_view_request_view(LfViewRequest* self) {
   const int width = self->settings->width, height = self->settings->height;
   return lf::make_view(self->control->viewpoint(), width ? width : self->stream->default_width(),
                        height ? height : self->stream->default_height());
@@ -138,9 +138,27 @@ static gboolean lf_view_request_set_view(LfViewRequest* self, const GstStructure
                           self, [&](lf::ViewControl& control) { return control.set_view(structure); });
 }
 
+static guint view_id_of(LfViewRequest* self) {
+  GST_OBJECT_LOCK(self);
+  const guint view_id = self->settings->view_id;
+  GST_OBJECT_UNLOCK(self);
+  return view_id;
+}
+
 static bool is_navigation(GstEvent* event) { return GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION; }
 static bool is_view(GstEvent* event) {
   return GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && gst_event_has_name(event, lf::kViewEvent);
+}
+
+// What a view event says beside the numbers of the view. False if that is nothing.
+static gboolean follow(LfViewRequest* self, const GstStructure* structure) {
+  const GValue* value = gst_structure_get_value(structure, lf::kFocusContinuous);
+  GValue number = G_VALUE_INIT;
+  g_value_init(&number, G_TYPE_DOUBLE);
+  const bool given = value && g_value_transform(value, &number);
+  if (given) g_object_set(self, lf::kFocusContinuous, g_value_get_double(&number) != 0, nullptr);
+  g_value_unset(&number);
+  return given;
 }
 
 // By an event that is one of these two.
@@ -150,13 +168,14 @@ static gboolean steer(LfViewRequest* self, GstEvent* event) {
     if (!self->stream || self->stream->from_file()) return FALSE;
     if (!lf::is_for_view(event, self->settings->view_id)) return FALSE;
     if (is_view(event)) return gboolean(control.set_view(gst_event_get_structure(event)));
-    const lf::View view = current_view(self);
+    const lf::View view = lf_view_request_view(self);
     const bool changed = self->settings->navigation && control.navigate(event, view.width, view.height);
     click = control.take_click();
     return gboolean(changed);
   });
   if (click) lf_view_request_focus_at(self, click->x, click->y);
-  return done;
+  const bool own = is_view(event) && lf::is_for_view(event, view_id_of(self));
+  return (own && follow(self, gst_event_get_structure(event))) || done;
 }
 
 static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
@@ -370,14 +389,11 @@ static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   request.view_id = self->settings->view_id;
   request.quality = static_cast<uint8_t>(self->settings->quality);
   request.out_of_service = self->out_of_service->with_announced(request.view_id, self->stream->out_of_service());
-  request.view = lf::seen_beside(slot.view ? *slot.view : current_view(self), self->settings->eye_offset);
+  request.view = lf::seen_beside(slot.view ? *slot.view : lf_view_request_view(self), self->settings->eye_offset);
   self->changed = false;
   GST_OBJECT_UNLOCK(self);
 
-  self->focus_feedback->apply(request, [&] {
-    return rig ? lf::array_plane(*rig)
-               : lf::plane_through(request.view.pose.position, request.view.pose.forward());
-  });
+  self->focus_feedback->apply(request, rig.get());
   self->has_sent = true;
   self->last_sequence = request.sequence;
   *out = lf::encode_request_buffer(request);
@@ -415,6 +431,7 @@ static void set_setting(LfViewRequest* self, lf::ViewRequestSettings::Property p
     if (self->stream && (is_rig || property == lf::ViewRequestSettings::kKeepVisible))
       self->control->keep_visible(visible_share(changed, self->stream->rig()));
     *self->settings = changed;
+    self->focus_feedback->follow(changed.focus_continuous);
   } catch (const lf::Error& error) {
     problem = error.what();
   }
@@ -532,9 +549,11 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
    * @y: the same
    *
    * Puts the focal plane where the view is in focus at a pixel, as a click on the picture does: at once if its
-   * lfcompositor has a focal surface, else as soon as two requests have swept all depths.
+   * lfcompositor has a focal surface, else as soon as two requests have swept all depths. With `focus-continuous` it is
+   * kept in focus from then on.
    *
-   * Returns: %FALSE if a number is not finite, or the view is a file's, or the element does not run.
+   * Returns: %FALSE if a number is not finite, or the view is a file's, or the element does not run, or its cameras are
+   * told where to look (`access`).
    */
   signals[SIGNAL_FOCUS_AT] = g_signal_new_class_handler(
       "focus-at", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),

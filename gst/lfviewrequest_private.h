@@ -45,6 +45,8 @@ struct _LfViewRequest {
 };
 
 // lfviewrequest.cc
+// As the properties say. With the object lock, while running.
+lf::View lf_view_request_view(LfViewRequest* self);
 // Runs `change` on the view under the lock and then tells who watches the properties. Returns what `change` returns.
 gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gboolean(lf::ViewControl&)>& change);
 

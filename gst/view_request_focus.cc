@@ -17,10 +17,13 @@ static void set_focus_distance(LfViewRequest* self, double distance) {
 gboolean lf_view_request_focus_at(LfViewRequest* self, gdouble x, gdouble y) {
   if (!std::isfinite(x) || !std::isfinite(y)) return FALSE;
   GST_OBJECT_LOCK(self);
-  const bool steered = self->stream && !self->stream->from_file();
+  // Cameras that are told where to look (access) try nothing.
+  const bool can = self->stream && !self->stream->from_file() && !self->stream->makes_commands();
+  const lf::View view = can ? lf_view_request_view(self) : lf::View();
   GST_OBJECT_UNLOCK(self);
-  if (!steered) return FALSE;
-  if (const std::optional<double> distance = self->focus_feedback->focus_at({x, y})) set_focus_distance(self, *distance);
+  if (!can) return FALSE;
+  const lf::Vec2 place((x + 0.5) / view.width, (y + 0.5) / view.height);
+  if (const std::optional<double> distance = self->focus_feedback->focus_at(place)) set_focus_distance(self, *distance);
   return TRUE;
 }
 

@@ -96,6 +96,12 @@ GParamSpec* make_pspec(ViewRequestSettings::Property property) {
                                  "How far to the right of the view its picture is made from, in metres, as by one of "
                                  "two eyes that fly together; the focal plane stays that of the view",
                                  -kMostEyeOffset, kMostEyeOffset, initial.eye_offset, playing);
+    case ViewRequestSettings::kFocusContinuous:
+      return g_param_spec_boolean(
+          kFocusContinuous, "Focus continuous",
+          "Keep the place of the view in focus that a click or focus-at named last (before: the middle), as what is seen "
+          "there moves: from the focal surface of its lfcompositor, or by a sweep of depths with one of eight requests",
+          initial.focus_continuous, playing);
     case ViewRequestSettings::kLoop:
     default:
       return g_param_spec_boolean("loop", "Loop", "Begin the file of location again at its end", initial.loop, ready);
@@ -130,6 +136,7 @@ void ViewRequestSettings::set(Property property, const GValue* value) {
     case kAccess: access = static_cast<Access>(g_value_get_enum(value)); break;
     case kEager: eager = g_value_get_boolean(value); break;
     case kEyeOffset: eye_offset = g_value_get_double(value); break;
+    case kFocusContinuous: focus_continuous = g_value_get_boolean(value); break;
     case kNumProperties: break;
   }
 }
@@ -152,6 +159,7 @@ void ViewRequestSettings::get(Property property, GValue* value) const {
     case kAccess: g_value_set_enum(value, static_cast<gint>(access)); break;
     case kEager: g_value_set_boolean(value, eager); break;
     case kEyeOffset: g_value_set_double(value, eye_offset); break;
+    case kFocusContinuous: g_value_set_boolean(value, focus_continuous); break;
     case kNumProperties: break;
   }
 }

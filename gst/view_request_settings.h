@@ -9,6 +9,8 @@
 
 namespace lf {
 
+inline constexpr char kFocusContinuous[] = "focus-continuous";
+
 // lfviewrequest's properties but for the numbers of the view itself (view_control.h).
 struct ViewRequestSettings {
   static constexpr int kDefaultWidth = 640, kDefaultHeight = 480;  // without a rig
@@ -22,6 +24,7 @@ struct ViewRequestSettings {
   guint quality = 90;
   Access access = Access::kSelf;
   double eye_offset = 0;  // metres
+  bool focus_continuous = false;
 
   enum Property {
     kLocation,
@@ -40,6 +43,7 @@ struct ViewRequestSettings {
     kAccess,
     kEager,
     kEyeOffset,
+    kFocusContinuous,
     kNumProperties
   };
   // As properties first_id, first_id + 1, ... of the class.

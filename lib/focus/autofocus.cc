@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
+#include "base/median.h"
 #include "focus/plane_map.h"
 
 namespace lf {
@@ -12,6 +14,10 @@ namespace {
 
 constexpr double kNearestMeant = 0.3;  // of the focus distance
 constexpr double kAround = 1.5;        // the second stage: by which factor nearer and farther
+constexpr int kPlanes = static_cast<int>(kMaxTrials) - 1;
+constexpr double kFarFocus = 3;        // so much farther than it reaches, a focus says nothing of what is near
+constexpr double kInside = 0.9;        // of that factor
+constexpr double kFarthestApart = FocalMap::kFinestStep / 2.0;  // pixels
 
 }  // namespace
 
@@ -35,7 +41,7 @@ std::optional<double> focus_distance_at(const View& view, const Vec2& pixel) {
   return t;
 }
 
-void add_focus_sweep(ViewRequest& request, const Plane& from, std::optional<double> found) {
+void add_focus_sweep(ViewRequest& request, const Plane& from, std::optional<double> found, double reach) {
   View& view = request.view;
   const double eye = from.signed_distance(view.pose.position);
   const double along = glm::dot(from.normal, view.pose.forward());
@@ -47,13 +53,31 @@ void add_focus_sweep(ViewRequest& request, const Plane& from, std::optional<doub
   } else {
     const double focused = plane_inverse(view, from, {0, 0, 1});
     nearest = (focused > 0 ? focused : 1) / kNearestMeant;
+    if (nearest < reach / kFarFocus) nearest = reach;
     farthest = 0;
   }
   view.focus.map = std::make_shared<FocalMap>(plane_map(view, from, nearest, farthest));
   request.trials = {{Trial::Kind::kBlurred, 0}};
-  constexpr int kPlanes = static_cast<int>(kMaxTrials) - 1;
   for (int k = 0; k < kPlanes; k++)
     request.trials.push_back({Trial::Kind::kPlane, static_cast<int16_t>(255 * (k + 1) / kPlanes)});
+}
+
+double sweep_reach(const Rig& rig, const View& view) {
+  std::vector<double> spacings;
+  for (const Camera& camera : rig.cameras) {
+    double nearest = std::numeric_limits<double>::infinity();
+    for (const Camera& other : rig.cameras)
+      if (&other != &camera) nearest = std::min(nearest, glm::length(other.pose.position - camera.pose.position));
+    if (std::isfinite(nearest)) spacings.push_back(nearest);
+  }
+  if (spacings.empty()) return 0;
+  const double pixels = median(spacings) * view.lens.fx();  // that move from camera to camera for each 1/m
+  return pixels > 0 ? kPlanes * kFarthestApart / pixels : 0;
+}
+
+bool is_inside_sweep(double distance, double found) {
+  const double factor = std::max(distance / found, found / distance);
+  return factor < 1 + kInside * (kAround - 1);
 }
 
 }  // namespace lf

@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "rig/rig.h"
 #include "view/view_request.h"
 
 namespace lf {
@@ -13,8 +14,16 @@ namespace lf {
 std::optional<double> focus_distance_at(const View& view, const Vec2& pixel);
 
 // Asks the cameras where a view is in focus that has no map: gives the request the viewer's plane as a map, and planes
-// to try. Two stages: all depths that a viewer could mean, from three tenths of the focus distance to infinity, and then
-// those around `found` (see focus_distance_at()). `from`: see FocalMap.
-void add_focus_sweep(ViewRequest& request, const Plane& from, std::optional<double> found);
+// to try. Two stages: all depths that a viewer could mean, from infinity to three tenths of the focus distance, or if
+// that is far, to `reach` (inverse distance, 1/m; see sweep_reach()); and then those around `found` (see
+// focus_distance_at()). `from`: see FocalMap.
+void add_focus_sweep(ViewRequest& request, const Plane& from, std::optional<double> found, double reach = 0);
+
+// How near a first stage can reach without leaving anything out, 1/m: from plane to plane what neighbouring cameras see
+// moves by half of what the trials blur it.
+double sweep_reach(const Rig& rig, const View& view);
+
+// Whether a distance found by a second stage around `found` is no limit of it: beyond, nothing was tried.
+bool is_inside_sweep(double distance, double found);
 
 }  // namespace lf

@@ -76,7 +76,7 @@ async function linkKeyboardNamesAndSize() {
   await expectTruth(page, await setView(page, { roll: 0 }), size, 'what a link shows');
   // Everything is reached with Tab and has a name.
   const seen = new Set();
-  for (let i = 0; i < 9; i++) {
+  for (let i = 0; i < 10; i++) {
     await page.keyboard.press('Tab');
     seen.add(await page.evaluate(() => {
       const element = document.querySelector('lightfield-viewer').shadowRoot.activeElement;
@@ -189,15 +189,23 @@ async function clickFocuses() {
   const served = await serve(...rig, '--focus', '2');
   const page = await openPage(browser, served.url, size);
   await shown(page, 20);
+  const between = (least, most, what) => until(async () => {
+    const distance = (await stateOf(page))['focus-distance'];
+    return distance > least && distance < most;
+  }, `${what}: between ${least} and ${most} m`);
   const focuses = async (x, y, least, most) => {
     await page.mouse.click(x, y);
-    await until(async () => {
-      const distance = (await stateOf(page))['focus-distance'];
-      return distance > least && distance < most;
-    }, `a click at ${x}, ${y} focuses between ${least} and ${most} m`);
+    await between(least, most, `a click at ${x}, ${y} focuses`);
   };
   await focuses(140, 330, 0.8, 1.6);
   await focuses(400, 150, 1.9, 2.5);
+  await page.mouse.dblclick(140, 330);
+  await between(0.8, 1.6, 'a double click focuses');
+  await setView(page, { 'focus-distance': 3 });
+  await between(0.8, 1.6, 'what is followed is in focus again');
+  await focuses(400, 150, 1.9, 2.5);
+  await page.getByRole('button', { name: 'Follow' }).press('Enter');
+  expect(!await page.evaluate(() => document.querySelector('lightfield-viewer').follows), 'it ends');
   await page.getByLabel('Eyes').selectOption('side');
   await page.waitForFunction(() => document.querySelector('lightfield-viewer').video.videoWidth === 640, null,
     { timeout: patience });

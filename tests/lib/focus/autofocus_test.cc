@@ -20,7 +20,7 @@ double find(const ArrayOfWalls& walls, double begin, const Vec2& pixel) {
     request.view = walls.view(0);
     request.view.focus.map = nullptr;
     request.view.focus.plane = focal_plane_at(request.view.pose, begin);
-    add_focus_sweep(request, {{0, 0, 1}, 0}, found);
+    add_focus_sweep(request, {{0, 0, 1}, 0}, found, sweep_reach(walls.rig, request.view));
     EXPECT_NO_THROW(validate(request.view));
     EXPECT_LE(request.trials.size(), kMaxTrials);
     const FocusControl::Plan plan =
@@ -34,7 +34,7 @@ double find(const ArrayOfWalls& walls, double begin, const Vec2& pixel) {
 
 TEST(Autofocus, FindsTheWallAtAPixel) {
   const ArrayOfWalls walls;
-  for (const double begin : {1.0, 2.0, 6.0}) {
+  for (const double begin : {1.0, 2.0, 6.0, 30.0}) {
     EXPECT_NEAR(find(walls, begin, {40, 60}), 3, 0.2) << begin;
     EXPECT_NEAR(find(walls, begin, {120, 60}), 1.5, 0.1) << begin;
   }
@@ -54,7 +54,7 @@ TEST(Autofocus, IsNotMisledByPatterns) {
     sources.push_back({i, &rig.cameras[i], images[i].view()});
   }
   const Plane from{{0, 0, 1}, 0};
-  for (const double begin : {0.7, 1.3, 2.2, 4.0})
+  for (const double begin : {0.7, 1.3, 2.2, 4.0, 20.0})
     for (const auto& [pixel, distance] : {std::pair(Vec2(20, 20), kSceneFar), {Vec2(32, 85), kSceneNear}}) {
       FocusControl control;
       std::optional<double> found;
@@ -65,7 +65,7 @@ TEST(Autofocus, IsNotMisledByPatterns) {
         request.view.lens = rig.cameras[0].lens;
         request.view.pose.position = {0.003, -0.002, 0};
         request.view.focus.plane = focal_plane_at(request.view.pose, begin);
-        add_focus_sweep(request, from, found);
+        add_focus_sweep(request, from, found, sweep_reach(rig, request.view));
         std::vector<std::vector<uint8_t>> levels;
         for (const Trial& trial : request.trials) levels.push_back(trial_levels(*request.view.focus.map, trial));
         std::vector<Moments> sums(levels.size());
@@ -76,6 +76,23 @@ TEST(Autofocus, IsNotMisledByPatterns) {
       }
       EXPECT_NEAR(*found / distance, 1, 0.15) << "from " << begin << " m";
     }
+}
+
+TEST(Autofocus, ReachesAsNearAsPlanesAreCloseEnough) {
+  const Rig rig = scene_rig(4, 4, 160, 120);
+  View view{.width = 160, .height = 120, .lens = Lens::pinhole(100, 79.5, 59.5), .pose = {}, .focus = {}};
+  // 15 planes 2 pixels apart from infinity on; 0.04 m x 100 pixels move by 4 for each 1/m.
+  EXPECT_NEAR(sweep_reach(rig, view), 7.5, 1e-9);
+  view.lens = Lens::pinhole(400, 79.5, 59.5);
+  EXPECT_NEAR(sweep_reach(rig, view), 7.5 / 4.0, 1e-9);
+  EXPECT_EQ(sweep_reach(scene_rig(1, 1, 160, 120), view), 0);
+}
+
+TEST(Autofocus, TellsTheLimitsOfASweep) {
+  EXPECT_TRUE(is_inside_sweep(2, 2));
+  EXPECT_TRUE(is_inside_sweep(2.8, 2));
+  EXPECT_FALSE(is_inside_sweep(2.98, 2));
+  EXPECT_FALSE(is_inside_sweep(1.34, 2));
 }
 
 TEST(Autofocus, DistancesAreAlongTheAxis) {

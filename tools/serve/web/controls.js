@@ -20,6 +20,7 @@ export class Controls {
     video.addEventListener('pointermove', event => this.move(event));
     for (const name of ['pointerup', 'pointercancel']) video.addEventListener(name, event => this.up(event));
     video.addEventListener('wheel', event => this.turn(event), { passive: false });
+    video.addEventListener('dblclick', () => this.viewer.follow(!this.viewer.follows));
     video.addEventListener('contextmenu', event => event.preventDefault());
     video.addEventListener('keydown', event => this.press(event));
     addEventListener('gamepadconnected', () => requestAnimationFrame(now => this.gamepad(now)));
@@ -81,6 +82,7 @@ export class Controls {
   press(event) {
     if (event.ctrlKey || event.metaKey || event.altKey || this.viewer.path !== null) return;
     if (event.key === 'i') return this.viewer.toggle('figures', this.viewer.panel);
+    if (event.key === 'f') return this.viewer.follow(!this.viewer.follows);
     if (event.key === 'm') return this.viewer.toggle('quality', this.viewer.monitor);
     if (event.key === 'c') return this.viewer.toggle('cameras', this.viewer.cameras);
     const key = kKeys[event.key] ?? (kLetters.includes(event.key.toLowerCase()) ? event.key.toLowerCase() : null);

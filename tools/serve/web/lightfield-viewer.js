@@ -43,6 +43,8 @@ export class LightfieldViewer extends HTMLElement {
     this.controls = new Controls(this);
     this.slider.addEventListener('input', () => this.focusAt(Number(this.slider.value)));
     find('.sweep').addEventListener('click', event => this.sweep(event.target));
+    this.follower = find('.follow');
+    this.follower.addEventListener('click', () => this.follow(!this.follows));
     find('.home').addEventListener('click', () => {
       this.controls.key('r');
       this.say('Back at the start');
@@ -143,6 +145,7 @@ export class LightfieldViewer extends HTMLElement {
       this.retry = 0;
       // Another connection goes on where the one before was.
       this.sendView(this.state ?? { ...viewOf(location.hash.slice(1)), ...this.view });
+      if (this.follows) this.follow(true);
       this.dispatchEvent(new CustomEvent('connected'));
     });
     try {
@@ -214,6 +217,13 @@ export class LightfieldViewer extends HTMLElement {
   // `decades` from the distance that the flight began with.
   focusAt(decades) {
     if (this.home) this.sendView({ 'focus-distance': this.home['focus-distance'] * 10 ** decades });
+  }
+
+  // Keeps in focus what was clicked last, as it moves.
+  get follows() { return this.follower.getAttribute('aria-pressed') === 'true'; }
+  follow(on) {
+    this.follower.setAttribute('aria-pressed', on);
+    return this.sendView({ 'focus-continuous': on ? 1 : 0 });
   }
 
   sweep(button) {

@@ -60,6 +60,7 @@ export const markup = `
     <label>Focus
       <input type="range" min="-1" max="1" step="0.01" value="0" aria-label="Distance of what is sharp"></label>
     <button class="sweep" aria-pressed="false" title="Moves the focus through the scene and back">Sweep</button>
+    <button class="follow" aria-pressed="false" title="Keeps what was clicked last in focus (key f, double click)">Follow</button>
     <button class="home" title="Back to where the flight began (key r)">Home</button>
     <select aria-label="Eyes" title="A picture for one eye, or for two">
       ${Object.entries(kModes).map(([mode, name]) => `<option value="${mode}">${name}</option>`).join('')}
@@ -69,6 +70,6 @@ export const markup = `
     <button class="quality" aria-pressed="false" title="How well the cameras fit together (key m)">Quality</button>
     <button class="share" title="Copies a link to exactly this view">Share</button>
   </div>
-  <span id="help" hidden>A click focuses on what is there. Arrow keys turn around the scene, w s a d q e fly, plus and minus zoom, square brackets move
+  <span id="help" hidden>A click focuses on what is there, a double click or f keeps it in focus. Arrow keys turn around the scene, w s a d q e fly, plus and minus zoom, square brackets move
     the focus, r goes back to the start, c shows the cameras, m how well they fit together, i shows figures. With shift nothing keeps the scene in
     sight.</span>`;
