@@ -329,9 +329,10 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
   const GstClockTime pts = running_time(self, request), duration = GST_BUFFER_DURATION(request);
   gst_buffer_unref(request);
   record(self, answered, pts);
-  g_autoptr(GstBuffer) moments = nullptr;
+  std::vector<GstBuffer*> moments;
   if (self->partial) {
-    if ((moments = lf_compositor_make_moments(self, self->node))) GST_BUFFER_PTS(moments) = pts;
+    moments = lf_compositor_make_moments(self, self->node);
+    for (GstBuffer* unit : moments) GST_BUFFER_PTS(unit) = pts;
   } else {
     lf_compositor_find_focus(self);
     lf_compositor_monitor(self);
@@ -345,12 +346,14 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
   if (GST_BUFFER_PTS_IS_VALID(out)) segment.position = GST_BUFFER_PTS(out);
   // Where nothing is ever missing nothing is kept: downstream may then write into the picture.
   if (is_live(self) && !self->partial) gst_buffer_replace(&state.last_picture, out);
-  if (moments) {
-    flow = gst_aggregator_finish_buffer(GST_AGGREGATOR(self), static_cast<GstBuffer*>(g_steal_pointer(&moments)));
-    if (flow != GST_FLOW_OK) {
-      gst_buffer_unref(out);
-      return flow;
-    }
+  for (GstBuffer* unit : moments)
+    if (flow == GST_FLOW_OK)
+      flow = gst_aggregator_finish_buffer(GST_AGGREGATOR(self), unit);
+    else
+      gst_buffer_unref(unit);
+  if (flow != GST_FLOW_OK) {
+    gst_buffer_unref(out);
+    return flow;
   }
   return gst_aggregator_finish_buffer(GST_AGGREGATOR(self), out);
 }

@@ -32,6 +32,8 @@ bool lf_compositor_finds_focus(LfCompositor* self) {
 
 void lf_compositor_forget_moments(LfCompositor* self) {
   self->state->moments.clear();
+  self->state->brightness = {};
+  self->state->gains = {};
   self->state->moment_bytes = 0;
 }
 
@@ -55,8 +57,12 @@ int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer) {
   const auto ahead = static_cast<int32_t>(header->sequence - request.sequence);
   if (ahead != 0) return ahead > 0 ? 1 : -1;
   lf::wire::MomentsShape asked;
-  if (const lf::FocalMap* map = request.view.focus.map.get())
-    asked = {map->columns, map->rows, request.trials.size()};
+  if (const lf::FocalMap* map = request.view.focus.map.get()) {
+    if (!header->gains)
+      asked = {map->columns, map->rows, request.trials.size()};
+    else if (request.gains.ask)
+      asked = {lf::FocalMap::nodes(map->columns, 2), lf::FocalMap::nodes(map->rows, 2), 1};
+  }
   std::optional<lf::wire::MomentsUnit> unit = lf::wire::decode_moments(mapped.bytes(), asked, &reason);
   if (unit && request.rig_hash != 0 && unit->rig_hash != request.rig_hash) {
     reason = "of another rig";
@@ -67,6 +73,14 @@ int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer) {
     return 0;
   }
   state.moment_bytes += mapped.bytes().size();
+  if (unit->gains) {
+    state.gains.add(*unit->gains);
+    if (state.brightness.columns == 0)
+      state.brightness = std::move(unit->trials[0]);
+    else
+      state.brightness.add(unit->trials[0]);
+    return 0;
+  }
   if (state.moments.empty())
     state.moments = std::move(unit->trials);
   else
@@ -74,18 +88,38 @@ int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer) {
   return 0;
 }
 
-GstBuffer* lf_compositor_make_moments(LfCompositor* self, guint node) {
+std::vector<GstBuffer*> lf_compositor_make_moments(LfCompositor* self, guint node) {
   const auto& state = *self->state;
-  if (state.moments.empty()) return nullptr;
   const lf::ViewRequest& request = *state.current;
-  return lf::wrap_bytes(lf::wire::encode_moments(
-      {request.view_id, request.sequence, state.assembly.rig_hash(), node}, state.moments));
+  lf::wire::MomentsHeader header{request.view_id, request.sequence, state.assembly.rig_hash(), node, {}};
+  std::vector<GstBuffer*> units;
+  if (!state.moments.empty()) units.push_back(lf::wrap_bytes(lf::wire::encode_moments(header, state.moments)));
+  header.gains = state.gains;
+  if (state.brightness.columns > 0)
+    units.push_back(lf::wrap_bytes(lf::wire::encode_moments(header, {&state.brightness, 1})));
+  return units;
+}
+
+// What the next request says of the cameras' brightness, whose trials are `trials`.
+static lf::GainRequest next_gains(LfCompositor* self, bool use, bool has_trials) {
+  auto& state = *self->state;
+  lf::GainRequest gains{.use = use};
+  if (!use) {
+    state.mean_rounds = 0;
+    return gains;
+  }
+  gains.ask = has_trials && state.mean_rounds++ % lf::kMeanInterval == 0;
+  if (state.brightness.columns == 0) return gains;
+  gains.mean = lf::mean_luma(state.brightness, state.gains);
+  gains.mean_of = state.current->sequence;
+  return gains;
 }
 
 void lf_compositor_find_focus(LfCompositor* self) {
   auto& state = *self->state;
   GST_OBJECT_LOCK(self);
   const lf::FocusControl::Settings settings = self->focus;
+  const bool gains = self->gains && settings.mode != lf::FocusMode::kPlane;
   GST_OBJECT_UNLOCK(self);
   const bool was_finding = state.focus_settings.mode != lf::FocusMode::kPlane;
   if (settings != state.focus_settings) {
@@ -104,5 +138,6 @@ void lf_compositor_find_focus(LfCompositor* self) {
   }
   const lf::FocusControl::Plan plan = state.focus.next(request, state.moments, *state.focus_from);
   state.stats.set_focus(state.focus.state(), state.moment_bytes);
+  request.gains = next_gains(self, gains, !plan.trials.empty());
   gst_pad_push_event(self->request, lf::focal_surface_event(request, plan));
 }

@@ -31,6 +31,7 @@ bool parse_focal_surface(GstEvent* event, FocalSurfaceNews* news) {
   std::optional<ViewRequest> request = decode_request_buffer(buffer);
   if (!request) return false;
   news->plan = {std::move(request->view), std::move(request->trials)};
+  news->gains = std::move(request->gains);
   return true;
 }
 

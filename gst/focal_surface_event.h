@@ -14,13 +14,14 @@
 
 namespace lf {
 
-// A new event, owned by the caller.
+// A new event, owned by the caller. `request`: the one that it is told from, with the gains of the next.
 GstEvent* focal_surface_event(const ViewRequest& request, const FocusControl::Plan& plan);
 bool is_focal_surface(GstEvent* event);
 // What such an event says; false if it is another one, or damaged.
 struct FocalSurfaceNews {
   guint view_id = 0, sequence = 0;
   FocusControl::Plan plan;
+  GainRequest gains;
 };
 bool parse_focal_surface(GstEvent* event, FocalSurfaceNews* news);
 

@@ -114,8 +114,11 @@ void FocusFeedback::apply(ViewRequest& request, const Rig* rig) {
     search_.reset();
     found_for = news_->plan.view;
     request.trials = std::exchange(news_->plan.trials, {});
+    request.gains = std::exchange(news_->gains, {.use = news_->gains.use});
   }
   request.view.focus.map = carry_over(found_for, view);
+  // A mean of another size is of no use.
+  if (view.width != found_for.width || view.height != found_for.height) request.gains.mean.clear();
 }
 
 void FocusFeedback::set_unlocked(bool unlocked) {

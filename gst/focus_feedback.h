@@ -19,8 +19,8 @@ class FocusFeedback {
   void announce(FocalSurfaceNews news);
   // Waits until there are news from this request or a later one. False if that takes too long, or while unlocked.
   bool wait_for(uint32_t sequence, std::chrono::milliseconds longest);
-  // Gives the request the surface as its view has it, and the trials, which are for one request only; or what finds the
-  // focus that was asked for. `rig`: that the view is of; may be null.
+  // Gives the request the surface as its view has it, and trials and gains, which are for one request only; or what
+  // finds the focus that was asked for. `rig`: that the view is of; may be null.
   void apply(ViewRequest& request, const Rig* rig);
 
   // A place of the view that is to be in focus, as parts of its width and height. Its distance, if a surface is known;

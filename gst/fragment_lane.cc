@@ -73,8 +73,9 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
   lf::FragmentNode::Reply reply = self->node->answer(*request, lane->requester, manner, lane->memory->take());
   if (!reply.warning.empty())
     GST_ELEMENT_WARNING(self, STREAM, FAILED, ("View %u: %s.", head.view_id, reply.warning.c_str()), (nullptr));
-  if (!reply.moments.empty()) {
-    GstBuffer* moments = lf::wrap_bytes(std::move(reply.moments));
+  for (lf::ByteBuffer* before : {&reply.brightness, &reply.moments}) {
+    if (before->empty()) continue;
+    GstBuffer* moments = lf::wrap_bytes(std::move(*before));
     GST_BUFFER_PTS(moments) = pts;
     GST_BUFFER_DURATION(moments) = duration;
     self->node->stats().bytes += gst_buffer_get_size(moments);

@@ -74,6 +74,7 @@ FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester&
     requester.rig = array->rig;
     requester.mesh.clear();
     requester.watch = {};
+    requester.gains.clear();
     requester.warned_of = 0;
   }
   std::string warning;
@@ -91,7 +92,7 @@ FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester&
       stats_.bad_requests++;
     }
   }
-  return {.moments = {}, .bytes = wire::AnswerWriter(header, 0).finish(), .warning = std::move(warning)};
+  return {.brightness = {}, .moments = {}, .bytes = wire::AnswerWriter(header, 0).finish(), .warning = std::move(warning)};
 }
 
 std::vector<Source> FragmentNode::sharpen_all(std::span<const Source> images, const AnswerTask& task,
@@ -103,6 +104,18 @@ std::vector<Source> FragmentNode::sharpen_all(std::span<const Source> images, co
     sharpened[i].image = sharpen(images[i].image, task.answer_region(images[i].camera), memory[i]);
   });
   return sharpened;
+}
+
+ByteBuffer FragmentNode::match_gains(const AnswerTask& task, const wire::AnswerHeader& header, const Manner& manner,
+                                     GainMatcher& matcher, std::vector<Source>& images) {
+  const CameraGains& gains = matcher.gains_for(header.view_id, *task.gains());
+  AnswerTask::Brightness brightness = task.brightness(header, images, gains, manner.parallel);
+  if (task.gains()->use) {
+    images = matcher.match(images, gains, [&task](CameraIndex camera) { return task.drawn(camera); }, manner.parallel);
+    stats_.set_gains(images, gains);
+  }
+  if (!brightness.bytes.empty()) matcher.keep(header.view_id, header.sequence, std::move(brightness.seen));
+  return std::move(brightness.bytes);
 }
 
 FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeTask& make_task, const Array& array,
@@ -178,8 +191,11 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
   const bool nothing = header.family == PixelFamily::kNone;
   if (nothing) header.family = family;
 
-  const std::span<const Source> images = nothing ? std::span<const Source>() : sources.sources();
+  std::vector<Source> images;
+  if (!nothing) images = sources.sources();
   const uint64_t trying = now_ns();
+  ByteBuffer brightness;
+  if (task->gains()) brightness = match_gains(*task, header, manner, requester.gains, images);
   ByteBuffer moments = task->moments(header, images, manner.parallel);
   const uint64_t tried = now_ns();
   std::vector<Source> sharpened;
@@ -193,7 +209,8 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
                                     .encode = rendered.encode_ns};
   stats_.add(stages);
   if (worst_skew > stats_.max_skew_ns) stats_.max_skew_ns = worst_skew;
-  return {.moments = std::move(moments),
+  return {.brightness = std::move(brightness),
+          .moments = std::move(moments),
           .bytes = std::move(rendered.bytes),
           .fragments = rendered.fragments,
           .stages = stages,

@@ -13,6 +13,7 @@
 #include "frame_sources.h"
 #include "image/sharpen.h"
 #include "node/answer_task.h"
+#include "node/gain_matcher.h"
 #include "node/skew_watch.h"
 #include "node_stats.h"
 #include "render/render_job.h"
@@ -35,6 +36,7 @@ class FragmentNode {
     MeshCache mesh;
     SkewWatch watch;
     std::vector<ByteBuffer> sharpened;    // memory of sharpened images
+    GainMatcher gains;
     uint64_t warned_of = 0;               // hash of another rig that a person has been told of
     std::atomic<bool> cancelled = false;  // nothing is waited for; see cancel()
   };
@@ -49,7 +51,7 @@ class FragmentNode {
     ParallelFor parallel = serial_for;
   };
   struct Reply {
-    ByteBuffer moments;  // goes before the answer; empty: nothing does
+    ByteBuffer brightness, moments;  // go before the answer; empty: nothing does
     ByteBuffer bytes;    // the answer, always whole
     size_t fragments = 0;
     NodeStats::Stages stages;
@@ -66,6 +68,10 @@ class FragmentNode {
   MakeTask task_maker(const wire::AnyRequest& request, const Array& array, Requester& requester) const;
   Reply render(const RequestHead& request, const MakeTask& make_task, const Array& array, Requester& requester,
                const Manner& manner, wire::AnswerHeader header, ByteBuffer memory, uint64_t waited);
+  // Matches the brightness of `images` as the task has it. What goes before the answer of how bright they are; empty:
+  // nothing does.
+  ByteBuffer match_gains(const AnswerTask& task, const wire::AnswerHeader& header, const Manner& manner,
+                         GainMatcher& matcher, std::vector<Source>& images);
   // The same images, what the task needs of them sharpened, in `memory`.
   static std::vector<Source> sharpen_all(std::span<const Source> images, const AnswerTask& task, const Manner& manner,
                                          std::vector<ByteBuffer>& memory);

@@ -12,6 +12,7 @@
 #include "composite/camera_health.h"
 #include "compositor_stats.h"
 #include "focus/focus_control.h"
+#include "focus/mean_luma.h"
 #include "gst_wire.h"
 #include "lfcompositor.h"
 #include "node/answer_form.h"
@@ -55,6 +56,7 @@ struct _LfCompositor {
   lf::CodecChoice codec;
   lf::FocusControl::Settings focus;
   guint monitor_interval;
+  gboolean gains;
 
   // Streaming thread, but for stats.
   struct State {
@@ -84,6 +86,9 @@ struct _LfCompositor {
     bool root_is_near = false;  // the compositor that partial answers go to is in this process
 
     std::vector<lf::Moments> moments;  // of the current request's trials; empty: none yet
+    lf::Moments brightness;  // what cameras see for the mean that was asked for; of no size: none
+    lf::GainSum gains;       // theirs
+    unsigned mean_rounds = 0;  // requests with trials since the gains were switched on
     uint64_t moment_bytes = 0;
     lf::FocusControl::Settings focus_settings;  // of `focus`
     lf::FocusControl focus;
@@ -132,8 +137,8 @@ void lf_compositor_forget_moments(LfCompositor* self);
 // Adds moments that belong to the current request. Negative: they belong to nothing any more; positive: they are a later
 // request's.
 int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer);
-// What has come, as the moments of one node; null if nothing has.
-GstBuffer* lf_compositor_make_moments(LfCompositor* self, guint node);
+// What has come, as the moments of one node: what goes before its answer, nothing if nothing has.
+std::vector<GstBuffer*> lf_compositor_make_moments(LfCompositor* self, guint node);
 // The current request has been composed: tells upstream where the next one is to be focused.
 void lf_compositor_find_focus(LfCompositor* self);
 

@@ -15,6 +15,11 @@ void NodeStats::add(const Stages& stages) {
   total_.add(stages.wait + stages.decode + stages.render + stages.encode);
 }
 
+void NodeStats::set_gains(std::span<const Source> cameras, const CameraGains& gains) {
+  std::lock_guard lock(mutex_);
+  for (const Source& source : cameras) gains_[source.rig_camera->id] = gains.of(source.camera);
+}
+
 GstStructure* NodeStats::structure() const {
   GstStructure* stats = gst_structure_new_empty("application/x-lightfield-fragment-stats");
   const auto set = [stats](const std::string& name, uint64_t value) {
@@ -35,6 +40,13 @@ GstStructure* NodeStats::structure() const {
   set("decode-ns", latest_.decode);
   set("render-ns", latest_.render);
   set("encode-ns", latest_.encode);
+  if (!gains_.empty()) {
+    GstStructure* gains = gst_structure_new_empty("gains");
+    for (const auto& [id, gain] : gains_)
+      gst_structure_set(gains, ("camera-" + std::to_string(id)).c_str(), G_TYPE_DOUBLE, static_cast<double>(gain), nullptr);
+    gst_structure_set(stats, "gains", GST_TYPE_STRUCTURE, gains, nullptr);
+    gst_structure_free(gains);
+  }
   const std::pair<const char*, const Percentiles*> stages[] = {
       {"wait", &wait_}, {"decode", &decode_}, {"render", &render_}, {"encode", &encode_}, {"answer", &total_}};
   for (const auto& [name, times] : stages)

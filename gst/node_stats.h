@@ -3,11 +3,15 @@
 
 #include <atomic>
 #include <cstdint>
+#include <map>
 #include <mutex>
+#include <span>
 
 #include <gst/gst.h>
 
 #include "base/percentiles.h"
+#include "focus/camera_gains.h"
+#include "render/sum_renderer.h"
 
 namespace lf {
 
@@ -25,12 +29,15 @@ struct NodeStats {
     uint64_t encode = 0;
   };
   void add(const Stages& stages);
+  // What the cameras of a request were divided by.
+  void set_gains(std::span<const Source> cameras, const CameraGains& gains);
   // The `stats` property; owned by the caller.
   GstStructure* structure() const;
 
  private:
   mutable std::mutex mutex_;
   Stages latest_;
+  std::map<uint32_t, float> gains_;  // by the camera's id
   Percentiles wait_, decode_, render_, encode_, total_;
 };
 

@@ -97,6 +97,11 @@ void still(const Arguments& a, const Case& c) {
     for (size_t i = 0; i < by_round.size(); i++)
       by_round[i] += gain(r, r.rounds[i]) / static_cast<double>(c.views.size());
     print_row(c.views[view].name, f);
+    if (!r.gains.empty()) {
+      std::printf("gains:");
+      for (const auto& [camera, g] : r.gains) std::printf(" %u %.3f", c.rig.cameras[camera].id, g);
+      std::printf("\n");
+    }
     json["views"].push_back({{"name", c.views[view].name},
                              {"plane_db", f[0]},
                              {"gain_db", f[3]},
@@ -173,6 +178,7 @@ int main(int argc, char** argv) {
   app.add_option("--rounds", a.options.rounds, "Pictures from the viewer's plane on")->check(CLI::PositiveNumber);
   app.add_option("--mode", a.mode, "surface or auto")->check(CLI::IsMember({"surface", "auto"}));
   app.add_flag("--sharpened", a.options.sharpened, "Sharpen images before they are sampled");
+  app.add_flag("--gains", a.options.gains, "Cameras match their brightness to their mean");
   app.add_option("--noise", a.faults.noise, "Standard deviation of noise, of 255");
   app.add_option("--gain-error", a.faults.gain_error, "Relative error of the brightness of every fourth camera");
   app.add_option("--pointing-error", a.faults.pointing_error, "Of the camera in the middle, degrees");

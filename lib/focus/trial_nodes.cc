@@ -5,9 +5,9 @@
 
 namespace lf {
 
-TrialCamera::TrialCamera(const RenderJob& job, CameraIndex index, const Camera& rig_camera)
-    : corners(job.plan(), index), rect(corners.owned(job.runs(), job.plan().camera_rect(index))) {
-  const CameraProjection exact(job.plan(), index, rig_camera);
+TrialProjection trial_projection(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera) {
+  TrialProjection projection;
+  const CameraProjection exact(plan, camera, rig_camera);
   for (int k = 0; k < 3; k++)
     for (int column = 0; column < 3; column++) {
       projection.base[3 * k + column] = static_cast<float>(exact.camera_from_ray()[column][k]);
@@ -26,11 +26,17 @@ TrialCamera::TrialCamera(const RenderJob& job, CameraIndex index, const Camera& 
   projection.max_r2 = static_cast<float>(std::min(lens.max_radius() * lens.max_radius(), 1e30));
   projection.width = static_cast<float>(rig_camera.width);
   projection.height = static_cast<float>(rig_camera.height);
-  const FocalMap& map = *job.plan().view().focus.map;
+  const FocalMap& map = *plan.view().focus.map;
   projection.farthest = static_cast<float>(map.farthest);
   projection.per_level = static_cast<float>((map.nearest - map.farthest) / FocalMap::kLevels);
-  projection.eye_distance = static_cast<float>(job.plan().eye_distance());
+  projection.eye_distance = static_cast<float>(plan.eye_distance());
+  return projection;
 }
+
+TrialCamera::TrialCamera(const RenderJob& job, CameraIndex index, const Camera& rig_camera)
+    : corners(job.plan(), index),
+      rect(corners.owned(job.runs(), job.plan().camera_rect(index))),
+      projection(trial_projection(job.plan(), index, rig_camera)) {}
 
 TrialRow::TrialRow(const RenderJob& job) : job_(job), u_(job.plan().view().width), v_(u_.size()), weight_(u_.size()) {}
 

@@ -14,6 +14,9 @@
 // up what others have sampled.
 namespace lf {
 
+// CameraProjection in float. `plan`: of trial_view().
+TrialProjection trial_projection(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
+
 // One camera, with what is needed of it for every row. `job`: of trial_view().
 struct TrialCamera {
   TrialCamera(const RenderJob& job, CameraIndex index, const Camera& rig_camera);

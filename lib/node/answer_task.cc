@@ -2,6 +2,7 @@
 #include "node/answer_task.h"
 
 #include <algorithm>
+#include <iterator>
 #include <string>
 
 #include "base/error.h"
@@ -19,13 +20,21 @@ class WarpTask : public AnswerTask {
       : rig_(rig), job_(std::move(plan), own), quality_(quality) {}
   WarpTask(const Rig& rig, const Mesh& mesh, const ViewRequest& request, std::span<const CameraIndex> own)
       : WarpTask(rig, ViewPlan(rig, mesh, request.view), request.quality, own) {
+    gains_ = request.gains;
+    if (gains_.ask) compare(rig, mesh, request, own);
     if (request.trials.empty()) return;
     trial_job_.emplace(rig, mesh, trial_view(request.view), own);
     for (const Trial& trial : request.trials) trials_.push_back(trial_levels(*request.view.focus.map, trial));
   }
 
-  const std::vector<CameraIndex>& cameras() const override { return job_.cameras(); }
+  const std::vector<CameraIndex>& cameras() const override { return wide_ ? cameras_ : job_.cameras(); }
   Rect region(CameraIndex camera) const override {
+    if (wide_ && std::ranges::binary_search(wide_->cameras(), camera))
+      return {0, 0, rig_.cameras[camera].width, rig_.cameras[camera].height};
+    return drawn(camera);
+  }
+  Rect drawn(CameraIndex camera) const override {
+    if (!is_in_view(camera)) return {};
     const Rect colour = answer_region(camera);
     if (trials_.empty() || trial_job_->plan().camera_rect(camera).empty()) return colour;
     return unite(colour, needed_pixels(trial_job_->plan(), camera, rig_.cameras[camera], trials_));
@@ -37,7 +46,11 @@ class WarpTask : public AnswerTask {
                         ByteBuffer memory, const ParallelFor& parallel) const override {
     AnswerForm form = choose_form(job_, manner.sum, manner.codec, manner.in_process, quality_);
     form.strip_pixels = manner.strip_pixels;
-    return render_answer(header, job_, sources, form, std::move(memory), parallel);
+    if (!wide_) return render_answer(header, job_, sources, form, std::move(memory), parallel);
+    std::vector<Source> in_view;
+    std::ranges::copy_if(sources, std::back_inserter(in_view),
+                         [this](const Source& source) { return is_in_view(source.camera); });
+    return render_answer(header, job_, in_view, form, std::move(memory), parallel);
   }
   ByteBuffer moments(const wire::AnswerHeader& header, std::span<const Source> sources,
                      const ParallelFor& parallel) const override {
@@ -49,9 +62,30 @@ class WarpTask : public AnswerTask {
     return wire::encode_moments({header.view_id, header.sequence, header.rig_hash, header.node}, sums);
   }
 
+  const GainRequest* gains() const override { return gains_.use || gains_.ask ? &gains_ : nullptr; }
+  Brightness brightness(const wire::AnswerHeader& header, std::span<const Source> sources, const CameraGains& gains,
+                        const ParallelFor& parallel) const override {
+    if (!wide_) return {};
+    WideLuma::Seen seen = wide_->see(sources, gains, parallel);
+    return {wire::encode_moments({header.view_id, header.sequence, header.rig_hash, header.node, seen.gains},
+                                 {&seen.moments, 1}),
+            std::move(seen.cameras)};
+  }
+
  private:
+  bool is_in_view(CameraIndex camera) const { return std::ranges::binary_search(job_.cameras(), camera); }
+  void compare(const Rig& rig, const Mesh& mesh, const ViewRequest& request, std::span<const CameraIndex> own) {
+    std::vector<CameraIndex> in_service;
+    std::ranges::set_difference(own, request.out_of_service, std::back_inserter(in_service));
+    wide_.emplace(rig, mesh, mean_view(request.view), in_service);
+    std::ranges::set_union(job_.cameras(), wide_->cameras(), std::back_inserter(cameras_));
+  }
+
   const Rig& rig_;
   const RenderJob job_;
+  GainRequest gains_;
+  std::optional<WideLuma> wide_;              // that it asks for
+  std::vector<CameraIndex> cameras_;          // of both
   std::optional<RenderJob> trial_job_;        // with trials
   std::vector<std::vector<uint8_t>> trials_;  // their levels
   const int quality_;

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "focus/wide_luma.h"
 #include "node/answer_form.h"
 #include "node/answer_renderer.h"
 #include "rig/mesh.h"
@@ -32,6 +33,20 @@ class AnswerTask {
   // The answer. Arguments and errors as for render_answer(); `sources` are of cameras().
   virtual RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Manner& manner,
                                 ByteBuffer memory = {}, const ParallelFor& parallel = serial_for) const = 0;
+  // What is needed of it for both; empty: the camera is only asked how bright it is.
+  virtual Rect drawn(CameraIndex camera) const { return region(camera); }
+  // How the cameras' brightness is to be matched; null: not at all.
+  virtual const GainRequest* gains() const { return nullptr; }
+  // For the mean that a request asks for: the unit that goes before the answer, empty if it does not ask, and what is to be
+  // kept until there is that mean. `sources`: as they are, not divided by `gains`.
+  struct Brightness {
+    ByteBuffer bytes;
+    std::vector<WideLuma::Camera> seen;
+  };
+  virtual Brightness brightness(const wire::AnswerHeader&, std::span<const Source>, const CameraGains&,
+                                const ParallelFor& = serial_for) const {
+    return {};
+  }
   // The unit of moments that goes before the answer: what the trials of the request came to. Empty if it has none.
   virtual ByteBuffer moments(const wire::AnswerHeader&, std::span<const Source>,
                              const ParallelFor& = serial_for) const {

@@ -27,11 +27,23 @@ struct RequestHead {
   bool operator==(const RequestHead&) const = default;
 };
 
+// How cameras match their brightness: each compares what it has seen with what all have seen, and divides its images by
+// its gain. With a focal map alone.
+struct GainRequest {
+  bool use = false;  // of the gains that cameras know
+  bool ask = false;  // to be answered with what they see, for the mean: see WideLuma
+  // See mean_luma(), of the view's request with this sequence number; empty: none.
+  std::vector<uint8_t> mean;
+  uint32_t mean_of = 0;
+  bool operator==(const GainRequest&) const = default;
+};
+
 // The whole state of one view: no history is needed to answer it.
 struct ViewRequest : RequestHead {
   View view;
   CameraSet out_of_service;
   std::vector<Trial> trials;  // of the view's focal map, to be answered with moments; at most kMaxTrials, none without
+  GainRequest gains;
   bool operator==(const ViewRequest&) const = default;
 };
 

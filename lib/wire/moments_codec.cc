@@ -15,6 +15,7 @@ namespace lf::wire {
 namespace {
 
 constexpr size_t kHeaderBytes = kUnitHeaderBytes + 4 + 4 + 8 + 4 + 2 + 2 + 2 + 8;
+constexpr uint16_t kOfGains = 1;  // flag of the unit
 constexpr uint8_t kHasWeight = 1;  // flag of a trial: else all of its weight is there
 
 // The nodes with weight in any trial.
@@ -66,7 +67,7 @@ void read_plane(Reader& in, std::vector<uint16_t>& values, int columns, const Re
 // Up to the trials' rectangle.
 Reader read_header(std::span<const uint8_t> bytes, MomentsHeader& moments, MomentsShape& shape) {
   std::string reason;
-  const std::optional<UnitHeader> header = check_unit_header(bytes, UnitKind::kAnswer, kMomentsType, 0, reason);
+  const std::optional<UnitHeader> header = check_unit_header(bytes, UnitKind::kAnswer, kMomentsType, kOfGains, reason);
   if (!header || !check_unit_size(bytes, *header, reason)) throw Error(reason);
   Reader in(bytes.subspan(kUnitHeaderBytes));
   moments.view_id = in.get<uint32_t>();
@@ -77,6 +78,11 @@ Reader read_header(std::span<const uint8_t> bytes, MomentsHeader& moments, Momen
   shape.rows = in.get<uint16_t>();
   shape.trials = in.get<uint8_t>();
   const uint8_t reserved = in.get<uint8_t>();
+  if (header->flags & kOfGains) {
+    moments.gains.emplace();
+    moments.gains->weight = in.get<uint32_t>();
+    moments.gains->log2 = static_cast<int32_t>(in.get<uint32_t>());
+  }
   if (!in.ok()) throw Error("moments: the unit ends before its trials");
   if (reserved != 0) throw Error("reserved: must be 0, is " + std::to_string(reserved));
   if (shape.trials < 1 || shape.trials > kMaxTrials)
@@ -128,7 +134,7 @@ ByteBuffer encode_moments(const MomentsHeader& header, std::span<const Moments> 
     throw Error("trials: must be 1 to " + std::to_string(kMaxTrials) + ", not " + std::to_string(trials.size()));
   const Rect rect = seen_nodes(trials);
   const size_t nodes = static_cast<size_t>(rect.width()) * static_cast<size_t>(rect.height());
-  size_t size = kHeaderBytes;
+  size_t size = kHeaderBytes + (header.gains ? 8 : 0);
   std::vector<bool> whole;
   for (const Moments& moments : trials) {
     if (moments.columns != trials[0].columns || moments.rows != trials[0].rows)
@@ -138,7 +144,7 @@ ByteBuffer encode_moments(const MomentsHeader& header, std::span<const Moments> 
   }
   ByteBuffer bytes(size);
   PlacedWriter out(bytes.data());
-  put_unit_header(out, UnitKind::kAnswer, kMomentsType, 0, size);
+  put_unit_header(out, UnitKind::kAnswer, kMomentsType, header.gains ? kOfGains : uint16_t{0}, size);
   out.put(header.view_id);
   out.put(header.sequence);
   out.put(header.rig_hash);
@@ -147,6 +153,10 @@ ByteBuffer encode_moments(const MomentsHeader& header, std::span<const Moments> 
   out.put(static_cast<uint16_t>(trials[0].rows));
   out.put(static_cast<uint8_t>(trials.size()));
   out.put(uint8_t{0});
+  if (header.gains) {
+    out.put(header.gains->weight);
+    out.put(static_cast<uint32_t>(header.gains->log2));
+  }
   for (const int v : {rect.x0, rect.y0, rect.width(), rect.height()}) out.put(static_cast<uint16_t>(v));
   for (size_t t = 0; t < trials.size(); t++) {
     out.put(whole[t] ? uint8_t{0} : kHasWeight);

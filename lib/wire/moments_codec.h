@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/byte_buffer.h"
+#include "focus/mean_luma.h"
 #include "focus/moments.h"
 
 namespace lf::wire {
@@ -18,6 +19,9 @@ struct MomentsHeader {
   uint32_t view_id = 0, sequence = 0;
   uint64_t rig_hash = 0;
   uint32_t node = 0;
+  // Of what cameras see with wide weights, the one trial of such a unit, for the mean that they compare themselves
+  // with: their gains. Nothing: of the request's trials.
+  std::optional<GainSum> gains;
   bool operator==(const MomentsHeader&) const = default;
 };
 struct MomentsUnit : MomentsHeader {

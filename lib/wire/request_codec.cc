@@ -10,6 +10,19 @@ namespace lf::wire {
 namespace {
 
 constexpr uint8_t kFocalPlane = 0, kFocalMap = 1;  // kind of focal surface
+constexpr uint8_t kUseGains = 1, kAskMean = 2, kMeanFollows = 4;
+
+size_t mean_nodes(const FocalMap& map) {
+  return static_cast<size_t>(FocalMap::nodes(map.columns, 2)) * static_cast<size_t>(FocalMap::nodes(map.rows, 2));
+}
+
+void check_gains(const ViewRequest& request) {
+  const GainRequest& gains = request.gains;
+  if (!gains.ask && gains.mean.empty()) return;
+  if (!request.view.focus.map) throw Error("gains: by a map that is not there");
+  if (!gains.mean.empty() && gains.mean.size() != mean_nodes(*request.view.focus.map))
+    throw Error("gains: a mean of " + std::to_string(gains.mean.size()) + " nodes is of another map");
+}
 
 void check(const ViewRequest& request) {
   check_request_head(request);
@@ -17,6 +30,7 @@ void check(const ViewRequest& request) {
   if (request.trials.size() > kMaxTrials)
     throw Error("trials: at most " + std::to_string(kMaxTrials) + ", not " + std::to_string(request.trials.size()));
   if (!request.trials.empty() && !request.view.focus.map) throw Error("trials: of a map that is not there");
+  check_gains(request);
   const CameraSet& out = request.out_of_service;
   for (size_t i = 0; i < out.size(); i++) {
     const auto place = [i] { return "out_of_service[" + std::to_string(i) + "]: "; };
@@ -80,6 +94,19 @@ void read_map(Reader& in, ViewRequest& request) {
   view.focus.map = std::move(map);
 }
 
+void put_mean(Writer& out, const GainRequest& gains, const std::vector<uint8_t>& deflated) {
+  out.put(gains.mean_of);
+  out.put(static_cast<uint32_t>(deflated.size()));
+  out.put_bytes(deflated);
+}
+
+void read_mean(Reader& in, const FocalMap& map, GainRequest& gains) {
+  gains.mean_of = in.get<uint32_t>();
+  const std::span<const uint8_t> deflated = in.get_bytes(in.get<uint32_t>());
+  need_more(in, "gains");
+  gains.mean = inflate_exactly(deflated, mean_nodes(map));
+}
+
 ViewRequest read_request(std::span<const uint8_t> bytes) {
   ViewRequest request;
   View& view = request.view;
@@ -87,7 +114,7 @@ ViewRequest read_request(std::span<const uint8_t> bytes) {
   const auto need = [&](const char* field) { need_more(in, field); };
   const uint8_t model_code = in.get<uint8_t>();
   const uint8_t surface = in.get<uint8_t>();
-  const uint8_t reserved = in.get<uint8_t>();
+  const uint8_t gains = in.get<uint8_t>();
   view.pose.position = get_vec(in);
   view.pose.orientation.w = in.get<double>();
   view.pose.orientation.x = in.get<double>();
@@ -98,7 +125,10 @@ ViewRequest read_request(std::span<const uint8_t> bytes) {
   view.lens = read_lens(in, model_code);
 
   if (surface > kFocalMap) throw Error("focal surface: kind " + std::to_string(surface) + " is not supported");
-  if (reserved != 0) throw Error("reserved: must be 0, is " + std::to_string(reserved));
+  if (gains > (kUseGains | kAskMean | kMeanFollows)) throw Error("gains: unknown flags " + std::to_string(gains));
+  if (gains > kUseGains && surface != kFocalMap) throw Error("gains: by a map that is not there");
+  request.gains.use = gains & kUseGains;
+  request.gains.ask = gains & kAskMean;
   view.focus.plane = get_plane(in);
   need("focal_plane");
 
@@ -110,6 +140,7 @@ ViewRequest read_request(std::span<const uint8_t> bytes) {
   request.out_of_service.reserve(count);
   for (uint32_t i = 0; i < count; i++) request.out_of_service.push_back(in.get<uint16_t>());
   if (surface == kFocalMap) read_map(in, request);
+  if (gains & kMeanFollows) read_mean(in, *view.focus.map, request.gains);
   if (in.left() != 0) throw Error("focal_map: " + std::to_string(in.left()) + " bytes too many");
   check(request);
   return request;
@@ -123,7 +154,12 @@ std::vector<uint8_t> encode_request(const ViewRequest& request) {
   const int num_params = view.lens.num_params();
   size_t size = kRequestHeadBytes + 3 + 8 * (3 + 4 + num_params + 4) + 4 + 2 * request.out_of_service.size();
   const FocalMap* const map = view.focus.map.get();
-  std::vector<uint8_t> deflated;
+  std::vector<uint8_t> deflated, mean;
+  const GainRequest& gains = request.gains;
+  if (!gains.mean.empty()) {
+    mean = deflate_all(gains.mean);
+    size += 4 + 4 + mean.size();
+  }
   if (map) {
     deflated = deflate_all(map->levels);
     size += 6 * 8 + 2 + 3 * request.trials.size() + 4 + deflated.size();
@@ -133,7 +169,8 @@ std::vector<uint8_t> encode_request(const ViewRequest& request) {
   put_request_head(out, kViewRequestType, request, view.width, view.height, size);
   out.put(static_cast<uint8_t>(view.lens.model()));
   out.put(map ? kFocalMap : kFocalPlane);
-  out.put(uint8_t{0});
+  out.put(static_cast<uint8_t>((gains.use ? kUseGains : 0) | (gains.ask ? kAskMean : 0) |
+                               (gains.mean.empty() ? 0 : kMeanFollows)));
   put_vec(out, view.pose.position);
   out.put(view.pose.orientation.w);
   out.put(view.pose.orientation.x);
@@ -144,6 +181,7 @@ std::vector<uint8_t> encode_request(const ViewRequest& request) {
   out.put(static_cast<uint32_t>(request.out_of_service.size()));
   for (const CameraIndex camera : request.out_of_service) out.put(static_cast<uint16_t>(camera));
   if (map) put_map(out, *map, deflated, request.trials);
+  if (!gains.mean.empty()) put_mean(out, gains, mean);
   return out.take();
 }
 

@@ -80,6 +80,8 @@ int main(int argc, char** argv) {
   asked.view.focus.map = std::make_shared<lf::FocalMap>(map);
   asked.trials = lf::trials_of_round(1);
   write(folder / "request", lf::wire::encode_request(asked));
+  asked.gains = {.use = true, .ask = true, .mean = std::vector<uint8_t>(64, 90), .mean_of = 7};
+  write(folder / "request", lf::wire::encode_request(asked));
   std::vector<lf::Moments> moments(2);
   for (lf::Moments& m : moments) {
     m.reset(5, 4);
@@ -88,9 +90,11 @@ int main(int argc, char** argv) {
       m.luma[i] = m.square[i] = static_cast<uint16_t>(1000 * i);
     }
   }
-  const lf::ByteBuffer coded = lf::wire::encode_moments({1, 2, 3, 4}, moments);
+  const lf::ByteBuffer coded = lf::wire::encode_moments({1, 2, 3, 4, {}}, moments);
   const Bytes moments_unit(coded.begin(), coded.end());
   write(folder / "moments", moments_unit);
+  const lf::ByteBuffer gains = lf::wire::encode_moments({1, 2, 3, 4, lf::GainSum{9000, -77}}, {&moments[1], 1});
+  write(folder / "moments", Bytes(gains.begin(), gains.end()));
   write(folder / "packetizer", join({{0, 0}, moments_unit}));
   write(folder / "framing", join({{9}, moments_unit, answers[0]}));
   for (const Bytes& unit : requests) {

@@ -12,6 +12,7 @@
 #include "focus/carry_over.h"
 #include "focus/trial_renderer.h"
 #include "image/sharpen.h"
+#include "node/gain_matcher.h"
 #include "render/contribution_map.h"
 #include "render/render_job.h"
 #include "render/source_region.h"
@@ -26,16 +27,18 @@ double milliseconds(uint64_t ns) { return static_cast<double>(ns) / 1e6; }
 // Everything a node and a compositor do for a view, in one thread and without a wire.
 class Renderer {
  public:
-  Renderer(const Case& c, bool sharpened) : case_(c), sharpened_(sharpened), mesh_(build_mesh(c.rig)) {
+  Renderer(const Case& c, bool sharpened, bool gains)
+      : case_(c), sharpened_(sharpened), matched_(gains), mesh_(build_mesh(c.rig)) {
     own_.resize(c.rig.cameras.size());
     std::iota(own_.begin(), own_.end(), 0);
   }
 
-  Picture picture(const View& view, size_t number) {
+  Picture picture(const View& view, size_t number, const GainRequest& gains = {}) {
     Picture out;
     const RenderJob job(case_.rig, mesh_, view, own_);
     std::vector<Source> sources = sources_of(job, number);
     const uint64_t begun = now_ns();
+    if (matched_) sources = match(job, sources, matcher_.gains_for(0, gains));
     sharp_.resize(sharpened_ ? std::max(sharp_.size(), sources.size()) : 0);
     for (size_t i = 0; sharpened_ && i < sources.size(); i++)
       sources[i].image = sharpen(
@@ -67,15 +70,40 @@ class Renderer {
     for (Moments& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
     const RenderJob job(case_.rig, mesh_, trial_view(request.view), own_);
     const uint64_t planned = now_ns();
-    const std::vector<Source> sources = sources_of(job, number);
+    std::vector<Source> sources = sources_of(job, number);
     const uint64_t ready = now_ns();
+    if (matched_) sources = match(job, sources, matcher_.gains_for(0, {}));
     add_moments(job, sources, levels, sums);
     cost.trial_ms += milliseconds(now_ns() - ready + planned - begun);
     cost.trial_bytes += static_cast<double>(wire::encode_moments({}, sums).size());
     return sums;
   }
 
+  // What the cameras, asked by this request, have in common.
+  std::vector<uint8_t> mean(const ViewRequest& request, size_t number, Picture& cost) {
+    const uint64_t begun = now_ns();
+    const WideLuma wide(case_.rig, mesh_, mean_view(request.view), own_);
+    const uint64_t planned = now_ns();
+    std::vector<Source> sources;
+    for (const CameraIndex i : wide.cameras())
+      sources.push_back({i, &case_.rig.cameras[i], case_.image(i, number).view()});
+    const uint64_t ready = now_ns();
+    WideLuma::Seen seen = wide.see(sources, matcher_.gains_for(0, {}));
+    std::vector<uint8_t> mean = mean_luma(seen.moments, seen.gains);
+    matcher_.keep(0, request.sequence, std::move(seen.cameras));
+    cost.trial_ms += milliseconds(now_ns() - ready + planned - begun);
+    cost.trial_bytes += static_cast<double>(wire::encode_moments({.gains = seen.gains}, {&seen.moments, 1}).size());
+    return mean;
+  }
+  const std::map<CameraIndex, float>& gains() { return matcher_.gains_for(0, {}).all(); }
+
  private:
+  std::vector<Source> match(const RenderJob& job, const std::vector<Source>& sources, const CameraGains& gains) {
+    return matcher_.match(sources, gains, [&](CameraIndex camera) {
+      return needed_pixels(job.plan(), camera, case_.rig.cameras[camera]);
+    });
+  }
+
   std::vector<Source> sources_of(const RenderJob& job, size_t number) const {
     std::vector<Source> sources;
     for (const CameraIndex i : job.cameras())
@@ -84,11 +112,18 @@ class Renderer {
   }
 
   const Case& case_;
-  const bool sharpened_;
+  const bool sharpened_, matched_;
+  GainMatcher matcher_;
   std::vector<ByteBuffer> sharp_;
   const Mesh mesh_;
   std::vector<CameraIndex> own_;
 };
+
+// Which round asks how bright the cameras are, and what came of it into the next.
+GainRequest gains_of_round(Renderer& renderer, const ViewRequest& request, size_t number, int round, Picture& cost) {
+  if (request.trials.empty() || round % static_cast<int>(kMeanInterval) != 1) return {};
+  return {.mean = renderer.mean(request, number, cost), .mean_of = request.sequence};
+}
 
 // View `number` focused on a plane parallel to the array.
 View on_plane(const Case& c, size_t number, const Plane& from, double distance) {
@@ -121,7 +156,7 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
   const Image truth = c.truth(view);
   const FocalMap range = map_of(options.range);
   StillResult result;
-  Renderer bilinear(c, false), renderer(c, options.sharpened);
+  Renderer bilinear(c, false, false), renderer(c, options.sharpened, options.gains);
   for (int k = 0; k < options.planes; k++) {
     const double distance = distance_of(range, k, options.planes);
     Picture plane = bilinear.picture(on_plane(c, view, from, distance), view);
@@ -142,9 +177,11 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
   ViewRequest request;
   request.view = on_plane(c, view, from, distance_of(range, options.planes / 2, options.planes));
   for (int round = 0; round <= options.rounds; round++) {
-    Picture picture = renderer.picture(request.view, view);
+    request.sequence = static_cast<uint32_t>(round);
+    Picture picture = renderer.picture(request.view, view, request.gains);
     picture.quality = compare(picture.image, truth, picture.coverage);
     const std::vector<Moments> moments = renderer.moments(request, view, picture);
+    request.gains = options.gains ? gains_of_round(renderer, request, view, round, picture) : GainRequest();
     const uint64_t begun = now_ns();
     const FocusControl::Plan plan = control.next(request, moments, from);
     picture.trial_ms += milliseconds(now_ns() - begun);
@@ -152,6 +189,7 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
     request.view = plan.view;
     request.trials = plan.trials;
   }
+  if (options.gains) result.gains = renderer.gains();
   result.state = control.state();
   result.map = request.view.focus.map;
   return result;
@@ -161,9 +199,10 @@ std::vector<Frame> measure_film(const Case& c, const Options& options, const std
   constexpr int kPlanes = 16;
   const Plane from = array_plane(c.rig);
   const FocalMap range = map_of(options.range);
-  Renderer bilinear(c, false), renderer(c, options.sharpened);
+  Renderer bilinear(c, false, false), renderer(c, options.sharpened, options.gains);
   FocusControl control(options.focus);
   FocusControl::Plan plan;
+  GainRequest gains;
   std::vector<Frame> frames(c.views.size());
   std::vector<std::vector<double>> plane_db(kPlanes, std::vector<double>(frames.size()));
   for (size_t i = 0; i < frames.size(); i++) {
@@ -177,9 +216,12 @@ std::vector<Frame> measure_film(const Case& c, const Options& options, const std
       request.view.focus.map = carry_over(plan.view, request.view);
       request.trials = plan.trials;
     }
+    request.gains = gains;
+    request.sequence = static_cast<uint32_t>(i);
     Picture cost;
-    frames[i].surface_db = psnr(renderer.picture(request.view, i));
+    frames[i].surface_db = psnr(renderer.picture(request.view, i, request.gains));
     plan = control.next(request, renderer.moments(request, i, cost), from);
+    if (options.gains) gains = gains_of_round(renderer, request, i, static_cast<int>(i), cost);
     progress();
   }
   const auto best = std::ranges::max_element(

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <vector>
 
 #include "focus/cases.h"
@@ -14,6 +15,7 @@ struct Options {
   FocusControl::Settings focus;
   DepthRange range;  // that planes are picked from
   bool sharpened = false;
+  bool gains = false;  // cameras match their brightness
   int rounds = 12;  // from the viewer's plane to the picture that counts
   int planes = 32;  // that the best one and the bound are picked from
 };
@@ -35,6 +37,7 @@ struct StillResult {
   double best_distance = 0;      // of the best plane, metres from the array
   FocusControl::State state;
   std::shared_ptr<const FocalMap> map;
+  std::map<CameraIndex, float> gains;  // of the cameras in view, at last
 };
 StillResult measure_still(const Case& c, size_t view, const Options& options);
 

@@ -7,6 +7,7 @@
 #include "scene/scene.h"
 #include "support/access_pictures.h"
 #include "support/expect_error.h"
+#include "wire/moments_codec.h"
 
 namespace lf {
 namespace {
@@ -53,6 +54,36 @@ TEST_P(AnswerTaskTest, WarpCommandsAreAnsweredAsRequestsAre) {
   const AccessPictures pictures(rig_, request_, images_);
   for (const AnswerTask::Manner& manner : {near_, raw_, jpeg_})
     EXPECT_EQ(pictures.answer(Access::kWarp, all_, manner), pictures.answer(Access::kSelf, all_, manner));
+}
+
+// A request for gains is answered with the same picture, and with what the cameras see of it.
+TEST_P(AnswerTaskTest, TellsHowBrightItsCamerasAre) {
+  View& view = request_.view;
+  FocalMap map = FocalMap::for_view(view.width, view.height);
+  map.from = {{0, 0, 1}, 0};
+  map.farthest = 1 / (2 * kSceneMiddle);
+  map.nearest = 2 / kSceneMiddle;
+  map.levels.assign(static_cast<size_t>(map.columns) * map.rows, map.level_of(1 / kSceneMiddle));
+  view.focus.map = std::make_shared<FocalMap>(map);
+  const auto plain = make_task(rig_, build_mesh(rig_), request_, all_);
+  EXPECT_EQ(plain->gains(), nullptr);
+  request_.gains = {.use = true, .ask = true};
+  request_.out_of_service = {8};
+  const auto task = make_task(rig_, build_mesh(rig_, request_.out_of_service), request_, all_);
+  ASSERT_NE(task->gains(), nullptr);
+  EXPECT_EQ(task->cameras().size(), 8u) << "all in service";
+  std::vector<Source> sources;
+  for (const CameraIndex i : task->cameras()) sources.push_back({i, &rig_.cameras[i], images_[i].view()});
+  wire::AnswerHeader header;
+  header.family = GetParam();
+  header.view_width = static_cast<uint16_t>(view.width);
+  header.view_height = static_cast<uint16_t>(view.height);
+  const AnswerTask::Brightness brightness = task->brightness(header, sources, {});
+  EXPECT_EQ(brightness.seen.size(), 8u);
+  const auto unit = wire::decode_moments(brightness.bytes, {FocalMap::nodes(map.columns, 2), FocalMap::nodes(map.rows, 2), 1});
+  ASSERT_TRUE(unit && unit->gains);
+  EXPECT_GT(task->render(header, sources, near_).fragments, 0u);
+  EXPECT_TRUE(plain->brightness(header, sources, {}).bytes.empty());
 }
 
 // Hats reach beyond the images, of two cameras nothing is seen at all, one is out of service, one has no image.

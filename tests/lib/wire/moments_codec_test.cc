@@ -62,6 +62,25 @@ TEST(MomentsCodec, GoldenBytes) {
   }
 }
 
+// One trial of 2 x 1 nodes with wide weights, and gains.
+TEST(MomentsCodec, GoldenBytesOfGains) {
+  const char* const hex =
+      "8f4c46410105000100000043" "00000007" "00000009" "1122334455667788" "00000003" "0002" "0001" "01" "00"
+      "0000c000" "fffff000" "0000" "0000" "0002" "0001"
+      "01" "10002000" "00050006" "00070008";
+  MomentsUnit unit = golden();
+  unit.gains = GainSum{0xc000, -0x1000};
+  unit.trials.resize(1);
+  unit.trials[0].weight = {0x1000, 0x2000};
+  unit.trials[0].luma = {5, 6};
+  unit.trials[0].square = {7, 8};
+  EXPECT_EQ(encoded(unit), from_hex(hex));
+  const std::optional<MomentsUnit> read = decode_moments(from_hex(hex), {2, 1, 1});
+  ASSERT_TRUE(read.has_value());
+  EXPECT_EQ(static_cast<const MomentsHeader&>(*read), unit);
+  EXPECT_EQ(read->trials[0].luma, unit.trials[0].luma);
+}
+
 TEST(MomentsCodec, LeavesOutWhatNobodySees) {
   MomentsUnit unit = golden();
   for (Moments& moments : unit.trials) moments.reset(40, 30);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "wire/request_codec.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <functional>
@@ -79,6 +80,13 @@ ViewRequest focused_request(std::mt19937& random) {
   r.view.focus.map = std::make_shared<FocalMap>(map);
   for (size_t i = random() % (kMaxTrials + 1); i > 0; i--)
     r.trials.push_back({static_cast<Trial::Kind>(random() % 5), static_cast<int16_t>(random())});
+  r.gains.use = random() % 2;
+  r.gains.ask = random() % 2;
+  if (random() % 2) {
+    r.gains.mean_of = static_cast<uint32_t>(random());
+    r.gains.mean.resize(static_cast<size_t>(FocalMap::nodes(map.columns, 2)) * FocalMap::nodes(map.rows, 2));
+    for (uint8_t& level : r.gains.mean) level = static_cast<uint8_t>(random() % 5 * 50);
+  }
   return r;
 }
 
@@ -129,6 +137,15 @@ TEST(RequestCodec, AWrongFocalMapIsRefused) {
   without.trials.resize(1);
   without.view.focus.map = nullptr;
   EXPECT_THROW(encode_request(without), Error) << "trials of no map";
+  without.trials.clear();
+  without.gains = {.use = true, .ask = true};
+  EXPECT_THROW(encode_request(without), Error) << "a mean that no map says where to look for";
+  with([](ViewRequest& r, FocalMap&) { r.gains.mean.assign(7, 100); });
+  std::vector<uint8_t> flags = encode_request(golden_request());
+  for (const uint8_t unknown : {2, 4, 8}) {
+    flags[43] = unknown;
+    EXPECT_THAT(reason_of(flags), testing::StartsWith("gains: "));
+  }
 }
 
 TEST(RequestCodec, RoundTrips) {
@@ -196,7 +213,7 @@ TEST(RequestCodec, NamesTheFieldThatIsWrong) {
       {41, 1, 5, "lens model: 5 is unknown"},
       {41, 1, 4, "focal_plane: the request ends before it does"},
       {42, 1, 2, "focal surface: kind 2 is not supported"},
-      {43, 1, 1, "reserved: must be 0, is 1"},
+      {43, 1, 8, "gains: unknown flags 8"},
       {44, 8, nan, "position: must be finite numbers"},
       {60, 8, infinity, "position: must be finite numbers"},
       {68, 8, two, "orientation: must be a quaternion of unit norm"},

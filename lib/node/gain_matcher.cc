@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "node/gain_matcher.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "image/gain.h"
+
+namespace lf {
+
+GainMatcher::View& GainMatcher::view_of(uint32_t view_id) {
+  const auto found = views_.find(view_id);
+  if (found == views_.end() && views_.size() >= kMostViews)
+    views_.erase(std::ranges::min_element(views_, {}, [](const auto& v) { return v.second.used; }));
+  View& view = views_[view_id];
+  if (found == views_.end()) view.gains = latest_;
+  view.used = ++uses_;
+  return view;
+}
+
+const CameraGains& GainMatcher::gains_for(uint32_t view_id, const GainRequest& request) {
+  View& view = view_of(view_id);
+  if (request.mean.empty() || view.seen.empty() || request.mean_of != view.sequence) return view.gains;
+  for (const WideLuma::Camera& camera : view.seen)
+    if (const std::optional<float> ratio = WideLuma::ratio(camera, request.mean))
+      view.gains.update(camera.camera, *ratio);
+  view.seen.clear();
+  latest_ = view.gains;
+  return view.gains;
+}
+
+void GainMatcher::keep(uint32_t view_id, uint32_t sequence, std::vector<WideLuma::Camera> seen) {
+  View& view = view_of(view_id);
+  view.sequence = sequence;
+  view.seen = std::move(seen);
+}
+
+std::vector<Source> GainMatcher::match(std::span<const Source> sources, const CameraGains& gains,
+                                       const std::function<Rect(CameraIndex)>& region, const ParallelFor& parallel) {
+  std::vector<Source> matched(sources.begin(), sources.end());
+  memory_.resize(std::max(memory_.size(), sources.size()));
+  parallel(sources.size(), [&](size_t i) {
+    const float gain = gains.of(sources[i].camera);
+    if (std::abs(gain - 1) < kLeastGain || sources[i].image.family == PixelFamily::kNone) return;
+    const Rect rect = region(sources[i].camera);
+    if (!rect.empty()) matched[i].image = divide_by_gain(sources[i].image, rect, gain, memory_[i]);
+  });
+  return matched;
+}
+
+void GainMatcher::clear() {
+  views_.clear();
+  latest_ = {};
+}
+
+}  // namespace lf

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <span>
+#include <vector>
+
+#include "base/byte_buffer.h"
+#include "base/parallel.h"
+#include "focus/camera_gains.h"
+#include "focus/wide_luma.h"
+#include "view/view_request.h"
+
+namespace lf {
+
+// The gains of a node's cameras, found view by view: what a camera shows depends on where it looks from, and views
+// differ in what they make of it. Not thread-safe.
+class GainMatcher {
+ public:
+  static constexpr size_t kMostViews = 64;  // those asked for longest ago are forgotten
+
+  // The gains that a request's images are to be divided by, once its mean has told about the cameras that were seen for
+  // it. A view that is new begins with what the one before came to.
+  const CameraGains& gains_for(uint32_t view_id, const GainRequest& request);
+  // What was seen for a request, until there is its mean.
+  void keep(uint32_t view_id, uint32_t sequence, std::vector<WideLuma::Camera> seen);
+
+  // The images divided by `gains` where they are in `region` of a camera (empty: as they are). They stay until the next
+  // call.
+  std::vector<Source> match(std::span<const Source> sources, const CameraGains& gains,
+                            const std::function<Rect(CameraIndex)>& region, const ParallelFor& parallel = serial_for);
+  void clear();
+
+ private:
+  struct View {
+    CameraGains gains;
+    uint32_t sequence = 0;  // of the request that `seen` is of
+    std::vector<WideLuma::Camera> seen;
+    uint64_t used = 0;
+  };
+  View& view_of(uint32_t view_id);
+
+  std::map<uint32_t, View> views_;
+  CameraGains latest_;
+  uint64_t uses_ = 0;
+  std::vector<ByteBuffer> memory_;
+};
+
+}  // namespace lf
