@@ -98,7 +98,11 @@ Spread in_blocks(const Scene& scene, bool shuffled_alone, const Visit& visit) {
   for (const simd::Slot& slot : prepared.task.slots) {
     simd::SlotBand band;
     for (int y = slot.rect.y0 / simd::kBandRows * simd::kBandRows; y < slot.rect.y1; y += simd::kBandRows) {
-      target::place_slot(prepared.task, slot, y, {}, 0, band);
+      band.y = y;
+      band.slot = &slot;
+      band.first_block = slot.rect.x0 / simd::kBlock;
+      band.blocks = (slot.rect.x1 + simd::kBlock - 1) / simd::kBlock - band.first_block;
+      target::place_plane(true, slot, y, band);
       for (int row = std::max(slot.rect.y0 - y, 0); row < std::min(slot.rect.y1 - y, simd::kBandRows); row++)
         for (int block = 0; block < band.blocks; block++) {
           const int verdict =
