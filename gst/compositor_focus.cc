@@ -122,13 +122,12 @@ void lf_compositor_find_focus(LfCompositor* self) {
   const bool gains = self->gains && settings.mode != lf::FocusMode::kPlane;
   GST_OBJECT_UNLOCK(self);
   const bool was_finding = state.focus_settings.mode != lf::FocusMode::kPlane;
+  if (settings.mode == lf::FocusMode::kPlane && !was_finding) return;
   if (settings != state.focus_settings) {
     state.focus_settings = settings;
     state.focus = lf::FocusControl(settings);
     state.focus_from.reset();
   }
-  // A viewer may ask for the focus once, where none is looked for.
-  if (settings.mode == lf::FocusMode::kPlane && !was_finding && state.moments.empty()) return;
   lf::ViewRequest request = *state.current;
   if (!state.focus_from) {
     // Without a rig any plane will do that stays where it is.
@@ -140,4 +139,13 @@ void lf_compositor_find_focus(LfCompositor* self) {
   state.stats.set_focus(state.focus.state(), state.moment_bytes);
   request.gains = next_gains(self, gains, !plan.trials.empty());
   gst_pad_push_event(self->request, lf::focal_surface_event(request, plan));
+}
+
+void lf_compositor_answer_sweep(LfCompositor* self) {
+  auto& state = *self->state;
+  const lf::ViewRequest& sweep = *state.current;
+  state.stats.set_focus(state.focus.state(), state.moment_bytes + state.current_bytes);
+  if (!lf_compositor_is_complete(self)) return;  // what some of the cameras agree on may be anything
+  const lf::FocusControl::Plan plan = lf::FocusControl().next(sweep, state.moments, sweep.view.focus.map->from);
+  gst_pad_push_event(self->request, lf::focal_surface_event(sweep, plan));
 }

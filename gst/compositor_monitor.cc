@@ -66,6 +66,10 @@ void lf_compositor_take_probe(LfCompositor* self) {
   auto& state = *self->state;
   auto& monitor = state.monitor;
   const lf::ViewRequest& request = *state.current;
+  if (!request.trials.empty()) {
+    state.assembly.finish(lf::PixelFamily::kRgb, false);
+    return lf_compositor_answer_sweep(self);
+  }
   state.stats.add_monitor_bytes(state.current_bytes);
   if (!monitor.asked || request.view.pose != monitor.asked->seen.view.pose) return;  // of somebody else, or too late
   const bool of_itself = request.view == monitor.asked->seen.view;

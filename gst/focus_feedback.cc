@@ -27,13 +27,13 @@ void FocusFeedback::announce(FocalSurfaceNews news) {
   } else {
     news_ = std::move(news);
     if (follows_ && news_->plan.view.focus.map)
-      if (const std::optional<double> distance = distance_in(news_->plan.view)) find(*distance);
+      if (const auto distance = focus_distance_at(news_->plan.view, pixel_of(news_->plan.view))) find(*distance);
   }
   changed_.notify_all();
 }
 
-std::optional<double> FocusFeedback::distance_in(const View& view) const {
-  return focus_distance_at(view, Vec2(place_.x * view.width - 0.5, place_.y * view.height - 0.5));
+Vec2 FocusFeedback::pixel_of(const View& view) const {
+  return {place_.x * view.width - 0.5, place_.y * view.height - 0.5};
 }
 
 void FocusFeedback::find(double distance) {
@@ -43,7 +43,8 @@ void FocusFeedback::find(double distance) {
 
 void FocusFeedback::see_sweep(const FocalSurfaceNews& news) {
   const View& view = news.plan.view;
-  const std::optional<double> distance = view.focus.map ? distance_in(view) : std::nullopt;
+  const Vec2 middle((view.width - 1) / 2.0, (view.height - 1) / 2.0);
+  const std::optional<double> distance = view.focus.map ? focus_distance_at(view, middle) : std::nullopt;
   const std::optional<double> around = search_->found;
   search_->asked.reset();
   if (distance && !around) {
@@ -62,7 +63,7 @@ std::optional<double> FocusFeedback::focus_at(const Vec2& place) {
   const std::lock_guard lock(mutex_);
   place_ = place;
   latest_.reset();
-  if (news_ && news_->plan.view.focus.map) return distance_in(news_->plan.view);
+  if (news_ && news_->plan.view.focus.map) return focus_distance_at(news_->plan.view, pixel_of(news_->plan.view));
   search_ = Search{};
   return std::nullopt;
 }
@@ -86,31 +87,40 @@ bool FocusFeedback::wait_for(uint32_t sequence, std::chrono::milliseconds longes
   return !unlocked_ && is_there();
 }
 
-bool FocusFeedback::sweeps_with(uint32_t sequence) {
-  if (!search_ && follows_ && (swept_.empty() || sequence - swept_.back() >= kRest)) search_ = Search{latest_, {}, 0};
-  if (!search_) return false;
-  if (search_->asked && sequence - *search_->asked > kPatience) {
+std::optional<ViewRequest> FocusFeedback::next_sweep(const ViewRequest& request, const Rig* rig) {
+  const std::lock_guard lock(mutex_);
+  requests_++;
+  if (request.view.focus.map) return std::nullopt;
+  if (!search_ && follows_ && requests_ >= kRest) search_ = Search{latest_, {}, 0};
+  if (search_ && search_->asked && requests_ > kPatience) {
     search_->asked.reset();
     if (++search_->lost >= kMostLost) search_.reset();
   }
-  if (!search_ || search_->asked) return false;
-  search_->asked = sequence;
-  swept_.push_back(sequence);
-  if (swept_.size() > kMostSwept) swept_.pop_front();
-  return true;
+  if (!search_ || search_->asked) return std::nullopt;
+  requests_ = 0;
+  ViewRequest sweep = request;
+  sweep.gains = {};
+  sweep.probe = true;
+  sweep.view = view_around(request.view, pixel_of(request.view));
+  const Plane from = rig ? array_plane(*rig) : plane_through(sweep.view.pose.position, sweep.view.pose.forward());
+  add_focus_sweep(sweep, from, search_->found, rig ? sweep_reach(*rig, sweep.view) : 0);
+  return sweep;
 }
 
-void FocusFeedback::apply(ViewRequest& request, const Rig* rig) {
+void FocusFeedback::sweep_sent(uint32_t sequence) {
+  const std::lock_guard lock(mutex_);
+  if (search_) search_->asked = sequence;
+  swept_.push_back(sequence);
+  if (swept_.size() > kMostSwept) swept_.pop_front();
+}
+
+void FocusFeedback::apply(ViewRequest& request) {
   const View& view = request.view;
   View found_for;
   {
     const std::lock_guard lock(mutex_);
     now_ = -view.focus.plane.signed_distance(view.pose.position) / glm::dot(view.focus.plane.normal, view.pose.forward());
-    if (!news_ || !news_->plan.view.focus.map) {
-      if (!sweeps_with(request.sequence)) return;
-      const Plane from = rig ? array_plane(*rig) : plane_through(view.pose.position, view.pose.forward());
-      return add_focus_sweep(request, from, search_->found, rig ? sweep_reach(*rig, view) : 0);
-    }
+    if (!news_ || !news_->plan.view.focus.map) return;
     search_.reset();
     found_for = news_->plan.view;
     request.trials = std::exchange(news_->plan.trials, {});

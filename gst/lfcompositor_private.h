@@ -141,6 +141,8 @@ int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer);
 std::vector<GstBuffer*> lf_compositor_make_moments(LfCompositor* self, guint node);
 // The current request has been composed: tells upstream where the next one is to be focused.
 void lf_compositor_find_focus(LfCompositor* self);
+// The current request is a probe with trials, and answered: tells upstream where it is in focus.
+void lf_compositor_answer_sweep(LfCompositor* self);
 
 // compositor_monitor.cc
 void lf_compositor_reset_monitor(LfCompositor* self);

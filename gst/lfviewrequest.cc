@@ -393,7 +393,7 @@ static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   self->changed = false;
   GST_OBJECT_UNLOCK(self);
 
-  self->focus_feedback->apply(request, rig.get());
+  self->focus_feedback->apply(request);
   self->has_sent = true;
   self->last_sequence = request.sequence;
   *out = lf::encode_request_buffer(request);
@@ -549,7 +549,7 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
    * @y: the same
    *
    * Puts the focal plane where the view is in focus at a pixel, as a click on the picture does: at once if its
-   * lfcompositor has a focal surface, else as soon as two requests have swept all depths. With `focus-continuous` it is
+   * lfcompositor has a focal surface, else as soon as two small views have swept all depths. With `focus-continuous` it is
    * kept in focus from then on.
    *
    * Returns: %FALSE if a number is not finite, or the view is a file's, or the element does not run, or its cameras are

@@ -68,6 +68,12 @@ void lf_view_request_send_more(LfViewRequest* self, const lf::ViewRequest& reque
     if (gint& left = GST_BASE_SRC(self)->num_buffers_left; left >= 0) left++;  // num-buffers counts requests
   };
   send(command_of(self, request, rig));
+  if (!self->stream->makes_commands() && !lf_view_request_is_relay(self))
+    if (std::optional<lf::ViewRequest> sweep = self->focus_feedback->next_sweep(request, rig.get())) {
+      sweep->sequence = self->stream->number();
+      self->focus_feedback->sweep_sent(sweep->sequence);
+      send(lf::encode_request_buffer(*sweep));
+    }
   for (const lf::ViewRequest& extra : extra_beside(self, request)) {
     send(lf::encode_request_buffer(extra));
     send(command_of(self, extra, rig));

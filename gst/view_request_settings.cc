@@ -100,7 +100,7 @@ GParamSpec* make_pspec(ViewRequestSettings::Property property) {
       return g_param_spec_boolean(
           kFocusContinuous, "Focus continuous",
           "Keep the place of the view in focus that a click or focus-at named last (before: the middle), as what is seen "
-          "there moves: from the focal surface of its lfcompositor, or by a sweep of depths with one of eight requests",
+          "there moves: from the focal surface of its lfcompositor, or by a sweep of depths, in a small view beside one of eight requests",
           initial.focus_continuous, playing);
     case ViewRequestSettings::kLoop:
     default:

@@ -13,6 +13,10 @@ namespace lf {
 // there. The median of 3 x 3 nodes. Nothing if the surface is behind the eye there, or at infinity. The view has a map.
 std::optional<double> focus_distance_at(const View& view, const Vec2& pixel);
 
+// A small view of what is around a pixel of a view, which is then its middle.
+inline constexpr int kSweptPixels = 64;  // a side
+View view_around(const View& view, const Vec2& pixel);
+
 // Asks the cameras where a view is in focus that has no map: gives the request the viewer's plane as a map, and planes
 // to try. Two stages: all depths that a viewer could mean, from infinity to three tenths of the focus distance, or if
 // that is far, to `reach` (inverse distance, 1/m; see sweep_reach()); and then those around `found` (see

@@ -209,10 +209,10 @@ class FollowedPlace : public testing::TestWithParam<const char*> {
 };
 
 TEST_P(FollowedPlace, IsInFocusAsItMoves) {
-  save_rig(scene_rig(3, 3, 160, 120), dir_ / "rig.json");
+  save_rig(scene_rig(2, 2, 120, 90), dir_ / "rig.json");
   const std::string rig = " rig=" + dir_ / "rig.json", small = " ! queue max-size-buffers=1 ! ";
   const ElementPtr pipeline =
-      launch("lfviewrequest name=v focus-continuous=true focus-distance=30 x=0.02 y=0.02 framerate=10/1 num-buffers=72" +
+      launch("lfviewrequest name=v focus-continuous=true focus-distance=30 x=0 y=0 framerate=8/1 num-buffers=58" +
              rig + " ! tee name=r  r." + small + "n.request  lfcameranode name=n" + rig + small + "c.sink_0  r." + small +
              "c.request  lfcompositor name=c" + rig + " " + GetParam() + " ! fakesink sync=false");
   ASSERT_TRUE(pipeline);
@@ -222,7 +222,7 @@ TEST_P(FollowedPlace, IsInFocusAsItMoves) {
   gst_element_set_state(pipeline.get(), GST_STATE_PAUSED);
   ASSERT_EQ(gst_element_get_state(pipeline.get(), nullptr, nullptr, 20 * GST_SECOND), GST_STATE_CHANGE_SUCCESS);
   gboolean done = FALSE;
-  g_signal_emit_by_name(viewer.get(), "focus-at", 66.0, 50.0, &done);
+  g_signal_emit_by_name(viewer.get(), "focus-at", 51.0, 39.0, &done);
   EXPECT_TRUE(done);
   EXPECT_EQ(run(pipeline.get(), 100), "");
   // From 1.2 s to 3.1 s and four seconds later the figure is there, 2 m away; else the wall, 5 m away.

@@ -17,8 +17,7 @@ double find(const ArrayOfWalls& walls, double begin, const Vec2& pixel) {
   std::optional<double> found;
   for (int stage = 0; stage < 2; stage++) {
     ViewRequest request;
-    request.view = walls.view(0);
-    request.view.focus.map = nullptr;
+    request.view = view_around(walls.view(0), pixel);
     request.view.focus.plane = focal_plane_at(request.view.pose, begin);
     add_focus_sweep(request, {{0, 0, 1}, 0}, found, sweep_reach(walls.rig, request.view));
     EXPECT_NO_THROW(validate(request.view));
@@ -26,7 +25,7 @@ double find(const ArrayOfWalls& walls, double begin, const Vec2& pixel) {
     const FocusControl::Plan plan =
         control.next(request, walls.moments(request.view, request.trials, walls.own), {{0, 0, 1}, 0});
     EXPECT_TRUE(plan.trials.empty());
-    found = focus_distance_at(plan.view, pixel);
+    found = focus_distance_at(plan.view, {kSweptPixels / 2, kSweptPixels / 2});
     if (!found) return -1;
   }
   return *found;
@@ -65,13 +64,14 @@ TEST(Autofocus, IsNotMisledByPatterns) {
         request.view.lens = rig.cameras[0].lens;
         request.view.pose.position = {0.003, -0.002, 0};
         request.view.focus.plane = focal_plane_at(request.view.pose, begin);
+        request.view = view_around(request.view, pixel);
         add_focus_sweep(request, from, found, sweep_reach(rig, request.view));
         std::vector<std::vector<uint8_t>> levels;
         for (const Trial& trial : request.trials) levels.push_back(trial_levels(*request.view.focus.map, trial));
         std::vector<Moments> sums(levels.size());
         for (Moments& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
         add_moments(RenderJob(rig, mesh, trial_view(request.view), own), sources, levels, sums);
-        found = focus_distance_at(control.next(request, sums, from).view, pixel);
+        found = focus_distance_at(control.next(request, sums, from).view, {kSweptPixels / 2, kSweptPixels / 2});
         ASSERT_TRUE(found.has_value());
       }
       EXPECT_NEAR(*found / distance, 1, 0.15) << "from " << begin << " m";
@@ -86,6 +86,15 @@ TEST(Autofocus, ReachesAsNearAsPlanesAreCloseEnough) {
   view.lens = Lens::pinhole(400, 79.5, 59.5);
   EXPECT_NEAR(sweep_reach(rig, view), 7.5 / 4.0, 1e-9);
   EXPECT_EQ(sweep_reach(scene_rig(1, 1, 160, 120), view), 0);
+}
+
+TEST(Autofocus, ASmallViewSeesTheSame) {
+  View view{.width = 160, .height = 120, .lens = Lens(LensModel::kRadial, {200, 79.5, 59.5, -0.1, 0.01}), .pose = {}, .focus = {}};
+  const View around = view_around(view, {20, 100});
+  EXPECT_EQ(around.width, kSweptPixels);
+  const Vec2 a = *view.lens.unproject({20, 100}), b = *around.lens.unproject({31.5, 31.5});
+  EXPECT_NEAR(glm::length(a - b), 0, 1e-12);
+  EXPECT_NEAR(glm::length(*view.lens.unproject({25, 93}) - *around.lens.unproject({36.5, 24.5})), 0, 1e-12);
 }
 
 TEST(Autofocus, TellsTheLimitsOfASweep) {
