@@ -34,6 +34,8 @@ struct Slot {
   CameraIndex camera = 0;
   ImageView image;  // family kNone: all lost
   Rect rect;        // bounds its hat; even in x0, y0
+  // RGB: which bytes of two runs of eight are R, G and B of a run's first pixel and of its right neighbour, in turn.
+  alignas(16) uint8_t pixel_pairs[16] = {};
   const CameraProjection* projection = nullptr;
   // Camera coordinates of pixel (x, y) of the view, up to a positive factor: from_pixel * (x, y, 1).
   Mat3 from_pixel;
@@ -100,11 +102,6 @@ struct CellNodes {
 struct CellLine {
   std::vector<float> even, odd, even_bend, odd_bend;
 };
-// The same of one half: four nodes and the bends between them; the last one is 0.
-struct CellHalf {
-  alignas(16) float node[4], bend[4];
-};
-
 // One slot's positions in a band, through such a map. Entry (row, half) is at row * pitch + half; of chroma in fixed
 // point (pair, block) at pair * pitch / 2 + block.
 struct SurfaceBand {
@@ -112,7 +109,7 @@ struct SurfaceBand {
   CellNodes x, y, z, along_x, along_y, down_x, down_y;  // bends along rows and down
   CellNodes doubt;                                      // bounds what positions in a cell are off by, pixels
   CellLine line_x, line_y;
-  // I420 alone: eight values an entry, relative to a window's corner, in fixed point (kPositionBits) modulo 2^16. Luma:
+  // Eight values an entry, relative to a window's corner, in fixed point (kPositionBits) modulo 2^16. Luma (or RGB):
   // four nodes of x and four of y, and their bends; chroma: six nodes of a block.
   std::vector<int16_t> luma_nodes, luma_bends;
   std::vector<int16_t> chroma_x_nodes, chroma_y_nodes, chroma_x_bends, chroma_y_bends;

@@ -7,6 +7,7 @@
 #define LF_RENDER_SIMD_CELL_SAMPLES_INL_H_
 #endif
 
+#include <algorithm>
 #include <vector>
 
 #include <hwy/highway.h>
@@ -28,7 +29,7 @@ struct CellTable {
   alignas(16) int16_t t15[kHalf], bend15[kHalf];  // t and t (1 - t), 32768 = 1
   // The same in 32 bits, four samples at a time, of four nodes each.
   alignas(16) uint8_t before32[2 * kBlock], after32[2 * kBlock];
-  alignas(32) float t[kHalf], bend[kHalf];
+  alignas(32) float t[kHalf];
 };
 
 constexpr CellTable make_cell_table(bool chroma) {
@@ -37,9 +38,8 @@ constexpr CellTable make_cell_table(bool chroma) {
     const float place = (chroma ? 2 * static_cast<float>(i) + 0.5f : static_cast<float>(i)) + 2.5f;
     const int node = static_cast<int>(place / kCell), near = chroma && i >= kHalf / 2 ? node - 2 : node;
     table.t[i] = place / kCell - static_cast<float>(node);
-    table.bend[i] = table.t[i] * (1 - table.t[i]);
     table.t15[i] = static_cast<int16_t>(table.t[i] * 32768);
-    table.bend15[i] = static_cast<int16_t>(table.bend[i] * 32768);
+    table.bend15[i] = static_cast<int16_t>(table.t[i] * (1 - table.t[i]) * 32768);
     for (int byte = 0; byte < 2; byte++) {
       table.before[2 * i + byte] = static_cast<uint8_t>(2 * node + byte);
       table.after[2 * i + byte] = static_cast<uint8_t>(2 * node + 2 + byte);
@@ -67,77 +67,82 @@ HWY_INLINE V16 between_nodes(V16 nodes, V16 bends, const CellTable& table, int o
   return hn::Add(hn::Add(before, along), bent);
 }
 
-// Through a focal map. `nodes`, `bends`: of the block's two halves; `low` and `high`: where their windows begin.
-HWY_INLINE VU16 sample_cells(const int16_t* nodes, const int16_t* bends, const uint8_t* low, const uint8_t* high,
-                             ptrdiff_t stride, size_t lane) {
-  const auto node = hn::LoadU(D16(), nodes + lane), bend = hn::LoadU(D16(), bends + lane);
+// Luma of a block whose first half has this entry; chroma of the block with one.
+struct FixedPositions {
+  V16 x, y;
+};
+HWY_INLINE FixedPositions luma_between(const SurfaceBand& cells, size_t entry, size_t lane) {
   constexpr int kToY = 4 * sizeof(int16_t);
-  return sample_windows(hn::BitCast(DU16(), between_nodes(node, bend, kLumaCells, 0)),
-                        between_nodes(node, bend, kLumaCells, kToY), low, high, stride, lane);
+  const auto node = hn::LoadU(D16(), cells.luma_nodes.data() + 8 * entry + lane);
+  const auto bend = hn::LoadU(D16(), cells.luma_bends.data() + 8 * entry + lane);
+  return {between_nodes(node, bend, kLumaCells, 0), between_nodes(node, bend, kLumaCells, kToY)};
 }
-
-// Chroma, the entry of its block: Cb and Cr have a half each.
-HWY_INLINE VU16 sample_chroma_cells(const SurfaceBand& cells, size_t entry, const uint8_t* cb, const uint8_t* cr,
-                                    ptrdiff_t stride, size_t lane) {
+HWY_INLINE FixedPositions chroma_between(const SurfaceBand& cells, size_t entry) {
   const auto along = [entry](const std::vector<int16_t>& nodes, const std::vector<int16_t>& bends) HWY_ATTR {
     return between_nodes(hn::LoadDup128(D16(), nodes.data() + 8 * entry),
                          hn::LoadDup128(D16(), bends.data() + 8 * entry), kChromaCells, 0);
   };
-  return sample_windows(hn::BitCast(DU16(), along(cells.chroma_x_nodes, cells.chroma_x_bends)),
-                        along(cells.chroma_y_nodes, cells.chroma_y_bends), cb, cr, stride, lane);
+  return {along(cells.chroma_x_nodes, cells.chroma_x_bends), along(cells.chroma_y_nodes, cells.chroma_y_bends)};
 }
 
-// Values of a half's eight luma samples among its nodes; of chroma, of each half's four.
-template <class D>
-HWY_INLINE auto along_cells(D d, const CellHalf* halves, bool chroma, size_t lane) {
-  const hn::Repartition<uint8_t, D> d8;
-  const CellTable& table = chroma ? kChromaCells : kLumaCells;
-  const size_t in_half = lane % kHalf;
-  const auto look_up = [&](const float* in, const float* in_next, const uint8_t* at) HWY_ATTR {
-    auto four = hn::LoadDup128(d, in);
-    if (chroma && hn::Lanes(d) > 4) four = hn::ConcatUpperLower(d, hn::LoadDup128(d, in_next), four);
-    return hn::BitCast(d, hn::TableLookupBytes(hn::BitCast(d8, four), hn::LoadU(d8, at + 4 * in_half)));
-  };
-  const CellHalf& half = halves[chroma ? lane / 4 : lane / kHalf];
-  const CellHalf& next = halves[chroma ? 1 : lane / kHalf];
-  const auto before = look_up(half.node, next.node, table.before32),
-             after = look_up(half.node, next.node, table.after32);
-  const auto straight = hn::MulAdd(hn::LoadU(d, table.t + in_half), hn::Sub(after, before), before);
-  return hn::MulAdd(hn::LoadU(d, table.bend + in_half), look_up(half.bend, next.bend, table.before32), straight);
+// Samples of windows that hold all that is needed; `low`, `high`: where those of the halves begin, Cb's and Cr's.
+HWY_INLINE VU16 sample_cells(const SurfaceBand& cells, size_t entry, const uint8_t* low, const uint8_t* high,
+                             ptrdiff_t stride, size_t lane) {
+  const FixedPositions at = luma_between(cells, entry, lane);
+  return sample_windows(hn::BitCast(DU16(), at.x), at.y, low, high, stride, lane);
+}
+HWY_INLINE VU16 sample_chroma_cells(const SurfaceBand& cells, size_t entry, const uint8_t* cb, const uint8_t* cr,
+                                    ptrdiff_t stride, size_t lane) {
+  const FixedPositions at = chroma_between(cells, entry);
+  return sample_windows(hn::BitCast(DU16(), at.x), at.y, cb, cr, stride, lane);
 }
 
-// Positions of all samples of a block. `half`: the first one of the block in `cells`.
-inline void interpolate_cells(const SurfaceBand& cells, const CellRow& row, size_t half, bool chroma, Positions& out) {
-  const hn::CappedTag<float, kHalf> d;
-  CellHalf x[2], y[2];
-  for (size_t k = 0; k < 2; k++) {
-    x[k] = half_of(cells.x, cells.down_x, cells.along_x, row, half + k, chroma);
-    y[k] = half_of(cells.y, cells.down_y, cells.along_y, row, half + k, chroma);
+// Positions of the samples of a block's row where no window holds them.
+inline void interpolate_cells(const SurfaceBand& cells, size_t entry, bool chroma, Positions& out) {
+  const D16 d;
+  const DU16 du;
+  constexpr int kTo15 = 15 - kPositionBits;
+  alignas(64) uint16_t column[kBlock];
+  alignas(64) int16_t row[kBlock];
+  for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
+    const FixedPositions at = chroma ? chroma_between(cells, entry) : luma_between(cells, entry, lane);
+    const auto fraction = [&](V16 v) HWY_ATTR {
+      return hn::ShiftLeft<kTo15>(hn::And(v, hn::Set(d, (1 << kPositionBits) - 1)));
+    };
+    hn::Store(hn::ShiftRight<kPositionBits>(hn::BitCast(du, at.x)), du, column + lane);
+    hn::Store(hn::ShiftRight<kPositionBits>(at.y), d, row + lane);
+    hn::Store(fraction(at.x), d, out.fx + lane);
+    hn::Store(fraction(at.y), d, out.fy + lane);
   }
-  for (size_t lane = 0; lane < (chroma ? kHalf : kBlock); lane += hn::Lanes(d)) {
-    const auto px = along_cells(d, x, chroma, lane), py = along_cells(d, y, chroma, lane), largest = hn::Set(d, 1e9f);
-    for (size_t to = lane; to < kBlock; to += kHalf) {
-      split(d, px, largest, out.column + to, out.fx + to);
-      split(d, py, largest, out.row + to, out.fy + to);
-      if (!chroma) break;
-    }
-  }
+  std::copy_n(column, kBlock, out.column);
+  std::copy_n(row, kBlock, out.row);
+  for (int half = 0; half < 2; half++)
+    out.corner[half] = chroma ? cells.chroma_corner[entry] : cells.luma_corner[entry + half];
 }
 
 // Inverse distances of a block's samples in a row, those of chroma twice over. `half`: the block's first one in the
 // view.
 inline void inverse_along(const CellNodes& inverse, const CellRow& row, size_t half, bool chroma, float* out) {
   const hn::CappedTag<float, kHalf> d;
-  CellHalf halves[2];
+  const hn::Repartition<uint8_t, decltype(d)> d8;
+  const CellTable& table = chroma ? kChromaCells : kLumaCells;
+  alignas(16) float nodes[2][4];  // of the halves
   for (size_t k = 0; k < 2; k++)
     for (size_t n = 0; n < 4; n++) {
       const std::vector<float>* const rows = n % 2 ? inverse.odd : inverse.even;
       const float upper = rows[row.k][half + k + n / 2], lower = rows[row.k + 1][half + k + n / 2];
-      halves[k].node[n] = upper + row.t * (lower - upper);
-      halves[k].bend[n] = 0;
+      nodes[k][n] = upper + row.t * (lower - upper);
     }
   for (size_t lane = 0; lane < (chroma ? kHalf : kBlock); lane += hn::Lanes(d)) {
-    const auto s = along_cells(d, halves, chroma, lane);
+    const size_t in_half = lane % kHalf;
+    // Four samples of chroma to a half, eight of luma.
+    auto four = hn::LoadDup128(d, nodes[chroma ? lane / 4 : lane / kHalf]);
+    if (chroma && hn::Lanes(d) > 4) four = hn::ConcatUpperLower(d, hn::LoadDup128(d, nodes[1]), four);
+    const auto look_up = [&](const uint8_t* at) HWY_ATTR {
+      return hn::BitCast(d, hn::TableLookupBytes(hn::BitCast(d8, four), hn::LoadU(d8, at + 4 * in_half)));
+    };
+    const auto before = look_up(table.before32);
+    const auto s = hn::MulAdd(hn::LoadU(d, table.t + in_half), hn::Sub(look_up(table.after32), before), before);
     hn::Store(s, d, out + lane);
     if (chroma) hn::Store(s, d, out + kHalf + lane);
   }

@@ -129,7 +129,7 @@ inline void place_chroma_nodes(SlotBand& band) {
 // One plane of an image, and where along a block its samples are.
 struct PlaneGeometry {
   float width, height;                  // of the plane, samples
-  int32_t stride;                       // bytes
+  int32_t stride, pixel_bytes;
   float spare_columns;                  // on the right, left to the slow way
   bool shuffles;                        // 8-bit samples side by side, rows of at least a window
   float t_before_half, t_half, t_last;  // of samples 7, 8 and 15, or of the only half's last one
@@ -271,6 +271,7 @@ inline PlaneGeometry luma_geometry(const ImageView& image, bool i420) {
   return {.width = static_cast<float>(image.width),
           .height = static_cast<float>(image.height),
           .stride = static_cast<int32_t>(image.stride[0]),
+          .pixel_bytes = i420 ? 1 : image.layout.pixel_stride,
           .spare_columns = i420 ? 0.f : 1.f,
           .shuffles = i420 && image.width >= kWindow,
           .t_before_half = 7.f / kBlock,
@@ -282,6 +283,7 @@ inline PlaneGeometry chroma_geometry(const ImageView& image) {
   return {.width = static_cast<float>(chroma_size(image.width)),
           .height = static_cast<float>(chroma_size(image.height)),
           .stride = static_cast<int32_t>(image.stride[1]),
+          .pixel_bytes = 1,
           .spare_columns = 0,
           .shuffles = chroma_size(image.width) >= kWindow && image.stride[1] == image.stride[2],
           .t_before_half = 14.5f / kBlock,

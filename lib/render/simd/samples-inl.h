@@ -114,10 +114,12 @@ HWY_INLINE VU16 sample_plane(const WindowPositions& at, const UnitTable& table, 
   return sample_windows(x, y, low, high, stride, lane);
 }
 
-// Positions of all samples of a block in the plane's own coordinates, as whole part and 15-bit fraction.
+// Positions of all samples of a block, as whole part and 15-bit fraction: in the plane's own coordinates, or of each
+// half in its window.
 struct Positions {
   alignas(64) int32_t column[kBlock], row[kBlock];
   alignas(64) int16_t fx[kBlock], fy[kBlock];
+  int32_t corner[2] = {};  // byte offsets of the halves' windows in the plane
 };
 
 // `largest`: of the whole part, so that there is a neighbour.
@@ -225,7 +227,7 @@ HWY_INLINE void gather_bytes(const Positions& at, const uint8_t* low, const uint
   alignas(64) uint16_t upper[kBlock], lower[kBlock];
   for (int i = 0; i < kBlock; i++) {
     const ptrdiff_t stride = i < kChromaBlock ? low_stride : high_stride;
-    const uint8_t* from = (i < kChromaBlock ? low : high) + at.row[i] * stride + at.column[i];
+    const uint8_t* from = (i < kHalf ? low + at.corner[0] : high + at.corner[1]) + at.row[i] * stride + at.column[i];
     std::memcpy(&upper[i], from, 2);
     std::memcpy(&lower[i], from + stride, 2);
   }
@@ -242,35 +244,40 @@ HWY_INLINE void gather_bytes(const Positions& at, const uint8_t* low, const uint
   }
 }
 
-// RGB in any order, times 128: bytes 0 and 2 of the pixels in `even`, pixel after pixel, bytes 1 and 3 in `odd`.
-struct PixelPairs {
-  alignas(64) int16_t even[2 * kBlock], odd[2 * kBlock];
-};
-HWY_INLINE void gather_pixels(const Positions& at, const uint8_t* plane, ptrdiff_t stride, int pixel_stride,
-                              PixelPairs& out) {
-  alignas(64) uint32_t corner[4][kBlock];
-  alignas(64) int16_t fx[2 * kBlock], fy[2 * kBlock];
+// RGB, times 128.
+HWY_INLINE void gather_pixels(const Positions& at, const Slot& slot, int16_t out[3][kBlock]) {
+  const uint8_t* const plane = slot.image.plane[0];
+  const ptrdiff_t stride = slot.image.stride[0], pixel_stride = slot.image.layout.pixel_stride;
+  alignas(64) uint64_t upper[kBlock], lower[kBlock], fx[kBlock], fy[kBlock];
+  constexpr uint64_t kSpread = 0x0001000100010001;
   for (int i = 0; i < kBlock; i++) {
-    const uint8_t* from = plane + at.row[i] * stride + at.column[i] * static_cast<ptrdiff_t>(pixel_stride);
-    std::memcpy(&corner[0][i], from, 4);
-    std::memcpy(&corner[1][i], from + pixel_stride, 4);
-    std::memcpy(&corner[2][i], from + stride, 4);
-    std::memcpy(&corner[3][i], from + stride + pixel_stride, 4);
-    fx[2 * i] = fx[2 * i + 1] = at.fx[i];
-    fy[2 * i] = fy[2 * i + 1] = at.fy[i];
+    const uint8_t* from = plane + at.corner[i / kHalf] + at.row[i] * stride + at.column[i] * pixel_stride;
+    std::memcpy(&upper[i], from, 8);
+    std::memcpy(&lower[i], from + stride, 8);
+    fx[i] = static_cast<uint16_t>(at.fx[i]) * kSpread;
+    fy[i] = static_cast<uint16_t>(at.fy[i]) * kSpread;
   }
   const D16 d;
   const DU16 du;
-  const auto bytes = hn::Set(du, 0xff);
-  for (size_t lane = 0; lane < 2 * kBlock; lane += hn::Lanes(d)) {
-    const auto x = hn::Load(d, fx + lane), y = hn::Load(d, fy + lane);
-    const auto load = [&](int c) HWY_ATTR {
-      return hn::BitCast(du, hn::Load(hn::Repartition<uint32_t, D16>(), corner[c] + lane / 2));
+  const hn::Repartition<uint8_t, D16> d8;
+  const hn::Repartition<uint64_t, D16> d64;
+  const auto bytes = hn::LoadDup128(d8, slot.pixel_pairs);
+  alignas(64) int16_t mixed[4 * kBlock];
+  for (size_t i = 0; i < kBlock; i += hn::Lanes(d64)) {
+    const auto x = hn::BitCast(d, hn::Load(d64, fx + i)), y = hn::BitCast(d, hn::Load(d64, fy + i));
+    const auto across = [&](const uint64_t* pairs) HWY_ATTR {
+      const auto v = hn::BitCast(du, hn::TableLookupBytesOr0(hn::BitCast(d8, hn::Load(d64, pairs + i)), bytes));
+      return mix(hn::BitCast(d, hn::ShiftRight<1>(hn::ShiftLeft<8>(v))),
+                 hn::BitCast(d, hn::And(hn::ShiftRight<1>(v), hn::Set(du, 0x7f80))), x);
     };
-    const auto even = [&](int c) HWY_ATTR { return hn::BitCast(d, hn::ShiftLeft<7>(hn::And(load(c), bytes))); };
-    const auto odd = [&](int c) HWY_ATTR { return hn::BitCast(d, hn::ShiftLeft<7>(hn::ShiftRight<8>(load(c)))); };
-    hn::Store(mix(mix(even(0), even(1), x), mix(even(2), even(3), x), y), d, out.even + lane);
-    hn::Store(mix(mix(odd(0), odd(1), x), mix(odd(2), odd(3), x), y), d, out.odd + lane);
+    hn::Store(mix(across(upper), across(lower), y), d, mixed + 4 * i);
+  }
+  for (size_t i = 0; i < kBlock; i += hn::Lanes(d)) {
+    V16 r, g, b, rest;
+    hn::LoadInterleaved4(d, mixed + 4 * i, r, g, b, rest);
+    hn::Store(r, d, out[0] + i);
+    hn::Store(g, d, out[1] + i);
+    hn::Store(b, d, out[2] + i);
   }
 }
 

@@ -116,8 +116,7 @@ HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
   const auto luma = [&](int row, const uint8_t* low) HWY_ATTR {
     const uint8_t* const high = luma_at(row, 1);
     if constexpr (kSurface)
-      return sample_cells(cells.luma_nodes.data() + 8 * (cell + row * cells.pitch),
-                          cells.luma_bends.data() + 8 * (cell + row * cells.pitch), low, high, stride, lane);
+      return sample_cells(cells, cell + row * cells.pitch, low, high, stride, lane);
     else
       return sample_plane(band.luma.window[entry + row * band.pitch], kLumaTable, low, high, stride, lane);
   };
@@ -196,16 +195,15 @@ struct PairSamples {
 // Interpolated, of a pair of rows.
 inline void interpolate_pair(const Part& part, int pair, bool i420, bool surface, Positions out[3]) {
   const SlotBand& band = *part.band;
-  const SurfaceBand& cells = band.surface;
-  for (int r = 0; r < 2; r++) {
+  const int pitch = band.surface.pitch;
+  for (int r = 0; r < 2; r++)
     if (surface)
-      interpolate_cells(cells, CellRow(static_cast<float>(2 * pair + r)), 2 * part.block, false, out[r]);
+      interpolate_cells(band.surface, (2 * pair + r) * pitch + 2 * part.block, false, out[r]);
     else
       interpolate_positions(band.luma, (2 * pair + r) * band.pitch + part.block, kLumaTable, out[r]);
-  }
   if (!i420) return;
   if (surface)
-    interpolate_cells(cells, CellRow(static_cast<float>(2 * pair) + 0.5f), 2 * part.block, true, out[2]);
+    interpolate_cells(band.surface, pair * pitch / 2 + part.block, true, out[2]);
   else
     interpolate_positions(band.chroma, pair * band.pitch + part.block, kChromaTable, out[2]);
 }
@@ -279,17 +277,11 @@ inline void add_i420(const Slot& slot, const PairSamples& samples, const PairPla
 }
 
 inline void add_rgb(const Slot& slot, const PairSamples& samples, const PairPlace& place, Scratch& scratch) {
-  const RgbLayout& layout = slot.image.layout;
-  const int offset[3] = {layout.r, layout.g, layout.b};
+  alignas(64) int16_t values[3][kBlock];
   for (int r = 0; r < 2; r++) {
-    PixelPairs pixels;
-    gather_pixels(samples.at[r], slot.image.plane[0], slot.image.stride[0], layout.pixel_stride, pixels);
-    for (int c = 0; c < 3; c++) {
-      const int16_t* from = (offset[c] & 1 ? pixels.odd : pixels.even) + (offset[c] >> 1);
-      alignas(64) int16_t values[kBlock];
-      for (int i = 0; i < kBlock; i++) values[i] = from[2 * i];
-      add_samples(values, samples.weight[r], scratch.sum[2 * place.pair + r][c] + place.out * kBlock);
-    }
+    gather_pixels(samples.at[r], slot, values);
+    for (int c = 0; c < 3; c++)
+      add_samples(values[c], samples.weight[r], scratch.sum[2 * place.pair + r][c] + place.out * kBlock);
   }
 }
 

@@ -74,53 +74,53 @@ struct CellPiece {
 // How the samples of some blocks are fetched, whose positions are within these bounds; doubtful ones are kMixed.
 template <class D, class V = hn::Vec<D>>
 struct CellVerdict {
-  CellVerdict(D d, const PlaneGeometry& plane, V low_x, V high_x, V low_y, V high_y, V doubt, bool can_be_lost) : d(d) {
+  CellVerdict(D d, const PlaneGeometry& plane, V low_x, V high_x, V low_y, V high_y, V doubt) : d(d) {
     const auto set = [d](float v) HWY_ATTR { return hn::Set(d, v); };
+    column = hn::Floor(low_x);
+    row = hn::Floor(low_y);
     // NaN fails every comparison.
     const auto linear = hn::Lt(doubt, set(static_cast<float>(kGridError)));
     const auto inside =
         hn::And(hn::And(hn::Ge(low_x, set(0)), hn::Lt(high_x, set(plane.width - 1 - plane.spare_columns))),
                 hn::And(hn::Ge(low_y, set(0)), hn::Lt(high_y, set(plane.height - 1))));
-    good = hn::And(inside, linear);
-    fetch = code(Fetch::kMixed);
-    if (can_be_lost) {
-      const auto outside = hn::Or(hn::Or(hn::Lt(high_x, set(-0.5f)), hn::Gt(low_x, set(plane.width - 0.5f))),
-                                  hn::Or(hn::Lt(high_y, set(-0.5f)), hn::Gt(low_y, set(plane.height - 0.5f))));
-      fetch = hn::IfThenElse(hn::And(outside, linear), code(Fetch::kLost), fetch);
-    }
-    fetch = hn::IfThenElse(good, code(Fetch::kGather), fetch);
-    column = hn::Floor(low_x);
-    row = hn::Floor(low_y);
-    if (!plane.shuffles) return;
+    // Fixed point ends at 32 pixels across and 16 down.
+    const auto fits =
+        hn::And(hn::Lt(hn::Sub(high_x, column), set(2 * kWindow - 1)), hn::Lt(hn::Sub(high_y, row), set(kWindow - 1)));
+    good = hn::And(hn::And(inside, linear), fits);
+    const auto outside = hn::Or(hn::Or(hn::Lt(high_x, set(-0.5f)), hn::Gt(low_x, set(plane.width - 0.5f))),
+                                hn::Or(hn::Lt(high_y, set(-0.5f)), hn::Gt(low_y, set(plane.height - 0.5f))));
+    lost = hn::And(outside, linear);
     const auto third = hn::Add(row, set(2));
     const auto readable =
         hn::Or(hn::Lt(third, set(plane.height - 1)),
                hn::And(hn::Le(third, set(plane.height - 1)), hn::Le(hn::Add(column, set(kWindow)), set(plane.width))));
-    const auto narrow = hn::And(hn::Lt(hn::Sub(hn::Floor(high_x), column), set(kWindow - 1)),
-                                hn::Lt(hn::Sub(hn::Floor(high_y), row), set(1.5f)));
-    shuffles = hn::And(good, hn::And(readable, narrow));
+    narrow = hn::And(readable, hn::And(hn::Lt(hn::Sub(hn::Floor(high_x), column), set(kWindow - 1)),
+                                       hn::Lt(hn::Sub(hn::Floor(high_y), row), set(1.5f))));
   }
-  HWY_INLINE V code(Fetch f) const { return hn::Set(d, static_cast<float>(f)); }
-  // Steps between nodes, and bends, have to fit into fixed point.
+  // Steps between nodes, and bends, have to fit into fixed point, too.
   template <int N>
   HWY_INLINE void limit(const CellPiece<V, N>& piece) {
     auto most =
         hn::Max(hn::Abs(hn::Sub(piece.node[1], piece.node[0])), hn::Abs(hn::Sub(piece.node[N - 1], piece.node[N - 2])));
+    for (int k = 1; k < N - 2; k++) most = hn::Max(most, hn::Abs(hn::Sub(piece.node[k + 1], piece.node[k])));
     for (const V& bend : piece.bend) most = hn::Max(most, hn::Abs(bend));
-    shuffles = hn::And(shuffles, hn::Lt(most, hn::Set(d, static_cast<float>(kWindow - 1))));
+    good = hn::And(good, hn::Lt(most, hn::Set(d, static_cast<float>(kWindow - 1))));
   }
-  HWY_INLINE void store(const PlaneGeometry& plane, size_t i, int32_t* corner, int32_t* to) {
+  // Whether a plane of chroma is lost follows luma.
+  HWY_INLINE void store(const PlaneGeometry& plane, bool chroma, size_t i, int32_t* corner, int32_t* to) const {
     const hn::RebindToSigned<D> di;
-    if (plane.shuffles) {
-      fetch = hn::IfThenElse(shuffles, code(Fetch::kShuffle), fetch);
-      hn::StoreU(hn::Add(hn::Mul(hn::ConvertTo(di, row), hn::Set(di, plane.stride)), hn::ConvertTo(di, column)), di,
-                 corner + i);
-    }
-    hn::StoreU(hn::ConvertTo(di, fetch), di, to + i);
+    const auto code = [&](Fetch f) HWY_ATTR { return hn::Set(di, static_cast<int32_t>(f)); };
+    auto fetch = code(Fetch::kMixed);
+    if (!chroma) fetch = hn::IfThenElse(hn::RebindMask(di, lost), code(Fetch::kLost), fetch);
+    fetch = hn::IfThenElse(hn::RebindMask(di, good), code(Fetch::kGather), fetch);
+    if (plane.shuffles) fetch = hn::IfThenElse(hn::RebindMask(di, hn::And(good, narrow)), code(Fetch::kShuffle), fetch);
+    hn::StoreU(fetch, di, to + i);
+    const auto in_row = hn::Mul(hn::ConvertTo(di, column), hn::Set(di, plane.pixel_bytes));
+    hn::StoreU(hn::Add(hn::Mul(hn::ConvertTo(di, row), hn::Set(di, plane.stride)), in_row), di, corner + i);
   }
   D d;
-  hn::Mask<D> good, shuffles;
-  V fetch, column, row;
+  hn::Mask<D> good, lost, narrow;
+  V column, row;
 };
 
 // Fixed point relative to a window's corner, modulo 2^16; two of them.
@@ -130,26 +130,6 @@ HWY_INLINE auto fixed_pair(D d, V low, V high, V corner) {
     return to_low_bits(hn::Mul(hn::Sub(v, corner), hn::Set(d, static_cast<float>(1 << kPositionBits))));
   };
   return hn::Or(hn::And(fixed(low), hn::Set(hn::RebindToUnsigned<D>(), 0xffff)), hn::ShiftLeft<16>(fixed(high)));
-}
-
-// One half's part of it, in x or y. For chroma, halved.
-inline CellHalf half_of(const CellNodes& node, const CellNodes& down, const CellNodes& along, const CellRow& row,
-                        size_t half, bool chroma) {
-  CellHalf out;
-  const auto between = [&](const std::vector<float>* rows, size_t i) {
-    return rows[row.k][i] + row.t * (rows[row.k + 1][i] - rows[row.k][i]);
-  };
-  const float bend = row.t * (1 - row.t);
-  for (size_t k = 0; k < 4; k++) {
-    const std::vector<float>* const rows = k % 2 ? node.odd : node.even;
-    const std::vector<float>* const bends = k % 2 ? down.odd : down.even;
-    out.node[k] = between(rows, half + k / 2) + bend * bends[row.k][half + k / 2];
-    out.bend[k] = k < 3 ? between(k % 2 ? along.odd : along.even, half + k / 2) : 0;
-    if (!chroma) continue;
-    out.node[k] = (out.node[k] - 0.5f) / 2;
-    out.bend[k] /= 2;
-  }
-  return out;
 }
 
 // A row of luma, or of RGB.
@@ -170,22 +150,20 @@ inline void place_cell_row(const PlaneGeometry& plane, const CellRow& row, size_
     y.bounds(d, 0.625f, 0.375f, low_y, high_y);
     const float *const even = out.doubt.even[row.k].data() + i, *const odd = out.doubt.odd[row.k].data() + i;
     const auto doubt = hn::Max(hn::Max(hn::LoadU(d, even), hn::LoadU(d, odd)), hn::LoadU(d, even + 1));
-    CellVerdict verdict(d, plane, low_x, high_x, low_y, high_y, hn::Add(doubt, x.nowhere(d)), true);
-    if (plane.shuffles) {
-      verdict.limit(x);
-      verdict.limit(y);
-      const auto store = [&](auto a, auto b, auto c, auto e, int16_t* to) HWY_ATTR {
-        hn::StoreInterleaved4(a, b, c, e, hn::RebindToUnsigned<decltype(d)>(), reinterpret_cast<uint32_t*>(to));
-      };
-      const auto zero = hn::Zero(d);
-      store(fixed_pair(d, x.node[0], x.node[1], verdict.column), fixed_pair(d, x.node[2], x.node[3], verdict.column),
-            fixed_pair(d, y.node[0], y.node[1], verdict.row), fixed_pair(d, y.node[2], y.node[3], verdict.row),
-            out.luma_nodes.data() + 8 * (entry + i));
-      store(fixed_pair(d, x.bend[0], x.bend[1], zero), fixed_pair(d, x.bend[2], zero, zero),
-            fixed_pair(d, y.bend[0], y.bend[1], zero), fixed_pair(d, y.bend[2], zero, zero),
-            out.luma_bends.data() + 8 * (entry + i));
-    }
-    verdict.store(plane, i, out.luma_corner.data() + entry, out.luma_fetch.data() + entry);
+    CellVerdict verdict(d, plane, low_x, high_x, low_y, high_y, hn::Add(doubt, x.nowhere(d)));
+    verdict.limit(x);
+    verdict.limit(y);
+    const auto store = [&](auto a, auto b, auto c, auto e, int16_t* to) HWY_ATTR {
+      hn::StoreInterleaved4(a, b, c, e, hn::RebindToUnsigned<decltype(d)>(), reinterpret_cast<uint32_t*>(to));
+    };
+    const auto zero = hn::Zero(d);
+    store(fixed_pair(d, x.node[0], x.node[1], verdict.column), fixed_pair(d, x.node[2], x.node[3], verdict.column),
+          fixed_pair(d, y.node[0], y.node[1], verdict.row), fixed_pair(d, y.node[2], y.node[3], verdict.row),
+          out.luma_nodes.data() + 8 * (entry + i));
+    store(fixed_pair(d, x.bend[0], x.bend[1], zero), fixed_pair(d, x.bend[2], zero, zero),
+          fixed_pair(d, y.bend[0], y.bend[1], zero), fixed_pair(d, y.bend[2], zero, zero),
+          out.luma_bends.data() + 8 * (entry + i));
+    verdict.store(plane, false, i, out.luma_corner.data() + entry, out.luma_fetch.data() + entry);
   }
 }
 
@@ -231,27 +209,24 @@ inline void place_chroma_cell_row(const PlaneGeometry& plane, const CellRow& row
     auto doubt = hn::Max(hn::Max(even, next), hn::Max(odd, rest));
     hn::LoadInterleaved2(d, out.doubt.even[row.k].data() + 2 * b + 2, even, next);
     doubt = hn::Max(doubt, even);
-    CellVerdict verdict(d, plane, low_x, high_x, low_y, high_y, hn::Add(doubt, x.nowhere(d)), false);
-    if (plane.shuffles) {
-      verdict.limit(x);
-      verdict.limit(y);
-      const auto store = [&](const auto& piece, auto corner, std::vector<int16_t>& nodes, std::vector<int16_t>& bends)
-                             HWY_ATTR {
-                               const hn::RebindToUnsigned<decltype(d)> du;
-                               const auto zero = hn::Zero(d);
-                               hn::StoreInterleaved4(fixed_pair(d, piece.node[0], piece.node[1], corner),
-                                                     fixed_pair(d, piece.node[2], piece.node[3], corner),
-                                                     fixed_pair(d, piece.node[4], piece.node[5], corner), hn::Zero(du),
-                                                     du, reinterpret_cast<uint32_t*>(nodes.data() + 8 * (first + b)));
-                               hn::StoreInterleaved4(fixed_pair(d, piece.bend[0], piece.bend[1], zero),
-                                                     fixed_pair(d, piece.bend[2], piece.bend[3], zero),
-                                                     fixed_pair(d, piece.bend[4], zero, zero), hn::Zero(du), du,
-                                                     reinterpret_cast<uint32_t*>(bends.data() + 8 * (first + b)));
-                             };
-      store(x, verdict.column, out.chroma_x_nodes, out.chroma_x_bends);
-      store(y, verdict.row, out.chroma_y_nodes, out.chroma_y_bends);
-    }
-    verdict.store(plane, b, out.chroma_corner.data() + first, out.chroma_fetch.data() + first);
+    CellVerdict verdict(d, plane, low_x, high_x, low_y, high_y, hn::Add(doubt, x.nowhere(d)));
+    verdict.limit(x);
+    verdict.limit(y);
+    const auto store = [&](const auto& piece, auto corner, std::vector<int16_t>& nodes,
+                           std::vector<int16_t>& bends) HWY_ATTR {
+      const hn::RebindToUnsigned<decltype(d)> du;
+      const auto zero = hn::Zero(d);
+      hn::StoreInterleaved4(fixed_pair(d, piece.node[0], piece.node[1], corner),
+                            fixed_pair(d, piece.node[2], piece.node[3], corner),
+                            fixed_pair(d, piece.node[4], piece.node[5], corner), hn::Zero(du), du,
+                            reinterpret_cast<uint32_t*>(nodes.data() + 8 * (first + b)));
+      hn::StoreInterleaved4(fixed_pair(d, piece.bend[0], piece.bend[1], zero),
+                            fixed_pair(d, piece.bend[2], piece.bend[3], zero), fixed_pair(d, piece.bend[4], zero, zero),
+                            hn::Zero(du), du, reinterpret_cast<uint32_t*>(bends.data() + 8 * (first + b)));
+    };
+    store(x, verdict.column, out.chroma_x_nodes, out.chroma_x_bends);
+    store(y, verdict.row, out.chroma_y_nodes, out.chroma_y_bends);
+    verdict.store(plane, true, b, out.chroma_corner.data() + first, out.chroma_fetch.data() + first);
   }
 }
 
