@@ -11,7 +11,7 @@
 #include "base/parallel.h"
 #include "camera_inputs.h"
 #include "frame_sources.h"
-#include "image/sharpen.h"
+#include "image/resampling.h"
 #include "node/answer_task.h"
 #include "node/gain_matcher.h"
 #include "node/skew_watch.h"

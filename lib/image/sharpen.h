@@ -7,12 +7,6 @@
 
 namespace lf {
 
-// How cameras' images are sampled.
-enum class Resampling {
-  kBilinear,
-  kSharpened,  // bilinear, of sharpened images
-};
-
 // Makes up for what bilinear sampling takes away: v + kSharpening (v - mean of its four neighbours), rounded and clamped,
 // of every sample of each plane, neighbours repeated at the image's border. Bilinear samples of the result are two thirds
 // of the way to Catmull-Rom's, at a fraction of the cost.

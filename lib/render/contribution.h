@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "image/image.h"
+#include "image/resampling.h"
 #include "render/camera_projection.h"
 #include "render/fragment_renderer.h"
 
@@ -21,30 +22,58 @@ inline void check_image(const Camera& camera, const ImageView& image) {
                 std::to_string(camera.height));
 }
 
-// Bilinear sampling of one 8-bit channel; coordinates are clamped to the outer pixel centres.
-struct Bilinear {
-  Bilinear(const Vec2& position, int width, int height) {
-    const double x = std::clamp(position.x, 0.0, width - 1.0), y = std::clamp(position.y, 0.0, height - 1.0);
-    x0 = static_cast<int>(x);
-    y0 = static_cast<int>(y);
-    x1 = std::min(x0 + 1, width - 1);
-    y1 = std::min(y0 + 1, height - 1);
-    ax = static_cast<float>(x - x0);
-    ay = static_cast<float>(y - y0);
-  }
+// Sampling of one 8-bit channel, bilinear or by Catmull-Rom; coordinates are clamped to the outer pixel centres, and
+// the outer pixels go on beyond.
+class Sampler {
+ public:
+  Sampler(const Vec2& position, int width, int height, Resampling resampling)
+      : taps_(resampling == Resampling::kCatmullRom ? 4 : 2),
+        across_(position.x, width, taps_),
+        down_(position.y, height, taps_) {}
   float sample(const uint8_t* plane, ptrdiff_t stride, int pixel_stride) const {
-    const uint8_t *top = plane + y0 * stride, *bottom = plane + y1 * stride;
-    const float a = top[x0 * pixel_stride], b = top[x1 * pixel_stride];
-    const float c = bottom[x0 * pixel_stride], d = bottom[x1 * pixel_stride];
-    const float upper = a + (b - a) * ax, lower = c + (d - c) * ax;
-    return upper + (lower - upper) * ay;
+    const auto value = [&](int i, int j) {
+      return static_cast<float>(plane[down_.at[j] * stride + across_.at[i] * pixel_stride]);
+    };
+    if (taps_ == 2) {
+      const float upper = value(0, 0) + (value(1, 0) - value(0, 0)) * across_.weight[1];
+      const float lower = value(0, 1) + (value(1, 1) - value(0, 1)) * across_.weight[1];
+      return upper + (lower - upper) * down_.weight[1];
+    }
+    float sum = 0;
+    for (int j = 0; j < taps_; j++) {
+      float along = 0;
+      for (int i = 0; i < taps_; i++) along += across_.weight[i] * value(i, j);
+      sum += down_.weight[j] * along;
+    }
+    return std::clamp(sum, 0.f, 255.f);
   }
-  int x0, y0, x1, y1;
-  float ax, ay;
+
+ private:
+  struct Axis {
+    Axis(double position, int size, int taps) {
+      const double x = std::clamp(position, 0.0, size - 1.0);
+      const int first = static_cast<int>(x) - (taps / 2 - 1);
+      const auto t = static_cast<float>(x - static_cast<int>(x));
+      for (int i = 0; i < taps; i++) at[i] = std::clamp(first + i, 0, size - 1);
+      if (taps == 2) {
+        weight[1] = t;
+      } else {
+        const float near = t * (1 - t) * (1 - t), far = t * t * (1 - t);
+        weight[0] = -near / 2;
+        weight[1] = 1 - t + near - far / 2;
+        weight[2] = t + far - near / 2;
+        weight[3] = -far / 2;
+      }
+    }
+    int at[4];
+    float weight[4];
+  };
+  int taps_;
+  Axis across_, down_;
 };
 
-inline void sample_rgb(const ImageView& image, const Vec2& position, float rgb[3]) {
-  const Bilinear at(position, image.width, image.height);
+inline void sample_rgb(const ImageView& image, const Vec2& position, Resampling resampling, float rgb[3]) {
+  const Sampler at(position, image.width, image.height, resampling);
   const RgbLayout& layout = image.layout;
   rgb[0] = at.sample(image.plane[0] + layout.r, image.stride[0], layout.pixel_stride);
   rgb[1] = at.sample(image.plane[0] + layout.g, image.stride[0], layout.pixel_stride);
@@ -101,8 +130,8 @@ class Contribution {
 // Chroma has the mean valid weight of its (up to four) luma pixels, so that luma and chroma of all cameras together are
 // covered alike.
 template <class Luma, class Lost, class Chroma>
-bool for_each_i420(const Contribution& contribution, const ImageView& image, const Rect& rect, const Luma& luma,
-                   const Lost& lost, const Chroma& chroma) {
+bool for_each_i420(const Contribution& contribution, const ImageView& image, Resampling resampling, const Rect& rect,
+                   const Luma& luma, const Lost& lost, const Chroma& chroma) {
   const int chroma_width = chroma_size(rect.width()), chroma_height = chroma_size(rect.height());
   struct Block {
     float weight = 0;
@@ -115,7 +144,7 @@ bool for_each_i420(const Contribution& contribution, const ImageView& image, con
       lost(i, hat);
       return;
     }
-    const Bilinear at(position, image.width, image.height);
+    const Sampler at(position, image.width, image.height, resampling);
     luma(i, hat, hat * at.sample(image.plane[0], image.stride[0], 1));
     Block& block = blocks[static_cast<size_t>((y - rect.y0) / 2) * chroma_width + (x - rect.x0) / 2];
     block.weight += hat;
@@ -129,10 +158,9 @@ bool for_each_i420(const Contribution& contribution, const ImageView& image, con
       const int pixels = (x + 1 < rect.x1 ? 2 : 1) * (y + 1 < rect.y1 ? 2 : 1);
       const float weight = blocks[i].weight / static_cast<float>(pixels);
       Vec2 position;
-      if (!contribution.project_chroma(x, y, position))
-        position = blocks[i].position;
+      if (!contribution.project_chroma(x, y, position)) position = blocks[i].position;
       const Vec2 chroma_position = (position - 0.5) / 2.0;
-      const Bilinear at(chroma_position, chroma_size(image.width), chroma_size(image.height));
+      const Sampler at(chroma_position, chroma_size(image.width), chroma_size(image.height), resampling);
       chroma(i, weight * (at.sample(image.plane[1], image.stride[1], 1) - 128),
              weight * (at.sample(image.plane[2], image.stride[2], 1) - 128));
     }

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "image/image.h"
+#include "image/resampling.h"
 #include "render/ownership.h"
 #include "rig/rig.h"
 
@@ -20,6 +21,7 @@ struct FloatFragment {
 
 // Arguments as for FragmentRenderer::render().
 std::optional<FloatFragment> render_float(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
-                                          const Camera& rig_camera, const ImageView& image);
+                                          const Camera& rig_camera, const ImageView& image,
+                                          Resampling resampling = Resampling::kBilinear);
 
 }  // namespace lf

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "image/image.h"
+#include "image/resampling.h"
 #include "render/fragment.h"
 #include "render/ownership.h"
 #include "rig/rig.h"
@@ -28,6 +29,6 @@ class FragmentRenderer {
 Rect chroma_aligned(const Rect& rect, const View& view);
 
 // Plain C++, one pixel at a time, geometry in double precision: the yardstick for every faster one.
-std::unique_ptr<FragmentRenderer> make_scalar_renderer();
+std::unique_ptr<FragmentRenderer> make_scalar_renderer(Resampling resampling = Resampling::kBilinear);
 
 }  // namespace lf

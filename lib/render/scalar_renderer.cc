@@ -13,6 +13,8 @@ uint8_t to_signed_byte(float v) { return static_cast<uint8_t>(static_cast<int8_t
 
 class ScalarRenderer : public FragmentRenderer {
  public:
+  explicit ScalarRenderer(Resampling resampling) : resampling_(resampling) {}
+
   std::optional<Fragment> render(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
                                  const Camera& rig_camera, const ImageView& image) const override {
     plain::check_image(rig_camera, image);
@@ -37,7 +39,7 @@ class ScalarRenderer : public FragmentRenderer {
   }
 
  private:
-  static bool render_rgb(const Contribution& contribution, const ImageView& image, Fragment& fragment) {
+  bool render_rgb(const Contribution& contribution, const ImageView& image, Fragment& fragment) const {
     return contribution.for_each(fragment.rect, [&](int x, int y, float hat, bool valid, const Vec2& position) {
       const size_t i = plain::rect_offset(fragment.rect, x, y);
       if (!valid) {
@@ -45,24 +47,26 @@ class ScalarRenderer : public FragmentRenderer {
         return;
       }
       float rgb[3];
-      plain::sample_rgb(image, position, rgb);
+      plain::sample_rgb(image, position, resampling_, rgb);
       for (int c = 0; c < 3; c++) fragment.pixels[3 * i + c] = to_byte(hat * rgb[c]);
     });
   }
 
-  static bool render_i420(const Contribution& contribution, const ImageView& image, Fragment& fragment) {
+  bool render_i420(const Contribution& contribution, const ImageView& image, Fragment& fragment) const {
     const Rect& rect = fragment.rect;
     uint8_t* const y = fragment.pixels.data();
     uint8_t* const cb = y + static_cast<size_t>(rect.width()) * rect.height();
     uint8_t* const cr = cb + static_cast<size_t>(chroma_size(rect.width())) * chroma_size(rect.height());
     return plain::for_each_i420(
-        contribution, image, rect, [&](size_t i, float, float luma) { y[i] = to_byte(luma); },
+        contribution, image, resampling_, rect, [&](size_t i, float, float luma) { y[i] = to_byte(luma); },
         [&](size_t i, float weight) { fragment.lost[i] = to_byte(255 * weight); },
         [&](size_t i, float blue, float red) {
           cb[i] = to_signed_byte(blue);
           cr[i] = to_signed_byte(red);
         });
   }
+
+  const Resampling resampling_;
 };
 
 }  // namespace
@@ -72,6 +76,8 @@ Rect chroma_aligned(const Rect& rect, const View& view) {
           std::min((rect.y1 + 1) & ~1, view.height)};
 }
 
-std::unique_ptr<FragmentRenderer> make_scalar_renderer() { return std::make_unique<ScalarRenderer>(); }
+std::unique_ptr<FragmentRenderer> make_scalar_renderer(Resampling resampling) {
+  return std::make_unique<ScalarRenderer>(resampling);
+}
 
 }  // namespace lf

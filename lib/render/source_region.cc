@@ -12,9 +12,9 @@ namespace lf {
 namespace {
 
 constexpr int kStep = 16;  // pixels of the view between two that are looked at
-// Bilinear sampling reaches a pixel further, chroma two; positions that the fast renderer interpolates are off by less
-// than one.
-constexpr int kReach = 4;
+// Sampling reaches two pixels further, chroma five; positions that the fast renderer interpolates are off by less than
+// one.
+constexpr int kReach = 6;
 
 // lo, lo + kStep, ... and the last pixel: of [lo, hi).
 template <typename Call>

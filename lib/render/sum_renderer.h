@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "image/image.h"
+#include "image/resampling.h"
 #include "render/fragment_renderer.h"
 #include "render/owner_runs.h"
 #include "render/sum_planes.h"
@@ -20,6 +21,7 @@ struct Source {
   CameraIndex camera = 0;              // index in the rig of the plan
   const Camera* rig_camera = nullptr;  // what the rig says of it
   ImageView image;                     // of the camera's size; family kNone: it has no picture, its weight is lost
+  Resampling resampling = Resampling::kBilinear;  // sharpened: the image is that already
 };
 
 // How positions in the cameras' images are found.

@@ -100,13 +100,15 @@ std::shared_ptr<const FocalMap> room(const View& view) {
   return std::make_shared<FocalMap>(std::move(map));
 }
 
-void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinates coordinates, bool surface = false) {
+void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinates coordinates, bool surface = false,
+         Resampling resampling = Resampling::kBilinear) {
   const auto& size = kSizes[state.range(0)];
   Scene scene(static_cast<int>(state.range(1)), size[0], size[1], distorted, family);
   if (surface) scene.view.focus.map = room(scene.view);
   const ViewPlan plan(scene.rig, scene.mesh, scene.view);
   const OwnerRuns runs(plan, {0, 0, scene.view.width, scene.view.height});
-  const auto sources = scene.sources(plan);
+  auto sources = scene.sources(plan);
+  for (Source& source : sources) source.resampling = resampling;
   SumPlanes out{.family = family};
   for (auto _ : state) {
     const SumRenderer renderer(plan, runs, sources, family, coordinates);
@@ -125,6 +127,14 @@ BENCHMARK_CAPTURE(Sum, i420_grid, PixelFamily::kI420, true, Coordinates::kGrid)
 BENCHMARK_CAPTURE(Sum, i420_undistorted, PixelFamily::kI420, false, Coordinates::kGrid)->ArgsProduct({{0, 3}, {8}});
 BENCHMARK_CAPTURE(Sum, i420_exact, PixelFamily::kI420, true, Coordinates::kExact)->ArgsProduct({{0, 3}, {8}});
 BENCHMARK_CAPTURE(Sum, rgb_grid, PixelFamily::kRgb, true, Coordinates::kGrid)->ArgsProduct({{0, 3}, {8}});
+BENCHMARK_CAPTURE(Sum, i420_cubic, PixelFamily::kI420, true, Coordinates::kGrid, false, Resampling::kCatmullRom)
+    ->ArgsProduct({{0, 3}, {8}});
+BENCHMARK_CAPTURE(Sum, i420_cubic_surface, PixelFamily::kI420, true, Coordinates::kGrid, true, Resampling::kCatmullRom)
+    ->ArgsProduct({{0, 3}, {8}});
+BENCHMARK_CAPTURE(Sum, rgb_cubic, PixelFamily::kRgb, true, Coordinates::kGrid, false, Resampling::kCatmullRom)
+    ->ArgsProduct({{0, 3}, {8}});
+BENCHMARK_CAPTURE(Sum, rgb_cubic_surface, PixelFamily::kRgb, true, Coordinates::kGrid, true, Resampling::kCatmullRom)
+    ->ArgsProduct({{0, 3}, {8}});
 BENCHMARK_CAPTURE(Sum, i420_surface, PixelFamily::kI420, true, Coordinates::kGrid, true)->ArgsProduct({{0, 1, 3}, {8}});
 BENCHMARK_CAPTURE(Sum, rgb_surface, PixelFamily::kRgb, true, Coordinates::kGrid, true)->ArgsProduct({{0, 1, 3}, {8}});
 

@@ -7,6 +7,7 @@
 
 #include "geometry/focal_surface.h"
 #include "image/image.h"
+#include "image/resampling.h"
 #include "render/camera_projection.h"
 #include "render/owner_runs.h"
 #include "render/view_plan.h"
@@ -36,6 +37,9 @@ struct Slot {
   Rect rect;        // bounds its hat; even in x0, y0
   // RGB: which bytes of two runs of eight are R, G and B of a run's first pixel and of its right neighbour, in turn.
   alignas(16) uint8_t pixel_pairs[16] = {};
+  alignas(16) uint8_t pixel_taps[16] = {};  // of four pixels: all of R, all of G, all of B
+  Resampling resampling = Resampling::kBilinear;
+  bool is_cubic() const { return resampling == Resampling::kCatmullRom; }
   const CameraProjection* projection = nullptr;
   // Camera coordinates of pixel (x, y) of the view, up to a positive factor: from_pixel * (x, y, 1).
   Mat3 from_pixel;

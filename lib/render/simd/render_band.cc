@@ -91,7 +91,7 @@ inline void find_parts(const SumTask& task, int block, int out, const Scratch& s
     const bool seen = task.slots[weights.slot].image.family != PixelFamily::kNone;
     parts.part[parts.count++] = {&weights, &band, block - band.first_block,
                                  seen ? SlotBand::kShuffle : SlotBand::kAllLost};
-    parts.calm = parts.calm && seen && band.calm;
+    parts.calm = parts.calm && seen && band.calm && !task.slots[weights.slot].is_cubic();
     parts.rows &= weights.rows;
   }
 }
@@ -131,7 +131,7 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
         part.verdict = part.band->verdict[pair * part.band->pitch + part.block];
       if (part.verdict == SlotBand::kAllLost && task.targets.empty())
         add_lost(*part.weights, place, scratch);
-      else if (part.verdict == SlotBand::kShuffle && shuffles)
+      else if (part.verdict == SlotBand::kShuffle && shuffles && !task.slots[part.weights->slot].is_cubic())
         shuffled[num_shuffled++] = part;
       else
         slow[num_slow++] = part;

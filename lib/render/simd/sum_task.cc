@@ -46,12 +46,13 @@ Mat3 from_pixel(const Mat3& camera_from_ray, const Rays& rays) {
   return {camera_from_ray[0] * du, camera_from_ray[1] * dv, camera_from_ray * Vec3(origin, 1)};
 }
 
-void pick_pixels(const RgbLayout& layout, uint8_t out[16]) {
-  const int offset[3] = {layout.r, layout.g, layout.b};
+void pick_pixels(const RgbLayout& layout, Slot& slot) {
+  constexpr int kNothing = 0x80;
+  const int offset[4] = {layout.r, layout.g, layout.b, 0};
   for (int i = 0; i < 16; i++) {
     const int c = i % 8 / 2;
-    constexpr int kNothing = 0x80;
-    out[i] = static_cast<uint8_t>(c == 3 ? kNothing : i / 8 * 8 + offset[c] + i % 2 * layout.pixel_stride);
+    slot.pixel_pairs[i] = static_cast<uint8_t>(c == 3 ? kNothing : i / 8 * 8 + offset[c] + i % 2 * layout.pixel_stride);
+    slot.pixel_taps[i] = static_cast<uint8_t>(offset[i / 4] + i % 4 * layout.pixel_stride);
   }
 }
 
@@ -60,7 +61,8 @@ Slot make_slot(const ViewPlan& plan, const Camera& camera, const Source& source,
   Slot slot;
   slot.camera = source.camera;
   slot.image = source.image;
-  if (family == PixelFamily::kRgb) pick_pixels(source.image.layout, slot.pixel_pairs);
+  slot.resampling = source.resampling;
+  if (family == PixelFamily::kRgb) pick_pixels(source.image.layout, slot);
   slot.rect = plan.camera_rect(source.camera);
   if (family == PixelFamily::kI420) slot.rect = chroma_aligned(slot.rect, plan.view());
   slot.projection = &projection;

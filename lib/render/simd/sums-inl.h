@@ -16,6 +16,7 @@
 #include "render/simd/band_data.h"
 #if HWY_TARGET != HWY_SCALAR
 #include "render/simd/cell_samples-inl.h"
+#include "render/simd/cubic-inl.h"
 #include "render/simd/samples-inl.h"
 #endif
 
@@ -202,10 +203,14 @@ inline void interpolate_pair(const Part& part, int pair, bool i420, bool surface
     else
       interpolate_positions(band.luma, (2 * pair + r) * band.pitch + part.block, kLumaTable, out[r]);
   if (!i420) return;
-  if (surface)
+  if (surface) {
     interpolate_cells(band.surface, pair * pitch / 2 + part.block, true, out[2]);
-  else
+    // The corner was told for Cb.
+    const ptrdiff_t cb = band.slot->image.stride[1], cr = band.slot->image.stride[2];
+    if (cb != cr) out[2].corner[1] = static_cast<int32_t>(out[2].corner[0] / cb * cr + out[2].corner[0] % cb);
+  } else {
     interpolate_positions(band.chroma, pair * band.pitch + part.block, kChromaTable, out[2]);
+  }
 }
 
 // Inverse distances of the samples of a row of a block, which is at y of the band; those of chroma twice over.
@@ -261,12 +266,22 @@ inline void add_samples(const int16_t* samples, const int16_t* weights, int16_t*
 inline void add_i420(const Slot& slot, const PairSamples& samples, const PairPlace& place, Scratch& scratch) {
   const D16 d;
   const ImageView& image = slot.image;
+  const CubicPlane luma{image.plane[0], image.stride[0], image.width, image.height, 1};
+  const auto chroma = [&image](int c) {
+    return CubicPlane{image.plane[c], image.stride[c], chroma_size(image.width), chroma_size(image.height), 1};
+  };
   alignas(64) int16_t values[kBlock];
   for (int r = 0; r < 2; r++) {
-    gather_bytes(samples.at[r], image.plane[0], image.plane[0], image.stride[0], image.stride[0], values);
+    if (slot.is_cubic())
+      gather_cubic_bytes(samples.at[r], luma, luma, values);
+    else
+      gather_bytes(samples.at[r], image.plane[0], image.plane[0], image.stride[0], image.stride[0], values);
     add_samples(values, samples.weight[r], scratch.sum[2 * place.pair + r][0] + place.out * kBlock);
   }
-  gather_bytes(samples.at[2], image.plane[1], image.plane[2], image.stride[1], image.stride[2], values);
+  if (slot.is_cubic())
+    gather_cubic_bytes(samples.at[2], chroma(1), chroma(2), values);
+  else
+    gather_bytes(samples.at[2], image.plane[1], image.plane[2], image.stride[1], image.stride[2], values);
   for (size_t i = 0; i < kBlock; i += hn::Lanes(d))
     hn::Store(weigh_chroma(hn::Load(d, values + i), chroma_weights<15>(samples.weight[0], samples.weight[1])), d,
               values + i);
@@ -279,7 +294,10 @@ inline void add_i420(const Slot& slot, const PairSamples& samples, const PairPla
 inline void add_rgb(const Slot& slot, const PairSamples& samples, const PairPlace& place, Scratch& scratch) {
   alignas(64) int16_t values[3][kBlock];
   for (int r = 0; r < 2; r++) {
-    gather_pixels(samples.at[r], slot, values);
+    if (slot.is_cubic())
+      gather_cubic_pixels(samples.at[r], slot, values);
+    else
+      gather_pixels(samples.at[r], slot, values);
     for (int c = 0; c < 3; c++)
       add_samples(values[c], samples.weight[r], scratch.sum[2 * place.pair + r][c] + place.out * kBlock);
   }

@@ -71,7 +71,8 @@ struct Worst {
 
 // Sums of render_float() over the view, per plane: R, G, B or Y, Cb, Cr.
 struct FloatSum {
-  FloatSum(const Rig& rig, const test::Production& production, const std::vector<Image>& images) {
+  FloatSum(const Rig& rig, const test::Production& production, const std::vector<Image>& images,
+           Resampling resampling) {
     const View& view = production.plan.view();
     const bool i420 = images.front().family() == PixelFamily::kI420;
     width = view.width;
@@ -81,7 +82,7 @@ struct FloatSum {
     }
     lost.resize(static_cast<size_t>(width) * view.height);
     for (const CameraIndex i : production.plan.contributors()) {
-      const auto f = render_float(production.plan, production.owners, i, rig.cameras[i], images[i].view());
+      const auto f = render_float(production.plan, production.owners, i, rig.cameras[i], images[i].view(), resampling);
       if (!f) continue;
       const Rect& rect = f->rect;
       size_t from = 0;
@@ -104,13 +105,14 @@ struct FloatSum {
 
 // Beside render_float(), in sums that are not divided by what was lost.
 void compare(const Rig& rig, const View& view, const std::vector<Image>& rgb, PixelFamily family,
-             Coordinates coordinates, Worst& worst) {
+             Coordinates coordinates, Worst& worst, Resampling resampling = Resampling::kBilinear) {
   const Mesh mesh = build_mesh(rig);
   const test::Production production(rig, mesh, view);
   const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
-  const FloatSum expected(rig, production, images);
+  const FloatSum expected(rig, production, images, resampling);
   const OwnerRuns runs(production.plan, test::whole(view));
-  const auto sources = sources_of(rig, production.plan, images);
+  auto sources = sources_of(rig, production.plan, images);
+  for (Source& source : sources) source.resampling = resampling;
   const SumRenderer renderer(production.plan, runs, sources, family, coordinates);
   const Rect& rect = renderer.rect();
   if (rect.empty()) return;
@@ -235,6 +237,34 @@ TEST(SumRenderer, IsWithinItsBoundThroughAFocalMap) {
   }
 }
 
+// On a plane and through a map. Steep as a checkerboard is, cubic samples are steeper, and overshoot on either side.
+TEST(SumRenderer, IsWithinItsBoundWithCatmullRom) {
+  for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
+      for (const bool mapped : {false, true})
+        for (const bool hard : {false, true}) {
+          Worst worst;
+          for (int trial = 0; trial < 3; trial++) {
+            Random random(trial);
+            const int side = 3 + trial, width = trial % 2 ? 157 : 160, height = trial % 2 ? 121 : 120;
+            const Rig rig = jittered_array(random, side, width, height, trial == 0 ? 0 : -0.25);
+            View view = view_into(rig, side, width, height, random.small_rotation(0.2));
+            if (mapped) view.focus.map = depths(random, view, FocalMap::kFinestStep, trial == 2);
+            const auto images = images_of(rig, random, hard ? checkerboard : reference::smooth_image);
+            compare(rig, view, images, family, Coordinates::kGrid, worst, Resampling::kCatmullRom);
+          }
+          std::printf("%-8s %s cubic %-5s %-12s: level error %.3f, chroma %.3f, lost %.2g, %ld pixels\n",
+                      hwy::TargetName(target), family == PixelFamily::kI420 ? "I420" : "RGB ", mapped ? "map" : "plane",
+                      hard ? "checkerboard" : "smooth", worst.level, worst.chroma, worst.lost, long(worst.pixels));
+          EXPECT_LE(worst.level, hard ? 1.2 : 0.2);
+          EXPECT_LE(worst.chroma, hard ? 1.2 : 0.2);
+          EXPECT_LE(worst.lost, 1e-4);
+        }
+    hwy::SetSupportedTargetsForTest(0);
+  }
+}
+
 // Chroma, lost weight and a checkerboard, too, which reference::subjects() don't have; beside the rule in doubles.
 TEST(SumRenderer, IsWithinItsBoundInTheHardCases) {
   for (const reference::HardCase& small : reference::hard_cases())
@@ -275,6 +305,7 @@ TEST(FragmentSet, IsEachCamerasSumRounded) {
         const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
         std::vector<Source> sources = sources_of(rig, plan, images);
         sources[1].image.family = PixelFamily::kNone;  // no picture: all lost
+        for (size_t i = 2; i < sources.size(); i += 3) sources[i].resampling = Resampling::kCatmullRom;
         FragmentSet set;
         set.begin(plan, runs, sources, family);
         // Bands in another order and of other heights than all at once.
