@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "base/now.h"
+#include "image/sharpen.h"
 #include "wire/answer_writer.h"
 
 namespace lf {
@@ -95,15 +96,17 @@ FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester&
   return {.brightness = {}, .moments = {}, .bytes = wire::AnswerWriter(header, 0).finish(), .warning = std::move(warning)};
 }
 
-std::vector<Source> FragmentNode::sharpen_all(std::span<const Source> images, const AnswerTask& task,
-                                              const Manner& manner, std::vector<ByteBuffer>& memory) {
-  std::vector<Source> sharpened(images.begin(), images.end());
+std::vector<Source> FragmentNode::resampled(std::span<const Source> images, const AnswerTask& task,
+                                            const Manner& manner, std::vector<ByteBuffer>& memory) {
+  std::vector<Source> sources(images.begin(), images.end());
+  for (Source& source : sources) source.resampling = manner.resampling;
+  if (manner.resampling != Resampling::kSharpened) return sources;
   memory.resize(std::max(memory.size(), images.size()));
   manner.parallel(images.size(), [&](size_t i) {
     if (images[i].image.family == PixelFamily::kNone) return;
-    sharpened[i].image = sharpen(images[i].image, task.answer_region(images[i].camera), memory[i]);
+    sources[i].image = sharpen(images[i].image, task.answer_region(images[i].camera), memory[i]);
   });
-  return sharpened;
+  return sources;
 }
 
 ByteBuffer FragmentNode::match_gains(const AnswerTask& task, const wire::AnswerHeader& header, const Manner& manner,
@@ -198,11 +201,8 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
   if (task->gains()) brightness = match_gains(*task, header, manner, requester.gains, images);
   ByteBuffer moments = task->moments(header, images, manner.parallel);
   const uint64_t tried = now_ns();
-  std::vector<Source> sharpened;
-  if (manner.resampling == Resampling::kSharpened)
-    sharpened = sharpen_all(images, *task, manner, requester.sharpened);
-  RenderedAnswer rendered = task->render(header, sharpened.empty() ? images : sharpened, manner, std::move(memory),
-                                         manner.parallel);
+  const std::vector<Source> sources_as_sampled = resampled(images, *task, manner, requester.sharpened);
+  RenderedAnswer rendered = task->render(header, sources_as_sampled, manner, std::move(memory), manner.parallel);
   const NodeStats::Stages stages = {.wait = waited + (found - planned),
                                     .decode = decoded - found,
                                     .render = planned - begun + tried - trying + rendered.render_ns,

@@ -72,9 +72,9 @@ class FragmentNode {
   // nothing does.
   ByteBuffer match_gains(const AnswerTask& task, const wire::AnswerHeader& header, const Manner& manner,
                          GainMatcher& matcher, std::vector<Source>& images);
-  // The same images, what the task needs of them sharpened, in `memory`.
-  static std::vector<Source> sharpen_all(std::span<const Source> images, const AnswerTask& task, const Manner& manner,
-                                         std::vector<ByteBuffer>& memory);
+  // The same images, to be sampled as `manner` says: what the task needs of them sharpened, in `memory`.
+  static std::vector<Source> resampled(std::span<const Source> images, const AnswerTask& task, const Manner& manner,
+                                       std::vector<ByteBuffer>& memory);
   std::string skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report) const;
 
   NodeStats stats_;

@@ -23,7 +23,7 @@ namespace {
 using namespace lf::focus;
 
 struct Arguments {
-  std::string rig, views, truth, out, json, mode = "surface";
+  std::string rig, views, truth, out, json, mode = "surface", resampling = "bilinear";
   int held_out = 4;
   bool automatic = false;
   double moving = 0, eye_step = 0.3, seconds = 2;
@@ -149,6 +149,9 @@ void film(const Arguments& a, const Case& c) {
 }
 
 void run(Arguments a) {
+  a.options.resampling = a.resampling == "bilinear"    ? lf::Resampling::kBilinear
+                         : a.resampling == "sharpened" ? lf::Resampling::kSharpened
+                                                       : lf::Resampling::kCatmullRom;
   a.options.focus.mode = a.mode == "auto" ? lf::FocusMode::kAuto : lf::FocusMode::kSurface;
   a.options.range = {1 / a.options.focus.far, 1 / a.options.focus.near};
   if (a.automatic) a.options.focus.near = a.options.focus.far = 0;
@@ -177,7 +180,8 @@ int main(int argc, char** argv) {
   app.add_flag("--automatic", a.automatic, "The surface finds the range of depths; --near and --far are for planes");
   app.add_option("--rounds", a.options.rounds, "Pictures from the viewer's plane on")->check(CLI::PositiveNumber);
   app.add_option("--mode", a.mode, "surface or auto")->check(CLI::IsMember({"surface", "auto"}));
-  app.add_flag("--sharpened", a.options.sharpened, "Sharpen images before they are sampled");
+  app.add_option("--resampling", a.resampling, "How images are sampled: bilinear, sharpened or catmull-rom")
+      ->check(CLI::IsMember({"bilinear", "sharpened", "catmull-rom"}));
   app.add_flag("--gains", a.options.gains, "Cameras match their brightness to their mean");
   app.add_option("--noise", a.faults.noise, "Standard deviation of noise, of 255");
   app.add_option("--gain-error", a.faults.gain_error, "Relative error of the brightness of every fourth camera");

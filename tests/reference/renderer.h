@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "image/image.h"
+#include "image/resampling.h"
 #include "reference/reference_lens.h"
 #include "reference/small_vec.h"
 #include "rig/mesh.h"
@@ -52,7 +53,8 @@ struct Picture {
 };
 
 // `images`: one kRgb image per camera of the rig; or none at all: colours stay black, all else is computed.
-Picture render(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images);
+Picture render(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images,
+               Resampling resampling = Resampling::kBilinear);
 
 // One face seen along one line of sight.
 struct Sighting {

@@ -27,8 +27,8 @@ double milliseconds(uint64_t ns) { return static_cast<double>(ns) / 1e6; }
 // Everything a node and a compositor do for a view, in one thread and without a wire.
 class Renderer {
  public:
-  Renderer(const Case& c, bool sharpened, bool gains)
-      : case_(c), sharpened_(sharpened), matched_(gains), mesh_(build_mesh(c.rig)) {
+  Renderer(const Case& c, Resampling resampling, bool gains)
+      : case_(c), resampling_(resampling), matched_(gains), mesh_(build_mesh(c.rig)) {
     own_.resize(c.rig.cameras.size());
     std::iota(own_.begin(), own_.end(), 0);
   }
@@ -39,8 +39,10 @@ class Renderer {
     std::vector<Source> sources = sources_of(job, number);
     const uint64_t begun = now_ns();
     if (matched_) sources = match(job, sources, matcher_.gains_for(0, gains));
-    sharp_.resize(sharpened_ ? std::max(sharp_.size(), sources.size()) : 0);
-    for (size_t i = 0; sharpened_ && i < sources.size(); i++)
+    for (Source& source : sources) source.resampling = resampling_;
+    const bool sharpened = resampling_ == Resampling::kSharpened;
+    sharp_.resize(sharpened ? std::max(sharp_.size(), sources.size()) : 0);
+    for (size_t i = 0; sharpened && i < sources.size(); i++)
       sources[i].image = sharpen(
           sources[i].image, needed_pixels(job.plan(), sources[i].camera, *sources[i].rig_camera), sharp_[i]);
     const SumRenderer renderer(job.plan(), job.runs(), sources, PixelFamily::kRgb);
@@ -112,7 +114,8 @@ class Renderer {
   }
 
   const Case& case_;
-  const bool sharpened_, matched_;
+  const Resampling resampling_;
+  const bool matched_;
   GainMatcher matcher_;
   std::vector<ByteBuffer> sharp_;
   const Mesh mesh_;
@@ -156,7 +159,7 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
   const Image truth = c.truth(view);
   const FocalMap range = map_of(options.range);
   StillResult result;
-  Renderer bilinear(c, false, false), renderer(c, options.sharpened, options.gains);
+  Renderer bilinear(c, Resampling::kBilinear, false), renderer(c, options.resampling, options.gains);
   for (int k = 0; k < options.planes; k++) {
     const double distance = distance_of(range, k, options.planes);
     Picture plane = bilinear.picture(on_plane(c, view, from, distance), view);
@@ -199,7 +202,7 @@ std::vector<Frame> measure_film(const Case& c, const Options& options, const std
   constexpr int kPlanes = 16;
   const Plane from = array_plane(c.rig);
   const FocalMap range = map_of(options.range);
-  Renderer bilinear(c, false, false), renderer(c, options.sharpened, options.gains);
+  Renderer bilinear(c, Resampling::kBilinear, false), renderer(c, options.resampling, options.gains);
   FocusControl control(options.focus);
   FocusControl::Plan plan;
   GainRequest gains;

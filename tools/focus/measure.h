@@ -7,6 +7,7 @@
 
 #include "focus/cases.h"
 #include "focus/focus_control.h"
+#include "image/resampling.h"
 #include "quality/quality.h"
 
 namespace lf::focus {
@@ -14,7 +15,7 @@ namespace lf::focus {
 struct Options {
   FocusControl::Settings focus;
   DepthRange range;  // that planes are picked from
-  bool sharpened = false;
+  Resampling resampling = Resampling::kBilinear;
   bool gains = false;  // cameras match their brightness
   int rounds = 12;  // from the viewer's plane to the picture that counts
   int planes = 32;  // that the best one and the bound are picked from

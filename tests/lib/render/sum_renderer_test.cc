@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "lib/render/production.h"
 #include "reference/hard_cases.h"
+#include "reference/renderer.h"
 #include "render/float_renderer.h"
 #include "render/fragment_set.h"
 #include "render/sum_rounding.h"
@@ -263,6 +264,29 @@ TEST(SumRenderer, IsWithinItsBoundWithCatmullRom) {
         }
     hwy::SetSupportedTargetsForTest(0);
   }
+}
+
+// The yardstick of the above beside the reference, which knows the kernel by its formula.
+TEST(FloatRenderer, SamplesByCatmullRomAsTheReference) {
+  Random random(5);
+  const Rig rig = jittered_array(random, 3, 93, 71, -0.1);
+  View view = view_into(rig, 3, 93, 71, random.small_rotation(0.1));
+  view.focus.map = depths(random, view, FocalMap::kFinestStep, false);
+  const auto images = images_of(rig, random, reference::noise_image);
+  const Mesh mesh = build_mesh(rig);
+  const test::Production production(rig, mesh, view);
+  const FloatSum sums(rig, production, images, Resampling::kCatmullRom);
+  const reference::Picture expected = reference::render(rig, mesh, view, images, Resampling::kCatmullRom);
+  int compared = 0;
+  for (int y = 0; y < view.height; y++)
+    for (int x = 0; x < view.width; x++) {
+      const reference::Pixel& pixel = expected.at(x, y);
+      if (std::min(pixel.owner_margin, pixel.sample_margin) < 1e-9 || pixel.coverage < 0.5) continue;
+      const size_t i = static_cast<size_t>(y) * view.width + x;
+      for (int c = 0; c < 3; c++) EXPECT_NEAR(sums.plane[c][i], pixel.colour[c] * (1 - pixel.lost), 1e-2);
+      compared++;
+    }
+  EXPECT_GT(compared, 3000);
 }
 
 // Chroma, lost weight and a checkerboard, too, which reference::subjects() don't have; beside the rule in doubles.
