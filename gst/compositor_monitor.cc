@@ -62,6 +62,16 @@ static void tell_of_suspects(LfCompositor* self) {
   gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), structure));
 }
 
+// Whether a camera that should have a part in the current request had no picture of its time: that says nothing of how well
+// cameras fit together.
+static bool any_is_blind(LfCompositor* self) {
+  const auto& state = *self->state;
+  lf::CameraRanges blind = state.assembly.cameras();
+  blind.remove(state.assembly.seeing());
+  blind.remove(lf::CameraRanges(state.current->out_of_service));
+  return !blind.empty();
+}
+
 void lf_compositor_take_probe(LfCompositor* self) {
   auto& state = *self->state;
   auto& monitor = state.monitor;
@@ -75,7 +85,7 @@ void lf_compositor_take_probe(LfCompositor* self) {
   const bool of_itself = request.view == monitor.asked->seen.view;
   if (!of_itself && (request.view != monitor.asked->predicted.view || !monitor.seen)) return forget_probe(self);
   state.assembly.finish(lf::PixelFamily::kRgb, true);
-  if (!lf_compositor_is_complete(self)) return forget_probe(self);
+  if (!lf_compositor_is_complete(self) || any_is_blind(self)) return forget_probe(self);
   lf::CoveredPicture picture = lf::covered_picture(state.assembly.picture());
   if (of_itself) {
     monitor.seen = std::move(picture);

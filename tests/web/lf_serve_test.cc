@@ -32,6 +32,10 @@ class LfServe : public testing::Test {
   Response ask(const Served& served, const std::string& method, const std::string& path, const Headers& headers = {},
                const std::string& body = "", const std::string& type = "application/sdp") {
     SoupMessage* message = soup_message_new(method.c_str(), (served.url() + path).c_str());
+    if (!message) {
+      ADD_FAILURE() << "lf-serve does not run";
+      return {};
+    }
     for (const auto& [name, value] : headers)
       soup_message_headers_replace(soup_message_get_request_headers(message), name.c_str(), value.c_str());
     if (method == "POST") {
