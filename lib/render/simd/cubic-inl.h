@@ -188,13 +188,7 @@ inline void gather_cubic_pixels(const Positions& at, const Slot& slot, int16_t o
     const auto samples = cubic_samples(taps, spread(weights.outer), spread(weights.inner), down);
     hn::StoreU(samples, d_out, mixed + 4 * i);
   }
-  for (size_t i = 0; i < kBlock; i += hn::Lanes(d)) {
-    V16 r, g, b, rest;
-    hn::LoadInterleaved4(d, mixed + 4 * i, r, g, b, rest);
-    hn::Store(r, d, out[0] + i);
-    hn::Store(g, d, out[1] + i);
-    hn::Store(b, d, out[2] + i);
-  }
+  part_colours(mixed, out);
 }
 
 }  // namespace lf::simd::HWY_NAMESPACE

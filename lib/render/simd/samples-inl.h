@@ -244,6 +244,18 @@ HWY_INLINE void gather_bytes(const Positions& at, const uint8_t* low, const uint
   }
 }
 
+// Planes of R, G and B from pixels of four values.
+HWY_INLINE void part_colours(const int16_t* pixels, int16_t out[3][kBlock]) {
+  const D16 d;
+  for (size_t i = 0; i < kBlock; i += hn::Lanes(d)) {
+    V16 r, g, b, rest;
+    hn::LoadInterleaved4(d, pixels + 4 * i, r, g, b, rest);
+    hn::Store(r, d, out[0] + i);
+    hn::Store(g, d, out[1] + i);
+    hn::Store(b, d, out[2] + i);
+  }
+}
+
 // RGB, times 128.
 HWY_INLINE void gather_pixels(const Positions& at, const Slot& slot, int16_t out[3][kBlock]) {
   const uint8_t* const plane = slot.image.plane[0];
@@ -272,13 +284,7 @@ HWY_INLINE void gather_pixels(const Positions& at, const Slot& slot, int16_t out
     };
     hn::Store(mix(across(upper), across(lower), y), d, mixed + 4 * i);
   }
-  for (size_t i = 0; i < kBlock; i += hn::Lanes(d)) {
-    V16 r, g, b, rest;
-    hn::LoadInterleaved4(d, mixed + 4 * i, r, g, b, rest);
-    hn::Store(r, d, out[0] + i);
-    hn::Store(g, d, out[1] + i);
-    hn::Store(b, d, out[2] + i);
-  }
+  part_colours(mixed, out);
 }
 
 }  // namespace lf::simd::HWY_NAMESPACE
