@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "base/median.h"
 #include "focus/plane_map.h"
@@ -36,11 +37,12 @@ std::shared_ptr<const FocalMap> FocusControl::first_map(const View& view, const 
 
 void FocusControl::judge(const SurfaceChoice& choice, const std::vector<Trial>& trials, FocalMap& map) {
   if (settings_.mode != FocusMode::kAuto) return;
-  const bool worthwhile = choice.gained >= std::max(kWorthwhile, kWorthwhilePart * choice.residual);
-  if (worthwhile) state_.flat = false;
+  const double enough = std::max(kWorthwhile, kWorthwhilePart * choice.residual);
+  const bool gains = choice.gained >= enough, worthwhile = is_worthwhile(choice, enough);
+  if (gains) state_.flat = false;
   // A plane that is in use gives way only to a better one.
   double least = choice.cost[0] + (state_.flat ? 0 : kFlatEnough);
-  for (size_t t = 1; t < trials.size() && !worthwhile; t++) {
+  for (size_t t = 1; t < trials.size() && !gains; t++) {
     if (trials[t].kind != Trial::Kind::kPlane || !(choice.cost[t] <= least)) continue;
     state_.flat = true;
     flat_inverse_ = map.inverse_of(trials[t].value);
@@ -53,6 +55,23 @@ void FocusControl::judge(const SurfaceChoice& choice, const std::vector<Trial>& 
   } else if (++quiet_ >= kQuietRounds) {
     state_.interval = std::min(2 * state_.interval, state_.flat ? kLongestFlatRest : kLongestRest);
   }
+}
+
+// Where there are edges every round gains something, as what was smoothed becomes sharp again. What counts is that it gets
+// better, and at rest that it gains more than it did without.
+bool FocusControl::is_worthwhile(const SurfaceChoice& choice, double enough) {
+  const double before = std::exchange(gained_before_, choice.gained), gained = std::max(before, choice.gained);
+  if (state_.flat && choice.gained >= enough) return true;
+  if (state_.interval > 1) {
+    if (gained < kMoreAtRest * usual_gain_ + enough) return false;
+    least_reached_ = std::numeric_limits<double>::infinity();
+    return true;
+  }
+  usual_gain_ = gained;
+  const double reached = choice.cost[0] - choice.gained;
+  const bool better = reached < least_reached_ - enough;
+  if (better) least_reached_ = reached;
+  return better;
 }
 
 // Whether the cameras disagree much more than they used to.
@@ -78,6 +97,7 @@ bool FocusControl::is_another_scene() {
   state_.flat = false;
   state_.interval = 1;
   quiet_ = round_ = 0;
+  least_reached_ = std::numeric_limits<double>::infinity();
   settling_ = kSettling;
   return true;
 }

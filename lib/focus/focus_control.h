@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
@@ -30,8 +31,10 @@ class FocusControl {
     bool operator==(const Settings&) const = default;
   };
   static constexpr double kNearest = 0.4, kFarthest = 4;
-  // A rest begins when kQuietRounds gained less than this each; then fewer and fewer requests have trials.
+  // A rest begins when kQuietRounds did not get better by this; then fewer and fewer requests have trials. It ends when a
+  // round gains that much more than kMoreAtRest times what it did before the rest.
   static constexpr unsigned kQuietRounds = 6;
+  static constexpr double kMoreAtRest = 1.25;
   static constexpr double kWorthwhile = 0.1;       // levels of luma
   static constexpr double kWorthwhilePart = 0.05;  // of the residual: noise always seems to gain something
   static constexpr unsigned kLongestRest = 8, kLongestFlatRest = 16;  // requests from one with trials to the next
@@ -72,6 +75,7 @@ class FocusControl {
   std::shared_ptr<const FocalMap> first_map(const View& view, const Plane& from) const;
   bool is_automatic() const { return !(settings_.near > 0) || !(settings_.far > 0); }
   void judge(const SurfaceChoice& choice, const std::vector<Trial>& trials, FocalMap& map);
+  bool is_worthwhile(const SurfaceChoice& choice, double enough);
   bool is_another_scene();
   void follow_range(bool another, FocalMap& map);
   void count_planes(const SurfaceChoice& choice, const std::vector<Trial>& trials);
@@ -82,6 +86,8 @@ class FocusControl {
   double flat_inverse_ = 0;  // where one plane is enough, 1/m
   std::optional<DepthRange> range_;  // of all maps, where it follows the scene
   std::vector<double> plane_deviations_;  // of the best plane of each of the latest rounds
+  double gained_before_ = 0, usual_gain_ = 0;  // see is_worthwhile()
+  double least_reached_ = std::numeric_limits<double>::infinity();
   double usual_ = 0;       // deviation that there used to be; 0: not known yet
   unsigned round_ = 0;     // of trials_of_round()
   unsigned quiet_ = 0;     // rounds in a row that were not worth while
