@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "base/json_value.h"
 #include "bench/chart.h"
+#include "focus/acceptance.h"
 #include "focus/cases.h"
 #include "focus/measure.h"
 #include "image/image_io.h"
@@ -25,7 +26,8 @@ using namespace lf::focus;
 struct Arguments {
   std::string rig, views, truth, out, json, mode = "surface", resampling = "bilinear";
   int held_out = 4;
-  bool automatic = false;
+  bool automatic = false, acceptance = false;
+  AcceptanceOptions accepting;
   double moving = 0, eye_step = 0.3, seconds = 2;
   Faults faults;
   Options options;
@@ -156,6 +158,12 @@ void run(Arguments a) {
   a.options.range = {1 / a.options.focus.far, 1 / a.options.focus.near};
   if (a.automatic) a.options.focus.near = a.options.focus.far = 0;
   if (!a.out.empty()) std::filesystem::create_directories(a.out);
+  if (a.acceptance) {
+    a.accepting.folder = a.out;
+    const std::vector<AcceptanceRow> rows = measure_acceptance(a.accepting);
+    if (!a.json.empty()) write_json(rows, a.json);
+    return;
+  }
   const Case c = load(a);
   if (a.moving > 0)
     film(a, c);
@@ -189,6 +197,14 @@ int main(int argc, char** argv) {
   app.add_option("--moving", a.moving, "Pictures per second of the built-in scene as it moves");
   app.add_option("--eye-step", a.eye_step, "Of a moving scene: how far the eye moves a picture, in pitches");
   app.add_option("--seconds", a.seconds, "Of a moving scene")->check(CLI::PositiveNumber);
+  CLI::Option* acceptance = app.add_flag("--acceptance", a.acceptance,
+                                         "Scene after scene what surfaces promise: table, plots (--out), JSON");
+  app.add_option("--only", a.accepting.only, "With --acceptance: these scenes")->needs(acceptance);
+  app.add_option("--data", a.accepting.data, "With --acceptance: folder with toys and chess, measured as well")
+      ->needs(acceptance);
+  app.add_option("--most-views", a.accepting.views, "With --acceptance: of each scene")
+      ->needs(acceptance)
+      ->check(CLI::PositiveNumber);
   app.add_option("--out", a.out, "Folder for pictures, maps and plots");
   app.add_option("--json", a.json, "Write figures to this file as well");
   return run_tool(app, argc, argv, [&] { run(a); });

@@ -152,6 +152,47 @@ int squared_error(const Image& a, const Image& b, size_t pixel) {
   return sum;
 }
 
+// The nodes whose cameras agree about as well at two planes and not in between.
+std::vector<bool> unclear_nodes(Renderer& renderer, const View& view, size_t number) {
+  constexpr int kPlanes = 32, kApart = 3;
+  ViewRequest request;
+  request.view = view;
+  const size_t nodes = view.focus.map->levels.size();
+  std::vector<std::vector<float>> cost(kPlanes);
+  Picture ignored;
+  for (int first = 0; first < kPlanes; first += kMaxTrials) {
+    request.trials.clear();
+    for (int k = first; k < first + static_cast<int>(kMaxTrials); k++)
+      request.trials.push_back({Trial::Kind::kPlane, static_cast<int16_t>(255 * k / (kPlanes - 1))});
+    const std::vector<Moments> moments = renderer.moments(request, number, ignored);
+    for (size_t t = 0; t < moments.size(); t++)
+      for (size_t i = 0; i < nodes; i++) cost[static_cast<size_t>(first) + t].push_back(moments[t].deviation(i));
+  }
+  std::vector<bool> unclear(nodes);
+  for (size_t i = 0; i < nodes; i++) {
+    int best = -1;
+    for (int k = 0; k < kPlanes; k++)
+      if (!std::isnan(cost[k][i]) && (best < 0 || cost[k][i] < cost[best][i])) best = k;
+    if (best < 0) continue;
+    const float as_good = 1.5f * cost[best][i] + 1, worse = 2 * as_good;
+    for (const int step : {-1, 1}) {
+      float ridge = 0;
+      for (int k = best; k >= 0 && k < kPlanes; k += step) {
+        ridge = std::max(ridge, cost[k][i]);
+        if (std::abs(k - best) >= kApart && ridge > worse && cost[k][i] < as_good) unclear[i] = true;
+      }
+    }
+  }
+  return unclear;
+}
+
+double percentile(std::vector<double> values, double part) {
+  if (values.empty()) return 0;
+  const auto at = values.begin() + static_cast<ptrdiff_t>(part * static_cast<double>(values.size() - 1));
+  std::ranges::nth_element(values, at);
+  return *at;
+}
+
 }  // namespace
 
 StillResult measure_still(const Case& c, size_t view, const Options& options) {
@@ -195,6 +236,57 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
   if (options.gains) result.gains = renderer.gains();
   result.state = control.state();
   result.map = request.view.focus.map;
+  return result;
+}
+
+RestResult measure_rest(const Case& c, size_t view, const Options& options, int settle, int pictures) {
+  const Plane from = array_plane(c.rig);
+  Renderer renderer(c, options.resampling, false);
+  FocusControl control(options.focus);
+  ViewRequest request;
+  request.view = on_plane(c, view, from, distance_of(map_of(options.range), options.planes / 2, options.planes));
+  const auto next = [&](Picture& cost) {
+    const FocusControl::Plan plan = control.next(request, renderer.moments(request, view, cost), from);
+    request.view = plan.view;
+    request.trials = plan.trials;
+  };
+  Picture settling;
+  for (int i = 0; i < settle; i++) next(settling);
+  RestResult result;
+  std::vector<double> sum, square;
+  for (int i = 0; i < pictures; i++) {
+    Picture picture = renderer.picture(request.view, view);
+    sum.resize(picture.image.data().size());
+    square.resize(sum.size());
+    for (size_t k = 0; k < sum.size(); k++) {
+      const double v = picture.image.data()[k];
+      sum[k] += v;
+      square[k] += v * v;
+    }
+    next(picture);
+    result.trial_bytes += picture.trial_bytes / pictures;
+    result.colour_bytes = picture.colour_bytes;
+    if (i + 1 == pictures) result.quality = compare(picture.image, c.truth(view), picture.coverage);
+  }
+  result.state = control.state();
+  const FocalMap& map = *request.view.focus.map;
+  const std::vector<bool> unclear = unclear_nodes(renderer, request.view, view);
+  std::vector<double> deviations[2];
+  for (int y = 0; y < request.view.height; y++)
+    for (int x = 0; x < request.view.width; x++) {
+      double largest = 0;
+      for (size_t k = 0; k < 3; k++) {
+        const size_t at = 3 * (static_cast<size_t>(y) * request.view.width + x) + k;
+        const double mean = sum[at] / pictures;
+        largest = std::max(largest, std::sqrt(std::max(square[at] / pictures - mean * mean, 0.0)));
+      }
+      deviations[unclear[static_cast<size_t>(y / map.step) * map.columns + x / map.step]].push_back(largest);
+    }
+  result.clear_median = percentile(deviations[0], 0.5);
+  result.clear_p99 = percentile(deviations[0], 0.99);
+  result.unclear_median = percentile(deviations[1], 0.5);
+  result.unclear_p99 = percentile(deviations[1], 0.99);
+  result.unclear = static_cast<double>(deviations[1].size()) / (request.view.width * request.view.height);
   return result;
 }
 

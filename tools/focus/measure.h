@@ -42,6 +42,19 @@ struct StillResult {
 };
 StillResult measure_still(const Case& c, size_t view, const Options& options);
 
+// A still view that has settled: `settle` pictures, and then `pictures` that are looked at.
+struct RestResult {
+  // Of a pixel over the pictures: standard deviation, of 255, the largest of the colours; median and 99th percentile of the
+  // pixels whose depth is clear, and of those where several depths fit as well, as in periodic patterns.
+  double clear_median = 0, clear_p99 = 0, unclear_median = 0, unclear_p99 = 0;
+  double unclear = 0;      // share of the pixels
+  double trial_bytes = 0;  // of a picture, mean
+  double colour_bytes = 0;
+  Quality quality;         // of the last one
+  FocusControl::State state;
+};
+RestResult measure_rest(const Case& c, size_t view, const Options& options, int settle = 30, int pictures = 100);
+
 // A film: the surface carried from picture to picture beside the plane that is best over the whole film.
 struct Frame {
   double plane_db = 0, surface_db = 0;
