@@ -69,6 +69,7 @@ void take_new_rig(LfCompositor* self) {
   if (!rig) return;
   state.rig = *rig;
   state.assembly.set_rig(*rig);
+  state.trial_mesh.clear();
   state.warned_rig = false;
   if (!*rig) return;
   lf_compositor_use_rig_for_health(self, (*rig)->hash());

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "gst_wire.h"
 
+#include "wire/camera_trials_codec.h"
 #include "wire/moments_codec.h"
 
 namespace lf {
@@ -39,7 +40,10 @@ std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string*
 std::optional<wire::AnyRequest> decode_any_request_buffer(GstBuffer* buffer, std::string* reason) {
   return decode(buffer, reason, wire::decode_any_request);
 }
-bool is_moments_buffer(GstBuffer* buffer) { return wire::is_moments(MappedBuffer(buffer).bytes()); }
+bool is_moments_buffer(GstBuffer* buffer) {
+  const MappedBuffer mapped(buffer);
+  return wire::is_moments(mapped.bytes()) || wire::is_camera_trials(mapped.bytes());
+}
 std::optional<wire::AnswerHead> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason) {
   return decode(buffer, reason, wire::parse_answer_header);
 }

@@ -20,6 +20,7 @@ namespace lf {
 
 std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
 std::optional<wire::AnyRequest> decode_any_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
+// Moments, or cameras' trials.
 bool is_moments_buffer(GstBuffer* buffer);
 std::optional<wire::AnswerHead> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason = nullptr);
 

@@ -4,6 +4,7 @@
 #include <deque>
 #include <memory>
 #include <optional>
+#include <set>
 
 #include <gst/video/video.h>
 
@@ -17,6 +18,7 @@
 #include "lfcompositor.h"
 #include "node/answer_form.h"
 #include "picture_pool.h"
+#include "render/render_job.h"
 #include "quality/camera_monitor.h"
 #include "quality/camera_probe.h"
 #include "wire/answer_parts.h"
@@ -89,6 +91,10 @@ struct _LfCompositor {
     lf::Moments brightness;  // what cameras see for the mean that was asked for; of no size: none
     lf::GainSum gains;       // theirs
     unsigned mean_rounds = 0;  // requests with trials since the gains were switched on
+    lf::MeshCache trial_mesh;
+    std::optional<lf::RenderJob> trial_job;                // of all cameras, once there are cameras' trials to add
+    std::vector<std::vector<uint8_t>> trial_levels;        // theirs
+    std::set<lf::CameraIndex> trial_cameras;               // that have been added
     uint64_t moment_bytes = 0;
     lf::FocusControl::Settings focus_settings;  // of `focus`
     lf::FocusControl focus;

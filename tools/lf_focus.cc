@@ -190,6 +190,9 @@ int main(int argc, char** argv) {
   app.add_option("--mode", a.mode, "surface or auto")->check(CLI::IsMember({"surface", "auto"}));
   app.add_option("--resampling", a.resampling, "How images are sampled: bilinear, sharpened or catmull-rom")
       ->check(CLI::IsMember({"bilinear", "sharpened", "catmull-rom"}));
+  app.add_flag("--by-camera", a.options.by_camera, "Fragments and trials of each camera, 8 bits, in place of sums");
+  app.add_option("--trial-quality", a.options.trial_quality, "Of cameras' trials as JPEG (0: deflated)")
+      ->check(CLI::Range(0, 100));
   app.add_flag("--gains", a.options.gains, "Cameras match their brightness to their mean");
   app.add_option("--noise", a.faults.noise, "Standard deviation of noise, of 255");
   app.add_option("--gain-error", a.faults.gain_error, "Relative error of the brightness of every fourth camera");

@@ -6,9 +6,11 @@
 #include <string>
 
 #include "base/error.h"
+#include "focus/camera_trials.h"
 #include "focus/trial_renderer.h"
 #include "node/pixel_answer.h"
 #include "render/source_region.h"
+#include "wire/camera_trials_codec.h"
 #include "wire/moments_codec.h"
 
 namespace lf {
@@ -52,14 +54,18 @@ class WarpTask : public AnswerTask {
                          [this](const Source& source) { return is_in_view(source.camera); });
     return render_answer(header, job_, in_view, form, std::move(memory), parallel);
   }
-  ByteBuffer moments(const wire::AnswerHeader& header, std::span<const Source> sources,
+  ByteBuffer moments(const wire::AnswerHeader& header, std::span<const Source> sources, const Manner& manner,
                      const ParallelFor& parallel) const override {
     if (trials_.empty()) return {};
     const View& view = trial_job_->plan().view();
+    const wire::MomentsHeader about{header.view_id, header.sequence, header.rig_hash, header.node, {}};
+    if (manner.sum == SumChoice::kCamera)
+      return wire::encode_camera_trials(about, {view.width, view.height, trials_.size()},
+                                        sample_trials(*trial_job_, sources, trials_, parallel));
     std::vector<Moments> sums(trials_.size());
     for (Moments& sum : sums) sum.reset(view.width, view.height);
     add_moments(*trial_job_, sources, trials_, sums, parallel);
-    return wire::encode_moments({header.view_id, header.sequence, header.rig_hash, header.node}, sums);
+    return wire::encode_moments(about, sums);
   }
 
   const GainRequest* gains() const override { return gains_.use || gains_.ask ? &gains_ : nullptr; }

@@ -47,8 +47,8 @@ class AnswerTask {
                                 const ParallelFor& = serial_for) const {
     return {};
   }
-  // The unit of moments that goes before the answer: what the trials of the request came to. Empty if it has none.
-  virtual ByteBuffer moments(const wire::AnswerHeader&, std::span<const Source>,
+  // The unit of moments, or of cameras' trials where cameras are not to be added, that goes before the answer: what the trials of the request came to. Empty if it has none.
+  virtual ByteBuffer moments(const wire::AnswerHeader&, std::span<const Source>, const Manner&,
                              const ParallelFor& = serial_for) const {
     return {};
   }

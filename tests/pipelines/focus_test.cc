@@ -96,6 +96,23 @@ TEST_F(FocusedArray, NodesOfATreeFindTheSameSurfaceAsOneProcess) {
   for (int i = 0; i < kPictures; i++) EXPECT_EQ(compare(tree[i], one[i]).max_error, 0) << i;
 }
 
+// Trials may come camera by camera: the surface is the same, whoever adds them up.
+TEST_F(FocusedArray, CamerasOnTheirOwnFindTheSameSurface) {
+  const std::string near_far = "focus=surface focus-near=1 focus-far=6 background=0";
+  const auto own = [&](const std::string& name, const std::string& cameras, const std::string& to, const char* sum) {
+    return " r. ! queue ! " + name + ".request  lfcameranode name=" + name + " sum=" + sum + " codec=raw16 cameras=" +
+           cameras + " rig=" + dir_ / "rig.json" + " ! queue ! " + to;
+  };
+  const std::vector<Image> sums = pictures("sums", near_far, own("n", "0-15", "c.sink_0", "node"));
+  const std::vector<Image> cameras = pictures("cameras", near_far, own("n", "0-15", "c.sink_0", "camera"));
+  const std::vector<Image> apart = pictures(
+      "nodes", near_far, own("n", "0-4", "c.sink_0", "camera") + own("m", "5-15", "c.sink_1", "camera"));
+  for (int i = 0; i < kPictures; i++) {
+    EXPECT_EQ(compare(cameras[i], sums[i]).max_error, 0) << i;
+    EXPECT_EQ(compare(apart[i], sums[i]).max_error, 0) << i;
+  }
+}
+
 // Every third camera is 10 % too bright. With gains the pictures come near to those of a well-exposed array, the same
 // from one process as from two nodes.
 TEST_F(FocusedArray, CamerasMatchTheirBrightness) {

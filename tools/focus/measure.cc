@@ -10,6 +10,7 @@
 #include "composite/accumulator.h"
 #include "focus/array_plane.h"
 #include "focus/carry_over.h"
+#include "focus/coded_trials.h"
 #include "focus/trial_renderer.h"
 #include "image/sharpen.h"
 #include "node/gain_matcher.h"
@@ -17,6 +18,7 @@
 #include "render/render_job.h"
 #include "render/source_region.h"
 #include "render/sum_renderer.h"
+#include "wire/camera_trials_codec.h"
 #include "wire/moments_codec.h"
 
 namespace lf::focus {
@@ -27,8 +29,13 @@ double milliseconds(uint64_t ns) { return static_cast<double>(ns) / 1e6; }
 // Everything a node and a compositor do for a view, in one thread and without a wire.
 class Renderer {
  public:
-  Renderer(const Case& c, Resampling resampling, bool gains)
-      : case_(c), resampling_(resampling), matched_(gains), mesh_(build_mesh(c.rig)) {
+  Renderer(const Case& c, const Options& options)
+      : case_(c),
+        resampling_(options.resampling),
+        matched_(options.gains),
+        by_camera_(options.by_camera),
+        trial_quality_(options.trial_quality),
+        mesh_(build_mesh(c.rig)) {
     own_.resize(c.rig.cameras.size());
     std::iota(own_.begin(), own_.end(), 0);
   }
@@ -59,6 +66,7 @@ class Renderer {
     out.image = sum.resolve();
     out.colour_ms = milliseconds(now_ns() - begun);
     out.colour_bytes = static_cast<double>(2 * (samples.size() + (any_lost ? area : 0)));
+    if (by_camera_) out.colour_bytes = raw_fragment_bytes(job);
     out.coverage = view_coverage(case_.rig, job.plan(), job.owners());
     return out;
   }
@@ -75,9 +83,12 @@ class Renderer {
     std::vector<Source> sources = sources_of(job, number);
     const uint64_t ready = now_ns();
     if (matched_) sources = match(job, sources, matcher_.gains_for(0, {}));
-    add_moments(job, sources, levels, sums);
+    if (by_camera_)
+      cost.trial_bytes += add_camera_by_camera(job, sources, levels, sums);
+    else
+      add_moments(job, sources, levels, sums);
     cost.trial_ms += milliseconds(now_ns() - ready + planned - begun);
-    cost.trial_bytes += static_cast<double>(wire::encode_moments({}, sums).size());
+    if (!by_camera_) cost.trial_bytes += static_cast<double>(wire::encode_moments({}, sums).size());
     return sums;
   }
 
@@ -106,6 +117,30 @@ class Renderer {
     });
   }
 
+  static double raw_fragment_bytes(const RenderJob& job) {
+    double bytes = 0;
+    for (const CameraIndex i : job.cameras()) {
+      const Rect rect = CameraCorners(job.plan(), i).owned(job.runs(), job.plan().camera_rect(i));
+      bytes += 3. * rect.width() * rect.height();
+    }
+    return bytes;
+  }
+
+  // Returns the bytes.
+  double add_camera_by_camera(const RenderJob& job, const std::vector<Source>& sources,
+                              const std::vector<std::vector<uint8_t>>& levels, std::vector<Moments>& sums) const {
+    std::vector<CameraTrials> seen = sample_trials(job, sources, levels);
+    double bytes = 0;
+    for (CameraTrials& camera : seen)
+      if (trial_quality_ > 0) bytes += static_cast<double>(code_as_jpeg(trial_quality_, camera));
+    if (trial_quality_ == 0)
+      bytes = static_cast<double>(
+          wire::encode_camera_trials({}, {sums[0].columns, sums[0].rows, sums.size()}, seen).size());
+    for (const CameraTrials& camera : seen)
+      add_camera_trials(job, case_.rig.cameras[camera.camera], camera, levels, sums);
+    return bytes;
+  }
+
   std::vector<Source> sources_of(const RenderJob& job, size_t number) const {
     std::vector<Source> sources;
     for (const CameraIndex i : job.cameras())
@@ -115,7 +150,8 @@ class Renderer {
 
   const Case& case_;
   const Resampling resampling_;
-  const bool matched_;
+  const bool matched_, by_camera_;
+  const int trial_quality_;
   GainMatcher matcher_;
   std::vector<ByteBuffer> sharp_;
   const Mesh mesh_;
@@ -200,7 +236,7 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
   const Image truth = c.truth(view);
   const FocalMap range = map_of(options.range);
   StillResult result;
-  Renderer bilinear(c, Resampling::kBilinear, false), renderer(c, options.resampling, options.gains);
+  Renderer bilinear(c, {}), renderer(c, options);
   for (int k = 0; k < options.planes; k++) {
     const double distance = distance_of(range, k, options.planes);
     Picture plane = bilinear.picture(on_plane(c, view, from, distance), view);
@@ -241,7 +277,7 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
 
 RestResult measure_rest(const Case& c, size_t view, const Options& options, int settle, int pictures) {
   const Plane from = array_plane(c.rig);
-  Renderer renderer(c, options.resampling, false);
+  Renderer renderer(c, options);
   FocusControl control(options.focus);
   ViewRequest request;
   request.view = on_plane(c, view, from, distance_of(map_of(options.range), options.planes / 2, options.planes));
@@ -294,7 +330,7 @@ std::vector<Frame> measure_film(const Case& c, const Options& options, const std
   constexpr int kPlanes = 16;
   const Plane from = array_plane(c.rig);
   const FocalMap range = map_of(options.range);
-  Renderer bilinear(c, Resampling::kBilinear, false), renderer(c, options.resampling, options.gains);
+  Renderer bilinear(c, {}), renderer(c, options);
   FocusControl control(options.focus);
   FocusControl::Plan plan;
   GainRequest gains;

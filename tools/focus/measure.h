@@ -17,6 +17,8 @@ struct Options {
   DepthRange range;  // that planes are picked from
   Resampling resampling = Resampling::kBilinear;
   bool gains = false;  // cameras match their brightness
+  bool by_camera = false;  // fragments and trials of each camera in place of sums
+  int trial_quality = 0;   // of these trials as JPEG; 0: deflated
   int rounds = 12;  // from the viewer's plane to the picture that counts
   int planes = 32;  // that the best one and the bound are picked from
 };
@@ -26,7 +28,7 @@ struct Picture {
   Image image;
   std::vector<float> coverage;
   Quality quality;
-  double colour_bytes = 0, trial_bytes = 0;  // 16-bit sums of the whole array, and moments of it
+  double colour_bytes = 0, trial_bytes = 0;  // 16-bit sums of the whole array and moments; or 8 bits a camera
   double colour_ms = 0, trial_ms = 0;        // by one thread; images are there already
 };
 
