@@ -13,7 +13,7 @@
  * - `location`: a views.json file. One request per view, stamped with the view's time, then EOS. Where all views have
  *   the same time they are stamped one frame after the other, while each still asks for its own capture time. Sizes
  *   are the file's.
- * - else the properties `x`, `y`, `z`, `yaw`, `pitch`, `roll`, `fov`, `focus-distance`: one request per frame. They are
+ * - else the properties `x`, `y`, `z`, `yaw`, `pitch`, `roll`, `fov`, `focus-distance`, `aperture`: one request per frame. They are
  *   controllable; a GstController is asked for the stamp of each request. With `rig` those that are not set are chosen
  *   so that the view stands in the middle of the array and looks where it looks.
  * - while running, these can be changed: by setting them; by mouse and keys, i.e. GstNavigation events from a video
@@ -23,6 +23,10 @@
  *   custom upstream event with a structure "lf-view-request" with any of the properties as fields (and
  *   focus-continuous, 0 or 1); by the action signal
  *   `set-view` with such a structure. The very next request has the change, and the properties notify.
+ *
+ * How many cameras make a pixel: three, blended by the triangles of the array; with `aperture` all within a synthetic
+ * aperture of that diameter; with `nearest-cameras` those that see most nearly what the view sees. Views of a file are
+ * blended so, too. With `access=warp` it is always three.
  *
  * Cameras that lfcompositor announces as out of service (upstream event "lightfield-out-of-service") are named in the
  * view's requests from then on, beside those of the property `out-of-service`.
@@ -106,6 +110,12 @@ lf::View lf_view_request_view(LfViewRequest* self) {
   const int width = self->settings->width, height = self->settings->height;
   return lf::make_view(self->control->viewpoint(), width ? width : self->stream->default_width(),
                        height ? height : self->stream->default_height());
+}
+
+// Of views of a file, too. Cameras that are told triangles know no other weights.
+static lf::Blending current_blending(LfViewRequest* self) {
+  if (self->settings->access == lf::Access::kWarp) return {};
+  return lf::blending_of(self->control->viewpoint().aperture, static_cast<int>(self->settings->nearest_cameras));
 }
 
 // What mouse and keys are held back by, if they are.
@@ -390,6 +400,7 @@ static GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   request.quality = static_cast<uint8_t>(self->settings->quality);
   request.out_of_service = self->out_of_service->with_announced(request.view_id, self->stream->out_of_service());
   request.view = lf::seen_beside(slot.view ? *slot.view : lf_view_request_view(self), self->settings->eye_offset);
+  request.view.blending = current_blending(self);
   self->changed = false;
   GST_OBJECT_UNLOCK(self);
 
@@ -531,7 +542,8 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
   /**
    * LfViewRequest::set-view:
    * @request: the element
-   * @view: a structure of any name with any of the fields x, y, z, yaw, pitch, roll, fov, focus-distance, as numbers
+   * @view: a structure of any name with any of the fields x, y, z, yaw, pitch, roll, fov, focus-distance, aperture, as
+   * numbers
    *
    * Moves the view; values beyond the properties' ranges are put inside them. The next request has it.
    *
@@ -569,7 +581,7 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
       "The virtual camera of one viewer, as a stream of view requests: from a camera path (location), from properties, "
       "flown with mouse and keys, or set by the action set-view, whose structure has properties as fields (x, y, z, "
       "yaw, "
-      "pitch, roll, fov, focus-distance; each optional)",
+      "pitch, roll, fov, focus-distance, aperture; each optional)",
       "gst-lightfield");
 
   GstBaseSrcClass* base_class = GST_BASE_SRC_CLASS(klass);

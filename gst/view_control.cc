@@ -17,13 +17,14 @@ Viewpoint viewpoint_of(const ViewValues& v) {
   viewpoint.pose.orientation = quat_from_euler({v[kFieldYaw], v[kFieldPitch], v[kFieldRoll]});
   viewpoint.fov_y_deg = v[kFieldFov];
   viewpoint.focus_distance = v[kFieldFocus];
+  viewpoint.aperture = v[kFieldAperture];
   return viewpoint;
 }
 
 ViewValues values_of(const Viewpoint& v) {
   const Euler angles = euler_from_quat(v.pose.orientation);
-  return {v.pose.position.x, v.pose.position.y, v.pose.position.z, angles.yaw,
-          angles.pitch,      angles.roll,       v.fov_y_deg,       v.focus_distance};
+  return {v.pose.position.x, v.pose.position.y, v.pose.position.z, angles.yaw, angles.pitch,
+          angles.roll,       v.fov_y_deg,       v.focus_distance,  v.aperture};
 }
 
 std::optional<double> number(const GValue* value) {
@@ -47,6 +48,10 @@ const std::array<ViewField, kNumViewFields> kViewFields = {{
     {"fov", "Field of view", "Vertical field of view, in degrees", kMinFovDeg, kMaxFovDeg, 45},
     {"focus-distance", "Focus distance",
      "Distance of the focal plane, which faces the view, along the optical axis, in metres", kMinFocus, kMaxFocus, 2},
+    {"aperture", "Aperture",
+     "Diameter, in metres, of a synthetic aperture, all cameras within which make a pixel: what is out of focus blurs, "
+     "foliage in front vanishes (0: three cameras, blended by the mesh)",
+     0, Blending::kMaxAperture, 0},
 }};
 
 bool is_for_view(GstEvent* event, guint view_id) {

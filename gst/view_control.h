@@ -27,6 +27,7 @@ enum ViewFieldIndex {
   kFieldRoll,
   kFieldFov,
   kFieldFocus,
+  kFieldAperture,
   kNumViewFields
 };
 extern const std::array<ViewField, kNumViewFields> kViewFields;

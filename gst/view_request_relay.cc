@@ -113,6 +113,7 @@ GstFlowReturn lf_view_request_relay(LfViewRequest* self, GstBuffer** out) {
     GstCaps* caps = std::exchange(self->relayed_caps, nullptr);
     const lf::CameraSet own = self->stream->out_of_service();
     const std::shared_ptr<const lf::Rig> rig = self->stream->rig();
+    const bool by_mesh_alone = self->settings->access == lf::Access::kWarp;
     GST_OBJECT_UNLOCK(self);
     if (caps) {
       gst_base_src_set_caps(GST_BASE_SRC(self), caps);
@@ -132,10 +133,12 @@ GstFlowReturn lf_view_request_relay(LfViewRequest* self, GstBuffer** out) {
     lf::CameraSet all;
     std::ranges::set_union(request.out_of_service, own, std::back_inserter(all));
     all = self->out_of_service->with_announced(request.view_id, all);
-    if (all == request.out_of_service) {
+    const lf::Blending blending = by_mesh_alone ? lf::Blending{} : request.view.blending;
+    if (all == request.out_of_service && blending == request.view.blending) {
       *out = buffer;
     } else {
       request.out_of_service = std::move(all);
+      request.view.blending = blending;
       *out = lf::encode_request_buffer(request);
       gst_buffer_copy_into(*out, buffer, GST_BUFFER_COPY_TIMESTAMPS, 0, -1);
       gst_buffer_unref(buffer);

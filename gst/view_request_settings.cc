@@ -2,6 +2,7 @@
 #include "view_request_settings.h"
 
 #include "rig/rig.h"
+#include "view/blending.h"
 
 namespace lf {
 namespace {
@@ -102,6 +103,11 @@ GParamSpec* make_pspec(ViewRequestSettings::Property property) {
           "Keep the place of the view in focus that a click or focus-at named last (before: the middle), as what is seen "
           "there moves: from the focal surface of its lfcompositor, or by a sweep of depths, in a small view beside one of eight requests",
           initial.focus_continuous, playing);
+    case ViewRequestSettings::kNearestCameras:
+      return g_param_spec_uint("nearest-cameras", "Nearest cameras",
+                               "Without aperture: blend about as many cameras a pixel, weighed by angle, resolution and "
+                               "field of view, for arrays without structure (0: three cameras, blended by the mesh)",
+                               0, Blending::kMaxNearest, initial.nearest_cameras, playing);
     case ViewRequestSettings::kLoop:
     default:
       return g_param_spec_boolean("loop", "Loop", "Begin the file of location again at its end", initial.loop, ready);
@@ -137,6 +143,7 @@ void ViewRequestSettings::set(Property property, const GValue* value) {
     case kEager: eager = g_value_get_boolean(value); break;
     case kEyeOffset: eye_offset = g_value_get_double(value); break;
     case kFocusContinuous: focus_continuous = g_value_get_boolean(value); break;
+    case kNearestCameras: nearest_cameras = g_value_get_uint(value); break;
     case kNumProperties: break;
   }
 }
@@ -160,6 +167,7 @@ void ViewRequestSettings::get(Property property, GValue* value) const {
     case kEager: g_value_set_boolean(value, eager); break;
     case kEyeOffset: g_value_set_double(value, eye_offset); break;
     case kFocusContinuous: g_value_set_boolean(value, focus_continuous); break;
+    case kNearestCameras: g_value_set_uint(value, nearest_cameras); break;
     case kNumProperties: break;
   }
 }

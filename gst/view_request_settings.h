@@ -21,7 +21,7 @@ struct ViewRequestSettings {
   gint fps_n = 15, fps_d = 1;
   GstClockTime capture_delay = 0;
   bool navigation = true, keep_visible = true, loop = false, eager = false;
-  guint quality = 90;
+  guint quality = 90, nearest_cameras = 0;
   Access access = Access::kSelf;
   double eye_offset = 0;  // metres
   bool focus_continuous = false;
@@ -44,6 +44,7 @@ struct ViewRequestSettings {
     kEager,
     kEyeOffset,
     kFocusContinuous,
+    kNearestCameras,
     kNumProperties
   };
   // As properties first_id, first_id + 1, ... of the class.

@@ -34,7 +34,11 @@ struct Options {
   double distance = 0;  // of the focal plane, where the views don't say
   bool i420 = false, leave_one_out = false;
   std::string focus = "plane";
+  double aperture = 0;  // metres
+  int nearest_cameras = 0;
   lf::FocusControl::Settings surface{.mode = lf::FocusMode::kSurface};
+
+  lf::Blending blending() const { return lf::blending_of(aperture, nearest_cameras); }
 };
 
 // One line of the table and one entry of the JSON file.
@@ -164,6 +168,7 @@ class Predictor {
     const lf::Mesh mesh = lf::build_mesh(rig_, without);
     lf::View view{.width = at.width, .height = at.height, .lens = at.lens, .pose = at.pose, .focus = {}};
     view.focus.plane = lf::focal_plane_at(view.pose, distance_);
+    view.blending = options_.blending();
     const auto start = std::chrono::steady_clock::now();
     if (options_.focus != "plane") view = lf::focus_still(rig_, mesh, view, image_of_, options_.surface);
     const lf::Still still = lf::render_still(rig_, mesh, view, *renderer_, image_of_);
@@ -221,8 +226,10 @@ void run(const Options& options) {
   std::filesystem::create_directories(options.out, error);
   if (error) throw lf::Error(options.out + ": can't be made: " + error.message());
 
+  lf::validate(options.blending());
   if (options.leave_one_out) return leave_one_out(rig, options);
-  const std::vector<lf::NamedView> views = lf::load_views(options.views);
+  std::vector<lf::NamedView> views = lf::load_views(options.views);
+  for (lf::NamedView& view : views) view.view.blending = options.blending();
   const lf::Mesh mesh = lf::build_mesh(rig, out_of_service(rig, options.cameras));
   const std::unique_ptr<lf::FragmentRenderer> renderer = lf::make_scalar_renderer();
   lf::StillImages images(rig, options.i420 ? lf::PixelFamily::kI420 : lf::PixelFamily::kRgb);
@@ -284,6 +291,11 @@ int main(int argc, char** argv) {
   app.add_option("--focus-near", options.surface.near, "Nearest that the surface can be, metres from the array");
   app.add_option("--focus-far", options.surface.far, "Farthest");
   app.add_option("--focus-distance", options.distance, "Of the cameras that are left out (default: estimated)");
+  CLI::Option* aperture = app.add_option(
+      "--aperture", options.aperture, "Diameter of a synthetic aperture, metres (default: three cameras a pixel)");
+  app.add_option("--nearest-cameras", options.nearest_cameras,
+                 "Weigh as many cameras a pixel by angle, resolution and field of view, in place of three by the mesh")
+      ->excludes(aperture);
   app.add_flag("--i420", options.i420, "Render in YCbCr 4:2:0 as video sources would");
   return run_tool(app, argc, argv, [&] {
     if (options.views.empty() && !options.leave_one_out) throw lf::Error("give --views or --leave-one-out");

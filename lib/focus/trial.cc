@@ -104,6 +104,7 @@ View trial_view(const View& view) {
   auto per_pixel = std::make_shared<FocalMap>(map);
   per_pixel->step = 1;
   trial.focus.map = std::move(per_pixel);
+  trial.blending = {};  // more cameras tell depths apart no better
   return trial;
 }
 

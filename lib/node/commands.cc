@@ -8,6 +8,7 @@ namespace lf {
 wire::WarpCommand warp_command(const Rig& rig, const Mesh& mesh, const ViewRequest& request) {
   View view = request.view;
   view.focus.map = nullptr;  // a matrix for each camera is one plane's: the viewer's
+  view.blending = {};        // triangles are the mesh's
   return {request, view_warp(rig, ViewPlan(rig, mesh, view))};
 }
 

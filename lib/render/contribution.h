@@ -89,7 +89,7 @@ class Contribution {
   Contribution(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Camera& rig_camera)
       : plan_(plan), owners_(owners), corners_(plan, camera), projection_(plan, camera, rig_camera) {}
 
-  float hat(int x, int y) const { return corners_.weight(plan_, owners_.at(x, y), plan_.rays().at(x, y)); }
+  float hat(int x, int y) const { return corners_.weight_at(plan_, owners_, x, y); }
   bool project(int x, int y, Vec2& pixel) const {
     return projection_.project(plan_.rays().at(x, y), plan_.inverse_at(x, y), pixel);
   }

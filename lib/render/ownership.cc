@@ -21,7 +21,8 @@ FaceWeights face_weights(const FacePlan& face, const Vec2& ray) {
   return {{static_cast<float>(e0 / sum), static_cast<float>(e1 / sum), static_cast<float>(e2 / sum)}};
 }
 
-CameraCorners::CameraCorners(const ViewPlan& plan, CameraIndex camera) : corner_(plan.faces().size(), -1) {
+CameraCorners::CameraCorners(const ViewPlan& plan, CameraIndex camera)
+    : camera_(camera), corner_(plan.faces().size(), plan.blend() ? 0 : -1) {
   for (size_t i = 0; i < corner_.size(); i++)
     for (int8_t k = 0; k < 3; k++)
       if (plan.faces()[i].camera[k] == camera) corner_[i] = k;
@@ -41,6 +42,10 @@ std::vector<Rect> owned_rects(const ViewPlan& plan, const OwnerRuns& runs) {
     for (const OwnerRun& run : runs.row(y))
       for (const CameraIndex camera : plan.faces()[run.face].camera)
         if (camera != MeshFace::kNone) rects[camera] = unite(rects[camera], {run.x0, y, run.x1, y + 1});
+  if (plan.blend())
+    for (const CameraIndex camera : plan.contributors())
+      rects[camera] =
+          CameraCorners(plan, camera).owned(runs, intersect(plan.camera_rect(camera), runs.region()));
   return rects;
 }
 
@@ -49,7 +54,7 @@ std::vector<float> camera_hat(const ViewPlan& plan, const OwnerMap& owners, Came
   std::vector<float> hat;
   hat.reserve(static_cast<size_t>(rect.width()) * rect.height());
   for (int y = rect.y0; y < rect.y1; y++)
-    for (int x = rect.x0; x < rect.x1; x++) hat.push_back(corners.weight(plan, owners.at(x, y), plan.rays().at(x, y)));
+    for (int x = rect.x0; x < rect.x1; x++) hat.push_back(corners.weight_at(plan, owners, x, y));
   return hat;
 }
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "render/blend_grid.h"
 #include "render/owner_runs.h"
 #include "render/view_plan.h"
 
@@ -40,12 +41,18 @@ struct FaceWeights {
 };
 FaceWeights face_weights(const FacePlan& face, const Vec2& ray);
 
-// Which corner of each face a camera is.
+// Which corner of each face a camera is, or where else it has weights from.
 class CameraCorners {
  public:
   CameraCorners(const ViewPlan& plan, CameraIndex camera);
 
-  // The camera's weight for a ray whose owner is `owner`: 0 if that is OwnerMap::kNone or a face of other cameras.
+  // The camera's weight in a pixel of owners.region(), however the view is blended.
+  float weight_at(const ViewPlan& plan, const OwnerMap& owners, int x, int y) const {
+    if (!plan.blend()) return weight(plan, owners.at(x, y), plan.rays().at(x, y));
+    constexpr float kUnit = 1.f / BlendGrid::kOne;
+    return owners.at(x, y) == OwnerMap::kNone ? 0 : kUnit * static_cast<float>(plan.blend()->weight(camera_, x, y));
+  }
+  // Blended by the mesh: the camera's weight for a ray whose owner is `owner`: 0 if that is OwnerMap::kNone or a face of other cameras.
   float weight(const ViewPlan& plan, int32_t owner, const Vec2& ray) const {
     if (owner == OwnerMap::kNone || corner_[owner] < 0) return 0;
     return face_weights(plan.faces()[owner], ray).w[corner_[owner]];
@@ -62,7 +69,8 @@ class CameraCorners {
  private:
   bool has(int32_t owner) const { return owner != OwnerMap::kNone && corner_[owner] >= 0; }
 
-  std::vector<int8_t> corner_;  // per plan.faces(); -1: none of them
+  CameraIndex camera_;
+  std::vector<int8_t> corner_;  // per plan.faces(); -1: none of them. Not blended by the mesh: 0
 };
 
 // CameraCorners::owned() of every camera of the plan, indexed by camera, in one pass over the runs: empty where it has
@@ -70,7 +78,7 @@ class CameraCorners {
 std::vector<Rect> owned_rects(const ViewPlan& plan, const OwnerRuns& runs);
 
 // The hat function of `camera`: its weight in each pixel of `rect` (row-major, rect.width() * rect.height() values),
-// 0 where its face does not own the pixel. `rect` inside owners.region().
+// 0 where its face does not own the pixel, or where there is nothing in focus. `rect` inside owners.region().
 std::vector<float> camera_hat(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Rect& rect);
 
 }  // namespace lf

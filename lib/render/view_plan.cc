@@ -6,6 +6,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "render/camera_weights.h"
 #include "render/face_bounds.h"
 #include "render/view_warp.h"
 
@@ -75,6 +76,16 @@ FacePlan plan_face(const CamerasInView& cameras, const MeshFace& face, uint32_t 
   return plan;
 }
 
+// A face without corners that contains what is in front.
+FacePlan whole_view(const Vec3& in_front, const Rect& rect) {
+  FacePlan plan;
+  plan.camera.fill(MeshFace::kNone);
+  plan.edge[0] = plan.facing = in_front;
+  plan.edge[1] = plan.edge[2] = Vec3(0);
+  plan.rect = rect;
+  return plan;
+}
+
 }  // namespace
 
 ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view)
@@ -88,6 +99,13 @@ ViewPlan::ViewPlan(const Rig& rig, const Mesh& mesh, const View& view)
   }
   if (focal_offset_ == 0) return;  // the eye is in the focal plane: no line of sight meets it at t > 0
   const Vec3 in_front = focal_offset_ > 0 ? focal_normal_ : -focal_normal_;
+
+  if (!view.blending.is_mesh()) {
+    blend_ = make_blend_grid(rig, mesh, *this);
+    for (CameraIndex i = 0; i < camera_rects_.size(); i++) camera_rects_[i] = blend_->camera_rect(i);
+    faces_.push_back(whole_view(in_front, {0, 0, view.width, view.height}));
+    return;
+  }
 
   const CamerasInView cameras(rig, view.pose);
   const RegionBounds bounds(rays_, view.lens, view.width, view.height);

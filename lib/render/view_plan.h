@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -13,6 +14,7 @@
 
 namespace lf {
 
+class BlendGrid;
 struct ViewWarp;
 
 // One mesh face as a view sees it. For the line of sight d = (u, v, 1) in view coordinates the three edge functions are
@@ -31,7 +33,7 @@ struct FacePlan {
 };
 
 // Everything geometric about one view that no pixel of a camera is needed for. Immutable once made; share between
-// threads. Cost: O(faces of the mesh) in place of O(pixels).
+// threads. Cost: O(faces of the mesh) in place of O(pixels); not blended by the mesh: see make_blend_grid().
 class ViewPlan {
  public:
   // `rig`, `mesh`: only read during the call. The view must be valid (see validate()).
@@ -45,6 +47,9 @@ class ViewPlan {
   // The faces that may own pixels of the view, ascending by number: the lowest-numbered one that contains a pixel owns
   // it.
   const std::vector<FacePlan>& faces() const { return faces_; }
+  // The weights of the cameras where the view is not blended by its mesh; else null. Then there is one face without
+  // corners: what has a focus at all.
+  const BlendGrid* blend() const { return blend_.get(); }
   // Of the rig.
   size_t num_cameras() const { return camera_rects_.size(); }
   // Bounds the pixels in which the camera may have a weight; empty if there are none.
@@ -71,6 +76,7 @@ class ViewPlan {
   std::vector<Rect> camera_rects_;
   Vec3 focal_normal_;
   double focal_offset_ = 0, eye_distance_ = 0;
+  std::shared_ptr<const BlendGrid> blend_;
   std::vector<std::pair<CameraIndex, Mat3>> told_;  // ascending
   void bound_corners(const FacePlan& face);
 };

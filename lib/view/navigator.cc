@@ -55,17 +55,22 @@ Viewpoint clamped(const Viewpoint& viewpoint) {
   v.pose.orientation = glm::normalize(v.pose.orientation);
   v.fov_y_deg = std::clamp(v.fov_y_deg, kMinFovDeg, kMaxFovDeg);
   v.focus_distance = std::clamp(v.focus_distance, kMinFocus, kMaxFocus);
+  v.aperture = std::clamp(v.aperture, 0.0, Blending::kMaxAperture);
   return v;
 }
 
 bool is_finite(const Viewpoint& v) {
   return is_finite(v.pose.position) && is_finite(v.pose.orientation) && is_finite(v.fov_y_deg) &&
-         is_finite(v.focus_distance);
+         is_finite(v.focus_distance) && is_finite(v.aperture);
 }
 
 View make_view(const Viewpoint& v, int width, int height) {
-  return {
-      width, height, Lens::from_fov_y(v.fov_y_deg, width, height), v.pose, {focal_plane_at(v.pose, v.focus_distance)}};
+  return {width,
+          height,
+          Lens::from_fov_y(v.fov_y_deg, width, height),
+          v.pose,
+          {focal_plane_at(v.pose, v.focus_distance)},
+          blending_of(v.aperture, 0)};
 }
 
 CameraIndex middle_camera(const Rig& rig) {

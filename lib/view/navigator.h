@@ -17,6 +17,7 @@ struct Viewpoint {
   Pose pose;                  // world_from_view
   double fov_y_deg = 45;      // vertical, kMinFovDeg..kMaxFovDeg
   double focus_distance = 2;  // metres along the optical axis, kMinFocus..kMaxFocus
+  double aperture = 0;        // metres, 0..Blending::kMaxAperture; 0: blended by the mesh
   bool operator==(const Viewpoint&) const = default;
 };
 

@@ -19,6 +19,7 @@ void validate(const View& view) {
   if (!(std::abs(glm::length(view.pose.orientation) - 1) <= kUnitTolerance))
     throw Error("orientation: must be a quaternion of unit norm");
   validate(view.focus, view.width, view.height);
+  validate(view.blending);
 }
 
 View seen_beside(const View& view, double metres) {

@@ -4,6 +4,7 @@
 #include "geometry/focal_surface.h"
 #include "geometry/lens.h"
 #include "geometry/pose.h"
+#include "view/blending.h"
 
 namespace lf {
 
@@ -13,11 +14,12 @@ struct View {
   Lens lens;
   Pose pose;  // world_from_view; position = the eye E
   FocalSurface focus;
+  Blending blending;
   bool operator==(const View&) const = default;
 };
 
-// Throws Error ("width: ...", "orientation: ...", "focal_plane: ...", "focal_map: ...") if a number is not finite, a size out of range,
-// a quaternion or a plane normal not of unit length (kUnitTolerance).
+// Throws Error ("width: ...", "orientation: ...", "focal_plane: ...", "focal_map: ...", "blending: ...") if a
+// number is not finite, a size out of range, a quaternion or a plane normal not of unit length (kUnitTolerance).
 void validate(const View& view);
 // Throws Error ("NAME: ...") for pixels a side that no view has.
 void validate_size(const char* name, int pixels);

@@ -11,6 +11,7 @@ namespace {
 
 constexpr uint8_t kFocalPlane = 0, kFocalMap = 1;  // kind of focal surface
 constexpr uint8_t kUseGains = 1, kAskMean = 2, kMeanFollows = 4;
+constexpr int kBlendingShift = 4;  // of its kind, in the same byte
 
 size_t mean_nodes(const FocalMap& map) {
   return static_cast<size_t>(FocalMap::nodes(map.columns, 2)) * static_cast<size_t>(FocalMap::nodes(map.rows, 2));
@@ -50,6 +51,27 @@ Plane get_plane(Reader& in) {
   plane.normal = get_vec(in);
   plane.d = in.get<double>();
   return plane;
+}
+
+// Bytes at the end of a request that is blended this way.
+size_t blending_bytes(Blending::Kind kind) {
+  switch (kind) {
+    case Blending::Kind::kAperture: return 8;
+    case Blending::Kind::kAngle: return 1;
+    case Blending::Kind::kMesh: break;
+  }
+  return 0;
+}
+
+void put_blending(Writer& out, const Blending& blending) {
+  if (blending.kind == Blending::Kind::kAperture) out.put(blending.aperture);
+  if (blending.kind == Blending::Kind::kAngle) out.put(static_cast<uint8_t>(blending.nearest));
+}
+
+void read_blending(Reader& in, Blending& blending) {
+  if (blending.kind == Blending::Kind::kAperture) blending.aperture = in.get<double>();
+  if (blending.kind == Blending::Kind::kAngle) blending.nearest = in.get<uint8_t>();
+  need_more(in, "blending");
 }
 
 void put_map(Writer& out, const FocalMap& map, std::span<const uint8_t> deflated, std::span<const Trial> trials) {
@@ -114,7 +136,8 @@ ViewRequest read_request(std::span<const uint8_t> bytes) {
   const auto need = [&](const char* field) { need_more(in, field); };
   const uint8_t model_code = in.get<uint8_t>();
   const uint8_t surface = in.get<uint8_t>();
-  const uint8_t gains = in.get<uint8_t>();
+  const uint8_t options = in.get<uint8_t>();
+  const uint8_t gains = options & ((1 << kBlendingShift) - 1), blending = options >> kBlendingShift;
   view.pose.position = get_vec(in);
   view.pose.orientation.w = in.get<double>();
   view.pose.orientation.x = in.get<double>();
@@ -129,18 +152,24 @@ ViewRequest read_request(std::span<const uint8_t> bytes) {
   if (gains > kUseGains && surface != kFocalMap) throw Error("gains: by a map that is not there");
   request.gains.use = gains & kUseGains;
   request.gains.ask = gains & kAskMean;
+  if (blending > static_cast<uint8_t>(Blending::Kind::kAngle))
+    throw Error("blending: kind " + std::to_string(blending) + " is not supported");
+  view.blending.kind = static_cast<Blending::Kind>(blending);
   view.focus.plane = get_plane(in);
   need("focal_plane");
 
   const uint32_t count = in.get<uint32_t>();
   need("out_of_service");
-  if (surface == kFocalMap ? in.left() < size_t{count} * 2 : in.left() != size_t{count} * 2)
+  const size_t cameras = size_t{count} * 2, wanted = cameras + blending_bytes(view.blending.kind);
+  if (in.left() >= cameras && in.left() < wanted) throw Error("blending: the request ends before it does");
+  if (surface == kFocalMap ? in.left() < wanted : in.left() != wanted)
     throw Error("out_of_service: " + std::to_string(count) + " cameras do not fill the " + std::to_string(in.left()) +
                 " bytes left");
   request.out_of_service.reserve(count);
   for (uint32_t i = 0; i < count; i++) request.out_of_service.push_back(in.get<uint16_t>());
   if (surface == kFocalMap) read_map(in, request);
   if (gains & kMeanFollows) read_mean(in, *view.focus.map, request.gains);
+  read_blending(in, view.blending);
   if (in.left() != 0) throw Error("focal_map: " + std::to_string(in.left()) + " bytes too many");
   check(request);
   return request;
@@ -164,13 +193,15 @@ std::vector<uint8_t> encode_request(const ViewRequest& request) {
     deflated = deflate_all(map->levels);
     size += 6 * 8 + 2 + 3 * request.trials.size() + 4 + deflated.size();
   }
+  size += blending_bytes(view.blending.kind);
 
   Writer out(size);
   put_request_head(out, kViewRequestType, request, view.width, view.height, size);
   out.put(static_cast<uint8_t>(view.lens.model()));
   out.put(map ? kFocalMap : kFocalPlane);
   out.put(static_cast<uint8_t>((gains.use ? kUseGains : 0) | (gains.ask ? kAskMean : 0) |
-                               (gains.mean.empty() ? 0 : kMeanFollows)));
+                               (gains.mean.empty() ? 0 : kMeanFollows) |
+                               static_cast<int>(view.blending.kind) << kBlendingShift));
   put_vec(out, view.pose.position);
   out.put(view.pose.orientation.w);
   out.put(view.pose.orientation.x);
@@ -182,6 +213,7 @@ std::vector<uint8_t> encode_request(const ViewRequest& request) {
   for (const CameraIndex camera : request.out_of_service) out.put(static_cast<uint16_t>(camera));
   if (map) put_map(out, *map, deflated, request.trials);
   if (!gains.mean.empty()) put_mean(out, gains, mean);
+  put_blending(out, view.blending);
   return out.take();
 }
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// View requests and commands: what is taken can be written again, and is the same; and of what a command tells a view
-// can be planned.
+// View requests and commands: what is taken can be written again, and is the same; and of it a view can be planned.
 #include "base/error.h"
 #include "fuzz/fuzz.h"
 #include "render/owner_runs.h"
+#include "scene/scene.h"
 #include "wire/command_codec.h"
 #include "wire/request_codec.h"
 
@@ -18,6 +18,11 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     again = wire::encode_request(*view);
     for (const Trial& trial : view->trials)
       if (view->view.width <= 256 && view->view.height <= 256) trial_levels(*view->view.focus.map, trial);
+    if (view->view.width <= 64 && view->view.height <= 64) {
+      static const Rig rig = scene_rig(2, 2, 64, 48);
+      static const Mesh mesh = build_mesh(rig);
+      OwnerRuns(ViewPlan(rig, mesh, view->view), {0, 0, view->view.width, view->view.height});
+    }
   }
   if (const auto* pixels = std::get_if<wire::PixelCommand>(&*request)) again = wire::encode_command(*pixels);
   if (const auto* warp = std::get_if<wire::WarpCommand>(&*request)) {

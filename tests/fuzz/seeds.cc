@@ -79,6 +79,11 @@ int main(int argc, char** argv) {
   map.nearest = 1;
   for (int i = 0; i < map.columns * map.rows; i++) map.levels.push_back(static_cast<uint8_t>(i / 20 * 30));
   asked.view.focus.map = std::make_shared<lf::FocalMap>(map);
+  for (const lf::Blending blending :
+       {lf::Blending{lf::Blending::Kind::kAperture, 0.2, 0}, lf::Blending{lf::Blending::Kind::kAngle, 0, 4}}) {
+    asked.view.blending = blending;
+    write(folder / "request", lf::wire::encode_request(asked));
+  }
   asked.trials = lf::trials_of_round(1);
   write(folder / "request", lf::wire::encode_request(asked));
   asked.gains = {.use = true, .ask = true, .mean = std::vector<uint8_t>(64, 90), .mean_of = 7};

@@ -185,8 +185,40 @@ TEST(LfViewRequestProperties, EveryOneIsDocumentedAndTheViewIsControllable) {
     g_value_unset(&value);
   }
   g_free(pspecs);
-  EXPECT_EQ(own, 28);
-  EXPECT_EQ(controllable, 8);
+  EXPECT_EQ(own, 30);
+  EXPECT_EQ(controllable, 9);
+}
+
+TEST(LfViewRequestProperties, ApertureAndNearestCamerasBlendTheVeryNextRequest) {
+  Source source;
+  set_somewhere(source);
+  source.set("num-buffers", 5);
+  source.set("nearest-cameras", 3);
+  source.play();
+  EXPECT_EQ(source.pull().request.view.blending, (Blending{Blending::Kind::kAngle, 0, 3}));
+}
+
+TEST(LfViewRequestProperties, AnApertureIsSetLikeTheRestOfTheView) {
+  Source source;
+  set_somewhere(source);
+  gboolean done = FALSE;
+  GstStructure* view = gst_structure_new("view", "aperture", G_TYPE_DOUBLE, 0.25, nullptr);
+  g_signal_emit_by_name(source.element(), "set-view", view, &done);
+  gst_structure_free(view);
+  EXPECT_TRUE(done);
+  EXPECT_EQ(source.get("aperture"), 0.25);
+  source.set("num-buffers", 1, "nearest-cameras", 3);
+  source.play();
+  EXPECT_EQ(source.pull().request.view.blending, (Blending{Blending::Kind::kAperture, 0.25, 0}));
+}
+
+TEST(LfViewRequestFile, IsBlendedAsThePropertiesSay) {
+  const TemporaryFiles files;
+  save_views(test_views({0, 1}), files.path("views.json"));
+  Source source;
+  source.set("location", files.path("views.json").c_str(), "aperture", 0.5);
+  source.play();
+  EXPECT_EQ(source.pull().request.view.blending, (Blending{Blending::Kind::kAperture, 0.5, 0}));
 }
 
 TEST(LfViewRequestProperties, EyeOffsetMovesTheEyeAlone) {

@@ -160,7 +160,8 @@ namespace {
 
 constexpr Real kFarAway = 1e12L;  // metres: infinity, for points
 
-// Bilinear between the nodes, which stand in the middle of step x step pixels; the outer ones go on.
+}  // namespace
+
 Real inverse_distance(const FocalMap& map, int x, int y) {
   const auto at = [&](int i, int j) {
     i = std::clamp(i, 0, map.columns - 1);
@@ -172,8 +173,6 @@ Real inverse_distance(const FocalMap& map, int x, int y) {
   const Real a = column - i, b = row - j;
   return (1 - b) * ((1 - a) * at(i, j) + a * at(i + 1, j)) + b * ((1 - a) * at(i, j + 1) + a * at(i + 1, j + 1));
 }
-
-}  // namespace
 
 Picture render(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images,
                Resampling resampling) {

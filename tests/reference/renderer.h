@@ -56,6 +56,10 @@ struct Picture {
 Picture render(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images,
                Resampling resampling = Resampling::kBilinear);
 
+// What a map has for a pixel: bilinear between the nodes, which stand in the middle of step x step pixels; the outer ones
+// go on.
+Real inverse_distance(const FocalMap& map, int x, int y);
+
 // One face seen along one line of sight.
 struct Sighting {
   bool faces = false;  // (sum of the corners' axes) . d > 0

@@ -132,6 +132,19 @@ TEST_F(LfRender, EveryNthCamera) {
   EXPECT_NEAR(picture("v").pixel(20, 15)[0], (grey_of(0) + grey_of(2)) / 2, 4);
 }
 
+TEST_F(LfRender, AsManyCamerasAPixelAsAskedFor) {
+  save_views({view_at("v", 0)}, path("views.json"));
+  for (const char* family : {"", " --i420"}) {
+    ASSERT_EQ(run(std::string("--nearest-cameras 2") + family), 0) << output_;
+    expect_grey(picture("v"), grey_of(0), 1);  // it stands there
+    ASSERT_EQ(run(std::string("--aperture 5") + family), 0) << output_;
+    EXPECT_NEAR(picture("v").pixel(20, 15)[0], (grey_of(0) + grey_of(5)) / 2, 2);
+  }
+  expect_failure("--aperture -1", {"blending: the aperture must be above 0"});
+  expect_failure("--nearest-cameras 33", {"blending: must be of the nearest 1 to 32 cameras"});
+  expect_failure("--nearest-cameras 3 --aperture 1", {"--aperture"});
+}
+
 TEST_F(LfRender, I420GivesTheSamePicture) {
   save_views({view_at("v", 2)}, path("views.json"));
   ASSERT_EQ(run("--i420"), 0) << output_;

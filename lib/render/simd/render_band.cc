@@ -75,6 +75,7 @@ inline void clear_target(bool i420, int y, int y_end, const SlotTarget& to) {
 }
 
 inline constexpr int kMostParts = kBandRows * 3 * kBlock;  // three corners of a face for every pixel
+static_assert(kMostParts >= 4 * BlendGrid::kMaxShares);    // those of four nodes
 
 // The parts of a block of `width` view pixels.
 struct BlockParts {

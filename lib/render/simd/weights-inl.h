@@ -11,6 +11,7 @@
 
 #include <hwy/highway.h>
 
+#include "render/blend_grid.h"
 #include "render/simd/band_data.h"
 #include "render/simd/fixed-inl.h"
 #include "render/simd/smooth_weights-inl.h"
@@ -129,11 +130,53 @@ inline void weigh_exactly(const SumTask& task, const OwnerRun& run, int y, int x
   weigh(e, step, x - left, x1 - left, block.corners, out);
 }
 
+// Where the weights come from a grid: those of every slot in every block, as they are, where `runs` say there is
+// anything in focus. As weigh_band().
+inline void blend_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
+  static_assert(BlendGrid::kStep == kBlock && BlendGrid::kStep % kBandRows == 0 && BlendGrid::kOne == 1 << 15);
+  const BlendGrid& grid = *task.plan->blend();
+  const int first_block = rect.x0 / kBlock, blocks = (rect.x1 + kBlock - 1) / kBlock - first_block;
+  const int first_row = std::max(0, rect.y0 - y), past_row = std::min(kBandRows, rect.y1 - y);
+  for (int32_t number = 0; number < static_cast<int32_t>(task.slots.size()); number++) {
+    const Rect at = intersect(task.slots[number].rect, {rect.x0, y, rect.x1, y + kBandRows});
+    if (at.empty()) continue;
+    for (int block = at.x0 / kBlock; block * kBlock < at.x1; block++) {
+      BlendGrid::Cell cell;
+      if (!grid.find(task.slots[number].camera, block, y / BlendGrid::kStep, cell)) continue;
+      BlockWeights& entry = scratch.weights[entry_of(scratch, block - first_block, number)];
+      for (int r = first_row; r < past_row; r++) {
+        for (int x = 0; x < kBlock; x++)
+          entry.w[r][x] = static_cast<int16_t>(std::min(cell.weight(x, (y + r) % BlendGrid::kStep), 32767));
+        entry.rows |= 1u << r;
+      }
+    }
+  }
+  // Nearly always all of a block is in focus.
+  const int blocks_x0 = first_block * kBlock, blocks_x1 = blocks_x0 + blocks * kBlock;
+  const auto clear = [&](int r, int x0, int x1) {
+    for (int x = x0, end; x < x1; x = end) {
+      const int block = x / kBlock;
+      end = std::min(x1, (block + 1) * kBlock);
+      for (int32_t i = scratch.head[block - first_block]; i >= 0; i = scratch.weights[i].next)
+        std::fill(scratch.weights[i].w[r] + (x - block * kBlock), scratch.weights[i].w[r] + (end - block * kBlock), 0);
+    }
+  };
+  for (int r = first_row; r < past_row; r++) {
+    int x = blocks_x0;
+    for (const OwnerRun& run : task.runs->row(y + r, blocks_x0, blocks_x1)) {
+      clear(r, x, std::max(run.x0, x));
+      x = std::max(x, run.x1);
+    }
+    clear(r, x, blocks_x1);
+  }
+}
+
 // Fills scratch.weights and head for the rows of a band inside rect.
 inline void weigh_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
   scratch.weights_used = scratch.faces_used = 0;
   const int first_block = rect.x0 / kBlock, blocks = (rect.x1 + kBlock - 1) / kBlock - first_block;
   std::fill_n(scratch.head.begin(), blocks, -1);
+  if (task.plan->blend()) return blend_band(task, rect, y, scratch);
   std::fill_n(scratch.last_faces.begin(), blocks, LastFaces{});
   // Whole blocks, wherever the rectangle begins in one: the same pixel has the same weights in all of them.
   const int blocks_x0 = first_block * kBlock, blocks_x1 = blocks_x0 + blocks * kBlock;

@@ -65,6 +65,9 @@ Image checkerboard(Random& random, int width, int height) {
   return image;
 }
 
+constexpr Blending kNarrow{Blending::Kind::kAperture, 0.25, 0}, kWide{Blending::Kind::kAperture, 0.8, 0},
+    kByAngle{Blending::Kind::kAngle, 0, 4};
+
 struct Worst {
   double level = 0, chroma = 0, lost = 0;
   int64_t pixels = 0;
@@ -309,19 +312,87 @@ TEST(SumRenderer, IsWithinItsBoundInTheHardCases) {
         }
 }
 
+// All ways to blend: tens of cameras a pixel add up as well as three do.
+TEST(SumRenderer, IsWithinItsBoundHoweverManyCamerasBlend) {
+  for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
+      for (const Blending blending : {kNarrow, kWide, kByAngle}) {
+        Worst worst;
+        for (int trial = 2; trial < 4; trial++) {
+          Random random(trial);
+          const int width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
+          const Rig rig = jittered_array(random, 8, width, height, trial % 3 == 0 ? 0 : -0.25);
+          View view = view_into(rig, 8, width, height, random.small_rotation(0.2));
+          if (trial == 3) view.lens = Lens(LensModel::kSimpleRadial, {1.25 * width, 78, 60, -0.1});
+          view.blending = blending;
+          const auto images = images_of(rig, random, reference::smooth_image);
+          compare(rig, view, images, family, trial == 2 ? Coordinates::kExact : Coordinates::kGrid, worst);
+        }
+        std::printf("%-8s %s kind %d %.1f m: level error %.3f, chroma %.3f, lost %.2g, %ld pixels\n",
+                    hwy::TargetName(target), family == PixelFamily::kI420 ? "I420" : "RGB ",
+                    static_cast<int>(blending.kind), blending.aperture, worst.level, worst.chroma, worst.lost,
+                    long(worst.pixels));
+        EXPECT_LE(worst.level, 0.15);
+        EXPECT_LE(worst.chroma, 0.15);
+        EXPECT_LE(worst.lost, 1e-4);
+      }
+    hwy::SetSupportedTargetsForTest(0);
+  }
+}
+
+// 64 cameras of white and of the strongest colours overflow nothing, and two nodes' sums add up to the sum of both.
+TEST(SumRenderer, SixtyFourCamerasOfWhiteAreWhite) {
+  Random random(3);
+  const Rig rig = jittered_array(random, 8, 160, 120, 0);
+  View view = view_into(rig, 8, 160, 120, {1, 0, 0, 0});
+  view.pose.position.z = -0.1;
+  view.blending = kWide;
+  view.blending.aperture = 5;
+  const Mesh mesh = build_mesh(rig);
+  const test::Production production(rig, mesh, view);
+  EXPECT_EQ(production.plan.contributors().size(), 64u);
+  for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
+    for (const int colour : {7, 4, 2, 1}) {  // bits: R, G, B
+      Image one(PixelFamily::kRgb, 160, 120);
+      for (size_t i = 0; i < one.data().size(); i++) one.data()[i] = colour >> (2 - i % 3) & 1 ? 255 : 0;
+      const std::vector<Image> rgb(64, one), images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
+      const std::vector<Source> sources = sources_of(rig, production.plan, images);
+      const Rect whole = test::whole(view);
+      Sum all(family, whole), first(family, whole), second(family, whole);
+      const std::span<const Source> span(sources);
+      const auto render = [&](std::span<const Source> part, Sum& sum) {
+        SumRenderer(production.plan, production.owners.runs(), part, family).render_rows(0, whole.y1, sum.planes);
+      };
+      render(span, all);
+      render(span.first(25), first);
+      render(span.subspan(25), second);
+      for (int c = 0; c < 3; c++)
+        for (size_t i = 0; i < all.memory[c].size(); i++) {
+          ASSERT_EQ(all.memory[c][i], first.memory[c][i] + second.memory[c][i]);
+          const bool chroma = family == PixelFamily::kI420 && c > 0;
+          const double expected = chroma ? images[0].plane(c)[0] - 128 : images[0].data()[family == PixelFamily::kRgb ? c : 0];
+          const double lost = chroma ? 0 : (all.lost[i]) / double{kLostOne};
+          if (!chroma) { ASSERT_NEAR(all.memory[c][i] / 128., expected * (1 - lost), 0.3); }
+          if (chroma) { ASSERT_LE(std::abs(all.memory[c][i] / 128.), std::abs(expected) + 0.5); }
+        }
+    }
+}
+
 // Fragments are what the sum of one camera rounds to, whatever the others are.
 TEST(FragmentSet, IsEachCamerasSumRounded) {
   for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
     SCOPED_TRACE(hwy::TargetName(target));
     hwy::SetSupportedTargetsForTest(target);
     for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
-      for (int trial = 0; trial < 3; trial++) {
+      for (int trial = 0; trial < 4; trial++) {
         Random random(trial);
         const int width = trial == 1 ? 93 : 128, height = trial == 1 ? 71 : 96;
         const Rig rig = jittered_array(random, 4, width, height, -0.25);
         View view = view_into(rig, 4, width, height, random.small_rotation(0.2));
         if (trial == 1) view.focus.map = depths(random, view, FocalMap::kFinestStep, false);
-        if (trial == 2) view.lens = Lens(LensModel::kSimpleRadial, {1.25 * width, 63.5, 47.5, -0.1});
+        if (trial >= 2) view.lens = Lens(LensModel::kSimpleRadial, {1.25 * width, 63.5, 47.5, -0.1});
+        if (trial == 3) view.blending = kNarrow;
         const Mesh mesh = build_mesh(rig);
         const ViewPlan plan(rig, mesh, view);
         const OwnerRuns runs(plan, test::whole(view));

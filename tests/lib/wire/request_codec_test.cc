@@ -159,6 +159,34 @@ TEST(RequestCodec, RoundTrips) {
   }
 }
 
+TEST(RequestCodec, BlendingRoundTripsAndIsChecked) {
+  std::mt19937 random(4);
+  for (const Blending blending :
+       {Blending{Blending::Kind::kAperture, 0.25, 0}, Blending{Blending::Kind::kAngle, 0, 4}})
+    for (int i = 0; i < 50; i++) {
+      ViewRequest request = i % 2 ? focused_request(random) : random_request(random);
+      const size_t before = encode_request(request).size();
+      request.view.blending = blending;
+      const std::vector<uint8_t> bytes = encode_request(request);
+      EXPECT_EQ(bytes.size(), before + (blending.aperture > 0 ? 8 : 1));
+      std::string reason;
+      const std::optional<ViewRequest> decoded = decode_request(bytes, &reason);
+      ASSERT_TRUE(decoded.has_value()) << reason;
+      EXPECT_EQ(*decoded, request);
+      EXPECT_EQ(reason_of(resized(bytes, bytes.size() - 1)), "blending: the request ends before it does");
+      EXPECT_NE(reason_of(resized(bytes, bytes.size() + 1)), "");
+    }
+  ViewRequest request = golden_request();
+  request.view.blending = {Blending::Kind::kAngle, 0, 4};
+  const std::vector<uint8_t> by_angle = encode_request(request);
+  EXPECT_EQ(reason_of(with(by_angle, by_angle.size() - 1, 1, 33)), "blending: must be of the nearest 1 to 32 cameras");
+  request.view.blending = {Blending::Kind::kAperture, 0.2, 0};
+  const std::vector<uint8_t> wide = encode_request(request);
+  for (const double bad : {0., -1., std::nan(""), 2e6})
+    EXPECT_EQ(reason_of(with(wide, wide.size() - 8, 8, std::bit_cast<uint64_t>(bad))),
+              "blending: the aperture must be above 0, at most 1000000 m");
+}
+
 TEST(RequestCodec, EveryCameraMayBeOutOfService) {
   ViewRequest request = golden_request();
   request.out_of_service.clear();
@@ -214,6 +242,8 @@ TEST(RequestCodec, NamesTheFieldThatIsWrong) {
       {41, 1, 4, "focal_plane: the request ends before it does"},
       {42, 1, 2, "focal surface: kind 2 is not supported"},
       {43, 1, 8, "gains: unknown flags 8"},
+      {43, 1, 0x10, "blending: the request ends before it does"},
+      {43, 1, 0x30, "blending: kind 3 is not supported"},
       {44, 8, nan, "position: must be finite numbers"},
       {60, 8, infinity, "position: must be finite numbers"},
       {68, 8, two, "orientation: must be a quaternion of unit norm"},

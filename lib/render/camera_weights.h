@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <compare>
+#include <memory>
+#include <vector>
+
+#include "render/blend_grid.h"
+#include "render/view_plan.h"
+#include "rig/rig.h"
+
+namespace lf {
+
+// What each camera should count for along one line of sight of a view: Blending::kAperture and kAngle. Weights change
+// continuously with the line, the view and the cameras, as long as no two cameras are at one place.
+//
+// kAperture: as if an open lens of that diameter stood in the array. With p_i the distance of camera i's centre from
+// the line of sight and s_i = p_i^2 - min p^2, w_i = (1 - s_i / S)^2 where s_i < S = (diameter / 2)^2; never less than
+// what lets the nearest four have a weight, or more than what leaves it to kMaxShares. Cameras that face away have
+// none, those at nearly a right angle are counted as farther. Counting from the nearest camera makes it the same lens
+// on the border of an array, and on a line of cameras that the eye is not in line with.
+//
+// kAngle: Buehler, Bosse, McMillan, Gortler and Cohen 2001, "Unstructured Lumigraph Rendering". With X the point in
+// focus on the line, a_i = tan(angle at X between eye and camera / 2), f_i the size of a pixel of the camera at X over
+// that of one of the view, and b_i the part (1/1024 to 1) that X is inside of the camera's image by of a margin of its
+// size (behind the camera: 1/1024),
+//   p_i = (a_i + a max(0, f_i - 1) / 10) / b_i,  w_i = 1 / p_i x (1 - (p_i - p) / (T - p)) where p_i < T,
+// a the k-th smallest a_i, p the smallest p_i, T - p a sixteenth more than the (k + 1)-th smallest p_i - p (what is
+// equally good must not vanish together); k = Blending::nearest. A camera in line with the eye gets all.
+class CameraWeights {
+ public:
+  // Of the cameras of the mesh. Everything must outlive this.
+  CameraWeights(const Rig& rig, const Mesh& mesh, const View& view);
+
+  // The line of sight (u, v, 1) in view coordinates, and where it is in focus: at `t` times it; infinity is good, too.
+  // Ascending by camera, at most BlendGrid::kMaxShares; empty only if there are no cameras.
+  void at(const Vec2& ray, double t, std::vector<BlendGrid::Share>& shares);
+
+ private:
+  struct Candidate {
+    double penalty;
+    size_t i;  // in cameras_
+    auto operator<=>(const Candidate&) const = default;
+  };
+  struct Seen {
+    CameraIndex camera;
+    Vec3 centre, forward;  // in view coordinates, relative to the eye
+    Mat3 camera_from_view;
+    double focal;  // pixels
+  };
+
+  void within_aperture(const Vec3& d);
+  void by_angle(const Vec3& d, const Vec3& in_focus);
+  double inside(const Seen& seen, const Vec3& in_focus) const;
+
+  const Rig& rig_;
+  const Blending blending_;
+  const double view_focal_;
+  std::vector<Seen> cameras_;
+  std::vector<Candidate> by_angle_, candidates_;
+  std::vector<double> weights_;  // of candidates_
+};
+
+// The weights of a view that is not blended by its mesh, at the nodes of a grid over it. Cost: nodes x cameras.
+std::shared_ptr<const BlendGrid> make_blend_grid(const Rig& rig, const Mesh& mesh, const ViewPlan& plan);
+
+}  // namespace lf

@@ -1,0 +1,242 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Weights by aperture and by angle, beside the reference: in random and in hard arrays and views.
+#include "render/camera_weights.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+
+#include "lib/render/production.h"
+#include "reference/blending.h"
+#include "reference/hard_cases.h"
+
+namespace lf {
+namespace {
+
+using reference::Random;
+
+constexpr int kWidth = 40, kHeight = 24;
+
+Blending random_blending(Random& random) {
+  if (random.one_in(2)) return {Blending::Kind::kAperture, std::exp(random.uniform(-5, 2)), 0};
+  return {Blending::Kind::kAngle, 0, random.integer(1, 8)};
+}
+
+struct Largest {
+  double weight = 0;
+  int64_t pixels = 0, in_focus = 0;
+};
+
+// Sums to 1 wherever anything has a focus, to the bit; each camera alone finds what all find together; as the reference
+// says but for rounding to 1 / BlendGrid::kOne.
+void compare(const Rig& rig, const CameraSet& out, const View& view, Random& random, Largest& largest) {
+  const Mesh mesh = build_mesh(rig, out);
+  const test::Production production(rig, mesh, view);
+  if (!production.plan.blend()) return;  // the eye is in the focal plane
+  const reference::ReferenceBlending expected(rig, mesh, view, BlendGrid::kStep);
+  const auto hats = production.hats();
+  for (int y = 0; y < view.height; y++)
+    for (int x = 0; x < view.width; x++) {
+      const size_t p = static_cast<size_t>(y) * view.width + x;
+      largest.pixels++;
+      const bool in_focus = production.owners.at(x, y) != OwnerMap::kNone;
+      largest.in_focus += in_focus;
+      float sum = 0;
+      for (const auto& hat : hats) sum += hat.weight[p];
+      ASSERT_EQ(sum, in_focus ? 1 : 0) << "pixel " << x << ", " << y;
+      if (!in_focus) continue;
+      const std::vector<reference::Real> weights = expected.at(x, y);
+      double met = 0;
+      for (const auto& hat : hats) {
+        const double error = std::abs(hat.weight[p] - static_cast<double>(weights[hat.camera]));
+        met += static_cast<double>(weights[hat.camera]);
+        largest.weight = std::max(largest.weight, error);
+      }
+      largest.weight = std::max(largest.weight, 1 - met);
+    }
+  for (const auto& hat : hats) {
+    ASSERT_FALSE(std::binary_search(out.begin(), out.end(), hat.camera)) << "out of service, yet used";
+    if (!random.one_in(4)) continue;
+    const Rect rect = production.plan.camera_rect(hat.camera);
+    const ViewPlan alone(rig, mesh, view);
+    ASSERT_EQ(camera_hat(alone, OwnerMap(alone, rect), hat.camera, rect),
+              camera_hat(production.plan, production.owners, hat.camera, rect));
+  }
+}
+
+TEST(CameraWeights, AreAsStatedInRandomArrays) {
+  Largest largest;
+  for (int i = 0; i < 600; i++) {
+    SCOPED_TRACE(i);
+    Random random(i);
+    const Rig rig = reference::random_rig(random);
+    const CameraSet out = reference::random_out_of_service(random, rig);
+    View view = reference::random_view(random, rig, kWidth, kHeight);
+    view.blending = random_blending(random);
+    compare(rig, out, view, random, largest);
+    if (HasFatalFailure()) return;
+  }
+  std::printf("random arrays: %lld of %lld pixels in focus, largest weight error %.2g of 1/32768\n",
+              static_cast<long long>(largest.in_focus), static_cast<long long>(largest.pixels),
+              largest.weight * BlendGrid::kOne);
+  EXPECT_LE(largest.weight, 2.01 / BlendGrid::kOne);
+  EXPECT_GT(largest.in_focus, largest.pixels / 2);
+}
+
+TEST(CameraWeights, AreAsStatedInTheHardCases) {
+  for (const reference::HardCase& hard : reference::hard_cases()) {
+    SCOPED_TRACE(hard.name);
+    Largest largest;
+    for (int trial = 0; trial < 4; trial++) {
+      Random random(trial);
+      auto [rig, view] = hard.make(random);
+      for (const Blending blending :
+           {Blending{Blending::Kind::kAperture, 0.6, 0}, Blending{Blending::Kind::kAngle, 0, 4}}) {
+        view.blending = blending;
+        compare(rig, {}, view, random, largest);
+        if (HasFatalFailure()) return;
+      }
+    }
+    std::printf("%-40s %.2g of 1/32768\n", hard.name, largest.weight * BlendGrid::kOne);
+    EXPECT_LE(largest.weight, 2.01 / BlendGrid::kOne);
+  }
+}
+
+// Shares of a line of sight, by camera of the rig.
+std::vector<double> shares_at(const Rig& rig, const View& view, const Vec2& ray) {
+  const Mesh mesh = build_mesh(rig);
+  CameraWeights weights(rig, mesh, view);
+  std::vector<BlendGrid::Share> shares;
+  const ViewPlan plan(rig, mesh, view);
+  weights.at(ray, plan.focal_offset() / glm::dot(plan.focal_normal(), Vec3(ray, 1)), shares);
+  std::vector<double> out(rig.cameras.size());
+  double sum = 0;
+  for (const auto& share : shares) sum += share.weight;
+  for (const auto& share : shares) out[share.camera] = share.weight / sum;
+  return out;
+}
+
+double difference(const std::vector<double>& a, const std::vector<double>& b) {
+  double largest = 0;
+  for (size_t i = 0; i < a.size(); i++) largest = std::max(largest, std::abs(a[i] - b[i]));
+  return largest;
+}
+
+// A hundred thousandth of a pitch moves no weight by much more than that, where an eye is no nearer to a camera.
+TEST(CameraWeights, AreContinuousInTheEye) {
+  double largest = 0;
+  for (int i = 0; i < 3000; i++) {
+    Random random(i);
+    Rig rig = reference::planar_grid(4, 5, 0.1);
+    for (Camera& camera : rig.cameras) {
+      camera.pose.position += random.point_in_box(0.04);
+      camera.pose.orientation = random.small_rotation(0.2);
+      if (random.one_in(3)) camera.lens = Lens::from_fov_y(random.uniform(20, 80), camera.width, camera.height);
+    }
+    rig.topology = {};
+    View view = reference::view_at(Vec3(0, 0, -0.3) + random.point_in_box(0.2));
+    view.blending = random_blending(random);
+    const Vec2 ray(random.uniform(-0.2, 0.2), random.uniform(-0.2, 0.2));
+    const auto before = shares_at(rig, view, ray);
+    view.pose.position += 1e-6 * random.direction();
+    const double moved = difference(before, shares_at(rig, view, ray));
+    largest = std::max(largest, moved);
+  }
+  std::printf("largest change of a weight by a step of 1e-5 pitches: %.2g\n", largest);
+  EXPECT_LE(largest, 5e-3);
+  EXPECT_GT(largest, 0);
+}
+
+TEST(CameraWeights, AnEyeAtACameraSeesByAngleThroughItAlone) {
+  Random random(1);
+  Rig rig = reference::planar_grid(3, 3, 0.1);
+  for (Camera& camera : rig.cameras) camera.pose.position += random.point_in_box(0.03);
+  for (CameraIndex at = 0; at < 9; at++) {
+    View view = reference::view_at(rig.cameras[at].pose.position);
+    view.blending = {Blending::Kind::kAngle, 0, 3};
+    const std::vector<double> shares = shares_at(rig, view, {0.1, -0.05});
+    EXPECT_GT(shares[at], 1 - 1e-6);
+  }
+}
+
+TEST(CameraWeights, AnApertureHoldsMoreCamerasTheWiderItIs) {
+  const Rig rig = reference::planar_grid(9, 9, 0.1);
+  View view = reference::view_at({0.02, -0.03, -1});
+  int before = 0;
+  for (const double aperture : {0.01, 0.35, 0.55, 0.85}) {
+    view.blending = {Blending::Kind::kAperture, aperture, 0};
+    const std::vector<double> shares = shares_at(rig, view, {0, 0});
+    const int cameras = static_cast<int>(std::ranges::count_if(shares, [](double w) { return w > 0; }));
+    EXPECT_GT(cameras, before);
+    before = cameras;
+    EXPECT_EQ(std::ranges::max_element(shares) - shares.begin(), 40);  // the nearest, in the middle
+  }
+  EXPECT_GT(before, 40);
+}
+
+// At most BlendGrid::kMaxShares cameras: nothing jumps where the 65th comes in.
+TEST(CameraWeights, OfVeryManyCamerasTheNearestCount) {
+  const Rig rig = reference::planar_grid(20, 20, 0.1);
+  View view = reference::view_at({0.02, -0.03, -1});
+  view.blending = {Blending::Kind::kAperture, 10, 0};
+  std::vector<double> before;
+  for (int i = 0; i < 50; i++) {
+    view.pose.position.x += 1e-5;
+    const std::vector<double> shares = shares_at(rig, view, {0, 0});
+    EXPECT_LE(std::ranges::count_if(shares, [](double w) { return w > 0; }), 64);
+    if (i > 0) {
+      EXPECT_LE(difference(before, shares), 1e-4);
+    }
+    before = shares;
+  }
+}
+
+// Finite numbers that overflow: a request may have them.
+TEST(CameraWeights, AnyNumbersHaveWeights) {
+  const Rig rig = reference::planar_grid(9, 9, 0.1);
+  for (const double far : {1e160, 1e300})
+    for (const double focal : {1e-300, 50., 1e300})
+      for (const Blending blending :
+           {Blending{Blending::Kind::kAperture, 0.2, 0}, Blending{Blending::Kind::kAngle, 0, 4}}) {
+        View view = reference::view_at({far, -far, far});
+        view.lens = Lens::pinhole(focal, 24, 18);
+        view.blending = blending;
+        const test::Production production(rig, build_mesh(rig), view);
+        for (int x = 0; x < view.width && production.plan.blend(); x += 7) {
+          int sum = 0;
+          for (CameraIndex i = 0; i < rig.cameras.size(); i++) sum += production.plan.blend()->weight(i, x, 3);
+          ASSERT_EQ(sum, BlendGrid::kOne);
+        }
+      }
+}
+
+TEST(CameraWeights, OneTwoAndACameraThatIsThereTwice) {
+  for (const Blending blending : {Blending{Blending::Kind::kAperture, 0.2, 0}, Blending{Blending::Kind::kAngle, 0, 4}})
+    for (const int cameras : {1, 2, 3}) {
+      Rig rig = reference::planar_grid(1, cameras, 0.1);
+      View view = reference::view_at({0.01, 0.02, -0.5});
+      view.blending = blending;
+      rig.topology = {};
+      std::vector<double> shares = shares_at(rig, view, {0, 0});
+      for (const double w : shares) EXPECT_TRUE(w > 0 && w <= 1);
+      if (cameras == 2) {
+        EXPECT_GT(shares[1], shares[0]);
+      }
+    }
+  Rig rig = reference::planar_grid(3, 3, 0.1);
+  rig.topology.type = Topology::Type::kTriangles;
+  rig.topology.triangles = {{0, 1, 2}, {3, 4, 5}, {6, 7, 8}};
+  for (Camera& camera : rig.cameras) camera.pose.position = {0, 0, 0};
+  View view = reference::view_at({0, 0, 0});
+  for (const Blending blending :
+       {Blending{Blending::Kind::kAperture, 0.2, 0}, Blending{Blending::Kind::kAngle, 0, 4}}) {
+    view.blending = blending;
+    double sum = 0;
+    for (const double w : shares_at(rig, view, {0, 0})) sum += w;
+    EXPECT_NEAR(sum, 1, 1e-12);
+  }
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// What a wide aperture is for: foliage before a figure vanishes, and what is out of focus blurs.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+
+#include "composite/still.h"
+#include "image/image_io.h"
+#include "quality/quality.h"
+#include "reference/generators.h"
+#include "scene/scene.h"
+
+namespace lf {
+namespace {
+
+constexpr int kWidth = 160, kHeight = 120;
+constexpr double kFigure = 3, kFoliage = 1.2;  // metres
+
+// A figure of stripes and rings on a wall.
+double figure_luma(const Vec3& at) {
+  const double r = std::hypot(at.x, at.y);
+  return r < 0.5 ? 128 + 90 * std::sin(40 * r) : 128 + 60 * std::sin(17 * at.x + 5 * at.y) * std::cos(13 * at.y);
+}
+
+// Leaves: discs of 1.2 cm at random places, which hide some 30 % of what is behind them.
+struct Foliage {
+  Foliage() {
+    reference::Random random(5);
+    for (int i = 0; i < 1400; i++) leaves.push_back({random.uniform(-0.75, 0.75), random.uniform(-0.6, 0.6)});
+  }
+  bool hides(const Vec3& at) const {
+    return std::ranges::any_of(leaves, [&](const Vec2& leaf) { return glm::distance(leaf, Vec2(at)) < 0.012; });
+  }
+  std::vector<Vec2> leaves;
+};
+
+Image picture_of(const Lens& lens, const Pose& pose, const Foliage* foliage) {
+  Image image(PixelFamily::kRgb, kWidth, kHeight);
+  for (int y = 0; y < kHeight; y++)
+    for (int x = 0; x < kWidth; x++) {
+      const Vec3 d = pose.rotation() * Vec3(*lens.unproject(Vec2(x, y)), 1);
+      const auto at = [&](double z) { return pose.position + (z - pose.position.z) / d.z * d; };
+      const bool hidden = foliage && foliage->hides(at(kFoliage));
+      const double luma = hidden ? 40 : figure_luma(at(kFigure));
+      const double colour[3] = {luma, hidden ? 90 : luma, hidden ? 30 : luma};
+      for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = static_cast<uint8_t>(std::lround(colour[c]));
+    }
+  return image;
+}
+
+class SyntheticAperture : public testing::Test {
+ protected:
+  void film(const Foliage* foliage) {
+    for (const Camera& camera : rig_.cameras) images_.push_back(picture_of(camera.lens, camera.pose, foliage));
+  }
+  static View view(double focus, const Blending& blending) {
+    View view;
+    view.width = kWidth;
+    view.height = kHeight;
+    view.lens = Lens::from_fov_y(24, kWidth, kHeight);
+    view.pose.position = {0.013, -0.017, 0};
+    view.focus.plane = plane_through({0, 0, focus}, {0, 0, -1});
+    view.blending = blending;
+    return view;
+  }
+  Image picture(double focus, const Blending& blending) const {
+    return render_still(rig_, build_mesh(rig_), view(focus, blending), *make_scalar_renderer(),
+                        [this](CameraIndex i) -> const Image& { return images_[i]; })
+        .picture;
+  }
+  // For people: LF_PICTURES=FOLDER keeps them.
+  static void keep(const Image& picture, const std::string& name) {
+    if (const char* folder = std::getenv("LF_PICTURES")) save_image(picture, std::string(folder) + "/" + name + ".png");
+  }
+
+  const Rig rig_ = scene_rig(8, 8, kWidth, kHeight);
+  std::vector<Image> images_;
+};
+
+Blending wide(double aperture) { return {Blending::Kind::kAperture, aperture, 0}; }
+
+// The best that gain and offset make of a picture: leaves that are everywhere a little are a veil, which takes
+// contrast.
+Image without_veil(const Image& picture, const Image& truth) {
+  Image out = picture;
+  const size_t n = picture.data().size() / 3;
+  for (size_t c = 0; c < 3; c++) {
+    double x = 0, y = 0, xx = 0, xy = 0;
+    for (size_t i = c; i < 3 * n; i += 3) {
+      const double a = picture.data()[i], b = truth.data()[i];
+      x += a / n;
+      y += b / n;
+      xx += a * a / n;
+      xy += a * b / n;
+    }
+    const double gain = (xy - x * y) / (xx - x * x);
+    for (size_t i = c; i < 3 * n; i += 3)
+      out.data()[i] = static_cast<uint8_t>(std::clamp(std::lround(y + gain * (picture.data()[i] - x)), 0L, 255L));
+  }
+  return out;
+}
+
+TEST_F(SyntheticAperture, SeesThroughFoliage) {
+  const Foliage foliage;
+  film(&foliage);
+  const Image truth = picture_of(view(kFigure, {}).lens, view(kFigure, {}).pose, nullptr);
+  const Image narrow = picture(kFigure, {});
+  const double by_mesh = compare(narrow, truth).psnr_db;
+  const double mesh_without_veil = compare(without_veil(narrow, truth), truth).psnr_db;
+  keep(truth, "truth");
+  keep(narrow, "mesh");
+  double before = by_mesh, without = 0;
+  for (const double aperture : {0.1, 0.2, 0.4}) {
+    const Image through = picture(kFigure, wide(aperture));
+    const double psnr = compare(through, truth).psnr_db;
+    without = compare(without_veil(through, truth), truth).psnr_db;
+    std::printf("aperture %.1f m: %.2f dB, without the veil %.2f; by the mesh %.2f and %.2f\n", aperture, psnr, without,
+                by_mesh, mesh_without_veil);
+    keep(through, "aperture-" + std::to_string(aperture).substr(0, 3));
+    EXPECT_GT(psnr, before + 0.3);
+    before = psnr;
+  }
+  EXPECT_GT(before, by_mesh + 3);
+  EXPECT_GT(without, mesh_without_veil + 8);
+}
+
+// How much luma varies over the middle of a picture.
+double contrast(const Image& picture) {
+  double sum = 0, squares = 0;
+  int n = 0;
+  for (int y = 30; y < kHeight - 30; y++)
+    for (int x = 40; x < kWidth - 40; x++, n++) {
+      const double v = picture.pixel(x, y)[1];
+      sum += v;
+      squares += v * v;
+    }
+  return std::sqrt(squares / n - sum * sum / n / n);
+}
+
+TEST_F(SyntheticAperture, DepthOfFieldShrinksAsItGrows) {
+  film(nullptr);
+  const double sharp = contrast(picture(kFigure, {}));
+  double before = sharp;
+  for (const double aperture : {0.12, 0.2, 0.28}) {
+    EXPECT_NEAR(contrast(picture(kFigure, wide(aperture))), sharp, 0.02 * sharp);
+    const double blurred = contrast(picture(2, wide(aperture)));
+    std::printf("aperture %.2f m: contrast %.1f in focus, %.1f in front of it\n", aperture, sharp, blurred);
+    EXPECT_LT(blurred, 0.93 * before);
+    before = blurred;
+  }
+}
+
+// By angle, cameras that stand anywhere, with lenses and resolutions of their own, predict a view better than
+// triangles.
+TEST(ByAngle, UnstructuredArraysGainOverTheirMesh) {
+  reference::Random random(0);
+  Rig rig;
+  for (uint32_t i = 0; i < 40; i++) {
+    const int width = random.one_in(2) ? 160 : 320, height = width * 3 / 4;
+    const Lens lens = Lens::pinhole(width * random.uniform(0.8, 1.6), (width - 1) / 2., (height - 1) / 2.);
+    const Vec3 place(random.uniform(-0.14, 0.14), random.uniform(-0.14, 0.14), random.uniform(-0.15, 0.15));
+    rig.cameras.push_back(reference::make_camera(i, width, height, lens, {place, random.small_rotation(0.05)}));
+  }
+  rig.topology = {};
+  std::vector<Image> images;
+  for (const Camera& c : rig.cameras) images.push_back(render_scene({c.width, c.height, c.lens, c.pose}, 0, 1));
+  const Mesh mesh = build_mesh(rig);
+  double gain = 0, covered = 0;
+  constexpr int kViews = 3;
+  for (int i = 0; i < kViews; i++) {
+    View view;
+    view.width = 200;
+    view.height = 150;
+    view.lens = Lens::from_fov_y(35, view.width, view.height);
+    view.pose.position = random.point_in_box(0.05) - Vec3(0, 0, 0.1);
+    view.focus.plane = plane_through({0, 0, kSceneMiddle}, {0, 0, -1});
+    const Image truth = render_scene({view.width, view.height, view.lens, view.pose}, 0, 2);
+    const auto still = [&](const Blending& blending) {
+      view.blending = blending;
+      return render_still(rig, mesh, view, *make_scalar_renderer(),
+                          [&](CameraIndex camera) -> const Image& { return images[camera]; });
+    };
+    const Still by_mesh = still({}), by_angle = still({Blending::Kind::kAngle, 0, 4});
+    std::vector<float> both = by_mesh.coverage;
+    for (size_t p = 0; p < both.size(); p++) both[p] = std::min(both[p], by_angle.coverage[p]);
+    const double mesh_db = compare(by_mesh.picture, truth, both).psnr_db,
+                 angle_db = compare(by_angle.picture, truth, both).psnr_db;
+    const double mesh_covers = compare(by_mesh.picture, truth, by_mesh.coverage).coverage,
+                 angle_covers = compare(by_angle.picture, truth, by_angle.coverage).coverage;
+    std::printf("where both cover: %.2f dB by the mesh, %.2f by angle; cover %.3f and %.3f\n", mesh_db, angle_db,
+                mesh_covers, angle_covers);
+    gain += (angle_db - mesh_db) / kViews;
+    covered += (angle_covers - mesh_covers) / kViews;
+  }
+  EXPECT_GT(gain, 1);
+  EXPECT_GT(covered, 0.1);
+}
+
+}  // namespace
+}  // namespace lf

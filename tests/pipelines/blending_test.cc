@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// Views of more cameras a pixel than three, in pipelines of files: the library's pictures, from one node or two, with
+// whatever cameras know, and focused on a surface.
+#include <gtest/gtest.h>
+
+#include "composite/still.h"
+#include "image/image_io.h"
+#include "pipelines/gst_launch.h"
+#include "quality/quality.h"
+#include "rig/rig_json.h"
+#include "scene/scene.h"
+#include "support/temp_dir.h"
+#include "view/views_json.h"
+
+namespace lf::test {
+namespace {
+
+class BlendedArray : public testing::Test {
+ protected:
+  void SetUp() override {
+    rig_ = scene_rig(4, 4, 96, 72);
+    for (Camera& camera : rig_.cameras) {
+      camera.image = camera.name + ".png";
+      images_.push_back(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0, 1));
+      save_image(images_.back(), dir_ / camera.image);
+    }
+    save_rig(rig_, dir_ / "rig.json");
+    rig_ = load_rig(dir_ / "rig.json");
+    for (int i = 0; i < kViews; i++) {
+      NamedView view{"view_" + std::to_string(i), i / 15., {}};
+      view.view.width = 101;
+      view.view.height = 75;
+      view.view.lens = Lens::from_fov_y(30, 101, 75);
+      view.view.pose.position = Vec3(0.01 * i, -0.005 * i, -0.02 * i);
+      view.view.focus.plane = focal_plane_at(view.view.pose, kSceneMiddle);
+      views_.push_back(view);
+    }
+    save_views(views_, dir_ / "views.json");
+  }
+
+  Image expected(int i, const Blending& blending) const {
+    View view = views_[static_cast<size_t>(i)].view;
+    view.blending = blending;
+    return render_still(rig_, build_mesh(rig_), view, *make_scalar_renderer(),
+                        [this](CameraIndex camera) -> const Image& { return images_[camera]; })
+        .picture;
+  }
+  std::string node(const std::string& name, const std::string& cameras, const std::string& more,
+                   const std::string& pad) const {
+    return " r. ! queue ! " + name + ".request lfcameranode name=" + name + " node=" + pad + " cameras=" + cameras +
+           " rig=" + dir_ / "rig.json" + " " + more + " ! queue ! c.sink_" + pad;
+  }
+  // Of `nodes` beside a compositor with the properties `compositor`.
+  std::vector<Image> pictures(const std::string& request, const std::string& nodes,
+                              const std::string& compositor = "") {
+    const Launched run =
+        gst_launch("lfviewrequest location=" + dir_ / "views.json" + " rig=" + dir_ / "rig.json" + " " + request +
+                   " ! tee name=r r. ! queue ! c.request lfcompositor name=c rig=" + dir_ / "rig.json" + " " +
+                   compositor + " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / "%d.png" + nodes);
+    EXPECT_EQ(run.status, 0) << run.output;
+    std::vector<Image> out;
+    for (int i = 0; i < kViews; i++) out.push_back(load_image(dir_ / (std::to_string(i) + ".png")));
+    return out;
+  }
+
+  static constexpr int kViews = 3;
+  TempDir dir_;
+  Rig rig_;
+  std::vector<Image> images_;
+  std::vector<NamedView> views_;
+};
+
+const struct {
+  const char* property;
+  Blending blending;
+} kWays[] = {{"aperture=0.1", {Blending::Kind::kAperture, 0.1, 0}},
+             {"nearest-cameras=4", {Blending::Kind::kAngle, 0, 4}}};
+
+TEST_F(BlendedArray, OneNodeAndTwoGiveTheLibrarysPictures) {
+  for (const auto& [property, blending] : kWays) {
+    const auto one = pictures(property, node("a", "0-15", "", "0"));
+    const auto two = pictures(property, node("a", "0-6", "", "0") + node("b", "7-15", "", "1"));
+    for (int i = 0; i < kViews; i++) {
+      EXPECT_EQ(compare(one[i], expected(i, blending)).max_error, 0) << property << " " << i;
+      EXPECT_EQ(compare(two[i], one[i]).max_error, 0) << property << " " << i;
+      EXPECT_GT(compare(one[i], expected(i, {})).max_error, 8) << "is it blended at all?";
+    }
+  }
+}
+
+// As JPEG over links, and by cameras that know their lens alone or nothing: those who are told triangles have three
+// cameras a pixel.
+TEST_F(BlendedArray, WhateverTheCamerasKnow) {
+  for (const auto& [property, blending] : kWays) {
+    const auto coded = pictures(property, node("a", "0-6", "codec=jpeg", "0") + node("b", "7-15", "codec=jpeg", "1"));
+    const auto rounded = pictures(property, node("a", "0-15", "codec=raw sum=camera", "0"));
+    const auto plain =
+        pictures(std::string(property) + " access=pixels quality=0", node("a", "0-15", "access=pixels", "0"));
+    const auto told = pictures(std::string(property) + " access=warp quality=0", node("a", "0-15", "access=warp", "0"));
+    for (int i = 0; i < kViews; i++) {
+      const Image all = expected(i, blending);
+      std::printf("%s view %d: JPEG of two sums %.1f dB, %.1f of fragments in 8 bits\n", property, i,
+                  compare(coded[i], all).psnr_db, compare(rounded[i], all).psnr_db);
+      EXPECT_GT(compare(coded[i], all).psnr_db, 29) << property << " " << i;
+      EXPECT_GT(compare(rounded[i], all).psnr_db, 40) << property << " " << i;
+      EXPECT_EQ(compare(plain[i], all).max_error, 0) << property << " " << i;
+      EXPECT_LE(compare(told[i], expected(i, {})).max_error, 2) << property << " " << i;
+    }
+  }
+}
+
+// A node that is not there is made up for by all others: a compositor that knows the rig finds its weights.
+TEST_F(BlendedArray, OtherCamerasMakeUpForWhatIsMissing) {
+  for (const auto& [property, blending] : kWays) {
+    const auto some = pictures(property, node("a", "0-6,8-15", "", "0"));
+    for (int i = 0; i < kViews; i++) EXPECT_GT(compare(some[i], expected(i, blending)).psnr_db, 28) << property;
+  }
+}
+
+TEST_F(BlendedArray, FocusedOnASurface) {
+  for (const auto& [property, blending] : kWays) {
+    const auto found = pictures(property, node("a", "0-6", "", "0") + node("b", "7-15", "", "1"), "focus=surface");
+    for (int i = 0; i < kViews; i++) EXPECT_GT(compare(found[i], expected(i, blending)).psnr_db, 20) << property;
+  }
+}
+
+}  // namespace
+}  // namespace lf::test
