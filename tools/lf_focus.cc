@@ -26,7 +26,7 @@ using namespace lf::focus;
 struct Arguments {
   std::string rig, views, truth, out, json, mode = "surface", resampling = "bilinear";
   int held_out = 4;
-  bool automatic = false, acceptance = false;
+  bool automatic = false, acceptance = false, coded_trials = false;
   AcceptanceOptions accepting;
   double moving = 0, eye_step = 0.3, seconds = 2;
   Faults faults;
@@ -160,6 +160,7 @@ void run(Arguments a) {
   if (!a.out.empty()) std::filesystem::create_directories(a.out);
   if (a.acceptance) {
     a.accepting.folder = a.out;
+    if (a.coded_trials) return measure_coded_trials(a.accepting);
     const std::vector<AcceptanceRow> rows = measure_acceptance(a.accepting);
     if (!a.json.empty()) write_json(rows, a.json);
     return;
@@ -202,6 +203,9 @@ int main(int argc, char** argv) {
   app.add_option("--seconds", a.seconds, "Of a moving scene")->check(CLI::PositiveNumber);
   CLI::Option* acceptance = app.add_flag("--acceptance", a.acceptance,
                                          "Scene after scene what surfaces promise: table, plots (--out), JSON");
+  app.add_flag("--coded-trials", a.coded_trials,
+               "With --acceptance: instead, what coding the trials of single cameras as JPEG loses")
+      ->needs(acceptance);
   app.add_option("--only", a.accepting.only, "With --acceptance: these scenes")->needs(acceptance);
   app.add_option("--data", a.accepting.data, "With --acceptance: folder with toys and chess, measured as well")
       ->needs(acceptance);
