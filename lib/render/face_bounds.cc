@@ -55,6 +55,7 @@ Rect RegionBounds::bound_polygon(std::span<const Vec3> half_planes) const {
     for (size_t i = 0; i < n; i++) {
       const Vec2 &a = polygon[i], &b = polygon[(i + 1) % n];
       const double va = value(h, a) + slack, vb = value(h, b) + slack;
+      if (!std::isfinite(va - vb)) return {0, 0, width_, height_};  // nothing is known of where it is 0
       if (va >= 0) clipped[m++] = a;
       if ((va >= 0) != (vb >= 0)) clipped[m++] = a + (b - a) * (va / (va - vb));
     }

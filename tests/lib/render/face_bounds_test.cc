@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <random>
 
 namespace lf {
@@ -64,6 +65,18 @@ TEST(RegionBounds, EdgesThroughPixelCentresAreInside) {
   const RegionBounds bounds(rays, lens, kWidth, kHeight);
   const Vec3 half_planes[] = {{1, 0, -10 / 50.0}, {-1, 0, 20 / 50.0}, {0, 1, -5 / 50.0}, {0, -1, 5 / 50.0}};
   EXPECT_EQ(bounds.bound(half_planes), (Rect{10, 5, 21, 6}));
+}
+
+// Numbers off a network may be as large as doubles are.
+TEST(RegionBounds, OverflowsBoundNothing) {
+  const Lens lens = Lens::pinhole(60, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0);
+  const Rays rays(lens, kWidth, kHeight);
+  const RegionBounds bounds(rays, lens, kWidth, kHeight);
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  for (const Vec3& h : {Vec3(1e308, 1e308, -1e308) * 10.0, Vec3(kInf, 0, -1), Vec3(NAN, 0, 1), Vec3(0, 1e308, 1.7e308)}) {
+    const std::vector<Vec3> half_planes{{1, 0, 0.2}, h};
+    EXPECT_EQ(bounds.bound(half_planes), (Rect{0, 0, kWidth, kHeight}));
+  }
 }
 
 }  // namespace
