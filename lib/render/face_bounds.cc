@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "render/face_bounds.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -68,10 +69,17 @@ Rect RegionBounds::bound_polygon(std::span<const Vec3> half_planes) const {
     low = {std::min(low.x, polygon[i].x), std::min(low.y, polygon[i].y)};
     high = {std::max(high.x, polygon[i].x), std::max(high.y, polygon[i].y)};
   }
-  const auto first = [](double v) { return static_cast<int>(std::ceil(v - kPixelSlack)); };
-  const auto past = [](double v) { return static_cast<int>(std::floor(v + kPixelSlack)) + 1; };
-  const Rect rect{first(low.x * fx_ + cx_), first(low.y * fy_ + cy_), past(high.x * fx_ + cx_),
-                  past(high.y * fy_ + cy_)};
+  const double left = low.x * fx_ + cx_, top = low.y * fy_ + cy_, right = high.x * fx_ + cx_,
+               bottom = high.y * fy_ + cy_;
+  if (std::isnan(left + right) || std::isnan(top + bottom)) return {0, 0, width_, height_};
+  // Integers only of what is in the view or next to it.
+  const auto first = [](double v, int size) {
+    return static_cast<int>(std::ceil(std::clamp(v, -1.0, size + 1.0) - kPixelSlack));
+  };
+  const auto past = [](double v, int size) {
+    return static_cast<int>(std::floor(std::clamp(v, -2.0, size + 1.0) + kPixelSlack)) + 1;
+  };
+  const Rect rect{first(left, width_), first(top, height_), past(right, width_), past(bottom, height_)};
   return intersect(rect, {0, 0, width_, height_});
 }
 
