@@ -71,7 +71,9 @@ Rect RegionBounds::bound_polygon(std::span<const Vec3> half_planes) const {
   }
   const double left = low.x * fx_ + cx_, top = low.y * fy_ + cy_, right = high.x * fx_ + cx_,
                bottom = high.y * fy_ + cy_;
-  if (std::isnan(left + right) || std::isnan(top + bottom)) return {0, 0, width_, height_};
+  // Where the principal point is so far away that positions lose more than the slack, nothing is known.
+  const double rounding = 8 * std::numeric_limits<double>::epsilon() * std::max(std::abs(cx_), std::abs(cy_));
+  if (rounding > kPixelSlack || std::isnan(left + right) || std::isnan(top + bottom)) return {0, 0, width_, height_};
   // Integers only of what is in the view or next to it.
   const auto first = [](double v, int size) {
     return static_cast<int>(std::ceil(std::clamp(v, -1.0, size + 1.0) - kPixelSlack));

@@ -79,5 +79,16 @@ TEST(RegionBounds, OverflowsBoundNothing) {
   }
 }
 
+TEST(RegionBounds, StayInTheViewWhereverItsCentreIs) {
+  for (const double centre : {3e85, -3e85, 3e9, -3e9}) {
+    const Lens lens = Lens::pinhole(60, centre, centre);
+    const Rays rays(lens, kWidth, kHeight);
+    const std::vector<Vec3> half_planes{{1, 0.5, 0.2}};
+    const Rect bound = RegionBounds(rays, lens, kWidth, kHeight).bound(half_planes);
+    EXPECT_TRUE(holds(bound, brute_force(rays, half_planes))) << centre;
+    EXPECT_TRUE(bound.empty() || holds({0, 0, kWidth, kHeight}, bound)) << centre;
+  }
+}
+
 }  // namespace
 }  // namespace lf
