@@ -79,7 +79,8 @@ void means(const float* HWY_RESTRICT sum, const float* HWY_RESTRICT count, const
   }
 }
 
-// The costs of one trial. `plane`: what it works in; where the first node of each is, `radius` zeros around all of them.
+// The costs of one trial. `plane`: what it works in; where the first node of each is, `radius` zeros around all of
+// them.
 void costs_of(const Moments& moments, const uint16_t* most, int radius, float* const plane[5], float* out) {
   const Rows of{moments.columns, moments.rows, moments.columns + 2 * radius};
   float *const value = plane[0], *const counted = plane[1], *const sums = plane[2], *const counts = plane[3];
@@ -167,8 +168,7 @@ double median_of_finite(std::span<const float> values) {
 void cheapest_trials(std::span<const std::vector<float>> costs, float lead, float* best, uint8_t* chosen) {
   std::ranges::copy(costs[0], best);
   std::fill_n(chosen, costs[0].size(), uint8_t{0});
-  for (size_t t = 1; t < costs.size(); t++)
-    HWY_DYNAMIC_DISPATCH(compete)
+  for (size_t t = 1; t < costs.size(); t++) HWY_DYNAMIC_DISPATCH(compete)
   (costs[t].data(), lead, static_cast<int>(t), static_cast<int>(costs[t].size()), best, chosen);
 }
 

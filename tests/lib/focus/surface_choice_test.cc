@@ -44,8 +44,7 @@ TEST(SurfaceChoice, TakesTheTrialThroughWhichCamerasAgree) {
                                      deviating([](int i, int) { return i < 6 ? 20 : 2; })};
   const SurfaceChoice choice = choose_surface(flat(50), trials, moments);
   for (int j = 0; j < kRows; j++)
-    for (int i = 0; i < kColumns; i++)
-      EXPECT_EQ(choice.levels[j * kColumns + i], i < 6 ? 50 : 90) << i << ", " << j;
+    for (int i = 0; i < kColumns; i++) EXPECT_EQ(choice.levels[j * kColumns + i], i < 6 ? 50 : 90) << i << ", " << j;
   EXPECT_NEAR(choice.changed, 0.5, 1e-9);
   EXPECT_GT(choice.gained, 5);
   EXPECT_NEAR(choice.cost[0], choice.cost[1], 0.1);

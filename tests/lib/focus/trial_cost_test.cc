@@ -66,7 +66,8 @@ TEST(TrialCost, MedianIsTheUpperOfTheTwoInTheMiddle) {
 }
 
 TEST(TrialCost, TheFirstOfTheCheapestWins) {
-  const std::vector<std::vector<float>> costs{{5, 5, kInfinity, kInfinity}, {4, 4.5, 8, kInfinity}, {4, 3, 8, kInfinity}};
+  const std::vector<std::vector<float>> costs{
+      {5, 5, kInfinity, kInfinity}, {4, 4.5, 8, kInfinity}, {4, 3, 8, kInfinity}};
   float best[4];
   uint8_t chosen[4];
   cheapest_trials(costs, 0.5, best, chosen);
