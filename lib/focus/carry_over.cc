@@ -3,27 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
+
+#include "focus/carried_nodes.h"
 
 namespace lf {
 namespace {
 
 constexpr int kHole = -1;
-
-// The nodes of `count` whose middles lie within `size` around `middle`, and the one that it lies in.
-struct Span {
-  Span(double middle, double size, int count) {
-    // Of what is not negative, conversion is floor(): much faster without SSE 4.
-    const auto floor_inside = [count](double v) {
-      return static_cast<int>(std::clamp(v, 0.0, static_cast<double>(count)));
-    };
-    const double begin = std::clamp(middle - size / 2 - 0.5, 0.0, static_cast<double>(count));
-    const int whole = static_cast<int>(begin);
-    first = std::min(whole + (whole < begin), floor_inside(middle));
-    past = floor_inside(std::max(middle + size / 2 - 0.5, middle) + 1);
-  }
-  int first, past;
-};
 
 // Fills holes along a row from both sides. False if there is nothing to fill from.
 bool fill_row(int* row, int columns) {
@@ -55,33 +41,17 @@ std::shared_ptr<const FocalMap> carry_over(const View& from, const View& to) {
   const size_t nodes = static_cast<size_t>(carried->columns) * static_cast<size_t>(carried->rows);
   std::vector<int> levels(nodes, kHole);
 
-  const double step = map->step, per_step = 1 / step, middle = (step - 1) / 2;
-  const Mat3 to_from_view = glm::transpose(to.pose.rotation()) * from.pose.rotation();
-  const Vec3 offset = glm::transpose(to.pose.rotation()) * (from.pose.position - to.pose.position);
-  const Vec3 normal = glm::transpose(from.pose.rotation()) * map->from.normal;
-  const double zoom = to.lens.fx() / from.lens.fx();
-  const double eye = map->from.signed_distance(from.pose.position);
-  for (int j = 0; j < map->rows; j++)
-    for (int i = 0; i < map->columns; i++) {
-      const std::optional<Vec2> ray = from.lens.unproject({step * i + middle, step * j + middle});
-      if (!ray) continue;
-      const int level = map->levels[static_cast<size_t>(j) * map->columns + i];
-      const double inverse = map->inverse_of(level);
-      const Vec3 d(*ray, 1);
-      // As in CameraProjection, so that infinity is a place like any other.
-      const Vec3 x = (1 - inverse * eye) * (to_from_view * d) + inverse * glm::dot(normal, d) * offset;
-      const std::optional<Vec2> pixel = to.lens.project(x);
-      if (!pixel) continue;
-      // As large as it is seen from there, so that what comes nearer has no holes.
-      const double larger = zoom * (1 - inverse * eye) / x.z;
-      const Span across((pixel->x + 0.5) * per_step, larger, carried->columns);
-      const Span down((pixel->y + 0.5) * per_step, larger, carried->rows);
-      for (int row = down.first; row < down.past; row++)
-        for (int column = across.first; column < across.past; column++) {
-          int& there = levels[static_cast<size_t>(row) * carried->columns + column];
-          there = std::max(there, level);
+  CarriedNodes nodes_of(from, to, carried->columns, carried->rows);
+  for (int j = 0; j < map->rows; j++) {
+    const CarriedNodes::Row row = nodes_of.row(j);
+    const uint8_t* const row_levels = &map->levels[static_cast<size_t>(j) * map->columns];
+    for (int i = 0; i < map->columns; i++)
+      for (int y = row.top[i]; y < row.bottom[i]; y++)
+        for (int x = row.left[i]; x < row.right[i]; x++) {
+          int& there = levels[static_cast<size_t>(y) * carried->columns + x];
+          there = std::max<int>(there, row_levels[i]);
         }
-    }
+  }
 
   std::vector<int> filled(carried->rows);
   for (int j = 0; j < carried->rows; j++)
