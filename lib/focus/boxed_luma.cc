@@ -42,7 +42,7 @@ HWY_INLINE void luma_row(const uint8_t* HWY_RESTRICT pixel, const RgbLayout& at,
   });
 }
 
-void rgb_luma_row(const uint8_t* HWY_RESTRICT pixel, const RgbLayout& at, int n, uint8_t* HWY_RESTRICT out) {
+HWY_INLINE void rgb_luma_row(const uint8_t* HWY_RESTRICT pixel, const RgbLayout& at, int n, uint8_t* HWY_RESTRICT out) {
   if (at.pixel_stride == 3) return luma_row<3>(pixel, at, n, out);
   if (at.pixel_stride == 4) return luma_row<4>(pixel, at, n, out);
   for (int i = 0; i < n; i++, pixel += at.pixel_stride)
@@ -50,7 +50,7 @@ void rgb_luma_row(const uint8_t* HWY_RESTRICT pixel, const RgbLayout& at, int n,
 }
 
 // Sums of kTrialBox neighbours: n of n + kTrialBox - 1.
-void sums_along(const uint8_t* HWY_RESTRICT luma, int n, uint16_t* HWY_RESTRICT out) {
+HWY_INLINE void sums_along(const uint8_t* HWY_RESTRICT luma, int n, uint16_t* HWY_RESTRICT out) {
   static_assert(kTrialBox == 4);
   map_lanes<uint16_t>(n, [&](auto d16, int i) HWY_ATTR {
     const hn::Rebind<uint8_t, decltype(d16)> d8;
@@ -59,13 +59,61 @@ void sums_along(const uint8_t* HWY_RESTRICT luma, int n, uint16_t* HWY_RESTRICT 
   });
 }
 
-void means_of(const uint16_t* const row[kTrialBox], int n, uint8_t* HWY_RESTRICT out) {
-  map_lanes<uint16_t>(n, [&](auto d16, int i) HWY_ATTR {
-    const hn::Rebind<uint8_t, decltype(d16)> d8;
-    const auto at = [&](int k) HWY_ATTR { return hn::LoadU(d16, row[k] + i); };
+// A row of values from its rows' sums, and the row above, of which `above` are the values, with these in its upper
+// bytes (if `out` is not null).
+HWY_INLINE void means_of(const uint16_t* const row[kTrialBox], int n, const uint16_t* HWY_RESTRICT above,
+                         uint16_t* HWY_RESTRICT values, uint16_t* HWY_RESTRICT out) {
+  map_lanes<uint16_t>(n, [&](auto d, int i) HWY_ATTR {
+    const auto at = [&](int k) HWY_ATTR { return hn::LoadU(d, row[k] + i); };
     const auto sum = hn::Add(hn::Add(at(0), at(1)), hn::Add(at(2), at(3)));
-    hn::StoreU(to_bytes(d16, hn::ShiftRight<4>(hn::Add(sum, hn::Set(d16, 8)))), d8, out + i);
+    const auto mean = hn::ShiftRight<4>(hn::Add(sum, hn::Set(d, 8)));
+    hn::StoreU(mean, d, values + i);
+    if (out) hn::StoreU(hn::Or(hn::LoadU(d, above + i), hn::ShiftLeft<8>(mean)), d, out + i);
   });
+}
+
+// Luma of pixels [x0, x1) of a row.
+HWY_INLINE void read_luma(const ImageView& image, int y, int x0, int x1, uint8_t* out) {
+  const uint8_t* const row = image.plane[0] + y * image.stride[0];
+  if (image.family == PixelFamily::kI420)
+    std::copy_n(row + x0, x1 - x0, out);
+  else
+    rgb_luma_row(row + ptrdiff_t{x0} * image.layout.pixel_stride, image.layout, x1 - x0, out);
+}
+
+// Of `rect`, to `out`. Scratch: `luma` has room for a row of it and kTrialBox - 1 pixels, `sums` for kTrialBox rows,
+// `values` for two.
+void box(const ImageView& image, const Rect& rect, uint8_t* luma, uint16_t* sums, uint16_t* values, uint16_t* out) {
+  const int width = rect.width();
+  constexpr int kBefore = kTrialBox / 2 - 1;
+  const int begin = rect.x0 - kBefore, end = rect.x1 + kTrialBox - kBefore - 1;
+  const int x0 = HWY_MAX(begin, 0), x1 = HWY_MIN(end, image.width);
+  const auto sums_of = [&](int y) { return sums + static_cast<size_t>(y % kTrialBox) * width; };  // round robin
+  const auto values_of = [&](int y) { return values + static_cast<size_t>(y % 2) * width; };
+  const auto add_along = [&](int y) HWY_ATTR {
+    if (image.family == PixelFamily::kI420 && x0 == begin && x1 == end) {
+      sums_along(image.plane[0] + y * image.stride[0] + x0, width, sums_of(y));
+      return;
+    }
+    uint8_t* const inside = luma + (x0 - begin);
+    read_luma(image, y, x0, x1, inside);
+    std::fill(luma, inside, *inside);
+    std::fill(inside + (x1 - x0), luma + (end - begin), inside[x1 - x0 - 1]);
+    sums_along(luma, width, sums_of(y));
+  };
+  int made = HWY_MAX(rect.y0 - kBefore, 0) - 1;  // the last row that `sums` has
+  for (int y = rect.y0; y <= rect.y1; y++) {
+    uint16_t* const above = y > rect.y0 ? out + static_cast<size_t>(y - 1 - rect.y0) * width : nullptr;
+    const uint16_t* values_above = values_of(y + 1);
+    if (y == image.height) {  // the last row is below itself
+      for (int i = 0; i < width; i++) above[i] = static_cast<uint16_t>(values_above[i] * 0x101);
+      break;
+    }
+    for (const int last = HWY_MIN(y - kBefore + kTrialBox - 1, image.height - 1); made < last;) add_along(++made);
+    const uint16_t* rows[kTrialBox];
+    for (int k = 0; k < kTrialBox; k++) rows[k] = sums_of(HWY_MIN(HWY_MAX(y - kBefore + k, 0), image.height - 1));
+    means_of(rows, width, values_above, values_of(y), above);
+  }
 }
 
 }  // namespace lf::HWY_NAMESPACE
@@ -75,49 +123,21 @@ HWY_AFTER_NAMESPACE();
 namespace lf {
 namespace {
 
-HWY_EXPORT(rgb_luma_row);
-HWY_EXPORT(sums_along);
-HWY_EXPORT(means_of);
-
-// Luma of pixels [x0, x1) of a row.
-void read_luma(const ImageView& image, int y, int x0, int x1, uint8_t* out) {
-  const uint8_t* const row = image.plane[0] + y * image.stride[0];
-  if (image.family == PixelFamily::kI420) {
-    std::copy_n(row + x0, x1 - x0, out);
-    return;
-  }
-  HWY_DYNAMIC_DISPATCH(rgb_luma_row)(row + ptrdiff_t{x0} * image.layout.pixel_stride, image.layout, x1 - x0, out);
-}
+HWY_EXPORT(box);
 
 }  // namespace
 
 void box_luma(const ImageView& image, const Rect& rect, BoxedLuma& out) {
-  const int width = rect.width(), height = rect.height();
   out.rect = rect;
-  out.values.resize(static_cast<size_t>(width) * (height + 1) + BoxedLuma::kSpare);
-  constexpr int kBefore = kTrialBox / 2 - 1;
-  const int x0 = std::max(rect.x0 - kBefore, 0), x1 = std::min(rect.x1 + kTrialBox - kBefore - 1, image.width);
-  thread_local std::vector<uint8_t> luma;
-  thread_local std::vector<uint16_t> sums;  // along the last kTrialBox rows, round robin
-  luma.resize(static_cast<size_t>(width) + kTrialBox - 1);
-  sums.resize(static_cast<size_t>(width) * kTrialBox);
-  const auto sums_of = [&](int y) { return sums.data() + static_cast<size_t>(y % kTrialBox) * width; };
-  int made = -1;  // the last row that `sums` has
-  for (int y = 0; y < height; y++) {
-    const int first = rect.y0 + y - kBefore;
-    const int last = std::min(first + kTrialBox - 1, image.height - 1);
-    for (made = std::max(made, std::max(first, 0) - 1); made < last;) {
-      made++;
-      uint8_t* const inside = luma.data() + (x0 - (rect.x0 - kBefore));
-      read_luma(image, made, x0, x1, inside);
-      std::fill(luma.data(), inside, *inside);
-      std::fill(inside + (x1 - x0), luma.data() + luma.size(), inside[x1 - x0 - 1]);
-      HWY_DYNAMIC_DISPATCH(sums_along)(luma.data(), width, sums_of(made));
-    }
-    const uint16_t* rows[kTrialBox];
-    for (int k = 0; k < kTrialBox; k++) rows[k] = sums_of(std::clamp(first + k, 0, image.height - 1));
-    HWY_DYNAMIC_DISPATCH(means_of)(rows, width, out.values.data() + static_cast<size_t>(y) * width);
-  }
+  const auto width = static_cast<size_t>(rect.width());
+  out.values.resize(width * rect.height() + BoxedLuma::kSpare);
+  std::fill_n(out.values.end() - BoxedLuma::kSpare, BoxedLuma::kSpare, uint16_t{0});
+  thread_local ByteBuffer luma;
+  thread_local UninitializedVector<uint16_t> rows;
+  luma.resize(width + kTrialBox - 1);
+  rows.resize(width * (kTrialBox + 2));
+  HWY_DYNAMIC_DISPATCH(box)
+  (image, rect, luma.data(), rows.data(), rows.data() + width * kTrialBox, out.values.data());
 }
 
 }  // namespace lf

@@ -13,9 +13,11 @@ inline constexpr int kTrialBox = 4;  // pixels
 // Value (x, y) is the mean of luma at x - 1 .. x + 2 and y - 1 .. y + 2, as far as the image goes: it belongs to
 // (x + 1/2, y + 1/2).
 struct BoxedLuma {
-  static constexpr size_t kSpare = 4;  // bytes behind the values that may be read, too, after one more row
+  static constexpr size_t kSpare = 1;  // values behind the others that may be read, too
   Rect rect;                           // of the image
-  ByteBuffer values;                   // row-major, and rect.width() + kSpare of no meaning
+  // Row-major, and kSpare of no meaning. The lower byte is the value, the upper one that of the row below (in the
+  // image's last row its own): four neighbours are in two values, so that one load has them.
+  UninitializedVector<uint16_t> values;
 };
 // `rect`: what is needed, inside the image. The same result with every instruction set.
 void box_luma(const ImageView& image, const Rect& rect, BoxedLuma& out);

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/trial_nodes.h"
 
+#include <algorithm>
+#include <cstring>
+
 #include "render/camera_projection.h"
 
 namespace lf {
@@ -33,52 +36,82 @@ TrialProjection trial_projection(const ViewPlan& plan, CameraIndex camera, const
   return projection;
 }
 
-TrialCamera::TrialCamera(const RenderJob& job, CameraIndex index, const Camera& rig_camera)
-    : corners(job.plan(), index),
-      rect(corners.owned(job.runs(), job.plan().camera_rect(index))),
-      projection(trial_projection(job.plan(), index, rig_camera)) {}
+namespace {
 
-TrialRow::TrialRow(const RenderJob& job) : job_(job), u_(job.plan().view().width), v_(u_.size()), weight_(u_.size()) {}
-
-void TrialRow::begin(int row) {
-  row_ = row;
-  for (size_t x = 0; x < u_.size(); x++) {
-    const Vec2 ray = job_.plan().rays().at(static_cast<int>(x), row);
-    u_[x] = static_cast<float>(ray.x);
-    v_[x] = static_cast<float>(ray.y);
-  }
-}
-
-TrialNodes TrialRow::find(const TrialCamera& camera) {
-  int first = 0, end = -1;
-  for (const OwnerRun& run : job_.runs().row(row_, camera.rect.x0, camera.rect.x1)) {
-    const int corner = camera.corners.of_face(run.face);
-    if (corner < 0) continue;
-    if (end < 0)
-      first = run.x0;
-    else
-      std::fill(&weight_[end], &weight_[run.x0], 0.f);
-    weigh(run, corner);
-    end = run.x1;
-  }
-  return {u_.data(), v_.data(), weight_.data(), first, std::max(end, first), static_cast<int>(u_.size())};
-}
-
-void TrialRow::weigh(const OwnerRun& run, int corner) {
-  const ViewPlan& plan = job_.plan();
+// Weights of the nodes of a run of row y.
+void weigh(const ViewPlan& plan, const OwnerRun& run, int y, int corner, float* weights) {
   const FacePlan& face = plan.faces()[run.face];
   if (!plan.rays().separable()) {
-    for (int x = run.x0; x < run.x1; x++) weight_[x] = face_weights(face, plan.rays().at(x, row_)).w[corner];
+    for (int x = run.x0; x < run.x1; x++) weights[x - run.x0] = face_weights(face, plan.rays().at(x, y)).w[corner];
     return;
   }
-  const Vec2 ray = plan.rays().at(run.x0, row_);
-  const double spacing = plan.rays().at(run.x0 + 1, row_).x - ray.x;
+  const Vec2 ray = plan.rays().at(run.x0, y);
+  const double spacing = plan.rays().at(run.x0 + 1, y).x - ray.x;
   double edge[3], step[3];
   for (int k = 0; k < 3; k++) {
     edge[k] = FacePlan::evaluate(face.edge[k], ray);
     step[k] = face.edge[k].x * spacing;
   }
-  weigh_run(edge, step, corner, run.x1 - run.x0, &weight_[run.x0]);
+  weigh_run(edge, step, corner, run.x1 - run.x0, weights);
+}
+
+}  // namespace
+
+TrialCamera::TrialCamera(const RenderJob& job, CameraIndex index, const Camera& rig_camera)
+    : projection(trial_projection(job.plan(), index, rig_camera)) {
+  const CameraCorners corners(job.plan(), index);
+  const Rect& region = job.plan().camera_rect(index);
+  const auto most = static_cast<size_t>(region.width()) * region.height() + kTrialSpare;
+  for (UninitializedVector<float>* values : {&u, &v, &weight}) values->reserve(most);
+  for (int y = region.y0; y < region.y1; y++) add(job, corners, region, y);
+  const size_t count = u.size();
+  for (UninitializedVector<float>* values : {&u, &v, &weight}) {
+    values->resize(count + kTrialSpare);
+    std::fill(values->begin() + static_cast<ptrdiff_t>(count), values->end(), 0.f);
+  }
+}
+
+void TrialCamera::add(const RenderJob& job, const CameraCorners& corners, const Rect& region, int y) {
+  const ViewPlan& plan = job.plan();
+  const size_t first = u.size();
+  TrialRow row{y, 0, -1, static_cast<int>(first)};
+  for (const OwnerRun& run : job.runs().row(y, region.x0, region.x1)) {
+    const int corner = corners.of_face(run.face);
+    if (corner < 0) continue;
+    if (row.x1 < 0) row.x0 = row.x1 = run.x0;
+    weight.resize(first + run.x1 - row.x0);
+    float* const weights = &weight[first];  // of the row's first node
+    std::fill(weights + row.x1 - row.x0, weights + run.x0 - row.x0, 0.f);
+    weigh(plan, run, y, corner, weights + run.x0 - row.x0);
+    row.x1 = run.x1;
+  }
+  if (row.x1 < 0) return;
+  rect = unite(rect, {std::max(row.x0, region.x0), y, std::min(row.x1, region.x1), y + 1});
+  u.resize(weight.size());
+  v.resize(weight.size());
+  for (int x = row.x0; x < row.x1; x++) {
+    const Vec2 ray = plan.rays().at(x, y);
+    u[first + x - row.x0] = static_cast<float>(ray.x);
+    v[first + x - row.x0] = static_cast<float>(ray.y);
+  }
+  rows.push_back(row);
+}
+
+ByteBuffer TrialCamera::levels_of(std::span<const std::vector<uint8_t>> trials, int columns) const {
+  ByteBuffer out(trials.size() * u.size());
+  for (size_t t = 0; t < trials.size(); t++)
+    for (const TrialRow& row : rows) {
+      const size_t begin = static_cast<size_t>(row.y) * columns + row.x0;
+      const auto count = static_cast<size_t>(row.x1 - row.x0);
+      uint8_t* const to = &out[t * u.size()] + row.first;
+      // One copy of a few bytes is faster than of just as many: the next row overwrites what is too much, or it is
+      // spare.
+      if (count <= kTrialSpare && begin + kTrialSpare <= trials[t].size())
+        std::memcpy(to, &trials[t][begin], kTrialSpare);
+      else
+        std::memcpy(to, &trials[t][begin], count);
+    }
+  return out;
 }
 
 }  // namespace lf

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <vector>
 
+#include "base/byte_buffer.h"
 #include "focus/trial_row.h"
+#include "focus/trial_samples.h"
 #include "render/ownership.h"
 #include "render/render_job.h"
 
@@ -17,49 +18,42 @@ namespace lf {
 // CameraProjection in float. `plan`: of trial_view().
 TrialProjection trial_projection(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
 
-// One camera, with what is needed of it for every row. `job`: of trial_view().
+// One camera, and the nodes of a trial that it has a weight in: in each row from the first of them to the last; some in
+// between may have none. What is known of them lies one after the other, row by row, and kTrialSpare values of no
+// meaning behind them. `job`: of trial_view().
 struct TrialCamera {
   TrialCamera(const RenderJob& job, CameraIndex index, const Camera& rig_camera);
-  CameraCorners corners;
+
   Rect rect;  // of nodes that it has a weight in
   TrialProjection projection;
-};
+  std::vector<TrialRow> rows;
+  UninitializedVector<float> u, v, weight;  // lines of sight; the camera's weight
 
-// One camera's weights in a row of nodes.
-class TrialRow {
- public:
-  explicit TrialRow(const RenderJob& job);
-
-  void begin(int row);
-  // From the first node that the camera has a weight in to the last; some in between may have none. Valid until the
-  // next call.
-  TrialNodes find(const TrialCamera& camera);
+  TrialRays rays() const { return {u.data(), v.data(), static_cast<int>(u.size() - kTrialSpare)}; }
+  // What trials have at its nodes, as see_trials() takes it. `trials`: levels of each, of a map of `columns`.
+  ByteBuffer levels_of(std::span<const std::vector<uint8_t>> trials, int columns) const;
 
  private:
-  void weigh(const OwnerRun& run, int corner);
-
-  const RenderJob& job_;
-  int row_ = 0;
-  std::vector<float> u_, v_, weight_;  // of every column
+  void add(const RenderJob& job, const CameraCorners& corners, const Rect& region, int y);
 };
 
-// Calls fn(trial, node of the map, weight, x, y in the camera's image) for what the camera sees in rows [y0, y1) of the
-// map. `trials`: levels of each.
+// Calls fn(trial, node of the map, weight, x, y in the camera's image) for what the camera sees of trials.
+// `trials`: levels of each.
 template <class Fn>
-void for_trial_nodes(const RenderJob& job, const TrialCamera& camera, std::span<const std::vector<uint8_t>> trials,
-                     int y0, int y1, const Fn& fn) {
-  const int columns = job.plan().view().width;
-  TrialRow row(job);
-  std::vector<float> x(columns), y(columns);
-  std::vector<uint8_t> seen(columns);
-  for (int j = std::max(y0, camera.rect.y0); j < std::min(y1, camera.rect.y1); j++) {
-    row.begin(j);
-    const TrialNodes nodes = row.find(camera);
-    const size_t offset = static_cast<size_t>(j) * columns;
-    for (size_t t = 0; t < trials.size(); t++) {
-      project_trial(camera.projection, nodes, &trials[t][offset], x.data(), y.data(), seen.data());
-      for (int i = nodes.first; i < nodes.end; i++)
-        if (seen[i] && nodes.weight[i] > 0) fn(t, offset + i, nodes.weight[i], x[i], y[i]);
+void for_trial_nodes(const TrialCamera& camera, int columns, std::span<const std::vector<uint8_t>> trials,
+                     const Fn& fn) {
+  const TrialRays rays = camera.rays();
+  std::vector<float> x(rays.count), y(rays.count);
+  std::vector<uint8_t> seen(rays.count);
+  const ByteBuffer levels = camera.levels_of(trials, columns);
+  for (size_t t = 0; t < trials.size(); t++) {
+    project_trial(camera.projection, rays, &levels[t * camera.u.size()], x.data(), y.data(), seen.data());
+    for (const TrialRow& row : camera.rows) {
+      const size_t begin = static_cast<size_t>(row.y) * columns + row.x0;
+      for (int k = 0; k < row.x1 - row.x0; k++) {
+        const int i = row.first + k;
+        if (seen[i] && camera.weight[i] > 0) fn(t, begin + k, camera.weight[i], x[i], y[i]);
+      }
     }
   }
 }

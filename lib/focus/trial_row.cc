@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/trial_row.h"
 
-#include "focus/moments.h"
-
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "focus/trial_row.cc"
 #include <hwy/foreach_target.h>  // has to precede highway.h
@@ -65,64 +63,12 @@ HWY_INLINE auto project(D d, const TrialProjection& camera, const CameraVectors<
   return hn::And(seen, hn::And(hn::Ge(y, half), hn::Le(y, hn::Add(hn::Set(d, camera.height), half))));
 }
 
-// Bilinear, in 8 bits of fraction; (x, y) relative to the first value.
-template <class D>
-HWY_INLINE auto sample(D d, const TrialLuma& luma, V<D> x, V<D> y) {
-  const hn::Rebind<int32_t, D> d32;
-  const auto fixed = [&](V<D> at, int32_t size) HWY_ATTR {
-    const auto inside = hn::Min(hn::Max(at, hn::Zero(d)), hn::Set(d, static_cast<float>(size - 1)));
-    return hn::ConvertTo(d32, hn::Mul(inside, hn::Set(d, 256.f)));
-  };
-  const auto fx = fixed(x, luma.width), fy = fixed(y, luma.height);
-  const auto byte = hn::Set(d32, 255), one = hn::Set(d32, 256);
-  const auto ax = hn::And(fx, byte), ay = hn::And(fy, byte);
-  const auto width = hn::Set(d32, luma.width);
-  const auto place = hn::Add(hn::Mul(hn::ShiftRight<8>(fy), width), hn::ShiftRight<8>(fx));
-  // Two neighbours in one go, and two bytes of no meaning; beyond the last column and row their factor is 0.
-  const auto along = [&](V<decltype(d32)> from) HWY_ATTR {
-    const auto both = hn::GatherOffset(d32, reinterpret_cast<const int32_t*>(luma.values), from);
-    const auto left = hn::And(both, byte), right = hn::And(hn::ShiftRight<8>(both), byte);
-    return hn::Add(hn::Mul(left, hn::Sub(one, ax)), hn::Mul(right, ax));
-  };
-  const auto upper = along(place), lower = along(hn::Add(place, width));
-  const auto sum = hn::Add(hn::Mul(upper, hn::Sub(one, ay)), hn::Mul(lower, ay));
-  return hn::ShiftRight<16>(hn::Add(sum, hn::Set(d32, 1 << 15)));
-}
-
-template <class D>
-HWY_INLINE void add_saturated(D d, V<D> value, uint16_t* HWY_RESTRICT sum) {
-  const hn::Rebind<uint16_t, D> d16;
-  const hn::Rebind<int32_t, D> d32;
-  const auto rounded = hn::ConvertTo(d32, hn::Add(value, hn::Set(d, 0.5f)));
-  hn::StoreU(hn::SaturatedAdd(hn::LoadU(d16, sum), hn::DemoteTo(d16, rounded)), d16, sum);
-}
-
-// Calls step(d, x, inside) for all nodes, d being the tag of as many as it is to handle from x on and `inside` which of
-// them are meant. Camera's parts of a row are short, so that the last vector reaches beyond, but not over the row's
-// end.
-template <typename Step>
-HWY_INLINE void for_nodes(const TrialNodes& nodes, const Step& step) {
-  const hn::ScalableTag<float> d;
-  const hn::CappedTag<float, 1> one;
-  const int lanes = static_cast<int>(hn::Lanes(d));
-  if (nodes.columns < lanes) {
-    for (int x = nodes.first; x < nodes.end; x++) step(one, x, hn::Eq(hn::Zero(one), hn::Zero(one)));
-    return;
-  }
-  const auto end = hn::Set(d, static_cast<float>(nodes.end));
-  for (int first = nodes.first; first < nodes.end; first += lanes) {
-    const int x = HWY_MIN(first, nodes.columns - lanes);
-    const auto place = hn::Iota(d, static_cast<float>(x));
-    step(d, x, hn::And(hn::Ge(place, hn::Set(d, static_cast<float>(first))), hn::Lt(place, end)));
-  }
-}
-
-void positions(const TrialProjection& camera, const TrialNodes& nodes, const uint8_t* HWY_RESTRICT levels,
+void positions(const TrialProjection& camera, const TrialRays& rays, const uint8_t* HWY_RESTRICT levels,
                float* HWY_RESTRICT out_x, float* HWY_RESTRICT out_y, uint8_t* HWY_RESTRICT seen) {
-  for_nodes(nodes, [&](auto d, int i, auto /*inside*/) HWY_ATTR {
+  map_lanes<float>(rays.count, [&](auto d, int i) HWY_ATTR {
     const hn::Rebind<uint8_t, decltype(d)> d8;
     const hn::Rebind<int32_t, decltype(d)> d32;
-    const auto at = look(d, camera, hn::LoadU(d, nodes.u + i), hn::LoadU(d, nodes.v + i));
+    const auto at = look(d, camera, hn::LoadU(d, rays.u + i), hn::LoadU(d, rays.v + i));
     V<decltype(d)> x, y;
     const auto there = project(d, camera, at, levels + i, x, y);
     hn::StoreU(x, d, out_x + i);
@@ -132,25 +78,34 @@ void positions(const TrialProjection& camera, const TrialNodes& nodes, const uin
   });
 }
 
-void sums(const TrialProjection& camera, const TrialNodes& nodes, const TrialLuma& luma, const TrialSums* trials,
-          int num_trials) {
-  for_nodes(nodes, [&](auto d, int i, auto inside) HWY_ATTR {
-    const auto at = look(d, camera, hn::LoadU(d, nodes.u + i), hn::LoadU(d, nodes.v + i));
-    const auto weight = hn::IfThenElseZero(inside, hn::LoadU(d, nodes.weight + i));
-    for (int t = 0; t < num_trials; t++) {
-      V<decltype(d)> x, y;
-      const auto seen = project(d, camera, at, trials[t].levels + i, x, y);
-      // What is not seen may be NaN or anything: it samples the first value, with no weight.
-      x = hn::IfThenElseZero(seen, hn::Sub(x, hn::Set(d, luma.left)));
-      y = hn::IfThenElseZero(seen, hn::Sub(y, hn::Set(d, luma.top)));
-      const auto w = hn::IfThenElseZero(seen, weight);
-      const auto value = hn::ConvertTo(d, sample(d, luma, x, y));
-      const auto weighted = hn::Mul(w, value);
-      add_saturated(d, hn::Mul(w, hn::Set(d, Moments::kWeightOne)), trials[t].weight + i);
-      add_saturated(d, hn::Mul(weighted, hn::Set(d, Moments::kLumaOne)), trials[t].luma + i);
-      add_saturated(d, hn::Mul(weighted, value), trials[t].square + i);
-    }
-  });
+PlaceBounds places(const TrialProjection& camera, const TrialRays& rays, const uint8_t* HWY_RESTRICT levels,
+                   int32_t* HWY_RESTRICT out_x, int32_t* HWY_RESTRICT out_y) {
+  const hn::CappedTag<float, kTrialSpare> d;
+  const hn::Rebind<int32_t, decltype(d)> d32;
+  const auto none = hn::Set(d32, -1), never = hn::Set(d32, INT32_MAX);
+  auto left = never, top = never, right = none, bottom = none;
+  const auto count = hn::Set(d32, rays.count);
+  for (int i = 0; i < rays.count; i += static_cast<int>(hn::Lanes(d))) {
+    const auto at = look(d, camera, hn::LoadU(d, rays.u + i), hn::LoadU(d, rays.v + i));
+    V<decltype(d)> x, y;
+    const auto there = project(d, camera, at, levels + i, x, y);
+    const auto seen = hn::And(hn::RebindMask(d32, there), hn::Lt(hn::Iota(d32, i), count));
+    // Value (0, 0) belongs to (1/2, 1/2).
+    const auto fixed = [&](V<decltype(d)> position, float size) HWY_ATTR {
+      const auto from_first = hn::Max(hn::Sub(position, hn::Set(d, 0.5f)), hn::Zero(d));
+      return hn::ConvertTo(d32, hn::Mul(hn::Min(from_first, hn::Set(d, size - 1)), hn::Set(d, 256.f)));
+    };
+    const auto fx = hn::IfThenElse(seen, fixed(x, camera.width), none);
+    const auto fy = hn::IfThenElse(seen, fixed(y, camera.height), none);
+    left = hn::Min(left, hn::IfThenElse(seen, fx, never));
+    top = hn::Min(top, hn::IfThenElse(seen, fy, never));
+    right = hn::Max(right, fx);
+    bottom = hn::Max(bottom, fy);
+    hn::StoreU(fx, d32, out_x + i);
+    hn::StoreU(fy, d32, out_y + i);
+  }
+  return {hn::GetLane(hn::MinOfLanes(d32, left)), hn::GetLane(hn::MinOfLanes(d32, top)),
+          hn::GetLane(hn::MaxOfLanes(d32, right)), hn::GetLane(hn::MaxOfLanes(d32, bottom))};
 }
 
 void weights_of_run(const double edge[3], const double step[3], int corner, int n, float* HWY_RESTRICT out) {
@@ -174,17 +129,17 @@ HWY_AFTER_NAMESPACE();
 namespace lf {
 
 HWY_EXPORT(positions);
-HWY_EXPORT(sums);
+HWY_EXPORT(places);
 HWY_EXPORT(weights_of_run);
 
-void project_trial(const TrialProjection& projection, const TrialNodes& nodes, const uint8_t* levels, float* x,
-                   float* y, uint8_t* seen) {
-  HWY_DYNAMIC_DISPATCH(positions)(projection, nodes, levels, x, y, seen);
+void project_trial(const TrialProjection& projection, const TrialRays& rays, const uint8_t* levels, float* x, float* y,
+                   uint8_t* seen) {
+  HWY_DYNAMIC_DISPATCH(positions)(projection, rays, levels, x, y, seen);
 }
 
-void add_trials(const TrialProjection& projection, const TrialNodes& nodes, const TrialLuma& luma,
-                const TrialSums* trials, int num_trials) {
-  HWY_DYNAMIC_DISPATCH(sums)(projection, nodes, luma, trials, num_trials);
+PlaceBounds place_trial(const TrialProjection& projection, const TrialRays& rays, const uint8_t* levels, int32_t* x,
+                        int32_t* y) {
+  return HWY_DYNAMIC_DISPATCH(places)(projection, rays, levels, x, y);
 }
 
 void weigh_run(const double edge[3], const double step[3], int corner, int n, float* out) {

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
-// The inner loops of trials: one camera, one row of nodes. All in float, as positions are rounded to 256ths of a pixel
-// and luma to 8 bits anyway; both of the functions that project find the same positions, to the bit.
+// Where one camera looks for nodes of trials, many at a time. All in float, as positions are rounded to 256ths of a
+// pixel and luma to 8 bits anyway; both of the functions that project find the same positions, to the bit.
 namespace lf {
 
 // Where a camera looks, CameraProjection in float.
@@ -19,33 +20,29 @@ struct TrialProjection {
   float farthest, per_level, eye_distance;
 };
 
-// Nodes [first, end) of a row of `columns`: what belongs to nodes are pointers to the row's first.
-struct TrialNodes {
-  const float *u, *v;   // lines of sight
-  const float* weight;  // the camera's; of no meaning outside
-  int first, end, columns;
+// Lines of sight of nodes, and what the functions below say of them. NaN: there is none.
+struct TrialRays {
+  const float *u, *v;
+  int count;
 };
 
-// Values of a BoxedLuma: that of (x, y) in the image is at (x - left, y - top), bilinear.
-struct TrialLuma {
-  const uint8_t* values;
-  float left, top;
-  int32_t width, height;
+// So many values behind those of the nodes are read and written, too, of no meaning, where the functions say `spare`.
+inline constexpr size_t kTrialSpare = 16;
+
+// Positions in the image, and whether anything is seen there (0 or 1). `levels`: of the nodes.
+void project_trial(const TrialProjection& projection, const TrialRays& rays, const uint8_t* levels, float* x, float* y,
+                   uint8_t* seen);
+
+// A rectangle of positions, both ends inside. Nothing: right < left.
+struct PlaceBounds {
+  int32_t left = INT32_MAX, top = INT32_MAX, right = -1, bottom = -1;
 };
 
-// Of one trial.
-struct TrialSums {
-  const uint8_t* levels;
-  uint16_t *weight, *luma, *square;  // see Moments
-};
-
-// Positions in the image, and whether anything is seen there (0 or 1).
-void project_trial(const TrialProjection& projection, const TrialNodes& nodes, const uint8_t* levels, float* x,
-                   float* y, uint8_t* seen);
-
-// Adds what is seen there of `luma` to the sums of every trial.
-void add_trials(const TrialProjection& projection, const TrialNodes& nodes, const TrialLuma& luma,
-                const TrialSums* trials, int num_trials);
+// The same as places among a BoxedLuma's values, 256ths: value (0, 0) of the whole image is at (0, 0), and what lies
+// beyond the first and last ones is at these. x = -1 where nothing is seen. All arrays have `spare` values. Returns
+// where the seen ones are.
+PlaceBounds place_trial(const TrialProjection& projection, const TrialRays& rays, const uint8_t* levels, int32_t* x,
+                        int32_t* y);
 
 // The weight of corner `corner` in n nodes of a face. `edge`: its edge functions at the first, `step`: from one to the
 // next.

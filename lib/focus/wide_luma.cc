@@ -8,9 +8,9 @@
 #include <optional>
 
 #include "base/median.h"
-#include "focus/boxed_luma.h"
 #include "focus/trial.h"
 #include "focus/trial_nodes.h"
+#include "focus/trial_samples.h"
 #include "image/gain.h"
 #include "render/contribution.h"
 
@@ -18,9 +18,9 @@ namespace lf {
 namespace {
 
 constexpr size_t kLeastNodes = 24;
-// Cameras compare themselves where the line of sight goes through the array within 1.25 edges of them. Farther away the mean
-// is that of cameras on one side of theirs: how surfaces shine changes along an array (by 2 % a camera in one scene), and
-// that is no gain.
+// Cameras compare themselves where the line of sight goes through the array within 1.25 edges of them. Farther away the
+// mean is that of cameras on one side of theirs: how surfaces shine changes along an array (by 2 % a camera in one
+// scene), and that is no gain.
 constexpr float kNear = WideLuma::kPeak * 0.4578f;
 constexpr int kDarkest = 8, kBrightest = 250;  // luma
 
@@ -70,7 +70,10 @@ WideLuma::WideLuma(const Rig& rig, const Mesh& mesh, const View& view, std::span
   Vec2 low(INFINITY), high(-INFINITY);
   for (int y = 0; y < view.height; y++)
     for (int x = 0; x < view.width; x++) {
-      const Vec3 d = world_from_view * Vec3(plan_.rays().at(x, y), 1);
+      const Vec2 ray = plan_.rays().at(x, y);
+      u_.push_back(static_cast<float>(ray.x));
+      v_.push_back(static_cast<float>(ray.y));
+      const Vec3 d = world_from_view * Vec3(ray, 1);
       const double along = glm::dot(plane.normal, d);
       const Vec2 crossing = on_plane(view.pose.position - height / along * d);
       const bool crosses = along > 0 && std::isfinite(crossing.x + crossing.y);
@@ -79,6 +82,9 @@ WideLuma::WideLuma(const Rig& rig, const Mesh& mesh, const View& view, std::span
       low = glm::min(low, crossing);
       high = glm::max(high, crossing);
     }
+  for (std::vector<float>* of_rays : {&u_, &v_}) of_rays->resize(of_rays->size() + kTrialSpare);
+  levels_.resize(u_.size());
+  std::ranges::copy(view.focus.map->levels, levels_.begin());
   for (const CameraIndex camera : own) {
     const Vec2 at = on_plane(rig.cameras[camera].pose.position);
     if (glm::all(glm::greaterThan(at, low - kWidest)) && glm::all(glm::lessThan(at, high + kWidest)))
@@ -87,36 +93,20 @@ WideLuma::WideLuma(const Rig& rig, const Mesh& mesh, const View& view, std::span
 }
 
 WideLuma::Camera WideLuma::see(const Source& source, float gain) const {
-  const int columns = plan_.view().width, rows = plan_.view().height;
   const lf::Camera& camera = *source.rig_camera;
   plain::check_image(camera, source.image);
-  BoxedLuma boxed;
-  box_luma(source.image, {0, 0, camera.width, camera.height}, boxed);
-  const TrialLuma luma{boxed.values.data(), 0.5f, 0.5f, camera.width, camera.height};
   const TrialProjection projection = trial_projection(plan_, source.camera, camera);
   const Vec2 at(glm::dot(across_, camera.pose.position), glm::dot(down_, camera.pose.position));
-
-  WideLuma::Camera out{source.camera, std::vector<uint8_t>(crossings_.size()), std::vector<float>(crossings_.size())};
-  std::vector<float> u(columns), v(columns);
-  const std::vector<float> one(columns, 1);
-  std::vector<uint16_t> seen(columns), value(columns), square(columns);
-  for (int y = 0; y < rows; y++) {
-    for (int x = 0; x < columns; x++) {
-      const Vec2 ray = plan_.rays().at(x, y);
-      u[x] = static_cast<float>(ray.x);
-      v[x] = static_cast<float>(ray.y);
-      seen[x] = value[x] = square[x] = 0;
-    }
-    const size_t offset = static_cast<size_t>(y) * columns;
-    const TrialSums sums{&plan_.view().focus.map->levels[offset], seen.data(), value.data(), square.data()};
-    add_trials(projection, {u.data(), v.data(), one.data(), 0, columns, columns}, luma, &sums, 1);
-    for (int x = 0; x < columns; x++) {
-      const Vec2 d = crossings_[offset + x] - at;
-      const auto squared = static_cast<float>(glm::dot(d, d));
-      if (seen[x] == 0 || !(squared < kWidest * kWidest)) continue;
-      out.weight[offset + x] = kPeak * std::exp(-squared / 2);
-      out.luma[offset + x] = static_cast<uint8_t>(value[x] / Moments::kLumaOne);
-    }
+  const size_t nodes = crossings_.size();
+  const TrialValues values =
+      see_trials(projection, {u_.data(), v_.data(), static_cast<int>(nodes)}, levels_, source.image);
+  WideLuma::Camera out{source.camera, std::vector<uint8_t>(nodes), std::vector<float>(nodes)};
+  for (size_t i = 0; i < nodes; i++) {
+    const Vec2 d = crossings_[i] - at;
+    const auto squared = static_cast<float>(glm::dot(d, d));
+    if (values[i] < 0 || !(squared < kWidest * kWidest)) continue;
+    out.weight[i] = kPeak * std::exp(-squared / 2);
+    out.luma[i] = static_cast<uint8_t>(values[i]);
   }
   divide_by_gain(out.luma, gain);
   return out;

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "base/byte_buffer.h"
 #include "base/parallel.h"
 #include "focus/camera_gains.h"
 #include "focus/mean_luma.h"
@@ -57,6 +58,8 @@ class WideLuma {
   std::vector<CameraIndex> cameras_;
   Vec3 across_, down_;           // along the plane, in units of the pitch
   std::vector<Vec2> crossings_;  // of the lines of sight with the plane, a value for each node
+  std::vector<float> u_, v_;     // of the nodes, and kTrialSpare values of no meaning, as of
+  ByteBuffer levels_;            // their levels
 };
 
 }  // namespace lf

@@ -6,25 +6,35 @@
 #include <algorithm>
 #include <cmath>
 
+#include "lib/focus/every_target.h"
 #include "reference/generators.h"
 
 namespace lf {
 namespace {
 
 // Against the mean of the rounded luma of sixteen pixels, repeated at the border.
-void expect_boxes(const ImageView& image, const std::vector<int>& luma, const Rect& rect) {
+void expect_boxes_here(const ImageView& image, const std::vector<int>& luma, const Rect& rect) {
   BoxedLuma out;
   box_luma(image, rect, out);
   ASSERT_EQ(out.rect, rect);
-  ASSERT_EQ(out.values.size(), static_cast<size_t>(rect.width()) * (rect.height() + 1) + BoxedLuma::kSpare);
+  ASSERT_EQ(out.values.size(), static_cast<size_t>(rect.width()) * rect.height() + BoxedLuma::kSpare);
+  const auto mean = [&](int x, int y) {
+    int sum = 0;
+    for (int j = y - 1; j <= y + 2; j++)
+      for (int i = x - 1; i <= x + 2; i++)
+        sum += luma[std::clamp(j, 0, image.height - 1) * image.width + std::clamp(i, 0, image.width - 1)];
+    return (sum + 8) / 16;
+  };
   for (int y = rect.y0; y < rect.y1; y++)
     for (int x = rect.x0; x < rect.x1; x++) {
-      int sum = 0;
-      for (int j = y - 1; j <= y + 2; j++)
-        for (int i = x - 1; i <= x + 2; i++)
-          sum += luma[std::clamp(j, 0, image.height - 1) * image.width + std::clamp(i, 0, image.width - 1)];
-      EXPECT_EQ(out.values[(y - rect.y0) * rect.width() + x - rect.x0], (sum + 8) / 16) << x << ", " << y;
+      const int both = out.values[(y - rect.y0) * rect.width() + x - rect.x0];
+      EXPECT_EQ(both & 255, mean(x, y)) << x << ", " << y;
+      EXPECT_EQ(both >> 8, mean(x, std::min(y + 1, image.height - 1))) << x << ", " << y << ", below";
     }
+}
+
+void expect_boxes(const ImageView& image, const std::vector<int>& luma, const Rect& rect) {
+  test::on_every_target([&] { expect_boxes_here(image, luma, rect); });
 }
 
 TEST(BoxedLuma, IsTheMeanOfSixteenPixelsOfAnyLayout) {
@@ -46,7 +56,11 @@ TEST(BoxedLuma, IsTheMeanOfSixteenPixelsOfAnyLayout) {
       SCOPED_TRACE(std::to_string(layout.pixel_stride) + " bytes a pixel, " + std::to_string(width) + "x" +
                    std::to_string(height));
       expect_boxes(image, luma, {0, 0, width, height});
-      if (width > 8) expect_boxes(image, luma, {2, 1, width - 1, height - 3});
+      if (width > 8) {
+        expect_boxes(image, luma, {2, 1, width - 1, height - 3});
+        expect_boxes(image, luma, {5, 0, width - 3, height - 1});
+        expect_boxes(image, luma, {0, height - 1, 3, height});
+      }
     }
 }
 

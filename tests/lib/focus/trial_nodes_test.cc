@@ -23,7 +23,7 @@ TEST(TrialNodes, AreThoseOfTheRule) {
     const TrialCamera at(job, camera, walls.rig.cameras[camera]);
     const CameraProjection projection(job.plan(), camera, walls.rig.cameras[camera]);
     std::vector<std::vector<Vec3>> found(levels.size(), std::vector<Vec3>(nodes));
-    for_trial_nodes(job, at, levels, 0, view.height, [&](size_t t, size_t node, float weight, float x, float y) {
+    for_trial_nodes(at, view.width, levels, [&](size_t t, size_t node, float weight, float x, float y) {
       EXPECT_EQ(found[t][node].z, 0);
       found[t][node] = {x, y, weight};
     });
@@ -47,20 +47,36 @@ TEST(TrialNodes, AreThoseOfTheRule) {
   EXPECT_GT(unseen, 0u);
 }
 
-TEST(TrialNodes, StayInTheRowsAskedFor) {
+TEST(TrialNodes, LieRowByRow) {
   const test::ArrayOfWalls walls;
   const View view = trial_view(walls.view(100));
   const RenderJob job(walls.rig, walls.mesh, view, walls.own);
-  const std::vector<std::vector<uint8_t>> levels{view.focus.map->levels};
-  size_t count = 0;
-  for (const CameraIndex camera : job.cameras())
-    for_trial_nodes(job, TrialCamera(job, camera, walls.rig.cameras[camera]), levels, 5, 7,
-                    [&](size_t, size_t node, float, float, float) {
-                      EXPECT_GE(node, 5u * view.width);
-                      EXPECT_LT(node, 7u * view.width);
-                      count++;
-                    });
-  EXPECT_GE(count, 2u * view.width);
+  std::vector<uint8_t> levels(view.focus.map->levels);
+  for (size_t i = 0; i < levels.size(); i++) levels[i] = static_cast<uint8_t>(7 * i);
+  size_t rows = 0;
+  for (const CameraIndex camera : job.cameras()) {
+    const TrialCamera at(job, camera, walls.rig.cameras[camera]);
+    const ByteBuffer picked = at.levels_of({{levels, levels}}, view.width);
+    const size_t next_trial = at.u.size();
+    int next = 0;
+    Rect bounds;
+    for (const TrialRow& row : at.rows) {
+      EXPECT_EQ(row.first, next);
+      next += row.x1 - row.x0;
+      bounds = unite(bounds, {row.x0, row.y, row.x1, row.y + 1});
+      for (int x = row.x0; x < row.x1; x++) {
+        const auto i = static_cast<size_t>(row.first + x - row.x0);
+        EXPECT_EQ(picked[next_trial + i], levels[static_cast<size_t>(row.y) * view.width + x]);
+        EXPECT_EQ(at.u[i], static_cast<float>(job.plan().rays().at(x, row.y).x));
+        EXPECT_EQ(at.v[i], static_cast<float>(job.plan().rays().at(x, row.y).y));
+      }
+    }
+    EXPECT_EQ(at.rays().count, next);
+    EXPECT_EQ(picked.size(), 2 * (next + kTrialSpare));
+    EXPECT_EQ(bounds, at.rect);
+    rows += at.rows.size();
+  }
+  EXPECT_GE(rows, static_cast<size_t>(view.height));
 }
 
 }  // namespace

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "base/byte_buffer.h"
+#include "focus/trial_row.h"
+#include "image/image.h"
+
+namespace lf {
+
+// Luma that a camera has at nodes of a trial, sampled bilinearly from its BoxedLuma and rounded to 8 bits.
+// -1: not seen.
+using TrialValues = UninitializedVector<int16_t>;
+
+// Of as many trials as there are `levels`, rows of all of `rays` and kTrialSpare values, as what is returned. Only what
+// the trials look at is made of the image. The same result with every instruction set.
+TrialValues see_trials(const TrialProjection& projection, const TrialRays& rays, const ByteBuffer& levels,
+                       const ImageView& image);
+
+// What a value adds to each of the sums of Moments.
+struct TrialSums {
+  uint16_t *weight, *luma, *square;
+};
+
+// Of `count` nodes; all arrays have `spare` values.
+void weigh_trial(const float* weight, const int16_t* values, int count, const TrialSums& out);
+
+// A camera's nodes [x0, x1) of row y of the map; `first`: of the camera's nodes, which lie one after the other.
+struct TrialRow {
+  int y, x0, x1;
+  int first;
+};
+// Adds to sums of all nodes of a map of `columns`, at most 65535. `more`: of the camera's nodes, with `spare` values.
+void add_rows(std::span<const TrialRow> rows, const TrialSums& more, int columns, size_t nodes, const TrialSums& sums);
+
+}  // namespace lf

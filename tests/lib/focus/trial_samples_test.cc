@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/trial_samples.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "focus/boxed_luma.h"
+#include "focus/moments.h"
+#include "lib/focus/every_target.h"
+#include "lib/focus/random_rays.h"
+
+namespace lf {
+namespace {
+
+using test::RandomRays;
+
+// Positions as project_trial() has them, sampled one after the other from the luma of the whole image: the same values,
+// of any number of nodes.
+TEST(TrialSamples, AreThoseOfTheWholeImage) {
+  reference::Random random(5);
+  Image image(PixelFamily::kI420, RandomRays::kWidth, RandomRays::kHeight);
+  for (uint8_t& value : image.data()) value = static_cast<uint8_t>(random.uniform(0, 256));
+  BoxedLuma boxed;
+  box_luma(image.view(), {0, 0, RandomRays::kWidth, RandomRays::kHeight}, boxed);
+  size_t seen_at_all = 0;
+  for (int count = 1; count < 70; count++) {
+    const RandomRays rays(random, count);
+    ByteBuffer levels(rays.levels.begin(), rays.levels.end());
+    levels.resize(2 * rays.levels.size(), 130);
+    RandomRays second = rays;
+    std::ranges::fill(second.levels, 130);
+    test::on_every_target([&] {
+      const TrialValues values = see_trials(rays.projection, rays.rays(), levels, image.view());
+      ASSERT_EQ(values.size(), levels.size());
+      for (size_t t = 0; t < 2; t++) {
+        const std::vector<test::Position> positions = (t == 0 ? rays : second).positions();
+        for (int i = 0; i < count; i++) {
+          int value = -1;
+          if (positions[i].seen) {
+            const int fx = test::in_256ths(positions[i].x, RandomRays::kWidth);
+            const int fy = test::in_256ths(positions[i].y, RandomRays::kHeight);
+            const auto at = [&](int dx, int dy) {
+              const int x = std::min((fx >> 8) + dx, RandomRays::kWidth - 1);
+              const int y = std::min((fy >> 8) + dy, RandomRays::kHeight - 1);
+              return boxed.values[y * RandomRays::kWidth + x] & 255;
+            };
+            const int ax = fx & 255, ay = fy & 255;
+            const int upper = at(0, 0) * (256 - ax) + at(1, 0) * ax, lower = at(0, 1) * (256 - ax) + at(1, 1) * ax;
+            value = (upper * (256 - ay) + lower * ay + (1 << 15)) >> 16;
+            seen_at_all++;
+          }
+          EXPECT_EQ(values[t * rays.levels.size() + i], value) << count << ", " << i;
+        }
+      }
+    });
+  }
+  EXPECT_GT(seen_at_all, 500u);
+}
+
+TEST(TrialSamples, NothingSeenIsNoError) {
+  reference::Random random(6);
+  RandomRays rays(random, 20);
+  rays.projection.cx = -1e6f;
+  const Image image(PixelFamily::kRgb, RandomRays::kWidth, RandomRays::kHeight);
+  const ByteBuffer levels(rays.levels.begin(), rays.levels.end());
+  const TrialValues values = see_trials(rays.projection, rays.rays(), levels, image.view());
+  for (int i = 0; i < 20; i++) EXPECT_EQ(values[i], -1);
+}
+
+TEST(TrialSamples, AreWeighedAndAddedAsMomentsAre) {
+  reference::Random random(8);
+  for (int count = 1; count < 70; count++) {
+    const RandomRays rays(random, count);
+    std::vector<int16_t> values(count + kTrialSpare);
+    for (int i = 0; i < count; i++) values[i] = static_cast<int16_t>(i % 7 == 3 ? -1 : random.uniform(0, 256));
+    // Of a map that ends 3 nodes behind them, in two rows.
+    const int columns = count + 2, x0 = count / 3;
+    const std::vector<TrialRow> rows{{0, x0, count, 0}, {1, 0, x0, count - x0}};
+    std::vector<uint16_t> begun(static_cast<size_t>(columns + x0 + 3));
+    for (uint16_t& sum : begun) sum = static_cast<uint16_t>(random.uniform(0, 65536));
+    test::on_every_target([&] {
+      std::vector<uint16_t> weight(count + kTrialSpare), luma(weight), square(weight);
+      std::vector<uint16_t> weights(begun), lumas(begun), squares(begun);
+      const TrialSums more{weight.data(), luma.data(), square.data()};
+      weigh_trial(rays.weight.data(), values.data(), count, more);
+      add_rows(rows, more, columns, begun.size(), {weights.data(), lumas.data(), squares.data()});
+      std::vector<int> expected[3];
+      for (std::vector<int>& sums : expected) sums.assign(begun.begin(), begun.end());
+      for (int i = 0; i < count; i++) {
+        const float w = values[i] < 0 ? 0 : rays.weight[i];
+        const auto value = static_cast<float>(values[i]), weighted = w * value;
+        EXPECT_EQ(weight[i], static_cast<int>(w * Moments::kWeightOne + 0.5f));
+        EXPECT_EQ(luma[i], static_cast<int>(weighted * Moments::kLumaOne + 0.5f));
+        EXPECT_EQ(square[i], static_cast<int>(weighted * value + 0.5f));
+        const int node = i < count - x0 ? x0 + i : columns + i - (count - x0);
+        const int added[3] = {weight[i], luma[i], square[i]};
+        for (int k = 0; k < 3; k++) expected[k][node] = std::min(expected[k][node] + added[k], 65535);
+      }
+      EXPECT_TRUE(std::ranges::equal(weights, expected[0]));
+      EXPECT_TRUE(std::ranges::equal(lumas, expected[1]));
+      EXPECT_TRUE(std::ranges::equal(squares, expected[2]));
+    });
+  }
+}
+
+}  // namespace
+}  // namespace lf
