@@ -15,8 +15,8 @@ inline constexpr int kTrialBox = 4;  // pixels
 struct BoxedLuma {
   static constexpr size_t kSpare = 1;  // values behind the others that may be read, too
   Rect rect;                           // of the image
-  // Row-major, and kSpare of no meaning. The lower byte is the value, the upper one that of the row below (in the
-  // image's last row its own): four neighbours are in two values, so that one load has them.
+  // Row-major, and kSpare of no meaning. The lower byte is the value, the upper one that of the row below (of no
+  // meaning in the image's last row): four neighbours are in two values, so that one load has them.
   UninitializedVector<uint16_t> values;
 };
 // `rect`: what is needed, inside the image. The same result with every instruction set.

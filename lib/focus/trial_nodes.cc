@@ -89,10 +89,15 @@ void TrialCamera::add(const RenderJob& job, const CameraCorners& corners, const 
   rect = unite(rect, {std::max(row.x0, region.x0), y, std::min(row.x1, region.x1), y + 1});
   u.resize(weight.size());
   v.resize(weight.size());
-  for (int x = row.x0; x < row.x1; x++) {
-    const Vec2 ray = plan.rays().at(x, y);
-    u[first + x - row.x0] = static_cast<float>(ray.x);
-    v[first + x - row.x0] = static_cast<float>(ray.y);
+  if (plan.rays().separable() && !rows.empty() && rows.back().x0 <= row.x0 && rows.back().x1 >= row.x1) {
+    std::copy_n(&u[static_cast<size_t>(rows.back().first + row.x0 - rows.back().x0)], row.x1 - row.x0, &u[first]);
+    std::fill(&v[first], &v[first] + (row.x1 - row.x0), static_cast<float>(plan.rays().at(row.x0, y).y));
+  } else {
+    for (int x = row.x0; x < row.x1; x++) {
+      const Vec2 ray = plan.rays().at(x, y);
+      u[first + x - row.x0] = static_cast<float>(ray.x);
+      v[first + x - row.x0] = static_cast<float>(ray.y);
+    }
   }
   rows.push_back(row);
 }

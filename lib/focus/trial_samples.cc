@@ -99,14 +99,16 @@ HWY_EXPORT(add);
 TrialValues see_trials(const TrialProjection& projection, const TrialRays& rays, const ByteBuffer& levels,
                        const ImageView& image) {
   const size_t stride = static_cast<size_t>(rays.count) + kTrialSpare;
-  UninitializedVector<int32_t> x(levels.size()), y(levels.size());
+  thread_local UninitializedVector<int32_t> x, y;
+  thread_local BoxedLuma luma;
+  x.resize(levels.size());
+  y.resize(levels.size());
   PlaceBounds all;
   for (size_t at = 0; at < levels.size(); at += stride) {
     const PlaceBounds of = place_trial(projection, rays, &levels[at], &x[at], &y[at]);
     all = {std::min(all.left, of.left), std::min(all.top, of.top), std::max(all.right, of.right),
            std::max(all.bottom, of.bottom)};
   }
-  BoxedLuma luma;
   const Rect rect{all.left >> 8, all.top >> 8, std::min((all.right >> 8) + 2, image.width), (all.bottom >> 8) + 1};
   box_luma(image, all.right < 0 ? Rect{0, 0, 1, 1} : rect, luma);
   TrialValues values(levels.size());

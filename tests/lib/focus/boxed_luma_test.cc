@@ -29,7 +29,9 @@ void expect_boxes_here(const ImageView& image, const std::vector<int>& luma, con
     for (int x = rect.x0; x < rect.x1; x++) {
       const int both = out.values[(y - rect.y0) * rect.width() + x - rect.x0];
       EXPECT_EQ(both & 255, mean(x, y)) << x << ", " << y;
-      EXPECT_EQ(both >> 8, mean(x, std::min(y + 1, image.height - 1))) << x << ", " << y << ", below";
+      if (y + 1 < image.height) {
+        EXPECT_EQ(both >> 8, mean(x, y + 1)) << x << ", " << y << ", below";
+      }
     }
 }
 
