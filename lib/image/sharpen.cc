@@ -22,22 +22,42 @@ HWY_INLINE uint8_t sharpened(int v, int a, int b, int c, int d) {
   return static_cast<uint8_t>(out < 0 ? 0 : out > 255 ? 255 : out);
 }
 
-// n bytes that have neighbours on all sides, those along the row `step` bytes away.
-void inner_row(const uint8_t* HWY_RESTRICT row, const uint8_t* HWY_RESTRICT above, const uint8_t* HWY_RESTRICT below,
-               int step, int n, uint8_t* HWY_RESTRICT out) {
+// The rows [y0, y1) of a plane of `height`.
+struct PlaneRows {
+  const uint8_t* from;
+  ptrdiff_t stride;
+  int step, y0, y1, height;  // step: bytes of a pixel
+  uint8_t* to;
+};
+
+// n bytes of each row from byte `first` on, that have neighbours on both sides. From above to below: what rows have in
+// common stays in registers.
+HWY_INLINE void inner(const PlaneRows& plane, int first, int n) {
   map_lanes<int16_t>(n, [&](auto d, int i) HWY_ATTR {
     const hn::Rebind<uint8_t, decltype(d)> d8;
-    const auto at = [&](const uint8_t* from) HWY_ATTR { return hn::PromoteTo(d, hn::LoadU(d8, from + i)); };
-    const auto v = at(row);
-    const auto around = hn::Add(hn::Add(at(row - step), at(row + step)), hn::Add(at(above), at(below)));
-    const auto difference = hn::Sub(hn::ShiftLeft<2>(v), around);
-    const auto more = hn::Add(hn::Mul(difference, hn::Set(d, kNeighbour)), hn::Set(d, 1 << (kFractionBits - 1)));
-    hn::StoreU(hn::DemoteTo(d8, hn::Add(v, hn::ShiftRight<kFractionBits>(more))), d8, out + i);
+    const ptrdiff_t begin = plane.y0 * plane.stride + first + i;
+    const uint8_t* HWY_RESTRICT row = plane.from + begin;
+    uint8_t* HWY_RESTRICT out = plane.to + begin;
+    const auto at = [&](const uint8_t* from) HWY_ATTR { return hn::PromoteTo(d, hn::LoadU(d8, from)); };
+    auto v = at(row), above = plane.y0 > 0 ? at(row - plane.stride) : v;
+    for (int y = plane.y0; y < plane.y1; y++, row += plane.stride, out += plane.stride) {
+      const auto below = at(y + 1 < plane.height ? row + plane.stride : row);
+      const auto around = hn::Add(hn::Add(at(row - plane.step), at(row + plane.step)), hn::Add(above, below));
+      const auto difference = hn::Sub(hn::ShiftLeft<2>(v), around);
+      // (a b + 2^14) >> 15
+      const auto more = hn::MulFixedPoint15(difference, hn::Set(d, kNeighbour << (15 - kFractionBits)));
+      hn::StoreU(hn::DemoteTo(d8, hn::Add(v, more)), d8, out);
+      above = v;
+      v = below;
+    }
   });
 }
 
 // A plane of width x height pixels of `step` bytes.
 void plane(const uint8_t* from, ptrdiff_t stride, int step, int width, int height, const Rect& rect, uint8_t* to) {
+  const int first = rect.x0 > 0 ? rect.x0 : 1, last = rect.x1 < width ? rect.x1 : width - 1;
+  if (last > first) inner({from, stride, step, rect.y0, rect.y1, height, to}, first * step, (last - first) * step);
+  if (first == rect.x0 && last == rect.x1) return;
   for (int y = rect.y0; y < rect.y1; y++) {
     const uint8_t* const row = from + y * stride;
     const uint8_t* const above = y > 0 ? row - stride : row;
@@ -48,12 +68,7 @@ void plane(const uint8_t* from, ptrdiff_t stride, int step, int width, int heigh
       for (int i = x * step; i < (x + 1) * step; i++)
         out[i] = sharpened(row[i], row[i - left], row[i + right], above[i], below[i]);
     };
-    const int first = rect.x0 > 0 ? rect.x0 : 1, last = rect.x1 < width ? rect.x1 : width - 1;
     if (rect.x0 == 0) border(0);
-    if (last > first) {
-      const int at = first * step;
-      inner_row(row + at, above + at, below + at, step, (last - first) * step, out + at);
-    }
     if (rect.x1 == width && width > 1) border(width - 1);
   }
 }

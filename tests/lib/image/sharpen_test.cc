@@ -2,6 +2,7 @@
 #include "image/sharpen.h"
 
 #include <gtest/gtest.h>
+#include <hwy/highway.h>
 
 #include <algorithm>
 #include <cmath>
@@ -66,6 +67,31 @@ TEST(Sharpen, KeepsLayoutAndStride) {
       EXPECT_NEAR(sharp.plane[0][y * 300 + 4 * x + 2],
                   std::clamp(at(x, y) + kSharpening * (at(x, y) - around), 0., 255.), 1.1);
     }
+}
+
+// Sums in integers, as sharpen.cc has them for what lies at the border.
+TEST(Sharpen, IsTheSameWithEveryInstructionSet) {
+  for (const auto& [width, height] : {std::pair(130, 9), {83, 17}, {16, 3}, {3, 7}, {2, 1}}) {
+    const Image image = noise(PixelFamily::kRgb, width, height);
+    const auto at = [&](int x, int y, int c) {
+      return static_cast<int>(*(image.pixel(std::clamp(x, 0, width - 1), std::clamp(y, 0, height - 1)) + c));
+    };
+    for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
+      hwy::SetSupportedTargetsForTest(target);
+      ByteBuffer memory;
+      const ImageView sharp = sharpen(image.view(), {0, 0, width, height}, memory);
+      for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++)
+          for (int c = 0; c < 3; c++) {
+            const int v = at(x, y, c);
+            const int around = at(x - 1, y, c) + at(x + 1, y, c) + at(x, y - 1, c) + at(x, y + 1, c);
+            EXPECT_EQ(sharp.plane[0][3 * (y * width + x) + c],
+                      std::clamp(v + ((19 * (4 * v - around) + 128) >> 8), 0, 255))
+                << hwy::TargetName(target) << ": " << x << ", " << y;
+          }
+      hwy::SetSupportedTargetsForTest(0);
+    }
+  }
 }
 
 TEST(Sharpen, TouchesOnlyWhatIsAskedFor) {
