@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <vector>
 
 #include "render/camera_projection.h"
 #include "render/fragment_renderer.h"
@@ -16,11 +15,20 @@ constexpr int kStep = 16;  // pixels of the view between two that are looked at
 // one.
 constexpr int kReach = 6;
 
-// lo, lo + kStep, ... and the last pixel: of [lo, hi).
+// Around the outermost pixels of `rect`, kStep apart, corners included, from the first one back to it, as long as `call`
+// is true.
 template <typename Call>
-void for_grid(int lo, int hi, Call call) {
-  for (int at = lo; at < hi - 1; at += kStep) call(at);
-  call(hi - 1);
+bool for_border(const Rect& rect, Call call) {
+  const int right = rect.x1 - 1, bottom = rect.y1 - 1;
+  for (int x = rect.x0; x < right; x += kStep)
+    if (!call(x, rect.y0)) return false;
+  for (int y = rect.y0; y < bottom; y += kStep)
+    if (!call(right, y)) return false;
+  for (int x = right; x > rect.x0; x -= kStep)
+    if (!call(x, bottom)) return false;
+  for (int y = bottom; y > rect.y0; y -= kStep)
+    if (!call(rect.x0, y)) return false;
+  return call(rect.x0, rect.y0);
 }
 
 constexpr FocalMap::LevelRange kNoLevels{0, 0};
@@ -44,31 +52,30 @@ Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, c
   if (rect.empty()) return {};
   const CameraProjection projection(plan, camera, rig_camera);
   Vec2 low(INFINITY), high(-INFINITY);
-  double largest_step = 0;  // between neighbours of the grid
-  std::vector<Vec2> above;  // the row of the grid before
+  double largest_step = 0;  // between neighbours
   bool known = true;
   // Between two distances a position moves along a line.
-  std::vector<double> distances{0};
-  if (const FocalMap* map = plan.view().focus.map.get())
-    distances = {map->inverse_of(levels.least), map->inverse_of(levels.largest)};
-  for_grid(rect.y0, rect.y1, [&](int y) {
-    std::vector<Vec2> row;
-    for_grid(rect.x0, rect.x1, [&](int x) {
+  double distances[2] = {0, 0};
+  int num_distances = 1;
+  if (const FocalMap* map = plan.view().focus.map.get(); map) {
+    distances[0] = map->inverse_of(levels.least);
+    distances[1] = map->inverse_of(levels.largest);
+    num_distances = levels.least == levels.largest ? 1 : 2;
+  }
+  // For each distance along the border: neither a homography nor a lens has what is inside end up outside.
+  for (int k = 0; k < num_distances && known; k++) {
+    Vec2 before(NAN);
+    const auto look = [&](int x, int y) {
       Vec2 pixel;
-      for (const double inverse : distances) {
-        if (!projection.project_beyond(plan.rays().at(x, y), inverse, pixel)) {
-          known = false;
-          return;
-        }
-        low = glm::min(low, pixel);
-        high = glm::max(high, pixel);
-      }
-      if (!row.empty()) largest_step = std::max(largest_step, glm::distance(pixel, row.back()));
-      if (row.size() < above.size()) largest_step = std::max(largest_step, glm::distance(pixel, above[row.size()]));
-      row.push_back(pixel);
-    });
-    above = std::move(row);
-  });
+      if (!projection.project_beyond(plan.rays().at(x, y), distances[k], pixel)) return false;
+      low = glm::min(low, pixel);
+      high = glm::max(high, pixel);
+      if (!std::isnan(before.x)) largest_step = std::max(largest_step, glm::distance(pixel, before));
+      before = pixel;
+      return true;
+    };
+    known = for_border(rect, look);
+  }
   // Not before NaN and infinity are ruled out: they can't become integers.
   if (!known || !std::isfinite(low.x + low.y + high.x + high.y)) return whole;
   // Between the points looked at a curved edge bulges by less than a sixteenth of their distance, unless the lens bends
