@@ -63,6 +63,7 @@ TrialCamera::TrialCamera(const RenderJob& job, CameraIndex index, const Camera& 
   const Rect& region = job.plan().camera_rect(index);
   const auto most = static_cast<size_t>(region.width()) * region.height() + kTrialSpare;
   for (UninitializedVector<float>* values : {&u, &v, &weight}) values->reserve(most);
+  rows.reserve(static_cast<size_t>(region.height()));
   for (int y = region.y0; y < region.y1; y++) add(job, corners, region, y);
   const size_t count = u.size();
   for (UninitializedVector<float>* values : {&u, &v, &weight}) {
@@ -79,7 +80,7 @@ void TrialCamera::add(const RenderJob& job, const CameraCorners& corners, const 
     const int corner = corners.of_face(run.face);
     if (corner < 0) continue;
     if (row.x1 < 0) row.x0 = row.x1 = run.x0;
-    weight.resize(first + run.x1 - row.x0);
+    weight.resize(first + run.x1 - row.x0 + kTrialSpare);
     float* const weights = &weight[first];  // of the row's first node
     std::fill(weights + row.x1 - row.x0, weights + run.x0 - row.x0, 0.f);
     weigh(plan, run, y, corner, weights + run.x0 - row.x0);
@@ -87,8 +88,7 @@ void TrialCamera::add(const RenderJob& job, const CameraCorners& corners, const 
   }
   if (row.x1 < 0) return;
   rect = unite(rect, {std::max(row.x0, region.x0), y, std::min(row.x1, region.x1), y + 1});
-  u.resize(weight.size());
-  v.resize(weight.size());
+  for (UninitializedVector<float>* values : {&u, &v, &weight}) values->resize(first + row.x1 - row.x0);
   if (plan.rays().separable() && !rows.empty() && rows.back().x0 <= row.x0 && rows.back().x1 >= row.x1) {
     std::copy_n(&u[static_cast<size_t>(rows.back().first + row.x0 - rows.back().x0)], row.x1 - row.x0, &u[first]);
     std::fill(&v[first], &v[first] + (row.x1 - row.x0), static_cast<float>(plan.rays().at(row.x0, y).y));

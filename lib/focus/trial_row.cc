@@ -79,30 +79,35 @@ void positions(const TrialProjection& camera, const TrialRays& rays, const uint8
 }
 
 PlaceBounds places(const TrialProjection& camera, const TrialRays& rays, const uint8_t* HWY_RESTRICT levels,
-                   int32_t* HWY_RESTRICT out_x, int32_t* HWY_RESTRICT out_y) {
+                   int num_trials, int32_t* HWY_RESTRICT out_x, int32_t* HWY_RESTRICT out_y) {
   const hn::CappedTag<float, kTrialSpare> d;
   const hn::Rebind<int32_t, decltype(d)> d32;
   const auto none = hn::Set(d32, -1), never = hn::Set(d32, INT32_MAX);
   auto left = never, top = never, right = none, bottom = none;
   const auto count = hn::Set(d32, rays.count);
+  const ptrdiff_t stride = ptrdiff_t{rays.count} + static_cast<ptrdiff_t>(kTrialSpare);
   for (int i = 0; i < rays.count; i += static_cast<int>(hn::Lanes(d))) {
     const auto at = look(d, camera, hn::LoadU(d, rays.u + i), hn::LoadU(d, rays.v + i));
-    V<decltype(d)> x, y;
-    const auto there = project(d, camera, at, levels + i, x, y);
-    const auto seen = hn::And(hn::RebindMask(d32, there), hn::Lt(hn::Iota(d32, i), count));
-    // Value (0, 0) belongs to (1/2, 1/2).
-    const auto fixed = [&](V<decltype(d)> position, float size) HWY_ATTR {
-      const auto from_first = hn::Max(hn::Sub(position, hn::Set(d, 0.5f)), hn::Zero(d));
-      return hn::ConvertTo(d32, hn::Mul(hn::Min(from_first, hn::Set(d, size - 1)), hn::Set(d, 256.f)));
-    };
-    const auto fx = hn::IfThenElse(seen, fixed(x, camera.width), none);
-    const auto fy = hn::IfThenElse(seen, fixed(y, camera.height), none);
-    left = hn::Min(left, hn::IfThenElse(seen, fx, never));
-    top = hn::Min(top, hn::IfThenElse(seen, fy, never));
-    right = hn::Max(right, fx);
-    bottom = hn::Max(bottom, fy);
-    hn::StoreU(fx, d32, out_x + i);
-    hn::StoreU(fy, d32, out_y + i);
+    const auto meant = hn::Lt(hn::Iota(d32, i), count);
+    for (int t = 0; t < num_trials; t++) {
+      const ptrdiff_t place = t * stride + i;
+      V<decltype(d)> x, y;
+      const auto there = project(d, camera, at, levels + place, x, y);
+      const auto seen = hn::And(hn::RebindMask(d32, there), meant);
+      // Value (0, 0) belongs to (1/2, 1/2).
+      const auto fixed = [&](V<decltype(d)> position, float size) HWY_ATTR {
+        const auto from_first = hn::Max(hn::Sub(position, hn::Set(d, 0.5f)), hn::Zero(d));
+        return hn::ConvertTo(d32, hn::Mul(hn::Min(from_first, hn::Set(d, size - 1)), hn::Set(d, 256.f)));
+      };
+      const auto fx = hn::IfThenElse(seen, fixed(x, camera.width), none);
+      const auto fy = hn::IfThenElse(seen, fixed(y, camera.height), none);
+      left = hn::Min(left, hn::IfThenElse(seen, fx, never));
+      top = hn::Min(top, hn::IfThenElse(seen, fy, never));
+      right = hn::Max(right, fx);
+      bottom = hn::Max(bottom, fy);
+      hn::StoreU(fx, d32, out_x + place);
+      hn::StoreU(fy, d32, out_y + place);
+    }
   }
   return {hn::GetLane(hn::MinOfLanes(d32, left)), hn::GetLane(hn::MinOfLanes(d32, top)),
           hn::GetLane(hn::MaxOfLanes(d32, right)), hn::GetLane(hn::MaxOfLanes(d32, bottom))};
@@ -113,13 +118,14 @@ void weights_of_run(const double edge[3], const double step[3], int corner, int 
   const auto sum = static_cast<float>(edge[0] + edge[1] + edge[2]);
   const auto sum_step = static_cast<float>(step[0] + step[1] + step[2]);
   const auto one = static_cast<float>(edge[corner]), one_step = static_cast<float>(step[corner]);
-  for_lanes<float>(n, [&](auto d, int i) HWY_ATTR {
+  const hn::CappedTag<float, 8> d;  // runs are short
+  for (int i = 0; i < n; i += static_cast<int>(hn::Lanes(d))) {
     const auto k = hn::Iota(d, static_cast<float>(i));
     const auto part = hn::MulAdd(k, hn::Set(d, one_step), hn::Set(d, one));
     const auto whole = hn::MulAdd(k, hn::Set(d, sum_step), hn::Set(d, sum));
     const auto weight = hn::Min(hn::Max(hn::Div(part, whole), hn::Zero(d)), hn::Set(d, 1.f));
     hn::StoreU(weight, d, out + i);
-  });
+  }
 }
 
 }  // namespace lf::HWY_NAMESPACE
@@ -137,9 +143,9 @@ void project_trial(const TrialProjection& projection, const TrialRays& rays, con
   HWY_DYNAMIC_DISPATCH(positions)(projection, rays, levels, x, y, seen);
 }
 
-PlaceBounds place_trial(const TrialProjection& projection, const TrialRays& rays, const uint8_t* levels, int32_t* x,
-                        int32_t* y) {
-  return HWY_DYNAMIC_DISPATCH(places)(projection, rays, levels, x, y);
+PlaceBounds place_trials(const TrialProjection& projection, const TrialRays& rays, const uint8_t* levels,
+                         int num_trials, int32_t* x, int32_t* y) {
+  return HWY_DYNAMIC_DISPATCH(places)(projection, rays, levels, num_trials, x, y);
 }
 
 void weigh_run(const double edge[3], const double step[3], int corner, int n, float* out) {

@@ -38,14 +38,14 @@ struct PlaceBounds {
   int32_t left = INT32_MAX, top = INT32_MAX, right = -1, bottom = -1;
 };
 
-// The same as places among a BoxedLuma's values, 256ths: value (0, 0) of the whole image is at (0, 0), and what lies
-// beyond the first and last ones is at these. x = -1 where nothing is seen. All arrays have `spare` values. Returns
-// where the seen ones are.
-PlaceBounds place_trial(const TrialProjection& projection, const TrialRays& rays, const uint8_t* levels, int32_t* x,
-                        int32_t* y);
+// The same of `num_trials`, as places among a BoxedLuma's values, 256ths: value (0, 0) of the whole image is at (0, 0),
+// and what lies beyond the first and last ones is at these. x = -1 where nothing is seen. All arrays are rows of
+// rays.count values and `spare`, one for each trial but in `rays`. Returns where the seen ones of all trials are.
+PlaceBounds place_trials(const TrialProjection& projection, const TrialRays& rays, const uint8_t* levels,
+                         int num_trials, int32_t* x, int32_t* y);
 
 // The weight of corner `corner` in n nodes of a face. `edge`: its edge functions at the first, `step`: from one to the
-// next.
+// next. `out` has `spare` values.
 void weigh_run(const double edge[3], const double step[3], int corner, int n, float* out);
 
 }  // namespace lf

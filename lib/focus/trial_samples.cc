@@ -103,12 +103,8 @@ TrialValues see_trials(const TrialProjection& projection, const TrialRays& rays,
   thread_local BoxedLuma luma;
   x.resize(levels.size());
   y.resize(levels.size());
-  PlaceBounds all;
-  for (size_t at = 0; at < levels.size(); at += stride) {
-    const PlaceBounds of = place_trial(projection, rays, &levels[at], &x[at], &y[at]);
-    all = {std::min(all.left, of.left), std::min(all.top, of.top), std::max(all.right, of.right),
-           std::max(all.bottom, of.bottom)};
-  }
+  const PlaceBounds all =
+      place_trials(projection, rays, levels.data(), static_cast<int>(levels.size() / stride), x.data(), y.data());
   const Rect rect{all.left >> 8, all.top >> 8, std::min((all.right >> 8) + 2, image.width), (all.bottom >> 8) + 1};
   box_luma(image, all.right < 0 ? Rect{0, 0, 1, 1} : rect, luma);
   TrialValues values(levels.size());

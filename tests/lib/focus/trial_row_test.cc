@@ -12,27 +12,34 @@
 namespace lf {
 namespace {
 
-// Of any number of nodes: positions as project_trial() has them, in 256ths, and -1 where it sees nothing.
+// Of any number of nodes and trials: positions as project_trial() has them, in 256ths, and -1 where it sees nothing.
 TEST(TrialRow, PlacesAreItsPositions) {
   reference::Random random(5);
   size_t seen_at_all = 0;
   for (int count = 1; count < 70; count++) {
-    const test::RandomRays rays(random, count);
+    const test::RandomRays first(random, count);
+    test::RandomRays second = first;
+    std::ranges::reverse(second.levels);
+    std::vector<uint8_t> levels(first.levels);
+    levels.insert(levels.end(), second.levels.begin(), second.levels.end());
     test::on_every_target([&] {
-      const std::vector<test::Position> positions = rays.positions();
-      std::vector<int32_t> x(count + kTrialSpare), y(x);
-      const PlaceBounds bounds = place_trial(rays.projection, rays.rays(), rays.levels.data(), x.data(), y.data());
+      std::vector<int32_t> x(levels.size()), y(levels.size());
+      const PlaceBounds bounds = place_trials(first.projection, first.rays(), levels.data(), 2, x.data(), y.data());
       PlaceBounds expected;
-      for (int i = 0; i < count; i++) {
-        const auto [seen, px, py] = positions[i];
-        const int left = seen ? test::in_256ths(px, test::RandomRays::kWidth) : -1;
-        const int top = seen ? test::in_256ths(py, test::RandomRays::kHeight) : -1;
-        EXPECT_EQ(x[i], left);
-        if (!seen) continue;
-        EXPECT_EQ(y[i], top);
-        seen_at_all++;
-        expected = {std::min(expected.left, left), std::min(expected.top, top), std::max(expected.right, left),
-                    std::max(expected.bottom, top)};
+      for (size_t t = 0; t < 2; t++) {
+        const std::vector<test::Position> positions = (t == 0 ? first : second).positions();
+        for (int i = 0; i < count; i++) {
+          const auto [seen, px, py] = positions[i];
+          const size_t at = t * first.levels.size() + i;
+          const int left = seen ? test::in_256ths(px, test::RandomRays::kWidth) : -1;
+          const int top = seen ? test::in_256ths(py, test::RandomRays::kHeight) : -1;
+          EXPECT_EQ(x[at], left);
+          if (!seen) continue;
+          EXPECT_EQ(y[at], top);
+          seen_at_all++;
+          expected = {std::min(expected.left, left), std::min(expected.top, top), std::max(expected.right, left),
+                      std::max(expected.bottom, top)};
+        }
       }
       EXPECT_EQ(bounds.left, expected.left);
       EXPECT_EQ(bounds.top, expected.top);
@@ -46,7 +53,7 @@ TEST(TrialRow, PlacesAreItsPositions) {
 // Against the quotient in double precision, along a face of which one edge function ends at 0.
 TEST(TrialRow, WeightsAreQuotientsOfEdgeFunctions) {
   const double edge[3] = {1e-3, 2e-4, 7e-5}, step[3] = {-1e-3 / 37, 3e-6, 1e-6};
-  float out[38];
+  float out[38 + kTrialSpare];
   for (int corner = 0; corner < 3; corner++) {
     weigh_run(edge, step, corner, 38, out);
     for (int i = 0; i < 38; i++) {
