@@ -156,6 +156,8 @@ void box_luma(const ImageView& image, const Rect& rect, BoxedLuma& out) {
   thread_local ByteBuffer memory;
   memory.resize((width + kTrialBox) * (static_cast<size_t>(rect.height()) + kTrialBox));
   HWY_DYNAMIC_DISPATCH(box)(image, {77, 150, 29}, rect, memory.data(), out.values.data());
+  constexpr size_t kKept = size_t{1} << 20;  // of whole large images nothing is kept
+  if (memory.size() > kKept) memory = ByteBuffer();
 }
 
 }  // namespace lf

@@ -19,7 +19,7 @@ CameraTrials sample_camera(const RenderJob& job, const Source& source, std::span
   for (size_t t = 0; t < trials.size(); t++) {
     std::vector<uint8_t>& luma = out.luma.emplace_back(static_cast<size_t>(out.rect.width()) * out.rect.height());
     for (const TrialRow& row : where.rows)
-      for (int x = row.x0; x < row.x1; x++)
+      for (int x = std::max(row.x0, out.rect.x0); x < std::min(row.x1, out.rect.x1); x++)
         luma[plain::rect_offset(out.rect, x, row.y)] =
             static_cast<uint8_t>(std::max<int>(values[t * where.u.size() + row.first + x - row.x0], 0));
   }

@@ -110,6 +110,8 @@ TrialValues see_trials(const TrialProjection& projection, const TrialRays& rays,
   TrialValues values(levels.size());
   for (size_t at = 0; at < levels.size(); at += stride)
     HWY_DYNAMIC_DISPATCH(samples)(luma, &x[at], &y[at], rays.count, &values[at]);
+  constexpr size_t kKept = size_t{1} << 19;  // of whole large images nothing is kept
+  if (luma.values.size() > kKept) luma = BoxedLuma();
   return values;
 }
 
