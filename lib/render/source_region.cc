@@ -15,8 +15,8 @@ constexpr int kStep = 16;  // pixels of the view between two that are looked at
 // one.
 constexpr int kReach = 6;
 
-// Around the outermost pixels of `rect`, kStep apart, corners included, from the first one back to it, as long as `call`
-// is true.
+// Around the outermost pixels of `rect`, kStep apart, corners included, from the first one back to it, as long as
+// `call` is true.
 template <typename Call>
 bool for_border(const Rect& rect, Call call) {
   const int right = rect.x1 - 1, bottom = rect.y1 - 1;
