@@ -6,6 +6,7 @@
 
 #include "serve/access.h"
 #include "serve/pace.h"
+#include "serve/packet_loss.h"
 #include "serve/quality_control.h"
 #include "serve/rate_limit.h"
 
@@ -157,6 +158,19 @@ TEST(QualityControl, LeavesOutPicturesAndThenPixels) {
   EXPECT_EQ(quality.pictures_left_out(), 0);
 }
 
+TEST(PacketLoss, IsThatBetweenReports) {
+  PacketLoss loss;
+  EXPECT_EQ(loss.update({}), 0);
+  EXPECT_EQ(loss.update({{1, 70000, 25}}), 0) << "the first one only says where streams are";
+  EXPECT_EQ(loss.update({{1, 70100, 50}}), 0.25);
+  EXPECT_EQ(loss.update({{1, 70100, 50}}), 0.25) << "nothing new";
+  EXPECT_EQ(loss.update({}), 0.25);
+  EXPECT_EQ(loss.update({{1, 70200, 50}}), 0);
+  EXPECT_EQ(loss.update({{1, 70300, 45}}), 0) << "some came after all";
+  EXPECT_EQ(loss.update({{1, 70310, 90}}), 1) << "and others were late";
+  EXPECT_EQ(loss.update({{1, 70350, 100}, {2, 0xfffffff0, 3}}), 0.25) << "of the new one nothing is known";
+  EXPECT_EQ(loss.update({{1, 70400, 100}, {2, 34, 28}}), 0.25) << "both, and numbers begin again";
+}
 TEST(QualityControl, ABestRateThatIsLittleIsUsedAsWellAsCanBe) {
   EXPECT_EQ(QualityControl(100000, 200000, 640 * 480 * 30).size_divisor(), 2);
   QualityControl quality(100000, 480000, 640 * 480 * 30);

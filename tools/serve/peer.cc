@@ -5,6 +5,7 @@
 #include <gst/webrtc/webrtc.h>
 
 #include <cstring>
+#include <vector>
 
 #include "launch.h"
 
@@ -44,22 +45,28 @@ void connect(gpointer object, const char* signal, Handler* handler, const Weak& 
 }
 std::shared_ptr<Peer> peer_of(gpointer data) { return static_cast<Weak*>(data)->lock(); }
 
-void read_report(const GstStructure* stats, LinkReport& report) {
-  gst_structure_foreach(
-      stats,
-      [](GQuark, const GValue* value, gpointer data) -> gboolean {
-        LinkReport& r = *static_cast<LinkReport*>(data);
-        if (!GST_VALUE_HOLDS_STRUCTURE(value)) return TRUE;
-        const GstStructure* s = gst_value_get_structure(value);
-        GstWebRTCStatsType type;
-        if (gst_structure_get(s, "type", GST_TYPE_WEBRTC_STATS_TYPE, &type, nullptr) &&
-            type == GST_WEBRTC_STATS_REMOTE_INBOUND_RTP) {
-          gst_structure_get_double(s, "fraction-lost", &r.loss);
-          gst_structure_get_double(s, "round-trip-time", &r.round_trip);
-        }
-        return TRUE;
-      },
-      &report);
+struct Received {
+  std::vector<ReceptionReport> reports;
+  double round_trip = 0;
+};
+
+gboolean read_stats(GQuark, const GValue* value, gpointer data) {
+  Received& received = *static_cast<Received*>(data);
+  if (!GST_VALUE_HOLDS_STRUCTURE(value)) return TRUE;
+  const GstStructure* s = gst_value_get_structure(value);
+  GstWebRTCStatsType type;
+  GstStructure* source = nullptr;
+  if (!gst_structure_get(s, "type", GST_TYPE_WEBRTC_STATS_TYPE, &type, nullptr) ||
+      type != GST_WEBRTC_STATS_REMOTE_INBOUND_RTP ||
+      !gst_structure_get(s, "gst-rtpsource-stats", GST_TYPE_STRUCTURE, &source, nullptr))
+    return TRUE;
+  ReceptionReport report;
+  if (gst_structure_get(source, "rb-ssrc", G_TYPE_UINT, &report.ssrc, "rb-exthighestseq", G_TYPE_UINT, &report.highest,
+                        "rb-packetslost", G_TYPE_INT, &report.lost, nullptr))
+    received.reports.push_back(report);
+  gst_structure_free(source);
+  gst_structure_get_double(s, "round-trip-time", &received.round_trip);
+  return TRUE;
 }
 
 }  // namespace
@@ -241,11 +248,14 @@ void Peer::send(const std::string& text) {
 
 void Peer::ask_for_report() {
   g_signal_emit_by_name(webrtc_, "get-stats", nullptr, promise([weak = weak_from_this()](const GstStructure* stats) {
-                          LinkReport report;
                           if (!stats) return;
-                          read_report(stats, report);
-                          on_main_thread([weak, report] {
-                            if (const auto peer = weak.lock()) peer->callbacks_.on_report(report);
+                          Received received;
+                          gst_structure_foreach(stats, read_stats, &received);
+                          on_main_thread([weak, received = std::move(received)] {
+                            const auto peer = weak.lock();
+                            if (!peer) return;
+                            const double loss = peer->loss_.update(received.reports);
+                            peer->callbacks_.on_report({loss, received.round_trip});
                           });
                         }));
 }

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "offer.h"
+#include "packet_loss.h"
 
 typedef struct _GstWebRTCDataChannel GstWebRTCDataChannel;
 
@@ -62,6 +63,7 @@ class Peer : public std::enable_shared_from_this<Peer> {
   std::atomic<bool> connected_ = false, negotiating_ = false, answered_ = false;
   std::mutex mutex_;
   GstWebRTCDataChannel* channel_ = nullptr;
+  PacketLoss loss_;  // the main thread's
 };
 
 }  // namespace lf::serve
