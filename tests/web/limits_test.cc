@@ -171,6 +171,22 @@ TEST(PacketLoss, IsThatBetweenReports) {
   EXPECT_EQ(loss.update({{1, 70350, 100}, {2, 0xfffffff0, 3}}), 0.25) << "of the new one nothing is known";
   EXPECT_EQ(loss.update({{1, 70400, 100}, {2, 34, 28}}), 0.25) << "both, and numbers begin again";
 }
+TEST(QualityControl, RepeatsTheKeyFrameOfANewSizeWherePacketsAreLost) {
+  QualityControl quality(100000, 1000000, 640 * 480 * 30);
+  while (quality.size_divisor() == 1) {
+    quality.update(0.3, 0);
+    EXPECT_FALSE(quality.wants_key_frame()) << "the new size has one of its own";
+  }
+  for (int i = 0; i < QualityControl::kRepeats; i++) {
+    quality.update(i == 2 ? 0 : 0.3, 0);
+    EXPECT_EQ(quality.wants_key_frame(), i != 2) << i;
+  }
+  quality.update(0.3, 0);
+  EXPECT_FALSE(quality.wants_key_frame());
+  while (quality.size_divisor() == 2) quality.update(0, 0);
+  quality.update(0.1, 0);
+  EXPECT_TRUE(quality.wants_key_frame()) << "the larger size, too";
+}
 TEST(QualityControl, ABestRateThatIsLittleIsUsedAsWellAsCanBe) {
   EXPECT_EQ(QualityControl(100000, 200000, 640 * 480 * 30).size_divisor(), 2);
   QualityControl quality(100000, 480000, 640 * 480 * 30);

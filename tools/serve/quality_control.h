@@ -15,6 +15,10 @@ class QualityControl {
   static constexpr double kFall = 0.75, kRise = 1.08;
   // Below, H.264 shows blocks where anything moves. To come back takes a little more, or steps would follow steps.
   static constexpr double kLeastBitsPerPixel = 0.05, kBack = 1.25;
+  // Browsers take H.264's key frame although the packets before it, which tell the new size, are lost, decode it as of the old
+  // size, and notice nothing. So the key frame of a new size is followed by one a second, for this long, where packets are
+  // lost.
+  static constexpr int kRepeats = 5;
 
   // `pixels_per_second`: of the video at its best.
   QualityControl(int least, int most, double pixels_per_second)
@@ -25,17 +29,21 @@ class QualityControl {
   int bits_per_second() const { return static_cast<int>(now_); }
   int pictures_left_out() const { return step_ > 0 ? 1 : 0; }  // after each that is shown
   int size_divisor() const { return step_ > 1 ? 2 : 1; }
+  bool wants_key_frame() const { return wants_key_frame_; }
 
   // What the receiver reported; `round_trip` in seconds, 0: unknown. Returns whether anything has changed.
   bool update(double loss, double round_trip) {
     if (round_trip > 0) best_ = best_ > 0 ? std::min(best_, round_trip) : round_trip;
     const double before = now_;
+    const int size_before = size_divisor();
     const double queueing = round_trip > 0 ? round_trip - best_ : 0;
     if (loss > kMuchLoss || queueing > kQueueing)
       now_ = std::max<double>(least_, now_ * kFall);
     else if (loss < kLittleLoss && queueing < kQueueing / 2)
       now_ = std::min<double>(most_, now_ * kRise);
     choose_step();
+    wants_key_frame_ = repeats_ > 0 && loss > 0;
+    repeats_ = size_divisor() != size_before ? kRepeats : std::max(repeats_ - 1, 0);
     return now_ != before;
   }
 
@@ -51,6 +59,8 @@ class QualityControl {
 
   double least_, most_, pixels_, now_, best_ = 0;
   int step_ = 0;
+  int repeats_ = 0;  // of the key frame, still to come
+  bool wants_key_frame_ = false;
 };
 
 }  // namespace lf::serve

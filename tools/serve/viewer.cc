@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "viewer.h"
 
+#include <gst/video/video.h>
+
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -251,6 +253,8 @@ void Viewer::use_quality() {
 
 void Viewer::report(const LinkReport& link) {
   if (quality_.update(link.loss, link.round_trip)) use_quality();
+  if (quality_.wants_key_frame())
+    gst_element_send_event(encoder_, gst_video_event_new_upstream_force_key_unit(GST_CLOCK_TIME_NONE, TRUE, 0));
   GstStructure* stats = eyes_[0]->stats();
   const auto ms = [stats](const char* name) { return static_cast<double>(count_in(stats, name)) * 1e-6; };
   json info = {{"pictures", count_in(stats, "pictures")},
