@@ -102,23 +102,33 @@ struct CellNodes {
   std::vector<float> even[kCellRows], odd[kCellRows];
   void resize(size_t n);
 };
-// Positions at the nodes of one row, and how they bend to the right of them.
-struct CellLine {
-  std::vector<float> even, odd, even_bend, odd_bend;
+// What is needed of one slot's cells only while they are placed: how positions bend along rows and down, and what they
+// are off by at most in a cell, pixels.
+struct CellWork {
+  CellNodes along_x, along_y, down_x, down_y, doubt;
+  void resize(size_t n);
 };
-// One slot's positions in a band, through such a map. Entry (row, half) is at row * pitch + half; of chroma in fixed
-// point (pair, block) at pair * pitch / 2 + block.
+// One slot's positions in a band, through such a map. Half h of row k of nodes, or of the cells below, is at
+// entry(k, h): a band's last rows of nodes stay where they are for the next one.
 struct SurfaceBand {
-  int pitch = 0;
-  CellNodes x, y, z, along_x, along_y, down_x, down_y;  // bends along rows and down
-  CellNodes doubt;                                      // bounds what positions in a cell are off by, pixels
-  CellLine line_x, line_y;
-  // Eight values an entry, relative to a window's corner, in fixed point (kPositionBits) modulo 2^16. Luma (or RGB):
-  // four nodes of x and four of y, and their bends; chroma: six nodes of a block.
-  std::vector<int16_t> luma_nodes, luma_bends;
-  std::vector<int16_t> chroma_x_nodes, chroma_y_nodes, chroma_x_bends, chroma_y_bends;
-  std::vector<int32_t> luma_corner, chroma_corner;  // byte offsets of windows
-  std::vector<int32_t> luma_fetch, chroma_fetch;
+  int pitch = 0;      // of halves; whole vectors, and some more
+  int first_row = 0;  // where row 0 of nodes is
+  int row(int k) const { return (first_row + k) % kCellRows; }
+  size_t entry(int k, size_t half) const { return static_cast<size_t>(row(k)) * pitch + half; }
+  CellNodes x, y, z;  // by row()
+  // Bounds of what lies between a half's nodes if all the view were at this row of them; NaN where fixed point doesn't
+  // reach.
+  std::vector<float> low_x, high_x, low_y, high_y;
+  // How far positions may be outside of what lies between the bounds above and below; NaN: they are not good enough.
+  std::vector<float> slack_x, slack_y;
+  // Eight values an entry: four of x and four of y, in fixed point (kPositionBits) modulo 2^16. Of nodes counted from
+  // any multiple of 2^16; bends to the right of them, the last one 0; bends down.
+  std::vector<int16_t> nodes, along, down;
+  // Half h of the band's row r at r * pitch + h, block b of its pair p at p * pitch / 2 + b: byte offsets of windows,
+  // and where these begin in fixed point, x in the low bits and y; of chroma, in luma's pixels.
+  std::vector<int32_t> luma_corner, chroma_corner;
+  std::vector<uint32_t> luma_origin, chroma_origin;
+  std::vector<int32_t> calm_pairs;  // of a block: bit p: pair p is to be shuffled
   void resize(int blocks);
 };
 
@@ -130,13 +140,20 @@ struct SlotBand {
   int y = -1;  // of the band; -1: none yet
   const Slot* slot = nullptr;
   bool calm = false;  // all verdicts are kShuffle
+  bool mapped = false;  // `surface` has the positions
   int first_block = 0, blocks = 0;
   int pitch = 0;                     // blocks + 3 nodes
   std::vector<float> columns, rows;  // of the nodes, pixels from the first one; for this pitch
   std::vector<float> node_z;
   PlanePositions luma, chroma;   // luma: or RGB
-  std::vector<int32_t> verdict;  // per pair of rows
+  std::vector<int32_t> verdict;  // of block b in pair p: p * verdict_pitch + b
+  int verdict_pitch = 0;
   SurfaceBand surface;           // with a focal map instead
+  // Bit p: the verdict on pair p of a block is kShuffle, or it may be.
+  uint32_t calm_pairs(int block) const {
+    if (calm) return ~0u;
+    return mapped ? static_cast<uint32_t>(surface.calm_pairs[block]) : 0;
+  }
 };
 
 // A face in one block of a band.
@@ -162,6 +179,7 @@ struct LastFaces {
 // Memory of one thread, reused from band to band.
 struct Scratch {
   CellNodes inverse;  // distances of a focal map around the band over the whole view, if it has nodes kCell apart
+  CellWork cells;
   std::vector<BlockWeights> weights;
   size_t weights_used = 0;
   std::vector<int32_t> head;  // per block of the rectangle: first BlockWeights, -1: none

@@ -8,6 +8,7 @@
 #endif
 
 #include <algorithm>
+#include <cstring>
 #include <vector>
 
 #include <hwy/highway.h>
@@ -21,103 +22,181 @@ namespace lf::simd::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 // Where the samples of a half are among the cells of a focal map: from which node on, and how far. Eight of luma lie
-// between four nodes, eight of chroma, a whole block's, between six.
+// between its four nodes, in x or in y; of chroma there are four, of which both are found at once.
 struct CellTable {
-  // Bytes of node positions in 16 bits: x of the node before each sample and of the one after it. y of luma is behind
-  // x.
+  // Bytes in the four nodes of x and four of y, in 16 bits: of the node before each sample and of the one after it.
   alignas(16) uint8_t before[kBlock], after[kBlock];
   alignas(16) int16_t t15[kHalf], bend15[kHalf];  // t and t (1 - t), 32768 = 1
-  // The same in 32 bits, four samples at a time, of four nodes each.
-  alignas(16) uint8_t before32[2 * kBlock], after32[2 * kBlock];
-  alignas(32) float t[kHalf];
 };
+enum class CellSamples { kLumaX, kLumaY, kChroma };
 
-constexpr CellTable make_cell_table(bool chroma) {
+constexpr CellTable make_cell_table(CellSamples samples) {
   CellTable table{};
   for (int i = 0; i < kHalf; i++) {
-    const float place = (chroma ? 2 * static_cast<float>(i) + 0.5f : static_cast<float>(i)) + 2.5f;
-    const int node = static_cast<int>(place / kCell), near = chroma && i >= kHalf / 2 ? node - 2 : node;
-    table.t[i] = place / kCell - static_cast<float>(node);
-    table.t15[i] = static_cast<int16_t>(table.t[i] * 32768);
-    table.bend15[i] = static_cast<int16_t>(table.t[i] * (1 - table.t[i]) * 32768);
+    const bool chroma = samples == CellSamples::kChroma;
+    const float place = (chroma ? 2 * static_cast<float>(i % 4) + 0.5f : static_cast<float>(i)) + 2.5f;
+    const int node = static_cast<int>(place / kCell), of_y = samples == CellSamples::kLumaY || (chroma && i >= 4);
+    const float t = place / kCell - static_cast<float>(node);
+    table.t15[i] = static_cast<int16_t>(t * 32768);
+    table.bend15[i] = static_cast<int16_t>(t * (1 - t) * 32768);
     for (int byte = 0; byte < 2; byte++) {
-      table.before[2 * i + byte] = static_cast<uint8_t>(2 * node + byte);
-      table.after[2 * i + byte] = static_cast<uint8_t>(2 * node + 2 + byte);
-    }
-    for (int byte = 0; byte < 4; byte++) {
-      table.before32[4 * i + byte] = static_cast<uint8_t>(4 * near + byte);
-      table.after32[4 * i + byte] = static_cast<uint8_t>(4 * near + 4 + byte);
+      table.before[2 * i + byte] = static_cast<uint8_t>(8 * of_y + 2 * node + byte);
+      table.after[2 * i + byte] = static_cast<uint8_t>(8 * of_y + 2 * node + 2 + byte);
     }
   }
   return table;
 }
-inline constexpr CellTable kLumaCells = make_cell_table(false), kChromaCells = make_cell_table(true);
+inline constexpr CellTable kLumaXCells = make_cell_table(CellSamples::kLumaX),
+                           kLumaYCells = make_cell_table(CellSamples::kLumaY),
+                           kChromaCells = make_cell_table(CellSamples::kChroma);
 
-// Positions between nodes in 16 bits, modulo 2^16; `offset`: of the first node in `nodes` and bend in `bends`, bytes.
-HWY_INLINE V16 between_nodes(V16 nodes, V16 bends, const CellTable& table, int offset) {
-  const D16 d;
-  const hn::Repartition<uint8_t, D16> d8;
-  const auto look_up = [&](V16 in, const uint8_t* from) HWY_ATTR {
-    const auto at = hn::Add(hn::LoadDup128(d8, from), hn::Set(d8, static_cast<uint8_t>(offset)));
-    return hn::BitCast(d, hn::TableLookupBytes(hn::BitCast(d8, in), at));
-  };
-  const auto before = look_up(nodes, table.before), after = look_up(nodes, table.after);
-  const auto bent = hn::MulFixedPoint15(look_up(bends, table.before), hn::LoadDup128(d, table.bend15));
-  const auto along = hn::MulFixedPoint15(hn::Sub(after, before), hn::LoadDup128(d, table.t15));
-  return hn::Add(hn::Add(before, along), bent);
+// The same in 32 bits, four samples at a time, of four nodes each.
+struct InverseTable {
+  alignas(16) uint8_t before[2 * kBlock], after[2 * kBlock];
+  alignas(32) float t[kHalf];
+};
+
+constexpr InverseTable make_inverse_table(bool chroma) {
+  InverseTable table{};
+  for (int i = 0; i < kHalf; i++) {
+    const float place = (chroma ? 2 * static_cast<float>(i) + 0.5f : static_cast<float>(i)) + 2.5f;
+    const int node = static_cast<int>(place / kCell), near = chroma && i >= kHalf / 2 ? node - 2 : node;
+    table.t[i] = place / kCell - static_cast<float>(node);
+    for (int byte = 0; byte < 4; byte++) {
+      table.before[4 * i + byte] = static_cast<uint8_t>(4 * near + byte);
+      table.after[4 * i + byte] = static_cast<uint8_t>(4 * near + 4 + byte);
+    }
+  }
+  return table;
 }
+inline constexpr InverseTable kLumaInverse = make_inverse_table(false), kChromaInverse = make_inverse_table(true);
 
-// Luma of a block whose first half has this entry; chroma of the block with one.
+// Which bytes of windows' origins, four of the first half's and four of the second's, a half's nodes count from.
+struct OriginTable {
+  alignas(32) uint8_t at[2 * kBlock];
+};
+constexpr OriginTable make_origin_table() {
+  OriginTable table{};
+  for (int i = 0; i < 2 * kBlock; i++) table.at[i] = static_cast<uint8_t>(i / 16 * 4 + i % 16 / 8 * 2 + i % 2);
+  return table;
+}
+inline constexpr OriginTable kOrigins = make_origin_table();
+
+// The nodes of a block's halves above and below a pair of rows, and of their bends; of vectors of eight one half's.
+struct CellsOfPair {
+  HWY_INLINE CellsOfPair(const SurfaceBand& cells, int pair, int block, size_t lane) {
+    const D16 d;
+    const int k = cell_of_pair(pair);
+    const size_t half = 2 * static_cast<size_t>(block), upper = 8 * cells.entry(k, half) + lane,
+                 lower = 8 * cells.entry(k + 1, half) + lane;
+    node = hn::LoadU(d, cells.nodes.data() + upper);
+    step = hn::Sub(hn::LoadU(d, cells.nodes.data() + lower), node);
+    bend = hn::LoadU(d, cells.along.data() + upper);
+    bend_step = hn::Sub(hn::LoadU(d, cells.along.data() + lower), bend);
+    down = hn::LoadU(d, cells.down.data() + upper);
+  }
+  V16 node, step, bend, bend_step, down;
+};
+
+// Those of one row, in the middle of the pair if it is chroma's.
+struct CellsOfRow {
+  // `eighths`: of a cell. `origin`: of windows, for each node.
+  HWY_INLINE CellsOfRow(const CellsOfPair& pair, int eighths, V16 origin) {
+    const D16 d;
+    const auto t = hn::Set(d, static_cast<int16_t>(eighths << 12));
+    const auto curve = hn::Set(d, static_cast<int16_t>(eighths * (8 - eighths) << 9));
+    const auto straight = hn::Add(hn::Sub(pair.node, origin), hn::MulFixedPoint15(pair.step, t));
+    node = hn::Add(straight, hn::MulFixedPoint15(pair.down, curve));
+    bend = hn::Add(pair.bend, hn::MulFixedPoint15(pair.bend_step, t));
+  }
+  HWY_INLINE V16 at(const CellTable& table) const {
+    const D16 d;
+    const hn::Repartition<uint8_t, D16> d8;
+    const auto look_up = [&](V16 in, const uint8_t* from) HWY_ATTR {
+      return hn::BitCast(d, hn::TableLookupBytes(hn::BitCast(d8, in), hn::LoadDup128(d8, from)));
+    };
+    const auto before = look_up(node, table.before);
+    const auto bent = hn::MulFixedPoint15(look_up(bend, table.before), hn::LoadDup128(d, table.bend15));
+    const auto along =
+        hn::MulFixedPoint15(hn::Sub(look_up(node, table.after), before), hn::LoadDup128(d, table.t15));
+    return hn::Add(hn::Add(before, along), bent);
+  }
+  V16 node, bend;
+};
+HWY_INLINE int first_eighths(int pair) { return static_cast<int>(8 * first_t(pair)); }
+
+// Samples of a row of a pair, in their windows.
 struct FixedPositions {
   V16 x, y;
 };
-HWY_INLINE FixedPositions luma_between(const SurfaceBand& cells, size_t entry, size_t lane) {
-  constexpr int kToY = 4 * sizeof(int16_t);
-  const auto node = hn::LoadU(D16(), cells.luma_nodes.data() + 8 * entry + lane);
-  const auto bend = hn::LoadU(D16(), cells.luma_bends.data() + 8 * entry + lane);
-  return {between_nodes(node, bend, kLumaCells, 0), between_nodes(node, bend, kLumaCells, kToY)};
+HWY_INLINE FixedPositions luma_between(const SurfaceBand& cells, const CellsOfPair& of, int pair, int row, int block,
+                                       size_t lane) {
+  const D16 d;
+  const hn::Repartition<uint8_t, D16> d8;
+  const uint32_t* const from = cells.luma_origin.data() + (2 * pair + row) * ptrdiff_t{cells.pitch} + 2 * block;
+  const auto both = [&]() HWY_ATTR {
+    if constexpr (hn::MaxLanes(D16()) == kBlock) {
+      uint64_t origins;
+      std::memcpy(&origins, from, sizeof origins);
+      return hn::BitCast(d8, hn::Set(hn::Repartition<uint64_t, D16>(), origins));
+    } else {
+      return hn::BitCast(d8, hn::Set(hn::Repartition<uint32_t, D16>(), from[lane / kHalf]));
+    }
+  }();
+  const auto origin = hn::BitCast(d, hn::TableLookupBytes(both, hn::LoadU(d8, kOrigins.at)));
+  const CellsOfRow cell(of, first_eighths(pair) + 2 * row, origin);
+  return {cell.at(kLumaXCells), cell.at(kLumaYCells)};
 }
-HWY_INLINE FixedPositions chroma_between(const SurfaceBand& cells, size_t entry) {
-  const auto along = [entry](const std::vector<int16_t>& nodes, const std::vector<int16_t>& bends) HWY_ATTR {
-    return between_nodes(hn::LoadDup128(D16(), nodes.data() + 8 * entry),
-                         hn::LoadDup128(D16(), bends.data() + 8 * entry), kChromaCells, 0);
+// `of`: at `lane`.
+HWY_INLINE FixedPositions chroma_between(const SurfaceBand& cells, const CellsOfPair& of, int pair, int block,
+                                         size_t lane) {
+  const D16 d;
+  const DU16 du;
+  const hn::Repartition<uint8_t, D16> d8;
+  const hn::Repartition<uint64_t, D16> d64;
+  const uint32_t from = cells.chroma_origin[pair * ptrdiff_t{cells.pitch} / 2 + block];
+  const auto both = hn::BitCast(d8, hn::Set(hn::Repartition<uint32_t, D16>(), from));
+  const auto origin = hn::BitCast(d, hn::TableLookupBytes(both, hn::LoadDup128(d8, kOrigins.at)));
+  const auto in_chroma = [&](const CellsOfPair& half) HWY_ATTR {
+    const V16 luma = CellsOfRow(half, first_eighths(pair) + 1, origin).at(kChromaCells);
+    return hn::BitCast(d64, hn::ShiftRight<1>(hn::BitCast(du, luma)));
   };
-  return {along(cells.chroma_x_nodes, cells.chroma_x_bends), along(cells.chroma_y_nodes, cells.chroma_y_bends)};
+  const auto at = in_chroma(of);
+  if constexpr (hn::MaxLanes(D16()) == kBlock) {
+    return {hn::BitCast(d, hn::ConcatEven(d64, at, at)), hn::BitCast(d, hn::ConcatOdd(d64, at, at))};
+  } else {
+    const auto other = in_chroma(CellsOfPair(cells, pair, block, kHalf - lane));
+    const auto low = lane ? other : at, high = lane ? at : other;
+    return {hn::BitCast(d, hn::InterleaveLower(d64, low, high)), hn::BitCast(d, hn::InterleaveUpper(d64, low, high))};
+  }
 }
 
-// Samples of windows that hold all that is needed; `low`, `high`: where those of the halves begin, Cb's and Cr's.
-HWY_INLINE VU16 sample_cells(const SurfaceBand& cells, size_t entry, const uint8_t* low, const uint8_t* high,
-                             ptrdiff_t stride, size_t lane) {
-  const FixedPositions at = luma_between(cells, entry, lane);
-  return sample_windows(hn::BitCast(DU16(), at.x), at.y, low, high, stride, lane);
-}
-HWY_INLINE VU16 sample_chroma_cells(const SurfaceBand& cells, size_t entry, const uint8_t* cb, const uint8_t* cr,
-                                    ptrdiff_t stride, size_t lane) {
-  const FixedPositions at = chroma_between(cells, entry);
-  return sample_windows(hn::BitCast(DU16(), at.x), at.y, cb, cr, stride, lane);
-}
-
-// Positions of the samples of a block's row where no window holds them.
-inline void interpolate_cells(const SurfaceBand& cells, size_t entry, bool chroma, Positions& out) {
+// Positions of the samples of a block's pair of rows where no window holds them: two rows and, in I420, their chroma.
+inline void interpolate_cells(const SurfaceBand& cells, int pair, int block, bool i420, Positions out[3]) {
   const D16 d;
   const DU16 du;
   constexpr int kTo15 = 15 - kPositionBits;
-  alignas(64) uint16_t column[kBlock];
-  alignas(64) int16_t row[kBlock];
-  for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
-    const FixedPositions at = chroma ? chroma_between(cells, entry) : luma_between(cells, entry, lane);
-    const auto fraction = [&](V16 v) HWY_ATTR {
-      return hn::ShiftLeft<kTo15>(hn::And(v, hn::Set(d, (1 << kPositionBits) - 1)));
-    };
-    hn::Store(hn::ShiftRight<kPositionBits>(hn::BitCast(du, at.x)), du, column + lane);
-    hn::Store(hn::ShiftRight<kPositionBits>(at.y), d, row + lane);
-    hn::Store(fraction(at.x), d, out.fx + lane);
-    hn::Store(fraction(at.y), d, out.fy + lane);
+  for (int row = 0; row < (i420 ? 3 : 2); row++) {
+    alignas(64) uint16_t column[kBlock], line[kBlock];
+    for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
+      const CellsOfPair of(cells, pair, block, lane);
+      const FixedPositions at =
+          row == 2 ? chroma_between(cells, of, pair, block, lane) : luma_between(cells, of, pair, row, block, lane);
+      const auto fraction = [&](V16 v) HWY_ATTR {
+        return hn::ShiftLeft<kTo15>(hn::And(v, hn::Set(d, (1 << kPositionBits) - 1)));
+      };
+      hn::Store(hn::ShiftRight<kPositionBits>(hn::BitCast(du, at.x)), du, column + lane);
+      hn::Store(hn::ShiftRight<kPositionBits>(hn::BitCast(du, at.y)), du, line + lane);
+      hn::Store(fraction(at.x), d, out[row].fx + lane);
+      hn::Store(fraction(at.y), d, out[row].fy + lane);
+    }
+    std::copy_n(column, kBlock, out[row].column);
+    std::copy_n(line, kBlock, out[row].row);
+    const ptrdiff_t pitch = cells.pitch;
+    for (int half = 0; half < 2; half++)
+      out[row].corner[half] = row == 2 ? cells.chroma_corner[pair * pitch / 2 + block]
+                                       : cells.luma_corner[(2 * pair + row) * pitch + 2 * block + half];
   }
-  std::copy_n(column, kBlock, out.column);
-  std::copy_n(row, kBlock, out.row);
-  for (int half = 0; half < 2; half++)
-    out.corner[half] = chroma ? cells.chroma_corner[entry] : cells.luma_corner[entry + half];
 }
 
 // Inverse distances of a block's samples in a row, those of chroma twice over. `half`: the block's first one in the
@@ -125,7 +204,7 @@ inline void interpolate_cells(const SurfaceBand& cells, size_t entry, bool chrom
 inline void inverse_along(const CellNodes& inverse, const CellRow& row, size_t half, bool chroma, float* out) {
   const hn::CappedTag<float, kHalf> d;
   const hn::Repartition<uint8_t, decltype(d)> d8;
-  const CellTable& table = chroma ? kChromaCells : kLumaCells;
+  const InverseTable& table = chroma ? kChromaInverse : kLumaInverse;
   alignas(16) float nodes[2][4];  // of the halves
   for (size_t k = 0; k < 2; k++)
     for (size_t n = 0; n < 4; n++) {
@@ -141,8 +220,8 @@ inline void inverse_along(const CellNodes& inverse, const CellRow& row, size_t h
     const auto look_up = [&](const uint8_t* at) HWY_ATTR {
       return hn::BitCast(d, hn::TableLookupBytes(hn::BitCast(d8, four), hn::LoadU(d8, at + 4 * in_half)));
     };
-    const auto before = look_up(table.before32);
-    const auto s = hn::MulAdd(hn::LoadU(d, table.t + in_half), hn::Sub(look_up(table.after32), before), before);
+    const auto before = look_up(table.before);
+    const auto s = hn::MulAdd(hn::LoadU(d, table.t + in_half), hn::Sub(look_up(table.after), before), before);
     hn::Store(s, d, out + lane);
     if (chroma) hn::Store(s, d, out + kHalf + lane);
   }

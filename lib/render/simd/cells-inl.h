@@ -61,10 +61,10 @@ inline void place_nodes(const FocalMap& map, int y, int width, CellNodes& out) {
   }
 }
 
-// Positions at the nodes and in the middle of cells' sides around the band's rows from y on; NaN where nothing is seen.
-// The first `ready` rows of nodes are there already.
+// Positions at the nodes around the band's rows from y on, NaN where nothing is seen, and how the sides of cells bend.
+// The first `ready` rows of nodes and those below them are there already.
 inline void project_cells(const Slot& slot, const CellNodes& inverse, size_t first, size_t count, int y, int ready,
-                          SurfaceBand& out) {
+                          SurfaceBand& out, CellWork& work) {
   const hn::CappedTag<float, kBlock> d;
   using V = hn::Vec<decltype(d)>;
   const Projection projection(slot, slot.terms);
@@ -84,42 +84,44 @@ inline void project_cells(const Slot& slot, const CellNodes& inverse, size_t fir
   constexpr float kEven = kBeforeCell, kOdd = kBeforeCell + kCell, kMiddle = kCell / 2.f;
   for (int k = ready; k < kCellRows; k++) {
     const float row = top + static_cast<float>(k * kCell);
+    const int at = out.row(k);
     for (size_t i = 0; i < count; i += hn::Lanes(d)) {
       V x, y, z;
       project(hn::LoadU(d, inverse.even[k].data() + first + i), i, kEven, row, x, y, z);
-      hn::StoreU(x, d, out.x.even[k].data() + i);
-      hn::StoreU(y, d, out.y.even[k].data() + i);
-      hn::StoreU(z, d, out.z.even[k].data() + i);
+      hn::StoreU(x, d, out.x.even[at].data() + i);
+      hn::StoreU(y, d, out.y.even[at].data() + i);
+      hn::StoreU(z, d, out.z.even[at].data() + i);
       project(hn::LoadU(d, inverse.odd[k].data() + first + i), i, kOdd, row, x, y, z);
-      hn::StoreU(x, d, out.x.odd[k].data() + i);
-      hn::StoreU(y, d, out.y.odd[k].data() + i);
-      hn::StoreU(z, d, out.z.odd[k].data() + i);
+      hn::StoreU(x, d, out.x.odd[at].data() + i);
+      hn::StoreU(y, d, out.y.odd[at].data() + i);
+      hn::StoreU(z, d, out.z.odd[at].data() + i);
     }
   }
   for (int k = std::max(ready - 1, 0); k < kCellRows; k++) {
     const float row = top + static_cast<float>(k * kCell);
+    const int at = out.row(k), below = out.row(k + 1);
     for (size_t i = 0; i < count; i += hn::Lanes(d)) {
       V x, y, z;
-      const auto load = [&](const std::vector<float>& of, size_t at) HWY_ATTR { return hn::LoadU(d, of.data() + at); };
+      const auto load = [&](const std::vector<float>& of, size_t n) HWY_ATTR { return hn::LoadU(d, of.data() + n); };
       const auto middle = [&](const std::vector<float>& a, size_t at_a, const std::vector<float>& b, size_t at_b)
                               HWY_ATTR { return hn::Mul(half, hn::Add(load(a, at_a), load(b, at_b))); };
       const auto& even_s = inverse.even[k];
       const auto& odd_s = inverse.odd[k];
       if (k + 1 < kCellRows) {
         project(middle(even_s, first + i, inverse.even[k + 1], first + i), i, kEven, row + kMiddle, x, y, z);
-        hn::StoreU(bend(x, load(out.x.even[k], i), load(out.x.even[k + 1], i)), d, out.down_x.even[k].data() + i);
-        hn::StoreU(bend(y, load(out.y.even[k], i), load(out.y.even[k + 1], i)), d, out.down_y.even[k].data() + i);
+        hn::StoreU(bend(x, load(out.x.even[at], i), load(out.x.even[below], i)), d, work.down_x.even[k].data() + i);
+        hn::StoreU(bend(y, load(out.y.even[at], i), load(out.y.even[below], i)), d, work.down_y.even[k].data() + i);
         project(middle(odd_s, first + i, inverse.odd[k + 1], first + i), i, kOdd, row + kMiddle, x, y, z);
-        hn::StoreU(bend(x, load(out.x.odd[k], i), load(out.x.odd[k + 1], i)), d, out.down_x.odd[k].data() + i);
-        hn::StoreU(bend(y, load(out.y.odd[k], i), load(out.y.odd[k + 1], i)), d, out.down_y.odd[k].data() + i);
+        hn::StoreU(bend(x, load(out.x.odd[at], i), load(out.x.odd[below], i)), d, work.down_x.odd[k].data() + i);
+        hn::StoreU(bend(y, load(out.y.odd[at], i), load(out.y.odd[below], i)), d, work.down_y.odd[k].data() + i);
       }
       if (k < ready) continue;
       project(middle(even_s, first + i, odd_s, first + i), i, kEven + kMiddle, row, x, y, z);
-      hn::StoreU(bend(x, load(out.x.even[k], i), load(out.x.odd[k], i)), d, out.along_x.even[k].data() + i);
-      hn::StoreU(bend(y, load(out.y.even[k], i), load(out.y.odd[k], i)), d, out.along_y.even[k].data() + i);
+      hn::StoreU(bend(x, load(out.x.even[at], i), load(out.x.odd[at], i)), d, work.along_x.even[k].data() + i);
+      hn::StoreU(bend(y, load(out.y.even[at], i), load(out.y.odd[at], i)), d, work.along_y.even[k].data() + i);
       project(middle(odd_s, first + i, even_s, first + i + 1), i, kOdd + kMiddle, row, x, y, z);
-      hn::StoreU(bend(x, load(out.x.odd[k], i), load(out.x.even[k], i + 1)), d, out.along_x.odd[k].data() + i);
-      hn::StoreU(bend(y, load(out.y.odd[k], i), load(out.y.even[k], i + 1)), d, out.along_y.odd[k].data() + i);
+      hn::StoreU(bend(x, load(out.x.odd[at], i), load(out.x.even[at], i + 1)), d, work.along_x.odd[k].data() + i);
+      hn::StoreU(bend(y, load(out.y.odd[at], i), load(out.y.even[at], i + 1)), d, work.along_y.odd[k].data() + i);
     }
   }
 }
@@ -170,15 +172,17 @@ struct CellDoubt {
 
 // For each cell in each row of them, but the first `ready`.
 inline void doubt_cells(const Slot& slot, const CellNodes& inverse, size_t first, size_t count, int ready,
-                        SurfaceBand& out) {
+                        const SurfaceBand& band, CellNodes& out) {
   const hn::CappedTag<float, kBlock> d;
   const CellDoubt bound(slot);
   struct Row {
     const float *even[4], *odd[4];
   } rows[kCellRows];
-  for (int k = 0; k < kCellRows; k++)
-    rows[k] = {{out.x.even[k].data(), out.y.even[k].data(), out.z.even[k].data(), inverse.even[k].data() + first},
-               {out.x.odd[k].data(), out.y.odd[k].data(), out.z.odd[k].data(), inverse.odd[k].data() + first}};
+  for (int k = 0; k < kCellRows; k++) {
+    const int at = band.row(k);
+    rows[k] = {{band.x.even[at].data(), band.y.even[at].data(), band.z.even[at].data(), inverse.even[k].data() + first},
+               {band.x.odd[at].data(), band.y.odd[at].data(), band.z.odd[at].data(), inverse.odd[k].data() + first}};
+  }
   // Two sides along rows, and how far their bends may be from linear between them.
   const auto between = [&](const auto& upper, const auto& lower) HWY_ATTR {
     const auto other = hn::Max(hn::Abs(hn::Sub(upper.dx, lower.dx)), hn::Abs(hn::Sub(upper.dy, lower.dy)));
@@ -198,8 +202,8 @@ inline void doubt_cells(const Slot& slot, const CellNodes& inverse, size_t first
       const auto left = bound.side(d, rows[k].even, i, rows[k + 1].even, i, bound.down).doubt;
       const auto middle = bound.side(d, rows[k].odd, i, rows[k + 1].odd, i, bound.down).doubt;
       const auto right = bound.side(d, rows[k].even, i + 1, rows[k + 1].even, i + 1, bound.down).doubt;
-      hn::StoreU(hn::Add(between(upper_even, lower_even), hn::Max(left, middle)), d, out.doubt.even[k].data() + i);
-      hn::StoreU(hn::Add(between(upper_odd, lower_odd), hn::Max(middle, right)), d, out.doubt.odd[k].data() + i);
+      hn::StoreU(hn::Add(between(upper_even, lower_even), hn::Max(left, middle)), d, out.even[k].data() + i);
+      hn::StoreU(hn::Add(between(upper_odd, lower_odd), hn::Max(middle, right)), d, out.odd[k].data() + i);
       upper_even = lower_even;
       upper_odd = lower_odd;
     }

@@ -352,6 +352,8 @@ inline void set_calm_rows(PixelFamily family, Slot& slot) {
 // All that is known of a slot in a band before any pixel of it is read, without a focal map. band's blocks are set.
 inline void place_plane(bool i420, const Slot& slot, int y, SlotBand& band) {
   lay_nodes(band.blocks + 3, band);
+  band.verdict_pitch = band.pitch;
+  band.mapped = false;
   project_nodes(slot, y, band);
   const int luma_entries = band.pitch * kBandRows - 3, chroma_entries = band.pitch * kBandPairs - 3;
   const PlaneGeometry luma = luma_geometry(slot.image, i420);

@@ -81,18 +81,21 @@ static_assert(kMostParts >= 4 * BlendGrid::kMaxShares);    // those of four node
 struct BlockParts {
   Part part[kMostParts];
   int count = 0;
-  bool calm = true;     // all are to be shuffled in every pair of rows
+  uint32_t calm = ~0u;  // bit p: all are to be shuffled in pair p
   uint32_t rows = ~0u;  // that all of them have a weight in
 };
 
-inline void find_parts(const SumTask& task, int block, int out, const Scratch& scratch, BlockParts& parts) {
+inline void find_parts(const SumTask& task, int block, int out, bool shuffles, const Scratch& scratch,
+                       BlockParts& parts) {
+  if (!shuffles) parts.calm = 0;
   for (int32_t i = scratch.head[out]; i >= 0; i = scratch.weights[i].next) {
     const BlockWeights& weights = scratch.weights[i];
     const SlotBand& band = scratch.bands[weights.slot];
     const bool seen = task.slots[weights.slot].image.family != PixelFamily::kNone;
     parts.part[parts.count++] = {&weights, &band, block - band.first_block,
                                  seen ? SlotBand::kShuffle : SlotBand::kAllLost};
-    parts.calm = parts.calm && seen && band.calm && !task.slots[weights.slot].is_cubic();
+    const bool may = shuffles && seen && !task.slots[weights.slot].is_cubic();
+    parts.calm &= may ? band.calm_pairs(block - band.first_block) : 0;
     parts.rows &= weights.rows;
   }
 }
@@ -106,9 +109,9 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
   const auto sum = surface ? sum_i420<true> : sum_i420<false>;
   const auto store = surface ? store_i420<true> : store_i420<false>;
   const bool odd_column = i420 && view.width % 2 != 0 && x + kBlock > view.width - 1;
-  BlockParts all;
-  find_parts(task, block, out, scratch, all);
   const bool shuffles = i420 && separable && !odd_column && !task.exact && HWY_TARGET != HWY_SCALAR;
+  BlockParts all;
+  find_parts(task, block, out, shuffles, scratch, all);
   Part shuffled[kMostParts], slow[kMostParts];
   for (int pair = 0; pair < kBandPairs && y + 2 * pair < rect.y1; pair++) {
     if (y + 2 * pair + 1 < rect.y0) continue;
@@ -116,7 +119,7 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
     // A chroma sample at the border of an odd view has only two pixels, or one.
     const bool odd = odd_column || (i420 && y + 2 * pair + 1 >= view.height), alone = odd || !separable;
     // Nearly everywhere there is nothing to ask.
-    if (HWY_LIKELY(shuffles && !odd && all.calm && (all.rows >> (2 * pair) & 3) && task.targets.empty())) {
+    if (HWY_LIKELY(!odd && (all.calm >> pair & 1) && (all.rows >> (2 * pair) & 3) && task.targets.empty())) {
       sum(all.part, all.count, place, scratch);
       continue;
     }
@@ -129,10 +132,10 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
       else if (alone)
         part.verdict = SlotBand::kProject;
       else if (!part.band->calm)
-        part.verdict = part.band->verdict[pair * part.band->pitch + part.block];
+        part.verdict = part.band->verdict[pair * part.band->verdict_pitch + part.block];
       if (part.verdict == SlotBand::kAllLost && task.targets.empty())
         add_lost(*part.weights, place, scratch);
-      else if (part.verdict == SlotBand::kShuffle && shuffles && !task.slots[part.weights->slot].is_cubic())
+      else if (shuffles && part.verdict == SlotBand::kShuffle && !task.slots[part.weights->slot].is_cubic())
         shuffled[num_shuffled++] = part;
       else
         slow[num_slow++] = part;
@@ -163,7 +166,8 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
 }
 
 // All that is known of a slot in a band before any pixel of it is read.
-inline void place_slot(const SumTask& task, const Slot& slot, int y, const CellNodes& inverse, SlotBand& band) {
+inline void place_slot(const SumTask& task, const Slot& slot, int y, const CellNodes& inverse, CellWork& work,
+                       SlotBand& band) {
   const bool i420 = task.family == PixelFamily::kI420, follows = band.y >= 0 && band.y == y - kBandRows;
   band.y = y;
   band.slot = &slot;
@@ -171,7 +175,7 @@ inline void place_slot(const SumTask& task, const Slot& slot, int y, const CellN
   band.blocks = (slot.rect.x1 + kBlock - 1) / kBlock - band.first_block;
   const FocalMap* const map = task.plan->view().focus.map.get();
   if (map)
-    place_surface(i420, slot, y, follows, map->step == kCell ? &inverse : nullptr, band);
+    place_surface(i420, slot, y, follows, map->step == kCell ? &inverse : nullptr, work, band);
   else
     place_plane(i420, slot, y, band);
 }
@@ -186,7 +190,7 @@ void RenderBand(const SumTask& task, const Rect& rect, int y, Scratch& scratch) 
       const int32_t number = scratch.weights[i].slot;
       const Slot& slot = task.slots[number];
       if (scratch.bands[number].y == y || slot.image.family == PixelFamily::kNone) continue;
-      place_slot(task, slot, y, scratch.inverse, scratch.bands[number]);
+      place_slot(task, slot, y, scratch.inverse, scratch.cells, scratch.bands[number]);
     }
   for (const SlotTarget& target : task.targets)
     clear_target(task.family == PixelFamily::kI420, std::max(y, rect.y0), std::min(y + kBandRows, rect.y1), target);
@@ -226,16 +230,25 @@ void CellNodes::resize(size_t n) {
   for (auto& row : odd) row.resize(std::max(row.size(), n));
 }
 
+void CellWork::resize(size_t n) {
+  if (doubt.even[0].size() >= n) return;
+  for (CellNodes* nodes : {&along_x, &along_y, &down_x, &down_y, &doubt}) nodes->resize(n);
+}
+
 void SurfaceBand::resize(int blocks) {
-  pitch = 2 * blocks;
-  const size_t halves = pitch, padding = 4 * kBlock, rows = halves * kBandRows + padding;
-  if (luma_corner.size() >= rows) return;
-  for (CellNodes* nodes : {&x, &y, &z, &along_x, &along_y, &down_x, &down_y, &doubt}) nodes->resize(halves + padding);
-  for (CellLine* line : {&line_x, &line_y})
-    for (auto* of : {&line->even, &line->odd, &line->even_bend, &line->odd_bend}) of->resize(halves + padding);
-  for (auto* of : {&luma_nodes, &luma_bends, &chroma_x_nodes, &chroma_y_nodes, &chroma_x_bends, &chroma_y_bends})
-    of->resize(8 * rows);
-  for (auto* of : {&luma_corner, &luma_fetch, &chroma_corner, &chroma_fetch}) of->resize(rows);
+  constexpr int kLanes = 2 * kBlock;  // of any vector, twice: nodes to the right of the last half are looked at
+  const int wanted = (2 * blocks + kLanes - 1) / kLanes * kLanes + kLanes;
+  if (pitch >= wanted) return;
+  pitch = wanted;
+  const size_t halves = pitch, cells = halves * kCellRows, rows = halves * kBandRows;
+  for (CellNodes* of : {&x, &y, &z}) of->resize(halves);
+  for (auto* of : {&low_x, &high_x, &low_y, &high_y, &slack_x, &slack_y}) of->resize(cells);
+  for (auto* of : {&nodes, &along, &down}) of->resize(8 * cells);
+  luma_corner.resize(rows);
+  luma_origin.resize(rows);
+  chroma_corner.resize(rows / 4);
+  chroma_origin.resize(rows / 4);
+  calm_pairs.resize(halves / 2);
 }
 }  // namespace lf::simd
 #endif

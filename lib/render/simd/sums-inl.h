@@ -101,9 +101,9 @@ HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
   const SurfaceBand& cells = band.surface;
   const ptrdiff_t entry = upper * band.pitch + part.block, chroma_entry = pair * band.pitch + part.block;
   const ptrdiff_t cell = upper * ptrdiff_t{cells.pitch} + 2 * part.block,
-                  chroma_cell = pair * cells.pitch / 2 + part.block;
+                  chroma_cell = pair * ptrdiff_t{cells.pitch} / 2 + part.block;
   const auto luma_at = [&](int row, int half) HWY_ATTR {
-    if constexpr (kSurface) return image.plane[0] + cells.luma_corner[cell + row * cells.pitch + half];
+    if constexpr (kSurface) return image.plane[0] + cells.luma_corner[cell + row * ptrdiff_t{cells.pitch} + half];
     const ptrdiff_t at = entry + row * band.pitch;
     return image.plane[0] + band.luma.corner[at] + (half ? band.luma.window[at].half : 0);
   };
@@ -114,27 +114,28 @@ HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
   hwy::Prefetch(y1 + kPrefetchRows * stride);
   hwy::Prefetch(cb + kPrefetchRows / 2 * chroma_stride);
   hwy::Prefetch(cr + kPrefetchRows / 2 * chroma_stride);
-  const auto luma = [&](int row, const uint8_t* low) HWY_ATTR {
-    const uint8_t* const high = luma_at(row, 1);
-    if constexpr (kSurface)
-      return sample_cells(cells, cell + row * cells.pitch, low, high, stride, lane);
-    else
-      return sample_plane(band.luma.window[entry + row * band.pitch], kLumaTable, low, high, stride, lane);
+  const auto sample = [&](const FixedPositions& at, const uint8_t* low, const uint8_t* high, ptrdiff_t step) HWY_ATTR {
+    return sample_windows(hn::BitCast(DU16(), at.x), at.y, low, high, step, lane);
   };
-  const auto chroma = [&]() HWY_ATTR {
-    if constexpr (kSurface)
-      return sample_chroma_cells(cells, chroma_cell, cb, cr, chroma_stride, lane);
-    else
-      return sample_plane(band.chroma.window[chroma_entry], kChromaTable, cb,
-                          cr + band.chroma.window[chroma_entry].half, chroma_stride, lane);
-  };
+  VU16 v0, v1, v2;
+  if constexpr (kSurface) {
+    const CellsOfPair of(cells, pair, part.block, lane);
+    v0 = sample(luma_between(cells, of, pair, 0, part.block, lane), y0, luma_at(0, 1), stride);
+    v1 = sample(luma_between(cells, of, pair, 1, part.block, lane), y1, luma_at(1, 1), stride);
+    v2 = sample(chroma_between(cells, of, pair, part.block, lane), cb, cr, chroma_stride);
+  } else {
+    const WindowPositions* const window = band.luma.window.data() + entry;
+    v0 = sample_plane(window[0], kLumaTable, y0, luma_at(0, 1), stride, lane);
+    v1 = sample_plane(window[band.pitch], kLumaTable, y1, luma_at(1, 1), stride, lane);
+    const WindowPositions& of_chroma = band.chroma.window[chroma_entry];
+    v2 = sample_plane(of_chroma, kChromaTable, cb, cr + of_chroma.half, chroma_stride, lane);
+  }
   const DU16 du;
   // Half of 256 times the samples, with what sample_windows() cuts off.
   const auto weigh = [&](VU16 samples, const int16_t* by) HWY_ATTR {
     const auto halved = hn::AverageRound(samples, hn::Set(du, kCutOff));
     return hn::MulFixedPoint15(hn::BitCast(d, halved), hn::Load(d, by + lane));
   };
-  const auto v0 = luma(0, y0), v1 = luma(1, y1), v2 = chroma();
   const auto without_offset = hn::BitCast(d, hn::Sub(v2, hn::Set(du, (128 << 8) - kCutOff)));
   return {weigh(v0, weights.w[upper]), weigh(v1, weights.w[lower]),
           hn::MulFixedPoint15(without_offset, chroma_weights<14>(weights.w[upper], weights.w[lower]))};
@@ -196,21 +197,16 @@ struct PairSamples {
 // Interpolated, of a pair of rows.
 inline void interpolate_pair(const Part& part, int pair, bool i420, bool surface, Positions out[3]) {
   const SlotBand& band = *part.band;
-  const int pitch = band.surface.pitch;
-  for (int r = 0; r < 2; r++)
-    if (surface)
-      interpolate_cells(band.surface, (2 * pair + r) * pitch + 2 * part.block, false, out[r]);
-    else
-      interpolate_positions(band.luma, (2 * pair + r) * band.pitch + part.block, kLumaTable, out[r]);
-  if (!i420) return;
   if (surface) {
-    interpolate_cells(band.surface, pair * pitch / 2 + part.block, true, out[2]);
+    interpolate_cells(band.surface, pair, part.block, i420, out);
     // The corner was told for Cb.
     const ptrdiff_t cb = band.slot->image.stride[1], cr = band.slot->image.stride[2];
-    if (cb != cr) out[2].corner[1] = static_cast<int32_t>(out[2].corner[0] / cb * cr + out[2].corner[0] % cb);
-  } else {
-    interpolate_positions(band.chroma, pair * band.pitch + part.block, kChromaTable, out[2]);
+    if (i420 && cb != cr) out[2].corner[1] = static_cast<int32_t>(out[2].corner[0] / cb * cr + out[2].corner[0] % cb);
+    return;
   }
+  for (int r = 0; r < 2; r++)
+    interpolate_positions(band.luma, (2 * pair + r) * band.pitch + part.block, kLumaTable, out[r]);
+  if (i420) interpolate_positions(band.chroma, pair * band.pitch + part.block, kChromaTable, out[2]);
 }
 
 // Inverse distances of the samples of a row of a block, which is at y of the band; those of chroma twice over.

@@ -8,7 +8,7 @@
 #endif
 
 #include <algorithm>
-#include <utility>
+#include <type_traits>
 #include <vector>
 
 #include <hwy/highway.h>
@@ -27,266 +27,306 @@ namespace hn = hwy::HWY_NAMESPACE;
 struct CellRow {
   explicit CellRow(float y)
       : k(static_cast<int>((y - kBeforeCell) / kCell)), t((y - kBeforeCell) / kCell - static_cast<float>(k)) {}
-  template <class D>
-  HWY_INLINE auto between(D d, const std::vector<float>* rows, size_t i) const {
-    const auto upper = hn::LoadU(d, rows[k].data() + i);
-    return hn::MulAdd(hn::Set(d, t), hn::Sub(hn::LoadU(d, rows[k + 1].data() + i), upper), upper);
-  }
-  template <class D>
-  HWY_INLINE auto node(D d, const std::vector<float>* rows, const std::vector<float>* bend, size_t i) const {
-    return hn::MulAdd(hn::Set(d, t * (1 - t)), hn::LoadU(d, bend[k].data() + i), between(d, rows, i));
-  }
   int k;
   float t;
 };
 
-// A block's half, or another piece of a row, in one coordinate: N nodes and the bends between them.
-template <class V, int N>
+// A pair of rows lies between the same two rows of nodes: the upper one at first_t(), the lower a quarter of a cell
+// below, and chroma in the middle of them.
+static_assert(kCell == 4 && kBandRows == 8);
+inline constexpr int cell_of_pair(int pair) { return (pair + 1) / 2; }
+inline constexpr float first_t(int pair) { return pair % 2 ? 0.125f : 0.625f; }
+
+// What fixed point may be off by: nodes, steps and bends are rounded down and along.
+inline constexpr float kCellSlack = 4.f / (1 << kPositionBits);
+inline constexpr float kMostStep = kWindow - 1;  // from node to node, and bends: 16 is where 16 bits end
+
+// A half in one coordinate, at a row of nodes: those around it and how it bends between them.
+template <class D, class V = hn::Vec<D>>
 struct CellPiece {
-  V node[N], bend[N - 1];
-  // Bounds of samples that begin at `first` of the first cell and end at `last` of the last one.
-  template <class D>
-  HWY_INLINE void bounds(D d, float first, float last, V& low, V& high) const {
-    const auto at = [&](int k, float t)
-                        HWY_ATTR { return hn::MulAdd(hn::Set(d, t), hn::Sub(node[k + 1], node[k]), node[k]); };
-    const auto begin = at(0, first), end = at(N - 2, last);
-    low = hn::Min(begin, end);
-    high = hn::Max(begin, end);
-    auto most = hn::Abs(bend[0]);
-    for (int k = 1; k < N - 1; k++) {
-      low = hn::Min(low, node[k]);
-      high = hn::Max(high, node[k]);
-      most = hn::Max(most, hn::Abs(bend[k]));
-    }
-    const auto slack = hn::MulAdd(hn::Set(d, kMostBend), most, hn::Set(d, kSlack));
-    low = hn::Sub(low, slack);
-    high = hn::Add(high, slack);
-  }
-  // 0, or NaN where there is one: Min and Max may lose it.
-  template <class D>
-  HWY_INLINE V nowhere(D d) const {
-    auto sum = node[0];
-    for (int k = 1; k < N; k++) sum = hn::Add(sum, hn::Add(node[k], bend[k - 1]));
-    return hn::Mul(hn::Zero(d), sum);
-  }
-};
-
-// How the samples of some blocks are fetched, whose positions are within these bounds; doubtful ones are kMixed.
-template <class D, class V = hn::Vec<D>>
-struct CellVerdict {
-  CellVerdict(D d, const PlaneGeometry& plane, V low_x, V high_x, V low_y, V high_y, V doubt) : d(d) {
+  CellPiece(D d, const float* even, const float* odd, const float* even_bend, const float* odd_bend)
+      : node{hn::LoadU(d, even), hn::LoadU(d, odd), hn::LoadU(d, even + 1), hn::LoadU(d, odd + 1)},
+        bend{hn::LoadU(d, even_bend), hn::LoadU(d, odd_bend), hn::LoadU(d, even_bend + 1)} {}
+  // Of samples, the first of which is at 5/8 of the first cell and the last at 3/8 of the last one. NaN where there is
+  // one, which Min and Max may lose, or where steps are too large.
+  HWY_INLINE void bounds(D d, V& low, V& high) const {
     const auto set = [d](float v) HWY_ATTR { return hn::Set(d, v); };
-    column = hn::Floor(low_x);
-    row = hn::Floor(low_y);
-    // NaN fails every comparison.
-    const auto linear = hn::Lt(doubt, set(static_cast<float>(kGridError)));
-    const auto inside =
-        hn::And(hn::And(hn::Ge(low_x, set(0)), hn::Lt(high_x, set(plane.width - 1 - plane.spare_columns))),
-                hn::And(hn::Ge(low_y, set(0)), hn::Lt(high_y, set(plane.height - 1))));
-    // Fixed point ends at 32 pixels across and 16 down.
-    const auto fits =
-        hn::And(hn::Lt(hn::Sub(high_x, column), set(2 * kWindow - 1)), hn::Lt(hn::Sub(high_y, row), set(kWindow - 1)));
-    good = hn::And(hn::And(inside, linear), fits);
-    const auto outside = hn::Or(hn::Or(hn::Lt(high_x, set(-0.5f)), hn::Gt(low_x, set(plane.width - 0.5f))),
-                                hn::Or(hn::Lt(high_y, set(-0.5f)), hn::Gt(low_y, set(plane.height - 0.5f))));
-    lost = hn::And(outside, linear);
-    const auto third = hn::Add(row, set(2));
-    const auto readable =
-        hn::Or(hn::Lt(third, set(plane.height - 1)),
-               hn::And(hn::Le(third, set(plane.height - 1)), hn::Le(hn::Add(column, set(kWindow)), set(plane.width))));
-    narrow = hn::And(readable, hn::And(hn::Lt(hn::Sub(hn::Floor(high_x), column), set(kWindow - 1)),
-                                       hn::Lt(hn::Sub(hn::Floor(high_y), row), set(1.5f))));
+    const V step0 = hn::Sub(node[1], node[0]), step1 = hn::Sub(node[2], node[1]), step2 = hn::Sub(node[3], node[2]);
+    const auto begin = hn::MulAdd(set(0.625f), step0, node[0]), end = hn::MulAdd(set(0.375f), step2, node[2]);
+    const auto bends = hn::Max(hn::Max(hn::Abs(bend[0]), hn::Abs(bend[1])), hn::Abs(bend[2]));
+    const auto most = hn::Max(hn::Max(hn::Abs(step0), hn::Abs(step1)), hn::Max(hn::Abs(step2), bends));
+    const auto sum = hn::Add(hn::Add(hn::Add(node[0], node[1]), hn::Add(node[2], node[3])),
+                             hn::Add(hn::Add(bend[0], bend[1]), bend[2]));
+    const auto good = hn::And(hn::Lt(most, set(kMostStep)), hn::Eq(sum, sum));
+    const auto slack = hn::IfThenElse(good, hn::Mul(set(kMostBend), bends), hn::NaN(d));
+    low = hn::Sub(hn::Min(hn::Min(begin, end), hn::Min(node[1], node[2])), slack);
+    high = hn::Add(hn::Max(hn::Max(begin, end), hn::Max(node[1], node[2])), slack);
   }
-  // Steps between nodes, and bends, have to fit into fixed point, too.
-  template <int N>
-  HWY_INLINE void limit(const CellPiece<V, N>& piece) {
-    auto most =
-        hn::Max(hn::Abs(hn::Sub(piece.node[1], piece.node[0])), hn::Abs(hn::Sub(piece.node[N - 1], piece.node[N - 2])));
-    for (int k = 1; k < N - 2; k++) most = hn::Max(most, hn::Abs(hn::Sub(piece.node[k + 1], piece.node[k])));
-    for (const V& bend : piece.bend) most = hn::Max(most, hn::Abs(bend));
-    good = hn::And(good, hn::Lt(most, hn::Set(d, static_cast<float>(kWindow - 1))));
-  }
-  // Whether a plane of chroma is lost follows luma.
-  HWY_INLINE void store(const PlaneGeometry& plane, bool chroma, size_t i, int32_t* corner, int32_t* to) const {
-    const hn::RebindToSigned<D> di;
-    const auto code = [&](Fetch f) HWY_ATTR { return hn::Set(di, static_cast<int32_t>(f)); };
-    auto fetch = code(Fetch::kMixed);
-    if (!chroma) fetch = hn::IfThenElse(hn::RebindMask(di, lost), code(Fetch::kLost), fetch);
-    fetch = hn::IfThenElse(hn::RebindMask(di, good), code(Fetch::kGather), fetch);
-    if (plane.shuffles) fetch = hn::IfThenElse(hn::RebindMask(di, hn::And(good, narrow)), code(Fetch::kShuffle), fetch);
-    hn::StoreU(fetch, di, to + i);
-    const auto in_row = hn::Mul(hn::ConvertTo(di, column), hn::Set(di, plane.pixel_bytes));
-    hn::StoreU(hn::Add(hn::Mul(hn::ConvertTo(di, row), hn::Set(di, plane.stride)), in_row), di, corner + i);
-  }
-  D d;
-  hn::Mask<D> good, lost, narrow;
-  V column, row;
+  V node[4], bend[3];
 };
 
-// Fixed point relative to a window's corner, modulo 2^16; two of them.
+// Two values in fixed point, modulo 2^16, which `magic` brings to their place: see to_low_bits().
 template <class D, class V = hn::Vec<D>>
-HWY_INLINE auto fixed_pair(D d, V low, V high, V corner) {
+HWY_INLINE auto fixed_pair(D d, V low, V high, V magic) {
+  const hn::RebindToUnsigned<D> du;
   const auto fixed = [&](V v) HWY_ATTR {
-    return to_low_bits(hn::Mul(hn::Sub(v, corner), hn::Set(d, static_cast<float>(1 << kPositionBits))));
+    return hn::BitCast(du, hn::MulAdd(v, hn::Set(d, static_cast<float>(1 << kPositionBits)), magic));
   };
-  return hn::Or(hn::And(fixed(low), hn::Set(hn::RebindToUnsigned<D>(), 0xffff)), hn::ShiftLeft<16>(fixed(high)));
+  return hn::Or(hn::And(fixed(low), hn::Set(du, 0xffff)), hn::ShiftLeft<16>(fixed(high)));
+}
+template <class D, class V = hn::Vec<D>>
+HWY_INLINE void store_fixed(D d, const V x[4], V magic_x, const V y[4], V magic_y, int16_t* to) {
+  hn::StoreInterleaved4(fixed_pair(d, x[0], x[1], magic_x), fixed_pair(d, x[2], x[3], magic_x),
+                        fixed_pair(d, y[0], y[1], magic_y), fixed_pair(d, y[2], y[3], magic_y),
+                        hn::RebindToUnsigned<D>(), reinterpret_cast<uint32_t*>(to));
 }
 
-// A row of luma, or of RGB.
-inline void place_cell_row(const PlaneGeometry& plane, const CellRow& row, size_t halves, size_t entry,
-                           SurfaceBand& out) {
+// Fixed point and bounds at row k of nodes.
+inline void fix_nodes(const CellWork& work, int k, size_t halves, SurfaceBand& out) {
   const hn::CappedTag<float, kBlock> d;
-  using V = hn::Vec<decltype(d)>;
+  const int row = out.row(k);
+  constexpr float kTurn = 1 << (16 - kPositionBits);  // pixels after which fixed point begins anew
   for (size_t i = 0; i < halves; i += hn::Lanes(d)) {
-    const auto piece = [&](const CellNodes& node, const CellNodes& down, const CellNodes& along) HWY_ATTR {
-      return CellPiece<V, 4>{
-          {row.node(d, node.even, down.even, i), row.node(d, node.odd, down.odd, i),
-           row.node(d, node.even, down.even, i + 1), row.node(d, node.odd, down.odd, i + 1)},
-          {row.between(d, along.even, i), row.between(d, along.odd, i), row.between(d, along.even, i + 1)}};
+    const auto piece = [&](const CellNodes& nodes, const CellNodes& along) HWY_ATTR {
+      return CellPiece<decltype(d)>(d, nodes.even[row].data() + i, nodes.odd[row].data() + i, along.even[k].data() + i,
+                                    along.odd[k].data() + i);
     };
-    const auto x = piece(out.x, out.down_x, out.along_x), y = piece(out.y, out.down_y, out.along_y);
-    V low_x, high_x, low_y, high_y;
-    x.bounds(d, 0.625f, 0.375f, low_x, high_x);
-    y.bounds(d, 0.625f, 0.375f, low_y, high_y);
-    const float *const even = out.doubt.even[row.k].data() + i, *const odd = out.doubt.odd[row.k].data() + i;
-    const auto doubt = hn::Max(hn::Max(hn::LoadU(d, even), hn::LoadU(d, odd)), hn::LoadU(d, even + 1));
-    CellVerdict verdict(d, plane, low_x, high_x, low_y, high_y, hn::Add(doubt, x.nowhere(d)));
-    verdict.limit(x);
-    verdict.limit(y);
-    const auto store = [&](auto a, auto b, auto c, auto e, int16_t* to) HWY_ATTR {
-      hn::StoreInterleaved4(a, b, c, e, hn::RebindToUnsigned<decltype(d)>(), reinterpret_cast<uint32_t*>(to));
+    const auto x = piece(out.x, work.along_x), y = piece(out.y, work.along_y);
+    const size_t at = out.entry(k, i);
+    const auto bounds = [&](const auto& of, std::vector<float>& to_low, std::vector<float>& to_high) HWY_ATTR {
+      hn::Vec<decltype(d)> low, high;
+      of.bounds(d, low, high);
+      hn::StoreU(low, d, to_low.data() + at);
+      hn::StoreU(high, d, to_high.data() + at);
     };
-    const auto zero = hn::Zero(d);
-    store(fixed_pair(d, x.node[0], x.node[1], verdict.column), fixed_pair(d, x.node[2], x.node[3], verdict.column),
-          fixed_pair(d, y.node[0], y.node[1], verdict.row), fixed_pair(d, y.node[2], y.node[3], verdict.row),
-          out.luma_nodes.data() + 8 * (entry + i));
-    store(fixed_pair(d, x.bend[0], x.bend[1], zero), fixed_pair(d, x.bend[2], zero, zero),
-          fixed_pair(d, y.bend[0], y.bend[1], zero), fixed_pair(d, y.bend[2], zero, zero),
-          out.luma_bends.data() + 8 * (entry + i));
-    verdict.store(plane, false, i, out.luma_corner.data() + entry, out.luma_fetch.data() + entry);
+    bounds(x, out.low_x, out.high_x);
+    bounds(y, out.low_y, out.high_y);
+    const auto zero = hn::Zero(d), magic = hn::Set(d, kMagic);
+    // Near the first node: there are not bits enough for all of an image.
+    const auto near = [&](const auto& of) HWY_ATTR {
+      const auto turns = hn::Floor(hn::Mul(of.node[0], hn::Set(d, 1 / kTurn)));
+      return hn::NegMulAdd(turns, hn::Set(d, kTurn * (1 << kPositionBits)), magic);
+    };
+    store_fixed(d, x.node, near(x), y.node, near(y), out.nodes.data() + 8 * at);
+    const hn::Vec<decltype(d)> along_x[4] = {x.bend[0], x.bend[1], x.bend[2], zero};
+    const hn::Vec<decltype(d)> along_y[4] = {y.bend[0], y.bend[1], y.bend[2], zero};
+    store_fixed(d, along_x, magic, along_y, magic, out.along.data() + 8 * at);
   }
 }
 
-// A row of chroma: sample k sits at luma 2 k + 0.5. Four of each half, at 3/4, 1/4, 3/4, 1/4 of its cells. `entry`: in
-// halves.
-inline void place_chroma_cell_row(const PlaneGeometry& plane, const CellRow& row, size_t halves, size_t entry,
-                                  SurfaceBand& out) {
+// The cells below row k of nodes.
+inline void fix_cells(const CellWork& work, int k, size_t halves, SurfaceBand& out) {
   const hn::CappedTag<float, kBlock> d;
   using V = hn::Vec<decltype(d)>;
-  const auto half = hn::Set(d, 0.5f);
-  for (size_t i = 0; i <= halves; i += hn::Lanes(d)) {
-    const auto keep = [&](const CellNodes& node, const CellNodes& down, const CellNodes& along, CellLine& to) HWY_ATTR {
-      const auto chroma = [&](auto v) HWY_ATTR { return hn::Mul(half, hn::Sub(v, half)); };
-      hn::StoreU(chroma(row.node(d, node.even, down.even, i)), d, to.even.data() + i);
-      hn::StoreU(chroma(row.node(d, node.odd, down.odd, i)), d, to.odd.data() + i);
-      hn::StoreU(hn::Mul(half, row.between(d, along.even, i)), d, to.even_bend.data() + i);
-      hn::StoreU(hn::Mul(half, row.between(d, along.odd, i)), d, to.odd_bend.data() + i);
+  const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
+  const int upper = out.row(k), lower = out.row(k + 1);
+  for (size_t i = 0; i < halves; i += hn::Lanes(d)) {
+    V x[4], y[4];
+    const auto load = [&](const CellNodes& of, V to[4]) HWY_ATTR {
+      const float *const even = of.even[k].data() + i, *const odd = of.odd[k].data() + i;
+      to[0] = hn::LoadU(d, even);
+      to[1] = hn::LoadU(d, odd);
+      to[2] = hn::LoadU(d, even + 1);
+      to[3] = hn::LoadU(d, odd + 1);
     };
-    keep(out.x, out.down_x, out.along_x, out.line_x);
-    keep(out.y, out.down_y, out.along_y, out.line_y);
-  }
-  const size_t blocks = halves / 2, first = entry / 2;
-  for (size_t b = 0; b < blocks; b += hn::Lanes(d)) {
-    const auto piece = [&](const CellLine& from) HWY_ATTR {
-      CellPiece<V, 6> out;
-      V rest;
-      hn::LoadInterleaved2(d, from.even.data() + 2 * b, out.node[0], out.node[2]);
-      hn::LoadInterleaved2(d, from.odd.data() + 2 * b, out.node[1], out.node[3]);
-      hn::LoadInterleaved2(d, from.even.data() + 2 * b + 2, out.node[4], rest);
-      hn::LoadInterleaved2(d, from.odd.data() + 2 * b + 2, out.node[5], rest);
-      hn::LoadInterleaved2(d, from.even_bend.data() + 2 * b, out.bend[0], out.bend[2]);
-      hn::LoadInterleaved2(d, from.odd_bend.data() + 2 * b, out.bend[1], out.bend[3]);
-      hn::LoadInterleaved2(d, from.even_bend.data() + 2 * b + 2, out.bend[4], rest);
-      return out;
+    load(work.down_x, x);
+    load(work.down_y, y);
+    const auto most = [&](const V of[4]) HWY_ATTR {
+      return hn::Max(hn::Max(hn::Abs(of[0]), hn::Abs(of[1])), hn::Max(hn::Abs(of[2]), hn::Abs(of[3])));
     };
-    const auto x = piece(out.line_x), y = piece(out.line_y);
-    V low_x, high_x, low_y, high_y;
-    x.bounds(d, 0.75f, 0.25f, low_x, high_x);
-    y.bounds(d, 0.75f, 0.25f, low_y, high_y);
-    V even, odd, next, rest;
-    hn::LoadInterleaved2(d, out.doubt.even[row.k].data() + 2 * b, even, next);
-    hn::LoadInterleaved2(d, out.doubt.odd[row.k].data() + 2 * b, odd, rest);
-    auto doubt = hn::Max(hn::Max(even, next), hn::Max(odd, rest));
-    hn::LoadInterleaved2(d, out.doubt.even[row.k].data() + 2 * b + 2, even, next);
-    doubt = hn::Max(doubt, even);
-    CellVerdict verdict(d, plane, low_x, high_x, low_y, high_y, hn::Add(doubt, x.nowhere(d)));
-    verdict.limit(x);
-    verdict.limit(y);
-    const auto store = [&](const auto& piece, auto corner, std::vector<int16_t>& nodes,
-                           std::vector<int16_t>& bends) HWY_ATTR {
-      const hn::RebindToUnsigned<decltype(d)> du;
-      const auto zero = hn::Zero(d);
-      hn::StoreInterleaved4(fixed_pair(d, piece.node[0], piece.node[1], corner),
-                            fixed_pair(d, piece.node[2], piece.node[3], corner),
-                            fixed_pair(d, piece.node[4], piece.node[5], corner), hn::Zero(du), du,
-                            reinterpret_cast<uint32_t*>(nodes.data() + 8 * (first + b)));
-      hn::StoreInterleaved4(fixed_pair(d, piece.bend[0], piece.bend[1], zero),
-                            fixed_pair(d, piece.bend[2], piece.bend[3], zero), fixed_pair(d, piece.bend[4], zero, zero),
-                            hn::Zero(du), du, reinterpret_cast<uint32_t*>(bends.data() + 8 * (first + b)));
+    const auto sum = [&](const V of[4]) HWY_ATTR { return hn::Add(hn::Add(of[0], of[1]), hn::Add(of[2], of[3])); };
+    const auto step = [&](const CellNodes& of) HWY_ATTR {
+      const auto across = [&](const std::vector<float>* rows, size_t n) HWY_ATTR {
+        return hn::Abs(hn::Sub(hn::LoadU(d, rows[lower].data() + n), hn::LoadU(d, rows[upper].data() + n)));
+      };
+      return hn::Max(hn::Max(across(of.even, i), across(of.odd, i)),
+                     hn::Max(across(of.even, i + 1), across(of.odd, i + 1)));
     };
-    store(x, verdict.column, out.chroma_x_nodes, out.chroma_x_bends);
-    store(y, verdict.row, out.chroma_y_nodes, out.chroma_y_bends);
-    verdict.store(plane, true, b, out.chroma_corner.data() + first, out.chroma_fetch.data() + first);
+    const auto most_x = most(x), most_y = most(y);
+    const auto largest = hn::Max(hn::Max(most_x, most_y), hn::Max(step(out.x), step(out.y)));
+    const float *const even = work.doubt.even[k].data() + i, *const odd = work.doubt.odd[k].data() + i;
+    // NaN fails every comparison, but is lost in Max.
+    const auto doubt = hn::Add(hn::Max(hn::Max(hn::LoadU(d, even), hn::LoadU(d, odd)), hn::LoadU(d, even + 1)),
+                               hn::Mul(hn::Zero(d), hn::Add(sum(x), sum(y))));
+    const auto good =
+        hn::And(hn::Lt(doubt, set(static_cast<float>(kGridError))), hn::Lt(largest, set(kMostStep)));
+    const auto slack = [&](V of) HWY_ATTR {
+      return hn::IfThenElse(good, hn::MulAdd(set(kMostBend), of, set(kCellSlack)), hn::NaN(d));
+    };
+    const size_t at = out.entry(k, i);
+    hn::StoreU(slack(most_x), d, out.slack_x.data() + at);
+    hn::StoreU(slack(most_y), d, out.slack_y.data() + at);
+    const auto magic = set(kMagic);
+    store_fixed(d, x, magic, y, magic, out.down.data() + 8 * at);
   }
 }
 
-// What is done with each pair of rows of each block: band.verdict, as decide().
-inline void decide_cells(bool i420, SlotBand& band) {
-  constexpr int32_t kLost = static_cast<int32_t>(Fetch::kLost), kGather = static_cast<int32_t>(Fetch::kGather);
-  const SurfaceBand& surface = band.surface;
-  for (int pair = 0; pair < kBandPairs; pair++) {
-    const int32_t* const upper = surface.luma_fetch.data() + static_cast<ptrdiff_t>(2 * pair) * surface.pitch;
-    const int32_t* const lower = upper + surface.pitch;
-    const int32_t* const chroma = surface.chroma_fetch.data() + static_cast<ptrdiff_t>(pair) * surface.pitch / 2;
-    for (int i = 0; i < band.blocks; i++) {
-      const int32_t low = std::min(std::min(upper[2 * i], upper[2 * i + 1]), std::min(lower[2 * i], lower[2 * i + 1]));
-      const int32_t high = std::max(std::max(upper[2 * i], upper[2 * i + 1]), std::max(lower[2 * i], lower[2 * i + 1]));
-      const int32_t least = i420 ? std::min(low, chroma[i]) : low;
-      int32_t v = least > kGather ? SlotBand::kShuffle : SlotBand::kSample;
-      v = least < kGather ? SlotBand::kProject : v;
-      band.verdict[pair * band.pitch + i] = low == kLost && high == kLost ? SlotBand::kAllLost : v;
+#if HWY_TARGET != HWY_SCALAR
+
+// The larger or smaller of the halves of each block, for both of them.
+template <class V>
+HWY_INLINE V least_of_block(V v) { return hn::Min(v, hn::Shuffle2301(v)); }
+template <class V>
+HWY_INLINE V most_of_block(V v) { return hn::Max(v, hn::Shuffle2301(v)); }
+
+// Where in an image, or a plane of chroma, the samples of a pair of rows are: bounds of both rows or, of chroma, of the
+// one. NaN fails every comparison.
+template <class D, class V = hn::Vec<D>>
+struct CellPlace {
+  V low_x, high_x, low_y, high_y;
+  HWY_INLINE auto is_inside(D d, const PlaneGeometry& plane) const {
+    return hn::And(hn::And(hn::Ge(low_x, hn::Zero(d)), hn::Lt(high_x, hn::Set(d, plane.width - 1 - plane.spare_columns))),
+                   hn::And(hn::Ge(low_y, hn::Zero(d)), hn::Lt(high_y, hn::Set(d, plane.height - 1))));
+  }
+  HWY_INLINE auto is_outside(D d, const PlaneGeometry& plane) const {
+    return hn::Or(hn::Or(hn::Lt(high_x, hn::Set(d, -0.5f)), hn::Gt(low_x, hn::Set(d, plane.width - 0.5f))),
+                  hn::Or(hn::Lt(high_y, hn::Set(d, -0.5f)), hn::Gt(low_y, hn::Set(d, plane.height - 0.5f))));
+  }
+};
+
+// How the pairs of rows of each block are fetched, and from where: band.verdict, as decide().
+inline void decide_cells(const ImageView& image, bool i420, SlotBand& band) {
+  const hn::CappedTag<float, kBlock> d;
+  const hn::RebindToSigned<decltype(d)> di;
+  const hn::RebindToUnsigned<decltype(d)> du;
+  const hn::Half<decltype(di)> d_blocks;
+  using V = hn::Vec<decltype(d)>;
+  using VI = hn::Vec<decltype(di)>;
+  SurfaceBand& out = band.surface;
+  const size_t halves = 2 * static_cast<size_t>(band.blocks), pitch = out.pitch;
+  const PlaneGeometry luma = luma_geometry(image, i420);
+  const PlaneGeometry chroma = i420 ? chroma_geometry(image) : luma;
+  const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
+  const auto store_blocks = [&](VI v, int32_t* to) HWY_ATTR {
+    hn::StoreU(hn::LowerHalf(d_blocks, hn::ConcatEven(di, v, v)), d_blocks, to);
+  };
+  const auto corner = [&](const PlaneGeometry& plane, VI column, VI row) HWY_ATTR {
+    return hn::Add(hn::Mul(row, hn::Set(di, plane.stride)), hn::Mul(column, hn::Set(di, plane.pixel_bytes)));
+  };
+  // In fixed point, pixels and 2^-kBits of one.
+  const auto origin = [&](auto bits, VI column, VI row, uint32_t more) HWY_ATTR {
+    constexpr int kBits = decltype(bits)::value;
+    const auto x = hn::And(hn::ShiftLeft<kBits>(hn::BitCast(du, column)), hn::Set(du, 0xffff));
+    return hn::Or(hn::Or(x, hn::ShiftLeft<16 + kBits>(hn::BitCast(du, row))), hn::Set(du, more));
+  };
+  const auto code = [&](int v) HWY_ATTR { return hn::Set(di, v); };
+  for (size_t i = 0; i < halves; i += hn::Lanes(d)) {
+    auto calm = hn::Zero(di);
+    for (int pair = 0; pair < kBandPairs; pair++) {
+      const int k = cell_of_pair(pair);
+      const size_t upper = out.entry(k, i), lower = out.entry(k + 1, i);
+      const auto slack_x = hn::LoadU(d, out.slack_x.data() + upper), slack_y = hn::LoadU(d, out.slack_y.data() + upper);
+      struct Rows {
+        V upper, lower;
+      };
+      const auto rows = [&](const std::vector<float>& of) HWY_ATTR {
+        const auto from = hn::LoadU(d, of.data() + upper), step = hn::Sub(hn::LoadU(d, of.data() + lower), from);
+        const auto at = hn::MulAdd(set(first_t(pair)), step, from);
+        return Rows{at, hn::MulAdd(set(1.f / kCell), step, at)};
+      };
+      const Rows left = rows(out.low_x), right = rows(out.high_x);
+      Rows top = rows(out.low_y), bottom = rows(out.high_y);
+      top = {hn::Sub(top.upper, slack_y), hn::Sub(top.lower, slack_y)};
+      bottom = {hn::Add(bottom.upper, slack_y), hn::Add(bottom.lower, slack_y)};
+      const CellPlace<decltype(d)> at{hn::Sub(hn::Min(left.upper, left.lower), slack_x),
+                                      hn::Add(hn::Max(right.upper, right.lower), slack_x),
+                                      hn::Min(top.upper, top.lower), hn::Max(bottom.upper, bottom.lower)};
+      const auto column = hn::Floor(at.low_x), upper_row = hn::Floor(top.upper), lower_row = hn::Floor(top.lower);
+      const auto width = hn::Sub(at.high_x, column);
+      const auto height = hn::Max(hn::Sub(bottom.upper, upper_row), hn::Sub(bottom.lower, lower_row));
+      // Fixed point ends at 32 pixels across and 16 down.
+      const auto good = hn::And(at.is_inside(d, luma),
+                                hn::And(hn::Lt(width, set(2 * kWindow - 1)), hn::Lt(height, set(kWindow - 1))));
+      const auto lost = hn::IfThenElseZero(hn::RebindMask(di, at.is_outside(d, luma)), code(SlotBand::kAllLost));
+      auto fetch = hn::IfThenElseZero(hn::RebindMask(di, good), code(SlotBand::kSample));
+      const size_t row = static_cast<size_t>(2 * pair) * pitch + i;
+      const auto in_column = hn::ConvertTo(di, column), in_upper = hn::ConvertTo(di, upper_row),
+                 in_lower = hn::ConvertTo(di, lower_row);
+      hn::StoreU(corner(luma, in_column, in_upper), di, out.luma_corner.data() + row);
+      hn::StoreU(corner(luma, in_column, in_lower), di, out.luma_corner.data() + row + pitch);
+      constexpr std::integral_constant<int, kPositionBits> kLuma;
+      hn::StoreU(origin(kLuma, in_column, in_upper, 0), du, out.luma_origin.data() + row);
+      hn::StoreU(origin(kLuma, in_column, in_lower, 0), du, out.luma_origin.data() + row + pitch);
+      if (i420) {
+        // Windows must not end behind the image.
+        const auto narrow = hn::And(hn::And(hn::Lt(width, set(kWindow - 1)), hn::Lt(height, set(2))),
+                                    hn::Lt(hn::Max(upper_row, lower_row), set(luma.height - 3)));
+        // Chroma sample k is at luma 2 k + 0.5, within the bounds of both rows, and down in the middle of them.
+        const auto to_chroma = [&](V v) HWY_ATTR { return hn::MulAdd(v, set(0.5f), set(-0.25f)); };
+        const auto slack = set(kSlack);
+        const CellPlace<decltype(d)> in_chroma{
+            hn::Sub(to_chroma(least_of_block(at.low_x)), slack), hn::Add(to_chroma(most_of_block(at.high_x)), slack),
+            hn::Sub(to_chroma(least_of_block(hn::Mul(set(0.5f), hn::Add(top.upper, top.lower)))), slack),
+            hn::Add(to_chroma(most_of_block(hn::Mul(set(0.5f), hn::Add(bottom.upper, bottom.lower)))), slack)};
+        const auto chroma_column = hn::Floor(in_chroma.low_x), chroma_row = hn::Floor(in_chroma.low_y);
+        const auto chroma_width = hn::Sub(in_chroma.high_x, chroma_column),
+                   chroma_height = hn::Sub(in_chroma.high_y, chroma_row);
+        const auto chroma_good =
+            hn::And(in_chroma.is_inside(d, chroma),
+                    hn::And(hn::Lt(chroma_width, set(kWindow - 1)), hn::Lt(chroma_height, set(kWindow - 1))));
+        const auto chroma_narrow =
+            hn::And(hn::Lt(chroma_height, set(2)), hn::Lt(chroma_row, set(chroma.height - 3)));
+        if (luma.shuffles && chroma.shuffles)
+          fetch = hn::IfThenElse(hn::RebindMask(di, hn::And(good, hn::And(narrow, chroma_narrow))),
+                                 code(SlotBand::kShuffle), fetch);
+        fetch = hn::IfThenElseZero(hn::RebindMask(di, chroma_good), fetch);
+        const auto in_chroma_column = hn::ConvertTo(di, chroma_column), in_chroma_row = hn::ConvertTo(di, chroma_row);
+        const size_t block = (static_cast<size_t>(pair) * pitch + i) / 2;
+        store_blocks(corner(chroma, in_chroma_column, in_chroma_row), out.chroma_corner.data() + block);
+        // Luma's position of that, 2 k + 0.5.
+        constexpr std::integral_constant<int, kPositionBits + 1> kChroma;
+        constexpr uint32_t kHalfPixel = 1 << (kPositionBits - 1);
+        store_blocks(hn::BitCast(di, origin(kChroma, in_chroma_column, in_chroma_row, kHalfPixel << 16 | kHalfPixel)),
+                     reinterpret_cast<int32_t*>(out.chroma_origin.data()) + block);
+      }
+      const auto verdict = hn::Max(least_of_block(fetch), least_of_block(lost));
+      store_blocks(verdict, band.verdict.data() + pair * band.verdict_pitch + i / 2);
+      const auto shuffled = hn::Eq(verdict, code(SlotBand::kShuffle));
+      calm = hn::Or(calm, hn::IfThenElseZero(shuffled, code(1 << pair)));
     }
+    store_blocks(calm, out.calm_pairs.data() + i / 2);
   }
 }
 
-// Rows of nodes that the next band has, too.
-inline void keep_rows(SurfaceBand& band) {
-  constexpr int kKept = kCellRows - kBandRows / kCell;
-  for (CellNodes* nodes :
-       {&band.x, &band.y, &band.z, &band.along_x, &band.along_y, &band.down_x, &band.down_y, &band.doubt})
-    for (int k = 0; k < kKept; k++) {
-      std::swap(nodes->even[k], nodes->even[k + kBandRows / kCell]);
-      std::swap(nodes->odd[k], nodes->odd[k + kBandRows / kCell]);
-    }
+// Where a map with nodes kCell apart is.
+inline void place_cells(const Slot& slot, bool i420, int y, bool follows, const CellNodes& inverse, CellWork& work,
+                        SlotBand& band) {
+  SurfaceBand& out = band.surface;
+  work.resize(out.pitch);
+  const size_t halves = 2 * static_cast<size_t>(band.blocks), first = 2 * static_cast<size_t>(band.first_block);
+  const int ready = follows ? kCellRows - kBandRows / kCell : 0;  // rows of nodes
+  const int ready_cells = std::max(ready - 1, 0);
+  out.first_row = (y / kCell + kCellRows - 1) % kCellRows;
+  project_cells(slot, inverse, first, halves + 1, y, ready, out, work);
+  doubt_cells(slot, inverse, first, halves + 1, ready_cells, out, work.doubt);
+  for (int k = ready; k < kCellRows; k++) fix_nodes(work, k, halves, out);
+  for (int k = ready_cells; k + 1 < kCellRows; k++) fix_cells(work, k, halves, out);
+  decide_cells(slot.image, i420, band);
 }
+
+#else
+
+// A machine without vectors goes the slow way everywhere.
+inline void place_cells(const Slot&, bool, int, bool, const CellNodes&, CellWork&, SlotBand& band) {
+  std::ranges::fill(band.verdict, SlotBand::kProject);
+  std::ranges::fill(band.surface.calm_pairs, 0);
+}
+
+#endif
 
 // All that is known of a slot in a band before any pixel of it is read. band's blocks are set. `follows`: on the band
 // that is there already. `inverse`: null: of another map, all is to be projected.
-inline void place_surface(bool i420, const Slot& slot, int y, bool follows, const CellNodes* inverse, SlotBand& band) {
+inline void place_surface(bool i420, const Slot& slot, int y, bool follows, const CellNodes* inverse, CellWork& work,
+                          SlotBand& band) {
   SurfaceBand& out = band.surface;
-  lay_nodes(band.blocks + 3, band);
   band.calm = false;
-  if (!inverse) {
-    std::ranges::fill(band.verdict, SlotBand::kProject);
-    return;
-  }
+  band.mapped = true;
   out.resize(band.blocks);
-  const size_t halves = 2 * static_cast<size_t>(band.blocks), first = 2 * static_cast<size_t>(band.first_block);
-  int ready = 0;  // rows of nodes
-  if (follows) {
-    keep_rows(out);
-    ready = kCellRows - kBandRows / kCell;
-  }
-  project_cells(slot, *inverse, first, halves + 1, y, ready, out);
-  doubt_cells(slot, *inverse, first, halves + 1, std::max(ready - 1, 0), out);
-  const PlaneGeometry luma = luma_geometry(slot.image, i420);
-  for (int r = 0; r < kBandRows; r++)
-    place_cell_row(luma, CellRow(static_cast<float>(r)), halves, static_cast<size_t>(r) * out.pitch, out);
-  if (i420)
-    for (int pair = 0; pair < kBandPairs; pair++)
-      place_chroma_cell_row(chroma_geometry(slot.image), CellRow(static_cast<float>(2 * pair) + 0.5f), halves,
-                            static_cast<size_t>(pair) * out.pitch, out);
-  decide_cells(i420, band);
+  band.verdict_pitch = out.pitch / 2;
+  band.verdict.resize(std::max(band.verdict.size(), static_cast<size_t>(band.verdict_pitch) * kBandPairs));
+  if (inverse) return place_cells(slot, i420, y, follows, *inverse, work, band);
+  std::ranges::fill(band.verdict, SlotBand::kProject);
+  std::ranges::fill(out.calm_pairs, 0);
 }
 
 }  // namespace lf::simd::HWY_NAMESPACE
