@@ -174,28 +174,30 @@ HWY_INLINE FixedPositions chroma_between(const SurfaceBand& cells, const CellsOf
 // Positions of the samples of a block's pair of rows where no window holds them: two rows and, in I420, their chroma.
 inline void interpolate_cells(const SurfaceBand& cells, int pair, int block, bool i420, Positions out[3]) {
   const D16 d;
-  const DU16 du;
+  const hn::CappedTag<int32_t, kBlock> d32;
+  const hn::Rebind<uint16_t, decltype(d32)> du;
   constexpr int kTo15 = 15 - kPositionBits;
-  for (int row = 0; row < (i420 ? 3 : 2); row++) {
-    alignas(64) uint16_t column[kBlock], line[kBlock];
-    for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
-      const CellsOfPair of(cells, pair, block, lane);
-      const FixedPositions at =
-          row == 2 ? chroma_between(cells, of, pair, block, lane) : luma_between(cells, of, pair, row, block, lane);
-      const auto fraction = [&](V16 v) HWY_ATTR {
-        return hn::ShiftLeft<kTo15>(hn::And(v, hn::Set(d, (1 << kPositionBits) - 1)));
-      };
-      hn::Store(hn::ShiftRight<kPositionBits>(hn::BitCast(du, at.x)), du, column + lane);
-      hn::Store(hn::ShiftRight<kPositionBits>(hn::BitCast(du, at.y)), du, line + lane);
-      hn::Store(fraction(at.x), d, out[row].fx + lane);
-      hn::Store(fraction(at.y), d, out[row].fy + lane);
-    }
-    std::copy_n(column, kBlock, out[row].column);
-    std::copy_n(line, kBlock, out[row].row);
-    const ptrdiff_t pitch = cells.pitch;
-    for (int half = 0; half < 2; half++)
-      out[row].corner[half] = row == 2 ? cells.chroma_corner[pair * pitch / 2 + block]
-                                       : cells.luma_corner[(2 * pair + row) * pitch + 2 * block + half];
+  const auto keep = [&](const FixedPositions& at, size_t lane, Positions& to) HWY_ATTR {
+    alignas(64) uint16_t whole[kBlock];
+    const auto split = [&](V16 v, int16_t* fraction, int32_t* to_whole) HWY_ATTR {
+      hn::Store(hn::ShiftLeft<kTo15>(hn::And(v, hn::Set(d, (1 << kPositionBits) - 1))), d, fraction + lane);
+      hn::Store(hn::ShiftRight<kPositionBits>(hn::BitCast(DU16(), v)), DU16(), whole);
+      for (size_t i = 0; i < hn::Lanes(d); i += hn::Lanes(d32))
+        hn::Store(hn::PromoteTo(d32, hn::Load(du, whole + i)), d32, to_whole + lane + i);
+    };
+    split(at.x, to.fx, to.column);
+    split(at.y, to.fy, to.row);
+  };
+  for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
+    const CellsOfPair of(cells, pair, block, lane);
+    for (int row = 0; row < 2; row++) keep(luma_between(cells, of, pair, row, block, lane), lane, out[row]);
+    if (i420) keep(chroma_between(cells, of, pair, block, lane), lane, out[2]);
+  }
+  const ptrdiff_t pitch = cells.pitch;
+  for (int half = 0; half < 2; half++) {
+    for (int row = 0; row < 2; row++)
+      out[row].corner[half] = cells.luma_corner[(2 * pair + row) * pitch + 2 * block + half];
+    out[2].corner[half] = cells.chroma_corner[pair * pitch / 2 + block];
   }
 }
 
