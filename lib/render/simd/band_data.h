@@ -135,7 +135,8 @@ struct SurfaceBand {
 // One slot's positions in a band. Entry (row, block) is at row * pitch + block; rows of chroma are pairs of rows.
 struct SlotBand {
   // What is done with a pair of rows of a block.
-  enum Verdict : int32_t { kProject, kAllLost, kSample, kShuffle };
+  // kTall: shuffled, but from windows of more than three rows; only with a focal map.
+  enum Verdict : int32_t { kProject, kAllLost, kSample, kTall, kShuffle };
 
   int y = -1;  // of the band; -1: none yet
   const Slot* slot = nullptr;
@@ -149,7 +150,7 @@ struct SlotBand {
   std::vector<int32_t> verdict;  // of block b in pair p: p * verdict_pitch + b
   int verdict_pitch = 0;
   SurfaceBand surface;           // with a focal map instead
-  // Bit p: the verdict on pair p of a block is kShuffle, or it may be.
+  // Bit p: the verdict on pair p of a block is kShuffle. Not all need be told.
   uint32_t calm_pairs(int block) const {
     if (calm) return ~0u;
     return mapped ? static_cast<uint32_t>(surface.calm_pairs[block]) : 0;

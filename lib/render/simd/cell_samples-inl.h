@@ -125,10 +125,7 @@ struct CellsOfRow {
 };
 HWY_INLINE int first_eighths(int pair) { return static_cast<int>(8 * first_t(pair)); }
 
-// Samples of a row of a pair, in their windows.
-struct FixedPositions {
-  V16 x, y;
-};
+// Samples of a row of a pair.
 HWY_INLINE FixedPositions luma_between(const SurfaceBand& cells, const CellsOfPair& of, int pair, int row, int block,
                                        size_t lane) {
   const D16 d;

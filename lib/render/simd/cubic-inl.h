@@ -73,6 +73,72 @@ HWY_INLINE auto cubic_samples(const VU32 rows[kTaps], V16 outer, V16 inner, cons
                      hn::TruncateTo(to, hn::BitCast(du32, hn::ShiftLeft<kSumFractionBits - 6>(level))));
 }
 
+// As sample_windows() or, tall, sample_tall_windows(), but nothing is cut off. `low`, `high`: a row above the windows, a
+// column before them.
+template <bool kTall>
+HWY_INLINE VU16 sample_cubic_windows(VU16 x, V16 y, const uint8_t* low, const uint8_t* high, ptrdiff_t stride,
+                                     size_t lane) {
+  const D16 d;
+  const DU16 du;
+  const hn::Repartition<uint8_t, D16> d8;
+  constexpr int kTo15 = 15 - kPositionBits;
+  const auto fraction = [&](V16 v) HWY_ATTR {
+    return hn::ShiftLeft<kTo15>(hn::And(v, hn::Set(d, (1 << kPositionBits) - 1)));
+  };
+  V16 across[kTaps], down[kTaps];
+  cubic_weights(fraction(hn::BitCast(d, x)), across[0], across[1], across[2], across[3]);
+  cubic_weights(fraction(y), down[0], down[1], down[2], down[3]);
+  const auto index = hn::ShiftRight<kPositionBits>(x);
+  const auto both = hn::Or(index, hn::ShiftLeft<8>(index));
+  const auto pick_outer = hn::BitCast(d8, hn::Add(both, hn::Set(du, 0x0100))),
+             pick_inner = hn::BitCast(d8, hn::Add(both, hn::Set(du, 0x0302)));
+  // Two taps each, bytes of 16 bits.
+  struct Row {
+    VU16 left, right;
+  };
+  const auto load = [&](ptrdiff_t r) HWY_ATTR {
+    const auto window = load_windows(low + r * stride, high + r * stride, lane);
+    return Row{hn::BitCast(du, hn::TableLookupBytes(window, pick_outer)),
+               hn::BitCast(du, hn::TableLookupBytes(window, pick_inner))};
+  };
+  // In 64ths of a level, as in cubic_samples().
+  V16 sum[kTaps] = {hn::Zero(d), hn::Zero(d), hn::Zero(d), hn::Zero(d)};
+  const auto add = [&](const Row& row, V16 weight) HWY_ATTR {
+    const auto add_to = [&](VU16 taps, V16& even, V16& odd) HWY_ATTR {
+      const auto low_byte = hn::ShiftLeft<6>(hn::And(taps, hn::Set(du, 0x00ff)));
+      const auto high_byte = hn::And(hn::ShiftRight<2>(taps), hn::Set(du, 0x3fc0));
+      even = hn::Add(even, hn::MulFixedPoint15(hn::BitCast(d, low_byte), weight));
+      odd = hn::Add(odd, hn::MulFixedPoint15(hn::BitCast(d, high_byte), weight));
+    };
+    add_to(row.left, sum[0], sum[1]);
+    add_to(row.right, sum[2], sum[3]);
+  };
+  if constexpr (kTall) {
+    const auto row = hn::ShiftRight<kPositionBits>(hn::BitCast(du, y));
+    const int rows = hn::GetLane(hn::MaxOfLanes(du, row)) + kTaps;
+    V16 above[kTaps - 1] = {hn::Zero(d), hn::Zero(d), hn::Zero(d)};  // weights, by how many rows above the first tap is
+    for (int r = 0; r < rows; r++) {
+      const auto here = hn::RebindMask(d, hn::Eq(row, hn::Set(du, static_cast<uint16_t>(r))));
+      add(load(r), hn::IfThenElse(here, down[0], above[0]));
+      above[0] = hn::IfThenElse(here, down[1], above[1]);
+      above[1] = hn::IfThenElse(here, down[2], above[2]);
+      above[2] = hn::IfThenElseZero(here, down[3]);
+    }
+  } else {
+    const auto next = hn::RebindMask(du, hn::Gt(y, hn::Set(d, (1 << kPositionBits) - 1)));
+    Row upper = load(0);
+    for (int k = 0; k < kTaps; k++) {
+      const Row lower = load(k + 1);
+      add({hn::IfThenElse(next, lower.left, upper.left), hn::IfThenElse(next, lower.right, upper.right)}, down[k]);
+      upper = lower;
+    }
+  }
+  auto all = hn::MulFixedPoint15(sum[0], across[0]);
+  for (int k = 1; k < kTaps; k++) all = hn::Add(all, hn::MulFixedPoint15(sum[k], across[k]));
+  const auto level = hn::Min(hn::Max(all, hn::Zero(d)), hn::Set(d, 255 << 6));
+  return hn::BitCast(du, hn::ShiftLeft<2>(level));
+}
+
 // A plane of pixels, or of samples.
 struct CubicPlane {
   const uint8_t* base;

@@ -132,6 +132,7 @@ struct PlaneGeometry {
   int32_t stride, pixel_bytes;
   float spare_columns;                  // on the right, left to the slow way
   bool shuffles;                        // 8-bit samples side by side, rows of at least a window
+  float border;                         // taps on each side beyond those of bilinear samples
   float t_before_half, t_half, t_last;  // of samples 7, 8 and 15, or of the only half's last one
 };
 
@@ -189,19 +190,22 @@ inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z,
     const auto column = hn::Floor(low_x), row = hn::Floor(low_y);
     const auto half = hn::Floor(hn::Sub(at_x(plane.t_half), slack));
     if (plane.shuffles) {
-      const auto reach = set(kWindow - 1);
+      const auto reach = set(kWindow - 1 - 2 * plane.border);
       const auto rightmost = hn::Floor(hn::Add(at_x(plane.t_before_half), slack));
       const auto rises = hn::Gt(dx, hn::MulAdd(hn::Abs(sx), set(0.25f), set(1.f / 64)));
       const auto narrow =
           hn::And(hn::Lt(hn::Sub(rightmost, column), reach), hn::Lt(hn::Sub(hn::Floor(high_x), half), reach));
       const auto level =
           hn::And(hn::Lt(hn::Abs(dy), set(8)), hn::And(hn::Lt(hn::Abs(sy), set(8)), hn::Lt(hn::Abs(sx), set(8))));
-      const auto third = hn::Add(row, set(2));
+      const auto third = hn::Add(row, set(2 + plane.border));
       const auto readable =
           hn::Or(hn::Lt(third, set(plane.height - 1)),
                  hn::And(hn::Le(third, set(plane.height - 1)), hn::Le(hn::Add(half, set(kWindow)), set(plane.width))));
       const auto two_steps = hn::Lt(hn::Sub(hn::Floor(high_y), row), set(1.5f));
-      const auto fits = hn::And(hn::And(rises, narrow), hn::And(level, hn::And(readable, two_steps)));
+      auto fits = hn::And(hn::And(rises, narrow), hn::And(level, hn::And(readable, two_steps)));
+      if (plane.border > 0)
+        fits = hn::And(fits, hn::And(hn::And(hn::Ge(low_x, set(plane.border)), hn::Ge(low_y, set(plane.border))),
+                                     hn::Lt(high_x, set(plane.width - 1 - plane.border))));
       fetch = hn::IfThenElse(hn::And(hn::And(inside, smooth), fits), code(Fetch::kShuffle), fetch);
     }
     const auto fixed = [&](const auto v) HWY_ATTR { return to_low_bits(hn::Mul(v, unit)); };
@@ -267,25 +271,31 @@ inline void decide(bool i420, SlotBand& band) {
   }
 }
 
-inline PlaneGeometry luma_geometry(const ImageView& image, bool i420) {
+inline float border_of(const Slot& slot) { return slot.is_cubic() ? 1 : 0; }
+
+inline PlaneGeometry luma_geometry(const Slot& slot, bool i420) {
+  const ImageView& image = slot.image;
   return {.width = static_cast<float>(image.width),
           .height = static_cast<float>(image.height),
           .stride = static_cast<int32_t>(image.stride[0]),
           .pixel_bytes = i420 ? 1 : image.layout.pixel_stride,
           .spare_columns = i420 ? 0.f : 1.f,
           .shuffles = i420 && image.width >= kWindow,
+          .border = border_of(slot),
           .t_before_half = 7.f / kBlock,
           .t_half = 8.f / kBlock,
           .t_last = 15.f / kBlock};
 }
 
-inline PlaneGeometry chroma_geometry(const ImageView& image) {
+inline PlaneGeometry chroma_geometry(const Slot& slot) {
+  const ImageView& image = slot.image;
   return {.width = static_cast<float>(chroma_size(image.width)),
           .height = static_cast<float>(chroma_size(image.height)),
           .stride = static_cast<int32_t>(image.stride[1]),
           .pixel_bytes = 1,
           .spare_columns = 0,
           .shuffles = chroma_size(image.width) >= kWindow && image.stride[1] == image.stride[2],
+          .border = border_of(slot),
           .t_before_half = 14.5f / kBlock,
           .t_half = 0,  // Cb and Cr have a half each
           .t_last = 14.5f / kBlock};
@@ -295,7 +305,7 @@ inline PlaneGeometry chroma_geometry(const ImageView& image) {
 inline void set_calm_rows(PixelFamily family, Slot& slot) {
   const ImageView& image = slot.image;
   if (family != PixelFamily::kI420 || image.family != family) return;
-  if (!luma_geometry(image, true).shuffles || !chroma_geometry(image).shuffles) return;
+  if (!luma_geometry(slot, true).shuffles || !chroma_geometry(slot).shuffles) return;
   if (int64_t{image.height} * image.stride[0] >= 1 << 24) return;  // corners are computed in float
   const hn::CappedTag<float, kBlock> d;
   const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
@@ -321,17 +331,19 @@ inline void set_calm_rows(PixelFamily family, Slot& slot) {
   }
   // Room for what happens between the rows that were looked at. Windows may run over into the next image row, but not
   // beyond the last one.
-  constexpr float kRoom = 3, kLargestSecond = 0.75f;
-  const float right = static_cast<float>(image.width - 1) - kRoom, bottom = static_cast<float>(image.height) - 8;
+  constexpr float kLargestSecond = 0.75f;
+  const float border = border_of(slot), room = 3 + 2 * border;
+  const float right = static_cast<float>(image.width - 1) - room, bottom = static_cast<float>(image.height) - 8 - border;
+  const float largest_step = 1.7f - 0.25f * border;
   const auto calm = [&](int j, int i) {
     const size_t at = static_cast<size_t>(j) * pitch + i;
     const auto bends = [&](const std::vector<float>& v, size_t step) {
       return !(std::abs(v[at + step] - 2 * v[at] + v[at - step]) < kLargestSecond);
     };
-    if (!(x[at] > kRoom && x[at] < right && y[at] > kRoom && y[at] < bottom)) return false;
+    if (!(x[at] > room && x[at] < right && y[at] > room && y[at] < bottom)) return false;
     if (bends(x, 1) || bends(y, 1) || bends(x, pitch) || bends(y, pitch)) return false;
     const float dx = x[at + 1] - x[at], dy = y[at + 1] - y[at];
-    if (!(dx > 0.25f * kBlock && dx < 1.7f * kBlock && std::abs(dy) < 0.8f)) return false;
+    if (!(dx > 0.25f * kBlock && dx < largest_step * kBlock && std::abs(dy) < 0.8f)) return false;
     if (i + 2 >= columns) return true;
     const float third_x = x[at + 2] - x[at - 1] - 3 * dx, third_y = y[at + 2] - y[at - 1] - 3 * dy;
     return std::abs(third_x) < 0.5f * kLargestThird && std::abs(third_y) < 0.5f * kLargestThird;
@@ -356,18 +368,18 @@ inline void place_plane(bool i420, const Slot& slot, int y, SlotBand& band) {
   band.mapped = false;
   project_nodes(slot, y, band);
   const int luma_entries = band.pitch * kBandRows - 3, chroma_entries = band.pitch * kBandPairs - 3;
-  const PlaneGeometry luma = luma_geometry(slot.image, i420);
+  const PlaneGeometry luma = luma_geometry(slot, i420);
   band.calm = slot.is_calm(std::max(y, slot.rect.y0), std::min(y + kBandRows, slot.rect.y1));
   if (band.calm) {
     place_calm_blocks(luma, luma_entries, band.luma);
     place_chroma_nodes(band);
-    place_calm_blocks(chroma_geometry(slot.image), chroma_entries, band.chroma);
+    place_calm_blocks(chroma_geometry(slot), chroma_entries, band.chroma);
     return;
   }
   place_blocks(luma, luma_entries, band.node_z.data(), band.luma);
   if (i420) {
     place_chroma_nodes(band);
-    place_blocks(chroma_geometry(slot.image), chroma_entries, nullptr, band.chroma);
+    place_blocks(chroma_geometry(slot), chroma_entries, nullptr, band.chroma);
   }
   decide(i420, band);
 }

@@ -100,9 +100,36 @@ HWY_INLINE VU16 sample_windows(VU16 x, V16 y, const uint8_t* low, const uint8_t*
   return blend(across(hn::IfThenElse(next, second, first)), across(hn::IfThenElse(next, third, second)), rest_y, fy);
 }
 
+// The same of windows of as many rows as it takes.
+HWY_INLINE VU16 sample_tall_windows(VU16 x, V16 y, const uint8_t* low, const uint8_t* high, ptrdiff_t stride,
+                                    size_t lane) {
+  const DU16 du;
+  const hn::Repartition<uint8_t, D16> d8;
+  constexpr int kToFraction16 = 16 - kPositionBits;
+  const auto fx = hn::ShiftLeft<kToFraction16>(x), rest_x = hn::Not(fx);
+  const auto fy = hn::BitCast(du, hn::ShiftLeft<kToFraction16>(y)), rest_y = hn::Not(fy);
+  const auto index = hn::ShiftRight<kPositionBits>(x), row = hn::ShiftRight<kPositionBits>(hn::BitCast(du, y));
+  const auto pick = hn::BitCast(d8, hn::Add(hn::Or(index, hn::ShiftLeft<8>(index)), hn::Set(du, 0x0100)));
+  const int rows = hn::GetLane(hn::MaxOfLanes(du, row)) + 2;
+  auto sum = hn::Zero(du), above = hn::Zero(du);  // `above`: where the row before is the upper one, its weight
+  for (int r = 0; r < rows; r++) {
+    const auto pair =
+        hn::BitCast(du, hn::TableLookupBytes(load_windows(low + r * stride, high + r * stride, lane), pick));
+    const auto across = blend(hn::ShiftLeft<8>(pair), hn::And(pair, hn::Set(du, 0xff00)), rest_x, fx);
+    const auto here = hn::Eq(row, hn::Set(du, static_cast<uint16_t>(r)));
+    sum = hn::Add(sum, hn::MulHigh(across, hn::IfThenElse(here, rest_y, above)));
+    above = hn::IfThenElseZero(here, fy);
+  }
+  return sum;
+}
+
+// In windows, in fixed point (kPositionBits).
+struct FixedPositions {
+  V16 x, y;
+};
+
 // On a plane.
-HWY_INLINE VU16 sample_plane(const WindowPositions& at, const UnitTable& table, const uint8_t* low, const uint8_t* high,
-                             ptrdiff_t stride, size_t lane) {
+HWY_INLINE FixedPositions plane_between(const WindowPositions& at, const UnitTable& table, size_t lane) {
   const D16 d;
   const DU16 du;
   const auto bend = hn::Load(d, table.bessel15 + lane);
@@ -111,7 +138,7 @@ HWY_INLINE VU16 sample_plane(const WindowPositions& at, const UnitTable& table, 
   const auto x = hn::Add(by_half(at.x0, at.x0_half, lane), along);  // in each half's window
   const auto y = hn::Add(hn::Add(hn::Set(d, at.y0), hn::MulFixedPoint15(hn::Set(d, at.sy), bend)),
                          hn::MulFixedPoint15(hn::Set(d, at.dy), hn::Load(d, table.t15 + lane)));
-  return sample_windows(x, y, low, high, stride, lane);
+  return {hn::BitCast(d, x), y};
 }
 
 // Positions of all samples of a block, as whole part and 15-bit fraction: in the plane's own coordinates, or of each

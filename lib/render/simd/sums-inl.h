@@ -41,7 +41,7 @@ struct PairPlace {
 
 #if HWY_TARGET == HWY_SCALAR
 
-template <bool kSurface>
+template <bool kSurface, bool kPlain>
 inline void sum_i420(const Part*, int, const PairPlace& at, Scratch& scratch) {
   for (int r = 2 * at.pair; r < 2 * at.pair + 2; r++) std::fill_n(scratch.sum[r][0] + at.out * kBlock, kBlock, 0);
   for (int c = 1; c < 3; c++) std::fill_n(scratch.sum[at.pair][c] + at.out * kChromaBlock, kChromaBlock, 0);
@@ -89,8 +89,8 @@ inline constexpr int kPrefetchRows = 8;
 struct WeightedPair {
   V16 upper, lower, chroma;
 };
-template <bool kSurface>
-HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
+template <bool kSurface, bool kCubic, bool kTall>
+HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
   const D16 d;
   const SlotBand& band = *part.band;
   const ImageView& image = band.slot->image;
@@ -115,7 +115,13 @@ HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
   hwy::Prefetch(cb + kPrefetchRows / 2 * chroma_stride);
   hwy::Prefetch(cr + kPrefetchRows / 2 * chroma_stride);
   const auto sample = [&](const FixedPositions& at, const uint8_t* low, const uint8_t* high, ptrdiff_t step) HWY_ATTR {
-    return sample_windows(hn::BitCast(DU16(), at.x), at.y, low, high, step, lane);
+    const auto x = hn::BitCast(DU16(), at.x);
+    if constexpr (kCubic)
+      return sample_cubic_windows<kTall>(x, at.y, low - step - 1, high - step - 1, step, lane);
+    else if constexpr (kTall)
+      return sample_tall_windows(x, at.y, low, high, step, lane);
+    else
+      return sample_windows(x, at.y, low, high, step, lane);
   };
   VU16 v0, v1, v2;
   if constexpr (kSurface) {
@@ -125,24 +131,39 @@ HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
     v2 = sample(chroma_between(cells, of, pair, part.block, lane), cb, cr, chroma_stride);
   } else {
     const WindowPositions* const window = band.luma.window.data() + entry;
-    v0 = sample_plane(window[0], kLumaTable, y0, luma_at(0, 1), stride, lane);
-    v1 = sample_plane(window[band.pitch], kLumaTable, y1, luma_at(1, 1), stride, lane);
+    v0 = sample(plane_between(window[0], kLumaTable, lane), y0, luma_at(0, 1), stride);
+    v1 = sample(plane_between(window[band.pitch], kLumaTable, lane), y1, luma_at(1, 1), stride);
     const WindowPositions& of_chroma = band.chroma.window[chroma_entry];
-    v2 = sample_plane(of_chroma, kChromaTable, cb, cr + of_chroma.half, chroma_stride, lane);
+    v2 = sample(plane_between(of_chroma, kChromaTable, lane), cb, cr + of_chroma.half, chroma_stride);
   }
+  constexpr int kCut = kCubic ? 0 : kCutOff;
   const DU16 du;
-  // Half of 256 times the samples, with what sample_windows() cuts off.
+  // Half of 256 times the samples, with what was cut off.
   const auto weigh = [&](VU16 samples, const int16_t* by) HWY_ATTR {
-    const auto halved = hn::AverageRound(samples, hn::Set(du, kCutOff));
+    const auto halved = hn::AverageRound(samples, hn::Set(du, kCut));
     return hn::MulFixedPoint15(hn::BitCast(d, halved), hn::Load(d, by + lane));
   };
-  const auto without_offset = hn::BitCast(d, hn::Sub(v2, hn::Set(du, (128 << 8) - kCutOff)));
+  const auto without_offset = hn::BitCast(d, hn::Sub(v2, hn::Set(du, (128 << 8) - kCut)));
   return {weigh(v0, weights.w[upper]), weigh(v1, weights.w[lower]),
           hn::MulFixedPoint15(without_offset, chroma_weights<14>(weights.w[upper], weights.w[lower]))};
 }
 
+// Of any kind of part, or plain: bilinear and not tall.
+template <bool kSurface, bool kPlain>
+HWY_INLINE WeightedPair weigh_pair(const Part& part, int pair, size_t lane) {
+  if constexpr (!kPlain) {
+    const bool cubic = part.band->slot->is_cubic();
+    if constexpr (kSurface)
+      if (part.verdict == SlotBand::kTall)
+        return cubic ? weigh_windows<true, true, true>(part, pair, lane)
+                     : weigh_windows<true, false, true>(part, pair, lane);
+    if (cubic) return weigh_windows<kSurface, true, false>(part, pair, lane);
+  }
+  return weigh_windows<kSurface, false, false>(part, pair, lane);
+}
+
 // The hottest loop: the sum of `count` parts into scratch.
-template <bool kSurface>
+template <bool kSurface, bool kPlain>
 inline void sum_i420(const Part* parts, int count, const PairPlace& at, Scratch& scratch) {
   const D16 d;
   const int upper = 2 * at.pair, lower = upper + 1;
@@ -150,7 +171,7 @@ inline void sum_i420(const Part* parts, int count, const PairPlace& at, Scratch&
   for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
     auto sum_upper = hn::Zero(d), sum_lower = hn::Zero(d), sum_chroma = hn::Zero(d);
     for (int i = 0; i < count; i++) {
-      const WeightedPair part = weigh_pair<kSurface>(parts[i], at.pair, lane);
+      const WeightedPair part = weigh_pair<kSurface, kPlain>(parts[i], at.pair, lane);
       sum_upper = hn::Add(sum_upper, part.upper);
       sum_lower = hn::Add(sum_lower, part.lower);
       sum_chroma = hn::Add(sum_chroma, part.chroma);
@@ -177,7 +198,7 @@ inline void store_i420(const Part& part, const PairPlace& at, const SlotTarget& 
   uint8_t* const upper = to.plane[0] + row * to.stride[0] + block * kBlock;
   alignas(64) int8_t chroma[kBlock];
   for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
-    const WeightedPair v = weigh_pair<kSurface>(part, at.pair, lane);
+    const WeightedPair v = weigh_pair<kSurface, false>(part, at.pair, lane);
     hn::StoreU(hn::DemoteTo(d8, rounded(v.upper)), d8, upper + lane);
     hn::StoreU(hn::DemoteTo(d8, rounded(v.lower)), d8, upper + to.stride[0] + lane);
     hn::Store(hn::DemoteTo(di8, rounded(v.chroma)), di8, chroma + lane);

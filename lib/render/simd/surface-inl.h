@@ -39,6 +39,7 @@ inline constexpr float first_t(int pair) { return pair % 2 ? 0.125f : 0.625f; }
 
 // What fixed point may be off by: nodes, steps and bends are rounded down and along.
 inline constexpr float kCellSlack = 4.f / (1 << kPositionBits);
+inline constexpr float kTallRows = 7;  // of windows, and one more
 inline constexpr float kMostStep = kWindow - 1;  // from node to node, and bends: 16 is where 16 bits end
 
 // A half in one coordinate, at a row of nodes: those around it and how it bends between them.
@@ -174,18 +175,40 @@ HWY_INLINE V most_of_block(V v) { return hn::Max(v, hn::Shuffle2301(v)); }
 template <class D, class V = hn::Vec<D>>
 struct CellPlace {
   V low_x, high_x, low_y, high_y;
-  HWY_INLINE auto is_inside(D d, const PlaneGeometry& plane) const {
-    return hn::And(hn::And(hn::Ge(low_x, hn::Zero(d)), hn::Lt(high_x, hn::Set(d, plane.width - 1 - plane.spare_columns))),
-                   hn::And(hn::Ge(low_y, hn::Zero(d)), hn::Lt(high_y, hn::Set(d, plane.height - 1))));
-  }
+  V column, width;     // of windows, and how far samples reach in them
+  V last_row, height;  // of the lower row's windows, and the larger of both
   HWY_INLINE auto is_outside(D d, const PlaneGeometry& plane) const {
     return hn::Or(hn::Or(hn::Lt(high_x, hn::Set(d, -0.5f)), hn::Gt(low_x, hn::Set(d, plane.width - 0.5f))),
                   hn::Or(hn::Lt(high_y, hn::Set(d, -0.5f)), hn::Gt(low_y, hn::Set(d, plane.height - 0.5f))));
   }
+  // kProject, kSample, kTall or kShuffle. `widest`: where fixed point ends across.
+  HWY_INLINE auto fetch(D d, const PlaneGeometry& plane, float widest) const {
+    const hn::RebindToSigned<D> di;
+    const auto set = [d](float v) HWY_ATTR { return hn::Set(d, v); };
+    const auto inside = [&](float border, float right) HWY_ATTR {
+      return hn::And(hn::And(hn::Ge(low_x, set(border)), hn::Lt(high_x, set(plane.width - 1 - right))),
+                     hn::And(hn::Ge(low_y, set(border)), hn::Lt(high_y, set(plane.height - 1 - border))));
+    };
+    const auto fits = hn::And(hn::Lt(width, set(widest)), hn::Lt(height, set(kWindow - 1)));
+    const auto good = hn::And(inside(0, plane.spare_columns), fits);
+    const auto code = [&](hn::Mask<D> when, int v, auto otherwise) HWY_ATTR {
+      return hn::IfThenElse(hn::RebindMask(di, when), hn::Set(di, v), otherwise);
+    };
+    auto out = code(good, SlotBand::kSample, hn::Zero(di));
+    if (!plane.shuffles) return out;
+    const auto narrow = hn::And(good, hn::Lt(width, set(kWindow - 1 - 2 * plane.border)));
+    const auto reaches = plane.border > 0 ? hn::And(narrow, inside(plane.border, plane.border)) : narrow;
+    // Windows run over into the next image row: it has to be there.
+    const auto rows = [&](float n) HWY_ATTR {
+      return hn::And(hn::Lt(height, set(n)), hn::Lt(last_row, set(plane.height - 1 - n - plane.border)));
+    };
+    out = code(hn::And(reaches, rows(kTallRows)), SlotBand::kTall, out);
+    return code(hn::And(reaches, rows(2)), SlotBand::kShuffle, out);
+  }
 };
 
 // How the pairs of rows of each block are fetched, and from where: band.verdict, as decide().
-inline void decide_cells(const ImageView& image, bool i420, SlotBand& band) {
+inline void decide_cells(const Slot& slot, bool i420, SlotBand& band) {
   const hn::CappedTag<float, kBlock> d;
   const hn::RebindToSigned<decltype(d)> di;
   const hn::RebindToUnsigned<decltype(d)> du;
@@ -194,8 +217,8 @@ inline void decide_cells(const ImageView& image, bool i420, SlotBand& band) {
   using VI = hn::Vec<decltype(di)>;
   SurfaceBand& out = band.surface;
   const size_t halves = 2 * static_cast<size_t>(band.blocks), pitch = out.pitch;
-  const PlaneGeometry luma = luma_geometry(image, i420);
-  const PlaneGeometry chroma = i420 ? chroma_geometry(image) : luma;
+  const PlaneGeometry luma = luma_geometry(slot, i420);
+  const PlaneGeometry chroma = i420 ? chroma_geometry(slot) : luma;
   const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
   const auto store_blocks = [&](VI v, int32_t* to) HWY_ATTR {
     hn::StoreU(hn::LowerHalf(d_blocks, hn::ConcatEven(di, v, v)), d_blocks, to);
@@ -228,19 +251,20 @@ inline void decide_cells(const ImageView& image, bool i420, SlotBand& band) {
       Rows top = rows(out.low_y), bottom = rows(out.high_y);
       top = {hn::Sub(top.upper, slack_y), hn::Sub(top.lower, slack_y)};
       bottom = {hn::Add(bottom.upper, slack_y), hn::Add(bottom.lower, slack_y)};
-      const CellPlace<decltype(d)> at{hn::Sub(hn::Min(left.upper, left.lower), slack_x),
-                                      hn::Add(hn::Max(right.upper, right.lower), slack_x),
-                                      hn::Min(top.upper, top.lower), hn::Max(bottom.upper, bottom.lower)};
-      const auto column = hn::Floor(at.low_x), upper_row = hn::Floor(top.upper), lower_row = hn::Floor(top.lower);
-      const auto width = hn::Sub(at.high_x, column);
-      const auto height = hn::Max(hn::Sub(bottom.upper, upper_row), hn::Sub(bottom.lower, lower_row));
-      // Fixed point ends at 32 pixels across and 16 down.
-      const auto good = hn::And(at.is_inside(d, luma),
-                                hn::And(hn::Lt(width, set(2 * kWindow - 1)), hn::Lt(height, set(kWindow - 1))));
+      CellPlace<decltype(d)> at;
+      at.low_x = hn::Sub(hn::Min(left.upper, left.lower), slack_x);
+      at.high_x = hn::Add(hn::Max(right.upper, right.lower), slack_x);
+      at.low_y = hn::Min(top.upper, top.lower);
+      at.high_y = hn::Max(bottom.upper, bottom.lower);
+      const auto upper_row = hn::Floor(top.upper), lower_row = hn::Floor(top.lower);
+      at.column = hn::Floor(at.low_x);
+      at.width = hn::Sub(at.high_x, at.column);
+      at.last_row = hn::Max(upper_row, lower_row);
+      at.height = hn::Max(hn::Sub(bottom.upper, upper_row), hn::Sub(bottom.lower, lower_row));
       const auto lost = hn::IfThenElseZero(hn::RebindMask(di, at.is_outside(d, luma)), code(SlotBand::kAllLost));
-      auto fetch = hn::IfThenElseZero(hn::RebindMask(di, good), code(SlotBand::kSample));
+      auto fetch = at.fetch(d, luma, 2 * kWindow - 1);
       const size_t row = static_cast<size_t>(2 * pair) * pitch + i;
-      const auto in_column = hn::ConvertTo(di, column), in_upper = hn::ConvertTo(di, upper_row),
+      const auto in_column = hn::ConvertTo(di, at.column), in_upper = hn::ConvertTo(di, upper_row),
                  in_lower = hn::ConvertTo(di, lower_row);
       hn::StoreU(corner(luma, in_column, in_upper), di, out.luma_corner.data() + row);
       hn::StoreU(corner(luma, in_column, in_lower), di, out.luma_corner.data() + row + pitch);
@@ -248,29 +272,21 @@ inline void decide_cells(const ImageView& image, bool i420, SlotBand& band) {
       hn::StoreU(origin(kLuma, in_column, in_upper, 0), du, out.luma_origin.data() + row);
       hn::StoreU(origin(kLuma, in_column, in_lower, 0), du, out.luma_origin.data() + row + pitch);
       if (i420) {
-        // Windows must not end behind the image.
-        const auto narrow = hn::And(hn::And(hn::Lt(width, set(kWindow - 1)), hn::Lt(height, set(2))),
-                                    hn::Lt(hn::Max(upper_row, lower_row), set(luma.height - 3)));
         // Chroma sample k is at luma 2 k + 0.5, within the bounds of both rows, and down in the middle of them.
-        const auto to_chroma = [&](V v) HWY_ATTR { return hn::MulAdd(v, set(0.5f), set(-0.25f)); };
-        const auto slack = set(kSlack);
-        const CellPlace<decltype(d)> in_chroma{
-            hn::Sub(to_chroma(least_of_block(at.low_x)), slack), hn::Add(to_chroma(most_of_block(at.high_x)), slack),
-            hn::Sub(to_chroma(least_of_block(hn::Mul(set(0.5f), hn::Add(top.upper, top.lower)))), slack),
-            hn::Add(to_chroma(most_of_block(hn::Mul(set(0.5f), hn::Add(bottom.upper, bottom.lower)))), slack)};
-        const auto chroma_column = hn::Floor(in_chroma.low_x), chroma_row = hn::Floor(in_chroma.low_y);
-        const auto chroma_width = hn::Sub(in_chroma.high_x, chroma_column),
-                   chroma_height = hn::Sub(in_chroma.high_y, chroma_row);
-        const auto chroma_good =
-            hn::And(in_chroma.is_inside(d, chroma),
-                    hn::And(hn::Lt(chroma_width, set(kWindow - 1)), hn::Lt(chroma_height, set(kWindow - 1))));
-        const auto chroma_narrow =
-            hn::And(hn::Lt(chroma_height, set(2)), hn::Lt(chroma_row, set(chroma.height - 3)));
-        if (luma.shuffles && chroma.shuffles)
-          fetch = hn::IfThenElse(hn::RebindMask(di, hn::And(good, hn::And(narrow, chroma_narrow))),
-                                 code(SlotBand::kShuffle), fetch);
-        fetch = hn::IfThenElseZero(hn::RebindMask(di, chroma_good), fetch);
-        const auto in_chroma_column = hn::ConvertTo(di, chroma_column), in_chroma_row = hn::ConvertTo(di, chroma_row);
+        const auto to_chroma = [&](V v, float slack) HWY_ATTR { return hn::MulAdd(v, set(0.5f), set(slack - 0.25f)); };
+        const auto middle = [&](const Rows& of) HWY_ATTR { return hn::Mul(set(0.5f), hn::Add(of.upper, of.lower)); };
+        CellPlace<decltype(d)> in_chroma;
+        in_chroma.low_x = to_chroma(least_of_block(at.low_x), -kSlack);
+        in_chroma.high_x = to_chroma(most_of_block(at.high_x), kSlack);
+        in_chroma.low_y = to_chroma(least_of_block(middle(top)), -kSlack);
+        in_chroma.high_y = to_chroma(most_of_block(middle(bottom)), kSlack);
+        in_chroma.column = hn::Floor(in_chroma.low_x);
+        in_chroma.width = hn::Sub(in_chroma.high_x, in_chroma.column);
+        in_chroma.last_row = hn::Floor(in_chroma.low_y);
+        in_chroma.height = hn::Sub(in_chroma.high_y, in_chroma.last_row);
+        fetch = hn::Min(fetch, in_chroma.fetch(d, chroma, kWindow - 1));
+        const auto in_chroma_column = hn::ConvertTo(di, in_chroma.column),
+                   in_chroma_row = hn::ConvertTo(di, in_chroma.last_row);
         const size_t block = (static_cast<size_t>(pair) * pitch + i) / 2;
         store_blocks(corner(chroma, in_chroma_column, in_chroma_row), out.chroma_corner.data() + block);
         // Luma's position of that, 2 k + 0.5.
@@ -301,7 +317,7 @@ inline void place_cells(const Slot& slot, bool i420, int y, bool follows, const 
   doubt_cells(slot, inverse, first, halves + 1, ready_cells, out, work.doubt);
   for (int k = ready; k < kCellRows; k++) fix_nodes(work, k, halves, out);
   for (int k = ready_cells; k + 1 < kCellRows; k++) fix_cells(work, k, halves, out);
-  decide_cells(slot.image, i420, band);
+  decide_cells(slot, i420, band);
 }
 
 #else
