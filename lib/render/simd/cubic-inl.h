@@ -101,38 +101,52 @@ HWY_INLINE VU16 sample_cubic_windows(VU16 x, V16 y, const uint8_t* low, const ui
     return Row{hn::BitCast(du, hn::TableLookupBytes(window, pick_outer)),
                hn::BitCast(du, hn::TableLookupBytes(window, pick_inner))};
   };
-  // In 64ths of a level, as in cubic_samples().
+  // In 64ths of a level, as in cubic_samples(). Every second sum has a 256th of the one before it besides: the bytes
+  // below its own are not taken out.
   V16 sum[kTaps] = {hn::Zero(d), hn::Zero(d), hn::Zero(d), hn::Zero(d)};
-  const auto add = [&](const Row& row, V16 weight) HWY_ATTR {
-    const auto add_to = [&](VU16 taps, V16& even, V16& odd) HWY_ATTR {
-      const auto low_byte = hn::ShiftLeft<6>(hn::And(taps, hn::Set(du, 0x00ff)));
-      const auto high_byte = hn::And(hn::ShiftRight<2>(taps), hn::Set(du, 0x3fc0));
-      even = hn::Add(even, hn::MulFixedPoint15(hn::BitCast(d, low_byte), weight));
-      odd = hn::Add(odd, hn::MulFixedPoint15(hn::BitCast(d, high_byte), weight));
-    };
-    add_to(row.left, sum[0], sum[1]);
-    add_to(row.right, sum[2], sum[3]);
-  };
   if constexpr (kTall) {
     const auto row = hn::ShiftRight<kPositionBits>(hn::BitCast(du, y));
     const int rows = hn::GetLane(hn::MaxOfLanes(du, row)) + kTaps;
     V16 above[kTaps - 1] = {hn::Zero(d), hn::Zero(d), hn::Zero(d)};  // weights, by how many rows above the first tap is
     for (int r = 0; r < rows; r++) {
       const auto here = hn::RebindMask(d, hn::Eq(row, hn::Set(du, static_cast<uint16_t>(r))));
-      add(load(r), hn::IfThenElse(here, down[0], above[0]));
+      const auto weight = hn::IfThenElse(here, down[0], above[0]);
       above[0] = hn::IfThenElse(here, down[1], above[1]);
       above[1] = hn::IfThenElse(here, down[2], above[2]);
       above[2] = hn::IfThenElseZero(here, down[3]);
+      const auto add = [&](VU16 taps, V16& even, V16& odd) HWY_ATTR {
+        const auto low_byte = hn::ShiftRight<2>(hn::ShiftLeft<8>(taps));
+        even = hn::Add(even, hn::MulFixedPoint15(hn::BitCast(d, low_byte), weight));
+        odd = hn::Add(odd, hn::MulFixedPoint15(hn::BitCast(d, hn::ShiftRight<2>(taps)), weight));
+      };
+      const Row taps = load(r);
+      add(taps.left, sum[0], sum[1]);
+      add(taps.right, sum[2], sum[3]);
     }
   } else {
     const auto next = hn::RebindMask(du, hn::Gt(y, hn::Set(d, (1 << kPositionBits) - 1)));
+    // 16384 = 1, so that products of 256 times the levels are 64ths; those of the outer taps are taken off.
+    VU16 weight[kTaps] = {hn::BitCast(du, hn::ShiftRight<1>(hn::Neg(down[0]))), hn::Zero(du),
+                          hn::BitCast(du, hn::ShiftRight<1>(down[2])),
+                          hn::BitCast(du, hn::ShiftRight<1>(hn::Neg(down[3])))};
+    weight[1] = hn::Sub(hn::Add(hn::Add(weight[0], weight[3]), hn::Set(du, 1 << 14)), weight[2]);
     Row upper = load(0);
     for (int k = 0; k < kTaps; k++) {
       const Row lower = load(k + 1);
-      add({hn::IfThenElse(next, lower.left, upper.left), hn::IfThenElse(next, lower.right, upper.right)}, down[k]);
+      const auto add = [&](VU16 taps, V16& even, V16& odd) HWY_ATTR {
+        const auto add_to = [&](V16& to, VU16 v) HWY_ATTR {
+          const auto product = hn::BitCast(d, hn::MulHigh(v, weight[k]));
+          to = k == 0 || k == 3 ? hn::Sub(to, product) : hn::Add(to, product);
+        };
+        add_to(even, hn::ShiftLeft<8>(taps));
+        add_to(odd, taps);
+      };
+      add(hn::IfThenElse(next, lower.left, upper.left), sum[0], sum[1]);
+      add(hn::IfThenElse(next, lower.right, upper.right), sum[2], sum[3]);
       upper = lower;
     }
   }
+  for (int k = 1; k < kTaps; k += 2) sum[k] = hn::Sub(sum[k], hn::ShiftRight<8>(sum[k - 1]));
   auto all = hn::MulFixedPoint15(sum[0], across[0]);
   for (int k = 1; k < kTaps; k++) all = hn::Add(all, hn::MulFixedPoint15(sum[k], across[k]));
   const auto level = hn::Min(hn::Max(all, hn::Zero(d)), hn::Set(d, 255 << 6));
@@ -190,9 +204,13 @@ HWY_INLINE void copy_taps(const Positions& at, int half, const CubicPlane& plane
     }
     for (int k = 0; k < kTaps; k++) {
       const uint8_t* const row = plane.base + std::clamp(y + k, 0, plane.height - 1) * plane.stride;
-      for (int tap = 0; tap < kTaps; tap++)
-        std::memcpy(to(k, i) + tap * plane.pixel_stride,
-                    row + std::clamp(x + tap, 0, plane.width - 1) * plane.pixel_stride, plane.pixel_stride);
+      for (int tap = 0; tap < kTaps; tap++) {
+        const int column = std::clamp(x + tap, 0, plane.width - 1);
+        if constexpr (kBytes == kTaps)
+          to(k, i)[tap] = row[column];
+        else
+          std::memcpy(to(k, i) + tap * plane.pixel_stride, row + column * plane.pixel_stride, plane.pixel_stride);
+      }
     }
   }
 }
