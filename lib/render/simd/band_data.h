@@ -115,7 +115,7 @@ struct SurfaceBand {
   int first_row = 0;  // where row 0 of nodes is
   int row(int k) const { return (first_row + k) % kCellRows; }
   size_t entry(int k, size_t half) const { return static_cast<size_t>(row(k)) * pitch + half; }
-  CellNodes x, y, z;  // by row()
+  CellNodes x, y, z, per_z;  // by row(); 1 / z
   // Bounds of what lies between a half's nodes if all the view were at this row of them; NaN where fixed point doesn't
   // reach.
   std::vector<float> low_x, high_x, low_y, high_y;

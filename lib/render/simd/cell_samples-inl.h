@@ -204,13 +204,16 @@ inline void inverse_along(const CellNodes& inverse, const CellRow& row, size_t h
   const hn::CappedTag<float, kHalf> d;
   const hn::Repartition<uint8_t, decltype(d)> d8;
   const InverseTable& table = chroma ? kChromaInverse : kLumaInverse;
+  const hn::FixedTag<float, 4> d4;
   alignas(16) float nodes[2][4];  // of the halves
-  for (size_t k = 0; k < 2; k++)
-    for (size_t n = 0; n < 4; n++) {
-      const std::vector<float>* const rows = n % 2 ? inverse.odd : inverse.even;
-      const float upper = rows[row.k][half + k + n / 2], lower = rows[row.k + 1][half + k + n / 2];
-      nodes[k][n] = upper + row.t * (lower - upper);
-    }
+  for (size_t k = 0; k < 2; k++) {
+    const auto between = [&](const std::vector<float>* rows) HWY_ATTR {
+      const auto upper = hn::LoadU(d4, rows[row.k].data() + half + k);
+      const auto lower = hn::LoadU(d4, rows[row.k + 1].data() + half + k);
+      return hn::MulAdd(hn::Set(d4, row.t), hn::Sub(lower, upper), upper);
+    };
+    hn::Store(hn::InterleaveLower(d4, between(inverse.even), between(inverse.odd)), d4, nodes[k]);
+  }
   for (size_t lane = 0; lane < (chroma ? kHalf : kBlock); lane += hn::Lanes(d)) {
     const size_t in_half = lane % kHalf;
     // Four samples of chroma to a half, eight of luma.

@@ -91,10 +91,12 @@ inline void project_cells(const Slot& slot, const CellNodes& inverse, size_t fir
       hn::StoreU(x, d, out.x.even[at].data() + i);
       hn::StoreU(y, d, out.y.even[at].data() + i);
       hn::StoreU(z, d, out.z.even[at].data() + i);
+      hn::StoreU(hn::Div(hn::Set(d, 1.f), z), d, out.per_z.even[at].data() + i);
       project(hn::LoadU(d, inverse.odd[k].data() + first + i), i, kOdd, row, x, y, z);
       hn::StoreU(x, d, out.x.odd[at].data() + i);
       hn::StoreU(y, d, out.y.odd[at].data() + i);
       hn::StoreU(z, d, out.z.odd[at].data() + i);
+      hn::StoreU(hn::Div(hn::Set(d, 1.f), z), d, out.per_z.odd[at].data() + i);
     }
   }
   for (int k = std::max(ready - 1, 0); k < kCellRows; k++) {
@@ -148,19 +150,18 @@ struct CellDoubt {
   struct Side {
     V dx, dy, distance, change, doubt;
   };
-  // From the nodes at `i` of some to those at `j` of others; of x, y, z and inverse distance.
+  // From the nodes at `i` of some to those at `j` of others; of x, y, z, 1 / z and inverse distance.
   template <class D, class V = hn::Vec<D>>
-  HWY_INLINE Side<V> side(D d, const float* const from[4], size_t i, const float* const to[4], size_t j,
+  HWY_INLINE Side<V> side(D d, const float* const from[5], size_t i, const float* const to[5], size_t j,
                           float product) const {
     const auto difference = [&](int c) HWY_ATTR { return hn::Sub(hn::LoadU(d, to[c] + j), hn::LoadU(d, from[c] + i)); };
-    const auto nearest = hn::Min(hn::LoadU(d, from[2] + i), hn::LoadU(d, to[2] + j));
-    const auto per_z = hn::Div(hn::Set(d, 1.f), nearest);
+    const auto per_z = hn::Max(hn::LoadU(d, from[3] + i), hn::LoadU(d, to[3] + j));  // of the nearer one
     Side<V> out;
     out.dx = difference(0);
     out.dy = difference(1);
     out.distance = hn::Max(hn::Abs(out.dx), hn::Abs(out.dy));
     out.change = hn::Mul(hn::Abs(difference(2)), per_z);
-    const auto term = hn::Mul(hn::Mul(hn::Set(d, product), hn::Abs(difference(3))), per_z);
+    const auto term = hn::Mul(hn::Mul(hn::Set(d, product), hn::Abs(difference(4))), per_z);
     out.doubt = hn::Mul(hn::Mul(hn::Set(d, kMostThird), out.change), hn::MulAdd(out.change, out.distance, term));
     const auto cube = hn::Mul(out.distance, hn::Mul(out.distance, out.distance));
     out.doubt = hn::MulAdd(hn::Set(d, third), cube, out.doubt);
@@ -176,12 +177,14 @@ inline void doubt_cells(const Slot& slot, const CellNodes& inverse, size_t first
   const hn::CappedTag<float, kBlock> d;
   const CellDoubt bound(slot);
   struct Row {
-    const float *even[4], *odd[4];
+    const float *even[5], *odd[5];
   } rows[kCellRows];
   for (int k = 0; k < kCellRows; k++) {
     const int at = band.row(k);
-    rows[k] = {{band.x.even[at].data(), band.y.even[at].data(), band.z.even[at].data(), inverse.even[k].data() + first},
-               {band.x.odd[at].data(), band.y.odd[at].data(), band.z.odd[at].data(), inverse.odd[k].data() + first}};
+    rows[k] = {{band.x.even[at].data(), band.y.even[at].data(), band.z.even[at].data(), band.per_z.even[at].data(),
+                inverse.even[k].data() + first},
+               {band.x.odd[at].data(), band.y.odd[at].data(), band.z.odd[at].data(), band.per_z.odd[at].data(),
+                inverse.odd[k].data() + first}};
   }
   // Two sides along rows, and how far their bends may be from linear between them.
   const auto between = [&](const auto& upper, const auto& lower) HWY_ATTR {

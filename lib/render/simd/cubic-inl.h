@@ -73,8 +73,8 @@ HWY_INLINE auto cubic_samples(const VU32 rows[kTaps], V16 outer, V16 inner, cons
                      hn::TruncateTo(to, hn::BitCast(du32, hn::ShiftLeft<kSumFractionBits - 6>(level))));
 }
 
-// As sample_windows() or, tall, sample_tall_windows(), but nothing is cut off. `low`, `high`: a row above the windows, a
-// column before them.
+// As sample_windows(), but nothing is cut off. Tall: on as many rows as it takes. `low`, `high`: a row above the windows,
+// a column before them.
 template <bool kTall>
 HWY_INLINE VU16 sample_cubic_windows(VU16 x, V16 y, const uint8_t* low, const uint8_t* high, ptrdiff_t stride,
                                      size_t lane) {

@@ -244,7 +244,7 @@ void SurfaceBand::resize(int blocks) {
   if (pitch >= wanted) return;
   pitch = wanted;
   const size_t halves = pitch, cells = halves * kCellRows, rows = halves * kBandRows;
-  for (CellNodes* of : {&x, &y, &z}) of->resize(halves);
+  for (CellNodes* of : {&x, &y, &z, &per_z}) of->resize(halves);
   for (auto* of : {&low_x, &high_x, &low_y, &high_y, &slack_x, &slack_y}) of->resize(cells);
   for (auto* of : {&nodes, &along, &down}) of->resize(8 * cells);
   luma_corner.resize(rows);

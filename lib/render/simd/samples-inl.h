@@ -75,14 +75,18 @@ HWY_INLINE VU16 blend(VU16 a, VU16 b, VU16 rest, VU16 f) { return hn::Add(hn::Mu
 // What sample_windows() cuts off from its products, on average: from nothing to twice as much.
 inline constexpr int kCutOff = 3;
 
+// Which rows samples begin on: the windows' first two, or more where a focal surface steps.
+inline constexpr int kFlatSteps = 2, kTallSteps = 7, kTallChromaSteps = 4;
+
 // Samples lane.. of a block whose windows hold all that is needed, times 256, and kCutOff too small. `low`, `high`:
 // where the windows of its two halves begin.
 // `x`, `y`: positions in the windows, in fixed point (kPositionBits).
+template <int kSteps>
 HWY_INLINE VU16 sample_windows(VU16 x, V16 y, const uint8_t* low, const uint8_t* high, ptrdiff_t stride, size_t lane) {
   const D16 d;
   const DU16 du;
   const hn::Repartition<uint8_t, D16> d8;
-  constexpr int kToFraction16 = 16 - kPositionBits, kFraction = (1 << kPositionBits) - 1;
+  constexpr int kToFraction16 = 16 - kPositionBits;
   const auto fx = hn::ShiftLeft<kToFraction16>(x), fy = hn::BitCast(du, hn::ShiftLeft<kToFraction16>(y));
   const auto rest_x = hn::Not(fx), rest_y = hn::Not(fy);
   // Bytes of a 16-bit lane: a sample and its right neighbour.
@@ -91,36 +95,20 @@ HWY_INLINE VU16 sample_windows(VU16 x, V16 y, const uint8_t* low, const uint8_t*
   const auto pairs = [&](ptrdiff_t row) HWY_ATTR {
     return hn::BitCast(du, hn::TableLookupBytes(load_windows(low + row * stride, high + row * stride, lane), pick));
   };
-  // Positions wander over two pairs of rows: reading the third always is faster than asking.
-  const auto first = pairs(0), second = pairs(1), third = pairs(2);
-  const auto next = hn::RebindMask(du, hn::Gt(y, hn::Set(d, kFraction)));
+  // Reading all rows always is faster than asking.
+  auto upper = pairs(0), lower = pairs(1), last = lower;
+  HWY_UNROLL(kTallSteps)
+  for (int r = 1; r < kSteps; r++) {
+    const auto below = hn::RebindMask(du, hn::Gt(y, hn::Set(d, static_cast<int16_t>((r << kPositionBits) - 1))));
+    const auto next = pairs(r + 1);
+    upper = hn::IfThenElse(below, last, upper);
+    lower = hn::IfThenElse(below, next, lower);
+    last = next;
+  }
   const auto across = [&](VU16 pair) HWY_ATTR {
     return blend(hn::ShiftLeft<8>(pair), hn::And(pair, hn::Set(du, 0xff00)), rest_x, fx);
   };
-  return blend(across(hn::IfThenElse(next, second, first)), across(hn::IfThenElse(next, third, second)), rest_y, fy);
-}
-
-// The same of windows of as many rows as it takes.
-HWY_INLINE VU16 sample_tall_windows(VU16 x, V16 y, const uint8_t* low, const uint8_t* high, ptrdiff_t stride,
-                                    size_t lane) {
-  const DU16 du;
-  const hn::Repartition<uint8_t, D16> d8;
-  constexpr int kToFraction16 = 16 - kPositionBits;
-  const auto fx = hn::ShiftLeft<kToFraction16>(x), rest_x = hn::Not(fx);
-  const auto fy = hn::BitCast(du, hn::ShiftLeft<kToFraction16>(y)), rest_y = hn::Not(fy);
-  const auto index = hn::ShiftRight<kPositionBits>(x), row = hn::ShiftRight<kPositionBits>(hn::BitCast(du, y));
-  const auto pick = hn::BitCast(d8, hn::Add(hn::Or(index, hn::ShiftLeft<8>(index)), hn::Set(du, 0x0100)));
-  const int rows = hn::GetLane(hn::MaxOfLanes(du, row)) + 2;
-  auto sum = hn::Zero(du), above = hn::Zero(du);  // `above`: where the row before is the upper one, its weight
-  for (int r = 0; r < rows; r++) {
-    const auto pair =
-        hn::BitCast(du, hn::TableLookupBytes(load_windows(low + r * stride, high + r * stride, lane), pick));
-    const auto across = blend(hn::ShiftLeft<8>(pair), hn::And(pair, hn::Set(du, 0xff00)), rest_x, fx);
-    const auto here = hn::Eq(row, hn::Set(du, static_cast<uint16_t>(r)));
-    sum = hn::Add(sum, hn::MulHigh(across, hn::IfThenElse(here, rest_y, above)));
-    above = hn::IfThenElseZero(here, fy);
-  }
-  return sum;
+  return blend(across(upper), across(lower), rest_y, fy);
 }
 
 // In windows, in fixed point (kPositionBits).

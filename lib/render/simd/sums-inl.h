@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <type_traits>
 
 #include <hwy/cache_control.h>
 #include <hwy/highway.h>
@@ -114,27 +115,29 @@ HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
   hwy::Prefetch(y1 + kPrefetchRows * stride);
   hwy::Prefetch(cb + kPrefetchRows / 2 * chroma_stride);
   hwy::Prefetch(cr + kPrefetchRows / 2 * chroma_stride);
-  const auto sample = [&](const FixedPositions& at, const uint8_t* low, const uint8_t* high, ptrdiff_t step) HWY_ATTR {
+  const auto sample = [&](auto steps, const FixedPositions& at, const uint8_t* low, const uint8_t* high,
+                          ptrdiff_t step) HWY_ATTR {
+    constexpr int kSteps = decltype(steps)::value;
     const auto x = hn::BitCast(DU16(), at.x);
     if constexpr (kCubic)
-      return sample_cubic_windows<kTall>(x, at.y, low - step - 1, high - step - 1, step, lane);
-    else if constexpr (kTall)
-      return sample_tall_windows(x, at.y, low, high, step, lane);
+      return sample_cubic_windows<(kSteps > kFlatSteps)>(x, at.y, low - step - 1, high - step - 1, step, lane);
     else
-      return sample_windows(x, at.y, low, high, step, lane);
+      return sample_windows<kSteps>(x, at.y, low, high, step, lane);
   };
+  constexpr std::integral_constant<int, kTall ? kTallSteps : kFlatSteps> kLuma;
+  constexpr std::integral_constant<int, kTall ? kTallChromaSteps : kFlatSteps> kChroma;
   VU16 v0, v1, v2;
   if constexpr (kSurface) {
     const CellsOfPair of(cells, pair, part.block, lane);
-    v0 = sample(luma_between(cells, of, pair, 0, part.block, lane), y0, luma_at(0, 1), stride);
-    v1 = sample(luma_between(cells, of, pair, 1, part.block, lane), y1, luma_at(1, 1), stride);
-    v2 = sample(chroma_between(cells, of, pair, part.block, lane), cb, cr, chroma_stride);
+    v0 = sample(kLuma, luma_between(cells, of, pair, 0, part.block, lane), y0, luma_at(0, 1), stride);
+    v1 = sample(kLuma, luma_between(cells, of, pair, 1, part.block, lane), y1, luma_at(1, 1), stride);
+    v2 = sample(kChroma, chroma_between(cells, of, pair, part.block, lane), cb, cr, chroma_stride);
   } else {
     const WindowPositions* const window = band.luma.window.data() + entry;
-    v0 = sample(plane_between(window[0], kLumaTable, lane), y0, luma_at(0, 1), stride);
-    v1 = sample(plane_between(window[band.pitch], kLumaTable, lane), y1, luma_at(1, 1), stride);
+    v0 = sample(kLuma, plane_between(window[0], kLumaTable, lane), y0, luma_at(0, 1), stride);
+    v1 = sample(kLuma, plane_between(window[band.pitch], kLumaTable, lane), y1, luma_at(1, 1), stride);
     const WindowPositions& of_chroma = band.chroma.window[chroma_entry];
-    v2 = sample(plane_between(of_chroma, kChromaTable, lane), cb, cr + of_chroma.half, chroma_stride);
+    v2 = sample(kChroma, plane_between(of_chroma, kChromaTable, lane), cb, cr + of_chroma.half, chroma_stride);
   }
   constexpr int kCut = kCubic ? 0 : kCutOff;
   const DU16 du;
@@ -210,6 +213,7 @@ inline void store_i420(const Part& part, const PairPlace& at, const SlotTarget& 
 
 // What add_part() works with: two rows and their chroma.
 struct PairSamples {
+  bool any_lost = false;  // or `lost` is not set
   Positions at[3];
   alignas(64) int16_t weight[2][kBlock];
   alignas(64) int16_t lost[2][kBlock];
@@ -246,11 +250,11 @@ inline bool find_samples(const SumTask& task, const Part& part, bool project, co
   const Slot& slot = *part.band->slot;
   const bool i420 = task.family == PixelFamily::kI420;
   const FocalMap* const map = task.plan->view().focus.map.get();
-  std::fill_n(out.lost[0], 2 * kBlock, 0);
   if (!project) {
     interpolate_pair(part, place.pair, i420, map != nullptr, out.at);
     return true;
   }
+  std::fill_n(out.lost[0], 2 * kBlock, 0);
   for (int i = 0; i < (i420 ? 3 : 2); i++) {
     const bool chroma = i == 2;
     const float y = static_cast<float>(upper) + (chroma ? 0.5f : static_cast<float>(i));
@@ -268,6 +272,7 @@ inline bool find_samples(const SumTask& task, const Part& part, bool project, co
                                 lost, out.at[i]);
     }
     if (sight == Sight::kDoubtful) return false;
+    out.any_lost = out.any_lost || sight == Sight::kSome;
   }
   return true;
 }
@@ -325,12 +330,10 @@ inline bool add_part(const SumTask& task, const Part& part, const PairPlace& pla
   const bool project = task.exact || part.verdict == SlotBand::kProject;
   PairSamples samples;
   if (!find_samples(task, part, project, place, scratch.inverse, samples)) return false;
-  for (int r = 0; r < 2; r++) {
+  scratch.any_lost = scratch.any_lost || samples.any_lost;
+  for (int r = 0; r < 2 && samples.any_lost; r++) {
     uint16_t* const lost = scratch.lost[2 * place.pair + r] + place.out * kBlock;
-    for (int i = 0; project && i < kBlock; i++) {
-      lost[i] = static_cast<uint16_t>(lost[i] + samples.lost[r][i]);
-      scratch.any_lost = scratch.any_lost || samples.lost[r][i] != 0;
-    }
+    for (int i = 0; i < kBlock; i++) lost[i] = static_cast<uint16_t>(lost[i] + samples.lost[r][i]);
   }
   if (task.family == PixelFamily::kI420)
     add_i420(*part.band->slot, samples, place, scratch);

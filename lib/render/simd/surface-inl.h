@@ -17,6 +17,9 @@
 #include "render/simd/cells-inl.h"
 #include "render/simd/fixed-inl.h"
 #include "render/simd/positions-inl.h"
+#if HWY_TARGET != HWY_SCALAR
+#include "render/simd/samples-inl.h"
+#endif
 #include "render/sum_renderer.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -39,7 +42,6 @@ inline constexpr float first_t(int pair) { return pair % 2 ? 0.125f : 0.625f; }
 
 // What fixed point may be off by: nodes, steps and bends are rounded down and along.
 inline constexpr float kCellSlack = 4.f / (1 << kPositionBits);
-inline constexpr float kTallRows = 7;  // of windows, and one more
 inline constexpr float kMostStep = kWindow - 1;  // from node to node, and bends: 16 is where 16 bits end
 
 // A half in one coordinate, at a row of nodes: those around it and how it bends between them.
@@ -181,8 +183,9 @@ struct CellPlace {
     return hn::Or(hn::Or(hn::Lt(high_x, hn::Set(d, -0.5f)), hn::Gt(low_x, hn::Set(d, plane.width - 0.5f))),
                   hn::Or(hn::Lt(high_y, hn::Set(d, -0.5f)), hn::Gt(low_y, hn::Set(d, plane.height - 0.5f))));
   }
-  // kProject, kSample, kTall or kShuffle. `widest`: where fixed point ends across.
-  HWY_INLINE auto fetch(D d, const PlaneGeometry& plane, float widest) const {
+  // kProject, kSample, kTall or kShuffle. `widest`: where fixed point ends across;
+  // `tall`: the most rows that samples may begin on.
+  HWY_INLINE auto fetch(D d, const PlaneGeometry& plane, float widest, float tall) const {
     const hn::RebindToSigned<D> di;
     const auto set = [d](float v) HWY_ATTR { return hn::Set(d, v); };
     const auto inside = [&](float border, float right) HWY_ATTR {
@@ -202,8 +205,8 @@ struct CellPlace {
     const auto rows = [&](float n) HWY_ATTR {
       return hn::And(hn::Lt(height, set(n)), hn::Lt(last_row, set(plane.height - 1 - n - plane.border)));
     };
-    out = code(hn::And(reaches, rows(kTallRows)), SlotBand::kTall, out);
-    return code(hn::And(reaches, rows(2)), SlotBand::kShuffle, out);
+    out = code(hn::And(reaches, rows(tall)), SlotBand::kTall, out);
+    return code(hn::And(reaches, rows(kFlatSteps)), SlotBand::kShuffle, out);
   }
 };
 
@@ -262,7 +265,7 @@ inline void decide_cells(const Slot& slot, bool i420, SlotBand& band) {
       at.last_row = hn::Max(upper_row, lower_row);
       at.height = hn::Max(hn::Sub(bottom.upper, upper_row), hn::Sub(bottom.lower, lower_row));
       const auto lost = hn::IfThenElseZero(hn::RebindMask(di, at.is_outside(d, luma)), code(SlotBand::kAllLost));
-      auto fetch = at.fetch(d, luma, 2 * kWindow - 1);
+      auto fetch = at.fetch(d, luma, 2 * kWindow - 1, kTallSteps);
       const size_t row = static_cast<size_t>(2 * pair) * pitch + i;
       const auto in_column = hn::ConvertTo(di, at.column), in_upper = hn::ConvertTo(di, upper_row),
                  in_lower = hn::ConvertTo(di, lower_row);
@@ -284,7 +287,7 @@ inline void decide_cells(const Slot& slot, bool i420, SlotBand& band) {
         in_chroma.width = hn::Sub(in_chroma.high_x, in_chroma.column);
         in_chroma.last_row = hn::Floor(in_chroma.low_y);
         in_chroma.height = hn::Sub(in_chroma.high_y, in_chroma.last_row);
-        fetch = hn::Min(fetch, in_chroma.fetch(d, chroma, kWindow - 1));
+        fetch = hn::Min(fetch, in_chroma.fetch(d, chroma, kWindow - 1, kTallChromaSteps));
         const auto in_chroma_column = hn::ConvertTo(di, in_chroma.column),
                    in_chroma_row = hn::ConvertTo(di, in_chroma.last_row);
         const size_t block = (static_cast<size_t>(pair) * pitch + i) / 2;
