@@ -90,7 +90,7 @@ struct PlanePositions {
 };
 
 // Through a focal map whose nodes are kCell pixels apart, positions are quadratic from node to node wherever that can
-// be proved good to kGridError (surface-inl.h). Nodes stand between pixels 1 and 2 of every four. Each half of a block
+// be proved good to kGridError (cells-inl.h). Nodes stand between pixels 1 and 2 of every four. Each half of a block
 // and row lies between four of them; those of chroma are of the same places, per pair of rows.
 inline constexpr int kCell = FocalMap::kFinestStep;
 inline constexpr int kHalf = kBlock / 2;
@@ -140,7 +140,7 @@ struct SlotBand {
 
   int y = -1;  // of the band; -1: none yet
   const Slot* slot = nullptr;
-  bool calm = false;  // all verdicts are kShuffle
+  bool calm = false;    // all verdicts are kShuffle
   bool mapped = false;  // `surface` has the positions
   int first_block = 0, blocks = 0;
   int pitch = 0;                     // blocks + 3 nodes
@@ -149,7 +149,7 @@ struct SlotBand {
   PlanePositions luma, chroma;   // luma: or RGB
   std::vector<int32_t> verdict;  // of block b in pair p: p * verdict_pitch + b
   int verdict_pitch = 0;
-  SurfaceBand surface;           // with a focal map instead
+  SurfaceBand surface;  // with a focal map instead
   // Bit p: the verdict on pair p of a block is kShuffle. Not all need be told.
   uint32_t calm_pairs(int block) const {
     if (calm) return ~0u;

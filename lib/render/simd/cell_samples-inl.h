@@ -14,8 +14,8 @@
 #include <hwy/highway.h>
 
 #include "render/simd/band_data.h"
+#include "render/simd/fixed_cells-inl.h"
 #include "render/simd/samples-inl.h"
-#include "render/simd/surface-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
@@ -117,8 +117,7 @@ struct CellsOfRow {
     };
     const auto before = look_up(node, table.before);
     const auto bent = hn::MulFixedPoint15(look_up(bend, table.before), hn::LoadDup128(d, table.bend15));
-    const auto along =
-        hn::MulFixedPoint15(hn::Sub(look_up(node, table.after), before), hn::LoadDup128(d, table.t15));
+    const auto along = hn::MulFixedPoint15(hn::Sub(look_up(node, table.after), before), hn::LoadDup128(d, table.t15));
     return hn::Add(hn::Add(before, along), bent);
   }
   V16 node, bend;

@@ -73,8 +73,8 @@ HWY_INLINE auto cubic_samples(const VU32 rows[kTaps], V16 outer, V16 inner, cons
                      hn::TruncateTo(to, hn::BitCast(du32, hn::ShiftLeft<kSumFractionBits - 6>(level))));
 }
 
-// As sample_windows(), but nothing is cut off. Tall: on as many rows as it takes. `low`, `high`: a row above the windows,
-// a column before them.
+// As sample_windows(), but nothing is cut off. Tall: on as many rows as it takes. `low`, `high`: a row above the
+// windows, a column before them.
 template <bool kTall>
 HWY_INLINE VU16 sample_cubic_windows(VU16 x, V16 y, const uint8_t* low, const uint8_t* high, ptrdiff_t stride,
                                      size_t lane) {
@@ -82,9 +82,8 @@ HWY_INLINE VU16 sample_cubic_windows(VU16 x, V16 y, const uint8_t* low, const ui
   const DU16 du;
   const hn::Repartition<uint8_t, D16> d8;
   constexpr int kTo15 = 15 - kPositionBits;
-  const auto fraction = [&](V16 v) HWY_ATTR {
-    return hn::ShiftLeft<kTo15>(hn::And(v, hn::Set(d, (1 << kPositionBits) - 1)));
-  };
+  const auto fraction = [&](V16 v)
+                            HWY_ATTR { return hn::ShiftLeft<kTo15>(hn::And(v, hn::Set(d, (1 << kPositionBits) - 1))); };
   V16 across[kTaps], down[kTaps];
   cubic_weights(fraction(hn::BitCast(d, x)), across[0], across[1], across[2], across[3]);
   cubic_weights(fraction(y), down[0], down[1], down[2], down[3]);
@@ -263,9 +262,8 @@ inline void gather_cubic_pixels(const Positions& at, const Slot& slot, int16_t o
       if constexpr (hn::MaxLanes(D16()) == kBlock) v = hn::ConcatUpperLower(du32, hn::Set(du32, pair[1]), v);
       return hn::BitCast(d, v);
     };
-    const auto load = [&](int k) HWY_ATTR {
-      return hn::BitCast(du32, hn::TableLookupBytes(hn::Load(d8, rows[k][i]), pick));
-    };
+    const auto load = [&](int k)
+                          HWY_ATTR { return hn::BitCast(du32, hn::TableLookupBytes(hn::Load(d8, rows[k][i]), pick)); };
     const hn::Vec<decltype(du32)> taps[kTaps] = {load(0), load(1), load(2), load(3)};
     const V16 down[kTaps] = {spread(weights.down[0]), spread(weights.down[1]), spread(weights.down[2]),
                              spread(weights.down[3])};

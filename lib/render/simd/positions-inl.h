@@ -128,7 +128,7 @@ inline void place_chroma_nodes(SlotBand& band) {
 
 // One plane of an image, and where along a block its samples are.
 struct PlaneGeometry {
-  float width, height;                  // of the plane, samples
+  float width, height;  // of the plane, samples
   int32_t stride, pixel_bytes;
   float spare_columns;                  // on the right, left to the slow way
   bool shuffles;                        // 8-bit samples side by side, rows of at least a window
@@ -333,7 +333,8 @@ inline void set_calm_rows(PixelFamily family, Slot& slot) {
   // beyond the last one.
   constexpr float kLargestSecond = 0.75f;
   const float border = border_of(slot), room = 3 + 2 * border;
-  const float right = static_cast<float>(image.width - 1) - room, bottom = static_cast<float>(image.height) - 8 - border;
+  const float right = static_cast<float>(image.width - 1) - room,
+              bottom = static_cast<float>(image.height) - 8 - border;
   const float largest_step = 1.7f - 0.25f * border;
   const auto calm = [&](int j, int i) {
     const size_t at = static_cast<size_t>(j) * pitch + i;
