@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 
 #include <gst/base/gstqueuearray.h>
 
@@ -15,8 +16,10 @@
 #include "view_control.h"
 #include "view_request_settings.h"
 
-// What the files of lfviewrequest share: lfviewrequest.cc (the element), view_request_focus.cc (where it is in focus),
-// view_request_send.cc (what leaves beside a request) and view_request_relay.cc (foreign requests).
+// What the files of lfviewrequest share: lfviewrequest.cc (the element), view_request_properties.cc,
+// view_request_steering.cc (what moves the view while it runs), view_request_turn.cc (when a request leaves, and what
+// it says), view_request_focus.cc (where it is in focus), view_request_send.cc (what leaves beside a request) and
+// view_request_relay.cc (foreign requests).
 
 struct _LfViewRequest {
   GstPushSrc parent;
@@ -27,15 +30,15 @@ struct _LfViewRequest {
   lf::NavigationTap* navigation_tap;
   lf::RequestStream* stream;  // null when stopped; what other threads do not ask for is the streaming thread's alone
   std::vector<lf::ViewRequest>* extra;  // that go along with the next request
-  lf::OutOfService* out_of_service;  // has a lock of its own
-  lf::FocusFeedback* focus_feedback;  // has a lock of its own
-  lf::RequestRelay* relay;           // has a lock of its own
-  GstPad* sink;                      // of requests to be relayed; null: the element makes its own
-  GstCaps* relayed_caps;             // of the sink pad, until they have been passed on
+  lf::OutOfService* out_of_service;     // has a lock of its own
+  lf::FocusFeedback* focus_feedback;    // has a lock of its own
+  lf::RequestRelay* relay;              // has a lock of its own
+  GstPad* sink;                         // of requests to be relayed; null: the element makes its own
+  GstCaps* relayed_caps;                // of the sink pad, until they have been passed on
   GstClockID clock_id;
   bool unlocked;
-  bool changed;                // the view, since the request before
-  bool waits_for_change;       // clock_id ends with it
+  bool changed;            // the view, since the request before
+  bool waits_for_change;   // clock_id ends with it
   bool warned_commands;    // streaming thread
   GstQueueArray* to_send;  // buffers, before the next request; streaming thread
   // Not live: whether somebody who finds the focus has been looked for, and is waited for. Streaming thread.
@@ -44,11 +47,30 @@ struct _LfViewRequest {
   guint32 last_sequence;  // of it
 };
 
-// lfviewrequest.cc
+// view_request_properties.cc
+void lf_view_request_install_properties(GObjectClass* klass);
+// What mouse and keys are held back by; null if they are not.
+std::shared_ptr<const lf::VisibleShare> lf_view_request_visible_share(const lf::ViewRequestSettings& settings,
+                                                                      const std::shared_ptr<const lf::Rig>& rig);
+
+// view_request_steering.cc
+// The actions set-view and focus-at.
+void lf_view_request_install_signals(GObjectClass* klass);
 // As the properties say. With the object lock, while running.
 lf::View lf_view_request_view(LfViewRequest* self);
+// The view is another one than before: a request that waits for its turn may leave. With the object lock.
+void lf_view_request_note_change(LfViewRequest* self);
 // Runs `change` on the view under the lock and then tells who watches the properties. Returns what `change` returns.
 gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gboolean(lf::ViewControl&)>& change);
+// Mouse, keys, or an event "lf-view-request".
+bool lf_view_request_is_steering(GstEvent* event);
+// By such an event; false if nothing comes of it.
+gboolean lf_view_request_steer(LfViewRequest* self, GstEvent* event);
+
+// view_request_turn.cc
+gboolean lf_view_request_unlock(GstBaseSrc* base);
+gboolean lf_view_request_unlock_stop(GstBaseSrc* base);
+GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out);
 
 // view_request_focus.cc
 // The action focus-at.
@@ -61,8 +83,8 @@ GstFlowReturn lf_view_request_wait_for_focus(LfViewRequest* self);
 // view_request_send.cc
 // By an event of extra requests; false if it is of another view.
 gboolean lf_view_request_take_extra(LfViewRequest* self, GstEvent* event);
-// What is to leave right after a request, if anything is: the command for the cameras, and extra requests. `stamps`: the
-// request's buffer.
+// What is to leave right after a request, if anything is: the command for the cameras, and extra requests. `stamps`:
+// the request's buffer.
 void lf_view_request_send_more(LfViewRequest* self, const lf::ViewRequest& request,
                                const std::shared_ptr<const lf::Rig>& rig, GstBuffer* stamps);
 
