@@ -10,6 +10,7 @@
 #include <hwy/highway.h>
 
 #include "base/for_lanes-inl.h"
+#include "image/image_copy.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace lf::HWY_NAMESPACE {
@@ -44,26 +45,14 @@ int factor_of(float gain) { return static_cast<int>(std::clamp<long>(std::lround
 }  // namespace
 
 ImageView divide_by_gain(const ImageView& image, const Rect& rect, float gain, ByteBuffer& memory) {
-  ImageView out = image;
   const int factor = factor_of(gain);
-  const bool rgb = image.family == PixelFamily::kRgb;
-  const int planes = rgb ? 1 : 3;
-  const auto rows = [&](int c) { return c == 0 ? image.height : chroma_size(image.height); };
-  size_t size = 0;
-  for (int c = 0; c < planes; c++) size += static_cast<size_t>(rows(c)) * image.stride[c];
-  memory.resize(size);
-  uint8_t* to = memory.data();
-  for (int c = 0; c < planes; c++) {
-    out.plane[c] = to;
-    const Rect part = c == 0 ? rect : Rect{rect.x0 / 2, rect.y0 / 2, chroma_size(rect.x1), chroma_size(rect.y1)};
-    const int step = rgb ? image.layout.pixel_stride : 1;
-    for (int y = part.y0; y < part.y1; y++) {
-      const ptrdiff_t at = y * image.stride[c] + ptrdiff_t{part.x0} * step;
-      HWY_DYNAMIC_DISPATCH(divide_row)(image.plane[c] + at, part.width() * step, factor, c == 0 ? 0 : 128, to + at);
+  return write_copy(image, rect, memory, [factor](const PlaneCopy& plane) {
+    for (int y = plane.part.y0; y < plane.part.y1; y++) {
+      const ptrdiff_t at = y * plane.stride + ptrdiff_t{plane.part.x0} * plane.step;
+      HWY_DYNAMIC_DISPATCH(divide_row)
+      (plane.from + at, plane.part.width() * plane.step, factor, plane.index == 0 ? 0 : 128, plane.to + at);
     }
-    to += rows(c) * image.stride[c];
-  }
-  return out;
+  });
 }
 
 void divide_by_gain(std::span<uint8_t> luma, float gain) {

@@ -9,6 +9,7 @@
 #include <hwy/highway.h>
 
 #include "base/for_lanes-inl.h"
+#include "image/image_copy.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace lf::HWY_NAMESPACE {
@@ -82,23 +83,9 @@ namespace lf {
 HWY_EXPORT(plane);
 
 ImageView sharpen(const ImageView& image, const Rect& rect, ByteBuffer& memory) {
-  ImageView out = image;
-  const bool rgb = image.family == PixelFamily::kRgb;
-  const int planes = rgb ? 1 : 3;
-  const auto rows = [&](int c) { return c == 0 ? image.height : chroma_size(image.height); };
-  size_t size = 0;
-  for (int c = 0; c < planes; c++) size += static_cast<size_t>(rows(c)) * image.stride[c];
-  memory.resize(size);
-  uint8_t* to = memory.data();
-  for (int c = 0; c < planes; c++) {
-    out.plane[c] = to;
-    const Rect half{rect.x0 / 2, rect.y0 / 2, chroma_size(rect.x1), chroma_size(rect.y1)};
-    HWY_DYNAMIC_DISPATCH(plane)
-    (image.plane[c], image.stride[c], rgb ? image.layout.pixel_stride : 1,
-     c == 0 ? image.width : chroma_size(image.width), rows(c), c == 0 ? rect : half, to);
-    to += rows(c) * image.stride[c];
-  }
-  return out;
+  return write_copy(image, rect, memory, [](const PlaneCopy& p) {
+    HWY_DYNAMIC_DISPATCH(plane)(p.from, p.stride, p.step, p.width, p.height, p.part, p.to);
+  });
 }
 
 }  // namespace lf
