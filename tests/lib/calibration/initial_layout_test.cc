@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "calibration/alignment.h"
+#include "calibration/position_errors.h"
 #include "calibration/scene.h"
 #include "calibration/simulator.h"
 
@@ -25,19 +25,7 @@ class InitialLayoutTest : public testing::Test {
   }
   // Root mean square across the array, of the pitch, by the best similarity.
   double error(const Scene& scene) {
-    std::vector<Pose> found, expected;
-    for (size_t i = 0; i < truth_.cameras.size(); i++) {
-      if (!scene.cameras[i].used) continue;
-      found.push_back(scene.cameras[i].pose());
-      expected.push_back(truth_.cameras[i].pose);
-    }
-    const Similarity s = align(found, expected);
-    double sum = 0;
-    for (size_t i = 0; i < found.size(); i++) {
-      const Vec2 e(s(found[i]).position - expected[i].position);
-      sum += glm::dot(e, e);
-    }
-    return std::sqrt(sum / static_cast<double>(found.size())) / 0.06;
+    return sim::root_mean_square(sim::position_errors(scene, truth_), [](const Vec3& e) { return Vec2(e); }) / 0.06;
   }
 
   const Rig truth_ = sim::make_array({.rows = 4, .columns = 4}, 1);

@@ -2,8 +2,8 @@
 // Rigs that are no array: cameras around what they see.
 #include <gtest/gtest.h>
 
-#include "calibration/alignment.h"
 #include "calibration/initial_layout.h"
+#include "calibration/position_errors.h"
 #include "calibration/scene.h"
 #include "calibration/simulator.h"
 
@@ -23,17 +23,7 @@ class PairsLayoutTest : public testing::TestWithParam<std::tuple<Around, double>
   }
   // Root mean square, metres, by the best similarity.
   double error(const Scene& scene) {
-    std::vector<Pose> found, expected;
-    for (size_t i = 0; i < truth_.cameras.size(); i++) {
-      if (!scene.cameras[i].used) continue;
-      found.push_back(scene.cameras[i].pose());
-      expected.push_back(truth_.cameras[i].pose);
-    }
-    const Similarity s = align(found, expected);
-    double sum = 0;
-    for (size_t i = 0; i < found.size(); i++)
-      sum += glm::dot(s(found[i]).position - expected[i].position, s(found[i]).position - expected[i].position);
-    return std::sqrt(sum / static_cast<double>(found.size()));
+    return sim::root_mean_square(sim::position_errors(scene, truth_), [](const Vec3& e) { return e; });
   }
   Scene with_lenses_about_right() {
     Scene scene = make_scene(tracks_, {});
