@@ -55,6 +55,15 @@ TEST_F(LfFocus, TheBuiltInSceneGainsAndThenRests) {
   EXPECT_GT(scene["surface_ssim"], scene["plane_ssim"]);
 }
 
+// Not matched, it gains 2.6 dB, the same at rest, and flickers by 16 of 255 (99th percentile).
+TEST_F(LfFocus, MatchedCamerasGainMoreAndFlickerLess) {
+  const nlohmann::json matched = row("built-in scene, gains off by 10 %, matched");
+  EXPECT_GT(matched["gain_db"], 5.5);
+  EXPECT_GT(matched["rest_gain_db"], 5.5);
+  EXPECT_LT(matched["rest_percent"], 5);
+  EXPECT_LT(matched["flicker_p99"], 11);
+}
+
 TEST_F(LfFocus, UnknownScenesAreRefused) {
   const Outcome outcome = run_program("lf-focus", "--acceptance --only nowhere", folder_.path());
   EXPECT_NE(outcome.status, 0);

@@ -18,10 +18,12 @@ namespace {
 struct Trouble {
   const char* name;
   Faults faults;
+  bool matched = false;  // gains=true
 };
 constexpr Trouble kTroubles[] = {{"", {}},
                                  {", noise of 5", {.noise = 5}},
                                  {", gains off by 10 %", {.gain_error = 0.1}},
+                                 {", gains off by 10 %, matched", {.gain_error = 0.1}, true},
                                  {", a camera 0.5 degrees off", {.pointing_error = 0.5}}};
 
 struct Subject {
@@ -30,6 +32,7 @@ struct Subject {
   std::function<Case()> make;
   double least_gain_db;  // promised
   double least_way;      // of the way to the bound
+  bool matched = false;  // cameras match their brightness
 };
 
 std::vector<Subject> subjects(const AcceptanceOptions& options) {
@@ -48,7 +51,8 @@ std::vector<Subject> subjects(const AcceptanceOptions& options) {
         add_faults(trouble.faults, c);
         return c;
       };
-      all.push_back({name + trouble.name, near, far, spoilt, clean ? least_gain_db : kNothing, clean ? least_way : 0});
+      all.push_back({name + trouble.name, near, far, spoilt, clean ? least_gain_db : kNothing, clean ? least_way : 0,
+                     trouble.matched});
     }
   };
   const auto some_views = [views = options.views](Case c) {
@@ -89,6 +93,7 @@ Options options_for(const Subject& subject) {
   options.focus = {.mode = FocusMode::kSurface, .near = subject.near, .far = subject.far};
   options.range = {1 / subject.far, 1 / subject.near};
   options.resampling = Resampling::kSharpened;
+  options.gains = subject.matched;
   return options;
 }
 

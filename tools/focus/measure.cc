@@ -82,7 +82,7 @@ class Renderer {
     const uint64_t planned = now_ns();
     std::vector<Source> sources = sources_of(job, number);
     const uint64_t ready = now_ns();
-    if (matched_) sources = match(job, sources, matcher_.gains_for(0, {}));
+    if (matched_) sources = match(job, sources, matcher_.gains_for(0, request.gains));
     if (by_camera_)
       cost.trial_bytes += add_camera_by_camera(job, sources, levels, sums);
     else
@@ -92,6 +92,14 @@ class Renderer {
     return sums;
   }
 
+  // After its trials: what the request asks of the cameras' brightness, for the next one to bring back.
+  GainRequest gains_after(const ViewRequest& request, size_t number, Picture& cost) {
+    if (!matched_ || request.trials.empty() || mean_rounds_++ % kMeanInterval != 0) return {};
+    return {.mean = mean(request, number, cost), .mean_of = request.sequence};
+  }
+  const std::map<CameraIndex, float>& gains() { return matcher_.gains_for(0, {}).all(); }
+
+ private:
   // What the cameras, asked by this request, have in common.
   std::vector<uint8_t> mean(const ViewRequest& request, size_t number, Picture& cost) {
     const uint64_t begun = now_ns();
@@ -108,9 +116,6 @@ class Renderer {
     cost.trial_bytes += static_cast<double>(wire::encode_moments({.gains = seen.gains}, {&seen.moments, 1}).size());
     return mean;
   }
-  const std::map<CameraIndex, float>& gains() { return matcher_.gains_for(0, {}).all(); }
-
- private:
   std::vector<Source> match(const RenderJob& job, const std::vector<Source>& sources, const CameraGains& gains) {
     return matcher_.match(sources, gains, [&](CameraIndex camera) {
       return needed_pixels(job.plan(), camera, case_.rig.cameras[camera]);
@@ -153,16 +158,11 @@ class Renderer {
   const bool matched_, by_camera_;
   const int trial_quality_;
   GainMatcher matcher_;
+  unsigned mean_rounds_ = 0;  // requests with trials
   std::vector<ByteBuffer> sharp_;
   const Mesh mesh_;
   std::vector<CameraIndex> own_;
 };
-
-// Which round asks how bright the cameras are, and what came of it into the next.
-GainRequest gains_of_round(Renderer& renderer, const ViewRequest& request, size_t number, int round, Picture& cost) {
-  if (request.trials.empty() || round % static_cast<int>(kMeanInterval) != 1) return {};
-  return {.mean = renderer.mean(request, number, cost), .mean_of = request.sequence};
-}
 
 // View `number` focused on a plane parallel to the array.
 View on_plane(const Case& c, size_t number, const Plane& from, double distance) {
@@ -261,7 +261,7 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
     Picture picture = renderer.picture(request.view, view, request.gains);
     picture.quality = compare(picture.image, truth, picture.coverage);
     const std::vector<Moments> moments = renderer.moments(request, view, picture);
-    request.gains = options.gains ? gains_of_round(renderer, request, view, round, picture) : GainRequest();
+    request.gains = renderer.gains_after(request, view, picture);
     const uint64_t begun = now_ns();
     const FocusControl::Plan plan = control.next(request, moments, from);
     picture.trial_ms += milliseconds(now_ns() - begun);
@@ -282,7 +282,10 @@ RestResult measure_rest(const Case& c, size_t view, const Options& options, int 
   ViewRequest request;
   request.view = on_plane(c, view, from, distance_of(map_of(options.range), options.planes / 2, options.planes));
   const auto next = [&](Picture& cost) {
-    const FocusControl::Plan plan = control.next(request, renderer.moments(request, view, cost), from);
+    const std::vector<Moments> moments = renderer.moments(request, view, cost);
+    request.gains = renderer.gains_after(request, view, cost);
+    const FocusControl::Plan plan = control.next(request, moments, from);
+    request.sequence++;
     request.view = plan.view;
     request.trials = plan.trials;
   };
@@ -291,7 +294,7 @@ RestResult measure_rest(const Case& c, size_t view, const Options& options, int 
   RestResult result;
   std::vector<double> sum, square;
   for (int i = 0; i < pictures; i++) {
-    Picture picture = renderer.picture(request.view, view);
+    Picture picture = renderer.picture(request.view, view, request.gains);
     sum.resize(picture.image.data().size());
     square.resize(sum.size());
     for (size_t k = 0; k < sum.size(); k++) {
@@ -352,7 +355,7 @@ std::vector<Frame> measure_film(const Case& c, const Options& options, const std
     Picture cost;
     frames[i].surface_db = psnr(renderer.picture(request.view, i, request.gains));
     plan = control.next(request, renderer.moments(request, i, cost), from);
-    if (options.gains) gains = gains_of_round(renderer, request, i, static_cast<int>(i), cost);
+    gains = renderer.gains_after(request, i, cost);
     progress();
   }
   const auto best = std::ranges::max_element(
