@@ -55,6 +55,7 @@ CameraTrialsUnit read_unit(std::span<const uint8_t> bytes, const MomentsShape& e
     camera.rect = {x, y, x + w, y + h};
     const std::span<const uint8_t> deflated = in.get_bytes(in.get<uint32_t>());
     if (!in.ok()) throw Error("camera trials: the unit ends before its cameras do");
+    if (camera.camera >= kMaxCameras) throw Error("camera: " + std::to_string(camera.camera) + " is none of any rig");
     if (!unit.cameras.empty() && camera.camera <= unit.cameras.back().camera)
       throw Error("camera trials: cameras are not in order");
     if (!is_inside(camera.rect, shape)) throw Error("rectangle: is not inside the map");

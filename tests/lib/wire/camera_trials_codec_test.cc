@@ -79,6 +79,11 @@ TEST(CameraTrialsCodec, NamesWhatIsWrong) {
   EXPECT_THAT(with(37, 1), testing::StartsWith("reserved: "));
   EXPECT_THAT(with(47, 60), testing::StartsWith("rectangle: "));
   EXPECT_THAT(with(41, 9), testing::HasSubstr("order"));
+  std::vector<uint8_t> nobody = encoded();
+  nobody[40] = nobody[41] = 0xff;
+  std::string reason;
+  EXPECT_FALSE(decode_camera_trials(nobody, kShape, &reason).has_value());
+  EXPECT_THAT(reason, testing::StartsWith("camera: "));
   std::vector<CameraTrials> bad = two_cameras();
   bad[0].luma.pop_back();
   EXPECT_THROW(encode_camera_trials(kHeader, kShape, bad), Error);
