@@ -35,7 +35,8 @@ std::shared_ptr<const FocalMap> FocusControl::first_map(const View& view, const 
   return std::make_shared<FocalMap>(plane_map(view, from, nearest > farthest ? nearest : 2 * farthest, farthest));
 }
 
-void FocusControl::judge(const SurfaceChoice& choice, const std::vector<Trial>& trials, FocalMap& map) {
+void FocusControl::judge(const SurfaceChoice& choice, const ViewRequest& request, FocalMap& map) {
+  const std::vector<Trial>& trials = request.trials;
   if (settings_.mode != FocusMode::kAuto) return;
   const double enough = std::max(kWorthwhile, kWorthwhilePart * choice.residual);
   const bool gains = choice.gained >= enough, worthwhile = is_worthwhile(choice, enough);
@@ -45,7 +46,7 @@ void FocusControl::judge(const SurfaceChoice& choice, const std::vector<Trial>& 
   for (size_t t = 1; t < trials.size() && !gains; t++) {
     if (trials[t].kind != Trial::Kind::kPlane || !(choice.cost[t] <= least)) continue;
     state_.flat = true;
-    flat_inverse_ = map.inverse_of(trials[t].value);
+    flat_inverse_ = request.view.focus.map->inverse_of(trials[t].value);
     least = choice.cost[t];
   }
   if (state_.flat) std::ranges::fill(map.levels, map.level_of(flat_inverse_));
@@ -98,13 +99,12 @@ bool FocusControl::is_another_scene() {
   state_.interval = 1;
   quiet_ = round_ = 0;
   least_reached_ = std::numeric_limits<double>::infinity();
-  settling_ = kSettling;
+  settling_ = kSettling + static_cast<unsigned>(latest_.underway());
   return true;
 }
 
 void FocusControl::follow_range(bool another, FocalMap& map) {
   if (!is_automatic()) return;
-  if (range_) set_range(*range_, map);
   DepthRange range{map.farthest, map.nearest};
   if (another)
     range = {range.farthest / 2, 2 * range.nearest};
@@ -164,9 +164,14 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
   }
   if (!map) {
     plan.view.focus.map = first_map(request.view, from);
-    const FocusControl fresh(settings_);
-    *this = fresh;
-    settling_ = kSettling;
+    // Those that left before anything came of the first one begin together.
+    if (state_.rounds > 0 || latest_.underway() == 0) {
+      const FocusControl fresh(settings_);
+      *this = fresh;
+      settling_ = kSettling;
+    } else {
+      settling_++;
+    }
   } else if (!moments.empty()) {
     SurfaceChoice choice = choice_of(request, moments);
     auto better = std::make_shared<FocalMap>(*map);
@@ -174,18 +179,24 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
     state_.rounds++;
     state_.residual = choice.residual;
     state_.gained = choice.gained;
+    if (range_) set_range(*range_, *better);
+    latest_.merge(request, choice, *better);
     if (!choice.cost.empty() && std::isfinite(choice.cost[0])) {
       state_.deviation = choice.cost[0];
       count_planes(choice, request.trials);
-      judge(choice, request.trials, *better);
+      judge(choice, request, *better);
       follow_range(is_another_scene(), *better);
     }
     plan.view.focus.map = std::move(better);
+  } else if (std::shared_ptr<const FocalMap> latest = latest_.seen_from(request.view)) {
+    plan.view.focus.map = std::move(latest);
   }
+  latest_.set(plan.view);
   const FocalMap& next = *plan.view.focus.map;
   state_.near = 1 / next.nearest;
   state_.far = 1 / next.farthest;
   plan.trials = next_trials(next);
+  if (!plan.trials.empty()) latest_.leaves(plan.trials);
   return plan;
 }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "focus/depth_range.h"
+#include "focus/latest_surface.h"
 #include "focus/moments.h"
 #include "focus/surface_choice.h"
 #include "view/view_request.h"
@@ -49,7 +50,8 @@ class FocusControl {
   explicit FocusControl(const Settings& settings) : settings_(settings) {}
 
   // What the next request shall have: the view of `request` with another map, or none, and trials. `moments`: what came
-  // of its trials, in their order and of the map's size; empty where nothing came. `from`: see FocalMap.
+  // of its trials, in their order and of the map's size; empty where nothing came. `from`: see FocalMap. Requests are
+  // answered in the order in which they left, any number of them later: see LatestSurface.
   struct Plan {
     View view;
     std::vector<Trial> trials;
@@ -74,7 +76,7 @@ class FocusControl {
  private:
   std::shared_ptr<const FocalMap> first_map(const View& view, const Plane& from) const;
   bool is_automatic() const { return !(settings_.near > 0) || !(settings_.far > 0); }
-  void judge(const SurfaceChoice& choice, const std::vector<Trial>& trials, FocalMap& map);
+  void judge(const SurfaceChoice& choice, const ViewRequest& request, FocalMap& map);
   bool is_worthwhile(const SurfaceChoice& choice, double enough);
   bool is_another_scene();
   void follow_range(bool another, FocalMap& map);
@@ -83,6 +85,7 @@ class FocusControl {
 
   Settings settings_;
   State state_;
+  LatestSurface latest_;
   double flat_inverse_ = 0;  // where one plane is enough, 1/m
   std::optional<DepthRange> range_;  // of all maps, where it follows the scene
   std::vector<double> plane_deviations_;  // of the best plane of each of the latest rounds

@@ -43,10 +43,12 @@ SurfaceChoice choose_surface(const FocalMap& surface, std::span<const std::vecto
   const std::vector<std::vector<float>> costs = trial_costs(moments.first(trials.size()), radius);
   const std::vector<float>& base = costs[0];
   choice.residual = median_of_finite(base);
+  std::vector<uint8_t>& chosen = choice.chosen;
+  chosen.assign(base.size(), 0);
+  choice.least.assign(base.size(), kInfinity);
   if (std::isnan(choice.residual)) return choice;
-  const auto lead = static_cast<float>(kLead * choice.residual);
+  const float lead = choice.lead = static_cast<float>(kLead * choice.residual);
   std::vector<float> best(base.size());
-  std::vector<uint8_t> chosen(base.size());
   cheapest_trials(costs, lead, best.data(), chosen.data());
   choice.cost = mean_costs(costs);
   std::vector<const uint8_t*> levels;
@@ -56,6 +58,7 @@ SurfaceChoice choose_surface(const FocalMap& surface, std::span<const std::vecto
   for (size_t i = 0; i < best.size(); i++) {
     if (!(best[i] < kInfinity)) continue;
     choice.levels[i] = levels[chosen[i]][i];
+    choice.least[i] = best[i] - (chosen[i] != 0 ? lead : 0.f);
     seen++;
     changed += chosen[i] != 0;
     const float less = base[i] - (best[i] - lead);

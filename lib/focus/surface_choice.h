@@ -16,6 +16,9 @@ struct SurfaceChoice {
   double residual = 0;          // median deviation through the smoothed surface, levels of luma; NaN: nothing is seen
   double gained = 0;            // by how much the choice lowers it, mean over the nodes
   double changed = 0;           // fraction of the nodes that left the smoothed surface
+  std::vector<uint8_t> chosen;  // trial of each node; 0: the smoothed surface
+  std::vector<float> least;     // deviation through it; infinity: the node is not seen
+  float lead = 0;               // of the smoothed surface
   std::vector<double> cost;  // of each trial: mean deviation over the nodes that all of them see; NaN: there are none
 };
 

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <deque>
+
 #include "lib/focus/array_of_walls.h"
 
 namespace lf {
@@ -144,6 +146,61 @@ TEST(FocusControl, FindsASceneThatLeftTheRange) {
       EXPECT_GE(loop.control.state().looks, 1u);
     }
   }
+}
+
+// What comes of a request shapes the one that leaves `underway` requests later, as where pictures take that long.
+struct DelayedLoop : Loop {
+  DelayedLoop(FocusMode mode, size_t underway) : Loop(mode, false, 0, 0), requests(underway, request) {}
+  void run_delayed(size_t count) {
+    for (size_t i = 0; i < count; i++) {
+      request = requests.front();
+      requests.pop_front();
+      run(1);
+      requests.push_back(request);
+    }
+  }
+  // Of all surfaces that are underway.
+  double least_right() {
+    double least = 1;
+    for (const ViewRequest& r : requests) {
+      request = r;
+      least = std::min(least, right());
+    }
+    return least;
+  }
+  std::deque<ViewRequest> requests;
+};
+
+TEST(FocusControl, ManyRequestsUnderwayMakeOneSurface) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto})
+    for (const size_t underway : {1, 2, 3, 4, 8, 16}) {
+      SCOPED_TRACE(underway);
+      DelayedLoop loop(mode, underway);
+      loop.run_delayed(14 + 3 * underway);
+      for (int i = 0; i < 20; i++) {
+        EXPECT_GT(loop.least_right(), 0.97) << i;
+        loop.run_delayed(1);
+      }
+      EXPECT_EQ(loop.control.state().looks, 0u);
+    }
+}
+
+TEST(FocusControl, FindsASceneThatLeftTheRangeWithManyRequestsUnderway) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto})
+    for (const size_t underway : {2, 3, 4, 8})
+      for (const double nearer : {3., 0.4}) {
+        SCOPED_TRACE(std::to_string(underway) + " underway, " + std::to_string(nearer) + " times nearer");
+        DelayedLoop loop(mode, underway);
+        loop.run_delayed(30 + 3 * underway);
+        loop.walls = ArrayOfWalls(false, nearer);
+        loop.run_delayed(60 + 6 * underway);
+        EXPECT_GT(loop.least_right(), 0.95);
+        const FocusControl::State& state = loop.control.state();
+        EXPECT_GE(state.looks, 1u);
+        EXPECT_LE(state.looks, FocusControl::kMostLooks) << "not one for each request underway";
+        EXPECT_LT(state.near, 1.5 / nearer);
+        EXPECT_GT(state.far, 3 / nearer);
+      }
 }
 
 TEST(FocusControl, KeepsTheRangeItWasTold) {

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/latest_surface.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <utility>
+
+namespace lf {
+namespace {
+
+const std::vector<Trial> kFirst{{Trial::Kind::kBlurred, 0}, {Trial::Kind::kPlane, 10}},
+    kSecond{{Trial::Kind::kBlurred, 0}, {Trial::Kind::kPlane, 20}},
+    kThird{{Trial::Kind::kBlurred, 0}, {Trial::Kind::kPlane, 30}};
+
+constexpr float kUnseen = std::numeric_limits<float>::infinity();
+
+// A view of three nodes.
+ViewRequest request_with(const std::vector<Trial>& trials, std::vector<uint8_t> levels) {
+  ViewRequest request;
+  request.view.width = 12;
+  request.view.height = 4;
+  request.view.lens = Lens::pinhole(10, 5.5, 1.5);
+  request.view.focus.plane = {{0, 0, 1}, -1};
+  FocalMap map = FocalMap::for_view(12, 4);
+  map.from = {{0, 0, 1}, 0};
+  map.farthest = 0;
+  map.nearest = 2.55;
+  map.levels = std::move(levels);
+  request.view.focus.map = std::make_shared<FocalMap>(std::move(map));
+  request.trials = trials;
+  return request;
+}
+
+class LatestSurfaceTest : public testing::Test {
+ protected:
+  // Trials of a surface whose levels were `were` made each node that of `chosen`, at these costs.
+  std::vector<uint8_t> merge(const std::vector<Trial>& trials, const std::vector<uint8_t>& were,
+                             const std::vector<uint8_t>& chosen, const std::vector<float>& costs,
+                             std::pair<double, double> range = {0, 2.55}) {
+    ViewRequest request = request_with(trials, were);
+    SurfaceChoice choice;
+    choice.chosen = chosen;
+    choice.least = costs;
+    choice.lead = 0.5;
+    FocalMap map = *request.view.focus.map;
+    for (size_t i = 0; i < map.levels.size(); i++)
+      if (chosen[i] != 0) map.levels[i] = static_cast<uint8_t>(trials[chosen[i]].value);
+    map.farthest = range.first;
+    map.nearest = range.second;
+    latest_.merge(request, choice, map);
+    View view = request.view;
+    view.focus.map = std::make_shared<FocalMap>(map);
+    latest_.set(view);
+    return map.levels;
+  }
+  LatestSurface latest_;
+};
+
+using Levels = std::vector<uint8_t>;
+
+TEST_F(LatestSurfaceTest, IsWhatWasChosenWhereEachRequestKnowsOfTheOneBefore) {
+  latest_.leaves(kFirst);
+  EXPECT_EQ(merge(kFirst, {0, 0, 0}, {1, 0, 1}, {1, 1, 1}), (Levels{10, 0, 10}));
+  latest_.leaves(kSecond);
+  EXPECT_EQ(merge(kSecond, {10, 0, 10}, {0, 1, 1}, {9, 9, 9}), (Levels{10, 20, 20})) << "whatever it cost before";
+  EXPECT_EQ(latest_.underway(), 0u);
+}
+
+TEST_F(LatestSurfaceTest, KeepsWhatIsBetterOfARoundThatTheRequestDidNotKnowOf) {
+  latest_.leaves(kFirst);
+  latest_.leaves(kSecond);
+  merge(kFirst, {0, 0, 0}, {1, 1, 0}, {1, 5, 1});
+  EXPECT_EQ(latest_.underway(), 1u);
+  // The first node was better at 10, the second is at 20, the third was not moved before.
+  EXPECT_EQ(merge(kSecond, {0, 0, 0}, {1, 1, 1}, {2, 3, 9}), (Levels{10, 20, 20}));
+}
+
+TEST_F(LatestSurfaceTest, WhatIsAsGoodStays) {
+  latest_.leaves(kFirst);
+  latest_.leaves(kSecond);
+  merge(kFirst, {0, 0, 0}, {1, 1, 1}, {1, 1, 1});
+  EXPECT_EQ(merge(kSecond, {0, 0, 0}, {1, 0, 1}, {0.75f, 0.4f, kUnseen}), (Levels{10, 0, 10}))
+      << "but for a lead of 0.5";
+}
+
+TEST_F(LatestSurfaceTest, RequestsThatWereLostDoNotCount) {
+  latest_.leaves(kFirst);
+  latest_.leaves(kSecond);
+  merge(kFirst, {0, 0, 0}, {1, 1, 1}, {1, 1, 1});
+  latest_.leaves(kThird);
+  EXPECT_EQ(merge(kThird, {10, 10, 10}, {1, 1, 1}, {2, 2, 2}), (Levels{30, 30, 30})) << "it knew of the first";
+  EXPECT_EQ(latest_.underway(), 0u);
+  for (size_t i = 0; i < 2 * LatestSurface::kMostUnderway; i++) latest_.leaves(kFirst);
+  EXPECT_EQ(latest_.underway(), LatestSurface::kMostUnderway);
+}
+
+TEST_F(LatestSurfaceTest, StaysWhereItIsInAnotherRange) {
+  latest_.leaves(kFirst);
+  latest_.leaves(kSecond);
+  merge(kFirst, {0, 0, 0}, {1, 1, 1}, {1, 1, 1}, {0, 2.55});
+  EXPECT_EQ(merge(kSecond, {0, 0, 0}, {1, 1, 1}, {9, 9, 0}, {0, 5.1}), (Levels{5, 5, 20}));
+}
+
+TEST_F(LatestSurfaceTest, IsSeenFromWhereAnotherViewIs) {
+  EXPECT_EQ(latest_.seen_from(request_with({}, {0, 0, 0}).view), nullptr);
+  latest_.leaves(kFirst);
+  merge(kFirst, {100, 100, 100}, {0, 0, 0}, {1, 1, 1});
+  View view = request_with({}, {0, 0, 0}).view;
+  EXPECT_EQ(latest_.seen_from(view)->levels, (Levels{100, 100, 100}));
+  view.pose.position.x = 0.1;
+  EXPECT_EQ(latest_.seen_from(view)->levels, (Levels{100, 100, 100}));
+  view.width = 24;
+  EXPECT_EQ(latest_.seen_from(view)->columns, 6);
+}
+
+}  // namespace
+}  // namespace lf
