@@ -59,9 +59,30 @@ class FocusedArray : public testing::Test {
       out.push_back(load_image(dir_ / name + "/" + (i < 10 ? "0" : "") + std::to_string(i) + ".png"));
     return out;
   }
-  std::string node(const std::string& name, const std::string& cameras, const std::string& to) {
+  std::string node(const std::string& name, const std::string& cameras, const std::string& to,
+                   const std::string& properties = "") {
     return " r. ! queue ! " + name + ".request  lfcameranode name=" + name + " cameras=" + cameras +
-           " rig=" + dir_ / "rig.json" + " ! queue ! " + to;
+           " rig=" + dir_ / "rig.json" + " " + properties + " ! queue ! " + to;
+  }
+  // The array as six nodes in two racks.
+  std::string tree(const std::string& properties = "") {
+    const auto rack = [&](const std::string& name, const std::string& pad) {
+      return " r. ! queue ! " + name + ".request  lfcompositor name=" + name +
+             " partial=true rig=" + dir_ / "rig.json" + " ! queue ! " + pad;
+    };
+    return rack("a", "c.sink_0") + rack("b", "c.sink_1") + node("n0", "0-2", "a.sink_0", properties) +
+           node("n1", "3-4", "a.sink_1", properties) + node("n2", "5-7", "a.sink_2", properties) +
+           node("n3", "8-9", "b.sink_0", properties) + node("n4", "10-12", "b.sink_1", properties) +
+           node("n5", "13-15", "b.sink_2", properties);
+  }
+  // Every third camera is 10 % too bright from here on.
+  void brighten() {
+    const Rig rig = load_rig(dir_ / "rig.json");
+    for (size_t i = 0; i < rig.cameras.size(); i += 3) {
+      Image image = load_image(rig.resolve(rig.cameras[i].image));
+      for (uint8_t& v : image.data()) v = static_cast<uint8_t>(std::min(std::lround(1.1 * v), 255l));
+      save_image(image, rig.resolve(rig.cameras[i].image));
+    }
   }
   double psnr(const Image& picture) const { return compare(picture, truth_).psnr_db; }
 
@@ -84,53 +105,45 @@ TEST_F(FocusedArray, ASurfaceIsSharperThanAnyOnePlane) {
 TEST_F(FocusedArray, NodesOfATreeFindTheSameSurfaceAsOneProcess) {
   const std::string near_far = "focus=surface focus-near=1 focus-far=6";
   const std::vector<Image> one = pictures("one", near_far, node("n", "0-15", "c.sink_0"));
-  const auto rack = [&](const std::string& name, const std::string& pad) {
-    return " r. ! queue ! " + name + ".request  lfcompositor name=" + name +
-           " partial=true rig=" + dir_ / "rig.json" + " ! queue ! " + pad;
-  };
-  const std::vector<Image> tree =
-      pictures("tree", near_far,
-               rack("a", "c.sink_0") + rack("b", "c.sink_1") + node("n0", "0-2", "a.sink_0") +
-                   node("n1", "3-4", "a.sink_1") + node("n2", "5-7", "a.sink_2") + node("n3", "8-9", "b.sink_0") +
-                   node("n4", "10-12", "b.sink_1") + node("n5", "13-15", "b.sink_2"));
-  for (int i = 0; i < kPictures; i++) EXPECT_EQ(compare(tree[i], one[i]).max_error, 0) << i;
+  const std::vector<Image> six = pictures("tree", near_far, tree());
+  for (int i = 0; i < kPictures; i++) EXPECT_EQ(compare(six[i], one[i]).max_error, 0) << i;
 }
 
 // Trials may come camera by camera: the surface is the same, whoever adds them up.
 TEST_F(FocusedArray, CamerasOnTheirOwnFindTheSameSurface) {
   const std::string near_far = "focus=surface focus-near=1 focus-far=6 background=0";
-  const auto own = [&](const std::string& name, const std::string& cameras, const std::string& to, const char* sum) {
-    return " r. ! queue ! " + name + ".request  lfcameranode name=" + name + " sum=" + sum + " codec=raw16 cameras=" +
-           cameras + " rig=" + dir_ / "rig.json" + " ! queue ! " + to;
-  };
-  const std::vector<Image> sums = pictures("sums", near_far, own("n", "0-15", "c.sink_0", "node"));
-  const std::vector<Image> cameras = pictures("cameras", near_far, own("n", "0-15", "c.sink_0", "camera"));
+  const std::string by_camera = "sum=camera codec=raw16";
+  const std::vector<Image> sums = pictures("sums", near_far, node("n", "0-15", "c.sink_0", "sum=node codec=raw16"));
+  const std::vector<Image> cameras = pictures("cameras", near_far, node("n", "0-15", "c.sink_0", by_camera));
   const std::vector<Image> apart = pictures(
-      "nodes", near_far, own("n", "0-4", "c.sink_0", "camera") + own("m", "5-15", "c.sink_1", "camera"));
+      "nodes", near_far, node("n", "0-4", "c.sink_0", by_camera) + node("m", "5-15", "c.sink_1", by_camera));
+  const std::vector<Image> six = pictures("tree", near_far, tree(by_camera));
   for (int i = 0; i < kPictures; i++) {
     EXPECT_EQ(compare(cameras[i], sums[i]).max_error, 0) << i;
     EXPECT_EQ(compare(apart[i], sums[i]).max_error, 0) << i;
+    EXPECT_EQ(compare(six[i], sums[i]).max_error, 0) << i;
   }
 }
 
-// Every third camera is 10 % too bright. With gains the pictures come near to those of a well-exposed array, the same
-// from one process as from two nodes.
+// With gains the pictures come near to those of a well-exposed array, the same from one process as from two nodes and from
+// six in a tree.
 TEST_F(FocusedArray, CamerasMatchTheirBrightness) {
   const std::string surface = "focus=surface focus-near=1 focus-far=6", one = node("n", "0-15", "c.sink_0");
   const std::vector<Image> clean = pictures("clean", surface, one);
-  const Rig rig = load_rig(dir_ / "rig.json");
-  for (size_t i = 0; i < rig.cameras.size(); i += 3) {
-    Image image = load_image(rig.resolve(rig.cameras[i].image));
-    for (uint8_t& v : image.data()) v = static_cast<uint8_t>(std::min(std::lround(1.1 * v), 255l));
-    save_image(image, rig.resolve(rig.cameras[i].image));
-  }
+  brighten();
   const std::vector<Image> wrong = pictures("wrong", surface, one);
   const std::vector<Image> matched = pictures("matched", surface + " gains=true", one);
   const std::vector<Image> apart =
       pictures("apart", surface + " gains=true", node("n", "0-6", "c.sink_0") + node("m", "7-15", "c.sink_1"));
+  const std::vector<Image> six = pictures("tree", surface + " gains=true", tree());
+  const std::vector<Image> cameras = pictures("cameras", surface + " gains=true", tree("sum=camera codec=raw16"));
   EXPECT_LT(psnr(wrong.back()), psnr(clean.back()) - 0.5);
   EXPECT_GT(psnr(matched.back()), psnr(wrong.back()) + 0.5 * (psnr(clean.back()) - psnr(wrong.back())));
-  for (int i = 0; i < kPictures; i++) EXPECT_EQ(compare(apart[i], matched[i]).max_error, 0) << i;
+  for (int i = 0; i < kPictures; i++) {
+    EXPECT_EQ(compare(apart[i], matched[i]).max_error, 0) << i;
+    EXPECT_EQ(compare(six[i], matched[i]).max_error, 0) << i;
+    EXPECT_EQ(compare(cameras[i], matched[i]).max_error, 0) << i << ", camera by camera";
+  }
 }
 
 // A live viewer of the array, whose compositor focuses as told.
