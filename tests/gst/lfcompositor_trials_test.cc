@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Trials of single cameras that are not what was asked for: counted and dropped, whatever they are, and the picture
+// comes all the same.
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <random>
+
+#include "focus/trial.h"
+#include "gst/compositor_fixture.h"
+#include "wire/camera_trials_codec.h"
+
+namespace lf::test {
+namespace {
+
+class LfCompositorTrialsTest : public LfCompositorTest {
+ protected:
+  LfCompositorTrialsTest() : asked_(array_.request(0, 0)) {
+    FocalMap map = FocalMap::for_view(asked_.view.width, asked_.view.height);
+    map.from = {{0, 0, 1}, 0};
+    map.farthest = 0.05;
+    map.nearest = 0.3;
+    map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);  // 10 m
+    asked_.view.focus.map = std::make_shared<FocalMap>(std::move(map));
+    asked_.trials = {{Trial::Kind::kBlurred, 0}, {Trial::Kind::kPlane, 200}};
+    start(1, {{"rig", array_.rig_path()}, {"focus", "surface"}, {"focus-near", "3"}, {"focus-far", "20"}});
+  }
+
+  wire::MomentsShape shape() const {
+    return {asked_.view.focus.map->columns, asked_.view.focus.map->rows, asked_.trials.size()};
+  }
+  // What camera 0 sees: grey.
+  std::vector<CameraTrials> seen() const {
+    const RenderJob job(array_.rig(), build_mesh(array_.rig()), trial_view(asked_.view), {{0}});
+    Image grey(PixelFamily::kRgb, ArrayFixture::kWidth, ArrayFixture::kHeight);
+    std::ranges::fill(grey.data(), uint8_t{200});
+    std::vector<std::vector<uint8_t>> levels;
+    for (const Trial& trial : asked_.trials) levels.push_back(trial_levels(*asked_.view.focus.map, trial));
+    return sample_trials(job, {{Source{0, &array_.rig().cameras[0], grey.view()}}}, levels);
+  }
+  std::vector<uint8_t> unit(const std::vector<CameraTrials>& cameras) const { return unit(cameras, header(), shape()); }
+  std::vector<uint8_t> unit(const std::vector<CameraTrials>& cameras, const wire::MomentsHeader& header,
+                            const wire::MomentsShape& shape) const {
+    const ByteBuffer bytes = wire::encode_camera_trials(header, shape, cameras);
+    return {bytes.begin(), bytes.end()};
+  }
+  wire::MomentsHeader header() const { return {asked_.view_id, asked_.sequence, array_.rig().hash(), 0, {}}; }
+
+  // The picture of an answer that this unit goes before, and how many bad units were counted on the way.
+  std::pair<std::vector<uint8_t>, uint64_t> picture_after(const std::vector<uint8_t>& unit) {
+    const uint64_t before = stat(element_.get(), "bad-answers");
+    request(asked_);
+    EXPECT_EQ(gst_harness_push(nodes_[0].get(), to_buffer(unit)), GST_FLOW_OK);
+    push(0, answer_of(asked_, {0, 1, 2, 3}));
+    const std::vector<uint8_t> picture = pull();
+    asked_.sequence++;
+    asked_.target_time += kFrame;
+    return {picture, stat(element_.get(), "bad-answers") - before};
+  }
+
+  ViewRequest asked_;
+};
+
+TEST_F(LfCompositorTrialsTest, WhatIsNotWhatWasAskedForIsCountedAndDropped) {
+  const auto [picture, bad] = picture_after(unit(seen()));
+  ASSERT_EQ(picture.size(), 16u * 12 * 3);
+  EXPECT_EQ(bad, 0u);
+  EXPECT_GE(range(picture).first, 199);
+  const struct {
+    const char* what;
+    std::function<std::vector<uint8_t>()> unit;
+  } cases[] = {
+      {"of another size",
+       [&] {
+         wire::MomentsShape wide = shape();
+         wide.columns++;
+         return unit(seen(), header(), wide);
+       }},
+      {"of one trial too few",
+       [&] {
+         wire::MomentsShape one = shape();
+         one.trials--;
+         std::vector<CameraTrials> cameras = seen();
+         cameras[0].luma.pop_back();
+         return unit(cameras, header(), one);
+       }},
+      {"of another rig",
+       [&] {
+         wire::MomentsHeader other = header();
+         other.rig_hash ^= 1;
+         return unit(seen(), other, shape());
+       }},
+      {"of a camera that the rig does not have",
+       [&] {
+         std::vector<CameraTrials> cameras = seen();
+         cameras[0].camera = 99;
+         return unit(cameras);
+       }},
+      {"where the camera has no weight",
+       [&] {
+         std::vector<CameraTrials> cameras = seen();
+         cameras[0].camera = 3;
+         return unit(cameras);
+       }},
+      {"cut off",
+       [&] {
+         std::vector<uint8_t> bytes = unit(seen());
+         bytes.resize(bytes.size() - 5);
+         return bytes;
+       }},
+      {"a header and no more",
+       [&] {
+         std::vector<uint8_t> bytes = unit(seen());
+         bytes.resize(20);
+         return bytes;
+       }},
+      {"bytes too many",
+       [&] {
+         std::vector<uint8_t> bytes = unit(seen());
+         bytes.push_back(0);
+         return bytes;
+       }},
+      {"of bytes that do not inflate",
+       [&] {
+         std::vector<uint8_t> bytes = unit(seen());
+         std::mt19937 random(1);
+         for (size_t i = 54; i < bytes.size(); i++) bytes[i] = static_cast<uint8_t>(random());
+         return bytes;
+       }},
+  };
+  for (const auto& test : cases) {
+    const auto [after, dropped] = picture_after(test.unit());
+    EXPECT_EQ(after, picture) << test.what;
+    EXPECT_EQ(dropped, 1u) << test.what;
+  }
+}
+
+TEST_F(LfCompositorTrialsTest, ACameraCountsOnce) {
+  request(asked_);
+  for (int i = 0; i < 2; i++) EXPECT_EQ(gst_harness_push(nodes_[0].get(), to_buffer(unit(seen()))), GST_FLOW_OK);
+  push(0, answer_of(asked_, {0, 1, 2, 3}));
+  EXPECT_GE(range(pull()).first, 199);
+  EXPECT_EQ(stat(element_.get(), "bad-answers"), 1u);
+}
+
+TEST_F(LfCompositorTrialsTest, WithoutTrialsThereIsNothingToSay) {
+  const std::vector<uint8_t> unasked = unit(seen());
+  asked_.trials.clear();
+  const auto [picture, bad] = picture_after(unasked);
+  EXPECT_GE(range(picture).first, 199);
+  EXPECT_EQ(bad, 1u);
+}
+
+}  // namespace
+}  // namespace lf::test
