@@ -160,11 +160,12 @@ static lf::GainRequest next_gains(LfCompositor* self, bool use, bool has_trials)
   auto& state = *self->state;
   lf::GainRequest gains{.use = use};
   if (!use) {
-    state.mean_rounds = 0;
+    state.mean_turns = {};
     return gains;
   }
-  gains.ask = has_trials && state.mean_rounds++ % lf::kMeanInterval == 0;
-  if (state.brightness.columns == 0) return gains;
+  const bool came = state.brightness.columns > 0;
+  gains.ask = state.mean_turns.next(has_trials, came);
+  if (!came) return gains;
   gains.mean = lf::mean_luma(state.brightness, state.gains);
   gains.mean_of = state.current->sequence;
   return gains;

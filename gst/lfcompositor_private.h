@@ -14,6 +14,7 @@
 #include "compositor_stats.h"
 #include "focus/focus_control.h"
 #include "focus/mean_luma.h"
+#include "focus/mean_turns.h"
 #include "gst_wire.h"
 #include "lfcompositor.h"
 #include "node/answer_form.h"
@@ -90,7 +91,7 @@ struct _LfCompositor {
     std::vector<lf::Moments> moments;  // of the current request's trials; empty: none yet
     lf::Moments brightness;  // what cameras see for the mean that was asked for; of no size: none
     lf::GainSum gains;       // theirs
-    unsigned mean_rounds = 0;  // requests with trials since the gains were switched on
+    lf::MeanTurns mean_turns;  // since the gains were switched on
     lf::MeshCache trial_mesh;
     std::optional<lf::RenderJob> trial_job;                // of all cameras, once there are cameras' trials to add
     std::vector<std::vector<uint8_t>> trial_levels;        // theirs

@@ -26,6 +26,5 @@ struct GainSum {
 // `moments`: of luma divided by the cameras' gains. The mean is what it would be if these had a geometric mean of 1, so
 // that they do not wander off together.
 std::vector<uint8_t> mean_luma(const Moments& moments, const GainSum& gains);
-inline constexpr unsigned kMeanInterval = 3;  // requests with trials from one that asks for it to the next
 
 }  // namespace lf

@@ -11,6 +11,7 @@
 #include "focus/array_plane.h"
 #include "focus/carry_over.h"
 #include "focus/coded_trials.h"
+#include "focus/mean_turns.h"
 #include "focus/trial_renderer.h"
 #include "image/sharpen.h"
 #include "node/gain_matcher.h"
@@ -94,7 +95,7 @@ class Renderer {
 
   // After its trials: what the request asks of the cameras' brightness, for the next one to bring back.
   GainRequest gains_after(const ViewRequest& request, size_t number, Picture& cost) {
-    if (!matched_ || request.trials.empty() || mean_rounds_++ % kMeanInterval != 0) return {};
+    if (!matched_ || !mean_turns_.next(!request.trials.empty(), true)) return {};
     return {.mean = mean(request, number, cost), .mean_of = request.sequence};
   }
   const std::map<CameraIndex, float>& gains() { return matcher_.gains_for(0, {}).all(); }
@@ -158,7 +159,7 @@ class Renderer {
   const bool matched_, by_camera_;
   const int trial_quality_;
   GainMatcher matcher_;
-  unsigned mean_rounds_ = 0;  // requests with trials
+  MeanTurns mean_turns_;
   std::vector<ByteBuffer> sharp_;
   const Mesh mesh_;
   std::vector<CameraIndex> own_;

@@ -3,6 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <deque>
+#include <utility>
+
+#include "focus/mean_turns.h"
+
 namespace lf {
 namespace {
 
@@ -27,6 +33,26 @@ TEST(GainMatcher, ComparesWithTheMeanOfTheSameRequest) {
   EXPECT_EQ(matcher.gains_for(9, {}).of(3), gain) << "a view that is new begins there";
   matcher.clear();
   EXPECT_EQ(matcher.gains_for(1, {}).of(3), 1);
+}
+
+// A camera is 20 % too bright, and each request comes `underway` requests before what came of it is sent.
+TEST(GainMatcher, ManyRequestsUnderwayFindTheGain) {
+  for (const size_t underway : {1, 2, 3, 5, 8, 16}) {
+    GainMatcher matcher;
+    MeanTurns turns;
+    std::deque<std::pair<bool, GainRequest>> requests(underway);  // what they ask, what they bring
+    float largest = 0;
+    for (uint32_t i = 0; i < 16 * (underway + 3); i++) {
+      const auto [asks, brings] = requests.front();
+      requests.pop_front();
+      const float gain = matcher.gains_for(1, brings).of(3);
+      largest = std::max(largest, gain);
+      if (asks) matcher.keep(1, i, {seen(3, static_cast<uint8_t>(std::lround(120 / gain)))});
+      requests.emplace_back(turns.next(true, asks), asks ? mean_of(i, 100) : GainRequest());
+    }
+    EXPECT_NEAR(matcher.gains_for(1, {}).of(3), 1.2, 0.01) << underway;
+    EXPECT_LT(largest, 1.21) << underway;
+  }
 }
 
 TEST(GainMatcher, DividesImages) {
