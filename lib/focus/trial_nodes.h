@@ -37,8 +37,8 @@ struct TrialCamera {
   void add(const RenderJob& job, const CameraCorners& corners, const Rect& region, int y);
 };
 
-// Calls fn(trial, node of the map, weight, x, y in the camera's image) for what the camera sees of trials.
-// `trials`: levels of each.
+// Calls fn(trial, node of the map, weight, x, y in the camera's image) for what the camera sees of trials. How exact
+// weights are: see weigh_run(). `trials`: levels of each.
 template <class Fn>
 void for_trial_nodes(const TrialCamera& camera, int columns, std::span<const std::vector<uint8_t>> trials,
                      const Fn& fn) {

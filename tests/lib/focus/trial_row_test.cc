@@ -64,5 +64,33 @@ TEST(TrialRow, WeightsAreQuotientsOfEdgeFunctions) {
   }
 }
 
+// Functions of one sign along a run, in double precision; some nearly vanish at its ends.
+TEST(TrialRow, WeightsAreWithinTheirBound) {
+  reference::Random random(7);
+  double worst = 0;
+  for (int run = 0; run < 3000; run++) {
+    const int n = 2 + static_cast<int>(random.uniform(0, 100)), corner = run % 3;
+    const double scale = std::exp(random.uniform(-15, 15)) * (run % 2 ? 1 : -1);
+    double edge[3], step[3];
+    for (int k = 0; k < 3; k++) {
+      const auto end = [&] { return std::exp(random.uniform(-12, 0)); };
+      const double first = end(), last = end();
+      edge[k] = scale * first;
+      step[k] = scale * (last - first) / (n - 1);
+    }
+    std::vector<float> weight(n + kTrialSpare);
+    weigh_run(edge, step, corner, n, weight.data());
+    const double first_sum = edge[0] + edge[1] + edge[2];
+    for (int i = 0; i < n; i++) {
+      const double sum = first_sum + i * (step[0] + step[1] + step[2]);
+      const double bound = std::ldexp(6 * std::max(first_sum / sum, 1.0) + 3, -24);
+      const double error = std::abs(weight[i] - (edge[corner] + i * step[corner]) / sum);
+      EXPECT_LE(error, bound) << "run " << run << ", node " << i << " of " << n;
+      worst = std::max(worst, error / bound);
+    }
+  }
+  EXPECT_GT(worst, 0.2) << "the bound is no idle one";
+}
+
 }  // namespace
 }  // namespace lf
