@@ -25,6 +25,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "camera_node_settings.h"
 #include "common.h"
 #include "lffragment_private.h"
 #include "net_clock.h"
@@ -34,38 +35,14 @@ GST_DEBUG_CATEGORY_STATIC(lf_camera_node_debug);
 
 namespace {
 
-enum {
-  kPropRig = 1,
-  kPropCameras,
-  kPropFramerate,
-  kPropIsLive,
-  kPropLoop,
-  kPropNode,
-  kPropSum,
-  kPropCodec,
-  kPropThreads,
-  kPropMaxSkew,
-  kPropStripPixels,
-  kPropPostMessages,
-  kPropAccess,
-  kPropResampling,
-  kPropDecode,
-  kPropLatency,
-  kPropStats,
-  kPropNetClock
-};
+using Settings = lf::CameraNodeSettings;
 
-// What the application sets. Under the object lock.
-struct Settings {
-  std::string rig;
-  std::string cameras;
-  int fps_n = 0, fps_d = 1;
-  bool is_live = false;
-  bool loop = false;
-  bool decode = false;
-  guint latency = 200;  // ms
-  guint node = 0;
-  bool operator==(const Settings&) const = default;
+enum {
+  kPropFirstSetting = 1,
+  kPropRig = kPropFirstSetting + Settings::kRig,
+  kPropSum = kPropFirstSetting + Settings::kNumProperties,  // and more: see lf_fragment_install_choices()
+  kPropStats = kPropSum + kNumFragmentChoices,
+  kPropNetClock
 };
 
 }  // namespace
@@ -73,7 +50,7 @@ struct Settings {
 struct _LfCameraNode {
   GstBin parent;
   GstElement* fragment;  // borrowed from the bin's children; null where lffragment is not installed
-  Settings* settings;
+  Settings* settings;    // under the object lock
   lf::NetClock* net_clock;
   Settings* opened;                     // what the children were made for
   std::shared_ptr<const lf::Rig>* rig;  // the same
@@ -221,7 +198,7 @@ static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, Gst
 }
 
 // How lffragment answers is its own property under the same name.
-static bool is_of_fragment(guint id) { return id == kPropStats || (id >= kPropSum && id <= kPropResampling); }
+static bool is_of_fragment(guint id) { return id >= kPropSum && id <= kPropStats; }
 
 static void lf_camera_node_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfCameraNode* self = LF_CAMERA_NODE(object);
@@ -231,21 +208,8 @@ static void lf_camera_node_set_property(GObject* object, guint id, const GValue*
   }
   if (id == kPropRig) return lf_camera_node_set_rig(self, g_value_get_string(value));
   if (id >= kPropNetClock) return self->net_clock->set(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
-  Settings& settings = *self->settings;
   GST_OBJECT_LOCK(self);
-  switch (id) {
-    case kPropCameras: settings.cameras = g_value_get_string(value) ? g_value_get_string(value) : ""; break;
-    case kPropFramerate:
-      settings.fps_n = gst_value_get_fraction_numerator(value);
-      settings.fps_d = gst_value_get_fraction_denominator(value);
-      break;
-    case kPropIsLive: settings.is_live = g_value_get_boolean(value); break;
-    case kPropLoop: settings.loop = g_value_get_boolean(value); break;
-    case kPropDecode: settings.decode = g_value_get_boolean(value); break;
-    case kPropLatency: settings.latency = g_value_get_uint(value); break;
-    case kPropNode: settings.node = g_value_get_uint(value); break;
-    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
-  }
+  self->settings->set(static_cast<Settings::Property>(id - kPropFirstSetting), value);
   GST_OBJECT_UNLOCK(self);
 }
 
@@ -256,18 +220,7 @@ static void lf_camera_node_get_property(GObject* object, guint id, GValue* value
     return;
   }
   if (id >= kPropNetClock) return self->net_clock->get(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
-  const Settings settings = current_settings(self);
-  switch (id) {
-    case kPropRig: g_value_set_string(value, settings.rig.empty() ? nullptr : settings.rig.c_str()); break;
-    case kPropCameras: g_value_set_string(value, settings.cameras.c_str()); break;
-    case kPropFramerate: gst_value_set_fraction(value, settings.fps_n, settings.fps_d); break;
-    case kPropIsLive: g_value_set_boolean(value, settings.is_live); break;
-    case kPropLoop: g_value_set_boolean(value, settings.loop); break;
-    case kPropDecode: g_value_set_boolean(value, settings.decode); break;
-    case kPropLatency: g_value_set_uint(value, settings.latency); break;
-    case kPropNode: g_value_set_uint(value, settings.node); break;
-    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
-  }
+  current_settings(self).get(static_cast<Settings::Property>(id - kPropFirstSetting), value);
 }
 
 static void lf_camera_node_finalize(GObject* object) {
@@ -332,47 +285,7 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
   object_class->get_property = lf_camera_node_get_property;
   object_class->finalize = lf_camera_node_finalize;
 
-  constexpr auto kFlags =
-      static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY);
-  g_object_class_install_property(
-      object_class, kPropRig,
-      g_param_spec_string("rig", "Rig",
-                          "Path of the rig file (rig.json) of the whole array. Set while running, it is read again and "
-                          "serves from the next request on, if it has the same cameras with the same sources; time "
-                          "offsets count from the next start on",
-                          nullptr,
-                          GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
-  g_object_class_install_property(
-      object_class, kPropCameras,
-      g_param_spec_string("cameras", "Cameras",
-                          "Ids of the cameras of this node, such as \"0-15,20\" (empty = all of the rig)", "", kFlags));
-  g_object_class_install_property(
-      object_class, kPropFramerate,
-      gst_param_spec_fraction(
-          "framerate", "Frame rate",
-          "Frames per second of each camera (0/1 = as its source has them, 15/1 where that has none)", 0, 1, G_MAXINT,
-          1, 0, 1, kFlags));
-  g_object_class_install_property(
-      object_class, kPropIsLive,
-      g_param_spec_boolean("is-live", "Is live",
-                           "Frames come at their time on the pipeline's clock, in place of when a request needs them",
-                           FALSE, kFlags));
-  g_object_class_install_property(
-      object_class, kPropLoop,
-      g_param_spec_boolean("loop", "Loop", "Videos and image sequences begin again at their end", FALSE, kFlags));
-  g_object_class_install_property(
-      object_class, kPropNode,
-      g_param_spec_uint("node", "Node", "Number of this node in its answers; each node of an array has its own", 0,
-                        G_MAXUINT, 0, kFlags));
-  g_object_class_install_property(
-      object_class, kPropDecode,
-      g_param_spec_boolean("decode", "Decode",
-                           "JPEG video is decoded frame by frame, in place of where a request looks", FALSE, kFlags));
-  g_object_class_install_property(
-      object_class, kPropLatency,
-      g_param_spec_uint("latency", "Latency",
-                        "Network cameras (RTSP): how long, in milliseconds, packets are waited for and put in order", 0,
-                        60000, 200, kFlags));
+  Settings::install(object_class, kPropFirstSetting);
   lf_fragment_install_choices(object_class, kPropSum);
   g_object_class_install_property(
       object_class, kPropStats,

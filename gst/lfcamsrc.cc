@@ -30,6 +30,7 @@
 #include <string>
 #include <vector>
 
+#include "cam_src_settings.h"
 #include "camera_chain.h"
 #include "camera_source.h"
 #include "camera_states.h"
@@ -42,30 +43,9 @@ GST_DEBUG_CATEGORY_STATIC(lf_cam_src_debug);
 
 namespace {
 
-enum {
-  kPropRig = 1,
-  kPropCamera,
-  kPropFramerate,
-  kPropIsLive,
-  kPropLoop,
-  kPropNumFrames,
-  kPropDecode,
-  kPropLatency,
-  kPropNetClock
-};
+using Settings = lf::CamSrcSettings;
 
-// What the application sets. Under the object lock.
-struct Settings {
-  std::string rig;
-  guint camera = 0;  // id
-  int fps_n = 0, fps_d = 1;
-  bool is_live = false;
-  bool loop = false;
-  gint64 num_frames = -1;
-  bool decode = true;
-  guint latency = 200;  // ms
-  bool operator==(const Settings&) const = default;
-};
+enum { kPropFirstSetting = 1, kPropNetClock = kPropFirstSetting + Settings::kNumProperties };
 
 // One use of the children, from READY through PAUSED at most once.
 struct Run {
@@ -82,7 +62,7 @@ struct Run {
 struct _LfCamSrc {
   GstBin parent;
   GstPad* src;
-  Settings* settings;
+  Settings* settings;  // under the object lock
   lf::NetClock* net_clock;
   Run* run;  // null in state NULL
 };
@@ -294,44 +274,19 @@ static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
 
 // --- GObject --------------------------------------------------------------------------------------------------------
 
-static void lf_cam_src_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
+static void lf_cam_src_set_property(GObject* object, guint id, const GValue* value, GParamSpec*) {
   LfCamSrc* self = LF_CAM_SRC(object);
   if (id >= kPropNetClock) return self->net_clock->set(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
-  Settings& settings = *self->settings;
   GST_OBJECT_LOCK(self);
-  switch (id) {
-    case kPropRig: settings.rig = g_value_get_string(value) ? g_value_get_string(value) : ""; break;
-    case kPropCamera: settings.camera = g_value_get_uint(value); break;
-    case kPropFramerate:
-      settings.fps_n = gst_value_get_fraction_numerator(value);
-      settings.fps_d = gst_value_get_fraction_denominator(value);
-      break;
-    case kPropIsLive: settings.is_live = g_value_get_boolean(value); break;
-    case kPropLoop: settings.loop = g_value_get_boolean(value); break;
-    case kPropDecode: settings.decode = g_value_get_boolean(value); break;
-    case kPropLatency: settings.latency = g_value_get_uint(value); break;
-    case kPropNumFrames: settings.num_frames = g_value_get_int64(value); break;
-    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
-  }
+  self->settings->set(static_cast<Settings::Property>(id - kPropFirstSetting), value);
   GST_OBJECT_UNLOCK(self);
 }
 
-static void lf_cam_src_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
+static void lf_cam_src_get_property(GObject* object, guint id, GValue* value, GParamSpec*) {
   LfCamSrc* self = LF_CAM_SRC(object);
   if (id >= kPropNetClock) return self->net_clock->get(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
-  const Settings& settings = *self->settings;
   GST_OBJECT_LOCK(self);
-  switch (id) {
-    case kPropRig: g_value_set_string(value, settings.rig.empty() ? nullptr : settings.rig.c_str()); break;
-    case kPropCamera: g_value_set_uint(value, settings.camera); break;
-    case kPropFramerate: gst_value_set_fraction(value, settings.fps_n, settings.fps_d); break;
-    case kPropIsLive: g_value_set_boolean(value, settings.is_live); break;
-    case kPropLoop: g_value_set_boolean(value, settings.loop); break;
-    case kPropDecode: g_value_set_boolean(value, settings.decode); break;
-    case kPropLatency: g_value_set_uint(value, settings.latency); break;
-    case kPropNumFrames: g_value_set_int64(value, settings.num_frames); break;
-    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
-  }
+  self->settings->get(static_cast<Settings::Property>(id - kPropFirstSetting), value);
   GST_OBJECT_UNLOCK(self);
 }
 
@@ -351,51 +306,7 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   object_class->get_property = lf_cam_src_get_property;
   object_class->finalize = lf_cam_src_finalize;
 
-  constexpr auto kFlags =
-      static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY);
-  g_object_class_install_property(
-      object_class, kPropRig,
-      g_param_spec_string("rig", "Rig", "Path of the rig file (rig.json) that describes the camera", nullptr, kFlags));
-  g_object_class_install_property(
-      object_class, kPropCamera,
-      g_param_spec_uint("camera", "Camera", "Id of the camera in the rig file", 0, G_MAXUINT, 0, kFlags));
-  g_object_class_install_property(
-      object_class, kPropFramerate,
-      gst_param_spec_fraction("framerate", "Frame rate",
-                              "Frames per second (0/1 = as the source has them; 15/1 for stills, image sequences and "
-                              "the built-in scene, which have no rate of their own). Videos of another rate get frames "
-                              "dropped or repeated",
-                              0, 1, G_MAXINT, 1, 0, 1, kFlags));
-  g_object_class_install_property(
-      object_class, kPropIsLive,
-      g_param_spec_boolean(
-          "is-live", "Is live",
-          "Frames come at their time on the pipeline's clock, as from a device, in place of as fast as "
-          "they are taken",
-          FALSE, kFlags));
-  g_object_class_install_property(
-      object_class, kPropLoop,
-      g_param_spec_boolean("loop", "Loop",
-                           "Videos and image sequences begin again at their end, with running time going on", FALSE,
-                           kFlags));
-  g_object_class_install_property(
-      object_class, kPropNumFrames,
-      g_param_spec_int64("num-frames", "Number of frames",
-                         "Frames after which the stream ends (-1 = when the source does: stills and the built-in scene "
-                         "never do)",
-                         -1, G_MAXINT64, -1, kFlags));
-
-  g_object_class_install_property(
-      object_class, kPropDecode,
-      g_param_spec_boolean("decode", "Decode",
-                           "Raw video whatever the source is; without it JPEG video comes as it is, for lffragment to "
-                           "decode where it needs it",
-                           TRUE, kFlags));
-  g_object_class_install_property(
-      object_class, kPropLatency,
-      g_param_spec_uint("latency", "Latency",
-                        "Network cameras (RTSP): how long, in milliseconds, packets are waited for and put in order", 0,
-                        60000, 200, kFlags));
+  Settings::install(object_class, kPropFirstSetting);
   lf::NetClock::install(object_class, kPropNetClock);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);

@@ -83,6 +83,7 @@ struct _LfFragment {
 
 // The properties that say how answers are made (fragment_choices.cc): sum, codec, threads, max-skew, strip-pixels,
 // post-messages, access, resampling, in the order of their ids.
+inline constexpr guint kNumFragmentChoices = 8;
 void lf_fragment_install_choices(GObjectClass* klass, guint first_id);
 
 // Whether what comes to this sink pad comes in real time.

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <string>
+
+namespace lf {
+
+// lfcamsrc's properties.
+struct CamSrcSettings {
+  std::string rig;
+  guint camera = 0;  // id
+  int fps_n = 0, fps_d = 1;
+  bool is_live = false;
+  bool loop = false;
+  gint64 num_frames = -1;
+  bool decode = true;
+  guint latency = 200;  // ms
+  bool operator==(const CamSrcSettings&) const = default;
+
+  enum Property { kRig, kCamera, kFramerate, kIsLive, kLoop, kNumFrames, kDecode, kLatency, kNumProperties };
+  // As properties first_id, first_id + 1, ... of the class.
+  static void install(GObjectClass* klass, guint first_id);
+  void set(Property property, const GValue* value);
+  void get(Property property, GValue* value) const;
+};
+
+}  // namespace lf
