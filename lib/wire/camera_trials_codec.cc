@@ -21,6 +21,13 @@ bool is_inside(const Rect& rect, const MomentsShape& shape) {
   return !rect.empty() && intersect(rect, {0, 0, shape.columns, shape.rows}) == rect;
 }
 
+// A few bytes inflate to a thousand times as many, and rectangles of cameras may overlap as they like: where they are
+// those of a mesh they cover the map some four times.
+size_t most_inflated(const MomentsShape& shape) {
+  constexpr size_t kCovers = 16, kAlways = size_t{64} << 20;
+  return std::max(kAlways, kCovers * static_cast<size_t>(shape.columns) * static_cast<size_t>(shape.rows) * shape.trials);
+}
+
 // Up to the cameras; their number.
 Reader read_header(std::span<const uint8_t> bytes, MomentsHeader& unit, MomentsShape& shape, size_t& cameras) {
   std::string reason;
@@ -46,6 +53,7 @@ CameraTrialsUnit read_unit(std::span<const uint8_t> bytes, const MomentsShape& e
   MomentsShape shape;
   size_t cameras = 0;
   Reader in = read_header(bytes, unit, shape, cameras);
+  size_t inflated = 0;
   if (shape != expected || shape.trials == 0)
     throw Error("camera trials: of other trials than those that were asked for");
   for (size_t i = 0; i < cameras; i++) {
@@ -60,6 +68,9 @@ CameraTrialsUnit read_unit(std::span<const uint8_t> bytes, const MomentsShape& e
       throw Error("camera trials: cameras are not in order");
     if (!is_inside(camera.rect, shape)) throw Error("rectangle: is not inside the map");
     const size_t area = area_of(camera.rect);
+    inflated += area * shape.trials;
+    if (inflated > most_inflated(shape))
+      throw Error("camera trials: cameras have more than " + std::to_string(most_inflated(shape)) + " bytes of luma");
     const std::vector<uint8_t> luma = inflate_exactly(deflated, area * shape.trials);
     for (size_t t = 0; t < shape.trials; t++) {
       const auto first = luma.begin() + static_cast<ptrdiff_t>(t * area);

@@ -90,5 +90,20 @@ TEST(CameraTrialsCodec, NamesWhatIsWrong) {
   EXPECT_THROW(encode_camera_trials(kHeader, {40, 30, 0}, {}), Error);
 }
 
+// Units of a few bytes that would fill the memory.
+TEST(CameraTrialsCodec, WhatInflatesToTooMuchIsRefused) {
+  const MomentsShape shape{1024, 1024, 8};
+  std::vector<CameraTrials> cameras(17);
+  for (size_t i = 0; i < cameras.size(); i++) {
+    cameras[i] = {static_cast<CameraIndex>(i), {0, 0, 1024, 1024}, {}};
+    cameras[i].luma.assign(8, std::vector<uint8_t>(1024 * 1024));
+  }
+  const std::span<const CameraTrials> all(cameras);
+  std::string reason;
+  EXPECT_TRUE(decode_camera_trials(encode_camera_trials(kHeader, shape, all.first(16)), shape, &reason)) << reason;
+  EXPECT_FALSE(decode_camera_trials(encode_camera_trials(kHeader, shape, all), shape, &reason));
+  EXPECT_THAT(reason, testing::HasSubstr("134217728 bytes"));
+}
+
 }  // namespace
 }  // namespace lf::wire
