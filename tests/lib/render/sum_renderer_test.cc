@@ -4,9 +4,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <sys/mman.h>
-#include <unistd.h>
-
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -15,50 +12,16 @@
 
 #include "base/error.h"
 #include "lib/render/production.h"
+#include "lib/render/sum_arrays.h"
 #include "reference/hard_cases.h"
 #include "reference/renderer.h"
 #include "render/float_renderer.h"
-#include "render/fragment_set.h"
-#include "render/sum_rounding.h"
 
 namespace lf {
 namespace {
 
 using reference::Random;
-
-// Memory for a sum over a rectangle.
-struct Sum {
-  Sum(PixelFamily family, const Rect& rect) {
-    planes.family = family;
-    planes.rect = rect;
-    for (int c = 0; c < 3; c++) {
-      const bool half = family == PixelFamily::kI420 && c > 0;
-      const int w = half ? chroma_size(rect.width()) : rect.width(),
-                h = half ? chroma_size(rect.height()) : rect.height();
-      memory[c].assign(static_cast<size_t>(w) * h, 12345);
-      planes.plane[c] = memory[c].data();
-      planes.stride[c] = w;
-    }
-    lost.assign(static_cast<size_t>(rect.width()) * rect.height(), 12345);
-    planes.lost = lost.data();
-    planes.lost_stride = rect.width();
-  }
-  double lost_weight(int x, int y) const {
-    return planes.lost[(y - planes.rect.y0) * planes.lost_stride + (x - planes.rect.x0)] / double{kLostOne};
-  }
-  bool operator==(const Sum& o) const {
-    return memory[0] == o.memory[0] && memory[1] == o.memory[1] && memory[2] == o.memory[2] && lost == o.lost;
-  }
-  std::vector<int16_t> memory[3];
-  std::vector<uint16_t> lost;
-  SumPlanes planes;
-};
-
-std::vector<Source> sources_of(const Rig& rig, const ViewPlan& plan, const std::vector<Image>& images) {
-  std::vector<Source> sources;
-  for (const CameraIndex i : plan.contributors()) sources.push_back({i, &rig.cameras[i], images[i].view()});
-  return sources;
-}
+using test::depths, test::jittered_array, test::sources_of, test::Sum, test::view_into;
 
 Image checkerboard(Random& random, int width, int height) {
   Image image(PixelFamily::kRgb, width, height);
@@ -148,32 +111,6 @@ void compare(const Rig& rig, const View& view, const std::vector<Image>& rgb, Pi
   }
 }
 
-// An array of cameras as they are mounted: jitter, lenses that differ and distort.
-Rig jittered_array(Random& random, int side, int width, int height, double k1) {
-  Rig rig;
-  for (int i = 0; i < side * side; i++) {
-    const double focal = 1.25 * width * random.uniform(0.98, 1.02);
-    const Lens lens(LensModel::kRadial, {focal, (width - 1) / 2.0, (height - 1) / 2.0, k1, -k1 / 5});
-    const Vec3 place(i % side + random.uniform(-0.05, 0.05), i / side + random.uniform(-0.05, 0.05), 0);
-    rig.cameras.push_back(reference::make_camera(i, width, height, lens, {0.1 * place, random.small_rotation(0.0175)}));
-  }
-  rig.topology = {Topology::Type::kGrid, side, side, {}};
-  return rig;
-}
-
-View view_into(const Rig& rig, int side, int width, int height, const Quat& turn) {
-  View view;
-  view.width = width;
-  view.height = height;
-  const double f = 1.25 * width;
-  view.lens = Lens::pinhole(f, (width - 1) / 2.0, (height - 1) / 2.0);
-  const double middle = 0.1 * (side - 1) / 2;
-  view.pose = {Vec3(middle + 0.01, middle - 0.02, -0.9 * middle * 2 * 1.25), turn};
-  view.focus.plane = plane_through({0, 0, 2}, glm::normalize(Vec3(0.1, 0.2, -1)));
-  (void)rig;
-  return view;
-}
-
 TEST(SumRenderer, IsWithinItsBoundOfTheRule) {
   for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
     hwy::SetSupportedTargetsForTest(target);
@@ -199,24 +136,6 @@ TEST(SumRenderer, IsWithinItsBoundOfTheRule) {
         }
     hwy::SetSupportedTargetsForTest(0);
   }
-}
-
-// Depths with slopes, steps and, where `rough`, with nothing in common from node to node.
-std::shared_ptr<const FocalMap> depths(Random& random, const View& view, int step, bool rough) {
-  FocalMap map = FocalMap::for_view(view.width, view.height);
-  map.step = step;
-  map.columns = FocalMap::nodes(view.width, step);
-  map.rows = FocalMap::nodes(view.height, step);
-  map.from = plane_through({0, 0, 0}, {0, 0, 1});
-  map.farthest = 1 / 6.0;
-  map.nearest = 1 / 1.3;
-  for (int j = 0; j < map.rows; j++)
-    for (int i = 0; i < map.columns; i++) {
-      const bool nearer = (i * 5 / map.columns + j * 4 / map.rows) % 2;
-      const int slope = 60 * i / map.columns + 90 * j / map.rows;
-      map.levels.push_back(static_cast<uint8_t>(rough ? random.integer(0, 255) : slope + (nearer ? 100 : 0)));
-    }
-  return std::make_shared<FocalMap>(std::move(map));
 }
 
 TEST(SumRenderer, IsWithinItsBoundThroughAFocalMap) {
@@ -269,75 +188,6 @@ TEST(SumRenderer, IsWithinItsBoundWithCatmullRom) {
           EXPECT_LE(worst.chroma, hard ? 1.2 : 0.2);
           EXPECT_LE(worst.lost, 1e-4);
         }
-    hwy::SetSupportedTargetsForTest(0);
-  }
-}
-
-// An image whose planes end where memory does or, `at_front`, begin where it does.
-class GuardedImage {
- public:
-  GuardedImage(const ImageView& from, bool at_front) : view_(from) {
-    const bool i420 = from.family == PixelFamily::kI420;
-    for (int c = 0; c < (i420 ? 3 : 1); c++) {
-      const int rows = c > 0 ? chroma_size(from.height) : from.height;
-      const int width = c > 0 ? chroma_size(from.width) : i420 ? from.width : 3 * from.width;
-      const size_t page = static_cast<size_t>(sysconf(_SC_PAGESIZE)), size = static_cast<size_t>(rows) * width;
-      const size_t pages = (size + page - 1) / page * page;
-      auto* const memory = static_cast<uint8_t*>(
-          mmap(nullptr, pages + 2 * page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
-      EXPECT_NE(static_cast<void*>(memory), MAP_FAILED);
-      memory_.push_back({memory, pages + 2 * page});
-      uint8_t* const plane = memory + page + (at_front ? 0 : pages - size);
-      for (int y = 0; y < rows; y++) std::copy_n(from.plane[c] + y * from.stride[c], width, plane + y * width);
-      mprotect(memory, page, PROT_NONE);
-      mprotect(memory + page + pages, page, PROT_NONE);
-      view_.plane[c] = plane;
-      view_.stride[c] = width;
-    }
-  }
-  GuardedImage(const GuardedImage&) = delete;
-  GuardedImage& operator=(const GuardedImage&) = delete;
-  ~GuardedImage() {
-    for (const auto& [memory, size] : memory_) munmap(memory, size);
-  }
-  const ImageView& view() const { return view_; }
-
- private:
-  ImageView view_;
-  std::vector<std::pair<uint8_t*, size_t>> memory_;
-};
-
-// Views that see all of the cameras' borders, at several scales.
-TEST(SumRenderer, ReadsNothingOutsideOfImages) {
-  for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
-      for (int trial = 0; trial < 12; trial++) {
-        Random random(trial);
-        const int width = trial % 2 ? 93 : 96, height = trial % 2 ? 71 : 72;
-        const Rig rig = jittered_array(random, 3, width, height, trial % 3 == 0 ? 0 : -0.1);
-        View view = view_into(rig, 3, width, height, random.small_rotation(0.1));
-        view.lens = Lens::pinhole(width * random.uniform(0.6, 1.4), (width - 1) / 2.0, (height - 1) / 2.0);
-        if (trial % 4) view.focus.map = depths(random, view, FocalMap::kFinestStep, trial % 4 == 3);
-        const Mesh mesh = build_mesh(rig);
-        const test::Production production(rig, mesh, view);
-        const auto rgb = images_of(rig, random, reference::noise_image);
-        const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
-        const std::vector<Source> sources = sources_of(rig, production.plan, images);
-        for (const Resampling resampling : {Resampling::kBilinear, Resampling::kCatmullRom})
-          for (const bool at_front : {false, true}) {
-            std::vector<std::unique_ptr<GuardedImage>> guarded;
-            std::vector<Source> all = sources;
-            for (Source& source : all) {
-              guarded.push_back(std::make_unique<GuardedImage>(source.image, at_front));
-              source.image = guarded.back()->view();
-              source.resampling = resampling;
-            }
-            const SumRenderer renderer(production.plan, production.owners.runs(), all, family);
-            Sum sum(family, renderer.rect());
-            renderer.render_rows(renderer.rect().y0, renderer.rect().y1, sum.planes);
-          }
-      }
     hwy::SetSupportedTargetsForTest(0);
   }
 }
@@ -450,74 +300,6 @@ TEST(SumRenderer, SixtyFourCamerasOfWhiteAreWhite) {
           if (chroma) { ASSERT_LE(std::abs(all.memory[c][i] / 128.), std::abs(expected) + 0.5); }
         }
     }
-}
-
-// Fragments are what the sum of one camera rounds to, whatever the others are.
-TEST(FragmentSet, IsEachCamerasSumRounded) {
-  for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    SCOPED_TRACE(hwy::TargetName(target));
-    hwy::SetSupportedTargetsForTest(target);
-    for (const PixelFamily family : {PixelFamily::kI420, PixelFamily::kRgb})
-      for (int trial = 0; trial < 4; trial++) {
-        Random random(trial);
-        const int width = trial == 1 ? 93 : 128, height = trial == 1 ? 71 : 96;
-        const Rig rig = jittered_array(random, 4, width, height, -0.25);
-        View view = view_into(rig, 4, width, height, random.small_rotation(0.2));
-        if (trial == 1) view.focus.map = depths(random, view, FocalMap::kFinestStep, false);
-        if (trial >= 2) view.lens = Lens(LensModel::kSimpleRadial, {1.25 * width, 63.5, 47.5, -0.1});
-        if (trial == 3) view.blending = kNarrow;
-        const Mesh mesh = build_mesh(rig);
-        const ViewPlan plan(rig, mesh, view);
-        const OwnerRuns runs(plan, test::whole(view));
-        const auto rgb = images_of(rig, random, reference::noise_image);
-        const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
-        std::vector<Source> sources = sources_of(rig, plan, images);
-        sources[1].image.family = PixelFamily::kNone;  // no picture: all lost
-        for (size_t i = 2; i < sources.size(); i += 3) sources[i].resampling = Resampling::kCatmullRom;
-        FragmentSet set;
-        set.begin(plan, runs, sources, family);
-        // Bands in another order and of other heights than all at once.
-        for (int y = (set.rect().y1 - 1) / 16 * 16; y >= 0; y -= 16)
-          if (y + 16 > set.rect().y0) set.render_rows(std::max(y, set.rect().y0), std::min(y + 16, set.rect().y1));
-        for (const CameraFragment& fragment : set.fragments()) {
-          const Source source = *std::ranges::find(sources, fragment.camera, &Source::camera);
-          Rect owned = CameraCorners(plan, fragment.camera).owned(runs, plan.camera_rect(fragment.camera));
-          if (family == PixelFamily::kI420) owned = chroma_aligned(owned, view);
-          ASSERT_EQ(fragment.planes.rect, owned);
-          const SumRenderer renderer(plan, runs, {&source, 1}, family);
-          Sum sum(family, fragment.planes.rect);
-          const bool lost = renderer.render_rows(fragment.planes.rect.y0, fragment.planes.rect.y1, sum.planes);
-          ConstSumPlanes sums{.family = family,
-                              .rect = fragment.planes.rect,
-                              .lost = lost ? sum.lost.data() : nullptr,
-                              .lost_stride = sum.planes.lost_stride};
-          for (int c = 0; c < 3; c++) {
-            sums.plane[c] = sum.planes.plane[c];
-            sums.stride[c] = sum.planes.stride[c];
-          }
-          const Fragment expected = rounded_fragment(fragment.camera, sums);
-          const FragmentPlanes planes = planes_of(expected);
-          const int w = planes.rect.width(), h = planes.rect.height();
-          ASSERT_EQ(fragment.planes.lost != nullptr, planes.lost != nullptr);
-          for (int y = 0; y < h; y++) {
-            const auto row = [&](const FragmentPlanes& p, int c, int n) {
-              const uint8_t* at = p.plane[c] + y * p.stride[c];
-              return std::vector<uint8_t>(at, at + n);
-            };
-            ASSERT_EQ(row(fragment.planes, 0, family == PixelFamily::kI420 ? w : 3 * w),
-                      row(planes, 0, family == PixelFamily::kI420 ? w : 3 * w))
-                << "camera " << fragment.camera << " row " << y;
-            for (int c = 1; c < 3 && family == PixelFamily::kI420 && y < chroma_size(h); c++)
-              ASSERT_EQ(row(fragment.planes, c, chroma_size(w)), row(planes, c, chroma_size(w)));
-            for (int x = 0; planes.lost && x < w; x++)
-              ASSERT_EQ(fragment.planes.lost[y * fragment.planes.lost_stride + x],
-                        planes.lost[y * planes.lost_stride + x]);
-          }
-        }
-        EXPECT_GT(set.fragments().size(), 8u);
-      }
-    hwy::SetSupportedTargetsForTest(0);
-  }
 }
 
 }  // namespace

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Arrays, views and memory that sums are tested with.
+#pragma once
+
+#include <algorithm>
+#include <memory>
+#include <vector>
+
+#include "lib/render/production.h"
+#include "reference/generators.h"
+#include "render/sum_renderer.h"
+
+namespace lf::test {
+
+// Memory for a sum over a rectangle.
+struct Sum {
+  Sum(PixelFamily family, const Rect& rect) {
+    planes.family = family;
+    planes.rect = rect;
+    for (int c = 0; c < 3; c++) {
+      const bool half = family == PixelFamily::kI420 && c > 0;
+      const int w = half ? chroma_size(rect.width()) : rect.width(),
+                h = half ? chroma_size(rect.height()) : rect.height();
+      memory[c].assign(static_cast<size_t>(w) * h, 12345);
+      planes.plane[c] = memory[c].data();
+      planes.stride[c] = w;
+    }
+    lost.assign(static_cast<size_t>(rect.width()) * rect.height(), 12345);
+    planes.lost = lost.data();
+    planes.lost_stride = rect.width();
+  }
+  double lost_weight(int x, int y) const {
+    return planes.lost[(y - planes.rect.y0) * planes.lost_stride + (x - planes.rect.x0)] / double{kLostOne};
+  }
+  bool operator==(const Sum& o) const {
+    return memory[0] == o.memory[0] && memory[1] == o.memory[1] && memory[2] == o.memory[2] && lost == o.lost;
+  }
+  std::vector<int16_t> memory[3];
+  std::vector<uint16_t> lost;
+  SumPlanes planes;
+};
+
+inline std::vector<Source> sources_of(const Rig& rig, const ViewPlan& plan, const std::vector<Image>& images) {
+  std::vector<Source> sources;
+  for (const CameraIndex i : plan.contributors()) sources.push_back({i, &rig.cameras[i], images[i].view()});
+  return sources;
+}
+
+// An array of cameras as they are mounted: jitter, lenses that differ and distort.
+inline Rig jittered_array(reference::Random& random, int side, int width, int height, double k1) {
+  Rig rig;
+  for (int i = 0; i < side * side; i++) {
+    const double focal = 1.25 * width * random.uniform(0.98, 1.02);
+    const Lens lens(LensModel::kRadial, {focal, (width - 1) / 2.0, (height - 1) / 2.0, k1, -k1 / 5});
+    const Vec3 place(i % side + random.uniform(-0.05, 0.05), i / side + random.uniform(-0.05, 0.05), 0);
+    rig.cameras.push_back(reference::make_camera(i, width, height, lens, {0.1 * place, random.small_rotation(0.0175)}));
+  }
+  rig.topology = {Topology::Type::kGrid, side, side, {}};
+  return rig;
+}
+
+inline View view_into(const Rig& rig, int side, int width, int height, const Quat& turn) {
+  View view;
+  view.width = width;
+  view.height = height;
+  const double f = 1.25 * width;
+  view.lens = Lens::pinhole(f, (width - 1) / 2.0, (height - 1) / 2.0);
+  const double middle = 0.1 * (side - 1) / 2;
+  view.pose = {Vec3(middle + 0.01, middle - 0.02, -0.9 * middle * 2 * 1.25), turn};
+  view.focus.plane = plane_through({0, 0, 2}, glm::normalize(Vec3(0.1, 0.2, -1)));
+  (void)rig;
+  return view;
+}
+
+// Depths with slopes, steps and, where `rough`, with nothing in common from node to node.
+inline std::shared_ptr<const FocalMap> depths(reference::Random& random, const View& view, int step, bool rough) {
+  FocalMap map = FocalMap::for_view(view.width, view.height);
+  map.step = step;
+  map.columns = FocalMap::nodes(view.width, step);
+  map.rows = FocalMap::nodes(view.height, step);
+  map.from = plane_through({0, 0, 0}, {0, 0, 1});
+  map.farthest = 1 / 6.0;
+  map.nearest = 1 / 1.3;
+  for (int j = 0; j < map.rows; j++)
+    for (int i = 0; i < map.columns; i++) {
+      const bool nearer = (i * 5 / map.columns + j * 4 / map.rows) % 2;
+      const int slope = 60 * i / map.columns + 90 * j / map.rows;
+      map.levels.push_back(static_cast<uint8_t>(rough ? random.integer(0, 255) : slope + (nearer ? 100 : 0)));
+    }
+  return std::make_shared<FocalMap>(std::move(map));
+}
+
+}  // namespace lf::test
