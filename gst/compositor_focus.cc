@@ -72,7 +72,7 @@ static bool add_camera_trials(LfCompositor* self, std::span<const uint8_t> bytes
     std::iota(all.begin(), all.end(), 0);
     state.trial_job.emplace(rig, state.trial_mesh.get(rig, request.out_of_service), lf::trial_view(request.view), all);
     state.trial_levels.clear();
-    for (const lf::Trial& trial : request.trials) state.trial_levels.push_back(lf::trial_levels(*map, trial));
+    for (const lf::Trial& trial : request.trials) state.trial_levels.push_back(lf::trial_levels(request.view, trial));
   }
   if (state.moments.empty()) {
     state.moments.resize(request.trials.size());

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "base/median.h"
@@ -12,27 +13,122 @@
 namespace lf {
 namespace {
 
-// A sweep is not helped by what was found before: patches of 36 pixels tell depths apart that 12 do not.
-constexpr int kSweepRadius = 4;
+// A search, and a sweep of a place, is not helped by what was found before: patches of 36 pixels tell depths apart that 12
+// do not.
+constexpr int kSearchRadius = 4;
 
-// Rounds from a sweep on until what was found has settled.
-constexpr unsigned kSettling = kSweepRounds + 4;
+constexpr size_t kPlanes = kMaxTrials - 2;  // of a sweep's request, beside the surface and the viewer's plane
 
-SurfaceChoice choice_of(const ViewRequest& request, std::span<const Moments> moments, int radius = 1) {
-  const FocalMap& map = *request.view.focus.map;
+// Planes of a search: as far apart as trials, which average over 4 x 4 pixels, can miss nothing between; for what is near, and
+// so seen large, farther apart.
+constexpr double kSearchStep = 2, kSearchPart = 0.12;  // pixels of disparity; of it
+constexpr double kSweepStep = 1.5;                     // the same of a sweep where the scene is
+constexpr unsigned kMostSweeps = 4;
+
+// 255 levels need not tell less than this apart.
+constexpr double kFinestLevel = 1. / 16;  // pixels of disparity
+
+// What is looked at lies around the scene: so much farther and nearer, to notice what comes from there.
+constexpr double kBeyond = 1.5;
+constexpr double kMuchOff = 2;  // times the range that it should be
+
+// Requests from a search that found nothing to the next: at first, at most.
+constexpr unsigned kLeastPatience = 16, kMostPatience = 256;
+
+// Mean evidence below which the viewer's plane is shown.
+constexpr double kEnoughEvidence = 0.15;
+
+constexpr unsigned kSettling = 8;    // rounds of bettering until what was found has settled
+constexpr unsigned kPlaneEvery = 4;  // rounds of bettering from one that tries the viewer's plane to the next
+
+// `least_radius`: nodes that deviations are averaged over; more where the view shows the cameras' pixels enlarged, so that as
+// many of these are looked at.
+SurfaceChoice choice_of(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array,
+                        int least_radius) {
   std::vector<std::vector<uint8_t>> levels;
-  for (const Trial& trial : request.trials) levels.push_back(trial_levels(map, trial));
-  return choose_surface(map, levels, moments, radius);
+  for (const Trial& trial : request.trials) levels.push_back(trial_levels(request.view, trial));
+  const FocalMap& map = *request.view.focus.map;
+  const std::vector<float> evidence = array.evidence(request.view, request.out_of_service);
+  constexpr double kMostRadius = 4;
+  const double larger = array.focal() > 0 ? request.view.lens.fx() / array.focal() : 1;
+  ChoiceTerms terms{.evidence = evidence,
+                    .radius = std::max(least_radius, static_cast<int>(std::lround(std::min(larger, kMostRadius))))};
+  if (array.disparity() > 0)
+    terms.levels_a_pixel = FocalMap::kLevels / (array.disparity() * (map.nearest - map.farthest));
+  return choose_surface(map, levels, moments, terms);
+}
+
+double mean_of(const std::vector<float>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.) / static_cast<double>(values.size());
+}
+
+// Planes at these levels in as many requests as they need, each with planes from all over.
+std::deque<std::vector<Trial>> requests_of(const std::vector<int16_t>& levels) {
+  const size_t requests = (levels.size() + kPlanes - 1) / kPlanes;
+  std::deque<std::vector<Trial>> out(requests, {{Trial::Kind::kBlurred, 0}, {Trial::Kind::kFocused, 0}});
+  for (size_t i = 0; i < levels.size(); i++) out[i % requests].push_back({Trial::Kind::kPlane, levels[i]});
+  return out;
 }
 
 }  // namespace
 
-std::shared_ptr<const FocalMap> FocusControl::first_map(const View& view, const Plane& from) const {
-  const double focused = plane_inverse(view, from, {0, 0, 1});
+void FocusControl::begin(const ViewRequest& request, const FocusArray& array, View& view) {
+  const FocusControl fresh(settings_);
+  *this = fresh;
+  const double focused = plane_inverse(request.view, array.from(), {0, 0, 1});
   const double distance = focused > 0 ? 1 / focused : 1;
-  const double farthest = 1 / (settings_.far > 0 ? settings_.far : kFarthest * distance);
-  const double nearest = 1 / (settings_.near > 0 ? settings_.near : kNearest * distance);
-  return std::make_shared<FocalMap>(plane_map(view, from, nearest > farthest ? nearest : 2 * farthest, farthest));
+  disparity_ = array.disparity();
+  reach_ = array.nearest() > 0 ? array.nearest() : 1 / (kNearest * distance);
+  constexpr double kBeforeEye = 3;
+  const double eye = array.from().signed_distance(request.view.pose.position);
+  if (eye > 0) reach_ = std::min(reach_, 1 / (kBeforeEye * eye));
+  DepthRange range{settings_.far > 0 ? 1 / settings_.far : 0, settings_.near > 0 ? 1 / settings_.near : reach_};
+  if (!(range.nearest > range.farthest)) range.nearest = 2 * range.farthest;
+  reach_ = std::max(reach_, range.nearest);
+  votes_ = DepthVotes(reach_);
+  const auto map =
+      std::make_shared<FocalMap>(plane_map(request.view, array.from(), range.nearest, range.farthest));
+  view.focus.map = map;
+  settling_ = kSettling;
+  if (is_automatic())
+    search(*map);
+  else
+    sweep(*map);
+}
+
+void FocusControl::search(const FocalMap& map) {
+  stage_ = Stage::kSearch;
+  waited_ = 0;
+  votes_.clear();
+  const double pixels = disparity_ > 0 ? disparity_ : kMostSweeps * kPlanes * kSearchStep / reach_;
+  std::vector<int16_t> levels;
+  for (double at = map.farthest * pixels; at <= map.nearest * pixels; at += std::max(kSearchStep, kSearchPart * at))
+    levels.push_back(map.level_of(at / pixels));
+  if (levels.size() > kMostSweeps * kPlanes) levels.resize(kMostSweeps * kPlanes);
+  sweeps_ = requests_of(levels);
+}
+
+void FocusControl::sweep(const FocalMap& map) {
+  stage_ = Stage::kSweep;
+  const LevelRange scene = scene_levels(map);
+  const double per_level = (map.nearest - map.farthest) / FocalMap::kLevels;
+  const double pixels = disparity_ > 0 ? (scene.last - scene.first) * per_level * disparity_ : 0;
+  const auto count = static_cast<int>(
+      std::clamp<double>(std::ceil(pixels / kSweepStep), kPlanes, static_cast<double>(2 * kPlanes)));
+  std::vector<int16_t> levels;
+  for (int k = 0; k < count; k++)
+    levels.push_back(static_cast<int16_t>(scene.first + (scene.last - scene.first) * k / (count - 1)));
+  sweeps_ = requests_of(levels);
+}
+
+// The levels that the scene is at, and a tenth more.
+LevelRange FocusControl::scene_levels(const FocalMap& map) const {
+  constexpr int kLeastMore = 6;
+  const std::optional<DepthRange> scene = votes_.range();
+  if (!scene) return {};
+  const int first = map.level_of(scene->farthest), last = map.level_of(scene->nearest);
+  const int more = std::max((last - first) / 10, kLeastMore);
+  return {std::max(first - more, 0), std::min(last + more, 255)};
 }
 
 void FocusControl::judge(const SurfaceChoice& choice, const ViewRequest& request, FocalMap& map) {
@@ -78,6 +174,7 @@ bool FocusControl::is_worthwhile(const SurfaceChoice& choice, double enough) {
 // Whether the cameras disagree much more than they used to.
 bool FocusControl::is_another_scene() {
   const double now = state_.deviation;
+  if (stage_ != Stage::kBetter) return false;
   if (settling_ > 0) {
     settling_--;
     return false;
@@ -103,18 +200,32 @@ bool FocusControl::is_another_scene() {
   return true;
 }
 
-void FocusControl::follow_range(bool another, FocalMap& map) {
-  if (!is_automatic()) return;
-  DepthRange range{map.farthest, map.nearest};
-  if (another)
-    range = {range.farthest / 2, 2 * range.nearest};
-  else if (settling_ == 0)
-    range = range_for(map);
+void FocusControl::use_range(DepthRange range, FocalMap& map) {
   if (settings_.near > 0) range.nearest = map.nearest;
   if (settings_.far > 0) range.farthest = map.farthest;
+  range.nearest = std::min(range.nearest, reach_);
+  if (disparity_ > 0) {
+    const double least = FocalMap::kLevels * kFinestLevel / disparity_, more = least - (range.nearest - range.farthest);
+    if (more > 0) range = {std::max(range.farthest - more / 2, 0.), range.nearest + more / 2};
+    constexpr double kFar = 0.5;  // pixels from infinity
+    if (range.farthest * disparity_ < kFar && !(settings_.far > 0)) range.farthest = 0;
+  }
   if (!(range.nearest > range.farthest) || (range == DepthRange{map.farthest, map.nearest})) return;
   range_ = range;
   set_range(range, map);
+}
+
+// Only nodes that can tell have a say.
+void FocusControl::follow_range(FocalMap& map) {
+  const std::optional<DepthRange> scene = votes_.range();
+  if (!is_automatic() || !scene) return;
+  const DepthRange right{scene->farthest / kBeyond, kBeyond * scene->nearest};
+  constexpr double kAtTheEnd = 8 / FocalMap::kLevels;
+  const double end = kAtTheEnd * (map.nearest - map.farthest);
+  const bool at_an_end = (scene->farthest < map.farthest + end && map.farthest > 0) ||
+                         (scene->nearest > map.nearest - end && map.nearest < reach_);
+  const bool too_wide = map.nearest - map.farthest > kMuchOff * (right.nearest - right.farthest);
+  if (at_an_end || too_wide || stage_ == Stage::kSearch) use_range(right, map);
 }
 
 // What a surface is worth beside the planes that were tried.
@@ -128,68 +239,140 @@ void FocusControl::count_planes(const SurfaceChoice& choice, const std::vector<T
   state_.bought = std::isfinite(best) ? best - choice.cost[0] : 0;
 }
 
+// Whether the picture through the surface can be shown: where the cameras agree better than through the viewer's plane.
+void FocusControl::compare_with_plane(const SurfaceChoice& choice, const std::vector<Trial>& trials) {
+  const auto plane = std::ranges::find(trials, Trial::Kind::kFocused, &Trial::kind);
+  if (plane == trials.end() || trials.size() >= kSweep) return;  // what a sweep finds is not yet measured
+  const double of_plane = choice.energy[static_cast<size_t>(plane - trials.begin())], of_surface = choice.energy[0];
+  if (!(of_plane >= 0)) return;
+  if (state_.on_plane) {
+    if (of_surface < kShown * of_plane && of_plane - of_surface > kWorthShowing) state_.on_plane = false;
+  } else if (of_surface > kHidden * of_plane) {
+    state_.on_plane = true;
+  }
+}
+
+// Nothing tells depths apart: the viewer's plane it is, until something has changed.
+void FocusControl::give_up() {
+  stage_ = Stage::kNothing;
+  state_.on_plane = true;
+  waited_ = 0;
+  patience_ = std::min(2 * patience_, kMostPatience);
+}
+
 std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
-  if (++skipped_ < state_.interval) return {};
+  if (!sweeps_.empty()) {
+    std::vector<Trial> trials = std::move(sweeps_.front());
+    sweeps_.pop_front();
+    if (sweeps_.empty() && stage_ == Stage::kSweep) stage_ = Stage::kBetter;
+    state_.trials = static_cast<unsigned>(trials.size());
+    return trials;
+  }
+  if (stage_ == Stage::kNothing) {
+    if (++waited_ < (moved_ ? std::min(kLeastPatience, patience_) : patience_)) return {};
+    moved_ = false;
+    search(map);
+    return next_trials(map);
+  }
+  if (stage_ == Stage::kSearch) {  // what it finds decides what comes next
+    waited_++;
+    return {};
+  }
+  if (++skipped_ < (moved_ ? std::min(state_.interval, 3u) : state_.interval)) return {};
+  moved_ = false;
   skipped_ = 0;
   std::vector<Trial> trials;
   const unsigned round = round_++;
   if (state_.flat) {
     // There are no edges to move: planes nearby, and planes all over.
-    constexpr int16_t kNearby = 6;
-    trials = trials_of_round(round % kSweepRounds);
-    trials.push_back({Trial::Kind::kPlane, static_cast<int16_t>(std::clamp(
-                                               map.levels.front() + (round % 2 == 0 ? kNearby : -kNearby / 2), 0, 255))});
+    constexpr int kNearby = 6;
+    trials = trials_of_round(round);
+    trials.erase(trials.begin() + 1, trials.end() - 1);
+    for (const int by : {kNearby, -(kNearby / 2)})
+      trials.push_back({Trial::Kind::kPlane, static_cast<int16_t>(std::clamp(map.levels.front() + by, 0, 255))});
   } else {
-    trials = trials_of_round(round, is_automatic() ? levels_in_use(map) : LevelRange{});
+    trials = trials_of_round(round, is_automatic() ? scene_levels(map) : LevelRange{});
     // Every third round asks whether a plane would do.
     if (settings_.mode == FocusMode::kAuto && round_ % 3 == 0)
       trials.back() = {Trial::Kind::kPlane, median(map.levels)};
   }
+  if (round % kPlaneEvery == 0) trials.back() = {Trial::Kind::kFocused, 0};
   state_.trials = static_cast<unsigned>(trials.size());
   return trials;
 }
 
+// What came of a request's trials.
+void FocusControl::take(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array,
+                        FocalMap& map) {
+  SurfaceChoice choice = choice_of(request, moments, array, stage_ == Stage::kSearch ? kSearchRadius : 1);
+  map.levels = std::move(choice.levels);
+  state_.rounds++;
+  state_.residual = choice.residual;
+  state_.gained = choice.gained;
+  if (range_) set_range(*range_, map);
+  latest_.merge(request, choice, map);
+  if (choice.cost.empty() || !std::isfinite(choice.cost[0])) return;
+  state_.deviation = choice.cost[0];
+  votes_.add(map, choice);
+  compare_with_plane(choice, request.trials);
+  count_planes(choice, request.trials);
+  if (stage_ == Stage::kSearch) return;
+  judge(choice, request, map);
+  if (is_another_scene()) {
+    if (!is_automatic()) return sweep(map);
+    use_range({map.farthest / 2, 2 * map.nearest}, map);
+    search(map);
+  } else {
+    follow_range(map);
+  }
+}
+
 FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<const Moments> moments,
-                                      const Plane& from) {
-  Plan plan{.view = request.view, .trials = {}};
+                                      const FocusArray& array) {
+  Plan plan{.view = request.view};
   const std::shared_ptr<const FocalMap>& map = request.view.focus.map;
   if (settings_.mode == FocusMode::kPlane) {
     plan.view.focus.map = nullptr;
     if (!map || moments.empty()) return plan;
     // The viewer asks where it would be in focus: see add_focus_sweep().
     auto found = std::make_shared<FocalMap>(*map);
-    found->levels = choice_of(request, moments, kSweepRadius).levels;
+    found->levels = choice_of(request, moments, array, kSearchRadius).levels;
     plan.view.focus.map = std::move(found);
     return plan;
   }
+  if (array.is_known() && !(array.disparity() > 0)) {  // one camera looks the same through any surface
+    plan.view.focus.map = nullptr;
+    return plan;
+  }
   if (!map) {
-    plan.view.focus.map = first_map(request.view, from);
     // Those that left before anything came of the first one begin together.
-    if (state_.rounds > 0 || latest_.underway() == 0) {
-      const FocusControl fresh(settings_);
-      *this = fresh;
-      settling_ = kSettling;
-    } else {
-      settling_++;
-    }
+    if (state_.rounds > 0 || latest_.underway() == 0)
+      begin(request, array, plan.view);
+    else
+      plan.view.focus.map = latest_.seen_from(request.view);
   } else if (!moments.empty()) {
-    SurfaceChoice choice = choice_of(request, moments);
     auto better = std::make_shared<FocalMap>(*map);
-    better->levels = std::move(choice.levels);
-    state_.rounds++;
-    state_.residual = choice.residual;
-    state_.gained = choice.gained;
-    if (range_) set_range(*range_, *better);
-    latest_.merge(request, choice, *better);
-    if (!choice.cost.empty() && std::isfinite(choice.cost[0])) {
-      state_.deviation = choice.cost[0];
-      count_planes(choice, request.trials);
-      judge(choice, request, *better);
-      follow_range(is_another_scene(), *better);
-    }
+    take(request, moments, array, *better);
     plan.view.focus.map = std::move(better);
   } else if (std::shared_ptr<const FocalMap> latest = latest_.seen_from(request.view)) {
     plan.view.focus.map = std::move(latest);
+  }
+  // A search is over when all of it has been answered, or will not be.
+  if (stage_ == Stage::kSearch && sweeps_.empty() && (latest_.underway() == 0 || waited_ > LatestSurface::kMostUnderway)) {
+    auto searched = std::make_shared<FocalMap>(*plan.view.focus.map);
+    const bool found = votes_.range().has_value();
+    if (found) follow_range(*searched);
+    if (!found) use_range({0, reach_}, *searched);
+    *searched = plane_map(request.view, array.from(), searched->nearest, searched->farthest);
+    if (found)
+      sweep(*searched);
+    else
+      give_up();
+    plan.view.focus.map = std::move(searched);
+  }
+  if (const double apart = glm::length(plan.view.pose.position - tried_from_.position); apart > 0) {
+    moved_ = moved_ || apart > 0.25 * array.spacing() || !(tried_from_.orientation == plan.view.pose.orientation);
+    if (moved_) tried_from_ = plan.view.pose;
   }
   latest_.set(plan.view);
   const FocalMap& next = *plan.view.focus.map;
@@ -197,6 +380,11 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
   state_.far = 1 / next.farthest;
   plan.trials = next_trials(next);
   if (!plan.trials.empty()) latest_.leaves(plan.trials);
+  // Where one camera makes nearly all of the picture every surface seems to fit, and only displaces what it sees.
+  const bool little = mean_of(array.evidence(plan.view, request.out_of_service)) < kEnoughEvidence;
+  plan.on_plane = state_.on_plane || state_.flat || little;
+  if (state_.flat && !state_.on_plane && !little)
+    plan.plane = Plane{next.from.normal, next.from.d - 1 / next.inverse_of(next.levels.front())};
   return plan;
 }
 

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <deque>
 #include <limits>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "focus/depth_range.h"
+#include "focus/depth_votes.h"
+#include "focus/focus_array.h"
 #include "focus/latest_surface.h"
 #include "focus/moments.h"
 #include "focus/surface_choice.h"
@@ -23,15 +26,23 @@ enum class FocusMode {
 
 // Decides, picture after picture of one view, on which surface the next one is focused and what is tried for it. A plain
 // value without locks.
+//
+// The viewer's plane is shown until the cameras agree clearly better through the surface, and again as soon as they do not:
+// a picture is never knowingly worse than the plane's.
 class FocusControl {
  public:
   struct Settings {
     FocusMode mode = FocusMode::kPlane;
-    // Metres from the array. 0: at first kNearest and kFarthest times the viewer's focus distance, then as the scene asks.
+    // Metres from the array. 0: what the array can tell apart is searched, then the range follows the scene.
     double near = 0, far = 0;
     bool operator==(const Settings&) const = default;
   };
-  static constexpr double kNearest = 0.4, kFarthest = 4;
+  // Where the array is not known, nothing nearer than this part of the viewer's focus distance is looked for.
+  static constexpr double kNearest = 0.4;
+  // The surface is shown once its squared deviation is less than kShown of the plane's, and by kWorthShowing less; not any
+  // more when it is more than kHidden of it.
+  static constexpr double kShown = 0.75, kHidden = 0.95;
+  static constexpr double kWorthShowing = 4;  // levels of luma, squared
   // A rest begins when kQuietRounds did not get better by this; then fewer and fewer requests have trials. It ends when a
   // round gains that much more than kMoreAtRest times what it did before the rest.
   static constexpr unsigned kQuietRounds = 6;
@@ -42,7 +53,7 @@ class FocusControl {
   // How much farther the cameras may disagree through one plane than through the surface for the plane to be enough.
   static constexpr double kFlatEnough = 0.05;  // levels of luma
   // The scene is another one when the cameras disagree by this factor and so many levels of luma more than they used to:
-  // all planes are tried again, in twice the range if that may be, and again up to kMostLooks times.
+  // all depths are searched again, up to kMostLooks times.
   static constexpr double kOtherFactor = 1.5, kOtherMore = 0.5;
   static constexpr unsigned kMostLooks = 3;
 
@@ -50,13 +61,15 @@ class FocusControl {
   explicit FocusControl(const Settings& settings) : settings_(settings) {}
 
   // What the next request shall have: the view of `request` with another map, or none, and trials. `moments`: what came
-  // of its trials, in their order and of the map's size; empty where nothing came. `from`: see FocalMap. Requests are
-  // answered in the order in which they left, any number of them later: see LatestSurface.
+  // of its trials, in their order and of the map's size; empty where nothing came. Requests are answered in the order in
+  // which they left, any number of them later: see LatestSurface.
   struct Plan {
     View view;
     std::vector<Trial> trials;
+    bool on_plane = false;         // see ViewRequest
+    std::optional<Plane> plane;    // in place of the viewer's: a plane is all that the scene needs
   };
-  Plan next(const ViewRequest& request, std::span<const Moments> moments, const Plane& from);
+  Plan next(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array);
 
   // What it came to, for statistics.
   struct State {
@@ -66,6 +79,7 @@ class FocusControl {
     unsigned interval = 1;  // requests from one with trials to the next
     unsigned trials = 0;    // of the next request that has any
     bool flat = false;      // one plane is enough
+    bool on_plane = true;   // a plane is shown, the viewer's or that one
     double deviation = 0;   // how far cameras disagree through the surface, levels of luma, mean over the nodes
     double bought = 0;      // by how much that is less than through the best plane tried lately
     double near = 0, far = 0;  // what is looked at, metres from the array; far may be infinite
@@ -74,19 +88,38 @@ class FocusControl {
   const State& state() const { return state_; }
 
  private:
-  std::shared_ptr<const FocalMap> first_map(const View& view, const Plane& from) const;
-  bool is_automatic() const { return !(settings_.near > 0) || !(settings_.far > 0); }
+  // Of all depths; of those where the scene is; around what was found; none, as nothing can be told.
+  enum class Stage { kSearch, kSweep, kBetter, kNothing };
+
+  void begin(const ViewRequest& request, const FocusArray& array, View& view);
+  void search(const FocalMap& map);
+  void give_up();
+  void sweep(const FocalMap& map);
+  void take(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array, FocalMap& map);
+  void compare_with_plane(const SurfaceChoice& choice, const std::vector<Trial>& trials);
   void judge(const SurfaceChoice& choice, const ViewRequest& request, FocalMap& map);
   bool is_worthwhile(const SurfaceChoice& choice, double enough);
   bool is_another_scene();
-  void follow_range(bool another, FocalMap& map);
+  void follow_range(FocalMap& map);
+  void use_range(DepthRange range, FocalMap& map);
   void count_planes(const SurfaceChoice& choice, const std::vector<Trial>& trials);
+  LevelRange scene_levels(const FocalMap& map) const;
   std::vector<Trial> next_trials(const FocalMap& map);
+  bool is_automatic() const { return !(settings_.near > 0) || !(settings_.far > 0); }
 
   Settings settings_;
   State state_;
   LatestSurface latest_;
+  double reach_ = 0;      // largest inverse distance that is looked for, 1/m
+  double disparity_ = 0;  // pixels for each 1/m, 0: not known
+  Stage stage_ = Stage::kBetter;
+  std::deque<std::vector<Trial>> sweeps_;  // that the stage has still to send
+  Pose tried_from_;            // where trials were last rested from
+  bool moved_ = false;         // the eye, since then
+  unsigned patience_ = 8;      // requests from a search that finds nothing to the next
+  unsigned waited_ = 0;        // requests for the answers to a search, or for the next one
   double flat_inverse_ = 0;  // where one plane is enough, 1/m
+  DepthVotes votes_;
   std::optional<DepthRange> range_;  // of all maps, where it follows the scene
   std::vector<double> plane_deviations_;  // of the best plane of each of the latest rounds
   double gained_before_ = 0, usual_gain_ = 0;  // see is_worthwhile()

@@ -4,7 +4,6 @@
 #include <map>
 #include <numeric>
 
-#include "focus/array_plane.h"
 #include "focus/trial_renderer.h"
 
 namespace lf {
@@ -13,7 +12,7 @@ View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const Camer
                  const FocusControl::Settings& settings, int rounds) {
   std::vector<CameraIndex> all(rig.cameras.size());
   std::iota(all.begin(), all.end(), 0);
-  const Plane from = array_plane(rig);
+  const FocusArray array(rig);
   std::map<CameraIndex, Image> kept;  // an image given is only good until the next one
   FocusControl control(settings);
   ViewRequest request;
@@ -23,7 +22,7 @@ View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const Camer
     std::vector<Moments> sums(request.trials.size());
     if (!sums.empty()) {
       std::vector<std::vector<uint8_t>> levels;
-      for (const Trial& trial : request.trials) levels.push_back(trial_levels(*request.view.focus.map, trial));
+      for (const Trial& trial : request.trials) levels.push_back(trial_levels(request.view, trial));
       for (Moments& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
       const RenderJob job(rig, mesh, trial_view(request.view), all);
       std::vector<Source> sources;
@@ -33,11 +32,13 @@ View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const Camer
       }
       add_moments(job, sources, levels, sums);
     }
-    FocusControl::Plan plan = control.next(request, sums, from);
+    FocusControl::Plan plan = control.next(request, sums, array);
     request.view = std::move(plan.view);
     request.trials = std::move(plan.trials);
+    request.on_plane = plan.on_plane;
+    if (plan.plane) request.view.focus.plane = *plan.plane;
   }
-  return request.view;
+  return shown_view(request);
 }
 
 }  // namespace lf

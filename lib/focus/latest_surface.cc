@@ -39,7 +39,7 @@ void LatestSurface::merge(const ViewRequest& request, const SurfaceChoice& choic
     moved_.assign(nodes, 0);
   }
   for (size_t i = 0; i < nodes; i++) {
-    if (before && moved_[i] > known && cost_[i] <= choice.least[i] + choice.lead) {
+    if (before && moved_[i] > known && cost_[i] <= choice.least[i] + choice.lead[i]) {
       map.levels[i] = before->levels[i];
       continue;
     }

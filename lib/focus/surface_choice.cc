@@ -14,58 +14,159 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 // In the order of the nodes, the same on every machine; four trials at a time, whose additions do not wait for each
 // other.
-std::vector<double> mean_costs(const std::vector<std::vector<float>>& costs) {
+void add_means(const std::vector<std::vector<float>>& costs, SurfaceChoice& choice) {
   const size_t nodes = costs[0].size(), last = costs.size() - 1;
   std::vector<float> most = costs[0];
   for (const std::vector<float>& cost : costs)
     for (size_t i = 0; i < nodes; i++) most[i] = std::max(most[i], cost[i]);
   const auto seen = std::ranges::count_if(most, [](float cost) { return cost < kInfinity; });
-  std::vector<double> means(costs.size(), NAN);
-  for (size_t t = 0; t < costs.size() && seen > 0; t += 4) {
+  choice.cost.assign(costs.size(), NAN);
+  choice.energy.assign(costs.size(), NAN);
+  choice.least_energy = NAN;
+  if (seen == 0) return;
+  const auto count = static_cast<double>(seen);
+  for (size_t t = 0; t < costs.size(); t += 4) {
     const float* const of[4] = {costs[t].data(), costs[std::min(t + 1, last)].data(),
                                 costs[std::min(t + 2, last)].data(), costs[std::min(t + 3, last)].data()};
-    double sum[4] = {};
+    double sum[4] = {}, square[4] = {};
     for (size_t i = 0; i < nodes; i++) {
       if (!(most[i] < kInfinity)) continue;
-      for (int k = 0; k < 4; k++) sum[k] += of[k][i];
+      for (int k = 0; k < 4; k++) {
+        sum[k] += of[k][i];
+        square[k] += of[k][i] * of[k][i];
+      }
     }
-    for (size_t k = 0; k < 4 && t + k <= last; k++) means[t + k] = sum[k] / static_cast<double>(seen);
+    for (size_t k = 0; k < 4 && t + k <= last; k++) {
+      choice.cost[t + k] = sum[k] / count;
+      choice.energy[t + k] = square[k] / count;
+    }
   }
-  return means;
+  double square = 0;
+  for (size_t i = 0; i < nodes; i++)
+    if (most[i] < kInfinity) square += choice.least[i] * choice.least[i];
+  choice.least_energy = square / count;
+}
+
+// The median of deviations as three equal cameras would have them.
+double residual_of(const std::vector<float>& deviations, std::span<const float> evidence) {
+  std::vector<float> told(deviations.size());
+  for (size_t i = 0; i < told.size(); i++)
+    told[i] = evidence[i] < kLittleEvidence ? kInfinity : deviations[i] / evidence[i];
+  return median_of_finite(told);
+}
+
+// The trials of a round, beside each other.
+struct Round {
+  const FocalMap& surface;
+  const std::vector<std::vector<float>>& costs;
+  std::vector<const uint8_t*> levels;
+  const ChoiceTerms& terms;
+  bool is_told(size_t node) const { return terms.evidence[node] >= kLittleEvidence; }
+};
+
+// Lets every node, one after the other, take the trial that is best beside what its neighbours have by then: iterated
+// conditional modes (Besag 1986, "On the statistical analysis of dirty pictures"), with a cost of levels that grows up to a
+// pixel of disparity.
+void agree_with_neighbours(const Round& round, SurfaceChoice& choice) {
+  constexpr int kPasses = 2;
+  constexpr float kUntoldLead = 0.05f;  // of the weight of all neighbours
+  const int columns = round.surface.columns, rows = round.surface.rows;
+  const auto apart = std::max(1.f, static_cast<float>(round.terms.levels_a_pixel));
+  std::vector<uint8_t>& at = choice.levels;
+  for (int pass = 0; pass < kPasses; pass++)
+    for (int y = 0; y < rows; y++)
+      for (int x = 0; x < columns; x++) {
+        const size_t i = static_cast<size_t>(y) * columns + x;
+        if (!(choice.least[i] < kInfinity)) continue;
+        int around[8], count = 0;
+        for (int v = std::max(y - 1, 0); v <= std::min(y + 1, rows - 1); v++)
+          for (int u = std::max(x - 1, 0); u <= std::min(x + 1, columns - 1); u++)
+            if (u != x || v != y) around[count++] = at[static_cast<size_t>(v) * columns + u];
+        const bool told = round.is_told(i);
+        const float smooth =
+            told ? static_cast<float>(kSmooth * choice.residual) * round.terms.evidence[i] + kSmoothNoise : 1;
+        const float weight = smooth / (apart * static_cast<float>(std::max(count, 1)));
+        float least = kInfinity;
+        for (size_t t = 0; t < round.costs.size(); t++) {
+          if (!(round.costs[t][i] < kInfinity)) continue;
+          float steps = 0;
+          for (int k = 0; k < count; k++)
+            steps += std::min(static_cast<float>(std::abs(round.levels[t][i] - around[k])), apart);
+          const float lead = t == 0 ? 0 : told ? choice.lead[i] : kUntoldLead;
+          const float cost = weight * steps + (told ? round.costs[t][i] : 0) + lead;
+          if (!(cost < least)) continue;
+          least = cost;
+          choice.chosen[i] = static_cast<uint8_t>(t);
+        }
+        at[i] = round.levels[choice.chosen[i]][i];
+        choice.least[i] = round.costs[choice.chosen[i]][i];
+      }
+}
+
+// Whether the choice of a node tells where something is.
+bool is_informed(const Round& round, float least, size_t node) {
+  if (round.terms.evidence[node] <= kToldEvidence) return false;
+  const bool sweep = round.costs.size() >= kSweep;
+  constexpr size_t kFirstPlane = 2;
+  float most = 0, sum = 0;
+  int count = 0;
+  size_t best = 0;
+  for (size_t t = 0; t < round.costs.size(); t++) {
+    const float cost = round.costs[t][node];
+    if (!(cost < kInfinity)) continue;
+    most = std::max(most, cost);
+    sum += cost;
+    count++;
+    if (t >= kFirstPlane && (best == 0 || cost < round.costs[best][node])) best = t;
+  }
+  const float wrong = sweep ? sum / static_cast<float>(count) : most;
+  if (!(least + kTold < kTelling * wrong)) return false;
+  for (size_t t = kFirstPlane; t < round.costs.size() && sweep; t++)
+    if ((t + 1 < best || t > best + 1) && !(least + kTold < kUnique * round.costs[t][node])) return false;
+  return true;
 }
 
 }  // namespace
 
 SurfaceChoice choose_surface(const FocalMap& surface, std::span<const std::vector<uint8_t>> trials,
-                             std::span<const Moments> moments, int radius) {
+                             std::span<const Moments> moments, const ChoiceTerms& terms) {
   SurfaceChoice choice;
   choice.levels = surface.levels;
-  const std::vector<std::vector<float>> costs = trial_costs(moments.first(trials.size()), radius);
+  const std::vector<std::vector<float>> costs = trial_costs(moments.first(trials.size()), terms.radius);
   const std::vector<float>& base = costs[0];
-  choice.residual = median_of_finite(base);
-  std::vector<uint8_t>& chosen = choice.chosen;
-  chosen.assign(base.size(), 0);
-  choice.least.assign(base.size(), kInfinity);
+  const size_t nodes = base.size();
+  choice.residual = residual_of(base, terms.evidence);
+  choice.chosen.assign(nodes, 0);
+  choice.least.assign(nodes, kInfinity);
+  choice.lead.assign(nodes, kInfinity);
+  choice.informed.assign(nodes, 0);
   if (std::isnan(choice.residual)) return choice;
-  const float lead = choice.lead = static_cast<float>(kLead * choice.residual);
-  std::vector<float> best(base.size());
-  cheapest_trials(costs, lead, best.data(), chosen.data());
-  choice.cost = mean_costs(costs);
-  std::vector<const uint8_t*> levels;
-  for (const std::vector<uint8_t>& trial : trials) levels.push_back(trial.data());
+  Round round{surface, costs, {}, terms};
+  for (const std::vector<uint8_t>& trial : trials) round.levels.push_back(trial.data());
+  const auto lead = static_cast<float>(kLead * choice.residual);
+  for (size_t i = 0; i < nodes; i++)
+    if (round.is_told(i)) choice.lead[i] = lead * terms.evidence[i] + kNoise;
+  std::vector<float> best(nodes);
+  cheapest_trials(costs, choice.lead, best.data(), choice.chosen.data());
+  for (size_t i = 0; i < nodes; i++) {
+    if (!(best[i] < kInfinity)) continue;
+    choice.levels[i] = round.levels[choice.chosen[i]][i];
+    choice.least[i] = costs[choice.chosen[i]][i];
+  }
+  agree_with_neighbours(round, choice);
   double gained = 0;
   size_t seen = 0, changed = 0;
-  for (size_t i = 0; i < best.size(); i++) {
-    if (!(best[i] < kInfinity)) continue;
-    choice.levels[i] = levels[chosen[i]][i];
-    choice.least[i] = best[i] - (chosen[i] != 0 ? lead : 0.f);
+  for (size_t i = 0; i < nodes; i++) {
+    if (!(choice.least[i] < kInfinity)) continue;
     seen++;
-    changed += chosen[i] != 0;
-    const float less = base[i] - (best[i] - lead);
-    gained += chosen[i] != 0 && base[i] < kInfinity ? less : 0.0;  // no jumps: which it is nothing foretells
+    changed += choice.chosen[i] != 0;
+    // Without jumps: which trial it is nothing foretells.
+    gained += choice.chosen[i] != 0 && base[i] < kInfinity ? base[i] - choice.least[i] : 0.f;
+    choice.informed[i] = is_informed(round, choice.least[i], i);
   }
   choice.gained = gained / static_cast<double>(seen);
   choice.changed = static_cast<double>(changed) / static_cast<double>(seen);
+  add_means(costs, choice);
   return choice;
 }
 

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "focus/plane_map.h"
+
 namespace lf {
 namespace {
 
@@ -32,6 +34,12 @@ std::vector<uint8_t> blurred(const FocalMap& surface, std::vector<uint8_t> level
 
 }  // namespace
 
+std::vector<uint8_t> trial_levels(const View& view, const Trial& trial) {
+  const FocalMap& surface = *view.focus.map;
+  if (trial.kind != Trial::Kind::kFocused) return trial_levels(surface, trial);
+  return plane_map(view, surface.from, surface.nearest, surface.farthest).levels;
+}
+
 std::vector<uint8_t> trial_levels(const FocalMap& surface, const Trial& trial) {
   const auto extreme = [&](const auto& pick) {
     return along_both(surface.levels, surface.columns, surface.rows,
@@ -45,6 +53,7 @@ std::vector<uint8_t> trial_levels(const FocalMap& surface, const Trial& trial) {
     case Trial::Kind::kPlane:
       return std::vector<uint8_t>(surface.levels.size(), static_cast<uint8_t>(std::clamp<int>(trial.value, 0, 255)));
     case Trial::Kind::kBlurred:
+    case Trial::Kind::kFocused:
     case Trial::Kind::kShifted: break;
   }
   std::vector<uint8_t> levels = blurred(surface, surface.levels);
@@ -61,12 +70,6 @@ std::vector<Trial> trials_of_round(unsigned round, const LevelRange& scene) {
                  static_cast<int16_t>(range.first + (range.last - range.first) * plane / (kSweepPlanes - 1))};
   };
   std::vector<Trial> trials{{Trial::Kind::kBlurred, 0}};
-  if (round < kSweepRounds) {
-    constexpr unsigned kPlanes = kSweepPlanes / kSweepRounds;  // of a round
-    for (unsigned k = 0; k < kPlanes; k++) trials.push_back(plane_of(round * kPlanes + k, {}));
-    return trials;
-  }
-  round -= kSweepRounds;
   if (round % 2 == 0) {
     trials.push_back({Trial::Kind::kFarther, 0});
     trials.push_back({Trial::Kind::kNearer, 0});

@@ -17,6 +17,7 @@ struct Trial {
     kNearer = 2,   // the largest
     kShifted = 3,  // smoothed, `value` levels nearer
     kPlane = 4,    // level `value` everywhere
+    kFocused = 5,  // the viewer's plane
   };
   Kind kind = Kind::kBlurred;
   int16_t value = 0;  // levels
@@ -25,7 +26,9 @@ struct Trial {
 
 inline constexpr size_t kMaxTrials = 16;  // of one request
 
-// The trial's levels, one for each node of `surface`.
+// The trial's levels, one for each node of the view's map.
+std::vector<uint8_t> trial_levels(const View& view, const Trial& trial);
+// The same of a map alone; kFocused counts as kBlurred.
 std::vector<uint8_t> trial_levels(const FocalMap& surface, const Trial& trial);
 
 // Levels from `first` to `last`.
@@ -34,11 +37,10 @@ struct LevelRange {
   bool operator==(const LevelRange&) const = default;
 };
 
-// What is tried in round `round` of a view. The first kSweepRounds find out where things are at all: the smoothed surface
-// and planes, kSweepPlanes in total, over all levels. Later ones better what was found: the smoothed surface, two that let
-// depth edges move and small errors heal, and one of kSweepPlanes planes over `scene`, the levels that the scene is known
-// to be at, or every kOutsideEvery-th time one of those outside, so that nothing near or far is missed for long.
-inline constexpr int kSweepPlanes = 12, kSweepRounds = 4, kOutsideEvery = 4;
+// What is tried in round `round` of a view to better the surface that it has: the smoothed surface, two that let depth
+// edges move and small errors heal, and one of kSweepPlanes planes over `scene`, the levels that the scene is known to be
+// at, or every kOutsideEvery-th time one of those outside, so that nothing near or far is missed for long.
+inline constexpr int kSweepPlanes = 12, kOutsideEvery = 4;
 std::vector<Trial> trials_of_round(unsigned round, const LevelRange& scene = {});
 
 // The view that trials are rendered in: a pixel for each node of the map, which lies in its middle.

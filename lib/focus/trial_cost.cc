@@ -109,12 +109,12 @@ int count_below(const float* HWY_RESTRICT values, int n, int32_t limit) {
 }
 
 // One step of cheapest_trials(): of n nodes and trial `trial`.
-void compete(const float* HWY_RESTRICT cost, float lead, int trial, int n, float* HWY_RESTRICT best,
-             uint8_t* HWY_RESTRICT chosen) {
+void compete(const float* HWY_RESTRICT cost, const float* HWY_RESTRICT lead, int trial, int n,
+             float* HWY_RESTRICT best, uint8_t* HWY_RESTRICT chosen) {
   for_lanes<float>(n, [&](auto d, int i) HWY_ATTR {
     const hn::Rebind<uint8_t, decltype(d)> d8;
     const hn::Rebind<int32_t, decltype(d)> d32;
-    const auto behind = hn::Add(hn::LoadU(d, cost + i), hn::Set(d, lead)), before = hn::LoadU(d, best + i);
+    const auto behind = hn::Add(hn::LoadU(d, cost + i), hn::LoadU(d, lead + i)), before = hn::LoadU(d, best + i);
     const auto better = hn::Lt(behind, before);
     const auto was = hn::PromoteTo(d32, hn::LoadU(d8, chosen + i));
     hn::StoreU(hn::IfThenElse(better, behind, before), d, best + i);
@@ -165,11 +165,12 @@ double median_of_finite(std::span<const float> values) {
   return std::bit_cast<float>(bits);
 }
 
-void cheapest_trials(std::span<const std::vector<float>> costs, float lead, float* best, uint8_t* chosen) {
+void cheapest_trials(std::span<const std::vector<float>> costs, std::span<const float> lead, float* best,
+                     uint8_t* chosen) {
   std::ranges::copy(costs[0], best);
   std::fill_n(chosen, costs[0].size(), uint8_t{0});
   for (size_t t = 1; t < costs.size(); t++) HWY_DYNAMIC_DISPATCH(compete)
-  (costs[t].data(), lead, static_cast<int>(t), static_cast<int>(costs[t].size()), best, chosen);
+  (costs[t].data(), lead.data(), static_cast<int>(t), static_cast<int>(costs[t].size()), best, chosen);
 }
 
 }  // namespace lf

@@ -18,8 +18,9 @@ std::vector<std::vector<float>> trial_costs(std::span<const Moments> moments, in
 // The upper one of the two in the middle of the finite ones, NaN if there are none. `values`: neither negative nor NaN.
 double median_of_finite(std::span<const float> values);
 
-// For each node the trial of the least cost, all but the first of which cost `lead` more, the first of those that
-// cost the same: its number, and the cost (with the lead).
-void cheapest_trials(std::span<const std::vector<float>> costs, float lead, float* best, uint8_t* chosen);
+// For each node the trial of the least cost, all but the first of which cost the node's `lead` more, the first of those
+// that cost the same: its number, and the cost (with the lead).
+void cheapest_trials(std::span<const std::vector<float>> costs, std::span<const float> lead, float* best,
+                     uint8_t* chosen);
 
 }  // namespace lf

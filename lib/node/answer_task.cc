@@ -21,12 +21,12 @@ class WarpTask : public AnswerTask {
   WarpTask(const Rig& rig, ViewPlan plan, int quality, std::span<const CameraIndex> own)
       : rig_(rig), job_(std::move(plan), own), quality_(quality) {}
   WarpTask(const Rig& rig, const Mesh& mesh, const ViewRequest& request, std::span<const CameraIndex> own)
-      : WarpTask(rig, ViewPlan(rig, mesh, request.view), request.quality, own) {
+      : WarpTask(rig, ViewPlan(rig, mesh, shown_view(request)), request.quality, own) {
     gains_ = request.gains;
     if (gains_.ask) compare(rig, mesh, request, own);
     if (request.trials.empty()) return;
     trial_job_.emplace(rig, mesh, trial_view(request.view), own);
-    for (const Trial& trial : request.trials) trials_.push_back(trial_levels(*request.view.focus.map, trial));
+    for (const Trial& trial : request.trials) trials_.push_back(trial_levels(request.view, trial));
   }
 
   const std::vector<CameraIndex>& cameras() const override { return wide_ ? cameras_ : job_.cameras(); }

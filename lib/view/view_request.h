@@ -42,9 +42,17 @@ struct GainRequest {
 struct ViewRequest : RequestHead {
   View view;
   CameraSet out_of_service;
+  bool on_plane = false;  // the picture is drawn through the viewer's plane: the focal map serves the trials alone
   std::vector<Trial> trials;  // of the view's focal map, to be answered with moments; at most kMaxTrials, none without
   GainRequest gains;
   bool operator==(const ViewRequest&) const = default;
 };
+
+// The view as its picture is drawn.
+inline View shown_view(const ViewRequest& request) {
+  View view = request.view;
+  if (request.on_plane) view.focus.map = nullptr;
+  return view;
+}
 
 }  // namespace lf

@@ -53,7 +53,7 @@ struct Scene {
       for (int i = 0; i < map.columns; i++)  // a ground that rises, and things on it
         map.levels.push_back(static_cast<uint8_t>(40 + j + (((i / 13 + j / 11) % 3 == 0) ? 60 : 0)));
     focused.focus.map = std::make_shared<FocalMap>(map);
-    for (const Trial& trial : trials_of_round(0)) trials.push_back(trial_levels(map, trial));
+    for (const Trial& trial : trials_of_round(0)) trials.push_back(trial_levels(request.view, trial));
     sums.resize(trials.size());
   }
   std::vector<Source> sources(const std::vector<CameraIndex>& cameras) const {

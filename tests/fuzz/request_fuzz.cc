@@ -17,7 +17,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (const auto* view = std::get_if<ViewRequest>(&*request)) {
     again = wire::encode_request(*view);
     for (const Trial& trial : view->trials)
-      if (view->view.width <= 256 && view->view.height <= 256) trial_levels(*view->view.focus.map, trial);
+      if (view->view.width <= 256 && view->view.height <= 256) trial_levels(view->view, trial);
     if (view->view.width <= 64 && view->view.height <= 64) {
       static const Rig rig = scene_rig(2, 2, 64, 48);
       static const Mesh mesh = build_mesh(rig);

@@ -35,7 +35,7 @@ class LfCompositorTrialsTest : public LfCompositorTest {
     Image grey(PixelFamily::kRgb, ArrayFixture::kWidth, ArrayFixture::kHeight);
     std::ranges::fill(grey.data(), uint8_t{200});
     std::vector<std::vector<uint8_t>> levels;
-    for (const Trial& trial : asked_.trials) levels.push_back(trial_levels(*asked_.view.focus.map, trial));
+    for (const Trial& trial : asked_.trials) levels.push_back(trial_levels(asked_.view, trial));
     return sample_trials(job, {{Source{0, &array_.rig().cameras[0], grey.view()}}}, levels);
   }
   std::vector<uint8_t> unit(const std::vector<CameraTrials>& cameras) const { return unit(cameras, header(), shape()); }

@@ -76,7 +76,7 @@ class Renderer {
     if (request.trials.empty()) return {};
     const uint64_t begun = now_ns();
     std::vector<std::vector<uint8_t>> levels;
-    for (const Trial& trial : request.trials) levels.push_back(trial_levels(*request.view.focus.map, trial));
+    for (const Trial& trial : request.trials) levels.push_back(trial_levels(request.view, trial));
     std::vector<Moments> sums(levels.size());
     for (Moments& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
     const RenderJob job(case_.rig, mesh_, trial_view(request.view), own_);
@@ -165,6 +165,13 @@ class Renderer {
   std::vector<CameraIndex> own_;
 };
 
+void take(const FocusControl::Plan& plan, ViewRequest& request) {
+  request.view = plan.view;
+  request.trials = plan.trials;
+  request.on_plane = plan.on_plane;
+  if (plan.plane) request.view.focus.plane = *plan.plane;
+}
+
 // View `number` focused on a plane parallel to the array.
 View on_plane(const Case& c, size_t number, const Plane& from, double distance) {
   View view = c.views[number].view;
@@ -233,7 +240,8 @@ double percentile(std::vector<double> values, double part) {
 }  // namespace
 
 StillResult measure_still(const Case& c, size_t view, const Options& options) {
-  const Plane from = array_plane(c.rig);
+  const FocusArray array(c.rig);
+  const Plane& from = array.from();
   const Image truth = c.truth(view);
   const FocalMap range = map_of(options.range);
   StillResult result;
@@ -259,16 +267,15 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
   request.view = on_plane(c, view, from, distance_of(range, options.planes / 2, options.planes));
   for (int round = 0; round <= options.rounds; round++) {
     request.sequence = static_cast<uint32_t>(round);
-    Picture picture = renderer.picture(request.view, view, request.gains);
+    Picture picture = renderer.picture(shown_view(request), view, request.gains);
     picture.quality = compare(picture.image, truth, picture.coverage);
     const std::vector<Moments> moments = renderer.moments(request, view, picture);
     request.gains = renderer.gains_after(request, view, picture);
     const uint64_t begun = now_ns();
-    const FocusControl::Plan plan = control.next(request, moments, from);
+    const FocusControl::Plan plan = control.next(request, moments, array);
     picture.trial_ms += milliseconds(now_ns() - begun);
     result.rounds.push_back(std::move(picture));
-    request.view = plan.view;
-    request.trials = plan.trials;
+    take(plan, request);
   }
   if (options.gains) result.gains = renderer.gains();
   result.state = control.state();
@@ -277,7 +284,8 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
 }
 
 RestResult measure_rest(const Case& c, size_t view, const Options& options, int settle, int pictures) {
-  const Plane from = array_plane(c.rig);
+  const FocusArray array(c.rig);
+  const Plane& from = array.from();
   Renderer renderer(c, options);
   FocusControl control(options.focus);
   ViewRequest request;
@@ -285,17 +293,15 @@ RestResult measure_rest(const Case& c, size_t view, const Options& options, int 
   const auto next = [&](Picture& cost) {
     const std::vector<Moments> moments = renderer.moments(request, view, cost);
     request.gains = renderer.gains_after(request, view, cost);
-    const FocusControl::Plan plan = control.next(request, moments, from);
     request.sequence++;
-    request.view = plan.view;
-    request.trials = plan.trials;
+    take(control.next(request, moments, array), request);
   };
   Picture settling;
   for (int i = 0; i < settle; i++) next(settling);
   RestResult result;
   std::vector<double> sum, square;
   for (int i = 0; i < pictures; i++) {
-    Picture picture = renderer.picture(request.view, view, request.gains);
+    Picture picture = renderer.picture(shown_view(request), view, request.gains);
     sum.resize(picture.image.data().size());
     square.resize(sum.size());
     for (size_t k = 0; k < sum.size(); k++) {
@@ -332,7 +338,8 @@ RestResult measure_rest(const Case& c, size_t view, const Options& options, int 
 
 std::vector<Frame> measure_film(const Case& c, const Options& options, const std::function<void()>& progress) {
   constexpr int kPlanes = 16;
-  const Plane from = array_plane(c.rig);
+  const FocusArray array(c.rig);
+  const Plane& from = array.from();
   const FocalMap range = map_of(options.range);
   Renderer bilinear(c, {}), renderer(c, options);
   FocusControl control(options.focus);
@@ -348,14 +355,17 @@ std::vector<Frame> measure_film(const Case& c, const Options& options, const std
     ViewRequest request;
     request.view = on_plane(c, i, from, distance_of(range, kPlanes / 2, kPlanes));
     if (plan.view.focus.map) {
-      request.view.focus.map = carry_over(plan.view, request.view);
-      request.trials = plan.trials;
+      const View view = request.view;
+      take(plan, request);
+      request.view = view;
+      request.view.focus.map = carry_over(plan.view, view);
+      if (plan.plane) request.view.focus.plane = *plan.plane;
     }
     request.gains = gains;
     request.sequence = static_cast<uint32_t>(i);
     Picture cost;
-    frames[i].surface_db = psnr(renderer.picture(request.view, i, request.gains));
-    plan = control.next(request, renderer.moments(request, i, cost), from);
+    frames[i].surface_db = psnr(renderer.picture(shown_view(request), i, request.gains));
+    plan = control.next(request, renderer.moments(request, i, cost), array);
     gains = renderer.gains_after(request, i, cost);
     progress();
   }

@@ -118,7 +118,6 @@ struct World {
 constexpr World kWorlds[] = {{"flat", flat},           {"untextured", untextured}, {"mirror", mirror},
                              {"highlight", highlight}, {"wires", wires},           {"fence", fence}};
 
-// Four rays a pixel.
 Image film(const World& world, const Lens& lens, const Pose& pose, int width, int height) {
   constexpr int kRays = 2;
   Image image(PixelFamily::kRgb, width, height);
@@ -136,7 +135,17 @@ Image film(const World& world, const Lens& lens, const Pose& pose, int width, in
   return image;
 }
 
+const World& world_of(const std::string& name) {
+  const auto* const world = std::ranges::find(kWorlds, name, &World::name);
+  if (world == std::end(kWorlds)) throw Error(name + ": no scene of this name");
+  return *world;
+}
+
 }  // namespace
+
+Image film_world(const std::string& name, const Lens& lens, const Pose& pose, int width, int height) {
+  return film(world_of(name), lens, pose, width, height);
+}
 
 std::vector<std::string> world_names() {
   std::vector<std::string> names;
@@ -145,8 +154,7 @@ std::vector<std::string> world_names() {
 }
 
 Case world_case(const std::string& name, int views) {
-  const auto* const world = std::ranges::find(kWorlds, name, &World::name);
-  if (world == std::end(kWorlds)) throw Error(name + ": no scene of this name");
+  const World* const world = &world_of(name);
   Case c = scene_case();
   c.name = name;
   c.views.resize(std::min<size_t>(views, c.views.size()));

@@ -13,5 +13,7 @@ namespace lf::focus {
 std::vector<std::string> world_names();
 // One of them by its name, seen from between the cameras. Throws Error if there is none of that name.
 Case world_case(const std::string& name, int views);
+// What any camera sees of one: four rays a pixel.
+Image film_world(const std::string& name, const Lens& lens, const Pose& pose, int width, int height);
 
 }  // namespace lf::focus

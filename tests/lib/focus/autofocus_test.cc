@@ -67,7 +67,7 @@ TEST(Autofocus, IsNotMisledByPatterns) {
         request.view = view_around(request.view, pixel);
         add_focus_sweep(request, from, found, sweep_reach(rig, request.view));
         std::vector<std::vector<uint8_t>> levels;
-        for (const Trial& trial : request.trials) levels.push_back(trial_levels(*request.view.focus.map, trial));
+        for (const Trial& trial : request.trials) levels.push_back(trial_levels(request.view, trial));
         std::vector<Moments> sums(levels.size());
         for (Moments& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
         add_moments(RenderJob(rig, mesh, trial_view(request.view), own), sources, levels, sums);

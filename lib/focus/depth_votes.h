@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "focus/depth_range.h"
+#include "focus/surface_choice.h"
+
+namespace lf {
+
+// At which depths a scene is, by the nodes that could tell in the latest rounds of trials: others, which see one camera
+// alone, or no texture, or lie outside of what the array covers, are where chance put them and have no say. A plain value.
+class DepthVotes {
+ public:
+  // Depths up to `nearest`, 1/m, are told apart.
+  explicit DepthVotes(double nearest = 0) : nearest_(nearest) {}
+  // `map`: the choice. Earlier rounds fade.
+  void add(const FocalMap& map, const SurfaceChoice& choice);
+  void clear() { votes_.fill(0); }
+  // Of all but kOutliers of the votes to each side; nothing while fewer than kFewVotes of the latest nodes could tell.
+  std::optional<DepthRange> range() const;
+
+  static constexpr double kOutliers = 0.04, kFewVotes = 0.01, kFading = 0.8;
+
+ private:
+  static constexpr int kBins = 1024;
+  double nearest_;
+  std::array<double, kBins> votes_{};
+  double nodes_ = 0;  // that could have voted
+};
+
+}  // namespace lf

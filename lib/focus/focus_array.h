@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <vector>
+
+#include "geometry/plane.h"
+#include "render/render_job.h"
+#include "rig/rig.h"
+#include "view/view.h"
+
+namespace lf {
+
+// What geometry alone says of how well an array can tell depths apart. Not thread-safe.
+class FocusArray {
+ public:
+  // Only what distances are counted from is known. Implicit, for who has no rig.
+  FocusArray(const Plane& from) : from_(from) {}  // NOLINT(google-explicit-constructor)
+  // The rig must outlive this and have a camera.
+  explicit FocusArray(const Rig& rig);
+
+  // What focal maps count distances from: see array_plane().
+  const Plane& from() const { return from_; }
+  // The largest inverse distance, 1/m, at which neighbouring cameras have half of their images in common: nothing nearer is
+  // looked for. 0: not known.
+  double nearest() const { return nearest_; }
+  // By how many pixels of a camera's image two neighbours differ for each 1/m. 0: not known, or there is no second
+  // camera.
+  double disparity() const { return disparity_; }
+  // Metres from a camera to the next one, the median; 0: not known.
+  double spacing() const { return spacing_; }
+  // Pixels, the cameras' median. 0: not known.
+  double focal() const { return focal_; }
+  bool is_known() const { return rig_ != nullptr; }
+
+  // For each node of the view's map how much of a disagreement between the cameras its moments can show: the square root of
+  // 1 - sum w^2 over that of three equal weights w. 1 there, 0 where one camera alone makes the picture and every depth looks
+  // the same, and where none has a weight. Ones without a rig. Told from every kApart-th node, bilinear in between: weights
+  // are continuous. Throws Error for cameras out of service that the rig does not have.
+  static constexpr int kApart = 4;
+  std::vector<float> evidence(const View& view, const CameraSet& out_of_service) const;
+
+ private:
+  Plane from_;
+  double nearest_ = 0, disparity_ = 0, spacing_ = 0, focal_ = 0;
+  const Rig* rig_ = nullptr;
+  mutable MeshCache mesh_;
+};
+
+}  // namespace lf
