@@ -17,7 +17,7 @@ struct Trial {
     kNearer = 2,   // the largest
     kShifted = 3,  // smoothed, `value` levels nearer
     kPlane = 4,    // level `value` everywhere
-    kFocused = 5,  // the viewer's plane
+    kFocused = 6,  // the viewer's plane
   };
   Kind kind = Kind::kBlurred;
   int16_t value = 0;  // levels

@@ -10,7 +10,8 @@ namespace lf::wire {
 namespace {
 
 constexpr uint8_t kFocalPlane = 0, kFocalMap = 1;  // kind of focal surface
-constexpr uint8_t kUseGains = 1, kAskMean = 2, kMeanFollows = 4;
+constexpr uint8_t kUseGains = 1, kAskMean = 2, kMeanFollows = 4, kOnPlane = 8;
+constexpr uint8_t kLayers = 5;  // kind of trial, reserved
 constexpr int kBlendingShift = 4;  // of its kind, in the same byte
 
 size_t mean_nodes(const FocalMap& map) {
@@ -31,6 +32,7 @@ void check(const ViewRequest& request) {
   if (request.trials.size() > kMaxTrials)
     throw Error("trials: at most " + std::to_string(kMaxTrials) + ", not " + std::to_string(request.trials.size()));
   if (!request.trials.empty() && !request.view.focus.map) throw Error("trials: of a map that is not there");
+  if (request.on_plane && !request.view.focus.map) throw Error("trials: on a plane, of a map that is not there");
   check_gains(request);
   const CameraSet& out = request.out_of_service;
   for (size_t i = 0; i < out.size(); i++) {
@@ -98,7 +100,7 @@ void read_map(Reader& in, ViewRequest& request) {
   request.trials.resize(in.get<uint8_t>());
   for (Trial& trial : request.trials) {
     const uint8_t kind = in.get<uint8_t>();
-    if (kind > static_cast<uint8_t>(Trial::Kind::kPlane))
+    if (kind > static_cast<uint8_t>(Trial::Kind::kFocused) || kind == kLayers)
       throw Error("trials: kind " + std::to_string(kind) + " is unknown");
     trial.kind = static_cast<Trial::Kind>(kind);
     trial.value = static_cast<int16_t>(in.get<uint16_t>());
@@ -148,8 +150,8 @@ ViewRequest read_request(std::span<const uint8_t> bytes) {
   view.lens = read_lens(in, model_code);
 
   if (surface > kFocalMap) throw Error("focal surface: kind " + std::to_string(surface) + " is not supported");
-  if (gains > (kUseGains | kAskMean | kMeanFollows)) throw Error("gains: unknown flags " + std::to_string(gains));
   if (gains > kUseGains && surface != kFocalMap) throw Error("gains: by a map that is not there");
+  request.on_plane = gains & kOnPlane;
   request.gains.use = gains & kUseGains;
   request.gains.ask = gains & kAskMean;
   if (blending > static_cast<uint8_t>(Blending::Kind::kAngle))
@@ -200,7 +202,7 @@ std::vector<uint8_t> encode_request(const ViewRequest& request) {
   out.put(static_cast<uint8_t>(view.lens.model()));
   out.put(map ? kFocalMap : kFocalPlane);
   out.put(static_cast<uint8_t>((gains.use ? kUseGains : 0) | (gains.ask ? kAskMean : 0) |
-                               (gains.mean.empty() ? 0 : kMeanFollows) |
+                               (gains.mean.empty() ? 0 : kMeanFollows) | (request.on_plane ? kOnPlane : 0) |
                                static_cast<int>(view.blending.kind) << kBlendingShift));
   put_vec(out, view.pose.position);
   out.put(view.pose.orientation.w);
