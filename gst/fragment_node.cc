@@ -103,7 +103,7 @@ std::vector<Source> FragmentNode::resampled(std::span<const Source> images, cons
   if (manner.resampling != Resampling::kSharpened) return sources;
   memory.resize(std::max(memory.size(), images.size()));
   manner.parallel(images.size(), [&](size_t i) {
-    if (images[i].image.family == PixelFamily::kNone) return;
+    if (images[i].image.family == PixelFamily::kNone || !task.shows_detail(images[i].camera)) return;
     sources[i].image = sharpen(images[i].image, task.answer_region(images[i].camera), memory[i]);
   });
   return sources;

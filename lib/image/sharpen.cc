@@ -88,5 +88,13 @@ ImageView sharpen(const ImageView& image, const Rect& rect, ByteBuffer& memory) 
   });
 }
 
+Image sharpened(const Image& image) {
+  ByteBuffer memory;
+  sharpen(image.view(), {0, 0, image.width(), image.height()}, memory);
+  Image out(image.family(), image.width(), image.height());
+  std::ranges::copy(memory, out.data().begin());
+  return out;
+}
+
 }  // namespace lf
 #endif

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "base/byte_buffer.h"
+#include "geometry/lens.h"
 #include "image/image.h"
 #include "render/rect.h"
 
@@ -12,9 +13,15 @@ namespace lf {
 // of the way to Catmull-Rom's, at a fraction of the cost.
 inline constexpr double kSharpening = 0.3;
 
+// Whether a view shows what bilinear samples of a camera's image lose. Where it is coarser, sharpened images alias:
+// from 0.75 of the camera's focal length down pictures of the built-in scene are better without.
+inline bool shows_detail(const Lens& view, const Lens& camera) { return view.fy() > 0.75 * camera.fy(); }
+
 // The image with its part in `rect` (inside it; x0, y0 even in kI420) sharpened, in `memory`, of which the rest is left
 // as it is: of the same size and layout, what is between the colours of a pixel sharpened, too. Valid as long as
 // `memory` is left alone. The same result with every instruction set.
 ImageView sharpen(const ImageView& image, const Rect& rect, ByteBuffer& memory);
+// All of it.
+Image sharpened(const Image& image);
 
 }  // namespace lf

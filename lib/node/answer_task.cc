@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "focus/camera_trials.h"
 #include "focus/trial_renderer.h"
+#include "image/sharpen.h"
 #include "node/pixel_answer.h"
 #include "render/source_region.h"
 #include "wire/camera_trials_codec.h"
@@ -43,6 +44,9 @@ class WarpTask : public AnswerTask {
   }
   Rect answer_region(CameraIndex camera) const override {
     return needed_pixels(job_.plan(), camera, rig_.cameras[camera]);
+  }
+  bool shows_detail(CameraIndex camera) const override {
+    return lf::shows_detail(job_.plan().view().lens, rig_.cameras[camera].lens);
   }
   RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Manner& manner,
                         ByteBuffer memory, const ParallelFor& parallel) const override {

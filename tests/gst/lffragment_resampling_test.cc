@@ -87,6 +87,31 @@ TEST_F(LfFragmentResamplingTest, ThePictureIsTheLibrarysWhateverIsChosen) {
   }
 }
 
+// What is coarser than the images is sampled as they are.
+TEST_F(LfFragmentResamplingTest, CoarseViewsAreNotSharpened) {
+  start(4);
+  set("sum", "node");
+  set("codec", "raw16");
+  for (size_t i = 0; i < cameras_.size(); i++) {
+    GstBuffer* frame = to_buffer(images_[i].data());
+    GST_BUFFER_PTS(frame) = 0;
+    GST_BUFFER_DURATION(frame) = kFrame;
+    ASSERT_EQ(gst_harness_push(cameras_[i].get(), frame), GST_FLOW_OK);
+  }
+  ViewRequest asked = array_.request(0, 0);
+  for (const double scale : {1.0, 0.5}) {
+    const Lens& lens = array_.rig().cameras[0].lens;
+    asked.view.lens = Lens::pinhole(scale * lens.fy(), (asked.view.width - 1) / 2.0, (asked.view.height - 1) / 2.0);
+    ASSERT_EQ(request(asked), GST_FLOW_OK);
+    Assembly assembly;
+    assembly.begin(asked);
+    EXPECT_EQ(add_answer(assembly, pull()), Assembly::Verdict::kAdded);
+    const Resampling expected = scale < 0.75 ? Resampling::kBilinear : Resampling::kSharpened;
+    EXPECT_EQ(assembly.picture().resolve().data(), rendered(asked, expected).data()) << scale;
+    asked.sequence++;
+  }
+}
+
 TEST_F(LfFragmentResamplingTest, ANodeHandsItOn) {
   const ElementPtr node(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfcameranode", nullptr))));
   gst_util_set_object_arg(G_OBJECT(node.get()), "resampling", "catmull-rom");

@@ -48,6 +48,19 @@ TEST(Sharpen, IsTheDifferenceFromTheNeighbours) {
   }
 }
 
+TEST(Sharpen, AnImageAsItIs) {
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
+    const Image image = noise(family, 31, 17), sharp = sharpened(image);
+    ByteBuffer memory;
+    const ImageView view = sharpen(image.view(), {0, 0, 31, 17}, memory);
+    EXPECT_EQ(sharp.family(), family);
+    for (int c = 0; c < (family == PixelFamily::kRgb ? 1 : 3); c++) {
+      const int rows = c > 0 ? chroma_size(17) : 17;
+      EXPECT_TRUE(std::equal(view.plane[c], view.plane[c] + rows * view.stride[c], sharp.view().plane[c])) << c;
+    }
+  }
+}
+
 TEST(Sharpen, KeepsLayoutAndStride) {
   constexpr int kWidth = 21, kHeight = 9;
   const Image noisy = noise(PixelFamily::kRgb, 100, kHeight);  // 300 bytes a row, of which 84 are the image
