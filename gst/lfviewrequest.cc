@@ -32,7 +32,8 @@
  * view's requests from then on, beside those of the property `out-of-service`.
  *
  * With its sink pad linked the element makes no requests of its own but relays those of other viewers, and adds the
- * cameras that are out of service: on the host of the compositors, behind the network.
+ * cameras that are out of service: on the host of the compositors, behind the network. Live, it also gives them the
+ * focal surfaces that lfcompositors find (upstream event "lightfield-focal-surface") where no viewer takes them.
  *
  * What a compositor wants to know beside its pictures (upstream event "lightfield-extra-requests": lfcompositor
  * monitor-interval) leaves behind the next request, with the same capture time.
@@ -55,12 +56,12 @@
  * |[
  * gst-launch-1.0 lfviewrequest location=views.json ! tee name=r  r. ! queue ! n.request \
  *   lfcameranode name=n rig=rig.json ! c.sink_0  r. ! queue ! c.request \
- *   lfcompositor name=c ! videoconvert ! pngenc ! multifilesink location=out_%02d.png
+ *   lfcompositor name=c rig=rig.json ! videoconvert ! pngenc ! multifilesink location=out_%02d.png
  * ]| Pictures of the views in a file.
  * |[
  * gst-launch-1.0 lfviewrequest rig=rig.json is-live=true width=640 height=480 framerate=30/1 ! tee name=r \
  *   r. ! queue leaky=downstream ! n.request  lfcameranode name=n rig=rig.json is-live=true ! c.sink_0 \
- *   r. ! queue leaky=downstream ! c.request  lfcompositor name=c ! videoconvert ! autovideosink
+ *   r. ! queue leaky=downstream ! c.request  lfcompositor name=c rig=rig.json ! videoconvert ! autovideosink
  * ]| A window in which mouse and keys fly.
  * |[
  * gst-launch-1.0 tcpserversrc port=5000 ! lfparse ! lfviewrequest is-live=true ! tee name=r  r. ! queue ! n.request \
@@ -95,7 +96,8 @@ static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   const bool of_focus = lf::is_focal_surface(event), of_more = lf::is_extra_requests(event);
   if (!of_focus && !of_more && !lf_view_request_is_steering(event))
     return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->event(base, event);
-  if (lf_view_request_is_relay(self)) return gst_pad_push_event(self->sink, gst_event_ref(event));
+  if (lf_view_request_is_relay(self))
+    return gst_pad_push_event(self->sink, gst_event_ref(event)) || lf_view_request_keep_focus(self, event);
   if (of_more) return lf_view_request_take_extra(self, event);
   return of_focus ? lf_view_request_take_focus(self, event) : lf_view_request_steer(self, event);
 }
@@ -168,6 +170,7 @@ static gboolean lf_view_request_stop(GstBaseSrc* base) {
   self->warned_commands = self->asked_for_focus = self->has_sent = false;
   self->focus_feedback->clear();
   self->relay->clear();
+  self->relayed_focus->clear();
   self->out_of_service->clear();
   return TRUE;
 }
@@ -216,6 +219,7 @@ static void lf_view_request_finalize(GObject* object) {
   LfViewRequest* self = LF_VIEW_REQUEST(object);
   delete self->navigation_tap;
   delete self->relay;
+  delete self->relayed_focus;
   gst_queue_array_free(self->to_send);
   delete self->extra;
   delete self->focus_feedback;
@@ -266,6 +270,7 @@ static void lf_view_request_init(LfViewRequest* self) {
   GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
   self->navigation_tap = new lf::NavigationTap;
   self->relay = new lf::RequestRelay;
+  self->relayed_focus = new lf::RelayedFocus;
   self->to_send = gst_queue_array_new(4);
   gst_queue_array_set_clear_func(self->to_send, reinterpret_cast<GDestroyNotify>(gst_buffer_unref));
   self->extra = new std::vector<lf::ViewRequest>;

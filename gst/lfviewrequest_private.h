@@ -33,6 +33,7 @@ struct _LfViewRequest {
   lf::OutOfService* out_of_service;     // has a lock of its own
   lf::FocusFeedback* focus_feedback;    // has a lock of its own
   lf::RequestRelay* relay;              // has a lock of its own
+  lf::RelayedFocus* relayed_focus;      // has a lock of its own
   GstPad* sink;                         // of requests to be relayed; null: the element makes its own
   GstCaps* relayed_caps;                // of the sink pad, until they have been passed on
   GstClockID clock_id;
@@ -91,5 +92,8 @@ void lf_view_request_send_more(LfViewRequest* self, const lf::ViewRequest& reque
 // view_request_relay.cc
 void lf_view_request_install_relay(GstElementClass* klass);
 bool lf_view_request_is_relay(LfViewRequest* self);
+// Live: requests of the view get the surface of such an event here, because nobody upstream has taken it. False if it
+// is another one.
+bool lf_view_request_keep_focus(LfViewRequest* self, GstEvent* event);
 // The next request that came in, with the cameras that are out of service added; waits for it.
 GstFlowReturn lf_view_request_relay(LfViewRequest* self, GstBuffer** out);

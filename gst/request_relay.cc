@@ -35,6 +35,33 @@ void OutOfService::clear() {
   views_.clear();
 }
 
+FocusFeedback& RelayedFocus::view(uint32_t id) {
+  if (!views_.contains(id) && views_.size() >= kMostViews) views_.erase(views_.begin());
+  return views_[id];
+}
+
+void RelayedFocus::announce(FocalSurfaceNews news) {
+  const std::lock_guard lock(mutex_);
+  view(news.view_id).announce(std::move(news));
+}
+
+bool RelayedFocus::apply(ViewRequest& request) {
+  const std::lock_guard lock(mutex_);
+  if (request.probe) {
+    if (!request.trials.empty()) view(request.view_id).sweep_sent(request.sequence);
+    return false;
+  }
+  const auto found = views_.find(request.view_id);
+  if (found == views_.end() || request.view.focus.map) return false;
+  found->second.apply(request);
+  return request.view.focus.map != nullptr;
+}
+
+void RelayedFocus::clear() {
+  const std::lock_guard lock(mutex_);
+  views_.clear();
+}
+
 GstFlowReturn RequestRelay::push(GstBuffer* request, bool live, bool* dropped) {
   std::unique_lock lock(mutex_);
   if (!live) changed_.wait(lock, [this] { return flushing_ || unlocked_ || ended_ || waiting_.size() < kMost; });

@@ -8,6 +8,7 @@
 
 #include <gst/gst.h>
 
+#include "focus_feedback.h"
 #include "rig/mesh.h"
 
 namespace lf {
@@ -26,6 +27,21 @@ class OutOfService {
   static constexpr size_t kMostViews = 1024;  // of viewers that come and go; then the lowest id is forgotten
   mutable std::mutex mutex_;
   std::map<uint32_t, CameraSet> views_;
+};
+
+// Focal surfaces of views whose viewers can't be told of them: requests get them as they pass. Thread-safe.
+class RelayedFocus {
+ public:
+  void announce(FocalSurfaceNews news);
+  // Gives the request the surface and the trials of its view, if it has no surface of its own. Whether it did.
+  bool apply(ViewRequest& request);
+  void clear();
+
+ private:
+  static constexpr size_t kMostViews = 64;  // then the lowest id is forgotten
+  FocusFeedback& view(uint32_t id);
+  std::mutex mutex_;
+  std::map<uint32_t, FocusFeedback> views_;
 };
 
 // Requests on their way from the sink pad to the source pad's thread.

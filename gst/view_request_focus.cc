@@ -44,7 +44,7 @@ GstFlowReturn lf_view_request_wait_for_focus(LfViewRequest* self) {
     GST_OBJECT_LOCK(self);
     const guint view_id = self->settings->view_id;
     GST_OBJECT_UNLOCK(self);
-    self->awaits_focus = lf::is_focus_found(GST_BASE_SRC_PAD(self), view_id);
+    self->awaits_focus = !self->stream->makes_commands() && lf::is_focus_found(GST_BASE_SRC_PAD(self), view_id);
     self->asked_for_focus = true;
   }
   if (!self->awaits_focus || !self->has_sent) return GST_FLOW_OK;

@@ -104,6 +104,31 @@ static void drop_command(LfViewRequest* self) {
   self->warned_commands = true;
 }
 
+bool lf_view_request_keep_focus(LfViewRequest* self, GstEvent* event) {
+  lf::FocalSurfaceNews news;
+  if (!gst_base_src_is_live(GST_BASE_SRC(self)) || !lf::parse_focal_surface(event, &news)) return false;
+  self->relayed_focus->announce(std::move(news));
+  return true;
+}
+
+// What is added to a request on its way. Whether anything is.
+static bool complete_request(LfViewRequest* self, lf::ViewRequest& request) {
+  GST_OBJECT_LOCK(self);
+  const lf::CameraSet own = self->stream->out_of_service();
+  const lf::Access access = self->settings->access;
+  GST_OBJECT_UNLOCK(self);
+  lf::CameraSet all;
+  std::ranges::set_union(request.out_of_service, own, std::back_inserter(all));
+  all = self->out_of_service->with_announced(request.view_id, all);
+  bool changed = std::exchange(request.out_of_service, all) != all;
+  if (access == lf::Access::kWarp) changed |= std::exchange(request.view.blending, {}) != lf::Blending{};
+  if (access == lf::Access::kSelf) return self->relayed_focus->apply(request) || changed;
+  // Cameras that are told where to look try no depths.
+  request.trials.clear();
+  request.gains = {};
+  return std::exchange(request.view.focus.map, nullptr) || changed;
+}
+
 GstFlowReturn lf_view_request_relay(LfViewRequest* self, GstBuffer** out) {
   while (true) {
     GstBuffer* buffer = nullptr;
@@ -111,9 +136,7 @@ GstFlowReturn lf_view_request_relay(LfViewRequest* self, GstBuffer** out) {
     if (flow != GST_FLOW_OK) return flow;
     GST_OBJECT_LOCK(self);
     GstCaps* caps = std::exchange(self->relayed_caps, nullptr);
-    const lf::CameraSet own = self->stream->out_of_service();
     const std::shared_ptr<const lf::Rig> rig = self->stream->rig();
-    const bool by_mesh_alone = self->settings->access == lf::Access::kWarp;
     GST_OBJECT_UNLOCK(self);
     if (caps) {
       gst_base_src_set_caps(GST_BASE_SRC(self), caps);
@@ -130,15 +153,9 @@ GstFlowReturn lf_view_request_relay(LfViewRequest* self, GstBuffer** out) {
       continue;
     }
     lf::ViewRequest request = std::get<lf::ViewRequest>(*any);
-    lf::CameraSet all;
-    std::ranges::set_union(request.out_of_service, own, std::back_inserter(all));
-    all = self->out_of_service->with_announced(request.view_id, all);
-    const lf::Blending blending = by_mesh_alone ? lf::Blending{} : request.view.blending;
-    if (all == request.out_of_service && blending == request.view.blending) {
+    if (!complete_request(self, request)) {
       *out = buffer;
     } else {
-      request.out_of_service = std::move(all);
-      request.view.blending = blending;
       *out = lf::encode_request_buffer(request);
       gst_buffer_copy_into(*out, buffer, GST_BUFFER_COPY_TIMESTAMPS, 0, -1);
       gst_buffer_unref(buffer);

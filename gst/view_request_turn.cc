@@ -119,7 +119,8 @@ GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
   self->changed = false;
   GST_OBJECT_UNLOCK(self);
 
-  self->focus_feedback->apply(request);
+  // Cameras that are told where to look try no depths: their pictures are of the viewer's plane.
+  if (!self->stream->makes_commands()) self->focus_feedback->apply(request);
   self->has_sent = true;
   self->last_sequence = request.sequence;
   *out = lf::encode_request_buffer(request);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <gtest/gtest.h>
 
+#include "focal_surface_event.h"
 #include "gst/view_request_source.h"
 #include "node/commands.h"
 #include "out_of_service_event.h"
@@ -110,6 +111,46 @@ TEST_F(LfViewRequestRelay, MakesTheCommandsItself) {
   asked.sequence++;
   push(asked);
   EXPECT_EQ(pull(), asked) << "the viewer's command has ended";
+}
+
+// A viewer behind a network hears nothing of compositors: the relay gives its requests the surface that was found.
+// Where somebody before the relay takes it, or where requests come from a file, they stay as they are.
+TEST_F(LfViewRequestRelay, GivesRequestsTheSurfaceThatNobodyElseTakes) {
+  const struct {
+    bool live, taken, changes;
+  } cases[] = {{true, false, true}, {true, true, false}, {false, false, false}};
+  for (const auto& [live, taken, changes] : cases) {
+    start(live);
+    if (!taken)
+      gst_pad_set_event_function(
+          harness_->srcpad, +[](GstPad*, GstObject*, GstEvent* event) -> gboolean {
+            gst_event_unref(event);
+            return FALSE;
+          });
+    ViewRequest asked = request(1, 0);
+    push(asked);
+    EXPECT_EQ(pull(), asked);
+    FocalMap map = FocalMap::for_view(asked.view.width, asked.view.height);
+    map.from = {{0, 0, 1}, 0};
+    map.farthest = 0.05;
+    map.nearest = 0.3;
+    map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
+    FocusControl::Plan plan{asked.view, {{Trial::Kind::kPlane, 200}}};
+    plan.view.focus.map = std::make_shared<FocalMap>(std::move(map));
+    EXPECT_EQ(gst_harness_push_upstream_event(harness_.get(), focal_surface_event(asked, plan)), live);
+
+    ViewRequest other = asked;
+    other.view_id = 2;
+    push(other);
+    EXPECT_EQ(pull(), other) << "of another view";
+    for (uint32_t i = 1; i < 3; i++) {
+      asked.sequence = i;
+      push(asked);
+      const ViewRequest sent = pull();
+      EXPECT_EQ(sent.view.focus.map != nullptr, changes);
+      EXPECT_EQ(sent.trials.size(), changes && i == 1 ? 1u : 0u) << "trials are for one request";
+    }
+  }
 }
 
 TEST_F(LfViewRequestRelay, DropsGarbage) {
