@@ -301,10 +301,11 @@ static void record(LfCompositor* self, int64_t answered, GstClockTime pts) {
   const bool post = self->post_messages;
   GST_OBJECT_UNLOCK(self);
   const lf::Assembly& assembly = state.assembly;
-  GstStructure* description = state.stats.record(
-      {state.current->view_id, state.current->sequence, pts, assembly.fragments(), assembly.missing(),
-       assembly.damaged(), state.current_bytes, assembly.skew(), answered, state.adding, g_get_monotonic_time()},
-      post);
+  GstStructure* description =
+      state.stats.record({state.current->view_id, state.current->sequence, pts, assembly.fragments(),
+                          assembly.missing(), assembly.damaged(), state.current_bytes, state.moment_bytes,
+                          assembly.skew(), answered, state.adding, g_get_monotonic_time()},
+                         post);
   if (description) gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), description));
 }
 
@@ -318,6 +319,8 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
     gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request));
     return GST_FLOW_OK;
   }
+  // Before the picture is made: the next request may wait for it.
+  if (!self->partial) lf_compositor_find_focus(self);
   GstFlowReturn flow = GST_FLOW_OK;
   GstBuffer* out = lf_compositor_make_picture(self, &flow);
   if (!out) return flow;
@@ -335,7 +338,6 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
     moments = lf_compositor_make_moments(self, self->node);
     for (GstBuffer* unit : moments) GST_BUFFER_PTS(unit) = pts;
   } else {
-    lf_compositor_find_focus(self);
     lf_compositor_monitor(self);
   }
   out = replace_incomplete(self, out);

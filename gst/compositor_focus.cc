@@ -26,9 +26,16 @@ GType lf_compositor_focus_get_type(void) {
   return type;
 }
 
+// Of the properties. `auto` is for arrays that are known. Under the object lock.
+static lf::FocusControl::Settings lf_compositor_focus(LfCompositor* self) {
+  lf::FocusControl::Settings focus = self->focus;
+  if (focus.mode == lf::FocusMode::kAuto && !self->rig_path) focus.mode = lf::FocusMode::kPlane;
+  return focus;
+}
+
 bool lf_compositor_finds_focus(LfCompositor* self) {
   GST_OBJECT_LOCK(self);
-  const bool finds = self->focus.mode != lf::FocusMode::kPlane && !self->partial;
+  const bool finds = lf_compositor_focus(self).mode != lf::FocusMode::kPlane && !self->partial;
   GST_OBJECT_UNLOCK(self);
   return finds;
 }
@@ -174,7 +181,7 @@ static lf::GainRequest next_gains(LfCompositor* self, bool use, bool has_trials)
 void lf_compositor_find_focus(LfCompositor* self) {
   auto& state = *self->state;
   GST_OBJECT_LOCK(self);
-  const lf::FocusControl::Settings settings = self->focus;
+  const lf::FocusControl::Settings settings = lf_compositor_focus(self);
   const bool gains = self->gains && settings.mode != lf::FocusMode::kPlane;
   GST_OBJECT_UNLOCK(self);
   const bool was_finding = state.focus_settings.mode != lf::FocusMode::kPlane;

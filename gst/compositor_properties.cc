@@ -171,8 +171,9 @@ void lf_compositor_install_properties(GObjectClass* klass) {
   install(PROP_FOCUS,
           g_param_spec_enum("focus", "Focus",
                             "What pictures are focused on. Other than on a plane, the focal surface is found from what "
-                            "the cameras have in common on trial surfaces, and the view's lfviewrequest is told of it",
-                            LF_TYPE_COMPOSITOR_FOCUS, static_cast<gint>(lf::FocusMode::kPlane),
+                            "the cameras have in common on trial surfaces, and the view's lfviewrequest is told of it. "
+                            "Without `rig` auto is plane",
+                            LF_TYPE_COMPOSITOR_FOCUS, static_cast<gint>(lf::FocusMode::kAuto),
                             flags(GST_PARAM_MUTABLE_PLAYING)));
   const auto install_distance = [&](guint id, const char* name, const char* nick, const char* blurb) {
     install(id, g_param_spec_double(name, nick, blurb, 0, kMaxFocus, 0, flags(GST_PARAM_MUTABLE_PLAYING)));

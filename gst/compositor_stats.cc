@@ -110,11 +110,12 @@ GstStructure* CompositorStats::record(const Picture& p, bool describe) {
   return gst_structure_new("lightfield-view", "view-id", G_TYPE_UINT, p.view_id, "sequence", G_TYPE_UINT,
                            p.sequence,  //
                            "pts", G_TYPE_UINT64, p.pts, "complete", G_TYPE_BOOLEAN,
-                           p.missing == 0 && p.damaged == 0,                                          //
-                           "fragments", G_TYPE_UINT, p.fragments, "missing", G_TYPE_UINT, p.missing,  //
-                           "damaged", G_TYPE_UINT, p.damaged,                                         //
-                           "bytes", G_TYPE_UINT64, p.bytes, "skew-ns", G_TYPE_UINT64, p.skew_ns,      //
-                           "latency-ns", G_TYPE_UINT64, latency, "add-ns", G_TYPE_UINT64, adding,     //
+                           p.missing == 0 && p.damaged == 0,                                              //
+                           "fragments", G_TYPE_UINT, p.fragments, "missing", G_TYPE_UINT, p.missing,      //
+                           "damaged", G_TYPE_UINT, p.damaged,                                             //
+                           "bytes", G_TYPE_UINT64, p.bytes, "trial-bytes", G_TYPE_UINT64, p.trial_bytes,  //
+                           "skew-ns", G_TYPE_UINT64, p.skew_ns,                                           //
+                           "latency-ns", G_TYPE_UINT64, latency, "add-ns", G_TYPE_UINT64, adding,         //
                            "composite-ns", G_TYPE_UINT64, composite, nullptr);
 }
 

@@ -33,6 +33,7 @@ class CompositorStats {
     GstClockTime pts = GST_CLOCK_TIME_NONE;
     unsigned fragments = 0, missing = 0, damaged = 0;
     uint64_t bytes = 0;    // of the answers
+    uint64_t trial_bytes = 0;  // of what came of trials
     uint64_t skew_ns = 0;  // largest |capture time - target time|
     int64_t answered = 0;  // when the last answer was in, or the deadline over
     int64_t adding = 0;    // how long answers were decoded and added

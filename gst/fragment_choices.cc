@@ -88,7 +88,7 @@ void lf_fragment_install_choices(GObjectClass* klass, guint first_id) {
                         "How cameras' images are sampled: sharpening makes up for what bilinear samples lose, which is "
                         "what is left of the error where the focus is right; Catmull-Rom loses less and takes longer. "
                         "With access=pixels the compositor samples",
-                        LF_TYPE_FRAGMENT_RESAMPLING, static_cast<gint>(lf::Resampling::kBilinear), kFlags));
+                        LF_TYPE_FRAGMENT_RESAMPLING, static_cast<gint>(lf::Resampling::kSharpened), kFlags));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_RESAMPLING, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_ACCESS, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_SUM, GstPluginAPIFlags(0));

@@ -13,7 +13,7 @@
  * |[
  * gst-launch-1.0 lfviewrequest location=views.json ! tee name=r  r. ! queue ! n.request \
  *   lfcameranode name=n rig=rig.json ! c.sink_0  r. ! queue ! c.request \
- *   lfcompositor name=c ! videoconvert ! pngenc ! multifilesink location=out_%02d.png
+ *   lfcompositor name=c rig=rig.json ! videoconvert ! pngenc ! multifilesink location=out_%02d.png
  * ]|
  */
 

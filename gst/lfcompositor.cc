@@ -16,10 +16,10 @@
  * requests from then on, and everybody leaves them out of the mesh, so that their neighbours close the gap. They come
  * back the same way. A node that is gone is not waited for.
  *
- * With `focus` other than plane every pixel is focused on its own: requests have trials, whose moments (sums that tell how
- * far cameras disagree on a trial surface) come before the answers, and after each picture the better surface and the next
- * trials go upstream (custom event "lightfield-focal-surface") to the view's lfviewrequest. Files in, files out, that
- * waits for them, so that pictures do not depend on how fast anything is.
+ * With `rig`, unless `focus` is plane, every pixel is focused on its own: requests have trials, whose moments (sums
+ * that tell how far cameras disagree on a trial surface) come before the answers, and after each picture the better
+ * surface and the next trials go upstream (custom event "lightfield-focal-surface") to the view's lfviewrequest. Files
+ * in, files out, that waits for them, so that pictures do not depend on how fast anything is.
  *
  * With `monitor-interval` the array is watched as it runs: now and then one camera, each in turn, is predicted from the
  * others and compared with what it sees itself. For that its lfviewrequest asks for two small views more (custom event
@@ -34,7 +34,7 @@
  * |[
  * gst-launch-1.0 lfviewrequest location=views.json ! tee name=r  r. ! queue ! n.request \
  *   lfcameranode name=n rig=rig.json ! c.sink_0  r. ! queue ! c.request \
- *   lfcompositor name=c ! videoconvert ! pngenc ! multifilesink location=out_%02d.png
+ *   lfcompositor name=c rig=rig.json ! videoconvert ! pngenc ! multifilesink location=out_%02d.png
  * ]|
  *
  * |[
@@ -43,10 +43,11 @@
  *
  * ## Element messages
  * With `post-messages` an element message "lightfield-view" per picture: view-id, sequence (uint), pts (uint64),
- * complete (boolean), fragments, missing, damaged (uint), bytes, skew-ns, latency-ns (request to picture), add-ns
- * (decoding and adding what came) and composite-ns (uint64). Always "lightfield-out-of-service" when that set changes:
- * lf-view-id (uint), cameras (array of uint). "lightfield-suspects" when the monitor changes its mind: lf-view-id (uint),
- * suspects (array of structures: camera (uint), fault (string: colour, direction or picture)).
+ * complete (boolean), fragments, missing, damaged (uint), bytes, trial-bytes (of what came of trials), skew-ns,
+ * latency-ns (request to picture), add-ns (decoding and adding what came) and composite-ns (uint64). Always
+ * "lightfield-out-of-service" when that set changes: lf-view-id (uint), cameras (array of uint). "lightfield-suspects"
+ * when the monitor changes its mind: lf-view-id (uint), suspects (array of structures: camera (uint), fault (string:
+ * colour, direction or picture)).
  */
 
 #include "lfcompositor_private.h"

@@ -27,7 +27,7 @@
  * gst-launch-1.0 lfviewrequest location=views.json ! tee name=r  r. ! queue ! n.request \
  *   lffragment name=n rig=rig.json ! c.sink_0  lfcamsrc rig=rig.json camera=0 ! n.sink_0 \
  *   lfcamsrc rig=rig.json camera=1 ! n.sink_1  lfcamsrc rig=rig.json camera=8 ! n.sink_2 \
- *   r. ! queue ! c.request  lfcompositor name=c ! videoconvert ! autovideosink
+ *   r. ! queue ! c.request  lfcompositor name=c rig=rig.json ! videoconvert ! autovideosink
  * ]|
  *
  * ## Element messages
@@ -343,6 +343,7 @@ static void lf_fragment_init(LfFragment* self) {
   self->node = new lf::FragmentNode;
   self->strip_pixels = lf::wire::kStripPixels;
   self->max_skew = 500 * GST_MSECOND;
+  self->resampling = lf::Resampling::kSharpened;
   self->lanes = new std::set<Lane*>;
   self->workers = new std::shared_ptr<lf::WorkerPool>(lf::WorkerPool::shared());
   GstElementClass* klass = GST_ELEMENT_GET_CLASS(self);

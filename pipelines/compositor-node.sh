@@ -16,7 +16,7 @@ usage: pipelines/compositor-node.sh --rig RIG.json --requests PORT --node HOST:P
   --quality Q            of the pictures, 1 to 100 (default: 90)
   --sink PIPELINE        what is done with the pictures of a view in place of sending them; VIEW in it is its id
   --link PIPELINE        elements between the payloader of requests and the network, such as 'srtpenc key=...'
-  --set 'NAME=VALUE'     a property of lfcompositor, such as incomplete=repeat, max-missed=10; may be repeated
+  --set 'NAME=VALUE'     a property of lfcompositor, such as focus=plane, max-missed=10; may be repeated
 END
 }
 

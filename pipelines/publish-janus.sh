@@ -16,12 +16,14 @@ usage: pipelines/publish-janus.sh --rig RIG.json --path VIEWS.json [OPTION...]
   --bitrate KBITS     (default: 3000)
   --framerate N       that of the cameras (default: 30)
   --capture-delay MS  how old a capture must be before it is asked for: what the cameras take (default: 100)
+  --set 'NAME=VALUE'  a property of lfcompositor, such as focus=plane; may be repeated
   --print             prints the pipeline up to its RTP packets in place of running it, for a WHIP client:
                       simple-whip-client -u URL -V "\$(pipelines/publish-janus.sh --rig ... --path ... --print)"
 END
 }
 
 rig= path= to=localhost:5004 codec=h264 bitrate=3000 framerate=30 delay=100 print=false
+settings=()
 while (($#)); do
   [[ $1 != --help && $1 != -h ]] || { usage; exit; }
   [[ $1 != --print ]] || { print=true; shift; continue; }
@@ -30,6 +32,7 @@ while (($#)); do
     --rig) need_file "$@"; rig=$2 ;;
     --path) need_file "$@"; path=$2 ;;
     --to) need_address "$@"; to=$2 ;;
+    --set) settings+=("$2") ;;
     --codec) [[ $2 == h264 || $2 == vp8 ]] || die "--codec $2: must be h264 or vp8"; codec=$2 ;;
     --bitrate | --framerate | --capture-delay)
       [[ $2 =~ ^[0-9]+$ ]] || die "$1 $2: not a number"
@@ -57,7 +60,7 @@ pipeline=(lfcameranode name=n "rig=$rig" "framerate=$framerate/1" is-live=true l
   lfviewrequest "location=$path" "rig=$rig" "framerate=$framerate/1" is-live=true loop=true
   "capture-delay=$((delay * 1000000))" ! tee name=r
   r. ! "${leaky_queue[@]}" ! n.request r. ! "${leaky_queue[@]}" ! c.request
-  lfcompositor name=c "rig=$rig" ! "${leaky_queue[@]}" ! videoconvert ! video/x-raw,format=I420
+  lfcompositor name=c "rig=$rig" "${settings[@]}" ! "${leaky_queue[@]}" ! videoconvert ! video/x-raw,format=I420
   ! "${encode[@]}" pt=96 ssrc=2 mtu=1200)
 
 if $print; then

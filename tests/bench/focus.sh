@@ -38,7 +38,7 @@ for codec in auto jpeg; do
   for resampling in sharpened catmull-rom; do
     planes=() surfaces=() ratios=()
     for ((i = 0; i < rounds; i++)); do
-      planes+=("$(picture "codec=$codec" focus=plane)")
+      planes+=("$(picture "codec=$codec resampling=bilinear" focus=plane)")
       surfaces+=("$(picture "codec=$codec resampling=$resampling" focus=surface)")
       ratios+=("$(awk -v a="${planes[-1]}" -v b="${surfaces[-1]}" 'BEGIN {print b / a}')")
     done

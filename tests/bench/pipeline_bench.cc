@@ -67,7 +67,8 @@ class Film {
   }
   std::string node(const std::string& more) const {
     // Requests as fast as they come ask for times that live cameras are far from: any frame is good enough.
-    return "lfcameranode name=n rig=" + dir_ / "rig.json" + " is-live=true loop=true framerate=30/1 max-skew=0 " + more;
+    return "lfcameranode name=n resampling=bilinear rig=" + dir_ / "rig.json" +
+           " is-live=true loop=true framerate=30/1 max-skew=0 " + more;
   }
 
  private:

@@ -110,6 +110,7 @@ void ArrayNetwork::start_compositor() {
                       " tVIEW. ! queue ! videoconvert ! video/x-raw,format=I420 ! jpegenc ! rtpjpegpay ! udpsink "
                       "host=10.77.0.1VIEW port=" +
                       std::to_string(kVideoPort) + " sync=false async=false"});
+  if (options_.plane) command.insert(command.end(), {"--set", "focus=plane"});
   command.insert(command.end(), options_.compositor.begin(), options_.compositor.end());
   compositor_ = network_.start("compositor", with_environment(command));
 }

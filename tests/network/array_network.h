@@ -25,6 +25,7 @@ class ArrayNetwork {
   // What a host's script is told beside the necessary.
   struct Options {
     int framerate = 15;
+    bool plane = true;  // pictures are focused on the viewers' planes
     std::vector<std::string> camera, compositor, viewer[kViewers];
   };
   explicit ArrayNetwork(const Options& options);

@@ -49,11 +49,11 @@ class BlendedArray : public testing::Test {
   std::string node(const std::string& name, const std::string& cameras, const std::string& more,
                    const std::string& pad) const {
     return " r. ! queue ! " + name + ".request lfcameranode name=" + name + " node=" + pad + " cameras=" + cameras +
-           " rig=" + dir_ / "rig.json" + " " + more + " ! queue ! c.sink_" + pad;
+           " resampling=bilinear rig=" + dir_ / "rig.json" + " " + more + " ! queue ! c.sink_" + pad;
   }
   // Of `nodes` beside a compositor with the properties `compositor`.
   std::vector<Image> pictures(const std::string& request, const std::string& nodes,
-                              const std::string& compositor = "") {
+                              const std::string& compositor = "focus=plane") {
     const Launched run =
         gst_launch("lfviewrequest location=" + dir_ / "views.json" + " rig=" + dir_ / "rig.json" + " " + request +
                    " ! tee name=r r. ! queue ! c.request lfcompositor name=c rig=" + dir_ / "rig.json" + " " +

@@ -102,6 +102,33 @@ TEST_F(FocusedArray, ASurfaceIsSharperThanAnyOnePlane) {
   }
 }
 
+// Nobody asks for anything: pictures are of a surface, and samples sharpened.
+TEST_F(FocusedArray, IsSharpByDefault) {
+  const std::vector<Image> plane = pictures("plane", "focus=plane", node("n", "0-15", "c.sink_0"));
+  const std::vector<Image> bilinear = pictures("bilinear", "", node("n", "0-15", "c.sink_0", "resampling=bilinear"));
+  const std::vector<Image> sharp = pictures("default", "", node("n", "0-15", "c.sink_0"));
+  std::printf("plane %.1f dB, default %.1f dB, with bilinear samples %.1f dB\n", psnr(plane.back()), psnr(sharp.back()),
+              psnr(bilinear.back()));
+  EXPECT_GT(psnr(sharp.back()), psnr(plane.back()) + 4);
+  EXPECT_GT(psnr(sharp.back()), psnr(bilinear.back()) + 0.2);
+}
+
+// Who does not know the array stays on the plane, unless a surface is asked for by name.
+TEST_F(FocusedArray, WithoutARigThereIsAPlane) {
+  const auto last_picture = [&](const std::string& compositor) {
+    const Launched run = gst_launch("lfviewrequest location=" + dir_ / "views.json" +
+                                    " ! tee name=r  r. ! queue ! c.request  lfcompositor name=c " + compositor +
+                                    " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / "%02d.png" +
+                                    node("n", "0-15", "c.sink_0"));
+    EXPECT_EQ(run.status, 0) << run.output;
+    EXPECT_EQ(run.output, "");
+    return load_image(dir_ / "13.png");
+  };
+  const Image plane = last_picture("focus=plane");
+  EXPECT_EQ(compare(last_picture(""), plane).max_error, 0);
+  EXPECT_GT(psnr(last_picture("focus=surface focus-near=1 focus-far=6")), psnr(plane) + 4);
+}
+
 TEST_F(FocusedArray, NodesOfATreeFindTheSameSurfaceAsOneProcess) {
   const std::string near_far = "focus=surface focus-near=1 focus-far=6";
   const std::vector<Image> one = pictures("one", near_far, node("n", "0-15", "c.sink_0"));

@@ -37,7 +37,7 @@ async function watched() {
   const views = join(folder, 'still.json');
   await writeFile(views, JSON.stringify({ format: 'lightfield-views', version: 1, views: [viewFile(state, size)] }));
   await startJanus();
-  const publishing = start(publisher, '--rig', rig, '--path', views);
+  const publishing = start(publisher, '--rig', rig, '--set', 'focus=plane', '--path', views);
   const site = createServer(async (request, response) => {
     response.setHeader('Content-Type', 'text/html');
     response.end(await readFile(join(source, 'pipelines/janus/watch.html')));
