@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <limits>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -17,6 +18,7 @@
 #include "composite/still.h"
 #include "focus/focus_still.h"
 #include "image/image_io.h"
+#include "image/sharpen.h"
 #include "progress.h"
 #include "quality/outliers.h"
 #include "quality/quality.h"
@@ -33,7 +35,7 @@ struct Options {
   int every = 1;
   double distance = 0;  // of the focal plane, where the views don't say
   bool i420 = false, leave_one_out = false;
-  std::string focus = "plane";
+  std::string focus = "surface", resampling = "sharpened";
   double aperture = 0;  // metres
   int nearest_cameras = 0;
   lf::FocusControl::Settings surface{.mode = lf::FocusMode::kSurface};
@@ -148,6 +150,19 @@ void write_json(const std::vector<Row>& rows, const std::string& path) {
   lf::write_text_file(json.dump(1) + "\n", path);
 }
 
+// Focused and sampled as the options say.
+lf::Still render(const lf::Rig& rig, const lf::Mesh& mesh, const lf::View& view, const lf::FragmentRenderer& renderer,
+                 const lf::CameraImages& images, const Options& options) {
+  const lf::View focused = options.focus == "plane" ? view : lf::focus_still(rig, mesh, view, images, options.surface);
+  if (options.resampling == "bilinear") return lf::render_still(rig, mesh, focused, renderer, images);
+  std::map<lf::CameraIndex, lf::Image> sharpened;
+  return lf::render_still(rig, mesh, focused, renderer, [&](lf::CameraIndex camera) -> const lf::Image& {
+    if (!lf::shows_detail(view.lens, rig.cameras[camera].lens)) return images(camera);
+    if (!sharpened.contains(camera)) sharpened[camera] = lf::sharpened(images(camera));
+    return sharpened[camera];
+  });
+}
+
 // Predicts cameras from the others.
 class Predictor {
  public:
@@ -170,8 +185,7 @@ class Predictor {
     view.focus.plane = lf::focal_plane_at(view.pose, distance_);
     view.blending = options_.blending();
     const auto start = std::chrono::steady_clock::now();
-    if (options_.focus != "plane") view = lf::focus_still(rig_, mesh, view, image_of_, options_.surface);
-    const lf::Still still = lf::render_still(rig_, mesh, view, *renderer_, image_of_);
+    const lf::Still still = render(rig_, mesh, view, *renderer_, image_of_, options_);
     Row row{at.name.empty() ? "camera " + std::to_string(at.id) : at.name};
     row.ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     row.coverage = covered_fraction(still.coverage);
@@ -249,10 +263,7 @@ void run(const Options& options) {
       return image;
     };
     const Clock::time_point start = Clock::now();
-    const lf::View focused = options.focus == "plane"
-                                 ? view.view
-                                 : lf::focus_still(rig, mesh, view.view, image_of, options.surface);
-    const lf::Still still = lf::render_still(rig, mesh, focused, *renderer, image_of);
+    const lf::Still still = render(rig, mesh, view.view, *renderer, image_of, options);
     Row row{view.name};
     row.ms = ms_since(start) - reading;
     row.coverage = covered_fraction(still.coverage);
@@ -286,7 +297,8 @@ int main(int argc, char** argv) {
   app.add_option("--every", options.every, "Use rows and columns 0, N, 2N, ... of a grid");
   app.add_option("--cameras", options.cameras, "Ids of the cameras in service, such as 0-3,7 (default: all)");
   app.add_option("--json", options.json, "Write the table to this file as well");
-  app.add_option("--focus", options.focus, "On what: the views' plane, or a surface found from it")
+  app.add_option("--focus", options.focus, "On what: a surface, found from the views' plane, or that plane")
+      ->capture_default_str()
       ->check(CLI::IsMember({"plane", "surface"}));
   app.add_option("--focus-near", options.surface.near, "Nearest that the surface can be, metres from the array");
   app.add_option("--focus-far", options.surface.far, "Farthest");
@@ -296,6 +308,9 @@ int main(int argc, char** argv) {
   app.add_option("--nearest-cameras", options.nearest_cameras,
                  "Weigh as many cameras a pixel by angle, resolution and field of view, in place of three by the mesh")
       ->excludes(aperture);
+  app.add_option("--resampling", options.resampling, "How images are sampled, as of lffragment")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"bilinear", "sharpened"}));
   app.add_flag("--i420", options.i420, "Render in YCbCr 4:2:0 as video sources would");
   return run_tool(app, argc, argv, [&] {
     if (options.views.empty() && !options.leave_one_out) throw lf::Error("give --views or --leave-one-out");

@@ -187,6 +187,32 @@ TEST_F(LfRender, ErrorsNameFileAndPlace) {
   expect_failure("", {"views.json: views[0].name: "});
 }
 
+// Of the built-in scene, from between four cameras.
+TEST(LfRenderFocus, IsSharpUnlessAPlaneIsAskedFor) {
+  const TempDir folder;
+  Rig rig = scene_rig(4, 4, 160, 120);
+  for (Camera& camera : rig.cameras) {
+    camera.image = camera.name + ".png";
+    save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0.5), folder / camera.image);
+  }
+  save_rig(rig, folder / "rig.json");
+  NamedView view{"v", 0.5, {160, 120, rig.cameras[0].lens, {}, {}}};
+  view.view.pose.position = {0.003, -0.002, 0};
+  view.view.focus.plane = focal_plane_at(view.view.pose, kSceneMiddle);
+  save_views({view}, folder / "views.json");
+  save_image(render_scene({160, 120, view.view.lens, view.view.pose}, 0.5), folder / "v.png");
+  const auto psnr = [&](const std::string& more) {
+    const Outcome outcome = run_program(
+        "lf-render", "--rig rig.json --views views.json --truth . --out out --json out.json " + more, folder.path());
+    EXPECT_EQ(outcome.status, 0) << outcome.output;
+    return nlohmann::json::parse(read_text_file(folder / "out.json"))["mean"]["psnr_db"].get<double>();
+  };
+  const double plane = psnr("--focus plane"), sharp = psnr(""), bilinear = psnr("--resampling bilinear");
+  std::printf("plane %.1f dB, default %.1f dB, with bilinear samples %.1f dB\n", plane, sharp, bilinear);
+  EXPECT_GT(sharp, plane + 4);
+  EXPECT_GT(sharp, bilinear + 0.2);
+}
+
 // A camera that points elsewhere than its rig says is predicted badly by the others.
 TEST(LfRenderLeaveOneOut, NamesTheCameraThatIsOff) {
   const TempDir folder;

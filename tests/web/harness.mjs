@@ -240,7 +240,8 @@ export async function rendered(folder, state, size, eyeOffset) {
   await writeFile(join(out, 'views.json'),
     JSON.stringify({ format: 'lightfield-views', version: 1, views: [viewFile(state, size, eyeOffset)] }));
   await run(join(tools, 'lf-render'),
-    ['--rig', join(folder, 'rig.json'), '--views', join(out, 'views.json'), '--out', out]);
+    ['--rig', join(folder, 'rig.json'), '--views', join(out, 'views.json'), '--out', out,
+      '--focus', 'plane']);
   const png = await readFile(join(out, 'view.png'));
   await rm(out, { recursive: true });
   return png;
