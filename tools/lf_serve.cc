@@ -27,7 +27,7 @@ using namespace lf::serve;
 constexpr double kSceneFocus = 2.2;  // metres: the figure of the built-in scene
 
 struct Options {
-  std::string rig, nodes, token_file;
+  std::string rig, nodes, token_file, resampling = "sharpened";
   std::vector<std::string> origins, paths;
   ServerOptions server;
   Limits limits;
@@ -103,7 +103,7 @@ void serve(Options& options) {
   const guint signals[] = {g_unix_signal_add(SIGINT, quit, loop), g_unix_signal_add(SIGTERM, quit, loop)};
   std::string failure;
   {
-    LightField field(options.rig, nodes, options.limits.viewers);
+    LightField field(options.rig, nodes, options.resampling, options.limits.viewers);
     field.start([&](const std::string& what) {
       failure = what;
       g_main_loop_quit(loop);
@@ -154,12 +154,22 @@ int main(int argc, char** argv) {
       ->capture_default_str()
       ->check(CLI::Range(0, 10000));
   app.add_option("--focus", o.limits.focus,
-                 "distance of what is sharp to begin with, metres (default: 4 times the array)")
+                 "distance of the viewer's plane to begin with, metres (default: 4 times the array)")
       ->check(CLI::PositiveNumber);
-  app.add_option("--focus-on", o.limits.surface,
-                 "the viewer's plane; or a surface, so that all of the picture is in focus; auto: as the scene needs it")
+  app.add_option(
+         "--focus-on", o.limits.focus_on.mode,
+         "the viewer's plane; or a surface, so that all of the picture is in focus; auto: as the scene needs it")
       ->capture_default_str()
       ->check(CLI::IsMember({"plane", "surface", "auto"}));
+  app.add_option("--focus-near", o.limits.focus_on.near,
+                 "nearest that the surface can be, metres from the array (default: as the scene asks)")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--focus-far", o.limits.focus_on.far, "farthest")->check(CLI::PositiveNumber);
+  app.add_option("--gains", o.limits.focus_on.gains, "true: cameras match their brightness to the others'")
+      ->check(CLI::IsMember({"true", "false"}));
+  app.add_option("--resampling", o.resampling, "how cameras' images are sampled (of --nodes: see lfcameranode)")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"bilinear", "sharpened", "catmull-rom"}));
   app.add_option("--monitor", o.limits.monitor,
                  "beside one of so many requests of a viewer a camera is left out and predicted from the others, each in "
                  "turn: the page and /metrics tell which ones have something wrong (0: never)")

@@ -9,7 +9,8 @@ import { throughRelay } from './relay.mjs';
 
 const size = { width: 640, height: 480 };
 const folder = await makeRig('4x4');
-const rig = ['--rig', join(folder, 'rig.json'), '--connects', '100'];
+// On planes: what is seen is then easily said.
+const rig = ['--rig', join(folder, 'rig.json'), '--connects', '100', '--focus-on', 'plane'];
 const browser = await launchBrowser();
 
 async function expectTruth(page, state, viewSize, what, side, eyeOffset) {

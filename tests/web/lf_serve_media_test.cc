@@ -85,6 +85,20 @@ double told(const WhepClient& client, const std::string& name) {
   return -1;
 }
 
+// Pictures are of a focal surface, unless a plane is asked for by name.
+TEST_F(LfServeMedia, ASurfaceIsLookedForUnasked) {
+  Served served({"--focus-near", "1", "--focus-far", "6", "--gains", "true", "--resampling", "catmull-rom"});
+  const auto client = watch(served);
+  client->send("{}");  // opens the channel
+  EXPECT_TRUE(becomes([&] { return told(*client, "rounds") >= 6; }));
+  EXPECT_GT(told(*client, "trialBytes"), 0);
+  Served flat({"--focus-on", "plane"});
+  const auto other = watch(flat);
+  other->send("{}");
+  EXPECT_TRUE(becomes([&] { return told(*other, "pictures") >= 30; }));
+  EXPECT_EQ(told(*other, "rounds"), 0);
+}
+
 TEST_F(LfServeMedia, WhereTheNetworkTakesLessThereIsLessAndLaterMore) {
   Served served({"--bitrate", "480000"});
   const auto client = watch(served);

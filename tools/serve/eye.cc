@@ -51,8 +51,12 @@ Eye::Eye(GstElement* pipeline, int index, LightField& field, const EyeSettings& 
   g_object_set(view_, "rig", field.rig().c_str(), "view-id", id_, "width", settings.width, "height", settings.height,
                "framerate", settings.framerate, 1, "capture-delay", settings.capture_delay, "eye-offset",
                settings.offset, nullptr);
-  g_object_set(compositor_, "rig", field.rig().c_str(), "view-id", id_, nullptr);
-  gst_util_set_object_arg(G_OBJECT(compositor_), "focus", settings.surface.c_str());
+  g_object_set(compositor_, "rig", field.rig().c_str(), "view-id", id_, "focus-near", settings.focus_on.near,
+               "focus-far", settings.focus_on.far, nullptr);
+  // One eye looks for the focus: the other's requests come with what it found.
+  gst_util_set_object_arg(G_OBJECT(compositor_), "focus", index > 0 ? "plane" : settings.focus_on.mode.c_str());
+  if (!settings.focus_on.gains.empty())
+    gst_util_set_object_arg(G_OBJECT(compositor_), "gains", settings.focus_on.gains.c_str());
   if (field.is_local()) g_object_set(compositor_, "latency", kLocalPatience, nullptr);
   if (settings.focus > 0) g_object_set(view_, "focus-distance", settings.focus, nullptr);
   if (index > 0) {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "light_field.h"
+#include "limits.h"
 #include "view/view_request.h"
 
 namespace lf::serve {
@@ -21,7 +22,7 @@ struct EyeSettings {
   int framerate = 30;
   uint64_t capture_delay = 0;  // nanoseconds, how old a capture must be before it is asked for
   double focus = 0;            // metres, to begin with; 0: as lfviewrequest chooses
-  std::string surface = "plane";  // lfcompositor's property "focus"
+  FocusOn focus_on;
   double offset = 0;           // metres to the right of the view
   std::string path;            // a views.json that is flown over and over, or ""
 };

@@ -22,14 +22,15 @@ std::optional<uint32_t> view_of(GstBuffer* unit) {
   return GST_READ_UINT32_BE(bytes);
 }
 
-std::string launch_line(const std::vector<NodeAddress>& nodes) {
+std::string launch_line(const std::vector<NodeAddress>& nodes, const std::string& resampling) {
   constexpr char kSink[] = "appsink sync=false async=false enable-last-sample=false name=answers";
   std::ostringstream line;
   line << "appsrc name=requests is-live=true format=time do-timestamp=true leaky-type=downstream max-bytes=0 caps=\""
        << kRequestCaps << "\" ! ";
   // Answers don't leave the process, although the compositors are in pipelines of their own.
   if (nodes.empty()) {
-    line << "lfcameranode name=cameras is-live=true loop=true codec=raw16 ! " << kSink << '0';
+    line << "lfcameranode name=cameras is-live=true loop=true codec=raw16 resampling=" << resampling << " ! " << kSink
+         << '0';
     return line.str();
   }
   line << "rtplfpay ! multiudpsink name=hosts sync=false async=false";
@@ -59,9 +60,10 @@ std::vector<NodeAddress> parse_nodes(const std::string& text) {
   return nodes;
 }
 
-LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, int max_views)
+LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& resampling,
+                       int max_views)
     : rig_(rig), array_(rig), local_(nodes.empty()) {
-  pipeline_ = launch_pipeline(launch_line(nodes));
+  pipeline_ = launch_pipeline(launch_line(nodes, resampling));
   requests_ = GST_APP_SRC(gst_bin_get_by_name(GST_BIN(pipeline_), "requests"));
   gst_app_src_set_max_buffers(requests_, static_cast<guint64>(2 * max_views + 2));
   if (nodes.empty()) {

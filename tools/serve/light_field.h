@@ -33,9 +33,10 @@ class LightField {
   // Called for each answer of the view, in a streaming thread; must not wait. The buffer is the caller's.
   using OnAnswer = std::function<void(size_t node, GstBuffer* answer)>;
 
-  // Cameras in this process, or, where `nodes` has any, on those hosts. `max_views` bounds what is in flight. Throws
-  // Error.
-  LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, int max_views);
+  // Cameras in this process, sampled as lffragment's property "resampling" says, or, where `nodes` has any, on those
+  // hosts. `max_views` bounds what is in flight. Throws Error.
+  LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& resampling,
+             int max_views);
   ~LightField();
   LightField(const LightField&) = delete;
 

@@ -8,6 +8,13 @@
 
 namespace lf::serve {
 
+// How pictures are focused, in lfcompositor's words.
+struct FocusOn {
+  std::string mode = "auto";  // its property "focus"
+  double near = 0, far = 0;   // metres from the array: "focus-near" and "focus-far"
+  std::string gains;          // "gains"; "": as it has it
+};
+
 // What viewers may ask of the server, and get.
 struct Limits {
   int viewers = 8;                         // views in fact: who has two eyes counts twice
@@ -15,7 +22,7 @@ struct Limits {
   int framerate = 30;
   int capture_delay_ms = 100;        // how old a capture must be before it is asked for: what the cameras take
   double focus = 0;                  // metres, of a view to begin with; 0: as lfviewrequest chooses
-  std::string surface = "plane";     // what pictures are focused on: lfcompositor's property "focus"
+  FocusOn focus_on;
   int monitor = 0;                   // requests from one camera's turn to be watched to the next; 0: never
   int bit_rate = 6000000;            // bits per second, of one viewer's video
   double messages_per_second = 240;  // on a data channel

@@ -66,7 +66,7 @@ std::string Sessions::open(Offer offer, const Wish& wish, OnAnswer on_answer) {
   settings.eye.height = wish.height;
   settings.eye.framerate = limits_.framerate;
   settings.eye.focus = limits_.focus;
-  settings.eye.surface = limits_.surface;
+  settings.eye.focus_on = limits_.focus_on;
   settings.eye.path = wish.path;
   settings.eye.capture_delay = static_cast<uint64_t>(limits_.capture_delay_ms) * GST_MSECOND;
   settings.most_bit_rate = limits_.bit_rate;

@@ -272,7 +272,7 @@ void Viewer::report(const LinkReport& link) {
                {"sizeDivisor", quality_.size_divisor()},
                {"loss", link.loss},
                {"roundTripMs", link.round_trip * 1e3}};
-  json focus = {{"on", settings_.eye.surface},
+  json focus = {{"on", settings_.eye.focus_on.mode},
                 {"rounds", count_in(stats, "focus-rounds")},
                 {"interval", count_in(stats, "focus-interval")},
                 {"trialBytes", count_in(stats, "trial-bytes")}};
