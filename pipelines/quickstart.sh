@@ -98,12 +98,12 @@ launch() {
 }
 
 # Every request for a view goes to the cameras, which answer with fragments, and to the compositor, which adds them up.
-light_field() { # is-live
+light_field() { # is-live, properties of lfcompositor
   pipeline=(lfviewrequest "location=$out/views.json" "rig=$rig" "framerate=$framerate/1" "is-live=$1" ! tee name=r
     r. ! queue ! n.request
     lfcameranode name=n "rig=$rig" "framerate=$framerate/1" "is-live=$1" loop=true ! queue ! c.sink_0
     r. ! queue ! c.request
-    lfcompositor name=c "rig=$rig" post-messages=true)
+    lfcompositor name=c "rig=$rig" post-messages=true "${@:2}")
 }
 
 light_field false
@@ -111,12 +111,17 @@ launch "$work/log" "${pipeline[@]}" ! tee name=o \
   o. ! queue ! videoconvert ! jpegenc quality=95 ! matroskamux ! filesink "location=$out/view.mkv" \
   o. ! queue ! videoconvert ! video/x-raw,format=RGB ! filesink "location=$work/frames.rgb"
 
+# The same views on one plane each, to compare with.
+light_field false focus=plane
+launch "$work/plane-log" "${pipeline[@]}" ! videoconvert ! video/x-raw,format=RGB ! \
+  filesink "location=$work/plane.rgb"
+
 # At the pace of the cameras one request is in flight at a time: its latency is that of the light field alone.
 light_field true
 launch "$work/live-log" "${pipeline[@]}" ! fakesink sync=false
 
 echo
-lf-report --rig "$rig" --views "$out/views.json" --frames "$work/frames.rgb" --log "$work/log" \
+lf-report --rig "$rig" --views "$out/views.json" --frames "$work/frames.rgb" --plane "$work/plane.rgb" --log "$work/log" \
   --live-log "$work/live-log" --out "$out" "${report[@]}"
 echo "in $out: view.mkv, sheet.png, report.json, views.json"
 

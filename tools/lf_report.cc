@@ -29,7 +29,7 @@
 namespace {
 
 struct Options {
-  std::string rig, views, frames, log, live_log, out;
+  std::string rig, views, frames, plane, log, live_log, out;
   bool scene = false;
 };
 
@@ -69,24 +69,42 @@ lf::Image truth_of(const lf::NamedView& view) {
   return lf::render_scene({view.view.width, view.view.height, view.view.lens, view.view.pose}, view.time);
 }
 
-lf::Quality quality_of(const lf::Rig& rig, const lf::Mesh& mesh, const lf::NamedView& view, const lf::Image& picture) {
-  const lf::ViewPlan plan(rig, mesh, view.view);
-  const lf::OwnerMap owners(plan, {0, 0, view.view.width, view.view.height});
-  return lf::compare(picture, truth_of(view), lf::view_coverage(rig, plan, owners));
-}
-
 double focus_distance(const lf::View& view) {
   const double along = glm::dot(view.focus.plane.normal, view.pose.forward());
   return -view.focus.plane.signed_distance(view.pose.position) / along;
 }
+
+// PSNR of a picture, dB; NaN without ground truth, or where no camera sees anything.
+struct Psnr {
+  double surface = std::nan(""), plane = std::nan("");
+};
 
 struct Run {
   lf::Rig rig;
   lf::Mesh mesh;
   std::vector<lf::NamedView> views;  // those that came out, in order
   std::vector<ViewLogEntry> log;
-  std::optional<double> psnr_db;
+  std::vector<Psnr> psnr;  // of each view
 };
+
+Psnr psnr_of(const Run& run, const lf::NamedView& view, const lf::Image& surface, const lf::Image& plane) {
+  const lf::ViewPlan plan(run.rig, run.mesh, view.view);
+  const lf::OwnerMap owners(plan, {0, 0, view.view.width, view.view.height});
+  const std::vector<float> coverage = lf::view_coverage(run.rig, plan, owners);
+  const lf::Image truth = truth_of(view);
+  return {lf::compare(surface, truth, coverage).psnr_db, lf::compare(plane, truth, coverage).psnr_db};
+}
+
+// Over the views of which it is known; nothing if there is none.
+std::optional<double> mean_psnr(const std::vector<Psnr>& all, double Psnr::*of) {
+  double sum = 0, judged = 0;
+  for (const Psnr& psnr : all) {
+    if (!std::isfinite(psnr.*of)) continue;
+    sum += psnr.*of;
+    judged++;
+  }
+  return judged > 0 ? std::optional(sum / judged) : std::nullopt;
+}
 
 template <class Value>
 size_t index_of_largest(size_t count, const Value& value) {
@@ -108,35 +126,49 @@ lf::CameraIndex nearest_camera(const lf::Rig& rig, const lf::View& view) {
       rig.cameras.size(), [&](size_t i) { return -glm::length(rig.cameras[i].pose.position - view.pose.position); }));
 }
 
-lf::Image sheet_of(const Run& run, RawFrames& frames, bool scene, const std::string& foot) {
+std::string with_psnr(const std::string& title, double psnr_db) {
+  if (!std::isfinite(psnr_db)) return title;
+  char text[32];
+  std::snprintf(text, sizeof text, ": %.1f dB", psnr_db);
+  return title + text;
+}
+
+// The views with the nearest and the farthest focal plane, each beside what is true; then what they are made of.
+lf::Image sheet_of(const Run& run, RawFrames& surface, RawFrames& plane, bool scene, const std::string& foot) {
   lf::StillImages files(run.rig);
   const auto image_of = [&](lf::CameraIndex i) -> const lf::Image& { return files.get(i); };
   const bool images = lf::has_images(run.rig);
   const size_t n = run.views.size();
+  const auto nearest_camera_panel = [&](const lf::View& view) {
+    const lf::CameraIndex camera = nearest_camera(run.rig, view);
+    return Panel{"the nearest camera, " + run.rig.cameras[camera].name, image_of(camera)};
+  };
+
+  std::vector<Panel> panels;
   const size_t near = index_of_largest(n, [&](size_t i) { return -focus_distance(run.views[i].view); });
   const size_t far = index_of_largest(n, [&](size_t i) { return focus_distance(run.views[i].view); });
-  // Where the most cameras work together, the picture and the overlay say most.
+  for (const size_t i : {near, far}) {
+    const lf::NamedView& view = run.views[i];
+    if (scene)
+      panels.push_back({"view " + std::to_string(i) + ", ground truth", truth_of(view)});
+    else if (images)
+      panels.push_back(nearest_camera_panel(view.view));
+    panels.push_back(
+        {with_psnr("one plane, at " + metres(focus_distance(view.view)), run.psnr[i].plane), plane.read(i)});
+    panels.push_back({with_psnr("focal surface", run.psnr[i].surface), surface.read(i)});
+  }
+  // Where the most cameras work together, the overlay says most.
   const size_t rich = index_of_largest(
       n, [&](size_t i) { return lf::ViewPlan(run.rig, run.mesh, run.views[i].view).contributors().size(); });
   const lf::NamedView& view = run.views[rich];
-  const lf::Image picture = frames.read(rich);
-
-  std::vector<Panel> panels;
+  const lf::Image picture = surface.read(rich);
   if (images)
     panels.push_back(
         {std::to_string(run.rig.cameras.size()) + " camera images", camera_mosaic(run.rig, image_of, 960)});
-  panels.push_back({"near focus, " + metres(focus_distance(run.views[near].view)), frames.read(near)});
-  panels.push_back({"far focus, " + metres(focus_distance(run.views[far].view)), frames.read(far)});
-  panels.push_back({"view " + std::to_string(rich) + ", focus " + metres(focus_distance(view.view)), picture});
-  if (scene) {
-    panels.push_back({"ground truth of view " + std::to_string(rich), truth_of(view)});
-  } else if (images) {
-    const lf::CameraIndex camera = nearest_camera(run.rig, view.view);
-    panels.push_back({"nearest camera, " + run.rig.cameras[camera].name + " (no ground truth)", image_of(camera)});
-  }
+  panels.push_back({with_psnr("view " + std::to_string(rich), run.psnr[rich].surface), picture});
   panels.push_back({"which cameras make view " + std::to_string(rich),
                     lf::contribution_map(run.rig, run.mesh, view.view, &picture)});
-  return make_sheet("gst-lightfield", panels, 3, foot);
+  return make_sheet("gst-lightfield", panels, scene || images ? 3 : 2, foot);
 }
 
 void run_report(const Options& options) {
@@ -145,26 +177,27 @@ void run_report(const Options& options) {
   run.mesh = lf::build_mesh(run.rig);
   run.views = lf::load_views(options.views);
   run.log = read_view_log(options.log);
-  RawFrames frames(options.frames, run.views[0].view.width, run.views[0].view.height);
+  const lf::View& first = run.views[0].view;
+  RawFrames frames(options.frames, first.width, first.height), plane(options.plane, first.width, first.height);
   if (frames.count() > run.views.size() || frames.count() != run.log.size())
     throw lf::Error(options.frames + ": has " + std::to_string(frames.count()) + " pictures for " +
                     std::to_string(run.views.size()) + " views and " + std::to_string(run.log.size()) + " messages");
+  if (plane.count() != frames.count())
+    throw lf::Error(options.plane + ": has " + std::to_string(plane.count()) + " pictures, " + options.frames + " " +
+                    std::to_string(frames.count()));
   run.views.resize(frames.count());
+  run.psnr.resize(frames.count());
   const double n = static_cast<double>(frames.count());
 
   if (options.scene) {
     Progress progress("comparing with the ground truth", frames.count());
-    double sum = 0, judged = 0;
-    for (size_t i = 0; i < frames.count(); i++, progress.step()) {
-      const double psnr = quality_of(run.rig, run.mesh, run.views[i], frames.read(i)).psnr_db;
-      if (!std::isfinite(psnr)) continue;
-      sum += psnr;
-      judged++;
-    }
-    if (judged > 0) run.psnr_db = sum / judged;
+    for (size_t i = 0; i < frames.count(); i++, progress.step())
+      run.psnr[i] = psnr_of(run, run.views[i], frames.read(i), plane.read(i));
   }
+  const auto surface_db = mean_psnr(run.psnr, &Psnr::surface), plane_db = mean_psnr(run.psnr, &Psnr::plane);
 
   nlohmann::ordered_json report;
+  const auto number = [](const std::optional<double>& v) { return v ? nlohmann::ordered_json(*v) : nullptr; };
   report["frames"] = frames.count();
   const double seconds = run.log.back().clock - run.log.front().clock;
   report["fps"] = seconds > 0 ? nlohmann::ordered_json((n - 1) / seconds) : nullptr;
@@ -173,23 +206,30 @@ void run_report(const Options& options) {
   for (const ViewLogEntry& entry : read_view_log(options.live_log.empty() ? options.log : options.live_log))
     latency.add(entry.latency_ns);
   report["latency_ms"] = {{"p50", latency.at(50) * 1e-6}, {"p95", latency.at(95) * 1e-6}};
-  double bytes = 0;
-  for (const ViewLogEntry& entry : run.log) bytes += static_cast<double>(entry.bytes) / n;
+  double bytes = 0, trial_bytes = 0;
+  for (const ViewLogEntry& entry : run.log) {
+    bytes += static_cast<double>(entry.bytes) / n;
+    trial_bytes += static_cast<double>(entry.trial_bytes) / n;
+  }
   report["bytes_per_frame"] = bytes;
-  report["psnr_db"] = run.psnr_db ? nlohmann::ordered_json(*run.psnr_db) : nullptr;
+  report["trial_bytes_per_frame"] = trial_bytes;
+  report["psnr_db"] = number(surface_db);
+  report["plane_psnr_db"] = number(plane_db);
 
-  char psnr[48] = "no ground truth";
-  if (run.psnr_db) std::snprintf(psnr, sizeof psnr, "%.1f dB against ground truth", *run.psnr_db);
+  char psnr[96] = "no ground truth";
+  if (surface_db && plane_db)
+    std::snprintf(psnr, sizeof psnr, "%.1f dB against ground truth (plane: %.1f dB)", *surface_db, *plane_db);
   char foot[256];
-  std::snprintf(foot, sizeof foot,
-                "%zu frames of %dx%d, %.1f frames/s, latency %.1f ms, %.0f kB of fragments a frame, %s", frames.count(),
-                run.views[0].view.width, run.views[0].view.height, seconds > 0 ? (n - 1) / seconds : 0,
-                latency.at(50) * 1e-6, bytes / 1e3, psnr);
+  std::snprintf(
+      foot, sizeof foot,
+      "%zu frames of %dx%d, %.0f frames/s, latency %.1f ms, %.0f kB of colour and %.0f kB of trials a frame, %s",
+      frames.count(), first.width, first.height, seconds > 0 ? (n - 1) / seconds : 0, latency.at(50) * 1e-6,
+      bytes / 1e3, trial_bytes / 1e3, psnr);
   const size_t incomplete = static_cast<size_t>(
       std::count_if(run.log.begin(), run.log.end(), [](const ViewLogEntry& entry) { return !entry.complete; }));
   if (incomplete > 0) std::fprintf(stderr, "lf-report: %zu of %zu frames are incomplete\n", incomplete, run.log.size());
 
-  lf::save_image(sheet_of(run, frames, options.scene, foot), options.out + "/sheet.png");
+  lf::save_image(sheet_of(run, frames, plane, options.scene, foot), options.out + "/sheet.png");
   lf::write_text_file(report.dump(1) + "\n", options.out + "/report.json");
   std::printf("%s\n", report.dump(1).c_str());
 }
@@ -203,6 +243,7 @@ int main(int argc, char** argv) {
   app.add_option("--rig", o.rig, "rig file")->required()->type_name("RIG.json");
   app.add_option("--views", o.views, "views that were asked for")->required()->type_name("VIEWS.json");
   app.add_option("--frames", o.frames, "the pictures: raw RGB video as filesink writes it")->required();
+  app.add_option("--plane", o.plane, "the same views focused on their planes (lfcompositor focus=plane)")->required();
   app.add_option("--log", o.log, "what gst-launch-1.0 -m printed, each line with the clock in front")->required();
   app.add_option("--live-log", o.live_log, "the same of a live run, for the latency with one request in flight");
   app.add_flag("--scene", o.scene, "the cameras filmed the built-in scene: compare with its ground truth");

@@ -35,6 +35,7 @@ std::vector<ViewLogEntry> read_view_log(const std::string& path) {
     entry.sequence = static_cast<uint32_t>(number("sequence"));
     entry.complete = field(line, "complete") == "true";
     entry.bytes = number("bytes");
+    entry.trial_bytes = number("trial-bytes");
     entry.latency_ns = number("latency-ns");
     entries.push_back(entry);
   }

@@ -10,7 +10,7 @@ struct ViewLogEntry {
   double clock = 0;  // seconds, when the message was printed
   uint32_t sequence = 0;
   bool complete = false;
-  uint64_t bytes = 0, latency_ns = 0;
+  uint64_t bytes = 0, trial_bytes = 0, latency_ns = 0;
 };
 
 // Reads what `gst-launch-1.0 -m` printed, each line with the clock in front (seconds: bash's $EPOCHREALTIME); lines

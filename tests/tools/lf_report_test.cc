@@ -36,12 +36,13 @@ class LfReport : public testing::Test {
     save_views(views_, dir_ / "views.json");
     std::filesystem::create_directories(dir_ / "out");
     write_frames(3, 5);
+    write_frames(3, 20, "plane.rgb");
     write_log("log", {{10.0, 100, 4'000'000}, {10.5, 200, 6'000'000}, {11.0, 300, 5'000'000}});
   }
 
   // The ground truth made lighter by `error`, as far as it goes.
-  void write_frames(size_t count, int error) {
-    std::ofstream file(dir_ / "frames.rgb", std::ios::binary);
+  void write_frames(size_t count, int error, const std::string& name = "frames.rgb") {
+    std::ofstream file(dir_ / name, std::ios::binary);
     for (size_t i = 0; i < count; i++) {
       const View& view = views_[i].view;
       const Image truth = render_scene({kWidth, kHeight, view.lens, view.pose}, views_[i].time);
@@ -63,12 +64,14 @@ class LfReport : public testing::Test {
       file << std::fixed << m.clock
            << " Got message #9 from element \"c\" (element): lightfield-view, view-id=(uint)0, "
            << "sequence=(uint)" << sequence++ << ", pts=(guint64)0, complete=(boolean)true, fragments=(uint)3, "
-           << "missing=(uint)0, bytes=(guint64)" << m.bytes << ", skew-ns=(guint64)0, latency-ns=(guint64)"
-           << m.latency_ns << ", composite-ns=(guint64)1;\n";
+           << "missing=(uint)0, bytes=(guint64)" << m.bytes << ", trial-bytes=(guint64)" << m.bytes / 10
+           << ", skew-ns=(guint64)0, latency-ns=(guint64)" << m.latency_ns << ", composite-ns=(guint64)1;\n";
   }
   Outcome report(const std::string& more = "") {
-    return run_program("lf-report", "--rig rig.json --views views.json --frames frames.rgb --log log --out out " + more,
-                       dir_.path());
+    return run_program(
+        "lf-report",
+        "--rig rig.json --views views.json --frames frames.rgb --plane plane.rgb --log log --out out " + more,
+        dir_.path());
   }
   nlohmann::json figures() const { return nlohmann::json::parse(read_text_file(dir_ / "out/report.json")); }
 
@@ -87,7 +90,9 @@ TEST_F(LfReport, FiguresOfARunAgainstTheGroundTruth) {
   EXPECT_NEAR(json["latency_ms"]["p50"].get<double>(), 30, 1e-9);
   EXPECT_NEAR(json["latency_ms"]["p95"].get<double>(), 40, 1e-9);
   EXPECT_NEAR(json["bytes_per_frame"].get<double>(), 200, 1e-9);
+  EXPECT_NEAR(json["trial_bytes_per_frame"].get<double>(), 20, 1e-9);
   EXPECT_NEAR(json["psnr_db"].get<double>(), 20 * std::log10(255 / 5.0), 0.3);
+  EXPECT_NEAR(json["plane_psnr_db"].get<double>(), 20 * std::log10(255 / 20.0), 0.3);
   EXPECT_GT(load_image(dir_ / "out/sheet.png").width(), 1000);
 }
 
@@ -95,6 +100,7 @@ TEST_F(LfReport, WithoutTruthAndLiveRun) {
   const Outcome outcome = report();
   ASSERT_EQ(outcome.status, 0) << outcome.output;
   EXPECT_TRUE(figures()["psnr_db"].is_null());
+  EXPECT_TRUE(figures()["plane_psnr_db"].is_null());
   EXPECT_NEAR(figures()["latency_ms"]["p50"].get<double>(), 5, 1e-9);
 }
 
@@ -104,6 +110,8 @@ TEST_F(LfReport, RefusesWhatDoesNotFitTogether) {
     EXPECT_EQ(outcome.status, 1);
     EXPECT_THAT(outcome.output, HasSubstr(text));
   };
+  write_frames(2, 0, "plane.rgb");
+  expect_failure("plane.rgb: has 2 pictures, frames.rgb 3");
   write_frames(2, 0);
   expect_failure("frames.rgb: has 2 pictures for 3 views and 3 messages");
   std::ofstream(dir_ / "frames.rgb", std::ios::app) << "x";
