@@ -11,6 +11,7 @@
 
 #include "pipelines/gst_launch.h"
 #include "rig/rig_json.h"
+#include "scene/scene.h"
 #include "support/run_program.h"
 #include "view/navigator.h"
 #include "view/views_json.h"
@@ -30,15 +31,16 @@ std::vector<std::string> host_names() {
   return names;
 }
 
-// Every view of the path is of this viewer, and no two are alike.
-std::vector<NamedView> path_of(const Rig& rig, int viewer) {
+// Every view of the path is of this viewer, and no two are alike unless it stands `still`.
+std::vector<NamedView> path_of(const Rig& rig, int viewer, bool still) {
   std::vector<NamedView> views;
   const Viewpoint home = default_viewpoint(rig);
-  for (int i = 0; i < ArrayNetwork::kViewsOfPath; i++) {
+  for (int k = 0; k < ArrayNetwork::kViewsOfPath; k++) {
+    const int i = still ? 2 : k;  // all of that one is covered
     Viewpoint at = home;
     at.pose.position += Vec3(0.02 * (i - 2) + 0.01 * viewer, 0.015 * (2 * viewer - 1) * (i - 2), -0.3 - 0.05 * viewer);
     at.focus_distance = 2.2 + 0.2 * i;
-    views.push_back({"view_" + std::to_string(i), 0.0, make_view(at, ArrayNetwork::kWidth, ArrayNetwork::kHeight)});
+    views.push_back({"view_" + std::to_string(k), 0.0, make_view(at, ArrayNetwork::kWidth, ArrayNetwork::kHeight)});
   }
   return views;
 }
@@ -65,7 +67,8 @@ ArrayNetwork::ArrayNetwork(const Options& options) : options_(options), network_
   Rig rig = load_rig(file("rig.json"));
   for (Camera& camera : rig.cameras) camera.source.clear();  // the first frame, a still, serves for ever
   save_rig(rig, file("rig.json"));
-  for (int i = 0; i < kViewers; i++) save_views(path_of(rig, i), file("views" + std::to_string(i) + ".json"));
+  for (int i = 0; i < kViewers; i++)
+    save_views(path_of(rig, i, options.surface), file("views" + std::to_string(i) + ".json"));
 }
 
 std::vector<std::string> ArrayNetwork::with_environment(std::vector<std::string> command) const {
@@ -110,7 +113,7 @@ void ArrayNetwork::start_compositor() {
                       " tVIEW. ! queue ! videoconvert ! video/x-raw,format=I420 ! jpegenc ! rtpjpegpay ! udpsink "
                       "host=10.77.0.1VIEW port=" +
                       std::to_string(kVideoPort) + " sync=false async=false"});
-  if (options_.plane) command.insert(command.end(), {"--set", "focus=plane"});
+  if (!options_.surface) command.insert(command.end(), {"--set", "focus=plane"});
   command.insert(command.end(), options_.compositor.begin(), options_.compositor.end());
   compositor_ = network_.start("compositor", with_environment(command));
 }
@@ -187,6 +190,13 @@ std::vector<std::pair<Image, uint32_t>> ArrayNetwork::latest_pictures(int view) 
     if (bytes.size() == 3u * kWidth * kHeight) kept.emplace_back(rgb_image(bytes.data()), all[k].sequence);
   }
   return kept;
+}
+
+std::vector<Image> ArrayNetwork::truth(int view) const {
+  std::vector<Image> images;
+  for (const NamedView& named : load_views(file("views" + std::to_string(view) + ".json")))
+    images.push_back(render_scene({named.view.width, named.view.height, named.view.lens, named.view.pose}, 0, 1));
+  return images;
 }
 
 std::vector<Image> ArrayNetwork::one_machine(int view, const std::string& out_of_service) const {

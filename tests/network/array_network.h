@@ -25,7 +25,7 @@ class ArrayNetwork {
   // What a host's script is told beside the necessary.
   struct Options {
     int framerate = 15;
-    bool plane = true;  // pictures are focused on the viewers' planes
+    bool surface = false;  // pictures are of what the compositors find, of eyes that stand still; else of planes
     std::vector<std::string> camera, compositor, viewer[kViewers];
   };
   explicit ArrayNetwork(const Options& options);
@@ -67,6 +67,8 @@ class ArrayNetwork {
   std::vector<std::pair<Image, uint32_t>> latest_pictures(int view) const;
   // The same pictures on one machine, one for each view of the path, without the cameras of these ids.
   std::vector<Image> one_machine(int view, const std::string& out_of_service = "") const;
+  // The ground truth of the same views.
+  std::vector<Image> truth(int view) const;
 
   static constexpr int kViewsOfPath = 5;
 

@@ -124,6 +124,28 @@ TEST_F(ArrayNetworkTest, TwoViewersSeeWhatOneMachineShows) {
   for (int i = 0; i < ArrayNetwork::kNodes; i++) EXPECT_TRUE(array.node(i).is_running()) << array.node(i).text();
 }
 
+// Nobody tells viewers on other hosts of the focal surface: the compositor host puts it into their requests.
+TEST_F(ArrayNetworkTest, PicturesAreSharpUnlessAPlaneIsAskedFor) {
+  ArrayNetwork::Options options;
+  options.surface = true;
+  ArrayNetwork array(options);
+  array.start_all();
+  ASSERT_TRUE(array.wait_for_pictures(0, 30)) << array.compositor().text();
+  const std::vector<Image> planes = array.one_machine(0), truth = array.truth(0);
+  double sharp_db = 0, plane_db = 0;
+  constexpr int kPictures = 5;
+  for (int i = 0; i < kPictures; i++) {
+    uint32_t sequence = 0;
+    const Image picture = array.next_picture(0, &sequence);
+    const size_t view = sequence % truth.size();
+    sharp_db += compare(picture, truth[view]).psnr_db / kPictures;
+    plane_db += compare(planes[view], truth[view]).psnr_db / kPictures;
+    save_for_people(picture, "surface.png");
+  }
+  std::printf("surface %.1f dB, plane %.1f dB\n", sharp_db, plane_db);
+  EXPECT_GT(sharp_db, plane_db + 2);
+}
+
 TEST_F(ArrayNetworkTest, AKilledNodeIsClosedOverAndComesBack) {
   ArrayNetwork array({});
   array.start_all();
