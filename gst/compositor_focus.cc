@@ -14,6 +14,8 @@ GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
 
 using lf::CompositorStats;
 
+static constexpr guint kUnheardRest = 15;  // requests: a second or less
+
 GType lf_compositor_focus_get_type(void) {
   static const GType type = [] {
     static const GEnumValue values[] = {
@@ -184,6 +186,11 @@ void lf_compositor_find_focus(LfCompositor* self) {
   const lf::FocusControl::Settings settings = lf_compositor_focus(self);
   const bool gains = self->gains && settings.mode != lf::FocusMode::kPlane;
   GST_OBJECT_UNLOCK(self);
+  // Nobody takes it, as where requests come from a file: asked again now and then.
+  if (!state.current->view.focus.map && state.unheard > 0) {
+    state.unheard--;
+    return;
+  }
   const bool was_finding = state.focus_settings.mode != lf::FocusMode::kPlane;
   if (settings.mode == lf::FocusMode::kPlane && !was_finding) return;
   if (settings != state.focus_settings) {
@@ -201,7 +208,8 @@ void lf_compositor_find_focus(LfCompositor* self) {
   const lf::FocusControl::Plan plan = state.focus.next(request, state.moments, *state.focus_from);
   state.stats.set_focus(state.focus.state(), state.moment_bytes);
   request.gains = next_gains(self, gains, !plan.trials.empty());
-  gst_pad_push_event(self->request, lf::focal_surface_event(request, plan));
+  const bool heard = gst_pad_push_event(self->request, lf::focal_surface_event(request, plan));
+  state.unheard = heard ? 0 : kUnheardRest;
 }
 
 void lf_compositor_answer_sweep(LfCompositor* self) {

@@ -88,6 +88,7 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   lf_compositor_reset_monitor(self);
   state.focus_settings = {};
   state.focus = lf::FocusControl();
+  state.unheard = 0;
   state.stats.reset();
   return TRUE;
 }

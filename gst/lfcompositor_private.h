@@ -100,6 +100,7 @@ struct _LfCompositor {
     lf::FocusControl::Settings focus_settings;  // of `focus`
     lf::FocusControl focus;
     std::optional<lf::Plane> focus_from;  // what focal maps count distances from
+    guint unheard = 0;  // requests for which no surface is looked for, because nobody took the one found last
 
     struct {
       std::optional<lf::CameraMonitor> cameras;

@@ -31,8 +31,9 @@ gboolean lf_view_request_take_focus(LfViewRequest* self, GstEvent* event) {
   lf::FocalSurfaceNews news;
   GST_OBJECT_LOCK(self);
   const guint view_id = self->settings->view_id;
+  const bool can = self->settings->access == lf::Access::kSelf;
   GST_OBJECT_UNLOCK(self);
-  if (!lf::parse_focal_surface(event, &news) || news.view_id != view_id) return FALSE;
+  if (!can || !lf::parse_focal_surface(event, &news) || news.view_id != view_id) return FALSE;
   self->focus_feedback->announce(std::move(news));
   if (const std::optional<double> found = self->focus_feedback->take_found()) set_focus_distance(self, *found);
   return TRUE;

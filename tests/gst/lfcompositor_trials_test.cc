@@ -61,6 +61,36 @@ class LfCompositorTrialsTest : public LfCompositorTest {
   ViewRequest asked_;
 };
 
+// Where nobody takes the surface none is looked for, but for once in a while.
+TEST_F(LfCompositorTrialsTest, NobodyHeeds) {
+  static int told = 0;
+  asked_.view.focus.map.reset();
+  asked_.trials.clear();
+  for (const bool heeded : {false, true}) {
+    told = 0;
+    gst_pad_set_event_function(
+        harness_->srcpad, heeded ? +[](GstPad*, GstObject*, GstEvent* event) -> gboolean {
+          told += gst_event_has_name(event, "lightfield-focal-surface");
+          gst_event_unref(event);
+          return TRUE;
+        } : +[](GstPad*, GstObject*, GstEvent* event) -> gboolean {
+          told += gst_event_has_name(event, "lightfield-focal-surface");
+          gst_event_unref(event);
+          return FALSE;
+        });
+    constexpr int kPictures = 40;
+    for (int i = 0; i < kPictures; i++) {
+      request(asked_);
+      push(0, answer_of(asked_, {0, 1, 2, 3}));
+      pull();
+      asked_.sequence++;
+      asked_.target_time += kFrame;
+    }
+    EXPECT_GE(told, heeded ? kPictures - 16 : 2);
+    EXPECT_LE(told, heeded ? kPictures : 4);
+  }
+}
+
 TEST_F(LfCompositorTrialsTest, WhatIsNotWhatWasAskedForIsCountedAndDropped) {
   const auto [picture, bad] = picture_after(unit(seen()));
   ASSERT_EQ(picture.size(), 16u * 12 * 3);

@@ -46,13 +46,13 @@ class FocusedArray : public testing::Test {
   }
 
   // The pictures of a pipeline of compositor `c`, whose nodes are `nodes`.
-  std::vector<Image> pictures(const std::string& name, const std::string& compositor, const std::string& nodes) {
+  std::vector<Image> pictures(const std::string& name, const std::string& compositor, const std::string& nodes,
+                              const std::string& viewer = "") {
     std::filesystem::create_directories(std::string(dir_ / name));
-    const Launched run = gst_launch("lfviewrequest location=" + dir_ / "views.json" +
-                                    " ! tee name=r  r. ! queue ! c.request  lfcompositor name=c rig=" +
-                                    dir_ / "rig.json" + " " + compositor +
-                                    " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / name + "/%02d.png " +
-                                    nodes);
+    const Launched run = gst_launch(
+        "lfviewrequest location=" + dir_ / "views.json" + " " + viewer +
+        " ! tee name=r  r. ! queue ! c.request  lfcompositor name=c rig=" + dir_ / "rig.json" + " " + compositor +
+        " ! videoconvert ! pngenc ! multifilesink location=" + dir_ / name + "/%02d.png " + nodes);
     EXPECT_EQ(run.status, 0) << run.output;
     std::vector<Image> out;
     for (int i = 0; i < kPictures; i++)
@@ -111,6 +111,15 @@ TEST_F(FocusedArray, IsSharpByDefault) {
               psnr(bilinear.back()));
   EXPECT_GT(psnr(sharp.back()), psnr(plane.back()) + 4);
   EXPECT_GT(psnr(sharp.back()), psnr(bilinear.back()) + 0.2);
+}
+
+// Live, 15 pictures a second: the one that is asked for 0.27 s after the first.
+TEST_F(FocusedArray, IsSharpAtOnce) {
+  const std::vector<Image> plane = pictures("plane", "focus=plane", node("n", "0-15", "c.sink_0"));
+  const std::vector<Image> live =
+      pictures("live", "latency=2000000000", node("n", "0-15", "c.sink_0", "is-live=true max-skew=0"), "is-live=true");
+  for (int i = 0; i < 6; i++) std::printf("%.2f s: %.1f dB\n", i / 15.0, psnr(live[i]));
+  EXPECT_GT(psnr(live[4]), psnr(plane.back()) + 3);
 }
 
 // Who does not know the array stays on the plane, unless a surface is asked for by name.
