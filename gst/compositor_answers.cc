@@ -122,6 +122,8 @@ static bool find_request(LfCompositor* self, guint view_id) {
         state.current = std::move(request);
         state.current_bytes = 0;
         state.adding = 0;
+        // Nothing can come of trials that it does not have: the next request's are on their way at once.
+        if (!self->partial && !state.current->probe && !state.current->view.focus.map) lf_compositor_find_focus(self);
         return true;
       } catch (const lf::Error& error) {
         reason = error.what();
@@ -320,7 +322,7 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
     return GST_FLOW_OK;
   }
   // Before the picture is made: the next request may wait for it.
-  if (!self->partial) lf_compositor_find_focus(self);
+  if (!self->partial && state.current->view.focus.map) lf_compositor_find_focus(self);
   GstFlowReturn flow = GST_FLOW_OK;
   GstBuffer* out = lf_compositor_make_picture(self, &flow);
   if (!out) return flow;

@@ -147,7 +147,7 @@ void lf_compositor_forget_moments(LfCompositor* self);
 int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer);
 // What has come, as the moments of one node: what goes before its answer, nothing if nothing has.
 std::vector<GstBuffer*> lf_compositor_make_moments(LfCompositor* self, guint node);
-// The current request has been composed: tells upstream where the next one is to be focused.
+// Tells upstream where the next request is to be focused, from what came of the trials of the current one.
 void lf_compositor_find_focus(LfCompositor* self);
 // The current request is a probe with trials, and answered: tells upstream where it is in focus.
 void lf_compositor_answer_sweep(LfCompositor* self);
