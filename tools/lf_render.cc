@@ -22,6 +22,7 @@
 #include "progress.h"
 #include "quality/outliers.h"
 #include "quality/quality.h"
+#include "render/detail.h"
 #include "render/focus_range.h"
 #include "rig/rig_json.h"
 #include "rig/still_images.h"
@@ -157,7 +158,7 @@ lf::Still render(const lf::Rig& rig, const lf::Mesh& mesh, const lf::View& view,
   if (options.resampling == "bilinear") return lf::render_still(rig, mesh, focused, renderer, images);
   std::map<lf::CameraIndex, lf::Image> sharpened;
   return lf::render_still(rig, mesh, focused, renderer, [&](lf::CameraIndex camera) -> const lf::Image& {
-    if (!lf::shows_detail(view.lens, rig.cameras[camera].lens)) return images(camera);
+    if (!lf::shows_detail(view, rig.cameras[camera])) return images(camera);
     if (!sharpened.contains(camera)) sharpened[camera] = lf::sharpened(images(camera));
     return sharpened[camera];
   });

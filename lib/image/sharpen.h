@@ -2,7 +2,6 @@
 #pragma once
 
 #include "base/byte_buffer.h"
-#include "geometry/lens.h"
 #include "image/image.h"
 #include "render/rect.h"
 
@@ -12,10 +11,6 @@ namespace lf {
 // of every sample of each plane, neighbours repeated at the image's border. Bilinear samples of the result are two thirds
 // of the way to Catmull-Rom's, at a fraction of the cost.
 inline constexpr double kSharpening = 0.3;
-
-// Whether a view shows what bilinear samples of a camera's image lose. Where it is coarser, sharpened images alias:
-// from 0.75 of the camera's focal length down pictures of the built-in scene are better without.
-inline bool shows_detail(const Lens& view, const Lens& camera) { return view.fy() > 0.75 * camera.fy(); }
 
 // The image with its part in `rect` (inside it; x0, y0 even in kI420) sharpened, in `memory`, of which the rest is left
 // as it is: of the same size and layout, what is between the colours of a pixel sharpened, too. Valid as long as

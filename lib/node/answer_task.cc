@@ -8,8 +8,8 @@
 #include "base/error.h"
 #include "focus/camera_trials.h"
 #include "focus/trial_renderer.h"
-#include "image/sharpen.h"
 #include "node/pixel_answer.h"
+#include "render/detail.h"
 #include "render/source_region.h"
 #include "wire/camera_trials_codec.h"
 #include "wire/moments_codec.h"
@@ -23,6 +23,7 @@ class WarpTask : public AnswerTask {
       : rig_(rig), job_(std::move(plan), own), quality_(quality) {}
   WarpTask(const Rig& rig, const Mesh& mesh, const ViewRequest& request, std::span<const CameraIndex> own)
       : WarpTask(rig, ViewPlan(rig, mesh, shown_view(request)), request.quality, own) {
+    is_told_ = false;
     gains_ = request.gains;
     if (gains_.ask) compare(rig, mesh, request, own);
     if (request.trials.empty()) return;
@@ -46,7 +47,9 @@ class WarpTask : public AnswerTask {
     return needed_pixels(job_.plan(), camera, rig_.cameras[camera]);
   }
   bool shows_detail(CameraIndex camera) const override {
-    return lf::shows_detail(job_.plan().view().lens, rig_.cameras[camera].lens);
+    const View& view = job_.plan().view();
+    if (is_told_) return !is_coarse(view.lens, rig_.cameras[camera].lens);  // commands don't say where the view is from
+    return lf::shows_detail(view, rig_.cameras[camera]);
   }
   RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Manner& manner,
                         ByteBuffer memory, const ParallelFor& parallel) const override {
@@ -93,6 +96,7 @@ class WarpTask : public AnswerTask {
 
   const Rig& rig_;
   const RenderJob job_;
+  bool is_told_ = true;  // what to do, by a command
   GainRequest gains_;
   std::optional<WideLuma> wide_;              // that it asks for
   std::vector<CameraIndex> cameras_;          // of both
