@@ -6,13 +6,20 @@
 
 namespace lf {
 
-float CameraGains::of(CameraIndex camera) const {
-  const auto found = gains_.find(camera);
-  return found == gains_.end() ? 1 : found->second;
+float CameraGains::log_of(CameraIndex camera) const {
+  const auto found = measured_.find(camera);
+  return found == measured_.end() ? 0 : std::log(found->second);
 }
 
+float CameraGains::trust(CameraIndex camera) const {
+  const float x = log_of(camera);
+  return kShine * kShine / (x * x + kShine * kShine);
+}
+
+float CameraGains::of(CameraIndex camera) const { return std::exp((1 - trust(camera)) * log_of(camera)); }
+
 void CameraGains::update(CameraIndex camera, float ratio) {
-  gains_[camera] = std::clamp(of(camera) * std::pow(ratio, kStep), kLeast, kMost);
+  measured_[camera] = std::clamp(ratio * of(camera), kLeast, kMost);
 }
 
 }  // namespace lf

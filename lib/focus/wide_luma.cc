@@ -127,7 +127,8 @@ WideLuma::Seen WideLuma::see(std::span<const Source> sources, const CameraGains&
   };
   for (const Camera& camera : result.cameras) {
     const float total = std::accumulate(camera.weight.begin(), camera.weight.end(), 0.f);
-    result.gains.add(gains.of(camera.camera), total / static_cast<float>(camera.weight.size()));
+    result.gains.add(gains.of(camera.camera),
+                     gains.trust(camera.camera) * total / static_cast<float>(camera.weight.size()));
     for (size_t i = 0; i < camera.weight.size(); i++) {
       const float weight = camera.weight[i];
       if (weight == 0) continue;

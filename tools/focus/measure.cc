@@ -98,7 +98,7 @@ class Renderer {
     if (!matched_ || !mean_turns_.next(!request.trials.empty(), true)) return {};
     return {.mean = mean(request, number, cost), .mean_of = request.sequence};
   }
-  const std::map<CameraIndex, float>& gains() { return matcher_.gains_for(0, {}).all(); }
+  const std::map<CameraIndex, float>& gains() { return matcher_.gains_for(0, {}).measured(); }
 
  private:
   // What the cameras, asked by this request, have in common.

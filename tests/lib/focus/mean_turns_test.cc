@@ -3,17 +3,21 @@
 
 #include <gtest/gtest.h>
 
+#include <vector>
+
 namespace lf {
 namespace {
 
-TEST(MeanTurns, EveryThirdRequestWithTrialsAsks) {
+TEST(MeanTurns, TheFirstRequestsWithTrialsAskAndThenFewerAndFewer) {
   MeanTurns turns;
+  std::vector<int> asking;
   bool asked = false;
-  for (int i = 0; i < 30; i++) {
+  for (int i = 1; i <= 120; i++) {
     EXPECT_FALSE(turns.next(false, asked)) << "without trials";
     asked = turns.next(true, false);
-    EXPECT_EQ(asked, i % 3 == 0) << i;
+    if (asked) asking.push_back(i);
   }
+  EXPECT_EQ(asking, (std::vector<int>{1, 2, 3, 4, 6, 10, 18, 34, 66, 98}));
 }
 
 TEST(MeanTurns, OneIsAwaitedAtATime) {
