@@ -194,7 +194,7 @@ void lf_compositor_install_properties(GObjectClass* klass) {
                           "gains", "Gains",
                           "Let cameras match their brightness to that of the others; with focus surface or auto. The "
                           "lffragments' stats have each camera's gain",
-                          FALSE, flags(GST_PARAM_MUTABLE_PLAYING)));
+                          TRUE, flags(GST_PARAM_MUTABLE_PLAYING)));
   install(PROP_STATS,
           g_param_spec_boxed(
               "stats", "Statistics",

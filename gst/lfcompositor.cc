@@ -132,6 +132,7 @@ static void lf_compositor_class_init(LfCompositorClass* klass) {
 
 static void lf_compositor_init(LfCompositor* self) {
   self->state = new _LfCompositor::State;
+  self->gains = TRUE;
   lf_compositor_add_request_pad(self);
   g_object_set(self, "latency", kDefaultLatency, nullptr);
 }
