@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <iterator>
+#include <limits>
+#include <optional>
 #include <string>
 #include <vector>
-
-#include <nlohmann/json.hpp>
 
 #include "base/error.h"
 #include "base/json_value.h"
@@ -14,10 +15,11 @@
 #include "focus/acceptance.h"
 #include "focus/cases.h"
 #include "focus/measure.h"
+#include "focus/speed_plot.h"
+#include "focus/still_table.h"
 #include "image/image_io.h"
 #include "progress.h"
 #include "run_tool.h"
-#include "scene/scene.h"
 
 namespace {
 
@@ -42,39 +44,49 @@ Case load(const Arguments& a) {
   return c;
 }
 
-double gain(const StillResult& r, const Picture& picture) { return picture.quality.psnr_db - r.plane.quality.psnr_db; }
-
-void print_heading() {
-  std::printf("%-10s | %6s %6s %6s | %6s %6s %5s %5s | %6s %6s | %8s %8s %5s | %6s %6s %6s\n", "view", "plane", "ssim",
-              "at m", "gain", "bound", "way", "ssim", "worst", "last", "colour B", "trial B", "%", "plane", "colour",
-              "trials");
+lf::Resampling resampling_of(const std::string& name) {
+  const auto at = std::ranges::find(kResamplingNames, name) - std::begin(kResamplingNames);
+  return kResamplings[at];
 }
 
-// Figures in the order of the heading; times in ms.
-std::vector<double> figures(const StillResult& r) {
-  const Picture& last = r.rounds.back();
-  double worst = 1e9;  // of all rounds, against the viewer's own plane
-  for (const Picture& p : r.rounds)
-    worst = std::min(worst, p.quality.psnr_db - r.rounds.front().quality.psnr_db);
-  std::vector<double> trial_ms;
-  double trial_bytes = 0;
-  for (const Picture& p : r.rounds) {
-    trial_ms.push_back(p.trial_ms);
-    trial_bytes += p.trial_bytes / static_cast<double>(r.rounds.size() - 1);
+bool is_to_be_found(const lf::DepthRange& range) { return range.nearest == 0 || range.farthest == 0; }
+
+std::string metres(double inverse) {
+  char text[40];
+  std::snprintf(text, sizeof text, inverse > 0 ? "%.4g" : "infinity", 1 / inverse);
+  return text;
+}
+
+void require_range(const lf::DepthRange& range) {
+  if (!(range.nearest > range.farthest))
+    throw lf::Error("the nearest distance, " + metres(range.nearest) + ", is not nearer than the farthest, " +
+                    metres(range.farthest));
+}
+
+// With what was not given taken from what was found in a view.
+Options completed(Options options, const std::optional<Depths>& found) {
+  if (!found) return options;
+  const bool whole = options.range == lf::DepthRange{};
+  if (options.range.nearest == 0) options.range.nearest = found->range.nearest;
+  if (options.range.farthest == 0) options.range.farthest = found->range.farthest;
+  require_range(options.range);
+  if (whole) options.one_more_plane = 1 / found->best;
+  if (whole && options.start == 0) options.start = 1 / found->middle;
+  return options;
+}
+
+// What was found in some views, in one.
+Depths find_depths(const Case& c, const std::vector<size_t>& views) {
+  Depths all{.range = {std::numeric_limits<double>::infinity(), 0}};
+  for (const size_t view : views) {
+    const std::optional<Depths> found = lf::focus::find_depths(c, view);
+    if (!found) continue;
+    all.range.farthest = std::min(all.range.farthest, found->range.farthest);
+    all.range.nearest = std::max(all.range.nearest, found->range.nearest);
+    all.middle = found->middle;
+    all.best = found->best;
   }
-  std::ranges::nth_element(trial_ms, trial_ms.begin() + static_cast<ptrdiff_t>(trial_ms.size() / 2));
-  const double bound = gain(r, r.bound), got = gain(r, last);
-  return {r.plane.quality.psnr_db, r.plane.quality.ssim, r.best_distance, got, bound, 100 * got / bound,
-          last.quality.ssim, worst, got, last.colour_bytes, trial_bytes, 100 * trial_bytes / last.colour_bytes,
-          r.plane.colour_ms, last.colour_ms, trial_ms[trial_ms.size() / 2]};
-}
-
-void print_row(const std::string& name, const std::vector<double>& f) {
-  std::printf("%-10s | %6.2f %6.4f %6.4g | %+6.2f %+6.2f %5.0f %5.3f | %+6.2f %+6.2f | %8.0f %8.0f %5.1f | %6.2f %6.2f "
-              "%6.2f\n",
-              name.c_str(), f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8], f[9], f[10], f[11], f[12], f[13],
-              f[14]);
-  std::fflush(stdout);
+  return all;
 }
 
 void save(const StillResult& r, const std::string& stem) {
@@ -88,46 +100,54 @@ void save(const StillResult& r, const std::string& stem) {
 }
 
 void still(const Arguments& a, const Case& c) {
-  print_heading();
-  std::vector<double> mean, by_round(a.options.rounds + 1);
-  nlohmann::ordered_json json;
+  std::printf("%s\n", c.name.c_str());
+  StillTable table(c, a.options);
+  SpeedPlot speed;
   for (size_t view = 0; view < c.views.size(); view++) {
-    const StillResult r = measure_still(c, view, a.options);
-    const std::vector<double> f = figures(r);
-    mean.resize(f.size());
-    for (size_t i = 0; i < f.size(); i++) mean[i] += f[i] / static_cast<double>(c.views.size());
-    for (size_t i = 0; i < by_round.size(); i++)
-      by_round[i] += gain(r, r.rounds[i]) / static_cast<double>(c.views.size());
-    print_row(c.views[view].name, f);
+    const std::string& name = c.views[view].name;
+    const std::optional<Depths> found = is_to_be_found(a.options.range) ? find_depths(c, view) : std::nullopt;
+    if (!found && is_to_be_found(a.options.range)) {
+      table.add_unseen(name);
+      continue;
+    }
+    const Options options = completed(a.options, found);
+    const StillResult r = measure_still(c, view, options);
+    table.add(name, options, r);
     if (!r.gains.empty()) {
       std::printf("gains:");
       for (const auto& [camera, g] : r.gains) std::printf(" %u %.3f", c.rig.cameras[camera].id, g);
       std::printf("\n");
     }
-    json["views"].push_back({{"name", c.views[view].name},
-                             {"plane_db", f[0]},
-                             {"gain_db", f[3]},
-                             {"bound_db", f[4]},
-                             {"worst_db", f[7]},
-                             {"colour_bytes", f[9]},
-                             {"trial_bytes", f[10]},
-                             {"plane_ms", f[12]},
-                             {"surface_ms", f[13]},
-                             {"trial_ms", f[14]}});
-    if (!a.out.empty()) save(r, a.out + "/" + c.views[view].name);
+    if (a.out.empty()) continue;
+    save(r, a.out + "/" + name);
+    // The other ways to sample, on the same planes.
+    Options other = options;
+    other.planes = 0;
+    other.one_more_plane = r.best_distance;
+    other.start = r.start;
+    for (const lf::Resampling resampling : kResamplings) {
+      other.resampling = resampling;
+      speed.add(resampling, resampling == options.resampling ? r : measure_still(c, view, other));
+    }
   }
-  mean[5] = 100 * mean[3] / mean[4];
-  print_row("mean", mean);
-  std::printf("gain by round:");
-  for (const double db : by_round) std::printf(" %+.2f", db);
-  std::printf("\n");
-  json["mean"] = {{"gain_db", mean[3]}, {"bound_db", mean[4]}, {"by_round_db", by_round}};
-  if (!a.json.empty()) lf::write_text_file(json.dump(1) + "\n", a.json);
+  table.finish();
+  if (!a.json.empty()) lf::write_text_file(table.json().dump(1) + "\n", a.json);
+  if (a.out.empty()) return;
+  speed.print();
+  try {
+    speed.draw(c.name, a.out);
+  } catch (const lf::Error& e) {  // the pictures and maps are there
+    std::fprintf(stderr, "note: %s: apt-get install gnuplot-nox\n", e.what());
+  }
 }
 
 void film(const Arguments& a, const Case& c) {
+  if (c.views.empty()) throw lf::Error("--moving, --seconds: there is no picture in that time");
+  Options options = a.options;
+  if (is_to_be_found(options.range))
+    options = completed(options, find_depths(c, {0, c.views.size() / 2, c.views.size() - 1}));
   Progress progress("filming", c.views.size());
-  const std::vector<Frame> frames = measure_film(c, a.options, [&] { progress.step(); });
+  const std::vector<Frame> frames = measure_film(c, options, [&] { progress.step(); });
   progress.finish();
   double plane = 0, surface = 0, settled = 0;
   const size_t first = std::min<size_t>(12, frames.size() / 2);
@@ -151,11 +171,11 @@ void film(const Arguments& a, const Case& c) {
 }
 
 void run(Arguments a) {
-  a.options.resampling = a.resampling == "bilinear"    ? lf::Resampling::kBilinear
-                         : a.resampling == "sharpened" ? lf::Resampling::kSharpened
-                                                       : lf::Resampling::kCatmullRom;
+  a.options.resampling = resampling_of(a.resampling);
   a.options.focus.mode = a.mode == "auto" ? lf::FocusMode::kAuto : lf::FocusMode::kSurface;
-  a.options.range = {1 / a.options.focus.far, 1 / a.options.focus.near};
+  const auto inverse = [](double distance) { return distance > 0 ? 1 / distance : 0; };
+  a.options.range = {inverse(a.options.focus.far), inverse(a.options.focus.near)};
+  if (!is_to_be_found(a.options.range)) require_range(a.options.range);
   if (a.automatic) a.options.focus.near = a.options.focus.far = 0;
   if (!a.out.empty()) std::filesystem::create_directories(a.out);
   if (a.acceptance) {
@@ -176,17 +196,22 @@ void run(Arguments a) {
 
 int main(int argc, char** argv) {
   Arguments a;
-  a.options.focus.near = lf::kSceneNear * 0.95;
-  a.options.focus.far = lf::kSceneFar * 1.1;
   CLI::App app("Measures what a focal surface brings over the best single plane. Without --rig on the built-in scene.",
                "lf-focus");
   app.add_option("--rig", a.rig, "Rig file whose cameras name stills");
-  app.add_option("--views", a.views, "Views (views.json); without, cameras of odd rows and columns are left out and made")
+  app.add_option("--views", a.views,
+                 "Views (views.json); without, some of the cameras are left out and made from others")
       ->needs(app.add_option("--truth", a.truth, "Folder with NAME.png of each view"));
   app.add_option("--held-out", a.held_out, "How many cameras to make")->check(CLI::PositiveNumber);
-  app.add_option("--near", a.options.focus.near, "Nearest distance, metres from the array")->check(CLI::PositiveNumber);
-  app.add_option("--far", a.options.focus.far, "Farthest distance")->check(CLI::PositiveNumber);
-  app.add_flag("--automatic", a.automatic, "The surface finds the range of depths; --near and --far are for planes");
+  app.add_option("--near", a.options.focus.near,
+                 "Nearest distance, metres from the array (default: found, for planes with the truth and by the "
+                 "surface on its own)")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--far", a.options.focus.far, "Farthest distance (default: found)")->check(CLI::PositiveNumber);
+  app.add_option("--start", a.options.start, "Distance of the viewer's plane (default: in the middle of the scene)")
+      ->check(CLI::PositiveNumber);
+  app.add_flag("--automatic", a.automatic,
+               "The surface finds its range all the same: --near and --far are for planes alone");
   app.add_option("--rounds", a.options.rounds, "Pictures from the viewer's plane on")->check(CLI::PositiveNumber);
   app.add_option("--mode", a.mode, "surface or auto")->check(CLI::IsMember({"surface", "auto"}));
   app.add_option("--resampling", a.resampling, "How images are sampled: bilinear, sharpened or catmull-rom")
@@ -212,7 +237,7 @@ int main(int argc, char** argv) {
   app.add_option("--most-views", a.accepting.views, "With --acceptance: of each scene")
       ->needs(acceptance)
       ->check(CLI::PositiveNumber);
-  app.add_option("--out", a.out, "Folder for pictures, maps and plots");
+  app.add_option("--out", a.out, "Folder for pictures, maps and a plot of speed against error (gnuplot draws it)");
   app.add_option("--json", a.json, "Write figures to this file as well");
   return run_tool(app, argc, argv, [&] { run(a); });
 }

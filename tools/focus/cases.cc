@@ -63,20 +63,66 @@ void film_scene(Case& c, std::function<double(size_t)> time_of) {
   };
 }
 
+// Cameras of odd rows and columns, with all their neighbours in the array.
+std::vector<CameraIndex> odd_cameras(const Topology& grid) {
+  std::vector<CameraIndex> odd;
+  for (int r = 1; r + 1 < grid.rows; r += 2)
+    for (int k = 1; k + 1 < grid.columns; k += 2) odd.push_back(static_cast<CameraIndex>(r * grid.columns + k));
+  return odd;
+}
+
+// Cameras that lie between others: no edge of the mesh at them, or no end of its line, is its border.
+std::vector<CameraIndex> inner_cameras(const Rig& rig) {
+  std::map<std::pair<CameraIndex, CameraIndex>, int> faces_at;  // of an edge, or of a camera in a row
+  std::vector<bool> inner(rig.cameras.size(), false);
+  for (const MeshFace& face : build_mesh(rig).faces)
+    for (int i = 0; i < face.corners(); i++) {
+      const CameraIndex a = face.camera[i], b = face.corners() == 3 ? face.camera[(i + 1) % 3] : a;
+      faces_at[std::minmax(a, b)]++;
+      inner[a] = true;
+    }
+  for (const auto& [edge, faces] : faces_at)
+    if (faces < 2) inner[edge.first] = inner[edge.second] = false;
+  std::vector<CameraIndex> found;
+  for (CameraIndex i = 0; i < rig.cameras.size(); i++)
+    if (inner[i]) found.push_back(i);
+  return found;
+}
+
+void require_stills(const std::string& path, const Rig& rig) {
+  const auto none = std::ranges::find_if(rig.cameras, [](const Camera& camera) { return camera.image.empty(); });
+  if (none != rig.cameras.end())
+    throw Error(path + ": camera " + std::to_string(none->id) +
+                " names no image: stills of all cameras, taken at one instant, are compared");
+}
+
 }  // namespace
+
+const CameraSet& Case::without(size_t view) const {
+  static const CameraSet kNone;
+  return left_out.empty() ? kNone : left_out[view];
+}
 
 Case held_out_case(const std::string& path, int views) {
   const Rig all = load_rig(path);
-  Case c{.name = path, .rig = every_nth(all, 2), .views = {}, .truth = {}, .image = {}};
-  const int rows = all.topology.rows, columns = all.topology.columns;
+  require_stills(path, all);
+  const bool halved = all.topology.type == Topology::Type::kGrid && all.topology.rows >= 3 && all.topology.columns >= 3;
+  Case c{.name = path, .rig = halved ? every_nth(all, 2) : all, .views = {}, .truth = {}, .image = {}, .left_out = {}};
+  std::vector<CameraIndex> candidates = halved ? odd_cameras(all.topology) : inner_cameras(all);
+  if (candidates.empty())
+    throw Error(path + ": none of its " + std::to_string(all.cameras.size()) +
+                " cameras lies between others, so none can be left out and made from these (a row of three would do, or "
+                "a grid of 3x3); give --views and --truth");
+  const size_t count = std::min(candidates.size(), static_cast<size_t>(views));
+  c.name += halved ? ": cameras of odd rows and columns, made from the " + std::to_string(c.rig.cameras.size()) + " of even ones"
+                   : ": cameras that lie between others, each made from the other " + std::to_string(all.cameras.size() - 1);
   auto files = std::make_shared<std::vector<std::string>>();
-  std::vector<CameraIndex> odd;  // with all their neighbours in the array
-  for (int r = 1; r + 1 < rows; r += 2)
-    for (int k = 1; k + 1 < columns; k += 2) odd.push_back(static_cast<CameraIndex>(r * columns + k));
-  if (odd.empty()) throw Error(path + ": has no odd rows and columns between even ones");
-  for (int i = 0; i < views; i++) {
-    const Camera& camera = all.cameras[odd[(2 * static_cast<size_t>(i) + 1) * odd.size() / (2 * views)]];
-    c.views.push_back(view_of(camera.name, camera.lens, camera.pose, camera.width, camera.height));
+  for (size_t i = 0; i < count; i++) {
+    const CameraIndex index = candidates[(2 * i + 1) * candidates.size() / (2 * count)];
+    const Camera& camera = all.cameras[index];
+    const std::string name = camera.name.empty() ? "camera_" + std::to_string(camera.id) : camera.name;
+    c.views.push_back(view_of(name, camera.lens, camera.pose, camera.width, camera.height));
+    if (!halved) c.left_out.push_back({index});
     files->push_back(all.resolve(camera.image));
   }
   c.truth = [files](size_t view) { return load_image((*files)[view]); };
@@ -85,7 +131,8 @@ Case held_out_case(const std::string& path, int views) {
 }
 
 Case truth_case(const std::string& rig, const std::string& views, const std::string& folder) {
-  Case c{.name = rig, .rig = load_rig(rig), .views = load_views(views), .truth = {}, .image = {}};
+  Case c{.name = rig, .rig = load_rig(rig), .views = load_views(views), .truth = {}, .image = {}, .left_out = {}};
+  require_stills(rig, c.rig);
   std::vector<std::string> names;
   for (const NamedView& view : c.views) names.push_back(folder + "/" + view.name + ".png");
   c.truth = [names](size_t view) { return load_image(names[view]); };
@@ -94,7 +141,7 @@ Case truth_case(const std::string& rig, const std::string& views, const std::str
 }
 
 Case scene_case() {
-  Case c{.name = "built-in scene", .rig = scene_rig(), .views = {}, .truth = {}, .image = {}};
+  Case c{.name = "built-in scene", .rig = scene_rig(), .views = {}, .truth = {}, .image = {}, .left_out = {}};
   const Vec3 eyes[] = {{0, 0, 0}, {-0.07, 0.03, 0}, {0.05, -0.055, 0.02}, {-0.03, 0.07, -0.05}};
   for (const Vec3& eye : eyes)
     c.views.push_back(view_of("view_" + std::to_string(c.views.size()), c.rig.cameras[0].lens,
@@ -104,7 +151,7 @@ Case scene_case() {
 }
 
 Case moving_case(double rate, int frames, double step) {
-  Case c{.name = "built-in scene, moving", .rig = scene_rig(), .views = {}, .truth = {}, .image = {}};
+  Case c{.name = "built-in scene, moving", .rig = scene_rig(), .views = {}, .truth = {}, .image = {}, .left_out = {}};
   for (int i = 0; i < frames; i++) {
     // To and fro inside the array, `step` of the pitch at a time.
     const double way = i * step, span = 4, x = span / 2 - std::abs(std::fmod(way, 2 * span) - span);

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "image/image.h"
-#include "rig/rig.h"
+#include "rig/mesh.h"
 #include "view/views_json.h"
 
 namespace lf::focus {
@@ -27,9 +27,12 @@ struct Case {
   std::function<Image(size_t view)> truth;
   // What a camera sees while view `view` is made; the reference stays until the next call for the same camera.
   std::function<const Image&(CameraIndex camera, size_t view)> image;
+  std::vector<CameraSet> left_out;  // the cameras that don't help to make a view, by view; or empty
+  const CameraSet& without(size_t view) const;
 };
 
-// Cameras of odd rows and columns of a grid are left out and are the views.
+// Some cameras of a rig are the views, and are not used for them. Of a grid of 3x3 and more: cameras of odd rows and
+// columns, made from those of even ones. Of other rigs: each that lies between others, made from all others.
 Case held_out_case(const std::string& rig, int views);
 // The views of a file and their pictures NAME.png in a folder.
 Case truth_case(const std::string& rig, const std::string& views, const std::string& folder);

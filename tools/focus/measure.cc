@@ -30,15 +30,16 @@ double milliseconds(uint64_t ns) { return static_cast<double>(ns) / 1e6; }
 // Everything a node and a compositor do for a view, in one thread and without a wire.
 class Renderer {
  public:
-  Renderer(const Case& c, const Options& options)
+  // For view `number` of the case.
+  Renderer(const Case& c, size_t number, const Options& options)
       : case_(c),
         resampling_(options.resampling),
         matched_(options.gains),
         by_camera_(options.by_camera),
         trial_quality_(options.trial_quality),
-        mesh_(build_mesh(c.rig)) {
-    own_.resize(c.rig.cameras.size());
-    std::iota(own_.begin(), own_.end(), 0);
+        mesh_(build_mesh(c.rig, c.without(number))) {
+    for (CameraIndex i = 0; i < c.rig.cameras.size(); i++)
+      if (!std::ranges::binary_search(c.without(number), i)) own_.push_back(i);
   }
 
   Picture picture(const View& view, size_t number, const GainRequest& gains = {}) {
@@ -98,6 +99,7 @@ class Renderer {
     if (!matched_ || !mean_turns_.next(!request.trials.empty(), true)) return {};
     return {.mean = mean(request, number, cost), .mean_of = request.sequence};
   }
+  const Mesh& mesh() const { return mesh_; }
   const std::map<CameraIndex, float>& gains() { return matcher_.gains_for(0, {}).measured(); }
 
  private:
@@ -174,13 +176,15 @@ void take(const FocusControl::Plan& plan, ViewRequest& request) {
 
 // View `number` focused on a plane parallel to the array.
 View on_plane(const Case& c, size_t number, const Plane& from, double distance) {
-  View view = c.views[number].view;
-  view.focus.plane = {from.normal, from.d - distance};
-  return view;
+  return lf::focus::on_plane(c.views[number].view, from, distance);
 }
 
 double distance_of(const FocalMap& range, int k, int planes) {
   return 1 / range.inverse_of(FocalMap::kLevels * (k + 0.5) / planes);
+}
+
+double start_of(const Options& options, const FocalMap& range, int planes) {
+  return options.start > 0 ? options.start : distance_of(range, planes / 2, planes);
 }
 
 FocalMap map_of(const DepthRange& range) {
@@ -190,10 +194,18 @@ FocalMap map_of(const DepthRange& range) {
   return map;
 }
 
-int squared_error(const Image& a, const Image& b, size_t pixel) {
-  int sum = 0;
-  for (size_t i = 3 * pixel; i < 3 * pixel + 3; i++) sum += (a.data()[i] - b.data()[i]) * (a.data()[i] - b.data()[i]);
-  return sum;
+// Draws a picture a few times more: what it takes is the least time.
+void time_again(Renderer& renderer, const View& view, size_t number, const GainRequest& gains, Picture& picture) {
+  constexpr int kTimes = 4;
+  for (int i = 0; i < kTimes; i++)
+    picture.colour_ms = std::min(picture.colour_ms, renderer.picture(view, number, gains).colour_ms);
+}
+
+// By how much a picture is better than the plane's, of the pixels that both show.
+double gain_alike(const Picture& plane, const Picture& picture, const Image& truth) {
+  std::vector<float> both = plane.coverage;
+  for (size_t i = 0; i < both.size(); i++) both[i] = std::min(both[i], picture.coverage[i]);
+  return compare(picture.image, truth, both).psnr_db - compare(plane.image, truth, both).psnr_db;
 }
 
 // The nodes whose cameras agree about as well at two planes and not in between.
@@ -239,36 +251,42 @@ double percentile(std::vector<double> values, double part) {
 
 }  // namespace
 
+std::optional<Depths> find_depths(const Case& c, size_t view) {
+  Renderer bilinear(c, view, {});
+  return find_depths(c.rig, bilinear.mesh(), c.views[view].view, c.truth(view), array_plane(c.rig),
+                     [&](const View& v) { return bilinear.picture(v, view); });
+}
+
 StillResult measure_still(const Case& c, size_t view, const Options& options) {
   const FocusArray array(c.rig);
   const Plane& from = array.from();
   const Image truth = c.truth(view);
   const FocalMap range = map_of(options.range);
   StillResult result;
-  Renderer bilinear(c, {}), renderer(c, options);
-  for (int k = 0; k < options.planes; k++) {
-    const double distance = distance_of(range, k, options.planes);
-    Picture plane = bilinear.picture(on_plane(c, view, from, distance), view);
-    plane.quality = compare(plane.image, truth, plane.coverage);
-    if (k == 0) result.bound = plane;
-    for (size_t i = 0; i < plane.coverage.size(); i++)
-      if (squared_error(plane.image, truth, i) < squared_error(result.bound.image, truth, i))
-        std::copy_n(plane.image.data().begin() + static_cast<ptrdiff_t>(3 * i), 3,
-                    result.bound.image.data().begin() + static_cast<ptrdiff_t>(3 * i));
-    if (k > 0 && plane.quality.psnr_db <= result.plane.quality.psnr_db) continue;
-    result.plane = std::move(plane);
-    result.best_distance = distance;
-  }
-  result.bound.quality = compare(result.bound.image, truth, result.bound.coverage);
+  Renderer bilinear(c, view, {}), renderer(c, view, options);
+  std::vector<double> distances;
+  for (int k = 0; k < options.planes; k++) distances.push_back(distance_of(range, k, options.planes));
+  if (options.one_more_plane > 0) distances.push_back(options.one_more_plane);
+  JudgedPlanes judged =
+      judge_planes(c.views[view].view, truth, from, distances, [&](const View& v) { return bilinear.picture(v, view); });
+  result.plane = std::move(judged.best);
+  result.bound = std::move(judged.bound);
+  result.best_distance = judged.best_distance;
+  const View best = on_plane(c, view, from, judged.best_distance);
+  time_again(bilinear, best, view, {}, result.plane);
+  result.plane_alike = renderer.picture(best, view);
+  result.plane_alike.quality = compare(result.plane_alike.image, truth, result.plane_alike.coverage);
+  time_again(renderer, best, view, {}, result.plane_alike);
 
-  // The viewer has focused on the middle of the range.
   FocusControl control(options.focus);
   ViewRequest request;
-  request.view = on_plane(c, view, from, distance_of(range, options.planes / 2, options.planes));
+  result.start = start_of(options, range, options.planes);
+  request.view = on_plane(c, view, from, result.start);
   for (int round = 0; round <= options.rounds; round++) {
     request.sequence = static_cast<uint32_t>(round);
     Picture picture = renderer.picture(shown_view(request), view, request.gains);
     picture.quality = compare(picture.image, truth, picture.coverage);
+    if (round == options.rounds) time_again(renderer, shown_view(request), view, request.gains, picture);
     const std::vector<Moments> moments = renderer.moments(request, view, picture);
     request.gains = renderer.gains_after(request, view, picture);
     const uint64_t begun = now_ns();
@@ -278,6 +296,7 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
     take(plan, request);
   }
   if (options.gains) result.gains = renderer.gains();
+  result.gain_alike_db = gain_alike(result.plane, result.rounds.back(), truth);
   result.state = control.state();
   result.map = request.view.focus.map;
   return result;
@@ -286,10 +305,10 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
 RestResult measure_rest(const Case& c, size_t view, const Options& options, int settle, int pictures) {
   const FocusArray array(c.rig);
   const Plane& from = array.from();
-  Renderer renderer(c, options);
+  Renderer renderer(c, view, options);
   FocusControl control(options.focus);
   ViewRequest request;
-  request.view = on_plane(c, view, from, distance_of(map_of(options.range), options.planes / 2, options.planes));
+  request.view = on_plane(c, view, from, start_of(options, map_of(options.range), options.planes));
   const auto next = [&](Picture& cost) {
     const std::vector<Moments> moments = renderer.moments(request, view, cost);
     request.gains = renderer.gains_after(request, view, cost);
@@ -341,7 +360,7 @@ std::vector<Frame> measure_film(const Case& c, const Options& options, const std
   const FocusArray array(c.rig);
   const Plane& from = array.from();
   const FocalMap range = map_of(options.range);
-  Renderer bilinear(c, {}), renderer(c, options);
+  Renderer bilinear(c, 0, {}), renderer(c, 0, options);
   FocusControl control(options.focus);
   FocusControl::Plan plan;
   GainRequest gains;
@@ -353,7 +372,7 @@ std::vector<Frame> measure_film(const Case& c, const Options& options, const std
     for (int k = 0; k < kPlanes; k++)
       plane_db[k][i] = psnr(bilinear.picture(on_plane(c, i, from, distance_of(range, k, kPlanes)), i));
     ViewRequest request;
-    request.view = on_plane(c, i, from, distance_of(range, kPlanes / 2, kPlanes));
+    request.view = on_plane(c, i, from, start_of(options, range, kPlanes));
     if (plan.view.focus.map) {
       const View view = request.view;
       take(plan, request);

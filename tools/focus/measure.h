@@ -3,12 +3,14 @@
 
 #include <functional>
 #include <map>
+#include <optional>
 #include <vector>
 
 #include "focus/cases.h"
 #include "focus/focus_control.h"
+#include "focus/picture.h"
+#include "focus/planes.h"
 #include "image/resampling.h"
-#include "quality/quality.h"
 
 namespace lf::focus {
 
@@ -21,23 +23,22 @@ struct Options {
   int trial_quality = 0;   // of these trials as JPEG; 0: deflated
   int rounds = 12;  // from the viewer's plane to the picture that counts
   int planes = 32;  // that the best one and the bound are picked from
+  double one_more_plane = 0;  // metres from the array; 0: none
+  double start = 0;           // of the viewer's plane, metres from the array; 0: in the middle of the range
 };
 
-// One picture and what it cost. Bytes and times are of one picture.
-struct Picture {
-  Image image;
-  std::vector<float> coverage;
-  Quality quality;
-  double colour_bytes = 0, trial_bytes = 0;  // 16-bit sums of the whole array and moments; or 8 bits a camera
-  double colour_ms = 0, trial_ms = 0;        // by one thread; images are there already
-};
+// Where the scene of one view is: see planes.h.
+std::optional<Depths> find_depths(const Case& c, size_t view);
 
 // A still view.
 struct StillResult {
-  Picture plane;                 // the best single plane, picked with the truth
+  Picture plane;                 // the best single plane, picked with the truth, bilinear
+  Picture plane_alike;           // the same, sampled as the surfaces are
   Picture bound;                 // each pixel's best of all planes, picked with the truth
   std::vector<Picture> rounds;   // with the surface, round after round; the first on the viewer's plane
+  double gain_alike_db = 0;      // of the last round over the plane, of the pixels that both show
   double best_distance = 0;      // of the best plane, metres from the array
+  double start = 0;              // of the viewer's plane
   FocusControl::State state;
   std::shared_ptr<const FocalMap> map;
   std::map<CameraIndex, float> gains;  // of the cameras in view, at last
