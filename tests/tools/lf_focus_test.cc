@@ -9,11 +9,13 @@
 #include "base/json_value.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
+#include "view/views_json.h"
 
 namespace lf {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 
 class LfFocus : public testing::Test {
  protected:
@@ -62,6 +64,89 @@ TEST_F(LfFocus, CamerasOfOtherBrightnessLoseLittle) {
   EXPECT_GT(matched["rest_gain_db"], 6.5);
   EXPECT_LT(matched["rest_percent"], 5);
   EXPECT_LT(matched["flicker_p99"], 11);
+}
+
+// 5x5 cameras 8 mm apart, what is filmed 1.2 m and more away: 4 pixels of disparity at most, 8 between every other
+// camera.
+class NarrowArray : public LfFocus {
+ protected:
+  void SetUp() override {
+    // One view looks ahead, and one to where no camera looks.
+    const Lens lens = Lens::from_fov_y(40, 160, 120);
+    const View ahead{.width = 160, .height = 120, .lens = lens, .pose = {{0.004, 0.004, 0}, {1, 0, 0, 0}}, .focus = {}};
+    const View back{.width = 160, .height = 120, .lens = lens, .pose = {{0.004, 0.004, 0}, {0, 0, 1, 0}}, .focus = {}};
+    save_views({{"back", 0, focused(back)}, {"ahead", 0, focused(ahead)}}, folder_ / "views.json");
+    run("lf-rig", "new --grid 5x5 --pitch 0.008 --fov 40 --width 320 --height 240 --out nominal.json");
+    run("lf-scene", "--rig nominal.json --frames 1 --format png --truth views.json --out array");
+  }
+  std::string run(const std::string& program, const std::string& arguments, int status = 0) const {
+    const Outcome outcome = run_program(program, arguments, folder_.path());
+    EXPECT_EQ(outcome.status, status) << outcome.output;
+    return outcome.output;
+  }
+  static View focused(View view) {
+    view.focus.plane = focal_plane_at(view.pose, 2);
+    return view;
+  }
+  nlohmann::json figures(const std::string& arguments) const {
+    const std::string output = run("lf-focus", arguments + " --json figures.json");
+    EXPECT_THAT(output, Not(HasSubstr("nan")));
+    return nlohmann::json::parse(read_text_file(folder_ / "figures.json"));
+  }
+};
+
+TEST_F(NarrowArray, NeedsNoDepths) {
+  const std::string rig = "--rig array/rig.json --held-out 2 --resampling sharpened";
+  const nlohmann::json given = figures(rig + " --near 1.14 --far 4.95")["mean"], found = figures(rig)["mean"];
+  EXPECT_NEAR(found["plane_db"].get<double>(), given["plane_db"].get<double>(), 0.05);
+  EXPECT_NEAR(found["gain_db"].get<double>(), given["gain_db"].get<double>(), 0.3);
+  EXPECT_GT(given["gain_db"], 3);
+  EXPECT_NEAR(found["plane_at"].get<double>(), given["plane_at"].get<double>(), 0.1);
+  EXPECT_LT(found["near"], 1.3) << "metres: the nearest thing is at 1.2";
+  EXPECT_GT(found["far"], 4) << "the wall is at 4.5";
+}
+
+TEST_F(NarrowArray, NeedsNoGrid) {
+  run("lf-rig", "subset array/rig.json --cameras 0,2,4,10,12,14,18,20,22,24 --out scattered.json");
+  const nlohmann::json json = figures("--rig scattered.json --out pictures");
+  ASSERT_EQ(json["views"].size(), 2u) << "the two that others surround";
+  EXPECT_EQ(json["views"][0]["name"], "cam_02_02");
+  EXPECT_EQ(json["views"][1]["name"], "cam_03_03");
+  for (const nlohmann::json& view : json["views"]) EXPECT_GT(view["gain_db"], 1) << view["name"];
+  for (const char* name : {"cam_03_03_surface.png", "cam_02_02_map.png", "speed.gp"})
+    EXPECT_TRUE(std::filesystem::exists(folder_ / (std::string("pictures/") + name))) << name;
+}
+
+// Nearer than half a metre hardly a camera sees what the others do, and at 1 cm none.
+TEST_F(NarrowArray, PlanesThatNoCameraSeesDoNotSpoilTheOthers) {
+  const nlohmann::json wide = figures("--rig array/rig.json --held-out 1 --rounds 2 --near 0.01 --far 5")["mean"],
+                       given = figures("--rig array/rig.json --held-out 1 --rounds 2 --near 1.14 --far 4.95")["mean"];
+  ASSERT_TRUE(wide["plane_db"].is_number());
+  EXPECT_LT(wide["plane_db"], given["plane_db"]) << "32 planes are few for that";
+  const nlohmann::json none = figures("--rig array/rig.json --held-out 1 --rounds 2 --near 0.0001 --far 0.0002");
+  for (const char* name : {"plane_db", "surface_db", "gain_db", "bound_db", "plane_ssim"}) {
+    EXPECT_TRUE(none["mean"][name].is_null()) << name;
+    EXPECT_TRUE(none["views"][0][name].is_null()) << name;
+  }
+}
+
+TEST_F(NarrowArray, ViewsThatNoCameraSeesAreLeftOut) {
+  const std::string views = "--rig array/rig.json --views views.json --truth array/truth --rounds 2";
+  for (const std::string range : {"", " --near 1.14 --far 4.95"}) {
+    const nlohmann::json json = figures(views + range);
+    for (const char* name : {"plane_db", "surface_db", "gain_db", "bound_db"}) {
+      EXPECT_TRUE(json["views"][0][name].is_null()) << name;
+      EXPECT_EQ(json["mean"][name], json["views"][1][name]) << name;
+    }
+    EXPECT_GT(json["mean"]["plane_db"], 20);
+  }
+}
+
+TEST_F(NarrowArray, RigsOfWhichNothingCanBeMeasuredAreRefused) {
+  EXPECT_THAT(run("lf-focus", "--rig nominal.json", 1), HasSubstr("camera 0 names no image"));
+  run("lf-rig", "subset array/rig.json --cameras 0,1,5,6 --out four.json");
+  EXPECT_THAT(run("lf-focus", "--rig four.json", 1), HasSubstr("none of its 4 cameras lies between others"));
+  EXPECT_THAT(run("lf-focus", "--rig array/rig.json --near 3 --far 2", 1), HasSubstr("is not nearer than"));
 }
 
 TEST_F(LfFocus, UnknownScenesAreRefused) {
