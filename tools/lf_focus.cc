@@ -66,12 +66,12 @@ void require_range(const lf::DepthRange& range) {
 // With what was not given taken from what was found in a view.
 Options completed(Options options, const std::optional<Depths>& found) {
   if (!found) return options;
-  const bool whole = options.range == lf::DepthRange{};
-  if (options.range.nearest == 0) options.range.nearest = found->range.nearest;
-  if (options.range.farthest == 0) options.range.farthest = found->range.farthest;
-  require_range(options.range);
-  if (whole) options.one_more_plane = 1 / found->best;
-  if (whole && options.start == 0) options.start = 1 / found->middle;
+  lf::DepthRange& range = options.range;
+  if (range.nearest == 0) range.nearest = found->range.nearest;
+  if (range.farthest == 0) range.farthest = found->range.farthest;
+  require_range(range);
+  if (found->best >= range.farthest && found->best <= range.nearest) options.one_more_plane = 1 / found->best;
+  if (options.start == 0) options.start = 1 / std::clamp(found->middle, range.farthest, range.nearest);
   return options;
 }
 

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-focus as a program: a short version of what it measures for the record.
 #include <filesystem>
+#include <memory>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
+#include "image/image_io.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 #include "view/views_json.h"
@@ -68,31 +70,36 @@ TEST_F(LfFocus, CamerasOfOtherBrightnessLoseLittle) {
 
 // 5x5 cameras 8 mm apart, what is filmed 1.2 m and more away: 4 pixels of disparity at most, 8 between every other
 // camera.
-class NarrowArray : public LfFocus {
+class NarrowArray : public testing::Test {
  protected:
-  void SetUp() override {
+  static void SetUpTestSuite() {
+    folder_ = std::make_unique<TempDir>();
     // One view looks ahead, and one to where no camera looks.
-    const Lens lens = Lens::from_fov_y(40, 160, 120);
-    const View ahead{.width = 160, .height = 120, .lens = lens, .pose = {{0.004, 0.004, 0}, {1, 0, 0, 0}}, .focus = {}};
-    const View back{.width = 160, .height = 120, .lens = lens, .pose = {{0.004, 0.004, 0}, {0, 0, 1, 0}}, .focus = {}};
-    save_views({{"back", 0, focused(back)}, {"ahead", 0, focused(ahead)}}, folder_ / "views.json");
+    View ahead{.width = 160,
+               .height = 120,
+               .lens = Lens::from_fov_y(40, 160, 120),
+               .pose = {{0.004, 0.004, 0}, {1, 0, 0, 0}},
+               .focus = {}},
+        back = ahead;
+    back.pose.orientation = {0, 0, 1, 0};
+    for (View* view : {&ahead, &back}) view->focus.plane = focal_plane_at(view->pose, 2);
+    save_views({{"back", 0, back}, {"ahead", 0, ahead}}, *folder_ / "views.json");
     run("lf-rig", "new --grid 5x5 --pitch 0.008 --fov 40 --width 320 --height 240 --out nominal.json");
     run("lf-scene", "--rig nominal.json --frames 1 --format png --truth views.json --out array");
   }
-  std::string run(const std::string& program, const std::string& arguments, int status = 0) const {
-    const Outcome outcome = run_program(program, arguments, folder_.path());
+  static void TearDownTestSuite() { folder_.reset(); }
+
+  static std::string run(const std::string& program, const std::string& arguments, int status = 0) {
+    const Outcome outcome = run_program(program, arguments, folder_->path());
     EXPECT_EQ(outcome.status, status) << outcome.output;
     return outcome.output;
   }
-  static View focused(View view) {
-    view.focus.plane = focal_plane_at(view.pose, 2);
-    return view;
-  }
-  nlohmann::json figures(const std::string& arguments) const {
+  static nlohmann::json figures(const std::string& arguments) {
     const std::string output = run("lf-focus", arguments + " --json figures.json");
     EXPECT_THAT(output, Not(HasSubstr("nan")));
-    return nlohmann::json::parse(read_text_file(folder_ / "figures.json"));
+    return nlohmann::json::parse(read_text_file(*folder_ / "figures.json"));
   }
+  static inline std::unique_ptr<TempDir> folder_;
 };
 
 TEST_F(NarrowArray, NeedsNoDepths) {
@@ -114,7 +121,7 @@ TEST_F(NarrowArray, NeedsNoGrid) {
   EXPECT_EQ(json["views"][1]["name"], "cam_03_03");
   for (const nlohmann::json& view : json["views"]) EXPECT_GT(view["gain_db"], 1) << view["name"];
   for (const char* name : {"cam_03_03_surface.png", "cam_02_02_map.png", "speed.gp"})
-    EXPECT_TRUE(std::filesystem::exists(folder_ / (std::string("pictures/") + name))) << name;
+    EXPECT_TRUE(std::filesystem::exists(*folder_ / (std::string("pictures/") + name))) << name;
 }
 
 // Nearer than half a metre hardly a camera sees what the others do, and at 1 cm none.
@@ -145,7 +152,12 @@ TEST_F(NarrowArray, ViewsThatNoCameraSeesAreLeftOut) {
 TEST_F(NarrowArray, RigsOfWhichNothingCanBeMeasuredAreRefused) {
   EXPECT_THAT(run("lf-focus", "--rig nominal.json", 1), HasSubstr("camera 0 names no image"));
   run("lf-rig", "subset array/rig.json --cameras 0,1,5,6 --out four.json");
-  EXPECT_THAT(run("lf-focus", "--rig four.json", 1), HasSubstr("none of its 4 cameras lies between others"));
+  EXPECT_THAT(run("lf-focus", "--rig four.json", 1), HasSubstr("none of its cameras (4) lies between others"));
+  std::filesystem::copy(*folder_ / "array/truth", *folder_ / "small");
+  save_image(Image(PixelFamily::kRgb, 8, 6), *folder_ / "small/ahead.png");
+  const std::string views = "--rig array/rig.json --views views.json --truth ";
+  EXPECT_THAT(run("lf-focus", views + "small", 1), HasSubstr("ahead.png: has 8x6 pixels, the view has 160x120"));
+  EXPECT_THAT(run("lf-focus", views + "array", 1), HasSubstr("back.png: there is no such picture for back"));
   EXPECT_THAT(run("lf-focus", "--rig array/rig.json --near 3 --far 2", 1), HasSubstr("is not nearer than"));
 }
 

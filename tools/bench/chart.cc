@@ -17,6 +17,7 @@ constexpr const char* kColours[] = {"#0072B2", "#D55E00", "#009E73", "#CC79A7",
                                     "#E69F00", "#56B4E9", "#7F7F7F", "#000000"};
 constexpr int kMarks[] = {7, 5, 9, 11, 13};
 constexpr int kPanelWidth = 620, kPanelHeight = 440, kTitleHeight = 60, kLegendRow = 24;
+constexpr double kLabelRoom = 0.012;  // of a panel's width, a letter
 
 std::vector<std::string> series_names(const Chart& chart) {
   std::vector<std::string> names;
@@ -112,6 +113,13 @@ class Script {
     return false;
   }
 
+  static size_t longest_label(const Panel& panel) {
+    size_t longest = 0;
+    for (const Series& series : panel.series)
+      for (const Point& point : series.points) longest = std::max(longest, point.label.size());
+    return longest;
+  }
+
   // Some room around the points, so that marks and labels are inside.
   void ranges(const Panel& panel) {
     double low[2] = {1e300, 1e300}, high[2] = {-1e300, -1e300};
@@ -134,6 +142,7 @@ class Script {
         const double more = std::max((b - a) * room, 0.02 * std::abs(b));
         a -= more;
         b += more;
+        if (axis == 0) b += (b - a) * kLabelRoom * static_cast<double>(longest_label(panel));
       }
       const char name = axis == 0 ? 'x' : 'y';
       out_ << "set " << name << "range [" << a << ":" << b << "]\n";

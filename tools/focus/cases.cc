@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <memory>
 #include <random>
 
@@ -89,6 +90,20 @@ std::vector<CameraIndex> inner_cameras(const Rig& rig) {
   return found;
 }
 
+// A picture of each view's size from each file. Throws Error at once if one is missing.
+std::function<Image(size_t)> truth_of(const std::vector<NamedView>& views, const std::vector<std::string>& files) {
+  for (size_t i = 0; i < files.size(); i++)
+    if (!std::filesystem::exists(files[i])) throw Error(files[i] + ": there is no such picture for " + views[i].name);
+  return [views, files](size_t view) {
+    Image truth = load_image(files[view]);
+    const auto size = [](int width, int height) { return std::to_string(width) + "x" + std::to_string(height); };
+    if (const View& v = views[view].view; truth.width() != v.width || truth.height() != v.height)
+      throw Error(files[view] + ": has " + size(truth.width(), truth.height()) + " pixels, the view has " +
+                  size(v.width, v.height));
+    return truth;
+  };
+}
+
 void require_stills(const std::string& path, const Rig& rig) {
   const auto none = std::ranges::find_if(rig.cameras, [](const Camera& camera) { return camera.image.empty(); });
   if (none != rig.cameras.end())
@@ -110,22 +125,22 @@ Case held_out_case(const std::string& path, int views) {
   Case c{.name = path, .rig = halved ? every_nth(all, 2) : all, .views = {}, .truth = {}, .image = {}, .left_out = {}};
   std::vector<CameraIndex> candidates = halved ? odd_cameras(all.topology) : inner_cameras(all);
   if (candidates.empty())
-    throw Error(path + ": none of its " + std::to_string(all.cameras.size()) +
-                " cameras lies between others, so none can be left out and made from these (a row of three would do, or "
+    throw Error(path + ": none of its cameras (" + std::to_string(all.cameras.size()) +
+                ") lies between others, so none can be left out and made from these (a row of three would do, or "
                 "a grid of 3x3); give --views and --truth");
   const size_t count = std::min(candidates.size(), static_cast<size_t>(views));
   c.name += halved ? ": cameras of odd rows and columns, made from the " + std::to_string(c.rig.cameras.size()) + " of even ones"
                    : ": cameras that lie between others, each made from the other " + std::to_string(all.cameras.size() - 1);
-  auto files = std::make_shared<std::vector<std::string>>();
+  std::vector<std::string> files;
   for (size_t i = 0; i < count; i++) {
     const CameraIndex index = candidates[(2 * i + 1) * candidates.size() / (2 * count)];
     const Camera& camera = all.cameras[index];
     const std::string name = camera.name.empty() ? "camera_" + std::to_string(camera.id) : camera.name;
     c.views.push_back(view_of(name, camera.lens, camera.pose, camera.width, camera.height));
     if (!halved) c.left_out.push_back({index});
-    files->push_back(all.resolve(camera.image));
+    files.push_back(all.resolve(camera.image));
   }
-  c.truth = [files](size_t view) { return load_image((*files)[view]); };
+  c.truth = truth_of(c.views, files);
   read_stills(c);
   return c;
 }
@@ -135,7 +150,7 @@ Case truth_case(const std::string& rig, const std::string& views, const std::str
   require_stills(rig, c.rig);
   std::vector<std::string> names;
   for (const NamedView& view : c.views) names.push_back(folder + "/" + view.name + ".png");
-  c.truth = [names](size_t view) { return load_image(names[view]); };
+  c.truth = truth_of(c.views, names);
   read_stills(c);
   return c;
 }
