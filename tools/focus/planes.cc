@@ -224,11 +224,12 @@ JudgedPlanes judge_planes(const View& view, const Image& truth, const Plane& fro
       least.assign(plane.coverage.size(), std::numeric_limits<int>::max());
     }
     for (size_t i = 0; i < least.size(); i++) {
-      if (!(plane.coverage[i] > kCovered)) continue;
+      // Less than all of its cameras make a pixel, too; whether it counts is told by the plane that covers it most.
+      judged.bound.coverage[i] = std::max(judged.bound.coverage[i], plane.coverage[i]);
+      if (!(plane.coverage[i] > 0)) continue;
       const int error = squared_error(plane.image, truth, i);
       if (error >= least[i]) continue;
       least[i] = error;
-      judged.bound.coverage[i] = plane.coverage[i];
       std::copy_n(plane.image.data().begin() + static_cast<ptrdiff_t>(3 * i), 3,
                   judged.bound.image.data().begin() + static_cast<ptrdiff_t>(3 * i));
     }

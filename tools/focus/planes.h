@@ -35,7 +35,7 @@ std::optional<Depths> find_depths(const Rig& rig, const Mesh& mesh, const View& 
 struct JudgedPlanes {
   Picture best;  // of the planes that cover half of what any covers, the one with the highest PSNR
   double best_distance = 0;
-  Picture bound;  // each pixel's best of the planes that cover it
+  Picture bound;  // each pixel's best of the planes through which any camera sees it
 };
 // If no plane covers anything the figures are NaN.
 JudgedPlanes judge_planes(const View& view, const Image& truth, const Plane& from, std::span<const double> distances,
