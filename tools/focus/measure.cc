@@ -252,9 +252,10 @@ double percentile(std::vector<double> values, double part) {
 }  // namespace
 
 std::optional<Depths> find_depths(const Case& c, size_t view) {
-  Renderer bilinear(c, view, {});
-  return find_depths(c.rig, bilinear.mesh(), c.views[view].view, c.truth(view), array_plane(c.rig),
-                     [&](const View& v) { return bilinear.picture(v, view); });
+  // Bilinear samples would tell planes that need few of them between pixels from those that are in focus.
+  Renderer cubic(c, view, {.resampling = Resampling::kCatmullRom});
+  return find_depths(c.rig, cubic.mesh(), c.views[view].view, c.truth(view), array_plane(c.rig),
+                     [&](const View& v) { return cubic.picture(v, view); });
 }
 
 StillResult measure_still(const Case& c, size_t view, const Options& options) {

@@ -179,7 +179,7 @@ std::optional<Depths> find_depths(const Rig& rig, const Mesh& mesh, const View& 
   constexpr int kColumns = 160;       // about, of the thinned view
   constexpr double kFarthest = 0.25;  // pixels of disparity between neighbours
   constexpr double kApart = 0.5;      // of a view of 320 columns: in larger ones textures are coarser, too
-  constexpr double kFinest = 0.1;
+  constexpr double kFinest = 0.05;
   constexpr double kOutliers = 0.02;  // of what tells the range, to each side
   constexpr double kMargin = 0.05;    // of the range, to each side
   const double edge = median_edge(rig, mesh);
@@ -189,13 +189,14 @@ std::optional<Depths> find_depths(const Rig& rig, const Mesh& mesh, const View& 
   const Thinned thin = thinned(view, truth, std::max(1, view.width / kColumns));
   Survey survey(thin, from, draw);
   const double apart = kApart * std::max(1.0, view.width / 320.0) * pixel;
+  const auto apart_at = [&](double inverse) { return std::clamp(inverse / 8, pixel / 8, apart); };
   double inverse = kFarthest * pixel;
-  while (survey.add(inverse) && inverse < view.width * pixel) inverse += apart;
+  while (survey.add(inverse) && inverse < view.width * pixel) inverse += apart_at(inverse);
   const std::optional<size_t> best = best_of(survey.errors);
   if (!best) return std::nullopt;
 
   double at = survey.inverses[*best], least = survey.errors[*best].mean();
-  for (double step = apart / 2; step > kFinest * pixel; step /= 2)
+  for (double step = apart_at(at) / 2; step > kFinest * pixel; step /= 2)
     for (const double tried : {at - step, at + step}) {
       if (!(tried > 0)) continue;
       const double error = survey.look(tried).mean();
@@ -205,7 +206,7 @@ std::optional<Depths> find_depths(const Rig& rig, const Mesh& mesh, const View& 
     }
   survey.weigh();
   const double farthest = survey.inverse_at(kOutliers), nearest = survey.inverse_at(1 - kOutliers);
-  const double margin = std::max(kMargin * (nearest - farthest), apart);
+  const double margin = std::max(kMargin * (nearest - farthest), apart_at(nearest));
   return Depths{.range = {std::max(farthest - margin, kFarthest * pixel), nearest + margin},
                 .middle = survey.inverse_at(0.5),
                 .best = at};

@@ -26,9 +26,9 @@ struct Depths {
   double best = 0;    // of the plane whose picture is nearest to the truth
 };
 // Looks at every plane that the array tells apart, from infinity (a quarter of a pixel between neighbouring cameras) to
-// where fewer and fewer pixels are seen by their cameras: at every nth pixel of the view, half a pixel of disparity
-// apart, and around the best one finer. Nothing if no camera sees what the view shows. Throws Error if all cameras are
-// at one place.
+// where fewer and fewer pixels are seen by their cameras: at every nth pixel of the view, an eighth of the disparity
+// apart (1/8 to 1/2 pixel), and around the best one finer. Nothing if no camera sees what the view shows. Throws Error
+// if all cameras are at one place.
 std::optional<Depths> find_depths(const Rig& rig, const Mesh& mesh, const View& view, const Image& truth,
                                   const Plane& from, const Draw& draw);
 
