@@ -4,7 +4,6 @@
 #include <span>
 
 #include "focal_surface_event.h"
-#include "focus/array_plane.h"
 #include "lfcompositor_private.h"
 #include "wire/camera_trials_codec.h"
 #include "wire/moments_codec.h"
@@ -196,16 +195,18 @@ void lf_compositor_find_focus(LfCompositor* self) {
   if (settings != state.focus_settings) {
     state.focus_settings = settings;
     state.focus = lf::FocusControl(settings);
-    state.focus_from.reset();
+    state.focus_array.reset();
   }
   lf::ViewRequest request = *state.current;
-  if (!state.focus_from) {
+  if (!state.focus_array) {
     // Without a rig any plane will do that stays where it is.
-    state.focus_from = state.rig ? lf::array_plane(*state.rig)
-                                 : lf::plane_through(request.view.pose.position, request.view.pose.forward());
+    if (state.rig)
+      state.focus_array.emplace(*state.rig);
+    else
+      state.focus_array.emplace(lf::plane_through(request.view.pose.position, request.view.pose.forward()));
     if (settings.mode != lf::FocusMode::kPlane) request.view.focus.map = nullptr;
   }
-  const lf::FocusControl::Plan plan = state.focus.next(request, state.moments, *state.focus_from);
+  const lf::FocusControl::Plan plan = state.focus.next(request, state.moments, *state.focus_array);
   state.stats.set_focus(state.focus.state(), state.moment_bytes);
   request.gains = next_gains(self, gains, !plan.trials.empty());
   const bool heard = gst_pad_push_event(self->request, lf::focal_surface_event(request, plan));

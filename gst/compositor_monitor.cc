@@ -47,7 +47,7 @@ void lf_compositor_monitor(LfCompositor* self) {
   if (!camera) return;
   lf::CameraSet without;
   std::ranges::set_union(out, monitor.cameras->suspected(), std::back_inserter(without));
-  monitor.asked = lf::make_probe(*state.rig, *camera, state.current->view, without);
+  monitor.asked = lf::make_probe(*state.rig, *camera, lf::shown_view(*state.current), without);
   GST_DEBUG_OBJECT(self, "camera %u is left out", *camera);
   gst_pad_push_event(self->request, lf::extra_requests_event(state.current->view_id,
                                                              {monitor.asked->seen, monitor.asked->predicted}));

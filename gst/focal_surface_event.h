@@ -6,8 +6,9 @@
 #include "focus/focus_control.h"
 
 // Custom upstream event from a compositor's request pad: on which focal surface the next request of the view is
-// focused, and what is tried for it. Fields "lf-view-id" (uint), "sequence" (uint: the request that it is told from) and
-// "request" (GstBuffer: a view request with the surface, the view it was found for, and the trials).
+// focused, and what is tried for it. Fields "lf-view-id" (uint), "sequence" (uint: the request that it is told from),
+// "request" (GstBuffer: a view request with the surface, the view it was found for, and the trials) and "other-plane"
+// (boolean: the plane of that request is to be shown in place of the viewer's).
 #define LF_FOCAL_SURFACE_EVENT "lightfield-focal-surface"
 // Custom query, downstream: whether a compositor of the view (field "lf-view-id", uint) will send such events.
 #define LF_FOCAL_SURFACE_QUERY "lightfield-finds-focus"

@@ -117,6 +117,7 @@ void FocusFeedback::sweep_sent(uint32_t sequence) {
 void FocusFeedback::apply(ViewRequest& request) {
   const View& view = request.view;
   View found_for;
+  bool news_on_plane = false;
   {
     const std::lock_guard lock(mutex_);
     now_ = -view.focus.plane.signed_distance(view.pose.position) / glm::dot(view.focus.plane.normal, view.pose.forward());
@@ -125,10 +126,14 @@ void FocusFeedback::apply(ViewRequest& request) {
     found_for = news_->plan.view;
     request.trials = std::exchange(news_->plan.trials, {});
     request.gains = std::exchange(news_->gains, {.use = news_->gains.use});
+    request.on_plane = news_on_plane = news_->plan.on_plane;
+    if (news_->plan.plane) request.view.focus.plane = *news_->plan.plane;
   }
-  request.view.focus.map = carry_over(found_for, view);
   // A mean of another size is of no use.
   if (view.width != found_for.width || view.height != found_for.height) request.gains.mean.clear();
+  const bool serves = !request.trials.empty() || request.gains.ask || !request.gains.mean.empty();
+  request.on_plane = request.on_plane && serves;
+  if (!news_on_plane || serves) request.view.focus.map = carry_over(found_for, view);
 }
 
 void FocusFeedback::set_unlocked(bool unlocked) {

@@ -99,7 +99,7 @@ struct _LfCompositor {
     uint64_t moment_bytes = 0;
     lf::FocusControl::Settings focus_settings;  // of `focus`
     lf::FocusControl focus;
-    std::optional<lf::Plane> focus_from;  // what focal maps count distances from
+    std::optional<lf::FocusArray> focus_array;  // of `rig`
     guint unheard = 0;  // requests for which no surface is looked for, because nobody took the one found last
 
     struct {

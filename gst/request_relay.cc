@@ -53,8 +53,9 @@ bool RelayedFocus::apply(ViewRequest& request) {
   }
   const auto found = views_.find(request.view_id);
   if (found == views_.end() || request.view.focus.map) return false;
+  const Plane asked = request.view.focus.plane;
   found->second.apply(request);
-  return request.view.focus.map != nullptr;
+  return request.view.focus.map || request.view.focus.plane != asked;
 }
 
 void RelayedFocus::clear() {

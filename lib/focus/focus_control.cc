@@ -75,6 +75,7 @@ std::deque<std::vector<Trial>> requests_of(const std::vector<int16_t>& levels) {
 void FocusControl::begin(const ViewRequest& request, const FocusArray& array, View& view) {
   const FocusControl fresh(settings_);
   *this = fresh;
+  begun_ = true;
   const double focused = plane_inverse(request.view, array.from(), {0, 0, 1});
   const double distance = focused > 0 ? 1 / focused : 1;
   disparity_ = array.disparity();
@@ -344,13 +345,9 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
     plan.view.focus.map = nullptr;
     return plan;
   }
-  if (!map) {
-    // Those that left before anything came of the first one begin together.
-    if (state_.rounds > 0 || latest_.underway() == 0)
-      begin(request, array, plan.view);
-    else
-      plan.view.focus.map = latest_.seen_from(request.view);
-  } else if (!moments.empty()) {
+  if (!begun_) {
+    begin(request, array, plan.view);
+  } else if (map && !moments.empty()) {
     auto better = std::make_shared<FocalMap>(*map);
     take(request, moments, array, *better);
     plan.view.focus.map = std::move(better);

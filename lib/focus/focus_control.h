@@ -110,6 +110,7 @@ class FocusControl {
   Settings settings_;
   State state_;
   LatestSurface latest_;
+  bool begun_ = false;
   double reach_ = 0;      // largest inverse distance that is looked for, 1/m
   double disparity_ = 0;  // pixels for each 1/m, 0: not known
   Stage stage_ = Stage::kBetter;

@@ -285,6 +285,7 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
   request.view = on_plane(c, view, from, result.start);
   for (int round = 0; round <= options.rounds; round++) {
     request.sequence = static_cast<uint32_t>(round);
+    request.out_of_service = c.without(view);
     Picture picture = renderer.picture(shown_view(request), view, request.gains);
     picture.quality = compare(picture.image, truth, picture.coverage);
     if (round == options.rounds) time_again(renderer, shown_view(request), view, request.gains, picture);
