@@ -208,7 +208,8 @@ void lf_compositor_find_focus(LfCompositor* self) {
   }
   const lf::FocusControl::Plan plan = state.focus.next(request, state.moments, *state.focus_array);
   state.stats.set_focus(state.focus.state(), state.moment_bytes);
-  request.gains = next_gains(self, gains, !plan.trials.empty());
+  // Through a surface that is anywhere cameras differ for other reasons.
+  request.gains = next_gains(self, gains && state.focus.state().sure, !plan.trials.empty());
   const bool heard = gst_pad_push_event(self->request, lf::focal_surface_event(request, plan));
   state.unheard = heard ? 0 : kUnheardRest;
 }

@@ -380,6 +380,7 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
   // Where one camera makes nearly all of the picture every surface seems to fit, and only displaces what it sees.
   const bool little = mean_of(array.evidence(plan.view, request.out_of_service)) < kEnoughEvidence;
   plan.on_plane = state_.on_plane || state_.flat || little;
+  state_.sure = !little && (stage_ == Stage::kSweep || stage_ == Stage::kBetter);
   if (state_.flat && !state_.on_plane && !little)
     plan.plane = Plane{next.from.normal, next.from.d - 1 / next.inverse_of(next.levels.front())};
   return plan;

@@ -41,7 +41,7 @@ class FocusControl {
   static constexpr double kNearest = 0.4;
   // The surface is shown once its squared deviation is less than kShown of the plane's, and by kWorthShowing less; not any
   // more when it is more than kHidden of it.
-  static constexpr double kShown = 0.75, kHidden = 0.95;
+  static constexpr double kShown = 0.65, kHidden = 0.8;
   static constexpr double kWorthShowing = 4;  // levels of luma, squared
   // A rest begins when kQuietRounds did not get better by this; then fewer and fewer requests have trials. It ends when a
   // round gains that much more than kMoreAtRest times what it did before the rest.
@@ -79,6 +79,7 @@ class FocusControl {
     unsigned interval = 1;  // requests from one with trials to the next
     unsigned trials = 0;    // of the next request that has any
     bool flat = false;      // one plane is enough
+    bool sure = false;      // the surface is about where the scene is
     bool on_plane = true;   // a plane is shown, the viewer's or that one
     double deviation = 0;   // how far cameras disagree through the surface, levels of luma, mean over the nodes
     double bought = 0;      // by how much that is less than through the best plane tried lately

@@ -7,8 +7,11 @@
 #include "bench/focus_situation.h"
 #include "composite/accumulator.h"
 #include "focus/carry_over.h"
+#include "focus/mean_luma.h"
+#include "focus/mean_turns.h"
 #include "focus/trial_renderer.h"
 #include "image/sharpen.h"
+#include "node/gain_matcher.h"
 #include "quality/quality.h"
 #include "render/contribution_map.h"
 #include "render/render_job.h"
@@ -30,17 +33,15 @@ class Array {
     own_.resize(s.rig.cameras.size());
     std::iota(own_.begin(), own_.end(), 0);
     sharp_.resize(own_.size());
-    for (size_t i = 0; i < own_.size(); i++) {
-      const Image& image = s.images[i];
-      const ImageView sharpened = sharpen(image.view(), {0, 0, image.width(), image.height()}, sharp_[i]);
-      sources_.push_back({own_[i], &s.rig.cameras[i], sharpened});
-    }
   }
 
-  Picture picture(const View& view) const {
+  // `gains`: null: the cameras' brightness is left as it is.
+  Picture picture(const View& view, const GainRequest* gains) {
     const RenderJob job(s_.rig, mesh_, view, own_);
-    std::vector<Source> sources;
-    for (const CameraIndex i : job.cameras()) sources.push_back(sources_[i]);
+    std::vector<Source> sources = sources_of(job.cameras());
+    if (gains && gains->use) sources = match(sources, *gains);
+    for (size_t i = 0; i < sources.size(); i++)
+      sources[i].image = sharpen(sources[i].image, whole(sources[i].camera), sharp_[i]);
     const SumRenderer renderer(job.plan(), job.runs(), sources, PixelFamily::kRgb);
     const Rect rect = renderer.rect();
     const size_t area = static_cast<size_t>(rect.width()) * rect.height();
@@ -55,7 +56,7 @@ class Array {
     return {sum.resolve(), view_coverage(s_.rig, job.plan(), job.owners())};
   }
 
-  std::vector<Moments> moments(const ViewRequest& request) const {
+  std::vector<Moments> moments(const ViewRequest& request) {
     if (request.trials.empty() || !request.view.focus.map) return {};
     const FocalMap& map = *request.view.focus.map;
     std::vector<std::vector<uint8_t>> levels;
@@ -63,34 +64,57 @@ class Array {
     std::vector<Moments> sums(levels.size());
     for (Moments& sum : sums) sum.reset(map.columns, map.rows);
     const RenderJob job(s_.rig, mesh_, trial_view(request.view), own_);
-    std::vector<Source> sources;
-    for (const CameraIndex i : job.cameras()) sources.push_back({i, &s_.rig.cameras[i], s_.images[i].view()});
-    add_moments(job, sources, levels, sums);
+    const std::vector<Source> sources = sources_of(job.cameras());
+    add_moments(job, request.gains.use ? match(sources, request.gains) : sources, levels, sums);
     return sums;
   }
 
+  // What the next request brings back of the cameras' brightness.
+  void ask_mean(const ViewRequest& request, GainRequest& gains) {
+    if (!turns_.next(!request.trials.empty(), true)) return;
+    const WideLuma wide(s_.rig, mesh_, mean_view(request.view), own_);
+    WideLuma::Seen seen = wide.see(sources_of(wide.cameras()), matcher_.gains_for(0, {}));
+    gains.mean = mean_luma(seen.moments, seen.gains);
+    gains.mean_of = request.sequence;
+    matcher_.keep(0, request.sequence, std::move(seen.cameras));
+  }
+
  private:
+  Rect whole(CameraIndex camera) const { return {0, 0, s_.rig.cameras[camera].width, s_.rig.cameras[camera].height}; }
+  std::vector<Source> sources_of(const std::vector<CameraIndex>& cameras) const {
+    std::vector<Source> sources;
+    for (const CameraIndex i : cameras) sources.push_back({i, &s_.rig.cameras[i], s_.images[i].view()});
+    return sources;
+  }
+  std::vector<Source> match(const std::vector<Source>& sources, const GainRequest& gains) {
+    return matcher_.match(sources, matcher_.gains_for(0, gains), [&](CameraIndex camera) { return whole(camera); });
+  }
+
   const Situation& s_;
   const Mesh mesh_;
   std::vector<CameraIndex> own_;
   std::vector<ByteBuffer> sharp_;
-  std::vector<Source> sources_;
+  GainMatcher matcher_;
+  MeanTurns turns_;
 };
 
 }  // namespace
 
 Watched watch(const Situation& s, const std::vector<int>& pictures) {
-  const Array array(s);
+  Array array(s);
   const FocusArray from(s.rig);
   FocusControl control({.mode = s.mode});
   Watched out;
   double worst = std::numeric_limits<double>::infinity();
   FocusControl::Plan plan;
+  GainRequest gains;
   Picture plane;
   Image truth;
   for (int i = 0; i <= pictures.back(); i++) {
     ViewRequest request;
     request.view = s.view(i);
+    request.sequence = static_cast<uint32_t>(i);
+    request.gains = gains;
     if (i > 0) {
       if (plan.view.focus.map) request.view.focus.map = carry_over(plan.view, request.view);
       request.trials = plan.trials;
@@ -100,9 +124,9 @@ Watched watch(const Situation& s, const std::vector<int>& pictures) {
     if (std::ranges::binary_search(pictures, i)) {
       if (plane.coverage.empty() || s.moves) {
         truth = s.truth(request.view);
-        plane = array.picture(s.view(i));
+        plane = array.picture(s.view(i), nullptr);
       }
-      const Picture surface = array.picture(shown_view(request));
+      const Picture surface = array.picture(shown_view(request), &request.gains);
       std::vector<float> coverage = plane.coverage;
       for (size_t k = 0; k < coverage.size(); k++) coverage[k] = std::min(coverage[k], surface.coverage[k]);
       const Quality of_plane = compare(plane.image, truth, coverage), of_surface = compare(surface.image, truth, coverage);
@@ -118,7 +142,10 @@ Watched watch(const Situation& s, const std::vector<int>& pictures) {
         }
       }
     }
-    plan = control.next(request, array.moments(request), from);
+    const std::vector<Moments> moments = array.moments(request);
+    gains = {.use = control.state().sure};
+    if (gains.use && request.view.focus.map) array.ask_mean(request, gains);
+    plan = control.next(request, moments, from);
   }
   return out;
 }

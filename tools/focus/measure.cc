@@ -47,7 +47,7 @@ class Renderer {
     const RenderJob job(case_.rig, mesh_, view, own_);
     std::vector<Source> sources = sources_of(job, number);
     const uint64_t begun = now_ns();
-    if (matched_) sources = match(job, sources, matcher_.gains_for(0, gains));
+    if (matched_ && gains.use) sources = match(job, sources, matcher_.gains_for(0, gains));
     for (Source& source : sources) source.resampling = resampling_;
     const bool sharpened = resampling_ == Resampling::kSharpened;
     sharp_.resize(sharpened ? std::max(sharp_.size(), sources.size()) : 0);
@@ -84,7 +84,7 @@ class Renderer {
     const uint64_t planned = now_ns();
     std::vector<Source> sources = sources_of(job, number);
     const uint64_t ready = now_ns();
-    if (matched_) sources = match(job, sources, matcher_.gains_for(0, request.gains));
+    if (matched_ && request.gains.use) sources = match(job, sources, matcher_.gains_for(0, request.gains));
     if (by_camera_)
       cost.trial_bytes += add_camera_by_camera(job, sources, levels, sums);
     else
@@ -94,10 +94,14 @@ class Renderer {
     return sums;
   }
 
-  // After its trials: what the request asks of the cameras' brightness, for the next one to bring back.
-  GainRequest gains_after(const ViewRequest& request, size_t number, Picture& cost) {
-    if (!matched_ || !mean_turns_.next(!request.trials.empty(), true)) return {};
-    return {.mean = mean(request, number, cost), .mean_of = request.sequence};
+  // After its trials: what the request asks of the cameras' brightness, for the next one to bring back. `sure`: see
+  // FocusControl::State.
+  GainRequest gains_after(const ViewRequest& request, size_t number, bool sure, Picture& cost) {
+    GainRequest gains{.use = matched_ && sure};
+    if (!gains.use || !mean_turns_.next(!request.trials.empty(), true)) return gains;
+    gains.mean = mean(request, number, cost);
+    gains.mean_of = request.sequence;
+    return gains;
   }
   const Mesh& mesh() const { return mesh_; }
   const std::map<CameraIndex, float>& gains() { return matcher_.gains_for(0, {}).measured(); }
@@ -290,7 +294,7 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
     picture.quality = compare(picture.image, truth, picture.coverage);
     if (round == options.rounds) time_again(renderer, shown_view(request), view, request.gains, picture);
     const std::vector<Moments> moments = renderer.moments(request, view, picture);
-    request.gains = renderer.gains_after(request, view, picture);
+    request.gains = renderer.gains_after(request, view, control.state().sure, picture);
     const uint64_t begun = now_ns();
     const FocusControl::Plan plan = control.next(request, moments, array);
     picture.trial_ms += milliseconds(now_ns() - begun);
@@ -313,7 +317,7 @@ RestResult measure_rest(const Case& c, size_t view, const Options& options, int 
   request.view = on_plane(c, view, from, start_of(options, map_of(options.range), options.planes));
   const auto next = [&](Picture& cost) {
     const std::vector<Moments> moments = renderer.moments(request, view, cost);
-    request.gains = renderer.gains_after(request, view, cost);
+    request.gains = renderer.gains_after(request, view, control.state().sure, cost);
     request.sequence++;
     take(control.next(request, moments, array), request);
   };
@@ -387,7 +391,7 @@ std::vector<Frame> measure_film(const Case& c, const Options& options, const std
     Picture cost;
     frames[i].surface_db = psnr(renderer.picture(shown_view(request), i, request.gains));
     plan = control.next(request, renderer.moments(request, i, cost), array);
-    gains = renderer.gains_after(request, i, cost);
+    gains = renderer.gains_after(request, i, control.state().sure, cost);
     progress();
   }
   const auto best = std::ranges::max_element(
