@@ -21,7 +21,7 @@ constexpr size_t kPlanes = kMaxTrials - 2;  // of a sweep's request, beside the 
 
 // Planes of a search: as far apart as trials, which average over 4 x 4 pixels, can miss nothing between; for what is near, and
 // so seen large, farther apart.
-constexpr double kSearchStep = 2, kSearchPart = 0.12;  // pixels of disparity; of it
+constexpr double kSearchStep = 2, kSearchPart = 0.13;  // pixels of disparity; of it
 constexpr double kSweepStep = 1.5;                     // the same of a sweep where the scene is
 constexpr unsigned kMostSweeps = 4;
 
@@ -243,9 +243,15 @@ void FocusControl::count_planes(const SurfaceChoice& choice, const std::vector<T
 // Whether the picture through the surface can be shown: where the cameras agree better than through the viewer's plane.
 void FocusControl::compare_with_plane(const SurfaceChoice& choice, const std::vector<Trial>& trials) {
   const auto plane = std::ranges::find(trials, Trial::Kind::kFocused, &Trial::kind);
-  if (plane == trials.end() || trials.size() >= kSweep) return;  // what a sweep finds is not yet measured
+  if (plane == trials.end() || stage_ == Stage::kSearch) return;
   const double of_plane = choice.energy[static_cast<size_t>(plane - trials.begin())], of_surface = choice.energy[0];
   if (!(of_plane >= 0)) return;
+  if (trials.size() >= kSweep) {  // what a sweep finds is not yet measured, and looks better than it is
+    constexpr double kClearly = 0.3, kWorthClearly = 20;
+    if (sweeps_.empty() && choice.least_energy < kClearly * of_plane && of_plane - choice.least_energy > kWorthClearly)
+      state_.on_plane = false;
+    return;
+  }
   if (state_.on_plane) {
     if (of_surface < kShown * of_plane && of_plane - of_surface > kWorthShowing) state_.on_plane = false;
   } else if (of_surface > kHidden * of_plane) {
@@ -279,7 +285,9 @@ std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
     waited_++;
     return {};
   }
-  if (++skipped_ < (moved_ ? std::min(state_.interval, 3u) : state_.interval)) return {};
+  constexpr unsigned kMovingFlatRest = 4;
+  const unsigned moving_rest = state_.flat ? std::min(state_.interval, kMovingFlatRest) : 1;
+  if (++skipped_ < (moved_ ? moving_rest : state_.interval)) return {};
   moved_ = false;
   skipped_ = 0;
   std::vector<Trial> trials;
