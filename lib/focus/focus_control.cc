@@ -111,8 +111,15 @@ void FocusControl::search(const FocalMap& map) {
 
 void FocusControl::sweep(const FocalMap& map) {
   stage_ = Stage::kSweep;
-  const LevelRange scene = scene_levels(map);
+  waited_ = 0;
+  LevelRange scene = scene_levels(map);
   const double per_level = (map.nearest - map.farthest) / FocalMap::kLevels;
+  if (const std::optional<DepthRange> known = votes_.range(); known && disparity_ > 0) {
+    // What lies between two planes of a search has no votes: as far beyond the scene as the next plane.
+    const double step = std::max(kSearchStep / disparity_, kSearchPart * known->nearest);
+    scene.first = std::min<int>(scene.first, map.level_of(known->farthest - step));
+    scene.last = std::max<int>(scene.last, map.level_of(known->nearest + step));
+  }
   const double pixels = disparity_ > 0 ? (scene.last - scene.first) * per_level * disparity_ : 0;
   const auto count = static_cast<int>(
       std::clamp<double>(std::ceil(pixels / kSweepStep), kPlanes, static_cast<double>(2 * kPlanes)));
@@ -271,7 +278,6 @@ std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
   if (!sweeps_.empty()) {
     std::vector<Trial> trials = std::move(sweeps_.front());
     sweeps_.pop_front();
-    if (sweeps_.empty() && stage_ == Stage::kSweep) stage_ = Stage::kBetter;
     state_.trials = static_cast<unsigned>(trials.size());
     return trials;
   }
@@ -281,9 +287,10 @@ std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
     search(map);
     return next_trials(map);
   }
-  if (stage_ == Stage::kSearch) {  // what it finds decides what comes next
-    waited_++;
-    return {};
+  if (stage_ == Stage::kSearch || stage_ == Stage::kSweep) {  // what comes of it decides what comes next
+    const bool over = latest_.underway() == 0 || ++waited_ > LatestSurface::kMostUnderway;
+    if (stage_ == Stage::kSearch || !over) return {};
+    stage_ = Stage::kBetter;
   }
   constexpr unsigned kMovingFlatRest = 4;
   const unsigned moving_rest = state_.flat ? std::min(state_.interval, kMovingFlatRest) : 1;
