@@ -36,7 +36,7 @@ View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const Camer
     request.view = std::move(plan.view);
     request.trials = std::move(plan.trials);
     request.on_plane = plan.on_plane;
-    if (plan.plane) request.view.focus.plane = *plan.plane;
+    request.view.focus.plane = plan.plane.value_or(view.focus.plane);
   }
   return shown_view(request);
 }

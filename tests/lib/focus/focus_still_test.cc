@@ -17,15 +17,19 @@ TEST(FocusStill, FindsWhatAPipelineFinds) {
   const View focused = focus_still(walls.rig, walls.mesh, view, images, settings, 9);
 
   FocusControl control(settings);
+  const FocusArray array(walls.rig);
   ViewRequest request;
   request.view = view;
   for (int i = 0; i < 10; i++) {
     std::vector<Moments> moments;
     if (!request.trials.empty()) moments = walls.moments(request.view, request.trials, walls.own);
-    const FocusControl::Plan plan = control.next(request, moments, {{0, 0, 1}, 0});
+    const FocusControl::Plan plan = control.next(request, moments, array);
     request.view = plan.view;
     request.trials = plan.trials;
+    request.on_plane = plan.on_plane;
+    request.view.focus.plane = plan.plane.value_or(view.focus.plane);
   }
+  EXPECT_FALSE(request.on_plane);
   ASSERT_TRUE(focused.focus.map);
   EXPECT_EQ(focused.focus.map->levels, request.view.focus.map->levels);
   EXPECT_EQ(focus_still(walls.rig, walls.mesh, view, images, {}).focus.map, nullptr) << "a plane stays a plane";
