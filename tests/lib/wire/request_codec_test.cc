@@ -64,6 +64,9 @@ ViewRequest random_request(std::mt19937& random) {
   return r;
 }
 
+constexpr Trial::Kind kKinds[] = {Trial::Kind::kBlurred, Trial::Kind::kFarther, Trial::Kind::kNearer,
+                                  Trial::Kind::kShifted, Trial::Kind::kPlane,   Trial::Kind::kFocused};
+
 // A view with a focal map and trials.
 ViewRequest focused_request(std::mt19937& random) {
   ViewRequest r = random_request(random);
@@ -79,7 +82,8 @@ ViewRequest focused_request(std::mt19937& random) {
   for (int i = 0; i < map.columns * map.rows; i++) map.levels.push_back(static_cast<uint8_t>(random() % 5 * 50));
   r.view.focus.map = std::make_shared<FocalMap>(map);
   for (size_t i = random() % (kMaxTrials + 1); i > 0; i--)
-    r.trials.push_back({static_cast<Trial::Kind>(random() % 5), static_cast<int16_t>(random())});
+    r.trials.push_back({kKinds[random() % std::size(kKinds)], static_cast<int16_t>(random())});
+  r.on_plane = random() % 2;
   r.gains.use = random() % 2;
   r.gains.ask = random() % 2;
   if (random() % 2) {
@@ -145,6 +149,37 @@ TEST(RequestCodec, AWrongFocalMapIsRefused) {
   for (const uint8_t unknown : {2, 4, 8}) {
     flags[43] = unknown;
     EXPECT_THAT(reason_of(flags), testing::StartsWith("gains: "));
+  }
+}
+
+TEST(RequestCodec, AMapThatServesTrialsAlone) {
+  std::mt19937 random(5);
+  ViewRequest request = focused_request(random);
+  request.on_plane = false;
+  request.trials = {{Trial::Kind::kBlurred, 0}, {Trial::Kind::kFocused, 0}};
+  const std::vector<uint8_t> through = encode_request(request);
+  request.on_plane = true;
+  std::vector<uint8_t> bytes = encode_request(request);
+  ASSERT_EQ(bytes.size(), through.size());
+  for (size_t i = 0; i < bytes.size(); i++) EXPECT_EQ(bytes[i], through[i] | (i == 43 ? 8 : 0)) << i;
+  const std::optional<ViewRequest> decoded = decode_request(bytes);
+  ASSERT_TRUE(decoded.has_value());
+  EXPECT_EQ(*decoded, request);
+  EXPECT_EQ(shown_view(*decoded).focus.map, nullptr);
+  EXPECT_EQ(*decode_request(through), [&] { ViewRequest r = request; r.on_plane = false; return r; }());
+
+  ViewRequest without = golden_request();
+  without.on_plane = true;
+  EXPECT_THROW(encode_request(without), Error) << "of no map";
+  request.view.focus.map = nullptr;
+  EXPECT_THROW(encode_request(request), Error);
+  for (const int kind : {5, 7, 255}) {
+    // The only trial of kind 6 is followed by its value, 0.
+    std::vector<uint8_t> unknown = bytes;
+    const auto at = std::ranges::search(unknown, std::array<uint8_t, 7>{2, 0, 0, 0, 6, 0, 0});
+    ASSERT_EQ(at.size(), 7u);
+    at[4] = static_cast<uint8_t>(kind);
+    EXPECT_EQ(reason_of(unknown), "trials: kind " + std::to_string(kind) + " is unknown");
   }
 }
 
@@ -241,7 +276,7 @@ TEST(RequestCodec, NamesTheFieldThatIsWrong) {
       {41, 1, 5, "lens model: 5 is unknown"},
       {41, 1, 4, "focal_plane: the request ends before it does"},
       {42, 1, 2, "focal surface: kind 2 is not supported"},
-      {43, 1, 8, "gains: unknown flags 8"},
+      {43, 1, 8, "gains: by a map that is not there"},
       {43, 1, 0x10, "blending: the request ends before it does"},
       {43, 1, 0x30, "blending: kind 3 is not supported"},
       {44, 8, nan, "position: must be finite numbers"},
