@@ -42,7 +42,7 @@ class LatestSurfaceTest : public testing::Test {
     SurfaceChoice choice;
     choice.chosen = chosen;
     choice.least = costs;
-    choice.lead = 0.5;
+    choice.lead.assign(chosen.size(), 0.5f);
     FocalMap map = *request.view.focus.map;
     for (size_t i = 0; i < map.levels.size(); i++)
       if (chosen[i] != 0) map.levels[i] = static_cast<uint8_t>(trials[chosen[i]].value);

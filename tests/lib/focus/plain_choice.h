@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
+#include <vector>
 
 #include "base/median.h"
 #include "focus/surface_choice.h"
@@ -51,40 +53,141 @@ inline double plain_median(std::vector<float> values) {
   return values.empty() ? NAN : median(std::move(values));
 }
 
+// What the trials of a round cost each node, and all else that its choice is made of.
+struct PlainRound {
+  const FocalMap& surface;
+  std::span<const std::vector<uint8_t>> trials;
+  const ChoiceTerms& terms;
+  std::vector<std::vector<float>> costs;
+  double residual = NAN;
+
+  bool is_told(size_t i) const { return terms.evidence[i] >= kLittleEvidence; }
+  // Only of nodes that are told.
+  float lead(size_t i) const { return static_cast<float>(kLead * residual) * terms.evidence[i] + kNoise; }
+};
+
+// Deviations as three equal cameras would have them.
+inline double plain_residual(const PlainRound& round) {
+  std::vector<float> told;
+  for (size_t i = 0; i < round.costs[0].size(); i++)
+    if (round.is_told(i)) told.push_back(round.costs[0][i] / round.terms.evidence[i]);
+  return plain_median(told);
+}
+
+// The levels around a node, row by row.
+inline std::vector<int> plain_neighbours(const FocalMap& map, const std::vector<uint8_t>& levels, size_t node) {
+  const int x = static_cast<int>(node) % map.columns, y = static_cast<int>(node) / map.columns;
+  std::vector<int> around;
+  for (int v = y - 1; v <= y + 1; v++)
+    for (int u = x - 1; u <= x + 1; u++)
+      if ((u != x || v != y) && u >= 0 && v >= 0 && u < map.columns && v < map.rows)
+        around.push_back(levels[static_cast<size_t>(v) * map.columns + u]);
+  return around;
+}
+
+// What a trial costs a node beside its neighbours: how far it is from them, up to a pixel each, and what it costs
+// alone, where that says anything.
+inline float plain_cost_beside(const PlainRound& round, size_t node, size_t trial, const std::vector<int>& around) {
+  const bool told = round.is_told(node);
+  const auto pixel = std::max(1.f, static_cast<float>(round.terms.levels_a_pixel));
+  const float of_one_apart =
+      told ? static_cast<float>(kSmooth * round.residual) * round.terms.evidence[node] + kSmoothNoise : 1;
+  float apart = 0;
+  for (const int level : around)
+    apart += std::min(static_cast<float>(std::abs(round.trials[trial][node] - level)), pixel);
+  const float lead = trial == 0 ? 0 : told ? round.lead(node) : 0.05f;
+  const auto neighbours = static_cast<float>(std::max<size_t>(around.size(), 1));
+  return of_one_apart / (pixel * neighbours) * apart + (told ? round.costs[trial][node] : 0) + lead;
+}
+
+inline bool plain_informed(const PlainRound& round, size_t node, float least) {
+  if (!std::isfinite(least) || !(round.terms.evidence[node] > kToldEvidence)) return false;
+  std::vector<float> seen;
+  for (const std::vector<float>& cost : round.costs)
+    if (std::isfinite(cost[node])) seen.push_back(cost[node]);
+  const bool sweep = round.costs.size() >= kSweep;
+  float mean = 0;
+  for (const float cost : seen) mean += cost;
+  mean /= static_cast<float>(seen.size());
+  if (!(least + kTold < kTelling * (sweep ? mean : std::ranges::max(seen)))) return false;
+  if (!sweep) return true;
+  std::vector<float> planes;
+  for (size_t t = 2; t < round.costs.size(); t++) planes.push_back(round.costs[t][node]);
+  const auto best = std::ranges::min_element(planes) - planes.begin();
+  const bool any = std::isfinite(planes[static_cast<size_t>(best)]);
+  for (std::ptrdiff_t p = 0; p < std::ssize(planes); p++) {
+    const bool beside = any && std::abs(p - best) <= 1;
+    if (!beside && !(least + kTold < kUnique * planes[static_cast<size_t>(p)])) return false;
+  }
+  return true;
+}
+
 inline SurfaceChoice plain_choice(const FocalMap& surface, std::span<const std::vector<uint8_t>> trials,
-                                  std::span<const Moments> moments, int radius) {
+                                  std::span<const Moments> moments, const ChoiceTerms& terms) {
+  PlainRound round{surface, trials, terms, {}};
+  for (size_t t = 0; t < trials.size(); t++) round.costs.push_back(plain_cost(moments, t, terms.radius));
+  const std::vector<std::vector<float>>& costs = round.costs;
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  const size_t nodes = costs[0].size();
   SurfaceChoice choice;
   choice.levels = surface.levels;
-  std::vector<std::vector<float>> costs;
-  for (size_t t = 0; t < trials.size(); t++) costs.push_back(plain_cost(moments, t, radius));
-  const std::vector<float>& base = costs[0];
-  choice.residual = plain_median(base);
+  choice.chosen.assign(nodes, 0);
+  choice.least.assign(nodes, kInfinity);
+  choice.lead.assign(nodes, kInfinity);
+  choice.informed.assign(nodes, 0);
+  choice.residual = round.residual = plain_residual(round);
   if (std::isnan(choice.residual)) return choice;
-  const auto lead = static_cast<float>(kLead * choice.residual);
-  choice.cost.assign(trials.size(), 0);
-  double in_all = 0, seen = 0;
-  for (size_t i = 0; i < base.size(); i++) {
-    float best = base[i];
-    size_t chosen = 0;
-    bool by_all = std::isfinite(base[i]);
-    for (size_t t = 1; t < trials.size(); t++) {
-      by_all = by_all && std::isfinite(costs[t][i]);
-      if (costs[t][i] + lead < best) {
-        best = costs[t][i] + lead;
-        chosen = t;
+
+  // Each node alone.
+  for (size_t i = 0; i < nodes; i++) {
+    if (round.is_told(i)) choice.lead[i] = round.lead(i);
+    float best = costs[0][i];
+    for (size_t t = 1; t < trials.size() && round.is_told(i); t++)
+      if (costs[t][i] + choice.lead[i] < best) {
+        best = costs[t][i] + choice.lead[i];
+        choice.chosen[i] = static_cast<uint8_t>(t);
       }
-    }
-    if (by_all) {
-      in_all++;
-      for (size_t t = 0; t < trials.size(); t++) choice.cost[t] += costs[t][i];
-    }
     if (!std::isfinite(best)) continue;
-    seen++;
-    choice.levels[i] = trials[chosen][i];
-    choice.changed += chosen != 0;
-    if (chosen != 0 && std::isfinite(base[i])) choice.gained += base[i] - (best - lead);
+    choice.least[i] = costs[choice.chosen[i]][i];
+    choice.levels[i] = trials[choice.chosen[i]][i];
   }
+  // Twice, one after the other, beside its neighbours.
+  for (size_t step = 0; step < 2 * nodes; step++) {
+    const size_t i = step % nodes;
+    if (!std::isfinite(choice.least[i])) continue;
+    const std::vector<int> around = plain_neighbours(surface, choice.levels, i);
+    float best = kInfinity;
+    for (size_t t = 0; t < trials.size(); t++) {
+      if (!std::isfinite(costs[t][i])) continue;
+      const float cost = plain_cost_beside(round, i, t, around);
+      if (cost < best) choice.chosen[i] = static_cast<uint8_t>(t);
+      best = std::min(best, cost);
+    }
+    choice.least[i] = costs[choice.chosen[i]][i];
+    choice.levels[i] = trials[choice.chosen[i]][i];
+  }
+
+  double seen = 0, in_all = 0;
+  choice.cost.assign(trials.size(), 0);
+  choice.energy.assign(trials.size(), 0);
+  for (size_t i = 0; i < nodes; i++) {
+    if (std::ranges::all_of(costs, [&](const auto& cost) { return std::isfinite(cost[i]); })) {
+      in_all++;
+      for (size_t t = 0; t < trials.size(); t++) {
+        choice.cost[t] += costs[t][i];
+        choice.energy[t] += costs[t][i] * costs[t][i];
+      }
+      choice.least_energy += choice.least[i] * choice.least[i];
+    }
+    if (!std::isfinite(choice.least[i])) continue;
+    seen++;
+    choice.changed += choice.chosen[i] != 0;
+    if (choice.chosen[i] != 0 && std::isfinite(costs[0][i])) choice.gained += costs[0][i] - choice.least[i];
+    choice.informed[i] = plain_informed(round, i, choice.least[i]);
+  }
+  choice.least_energy = in_all > 0 ? choice.least_energy / in_all : NAN;
   for (double& mean : choice.cost) mean = in_all > 0 ? mean / in_all : NAN;
+  for (double& mean : choice.energy) mean = in_all > 0 ? mean / in_all : NAN;
   choice.gained /= seen;
   choice.changed /= seen;
   return choice;

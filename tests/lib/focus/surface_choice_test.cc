@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "lib/focus/every_target.h"
@@ -29,6 +30,13 @@ Moments deviating(const auto& deviation) {
   return moments;
 }
 
+// Of cameras that tell depths apart everywhere, unless told otherwise.
+SurfaceChoice choose(const FocalMap& map, const std::vector<std::vector<uint8_t>>& trials,
+                     const std::vector<Moments>& moments, std::vector<float> evidence = {}) {
+  if (evidence.empty()) evidence.assign(map.levels.size(), 1);
+  return choose_surface(map, trials, moments, {.evidence = evidence});
+}
+
 FocalMap flat(uint8_t level) {
   FocalMap map;
   map.columns = kColumns;
@@ -42,7 +50,7 @@ TEST(SurfaceChoice, TakesTheTrialThroughWhichCamerasAgree) {
                                                  std::vector<uint8_t>(kColumns * kRows, 90)};
   const std::vector<Moments> moments{deviating([](int i, int) { return i < 6 ? 2 : 20; }),
                                      deviating([](int i, int) { return i < 6 ? 20 : 2; })};
-  const SurfaceChoice choice = choose_surface(flat(50), trials, moments);
+  const SurfaceChoice choice = choose(flat(50), trials, moments);
   for (int j = 0; j < kRows; j++)
     for (int i = 0; i < kColumns; i++) EXPECT_EQ(choice.levels[j * kColumns + i], i < 6 ? 50 : 90) << i << ", " << j;
   EXPECT_NEAR(choice.changed, 0.5, 1e-9);
@@ -51,12 +59,13 @@ TEST(SurfaceChoice, TakesTheTrialThroughWhichCamerasAgree) {
 }
 
 TEST(SurfaceChoice, ANodeItselfCountsForMoreThanItsNeighbours) {
+  // Levels so near that a node need not agree with its neighbours.
   const std::vector<std::vector<uint8_t>> trials{std::vector<uint8_t>(kColumns * kRows, 50),
-                                                 std::vector<uint8_t>(kColumns * kRows, 90)};
-  const std::vector<Moments> moments{deviating([](int, int) { return 5.6; }),
+                                                 std::vector<uint8_t>(kColumns * kRows, 51)};
+  const std::vector<Moments> moments{deviating([](int, int) { return 5.9; }),
                                      deviating([](int i, int) { return i == 6 ? 2 : 8; })};  // 6 on average
-  const SurfaceChoice choice = choose_surface(flat(50), trials, moments);
-  EXPECT_EQ(choice.levels[3 * kColumns + 6], 90);
+  const SurfaceChoice choice = choose(flat(50), trials, moments);
+  EXPECT_EQ(choice.levels[3 * kColumns + 6], 51);
   EXPECT_EQ(choice.levels[3 * kColumns + 5], 50);
 }
 
@@ -66,7 +75,7 @@ TEST(SurfaceChoice, ALeadKeepsWhatNothingTellsApart) {
   const auto with = [&](double other) {
     const std::vector<Moments> moments{deviating([](int, int) { return 10.0; }),
                                        deviating([&](int, int) { return other; })};
-    return choose_surface(flat(50), trials, moments).levels[0];
+    return choose(flat(50), trials, moments).levels[0];
   };
   EXPECT_EQ(with(9.7), 50) << "within the lead";
   EXPECT_EQ(with(9), 90);
@@ -77,13 +86,95 @@ TEST(SurfaceChoice, KeepsTheLevelWhereNothingIsSeen) {
   for (Moments& m : moments) m.weight[5] = 0;
   const std::vector<std::vector<uint8_t>> trials{std::vector<uint8_t>(kColumns * kRows, 50),
                                                  std::vector<uint8_t>(kColumns * kRows, 90)};
-  const SurfaceChoice choice = choose_surface(flat(77), trials, moments);
+  const SurfaceChoice choice = choose(flat(77), trials, moments);
   EXPECT_EQ(choice.levels[5], 77);
   EXPECT_EQ(choice.levels[6], 90);
   std::vector<Moments> nothing(2);
   for (Moments& m : nothing) m.reset(kColumns, kRows);
-  EXPECT_EQ(choose_surface(flat(77), trials, nothing).levels, flat(77).levels);
-  EXPECT_TRUE(std::isnan(choose_surface(flat(77), trials, nothing).residual));
+  EXPECT_EQ(choose(flat(77), trials, nothing).levels, flat(77).levels);
+  EXPECT_TRUE(std::isnan(choose(flat(77), trials, nothing).residual));
+}
+
+using Levels = std::vector<uint8_t>;
+
+// Moments of dark cameras, whose deviations are far below a level: rounded to some 0.02.
+Moments nearly_agreeing(const auto& deviation) {
+  Moments moments;
+  moments.reset(kColumns, kRows);
+  for (size_t i = 0; i < moments.weight.size(); i++) {
+    const double sigma = deviation(static_cast<int>(i) % kColumns, static_cast<int>(i) / kColumns);
+    moments.weight[i] = Moments::kWeightOne;
+    moments.luma[i] = static_cast<uint16_t>(std::lround(Moments::kLumaOne * std::sqrt(1 - sigma * sigma)));
+    moments.square[i] = 1;
+  }
+  return moments;
+}
+
+TEST(SurfaceChoice, WhatRoundedSumsAloneTellMovesNothing) {
+  const std::vector<Levels> trials{Levels(kColumns * kRows, 50), Levels(kColumns * kRows, 52)};
+  const auto with = [&](const auto& deviation) {
+    return choose(flat(50), trials, {nearly_agreeing(deviation), nearly_agreeing([](int, int) { return 0; })}).levels;
+  };
+  EXPECT_EQ(with([](int, int) { return 0.2; }), trials[0]) << "in all nodes";
+  EXPECT_EQ(with([](int i, int j) { return i == 5 && j == 5 ? 0.2 : 0; }), trials[0]) << "in one";
+  EXPECT_EQ(with([](int, int) { return 0.4; }), trials[1]) << "more than noise";
+}
+
+TEST(SurfaceChoice, ALoneOutlierGoesWithItsNeighbours) {
+  const std::vector<Levels> trials{Levels(kColumns * kRows, 50), Levels(kColumns * kRows, 90)};
+  const auto is_out = [](int i, int j) { return i == 6 && j == 4; };
+  const std::vector<float> evidence(kColumns * kRows, 1);
+  const auto with = [&](double better) {
+    const std::vector<Moments> moments{deviating([](int, int) { return 10; }),
+                                       deviating([&](int i, int j) { return is_out(i, j) ? better : 20; })};
+    const ChoiceTerms terms{.evidence = evidence, .radius = 0};
+    return choose_surface(flat(50), trials, moments, terms);
+  };
+  // Beside eight neighbours it must gain 0.6 and 0.25 by the lead, and 4 and 0.1 more by being apart.
+  const SurfaceChoice lone = with(6), sure = with(4);
+  EXPECT_EQ(lone.levels, trials[0]);
+  EXPECT_EQ(lone.gained, 0);
+  EXPECT_EQ(lone.changed, 0);
+  EXPECT_EQ(sure.levels[4 * kColumns + 6], 90) << "where the cameras are sure it stands alone";
+  EXPECT_NEAR(sure.gained, 6. / (kColumns * kRows), 0.01);
+}
+
+TEST(SurfaceChoice, WithoutEvidenceANodeTakesItsNeighboursLevel) {
+  const std::vector<Levels> trials{Levels(kColumns * kRows, 50), Levels(kColumns * kRows, 90)};
+  const auto is_untold = [](int i, int j) { return i >= 5 && i < 7 && j >= 4 && j < 6; };
+  std::vector<float> evidence(kColumns * kRows, 1);
+  for (size_t i = 0; i < evidence.size(); i++)
+    if (is_untold(static_cast<int>(i) % kColumns, static_cast<int>(i) / kColumns)) evidence[i] = 0.2f;
+  // There the cameras would seem to agree far better through the other surface.
+  for (const int right : {0, 1}) {
+    std::vector<Moments> moments;
+    for (const int trial : {0, 1})
+      moments.push_back(deviating([&](int i, int j) { return (trial == right) != is_untold(i, j) ? 1 : 20; }));
+    const ChoiceTerms terms{.evidence = evidence, .radius = 0};
+    const SurfaceChoice choice = choose_surface(flat(50), trials, moments, terms);
+    EXPECT_EQ(choice.levels, trials[static_cast<size_t>(right)]);
+    EXPECT_EQ(choice.informed[4 * kColumns + 5], 0);
+    EXPECT_EQ(choice.informed[0], 1);
+    EXPECT_TRUE(std::isinf(choice.lead[4 * kColumns + 5]));
+  }
+}
+
+TEST(SurfaceChoice, NobodyIsInformedWhereAllDepthsLookAlike) {
+  const auto informed = [](const std::vector<double>& deviations, float evidence) {
+    std::vector<Levels> trials;
+    std::vector<Moments> moments;
+    for (size_t t = 0; t < deviations.size(); t++) {
+      trials.emplace_back(kColumns * kRows, static_cast<uint8_t>(50 + 10 * t));
+      moments.push_back(deviating([&](int, int) { return deviations[t]; }));
+    }
+    return choose(flat(50), trials, moments, std::vector<float>(kColumns * kRows, evidence)).informed[17] != 0;
+  };
+  EXPECT_TRUE(informed({2, 20}, 1));
+  EXPECT_FALSE(informed({2, 20}, 0.3f)) << "too little evidence";
+  EXPECT_FALSE(informed({8, 20}, 1)) << "cameras disagree either way";
+  EXPECT_FALSE(informed({0, 1}, 1)) << "no texture";
+  EXPECT_TRUE(informed({20, 20, 20, 10, 1, 1, 10, 20, 20}, 1)) << "planes beside each other";
+  EXPECT_FALSE(informed({20, 20, 20, 1, 10, 20, 1, 20, 20}, 1)) << "chance finds one of many that fits";
 }
 
 // To the bit, of maps of any size, of cameras that agree and that do not, and of weights and sums that no cameras have.
@@ -91,17 +182,25 @@ TEST(SurfaceChoice, IsThePlainOneWithEveryInstructionSet) {
   reference::Random random(7);
   const auto below = [&](int end) { return static_cast<int>(random.uniform(0, end)); };
   const auto same = [](double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); };
+  double informed = 0, changed = 0;
   for (int round = 0; round < 60; round++) {
     FocalMap map;
     map.columns = 1 + below(round % 2 ? 9 : 90);
     map.rows = 1 + below(20);
-    const size_t nodes = static_cast<size_t>(map.columns) * map.rows, count = 1 + static_cast<size_t>(below(5));
+    const size_t nodes = static_cast<size_t>(map.columns) * map.rows;
+    const size_t count = 1 + static_cast<size_t>(below(round % 3 ? 5 : kMaxTrials));
     map.levels.assign(nodes, 77);
+    std::vector<float> evidence(nodes, 1);
+    if (round % 2)
+      for (float& of : evidence) of = static_cast<float>(random.uniform(0, 1));
+    const double levels_a_pixel = round % 7 ? random.uniform(0, 30) : 8;
     std::vector<std::vector<uint8_t>> trials;
     std::vector<Moments> moments(count);
     const double missing = round % 3 == 0 ? 0 : random.uniform(0, 1), wild = round % 4 == 0 ? 0.2 : 0;
     for (size_t t = 0; t < count; t++) {
       trials.emplace_back(nodes, static_cast<uint8_t>(t + 1));
+      if (round % 4 == 1)
+        for (uint8_t& level : trials.back()) level = static_cast<uint8_t>(below(256));
       moments[t].reset(map.columns, map.rows);
       for (size_t i = 0; i < nodes; i++) {
         const double weight = random.uniform(0, 1) < missing ? random.uniform(0, 1) : 1, luma = random.uniform(0, 255);
@@ -114,17 +213,28 @@ TEST(SurfaceChoice, IsThePlainOneWithEveryInstructionSet) {
       }
     }
     for (const int radius : {0, 1, 4}) {
-      const SurfaceChoice plain = test::plain_choice(map, trials, moments, radius);
+      const ChoiceTerms terms{evidence, radius, levels_a_pixel};
+      const SurfaceChoice plain = test::plain_choice(map, trials, moments, terms);
+      informed += std::ranges::count(plain.informed, 1);
+      changed += plain.changed;
       test::on_every_target([&] {
-        const SurfaceChoice choice = choose_surface(map, trials, moments, radius);
+        const SurfaceChoice choice = choose_surface(map, trials, moments, terms);
         EXPECT_EQ(choice.levels, plain.levels);
+        EXPECT_EQ(choice.chosen, plain.chosen);
+        EXPECT_EQ(choice.least, plain.least);
+        EXPECT_EQ(choice.lead, plain.lead);
+        EXPECT_EQ(choice.informed, plain.informed);
         EXPECT_TRUE(same(choice.residual, plain.residual)) << choice.residual << ", " << plain.residual;
         EXPECT_TRUE(same(choice.gained, plain.gained)) << choice.gained << ", " << plain.gained;
+        EXPECT_TRUE(same(choice.least_energy, plain.least_energy)) << choice.least_energy << ", " << plain.least_energy;
         EXPECT_EQ(choice.changed, plain.changed);
         EXPECT_TRUE(std::ranges::equal(choice.cost, plain.cost, same));
+        EXPECT_TRUE(std::ranges::equal(choice.energy, plain.energy, same));
       });
     }
   }
+  EXPECT_GT(informed, 100) << "or nothing of it was compared";
+  EXPECT_GT(changed, 10);
 }
 
 }  // namespace

@@ -70,9 +70,18 @@ TEST(TrialCost, TheFirstOfTheCheapestWins) {
       {5, 5, kInfinity, kInfinity}, {4, 4.5, 8, kInfinity}, {4, 3, 8, kInfinity}};
   float best[4];
   uint8_t chosen[4];
-  cheapest_trials(costs, 0.5, best, chosen);
+  cheapest_trials(costs, std::vector<float>(4, 0.5f), best, chosen);
   EXPECT_EQ(std::vector<int>(chosen, chosen + 4), (std::vector<int>{1, 2, 1, 0}));
   EXPECT_EQ(std::vector<float>(best, best + 4), (std::vector<float>{4.5, 3.5, 8.5, kInfinity}));
+}
+
+TEST(TrialCost, EachNodeHasItsOwnLead) {
+  const std::vector<std::vector<float>> costs{{5, 5, 5, kInfinity}, {4, 4, 4, 4}};
+  float best[4];
+  uint8_t chosen[4];
+  cheapest_trials(costs, std::vector<float>{0.5, 1, kInfinity, kInfinity}, best, chosen);
+  EXPECT_EQ(std::vector<int>(chosen, chosen + 4), (std::vector<int>{1, 0, 0, 0}));
+  EXPECT_EQ(std::vector<float>(best, best + 4), (std::vector<float>{4.5, 5, 5, kInfinity}));
 }
 
 }  // namespace

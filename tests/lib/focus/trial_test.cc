@@ -3,7 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
+
+#include "focus/plane_map.h"
 
 namespace lf {
 namespace {
@@ -43,10 +46,28 @@ TEST(Trial, ShiftsAndPlanesStayWithinTheLevels) {
   EXPECT_EQ(trial_levels(spike(), {kPlane, 300}), std::vector<uint8_t>(20, 255));
 }
 
+TEST(Trial, FocusedIsTheViewersPlane) {
+  View view;
+  view.width = 64;
+  view.height = 48;
+  view.lens = Lens::from_fov_y(40, 64, 48);
+  view.pose = look_at({0.2, -0.1, 0.3}, {0, 0, 3}, {0, 1, 0});
+  view.focus.plane = plane_through({0, 0, 2.5}, glm::normalize(Vec3(0.2, 0.1, -1)));  // oblique
+  const Plane from{{0, 0, 1}, 0};
+  FocalMap map = plane_map(view, from, 1, 0.2);
+  const std::vector<uint8_t> plane = map.levels;
+  EXPECT_NE(std::ranges::adjacent_find(plane, std::not_equal_to<>()), plane.end()) << "levels differ";
+  std::ranges::fill(map.levels, uint8_t{3});
+  view.focus.map = std::make_shared<FocalMap>(map);
+  EXPECT_EQ(trial_levels(view, {kFocused, 0}), plane);
+  EXPECT_EQ(trial_levels(view, {kFocused, 9}), plane) << "it has no value";
+  EXPECT_EQ(trial_levels(view, {kShifted, 2}), std::vector<uint8_t>(plane.size(), 5)) << "all others are of the map";
+}
+
 TEST(Trial, RoundsSweepAllPlanesAndBeginWithTheSurface) {
-  for (const auto& [first, rounds] : {std::pair<unsigned, unsigned>{0, kSweepRounds}, {100, kSweepPlanes}}) {
+  for (const unsigned first : {0u, 100u}) {
     std::set<int> planes;
-    for (unsigned round = first; round < first + rounds; round++) {
+    for (unsigned round = first; round < first + kSweepPlanes; round++) {
       const std::vector<Trial> trials = trials_of_round(round);
       ASSERT_EQ(trials.size(), 4u);
       EXPECT_EQ(trials[0], (Trial{kBlurred, 0}));
@@ -63,7 +84,7 @@ TEST(Trial, RoundsSweepAllPlanesAndBeginWithTheSurface) {
 TEST(Trial, RoundsLookWhereTheSceneIsAndSometimesElsewhere) {
   const LevelRange scene{100, 160};
   std::set<int> inside, outside;
-  for (unsigned round = kSweepRounds; round < kSweepRounds + kSweepPlanes * kOutsideEvery; round++) {
+  for (unsigned round = 0; round < kSweepPlanes * kOutsideEvery; round++) {
     const int level = trials_of_round(round, scene).back().value;
     ASSERT_GE(level, 0);
     ASSERT_LE(level, 255);
