@@ -57,12 +57,13 @@ struct ArrayOfWalls {
   }
 
   std::vector<Moments> moments(const View& view, const std::vector<Trial>& trials,
-                               const std::vector<CameraIndex>& cameras) const {
+                               const std::vector<CameraIndex>& cameras, const CameraSet& out_of_service = {}) const {
     std::vector<std::vector<uint8_t>> levels;
-    for (const Trial& trial : trials) levels.push_back(trial_levels(*view.focus.map, trial));
+    for (const Trial& trial : trials) levels.push_back(trial_levels(view, trial));
     std::vector<Moments> sums(trials.size());
     for (Moments& sum : sums) sum.reset(view.focus.map->columns, view.focus.map->rows);
-    const RenderJob job(rig, mesh, trial_view(view), cameras);
+    const Mesh in_service = build_mesh(rig, out_of_service);
+    const RenderJob job(rig, in_service, trial_view(view), cameras);
     std::vector<Source> seeing;
     for (const CameraIndex camera : job.cameras()) seeing.push_back(sources()[camera]);
     add_moments(job, seeing, levels, sums);

@@ -23,7 +23,7 @@ double find(const ArrayOfWalls& walls, double begin, const Vec2& pixel) {
     EXPECT_NO_THROW(validate(request.view));
     EXPECT_LE(request.trials.size(), kMaxTrials);
     const FocusControl::Plan plan =
-        control.next(request, walls.moments(request.view, request.trials, walls.own), {{0, 0, 1}, 0});
+        control.next(request, walls.moments(request.view, request.trials, walls.own), Plane{{0, 0, 1}, 0});
     EXPECT_TRUE(plan.trials.empty());
     found = focus_distance_at(plan.view, {kSweptPixels / 2, kSweptPixels / 2});
     if (!found) return -1;

@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <deque>
+#include <limits>
+#include <string>
 
 #include "lib/focus/array_of_walls.h"
 
@@ -12,32 +14,52 @@ namespace {
 
 using test::ArrayOfWalls;
 
-const Plane kFrom{{0, 0, 1}, 0};
-
 // One view of an array under the control, request after request.
 struct Loop {
-  Loop(FocusMode mode, bool flat, double near = 1.2, double far = 6) : walls(flat), control({mode, near, far}) {
+  Loop(FocusMode mode, bool flat, double near = 1.2, double far = 6)
+      : walls(flat), array(walls.rig), control({mode, near, far}), is_automatic(near == 0) {
     request.view = walls.view(0);
     request.view.focus.map = nullptr;
+    viewers = request.view;
   }
+  // The viewer's plane is to be at this distance.
+  void focus(double distance) {
+    viewers.focus.plane = request.view.focus.plane = plane_through({0, 0, distance}, {0, 0, -1});
+  }
+  void look_from(const Vec3& eye) { viewers.pose.position = request.view.pose.position = eye; }
   void run(int requests) {
     for (int i = 0; i < requests; i++) {
       std::vector<Moments> moments;
-      if (!request.trials.empty()) moments = walls.moments(request.view, request.trials, walls.own);
+      if (!request.trials.empty())
+        moments = walls.moments(request.view, request.trials, walls.own, request.out_of_service);
       trials += request.trials.size();
-      const FocusControl::Plan plan = control.next(request, moments, kFrom);
-      request.view = plan.view;
+      const FocusControl::Plan plan = control.next(request, moments, array);
+      // As lfviewrequest: what serves neither the picture nor trials is left out.
+      request.view = viewers;
+      request.out_of_service = out_of_service;
       request.trials = plan.trials;
+      request.on_plane = plan.on_plane && !plan.trials.empty();
+      if (!plan.on_plane || request.on_plane) request.view.focus.map = plan.view.focus.map;
+      if (plan.plane) request.view.focus.plane = *plan.plane;
+      if (plan.view.focus.map) {
+        surface = plan.view;
+        EXPECT_NO_THROW(validate(surface));
+        if (is_automatic) {
+          EXPECT_LE(surface.focus.map->nearest, array.nearest() + 1e-9) << "nothing nearer than cameras can tell";
+        }
+      }
     }
   }
+  bool shows_surface() const { return shown_view(request).focus.map != nullptr; }
   // Share of the nodes within a tenth of the distance they should be at.
   double right() const {
-    const FocalMap& map = *request.view.focus.map;
+    const FocalMap& map = *surface.focus.map;
     int good = 0, all = 0;
     for (int j = 0; j < map.rows; j++)
       for (int i = 0; i < map.columns; i++) {
-        const double u = (*request.view.lens.unproject({4 * i + 1.5, 4 * j + 1.5})).x;
-        const double x = request.view.pose.position.x + 1.5 / walls.nearer * u, distance = walls.nearer / map.inverse_of(map.levels[j * 40 + i]);
+        const double u = (*surface.lens.unproject({4 * i + 1.5, 4 * j + 1.5})).x;
+        const double x = surface.pose.position.x + 1.5 / walls.nearer * u;
+        const double distance = walls.nearer / map.inverse_of(map.levels[j * 40 + i]);
         if (!walls.is_flat && std::abs(x) < 0.06) continue;  // at the edge
         all++;
         good += std::abs(distance / (!walls.is_flat && x > 0 ? 1.5 : 3) - 1) < 0.1;
@@ -45,8 +67,13 @@ struct Loop {
     return static_cast<double>(good) / all;
   }
   ArrayOfWalls walls;
+  FocusArray array;
   FocusControl control;
+  bool is_automatic;
+  View viewers;
+  CameraSet out_of_service;
   ViewRequest request;
+  View surface;  // the latest that was found
   size_t trials = 0;
 };
 
@@ -60,7 +87,8 @@ TEST(FocusControl, LeavesAPlaneAlone) {
 TEST(FocusControl, BeginsOnTheViewersPlane) {
   Loop loop(FocusMode::kSurface, false);
   loop.run(1);
-  const FocalMap& map = *loop.request.view.focus.map;
+  EXPECT_FALSE(loop.shows_surface());
+  const FocalMap& map = *loop.surface.focus.map;
   for (const uint8_t level : map.levels) EXPECT_NEAR(1 / map.inverse_of(level), 3, 0.03);
   EXPECT_NEAR(1 / map.nearest, 1.2, 1e-12);
   EXPECT_NEAR(1 / map.farthest, 6, 1e-12);
@@ -73,6 +101,7 @@ TEST(FocusControl, FindsTwoWallsWithinADozenRounds) {
     Loop loop(mode, false);
     loop.run(14);
     EXPECT_GT(loop.right(), 0.97);
+    EXPECT_TRUE(loop.shows_surface());
     EXPECT_FALSE(loop.control.state().flat);
   }
 }
@@ -82,7 +111,7 @@ TEST(FocusControl, RestsWhereThereIsNothingMoreToFind) {
   loop.run(60);
   EXPECT_EQ(loop.control.state().interval, FocusControl::kLongestFlatRest);
   EXPECT_TRUE(loop.control.state().flat);
-  const std::vector<uint8_t>& levels = loop.request.view.focus.map->levels;
+  const std::vector<uint8_t>& levels = loop.surface.focus.map->levels;
   EXPECT_EQ(std::ranges::adjacent_find(levels, std::not_equal_to<>()), levels.end()) << "one plane";
   EXPECT_GT(loop.right(), 0.99);
   const size_t before = loop.trials;
@@ -120,8 +149,8 @@ TEST(FocusControl, TheRangeOfDepthsFollowsTheScene) {
   for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto}) {
     Loop loop(mode, false, 0, 0);
     loop.run(1);
-    EXPECT_NEAR(loop.control.state().near, 1.2, 1e-9) << "0.4 times the viewer's focus distance";
-    EXPECT_NEAR(loop.control.state().far, 12, 1e-9);
+    EXPECT_NEAR(loop.control.state().near, 1 / loop.array.nearest(), 1e-9) << "all that cameras can tell";
+    EXPECT_EQ(loop.control.state().far, std::numeric_limits<double>::infinity());
     loop.run(30);
     EXPECT_GT(loop.right(), 0.97);
     EXPECT_LT(loop.control.state().near, 1.5);
@@ -130,8 +159,118 @@ TEST(FocusControl, TheRangeOfDepthsFollowsTheScene) {
   }
   Loop flat(FocusMode::kAuto, true, 0, 0);
   flat.run(30);
-  EXPECT_NEAR(flat.control.state().near, 2, 0.1) << "3 m, and half as near again";
-  EXPECT_NEAR(flat.control.state().far, 4.5, 0.2);
+  const double near = 1 / flat.control.state().near, far = 1 / flat.control.state().far;
+  EXPECT_LT((near - far) * flat.array.disparity(), 255 / 16. + 0.1) << "levels need be no finer than 1/16 pixel";
+  EXPECT_GT(near, 1.4 / 3) << "half as near again";
+  EXPECT_LT(far, 1 / 4.5);
+}
+
+// A rig that nobody knows has no limits but the viewer's plane.
+TEST(FocusControl, WithoutARigThePlaneSaysWhatIsNear) {
+  Loop loop(FocusMode::kSurface, false, 0, 0);
+  loop.array = Plane{{0, 0, 1}, 0};
+  loop.is_automatic = false;
+  loop.run(1);
+  EXPECT_NEAR(loop.control.state().near, FocusControl::kNearest * 3, 1e-9);
+  loop.run(30);
+  EXPECT_GT(loop.right(), 0.97);
+}
+
+TEST(FocusControl, AViewersPlaneThatIsFarOffEndsAtTheSurface) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto})
+    for (const double too_far : {1 / 40., 1 / 5., 1., 5., 40.}) {
+      SCOPED_TRACE(std::to_string(too_far) + " times as far");
+      Loop loop(mode, false, 0, 0);
+      loop.focus(3 * too_far);
+      loop.run(15);
+      EXPECT_GT(loop.right(), 0.97);
+      EXPECT_TRUE(loop.shows_surface());
+      loop.run(40);
+      EXPECT_GT(loop.right(), 0.97);
+      EXPECT_TRUE(loop.shows_surface());
+      EXPECT_EQ(loop.control.state().looks, 0u);
+    }
+}
+
+// Nor does anyone who looks far too near or too far lose a flat scene: it is drawn where it is, be that through a plane
+// or through a surface, with trials only now and then.
+TEST(FocusControl, AFlatSceneIsFoundFromAPlaneThatIsFarOff) {
+  for (const double too_far : {1 / 40., 1 / 5., 5., 40.}) {
+    SCOPED_TRACE(std::to_string(too_far) + " times as far");
+    Loop loop(FocusMode::kAuto, true, 0, 0);
+    loop.focus(3 * too_far);
+    loop.run(60);
+    EXPECT_GT(loop.right(), 0.99);
+    if (!loop.shows_surface()) {
+      const Plane shown = shown_view(loop.request).focus.plane;
+      EXPECT_NEAR(-shown.normal.z / shown.d, 1 / 3., 0.5 / loop.array.disparity()) << "to half a pixel";
+    }
+    const size_t before = loop.trials;
+    loop.run(64);
+    EXPECT_LE(loop.trials - before, 64u / FocusControl::kLongestRest * 5);
+  }
+}
+
+TEST(FocusControl, ASingleCameraNeverLeavesThePlane) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto}) {
+    Loop loop(mode, false, 0, 0);
+    const Rig one = scene_rig(1, 1, 160, 120);
+    loop.array = FocusArray(one);
+    for (int i = 0; i < 30; i++) {
+      loop.run(1);
+      EXPECT_EQ(loop.request.view.focus.map, nullptr);
+    }
+    EXPECT_EQ(loop.trials, 0u);
+  }
+}
+
+TEST(FocusControl, WithOneCameraInServiceThePlaneIsShown) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto}) {
+    Loop loop(mode, false, 0, 0);
+    loop.run(20);
+    EXPECT_TRUE(loop.shows_surface());
+    for (CameraIndex i = 0; i < loop.walls.rig.cameras.size(); i++)
+      if (i != 4) loop.out_of_service.push_back(i);
+    loop.run(2);
+    for (int i = 0; i < 40; i++) {
+      loop.run(1);
+      EXPECT_FALSE(loop.shows_surface()) << i;
+    }
+  }
+}
+
+TEST(FocusControl, WithTheEyeAtACameraThePlaneIsShown) {
+  for (const FocusMode mode : {FocusMode::kSurface, FocusMode::kAuto})
+    for (const double beside : {0., 0.0005}) {
+      Loop loop(mode, false, 0, 0);
+      loop.look_from(loop.walls.rig.cameras[4].pose.position + Vec3(beside, 0, 0));
+      for (int i = 0; i < 100; i++) {
+        loop.run(1);
+        ASSERT_FALSE(loop.shows_surface()) << i << ", " << beside;
+      }
+      // And the surface again, once others have a say.
+      loop.look_from({0.013, -0.017, 0});
+      loop.run(40);
+      EXPECT_TRUE(loop.shows_surface());
+      EXPECT_GT(loop.right(), 0.97);
+    }
+}
+
+TEST(FocusControl, TheSurfaceIsHiddenWhenThePlaneBecomesBetter) {
+  Loop loop(FocusMode::kSurface, false, 0, 0);
+  loop.run(20);
+  EXPECT_TRUE(loop.shows_surface());
+  loop.walls = ArrayOfWalls(true);  // all of it on the viewer's plane
+  loop.run(8);
+  EXPECT_FALSE(loop.shows_surface());
+  for (int i = 0; i < 60; i++) {
+    loop.run(1);
+    EXPECT_FALSE(loop.shows_surface()) << i << ": no surface is better";
+  }
+  loop.walls = ArrayOfWalls(false);
+  loop.run(30);
+  EXPECT_TRUE(loop.shows_surface());
+  EXPECT_GT(loop.right(), 0.97);
 }
 
 TEST(FocusControl, FindsASceneThatLeftTheRange) {
@@ -157,18 +296,21 @@ struct DelayedLoop : Loop {
       requests.pop_front();
       run(1);
       requests.push_back(request);
+      surfaces.push_back(surface);
+      if (surfaces.size() > requests.size()) surfaces.pop_front();
     }
   }
   // Of all surfaces that are underway.
   double least_right() {
     double least = 1;
-    for (const ViewRequest& r : requests) {
-      request = r;
+    for (const View& underway : surfaces) {
+      surface = underway;
       least = std::min(least, right());
     }
     return least;
   }
   std::deque<ViewRequest> requests;
+  std::deque<View> surfaces;
 };
 
 TEST(FocusControl, ManyRequestsUnderwayMakeOneSurface) {

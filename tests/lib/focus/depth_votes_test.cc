@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/depth_votes.h"
+
+#include <gtest/gtest.h>
+
+namespace lf {
+namespace {
+
+constexpr double kNearest = 10, kBin = kNearest / 1024;
+constexpr int kNodes = 1000;
+
+// Rounds of a map of kNodes nodes, in each of which so many tell that something is at an inverse distance.
+struct Votes {
+  struct At {
+    double inverse;
+    int nodes;
+  };
+  void add(const std::vector<At>& told) {
+    FocalMap map;
+    map.columns = kNodes;
+    map.rows = 1;
+    map.farthest = 0;
+    map.nearest = kNearest;
+    map.levels.assign(kNodes, 255);  // where chance put those that cannot tell
+    SurfaceChoice choice;
+    choice.informed.assign(kNodes, 0);
+    size_t node = 0;
+    for (const At& at : told)
+      for (int k = 0; k < at.nodes; k++, node++) {
+        map.levels[node] = map.level_of(at.inverse);
+        choice.informed[node] = 1;
+      }
+    votes.add(map, choice);
+  }
+  // The range covers from the one to the other, but for levels, and a bin to each side.
+  void expect(double farthest, double nearest) const {
+    constexpr double kBound = kNearest / 255 / 2 + kBin;
+    const std::optional<DepthRange> range = votes.range();
+    ASSERT_TRUE(range.has_value());
+    EXPECT_NEAR(range->farthest, farthest, kBound);
+    EXPECT_NEAR(range->nearest, nearest, kBound);
+    EXPECT_LT(range->farthest, range->nearest);
+  }
+  DepthVotes votes{kNearest};
+};
+
+TEST(DepthVotes, WithoutVotesNothingIsKnown) {
+  Votes v;
+  EXPECT_FALSE(v.votes.range().has_value());
+  v.add({});
+  EXPECT_FALSE(v.votes.range().has_value());
+  v.add({{2, 10}});
+  EXPECT_FALSE(v.votes.range().has_value()) << "too few of the nodes";
+  v.add({{2, 20}});
+  v.expect(2, 2);
+  v.votes.clear();
+  EXPECT_FALSE(v.votes.range().has_value());
+}
+
+TEST(DepthVotes, CoverTheScene) {
+  Votes v;
+  v.add({{1, 100}, {2, 100}, {4, 100}});
+  v.expect(1, 4);
+  v.add({{6, 300}});
+  v.expect(1, 6);
+}
+
+TEST(DepthVotes, OutliersHaveNoSay) {
+  Votes few;
+  few.add({{0.5, 39}, {2, 422}, {3, 500}, {9, 39}});
+  few.expect(2, 3);
+  Votes more;
+  more.add({{0.5, 41}, {2, 418}, {3, 500}, {9, 41}});
+  more.expect(0.5, 9);
+}
+
+// Of what was seen once, and then no more, 0.8^n remain beside (1 - 0.8^n) / 0.2 of what is seen now: 5 % for n = 7,
+// and 3.9 % for n = 8.
+TEST(DepthVotes, EarlierOnesFade) {
+  Votes v;
+  v.add({{8, 500}});
+  for (int n = 1; n <= 20; n++) {
+    v.add({{2, 500}});
+    v.expect(2, n <= 7 ? 8 : 2);
+  }
+}
+
+TEST(DepthVotes, WhatIsNearerThanTheNearestCountsAsThat) {
+  Votes v;
+  v.votes = DepthVotes(kNearest / 2);
+  v.add({{1, 100}, {9, 100}});
+  const std::optional<DepthRange> range = v.votes.range();
+  ASSERT_TRUE(range.has_value());
+  EXPECT_DOUBLE_EQ(range->nearest, kNearest / 2);
+}
+
+}  // namespace
+}  // namespace lf

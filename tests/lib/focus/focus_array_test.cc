@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/focus_array.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "base/error.h"
+#include "scene/scene.h"
+
+namespace lf {
+namespace {
+
+constexpr int kSide = 4;  // cameras
+
+// An array in the plane z = 0 and a view of it with a focal map, from behind.
+struct Array {
+  Rig rig = scene_rig(kSide, kSide, 160, 120);
+  FocusArray array{rig};
+  double pitch = rig.cameras[1].pose.position.x - rig.cameras[0].pose.position.x;
+
+  View view_from(const Vec3& eye, double fov = 15) const {
+    View view;
+    view.width = 160;
+    view.height = 120;
+    view.lens = Lens::from_fov_y(fov, view.width, view.height);
+    view.pose.position = eye;
+    view.focus.plane = plane_through({0, 0, 3}, {0, 0, -1});
+    FocalMap map = FocalMap::for_view(view.width, view.height);
+    map.from = {{0, 0, 1}, 0};
+    map.farthest = 0.1;
+    map.nearest = 1;
+    map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 7);
+    view.focus.map = std::make_shared<FocalMap>(map);
+    return view;
+  }
+
+  // 1 - sum w^2 over that of three equal weights, where the line of sight of node i, j meets the cameras' plane. A
+  // camera's weight is a hat of six sides: a cell is split along the diagonal from its second to its third corner.
+  double squared(const View& view, double i, double j) const {
+    const Vec3 d(*view.lens.unproject({4 * i + 1.5, 4 * j + 1.5}), 1);
+    const Vec3 eye = view.pose.position, p = eye - eye.z / d.z * d;
+    double squares = 0, all = 0;
+    for (const Camera& camera : rig.cameras) {
+      const double x = (p.x - camera.pose.position.x) / pitch, y = (p.y - camera.pose.position.y) / pitch;
+      const double w = std::max(0., 1 - std::max({std::abs(x), std::abs(y), std::abs(x + y)}));
+      squares += w * w;
+      all += w;
+    }
+    EXPECT_NEAR(all, 1, 1e-9) << "the array covers the view";
+    return (1 - squares) / (2 / 3.);
+  }
+};
+
+TEST(FocusArray, EvidenceIsThatOfTheCamerasWeights) {
+  const Array a;
+  for (const Vec3& eye : {Vec3(0, 0, -0.2), Vec3(0.007, -0.011, -0.15), Vec3(-0.013, 0.009, 0)}) {
+    const View view = a.view_from(eye);
+    const FocalMap& map = *view.focus.map;
+    const std::vector<float> evidence = a.array.evidence(view, {});
+    ASSERT_EQ(evidence.size(), map.levels.size());
+    double least = 1, most = 0;
+    for (int j = 0; j < map.rows; j++)
+      for (int i = 0; i < map.columns; i++) {
+        const double is = evidence[static_cast<size_t>(j) * map.columns + i];
+        least = std::min(least, is);
+        most = std::max(most, is);
+        // Exact, but for weights of 24 bits, at every fourth node, and bilinear in between.
+        const int x = i / FocusArray::kApart * FocusArray::kApart, y = j / FocusArray::kApart * FocusArray::kApart;
+        const double u = (i - x) / 4., v = (j - y) / 4.;
+        const auto at = [&](int k, int l) { return std::sqrt(a.squared(view, k, l)); };
+        const double known =
+            (1 - v) * ((1 - u) * at(x, y) + u * at(x + 4, y)) + v * ((1 - u) * at(x, y + 4) + u * at(x + 4, y + 4));
+        ASSERT_NEAR(is, known, 2e-5) << i << ", " << j << " from " << eye.x;
+        // What that is beside a camera, where there is none, is what there is two nodes away.
+        ASSERT_NEAR(is * is, a.squared(view, i, j), 0.35) << i << ", " << j;
+      }
+    if (eye.z < 0) {
+      EXPECT_GT(most - least, 0.2) << "there is something to compare";
+    }
+  }
+}
+
+TEST(FocusArray, ACameraAloneTellsNothingAndThreeEqualOnesMost) {
+  const Array a;
+  const Vec3 camera = a.rig.cameras[kSide + 1].pose.position;
+  for (const float told : a.array.evidence(a.view_from(camera), {})) EXPECT_NEAR(told, 0, 1e-3);
+  const Vec3 middle = camera + a.pitch / 3 * Vec3(1, 1, 0);
+  for (const float told : a.array.evidence(a.view_from(middle), {})) EXPECT_NEAR(told, 1, 1e-6);
+  const Vec3 edge = camera + a.pitch / 2 * Vec3(1, 0, 0);
+  for (const float told : a.array.evidence(a.view_from(edge), {})) EXPECT_NEAR(told, std::sqrt(0.75), 1e-5);
+}
+
+TEST(FocusArray, WhereNoCameraHasAWeightThereIsNoEvidence) {
+  const Array a;
+  for (const float told : a.array.evidence(a.view_from({1, 0, 0}), {})) EXPECT_EQ(told, 0);
+}
+
+TEST(FocusArray, CamerasOutOfServiceTellNothing) {
+  const Array a;
+  CameraSet all_but_one;
+  for (CameraIndex i = 0; i < a.rig.cameras.size(); i++)
+    if (i != 5) all_but_one.push_back(i);
+  for (const float told : a.array.evidence(a.view_from({0.003, 0.004, -0.2}), all_but_one)) EXPECT_NEAR(told, 0, 1e-3);
+  EXPECT_THROW(a.array.evidence(a.view_from({}), {99}), Error);
+  // Where the eye was at a camera, its neighbours tell what it did not.
+  const View view = a.view_from(a.rig.cameras[5].pose.position);
+  for (const float told : a.array.evidence(view, {5})) EXPECT_GT(told, 0.5);
+}
+
+TEST(FocusArray, KnowsWhatItCanResolve) {
+  const Array a;
+  const double focal = a.rig.cameras[0].lens.fx();
+  EXPECT_TRUE(a.array.is_known());
+  EXPECT_NEAR(a.array.spacing(), a.pitch, 1e-12);
+  EXPECT_DOUBLE_EQ(a.array.focal(), focal);
+  EXPECT_NEAR(a.array.disparity(), a.pitch * focal, 1e-9);
+  // There a camera sees as much as two pitches.
+  EXPECT_NEAR(160 / focal / a.array.nearest(), 2 * a.pitch, 1e-12);
+  // What is there is at one end of an image and in the middle of its neighbour's.
+  EXPECT_NEAR(a.array.disparity() * a.array.nearest(), 80, 1e-9);
+}
+
+TEST(FocusArray, TheMedianOfCamerasCounts) {
+  Rig rig = scene_rig(1, 5, 160, 120);
+  const double pitch = rig.cameras[1].pose.position.x - rig.cameras[0].pose.position.x;
+  const double focal = rig.cameras[0].lens.fx();
+  rig.cameras[4].pose.position.x += 100;
+  rig.cameras[0].lens = Lens::pinhole(5000, 79.5, 59.5);
+  EXPECT_NEAR(FocusArray(rig).disparity(), pitch * focal, 1e-9);
+  EXPECT_NEAR(FocusArray(rig).nearest(), 160 / focal / 2 / pitch, 1e-9);
+}
+
+TEST(FocusArray, CamerasAtOnePlaceTellNoDepths) {
+  Rig rig = scene_rig(1, 2, 160, 120);
+  rig.cameras[1].pose.position = rig.cameras[0].pose.position;
+  for (const Rig& together : {rig, scene_rig(1, 1, 160, 120)}) {
+    const FocusArray array(together);
+    EXPECT_TRUE(array.is_known());
+    EXPECT_EQ(array.disparity(), 0);
+    EXPECT_EQ(array.nearest(), 0);
+  }
+}
+
+TEST(FocusArray, WithoutARigNothingIsKnownAndAllIsTold) {
+  const FocusArray array = Plane{{0, 0, 1}, 0.5};
+  EXPECT_FALSE(array.is_known());
+  EXPECT_EQ(array.from(), (Plane{{0, 0, 1}, 0.5}));
+  EXPECT_EQ(array.nearest(), 0);
+  EXPECT_EQ(array.disparity(), 0);
+  const View view = Array().view_from({});
+  EXPECT_EQ(array.evidence(view, {}), std::vector<float>(view.focus.map->levels.size(), 1));
+}
+
+}  // namespace
+}  // namespace lf
