@@ -9,6 +9,7 @@
 #include "focus/array_plane.h"
 #include "focus/boxed_luma.h"
 #include "focus/carry_over.h"
+#include "focus/focus_array.h"
 #include "focus/surface_choice.h"
 #include "focus/trial_renderer.h"
 #include "image/sharpen.h"
@@ -53,7 +54,7 @@ struct Scene {
       for (int i = 0; i < map.columns; i++)  // a ground that rises, and things on it
         map.levels.push_back(static_cast<uint8_t>(40 + j + (((i / 13 + j / 11) % 3 == 0) ? 60 : 0)));
     focused.focus.map = std::make_shared<FocalMap>(map);
-    for (const Trial& trial : trials_of_round(0)) trials.push_back(trial_levels(request.view, trial));
+    for (const Trial& trial : trials_of_round(0)) trials.push_back(trial_levels(focused, trial));
     sums.resize(trials.size());
   }
   std::vector<Source> sources(const std::vector<CameraIndex>& cameras) const {
@@ -128,7 +129,7 @@ void TrialLevels(benchmark::State& state) {
   const Scene scene(PixelFamily::kRgb);
   for (auto _ : state)
     for (const Trial& trial : trials_of_round(0))
-      benchmark::DoNotOptimize(trial_levels(*scene.focused.focus.map, trial));
+      benchmark::DoNotOptimize(trial_levels(scene.focused, trial));
   count(state);
 }
 BENCHMARK(TrialLevels);
@@ -157,10 +158,24 @@ BENCHMARK_CAPTURE(Trials, i420, PixelFamily::kI420);
 void Choice(benchmark::State& state) {
   Scene scene(PixelFamily::kRgb);
   scene.add_all(RenderJob(scene.rig, scene.mesh, trial_view(scene.focused), scene.own));
-  for (auto _ : state) benchmark::DoNotOptimize(choose_surface(*scene.focused.focus.map, scene.trials, scene.sums));
+  const FocalMap& map = *scene.focused.focus.map;
+  const FocusArray array(scene.rig);
+  const std::vector<float> evidence = array.evidence(scene.focused, {});
+  const ChoiceTerms terms{.evidence = evidence,
+                          .radius = 1,
+                          .levels_a_pixel = FocalMap::kLevels / (array.disparity() * (map.nearest - map.farthest))};
+  for (auto _ : state) benchmark::DoNotOptimize(choose_surface(map, scene.trials, scene.sums, terms));
   count(state);
 }
 BENCHMARK(Choice);
+
+void Evidence(benchmark::State& state) {
+  const Scene scene(PixelFamily::kRgb);
+  const FocusArray array(scene.rig);
+  for (auto _ : state) benchmark::DoNotOptimize(array.evidence(scene.focused, {}));
+  count(state);
+}
+BENCHMARK(Evidence);
 
 void CarryOver(benchmark::State& state) {
   const Scene scene(PixelFamily::kRgb);
