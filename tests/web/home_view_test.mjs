@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// What somebody sees who opens the page and touches nothing, in windows of many shapes: lf-serve's `auto` is not worse
+// than the viewer's plane, neither soon nor later. With LF_SECONDS=60 all windows are watched for so long, stills and
+// film.
+//
+// Both are seen as a browser shows them: two servers that differ in --focus-on alone, one encoder, bit rate and
+// decoder, so that what video costs is in both figures. The truth is ray-traced. Pixels count where cameras cover them in the
+// plane's picture, but for a border that video may blur into the dark.
+import { execFile } from 'node:child_process';
+import { mkdtemp, readFile, rm, writeFile } from 'node:fs/promises';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { promisify } from 'node:util';
+import { artefacts, expect, launchBrowser, makeFilm, makeRig, openPage, rendered, runTests, serve, shown, stateOf,
+  viewFile } from './harness.mjs';
+
+const kWindows = [[1280, 720], [800, 480], [480, 640], [360, 640], [640, 360]];
+const kFilm = Array.from({ length: 30 }, (_, i) => i / 15);  // times of makeFilm()'s frames, seconds
+const kStep = 0.5;  // seconds from one look to the next; the first is after one second
+const kPlaneSeconds = { stills: 2, film: 6 };  // enough to see it at its best, and most of a film
+const kSlack = 0.1;   // dB
+const kGain = 3;      // dB, that there must be in the end: the surface has come
+const chosenSeconds = Number(process.env.LF_SECONDS ?? 0);
+const browser = await launchBrowser();
+
+// The scene itself at each of these times: PNGs.
+async function truthOf(state, size, times) {
+  const out = await mkdtemp(join(tmpdir(), 'lf_web_truth_'));
+  const views = times.map((time, i) => ({ ...viewFile(state, size), name: `at_${i}`, time }));
+  await writeFile(join(out, 'views.json'), JSON.stringify({ format: 'lightfield-views', version: 1, views }));
+  // It films something beside the truth, always.
+  await promisify(execFile)(join(process.env.LF_TOOLS_DIR, 'lf-scene'), ['--out', out, '--grid', '1x1', '--width', '64',
+    '--height', '48', '--frames', '1', '--format', 'png', '--truth', join(out, 'views.json')]);
+  const truths = await Promise.all(views.map(({ name }) => readFile(join(out, 'truth', `${name}.png`))));
+  await rm(out, { recursive: true });
+  return truths;
+}
+
+// In a page that is not connected: connects, and looks `step` by `step` at what is shown, from one second after the
+// first picture on. Each look is compared with the truth that fits best, which is number `frame`. Returns the part of
+// pixels that count, the looks, and the last picture and the worst as PNGs.
+async function watchVideo({ truths, covered, seconds, step }) {
+  const pixelsOf = async data => {
+    const image = await createImageBitmap(new Blob([Uint8Array.from(atob(data), c => c.charCodeAt(0))]));
+    const context = new OffscreenCanvas(image.width, image.height).getContext('2d');
+    context.drawImage(image, 0, 0);
+    return context.getImageData(0, 0, image.width, image.height);
+  };
+  const scenes = [];
+  for (const data of truths) scenes.push((await pixelsOf(data)).data);
+  const { data: plane, width, height } = await pixelsOf(covered);
+  const border = 8, counted = [];
+  const isDark = (x, y) => {
+    const at = 4 * (y * width + x);
+    return x >= 0 && y >= 0 && x < width && y < height && plane[at] + plane[at + 1] + plane[at + 2] === 0;
+  };
+  for (let y = 0; y < height; y++)
+    for (let x = 0; x < width; x++)
+      if (![[0, 0], [border, 0], [-border, 0], [0, border], [0, -border]].some(([dx, dy]) => isDark(x + dx, y + dy)))
+        counted.push(4 * (y * width + x));
+  const psnrOf = (data, scene) => {
+    let error = 0;
+    for (const i of counted)
+      error += (data[i] - scene[i]) ** 2 + (data[i + 1] - scene[i + 1]) ** 2 + (data[i + 2] - scene[i + 2]) ** 2;
+    return 10 * Math.log10(255 ** 2 * 3 * counted.length / Math.max(error, 1e-9));
+  };
+
+  const viewer = document.querySelector('lightfield-viewer'), { video } = viewer;
+  const canvas = Object.assign(document.createElement('canvas'), { width, height });
+  const context = canvas.getContext('2d', { willReadFrequently: true });
+  const nextPicture = () => new Promise(done => video.requestVideoFrameCallback(done));
+  const png = () => canvas.toDataURL('image/png').split(',')[1];
+  viewer.connect();
+  await nextPicture();
+  const began = performance.now(), looks = [];
+  let worst = Infinity, worstPng;
+  for (let second = 1; second <= seconds; second += step) {
+    await new Promise(done => setTimeout(done, began + 1000 * second - performance.now()));
+    await nextPicture();
+    const at = (performance.now() - began) / 1000;
+    context.drawImage(video, 0, 0, width, height);  // where the network is bad, video is smaller
+    const { data } = context.getImageData(0, 0, width, height);
+    const psnrs = scenes.map(scene => psnrOf(data, scene)), psnr = Math.max(...psnrs);
+    looks.push({ at, psnr, frame: psnrs.indexOf(psnr), focus: viewer.figures.focus });
+    if (psnr < worst) [worst, worstPng] = [psnr, png()];
+  }
+  return { part: counted.length / (width * height), looks, last: png(), worst: worstPng };
+}
+
+// A page that has left the server, what its home view was, and how large: its sides are not always the window's.
+async function openAndLeave(served, window) {
+  const page = await openPage(browser, served.url, window);
+  await shown(page);
+  const state = await stateOf(page);
+  const size = await page.evaluate(() => {
+    const viewer = document.querySelector('lightfield-viewer'), { videoWidth: width, videoHeight: height } = viewer.video;
+    viewer.disconnect();
+    return { width, height };
+  });
+  return { page, state, size };
+}
+
+// Watches the viewer's plane for a little, then `auto` for these seconds, and compares.
+async function homeView(folder, kind, [width, height], seconds) {
+  const seen = {};
+  let known;
+  for (const mode of ['plane', 'auto']) {
+    // From where the page of lf-serve without a rig begins.
+    const served = await serve('--rig', join(folder, 'rig.json'), '--focus', '2.2', '--focus-on', mode);
+    const { page, state, size } = await openAndLeave(served, { width, height });
+    if (!known) {
+      const truths = await truthOf(state, size, kind === 'film' ? kFilm : [0]);
+      const covered = await rendered(folder, state, size);
+      known = { state, size, truths: truths.map(png => png.toString('base64')), covered: covered.toString('base64') };
+    }
+    expect(JSON.stringify([state, size]) === JSON.stringify([known.state, known.size]), 'not the same view of all');
+    seen[mode] = await page.evaluate(watchVideo,
+      { ...known, seconds: mode === 'plane' ? Math.min(seconds, kPlaneSeconds[kind]) : seconds, step: kStep });
+    expect(!page.problems.length, page.problems.join('; '));
+    await page.context().close();
+    await served.stop();
+  }
+  const { plane, auto } = seen, name = `${kind} in ${width}x${height}`;
+  for (const which of ['last', 'worst'])
+    await writeFile(join(artefacts, `home-${kind}-${width}x${height}-${which}.png`),
+      Buffer.from(auto[which], 'base64'));
+  // The plane at its best: of film when it was nearest to the same moment of the scene.
+  const apart = (a, b) => Math.min(Math.abs(a - b), known.truths.length - Math.abs(a - b));
+  const planeAt = frame => {
+    const nearest = Math.min(...plane.looks.map(look => apart(look.frame, frame)));
+    return Math.max(...plane.looks.filter(look => apart(look.frame, frame) === nearest).map(look => look.psnr));
+  };
+  const rows = auto.looks.map(look => ({ ...look, gain: look.psnr - planeAt(look.frame) }));
+  const told = ({ at, psnr, gain }) =>
+    `after ${at.toFixed(1)} s ${psnr.toFixed(1)} dB, ${gain.toFixed(2)} more than the plane`;
+  const worst = rows.reduce((a, b) => b.gain < a.gain ? b : a);
+  const some = rows.filter(({ at }, i) => i === 0 || i === rows.length - 1 || Math.abs(at - 10) < kStep / 2);
+  console.log(`# ${name}, ${(100 * auto.part).toFixed(0)} % counted: ${some.map(told).join('; ')}; ` +
+    `worst: ${told(worst)}`);
+  expect(auto.part > 0.3, `${name}: only ${(100 * auto.part).toFixed(0)} % of the picture is covered`);
+  expect(worst.gain >= -kSlack, `${name}: ${told(worst)}: ${JSON.stringify(worst.focus)}`);
+  if (seconds >= 10) expect(rows.at(-1).gain >= kGain, `${name}: no surface: ${told(rows.at(-1))}`);
+}
+
+const stills = await makeRig('8x8');
+const film = await makeFilm(chosenSeconds ? '8x8' : '4x4');  // the large one takes a minute
+const watched = (kind, folder, window, seconds) =>
+  [`the home view of ${kind} in ${window.join('x')}`, () => homeView(folder, kind, window, chosenSeconds || seconds)];
+await runTests([
+  ...kWindows.map((window, i) => watched('stills', stills, window, i ? 1 : 10)),
+  ...kWindows.filter((_, i) => chosenSeconds || i === 4).map(window => watched('film', film, window, 4)),
+]);
