@@ -321,6 +321,7 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
     gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request));
     return GST_FLOW_OK;
   }
+  state.focus.keep_up(lf_compositor_is_complete(self));
   // Before the picture is made: the next request may wait for it.
   if (!self->partial && state.current->view.focus.map) lf_compositor_find_focus(self);
   GstFlowReturn flow = GST_FLOW_OK;

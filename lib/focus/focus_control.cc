@@ -26,7 +26,7 @@ constexpr double kSweepStep = 1.5;                     // the same of a sweep wh
 constexpr unsigned kMostSweeps = 4;
 
 // 255 levels need not tell less than this apart.
-constexpr double kFinestLevel = 1. / 16;  // pixels of disparity
+constexpr double kFinestLevel = 1. / 32;  // pixels of disparity
 
 // What is looked at lies around the scene: so much farther and nearer, to notice what comes from there.
 constexpr double kBeyond = 1.5;
@@ -73,8 +73,9 @@ std::deque<std::vector<Trial>> requests_of(const std::vector<int16_t>& levels) {
 }  // namespace
 
 void FocusControl::begin(const ViewRequest& request, const FocusArray& array, View& view) {
-  const FocusControl fresh(settings_);
-  *this = fresh;
+  FocusControl fresh(settings_);
+  fresh.load_ = load_;
+  *this = std::move(fresh);
   begun_ = true;
   const double focused = plane_inverse(request.view, array.from(), {0, 0, 1});
   const double distance = focused > 0 ? 1 / focused : 1;
@@ -266,6 +267,17 @@ void FocusControl::compare_with_plane(const SurfaceChoice& choice, const std::ve
   }
 }
 
+void FocusControl::keep_up(bool complete) {
+  constexpr unsigned kRecovered = 30;  // pictures
+  if (!complete) {
+    load_ = std::min(2 * load_, kLeastTrials);
+    in_time_ = 0;
+  } else if (++in_time_ >= kRecovered) {
+    load_ = std::max(load_ / 2, 1u);
+    in_time_ = 0;
+  }
+}
+
 // Nothing tells depths apart: the viewer's plane it is, until something has changed.
 void FocusControl::give_up() {
   stage_ = Stage::kNothing;
@@ -275,6 +287,8 @@ void FocusControl::give_up() {
 }
 
 std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
+  if (++held_ < load_) return {};
+  held_ = 0;
   if (!sweeps_.empty()) {
     std::vector<Trial> trials = std::move(sweeps_.front());
     sweeps_.pop_front();

@@ -71,6 +71,11 @@ class FocusControl {
   };
   Plan next(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array);
 
+  // Whether a picture was complete in time. Where they are not there are fewer requests with trials: down to one in
+  // kLeastTrials, and slowly more again.
+  void keep_up(bool complete);
+  static constexpr unsigned kLeastTrials = 4;
+
   // What it came to, for statistics.
   struct State {
     unsigned rounds = 0;   // trials whose moments came
@@ -131,6 +136,9 @@ class FocusControl {
   unsigned quiet_ = 0;     // rounds in a row that were not worth while
   unsigned skipped_ = 0;   // requests since the last trials
   unsigned settling_ = 0;  // rounds until deviations tell something again
+  unsigned load_ = 1;      // requests for one that may have trials: see keep_up()
+  unsigned in_time_ = 0;   // pictures in a row
+  unsigned held_ = 0;      // requests since one that might have had trials
   unsigned looks_ = 0;     // in a row that did not help
 };
 

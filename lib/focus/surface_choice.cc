@@ -86,18 +86,26 @@ void agree_with_neighbours(const Round& round, SurfaceChoice& choice) {
         const float smooth =
             told ? static_cast<float>(kSmooth * choice.residual) * round.terms.evidence[i] + kSmoothNoise : 1;
         const float weight = smooth / (apart * static_cast<float>(std::max(count, 1)));
-        float least = kInfinity;
-        for (size_t t = 0; t < round.costs.size(); t++) {
-          if (!(round.costs[t][i] < kInfinity)) continue;
+        const auto steps_of = [&](size_t t) {
           float steps = 0;
           for (int k = 0; k < count; k++)
             steps += std::min(static_cast<float>(std::abs(round.levels[t][i] - around[k])), apart);
-          const float lead = t == 0 ? 0 : told ? choice.lead[i] : kUntoldLead;
-          const float cost = weight * steps + (told ? round.costs[t][i] : 0) + lead;
-          if (!(cost < least)) continue;
+          return weight * steps;
+        };
+        const auto cost_of = [&](size_t t, float steps) {
+          return steps + (told ? round.costs[t][i] : 0) + (t == 0 ? 0 : told ? choice.lead[i] : kUntoldLead);
+        };
+        // The first of those that cost least. Most nodes stay: others cost more already without their steps.
+        size_t best = choice.chosen[i];
+        float least = cost_of(best, steps_of(best));
+        for (size_t t = 0; t < round.costs.size(); t++) {
+          if (t == best || !(round.costs[t][i] < kInfinity) || cost_of(t, 0) > least) continue;
+          const float cost = cost_of(t, steps_of(t));
+          if (!(cost < least || (cost == least && t < best))) continue;
           least = cost;
-          choice.chosen[i] = static_cast<uint8_t>(t);
+          best = t;
         }
+        choice.chosen[i] = static_cast<uint8_t>(best);
         at[i] = round.levels[choice.chosen[i]][i];
         choice.least[i] = round.costs[choice.chosen[i]][i];
       }

@@ -354,5 +354,23 @@ TEST(FocusControl, KeepsTheRangeItWasTold) {
   EXPECT_NEAR(loop.control.state().far, 6, 1e-12);
 }
 
+TEST(FocusControl, FewerRequestsHaveTrialsWherePicturesAreLate) {
+  Loop punctual(FocusMode::kSurface, false), late(FocusMode::kSurface, false);
+  for (int i = 0; i < 60; i++) {
+    punctual.control.keep_up(true);
+    punctual.run(1);
+    late.control.keep_up(false);
+    late.run(1);
+  }
+  EXPECT_LE(late.trials, punctual.trials / 2);
+  EXPECT_GT(late.right(), 0.95) << "the surface comes all the same";
+  late.trials = 0;
+  for (int i = 0; i < 180; i++) {
+    late.control.keep_up(true);
+    late.run(1);
+  }
+  EXPECT_GT(late.trials, 4 * 60u) << "and they come back";
+}
+
 }  // namespace
 }  // namespace lf
