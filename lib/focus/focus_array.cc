@@ -79,7 +79,7 @@ std::vector<float> FocusArray::evidence(const View& view, const CameraSet& out_o
   sparse.focus.plane = focal_plane_at(view.pose, 1);
   std::vector<CameraIndex> all(rig_->cameras.size());
   std::iota(all.begin(), all.end(), 0);
-  const RenderJob job(*rig_, mesh_.get(*rig_, out_of_service), sparse, all);
+  const RenderJob job(*rig_, given_mesh_ ? *given_mesh_ : mesh_.get(*rig_, out_of_service), sparse, all);
   constexpr double kThreeEqual = 2. / 3;
   const std::vector<float> known = sparse_evidence(job, 1 / std::sqrt(kThreeEqual));
 

@@ -17,6 +17,8 @@ class FocusArray {
   FocusArray(const Plane& from) : from_(from) {}  // NOLINT(google-explicit-constructor)
   // The rig must outlive this and have a camera.
   explicit FocusArray(const Rig& rig);
+  // The same where views are blended by this mesh, which must outlive this, whichever cameras are out of service.
+  FocusArray(const Rig& rig, const Mesh& mesh) : FocusArray(rig) { given_mesh_ = &mesh; }
 
   // What focal maps count distances from: see array_plane().
   const Plane& from() const { return from_; }
@@ -43,6 +45,7 @@ class FocusArray {
   Plane from_;
   double nearest_ = 0, disparity_ = 0, spacing_ = 0, focal_ = 0;
   const Rig* rig_ = nullptr;
+  const Mesh* given_mesh_ = nullptr;
   mutable MeshCache mesh_;
 };
 

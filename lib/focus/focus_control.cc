@@ -169,11 +169,12 @@ bool FocusControl::is_worthwhile(const SurfaceChoice& choice, double enough) {
   const double before = std::exchange(gained_before_, choice.gained), gained = std::max(before, choice.gained);
   if (state_.flat && choice.gained >= enough) return true;
   if (state_.interval > 1) {
-    if (gained < kMoreAtRest * usual_gain_ + enough) return false;
+    if (gained < kMoreAtRest * usual_gain_ + enough && choice.cost[0] < kMoreAtRest * rested_ + enough) return false;
     least_reached_ = std::numeric_limits<double>::infinity();
     return true;
   }
   usual_gain_ = gained;
+  rested_ = choice.cost[0];
   const double reached = choice.cost[0] - choice.gained;
   const bool better = reached < least_reached_ - enough;
   if (better) least_reached_ = reached;
@@ -189,9 +190,11 @@ bool FocusControl::is_another_scene() {
     return false;
   }
   if (!(usual_ > 0)) usual_ = now;
-  if (now <= kOtherFactor * usual_ + kOtherMore) {
-    constexpr double kSlowly = 0.05;
-    usual_ = std::min(now, usual_ + kSlowly * (now - usual_));
+  // What moves makes cameras disagree for a while: a surface that is still far better than any plane is about right.
+  constexpr double kStillBetter = 0.2;
+  if (now <= kOtherFactor * usual_ + kOtherMore || state_.bought > kStillBetter * now) {
+    constexpr double kSlowly = 0.1;
+    usual_ += kSlowly * (now - usual_);
     looks_ = 0;
     return false;
   }
@@ -261,7 +264,9 @@ void FocusControl::compare_with_plane(const SurfaceChoice& choice, const std::ve
     return;
   }
   if (state_.on_plane) {
-    if (of_surface < kShown * of_plane && of_plane - of_surface > kWorthShowing) state_.on_plane = false;
+    // One plane for all nodes is no matter of luck.
+    const double worth = state_.flat ? 0 : kWorthShowing;
+    if (of_surface < kShown * of_plane && of_plane - of_surface > worth) state_.on_plane = false;
   } else if (of_surface > kHidden * of_plane) {
     state_.on_plane = true;
   }
@@ -315,10 +320,10 @@ std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
   const unsigned round = round_++;
   if (state_.flat) {
     // There are no edges to move: planes nearby, and planes all over.
-    constexpr int kNearby = 6;
+    constexpr int kNearby[] = {8, 4, 2, 1};  // levels, by turns
     trials = trials_of_round(round);
     trials.erase(trials.begin() + 1, trials.end() - 1);
-    for (const int by : {kNearby, -(kNearby / 2)})
+    for (const int by : {-kNearby[round % 4], kNearby[round % 4]})
       trials.push_back({Trial::Kind::kPlane, static_cast<int16_t>(std::clamp(map.levels.front() + by, 0, 255))});
   } else {
     trials = trials_of_round(round, is_automatic() ? scene_levels(map) : LevelRange{});
@@ -326,7 +331,7 @@ std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
     if (settings_.mode == FocusMode::kAuto && round_ % 3 == 0)
       trials.back() = {Trial::Kind::kPlane, median(map.levels)};
   }
-  if (round % kPlaneEvery == 0) trials.back() = {Trial::Kind::kFocused, 0};
+  if (round % kPlaneEvery == 0) trials[state_.flat ? 1 : trials.size() - 1] = {Trial::Kind::kFocused, 0};
   state_.trials = static_cast<unsigned>(trials.size());
   return trials;
 }
@@ -389,7 +394,9 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
     const bool found = votes_.range().has_value();
     if (found) follow_range(*searched);
     if (!found) use_range({0, reach_}, *searched);
-    *searched = plane_map(request.view, array.from(), searched->nearest, searched->farthest);
+    // A surface that is shown stays while another one is looked for.
+    if (!found || state_.on_plane)
+      *searched = plane_map(request.view, array.from(), searched->nearest, searched->farthest);
     if (found)
       sweep(*searched);
     else

@@ -129,6 +129,7 @@ class FocusControl {
   DepthVotes votes_;
   std::optional<DepthRange> range_;  // of all maps, where it follows the scene
   std::vector<double> plane_deviations_;  // of the best plane of each of the latest rounds
+  double rested_ = 0;  // deviation before the rest
   double gained_before_ = 0, usual_gain_ = 0;  // see is_worthwhile()
   double least_reached_ = std::numeric_limits<double>::infinity();
   double usual_ = 0;       // deviation that there used to be; 0: not known yet

@@ -12,7 +12,7 @@ View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const Camer
                  const FocusControl::Settings& settings, int rounds) {
   std::vector<CameraIndex> all(rig.cameras.size());
   std::iota(all.begin(), all.end(), 0);
-  const FocusArray array(rig);
+  const FocusArray array(rig, mesh);
   std::map<CameraIndex, Image> kept;  // an image given is only good until the next one
   FocusControl control(settings);
   ViewRequest request;
