@@ -116,8 +116,9 @@ void FocusControl::sweep(const FocalMap& map) {
   LevelRange scene = scene_levels(map);
   const double per_level = (map.nearest - map.farthest) / FocalMap::kLevels;
   if (const std::optional<DepthRange> known = votes_.range(); known && disparity_ > 0) {
-    // What lies between two planes of a search has no votes: as far beyond the scene as the next plane.
-    const double step = std::max(kSearchStep / disparity_, kSearchPart * known->nearest);
+    // What lies between two planes of a search has no votes: it may lie half-way beyond the scene,
+    // and what votes is not exactly there.
+    const double step = std::max(kSearchStep / disparity_, kSearchPart * known->nearest) * 0.75;
     scene.first = std::min<int>(scene.first, map.level_of(known->farthest - step));
     scene.last = std::max<int>(scene.last, map.level_of(known->nearest + step));
   }
