@@ -58,7 +58,7 @@ async function namesTheBadOne() {
 
 async function ofGoodCamerasNoneStandsOut() {
   await writeFile(file, good);
-  const viewer = await open('--monitor', '1');
+  const viewer = await open('--monitor', '1', '--focus-on', 'plane');
   await until(async () => await turns(viewer.page) > 60, 'two rounds');
   const said = await words(viewer.page);
   expect(said.includes('none stands out') && said.includes('the viewer’s plane'), said);
