@@ -66,7 +66,8 @@ static bool add_camera_trials(LfCompositor* self, std::span<const uint8_t> bytes
   if (!state.rig) {
     if (!state.warned_rig)
       GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
-                          ("Nodes answer trials camera by camera: set the property \"rig\" to add them up."), (nullptr));
+                          ("Nodes answer trials camera by camera: set the property \"rig\" to add them up."),
+                          (nullptr));
     state.warned_rig = true;
     return *reason = "the rig is not known", false;
   }

@@ -12,10 +12,9 @@ GstEvent* focal_surface_event(const ViewRequest& request, const FocusControl::Pl
   next.on_plane = plan.on_plane;
   if (plan.plane) next.view.focus.plane = *plan.plane;
   GstBuffer* buffer = encode_request_buffer(next);
-  GstStructure* structure =
-      gst_structure_new(LF_FOCAL_SURFACE_EVENT, "lf-view-id", G_TYPE_UINT, request.view_id, "sequence", G_TYPE_UINT,
-                        request.sequence, "request", GST_TYPE_BUFFER, buffer, "other-plane", G_TYPE_BOOLEAN,
-                        plan.plane.has_value(), nullptr);
+  GstStructure* structure = gst_structure_new(LF_FOCAL_SURFACE_EVENT, "lf-view-id", G_TYPE_UINT, request.view_id,
+                                              "sequence", G_TYPE_UINT, request.sequence, "request", GST_TYPE_BUFFER,
+                                              buffer, "other-plane", G_TYPE_BOOLEAN, plan.plane.has_value(), nullptr);
   gst_buffer_unref(buffer);
   return gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, structure);
 }
@@ -29,9 +28,8 @@ bool parse_focal_surface(GstEvent* event, FocalSurfaceNews* news) {
   const GstStructure* structure = gst_event_get_structure(event);
   g_autoptr(GstBuffer) buffer = nullptr;
   gboolean other_plane = FALSE;
-  if (!gst_structure_get(structure, "lf-view-id", G_TYPE_UINT, &news->view_id, "sequence", G_TYPE_UINT,
-                         &news->sequence, "request", GST_TYPE_BUFFER, &buffer, "other-plane", G_TYPE_BOOLEAN,
-                         &other_plane, nullptr))
+  if (!gst_structure_get(structure, "lf-view-id", G_TYPE_UINT, &news->view_id, "sequence", G_TYPE_UINT, &news->sequence,
+                         "request", GST_TYPE_BUFFER, &buffer, "other-plane", G_TYPE_BOOLEAN, &other_plane, nullptr))
     return false;
   std::optional<ViewRequest> request = decode_request_buffer(buffer);
   if (!request) return false;

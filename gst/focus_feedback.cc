@@ -120,7 +120,8 @@ void FocusFeedback::apply(ViewRequest& request) {
   bool news_on_plane = false;
   {
     const std::lock_guard lock(mutex_);
-    now_ = -view.focus.plane.signed_distance(view.pose.position) / glm::dot(view.focus.plane.normal, view.pose.forward());
+    now_ =
+        -view.focus.plane.signed_distance(view.pose.position) / glm::dot(view.focus.plane.normal, view.pose.forward());
     if (!news_ || !news_->plan.view.focus.map) return;
     search_.reset();
     found_for = news_->plan.view;

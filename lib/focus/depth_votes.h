@@ -10,7 +10,8 @@
 namespace lf {
 
 // At which depths a scene is, by the nodes that could tell in the latest rounds of trials: others, which see one camera
-// alone, or no texture, or lie outside of what the array covers, are where chance put them and have no say. A plain value.
+// alone, or no texture, or lie outside of what the array covers, are where chance put them and have no say. A plain
+// value.
 class DepthVotes {
  public:
   // Depths up to `nearest`, 1/m, are told apart.

@@ -22,8 +22,8 @@ class FocusArray {
 
   // What focal maps count distances from: see array_plane().
   const Plane& from() const { return from_; }
-  // The largest inverse distance, 1/m, at which neighbouring cameras have half of their images in common: nothing nearer is
-  // looked for. 0: not known.
+  // The largest inverse distance, 1/m, at which neighbouring cameras have half of their images in common: nothing
+  // nearer is looked for. 0: not known.
   double nearest() const { return nearest_; }
   // By how many pixels of a camera's image two neighbours differ for each 1/m. 0: not known, or there is no second
   // camera.
@@ -34,10 +34,10 @@ class FocusArray {
   double focal() const { return focal_; }
   bool is_known() const { return rig_ != nullptr; }
 
-  // For each node of the view's map how much of a disagreement between the cameras its moments can show: the square root of
-  // 1 - sum w^2 over that of three equal weights w. 1 there, 0 where one camera alone makes the picture and every depth looks
-  // the same, and where none has a weight. Ones without a rig. Told from every kApart-th node, bilinear in between: weights
-  // are continuous. Throws Error for cameras out of service that the rig does not have.
+  // For each node of the view's map how much of a disagreement between the cameras its moments can show: the square
+  // root of 1 - sum w^2 over that of three equal weights w. 1 there, 0 where one camera alone makes the picture and
+  // every depth looks the same, and where none has a weight. Ones without a rig. Told from every kApart-th node,
+  // bilinear in between: weights are continuous. Throws Error for cameras out of service that the rig does not have.
   static constexpr int kApart = 4;
   std::vector<float> evidence(const View& view, const CameraSet& out_of_service) const;
 

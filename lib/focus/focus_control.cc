@@ -13,14 +13,14 @@
 namespace lf {
 namespace {
 
-// A search, and a sweep of a place, is not helped by what was found before: patches of 36 pixels tell depths apart that 12
-// do not.
+// A search, and a sweep of a place, is not helped by what was found before: patches of 36 pixels tell depths apart that
+// 12 do not.
 constexpr int kSearchRadius = 4;
 
 constexpr size_t kPlanes = kMaxTrials - 2;  // of a sweep's request, beside the surface and the viewer's plane
 
-// Planes of a search: as far apart as trials, which average over 4 x 4 pixels, can miss nothing between; for what is near, and
-// so seen large, farther apart.
+// Planes of a search: as far apart as trials, which average over 4 x 4 pixels, can miss nothing between; for what is
+// near, and so seen large, farther apart.
 constexpr double kSearchStep = 2, kSearchPart = 0.13;  // pixels of disparity; of it
 constexpr double kSweepStep = 1.5;                     // the same of a sweep where the scene is
 constexpr unsigned kMostSweeps = 4;
@@ -41,8 +41,8 @@ constexpr double kEnoughEvidence = 0.15;
 constexpr unsigned kSettling = 8;    // rounds of bettering until what was found has settled
 constexpr unsigned kPlaneEvery = 4;  // rounds of bettering from one that tries the viewer's plane to the next
 
-// `least_radius`: nodes that deviations are averaged over; more where the view shows the cameras' pixels enlarged, so that as
-// many of these are looked at.
+// `least_radius`: nodes that deviations are averaged over; more where the view shows the cameras' pixels enlarged, so
+// that as many of these are looked at.
 SurfaceChoice choice_of(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array,
                         int least_radius) {
   std::vector<std::vector<uint8_t>> levels;
@@ -88,8 +88,7 @@ void FocusControl::begin(const ViewRequest& request, const FocusArray& array, Vi
   if (!(range.nearest > range.farthest)) range.nearest = 2 * range.farthest;
   reach_ = std::max(reach_, range.nearest);
   votes_ = DepthVotes(reach_);
-  const auto map =
-      std::make_shared<FocalMap>(plane_map(request.view, array.from(), range.nearest, range.farthest));
+  const auto map = std::make_shared<FocalMap>(plane_map(request.view, array.from(), range.nearest, range.farthest));
   view.focus.map = map;
   settling_ = kSettling;
   if (is_automatic())
@@ -123,8 +122,8 @@ void FocusControl::sweep(const FocalMap& map) {
     scene.last = std::max<int>(scene.last, map.level_of(known->nearest + step));
   }
   const double pixels = disparity_ > 0 ? (scene.last - scene.first) * per_level * disparity_ : 0;
-  const auto count = static_cast<int>(
-      std::clamp<double>(std::ceil(pixels / kSweepStep), kPlanes, static_cast<double>(2 * kPlanes)));
+  const auto count =
+      static_cast<int>(std::clamp<double>(std::ceil(pixels / kSweepStep), kPlanes, static_cast<double>(2 * kPlanes)));
   std::vector<int16_t> levels;
   for (int k = 0; k < count; k++)
     levels.push_back(static_cast<int16_t>(scene.first + (scene.last - scene.first) * k / (count - 1)));
@@ -164,8 +163,8 @@ void FocusControl::judge(const SurfaceChoice& choice, const ViewRequest& request
   }
 }
 
-// Where there are edges every round gains something, as what was smoothed becomes sharp again. What counts is that it gets
-// better, and at rest that it gains more than it did without.
+// Where there are edges every round gains something, as what was smoothed becomes sharp again. What counts is that it
+// gets better, and at rest that it gains more than it did without.
 bool FocusControl::is_worthwhile(const SurfaceChoice& choice, double enough) {
   const double before = std::exchange(gained_before_, choice.gained), gained = std::max(before, choice.gained);
   if (state_.flat && choice.gained >= enough) return true;
@@ -390,7 +389,8 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
     plan.view.focus.map = std::move(latest);
   }
   // A search is over when all of it has been answered, or will not be.
-  if (stage_ == Stage::kSearch && sweeps_.empty() && (latest_.underway() == 0 || waited_ > LatestSurface::kMostUnderway)) {
+  if (stage_ == Stage::kSearch && sweeps_.empty() &&
+      (latest_.underway() == 0 || waited_ > LatestSurface::kMostUnderway)) {
     auto searched = std::make_shared<FocalMap>(*plan.view.focus.map);
     const bool found = votes_.range().has_value();
     if (found) follow_range(*searched);

@@ -24,11 +24,11 @@ enum class FocusMode {
   kAuto,     // the same, with as many trials as the scene needs
 };
 
-// Decides, picture after picture of one view, on which surface the next one is focused and what is tried for it. A plain
-// value without locks.
+// Decides, picture after picture of one view, on which surface the next one is focused and what is tried for it. A
+// plain value without locks.
 //
-// The viewer's plane is shown until the cameras agree clearly better through the surface, and again as soon as they do not:
-// a picture is never knowingly worse than the plane's.
+// The viewer's plane is shown until the cameras agree clearly better through the surface, and again as soon as they do
+// not: a picture is never knowingly worse than the plane's.
 class FocusControl {
  public:
   struct Settings {
@@ -39,12 +39,12 @@ class FocusControl {
   };
   // Where the array is not known, nothing nearer than this part of the viewer's focus distance is looked for.
   static constexpr double kNearest = 0.4;
-  // The surface is shown once its squared deviation is less than kShown of the plane's, and by kWorthShowing less; not any
-  // more when it is more than kHidden of it.
+  // The surface is shown once its squared deviation is less than kShown of the plane's, and by kWorthShowing less; not
+  // any more when it is more than kHidden of it.
   static constexpr double kShown = 0.65, kHidden = 0.8;
   static constexpr double kWorthShowing = 4;  // levels of luma, squared
-  // A rest begins when kQuietRounds did not get better by this; then fewer and fewer requests have trials. It ends when a
-  // round gains that much more than kMoreAtRest times what it did before the rest.
+  // A rest begins when kQuietRounds did not get better by this; then fewer and fewer requests have trials. It ends when
+  // a round gains that much more than kMoreAtRest times what it did before the rest.
   static constexpr unsigned kQuietRounds = 6;
   static constexpr double kMoreAtRest = 1.25;
   static constexpr double kWorthwhile = 0.1;       // levels of luma
@@ -52,8 +52,8 @@ class FocusControl {
   static constexpr unsigned kLongestRest = 8, kLongestFlatRest = 16;  // requests from one with trials to the next
   // How much farther the cameras may disagree through one plane than through the surface for the plane to be enough.
   static constexpr double kFlatEnough = 0.05;  // levels of luma
-  // The scene is another one when the cameras disagree by this factor and so many levels of luma more than they used to:
-  // all depths are searched again, up to kMostLooks times.
+  // The scene is another one when the cameras disagree by this factor and so many levels of luma more than they used
+  // to: all depths are searched again, up to kMostLooks times.
   static constexpr double kOtherFactor = 1.5, kOtherMore = 0.5;
   static constexpr unsigned kMostLooks = 3;
 
@@ -61,13 +61,13 @@ class FocusControl {
   explicit FocusControl(const Settings& settings) : settings_(settings) {}
 
   // What the next request shall have: the view of `request` with another map, or none, and trials. `moments`: what came
-  // of its trials, in their order and of the map's size; empty where nothing came. Requests are answered in the order in
-  // which they left, any number of them later: see LatestSurface.
+  // of its trials, in their order and of the map's size; empty where nothing came. Requests are answered in the order
+  // in which they left, any number of them later: see LatestSurface.
   struct Plan {
     View view;
     std::vector<Trial> trials;
-    bool on_plane = false;         // see ViewRequest
-    std::optional<Plane> plane;    // in place of the viewer's: a plane is all that the scene needs
+    bool on_plane = false;       // see ViewRequest
+    std::optional<Plane> plane;  // in place of the viewer's: a plane is all that the scene needs
   };
   Plan next(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array);
 
@@ -78,18 +78,18 @@ class FocusControl {
 
   // What it came to, for statistics.
   struct State {
-    unsigned rounds = 0;   // trials whose moments came
-    double residual = 0;   // see SurfaceChoice, of the last of them
+    unsigned rounds = 0;  // trials whose moments came
+    double residual = 0;  // see SurfaceChoice, of the last of them
     double gained = 0;
-    unsigned interval = 1;  // requests from one with trials to the next
-    unsigned trials = 0;    // of the next request that has any
-    bool flat = false;      // one plane is enough
-    bool sure = false;      // the surface is about where the scene is
-    bool on_plane = true;   // a plane is shown, the viewer's or that one
-    double deviation = 0;   // how far cameras disagree through the surface, levels of luma, mean over the nodes
-    double bought = 0;      // by how much that is less than through the best plane tried lately
+    unsigned interval = 1;     // requests from one with trials to the next
+    unsigned trials = 0;       // of the next request that has any
+    bool flat = false;         // one plane is enough
+    bool sure = false;         // the surface is about where the scene is
+    bool on_plane = true;      // a plane is shown, the viewer's or that one
+    double deviation = 0;      // how far cameras disagree through the surface, levels of luma, mean over the nodes
+    double bought = 0;         // by how much that is less than through the best plane tried lately
     double near = 0, far = 0;  // what is looked at, metres from the array; far may be infinite
-    unsigned looks = 0;     // how often the scene was another one
+    unsigned looks = 0;        // how often the scene was another one
   };
   const State& state() const { return state_; }
 
@@ -121,15 +121,15 @@ class FocusControl {
   double disparity_ = 0;  // pixels for each 1/m, 0: not known
   Stage stage_ = Stage::kBetter;
   std::deque<std::vector<Trial>> sweeps_;  // that the stage has still to send
-  Pose tried_from_;            // where trials were last rested from
-  bool moved_ = false;         // the eye, since then
-  unsigned patience_ = 8;      // requests from a search that finds nothing to the next
-  unsigned waited_ = 0;        // requests for the answers to a search, or for the next one
-  double flat_inverse_ = 0;  // where one plane is enough, 1/m
+  Pose tried_from_;                        // where trials were last rested from
+  bool moved_ = false;                     // the eye, since then
+  unsigned patience_ = 8;                  // requests from a search that finds nothing to the next
+  unsigned waited_ = 0;                    // requests for the answers to a search, or for the next one
+  double flat_inverse_ = 0;                // where one plane is enough, 1/m
   DepthVotes votes_;
-  std::optional<DepthRange> range_;  // of all maps, where it follows the scene
-  std::vector<double> plane_deviations_;  // of the best plane of each of the latest rounds
-  double rested_ = 0;  // deviation before the rest
+  std::optional<DepthRange> range_;            // of all maps, where it follows the scene
+  std::vector<double> plane_deviations_;       // of the best plane of each of the latest rounds
+  double rested_ = 0;                          // deviation before the rest
   double gained_before_ = 0, usual_gain_ = 0;  // see is_worthwhile()
   double least_reached_ = std::numeric_limits<double>::infinity();
   double usual_ = 0;       // deviation that there used to be; 0: not known yet

@@ -14,9 +14,10 @@ double plane_inverse(const View& view, const Plane& from, const Vec3& ray) {
 }
 
 FocalMap plane_map(const View& view, const Plane& from, double nearest, double farthest) {
-  FocalMap map = view.focus.map ? FocalMap{.step = view.focus.map->step, .columns = view.focus.map->columns,
-                                           .rows = view.focus.map->rows}
-                                : FocalMap::for_view(view.width, view.height);
+  FocalMap map =
+      view.focus.map
+          ? FocalMap{.step = view.focus.map->step, .columns = view.focus.map->columns, .rows = view.focus.map->rows}
+          : FocalMap::for_view(view.width, view.height);
   map.from = from;
   map.nearest = nearest;
   map.farthest = farthest;

@@ -65,8 +65,8 @@ struct Round {
 };
 
 // Lets every node, one after the other, take the trial that is best beside what its neighbours have by then: iterated
-// conditional modes (Besag 1986, "On the statistical analysis of dirty pictures"), with a cost of levels that grows up to a
-// pixel of disparity.
+// conditional modes (Besag 1986, "On the statistical analysis of dirty pictures"), with a cost of levels that grows up
+// to a pixel of disparity.
 void agree_with_neighbours(const Round& round, SurfaceChoice& choice) {
   constexpr int kPasses = 2;
   constexpr float kUntoldLead = 0.05f;  // of the weight of all neighbours

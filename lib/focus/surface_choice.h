@@ -13,13 +13,13 @@ namespace lf {
 // What trials say about the surface they were made of.
 struct SurfaceChoice {
   std::vector<uint8_t> levels;  // of the better surface, one for each node
-  double residual = 0;          // median deviation through the smoothed surface, of nodes with evidence and as three equal
-                                // cameras would have it, levels of luma; NaN: nothing is seen
-  double gained = 0;            // by how much the choice lowers it, mean over the nodes
-  double changed = 0;           // fraction of the nodes that left the smoothed surface
-  std::vector<uint8_t> chosen;  // trial of each node; 0: the smoothed surface
-  std::vector<float> least;     // deviation through it; infinity: the node is not seen
-  std::vector<float> lead;      // of the smoothed surface, of each node
+  double residual = 0;  // median deviation through the smoothed surface, of nodes with evidence and as three equal
+                        // cameras would have it, levels of luma; NaN: nothing is seen
+  double gained = 0;    // by how much the choice lowers it, mean over the nodes
+  double changed = 0;   // fraction of the nodes that left the smoothed surface
+  std::vector<uint8_t> chosen;    // trial of each node; 0: the smoothed surface
+  std::vector<float> least;       // deviation through it; infinity: the node is not seen
+  std::vector<float> lead;        // of the smoothed surface, of each node
   std::vector<uint8_t> informed;  // whether trials differ by so much that a node's choice tells where things are
   std::vector<double> cost;    // of each trial: mean deviation over the nodes that all of them see; NaN: there are none
   std::vector<double> energy;  // the same of its square: what that adds to a picture's squared error
@@ -34,18 +34,18 @@ struct ChoiceTerms {
 };
 
 // The level, for each node, of the trial through which the cameras agree best: where the deviation, averaged over some
-// nodes around, is smallest, and the neighbours' levels are not far away. The smoothed surface (trials[0]) has a lead, so
-// that what nothing tells apart becomes smooth: kLead of the median deviation, and kNoise for what rounded sums alone make
-// of cameras that agree. A node that is apart from its neighbours by a pixel or more costs kSmooth of that median, and
-// kSmoothNoise. Nodes with less than kLittleEvidence take what their neighbours have.
-// Nodes that no trial sees keep their level; a trial that fewer cameras see than another does not compete there.
-// `trials`: levels of each; planes of a sweep (kSweep trials and more) ascend from the third on.
+// nodes around, is smallest, and the neighbours' levels are not far away. The smoothed surface (trials[0]) has a lead,
+// so that what nothing tells apart becomes smooth: kLead of the median deviation, and kNoise for what rounded sums
+// alone make of cameras that agree. A node that is apart from its neighbours by a pixel or more costs kSmooth of that
+// median, and kSmoothNoise. Nodes with less than kLittleEvidence take what their neighbours have. Nodes that no trial
+// sees keep their level; a trial that fewer cameras see than another does not compete there. `trials`: levels of each;
+// planes of a sweep (kSweep trials and more) ascend from the third on.
 inline constexpr double kLead = 0.06;
 inline constexpr float kNoise = 0.25f, kSmoothNoise = 0.1f;  // levels of luma
 inline constexpr double kSmooth = 0.4;
 inline constexpr float kLittleEvidence = 0.25f;
-// A node is informed whose deviation, with kTold levels of luma more, is less than kTelling of what a wrong depth has, and
-// in a sweep less than kUnique of every plane's that is not beside the best: chance finds one among many that fits.
+// A node is informed whose deviation, with kTold levels of luma more, is less than kTelling of what a wrong depth has,
+// and in a sweep less than kUnique of every plane's that is not beside the best: chance finds one among many that fits.
 inline constexpr float kTold = 0.5f, kTelling = 0.3f, kUnique = 0.6f, kToldEvidence = 0.35f;
 inline constexpr size_t kSweep = 7;
 SurfaceChoice choose_surface(const FocalMap& surface, std::span<const std::vector<uint8_t>> trials,

@@ -46,10 +46,8 @@ std::vector<uint8_t> trial_levels(const FocalMap& surface, const Trial& trial) {
                       [&](uint8_t a, uint8_t b, uint8_t c) { return pick(a, pick(b, c)); });
   };
   switch (trial.kind) {
-    case Trial::Kind::kFarther:
-      return blurred(surface, extreme([](uint8_t a, uint8_t b) { return std::min(a, b); }));
-    case Trial::Kind::kNearer:
-      return blurred(surface, extreme([](uint8_t a, uint8_t b) { return std::max(a, b); }));
+    case Trial::Kind::kFarther: return blurred(surface, extreme([](uint8_t a, uint8_t b) { return std::min(a, b); }));
+    case Trial::Kind::kNearer: return blurred(surface, extreme([](uint8_t a, uint8_t b) { return std::max(a, b); }));
     case Trial::Kind::kPlane:
       return std::vector<uint8_t>(surface.levels.size(), static_cast<uint8_t>(std::clamp<int>(trial.value, 0, 255)));
     case Trial::Kind::kBlurred:
@@ -82,7 +80,8 @@ std::vector<Trial> trials_of_round(unsigned round, const LevelRange& scene) {
   const unsigned turn = round / kOutsideEvery;
   if (round % kOutsideEvery == kOutsideEvery - 1 && scene != LevelRange{}) {
     Trial outside = plane_of(turn, {0, 254 - (scene.last - scene.first)});
-    if (outside.value >= scene.first) outside.value = static_cast<int16_t>(outside.value + scene.last - scene.first + 1);
+    if (outside.value >= scene.first)
+      outside.value = static_cast<int16_t>(outside.value + scene.last - scene.first + 1);
     trials.push_back(outside);
   } else {
     trials.push_back(plane_of(scene == LevelRange{} ? round : round - turn, scene));

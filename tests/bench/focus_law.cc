@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Searches random situations (arrays, eyes, sizes, scenes, faults) for one in which a focal surface shows a worse picture
-// than the viewer's plane: the law says that there is none, to kLaw. Prints the worst ones, and with --out their pictures
-// (truth, plane, surface). Exits 1 if the law is broken.
+// Searches random situations (arrays, eyes, sizes, scenes, faults) for one in which a focal surface shows a worse
+// picture than the viewer's plane: the law says that there is none, to kLaw. Prints the worst ones, and with --out
+// their pictures (truth, plane, surface). Exits 1 if the law is broken.
 #include <algorithm>
 #include <cstdio>
 #include <string>
@@ -46,7 +46,8 @@ int main(int argc, char** argv) {
   app.add_flag("--all", all, "Prints every picture looked at");
   bool broken = false;
   const int status = run_tool(app, argc, argv, [&] {
-    std::vector<int> looked_at{0, 1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 40, 50, 60, 80, 100, 150, 200, 300, 400, 600, 1000, 1500, 2000};
+    std::vector<int> looked_at{0,  1,  2,  3,  4,   5,   6,   8,   10,  12,  15,   20,   25,  30,
+                               40, 50, 60, 80, 100, 150, 200, 300, 400, 600, 1000, 1500, 2000};
     std::erase_if(looked_at, [&](int p) { return p > pictures; });
     std::vector<Found> worst;
     double gain = 0, least = 0;
@@ -79,8 +80,9 @@ int main(int argc, char** argv) {
       lf::save_image(f.watched.surface, stem + "_surface.png");
     }
     broken = below > 0;
-    std::printf("%zu situations measured: %zu below the law of %.1f dB, the worst by %.2f dB; at last %+.2f dB in the mean\n",
-                measured, below, kLaw, least, measured > 0 ? gain / static_cast<double>(measured) : 0);
+    std::printf(
+        "%zu situations measured: %zu below the law of %.1f dB, the worst by %.2f dB; at last %+.2f dB in the mean\n",
+        measured, below, kLaw, least, measured > 0 ? gain / static_cast<double>(measured) : 0);
   });
   return status != 0 ? status : broken;
 }

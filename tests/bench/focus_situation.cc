@@ -67,7 +67,8 @@ Situation random_situation(uint64_t seed) {
   Draft draft;
   s.rig = draw_rig(random, draft);
   const std::vector<std::string> worlds = world_names();
-  const std::string world = random.one_in(2) ? "built-in" : worlds[random.integer(0, static_cast<int>(worlds.size()) - 1)];
+  const std::string world =
+      random.one_in(2) ? "built-in" : worlds[random.integer(0, static_cast<int>(worlds.size()) - 1)];
   const double gain_error = random.one_in(4) ? 0.1 : 0, noise = random.one_in(3) ? random.uniform(1, 6) : 0;
   for (size_t i = 0; i < s.rig.cameras.size(); i++) {
     const Camera& camera = s.rig.cameras[i];
@@ -79,8 +80,16 @@ Situation random_situation(uint64_t seed) {
       v = static_cast<uint8_t>(std::lround(std::clamp(gain * v + noise * spread, 0., 255.)));
     }
   }
-  constexpr std::array<std::pair<int, int>, 10> kSizes{
-      {{160, 120}, {320, 240}, {320, 180}, {240, 320}, {400, 240}, {333, 117}, {120, 160}, {480, 270}, {320, 240}, {640, 360}}};
+  constexpr std::array<std::pair<int, int>, 10> kSizes{{{160, 120},
+                                                        {320, 240},
+                                                        {320, 180},
+                                                        {240, 320},
+                                                        {400, 240},
+                                                        {333, 117},
+                                                        {120, 160},
+                                                        {480, 270},
+                                                        {320, 240},
+                                                        {640, 360}}};
   const auto [width, height] = kSizes[random.integer(0, 9)];
   const double fov = random.uniform(20, 50);
   const Camera& some = s.rig.cameras[random.integer(0, static_cast<int>(s.rig.cameras.size()) - 1)];
@@ -95,7 +104,8 @@ Situation random_situation(uint64_t seed) {
     case 4: eye += Vec3(0, 0, random.uniform(0, 0.4)), where = "before"; break;
     case 5: eye = Vec3(0), where = "in the middle"; break;
     default:
-      eye = draft.pitch * Vec3(random.uniform(-0.5, 0.5) * (draft.columns - 1), random.uniform(-0.5, 0.5) * (draft.rows - 1), 0);
+      eye = draft.pitch *
+            Vec3(random.uniform(-0.5, 0.5) * (draft.columns - 1), random.uniform(-0.5, 0.5) * (draft.rows - 1), 0);
       where = "somewhere";
   }
   const Quat turned = random.one_in(2) ? Quat(1, 0, 0, 0) : random.small_rotation(0.15);
@@ -114,9 +124,10 @@ Situation random_situation(uint64_t seed) {
   };
   s.truth = [world](const View& v) { return film(world, v.lens, v.pose, v.width, v.height); };
   char text[300];
-  std::snprintf(text, sizeof text, "%s, %s of %dx%d, pitch %.3f, cameras %dx%d, view %dx%d fov %.0f, eye %s%s, focus %.2f m, %s%s%s",
-                world.c_str(), draft.kind.c_str(), draft.rows, draft.columns, draft.pitch, some.width, some.height, width,
-                height, fov, where.c_str(), s.moves ? ", moving" : "", distance,
+  std::snprintf(text, sizeof text,
+                "%s, %s of %dx%d, pitch %.3f, cameras %dx%d, view %dx%d fov %.0f, eye %s%s, focus %.2f m, %s%s%s",
+                world.c_str(), draft.kind.c_str(), draft.rows, draft.columns, draft.pitch, some.width, some.height,
+                width, height, fov, where.c_str(), s.moves ? ", moving" : "", distance,
                 s.mode == FocusMode::kAuto ? "auto" : "surface", gain_error > 0 ? ", gains 10 %" : "",
                 noise > 0 ? ", noise" : "");
   s.text = text;

@@ -17,7 +17,7 @@ namespace lf::focus {
 struct Situation {
   std::string text;  // one line for people
   Rig rig;
-  std::vector<Image> images;  // of each camera
+  std::vector<Image> images;              // of each camera
   std::function<View(int picture)> view;  // on the viewer's plane
   std::function<Image(const View&)> truth;
   FocusMode mode = FocusMode::kAuto;

@@ -129,7 +129,8 @@ Watched watch(const Situation& s, const std::vector<int>& pictures) {
       const Picture surface = array.picture(shown_view(request), &request.gains);
       std::vector<float> coverage = plane.coverage;
       for (size_t k = 0; k < coverage.size(); k++) coverage[k] = std::min(coverage[k], surface.coverage[k]);
-      const Quality of_plane = compare(plane.image, truth, coverage), of_surface = compare(surface.image, truth, coverage);
+      const Quality of_plane = compare(plane.image, truth, coverage),
+                    of_surface = compare(surface.image, truth, coverage);
       constexpr double kSome = 0.05;
       if (of_plane.coverage >= kSome) {
         out.seen.push_back({i, of_plane.psnr_db, of_surface.psnr_db, control.state().near, control.state().far});
