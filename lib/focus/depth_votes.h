@@ -14,21 +14,25 @@ namespace lf {
 // value.
 class DepthVotes {
  public:
-  // Depths up to `nearest`, 1/m, are told apart.
-  explicit DepthVotes(double nearest = 0) : nearest_(nearest) {}
+  // Depths up to `nearest`, 1/m, are told apart. `smallest`: nodes along a side of the smallest thing that is believed
+  // to be 1 m away; what is nearer is seen larger.
+  explicit DepthVotes(double nearest = 0, double smallest = 0) : nearest_(nearest), smallest_(smallest) {}
   // `map`: the choice. Earlier rounds fade.
   void add(const FocalMap& map, const SurfaceChoice& choice);
   void clear() { votes_.fill(0); }
-  // Of all but kOutliers of the votes to each side; nothing while fewer than kFewVotes of the latest nodes could tell.
+  // Of all but kOutliers of the votes to each side, and of those for something near that is too small to be there:
+  // where a plain thing stands before a plain wall, the cameras agree best beside its edges on a depth so near that
+  // none of them sees it. Nothing while fewer than kFewVotes of the latest nodes could tell.
   std::optional<DepthRange> range() const;
 
   static constexpr double kOutliers = 0.04, kFewVotes = 0.01, kFading = 0.8;
 
  private:
   static constexpr int kBins = 1024;
-  double nearest_;
+  double nearest_, smallest_;
   std::array<double, kBins> votes_{};
-  double nodes_ = 0;  // that could have voted
+  double nodes_ = 0;   // that could have voted
+  double of_map_ = 1;  // nodes of the latest round
 };
 
 }  // namespace lf

@@ -60,7 +60,7 @@ FocusArray::FocusArray(const Rig& rig) : from_(array_plane(rig)), rig_(&rig) {
   spacing_ = spacing;
   focal_ = median(std::move(focals));
   disparity_ = spacing * focal_;
-  nearest_ = median(std::move(widths)) / 2 / spacing;
+  nearest_ = median(std::move(widths)) / 4 / spacing;
 }
 
 std::vector<float> FocusArray::evidence(const View& view, const CameraSet& out_of_service) const {

@@ -22,8 +22,8 @@ class FocusArray {
 
   // What focal maps count distances from: see array_plane().
   const Plane& from() const { return from_; }
-  // The largest inverse distance, 1/m, at which neighbouring cameras have half of their images in common: nothing
-  // nearer is looked for. 0: not known.
+  // The largest inverse distance, 1/m, at which neighbouring cameras have three quarters of their images in common:
+  // nothing nearer is looked for. 0: not known.
   double nearest() const { return nearest_; }
   // By how many pixels of a camera's image two neighbours differ for each 1/m. 0: not known, or there is no second
   // camera.

@@ -38,6 +38,9 @@ constexpr unsigned kLeastPatience = 16, kMostPatience = 256;
 // Mean evidence below which the viewer's plane is shown.
 constexpr double kEnoughEvidence = 0.15;
 
+// Metres between neighbouring cameras: nothing smaller is believed to be nearer than all else.
+constexpr double kSmallest = 1;
+
 constexpr unsigned kSettling = 8;    // rounds of bettering until what was found has settled
 constexpr unsigned kPlaneEvery = 4;  // rounds of bettering from one that tries the viewer's plane to the next
 
@@ -80,21 +83,26 @@ void FocusControl::begin(const ViewRequest& request, const FocusArray& array, Vi
   const double focused = plane_inverse(request.view, array.from(), {0, 0, 1});
   const double distance = focused > 0 ? 1 / focused : 1;
   disparity_ = array.disparity();
-  reach_ = array.nearest() > 0 ? array.nearest() : 1 / (kNearest * distance);
-  constexpr double kBeforeEye = 3;
-  const double eye = array.from().signed_distance(request.view.pose.position);
-  if (eye > 0) reach_ = std::min(reach_, 1 / (kBeforeEye * eye));
+  most_reach_ = array.nearest() > 0 ? array.nearest() : 1 / (kNearest * distance);
+  reach_ = reach_from(request.view, array);
   DepthRange range{settings_.far > 0 ? 1 / settings_.far : 0, settings_.near > 0 ? 1 / settings_.near : reach_};
   if (!(range.nearest > range.farthest)) range.nearest = 2 * range.farthest;
-  reach_ = std::max(reach_, range.nearest);
-  votes_ = DepthVotes(reach_);
+  most_reach_ = std::max(most_reach_, range.nearest);
   const auto map = std::make_shared<FocalMap>(plane_map(request.view, array.from(), range.nearest, range.farthest));
+  votes_ = DepthVotes(most_reach_, kSmallest * array.spacing() * request.view.lens.fx() / map->step);
   view.focus.map = map;
   settling_ = kSettling;
   if (is_automatic())
     search(*map);
   else
     sweep(*map);
+}
+
+// What is just before the eye is seen so large that cameras agree on it wherever it is.
+double FocusControl::reach_from(const View& view, const FocusArray& array) const {
+  constexpr double kBeforeEye = 3;  // times its distance before the array
+  const double eye = array.from().signed_distance(view.pose.position);
+  return eye > 0 && !(settings_.near > 0) ? std::min(most_reach_, 1 / (kBeforeEye * eye)) : most_reach_;
 }
 
 void FocusControl::search(const FocalMap& map) {
@@ -107,6 +115,12 @@ void FocusControl::search(const FocalMap& map) {
     levels.push_back(map.level_of(at / pixels));
   if (levels.size() > kMostSweeps * kPlanes) levels.resize(kMostSweeps * kPlanes);
   sweeps_ = requests_of(levels);
+}
+
+// Looks for all that is up to twice as near or as far as what is known.
+void FocusControl::search_around(FocalMap& map) {
+  use_range({map.farthest / 2, 2 * map.nearest}, map);
+  search(map);
 }
 
 void FocusControl::sweep(const FocalMap& map) {
@@ -234,10 +248,21 @@ void FocusControl::follow_range(FocalMap& map) {
   const DepthRange right{scene->farthest / kBeyond, kBeyond * scene->nearest};
   constexpr double kAtTheEnd = 8 / FocalMap::kLevels;
   const double end = kAtTheEnd * (map.nearest - map.farthest);
-  const bool at_an_end = (scene->farthest < map.farthest + end && map.farthest > 0) ||
-                         (scene->nearest > map.nearest - end && map.nearest < reach_);
+  const bool at_near_end = scene->nearest > map.nearest - end && map.nearest < reach_;
+  // One plane among a few is taken by chance: what seems to come nearer has to be found by a search, too.
+  if (at_near_end && stage_ == Stage::kBetter) {
+    if (rounds_to_doubt_ > 0) {
+      rounds_to_doubt_--;
+    } else {
+      rounds_to_doubt_ = doubts_;
+      doubts_ = std::min(2 * doubts_, kMostPatience);
+      return search_around(map);
+    }
+  }
+  const bool at_far_end = scene->farthest < map.farthest + end && map.farthest > 0;
   const bool too_wide = map.nearest - map.farthest > kMuchOff * (right.nearest - right.farthest);
-  if (at_an_end || too_wide || stage_ == Stage::kSearch) use_range(right, map);
+  const bool too_near = map.nearest > (1 + 1e-9) * reach_;
+  if (at_far_end || too_wide || too_near || stage_ == Stage::kSearch) use_range(right, map);
 }
 
 // What a surface is worth beside the planes that were tried.
@@ -331,7 +356,10 @@ std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
     if (settings_.mode == FocusMode::kAuto && round_ % 3 == 0)
       trials.back() = {Trial::Kind::kPlane, median(map.levels)};
   }
-  if (round % kPlaneEvery == 0) trials[state_.flat ? 1 : trials.size() - 1] = {Trial::Kind::kFocused, 0};
+  // A plane that is all the scene needs stands where the viewer's would be tried.
+  const bool is_replaced = state_.flat && !state_.on_plane;
+  if (round % kPlaneEvery == 0 && !is_replaced)
+    trials[state_.flat ? 1 : trials.size() - 1] = {Trial::Kind::kFocused, 0};
   state_.trials = static_cast<unsigned>(trials.size());
   return trials;
 }
@@ -340,7 +368,12 @@ std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
 void FocusControl::take(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array,
                         FocalMap& map) {
   SurfaceChoice choice = choice_of(request, moments, array, stage_ == Stage::kSearch ? kSearchRadius : 1);
-  map.levels = std::move(choice.levels);
+  FocalMap chosen = map;
+  chosen.levels = choice.levels;
+  if (stage_ != Stage::kSearch || state_.on_plane)
+    map.levels = chosen.levels;
+  else  // a search is coarser than the surface that is shown
+    std::ranges::fill(choice.chosen, 0);
   state_.rounds++;
   state_.residual = choice.residual;
   state_.gained = choice.gained;
@@ -348,15 +381,14 @@ void FocusControl::take(const ViewRequest& request, std::span<const Moments> mom
   latest_.merge(request, choice, map);
   if (choice.cost.empty() || !std::isfinite(choice.cost[0])) return;
   state_.deviation = choice.cost[0];
-  votes_.add(map, choice);
+  votes_.add(chosen, choice);
   compare_with_plane(choice, request.trials);
   count_planes(choice, request.trials);
   if (stage_ == Stage::kSearch) return;
   judge(choice, request, map);
   if (is_another_scene()) {
     if (!is_automatic()) return sweep(map);
-    use_range({map.farthest / 2, 2 * map.nearest}, map);
-    search(map);
+    search_around(map);
   } else {
     follow_range(map);
   }
@@ -379,13 +411,16 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
     plan.view.focus.map = nullptr;
     return plan;
   }
-  if (!begun_) {
+  const bool is_first = !begun_;
+  if (is_first)
     begin(request, array, plan.view);
-  } else if (map && !moments.empty()) {
+  else
+    reach_ = reach_from(request.view, array);
+  if (!is_first && map && !moments.empty()) {
     auto better = std::make_shared<FocalMap>(*map);
     take(request, moments, array, *better);
     plan.view.focus.map = std::move(better);
-  } else if (std::shared_ptr<const FocalMap> latest = latest_.seen_from(request.view)) {
+  } else if (std::shared_ptr<const FocalMap> latest = latest_.seen_from(request.view); latest && !is_first) {
     plan.view.focus.map = std::move(latest);
   }
   // A search is over when all of it has been answered, or will not be.
@@ -393,15 +428,19 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
       (latest_.underway() == 0 || waited_ > LatestSurface::kMostUnderway)) {
     auto searched = std::make_shared<FocalMap>(*plan.view.focus.map);
     const bool found = votes_.range().has_value();
-    if (found) follow_range(*searched);
-    if (!found) use_range({0, reach_}, *searched);
     // A surface that is shown stays while another one is looked for.
-    if (!found || state_.on_plane)
-      *searched = plane_map(request.view, array.from(), searched->nearest, searched->farthest);
+    if (found) {
+      follow_range(*searched);
+    } else if (state_.on_plane) {
+      use_range({0, reach_}, *searched);
+    }
+    if (state_.on_plane) *searched = plane_map(request.view, array.from(), searched->nearest, searched->farthest);
     if (found)
       sweep(*searched);
-    else
+    else if (state_.on_plane)
       give_up();
+    else
+      stage_ = Stage::kBetter;
     plan.view.focus.map = std::move(searched);
   }
   if (const double apart = glm::length(plan.view.pose.position - tried_from_.position); apart > 0) {

@@ -98,7 +98,9 @@ class FocusControl {
   enum class Stage { kSearch, kSweep, kBetter, kNothing };
 
   void begin(const ViewRequest& request, const FocusArray& array, View& view);
+  double reach_from(const View& view, const FocusArray& array) const;
   void search(const FocalMap& map);
+  void search_around(FocalMap& map);
   void give_up();
   void sweep(const FocalMap& map);
   void take(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array, FocalMap& map);
@@ -117,15 +119,17 @@ class FocusControl {
   State state_;
   LatestSurface latest_;
   bool begun_ = false;
-  double reach_ = 0;      // largest inverse distance that is looked for, 1/m
-  double disparity_ = 0;  // pixels for each 1/m, 0: not known
+  double most_reach_ = 0;  // largest inverse distance that the array can tell, 1/m
+  double reach_ = 0;       // that is looked for from where the eye is
+  double disparity_ = 0;   // pixels for each 1/m, 0: not known
   Stage stage_ = Stage::kBetter;
-  std::deque<std::vector<Trial>> sweeps_;  // that the stage has still to send
-  Pose tried_from_;                        // where trials were last rested from
-  bool moved_ = false;                     // the eye, since then
-  unsigned patience_ = 8;                  // requests from a search that finds nothing to the next
-  unsigned waited_ = 0;                    // requests for the answers to a search, or for the next one
-  double flat_inverse_ = 0;                // where one plane is enough, 1/m
+  std::deque<std::vector<Trial>> sweeps_;      // that the stage has still to send
+  Pose tried_from_;                            // where trials were last rested from
+  bool moved_ = false;                         // the eye, since then
+  unsigned patience_ = 8;                      // requests from a search that finds nothing to the next
+  unsigned waited_ = 0;                        // requests for the answers to a search, or for the next one
+  unsigned rounds_to_doubt_ = 0, doubts_ = 4;  // until the range may be searched anew as something seems to come near
+  double flat_inverse_ = 0;                    // where one plane is enough, 1/m
   DepthVotes votes_;
   std::optional<DepthRange> range_;            // of all maps, where it follows the scene
   std::vector<double> plane_deviations_;       // of the best plane of each of the latest rounds

@@ -10,9 +10,9 @@ namespace lf {
 // The rounds after which a focal surface has settled, from the viewer's plane on.
 inline constexpr int kSettledRounds = 12;
 
-// The view with the focal surface that `rounds` rounds of trials find, for an array that stands still: all that nodes and
-// a compositor do, in one go. Asks `images` for cameras that contribute, which must be of the rig's sizes. The view must
-// be valid.
+// The view with the focal surface that `rounds` rounds of trials find, for an array that stands still: all that nodes
+// and a compositor do, in one go. Asks `images` for cameras that contribute, which must be of the rig's sizes. The view
+// must be valid.
 View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
                  const FocusControl::Settings& settings, int rounds = kSettledRounds);
 

@@ -6,10 +6,10 @@
 namespace lf {
 
 // Which requests of a view ask for the mean that cameras compare their brightness with, of those that have trials: the
-// first kFirst of them, so that cameras match before the first surface is found, then fewer and fewer, because whole images
-// of a dozen cameras are looked at for it. One asks at a time, because cameras keep what they saw for the latest one alone,
-// and because what is measured of gains that are being corrected would correct them once more. A plain value without
-// locks.
+// first kFirst of them, so that cameras match before the first surface is found, then fewer and fewer, because whole
+// images of a dozen cameras are looked at for it. One asks at a time, because cameras keep what they saw for the latest
+// one alone, and because what is measured of gains that are being corrected would correct them once more. A plain value
+// without locks.
 class MeanTurns {
  public:
   static constexpr unsigned kFirst = 4;      // as many as planes are swept in: see trials_of_round()

@@ -38,8 +38,8 @@ struct LevelRange {
 };
 
 // What is tried in round `round` of a view to better the surface that it has: the smoothed surface, two that let depth
-// edges move and small errors heal, and one of kSweepPlanes planes over `scene`, the levels that the scene is known to be
-// at, or every kOutsideEvery-th time one of those outside, so that nothing near or far is missed for long.
+// edges move and small errors heal, and one of kSweepPlanes planes over `scene`, the levels that the scene is known to
+// be at, or every kOutsideEvery-th time one of those outside, so that nothing near or far is missed for long.
 inline constexpr int kSweepPlanes = 12, kOutsideEvery = 4;
 std::vector<Trial> trials_of_round(unsigned round, const LevelRange& scene = {});
 

@@ -48,12 +48,12 @@ PlaceBounds place_trials(const TrialProjection& projection, const TrialRays& ray
 // `edge`: the functions at the first node, `step`: from one to the next; of one sign in all of the nodes. `out` has
 // `spare` values.
 //
-// Bound, with any instruction set: (6 r + 3) 2^-24, where r is how many times as large the sum is at the first node as at
-// the one that is asked for, at least 1; it is 1 where the array is parallel to the view. Because: a function's value f at
-// the first node, its k steps, their product (if it is rounded at all) and the value g at the k-th node are each rounded
-// to a part of 2^-24; f and g are of one sign, so that k steps are no more than the larger of them; so each function is
-// off by (f + 2 max(f, g) + g) 2^-24 at most. Of the corner's function that is (3 r + 1) 2^-24 of the sum, of the sum as
-// much, by which the weight (at most 1) is off once more; the quotient is rounded last.
+// Bound, with any instruction set: (6 r + 3) 2^-24, where r is how many times as large the sum is at the first node as
+// at the one that is asked for, at least 1; it is 1 where the array is parallel to the view. Because: a function's
+// value f at the first node, its k steps, their product (if it is rounded at all) and the value g at the k-th node are
+// each rounded to a part of 2^-24; f and g are of one sign, so that k steps are no more than the larger of them; so
+// each function is off by (f + 2 max(f, g) + g) 2^-24 at most. Of the corner's function that is (3 r + 1) 2^-24 of the
+// sum, of the sum as much, by which the weight (at most 1) is off once more; the quotient is rounded last.
 void weigh_run(const double edge[3], const double step[3], int corner, int n, float* out);
 
 }  // namespace lf

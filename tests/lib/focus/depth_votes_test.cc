@@ -94,5 +94,25 @@ TEST(DepthVotes, WhatIsNearerThanTheNearestCountsAsThat) {
   EXPECT_DOUBLE_EQ(range->nearest, kNearest / 2);
 }
 
+// What is four times as near is seen sixteen times as large.
+TEST(DepthVotes, WhatIsTooSmallForItsDistanceIsNotThere) {
+  constexpr double kSmallest = 4;  // nodes at 1 m
+  for (const auto& [nearest, nodes, is_there] :
+       {std::tuple{2., 55, false}, {2., 75, true}, {4., 230, false}, {4., 290, true}, {8., 480, false}}) {
+    Votes v;
+    v.votes = DepthVotes(kNearest, kSmallest);
+    for (int round = 0; round < 5; round++) v.add({{1, 300}, {nearest, nodes}});
+    v.expect(1, is_there ? nearest : 1);
+  }
+}
+
+// What is far is as far as it seems, however small.
+TEST(DepthVotes, WhatIsFarMayBeSmall) {
+  Votes v;
+  v.votes = DepthVotes(kNearest, 4);
+  v.add({{0.5, 45}, {2, 400}});
+  v.expect(0.5, 2);
+}
+
 }  // namespace
 }  // namespace lf

@@ -115,10 +115,10 @@ TEST(FocusArray, KnowsWhatItCanResolve) {
   EXPECT_NEAR(a.array.spacing(), a.pitch, 1e-12);
   EXPECT_DOUBLE_EQ(a.array.focal(), focal);
   EXPECT_NEAR(a.array.disparity(), a.pitch * focal, 1e-9);
-  // There a camera sees as much as two pitches.
-  EXPECT_NEAR(160 / focal / a.array.nearest(), 2 * a.pitch, 1e-12);
-  // What is there is at one end of an image and in the middle of its neighbour's.
-  EXPECT_NEAR(a.array.disparity() * a.array.nearest(), 80, 1e-9);
+  // There a camera sees as much as four pitches.
+  EXPECT_NEAR(160 / focal / a.array.nearest(), 4 * a.pitch, 1e-12);
+  // What is there is in the middle of an image and half-way to the end in its neighbour's.
+  EXPECT_NEAR(a.array.disparity() * a.array.nearest(), 40, 1e-9);
 }
 
 TEST(FocusArray, TheMedianOfCamerasCounts) {
@@ -128,7 +128,7 @@ TEST(FocusArray, TheMedianOfCamerasCounts) {
   rig.cameras[4].pose.position.x += 100;
   rig.cameras[0].lens = Lens::pinhole(5000, 79.5, 59.5);
   EXPECT_NEAR(FocusArray(rig).disparity(), pitch * focal, 1e-9);
-  EXPECT_NEAR(FocusArray(rig).nearest(), 160 / focal / 2 / pitch, 1e-9);
+  EXPECT_NEAR(FocusArray(rig).nearest(), 160 / focal / 4 / pitch, 1e-9);
 }
 
 TEST(FocusArray, CamerasAtOnePlaceTellNoDepths) {
