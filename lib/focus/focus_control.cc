@@ -58,6 +58,10 @@ SurfaceChoice choice_of(const ViewRequest& request, std::span<const Moments> mom
                     .radius = std::max(least_radius, static_cast<int>(std::lround(std::min(larger, kMostRadius))))};
   if (array.disparity() > 0)
     terms.levels_a_pixel = FocalMap::kLevels / (array.disparity() * (map.nearest - map.farthest));
+  if (request.trials.size() < kSweep)
+    for (size_t t = 1; t < request.trials.size(); t++)
+      if (request.trials[t].kind == Trial::Kind::kPlane || request.trials[t].kind == Trial::Kind::kFocused)
+        terms.jumps |= 1u << t;
   return choose_surface(map, levels, moments, terms);
 }
 
@@ -456,7 +460,7 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
   // Where one camera makes nearly all of the picture every surface seems to fit, and only displaces what it sees.
   const bool little = mean_of(array.evidence(plan.view, request.out_of_service)) < kEnoughEvidence;
   plan.on_plane = state_.on_plane || state_.flat || little;
-  state_.sure = !little && (stage_ == Stage::kSweep || stage_ == Stage::kBetter);
+  state_.sure = !little && stage_ == Stage::kBetter && (!state_.on_plane || state_.flat);
   if (state_.flat && !state_.on_plane && !little)
     plan.plane = Plane{next.from.normal, next.from.d - 1 / next.inverse_of(next.levels.front())};
   return plan;

@@ -134,13 +134,20 @@ bool is_informed(const Round& round, float least, size_t node) {
   return true;
 }
 
+// By a power of two: scaled back, costs are what they were.
+void scale_jumps(const ChoiceTerms& terms, float factor, std::vector<std::vector<float>>& costs) {
+  for (size_t t = 1; t < costs.size(); t++)
+    if (terms.jumps >> t & 1)
+      for (float& cost : costs[t]) cost *= factor;
+}
+
 }  // namespace
 
 SurfaceChoice choose_surface(const FocalMap& surface, std::span<const std::vector<uint8_t>> trials,
                              std::span<const Moments> moments, const ChoiceTerms& terms) {
   SurfaceChoice choice;
   choice.levels = surface.levels;
-  const std::vector<std::vector<float>> costs = trial_costs(moments.first(trials.size()), terms.radius);
+  std::vector<std::vector<float>> costs = trial_costs(moments.first(trials.size()), terms.radius);
   const std::vector<float>& base = costs[0];
   const size_t nodes = base.size();
   choice.residual = residual_of(base, terms.evidence);
@@ -154,6 +161,7 @@ SurfaceChoice choose_surface(const FocalMap& surface, std::span<const std::vecto
   const auto lead = static_cast<float>(kLead * choice.residual);
   for (size_t i = 0; i < nodes; i++)
     if (round.is_told(i)) choice.lead[i] = lead * terms.evidence[i] + kNoise;
+  scale_jumps(terms, kJump, costs);
   std::vector<float> best(nodes);
   cheapest_trials(costs, choice.lead, best.data(), choice.chosen.data());
   for (size_t i = 0; i < nodes; i++) {
@@ -162,10 +170,12 @@ SurfaceChoice choose_surface(const FocalMap& surface, std::span<const std::vecto
     choice.least[i] = costs[choice.chosen[i]][i];
   }
   agree_with_neighbours(round, choice);
+  scale_jumps(terms, 1 / kJump, costs);
   double gained = 0;
   size_t seen = 0, changed = 0;
   for (size_t i = 0; i < nodes; i++) {
     if (!(choice.least[i] < kInfinity)) continue;
+    choice.least[i] = costs[choice.chosen[i]][i];
     seen++;
     changed += choice.chosen[i] != 0;
     // Without jumps: which trial it is nothing foretells.

@@ -31,6 +31,7 @@ struct ChoiceTerms {
   std::span<const float> evidence;  // of each node: see FocusArray
   int radius = 1;                   // nodes around that a deviation is averaged over
   double levels_a_pixel = 8;        // of disparity between neighbouring cameras
+  uint32_t jumps = 0;               // trials that have nothing to do with the surface, a bit for each: see kJump
 };
 
 // The level, for each node, of the trial through which the cameras agree best: where the deviation, averaged over some
@@ -48,6 +49,9 @@ inline constexpr float kLittleEvidence = 0.25f;
 // and in a sweep less than kUnique of every plane's that is not beside the best: chance finds one among many that fits.
 inline constexpr float kTold = 0.5f, kTelling = 0.3f, kUnique = 0.6f, kToldEvidence = 0.35f;
 inline constexpr size_t kSweep = 7;
+// A jump is taken where its deviation is less than 1 / kJump of the others': of many planes that are tried, one after
+// the other, some fit by chance, and what is right never has another turn.
+inline constexpr float kJump = 2;
 SurfaceChoice choose_surface(const FocalMap& surface, std::span<const std::vector<uint8_t>> trials,
                              std::span<const Moments> moments, const ChoiceTerms& terms);
 
