@@ -41,7 +41,7 @@ class FocusControl {
   static constexpr double kNearest = 0.4;
   // The surface is shown once its squared deviation is less than kShown of the plane's, and by kWorthShowing less; not
   // any more when it is more than kHidden of it.
-  static constexpr double kShown = 0.65, kHidden = 0.8;
+  static constexpr double kShown = 0.5, kHidden = 0.65;
   static constexpr double kWorthShowing = 4;  // levels of luma, squared
   // A rest begins when kQuietRounds did not get better by this; then fewer and fewer requests have trials. It ends when
   // a round gains that much more than kMoreAtRest times what it did before the rest.
