@@ -101,6 +101,7 @@ class FocusControl {
   double reach_from(const View& view, const FocusArray& array) const;
   void search(const FocalMap& map);
   void search_around(FocalMap& map);
+  void end_search(const View& view, const FocusArray& array, FocalMap& map);
   void give_up();
   void sweep(const FocalMap& map);
   void take(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array, FocalMap& map);
@@ -114,6 +115,10 @@ class FocusControl {
   LevelRange scene_levels(const FocalMap& map) const;
   std::vector<Trial> next_trials(const FocalMap& map);
   bool is_automatic() const { return !(settings_.near > 0) || !(settings_.far > 0); }
+
+  // Requests from a search that found nothing to the next: where the eye moves, at most.
+  static constexpr unsigned kLeastPatience = 16, kMostPatience = 256;
+  static constexpr unsigned kSettling = 8;  // rounds of bettering until what was found has settled
 
   Settings settings_;
   State state_;
