@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "base/median.h"
+#include "focus/moved_light.h"
 #include "focus/plane_map.h"
 
 namespace lf {
@@ -133,18 +134,23 @@ void FocusControl::count_planes(const SurfaceChoice& choice, const std::vector<T
 }
 
 // Whether the picture through the surface can be shown: where the cameras agree better than through the viewer's plane.
-void FocusControl::compare_with_plane(const SurfaceChoice& choice, const std::vector<Trial>& trials) {
-  const auto plane = std::ranges::find(trials, Trial::Kind::kFocused, &Trial::kind);
-  if (plane == trials.end() || stage_ == Stage::kSearch) return;
-  const double of_plane = choice.energy[static_cast<size_t>(plane - trials.begin())], of_surface = choice.energy[0];
+void FocusControl::compare_with_plane(const SurfaceChoice& choice, std::span<const Moments> moments,
+                                      const std::vector<Trial>& trials) {
+  const auto focused = std::ranges::find(trials, Trial::Kind::kFocused, &Trial::kind);
+  if (focused == trials.end() || stage_ == Stage::kSearch) return;
+  const auto plane = static_cast<size_t>(focused - trials.begin());
+  const double of_plane = choice.energy[plane];
   if (!(of_plane >= 0)) return;
-  if (trials.size() >= kSweep) {  // what a sweep finds is not yet measured, and looks better than it is
+  // What a sweep finds is not yet measured, and looks better than it is.
+  const bool is_sweep = trials.size() >= kSweep;
+  const std::vector<uint8_t> surface(choice.chosen.size(), 0);
+  const double of_surface = (is_sweep ? choice.least_energy : choice.energy[0]) +
+                            kMovedLight * moved_light(moments, is_sweep ? choice.chosen : surface, plane);
+  if (is_sweep) {
     constexpr double kClearly = 0.3, kWorthClearly = 20;
-    if (sweeps_.empty() && choice.least_energy < kClearly * of_plane && of_plane - choice.least_energy > kWorthClearly)
+    if (sweeps_.empty() && of_surface < kClearly * of_plane && of_plane - of_surface > kWorthClearly)
       state_.on_plane = false;
-    return;
-  }
-  if (state_.on_plane) {
+  } else if (state_.on_plane) {
     // One plane for all nodes is no matter of luck.
     const double worth = state_.flat ? 0 : kWorthShowing;
     if (of_surface < kShown * of_plane && of_plane - of_surface > worth) state_.on_plane = false;
@@ -230,7 +236,7 @@ void FocusControl::take(const ViewRequest& request, std::span<const Moments> mom
   if (choice.cost.empty() || !std::isfinite(choice.cost[0])) return;
   state_.deviation = choice.cost[0];
   votes_.add(chosen, choice);
-  compare_with_plane(choice, request.trials);
+  compare_with_plane(choice, moments, request.trials);
   count_planes(choice, request.trials);
   if (stage_ == Stage::kSearch) return;
   judge(choice, request, map);

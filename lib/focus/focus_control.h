@@ -43,6 +43,9 @@ class FocusControl {
   // any more when it is more than kHidden of it.
   static constexpr double kShown = 0.5, kHidden = 0.65;
   static constexpr double kWorthShowing = 4;  // levels of luma, squared
+  // Light that the surface has lost counts as so much squared deviation: ordinary surfaces lose 0.0001 of the plane's,
+  // ones that hide a thing 0.003 and more.
+  static constexpr double kMovedLight = 200;
   // A rest begins when kQuietRounds did not get better by this; then fewer and fewer requests have trials. It ends when
   // a round gains that much more than kMoreAtRest times what it did before the rest.
   static constexpr unsigned kQuietRounds = 6;
@@ -105,7 +108,8 @@ class FocusControl {
   void give_up();
   void sweep(const FocalMap& map);
   void take(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array, FocalMap& map);
-  void compare_with_plane(const SurfaceChoice& choice, const std::vector<Trial>& trials);
+  void compare_with_plane(const SurfaceChoice& choice, std::span<const Moments> moments,
+                          const std::vector<Trial>& trials);
   void judge(const SurfaceChoice& choice, const ViewRequest& request, FocalMap& map);
   bool is_worthwhile(const SurfaceChoice& choice, double enough);
   bool is_another_scene();
