@@ -146,14 +146,16 @@ void FocusControl::compare_with_plane(const SurfaceChoice& choice, std::span<con
   const std::vector<uint8_t> surface(choice.chosen.size(), 0);
   const double of_surface = (is_sweep ? choice.least_energy : choice.energy[0]) +
                             kMovedLight * moved_light(moments, is_sweep ? choice.chosen : surface, plane);
+  constexpr double kClearly = 0.3, kWorthClearly = 20;
+  const bool is_clear = of_surface < kClearly * of_plane && of_plane - of_surface > kWorthClearly;
   if (is_sweep) {
-    constexpr double kClearly = 0.3, kWorthClearly = 20;
-    if (sweeps_.empty() && of_surface < kClearly * of_plane && of_plane - of_surface > kWorthClearly)
-      state_.on_plane = false;
+    if (sweeps_.empty() && is_clear) state_.on_plane = false;
   } else if (state_.on_plane) {
-    // One plane for all nodes is no matter of luck.
+    // One plane for all nodes is no matter of luck. Once may be: what the eye moves past comes and goes.
     const double worth = state_.flat ? 0 : kWorthShowing;
-    if (of_surface < kShown * of_plane && of_plane - of_surface > worth) state_.on_plane = false;
+    const bool is_better = of_surface < kShown * of_plane && of_plane - of_surface > worth;
+    if (is_better && (is_clear || was_better_)) state_.on_plane = false;
+    was_better_ = is_better;
   } else if (of_surface > kHidden * of_plane) {
     state_.on_plane = true;
   }
@@ -211,8 +213,8 @@ std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
       trials.back() = {Trial::Kind::kPlane, median(map.levels)};
   }
   // A plane that is all the scene needs stands where the viewer's would be tried.
-  const bool is_replaced = state_.flat && !state_.on_plane;
-  if (round % kPlaneEvery == 0 && !is_replaced)
+  const bool is_replaced = state_.flat && !state_.on_plane, is_due = round % kPlaneEvery == 0;
+  if ((is_due || (state_.on_plane && was_better_)) && !is_replaced)
     trials[state_.flat ? 1 : trials.size() - 1] = {Trial::Kind::kFocused, 0};
   state_.trials = static_cast<unsigned>(trials.size());
   return trials;

@@ -142,6 +142,7 @@ class FocusControl {
   DepthVotes votes_;
   std::optional<DepthRange> range_;            // of all maps, where it follows the scene
   std::vector<double> plane_deviations_;       // of the best plane of each of the latest rounds
+  bool was_better_ = false;                    // the surface, when the plane was measured last
   double rested_ = 0;                          // deviation before the rest
   double gained_before_ = 0, usual_gain_ = 0;  // see is_worthwhile()
   double least_reached_ = std::numeric_limits<double>::infinity();
