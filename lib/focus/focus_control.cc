@@ -24,9 +24,10 @@ constexpr double kEnoughEvidence = 0.15;
 constexpr unsigned kPlaneEvery = 4;  // rounds of bettering from one that tries the viewer's plane to the next
 
 // `least_radius`: nodes that deviations are averaged over; more where the view shows the cameras' pixels enlarged, so
-// that as many of these are looked at.
+// that as many of these are looked at. `is_still`: the eye has not moved, so that a plane far from the surface is more
+// likely to fit by chance than to be right.
 SurfaceChoice choice_of(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array,
-                        int least_radius) {
+                        int least_radius, bool is_still) {
   std::vector<std::vector<uint8_t>> levels;
   for (const Trial& trial : request.trials) levels.push_back(trial_levels(request.view, trial));
   const FocalMap& map = *request.view.focus.map;
@@ -37,7 +38,7 @@ SurfaceChoice choice_of(const ViewRequest& request, std::span<const Moments> mom
                     .radius = std::max(least_radius, static_cast<int>(std::lround(std::min(larger, kMostRadius))))};
   if (array.disparity() > 0)
     terms.levels_a_pixel = FocalMap::kLevels / (array.disparity() * (map.nearest - map.farthest));
-  if (request.trials.size() < kSweep)
+  if (is_still && request.trials.size() < kSweep)
     for (size_t t = 1; t < request.trials.size(); t++)
       if (request.trials[t].kind == Trial::Kind::kPlane || request.trials[t].kind == Trial::Kind::kFocused)
         terms.jumps |= 1u << t;
@@ -223,7 +224,9 @@ std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
 // What came of a request's trials.
 void FocusControl::take(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array,
                         FocalMap& map) {
-  SurfaceChoice choice = choice_of(request, moments, array, stage_ == Stage::kSearch ? kSearchRadius : 1);
+  const bool is_still = request.view.pose == tried_with_;
+  tried_with_ = request.view.pose;
+  SurfaceChoice choice = choice_of(request, moments, array, stage_ == Stage::kSearch ? kSearchRadius : 1, is_still);
   FocalMap chosen = map;
   chosen.levels = choice.levels;
   if (stage_ != Stage::kSearch || state_.on_plane)
@@ -259,7 +262,7 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
     if (!map || moments.empty()) return plan;
     // The viewer asks where it would be in focus: see add_focus_sweep().
     auto found = std::make_shared<FocalMap>(*map);
-    found->levels = choice_of(request, moments, array, kSearchRadius).levels;
+    found->levels = choice_of(request, moments, array, kSearchRadius, true).levels;
     plan.view.focus.map = std::move(found);
     return plan;
   }

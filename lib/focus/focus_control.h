@@ -134,6 +134,7 @@ class FocusControl {
   Stage stage_ = Stage::kBetter;
   std::deque<std::vector<Trial>> sweeps_;      // that the stage has still to send
   Pose tried_from_;                            // where trials were last rested from
+  Pose tried_with_;                            // what came of trials last
   bool moved_ = false;                         // the eye, since then
   unsigned patience_ = 8;                      // requests from a search that finds nothing to the next
   unsigned waited_ = 0;                        // requests for the answers to a search, or for the next one
