@@ -64,14 +64,33 @@ static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* p
   return parent_class()->sink_query(agg, pad, query);
 }
 
+// What is of other views never gets as far as to the pads' queues: nobody would take it from there while no own request
+// comes, and a full queue stops the other views behind the same tee.
 static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
   LfCompositor* self = LF_COMPOSITOR(data);
-  const std::optional<lf::wire::AnyRequest> any = lf::decode_any_request_buffer(GST_PAD_PROBE_INFO_BUFFER(info));
-  if (!any) return GST_PAD_PROBE_OK;  // told apart and counted where it is taken
-  if (lf::wire::access_of(*any) != lf::Access::kSelf) return GST_PAD_PROBE_DROP;  // for cameras
-  const lf::RequestHead& request = lf::wire::head_of(*any);
-  if (request.view_id == lf_compositor_view_id(self) && !request.probe)
-    self->state->stats.request_arrived(request.sequence, g_get_monotonic_time());
+  const std::optional<lf::wire::RequestPeek> peek = lf::peek_request_buffer(GST_PAD_PROBE_INFO_BUFFER(info));
+  if (!peek) return GST_PAD_PROBE_OK;  // counted where it is taken
+  if (peek->head.view_id != lf_compositor_view_id(self)) return GST_PAD_PROBE_DROP;
+  if (peek->type == lf::wire::kWarpCommandType || peek->type == lf::wire::kPixelCommandType)
+    return GST_PAD_PROBE_DROP;  // for cameras
+  if (!peek->head.probe) self->state->stats.request_arrived(peek->head.sequence, g_get_monotonic_time());
+  return GST_PAD_PROBE_OK;
+}
+
+// GstAggregator bounds what waits on a pad by time. Answers out of a file or a TCP stream have none: with a duration
+// they have their share of it, too.
+static GstBuffer* give_duration(GstBuffer* answer) {
+  constexpr GstClockTime kShare = 10 * GST_MSECOND;
+  answer = gst_buffer_make_writable(answer);
+  GST_BUFFER_DURATION(answer) = kShare;
+  return answer;
+}
+
+static GstPadProbeReturn lf_compositor_answer_arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
+  GstBuffer* answer = GST_PAD_PROBE_INFO_BUFFER(info);
+  const std::optional<uint32_t> view_id = lf::peek_answer_view(answer);
+  if (view_id && *view_id != lf_compositor_view_id(LF_COMPOSITOR(data))) return GST_PAD_PROBE_DROP;
+  if (!GST_BUFFER_PTS_IS_VALID(answer) && !GST_BUFFER_DTS_IS_VALID(answer)) info->data = give_duration(answer);
   return GST_PAD_PROBE_OK;
 }
 
@@ -95,6 +114,7 @@ static GstAggregatorPad* lf_compositor_create_pad(GstAggregator* agg, GstPadTemp
       g_object_new(GST_TYPE_AGGREGATOR_PAD, "name", pad_name, "direction", GST_PAD_SINK, "template", templ, nullptr);
   g_object_set_qdata_full(G_OBJECT(pad), node_quark(), new NodeInput,
                           [](gpointer data) { delete static_cast<NodeInput*>(data); });
+  gst_pad_add_probe(GST_PAD(pad), GST_PAD_PROBE_TYPE_BUFFER, lf_compositor_answer_arrives, agg, nullptr);
   return GST_AGGREGATOR_PAD(pad);
 }
 

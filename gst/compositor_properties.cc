@@ -79,9 +79,20 @@ static void lf_compositor_set_rig(LfCompositor* self, const GValue* value) {
   GST_OBJECT_UNLOCK(self);
 }
 
+// What comes out has the caps that it began with: while the element runs it stays what it is.
+static void lf_compositor_set_partial(LfCompositor* self, gboolean partial) {
+  const bool refused = lf::is_running(GST_ELEMENT(self)) && partial != self->partial;
+  if (!refused) self->partial = partial;
+  if (refused)
+    GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
+                        ("partial: can't be changed while the element runs; it stays %s", partial ? "false" : "true"),
+                        (nullptr));
+}
+
 static void lf_compositor_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfCompositor* self = LF_COMPOSITOR(object);
   if (id == PROP_RIG) return lf_compositor_set_rig(self, value);
+  if (id == PROP_PARTIAL) return lf_compositor_set_partial(self, g_value_get_boolean(value));
   GST_OBJECT_LOCK(self);
   switch (id) {
     case PROP_VIEW_ID: self->view_id = g_value_get_uint(value); break;
@@ -89,7 +100,6 @@ static void lf_compositor_set_property(GObject* object, guint id, const GValue* 
     case PROP_POST_MESSAGES: self->post_messages = g_value_get_boolean(value); break;
     case PROP_INCOMPLETE: self->incomplete = static_cast<LfCompositorIncomplete>(g_value_get_enum(value)); break;
     case PROP_MAX_MISSED: self->max_missed = g_value_get_uint(value); break;
-    case PROP_PARTIAL: self->partial = g_value_get_boolean(value); break;
     case PROP_NODE: self->node = g_value_get_uint(value); break;
     case PROP_CODEC: self->codec = static_cast<lf::CodecChoice>(g_value_get_enum(value)); break;
     case PROP_FOCUS: self->focus.mode = static_cast<lf::FocusMode>(g_value_get_enum(value)); break;

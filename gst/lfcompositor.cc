@@ -50,6 +50,8 @@
  * colour, direction or picture)).
  */
 
+#include <utility>
+
 #include "lfcompositor_private.h"
 
 GST_DEBUG_CATEGORY(lf_compositor_debug);
@@ -70,6 +72,9 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   auto& state = *self->state;
   if (!lf_compositor_load_rig(self, &state.rig)) return FALSE;
+  GST_OBJECT_LOCK(self);
+  delete std::exchange(self->new_rig, nullptr);  // of the run before; `rig` may have been set again since
+  GST_OBJECT_UNLOCK(self);
   if (self->partial && !state.rig) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS,
                       ("A compositor inside a tree must know what is missing: set the property \"rig\"."), (nullptr));

@@ -15,6 +15,8 @@
 #include "rig/rig_json.h"
 #include "scene/scene.h"
 #include "support/temp_dir.h"
+#include "view/navigator.h"
+#include "view/views_json.h"
 
 namespace lf::test {
 namespace {
@@ -44,6 +46,34 @@ class ViewersTest : public testing::Test {
 
   TempDir dir_;
 };
+
+// Not live, through plain queues: who has ended, or has nothing to do yet, holds nobody up.
+TEST_F(ViewersTest, PathsOfUnlikeLengthBothEnd) {
+  const auto path = [&](int frames) {
+    const std::string file = dir_ / (std::to_string(frames) + ".json");
+    std::vector<NamedView> views;
+    for (int i = 0; i < frames; i++) {
+      Viewpoint v;
+      v.pose.position.x = 1e-4 * i;
+      views.push_back({"view_" + std::to_string(i), i / 75.0, make_view(v, 64, 48)});
+    }
+    save_views(views, file);
+    return " lfviewrequest location=" + file;
+  };
+  const auto view = [](const std::string& id) {
+    return " r. ! queue ! c" + id + ".request  t. ! queue ! c" + id + ".sink_0  lfcompositor name=c" + id +
+           " view-id=" + id + " ! queue ! fakesink name=s" + id + " sync=false async=false";
+  };
+  const ElementPtr pipeline = launch("funnel name=f ! tee name=r" + path(3) + " view-id=0 ! f." + path(300) +
+                                     " view-id=1 ! f.  r. ! queue ! n.request  lfcameranode name=n rig=" +
+                                     dir_ / "rig.json" + " ! tee name=t" + view("0") + view("1"));
+  ASSERT_TRUE(pipeline);
+  EXPECT_EQ(run(pipeline.get(), 60), "");
+  for (const auto& [name, expected] : {std::pair("c0", 3u), std::pair("c1", 300u)}) {
+    const ElementPtr compositor(gst_bin_get_by_name(GST_BIN(pipeline.get()), name));
+    EXPECT_EQ(stat(compositor.get(), "pictures"), expected) << name;
+  }
+}
 
 ElementPtr child(GstElement* bin, const char* name) { return ElementPtr(gst_bin_get_by_name(GST_BIN(bin), name)); }
 

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// What lfcompositor does with streams that are not as in a picture book: of other views, without times, that end apart.
+#include <gmock/gmock.h>
+
+#include <atomic>
+#include <functional>
+#include <thread>
+
+#include "gst/compositor_fixture.h"
+#include "gst/other_rig.h"
+
+namespace lf::test {
+namespace {
+
+using testing::HasSubstr;
+
+// Whether `done` comes to be true.
+bool comes(const std::function<bool()>& done, int seconds = 20) {
+  for (int i = 0; i < seconds * 100 && !done(); i++) g_usleep(10000);
+  return done();
+}
+
+class LfCompositorStreamsTest : public LfCompositorTest {
+ protected:
+  // Ends who still waits in a push.
+  ~LfCompositorStreamsTest() override {
+    if (element_) gst_element_set_state(element_.get(), GST_STATE_NULL);
+    if (pusher_.joinable()) pusher_.join();
+  }
+  // From a thread of its own, because that may have to wait.
+  void push_many(const wire::Answer& answer, int count) {
+    pusher_ = std::thread([this, bytes = wire::encode_answer(answer), count] {
+      for (int i = 0; i < count; i++)
+        if (gst_harness_push(nodes_[0].get(), to_buffer(bytes)) == GST_FLOW_OK) pushed_++;
+    });
+  }
+  std::atomic<int> pushed_ = 0;
+
+ private:
+  std::thread pusher_;
+};
+
+TEST_F(LfCompositorStreamsTest, AnswersToOtherViewsAreNeverInTheWay) {
+  start(1);
+  push_many(answer_of(array_.request(0, 0, 7), {0}), 500);
+  EXPECT_TRUE(comes([&] { return pushed_ == 500; })) << "stopped taking answers after " << pushed_;
+}
+
+TEST_F(LfCompositorStreamsTest, RequestsOfOtherViewsAreNeverInTheWay) {
+  start(1);
+  std::atomic<int> taken = 0;
+  std::thread requests([&] {
+    for (uint32_t i = 0; i < 500; i++) {
+      GstBuffer* buffer = to_buffer(wire::encode_request(array_.request(i, i * kFrame, 7)));
+      GST_BUFFER_PTS(buffer) = i * kFrame;
+      if (gst_harness_push(harness_.get(), buffer) == GST_FLOW_OK) taken++;
+    }
+  });
+  EXPECT_TRUE(comes([&] { return taken == 500; })) << "stopped taking requests after " << taken;
+  gst_element_set_state(element_.get(), GST_STATE_NULL);
+  requests.join();
+}
+
+TEST_F(LfCompositorStreamsTest, AnswersWithoutTimesAreBounded) {
+  start(1);
+  push_many(answer_of(array_.request(0, 0), {0}), 1000);
+  int before = -1;
+  EXPECT_TRUE(comes([&] {
+    const bool rests = pushed_ == before;
+    before = pushed_;
+    g_usleep(300000);
+    return rests;
+  }));
+  EXPECT_GT(pushed_, 0);
+  EXPECT_LT(pushed_, 50);
+}
+
+TEST_F(LfCompositorStreamsTest, PartialStaysWhatItWasWhileItRuns) {
+  start(1, {{"rig", array_.rig_path()}});
+  GstBus* bus = gst_bus_new();
+  gst_element_set_bus(element_.get(), bus);
+  const ViewRequest asked = array_.request(0, 0);
+  request(asked);
+  push(0, answer_of(asked, {0, 1, 2, 3}));
+  const size_t size = pull().size();
+  const std::string caps = caps_of(harness_->sinkpad);
+  g_object_set(element_.get(), "partial", TRUE, nullptr);
+  gboolean partial = TRUE;
+  g_object_get(element_.get(), "partial", &partial, nullptr);
+  EXPECT_FALSE(partial);
+  GstMessage* warning = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING);
+  ASSERT_TRUE(warning);
+  GError* error = nullptr;
+  gst_message_parse_warning(warning, &error, nullptr);
+  EXPECT_THAT(error->message, HasSubstr("partial: can't be changed while the element runs"));
+  g_error_free(error);
+  gst_message_unref(warning);
+  const ViewRequest next = array_.request(1, kFrame);
+  request(next);
+  push(0, answer_of(next, {0, 1, 2, 3}));
+  EXPECT_EQ(pull().size(), size);
+  EXPECT_EQ(caps_of(harness_->sinkpad), caps);
+  gst_element_set_state(element_.get(), GST_STATE_READY);
+  g_object_set(element_.get(), "partial", TRUE, nullptr);
+  g_object_get(element_.get(), "partial", &partial, nullptr);
+  EXPECT_TRUE(partial) << "when it does not run it can be";
+  gst_element_set_bus(element_.get(), nullptr);
+  gst_object_unref(bus);
+}
+
+// A rig that was set while it ran and that no request came to use is forgotten with the run.
+TEST_F(LfCompositorStreamsTest, ARestartUsesTheRigThatWasSetLast) {
+  const OtherRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].pose.position.x += 1e-3; });
+  start(1, {{"rig", array_.rig_path()}});
+  ViewRequest asked = array_.request(0, 0);
+  request(asked);
+  push(0, answer_of(asked, {0, 1, 2, 3}));
+  pull();
+  g_object_set(element_.get(), "rig", other.path().c_str(), nullptr);
+  gst_element_set_state(element_.get(), GST_STATE_READY);
+  g_object_set(element_.get(), "rig", array_.rig_path().c_str(), nullptr);
+  gst_element_set_state(element_.get(), GST_STATE_PLAYING);
+  for (GstHarness* harness : {harness_.get(), nodes_[0].get()}) {
+    gst_pad_set_active(harness->srcpad, TRUE);
+    gst_harness_set_src_caps_str(harness, harness == harness_.get() ? "application/x-lightfield-request,framerate=10/1"
+                                                                    : "application/x-lightfield-answer");
+  }
+  asked = array_.request(1, 0);
+  asked.rig_hash = 0;  // it is the compositor's rig that counts
+  request(asked);
+  push(0, answer_of(asked, {0, 1, 2, 3}));
+  EXPECT_GE(range(pull()).first, 199);
+  EXPECT_EQ(stat(element_.get(), "rig-mismatches"), 0u);
+}
+
+}  // namespace
+}  // namespace lf::test
