@@ -47,10 +47,12 @@
  *
  * Upstream events that carry a field "lf-view-id" (uint) are for the view of that id alone.
  *
- * Not live, requests leave as fast as they are taken and ask for the running time of their frame. Live, they leave at
+ * Not live, requests leave as fast as they are taken and ask for the stream time of their frame. Live, they leave at
  * the instants of the capture schedule (multiples of the frame time on the pipeline's clock) plus `capture-delay`, and
- * ask for that instant in clock time; instants that passed while downstream was blocked are left out. With `eager` a
- * change of the view is asked for at once, in place of the next instant.
+ * ask for that instant in clock time; instants that passed while downstream was blocked are left out. Their time stamp
+ * is the running time of that instant, so that of the picture is when it was captured, and `capture-delay` is told as
+ * latency: sound that is captured beside it stays in step. With `eager` a change of the view is asked for at once, in
+ * place of the next instant. A relay tells the latency of the requests that it relays.
  *
  * ## Example launch lines
  * |[
@@ -193,12 +195,20 @@ static gboolean lf_view_request_do_seek(GstBaseSrc* base, GstSegment* segment) {
 static gboolean lf_view_request_query(GstBaseSrc* base, GstQuery* query) {
   if (GST_QUERY_TYPE(query) != GST_QUERY_LATENCY || !gst_base_src_is_live(base))
     return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->query(base, query);
-  // A request leaves at its stamp, and is replaced by the next a frame later.
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GST_OBJECT_LOCK(self);
   const GstClockTime period = lf::Schedule(self->settings->fps_n, self->settings->fps_d).period();
   GST_OBJECT_UNLOCK(self);
-  gst_query_set_latency(query, TRUE, 0, period);
+  if (lf_view_request_is_relay(self)) {
+    gboolean live = FALSE;
+    if (lf_view_request_relayed_latency(self, query)) gst_query_parse_latency(query, &live, nullptr, nullptr);
+    // Of requests that come from a file no more is known than that they leave when they come.
+    if (!live) gst_query_set_latency(query, TRUE, 0, period);
+    return TRUE;
+  }
+  // A request is stamped with its capture time and leaves when that is old enough; the next replaces it a frame later.
+  const GstClockTime capture_delay = lf_view_request_capture_delay(self);
+  gst_query_set_latency(query, TRUE, capture_delay, capture_delay + period);
   return TRUE;
 }
 

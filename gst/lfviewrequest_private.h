@@ -69,6 +69,8 @@ bool lf_view_request_is_steering(GstEvent* event);
 gboolean lf_view_request_steer(LfViewRequest* self, GstEvent* event);
 
 // view_request_turn.cc
+// How much later than its capture time a live request leaves.
+GstClockTime lf_view_request_capture_delay(LfViewRequest* self);
 gboolean lf_view_request_unlock(GstBaseSrc* base);
 gboolean lf_view_request_unlock_stop(GstBaseSrc* base);
 GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out);
@@ -92,6 +94,8 @@ void lf_view_request_send_more(LfViewRequest* self, const lf::ViewRequest& reque
 // view_request_relay.cc
 void lf_view_request_install_relay(GstElementClass* klass);
 bool lf_view_request_is_relay(LfViewRequest* self);
+// A latency query of a relay: that of the requests which come in. False if nobody upstream knows it.
+bool lf_view_request_relayed_latency(LfViewRequest* self, GstQuery* query);
 // Live: requests of the view get the surface of such an event here, because nobody upstream has taken it. False if it
 // is another one.
 bool lf_view_request_keep_focus(LfViewRequest* self, GstEvent* event);

@@ -19,6 +19,15 @@ bool lf_view_request_is_relay(LfViewRequest* self) {
   return relay;
 }
 
+bool lf_view_request_relayed_latency(LfViewRequest* self, GstQuery* query) {
+  GST_OBJECT_LOCK(self);
+  GstPad* sink = self->sink ? GST_PAD(gst_object_ref(self->sink)) : nullptr;
+  GST_OBJECT_UNLOCK(self);
+  const bool known = sink && gst_pad_peer_query(sink, query);
+  gst_clear_object(&sink);
+  return known;
+}
+
 static GstFlowReturn relay_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
   LfViewRequest* self = LF_VIEW_REQUEST(parent);
   GstEvent* event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);

@@ -114,9 +114,9 @@ TEST(LfViewRequestFile, LiveShowsAPathAtItsTimes) {
   source.play_live();
   const Unit first = source.next_live();
   EXPECT_EQ(first.pts, 250 * kMs);
-  EXPECT_EQ(source.clock_time(), 250 * kMs);
-  EXPECT_EQ(first.request.target_time, 200 * kMs);  // the newest multiple of 100 ms before 230 ms
-  EXPECT_EQ(source.next_live().request.target_time, 400 * kMs);
+  EXPECT_EQ(source.clock_time(), 270 * kMs);
+  EXPECT_EQ(first.request.target_time, 200 * kMs);  // the newest multiple of 100 ms then
+  EXPECT_EQ(source.next_live().request.target_time, 500 * kMs);
 }
 
 TEST(LfViewRequestFile, BadFilesAreNamedWithThePlace) {
