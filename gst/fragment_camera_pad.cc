@@ -148,12 +148,38 @@ static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, Gst
   return ok;
 }
 
-static gboolean lf_fragment_camera_query(GstPad* pad, GstObject* parent, GstQuery* query) {
-  if (GST_QUERY_TYPE(query) == GST_QUERY_ALLOCATION) {
-    gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
-    return TRUE;
+// How many frames are kept here as long as requests do not look further back: a pool needs as many more.
+static gboolean lf_fragment_propose_allocation(GstPad* pad, GstQuery* query) {
+  GstCaps* caps = nullptr;
+  gst_query_parse_allocation(query, &caps, nullptr);
+  GstVideoInfo info;
+  if (caps && gst_structure_has_name(gst_caps_get_structure(caps, 0), "video/x-raw") &&
+      gst_video_info_from_caps(&info, caps)) {
+    const size_t kept =
+        lf_fragment_upstream_is_live(pad) ? lf::CameraFrames::kLiveFrames : lf::CameraFrames::kFileFrames;
+    gst_query_add_allocation_pool(query, nullptr, static_cast<guint>(info.size), static_cast<guint>(kept + 1), 0);
   }
+  gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
+  return TRUE;
+}
+
+static gboolean lf_fragment_camera_query(GstPad* pad, GstObject* parent, GstQuery* query) {
+  if (GST_QUERY_TYPE(query) == GST_QUERY_ALLOCATION) return lf_fragment_propose_allocation(pad, query);
   return gst_pad_query_default(pad, parent, query);
+}
+
+// A camera whose pool has no buffer left stands still. Frames of a pool that what is kept here would exhaust are copied.
+static GstBuffer* lf_fragment_spare_pool(LfFragmentPad* pad, GstBuffer* buffer) {
+  constexpr size_t kForCamera = 3;  // one that is filled, one on its way, one to spare
+  if (!buffer->pool) return buffer;
+  GstStructure* config = gst_buffer_pool_get_config(buffer->pool);
+  guint most = 0;
+  gst_buffer_pool_config_get_params(config, nullptr, nullptr, nullptr, &most);
+  gst_structure_free(config);
+  if (most == 0 || pad->input->frames->held() + kForCamera < most) return buffer;
+  GstBuffer* copy = gst_buffer_copy_deep(buffer);
+  gst_buffer_unref(buffer);
+  return copy;
 }
 
 // When a frame was taken, clock time where it is live, else running time: the stamp that lfcamsrc left, else PTS and
@@ -230,6 +256,7 @@ static GstFlowReturn lf_fragment_camera_chain(GstPad* gst_pad, GstObject* parent
     gst_buffer_unref(buffer);
     return GST_FLOW_NOT_NEGOTIATED;
   }
+  buffer = lf_fragment_spare_pool(pad, buffer);
   const auto camera = self->node->inputs().camera(*input.id);
   const uint64_t time = lf_fragment_capture_time(self, gst_pad, buffer, camera ? camera->time_offset : 0, input.live);
   if (input.jpeg) return lf_fragment_take_jpeg(self, pad, buffer, time);
