@@ -31,6 +31,9 @@
 
 namespace lf {
 
+// A seek that can't be taken; told before anything is flushed for it.
+bool is_reverse_seek(GstEvent* event);
+
 bool is_in_process_query(GstQuery* query);
 // Whether answers pushed on this pad stay in this process up to the compositor.
 bool compositor_is_near(GstPad* src);

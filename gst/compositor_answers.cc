@@ -76,6 +76,15 @@ void take_new_rig(LfCompositor* self) {
   if (!self->partial) state.health.expect((*rig)->cameras.size());
 }
 
+// Pictures have the stamps of their requests, in the requests' segment.
+void follow_segment(LfCompositor* self) {
+  auto& state = *self->state;
+  const GstSegment& requests = GST_AGGREGATOR_PAD(self->request)->segment;
+  if (requests.format != GST_FORMAT_TIME || gst_segment_is_equal(&requests, &state.segment)) return;
+  state.segment = requests;
+  gst_aggregator_update_segment(GST_AGGREGATOR(self), &requests);
+}
+
 void drop_head(GstAggregatorPad* pad, NodeInput& node) {
   node.head = NodeInput::Head::kUnseen;
   node.seen = nullptr;
@@ -199,6 +208,11 @@ static void note_late_answer(LfCompositor* self, const lf::wire::AnswerHead& ans
 static void take_answers(LfCompositor* self, GstAggregatorPad* pad) {
   auto& state = *self->state;
   NodeInput& node = lf_compositor_node_of(pad);
+  if (node.flushed.exchange(false)) {
+    node.seen = nullptr;
+    if (node.head != NodeInput::Head::kDone) node.head = NodeInput::Head::kUnseen;
+  }
+  if (node.head == NodeInput::Head::kDone) return;
   while (GstBuffer* buffer = gst_aggregator_pad_peek_buffer(pad)) {
     gst_buffer_unref(buffer);  // the pad keeps it
     if (buffer == node.seen) return;
@@ -253,7 +267,8 @@ static void close_request(LfCompositor* self, const AnswerPads& pads, GstClockTi
     NodeInput& node = lf_compositor_node_of(pad);
     const bool took_part = node.head == NodeInput::Head::kDone;
     node.missed = took_part || gst_aggregator_pad_is_eos(pad) ? 0 : node.missed + !state.current->probe;
-    if (took_part) drop_head(pad, node);
+    if (took_part && node.seen && !node.flushed) drop_head(pad, node);
+    if (took_part) node.head = NodeInput::Head::kUnseen;
   }
   if (is_live(self) && !state.current->probe) {
     state.past.push_back({state.current->sequence, due});
@@ -333,8 +348,9 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
     lf_compositor_forget_request(self);
     return GST_FLOW_OK;
   }
-  const GstClockTime pts = running_time(self, request), duration = GST_BUFFER_DURATION(request);
+  const GstClockTime pts = GST_BUFFER_PTS(request), duration = GST_BUFFER_DURATION(request);
   gst_buffer_unref(request);
+  follow_segment(self);
   record(self, answered, pts);
   std::vector<GstBuffer*> moments;
   if (self->partial) {
@@ -366,6 +382,7 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
 
 GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
   LfCompositor* self = LF_COMPOSITOR(agg);
+  if (self->state->request_flushed.exchange(false)) lf_compositor_forget_request(self);
   if (!find_request(self, lf_compositor_view_id(self)))
     return gst_aggregator_pad_is_eos(GST_AGGREGATOR_PAD(self->request)) ? GST_FLOW_EOS : GST_AGGREGATOR_FLOW_NEED_DATA;
   const AnswerPads pads(self);
@@ -391,7 +408,8 @@ GstClockTime lf_compositor_next_time(GstAggregator* agg) {
   for (GstAggregatorPad* pad : AnswerPads(self)) {
     GstBuffer* head = gst_aggregator_pad_peek_buffer(pad);
     if (head) gst_buffer_unref(head);
-    if (head && head != lf_compositor_node_of(pad).seen) return 0;
+    const NodeInput& node = lf_compositor_node_of(pad);
+    if (head && head != node.seen && node.head != NodeInput::Head::kDone) return 0;
     awaited = awaited || is_awaited(self, pad, true);
   }
   return awaited ? time : 0;

@@ -29,6 +29,55 @@ NodeInput& lf_compositor_node_of(GstAggregatorPad* pad) {
   return *static_cast<NodeInput*>(g_object_get_qdata(G_OBJECT(pad), node_quark()));
 }
 
+// Whether all that comes in follows a seek of the requests: answers out of a file or a socket don't.
+static bool is_seekable(LfCompositor* self) {
+  std::vector<GstPad*> pads;
+  GST_OBJECT_LOCK(self);
+  for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next)
+    pads.push_back(GST_PAD(gst_object_ref(item->data)));
+  GST_OBJECT_UNLOCK(self);
+  gboolean all = TRUE;
+  for (GstPad* pad : pads) {
+    GstQuery* query = gst_query_new_seeking(GST_FORMAT_TIME);
+    gboolean seekable = FALSE;
+    if (all && gst_pad_peer_query(pad, query)) gst_query_parse_seeking(query, nullptr, &seekable, nullptr, nullptr);
+    all = all && seekable;
+    gst_query_unref(query);
+    gst_object_unref(pad);
+  }
+  return all;
+}
+
+// Where the output is and how long it is the requests tell.
+static gboolean lf_compositor_src_query(GstAggregator* agg, GstQuery* query) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  switch (GST_QUERY_TYPE(query)) {
+    case GST_QUERY_SEEKING: {
+      if (!gst_pad_peer_query(self->request, query)) return FALSE;
+      GstFormat format = GST_FORMAT_UNDEFINED;
+      gboolean seekable = FALSE;
+      gint64 start = 0, stop = -1;
+      gst_query_parse_seeking(query, &format, &seekable, &start, &stop);
+      if (seekable && !is_seekable(self)) gst_query_set_seeking(query, format, FALSE, start, stop);
+      return TRUE;
+    }
+    case GST_QUERY_DURATION: return gst_pad_peer_query(self->request, query);
+    case GST_QUERY_POSITION: {
+      GstFormat format = GST_FORMAT_UNDEFINED;
+      gst_query_parse_position(query, &format, nullptr);
+      if (format != GST_FORMAT_TIME) return FALSE;
+      GST_OBJECT_LOCK(self);
+      const GstSegment& segment = GST_AGGREGATOR_PAD(GST_AGGREGATOR_SRC_PAD(self))->segment;
+      const guint64 position = gst_segment_to_stream_time(&segment, GST_FORMAT_TIME, segment.position);
+      GST_OBJECT_UNLOCK(self);
+      if (!GST_CLOCK_TIME_IS_VALID(position)) return FALSE;
+      gst_query_set_position(query, format, static_cast<gint64>(position));
+      return TRUE;
+    }
+    default: return parent_class()->src_query(agg, query);
+  }
+}
+
 // What a viewer does concerns its own requests alone. (GstAggregator 1.22.0 drops navigation events.)
 static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
   LfCompositor* self = LF_COMPOSITOR(agg);
@@ -36,9 +85,12 @@ static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
   const bool is_navigation = GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION;
   const bool is_view = GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && structure &&
                        gst_structure_has_name(structure, "lf-view-request");
-  if (!is_navigation && !is_view) {
-    return parent_class()->src_event(agg, event);
+  // The base class flushes what is downstream and asks every pad: each has to lead to the requests.
+  if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK && (lf::is_reverse_seek(event) || !is_seekable(self))) {
+    gst_event_unref(event);
+    return FALSE;
   }
+  if (!is_navigation && !is_view) return parent_class()->src_event(agg, event);
   event = gst_event_make_writable(event);
   gst_structure_set(gst_event_writable_structure(event), "lf-view-id", G_TYPE_UINT, lf_compositor_view_id(self),
                     nullptr);
@@ -49,10 +101,22 @@ static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
 // output, whether or not the nodes ever end theirs (GstAggregator waits for all).
 static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* pad, GstEvent* event) {
   LfCompositor* self = LF_COMPOSITOR(agg);
-  const bool ended = GST_PAD(pad) == self->request && GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+  const bool of_requests = GST_PAD(pad) == self->request;
+  const bool ended = of_requests && GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+  const guint32 seqnum = gst_event_get_seqnum(event);
+  if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT_DONE && !of_requests) {
+    gst_event_unref(event);  // said by the requests, behind the last picture
+    return TRUE;
+  }
+  if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP)
+    (of_requests ? self->state->request_flushed : lf_compositor_node_of(pad).flushed) = true;
   const gboolean ok = parent_class()->sink_event(agg, pad, event);
   // Before the first picture the source pad has no segment to end yet.
-  if (ended && self->state->negotiated) gst_pad_push_event(GST_AGGREGATOR_SRC_PAD(agg), gst_event_new_eos());
+  if (ended && self->state->negotiated) {
+    GstEvent* eos = gst_event_new_eos();
+    gst_event_set_seqnum(eos, seqnum);
+    gst_pad_push_event(GST_AGGREGATOR_SRC_PAD(agg), eos);
+  }
   return ok;
 }
 
@@ -129,6 +193,7 @@ void lf_compositor_add_request_pad(LfCompositor* self) {
 void lf_compositor_install_pads(LfCompositorClass* klass) {
   GstAggregatorClass* aggregator_class = GST_AGGREGATOR_CLASS(klass);
   aggregator_class->src_event = lf_compositor_src_event;
+  aggregator_class->src_query = lf_compositor_src_query;
   aggregator_class->sink_event = lf_compositor_sink_event;
   aggregator_class->sink_query = lf_compositor_sink_query;
   aggregator_class->create_new_pad = lf_compositor_create_pad;

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <cstring>
+#include <utility>
+#include <vector>
 
 #include "common.h"
 #include "lffragment_private.h"
@@ -182,8 +184,8 @@ static GstBuffer* lf_fragment_spare_pool(LfFragmentPad* pad, GstBuffer* buffer) 
   return copy;
 }
 
-// When a frame was taken, clock time where it is live, else running time: the stamp that lfcamsrc left, else PTS and
-// the rig's time offset.
+// When a frame was taken, clock time where it is live, else stream time, which a seek does not begin anew: the stamp that
+// lfcamsrc left, else PTS and the rig's time offset.
 static uint64_t lf_fragment_capture_time(LfFragment* self, GstPad* pad, GstBuffer* buffer, double time_offset,
                                          bool live) {
   static GstStaticCaps reference_caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
@@ -196,7 +198,8 @@ static uint64_t lf_fragment_capture_time(LfFragment* self, GstPad* pad, GstBuffe
   if (event) {
     const GstSegment* segment;
     gst_event_parse_segment(event, &segment);
-    const guint64 time = gst_segment_to_running_time(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
+    const guint64 time = live ? gst_segment_to_running_time(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer))
+                              : gst_segment_to_stream_time(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
     if (GST_CLOCK_TIME_IS_VALID(time)) taken = time;
     gst_event_unref(event);
   }
@@ -267,6 +270,44 @@ static GstFlowReturn lf_fragment_camera_chain(GstPad* gst_pad, GstObject* parent
   }
   frame.time = time;
   return input.frames->push(std::move(frame));
+}
+
+// Where to seek a camera for frames of `time`: a little before it, because a decoder may stamp the first frame behind a
+// seek with where it was sought, and before the last frame, because that stands for all times after it.
+static gint64 lf_fragment_seek_position(GstPad* pad, LfFragment* self, uint64_t time) {
+  const auto& input = *LF_FRAGMENT_PAD(pad)->input;
+  const auto camera = input.id ? self->node->inputs().camera(*input.id) : nullptr;
+  const gint64 offset = camera ? static_cast<gint64>(camera->time_offset * GST_SECOND) : 0;
+  const gint64 before = GST_SECOND + 2 * static_cast<gint64>(input.frames->period());
+  gint64 position = static_cast<gint64>(time) - offset, duration = 0;
+  if (gst_pad_peer_query_duration(pad, GST_FORMAT_TIME, &duration) && duration > 0)
+    position = MIN(position, duration);
+  return MAX(position - before, 0);
+}
+
+void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum) {
+  g_mutex_lock(&self->seek_lock);
+  if (std::exchange(self->seek_seqnum, seqnum) == seqnum) return g_mutex_unlock(&self->seek_lock);
+  std::vector<PadPtr> pads;
+  GST_OBJECT_LOCK(self);
+  const bool finished = self->mode == lf::CameraFrames::Mode::kFinished;
+  for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next)
+    if (LF_IS_FRAGMENT_PAD(item->data) && !LF_FRAGMENT_PAD(item->data)->input->live)
+      pads.emplace_back(GST_PAD(gst_object_ref(item->data)));
+  GST_OBJECT_UNLOCK(self);
+  if (finished) lf_fragment_set_mode(self, lf::CameraFrames::Mode::kRunning);
+  for (const PadPtr& pad : pads) {
+    const gint64 position = lf_fragment_seek_position(pad.get(), self, time);
+    GST_DEBUG_OBJECT(pad.get(), "seeking to %" GST_TIME_FORMAT, GST_TIME_ARGS(position));
+    GstEvent* seek = gst_event_new_seek(1, GST_FORMAT_TIME, GstSeekFlags(GST_SEEK_FLAG_FLUSH | GST_SEEK_FLAG_ACCURATE),
+                                        GST_SEEK_TYPE_SET, position, GST_SEEK_TYPE_NONE, -1);
+    gst_event_set_seqnum(seek, seqnum);
+    if (!gst_pad_push_event(pad.get(), seek))
+      GST_ELEMENT_WARNING(self, RESOURCE, SEEK,
+                          ("Pad %s: its camera can't be sought; it shows what it has.", GST_PAD_NAME(pad.get())),
+                          (nullptr));
+  }
+  g_mutex_unlock(&self->seek_lock);
 }
 
 GstPad* lf_fragment_camera_pad_new(GstPadTemplate* templ, const gchar* name, lf::CameraFrames::Mode mode) {

@@ -37,6 +37,23 @@ static bool lf_fragment_compositor_is_near(Lane* lane, GstPad* src) {
   return lane->in_process;
 }
 
+// After a flush, and where a new segment goes back, cameras that are read from files have to follow.
+static void lf_fragment_follow_requests(LfFragment* self, GstPad* pad, Lane* lane, const lf::RequestHead& head) {
+  if (head.target_time == lf::kNoTime) return;
+  GstEvent* event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
+  if (event) {
+    const GstSegment* segment = nullptr;
+    gst_event_parse_segment(event, &segment);
+    const bool moved = !gst_segment_is_equal(segment, &lane->segment) && head.target_time < lane->last_time;
+    if (!lane->live && (lane->flushed || moved))
+      lf_fragment_seek_cameras(self, head.target_time, gst_event_get_seqnum(event));
+    gst_segment_copy_into(segment, &lane->segment);
+    gst_event_unref(event);
+  }
+  lane->flushed = false;
+  lane->last_time = head.target_time;
+}
+
 static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
   LfFragment* self = LF_FRAGMENT(parent);
   Lane* lane = lf_fragment_lane_of(pad);
@@ -64,6 +81,7 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
   const guint threads = self->threads > 0 ? self->threads : g_get_num_processors();
   GST_OBJECT_UNLOCK(self);
   if (lf::wire::access_of(*request) != access) return GST_FLOW_OK;  // for cameras of another kind
+  lf_fragment_follow_requests(self, pad, lane, head);
   manner.in_process = lf_fragment_compositor_is_near(lane, src.get());
   manner.live = lane->live;
   manner.parallel = [self, threads](size_t count, const std::function<void(size_t)>& task) {
@@ -148,7 +166,14 @@ static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEve
       self->node->cancel(lane->requester, true);
       return ok;
     }
-    case GST_EVENT_FLUSH_STOP: self->node->cancel(lane->requester, false); break;
+    case GST_EVENT_FLUSH_STOP:
+      GST_OBJECT_LOCK(self);
+      lane->ended = false;
+      GST_OBJECT_UNLOCK(self);
+      lane->flushed = true;
+      lane->requester.gains.clear();
+      self->node->cancel(lane->requester, false);
+      break;
     default: break;
   }
   return lf_fragment_pair_event(pad, event);

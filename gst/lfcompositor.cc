@@ -28,6 +28,8 @@
  * With `partial` the output is not a picture but the sum of the answers, as the answer of one node: compositors make a
  * tree, whose root takes in one answer a rack.
  *
+ * Pictures have the time stamps and the segment of their requests. A seek goes to the requests, if all pads lead there.
+ *
  * Navigation events (mouse, keys) and custom "lf-view-request" events go upstream to the view's own `lfviewrequest`.
  *
  * ## Example launch line
@@ -68,6 +70,18 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfcompositor, "lfcompositor", GST_RANK_NON
                                       GST_DEBUG_CATEGORY_INIT(lf_compositor_debug, "lfcompositor", 0,
                                                               "view compositor"))
 
+// So that pictures from the beginning on are the same each time.
+static void forget_history(LfCompositor* self) {
+  auto& state = *self->state;
+  lf_compositor_forget_moments(self);
+  lf_compositor_reset_monitor(self);
+  state.focus_settings = {};
+  state.focus = lf::FocusControl();
+  state.focus_array.reset();
+  state.mean_turns = {};
+  state.unheard = 0;
+}
+
 static gboolean lf_compositor_start(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   auto& state = *self->state;
@@ -84,22 +98,23 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   state.health_rig = state.last_rig = 0;
   lf_compositor_reset_health(self);
   state.current.reset();
+  state.request_flushed = false;
+  state.segment = {};
   state.info = {};
   state.negotiated = false;
   state.renegotiate = true;
   state.warned_rig = false;
   state.past.clear();
-  lf_compositor_forget_moments(self);
-  lf_compositor_reset_monitor(self);
-  state.focus_settings = {};
-  state.focus = lf::FocusControl();
-  state.unheard = 0;
+  forget_history(self);
   state.stats.reset();
   return TRUE;
 }
 
 static GstFlowReturn lf_compositor_flush(GstAggregator* agg) {
-  lf_compositor_forget_request(LF_COMPOSITOR(agg));
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  lf_compositor_forget_request(self);
+  self->state->segment = {};  // whatever it is, it has to be sent again
+  forget_history(self);
   return GST_FLOW_OK;
 }
 

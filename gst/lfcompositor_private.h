@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <atomic>
 #include <deque>
 #include <memory>
 #include <optional>
@@ -39,6 +40,7 @@ struct NodeInput {
   GstBuffer* seen = nullptr;    // the buffer that `head` is about; not owned
   lf::wire::AnswerParts parts;  // that have been added
   unsigned missed = 0;          // pictures in a row that had to do without this node
+  std::atomic<bool> flushed = false;  // by its own stream alone: what is on the pad is not what it was
   bool answered() const { return head != Head::kUnseen; }
 };
 
@@ -66,6 +68,8 @@ struct _LfCompositor {
     std::shared_ptr<const lf::Rig> rig;
     lf::Assembly assembly;
     std::optional<lf::ViewRequest> current;  // the request at the head of the request pad
+    std::atomic<bool> request_flushed = false;  // that one is gone
+    GstSegment segment{};                    // of the output: that of the requests
     GstVideoInfo info{};                     // negotiated
     bool negotiated = false;
     bool renegotiate = true;

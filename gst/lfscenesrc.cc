@@ -39,6 +39,15 @@ static gboolean lf_scene_src_start(GstBaseSrc* base) {
   return TRUE;
 }
 
+static gboolean lf_scene_src_is_seekable(GstBaseSrc* base) { return !gst_base_src_is_live(base); }
+
+static gboolean lf_scene_src_do_seek(GstBaseSrc* base, GstSegment* segment) {
+  LfSceneSrc* self = LF_SCENE_SRC(base);
+  if (segment->rate <= 0) return FALSE;
+  self->next = lf::Schedule(self->info.fps_n, self->info.fps_d).first_from(segment->position);
+  return TRUE;
+}
+
 // Goes on to the next frame that is not over already. Returns the clock time of running time 0; 0 where there is no
 // clock.
 static GstClockTime catch_up(LfSceneSrc* self, const lf::Schedule& schedule) {
@@ -95,6 +104,8 @@ static void lf_scene_src_class_init(LfSceneSrcClass* klass) {
   GstBaseSrcClass* base_class = GST_BASE_SRC_CLASS(klass);
   base_class->get_caps = lf_scene_src_get_caps;
   base_class->start = lf_scene_src_start;
+  base_class->is_seekable = lf_scene_src_is_seekable;
+  base_class->do_seek = lf_scene_src_do_seek;
   GST_PUSH_SRC_CLASS(klass)->create = lf_scene_src_create;
 }
 

@@ -73,6 +73,7 @@
  */
 
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "base/error.h"
@@ -92,8 +93,19 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfviewrequest, "lfviewrequest", GST_RANK_N
                                       GST_DEBUG_CATEGORY_INIT(lf_view_request_debug, "lfviewrequest", 0,
                                                               "source of view requests"))
 
+// The same seek comes more than once: through the compositor's request pad and, by way of the nodes, through its answer
+// pads; and from every compositor behind a tee.
+static bool lf_view_request_has_sought(LfViewRequest* self, GstEvent* event) {
+  GST_OBJECT_LOCK(self);
+  const bool again = std::exchange(self->seek_seqnum, gst_event_get_seqnum(event)) == gst_event_get_seqnum(event);
+  GST_OBJECT_UNLOCK(self);
+  return again;
+}
+
 static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
+  if (lf::is_reverse_seek(event)) return FALSE;
+  if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK && lf_view_request_has_sought(self, event)) return TRUE;
   if (self->out_of_service->announce(event)) return TRUE;
   const bool of_focus = lf::is_focal_surface(event), of_more = lf::is_extra_requests(event);
   if (!of_focus && !of_more && !lf_view_request_is_steering(event))
@@ -170,6 +182,7 @@ static gboolean lf_view_request_stop(GstBaseSrc* base) {
   GST_OBJECT_UNLOCK(self);
   gst_queue_array_clear(self->to_send);
   self->warned_commands = self->asked_for_focus = self->has_sent = false;
+  self->seek_seqnum = GST_SEQNUM_INVALID;
   self->focus_feedback->clear();
   self->relay->clear();
   self->relayed_focus->clear();
@@ -186,9 +199,11 @@ static gboolean lf_view_request_is_seekable(GstBaseSrc* base) {
 }
 
 static gboolean lf_view_request_do_seek(GstBaseSrc* base, GstSegment* segment) {
-  if (segment->rate <= 0) return FALSE;
-  gst_queue_array_clear(LF_VIEW_REQUEST(base)->to_send);
-  if (!gst_base_src_is_live(base)) LF_VIEW_REQUEST(base)->stream->seek(segment->position);
+  LfViewRequest* self = LF_VIEW_REQUEST(base);
+  gst_queue_array_clear(self->to_send);
+  self->has_sent = false;  // what is on its way is flushed: no surface comes of it
+  self->focus_feedback->clear();
+  if (!gst_base_src_is_live(base)) self->stream->seek(segment->position);
   return TRUE;
 }
 

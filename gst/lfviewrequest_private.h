@@ -46,6 +46,7 @@ struct _LfViewRequest {
   bool asked_for_focus, awaits_focus;
   bool has_sent;          // a request; streaming thread
   guint32 last_sequence;  // of it
+  guint32 seek_seqnum;    // of the latest seek
 };
 
 // view_request_properties.cc

@@ -109,6 +109,68 @@ TEST_F(LfCompositorStreamsTest, PartialStaysWhatItWasWhileItRuns) {
   gst_object_unref(bus);
 }
 
+TEST_F(LfCompositorStreamsTest, EosIsThatOfTheRequests) {
+  start(1);
+  const ViewRequest asked = array_.request(0, 0);
+  request(asked);
+  push(0, answer_of(asked, {0}));
+  pull();
+  GstEvent* eos = gst_event_new_eos();
+  const guint32 seqnum = gst_event_get_seqnum(eos);
+  gst_harness_push_event(harness_.get(), eos);
+  for (bool came = false; !came;) {
+    GstEvent* event = gst_harness_pull_event(harness_.get());
+    ASSERT_TRUE(event);
+    came = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+    if (came) {
+      EXPECT_EQ(gst_event_get_seqnum(event), seqnum);
+    }
+    gst_event_unref(event);
+  }
+}
+
+TEST_F(LfCompositorStreamsTest, PicturesAreInTheSegmentOfTheRequests) {
+  start(1);
+  GstSegment segment;
+  gst_segment_init(&segment, GST_FORMAT_TIME);
+  segment.start = segment.time = segment.position = 5 * kFrame;
+  segment.stop = 8 * kFrame;
+  ASSERT_TRUE(gst_harness_push_event(harness_.get(), gst_event_new_segment(&segment)));
+  const ViewRequest asked = array_.request(0, 6 * kFrame);
+  request(asked);
+  push(0, answer_of(asked, {0}));
+  pull();
+  EXPECT_EQ(last_pts_, 6 * kFrame);
+  GstEvent* event = gst_pad_get_sticky_event(harness_->sinkpad, GST_EVENT_SEGMENT, 0);
+  const GstSegment* out = nullptr;
+  gst_event_parse_segment(event, &out);
+  EXPECT_EQ(out->start, segment.start);
+  EXPECT_EQ(out->time, segment.time);
+  EXPECT_EQ(out->stop, segment.stop);
+  gst_event_unref(event);
+}
+
+// A node that begins again: what waited on its pad is gone, what it says anew counts, and the others are not disturbed.
+TEST_F(LfCompositorStreamsTest, AFlushOfOneNodeIsItsOwn) {
+  start(2, {{"rig", array_.rig_path()}});
+  for (uint32_t i = 0; i < 20; i++) {
+    const ViewRequest asked = array_.request(i, i * kFrame);
+    request(asked);
+    const size_t flushed = i % 2;
+    push(static_cast<int>(flushed), answer_of(asked, {0, 1}, 7));
+    GstHarness* harness = nodes_[flushed].get();
+    gst_harness_push_event(harness, gst_event_new_flush_start());
+    gst_harness_push_event(harness, gst_event_new_flush_stop(TRUE));
+    GstSegment segment;
+    gst_segment_init(&segment, GST_FORMAT_TIME);
+    gst_harness_push_event(harness, gst_event_new_segment(&segment));
+    push(static_cast<int>(flushed), answer_of(asked, {0, 1}));
+    push(static_cast<int>(1 - flushed), answer_of(asked, {2, 3}));
+    EXPECT_GE(range(pull()).first, 199) << i;
+  }
+  EXPECT_EQ(stat(element_.get(), "complete"), 20u);
+}
+
 // A rig that was set while it ran and that no request came to use is forgotten with the run.
 TEST_F(LfCompositorStreamsTest, ARestartUsesTheRigThatWasSetLast) {
   const OtherRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].pose.position.x += 1e-3; });
