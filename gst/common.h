@@ -20,8 +20,8 @@
 // rig), "rig-hash" (uint64).
 #define LF_CAMERA_EVENT "lightfield-camera"
 
-// GstReferenceTimestampMeta reference of a frame's true capture time (stamp + the camera's time offset): clock time for
-// live sources, running time for others.
+// GstReferenceTimestampMeta reference of a frame's true capture time (stamp + the camera's time offset), and of the
+// capture time of a picture: clock time for live sources, stream time for others.
 #define LF_CAPTURE_TIME_CAPS "timestamp/x-lightfield-capture"
 
 // Custom query with which a node asks downstream whether the compositor is in its process: lfcompositor answers TRUE.

@@ -85,6 +85,15 @@ void follow_segment(LfCompositor* self) {
   gst_aggregator_update_segment(GST_AGGREGATOR(self), &requests);
 }
 
+// A picture that is shown again has its own already.
+void note_capture_time(GstBuffer* picture, uint64_t captured) {
+  static GstStaticCaps static_caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
+  GstCaps* reference = gst_static_caps_get(&static_caps);
+  if (captured != lf::kNoTime && !gst_buffer_get_reference_timestamp_meta(picture, reference))
+    gst_buffer_add_reference_timestamp_meta(picture, reference, captured, GST_CLOCK_TIME_NONE);
+  gst_caps_unref(reference);
+}
+
 void drop_head(GstAggregatorPad* pad, NodeInput& node) {
   node.head = NodeInput::Head::kUnseen;
   node.seen = nullptr;
@@ -360,10 +369,13 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
     lf_compositor_monitor(self);
   }
   out = replace_incomplete(self, out);
+  const uint64_t captured =
+      state.current->target_time != lf::kNoTime ? state.current->target_time : state.assembly.actual_time();
   close_request(self, pads, due);
   if (!out) return GST_FLOW_OK;
   GST_BUFFER_PTS(out) = pts;
   GST_BUFFER_DURATION(out) = duration;
+  if (!self->partial) note_capture_time(out, captured);
   GstSegment& segment = GST_AGGREGATOR_PAD(GST_AGGREGATOR_SRC_PAD(self))->segment;
   if (GST_BUFFER_PTS_IS_VALID(out)) segment.position = GST_BUFFER_PTS(out);
   // Where nothing is ever missing nothing is kept: downstream may then write into the picture.

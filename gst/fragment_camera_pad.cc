@@ -239,6 +239,12 @@ static GstFlowReturn lf_fragment_take_jpeg(LfFragment* self, LfFragmentPad* pad,
   return input.frames->push_damaged(time);
 }
 
+static void lf_fragment_note_arrival(LfFragment* self, LfFragmentPad* pad, uint64_t captured) {
+  if (!pad->input->live) return;
+  g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(self));
+  if (clock) pad->input->arrivals.arrived(captured, gst_clock_get_time(clock));
+}
+
 static GstFlowReturn lf_fragment_camera_chain(GstPad* gst_pad, GstObject* parent, GstBuffer* buffer) {
   LfFragment* self = LF_FRAGMENT(parent);
   LfFragmentPad* pad = LF_FRAGMENT_PAD(gst_pad);
@@ -262,6 +268,7 @@ static GstFlowReturn lf_fragment_camera_chain(GstPad* gst_pad, GstObject* parent
   buffer = lf_fragment_spare_pool(pad, buffer);
   const auto camera = self->node->inputs().camera(*input.id);
   const uint64_t time = lf_fragment_capture_time(self, gst_pad, buffer, camera ? camera->time_offset : 0, input.live);
+  lf_fragment_note_arrival(self, pad, time);
   if (input.jpeg) return lf_fragment_take_jpeg(self, pad, buffer, time);
   lf::CameraFrame frame = lf_fragment_convert(self, pad, buffer);
   if (!frame.buffer) {
@@ -283,6 +290,18 @@ static gint64 lf_fragment_seek_position(GstPad* pad, LfFragment* self, uint64_t 
   if (gst_pad_peer_query_duration(pad, GST_FORMAT_TIME, &duration) && duration > 0)
     position = MIN(position, duration);
   return MAX(position - before, 0);
+}
+
+uint64_t lf_fragment_needed_delay(LfFragment* self, uint64_t now) {
+  uint64_t needed = 0;
+  GST_OBJECT_LOCK(self);
+  for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next) {
+    if (!LF_IS_FRAGMENT_PAD(item->data)) continue;
+    const auto& input = *LF_FRAGMENT_PAD(item->data)->input;
+    needed = MAX(needed, input.arrivals.needed(input.frames->period(), now));
+  }
+  GST_OBJECT_UNLOCK(self);
+  return needed;
 }
 
 void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum) {
@@ -325,6 +344,7 @@ void lf_fragment_camera_pad_reset(LfFragment* self, LfFragmentPad* pad) {
   auto& input = *pad->input;
   self->node->inputs().remove(input.frames);
   input.frames->clear();
+  input.arrivals.clear();
   input.converter.reset();
   input.format.reset();
   input.new_format.reset();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
 
+#include "capture_delay.h"
 #include "common.h"
 #include "gst_wire.h"
 #include "lffragment_private.h"
@@ -54,6 +55,22 @@ static void lf_fragment_follow_requests(LfFragment* self, GstPad* pad, Lane* lan
   lane->last_time = head.target_time;
 }
 
+// Viewers that leave the capture delay to the nodes hear of it soon when it grows, else once a second.
+static void lf_fragment_tell_delay(LfFragment* self, GstPad* pad, Lane* lane) {
+  if (!lane->live) return;
+  g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(self));
+  if (!clock) return;
+  const uint64_t now = gst_clock_get_time(clock);
+  if (now < lane->looked_at + GST_SECOND / 10) return;
+  const uint64_t needed = lf_fragment_needed_delay(self, now);
+  if (needed == 0) return;
+  lane->looked_at = now;
+  if (needed <= lane->told_delay && now < lane->told_at + GST_SECOND) return;
+  lane->told_delay = needed;
+  lane->told_at = now;
+  gst_pad_push_event(pad, lf::capture_delay_event(needed));
+}
+
 static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
   LfFragment* self = LF_FRAGMENT(parent);
   Lane* lane = lf_fragment_lane_of(pad);
@@ -82,6 +99,7 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
   GST_OBJECT_UNLOCK(self);
   if (lf::wire::access_of(*request) != access) return GST_FLOW_OK;  // for cameras of another kind
   lf_fragment_follow_requests(self, pad, lane, head);
+  lf_fragment_tell_delay(self, pad, lane);
   manner.in_process = lf_fragment_compositor_is_near(lane, src.get());
   manner.live = lane->live;
   manner.parallel = [self, threads](size_t count, const std::function<void(size_t)>& task) {

@@ -28,6 +28,9 @@
  * With `partial` the output is not a picture but the sum of the answers, as the answer of one node: compositors make a
  * tree, whose root takes in one answer a rack.
  *
+ * Each picture has a #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture`, the capture time asked for: clock
+ * time where requests are live, else stream time.
+ *
  * Pictures have the time stamps and the segment of their requests. A seek goes to the requests, if all pads lead there.
  *
  * Navigation events (mouse, keys) and custom "lf-view-request" events go upstream to the view's own `lfviewrequest`.

@@ -260,7 +260,7 @@ static bool lf_fragment_start(LfFragment* self) {
   GST_OBJECT_LOCK(self);
   for (Lane* lane : *self->lanes) {
     lane->ended = lane->flushed = false;
-    lane->last_time = 0;
+    lane->last_time = lane->told_delay = lane->told_at = lane->looked_at = 0;
     lane->segment = {};
     lane->requester.rig.reset();
     lane->requester.cancelled = false;

@@ -51,7 +51,9 @@
  * the instants of the capture schedule (multiples of the frame time on the pipeline's clock) plus `capture-delay`, and
  * ask for that instant in clock time; instants that passed while downstream was blocked are left out. Their time stamp
  * is the running time of that instant, so that of the picture is when it was captured, and `capture-delay` is told as
- * latency: sound that is captured beside it stays in step. With `eager` a change of the view is asked for at once, in
+ * latency: sound that is captured beside it stays in step. Left to itself it is what the nodes of this process find that
+ * their cameras need (upstream event "lightfield-capture-delay"): how long after their stamps all but one of a hundred
+ * frames arrive, and half a frame; LATENCY messages tell when that changes. With `eager` a change of the view is asked for at once, in
  * place of the next instant. A relay tells the latency of the requests that it relays.
  *
  * ## Example launch lines
@@ -102,11 +104,25 @@ static bool lf_view_request_has_sought(LfViewRequest* self, GstEvent* event) {
   return again;
 }
 
+// Every viewer behind the node's tee and funnel hears of it.
+static gboolean lf_view_request_take_delay(LfViewRequest* self, GstEvent* event, GstClockTime delay) {
+  if (lf_view_request_is_relay(self)) return gst_pad_push_event(self->sink, gst_event_ref(event));
+  GST_OBJECT_LOCK(self);
+  const bool follows = !GST_CLOCK_TIME_IS_VALID(self->settings->capture_delay);
+  GST_OBJECT_UNLOCK(self);
+  if (!follows || !gst_base_src_is_live(GST_BASE_SRC(self))) return TRUE;
+  if (!self->auto_delay->take(delay, gst_util_get_timestamp())) return TRUE;
+  GST_INFO_OBJECT(self, "capture delay: %" GST_TIME_FORMAT, GST_TIME_ARGS(self->auto_delay->delay()));
+  gst_element_post_message(GST_ELEMENT(self), gst_message_new_latency(GST_OBJECT(self)));
+  return TRUE;
+}
+
 static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   if (lf::is_reverse_seek(event)) return FALSE;
   if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK && lf_view_request_has_sought(self, event)) return TRUE;
   if (self->out_of_service->announce(event)) return TRUE;
+  if (GstClockTime delay; lf::parse_capture_delay(event, &delay)) return lf_view_request_take_delay(self, event, delay);
   const bool of_focus = lf::is_focal_surface(event), of_more = lf::is_extra_requests(event);
   if (!of_focus && !of_more && !lf_view_request_is_steering(event))
     return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->event(base, event);
@@ -184,6 +200,7 @@ static gboolean lf_view_request_stop(GstBaseSrc* base) {
   self->warned_commands = self->asked_for_focus = self->has_sent = false;
   self->seek_seqnum = GST_SEQNUM_INVALID;
   self->focus_feedback->clear();
+  self->auto_delay->clear();
   self->relay->clear();
   self->relayed_focus->clear();
   self->out_of_service->clear();
@@ -248,6 +265,7 @@ static void lf_view_request_finalize(GObject* object) {
   gst_queue_array_free(self->to_send);
   delete self->extra;
   delete self->focus_feedback;
+  delete self->auto_delay;
   delete self->out_of_service;
   gst_clear_caps(&self->relayed_caps);
   delete self->settings;
@@ -300,6 +318,7 @@ static void lf_view_request_init(LfViewRequest* self) {
   gst_queue_array_set_clear_func(self->to_send, reinterpret_cast<GDestroyNotify>(gst_buffer_unref));
   self->extra = new std::vector<lf::ViewRequest>;
   self->focus_feedback = new lf::FocusFeedback;
+  self->auto_delay = new lf::AutoCaptureDelay;
   self->out_of_service = new lf::OutOfService;
   gst_base_src_set_format(GST_BASE_SRC(self), GST_FORMAT_TIME);
 }

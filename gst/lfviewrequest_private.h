@@ -6,6 +6,7 @@
 
 #include <gst/base/gstqueuearray.h>
 
+#include "capture_delay.h"
 #include "common.h"
 #include "focus_feedback.h"
 #include "lfviewrequest.h"
@@ -32,6 +33,7 @@ struct _LfViewRequest {
   std::vector<lf::ViewRequest>* extra;  // that go along with the next request
   lf::OutOfService* out_of_service;     // has a lock of its own
   lf::FocusFeedback* focus_feedback;    // has a lock of its own
+  lf::AutoCaptureDelay* auto_delay;     // has a lock of its own
   lf::RequestRelay* relay;              // has a lock of its own
   lf::RelayedFocus* relayed_focus;      // has a lock of its own
   GstPad* sink;                         // of requests to be relayed; null: the element makes its own
@@ -70,7 +72,7 @@ bool lf_view_request_is_steering(GstEvent* event);
 gboolean lf_view_request_steer(LfViewRequest* self, GstEvent* event);
 
 // view_request_turn.cc
-// How much later than its capture time a live request leaves.
+// How much later than its capture time a live request leaves: what `capture-delay` says, or what nodes need.
 GstClockTime lf_view_request_capture_delay(LfViewRequest* self);
 gboolean lf_view_request_unlock(GstBaseSrc* base);
 gboolean lf_view_request_unlock_stop(GstBaseSrc* base);

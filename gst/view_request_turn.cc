@@ -19,7 +19,7 @@ GstClockTime lf_view_request_capture_delay(LfViewRequest* self) {
   GST_OBJECT_LOCK(self);
   const GstClockTime delay = self->settings->capture_delay;
   GST_OBJECT_UNLOCK(self);
-  return delay;
+  return GST_CLOCK_TIME_IS_VALID(delay) ? delay : self->auto_delay->delay();
 }
 
 gboolean lf_view_request_unlock(GstBaseSrc* base) {

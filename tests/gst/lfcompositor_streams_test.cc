@@ -150,6 +150,19 @@ TEST_F(LfCompositorStreamsTest, PicturesAreInTheSegmentOfTheRequests) {
   gst_event_unref(event);
 }
 
+TEST_F(LfCompositorStreamsTest, PicturesTellWhenTheyWereCaptured) {
+  start(1);
+  const ViewRequest asked = array_.request(0, 3 * kFrame + 5);
+  request(asked);
+  push(0, answer_of(asked, {0}));
+  const BufferPtr picture(gst_harness_pull(harness_.get()));
+  ASSERT_TRUE(picture);
+  const CapsPtr reference(gst_caps_from_string("timestamp/x-lightfield-capture"));
+  const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(picture.get(), reference.get());
+  ASSERT_TRUE(meta);
+  EXPECT_EQ(meta->timestamp, 3 * kFrame + 5);
+}
+
 // A node that begins again: what waited on its pad is gone, what it says anew counts, and the others are not disturbed.
 TEST_F(LfCompositorStreamsTest, AFlushOfOneNodeIsItsOwn) {
   start(2, {{"rig", array_.rig_path()}});

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include "capture_delay.h"
 #include "gst/other_rig.h"
 #include "gst/view_request_source.h"
 #include "out_of_service_event.h"
@@ -125,6 +126,64 @@ TEST(LfViewRequestLive, TheCaptureDelayIsLatency) {
   EXPECT_TRUE(live);
   EXPECT_EQ(min, 200 * kMs);
   EXPECT_EQ(max, 250 * kMs);
+}
+
+GstClockTime latency_of(Source& source) {
+  GstQuery* query = gst_query_new_latency();
+  EXPECT_TRUE(gst_pad_peer_query(source.harness()->sinkpad, query));
+  GstClockTime min = 0;
+  gst_query_parse_latency(query, nullptr, &min, nullptr);
+  gst_query_unref(query);
+  return min;
+}
+
+TEST(LfViewRequestLive, LeftToItselfTheCaptureDelayIsWhatNodesNeed) {
+  Source source;
+  source.set("framerate", 10, 1);
+  source.play_live();
+  EXPECT_EQ(latency_of(source), 0u);
+  EXPECT_EQ(source.next_live().request.target_time, 0u);
+  EXPECT_TRUE(source.send(capture_delay_event(70 * kMs)));
+  EXPECT_TRUE(source.send(capture_delay_event(250 * kMs))) << "another node";
+  EXPECT_TRUE(source.has_message(GST_MESSAGE_LATENCY));
+  const GstClockTime delay = latency_of(source);
+  EXPECT_GE(delay, 250 * kMs);
+  EXPECT_LE(delay, 260 * kMs);
+  EXPECT_TRUE(source.send(capture_delay_event(249 * kMs)));
+  EXPECT_FALSE(source.has_message(GST_MESSAGE_LATENCY)) << "that is enough for it";
+  source.next_live();  // may have been waiting
+  for (int i = 0; i < 3; i++) {
+    const Unit unit = source.next_live();
+    EXPECT_EQ(unit.pts, unit.request.target_time);
+    EXPECT_EQ(source.clock_time(), unit.pts + delay);
+  }
+}
+
+TEST(LfViewRequestLive, ACaptureDelayThatIsSetStays) {
+  Source source;
+  source.set("framerate", 10, 1, "capture-delay", 30 * kMs);
+  source.play_live();
+  EXPECT_TRUE(source.send(capture_delay_event(250 * kMs)));
+  EXPECT_FALSE(source.has_message(GST_MESSAGE_LATENCY));
+  EXPECT_EQ(latency_of(source), 30 * kMs);
+}
+
+TEST(AutoCaptureDelay, GrowsAtOnceAndShrinksLater) {
+  AutoCaptureDelay delay;
+  GstClockTime now = GST_SECOND;
+  EXPECT_TRUE(delay.take(100 * kMs, now));
+  const GstClockTime grown = delay.delay();
+  EXPECT_GE(grown, 100 * kMs);
+  for (int i = 0; i < 9; i++) EXPECT_FALSE(delay.take(20 * kMs, now += GST_SECOND)) << i;
+  EXPECT_EQ(delay.delay(), grown);
+  bool shrunk = false;
+  for (int i = 0; i < 3; i++) shrunk |= delay.take(20 * kMs, now += GST_SECOND);
+  EXPECT_TRUE(shrunk);
+  EXPECT_LE(delay.delay(), 25 * kMs);
+  EXPECT_TRUE(delay.take(GST_SECOND * 30, now)) << "not more than frames are kept for";
+  EXPECT_EQ(delay.delay(), AutoCaptureDelay::kMost);
+  delay.clear();
+  EXPECT_EQ(delay.delay(), 0u);
 }
 
 TEST(LfViewRequestLive, EosAndStopNeverWaitForTheClock) {
