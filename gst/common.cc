@@ -66,6 +66,10 @@ std::shared_ptr<const Rig> reload_rig(GstElement* element, const gchar* path) {
   }
 }
 
+void post_exception(GstElement* element, const char* what) {
+  GST_ELEMENT_ERROR(element, LIBRARY, FAILED, ("%s", what), (nullptr));
+}
+
 bool is_reverse_seek(GstEvent* event) {
   if (GST_EVENT_TYPE(event) != GST_EVENT_SEEK) return false;
   gdouble rate = 1;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <exception>
 #include <memory>
 #include <string>
 
@@ -33,6 +34,19 @@ namespace lf {
 
 // A seek that can't be taken; told before anything is flushed for it.
 bool is_reverse_seek(GstEvent* event);
+
+// Posts an error that says what was thrown.
+void post_exception(GstElement* element, const char* what);
+// What f() returns, or `failed` with an error posted if it throws: no exception gets into GStreamer's C.
+template <typename T, typename F>
+T guarded(gpointer element, T failed, F f) {
+  try {
+    return f();
+  } catch (const std::exception& error) {
+    post_exception(GST_ELEMENT(element), error.what());
+    return failed;
+  }
+}
 
 bool is_in_process_query(GstQuery* query);
 // Whether answers pushed on this pad stay in this process up to the compositor.

@@ -44,15 +44,20 @@ class MappedBuffer {
 };
 
 // Memory of answers that have been taken: the sums of a 1080p view have six megabytes, which cost more to get from the
-// system anew for each than to fill. Thread-safe; buffers may outlive whoever made them.
+// system anew for each than to fill. What is much larger than the latest answers is given back to the system.
+// Thread-safe; buffers may outlive whoever made them.
 class AnswerMemory {
  public:
   ByteBuffer take();
   void give_back(ByteBuffer bytes);
+  size_t kept_bytes() const;
 
  private:
   static constexpr size_t kMostKept = 4;
-  std::mutex mutex_;
+  static constexpr int kLatest = 32;  // answers, at least, whose sizes count
+  size_t largest_ = 0, largest_before_ = 0;
+  int given_ = 0;
+  mutable std::mutex mutex_;
   std::vector<ByteBuffer> unused_;
 };
 

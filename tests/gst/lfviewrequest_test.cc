@@ -3,6 +3,7 @@
 #include <gst/controller/gstinterpolationcontrolsource.h>
 #include <gmock/gmock.h>
 
+#include "common.h"
 #include "gst/view_request_source.h"
 #include "node/commands.h"
 #include "wire/command_codec.h"
@@ -104,6 +105,21 @@ TEST(LfViewRequestFile, LiveShowsAListInstantByInstant) {
     EXPECT_EQ(unit.request.view.width, 32 + i);
   }
   EXPECT_TRUE(source.wait_eos());
+}
+
+// What every function that GStreamer calls with data does.
+TEST(Guarded, AnExceptionIsAPostedErrorAndGoesNoFurther) {
+  Source source;
+  const auto call = [&source](bool fails) {
+    return guarded(source.element(), GST_FLOW_ERROR, [fails] {
+      if (fails) throw std::runtime_error("what is wrong");
+      return GST_FLOW_EOS;
+    });
+  };
+  EXPECT_EQ(call(false), GST_FLOW_EOS);
+  EXPECT_EQ(source.pop_message(GST_MESSAGE_ERROR), "");
+  EXPECT_EQ(call(true), GST_FLOW_ERROR);
+  EXPECT_EQ(source.pop_message(GST_MESSAGE_ERROR), "what is wrong");
 }
 
 TEST(LfViewRequestFile, LiveShowsAPathAtItsTimes) {
