@@ -392,8 +392,7 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
   return gst_aggregator_finish_buffer(GST_AGGREGATOR(self), out);
 }
 
-GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
-  LfCompositor* self = LF_COMPOSITOR(agg);
+static GstFlowReturn compose(LfCompositor* self) {
   if (self->state->request_flushed.exchange(false)) lf_compositor_forget_request(self);
   if (!find_request(self, lf_compositor_view_id(self)))
     return gst_aggregator_pad_is_eos(GST_AGGREGATOR_PAD(self->request)) ? GST_FLOW_EOS : GST_AGGREGATOR_FLOW_NEED_DATA;
@@ -405,6 +404,10 @@ GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
   const GstClockTime due = deadline(self);
   const bool late = GST_CLOCK_TIME_IS_VALID(due) && clock_time(self) >= due;
   return all_answered || late ? finish_request(self, pads) : GST_AGGREGATOR_FLOW_NEED_DATA;
+}
+
+GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
+  return lf::guarded(agg, GST_FLOW_ERROR, [agg] { return compose(LF_COMPOSITOR(agg)); });
 }
 
 // Live (else it does not count), the running time that aggregate() is called at, less the latency, if not all pads have

@@ -245,8 +245,7 @@ static void lf_fragment_note_arrival(LfFragment* self, LfFragmentPad* pad, uint6
   if (clock) pad->input->arrivals.arrived(captured, gst_clock_get_time(clock));
 }
 
-static GstFlowReturn lf_fragment_camera_chain(GstPad* gst_pad, GstObject* parent, GstBuffer* buffer) {
-  LfFragment* self = LF_FRAGMENT(parent);
+static GstFlowReturn lf_fragment_take_frame(LfFragment* self, GstPad* gst_pad, GstBuffer* buffer) {
   LfFragmentPad* pad = LF_FRAGMENT_PAD(gst_pad);
   auto& input = *pad->input;
   if (input.new_format) {
@@ -327,6 +326,10 @@ void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum) {
                           (nullptr));
   }
   g_mutex_unlock(&self->seek_lock);
+}
+
+static GstFlowReturn lf_fragment_camera_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
+  return lf::guarded(parent, GST_FLOW_ERROR, [=] { return lf_fragment_take_frame(LF_FRAGMENT(parent), pad, buffer); });
 }
 
 GstPad* lf_fragment_camera_pad_new(GstPadTemplate* templ, const gchar* name, lf::CameraFrames::Mode mode) {

@@ -71,8 +71,7 @@ static void lf_fragment_tell_delay(LfFragment* self, GstPad* pad, Lane* lane) {
   gst_pad_push_event(pad, lf::capture_delay_event(needed));
 }
 
-static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
-  LfFragment* self = LF_FRAGMENT(parent);
+static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstBuffer* buffer) {
   Lane* lane = lf_fragment_lane_of(pad);
   const PadPtr src = lf_fragment_pair_of(pad);
   std::string reason;
@@ -140,6 +139,10 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
   GST_LOG_OBJECT(pad, "view %u, request %u: %zu fragments, %" G_GSIZE_FORMAT " bytes", head.view_id, head.sequence,
                  reply.fragments, gst_buffer_get_size(out));
   return gst_pad_push(src.get(), out);
+}
+
+static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
+  return lf::guarded(parent, GST_FLOW_ERROR, [=] { return lf_fragment_answer(LF_FRAGMENT(parent), pad, buffer); });
 }
 
 // The cameras end with the last requester.

@@ -121,8 +121,8 @@ static GstClockTime time_asked_for(std::span<const uint8_t> unit) {
   return head.absolute_time ? GST_CLOCK_TIME_NONE : head.target_time;
 }
 
-static GstFlowReturn lf_parse_handle_frame(GstBaseParse* base, GstBaseParseFrame* frame, gint* skip_size) {
-  LfParse* self = LF_PARSE(base);
+static GstFlowReturn take_bytes(LfParse* self, GstBaseParseFrame* frame, gint* skip_size) {
+  GstBaseParse* base = GST_BASE_PARSE(self);
   GstMapInfo map;
   if (!gst_buffer_map(frame->buffer, &map, GST_MAP_READ)) {
     GST_ELEMENT_ERROR(self, RESOURCE, READ, (nullptr), ("the buffer can not be read"));
@@ -164,6 +164,10 @@ static GstFlowReturn lf_parse_handle_frame(GstBaseParse* base, GstBaseParseFrame
   GST_OBJECT_UNLOCK(self);
   gst_base_parse_set_min_frame_size(base, lf::wire::kUnitHeaderBytes);
   return gst_base_parse_finish_frame(base, frame, static_cast<gint>(unit->size));
+}
+
+static GstFlowReturn lf_parse_handle_frame(GstBaseParse* base, GstBaseParseFrame* frame, gint* skip_size) {
+  return lf::guarded(base, GST_FLOW_ERROR, [=] { return take_bytes(LF_PARSE(base), frame, skip_size); });
 }
 
 static void lf_parse_set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {

@@ -8,6 +8,7 @@
 #include <cstring>
 
 #include "base/schedule.h"
+#include "common.h"
 #include "scene/scene.h"
 
 G_DECLARE_FINAL_TYPE(LfSceneSrc, lf_scene_src, LF, SCENE_SRC, GstPushSrc)
@@ -60,11 +61,10 @@ static GstClockTime catch_up(LfSceneSrc* self, const lf::Schedule& schedule) {
   return base_time;
 }
 
-static GstFlowReturn lf_scene_src_create(GstPushSrc* push, GstBuffer** out) {
-  LfSceneSrc* self = LF_SCENE_SRC(push);
+static GstFlowReturn film(LfSceneSrc* self, GstBuffer** out) {
   const GstVideoInfo& info = self->info;
   const lf::Schedule schedule(info.fps_n, info.fps_d);
-  const GstClockTime base_time = gst_base_src_is_live(GST_BASE_SRC(push)) ? catch_up(self, schedule) : 0;
+  const GstClockTime base_time = gst_base_src_is_live(GST_BASE_SRC(self)) ? catch_up(self, schedule) : 0;
   const GstClockTime stamp = schedule.instant(self->next);
   const GstClockTime end = schedule.instant(self->next + 1);
   ++self->next;
@@ -88,6 +88,10 @@ static GstFlowReturn lf_scene_src_create(GstPushSrc* push, GstBuffer** out) {
   GST_BUFFER_DURATION(buffer) = end - stamp;
   *out = buffer;
   return GST_FLOW_OK;
+}
+
+static GstFlowReturn lf_scene_src_create(GstPushSrc* push, GstBuffer** out) {
+  return lf::guarded(push, GST_FLOW_ERROR, [=] { return film(LF_SCENE_SRC(push), out); });
 }
 
 static void lf_scene_src_finalize(GObject* object) {

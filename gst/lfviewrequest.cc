@@ -150,6 +150,25 @@ static gboolean lf_view_request_negotiate(GstBaseSrc* base) {
          GST_BASE_SRC_CLASS(lf_view_request_parent_class)->negotiate(base);
 }
 
+static gboolean lf_view_request_stop(GstBaseSrc* base) {
+  LfViewRequest* self = LF_VIEW_REQUEST(base);
+  self->navigation_tap->detach();
+  GST_OBJECT_LOCK(self);
+  delete self->stream;
+  self->stream = nullptr;
+  self->extra->clear();
+  GST_OBJECT_UNLOCK(self);
+  gst_queue_array_clear(self->to_send);
+  self->warned_commands = self->asked_for_focus = self->has_sent = false;
+  self->seek_seqnum = GST_SEQNUM_INVALID;
+  self->focus_feedback->clear();
+  self->auto_delay->clear();
+  self->relay->clear();
+  self->relayed_focus->clear();
+  self->out_of_service->clear();
+  return TRUE;
+}
+
 static gboolean lf_view_request_start(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GST_OBJECT_LOCK(self);
@@ -183,27 +202,9 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
         self, RESOURCE, SETTINGS,
         ("navigation-from: the pipeline has no element \"%s\" with a source pad.", settings.navigation_from.c_str()),
         (nullptr));
+    lf_view_request_stop(base);  // GstBaseSrc stops what has started alone
     return FALSE;
   }
-  return TRUE;
-}
-
-static gboolean lf_view_request_stop(GstBaseSrc* base) {
-  LfViewRequest* self = LF_VIEW_REQUEST(base);
-  self->navigation_tap->detach();
-  GST_OBJECT_LOCK(self);
-  delete self->stream;
-  self->stream = nullptr;
-  self->extra->clear();
-  GST_OBJECT_UNLOCK(self);
-  gst_queue_array_clear(self->to_send);
-  self->warned_commands = self->asked_for_focus = self->has_sent = false;
-  self->seek_seqnum = GST_SEQNUM_INVALID;
-  self->focus_feedback->clear();
-  self->auto_delay->clear();
-  self->relay->clear();
-  self->relayed_focus->clear();
-  self->out_of_service->clear();
   return TRUE;
 }
 

@@ -94,11 +94,10 @@ static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlo
   return *slot ? wait_for_turn(self, clock, base_time, capture_delay, **slot, leaves) : GST_FLOW_EOS;
 }
 
-GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
-  LfViewRequest* self = LF_VIEW_REQUEST(push);
+static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   if ((*out = static_cast<GstBuffer*>(gst_queue_array_pop_head(self->to_send)))) return GST_FLOW_OK;
   if (lf_view_request_is_relay(self)) return lf_view_request_relay(self, out);
-  const bool live = gst_base_src_is_live(GST_BASE_SRC(push));
+  const bool live = gst_base_src_is_live(GST_BASE_SRC(self));
   std::optional<lf::RequestSlot> turn;
   lf::RequestSlot slot{};
   if (live) {
@@ -139,4 +138,8 @@ GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
                  GST_TIME_ARGS(request.target_time));
   lf_view_request_send_more(self, request, rig, *out);
   return GST_FLOW_OK;
+}
+
+GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
+  return lf::guarded(push, GST_FLOW_ERROR, [=] { return make_request(LF_VIEW_REQUEST(push), out); });
 }
