@@ -406,8 +406,34 @@ static GstFlowReturn compose(LfCompositor* self) {
   return all_answered || late ? finish_request(self, pads) : GST_AGGREGATOR_FLOW_NEED_DATA;
 }
 
+// What comes in is of no use any more. That is this view's matter alone: told upstream, it would end the others behind
+// the same tee.
+static GstFlowReturn drop_all(LfCompositor* self) {
+  lf_compositor_forget_request(self);
+  for (GstAggregatorPad* pad : AnswerPads(self))
+    while (gst_aggregator_pad_drop_buffer(pad)) {
+    }
+  while (gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request))) {
+  }
+  return GST_AGGREGATOR_FLOW_NEED_DATA;
+}
+
 GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
-  return lf::guarded(agg, GST_FLOW_ERROR, [agg] { return compose(LF_COMPOSITOR(agg)); });
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  auto& state = *self->state;
+  if (state.over) return drop_all(self);
+  const GstFlowReturn flow = lf::guarded(agg, GST_FLOW_ERROR, [self] { return compose(self); });
+  switch (flow) {
+    case GST_FLOW_OK:
+    case GST_AGGREGATOR_FLOW_NEED_DATA: return flow;
+    case GST_FLOW_FLUSHING: return GST_AGGREGATOR_FLOW_NEED_DATA;  // who stops or seeks it says so itself
+    default: break;
+  }
+  if (!state.negotiated) return flow;  // the base class begins a stream to end it
+  GST_INFO_OBJECT(self, "the output has ended: %s", gst_flow_get_name(flow));
+  state.over = true;
+  gst_pad_push_event(GST_AGGREGATOR_SRC_PAD(self), gst_event_new_eos());
+  return drop_all(self);
 }
 
 // Live (else it does not count), the running time that aggregate() is called at, less the latency, if not all pads have

@@ -116,6 +116,7 @@ static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* p
     GstEvent* eos = gst_event_new_eos();
     gst_event_set_seqnum(eos, seqnum);
     gst_pad_push_event(GST_AGGREGATOR_SRC_PAD(agg), eos);
+    self->state->over = true;
   }
   return ok;
 }
@@ -132,6 +133,7 @@ static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* p
 // comes, and a full queue stops the other views behind the same tee.
 static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
   LfCompositor* self = LF_COMPOSITOR(data);
+  if (self->state->over) return GST_PAD_PROBE_DROP;
   const std::optional<lf::wire::RequestPeek> peek = lf::peek_request_buffer(GST_PAD_PROBE_INFO_BUFFER(info));
   if (!peek) return GST_PAD_PROBE_OK;  // counted where it is taken
   if (peek->head.view_id != lf_compositor_view_id(self)) return GST_PAD_PROBE_DROP;
@@ -151,6 +153,7 @@ static GstBuffer* give_duration(GstBuffer* answer) {
 }
 
 static GstPadProbeReturn lf_compositor_answer_arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
+  if (LF_COMPOSITOR(data)->state->over) return GST_PAD_PROBE_DROP;
   GstBuffer* answer = GST_PAD_PROBE_INFO_BUFFER(info);
   const std::optional<uint32_t> view_id = lf::peek_answer_view(answer);
   if (view_id && *view_id != lf_compositor_view_id(LF_COMPOSITOR(data))) return GST_PAD_PROBE_DROP;

@@ -101,7 +101,7 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   state.health_rig = state.last_rig = 0;
   lf_compositor_reset_health(self);
   state.current.reset();
-  state.request_flushed = false;
+  state.request_flushed = state.over = false;
   state.segment = {};
   state.info = {};
   state.negotiated = false;
@@ -116,6 +116,7 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
 static GstFlowReturn lf_compositor_flush(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   lf_compositor_forget_request(self);
+  self->state->over = false;
   self->state->segment = {};  // whatever it is, it has to be sent again
   forget_history(self);
   return GST_FLOW_OK;

@@ -69,6 +69,7 @@ struct _LfCompositor {
     lf::Assembly assembly;
     std::optional<lf::ViewRequest> current;  // the request at the head of the request pad
     std::atomic<bool> request_flushed = false;  // that one is gone
+    std::atomic<bool> over = false;             // nobody takes pictures any more, or none will be asked for
     GstSegment segment{};                    // of the output: that of the requests
     GstVideoInfo info{};                     // negotiated
     bool negotiated = false;

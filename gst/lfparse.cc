@@ -27,7 +27,7 @@
 #include <span>
 
 #include "common.h"
-#include "wire/command_codec.h"
+#include "wire/request_codec.h"
 #include "wire/limits.h"
 #include "wire/unit.h"
 
@@ -115,10 +115,8 @@ static void skip(LfParse* self, size_t count) {
 
 // The running time a request asks for, or none.
 static GstClockTime time_asked_for(std::span<const uint8_t> unit) {
-  const std::optional<lf::wire::AnyRequest> request = lf::wire::decode_any_request(unit);
-  if (!request) return GST_CLOCK_TIME_NONE;
-  const lf::RequestHead& head = lf::wire::head_of(*request);
-  return head.absolute_time ? GST_CLOCK_TIME_NONE : head.target_time;
+  const std::optional<lf::wire::RequestPeek> request = lf::wire::peek_request(unit);
+  return !request || request->head.absolute_time ? GST_CLOCK_TIME_NONE : request->head.target_time;
 }
 
 static GstFlowReturn take_bytes(LfParse* self, GstBaseParseFrame* frame, gint* skip_size) {
