@@ -66,6 +66,12 @@ std::shared_ptr<const Rig> reload_rig(GstElement* element, const gchar* path) {
   }
 }
 
+GstCaps* unit_caps(const gchar* media_type) {
+  return gst_caps_new_simple(media_type, "parsed", G_TYPE_BOOLEAN, TRUE, nullptr);
+}
+
+void accept_unit_caps(GstPad* sink) { GST_PAD_SET_ACCEPT_INTERSECT(sink); }
+
 void post_exception(GstElement* element, const char* what) {
   GST_ELEMENT_ERROR(element, LIBRARY, FAILED, ("%s", what), (nullptr));
 }

@@ -15,6 +15,9 @@
 // compositor can name the frame rate of its output.
 #define LF_REQUEST_MEDIA_TYPE "application/x-lightfield-request"
 #define LF_ANSWER_MEDIA_TYPE "application/x-lightfield-answer"
+// `parsed`: each buffer is one unit. Bytes of which that is not so (files, TCP) go through lfparse first.
+#define LF_REQUEST_CAPS LF_REQUEST_MEDIA_TYPE ", parsed = (boolean) true"
+#define LF_ANSWER_CAPS LF_ANSWER_MEDIA_TYPE ", parsed = (boolean) true"
 #define LF_RGB_FORMATS "RGB, BGR, RGBx, BGRx, xRGB, xBGR, RGBA, BGRA, ARGB, ABGR"
 
 // Sticky custom downstream event with which lfcamsrc names the camera of a stream: field "camera" (uint: index in the
@@ -47,6 +50,11 @@ T guarded(gpointer element, T failed, F f) {
     return failed;
   }
 }
+
+// LF_REQUEST_CAPS or LF_ANSWER_CAPS as caps, owned by the caller.
+GstCaps* unit_caps(const gchar* media_type);
+// Caps that leave `parsed` away are taken, too: who makes them has no reason to think of it.
+void accept_unit_caps(GstPad* sink);
 
 bool is_in_process_query(GstQuery* query);
 // Whether answers pushed on this pad stay in this process up to the compositor.

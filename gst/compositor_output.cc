@@ -104,7 +104,7 @@ static GstBuffer* make_video(LfCompositor* self, const lf::Background& backgroun
 static void agree_on_answers(LfCompositor* self) {
   auto& state = *self->state;
   if (state.negotiated && !state.renegotiate) return;
-  GstCaps* caps = gst_caps_new_empty_simple(LF_ANSWER_MEDIA_TYPE);
+  GstCaps* caps = lf::unit_caps(LF_ANSWER_MEDIA_TYPE);
   gst_aggregator_set_src_caps(GST_AGGREGATOR(self), caps);
   gst_caps_unref(caps);
   state.root_is_near = lf::compositor_is_near(GST_AGGREGATOR_SRC_PAD(self));

@@ -8,12 +8,12 @@ GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
 namespace {
 
 GstStaticPadTemplate sink_template =
-    GST_STATIC_PAD_TEMPLATE("sink_%u", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_ANSWER_MEDIA_TYPE));
+    GST_STATIC_PAD_TEMPLATE("sink_%u", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_ANSWER_CAPS));
 GstStaticPadTemplate request_template =
-    GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE));
+    GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_CAPS));
 GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
     "src", GST_PAD_SRC, GST_PAD_ALWAYS,
-    GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }") "; " LF_ANSWER_MEDIA_TYPE));
+    GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }") "; " LF_ANSWER_CAPS));
 
 // The node's data goes with its pad.
 GQuark node_quark() {
@@ -181,6 +181,7 @@ static GstAggregatorPad* lf_compositor_create_pad(GstAggregator* agg, GstPadTemp
       g_object_new(GST_TYPE_AGGREGATOR_PAD, "name", pad_name, "direction", GST_PAD_SINK, "template", templ, nullptr);
   g_object_set_qdata_full(G_OBJECT(pad), node_quark(), new NodeInput,
                           [](gpointer data) { delete static_cast<NodeInput*>(data); });
+  lf::accept_unit_caps(GST_PAD(pad));
   gst_pad_add_probe(GST_PAD(pad), GST_PAD_PROBE_TYPE_BUFFER, lf_compositor_answer_arrives, agg, nullptr);
   return GST_AGGREGATOR_PAD(pad);
 }
@@ -189,6 +190,7 @@ void lf_compositor_add_request_pad(LfCompositor* self) {
   GstPadTemplate* templ = gst_element_class_get_pad_template(GST_ELEMENT_GET_CLASS(self), "request");
   self->request = GST_PAD(
       g_object_new(GST_TYPE_AGGREGATOR_PAD, "name", "request", "direction", GST_PAD_SINK, "template", templ, nullptr));
+  lf::accept_unit_caps(self->request);
   gst_pad_add_probe(self->request, GST_PAD_PROBE_TYPE_BUFFER, lf_compositor_request_arrives, self, nullptr);
   gst_element_add_pad(GST_ELEMENT(self), self->request);
 }

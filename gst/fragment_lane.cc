@@ -169,7 +169,7 @@ static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEve
   Lane* lane = lf_fragment_lane_of(pad);
   switch (GST_EVENT_TYPE(event)) {
     case GST_EVENT_CAPS: {
-      GstCaps* caps = gst_caps_new_empty_simple(LF_ANSWER_MEDIA_TYPE);
+      GstCaps* caps = lf::unit_caps(LF_ANSWER_MEDIA_TYPE);
       gst_event_unref(event);
       event = gst_event_new_caps(caps);
       gst_caps_unref(caps);
@@ -238,6 +238,7 @@ GstPad* lf_fragment_lane_new(LfFragment* self, GstPadTemplate* request_template,
   GstPad* request = gst_pad_new_from_template(request_template, request_name);
   GstPad* src = gst_pad_new_from_template(src_template, src_name);
   const auto lane = std::make_shared<Lane>(request, src);
+  lf::accept_unit_caps(request);
   gst_pad_set_chain_function(request, lf_fragment_request_chain);
   gst_pad_set_event_function(request, lf_fragment_request_event);
   gst_pad_set_query_function(request, lf_fragment_request_query);

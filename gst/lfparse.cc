@@ -56,7 +56,7 @@ static GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
     "sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE "; " LF_ANSWER_MEDIA_TYPE));
 static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
     "src", GST_PAD_SRC, GST_PAD_ALWAYS,
-    GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE ", framerate = (fraction) [ 0/1, max ]; " LF_ANSWER_MEDIA_TYPE));
+    GST_STATIC_CAPS(LF_REQUEST_CAPS ", framerate = (fraction) [ 0/1, max ]; " LF_ANSWER_CAPS));
 
 G_DEFINE_TYPE(LfParse, lf_parse, GST_TYPE_BASE_PARSE)
 GST_ELEMENT_REGISTER_DEFINE(lfparse, "lfparse", GST_RANK_PRIMARY, LF_TYPE_PARSE)
@@ -65,6 +65,7 @@ GST_ELEMENT_REGISTER_DEFINE(lfparse, "lfparse", GST_RANK_PRIMARY, LF_TYPE_PARSE)
 static gboolean set_src_caps(LfParse* self, UnitKind kind, GstCaps* caps) {
   if (kind == UnitKind::kRequest && !gst_structure_has_field(gst_caps_get_structure(caps, 0), "framerate"))
     gst_caps_set_simple(caps, "framerate", GST_TYPE_FRACTION, 0, 1, nullptr);
+  gst_caps_set_simple(caps, "parsed", G_TYPE_BOOLEAN, TRUE, nullptr);
   self->kind = kind;
   self->kind_known = TRUE;
   const gboolean ok = gst_pad_set_caps(GST_BASE_PARSE_SRC_PAD(self), caps);

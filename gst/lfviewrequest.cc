@@ -88,7 +88,7 @@ GST_DEBUG_CATEGORY(lf_view_request_debug);
 #define GST_CAT_DEFAULT lf_view_request_debug
 
 static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
-    "src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE ", framerate = (fraction) [ 0/1, max ]"));
+    "src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_CAPS ", framerate = (fraction) [ 0/1, max ]"));
 
 G_DEFINE_FINAL_TYPE(LfViewRequest, lf_view_request, GST_TYPE_PUSH_SRC)
 GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfviewrequest, "lfviewrequest", GST_RANK_NONE, LF_TYPE_VIEW_REQUEST,
@@ -135,7 +135,7 @@ static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
 static GstCaps* lf_view_request_get_caps(GstBaseSrc* base, GstCaps* filter) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GST_OBJECT_LOCK(self);
-  GstCaps* caps = gst_caps_new_simple(LF_REQUEST_MEDIA_TYPE, "framerate", GST_TYPE_FRACTION, self->settings->fps_n,
+  GstCaps* caps = gst_caps_new_simple(LF_REQUEST_MEDIA_TYPE, "parsed", G_TYPE_BOOLEAN, TRUE, "framerate", GST_TYPE_FRACTION, self->settings->fps_n,
                                       self->settings->fps_d, nullptr);
   GST_OBJECT_UNLOCK(self);
   if (!filter) return caps;

@@ -50,7 +50,7 @@ static GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_RTP_CAPS));
 static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
     "src", GST_PAD_SRC, GST_PAD_ALWAYS,
-    GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE ", framerate = (fraction) [ 0/1, max ]; " LF_ANSWER_MEDIA_TYPE));
+    GST_STATIC_CAPS(LF_REQUEST_CAPS ", framerate = (fraction) [ 0/1, max ]; " LF_ANSWER_CAPS));
 
 G_DEFINE_TYPE(LfRtpDepay, lf_rtp_depay, GST_TYPE_RTP_BASE_DEPAYLOAD)
 GST_ELEMENT_REGISTER_DEFINE(rtplfdepay, "rtplfdepay", GST_RANK_SECONDARY, LF_TYPE_RTP_DEPAY)
@@ -67,13 +67,13 @@ static gboolean lf_rtp_depay_set_caps(GstRTPBaseDepayload* base, GstCaps* caps) 
 
   GstCaps* out = nullptr;
   if (kind == lf::wire::UnitKind::kAnswer) {
-    out = gst_caps_new_empty_simple(LF_ANSWER_MEDIA_TYPE);
+    out = lf::unit_caps(LF_ANSWER_MEDIA_TYPE);
   } else {
     GValue rate = G_VALUE_INIT;
     g_value_init(&rate, GST_TYPE_FRACTION);
     const gchar* text = gst_structure_get_string(structure, "framerate");
     if (!text || !gst_value_deserialize(&rate, text)) gst_value_set_fraction(&rate, 0, 1);
-    out = gst_caps_new_empty_simple(LF_REQUEST_MEDIA_TYPE);
+    out = lf::unit_caps(LF_REQUEST_MEDIA_TYPE);
     gst_caps_set_value(out, "framerate", &rate);
     g_value_unset(&rate);
   }

@@ -57,7 +57,7 @@ struct _LfRtpPay {
 };
 
 static GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
-    "sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE "; " LF_ANSWER_MEDIA_TYPE));
+    "sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_CAPS "; " LF_ANSWER_CAPS));
 static GstStaticPadTemplate src_template =
     GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
                             GST_STATIC_CAPS(LF_RTP_CAPS ", payload = (int) " GST_RTP_PAYLOAD_DYNAMIC_STRING));
@@ -309,4 +309,7 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
   base_class->query = lf_rtp_pay_query;
 }
 
-static void lf_rtp_pay_init(LfRtpPay* self) { self->pacer = new lf::rtp::Pacer; }
+static void lf_rtp_pay_init(LfRtpPay* self) {
+  self->pacer = new lf::rtp::Pacer;
+  lf::accept_unit_caps(GST_RTP_BASE_PAYLOAD_SINKPAD(self));
+}

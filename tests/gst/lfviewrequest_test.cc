@@ -265,7 +265,7 @@ TEST(LfViewRequestProperties, MakeTheView) {
   EXPECT_TRUE(source.wait_eos());
   GstCaps* caps = gst_pad_get_current_caps(source.harness()->sinkpad);
   gchar* text = gst_caps_to_string(caps);
-  EXPECT_STREQ(text, "application/x-lightfield-request, framerate=(fraction)30000/1001");
+  EXPECT_STREQ(text, "application/x-lightfield-request, parsed=(boolean)true, framerate=(fraction)30000/1001");
   g_free(text);
   gst_caps_unref(caps);
 }
