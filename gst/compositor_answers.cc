@@ -3,6 +3,7 @@
 
 #include "base/error.h"
 #include "lfcompositor_private.h"
+#include "render/contribution_map.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
 #define GST_CAT_DEFAULT lf_compositor_debug
@@ -70,6 +71,7 @@ void take_new_rig(LfCompositor* self) {
   state.rig = *rig;
   state.assembly.set_rig(*rig);
   state.trial_mesh.clear();
+  state.coverage = {};
   state.warned_rig = false;
   if (!*rig) return;
   lf_compositor_use_rig_for_health(self, (*rig)->hash());
@@ -321,6 +323,25 @@ static GstBuffer* replace_incomplete(LfCompositor* self, GstBuffer* picture) {
   return nullptr;
 }
 
+// How much of the view cameras can see. A view that moves is looked at now and then, or for each picture's message.
+static double coverage(LfCompositor* self, bool exact) {
+  constexpr int kRows = 12;
+  constexpr int64_t kInterval = G_USEC_PER_SEC / 10;
+  auto& state = *self->state;
+  auto& known = state.coverage;
+  if (!state.rig) return -1;
+  const lf::ViewRequest& request = *state.current;
+  const int64_t now = g_get_monotonic_time();
+  const bool same = known.share >= 0 && known.view == request.view && known.out_of_service == request.out_of_service;
+  if (same || (known.share >= 0 && !exact && now < known.known_at + kInterval)) return known.share;
+  const lf::Mesh& mesh = known.mesh.get(*state.rig, request.out_of_service);
+  known.share = lf::mean_coverage(*state.rig, lf::ViewPlan(*state.rig, mesh, request.view), kRows);
+  known.view = request.view;
+  known.out_of_service = request.out_of_service;
+  known.known_at = now;
+  return known.share;
+}
+
 static void record(LfCompositor* self, int64_t answered, GstClockTime pts) {
   auto& state = *self->state;
   GST_OBJECT_LOCK(self);
@@ -329,7 +350,7 @@ static void record(LfCompositor* self, int64_t answered, GstClockTime pts) {
   const lf::Assembly& assembly = state.assembly;
   GstStructure* description =
       state.stats.record({state.current->view_id, state.current->sequence, pts, assembly.fragments(),
-                          assembly.missing(), assembly.damaged(), state.current_bytes, state.moment_bytes,
+                          assembly.missing(), assembly.damaged(), coverage(self, post), state.current_bytes, state.moment_bytes,
                           assembly.skew(), answered, state.adding, g_get_monotonic_time()},
                          post);
   if (description) gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), description));

@@ -208,7 +208,8 @@ void lf_compositor_install_properties(GObjectClass* klass) {
   install(PROP_STATS,
           g_param_spec_boxed(
               "stats", "Statistics",
-              "Counts of pictures (complete, incomplete, repeated, dropped), fragments (missing, damaged), late, "
+              "Counts of pictures (complete, incomplete, unseen: no camera sees anything of the view, repeated, dropped), "
+              "coverage (share of the latest view that cameras can see; with `rig`), fragments (missing, damaged), late, "
               "repeated and bad answers, bytes, cameras out of service; the largest skew; of a focal surface: rounds of "
               "trials, their bytes, how far cameras disagree (residual, 255ths) and by how much the last round lessened "
               "it (gained), requests from one with trials to the next (interval), whether one plane is enough (flat); of the monitor: "

@@ -48,7 +48,8 @@
  *
  * ## Element messages
  * With `post-messages` an element message "lightfield-view" per picture: view-id, sequence (uint), pts (uint64),
- * complete (boolean), fragments, missing, damaged (uint), bytes, trial-bytes (of what came of trials), skew-ns,
+ * complete (boolean), coverage (double: share of the view that cameras can see; with `rig`), fragments, missing, damaged
+ * (uint), bytes, trial-bytes (of what came of trials), skew-ns,
  * latency-ns (request to picture), add-ns (decoding and adding what came) and composite-ns (uint64). Always
  * "lightfield-out-of-service" when that set changes: lf-view-id (uint), cameras (array of uint). "lightfield-suspects"
  * when the monitor changes its mind: lf-view-id (uint), suspects (array of structures: camera (uint), fault (string:
@@ -102,6 +103,7 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   lf_compositor_reset_health(self);
   state.current.reset();
   state.request_flushed = state.over = false;
+  state.coverage = {};
   state.segment = {};
   state.info = {};
   state.negotiated = false;

@@ -78,6 +78,13 @@ struct _LfCompositor {
     uint64_t current_bytes = 0;  // of the answers added
     int64_t adding = 0;          // time spent adding them, microseconds
     lf::PicturePool pool;
+    struct {
+      lf::MeshCache mesh;
+      lf::View view;  // of which it is known
+      lf::CameraSet out_of_service;
+      double share = -1;
+      int64_t known_at = 0;  // monotonic, microseconds
+    } coverage;
     GstBuffer* last_picture = nullptr;  // live: what an incomplete picture may be replaced or mended with
     uint64_t last_rig = 0;              // hash of the rig that it was made with, 0: not known
 

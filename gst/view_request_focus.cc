@@ -23,6 +23,7 @@ gboolean lf_view_request_focus_at(LfViewRequest* self, gdouble x, gdouble y) {
   GST_OBJECT_UNLOCK(self);
   if (!can) return FALSE;
   const lf::Vec2 place((x + 0.5) / view.width, (y + 0.5) / view.height);
+  if (place.x < 0 || place.x > 1 || place.y < 0 || place.y > 1) return FALSE;
   if (const std::optional<double> distance = self->focus_feedback->focus_at(place)) set_focus_distance(self, *distance);
   return TRUE;
 }

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <functional>
 #include <thread>
+#include <utility>
 
 #include "gst/compositor_fixture.h"
 #include "gst/other_rig.h"
@@ -161,6 +162,37 @@ TEST_F(LfCompositorStreamsTest, PicturesTellWhenTheyWereCaptured) {
   const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(picture.get(), reference.get());
   ASSERT_TRUE(meta);
   EXPECT_EQ(meta->timestamp, 3 * kFrame + 5);
+}
+
+// Nothing is missing where there is nothing to be seen, but that is no complete picture either.
+TEST_F(LfCompositorStreamsTest, AViewThatLeavesTheArrayIsCounted) {
+  start(1, {{"rig", array_.rig_path()}, {"post-messages", "true"}});
+  GstBus* bus = gst_bus_new();
+  gst_element_set_bus(element_.get(), bus);
+  const auto show = [&](uint32_t i, bool away) {
+    ViewRequest asked = array_.request(i, i * kFrame);
+    if (away) asked.view.pose.position.x += 1000;
+    request(asked);
+    push(0, answer_of(asked, {0, 1, 2, 3}));
+    pull();
+    GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ELEMENT);
+    EXPECT_TRUE(message);
+    gboolean complete = -1;
+    double coverage = -1;
+    gst_structure_get(gst_message_get_structure(message), "complete", G_TYPE_BOOLEAN, &complete, "coverage",
+                      G_TYPE_DOUBLE, &coverage, nullptr);
+    gst_message_unref(message);
+    return std::pair(complete != FALSE, coverage);
+  };
+  const auto [complete, coverage] = show(0, false);
+  EXPECT_TRUE(complete);
+  EXPECT_GT(coverage, 0.9);
+  EXPECT_EQ(show(1, true), std::pair(false, 0.0));
+  EXPECT_EQ(stat(element_.get(), "complete"), 1u);
+  EXPECT_EQ(stat(element_.get(), "unseen"), 1u);
+  EXPECT_EQ(stat(element_.get(), "missing-fragments"), 0u);
+  gst_element_set_bus(element_.get(), nullptr);
+  gst_object_unref(bus);
 }
 
 // A node that begins again: what waited on its pad is gone, what it says anew counts, and the others are not disturbed.
