@@ -271,9 +271,25 @@ static bool is_awaited(LfCompositor* self, GstAggregatorPad* pad, bool live) {
   return !live || self->max_missed == 0 || node.missed <= self->max_missed;
 }
 
+// Live, a view that is asked for and that no node ever answers.
+static void note_silence(LfCompositor* self) {
+  constexpr int64_t kPatience = 5 * G_USEC_PER_SEC;
+  auto& talk = self->state->talk;
+  if (talk.answered || talk.warned || !is_live(self)) return;
+  const int64_t now = g_get_monotonic_time();
+  if (talk.asked_since == 0) talk.asked_since = now;
+  if (now < talk.asked_since + kPatience) return;
+  talk.warned = true;
+  GST_ELEMENT_WARNING(self, STREAM, FAILED,
+                      ("No node answers view %u: do its requests reach them, and their answers this compositor?",
+                       self->state->current->view_id),
+                      (nullptr));
+}
+
 // Makes room for the next request. What probes are answered with says nothing of the nodes that is not said anyway.
 static void close_request(LfCompositor* self, const AnswerPads& pads, GstClockTime due) {
   auto& state = *self->state;
+  note_silence(self);
   for (GstAggregatorPad* pad : pads) {
     NodeInput& node = lf_compositor_node_of(pad);
     const bool took_part = node.head == NodeInput::Head::kDone;

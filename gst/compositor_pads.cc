@@ -129,6 +129,21 @@ static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* p
   return parent_class()->sink_query(agg, pad, query);
 }
 
+constexpr int64_t kPatience = 5 * G_USEC_PER_SEC;  // for a view of which nothing is heard
+
+// Most often a view-id that was forgotten.
+static void note_other_view(LfCompositor* self, uint32_t other) {
+  auto& talk = self->state->talk;
+  const int64_t now = g_get_monotonic_time();
+  if (talk.others_since == 0) talk.others_since = now;
+  if (talk.asked || now < talk.others_since + kPatience) return;
+  talk.asked = true;  // said once
+  GST_ELEMENT_WARNING(self, STREAM, FAILED,
+                      ("Nobody asks for view %u, of this compositor, but for view %u and perhaps others: is view-id right?",
+                       lf_compositor_view_id(self), other),
+                      (nullptr));
+}
+
 // What is of other views never gets as far as to the pads' queues: nobody would take it from there while no own request
 // comes, and a full queue stops the other views behind the same tee.
 static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
@@ -136,7 +151,11 @@ static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo*
   if (self->state->over) return GST_PAD_PROBE_DROP;
   const std::optional<lf::wire::RequestPeek> peek = lf::peek_request_buffer(GST_PAD_PROBE_INFO_BUFFER(info));
   if (!peek) return GST_PAD_PROBE_OK;  // counted where it is taken
-  if (peek->head.view_id != lf_compositor_view_id(self)) return GST_PAD_PROBE_DROP;
+  if (peek->head.view_id != lf_compositor_view_id(self)) {
+    note_other_view(self, peek->head.view_id);
+    return GST_PAD_PROBE_DROP;
+  }
+  self->state->talk.asked = true;
   if (peek->type == lf::wire::kWarpCommandType || peek->type == lf::wire::kPixelCommandType)
     return GST_PAD_PROBE_DROP;  // for cameras
   if (!peek->head.probe) self->state->stats.request_arrived(peek->head.sequence, g_get_monotonic_time());
@@ -157,6 +176,7 @@ static GstPadProbeReturn lf_compositor_answer_arrives(GstPad*, GstPadProbeInfo* 
   GstBuffer* answer = GST_PAD_PROBE_INFO_BUFFER(info);
   const std::optional<uint32_t> view_id = lf::peek_answer_view(answer);
   if (view_id && *view_id != lf_compositor_view_id(LF_COMPOSITOR(data))) return GST_PAD_PROBE_DROP;
+  LF_COMPOSITOR(data)->state->talk.answered = true;
   if (!GST_BUFFER_PTS_IS_VALID(answer) && !GST_BUFFER_DTS_IS_VALID(answer)) info->data = give_duration(answer);
   return GST_PAD_PROBE_OK;
 }

@@ -104,6 +104,8 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   state.current.reset();
   state.request_flushed = state.over = false;
   state.coverage = {};
+  state.talk.others_since = state.talk.asked_since = 0;
+  state.talk.asked = state.talk.answered = state.talk.warned = false;
   state.segment = {};
   state.info = {};
   state.negotiated = false;

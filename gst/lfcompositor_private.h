@@ -69,6 +69,14 @@ struct _LfCompositor {
     lf::Assembly assembly;
     std::optional<lf::ViewRequest> current;  // the request at the head of the request pad
     std::atomic<bool> request_flushed = false;  // that one is gone
+    // Whether its view is spoken of at all. The first: thread of the request pad, monotonic time, microseconds.
+    struct {
+      int64_t others_since = 0;  // requests of other views alone
+      bool asked = false;
+      std::atomic<bool> answered = false;
+      int64_t asked_since = 0;  // live, without an answer; streaming thread
+      bool warned = false;
+    } talk;
     std::atomic<bool> over = false;             // nobody takes pictures any more, or none will be asked for
     GstSegment segment{};                    // of the output: that of the requests
     GstVideoInfo info{};                     // negotiated

@@ -164,6 +164,27 @@ TEST_F(LfCompositorStreamsTest, PicturesTellWhenTheyWereCaptured) {
   EXPECT_EQ(meta->timestamp, 3 * kFrame + 5);
 }
 
+TEST_F(LfCompositorStreamsTest, AViewThatNobodyAsksForIsSaidOnce) {
+  start(1, {{"view-id", "3"}});
+  GstBus* bus = gst_bus_new();
+  gst_element_set_bus(element_.get(), bus);
+  std::vector<std::string> warnings;
+  for (uint32_t i = 0; i < 160; i++) {
+    request(array_.request(i, i * kFrame, 7));
+    g_usleep(50000);
+    while (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING)) {
+      g_autoptr(GError) error = nullptr;
+      gst_message_parse_warning(message, &error, nullptr);
+      warnings.emplace_back(error->message);
+      gst_message_unref(message);
+    }
+  }
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_THAT(warnings[0], HasSubstr("Nobody asks for view 3"));
+  gst_element_set_bus(element_.get(), nullptr);
+  gst_object_unref(bus);
+}
+
 // Nothing is missing where there is nothing to be seen, but that is no complete picture either.
 TEST_F(LfCompositorStreamsTest, AViewThatLeavesTheArrayIsCounted) {
   start(1, {{"rig", array_.rig_path()}, {"post-messages", "true"}});
