@@ -20,6 +20,9 @@
 #define LF_ANSWER_CAPS LF_ANSWER_MEDIA_TYPE ", parsed = (boolean) true"
 #define LF_RGB_FORMATS "RGB, BGR, RGBx, BGRx, xRGB, xBGR, RGBA, BGRA, ARGB, ABGR"
 
+// Video that lffragment takes from cameras as it is.
+#define LF_CAMERA_FORMATS LF_RGB_FORMATS ", I420, NV12, GRAY8"
+
 // Sticky custom downstream event with which lfcamsrc names the camera of a stream: field "camera" (uint: index in the
 // rig), "rig-hash" (uint64).
 #define LF_CAMERA_EVENT "lightfield-camera"

@@ -106,7 +106,7 @@ static bool lf_view_request_has_sought(LfViewRequest* self, GstEvent* event) {
 
 // Every viewer behind the node's tee and funnel hears of it.
 static gboolean lf_view_request_take_delay(LfViewRequest* self, GstEvent* event, GstClockTime delay) {
-  if (lf_view_request_is_relay(self)) return gst_pad_push_event(self->sink, gst_event_ref(event));
+  if (lf_view_request_is_relay(self)) return lf_view_request_push_upstream(self, gst_event_ref(event));
   GST_OBJECT_LOCK(self);
   const bool follows = !GST_CLOCK_TIME_IS_VALID(self->settings->capture_delay);
   GST_OBJECT_UNLOCK(self);
@@ -127,7 +127,7 @@ static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   if (!of_focus && !of_more && !lf_view_request_is_steering(event))
     return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->event(base, event);
   if (lf_view_request_is_relay(self))
-    return gst_pad_push_event(self->sink, gst_event_ref(event)) || lf_view_request_keep_focus(self, event);
+    return lf_view_request_push_upstream(self, gst_event_ref(event)) || lf_view_request_keep_focus(self, event);
   if (of_more) return lf_view_request_take_extra(self, event);
   return of_focus ? lf_view_request_take_focus(self, event) : lf_view_request_steer(self, event);
 }

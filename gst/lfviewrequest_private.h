@@ -97,6 +97,8 @@ void lf_view_request_send_more(LfViewRequest* self, const lf::ViewRequest& reque
 // view_request_relay.cc
 void lf_view_request_install_relay(GstElementClass* klass);
 bool lf_view_request_is_relay(LfViewRequest* self);
+// An event to whoever sends the requests that are relayed; takes it. False if nobody takes it there.
+bool lf_view_request_push_upstream(LfViewRequest* self, GstEvent* event);
 // A latency query of a relay: that of the requests which come in. False if nobody upstream knows it.
 bool lf_view_request_relayed_latency(LfViewRequest* self, GstQuery* query);
 // Live: requests of the view get the surface of such an event here, because nobody upstream has taken it. False if it

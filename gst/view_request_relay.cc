@@ -19,10 +19,27 @@ bool lf_view_request_is_relay(LfViewRequest* self) {
   return relay;
 }
 
-bool lf_view_request_relayed_latency(LfViewRequest* self, GstQuery* query) {
+// Owned by the caller: the pad may be released meanwhile.
+static GstPad* relay_sink(LfViewRequest* self) {
   GST_OBJECT_LOCK(self);
   GstPad* sink = self->sink ? GST_PAD(gst_object_ref(self->sink)) : nullptr;
   GST_OBJECT_UNLOCK(self);
+  return sink;
+}
+
+bool lf_view_request_push_upstream(LfViewRequest* self, GstEvent* event) {
+  GstPad* sink = relay_sink(self);
+  if (!sink) {
+    gst_event_unref(event);
+    return false;
+  }
+  const bool taken = gst_pad_push_event(sink, event);
+  gst_object_unref(sink);
+  return taken;
+}
+
+bool lf_view_request_relayed_latency(LfViewRequest* self, GstQuery* query) {
+  GstPad* sink = relay_sink(self);
   const bool known = sink && gst_pad_peer_query(sink, query);
   gst_clear_object(&sink);
   return known;
