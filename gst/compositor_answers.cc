@@ -426,7 +426,10 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
     gst_buffer_unref(out);
     return flow;
   }
-  return gst_aggregator_finish_buffer(GST_AGGREGATOR(self), out);
+  state.pushing = true;
+  flow = gst_aggregator_finish_buffer(GST_AGGREGATOR(self), out);
+  state.pushing = false;
+  return flow;
 }
 
 static GstFlowReturn compose(LfCompositor* self) {

@@ -124,8 +124,11 @@ static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* p
 static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* pad, GstQuery* query) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   if (lf::is_in_process_query(query)) return TRUE;
-  if (guint view_id; lf::is_focus_query(query, &view_id))
-    return view_id == lf_compositor_view_id(self) && lf_compositor_finds_focus(self);
+  if (guint view_id; lf::is_focus_query(query, &view_id)) {
+    if (view_id != lf_compositor_view_id(self) || !lf_compositor_finds_focus(self)) return FALSE;
+    lf::set_focus_waits(query, self->state->pushing);
+    return TRUE;
+  }
   return parent_class()->sink_query(agg, pad, query);
 }
 

@@ -234,6 +234,23 @@ TEST_P(SeekTest, TellsHowLongItIsAndWhereItIs) {
 INSTANTIATE_TEST_SUITE_P(Sources, SeekTest, testing::Values("film", "sequence", "stills", "scene"),
                          [](const auto& info) { return std::string(info.param); });
 
+class PauseTest : public SeekTest {};
+
+// Each request waits for the focal surface of the one before, however long nobody takes pictures.
+TEST_P(PauseTest, APictureDoesNotDependOnHowLongAPauseWas) {
+  const std::string with_rig =
+      line().replace(line().find("lfcompositor name=c"), 19, "lfcompositor name=c rig=" + rig_);
+  const std::vector<Picture> truth = Player(with_rig).rest();
+  ASSERT_EQ(truth.size(), size_t{kFrames});
+  Player player(with_rig);
+  player.set_state(GST_STATE_PAUSED);
+  ASSERT_TRUE(player.preroll());
+  g_usleep(6500000);
+  EXPECT_TRUE(player.rest() == truth);
+}
+
+INSTANTIATE_TEST_SUITE_P(Sources, PauseTest, testing::Values("film"));
+
 // Answers that don't follow a seek: those of a recording, beside requests that would.
 TEST(SeekRefused, WhereAnswersComeFromElsewhere) {
   const ElementPtr pipeline = launch(
