@@ -62,6 +62,28 @@ GstClockTime deadline(LfCompositor* self) {
   return gst_element_get_base_time(GST_ELEMENT(self)) + time + latency;
 }
 
+// A request that comes later than the latency says: that has grown, and perhaps nobody heeds the message about it. What
+// is too short would have pictures made before their answers can be there.
+void refresh_latency(LfCompositor* self) {
+  auto& state = *self->state;
+  const GstClockTime latency = gst_aggregator_get_latency(GST_AGGREGATOR(self)), now = clock_time(self);
+  GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
+  if (!request) return;
+  const GstClockTime time = running_time(self, request);
+  gst_buffer_unref(request);
+  if (!GST_CLOCK_TIME_IS_VALID(latency) || !GST_CLOCK_TIME_IS_VALID(now) || !GST_CLOCK_TIME_IS_VALID(time)) return;
+  GstClockTime own = 0;
+  g_object_get(self, "latency", &own, nullptr);
+  const GstClockTime expected = gst_element_get_base_time(GST_ELEMENT(self)) + time + latency - MIN(own, latency);
+  const int64_t asked = g_get_monotonic_time();
+  if (now <= expected + 2 * GST_MSECOND) return;
+  if (state.latency_asked_at != 0 && asked < state.latency_asked_at + G_USEC_PER_SEC / 10) return;
+  state.latency_asked_at = asked;
+  GstQuery* query = gst_query_new_latency();
+  gst_pad_query(GST_AGGREGATOR_SRC_PAD(self), query);  // the base class keeps what comes of it
+  gst_query_unref(query);
+}
+
 void take_new_rig(LfCompositor* self) {
   auto& state = *self->state;
   GST_OBJECT_LOCK(self);
@@ -139,6 +161,7 @@ static bool find_request(LfCompositor* self, guint view_id) {
         lf_compositor_forget_moments(self);
         state.assembly.begin(*request);
         lf_compositor_use_rig_for_health(self, state.assembly.rig_hash());
+        refresh_latency(self);
         state.current = std::move(request);
         state.current_bytes = 0;
         state.adding = 0;

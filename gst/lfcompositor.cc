@@ -104,6 +104,7 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   state.current.reset();
   state.request_flushed = state.over = false;
   state.coverage = {};
+  state.latency_asked_at = 0;
   state.talk.others_since = state.talk.asked_since = 0;
   state.talk.asked = state.talk.answered = state.talk.warned = false;
   state.segment = {};
