@@ -252,8 +252,8 @@ void set_size(GstElement* multifilesrc, const Camera& camera) {
 }
 
 // What feeds `convert`. Returns what reads an image sequence, if one is.
-GstElement* add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, const ChainOptions& options, int fps_n,
-                int fps_d, GstElement* convert) {
+GstElement* add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, const ChainOptions& options,
+                       int fps_n, int fps_d, GstElement* convert) {
   switch (source.kind) {
     case Kind::kStill:
       if (source.codec == Codec::kOther) {

@@ -69,7 +69,8 @@ void FrameConverter::add_step(const GstVideoInfo& from, GstVideoFormat format) {
 // GstVideoConverter would sample chroma anew.
 void FrameConverter::add_planar_step(const GstVideoInfo& from) {
   GstVideoInfo to;
-  gst_video_info_set_format(&to, GST_VIDEO_FORMAT_I420, static_cast<guint>(from.width), static_cast<guint>(from.height));
+  gst_video_info_set_format(&to, GST_VIDEO_FORMAT_I420, static_cast<guint>(from.width),
+                            static_cast<guint>(from.height));
   to.fps_n = from.fps_n;
   to.fps_d = from.fps_d;
   to.colorimetry = from.colorimetry;

@@ -19,8 +19,8 @@ RgbLayout rgb_layout(const GstVideoInfo& info);
 void set_system_colorimetry(GstVideoInfo& info);
 
 // Turns the frames of one stream into the node's family: nothing to do for RGB in any order and for full-range BT.601
-// I420 with centred chroma; NV12 and GRAY8 are laid out as I420, to the bit; everything else (limited range, other matrix
-// or siting, the other family) is converted.
+// I420 with centred chroma; NV12 and GRAY8 are laid out as I420, to the bit; everything else (limited range, other
+// matrix or siting, the other family) is converted.
 class FrameConverter {
  public:
   FrameConverter(const GstVideoInfo& input, PixelFamily family);

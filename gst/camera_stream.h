@@ -75,7 +75,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   std::mutex seeking_;
   std::atomic<guint32> loop_seqnum_ = GST_SEQNUM_INVALID;  // of the seek back to the beginning
   std::atomic<bool> sought_ = false;                       // by somebody else, since the latest segment
-  std::atomic<GstClockTime> sequence_starts_at_ = 0;       // in the film, what an image sequence gives first from now on
+  std::atomic<GstClockTime> sequence_starts_at_ = 0;  // in the film, what an image sequence gives first from now on
 
   // Of the streaming thread.
   GstSegment segment_;            // of the frames pad

@@ -389,8 +389,8 @@ static void record(LfCompositor* self, int64_t answered, GstClockTime pts) {
   const lf::Assembly& assembly = state.assembly;
   GstStructure* description =
       state.stats.record({state.current->view_id, state.current->sequence, pts, assembly.fragments(),
-                          assembly.missing(), assembly.damaged(), coverage(self, post), state.current_bytes, state.moment_bytes,
-                          assembly.skew(), answered, state.adding, g_get_monotonic_time()},
+                          assembly.missing(), assembly.damaged(), coverage(self, post), state.current_bytes,
+                          state.moment_bytes, assembly.skew(), answered, state.adding, g_get_monotonic_time()},
                          post);
   if (description) gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), description));
 }

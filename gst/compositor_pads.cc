@@ -11,9 +11,9 @@ GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink_%u", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_ANSWER_CAPS));
 GstStaticPadTemplate request_template =
     GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_CAPS));
-GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
-    "src", GST_PAD_SRC, GST_PAD_ALWAYS,
-    GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }") "; " LF_ANSWER_CAPS));
+GstStaticPadTemplate src_template =
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
+                            GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }") "; " LF_ANSWER_CAPS));
 
 // The node's data goes with its pad.
 GQuark node_quark() {
@@ -141,10 +141,11 @@ static void note_other_view(LfCompositor* self, uint32_t other) {
   if (talk.others_since == 0) talk.others_since = now;
   if (talk.asked || now < talk.others_since + kPatience) return;
   talk.asked = true;  // said once
-  GST_ELEMENT_WARNING(self, STREAM, FAILED,
-                      ("Nobody asks for view %u, of this compositor, but for view %u and perhaps others: is view-id right?",
-                       lf_compositor_view_id(self), other),
-                      (nullptr));
+  GST_ELEMENT_WARNING(
+      self, STREAM, FAILED,
+      ("Nobody asks for view %u, of this compositor, but for view %u and perhaps others: is view-id right?",
+       lf_compositor_view_id(self), other),
+      (nullptr));
 }
 
 // What is of other views never gets as far as to the pads' queues: nobody would take it from there while no own request

@@ -205,19 +205,21 @@ void lf_compositor_install_properties(GObjectClass* klass) {
                           "Let cameras match their brightness to that of the others; with focus surface or auto. The "
                           "lffragments' stats have each camera's gain",
                           TRUE, flags(GST_PARAM_MUTABLE_PLAYING)));
-  install(PROP_STATS,
-          g_param_spec_boxed(
-              "stats", "Statistics",
-              "Counts of pictures (complete, incomplete, unseen: no camera sees anything of the view, repeated, dropped), "
-              "coverage (share of the latest view that cameras can see; with `rig`), fragments (missing, damaged), late, "
-              "repeated and bad answers, bytes, cameras out of service; the largest skew; of a focal surface: rounds of "
-              "trials, their bytes, how far cameras disagree (residual, 255ths) and by how much the last round lessened "
-              "it (gained), requests from one with trials to the next (interval), whether one plane is enough (flat); of the monitor: "
-              "turns of cameras, their bytes, for each camera the PSNR, gain and shift (pixels of the small view) of its "
-              "prediction, and suspects with their fault (colour, direction, picture); "
-              "latency per stage (p50, p95, "
-              "p99 over the latest 1024 pictures, nanoseconds)",
-              GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+  install(
+      PROP_STATS,
+      g_param_spec_boxed(
+          "stats", "Statistics",
+          "Counts of pictures (complete, incomplete, unseen: no camera sees anything of the view, repeated, dropped), "
+          "coverage (share of the latest view that cameras can see; with `rig`), fragments (missing, damaged), late, "
+          "repeated and bad answers, bytes, cameras out of service; the largest skew; of a focal surface: rounds of "
+          "trials, their bytes, how far cameras disagree (residual, 255ths) and by how much the last round lessened "
+          "it (gained), requests from one with trials to the next (interval), whether one plane is enough (flat); of "
+          "the monitor: "
+          "turns of cameras, their bytes, for each camera the PSNR, gain and shift (pixels of the small view) of its "
+          "prediction, and suspects with their fault (colour, direction, picture); "
+          "latency per stage (p50, p95, "
+          "p99 over the latest 1024 pictures, nanoseconds)",
+          GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_INCOMPLETE, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_FOCUS, GstPluginAPIFlags(0));
 }

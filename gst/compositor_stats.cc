@@ -113,15 +113,16 @@ GstStructure* CompositorStats::record(const Picture& p, bool describe) {
   picture_ns_.add(composite - std::min(composite, adding));
   latency_ns_.add(latency);
   if (!describe) return nullptr;
-  GstStructure* description = gst_structure_new("lightfield-view", "view-id", G_TYPE_UINT, p.view_id, "sequence", G_TYPE_UINT,
-                           p.sequence,  //
-                           "pts", G_TYPE_UINT64, p.pts, "complete", G_TYPE_BOOLEAN, complete,
-                           "fragments", G_TYPE_UINT, p.fragments, "missing", G_TYPE_UINT, p.missing,      //
-                           "damaged", G_TYPE_UINT, p.damaged,                                             //
-                           "bytes", G_TYPE_UINT64, p.bytes, "trial-bytes", G_TYPE_UINT64, p.trial_bytes,  //
-                           "skew-ns", G_TYPE_UINT64, p.skew_ns,                                           //
-                           "latency-ns", G_TYPE_UINT64, latency, "add-ns", G_TYPE_UINT64, adding,         //
-                           "composite-ns", G_TYPE_UINT64, composite, nullptr);
+  GstStructure* description =
+      gst_structure_new("lightfield-view", "view-id", G_TYPE_UINT, p.view_id, "sequence", G_TYPE_UINT,
+                        p.sequence,  //
+                        "pts", G_TYPE_UINT64, p.pts, "complete", G_TYPE_BOOLEAN, complete, "fragments", G_TYPE_UINT,
+                        p.fragments, "missing", G_TYPE_UINT, p.missing,                                //
+                        "damaged", G_TYPE_UINT, p.damaged,                                             //
+                        "bytes", G_TYPE_UINT64, p.bytes, "trial-bytes", G_TYPE_UINT64, p.trial_bytes,  //
+                        "skew-ns", G_TYPE_UINT64, p.skew_ns,                                           //
+                        "latency-ns", G_TYPE_UINT64, latency, "add-ns", G_TYPE_UINT64, adding,         //
+                        "composite-ns", G_TYPE_UINT64, composite, nullptr);
   if (p.coverage >= 0) gst_structure_set(description, "coverage", G_TYPE_DOUBLE, p.coverage, nullptr);
   return description;
 }

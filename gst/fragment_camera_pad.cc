@@ -170,7 +170,8 @@ static gboolean lf_fragment_camera_query(GstPad* pad, GstObject* parent, GstQuer
   return gst_pad_query_default(pad, parent, query);
 }
 
-// A camera whose pool has no buffer left stands still. Frames of a pool that what is kept here would exhaust are copied.
+// A camera whose pool has no buffer left stands still. Frames of a pool that what is kept here would exhaust are
+// copied.
 static GstBuffer* lf_fragment_spare_pool(LfFragmentPad* pad, GstBuffer* buffer) {
   constexpr size_t kForCamera = 3;  // one that is filled, one on its way, one to spare
   if (!buffer->pool) return buffer;
@@ -184,8 +185,8 @@ static GstBuffer* lf_fragment_spare_pool(LfFragmentPad* pad, GstBuffer* buffer) 
   return copy;
 }
 
-// When a frame was taken, clock time where it is live, else stream time, which a seek does not begin anew: the stamp that
-// lfcamsrc left, else PTS and the rig's time offset.
+// When a frame was taken, clock time where it is live, else stream time, which a seek does not begin anew: the stamp
+// that lfcamsrc left, else PTS and the rig's time offset.
 static uint64_t lf_fragment_capture_time(LfFragment* self, GstPad* pad, GstBuffer* buffer, double time_offset,
                                          bool live) {
   static GstStaticCaps reference_caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
@@ -286,8 +287,7 @@ static gint64 lf_fragment_seek_position(GstPad* pad, LfFragment* self, uint64_t 
   const gint64 offset = camera ? static_cast<gint64>(camera->time_offset * GST_SECOND) : 0;
   const gint64 before = GST_SECOND + 2 * static_cast<gint64>(input.frames->period());
   gint64 position = static_cast<gint64>(time) - offset, duration = 0;
-  if (gst_pad_peer_query_duration(pad, GST_FORMAT_TIME, &duration) && duration > 0)
-    position = MIN(position, duration);
+  if (gst_pad_peer_query_duration(pad, GST_FORMAT_TIME, &duration) && duration > 0) position = MIN(position, duration);
   return MAX(position - before, 0);
 }
 

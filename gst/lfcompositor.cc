@@ -48,12 +48,11 @@
  *
  * ## Element messages
  * With `post-messages` an element message "lightfield-view" per picture: view-id, sequence (uint), pts (uint64),
- * complete (boolean), coverage (double: share of the view that cameras can see; with `rig`), fragments, missing, damaged
- * (uint), bytes, trial-bytes (of what came of trials), skew-ns,
- * latency-ns (request to picture), add-ns (decoding and adding what came) and composite-ns (uint64). Always
- * "lightfield-out-of-service" when that set changes: lf-view-id (uint), cameras (array of uint). "lightfield-suspects"
- * when the monitor changes its mind: lf-view-id (uint), suspects (array of structures: camera (uint), fault (string:
- * colour, direction or picture)).
+ * complete (boolean), coverage (double: share of the view that cameras can see; with `rig`), fragments, missing,
+ * damaged (uint), bytes, trial-bytes (of what came of trials), skew-ns, latency-ns (request to picture), add-ns
+ * (decoding and adding what came) and composite-ns (uint64). Always "lightfield-out-of-service" when that set changes:
+ * lf-view-id (uint), cameras (array of uint). "lightfield-suspects" when the monitor changes its mind: lf-view-id
+ * (uint), suspects (array of structures: camera (uint), fault (string: colour, direction or picture)).
  */
 
 #include <utility>

@@ -77,9 +77,9 @@ struct _LfCompositor {
       int64_t asked_since = 0;  // live, without an answer; streaming thread
       bool warned = false;
     } talk;
-    int64_t latency_asked_at = 0;       // monotonic time, microseconds
-    std::atomic<bool> pushing = false;  // a picture: downstream may take its time
-    std::atomic<bool> over = false;             // nobody takes pictures any more, or none will be asked for
+    int64_t latency_asked_at = 0;            // monotonic time, microseconds
+    std::atomic<bool> pushing = false;       // a picture: downstream may take its time
+    std::atomic<bool> over = false;          // nobody takes pictures any more, or none will be asked for
     GstSegment segment{};                    // of the output: that of the requests
     GstVideoInfo info{};                     // negotiated
     bool negotiated = false;

@@ -27,8 +27,8 @@
 #include <span>
 
 #include "common.h"
-#include "wire/request_codec.h"
 #include "wire/limits.h"
+#include "wire/request_codec.h"
 #include "wire/unit.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_parse_debug);
@@ -54,9 +54,9 @@ struct _LfParse {
 
 static GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
     "sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE "; " LF_ANSWER_MEDIA_TYPE));
-static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
-    "src", GST_PAD_SRC, GST_PAD_ALWAYS,
-    GST_STATIC_CAPS(LF_REQUEST_CAPS ", framerate = (fraction) [ 0/1, max ]; " LF_ANSWER_CAPS));
+static GstStaticPadTemplate src_template =
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
+                            GST_STATIC_CAPS(LF_REQUEST_CAPS ", framerate = (fraction) [ 0/1, max ]; " LF_ANSWER_CAPS));
 
 G_DEFINE_TYPE(LfParse, lf_parse, GST_TYPE_BASE_PARSE)
 GST_ELEMENT_REGISTER_DEFINE(lfparse, "lfparse", GST_RANK_PRIMARY, LF_TYPE_PARSE)

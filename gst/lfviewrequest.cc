@@ -13,9 +13,9 @@
  * - `location`: a views.json file. One request per view, stamped with the view's time, then EOS. Where all views have
  *   the same time they are stamped one frame after the other, while each still asks for its own capture time. Sizes
  *   are the file's.
- * - else the properties `x`, `y`, `z`, `yaw`, `pitch`, `roll`, `fov`, `focus-distance`, `aperture`: one request per frame. They are
- *   controllable; a GstController is asked for the stamp of each request. With `rig` those that are not set are chosen
- *   so that the view stands in the middle of the array and looks where it looks.
+ * - else the properties `x`, `y`, `z`, `yaw`, `pitch`, `roll`, `fov`, `focus-distance`, `aperture`: one request per
+ * frame. They are controllable; a GstController is asked for the stamp of each request. With `rig` those that are not
+ * set are chosen so that the view stands in the middle of the array and looks where it looks.
  * - while running, these can be changed: by setting them; by mouse and keys, i.e. GstNavigation events from a video
  *   sink (drag: orbit about the point in focus; shift-drag or another button: pan; wheel: dolly; ctrl-wheel: focus;
  *   arrows: orbit; w s a d q e: fly forward, back, left, right, down, up; + -: zoom; [ ]: focus nearer, farther; r:
@@ -51,10 +51,10 @@
  * the instants of the capture schedule (multiples of the frame time on the pipeline's clock) plus `capture-delay`, and
  * ask for that instant in clock time; instants that passed while downstream was blocked are left out. Their time stamp
  * is the running time of that instant, so that of the picture is when it was captured, and `capture-delay` is told as
- * latency: sound that is captured beside it stays in step. Left to itself it is what the nodes of this process find that
- * their cameras need (upstream event "lightfield-capture-delay"): how long after their stamps all but one of a hundred
- * frames arrive, and half a frame; LATENCY messages tell when that changes. With `eager` a change of the view is asked for at once, in
- * place of the next instant. A relay tells the latency of the requests that it relays.
+ * latency: sound that is captured beside it stays in step. Left to itself it is what the nodes of this process find
+ * that their cameras need (upstream event "lightfield-capture-delay"): how long after their stamps all but one of a
+ * hundred frames arrive, and half a frame; LATENCY messages tell when that changes. With `eager` a change of the view
+ * is asked for at once, in place of the next instant. A relay tells the latency of the requests that it relays.
  *
  * ## Example launch lines
  * |[
@@ -135,8 +135,8 @@ static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
 static GstCaps* lf_view_request_get_caps(GstBaseSrc* base, GstCaps* filter) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GST_OBJECT_LOCK(self);
-  GstCaps* caps = gst_caps_new_simple(LF_REQUEST_MEDIA_TYPE, "parsed", G_TYPE_BOOLEAN, TRUE, "framerate", GST_TYPE_FRACTION, self->settings->fps_n,
-                                      self->settings->fps_d, nullptr);
+  GstCaps* caps = gst_caps_new_simple(LF_REQUEST_MEDIA_TYPE, "parsed", G_TYPE_BOOLEAN, TRUE, "framerate",
+                                      GST_TYPE_FRACTION, self->settings->fps_n, self->settings->fps_d, nullptr);
   GST_OBJECT_UNLOCK(self);
   if (!filter) return caps;
   GstCaps* filtered = gst_caps_intersect_full(filter, caps, GST_CAPS_INTERSECT_FIRST);

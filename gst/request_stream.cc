@@ -22,9 +22,7 @@ CameraSet parse_out_of_service(const Rig* rig, const std::string& list) {
 }  // namespace
 
 RequestStream::RequestStream(const ViewRequestSettings& settings)
-    : access_(settings.access),
-      schedule_(settings.fps_n, settings.fps_d),
-      loop_(settings.loop) {
+    : access_(settings.access), schedule_(settings.fps_n, settings.fps_d), loop_(settings.loop) {
   set_rig(settings.rig.empty() ? nullptr : shared_rig(settings.rig), settings.out_of_service);
   if (rig_) default_viewpoint_ = lf::default_viewpoint(*rig_);
   if (!settings.location.empty()) playback_.emplace(load_views(settings.location), schedule_, settings.loop);
@@ -75,8 +73,7 @@ std::optional<RequestSlot> RequestStream::next_live(GstClockTime now, GstClockTi
   }
   // The newest instant that is old enough, but none twice and none before the stream begins.
   const GstClockTime earliest = base_time + (last_pts_ ? *last_pts_ + 1 : 0);
-  const uint64_t k =
-      std::max(schedule_.index_at(now - std::min(now, capture_delay)), schedule_.first_from(earliest));
+  const uint64_t k = std::max(schedule_.index_at(now - std::min(now, capture_delay)), schedule_.first_from(earliest));
   slot->target_time = schedule_.instant(k);
   slot->pts = slot->target_time - base_time;
   slot->duration = schedule_.instant(k + 1) - slot->target_time;

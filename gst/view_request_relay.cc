@@ -8,9 +8,8 @@
 GST_DEBUG_CATEGORY_EXTERN(lf_view_request_debug);
 #define GST_CAT_DEFAULT lf_view_request_debug
 
-static GstStaticPadTemplate sink_template =
-    GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_REQUEST,
-                            GST_STATIC_CAPS(LF_REQUEST_CAPS ", framerate = (fraction) [ 0/1, max ]"));
+static GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
+    "sink", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_REQUEST_CAPS ", framerate = (fraction) [ 0/1, max ]"));
 
 bool lf_view_request_is_relay(LfViewRequest* self) {
   GST_OBJECT_LOCK(self);

@@ -99,8 +99,8 @@ void lf_view_request_install_signals(GObjectClass* klass) {
    * lfcompositor has a focal surface, else as soon as two small views have swept all depths. With `focus-continuous` it
    * is kept in focus from then on.
    *
-   * Returns: %FALSE if the pixel is not in the view, or the view is a file's, or the element does not run, or its cameras are
-   * told where to look (`access`).
+   * Returns: %FALSE if the pixel is not in the view, or the view is a file's, or the element does not run, or its
+   * cameras are told where to look (`access`).
    */
   g_signal_new_class_handler("focus-at", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
                              G_CALLBACK(lf_view_request_focus_at), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN, 2,

@@ -48,9 +48,9 @@ static constexpr guint64 kDefaultMaxPendingBytes = lf::rtp::Reassembly::Limits()
 
 static GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_RTP_CAPS));
-static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
-    "src", GST_PAD_SRC, GST_PAD_ALWAYS,
-    GST_STATIC_CAPS(LF_REQUEST_CAPS ", framerate = (fraction) [ 0/1, max ]; " LF_ANSWER_CAPS));
+static GstStaticPadTemplate src_template =
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
+                            GST_STATIC_CAPS(LF_REQUEST_CAPS ", framerate = (fraction) [ 0/1, max ]; " LF_ANSWER_CAPS));
 
 G_DEFINE_TYPE(LfRtpDepay, lf_rtp_depay, GST_TYPE_RTP_BASE_DEPAYLOAD)
 GST_ELEMENT_REGISTER_DEFINE(rtplfdepay, "rtplfdepay", GST_RANK_SECONDARY, LF_TYPE_RTP_DEPAY)

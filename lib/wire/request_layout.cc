@@ -43,7 +43,8 @@ std::pair<int, int> get_request_head(Reader& in, uint16_t flags, RequestHead& he
 
 Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHead& head, int& width, int& height) {
   std::string reason;
-  const std::optional<UnitHeader> unit = check_unit_header(bytes, UnitKind::kRequest, type, kAbsoluteTime | kProbe, reason);
+  const std::optional<UnitHeader> unit =
+      check_unit_header(bytes, UnitKind::kRequest, type, kAbsoluteTime | kProbe, reason);
   if (!unit || !check_unit_size(bytes, *unit, reason)) throw Error(reason);
   Reader in(bytes.subspan(kUnitHeaderBytes));
   std::tie(width, height) = get_request_head(in, unit->flags, head);

@@ -38,7 +38,8 @@ TEST_F(LfFragmentTest, Nv12AndGreyAreTakenAsTheyAre) {
         std::mt19937 random(7);
         for (const HarnessPtr& camera : cameras_) {
           std::vector<uint8_t> i420(kLuma + 2 * kChroma, 128);
-          std::generate_n(i420.begin(), grey ? kLuma : i420.size(), [&] { return static_cast<uint8_t>(random() % 256); });
+          std::generate_n(i420.begin(), grey ? kLuma : i420.size(),
+                          [&] { return static_cast<uint8_t>(random() % 256); });
           std::vector<uint8_t> other(i420.begin(), i420.begin() + kLuma);
           for (size_t k = 0; k < (grey ? 0 : kChroma); k++) {
             other.push_back(i420[kLuma + k]);
@@ -46,7 +47,9 @@ TEST_F(LfFragmentTest, Nv12AndGreyAreTakenAsTheyAre) {
           }
           const bool system = std::string(colorimetry) == "1:4:0:0";
           const std::string caps = std::string("video/x-raw,width=32,height=24,framerate=10/1,format=") +
-                                   (planar ? "I420" : grey ? "GRAY8" : "NV12") +
+                                   (planar ? "I420"
+                                    : grey ? "GRAY8"
+                                           : "NV12") +
                                    (grey && !planar ? "" : std::string(",colorimetry=") + colorimetry) +
                                    (system && !grey ? ",chroma-site=jpeg" : "");
           if (grey && !system) continue;  // grey has no matrix
