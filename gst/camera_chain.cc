@@ -251,16 +251,20 @@ void set_size(GstElement* multifilesrc, const Camera& camera) {
   gst_caps_unref(caps);
 }
 
-// What feeds `convert`.
-void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, const ChainOptions& options, int fps_n,
-                int fps_d, GstElement* convert) {
+// What feeds `convert`. Returns what reads an image sequence, if one is.
+GstElement* add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, const ChainOptions& options,
+                       int fps_n, int fps_d, GstElement* convert) {
   switch (source.kind) {
     case Kind::kStill:
-      if (source.codec == Codec::kOther) return add_uri_decoder(bin, source.location, options, convert);
+      if (source.codec == Codec::kOther) {
+        add_uri_decoder(bin, source.location, options, convert);
+        return nullptr;
+      }
       append(append(add_file_reader(bin, source.location), add_decoder(bin, source.codec)), convert);
-      return;
+      return nullptr;
     case Kind::kSequence: {
-      GstElement* reader = add_sequence_reader(bin, source, fps_n, fps_d, options.loop);
+      GstElement* const files = add_sequence_reader(bin, source, fps_n, fps_d, options.loop);
+      GstElement* reader = files;
       if (may_bypass(convert) && source.codec == Codec::kJpeg) {
         bypass(convert);
         set_size(reader, camera);
@@ -268,13 +272,14 @@ void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, c
         reader = append(reader, add_decoder(bin, source.codec));
       }
       append(reader, convert);
-      return;
+      return files;
     }
-    case Kind::kMatroska: return add_matroska_reader(bin, source.location, convert);
-    case Kind::kDevice: return add_device(bin, source.location, camera, options, convert);
-    case Kind::kUri: return add_uri_decoder(bin, source.location, options, convert);
-    case Kind::kScene: append(add_scene(bin, camera, fps_n, fps_d, options.live), convert); return;
+    case Kind::kMatroska: add_matroska_reader(bin, source.location, convert); break;
+    case Kind::kDevice: add_device(bin, source.location, camera, options, convert); break;
+    case Kind::kUri: add_uri_decoder(bin, source.location, options, convert); break;
+    case Kind::kScene: append(add_scene(bin, camera, fps_n, fps_d, options.live), convert); break;
   }
+  return nullptr;
 }
 
 }  // namespace
@@ -299,7 +304,7 @@ CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Ca
   }
   chain.decoded = borrow_pad(chain.tail.front(), "sink");
   chain.frames = borrow_pad(chain.tail.back(), "src");
-  add_reader(bin, source, camera, options, fps_n, fps_d, chain.tail.front());
+  chain.sequence = add_reader(bin, source, camera, options, fps_n, fps_d, chain.tail.front());
   const bool has_rate = source.kind == Kind::kMatroska || source.kind == Kind::kUri;
   if (has_rate && !own_rate) append_to_tail(add(bin, "videorate"));
   if (source.kind == Kind::kStill || (has_rate && !own_rate))

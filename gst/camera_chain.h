@@ -30,6 +30,7 @@ struct CameraChain {
   GstPad* decoded = nullptr;  // sink pad: pictures as decoded, of whatever size
   GstPad* frames = nullptr;   // source pad: one buffer for each frame the camera took
   GstPad* out = nullptr;      // source pad
+  GstElement* sequence = nullptr;  // multifilesrc, of an image sequence
   // The elements from `decoded` to `out`. Decoders are linked with them by and by, so that GstBin does not know that
   // these are to be started first.
   std::vector<GstElement*> tail;

@@ -111,6 +111,7 @@ void CameraFrames::set_flushing(bool flushing) {
   frames_.clear();
   before_ = {};
   ended_ = false;
+  wanted_ = 0;  // what comes may be from before
   changed_.notify_all();
 }
 
@@ -124,7 +125,8 @@ void CameraFrames::clear() {
 }
 
 bool CameraFrames::must_wait(uint64_t time, bool wait_for_first) const {
-  if (ended_ || flushing_) return false;
+  if (flushing_) return !live_;
+  if (ended_) return false;
   if (live_ || !started_) return frames_.empty() && wait_for_first;
   return frames_.empty() || (time != kNoTime && frames_.back().time < time);
 }

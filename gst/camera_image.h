@@ -11,7 +11,7 @@
 
 namespace lf {
 
-// The pixel family of a raw video format, kNone if it is neither in the RGB family nor I420.
+// The pixel family of a raw video format, kNone if it is neither in the RGB family nor I420, NV12 or GRAY8.
 PixelFamily family_of(const GstVideoInfo& info);
 // Where R, G and B are in a format of the RGB family.
 RgbLayout rgb_layout(const GstVideoInfo& info);
@@ -19,7 +19,8 @@ RgbLayout rgb_layout(const GstVideoInfo& info);
 void set_system_colorimetry(GstVideoInfo& info);
 
 // Turns the frames of one stream into the node's family: nothing to do for RGB in any order and for full-range BT.601
-// I420 with centred chroma; everything else (limited range, other matrix or siting, the other family) is converted.
+// I420 with centred chroma; NV12 and GRAY8 are laid out as I420, to the bit; everything else (limited range, other
+// matrix or siting, the other family) is converted.
 class FrameConverter {
  public:
   FrameConverter(const GstVideoInfo& input, PixelFamily family);
@@ -32,10 +33,11 @@ class FrameConverter {
  private:
   struct Step {
     GstVideoInfo from, to;
-    std::unique_ptr<GstVideoConverter, void (*)(GstVideoConverter*)> converter;
+    std::unique_ptr<GstVideoConverter, void (*)(GstVideoConverter*)> converter;  // null: another layout alone
   };
   static CameraFrame run(const Step& step, GstBuffer* buffer);
   void add_step(const GstVideoInfo& from, GstVideoFormat format);
+  void add_planar_step(const GstVideoInfo& from);
 
   GstVideoInfo input_;
   PixelFamily family_;

@@ -42,6 +42,11 @@ void CameraStream::watch() {
   constexpr auto kData = GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM;
   gst_pad_add_probe(chain_.decoded, GstPadProbeType(kData | GST_PAD_PROBE_TYPE_EVENT_FLUSH),
                     call<&CameraStream::on_decoded>, this, nullptr);
+  if (chain_.sequence) {
+    GstPad* files = gst_element_get_static_pad(chain_.sequence, "src");
+    gst_pad_add_probe(files, GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, call<&CameraStream::on_sequence>, this, nullptr);
+    gst_object_unref(files);
+  }
   gst_pad_add_probe(chain_.frames, GstPadProbeType(kData), call<&CameraStream::on_frame>, this, nullptr);
   gst_pad_add_probe(chain_.out, GstPadProbeType(kData | GST_PAD_PROBE_TYPE_EVENT_UPSTREAM),
                     call<&CameraStream::on_output>, this, nullptr);
@@ -207,9 +212,16 @@ GstPadProbeReturn CameraStream::on_frame(GstPad* /*pad*/, GstPadProbeInfo* info)
   const GstClockTime last_duration = stamp > stream_end_ ? stamp - stream_end_ : 0;
   stream_end_ = stamp + (GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : last_duration);
 
+  // Of a film it is where in the film the frame is, which a seek does not begin anew.
+  GstClockTime taken = stamp;
+  if (!live_) {
+    taken = gst_segment_to_stream_time(&segment_, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
+    if (!GST_CLOCK_TIME_IS_VALID(taken)) return GST_PAD_PROBE_OK;
+    taken += round_start_ + capture_offset_;
+  }
   buffer = gst_buffer_make_writable(buffer);
   GstCaps* reference = capture_time_reference();
-  gst_buffer_add_reference_timestamp_meta(buffer, reference, stamp, GST_BUFFER_DURATION(buffer));
+  gst_buffer_add_reference_timestamp_meta(buffer, reference, taken, GST_BUFFER_DURATION(buffer));
   gst_caps_unref(reference);
   info->data = buffer;
   return GST_PAD_PROBE_OK;
@@ -244,6 +256,9 @@ GstPadProbeReturn CameraStream::on_output_event(GstPad* pad, GstEvent* event) {
       return live_ ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
     case GST_EVENT_SEGMENT:  // the first one, one after a flush, or the next round
       announced_ = eos_sent_ = false;
+      if (!sought_.exchange(false)) return GST_PAD_PROBE_OK;
+      frames_out_ = 0;
+      ending_ = false;
       return GST_PAD_PROBE_OK;
     case GST_EVENT_GAP: announce(pad); return GST_PAD_PROBE_OK;
     case GST_EVENT_EOS:
@@ -256,7 +271,10 @@ GstPadProbeReturn CameraStream::on_output_event(GstPad* pad, GstEvent* event) {
 }
 
 GstPadProbeReturn CameraStream::on_output(GstPad* pad, GstPadProbeInfo* info) {
-  if (!(info->type & GST_PAD_PROBE_TYPE_BUFFER)) return on_output_event(pad, GST_PAD_PROBE_INFO_EVENT(info));
+  if (!(info->type & GST_PAD_PROBE_TYPE_BUFFER)) {
+    GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
+    return GST_EVENT_TYPE(event) == GST_EVENT_SEEK ? on_seek(info) : on_output_event(pad, event);
+  }
   if (options_.num_frames >= 0 && frames_out_ >= options_.num_frames) ending_ = true;
   if (ending_) {
     // The source stops then; not every one also tells downstream (decodebin's queues don't).

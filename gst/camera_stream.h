@@ -51,6 +51,10 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstPadProbeReturn on_frame(GstPad* pad, GstPadProbeInfo* info);
   GstPadProbeReturn on_output(GstPad* pad, GstPadProbeInfo* info);
   GstPadProbeReturn on_output_event(GstPad* pad, GstEvent* event);
+  // camera_stream_seek.cc
+  GstPadProbeReturn on_seek(GstPadProbeInfo* info);
+  GstPadProbeReturn on_sequence(GstPad* pad, GstPadProbeInfo* info);
+  void seek_sequence(guint64 time, GstSeekFlags flags, guint32 seqnum);
 
   void fail(GstStreamError code, const std::string& text);
   void check_size(GstCaps* caps);
@@ -70,12 +74,15 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   std::atomic<bool> ending_ = false, stopping_ = false, failed_ = false;
   std::mutex seeking_;
   std::atomic<guint32> loop_seqnum_ = GST_SEQNUM_INVALID;  // of the seek back to the beginning
+  std::atomic<bool> sought_ = false;                       // by somebody else, since the latest segment
+  std::atomic<GstClockTime> sequence_starts_at_ = 0;  // in the film, what an image sequence gives first from now on
 
   // Of the streaming thread.
   GstSegment segment_;            // of the frames pad
   guint64 pictures_ = 0;          // decoded
   GstClockTime stream_end_ = 0;   // running time at which the newest frame ends
   GstClockTime round_start_ = 0;  // running time at which this round of a loop began
+  GstClockTime capture_offset_ = 0;  // in the film, of the frame that has stream time 0
   guint64 round_frames_ = 0;      // frames since then
   gint64 frames_out_ = 0;
   gint fps_n_ = 0, fps_d_ = 1;

@@ -66,6 +66,23 @@ std::shared_ptr<const Rig> reload_rig(GstElement* element, const gchar* path) {
   }
 }
 
+GstCaps* unit_caps(const gchar* media_type) {
+  return gst_caps_new_simple(media_type, "parsed", G_TYPE_BOOLEAN, TRUE, nullptr);
+}
+
+void accept_unit_caps(GstPad* sink) { GST_PAD_SET_ACCEPT_INTERSECT(sink); }
+
+void post_exception(GstElement* element, const char* what) {
+  GST_ELEMENT_ERROR(element, LIBRARY, FAILED, ("%s", what), (nullptr));
+}
+
+bool is_reverse_seek(GstEvent* event) {
+  if (GST_EVENT_TYPE(event) != GST_EVENT_SEEK) return false;
+  gdouble rate = 1;
+  gst_event_parse_seek(event, &rate, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr);
+  return rate <= 0;
+}
+
 bool is_in_process_query(GstQuery* query) {
   const GstStructure* structure = GST_QUERY_TYPE(query) == GST_QUERY_CUSTOM ? gst_query_get_structure(query) : nullptr;
   return structure && gst_structure_has_name(structure, LF_IN_PROCESS_QUERY);

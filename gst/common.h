@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <exception>
 #include <memory>
 #include <string>
 
@@ -14,14 +15,20 @@
 // compositor can name the frame rate of its output.
 #define LF_REQUEST_MEDIA_TYPE "application/x-lightfield-request"
 #define LF_ANSWER_MEDIA_TYPE "application/x-lightfield-answer"
+// `parsed`: each buffer is one unit. Bytes of which that is not so (files, TCP) go through lfparse first.
+#define LF_REQUEST_CAPS LF_REQUEST_MEDIA_TYPE ", parsed = (boolean) true"
+#define LF_ANSWER_CAPS LF_ANSWER_MEDIA_TYPE ", parsed = (boolean) true"
 #define LF_RGB_FORMATS "RGB, BGR, RGBx, BGRx, xRGB, xBGR, RGBA, BGRA, ARGB, ABGR"
+
+// Video that lffragment takes from cameras as it is.
+#define LF_CAMERA_FORMATS LF_RGB_FORMATS ", I420, NV12, GRAY8"
 
 // Sticky custom downstream event with which lfcamsrc names the camera of a stream: field "camera" (uint: index in the
 // rig), "rig-hash" (uint64).
 #define LF_CAMERA_EVENT "lightfield-camera"
 
-// GstReferenceTimestampMeta reference of a frame's true capture time (stamp + the camera's time offset): clock time for
-// live sources, running time for others.
+// GstReferenceTimestampMeta reference of a frame's true capture time (stamp + the camera's time offset), and of the
+// capture time of a picture: clock time for live sources, stream time for others.
 #define LF_CAPTURE_TIME_CAPS "timestamp/x-lightfield-capture"
 
 // Custom query with which a node asks downstream whether the compositor is in its process: lfcompositor answers TRUE.
@@ -30,6 +37,27 @@
 #define LF_IN_PROCESS_QUERY "lightfield-in-process"
 
 namespace lf {
+
+// A seek that can't be taken; told before anything is flushed for it.
+bool is_reverse_seek(GstEvent* event);
+
+// Posts an error that says what was thrown.
+void post_exception(GstElement* element, const char* what);
+// What f() returns, or `failed` with an error posted if it throws: no exception gets into GStreamer's C.
+template <typename T, typename F>
+T guarded(gpointer element, T failed, F f) {
+  try {
+    return f();
+  } catch (const std::exception& error) {
+    post_exception(GST_ELEMENT(element), error.what());
+    return failed;
+  }
+}
+
+// LF_REQUEST_CAPS or LF_ANSWER_CAPS as caps, owned by the caller.
+GstCaps* unit_caps(const gchar* media_type);
+// Caps that leave `parsed` away are taken, too: who makes them has no reason to think of it.
+void accept_unit_caps(GstPad* sink);
 
 bool is_in_process_query(GstQuery* query);
 // Whether answers pushed on this pad stay in this process up to the compositor.

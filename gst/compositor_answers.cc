@@ -3,6 +3,7 @@
 
 #include "base/error.h"
 #include "lfcompositor_private.h"
+#include "render/contribution_map.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
 #define GST_CAT_DEFAULT lf_compositor_debug
@@ -61,6 +62,28 @@ GstClockTime deadline(LfCompositor* self) {
   return gst_element_get_base_time(GST_ELEMENT(self)) + time + latency;
 }
 
+// A request that comes later than the latency says: that has grown, and perhaps nobody heeds the message about it. What
+// is too short would have pictures made before their answers can be there.
+void refresh_latency(LfCompositor* self) {
+  auto& state = *self->state;
+  const GstClockTime latency = gst_aggregator_get_latency(GST_AGGREGATOR(self)), now = clock_time(self);
+  GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
+  if (!request) return;
+  const GstClockTime time = running_time(self, request);
+  gst_buffer_unref(request);
+  if (!GST_CLOCK_TIME_IS_VALID(latency) || !GST_CLOCK_TIME_IS_VALID(now) || !GST_CLOCK_TIME_IS_VALID(time)) return;
+  GstClockTime own = 0;
+  g_object_get(self, "latency", &own, nullptr);
+  const GstClockTime expected = gst_element_get_base_time(GST_ELEMENT(self)) + time + latency - MIN(own, latency);
+  const int64_t asked = g_get_monotonic_time();
+  if (now <= expected + 2 * GST_MSECOND) return;
+  if (state.latency_asked_at != 0 && asked < state.latency_asked_at + G_USEC_PER_SEC / 10) return;
+  state.latency_asked_at = asked;
+  GstQuery* query = gst_query_new_latency();
+  gst_pad_query(GST_AGGREGATOR_SRC_PAD(self), query);  // the base class keeps what comes of it
+  gst_query_unref(query);
+}
+
 void take_new_rig(LfCompositor* self) {
   auto& state = *self->state;
   GST_OBJECT_LOCK(self);
@@ -70,10 +93,29 @@ void take_new_rig(LfCompositor* self) {
   state.rig = *rig;
   state.assembly.set_rig(*rig);
   state.trial_mesh.clear();
+  state.coverage = {};
   state.warned_rig = false;
   if (!*rig) return;
   lf_compositor_use_rig_for_health(self, (*rig)->hash());
   if (!self->partial) state.health.expect((*rig)->cameras.size());
+}
+
+// Pictures have the stamps of their requests, in the requests' segment.
+void follow_segment(LfCompositor* self) {
+  auto& state = *self->state;
+  const GstSegment& requests = GST_AGGREGATOR_PAD(self->request)->segment;
+  if (requests.format != GST_FORMAT_TIME || gst_segment_is_equal(&requests, &state.segment)) return;
+  state.segment = requests;
+  gst_aggregator_update_segment(GST_AGGREGATOR(self), &requests);
+}
+
+// A picture that is shown again has its own already.
+void note_capture_time(GstBuffer* picture, uint64_t captured) {
+  static GstStaticCaps static_caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
+  GstCaps* reference = gst_static_caps_get(&static_caps);
+  if (captured != lf::kNoTime && !gst_buffer_get_reference_timestamp_meta(picture, reference))
+    gst_buffer_add_reference_timestamp_meta(picture, reference, captured, GST_CLOCK_TIME_NONE);
+  gst_caps_unref(reference);
 }
 
 void drop_head(GstAggregatorPad* pad, NodeInput& node) {
@@ -119,6 +161,7 @@ static bool find_request(LfCompositor* self, guint view_id) {
         lf_compositor_forget_moments(self);
         state.assembly.begin(*request);
         lf_compositor_use_rig_for_health(self, state.assembly.rig_hash());
+        refresh_latency(self);
         state.current = std::move(request);
         state.current_bytes = 0;
         state.adding = 0;
@@ -199,6 +242,11 @@ static void note_late_answer(LfCompositor* self, const lf::wire::AnswerHead& ans
 static void take_answers(LfCompositor* self, GstAggregatorPad* pad) {
   auto& state = *self->state;
   NodeInput& node = lf_compositor_node_of(pad);
+  if (node.flushed.exchange(false)) {
+    node.seen = nullptr;
+    if (node.head != NodeInput::Head::kDone) node.head = NodeInput::Head::kUnseen;
+  }
+  if (node.head == NodeInput::Head::kDone) return;
   while (GstBuffer* buffer = gst_aggregator_pad_peek_buffer(pad)) {
     gst_buffer_unref(buffer);  // the pad keeps it
     if (buffer == node.seen) return;
@@ -246,14 +294,31 @@ static bool is_awaited(LfCompositor* self, GstAggregatorPad* pad, bool live) {
   return !live || self->max_missed == 0 || node.missed <= self->max_missed;
 }
 
+// Live, a view that is asked for and that no node ever answers.
+static void note_silence(LfCompositor* self) {
+  constexpr int64_t kPatience = 5 * G_USEC_PER_SEC;
+  auto& talk = self->state->talk;
+  if (talk.answered || talk.warned || !is_live(self)) return;
+  const int64_t now = g_get_monotonic_time();
+  if (talk.asked_since == 0) talk.asked_since = now;
+  if (now < talk.asked_since + kPatience) return;
+  talk.warned = true;
+  GST_ELEMENT_WARNING(self, STREAM, FAILED,
+                      ("No node answers view %u: do its requests reach them, and their answers this compositor?",
+                       self->state->current->view_id),
+                      (nullptr));
+}
+
 // Makes room for the next request. What probes are answered with says nothing of the nodes that is not said anyway.
 static void close_request(LfCompositor* self, const AnswerPads& pads, GstClockTime due) {
   auto& state = *self->state;
+  note_silence(self);
   for (GstAggregatorPad* pad : pads) {
     NodeInput& node = lf_compositor_node_of(pad);
     const bool took_part = node.head == NodeInput::Head::kDone;
     node.missed = took_part || gst_aggregator_pad_is_eos(pad) ? 0 : node.missed + !state.current->probe;
-    if (took_part) drop_head(pad, node);
+    if (took_part && node.seen && !node.flushed) drop_head(pad, node);
+    if (took_part) node.head = NodeInput::Head::kUnseen;
   }
   if (is_live(self) && !state.current->probe) {
     state.past.push_back({state.current->sequence, due});
@@ -297,6 +362,25 @@ static GstBuffer* replace_incomplete(LfCompositor* self, GstBuffer* picture) {
   return nullptr;
 }
 
+// How much of the view cameras can see. A view that moves is looked at now and then, or for each picture's message.
+static double coverage(LfCompositor* self, bool exact) {
+  constexpr int kRows = 12;
+  constexpr int64_t kInterval = G_USEC_PER_SEC / 10;
+  auto& state = *self->state;
+  auto& known = state.coverage;
+  if (!state.rig) return -1;
+  const lf::ViewRequest& request = *state.current;
+  const int64_t now = g_get_monotonic_time();
+  const bool same = known.share >= 0 && known.view == request.view && known.out_of_service == request.out_of_service;
+  if (same || (known.share >= 0 && !exact && now < known.known_at + kInterval)) return known.share;
+  const lf::Mesh& mesh = known.mesh.get(*state.rig, request.out_of_service);
+  known.share = lf::mean_coverage(*state.rig, lf::ViewPlan(*state.rig, mesh, request.view), kRows);
+  known.view = request.view;
+  known.out_of_service = request.out_of_service;
+  known.known_at = now;
+  return known.share;
+}
+
 static void record(LfCompositor* self, int64_t answered, GstClockTime pts) {
   auto& state = *self->state;
   GST_OBJECT_LOCK(self);
@@ -305,8 +389,8 @@ static void record(LfCompositor* self, int64_t answered, GstClockTime pts) {
   const lf::Assembly& assembly = state.assembly;
   GstStructure* description =
       state.stats.record({state.current->view_id, state.current->sequence, pts, assembly.fragments(),
-                          assembly.missing(), assembly.damaged(), state.current_bytes, state.moment_bytes,
-                          assembly.skew(), answered, state.adding, g_get_monotonic_time()},
+                          assembly.missing(), assembly.damaged(), coverage(self, post), state.current_bytes,
+                          state.moment_bytes, assembly.skew(), answered, state.adding, g_get_monotonic_time()},
                          post);
   if (description) gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), description));
 }
@@ -333,8 +417,9 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
     lf_compositor_forget_request(self);
     return GST_FLOW_OK;
   }
-  const GstClockTime pts = running_time(self, request), duration = GST_BUFFER_DURATION(request);
+  const GstClockTime pts = GST_BUFFER_PTS(request), duration = GST_BUFFER_DURATION(request);
   gst_buffer_unref(request);
+  follow_segment(self);
   record(self, answered, pts);
   std::vector<GstBuffer*> moments;
   if (self->partial) {
@@ -344,10 +429,13 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
     lf_compositor_monitor(self);
   }
   out = replace_incomplete(self, out);
+  const uint64_t captured =
+      state.current->target_time != lf::kNoTime ? state.current->target_time : state.assembly.actual_time();
   close_request(self, pads, due);
   if (!out) return GST_FLOW_OK;
   GST_BUFFER_PTS(out) = pts;
   GST_BUFFER_DURATION(out) = duration;
+  if (!self->partial) note_capture_time(out, captured);
   GstSegment& segment = GST_AGGREGATOR_PAD(GST_AGGREGATOR_SRC_PAD(self))->segment;
   if (GST_BUFFER_PTS_IS_VALID(out)) segment.position = GST_BUFFER_PTS(out);
   // Where nothing is ever missing nothing is kept: downstream may then write into the picture.
@@ -361,11 +449,14 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
     gst_buffer_unref(out);
     return flow;
   }
-  return gst_aggregator_finish_buffer(GST_AGGREGATOR(self), out);
+  state.pushing = true;
+  flow = gst_aggregator_finish_buffer(GST_AGGREGATOR(self), out);
+  state.pushing = false;
+  return flow;
 }
 
-GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
-  LfCompositor* self = LF_COMPOSITOR(agg);
+static GstFlowReturn compose(LfCompositor* self) {
+  if (self->state->request_flushed.exchange(false)) lf_compositor_forget_request(self);
   if (!find_request(self, lf_compositor_view_id(self)))
     return gst_aggregator_pad_is_eos(GST_AGGREGATOR_PAD(self->request)) ? GST_FLOW_EOS : GST_AGGREGATOR_FLOW_NEED_DATA;
   const AnswerPads pads(self);
@@ -376,6 +467,36 @@ GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
   const GstClockTime due = deadline(self);
   const bool late = GST_CLOCK_TIME_IS_VALID(due) && clock_time(self) >= due;
   return all_answered || late ? finish_request(self, pads) : GST_AGGREGATOR_FLOW_NEED_DATA;
+}
+
+// What comes in is of no use any more. That is this view's matter alone: told upstream, it would end the others behind
+// the same tee.
+static GstFlowReturn drop_all(LfCompositor* self) {
+  lf_compositor_forget_request(self);
+  for (GstAggregatorPad* pad : AnswerPads(self))
+    while (gst_aggregator_pad_drop_buffer(pad)) {
+    }
+  while (gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request))) {
+  }
+  return GST_AGGREGATOR_FLOW_NEED_DATA;
+}
+
+GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  auto& state = *self->state;
+  if (state.over) return drop_all(self);
+  const GstFlowReturn flow = lf::guarded(agg, GST_FLOW_ERROR, [self] { return compose(self); });
+  switch (flow) {
+    case GST_FLOW_OK:
+    case GST_AGGREGATOR_FLOW_NEED_DATA: return flow;
+    case GST_FLOW_FLUSHING: return GST_AGGREGATOR_FLOW_NEED_DATA;  // who stops or seeks it says so itself
+    default: break;
+  }
+  if (!state.negotiated) return flow;  // the base class begins a stream to end it
+  GST_INFO_OBJECT(self, "the output has ended: %s", gst_flow_get_name(flow));
+  state.over = true;
+  gst_pad_push_event(GST_AGGREGATOR_SRC_PAD(self), gst_event_new_eos());
+  return drop_all(self);
 }
 
 // Live (else it does not count), the running time that aggregate() is called at, less the latency, if not all pads have
@@ -391,7 +512,8 @@ GstClockTime lf_compositor_next_time(GstAggregator* agg) {
   for (GstAggregatorPad* pad : AnswerPads(self)) {
     GstBuffer* head = gst_aggregator_pad_peek_buffer(pad);
     if (head) gst_buffer_unref(head);
-    if (head && head != lf_compositor_node_of(pad).seen) return 0;
+    const NodeInput& node = lf_compositor_node_of(pad);
+    if (head && head != node.seen && node.head != NodeInput::Head::kDone) return 0;
     awaited = awaited || is_awaited(self, pad, true);
   }
   return awaited ? time : 0;

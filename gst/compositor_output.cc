@@ -14,6 +14,11 @@ gboolean lf_compositor_negotiate(GstAggregator* agg) {
   return TRUE;
 }
 
+static GstFlowReturn no_memory(LfCompositor* self) {
+  GST_ELEMENT_ERROR(self, RESOURCE, NO_SPACE_LEFT, ("No memory for a picture."), (nullptr));
+  return GST_FLOW_ERROR;
+}
+
 static GstFlowReturn agree_on_picture(LfCompositor* self, lf::PixelFamily family, int width, int height) {
   auto& state = *self->state;
   const bool same = state.info.width == width && state.info.height == height &&
@@ -38,9 +43,9 @@ static GstFlowReturn agree_on_picture(LfCompositor* self, lf::PixelFamily family
   state.renegotiate = false;
   state.negotiated = true;
   gst_aggregator_set_src_caps(GST_AGGREGATOR(self), caps);
-  const bool ready = state.pool.configure(caps, info.size);
+  const bool ready = state.pool.configure(GST_AGGREGATOR_SRC_PAD(self), caps, info.size);
   gst_caps_unref(caps);
-  return ready ? GST_FLOW_OK : GST_FLOW_ERROR;
+  return ready ? GST_FLOW_OK : no_memory(self);
 }
 
 // What is wholly lost is taken from the picture before, if not part of the picture is made with another rig than that.
@@ -79,7 +84,7 @@ static GstBuffer* make_video(LfCompositor* self, const lf::Background& backgroun
   GstVideoFrame frame;
   if (!out || !gst_video_frame_map(&frame, &state.info, out, GST_MAP_WRITE)) {
     if (out) gst_buffer_unref(out);
-    *flow = GST_FLOW_ERROR;
+    *flow = GST_PAD_IS_FLUSHING(GST_AGGREGATOR_SRC_PAD(self)) ? GST_FLOW_FLUSHING : no_memory(self);
     return nullptr;
   }
   uint8_t* plane[3] = {};
@@ -99,7 +104,7 @@ static GstBuffer* make_video(LfCompositor* self, const lf::Background& backgroun
 static void agree_on_answers(LfCompositor* self) {
   auto& state = *self->state;
   if (state.negotiated && !state.renegotiate) return;
-  GstCaps* caps = gst_caps_new_empty_simple(LF_ANSWER_MEDIA_TYPE);
+  GstCaps* caps = lf::unit_caps(LF_ANSWER_MEDIA_TYPE);
   gst_aggregator_set_src_caps(GST_AGGREGATOR(self), caps);
   gst_caps_unref(caps);
   state.root_is_near = lf::compositor_is_near(GST_AGGREGATOR_SRC_PAD(self));

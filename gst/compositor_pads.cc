@@ -8,12 +8,12 @@ GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
 namespace {
 
 GstStaticPadTemplate sink_template =
-    GST_STATIC_PAD_TEMPLATE("sink_%u", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_ANSWER_MEDIA_TYPE));
+    GST_STATIC_PAD_TEMPLATE("sink_%u", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_ANSWER_CAPS));
 GstStaticPadTemplate request_template =
-    GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE));
-GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
-    "src", GST_PAD_SRC, GST_PAD_ALWAYS,
-    GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }") "; " LF_ANSWER_MEDIA_TYPE));
+    GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_CAPS));
+GstStaticPadTemplate src_template =
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
+                            GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }") "; " LF_ANSWER_CAPS));
 
 // The node's data goes with its pad.
 GQuark node_quark() {
@@ -29,6 +29,55 @@ NodeInput& lf_compositor_node_of(GstAggregatorPad* pad) {
   return *static_cast<NodeInput*>(g_object_get_qdata(G_OBJECT(pad), node_quark()));
 }
 
+// Whether all that comes in follows a seek of the requests: answers out of a file or a socket don't.
+static bool is_seekable(LfCompositor* self) {
+  std::vector<GstPad*> pads;
+  GST_OBJECT_LOCK(self);
+  for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next)
+    pads.push_back(GST_PAD(gst_object_ref(item->data)));
+  GST_OBJECT_UNLOCK(self);
+  gboolean all = TRUE;
+  for (GstPad* pad : pads) {
+    GstQuery* query = gst_query_new_seeking(GST_FORMAT_TIME);
+    gboolean seekable = FALSE;
+    if (all && gst_pad_peer_query(pad, query)) gst_query_parse_seeking(query, nullptr, &seekable, nullptr, nullptr);
+    all = all && seekable;
+    gst_query_unref(query);
+    gst_object_unref(pad);
+  }
+  return all;
+}
+
+// Where the output is and how long it is the requests tell.
+static gboolean lf_compositor_src_query(GstAggregator* agg, GstQuery* query) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  switch (GST_QUERY_TYPE(query)) {
+    case GST_QUERY_SEEKING: {
+      if (!gst_pad_peer_query(self->request, query)) return FALSE;
+      GstFormat format = GST_FORMAT_UNDEFINED;
+      gboolean seekable = FALSE;
+      gint64 start = 0, stop = -1;
+      gst_query_parse_seeking(query, &format, &seekable, &start, &stop);
+      if (seekable && !is_seekable(self)) gst_query_set_seeking(query, format, FALSE, start, stop);
+      return TRUE;
+    }
+    case GST_QUERY_DURATION: return gst_pad_peer_query(self->request, query);
+    case GST_QUERY_POSITION: {
+      GstFormat format = GST_FORMAT_UNDEFINED;
+      gst_query_parse_position(query, &format, nullptr);
+      if (format != GST_FORMAT_TIME) return FALSE;
+      GST_OBJECT_LOCK(self);
+      const GstSegment& segment = GST_AGGREGATOR_PAD(GST_AGGREGATOR_SRC_PAD(self))->segment;
+      const guint64 position = gst_segment_to_stream_time(&segment, GST_FORMAT_TIME, segment.position);
+      GST_OBJECT_UNLOCK(self);
+      if (!GST_CLOCK_TIME_IS_VALID(position)) return FALSE;
+      gst_query_set_position(query, format, static_cast<gint64>(position));
+      return TRUE;
+    }
+    default: return parent_class()->src_query(agg, query);
+  }
+}
+
 // What a viewer does concerns its own requests alone. (GstAggregator 1.22.0 drops navigation events.)
 static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
   LfCompositor* self = LF_COMPOSITOR(agg);
@@ -36,9 +85,12 @@ static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
   const bool is_navigation = GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION;
   const bool is_view = GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && structure &&
                        gst_structure_has_name(structure, "lf-view-request");
-  if (!is_navigation && !is_view) {
-    return parent_class()->src_event(agg, event);
+  // The base class flushes what is downstream and asks every pad: each has to lead to the requests.
+  if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK && (lf::is_reverse_seek(event) || !is_seekable(self))) {
+    gst_event_unref(event);
+    return FALSE;
   }
+  if (!is_navigation && !is_view) return parent_class()->src_event(agg, event);
   event = gst_event_make_writable(event);
   gst_structure_set(gst_event_writable_structure(event), "lf-view-id", G_TYPE_UINT, lf_compositor_view_id(self),
                     nullptr);
@@ -49,29 +101,87 @@ static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
 // output, whether or not the nodes ever end theirs (GstAggregator waits for all).
 static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* pad, GstEvent* event) {
   LfCompositor* self = LF_COMPOSITOR(agg);
-  const bool ended = GST_PAD(pad) == self->request && GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+  const bool of_requests = GST_PAD(pad) == self->request;
+  const bool ended = of_requests && GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+  const guint32 seqnum = gst_event_get_seqnum(event);
+  if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT_DONE && !of_requests) {
+    gst_event_unref(event);  // said by the requests, behind the last picture
+    return TRUE;
+  }
+  if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP)
+    (of_requests ? self->state->request_flushed : lf_compositor_node_of(pad).flushed) = true;
   const gboolean ok = parent_class()->sink_event(agg, pad, event);
   // Before the first picture the source pad has no segment to end yet.
-  if (ended && self->state->negotiated) gst_pad_push_event(GST_AGGREGATOR_SRC_PAD(agg), gst_event_new_eos());
+  if (ended && self->state->negotiated) {
+    GstEvent* eos = gst_event_new_eos();
+    gst_event_set_seqnum(eos, seqnum);
+    gst_pad_push_event(GST_AGGREGATOR_SRC_PAD(agg), eos);
+    self->state->over = true;
+  }
   return ok;
 }
 
 static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* pad, GstQuery* query) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   if (lf::is_in_process_query(query)) return TRUE;
-  if (guint view_id; lf::is_focus_query(query, &view_id))
-    return view_id == lf_compositor_view_id(self) && lf_compositor_finds_focus(self);
+  if (guint view_id; lf::is_focus_query(query, &view_id)) {
+    if (view_id != lf_compositor_view_id(self) || !lf_compositor_finds_focus(self)) return FALSE;
+    lf::set_focus_waits(query, self->state->pushing);
+    return TRUE;
+  }
   return parent_class()->sink_query(agg, pad, query);
 }
 
+constexpr int64_t kPatience = 5 * G_USEC_PER_SEC;  // for a view of which nothing is heard
+
+// Most often a view-id that was forgotten.
+static void note_other_view(LfCompositor* self, uint32_t other) {
+  auto& talk = self->state->talk;
+  const int64_t now = g_get_monotonic_time();
+  if (talk.others_since == 0) talk.others_since = now;
+  if (talk.asked || now < talk.others_since + kPatience) return;
+  talk.asked = true;  // said once
+  GST_ELEMENT_WARNING(
+      self, STREAM, FAILED,
+      ("Nobody asks for view %u, of this compositor, but for view %u and perhaps others: is view-id right?",
+       lf_compositor_view_id(self), other),
+      (nullptr));
+}
+
+// What is of other views never gets as far as to the pads' queues: nobody would take it from there while no own request
+// comes, and a full queue stops the other views behind the same tee.
 static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
   LfCompositor* self = LF_COMPOSITOR(data);
-  const std::optional<lf::wire::AnyRequest> any = lf::decode_any_request_buffer(GST_PAD_PROBE_INFO_BUFFER(info));
-  if (!any) return GST_PAD_PROBE_OK;  // told apart and counted where it is taken
-  if (lf::wire::access_of(*any) != lf::Access::kSelf) return GST_PAD_PROBE_DROP;  // for cameras
-  const lf::RequestHead& request = lf::wire::head_of(*any);
-  if (request.view_id == lf_compositor_view_id(self) && !request.probe)
-    self->state->stats.request_arrived(request.sequence, g_get_monotonic_time());
+  if (self->state->over) return GST_PAD_PROBE_DROP;
+  const std::optional<lf::wire::RequestPeek> peek = lf::peek_request_buffer(GST_PAD_PROBE_INFO_BUFFER(info));
+  if (!peek) return GST_PAD_PROBE_OK;  // counted where it is taken
+  if (peek->head.view_id != lf_compositor_view_id(self)) {
+    note_other_view(self, peek->head.view_id);
+    return GST_PAD_PROBE_DROP;
+  }
+  self->state->talk.asked = true;
+  if (peek->type == lf::wire::kWarpCommandType || peek->type == lf::wire::kPixelCommandType)
+    return GST_PAD_PROBE_DROP;  // for cameras
+  if (!peek->head.probe) self->state->stats.request_arrived(peek->head.sequence, g_get_monotonic_time());
+  return GST_PAD_PROBE_OK;
+}
+
+// GstAggregator bounds what waits on a pad by time. Answers out of a file or a TCP stream have none: with a duration
+// they have their share of it, too.
+static GstBuffer* give_duration(GstBuffer* answer) {
+  constexpr GstClockTime kShare = 10 * GST_MSECOND;
+  answer = gst_buffer_make_writable(answer);
+  GST_BUFFER_DURATION(answer) = kShare;
+  return answer;
+}
+
+static GstPadProbeReturn lf_compositor_answer_arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
+  if (LF_COMPOSITOR(data)->state->over) return GST_PAD_PROBE_DROP;
+  GstBuffer* answer = GST_PAD_PROBE_INFO_BUFFER(info);
+  const std::optional<uint32_t> view_id = lf::peek_answer_view(answer);
+  if (view_id && *view_id != lf_compositor_view_id(LF_COMPOSITOR(data))) return GST_PAD_PROBE_DROP;
+  LF_COMPOSITOR(data)->state->talk.answered = true;
+  if (!GST_BUFFER_PTS_IS_VALID(answer) && !GST_BUFFER_DTS_IS_VALID(answer)) info->data = give_duration(answer);
   return GST_PAD_PROBE_OK;
 }
 
@@ -95,6 +205,8 @@ static GstAggregatorPad* lf_compositor_create_pad(GstAggregator* agg, GstPadTemp
       g_object_new(GST_TYPE_AGGREGATOR_PAD, "name", pad_name, "direction", GST_PAD_SINK, "template", templ, nullptr);
   g_object_set_qdata_full(G_OBJECT(pad), node_quark(), new NodeInput,
                           [](gpointer data) { delete static_cast<NodeInput*>(data); });
+  lf::accept_unit_caps(GST_PAD(pad));
+  gst_pad_add_probe(GST_PAD(pad), GST_PAD_PROBE_TYPE_BUFFER, lf_compositor_answer_arrives, agg, nullptr);
   return GST_AGGREGATOR_PAD(pad);
 }
 
@@ -102,6 +214,7 @@ void lf_compositor_add_request_pad(LfCompositor* self) {
   GstPadTemplate* templ = gst_element_class_get_pad_template(GST_ELEMENT_GET_CLASS(self), "request");
   self->request = GST_PAD(
       g_object_new(GST_TYPE_AGGREGATOR_PAD, "name", "request", "direction", GST_PAD_SINK, "template", templ, nullptr));
+  lf::accept_unit_caps(self->request);
   gst_pad_add_probe(self->request, GST_PAD_PROBE_TYPE_BUFFER, lf_compositor_request_arrives, self, nullptr);
   gst_element_add_pad(GST_ELEMENT(self), self->request);
 }
@@ -109,6 +222,7 @@ void lf_compositor_add_request_pad(LfCompositor* self) {
 void lf_compositor_install_pads(LfCompositorClass* klass) {
   GstAggregatorClass* aggregator_class = GST_AGGREGATOR_CLASS(klass);
   aggregator_class->src_event = lf_compositor_src_event;
+  aggregator_class->src_query = lf_compositor_src_query;
   aggregator_class->sink_event = lf_compositor_sink_event;
   aggregator_class->sink_query = lf_compositor_sink_query;
   aggregator_class->create_new_pad = lf_compositor_create_pad;

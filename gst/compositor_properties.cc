@@ -79,9 +79,20 @@ static void lf_compositor_set_rig(LfCompositor* self, const GValue* value) {
   GST_OBJECT_UNLOCK(self);
 }
 
+// What comes out has the caps that it began with: while the element runs it stays what it is.
+static void lf_compositor_set_partial(LfCompositor* self, gboolean partial) {
+  const bool refused = lf::is_running(GST_ELEMENT(self)) && partial != self->partial;
+  if (!refused) self->partial = partial;
+  if (refused)
+    GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
+                        ("partial: can't be changed while the element runs; it stays %s", partial ? "false" : "true"),
+                        (nullptr));
+}
+
 static void lf_compositor_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfCompositor* self = LF_COMPOSITOR(object);
   if (id == PROP_RIG) return lf_compositor_set_rig(self, value);
+  if (id == PROP_PARTIAL) return lf_compositor_set_partial(self, g_value_get_boolean(value));
   GST_OBJECT_LOCK(self);
   switch (id) {
     case PROP_VIEW_ID: self->view_id = g_value_get_uint(value); break;
@@ -89,7 +100,6 @@ static void lf_compositor_set_property(GObject* object, guint id, const GValue* 
     case PROP_POST_MESSAGES: self->post_messages = g_value_get_boolean(value); break;
     case PROP_INCOMPLETE: self->incomplete = static_cast<LfCompositorIncomplete>(g_value_get_enum(value)); break;
     case PROP_MAX_MISSED: self->max_missed = g_value_get_uint(value); break;
-    case PROP_PARTIAL: self->partial = g_value_get_boolean(value); break;
     case PROP_NODE: self->node = g_value_get_uint(value); break;
     case PROP_CODEC: self->codec = static_cast<lf::CodecChoice>(g_value_get_enum(value)); break;
     case PROP_FOCUS: self->focus.mode = static_cast<lf::FocusMode>(g_value_get_enum(value)); break;
@@ -195,18 +205,21 @@ void lf_compositor_install_properties(GObjectClass* klass) {
                           "Let cameras match their brightness to that of the others; with focus surface or auto. The "
                           "lffragments' stats have each camera's gain",
                           TRUE, flags(GST_PARAM_MUTABLE_PLAYING)));
-  install(PROP_STATS,
-          g_param_spec_boxed(
-              "stats", "Statistics",
-              "Counts of pictures (complete, incomplete, repeated, dropped), fragments (missing, damaged), late, "
-              "repeated and bad answers, bytes, cameras out of service; the largest skew; of a focal surface: rounds of "
-              "trials, their bytes, how far cameras disagree (residual, 255ths) and by how much the last round lessened "
-              "it (gained), requests from one with trials to the next (interval), whether one plane is enough (flat); of the monitor: "
-              "turns of cameras, their bytes, for each camera the PSNR, gain and shift (pixels of the small view) of its "
-              "prediction, and suspects with their fault (colour, direction, picture); "
-              "latency per stage (p50, p95, "
-              "p99 over the latest 1024 pictures, nanoseconds)",
-              GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+  install(
+      PROP_STATS,
+      g_param_spec_boxed(
+          "stats", "Statistics",
+          "Counts of pictures (complete, incomplete, unseen: no camera sees anything of the view, repeated, dropped), "
+          "coverage (share of the latest view that cameras can see; with `rig`), fragments (missing, damaged), late, "
+          "repeated and bad answers, bytes, cameras out of service; the largest skew; of a focal surface: rounds of "
+          "trials, their bytes, how far cameras disagree (residual, 255ths) and by how much the last round lessened "
+          "it (gained), requests from one with trials to the next (interval), whether one plane is enough (flat); of "
+          "the monitor: "
+          "turns of cameras, their bytes, for each camera the PSNR, gain and shift (pixels of the small view) of its "
+          "prediction, and suspects with their fault (colour, direction, picture); "
+          "latency per stage (p50, p95, "
+          "p99 over the latest 1024 pictures, nanoseconds)",
+          GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_INCOMPLETE, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_FOCUS, GstPluginAPIFlags(0));
 }

@@ -46,6 +46,8 @@ void CompositorStats::reset() {
   std::lock_guard lock(mutex_);
   for (uint64_t& counter : counters_) counter = 0;
   pictures_ = complete_ = fragments_ = missing_ = damaged_ = bytes_ = max_skew_ns_ = out_of_service_ = trial_bytes_ = 0;
+  unseen_ = 0;
+  coverage_ = -1;
   focus_ = {};
   monitor_.reset();
   monitor_bytes_ = 0;
@@ -94,7 +96,11 @@ GstStructure* CompositorStats::record(const Picture& p, bool describe) {
   }
   const uint64_t composite = nanoseconds(p.answered, p.done), latency = nanoseconds(asked, p.done);
   pictures_++;
-  complete_ += p.missing == 0 && p.damaged == 0;
+  const bool unseen = p.fragments == 0 && p.missing == 0 && p.damaged == 0;
+  const bool complete = p.fragments > 0 && p.missing == 0 && p.damaged == 0;
+  complete_ += complete;
+  unseen_ += unseen;
+  coverage_ = p.coverage;
   fragments_ += p.fragments;
   missing_ += p.missing;
   damaged_ += p.damaged;
@@ -107,16 +113,18 @@ GstStructure* CompositorStats::record(const Picture& p, bool describe) {
   picture_ns_.add(composite - std::min(composite, adding));
   latency_ns_.add(latency);
   if (!describe) return nullptr;
-  return gst_structure_new("lightfield-view", "view-id", G_TYPE_UINT, p.view_id, "sequence", G_TYPE_UINT,
-                           p.sequence,  //
-                           "pts", G_TYPE_UINT64, p.pts, "complete", G_TYPE_BOOLEAN,
-                           p.missing == 0 && p.damaged == 0,                                              //
-                           "fragments", G_TYPE_UINT, p.fragments, "missing", G_TYPE_UINT, p.missing,      //
-                           "damaged", G_TYPE_UINT, p.damaged,                                             //
-                           "bytes", G_TYPE_UINT64, p.bytes, "trial-bytes", G_TYPE_UINT64, p.trial_bytes,  //
-                           "skew-ns", G_TYPE_UINT64, p.skew_ns,                                           //
-                           "latency-ns", G_TYPE_UINT64, latency, "add-ns", G_TYPE_UINT64, adding,         //
-                           "composite-ns", G_TYPE_UINT64, composite, nullptr);
+  GstStructure* description =
+      gst_structure_new("lightfield-view", "view-id", G_TYPE_UINT, p.view_id, "sequence", G_TYPE_UINT,
+                        p.sequence,  //
+                        "pts", G_TYPE_UINT64, p.pts, "complete", G_TYPE_BOOLEAN, complete, "fragments", G_TYPE_UINT,
+                        p.fragments, "missing", G_TYPE_UINT, p.missing,                                //
+                        "damaged", G_TYPE_UINT, p.damaged,                                             //
+                        "bytes", G_TYPE_UINT64, p.bytes, "trial-bytes", G_TYPE_UINT64, p.trial_bytes,  //
+                        "skew-ns", G_TYPE_UINT64, p.skew_ns,                                           //
+                        "latency-ns", G_TYPE_UINT64, latency, "add-ns", G_TYPE_UINT64, adding,         //
+                        "composite-ns", G_TYPE_UINT64, composite, nullptr);
+  if (p.coverage >= 0) gst_structure_set(description, "coverage", G_TYPE_DOUBLE, p.coverage, nullptr);
+  return description;
 }
 
 GstStructure* CompositorStats::structure() const {
@@ -128,6 +136,8 @@ GstStructure* CompositorStats::structure() const {
   set("pictures", pictures_);
   set("complete", complete_);
   set("incomplete", pictures_ - complete_);
+  set("unseen", unseen_);
+  if (coverage_ >= 0) gst_structure_set(stats, "coverage", G_TYPE_DOUBLE, coverage_, nullptr);
   set("repeated", counters_[kRepeatedPictures]);
   set("dropped", counters_[kDroppedPictures]);
   set("fragments", fragments_);

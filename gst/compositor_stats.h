@@ -32,6 +32,8 @@ class CompositorStats {
     uint32_t view_id = 0, sequence = 0;
     GstClockTime pts = GST_CLOCK_TIME_NONE;
     unsigned fragments = 0, missing = 0, damaged = 0;
+    // Share of the view's pixels that cameras can see, 0..1; negative: not known, because there is no rig.
+    double coverage = -1;
     uint64_t bytes = 0;    // of the answers
     uint64_t trial_bytes = 0;  // of what came of trials
     uint64_t skew_ns = 0;  // largest |capture time - target time|
@@ -49,7 +51,8 @@ class CompositorStats {
   void add_monitor_bytes(uint64_t bytes);
   void set_monitor(const CameraMonitor& monitor);
   void request_arrived(uint32_t sequence, int64_t time);
-  // Adds the picture up; the structure of its element message "lightfield-view" if `describe`, else null.
+  // Adds the picture up; the structure of its element message "lightfield-view" if `describe`, else null. A picture of
+  // which no camera sees anything is not complete.
   GstStructure* record(const Picture& picture, bool describe);
   // The `stats` property; owned by the caller.
   GstStructure* structure() const;
@@ -57,6 +60,8 @@ class CompositorStats {
  private:
   mutable std::mutex mutex_;
   uint64_t counters_[kNumCounters] = {};
+  uint64_t unseen_ = 0;  // pictures without a fragment, of which none is missing
+  double coverage_ = -1;
   uint64_t pictures_ = 0, complete_ = 0, fragments_ = 0, missing_ = 0, damaged_ = 0, bytes_ = 0, max_skew_ns_ = 0,
            out_of_service_ = 0;
   FocusControl::State focus_;

@@ -5,6 +5,8 @@
 
 namespace lf {
 
+static constexpr char kWaits[] = "waits";
+
 GstEvent* focal_surface_event(const ViewRequest& request, const FocusControl::Plan& plan) {
   ViewRequest next = request;
   next.view = plan.view;
@@ -40,12 +42,19 @@ bool parse_focal_surface(GstEvent* event, FocalSurfaceNews* news) {
   return true;
 }
 
-bool is_focus_found(GstPad* src, guint view_id) {
+bool is_focus_found(GstPad* src, guint view_id, bool* waits) {
   GstQuery* query = gst_query_new_custom(
       GST_QUERY_CUSTOM, gst_structure_new(LF_FOCAL_SURFACE_QUERY, "lf-view-id", G_TYPE_UINT, view_id, nullptr));
   const bool found = gst_pad_peer_query(src, query);
+  gboolean waiting = FALSE;
+  gst_structure_get_boolean(gst_query_get_structure(query), kWaits, &waiting);
+  if (waits) *waits = found && waiting;
   gst_query_unref(query);
   return found;
+}
+
+void set_focus_waits(GstQuery* query, bool waits) {
+  gst_structure_set(gst_query_writable_structure(query), kWaits, G_TYPE_BOOLEAN, waits, nullptr);
 }
 
 bool is_focus_query(GstQuery* query, guint* view_id) {

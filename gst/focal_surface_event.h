@@ -26,8 +26,11 @@ struct FocalSurfaceNews {
 };
 bool parse_focal_surface(GstEvent* event, FocalSurfaceNews* news);
 
-// Whether somebody downstream of this source pad finds the focus of the view.
-bool is_focus_found(GstPad* src, guint view_id);
+// Whether somebody downstream of this source pad finds the focus of the view. *waits (may be null): whether who does is
+// waiting for its own downstream, as in a pipeline that is paused, and can't get on until that lets it.
+bool is_focus_found(GstPad* src, guint view_id, bool* waits = nullptr);
+// The other side's answer to that.
+void set_focus_waits(GstQuery* query, bool waits);
 // Whether the query asks that, and of which view.
 bool is_focus_query(GstQuery* query, guint* view_id);
 

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <cstring>
+#include <utility>
+#include <vector>
 
 #include "common.h"
 #include "lffragment_private.h"
@@ -148,16 +150,43 @@ static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, Gst
   return ok;
 }
 
-static gboolean lf_fragment_camera_query(GstPad* pad, GstObject* parent, GstQuery* query) {
-  if (GST_QUERY_TYPE(query) == GST_QUERY_ALLOCATION) {
-    gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
-    return TRUE;
+// How many frames are kept here as long as requests do not look further back: a pool needs as many more.
+static gboolean lf_fragment_propose_allocation(GstPad* pad, GstQuery* query) {
+  GstCaps* caps = nullptr;
+  gst_query_parse_allocation(query, &caps, nullptr);
+  GstVideoInfo info;
+  if (caps && gst_structure_has_name(gst_caps_get_structure(caps, 0), "video/x-raw") &&
+      gst_video_info_from_caps(&info, caps)) {
+    const size_t kept =
+        lf_fragment_upstream_is_live(pad) ? lf::CameraFrames::kLiveFrames : lf::CameraFrames::kFileFrames;
+    gst_query_add_allocation_pool(query, nullptr, static_cast<guint>(info.size), static_cast<guint>(kept + 1), 0);
   }
+  gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
+  return TRUE;
+}
+
+static gboolean lf_fragment_camera_query(GstPad* pad, GstObject* parent, GstQuery* query) {
+  if (GST_QUERY_TYPE(query) == GST_QUERY_ALLOCATION) return lf_fragment_propose_allocation(pad, query);
   return gst_pad_query_default(pad, parent, query);
 }
 
-// When a frame was taken, clock time where it is live, else running time: the stamp that lfcamsrc left, else PTS and
-// the rig's time offset.
+// A camera whose pool has no buffer left stands still. Frames of a pool that what is kept here would exhaust are
+// copied.
+static GstBuffer* lf_fragment_spare_pool(LfFragmentPad* pad, GstBuffer* buffer) {
+  constexpr size_t kForCamera = 3;  // one that is filled, one on its way, one to spare
+  if (!buffer->pool) return buffer;
+  GstStructure* config = gst_buffer_pool_get_config(buffer->pool);
+  guint most = 0;
+  gst_buffer_pool_config_get_params(config, nullptr, nullptr, nullptr, &most);
+  gst_structure_free(config);
+  if (most == 0 || pad->input->frames->held() + kForCamera < most) return buffer;
+  GstBuffer* copy = gst_buffer_copy_deep(buffer);
+  gst_buffer_unref(buffer);
+  return copy;
+}
+
+// When a frame was taken, clock time where it is live, else stream time, which a seek does not begin anew: the stamp
+// that lfcamsrc left, else PTS and the rig's time offset.
 static uint64_t lf_fragment_capture_time(LfFragment* self, GstPad* pad, GstBuffer* buffer, double time_offset,
                                          bool live) {
   static GstStaticCaps reference_caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
@@ -170,7 +199,8 @@ static uint64_t lf_fragment_capture_time(LfFragment* self, GstPad* pad, GstBuffe
   if (event) {
     const GstSegment* segment;
     gst_event_parse_segment(event, &segment);
-    const guint64 time = gst_segment_to_running_time(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
+    const guint64 time = live ? gst_segment_to_running_time(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer))
+                              : gst_segment_to_stream_time(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
     if (GST_CLOCK_TIME_IS_VALID(time)) taken = time;
     gst_event_unref(event);
   }
@@ -210,8 +240,13 @@ static GstFlowReturn lf_fragment_take_jpeg(LfFragment* self, LfFragmentPad* pad,
   return input.frames->push_damaged(time);
 }
 
-static GstFlowReturn lf_fragment_camera_chain(GstPad* gst_pad, GstObject* parent, GstBuffer* buffer) {
-  LfFragment* self = LF_FRAGMENT(parent);
+static void lf_fragment_note_arrival(LfFragment* self, LfFragmentPad* pad, uint64_t captured) {
+  if (!pad->input->live) return;
+  g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(self));
+  if (clock) pad->input->arrivals.arrived(captured, gst_clock_get_time(clock));
+}
+
+static GstFlowReturn lf_fragment_take_frame(LfFragment* self, GstPad* gst_pad, GstBuffer* buffer) {
   LfFragmentPad* pad = LF_FRAGMENT_PAD(gst_pad);
   auto& input = *pad->input;
   if (input.new_format) {
@@ -230,8 +265,10 @@ static GstFlowReturn lf_fragment_camera_chain(GstPad* gst_pad, GstObject* parent
     gst_buffer_unref(buffer);
     return GST_FLOW_NOT_NEGOTIATED;
   }
+  buffer = lf_fragment_spare_pool(pad, buffer);
   const auto camera = self->node->inputs().camera(*input.id);
   const uint64_t time = lf_fragment_capture_time(self, gst_pad, buffer, camera ? camera->time_offset : 0, input.live);
+  lf_fragment_note_arrival(self, pad, time);
   if (input.jpeg) return lf_fragment_take_jpeg(self, pad, buffer, time);
   lf::CameraFrame frame = lf_fragment_convert(self, pad, buffer);
   if (!frame.buffer) {
@@ -240,6 +277,59 @@ static GstFlowReturn lf_fragment_camera_chain(GstPad* gst_pad, GstObject* parent
   }
   frame.time = time;
   return input.frames->push(std::move(frame));
+}
+
+// Where to seek a camera for frames of `time`: a little before it, because a decoder may stamp the first frame behind a
+// seek with where it was sought, and before the last frame, because that stands for all times after it.
+static gint64 lf_fragment_seek_position(GstPad* pad, LfFragment* self, uint64_t time) {
+  const auto& input = *LF_FRAGMENT_PAD(pad)->input;
+  const auto camera = input.id ? self->node->inputs().camera(*input.id) : nullptr;
+  const gint64 offset = camera ? static_cast<gint64>(camera->time_offset * GST_SECOND) : 0;
+  const gint64 before = GST_SECOND + 2 * static_cast<gint64>(input.frames->period());
+  gint64 position = static_cast<gint64>(time) - offset, duration = 0;
+  if (gst_pad_peer_query_duration(pad, GST_FORMAT_TIME, &duration) && duration > 0) position = MIN(position, duration);
+  return MAX(position - before, 0);
+}
+
+uint64_t lf_fragment_needed_delay(LfFragment* self, uint64_t now) {
+  uint64_t needed = 0;
+  GST_OBJECT_LOCK(self);
+  for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next) {
+    if (!LF_IS_FRAGMENT_PAD(item->data)) continue;
+    const auto& input = *LF_FRAGMENT_PAD(item->data)->input;
+    needed = MAX(needed, input.arrivals.needed(input.frames->period(), now));
+  }
+  GST_OBJECT_UNLOCK(self);
+  return needed;
+}
+
+void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum) {
+  g_mutex_lock(&self->seek_lock);
+  if (std::exchange(self->seek_seqnum, seqnum) == seqnum) return g_mutex_unlock(&self->seek_lock);
+  std::vector<PadPtr> pads;
+  GST_OBJECT_LOCK(self);
+  const bool finished = self->mode == lf::CameraFrames::Mode::kFinished;
+  for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next)
+    if (LF_IS_FRAGMENT_PAD(item->data) && !LF_FRAGMENT_PAD(item->data)->input->live)
+      pads.emplace_back(GST_PAD(gst_object_ref(item->data)));
+  GST_OBJECT_UNLOCK(self);
+  if (finished) lf_fragment_set_mode(self, lf::CameraFrames::Mode::kRunning);
+  for (const PadPtr& pad : pads) {
+    const gint64 position = lf_fragment_seek_position(pad.get(), self, time);
+    GST_DEBUG_OBJECT(pad.get(), "seeking to %" GST_TIME_FORMAT, GST_TIME_ARGS(position));
+    GstEvent* seek = gst_event_new_seek(1, GST_FORMAT_TIME, GstSeekFlags(GST_SEEK_FLAG_FLUSH | GST_SEEK_FLAG_ACCURATE),
+                                        GST_SEEK_TYPE_SET, position, GST_SEEK_TYPE_NONE, -1);
+    gst_event_set_seqnum(seek, seqnum);
+    if (!gst_pad_push_event(pad.get(), seek))
+      GST_ELEMENT_WARNING(self, RESOURCE, SEEK,
+                          ("Pad %s: its camera can't be sought; it shows what it has.", GST_PAD_NAME(pad.get())),
+                          (nullptr));
+  }
+  g_mutex_unlock(&self->seek_lock);
+}
+
+static GstFlowReturn lf_fragment_camera_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
+  return lf::guarded(parent, GST_FLOW_ERROR, [=] { return lf_fragment_take_frame(LF_FRAGMENT(parent), pad, buffer); });
 }
 
 GstPad* lf_fragment_camera_pad_new(GstPadTemplate* templ, const gchar* name, lf::CameraFrames::Mode mode) {
@@ -257,6 +347,7 @@ void lf_fragment_camera_pad_reset(LfFragment* self, LfFragmentPad* pad) {
   auto& input = *pad->input;
   self->node->inputs().remove(input.frames);
   input.frames->clear();
+  input.arrivals.clear();
   input.converter.reset();
   input.format.reset();
   input.new_format.reset();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
 
+#include "capture_delay.h"
 #include "common.h"
 #include "gst_wire.h"
 #include "lffragment_private.h"
@@ -37,8 +38,40 @@ static bool lf_fragment_compositor_is_near(Lane* lane, GstPad* src) {
   return lane->in_process;
 }
 
-static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
-  LfFragment* self = LF_FRAGMENT(parent);
+// After a flush, and where a new segment goes back, cameras that are read from files have to follow.
+static void lf_fragment_follow_requests(LfFragment* self, GstPad* pad, Lane* lane, const lf::RequestHead& head) {
+  if (head.target_time == lf::kNoTime) return;
+  GstEvent* event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
+  if (event) {
+    const GstSegment* segment = nullptr;
+    gst_event_parse_segment(event, &segment);
+    const bool moved = !gst_segment_is_equal(segment, &lane->segment) && head.target_time < lane->last_time;
+    if (!lane->live && (lane->flushed || moved))
+      lf_fragment_seek_cameras(self, head.target_time, gst_event_get_seqnum(event));
+    gst_segment_copy_into(segment, &lane->segment);
+    gst_event_unref(event);
+  }
+  lane->flushed = false;
+  lane->last_time = head.target_time;
+}
+
+// Viewers that leave the capture delay to the nodes hear of it soon when it grows, else once a second.
+static void lf_fragment_tell_delay(LfFragment* self, GstPad* pad, Lane* lane) {
+  if (!lane->live) return;
+  g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(self));
+  if (!clock) return;
+  const uint64_t now = gst_clock_get_time(clock);
+  if (now < lane->looked_at + GST_SECOND / 10) return;
+  const uint64_t needed = lf_fragment_needed_delay(self, now);
+  if (needed == 0) return;
+  lane->looked_at = now;
+  if (needed <= lane->told_delay && now < lane->told_at + GST_SECOND) return;
+  lane->told_delay = needed;
+  lane->told_at = now;
+  gst_pad_push_event(pad, lf::capture_delay_event(needed));
+}
+
+static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstBuffer* buffer) {
   Lane* lane = lf_fragment_lane_of(pad);
   const PadPtr src = lf_fragment_pair_of(pad);
   std::string reason;
@@ -64,6 +97,8 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
   const guint threads = self->threads > 0 ? self->threads : g_get_num_processors();
   GST_OBJECT_UNLOCK(self);
   if (lf::wire::access_of(*request) != access) return GST_FLOW_OK;  // for cameras of another kind
+  lf_fragment_follow_requests(self, pad, lane, head);
+  lf_fragment_tell_delay(self, pad, lane);
   manner.in_process = lf_fragment_compositor_is_near(lane, src.get());
   manner.live = lane->live;
   manner.parallel = [self, threads](size_t count, const std::function<void(size_t)>& task) {
@@ -106,6 +141,10 @@ static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, G
   return gst_pad_push(src.get(), out);
 }
 
+static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
+  return lf::guarded(parent, GST_FLOW_ERROR, [=] { return lf_fragment_answer(LF_FRAGMENT(parent), pad, buffer); });
+}
+
 // The cameras end with the last requester.
 static void lf_fragment_finish_if_all_ended(LfFragment* self) {
   GST_OBJECT_LOCK(self);
@@ -130,7 +169,7 @@ static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEve
   Lane* lane = lf_fragment_lane_of(pad);
   switch (GST_EVENT_TYPE(event)) {
     case GST_EVENT_CAPS: {
-      GstCaps* caps = gst_caps_new_empty_simple(LF_ANSWER_MEDIA_TYPE);
+      GstCaps* caps = lf::unit_caps(LF_ANSWER_MEDIA_TYPE);
       gst_event_unref(event);
       event = gst_event_new_caps(caps);
       gst_caps_unref(caps);
@@ -148,7 +187,14 @@ static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEve
       self->node->cancel(lane->requester, true);
       return ok;
     }
-    case GST_EVENT_FLUSH_STOP: self->node->cancel(lane->requester, false); break;
+    case GST_EVENT_FLUSH_STOP:
+      GST_OBJECT_LOCK(self);
+      lane->ended = false;
+      GST_OBJECT_UNLOCK(self);
+      lane->flushed = true;
+      lane->requester.gains.clear();
+      self->node->cancel(lane->requester, false);
+      break;
     default: break;
   }
   return lf_fragment_pair_event(pad, event);
@@ -192,6 +238,7 @@ GstPad* lf_fragment_lane_new(LfFragment* self, GstPadTemplate* request_template,
   GstPad* request = gst_pad_new_from_template(request_template, request_name);
   GstPad* src = gst_pad_new_from_template(src_template, src_name);
   const auto lane = std::make_shared<Lane>(request, src);
+  lf::accept_unit_caps(request);
   gst_pad_set_chain_function(request, lf_fragment_request_chain);
   gst_pad_set_event_function(request, lf_fragment_request_event);
   gst_pad_set_query_function(request, lf_fragment_request_query);

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "gst_wire.h"
 
+#include <algorithm>
+#include <utility>
+
 #include "wire/camera_trials_codec.h"
 #include "wire/moments_codec.h"
 
@@ -40,6 +43,12 @@ std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string*
 std::optional<wire::AnyRequest> decode_any_request_buffer(GstBuffer* buffer, std::string* reason) {
   return decode(buffer, reason, wire::decode_any_request);
 }
+std::optional<wire::RequestPeek> peek_request_buffer(GstBuffer* buffer) {
+  return wire::peek_request(MappedBuffer(buffer).bytes());
+}
+std::optional<uint32_t> peek_answer_view(GstBuffer* buffer) {
+  return wire::peek_answer_view(MappedBuffer(buffer).bytes());
+}
 bool is_moments_buffer(GstBuffer* buffer) {
   const MappedBuffer mapped(buffer);
   return wire::is_moments(mapped.bytes()) || wire::is_camera_trials(mapped.bytes());
@@ -57,7 +66,21 @@ ByteBuffer AnswerMemory::take() {
 }
 void AnswerMemory::give_back(ByteBuffer bytes) {
   std::lock_guard lock(mutex_);
-  if (unused_.size() < kMostKept) unused_.push_back(std::move(bytes));
+  largest_ = std::max(largest_, bytes.size());
+  if (++given_ >= kLatest) {
+    largest_before_ = std::exchange(largest_, 0);
+    given_ = 0;
+  }
+  const size_t most = 2 * std::max(largest_, largest_before_);
+  std::erase_if(unused_, [most](const ByteBuffer& buffer) { return buffer.capacity() > most; });
+  if (unused_.size() < kMostKept && bytes.capacity() <= most) unused_.push_back(std::move(bytes));
+}
+
+size_t AnswerMemory::kept_bytes() const {
+  std::lock_guard lock(mutex_);
+  size_t bytes = 0;
+  for (const ByteBuffer& buffer : unused_) bytes += buffer.capacity();
+  return bytes;
 }
 
 GstBuffer* encode_request_buffer(const ViewRequest& request) { return wrap_bytes(wire::encode_request(request)); }

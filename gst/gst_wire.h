@@ -14,12 +14,16 @@
 #include "wire/answer_parser.h"
 #include "wire/command_codec.h"
 #include "wire/request_codec.h"
+#include "wire/unit.h"
 
 // Buffers hold exactly the bytes of one unit of the wire format.
 namespace lf {
 
 std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
 std::optional<wire::AnyRequest> decode_any_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
+// What the first bytes say, without decoding the rest.
+std::optional<wire::RequestPeek> peek_request_buffer(GstBuffer* buffer);
+std::optional<uint32_t> peek_answer_view(GstBuffer* buffer);
 // Moments, or cameras' trials.
 bool is_moments_buffer(GstBuffer* buffer);
 std::optional<wire::AnswerHead> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason = nullptr);
@@ -40,15 +44,20 @@ class MappedBuffer {
 };
 
 // Memory of answers that have been taken: the sums of a 1080p view have six megabytes, which cost more to get from the
-// system anew for each than to fill. Thread-safe; buffers may outlive whoever made them.
+// system anew for each than to fill. What is much larger than the latest answers is given back to the system.
+// Thread-safe; buffers may outlive whoever made them.
 class AnswerMemory {
  public:
   ByteBuffer take();
   void give_back(ByteBuffer bytes);
+  size_t kept_bytes() const;
 
  private:
   static constexpr size_t kMostKept = 4;
-  std::mutex mutex_;
+  static constexpr int kLatest = 32;  // answers, at least, whose sizes count
+  size_t largest_ = 0, largest_before_ = 0;
+  int given_ = 0;
+  mutable std::mutex mutex_;
   std::vector<ByteBuffer> unused_;
 };
 

@@ -62,14 +62,14 @@ G_DEFINE_TYPE_WITH_CODE(LfCameraNode, lf_camera_node, GST_TYPE_BIN,
 GST_ELEMENT_REGISTER_DEFINE(lfcameranode, "lfcameranode", GST_RANK_NONE, LF_TYPE_CAMERA_NODE)
 
 static GstStaticPadTemplate request_template =
-    GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE));
+    GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_CAPS));
 static GstStaticPadTemplate src_template =
-    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_ANSWER_MEDIA_TYPE));
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_ANSWER_CAPS));
 
 static GstStaticPadTemplate more_request_template =
-    GST_STATIC_PAD_TEMPLATE("request_%u", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE));
+    GST_STATIC_PAD_TEMPLATE("request_%u", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_REQUEST_CAPS));
 static GstStaticPadTemplate more_src_template =
-    GST_STATIC_PAD_TEMPLATE("src_%u", GST_PAD_SRC, GST_PAD_SOMETIMES, GST_STATIC_CAPS(LF_ANSWER_MEDIA_TYPE));
+    GST_STATIC_PAD_TEMPLATE("src_%u", GST_PAD_SRC, GST_PAD_SOMETIMES, GST_STATIC_CAPS(LF_ANSWER_CAPS));
 
 static Settings current_settings(LfCameraNode* self) {
   GST_OBJECT_LOCK(self);
@@ -242,6 +242,7 @@ static GstPad* add_ghost_pad(LfCameraNode* self, const char* name, GstStaticPadT
   GstPad* target = self->fragment ? gst_element_get_static_pad(self->fragment, name) : nullptr;
   GstPad* pad = target ? gst_ghost_pad_new_from_template(name, target, pad_template)
                        : gst_ghost_pad_new_no_target_from_template(name, pad_template);
+  if (GST_PAD_IS_SINK(pad)) lf::accept_unit_caps(pad);
   gst_element_add_pad(GST_ELEMENT(self), pad);
   gst_clear_object(&target);
   gst_object_unref(pad_template);

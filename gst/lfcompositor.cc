@@ -28,6 +28,11 @@
  * With `partial` the output is not a picture but the sum of the answers, as the answer of one node: compositors make a
  * tree, whose root takes in one answer a rack.
  *
+ * Each picture has a #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture`, the capture time asked for: clock
+ * time where requests are live, else stream time.
+ *
+ * Pictures have the time stamps and the segment of their requests. A seek goes to the requests, if all pads lead there.
+ *
  * Navigation events (mouse, keys) and custom "lf-view-request" events go upstream to the view's own `lfviewrequest`.
  *
  * ## Example launch line
@@ -43,12 +48,14 @@
  *
  * ## Element messages
  * With `post-messages` an element message "lightfield-view" per picture: view-id, sequence (uint), pts (uint64),
- * complete (boolean), fragments, missing, damaged (uint), bytes, trial-bytes (of what came of trials), skew-ns,
- * latency-ns (request to picture), add-ns (decoding and adding what came) and composite-ns (uint64). Always
- * "lightfield-out-of-service" when that set changes: lf-view-id (uint), cameras (array of uint). "lightfield-suspects"
- * when the monitor changes its mind: lf-view-id (uint), suspects (array of structures: camera (uint), fault (string:
- * colour, direction or picture)).
+ * complete (boolean), coverage (double: share of the view that cameras can see; with `rig`), fragments, missing,
+ * damaged (uint), bytes, trial-bytes (of what came of trials), skew-ns, latency-ns (request to picture), add-ns
+ * (decoding and adding what came) and composite-ns (uint64). Always "lightfield-out-of-service" when that set changes:
+ * lf-view-id (uint), cameras (array of uint). "lightfield-suspects" when the monitor changes its mind: lf-view-id
+ * (uint), suspects (array of structures: camera (uint), fault (string: colour, direction or picture)).
  */
+
+#include <utility>
 
 #include "lfcompositor_private.h"
 
@@ -66,10 +73,25 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfcompositor, "lfcompositor", GST_RANK_NON
                                       GST_DEBUG_CATEGORY_INIT(lf_compositor_debug, "lfcompositor", 0,
                                                               "view compositor"))
 
+// So that pictures from the beginning on are the same each time.
+static void forget_history(LfCompositor* self) {
+  auto& state = *self->state;
+  lf_compositor_forget_moments(self);
+  lf_compositor_reset_monitor(self);
+  state.focus_settings = {};
+  state.focus = lf::FocusControl();
+  state.focus_array.reset();
+  state.mean_turns = {};
+  state.unheard = 0;
+}
+
 static gboolean lf_compositor_start(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   auto& state = *self->state;
   if (!lf_compositor_load_rig(self, &state.rig)) return FALSE;
+  GST_OBJECT_LOCK(self);
+  delete std::exchange(self->new_rig, nullptr);  // of the run before; `rig` may have been set again since
+  GST_OBJECT_UNLOCK(self);
   if (self->partial && !state.rig) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS,
                       ("A compositor inside a tree must know what is missing: set the property \"rig\"."), (nullptr));
@@ -79,22 +101,28 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   state.health_rig = state.last_rig = 0;
   lf_compositor_reset_health(self);
   state.current.reset();
+  state.request_flushed = state.over = false;
+  state.coverage = {};
+  state.latency_asked_at = 0;
+  state.talk.others_since = state.talk.asked_since = 0;
+  state.talk.asked = state.talk.answered = state.talk.warned = false;
+  state.segment = {};
   state.info = {};
   state.negotiated = false;
   state.renegotiate = true;
   state.warned_rig = false;
   state.past.clear();
-  lf_compositor_forget_moments(self);
-  lf_compositor_reset_monitor(self);
-  state.focus_settings = {};
-  state.focus = lf::FocusControl();
-  state.unheard = 0;
+  forget_history(self);
   state.stats.reset();
   return TRUE;
 }
 
 static GstFlowReturn lf_compositor_flush(GstAggregator* agg) {
-  lf_compositor_forget_request(LF_COMPOSITOR(agg));
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  lf_compositor_forget_request(self);
+  self->state->over = false;
+  self->state->segment = {};  // whatever it is, it has to be sent again
+  forget_history(self);
   return GST_FLOW_OK;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <atomic>
 #include <deque>
 #include <memory>
 #include <optional>
@@ -39,6 +40,7 @@ struct NodeInput {
   GstBuffer* seen = nullptr;    // the buffer that `head` is about; not owned
   lf::wire::AnswerParts parts;  // that have been added
   unsigned missed = 0;          // pictures in a row that had to do without this node
+  std::atomic<bool> flushed = false;  // by its own stream alone: what is on the pad is not what it was
   bool answered() const { return head != Head::kUnseen; }
 };
 
@@ -66,6 +68,19 @@ struct _LfCompositor {
     std::shared_ptr<const lf::Rig> rig;
     lf::Assembly assembly;
     std::optional<lf::ViewRequest> current;  // the request at the head of the request pad
+    std::atomic<bool> request_flushed = false;  // that one is gone
+    // Whether its view is spoken of at all. The first: thread of the request pad, monotonic time, microseconds.
+    struct {
+      int64_t others_since = 0;  // requests of other views alone
+      bool asked = false;
+      std::atomic<bool> answered = false;
+      int64_t asked_since = 0;  // live, without an answer; streaming thread
+      bool warned = false;
+    } talk;
+    int64_t latency_asked_at = 0;            // monotonic time, microseconds
+    std::atomic<bool> pushing = false;       // a picture: downstream may take its time
+    std::atomic<bool> over = false;          // nobody takes pictures any more, or none will be asked for
+    GstSegment segment{};                    // of the output: that of the requests
     GstVideoInfo info{};                     // negotiated
     bool negotiated = false;
     bool renegotiate = true;
@@ -73,6 +88,13 @@ struct _LfCompositor {
     uint64_t current_bytes = 0;  // of the answers added
     int64_t adding = 0;          // time spent adding them, microseconds
     lf::PicturePool pool;
+    struct {
+      lf::MeshCache mesh;
+      lf::View view;  // of which it is known
+      lf::CameraSet out_of_service;
+      double share = -1;
+      int64_t known_at = 0;  // monotonic, microseconds
+    } coverage;
     GstBuffer* last_picture = nullptr;  // live: what an incomplete picture may be replaced or mended with
     uint64_t last_rig = 0;              // hash of the rig that it was made with, 0: not known
 

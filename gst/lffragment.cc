@@ -20,7 +20,7 @@
  * Live cameras are never waited for: the frame nearest to the requested capture time is used, if it is not farther
  * than `max-skew`. A warning tells when a camera comes to be off by more than a frame. Frames of other cameras
  * (files) are waited for, so that files in give the same files out on every machine, and are read no faster than
- * requests move on.
+ * requests move on. Where requests are sought, they are too.
  *
  * ## Example launch line
  * |[
@@ -51,15 +51,15 @@ namespace {
 
 GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink_%u", GST_PAD_SINK, GST_PAD_REQUEST,
-                            GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }") "; image/jpeg"));
+                            GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_CAMERA_FORMATS " }") "; image/jpeg"));
 GstStaticPadTemplate request_template =
-    GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE));
+    GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_CAPS));
 GstStaticPadTemplate more_request_template =
-    GST_STATIC_PAD_TEMPLATE("request_%u", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE));
+    GST_STATIC_PAD_TEMPLATE("request_%u", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_REQUEST_CAPS));
 GstStaticPadTemplate src_template =
-    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_ANSWER_MEDIA_TYPE));
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_ANSWER_CAPS));
 GstStaticPadTemplate more_src_template =
-    GST_STATIC_PAD_TEMPLATE("src_%u", GST_PAD_SRC, GST_PAD_SOMETIMES, GST_STATIC_CAPS(LF_ANSWER_MEDIA_TYPE));
+    GST_STATIC_PAD_TEMPLATE("src_%u", GST_PAD_SRC, GST_PAD_SOMETIMES, GST_STATIC_CAPS(LF_ANSWER_CAPS));
 }  // namespace
 
 bool lf_fragment_upstream_is_live(GstPad* sink) {
@@ -259,7 +259,9 @@ static bool lf_fragment_start(LfFragment* self) {
   self->node->inputs().forget_family();
   GST_OBJECT_LOCK(self);
   for (Lane* lane : *self->lanes) {
-    lane->ended = false;
+    lane->ended = lane->flushed = false;
+    lane->last_time = lane->told_delay = lane->told_at = lane->looked_at = 0;
+    lane->segment = {};
     lane->requester.rig.reset();
     lane->requester.cancelled = false;
   }
@@ -288,6 +290,7 @@ static GstStateChangeReturn lf_fragment_change_state(GstElement* element, GstSta
 
 static void lf_fragment_finalize(GObject* object) {
   LfFragment* self = LF_FRAGMENT(object);
+  g_mutex_clear(&self->seek_lock);
   delete self->lanes;
   delete self->node;
   delete self->workers;
@@ -340,6 +343,7 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
 }
 
 static void lf_fragment_init(LfFragment* self) {
+  g_mutex_init(&self->seek_lock);
   self->node = new lf::FragmentNode;
   self->strip_pixels = lf::wire::kStripPixels;
   self->max_skew = 500 * GST_MSECOND;

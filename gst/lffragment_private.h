@@ -11,6 +11,7 @@
 #include "fragment_node.h"
 #include "gst_wire.h"
 #include "lffragment.h"
+#include "node/arrival_watch.h"
 #include "worker_pool.h"
 
 // What the files of lffragment share: lffragment.cc (the element), fragment_camera_pad.cc (camera video in),
@@ -31,6 +32,7 @@ struct _LfFragmentPad {
     std::optional<guint> id;                       // of the camera, once known
     std::optional<guint> from_stream;              // the same as the stream says it
     bool live = false;                             // known from the segment on
+    lf::ArrivalWatch arrivals;                     // while live
   } * input;
 };
 
@@ -58,6 +60,12 @@ struct Lane {
   std::shared_ptr<lf::AnswerMemory> memory = std::make_shared<lf::AnswerMemory>();
   bool live = false;                           // requests come in real time; known from the segment on
   bool ended = false;                          // has sent EOS; under the object lock of the element
+  // Where its requests are, so that it is seen when they go elsewhere. Streaming thread, but while flushing.
+  GstSegment segment{};
+  uint64_t last_time = 0;  // asked for
+  bool flushed = false;    // since the latest request
+  // The capture delay that cameras need, as the requester was told, and when that was and was looked at, clock time.
+  uint64_t told_delay = 0, told_at = 0, looked_at = 0;
   std::atomic<bool> downstream_is_new = true;  // what is known of it is to be asked again
   bool in_process = false;                     // the compositor is; streaming thread
 };
@@ -79,6 +87,8 @@ struct _LfFragment {
   std::set<Lane*>* lanes;       // under the object lock
   lf::CameraFrames::Mode mode;  // of all cameras; under the object lock
   guint next_camera_pad, next_lane;
+  GMutex seek_lock;     // held while cameras are sought
+  guint32 seek_seqnum;  // of the latest seek of the cameras; under that
 };
 
 // The properties that say how answers are made (fragment_choices.cc): sum, codec, threads, max-skew, strip-pixels,
@@ -90,6 +100,13 @@ void lf_fragment_install_choices(GObjectClass* klass, guint first_id);
 bool lf_fragment_upstream_is_live(GstPad* sink);
 // Stops, starts or finishes all cameras.
 void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode);
+
+// Requests go on at another time: seeks the cameras that are not live there, unless another requester has done so for
+// the seek with this number. Waits for no frames.
+void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum);
+
+// How old captures have to be for the live cameras to have them, at clock time `now`; 0: nothing is known of any.
+uint64_t lf_fragment_needed_delay(LfFragment* self, uint64_t now);
 
 // A new camera pad, not yet added to the element. `mode`: of the node's other cameras.
 GstPad* lf_fragment_camera_pad_new(GstPadTemplate* templ, const gchar* name, lf::CameraFrames::Mode mode);

@@ -27,8 +27,8 @@
 #include <span>
 
 #include "common.h"
-#include "wire/command_codec.h"
 #include "wire/limits.h"
+#include "wire/request_codec.h"
 #include "wire/unit.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_parse_debug);
@@ -54,9 +54,9 @@ struct _LfParse {
 
 static GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
     "sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE "; " LF_ANSWER_MEDIA_TYPE));
-static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
-    "src", GST_PAD_SRC, GST_PAD_ALWAYS,
-    GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE ", framerate = (fraction) [ 0/1, max ]; " LF_ANSWER_MEDIA_TYPE));
+static GstStaticPadTemplate src_template =
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
+                            GST_STATIC_CAPS(LF_REQUEST_CAPS ", framerate = (fraction) [ 0/1, max ]; " LF_ANSWER_CAPS));
 
 G_DEFINE_TYPE(LfParse, lf_parse, GST_TYPE_BASE_PARSE)
 GST_ELEMENT_REGISTER_DEFINE(lfparse, "lfparse", GST_RANK_PRIMARY, LF_TYPE_PARSE)
@@ -65,6 +65,7 @@ GST_ELEMENT_REGISTER_DEFINE(lfparse, "lfparse", GST_RANK_PRIMARY, LF_TYPE_PARSE)
 static gboolean set_src_caps(LfParse* self, UnitKind kind, GstCaps* caps) {
   if (kind == UnitKind::kRequest && !gst_structure_has_field(gst_caps_get_structure(caps, 0), "framerate"))
     gst_caps_set_simple(caps, "framerate", GST_TYPE_FRACTION, 0, 1, nullptr);
+  gst_caps_set_simple(caps, "parsed", G_TYPE_BOOLEAN, TRUE, nullptr);
   self->kind = kind;
   self->kind_known = TRUE;
   const gboolean ok = gst_pad_set_caps(GST_BASE_PARSE_SRC_PAD(self), caps);
@@ -115,14 +116,12 @@ static void skip(LfParse* self, size_t count) {
 
 // The running time a request asks for, or none.
 static GstClockTime time_asked_for(std::span<const uint8_t> unit) {
-  const std::optional<lf::wire::AnyRequest> request = lf::wire::decode_any_request(unit);
-  if (!request) return GST_CLOCK_TIME_NONE;
-  const lf::RequestHead& head = lf::wire::head_of(*request);
-  return head.absolute_time ? GST_CLOCK_TIME_NONE : head.target_time;
+  const std::optional<lf::wire::RequestPeek> request = lf::wire::peek_request(unit);
+  return !request || request->head.absolute_time ? GST_CLOCK_TIME_NONE : request->head.target_time;
 }
 
-static GstFlowReturn lf_parse_handle_frame(GstBaseParse* base, GstBaseParseFrame* frame, gint* skip_size) {
-  LfParse* self = LF_PARSE(base);
+static GstFlowReturn take_bytes(LfParse* self, GstBaseParseFrame* frame, gint* skip_size) {
+  GstBaseParse* base = GST_BASE_PARSE(self);
   GstMapInfo map;
   if (!gst_buffer_map(frame->buffer, &map, GST_MAP_READ)) {
     GST_ELEMENT_ERROR(self, RESOURCE, READ, (nullptr), ("the buffer can not be read"));
@@ -164,6 +163,10 @@ static GstFlowReturn lf_parse_handle_frame(GstBaseParse* base, GstBaseParseFrame
   GST_OBJECT_UNLOCK(self);
   gst_base_parse_set_min_frame_size(base, lf::wire::kUnitHeaderBytes);
   return gst_base_parse_finish_frame(base, frame, static_cast<gint>(unit->size));
+}
+
+static GstFlowReturn lf_parse_handle_frame(GstBaseParse* base, GstBaseParseFrame* frame, gint* skip_size) {
+  return lf::guarded(base, GST_FLOW_ERROR, [=] { return take_bytes(LF_PARSE(base), frame, skip_size); });
 }
 
 static void lf_parse_set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {

@@ -8,6 +8,7 @@
 #include <cstring>
 
 #include "base/schedule.h"
+#include "common.h"
 #include "scene/scene.h"
 
 G_DECLARE_FINAL_TYPE(LfSceneSrc, lf_scene_src, LF, SCENE_SRC, GstPushSrc)
@@ -39,6 +40,15 @@ static gboolean lf_scene_src_start(GstBaseSrc* base) {
   return TRUE;
 }
 
+static gboolean lf_scene_src_is_seekable(GstBaseSrc* base) { return !gst_base_src_is_live(base); }
+
+static gboolean lf_scene_src_do_seek(GstBaseSrc* base, GstSegment* segment) {
+  LfSceneSrc* self = LF_SCENE_SRC(base);
+  if (segment->rate <= 0) return FALSE;
+  self->next = lf::Schedule(self->info.fps_n, self->info.fps_d).first_from(segment->position);
+  return TRUE;
+}
+
 // Goes on to the next frame that is not over already. Returns the clock time of running time 0; 0 where there is no
 // clock.
 static GstClockTime catch_up(LfSceneSrc* self, const lf::Schedule& schedule) {
@@ -51,11 +61,10 @@ static GstClockTime catch_up(LfSceneSrc* self, const lf::Schedule& schedule) {
   return base_time;
 }
 
-static GstFlowReturn lf_scene_src_create(GstPushSrc* push, GstBuffer** out) {
-  LfSceneSrc* self = LF_SCENE_SRC(push);
+static GstFlowReturn film(LfSceneSrc* self, GstBuffer** out) {
   const GstVideoInfo& info = self->info;
   const lf::Schedule schedule(info.fps_n, info.fps_d);
-  const GstClockTime base_time = gst_base_src_is_live(GST_BASE_SRC(push)) ? catch_up(self, schedule) : 0;
+  const GstClockTime base_time = gst_base_src_is_live(GST_BASE_SRC(self)) ? catch_up(self, schedule) : 0;
   const GstClockTime stamp = schedule.instant(self->next);
   const GstClockTime end = schedule.instant(self->next + 1);
   ++self->next;
@@ -81,6 +90,10 @@ static GstFlowReturn lf_scene_src_create(GstPushSrc* push, GstBuffer** out) {
   return GST_FLOW_OK;
 }
 
+static GstFlowReturn lf_scene_src_create(GstPushSrc* push, GstBuffer** out) {
+  return lf::guarded(push, GST_FLOW_ERROR, [=] { return film(LF_SCENE_SRC(push), out); });
+}
+
 static void lf_scene_src_finalize(GObject* object) {
   delete LF_SCENE_SRC(object)->camera;
   G_OBJECT_CLASS(lf_scene_src_parent_class)->finalize(object);
@@ -95,6 +108,8 @@ static void lf_scene_src_class_init(LfSceneSrcClass* klass) {
   GstBaseSrcClass* base_class = GST_BASE_SRC_CLASS(klass);
   base_class->get_caps = lf_scene_src_get_caps;
   base_class->start = lf_scene_src_start;
+  base_class->is_seekable = lf_scene_src_is_seekable;
+  base_class->do_seek = lf_scene_src_do_seek;
   GST_PUSH_SRC_CLASS(klass)->create = lf_scene_src_create;
 }
 

@@ -21,9 +21,9 @@ void find_units(GstTypeFind* find, gpointer user_data) {
   if (!first || first->kind != kind) return;
   const bool alone = gst_type_find_get_length(find) == first->size;
   const std::optional<lf::wire::UnitHeader> second = alone ? first : peek(find, static_cast<gint64>(first->size));
-  gst_type_find_suggest_empty_simple(
-      find, second && second->kind == kind ? GST_TYPE_FIND_MAXIMUM : GST_TYPE_FIND_LIKELY,
-      kind == lf::wire::UnitKind::kRequest ? LF_REQUEST_MEDIA_TYPE : LF_ANSWER_MEDIA_TYPE);
+  gst_type_find_suggest_simple(find, second && second->kind == kind ? GST_TYPE_FIND_MAXIMUM : GST_TYPE_FIND_LIKELY,
+                               kind == lf::wire::UnitKind::kRequest ? LF_REQUEST_MEDIA_TYPE : LF_ANSWER_MEDIA_TYPE,
+                               "parsed", G_TYPE_BOOLEAN, FALSE, nullptr);
 }
 
 gboolean register_kind(GstPlugin* plugin, const char* media_type, const char* extension, lf::wire::UnitKind kind) {

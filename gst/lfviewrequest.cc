@@ -13,9 +13,9 @@
  * - `location`: a views.json file. One request per view, stamped with the view's time, then EOS. Where all views have
  *   the same time they are stamped one frame after the other, while each still asks for its own capture time. Sizes
  *   are the file's.
- * - else the properties `x`, `y`, `z`, `yaw`, `pitch`, `roll`, `fov`, `focus-distance`, `aperture`: one request per frame. They are
- *   controllable; a GstController is asked for the stamp of each request. With `rig` those that are not set are chosen
- *   so that the view stands in the middle of the array and looks where it looks.
+ * - else the properties `x`, `y`, `z`, `yaw`, `pitch`, `roll`, `fov`, `focus-distance`, `aperture`: one request per
+ * frame. They are controllable; a GstController is asked for the stamp of each request. With `rig` those that are not
+ * set are chosen so that the view stands in the middle of the array and looks where it looks.
  * - while running, these can be changed: by setting them; by mouse and keys, i.e. GstNavigation events from a video
  *   sink (drag: orbit about the point in focus; shift-drag or another button: pan; wheel: dolly; ctrl-wheel: focus;
  *   arrows: orbit; w s a d q e: fly forward, back, left, right, down, up; + -: zoom; [ ]: focus nearer, farther; r:
@@ -47,10 +47,14 @@
  *
  * Upstream events that carry a field "lf-view-id" (uint) are for the view of that id alone.
  *
- * Not live, requests leave as fast as they are taken and ask for the running time of their frame. Live, they leave at
+ * Not live, requests leave as fast as they are taken and ask for the stream time of their frame. Live, they leave at
  * the instants of the capture schedule (multiples of the frame time on the pipeline's clock) plus `capture-delay`, and
- * ask for that instant in clock time; instants that passed while downstream was blocked are left out. With `eager` a
- * change of the view is asked for at once, in place of the next instant.
+ * ask for that instant in clock time; instants that passed while downstream was blocked are left out. Their time stamp
+ * is the running time of that instant, so that of the picture is when it was captured, and `capture-delay` is told as
+ * latency: sound that is captured beside it stays in step. Left to itself it is what the nodes of this process find
+ * that their cameras need (upstream event "lightfield-capture-delay"): how long after their stamps all but one of a
+ * hundred frames arrive, and half a frame; LATENCY messages tell when that changes. With `eager` a change of the view
+ * is asked for at once, in place of the next instant. A relay tells the latency of the requests that it relays.
  *
  * ## Example launch lines
  * |[
@@ -71,6 +75,7 @@
  */
 
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "base/error.h"
@@ -83,21 +88,46 @@ GST_DEBUG_CATEGORY(lf_view_request_debug);
 #define GST_CAT_DEFAULT lf_view_request_debug
 
 static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
-    "src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE ", framerate = (fraction) [ 0/1, max ]"));
+    "src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_CAPS ", framerate = (fraction) [ 0/1, max ]"));
 
 G_DEFINE_FINAL_TYPE(LfViewRequest, lf_view_request, GST_TYPE_PUSH_SRC)
 GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfviewrequest, "lfviewrequest", GST_RANK_NONE, LF_TYPE_VIEW_REQUEST,
                                       GST_DEBUG_CATEGORY_INIT(lf_view_request_debug, "lfviewrequest", 0,
                                                               "source of view requests"))
 
+// The same seek comes more than once: through the compositor's request pad and, by way of the nodes, through its answer
+// pads; and from every compositor behind a tee.
+static bool lf_view_request_has_sought(LfViewRequest* self, GstEvent* event) {
+  GST_OBJECT_LOCK(self);
+  const bool again = std::exchange(self->seek_seqnum, gst_event_get_seqnum(event)) == gst_event_get_seqnum(event);
+  GST_OBJECT_UNLOCK(self);
+  return again;
+}
+
+// Every viewer behind the node's tee and funnel hears of it.
+static gboolean lf_view_request_take_delay(LfViewRequest* self, GstEvent* event, GstClockTime delay) {
+  if (lf_view_request_is_relay(self)) return lf_view_request_push_upstream(self, gst_event_ref(event));
+  GST_OBJECT_LOCK(self);
+  const bool follows = !GST_CLOCK_TIME_IS_VALID(self->settings->capture_delay);
+  GST_OBJECT_UNLOCK(self);
+  if (!follows || !gst_base_src_is_live(GST_BASE_SRC(self))) return TRUE;
+  if (!self->auto_delay->take(delay, gst_util_get_timestamp())) return TRUE;
+  GST_INFO_OBJECT(self, "capture delay: %" GST_TIME_FORMAT, GST_TIME_ARGS(self->auto_delay->delay()));
+  gst_element_post_message(GST_ELEMENT(self), gst_message_new_latency(GST_OBJECT(self)));
+  return TRUE;
+}
+
 static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
+  if (lf::is_reverse_seek(event)) return FALSE;
+  if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK && lf_view_request_has_sought(self, event)) return TRUE;
   if (self->out_of_service->announce(event)) return TRUE;
+  if (GstClockTime delay; lf::parse_capture_delay(event, &delay)) return lf_view_request_take_delay(self, event, delay);
   const bool of_focus = lf::is_focal_surface(event), of_more = lf::is_extra_requests(event);
   if (!of_focus && !of_more && !lf_view_request_is_steering(event))
     return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->event(base, event);
   if (lf_view_request_is_relay(self))
-    return gst_pad_push_event(self->sink, gst_event_ref(event)) || lf_view_request_keep_focus(self, event);
+    return lf_view_request_push_upstream(self, gst_event_ref(event)) || lf_view_request_keep_focus(self, event);
   if (of_more) return lf_view_request_take_extra(self, event);
   return of_focus ? lf_view_request_take_focus(self, event) : lf_view_request_steer(self, event);
 }
@@ -105,8 +135,8 @@ static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
 static GstCaps* lf_view_request_get_caps(GstBaseSrc* base, GstCaps* filter) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GST_OBJECT_LOCK(self);
-  GstCaps* caps = gst_caps_new_simple(LF_REQUEST_MEDIA_TYPE, "framerate", GST_TYPE_FRACTION, self->settings->fps_n,
-                                      self->settings->fps_d, nullptr);
+  GstCaps* caps = gst_caps_new_simple(LF_REQUEST_MEDIA_TYPE, "parsed", G_TYPE_BOOLEAN, TRUE, "framerate",
+                                      GST_TYPE_FRACTION, self->settings->fps_n, self->settings->fps_d, nullptr);
   GST_OBJECT_UNLOCK(self);
   if (!filter) return caps;
   GstCaps* filtered = gst_caps_intersect_full(filter, caps, GST_CAPS_INTERSECT_FIRST);
@@ -118,6 +148,25 @@ static GstCaps* lf_view_request_get_caps(GstBaseSrc* base, GstCaps* filter) {
 static gboolean lf_view_request_negotiate(GstBaseSrc* base) {
   return lf_view_request_is_relay(LF_VIEW_REQUEST(base)) ||
          GST_BASE_SRC_CLASS(lf_view_request_parent_class)->negotiate(base);
+}
+
+static gboolean lf_view_request_stop(GstBaseSrc* base) {
+  LfViewRequest* self = LF_VIEW_REQUEST(base);
+  self->navigation_tap->detach();
+  GST_OBJECT_LOCK(self);
+  delete self->stream;
+  self->stream = nullptr;
+  self->extra->clear();
+  GST_OBJECT_UNLOCK(self);
+  gst_queue_array_clear(self->to_send);
+  self->warned_commands = self->asked_for_focus = self->has_sent = false;
+  self->seek_seqnum = GST_SEQNUM_INVALID;
+  self->focus_feedback->clear();
+  self->auto_delay->clear();
+  self->relay->clear();
+  self->relayed_focus->clear();
+  self->out_of_service->clear();
+  return TRUE;
 }
 
 static gboolean lf_view_request_start(GstBaseSrc* base) {
@@ -153,25 +202,9 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
         self, RESOURCE, SETTINGS,
         ("navigation-from: the pipeline has no element \"%s\" with a source pad.", settings.navigation_from.c_str()),
         (nullptr));
+    lf_view_request_stop(base);  // GstBaseSrc stops what has started alone
     return FALSE;
   }
-  return TRUE;
-}
-
-static gboolean lf_view_request_stop(GstBaseSrc* base) {
-  LfViewRequest* self = LF_VIEW_REQUEST(base);
-  self->navigation_tap->detach();
-  GST_OBJECT_LOCK(self);
-  delete self->stream;
-  self->stream = nullptr;
-  self->extra->clear();
-  GST_OBJECT_UNLOCK(self);
-  gst_queue_array_clear(self->to_send);
-  self->warned_commands = self->asked_for_focus = self->has_sent = false;
-  self->focus_feedback->clear();
-  self->relay->clear();
-  self->relayed_focus->clear();
-  self->out_of_service->clear();
   return TRUE;
 }
 
@@ -184,21 +217,31 @@ static gboolean lf_view_request_is_seekable(GstBaseSrc* base) {
 }
 
 static gboolean lf_view_request_do_seek(GstBaseSrc* base, GstSegment* segment) {
-  if (segment->rate <= 0) return FALSE;
-  gst_queue_array_clear(LF_VIEW_REQUEST(base)->to_send);
-  if (!gst_base_src_is_live(base)) LF_VIEW_REQUEST(base)->stream->seek(segment->position);
+  LfViewRequest* self = LF_VIEW_REQUEST(base);
+  gst_queue_array_clear(self->to_send);
+  self->has_sent = false;  // what is on its way is flushed: no surface comes of it
+  self->focus_feedback->clear();
+  if (!gst_base_src_is_live(base)) self->stream->seek(segment->position);
   return TRUE;
 }
 
 static gboolean lf_view_request_query(GstBaseSrc* base, GstQuery* query) {
   if (GST_QUERY_TYPE(query) != GST_QUERY_LATENCY || !gst_base_src_is_live(base))
     return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->query(base, query);
-  // A request leaves at its stamp, and is replaced by the next a frame later.
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GST_OBJECT_LOCK(self);
   const GstClockTime period = lf::Schedule(self->settings->fps_n, self->settings->fps_d).period();
   GST_OBJECT_UNLOCK(self);
-  gst_query_set_latency(query, TRUE, 0, period);
+  if (lf_view_request_is_relay(self)) {
+    gboolean live = FALSE;
+    if (lf_view_request_relayed_latency(self, query)) gst_query_parse_latency(query, &live, nullptr, nullptr);
+    // Of requests that come from a file no more is known than that they leave when they come.
+    if (!live) gst_query_set_latency(query, TRUE, 0, period);
+    return TRUE;
+  }
+  // A request is stamped with its capture time and leaves when that is old enough; the next replaces it a frame later.
+  const GstClockTime capture_delay = lf_view_request_capture_delay(self);
+  gst_query_set_latency(query, TRUE, capture_delay, capture_delay + period);
   return TRUE;
 }
 
@@ -223,6 +266,7 @@ static void lf_view_request_finalize(GObject* object) {
   gst_queue_array_free(self->to_send);
   delete self->extra;
   delete self->focus_feedback;
+  delete self->auto_delay;
   delete self->out_of_service;
   gst_clear_caps(&self->relayed_caps);
   delete self->settings;
@@ -275,6 +319,7 @@ static void lf_view_request_init(LfViewRequest* self) {
   gst_queue_array_set_clear_func(self->to_send, reinterpret_cast<GDestroyNotify>(gst_buffer_unref));
   self->extra = new std::vector<lf::ViewRequest>;
   self->focus_feedback = new lf::FocusFeedback;
+  self->auto_delay = new lf::AutoCaptureDelay;
   self->out_of_service = new lf::OutOfService;
   gst_base_src_set_format(GST_BASE_SRC(self), GST_FORMAT_TIME);
 }

@@ -6,6 +6,7 @@
 
 #include <gst/base/gstqueuearray.h>
 
+#include "capture_delay.h"
 #include "common.h"
 #include "focus_feedback.h"
 #include "lfviewrequest.h"
@@ -32,6 +33,7 @@ struct _LfViewRequest {
   std::vector<lf::ViewRequest>* extra;  // that go along with the next request
   lf::OutOfService* out_of_service;     // has a lock of its own
   lf::FocusFeedback* focus_feedback;    // has a lock of its own
+  lf::AutoCaptureDelay* auto_delay;     // has a lock of its own
   lf::RequestRelay* relay;              // has a lock of its own
   lf::RelayedFocus* relayed_focus;      // has a lock of its own
   GstPad* sink;                         // of requests to be relayed; null: the element makes its own
@@ -46,6 +48,7 @@ struct _LfViewRequest {
   bool asked_for_focus, awaits_focus;
   bool has_sent;          // a request; streaming thread
   guint32 last_sequence;  // of it
+  guint32 seek_seqnum;    // of the latest seek
 };
 
 // view_request_properties.cc
@@ -69,6 +72,8 @@ bool lf_view_request_is_steering(GstEvent* event);
 gboolean lf_view_request_steer(LfViewRequest* self, GstEvent* event);
 
 // view_request_turn.cc
+// How much later than its capture time a live request leaves: what `capture-delay` says, or what nodes need.
+GstClockTime lf_view_request_capture_delay(LfViewRequest* self);
 gboolean lf_view_request_unlock(GstBaseSrc* base);
 gboolean lf_view_request_unlock_stop(GstBaseSrc* base);
 GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out);
@@ -92,6 +97,10 @@ void lf_view_request_send_more(LfViewRequest* self, const lf::ViewRequest& reque
 // view_request_relay.cc
 void lf_view_request_install_relay(GstElementClass* klass);
 bool lf_view_request_is_relay(LfViewRequest* self);
+// An event to whoever sends the requests that are relayed; takes it. False if nobody takes it there.
+bool lf_view_request_push_upstream(LfViewRequest* self, GstEvent* event);
+// A latency query of a relay: that of the requests which come in. False if nobody upstream knows it.
+bool lf_view_request_relayed_latency(LfViewRequest* self, GstQuery* query);
 // Live: requests of the view get the surface of such an event here, because nobody upstream has taken it. False if it
 // is another one.
 bool lf_view_request_keep_focus(LfViewRequest* self, GstEvent* event);

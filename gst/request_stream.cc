@@ -22,10 +22,7 @@ CameraSet parse_out_of_service(const Rig* rig, const std::string& list) {
 }  // namespace
 
 RequestStream::RequestStream(const ViewRequestSettings& settings)
-    : access_(settings.access),
-      schedule_(settings.fps_n, settings.fps_d),
-      capture_delay_(settings.capture_delay),
-      loop_(settings.loop) {
+    : access_(settings.access), schedule_(settings.fps_n, settings.fps_d), loop_(settings.loop) {
   set_rig(settings.rig.empty() ? nullptr : shared_rig(settings.rig), settings.out_of_service);
   if (rig_) default_viewpoint_ = lf::default_viewpoint(*rig_);
   if (!settings.location.empty()) playback_.emplace(load_views(settings.location), schedule_, settings.loop);
@@ -66,30 +63,29 @@ std::optional<RequestSlot> RequestStream::next() const {
   return RequestSlot{item->time, item->duration, item->target_time, item->view};
 }
 
-GstClockTime RequestStream::before_delay(GstClockTime time) const {
-  return time > capture_delay_ ? time - capture_delay_ : 0;
-}
-
-std::optional<RequestSlot> RequestStream::next_live(GstClockTime now, GstClockTime base_time) const {
+std::optional<RequestSlot> RequestStream::next_live(GstClockTime now, GstClockTime base_time,
+                                                    GstClockTime capture_delay) const {
   std::optional<RequestSlot> slot = next();
   if (!slot) return std::nullopt;
   if (playback_ && playback_->has_times()) {
-    slot->target_time = schedule_.instant(schedule_.index_at(before_delay(base_time + slot->pts)));
+    slot->target_time = schedule_.instant(schedule_.index_at(base_time + slot->pts));
     return slot;
   }
   // The newest instant that is old enough, but none twice and none before the stream begins.
   const GstClockTime earliest = base_time + (last_pts_ ? *last_pts_ + 1 : 0);
-  const uint64_t k = std::max(schedule_.index_at(before_delay(now)), schedule_.first_from(before_delay(earliest)));
+  const uint64_t k = std::max(schedule_.index_at(now - std::min(now, capture_delay)), schedule_.first_from(earliest));
   slot->target_time = schedule_.instant(k);
-  slot->pts = slot->target_time + capture_delay_ - base_time;
+  slot->pts = slot->target_time - base_time;
   slot->duration = schedule_.instant(k + 1) - slot->target_time;
   return slot;
 }
 
-RequestSlot RequestStream::ahead_of_turn(const RequestSlot& slot, GstClockTime now, GstClockTime base_time) const {
+RequestSlot RequestStream::ahead_of_turn(const RequestSlot& slot, GstClockTime now, GstClockTime base_time,
+                                         GstClockTime capture_delay) const {
+  const GstClockTime old_enough = now - std::min(now, capture_delay);
   RequestSlot early = slot;
-  early.pts = now - base_time;
-  early.target_time = schedule_.instant(schedule_.index_at(before_delay(now)));
+  early.pts = old_enough - std::min(old_enough, base_time);
+  early.target_time = schedule_.instant(schedule_.index_at(old_enough));
   return early;
 }
 

@@ -18,7 +18,8 @@
 
 namespace lf {
 
-// When a request leaves and what it asks for. `view` is null where it is not from a file.
+// The running time that a request is stamped with, how long it stands and what it asks for. `view` is null where it is
+// not from a file.
 struct RequestSlot {
   GstClockTime pts, duration;
   uint64_t target_time;
@@ -51,10 +52,13 @@ class RequestStream {
   void seek(GstClockTime running_time);  // not live
   // The next request; nothing after the end.
   std::optional<RequestSlot> next() const;
-  // The same of a live stream at clock time `now`; it leaves at clock time base_time + pts.
-  std::optional<RequestSlot> next_live(GstClockTime now, GstClockTime base_time) const;
-  // That one, leaving at clock time `now`, before its turn.
-  RequestSlot ahead_of_turn(const RequestSlot& slot, GstClockTime now, GstClockTime base_time) const;
+  // The same of a live stream at clock time `now`. It is stamped with the running time of its capture and leaves
+  // `capture_delay` later, at clock time base_time + pts + capture_delay.
+  std::optional<RequestSlot> next_live(GstClockTime now, GstClockTime base_time, GstClockTime capture_delay) const;
+  // That one, leaving at clock time `now`, before its turn: for the newest capture that is old enough. As that has
+  // been asked for before, it is stamped with the time that would be just old enough.
+  RequestSlot ahead_of_turn(const RequestSlot& slot, GstClockTime now, GstClockTime base_time,
+                            GstClockTime capture_delay) const;
   // The command that goes with a request, for cameras that have to be told (property access); empty where they have
   // not. Throws Error if the request does not fit the rig or the command is too long.
   // `rig`: rig() when the request was made. To be called by one thread, but whatever others do.
@@ -65,8 +69,6 @@ class RequestStream {
   uint32_t number() { return sequence_++; }
 
  private:
-  GstClockTime before_delay(GstClockTime time) const;
-
   std::shared_ptr<const Rig> rig_;
   Access access_;
   MeshCache mesh_;
@@ -76,7 +78,6 @@ class RequestStream {
   int default_width_ = ViewRequestSettings::kDefaultWidth, default_height_ = ViewRequestSettings::kDefaultHeight;
   Viewpoint default_viewpoint_;
   Schedule schedule_;
-  GstClockTime capture_delay_;
   bool loop_;
   std::optional<ViewPlayback> playback_;
   uint64_t index_ = 0;  // of the next view of the file, or of the next frame

@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string_view>
 
 #include "geometry/euler.h"
+#include "view_request_settings.h"
 
 namespace lf {
 namespace {
@@ -73,7 +75,19 @@ void ViewControl::set(int field, double value) {
   navigator_.set(viewpoint_of(values_));
 }
 
+// A name that is misspelt would do nothing, and nobody would know.
+static bool has_unknown_field(const GstStructure* structure) {
+  for (gint i = 0; i < gst_structure_n_fields(structure); i++) {
+    const std::string_view name = gst_structure_nth_field_name(structure, static_cast<guint>(i));
+    const bool known = name == kViewIdField || name == kFocusContinuous ||
+                       std::ranges::any_of(kViewFields, [&](const ViewField& field) { return name == field.name; });
+    if (!known) return true;
+  }
+  return false;
+}
+
 bool ViewControl::set_view(const GstStructure* structure) {
+  if (has_unknown_field(structure)) return false;
   std::array<std::optional<double>, kNumViewFields> fields;
   bool any = false;
   for (int i = 0; i < kNumViewFields; i++) {

@@ -50,7 +50,7 @@ class ViewControl {
   const ViewValues& values() const { return values_; }
 
   void set(int field, double value);  // finite
-  // All or nothing: false if there is no number of a view in it, or one that is not finite.
+  // All or nothing: false if there is no number of a view in it, or one that is not finite, or a field that is unknown.
   bool set_view(const GstStructure* structure);
   // What was set by set() or set_view() stays, everything else is as in `defaults`; "home" is here.
   void begin(const Viewpoint& defaults);

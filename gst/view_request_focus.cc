@@ -23,6 +23,7 @@ gboolean lf_view_request_focus_at(LfViewRequest* self, gdouble x, gdouble y) {
   GST_OBJECT_UNLOCK(self);
   if (!can) return FALSE;
   const lf::Vec2 place((x + 0.5) / view.width, (y + 0.5) / view.height);
+  if (place.x < 0 || place.x > 1 || place.y < 0 || place.y > 1) return FALSE;
   if (const std::optional<double> distance = self->focus_feedback->focus_at(place)) set_focus_distance(self, *distance);
   return TRUE;
 }
@@ -49,11 +50,17 @@ GstFlowReturn lf_view_request_wait_for_focus(LfViewRequest* self) {
     self->asked_for_focus = true;
   }
   if (!self->awaits_focus || !self->has_sent) return GST_FLOW_OK;
-  if (self->focus_feedback->wait_for(self->last_sequence, kLongest)) return GST_FLOW_OK;
-  GST_OBJECT_LOCK(self);
-  const bool unlocked = self->unlocked;
-  GST_OBJECT_UNLOCK(self);
-  if (unlocked) return GST_FLOW_FLUSHING;
+  bool paused = true;
+  while (paused) {
+    if (self->focus_feedback->wait_for(self->last_sequence, kLongest)) return GST_FLOW_OK;
+    GST_OBJECT_LOCK(self);
+    const bool unlocked = self->unlocked;
+    const guint view_id = self->settings->view_id;
+    GST_OBJECT_UNLOCK(self);
+    if (unlocked) return GST_FLOW_FLUSHING;
+    // Pictures that nobody takes are no reason to go on without: they are to be the same however long that lasts.
+    lf::is_focus_found(GST_BASE_SRC_PAD(self), view_id, &paused);
+  }
   GST_WARNING_OBJECT(self, "no focal surface came of request %u: it is not waited for any more", self->last_sequence);
   self->awaits_focus = false;
   return GST_FLOW_OK;

@@ -8,15 +8,40 @@
 GST_DEBUG_CATEGORY_EXTERN(lf_view_request_debug);
 #define GST_CAT_DEFAULT lf_view_request_debug
 
-static GstStaticPadTemplate sink_template =
-    GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_REQUEST,
-                            GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE ", framerate = (fraction) [ 0/1, max ]"));
+static GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
+    "sink", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_REQUEST_CAPS ", framerate = (fraction) [ 0/1, max ]"));
 
 bool lf_view_request_is_relay(LfViewRequest* self) {
   GST_OBJECT_LOCK(self);
   const bool relay = self->sink != nullptr;
   GST_OBJECT_UNLOCK(self);
   return relay;
+}
+
+// Owned by the caller: the pad may be released meanwhile.
+static GstPad* relay_sink(LfViewRequest* self) {
+  GST_OBJECT_LOCK(self);
+  GstPad* sink = self->sink ? GST_PAD(gst_object_ref(self->sink)) : nullptr;
+  GST_OBJECT_UNLOCK(self);
+  return sink;
+}
+
+bool lf_view_request_push_upstream(LfViewRequest* self, GstEvent* event) {
+  GstPad* sink = relay_sink(self);
+  if (!sink) {
+    gst_event_unref(event);
+    return false;
+  }
+  const bool taken = gst_pad_push_event(sink, event);
+  gst_object_unref(sink);
+  return taken;
+}
+
+bool lf_view_request_relayed_latency(LfViewRequest* self, GstQuery* query) {
+  GstPad* sink = relay_sink(self);
+  const bool known = sink && gst_pad_peer_query(sink, query);
+  gst_clear_object(&sink);
+  return known;
 }
 
 static GstFlowReturn relay_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
@@ -44,6 +69,8 @@ static gboolean relay_event(GstPad* pad, GstObject* parent, GstEvent* event) {
       gst_event_parse_caps(event, &caps);
       GST_OBJECT_LOCK(self);
       gst_caps_replace(&self->relayed_caps, caps);
+      self->relayed_caps = gst_caps_make_writable(self->relayed_caps);
+      gst_caps_set_simple(self->relayed_caps, "parsed", G_TYPE_BOOLEAN, TRUE, nullptr);
       GST_OBJECT_UNLOCK(self);
       break;
     }
@@ -67,6 +94,7 @@ static GstPad* lf_view_request_new_pad(GstElement* element, GstPadTemplate* temp
   LfViewRequest* self = LF_VIEW_REQUEST(element);
   if (lf_view_request_is_relay(self)) return nullptr;
   GstPad* pad = gst_pad_new_from_template(templ, "sink");
+  lf::accept_unit_caps(pad);
   gst_pad_set_chain_function(pad, relay_chain);
   gst_pad_set_event_function(pad, relay_event);
   gst_pad_set_activatemode_function(pad, relay_activate);

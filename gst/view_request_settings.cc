@@ -7,6 +7,7 @@
 namespace lf {
 namespace {
 
+constexpr GstClockTime kMostCaptureDelay = 60 * GST_SECOND;
 constexpr double kMostEyeOffset = 1e6;  // metres
 
 std::string text(const GValue* value) {
@@ -54,8 +55,10 @@ GParamSpec* make_pspec(ViewRequestSettings::Property property) {
     case ViewRequestSettings::kCaptureDelay:
       return g_param_spec_uint64("capture-delay", "Capture delay",
                                  "Live: how old, in nanoseconds, the capture time asked for is at least; long enough "
-                                 "for frames of that time to have reached the nodes",
-                                 0, 60 * GST_SECOND, initial.capture_delay, ready);
+                                 "for frames of that time to have reached the nodes. It is told as latency (-1: "
+                                 "automatic: what the nodes of this process find that their cameras need, followed by "
+                                 "LATENCY messages)",
+                                 0, G_MAXUINT64, initial.capture_delay, ready);
     case ViewRequestSettings::kNavigation:
       return g_param_spec_boolean("navigation", "Navigation",
                                   "Let GstNavigation events move the view: drag orbits, shift-drag pans, the wheel "
@@ -132,7 +135,10 @@ void ViewRequestSettings::set(Property property, const GValue* value) {
       fps_n = gst_value_get_fraction_numerator(value);
       fps_d = gst_value_get_fraction_denominator(value);
       break;
-    case kCaptureDelay: capture_delay = g_value_get_uint64(value); break;
+    case kCaptureDelay:
+      capture_delay = g_value_get_uint64(value);
+      if (GST_CLOCK_TIME_IS_VALID(capture_delay)) capture_delay = MIN(capture_delay, kMostCaptureDelay);
+      break;
     case kNavigation: navigation = g_value_get_boolean(value); break;
     case kKeepVisible: keep_visible = g_value_get_boolean(value); break;
     case kQuality: quality = g_value_get_uint(value); break;

@@ -19,7 +19,7 @@ struct ViewRequestSettings {
   guint view_id = 0;
   gint width = 0, height = 0;  // 0: as the rig's cameras
   gint fps_n = 15, fps_d = 1;
-  GstClockTime capture_delay = 0;
+  GstClockTime capture_delay = GST_CLOCK_TIME_NONE;  // NONE: as nodes need it
   bool navigation = true, keep_visible = true, loop = false, eager = false;
   guint quality = 90, nearest_cameras = 0;
   Access access = Access::kSelf;

@@ -27,8 +27,9 @@ gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gb
 }
 
 static gboolean lf_view_request_set_view(LfViewRequest* self, const GstStructure* structure) {
-  return structure &&
-         lf_view_request_change_view(self, [&](lf::ViewControl& control) { return control.set_view(structure); });
+  return structure && lf_view_request_change_view(self, [&](lf::ViewControl& control) -> gboolean {
+           return !(self->stream && self->stream->from_file()) && control.set_view(structure);
+         });
 }
 
 static guint view_id_of(LfViewRequest* self) {
@@ -81,7 +82,8 @@ void lf_view_request_install_signals(GObjectClass* klass) {
    *
    * Moves the view; values beyond the properties' ranges are put inside them. The next request has it.
    *
-   * Returns: %FALSE, and nothing is changed, if there is none of these fields or one is not a finite number.
+   * Returns: %FALSE, and nothing is changed, if there is none of these fields, or one is not a finite number, or there
+   * are others, or the views are a file's.
    */
   g_signal_new_class_handler("set-view", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
                              G_CALLBACK(lf_view_request_set_view), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN, 1,
@@ -97,8 +99,8 @@ void lf_view_request_install_signals(GObjectClass* klass) {
    * lfcompositor has a focal surface, else as soon as two small views have swept all depths. With `focus-continuous` it
    * is kept in focus from then on.
    *
-   * Returns: %FALSE if a number is not finite, or the view is a file's, or the element does not run, or its cameras are
-   * told where to look (`access`).
+   * Returns: %FALSE if the pixel is not in the view, or the view is a file's, or the element does not run, or its
+   * cameras are told where to look (`access`).
    */
   g_signal_new_class_handler("focus-at", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
                              G_CALLBACK(lf_view_request_focus_at), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN, 2,

@@ -15,6 +15,13 @@ static lf::Blending current_blending(LfViewRequest* self) {
   return lf::blending_of(self->control->viewpoint().aperture, static_cast<int>(self->settings->nearest_cameras));
 }
 
+GstClockTime lf_view_request_capture_delay(LfViewRequest* self) {
+  GST_OBJECT_LOCK(self);
+  const GstClockTime delay = self->settings->capture_delay;
+  GST_OBJECT_UNLOCK(self);
+  return GST_CLOCK_TIME_IS_VALID(delay) ? delay : self->auto_delay->delay();
+}
+
 gboolean lf_view_request_unlock(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GST_OBJECT_LOCK(self);
@@ -59,8 +66,9 @@ static GstFlowReturn wait_until(LfViewRequest* self, GstClock* clock, GstClockTi
 
 // Waits for the slot's turn, or for a change before it. *leaves: the slot, with the times that it then has.
 static GstFlowReturn wait_for_turn(LfViewRequest* self, GstClock* clock, GstClockTime base_time,
-                                   const lf::RequestSlot& slot, lf::RequestSlot* leaves) {
-  const GstClockTime turn = base_time + slot.pts, early = std::min(slot.pts, slot.duration / 4 * 3);
+                                   GstClockTime capture_delay, const lf::RequestSlot& slot, lf::RequestSlot* leaves) {
+  const GstClockTime turn = base_time + slot.pts + capture_delay;
+  const GstClockTime early = std::min(slot.pts + capture_delay, slot.duration / 4 * 3);
   GST_OBJECT_LOCK(self);
   const bool eager = self->settings->eager && !slot.view;
   GST_OBJECT_UNLOCK(self);
@@ -69,7 +77,7 @@ static GstFlowReturn wait_for_turn(LfViewRequest* self, GstClock* clock, GstCloc
   GstFlowReturn flow = wait_until(self, clock, turn - early);
   if (flow == GST_FLOW_OK) flow = wait_until(self, clock, turn, true);
   if (const GstClockTime now = gst_clock_get_time(clock); now < turn)
-    *leaves = self->stream->ahead_of_turn(slot, now, base_time);
+    *leaves = self->stream->ahead_of_turn(slot, now, base_time, capture_delay);
   return flow;
 }
 
@@ -81,15 +89,15 @@ static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlo
     return GST_FLOW_ERROR;
   }
   const GstClockTime base_time = gst_element_get_base_time(GST_ELEMENT(self));
-  *slot = self->stream->next_live(gst_clock_get_time(clock), base_time);
-  return *slot ? wait_for_turn(self, clock, base_time, **slot, leaves) : GST_FLOW_EOS;
+  const GstClockTime capture_delay = lf_view_request_capture_delay(self);
+  *slot = self->stream->next_live(gst_clock_get_time(clock), base_time, capture_delay);
+  return *slot ? wait_for_turn(self, clock, base_time, capture_delay, **slot, leaves) : GST_FLOW_EOS;
 }
 
-GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
-  LfViewRequest* self = LF_VIEW_REQUEST(push);
+static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   if ((*out = static_cast<GstBuffer*>(gst_queue_array_pop_head(self->to_send)))) return GST_FLOW_OK;
   if (lf_view_request_is_relay(self)) return lf_view_request_relay(self, out);
-  const bool live = gst_base_src_is_live(GST_BASE_SRC(push));
+  const bool live = gst_base_src_is_live(GST_BASE_SRC(self));
   std::optional<lf::RequestSlot> turn;
   lf::RequestSlot slot{};
   if (live) {
@@ -130,4 +138,8 @@ GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
                  GST_TIME_ARGS(request.target_time));
   lf_view_request_send_more(self, request, rig, *out);
   return GST_FLOW_OK;
+}
+
+GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
+  return lf::guarded(push, GST_FLOW_ERROR, [=] { return make_request(LF_VIEW_REQUEST(push), out); });
 }

@@ -36,7 +36,6 @@ struct _LfRtpDepay {
   GstRTPBaseDepayload parent;
 
   // Streaming thread.
-  GstPadChainFunction base_chain;
   lf::rtp::Depacketizer* depacketizer;  // null before caps
 
   // Object lock.
@@ -49,9 +48,9 @@ static constexpr guint64 kDefaultMaxPendingBytes = lf::rtp::Reassembly::Limits()
 
 static GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_RTP_CAPS));
-static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
-    "src", GST_PAD_SRC, GST_PAD_ALWAYS,
-    GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE ", framerate = (fraction) [ 0/1, max ]; " LF_ANSWER_MEDIA_TYPE));
+static GstStaticPadTemplate src_template =
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
+                            GST_STATIC_CAPS(LF_REQUEST_CAPS ", framerate = (fraction) [ 0/1, max ]; " LF_ANSWER_CAPS));
 
 G_DEFINE_TYPE(LfRtpDepay, lf_rtp_depay, GST_TYPE_RTP_BASE_DEPAYLOAD)
 GST_ELEMENT_REGISTER_DEFINE(rtplfdepay, "rtplfdepay", GST_RANK_SECONDARY, LF_TYPE_RTP_DEPAY)
@@ -68,13 +67,13 @@ static gboolean lf_rtp_depay_set_caps(GstRTPBaseDepayload* base, GstCaps* caps) 
 
   GstCaps* out = nullptr;
   if (kind == lf::wire::UnitKind::kAnswer) {
-    out = gst_caps_new_empty_simple(LF_ANSWER_MEDIA_TYPE);
+    out = lf::unit_caps(LF_ANSWER_MEDIA_TYPE);
   } else {
     GValue rate = G_VALUE_INIT;
     g_value_init(&rate, GST_TYPE_FRACTION);
     const gchar* text = gst_structure_get_string(structure, "framerate");
     if (!text || !gst_value_deserialize(&rate, text)) gst_value_set_fraction(&rate, 0, 1);
-    out = gst_caps_new_empty_simple(LF_REQUEST_MEDIA_TYPE);
+    out = lf::unit_caps(LF_REQUEST_MEDIA_TYPE);
     gst_caps_set_value(out, "framerate", &rate);
     g_value_unset(&rate);
   }
@@ -83,32 +82,38 @@ static gboolean lf_rtp_depay_set_caps(GstRTPBaseDepayload* base, GstCaps* caps) 
   return ok;
 }
 
-// In front of the base class, which posts a warning for each packet that is no RTP.
-static GstFlowReturn lf_rtp_depay_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
-  LfRtpDepay* self = LF_RTP_DEPAY(parent);
+static bool is_rtp(LfRtpDepay* self, GstBuffer* buffer) {
   GstRTPBuffer rtp = GST_RTP_BUFFER_INIT;
-  if (!gst_rtp_buffer_map(buffer, GST_MAP_READ, &rtp)) {
-    GST_DEBUG_OBJECT(self, "dropped a packet that is no RTP");
-    GST_OBJECT_LOCK(self);
-    self->bad_rtp++;
-    GST_OBJECT_UNLOCK(self);
-    gst_buffer_unref(buffer);
-    return GST_FLOW_OK;
+  if (gst_rtp_buffer_map(buffer, GST_MAP_READ, &rtp)) {
+    gst_rtp_buffer_unmap(&rtp);
+    return true;
   }
-  gst_rtp_buffer_unmap(&rtp);
-  return self->base_chain(pad, parent, buffer);
+  GST_DEBUG_OBJECT(self, "dropped a packet that is no RTP");
+  GST_OBJECT_LOCK(self);
+  self->bad_rtp++;
+  GST_OBJECT_UNLOCK(self);
+  return false;
 }
 
-static GstFlowReturn lf_rtp_depay_chain_list(GstPad* pad, GstObject* parent, GstBufferList* list) {
-  GstFlowReturn flow = GST_FLOW_OK;
-  for (guint i = 0; i < gst_buffer_list_length(list) && flow == GST_FLOW_OK; i++)
-    flow = lf_rtp_depay_chain(pad, parent, gst_buffer_ref(gst_buffer_list_get(list, i)));
-  gst_buffer_list_unref(list);
-  return flow;
+// In front of the base class, which posts a warning for each packet that is no RTP.
+static GstPadProbeReturn lf_rtp_depay_filter(GstPad*, GstPadProbeInfo* info, gpointer data) {
+  LfRtpDepay* self = LF_RTP_DEPAY(data);
+  if (info->type & GST_PAD_PROBE_TYPE_BUFFER)
+    return is_rtp(self, GST_PAD_PROBE_INFO_BUFFER(info)) ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
+  GstBufferList* list = gst_buffer_list_make_writable(GST_PAD_PROBE_INFO_BUFFER_LIST(info));
+  for (guint i = gst_buffer_list_length(list); i-- > 0;)
+    if (!is_rtp(self, gst_buffer_list_get(list, i))) gst_buffer_list_remove(list, i, 1);
+  info->data = list;
+  return GST_PAD_PROBE_OK;
 }
 
-static GstBuffer* lf_rtp_depay_process(GstRTPBaseDepayload* base, GstRTPBuffer* rtp) {
-  LfRtpDepay* self = LF_RTP_DEPAY(base);
+// Answers come over a link here: the compositor behind it is not near.
+static GstPadProbeReturn lf_rtp_depay_query(GstPad*, GstPadProbeInfo* info, gpointer) {
+  return lf::is_in_process_query(GST_PAD_PROBE_INFO_QUERY(info)) ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
+}
+
+static GstBuffer* lf_rtp_depay_packet(LfRtpDepay* self, GstRTPBuffer* rtp) {
+  GstRTPBaseDepayload* base = GST_RTP_BASE_DEPAYLOAD(self);
   GST_OBJECT_LOCK(self);
   self->depacketizer->set_limits({.bytes = self->max_pending_bytes});
   GST_OBJECT_UNLOCK(self);
@@ -136,6 +141,11 @@ static GstBuffer* lf_rtp_depay_process(GstRTPBaseDepayload* base, GstRTPBuffer* 
   return nullptr;
 }
 
+static GstBuffer* lf_rtp_depay_process(GstRTPBaseDepayload* base, GstRTPBuffer* rtp) {
+  GstBuffer* none = nullptr;
+  return lf::guarded(base, none, [=] { return lf_rtp_depay_packet(LF_RTP_DEPAY(base), rtp); });
+}
+
 // Time goes on without the gap that the base class would announce: what is missing is found by counting.
 static gboolean lf_rtp_depay_packet_lost(GstRTPBaseDepayload*, GstEvent*) { return TRUE; }
 
@@ -150,11 +160,6 @@ static gboolean lf_rtp_depay_handle_event(GstRTPBaseDepayload* base, GstEvent* e
     GST_OBJECT_UNLOCK(self);
   }
   return GST_RTP_BASE_DEPAYLOAD_CLASS(lf_rtp_depay_parent_class)->handle_event(base, event);
-}
-
-static gboolean lf_rtp_depay_sink_query(GstPad* pad, GstObject* parent, GstQuery* query) {
-  if (lf::is_in_process_query(query)) return FALSE;
-  return gst_pad_query_default(pad, parent, query);
 }
 
 static GstStateChangeReturn lf_rtp_depay_change_state(GstElement* element, GstStateChange transition) {
@@ -262,8 +267,7 @@ static void lf_rtp_depay_init(LfRtpDepay* self) {
   // GStreamer 1.22.0 never comes back from a malformed header extension.
   g_object_set(self, "max-reorder", 0, "auto-header-extension", FALSE, nullptr);
   GstPad* sink = GST_RTP_BASE_DEPAYLOAD_SINKPAD(self);
-  self->base_chain = GST_PAD_CHAINFUNC(sink);
-  gst_pad_set_chain_function(sink, lf_rtp_depay_chain);
-  gst_pad_set_chain_list_function(sink, lf_rtp_depay_chain_list);
-  gst_pad_set_query_function(sink, lf_rtp_depay_sink_query);
+  gst_pad_add_probe(sink, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
+                    lf_rtp_depay_filter, self, nullptr);
+  gst_pad_add_probe(sink, GST_PAD_PROBE_TYPE_QUERY_DOWNSTREAM, lf_rtp_depay_query, nullptr, nullptr);
 }

@@ -56,8 +56,8 @@ struct _LfRtpPay {
   guint64 packets, bytes, dropped;
 };
 
-static GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
-    "sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE "; " LF_ANSWER_MEDIA_TYPE));
+static GstStaticPadTemplate sink_template =
+    GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_CAPS "; " LF_ANSWER_CAPS));
 static GstStaticPadTemplate src_template =
     GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
                             GST_STATIC_CAPS(LF_RTP_CAPS ", payload = (int) " GST_RTP_PAYLOAD_DYNAMIC_STRING));
@@ -146,8 +146,8 @@ static GstBuffer* lf_rtp_pay_packet(LfRtpPay* self, const lf::rtp::Payload& payl
   return packet;
 }
 
-static GstFlowReturn lf_rtp_pay_handle_buffer(GstRTPBasePayload* base, GstBuffer* buffer) {
-  LfRtpPay* self = LF_RTP_PAY(base);
+static GstFlowReturn lf_rtp_pay_unit(LfRtpPay* self, GstBuffer* buffer) {
+  GstRTPBasePayload* base = GST_RTP_BASE_PAYLOAD(self);
   const guint sources = gst_rtp_base_payload_get_source_count(base, buffer);
   const guint max_payload = gst_rtp_buffer_calc_payload_len(GST_RTP_BASE_PAYLOAD_MTU(base), 0, sources);
   if (GST_RTP_BASE_PAYLOAD_MTU(base) < lf::rtp::kMinPayloadBytes || max_payload < lf::rtp::kMinPayloadBytes) {
@@ -183,6 +183,10 @@ static GstFlowReturn lf_rtp_pay_handle_buffer(GstRTPBasePayload* base, GstBuffer
     gst_buffer_list_unref(packets);
   gst_buffer_unref(buffer);
   return flow;
+}
+
+static GstFlowReturn lf_rtp_pay_handle_buffer(GstRTPBasePayload* base, GstBuffer* buffer) {
+  return lf::guarded(base, GST_FLOW_ERROR, [=] { return lf_rtp_pay_unit(LF_RTP_PAY(base), buffer); });
 }
 
 static void lf_rtp_pay_reset(LfRtpPay* self) {
@@ -305,4 +309,7 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
   base_class->query = lf_rtp_pay_query;
 }
 
-static void lf_rtp_pay_init(LfRtpPay* self) { self->pacer = new lf::rtp::Pacer; }
+static void lf_rtp_pay_init(LfRtpPay* self) {
+  self->pacer = new lf::rtp::Pacer;
+  lf::accept_unit_caps(GST_RTP_BASE_PAYLOAD_SINKPAD(self));
+}

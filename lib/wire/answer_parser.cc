@@ -153,4 +153,12 @@ std::optional<AnswerHead> parse_answer_header(std::span<const uint8_t> bytes, st
   return or_reason(reason, [&] { return read_head(bytes).answer; });
 }
 
+std::optional<uint32_t> peek_answer_view(std::span<const uint8_t> bytes) {
+  const std::optional<UnitHeader> unit = peek_unit(bytes);
+  if (!unit || unit->kind != UnitKind::kAnswer || unit->version != kVersion) return std::nullopt;
+  Reader in(bytes.subspan(kUnitHeaderBytes));
+  const uint32_t view_id = in.get<uint32_t>();
+  return in.ok() ? std::optional(view_id) : std::nullopt;
+}
+
 }  // namespace lf::wire

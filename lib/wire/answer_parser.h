@@ -21,4 +21,8 @@ std::optional<AnswerView> parse_answer(std::span<const uint8_t> bytes, std::stri
 // them.
 std::optional<AnswerHead> parse_answer_header(std::span<const uint8_t> bytes, std::string* reason = nullptr);
 
+// Whose view a unit of an answer stream, of any type, is about: enough to pass it by. Nothing for bytes that do not
+// begin as such a unit of this version does; what follows is not looked at.
+std::optional<uint32_t> peek_answer_view(std::span<const uint8_t> bytes);
+
 }  // namespace lf::wire

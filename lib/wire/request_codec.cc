@@ -219,6 +219,16 @@ std::vector<uint8_t> encode_request(const ViewRequest& request) {
   return out.take();
 }
 
+std::optional<RequestPeek> peek_request(std::span<const uint8_t> bytes) {
+  const std::optional<UnitHeader> unit = peek_unit(bytes);
+  if (!unit || unit->kind != UnitKind::kRequest || unit->version != kVersion || bytes.size() < kRequestHeadBytes)
+    return std::nullopt;
+  RequestPeek peek{.type = unit->type};
+  Reader in(bytes.subspan(kUnitHeaderBytes, kRequestHeadBytes - kUnitHeaderBytes));
+  get_request_head(in, unit->flags, peek.head);
+  return peek;
+}
+
 std::optional<ViewRequest> decode_request(std::span<const uint8_t> bytes, std::string* reason) {
   return or_reason(reason, [&] { return read_request(bytes); });
 }

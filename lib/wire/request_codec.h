@@ -18,4 +18,12 @@ std::vector<uint8_t> encode_request(const ViewRequest& request);
 // Nothing for bytes that are not exactly one valid request; `reason` (may be null) then says why, naming the field.
 std::optional<ViewRequest> decode_request(std::span<const uint8_t> bytes, std::string* reason = nullptr);
 
+// What the first bytes of any unit of a request stream say: enough to pass it by without decoding it.
+struct RequestPeek {
+  uint8_t type = 0;  // of the unit, see unit.h
+  RequestHead head;
+};
+// Nothing for bytes that do not begin as a request of this version does; what follows is not looked at.
+std::optional<RequestPeek> peek_request(std::span<const uint8_t> bytes);
+
 }  // namespace lf::wire

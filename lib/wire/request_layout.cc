@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "wire/request_layout.h"
 
+#include <tuple>
+
 #include "base/error.h"
 
 namespace lf::wire {
@@ -27,20 +29,25 @@ void put_request_head(Writer& out, uint8_t type, const RequestHead& head, int wi
   out.put(head.quality);
 }
 
-Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHead& head, int& width, int& height) {
-  std::string reason;
-  const std::optional<UnitHeader> unit = check_unit_header(bytes, UnitKind::kRequest, type, kAbsoluteTime | kProbe, reason);
-  if (!unit || !check_unit_size(bytes, *unit, reason)) throw Error(reason);
-  Reader in(bytes.subspan(kUnitHeaderBytes));
-  head.absolute_time = unit->flags & kAbsoluteTime;
-  head.probe = unit->flags & kProbe;
+std::pair<int, int> get_request_head(Reader& in, uint16_t flags, RequestHead& head) {
+  head.absolute_time = flags & kAbsoluteTime;
+  head.probe = flags & kProbe;
   head.view_id = in.get<uint32_t>();
   head.sequence = in.get<uint32_t>();
   head.target_time = in.get<uint64_t>();
   head.rig_hash = in.get<uint64_t>();
-  width = in.get<uint16_t>();
-  height = in.get<uint16_t>();
+  const int width = in.get<uint16_t>(), height = in.get<uint16_t>();
   head.quality = in.get<uint8_t>();
+  return {width, height};
+}
+
+Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHead& head, int& width, int& height) {
+  std::string reason;
+  const std::optional<UnitHeader> unit =
+      check_unit_header(bytes, UnitKind::kRequest, type, kAbsoluteTime | kProbe, reason);
+  if (!unit || !check_unit_size(bytes, *unit, reason)) throw Error(reason);
+  Reader in(bytes.subspan(kUnitHeaderBytes));
+  std::tie(width, height) = get_request_head(in, unit->flags, head);
   need_more(in, "view");
   return in;
 }

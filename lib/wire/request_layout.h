@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <utility>
 
 #include "view/view_request.h"
 #include "wire/bytes.h"
@@ -20,7 +21,9 @@ void check_request_head(const RequestHead& head);
 
 // The unit's header and the fields that all types begin with.
 void put_request_head(Writer& out, uint8_t type, const RequestHead& head, int width, int height, size_t size);
-// The other way; what follows them is left to read. Throws Error if this is not exactly one unit of that type, or ends
+// The fields behind the unit's header, with its flags. Returns the size of the view.
+std::pair<int, int> get_request_head(Reader& in, uint16_t flags, RequestHead& head);
+// All of it; what follows them is left to read. Throws Error if this is not exactly one unit of that type, or ends
 // before them.
 Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHead& head, int& width, int& height);
 

@@ -11,6 +11,23 @@
 namespace lf::test {
 namespace {
 
+// As capture-delay grows, where the application does not heed the message.
+TEST_F(LfCompositorLiveTest, ALatencyThatHasGrownIsFollowed) {
+  constexpr uint64_t kDelay = 300 * GST_MSECOND;
+  start_live(1, {{"rig", array_.rig_path()}});
+  ViewRequest asked = ask();
+  push(0, answer_of(asked, {0, 1, 2, 3}));
+  EXPECT_FALSE(pull().empty());
+  gst_harness_set_upstream_latency(harness_.get(), kDelay);
+  asked = array_.request(sequence_, kNow + kFrame);
+  gst_harness_set_time(harness_.get(), asked.target_time + kDelay);
+  request(asked);
+  settle(300);
+  EXPECT_EQ(gst_harness_buffers_in_queue(harness_.get()), 0u) << "its answer is not late yet";
+  push(0, answer_of(asked, {0, 1, 2, 3}));
+  EXPECT_GE(range(pull()).first, 199);
+}
+
 using testing::ElementsAre;
 using testing::IsEmpty;
 

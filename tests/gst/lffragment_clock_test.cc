@@ -7,6 +7,7 @@
 #include <random>
 
 #include "base/schedule.h"
+#include "capture_delay.h"
 #include "gst/fragment_fixture.h"
 
 namespace lf::test {
@@ -121,6 +122,29 @@ TEST_F(LfFragmentClockTest, FreeRunningCamerasStayWithinHalfAFrame) {
     EXPECT_LT(worst, 3 * slowest);
     EXPECT_TRUE(warnings().empty()) << "lost frames are no reason for one";
   }
+}
+
+// A live viewer is told what the slowest camera needs: what its frames take, and half a frame.
+TEST_F(LfFragmentClockTest, TellsTheCaptureDelayThatCamerasNeed) {
+  start_at(kEpoch, 2);
+  gst_harness_set_live(harness_.get(), TRUE);
+  GstSegment segment;
+  gst_segment_init(&segment, GST_FORMAT_TIME);
+  gst_harness_push_event(harness_.get(), gst_event_new_segment(&segment));
+  gst_harness_use_testclock(harness_.get());
+  for (uint64_t k = 0; k < 5; k++) {
+    gst_harness_set_time(harness_.get(), kEpoch + k * kFrame + 20 * GST_MSECOND);
+    push_taken(0, kEpoch + k * kFrame);
+    gst_harness_set_time(harness_.get(), kEpoch + k * kFrame + 70 * GST_MSECOND);
+    push_taken(1, kEpoch + k * kFrame);
+  }
+  ask(0, kEpoch + 4 * kFrame);
+  GstClockTime told = 0, delay = 0;
+  while (GstEvent* event = gst_harness_try_pull_upstream_event(harness_.get())) {
+    if (parse_capture_delay(event, &delay)) told = delay;
+    gst_event_unref(event);
+  }
+  EXPECT_EQ(told, 70 * GST_MSECOND + kFrame / 2);
 }
 
 TEST_F(LfFragmentClockTest, ACameraThatStoppedIsBlind) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Which frame of each camera an answer shows, and how long it is waited for.
+#include <gst/video/video.h>
 #include <gtest/gtest.h>
 
 #include <thread>
@@ -84,6 +85,57 @@ TEST_F(LfFragmentTest, LiveCamerasAreNeverWaitedFor) {
   EXPECT_EQ(pull().actual_time, 19 * kFrame);
   ASSERT_EQ(request(array_.request(1, 18 * kFrame)), GST_FLOW_OK);  // the latest few are kept
   EXPECT_EQ(pull().actual_time, 18 * kFrame);
+}
+
+// As V4L2 has it: a camera whose few buffers are all held elsewhere stands still.
+TEST_F(LfFragmentTest, ACameraWithAFixedPoolNeverRunsOutOfBuffers) {
+  for (const guint size : {3u, 4u, 8u, 32u}) {
+    cameras_.clear();
+    start(1, "RGB", true);
+    GstBufferPool* pool = gst_buffer_pool_new();
+    const BufferPtr picture(ArrayFixture::frame("RGB", 77, 0));
+    GstStructure* config = gst_buffer_pool_get_config(pool);
+    const CapsPtr caps(gst_caps_from_string(ArrayFixture::caps("RGB").c_str()));
+    gst_buffer_pool_config_set_params(config, caps.get(), static_cast<guint>(gst_buffer_get_size(picture.get())), size,
+                                      size);
+    ASSERT_TRUE(gst_buffer_pool_set_config(pool, config));
+    ASSERT_TRUE(gst_buffer_pool_set_active(pool, TRUE));
+    GstBufferPoolAcquireParams dont_wait{};
+    dont_wait.flags = GST_BUFFER_POOL_ACQUIRE_FLAG_DONTWAIT;
+    for (uint64_t i = 0; i < 40; i++) {
+      GstBuffer* buffer = nullptr;
+      ASSERT_EQ(gst_buffer_pool_acquire_buffer(pool, &buffer, &dont_wait), GST_FLOW_OK)
+          << "all " << size << " are held after " << i << " frames";
+      gst_buffer_fill(buffer, 0, to_bytes(picture.get()).data(), gst_buffer_get_size(picture.get()));
+      GST_BUFFER_PTS(buffer) = i * kFrame;
+      ASSERT_EQ(gst_harness_push(cameras_[0].get(), buffer), GST_FLOW_OK);
+    }
+    const ViewRequest asked = array_.request(0, 37 * kFrame);
+    ASSERT_EQ(request(asked), GST_FLOW_OK);
+    const wire::Answer answer = pull();
+    EXPECT_EQ(answer.actual_time, 37 * kFrame) << "frames are what they were, copied or not";
+    gst_buffer_pool_set_active(pool, FALSE);
+    gst_object_unref(pool);
+  }
+}
+
+TEST_F(LfFragmentTest, AnAllocationAnswerSaysHowManyFramesAreKept) {
+  for (const bool live : {true, false}) {
+    cameras_.clear();
+    start(1, "RGB", live);
+    const CapsPtr caps(gst_caps_from_string(ArrayFixture::caps("RGB").c_str()));
+    GstQuery* query = gst_query_new_allocation(caps.get(), TRUE);
+    ASSERT_TRUE(gst_pad_peer_query(cameras_[0]->srcpad, query));
+    ASSERT_EQ(gst_query_get_n_allocation_pools(query), 1u);
+    GstBufferPool* pool = nullptr;
+    guint size = 0, least = 0, most = 1;
+    gst_query_parse_nth_allocation_pool(query, 0, &pool, &size, &least, &most);
+    EXPECT_FALSE(pool);
+    EXPECT_EQ(least, live ? 5u : 3u);
+    EXPECT_EQ(most, 0u);
+    EXPECT_TRUE(gst_query_find_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr));
+    gst_query_unref(query);
+  }
 }
 
 TEST_F(LfFragmentTest, ShutsDownWhileARequestWaits) {

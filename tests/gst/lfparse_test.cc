@@ -93,6 +93,31 @@ class Parser {
   HarnessPtr harness_;
 };
 
+// Caps say whether buffers are units: bytes that are not don't link with who wants units.
+TEST(LfParse, BytesThatAreNotParsedLinkWithNobodyElse) {
+  for (const char* kind : {"request", "answer"}) {
+    const std::string caps = std::string("application/x-lightfield-") + kind;
+    const CapsPtr unparsed(gst_caps_from_string((caps + ",parsed=false").c_str()));
+    const CapsPtr unsaid(gst_caps_from_string(caps.c_str()));
+    for (const char* name : {"lfcompositor", "lffragment", "rtplfpay", "lfviewrequest", "lfparse"}) {
+      const ElementPtr element(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make(name, nullptr))));
+      const bool takes_all = std::string(name) == "lfparse";
+      const bool of_pad = takes_all || std::string(name) == "rtplfpay";
+      const char* pad_name = of_pad || std::string(name) == "lfviewrequest"                         ? "sink"
+                             : std::string(kind) == "answer" && std::string(name) == "lfcompositor" ? "sink_0"
+                                                                                                    : "request";
+      if (std::string(kind) == "answer" && (pad_name == std::string("request") || name == std::string("lfviewrequest")))
+        continue;
+      GstPad* pad = gst_element_get_static_pad(element.get(), pad_name);
+      if (!pad) pad = gst_element_request_pad_simple(element.get(), pad_name);
+      ASSERT_TRUE(pad) << name;
+      EXPECT_EQ(gst_pad_query_accept_caps(pad, unparsed.get()), takes_all) << name << " " << kind;
+      EXPECT_TRUE(gst_pad_query_accept_caps(pad, unsaid.get())) << name << " " << kind;
+      gst_object_unref(pad);
+    }
+  }
+}
+
 TEST(LfParse, FramesWhateverTheChunks) {
   for (const bool requests : {true, false}) {
     Units units;
@@ -102,8 +127,9 @@ TEST(LfParse, FramesWhateverTheChunks) {
       parser.push_in_chunks(join(units), chunk);
       parser.end();
       EXPECT_EQ(parser.take(), units) << chunk;
-      EXPECT_EQ(parser.caps(), requests ? "application/x-lightfield-request, framerate=(fraction)0/1"
-                                        : "application/x-lightfield-answer");
+      EXPECT_EQ(parser.caps(), requests
+                                   ? "application/x-lightfield-request, framerate=(fraction)0/1, parsed=(boolean)true"
+                                   : "application/x-lightfield-answer, parsed=(boolean)true");
       EXPECT_EQ(parser.stat("units"), 7u);
       EXPECT_EQ(parser.stat("skipped-bytes"), 0u);
       EXPECT_EQ(parser.stat("gaps"), 0u);
@@ -207,9 +233,9 @@ TEST(LfParse, RequestsWithoutTimeStampGetTheTimeTheyAskFor) {
 }
 
 TEST(LfParse, CapsPassThrough) {
-  Parser parser("application/x-lightfield-request, framerate=(fraction)25/1");
+  Parser parser("application/x-lightfield-request, framerate=(fraction)25/1, parsed=(boolean)true");
   parser.push(request(1));
-  EXPECT_EQ(parser.caps(), "application/x-lightfield-request, framerate=(fraction)25/1");
+  EXPECT_EQ(parser.caps(), "application/x-lightfield-request, framerate=(fraction)25/1, parsed=(boolean)true");
   EXPECT_EQ(parser.take().size(), 1u);
 }
 

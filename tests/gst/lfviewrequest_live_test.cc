@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include "capture_delay.h"
 #include "gst/other_rig.h"
 #include "gst/view_request_source.h"
 #include "out_of_service_event.h"
@@ -14,12 +15,12 @@ TEST(LfViewRequestLive, RequestsFollowTheCaptureSchedule) {
   source.play_live(second + 10 * kMs);
   for (int i = 0; i < 40; i++) {
     const Unit unit = source.next_live();
-    // Instant 0 of this second becomes old enough 40 ms after the start; the one before it was already too old then.
-    const GstClockTime instant = second + gst_util_uint64_scale(i, GST_SECOND, 15);
+    // The first instant that is not before the start, and 50 ms old when it is asked for.
+    const GstClockTime instant = second + gst_util_uint64_scale(i + 1, GST_SECOND, 15);
     EXPECT_EQ(unit.request.target_time, instant) << i;
     EXPECT_TRUE(unit.request.absolute_time);
     EXPECT_EQ(source.clock_time(), instant + 50 * kMs) << i;
-    EXPECT_EQ(unit.pts, instant - second + 40 * kMs) << i;
+    EXPECT_EQ(unit.pts, instant - second - 10 * kMs) << "its running time";
     EXPECT_EQ(unit.request.sequence, static_cast<uint32_t>(i));
   }
 }
@@ -35,25 +36,28 @@ TEST(LfViewRequestLive, AnEagerOneDoesNotWaitForItsTurnOnceTheViewIsChanged) {
   };
   pass_wait();
   pass_wait();
-  EXPECT_EQ(source.pull().pts, 30 * kMs) << "nothing has changed";
+  EXPECT_EQ(source.pull().pts, 0u) << "nothing has changed";
+  EXPECT_EQ(source.clock_time(), 30 * kMs);
   pass_wait();
   EXPECT_EQ(source.clock_time(), 55 * kMs);
   EXPECT_TRUE(gst_harness_wait_for_clock_id_waits(source.harness(), 1, 30));
   gst_harness_set_time(source.harness(), 80 * kMs);
   source.set("yaw", 7.0);
   const Unit early = source.pull();
-  EXPECT_EQ(early.pts, 80 * kMs) << "its turn would have been at 130";
+  EXPECT_EQ(early.pts, 50 * kMs) << "its turn would have been at 130";
   EXPECT_EQ(early.request.target_time, 0u) << "the newest that is old enough";
   // The turn is used up; the next one may leave from 155 on.
   source.set("yaw", 8.0);
   pass_wait();
   const Unit soon = source.pull();
-  EXPECT_EQ(soon.pts, 155 * kMs);
+  EXPECT_EQ(soon.pts, 125 * kMs);
+  EXPECT_EQ(source.clock_time(), 155 * kMs);
   EXPECT_EQ(soon.request.target_time, 100 * kMs);
   pass_wait();
   pass_wait();
   const Unit regular = source.pull();
-  EXPECT_EQ(regular.pts, 330 * kMs);
+  EXPECT_EQ(regular.pts, 300 * kMs);
+  EXPECT_EQ(source.clock_time(), 330 * kMs);
   EXPECT_EQ(regular.request.target_time, 300 * kMs);
 }
 
@@ -105,11 +109,11 @@ TEST(LfViewRequestLive, InstantsThatPassedAreLeftOut) {
   const Unit newest = source.next_live();
   EXPECT_EQ(newest.request.target_time, 600 * kMs);
   EXPECT_EQ(newest.request.sequence, 2u);
-  EXPECT_EQ(newest.pts, 630 * kMs);
+  EXPECT_EQ(newest.pts, 600 * kMs);
   EXPECT_EQ(source.next_live().request.target_time, 700 * kMs);
 }
 
-TEST(LfViewRequestLive, LatencyIsThatOfALiveSourceWithoutDelay) {
+TEST(LfViewRequestLive, TheCaptureDelayIsLatency) {
   Source source;
   source.set("framerate", 20, 1, "capture-delay", 200 * kMs);
   source.play_live();
@@ -120,8 +124,66 @@ TEST(LfViewRequestLive, LatencyIsThatOfALiveSourceWithoutDelay) {
   gst_query_parse_latency(query, &live, &min, &max);
   gst_query_unref(query);
   EXPECT_TRUE(live);
-  EXPECT_EQ(min, 0u);
-  EXPECT_EQ(max, 50 * kMs);
+  EXPECT_EQ(min, 200 * kMs);
+  EXPECT_EQ(max, 250 * kMs);
+}
+
+GstClockTime latency_of(Source& source) {
+  GstQuery* query = gst_query_new_latency();
+  EXPECT_TRUE(gst_pad_peer_query(source.harness()->sinkpad, query));
+  GstClockTime min = 0;
+  gst_query_parse_latency(query, nullptr, &min, nullptr);
+  gst_query_unref(query);
+  return min;
+}
+
+TEST(LfViewRequestLive, LeftToItselfTheCaptureDelayIsWhatNodesNeed) {
+  Source source;
+  source.set("framerate", 10, 1);
+  source.play_live();
+  EXPECT_EQ(latency_of(source), 0u);
+  EXPECT_EQ(source.next_live().request.target_time, 0u);
+  EXPECT_TRUE(source.send(capture_delay_event(70 * kMs)));
+  EXPECT_TRUE(source.send(capture_delay_event(250 * kMs))) << "another node";
+  EXPECT_TRUE(source.has_message(GST_MESSAGE_LATENCY));
+  const GstClockTime delay = latency_of(source);
+  EXPECT_GE(delay, 250 * kMs);
+  EXPECT_LE(delay, 260 * kMs);
+  EXPECT_TRUE(source.send(capture_delay_event(249 * kMs)));
+  EXPECT_FALSE(source.has_message(GST_MESSAGE_LATENCY)) << "that is enough for it";
+  source.next_live();  // may have been waiting
+  for (int i = 0; i < 3; i++) {
+    const Unit unit = source.next_live();
+    EXPECT_EQ(unit.pts, unit.request.target_time);
+    EXPECT_EQ(source.clock_time(), unit.pts + delay);
+  }
+}
+
+TEST(LfViewRequestLive, ACaptureDelayThatIsSetStays) {
+  Source source;
+  source.set("framerate", 10, 1, "capture-delay", 30 * kMs);
+  source.play_live();
+  EXPECT_TRUE(source.send(capture_delay_event(250 * kMs)));
+  EXPECT_FALSE(source.has_message(GST_MESSAGE_LATENCY));
+  EXPECT_EQ(latency_of(source), 30 * kMs);
+}
+
+TEST(AutoCaptureDelay, GrowsAtOnceAndShrinksLater) {
+  AutoCaptureDelay delay;
+  GstClockTime now = GST_SECOND;
+  EXPECT_TRUE(delay.take(100 * kMs, now));
+  const GstClockTime grown = delay.delay();
+  EXPECT_GE(grown, 100 * kMs);
+  for (int i = 0; i < 9; i++) EXPECT_FALSE(delay.take(20 * kMs, now += GST_SECOND)) << i;
+  EXPECT_EQ(delay.delay(), grown);
+  bool shrunk = false;
+  for (int i = 0; i < 3; i++) shrunk |= delay.take(20 * kMs, now += GST_SECOND);
+  EXPECT_TRUE(shrunk);
+  EXPECT_LE(delay.delay(), 25 * kMs);
+  EXPECT_TRUE(delay.take(GST_SECOND * 30, now)) << "not more than frames are kept for";
+  EXPECT_EQ(delay.delay(), AutoCaptureDelay::kMost);
+  delay.clear();
+  EXPECT_EQ(delay.delay(), 0u);
 }
 
 TEST(LfViewRequestLive, EosAndStopNeverWaitForTheClock) {

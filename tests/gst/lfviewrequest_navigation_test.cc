@@ -185,6 +185,8 @@ TEST(LfViewRequestNavigation, TheSignalSetsTheViewAndPropertiesNotify) {
                                          G_TYPE_DOUBLE, 1.0, nullptr)));
   EXPECT_EQ(notified, "z roll ");  // x is what it was
   EXPECT_FALSE(set_view(gst_structure_new("view", "size", G_TYPE_INT, 4, nullptr)));
+  EXPECT_FALSE(set_view(gst_structure_new("view", "z", G_TYPE_DOUBLE, 9.0, "yawn", G_TYPE_DOUBLE, 1.0, nullptr)))
+      << "one that is unknown is no field of a view";
   EXPECT_FALSE(set_view(gst_structure_new("view", "z", G_TYPE_BOOLEAN, TRUE, nullptr)));
   Viewpoint expected = somewhere();
   expected.pose = {{1, -2, 4}, quat_from_euler({35, -20, 0})};

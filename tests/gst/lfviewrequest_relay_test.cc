@@ -86,6 +86,22 @@ TEST_F(LfViewRequestRelay, AddsTheCamerasThatAreOutOfServiceInThisView) {
   EXPECT_TRUE(pull().out_of_service.empty());
 }
 
+TEST_F(LfViewRequestRelay, TellsTheLatencyOfWhatItRelays) {
+  for (const bool upstream_is_live : {true, false}) {
+    start(true);
+    gst_harness_set_live(harness_.get(), upstream_is_live);
+    gst_harness_set_upstream_latency(harness_.get(), 200 * kMs);
+    GstQuery* query = gst_query_new_latency();
+    ASSERT_TRUE(gst_pad_peer_query(harness_->sinkpad, query));
+    gboolean live = FALSE;
+    GstClockTime min = 0;
+    gst_query_parse_latency(query, &live, &min, nullptr);
+    gst_query_unref(query);
+    EXPECT_TRUE(live);
+    EXPECT_EQ(min, upstream_is_live ? 200 * kMs : 0);
+  }
+}
+
 // The viewer does not know what is out of service here: its commands end, new ones are made.
 TEST_F(LfViewRequestRelay, MakesTheCommandsItself) {
   TemporaryFiles files;

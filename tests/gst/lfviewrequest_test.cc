@@ -3,6 +3,7 @@
 #include <gst/controller/gstinterpolationcontrolsource.h>
 #include <gmock/gmock.h>
 
+#include "common.h"
 #include "gst/view_request_source.h"
 #include "node/commands.h"
 #include "wire/command_codec.h"
@@ -106,6 +107,21 @@ TEST(LfViewRequestFile, LiveShowsAListInstantByInstant) {
   EXPECT_TRUE(source.wait_eos());
 }
 
+// What every function that GStreamer calls with data does.
+TEST(Guarded, AnExceptionIsAPostedErrorAndGoesNoFurther) {
+  Source source;
+  const auto call = [&source](bool fails) {
+    return guarded(source.element(), GST_FLOW_ERROR, [fails] {
+      if (fails) throw std::runtime_error("what is wrong");
+      return GST_FLOW_EOS;
+    });
+  };
+  EXPECT_EQ(call(false), GST_FLOW_EOS);
+  EXPECT_EQ(source.pop_message(GST_MESSAGE_ERROR), "");
+  EXPECT_EQ(call(true), GST_FLOW_ERROR);
+  EXPECT_EQ(source.pop_message(GST_MESSAGE_ERROR), "what is wrong");
+}
+
 TEST(LfViewRequestFile, LiveShowsAPathAtItsTimes) {
   const TemporaryFiles files;
   save_views(test_views({0.25, 0.5}), files.path("views.json"));
@@ -114,9 +130,9 @@ TEST(LfViewRequestFile, LiveShowsAPathAtItsTimes) {
   source.play_live();
   const Unit first = source.next_live();
   EXPECT_EQ(first.pts, 250 * kMs);
-  EXPECT_EQ(source.clock_time(), 250 * kMs);
-  EXPECT_EQ(first.request.target_time, 200 * kMs);  // the newest multiple of 100 ms before 230 ms
-  EXPECT_EQ(source.next_live().request.target_time, 400 * kMs);
+  EXPECT_EQ(source.clock_time(), 270 * kMs);
+  EXPECT_EQ(first.request.target_time, 200 * kMs);  // the newest multiple of 100 ms then
+  EXPECT_EQ(source.next_live().request.target_time, 500 * kMs);
 }
 
 TEST(LfViewRequestFile, BadFilesAreNamedWithThePlace) {
@@ -249,7 +265,7 @@ TEST(LfViewRequestProperties, MakeTheView) {
   EXPECT_TRUE(source.wait_eos());
   GstCaps* caps = gst_pad_get_current_caps(source.harness()->sinkpad);
   gchar* text = gst_caps_to_string(caps);
-  EXPECT_STREQ(text, "application/x-lightfield-request, framerate=(fraction)30000/1001");
+  EXPECT_STREQ(text, "application/x-lightfield-request, parsed=(boolean)true, framerate=(fraction)30000/1001");
   g_free(text);
   gst_caps_unref(caps);
 }

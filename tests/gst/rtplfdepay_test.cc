@@ -41,7 +41,7 @@ TEST(RtpLfDepay, WhatWasSentComes) {
   for (size_t i = 0; i < packets.size(); i++) EXPECT_EQ(depay.push(packets[i], i), GST_FLOW_OK);
   EXPECT_EQ(depay.units(), answers);
   EXPECT_EQ(depay.times, (std::vector<GstClockTime>{0, packets.size() - 2, packets.size() - 1}));
-  EXPECT_EQ(depay.caps(), "application/x-lightfield-answer");
+  EXPECT_EQ(depay.caps(), "application/x-lightfield-answer, parsed=(boolean)true");
   EXPECT_EQ(stat(depay.element(), "units"), 3u);
   EXPECT_EQ(stat(depay.element(), "packets"), packets.size());
   EXPECT_EQ(stat(depay.element(), "lost"), 0u);
@@ -50,12 +50,12 @@ TEST(RtpLfDepay, WhatWasSentComes) {
   const std::vector<Bytes> three{rtp::request(1), rtp::request(2), rtp::request(3)};
   for (const Bytes& packet : rtp_packets(three, true)) requests.push(packet);
   EXPECT_EQ(requests.units(), three);
-  EXPECT_EQ(requests.caps(), "application/x-lightfield-request, framerate=(fraction)25/2");
+  EXPECT_EQ(requests.caps(), "application/x-lightfield-request, parsed=(boolean)true, framerate=(fraction)25/2");
   EXPECT_EQ(stat(requests.element(), "repeated"), 3u);
   for (const char* rate : {"", ", framerate=(string)many"}) {
     RtpElement variable("rtplfdepay", (std::string(kRtpRequestCaps) + rate).c_str());
     variable.push(rtp_packets(three, true)[0]);
-    EXPECT_EQ(variable.caps(), "application/x-lightfield-request, framerate=(fraction)0/1");
+    EXPECT_EQ(variable.caps(), "application/x-lightfield-request, parsed=(boolean)true, framerate=(fraction)0/1");
   }
 }
 

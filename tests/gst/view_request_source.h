@@ -160,6 +160,16 @@ class Source {
   }
   bool send(GstEvent* event) { return gst_harness_push_upstream_event(harness_, event); }
 
+  // Whether it has posted such a message since the last call.
+  bool has_message(GstMessageType type) {
+    bool any = false;
+    while (GstMessage* message = gst_bus_pop_filtered(bus_, type)) {
+      gst_message_unref(message);
+      any = true;
+    }
+    return any;
+  }
+
   // The first; GstBaseSrc adds one of its own where a source doesn't start. "" if there is none.
   std::string pop_message(GstMessageType type) {
     GstMessage* message = gst_bus_pop_filtered(bus_, type);

@@ -272,7 +272,8 @@ TEST(RtpLinks, CapsSurviveSdp) {
     const ElementPtr depay(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("rtplfdepay", nullptr))));
     const HarnessPtr receiver(gst_harness_new_with_element(depay.get(), "sink", "src"));
     gst_harness_set_src_caps(receiver.get(), after.release());
-    const CapsPtr expected(gst_caps_from_string(caps)), got(gst_pad_get_current_caps(receiver->sinkpad));
+    const CapsPtr expected(gst_caps_from_string((std::string(caps) + ",parsed=true").c_str())),
+        got(gst_pad_get_current_caps(receiver->sinkpad));
     ASSERT_TRUE(got);
     EXPECT_TRUE(gst_caps_is_equal(got.get(), expected.get())) << caps_of(receiver->sinkpad);
   }

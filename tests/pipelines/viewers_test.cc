@@ -15,6 +15,8 @@
 #include "rig/rig_json.h"
 #include "scene/scene.h"
 #include "support/temp_dir.h"
+#include "view/navigator.h"
+#include "view/views_json.h"
 
 namespace lf::test {
 namespace {
@@ -44,6 +46,59 @@ class ViewersTest : public testing::Test {
 
   TempDir dir_;
 };
+
+// Not live, through plain queues: who has ended, or has nothing to do yet, holds nobody up.
+TEST_F(ViewersTest, PathsOfUnlikeLengthBothEnd) {
+  const auto path = [&](int frames) {
+    const std::string file = dir_ / (std::to_string(frames) + ".json");
+    std::vector<NamedView> views;
+    for (int i = 0; i < frames; i++) {
+      Viewpoint v;
+      v.pose.position.x = 1e-4 * i;
+      views.push_back({"view_" + std::to_string(i), i / 75.0, make_view(v, 64, 48)});
+    }
+    save_views(views, file);
+    return " lfviewrequest location=" + file;
+  };
+  const auto view = [](const std::string& id) {
+    return " r. ! queue ! c" + id + ".request  t. ! queue ! c" + id + ".sink_0  lfcompositor name=c" + id +
+           " view-id=" + id + " ! queue ! fakesink name=s" + id + " sync=false async=false";
+  };
+  const ElementPtr pipeline =
+      launch("funnel name=f ! tee name=r" + path(3) + " view-id=0 ! f." + path(300) +
+             " view-id=1 ! f.  r. ! queue ! n.request  lfcameranode name=n rig=" + dir_ / "rig.json" + " ! tee name=t" +
+             view("0") + view("1"));
+  ASSERT_TRUE(pipeline);
+  EXPECT_EQ(run(pipeline.get(), 60), "");
+  for (const auto& [name, expected] : {std::pair("c0", 3u), std::pair("c1", 300u)}) {
+    const ElementPtr compositor(gst_bin_get_by_name(GST_BIN(pipeline.get()), name));
+    EXPECT_EQ(stat(compositor.get(), "pictures"), expected) << name;
+  }
+}
+
+// Whether its sink has enough or an element behind it fails: one viewer's end is none of the other's business.
+TEST_F(ViewersTest, AViewerThatEndsOrFailsLeavesTheOthersAlone) {
+  for (const char* end : {"identity eos-after=3", "identity error-after=3", "fakesink num-buffers=3"}) {
+    for (const char* live : {"false", "true"}) {
+      const auto view = [&](const std::string& id, const std::string& behind) {
+        return " lfviewrequest view-id=" + id + " rig=" + dir_ / "rig.json" + " framerate=50/1 is-live=" + live +
+               " ! f.  r. ! queue ! c" + id + ".request  t. ! queue ! c" + id + ".sink_0  lfcompositor name=c" + id +
+               " view-id=" + id + " ! queue ! " + behind;
+      };
+      const std::string sink = " sync=false async=false";
+      const std::string first = std::string(end).starts_with("fakesink") ? end + sink : end + (" ! fakesink" + sink);
+      const ElementPtr pipeline =
+          launch("funnel name=f ! tee name=r  r. ! queue ! n.request  lfcameranode name=n rig=" + dir_ / "rig.json" +
+                 " ! tee name=t" + view("0", first) + view("1", "fakesink" + sink));
+      ASSERT_TRUE(pipeline);
+      const ElementPtr other(gst_bin_get_by_name(GST_BIN(pipeline.get()), "c1"));
+      gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+      for (int i = 0; i < 2000 && stat(other.get(), "pictures") < 300; i++) g_usleep(10000);
+      EXPECT_GE(stat(other.get(), "pictures"), 300u) << end << ", live: " << live;
+      gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+    }
+  }
+}
 
 ElementPtr child(GstElement* bin, const char* name) { return ElementPtr(gst_bin_get_by_name(GST_BIN(bin), name)); }
 

@@ -73,6 +73,9 @@ TEST(AnswerParser, RefersToTheBytes) {
   EXPECT_TRUE(view->fragments[2].payload.empty());
   EXPECT_EQ(view->fragments[3].codec, Codec::kJpegAtlas);
   EXPECT_EQ(parse_answer_header(bytes), static_cast<const AnswerHead&>(*view));
+  EXPECT_EQ(peek_answer_view(bytes), view->view_id);
+  EXPECT_EQ(peek_answer_view(std::span(bytes).first(16)), view->view_id) << "the rest is not looked at";
+  EXPECT_FALSE(peek_answer_view(std::span(bytes).first(15)));
   ASSERT_TRUE(decode_answer(bytes).has_value());
   EXPECT_EQ(decode_answer(bytes)->fragments.size(), 6u);
 }

@@ -310,6 +310,28 @@ TEST(RequestCodec, EncodesOnlyWhatIsValid) {
   refused([](ViewRequest& r) { r.out_of_service = {5, 4}; });
 }
 
+TEST(RequestCodec, APeekTellsWhatDecodingWould) {
+  std::mt19937 random(5);
+  for (int i = 0; i < 200; i++) {
+    const ViewRequest request = random_request(random);
+    std::vector<uint8_t> bytes = encode_request(request);
+    const std::optional<RequestPeek> peek = peek_request(bytes);
+    ASSERT_TRUE(peek);
+    EXPECT_EQ(peek->type, 1);
+    EXPECT_EQ(peek->head, static_cast<const RequestHead&>(request));
+    bytes.resize(12 + 29);
+    EXPECT_TRUE(peek_request(bytes)) << "the rest is not looked at";
+    bytes.resize(12 + 28);
+    EXPECT_FALSE(peek_request(bytes));
+  }
+  std::vector<uint8_t> bytes = encode_request(golden_request());
+  bytes[3] = 'A';
+  EXPECT_FALSE(peek_request(bytes)) << "an answer";
+  bytes[3] = 'Q';
+  bytes[4] = kVersion + 1;
+  EXPECT_FALSE(peek_request(bytes)) << "of a version that may say it elsewhere";
+}
+
 TEST(RequestCodec, SurvivesRandomCorruption) {
   std::mt19937 random(2);
   std::vector<std::vector<uint8_t>> requests;

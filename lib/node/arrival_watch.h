@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <mutex>
+
+#include "base/percentiles.h"
+
+namespace lf {
+
+// How long after their capture the frames of one camera arrive. Times in nanoseconds of one clock. Thread-safe.
+class ArrivalWatch {
+ public:
+  static constexpr size_t kFrames = 128;               // that count: the latest
+  static constexpr uint64_t kSilence = 2'000'000'000;  // after which a camera says nothing any more
+
+  void arrived(uint64_t captured, uint64_t now) {
+    const std::lock_guard lock(mutex_);
+    delays_.add(now > captured ? now - captured : 0);
+    latest_ = now;
+  }
+  // How old a capture has to be for its nearest frame to have arrived, but for one of a hundred: the delay of that
+  // many, and half of `period`, by which the frame may be later than the time asked for. 0: not known.
+  uint64_t needed(uint64_t period, uint64_t now) const {
+    const std::lock_guard lock(mutex_);
+    if (latest_ == 0 || now > latest_ + kSilence) return 0;
+    return std::max<uint64_t>(delays_.at(99) + period / 2, 1);
+  }
+  void clear() {
+    const std::lock_guard lock(mutex_);
+    delays_.clear();
+    latest_ = 0;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  Percentiles delays_{kFrames};
+  uint64_t latest_ = 0;
+};
+
+}  // namespace lf

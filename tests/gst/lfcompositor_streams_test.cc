@@ -1,0 +1,266 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// What lfcompositor does with streams that are not as in a picture book: of other views, without times, that end apart.
+#include <gmock/gmock.h>
+
+#include <atomic>
+#include <functional>
+#include <thread>
+#include <utility>
+
+#include "gst/compositor_fixture.h"
+#include "gst/other_rig.h"
+
+namespace lf::test {
+namespace {
+
+using testing::HasSubstr;
+
+// Whether `done` comes to be true.
+bool comes(const std::function<bool()>& done, int seconds = 20) {
+  for (int i = 0; i < seconds * 100 && !done(); i++) g_usleep(10000);
+  return done();
+}
+
+class LfCompositorStreamsTest : public LfCompositorTest {
+ protected:
+  // Ends who still waits in a push.
+  ~LfCompositorStreamsTest() override {
+    if (element_) gst_element_set_state(element_.get(), GST_STATE_NULL);
+    if (pusher_.joinable()) pusher_.join();
+  }
+  // From a thread of its own, because that may have to wait.
+  void push_many(const wire::Answer& answer, int count) {
+    pusher_ = std::thread([this, bytes = wire::encode_answer(answer), count] {
+      for (int i = 0; i < count; i++)
+        if (gst_harness_push(nodes_[0].get(), to_buffer(bytes)) == GST_FLOW_OK) pushed_++;
+    });
+  }
+  std::atomic<int> pushed_ = 0;
+
+ private:
+  std::thread pusher_;
+};
+
+TEST_F(LfCompositorStreamsTest, AnswersToOtherViewsAreNeverInTheWay) {
+  start(1);
+  push_many(answer_of(array_.request(0, 0, 7), {0}), 500);
+  EXPECT_TRUE(comes([&] { return pushed_ == 500; })) << "stopped taking answers after " << pushed_;
+}
+
+TEST_F(LfCompositorStreamsTest, RequestsOfOtherViewsAreNeverInTheWay) {
+  start(1);
+  std::atomic<int> taken = 0;
+  std::thread requests([&] {
+    for (uint32_t i = 0; i < 500; i++) {
+      GstBuffer* buffer = to_buffer(wire::encode_request(array_.request(i, i * kFrame, 7)));
+      GST_BUFFER_PTS(buffer) = i * kFrame;
+      if (gst_harness_push(harness_.get(), buffer) == GST_FLOW_OK) taken++;
+    }
+  });
+  EXPECT_TRUE(comes([&] { return taken == 500; })) << "stopped taking requests after " << taken;
+  gst_element_set_state(element_.get(), GST_STATE_NULL);
+  requests.join();
+}
+
+TEST_F(LfCompositorStreamsTest, AnswersWithoutTimesAreBounded) {
+  start(1);
+  push_many(answer_of(array_.request(0, 0), {0}), 1000);
+  int before = -1;
+  EXPECT_TRUE(comes([&] {
+    const bool rests = pushed_ == before;
+    before = pushed_;
+    g_usleep(300000);
+    return rests;
+  }));
+  EXPECT_GT(pushed_, 0);
+  EXPECT_LT(pushed_, 50);
+}
+
+TEST_F(LfCompositorStreamsTest, PartialStaysWhatItWasWhileItRuns) {
+  start(1, {{"rig", array_.rig_path()}});
+  GstBus* bus = gst_bus_new();
+  gst_element_set_bus(element_.get(), bus);
+  const ViewRequest asked = array_.request(0, 0);
+  request(asked);
+  push(0, answer_of(asked, {0, 1, 2, 3}));
+  const size_t size = pull().size();
+  const std::string caps = caps_of(harness_->sinkpad);
+  g_object_set(element_.get(), "partial", TRUE, nullptr);
+  gboolean partial = TRUE;
+  g_object_get(element_.get(), "partial", &partial, nullptr);
+  EXPECT_FALSE(partial);
+  GstMessage* warning = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING);
+  ASSERT_TRUE(warning);
+  GError* error = nullptr;
+  gst_message_parse_warning(warning, &error, nullptr);
+  EXPECT_THAT(error->message, HasSubstr("partial: can't be changed while the element runs"));
+  g_error_free(error);
+  gst_message_unref(warning);
+  const ViewRequest next = array_.request(1, kFrame);
+  request(next);
+  push(0, answer_of(next, {0, 1, 2, 3}));
+  EXPECT_EQ(pull().size(), size);
+  EXPECT_EQ(caps_of(harness_->sinkpad), caps);
+  gst_element_set_state(element_.get(), GST_STATE_READY);
+  g_object_set(element_.get(), "partial", TRUE, nullptr);
+  g_object_get(element_.get(), "partial", &partial, nullptr);
+  EXPECT_TRUE(partial) << "when it does not run it can be";
+  gst_element_set_bus(element_.get(), nullptr);
+  gst_object_unref(bus);
+}
+
+TEST_F(LfCompositorStreamsTest, EosIsThatOfTheRequests) {
+  start(1);
+  const ViewRequest asked = array_.request(0, 0);
+  request(asked);
+  push(0, answer_of(asked, {0}));
+  pull();
+  GstEvent* eos = gst_event_new_eos();
+  const guint32 seqnum = gst_event_get_seqnum(eos);
+  gst_harness_push_event(harness_.get(), eos);
+  for (bool came = false; !came;) {
+    GstEvent* event = gst_harness_pull_event(harness_.get());
+    ASSERT_TRUE(event);
+    came = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+    if (came) {
+      EXPECT_EQ(gst_event_get_seqnum(event), seqnum);
+    }
+    gst_event_unref(event);
+  }
+}
+
+TEST_F(LfCompositorStreamsTest, PicturesAreInTheSegmentOfTheRequests) {
+  start(1);
+  GstSegment segment;
+  gst_segment_init(&segment, GST_FORMAT_TIME);
+  segment.start = segment.time = segment.position = 5 * kFrame;
+  segment.stop = 8 * kFrame;
+  ASSERT_TRUE(gst_harness_push_event(harness_.get(), gst_event_new_segment(&segment)));
+  const ViewRequest asked = array_.request(0, 6 * kFrame);
+  request(asked);
+  push(0, answer_of(asked, {0}));
+  pull();
+  EXPECT_EQ(last_pts_, 6 * kFrame);
+  GstEvent* event = gst_pad_get_sticky_event(harness_->sinkpad, GST_EVENT_SEGMENT, 0);
+  const GstSegment* out = nullptr;
+  gst_event_parse_segment(event, &out);
+  EXPECT_EQ(out->start, segment.start);
+  EXPECT_EQ(out->time, segment.time);
+  EXPECT_EQ(out->stop, segment.stop);
+  gst_event_unref(event);
+}
+
+TEST_F(LfCompositorStreamsTest, PicturesTellWhenTheyWereCaptured) {
+  start(1);
+  const ViewRequest asked = array_.request(0, 3 * kFrame + 5);
+  request(asked);
+  push(0, answer_of(asked, {0}));
+  const BufferPtr picture(gst_harness_pull(harness_.get()));
+  ASSERT_TRUE(picture);
+  const CapsPtr reference(gst_caps_from_string("timestamp/x-lightfield-capture"));
+  const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(picture.get(), reference.get());
+  ASSERT_TRUE(meta);
+  EXPECT_EQ(meta->timestamp, 3 * kFrame + 5);
+}
+
+TEST_F(LfCompositorStreamsTest, AViewThatNobodyAsksForIsSaidOnce) {
+  start(1, {{"view-id", "3"}});
+  GstBus* bus = gst_bus_new();
+  gst_element_set_bus(element_.get(), bus);
+  std::vector<std::string> warnings;
+  for (uint32_t i = 0; i < 160; i++) {
+    request(array_.request(i, i * kFrame, 7));
+    g_usleep(50000);
+    while (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING)) {
+      g_autoptr(GError) error = nullptr;
+      gst_message_parse_warning(message, &error, nullptr);
+      warnings.emplace_back(error->message);
+      gst_message_unref(message);
+    }
+  }
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_THAT(warnings[0], HasSubstr("Nobody asks for view 3"));
+  gst_element_set_bus(element_.get(), nullptr);
+  gst_object_unref(bus);
+}
+
+// Nothing is missing where there is nothing to be seen, but that is no complete picture either.
+TEST_F(LfCompositorStreamsTest, AViewThatLeavesTheArrayIsCounted) {
+  start(1, {{"rig", array_.rig_path()}, {"post-messages", "true"}});
+  GstBus* bus = gst_bus_new();
+  gst_element_set_bus(element_.get(), bus);
+  const auto show = [&](uint32_t i, bool away) {
+    ViewRequest asked = array_.request(i, i * kFrame);
+    if (away) asked.view.pose.position.x += 1000;
+    request(asked);
+    push(0, answer_of(asked, {0, 1, 2, 3}));
+    pull();
+    GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ELEMENT);
+    EXPECT_TRUE(message);
+    gboolean complete = -1;
+    double coverage = -1;
+    gst_structure_get(gst_message_get_structure(message), "complete", G_TYPE_BOOLEAN, &complete, "coverage",
+                      G_TYPE_DOUBLE, &coverage, nullptr);
+    gst_message_unref(message);
+    return std::pair(complete != FALSE, coverage);
+  };
+  const auto [complete, coverage] = show(0, false);
+  EXPECT_TRUE(complete);
+  EXPECT_GT(coverage, 0.9);
+  EXPECT_EQ(show(1, true), std::pair(false, 0.0));
+  EXPECT_EQ(stat(element_.get(), "complete"), 1u);
+  EXPECT_EQ(stat(element_.get(), "unseen"), 1u);
+  EXPECT_EQ(stat(element_.get(), "missing-fragments"), 0u);
+  gst_element_set_bus(element_.get(), nullptr);
+  gst_object_unref(bus);
+}
+
+// A node that begins again: what waited on its pad is gone, what it says anew counts, and the others are not disturbed.
+TEST_F(LfCompositorStreamsTest, AFlushOfOneNodeIsItsOwn) {
+  start(2, {{"rig", array_.rig_path()}});
+  for (uint32_t i = 0; i < 20; i++) {
+    const ViewRequest asked = array_.request(i, i * kFrame);
+    request(asked);
+    const size_t flushed = i % 2;
+    push(static_cast<int>(flushed), answer_of(asked, {0, 1}, 7));
+    GstHarness* harness = nodes_[flushed].get();
+    gst_harness_push_event(harness, gst_event_new_flush_start());
+    gst_harness_push_event(harness, gst_event_new_flush_stop(TRUE));
+    GstSegment segment;
+    gst_segment_init(&segment, GST_FORMAT_TIME);
+    gst_harness_push_event(harness, gst_event_new_segment(&segment));
+    push(static_cast<int>(flushed), answer_of(asked, {0, 1}));
+    push(static_cast<int>(1 - flushed), answer_of(asked, {2, 3}));
+    EXPECT_GE(range(pull()).first, 199) << i;
+  }
+  EXPECT_EQ(stat(element_.get(), "complete"), 20u);
+}
+
+// A rig that was set while it ran and that no request came to use is forgotten with the run.
+TEST_F(LfCompositorStreamsTest, ARestartUsesTheRigThatWasSetLast) {
+  const OtherRig other(array_.rig(), [](Rig& rig) { rig.cameras[0].pose.position.x += 1e-3; });
+  start(1, {{"rig", array_.rig_path()}});
+  ViewRequest asked = array_.request(0, 0);
+  request(asked);
+  push(0, answer_of(asked, {0, 1, 2, 3}));
+  pull();
+  g_object_set(element_.get(), "rig", other.path().c_str(), nullptr);
+  gst_element_set_state(element_.get(), GST_STATE_READY);
+  g_object_set(element_.get(), "rig", array_.rig_path().c_str(), nullptr);
+  gst_element_set_state(element_.get(), GST_STATE_PLAYING);
+  for (GstHarness* harness : {harness_.get(), nodes_[0].get()}) {
+    gst_pad_set_active(harness->srcpad, TRUE);
+    gst_harness_set_src_caps_str(harness, harness == harness_.get() ? "application/x-lightfield-request,framerate=10/1"
+                                                                    : "application/x-lightfield-answer");
+  }
+  asked = array_.request(1, 0);
+  asked.rig_hash = 0;  // it is the compositor's rig that counts
+  request(asked);
+  push(0, answer_of(asked, {0, 1, 2, 3}));
+  EXPECT_GE(range(pull()).first, 199);
+  EXPECT_EQ(stat(element_.get(), "rig-mismatches"), 0u);
+}
+
+}  // namespace
+}  // namespace lf::test

@@ -1,0 +1,265 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// Seeks: what is shown behind one is what a run straight through shows there, to the bit.
+#include <gst/app/gstappsink.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "gst/gst_test.h"
+#include "rig/rig_json.h"
+#include "support/temp_dir.h"
+#include "view/navigator.h"
+#include "view/views_json.h"
+
+namespace lf::test {
+namespace {
+
+constexpr int kFrames = 20, kRate = 10;
+constexpr GstClockTime kPeriod = GST_SECOND / kRate;
+
+struct Picture {
+  GstClockTime time = GST_CLOCK_TIME_NONE;  // stream time
+  std::vector<uint8_t> bytes;
+  bool operator==(const Picture&) const = default;
+};
+
+Picture picture_of(GstSample* sample) {
+  Picture picture;
+  GstBuffer* buffer = gst_sample_get_buffer(sample);
+  picture.time = gst_segment_to_stream_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
+  picture.bytes = to_bytes(buffer);
+  gst_sample_unref(sample);
+  return picture;
+}
+
+// Pictures of a path through an array whose cameras are read from files.
+class Player {
+ public:
+  explicit Player(const std::string& line) : pipeline_(launch(line)) {
+    sink_.reset(gst_bin_get_by_name(GST_BIN(pipeline_.get()), "s"));
+    bus_.reset(gst_element_get_bus(pipeline_.get()));
+  }
+  ~Player() { set_state(GST_STATE_NULL); }
+  void set_state(GstState state) { gst_element_set_state(pipeline_.get(), state); }
+
+  std::optional<Picture> preroll() {
+    GstSample* sample = gst_app_sink_try_pull_preroll(GST_APP_SINK(sink_.get()), 20 * GST_SECOND);
+    return sample ? std::optional(picture_of(sample)) : std::nullopt;
+  }
+  // Plays on up to the end, or to so many pictures.
+  std::vector<Picture> rest(size_t most = SIZE_MAX) {
+    set_state(GST_STATE_PLAYING);
+    std::vector<Picture> pictures;
+    while (pictures.size() < most) {
+      GstSample* sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink_.get()), 20 * GST_SECOND);
+      if (!sample) break;
+      pictures.push_back(picture_of(sample));
+    }
+    return pictures;
+  }
+  bool seek(GstClockTime start, int more_flags = 0, GstClockTime stop = GST_CLOCK_TIME_NONE, double rate = 1) {
+    return gst_element_seek(pipeline_.get(), rate, GST_FORMAT_TIME, GstSeekFlags(GST_SEEK_FLAG_FLUSH | more_flags),
+                            GST_SEEK_TYPE_SET, static_cast<gint64>(start), GST_SEEK_TYPE_SET,
+                            static_cast<gint64>(stop));
+  }
+  bool seek_on(GstClockTime start) {
+    return gst_element_seek(pipeline_.get(), 1, GST_FORMAT_TIME, GST_SEEK_FLAG_SEGMENT, GST_SEEK_TYPE_SET,
+                            static_cast<gint64>(start), GST_SEEK_TYPE_NONE, -1);
+  }
+  bool is_eos() const { return gst_app_sink_is_eos(GST_APP_SINK(sink_.get())); }
+  bool waits_for(GstMessageType type, int seconds = 20) {
+    GstMessage* message = gst_bus_timed_pop_filtered(bus_.get(), seconds * GST_SECOND, type);
+    const bool came = message != nullptr;
+    gst_clear_message(&message);
+    return came;
+  }
+  GstElement* pipeline() const { return pipeline_.get(); }
+
+ private:
+  ElementPtr pipeline_, sink_;
+  std::unique_ptr<GstBus, Unref<gst_object_unref>> bus_;
+};
+
+// The parameter says what the cameras are read from.
+class SeekTest : public testing::TestWithParam<const char*> {
+ protected:
+  void SetUp() override {
+    const std::string kind = GetParam();
+    std::string command = std::string(LF_TOOLS_DIR) + "/lf-scene --out '" + dir_ / "scene" +
+                          "' --grid 2x2 --width 48 --height 36 --framerate " + std::to_string(kRate) + " --frames " +
+                          std::to_string(kFrames) + (kind == "sequence" ? " --format png" : "") + " >&2";
+    ASSERT_EQ(std::system(command.c_str()), 0);
+    rig_ = dir_ / "scene/rig.json";
+    if (kind == "scene" || kind == "stills") {
+      Rig rig = load_rig(rig_);
+      for (Camera& camera : rig.cameras) {
+        camera.source.clear();
+        if (kind == "scene") camera.image.clear();
+      }
+      save_rig(rig, rig_);
+    }
+    std::vector<NamedView> views;
+    const Viewpoint home = default_viewpoint(load_rig(rig_));
+    for (int i = 0; i < kFrames; i++) {
+      Viewpoint v = home;
+      v.pose.position.x += 1e-3 * i;
+      views.push_back({"view_" + std::to_string(i), static_cast<double>(i) / kRate, make_view(v, 48, 36)});
+    }
+    save_views(views, dir_ / "views.json");
+  }
+  std::string line(int nodes = 1) const {
+    std::string text = "lfviewrequest framerate=" + std::to_string(kRate) + "/1 location=" + dir_ / "views.json" +
+                       " ! tee name=r  r. ! queue ! c.request" +
+                       "  lfcompositor name=c ! videoconvert ! appsink name=s sync=false";
+    for (int i = 0; i < nodes; i++) {
+      const std::string n = std::to_string(i);
+      const std::string cameras = nodes == 1 ? "" : " cameras=" + n + (i + 1 == nodes ? "-3" : "");
+      text += "  r. ! queue ! n" + n + ".request  lfcameranode name=n" + n + " node=" + n + " rig=" + rig_ + cameras +
+              " ! queue ! c.sink_" + n;
+    }
+    return text;
+  }
+
+  TempDir dir_;
+  std::string rig_;
+};
+
+TEST_P(SeekTest, WhatIsBehindASeekIsWhatAStraightRunShows) {
+  for (const int nodes : {1, 3}) {
+    const std::vector<Picture> truth = Player(line(nodes)).rest();
+    ASSERT_EQ(truth.size(), size_t{kFrames});
+    for (int i = 0; i < kFrames; i++) ASSERT_EQ(truth[static_cast<size_t>(i)].time, i * kPeriod);
+    const auto expect_from = [&](Player& player, size_t first, const char* what) {
+      const std::optional<Picture> shown = player.preroll();
+      ASSERT_TRUE(shown) << what;
+      EXPECT_EQ(*shown, truth[first]) << what;
+      EXPECT_TRUE(player.rest() == std::vector(truth.begin() + static_cast<ptrdiff_t>(first), truth.end())) << what;
+      EXPECT_TRUE(player.is_eos()) << what;
+      player.set_state(GST_STATE_PAUSED);
+    };
+    Player player(line(nodes));
+    player.set_state(GST_STATE_PAUSED);
+    ASSERT_TRUE(player.preroll());
+    ASSERT_TRUE(player.seek(12 * kPeriod));
+    expect_from(player, 12, "forwards");
+    ASSERT_TRUE(player.seek(3 * kPeriod));
+    expect_from(player, 3, "back, after the end");
+    ASSERT_TRUE(player.seek(15 * kPeriod));
+    ASSERT_TRUE(player.seek(0));
+    expect_from(player, 0, "one seek right after the other");
+    ASSERT_TRUE(player.seek(5 * kPeriod - 1, GST_SEEK_FLAG_ACCURATE));
+    expect_from(player, 5, "accurate");
+    ASSERT_TRUE(player.seek(0));
+    player.rest(4);
+    ASSERT_TRUE(player.seek(10 * kPeriod));
+    expect_from(player, 10, "while playing");
+  }
+}
+
+TEST_P(SeekTest, AStopEndsTheStream) {
+  const std::vector<Picture> truth = Player(line()).rest();
+  Player player(line());
+  player.set_state(GST_STATE_PAUSED);
+  ASSERT_TRUE(player.preroll());
+  ASSERT_TRUE(player.seek(4 * kPeriod, 0, 9 * kPeriod));
+  EXPECT_TRUE(player.rest() == std::vector(truth.begin() + 4, truth.begin() + 9));
+  EXPECT_TRUE(player.is_eos());
+}
+
+// As a player loops without a gap: at the end of the segment there is a message in place of EOS, and a seek that does
+// not flush goes on.
+TEST_P(SeekTest, SegmentsFollowEachOther) {
+  const std::vector<Picture> truth = Player(line()).rest();
+  Player player(line());
+  player.set_state(GST_STATE_PAUSED);
+  ASSERT_TRUE(player.preroll());
+  ASSERT_TRUE(player.seek(6 * kPeriod, GST_SEEK_FLAG_SEGMENT));
+  for (int round = 0; round < 3; round++) {
+    const size_t first = round == 0 ? 6 : 2;
+    EXPECT_TRUE(player.rest(kFrames - first) == std::vector(truth.begin() + static_cast<ptrdiff_t>(first), truth.end()))
+        << round;
+    EXPECT_FALSE(player.is_eos());
+    EXPECT_TRUE(player.waits_for(GST_MESSAGE_SEGMENT_DONE)) << round;
+    ASSERT_TRUE(player.seek_on(2 * kPeriod));
+  }
+}
+
+// A focal surface is found from the pictures before: a seek begins the search anew, so that from the beginning on all
+// is as it was.
+TEST_P(SeekTest, ThroughAFocalSurfaceTheBeginningIsTheSameAgain) {
+  const auto set_rig = [this](const Player& player) {
+    const ElementPtr compositor(gst_bin_get_by_name(GST_BIN(player.pipeline()), "c"));
+    g_object_set(compositor.get(), "rig", rig_.c_str(), nullptr);
+  };
+  Player player(line());
+  set_rig(player);
+  const std::vector<Picture> truth = player.rest();
+  ASSERT_EQ(truth.size(), size_t{kFrames});
+  player.set_state(GST_STATE_PAUSED);
+  ASSERT_TRUE(player.seek(0));
+  EXPECT_TRUE(player.rest() == truth) << "after the end";
+  player.set_state(GST_STATE_PAUSED);
+  ASSERT_TRUE(player.seek(11 * kPeriod));
+  EXPECT_EQ(player.rest().size(), size_t{kFrames - 11});
+  player.set_state(GST_STATE_PAUSED);
+  ASSERT_TRUE(player.seek(0));
+  EXPECT_TRUE(player.rest() == truth) << "after another seek";
+}
+
+TEST_P(SeekTest, WhatCannotBeIsRefused) {
+  Player player(line());
+  player.set_state(GST_STATE_PAUSED);
+  ASSERT_TRUE(player.preroll());
+  EXPECT_FALSE(player.seek(4 * kPeriod, 0, 9 * kPeriod, -1)) << "backwards";
+  EXPECT_EQ(player.rest().size(), size_t{kFrames}) << "and changes nothing";
+}
+
+TEST_P(SeekTest, TellsHowLongItIsAndWhereItIs) {
+  Player player(line());
+  player.set_state(GST_STATE_PAUSED);
+  ASSERT_TRUE(player.preroll());
+  gint64 duration = 0, position = -1;
+  EXPECT_TRUE(gst_element_query_duration(player.pipeline(), GST_FORMAT_TIME, &duration));
+  EXPECT_EQ(duration, gint64{kFrames * kPeriod});
+  ASSERT_TRUE(player.seek(7 * kPeriod));
+  ASSERT_TRUE(player.preroll());
+  EXPECT_TRUE(gst_element_query_position(player.pipeline(), GST_FORMAT_TIME, &position));
+  EXPECT_EQ(position, gint64{7 * kPeriod});
+}
+
+INSTANTIATE_TEST_SUITE_P(Sources, SeekTest, testing::Values("film", "sequence", "stills", "scene"),
+                         [](const auto& info) { return std::string(info.param); });
+
+class PauseTest : public SeekTest {};
+
+// Each request waits for the focal surface of the one before, however long nobody takes pictures.
+TEST_P(PauseTest, APictureDoesNotDependOnHowLongAPauseWas) {
+  const std::string with_rig =
+      line().replace(line().find("lfcompositor name=c"), 19, "lfcompositor name=c rig=" + rig_);
+  const std::vector<Picture> truth = Player(with_rig).rest();
+  ASSERT_EQ(truth.size(), size_t{kFrames});
+  Player player(with_rig);
+  player.set_state(GST_STATE_PAUSED);
+  ASSERT_TRUE(player.preroll());
+  g_usleep(6500000);
+  EXPECT_TRUE(player.rest() == truth);
+}
+
+INSTANTIATE_TEST_SUITE_P(Sources, PauseTest, testing::Values("film"));
+
+// Answers that don't follow a seek: those of a recording, beside requests that would.
+TEST(SeekRefused, WhereAnswersComeFromElsewhere) {
+  const ElementPtr pipeline = launch(
+      "lfviewrequest num-buffers=3 ! c.request  appsrc caps=application/x-lightfield-answer ! c.sink_0  "
+      "lfcompositor name=c ! fakesink async=false");
+  gst_element_set_state(pipeline.get(), GST_STATE_PAUSED);
+  EXPECT_FALSE(gst_element_seek_simple(pipeline.get(), GST_FORMAT_TIME, GST_SEEK_FLAG_FLUSH, GST_SECOND));
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+}
+
+}  // namespace
+}  // namespace lf::test
