@@ -85,8 +85,6 @@ struct _LfViewSrc {
   gchar *rig, *nodes;
   gboolean is_live;
 
-  GstClock* realtime;  // null until it is asked for
-
   GstElement *view, *compositor;  // of `src`: children; null where the elements are not installed
   // What is inside, under its own lock, which is taken before any other: bins tell applications of children.
   struct Inside {
@@ -94,7 +92,8 @@ struct _LfViewSrc {
     std::map<std::string, std::shared_ptr<Viewer>> viewers;  // by the name of their pad
     guint next_view_id = 0;                                  // of a closed viewer there may still be answers
     std::unique_ptr<lf::ViewerCameras> cameras;
-    std::string nodes;  // that `cameras` were made for
+    std::string nodes;             // that `cameras` were made for
+    GstClock* realtime = nullptr;  // made when it is asked for
   } * inside;
 };
 
@@ -334,22 +333,33 @@ static void lf_view_src_release_pad(GstElement* element, GstPad* pad) {
   gst_element_call_async(element, close_viewer, closing, free_closing);
 }
 
-// Hosts name capture times by the time of day.
+// Hosts name capture times by the time of day. Null where the cameras are here.
+static GstClock* hosts_clock(LfViewSrc* self) {
+  const std::lock_guard lock(self->inside->mutex);
+  if (self->inside->nodes.empty()) return nullptr;
+  if (!self->inside->realtime) self->inside->realtime = lf::new_realtime_clock();
+  return GST_CLOCK(gst_object_ref(self->inside->realtime));
+}
+
 static GstClock* lf_view_src_provide_clock(GstElement* element) {
-  LfViewSrc* self = LF_VIEW_SRC(element);
   GstClock* clock = GST_ELEMENT_CLASS(lf_view_src_parent_class)->provide_clock(element);
-  if (clock || text_property(self, &self->nodes).empty()) return clock;
-  GST_OBJECT_LOCK(self);
-  if (!self->realtime) self->realtime = lf::new_realtime_clock();
-  clock = GST_CLOCK(gst_object_ref(self->realtime));
-  GST_OBJECT_UNLOCK(self);
-  return clock;
+  return clock ? clock : hosts_clock(LF_VIEW_SRC(element));
 }
 
 static GstStateChangeReturn lf_view_src_change_state(GstElement* element, GstStateChange transition) {
+  LfViewSrc* self = LF_VIEW_SRC(element);
   const bool starts = transition == GST_STATE_CHANGE_NULL_TO_READY || transition == GST_STATE_CHANGE_READY_TO_PAUSED;
-  if (starts && !prepare(LF_VIEW_SRC(element))) return GST_STATE_CHANGE_FAILURE;
-  return GST_ELEMENT_CLASS(lf_view_src_parent_class)->change_state(element, transition);
+  if (starts && !prepare(self)) return GST_STATE_CHANGE_FAILURE;
+  const GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_view_src_parent_class)->change_state(element, transition);
+  // A pipeline asks once, unless it is told that there is something new; other runs may have other cameras.
+  const bool begun = transition == GST_STATE_CHANGE_READY_TO_PAUSED && result != GST_STATE_CHANGE_FAILURE;
+  if (!begun && transition != GST_STATE_CHANGE_PAUSED_TO_READY) return result;
+  if (GstClock* clock = hosts_clock(self)) {
+    gst_element_post_message(element, begun ? gst_message_new_clock_provide(GST_OBJECT(element), clock, TRUE)
+                                            : gst_message_new_clock_lost(GST_OBJECT(element), clock));
+    gst_object_unref(clock);
+  }
+  return result;
 }
 
 static gboolean lf_view_src_set_view(LfViewSrc* self, const GstStructure* structure) {
@@ -375,10 +385,10 @@ static void lf_view_src_dispose(GObject* object) {
 
 static void lf_view_src_finalize(GObject* object) {
   LfViewSrc* self = LF_VIEW_SRC(object);
+  gst_clear_object(&self->inside->realtime);
   delete self->inside;
   g_free(self->rig);
   g_free(self->nodes);
-  gst_clear_object(&self->realtime);
   G_OBJECT_CLASS(lf_view_src_parent_class)->finalize(object);
 }
 
