@@ -56,7 +56,7 @@ std::map<std::string, std::string> table(const std::string& heading) {
 }
 
 // The launch lines of a section, as the shell would join them.
-std::vector<std::string> launch_lines(const std::string& heading) {
+std::vector<std::string> launch_lines(const std::string& heading = "Launch lines") {
   const std::string text = section(heading);
   std::vector<std::string> lines;
   for (size_t at = 0; (at = text.find("\ngst-launch-1.0 ", at)) != std::string::npos;) {
@@ -183,7 +183,7 @@ std::string run_line(std::string line, size_t expected_sinks, int pictures) {
 TEST(Readme, LaunchLinesWork) {
   const FilmFolder folder;
   ASSERT_TRUE(folder.ready());
-  const std::vector<std::string> lines = launch_lines("Launch lines");
+  const std::vector<std::string> lines = launch_lines();
   ASSERT_EQ(lines.size(), 6u);
   EXPECT_EQ(run_line(lines[0], 1, 8), "");
   EXPECT_TRUE(fs::exists("out_007.png"));
