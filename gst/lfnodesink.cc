@@ -94,6 +94,7 @@ static void add_requester(LfNodeSink* self, size_t index, const lf::HostPort& fr
     g_object_set_property(G_OBJECT(pay), name, &value);
     g_value_unset(&value);
   }
+  lf::check_host(to.host);
   GstElement* udp = add(self, "udpsink", "answers" + number + "_udp");
   g_object_set(udp, "host", to.host.c_str(), "port", to.port, "sync", FALSE, "async", FALSE, nullptr);
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "rtp_link.h"
 
+#include <gio/gio.h>
+
 #include <fstream>
 
 #include "base/error.h"
@@ -44,6 +46,14 @@ GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, co
   added->push_back(depay);
   if (!gst_element_link(udp, depay)) throw Error("udpsrc can't be linked with rtplfdepay");
   return gst_element_get_static_pad(depay, "src");
+}
+
+void check_host(const std::string& host) {
+  g_autoptr(GResolver) resolver = g_resolver_get_default();
+  g_autoptr(GError) error = nullptr;
+  GList* addresses = g_resolver_lookup_by_name(resolver, host.c_str(), nullptr, &error);
+  g_resolver_free_addresses(addresses);
+  if (error) throw Error(host + ": " + error->message);
 }
 
 GstClock* new_realtime_clock() {

@@ -21,6 +21,10 @@ GstElement* add_element(GstBin* bin, const char* factory, const std::string& nam
 GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, const std::string& name,
                      std::vector<GstElement*>* added);
 
+// Throws Error if nobody knows a machine of this name: sinks of UDP leave such a one out without a word. Asks the
+// network.
+void check_host(const std::string& host);
+
 // The machine's time of day, by which hosts name capture times. Owned by the caller.
 GstClock* new_realtime_clock();
 

@@ -78,8 +78,10 @@ class CamerasOnHosts : public ViewerCameras {
     GstElement* pay = add("rtplfpay", "request_pay");
     GstElement* udp = add("multiudpsink", "request_udp");
     g_object_set(udp, "sync", FALSE, "async", FALSE, nullptr);
-    for (const NodeAddress& node : nodes)
+    for (const NodeAddress& node : nodes) {
+      check_host(node.host);
       g_signal_emit_by_name(udp, "add", node.host.c_str(), node.request_port, nullptr);
+    }
     if (!gst_element_link_many(requests_, pay, udp, nullptr)) throw Error("requests can't be linked with the network");
     for (size_t i = 0; i < nodes.size(); i++) {
       const std::string name = "host" + std::to_string(i);
