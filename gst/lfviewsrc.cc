@@ -362,6 +362,16 @@ static GstStateChangeReturn lf_view_src_change_state(GstElement* element, GstSta
   return result;
 }
 
+// What goes upstream, such as a key that an application presses, comes in behind the pictures of `src`.
+static gboolean lf_view_src_send_event(GstElement* element, GstEvent* event) {
+  if (gst_event_type_get_flags(GST_EVENT_TYPE(event)) & GST_EVENT_TYPE_DOWNSTREAM)
+    return GST_ELEMENT_CLASS(lf_view_src_parent_class)->send_event(element, event);
+  GstPad* pad = gst_element_get_static_pad(element, "src");
+  const gboolean done = gst_pad_send_event(pad, event);
+  gst_object_unref(pad);
+  return done;
+}
+
 static gboolean lf_view_src_set_view(LfViewSrc* self, const GstStructure* structure) {
   gboolean done = FALSE;
   if (self->view) g_signal_emit_by_name(self->view, "set-view", structure, &done);
@@ -506,6 +516,7 @@ static void lf_view_src_class_init(LfViewSrcClass* klass) {
   element_class->provide_clock = lf_view_src_provide_clock;
   element_class->request_new_pad = lf_view_src_new_pad;
   element_class->release_pad = lf_view_src_release_pad;
+  element_class->send_event = lf_view_src_send_event;
   lf_view_src_install_pads(element_class);
   gst_element_class_set_static_metadata(
       element_class, "Light field view source", "Source/Video",
