@@ -116,6 +116,20 @@ TEST_F(OneLine, PlayersTakeARigAsAUri) {
   EXPECT_EQ(gst_element_set_state(player.get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
 }
 
+TEST_F(OneLine, NothingLeaks) {
+  const std::string two = " num-buffers=8 v.src ! fakesink  v.src_0 ! fakesink num-buffers=6";
+  const std::string port = std::to_string(free_port(SOCK_DGRAM)), other = std::to_string(free_port(SOCK_DGRAM));
+  const std::string nodes = " nodes=localhost:" + port + ":" + other;
+  for (const std::string& line :
+       {"lfviewsrc name=v rig=" + rig() + two, "lfviewsrc name=v rig=" + rig() + nodes + two}) {
+    const Launched run =
+        gst_launch(line, "-q", "GST_TRACERS=leaks GST_DEBUG=GST_TRACER:7,leaks:7 GST_DEBUG_NO_COLOR=1");
+    EXPECT_EQ(run.status, 0) << run.output;
+    EXPECT_THAT(run.output, HasSubstr("object-alive, type-name=(string)%s"));
+    EXPECT_THAT(run.output, Not(testing::ContainsRegex("object-alive, type-name=.string.[A-Za-z]"))) << line;
+  }
+}
+
 // Each host's line is one element.
 TEST_F(OneLine, TwoHostsAndAViewer) {
   const int there[] = {free_port(SOCK_DGRAM), free_port(SOCK_DGRAM)};
