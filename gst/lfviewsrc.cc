@@ -156,6 +156,8 @@ static bool prepare(LfViewSrc* self) {
   try {
     if (rig.empty()) throw lf::Error("rig: not set");
     lf::shared_rig(rig);
+    if (!nodes.empty() && !is_live(self))
+      throw lf::Error("nodes: cameras of other hosts are live, is-live must be true");
     if (!self->view) throw lf::Error("elements lfviewrequest and lfcompositor are not installed");
     try {
       if (!self->inside->cameras || self->inside->nodes != nodes) change_cameras(self, nodes);
@@ -446,10 +448,11 @@ static void lf_view_src_install_properties(GObjectClass* klass) {
                           nullptr, GParamFlags(kBoth | GST_PARAM_MUTABLE_PLAYING)));
   g_object_class_install_property(
       klass, PROP_NODES,
-      g_param_spec_string("nodes", "Nodes",
-                          "Hosts that the cameras are on (lfnodesink): HOST:PORT-THERE:PORT-HERE,..., with the ports "
-                          "for requests there and for answers here (empty: all cameras are on this machine)",
-                          nullptr, kReady));
+      g_param_spec_string(
+          "nodes", "Nodes",
+          "Hosts that the cameras are on (lfnodesink): HOST:PORT-THERE:PORT-HERE,..., with the ports "
+          "for requests there and for answers here. They are live (empty: all cameras are on this machine)",
+          nullptr, kReady));
   g_object_class_install_property(klass, PROP_IS_LIVE,
                                   g_param_spec_boolean("is-live", "Is live",
                                                        "Pictures come in time with the clock, of frames that live "

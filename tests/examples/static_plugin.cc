@@ -13,7 +13,7 @@ GST_PLUGIN_STATIC_DECLARE(lightfield);
 int main(int argc, char** argv) {
   gst_init(&argc, &argv);
   GST_PLUGIN_STATIC_REGISTER(lightfield);
-  for (const char* name : {"lffragment", "lfcompositor", "lfviewrequest", "rtplfpay"}) {
+  for (const char* name : {"lffragment", "lfcompositor", "lfviewrequest", "lfviewsrc", "rtplfpay"}) {
     GstElement* element = gst_element_factory_make(name, nullptr);
     if (!element) {
       std::printf("no %s\n", name);

@@ -398,6 +398,7 @@ TEST_F(LfViewSrcTest, ErrorsSayWhatIsWrong) {
   const std::string rig = "rig=" + array_.rig_path();
   for (const Case& c : {Case{"", "rig: not set"}, Case{"rig=/nowhere/rig.json", "/nowhere/rig.json"},
                         Case{rig + " nodes=here", "nodes: here: must be HOST:PORT-THERE"},
+                        Case{rig + " nodes=localhost:1:2 is-live=false", "is-live must be true"},
                         Case{rig + " nodes=nobody.invalid:1:2", "nobody.invalid"}, Case{rig, "cameras \"9\"", "9"},
                         Case{rig + " location=none.json", "none.json"}}) {
     pipeline_ = launch("lfviewsrc name=v " + c.properties + " ! fakesink");
