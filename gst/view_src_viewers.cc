@@ -49,7 +49,7 @@ static GstPad* lf_view_src_new_pad(GstElement* element, GstPadTemplate*, const g
     lf_view_src_copy_settings(self, viewer->chain);
     if (inside.cameras) viewer->pads = inside.cameras->connect(viewer->chain);
     GstPad* pad = add_ghost_pad(self, *viewer, name.c_str(), "src_%u");
-    viewer->chain.sync_state();
+    viewer->chain.follow_bin();
     return pad;
   } catch (const lf::Error& error) {
     GST_ERROR_OBJECT(self, "no pad %s: %s", name.c_str(), error.what());
@@ -107,6 +107,7 @@ void lf_view_src_add_main_viewer(LfViewSrc* self) {
   lf::forward_notifications(G_OBJECT(self), G_OBJECT(self->view));
   lf::forward_notifications(G_OBJECT(self), G_OBJECT(self->compositor));
   add_ghost_pad(self, *viewer, "src", "src");
+  viewer->chain.follow_bin();
 }
 
 // Of what lfcompositor puts out the pictures.

@@ -22,6 +22,8 @@ GstElement* ViewerChain::add(const char* factory, const char* name) {
   GstElement* element = gst_element_factory_make(factory, (name + ending_).c_str());
   if (!element) throw Error(std::string("element ") + factory + " is not installed");
   gst_object_ref(element);
+  // The bin may just be starting what is inside: this must not begin before it is linked.
+  gst_element_set_locked_state(element, !follows_);
   gst_bin_add(bin_, element);
   return element;
 }
@@ -48,8 +50,7 @@ ViewerChain::ViewerChain(GstBin* bin, guint view_id, const std::string& ending)
 }
 
 ViewerChain::~ViewerChain() {
-  for (GstElement* element : behind_cameras()) gst_object_unref(element);
-  for (GstElement* element : before_cameras()) gst_object_unref(element);
+  for (GstElement* element : all()) gst_object_unref(element);
 }
 
 std::vector<GstElement*> ViewerChain::behind_cameras() const {
@@ -90,16 +91,22 @@ void ViewerChain::set_live(bool live) {
   for (GstElement* queue : {to_cameras_, to_compositor_}) g_object_set(queue, "leaky", live ? kLeaky : 0, nullptr);
 }
 
-void ViewerChain::sync_state() {
-  for (GstElement* element : behind_cameras()) gst_element_sync_state_with_parent(element);
-  for (GstElement* element : before_cameras()) gst_element_sync_state_with_parent(element);
+std::vector<GstElement*> ViewerChain::all() const {
+  std::vector<GstElement*> elements = behind_cameras(), before = before_cameras();
+  elements.insert(elements.end(), before.begin(), before.end());
+  return elements;
+}
+
+void ViewerChain::follow_bin() {
+  follows_ = true;
+  for (GstElement* element : all()) gst_element_set_locked_state(element, FALSE);
+  for (GstElement* element : all()) gst_element_sync_state_with_parent(element);
 }
 
 void ViewerChain::take_out() {
-  // The first to go is the one that would complain that nobody takes its requests.
-  gst_bin_remove(bin_, view_);
-  for (GstElement* element : behind_cameras()) gst_bin_remove(bin_, element);
-  for (GstElement* element : {to_cameras_, to_compositor_, requests_}) gst_bin_remove(bin_, element);
+  // A bin unlinks what it removes while it still passes on what that says: that nobody takes its buffers any more.
+  for (GstElement* element : all()) gst_element_set_bus(element, nullptr);
+  for (GstElement* element : all()) gst_bin_remove(bin_, element);
 }
 
 void ViewerChain::close(const std::function<void()>& leave_cameras) {

@@ -40,8 +40,8 @@ class ViewerChain {
 
   // Live, late requests are dropped, so that nobody waits for anybody. While nothing runs.
   void set_live(bool live);
-  // Goes to the bin's state, those behind first.
-  void sync_state();
+  // Goes to the bin's state, those behind first, and on with it. Before, nothing runs, whatever the bin does.
+  void follow_bin();
 
   // Takes the elements out of the bin, so that nothing they still say reaches it. They run on until close().
   void take_out();
@@ -53,12 +53,14 @@ class ViewerChain {
   GstElement* add(const char* factory, const char* name);
   std::vector<GstElement*> behind_cameras() const;
   std::vector<GstElement*> before_cameras() const;
+  std::vector<GstElement*> all() const;  // those behind first
 
   GstBin* bin_;
   guint view_id_;
   std::string ending_;
   GstElement *view_, *requests_, *to_cameras_, *to_compositor_, *compositor_, *pictures_;  // with references
   std::vector<GstElement*> answers_;                                                       // with references
+  bool follows_ = false;                                                                   // the state of the bin
 };
 
 }  // namespace lf
