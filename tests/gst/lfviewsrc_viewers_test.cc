@@ -88,6 +88,23 @@ TEST_F(LfViewSrcTest, AViewerIsClosedByItsOwnThread) {
   EXPECT_EQ(gst_element_get_static_pad(child("v").get(), "src_0"), nullptr);
 }
 
+// The bin starts while another thread makes a viewer.
+TEST_F(LfViewSrcTest, AViewerBeginsOnceItIsLinked) {
+  play("");
+  ASSERT_TRUE(more("s"));
+  ASSERT_NE(gst_element_set_state(pipeline_.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
+  const auto start = [](GstBin* bin, GstElement* added, gpointer) {
+    if (!g_str_has_prefix(GST_OBJECT_NAME(added), "view_")) return;
+    gst_element_set_state(GST_ELEMENT(GST_OBJECT_PARENT(bin)), GST_STATE_PLAYING);
+    g_usleep(200000);
+  };
+  g_signal_connect(child("v").get(), "element-added", G_CALLBACK(+start), nullptr);
+  const PadPtr pad = add_viewer("t");
+  EXPECT_TRUE(more("t"));
+  close_viewer(pad.get(), "t");
+  EXPECT_TRUE(more("s"));
+}
+
 TEST_F(LfViewSrcTest, PadsThatNobodyTakesDisturbNobody) {
   play("", "v.src_0 ! fakesink name=t sync=false");
   EXPECT_TRUE(more("t"));
