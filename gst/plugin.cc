@@ -6,9 +6,11 @@
 #include "lfcamsrc.h"
 #include "lfcompositor.h"
 #include "lffragment.h"
+#include "lfnodesink.h"
 #include "lfparse.h"
 #include "lftypefind.h"
 #include "lfviewrequest.h"
+#include "lfviewsrc.h"
 #include "rtp/rtplfdepay.h"
 #include "rtp/rtplfpay.h"
 
@@ -18,8 +20,10 @@ static gboolean plugin_init(GstPlugin* plugin) {
   ok &= GST_ELEMENT_REGISTER(lfcamsrc, plugin);
   ok &= GST_ELEMENT_REGISTER(lfcompositor, plugin);
   ok &= GST_ELEMENT_REGISTER(lffragment, plugin);
+  ok &= GST_ELEMENT_REGISTER(lfnodesink, plugin);
   ok &= GST_ELEMENT_REGISTER(lfparse, plugin);
   ok &= GST_ELEMENT_REGISTER(lfviewrequest, plugin);
+  ok &= GST_ELEMENT_REGISTER(lfviewsrc, plugin);
   ok &= GST_ELEMENT_REGISTER(rtplfdepay, plugin);
   ok &= GST_ELEMENT_REGISTER(rtplfpay, plugin);
   ok &= lf_typefind_register(plugin);

@@ -17,11 +17,11 @@ usage: pipelines/camera-node.sh --rig RIG.json --requests PORT --answers HOST:PO
   --mtu BYTES           of a packet (default: 1400; jumbo frames: 8900)
   --bitrate BITS        paces the packets of an answer, bits per second (default: 0, all at once)
   --link PIPELINE       elements between payloader and network, such as 'srtpenc key=...'
-  --set 'NAME=VALUE'    a property of lfcameranode, such as sum=camera, codec=raw16, loop=true; may be repeated
+  --set 'NAME=VALUE'    a property of lfcameranode, such as sum=camera, codec=raw16, loop=false; may be repeated
 END
 }
 
-rig= cameras= node=0 framerate=30/1 mtu=1400 bitrate=0 link=identity
+rig= cameras= node=0 framerate=30/1 mtu=1400 bitrate=0 link=
 requests=() answers=() settings=()
 while (($#)); do
   [[ $1 != --help && $1 != -h ]] || { usage; exit; }
@@ -44,7 +44,15 @@ done
 [[ -n $rig ]] || die "--rig is missing (see --help)"
 ((${#requests[@]} && ${#requests[@]} == ${#answers[@]})) || die "each --requests needs its --answers (see --help)"
 
-pipeline=(lfcameranode name=n "rig=$rig" "cameras=$cameras" "node=$node" "framerate=$framerate" is-live=true
+properties=("rig=$rig" "node=$node" "framerate=$framerate")
+[[ -z $cameras ]] || properties+=("cameras=$cameras")
+if [[ -z $link ]]; then
+  listen=$(IFS=,; echo "${requests[*]}") to=$(IFS=,; echo "${answers[*]}")
+  launch lfnodesink "${properties[@]}" "listen=$listen" "answers=$to" "mtu=$mtu" "max-bitrate=$bitrate" "${settings[@]}"
+fi
+
+# With elements in between, what is inside lfnodesink, one by one.
+pipeline=(lfcameranode name=n "${properties[@]}" is-live=true loop=true
   strip-pixels=5120 # 16 rows of 320: about a packet, so that a lost one loses no more
   "${settings[@]}")
 read -ra link <<<"$link"

@@ -16,7 +16,7 @@ usage: pipelines/publish-janus.sh --rig RIG.json --path VIEWS.json [OPTION...]
   --bitrate KBITS     (default: 3000)
   --framerate N       that of the cameras (default: 30)
   --capture-delay MS  how old a capture must be before it is asked for: what the cameras take (default: 100)
-  --set 'NAME=VALUE'  a property of lfcompositor, such as focus=plane; may be repeated
+  --set 'NAME=VALUE'  a property of lfviewsrc, such as focus=plane; may be repeated
   --print             prints the pipeline up to its RTP packets in place of running it, for a WHIP client:
                       simple-whip-client -u URL -V "\$(pipelines/publish-janus.sh --rig ... --path ... --print)"
 END
@@ -56,11 +56,8 @@ case $codec in
     encode=(vp8enc deadline=1 end-usage=cbr "target-bitrate=$((bitrate * 1000))" "keyframe-max-dist=$framerate" !
       rtpvp8pay picture-id-mode=15-bit) ;;
 esac
-pipeline=(lfcameranode name=n "rig=$rig" "framerate=$framerate/1" is-live=true loop=true ! c.sink_0
-  lfviewrequest "location=$path" "rig=$rig" "framerate=$framerate/1" is-live=true loop=true
-  "capture-delay=$((delay * 1000000))" ! tee name=r
-  r. ! "${leaky_queue[@]}" ! n.request r. ! "${leaky_queue[@]}" ! c.request
-  lfcompositor name=c "rig=$rig" "${settings[@]}" ! "${leaky_queue[@]}" ! videoconvert ! video/x-raw,format=I420
+pipeline=(lfviewsrc "rig=$rig" "location=$path" loop=true "framerate=$framerate/1" "node::framerate=$framerate/1"
+  "capture-delay=$((delay * 1000000))" "${settings[@]}" ! "${leaky_queue[@]}" ! videoconvert ! video/x-raw,format=I420
   ! "${encode[@]}" pt=96 ssrc=2 mtu=1200)
 
 if $print; then

@@ -97,13 +97,10 @@ launch() {
   fi
 }
 
-# Every request for a view goes to the cameras, which answer with fragments, and to the compositor, which adds them up.
-light_field() { # is-live, properties of lfcompositor
-  pipeline=(lfviewrequest "location=$out/views.json" "rig=$rig" "framerate=$framerate/1" "is-live=$1" ! tee name=r
-    r. ! queue ! n.request
-    lfcameranode name=n "rig=$rig" "framerate=$framerate/1" "is-live=$1" loop=true ! queue ! c.sink_0
-    r. ! queue ! c.request
-    lfcompositor name=c "rig=$rig" post-messages=true "${@:2}")
+# Everything between cameras and pictures is in one element.
+light_field() { # is-live, more properties
+  pipeline=(lfviewsrc "rig=$rig" "location=$out/views.json" "framerate=$framerate/1" "node::framerate=$framerate/1"
+    "is-live=$1" post-messages=true "${@:2}")
 }
 
 light_field false
@@ -127,9 +124,5 @@ echo "in $out: view.mkv, sheet.png, report.json, views.json"
 
 if $window; then
   echo "opening a window; close it to end"
-  gst-launch-1.0 -q lfviewrequest "rig=$rig" is-live=true framerate=30/1 ! tee name=r \
-    r. ! queue leaky=downstream max-size-buffers=2 ! n.request \
-    lfcameranode name=n "rig=$rig" is-live=true loop=true ! queue ! c.sink_0 \
-    r. ! queue leaky=downstream max-size-buffers=2 ! c.request \
-    lfcompositor name=c "rig=$rig" ! videoconvert ! autovideosink
+  gst-launch-1.0 -q lfviewsrc "rig=$rig" framerate=30/1 ! videoconvert ! autovideosink
 fi

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/host_list.h"
 #include "base/json_value.h"
 #include "run_tool.h"
 #include "serve/encoder.h"
@@ -67,6 +68,14 @@ std::pair<std::string, std::string> parse_path(const std::string& text) {
   return {text.substr(0, equals), file};
 }
 
+std::vector<lf::NodeAddress> nodes_of(const std::string& text) {
+  try {
+    return lf::parse_nodes(text);
+  } catch (const lf::Error& error) {
+    throw lf::Error(std::string("--nodes ") + error.what());
+  }
+}
+
 // A viewer takes about ten files, a camera two: the usual 1024 are soon used up.
 void raise_file_limit() {
   rlimit limit{};
@@ -85,7 +94,7 @@ void serve(Options& options) {
     throw lf::Error("--nodes: needs --rig, which says where cameras are");
   check_elements();
   make_dtls_key();
-  const std::vector<NodeAddress> nodes = parse_nodes(options.nodes);
+  const std::vector<lf::NodeAddress> nodes = nodes_of(options.nodes);
   if (options.rig.empty()) {
     options.rig = film_of_scene();
     if (options.limits.focus == 0) options.limits.focus = kSceneFocus;

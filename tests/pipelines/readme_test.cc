@@ -56,9 +56,9 @@ std::map<std::string, std::string> table(const std::string& heading) {
   return rows;
 }
 
-// The launch lines, as the shell would join them.
-std::vector<std::string> launch_lines() {
-  const std::string text = section("Launch lines");
+// The launch lines of a section, as the shell would join them.
+std::vector<std::string> launch_lines(const std::string& heading = "Launch lines") {
+  const std::string text = section(heading);
   std::vector<std::string> lines;
   for (size_t at = 0; (at = text.find("\ngst-launch-1.0 ", at)) != std::string::npos;) {
     at += sizeof("\ngst-launch-1.0 ") - 1;
@@ -194,7 +194,8 @@ std::string run_line(std::string line, size_t expected_sinks, int pictures) {
   bool ended = false;
   const gint64 deadline = g_get_monotonic_time() + 60 * G_USEC_PER_SEC;
   // A line with an end is run to it, so that what it writes is whole.
-  const bool endless = line.find("is-live=true") != std::string::npos;
+  const auto has = [&line](const char* words) { return line.find(words) != std::string::npos; };
+  const bool endless = has("is-live=true") || (has("lfviewsrc") && !has("is-live=false"));
   while (result.empty() && !ended && !(endless && enough())) {
     GstMessage* message =
         gst_bus_timed_pop_filtered(bus, 50 * GST_MSECOND, GstMessageType(GST_MESSAGE_ERROR | GST_MESSAGE_EOS));
@@ -246,6 +247,21 @@ TEST(Readme, LaunchLinesWork) {
   EXPECT_EQ(run_line(lines[3], 2, 5), "");
   EXPECT_EQ(run_line(lines[4], 1, 5), "");
   EXPECT_EQ(run_line(lines[5], 1, 5), "");
+}
+
+// But for those of several hosts, which tests/pipelines/one_line_test.cc runs on one.
+TEST(Readme, OneLineIsEnough) {
+  const FilmFolder folder;
+  ASSERT_TRUE(folder.ready());
+  const std::vector<std::string> lines = launch_lines("One line");
+  ASSERT_GE(lines.size(), 3u);
+  EXPECT_EQ(run_line(lines[0], 1, 8), "");
+  EXPECT_TRUE(fs::exists("view_007.png"));
+  EXPECT_EQ(run_line(lines[1], 2, 5), "");
+  EXPECT_THAT(lines[2], testing::HasSubstr("playbin uri=lf://$PWD/rig.json"));
+  const std::string text = readme(), begin = "\ngst-launch-1.0 ";
+  const size_t first = text.find(begin) + begin.size();
+  EXPECT_EQ(run_line(text.substr(first, text.find('\n', first) - first), 1, 5), "") << "the first line of all";
 }
 
 }  // namespace

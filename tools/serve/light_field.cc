@@ -42,24 +42,6 @@ std::string launch_line(const std::vector<NodeAddress>& nodes, const std::string
 
 }  // namespace
 
-std::vector<NodeAddress> parse_nodes(const std::string& text) {
-  std::vector<NodeAddress> nodes;
-  std::istringstream items(text);
-  for (std::string item; std::getline(items, item, ',');) {
-    NodeAddress node;
-    const size_t last = item.rfind(':'), first = last == item.npos || last == 0 ? item.npos : item.rfind(':', last - 1);
-    int end = 0;
-    if (first == item.npos || first == 0 ||
-        std::sscanf(item.c_str() + first, ":%5d:%5d%n", &node.request_port, &node.answer_port, &end) != 2 ||
-        item[first + static_cast<size_t>(end)] != 0 || node.request_port < 1 || node.request_port > 65535 ||
-        node.answer_port < 1 || node.answer_port > 65535)
-      throw Error("--nodes " + item + ": must be HOST:PORT-THERE:PORT-HERE");
-    node.host = item.substr(0, first);
-    nodes.push_back(node);
-  }
-  return nodes;
-}
-
 LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& resampling,
                        int max_views)
     : rig_(rig), array_(rig), local_(nodes.empty()) {

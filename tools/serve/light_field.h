@@ -14,17 +14,9 @@
 #include <vector>
 
 #include "array_info.h"
+#include "base/host_list.h"
 
 namespace lf::serve {
-
-// A host with cameras, as pipelines/camera-node.sh runs it.
-struct NodeAddress {
-  std::string host;
-  int request_port = 0;  // there
-  int answer_port = 0;   // here
-};
-// From "HOST:OUT:IN,HOST:OUT:IN". Throws Error.
-std::vector<NodeAddress> parse_nodes(const std::string& text);
 
 // The cameras, in one pipeline for all viewers: requests of any view go in, answers come out to the viewer of their
 // view. Nobody is waited for: where one side is behind, its oldest are dropped. All functions are thread-safe.

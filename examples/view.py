@@ -1,0 +1,54 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""A view of a light field in Python: pictures, steering, and what they cost. Needs python3-gi and
+gir1.2-gst-plugins-base-1.0.
+
+    python3 view.py rig.json [PICTURES]
+"""
+import sys
+
+import gi
+
+gi.require_version("Gst", "1.0")
+gi.require_version("GstApp", "1.0")
+from gi.repository import Gst, GstApp  # noqa: E402,F401  (GstApp: the functions of appsink)
+
+
+def main():
+    Gst.init(None)
+    if len(sys.argv) < 2:
+        sys.exit("usage: view.py RIG.json [PICTURES]")
+    pictures = int(sys.argv[2]) if len(sys.argv) > 2 else 30
+    pipeline = Gst.parse_launch(
+        "lfviewsrc name=light-field width=320 height=240 framerate=30/1 ! videoconvert ! video/x-raw,format=RGB ! "
+        "appsink name=pictures max-buffers=1 drop=true")
+    light_field, sink = pipeline.get_by_name("light-field"), pipeline.get_by_name("pictures")
+    light_field.set_property("rig", sys.argv[1])
+    pipeline.set_state(Gst.State.PLAYING)
+
+    shown = 0
+    while shown < pictures:
+        sample = sink.try_pull_sample(10 * Gst.SECOND)
+        if sample is None:
+            break
+        buffer = sample.get_buffer()
+        data = buffer.extract_dup(0, buffer.get_size())
+        print(f"picture {shown}: {len(data)} bytes, mean {sum(data[::97]) / len(data[::97]):.1f}")
+        shown += 1
+        # Any of x, y, z, yaw, pitch, roll, fov, focus-distance, aperture; all of them are properties, too.
+        view = Gst.Structure.new_empty("view")
+        view.set_value("x", light_field.get_property("x") + 0.002)
+        if not light_field.emit("set-view", view):
+            sys.exit("the view can't be moved")
+
+    message = pipeline.get_bus().pop_filtered(Gst.MessageType.ERROR)
+    if message:
+        print(message.parse_error()[0].message, file=sys.stderr)
+    stats = light_field.get_property("stats")
+    print(f"{shown} pictures, {stats.get_value('complete')} of them whole")
+    pipeline.set_state(Gst.State.NULL)
+    return 0 if shown == pictures and not message else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

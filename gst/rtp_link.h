@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <string>
+#include <vector>
+
+#include "base/host_list.h"
+
+// Requests and answers as RTP over UDP, for bins.
+namespace lf {
+
+// Makes an element and adds it to the bin; borrowed. Throws Error that names the package that it is in.
+GstElement* add_element(GstBin* bin, const char* factory, const std::string& name);
+
+// What receives RTP: a udpsrc with room for a burst and an rtplfdepay, linked; the pad that units leave by, with a
+// reference. `host`: a multicast group, or "" for all addresses of this machine, of either family. `encoding`: of the
+// RTP caps, as lib/rtp/spec.md has them. The names of the elements begin with `name`; they are put behind those in
+// *added. Throws Error.
+GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, const std::string& name,
+                     std::vector<GstElement*>* added);
+
+// Throws Error if nobody knows a machine of this name: sinks of UDP leave such a one out without a word. Asks the
+// network.
+void check_host(const std::string& host);
+
+// The machine's time of day, by which hosts name capture times. Owned by the caller.
+GstClock* new_realtime_clock();
+
+}  // namespace lf

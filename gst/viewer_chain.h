@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace lf {
+
+// One viewer inside of a bin: its lfviewrequest ("view"), its lfcompositor ("compositor"), and what is between them and
+// the cameras:
+//
+//   view ! requests (tee) ! queue ! [cameras] ! queue ! compositor.sink_N    compositor ! pictures (tee) ! [out]
+//          requests       ! queue ! compositor.request
+//
+// The elements are the bin's; the ending of their names tells the viewers of a bin apart ("view_0"). All functions are
+// to be called by one thread at a time.
+class ViewerChain {
+ public:
+  // Adds the elements to the bin and links them. Throws Error if GStreamer's own are not there.
+  ViewerChain(GstBin* bin, guint view_id, const std::string& ending);
+  ~ViewerChain();
+  ViewerChain(const ViewerChain&) = delete;
+  ViewerChain& operator=(const ViewerChain&) = delete;
+
+  guint view_id() const { return view_id_; }
+  GstElement* view() const { return view_; }              // borrowed
+  GstElement* compositor() const { return compositor_; }  // borrowed
+  // Where the pictures leave; what nobody takes is dropped. With a reference.
+  GstPad* pictures() const { return gst_element_get_static_pad(pictures_, "src_0"); }
+  // Where requests leave for the cameras. With a reference.
+  GstPad* requests() const { return gst_element_get_static_pad(to_cameras_, "src"); }
+  // Where the answers of one more node come in; `drops`: the oldest go where they come too fast, else they wait. With a
+  // reference.
+  GstPad* add_answers(bool drops);
+  // Takes all of these away. While nothing runs.
+  void drop_answers();
+
+  // Live, late requests are dropped, so that nobody waits for anybody. While nothing runs.
+  void set_live(bool live);
+  // Goes to the bin's state, those behind first, and on with it. Before, nothing runs, whatever the bin does.
+  void follow_bin();
+
+  // Takes the elements out of the bin, so that nothing they still say reaches it. They run on until close().
+  void take_out();
+  // Stops the elements, those behind first, which wakes those before; `leave_cameras` is called in its turn. Not to be
+  // called by a thread of theirs.
+  void close(const std::function<void()>& leave_cameras);
+
+ private:
+  GstElement* add(const char* factory, const char* name);
+  std::vector<GstElement*> behind_cameras() const;
+  std::vector<GstElement*> before_cameras() const;
+  std::vector<GstElement*> all() const;  // those behind first
+
+  GstBin* bin_;
+  guint view_id_;
+  std::string ending_;
+  GstElement *view_, *requests_, *to_cameras_, *to_compositor_, *compositor_, *pictures_;  // with references
+  std::vector<GstElement*> answers_;                                                       // with references
+  bool follows_ = false;                                                                   // the state of the bin
+};
+
+}  // namespace lf

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "base/host_list.h"
+
+#include <charconv>
+#include <optional>
+#include <sstream>
+
+#include "base/error.h"
+
+namespace lf {
+namespace {
+
+std::optional<int> parse_port(const std::string& text) {
+  int port = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), port);
+  if (error != std::errc() || end != text.data() + text.size() || port < 1 || port > 65535) return std::nullopt;
+  return port;
+}
+
+// Cuts the port behind the last colon off `text`, or all of it where there is no colon.
+std::optional<int> cut_port(std::string& text) {
+  const size_t colon = text.rfind(':');
+  const auto port = parse_port(text.substr(colon == text.npos ? 0 : colon + 1));
+  text.resize(colon == text.npos ? 0 : colon);
+  return port;
+}
+
+std::string without_brackets(const std::string& host) {
+  return host.size() > 2 && host.front() == '[' && host.back() == ']' ? host.substr(1, host.size() - 2) : host;
+}
+
+std::vector<std::string> split(const std::string& text) {
+  std::vector<std::string> items;
+  std::istringstream stream(text);
+  for (std::string item; std::getline(stream, item, ',');) items.push_back(item);
+  return items;
+}
+
+}  // namespace
+
+std::vector<HostPort> parse_host_ports(const std::string& text) {
+  std::vector<HostPort> places;
+  for (const std::string& item : split(text)) {
+    std::string host = item;
+    const auto port = cut_port(host);
+    if (!port || (host.empty() && item.front() == ':')) throw Error(item + ": must be PORT or HOST:PORT");
+    places.push_back({without_brackets(host), *port});
+  }
+  return places;
+}
+
+std::vector<NodeAddress> parse_nodes(const std::string& text) {
+  std::vector<NodeAddress> nodes;
+  for (const std::string& item : split(text)) {
+    std::string host = item;
+    const auto here = cut_port(host), there = here ? cut_port(host) : std::nullopt;
+    if (!here || !there || host.empty()) throw Error(item + ": must be HOST:PORT-THERE:PORT-HERE");
+    nodes.push_back({without_brackets(host), *there, *here});
+  }
+  return nodes;
+}
+
+}  // namespace lf

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <string>
+#include <vector>
+
+// Lists of hosts and UDP ports, as properties and options name them.
+namespace lf {
+
+struct HostPort {
+  std::string host;  // name or address, an IPv6 one with or without brackets; may be empty
+  int port = 0;      // 1 to 65535
+  bool operator==(const HostPort&) const = default;
+};
+// From "PORT" or "HOST:PORT", one after the other, with commas between; nothing from "". Throws Error that names the
+// item that is neither.
+std::vector<HostPort> parse_host_ports(const std::string& text);
+
+// A host with cameras.
+struct NodeAddress {
+  std::string host;
+  int request_port = 0;  // there
+  int answer_port = 0;   // here
+  bool operator==(const NodeAddress&) const = default;
+};
+// From "HOST:PORT-THERE:PORT-HERE,...". Throws Error likewise.
+std::vector<NodeAddress> parse_nodes(const std::string& text);
+
+}  // namespace lf

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// lfnodesink, and lfviewsrc at the other end.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "gst/lfviewsrc_fixture.h"
+#include "support/free_port.h"
+
+namespace lf::test {
+namespace {
+
+using testing::HasSubstr;
+
+// Two hosts with half of the cameras each, in pipelines of their own.
+class LfViewSrcOnHostsTest : public LfViewSrcTest {
+ protected:
+  ElementPtr start_host(int number) {
+    ElementPtr host = launch_pipeline(
+        "lfnodesink name=n rig=" + array_.rig_path() + " framerate=30/1 cameras=" + (number == 0 ? "0-1" : "2-3") +
+        " node=" + std::to_string(number) + " listen=" + std::to_string(there_[number]) + "," +
+        std::to_string(extra_[number]) + " answers=127.0.0.1:" + std::to_string(here_[number]) +
+        ",127.0.0.1:" + std::to_string(nobody_[number]));
+    EXPECT_NE(gst_element_set_state(host.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
+    return host;
+  }
+  static void stop_host(ElementPtr& host) {
+    EXPECT_EQ(gst_element_set_state(host.get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
+    host.reset();
+  }
+  std::string nodes() const {
+    std::string list;
+    for (int i : {0, 1})
+      list +=
+          (i ? "," : "nodes=") + std::string("127.0.0.1:") + std::to_string(there_[i]) + ":" + std::to_string(here_[i]);
+    return list;
+  }
+  uint64_t complete(const char* compositor) { return stat(child(compositor).get(), "complete"); }
+
+  const int there_[2] = {free_port(SOCK_DGRAM), free_port(SOCK_DGRAM)};
+  const int here_[2] = {free_port(SOCK_DGRAM), free_port(SOCK_DGRAM)};
+  const int extra_[2] = {free_port(SOCK_DGRAM), free_port(SOCK_DGRAM)};
+  const int nobody_[2] = {free_port(SOCK_DGRAM), free_port(SOCK_DGRAM)};
+};
+
+TEST_F(LfViewSrcOnHostsTest, ShowsTheirCamerasToEachViewer) {
+  ElementPtr hosts[2] = {start_host(0), start_host(1)};
+  play(nodes(), "v.src ! fakesink name=s sync=false  v.src_0 ! fakesink name=t sync=false");
+  for (const char* compositor : {"compositor", "compositor_0"})
+    EXPECT_TRUE(comes([&] { return complete(compositor) > 5; })) << compositor;
+  const GstClock* clock = gst_pipeline_get_clock(GST_PIPELINE(pipeline_.get()));
+  const double off = (static_cast<double>(gst_clock_get_time(const_cast<GstClock*>(clock))) / 1e3 -
+                      static_cast<double>(g_get_real_time())) /
+                     1e6;
+  gst_object_unref(const_cast<GstClock*>(clock));
+  EXPECT_NEAR(off, 0, 60) << "the time of day";
+  EXPECT_EQ(child("node").get(), nullptr);
+
+  const PadPtr pad = add_viewer("u");
+  EXPECT_TRUE(comes([&] { return complete("compositor_1") > 5; }));
+  close_viewer(pad.get(), "u");
+  const uint64_t before = complete("compositor");
+  EXPECT_TRUE(comes([&] { return complete("compositor") > before + 5; }));
+
+  // A host that goes and comes.
+  stop_host(hosts[1]);
+  EXPECT_TRUE(more("s", 20));
+  hosts[1] = start_host(1);
+  const uint64_t without = complete("compositor");
+  EXPECT_TRUE(comes([&] { return complete("compositor") > without + 20; }));
+  stop();
+  for (ElementPtr& host : hosts) stop_host(host);
+}
+
+TEST_F(LfViewSrcOnHostsTest, CamerasChangeBetweenRuns) {
+  ElementPtr hosts[2] = {start_host(0), start_host(1)};
+  play("", "v.src ! fakesink name=s sync=false  v.src_0 ! fakesink name=t sync=false");
+  ASSERT_TRUE(more("t"));
+  for (int i = 0; i < 4; i++) {
+    ASSERT_EQ(gst_element_set_state(pipeline_.get(), i < 2 ? GST_STATE_NULL : GST_STATE_READY),
+              GST_STATE_CHANGE_SUCCESS);
+    g_object_set(child("v").get(), "nodes", i % 2 ? "" : nodes().substr(6).c_str(), nullptr);
+    ASSERT_NE(gst_element_set_state(pipeline_.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE) << i << error();
+    EXPECT_TRUE(comes([&] { return complete("compositor") > 3 && complete("compositor_0") > 3; })) << i;
+    EXPECT_EQ(bool(child("node")), i % 2 == 1);
+  }
+  stop();
+  for (ElementPtr& host : hosts) stop_host(host);
+}
+
+TEST_F(LfViewSrcOnHostsTest, HostsSayWhatIsWrong) {
+  const std::string rig = "lfnodesink name=n rig=" + array_.rig_path();
+  struct Case {
+    std::string line, words;
+  };
+  for (const Case& c : {Case{rig, "listen: not set"}, Case{rig + " listen=5000", "as many items"},
+                        Case{rig + " listen=5000 answers=6000", "answers: 6000: must be HOST:PORT"},
+                        Case{rig + " listen=here answers=a:6000", "here: must be PORT"},
+                        Case{rig + " listen=5000 answers=nobody.invalid:6000", "nobody.invalid"},
+                        Case{"lfnodesink listen=5000 answers=localhost:6000", "rig: not set"}}) {
+    pipeline_ = launch_pipeline(c.line);
+    ASSERT_TRUE(pipeline_);
+    EXPECT_EQ(gst_element_set_state(pipeline_.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE) << c.line;
+    EXPECT_THAT(error(), HasSubstr(c.words));
+    drop();
+  }
+}
+
+TEST_F(LfViewSrcOnHostsTest, TheOtherEndHasThePropertiesOfItsNode) {
+  const ElementPtr bin = make("lfnodesink");
+  g_object_set(bin.get(), "rig", array_.rig_path().c_str(), "cameras", "1-2", "node", 3u, "mtu", 700u, nullptr);
+  g_autofree gchar* cameras = nullptr;
+  guint node = 0, mtu = 0;
+  gboolean live = FALSE;
+  gst_child_proxy_get(GST_CHILD_PROXY(bin.get()), "node::cameras", &cameras, "node::node", &node, "node::is-live",
+                      &live, nullptr);
+  EXPECT_STREQ(cameras, "1-2");
+  EXPECT_EQ(node, 3u);
+  EXPECT_TRUE(live);
+  g_object_set(bin.get(), "listen", std::to_string(there_[0]).c_str(), "answers",
+               ("127.0.0.1:" + std::to_string(here_[0])).c_str(), nullptr);
+  ASSERT_EQ(gst_element_set_state(bin.get(), GST_STATE_READY), GST_STATE_CHANGE_SUCCESS);
+  gst_child_proxy_get(GST_CHILD_PROXY(bin.get()), "answers0_pay::mtu", &mtu, nullptr);
+  EXPECT_EQ(mtu, 700u);
+  g_object_set(bin.get(), "mtu", 900u, nullptr);
+  gst_child_proxy_get(GST_CHILD_PROXY(bin.get()), "answers0_pay::mtu", &mtu, nullptr);
+  EXPECT_EQ(mtu, 900u);
+  for (int i = 0; i < 10; i++) {
+    for (const GstState state : {GST_STATE_PAUSED, GST_STATE_PLAYING, GST_STATE_NULL}) {
+      ASSERT_NE(gst_element_set_state(bin.get(), state), GST_STATE_CHANGE_FAILURE);
+      ASSERT_NE(gst_element_get_state(bin.get(), nullptr, nullptr, GST_CLOCK_TIME_NONE), GST_STATE_CHANGE_FAILURE);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace lf::test

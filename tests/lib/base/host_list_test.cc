@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "base/host_list.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "support/expect_error.h"
+
+namespace lf {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+TEST(HostList, PortsWithAndWithoutHosts) {
+  EXPECT_THAT(parse_host_ports(""), IsEmpty());
+  EXPECT_THAT(parse_host_ports("6000,viewer:6001,239.1.2.3:65535,[::1]:7,::1:8"),
+              ElementsAre(HostPort{"", 6000}, HostPort{"viewer", 6001}, HostPort{"239.1.2.3", 65535},
+                          HostPort{"::1", 7}, HostPort{"::1", 8}));
+}
+
+TEST(HostList, Nodes) {
+  EXPECT_THAT(parse_nodes(""), IsEmpty());
+  EXPECT_THAT(parse_nodes("camhost:6000:6100,10.0.0.1:1:65535,[fe80::1]:6000:6101"),
+              ElementsAre(NodeAddress{"camhost", 6000, 6100}, NodeAddress{"10.0.0.1", 1, 65535},
+                          NodeAddress{"fe80::1", 6000, 6101}));
+}
+
+TEST(HostList, WhatIsNoneIsNamed) {
+  for (const std::string bad : {"host", "host:", ":6000", "host:0", "host:65536", "host:12a", "host:-1", "host: 1"})
+    EXPECT_ERROR(parse_host_ports("6000," + bad), bad + ": must be PORT or HOST:PORT");
+  for (const std::string bad :
+       {"host:6000", ":6000:6001", "6000:6001", "host:6000:0", "host:x:6000", "host:6000:6001 "})
+    EXPECT_ERROR(parse_nodes("a:1:2," + bad), bad + ": must be HOST:PORT-THERE:PORT-HERE");
+  EXPECT_ERROR(parse_host_ports("1,,2"), "must be PORT or HOST:PORT");
+}
+
+}  // namespace
+}  // namespace lf
