@@ -44,7 +44,9 @@ done
 [[ -n $rig ]] || die "--rig is missing (see --help)"
 ((${#requests[@]} && ${#requests[@]} == ${#answers[@]})) || die "each --requests needs its --answers (see --help)"
 
-pipeline=(lfcameranode name=n "rig=$rig" "cameras=$cameras" "node=$node" "framerate=$framerate" is-live=true
+pipeline=(lfcameranode name=n "rig=$rig")
+[[ -z $cameras ]] || pipeline+=("cameras=$cameras") # gst-launch takes the next word for the value of "cameras="
+pipeline+=("node=$node" "framerate=$framerate" is-live=true
   strip-pixels=5120 # 16 rows of 320: about a packet, so that a lost one loses no more
   "${settings[@]}")
 read -ra link <<<"$link"
