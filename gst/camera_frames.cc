@@ -20,7 +20,7 @@ void CameraFrames::start_stream(bool live) {
   std::lock_guard lock(mutex_);
   started_ = true;
   live_ = live;
-  ended_ = false;
+  ended_ = lost_ = false;
   changed_.notify_all();
 }
 
@@ -71,6 +71,8 @@ GstFlowReturn CameraFrames::push_at(uint64_t time, std::optional<CameraFrame> fr
   if (mode_ == Mode::kFinished) return GST_FLOW_EOS;
   // Time may jump back (a stream started again without a flush): what is held is then of another time line.
   while (!frames_.empty() && frames_.back().time > time) drop_oldest();
+  if (!frames_.empty()) last_period_ = time - frames_.back().time;
+  lost_ = false;
   if (!frame) frame = frames_.empty() ? before_ : frames_.back().frame;
   frames_.push_back({time, std::move(*frame)});
   while (has_too_many()) drop_oldest();
@@ -105,12 +107,18 @@ void CameraFrames::end_stream() {
   changed_.notify_all();
 }
 
+void CameraFrames::lose_stream() {
+  std::lock_guard lock(mutex_);
+  lost_ = true;
+  changed_.notify_all();
+}
+
 void CameraFrames::set_flushing(bool flushing) {
   std::lock_guard lock(mutex_);
   flushing_ = flushing;
   frames_.clear();
   before_ = {};
-  ended_ = false;
+  ended_ = lost_ = false;
   changed_.notify_all();
 }
 
@@ -118,15 +126,20 @@ void CameraFrames::clear() {
   std::lock_guard lock(mutex_);
   frames_.clear();
   before_ = {};
-  started_ = live_ = ended_ = flushing_ = false;
-  wanted_ = reach_ = 0;
+  started_ = live_ = ended_ = lost_ = flushing_ = false;
+  wanted_ = reach_ = last_period_ = 0;
   dropped_ = 0;
 }
 
 bool CameraFrames::must_wait(uint64_t time, bool wait_for_first) const {
-  if (ended_ || flushing_) return false;
+  if (ended_ || lost_ || flushing_) return false;
   if (live_ || !started_) return frames_.empty() && wait_for_first;
   return frames_.empty() || (time != kNoTime && frames_.back().time < time);
+}
+
+// As much later than the newest frame as the frame after it would have been.
+bool CameraFrames::is_beyond_last(uint64_t time) const {
+  return time == kNoTime || time >= frames_.back().time + std::max<uint64_t>(last_period_, 1);
 }
 
 // Several viewers may look back differently far: the farthest counts, and is forgotten by and by.
@@ -149,7 +162,7 @@ std::optional<CameraFrame> CameraFrames::find(uint64_t time, bool wait_for_first
     if (!live_) drop_passed();
     return mode_ == Mode::kStopped || (cancelled && *cancelled) || !must_wait(time, wait_for_first);
   });
-  if (mode_ == Mode::kStopped || frames_.empty()) return std::nullopt;
+  if (mode_ == Mode::kStopped || frames_.empty() || (lost_ && is_beyond_last(time))) return std::nullopt;
   look_back(time);
   auto best = frames_.end() - 1;
   if (time != kNoTime)

@@ -53,6 +53,7 @@ class CameraFrames {
   // The same for a frame that is damaged: the one before it serves in its place, too.
   GstFlowReturn push_damaged(uint64_t time);
   void end_stream();                 // EOS: the last frame stands for all times after it
+  void lose_stream();  // the camera failed: there is nothing after the last frame's time, until one comes again
   void set_flushing(bool flushing);  // of this camera's stream; drops what is held
   void clear();                      // back to the state after construction, but for the mode
 
@@ -78,6 +79,7 @@ class CameraFrames {
  private:
   bool must_wait(uint64_t time, bool wait_for_first) const;  // locked
   void want(uint64_t time);                                  // locked
+  bool is_beyond_last(uint64_t time) const;                  // locked
   void drop_passed();                                        // locked
   void drop_oldest();                                        // locked
   void look_back(uint64_t time);                             // locked
@@ -95,9 +97,10 @@ class CameraFrames {
   Mode mode_ = Mode::kStopped;
   std::deque<Held> frames_;  // ascending time
   CameraFrame before_;       // compressed one that was held before these
-  bool started_ = false, live_ = false, ended_ = false, flushing_ = false;
+  bool started_ = false, live_ = false, ended_ = false, lost_ = false, flushing_ = false;
   uint64_t wanted_ = 0;  // time of the latest request that named one
   uint64_t reach_ = 0;   // how far behind the newest frame of a live camera requests look
+  uint64_t last_period_ = 0;  // between the newest frame and the one before it
   uint64_t dropped_ = 0;
 };
 

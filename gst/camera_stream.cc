@@ -24,6 +24,15 @@ GstPadProbeReturn refuse(GstPadProbeInfo* info, GstFlowReturn reason) {
   return GST_PAD_PROBE_HANDLED;
 }
 
+// Whether what comes to this sink pad comes as it is taken: there is no beginning to seek back to.
+bool is_live_source(GstPad* sink) {
+  GstQuery* query = gst_query_new_latency();
+  gboolean live = FALSE;
+  if (gst_pad_peer_query(sink, query)) gst_query_parse_latency(query, &live, nullptr, nullptr);
+  gst_query_unref(query);
+  return live;
+}
+
 // Calls `method` of the CameraStream `data`.
 template <auto method>
 GstPadProbeReturn call(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
@@ -32,8 +41,14 @@ GstPadProbeReturn call(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
 
 }  // namespace
 
-CameraStream::CameraStream(GstElement* owner, const CameraChain& chain, const StreamOptions& options)
-    : owner_(owner), chain_(chain), options_(options) {
+CameraStream::CameraStream(GstElement* owner, const CameraChain& chain, const StreamOptions& options,
+                           const StreamListener& listener)
+    : owner_(owner),
+      chain_(chain),
+      options_(options),
+      listener_(listener),
+      stream_end_(options.begin),
+      round_start_(options.begin) {
   gst_segment_init(&segment_, GST_FORMAT_TIME);
 }
 
@@ -49,8 +64,7 @@ void CameraStream::watch() {
 
 void CameraStream::fail(GstStreamError code, const std::string& text) {
   if (!first_error()) return;
-  gst_element_message_full(owner_, GST_MESSAGE_ERROR, GST_STREAM_ERROR, code, g_strdup((place() + ": " + text).c_str()),
-                           nullptr, __FILE__, GST_FUNCTION, __LINE__);
+  listener_.on_error(GST_STREAM_ERROR, code, place() + ": " + text);
 }
 
 // Frames of another size than the rig's would be rendered as if they were of that size.
@@ -95,8 +109,8 @@ void CameraStream::seek_to_start(guint32 seqnum) {
 // At the end of the file: true if it is to begin again.
 bool CameraStream::begin_again() {
   // Nobody wants more frames, or the file has none: no reason to turn round and round.
-  if (!options_.seek_to_loop || ending_ || round_frames_ == 0) return false;
-  if (gst_pad_get_last_flow_return(chain_.out) != GST_FLOW_OK) return false;
+  if (!options_.seek_to_loop || !is_cut_off_ || failed_ || round_frames_ == 0) return false;
+  if (is_live_source(chain_.decoded)) return false;
   round_start_ = stream_end_;
   round_frames_ = 0;
   loop_seqnum_ = gst_util_seqnum_next();
@@ -188,6 +202,7 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* inf
       return GST_PAD_PROBE_OK;
     case GST_EVENT_EOS:
       if (pictures_ == 0) fail(GST_STREAM_ERROR_DECODE, "there is no picture in it");
+      is_cut_off_ = !ending_ && gst_pad_get_last_flow_return(chain_.out) == GST_FLOW_OK;
       return begin_again() ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
     default: return GST_PAD_PROBE_OK;
   }
@@ -250,9 +265,26 @@ GstPadProbeReturn CameraStream::on_output_event(GstPad* pad, GstEvent* event) {
       if (eos_sent_) return GST_PAD_PROBE_DROP;
       eos_sent_ = true;
       announce(pad);
-      return GST_PAD_PROBE_OK;
+      return on_output_end(pad);
     default: return GST_PAD_PROBE_OK;
   }
+}
+
+GstPadProbeReturn CameraStream::on_output_end(GstPad* pad) {
+  if (!options_.has_end && is_cut_off_) fail(GST_STREAM_ERROR_FAILED, "its stream ended");
+  if (!failed_) listener_.on_end();
+  if (!failed_ || !options_.may_be_lost) return GST_PAD_PROBE_OK;
+  gst_pad_push_event(pad, gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new_empty(LF_CAMERA_LOST)));
+  return GST_PAD_PROBE_DROP;
+}
+
+// A film that is opened again stays in step with the others: it runs through what they have shown since.
+bool CameraStream::is_too_late(GstBuffer* buffer) {
+  if (!options_.catches_up || is_on_time_) return false;
+  const GstClockTime now = gst_element_get_current_running_time(owner_);
+  const GstClockTime stamp = gst_segment_to_running_time(&segment_, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
+  is_on_time_ = !GST_CLOCK_TIME_IS_VALID(now) || !GST_CLOCK_TIME_IS_VALID(stamp) || stamp + GST_SECOND >= now;
+  return !is_on_time_;
 }
 
 GstPadProbeReturn CameraStream::on_output(GstPad* pad, GstPadProbeInfo* info) {
@@ -263,9 +295,10 @@ GstPadProbeReturn CameraStream::on_output(GstPad* pad, GstPadProbeInfo* info) {
     gst_pad_push_event(pad, gst_event_new_eos());
     return refuse(info, GST_FLOW_EOS);
   }
+  if (is_too_late(GST_PAD_PROBE_INFO_BUFFER(info))) return GST_PAD_PROBE_DROP;
   info->data = complete_capture_time(static_cast<GstBuffer*>(info->data));
   announce(pad);
-  ++frames_out_;
+  if (frames_out_++ == 0) listener_.on_first_frame();
   return GST_PAD_PROBE_OK;
 }
 

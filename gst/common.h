@@ -20,6 +20,12 @@
 // rig), "rig-hash" (uint64).
 #define LF_CAMERA_EVENT "lightfield-camera"
 
+// Custom downstream event of lfcamsrc: no frame comes after those before it until a new segment, because the camera
+// failed. The element messages of lfcamsrc, too, each with the fields "camera" (uint: id), "name" (string); the first
+// one has "reason" (string).
+#define LF_CAMERA_LOST "lightfield-camera-lost"
+#define LF_CAMERA_FOUND "lightfield-camera-found"
+
 // GstReferenceTimestampMeta reference of a frame's true capture time (stamp + the camera's time offset): clock time for
 // live sources, running time for others.
 #define LF_CAPTURE_TIME_CAPS "timestamp/x-lightfield-capture"

@@ -136,6 +136,11 @@ static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, Gst
       pad->input->live = lf_fragment_upstream_is_live(gst_pad);
       pad->input->frames->start_stream(pad->input->live);
       break;
+    case GST_EVENT_CUSTOM_DOWNSTREAM:
+      if (!gst_event_has_name(event, LF_CAMERA_LOST)) break;
+      self->node->inputs().give_up(pad->input->frames);
+      pad->input->frames->lose_stream();
+      break;
     case GST_EVENT_EOS:
       self->node->inputs().give_up(pad->input->frames);
       pad->input->frames->end_stream();

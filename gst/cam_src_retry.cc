@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// A camera that fails where that is no error: it is closed, and opened again after a while, on threads of their own, as
+// neither may be done by the threads that streamed. Each of these steps has the element's state to itself; those that
+// were planned before the element was stopped, or opened anew, are void.
+#include <utility>
+
+#include "base/now.h"
+#include "camera_states.h"
+#include "common.h"
+#include "lfcamsrc_private.h"
+
+GST_DEBUG_CATEGORY_EXTERN(lf_cam_src_debug);
+#define GST_CAT_DEFAULT lf_cam_src_debug
+
+using State = lf::CameraService::State;
+
+static GstStructure* lf_cam_src_structure(LfCamSrc* self, const char* name) {
+  GST_OBJECT_LOCK(self);
+  GstStructure* structure =
+      gst_structure_new(name, "camera", G_TYPE_UINT, self->camera, "name", G_TYPE_STRING, self->name->c_str(), nullptr);
+  GST_OBJECT_UNLOCK(self);
+  return structure;
+}
+
+static void lf_cam_src_post(LfCamSrc* self, GstStructure* structure) {
+  gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), structure));
+}
+
+static bool lf_cam_src_retries(LfCamSrc* self) {
+  GST_OBJECT_LOCK(self);
+  const bool retry = self->settings->retry;
+  GST_OBJECT_UNLOCK(self);
+  return retry && (self->live || !g_atomic_int_get(&self->expendable));
+}
+
+void lf_cam_src_set_expendable(LfCamSrc* self) { g_atomic_int_set(&self->expendable, TRUE); }
+
+const lf::CameraService& lf_cam_src_service(LfCamSrc* self) { return *self->service; }
+
+bool lf_cam_src_is_lost_for_good(LfCamSrc* self) {
+  return self->service->state() == State::kLost && !lf_cam_src_retries(self);
+}
+
+bool lf_cam_src_may_be_lost(LfCamSrc* self) {
+  GST_OBJECT_LOCK(self);
+  const bool retry = self->settings->retry;
+  GST_OBJECT_UNLOCK(self);
+  return retry || g_atomic_int_get(&self->expendable);
+}
+
+void lf_cam_src_fail(LfCamSrc* self, const CamSrcFailure& failure) {
+  const auto post = [&](GstMessageType type, const std::string& text) {
+    gst_element_message_full(GST_ELEMENT(self), type, failure.domain, failure.code, g_strdup(text.c_str()),
+                             failure.debug.empty() ? nullptr : g_strdup(failure.debug.c_str()), __FILE__, GST_FUNCTION,
+                             __LINE__);
+  };
+  if (!lf_cam_src_may_be_lost(self)) return post(GST_MESSAGE_ERROR, failure.text);
+  if (!self->service->lose(failure.text, lf::now_ns())) {
+    GST_INFO_OBJECT(self, "not back: %s", failure.text.c_str());
+    return;
+  }
+  GstStructure* lost = lf_cam_src_structure(self, LF_CAMERA_LOST);
+  gst_structure_set(lost, "reason", G_TYPE_STRING, failure.text.c_str(), nullptr);
+  lf_cam_src_post(self, lost);
+  post(GST_MESSAGE_WARNING, failure.text + (lf_cam_src_retries(self) ? ": out of service until it is back"
+                                                                     : ": out of service from now on"));
+}
+
+void lf_cam_src_tell_found(LfCamSrc* self) {
+  GST_INFO_OBJECT(self, "back again");
+  lf_cam_src_post(self, lf_cam_src_structure(self, LF_CAMERA_FOUND));
+}
+
+void lf_cam_src_push_lost(LfCamSrc* self) {
+  gst_pad_push_event(self->src,
+                     gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new_empty(LF_CAMERA_LOST)));
+}
+
+// Calls `step` with the state lock if nothing has been opened since `serial`.
+static void lf_cam_src_call_step(LfCamSrc* self, guint serial, void (*step)(LfCamSrc*)) {
+  struct Call {
+    guint serial;
+    void (*step)(LfCamSrc*);
+  };
+  gst_element_call_async(
+      GST_ELEMENT(self),
+      [](GstElement* element, gpointer data) {
+        const auto* call = static_cast<Call*>(data);
+        LfCamSrc* cam_src = LF_CAM_SRC(element);
+        GST_STATE_LOCK(element);
+        if (static_cast<guint>(g_atomic_int_get(&cam_src->serial)) == call->serial &&
+            GST_STATE(element) >= GST_STATE_PAUSED && GST_STATE_TARGET(element) >= GST_STATE_PAUSED)
+          call->step(cam_src);
+        GST_STATE_UNLOCK(element);
+      },
+      new Call{serial, step}, [](gpointer data) { delete static_cast<Call*>(data); });
+}
+
+static void lf_cam_src_close_lost(LfCamSrc* self) {
+  // Without another attempt the children stay as they are: frames on their way still arrive.
+  if (lf_cam_src_retries(self)) lf_cam_src_close(self);
+  lf_cam_src_push_lost(self);
+  lf_cam_src_schedule_retry(self);
+}
+
+void lf_cam_src_take_out(LfCamSrc* self, guint serial) {
+  if (lf_cam_src_may_be_lost(self)) lf_cam_src_call_step(self, serial, lf_cam_src_close_lost);
+}
+
+static void lf_cam_src_try_again(LfCamSrc* self) {
+  if (self->service->state() != State::kLost || self->run) return;
+  self->service->retry();
+  GST_INFO_OBJECT(self, "trying again");
+  std::unique_ptr<CamSrcFailure> failure;
+  if (!lf_cam_src_open(self, &failure)) return;
+  if (failure) {
+    lf_cam_src_fail(self, *failure);
+    return lf_cam_src_schedule_retry(self);
+  }
+  GstBin* bin = GST_BIN(self);
+  self->run->used = true;
+  lf_cam_src_start_tail(self->run->chain);
+  GstStateChangeReturn result = lf::pause_new_children(bin);
+  if (result == GST_STATE_CHANGE_NO_PREROLL) {
+    self->live = true;
+    self->run->stream->set_live();
+  }
+  if (result != GST_STATE_CHANGE_FAILURE && GST_STATE_TARGET(self) == GST_STATE_PLAYING)
+    result = lf::play_new_children(bin);
+  if (result == GST_STATE_CHANGE_FAILURE) lf_cam_src_fail_to_start(self);
+}
+
+void lf_cam_src_fail_to_start(LfCamSrc* self) {
+  if (self->run->stream->first_error())
+    lf_cam_src_fail(
+        self, {GST_CORE_ERROR, GST_CORE_ERROR_STATE_CHANGE, self->run->stream->place() + ": can't be started", ""});
+  g_atomic_int_inc(&self->serial);  // its errors have been told
+  lf_cam_src_close(self);
+  lf_cam_src_schedule_retry(self);
+}
+
+void lf_cam_src_schedule_retry(LfCamSrc* self) {
+  if (!lf_cam_src_retries(self)) return;
+  struct Plan {
+    GWeakRef element;
+    guint serial;
+  };
+  auto* plan = new Plan;
+  g_weak_ref_init(&plan->element, self);
+  plan->serial = static_cast<guint>(g_atomic_int_get(&self->serial));
+  GstClock* clock = gst_system_clock_obtain();
+  GstClockID timer = gst_clock_new_single_shot_id(clock, gst_clock_get_time(clock) + self->service->wait(lf::now_ns()));
+  gst_clock_id_wait_async(
+      timer,
+      [](GstClock*, GstClockTime, GstClockID, gpointer data) -> gboolean {
+        auto* due = static_cast<Plan*>(data);
+        if (gpointer element = g_weak_ref_get(&due->element)) {
+          lf_cam_src_call_step(LF_CAM_SRC(element), due->serial, lf_cam_src_try_again);
+          gst_object_unref(element);
+        }
+        return TRUE;
+      },
+      plan,
+      [](gpointer data) {
+        g_weak_ref_clear(&static_cast<Plan*>(data)->element);
+        delete static_cast<Plan*>(data);
+      });
+  GST_OBJECT_LOCK(self);
+  GstClockID before = std::exchange(self->retry_timer, timer);
+  GST_OBJECT_UNLOCK(self);
+  if (before) {
+    gst_clock_id_unschedule(before);
+    gst_clock_id_unref(before);
+  }
+  gst_object_unref(clock);
+}
+
+void lf_cam_src_cancel_retry(LfCamSrc* self) {
+  g_atomic_int_inc(&self->serial);
+  GST_OBJECT_LOCK(self);
+  GstClockID before = std::exchange(self->retry_timer, nullptr);
+  GST_OBJECT_UNLOCK(self);
+  if (!before) return;
+  gst_clock_id_unschedule(before);
+  gst_clock_id_unref(before);
+}
