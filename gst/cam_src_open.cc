@@ -50,7 +50,8 @@ lf::StreamListener listener_of(LfCamSrc* self, guint serial) {
               [self] {
                 if (self->service->find(lf::now_ns())) lf_cam_src_tell_found(self);
               },
-          .on_end = [self] { self->service->end(); }};
+          .on_end = [self] { self->service->end(); },
+          .on_overload = [self](GstClockTimeDiff late) { lf_cam_src_tell_overload(self, late); }};
 }
 
 void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std::shared_ptr<const lf::Rig>& rig,
@@ -71,7 +72,9 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
                                                         .decode = settings.decode,
                                                         .latency = settings.latency});
   const bool may_be_lost = lf_cam_src_may_be_lost(self);
-  const bool again = self->service->report().retries > 0;
+  const bool catches_up = self->service->report().retries > 0 && file && settings.is_live;
+  const bool paced = settings.is_live && !network && !catches_up;
+  (*self->shedder)->restart(paced);
   auto stream = std::make_shared<lf::CameraStream>(
       GST_ELEMENT(self), chain,
       lf::StreamOptions{.camera = index,
@@ -83,8 +86,10 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
                         .seek_to_loop = settings.loop && (source.kind == Kind::kMatroska || source.kind == Kind::kUri),
                         .has_end = !may_be_lost || (file && !settings.loop) || (!file && !network),
                         .may_be_lost = may_be_lost,
-                        .catches_up = again && file && settings.is_live,
+                        .catches_up = catches_up,
+                        .paced = paced,
                         .begin = self->live ? 0 : self->end,
+                        .shedder = *self->shedder,
                         .place = place},
       listener_of(self, static_cast<guint>(g_atomic_int_get(&self->serial))));
   stream->watch();

@@ -36,6 +36,13 @@ static bool lf_cam_src_retries(LfCamSrc* self) {
 
 void lf_cam_src_set_expendable(LfCamSrc* self) { g_atomic_int_set(&self->expendable, TRUE); }
 
+GstStructure* lf_cam_src_stats(LfCamSrc* self, const char* name) {
+  const lf::CameraService::Report report = self->service->report();
+  return gst_structure_new(name, "state", G_TYPE_STRING, lf::to_string(report.state), "reason", G_TYPE_STRING,
+                           report.reason.c_str(), "losses", G_TYPE_UINT64, report.losses, "retries", G_TYPE_UINT64,
+                           report.retries, "dropped", G_TYPE_UINT64, (*self->shedder)->dropped(), nullptr);
+}
+
 const lf::CameraService& lf_cam_src_service(LfCamSrc* self) { return *self->service; }
 
 bool lf_cam_src_is_lost_for_good(LfCamSrc* self) {
@@ -70,6 +77,23 @@ void lf_cam_src_fail(LfCamSrc* self, const CamSrcFailure& failure) {
 void lf_cam_src_tell_found(LfCamSrc* self) {
   GST_INFO_OBJECT(self, "back again");
   lf_cam_src_post(self, lf_cam_src_structure(self, LF_CAMERA_FOUND));
+}
+
+// Of all cameras of the process one for a while.
+void lf_cam_src_tell_overload(LfCamSrc* self, GstClockTimeDiff late) {
+  constexpr uint64_t kQuiet = 10'000'000'000;
+  static std::atomic<uint64_t> told = 0;
+  const uint64_t now = lf::now_ns(), before = told.exchange(now);
+  if (before != 0 && now - before < kQuiet) return;
+  GST_OBJECT_LOCK(self);
+  const std::string place = self->run ? self->run->stream->place() : "";
+  GST_OBJECT_UNLOCK(self);
+  GST_ELEMENT_WARNING(
+      self, STREAM, DECODE,
+      ("%s: this machine can't decode all frames, they come %d ms late: some are dropped before they are "
+       "decoded, up to the next key frame that can be on time",
+       place.c_str(), static_cast<int>(late / GST_MSECOND)),
+      ("further ones, of other cameras, too, are counted in stats"));
 }
 
 void lf_cam_src_push_lost(LfCamSrc* self) {

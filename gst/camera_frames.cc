@@ -24,6 +24,17 @@ void CameraFrames::start_stream(bool live) {
   changed_.notify_all();
 }
 
+void CameraFrames::note_arrival(int64_t late) {
+  std::lock_guard lock(mutex_);
+  earliest_ = std::min(earliest_, late);
+  behind_ = static_cast<uint64_t>(late - earliest_);
+}
+
+uint64_t CameraFrames::behind() const {
+  std::lock_guard lock(mutex_);
+  return behind_;
+}
+
 void CameraFrames::drop_oldest() {
   if (!frames_.front().used) dropped_++;
   if (frames_.front().frame.jpeg) before_ = std::move(frames_.front().frame);
@@ -110,6 +121,7 @@ void CameraFrames::end_stream() {
 void CameraFrames::lose_stream() {
   std::lock_guard lock(mutex_);
   lost_ = true;
+  behind_ = 0;
   changed_.notify_all();
 }
 
@@ -127,7 +139,8 @@ void CameraFrames::clear() {
   frames_.clear();
   before_ = {};
   started_ = live_ = ended_ = lost_ = flushing_ = false;
-  wanted_ = reach_ = last_period_ = 0;
+  wanted_ = reach_ = last_period_ = behind_ = 0;
+  earliest_ = INT64_MAX;
   dropped_ = 0;
 }
 

@@ -52,7 +52,11 @@ class CameraFrames {
   GstFlowReturn push(CameraFrame frame);
   // The same for a frame that is damaged: the one before it serves in its place, too.
   GstFlowReturn push_damaged(uint64_t time);
-  void end_stream();                 // EOS: the last frame stands for all times after it
+  // The next frame to be handed over comes so much later than it was taken, nanoseconds.
+  void note_arrival(int64_t late);
+  // How much later the newest frame came than frames of this stream can, nanoseconds.
+  uint64_t behind() const;
+  void end_stream();   // EOS: the last frame stands for all times after it
   void lose_stream();  // the camera failed: there is nothing after the last frame's time, until one comes again
   void set_flushing(bool flushing);  // of this camera's stream; drops what is held
   void clear();                      // back to the state after construction, but for the mode
@@ -98,8 +102,10 @@ class CameraFrames {
   std::deque<Held> frames_;  // ascending time
   CameraFrame before_;       // compressed one that was held before these
   bool started_ = false, live_ = false, ended_ = false, lost_ = false, flushing_ = false;
-  uint64_t wanted_ = 0;  // time of the latest request that named one
-  uint64_t reach_ = 0;   // how far behind the newest frame of a live camera requests look
+  uint64_t wanted_ = 0;           // time of the latest request that named one
+  uint64_t reach_ = 0;            // how far behind the newest frame of a live camera requests look
+  int64_t earliest_ = INT64_MAX;  // arrival after capture, of this stream
+  uint64_t behind_ = 0;
   uint64_t last_period_ = 0;  // between the newest frame and the one before it
   uint64_t dropped_ = 0;
 };

@@ -72,10 +72,4 @@ const char* to_string(CameraService::State state) {
   return "";
 }
 
-GstStructure* to_structure(const CameraService::Report& report, const char* name) {
-  return gst_structure_new(name, "state", G_TYPE_STRING, to_string(report.state), "reason", G_TYPE_STRING,
-                           report.reason.c_str(), "losses", G_TYPE_UINT64, report.losses, "retries", G_TYPE_UINT64,
-                           report.retries, nullptr);
-}
-
 }  // namespace lf

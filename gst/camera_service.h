@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gst/gst.h>
-
 #include <cstdint>
 #include <mutex>
 #include <string>
@@ -48,7 +46,5 @@ class CameraService {
 };
 
 const char* to_string(CameraService::State state);
-// Fields state (string), reason (string), losses, retries (uint64); owned by the caller.
-GstStructure* to_structure(const CameraService::Report& report, const char* name);
 
 }  // namespace lf

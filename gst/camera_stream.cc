@@ -3,6 +3,9 @@
 
 #include <gst/video/video.h>
 
+#include <algorithm>
+
+#include "base/now.h"
 #include "common.h"
 #include "gst_wire.h"
 #include "jpeg/jpeg_frame.h"
@@ -202,6 +205,7 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* inf
       return GST_PAD_PROBE_OK;
     case GST_EVENT_EOS:
       if (pictures_ == 0) fail(GST_STREAM_ERROR_DECODE, "there is no picture in it");
+      count_dropped();
       is_cut_off_ = !ending_ && gst_pad_get_last_flow_return(chain_.out) == GST_FLOW_OK;
       return begin_again() ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
     default: return GST_PAD_PROBE_OK;
@@ -209,7 +213,7 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* inf
 }
 
 // Notes the running time of a frame as it was taken, before its stamp may be changed to that of another frame rate.
-GstPadProbeReturn CameraStream::on_frame(GstPad* /*pad*/, GstPadProbeInfo* info) {
+GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
   if (info->type & GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM) {
     GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
     if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT) gst_event_copy_segment(event, &segment_);
@@ -221,6 +225,7 @@ GstPadProbeReturn CameraStream::on_frame(GstPad* /*pad*/, GstPadProbeInfo* info)
   if (!GST_CLOCK_TIME_IS_VALID(stamp)) return GST_PAD_PROBE_OK;
   const GstClockTime last_duration = stamp > stream_end_ ? stamp - stream_end_ : 0;
   stream_end_ = stamp + (GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : last_duration);
+  if (live_ && is_shed(pad, buffer, stamp)) return GST_PAD_PROBE_DROP;
 
   buffer = gst_buffer_make_writable(buffer);
   GstCaps* reference = capture_time_reference();
@@ -228,6 +233,29 @@ GstPadProbeReturn CameraStream::on_frame(GstPad* /*pad*/, GstPadProbeInfo* info)
   gst_caps_unref(reference);
   info->data = buffer;
   return GST_PAD_PROBE_OK;
+}
+
+// Whether a live frame is left out because the machine can't decode all.
+bool CameraStream::is_shed(GstPad* pad, GstBuffer* buffer, GstClockTime stamp) {
+  const GstClockTime now = gst_element_get_current_running_time(owner_);
+  if (!GST_CLOCK_TIME_IS_VALID(now)) return false;
+  const GstClockTime period = GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : 0;
+  using Verdict = CameraShedder::Verdict;
+  const Verdict verdict = options_.shedder->see(GST_BUFFER_PTS(buffer), GST_CLOCK_DIFF(stamp, now), period, now_ns());
+  if (verdict == Verdict::kBeginToDrop) {
+    gst_pad_push_event(pad, gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new_empty(LF_CAMERA_LOST)));
+    listener_.on_overload(options_.shedder->behind());
+  }
+  return verdict != Verdict::kShow;
+}
+
+// What was dropped has its place in the stream all the same.
+void CameraStream::count_dropped() {
+  const GstClockTime end = options_.shedder->take_dropped_end();
+  if (!GST_CLOCK_TIME_IS_VALID(end)) return;
+  ++round_frames_;
+  const GstClockTime stamp = gst_segment_to_running_time(&segment_, GST_FORMAT_TIME, end);
+  if (GST_CLOCK_TIME_IS_VALID(stamp)) stream_end_ = std::max(stream_end_, stamp);
 }
 
 // From running time to the true capture time. Only here: while a live frame waits for PLAYING there is no base time.
@@ -247,8 +275,9 @@ GstBuffer* CameraStream::complete_capture_time(GstBuffer* buffer) const {
 void CameraStream::announce(GstPad* pad) {
   if (announced_) return;
   announced_ = true;
-  GstStructure* camera = gst_structure_new(LF_CAMERA_EVENT, "camera", G_TYPE_UINT, options_.camera, "rig-hash",
-                                           G_TYPE_UINT64, options_.rig_hash, nullptr);
+  GstStructure* camera =
+      gst_structure_new(LF_CAMERA_EVENT, "camera", G_TYPE_UINT, options_.camera, "rig-hash", G_TYPE_UINT64,
+                        options_.rig_hash, "paced", G_TYPE_BOOLEAN, options_.paced, nullptr);
   gst_pad_push_event(pad, gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM_STICKY, camera));
 }
 

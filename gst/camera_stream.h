@@ -11,6 +11,7 @@
 #include <string>
 
 #include "camera_chain.h"
+#include "camera_shedder.h"
 #include "rig/rig.h"
 
 namespace lf {
@@ -26,8 +27,10 @@ struct StreamOptions {
   bool has_end = true;        // false: an end of the source, but for `num_frames`, is an error
   bool may_be_lost = false;   // an error ends the stream with the event LF_CAMERA_LOST, not with EOS
   bool catches_up = false;    // frames that are later than a second are left out until one is not
+  bool paced = false;         // frames are ready before their time, and wait for it
   GstClockTime begin = 0;     // running time of what has the source's time 0
-  std::string place;          // begins the text of each error: "rig.json: camera 5 (cam_00_05): cam_00_05.mkv"
+  std::shared_ptr<CameraShedder> shedder;
+  std::string place;  // begins the text of each error: "rig.json: camera 5 (cam_00_05): cam_00_05.mkv"
 };
 
 // What a camera's stream tells, from any of its threads.
@@ -35,7 +38,8 @@ struct StreamListener {
   // Once at most.
   std::function<void(GQuark domain, gint code, const std::string& text)> on_error;
   std::function<void()> on_first_frame;
-  std::function<void()> on_end;  // as it should; not after an error
+  std::function<void()> on_end;                            // as it should; not after an error
+  std::function<void(GstClockTimeDiff late)> on_overload;  // frames are dropped before they are decoded
 };
 
 // Watches the pads of a chain from one start to the next stop and makes of what passes a camera's stream: of the rig's
@@ -68,6 +72,8 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstPadProbeReturn on_output(GstPad* pad, GstPadProbeInfo* info);
   GstPadProbeReturn on_output_event(GstPad* pad, GstEvent* event);
   GstPadProbeReturn on_output_end(GstPad* pad);
+  bool is_shed(GstPad* pad, GstBuffer* buffer, GstClockTime stamp);
+  void count_dropped();
   bool is_too_late(GstBuffer* buffer);
 
   void fail(GstStreamError code, const std::string& text);

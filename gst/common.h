@@ -17,7 +17,7 @@
 #define LF_RGB_FORMATS "RGB, BGR, RGBx, BGRx, xRGB, xBGR, RGBA, BGRA, ARGB, ABGR"
 
 // Sticky custom downstream event with which lfcamsrc names the camera of a stream: field "camera" (uint: index in the
-// rig), "rig-hash" (uint64).
+// rig), "rig-hash" (uint64), "paced" (boolean: frames are ready before their time, so that none need be late).
 #define LF_CAMERA_EVENT "lightfield-camera"
 
 // Custom downstream event of lfcamsrc: no frame comes after those before it until a new segment, because the camera

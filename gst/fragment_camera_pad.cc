@@ -115,6 +115,8 @@ static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, Gst
       if (gst_structure_has_name(structure, LF_CAMERA_EVENT) && gst_structure_get_uint(structure, "camera", &camera) &&
           rig && camera < rig->cameras.size())
         pad->input->from_stream = rig->cameras[camera].id;
+      gboolean paced = FALSE;
+      if (gst_structure_get_boolean(structure, "paced", &paced) && paced) pad->input->frames->note_arrival(0);
       break;
     }
     case GST_EVENT_CAPS: {
@@ -237,6 +239,12 @@ static GstFlowReturn lf_fragment_camera_chain(GstPad* gst_pad, GstObject* parent
   }
   const auto camera = self->node->inputs().camera(*input.id);
   const uint64_t time = lf_fragment_capture_time(self, gst_pad, buffer, camera ? camera->time_offset : 0, input.live);
+  if (input.live) {
+    if (GstClock* clock = gst_element_get_clock(GST_ELEMENT(self))) {
+      input.frames->note_arrival(GST_CLOCK_DIFF(time, gst_clock_get_time(clock)));
+      gst_object_unref(clock);
+    }
+  }
   if (input.jpeg) return lf_fragment_take_jpeg(self, pad, buffer, time);
   lf::CameraFrame frame = lf_fragment_convert(self, pad, buffer);
   if (!frame.buffer) {

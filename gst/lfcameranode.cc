@@ -253,7 +253,7 @@ static GstStructure* lf_camera_node_stats(LfCameraNode* self) {
     guint id = 0;
     g_object_get(camera.get(), "camera", &id, nullptr);
     const std::string name = "camera-" + std::to_string(id);
-    g_autoptr(GstStructure) one = lf::to_structure(lf_cam_src_service(LF_CAM_SRC(camera.get())).report(), name.c_str());
+    g_autoptr(GstStructure) one = lf_cam_src_stats(LF_CAM_SRC(camera.get()), name.c_str());
     gst_structure_set(cameras, name.c_str(), GST_TYPE_STRUCTURE, one, nullptr);
   }
   gst_structure_set(stats, "cameras", GST_TYPE_STRUCTURE, cameras, nullptr);
@@ -372,7 +372,7 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
       g_param_spec_boxed(
           "stats", "Statistics",
           "What lffragment counts, see there, and of each of the cameras: state (opening, running, ended "
-          "or lost), reason of the latest loss, losses, retries",
+          "or lost), reason of the latest loss, losses, retries, dropped frames",
           GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   lf::NetClock::install(object_class, kPropNetClock);
 

@@ -213,6 +213,11 @@ static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
   gst_message_unref(message);
 }
 
+static void lf_cam_src_deep_element_added(GstBin* bin, GstBin* parent, GstElement* child) {
+  (*LF_CAM_SRC(bin)->shedder)->watch(child);
+  GST_BIN_CLASS(lf_cam_src_parent_class)->deep_element_added(bin, parent, child);  // tells the bins around this one
+}
+
 // "EOS, please" from the application (gst-launch-1.0 -e). Not all children take it while files loop; the next frame
 // ends the stream in its place.
 static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
@@ -226,7 +231,10 @@ static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
     self->run->stream->end();
   } else if (self->service->state() == lf::CameraService::State::kLost) {
     lf_cam_src_cancel_retry(self);
-    running = gst_pad_push_event(self->src, gst_event_new_eos());
+    running = true;
+    gst_element_call_async(
+        element, [](GstElement* camera, gpointer) { gst_pad_push_event(LF_CAM_SRC(camera)->src, gst_event_new_eos()); },
+        nullptr, nullptr);
   }
   GST_STATE_UNLOCK(self);
   return running;
@@ -242,13 +250,11 @@ static void lf_cam_src_set_property(GObject* object, guint id, const GValue* val
   GST_OBJECT_UNLOCK(self);
 }
 
-static GstStructure* lf_cam_src_stats(LfCamSrc* self) {
-  return lf::to_structure(self->service->report(), "application/x-lightfield-camera-stats");
-}
-
 static void lf_cam_src_get_property(GObject* object, guint id, GValue* value, GParamSpec*) {
   LfCamSrc* self = LF_CAM_SRC(object);
-  if (id == kPropStats) return g_value_take_boxed(value, lf_cam_src_stats(self));
+  if (id == kPropStats) {
+    return g_value_take_boxed(value, lf_cam_src_stats(self, "application/x-lightfield-camera-stats"));
+  }
   if (id >= kPropNetClock) return self->net_clock->get(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
   GST_OBJECT_LOCK(self);
   self->settings->get(static_cast<Settings::Property>(id - kPropFirstSetting), value);
@@ -261,6 +267,7 @@ static void lf_cam_src_finalize(GObject* object) {
   delete self->run;
   delete self->settings;
   delete self->service;
+  delete self->shedder;
   delete self->name;
   delete self->net_clock;
   G_OBJECT_CLASS(lf_cam_src_parent_class)->finalize(object);
@@ -277,9 +284,11 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   Settings::install(object_class, kPropFirstSetting);
   g_object_class_install_property(
       object_class, kPropStats,
-      g_param_spec_boxed("stats", "Statistics",
-                         "state (stopped, opening, running, ended or lost), reason of the latest loss, losses, retries",
-                         GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+      g_param_spec_boxed(
+          "stats", "Statistics",
+          "state (stopped, opening, running, ended or lost), reason of the latest loss, losses, retries, "
+          "and dropped: frames left undecoded because this machine can't decode all",
+          GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   lf::NetClock::install(object_class, kPropNetClock);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
@@ -288,6 +297,7 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   element_class->send_event = lf_cam_src_send_event;
   GST_BIN_CLASS(klass)->handle_message = lf_cam_src_handle_message;
   GST_BIN_CLASS(klass)->element_added = lf::lock_decoder;
+  GST_BIN_CLASS(klass)->deep_element_added = lf_cam_src_deep_element_added;
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(
       element_class, "Light field camera source", "Source/Video",
@@ -299,6 +309,7 @@ static void lf_cam_src_init(LfCamSrc* self) {
   self->settings = new Settings;
   self->net_clock = new lf::NetClock;
   self->service = new lf::CameraService;
+  self->shedder = new std::shared_ptr<lf::CameraShedder>(std::make_shared<lf::CameraShedder>());
   self->name = new std::string;
   // A source also while it has no children.
   gst_bin_set_suppressed_flags(

@@ -17,5 +17,7 @@ G_END_DECLS
 // From now on the loss of this camera is no error, whatever `retry`, which then counts for live cameras alone.
 void lf_cam_src_set_expendable(LfCamSrc* self);
 const lf::CameraService& lf_cam_src_service(LfCamSrc* self);
+// The `stats` property under this name; owned by the caller.
+GstStructure* lf_cam_src_stats(LfCamSrc* self, const char* name);
 // It is lost, and no attempt follows.
 bool lf_cam_src_is_lost_for_good(LfCamSrc* self);

@@ -32,6 +32,7 @@ struct _LfCamSrc {
   lf::CamSrcSettings* settings;  // under the object lock
   lf::NetClock* net_clock;
   lf::CameraService* service;
+  std::shared_ptr<lf::CameraShedder>* shedder;
   // What follows changes under the state lock alone; `run`, `name` and `camera` under the object lock, too.
   CamSrcRun* run;    // null while there are no children
   bool live;         // the camera is, as far as is known
@@ -68,6 +69,7 @@ void lf_cam_src_fail_to_start(LfCamSrc* self);
 // For a stream's listener: closes the camera that has failed, after a while, and opens it again.
 void lf_cam_src_take_out(LfCamSrc* self, guint serial);
 void lf_cam_src_tell_found(LfCamSrc* self);
+void lf_cam_src_tell_overload(LfCamSrc* self, GstClockTimeDiff late);
 // Downstream: no frame comes.
 void lf_cam_src_push_lost(LfCamSrc* self);
 // Plans the next attempt, if there is one to be.

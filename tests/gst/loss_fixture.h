@@ -100,7 +100,7 @@ inline bool eventually(const std::function<bool()>& done) {
 // One of the `cameras` in a node's or (without an id) the whole of lfcamsrc's stats.
 struct CameraStats {
   std::string state, reason;
-  uint64_t losses = 0, retries = 0;
+  uint64_t losses = 0, retries = 0, dropped = 0;
 };
 inline CameraStats camera_stats(GstElement* element, int id = -1) {
   GstStructure* all = nullptr;
@@ -124,6 +124,7 @@ inline CameraStats camera_stats(GstElement* element, int id = -1) {
   stats.reason = gst_structure_get_string(one, "reason");
   EXPECT_TRUE(gst_structure_get_uint64(one, "losses", &stats.losses));
   EXPECT_TRUE(gst_structure_get_uint64(one, "retries", &stats.retries));
+  EXPECT_TRUE(gst_structure_get_uint64(one, "dropped", &stats.dropped));
   return stats;
 }
 

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// More to decode than there is time for.
+#include <gmock/gmock.h>
+#include <gst/video/gstvideodecoder.h>
+
+#include <atomic>
+
+#include "gst/loss_fixture.h"
+
+namespace lf::test {
+namespace {
+
+using testing::Contains;
+using testing::Each;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
+
+// Decoding a frame takes so much longer, microseconds.
+std::atomic<gulong> slowness = 0;
+
+void slow_down(GstBin*, GstBin*, GstElement* element, gpointer) {
+  if (!GST_IS_VIDEO_DECODER(element)) return;
+  GstPad* sink = gst_element_get_static_pad(element, "sink");
+  gst_pad_add_probe(
+      sink, GST_PAD_PROBE_TYPE_BUFFER,
+      [](GstPad*, GstPadProbeInfo*, gpointer) {
+        if (slowness > 0) g_usleep(slowness);
+        return GST_PAD_PROBE_OK;
+      },
+      nullptr, nullptr);
+  gst_object_unref(sink);
+}
+
+class OverloadTest : public LossTest {
+ protected:
+  void SetUp() override {
+    if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
+    slowness = 0;
+    // 3 seconds with a key frame in each.
+    const ElementPtr film =
+        launch("videotestsrc num-buffers=45 ! video/x-raw,width=64,height=48,framerate=15/1 ! " + encoder() +
+               " ! h264parse ! matroskamux ! filesink location=" + files->path("gops.mkv"));
+    ASSERT_TRUE(film);
+    ASSERT_EQ(run(film.get()), "");
+  }
+  void TearDown() override { slowness = 0; }
+  static std::string encoder() {
+    const ElementPtr x264(gst_element_factory_make("x264enc", nullptr));
+    return x264 ? "x264enc tune=zerolatency key-int-max=15" : "openh264enc gop-size=15";
+  }
+  static uint64_t dropped(GstElement* node) {
+    uint64_t sum = 0;
+    for (int id = 0; id < 3; id++) sum += camera_stats(node, id).dropped;
+    return sum;
+  }
+};
+
+// A frame takes 100 ms of 67: late by 1 s after 3 s, and never on time again, if all were decoded.
+TEST_F(OverloadTest, FramesAreDroppedBeforeTheyAreDecoded) {
+  const ElementPtr pipeline =
+      launch(line(rig(3, [](guint) { return "gops.mkv"; }), 1, "is-live=true loop=true sum=camera"));
+  ASSERT_TRUE(pipeline);
+  g_signal_connect(pipeline.get(), "deep-element-added", G_CALLBACK(slow_down), nullptr);
+  const Said said(pipeline.get());
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const ElementPtr node = child(pipeline.get(), "n");
+  for (const int id : {0, 1, 2})
+    EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), id).state == "running"; }));
+  slowness = 100000;
+  EXPECT_TRUE(eventually([&] { return dropped(node.get()) > 60; }));  // longer than without there were frames in time
+  const uint64_t answers = stat(node.get(), "answers"), fragments = stat(node.get(), "fragments");
+  EXPECT_TRUE(eventually([&] { return stat(node.get(), "answers") >= answers + 75; }));
+  const double cameras = static_cast<double>(stat(node.get(), "fragments") - fragments) /
+                         static_cast<double>(stat(node.get(), "answers") - answers);
+  std::printf("of 3 cameras %.1f are in a picture\n", cameras);
+  EXPECT_GT(cameras, 0.7);
+  EXPECT_THAT(said.warnings(), Contains(HasSubstr("this machine can't decode all frames")));
+  EXPECT_THAT(said.warnings(), Each(Not(HasSubstr("the clock that of all machines"))));
+
+  slowness = 0;
+  EXPECT_TRUE(eventually([&] {
+    const uint64_t before = dropped(node.get());
+    g_usleep(1500000);
+    return dropped(node.get()) == before && said.out_of_service() == 0;
+  }));
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  EXPECT_THAT(said.errors(), IsEmpty());
+}
+
+TEST_F(OverloadTest, FilesThatAreNotLiveGiveAllTheirFrames) {
+  slowness = 20000;
+  const std::string path = rig(2, [](guint) { return "gops.mkv"; });
+  const ElementPtr pipeline = launch("lfviewrequest num-buffers=45 framerate=15/1 width=64 height=48 rig=" + path +
+                                     " ! lfcameranode name=n rig=" + path + " ! fakesink sync=false");
+  ASSERT_TRUE(pipeline);
+  g_signal_connect(pipeline.get(), "deep-element-added", G_CALLBACK(slow_down), nullptr);
+  const Said said(pipeline.get());
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  EXPECT_TRUE(eventually([&] { return said.has_ended(); }));
+  const ElementPtr node = child(pipeline.get(), "n");
+  EXPECT_EQ(camera_stats(node.get(), 0).dropped + camera_stats(node.get(), 1).dropped, 0u);
+  EXPECT_EQ(stat(node.get(), "missing-frames"), 0u);
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+}
+
+}  // namespace
+}  // namespace lf::test
