@@ -3,6 +3,8 @@
 // A camera that fails where that is no error: it is closed, and opened again after a while, on threads of their own, as
 // neither may be done by the threads that streamed. Each of these steps has the element's state to itself; those that
 // were planned before the element was stopped, or opened anew, are void.
+#include <algorithm>
+#include <atomic>
 #include <utility>
 
 #include "base/now.h"
@@ -101,7 +103,13 @@ void lf_cam_src_push_lost(LfCamSrc* self) {
                      gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new_empty(LF_CAMERA_LOST)));
 }
 
-// Calls `step` with the state lock if nothing has been opened since `serial`.
+// Whether nothing has been opened or stopped since `serial`.
+static bool lf_cam_src_is_due(LfCamSrc* self, guint serial) {
+  return static_cast<guint>(g_atomic_int_get(&self->serial)) == serial && GST_STATE(self) >= GST_STATE_PAUSED &&
+         GST_STATE_TARGET(self) >= GST_STATE_PAUSED;
+}
+
+// Calls `step` with the state lock, on a thread of its own, if it is still due then.
 static void lf_cam_src_call_step(LfCamSrc* self, guint serial, void (*step)(LfCamSrc*)) {
   struct Call {
     guint serial;
@@ -111,25 +119,94 @@ static void lf_cam_src_call_step(LfCamSrc* self, guint serial, void (*step)(LfCa
       GST_ELEMENT(self),
       [](GstElement* element, gpointer data) {
         const auto* call = static_cast<Call*>(data);
-        LfCamSrc* cam_src = LF_CAM_SRC(element);
         GST_STATE_LOCK(element);
-        if (static_cast<guint>(g_atomic_int_get(&cam_src->serial)) == call->serial &&
-            GST_STATE(element) >= GST_STATE_PAUSED && GST_STATE_TARGET(element) >= GST_STATE_PAUSED)
-          call->step(cam_src);
+        if (lf_cam_src_is_due(LF_CAM_SRC(element), call->serial)) call->step(LF_CAM_SRC(element));
         GST_STATE_UNLOCK(element);
       },
       new Call{serial, step}, [](gpointer data) { delete static_cast<Call*>(data); });
 }
 
+// The same after `delay`, in place of what is planned.
+static void lf_cam_src_call_later(LfCamSrc* self, GstClockTime delay, void (*step)(LfCamSrc*)) {
+  struct Plan {
+    GWeakRef element;
+    guint serial;
+    void (*step)(LfCamSrc*);
+  };
+  auto* plan = new Plan{{}, static_cast<guint>(g_atomic_int_get(&self->serial)), step};
+  g_weak_ref_init(&plan->element, self);
+  GstClock* clock = gst_system_clock_obtain();
+  GstClockID timer = gst_clock_new_single_shot_id(clock, gst_clock_get_time(clock) + delay);
+  gst_clock_id_wait_async(
+      timer,
+      [](GstClock*, GstClockTime, GstClockID, gpointer data) -> gboolean {
+        auto* due = static_cast<Plan*>(data);
+        if (gpointer element = g_weak_ref_get(&due->element)) {
+          lf_cam_src_call_step(LF_CAM_SRC(element), due->serial, due->step);
+          gst_object_unref(element);
+        }
+        return TRUE;
+      },
+      plan,
+      [](gpointer data) {
+        g_weak_ref_clear(&static_cast<Plan*>(data)->element);
+        delete static_cast<Plan*>(data);
+      });
+  gst_object_unref(clock);
+  GST_OBJECT_LOCK(self);
+  GstClockID before = std::exchange(self->timer, timer);
+  GST_OBJECT_UNLOCK(self);
+  if (!before) return;
+  gst_clock_id_unschedule(before);
+  gst_clock_id_unref(before);
+}
+
 static void lf_cam_src_close_lost(LfCamSrc* self) {
-  // Without another attempt the children stay as they are: frames on their way still arrive.
-  if (lf_cam_src_retries(self)) lf_cam_src_close(self);
-  lf_cam_src_push_lost(self);
+  lf_cam_src_close(self);
+  lf_cam_src_push_lost(self);  // again: a frame may have been on its way
   lf_cam_src_schedule_retry(self);
 }
 
+// Downstream is told without the state lock: a file's frames may be waiting there for requests.
 void lf_cam_src_take_out(LfCamSrc* self, guint serial) {
-  if (lf_cam_src_may_be_lost(self)) lf_cam_src_call_step(self, serial, lf_cam_src_close_lost);
+  if (!lf_cam_src_may_be_lost(self)) return;
+  gst_element_call_async(
+      GST_ELEMENT(self),
+      [](GstElement* element, gpointer data) {
+        LfCamSrc* cam_src = LF_CAM_SRC(element);
+        if (!lf_cam_src_is_due(cam_src, GPOINTER_TO_UINT(data))) return;
+        lf_cam_src_push_lost(cam_src);
+        // Without another attempt the children stay as they are: frames on their way still arrive.
+        if (lf_cam_src_retries(cam_src)) lf_cam_src_call_step(cam_src, GPOINTER_TO_UINT(data), lf_cam_src_close_lost);
+      },
+      GUINT_TO_POINTER(serial), nullptr);
+}
+
+// Cables can be pulled so that nobody says a word.
+static void lf_cam_src_look_for_frames(LfCamSrc* self) {
+  if (!self->run || self->service->state() == State::kEnded) return;
+  constexpr uint64_t kLongestGap = 5'000'000'000, kLongestStart = 20'000'000'000;
+  const uint64_t now = lf::now_ns(), frames = self->run->stream->frames_out();
+  const uint64_t activity = frames + (*self->shedder)->dropped();
+  if (GST_STATE(self) != GST_STATE_PLAYING || activity != self->activity) {
+    self->activity = activity;
+    self->active = now;
+  }
+  const uint64_t longest = frames > 0 ? std::max<uint64_t>(kLongestGap, 5 * lf_cam_src_period(self)) : kLongestStart;
+  if (now - self->active < longest) return lf_cam_src_call_later(self, GST_SECOND, lf_cam_src_look_for_frames);
+  if (!self->run->stream->first_error()) return;  // that has been told
+  lf_cam_src_fail(
+      self,
+      {GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_READ,
+       self->run->stream->place() + ": no frame for " + std::to_string((now - self->active) / GST_SECOND) + " s", ""});
+  lf_cam_src_take_out(self, static_cast<guint>(g_atomic_int_get(&self->serial)));
+}
+
+void lf_cam_src_watch(LfCamSrc* self) {
+  // Alone, its downstream may stop it for as long as it likes.
+  if (!self->live || !self->run || !g_atomic_int_get(&self->expendable)) return;
+  self->active = lf::now_ns();
+  lf_cam_src_call_later(self, GST_SECOND, lf_cam_src_look_for_frames);
 }
 
 static void lf_cam_src_try_again(LfCamSrc* self) {
@@ -152,7 +229,8 @@ static void lf_cam_src_try_again(LfCamSrc* self) {
   }
   if (result != GST_STATE_CHANGE_FAILURE && GST_STATE_TARGET(self) == GST_STATE_PLAYING)
     result = lf::play_new_children(bin);
-  if (result == GST_STATE_CHANGE_FAILURE) lf_cam_src_fail_to_start(self);
+  if (result == GST_STATE_CHANGE_FAILURE) return lf_cam_src_fail_to_start(self);
+  lf_cam_src_watch(self);
 }
 
 void lf_cam_src_fail_to_start(LfCamSrc* self) {
@@ -165,45 +243,13 @@ void lf_cam_src_fail_to_start(LfCamSrc* self) {
 }
 
 void lf_cam_src_schedule_retry(LfCamSrc* self) {
-  if (!lf_cam_src_retries(self)) return;
-  struct Plan {
-    GWeakRef element;
-    guint serial;
-  };
-  auto* plan = new Plan;
-  g_weak_ref_init(&plan->element, self);
-  plan->serial = static_cast<guint>(g_atomic_int_get(&self->serial));
-  GstClock* clock = gst_system_clock_obtain();
-  GstClockID timer = gst_clock_new_single_shot_id(clock, gst_clock_get_time(clock) + self->service->wait(lf::now_ns()));
-  gst_clock_id_wait_async(
-      timer,
-      [](GstClock*, GstClockTime, GstClockID, gpointer data) -> gboolean {
-        auto* due = static_cast<Plan*>(data);
-        if (gpointer element = g_weak_ref_get(&due->element)) {
-          lf_cam_src_call_step(LF_CAM_SRC(element), due->serial, lf_cam_src_try_again);
-          gst_object_unref(element);
-        }
-        return TRUE;
-      },
-      plan,
-      [](gpointer data) {
-        g_weak_ref_clear(&static_cast<Plan*>(data)->element);
-        delete static_cast<Plan*>(data);
-      });
-  GST_OBJECT_LOCK(self);
-  GstClockID before = std::exchange(self->retry_timer, timer);
-  GST_OBJECT_UNLOCK(self);
-  if (before) {
-    gst_clock_id_unschedule(before);
-    gst_clock_id_unref(before);
-  }
-  gst_object_unref(clock);
+  if (lf_cam_src_retries(self)) lf_cam_src_call_later(self, self->service->wait(lf::now_ns()), lf_cam_src_try_again);
 }
 
-void lf_cam_src_cancel_retry(LfCamSrc* self) {
+void lf_cam_src_cancel_plans(LfCamSrc* self) {
   g_atomic_int_inc(&self->serial);
   GST_OBJECT_LOCK(self);
-  GstClockID before = std::exchange(self->retry_timer, nullptr);
+  GstClockID before = std::exchange(self->timer, nullptr);
   GST_OBJECT_UNLOCK(self);
   if (!before) return;
   gst_clock_id_unschedule(before);

@@ -30,11 +30,6 @@ void CameraFrames::note_arrival(int64_t late) {
   behind_ = static_cast<uint64_t>(late - earliest_);
 }
 
-uint64_t CameraFrames::behind() const {
-  std::lock_guard lock(mutex_);
-  return behind_;
-}
-
 void CameraFrames::drop_oldest() {
   if (!frames_.front().used) dropped_++;
   if (frames_.front().frame.jpeg) before_ = std::move(frames_.front().frame);
@@ -85,6 +80,7 @@ GstFlowReturn CameraFrames::push_at(uint64_t time, std::optional<CameraFrame> fr
   if (!frames_.empty()) last_period_ = time - frames_.back().time;
   lost_ = false;
   if (!frame) frame = frames_.empty() ? before_ : frames_.back().frame;
+  frame->behind = behind_;
   frames_.push_back({time, std::move(*frame)});
   while (has_too_many()) drop_oldest();
   changed_.notify_all();
@@ -121,7 +117,6 @@ void CameraFrames::end_stream() {
 void CameraFrames::lose_stream() {
   std::lock_guard lock(mutex_);
   lost_ = true;
-  behind_ = 0;
   changed_.notify_all();
 }
 

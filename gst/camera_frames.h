@@ -24,6 +24,7 @@ struct CameraFrame {
   GstVideoInfo info;
   std::shared_ptr<const CameraFrame> original;  // as it came, if it is converted and may have to be to the other family
   std::shared_ptr<JpegFrame> jpeg;              // in place of buffer and info
+  uint64_t behind = 0;                          // how much later it came than frames of this stream can, nanoseconds
   uint64_t time = 0;  // capture time, nanoseconds: clock time of live cameras, running time of others
 
   // Whether it is a picture of the size that the rig has the camera in.
@@ -54,8 +55,6 @@ class CameraFrames {
   GstFlowReturn push_damaged(uint64_t time);
   // The next frame to be handed over comes so much later than it was taken, nanoseconds.
   void note_arrival(int64_t late);
-  // How much later the newest frame came than frames of this stream can, nanoseconds.
-  uint64_t behind() const;
   void end_stream();   // EOS: the last frame stands for all times after it
   void lose_stream();  // the camera failed: there is nothing after the last frame's time, until one comes again
   void set_flushing(bool flushing);  // of this camera's stream; drops what is held

@@ -61,7 +61,10 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   void stop();
   // True the first time: an error follows from the one before it and is not worth telling.
   bool first_error() { return !failed_.exchange(true); }
+  bool has_failed() const { return failed_; }
   const std::string& place() const { return options_.place; }
+  // Frames sent so far.
+  uint64_t frames_out() const { return static_cast<uint64_t>(frames_out_); }
   // Running time at which the newest frame ends. Call when nothing flows.
   GstClockTime ends_at() const { return stream_end_; }
 
@@ -93,6 +96,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   const StreamListener listener_;
   bool live_ = false;
   std::atomic<bool> ending_ = false, stopping_ = false, failed_ = false;
+  std::atomic<gint64> frames_out_ = 0;
   std::mutex seeking_;
   std::atomic<guint32> loop_seqnum_ = GST_SEQNUM_INVALID;  // of the seek back to the beginning
 
@@ -102,7 +106,6 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstClockTime stream_end_ = 0;   // running time at which the newest frame ends
   GstClockTime round_start_ = 0;  // running time at which this round of a loop began
   guint64 round_frames_ = 0;      // frames since then
-  gint64 frames_out_ = 0;
   gint fps_n_ = 0, fps_d_ = 1;
   bool counts_time_ = false;  // frames have no stamps of their own
   bool is_jpeg_ = false, size_is_wrong_ = false, announced_ = false, eos_sent_ = false;

@@ -154,7 +154,7 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
     std::optional<CameraFrame> frame = frames.find(wanted, !manner.live, &requester.cancelled);
     if (frame && !frame->fits(array.rig->cameras[camera])) frame.reset();
     if (!frame || wanted == kNoTime || !frames.is_live()) return frame;
-    skews.push_back({camera, frame->time, wanted, frames.period(), frames.behind()});
+    skews.push_back({camera, frame->time, wanted, frames.period(), frame->behind});
     if (manner.max_skew > 0 && time_between(frame->time, wanted) > manner.max_skew) {
       frame.reset();
       stats_.stale_frames++;

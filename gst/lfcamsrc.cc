@@ -65,6 +65,17 @@ static GstStaticPadTemplate src_template =
     GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
                             GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }") "; image/jpeg"));
 
+GstClockTime lf_cam_src_period(LfCamSrc* self) {
+  GstCaps* caps = gst_pad_get_current_caps(self->src);
+  int fps_n = 0, fps_d = 1;
+  if (caps) {
+    gst_structure_get_fraction(gst_caps_get_structure(caps, 0), "framerate", &fps_n, &fps_d);
+    gst_caps_unref(caps);
+  }
+  if (fps_n <= 0 || fps_d <= 0) return GST_SECOND / lf::kDefaultFps;
+  return gst_util_uint64_scale(GST_SECOND, static_cast<guint64>(fps_d), static_cast<guint64>(fps_n));
+}
+
 // A live stream may come up to one frame time after its stamps: a frame takes as long to be had.
 static gboolean on_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   if (!gst_pad_query_default(pad, parent, query)) return FALSE;
@@ -73,14 +84,7 @@ static gboolean on_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   GstClockTime min = 0, max = GST_CLOCK_TIME_NONE;
   gst_query_parse_latency(query, &live, &min, &max);
   if (!live) return TRUE;
-  GstCaps* caps = gst_pad_get_current_caps(pad);
-  int fps_n = 0, fps_d = 1;
-  if (caps) {
-    gst_structure_get_fraction(gst_caps_get_structure(caps, 0), "framerate", &fps_n, &fps_d);
-    gst_caps_unref(caps);
-  }
-  if (fps_n <= 0) fps_n = lf::kDefaultFps;
-  gst_query_set_latency(query, live, std::max(min, gst_util_uint64_scale(GST_SECOND, fps_d, fps_n)), max);
+  gst_query_set_latency(query, live, std::max(min, lf_cam_src_period(LF_CAM_SRC(parent))), max);
   return TRUE;
 }
 
@@ -130,7 +134,7 @@ static bool prepare(LfCamSrc* self, GstStateChange transition) {
     self->run->used = true;
     lf_cam_src_start_tail(self->run->chain);
   } else if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) {
-    lf_cam_src_cancel_retry(self);
+    lf_cam_src_cancel_plans(self);
     if (!self->run) return true;
     self->run->stream->stop();
     stop_tail(self->run->chain);
@@ -153,6 +157,18 @@ static GstStateChangeReturn change_children(LfCamSrc* self, GstStateChange trans
   return result;
 }
 
+// In PAUSED: what could not be done before.
+static void lf_cam_src_begin(LfCamSrc* self) {
+  if (!self->run) {
+    lf_cam_src_push_lost(self);
+    lf_cam_src_schedule_retry(self);
+  } else if (self->run->stream->has_failed()) {
+    lf_cam_src_take_out(self, static_cast<guint>(g_atomic_int_get(&self->serial)));
+  } else {
+    lf_cam_src_watch(self);
+  }
+}
+
 static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStateChange transition) {
   LfCamSrc* self = LF_CAM_SRC(element);
   if (!self->net_clock->before(element, transition)) return GST_STATE_CHANGE_FAILURE;
@@ -165,10 +181,7 @@ static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStat
       self->live = true;
       if (self->run) self->run->stream->set_live();
     }
-    if (!self->run && result != GST_STATE_CHANGE_FAILURE) {
-      lf_cam_src_push_lost(self);
-      lf_cam_src_schedule_retry(self);
-    }
+    if (result != GST_STATE_CHANGE_FAILURE) lf_cam_src_begin(self);
   }
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) self->service->stop();
   if (transition == GST_STATE_CHANGE_READY_TO_NULL ||
@@ -230,7 +243,7 @@ static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
   if (running) {
     self->run->stream->end();
   } else if (self->service->state() == lf::CameraService::State::kLost) {
-    lf_cam_src_cancel_retry(self);
+    lf_cam_src_cancel_plans(self);
     running = true;
     gst_element_call_async(
         element, [](GstElement* camera, gpointer) { gst_pad_push_event(LF_CAM_SRC(camera)->src, gst_event_new_eos()); },
@@ -263,7 +276,7 @@ static void lf_cam_src_get_property(GObject* object, guint id, GValue* value, GP
 
 static void lf_cam_src_finalize(GObject* object) {
   LfCamSrc* self = LF_CAM_SRC(object);
-  lf_cam_src_cancel_retry(self);
+  lf_cam_src_cancel_plans(self);
   delete self->run;
   delete self->settings;
   delete self->service;

@@ -39,9 +39,11 @@ struct _LfCamSrc {
   GstClockTime end;  // running time of the end of the stream before
   guint camera;      // id of the camera last opened
   std::string* name;
-  gint expendable;         // its loss is no error; atomic
-  guint serial;            // atomic; another one with each opening: what was planned before is void
-  GstClockID retry_timer;  // under the object lock
+  gint expendable;   // its loss is no error; atomic
+  guint serial;      // atomic; another one with each opening: what was planned before is void
+  GstClockID timer;  // of the next attempt or look; under the object lock
+  guint64 activity;  // frames seen by the watch
+  guint64 active;    // when there was another one, lf::now_ns()
 };
 
 // Why a camera is of no use.
@@ -74,4 +76,9 @@ void lf_cam_src_tell_overload(LfCamSrc* self, GstClockTimeDiff late);
 void lf_cam_src_push_lost(LfCamSrc* self);
 // Plans the next attempt, if there is one to be.
 void lf_cam_src_schedule_retry(LfCamSrc* self);
-void lf_cam_src_cancel_retry(LfCamSrc* self);
+// Has a live camera of a node watched for frames that fail to come.
+void lf_cam_src_watch(LfCamSrc* self);
+// What is planned is not done any more.
+void lf_cam_src_cancel_plans(LfCamSrc* self);
+// Between frames as the caps have it, nanoseconds.
+GstClockTime lf_cam_src_period(LfCamSrc* self);

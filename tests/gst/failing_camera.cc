@@ -43,6 +43,7 @@ GstStaticPadTemplate source_template =
 GstPadProbeReturn on_frame(GstPad*, GstPadProbeInfo* info, gpointer data) {
   auto* self = static_cast<Source*>(data);
   FailingDevice& device = failing_device(self->id);
+  if (device.stalls) return GST_PAD_PROBE_DROP;
   const int most = device.frames_at_most;
   const bool fails = device.broken || (most > 0 && self->frames >= most);
   self->frames++;

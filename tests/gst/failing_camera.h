@@ -13,6 +13,7 @@ namespace lf::test {
 struct FailingDevice {
   std::atomic<bool> broken = false;     // an error with the next frame, or when it is opened
   std::atomic<bool> ends = false;       // EOS with the next frame
+  std::atomic<bool> stalls = false;     // no more frames, and not a word
   std::atomic<int> frames_at_most = 0;  // each time it is opened, then an error; 0: any number
   std::atomic<int> opened = 0;
 };
@@ -25,7 +26,7 @@ inline FailingDevice& failing_device(size_t id) {
 inline void reset_failing_devices() {
   for (size_t id = 0; id < 64; id++) {
     FailingDevice& device = failing_device(id);
-    device.broken = device.ends = false;
+    device.broken = device.ends = device.stalls = false;
     device.frames_at_most = device.opened = 0;
   }
 }

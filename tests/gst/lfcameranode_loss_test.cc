@@ -83,6 +83,28 @@ TEST_F(LossTest, ALiveStreamThatEndsIsALoss) {
   EXPECT_THAT(said.errors(), IsEmpty());
 }
 
+TEST_F(LossTest, ACameraThatFallsSilentIsLost) {
+  const ElementPtr pipeline = launch(line(devices(2)));
+  ASSERT_TRUE(pipeline);
+  const Said said(pipeline.get());
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const ElementPtr node = child(pipeline.get(), "n");
+  EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).state == "running"; }));
+  failing_device(1).stalls = true;
+  EXPECT_TRUE(eventually([&] { return said.lost(1) == 1; }));
+  EXPECT_THAT(said.reason(1), HasSubstr("failing://1: no frame for 5 s"));
+  failing_device(1).stalls = false;
+  EXPECT_TRUE(eventually([&] { return said.found(1) == 1; }));
+  // While it is paused there are none, and nobody misses them.
+  gst_element_set_state(pipeline.get(), GST_STATE_PAUSED);
+  g_usleep(7000000);
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  EXPECT_TRUE(eventually([&] { return said.out_of_service() == 0; }));
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  EXPECT_EQ(said.lost(0) + said.lost(1), 1);
+  EXPECT_THAT(said.errors(), IsEmpty());
+}
+
 TEST_F(LossTest, WithoutRetryACameraIsLostForGood) {
   const ElementPtr pipeline = launch(line(devices(2), 1, "is-live=true retry=false"));
   ASSERT_TRUE(pipeline);
