@@ -62,7 +62,8 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
   if (!source.location.empty()) place += ": " + source.location;
   const bool file = is_file(source);
   const bool network = source.kind == Kind::kDevice || (source.kind == Kind::kUri && !file);
-  self->live = self->live || source.kind == Kind::kDevice;
+  // Of what comes over HTTP it is known when it has come.
+  self->live = self->live || (network && !g_str_has_prefix(source.location.c_str(), "http"));
 
   const lf::CameraChain chain = lf::build_camera_chain(GST_BIN(self), source, camera,
                                                        {.fps_n = settings.fps_n,

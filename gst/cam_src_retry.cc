@@ -167,14 +167,18 @@ static void lf_cam_src_close_lost(LfCamSrc* self) {
   lf_cam_src_schedule_retry(self);
 }
 
-// Downstream is told without the state lock: a file's frames may be waiting there for requests.
+// Downstream is told without the state lock, as a file's frames may be waiting there for requests; but after a change
+// of state that is under way.
 void lf_cam_src_take_out(LfCamSrc* self, guint serial) {
   if (!lf_cam_src_may_be_lost(self)) return;
   gst_element_call_async(
       GST_ELEMENT(self),
       [](GstElement* element, gpointer data) {
         LfCamSrc* cam_src = LF_CAM_SRC(element);
-        if (!lf_cam_src_is_due(cam_src, GPOINTER_TO_UINT(data))) return;
+        GST_STATE_LOCK(element);
+        const bool is_due = lf_cam_src_is_due(cam_src, GPOINTER_TO_UINT(data));
+        GST_STATE_UNLOCK(element);
+        if (!is_due) return;
         lf_cam_src_push_lost(cam_src);
         // Without another attempt the children stay as they are: frames on their way still arrive.
         if (lf_cam_src_retries(cam_src)) lf_cam_src_call_step(cam_src, GPOINTER_TO_UINT(data), lf_cam_src_close_lost);

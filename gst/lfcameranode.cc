@@ -30,11 +30,10 @@
 #include <vector>
 
 #include "base/error.h"
-#include "camera_node_settings.h"
 #include "common.h"
+#include "lfcameranode_private.h"
 #include "lfcamsrc.h"
 #include "lffragment_private.h"
-#include "net_clock.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_camera_node_debug);
 #define GST_CAT_DEFAULT lf_camera_node_debug
@@ -52,19 +51,6 @@ enum {
 };
 
 }  // namespace
-
-using ElementPtr = std::unique_ptr<GstElement, decltype([](GstElement* element) { gst_object_unref(element); })>;
-
-struct _LfCameraNode {
-  GstBin parent;
-  GstElement* fragment;  // borrowed from the bin's children; null where lffragment is not installed
-  Settings* settings;    // under the object lock
-  lf::NetClock* net_clock;
-  Settings* opened;                     // what the children were made for
-  std::shared_ptr<const lf::Rig>* rig;  // the same
-  std::vector<GstElement*>* cameras;    // borrowed from the bin's children; under the object lock
-  bool failed;                          // no camera works; under the object lock
-};
 
 G_DEFINE_TYPE_WITH_CODE(LfCameraNode, lf_camera_node, GST_TYPE_BIN,
                         GST_DEBUG_CATEGORY_INIT(lf_camera_node_debug, "lfcameranode", 0, "cameras of a rig as a node"))
@@ -90,7 +76,6 @@ static Settings current_settings(LfCameraNode* self) {
 static void remove_cameras(LfCameraNode* self) {
   GST_OBJECT_LOCK(self);
   const std::vector<GstElement*> cameras = std::exchange(*self->cameras, {});
-  self->failed = false;
   GST_OBJECT_UNLOCK(self);
   for (GstElement* camera : cameras) {
     GstPad* src = gst_element_get_static_pad(camera, "src");
@@ -199,35 +184,6 @@ static void lf_camera_node_set_rig(LfCameraNode* self, const gchar* path) {
   GST_OBJECT_UNLOCK(self);
 }
 
-// --- Cameras that fail
-// ------------------------------------------------------------------------------------------------
-
-static std::vector<ElementPtr> lf_camera_node_cameras(LfCameraNode* self) {
-  std::vector<ElementPtr> cameras;
-  GST_OBJECT_LOCK(self);
-  for (GstElement* camera : *self->cameras) cameras.emplace_back(GST_ELEMENT(gst_object_ref(camera)));
-  GST_OBJECT_UNLOCK(self);
-  return cameras;
-}
-
-// A camera has been lost: an error if none works. Some may come back where one has worked before.
-static void lf_camera_node_check_cameras(LfCameraNode* self) {
-  bool has_worked = false, for_good = true;
-  std::string reasons;
-  for (const ElementPtr& camera : lf_camera_node_cameras(self)) {
-    const lf::CameraService::Report report = lf_cam_src_service(LF_CAM_SRC(camera.get())).report();
-    if (report.state != lf::CameraService::State::kLost) return;
-    has_worked = has_worked || report.worked;
-    for_good = for_good && lf_cam_src_is_lost_for_good(LF_CAM_SRC(camera.get()));
-    reasons += "\n" + report.reason;
-  }
-  if (has_worked && !for_good) return;
-  GST_OBJECT_LOCK(self);
-  const bool known = std::exchange(self->failed, true);
-  GST_OBJECT_UNLOCK(self);
-  if (!known) GST_ELEMENT_ERROR(self, RESOURCE, NOT_FOUND, ("No camera works:%s", reasons.c_str()), (nullptr));
-}
-
 static void lf_camera_node_handle_message(GstBin* bin, GstMessage* message) {
   const GstStructure* structure =
       GST_MESSAGE_TYPE(message) == GST_MESSAGE_ELEMENT ? gst_message_get_structure(message) : nullptr;
@@ -236,38 +192,15 @@ static void lf_camera_node_handle_message(GstBin* bin, GstMessage* message) {
   if (is_loss) lf_camera_node_check_cameras(LF_CAMERA_NODE(bin));
 }
 
-static bool lf_camera_node_has_failed(LfCameraNode* self) {
-  GST_OBJECT_LOCK(self);
-  const bool failed = self->failed;
-  GST_OBJECT_UNLOCK(self);
-  return failed;
-}
-
-// What lffragment counts, and the structure `cameras` of one for each, camera-ID.
-static GstStructure* lf_camera_node_stats(LfCameraNode* self) {
-  GstStructure* stats = nullptr;
-  if (self->fragment) g_object_get(self->fragment, "stats", &stats, nullptr);
-  if (!stats) stats = gst_structure_new_empty("application/x-lightfield-fragment-stats");
-  g_autoptr(GstStructure) cameras = gst_structure_new_empty("cameras");
-  for (const ElementPtr& camera : lf_camera_node_cameras(self)) {
-    guint id = 0;
-    g_object_get(camera.get(), "camera", &id, nullptr);
-    const std::string name = "camera-" + std::to_string(id);
-    g_autoptr(GstStructure) one = lf_cam_src_stats(LF_CAM_SRC(camera.get()), name.c_str());
-    gst_structure_set(cameras, name.c_str(), GST_TYPE_STRUCTURE, one, nullptr);
-  }
-  gst_structure_set(stats, "cameras", GST_TYPE_STRUCTURE, cameras, nullptr);
-  return stats;
-}
-
 static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, GstStateChange transition) {
   LfCameraNode* self = LF_CAMERA_NODE(element);
   if (!self->net_clock->before(element, transition)) return GST_STATE_CHANGE_FAILURE;
   const bool stale = transition == GST_STATE_CHANGE_NULL_TO_READY ||
                      (transition == GST_STATE_CHANGE_READY_TO_PAUSED && *self->opened != current_settings(self));
   if (stale && !open_cameras(self)) return GST_STATE_CHANGE_FAILURE;
-  GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_camera_node_parent_class)->change_state(element, transition);
   const bool starts = transition == GST_STATE_CHANGE_NULL_TO_READY || transition == GST_STATE_CHANGE_READY_TO_PAUSED;
+  if (starts) lf_camera_node_forget_failure(self);
+  GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_camera_node_parent_class)->change_state(element, transition);
   if (starts && lf_camera_node_has_failed(self)) result = GST_STATE_CHANGE_FAILURE;
   self->net_clock->after(element, transition);
   if (transition == GST_STATE_CHANGE_READY_TO_NULL ||

@@ -147,7 +147,7 @@ static GstStateChangeReturn change_children(LfCamSrc* self, GstStateChange trans
   const auto chain_up = GST_ELEMENT_CLASS(lf_cam_src_parent_class)->change_state;
   const auto current = GST_STATE_TRANSITION_CURRENT(transition), next = GST_STATE_TRANSITION_NEXT(transition);
   GstStateChangeReturn result = lf::change_camera_state(GST_BIN(self), transition, chain_up);
-  if (result == GST_STATE_CHANGE_FAILURE && current < next && lf_cam_src_may_be_lost(self)) {
+  if (result == GST_STATE_CHANGE_FAILURE && current < next && self->run && lf_cam_src_may_be_lost(self)) {
     lf_cam_src_fail_to_start(self);
     result = lf::change_camera_state(GST_BIN(self), transition, chain_up);
   }

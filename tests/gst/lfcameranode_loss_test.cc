@@ -256,6 +256,27 @@ class RtspLossTest : public LossTest {
   }
 };
 
+TEST_F(RtspLossTest, AServerIsStartedAfterItsViewers) {
+  for (const std::string node_is : {"", "is-live=true"}) {
+    SCOPED_TRACE(node_is);
+    auto server = std::make_unique<RtspServer>();
+    const int port = server->port();
+    const std::string uri = server->uri("/jpeg");
+    server.reset();
+    const ElementPtr pipeline = launch(
+        line(rig(2, [&](guint id) { return id == 1 ? uri : "failing://0"; }), 1, node_is + " loop=true latency=50"));
+    ASSERT_TRUE(pipeline);
+    const Said said(pipeline.get());
+    gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+    EXPECT_TRUE(eventually([&] { return said.lost(1) == 1 && said.out_of_service() == 1; }));
+    EXPECT_THAT(said.warnings(), ElementsAre(AllOf(HasSubstr(uri), HasSubstr("until it is back"))));
+    server = std::make_unique<RtspServer>(port);
+    EXPECT_TRUE(eventually([&] { return said.found(1) == 1 && said.out_of_service() == 0; })) << said.reason(1);
+    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+    EXPECT_THAT(said.errors(), IsEmpty());
+  }
+}
+
 TEST_F(RtspLossTest, AServerStopsAndStartsAgainWhileTwoViewersWatch) {
   for (const std::string scheme : {"rtsp", "rtspt"}) {
     SCOPED_TRACE(scheme);
