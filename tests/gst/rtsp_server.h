@@ -35,7 +35,17 @@ class RtspServer {
   ~RtspServer() {
     gst_rtsp_server_client_filter(
         server_, [](GstRTSPServer*, GstRTSPClient*, gpointer) { return GST_RTSP_FILTER_REMOVE; }, nullptr);
-    g_main_loop_quit(loop_);
+    // In the loop itself, which may not have begun to run.
+    GSource* quit = g_idle_source_new();
+    g_source_set_callback(
+        quit,
+        [](gpointer loop) -> gboolean {
+          g_main_loop_quit(static_cast<GMainLoop*>(loop));
+          return G_SOURCE_REMOVE;
+        },
+        loop_, nullptr);
+    g_source_attach(quit, context_);
+    g_source_unref(quit);
     thread_.join();
     g_object_unref(server_);
     g_main_loop_unref(loop_);
