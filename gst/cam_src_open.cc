@@ -152,17 +152,13 @@ bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure) {
   GST_OBJECT_UNLOCK(self);
   std::shared_ptr<const lf::Rig> rig;
   lf::CameraIndex index = 0;
-  const auto none = failure_of([&] {
+  *failure = failure_of([&] {
     rig = open_rig(settings.rig);
     const auto found = rig->index_of_id(settings.camera);
     if (!found) throw lf::Error(settings.rig + ": has no camera " + std::to_string(settings.camera));
     index = *found;
   });
-  if (none) {
-    gst_element_message_full(GST_ELEMENT(self), GST_MESSAGE_ERROR, none->domain, none->code,
-                             g_strdup(none->text.c_str()), nullptr, __FILE__, GST_FUNCTION, __LINE__);
-    return false;
-  }
+  if (*failure) return false;
   GST_OBJECT_LOCK(self);
   self->camera = rig->cameras[index].id;
   *self->name = rig->cameras[index].name;

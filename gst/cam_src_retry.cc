@@ -25,7 +25,7 @@ static GstStructure* lf_cam_src_structure(LfCamSrc* self, const char* name) {
   return structure;
 }
 
-static void lf_cam_src_post(LfCamSrc* self, GstStructure* structure) {
+static void lf_cam_src_post_structure(LfCamSrc* self, GstStructure* structure) {
   gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), structure));
 }
 
@@ -58,27 +58,28 @@ bool lf_cam_src_may_be_lost(LfCamSrc* self) {
   return retry || g_atomic_int_get(&self->expendable);
 }
 
+void lf_cam_src_post(LfCamSrc* self, GstMessageType type, const CamSrcFailure& failure, const char* more) {
+  gst_element_message_full(
+      GST_ELEMENT(self), type, failure.domain, failure.code, g_strdup((failure.text + more).c_str()),
+      failure.debug.empty() ? nullptr : g_strdup(failure.debug.c_str()), __FILE__, GST_FUNCTION, __LINE__);
+}
+
 void lf_cam_src_fail(LfCamSrc* self, const CamSrcFailure& failure) {
-  const auto post = [&](GstMessageType type, const std::string& text) {
-    gst_element_message_full(GST_ELEMENT(self), type, failure.domain, failure.code, g_strdup(text.c_str()),
-                             failure.debug.empty() ? nullptr : g_strdup(failure.debug.c_str()), __FILE__, GST_FUNCTION,
-                             __LINE__);
-  };
-  if (!lf_cam_src_may_be_lost(self)) return post(GST_MESSAGE_ERROR, failure.text);
+  if (!lf_cam_src_may_be_lost(self)) return lf_cam_src_post(self, GST_MESSAGE_ERROR, failure);
   if (!self->service->lose(failure.text, lf::now_ns())) {
     GST_INFO_OBJECT(self, "not back: %s", failure.text.c_str());
     return;
   }
   GstStructure* lost = lf_cam_src_structure(self, LF_CAMERA_LOST);
   gst_structure_set(lost, "reason", G_TYPE_STRING, failure.text.c_str(), nullptr);
-  lf_cam_src_post(self, lost);
-  post(GST_MESSAGE_WARNING, failure.text + (lf_cam_src_retries(self) ? ": out of service until it is back"
-                                                                     : ": out of service from now on"));
+  lf_cam_src_post_structure(self, lost);
+  lf_cam_src_post(self, GST_MESSAGE_WARNING, failure,
+                  lf_cam_src_retries(self) ? ": out of service until it is back" : ": out of service from now on");
 }
 
 void lf_cam_src_tell_found(LfCamSrc* self) {
   GST_INFO_OBJECT(self, "back again");
-  lf_cam_src_post(self, lf_cam_src_structure(self, LF_CAMERA_FOUND));
+  lf_cam_src_post_structure(self, lf_cam_src_structure(self, LF_CAMERA_FOUND));
 }
 
 // Of all cameras of the process one for a while.
@@ -218,7 +219,7 @@ static void lf_cam_src_try_again(LfCamSrc* self) {
   self->service->retry();
   GST_INFO_OBJECT(self, "trying again");
   std::unique_ptr<CamSrcFailure> failure;
-  if (!lf_cam_src_open(self, &failure)) return;
+  lf_cam_src_open(self, &failure);
   if (failure) {
     lf_cam_src_fail(self, *failure);
     return lf_cam_src_schedule_retry(self);

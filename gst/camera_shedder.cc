@@ -69,9 +69,10 @@ bool CameraShedder::drops(GstBuffer* buffer) {
   return true;
 }
 
-CameraShedder::Verdict CameraShedder::see(GstClockTime pts, GstClockTimeDiff late, GstClockTime period, uint64_t now) {
+CameraShedder::Verdict CameraShedder::see(GstClockTime pts, GstClockTimeDiff late, GstClockTime latency,
+                                          GstClockTime period, uint64_t now) {
   std::lock_guard lock(mutex_);
-  best_ = std::min(best_, std::max<GstClockTimeDiff>(late, 0));
+  best_ = std::min(best_, std::max(late, static_cast<GstClockTimeDiff>(latency)));
   behind_ = std::max<GstClockTimeDiff>(late - best_, 0);
   if (GST_CLOCK_TIME_IS_VALID(show_from_) && pts < show_from_) return Verdict::kLeaveOut;
   show_from_ = GST_CLOCK_TIME_NONE;

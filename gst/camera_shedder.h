@@ -12,7 +12,8 @@ namespace lf {
 
 // Leaves frames of one live camera undecoded where the machine can't decode all: when those that come out have been
 // late for a while, what goes in is dropped up to the next key frame that can be on time. It is late that counts, in
-// comparison with the best this camera has done: a network's or a device's own delay is none.
+// comparison with the latency that its source states and with the best it has done: a network's or a device's own delay
+// is no lateness.
 //
 // Of the cameras of a process one after the other begins to drop, so that no more do than need be: the others may then
 // keep up, and a camera that drops is one less for as long as a group of its pictures. Thread-safe.
@@ -35,8 +36,9 @@ class CameraShedder : public std::enable_shared_from_this<CameraShedder> {
     kBeginToDrop,  // frames are dropped from now on; leave this one out, too
   };
   // A frame has come out: `pts` its time in the stream, `late` how much later than its running time it is (negative:
-  // early), `period` of the camera's frames (0: not known), `now` of a clock that never jumps.
-  Verdict see(GstClockTime pts, GstClockTimeDiff late, GstClockTime period, uint64_t now);
+  // early), `latency` by how much its source says that it may be, `period` of the camera's frames (0: not known), `now`
+  // of a clock that never jumps.
+  Verdict see(GstClockTime pts, GstClockTimeDiff late, GstClockTime latency, GstClockTime period, uint64_t now);
 
   // By how much the newest frame was later than it could be; 0: not at all.
   GstClockTimeDiff behind() const;

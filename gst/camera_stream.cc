@@ -4,6 +4,7 @@
 #include <gst/video/video.h>
 
 #include <algorithm>
+#include <optional>
 
 #include "base/now.h"
 #include "common.h"
@@ -27,13 +28,14 @@ GstPadProbeReturn refuse(GstPadProbeInfo* info, GstFlowReturn reason) {
   return GST_PAD_PROBE_HANDLED;
 }
 
-// Whether what comes to this sink pad comes as it is taken: there is no beginning to seek back to.
-bool is_live_source(GstPad* sink) {
+// Of what comes to this sink pad: by how much it may be late; nothing where it does not come as it is taken.
+std::optional<GstClockTime> live_latency(GstPad* sink) {
   GstQuery* query = gst_query_new_latency();
   gboolean live = FALSE;
-  if (gst_pad_peer_query(sink, query)) gst_query_parse_latency(query, &live, nullptr, nullptr);
+  GstClockTime latency = 0;
+  if (gst_pad_peer_query(sink, query)) gst_query_parse_latency(query, &live, &latency, nullptr);
   gst_query_unref(query);
-  return live;
+  return live ? std::optional(latency) : std::nullopt;
 }
 
 // Calls `method` of the CameraStream `data`.
@@ -113,7 +115,8 @@ void CameraStream::seek_to_start(guint32 seqnum) {
 bool CameraStream::begin_again() {
   // Nobody wants more frames, or the file has none: no reason to turn round and round.
   if (!options_.seek_to_loop || !is_cut_off_ || failed_ || round_frames_ == 0) return false;
-  if (is_live_source(chain_.decoded)) return false;
+  if (live_latency(chain_.decoded)) return false;  // no beginning to seek back to
+
   round_start_ = stream_end_;
   round_frames_ = 0;
   loop_seqnum_ = gst_util_seqnum_next();
@@ -239,9 +242,12 @@ GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
 bool CameraStream::is_shed(GstPad* pad, GstBuffer* buffer, GstClockTime stamp) {
   const GstClockTime now = gst_element_get_current_running_time(owner_);
   if (!GST_CLOCK_TIME_IS_VALID(now)) return false;
+  constexpr guint64 kEvery = 30;  // frames: latency may change, if not often
+  if (judged_++ % kEvery == 0) latency_ = live_latency(chain_.decoded).value_or(0);
   const GstClockTime period = GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : 0;
   using Verdict = CameraShedder::Verdict;
-  const Verdict verdict = options_.shedder->see(GST_BUFFER_PTS(buffer), GST_CLOCK_DIFF(stamp, now), period, now_ns());
+  const Verdict verdict =
+      options_.shedder->see(GST_BUFFER_PTS(buffer), GST_CLOCK_DIFF(stamp, now), latency_, period, now_ns());
   if (verdict == Verdict::kBeginToDrop) {
     gst_pad_push_event(pad, gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new_empty(LF_CAMERA_LOST)));
     listener_.on_overload(options_.shedder->behind());

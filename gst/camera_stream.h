@@ -105,6 +105,8 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   guint64 pictures_ = 0;          // decoded
   GstClockTime stream_end_ = 0;   // running time at which the newest frame ends
   GstClockTime round_start_ = 0;  // running time at which this round of a loop began
+  guint64 judged_ = 0;            // frames whose lateness was looked at
+  GstClockTime latency_ = 0;      // of the source, as it states it
   guint64 round_frames_ = 0;      // frames since then
   gint fps_n_ = 0, fps_d_ = 1;
   bool counts_time_ = false;  // frames have no stamps of their own

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
 #include <cstring>
 
 #include "common.h"
@@ -116,7 +117,8 @@ static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, Gst
           rig && camera < rig->cameras.size())
         pad->input->from_stream = rig->cameras[camera].id;
       gboolean paced = FALSE;
-      if (gst_structure_get_boolean(structure, "paced", &paced) && paced) pad->input->frames->note_arrival(0);
+      if (gst_structure_get_boolean(structure, "paced", &paced) && paced)
+        pad->input->frames->note_arrival(static_cast<int64_t>(pad->input->latency));
       break;
     }
     case GST_EVENT_CAPS: {
@@ -135,7 +137,7 @@ static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, Gst
       break;
     }
     case GST_EVENT_SEGMENT:
-      pad->input->live = lf_fragment_upstream_is_live(gst_pad);
+      pad->input->live = lf_fragment_upstream_is_live(gst_pad, &pad->input->latency);
       pad->input->frames->start_stream(pad->input->live);
       break;
     case GST_EVENT_CUSTOM_DOWNSTREAM:
@@ -241,7 +243,9 @@ static GstFlowReturn lf_fragment_camera_chain(GstPad* gst_pad, GstObject* parent
   const uint64_t time = lf_fragment_capture_time(self, gst_pad, buffer, camera ? camera->time_offset : 0, input.live);
   if (input.live) {
     if (GstClock* clock = gst_element_get_clock(GST_ELEMENT(self))) {
-      input.frames->note_arrival(GST_CLOCK_DIFF(time, gst_clock_get_time(clock)));
+      // What the source states to take is no lateness.
+      const GstClockTimeDiff late = GST_CLOCK_DIFF(time, gst_clock_get_time(clock));
+      input.frames->note_arrival(std::max(late, static_cast<GstClockTimeDiff>(input.latency)));
       gst_object_unref(clock);
     }
   }

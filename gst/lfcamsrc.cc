@@ -97,7 +97,10 @@ static bool open_camera(LfCamSrc* self) {
   self->live = false;
   self->end = 0;
   std::unique_ptr<CamSrcFailure> failure;
-  if (!lf_cam_src_open(self, &failure)) return false;
+  if (!lf_cam_src_open(self, &failure)) {
+    lf_cam_src_post(self, GST_MESSAGE_ERROR, *failure);
+    return false;
+  }
   if (!failure) return true;
   lf_cam_src_fail(self, *failure);
   return lf_cam_src_may_be_lost(self);

@@ -53,14 +53,16 @@ struct CamSrcFailure {
   std::string text, debug;
 };
 
-// Children for the current settings, in state NULL; without them `failure` says why. False, after posting an error,
-// where no camera is at fault: the rig can't be read, or does not have it.
+// Children for the current settings, in state NULL; without them `failure` says why. False where no camera is at fault:
+// the rig can't be read, or does not have it.
 bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure);
 // Stops and removes the children.
 void lf_cam_src_close(LfCamSrc* self);
 // Starts the elements that decoders are linked with by and by: GstBin would start what is not linked yet in any order,
 // and a decoder's first frame would find closed doors.
 void lf_cam_src_start_tail(const lf::CameraChain& chain);
+
+void lf_cam_src_post(LfCamSrc* self, GstMessageType type, const CamSrcFailure& failure, const char* more = "");
 
 // Whether an error is a loss.
 bool lf_cam_src_may_be_lost(LfCamSrc* self);

@@ -72,12 +72,13 @@ std::shared_ptr<CameraShedder> shedder(bool paced) {
 }
 
 // Verdicts about a second of frames late by `from` to `to`.
-std::vector<Verdict> second(CameraShedder& shedder, int n, GstClockTimeDiff from, GstClockTimeDiff to) {
+std::vector<Verdict> second(CameraShedder& shedder, int n, GstClockTimeDiff from, GstClockTimeDiff to,
+                            GstClockTime latency = 0) {
   std::vector<Verdict> verdicts;
   for (int i = 0; i < 25; i++) {
     const GstClockTime pts = n * GST_SECOND + i * kPeriod;
     verdicts.push_back(
-        shedder.see(pts, from + (to - from) * i / 24, kPeriod, pts + 3600 * kSecond * n + 1000 * kSecond));
+        shedder.see(pts, from + (to - from) * i / 24, latency, kPeriod, pts + 3600 * kSecond * n + 1000 * kSecond));
   }
   return verdicts;
 }
@@ -89,6 +90,7 @@ TEST(CameraShedderTest, OnlyWhatStaysLateIsTooMuch) {
   EXPECT_FALSE(begins(second(*shedder(true), 1, 0, 90 * GST_MSECOND))) << "within the tolerance";
   EXPECT_FALSE(begins(second(*shedder(true), 2, 400 * GST_MSECOND, 0))) << "it catches up";
   EXPECT_FALSE(begins(second(*shedder(false), 3, 400 * GST_MSECOND, 400 * GST_MSECOND))) << "a network's own delay";
+  EXPECT_FALSE(begins(second(*shedder(false), 6, 0, 240 * GST_MSECOND, 200 * GST_MSECOND))) << "it was said";
   EXPECT_TRUE(begins(second(*shedder(true), 4, 400 * GST_MSECOND, 400 * GST_MSECOND)));
   EXPECT_TRUE(begins(second(*shedder(false), 5, 200 * GST_MSECOND, 600 * GST_MSECOND)));
 }
@@ -99,7 +101,7 @@ TEST(CameraShedderTest, OneCameraAfterTheOther) {
   int begin = 0;
   for (int i = 0; i < 22; i++)  // 0.9 s: enough for the patience, and for one more camera but not for two
     for (const auto& one : {first, next})
-      begin += one->see(i * kPeriod, GST_SECOND, kPeriod, begun + i * kPeriod) == Verdict::kBeginToDrop;
+      begin += one->see(i * kPeriod, GST_SECOND, 0, kPeriod, begun + i * kPeriod) == Verdict::kBeginToDrop;
   EXPECT_EQ(begin, 2);
   EXPECT_GT(first->behind(), 0);
 }
@@ -109,10 +111,10 @@ TEST(CameraShedderTest, WhatIsOnItsWayWhenOthersAreDroppedIsLeftOut) {
   const uint64_t begun = 2'000'000 * kSecond;
   GstClockTime pts = 0;
   Verdict verdict = Verdict::kShow;
-  for (; verdict == Verdict::kShow; pts += kPeriod) verdict = one->see(pts, GST_SECOND, kPeriod, begun + pts);
+  for (; verdict == Verdict::kShow; pts += kPeriod) verdict = one->see(pts, GST_SECOND, 0, kPeriod, begun + pts);
   ASSERT_EQ(verdict, Verdict::kBeginToDrop);
-  EXPECT_EQ(one->see(pts, GST_SECOND, kPeriod, begun + pts), Verdict::kLeaveOut);
-  EXPECT_EQ(one->see(pts + GST_SECOND, 0, kPeriod, begun + pts), Verdict::kShow);
+  EXPECT_EQ(one->see(pts, GST_SECOND, 0, kPeriod, begun + pts), Verdict::kLeaveOut);
+  EXPECT_EQ(one->see(pts + GST_SECOND, 0, 0, kPeriod, begun + pts), Verdict::kShow);
 }
 
 }  // namespace

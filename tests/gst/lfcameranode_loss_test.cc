@@ -60,6 +60,13 @@ TEST_F(LossTest, HalfOfTheCamerasAtOnceAreHalfOfTheCameras) {
   const int before = pictures.count();
   EXPECT_TRUE(eventually([&] { return pictures.count() > before + 10; }));
   EXPECT_THAT(camera_stats(node.get(), 1).reason, HasSubstr("Device 1 is busy"));
+  // Not even a rig that is gone while a camera is.
+  const std::string rig_file = files->path("loss.json");
+  std::filesystem::rename(rig_file, rig_file + ".gone");
+  const uint64_t tried = camera_stats(node.get(), 1).retries;
+  EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).retries > tried; }));
+  EXPECT_THAT(camera_stats(node.get(), 1).reason, HasSubstr("loss.json: no such file"));
+  std::filesystem::rename(rig_file + ".gone", rig_file);
   for (const size_t id : {1, 3}) failing_device(id).broken = false;
   EXPECT_TRUE(eventually([&] { return said.found(1) == 1 && said.found(3) == 1 && said.out_of_service() == 0; }));
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
@@ -220,7 +227,7 @@ long open_files() { return std::distance(std::filesystem::directory_iterator("/p
 // They run for longer than they are waited for, so that the waits stay short.
 TEST_F(LossTest, AHundredLossesAndReturnsLeaveNothing) {
   constexpr guint kFailing = 16;
-  for (guint id = 1; id <= kFailing; id++) failing_device(id).frames_at_most = 20;
+  for (guint id = 1; id <= kFailing; id++) failing_device(id).frames_at_most = 25;
   const ElementPtr pipeline = launch(line(devices(kFailing + 1)));
   ASSERT_TRUE(pipeline);
   const Said said(pipeline.get());

@@ -7,6 +7,7 @@
 #include <atomic>
 
 #include "gst/loss_fixture.h"
+#include "gst/rtsp_server.h"
 
 namespace lf::test {
 namespace {
@@ -86,6 +87,33 @@ TEST_F(OverloadTest, FramesAreDroppedBeforeTheyAreDecoded) {
     return dropped(node.get()) == before && said.out_of_service() == 0;
   }));
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  EXPECT_THAT(said.errors(), IsEmpty());
+}
+
+// Their own delay, of 200 ms and more, is none. Key frames of this server come every 8 seconds.
+TEST_F(OverloadTest, NetworkCamerasDropToo) {
+  if (kRtspServerMissing) GTEST_SKIP() << kRtspServerMissing;
+  const RtspServer server;
+  const std::string uri = server.uri("/h264");
+  const ElementPtr pipeline = launch(line(rig(2, [&](guint id) { return id == 1 ? uri : "mjpeg.mkv"; })));
+  ASSERT_TRUE(pipeline);
+  g_signal_connect(pipeline.get(), "deep-element-added", G_CALLBACK(slow_down), nullptr);
+  const Said said(pipeline.get());
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const ElementPtr node = child(pipeline.get(), "n");
+  EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).state == "running"; }));
+  g_usleep(1500000);
+  EXPECT_EQ(camera_stats(node.get(), 1).dropped, 0u) << "a delay is not lateness";
+  slowness = 50000;  // of 33 ms
+  EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).dropped > 30; }));
+  slowness = 0;
+  EXPECT_TRUE(eventually([&] {
+    const uint64_t before = camera_stats(node.get(), 1).dropped;
+    g_usleep(1500000);
+    return camera_stats(node.get(), 1).dropped == before && said.out_of_service() == 0;
+  }));
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  EXPECT_EQ(said.lost(1), 0);
   EXPECT_THAT(said.errors(), IsEmpty());
 }
 

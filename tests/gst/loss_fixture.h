@@ -91,10 +91,13 @@ class Said {
   std::atomic<bool> ended_ = false;
 };
 
-// Polls; false after 30 seconds.
+// Polls; false after 40 seconds.
 inline bool eventually(const std::function<bool()>& done) {
-  for (int i = 0; i < 3000 && !done(); i++) g_usleep(10000);
-  return done();
+  for (const gint64 end = g_get_monotonic_time() + 40 * G_USEC_PER_SEC; g_get_monotonic_time() < end;) {
+    if (done()) return true;
+    g_usleep(10000);
+  }
+  return false;
 }
 
 // One of the `cameras` in a node's or (without an id) the whole of lfcamsrc's stats.
