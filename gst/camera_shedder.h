@@ -11,9 +11,8 @@
 namespace lf {
 
 // Leaves frames of one live camera undecoded where the machine can't decode all: when those that come out have been
-// late for a while, what goes in is dropped up to the next key frame that can be on time. It is late that counts, in
-// comparison with the latency that its source states and with the best it has done: a network's or a device's own delay
-// is no lateness.
+// late for a while, what goes in is dropped up to the next key frame that can be on time. Late is what is later than the
+// camera has been at best, and than its source states: a network's or a device's own delay is no lateness.
 //
 // Of the cameras of a process one after the other begins to drop, so that no more do than need be: the others may then
 // keep up, and a camera that drops is one less for as long as a group of its pictures. Thread-safe.

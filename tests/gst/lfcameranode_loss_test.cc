@@ -29,7 +29,7 @@ TEST_F(LossTest, AMissingFileIsTakenUpWhenItIsThere) {
   EXPECT_TRUE(eventually([&] { return stat(compositor.get(), "pictures") > 20; }));
   EXPECT_EQ(said.lost(1), 1) << "told once, tried often";
   EXPECT_THAT(said.reason(1), AllOf(HasSubstr("camera 1 (cam_1)"), HasSubstr(late + ": no such file")));
-  EXPECT_THAT(said.warnings(), ElementsAre(HasSubstr(late + ": no such file: out of service until it is back")));
+  EXPECT_THAT(said.losses(), ElementsAre(HasSubstr(late + ": no such file: out of service until it is back")));
   EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).retries > 1; }));
   EXPECT_EQ(camera_stats(node.get(), 1).state, "lost");
   EXPECT_THAT(camera_stats(node.get(), 1).reason, HasSubstr("no such file"));
@@ -70,7 +70,7 @@ TEST_F(LossTest, HalfOfTheCamerasAtOnceAreHalfOfTheCameras) {
   for (const size_t id : {1, 3}) failing_device(id).broken = false;
   EXPECT_TRUE(eventually([&] { return said.found(1) == 1 && said.found(3) == 1 && said.out_of_service() == 0; }));
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
-  EXPECT_EQ(said.warnings().size(), 2u);
+  EXPECT_EQ(said.losses().size(), 2u);
   EXPECT_THAT(said.errors(), IsEmpty());
 }
 
@@ -124,7 +124,7 @@ TEST_F(LossTest, WithoutRetryACameraIsLostForGood) {
   failing_device(1).broken = false;
   g_usleep(700000);  // longer than the first retry would wait
   EXPECT_EQ(failing_device(1).opened, 1);
-  EXPECT_THAT(said.warnings(), ElementsAre(HasSubstr("out of service from now on")));
+  EXPECT_THAT(said.losses(), ElementsAre(HasSubstr("out of service from now on")));
   EXPECT_THAT(said.errors(), IsEmpty());
   failing_device(0).broken = true;
   EXPECT_TRUE(eventually([&] { return !said.errors().empty(); })) << "none is left";
@@ -276,7 +276,7 @@ TEST_F(RtspLossTest, AServerIsStartedAfterItsViewers) {
     const Said said(pipeline.get());
     gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
     EXPECT_TRUE(eventually([&] { return said.lost(1) == 1 && said.out_of_service() == 1; }));
-    EXPECT_THAT(said.warnings(), ElementsAre(AllOf(HasSubstr(uri), HasSubstr("until it is back"))));
+    EXPECT_THAT(said.losses(), ElementsAre(AllOf(HasSubstr(uri), HasSubstr("until it is back"))));
     server = std::make_unique<RtspServer>(port);
     EXPECT_TRUE(eventually([&] { return said.found(1) == 1 && said.out_of_service() == 0; })) << said.reason(1);
     gst_element_set_state(pipeline.get(), GST_STATE_NULL);
@@ -317,7 +317,7 @@ TEST_F(RtspLossTest, AServerStopsAndStartsAgainWhileTwoViewersWatch) {
                 static_cast<int>((g_get_monotonic_time() - back) / 1000));
     EXPECT_LT(std::max(first.longest_pause(), second.longest_pause()), 2000);
     gst_element_set_state(pipeline.get(), GST_STATE_NULL);
-    EXPECT_EQ(said.warnings().size(), 1u);
+    EXPECT_EQ(said.losses().size(), 1u);
     EXPECT_THAT(said.errors(), IsEmpty());
   }
 }

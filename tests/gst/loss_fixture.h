@@ -21,7 +21,7 @@ namespace lf::test {
 // What a pipeline says, as it says it.
 class Said {
  public:
-  explicit Said(GstElement* pipeline) : bus_(gst_element_get_bus(pipeline)) {
+  explicit Said(GstElement* pipeline) : pipeline_(pipeline), bus_(gst_element_get_bus(pipeline)) {
     gst_bus_set_sync_handler(bus_, on_message, this, nullptr);
   }
   ~Said() {
@@ -39,6 +39,12 @@ class Said {
     return found == reasons_.end() ? "" : found->second;
   }
   std::vector<std::string> warnings() const { return copy(warnings_); }
+  // Those of them that tell a loss: a slow machine gives reason for others.
+  std::vector<std::string> losses() const {
+    std::vector<std::string> texts = warnings();
+    std::erase_if(texts, [](const std::string& text) { return text.find("out of service") == std::string::npos; });
+    return texts;
+  }
   std::vector<std::string> errors() const { return copy(errors_); }
   bool has_ended() const { return ended_; }
   // By the latest message of the compositor.
@@ -77,11 +83,17 @@ class Said {
     }
     if (structure && gst_structure_has_name(structure, "lightfield-out-of-service"))
       self->out_of_service_ = gst_value_array_get_size(gst_structure_get_value(structure, "cameras"));
+    // As every application does.
+    if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_LATENCY)
+      gst_element_call_async(
+          self->pipeline_, [](GstElement* bin, gpointer) { gst_bin_recalculate_latency(GST_BIN(bin)); }, nullptr,
+          nullptr);
     self->ended_ = self->ended_ || GST_MESSAGE_TYPE(message) == GST_MESSAGE_EOS;
     gst_message_unref(message);
     return GST_BUS_DROP;
   }
 
+  GstElement* pipeline_;
   GstBus* bus_;
   mutable std::mutex mutex_;
   std::map<guint, int> lost_, found_;
@@ -161,8 +173,8 @@ class LossTest : public testing::Test {
       text += " lfviewrequest rig=" + rig + " view-id=" + n +
               " is-live=true framerate=15/1 width=64 height=48 capture-delay=200000000 ! f."
               " r. ! queue leaky=downstream ! c" +
-              n + ".request  t. ! queue leaky=downstream ! c" + n + ".sink_0  lfcompositor name=c" + n + " rig=" + rig +
-              " view-id=" + n + " ! fakesink name=s" + n + " sync=false async=false";
+              n + ".request  t. ! queue leaky=downstream ! c" + n + ".sink_0  lfcompositor latency=150000000 name=c" +
+              n + " rig=" + rig + " view-id=" + n + " ! fakesink name=s" + n + " sync=false async=false";
     }
     return text;
   }
