@@ -117,6 +117,34 @@ TEST_F(OverloadTest, NetworkCamerasDropToo) {
   EXPECT_THAT(said.errors(), IsEmpty());
 }
 
+// A node whose answers were late for so long that nobody waits for it any more is in time again, also where requests
+// are farther apart than pictures may take.
+TEST_F(OverloadTest, ANodeThatStalledIsWaitedForAgain) {
+  const std::string path = devices(2);
+  const ElementPtr pipeline =
+      launch("lfviewrequest is-live=true framerate=5/1 width=64 height=48 capture-delay=200000000 rig=" + path +
+             " ! tee name=r  r. ! queue leaky=downstream ! n.request lfcameranode name=n is-live=true rig=" + path +
+             " ! c.sink_0  r. ! queue leaky=downstream ! c.request lfcompositor name=c latency=100000000 rig=" + path +
+             " ! fakesink sync=false async=false");
+  ASSERT_TRUE(pipeline);
+  const Said said(pipeline.get());
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const ElementPtr compositor = child(pipeline.get(), "c"), node = child(pipeline.get(), "n");
+  EXPECT_TRUE(eventually([&] { return stat(compositor.get(), "complete") > 2; }));
+  GstPad* answers = gst_element_get_static_pad(node.get(), "src");
+  const gulong stall = gst_pad_add_probe(
+      answers, GST_PAD_PROBE_TYPE_BLOCK_DOWNSTREAM,
+      [](GstPad*, GstPadProbeInfo*, gpointer) { return GST_PAD_PROBE_OK; }, nullptr, nullptr);
+  const uint64_t incomplete = stat(compositor.get(), "incomplete");
+  EXPECT_TRUE(eventually([&] { return stat(compositor.get(), "incomplete") > incomplete + 12; }));
+  gst_pad_remove_probe(answers, stall);
+  gst_object_unref(answers);
+  const uint64_t complete = stat(compositor.get(), "complete"), missed = stat(compositor.get(), "incomplete");
+  EXPECT_TRUE(eventually([&] { return stat(compositor.get(), "complete") > complete + 2; }));
+  EXPECT_LT(stat(compositor.get(), "incomplete") - missed, 10u) << "5 at best; 20 when nobody looked in time";
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+}
+
 TEST_F(OverloadTest, FilesThatAreNotLiveGiveAllTheirFrames) {
   slowness = 20000;
   const std::string path = rig(2, [](guint) { return "gops.mkv"; });
