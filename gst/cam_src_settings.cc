@@ -49,6 +49,13 @@ void CamSrcSettings::install(GObjectClass* klass, guint first_id) {
       g_param_spec_uint("latency", "Latency",
                         "Network cameras (RTSP): how long, in milliseconds, packets are waited for and put in order", 0,
                         60000, 200, kFlags));
+  g_object_class_install_property(
+      klass, first_id + kRetry,
+      g_param_spec_boolean("retry", "Retry",
+                           "A camera that fails is opened again, after half a second at first and after ten seconds at "
+                           "most, in place of an error: the element messages lightfield-camera-lost and "
+                           "lightfield-camera-found and a warning tell",
+                           FALSE, kFlags));
 }
 
 void CamSrcSettings::set(Property property, const GValue* value) {
@@ -63,6 +70,7 @@ void CamSrcSettings::set(Property property, const GValue* value) {
     case kLoop: loop = g_value_get_boolean(value); break;
     case kDecode: decode = g_value_get_boolean(value); break;
     case kLatency: latency = g_value_get_uint(value); break;
+    case kRetry: retry = g_value_get_boolean(value); break;
     case kNumFrames: num_frames = g_value_get_int64(value); break;
     case kNumProperties: break;
   }
@@ -77,6 +85,7 @@ void CamSrcSettings::get(Property property, GValue* value) const {
     case kLoop: g_value_set_boolean(value, loop); break;
     case kDecode: g_value_set_boolean(value, decode); break;
     case kLatency: g_value_set_uint(value, latency); break;
+    case kRetry: g_value_set_boolean(value, retry); break;
     case kNumFrames: g_value_set_int64(value, num_frames); break;
     case kNumProperties: break;
   }

@@ -17,9 +17,10 @@ struct CamSrcSettings {
   gint64 num_frames = -1;
   bool decode = true;
   guint latency = 200;  // ms
+  bool retry = false;
   bool operator==(const CamSrcSettings&) const = default;
 
-  enum Property { kRig, kCamera, kFramerate, kIsLive, kLoop, kNumFrames, kDecode, kLatency, kNumProperties };
+  enum Property { kRig, kCamera, kFramerate, kIsLive, kLoop, kNumFrames, kDecode, kLatency, kRetry, kNumProperties };
   // As properties first_id, first_id + 1, ... of the class.
   static void install(GObjectClass* klass, guint first_id);
   void set(Property property, const GValue* value);

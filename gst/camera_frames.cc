@@ -20,8 +20,14 @@ void CameraFrames::start_stream(bool live) {
   std::lock_guard lock(mutex_);
   started_ = true;
   live_ = live;
-  ended_ = false;
+  ended_ = lost_ = false;
   changed_.notify_all();
+}
+
+void CameraFrames::note_arrival(int64_t late) {
+  std::lock_guard lock(mutex_);
+  earliest_ = std::min(earliest_, late);
+  behind_ = static_cast<uint64_t>(late - earliest_);
 }
 
 void CameraFrames::drop_oldest() {
@@ -71,7 +77,10 @@ GstFlowReturn CameraFrames::push_at(uint64_t time, std::optional<CameraFrame> fr
   if (mode_ == Mode::kFinished) return GST_FLOW_EOS;
   // Time may jump back (a stream started again without a flush): what is held is then of another time line.
   while (!frames_.empty() && frames_.back().time > time) drop_oldest();
+  if (!frames_.empty()) last_period_ = time - frames_.back().time;
+  lost_ = false;
   if (!frame) frame = frames_.empty() ? before_ : frames_.back().frame;
+  frame->behind = behind_;
   frames_.push_back({time, std::move(*frame)});
   while (has_too_many()) drop_oldest();
   changed_.notify_all();
@@ -105,12 +114,18 @@ void CameraFrames::end_stream() {
   changed_.notify_all();
 }
 
+void CameraFrames::lose_stream() {
+  std::lock_guard lock(mutex_);
+  lost_ = true;
+  changed_.notify_all();
+}
+
 void CameraFrames::set_flushing(bool flushing) {
   std::lock_guard lock(mutex_);
   flushing_ = flushing;
   frames_.clear();
   before_ = {};
-  ended_ = false;
+  ended_ = lost_ = false;
   wanted_ = 0;  // what comes may be from before
   changed_.notify_all();
 }
@@ -119,16 +134,22 @@ void CameraFrames::clear() {
   std::lock_guard lock(mutex_);
   frames_.clear();
   before_ = {};
-  started_ = live_ = ended_ = flushing_ = false;
-  wanted_ = reach_ = 0;
+  started_ = live_ = ended_ = lost_ = flushing_ = false;
+  wanted_ = reach_ = last_period_ = behind_ = 0;
+  earliest_ = INT64_MAX;
   dropped_ = 0;
 }
 
 bool CameraFrames::must_wait(uint64_t time, bool wait_for_first) const {
   if (flushing_) return !live_;
-  if (ended_) return false;
+  if (ended_ || lost_) return false;
   if (live_ || !started_) return frames_.empty() && wait_for_first;
   return frames_.empty() || (time != kNoTime && frames_.back().time < time);
+}
+
+// As much later than the newest frame as the frame after it would have been.
+bool CameraFrames::is_beyond_last(uint64_t time) const {
+  return time == kNoTime || time >= frames_.back().time + std::max<uint64_t>(last_period_, 1);
 }
 
 // Several viewers may look back differently far: the farthest counts, and is forgotten by and by.
@@ -151,7 +172,7 @@ std::optional<CameraFrame> CameraFrames::find(uint64_t time, bool wait_for_first
     if (!live_) drop_passed();
     return mode_ == Mode::kStopped || (cancelled && *cancelled) || !must_wait(time, wait_for_first);
   });
-  if (mode_ == Mode::kStopped || frames_.empty()) return std::nullopt;
+  if (mode_ == Mode::kStopped || frames_.empty() || (lost_ && is_beyond_last(time))) return std::nullopt;
   look_back(time);
   auto best = frames_.end() - 1;
   if (time != kNoTime)

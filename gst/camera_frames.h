@@ -24,6 +24,7 @@ struct CameraFrame {
   GstVideoInfo info;
   std::shared_ptr<const CameraFrame> original;  // as it came, if it is converted and may have to be to the other family
   std::shared_ptr<JpegFrame> jpeg;              // in place of buffer and info
+  uint64_t behind = 0;                          // how much later it came than frames of this stream can, nanoseconds
   uint64_t time = 0;  // capture time, nanoseconds: clock time of live cameras, running time of others
 
   // Whether it is a picture of the size that the rig has the camera in.
@@ -52,7 +53,10 @@ class CameraFrames {
   GstFlowReturn push(CameraFrame frame);
   // The same for a frame that is damaged: the one before it serves in its place, too.
   GstFlowReturn push_damaged(uint64_t time);
-  void end_stream();                 // EOS: the last frame stands for all times after it
+  // The next frame to be handed over comes so much later than it was taken, nanoseconds.
+  void note_arrival(int64_t late);
+  void end_stream();   // EOS: the last frame stands for all times after it
+  void lose_stream();  // the camera failed: there is nothing after the last frame's time, until one comes again
   void set_flushing(bool flushing);  // of this camera's stream; drops what is held
   void clear();                      // back to the state after construction, but for the mode
 
@@ -78,6 +82,7 @@ class CameraFrames {
  private:
   bool must_wait(uint64_t time, bool wait_for_first) const;  // locked
   void want(uint64_t time);                                  // locked
+  bool is_beyond_last(uint64_t time) const;                  // locked
   void drop_passed();                                        // locked
   void drop_oldest();                                        // locked
   void look_back(uint64_t time);                             // locked
@@ -95,9 +100,12 @@ class CameraFrames {
   Mode mode_ = Mode::kStopped;
   std::deque<Held> frames_;  // ascending time
   CameraFrame before_;       // compressed one that was held before these
-  bool started_ = false, live_ = false, ended_ = false, flushing_ = false;
-  uint64_t wanted_ = 0;  // time of the latest request that named one
-  uint64_t reach_ = 0;   // how far behind the newest frame of a live camera requests look
+  bool started_ = false, live_ = false, ended_ = false, lost_ = false, flushing_ = false;
+  uint64_t wanted_ = 0;           // time of the latest request that named one
+  uint64_t reach_ = 0;            // how far behind the newest frame of a live camera requests look
+  int64_t earliest_ = INT64_MAX;  // arrival after capture, of this stream
+  uint64_t behind_ = 0;
+  uint64_t last_period_ = 0;  // between the newest frame and the one before it
   uint64_t dropped_ = 0;
 };
 

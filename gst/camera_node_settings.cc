@@ -45,6 +45,13 @@ void CameraNodeSettings::install(GObjectClass* klass, guint first_id) {
       g_param_spec_uint("latency", "Latency",
                         "Network cameras (RTSP): how long, in milliseconds, packets are waited for and put in order", 0,
                         60000, 200, kFlags));
+  g_object_class_install_property(
+      klass, first_id + kRetry,
+      g_param_spec_boolean(
+          "retry", "Retry",
+          "Live cameras that fail are opened again, after half a second at first and after ten seconds "
+          "at most; else they are lost for good, as files are that are not live",
+          TRUE, kFlags));
 }
 
 void CameraNodeSettings::set(Property property, const GValue* value) {
@@ -59,6 +66,7 @@ void CameraNodeSettings::set(Property property, const GValue* value) {
     case kLoop: loop = g_value_get_boolean(value); break;
     case kDecode: decode = g_value_get_boolean(value); break;
     case kLatency: latency = g_value_get_uint(value); break;
+    case kRetry: retry = g_value_get_boolean(value); break;
     case kNode: node = g_value_get_uint(value); break;
     case kNumProperties: break;
   }
@@ -73,6 +81,7 @@ void CameraNodeSettings::get(Property property, GValue* value) const {
     case kLoop: g_value_set_boolean(value, loop); break;
     case kDecode: g_value_set_boolean(value, decode); break;
     case kLatency: g_value_set_uint(value, latency); break;
+    case kRetry: g_value_set_boolean(value, retry); break;
     case kNode: g_value_set_uint(value, node); break;
     case kNumProperties: break;
   }

@@ -17,9 +17,10 @@ struct CameraNodeSettings {
   bool decode = false;
   guint latency = 200;  // ms
   guint node = 0;
+  bool retry = true;
   bool operator==(const CameraNodeSettings&) const = default;
 
-  enum Property { kRig, kCameras, kFramerate, kIsLive, kLoop, kNode, kDecode, kLatency, kNumProperties };
+  enum Property { kRig, kCameras, kFramerate, kIsLive, kLoop, kNode, kDecode, kLatency, kRetry, kNumProperties };
   // As properties first_id, first_id + 1, ... of the class.
   static void install(GObjectClass* klass, guint first_id);
   void set(Property property, const GValue* value);

@@ -65,6 +65,10 @@ GstStateChangeReturn change_camera_state(GstBin* bin, GstStateChange transition,
   return decoders == GST_STATE_CHANGE_SUCCESS ? result : decoders;
 }
 
+GstStateChangeReturn pause_new_children(GstBin* bin) { return set_states(bin, GST_STATE_PAUSED, false); }
+
+GstStateChangeReturn play_new_children(GstBin* bin) { return set_states(bin, GST_STATE_PLAYING, false); }
+
 bool take_decoder_message(GstBin* bin, GstMessage* message) {
   const GstMessageType type = GST_MESSAGE_TYPE(message);
   if (type != GST_MESSAGE_ASYNC_START && type != GST_MESSAGE_ASYNC_DONE) return false;

@@ -17,6 +17,12 @@ void lock_decoder(GstBin* bin, GstElement* child);
 GstStateChangeReturn change_camera_state(GstBin* bin, GstStateChange transition,
                                          GstStateChangeReturn (*chain_up)(GstElement*, GstStateChange));
 
+// Starts children that have just been put into the bin, which is in PAUSED or PLAYING: to PAUSED; who takes starts
+// first. As change_camera_state().
+GstStateChangeReturn pause_new_children(GstBin* bin);
+// From there to PLAYING.
+GstStateChangeReturn play_new_children(GstBin* bin);
+
 // For GstBinClass::handle_message: true if the message ends here; it is unreferenced then.
 bool take_decoder_message(GstBin* bin, GstMessage* message);
 

@@ -3,6 +3,10 @@
 
 #include <gst/video/video.h>
 
+#include <algorithm>
+#include <optional>
+
+#include "base/now.h"
 #include "common.h"
 #include "gst_wire.h"
 #include "jpeg/jpeg_frame.h"
@@ -24,6 +28,16 @@ GstPadProbeReturn refuse(GstPadProbeInfo* info, GstFlowReturn reason) {
   return GST_PAD_PROBE_HANDLED;
 }
 
+// Of what comes to this sink pad: by how much it may be late; nothing where it does not come as it is taken.
+std::optional<GstClockTime> live_latency(GstPad* sink) {
+  GstQuery* query = gst_query_new_latency();
+  gboolean live = FALSE;
+  GstClockTime latency = 0;
+  if (gst_pad_peer_query(sink, query)) gst_query_parse_latency(query, &live, &latency, nullptr);
+  gst_query_unref(query);
+  return live ? std::optional(latency) : std::nullopt;
+}
+
 // Calls `method` of the CameraStream `data`.
 template <auto method>
 GstPadProbeReturn call(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
@@ -32,8 +46,14 @@ GstPadProbeReturn call(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
 
 }  // namespace
 
-CameraStream::CameraStream(GstElement* owner, const CameraChain& chain, const StreamOptions& options)
-    : owner_(owner), chain_(chain), options_(options) {
+CameraStream::CameraStream(GstElement* owner, const CameraChain& chain, const StreamOptions& options,
+                           const StreamListener& listener)
+    : owner_(owner),
+      chain_(chain),
+      options_(options),
+      listener_(listener),
+      stream_end_(options.begin),
+      round_start_(options.begin) {
   gst_segment_init(&segment_, GST_FORMAT_TIME);
 }
 
@@ -54,8 +74,7 @@ void CameraStream::watch() {
 
 void CameraStream::fail(GstStreamError code, const std::string& text) {
   if (!first_error()) return;
-  gst_element_message_full(owner_, GST_MESSAGE_ERROR, GST_STREAM_ERROR, code, g_strdup((place() + ": " + text).c_str()),
-                           nullptr, __FILE__, GST_FUNCTION, __LINE__);
+  listener_.on_error(GST_STREAM_ERROR, code, place() + ": " + text);
 }
 
 // Frames of another size than the rig's would be rendered as if they were of that size.
@@ -100,8 +119,9 @@ void CameraStream::seek_to_start(guint32 seqnum) {
 // At the end of the file: true if it is to begin again.
 bool CameraStream::begin_again() {
   // Nobody wants more frames, or the file has none: no reason to turn round and round.
-  if (!options_.seek_to_loop || ending_ || round_frames_ == 0) return false;
-  if (gst_pad_get_last_flow_return(chain_.out) != GST_FLOW_OK) return false;
+  if (!options_.seek_to_loop || !is_cut_off_ || failed_ || round_frames_ == 0) return false;
+  if (live_latency(chain_.decoded)) return false;  // no beginning to seek back to
+
   round_start_ = stream_end_;
   round_frames_ = 0;
   loop_seqnum_ = gst_util_seqnum_next();
@@ -193,13 +213,15 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* inf
       return GST_PAD_PROBE_OK;
     case GST_EVENT_EOS:
       if (pictures_ == 0) fail(GST_STREAM_ERROR_DECODE, "there is no picture in it");
+      count_dropped();
+      is_cut_off_ = !ending_ && gst_pad_get_last_flow_return(chain_.out) == GST_FLOW_OK;
       return begin_again() ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
     default: return GST_PAD_PROBE_OK;
   }
 }
 
 // Notes the running time of a frame as it was taken, before its stamp may be changed to that of another frame rate.
-GstPadProbeReturn CameraStream::on_frame(GstPad* /*pad*/, GstPadProbeInfo* info) {
+GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
   if (info->type & GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM) {
     GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
     if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT) gst_event_copy_segment(event, &segment_);
@@ -211,6 +233,7 @@ GstPadProbeReturn CameraStream::on_frame(GstPad* /*pad*/, GstPadProbeInfo* info)
   if (!GST_CLOCK_TIME_IS_VALID(stamp)) return GST_PAD_PROBE_OK;
   const GstClockTime last_duration = stamp > stream_end_ ? stamp - stream_end_ : 0;
   stream_end_ = stamp + (GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : last_duration);
+  if (live_ && is_shed(pad, buffer, stamp)) return GST_PAD_PROBE_DROP;
 
   // Of a film it is where in the film the frame is, which a seek does not begin anew.
   GstClockTime taken = stamp;
@@ -225,6 +248,32 @@ GstPadProbeReturn CameraStream::on_frame(GstPad* /*pad*/, GstPadProbeInfo* info)
   gst_caps_unref(reference);
   info->data = buffer;
   return GST_PAD_PROBE_OK;
+}
+
+// Whether a live frame is left out because the machine can't decode all.
+bool CameraStream::is_shed(GstPad* pad, GstBuffer* buffer, GstClockTime stamp) {
+  const GstClockTime now = gst_element_get_current_running_time(owner_);
+  if (!GST_CLOCK_TIME_IS_VALID(now)) return false;
+  constexpr guint64 kEvery = 30;  // frames: latency may change, if not often
+  if (judged_++ % kEvery == 0) latency_ = live_latency(chain_.decoded).value_or(0);
+  const GstClockTime period = GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : 0;
+  using Verdict = CameraShedder::Verdict;
+  const Verdict verdict =
+      options_.shedder->see(GST_BUFFER_PTS(buffer), GST_CLOCK_DIFF(stamp, now), latency_, period, now_ns());
+  if (verdict == Verdict::kBeginToDrop) {
+    gst_pad_push_event(pad, gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new_empty(LF_CAMERA_LOST)));
+    listener_.on_overload(options_.shedder->behind());
+  }
+  return verdict != Verdict::kShow;
+}
+
+// What was dropped has its place in the stream all the same.
+void CameraStream::count_dropped() {
+  const GstClockTime end = options_.shedder->take_dropped_end();
+  if (!GST_CLOCK_TIME_IS_VALID(end)) return;
+  ++round_frames_;
+  const GstClockTime stamp = gst_segment_to_running_time(&segment_, GST_FORMAT_TIME, end);
+  if (GST_CLOCK_TIME_IS_VALID(stamp)) stream_end_ = std::max(stream_end_, stamp);
 }
 
 // From running time to the true capture time. Only here: while a live frame waits for PLAYING there is no base time.
@@ -244,8 +293,9 @@ GstBuffer* CameraStream::complete_capture_time(GstBuffer* buffer) const {
 void CameraStream::announce(GstPad* pad) {
   if (announced_) return;
   announced_ = true;
-  GstStructure* camera = gst_structure_new(LF_CAMERA_EVENT, "camera", G_TYPE_UINT, options_.camera, "rig-hash",
-                                           G_TYPE_UINT64, options_.rig_hash, nullptr);
+  GstStructure* camera =
+      gst_structure_new(LF_CAMERA_EVENT, "camera", G_TYPE_UINT, options_.camera, "rig-hash", G_TYPE_UINT64,
+                        options_.rig_hash, "paced", G_TYPE_BOOLEAN, options_.paced, nullptr);
   gst_pad_push_event(pad, gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM_STICKY, camera));
 }
 
@@ -265,9 +315,26 @@ GstPadProbeReturn CameraStream::on_output_event(GstPad* pad, GstEvent* event) {
       if (eos_sent_) return GST_PAD_PROBE_DROP;
       eos_sent_ = true;
       announce(pad);
-      return GST_PAD_PROBE_OK;
+      return on_output_end(pad);
     default: return GST_PAD_PROBE_OK;
   }
+}
+
+GstPadProbeReturn CameraStream::on_output_end(GstPad* pad) {
+  if (!options_.has_end && is_cut_off_) fail(GST_STREAM_ERROR_FAILED, "its stream ended");
+  if (!failed_) listener_.on_end();
+  if (!failed_ || !options_.may_be_lost) return GST_PAD_PROBE_OK;
+  gst_pad_push_event(pad, gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new_empty(LF_CAMERA_LOST)));
+  return GST_PAD_PROBE_DROP;
+}
+
+// A film that is opened again stays in step with the others: it runs through what they have shown since.
+bool CameraStream::is_too_late(GstBuffer* buffer) {
+  if (!options_.catches_up || is_on_time_) return false;
+  const GstClockTime now = gst_element_get_current_running_time(owner_);
+  const GstClockTime stamp = gst_segment_to_running_time(&segment_, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
+  is_on_time_ = !GST_CLOCK_TIME_IS_VALID(now) || !GST_CLOCK_TIME_IS_VALID(stamp) || stamp + GST_SECOND >= now;
+  return !is_on_time_;
 }
 
 GstPadProbeReturn CameraStream::on_output(GstPad* pad, GstPadProbeInfo* info) {
@@ -281,9 +348,10 @@ GstPadProbeReturn CameraStream::on_output(GstPad* pad, GstPadProbeInfo* info) {
     gst_pad_push_event(pad, gst_event_new_eos());
     return refuse(info, GST_FLOW_EOS);
   }
+  if (is_too_late(GST_PAD_PROBE_INFO_BUFFER(info))) return GST_PAD_PROBE_DROP;
   info->data = complete_capture_time(static_cast<GstBuffer*>(info->data));
   announce(pad);
-  ++frames_out_;
+  if (frames_out_++ == 0) listener_.on_first_frame();
   return GST_PAD_PROBE_OK;
 }
 

@@ -5,11 +5,13 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
 
 #include "camera_chain.h"
+#include "camera_shedder.h"
 #include "rig/rig.h"
 
 namespace lf {
@@ -22,7 +24,22 @@ struct StreamOptions {
   double time_offset = 0;     // seconds, of the true capture time
   gint64 num_frames = -1;     // -1: all
   bool seek_to_loop = false;  // at its end the source is sought back to its beginning
-  std::string place;          // begins the text of each error: "rig.json: camera 5 (cam_00_05): cam_00_05.mkv"
+  bool has_end = true;        // false: an end of the source, but for `num_frames`, is an error
+  bool may_be_lost = false;   // an error ends the stream with the event LF_CAMERA_LOST, not with EOS
+  bool catches_up = false;    // frames that are later than a second are left out until one is not
+  bool paced = false;         // frames are ready before their time, and wait for it
+  GstClockTime begin = 0;     // running time of what has the source's time 0
+  std::shared_ptr<CameraShedder> shedder;
+  std::string place;  // begins the text of each error: "rig.json: camera 5 (cam_00_05): cam_00_05.mkv"
+};
+
+// What a camera's stream tells, from any of its threads.
+struct StreamListener {
+  // Once at most.
+  std::function<void(GQuark domain, gint code, const std::string& text)> on_error;
+  std::function<void()> on_first_frame;
+  std::function<void()> on_end;                            // as it should; not after an error
+  std::function<void(GstClockTimeDiff late)> on_overload;  // frames are dropped before they are decoded
 };
 
 // Watches the pads of a chain from one start to the next stop and makes of what passes a camera's stream: of the rig's
@@ -30,8 +47,9 @@ struct StreamOptions {
 // begins again, and ending after `num_frames`.
 class CameraStream : public std::enable_shared_from_this<CameraStream> {
  public:
-  // `owner`: the element that posts errors and whose base time counts; it outlives the stream's data flow.
-  CameraStream(GstElement* owner, const CameraChain& chain, const StreamOptions& options);
+  // `owner`: the element whose base time counts; it outlives the stream's data flow.
+  CameraStream(GstElement* owner, const CameraChain& chain, const StreamOptions& options,
+               const StreamListener& listener);
 
   // Call once, before data flows.
   void watch();
@@ -43,7 +61,12 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   void stop();
   // True the first time: an error follows from the one before it and is not worth telling.
   bool first_error() { return !failed_.exchange(true); }
+  bool has_failed() const { return failed_; }
   const std::string& place() const { return options_.place; }
+  // Frames sent so far.
+  uint64_t frames_out() const { return static_cast<uint64_t>(frames_out_); }
+  // Running time at which the newest frame ends. Call when nothing flows.
+  GstClockTime ends_at() const { return stream_end_; }
 
  private:
   // Each takes what passes and says what becomes of it.
@@ -55,6 +78,10 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstPadProbeReturn on_seek(GstPadProbeInfo* info);
   GstPadProbeReturn on_sequence(GstPad* pad, GstPadProbeInfo* info);
   void seek_sequence(guint64 time, GstSeekFlags flags, guint32 seqnum);
+  GstPadProbeReturn on_output_end(GstPad* pad);
+  bool is_shed(GstPad* pad, GstBuffer* buffer, GstClockTime stamp);
+  void count_dropped();
+  bool is_too_late(GstBuffer* buffer);
 
   void fail(GstStreamError code, const std::string& text);
   void check_size(GstCaps* caps);
@@ -70,8 +97,10 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstElement* const owner_;
   const CameraChain chain_;
   const StreamOptions options_;
+  const StreamListener listener_;
   bool live_ = false;
   std::atomic<bool> ending_ = false, stopping_ = false, failed_ = false;
+  std::atomic<gint64> frames_out_ = 0;
   std::mutex seeking_;
   std::atomic<guint32> loop_seqnum_ = GST_SEQNUM_INVALID;  // of the seek back to the beginning
   std::atomic<bool> sought_ = false;                       // by somebody else, since the latest segment
@@ -83,11 +112,14 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstClockTime stream_end_ = 0;   // running time at which the newest frame ends
   GstClockTime round_start_ = 0;  // running time at which this round of a loop began
   GstClockTime capture_offset_ = 0;  // in the film, of the frame that has stream time 0
+  guint64 judged_ = 0;            // frames whose lateness was looked at
+  GstClockTime latency_ = 0;      // of the source, as it states it
   guint64 round_frames_ = 0;      // frames since then
-  gint64 frames_out_ = 0;
   gint fps_n_ = 0, fps_d_ = 1;
   bool counts_time_ = false;  // frames have no stamps of their own
   bool is_jpeg_ = false, size_is_wrong_ = false, announced_ = false, eos_sent_ = false;
+  bool is_on_time_ = false;  // has caught up
+  bool is_cut_off_ = false;  // more could have been sent when the source came to its end
 };
 
 }  // namespace lf

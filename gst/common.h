@@ -24,8 +24,14 @@
 #define LF_CAMERA_FORMATS LF_RGB_FORMATS ", I420, NV12, GRAY8"
 
 // Sticky custom downstream event with which lfcamsrc names the camera of a stream: field "camera" (uint: index in the
-// rig), "rig-hash" (uint64).
+// rig), "rig-hash" (uint64), "paced" (boolean: frames are ready before their time, so that none need be late).
 #define LF_CAMERA_EVENT "lightfield-camera"
+
+// Custom downstream event of lfcamsrc: no frame comes after those before it until a new segment, because the camera
+// failed. The element messages of lfcamsrc, too, each with the fields "camera" (uint: id), "name" (string); the first
+// one has "reason" (string).
+#define LF_CAMERA_LOST "lightfield-camera-lost"
+#define LF_CAMERA_FOUND "lightfield-camera-found"
 
 // GstReferenceTimestampMeta reference of a frame's true capture time (stamp + the camera's time offset), and of the
 // capture time of a picture: clock time for live sources, stream time for others.

@@ -230,7 +230,11 @@ static void note_late_answer(LfCompositor* self, const lf::wire::AnswerHead& ans
   auto& state = *self->state;
   state.stats.count(CompositorStats::kLateAnswers);
   const auto past = std::ranges::find(state.past, answer.sequence, &_LfCompositor::State::Past::sequence);
-  if (past == state.past.end() || clock_time(self) > past->deadline) return;
+  if (past == state.past.end()) return;
+  // Answers are looked at when there is a request. Of the one before it nobody knows since when it has been there: where
+  // requests are as far apart as the deadline, a node that nobody waits for would never be in time again.
+  const bool is_latest = answer.sequence == state.past.back().sequence;
+  if (!is_latest && clock_time(self) > past->deadline) return;
   node.missed = 0;
   if (state.health_rig != 0 && answer.rig_hash != state.health_rig) return;
   lf::CameraRanges seeing = answer.cameras;

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
 #include <cstring>
 #include <utility>
 #include <vector>
@@ -117,6 +118,9 @@ static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, Gst
       if (gst_structure_has_name(structure, LF_CAMERA_EVENT) && gst_structure_get_uint(structure, "camera", &camera) &&
           rig && camera < rig->cameras.size())
         pad->input->from_stream = rig->cameras[camera].id;
+      gboolean paced = FALSE;
+      if (gst_structure_get_boolean(structure, "paced", &paced) && paced)
+        pad->input->frames->note_arrival(static_cast<int64_t>(pad->input->latency));
       break;
     }
     case GST_EVENT_CAPS: {
@@ -135,8 +139,13 @@ static gboolean lf_fragment_camera_event(GstPad* gst_pad, GstObject* parent, Gst
       break;
     }
     case GST_EVENT_SEGMENT:
-      pad->input->live = lf_fragment_upstream_is_live(gst_pad);
+      pad->input->live = lf_fragment_upstream_is_live(gst_pad, &pad->input->latency);
       pad->input->frames->start_stream(pad->input->live);
+      break;
+    case GST_EVENT_CUSTOM_DOWNSTREAM:
+      if (!gst_event_has_name(event, LF_CAMERA_LOST)) break;
+      self->node->inputs().give_up(pad->input->frames);
+      pad->input->frames->lose_stream();
       break;
     case GST_EVENT_EOS:
       self->node->inputs().give_up(pad->input->frames);
@@ -243,7 +252,12 @@ static GstFlowReturn lf_fragment_take_jpeg(LfFragment* self, LfFragmentPad* pad,
 static void lf_fragment_note_arrival(LfFragment* self, LfFragmentPad* pad, uint64_t captured) {
   if (!pad->input->live) return;
   g_autoptr(GstClock) clock = gst_element_get_clock(GST_ELEMENT(self));
-  if (clock) pad->input->arrivals.arrived(captured, gst_clock_get_time(clock));
+  if (!clock) return;
+  const GstClockTime now = gst_clock_get_time(clock);
+  pad->input->arrivals.arrived(captured, now);
+  // What the source states to take is no lateness.
+  const GstClockTimeDiff late = GST_CLOCK_DIFF(captured, now);
+  pad->input->frames->note_arrival(std::max(late, static_cast<GstClockTimeDiff>(pad->input->latency)));
 }
 
 static GstFlowReturn lf_fragment_take_frame(LfFragment* self, GstPad* gst_pad, GstBuffer* buffer) {

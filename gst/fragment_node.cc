@@ -30,14 +30,26 @@ std::string milliseconds(uint64_t ns) { return std::to_string(ns / 1'000'000) + 
 
 }  // namespace
 
-std::string FragmentNode::skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report) const {
+std::string FragmentNode::skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report,
+                                       Requester& requester) const {
   if (!report) return "";
+  const bool is_behind = report->is_late && report->behind > report->period;
+  if (is_behind) {
+    // Where there is too much to do, cameras come to be late and are on time again all the while.
+    constexpr uint64_t kQuiet = 10'000'000'000;
+    const uint64_t now = now_ns();
+    if (requester.warned_behind != 0 && now - requester.warned_behind < kQuiet) return "";
+    requester.warned_behind = now;
+  }
   std::vector<uint32_t> ids;
   for (const CameraIndex camera : report->cameras) ids.push_back(rig.cameras[camera].id);
   return "node " + std::to_string(node_id_) + " is off the capture time asked for by " + milliseconds(report->skew) +
          ", more than a frame (" + milliseconds(report->period) + "): the frames of camera " + list_of_ids(ids) +
          " are too " +
-         (report->is_late ? "old: is the camera running, capture-delay long enough for frames to arrive, and the clock "
+         (is_behind
+              ? "old: they come " + milliseconds(report->behind) +
+                    " later than they can: this machine, or the network, can't keep up with them"
+          : report->is_late ? "old: is the camera running, capture-delay long enough for frames to arrive, and the clock "
                             "that of all machines?"
                           : "new: is the clock that of all machines?");
 }
@@ -142,7 +154,7 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
     std::optional<CameraFrame> frame = frames.find(wanted, !manner.live, &requester.cancelled);
     if (frame && !frame->fits(array.rig->cameras[camera])) frame.reset();
     if (!frame || wanted == kNoTime || !frames.is_live()) return frame;
-    skews.push_back({camera, frame->time, wanted, frames.period()});
+    skews.push_back({camera, frame->time, wanted, frames.period(), frame->behind});
     if (manner.max_skew > 0 && time_between(frame->time, wanted) > manner.max_skew) {
       frame.reset();
       stats_.stale_frames++;
@@ -214,7 +226,7 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
           .bytes = std::move(rendered.bytes),
           .fragments = rendered.fragments,
           .stages = stages,
-          .warning = skew_warning(*array.rig, requester.watch.see(skews))};
+          .warning = skew_warning(*array.rig, requester.watch.see(skews), requester)};
 }
 
 }  // namespace lf

@@ -38,6 +38,7 @@ class FragmentNode {
     std::vector<ByteBuffer> sharpened;    // memory of sharpened images
     GainMatcher gains;
     uint64_t warned_of = 0;               // hash of another rig that a person has been told of
+    uint64_t warned_behind = 0;           // when one was told that frames come late, now_ns()
     std::atomic<bool> cancelled = false;  // nothing is waited for; see cancel()
   };
   // From any thread: an answer being made for this requester waits for nothing any more.
@@ -75,7 +76,7 @@ class FragmentNode {
   // The same images, to be sampled as `manner` says: what the task needs of them sharpened, in `memory`.
   static std::vector<Source> resampled(std::span<const Source> images, const AnswerTask& task, const Manner& manner,
                                        std::vector<ByteBuffer>& memory);
-  std::string skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report) const;
+  std::string skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report, Requester& requester) const;
 
   NodeStats stats_;
   CameraInputs inputs_;

@@ -9,6 +9,10 @@
  * `request`, an answer for each goes out on `src`. Further requesters, such as compositors on other hosts, have pads of
  * their own: what comes in on `request_0` is answered on `src_0`.
  *
+ * A camera that fails ends nothing: its neighbours close the gap. Live ones are opened again until they are back
+ * (`retry`), others are lost for good. #element-lfcamsrc tells which with its messages, `stats` have the state, the
+ * reason and the retries of each. An error it is where no camera has worked, or none is opened again.
+ *
  * ## Example launch line
  * |[
  * gst-launch-1.0 lfviewrequest location=views.json ! tee name=r  r. ! queue ! n.request \
@@ -22,13 +26,14 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/error.h"
-#include "camera_node_settings.h"
 #include "common.h"
+#include "lfcameranode_private.h"
+#include "lfcamsrc.h"
 #include "lffragment_private.h"
-#include "net_clock.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_camera_node_debug);
 #define GST_CAT_DEFAULT lf_camera_node_debug
@@ -46,16 +51,6 @@ enum {
 };
 
 }  // namespace
-
-struct _LfCameraNode {
-  GstBin parent;
-  GstElement* fragment;  // borrowed from the bin's children; null where lffragment is not installed
-  Settings* settings;    // under the object lock
-  lf::NetClock* net_clock;
-  Settings* opened;                     // what the children were made for
-  std::shared_ptr<const lf::Rig>* rig;  // the same
-  std::vector<GstElement*>* cameras;    // borrowed from the bin's children
-};
 
 G_DEFINE_TYPE_WITH_CODE(LfCameraNode, lf_camera_node, GST_TYPE_BIN,
                         GST_DEBUG_CATEGORY_INIT(lf_camera_node_debug, "lfcameranode", 0, "cameras of a rig as a node"))
@@ -79,7 +74,10 @@ static Settings current_settings(LfCameraNode* self) {
 }
 
 static void remove_cameras(LfCameraNode* self) {
-  for (GstElement* camera : *self->cameras) {
+  GST_OBJECT_LOCK(self);
+  const std::vector<GstElement*> cameras = std::exchange(*self->cameras, {});
+  GST_OBJECT_UNLOCK(self);
+  for (GstElement* camera : cameras) {
     GstPad* src = gst_element_get_static_pad(camera, "src");
     GstPad* sink = gst_pad_get_peer(src);
     gst_element_set_state(camera, GST_STATE_NULL);
@@ -90,7 +88,6 @@ static void remove_cameras(LfCameraNode* self) {
     }
     gst_object_unref(src);
   }
-  self->cameras->clear();
 }
 
 // The pad is named after the camera's index, which is easily found in a picture of the pipeline.
@@ -99,11 +96,15 @@ static void add_camera(LfCameraNode* self, const Settings& settings, const lf::R
   GstElement* camera = gst_element_factory_make("lfcamsrc", ("camera" + id).c_str());
   if (!camera) throw lf::Error("element lfcamsrc is not installed");
   g_object_set(camera, "rig", settings.rig.c_str(), "camera", rig.cameras[index].id, "is-live", settings.is_live,
-               "loop", settings.loop, "decode", settings.decode, "latency", settings.latency, nullptr);
+               "loop", settings.loop, "decode", settings.decode, "latency", settings.latency, "retry", settings.retry,
+               nullptr);
+  lf_cam_src_set_expendable(LF_CAM_SRC(camera));
   gst_util_set_object_arg(G_OBJECT(camera), "framerate",
                           (std::to_string(settings.fps_n) + "/" + std::to_string(settings.fps_d)).c_str());
   gst_bin_add(GST_BIN(self), camera);
+  GST_OBJECT_LOCK(self);
   self->cameras->push_back(camera);
+  GST_OBJECT_UNLOCK(self);
   if (!gst_element_link_pads(camera, "src", self->fragment, ("sink_" + std::to_string(index)).c_str()))
     throw lf::Error(settings.rig + ": camera " + id + ": can't be linked with lffragment");
   gst_child_proxy_set(GST_CHILD_PROXY(self->fragment), ("sink_" + std::to_string(index) + "::camera").c_str(),
@@ -183,13 +184,24 @@ static void lf_camera_node_set_rig(LfCameraNode* self, const gchar* path) {
   GST_OBJECT_UNLOCK(self);
 }
 
+static void lf_camera_node_handle_message(GstBin* bin, GstMessage* message) {
+  const GstStructure* structure =
+      GST_MESSAGE_TYPE(message) == GST_MESSAGE_ELEMENT ? gst_message_get_structure(message) : nullptr;
+  const bool is_loss = structure && gst_structure_has_name(structure, LF_CAMERA_LOST);
+  GST_BIN_CLASS(lf_camera_node_parent_class)->handle_message(bin, message);
+  if (is_loss) lf_camera_node_check_cameras(LF_CAMERA_NODE(bin));
+}
+
 static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, GstStateChange transition) {
   LfCameraNode* self = LF_CAMERA_NODE(element);
   if (!self->net_clock->before(element, transition)) return GST_STATE_CHANGE_FAILURE;
   const bool stale = transition == GST_STATE_CHANGE_NULL_TO_READY ||
                      (transition == GST_STATE_CHANGE_READY_TO_PAUSED && *self->opened != current_settings(self));
   if (stale && !open_cameras(self)) return GST_STATE_CHANGE_FAILURE;
-  const GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_camera_node_parent_class)->change_state(element, transition);
+  const bool starts = transition == GST_STATE_CHANGE_NULL_TO_READY || transition == GST_STATE_CHANGE_READY_TO_PAUSED;
+  if (starts) lf_camera_node_forget_failure(self);
+  GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_camera_node_parent_class)->change_state(element, transition);
+  if (starts && lf_camera_node_has_failed(self)) result = GST_STATE_CHANGE_FAILURE;
   self->net_clock->after(element, transition);
   if (transition == GST_STATE_CHANGE_READY_TO_NULL ||
       (transition == GST_STATE_CHANGE_NULL_TO_READY && result == GST_STATE_CHANGE_FAILURE))
@@ -215,6 +227,7 @@ static void lf_camera_node_set_property(GObject* object, guint id, const GValue*
 
 static void lf_camera_node_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
   LfCameraNode* self = LF_CAMERA_NODE(object);
+  if (id == kPropStats) return g_value_take_boxed(value, lf_camera_node_stats(self));
   if (is_of_fragment(id)) {
     if (self->fragment) g_object_get_property(G_OBJECT(self->fragment), pspec->name, value);
     return;
@@ -290,13 +303,17 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
   lf_fragment_install_choices(object_class, kPropSum);
   g_object_class_install_property(
       object_class, kPropStats,
-      g_param_spec_boxed("stats", "Statistics", "What lffragment counts, see there", GST_TYPE_STRUCTURE,
-                         static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+      g_param_spec_boxed(
+          "stats", "Statistics",
+          "What lffragment counts, see there, and of each of the cameras: state (opening, running, ended "
+          "or lost), reason of the latest loss, losses, retries, dropped frames",
+          GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   lf::NetClock::install(object_class, kPropNetClock);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf_camera_node_change_state;
   element_class->provide_clock = lf_camera_node_provide_clock;
+  GST_BIN_CLASS(klass)->handle_message = lf_camera_node_handle_message;
   element_class->request_new_pad = lf_camera_node_new_pad;
   element_class->release_pad = lf_camera_node_release_pad;
   gst_element_class_add_static_pad_template(element_class, &request_template);

@@ -14,10 +14,18 @@
  * #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture` with its true capture time: clock time where frames
  * are live, running time where not, plus the camera's time offset.
  *
+ * With `retry` a camera that fails (or is not there, or ends though it should not) is no error: it is opened again,
+ * with a quarter of the time it has been out between attempts, half a second at least and ten at most. Downstream there
+ * are no frames meanwhile. A live file then goes on where it would be.
+ *
  * ## Example launch line
  * |[
  * gst-launch-1.0 lfcamsrc rig=rig.json camera=5 ! videoconvert ! autovideosink
  * ]|
+ *
+ * ## Element messages
+ * With `retry` "lightfield-camera-lost": camera (uint: its id), name, reason (strings), beside one warning; and
+ * "lightfield-camera-found": camera, name, with the first frame after that.
  */
 
 #include "lfcamsrc.h"
@@ -28,44 +36,26 @@
 #include <cstring>
 #include <memory>
 #include <string>
-#include <vector>
 
-#include "cam_src_settings.h"
-#include "camera_chain.h"
-#include "camera_source.h"
+#include "base/error.h"
 #include "camera_states.h"
-#include "camera_stream.h"
 #include "common.h"
-#include "net_clock.h"
+#include "lfcamsrc_private.h"
 
-GST_DEBUG_CATEGORY_STATIC(lf_cam_src_debug);
+GST_DEBUG_CATEGORY(lf_cam_src_debug);
 #define GST_CAT_DEFAULT lf_cam_src_debug
 
 namespace {
 
 using Settings = lf::CamSrcSettings;
 
-enum { kPropFirstSetting = 1, kPropNetClock = kPropFirstSetting + Settings::kNumProperties };
-
-// One use of the children, from READY through PAUSED at most once.
-struct Run {
-  Settings settings;
-  std::shared_ptr<const lf::Rig> rig;  // kept, so that the next camera finds it read already
-  lf::CameraChain chain;
-  std::shared_ptr<lf::CameraStream> stream;
-  std::string wanted;  // of a device, in words
-  bool used = false;   // has been in PAUSED: pads that come by and by have come
+enum {
+  kPropFirstSetting = 1,
+  kPropStats = kPropFirstSetting + Settings::kNumProperties,
+  kPropNetClock,
 };
 
 }  // namespace
-
-struct _LfCamSrc {
-  GstBin parent;
-  GstPad* src;
-  Settings* settings;  // under the object lock
-  lf::NetClock* net_clock;
-  Run* run;  // null in state NULL
-};
 
 G_DEFINE_TYPE_WITH_CODE(LfCamSrc, lf_cam_src, GST_TYPE_BIN,
                         GST_DEBUG_CATEGORY_INIT(lf_cam_src_debug, "lfcamsrc", 0, "one camera of a rig as a source"))
@@ -75,6 +65,17 @@ static GstStaticPadTemplate src_template =
     GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
                             GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420 }") "; image/jpeg"));
 
+GstClockTime lf_cam_src_period(LfCamSrc* self) {
+  GstCaps* caps = gst_pad_get_current_caps(self->src);
+  int fps_n = 0, fps_d = 1;
+  if (caps) {
+    gst_structure_get_fraction(gst_caps_get_structure(caps, 0), "framerate", &fps_n, &fps_d);
+    gst_caps_unref(caps);
+  }
+  if (fps_n <= 0 || fps_d <= 0) return GST_SECOND / lf::kDefaultFps;
+  return gst_util_uint64_scale(GST_SECOND, static_cast<guint64>(fps_d), static_cast<guint64>(fps_n));
+}
+
 // A live stream may come up to one frame time after its stamps: a frame takes as long to be had.
 static gboolean on_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   if (!gst_pad_query_default(pad, parent, query)) return FALSE;
@@ -83,117 +84,26 @@ static gboolean on_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   GstClockTime min = 0, max = GST_CLOCK_TIME_NONE;
   gst_query_parse_latency(query, &live, &min, &max);
   if (!live) return TRUE;
-  GstCaps* caps = gst_pad_get_current_caps(pad);
-  int fps_n = 0, fps_d = 1;
-  if (caps) {
-    gst_structure_get_fraction(gst_caps_get_structure(caps, 0), "framerate", &fps_n, &fps_d);
-    gst_caps_unref(caps);
-  }
-  if (fps_n <= 0) fps_n = lf::kDefaultFps;
-  gst_query_set_latency(query, live, std::max(min, gst_util_uint64_scale(GST_SECOND, fps_d, fps_n)), max);
+  gst_query_set_latency(query, live, std::max(min, lf_cam_src_period(LF_CAM_SRC(parent))), max);
   return TRUE;
 }
 
-// --- From NULL to READY and back ------------------------------------------------------------------------------------
+// --- States ---------------------------------------------------------------------------------------------------------
 
-static void remove_children(LfCamSrc* self) {
-  gst_ghost_pad_set_target(GST_GHOST_PAD(self->src), nullptr);
-  GstBin* bin = GST_BIN(self);
-  while (bin->children) {
-    GstElement* child = GST_ELEMENT(gst_object_ref(bin->children->data));
-    gst_element_set_state(child, GST_STATE_NULL);
-    gst_bin_remove(bin, child);
-    gst_object_unref(child);
-  }
-  delete self->run;
-  self->run = nullptr;
-}
-
-static Settings current_settings(LfCamSrc* self) {
-  GST_OBJECT_LOCK(self);
-  Settings settings = *self->settings;
-  GST_OBJECT_UNLOCK(self);
-  return settings;
-}
-
-static std::shared_ptr<const lf::Rig> open_rig(const std::string& path) {
-  if (path.empty()) throw lf::Error("rig: not set");
-  if (!g_file_test(path.c_str(), G_FILE_TEST_EXISTS)) throw lf::MissingFile(path + ": no such file");
-  return lf::shared_rig(path);
-}
-
-// The errors say which camera of which rig they are about.
-static lf::CameraSource find_source(const lf::Rig& rig, const lf::Camera& camera, const std::string& place) {
-  try {
-    return lf::find_camera_source(rig, camera);
-  } catch (const lf::MissingFile& error) {
-    throw lf::MissingFile(place + ": " + error.what());
-  } catch (const lf::Error& error) {
-    throw lf::Error(place + ": " + error.what());
-  }
-}
-
-static void add_children(LfCamSrc* self, const Settings& settings) {
-  const std::shared_ptr<const lf::Rig> rig = open_rig(settings.rig);
-  const auto index = rig->index_of_id(settings.camera);
-  if (!index) throw lf::Error(settings.rig + ": has no camera " + std::to_string(settings.camera));
-  const lf::Camera& camera = rig->cameras[*index];
-  std::string place = settings.rig + ": camera " + std::to_string(camera.id);
-  if (!camera.name.empty()) place += " (" + camera.name + ")";
-  const lf::CameraSource source = find_source(*rig, camera, place);
-  if (!source.location.empty()) place += ": " + source.location;
-
-  const lf::CameraChain chain = lf::build_camera_chain(GST_BIN(self), source, camera,
-                                                       {.fps_n = settings.fps_n,
-                                                        .fps_d = settings.fps_d,
-                                                        .live = settings.is_live,
-                                                        .loop = settings.loop,
-                                                        .decode = settings.decode,
-                                                        .latency = settings.latency});
-  using Kind = lf::CameraSource::Kind;
-  auto stream = std::make_shared<lf::CameraStream>(
-      GST_ELEMENT(self), chain,
-      lf::StreamOptions{.camera = *index,
-                        .rig_hash = rig->hash(),
-                        .width = camera.width,
-                        .height = camera.height,
-                        .time_offset = camera.time_offset,
-                        .num_frames = settings.num_frames,
-                        .seek_to_loop = settings.loop && (source.kind == Kind::kMatroska || source.kind == Kind::kUri),
-                        .place = place});
-  stream->watch();
-  if (settings.is_live) stream->set_live();
-  gst_ghost_pad_set_target(GST_GHOST_PAD(self->src), chain.out);
-  std::string wanted;
-  if (source.kind == Kind::kDevice) {
-    wanted = std::to_string(camera.width) + "x" + std::to_string(camera.height);
-    if (settings.fps_n > 0)
-      wanted += " at " + std::to_string(settings.fps_n) + "/" + std::to_string(settings.fps_d) + " frames/s";
-  }
-  self->run = new Run{settings, rig, chain, stream, wanted};
-}
-
-// Children for the current settings. False, without children, after posting the reason.
+// Children for the current settings. False, without children, after posting why not; where that is no error there are
+// none either.
 static bool open_camera(LfCamSrc* self) {
-  remove_children(self);
-  try {
-    add_children(self, current_settings(self));
-    return true;
-  } catch (const lf::MissingFile& error) {
-    GST_ELEMENT_ERROR(self, RESOURCE, NOT_FOUND, ("%s", error.what()), (nullptr));
-  } catch (const lf::MissingElement& error) {
-    GST_ELEMENT_ERROR(self, CORE, MISSING_PLUGIN, ("element %s is not installed", error.what()), (nullptr));
-  } catch (const lf::Error& error) {
-    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
+  lf_cam_src_close(self);
+  self->live = false;
+  self->end = 0;
+  std::unique_ptr<CamSrcFailure> failure;
+  if (!lf_cam_src_open(self, &failure)) {
+    lf_cam_src_post(self, GST_MESSAGE_ERROR, *failure);
+    return false;
   }
-  remove_children(self);
-  return false;
-}
-
-// GstBin would start what is not linked yet in any order, and a decoder's first frame would find closed doors.
-static void start_tail(const lf::CameraChain& chain) {
-  for (auto element = chain.tail.rbegin(); element != chain.tail.rend(); ++element)
-    gst_element_set_state(*element, GST_STATE_PAUSED);
+  if (!failure) return true;
+  lf_cam_src_fail(self, *failure);
+  return lf_cam_src_may_be_lost(self);
 }
 
 // imagefreeze forgets its frame rate before it stops its thread, which may then divide by it: the thread is stopped
@@ -207,55 +117,121 @@ static void stop_tail(const lf::CameraChain& chain) {
   }
 }
 
-static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStateChange transition) {
-  LfCamSrc* self = LF_CAM_SRC(element);
-  if (!self->net_clock->before(element, transition)) return GST_STATE_CHANGE_FAILURE;
+static bool is_stale(LfCamSrc* self) {
+  GST_OBJECT_LOCK(self);
+  const bool stale = !self->run || self->run->used || self->run->settings != *self->settings;
+  GST_OBJECT_UNLOCK(self);
+  return stale;
+}
+
+// Before the children change state; false after posting an error.
+static bool prepare(LfCamSrc* self, GstStateChange transition) {
   if (transition == GST_STATE_CHANGE_NULL_TO_READY) {
-    if (!open_camera(self)) return GST_STATE_CHANGE_FAILURE;
-  } else if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) {
-    const bool stale = self->run->used || self->run->settings != current_settings(self);
-    if (stale && !open_camera(self)) return GST_STATE_CHANGE_FAILURE;
+    self->service->start();
+    return open_camera(self);
+  }
+  if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) {
+    if (self->service->state() == lf::CameraService::State::kStopped) self->service->start();
+    if (is_stale(self) && !open_camera(self)) return false;
+    if (!self->run) return true;
     self->run->used = true;
-    start_tail(self->run->chain);
-  } else if (transition == GST_STATE_CHANGE_PAUSED_TO_READY && self->run) {
+    lf_cam_src_start_tail(self->run->chain);
+  } else if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) {
+    lf_cam_src_cancel_plans(self);
+    if (!self->run) return true;
     self->run->stream->stop();
     stop_tail(self->run->chain);
   }
+  return true;
+}
 
-  const GstStateChangeReturn result =
-      lf::change_camera_state(GST_BIN(self), transition, GST_ELEMENT_CLASS(lf_cam_src_parent_class)->change_state);
-  self->net_clock->after(element, transition);
-  // A live child gives no frame before PLAYING, so that this comes in time.
-  if (transition == GST_STATE_CHANGE_READY_TO_PAUSED && result == GST_STATE_CHANGE_NO_PREROLL)
-    self->run->stream->set_live();
-  if (transition == GST_STATE_CHANGE_READY_TO_NULL ||
-      (transition == GST_STATE_CHANGE_NULL_TO_READY && result == GST_STATE_CHANGE_FAILURE))
-    remove_children(self);
+// A camera without children, as there is nothing to open, is in whatever state it is asked for.
+static GstStateChangeReturn change_children(LfCamSrc* self, GstStateChange transition) {
+  const auto chain_up = GST_ELEMENT_CLASS(lf_cam_src_parent_class)->change_state;
+  const auto current = GST_STATE_TRANSITION_CURRENT(transition), next = GST_STATE_TRANSITION_NEXT(transition);
+  GstStateChangeReturn result = lf::change_camera_state(GST_BIN(self), transition, chain_up);
+  if (result == GST_STATE_CHANGE_FAILURE && current < next && self->run && lf_cam_src_may_be_lost(self)) {
+    lf_cam_src_fail_to_start(self);
+    result = lf::change_camera_state(GST_BIN(self), transition, chain_up);
+  }
+  const bool pausing =
+      transition == GST_STATE_CHANGE_READY_TO_PAUSED || transition == GST_STATE_CHANGE_PLAYING_TO_PAUSED;
+  if (!self->run && pausing && self->live && result == GST_STATE_CHANGE_SUCCESS) return GST_STATE_CHANGE_NO_PREROLL;
   return result;
 }
 
-// Errors of the children know nothing of cameras: says whose they are.
+// In PAUSED: what could not be done before.
+static void lf_cam_src_begin(LfCamSrc* self) {
+  if (!self->run) {
+    lf_cam_src_push_lost(self);
+    lf_cam_src_schedule_retry(self);
+  } else if (self->run->stream->has_failed()) {
+    lf_cam_src_take_out(self, static_cast<guint>(g_atomic_int_get(&self->serial)));
+  } else {
+    lf_cam_src_watch(self);
+  }
+}
+
+static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStateChange transition) {
+  LfCamSrc* self = LF_CAM_SRC(element);
+  if (!self->net_clock->before(element, transition)) return GST_STATE_CHANGE_FAILURE;
+  if (!prepare(self, transition)) return GST_STATE_CHANGE_FAILURE;
+  const GstStateChangeReturn result = change_children(self, transition);
+  self->net_clock->after(element, transition);
+  if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) {
+    // A live child gives no frame before PLAYING, so that this comes in time.
+    if (result == GST_STATE_CHANGE_NO_PREROLL) {
+      self->live = true;
+      if (self->run) self->run->stream->set_live();
+    }
+    if (result != GST_STATE_CHANGE_FAILURE) lf_cam_src_begin(self);
+  }
+  if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) self->service->stop();
+  if (transition == GST_STATE_CHANGE_READY_TO_NULL ||
+      (transition == GST_STATE_CHANGE_NULL_TO_READY && result == GST_STATE_CHANGE_FAILURE))
+    lf_cam_src_close(self);
+  return result;
+}
+
+// What an error of a child is about, beside the text it has: the camera and what is known better here.
+static std::string describe(const std::string& place, const std::string& wanted, const GError* error,
+                            const gchar* debug) {
+  if (wanted.empty() || !debug || !strstr(debug, "not-negotiated")) return place + ": " + error->message;
+  return place + ": it gives no pictures of " + wanted + "; v4l2-ctl --list-formats-ext lists what a V4L2 device has";
+}
+
+// Errors of the children know nothing of cameras: says whose they are. Of a camera that may be lost that is all that is
+// told: their warnings come before an error or mean nothing.
 static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
   LfCamSrc* self = LF_CAM_SRC(bin);
   if (lf::take_decoder_message(bin, message)) return;
-  if (GST_MESSAGE_TYPE(message) != GST_MESSAGE_ERROR || !self->run) {
+  GST_OBJECT_LOCK(self);
+  const std::shared_ptr<lf::CameraStream> stream = self->run ? self->run->stream : nullptr;
+  const std::string wanted = self->run ? self->run->wanted : "";
+  GST_OBJECT_UNLOCK(self);
+  const guint serial = static_cast<guint>(g_atomic_int_get(&self->serial));
+  const bool is_error = GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
+  const bool is_warning = GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING;
+  if (!(is_error && stream) && !(lf_cam_src_may_be_lost(self) && (is_error || is_warning))) {
     GST_BIN_CLASS(lf_cam_src_parent_class)->handle_message(bin, message);
     return;
   }
-  if (self->run->stream->first_error()) {
-    GError* error = nullptr;
-    gchar* debug = nullptr;
+  if (is_error && stream && stream->first_error()) {
+    g_autoptr(GError) error = nullptr;
+    g_autofree gchar* debug = nullptr;
     gst_message_parse_error(message, &error, &debug);
-    std::string what = error->message;
-    if (!self->run->wanted.empty() && debug && strstr(debug, "not-negotiated"))
-      what =
-          "it gives no pictures of " + self->run->wanted + "; v4l2-ctl --list-formats-ext lists what a V4L2 device has";
-    gchar* text = g_strdup_printf("%s: %s", self->run->stream->place().c_str(), what.c_str());
-    gst_element_message_full(GST_ELEMENT(self), GST_MESSAGE_ERROR, error->domain, error->code, text, debug, __FILE__,
-                             GST_FUNCTION, __LINE__);  // takes the texts
-    g_error_free(error);
+    lf_cam_src_fail(self,
+                    {error->domain, error->code, describe(stream->place(), wanted, error, debug), debug ? debug : ""});
+    lf_cam_src_take_out(self, serial);
+  } else {
+    GST_INFO_OBJECT(self, "%" GST_PTR_FORMAT, message);
   }
   gst_message_unref(message);
+}
+
+static void lf_cam_src_deep_element_added(GstBin* bin, GstBin* parent, GstElement* child) {
+  (*LF_CAM_SRC(bin)->shedder)->watch(child);
+  GST_BIN_CLASS(lf_cam_src_parent_class)->deep_element_added(bin, parent, child);  // tells the bins around this one
 }
 
 // "EOS, please" from the application (gst-launch-1.0 -e). Not all children take it while files loop; the next frame
@@ -266,8 +242,16 @@ static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
     return GST_ELEMENT_CLASS(lf_cam_src_parent_class)->send_event(element, event);
   gst_event_unref(event);
   GST_STATE_LOCK(self);
-  const bool running = self->run != nullptr;
-  if (running) self->run->stream->end();
+  bool running = self->run != nullptr;
+  if (running) {
+    self->run->stream->end();
+  } else if (self->service->state() == lf::CameraService::State::kLost) {
+    lf_cam_src_cancel_plans(self);
+    running = true;
+    gst_element_call_async(
+        element, [](GstElement* camera, gpointer) { gst_pad_push_event(LF_CAM_SRC(camera)->src, gst_event_new_eos()); },
+        nullptr, nullptr);
+  }
   GST_STATE_UNLOCK(self);
   return running;
 }
@@ -284,6 +268,9 @@ static void lf_cam_src_set_property(GObject* object, guint id, const GValue* val
 
 static void lf_cam_src_get_property(GObject* object, guint id, GValue* value, GParamSpec*) {
   LfCamSrc* self = LF_CAM_SRC(object);
+  if (id == kPropStats) {
+    return g_value_take_boxed(value, lf_cam_src_stats(self, "application/x-lightfield-camera-stats"));
+  }
   if (id >= kPropNetClock) return self->net_clock->get(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
   GST_OBJECT_LOCK(self);
   self->settings->get(static_cast<Settings::Property>(id - kPropFirstSetting), value);
@@ -292,8 +279,12 @@ static void lf_cam_src_get_property(GObject* object, guint id, GValue* value, GP
 
 static void lf_cam_src_finalize(GObject* object) {
   LfCamSrc* self = LF_CAM_SRC(object);
+  lf_cam_src_cancel_plans(self);
   delete self->run;
   delete self->settings;
+  delete self->service;
+  delete self->shedder;
+  delete self->name;
   delete self->net_clock;
   G_OBJECT_CLASS(lf_cam_src_parent_class)->finalize(object);
 }
@@ -307,6 +298,13 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   object_class->finalize = lf_cam_src_finalize;
 
   Settings::install(object_class, kPropFirstSetting);
+  g_object_class_install_property(
+      object_class, kPropStats,
+      g_param_spec_boxed(
+          "stats", "Statistics",
+          "state (stopped, opening, running, ended or lost), reason of the latest loss, losses, retries, "
+          "and dropped: frames left undecoded because this machine can't decode all",
+          GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   lf::NetClock::install(object_class, kPropNetClock);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
@@ -315,6 +313,7 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   element_class->send_event = lf_cam_src_send_event;
   GST_BIN_CLASS(klass)->handle_message = lf_cam_src_handle_message;
   GST_BIN_CLASS(klass)->element_added = lf::lock_decoder;
+  GST_BIN_CLASS(klass)->deep_element_added = lf_cam_src_deep_element_added;
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(
       element_class, "Light field camera source", "Source/Video",
@@ -325,6 +324,9 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
 static void lf_cam_src_init(LfCamSrc* self) {
   self->settings = new Settings;
   self->net_clock = new lf::NetClock;
+  self->service = new lf::CameraService;
+  self->shedder = new std::shared_ptr<lf::CameraShedder>(std::make_shared<lf::CameraShedder>());
+  self->name = new std::string;
   // A source also while it has no children.
   gst_bin_set_suppressed_flags(
       GST_BIN(self),

@@ -62,10 +62,10 @@ GstStaticPadTemplate more_src_template =
     GST_STATIC_PAD_TEMPLATE("src_%u", GST_PAD_SRC, GST_PAD_SOMETIMES, GST_STATIC_CAPS(LF_ANSWER_CAPS));
 }  // namespace
 
-bool lf_fragment_upstream_is_live(GstPad* sink) {
+bool lf_fragment_upstream_is_live(GstPad* sink, GstClockTime* latency) {
   GstQuery* query = gst_query_new_latency();
   gboolean live = FALSE;
-  if (gst_pad_peer_query(sink, query)) gst_query_parse_latency(query, &live, nullptr, nullptr);
+  if (gst_pad_peer_query(sink, query)) gst_query_parse_latency(query, &live, latency, nullptr);
   gst_query_unref(query);
   return live;
 }

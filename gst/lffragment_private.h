@@ -33,6 +33,7 @@ struct _LfFragmentPad {
     std::optional<guint> from_stream;              // the same as the stream says it
     bool live = false;                             // known from the segment on
     lf::ArrivalWatch arrivals;                     // while live
+    GstClockTime latency = 0;                      // the same
   } * input;
 };
 
@@ -96,8 +97,8 @@ struct _LfFragment {
 inline constexpr guint kNumFragmentChoices = 8;
 void lf_fragment_install_choices(GObjectClass* klass, guint first_id);
 
-// Whether what comes to this sink pad comes in real time.
-bool lf_fragment_upstream_is_live(GstPad* sink);
+// Whether what comes to this sink pad comes in real time; if so, after which latency at the latest.
+bool lf_fragment_upstream_is_live(GstPad* sink, GstClockTime* latency = nullptr);
 // Stops, starts or finishes all cameras.
 void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode);
 

@@ -21,6 +21,7 @@ std::optional<SkewWatch::Report> SkewWatch::see(std::span<const Frame> frames) {
       report.skew = skew;
       report.period = frame.period;
       report.is_late = frame.taken < frame.wanted;
+      report.behind = frame.behind;
     }
   }
   if (report.cameras.empty()) return std::nullopt;

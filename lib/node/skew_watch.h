@@ -21,12 +21,14 @@ class SkewWatch {
     CameraIndex camera = 0;
     uint64_t taken = 0, wanted = 0;
     uint64_t period = 0;  // between the camera's frames; 0: not known, it is not judged
+    uint64_t behind = 0;  // how much later it arrived than frames of this camera can
   };
   struct Report {
     CameraSet cameras;     // ascending; those that have come to be off with this request
     uint64_t skew = 0;     // the largest of theirs, nanoseconds
     uint64_t period = 0;   // of that camera
     bool is_late = false;  // its frame is older than asked for
+    uint64_t behind = 0;   // of that camera
   };
   // The frames that answered a request, ascending cameras.
   std::optional<Report> see(std::span<const Frame> frames);

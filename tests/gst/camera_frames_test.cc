@@ -67,6 +67,32 @@ TEST(CameraFrames, TheNewestFrameOfAFileIsTheOneThatStands) {
   for (int i = 0; i < 10; i++) EXPECT_EQ(frames.find(kNoTime, true)->time, 5u);
 }
 
+TEST(CameraFrames, AfterALossThereIsNothingBeyondTheLastFrame) {
+  for (const bool live : {false, true}) {
+    CameraFrames frames;
+    frames.set_mode(Mode::kRunning);
+    frames.start_stream(live);
+    for (const uint64_t time : {0, 10}) EXPECT_EQ(frames.push(frame(time)), GST_FLOW_OK);
+    frames.lose_stream();
+    EXPECT_EQ(frames.find(19, true)->time, 10u) << "its own time";
+    EXPECT_FALSE(frames.find(20, true)) << "and nobody waits";
+    EXPECT_FALSE(frames.find(kNoTime, true));
+    frames.end_stream();
+    EXPECT_FALSE(frames.find(30, true)) << "no end makes it stand for ever";
+    frames.start_stream(live);
+    EXPECT_EQ(frames.push(frame(40)), GST_FLOW_OK);
+    EXPECT_EQ(frames.find(40, true)->time, 40u);
+  }
+}
+
+TEST(CameraFrames, ACameraThatNeverCameIsNotWaitedForOnceItIsLost) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  std::thread loses([&] { frames.lose_stream(); });
+  EXPECT_FALSE(frames.find(0, true));
+  loses.join();
+}
+
 TEST(CameraFrames, LiveRequestersDoNotWaitForACameraThatHasNotBegun) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);

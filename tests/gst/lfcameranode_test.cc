@@ -238,7 +238,7 @@ TEST_F(LfCameraNodeTest, JpegCamerasStartAndStop) {
 TEST_F(LfCameraNodeTest, ErrorsNameThePlace) {
   const CameraFiles files;
   const std::string missing = files.save("m.json", 2, [](Camera& camera) {
-    if (camera.id == 1) camera.source = "nowhere.mkv";
+    camera.source = "nowhere_" + std::to_string(camera.id) + ".mkv";
   });
   struct Case {
     std::string properties;
@@ -248,7 +248,8 @@ TEST_F(LfCameraNodeTest, ErrorsNameThePlace) {
        {Case{"", {"rig: not set"}}, Case{"rig=" + files.path("none.json"), {"none.json", "no such file"}},
         Case{"rig=" + missing + " cameras=0-5", {missing, "0-5"}},
         Case{"rig=" + missing + " cameras=one", {missing, "one"}},
-        Case{"rig=" + missing, {missing, "camera 1", "nowhere.mkv", "no such file"}}}) {
+        Case{"rig=" + missing,
+             {"No camera works", "camera 0", "nowhere_0.mkv", "camera 1", "nowhere_1.mkv", "no such file"}}}) {
     GstStateChangeReturn result = GST_STATE_CHANGE_SUCCESS;
     const std::string text = error_of(c.properties, &result);
     EXPECT_EQ(result, GST_STATE_CHANGE_FAILURE) << c.properties;

@@ -5,95 +5,32 @@
 #include <gst/gst.h>
 #include <gtest/gtest.h>
 
-#if LF_HAS_RTSP_SERVER
-#include <gst/rtsp-server/rtsp-server.h>
-#endif
-
-#include <cstdlib>
 #include <string>
-#include <thread>
 
 #include "../gst/common.h"
 #include "gst/camera_pipeline.h"
 #include "gst/gst_test.h"
+#include "gst/rtsp_server.h"
 
 namespace lf::test {
 namespace {
 
 using ::testing::HasSubstr;
 
-#if LF_HAS_RTSP_SERVER
-constexpr const char* kMissing = nullptr;
-
-// Serves white pictures of 64x48 at 30 frames/s, /jpeg and (where there is an encoder) /h264, until it is destroyed.
-class RtspServer {
- public:
-  RtspServer()
-      : context_(g_main_context_new()), loop_(g_main_loop_new(context_, FALSE)), server_(gst_rtsp_server_new()) {
-    gst_rtsp_server_set_address(server_, "127.0.0.1");
-    gst_rtsp_server_set_service(server_, "0");
-    mount("/jpeg", "jpegenc ! rtpjpegpay name=pay0");
-    mount("/h264", CameraFiles::h264_encoder() + " ! rtph264pay name=pay0");
-    gst_rtsp_server_attach(server_, context_);
-    thread_ = std::thread([this] {
-      g_main_context_push_thread_default(context_);
-      g_main_loop_run(loop_);
-      g_main_context_pop_thread_default(context_);
-    });
-  }
-  ~RtspServer() {
-    gst_rtsp_server_client_filter(
-        server_, [](GstRTSPServer*, GstRTSPClient*, gpointer) { return GST_RTSP_FILTER_REMOVE; }, nullptr);
-    g_main_loop_quit(loop_);
-    thread_.join();
-    g_object_unref(server_);
-    g_main_loop_unref(loop_);
-    g_main_context_unref(context_);
-    gst_rtsp_thread_pool_cleanup();
-  }
-  std::string uri(const std::string& path) const {
-    return "rtsp://127.0.0.1:" + std::to_string(gst_rtsp_server_get_bound_port(server_)) + path;
-  }
-
- private:
-  void mount(const char* path, const std::string& coder) {
-    GstRTSPMountPoints* mounts = gst_rtsp_server_get_mount_points(server_);
-    GstRTSPMediaFactory* factory = gst_rtsp_media_factory_new();
-    const std::string line =
-        "( videotestsrc is-live=true pattern=white ! video/x-raw,format=I420,width=64,height=48,framerate=30/1 ! " +
-        coder + " )";
-    gst_rtsp_media_factory_set_launch(factory, line.c_str());
-    gst_rtsp_media_factory_set_shared(factory, TRUE);
-    gst_rtsp_mount_points_add_factory(mounts, path, factory);  // takes it
-    g_object_unref(mounts);
-  }
-
-  GMainContext* context_;
-  GMainLoop* loop_;
-  GstRTSPServer* server_;
-  std::thread thread_;
-};
-#else
-constexpr const char* kMissing = "libgstrtspserver-1.0-dev is not installed";
-class RtspServer {
- public:
-  std::string uri(const std::string& path) const { return path; }
-};
-#endif
-
 class RtspTest : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    if (kMissing) return;
+    if (kRtspServerMissing) return;
     files = new CameraFiles;
     server = new RtspServer;
   }
   static void TearDownTestSuite() {
     delete server;
+    if (server) RtspServer::clean_up();
     delete files;
   }
   void SetUp() override {
-    if (kMissing) GTEST_SKIP() << kMissing;
+    if (kRtspServerMissing) GTEST_SKIP() << kRtspServerMissing;
   }
   static std::string rig(const std::string& path, int width = CameraFiles::kWidth) {
     return files->save("rig.json", 1, [&](Camera& camera) {

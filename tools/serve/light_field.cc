@@ -83,9 +83,15 @@ void LightField::start(std::function<void(const std::string&)> on_error) {
   gst_element_set_state(pipeline_, GST_STATE_PLAYING);
   const GstStateChangeReturn result = gst_element_get_state(pipeline_, nullptr, nullptr, 60 * GST_SECOND);
   GstBus* bus = gst_element_get_bus(pipeline_);
-  if (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR)) {
+  constexpr auto kWorthTelling = GstMessageType(GST_MESSAGE_ERROR | GST_MESSAGE_WARNING);
+  while (GstMessage* message = gst_bus_pop_filtered(bus, kWorthTelling)) {
     const std::string text = text_of(message);
+    const bool is_error = GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
     gst_message_unref(message);
+    if (!is_error) {
+      std::fprintf(stderr, "lf-serve: cameras: %s\n", text.c_str());
+      continue;
+    }
     gst_object_unref(bus);
     throw Error(text);
   }

@@ -32,6 +32,17 @@ TEST(SkewWatch, TellsOnceWhenACameraComesToBeOff) {
   EXPECT_EQ(reports, 1);
 }
 
+TEST(SkewWatch, TellsHowMuchLaterThanItCouldTheWorstFrameCame) {
+  SkewWatch watch;
+  SkewWatch::Frame frames[] = {frame(2, -200), frame(5, -300)};
+  frames[0].behind = 150;
+  frames[1].behind = 250;
+  std::optional<SkewWatch::Report> report;
+  for (int i = 0; i < SkewWatch::kRequests; i++) report = watch.see(frames);
+  ASSERT_TRUE(report);
+  EXPECT_EQ(report->behind, 250u);
+}
+
 TEST(SkewWatch, LostFramesAreNoReason) {
   SkewWatch watch;
   for (int i = 0; i < 100; i++) {

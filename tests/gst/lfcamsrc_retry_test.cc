@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// One camera that fails, alone: an error, or with `retry` a gap in its stream.
+#include <gmock/gmock.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "gst/loss_fixture.h"
+
+namespace lf::test {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+class RetryTest : public LossTest {
+ protected:
+  static ElementPtr camera(const std::string& properties) {
+    return launch("lfcamsrc name=camera " + properties + " ! fakesink name=sink sync=false");
+  }
+};
+
+TEST_F(RetryTest, AnErrorStaysAnErrorWithoutIt) {
+  failing_device(0).frames_at_most = 10;
+  const ElementPtr pipeline = camera("rig=" + devices(1));
+  ASSERT_TRUE(pipeline);
+  const Said said(pipeline.get());
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  EXPECT_TRUE(eventually([&] { return !said.errors().empty(); }));
+  EXPECT_THAT(said.errors()[0], HasSubstr("failing://0: Device 0 is gone"));
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  EXPECT_EQ(said.lost(0), 0);
+}
+
+TEST_F(RetryTest, ADeviceThatFailsAfterTenFramesIsOpenedAgain) {
+  failing_device(0).frames_at_most = 10;
+  const ElementPtr pipeline = camera("retry=true rig=" + devices(1));
+  ASSERT_TRUE(pipeline);
+  const Said said(pipeline.get());
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const ElementPtr sink = child(pipeline.get(), "sink"), camera = child(pipeline.get(), "camera");
+  Pictures frames(sink.get());
+  EXPECT_TRUE(eventually([&] { return frames.count() >= 30; }));
+  EXPECT_GE(said.lost(0), 2);
+  EXPECT_GE(said.found(0), 2);
+  EXPECT_EQ(camera_stats(camera.get()).retries, static_cast<uint64_t>(said.found(0))) << "each attempt succeeds";
+  failing_device(0).frames_at_most = 0;
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  EXPECT_EQ(camera_stats(camera.get()).state, "stopped");
+  EXPECT_THAT(said.errors(), IsEmpty());
+}
+
+// In PAUSED, too; and the end that an application asks for comes while there is no camera.
+TEST_F(RetryTest, AMissingDeviceIsLiveAllTheSame) {
+  failing_device(0).broken = true;
+  const ElementPtr pipeline = camera("is-live=true retry=true rig=" + devices(1));
+  ASSERT_TRUE(pipeline);
+  const Said said(pipeline.get());
+  EXPECT_EQ(gst_element_set_state(pipeline.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL);
+  EXPECT_EQ(said.lost(0), 1);
+  const ElementPtr camera = child(pipeline.get(), "camera");
+  EXPECT_TRUE(eventually([&] { return camera_stats(camera.get()).retries >= 1; }));
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  EXPECT_TRUE(gst_element_send_event(pipeline.get(), gst_event_new_eos()));
+  EXPECT_TRUE(eventually([&] { return said.has_ended(); }));
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+}
+
+// Of a file that is not live the frames after a gap follow those before it.
+TEST_F(RetryTest, RunningTimeGoesOn) {
+  const std::string path = rig(1, [](guint) { return "late.mkv"; });
+  const ElementPtr pipeline = camera("retry=true rig=" + path);
+  ASSERT_TRUE(pipeline);
+  const Said said(pipeline.get());
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const ElementPtr sink = child(pipeline.get(), "sink");
+  Pictures frames(sink.get());
+  EXPECT_TRUE(eventually([&] { return said.lost(0) == 1; }));
+  std::filesystem::copy(files->path("mjpeg.mkv"), files->path("late.mkv"));
+  EXPECT_TRUE(eventually([&] { return said.has_ended(); })) << "at its end";
+  EXPECT_EQ(said.found(0), 1);
+  EXPECT_EQ(frames.count(), CameraFiles::kFrames);
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  std::filesystem::remove(files->path("late.mkv"));
+}
+
+TEST_F(RetryTest, ARigThatCanNotBeReadIsAnError) {
+  const ElementPtr pipeline = camera("retry=true rig=" + files->path("none.json"));
+  ASSERT_TRUE(pipeline);
+  const Said said(pipeline.get());
+  EXPECT_EQ(gst_element_set_state(pipeline.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
+  EXPECT_THAT(said.errors(), ElementsAre(HasSubstr("none.json: no such file")));
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+}
+
+}  // namespace
+}  // namespace lf::test

@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "gst/camera_files.h"
+#include "gst/failing_camera.h"
+#include "gst/gst_test.h"
+
+namespace lf::test {
+
+// What a pipeline says, as it says it.
+class Said {
+ public:
+  explicit Said(GstElement* pipeline) : pipeline_(pipeline), bus_(gst_element_get_bus(pipeline)) {
+    gst_bus_set_sync_handler(bus_, on_message, this, nullptr);
+  }
+  ~Said() {
+    gst_bus_set_sync_handler(bus_, nullptr, nullptr, nullptr);
+    gst_object_unref(bus_);
+  }
+  Said(const Said&) = delete;
+  Said& operator=(const Said&) = delete;
+
+  int lost(guint camera) const { return count(lost_, camera); }
+  int found(guint camera) const { return count(found_, camera); }
+  std::string reason(guint camera) const {
+    std::lock_guard lock(mutex_);
+    const auto found = reasons_.find(camera);
+    return found == reasons_.end() ? "" : found->second;
+  }
+  std::vector<std::string> warnings() const { return copy(warnings_); }
+  // Those of them that tell a loss: a slow machine gives reason for others.
+  std::vector<std::string> losses() const {
+    std::vector<std::string> texts = warnings();
+    std::erase_if(texts, [](const std::string& text) { return text.find("out of service") == std::string::npos; });
+    return texts;
+  }
+  std::vector<std::string> errors() const { return copy(errors_); }
+  bool has_ended() const { return ended_; }
+  // By the latest message of the compositor.
+  size_t out_of_service() const { return out_of_service_; }
+
+ private:
+  static int count(const std::map<guint, int>& of, guint camera) {
+    const auto found = of.find(camera);
+    return found == of.end() ? 0 : found->second;
+  }
+  std::vector<std::string> copy(const std::vector<std::string>& texts) const {
+    std::lock_guard lock(mutex_);
+    return texts;
+  }
+  static std::string text_of(GstMessage* message, void (*parse)(GstMessage*, GError**, gchar**)) {
+    g_autoptr(GError) error = nullptr;
+    parse(message, &error, nullptr);
+    return error->message;
+  }
+  static GstBusSyncReply on_message(GstBus*, GstMessage* message, gpointer data) {
+    auto* self = static_cast<Said*>(data);
+    std::lock_guard lock(self->mutex_);
+    if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING)
+      self->warnings_.push_back(text_of(message, gst_message_parse_warning));
+    if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR)
+      self->errors_.push_back(text_of(message, gst_message_parse_error));
+    const GstStructure* structure =
+        GST_MESSAGE_TYPE(message) == GST_MESSAGE_ELEMENT ? gst_message_get_structure(message) : nullptr;
+    guint camera = 0;
+    if (structure && gst_structure_get_uint(structure, "camera", &camera)) {
+      if (gst_structure_has_name(structure, "lightfield-camera-lost")) {
+        self->lost_[camera]++;
+        self->reasons_[camera] = gst_structure_get_string(structure, "reason");
+      }
+      if (gst_structure_has_name(structure, "lightfield-camera-found")) self->found_[camera]++;
+    }
+    if (structure && gst_structure_has_name(structure, "lightfield-out-of-service"))
+      self->out_of_service_ = gst_value_array_get_size(gst_structure_get_value(structure, "cameras"));
+    // As every application does.
+    if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_LATENCY)
+      gst_element_call_async(
+          self->pipeline_, [](GstElement* bin, gpointer) { gst_bin_recalculate_latency(GST_BIN(bin)); }, nullptr,
+          nullptr);
+    self->ended_ = self->ended_ || GST_MESSAGE_TYPE(message) == GST_MESSAGE_EOS;
+    gst_message_unref(message);
+    return GST_BUS_DROP;
+  }
+
+  GstElement* pipeline_;
+  GstBus* bus_;
+  mutable std::mutex mutex_;
+  std::map<guint, int> lost_, found_;
+  std::map<guint, std::string> reasons_;
+  std::vector<std::string> warnings_, errors_;
+  std::atomic<size_t> out_of_service_ = 0;
+  std::atomic<bool> ended_ = false;
+};
+
+// Polls; false after 40 seconds.
+inline bool eventually(const std::function<bool()>& done) {
+  for (const gint64 end = g_get_monotonic_time() + 40 * G_USEC_PER_SEC; g_get_monotonic_time() < end;) {
+    if (done()) return true;
+    g_usleep(10000);
+  }
+  return false;
+}
+
+// One of the `cameras` in a node's or (without an id) the whole of lfcamsrc's stats.
+struct CameraStats {
+  std::string state, reason;
+  uint64_t losses = 0, retries = 0, dropped = 0;
+};
+inline CameraStats camera_stats(GstElement* element, int id = -1) {
+  GstStructure* all = nullptr;
+  g_object_get(element, "stats", &all, nullptr);
+  const StructurePtr owner(all);
+  const GstStructure* one = all;
+  if (id >= 0) {
+    const auto inner = [](const GstStructure* outer, const std::string& name) {
+      const GValue* value = gst_structure_get_value(outer, name.c_str());
+      return value ? gst_value_get_structure(value) : nullptr;
+    };
+    one = inner(all, "cameras");
+    if (one) one = inner(one, "camera-" + std::to_string(id));
+  }
+  CameraStats stats;
+  if (!one) {
+    ADD_FAILURE() << "no stats of camera " << id;
+    return stats;
+  }
+  stats.state = gst_structure_get_string(one, "state");
+  stats.reason = gst_structure_get_string(one, "reason");
+  EXPECT_TRUE(gst_structure_get_uint64(one, "losses", &stats.losses));
+  EXPECT_TRUE(gst_structure_get_uint64(one, "retries", &stats.retries));
+  EXPECT_TRUE(gst_structure_get_uint64(one, "dropped", &stats.dropped));
+  return stats;
+}
+
+// Arrays of cameras some of which fail, and what viewers see of it.
+class LossTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    register_failing_camera();
+    files = new CameraFiles;
+  }
+  static void TearDownTestSuite() {
+    delete files;
+    files = nullptr;
+  }
+  void SetUp() override { reset_failing_devices(); }
+
+  // A rig of `count` cameras; `source` names that of each.
+  static std::string rig(int count, const std::function<std::string(guint)>& source) {
+    return files->save("loss.json", count, [&](Camera& camera) { camera.source = source(camera.id); });
+  }
+  static std::string devices(int count) {
+    return rig(count, [](guint id) { return "failing://" + std::to_string(id); });
+  }
+  // A live node and `viewers` of it.
+  static std::string line(const std::string& rig, int viewers = 1, const std::string& node = "is-live=true loop=true") {
+    std::string text =
+        "funnel name=f ! tee name=r  r. ! queue leaky=downstream ! n.request lfcameranode name=n rig=" + rig + " " +
+        node + " ! tee name=t";
+    for (int i = 0; i < viewers; i++) {
+      const std::string n = std::to_string(i);
+      text += " lfviewrequest rig=" + rig + " view-id=" + n +
+              " is-live=true framerate=15/1 width=64 height=48 capture-delay=200000000 ! f."
+              " r. ! queue leaky=downstream ! c" +
+              n + ".request  t. ! queue leaky=downstream ! c" + n + ".sink_0  lfcompositor latency=150000000 name=c" +
+              n + " rig=" + rig + " view-id=" + n + " ! fakesink name=s" + n + " sync=false async=false";
+    }
+    return text;
+  }
+  static ElementPtr child(GstElement* bin, const std::string& name) {
+    return ElementPtr(gst_bin_get_by_name(GST_BIN(bin), name.c_str()));
+  }
+
+  static inline CameraFiles* files = nullptr;
+};
+
+// When pictures come to a sink: how many, and the longest time between two.
+class Pictures {
+ public:
+  explicit Pictures(GstElement* sink) : pad_(gst_element_get_static_pad(sink, "sink")) {
+    probe_ = gst_pad_add_probe(
+        pad_, GST_PAD_PROBE_TYPE_BUFFER,
+        [](GstPad*, GstPadProbeInfo*, gpointer data) {
+          auto* self = static_cast<Pictures*>(data);
+          const gint64 now = g_get_monotonic_time();
+          if (self->count_++ > 0 && now - self->last_ > self->pause_) self->pause_ = now - self->last_;
+          self->last_ = now;
+          return GST_PAD_PROBE_OK;
+        },
+        this, nullptr);
+  }
+  ~Pictures() {
+    gst_pad_remove_probe(pad_, probe_);
+    gst_object_unref(pad_);
+  }
+  Pictures(const Pictures&) = delete;
+  Pictures& operator=(const Pictures&) = delete;
+
+  int count() const { return count_; }
+  // Milliseconds.
+  int longest_pause() const { return static_cast<int>(pause_ / 1000); }
+  void forget_pause() { pause_ = 0; }
+
+ private:
+  GstPad* pad_;
+  gulong probe_;
+  std::atomic<int> count_ = 0;
+  std::atomic<gint64> last_ = 0, pause_ = 0;
+};
+
+}  // namespace lf::test

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#if LF_HAS_RTSP_SERVER
+#include <gst/rtsp-server/rtsp-server.h>
+#endif
+
+#include <string>
+#include <thread>
+
+#include "gst/camera_files.h"
+
+namespace lf::test {
+
+#if LF_HAS_RTSP_SERVER
+inline constexpr const char* kRtspServerMissing = nullptr;
+
+// Serves white pictures of 64x48 at 30 frames/s, /jpeg and (where there is an encoder) /h264, until it is destroyed.
+class RtspServer {
+ public:
+  // `port`: of an RtspServer that is gone, in its place; 0: any.
+  explicit RtspServer(int port = 0)
+      : context_(g_main_context_new()), loop_(g_main_loop_new(context_, FALSE)), server_(gst_rtsp_server_new()) {
+    gst_rtsp_server_set_address(server_, "127.0.0.1");
+    gst_rtsp_server_set_service(server_, std::to_string(port).c_str());
+    mount("/jpeg", "jpegenc ! rtpjpegpay name=pay0");
+    mount("/h264", CameraFiles::h264_encoder() + " ! rtph264pay name=pay0");
+    gst_rtsp_server_attach(server_, context_);
+    thread_ = std::thread([this] {
+      g_main_context_push_thread_default(context_);
+      g_main_loop_run(loop_);
+      g_main_context_pop_thread_default(context_);
+    });
+  }
+  ~RtspServer() {
+    gst_rtsp_server_client_filter(
+        server_, [](GstRTSPServer*, GstRTSPClient*, gpointer) { return GST_RTSP_FILTER_REMOVE; }, nullptr);
+    // In the loop itself, which may not have begun to run.
+    GSource* quit = g_idle_source_new();
+    g_source_set_callback(
+        quit,
+        [](gpointer loop) -> gboolean {
+          g_main_loop_quit(static_cast<GMainLoop*>(loop));
+          return G_SOURCE_REMOVE;
+        },
+        loop_, nullptr);
+    g_source_attach(quit, context_);
+    g_source_unref(quit);
+    thread_.join();
+    g_object_unref(server_);
+    g_main_loop_unref(loop_);
+    g_main_context_unref(context_);
+  }
+  // After the last one.
+  static void clean_up() { gst_rtsp_thread_pool_cleanup(); }
+  std::string uri(const std::string& path) const { return "rtsp://127.0.0.1:" + std::to_string(port()) + path; }
+  int port() const { return gst_rtsp_server_get_bound_port(server_); }
+
+ private:
+  void mount(const char* path, const std::string& coder) {
+    GstRTSPMountPoints* mounts = gst_rtsp_server_get_mount_points(server_);
+    GstRTSPMediaFactory* factory = gst_rtsp_media_factory_new();
+    const std::string line =
+        "( videotestsrc is-live=true pattern=white ! video/x-raw,format=I420,width=64,height=48,framerate=30/1 ! " +
+        coder + " )";
+    gst_rtsp_media_factory_set_launch(factory, line.c_str());
+    gst_rtsp_media_factory_set_shared(factory, TRUE);
+    gst_rtsp_mount_points_add_factory(mounts, path, factory);  // takes it
+    g_object_unref(mounts);
+  }
+
+  GMainContext* context_;
+  GMainLoop* loop_;
+  GstRTSPServer* server_;
+  std::thread thread_;
+};
+#else
+inline constexpr const char* kRtspServerMissing = "libgstrtspserver-1.0-dev is not installed";
+class RtspServer {
+ public:
+  explicit RtspServer(int = 0) {}
+  static void clean_up() {}
+  std::string uri(const std::string& path) const { return path; }
+  int port() const { return 0; }
+};
+#endif
+
+}  // namespace lf::test
