@@ -60,6 +60,7 @@ GstPadProbeReturn CameraStream::on_seek(GstPadProbeInfo* info) {
   if (live_ || rate <= 0 || format != GST_FORMAT_TIME || start_type != GST_SEEK_TYPE_SET || start < 0)
     return GST_PAD_PROBE_OK;
   const guint32 seqnum = gst_event_get_seqnum(event);
+  if (failed_) return GST_PAD_PROBE_DROP;  // nothing comes any more
   sought_ = true;
   if (chain_.sequence) {
     seek_sequence(static_cast<guint64>(start), flags, seqnum);
