@@ -43,9 +43,9 @@ class FocusControl {
   // any more when it is more than kHidden of it.
   static constexpr double kShown = 0.5, kHidden = 0.65;
   static constexpr double kWorthShowing = 4;  // levels of luma, squared
-  // Light that the surface has lost counts as so much squared deviation: ordinary surfaces lose 0.0001 of the plane's,
-  // ones that hide a thing 0.003 and more.
-  static constexpr double kMovedLight = 200;
+  // Light that the surface has lost counts as so much squared deviation: ordinary surfaces lose 0.0001 to 0.002 of the
+  // plane's, ones that hide a thing 0.003 and more.
+  static constexpr double kMovedLight = 100;
   // A rest begins when kQuietRounds did not get better by this; then fewer and fewer requests have trials. It ends when
   // a round gains that much more than kMoreAtRest times what it did before the rest.
   static constexpr unsigned kQuietRounds = 6;
