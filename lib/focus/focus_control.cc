@@ -134,9 +134,23 @@ void FocusControl::count_planes(const SurfaceChoice& choice, const std::vector<T
   state_.bought = std::isfinite(best) ? best - choice.cost[0] : 0;
 }
 
+// Blur spreads light out of a quarter of the picture as well: the square of how wide the viewer's plane shows what is
+// at the ends of the range, of a quarter's side.
+double FocusControl::moved_by_blur(const View& view) const {
+  constexpr double kLeast = 0.05;  // what else moves light: noise, cameras that differ
+  const FocalMap& map = *view.focus.map;
+  const double plane = std::max(plane_inverse(view, map.from, {0, 0, 1}), 0.);
+  const double apart = std::max(map.nearest, plane) - std::min(map.farthest, plane);
+  const double blur = spacing_ * view.lens.fx() * apart;  // pixels
+  const double quarter = std::sqrt(static_cast<double>(view.width) * view.height) / 2;
+  const double part = std::max(blur / quarter, kLeast);
+  return part * part;
+}
+
 // Whether the picture through the surface can be shown: where the cameras agree better than through the viewer's plane.
 void FocusControl::compare_with_plane(const SurfaceChoice& choice, std::span<const Moments> moments,
-                                      const std::vector<Trial>& trials) {
+                                      const ViewRequest& request) {
+  const std::vector<Trial>& trials = request.trials;
   const auto focused = std::ranges::find(trials, Trial::Kind::kFocused, &Trial::kind);
   if (focused == trials.end() || stage_ == Stage::kSearch) return;
   const auto plane = static_cast<size_t>(focused - trials.begin());
@@ -145,8 +159,9 @@ void FocusControl::compare_with_plane(const SurfaceChoice& choice, std::span<con
   // What a sweep finds is not yet measured, and looks better than it is.
   const bool is_sweep = trials.size() >= kSweep;
   const std::vector<uint8_t> surface(choice.chosen.size(), 0);
-  const double of_surface = (is_sweep ? choice.least_energy : choice.energy[0]) +
-                            kMovedLight * moved_light(moments, is_sweep ? choice.chosen : surface, plane);
+  const double of_surface =
+      (is_sweep ? choice.least_energy : choice.energy[0]) +
+      kMovedLight * moved_light(moments, is_sweep ? choice.chosen : surface, plane) / moved_by_blur(request.view);
   constexpr double kClearly = 0.3, kWorthClearly = 20;
   const bool is_clear = of_surface < kClearly * of_plane && of_plane - of_surface > kWorthClearly;
   if (is_sweep) {
@@ -241,7 +256,7 @@ void FocusControl::take(const ViewRequest& request, std::span<const Moments> mom
   if (choice.cost.empty() || !std::isfinite(choice.cost[0])) return;
   state_.deviation = choice.cost[0];
   votes_.add(chosen, choice);
-  compare_with_plane(choice, moments, request.trials);
+  compare_with_plane(choice, moments, request);
   count_planes(choice, request.trials);
   if (stage_ == Stage::kSearch) return;
   judge(choice, request, map);

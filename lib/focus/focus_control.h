@@ -43,9 +43,9 @@ class FocusControl {
   // any more when it is more than kHidden of it.
   static constexpr double kShown = 0.5, kHidden = 0.65;
   static constexpr double kWorthShowing = 4;  // levels of luma, squared
-  // Light that the surface has lost counts as so much squared deviation: ordinary surfaces lose 0.0001 to 0.002 of the
-  // plane's, ones that hide a thing 0.003 and more.
-  static constexpr double kMovedLight = 100;
+  // Light that the surface has lost counts as so much squared deviation, beside what blur may have moved: ordinary
+  // surfaces lose up to 0.06 of the plane's, ones that hide a thing 0.09 and more.
+  static constexpr double kMovedLight = 5;
   // A rest begins when kQuietRounds did not get better by this; then fewer and fewer requests have trials. It ends when
   // a round gains that much more than kMoreAtRest times what it did before the rest.
   static constexpr unsigned kQuietRounds = 6;
@@ -108,8 +108,8 @@ class FocusControl {
   void give_up();
   void sweep(const FocalMap& map);
   void take(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array, FocalMap& map);
-  void compare_with_plane(const SurfaceChoice& choice, std::span<const Moments> moments,
-                          const std::vector<Trial>& trials);
+  void compare_with_plane(const SurfaceChoice& choice, std::span<const Moments> moments, const ViewRequest& request);
+  double moved_by_blur(const View& view) const;
   void judge(const SurfaceChoice& choice, const ViewRequest& request, FocalMap& map);
   bool is_worthwhile(const SurfaceChoice& choice, double enough);
   bool is_another_scene();
@@ -130,6 +130,7 @@ class FocusControl {
   bool begun_ = false;
   double most_reach_ = 0;  // largest inverse distance that the array can tell, 1/m
   double reach_ = 0;       // that is looked for from where the eye is
+  double spacing_ = 0;     // metres between neighbouring cameras, 0: not known
   double disparity_ = 0;   // pixels for each 1/m, 0: not known
   Stage stage_ = Stage::kBetter;
   std::deque<std::vector<Trial>> sweeps_;      // that the stage has still to send

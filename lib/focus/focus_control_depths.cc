@@ -47,6 +47,7 @@ void FocusControl::begin(const ViewRequest& request, const FocusArray& array, Vi
   const double focused = plane_inverse(request.view, array.from(), {0, 0, 1});
   const double distance = focused > 0 ? 1 / focused : 1;
   disparity_ = array.disparity();
+  spacing_ = array.spacing();
   most_reach_ = array.nearest() > 0 ? array.nearest() : 1 / (kNearest * distance);
   reach_ = reach_from(request.view, array);
   DepthRange range{settings_.far > 0 ? 1 / settings_.far : 0, settings_.near > 0 ? 1 / settings_.near : reach_};

@@ -6,6 +6,7 @@ namespace lf {
 double moved_light(std::span<const Moments> trials, std::span<const uint8_t> chosen, size_t plane) {
   constexpr int kAllWeight = Moments::kWeightOne * 15 / 16;
   constexpr double kLuma = static_cast<double>(Moments::kWeightOne) / Moments::kLumaOne;
+  constexpr int kLeastNodes = 100;  // what stands at the border of fewer is too much of them
   const Moments& through = trials[plane];
   double moved[4] = {};
   int nodes[4] = {};
@@ -22,7 +23,7 @@ double moved_light(std::span<const Moments> trials, std::span<const uint8_t> cho
   double squares = 0;
   int all = 0;
   for (int q = 0; q < 4; q++) {
-    if (nodes[q] == 0) continue;
+    if (nodes[q] < kLeastNodes) continue;
     squares += moved[q] * moved[q] / nodes[q];
     all += nodes[q];
   }

@@ -13,8 +13,8 @@ namespace lf {
 // because all of them look past a thing show none of it, and only this tells.
 //
 // The squared difference of the mean luma, mean over the quarters of the picture, levels squared; of nodes that all
-// weight sees both ways, and 0 without such. `chosen`: the trial of each node that makes up the surface. `plane`: which
-// of the trials is the plane.
+// weight sees both ways, in quarters with a hundred of them, and 0 without such. `chosen`: the trial of each node that
+// makes up the surface. `plane`: which of the trials is the plane.
 double moved_light(std::span<const Moments> trials, std::span<const uint8_t> chosen, size_t plane);
 
 }  // namespace lf
