@@ -253,20 +253,23 @@ TEST_F(StillArray, NothingLeaks) {
   EXPECT_THAT(run.output, testing::Not(testing::ContainsRegex("object-alive, type-name=.string.[A-Za-z]")));
 }
 
+// A camera that can't be opened is out of service: its neighbours close the gap, and a warning says why.
 TEST_F(StillArray, AMissingImageIsNamed) {
   std::filesystem::remove(dir_ / "cam_01_01.png");
-  const Launched run = gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "views.json", dir_ / "out_%02d.png"));
-  EXPECT_NE(run.status, 0);
-  EXPECT_THAT(run.output, HasSubstr("cam_01_01.png"));
+  const Launched run =
+      gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "views.json", dir_ / "out_%02d.png"), "");
+  EXPECT_EQ(run.status, 0);
+  EXPECT_THAT(run.output, testing::AllOf(HasSubstr("WARNING"), HasSubstr("cam_01_01.png")));
+  EXPECT_TRUE(std::filesystem::exists(dir_ / "out_00.png"));
 }
 
 TEST_F(StillArray, AnImageOfAnotherSizeIsNamed) {
   save_image(Image(PixelFamily::kRgb, 81, 60), dir_ / "cam_02_00.png");
-  // Few seconds: gst-launch-1.0 1.22 prints an error that comes before it runs its main loop, and stays.
   const Launched run =
-      gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "views.json", dir_ / "out_%02d.png"), "-q", "", 10);
-  EXPECT_NE(run.status, 0);
-  EXPECT_THAT(run.output, testing::AllOf(HasSubstr("cam_02_00.png"), HasSubstr("81x60"), HasSubstr("80x60")));
+      gst_launch(files_in_files_out(dir_ / "rig.json", dir_ / "views.json", dir_ / "out_%02d.png"), "");
+  EXPECT_EQ(run.status, 0);
+  EXPECT_THAT(run.output,
+              testing::AllOf(HasSubstr("WARNING"), HasSubstr("cam_02_00"), HasSubstr("81x60"), HasSubstr("80x60")));
 }
 
 TEST_F(StillArray, AViewsFileWithoutViewsIsNamed) {
