@@ -21,6 +21,8 @@ packages=(
   libceres-dev libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libsoup-3.0-dev libyaml-cpp-dev nlohmann-json3-dev zlib1g-dev
   libopencv-calib3d-dev libopencv-contrib-dev libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev libopencv-video-dev libopencv-videoio-dev
   libbenchmark-dev libgmock-dev libgtest-dev
+  libgstrtspserver-1.0-dev                             # network cameras of the tests
+  python3-gi gir1.2-gst-plugins-base-1.0               # the example in Python
 )
 
 missing_packages() {
