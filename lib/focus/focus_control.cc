@@ -159,9 +159,11 @@ void FocusControl::compare_with_plane(const SurfaceChoice& choice, std::span<con
   // What a sweep finds is not yet measured, and looks better than it is.
   const bool is_sweep = trials.size() >= kSweep;
   const std::vector<uint8_t> surface(choice.chosen.size(), 0);
-  const double of_surface =
-      (is_sweep ? choice.least_energy : choice.energy[0]) +
-      kMovedLight * moved_light(moments, is_sweep ? choice.chosen : surface, plane) / moved_by_blur(request.view);
+  const double disagreement = is_sweep ? choice.least_energy : choice.energy[0];
+  agrees_ = disagreement < (agrees_ ? kHidden : kShown) * of_plane && of_plane - disagreement > kWorthShowing;
+  const double of_surface = disagreement + kMovedLight *
+                                               moved_light(moments, is_sweep ? choice.chosen : surface, plane) /
+                                               moved_by_blur(request.view);
   constexpr double kClearly = 0.3, kWorthClearly = 20;
   const bool is_clear = of_surface < kClearly * of_plane && of_plane - of_surface > kWorthClearly;
   if (is_sweep) {
@@ -317,7 +319,8 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
   // Where one camera makes nearly all of the picture every surface seems to fit, and only displaces what it sees.
   const bool little = mean_of(array.evidence(plan.view, request.out_of_service)) < kEnoughEvidence;
   plan.on_plane = state_.on_plane || state_.flat || little;
-  state_.sure = !little && stage_ == Stage::kBetter && (!state_.on_plane || state_.flat);
+  // Cameras of other brightness seem to lose light: they are matched before that counts.
+  state_.sure = !little && stage_ == Stage::kBetter && (agrees_ || !state_.on_plane || state_.flat);
   if (state_.flat && !state_.on_plane && !little)
     plan.plane = Plane{next.from.normal, next.from.d - 1 / next.inverse_of(next.levels.front())};
   return plan;

@@ -142,10 +142,11 @@ class FocusControl {
   unsigned rounds_to_doubt_ = 0, doubts_ = 4;  // until the range may be searched anew as something seems to come near
   double flat_inverse_ = 0;                    // where one plane is enough, 1/m
   DepthVotes votes_;
-  std::optional<DepthRange> range_;            // of all maps, where it follows the scene
-  std::vector<double> plane_deviations_;       // of the best plane of each of the latest rounds
-  bool was_better_ = false;                    // the surface, when the plane was measured last
-  double rested_ = 0;                          // deviation before the rest
+  std::optional<DepthRange> range_;       // of all maps, where it follows the scene
+  std::vector<double> plane_deviations_;  // of the best plane of each of the latest rounds
+  bool agrees_ = false;      // the cameras, clearly better through the surface than through the viewer's plane
+  bool was_better_ = false;  // the surface, when the plane was measured last
+  double rested_ = 0;        // deviation before the rest
   double gained_before_ = 0, usual_gain_ = 0;  // see is_worthwhile()
   double least_reached_ = std::numeric_limits<double>::infinity();
   double usual_ = 0;       // deviation that there used to be; 0: not known yet
