@@ -137,6 +137,7 @@ void FocusControl::count_planes(const SurfaceChoice& choice, const std::vector<T
 // Blur spreads light out of a quarter of the picture as well: the square of how wide the viewer's plane shows what is
 // at the ends of the range, of a quarter's side.
 double FocusControl::moved_by_blur(const View& view) const {
+  if (!(spacing_ > 0)) return 1;  // nobody knows
   constexpr double kLeast = 0.05;  // what else moves light: noise, cameras that differ
   const FocalMap& map = *view.focus.map;
   const double plane = std::max(plane_inverse(view, map.from, {0, 0, 1}), 0.);
