@@ -3,7 +3,6 @@
 
 #include "base/error.h"
 #include "lfcompositor_private.h"
-#include "render/contribution_map.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
 #define GST_CAT_DEFAULT lf_compositor_debug
@@ -36,54 +35,6 @@ struct AnswerPads {
   std::vector<GstAggregatorPad*> pads;
 };
 
-bool is_live(LfCompositor* self) { return GST_CLOCK_TIME_IS_VALID(gst_aggregator_get_latency(GST_AGGREGATOR(self))); }
-
-GstClockTime clock_time(LfCompositor* self) {
-  GstClock* clock = gst_element_get_clock(GST_ELEMENT(self));
-  if (!clock) return GST_CLOCK_TIME_NONE;
-  const GstClockTime now = gst_clock_get_time(clock);
-  gst_object_unref(clock);
-  return now;
-}
-
-GstClockTime running_time(LfCompositor* self, GstBuffer* request) {
-  return gst_segment_to_running_time(&GST_AGGREGATOR_PAD(self->request)->segment, GST_FORMAT_TIME,
-                                     GST_BUFFER_PTS(request));
-}
-
-// When the picture of the request at the head of its pad has to be out, in clock time.
-GstClockTime deadline(LfCompositor* self) {
-  GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
-  if (!request) return GST_CLOCK_TIME_NONE;
-  const GstClockTime time = running_time(self, request);
-  gst_buffer_unref(request);
-  const GstClockTime latency = gst_aggregator_get_latency(GST_AGGREGATOR(self));
-  if (!GST_CLOCK_TIME_IS_VALID(time) || !GST_CLOCK_TIME_IS_VALID(latency)) return GST_CLOCK_TIME_NONE;
-  return gst_element_get_base_time(GST_ELEMENT(self)) + time + latency;
-}
-
-// A request that comes later than the latency says: that has grown, and perhaps nobody heeds the message about it. What
-// is too short would have pictures made before their answers can be there.
-void refresh_latency(LfCompositor* self) {
-  auto& state = *self->state;
-  const GstClockTime latency = gst_aggregator_get_latency(GST_AGGREGATOR(self)), now = clock_time(self);
-  GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
-  if (!request) return;
-  const GstClockTime time = running_time(self, request);
-  gst_buffer_unref(request);
-  if (!GST_CLOCK_TIME_IS_VALID(latency) || !GST_CLOCK_TIME_IS_VALID(now) || !GST_CLOCK_TIME_IS_VALID(time)) return;
-  GstClockTime own = 0;
-  g_object_get(self, "latency", &own, nullptr);
-  const GstClockTime expected = gst_element_get_base_time(GST_ELEMENT(self)) + time + latency - MIN(own, latency);
-  const int64_t asked = g_get_monotonic_time();
-  if (now <= expected + 2 * GST_MSECOND) return;
-  if (state.latency_asked_at != 0 && asked < state.latency_asked_at + G_USEC_PER_SEC / 10) return;
-  state.latency_asked_at = asked;
-  GstQuery* query = gst_query_new_latency();
-  gst_pad_query(GST_AGGREGATOR_SRC_PAD(self), query);  // the base class keeps what comes of it
-  gst_query_unref(query);
-}
-
 void take_new_rig(LfCompositor* self) {
   auto& state = *self->state;
   GST_OBJECT_LOCK(self);
@@ -98,24 +49,6 @@ void take_new_rig(LfCompositor* self) {
   if (!*rig) return;
   lf_compositor_use_rig_for_health(self, (*rig)->hash());
   if (!self->partial) state.health.expect((*rig)->cameras.size());
-}
-
-// Pictures have the stamps of their requests, in the requests' segment.
-void follow_segment(LfCompositor* self) {
-  auto& state = *self->state;
-  const GstSegment& requests = GST_AGGREGATOR_PAD(self->request)->segment;
-  if (requests.format != GST_FORMAT_TIME || gst_segment_is_equal(&requests, &state.segment)) return;
-  state.segment = requests;
-  gst_aggregator_update_segment(GST_AGGREGATOR(self), &requests);
-}
-
-// A picture that is shown again has its own already.
-void note_capture_time(GstBuffer* picture, uint64_t captured) {
-  static GstStaticCaps static_caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
-  GstCaps* reference = gst_static_caps_get(&static_caps);
-  if (captured != lf::kNoTime && !gst_buffer_get_reference_timestamp_meta(picture, reference))
-    gst_buffer_add_reference_timestamp_meta(picture, reference, captured, GST_CLOCK_TIME_NONE);
-  gst_caps_unref(reference);
 }
 
 void drop_head(GstAggregatorPad* pad, NodeInput& node) {
@@ -161,7 +94,7 @@ static bool find_request(LfCompositor* self, guint view_id) {
         lf_compositor_forget_moments(self);
         state.assembly.begin(*request);
         lf_compositor_use_rig_for_health(self, state.assembly.rig_hash());
-        refresh_latency(self);
+        lf_compositor_refresh_latency(self);
         state.current = std::move(request);
         state.current_bytes = 0;
         state.adding = 0;
@@ -231,10 +164,10 @@ static void note_late_answer(LfCompositor* self, const lf::wire::AnswerHead& ans
   state.stats.count(CompositorStats::kLateAnswers);
   const auto past = std::ranges::find(state.past, answer.sequence, &_LfCompositor::State::Past::sequence);
   if (past == state.past.end()) return;
-  // Answers are looked at when there is a request. Of the one before it nobody knows since when it has been there: where
-  // requests are as far apart as the deadline, a node that nobody waits for would never be in time again.
+  // Answers are looked at when there is a request. Of the one before it nobody knows since when it has been there:
+  // where requests are as far apart as the deadline, a node that nobody waits for would never be in time again.
   const bool is_latest = answer.sequence == state.past.back().sequence;
-  if (!is_latest && clock_time(self) > past->deadline) return;
+  if (!is_latest && lf_compositor_clock_time(self) > past->deadline) return;
   node.missed = 0;
   if (state.health_rig != 0 && answer.rig_hash != state.health_rig) return;
   lf::CameraRanges seeing = answer.cameras;
@@ -302,7 +235,7 @@ static bool is_awaited(LfCompositor* self, GstAggregatorPad* pad, bool live) {
 static void note_silence(LfCompositor* self) {
   constexpr int64_t kPatience = 5 * G_USEC_PER_SEC;
   auto& talk = self->state->talk;
-  if (talk.answered || talk.warned || !is_live(self)) return;
+  if (talk.answered || talk.warned || !lf_compositor_is_live(self)) return;
   const int64_t now = g_get_monotonic_time();
   if (talk.asked_since == 0) talk.asked_since = now;
   if (now < talk.asked_since + kPatience) return;
@@ -324,7 +257,7 @@ static void close_request(LfCompositor* self, const AnswerPads& pads, GstClockTi
     if (took_part && node.seen && !node.flushed) drop_head(pad, node);
     if (took_part) node.head = NodeInput::Head::kUnseen;
   }
-  if (is_live(self) && !state.current->probe) {
+  if (lf_compositor_is_live(self) && !state.current->probe) {
     state.past.push_back({state.current->sequence, due});
     if (state.past.size() > kMostPast) state.past.pop_front();
     lf_compositor_use_rig_for_health(self, state.assembly.rig_hash());
@@ -341,68 +274,10 @@ bool lf_compositor_is_complete(LfCompositor* self) {
   return assembly.missing() == 0 && assembly.damaged() == 0;
 }
 
-// What is put out in place of an incomplete picture; takes it.
-static GstBuffer* replace_incomplete(LfCompositor* self, GstBuffer* picture) {
-  auto& state = *self->state;
-  const uint64_t rig = state.assembly.fragments() > 0 ? state.assembly.rig_hash() : state.last_rig;
-  if (self->partial || lf_compositor_is_complete(self)) {
-    state.last_rig = rig;
-    return picture;
-  }
-  GST_OBJECT_LOCK(self);
-  const LfCompositorIncomplete manner = self->incomplete;
-  GST_OBJECT_UNLOCK(self);
-  if (manner == LF_COMPOSITOR_INCOMPLETE_REPEAT && state.last_picture) {
-    state.stats.count(CompositorStats::kRepeatedPictures);
-    gst_buffer_unref(picture);
-    return gst_buffer_copy(state.last_picture);
-  }
-  if (manner != LF_COMPOSITOR_INCOMPLETE_DROP) {
-    state.last_rig = rig;
-    return picture;
-  }
-  state.stats.count(CompositorStats::kDroppedPictures);
-  gst_buffer_unref(picture);
-  return nullptr;
-}
-
-// How much of the view cameras can see. A view that moves is looked at now and then, or for each picture's message.
-static double coverage(LfCompositor* self, bool exact) {
-  constexpr int kRows = 12;
-  constexpr int64_t kInterval = G_USEC_PER_SEC / 10;
-  auto& state = *self->state;
-  auto& known = state.coverage;
-  if (!state.rig) return -1;
-  const lf::ViewRequest& request = *state.current;
-  const int64_t now = g_get_monotonic_time();
-  const bool same = known.share >= 0 && known.view == request.view && known.out_of_service == request.out_of_service;
-  if (same || (known.share >= 0 && !exact && now < known.known_at + kInterval)) return known.share;
-  const lf::Mesh& mesh = known.mesh.get(*state.rig, request.out_of_service);
-  known.share = lf::mean_coverage(*state.rig, lf::ViewPlan(*state.rig, mesh, request.view), kRows);
-  known.view = request.view;
-  known.out_of_service = request.out_of_service;
-  known.known_at = now;
-  return known.share;
-}
-
-static void record(LfCompositor* self, int64_t answered, GstClockTime pts) {
-  auto& state = *self->state;
-  GST_OBJECT_LOCK(self);
-  const bool post = self->post_messages;
-  GST_OBJECT_UNLOCK(self);
-  const lf::Assembly& assembly = state.assembly;
-  GstStructure* description =
-      state.stats.record({state.current->view_id, state.current->sequence, pts, assembly.fragments(),
-                          assembly.missing(), assembly.damaged(), coverage(self, post), state.current_bytes,
-                          state.moment_bytes, assembly.skew(), answered, state.adding, g_get_monotonic_time()},
-                         post);
-  if (description) gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), description));
-}
-
 static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) {
   auto& state = *self->state;
   const int64_t answered = g_get_monotonic_time();
-  const GstClockTime due = deadline(self);
+  const GstClockTime due = lf_compositor_deadline(self);
   if (state.current->probe && !self->partial) {
     lf_compositor_take_probe(self);
     close_request(self, pads, due);
@@ -423,8 +298,8 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
   }
   const GstClockTime pts = GST_BUFFER_PTS(request), duration = GST_BUFFER_DURATION(request);
   gst_buffer_unref(request);
-  follow_segment(self);
-  record(self, answered, pts);
+  lf_compositor_follow_segment(self);
+  lf_compositor_record(self, answered, pts);
   std::vector<GstBuffer*> moments;
   if (self->partial) {
     moments = lf_compositor_make_moments(self, self->node);
@@ -432,18 +307,18 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
   } else {
     lf_compositor_monitor(self);
   }
-  out = replace_incomplete(self, out);
+  out = lf_compositor_replace_incomplete(self, out);
   const uint64_t captured =
       state.current->target_time != lf::kNoTime ? state.current->target_time : state.assembly.actual_time();
   close_request(self, pads, due);
   if (!out) return GST_FLOW_OK;
   GST_BUFFER_PTS(out) = pts;
   GST_BUFFER_DURATION(out) = duration;
-  if (!self->partial) note_capture_time(out, captured);
+  if (!self->partial) lf_compositor_note_capture_time(out, captured);
   GstSegment& segment = GST_AGGREGATOR_PAD(GST_AGGREGATOR_SRC_PAD(self))->segment;
   if (GST_BUFFER_PTS_IS_VALID(out)) segment.position = GST_BUFFER_PTS(out);
   // Where nothing is ever missing nothing is kept: downstream may then write into the picture.
-  if (is_live(self) && !self->partial) gst_buffer_replace(&state.last_picture, out);
+  if (lf_compositor_is_live(self) && !self->partial) gst_buffer_replace(&state.last_picture, out);
   for (GstBuffer* unit : moments)
     if (flow == GST_FLOW_OK)
       flow = gst_aggregator_finish_buffer(GST_AGGREGATOR(self), unit);
@@ -465,11 +340,11 @@ static GstFlowReturn compose(LfCompositor* self) {
     return gst_aggregator_pad_is_eos(GST_AGGREGATOR_PAD(self->request)) ? GST_FLOW_EOS : GST_AGGREGATOR_FLOW_NEED_DATA;
   const AnswerPads pads(self);
   for (GstAggregatorPad* pad : pads) take_answers(self, pad);
-  const bool live = is_live(self);
+  const bool live = lf_compositor_is_live(self);
   const bool all_answered =
       std::ranges::none_of(pads, [&](GstAggregatorPad* pad) { return is_awaited(self, pad, live); });
-  const GstClockTime due = deadline(self);
-  const bool late = GST_CLOCK_TIME_IS_VALID(due) && clock_time(self) >= due;
+  const GstClockTime due = lf_compositor_deadline(self);
+  const bool late = GST_CLOCK_TIME_IS_VALID(due) && lf_compositor_clock_time(self) >= due;
   return all_answered || late ? finish_request(self, pads) : GST_AGGREGATOR_FLOW_NEED_DATA;
 }
 
@@ -509,7 +384,7 @@ GstClockTime lf_compositor_next_time(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
   if (!request) return GST_CLOCK_TIME_NONE;
-  const GstClockTime time = running_time(self, request);
+  const GstClockTime time = lf_compositor_running_time(self, request);
   gst_buffer_unref(request);
   if (!self->state->current) return 0;
   bool awaited = false;

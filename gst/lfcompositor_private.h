@@ -20,9 +20,9 @@
 #include "lfcompositor.h"
 #include "node/answer_form.h"
 #include "picture_pool.h"
-#include "render/render_job.h"
 #include "quality/camera_monitor.h"
 #include "quality/camera_probe.h"
+#include "render/render_job.h"
 #include "wire/answer_parts.h"
 
 // What the files of lfcompositor share: lfcompositor.cc (the element), compositor_properties.cc, compositor_answers.cc
@@ -37,9 +37,9 @@ struct NodeInput {
     kAhead,   // an answer to a later request: the node skipped this one
   };
   Head head = Head::kUnseen;
-  GstBuffer* seen = nullptr;    // the buffer that `head` is about; not owned
-  lf::wire::AnswerParts parts;  // that have been added
-  unsigned missed = 0;          // pictures in a row that had to do without this node
+  GstBuffer* seen = nullptr;          // the buffer that `head` is about; not owned
+  lf::wire::AnswerParts parts;        // that have been added
+  unsigned missed = 0;                // pictures in a row that had to do without this node
   std::atomic<bool> flushed = false;  // by its own stream alone: what is on the pad is not what it was
   bool answered() const { return head != Head::kUnseen; }
 };
@@ -67,7 +67,7 @@ struct _LfCompositor {
   struct State {
     std::shared_ptr<const lf::Rig> rig;
     lf::Assembly assembly;
-    std::optional<lf::ViewRequest> current;  // the request at the head of the request pad
+    std::optional<lf::ViewRequest> current;     // the request at the head of the request pad
     std::atomic<bool> request_flushed = false;  // that one is gone
     // Whether its view is spoken of at all. The first: thread of the request pad, monotonic time, microseconds.
     struct {
@@ -77,11 +77,11 @@ struct _LfCompositor {
       int64_t asked_since = 0;  // live, without an answer; streaming thread
       bool warned = false;
     } talk;
-    int64_t latency_asked_at = 0;            // monotonic time, microseconds
-    std::atomic<bool> pushing = false;       // a picture: downstream may take its time
-    std::atomic<bool> over = false;          // nobody takes pictures any more, or none will be asked for
-    GstSegment segment{};                    // of the output: that of the requests
-    GstVideoInfo info{};                     // negotiated
+    int64_t latency_asked_at = 0;       // monotonic time, microseconds
+    std::atomic<bool> pushing = false;  // a picture: downstream may take its time
+    std::atomic<bool> over = false;     // nobody takes pictures any more, or none will be asked for
+    GstSegment segment{};               // of the output: that of the requests
+    GstVideoInfo info{};                // negotiated
     bool negotiated = false;
     bool renegotiate = true;
     bool warned_rig = false;
@@ -111,13 +111,13 @@ struct _LfCompositor {
     bool root_is_near = false;  // the compositor that partial answers go to is in this process
 
     std::vector<lf::Moments> moments;  // of the current request's trials; empty: none yet
-    lf::Moments brightness;  // what cameras see for the mean that was asked for; of no size: none
-    lf::GainSum gains;       // theirs
-    lf::MeanTurns mean_turns;  // since the gains were switched on
+    lf::Moments brightness;            // what cameras see for the mean that was asked for; of no size: none
+    lf::GainSum gains;                 // theirs
+    lf::MeanTurns mean_turns;          // since the gains were switched on
     lf::MeshCache trial_mesh;
-    std::optional<lf::RenderJob> trial_job;                // of all cameras, once there are cameras' trials to add
-    std::vector<std::vector<uint8_t>> trial_levels;        // theirs
-    std::set<lf::CameraIndex> trial_cameras;               // that have been added
+    std::optional<lf::RenderJob> trial_job;          // of all cameras, once there are cameras' trials to add
+    std::vector<std::vector<uint8_t>> trial_levels;  // theirs
+    std::set<lf::CameraIndex> trial_cameras;         // that have been added
     uint64_t moment_bytes = 0;
     lf::FocusControl::Settings focus_settings;  // of `focus`
     lf::FocusControl focus;
@@ -150,6 +150,24 @@ void lf_compositor_forget_request(LfCompositor* self);
 // Of what came for the current request; known once its picture is made.
 bool lf_compositor_is_complete(LfCompositor* self);
 
+// compositor_time.cc
+bool lf_compositor_is_live(LfCompositor* self);
+// GST_CLOCK_TIME_NONE without a clock.
+GstClockTime lf_compositor_clock_time(LfCompositor* self);
+GstClockTime lf_compositor_running_time(LfCompositor* self, GstBuffer* request);
+// When the picture of the request at the head of its pad has to be out, in clock time.
+GstClockTime lf_compositor_deadline(LfCompositor* self);
+// The latency is asked for again if the request at the head comes later than it says.
+void lf_compositor_refresh_latency(LfCompositor* self);
+
+// compositor_record.cc
+void lf_compositor_follow_segment(LfCompositor* self);
+void lf_compositor_note_capture_time(GstBuffer* picture, uint64_t captured);
+// What is put out for the current request; takes the picture, and is null where nothing is.
+GstBuffer* lf_compositor_replace_incomplete(LfCompositor* self, GstBuffer* picture);
+// Counts the picture, and posts its message. `answered`: monotonic time, microseconds.
+void lf_compositor_record(LfCompositor* self, int64_t answered, GstClockTime pts);
+
 // compositor_health.cc
 // All cameras are thought to be well.
 void lf_compositor_reset_health(LfCompositor* self);
@@ -164,8 +182,8 @@ void lf_compositor_announce_out_of_service(LfCompositor* self);
 bool lf_compositor_finds_focus(LfCompositor* self);
 // What came of the trials of the request before.
 void lf_compositor_forget_moments(LfCompositor* self);
-// Adds moments that belong to the current request. Negative: they belong to nothing any more; positive: they are a later
-// request's.
+// Adds moments that belong to the current request. Negative: they belong to nothing any more; positive: they are a
+// later request's.
 int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer);
 // What has come, as the moments of one node: what goes before its answer, nothing if nothing has.
 std::vector<GstBuffer*> lf_compositor_make_moments(LfCompositor* self, guint node);
