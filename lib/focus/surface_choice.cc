@@ -2,6 +2,7 @@
 #include "focus/surface_choice.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -72,16 +73,22 @@ void agree_with_neighbours(const Round& round, SurfaceChoice& choice) {
   constexpr float kUntoldLead = 0.05f;  // of the weight of all neighbours
   const int columns = round.surface.columns, rows = round.surface.rows;
   const auto apart = std::max(1.f, static_cast<float>(round.terms.levels_a_pixel));
+  std::array<float, 256> step;  // of so many levels
+  for (size_t d = 0; d < step.size(); d++) step[d] = std::min(static_cast<float>(d), apart);
   std::vector<uint8_t>& at = choice.levels;
+  // Nodes whose neighbours have changed since their turn: the others would choose as they did.
+  std::vector<uint8_t> is_due(at.size(), 1);
   for (int pass = 0; pass < kPasses; pass++)
     for (int y = 0; y < rows; y++)
       for (int x = 0; x < columns; x++) {
         const size_t i = static_cast<size_t>(y) * columns + x;
-        if (!(choice.least[i] < kInfinity)) continue;
-        int around[8], count = 0;
+        if (!is_due[i] || !(choice.least[i] < kInfinity)) continue;
+        is_due[i] = 0;
+        size_t around[8];
+        int count = 0;
         for (int v = std::max(y - 1, 0); v <= std::min(y + 1, rows - 1); v++)
           for (int u = std::max(x - 1, 0); u <= std::min(x + 1, columns - 1); u++)
-            if (u != x || v != y) around[count++] = at[static_cast<size_t>(v) * columns + u];
+            if (u != x || v != y) around[count++] = static_cast<size_t>(v) * columns + u;
         const bool told = round.is_told(i);
         const float smooth =
             told ? static_cast<float>(kSmooth * choice.residual) * round.terms.evidence[i] + kSmoothNoise : 1;
@@ -89,7 +96,7 @@ void agree_with_neighbours(const Round& round, SurfaceChoice& choice) {
         const auto steps_of = [&](size_t t) {
           float steps = 0;
           for (int k = 0; k < count; k++)
-            steps += std::min(static_cast<float>(std::abs(round.levels[t][i] - around[k])), apart);
+            steps += step[static_cast<size_t>(std::abs(round.levels[t][i] - at[around[k]]))];
           return weight * steps;
         };
         const auto cost_of = [&](size_t t, float steps) {
@@ -105,9 +112,11 @@ void agree_with_neighbours(const Round& round, SurfaceChoice& choice) {
           least = cost;
           best = t;
         }
+        if (round.levels[best][i] != at[i])
+          for (int k = 0; k < count; k++) is_due[around[k]] = 1;
         choice.chosen[i] = static_cast<uint8_t>(best);
-        at[i] = round.levels[choice.chosen[i]][i];
-        choice.least[i] = round.costs[choice.chosen[i]][i];
+        at[i] = round.levels[best][i];
+        choice.least[i] = round.costs[best][i];
       }
 }
 
