@@ -162,9 +162,9 @@ void FocusControl::compare_with_plane(const SurfaceChoice& choice, std::span<con
   const std::vector<uint8_t> surface(choice.chosen.size(), 0);
   const double disagreement = is_sweep ? choice.least_energy : choice.energy[0];
   agrees_ = disagreement < (agrees_ ? kHidden : kShown) * of_plane && of_plane - disagreement > kWorthShowing;
-  const double of_surface = disagreement + kMovedLight *
-                                               moved_light(moments, is_sweep ? choice.chosen : surface, plane) /
-                                               moved_by_blur(request.view);
+  const double of_lost = std::min(kMovedLight / moved_by_blur(request.view), 1 / kSmallestLost);
+  const double of_surface =
+      disagreement + of_lost * moved_light(moments, is_sweep ? choice.chosen : surface, plane);
   constexpr double kClearly = 0.3, kWorthClearly = 20;
   const bool is_clear = of_surface < kClearly * of_plane && of_plane - of_surface > kWorthClearly;
   if (is_sweep) {

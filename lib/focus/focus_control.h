@@ -44,8 +44,10 @@ class FocusControl {
   static constexpr double kShown = 0.5, kHidden = 0.65;
   static constexpr double kWorthShowing = 4;  // levels of luma, squared
   // Light that the surface has lost counts as so much squared deviation, beside what blur may have moved: ordinary
-  // surfaces lose up to 0.06 of the plane's, ones that hide a thing 0.09 and more.
+  // surfaces lose up to 0.06 of the plane's, ones that hide a thing 0.09 and more. And never as more than if a thing of
+  // this part of a quarter of the picture had gone: its squared error is what it lost over its part.
   static constexpr double kMovedLight = 5;
+  static constexpr double kSmallestLost = 0.01;
   // A rest begins when kQuietRounds did not get better by this; then fewer and fewer requests have trials. It ends when
   // a round gains that much more than kMoreAtRest times what it did before the rest.
   static constexpr unsigned kQuietRounds = 6;
