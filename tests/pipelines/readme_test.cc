@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// What the README says of the elements and tools is so, and its launch lines work as pasted.
+// What the documents say of the elements and tools is so, and their launch lines work as pasted.
 #include <gst/gst.h>
 
 #include <algorithm>
 #include <atomic>
+#include <cctype>
 #include <cstdlib>
 #include <filesystem>
-#include <map>
 #include <mutex>
 #include <regex>
 #include <set>
@@ -28,11 +28,13 @@ namespace {
 namespace fs = std::filesystem;
 using Names = std::set<std::string>;
 
-std::string readme() { return read_text_file(LF_SOURCE_ROOT "/README.md"); }
+const std::string kReadme = "README.md", kEmbedding = "docs/guide-embedding.md";
+
+std::string document(const std::string& name) { return read_text_file(LF_SOURCE_ROOT "/" + name); }
 
 // The text under "## HEADING", up to the next heading of that level.
-std::string section(const std::string& heading) {
-  const std::string text = readme();
+std::string section(const std::string& name, const std::string& heading) {
+  const std::string text = document(name);
   const size_t begin = text.find("\n## " + heading + "\n");
   if (begin == std::string::npos) return "";
   return text.substr(begin + 1, text.find("\n## ", begin + 1) - begin);
@@ -46,19 +48,19 @@ Names quoted(const std::string& text) {
   return names;
 }
 
-// First column (without backquotes) to the rest of the row, of the rows whose first column is code.
-std::map<std::string, std::string> table(const std::string& heading) {
-  const std::regex row("^\\| `([^`]+)` \\|(.*)$");
-  std::map<std::string, std::string> rows;
-  std::istringstream text(section(heading));
+// What is between backquotes in the first column of the README's table under a heading.
+Names rows(const std::string& heading) {
+  const std::regex row("^\\|( `[^|]+` )\\|.*$");
+  Names names;
+  std::istringstream text(section(kReadme, heading));
   for (std::string line; std::getline(text, line);)
-    if (std::smatch match; std::regex_match(line, match, row)) rows[match[1]] = match[2];
-  return rows;
+    if (std::smatch match; std::regex_match(line, match, row)) names.merge(quoted(match[1]));
+  return names;
 }
 
 // The launch lines of a section, as the shell would join them.
-std::vector<std::string> launch_lines(const std::string& heading = "Launch lines") {
-  const std::string text = section(heading);
+std::vector<std::string> launch_lines(const std::string& name, const std::string& heading) {
+  const std::string text = section(name, heading);
   std::vector<std::string> lines;
   for (size_t at = 0; (at = text.find("\ngst-launch-1.0 ", at)) != std::string::npos;) {
     at += sizeof("\ngst-launch-1.0 ") - 1;
@@ -76,30 +78,44 @@ Names plugin_elements() {
   return names;
 }
 
-TEST(Readme, ElementTableIsThatOfThePlugin) {
-  const std::map<std::string, std::string> rows = table("Elements");
-  Names named;
-  for (const auto& [name, rest] : rows) {
-    named.insert(name);
-    GstElementFactory* factory = gst_element_factory_find(name.c_str());
-    ASSERT_TRUE(factory) << name;
-    Names pads;
-    for (const GList* i = gst_element_factory_get_static_pad_templates(factory); i; i = i->next)
-      pads.insert(static_cast<const GstStaticPadTemplate*>(i->data)->name_template);
-    gst_object_unref(factory);
-    EXPECT_EQ(quoted(rest.substr(rest.rfind('|', rest.size() - 2))), pads) << name;
-  }
-  EXPECT_EQ(named, plugin_elements());
-}
+TEST(Readme, ElementTableIsThatOfThePlugin) { EXPECT_EQ(rows("Elements"), plugin_elements()); }
 
 TEST(Readme, ToolTableIsThatOfTheTools) {
-  Names named, built;
-  for (const auto& [name, rest] : table("Tools")) named.insert(name);
+  Names built;
   for (const char* folder : {LF_TOOLS_DIR, LF_TOOLS_DIR "/../calib"})
     for (const fs::directory_entry& entry : fs::directory_iterator(folder))
       if (entry.is_regular_file() && entry.path().filename().string().starts_with("lf-"))
         built.insert(entry.path().filename().string());
-  EXPECT_EQ(named, built);
+  EXPECT_EQ(rows("Tools"), built);
+}
+
+// Files that documents refer to are there, and so are the headings in them.
+TEST(Readme, LinksLeadSomewhere) {
+  const std::regex link("\\]\\(([^)#:]*)(#[^)]*)?\\)");
+  std::vector<fs::path> documents{"README.md", "CONTRIBUTING.md", "calib/README.md"};
+  for (const fs::directory_entry& entry : fs::directory_iterator(LF_SOURCE_ROOT "/docs"))
+    if (entry.path().extension() == ".md") documents.push_back("docs" / entry.path().filename());
+  for (const fs::path& name : documents) {
+    const std::string text = document(name);
+    for (std::sregex_iterator i(text.begin(), text.end(), link), end; i != end; ++i) {
+      const fs::path to = (*i)[1].length() > 0 ? name.parent_path() / (*i)[1].str() : name;
+      ASSERT_TRUE(fs::exists(LF_SOURCE_ROOT / to)) << name << ": " << (*i)[0];
+      if ((*i)[2].length() == 0) continue;
+      std::string headings;  // as web pages name them
+      std::istringstream lines(document(to));
+      for (std::string line; std::getline(lines, line);)
+        if (line.starts_with("#")) {
+          std::string anchor;
+          for (const char c : line.substr(line.find(' ') + 1))
+            if (c == ' ')
+              anchor += '-';
+            else if (std::isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '_')
+              anchor += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+          headings += "#" + anchor + "\n";
+        }
+      EXPECT_THAT(headings, testing::HasSubstr((*i)[2].str() + "\n")) << name << ": " << (*i)[0];
+    }
+  }
 }
 
 // A folder with a small film and path, made as the README says; it is the current one while this lives.
@@ -219,7 +235,7 @@ std::string run_line(std::string line, size_t expected_sinks, int pictures) {
 TEST(Readme, LaunchLinesHaveNothingToWarnOf) {
   const FilmFolder folder;
   ASSERT_TRUE(folder.ready());
-  for (const std::string& line : launch_lines()) {
+  for (const std::string& line : launch_lines(kReadme, "Launch lines")) {
     const size_t sinks = line.find("view-id=1") == std::string::npos ? 1 : 2;
     Names each_time;
     for (int run = 0; run < 3 && (run == 0 || !each_time.empty()); run++) {
@@ -237,7 +253,7 @@ TEST(Readme, LaunchLinesHaveNothingToWarnOf) {
 TEST(Readme, LaunchLinesWork) {
   const FilmFolder folder;
   ASSERT_TRUE(folder.ready());
-  const std::vector<std::string> lines = launch_lines();
+  const std::vector<std::string> lines = launch_lines(kReadme, "Launch lines");
   ASSERT_EQ(lines.size(), 6u);
   EXPECT_EQ(run_line(lines[0], 1, 8), "");
   EXPECT_TRUE(fs::exists("out_007.png"));
@@ -253,13 +269,13 @@ TEST(Readme, LaunchLinesWork) {
 TEST(Readme, OneLineIsEnough) {
   const FilmFolder folder;
   ASSERT_TRUE(folder.ready());
-  const std::vector<std::string> lines = launch_lines("One line");
+  const std::vector<std::string> lines = launch_lines(kEmbedding, "One line");
   ASSERT_GE(lines.size(), 3u);
   EXPECT_EQ(run_line(lines[0], 1, 8), "");
   EXPECT_TRUE(fs::exists("view_007.png"));
   EXPECT_EQ(run_line(lines[1], 2, 5), "");
   EXPECT_THAT(lines[2], testing::HasSubstr("playbin uri=lf://$PWD/rig.json"));
-  const std::string text = readme(), begin = "\ngst-launch-1.0 ";
+  const std::string text = document(kReadme), begin = "\ngst-launch-1.0 ";
   const size_t first = text.find(begin) + begin.size();
   EXPECT_EQ(run_line(text.substr(first, text.find('\n', first) - first), 1, 5), "") << "the first line of all";
 }

@@ -1,0 +1,132 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""Writes docs/elements.md of what the plugin says of itself and of the documentation comments in gst/.
+
+usage: elements.py PLUGIN.so SOURCES FILE [--check]
+
+With --check nothing is written, and the exit status is 1 if FILE is not what would be.
+"""
+import argparse
+import pathlib
+import re
+import sys
+
+import gi
+
+gi.require_version("Gst", "1.0")
+from gi.repository import GObject, Gst  # noqa: E402
+
+HEAD = """# Elements
+
+Made by `ninja -C build elements-md` from the plugin and from the comments in [gst](../gst); a test keeps it so.
+`gst-inspect-1.0 ELEMENT` says the same of the installed plugin.
+"""
+
+# Properties that every element has from its base classes.
+INHERITED = {"GstObject", "GstBin", "GstBaseSrc", "GstBaseSink", "GstPushSrc", "GstAggregator", "GstElement"}
+
+WHEN = ((1 << 12, "any time"), (1 << 11, "paused or before"), (1 << 10, "ready or before"))
+
+
+def comment_of(element, sources):
+    """The text of the element's documentation comment, as Markdown."""
+    for path in sorted(sources.rglob("*.cc")):
+        match = re.search(r"SECTION:element-" + element + r"\n(.*?)\*/", path.read_text(), re.S)
+        if match:
+            break
+    else:
+        sys.exit(f"elements.py: {element} has no documentation comment")
+    lines = [re.sub(r"^ \* ?", "", line).rstrip() for line in match[1].splitlines()]
+    text = "\n".join(line for line in lines if not line.startswith(("@title", "@short_description"))).strip()
+    text = text.replace("|[\n", "\n```sh\n").replace("\n]|", "\n```\n\n")
+    text = re.sub(r"#element-(\w+)", r"[`\1`](#\1)", text)
+    text = text.replace("#Gst", "Gst")
+    text = re.sub(r"^#+ (.*)\n*", r"### \1\n\n", text, flags=re.M)
+    return re.sub(r"\n{3,}", "\n\n", re.sub(r"```\n\n +", "```\n\n", text)).strip()
+
+
+def names_of_type(prop):
+    gtype = prop.value_type
+    if gtype.is_a(GObject.GEnum.__gtype__):
+        values = type(prop.default_value).__enum_values__
+        return ", ".join(values[key].value_nick for key in sorted(values))
+    return {"gchararray": "string", "gboolean": "boolean", "gint": "int", "guint": "uint", "gint64": "int64",
+            "guint64": "uint64", "gdouble": "double", "gfloat": "float"}.get(gtype.name, gtype.name)
+
+
+def number(value):
+    if isinstance(value, float):
+        if abs(value) > 1e300:
+            return "-" if value < 0 else "max"
+        return f"{value:g}"
+    return "max" if value in (2**31 - 1, 2**32 - 1, 2**63 - 1, 2**64 - 1) else str(value)
+
+
+def default_of(prop):
+    value = prop.default_value
+    gtype = prop.value_type
+    if gtype.is_a(GObject.GEnum.__gtype__):
+        return value.value_nick
+    if gtype.name == "gboolean":
+        return "true" if value else "false"
+    if value is None or gtype.name.startswith("Gst") and gtype.name != "GstFraction":
+        return ""
+    if hasattr(value, "num"):
+        return f"{value.num}/{value.denom}"
+    return number(value) if isinstance(value, (int, float)) else str(value)
+
+
+def range_of(prop):
+    lo, hi = getattr(prop, "minimum", None), getattr(prop, "maximum", None)
+    return "" if lo is None or isinstance(lo, bool) else f"{number(lo)} to {number(hi)}"
+
+
+def when_of(prop):
+    flags = int(prop.flags)
+    if not flags & GObject.ParamFlags.WRITABLE:
+        return "read"
+    if flags & GObject.ParamFlags.CONSTRUCT_ONLY:
+        return "made"
+    return next((name for bit, name in WHEN if flags & bit), "ready or before")
+
+
+def section(factory, sources):
+    name = factory.get_name()
+    out = [f"\n## {name}\n", factory.get_metadata("description") + ".\n", comment_of(name, sources) + "\n"]
+    out.append("| pad | direction | presence | caps |\n| --- | --- | --- | --- |")
+    for pad in sorted(factory.get_static_pad_templates(), key=lambda p: p.name_template):
+        caps = pad.get_caps().to_string().replace("; ", "<br>").replace("|", "\\|")
+        out.append(f"| `{pad.name_template}` | {pad.direction.value_nick} | {pad.presence.value_nick} | {caps} |")
+    element = factory.create()
+    rows = []
+    for prop in sorted(element.list_properties(), key=lambda p: p.name):
+        if prop.owner_type.name in INHERITED:
+            continue
+        rows.append(f"| `{prop.name}` | {names_of_type(prop)} | {range_of(prop)} | {default_of(prop)} | "
+                    f"{when_of(prop)} | {prop.blurb} |")
+    if rows:
+        out += ["\n| property | type | range | default | settable | what it is |\n| --- | --- | --- | --- | --- | --- |"]
+        out += rows
+    return "\n".join(out) + "\n"
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("plugin")
+    parser.add_argument("sources", type=pathlib.Path)
+    parser.add_argument("file", type=pathlib.Path)
+    parser.add_argument("--check", action="store_true")
+    args = parser.parse_args()
+    Gst.init([])
+    plugin = Gst.Plugin.load_file(args.plugin)
+    Gst.Registry.get().add_plugin(plugin)
+    features = Gst.Registry.get().get_feature_list_by_plugin(plugin.get_name())
+    factories = sorted((f.load() for f in features if isinstance(f, Gst.ElementFactory)), key=lambda f: f.get_name())
+    text = HEAD + "".join(section(f, args.sources) for f in factories)
+    if not args.check:
+        args.file.write_text(text)
+    elif args.file.read_text() != text:
+        sys.exit(f"{args.file} is not of this plugin: ninja -C build elements-md")
+
+
+main()
