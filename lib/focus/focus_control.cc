@@ -33,7 +33,8 @@ SurfaceChoice choice_of(const ViewRequest& request, std::span<const Moments> mom
   const FocalMap& map = *request.view.focus.map;
   const std::vector<float> evidence = array.evidence(request.view, request.out_of_service);
   constexpr double kMostRadius = 4;
-  const double larger = array.focal() > 0 ? request.view.lens.fx() / array.focal() : 1;
+  const double larger =
+      array.focal() > 0 ? request.view.lens.fx() / array.focal() * FocalMap::kFinestStep / map.step : 1;
   ChoiceTerms terms{.evidence = evidence,
                     .radius = std::max(least_radius, static_cast<int>(std::lround(std::min(larger, kMostRadius))))};
   if (array.disparity() > 0)
@@ -137,7 +138,7 @@ void FocusControl::count_planes(const SurfaceChoice& choice, const std::vector<T
 // Blur spreads light out of a quarter of the picture as well: the square of how wide the viewer's plane shows what is
 // at the ends of the range, of a quarter's side.
 double FocusControl::moved_by_blur(const View& view) const {
-  if (!(spacing_ > 0)) return 1;  // nobody knows
+  if (!(spacing_ > 0)) return 1;   // nobody knows
   constexpr double kLeast = 0.05;  // what else moves light: noise, cameras that differ
   const FocalMap& map = *view.focus.map;
   const double plane = std::max(plane_inverse(view, map.from, {0, 0, 1}), 0.);
@@ -163,8 +164,7 @@ void FocusControl::compare_with_plane(const SurfaceChoice& choice, std::span<con
   const double disagreement = is_sweep ? choice.least_energy : choice.energy[0];
   agrees_ = disagreement < (agrees_ ? kHidden : kShown) * of_plane && of_plane - disagreement > kWorthShowing;
   const double of_lost = std::min(kMovedLight / moved_by_blur(request.view), 1 / kSmallestLost);
-  const double of_surface =
-      disagreement + of_lost * moved_light(moments, is_sweep ? choice.chosen : surface, plane);
+  const double of_surface = disagreement + of_lost * moved_light(moments, is_sweep ? choice.chosen : surface, plane);
   constexpr double kClearly = 0.3, kWorthClearly = 20;
   const bool is_clear = of_surface < kClearly * of_plane && of_plane - of_surface > kWorthClearly;
   if (is_sweep) {

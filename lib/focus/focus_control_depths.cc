@@ -37,6 +37,16 @@ std::deque<std::vector<Trial>> requests_of(const std::vector<int16_t>& levels) {
   return out;
 }
 
+// Pixels from node to node: where the view shows the cameras' pixels enlarged, nodes are not closer than kFinestNodes
+// of these.
+int step_for(const View& view, const FocusArray& array) {
+  constexpr double kFinestNodes = 2;
+  int step = FocalMap::kFinestStep;
+  if (!(array.focal() > 0)) return step;
+  while (2 * step <= FocalMap::kMaxStep / 2 && 2 * step * array.focal() <= kFinestNodes * view.lens.fx()) step *= 2;
+  return step;
+}
+
 }  // namespace
 
 void FocusControl::begin(const ViewRequest& request, const FocusArray& array, View& view) {
@@ -53,7 +63,8 @@ void FocusControl::begin(const ViewRequest& request, const FocusArray& array, Vi
   DepthRange range{settings_.far > 0 ? 1 / settings_.far : 0, settings_.near > 0 ? 1 / settings_.near : reach_};
   if (!(range.nearest > range.farthest)) range.nearest = 2 * range.farthest;
   most_reach_ = std::max(most_reach_, range.nearest);
-  const auto map = std::make_shared<FocalMap>(plane_map(request.view, array.from(), range.nearest, range.farthest));
+  const auto map = std::make_shared<FocalMap>(
+      plane_map(request.view, array.from(), range.nearest, range.farthest, step_for(request.view, array)));
   votes_ = DepthVotes(most_reach_, kSmallest * array.spacing() * request.view.lens.fx() / map->step);
   view.focus.map = map;
   settling_ = kSettling;

@@ -13,11 +13,11 @@ double plane_inverse(const View& view, const Plane& from, const Vec3& ray) {
   return t > 0 && distance > 0 ? 1 / distance : 0;
 }
 
-FocalMap plane_map(const View& view, const Plane& from, double nearest, double farthest) {
+FocalMap plane_map(const View& view, const Plane& from, double nearest, double farthest, int step) {
   FocalMap map =
       view.focus.map
           ? FocalMap{.step = view.focus.map->step, .columns = view.focus.map->columns, .rows = view.focus.map->rows}
-          : FocalMap::for_view(view.width, view.height);
+          : FocalMap::for_view(view.width, view.height, step);
   map.from = from;
   map.nearest = nearest;
   map.farthest = farthest;

@@ -29,8 +29,9 @@ bool is_plane(const Plane& plane) {
 
 }  // namespace
 
-FocalMap FocalMap::for_view(int width, int height) {
+FocalMap FocalMap::for_view(int width, int height, int step) {
   FocalMap map;
+  map.step = step;
   const auto count = [&] {
     map.columns = nodes(width, map.step);
     map.rows = nodes(height, map.step);
@@ -38,6 +39,42 @@ FocalMap FocalMap::for_view(int width, int height) {
   };
   while (count() > kMaxNodes) map.step *= 2;
   return map;
+}
+
+FocalMap FocalMap::refined(int width, int height) const {
+  FocalMap fine = for_view(width, height);
+  if (fine.step >= step || step % fine.step != 0) return *this;
+  fine.from = from;
+  fine.farthest = farthest;
+  fine.nearest = nearest;
+  fine.levels.resize(static_cast<size_t>(fine.columns) * static_cast<size_t>(fine.rows));
+  // Whole numbers: a fine node lies (2 i + 1 - ratio) / (2 ratio) coarse ones from the first.
+  const int ratio = step / fine.step, whole = 2 * ratio;
+  struct Place {
+    int first, second, part;  // of `whole`
+  };
+  const auto place = [&](int i, int count) {
+    const int at = std::clamp(2 * i + 1 - ratio, 0, whole * (count - 1));
+    const int first = std::min(at / whole, std::max(count - 2, 0));
+    return Place{first, std::min(first + 1, count - 1), at - whole * first};
+  };
+  std::vector<Place> across;
+  for (int i = 0; i < fine.columns; i++) across.push_back(place(i, columns));
+  std::vector<int> between(static_cast<size_t>(columns));
+  for (int j = 0; j < fine.rows; j++) {
+    const Place down = place(j, rows);
+    const uint8_t* const upper = &levels[static_cast<size_t>(down.first) * columns];
+    const uint8_t* const lower = &levels[static_cast<size_t>(down.second) * columns];
+    for (int i = 0; i < columns; i++)
+      between[static_cast<size_t>(i)] = whole * upper[i] + down.part * (lower[i] - upper[i]);
+    uint8_t* const out = &fine.levels[static_cast<size_t>(j) * fine.columns];
+    for (int i = 0; i < fine.columns; i++) {
+      const Place& at = across[static_cast<size_t>(i)];
+      const int first = between[static_cast<size_t>(at.first)], second = between[static_cast<size_t>(at.second)];
+      out[i] = static_cast<uint8_t>((whole * first + at.part * (second - first) + whole * whole / 2) / (whole * whole));
+    }
+  }
+  return fine;
 }
 
 uint8_t FocalMap::level_of(double inverse) const {
@@ -79,8 +116,7 @@ void FocalMap::inverse_row(double x, double spacing, double y, int count, float*
   std::fill(out + i, out + count, inverse(columns - 1));
 }
 
-FocalMap::LevelRange FocalMap::range_of(std::span<const uint8_t> of, double x0, double y0, double x1,
-                                        double y1) const {
+FocalMap::LevelRange FocalMap::range_of(std::span<const uint8_t> of, double x0, double y0, double x1, double y1) const {
   const int left = Between(x0, step, columns).first, right = Between(x1, step, columns).second;
   const int top = Between(y0, step, rows).first, bottom = Between(y1, step, rows).second;
   uint8_t least = 255, largest = 0;

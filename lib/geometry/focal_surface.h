@@ -26,11 +26,15 @@ struct FocalMap {
   static constexpr double kLevels = 255;
 
   static int nodes(int pixels, int step) { return (pixels + step - 1) / step; }
-  // The nodes of a view, kFinestStep pixels apart or as many more as kMaxNodes asks for; no levels yet.
-  static FocalMap for_view(int width, int height);
+  // The nodes of a view, `step` pixels apart (kFinestStep times a power of two) or as many more as kMaxNodes asks for; no
+  // levels yet.
+  static FocalMap for_view(int width, int height, int step = kFinestStep);
   double inverse_of(double level) const { return farthest + (nearest - farthest) * (level / kLevels); }
   // The level nearest to an inverse distance, clamped to 0..255.
   uint8_t level_of(double inverse) const;
+  // The map that a view of this size is drawn through: this one with nodes kFinestStep pixels apart, in between bilinear,
+  // rounded to levels, the same on every machine. As it is where its step is no multiple of that or as fine.
+  FocalMap refined(int width, int height) const;
   // Inverse distance at a position in the view, pixels.
   double inverse_at(double x, double y) const;
   // The same for `count` positions of a row, `spacing` pixels apart from x on.

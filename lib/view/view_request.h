@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "focus/trial.h"
@@ -42,7 +43,7 @@ struct GainRequest {
 struct ViewRequest : RequestHead {
   View view;
   CameraSet out_of_service;
-  bool on_plane = false;  // the picture is drawn through the viewer's plane: the focal map serves the trials alone
+  bool on_plane = false;      // the picture is drawn through the viewer's plane: the focal map serves the trials alone
   std::vector<Trial> trials;  // of the view's focal map, to be answered with moments; at most kMaxTrials, none without
   GainRequest gains;
   bool operator==(const ViewRequest&) const = default;
@@ -51,7 +52,10 @@ struct ViewRequest : RequestHead {
 // The view as its picture is drawn.
 inline View shown_view(const ViewRequest& request) {
   View view = request.view;
-  if (request.on_plane) view.focus.map = nullptr;
+  if (request.on_plane)
+    view.focus.map = nullptr;
+  else if (view.focus.map && view.focus.map->step > FocalMap::kFinestStep)
+    view.focus.map = std::make_shared<FocalMap>(view.focus.map->refined(view.width, view.height));
   return view;
 }
 

@@ -57,9 +57,10 @@ struct Loop {
     int good = 0, all = 0;
     for (int j = 0; j < map.rows; j++)
       for (int i = 0; i < map.columns; i++) {
-        const double u = (*surface.lens.unproject({4 * i + 1.5, 4 * j + 1.5})).x;
+        const double middle = (map.step - 1) / 2.;
+        const double u = (*surface.lens.unproject({map.step * i + middle, map.step * j + middle})).x;
         const double x = surface.pose.position.x + 1.5 / walls.nearer * u;
-        const double distance = walls.nearer / map.inverse_of(map.levels[j * 40 + i]);
+        const double distance = walls.nearer / map.inverse_of(map.levels[j * map.columns + i]);
         if (!walls.is_flat && std::abs(x) < 0.06) continue;  // at the edge
         all++;
         good += std::abs(distance / (!walls.is_flat && x > 0 ? 1.5 : 3) - 1) < 0.1;
@@ -76,6 +77,23 @@ struct Loop {
   View surface;  // the latest that was found
   size_t trials = 0;
 };
+
+// Nodes closer than the cameras' pixels are shown cost as much as others and tell nothing more.
+TEST(FocusControl, NodesOfALargeViewAreFartherApart) {
+  for (const auto& [times, step] : {std::pair{1., 4}, {3.9, 4}, {4.1, 8}, {8.2, 16}}) {
+    Loop loop(FocusMode::kSurface, false);
+    const double larger = times * loop.array.focal() / loop.viewers.lens.fx();
+    View& view = loop.viewers;
+    view.width = static_cast<int>(std::lround(larger * view.width));
+    view.height = static_cast<int>(std::lround(larger * view.height));
+    view.lens = Lens::from_fov_y(25, view.width, view.height);
+    loop.request.view = view;
+    loop.run(12);
+    ASSERT_TRUE(loop.surface.focus.map) << times;
+    EXPECT_EQ(loop.surface.focus.map->step, step) << times;
+    EXPECT_GT(loop.right(), 0.95) << times;
+  }
+}
 
 TEST(FocusControl, LeavesAPlaneAlone) {
   Loop loop(FocusMode::kPlane, false);

@@ -3,8 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <functional>
+#include <memory>
 
 #include "base/error.h"
 #include "support/expect_error.h"
@@ -54,6 +56,33 @@ TEST(FocalMap, OfALargeViewIsCoarser) {
   EXPECT_LE(static_cast<size_t>(map.columns) * map.rows, FocalMap::kMaxNodes);
 }
 
+TEST(FocalMap, RefinedIsTheSameSurfaceToHalfALevel) {
+  for (const auto& [width, height, step] : {std::array{333, 117, 8}, {2048, 96, 16}, {70, 70, 64}, {9, 9, 8}}) {
+    FocalMap map = FocalMap::for_view(width, height, step);
+    map.farthest = 0.25;
+    map.nearest = 2;
+    for (int i = 0; i < map.columns * map.rows; i++) map.levels.push_back(static_cast<uint8_t>(i * 37));
+    const FocalMap fine = map.refined(width, height);
+    ASSERT_EQ(fine.step, FocalMap::kFinestStep);
+    EXPECT_NO_THROW(validate({Plane{{0, 0, 1}, 0}, std::make_shared<FocalMap>(fine)}, width, height));
+    const double half_a_level = (map.nearest - map.farthest) / FocalMap::kLevels / 2;
+    for (int j = 0; j < fine.rows; j++)
+      for (int i = 0; i < fine.columns; i++)
+        ASSERT_NEAR(fine.inverse_of(fine.levels[j * fine.columns + i]), map.inverse_at(4 * i + 1.5, 4 * j + 1.5),
+                    half_a_level + 1e-12)
+            << width << "x" << height << " by " << step << ": " << i << ", " << j;
+  }
+}
+
+TEST(FocalMap, OfTheFinestStepOrOfNoMultipleOfItIsNotRefined) {
+  for (const int step : {1, 4, 6, 63}) {
+    FocalMap map = FocalMap::for_view(100, 50, step);
+    map.nearest = 1;
+    map.levels.assign(static_cast<size_t>(map.columns * map.rows), 7);
+    EXPECT_EQ(map.refined(100, 50), map) << step;
+  }
+}
+
 TEST(FocalSurface, NamesWhatIsWrong) {
   const auto with = [](const std::function<void(FocalMap&)>& change) {
     FocalMap map = map_of(22, 13);
@@ -62,14 +91,20 @@ TEST(FocalSurface, NamesWhatIsWrong) {
   };
   EXPECT_NO_THROW(validate(with([](FocalMap&) {}), 22, 13));
   const std::function<void(FocalMap&)> bad[] = {
-      [](FocalMap& m) { m.step = 0; },          [](FocalMap& m) { m.step = 65; },
-      [](FocalMap& m) { m.columns++; },         [](FocalMap& m) { m.levels.pop_back(); },
-      [](FocalMap& m) { m.farthest = -1; },     [](FocalMap& m) { m.nearest = m.farthest; },
-      [](FocalMap& m) { m.nearest = INFINITY; }, [](FocalMap& m) { m.farthest = NAN; },
-      [](FocalMap& m) { m.from.normal = {0, 0, 2}; }, [](FocalMap& m) { m.from.d = NAN; },
+      [](FocalMap& m) { m.step = 0; },
+      [](FocalMap& m) { m.step = 65; },
+      [](FocalMap& m) { m.columns++; },
+      [](FocalMap& m) { m.levels.pop_back(); },
+      [](FocalMap& m) { m.farthest = -1; },
+      [](FocalMap& m) { m.nearest = m.farthest; },
+      [](FocalMap& m) { m.nearest = INFINITY; },
+      [](FocalMap& m) { m.farthest = NAN; },
+      [](FocalMap& m) {
+        m.from.normal = {0, 0, 2};
+      },
+      [](FocalMap& m) { m.from.d = NAN; },
   };
-  for (const auto& change : bad)
-    EXPECT_ERROR(validate(with(change), 22, 13), "focal_map: ");
+  for (const auto& change : bad) EXPECT_ERROR(validate(with(change), 22, 13), "focal_map: ");
 }
 
 TEST(FocalSurface, IsComparedByWhatItSays) {
