@@ -185,6 +185,9 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
     return FALSE;
   }
   base->segment.duration = stream->end();
+  GST_OBJECT_LOCK(self);
+  self->requests_left = self->num_buffers;
+  GST_OBJECT_UNLOCK(self);
   GST_INFO_OBJECT(self, "view %u at %d/%d frames/s, %s", settings.view_id, settings.fps_n, settings.fps_d,
                   stream->from_file() ? settings.location.c_str() : "from properties");
   lf_view_request_change_view(self, [&](lf::ViewControl& control) {
@@ -320,6 +323,7 @@ static void lf_view_request_init(LfViewRequest* self) {
   self->extra = new std::vector<lf::ViewRequest>;
   self->focus_feedback = new lf::FocusFeedback;
   self->auto_delay = new lf::AutoCaptureDelay;
+  self->num_buffers = -1;
   self->out_of_service = new lf::OutOfService;
   gst_base_src_set_format(GST_BASE_SRC(self), GST_FORMAT_TIME);
 }

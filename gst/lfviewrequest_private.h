@@ -44,6 +44,8 @@ struct _LfViewRequest {
   bool waits_for_change;   // clock_id ends with it
   bool warned_commands;    // streaming thread
   GstQueueArray* to_send;  // buffers, before the next request; streaming thread
+  gint num_buffers;        // the property: requests, which the base class would count together with what goes along
+  gint requests_left;      // of these; -1: no end. Streaming thread
   // Not live: whether somebody who finds the focus has been looked for, and is waited for. Streaming thread.
   bool asked_for_focus, awaits_focus;
   bool has_sent;          // a request; streaming thread

@@ -12,6 +12,7 @@ GST_DEBUG_CATEGORY_EXTERN(lf_view_request_debug);
 enum {
   PROP_0,
   PROP_IS_LIVE,
+  PROP_NUM_BUFFERS,
   PROP_FIRST_FIELD,  // one for each of kViewFields, then one for each of the settings
   PROP_FIRST_SETTING = PROP_FIRST_FIELD + lf::kNumViewFields,
   PROP_NET_CLOCK = PROP_FIRST_SETTING + lf::ViewRequestSettings::kNumProperties,
@@ -63,6 +64,10 @@ static void lf_view_request_set_property(GObject* object, guint id, const GValue
   LfViewRequest* self = LF_VIEW_REQUEST(object);
   if (id == PROP_IS_LIVE) {
     gst_base_src_set_live(GST_BASE_SRC(self), g_value_get_boolean(value));
+  } else if (id == PROP_NUM_BUFFERS) {
+    GST_OBJECT_LOCK(self);
+    self->num_buffers = g_value_get_int(value);
+    GST_OBJECT_UNLOCK(self);
   } else if (id >= PROP_NET_CLOCK) {
     self->net_clock->set(static_cast<lf::NetClock::Property>(id - PROP_NET_CLOCK), value);
   } else if (id >= PROP_FIRST_SETTING) {
@@ -83,7 +88,9 @@ static void lf_view_request_get_property(GObject* object, guint id, GValue* valu
   if (id >= PROP_NET_CLOCK)
     return self->net_clock->get(static_cast<lf::NetClock::Property>(id - PROP_NET_CLOCK), value);
   GST_OBJECT_LOCK(self);
-  if (id >= PROP_FIRST_SETTING)
+  if (id == PROP_NUM_BUFFERS)
+    g_value_set_int(value, self->num_buffers);
+  else if (id >= PROP_FIRST_SETTING)
     self->settings->get(static_cast<lf::ViewRequestSettings::Property>(id - PROP_FIRST_SETTING), value);
   else if (id >= PROP_FIRST_FIELD)
     g_value_set_double(value, self->control->values()[id - PROP_FIRST_FIELD]);
@@ -104,6 +111,7 @@ void lf_view_request_install_properties(GObjectClass* klass) {
   }
   lf::ViewRequestSettings::install(klass, PROP_FIRST_SETTING);
   lf::NetClock::install(klass, PROP_NET_CLOCK);
+  g_object_class_override_property(klass, PROP_NUM_BUFFERS, "num-buffers");
   g_object_class_install_property(
       klass, PROP_IS_LIVE,
       g_param_spec_boolean("is-live", "Is live",

@@ -65,7 +65,6 @@ void lf_view_request_send_more(LfViewRequest* self, const lf::ViewRequest& reque
     if (!buffer) return;
     gst_buffer_copy_into(buffer, stamps, GST_BUFFER_COPY_TIMESTAMPS, 0, -1);
     gst_queue_array_push_tail(self->to_send, buffer);
-    if (gint& left = GST_BASE_SRC(self)->num_buffers_left; left >= 0) left++;  // num-buffers counts requests
   };
   send(command_of(self, request, rig));
   if (!self->stream->makes_commands() && !lf_view_request_is_relay(self))

@@ -95,8 +95,6 @@ static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlo
 }
 
 static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
-  if ((*out = static_cast<GstBuffer*>(gst_queue_array_pop_head(self->to_send)))) return GST_FLOW_OK;
-  if (lf_view_request_is_relay(self)) return lf_view_request_relay(self, out);
   const bool live = gst_base_src_is_live(GST_BASE_SRC(self));
   std::optional<lf::RequestSlot> turn;
   lf::RequestSlot slot{};
@@ -140,6 +138,15 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   return GST_FLOW_OK;
 }
 
+static GstFlowReturn make_buffer(LfViewRequest* self, GstBuffer** out) {
+  if ((*out = static_cast<GstBuffer*>(gst_queue_array_pop_head(self->to_send)))) return GST_FLOW_OK;
+  if (self->requests_left == 0) return GST_FLOW_EOS;
+  const GstFlowReturn flow =
+      lf_view_request_is_relay(self) ? lf_view_request_relay(self, out) : make_request(self, out);
+  if (flow == GST_FLOW_OK && self->requests_left > 0) self->requests_left--;
+  return flow;
+}
+
 GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out) {
-  return lf::guarded(push, GST_FLOW_ERROR, [=] { return make_request(LF_VIEW_REQUEST(push), out); });
+  return lf::guarded(push, GST_FLOW_ERROR, [=] { return make_buffer(LF_VIEW_REQUEST(push), out); });
 }
