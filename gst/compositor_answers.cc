@@ -315,8 +315,11 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
   GST_BUFFER_PTS(out) = pts;
   GST_BUFFER_DURATION(out) = duration;
   if (!self->partial) lf_compositor_note_capture_time(out, captured);
-  GstSegment& segment = GST_AGGREGATOR_PAD(GST_AGGREGATOR_SRC_PAD(self))->segment;
-  if (GST_BUFFER_PTS_IS_VALID(out)) segment.position = GST_BUFFER_PTS(out);
+  if (GST_CLOCK_TIME_IS_VALID(pts)) {
+    GST_OBJECT_LOCK(self);
+    GST_AGGREGATOR_PAD(GST_AGGREGATOR_SRC_PAD(self))->segment.position = pts;
+    GST_OBJECT_UNLOCK(self);
+  }
   // Where nothing is ever missing nothing is kept: downstream may then write into the picture.
   if (lf_compositor_is_live(self) && !self->partial) gst_buffer_replace(&state.last_picture, out);
   for (GstBuffer* unit : moments)

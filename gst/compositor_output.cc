@@ -8,10 +8,58 @@
 GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
 #define GST_CAT_DEFAULT lf_compositor_debug
 
-// Output caps follow the requests and answers, not the sink caps: aggregate() sees to them.
+// What the base class asks of its own accord, when downstream has changed, is answered when the next picture is made:
+// that downstream takes none ends this view, not the stream of requests, which others share.
 gboolean lf_compositor_negotiate(GstAggregator* agg) {
-  LF_COMPOSITOR(agg)->state->renegotiate = true;
+  auto& state = *LF_COMPOSITOR(agg)->state;
+  state.agreed = GST_AGGREGATOR_CLASS(g_type_class_peek(GST_TYPE_AGGREGATOR))->negotiate(agg);
   return TRUE;
+}
+
+GstFlowReturn lf_compositor_update_src_caps(GstAggregator* agg, GstCaps* downstream, GstCaps** caps) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  const auto& wanted = self->state->wanted;
+  if (wanted.width == 0) return GST_AGGREGATOR_FLOW_NEED_DATA;
+  *caps = self->partial ? lf::unit_caps(LF_ANSWER_MEDIA_TYPE)
+                        : lf::choose_output_caps(downstream, self->request, wanted.family, wanted.width, wanted.height);
+  return *caps ? GST_FLOW_OK : GST_FLOW_NOT_NEGOTIATED;
+}
+
+gboolean lf_compositor_negotiated_src_caps(GstAggregator* agg, GstCaps* caps) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  auto& state = *self->state;
+  GstVideoInfo info = {};
+  if (!self->partial && !gst_video_info_from_caps(&info, caps)) return FALSE;
+  if (!state.negotiated || !gst_video_info_is_equal(&info, &state.info)) gst_clear_buffer(&state.last_picture);
+  state.info = info;
+  state.negotiated = true;
+  return TRUE;
+}
+
+gboolean lf_compositor_decide_allocation(GstAggregator* agg, GstQuery* query) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  if (!self->partial) return self->state->pool.decide(query);
+  while (gst_query_get_n_allocation_pools(query) > 0) gst_query_remove_nth_allocation_pool(query, 0);
+  return TRUE;  // answers have memory of their own
+}
+
+// Has the base class agree with downstream on caps and memory for pictures like this.
+static GstFlowReturn agree_on(LfCompositor* self, lf::PixelFamily family, int width, int height) {
+  auto& state = *self->state;
+  state.wanted = {family, width, height};
+  gst_aggregator_negotiate(GST_AGGREGATOR(self));
+  if (state.agreed) return GST_FLOW_OK;
+  if (GST_PAD_IS_FLUSHING(GST_AGGREGATOR_SRC_PAD(self))) return GST_FLOW_FLUSHING;
+  if (self->partial) {
+    GST_ELEMENT_ERROR(self, STREAM, FORMAT, ("Downstream takes no answers."), (nullptr));
+    return GST_FLOW_NOT_NEGOTIATED;
+  }
+  const char* name = family == lf::PixelFamily::kI420 ? "I420" : "RGB";
+  GST_ELEMENT_ERROR(
+      self, STREAM, FORMAT,
+      ("Downstream takes no %s video of %dx%d pixels: put a videoconvert behind lfcompositor.", name, width, height),
+      (nullptr));
+  return GST_FLOW_NOT_NEGOTIATED;
 }
 
 static GstFlowReturn no_memory(LfCompositor* self) {
@@ -23,29 +71,14 @@ static GstFlowReturn agree_on_picture(LfCompositor* self, lf::PixelFamily family
   auto& state = *self->state;
   const bool same = state.info.width == width && state.info.height == height &&
                     (family == lf::PixelFamily::kNone || lf::family_of(state.info) == family);
-  if (same && !state.renegotiate) return GST_FLOW_OK;
-  GstCaps* caps = lf::choose_output_caps(GST_AGGREGATOR_SRC_PAD(self), self->request, family, width, height);
-  GstVideoInfo info;
-  if (!caps || !gst_video_info_from_caps(&info, caps)) {
-    const char* name = family == lf::PixelFamily::kI420 ? "I420" : "RGB";
-    GST_ELEMENT_ERROR(
-        self, STREAM, FORMAT,
-        ("Downstream takes no %s video of %dx%d pixels: put a videoconvert behind lfcompositor.", name, width, height),
-        (nullptr));
-    if (caps) gst_caps_unref(caps);
-    return GST_FLOW_NOT_NEGOTIATED;
-  }
-  gst_caps_unref(caps);
-  lf::set_system_colorimetry(info);
-  caps = gst_video_info_to_caps(&info);
-  gst_clear_buffer(&state.last_picture);  // of another size or format
-  state.info = info;
-  state.renegotiate = false;
-  state.negotiated = true;
-  gst_aggregator_set_src_caps(GST_AGGREGATOR(self), caps);
-  const bool ready = state.pool.configure(GST_AGGREGATOR_SRC_PAD(self), caps, info.size);
-  gst_caps_unref(caps);
-  return ready ? GST_FLOW_OK : no_memory(self);
+  return same && state.agreed ? GST_FLOW_OK : agree_on(self, family, width, height);
+}
+
+static GstBuffer* take_picture(LfCompositor* self) {
+  GstBufferPool* pool = gst_aggregator_get_buffer_pool(GST_AGGREGATOR(self));
+  GstBuffer* picture = self->state->pool.take(pool);
+  gst_clear_object(&pool);
+  return picture;
 }
 
 // What is wholly lost is taken from the picture before, if not part of the picture is made with another rig than that.
@@ -80,7 +113,7 @@ static GstBuffer* make_video(LfCompositor* self, const lf::Background& backgroun
   if (state.last_picture && state.assembly.all_is_missing()) return gst_buffer_copy(state.last_picture);
   state.assembly.finish(lf::family_of(state.info), background != lf::Background{});
 
-  GstBuffer* out = state.pool.take();
+  GstBuffer* out = take_picture(self);
   GstVideoFrame frame;
   if (!out || !gst_video_frame_map(&frame, &state.info, out, GST_MAP_WRITE)) {
     if (out) gst_buffer_unref(out);
@@ -101,20 +134,19 @@ static GstBuffer* make_video(LfCompositor* self, const lf::Background& backgroun
   return out;
 }
 
-static void agree_on_answers(LfCompositor* self) {
+static GstFlowReturn agree_on_answers(LfCompositor* self) {
   auto& state = *self->state;
-  if (state.negotiated && !state.renegotiate) return;
-  GstCaps* caps = lf::unit_caps(LF_ANSWER_MEDIA_TYPE);
-  gst_aggregator_set_src_caps(GST_AGGREGATOR(self), caps);
-  gst_caps_unref(caps);
-  state.root_is_near = lf::compositor_is_near(GST_AGGREGATOR_SRC_PAD(self));
-  state.negotiated = true;
-  state.renegotiate = false;
+  if (state.agreed) return GST_FLOW_OK;
+  const lf::View& view = state.current->view;
+  const GstFlowReturn flow = agree_on(self, lf::PixelFamily::kNone, view.width, view.height);
+  if (flow == GST_FLOW_OK) state.root_is_near = lf::compositor_is_near(GST_AGGREGATOR_SRC_PAD(self));
+  return flow;
 }
 
 static GstBuffer* make_answer(LfCompositor* self, guint node, lf::CodecChoice codec, GstFlowReturn* flow) {
   auto& state = *self->state;
-  agree_on_answers(self);
+  *flow = agree_on_answers(self);
+  if (*flow != GST_FLOW_OK) return nullptr;
   lf::Assembly& assembly = state.assembly;
   assembly.finish_partial();
   const lf::ViewRequest& request = *state.current;

@@ -109,7 +109,8 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   state.segment = {};
   state.info = {};
   state.negotiated = false;
-  state.renegotiate = true;
+  state.wanted = {};
+  state.agreed = false;
   state.warned_rig = false;
   state.past.clear();
   forget_history(self);
@@ -150,6 +151,9 @@ static void lf_compositor_class_init(LfCompositorClass* klass) {
   aggregator_class->flush = lf_compositor_flush;
   aggregator_class->aggregate = lf_compositor_aggregate;
   aggregator_class->negotiate = lf_compositor_negotiate;
+  aggregator_class->update_src_caps = lf_compositor_update_src_caps;
+  aggregator_class->negotiated_src_caps = lf_compositor_negotiated_src_caps;
+  aggregator_class->decide_allocation = lf_compositor_decide_allocation;
   aggregator_class->get_next_time = lf_compositor_next_time;
   lf_compositor_install_properties(G_OBJECT_CLASS(klass));
   lf_compositor_install_pads(klass);

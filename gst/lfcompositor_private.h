@@ -82,8 +82,13 @@ struct _LfCompositor {
     std::atomic<bool> over = false;     // nobody takes pictures any more, or none will be asked for
     GstSegment segment{};               // of the output: that of the requests
     GstVideoInfo info{};                // negotiated
-    bool negotiated = false;
-    bool renegotiate = true;
+    bool negotiated = false;  // since the start
+    // What the next picture is like, no width: not known yet. Whether downstream takes it, as it is now.
+    struct {
+      lf::PixelFamily family = lf::PixelFamily::kNone;
+      int width = 0, height = 0;
+    } wanted;
+    bool agreed = false;
     bool warned_rig = false;
     uint64_t current_bytes = 0;  // of the answers added
     int64_t adding = 0;          // time spent adding them, microseconds
@@ -201,6 +206,9 @@ void lf_compositor_take_probe(LfCompositor* self);
 
 // compositor_output.cc
 gboolean lf_compositor_negotiate(GstAggregator* agg);
+GstFlowReturn lf_compositor_update_src_caps(GstAggregator* agg, GstCaps* downstream, GstCaps** caps);
+gboolean lf_compositor_negotiated_src_caps(GstAggregator* agg, GstCaps* caps);
+gboolean lf_compositor_decide_allocation(GstAggregator* agg, GstQuery* query);
 // The picture, or partial answer, of the current request as it is now. Null if there is none to put out; *flow then
 // says why.
 GstBuffer* lf_compositor_make_picture(LfCompositor* self, GstFlowReturn* flow);

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "output_caps.h"
 
+#include "camera_image.h"
 #include "common.h"
 
 namespace lf {
 
-GstCaps* choose_output_caps(GstPad* src, GstPad* request, PixelFamily family, int width, int height) {
+GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height) {
   const auto candidates = [](const char* formats) {
     g_autofree gchar* text = g_strdup_printf("video/x-raw, format=(string)%s", formats);
     return gst_caps_from_string(text);
@@ -21,15 +22,20 @@ GstCaps* choose_output_caps(GstPad* src, GstPad* request, PixelFamily family, in
   }
   gst_caps_set_simple(wanted, "width", G_TYPE_INT, width, "height", G_TYPE_INT, height, "framerate", GST_TYPE_FRACTION,
                       rate_n, rate_d, "pixel-aspect-ratio", GST_TYPE_FRACTION, 1, 1, nullptr);
-  GstCaps* allowed = gst_pad_peer_query_caps(src, wanted);
-  GstCaps* chosen = gst_caps_intersect_full(wanted, allowed, GST_CAPS_INTERSECT_FIRST);
+  GstCaps* chosen = gst_caps_intersect_full(wanted, downstream, GST_CAPS_INTERSECT_FIRST);
   gst_caps_unref(wanted);
-  gst_caps_unref(allowed);
   if (gst_caps_is_empty(chosen)) {
     gst_caps_unref(chosen);
     return nullptr;
   }
-  return gst_caps_fixate(chosen);
+  chosen = gst_caps_fixate(chosen);
+  GstVideoInfo info;
+  if (gst_video_info_from_caps(&info, chosen)) {
+    gst_caps_unref(chosen);
+    set_system_colorimetry(info);
+    chosen = gst_video_info_to_caps(&info);
+  }
+  return chosen;
 }
 
 }  // namespace lf

@@ -7,9 +7,9 @@
 
 namespace lf {
 
-// Fixed caps of a picture of width x height pixels that what is linked to `src` takes, of the fragments' own family
-// where `family` is known; null if there are none. The frame rate is that of the requests that come to the pad
+// Fixed caps of a picture of width x height pixels out of `downstream`, what is taken there; of the fragments' own
+// family where `family` is known; null if there are none. The frame rate is that of the requests that come to the pad
 // `request`. Owned by the caller.
-GstCaps* choose_output_caps(GstPad* src, GstPad* request, PixelFamily family, int width, int height);
+GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height);
 
 }  // namespace lf

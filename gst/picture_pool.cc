@@ -40,7 +40,7 @@ GstFlowReturn acquire(GstBufferPool* pool, GstBuffer** buffer, GstBufferPoolAcqu
 void release(GstBufferPool* pool, GstBuffer* buffer) {
   LfShrinkingPool* self = shrinking_pool(pool);
   const gint in_use = g_atomic_int_add(&self->in_use, -1) - 1;
-  if (g_atomic_int_get(&self->buffers) - in_use > lf::PicturePool::kMostIdle)
+  if (g_atomic_int_get(&self->buffers) - in_use > static_cast<gint>(lf::PicturePool::kMostIdle))
     GST_BUFFER_FLAG_SET(buffer, GST_BUFFER_FLAG_TAG_MEMORY);  // the base class frees it then
   base_class()->release_buffer(pool, buffer);
 }
@@ -55,55 +55,95 @@ void lf_shrinking_pool_class_init(LfShrinkingPoolClass* klass) {
 
 void lf_shrinking_pool_init(LfShrinkingPool*) {}
 
-// Takes the pool. Null if it can't be used.
-GstBufferPool* start(GstBufferPool* pool, GstCaps* caps, guint size, guint least) {
-  GstStructure* config = gst_buffer_pool_get_config(pool);
-  gst_buffer_pool_config_set_params(config, caps, size, least, 0);
-  if (gst_buffer_pool_has_option(pool, GST_BUFFER_POOL_OPTION_VIDEO_META))
-    gst_buffer_pool_config_add_option(config, GST_BUFFER_POOL_OPTION_VIDEO_META);
-  if (gst_buffer_pool_set_config(pool, config) && gst_buffer_pool_set_active(pool, TRUE)) return pool;
-  gst_object_unref(pool);
-  return nullptr;
+struct Memory {
+  GstAllocator* allocator = nullptr;
+  GstAllocationParams params;
+  bool has_video_meta = false;  // downstream knows where planes are from it
+};
+
+// What downstream asks for. Who can't allocate by size alone is of no use with another pool than its own.
+Memory memory_of(GstQuery* query) {
+  Memory memory;
+  gst_allocation_params_init(&memory.params);
+  if (gst_query_get_n_allocation_params(query) > 0)
+    gst_query_parse_nth_allocation_param(query, 0, &memory.allocator, &memory.params);
+  if (memory.allocator && GST_OBJECT_FLAG_IS_SET(memory.allocator, GST_ALLOCATOR_FLAG_CUSTOM_ALLOC))
+    gst_clear_object(&memory.allocator);
+  memory.has_video_meta = gst_query_find_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
+  return memory;
 }
 
-// Downstream's pool of memory of its own. None with a limit: pictures are kept here to be shown again, and nobody may
-// wait for those. Plain memory is no reason for a pool that never shrinks.
-GstBufferPool* offered_pool(GstPad* src, GstCaps* caps, gsize size) {
-  GstQuery* query = gst_query_new_allocation(caps, TRUE);
-  GstBufferPool* pool = nullptr;
-  guint their_size = 0, least = 0, most = 0;
-  if (gst_pad_peer_query(src, query) && gst_query_get_n_allocation_pools(query) > 0)
-    gst_query_parse_nth_allocation_pool(query, 0, &pool, &their_size, &least, &most);
-  gst_query_unref(query);
-  const bool plain =
-      pool && (G_OBJECT_TYPE(pool) == GST_TYPE_VIDEO_BUFFER_POOL || G_OBJECT_TYPE(pool) == GST_TYPE_BUFFER_POOL);
-  if (pool && (plain || most > 0 || gst_buffer_pool_is_active(pool))) gst_clear_object(&pool);
-  return pool ? start(pool, caps, MAX(their_size, static_cast<guint>(size)), least) : nullptr;
+// A pool may change what it is asked for, and is then to be asked for that.
+bool configure(GstBufferPool* pool, GstCaps* caps, guint size, guint least, guint most, const Memory& memory) {
+  GstStructure* config = gst_buffer_pool_get_config(pool);
+  gst_buffer_pool_config_set_params(config, caps, size, least, most);
+  gst_buffer_pool_config_set_allocator(config, memory.allocator, &memory.params);
+  if (memory.has_video_meta && gst_buffer_pool_has_option(pool, GST_BUFFER_POOL_OPTION_VIDEO_META))
+    gst_buffer_pool_config_add_option(config, GST_BUFFER_POOL_OPTION_VIDEO_META);
+  if (gst_buffer_pool_set_config(pool, config)) return true;
+  config = gst_buffer_pool_get_config(pool);
+  if (gst_buffer_pool_config_validate_params(config, caps, size, least, most))
+    return gst_buffer_pool_set_config(pool, config);
+  gst_structure_free(config);
+  return false;
 }
 
 }  // namespace
 
 namespace lf {
 
-bool PicturePool::configure(GstPad* src, GstCaps* caps, gsize size) {
+bool PicturePool::decide(GstQuery* query) {
   clear();
-  pool_ = offered_pool(src, caps, size);
-  if (!pool_) {
-    auto* own = GST_BUFFER_POOL(g_object_new(lf_shrinking_pool_get_type(), nullptr));
-    pool_ = start(GST_BUFFER_POOL(gst_object_ref_sink(own)), caps, static_cast<guint>(size), 0);
+  GstCaps* caps = nullptr;
+  gst_query_parse_allocation(query, &caps, nullptr);
+  GstVideoInfo info;
+  if (!caps || !gst_video_info_from_caps(&info, caps)) return false;
+  const guint size = static_cast<guint>(info.size);
+  Memory memory = memory_of(query);
+  own_ = GST_BUFFER_POOL(gst_object_ref_sink(g_object_new(lf_shrinking_pool_get_type(), nullptr)));
+  const bool has_own = configure(own_, caps, size, 0, 0, memory);
+  GstBufferPool* chosen = nullptr;
+  guint chosen_size = size, least = 0, most = 0;
+  for (guint i = 0; i < gst_query_get_n_allocation_pools(query) && !chosen; i++) {
+    guint their_size = 0;
+    gst_query_parse_nth_allocation_pool(query, i, &chosen, &their_size, &least, &most);
+    if (!chosen) continue;
+    // One without an end would keep for ever what a burst needed.
+    if (most == 0) most = least + kMostIdle;
+    chosen_size = MAX(their_size, size);
+    if (!configure(chosen, caps, chosen_size, least, most, memory)) gst_clear_object(&chosen);
   }
-  return pool_ != nullptr;
+  gst_clear_object(&memory.allocator);
+  if (!chosen) {
+    if (!has_own) return false;
+    chosen = GST_BUFFER_POOL(gst_object_ref(own_));
+    chosen_size = size;
+    least = most = 0;
+  }
+  if (gst_query_get_n_allocation_pools(query) > 0)
+    gst_query_set_nth_allocation_pool(query, 0, chosen, chosen_size, least, most);
+  else
+    gst_query_add_allocation_pool(query, chosen, chosen_size, least, most);
+  gst_object_unref(chosen);
+  return true;
 }
 
-GstBuffer* PicturePool::take() {
-  GstBuffer* buffer = nullptr;
-  if (gst_buffer_pool_acquire_buffer(pool_, &buffer, nullptr) != GST_FLOW_OK) return nullptr;
-  return buffer;
+GstBuffer* PicturePool::take(GstBufferPool* chosen) {
+  GstBufferPoolAcquireParams at_once = {};
+  at_once.flags = GST_BUFFER_POOL_ACQUIRE_FLAG_DONTWAIT;
+  GstBufferPool* const pools[] = {chosen, own_};
+  for (GstBufferPool* pool : pools) {
+    GstBuffer* buffer = nullptr;
+    if (pool && gst_buffer_pool_set_active(pool, TRUE) &&
+        gst_buffer_pool_acquire_buffer(pool, &buffer, &at_once) == GST_FLOW_OK)
+      return buffer;
+  }
+  return nullptr;
 }
 
 void PicturePool::clear() {
-  if (pool_) gst_buffer_pool_set_active(pool_, FALSE);
-  gst_clear_object(&pool_);
+  if (own_) gst_buffer_pool_set_active(own_, FALSE);
+  gst_clear_object(&own_);
 }
 
 }  // namespace lf

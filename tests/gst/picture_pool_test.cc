@@ -4,6 +4,7 @@
 #include <gst/video/video.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
 #include <vector>
 
@@ -32,38 +33,37 @@ void own_pool_init(OwnPool*) {}
 
 class PicturePoolTest : public testing::Test {
  protected:
-  PicturePoolTest() {
-    src_ = gst_pad_new("src", GST_PAD_SRC);
-    sink_ = gst_pad_new("sink", GST_PAD_SINK);
-    gst_object_ref_sink(src_);
-    gst_object_ref_sink(sink_);
-    gst_pad_set_query_function(sink_, [](GstPad* pad, GstObject*, GstQuery* query) -> gboolean {
-      auto* self = static_cast<PicturePoolTest*>(gst_pad_get_element_private(pad));
-      if (GST_QUERY_TYPE(query) != GST_QUERY_ALLOCATION || !self->offered_) return FALSE;
-      gst_query_add_allocation_pool(query, self->offered_, kSize, 0, self->most_);
-      return TRUE;
-    });
-    gst_pad_set_element_private(sink_, this);
-    gst_pad_set_active(src_, TRUE);
-    gst_pad_set_active(sink_, TRUE);
-    gst_pad_link(src_, sink_);
-  }
   ~PicturePoolTest() override {
-    gst_object_unref(src_);
-    gst_object_unref(sink_);
+    pool_.clear();
+    if (chosen_) gst_buffer_pool_set_active(chosen_, FALSE);
+    gst_clear_object(&chosen_);
     gst_clear_object(&offered_);
   }
-  GstPad *src_, *sink_;
-  GstBufferPool* offered_ = nullptr;
-  guint most_ = 0;
+  // What GstAggregator does with downstream's answer, which offers `offered_` if there is one.
+  bool decide() {
+    GstQuery* query = gst_query_new_allocation(picture_caps().get(), TRUE);
+    if (offered_) gst_query_add_allocation_pool(query, offered_, kSize, least_, most_);
+    const bool decided = pool_.decide(query);
+    if (decided) gst_query_parse_nth_allocation_pool(query, 0, &chosen_, nullptr, nullptr, nullptr);
+    gst_query_unref(query);
+    return decided;
+  }
+  void offer(GType type) {
+    offered_ = GST_BUFFER_POOL(g_object_new(type, nullptr));
+    gst_object_ref_sink(offered_);
+  }
+  BufferPtr take() { return BufferPtr(pool_.take(chosen_)); }
+
+  PicturePool pool_;
+  GstBufferPool *chosen_ = nullptr, *offered_ = nullptr;
+  guint least_ = 0, most_ = 0;
 };
 
 TEST_F(PicturePoolTest, MemoryServesAgain) {
-  PicturePool pool;
-  ASSERT_TRUE(pool.configure(src_, picture_caps().get(), kSize));
+  ASSERT_TRUE(decide());
   std::set<GstBuffer*> seen;
   for (int i = 0; i < 100; i++) {
-    BufferPtr picture(pool.take());
+    const BufferPtr picture = take();
     ASSERT_TRUE(picture);
     EXPECT_GE(gst_buffer_get_size(picture.get()), kSize);
     seen.insert(picture.get());
@@ -72,45 +72,73 @@ TEST_F(PicturePoolTest, MemoryServesAgain) {
 }
 
 TEST_F(PicturePoolTest, WhatABurstNeededIsGivenBack) {
-  PicturePool pool;
-  ASSERT_TRUE(pool.configure(src_, picture_caps().get(), kSize));
+  ASSERT_TRUE(decide());
   std::vector<BufferPtr> burst;
   int freed = 0;
   for (int i = 0; i < 50; i++) {
-    burst.emplace_back(pool.take());
+    burst.push_back(take());
     gst_mini_object_weak_ref(
         GST_MINI_OBJECT(gst_buffer_peek_memory(burst.back().get(), 0)),
         [](gpointer count, GstMiniObject*) { ++*static_cast<int*>(count); }, &freed);
   }
   burst.clear();
-  EXPECT_EQ(freed, 50 - PicturePool::kMostIdle);
+  constexpr int kIdle = PicturePool::kMostIdle;
+  EXPECT_EQ(freed, 50 - kIdle);
   // As many as lie idle serve again.
-  for (int i = 0; i < PicturePool::kMostIdle; i++) burst.emplace_back(pool.take());
-  EXPECT_EQ(freed, 50 - PicturePool::kMostIdle);
+  for (int i = 0; i < kIdle; i++) burst.push_back(take());
+  EXPECT_EQ(freed, 50 - kIdle);
   burst.clear();
-  pool.clear();
+  pool_.clear();
+  gst_buffer_pool_set_active(chosen_, FALSE);
   EXPECT_EQ(freed, 50);
 }
 
 TEST_F(PicturePoolTest, DownstreamsOwnMemoryIsUsed) {
-  offered_ = GST_BUFFER_POOL(g_object_new(own_pool_get_type(), nullptr));
-  gst_object_ref_sink(offered_);
-  PicturePool pool;
-  ASSERT_TRUE(pool.configure(src_, picture_caps().get(), kSize));
-  const BufferPtr picture(pool.take());
-  EXPECT_EQ(picture->pool, offered_);
+  offer(own_pool_get_type());
+  ASSERT_TRUE(decide());
+  EXPECT_EQ(take()->pool, offered_);
 }
 
-TEST_F(PicturePoolTest, APoolThatMayRunOutIsNot) {
-  offered_ = GST_BUFFER_POOL(g_object_new(own_pool_get_type(), nullptr));
-  gst_object_ref_sink(offered_);
+TEST_F(PicturePoolTest, SoIsItsPlainMemory) {
+  offer(GST_TYPE_VIDEO_BUFFER_POOL);
+  ASSERT_TRUE(decide());
+  EXPECT_EQ(take()->pool, offered_);
+}
+
+// What a burst needs beyond a few is not kept there for ever.
+TEST_F(PicturePoolTest, APoolWithoutAnEndIsGivenOne) {
+  offer(GST_TYPE_VIDEO_BUFFER_POOL);
+  least_ = 2;
+  ASSERT_TRUE(decide());
+  std::vector<BufferPtr> burst;
+  for (int i = 0; i < 50; i++) burst.push_back(take());
+  const auto theirs = std::ranges::count_if(burst, [&](const BufferPtr& b) { return b->pool == offered_; });
+  EXPECT_EQ(theirs, least_ + PicturePool::kMostIdle);
+}
+
+TEST_F(PicturePoolTest, NobodyWaitsForAPoolThatHasRunOut) {
+  offer(own_pool_get_type());
   most_ = 3;
-  PicturePool pool;
-  ASSERT_TRUE(pool.configure(src_, picture_caps().get(), kSize));
+  ASSERT_TRUE(decide());
   std::vector<BufferPtr> pictures;
-  for (int i = 0; i < 10; i++) pictures.emplace_back(pool.take());
+  for (int i = 0; i < 10; i++) pictures.push_back(take());
   for (const BufferPtr& picture : pictures) ASSERT_TRUE(picture);
-  EXPECT_NE(pictures[0]->pool, offered_);
+  EXPECT_EQ(std::ranges::count_if(pictures, [&](const BufferPtr& b) { return b->pool == offered_; }), 3);
+  pictures.clear();
+  EXPECT_EQ(take()->pool, offered_) << "there is room again";
+}
+
+TEST_F(PicturePoolTest, APoolThatCantBeConfiguredIsPassedOver) {
+  offer(own_pool_get_type());
+  GstStructure* config = gst_buffer_pool_get_config(offered_);
+  gst_buffer_pool_config_set_params(config, picture_caps().get(), kSize / 2, 0, 0);
+  ASSERT_TRUE(gst_buffer_pool_set_config(offered_, config));
+  ASSERT_TRUE(gst_buffer_pool_set_active(offered_, TRUE));  // in use by somebody else
+  ASSERT_TRUE(decide());
+  const BufferPtr picture = take();
+  ASSERT_TRUE(picture);
+  EXPECT_NE(picture->pool, offered_);
+  gst_buffer_pool_set_active(offered_, FALSE);
 }
 
 TEST(AnswerMemory, ShrinksWithTheAnswers) {

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// What downstream says: which memory pictures are to be in and which formats it takes.
+#include <gmock/gmock.h>
+#include <gst/video/video.h>
+#include <gtest/gtest.h>
+
+#include "gst/compositor_fixture.h"
+
+namespace lf::test {
+namespace {
+
+class LfCompositorDownstreamTest : public LfCompositorTest {
+ protected:
+  ~LfCompositorDownstreamTest() override {
+    harness_.reset();
+    gst_clear_object(&pool_);
+  }
+
+  // Downstream answers ALLOCATION queries with `pool_`, or not at all where `fails_`.
+  void answer_allocation() {
+    GstPad* src = gst_element_get_static_pad(element_.get(), "src");
+    gst_pad_add_probe(src, static_cast<GstPadProbeType>(GST_PAD_PROBE_TYPE_QUERY_DOWNSTREAM | GST_PAD_PROBE_TYPE_PUSH),
+                      on_query, this, nullptr);
+    gst_object_unref(src);
+  }
+
+  BufferPtr picture(uint32_t sequence, PixelFamily family = PixelFamily::kRgb) {
+    const ViewRequest asked = array_.request(sequence, sequence * kFrame);
+    request(asked);
+    push(0, answer_of(asked, {0, 1, 2, 3}, 200, family));
+    return BufferPtr(gst_harness_pull(harness_.get()));
+  }
+
+  static GstPadProbeReturn on_query(GstPad*, GstPadProbeInfo* info, gpointer data) {
+    auto* self = static_cast<LfCompositorDownstreamTest*>(data);
+    GstQuery* query = GST_PAD_PROBE_INFO_QUERY(info);
+    if (GST_QUERY_TYPE(query) != GST_QUERY_ALLOCATION) return GST_PAD_PROBE_OK;
+    self->queries_++;
+    if (self->fails_) return GST_PAD_PROBE_DROP;
+    GstCaps* caps = nullptr;
+    gst_query_parse_allocation(query, &caps, nullptr);
+    GstVideoInfo info_of_caps;
+    if (!caps || !gst_video_info_from_caps(&info_of_caps, caps)) return GST_PAD_PROBE_DROP;
+    gst_query_add_allocation_pool(query, self->pool_, static_cast<guint>(info_of_caps.size), 0, self->most_);
+    gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
+    return GST_PAD_PROBE_HANDLED;
+  }
+
+  GstBufferPool* pool_ = gst_video_buffer_pool_new();
+  guint most_ = 0;
+  bool fails_ = false;
+  int queries_ = 0;
+};
+
+TEST_F(LfCompositorDownstreamTest, PicturesAreInTheMemoryThatIsOffered) {
+  start(1);
+  answer_allocation();
+  for (uint32_t i = 0; i < 20; i++) EXPECT_EQ(picture(i)->pool, pool_) << i;
+  EXPECT_EQ(queries_, 1);
+}
+
+TEST_F(LfCompositorDownstreamTest, PicturesAreTheSameInAnyMemory) {
+  start(1);
+  const std::vector<uint8_t> plain = to_bytes(picture(0).get());
+  nodes_.clear();
+  start(1);
+  answer_allocation();
+  EXPECT_EQ(to_bytes(picture(0).get()), plain);
+}
+
+TEST_F(LfCompositorDownstreamTest, APoolThatRunsOutHoldsNobodyUp) {
+  start(1);
+  most_ = 2;
+  answer_allocation();
+  std::vector<BufferPtr> kept;
+  for (uint32_t i = 0; i < 8; i++) kept.push_back(picture(i));
+  EXPECT_EQ(std::ranges::count_if(kept, [&](const BufferPtr& b) { return b->pool == pool_; }), 2);
+}
+
+TEST_F(LfCompositorDownstreamTest, WhoOffersNoneGetsPicturesAllTheSame) {
+  start(1);
+  fails_ = true;
+  answer_allocation();
+  for (uint32_t i = 0; i < 5; i++) EXPECT_NE(picture(i), nullptr);
+  EXPECT_EQ(queries_, 1);
+}
+
+TEST_F(LfCompositorDownstreamTest, WhatChangesDownstreamIsAskedForAgain) {
+  start(1);
+  fails_ = true;
+  answer_allocation();
+  EXPECT_NE(picture(0)->pool, pool_);
+  fails_ = false;
+  gst_harness_push_upstream_event(harness_.get(), gst_event_new_reconfigure());
+  EXPECT_EQ(picture(1)->pool, pool_);
+  gst_harness_push_upstream_event(harness_.get(), gst_event_new_reconfigure());
+  EXPECT_EQ(picture(2)->pool, pool_) << "the same pool, which is in use";
+  EXPECT_EQ(queries_, 3);
+}
+
+TEST_F(LfCompositorDownstreamTest, TheNextRunAsksAgain) {
+  start(1);
+  answer_allocation();
+  EXPECT_EQ(picture(0)->pool, pool_);
+  EXPECT_TRUE(gst_buffer_pool_is_active(pool_));
+  gst_element_set_state(element_.get(), GST_STATE_NULL);
+  EXPECT_FALSE(gst_buffer_pool_is_active(pool_));
+}
+
+}  // namespace
+}  // namespace lf::test
