@@ -108,6 +108,14 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
   GST_OBJECT_UNLOCK(self);
 }
 
+// Owned by the caller.
+GstElement* first_child(GstBin* bin) {
+  GST_OBJECT_LOCK(bin);
+  GstElement* child = bin->children ? GST_ELEMENT(gst_object_ref(bin->children->data)) : nullptr;
+  GST_OBJECT_UNLOCK(bin);
+  return child;
+}
+
 template <typename F>
 std::unique_ptr<CamSrcFailure> failure_of(F&& what) {
   const auto failure = [](GQuark domain, gint code, const std::string& text) {
@@ -130,11 +138,9 @@ std::unique_ptr<CamSrcFailure> failure_of(F&& what) {
 
 void lf_cam_src_close(LfCamSrc* self) {
   gst_ghost_pad_set_target(GST_GHOST_PAD(self->src), nullptr);
-  GstBin* bin = GST_BIN(self);
-  while (bin->children) {
-    GstElement* child = GST_ELEMENT(gst_object_ref(bin->children->data));
+  while (GstElement* child = first_child(GST_BIN(self))) {
     gst_element_set_state(child, GST_STATE_NULL);
-    gst_bin_remove(bin, child);
+    gst_bin_remove(GST_BIN(self), child);
     gst_object_unref(child);
   }
   GST_OBJECT_LOCK(self);

@@ -47,20 +47,13 @@ void lock_decoder(GstBin* /*bin*/, GstElement* child) {
 GstStateChangeReturn change_camera_state(GstBin* bin, GstStateChange transition,
                                          GstStateChangeReturn (*chain_up)(GstElement*, GstStateChange)) {
   const GstState next = GST_STATE_TRANSITION_NEXT(transition);
-  if (transition == GST_STATE_CHANGE_PAUSED_TO_PLAYING || transition == GST_STATE_CHANGE_PLAYING_TO_PAUSED) {
-    // Of locked children GstBin repeats what they said the last time, which may have been ASYNC: so it isn't asked.
-    const GstStateChangeReturn result = set_states(bin, next, false);
-    auto* element_class = GST_ELEMENT_CLASS(g_type_class_peek(GST_TYPE_ELEMENT));
-    if (result == GST_STATE_CHANGE_FAILURE) return result;
-    return element_class->change_state(GST_ELEMENT(bin), transition) == GST_STATE_CHANGE_FAILURE
-               ? GST_STATE_CHANGE_FAILURE
-               : result;
-  }
-  // As in any bin, who takes starts first and stops first.
-  const bool up = GST_STATE_TRANSITION_CURRENT(transition) < next;
-  if (!up) set_states(bin, next, true);
-  const GstStateChangeReturn result = chain_up(GST_ELEMENT(bin), transition);
-  if (!up || result == GST_STATE_CHANGE_FAILURE) return result;
+  // Who takes starts first. All else decoders do before GstBin does it with the others.
+  const bool decoders_last = next <= GST_STATE_PAUSED && GST_STATE_TRANSITION_CURRENT(transition) < next;
+  if (!decoders_last) set_states(bin, next, true);
+  GstStateChangeReturn result = chain_up(GST_ELEMENT(bin), transition);
+  // GstBin repeats what locked children said the last time. None but they come to a state by and by.
+  if (result == GST_STATE_CHANGE_ASYNC) result = GST_STATE_CHANGE_SUCCESS;
+  if (!decoders_last || result == GST_STATE_CHANGE_FAILURE) return result;
   const GstStateChangeReturn decoders = set_states(bin, next, true);
   return decoders == GST_STATE_CHANGE_SUCCESS ? result : decoders;
 }
