@@ -161,6 +161,7 @@ static void add_answer(LfCompositor* self, GstBuffer* buffer) {
 // for this node.
 static void note_late_answer(LfCompositor* self, const lf::wire::AnswerHead& answer, NodeInput& node) {
   auto& state = *self->state;
+  if (std::ranges::find(state.skipped, answer.sequence) != state.skipped.end()) return;
   state.stats.count(CompositorStats::kLateAnswers);
   const auto past = std::ranges::find(state.past, answer.sequence, &_LfCompositor::State::Past::sequence);
   if (past == state.past.end()) return;
@@ -337,9 +338,44 @@ static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) 
   return flow;
 }
 
+// Whether the current request's picture would come too late, as who shows them says.
+static std::optional<lf::QosWatch::Late> is_too_late(LfCompositor* self) {
+  auto& state = *self->state;
+  if (state.current->probe) return std::nullopt;
+  GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
+  if (!request) return std::nullopt;
+  const GstClockTime time = lf_compositor_running_time(self, request);
+  gst_buffer_unref(request);
+  return state.qos.late(state.current->view_id, time);
+}
+
+// Says nothing of the nodes: they have left it out, too.
+static void skip_request(LfCompositor* self, const lf::QosWatch::Late& late) {
+  auto& state = *self->state;
+  lf_compositor_record_skipped(self, late);
+  // Who waits for the surface that comes of it goes on.
+  if (!self->partial && state.current->view.focus.map) lf_compositor_find_focus(self);
+  state.skipped.push_back(state.current->sequence);
+  if (state.skipped.size() > kMostPast) state.skipped.pop_front();
+  for (GstAggregatorPad* pad : AnswerPads(self)) {
+    NodeInput& node = lf_compositor_node_of(pad);
+    if (node.head == NodeInput::Head::kDone && node.seen && !node.flushed) drop_head(pad, node);
+  }
+  lf_compositor_forget_request(self);
+  gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request));
+}
+
 static GstFlowReturn compose(LfCompositor* self) {
   if (self->state->request_flushed.exchange(false)) lf_compositor_forget_request(self);
-  if (!find_request(self, lf_compositor_view_id(self)))
+  const guint view_id = lf_compositor_view_id(self);
+  bool found = find_request(self, view_id);
+  while (found) {
+    const std::optional<lf::QosWatch::Late> late = is_too_late(self);
+    if (!late) break;
+    skip_request(self, *late);
+    found = find_request(self, view_id);
+  }
+  if (!found)
     return gst_aggregator_pad_is_eos(GST_AGGREGATOR_PAD(self->request)) ? GST_FLOW_EOS : GST_AGGREGATOR_FLOW_NEED_DATA;
   const AnswerPads pads(self);
   for (GstAggregatorPad* pad : pads) take_answers(self, pad);

@@ -90,6 +90,13 @@ static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
     gst_event_unref(event);
     return FALSE;
   }
+  if (GST_EVENT_TYPE(event) == GST_EVENT_QOS) {
+    const guint view_id = lf_compositor_view_id(self);
+    if (lf::QosWatch::view_of(event).value_or(view_id) == view_id) {
+      event = lf::QosWatch::name_view(event, view_id);
+      self->state->qos.see(event, lf_compositor_is_live(self));  // before the nodes, whose answers then say nothing
+    }
+  }
   if (!is_navigation && !is_view) return parent_class()->src_event(agg, event);
   event = gst_event_make_writable(event);
   gst_structure_set(gst_event_writable_structure(event), "lf-view-id", G_TYPE_UINT, lf_compositor_view_id(self),
@@ -108,6 +115,7 @@ static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* p
     gst_event_unref(event);  // said by the requests, behind the last picture
     return TRUE;
   }
+  if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP && of_requests) self->state->qos.clear();
   if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP)
     (of_requests ? self->state->request_flushed : lf_compositor_node_of(pad).flushed) = true;
   const gboolean ok = parent_class()->sink_event(agg, pad, event);

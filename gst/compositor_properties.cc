@@ -210,6 +210,7 @@ void lf_compositor_install_properties(GObjectClass* klass) {
       g_param_spec_boxed(
           "stats", "Statistics",
           "Counts of pictures (complete, incomplete, unseen: no camera sees anything of the view, repeated, dropped), "
+          "requests skipped (too late to be shown, as QoS events say), "
           "coverage (share of the latest view that cameras can see; with `rig`), fragments (missing, damaged), late, "
           "repeated and bad answers, bytes, cameras out of service; the largest skew; of a focal surface: rounds of "
           "trials, their bytes, how far cameras disagree (residual, 255ths) and by how much the last round lessened "

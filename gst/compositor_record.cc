@@ -48,6 +48,24 @@ GstBuffer* lf_compositor_replace_incomplete(LfCompositor* self, GstBuffer* pictu
   return nullptr;
 }
 
+void lf_compositor_record_skipped(LfCompositor* self, const lf::QosWatch::Late& late) {
+  constexpr gint kFullQuality = 1'000'000;  // of what is shown at all
+  auto& state = *self->state;
+  state.stats.request_skipped(state.current->sequence);
+  GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
+  if (!request) return;
+  const GstSegment& segment = GST_AGGREGATOR_PAD(self->request)->segment;
+  const GstClockTime pts = GST_BUFFER_PTS(request);
+  GstMessage* message = gst_message_new_qos(
+      GST_OBJECT(self), lf_compositor_is_live(self), gst_segment_to_running_time(&segment, GST_FORMAT_TIME, pts),
+      gst_segment_to_stream_time(&segment, GST_FORMAT_TIME, pts), pts, GST_BUFFER_DURATION(request));
+  gst_buffer_unref(request);
+  const CompositorStats::Totals totals = state.stats.totals();
+  gst_message_set_qos_values(message, late.jitter, late.proportion, kFullQuality);
+  gst_message_set_qos_stats(message, GST_FORMAT_BUFFERS, totals.pictures, totals.skipped);
+  gst_element_post_message(GST_ELEMENT(self), message);
+}
+
 // How much of the view cameras can see. A view that moves is looked at now and then, or for each picture's message.
 static double coverage(LfCompositor* self, bool exact) {
   constexpr int kRows = 12;

@@ -87,6 +87,17 @@ void CompositorStats::request_arrived(uint32_t sequence, int64_t time) {
   arrivals_[sequence] = time;
 }
 
+void CompositorStats::request_skipped(uint32_t sequence) {
+  std::lock_guard lock(mutex_);
+  arrivals_.erase(sequence);
+  counters_[kSkippedRequests]++;
+}
+
+CompositorStats::Totals CompositorStats::totals() const {
+  std::lock_guard lock(mutex_);
+  return {pictures_, counters_[kSkippedRequests]};
+}
+
 GstStructure* CompositorStats::record(const Picture& p, bool describe) {
   std::lock_guard lock(mutex_);
   int64_t asked = p.answered;
@@ -140,6 +151,7 @@ GstStructure* CompositorStats::structure() const {
   if (coverage_ >= 0) gst_structure_set(stats, "coverage", G_TYPE_DOUBLE, coverage_, nullptr);
   set("repeated", counters_[kRepeatedPictures]);
   set("dropped", counters_[kDroppedPictures]);
+  set("skipped", counters_[kSkippedRequests]);
   set("fragments", fragments_);
   set("missing-fragments", missing_);
   set("damaged-fragments", damaged_);

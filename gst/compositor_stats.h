@@ -24,6 +24,7 @@ class CompositorStats {
     kRepeatedAnswers,
     kRepeatedPictures,
     kDroppedPictures,
+    kSkippedRequests,
     kNumCounters
   };
 
@@ -51,6 +52,11 @@ class CompositorStats {
   void add_monitor_bytes(uint64_t bytes);
   void set_monitor(const CameraMonitor& monitor);
   void request_arrived(uint32_t sequence, int64_t time);
+  void request_skipped(uint32_t sequence);
+  struct Totals {
+    uint64_t pictures, skipped;
+  };
+  Totals totals() const;
   // Adds the picture up; the structure of its element message "lightfield-view" if `describe`, else null. A picture of
   // which no camera sees anything is not complete.
   GstStructure* record(const Picture& picture, bool describe);

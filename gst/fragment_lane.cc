@@ -71,6 +71,17 @@ static void lf_fragment_tell_delay(LfFragment* self, GstPad* pad, Lane* lane) {
   gst_pad_push_event(pad, lf::capture_delay_event(needed));
 }
 
+// Whether the picture would come too late to be shown.
+static bool lf_fragment_is_too_late(GstPad* pad, Lane* lane, const lf::RequestHead& head, GstClockTime pts) {
+  GstEvent* event = head.probe ? nullptr : gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
+  if (!event) return false;
+  const GstSegment* segment = nullptr;
+  gst_event_parse_segment(event, &segment);
+  const GstClockTime time = gst_segment_to_running_time(segment, GST_FORMAT_TIME, pts);
+  gst_event_unref(event);
+  return lane->qos.late(head.view_id, time).has_value();
+}
+
 static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstBuffer* buffer) {
   Lane* lane = lf_fragment_lane_of(pad);
   const PadPtr src = lf_fragment_pair_of(pad);
@@ -105,7 +116,9 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstBuffer
     (*self->workers)->run(threads, count, task);
   };
   manner.base_time = gst_element_get_base_time(GST_ELEMENT(self));
-  lf::FragmentNode::Reply reply = self->node->answer(*request, lane->requester, manner, lane->memory->take());
+  lf::FragmentNode::Reply reply = lf_fragment_is_too_late(pad, lane, head, pts)
+                                      ? self->node->skip(*request)
+                                      : self->node->answer(*request, lane->requester, manner, lane->memory->take());
   if (!reply.warning.empty())
     GST_ELEMENT_WARNING(self, STREAM, FAILED, ("View %u: %s.", head.view_id, reply.warning.c_str()), (nullptr));
   for (lf::ByteBuffer* before : {&reply.brightness, &reply.moments}) {
@@ -192,6 +205,7 @@ static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEve
       lane->ended = false;
       GST_OBJECT_UNLOCK(self);
       lane->flushed = true;
+      lane->qos.clear();
       lane->requester.gains.clear();
       self->node->cancel(lane->requester, false);
       break;
@@ -203,7 +217,9 @@ static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEve
 // Everything from downstream (QoS, navigation, latency) concerns the requester, never the cameras: what they take
 // belongs to the capture, not to the request path.
 static gboolean lf_fragment_src_event(GstPad* pad, GstObject*, GstEvent* event) {
-  if (GST_EVENT_TYPE(event) == GST_EVENT_RECONFIGURE) lf_fragment_lane_of(pad)->downstream_is_new = true;
+  Lane* lane = lf_fragment_lane_of(pad);
+  if (GST_EVENT_TYPE(event) == GST_EVENT_RECONFIGURE) lane->downstream_is_new = true;
+  if (GST_EVENT_TYPE(event) == GST_EVENT_QOS) lane->qos.see(event, lane->live);
   return lf_fragment_pair_event(pad, event);
 }
 

@@ -69,9 +69,7 @@ FragmentNode::MakeTask FragmentNode::task_maker(const wire::AnyRequest& request,
   };
 }
 
-FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester& requester, const Manner& manner,
-                                         ByteBuffer memory) {
-  stats_.requests++;
+wire::AnswerHeader FragmentNode::header_of(const wire::AnyRequest& any) const {
   const RequestHead& request = wire::head_of(any);
   wire::AnswerHeader header;
   header.view_id = request.view_id;
@@ -79,6 +77,22 @@ FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester&
   std::tie(header.view_width, header.view_height) = wire::view_size(any);
   header.target_time = request.target_time;
   header.node = node_id_;
+  return header;
+}
+
+FragmentNode::Reply FragmentNode::skip(const wire::AnyRequest& request) {
+  stats_.requests++;
+  stats_.skipped++;
+  wire::AnswerHeader header = header_of(request);
+  header.rig_hash = inputs_.array()->rig_hash;
+  return {.brightness = {}, .moments = {}, .bytes = wire::AnswerWriter(header, 0).finish()};
+}
+
+FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester& requester, const Manner& manner,
+                                         ByteBuffer memory) {
+  stats_.requests++;
+  const RequestHead& request = wire::head_of(any);
+  wire::AnswerHeader header = header_of(any);
   const uint64_t arrived = now_ns();
   const auto array = manner.live ? inputs_.array() : inputs_.wait_for_all(requester.cancelled);
   const uint64_t waited = now_ns() - arrived;

@@ -62,8 +62,12 @@ class FragmentNode {
   // request that can't be served (another rig's) gets an answer without fragments. `memory` is recycled.
   Reply answer(const wire::AnyRequest& request, Requester& requester, const Manner& manner, ByteBuffer memory);
 
+  // An answer without fragments, at once: nobody needs the picture.
+  Reply skip(const wire::AnyRequest& request);
+
  private:
   using Array = CameraInputs::Array;
+  wire::AnswerHeader header_of(const wire::AnyRequest& request) const;
   // What the request comes to, given the node's cameras.
   using MakeTask = std::function<std::unique_ptr<AnswerTask>(std::span<const CameraIndex> own)>;
   MakeTask task_maker(const wire::AnyRequest& request, const Array& array, Requester& requester) const;

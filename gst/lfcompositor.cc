@@ -28,6 +28,9 @@
  * With `partial` the output is not a picture but the sum of the answers, as the answer of one node: compositors make a
  * tree, whose root takes in one answer a rack.
  *
+ * Where a sink says that pictures come too late (QoS events), requests of this view that can't be in time any more are
+ * left out here and answered without a picture by the nodes, until one can. A QoS message tells of each.
+ *
  * Each picture has a #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture`, the capture time asked for: clock
  * time where requests are live, else stream time.
  *
@@ -113,6 +116,8 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   state.agreed = false;
   state.warned_rig = false;
   state.past.clear();
+  state.skipped.clear();
+  state.qos.clear();
   forget_history(self);
   state.stats.reset();
   return TRUE;

@@ -20,6 +20,7 @@
 #include "lfcompositor.h"
 #include "node/answer_form.h"
 #include "picture_pool.h"
+#include "qos_watch.h"
 #include "quality/camera_monitor.h"
 #include "quality/camera_probe.h"
 #include "render/render_job.h"
@@ -107,7 +108,9 @@ struct _LfCompositor {
       uint32_t sequence;
       GstClockTime deadline;  // clock time
     };
-    std::deque<Past> past;  // requests that were composed last
+    std::deque<Past> past;         // requests that were composed last
+    lf::QosWatch qos;              // any thread
+    std::deque<uint32_t> skipped;  // requests that were left out last
     lf::CameraHealth health;
     uint64_t health_rig = 0;        // hash of the rig whose cameras they are, 0: not known yet
     lf::CameraRanges seeing_since;  // cameras whose answers were in time, but after their picture
@@ -170,6 +173,8 @@ void lf_compositor_follow_segment(LfCompositor* self);
 void lf_compositor_note_capture_time(GstBuffer* picture, uint64_t captured);
 // What is put out for the current request; takes the picture, and is null where nothing is.
 GstBuffer* lf_compositor_replace_incomplete(LfCompositor* self, GstBuffer* picture);
+// The current request is left out, as its picture would come too late: counts it and says so.
+void lf_compositor_record_skipped(LfCompositor* self, const lf::QosWatch::Late& late);
 // Counts the picture, and posts its message. `answered`: monotonic time, microseconds.
 void lf_compositor_record(LfCompositor* self, int64_t answered, GstClockTime pts);
 

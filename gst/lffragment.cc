@@ -22,6 +22,9 @@
  * (files) are waited for, so that files in give the same files out on every machine, and are read no faster than
  * requests move on. Where requests are sought, they are too.
  *
+ * Requests whose pictures would come too late to be shown, as QoS events say that lfcompositor passes on, are answered
+ * without fragments.
+ *
  * ## Example launch line
  * |[
  * gst-launch-1.0 lfviewrequest location=views.json ! tee name=r  r. ! queue ! n.request \
@@ -262,6 +265,7 @@ static bool lf_fragment_start(LfFragment* self) {
     lane->ended = lane->flushed = false;
     lane->last_time = lane->told_delay = lane->told_at = lane->looked_at = 0;
     lane->segment = {};
+    lane->qos.clear();
     lane->requester.rig.reset();
     lane->requester.cancelled = false;
   }
@@ -324,7 +328,7 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
       object_class, PROP_STATS,
       g_param_spec_boxed(
           "stats", "Statistics",
-          "Counts of requests, answers, fragments, bytes, frames that were missing (of these stale: farther than "
+          "Counts of requests, answers, of these skipped (too late to be shown), fragments, bytes, frames that were missing (of these stale: farther than "
           "max-skew) and frames that were damaged; the largest skew of a frame; what waiting for frames, decoding, "
           "rendering and encoding took: the latest answer's time and p50, p95, p99 over the latest 1024, and of all of "
           "them together (answer-ns; nanoseconds)",

@@ -12,6 +12,7 @@
 #include "gst_wire.h"
 #include "lffragment.h"
 #include "node/arrival_watch.h"
+#include "qos_watch.h"
 #include "worker_pool.h"
 
 // What the files of lffragment share: lffragment.cc (the element), fragment_camera_pad.cc (camera video in),
@@ -59,7 +60,7 @@ struct Lane {
   WeakPad request, src;
   lf::FragmentNode::Requester requester;
   std::shared_ptr<lf::AnswerMemory> memory = std::make_shared<lf::AnswerMemory>();
-  bool live = false;                           // requests come in real time; known from the segment on
+  std::atomic<bool> live = false;              // requests come in real time; known from the segment on
   bool ended = false;                          // has sent EOS; under the object lock of the element
   // Where its requests are, so that it is seen when they go elsewhere. Streaming thread, but while flushing.
   GstSegment segment{};
@@ -67,6 +68,7 @@ struct Lane {
   bool flushed = false;    // since the latest request
   // The capture delay that cameras need, as the requester was told, and when that was and was looked at, clock time.
   uint64_t told_delay = 0, told_at = 0, looked_at = 0;
+  lf::QosWatch qos;                            // any thread
   std::atomic<bool> downstream_is_new = true;  // what is known of it is to be asked again
   bool in_process = false;                     // the compositor is; streaming thread
 };

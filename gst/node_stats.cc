@@ -29,6 +29,7 @@ GstStructure* NodeStats::structure() const {
   set("bad-requests", bad_requests);
   set("rig-mismatches", rig_mismatches);
   set("answers", answers);
+  set("skipped", skipped);
   set("fragments", fragments);
   set("bytes", bytes);
   set("missing-frames", missing_frames);
