@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
+
 #include "base/error.h"
 #include "camera_image.h"
 #include "composite/partial_answer.h"
@@ -81,8 +83,22 @@ static GstBuffer* take_picture(LfCompositor* self) {
   return picture;
 }
 
+// Where a picture's colours are: R, G and B in one plane, or Y, Cb and Cr.
+struct Planes {
+  explicit Planes(const GstVideoFrame& frame) {
+    const guint count = lf::family_of(frame.info) == lf::PixelFamily::kRgb ? 1 : 3;
+    for (guint i = 0; i < count; i++) {
+      data[i] = static_cast<uint8_t*>(count == 1 ? GST_VIDEO_FRAME_PLANE_DATA(&frame, 0)
+                                                 : GST_VIDEO_FRAME_COMP_DATA(&frame, i));
+      stride[i] = count == 1 ? GST_VIDEO_FRAME_PLANE_STRIDE(&frame, 0) : GST_VIDEO_FRAME_COMP_STRIDE(&frame, i);
+    }
+  }
+  uint8_t* data[3] = {};
+  ptrdiff_t stride[3] = {};
+};
+
 // What is wholly lost is taken from the picture before, if not part of the picture is made with another rig than that.
-static void conceal(LfCompositor* self, GstVideoFrame* frame) {
+static void conceal(LfCompositor* self, const Planes& picture) {
   auto& state = *self->state;
   if (state.assembly.fragments() > 0 && state.assembly.rig_hash() != state.last_rig) return;
   GstVideoFrame before;
@@ -92,15 +108,10 @@ static void conceal(LfCompositor* self, GstVideoFrame* frame) {
   view.width = state.info.width;
   view.height = state.info.height;
   if (view.family == lf::PixelFamily::kRgb) view.layout = lf::rgb_layout(state.info);
-  uint8_t* plane[3] = {};
-  ptrdiff_t stride[3] = {};
-  for (guint i = 0; i < GST_VIDEO_FRAME_N_PLANES(frame); i++) {
-    plane[i] = static_cast<uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(frame, i));
-    stride[i] = GST_VIDEO_FRAME_PLANE_STRIDE(frame, i);
-    view.plane[i] = static_cast<const uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&before, i));
-    view.stride[i] = GST_VIDEO_FRAME_PLANE_STRIDE(&before, i);
-  }
-  state.assembly.picture().conceal(view, plane, stride);
+  const Planes planes(before);
+  std::ranges::copy(planes.data, view.plane);
+  std::ranges::copy(planes.stride, view.stride);
+  state.assembly.picture().conceal(view, picture.data, picture.stride);
   gst_video_frame_unmap(&before);
 }
 
@@ -120,16 +131,11 @@ static GstBuffer* make_video(LfCompositor* self, const lf::Background& backgroun
     *flow = GST_PAD_IS_FLUSHING(GST_AGGREGATOR_SRC_PAD(self)) ? GST_FLOW_FLUSHING : no_memory(self);
     return nullptr;
   }
-  uint8_t* plane[3] = {};
-  ptrdiff_t stride[3] = {};
-  for (guint i = 0; i < GST_VIDEO_FRAME_N_PLANES(&frame); i++) {
-    plane[i] = static_cast<uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&frame, i));
-    stride[i] = GST_VIDEO_FRAME_PLANE_STRIDE(&frame, i);
-  }
+  const Planes planes(frame);
   const lf::RgbLayout layout =
       lf::family_of(state.info) == lf::PixelFamily::kRgb ? lf::rgb_layout(state.info) : lf::RgbLayout{};
-  state.assembly.picture().resolve(background, layout, plane, stride);
-  if (!lf_compositor_is_complete(self)) conceal(self, &frame);
+  state.assembly.picture().resolve(background, layout, planes.data, planes.stride);
+  if (!lf_compositor_is_complete(self)) conceal(self, planes);
   gst_video_frame_unmap(&frame);
   return out;
 }

@@ -11,9 +11,9 @@ GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily fa
     g_autofree gchar* text = g_strdup_printf("video/x-raw, format=(string)%s", formats);
     return gst_caps_from_string(text);
   };
-  GstCaps* wanted = family == PixelFamily::kI420  ? candidates("I420")
+  GstCaps* wanted = family == PixelFamily::kI420  ? candidates("{ I420, NV12 }")
                     : family == PixelFamily::kRgb ? candidates("{ " LF_RGB_FORMATS " }")
-                                                  : candidates("{ " LF_RGB_FORMATS ", I420 }");
+                                                  : candidates("{ " LF_RGB_FORMATS ", I420, NV12 }");
   GstCaps* sink_caps = gst_pad_get_current_caps(request);
   gint rate_n = 0, rate_d = 1;
   if (sink_caps) {

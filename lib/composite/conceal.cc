@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "composite/resolve.h"
+
 namespace lf {
 namespace {
 
@@ -37,6 +39,7 @@ void conceal(const ConstSumPlanes& sum, const ImageView& before, uint8_t* const 
     }
   }
   if (sum.family != PixelFamily::kI420) return;
+  const int step = chroma_step(plane), step_before = chroma_step(before.plane);
   for (int cy = 0; cy < chroma_size(height); cy++)
     for (int cx = 0; cx < chroma_size(width); cx++) {
       const int x1 = std::min(2 * cx + 1, width - 1), y1 = std::min(2 * cy + 1, height - 1);
@@ -44,7 +47,7 @@ void conceal(const ConstSumPlanes& sum, const ImageView& before, uint8_t* const 
       const int share = share_before((top[2 * cx] + top[x1] + bottom[2 * cx] + bottom[x1]) / 4);
       if (share == 0) continue;
       for (int c = 1; c < 3; c++)
-        mix(plane[c][cy * stride[c] + cx], before.plane[c][cy * before.stride[c] + cx], share);
+        mix(plane[c][cy * stride[c] + step * cx], before.plane[c][cy * before.stride[c] + step_before * cx], share);
     }
 }
 

@@ -90,12 +90,21 @@ void resolve_rgb(const ConstSumPlanes& sum, const Weights& weights, const Backgr
   }
 }
 
+void interleave(uint8_t* __restrict out, const uint8_t* __restrict cb, const uint8_t* __restrict cr, int n) {
+  for (int x = 0; x < n; x++) {
+    out[2 * x] = cb[x];
+    out[2 * x + 1] = cr[x];
+  }
+}
+
 void resolve_i420(const ConstSumPlanes& sum, const Weights& weights, const Background& background,
                   uint8_t* const plane[3], const ptrdiff_t stride[3]) {
   const int w = sum.rect.width(), h = sum.rect.height(), cw = chroma_size(w);
   const YCbCr back = to_ycbcr(background);
   std::vector<float> scale(w), share(cw), chroma_scale(cw);
   std::vector<int32_t> lost(cw), hidden(cw);  // sums over the pixels of a chroma sample
+  const bool interleaved = chroma_step(plane) == 2;
+  std::vector<uint8_t> rows_of_chroma(interleaved ? 2 * static_cast<size_t>(cw) : 0);
   for (int cy = 0; cy < chroma_size(h); cy++) {
     const int rows = std::min(2, h - 2 * cy);
     std::ranges::fill(lost, 0);
@@ -121,13 +130,14 @@ void resolve_i420(const ConstSumPlanes& sum, const Weights& weights, const Backg
     }
     for (int c = 1; c < 3; c++) {
       const int16_t* const in = sum.plane[c] + cy * sum.stride[c];
-      uint8_t* const out = plane[c] + cy * stride[c];
+      uint8_t* const out = interleaved ? &rows_of_chroma[c == 1 ? 0 : cw] : plane[c] + cy * stride[c];
       if (plain) {
         round_chroma_row(out, in, cw, 128);
         continue;
       }
       scale_chroma_row(out, in, chroma_scale.data(), share.data(), c == 1 ? back.cb : back.cr, cw);
     }
+    if (interleaved) interleave(plane[1] + cy * stride[1], rows_of_chroma.data(), &rows_of_chroma[cw], cw);
   }
 }
 

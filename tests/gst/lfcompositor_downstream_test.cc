@@ -108,5 +108,50 @@ TEST_F(LfCompositorDownstreamTest, TheNextRunAsksAgain) {
   EXPECT_FALSE(gst_buffer_pool_is_active(pool_));
 }
 
+// The picture's bytes, row by row without padding, with chroma as planes.
+std::vector<uint8_t> planar(GstBuffer* buffer, const GstVideoInfo& info) {
+  GstVideoFrame frame;
+  EXPECT_TRUE(gst_video_frame_map(&frame, &info, buffer, GST_MAP_READ));
+  std::vector<uint8_t> bytes;
+  for (guint c = 0; c < 3; c++)
+    for (gint y = 0; y < GST_VIDEO_FRAME_COMP_HEIGHT(&frame, c); y++)
+      for (gint x = 0; x < GST_VIDEO_FRAME_COMP_WIDTH(&frame, c); x++)
+        bytes.push_back(static_cast<const uint8_t*>(GST_VIDEO_FRAME_COMP_DATA(
+            &frame, c))[y * GST_VIDEO_FRAME_COMP_STRIDE(&frame, c) + x * GST_VIDEO_FRAME_COMP_PSTRIDE(&frame, c)]);
+  gst_video_frame_unmap(&frame);
+  return bytes;
+}
+
+TEST_F(LfCompositorDownstreamTest, Nv12IsI420InAnotherLayout) {
+  std::vector<uint8_t> pictures[2];
+  for (const bool nv12 : {false, true}) {
+    nodes_.clear();
+    start(1, {{"background", "0xff4080c0"}}, nv12 ? "video/x-raw,format=NV12" : "video/x-raw,format=I420");
+    ViewRequest asked = array_.request(0, 0);
+    asked.view.pose.position.x += 0.03;  // not all of it is seen
+    request(asked);
+    wire::Answer answer = answer_of(asked, {0, 1, 2}, 200, PixelFamily::kI420);
+    for (Fragment& fragment : answer.fragments)
+      for (size_t i = 0; i < fragment.pixels.size(); i++) fragment.pixels[i] ^= static_cast<uint8_t>(i * 5 % 16);
+    push(0, answer);
+    const BufferPtr picture(gst_harness_pull(harness_.get()));
+    EXPECT_EQ(output_format(), nv12 ? "NV12" : "I420");
+    const CapsPtr caps(gst_pad_get_current_caps(harness_->sinkpad));
+    GstVideoInfo info;
+    ASSERT_TRUE(gst_video_info_from_caps(&info, caps.get()));
+    EXPECT_EQ(info.colorimetry.range, GST_VIDEO_COLOR_RANGE_0_255);
+    EXPECT_EQ(info.colorimetry.matrix, GST_VIDEO_COLOR_MATRIX_BT601);
+    pictures[nv12] = planar(picture.get(), info);
+  }
+  EXPECT_EQ(pictures[0], pictures[1]);
+  EXPECT_NE(std::ranges::min(pictures[0]), std::ranges::max(pictures[0]));
+}
+
+TEST_F(LfCompositorDownstreamTest, WhoTakesBothGetsPlanes) {
+  start(1, {}, "video/x-raw,format={ NV12, I420 }");
+  EXPECT_NE(picture(0, PixelFamily::kI420), nullptr);
+  EXPECT_EQ(output_format(), "I420");
+}
+
 }  // namespace
 }  // namespace lf::test

@@ -63,5 +63,30 @@ TEST_P(Conceal, BetweenThemIsAMixture) {
 INSTANTIATE_TEST_SUITE_P(Families, Conceal, testing::Values(PixelFamily::kRgb, PixelFamily::kI420),
                          [](const auto& info) { return info.param == PixelFamily::kRgb ? "Rgb" : "I420"; });
 
+TEST(ConcealNv12, IsThatOfPlanes) {
+  constexpr int kChroma = 5 * 3;
+  const Accumulator sum = with_weight_left(PixelFamily::kI420, 0.2, 200);
+  Image before(PixelFamily::kI420, kWidth, kHeight), picture = sum.resolve();
+  for (size_t i = 0; i < before.data().size(); i++) before.data()[i] = static_cast<uint8_t>(i * 37);
+  const auto interleaved = [](const Image& image) {
+    std::vector<uint8_t> chroma;
+    for (int i = 0; i < kChroma; i++) chroma.insert(chroma.end(), {image.plane(1)[i], image.plane(2)[i]});
+    return chroma;
+  };
+  std::vector<uint8_t> luma(picture.plane(0), picture.plane(1)), chroma = interleaved(picture);
+  std::vector<uint8_t> chroma_before = interleaved(before);
+  uint8_t* planes[3] = {picture.plane(0), picture.plane(1), picture.plane(2)};
+  conceal(*sum.sums(), before.view(), planes, picture.view().stride);
+  ImageView view = before.view();
+  view.plane[1] = chroma_before.data();
+  view.plane[2] = chroma_before.data() + 1;
+  view.stride[1] = view.stride[2] = 10;
+  uint8_t* both[3] = {luma.data(), chroma.data(), chroma.data() + 1};
+  const ptrdiff_t stride[3] = {kWidth, 10, 10};
+  conceal(*sum.sums(), view, both, stride);
+  EXPECT_TRUE(std::equal(luma.begin(), luma.end(), picture.plane(0)));
+  EXPECT_EQ(chroma, interleaved(picture));
+}
+
 }  // namespace
 }  // namespace lf

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <utility>
 #include <vector>
 
 namespace lf {
@@ -44,6 +46,40 @@ TEST(Resolve, OneRowMayServeForAll) {
   resolve(sums, nullptr, {}, {}, plane, stride);
   for (int y = 0; y < 4; y++) EXPECT_EQ(out[3 * y + 2], 3);
   EXPECT_EQ(out[12 + 3], 128 + 2);
+}
+
+// Odd and even sizes, with whole rows that need no more than rounding and with lost weight and background.
+TEST(Resolve, InterleavedChromaIsThatOfPlanes) {
+  for (const auto& [w, h] : {std::pair{9, 5}, {8, 6}, {1, 1}, {2, 4}, {130, 4}}) {
+    const size_t pixels = static_cast<size_t>(w) * h, cw = chroma_size(w), ch = chroma_size(h);
+    std::vector<int16_t> samples(pixels + 2 * cw * ch);
+    for (size_t i = 0; i < samples.size(); i++) samples[i] = static_cast<int16_t>((i * 7919) % 20000 - 8000);
+    std::vector<uint16_t> lost(pixels);
+    std::vector<uint8_t> uncovered(pixels);
+    for (size_t i = 0; i < pixels; i++) {
+      lost[i] = i % w > 2 && i > pixels / 2 ? static_cast<uint16_t>((i * 331) % 32768) : 0;
+      uncovered[i] = i > pixels / 2 && i % 5 == 0;
+    }
+    const ConstSumPlanes sums = packed_sums<const int16_t, const uint16_t>(PixelFamily::kI420, {0, 0, w, h},
+                                                                           samples.data(), lost.data());
+    std::vector<uint8_t> planar(pixels + 2 * cw * ch);
+    uint8_t* const planes[3] = {planar.data(), &planar[pixels], &planar[pixels + cw * ch]};
+    const ptrdiff_t strides[3] = {w, static_cast<ptrdiff_t>(cw), static_cast<ptrdiff_t>(cw)};
+    resolve(sums, uncovered.data(), {200, 30, 90}, {}, planes, strides);
+    const size_t wide = 2 * cw + 3;
+    std::vector<uint8_t> luma(pixels), chroma(wide * ch, 77);
+    uint8_t* const both[3] = {luma.data(), chroma.data(), chroma.data() + 1};
+    const ptrdiff_t wider[3] = {w, static_cast<ptrdiff_t>(wide), static_cast<ptrdiff_t>(wide)};
+    resolve(sums, uncovered.data(), {200, 30, 90}, {}, both, wider);
+    EXPECT_TRUE(std::equal(luma.begin(), luma.end(), planar.begin()));
+    for (size_t y = 0; y < ch; y++) {
+      for (size_t x = 0; x < cw; x++) {
+        ASSERT_EQ(chroma[y * wide + 2 * x], planes[1][y * cw + x]) << w << "x" << h << ": " << x << ", " << y;
+        ASSERT_EQ(chroma[y * wide + 2 * x + 1], planes[2][y * cw + x]);
+      }
+      for (size_t x = 2 * cw; x < wide; x++) ASSERT_EQ(chroma[y * wide + x], 77) << "beyond the picture";
+    }
+  }
 }
 
 TEST(Resolve, PixelsNobodyCoversAreBackgroundWithAndWithoutLostWeight) {
