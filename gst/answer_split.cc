@@ -61,7 +61,7 @@ static void lf_answer_split_release_pad(GstElement* element, GstPad* pad) {
 
 static void lf_answer_split_class_init(LfAnswerSplitClass* klass) {
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  element_class->release_pad = lf_answer_split_release_pad;
+  element_class->release_pad = lf::callback<lf_answer_split_release_pad>;
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(element_class, "Light field answer split", "Filter",
@@ -70,6 +70,6 @@ static void lf_answer_split_class_init(LfAnswerSplitClass* klass) {
 
 static void lf_answer_split_init(LfAnswerSplit* self) {
   self->sink = gst_pad_new_from_static_template(&sink_template, "sink");
-  gst_pad_set_chain_function(self->sink, lf_answer_split_chain);
+  gst_pad_set_chain_function(self->sink, lf::callback<lf_answer_split_chain>);
   gst_element_add_pad(GST_ELEMENT(self), self->sink);
 }

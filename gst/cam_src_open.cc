@@ -131,6 +131,8 @@ std::unique_ptr<CamSrcFailure> failure_of(F&& what) {
                    std::string("element ") + error.what() + " is not installed");
   } catch (const lf::Error& error) {
     return failure(GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_SETTINGS, error.what());
+  } catch (const std::exception& error) {
+    return failure(GST_LIBRARY_ERROR, GST_LIBRARY_ERROR_FAILED, error.what());
   }
 }
 
@@ -153,9 +155,9 @@ void lf_cam_src_close(LfCamSrc* self) {
 bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure) {
   lf_cam_src_close(self);
   g_atomic_int_inc(&self->serial);
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   const lf::CamSrcSettings settings = *self->settings;
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   std::shared_ptr<const lf::Rig> rig;
   lf::CameraIndex index = 0;
   *failure = failure_of([&] {

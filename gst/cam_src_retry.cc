@@ -88,9 +88,9 @@ void lf_cam_src_tell_overload(LfCamSrc* self, GstClockTimeDiff late) {
   static std::atomic<uint64_t> told = 0;
   const uint64_t now = lf::now_ns(), before = told.exchange(now);
   if (before != 0 && now - before < kQuiet) return;
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   const std::string place = self->run ? self->run->stream->place() : "";
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   GST_ELEMENT_WARNING(
       self, STREAM, DECODE,
       ("%s: this machine can't decode all frames, they come %d ms late: some are dropped before they are "
@@ -121,7 +121,10 @@ static void lf_cam_src_call_step(LfCamSrc* self, guint serial, void (*step)(LfCa
       [](GstElement* element, gpointer data) {
         const auto* call = static_cast<Call*>(data);
         GST_STATE_LOCK(element);
-        if (lf_cam_src_is_due(LF_CAM_SRC(element), call->serial)) call->step(LF_CAM_SRC(element));
+        lf::guarded(element, 0, [=] {
+          if (lf_cam_src_is_due(LF_CAM_SRC(element), call->serial)) call->step(LF_CAM_SRC(element));
+          return 0;
+        });
         GST_STATE_UNLOCK(element);
       },
       new Call{serial, step}, [](gpointer data) { delete static_cast<Call*>(data); });
@@ -143,7 +146,7 @@ static void lf_cam_src_call_later(LfCamSrc* self, GstClockTime delay, void (*ste
       [](GstClock*, GstClockTime, GstClockID, gpointer data) -> gboolean {
         auto* due = static_cast<Plan*>(data);
         if (gpointer element = g_weak_ref_get(&due->element)) {
-          lf_cam_src_call_step(LF_CAM_SRC(element), due->serial, due->step);
+          lf::guarded(element, 0, [=] { return lf_cam_src_call_step(LF_CAM_SRC(element), due->serial, due->step), 0; });
           gst_object_unref(element);
         }
         return TRUE;
@@ -182,7 +185,10 @@ void lf_cam_src_take_out(LfCamSrc* self, guint serial) {
         if (!is_due) return;
         lf_cam_src_push_lost(cam_src);
         // Without another attempt the children stay as they are: frames on their way still arrive.
-        if (lf_cam_src_retries(cam_src)) lf_cam_src_call_step(cam_src, GPOINTER_TO_UINT(data), lf_cam_src_close_lost);
+        lf::guarded(element, 0, [=] {
+          if (lf_cam_src_retries(cam_src)) lf_cam_src_call_step(cam_src, GPOINTER_TO_UINT(data), lf_cam_src_close_lost);
+          return 0;
+        });
       },
       GUINT_TO_POINTER(serial), nullptr);
 }

@@ -131,7 +131,7 @@ void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer convert) {
       append(decoder, GST_ELEMENT(convert));
     } else {
       decoder = add(GST_BIN(bin), "decodebin");
-      g_signal_connect(decoder, "pad-added", G_CALLBACK(on_decoded_pad), convert);
+      g_signal_connect(decoder, "pad-added", G_CALLBACK(lf::callback<on_decoded_pad>), convert);
     }
     gst_element_sync_state_with_parent(decoder);
     link_new_pad(pad, decoder);
@@ -162,8 +162,8 @@ GstElement* add_decodebin(GstBin* bin, const char* factory, GstElement* convert)
   GstCaps* caps = gst_caps_from_string(may_bypass(convert) ? "image/jpeg; video/x-raw(ANY)" : "video/x-raw(ANY)");
   g_object_set(decoder, "caps", caps, "expose-all-streams", FALSE, nullptr);
   gst_caps_unref(caps);
-  g_signal_connect(decoder, "pad-added", G_CALLBACK(on_decoded_pad), convert);
-  g_signal_connect(decoder, "no-more-pads", G_CALLBACK(on_no_more_pads), nullptr);
+  g_signal_connect(decoder, "pad-added", G_CALLBACK(lf::callback<on_decoded_pad>), convert);
+  g_signal_connect(decoder, "no-more-pads", G_CALLBACK(lf::callback<on_no_more_pads>), nullptr);
   return decoder;
 }
 
@@ -194,9 +194,10 @@ void on_child_of_uridecodebin(GstBin* uridecodebin, GstElement* child, gpointer 
 
 void add_uri_decoder(GstBin* bin, const std::string& uri, const ChainOptions& options, GstElement* convert) {
   GstElement* decoder = add_decodebin(bin, "uridecodebin", convert);
-  g_signal_connect(decoder, "element-added", G_CALLBACK(on_child_of_uridecodebin), nullptr);
+  g_signal_connect(decoder, "element-added", G_CALLBACK(lf::callback<on_child_of_uridecodebin>), nullptr);
   g_object_set(decoder, "uri", uri.c_str(), nullptr);
-  g_signal_connect(decoder, "source-setup", G_CALLBACK(on_source_setup), GUINT_TO_POINTER(options.latency));
+  g_signal_connect(decoder, "source-setup", G_CALLBACK(lf::callback<on_source_setup>),
+                   GUINT_TO_POINTER(options.latency));
 }
 
 // What a device is asked for: left to itself it takes the largest pictures it has. JPEG first where it stays JPEG.
@@ -221,8 +222,8 @@ void add_device(GstBin* bin, const std::string& uri, const Camera& camera, const
 void add_matroska_reader(GstBin* bin, const std::string& path, GstElement* convert) {
   GstElement* reader = add_file_reader(bin, path);
   GstElement* demuxer = append(reader, add(bin, "matroskademux"));
-  g_signal_connect(demuxer, "pad-added", G_CALLBACK(on_matroska_pad), convert);
-  g_signal_connect(demuxer, "no-more-pads", G_CALLBACK(on_no_more_pads), nullptr);
+  g_signal_connect(demuxer, "pad-added", G_CALLBACK(lf::callback<on_matroska_pad>), convert);
+  g_signal_connect(demuxer, "no-more-pads", G_CALLBACK(lf::callback<on_no_more_pads>), nullptr);
 }
 
 GstElement* add_sequence_reader(GstBin* bin, const CameraSource& source, int fps_n, int fps_d, bool loop) {

@@ -2,6 +2,7 @@
 #include <string>
 #include <utility>
 
+#include "guard.h"
 #include "lfcameranode_private.h"
 #include "lfcamsrc.h"
 
@@ -9,9 +10,9 @@ using ElementPtr = std::unique_ptr<GstElement, decltype([](GstElement* element) 
 
 static std::vector<ElementPtr> lf_camera_node_cameras(LfCameraNode* self) {
   std::vector<ElementPtr> cameras;
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   for (GstElement* camera : *self->cameras) cameras.emplace_back(GST_ELEMENT(gst_object_ref(camera)));
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   return cameras;
 }
 

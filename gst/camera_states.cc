@@ -3,6 +3,8 @@
 
 #include <vector>
 
+#include "guard.h"
+
 namespace lf {
 namespace {
 
@@ -11,10 +13,10 @@ bool is_decoder(GstElement* child) { return gst_element_is_locked_state(child); 
 // Sets all children, or only decoders, to `state`. FAILURE where one fails, else NO_PREROLL where one has none.
 GstStateChangeReturn set_states(GstBin* bin, GstState state, bool only_decoders) {
   std::vector<GstElement*> children;
-  GST_OBJECT_LOCK(bin);
+  ObjectLock lock(bin);
   for (GList* child = bin->children; child; child = child->next)
     children.push_back(GST_ELEMENT(gst_object_ref(child->data)));
-  GST_OBJECT_UNLOCK(bin);
+  lock.unlock();
   GstStateChangeReturn result = GST_STATE_CHANGE_SUCCESS;
   for (GstElement* child : children) {
     if (!only_decoders || is_decoder(child)) {
@@ -66,7 +68,7 @@ bool take_decoder_message(GstBin* bin, GstMessage* message) {
   const GstMessageType type = GST_MESSAGE_TYPE(message);
   if (type != GST_MESSAGE_ASYNC_START && type != GST_MESSAGE_ASYNC_DONE) return false;
   if (type == GST_MESSAGE_ASYNC_DONE && GST_IS_ELEMENT(GST_MESSAGE_SRC(message)))
-    gst_element_call_async(GST_ELEMENT(bin), continue_decoder, gst_object_ref(GST_MESSAGE_SRC(message)),
+    gst_element_call_async(GST_ELEMENT(bin), callback<continue_decoder>, gst_object_ref(GST_MESSAGE_SRC(message)),
                            gst_object_unref);
   gst_message_unref(message);
   return true;

@@ -41,7 +41,7 @@ std::optional<GstClockTime> live_latency(GstPad* sink) {
 // Calls `method` of the CameraStream `data`.
 template <auto method>
 GstPadProbeReturn call(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
-  return (static_cast<CameraStream*>(data)->*method)(pad, info);
+  return guarded(pad, GST_PAD_PROBE_DROP, [=] { return (static_cast<CameraStream*>(data)->*method)(pad, info); });
 }
 
 }  // namespace
@@ -134,9 +134,9 @@ bool CameraStream::begin_again() {
   };
   gst_element_call_async(
       owner_,
-      [](GstElement* /*owner*/, gpointer data) {
+      [](GstElement* owner, gpointer data) {
         const auto* task = static_cast<Task*>(data);
-        task->stream->seek_to_start(task->seqnum);
+        guarded(owner, 0, [task] { return task->stream->seek_to_start(task->seqnum), 0; });
       },
       new Task{shared_from_this(), loop_seqnum_, GST_PAD(gst_object_ref(chain_.decoded))},
       [](gpointer data) {

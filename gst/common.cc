@@ -72,10 +72,6 @@ GstCaps* unit_caps(const gchar* media_type) {
 
 void accept_unit_caps(GstPad* sink) { GST_PAD_SET_ACCEPT_INTERSECT(sink); }
 
-void post_exception(GstElement* element, const char* what) {
-  GST_ELEMENT_ERROR(element, LIBRARY, FAILED, ("%s", what), (nullptr));
-}
-
 bool is_reverse_seek(GstEvent* event) {
   if (GST_EVENT_TYPE(event) != GST_EVENT_SEEK) return false;
   gdouble rate = 1;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <exception>
 #include <memory>
 #include <string>
 
 #include <gst/gst.h>
 
+#include "guard.h"
 #include "rig/rig.h"
 
 // What the elements share. The elements hold no mathematics: that is in lib/.
@@ -46,19 +46,6 @@ namespace lf {
 
 // A seek that can't be taken; told before anything is flushed for it.
 bool is_reverse_seek(GstEvent* event);
-
-// Posts an error that says what was thrown.
-void post_exception(GstElement* element, const char* what);
-// What f() returns, or `failed` with an error posted if it throws: no exception gets into GStreamer's C.
-template <typename T, typename F>
-T guarded(gpointer element, T failed, F f) {
-  try {
-    return f();
-  } catch (const std::exception& error) {
-    post_exception(GST_ELEMENT(element), error.what());
-    return failed;
-  }
-}
 
 // LF_REQUEST_CAPS or LF_ANSWER_CAPS as caps, owned by the caller.
 GstCaps* unit_caps(const gchar* media_type);

@@ -20,10 +20,10 @@ constexpr size_t kMostPast = 32;  // requests whose late answers are still signs
 
 struct AnswerPads {
   explicit AnswerPads(LfCompositor* self) {
-    GST_OBJECT_LOCK(self);
+    lf::ObjectLock lock(self);
     for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next)
       if (item->data != self->request) pads.push_back(GST_AGGREGATOR_PAD(gst_object_ref(item->data)));
-    GST_OBJECT_UNLOCK(self);
+    lock.unlock();
   }
   ~AnswerPads() {
     for (GstAggregatorPad* pad : pads) gst_object_unref(pad);

@@ -32,10 +32,10 @@ NodeInput& lf_compositor_node_of(GstAggregatorPad* pad) {
 // Whether all that comes in follows a seek of the requests: answers out of a file or a socket don't.
 static bool is_seekable(LfCompositor* self) {
   std::vector<GstPad*> pads;
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next)
     pads.push_back(GST_PAD(gst_object_ref(item->data)));
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   gboolean all = TRUE;
   for (GstPad* pad : pads) {
     GstQuery* query = gst_query_new_seeking(GST_FORMAT_TIME);
@@ -214,7 +214,7 @@ static GstAggregatorPad* lf_compositor_create_pad(GstAggregator* agg, GstPadTemp
   g_object_set_qdata_full(G_OBJECT(pad), node_quark(), new NodeInput,
                           [](gpointer data) { delete static_cast<NodeInput*>(data); });
   lf::accept_unit_caps(GST_PAD(pad));
-  gst_pad_add_probe(GST_PAD(pad), GST_PAD_PROBE_TYPE_BUFFER, lf_compositor_answer_arrives, agg, nullptr);
+  gst_pad_add_probe(GST_PAD(pad), GST_PAD_PROBE_TYPE_BUFFER, lf::callback<lf_compositor_answer_arrives>, agg, nullptr);
   return GST_AGGREGATOR_PAD(pad);
 }
 
@@ -223,17 +223,18 @@ void lf_compositor_add_request_pad(LfCompositor* self) {
   self->request = GST_PAD(
       g_object_new(GST_TYPE_AGGREGATOR_PAD, "name", "request", "direction", GST_PAD_SINK, "template", templ, nullptr));
   lf::accept_unit_caps(self->request);
-  gst_pad_add_probe(self->request, GST_PAD_PROBE_TYPE_BUFFER, lf_compositor_request_arrives, self, nullptr);
+  gst_pad_add_probe(self->request, GST_PAD_PROBE_TYPE_BUFFER, lf::callback<lf_compositor_request_arrives>, self,
+                    nullptr);
   gst_element_add_pad(GST_ELEMENT(self), self->request);
 }
 
 void lf_compositor_install_pads(LfCompositorClass* klass) {
   GstAggregatorClass* aggregator_class = GST_AGGREGATOR_CLASS(klass);
-  aggregator_class->src_event = lf_compositor_src_event;
-  aggregator_class->src_query = lf_compositor_src_query;
-  aggregator_class->sink_event = lf_compositor_sink_event;
-  aggregator_class->sink_query = lf_compositor_sink_query;
-  aggregator_class->create_new_pad = lf_compositor_create_pad;
+  aggregator_class->src_event = lf::callback<lf_compositor_src_event>;
+  aggregator_class->src_query = lf::callback<lf_compositor_src_query>;
+  aggregator_class->sink_event = lf::callback<lf_compositor_sink_event>;
+  aggregator_class->sink_query = lf::callback<lf_compositor_sink_query>;
+  aggregator_class->create_new_pad = lf::callback<lf_compositor_create_pad>;
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   gst_element_class_add_static_pad_template_with_gtype(element_class, &sink_template, GST_TYPE_AGGREGATOR_PAD);
   gst_element_class_add_static_pad_template_with_gtype(element_class, &request_template, GST_TYPE_AGGREGATOR_PAD);

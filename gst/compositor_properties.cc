@@ -69,14 +69,14 @@ static void lf_compositor_set_rig(LfCompositor* self, const GValue* value) {
   const bool running = lf::is_running(GST_ELEMENT(self));
   std::shared_ptr<const lf::Rig> rig;
   if (running && (path || self->partial) && !(rig = lf::reload_rig(GST_ELEMENT(self), path))) return;
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   g_free(self->rig_path);
   self->rig_path = g_strdup(path);
   if (running) {
     delete self->new_rig;
     self->new_rig = new std::shared_ptr<const lf::Rig>(std::move(rig));
   }
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
 }
 
 // What comes out has the caps that it began with: while the element runs it stays what it is.
@@ -114,7 +114,7 @@ static void lf_compositor_set_property(GObject* object, guint id, const GValue* 
 
 static void lf_compositor_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
   LfCompositor* self = LF_COMPOSITOR(object);
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   switch (id) {
     case PROP_VIEW_ID: g_value_set_uint(value, self->view_id); break;
     case PROP_RIG: g_value_set_string(value, self->rig_path); break;
@@ -133,12 +133,12 @@ static void lf_compositor_get_property(GObject* object, guint id, GValue* value,
     case PROP_STATS: g_value_take_boxed(value, self->state->stats.structure()); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
 }
 
 void lf_compositor_install_properties(GObjectClass* klass) {
-  klass->set_property = lf_compositor_set_property;
-  klass->get_property = lf_compositor_get_property;
+  klass->set_property = lf::callback<lf_compositor_set_property>;
+  klass->get_property = lf::callback<lf_compositor_get_property>;
   const auto flags = [](int more) {
     return GParamFlags(G_PARAM_READWRITE | G_PARAM_CONSTRUCT | G_PARAM_STATIC_STRINGS | more);
   };

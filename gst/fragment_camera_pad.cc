@@ -37,8 +37,8 @@ static void lf_fragment_pad_finalize(GObject* object) {
 
 static void lf_fragment_pad_class_init(LfFragmentPadClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = lf_fragment_pad_set_property;
-  object_class->get_property = lf_fragment_pad_get_property;
+  object_class->set_property = lf::callback<lf_fragment_pad_set_property>;
+  object_class->get_property = lf::callback<lf_fragment_pad_get_property>;
   object_class->finalize = lf_fragment_pad_finalize;
   g_object_class_install_property(
       object_class, PAD_PROP_CAMERA,
@@ -321,12 +321,12 @@ void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum) {
   g_mutex_lock(&self->seek_lock);
   if (std::exchange(self->seek_seqnum, seqnum) == seqnum) return g_mutex_unlock(&self->seek_lock);
   std::vector<PadPtr> pads;
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   const bool finished = self->mode == lf::CameraFrames::Mode::kFinished;
   for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next)
     if (LF_IS_FRAGMENT_PAD(item->data) && !LF_FRAGMENT_PAD(item->data)->input->live)
       pads.emplace_back(GST_PAD(gst_object_ref(item->data)));
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   if (finished) lf_fragment_set_mode(self, lf::CameraFrames::Mode::kRunning);
   for (const PadPtr& pad : pads) {
     const gint64 position = lf_fragment_seek_position(pad.get(), self, time);
@@ -351,9 +351,9 @@ GstPad* lf_fragment_camera_pad_new(GstPadTemplate* templ, const gchar* name, lf:
       g_object_new(LF_TYPE_FRAGMENT_PAD, "name", name, "direction", templ->direction, "template", templ, nullptr));
   pad->input->frames = std::make_shared<lf::CameraFrames>();
   pad->input->frames->set_mode(mode);
-  gst_pad_set_chain_function(GST_PAD(pad), lf_fragment_camera_chain);
-  gst_pad_set_event_function(GST_PAD(pad), lf_fragment_camera_event);
-  gst_pad_set_query_function(GST_PAD(pad), lf_fragment_camera_query);
+  gst_pad_set_chain_function(GST_PAD(pad), lf::callback<lf_fragment_camera_chain>);
+  gst_pad_set_event_function(GST_PAD(pad), lf::callback<lf_fragment_camera_event>);
+  gst_pad_set_query_function(GST_PAD(pad), lf::callback<lf_fragment_camera_query>);
   return GST_PAD(pad);
 }
 

@@ -255,20 +255,20 @@ GstPad* lf_fragment_lane_new(LfFragment* self, GstPadTemplate* request_template,
   GstPad* src = gst_pad_new_from_template(src_template, src_name);
   const auto lane = std::make_shared<Lane>(request, src);
   lf::accept_unit_caps(request);
-  gst_pad_set_chain_function(request, lf_fragment_request_chain);
-  gst_pad_set_event_function(request, lf_fragment_request_event);
-  gst_pad_set_query_function(request, lf_fragment_request_query);
-  gst_pad_set_event_function(src, lf_fragment_src_event);
-  gst_pad_set_query_function(src, lf_fragment_src_query);
+  gst_pad_set_chain_function(request, lf::callback<lf_fragment_request_chain>);
+  gst_pad_set_event_function(request, lf::callback<lf_fragment_request_event>);
+  gst_pad_set_query_function(request, lf::callback<lf_fragment_request_query>);
+  gst_pad_set_event_function(src, lf::callback<lf_fragment_src_event>);
+  gst_pad_set_query_function(src, lf::callback<lf_fragment_src_query>);
   for (GstPad* pad : {src, request}) {
-    gst_pad_set_iterate_internal_links_function(pad, lf_fragment_internal_links);
+    gst_pad_set_iterate_internal_links_function(pad, lf::callback<lf_fragment_internal_links>);
     gst_pad_set_element_private(pad, lane.get());
     g_object_set_qdata_full(G_OBJECT(pad), quark, new std::shared_ptr<Lane>(lane),
                             [](gpointer data) { delete static_cast<std::shared_ptr<Lane>*>(data); });
   }
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   self->lanes->insert(lane.get());
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   for (GstPad* pad : {src, request}) {
     if (lf::is_running(GST_ELEMENT(self))) gst_pad_set_active(pad, TRUE);
     gst_element_add_pad(GST_ELEMENT(self), pad);

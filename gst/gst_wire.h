@@ -48,6 +48,7 @@ class MappedBuffer {
 // Thread-safe; buffers may outlive whoever made them.
 class AnswerMemory {
  public:
+  AnswerMemory() { unused_.reserve(kMostKept); }  // to give some back takes none
   ByteBuffer take();
   void give_back(ByteBuffer bytes);
   size_t kept_bytes() const;

@@ -67,9 +67,9 @@ static GstStaticPadTemplate more_src_template =
     GST_STATIC_PAD_TEMPLATE("src_%u", GST_PAD_SRC, GST_PAD_SOMETIMES, GST_STATIC_CAPS(LF_ANSWER_CAPS));
 
 static Settings current_settings(LfCameraNode* self) {
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   Settings settings = *self->settings;
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   return settings;
 }
 
@@ -101,10 +101,14 @@ static void add_camera(LfCameraNode* self, const Settings& settings, const lf::R
   lf_cam_src_set_expendable(LF_CAM_SRC(camera));
   gst_util_set_object_arg(G_OBJECT(camera), "framerate",
                           (std::to_string(settings.fps_n) + "/" + std::to_string(settings.fps_d)).c_str());
+  {
+    const lf::ObjectLock lock(self);
+    self->cameras->reserve(self->cameras->size() + 1);  // none is in the bin that is not known
+  }
   gst_bin_add(GST_BIN(self), camera);
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   self->cameras->push_back(camera);
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   if (!gst_element_link_pads(camera, "src", self->fragment, ("sink_" + std::to_string(index)).c_str()))
     throw lf::Error(settings.rig + ": camera " + id + ": can't be linked with lffragment");
   gst_child_proxy_set(GST_CHILD_PROXY(self->fragment), ("sink_" + std::to_string(index) + "::camera").c_str(),
@@ -131,7 +135,7 @@ static bool open_cameras(LfCameraNode* self) {
     *self->opened = settings;
     *self->rig = rig;
     return true;
-  } catch (const lf::Error& error) {
+  } catch (const std::exception& error) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
   }
   remove_cameras(self);
@@ -179,9 +183,9 @@ static void lf_camera_node_set_rig(LfCameraNode* self, const gchar* path) {
     }
     g_object_set(self->fragment, "rig", path, nullptr);
   }
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   self->settings->rig = path ? path : "";
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
 }
 
 static void lf_camera_node_handle_message(GstBin* bin, GstMessage* message) {
@@ -220,9 +224,9 @@ static void lf_camera_node_set_property(GObject* object, guint id, const GValue*
   }
   if (id == kPropRig) return lf_camera_node_set_rig(self, g_value_get_string(value));
   if (id >= kPropNetClock) return self->net_clock->set(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   self->settings->set(static_cast<Settings::Property>(id - kPropFirstSetting), value);
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
 }
 
 static void lf_camera_node_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
@@ -295,8 +299,8 @@ static void lf_camera_node_release_pad(GstElement* element, GstPad* pad) {
 
 static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = lf_camera_node_set_property;
-  object_class->get_property = lf_camera_node_get_property;
+  object_class->set_property = lf::callback<lf_camera_node_set_property>;
+  object_class->get_property = lf::callback<lf_camera_node_get_property>;
   object_class->finalize = lf_camera_node_finalize;
 
   Settings::install(object_class, kPropFirstSetting);
@@ -311,11 +315,11 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
   lf::NetClock::install(object_class, kPropNetClock);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  element_class->change_state = lf_camera_node_change_state;
-  element_class->provide_clock = lf_camera_node_provide_clock;
-  GST_BIN_CLASS(klass)->handle_message = lf_camera_node_handle_message;
-  element_class->request_new_pad = lf_camera_node_new_pad;
-  element_class->release_pad = lf_camera_node_release_pad;
+  element_class->change_state = lf::callback<lf_camera_node_change_state>;
+  element_class->provide_clock = lf::callback<lf_camera_node_provide_clock>;
+  GST_BIN_CLASS(klass)->handle_message = lf::callback<lf_camera_node_handle_message>;
+  element_class->request_new_pad = lf::callback<lf_camera_node_new_pad>;
+  element_class->release_pad = lf::callback<lf_camera_node_release_pad>;
   gst_element_class_add_static_pad_template(element_class, &request_template);
   gst_element_class_add_static_pad_template(element_class, &more_request_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);

@@ -205,10 +205,10 @@ static std::string describe(const std::string& place, const std::string& wanted,
 static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
   LfCamSrc* self = LF_CAM_SRC(bin);
   if (lf::take_decoder_message(bin, message)) return;
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   const std::shared_ptr<lf::CameraStream> stream = self->run ? self->run->stream : nullptr;
   const std::string wanted = self->run ? self->run->wanted : "";
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   const guint serial = static_cast<guint>(g_atomic_int_get(&self->serial));
   const bool is_error = GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
   const bool is_warning = GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING;
@@ -261,9 +261,9 @@ static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
 static void lf_cam_src_set_property(GObject* object, guint id, const GValue* value, GParamSpec*) {
   LfCamSrc* self = LF_CAM_SRC(object);
   if (id >= kPropNetClock) return self->net_clock->set(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   self->settings->set(static_cast<Settings::Property>(id - kPropFirstSetting), value);
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
 }
 
 static void lf_cam_src_get_property(GObject* object, guint id, GValue* value, GParamSpec*) {
@@ -272,9 +272,9 @@ static void lf_cam_src_get_property(GObject* object, guint id, GValue* value, GP
     return g_value_take_boxed(value, lf_cam_src_stats(self, "application/x-lightfield-camera-stats"));
   }
   if (id >= kPropNetClock) return self->net_clock->get(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   self->settings->get(static_cast<Settings::Property>(id - kPropFirstSetting), value);
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
 }
 
 static void lf_cam_src_finalize(GObject* object) {
@@ -293,8 +293,8 @@ static GstClock* lf_cam_src_provide_clock(GstElement* element) { return LF_CAM_S
 
 static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = lf_cam_src_set_property;
-  object_class->get_property = lf_cam_src_get_property;
+  object_class->set_property = lf::callback<lf_cam_src_set_property>;
+  object_class->get_property = lf::callback<lf_cam_src_get_property>;
   object_class->finalize = lf_cam_src_finalize;
 
   Settings::install(object_class, kPropFirstSetting);
@@ -308,12 +308,12 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   lf::NetClock::install(object_class, kPropNetClock);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  element_class->change_state = lf_cam_src_change_state;
-  element_class->provide_clock = lf_cam_src_provide_clock;
-  element_class->send_event = lf_cam_src_send_event;
-  GST_BIN_CLASS(klass)->handle_message = lf_cam_src_handle_message;
-  GST_BIN_CLASS(klass)->element_added = lf::lock_decoder;
-  GST_BIN_CLASS(klass)->deep_element_added = lf_cam_src_deep_element_added;
+  element_class->change_state = lf::callback<lf_cam_src_change_state>;
+  element_class->provide_clock = lf::callback<lf_cam_src_provide_clock>;
+  element_class->send_event = lf::callback<lf_cam_src_send_event>;
+  GST_BIN_CLASS(klass)->handle_message = lf::callback<lf_cam_src_handle_message>;
+  GST_BIN_CLASS(klass)->element_added = lf::callback<lf::lock_decoder>;
+  GST_BIN_CLASS(klass)->deep_element_added = lf::callback<lf_cam_src_deep_element_added>;
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(
       element_class, "Light field camera source", "Source/Video",
@@ -335,6 +335,6 @@ static void lf_cam_src_init(LfCamSrc* self) {
   GstPadTemplate* pad_template = gst_static_pad_template_get(&src_template);
   self->src = gst_ghost_pad_new_no_target_from_template("src", pad_template);
   gst_object_unref(pad_template);
-  gst_pad_set_query_function(self->src, on_query);
+  gst_pad_set_query_function(self->src, lf::callback<on_query>);
   gst_element_add_pad(GST_ELEMENT(self), self->src);
 }

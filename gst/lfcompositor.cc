@@ -151,15 +151,15 @@ static void lf_compositor_finalize(GObject* object) {
 static void lf_compositor_class_init(LfCompositorClass* klass) {
   G_OBJECT_CLASS(klass)->finalize = lf_compositor_finalize;
   GstAggregatorClass* aggregator_class = GST_AGGREGATOR_CLASS(klass);
-  aggregator_class->start = lf_compositor_start;
-  aggregator_class->stop = lf_compositor_stop;
-  aggregator_class->flush = lf_compositor_flush;
+  aggregator_class->start = lf::callback<lf_compositor_start>;
+  aggregator_class->stop = lf::callback<lf_compositor_stop>;
+  aggregator_class->flush = lf::callback<lf_compositor_flush>;
   aggregator_class->aggregate = lf_compositor_aggregate;
-  aggregator_class->negotiate = lf_compositor_negotiate;
-  aggregator_class->update_src_caps = lf_compositor_update_src_caps;
-  aggregator_class->negotiated_src_caps = lf_compositor_negotiated_src_caps;
-  aggregator_class->decide_allocation = lf_compositor_decide_allocation;
-  aggregator_class->get_next_time = lf_compositor_next_time;
+  aggregator_class->negotiate = lf::callback<lf_compositor_negotiate>;
+  aggregator_class->update_src_caps = lf::callback<lf_compositor_update_src_caps>;
+  aggregator_class->negotiated_src_caps = lf::callback<lf_compositor_negotiated_src_caps>;
+  aggregator_class->decide_allocation = lf::callback<lf_compositor_decide_allocation>;
+  aggregator_class->get_next_time = lf::callback<lf_compositor_next_time>;
   lf_compositor_install_properties(G_OBJECT_CLASS(klass));
   lf_compositor_install_pads(klass);
   gst_element_class_set_static_metadata(

@@ -74,7 +74,7 @@ bool lf_fragment_upstream_is_live(GstPad* sink, GstClockTime* latency) {
 }
 
 void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode) {
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   self->mode = mode;
   for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next) {
     if (!LF_IS_FRAGMENT_PAD(item->data)) continue;
@@ -82,7 +82,7 @@ void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode) {
     input.frames->set_mode(mode);
     if (mode == lf::CameraFrames::Mode::kRunning) self->node->inputs().add(input.frames);
   }
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   self->node->inputs().set_running(mode == lf::CameraFrames::Mode::kRunning);
 }
 
@@ -106,8 +106,8 @@ static guint lf_fragment_children_count(GstChildProxy* proxy) {
 
 static void lf_fragment_child_proxy_init(gpointer iface, gpointer) {
   GstChildProxyInterface* proxy = static_cast<GstChildProxyInterface*>(iface);
-  proxy->get_child_by_index = lf_fragment_child_by_index;
-  proxy->get_children_count = lf_fragment_children_count;
+  proxy->get_child_by_index = lf::callback<lf_fragment_child_by_index>;
+  proxy->get_children_count = lf::callback<lf_fragment_children_count>;
 }
 
 G_DEFINE_FINAL_TYPE_WITH_CODE(LfFragment, lf_fragment, GST_TYPE_ELEMENT,
@@ -177,7 +177,7 @@ static void lf_fragment_set_property(GObject* object, guint id, const GValue* va
 
 static void lf_fragment_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
   LfFragment* self = LF_FRAGMENT(object);
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   switch (id) {
     case PROP_RIG: g_value_set_string(value, self->rig_path); break;
     case PROP_NODE: g_value_set_uint(value, self->node_id); break;
@@ -192,7 +192,7 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
     case PROP_STATS: g_value_take_boxed(value, self->node->stats().structure()); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
 }
 
 static guint number_of(const gchar* name, const gchar* prefix, guint* next) {
@@ -305,12 +305,12 @@ static void lf_fragment_finalize(GObject* object) {
 static void lf_fragment_class_init(LfFragmentClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  object_class->set_property = lf_fragment_set_property;
-  object_class->get_property = lf_fragment_get_property;
+  object_class->set_property = lf::callback<lf_fragment_set_property>;
+  object_class->get_property = lf::callback<lf_fragment_get_property>;
   object_class->finalize = lf_fragment_finalize;
-  element_class->change_state = lf_fragment_change_state;
-  element_class->request_new_pad = lf_fragment_request_new_pad;
-  element_class->release_pad = lf_fragment_release_pad;
+  element_class->change_state = lf::callback<lf_fragment_change_state>;
+  element_class->request_new_pad = lf::callback<lf_fragment_request_new_pad>;
+  element_class->release_pad = lf::callback<lf_fragment_release_pad>;
 
   g_object_class_install_property(
       object_class, PROP_RIG,

@@ -26,6 +26,7 @@
 
 #include "base/error.h"
 #include "base/host_list.h"
+#include "guard.h"
 #include "lfcameranode.h"
 #include "property_copy.h"
 #include "requested_pads.h"
@@ -116,9 +117,9 @@ static void add_requester(LfNodeSink* self, size_t index, const lf::HostPort& fr
 
 // Before READY and before PAUSED. False after posting the reason.
 static bool prepare(LfNodeSink* self) {
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   const std::string listen = self->listen ? self->listen : "", answers = self->answers ? self->answers : "";
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   Links& links = *self->links;
   if (links.pads && links.listen == listen && links.answers == answers) return true;
   remove_links(self);
@@ -135,7 +136,7 @@ static bool prepare(LfNodeSink* self) {
     links.listen = listen;
     links.answers = answers;
     return true;
-  } catch (const lf::Error& error) {
+  } catch (const std::exception& error) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
   }
   remove_links(self);
@@ -212,8 +213,8 @@ static void lf_node_sink_finalize(GObject* object) {
 
 static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = lf_node_sink_set_property;
-  object_class->get_property = lf_node_sink_get_property;
+  object_class->set_property = lf::callback<lf_node_sink_set_property>;
+  object_class->get_property = lf::callback<lf_node_sink_get_property>;
   object_class->dispose = lf_node_sink_dispose;
   object_class->finalize = lf_node_sink_finalize;
   constexpr auto kFlags = GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY);
@@ -232,8 +233,8 @@ static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
   lf::install_copies(object_class, next, LF_TYPE_RTP_PAY, {"stats"}, {"mtu"});
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  element_class->change_state = lf_node_sink_change_state;
-  element_class->provide_clock = lf_node_sink_provide_clock;
+  element_class->change_state = lf::callback<lf_node_sink_change_state>;
+  element_class->provide_clock = lf::callback<lf_node_sink_provide_clock>;
   gst_element_class_set_static_metadata(
       element_class, "Light field node sink", "Sink/Network/Video",
       "The cameras of this machine for lfviewsrc on others: answers view requests that come by RTP", "gst-lightfield");

@@ -203,8 +203,8 @@ static void lf_parse_get_property(GObject* object, guint id, GValue* value, GPar
 static void lf_parse_class_init(LfParseClass* klass) {
   GST_DEBUG_CATEGORY_INIT(lf_parse_debug, "lfparse", 0, "light field stream parser");
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = lf_parse_set_property;
-  object_class->get_property = lf_parse_get_property;
+  object_class->set_property = lf::callback<lf_parse_set_property>;
+  object_class->get_property = lf::callback<lf_parse_get_property>;
   g_object_class_install_property(
       object_class, PROP_MAX_UNIT_SIZE,
       g_param_spec_uint(
@@ -229,8 +229,8 @@ static void lf_parse_class_init(LfParseClass* klass) {
       "gst-lightfield developers");
 
   GstBaseParseClass* parse_class = GST_BASE_PARSE_CLASS(klass);
-  parse_class->start = lf_parse_start;
-  parse_class->set_sink_caps = lf_parse_set_sink_caps;
+  parse_class->start = lf::callback<lf_parse_start>;
+  parse_class->set_sink_caps = lf::callback<lf_parse_set_sink_caps>;
   parse_class->handle_frame = lf_parse_handle_frame;
 }
 

@@ -106,10 +106,10 @@ static void lf_scene_src_class_init(LfSceneSrcClass* klass) {
   gst_element_class_set_static_metadata(element_class, "Light field scene source", "Source/Video",
                                         "Films the built-in scene with one camera", "gst-lightfield");
   GstBaseSrcClass* base_class = GST_BASE_SRC_CLASS(klass);
-  base_class->get_caps = lf_scene_src_get_caps;
-  base_class->start = lf_scene_src_start;
-  base_class->is_seekable = lf_scene_src_is_seekable;
-  base_class->do_seek = lf_scene_src_do_seek;
+  base_class->get_caps = lf::callback<lf_scene_src_get_caps>;
+  base_class->start = lf::callback<lf_scene_src_start>;
+  base_class->is_seekable = lf::callback<lf_scene_src_is_seekable>;
+  base_class->do_seek = lf::callback<lf_scene_src_do_seek>;
   GST_PUSH_SRC_CLASS(klass)->create = lf_scene_src_create;
 }
 

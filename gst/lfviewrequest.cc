@@ -171,9 +171,9 @@ static gboolean lf_view_request_stop(GstBaseSrc* base) {
 
 static gboolean lf_view_request_start(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   const lf::ViewRequestSettings settings = *self->settings;
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
 
   std::unique_ptr<lf::RequestStream> stream;
   std::shared_ptr<const lf::VisibleShare> share;
@@ -285,8 +285,8 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
   lf_view_request_install_signals(object_class);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  element_class->change_state = lf_view_request_change_state;
-  element_class->provide_clock = lf_view_request_provide_clock;
+  element_class->change_state = lf::callback<lf_view_request_change_state>;
+  element_class->provide_clock = lf::callback<lf_view_request_provide_clock>;
   gst_element_class_add_static_pad_template(element_class, &src_template);
   lf_view_request_install_relay(element_class);
   gst_element_class_set_static_metadata(
@@ -297,16 +297,16 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
       "gst-lightfield");
 
   GstBaseSrcClass* base_class = GST_BASE_SRC_CLASS(klass);
-  base_class->get_caps = lf_view_request_get_caps;
-  base_class->negotiate = lf_view_request_negotiate;
-  base_class->start = lf_view_request_start;
-  base_class->stop = lf_view_request_stop;
-  base_class->is_seekable = lf_view_request_is_seekable;
-  base_class->do_seek = lf_view_request_do_seek;
-  base_class->query = lf_view_request_query;
-  base_class->event = lf_view_request_event;
-  base_class->unlock = lf_view_request_unlock;
-  base_class->unlock_stop = lf_view_request_unlock_stop;
+  base_class->get_caps = lf::callback<lf_view_request_get_caps>;
+  base_class->negotiate = lf::callback<lf_view_request_negotiate>;
+  base_class->start = lf::callback<lf_view_request_start>;
+  base_class->stop = lf::callback<lf_view_request_stop>;
+  base_class->is_seekable = lf::callback<lf_view_request_is_seekable>;
+  base_class->do_seek = lf::callback<lf_view_request_do_seek>;
+  base_class->query = lf::callback<lf_view_request_query>;
+  base_class->event = lf::callback<lf_view_request_event>;
+  base_class->unlock = lf::callback<lf_view_request_unlock>;
+  base_class->unlock_stop = lf::callback<lf_view_request_unlock_stop>;
   GST_PUSH_SRC_CLASS(klass)->create = lf_view_request_create;
 }
 

@@ -76,7 +76,7 @@ static void change_cameras(LfViewSrc* self, const std::string& nodes) {
     inside.cameras =
         addresses.empty() ? lf::cameras_here(GST_BIN(self)) : lf::cameras_on_hosts(GST_BIN(self), addresses);
     for (auto& [name, viewer] : inside.viewers) viewer->pads = inside.cameras->connect(viewer->chain);
-  } catch (const lf::Error&) {
+  } catch (...) {
     drop_cameras(self);
     throw;
   }
@@ -173,9 +173,9 @@ static void lf_view_src_class_init(LfViewSrcClass* klass) {
   lf_view_src_install_actions(object_class);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  element_class->change_state = lf_view_src_change_state;
-  element_class->provide_clock = lf_view_src_provide_clock;
-  element_class->send_event = lf_view_src_send_event;
+  element_class->change_state = lf::callback<lf_view_src_change_state>;
+  element_class->provide_clock = lf::callback<lf_view_src_provide_clock>;
+  element_class->send_event = lf::callback<lf_view_src_send_event>;
   lf_view_src_install_pads(element_class);
   gst_element_class_set_static_metadata(
       element_class, "Light field view source", "Source/Video",
@@ -191,7 +191,7 @@ static void lf_view_src_init(LfViewSrc* self) {
   try {
     lf_view_src_add_main_viewer(self);
     change_cameras(self, "");
-  } catch (const lf::Error& error) {
+  } catch (const std::exception& error) {
     GST_WARNING_OBJECT(self, "%s", error.what());
   }
 }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "navigation_tap.h"
 
+#include "guard.h"
+
 namespace lf {
 namespace {
 
@@ -22,14 +24,16 @@ bool NavigationTap::attach(GstElement* element, const std::string& name, std::fu
   GstElement* source = find_in_pipeline(element, name);
   if (!source) return false;
   navigated_ = std::move(navigated);
-  const auto probe = [](GstPad*, GstPadProbeInfo* info, gpointer data) {
-    static_cast<NavigationTap*>(data)->navigated_(GST_PAD_PROBE_INFO_EVENT(info));
-    return GST_PAD_PROBE_OK;
+  const auto probe = [](GstPad* pad, GstPadProbeInfo* info, gpointer data) {
+    return guarded(pad, GST_PAD_PROBE_OK, [&] {
+      static_cast<NavigationTap*>(data)->navigated_(GST_PAD_PROBE_INFO_EVENT(info));
+      return GST_PAD_PROBE_OK;
+    });
   };
-  GST_OBJECT_LOCK(source);
+  lf::ObjectLock lock(source);
   for (GList* item = source->srcpads; item; item = item->next)
     probes_.emplace_back(GST_PAD(gst_object_ref(item->data)), 0);
-  GST_OBJECT_UNLOCK(source);
+  lock.unlock();
   gst_object_unref(source);
   for (auto& [pad, id] : probes_) id = gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_EVENT_UPSTREAM, probe, this, nullptr);
   return !probes_.empty();

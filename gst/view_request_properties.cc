@@ -38,7 +38,7 @@ static void set_setting(LfViewRequest* self, lf::ViewRequestSettings::Property p
   std::shared_ptr<const lf::Rig> rig;
   if (path && lf::is_running(GST_ELEMENT(self)) && !(rig = lf::reload_rig(GST_ELEMENT(self), path))) return;
   std::string problem;
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   lf::ViewRequestSettings changed = *self->settings;
   changed.set(property, value);
   try {
@@ -52,7 +52,7 @@ static void set_setting(LfViewRequest* self, lf::ViewRequestSettings::Property p
   } catch (const lf::Error& error) {
     problem = error.what();
   }
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   if (!problem.empty())
     GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
                         ("%s; %s as %s", problem.c_str(), is_rig ? "the rig stays" : "the cameras out of service stay",
@@ -73,10 +73,10 @@ static void lf_view_request_set_property(GObject* object, guint id, const GValue
   } else if (id >= PROP_FIRST_SETTING) {
     set_setting(self, static_cast<lf::ViewRequestSettings::Property>(id - PROP_FIRST_SETTING), value);
   } else if (id >= PROP_FIRST_FIELD) {
-    GST_OBJECT_LOCK(self);
+    lf::ObjectLock lock(self);
     self->control->set(static_cast<int>(id) - PROP_FIRST_FIELD, g_value_get_double(value));
     lf_view_request_note_change(self);
-    GST_OBJECT_UNLOCK(self);
+    lock.unlock();
   } else {
     G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -87,7 +87,7 @@ static void lf_view_request_get_property(GObject* object, guint id, GValue* valu
   if (id == PROP_IS_LIVE) return g_value_set_boolean(value, gst_base_src_is_live(GST_BASE_SRC(self)));
   if (id >= PROP_NET_CLOCK)
     return self->net_clock->get(static_cast<lf::NetClock::Property>(id - PROP_NET_CLOCK), value);
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   if (id == PROP_NUM_BUFFERS)
     g_value_set_int(value, self->num_buffers);
   else if (id >= PROP_FIRST_SETTING)
@@ -96,12 +96,12 @@ static void lf_view_request_get_property(GObject* object, guint id, GValue* valu
     g_value_set_double(value, self->control->values()[id - PROP_FIRST_FIELD]);
   else
     G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
 }
 
 void lf_view_request_install_properties(GObjectClass* klass) {
-  klass->set_property = lf_view_request_set_property;
-  klass->get_property = lf_view_request_get_property;
+  klass->set_property = lf::callback<lf_view_request_set_property>;
+  klass->get_property = lf::callback<lf_view_request_get_property>;
   for (int i = 0; i < lf::kNumViewFields; i++) {
     const lf::ViewField& f = lf::kViewFields[i];
     GParamSpec* spec = g_param_spec_double(

@@ -95,9 +95,9 @@ static GstPad* lf_view_request_new_pad(GstElement* element, GstPadTemplate* temp
   if (lf_view_request_is_relay(self)) return nullptr;
   GstPad* pad = gst_pad_new_from_template(templ, "sink");
   lf::accept_unit_caps(pad);
-  gst_pad_set_chain_function(pad, relay_chain);
-  gst_pad_set_event_function(pad, relay_event);
-  gst_pad_set_activatemode_function(pad, relay_activate);
+  gst_pad_set_chain_function(pad, lf::callback<relay_chain>);
+  gst_pad_set_event_function(pad, lf::callback<relay_event>);
+  gst_pad_set_activatemode_function(pad, lf::callback<relay_activate>);
   GST_OBJECT_LOCK(self);
   self->sink = pad;
   GST_OBJECT_UNLOCK(self);
@@ -116,8 +116,8 @@ static void lf_view_request_release_pad(GstElement* element, GstPad* pad) {
 }
 
 void lf_view_request_install_relay(GstElementClass* klass) {
-  klass->request_new_pad = lf_view_request_new_pad;
-  klass->release_pad = lf_view_request_release_pad;
+  klass->request_new_pad = lf::callback<lf_view_request_new_pad>;
+  klass->release_pad = lf::callback<lf_view_request_release_pad>;
   gst_element_class_add_static_pad_template(klass, &sink_template);
 }
 
@@ -141,10 +141,10 @@ bool lf_view_request_keep_focus(LfViewRequest* self, GstEvent* event) {
 
 // What is added to a request on its way. Whether anything is.
 static bool complete_request(LfViewRequest* self, lf::ViewRequest& request) {
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   const lf::CameraSet own = self->stream->out_of_service();
   const lf::Access access = self->settings->access;
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   lf::CameraSet all;
   std::ranges::set_union(request.out_of_service, own, std::back_inserter(all));
   all = self->out_of_service->with_announced(request.view_id, all);
@@ -162,10 +162,10 @@ GstFlowReturn lf_view_request_relay(LfViewRequest* self, GstBuffer** out) {
     GstBuffer* buffer = nullptr;
     const GstFlowReturn flow = self->relay->pop(&buffer);
     if (flow != GST_FLOW_OK) return flow;
-    GST_OBJECT_LOCK(self);
+    lf::ObjectLock lock(self);
     GstCaps* caps = std::exchange(self->relayed_caps, nullptr);
     const std::shared_ptr<const lf::Rig> rig = self->stream->rig();
-    GST_OBJECT_UNLOCK(self);
+    lock.unlock();
     if (caps) {
       gst_base_src_set_caps(GST_BASE_SRC(self), caps);
       gst_caps_unref(caps);

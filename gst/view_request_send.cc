@@ -15,16 +15,16 @@ gboolean lf_view_request_take_extra(LfViewRequest* self, GstEvent* event) {
   guint view_id = 0;
   std::vector<lf::ViewRequest> extra;
   if (!lf::parse_extra_requests(event, &view_id, &extra)) return FALSE;
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   const bool own = view_id == self->settings->view_id;
   if (own) *self->extra = std::move(extra);
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   return own;
 }
 
 // The extra requests, made the view's own: with its numbers, of the moment of `request`.
 static std::vector<lf::ViewRequest> extra_beside(LfViewRequest* self, const lf::ViewRequest& request) {
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   std::vector<lf::ViewRequest> extra = std::exchange(*self->extra, {});
   std::erase_if(extra, [&](const lf::ViewRequest& e) {
     return e.rig_hash != 0 && request.rig_hash != 0 && e.rig_hash != request.rig_hash;
@@ -40,7 +40,7 @@ static std::vector<lf::ViewRequest> extra_beside(LfViewRequest* self, const lf::
     e.quality = request.quality;
     e.rig_hash = request.rig_hash;
   }
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   return extra;
 }
 

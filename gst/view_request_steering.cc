@@ -15,12 +15,12 @@ void lf_view_request_note_change(LfViewRequest* self) {
 }
 
 gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gboolean(lf::ViewControl&)>& change) {
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   const lf::ViewValues before = self->control->values();
   const gboolean done = change(*self->control);
   const lf::ViewValues after = self->control->values();
   if (before != after) lf_view_request_note_change(self);
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   for (int i = 0; i < lf::kNumViewFields; i++)
     if (before[i] != after[i]) g_object_notify(G_OBJECT(self), lf::kViewFields[i].name);
   return done;
@@ -86,8 +86,8 @@ void lf_view_request_install_signals(GObjectClass* klass) {
    * are others, or the views are a file's.
    */
   g_signal_new_class_handler("set-view", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
-                             G_CALLBACK(lf_view_request_set_view), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN, 1,
-                             GST_TYPE_STRUCTURE | G_SIGNAL_TYPE_STATIC_SCOPE);
+                             G_CALLBACK(lf::callback<lf_view_request_set_view>), nullptr, nullptr, nullptr,
+                             G_TYPE_BOOLEAN, 1, GST_TYPE_STRUCTURE | G_SIGNAL_TYPE_STATIC_SCOPE);
 
   /**
    * LfViewRequest::focus-at:
@@ -103,6 +103,6 @@ void lf_view_request_install_signals(GObjectClass* klass) {
    * cameras are told where to look (`access`).
    */
   g_signal_new_class_handler("focus-at", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
-                             G_CALLBACK(lf_view_request_focus_at), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN, 2,
-                             G_TYPE_DOUBLE, G_TYPE_DOUBLE);
+                             G_CALLBACK(lf::callback<lf_view_request_focus_at>), nullptr, nullptr, nullptr,
+                             G_TYPE_BOOLEAN, 2, G_TYPE_DOUBLE, G_TYPE_DOUBLE);
 }

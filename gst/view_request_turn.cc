@@ -114,7 +114,7 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   request.target_time = slot.target_time;
   request.absolute_time = live;
   request.sequence = self->stream->advance(*turn);
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   request.rig_hash = self->stream->rig_hash();
   const std::shared_ptr<const lf::Rig> rig = self->stream->rig();
   request.view_id = self->settings->view_id;
@@ -123,7 +123,7 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   request.view = lf::seen_beside(slot.view ? *slot.view : lf_view_request_view(self), self->settings->eye_offset);
   request.view.blending = current_blending(self);
   self->changed = false;
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
 
   // Cameras that are told where to look try no depths: their pictures are of the viewer's plane.
   if (!self->stream->makes_commands()) self->focus_feedback->apply(request);

@@ -3,6 +3,7 @@
 #include <array>
 #include <string>
 
+#include "guard.h"
 #include "lfcompositor.h"
 #include "lfviewrequest.h"
 #include "lfviewsrc_private.h"
@@ -24,9 +25,9 @@ bool is_own(const char* name) {
 }  // namespace
 
 std::string lf_view_src_text(LfViewSrc* self, gchar* const* text) {
-  GST_OBJECT_LOCK(self);
+  lf::ObjectLock lock(self);
   const std::string copy = *text ? *text : "";
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   return copy;
 }
 
@@ -155,8 +156,8 @@ void lf_view_src_uri_handler_init(gpointer iface, gpointer) {
   GstURIHandlerInterface* handler = static_cast<GstURIHandlerInterface*>(iface);
   handler->get_type = lf_view_src_uri_type;
   handler->get_protocols = lf_view_src_protocols;
-  handler->get_uri = lf_view_src_uri;
-  handler->set_uri = lf_view_src_set_uri;
+  handler->get_uri = lf::callback<lf_view_src_uri>;
+  handler->set_uri = lf::callback<lf_view_src_set_uri>;
 }
 
 static gboolean lf_view_src_set_view(LfViewSrc* self, const GstStructure* structure) {
@@ -182,8 +183,8 @@ void lf_view_src_install_actions(GObjectClass* klass) {
    * Returns: %FALSE if nothing of @view is known.
    */
   g_signal_new_class_handler("set-view", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
-                             G_CALLBACK(lf_view_src_set_view), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN, 1,
-                             GST_TYPE_STRUCTURE | G_SIGNAL_TYPE_STATIC_SCOPE);
+                             G_CALLBACK(lf::callback<lf_view_src_set_view>), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN,
+                             1, GST_TYPE_STRUCTURE | G_SIGNAL_TYPE_STATIC_SCOPE);
   /**
    * LfViewSrc::focus-at:
    * @src: the element
@@ -195,13 +196,13 @@ void lf_view_src_install_actions(GObjectClass* klass) {
    * Returns: %FALSE if that can't be.
    */
   g_signal_new_class_handler("focus-at", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
-                             G_CALLBACK(lf_view_src_focus_at), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN, 2,
-                             G_TYPE_DOUBLE, G_TYPE_DOUBLE);
+                             G_CALLBACK(lf::callback<lf_view_src_focus_at>), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN,
+                             2, G_TYPE_DOUBLE, G_TYPE_DOUBLE);
 }
 
 void lf_view_src_install_properties(GObjectClass* klass) {
-  klass->set_property = lf_view_src_set_property;
-  klass->get_property = lf_view_src_get_property;
+  klass->set_property = lf::callback<lf_view_src_set_property>;
+  klass->get_property = lf::callback<lf_view_src_get_property>;
   constexpr int kBoth = G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS;
   constexpr auto kReady = GParamFlags(kBoth | GST_PARAM_MUTABLE_READY);
   g_object_class_install_property(

@@ -51,7 +51,7 @@ static GstPad* lf_view_src_new_pad(GstElement* element, GstPadTemplate*, const g
     GstPad* pad = add_ghost_pad(self, *viewer, name.c_str(), "src_%u");
     viewer->chain.follow_bin();
     return pad;
-  } catch (const lf::Error& error) {
+  } catch (const std::exception& error) {
     GST_ERROR_OBJECT(self, "no pad %s: %s", name.c_str(), error.what());
   }
   if (const auto half = inside.viewers.find(name); half != inside.viewers.end()) {
@@ -97,7 +97,7 @@ static void lf_view_src_release_pad(GstElement* element, GstPad* pad) {
   gst_ghost_pad_set_target(GST_GHOST_PAD(pad), nullptr);
   gst_element_remove_pad(element, pad);
   closing->viewer->chain.take_out();
-  gst_element_call_async(element, close_viewer, closing, free_closing);
+  gst_element_call_async(element, lf::callback<close_viewer>, closing, free_closing);
 }
 
 void lf_view_src_add_main_viewer(LfViewSrc* self) {
@@ -112,8 +112,8 @@ void lf_view_src_add_main_viewer(LfViewSrc* self) {
 
 // Of what lfcompositor puts out the pictures.
 void lf_view_src_install_pads(GstElementClass* klass) {
-  klass->request_new_pad = lf_view_src_new_pad;
-  klass->release_pad = lf_view_src_release_pad;
+  klass->request_new_pad = lf::callback<lf_view_src_new_pad>;
+  klass->release_pad = lf::callback<lf_view_src_release_pad>;
   GstElementClass* compositor = GST_ELEMENT_CLASS(g_type_class_ref(LF_TYPE_COMPOSITOR));
   GstCaps* all = gst_pad_template_get_caps(gst_element_class_get_pad_template(compositor, "src"));
   GstCaps* video = gst_caps_new_empty();

@@ -224,8 +224,8 @@ static void lf_rtp_depay_finalize(GObject* object) {
 static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
   GST_DEBUG_CATEGORY_INIT(lf_rtp_depay_debug, "rtplfdepay", 0, "light field RTP depayloader");
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = lf_rtp_depay_set_property;
-  object_class->get_property = lf_rtp_depay_get_property;
+  object_class->set_property = lf::callback<lf_rtp_depay_set_property>;
+  object_class->get_property = lf::callback<lf_rtp_depay_get_property>;
   object_class->finalize = lf_rtp_depay_finalize;
   g_object_class_install_property(
       object_class, PROP_MAX_PENDING_BYTES,
@@ -247,7 +247,7 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
           GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  element_class->change_state = lf_rtp_depay_change_state;
+  element_class->change_state = lf::callback<lf_rtp_depay_change_state>;
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(element_class, "Light field RTP depayloader", "Codec/Depayloader/Network/RTP",
@@ -255,10 +255,10 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
                                         "gst-lightfield developers");
 
   GstRTPBaseDepayloadClass* base_class = GST_RTP_BASE_DEPAYLOAD_CLASS(klass);
-  base_class->set_caps = lf_rtp_depay_set_caps;
+  base_class->set_caps = lf::callback<lf_rtp_depay_set_caps>;
   base_class->process_rtp_packet = lf_rtp_depay_process;
-  base_class->packet_lost = lf_rtp_depay_packet_lost;
-  base_class->handle_event = lf_rtp_depay_handle_event;
+  base_class->packet_lost = lf::callback<lf_rtp_depay_packet_lost>;
+  base_class->handle_event = lf::callback<lf_rtp_depay_handle_event>;
 }
 
 static void lf_rtp_depay_init(LfRtpDepay* self) {
@@ -269,5 +269,5 @@ static void lf_rtp_depay_init(LfRtpDepay* self) {
   GstPad* sink = GST_RTP_BASE_DEPAYLOAD_SINKPAD(self);
   gst_pad_add_probe(sink, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
                     lf_rtp_depay_filter, self, nullptr);
-  gst_pad_add_probe(sink, GST_PAD_PROBE_TYPE_QUERY_DOWNSTREAM, lf_rtp_depay_query, nullptr, nullptr);
+  gst_pad_add_probe(sink, GST_PAD_PROBE_TYPE_QUERY_DOWNSTREAM, lf::callback<lf_rtp_depay_query>, nullptr, nullptr);
 }

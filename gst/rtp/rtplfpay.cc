@@ -276,8 +276,8 @@ static void lf_rtp_pay_finalize(GObject* object) {
 static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
   GST_DEBUG_CATEGORY_INIT(lf_rtp_pay_debug, "rtplfpay", 0, "light field RTP payloader");
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = lf_rtp_pay_set_property;
-  object_class->get_property = lf_rtp_pay_get_property;
+  object_class->set_property = lf::callback<lf_rtp_pay_set_property>;
+  object_class->get_property = lf::callback<lf_rtp_pay_get_property>;
   object_class->finalize = lf_rtp_pay_finalize;
   g_object_class_install_property(
       object_class, PROP_MAX_BITRATE,
@@ -295,7 +295,7 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
           GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  element_class->change_state = lf_rtp_pay_change_state;
+  element_class->change_state = lf::callback<lf_rtp_pay_change_state>;
   gst_element_class_add_static_pad_template(element_class, &sink_template);
   gst_element_class_add_static_pad_template(element_class, &src_template);
   gst_element_class_set_static_metadata(element_class, "Light field RTP payloader", "Codec/Payloader/Network/RTP",
@@ -303,10 +303,10 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
                                         "gst-lightfield developers");
 
   GstRTPBasePayloadClass* base_class = GST_RTP_BASE_PAYLOAD_CLASS(klass);
-  base_class->set_caps = lf_rtp_pay_set_caps;
+  base_class->set_caps = lf::callback<lf_rtp_pay_set_caps>;
   base_class->handle_buffer = lf_rtp_pay_handle_buffer;
-  base_class->sink_event = lf_rtp_pay_sink_event;
-  base_class->query = lf_rtp_pay_query;
+  base_class->sink_event = lf::callback<lf_rtp_pay_sink_event>;
+  base_class->query = lf::callback<lf_rtp_pay_query>;
 }
 
 static void lf_rtp_pay_init(LfRtpPay* self) {

@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// What is thrown ends in an error or a refusal and never in GStreamer's C, nor does it leave anything locked: each of
+// the places where memory runs out is tried, by operators new of this program that fail at the nth call.
+#include <gmock/gmock.h>
+#include <gst/video/video.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <functional>
+#include <new>
+
+#include "gst/array_fixture.h"
+#include "wire/answer_codec.h"
+#include "wire/request_codec.h"
+
+namespace {
+
+std::atomic<int> left = -1;  // calls until one fails; negative: none does
+
+void* allocate(std::size_t size, std::size_t alignment) {
+  if (left >= 0 && left-- == 0) throw std::bad_alloc();
+  void* memory = alignment > 0 ? std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment)
+                               : std::malloc(size > 0 ? size : 1);
+  if (!memory) throw std::bad_alloc();
+  return memory;
+}
+
+}  // namespace
+
+// What malloc gave is given back to free.
+#pragma GCC diagnostic ignored "-Wmismatched-new-delete"
+
+void* operator new(std::size_t size) { return allocate(size, 0); }
+void* operator new[](std::size_t size) { return allocate(size, 0); }
+void* operator new(std::size_t size, std::align_val_t alignment) {
+  return allocate(size, static_cast<std::size_t>(alignment));
+}
+void* operator new[](std::size_t size, std::align_val_t alignment) {
+  return allocate(size, static_cast<std::size_t>(alignment));
+}
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete[](void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+void operator delete[](void* memory, std::size_t) noexcept { std::free(memory); }
+void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
+void operator delete[](void* memory, std::align_val_t) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
+void operator delete[](void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
+
+namespace lf::test {
+namespace {
+
+// Calls `use` on a new element for each place where its memory may run out. `prepare` and what takes the element down
+// have all they need.
+class Exceptions : public testing::Test {
+ protected:
+  // The rig is read already: nlohmann's JSON ends the program where a destructor of its finds no memory.
+  Exceptions() : has_rig_(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lffragment", nullptr)))) {
+    set_rig(has_rig_.get());
+    EXPECT_EQ(gst_element_set_state(has_rig_.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_SUCCESS);
+  }
+  ~Exceptions() override { gst_element_set_state(has_rig_.get(), GST_STATE_NULL); }
+
+  using Step = std::function<void(GstElement*)>;
+  void each_place(const char* factory, const Step& use, const Step& prepare = {}) {
+    int places = 0;
+    for (bool reached_end = false; !reached_end; places++) {
+      ASSERT_LT(places, 20000);
+      ElementPtr element(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make(factory, nullptr))));
+      ASSERT_TRUE(element);
+      if (prepare) prepare(element.get());
+      left = places;
+      use(element.get());
+      reached_end = left.exchange(-1) >= 0;
+      gst_element_set_state(element.get(), GST_STATE_NULL);
+    }
+    RecordProperty(std::string(factory) + "-places", places);
+    places_ += places;
+  }
+  void set_rig(GstElement* element) const { g_object_set(element, "rig", array_.rig_path().c_str(), nullptr); }
+
+  static void push_start(GstPad* pad, const char* caps) {
+    gst_pad_send_event(pad, gst_event_new_stream_start("test"));
+    const CapsPtr parsed(gst_caps_from_string(caps));
+    gst_pad_send_event(pad, gst_event_new_caps(parsed.get()));
+    GstSegment segment;
+    gst_segment_init(&segment, GST_FORMAT_TIME);
+    gst_pad_send_event(pad, gst_event_new_segment(&segment));
+  }
+
+  ArrayFixture array_;
+  ElementPtr has_rig_;
+  int places_ = 0;
+};
+
+constexpr const char* kRequestCaps = "application/x-lightfield-request,framerate=10/1,parsed=true";
+constexpr const char* kAnswerCaps = "application/x-lightfield-answer,parsed=true";
+
+TEST_F(Exceptions, InProperties) {
+  for (const char* factory : {"lfviewrequest", "lfcamsrc", "lfcameranode", "lfcompositor", "lffragment"}) {
+    SCOPED_TRACE(factory);
+    each_place(factory, [&](GstElement* element) {
+      set_rig(element);
+      GstStructure* stats = nullptr;
+      if (g_object_class_find_property(G_OBJECT_GET_CLASS(element), "stats"))
+        g_object_get(element, "stats", &stats, nullptr);
+      if (stats) gst_structure_free(stats);
+      guint count = 0;
+      GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(element), &count);
+      for (guint i = 0; i < count; i++) {
+        if (!(specs[i]->flags & G_PARAM_READABLE) || !(specs[i]->flags & G_PARAM_WRITABLE)) continue;
+        if (g_str_equal(specs[i]->name, "parent")) continue;
+        GValue value = G_VALUE_INIT;
+        g_object_get_property(G_OBJECT(element), specs[i]->name, &value);
+        if (G_IS_VALUE(&value)) g_object_set_property(G_OBJECT(element), specs[i]->name, &value);
+        if (G_IS_VALUE(&value)) g_value_unset(&value);
+      }
+      g_free(specs);
+    });
+  }
+  EXPECT_GT(places_, 20);
+}
+
+TEST_F(Exceptions, InStateChanges) {
+  for (const char* factory : {"lfviewrequest", "lfcompositor", "lffragment", "lfcameranode", "lfcamsrc", "lfviewsrc"}) {
+    SCOPED_TRACE(factory);
+    each_place(
+        factory,
+        [](GstElement* element) {
+          gst_element_set_state(element, GST_STATE_READY);
+          gst_element_set_state(element, GST_STATE_READY);
+        },
+        [&](GstElement* element) { set_rig(element); });
+  }
+  EXPECT_GT(places_, 100);
+}
+
+TEST_F(Exceptions, WhereCamerasAnswer) {
+  const std::vector<uint8_t> bytes = wire::encode_request(array_.request(0, 0));
+  const BufferPtr frame(ArrayFixture::frame("RGB", 100, 0));
+  const std::string caps = ArrayFixture::caps("RGB");
+  GstPad* camera = nullptr;
+  each_place(
+      "lffragment",
+      [&](GstElement* element) {
+        gst_element_set_state(element, GST_STATE_PAUSED);
+        GstPad* request = gst_element_get_static_pad(element, "request");
+        push_start(camera, caps.c_str());
+        gst_pad_chain(camera, gst_buffer_ref(frame.get()));
+        gst_pad_send_event(camera, gst_event_new_eos());
+        push_start(request, kRequestCaps);
+        GstBuffer* buffer = gst_buffer_new_memdup(bytes.data(), bytes.size());
+        GST_BUFFER_PTS(buffer) = 0;
+        gst_pad_chain(request, buffer);
+        gst_pad_send_event(request, gst_event_new_eos());
+        gst_object_unref(request);
+        gst_element_release_request_pad(element, camera);
+        gst_clear_object(&camera);
+      },
+      [&](GstElement* element) {
+        set_rig(element);
+        camera = gst_element_request_pad_simple(element, "sink_0");
+      });
+}
+
+TEST_F(Exceptions, WherePicturesAreComposed) {
+  const ViewRequest asked = array_.request(0, 0);
+  wire::Answer answer;
+  answer.view_width = asked.view.width;
+  answer.view_height = asked.view.height;
+  answer.rig_hash = array_.rig().hash();
+  answer.last_of_node = true;
+  const std::vector<uint8_t> request_bytes = wire::encode_request(asked), answer_bytes = wire::encode_answer(answer);
+  const auto pass = [](GstPad* pad, const char* caps, const std::vector<uint8_t>& bytes) {
+    push_start(pad, caps);
+    GstBuffer* buffer = gst_buffer_new_memdup(bytes.data(), bytes.size());
+    GST_BUFFER_PTS(buffer) = 0;
+    gst_pad_chain(pad, buffer);
+    gst_pad_send_event(pad, gst_event_new_eos());
+  };
+  GstPad* node = nullptr;
+  each_place(
+      "lfcompositor",
+      [&](GstElement* element) {
+        gst_element_set_state(element, GST_STATE_PLAYING);
+        GstPad* request = gst_element_get_static_pad(element, "request");
+        pass(node, kAnswerCaps, answer_bytes);
+        pass(request, kRequestCaps, request_bytes);
+        gst_element_set_state(element, GST_STATE_READY);
+        gst_object_unref(request);
+        gst_element_release_request_pad(element, node);
+        gst_clear_object(&node);
+      },
+      [&](GstElement* element) {
+        set_rig(element);
+        node = gst_element_request_pad_simple(element, "sink_0");
+      });
+}
+
+TEST_F(Exceptions, WhereRequestsAreMade) {
+  each_place(
+      "lfviewrequest",
+      [](GstElement* element) {
+        gst_element_set_state(element, GST_STATE_PLAYING);
+        gboolean done = FALSE;
+        GstStructure* view = gst_structure_new("view", "x", G_TYPE_DOUBLE, 0.25, nullptr);
+        g_signal_emit_by_name(element, "set-view", view, &done);
+        gst_structure_free(view);
+        GstPad* src = gst_element_get_static_pad(element, "src");
+        gst_pad_send_event(src, gst_event_new_seek(1, GST_FORMAT_TIME, GST_SEEK_FLAG_FLUSH, GST_SEEK_TYPE_SET, 0,
+                                                   GST_SEEK_TYPE_NONE, -1));
+        GstQuery* query = gst_query_new_latency();
+        gst_pad_query(src, query);
+        gst_query_unref(query);
+        gst_object_unref(src);
+        gst_element_set_state(element, GST_STATE_READY);
+      },
+      [&](GstElement* element) { set_rig(element); });
+}
+
+// Who is told: an error says what it was.
+TEST_F(Exceptions, AnErrorSaysSo) {
+  const ElementPtr element(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lffragment", nullptr))));
+  set_rig(element.get());
+  const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_bus_new());
+  gst_element_set_bus(element.get(), bus.get());
+  left = 0;
+  EXPECT_EQ(gst_element_set_state(element.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
+  left = -1;
+  GstMessage* message = gst_bus_pop_filtered(bus.get(), GST_MESSAGE_ERROR);
+  ASSERT_TRUE(message);
+  g_autoptr(GError) error = nullptr;
+  gst_message_parse_error(message, &error, nullptr);
+  EXPECT_THAT(error->message, testing::HasSubstr("memory"));
+  gst_message_unref(message);
+  gst_element_set_bus(element.get(), nullptr);
+  EXPECT_EQ(gst_element_set_state(element.get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
+  EXPECT_EQ(gst_element_set_state(element.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_SUCCESS)
+      << "it is all right again";
+  gst_element_set_state(element.get(), GST_STATE_NULL);
+}
+
+}  // namespace
+}  // namespace lf::test
