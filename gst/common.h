@@ -15,6 +15,7 @@
 // compositor can name the frame rate of its output.
 #define LF_REQUEST_MEDIA_TYPE "application/x-lightfield-request"
 #define LF_ANSWER_MEDIA_TYPE "application/x-lightfield-answer"
+#define LF_RIG_MEDIA_TYPE "application/x-lightfield-rig"
 // `parsed`: each buffer is one unit. Bytes of which that is not so (files, TCP) go through lfparse first.
 #define LF_REQUEST_CAPS LF_REQUEST_MEDIA_TYPE ", parsed = (boolean) true"
 #define LF_ANSWER_CAPS LF_ANSWER_MEDIA_TYPE ", parsed = (boolean) true"

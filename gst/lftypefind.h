@@ -3,5 +3,5 @@
 
 #include <gst/gst.h>
 
-// Registers the typefinders of request streams (.lfq) and answer streams (.lfa).
+// Registers the typefinders of request streams (.lfq), answer streams (.lfa) and rigs (rig.json).
 gboolean lf_typefind_register(GstPlugin* plugin);

@@ -324,5 +324,20 @@ TEST(LfTypeFind, TellsTheKinds) {
   EXPECT_EQ(type_of(cut).first.find("lightfield"), std::string::npos);
 }
 
+TEST(LfTypeFind, KnowsARigWhereverItsFormatIs) {
+  const auto type_of = [](const std::string& text) -> std::string {
+    const CapsPtr caps(gst_type_find_helper_for_data(nullptr, reinterpret_cast<const guint8*>(text.data()), text.size(),
+                                                     nullptr));
+    return caps ? gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)) : "none";
+  };
+  const std::string rig = "application/x-lightfield-rig", name = "\"format\": \"lightfield-rig\"";
+  EXPECT_EQ(type_of("{" + name + ", \"version\": 1, \"cameras\": []}"), rig);
+  EXPECT_EQ(type_of("\n { \"format\"\t:\n\"lightfield-rig\" }"), rig);
+  EXPECT_EQ(type_of("{\"cameras\": [\"" + std::string(200000, 'x') + "\"], " + name + "}"), rig);
+  EXPECT_NE(type_of("{\"format\": \"lightfield-views\", \"version\": 1, \"views\": []}"), rig);
+  EXPECT_NE(type_of("A text of \"format\": \"lightfield-rig\" that is no object."), rig);
+  EXPECT_NE(type_of("{\"format\""), rig);
+}
+
 }  // namespace
 }  // namespace lf::test
