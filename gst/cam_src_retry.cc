@@ -40,9 +40,14 @@ void lf_cam_src_set_expendable(LfCamSrc* self) { g_atomic_int_set(&self->expenda
 
 GstStructure* lf_cam_src_stats(LfCamSrc* self, const char* name) {
   const lf::CameraService::Report report = self->service->report();
+  lf::ObjectLock lock(self);
+  const std::shared_ptr<lf::SenderClock> sender = self->run ? self->run->chain.sender : nullptr;
+  lock.unlock();
+  const char* capture_time = !sender ? "source" : sender->is_known() ? "sender-reports" : "arrival";
   return gst_structure_new(name, "state", G_TYPE_STRING, lf::to_string(report.state), "reason", G_TYPE_STRING,
                            report.reason.c_str(), "losses", G_TYPE_UINT64, report.losses, "retries", G_TYPE_UINT64,
-                           report.retries, "dropped", G_TYPE_UINT64, (*self->shedder)->dropped(), nullptr);
+                           report.retries, "dropped", G_TYPE_UINT64, (*self->shedder)->dropped(), "capture-time", G_TYPE_STRING,
+                           capture_time, nullptr);
 }
 
 const lf::CameraService& lf_cam_src_service(LfCamSrc* self) { return *self->service; }

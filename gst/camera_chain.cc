@@ -167,9 +167,16 @@ GstElement* add_decodebin(GstBin* bin, const char* factory, GstElement* convert)
   return decoder;
 }
 
-void on_source_setup(GstElement* /*decoder*/, GstElement* source, gpointer latency) {
+struct SourceSetup {
+  guint latency;
+  std::shared_ptr<SenderClock> sender;
+};
+
+void on_source_setup(GstElement* /*decoder*/, GstElement* source, gpointer data) {
+  const auto* setup = static_cast<SourceSetup*>(data);
   if (g_object_class_find_property(G_OBJECT_GET_CLASS(source), "latency"))
-    g_object_set(source, "latency", GPOINTER_TO_UINT(latency), nullptr);
+    g_object_set(source, "latency", setup->latency, nullptr);
+  if (setup->sender) setup->sender->watch(source);
 }
 
 // uridecodebin never disconnects from its decodebin, which messages on the bus may keep alive for longer (GStreamer
@@ -192,12 +199,18 @@ void on_child_of_uridecodebin(GstBin* uridecodebin, GstElement* child, gpointer 
   g_object_weak_ref(G_OBJECT(uridecodebin), forget_decodebin, decodebin);
 }
 
-void add_uri_decoder(GstBin* bin, const std::string& uri, const ChainOptions& options, GstElement* convert) {
+// What tells the times of the sender, if it may.
+std::shared_ptr<SenderClock> add_uri_decoder(GstBin* bin, const std::string& uri, const ChainOptions& options,
+                                             GstElement* convert) {
   GstElement* decoder = add_decodebin(bin, "uridecodebin", convert);
   g_signal_connect(decoder, "element-added", G_CALLBACK(lf::callback<on_child_of_uridecodebin>), nullptr);
   g_object_set(decoder, "uri", uri.c_str(), nullptr);
-  g_signal_connect(decoder, "source-setup", G_CALLBACK(lf::callback<on_source_setup>),
-                   GUINT_TO_POINTER(options.latency));
+  std::shared_ptr<SenderClock> sender;
+  if (g_str_has_prefix(uri.c_str(), "rtsp")) sender = std::make_shared<SenderClock>(options.latency * GST_MSECOND);
+  g_signal_connect_data(
+      decoder, "source-setup", G_CALLBACK(callback<on_source_setup>), new SourceSetup{options.latency, sender},
+      [](gpointer setup, GClosure*) { delete static_cast<SourceSetup*>(setup); }, GConnectFlags(0));
+  return sender;
 }
 
 // What a device is asked for: left to itself it takes the largest pictures it has. JPEG first where it stays JPEG.
@@ -252,17 +265,17 @@ void set_size(GstElement* multifilesrc, const Camera& camera) {
   gst_caps_unref(caps);
 }
 
-// What feeds `convert`. Returns what reads an image sequence, if one is.
-GstElement* add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, const ChainOptions& options,
-                       int fps_n, int fps_d, GstElement* convert) {
+// Puts in what feeds `convert`.
+void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, const ChainOptions& options, int fps_n,
+                int fps_d, GstElement* convert, CameraChain* chain) {
   switch (source.kind) {
     case Kind::kStill:
       if (source.codec == Codec::kOther) {
         add_uri_decoder(bin, source.location, options, convert);
-        return nullptr;
+        return;
       }
       append(append(add_file_reader(bin, source.location), add_decoder(bin, source.codec)), convert);
-      return nullptr;
+      return;
     case Kind::kSequence: {
       GstElement* const files = add_sequence_reader(bin, source, fps_n, fps_d, options.loop);
       GstElement* reader = files;
@@ -273,14 +286,14 @@ GstElement* add_reader(GstBin* bin, const CameraSource& source, const Camera& ca
         reader = append(reader, add_decoder(bin, source.codec));
       }
       append(reader, convert);
-      return files;
+      chain->sequence = files;
+      return;
     }
     case Kind::kMatroska: add_matroska_reader(bin, source.location, convert); break;
     case Kind::kDevice: add_device(bin, source.location, camera, options, convert); break;
-    case Kind::kUri: add_uri_decoder(bin, source.location, options, convert); break;
+    case Kind::kUri: chain->sender = add_uri_decoder(bin, source.location, options, convert); break;
     case Kind::kScene: append(add_scene(bin, camera, fps_n, fps_d, options.live), convert); break;
   }
-  return nullptr;
 }
 
 }  // namespace
@@ -305,7 +318,7 @@ CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Ca
   }
   chain.decoded = borrow_pad(chain.tail.front(), "sink");
   chain.frames = borrow_pad(chain.tail.back(), "src");
-  chain.sequence = add_reader(bin, source, camera, options, fps_n, fps_d, chain.tail.front());
+  add_reader(bin, source, camera, options, fps_n, fps_d, chain.tail.front(), &chain);
   const bool has_rate = source.kind == Kind::kMatroska || source.kind == Kind::kUri;
   if (has_rate && !own_rate) append_to_tail(add(bin, "videorate"));
   if (source.kind == Kind::kStill || (has_rate && !own_rate))

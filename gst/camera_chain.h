@@ -3,10 +3,12 @@
 
 #include <gst/gst.h>
 
+#include <memory>
 #include <vector>
 
 #include "camera_source.h"
 #include "rig/rig.h"
+#include "sender_clock.h"
 
 namespace lf {
 
@@ -31,6 +33,7 @@ struct CameraChain {
   GstPad* frames = nullptr;   // source pad: one buffer for each frame the camera took
   GstPad* out = nullptr;      // source pad
   GstElement* sequence = nullptr;  // multifilesrc, of an image sequence
+  std::shared_ptr<SenderClock> sender;  // of a network camera that may tell its time; else null
   // The elements from `decoded` to `out`. Decoders are linked with them by and by, so that GstBin does not know that
   // these are to be started first.
   std::vector<GstElement*> tail;

@@ -76,6 +76,7 @@ GstFlowReturn CameraFrames::push_at(uint64_t time, std::optional<CameraFrame> fr
   if (mode_ == Mode::kStopped || flushing_) return GST_FLOW_FLUSHING;
   if (mode_ == Mode::kFinished) return GST_FLOW_EOS;
   // Time may jump back (a stream started again without a flush): what is held is then of another time line.
+  if (!frames_.empty() && frames_.back().time > time) earliest_ = INT64_MAX;
   while (!frames_.empty() && frames_.back().time > time) drop_oldest();
   if (!frames_.empty()) last_period_ = time - frames_.back().time;
   lost_ = false;

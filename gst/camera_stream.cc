@@ -276,6 +276,16 @@ void CameraStream::count_dropped() {
   if (GST_CLOCK_TIME_IS_VALID(stamp)) stream_end_ = std::max(stream_end_, stamp);
 }
 
+// Of a live frame's running time. Of one that a sender dates itself: when it was taken and not when it came.
+GstClockTime CameraStream::clock_time(GstClockTime stamp) const {
+  const std::optional<GstClockTime> taken = chain_.sender ? chain_.sender->taken(stamp) : std::nullopt;
+  g_autoptr(GstClock) clock = taken ? gst_element_get_clock(owner_) : nullptr;
+  if (!clock) return stamp + gst_element_get_base_time(owner_);
+  const GstClockTime now = static_cast<GstClockTime>(g_get_real_time()) * GST_USECOND;
+  return static_cast<GstClockTime>(static_cast<GstClockTimeDiff>(gst_clock_get_time(clock)) -
+                                   GST_CLOCK_DIFF(*taken, now));
+}
+
 // From running time to the true capture time. Only here: while a live frame waits for PLAYING there is no base time.
 GstBuffer* CameraStream::complete_capture_time(GstBuffer* buffer) const {
   buffer = gst_buffer_make_writable(buffer);
@@ -283,7 +293,7 @@ GstBuffer* CameraStream::complete_capture_time(GstBuffer* buffer) const {
   GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(buffer, reference);
   gst_caps_unref(reference);
   if (!meta) return buffer;  // a frame without a stamp
-  if (live_) meta->timestamp += gst_element_get_base_time(owner_);
+  if (live_) meta->timestamp = clock_time(meta->timestamp);
   const auto offset = static_cast<GstClockTimeDiff>(options_.time_offset * GST_SECOND);
   const bool before_zero = offset < 0 && meta->timestamp < static_cast<GstClockTime>(-offset);
   meta->timestamp = before_zero ? 0 : meta->timestamp + offset;

@@ -91,6 +91,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   bool begin_again();
   void seek_to_start(guint32 seqnum);
   GstEvent* later_segment(GstEvent* event) const;
+  GstClockTime clock_time(GstClockTime stamp) const;
   GstBuffer* complete_capture_time(GstBuffer* buffer) const;
   void announce(GstPad* pad);
 

@@ -310,7 +310,7 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
       g_param_spec_boxed(
           "stats", "Statistics",
           "What lffragment counts, see there, and of each of the cameras: state (opening, running, ended "
-          "or lost), reason of the latest loss, losses, retries, dropped frames",
+          "or lost), reason of the latest loss, losses, retries, dropped frames, capture-time",
           GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   lf::NetClock::install(object_class, kPropNetClock);
 

@@ -14,6 +14,10 @@
  * #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture` with its true capture time: clock time where frames
  * are live, running time where not, plus the camera's time offset.
  *
+ * A camera behind RTSP says in its sender reports when frames were taken, by its clock, which has to be that of this
+ * machine (NTP): these times are believed unless they can't be true. Without them, as in the first seconds, a frame was
+ * taken when it came. `stats` say which.
+ *
  * With `retry` a camera that fails (or is not there, or ends though it should not) is no error: it is opened again,
  * with a quarter of the time it has been out between attempts, half a second at least and ten at most. Downstream there
  * are no frames meanwhile. A live file then goes on where it would be.
@@ -303,7 +307,8 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
       g_param_spec_boxed(
           "stats", "Statistics",
           "state (stopped, opening, running, ended or lost), reason of the latest loss, losses, retries, "
-          "and dropped: frames left undecoded because this machine can't decode all",
+          "dropped: frames left undecoded because this machine can't decode all, and capture-time: how it is known "
+          "(source: as its source stamps frames; of RTSP sender-reports, or arrival as long as there are none)",
           GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   lf::NetClock::install(object_class, kPropNetClock);
 

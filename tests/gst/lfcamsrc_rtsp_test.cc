@@ -5,6 +5,8 @@
 #include <gst/gst.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <cstdlib>
 #include <string>
 
 #include "../gst/common.h"
@@ -59,11 +61,60 @@ TEST_F(RtspTest, FramesAreLiveAndOfTheClock) {
       EXPECT_EQ(camera.info.width, 64);
       const GstClockTime base_time = gst_element_get_base_time(camera.pipeline());
       for (const Frame& frame : camera.frames) {
-        EXPECT_EQ(frame.capture_time, base_time + frame.running_time) << path;
+        // As it came, or as the server says, which is the same machine.
+        const GstClockTimeDiff age = GST_CLOCK_DIFF(frame.capture_time, base_time + frame.running_time);
+        EXPECT_LT(std::abs(age), static_cast<GstClockTimeDiff>(2 * GST_SECOND)) << path;
         EXPECT_GT(frame.level, 220) << path << ": white";
       }
     }
   }
+}
+
+// The server's sender reports come by and by: then frames have the times of day that it gives them.
+TEST_F(RtspTest, SenderReportsSayWhenFramesWereTaken) {
+  const ElementPtr pipeline =
+      launch("lfcamsrc name=c latency=50 rig=" + rig("/jpeg") + " ! fakesink name=s sync=false");
+  ASSERT_TRUE(pipeline);
+  const ElementPtr camera(gst_bin_get_by_name(GST_BIN(pipeline.get()), "c"));
+  const auto capture_time = [&]() -> std::string {
+    GstStructure* stats = nullptr;
+    g_object_get(camera.get(), "stats", &stats, nullptr);
+    const StructurePtr owned(stats);
+    const gchar* how = gst_structure_get_string(stats, "capture-time");
+    return how ? how : "";
+  };
+  ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
+  EXPECT_THAT(capture_time(), testing::AnyOf("arrival", "sender-reports"));
+  for (int i = 0; i < 600 && capture_time() != "sender-reports"; ++i) g_usleep(50000);
+  EXPECT_EQ(capture_time(), "sender-reports");
+
+  // The clock of what shows it is that of the server: so frames are as old as they are.
+  const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
+  GstPad* pad = gst_element_get_static_pad(sink.get(), "sink");
+  static std::atomic<int> frames, wrong;
+  frames = wrong = 0;
+  gst_pad_add_probe(
+      pad, GST_PAD_PROBE_TYPE_BUFFER,
+      [](GstPad* at, GstPadProbeInfo* info, gpointer) {
+        GstCaps* reference = gst_caps_new_empty_simple("timestamp/x-lightfield-capture");
+        const auto* meta = gst_buffer_get_reference_timestamp_meta(GST_PAD_PROBE_INFO_BUFFER(info), reference);
+        gst_caps_unref(reference);
+        GstElement* element = gst_pad_get_parent_element(at);
+        GstClock* clock = gst_element_get_clock(element);
+        const GstClockTimeDiff age = meta && clock ? GST_CLOCK_DIFF(meta->timestamp, gst_clock_get_time(clock))
+                                                   : -static_cast<gint64>(GST_SECOND);
+        if (age < -static_cast<gint64>(GST_SECOND / 10) || age > static_cast<gint64>(3 * GST_SECOND)) wrong++;
+        gst_object_unref(clock);
+        gst_object_unref(element);
+        frames++;
+        return GST_PAD_PROBE_OK;
+      },
+      nullptr, nullptr);
+  gst_object_unref(pad);
+  for (int i = 0; i < 600 && frames < 10; ++i) g_usleep(50000);
+  EXPECT_GE(frames, 10);
+  EXPECT_EQ(wrong, 0);
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
 }
 
 TEST_F(RtspTest, JpegStaysJpegWhereItIsNotDecoded) {
