@@ -14,7 +14,7 @@ GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
 // that downstream takes none ends this view, not the stream of requests, which others share.
 gboolean lf_compositor_negotiate(GstAggregator* agg) {
   auto& state = *LF_COMPOSITOR(agg)->state;
-  state.agreed = GST_AGGREGATOR_CLASS(g_type_class_peek(GST_TYPE_AGGREGATOR))->negotiate(agg);
+  state.agreed = GST_AGGREGATOR_CLASS(g_type_class_peek(GST_TYPE_AGGREGATOR))->negotiate(agg) && state.wanted.width > 0;
   return TRUE;
 }
 

@@ -108,6 +108,14 @@ TEST_F(LfCompositorDownstreamTest, TheNextRunAsksAgain) {
   EXPECT_FALSE(gst_buffer_pool_is_active(pool_));
 }
 
+TEST_F(LfCompositorDownstreamTest, PartialAnswersHaveCapsAndMemoryOfTheirOwn) {
+  start(1, {{"rig", array_.rig_path()}, {"partial", "true"}});
+  answer_allocation();
+  const BufferPtr answer = picture(0);
+  EXPECT_EQ(answer->pool, nullptr);
+  EXPECT_EQ(caps_of(harness_->sinkpad), "application/x-lightfield-answer, parsed=(boolean)true");
+}
+
 // The picture's bytes, row by row without padding, with chroma as planes.
 std::vector<uint8_t> planar(GstBuffer* buffer, const GstVideoInfo& info) {
   GstVideoFrame frame;
