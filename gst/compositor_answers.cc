@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "base/error.h"
+#include "compositor_answer_pads.h"
 #include "lfcompositor_private.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
@@ -15,25 +16,6 @@ GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
 using lf::CompositorStats;
 
 namespace {
-
-constexpr size_t kMostPast = 32;  // requests whose late answers are still signs of life
-
-struct AnswerPads {
-  explicit AnswerPads(LfCompositor* self) {
-    lf::ObjectLock lock(self);
-    for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next)
-      if (item->data != self->request) pads.push_back(GST_AGGREGATOR_PAD(gst_object_ref(item->data)));
-    lock.unlock();
-  }
-  ~AnswerPads() {
-    for (GstAggregatorPad* pad : pads) gst_object_unref(pad);
-  }
-  AnswerPads(const AnswerPads&) = delete;
-  AnswerPads& operator=(const AnswerPads&) = delete;
-  auto begin() const { return pads.begin(); }
-  auto end() const { return pads.end(); }
-  std::vector<GstAggregatorPad*> pads;
-};
 
 void take_new_rig(LfCompositor* self) {
   auto& state = *self->state;
@@ -49,12 +31,6 @@ void take_new_rig(LfCompositor* self) {
   if (!*rig) return;
   lf_compositor_use_rig_for_health(self, (*rig)->hash());
   if (!self->partial) state.health.expect((*rig)->cameras.size());
-}
-
-void drop_head(GstAggregatorPad* pad, NodeInput& node) {
-  node.head = NodeInput::Head::kUnseen;
-  node.seen = nullptr;
-  gst_aggregator_pad_drop_buffer(pad);
 }
 
 }  // namespace
@@ -232,147 +208,14 @@ static bool is_awaited(LfCompositor* self, GstAggregatorPad* pad, bool live) {
   return !live || self->max_missed == 0 || node.missed <= self->max_missed;
 }
 
-// Live, a view that is asked for and that no node ever answers.
-static void note_silence(LfCompositor* self) {
-  constexpr int64_t kPatience = 5 * G_USEC_PER_SEC;
-  auto& talk = self->state->talk;
-  if (talk.answered || talk.warned || !lf_compositor_is_live(self)) return;
-  const int64_t now = g_get_monotonic_time();
-  if (talk.asked_since == 0) talk.asked_since = now;
-  if (now < talk.asked_since + kPatience) return;
-  talk.warned = true;
-  GST_ELEMENT_WARNING(self, STREAM, FAILED,
-                      ("No node answers view %u: do its requests reach them, and their answers this compositor?",
-                       self->state->current->view_id),
-                      (nullptr));
-}
-
-// Makes room for the next request. What probes are answered with says nothing of the nodes that is not said anyway.
-static void close_request(LfCompositor* self, const AnswerPads& pads, GstClockTime due) {
-  auto& state = *self->state;
-  note_silence(self);
-  for (GstAggregatorPad* pad : pads) {
-    NodeInput& node = lf_compositor_node_of(pad);
-    const bool took_part = node.head == NodeInput::Head::kDone;
-    node.missed = took_part || gst_aggregator_pad_is_eos(pad) ? 0 : node.missed + !state.current->probe;
-    if (took_part && node.seen && !node.flushed) drop_head(pad, node);
-    if (took_part) node.head = NodeInput::Head::kUnseen;
-  }
-  if (lf_compositor_is_live(self) && !state.current->probe) {
-    state.past.push_back({state.current->sequence, due});
-    if (state.past.size() > kMostPast) state.past.pop_front();
-    lf_compositor_use_rig_for_health(self, state.assembly.rig_hash());
-    lf::CameraRanges seeing = state.assembly.seeing();
-    seeing.add(std::exchange(state.seeing_since, {}));
-    if (state.health.picture(seeing)) lf_compositor_announce_out_of_service(self);
-  }
-  state.assembly.release();
-  state.current.reset();
-}
-
-bool lf_compositor_is_complete(LfCompositor* self) {
-  const lf::Assembly& assembly = self->state->assembly;
-  return assembly.missing() == 0 && assembly.damaged() == 0;
-}
-
-static GstFlowReturn finish_request(LfCompositor* self, const AnswerPads& pads) {
-  auto& state = *self->state;
-  const int64_t answered = g_get_monotonic_time();
-  const GstClockTime due = lf_compositor_deadline(self);
-  if (state.current->probe && !self->partial) {
-    lf_compositor_take_probe(self);
-    close_request(self, pads, due);
-    gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request));
-    return GST_FLOW_OK;
-  }
-  state.focus.keep_up(lf_compositor_is_complete(self));
-  // Before the picture is made: the next request may wait for it.
-  if (!self->partial && state.current->view.focus.map) lf_compositor_find_focus(self);
-  GstFlowReturn flow = GST_FLOW_OK;
-  GstBuffer* out = lf_compositor_make_picture(self, &flow);
-  if (!out) return flow;
-  GstBuffer* request = gst_aggregator_pad_pop_buffer(GST_AGGREGATOR_PAD(self->request));
-  if (!request) {  // flushed meanwhile
-    gst_buffer_unref(out);
-    lf_compositor_forget_request(self);
-    return GST_FLOW_OK;
-  }
-  const GstClockTime pts = GST_BUFFER_PTS(request), duration = GST_BUFFER_DURATION(request);
-  gst_buffer_unref(request);
-  lf_compositor_follow_segment(self);
-  lf_compositor_record(self, answered, pts);
-  std::vector<GstBuffer*> moments;
-  if (self->partial) {
-    moments = lf_compositor_make_moments(self, self->node);
-    for (GstBuffer* unit : moments) GST_BUFFER_PTS(unit) = pts;
-  } else {
-    lf_compositor_monitor(self);
-  }
-  out = lf_compositor_replace_incomplete(self, out);
-  const uint64_t captured =
-      state.current->target_time != lf::kNoTime ? state.current->target_time : state.assembly.actual_time();
-  close_request(self, pads, due);
-  if (!out) return GST_FLOW_OK;
-  GST_BUFFER_PTS(out) = pts;
-  GST_BUFFER_DURATION(out) = duration;
-  if (!self->partial) lf_compositor_note_capture_time(out, captured);
-  if (GST_CLOCK_TIME_IS_VALID(pts)) {
-    GST_OBJECT_LOCK(self);
-    GST_AGGREGATOR_PAD(GST_AGGREGATOR_SRC_PAD(self))->segment.position = pts;
-    GST_OBJECT_UNLOCK(self);
-  }
-  // Where nothing is ever missing nothing is kept: downstream may then write into the picture.
-  if (lf_compositor_is_live(self) && !self->partial) gst_buffer_replace(&state.last_picture, out);
-  for (GstBuffer* unit : moments)
-    if (flow == GST_FLOW_OK)
-      flow = gst_aggregator_finish_buffer(GST_AGGREGATOR(self), unit);
-    else
-      gst_buffer_unref(unit);
-  if (flow != GST_FLOW_OK) {
-    gst_buffer_unref(out);
-    return flow;
-  }
-  state.pushing = true;
-  flow = gst_aggregator_finish_buffer(GST_AGGREGATOR(self), out);
-  state.pushing = false;
-  return flow;
-}
-
-// Whether the current request's picture would come too late, as who shows them says.
-static std::optional<lf::QosWatch::Late> is_too_late(LfCompositor* self) {
-  auto& state = *self->state;
-  if (state.current->probe) return std::nullopt;
-  GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
-  if (!request) return std::nullopt;
-  const GstClockTime time = lf_compositor_running_time(self, request);
-  gst_buffer_unref(request);
-  return state.qos.late(state.current->view_id, time);
-}
-
-// Says nothing of the nodes: they have left it out, too.
-static void skip_request(LfCompositor* self, const lf::QosWatch::Late& late) {
-  auto& state = *self->state;
-  lf_compositor_record_skipped(self, late);
-  // Who waits for the surface that comes of it goes on.
-  if (!self->partial && state.current->view.focus.map) lf_compositor_find_focus(self);
-  state.skipped.push_back(state.current->sequence);
-  if (state.skipped.size() > kMostPast) state.skipped.pop_front();
-  for (GstAggregatorPad* pad : AnswerPads(self)) {
-    NodeInput& node = lf_compositor_node_of(pad);
-    if (node.head == NodeInput::Head::kDone && node.seen && !node.flushed) drop_head(pad, node);
-  }
-  lf_compositor_forget_request(self);
-  gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request));
-}
-
 static GstFlowReturn compose(LfCompositor* self) {
   if (self->state->request_flushed.exchange(false)) lf_compositor_forget_request(self);
   const guint view_id = lf_compositor_view_id(self);
   bool found = find_request(self, view_id);
   while (found) {
-    const std::optional<lf::QosWatch::Late> late = is_too_late(self);
+    const std::optional<lf::QosWatch::Late> late = lf_compositor_is_too_late(self);
     if (!late) break;
-    skip_request(self, *late);
+    lf_compositor_skip_request(self, *late);
     found = find_request(self, view_id);
   }
   if (!found)
@@ -384,7 +227,7 @@ static GstFlowReturn compose(LfCompositor* self) {
       std::ranges::none_of(pads, [&](GstAggregatorPad* pad) { return is_awaited(self, pad, live); });
   const GstClockTime due = lf_compositor_deadline(self);
   const bool late = GST_CLOCK_TIME_IS_VALID(due) && lf_compositor_clock_time(self) >= due;
-  return all_answered || late ? finish_request(self, pads) : GST_AGGREGATOR_FLOW_NEED_DATA;
+  return all_answered || late ? lf_compositor_finish_request(self, pads) : GST_AGGREGATOR_FLOW_NEED_DATA;
 }
 
 // What comes in is of no use any more. That is this view's matter alone: told upstream, it would end the others behind

@@ -27,8 +27,9 @@
 #include "wire/answer_parts.h"
 
 // What the files of lfcompositor share: lfcompositor.cc (the element), compositor_properties.cc, compositor_answers.cc
-// (requests and answers in), compositor_focus.cc (their focal surface), compositor_monitor.cc (how well cameras are
-// predicted), compositor_output.cc (pictures or partial answers out) and compositor_pads.cc (events, queries, pads).
+// (requests and answers in), compositor_finish.cc (how a request ends), compositor_focus.cc (their focal surface),
+// compositor_monitor.cc (how well cameras are predicted), compositor_output.cc (pictures or partial answers out) and
+// compositor_pads.cc (events, queries, pads).
 
 // The node behind an answer pad, as the current request shows it. Streaming thread.
 struct NodeInput {
@@ -155,8 +156,17 @@ GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean timeout);
 GstClockTime lf_compositor_next_time(GstAggregator* agg);
 void lf_compositor_forget_request(LfCompositor* self);
 
+// compositor_finish.cc
+inline constexpr size_t kMostPast = 32;  // requests whose late answers are still signs of life
+struct AnswerPads;
 // Of what came for the current request; known once its picture is made.
 bool lf_compositor_is_complete(LfCompositor* self);
+// Puts out the picture of the current request as it is now, and makes room for the next.
+GstFlowReturn lf_compositor_finish_request(LfCompositor* self, const AnswerPads& pads);
+// Whether the current request's picture would come too late, as who shows them says.
+std::optional<lf::QosWatch::Late> lf_compositor_is_too_late(LfCompositor* self);
+// Leaves the current request out. That says nothing of the nodes: they have left it out, too.
+void lf_compositor_skip_request(LfCompositor* self, const lf::QosWatch::Late& late);
 
 // compositor_time.cc
 bool lf_compositor_is_live(LfCompositor* self);
