@@ -20,6 +20,7 @@ namespace {
 
 constexpr int kFrames = 20, kRate = 10;
 constexpr GstClockTime kPeriod = GST_SECOND / kRate;
+constexpr GstClockTime kPatience = 20 * GST_SECOND;
 
 struct Picture {
   GstClockTime time = GST_CLOCK_TIME_NONE;  // stream time
@@ -47,7 +48,7 @@ class Player {
   void set_state(GstState state) { gst_element_set_state(pipeline_.get(), state); }
 
   std::optional<Picture> preroll() {
-    GstSample* sample = gst_app_sink_try_pull_preroll(GST_APP_SINK(sink_.get()), 20 * GST_SECOND);
+    GstSample* sample = gst_app_sink_try_pull_preroll(GST_APP_SINK(sink_.get()), kPatience);
     return sample ? std::optional(picture_of(sample)) : std::nullopt;
   }
   // Plays on up to the end, or to so many pictures.
@@ -55,7 +56,7 @@ class Player {
     set_state(GST_STATE_PLAYING);
     std::vector<Picture> pictures;
     while (pictures.size() < most) {
-      GstSample* sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink_.get()), 20 * GST_SECOND);
+      GstSample* sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink_.get()), kPatience);
       if (!sample) break;
       pictures.push_back(picture_of(sample));
     }
@@ -232,6 +233,31 @@ TEST_P(SeekTest, TellsHowLongItIsAndWhereItIs) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Sources, SeekTest, testing::Values("film", "sequence", "stills", "scene"),
+                         [](const auto& info) { return std::string(info.param); });
+
+class LostCameraSeekTest : public SeekTest {};
+
+// A camera that is lost gives nothing behind a seek either, and nobody waits for it.
+TEST_P(LostCameraSeekTest, OthersAreSoughtBesideIt) {
+  Rig rig = load_rig(rig_);
+  rig.cameras[1].width += 2;  // its pictures are of another size
+  save_rig(rig, rig_);
+  Player player(line());
+  player.set_state(GST_STATE_PAUSED);
+  const std::optional<Picture> first = player.preroll();
+  ASSERT_TRUE(first);
+  EXPECT_TRUE(player.waits_for(GST_MESSAGE_WARNING));
+  for (const int frame : {12, 3, 0}) {
+    ASSERT_TRUE(player.seek(static_cast<GstClockTime>(frame) * kPeriod));
+    const std::optional<Picture> shown = player.preroll();
+    ASSERT_TRUE(shown) << frame;
+    EXPECT_EQ(shown->time, static_cast<GstClockTime>(frame) * kPeriod);
+  }
+  EXPECT_EQ(player.rest().size(), size_t{kFrames});
+  EXPECT_TRUE(player.is_eos());
+}
+
+INSTANTIATE_TEST_SUITE_P(Sources, LostCameraSeekTest, testing::Values("film", "sequence", "stills"),
                          [](const auto& info) { return std::string(info.param); });
 
 class PauseTest : public SeekTest {};
