@@ -51,7 +51,7 @@
  * the instants of the capture schedule (multiples of the frame time on the pipeline's clock) plus `capture-delay`, and
  * ask for that instant in clock time; instants that passed while downstream was blocked are left out. Their time stamp
  * is the running time of that instant, so that of the picture is when it was captured, and `capture-delay` is told as
- * latency: sound that is captured beside it stays in step. Left to itself it is what the nodes of this process find
+ * latency: sound that is captured beside it stays in step. Left to itself (-1) it is what the nodes of this process find
  * that their cameras need (upstream event "lightfield-capture-delay"): how long after their stamps all but one of a
  * hundred frames arrive, and half a frame; LATENCY messages tell when that changes. With `eager` a change of the view
  * is asked for at once, in place of the next instant. A relay tells the latency of the requests that it relays.
