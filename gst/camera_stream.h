@@ -88,8 +88,8 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   void check_size_of_jpeg(GstBuffer* buffer);
   GstEvent* time_segment(GstEvent* event);
   GstBuffer* stamp(GstBuffer* buffer) const;
-  bool begin_again();
-  void seek_to_start(guint32 seqnum);
+  bool begin_again(bool flush);
+  void seek_to_start(guint32 seqnum, bool flush);
   GstEvent* later_segment(GstEvent* event) const;
   GstBuffer* complete_capture_time(GstBuffer* buffer) const;
   void announce(GstPad* pad);

@@ -208,7 +208,13 @@ static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
   GST_OBJECT_LOCK(self);
   const std::shared_ptr<lf::CameraStream> stream = self->run ? self->run->stream : nullptr;
   const std::string wanted = self->run ? self->run->wanted : "";
+  const bool loops = self->run && self->run->settings.loop;
   GST_OBJECT_UNLOCK(self);
+  const GstMessageType type = GST_MESSAGE_TYPE(message);
+  if (loops && (type == GST_MESSAGE_SEGMENT_START || type == GST_MESSAGE_SEGMENT_DONE)) {
+    gst_message_unref(message);  // of rounds nobody hears
+    return;
+  }
   const guint serial = static_cast<guint>(g_atomic_int_get(&self->serial));
   const bool is_error = GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
   const bool is_warning = GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING;

@@ -56,10 +56,10 @@ TEST_F(LfServeCameras, FilesThatAreMissingDamagedOrEmptiedEndNothing) {
             '\x5a');
   std::ofstream(files_.path("damaged.mkv"), std::ios::binary) << film;
   // Larger than what readers keep of a file.
-  const Launched launched =
-      gst_launch("videotestsrc pattern=snow num-buffers=150 ! video/x-raw,format=I420,width=64,height=48,framerate=15/1 "
-                 "! jpegenc quality=100 ! matroskamux ! filesink location=" +
-                 files_.path("emptied.mkv"));
+  const Launched launched = gst_launch(
+      "videotestsrc pattern=snow num-buffers=150 ! video/x-raw,format=I420,width=64,height=48,framerate=15/1 "
+      "! jpegenc quality=100 ! matroskamux ! filesink location=" +
+      files_.path("emptied.mkv"));
   ASSERT_EQ(launched.status, 0) << launched.output;
   Served served({}, [this](Rig& rig) {
     rig.cameras[0].source = files_.path("mjpeg.mkv");
