@@ -82,6 +82,7 @@
 #include "extra_requests_event.h"
 #include "focal_surface_event.h"
 #include "gst_wire.h"
+#include "hold_event.h"
 #include "lfviewrequest_private.h"
 
 GST_DEBUG_CATEGORY(lf_view_request_debug);
@@ -117,10 +118,22 @@ static gboolean lf_view_request_take_delay(LfViewRequest* self, GstEvent* event,
   return TRUE;
 }
 
+static gboolean lf_view_request_hold(LfViewRequest* self, GstEvent* event, bool held) {
+  if (lf_view_request_is_relay(self)) return lf_view_request_push_upstream(self, gst_event_ref(event));
+  const guint32 seqnum = gst_event_get_seqnum(event);
+  GST_OBJECT_LOCK(self);
+  if (held) self->held_for = seqnum;
+  if (!held && self->held_for == seqnum) self->held_for = GST_SEQNUM_INVALID;
+  g_cond_broadcast(&self->held_changed);
+  GST_OBJECT_UNLOCK(self);
+  return TRUE;
+}
+
 static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   if (lf::is_reverse_seek(event)) return FALSE;
   if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK && lf_view_request_has_sought(self, event)) return TRUE;
+  if (bool held = false; lf::parse_hold(event, &held)) return lf_view_request_hold(self, event, held);
   if (self->out_of_service->announce(event)) return TRUE;
   if (GstClockTime delay; lf::parse_capture_delay(event, &delay)) return lf_view_request_take_delay(self, event, delay);
   const bool of_focus = lf::is_focal_surface(event), of_more = lf::is_extra_requests(event);
@@ -160,7 +173,7 @@ static gboolean lf_view_request_stop(GstBaseSrc* base) {
   GST_OBJECT_UNLOCK(self);
   gst_queue_array_clear(self->to_send);
   self->warned_commands = self->asked_for_focus = self->has_sent = false;
-  self->seek_seqnum = GST_SEQNUM_INVALID;
+  self->seek_seqnum = self->held_for = GST_SEQNUM_INVALID;
   self->focus_feedback->clear();
   self->auto_delay->clear();
   self->relay->clear();
@@ -260,6 +273,7 @@ static GstClock* lf_view_request_provide_clock(GstElement* element) {
 
 static void lf_view_request_finalize(GObject* object) {
   LfViewRequest* self = LF_VIEW_REQUEST(object);
+  g_cond_clear(&self->held_changed);
   delete self->navigation_tap;
   delete self->relay;
   delete self->relayed_focus;
@@ -312,6 +326,7 @@ static void lf_view_request_init(LfViewRequest* self) {
   self->control = new lf::ViewControl;
   self->net_clock = new lf::NetClock;
   GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
+  g_cond_init(&self->held_changed);
   self->navigation_tap = new lf::NavigationTap;
   self->relay = new lf::RequestRelay;
   self->relayed_focus = new lf::RelayedFocus;

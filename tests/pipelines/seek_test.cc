@@ -40,11 +40,13 @@ Picture picture_of(GstSample* sample) {
 // Pictures of a path through an array whose cameras are read from files.
 class Player {
  public:
-  explicit Player(const std::string& line) : pipeline_(launch(line)) {
-    sink_.reset(gst_bin_get_by_name(GST_BIN(pipeline_.get()), "s"));
+  explicit Player(const std::string& line, const char* sink = "s") : pipeline_(launch(line)) {
+    watch(sink);
     bus_.reset(gst_element_get_bus(pipeline_.get()));
   }
   ~Player() { set_state(GST_STATE_NULL); }
+  // From now on the pictures that come to this appsink.
+  void watch(const char* sink) { sink_.reset(gst_bin_get_by_name(GST_BIN(pipeline_.get()), sink)); }
   void set_state(GstState state) { gst_element_set_state(pipeline_.get(), state); }
 
   std::optional<Picture> preroll() {
@@ -258,6 +260,50 @@ TEST_P(LostCameraSeekTest, OthersAreSoughtBesideIt) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Sources, LostCameraSeekTest, testing::Values("film", "sequence", "stills"),
+                         [](const auto& info) { return std::string(info.param); });
+
+// Of all who are in one funnel. Each flush drops what is on its way from any of them.
+class ViewersInAFunnelSeekTest : public SeekTest {
+ protected:
+  std::string viewers() const {
+    std::string text =
+        "funnel name=f ! tee name=r  r. ! queue max-size-time=0 ! n.request  lfcameranode name=n rig=" + rig_ +
+        " ! tee name=t";
+    for (const std::string id : {"0", "1", "2"})
+      text += "  lfviewrequest framerate=" + std::to_string(kRate) + "/1 view-id=" + id +
+              " location=" + dir_ / "views.json" + " ! f.  r. ! queue max-size-time=0 ! c" + id +
+              ".request  t. ! queue max-size-time=0 ! c" + id + ".sink_0  lfcompositor name=c" + id + " view-id=" + id +
+              " ! videoconvert ! appsink name=s" + id + " sync=false";
+    return text;
+  }
+};
+
+TEST_P(ViewersInAFunnelSeekTest, NoneLosesARequest) {
+  const std::vector<Picture> truth = Player(line()).rest();
+  ASSERT_EQ(truth.size(), size_t{kFrames});
+  Player player(viewers(), "s0");
+  for (const char* stage : {"before the first picture", "paused", "while playing", "after the end"}) {
+    for (const size_t from : {12, 3}) {
+      SCOPED_TRACE(std::string(stage) + ", from " + std::to_string(from));
+      player.set_state(GST_STATE_PAUSED);
+      if (stage[0] != 'b')
+        ASSERT_EQ(gst_element_get_state(player.pipeline(), nullptr, nullptr, kPatience), GST_STATE_CHANGE_SUCCESS);
+      if (stage[0] == 'w') player.rest(4);
+      if (stage[0] == 'a') player.rest();
+      ASSERT_TRUE(player.seek(from * kPeriod));
+      for (const char* sink : {"s0", "s1", "s2"}) {
+        player.watch(sink);
+        EXPECT_TRUE(player.rest() == std::vector(truth.begin() + static_cast<ptrdiff_t>(from), truth.end())) << sink;
+        EXPECT_TRUE(player.is_eos()) << sink;
+      }
+      player.set_state(GST_STATE_NULL);
+      player.watch("s0");
+    }
+  }
+}
+
+// Cameras of which each frame is the same: those of films are at one place, wherever else viewers are.
+INSTANTIATE_TEST_SUITE_P(Sources, ViewersInAFunnelSeekTest, testing::Values("stills"),
                          [](const auto& info) { return std::string(info.param); });
 
 class PauseTest : public SeekTest {};
