@@ -47,7 +47,9 @@
  *
  * Upstream events that carry a field "lf-view-id" (uint) are for the view of that id alone.
  *
- * Not live, requests leave as fast as they are taken and ask for the stream time of their frame. Live, they leave at
+ * Not live, requests leave as fast as they are taken and ask for the stream time of their frame. While an lfcompositor
+ * has them sought (upstream event "lightfield-hold") none leaves, so that viewers in one funnel flush first and go on
+ * together. Live, they leave at
  * the instants of the capture schedule (multiples of the frame time on the pipeline's clock) plus `capture-delay`, and
  * ask for that instant in clock time; instants that passed while downstream was blocked are left out. Their time stamp
  * is the running time of that instant, so that of the picture is when it was captured, and `capture-delay` is told as
