@@ -61,7 +61,9 @@ CameraStream::CameraStream(GstElement* owner, const CameraChain& chain, const St
       options_(options),
       listener_(listener),
       stream_end_(options.begin),
-      round_start_(options.begin) {
+      round_start_(options.begin),
+      film_end_(options.begin),
+      film_start_(options.begin) {
   gst_segment_init(&segment_, GST_FORMAT_TIME);
 }
 
@@ -118,7 +120,7 @@ void CameraStream::stop() {
 // seek, there has to be one.
 void CameraStream::seek_to_start(guint32 seqnum, bool flush) {
   std::lock_guard lock(seeking_);
-  if (stopping_) return;
+  if (stopping_ || loop_seqnum_ != seqnum) return;
   const int flags = GST_SEEK_FLAG_SEGMENT | (flush ? GST_SEEK_FLAG_FLUSH : 0);
   GstEvent* seek =
       gst_event_new_seek(1.0, GST_FORMAT_TIME, GstSeekFlags(flags), GST_SEEK_TYPE_SET, 0, GST_SEEK_TYPE_NONE, -1);
@@ -134,6 +136,7 @@ bool CameraStream::begin_again(bool flush) {
   if (live_latency(chain_.decoded)) return false;  // no beginning to seek back to
 
   round_start_ = stream_end_;
+  film_start_ = film_end_;
   round_frames_ = 0;
   loop_seqnum_ = gst_util_seqnum_next();
 
@@ -217,7 +220,8 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* inf
       return looping ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;  // downstream the stream just goes on
     case GST_EVENT_FLUSH_STOP:
       if (looping) return GST_PAD_PROBE_DROP;
-      round_start_ = stream_end_ = 0;
+      loop_seqnum_ = GST_SEQNUM_INVALID;  // it does not begin again, but is where it was sought
+      round_start_ = stream_end_ = film_start_ = film_end_ = 0;
       return GST_PAD_PROBE_OK;
     case GST_EVENT_SEGMENT:
       if (is_jpeg_) info->data = time_segment(event);
@@ -247,7 +251,8 @@ GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
   ++round_frames_;
   if (!GST_CLOCK_TIME_IS_VALID(stamp)) return GST_PAD_PROBE_OK;
   const GstClockTime last_duration = stamp > stream_end_ ? stamp - stream_end_ : 0;
-  stream_end_ = stamp + (GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : last_duration);
+  const GstClockTime duration = GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : last_duration;
+  stream_end_ = stamp + duration;
   if (live_ && is_shed(pad, buffer, stamp)) return GST_PAD_PROBE_DROP;
 
   // Of a film it is where in the film the frame is, which a seek does not begin anew.
@@ -255,7 +260,8 @@ GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
   if (!live_) {
     taken = gst_segment_to_stream_time(&segment_, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
     if (!GST_CLOCK_TIME_IS_VALID(taken)) return GST_PAD_PROBE_OK;
-    taken += round_start_ + capture_offset_;
+    taken += film_start_ + capture_offset_;
+    film_end_ = taken + duration;
   }
   buffer = gst_buffer_make_writable(buffer);
   GstCaps* reference = capture_time_reference();

@@ -66,16 +66,21 @@ GstPadProbeReturn CameraStream::on_seek(GstPadProbeInfo* info) {
     seek_sequence(static_cast<guint64>(start), flags, seqnum);
     return GST_PAD_PROBE_DROP;
   }
+  if (!options_.seek_to_loop) return GST_PAD_PROBE_OK;
   // What is in a later round of a film that loops is come to from the beginning.
   gint64 duration = 0;
-  if (!options_.seek_to_loop || !gst_pad_peer_query_duration(chain_.decoded, GST_FORMAT_TIME, &duration) ||
-      start < duration)
-    return GST_PAD_PROBE_OK;
-  GstEvent* from_start = gst_event_new_seek(rate, format, flags, start_type, 0, stop_type, stop);
-  gst_event_set_seqnum(from_start, seqnum);
-  gst_event_unref(event);
-  info->data = from_start;
-  return GST_PAD_PROBE_OK;
+  if (gst_pad_peer_query_duration(chain_.decoded, GST_FORMAT_TIME, &duration) && start >= duration) start = 0;
+  GstEvent* there = gst_event_new_seek(rate, format, flags, start_type, start, stop_type, stop);
+  gst_event_set_seqnum(there, seqnum);
+  return seek_instead_of_looping(there) ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
+}
+
+// Takes the seek. It and the one back to the beginning have to follow each other, and that is not done once it is.
+bool CameraStream::seek_instead_of_looping(GstEvent* seek) {
+  const std::lock_guard lock(seeking_);
+  if (!stopping_) return gst_pad_push_event(chain_.decoded, seek);
+  gst_event_unref(seek);
+  return true;
 }
 
 // multifilesrc knows bytes alone, but counts files by time where it is sought. What it gives then has times from 0 on.

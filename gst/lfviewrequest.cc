@@ -172,10 +172,11 @@ static gboolean lf_view_request_stop(GstBaseSrc* base) {
   delete self->stream;
   self->stream = nullptr;
   self->extra->clear();
+  self->held_for = GST_SEQNUM_INVALID;
   GST_OBJECT_UNLOCK(self);
   gst_queue_array_clear(self->to_send);
   self->warned_commands = self->asked_for_focus = self->has_sent = false;
-  self->seek_seqnum = self->held_for = GST_SEQNUM_INVALID;
+  self->seek_seqnum = GST_SEQNUM_INVALID;
   self->focus_feedback->clear();
   self->auto_delay->clear();
   self->relay->clear();

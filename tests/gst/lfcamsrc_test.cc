@@ -137,6 +137,22 @@ TEST_F(CamSrcTest, RoundsOfAFilmFollowEachOtherWithoutAFlush) {
   gst_object_unref(bus);
 }
 
+TEST_F(CamSrcTest, RoundsBehindASeekHaveTheirPlaceInTheFilm) {
+  CameraPipeline camera("rig=" + rig_with([](Camera& c) { c.source = "mjpeg.mkv"; }) + " loop=true num-frames=20");
+  ASSERT_TRUE(camera.reach(GST_STATE_PAUSED));
+  constexpr auto kFlags = GstSeekFlags(GST_SEEK_FLAG_FLUSH | GST_SEEK_FLAG_ACCURATE);
+  ASSERT_TRUE(gst_element_seek_simple(camera.pipeline(), GST_FORMAT_TIME, kFlags, 3 * kPeriod));
+  camera.frames.clear();
+  ASSERT_EQ(camera.play(), "EOS");
+  ASSERT_GE(camera.frames.size(), size_t{3 * kFrames});
+  const auto first = std::lround(static_cast<double>(camera.frames[0].capture_time) / static_cast<double>(kPeriod));
+  for (size_t k = 0; k < camera.frames.size(); k++) {
+    const auto place = static_cast<double>(camera.frames[k].capture_time) / static_cast<double>(kPeriod);
+    EXPECT_NEAR(place, static_cast<double>(first + static_cast<long>(k)), 0.2) << k;
+    EXPECT_NEAR(camera.frames[k].level, CameraFiles::grey_of(static_cast<int>(std::lround(place)) % kFrames), 2) << k;
+  }
+}
+
 TEST_F(CamSrcTest, StopsLoopingWhenNobodyWantsMore) {
   for (const char* source : {"mjpeg.mkv", "jpeg_%02d.jpg"}) {
     CameraPipeline camera("rig=" + rig_with_source(source) + " loop=true",

@@ -163,6 +163,23 @@ TEST_P(SeekTest, WhatIsBehindASeekIsWhatAStraightRunShows) {
   }
 }
 
+// Its cameras loop, and are sought from wherever they are.
+TEST_P(SeekTest, ABinIsSoughtAsItsElements) {
+  const std::string loop = std::string(GetParam()) == "sequence" ? "false" : "true";  // at its rate it is too short
+  const std::string bin = "lfviewsrc node::loop=" + loop +
+                          " focus=plane is-live=false framerate=" + std::to_string(kRate) + "/1 rig=" + rig_ +
+                          " location=" + dir_ / "views.json" + " ! videoconvert ! appsink name=s sync=false";
+  const std::vector<Picture> truth = Player(line()).rest();
+  Player player(bin);
+  EXPECT_TRUE(player.rest() == truth);
+  for (const size_t from : {12, 3}) {
+    player.set_state(GST_STATE_PAUSED);
+    ASSERT_TRUE(player.seek(from * kPeriod));
+    EXPECT_TRUE(player.rest() == std::vector(truth.begin() + static_cast<ptrdiff_t>(from), truth.end())) << from;
+    EXPECT_TRUE(player.is_eos());
+  }
+}
+
 TEST_P(SeekTest, AStopEndsTheStream) {
   const std::vector<Picture> truth = Player(line()).rest();
   Player player(line());
