@@ -77,8 +77,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   // camera_stream_seek.cc
   GstPadProbeReturn on_seek(GstPadProbeInfo* info);
   GstPadProbeReturn on_sequence(GstPad* pad, GstPadProbeInfo* info);
-  bool seek_instead_of_looping(GstEvent* seek);
-  void seek_sequence(guint64 time, GstSeekFlags flags, guint32 seqnum);
+  void seek_sequence(guint64 time, GstSeekFlags flags, guint32 seqnum);  // under seeking_
   GstPadProbeReturn on_output_end(GstPad* pad);
   bool is_shed(GstPad* pad, GstBuffer* buffer, GstClockTime stamp);
   void count_dropped();

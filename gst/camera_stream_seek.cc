@@ -60,7 +60,8 @@ GstPadProbeReturn CameraStream::on_seek(GstPadProbeInfo* info) {
   if (live_ || rate <= 0 || format != GST_FORMAT_TIME || start_type != GST_SEEK_TYPE_SET || start < 0)
     return GST_PAD_PROBE_OK;
   const guint32 seqnum = gst_event_get_seqnum(event);
-  if (failed_) return GST_PAD_PROBE_DROP;  // nothing comes any more
+  const std::lock_guard lock(seeking_);
+  if (failed_ || stopping_) return GST_PAD_PROBE_DROP;  // nothing comes any more
   sought_ = true;
   if (chain_.sequence) {
     seek_sequence(static_cast<guint64>(start), flags, seqnum);
@@ -72,21 +73,12 @@ GstPadProbeReturn CameraStream::on_seek(GstPadProbeInfo* info) {
   if (gst_pad_peer_query_duration(chain_.decoded, GST_FORMAT_TIME, &duration) && start >= duration) start = 0;
   GstEvent* there = gst_event_new_seek(rate, format, flags, start_type, start, stop_type, stop);
   gst_event_set_seqnum(there, seqnum);
-  return seek_instead_of_looping(there) ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
-}
-
-// Takes the seek. It and the one back to the beginning have to follow each other, and that is not done once it is.
-bool CameraStream::seek_instead_of_looping(GstEvent* seek) {
-  const std::lock_guard lock(seeking_);
-  if (!stopping_) return gst_pad_push_event(chain_.decoded, seek);
-  gst_event_unref(seek);
-  return true;
+  // Here, because it and the one back to the beginning have to follow each other, and that is not done once it is.
+  return gst_pad_push_event(chain_.decoded, there) ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
 }
 
 // multifilesrc knows bytes alone, but counts files by time where it is sought. What it gives then has times from 0 on.
 void CameraStream::seek_sequence(guint64 time, GstSeekFlags flags, guint32 seqnum) {
-  const std::lock_guard lock(seeking_);
-  if (stopping_) return;
   g_autofree gchar* pattern = nullptr;
   gint first = 0;
   gboolean loop = FALSE;
