@@ -38,6 +38,14 @@ std::optional<GstClockTime> live_latency(GstPad* sink) {
   return live ? std::optional(latency) : std::nullopt;
 }
 
+// For an end of a segment that nobody asked for. Takes and gives a reference.
+GstEvent* as_end(GstEvent* event) {
+  GstEvent* end = gst_event_new_eos();
+  gst_event_set_seqnum(end, gst_event_get_seqnum(event));
+  gst_event_unref(event);
+  return end;
+}
+
 // Calls `method` of the CameraStream `data`.
 template <auto method>
 GstPadProbeReturn call(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
@@ -53,7 +61,9 @@ CameraStream::CameraStream(GstElement* owner, const CameraChain& chain, const St
       options_(options),
       listener_(listener),
       stream_end_(options.begin),
-      round_start_(options.begin) {
+      round_start_(options.begin),
+      film_end_(options.begin),
+      film_start_(options.begin) {
   gst_segment_init(&segment_, GST_FORMAT_TIME);
 }
 
@@ -106,39 +116,44 @@ void CameraStream::stop() {
   std::lock_guard wait_for_seek(seeking_);
 }
 
-void CameraStream::seek_to_start(guint32 seqnum) {
+// Behind the end of a segment the stream goes on without a flush. Only behind EOS, which ends what has begun without a
+// seek, there has to be one.
+void CameraStream::seek_to_start(guint32 seqnum, bool flush) {
   std::lock_guard lock(seeking_);
-  if (stopping_) return;
-  GstEvent* seek = gst_event_new_seek(1.0, GST_FORMAT_TIME, GST_SEEK_FLAG_FLUSH, GST_SEEK_TYPE_SET, 0,
-                                      GST_SEEK_TYPE_NONE, GST_CLOCK_TIME_NONE);
+  if (stopping_ || loop_seqnum_ != seqnum) return;
+  const int flags = GST_SEEK_FLAG_SEGMENT | (flush ? GST_SEEK_FLAG_FLUSH : 0);
+  GstEvent* seek =
+      gst_event_new_seek(1.0, GST_FORMAT_TIME, GstSeekFlags(flags), GST_SEEK_TYPE_SET, 0, GST_SEEK_TYPE_NONE, -1);
   gst_event_set_seqnum(seek, seqnum);
   if (!gst_pad_push_event(chain_.decoded, seek))
     fail(GST_STREAM_ERROR_FAILED, "can't begin again: there is no seeking in it");
 }
 
-// At the end of the file: true if it is to begin again.
-bool CameraStream::begin_again() {
+// At the end of the file, or of a segment: true if it is to begin again.
+bool CameraStream::begin_again(bool flush) {
   // Nobody wants more frames, or the file has none: no reason to turn round and round.
   if (!options_.seek_to_loop || !is_cut_off_ || failed_ || round_frames_ == 0) return false;
   if (live_latency(chain_.decoded)) return false;  // no beginning to seek back to
 
   round_start_ = stream_end_;
+  film_start_ = film_end_;
   round_frames_ = 0;
   loop_seqnum_ = gst_util_seqnum_next();
 
-  // On another thread: a seek that flushes waits until this one has let go.
+  // On another thread: a seek waits until this one has let go.
   struct Task {
     std::shared_ptr<CameraStream> stream;
     guint32 seqnum;
+    bool flush;
     GstPad* pad;  // so that it is still there, if not in use any more
   };
   gst_element_call_async(
       owner_,
       [](GstElement* owner, gpointer data) {
         const auto* task = static_cast<Task*>(data);
-        guarded(owner, 0, [task] { return task->stream->seek_to_start(task->seqnum), 0; });
+        guarded(owner, 0, [task] { return task->stream->seek_to_start(task->seqnum, task->flush), 0; });
       },
-      new Task{shared_from_this(), loop_seqnum_, GST_PAD(gst_object_ref(chain_.decoded))},
+      new Task{shared_from_this(), loop_seqnum_, flush, GST_PAD(gst_object_ref(chain_.decoded))},
       [](gpointer data) {
         auto* task = static_cast<Task*>(data);
         gst_object_unref(task->pad);
@@ -151,7 +166,7 @@ bool CameraStream::begin_again() {
 GstEvent* CameraStream::later_segment(GstEvent* event) const {
   GstSegment segment;
   gst_event_copy_segment(event, &segment);
-  segment.base += round_start_;
+  segment.base = round_start_;
   segment.flags = GstSegmentFlags(segment.flags & ~GST_SEGMENT_FLAG_RESET);
   GstEvent* later = gst_event_new_segment(&segment);
   gst_event_set_seqnum(later, gst_event_get_seqnum(event));
@@ -205,17 +220,21 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* inf
       return looping ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;  // downstream the stream just goes on
     case GST_EVENT_FLUSH_STOP:
       if (looping) return GST_PAD_PROBE_DROP;
-      round_start_ = stream_end_ = 0;
+      loop_seqnum_ = GST_SEQNUM_INVALID;  // it does not begin again, but is where it was sought
+      round_start_ = stream_end_ = film_start_ = film_end_ = 0;
       return GST_PAD_PROBE_OK;
     case GST_EVENT_SEGMENT:
       if (is_jpeg_) info->data = time_segment(event);
       if (round_start_ > 0) info->data = later_segment(static_cast<GstEvent*>(info->data));
       return GST_PAD_PROBE_OK;
+    case GST_EVENT_SEGMENT_DONE:
     case GST_EVENT_EOS:
       if (pictures_ == 0) fail(GST_STREAM_ERROR_DECODE, "there is no picture in it");
       count_dropped();
       is_cut_off_ = !ending_ && gst_pad_get_last_flow_return(chain_.out) == GST_FLOW_OK;
-      return begin_again() ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
+      if (begin_again(GST_EVENT_TYPE(event) == GST_EVENT_EOS)) return GST_PAD_PROBE_DROP;
+      if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT_DONE && options_.seek_to_loop) info->data = as_end(event);
+      return GST_PAD_PROBE_OK;
     default: return GST_PAD_PROBE_OK;
   }
 }
@@ -232,7 +251,8 @@ GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
   ++round_frames_;
   if (!GST_CLOCK_TIME_IS_VALID(stamp)) return GST_PAD_PROBE_OK;
   const GstClockTime last_duration = stamp > stream_end_ ? stamp - stream_end_ : 0;
-  stream_end_ = stamp + (GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : last_duration);
+  const GstClockTime duration = GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : last_duration;
+  stream_end_ = stamp + duration;
   if (live_ && is_shed(pad, buffer, stamp)) return GST_PAD_PROBE_DROP;
 
   // Of a film it is where in the film the frame is, which a seek does not begin anew.
@@ -240,7 +260,8 @@ GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
   if (!live_) {
     taken = gst_segment_to_stream_time(&segment_, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
     if (!GST_CLOCK_TIME_IS_VALID(taken)) return GST_PAD_PROBE_OK;
-    taken += round_start_ + capture_offset_;
+    taken += film_start_ + capture_offset_;
+    film_end_ = taken + duration;
   }
   buffer = gst_buffer_make_writable(buffer);
   GstCaps* reference = capture_time_reference();

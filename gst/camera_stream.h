@@ -77,7 +77,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   // camera_stream_seek.cc
   GstPadProbeReturn on_seek(GstPadProbeInfo* info);
   GstPadProbeReturn on_sequence(GstPad* pad, GstPadProbeInfo* info);
-  void seek_sequence(guint64 time, GstSeekFlags flags, guint32 seqnum);
+  void seek_sequence(guint64 time, GstSeekFlags flags, guint32 seqnum);  // under seeking_
   GstPadProbeReturn on_output_end(GstPad* pad);
   bool is_shed(GstPad* pad, GstBuffer* buffer, GstClockTime stamp);
   void count_dropped();
@@ -88,8 +88,8 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   void check_size_of_jpeg(GstBuffer* buffer);
   GstEvent* time_segment(GstEvent* event);
   GstBuffer* stamp(GstBuffer* buffer) const;
-  bool begin_again();
-  void seek_to_start(guint32 seqnum);
+  bool begin_again(bool flush);
+  void seek_to_start(guint32 seqnum, bool flush);
   GstEvent* later_segment(GstEvent* event) const;
   GstClockTime clock_time(GstClockTime stamp) const;
   GstBuffer* complete_capture_time(GstBuffer* buffer) const;
@@ -108,14 +108,16 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   std::atomic<GstClockTime> sequence_starts_at_ = 0;  // in the film, what an image sequence gives first from now on
 
   // Of the streaming thread.
-  GstSegment segment_;            // of the frames pad
-  guint64 pictures_ = 0;          // decoded
-  GstClockTime stream_end_ = 0;   // running time at which the newest frame ends
-  GstClockTime round_start_ = 0;  // running time at which this round of a loop began
+  GstSegment segment_;               // of the frames pad
+  guint64 pictures_ = 0;             // decoded
+  GstClockTime stream_end_ = 0;      // running time at which the newest frame ends
+  GstClockTime round_start_ = 0;     // running time at which this round of a loop began
+  GstClockTime film_end_ = 0;        // in the film, over all rounds, where the newest frame ends
+  GstClockTime film_start_ = 0;      // the same of the beginning of this round, which a seek may have begun later
   GstClockTime capture_offset_ = 0;  // in the film, of the frame that has stream time 0
-  guint64 judged_ = 0;            // frames whose lateness was looked at
-  GstClockTime latency_ = 0;      // of the source, as it states it
-  guint64 round_frames_ = 0;      // frames since then
+  guint64 judged_ = 0;               // frames whose lateness was looked at
+  GstClockTime latency_ = 0;         // of the source, as it states it
+  guint64 round_frames_ = 0;         // frames since then
   gint fps_n_ = 0, fps_d_ = 1;
   bool counts_time_ = false;  // frames have no stamps of their own
   bool is_jpeg_ = false, size_is_wrong_ = false, announced_ = false, eos_sent_ = false;

@@ -60,28 +60,25 @@ GstPadProbeReturn CameraStream::on_seek(GstPadProbeInfo* info) {
   if (live_ || rate <= 0 || format != GST_FORMAT_TIME || start_type != GST_SEEK_TYPE_SET || start < 0)
     return GST_PAD_PROBE_OK;
   const guint32 seqnum = gst_event_get_seqnum(event);
-  if (failed_) return GST_PAD_PROBE_DROP;  // nothing comes any more
+  const std::lock_guard lock(seeking_);
+  if (failed_ || stopping_) return GST_PAD_PROBE_DROP;  // nothing comes any more
   sought_ = true;
   if (chain_.sequence) {
     seek_sequence(static_cast<guint64>(start), flags, seqnum);
     return GST_PAD_PROBE_DROP;
   }
+  if (!options_.seek_to_loop) return GST_PAD_PROBE_OK;
   // What is in a later round of a film that loops is come to from the beginning.
   gint64 duration = 0;
-  if (!options_.seek_to_loop || !gst_pad_peer_query_duration(chain_.decoded, GST_FORMAT_TIME, &duration) ||
-      start < duration)
-    return GST_PAD_PROBE_OK;
-  GstEvent* from_start = gst_event_new_seek(rate, format, flags, start_type, 0, stop_type, stop);
-  gst_event_set_seqnum(from_start, seqnum);
-  gst_event_unref(event);
-  info->data = from_start;
-  return GST_PAD_PROBE_OK;
+  if (gst_pad_peer_query_duration(chain_.decoded, GST_FORMAT_TIME, &duration) && start >= duration) start = 0;
+  GstEvent* there = gst_event_new_seek(rate, format, flags, start_type, start, stop_type, stop);
+  gst_event_set_seqnum(there, seqnum);
+  // Here, because it and the one back to the beginning have to follow each other, and that is not done once it is.
+  return gst_pad_push_event(chain_.decoded, there) ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
 }
 
 // multifilesrc knows bytes alone, but counts files by time where it is sought. What it gives then has times from 0 on.
 void CameraStream::seek_sequence(guint64 time, GstSeekFlags flags, guint32 seqnum) {
-  const std::lock_guard lock(seeking_);
-  if (stopping_) return;
   g_autofree gchar* pattern = nullptr;
   gint first = 0;
   gboolean loop = FALSE;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focal_surface_event.h"
+#include "hold_event.h"
 #include "lfcompositor_private.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
@@ -78,6 +79,18 @@ static gboolean lf_compositor_src_query(GstAggregator* agg, GstQuery* query) {
   }
 }
 
+// All whose requests come here are sought, one after the other, and go on together. Takes the event.
+static gboolean seek(LfCompositor* self, GstEvent* event) {
+  GstSeekFlags flags{};
+  gst_event_parse_seek(event, nullptr, nullptr, &flags, nullptr, nullptr, nullptr, nullptr);
+  const guint32 seqnum = gst_event_get_seqnum(event);
+  const bool flushes = flags & GST_SEEK_FLAG_FLUSH;
+  if (flushes) gst_pad_push_event(self->request, lf::hold_event(true, seqnum));
+  const gboolean done = parent_class()->src_event(GST_AGGREGATOR(self), event);
+  if (flushes) gst_pad_push_event(self->request, lf::hold_event(false, seqnum));
+  return done;
+}
+
 // What a viewer does concerns its own requests alone. (GstAggregator 1.22.0 drops navigation events.)
 static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
   LfCompositor* self = LF_COMPOSITOR(agg);
@@ -97,6 +110,7 @@ static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
       self->state->qos.see(event, lf_compositor_is_live(self));  // before the nodes, whose answers then say nothing
     }
   }
+  if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK) return seek(self, event);
   if (!is_navigation && !is_view) return parent_class()->src_event(agg, event);
   event = gst_event_make_writable(event);
   gst_structure_set(gst_event_writable_structure(event), "lf-view-id", G_TYPE_UINT, lf_compositor_view_id(self),

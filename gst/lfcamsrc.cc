@@ -212,7 +212,13 @@ static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
   lf::ObjectLock lock(self);
   const std::shared_ptr<lf::CameraStream> stream = self->run ? self->run->stream : nullptr;
   const std::string wanted = self->run ? self->run->wanted : "";
+  const bool loops = self->run && self->run->settings.loop;
   lock.unlock();
+  const GstMessageType type = GST_MESSAGE_TYPE(message);
+  if (loops && (type == GST_MESSAGE_SEGMENT_START || type == GST_MESSAGE_SEGMENT_DONE)) {
+    gst_message_unref(message);  // of rounds nobody hears
+    return;
+  }
   const guint serial = static_cast<guint>(g_atomic_int_get(&self->serial));
   const bool is_error = GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
   const bool is_warning = GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING;
@@ -239,13 +245,12 @@ static void lf_cam_src_deep_element_added(GstBin* bin, GstBin* parent, GstElemen
 }
 
 // "EOS, please" from the application (gst-launch-1.0 -e). Not all children take it while files loop; the next frame
-// ends the stream in its place.
+// ends the stream in its place. gst_element_send_event() holds the state lock: no camera is being opened.
 static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
   LfCamSrc* self = LF_CAM_SRC(element);
   if (GST_EVENT_TYPE(event) != GST_EVENT_EOS)
     return GST_ELEMENT_CLASS(lf_cam_src_parent_class)->send_event(element, event);
   gst_event_unref(event);
-  GST_STATE_LOCK(self);
   bool running = self->run != nullptr;
   if (running) {
     self->run->stream->end();
@@ -256,7 +261,6 @@ static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
         element, [](GstElement* camera, gpointer) { gst_pad_push_event(LF_CAM_SRC(camera)->src, gst_event_new_eos()); },
         nullptr, nullptr);
   }
-  GST_STATE_UNLOCK(self);
   return running;
 }
 

@@ -47,11 +47,13 @@
  *
  * Upstream events that carry a field "lf-view-id" (uint) are for the view of that id alone.
  *
- * Not live, requests leave as fast as they are taken and ask for the stream time of their frame. Live, they leave at
+ * Not live, requests leave as fast as they are taken and ask for the stream time of their frame. While an lfcompositor
+ * has them sought (upstream event "lightfield-hold") none leaves, so that viewers in one funnel flush first and go on
+ * together. Live, they leave at
  * the instants of the capture schedule (multiples of the frame time on the pipeline's clock) plus `capture-delay`, and
  * ask for that instant in clock time; instants that passed while downstream was blocked are left out. Their time stamp
  * is the running time of that instant, so that of the picture is when it was captured, and `capture-delay` is told as
- * latency: sound that is captured beside it stays in step. Left to itself it is what the nodes of this process find
+ * latency: sound that is captured beside it stays in step. Left to itself (-1) it is what the nodes of this process find
  * that their cameras need (upstream event "lightfield-capture-delay"): how long after their stamps all but one of a
  * hundred frames arrive, and half a frame; LATENCY messages tell when that changes. With `eager` a change of the view
  * is asked for at once, in place of the next instant. A relay tells the latency of the requests that it relays.
@@ -82,6 +84,7 @@
 #include "extra_requests_event.h"
 #include "focal_surface_event.h"
 #include "gst_wire.h"
+#include "hold_event.h"
 #include "lfviewrequest_private.h"
 
 GST_DEBUG_CATEGORY(lf_view_request_debug);
@@ -117,10 +120,22 @@ static gboolean lf_view_request_take_delay(LfViewRequest* self, GstEvent* event,
   return TRUE;
 }
 
+static gboolean lf_view_request_hold(LfViewRequest* self, GstEvent* event, bool held) {
+  if (lf_view_request_is_relay(self)) return lf_view_request_push_upstream(self, gst_event_ref(event));
+  const guint32 seqnum = gst_event_get_seqnum(event);
+  GST_OBJECT_LOCK(self);
+  if (held) self->held_for = seqnum;
+  if (!held && self->held_for == seqnum) self->held_for = GST_SEQNUM_INVALID;
+  g_cond_broadcast(&self->held_changed);
+  GST_OBJECT_UNLOCK(self);
+  return TRUE;
+}
+
 static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   if (lf::is_reverse_seek(event)) return FALSE;
   if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK && lf_view_request_has_sought(self, event)) return TRUE;
+  if (bool held = false; lf::parse_hold(event, &held)) return lf_view_request_hold(self, event, held);
   if (self->out_of_service->announce(event)) return TRUE;
   if (GstClockTime delay; lf::parse_capture_delay(event, &delay)) return lf_view_request_take_delay(self, event, delay);
   const bool of_focus = lf::is_focal_surface(event), of_more = lf::is_extra_requests(event);
@@ -157,6 +172,7 @@ static gboolean lf_view_request_stop(GstBaseSrc* base) {
   delete self->stream;
   self->stream = nullptr;
   self->extra->clear();
+  self->held_for = GST_SEQNUM_INVALID;
   GST_OBJECT_UNLOCK(self);
   gst_queue_array_clear(self->to_send);
   self->warned_commands = self->asked_for_focus = self->has_sent = false;
@@ -263,6 +279,7 @@ static GstClock* lf_view_request_provide_clock(GstElement* element) {
 
 static void lf_view_request_finalize(GObject* object) {
   LfViewRequest* self = LF_VIEW_REQUEST(object);
+  g_cond_clear(&self->held_changed);
   delete self->navigation_tap;
   delete self->relay;
   delete self->relayed_focus;
@@ -315,6 +332,7 @@ static void lf_view_request_init(LfViewRequest* self) {
   self->control = new lf::ViewControl;
   self->net_clock = new lf::NetClock;
   GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
+  g_cond_init(&self->held_changed);
   self->navigation_tap = new lf::NavigationTap;
   self->relay = new lf::RequestRelay;
   self->relayed_focus = new lf::RelayedFocus;

@@ -51,6 +51,9 @@ struct _LfViewRequest {
   bool has_sent;          // a request; streaming thread
   guint32 last_sequence;  // of it
   guint32 seek_seqnum;    // of the latest seek
+  // Not live: the seek that is not over, during which nothing leaves (hold_event.h). Under the object lock.
+  guint32 held_for;
+  GCond held_changed;
 };
 
 // view_request_properties.cc

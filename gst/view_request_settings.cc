@@ -55,9 +55,9 @@ GParamSpec* make_pspec(ViewRequestSettings::Property property) {
     case ViewRequestSettings::kCaptureDelay:
       return g_param_spec_uint64("capture-delay", "Capture delay",
                                  "Live: how old, in nanoseconds, the capture time asked for is at least; long enough "
-                                 "for frames of that time to have reached the nodes. It is told as latency (-1: "
-                                 "automatic: what the nodes of this process find that their cameras need, followed by "
-                                 "LATENCY messages)",
+                                 "for frames of that time to have reached the nodes. It is told as latency. -1 "
+                                 "(GST_CLOCK_TIME_NONE) is automatic: what the nodes of this process find that their "
+                                 "cameras need, followed by LATENCY messages",
                                  0, G_MAXUINT64, initial.capture_delay, ready);
     case ViewRequestSettings::kNavigation:
       return g_param_spec_boolean("navigation", "Navigation",

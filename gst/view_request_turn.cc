@@ -29,6 +29,7 @@ gboolean lf_view_request_unlock(GstBaseSrc* base) {
   self->focus_feedback->set_unlocked(true);
   self->relay->set_unlocked(true);
   if (self->clock_id) gst_clock_id_unschedule(self->clock_id);
+  g_cond_broadcast(&self->held_changed);
   GST_OBJECT_UNLOCK(self);
   return TRUE;
 }
@@ -94,6 +95,16 @@ static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlo
   return *slot ? wait_for_turn(self, clock, base_time, capture_delay, **slot, leaves) : GST_FLOW_EOS;
 }
 
+// A seek that others are still to take part in.
+static GstFlowReturn wait_for_seek(LfViewRequest* self) {
+  GST_OBJECT_LOCK(self);
+  while (self->held_for != GST_SEQNUM_INVALID && !self->unlocked)
+    g_cond_wait(&self->held_changed, GST_OBJECT_GET_LOCK(self));
+  const bool unlocked = self->unlocked;
+  GST_OBJECT_UNLOCK(self);
+  return unlocked ? GST_FLOW_FLUSHING : GST_FLOW_OK;
+}
+
 static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   const bool live = gst_base_src_is_live(GST_BASE_SRC(self));
   std::optional<lf::RequestSlot> turn;
@@ -102,7 +113,8 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
     const GstFlowReturn flow = wait_live(self, &turn, &slot);
     if (flow != GST_FLOW_OK) return flow;
   } else {
-    const GstFlowReturn flow = lf_view_request_wait_for_focus(self);
+    GstFlowReturn flow = wait_for_seek(self);
+    if (flow == GST_FLOW_OK) flow = lf_view_request_wait_for_focus(self);
     if (flow != GST_FLOW_OK) return flow;
     turn = self->stream->next();
     if (!turn) return GST_FLOW_EOS;

@@ -4,6 +4,7 @@
 #include <gst/video/video.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -88,6 +89,67 @@ TEST_F(CamSrcTest, FramerateIsImposedOnVideosToo) {
       const auto source_frame = static_cast<int>(std::lround(1.0 * camera.frames[k].capture_time / kPeriod));
       EXPECT_NEAR(camera.frames[k].level, CameraFiles::grey_of(source_frame), 2);
     }
+  }
+}
+
+// As players do it: the first end is that of a stream which nobody has sought, the others are those of segments.
+TEST_F(CamSrcTest, RoundsOfAFilmFollowEachOtherWithoutAFlush) {
+  struct Count {
+    std::atomic<int> flushes = 0, ends = 0, segment_ends = 0;
+    static GstPadProbeReturn see(GstPad*, GstPadProbeInfo* info, gpointer data) {
+      auto* self = static_cast<Count*>(data);
+      const GstEventType type = GST_EVENT_TYPE(GST_PAD_PROBE_INFO_EVENT(info));
+      self->flushes += type == GST_EVENT_FLUSH_START;
+      self->ends += type == GST_EVENT_EOS;
+      self->segment_ends += type == GST_EVENT_SEGMENT_DONE;
+      return GST_PAD_PROBE_OK;
+    }
+    static void watch(GstElement*, GstPad* pad, gpointer data) {
+      constexpr int kEvents = GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM | GST_PAD_PROBE_TYPE_EVENT_FLUSH;
+      gst_pad_add_probe(pad, GstPadProbeType(kEvents), see, data, nullptr);
+    }
+  } count;
+  constexpr int kRounds = 8;
+  CameraPipeline camera("rig=" + rig_with([](Camera& c) { c.source = "mjpeg.mkv"; }) +
+                        " loop=true num-frames=" + std::to_string(kRounds * kFrames));
+  ASSERT_TRUE(camera.reach(GST_STATE_READY));
+  GstIterator* demuxers = gst_bin_iterate_all_by_element_factory_name(GST_BIN(camera.camera()), "matroskademux");
+  GValue demuxer = G_VALUE_INIT;
+  ASSERT_EQ(gst_iterator_next(demuxers, &demuxer), GST_ITERATOR_OK);
+  g_signal_connect(g_value_get_object(&demuxer), "pad-added", G_CALLBACK(Count::watch), &count);
+  g_value_unset(&demuxer);
+  gst_iterator_free(demuxers);
+  ASSERT_EQ(camera.play(), "EOS");
+  ASSERT_EQ(camera.frames.size(), size_t{kRounds * kFrames});
+  for (size_t k = 0; k < camera.frames.size(); k++) {
+    EXPECT_NEAR(camera.frames[k].level, CameraFiles::grey_of(static_cast<int>(k) % kFrames), 2) << k;
+    if (k == 0) continue;
+    const GstClockTime since = camera.frames[k].running_time - camera.frames[k - 1].running_time;
+    EXPECT_NEAR(static_cast<double>(since), static_cast<double>(kPeriod), 2e6) << k;  // Matroska counts milliseconds
+  }
+  EXPECT_EQ(count.flushes, 1);
+  EXPECT_GE(count.segment_ends, kRounds - 2);
+  GstBus* bus = gst_element_get_bus(camera.pipeline());
+  constexpr auto kSegments = GstMessageType(GST_MESSAGE_SEGMENT_START | GST_MESSAGE_SEGMENT_DONE);
+  GstMessage* message = gst_bus_pop_filtered(bus, kSegments);
+  EXPECT_EQ(message, nullptr) << "nobody has asked for a segment";
+  gst_clear_message(&message);
+  gst_object_unref(bus);
+}
+
+TEST_F(CamSrcTest, RoundsBehindASeekHaveTheirPlaceInTheFilm) {
+  CameraPipeline camera("rig=" + rig_with([](Camera& c) { c.source = "mjpeg.mkv"; }) + " loop=true num-frames=20");
+  ASSERT_TRUE(camera.reach(GST_STATE_PAUSED));
+  constexpr auto kFlags = GstSeekFlags(GST_SEEK_FLAG_FLUSH | GST_SEEK_FLAG_ACCURATE);
+  ASSERT_TRUE(gst_element_seek_simple(camera.pipeline(), GST_FORMAT_TIME, kFlags, 3 * kPeriod));
+  camera.frames.clear();
+  ASSERT_EQ(camera.play(), "EOS");
+  ASSERT_GE(camera.frames.size(), size_t{3 * kFrames});
+  const auto first = std::lround(static_cast<double>(camera.frames[0].capture_time) / static_cast<double>(kPeriod));
+  for (size_t k = 0; k < camera.frames.size(); k++) {
+    const auto place = static_cast<double>(camera.frames[k].capture_time) / static_cast<double>(kPeriod);
+    EXPECT_NEAR(place, static_cast<double>(first + static_cast<long>(k)), 0.2) << k;
+    EXPECT_NEAR(camera.frames[k].level, CameraFiles::grey_of(static_cast<int>(std::lround(place)) % kFrames), 2) << k;
   }
 }
 

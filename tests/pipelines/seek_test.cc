@@ -20,6 +20,7 @@ namespace {
 
 constexpr int kFrames = 20, kRate = 10;
 constexpr GstClockTime kPeriod = GST_SECOND / kRate;
+constexpr GstClockTime kPatience = 20 * GST_SECOND;
 
 struct Picture {
   GstClockTime time = GST_CLOCK_TIME_NONE;  // stream time
@@ -39,15 +40,17 @@ Picture picture_of(GstSample* sample) {
 // Pictures of a path through an array whose cameras are read from files.
 class Player {
  public:
-  explicit Player(const std::string& line) : pipeline_(launch(line)) {
-    sink_.reset(gst_bin_get_by_name(GST_BIN(pipeline_.get()), "s"));
+  explicit Player(const std::string& line, const char* sink = "s") : pipeline_(launch(line)) {
+    watch(sink);
     bus_.reset(gst_element_get_bus(pipeline_.get()));
   }
   ~Player() { set_state(GST_STATE_NULL); }
+  // From now on the pictures that come to this appsink.
+  void watch(const char* sink) { sink_.reset(gst_bin_get_by_name(GST_BIN(pipeline_.get()), sink)); }
   void set_state(GstState state) { gst_element_set_state(pipeline_.get(), state); }
 
   std::optional<Picture> preroll() {
-    GstSample* sample = gst_app_sink_try_pull_preroll(GST_APP_SINK(sink_.get()), 20 * GST_SECOND);
+    GstSample* sample = gst_app_sink_try_pull_preroll(GST_APP_SINK(sink_.get()), kPatience);
     return sample ? std::optional(picture_of(sample)) : std::nullopt;
   }
   // Plays on up to the end, or to so many pictures.
@@ -55,7 +58,7 @@ class Player {
     set_state(GST_STATE_PLAYING);
     std::vector<Picture> pictures;
     while (pictures.size() < most) {
-      GstSample* sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink_.get()), 20 * GST_SECOND);
+      GstSample* sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink_.get()), kPatience);
       if (!sample) break;
       pictures.push_back(picture_of(sample));
     }
@@ -160,6 +163,23 @@ TEST_P(SeekTest, WhatIsBehindASeekIsWhatAStraightRunShows) {
   }
 }
 
+// Its cameras loop, and are sought from wherever they are.
+TEST_P(SeekTest, ABinIsSoughtAsItsElements) {
+  const std::string loop = std::string(GetParam()) == "sequence" ? "false" : "true";  // at its rate it is too short
+  const std::string bin = "lfviewsrc node::loop=" + loop +
+                          " focus=plane is-live=false framerate=" + std::to_string(kRate) + "/1 rig=" + rig_ +
+                          " location=" + dir_ / "views.json" + " ! videoconvert ! appsink name=s sync=false";
+  const std::vector<Picture> truth = Player(line()).rest();
+  Player player(bin);
+  EXPECT_TRUE(player.rest() == truth);
+  for (const size_t from : {12, 3}) {
+    player.set_state(GST_STATE_PAUSED);
+    ASSERT_TRUE(player.seek(from * kPeriod));
+    EXPECT_TRUE(player.rest() == std::vector(truth.begin() + static_cast<ptrdiff_t>(from), truth.end())) << from;
+    EXPECT_TRUE(player.is_eos());
+  }
+}
+
 TEST_P(SeekTest, AStopEndsTheStream) {
   const std::vector<Picture> truth = Player(line()).rest();
   Player player(line());
@@ -232,6 +252,75 @@ TEST_P(SeekTest, TellsHowLongItIsAndWhereItIs) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Sources, SeekTest, testing::Values("film", "sequence", "stills", "scene"),
+                         [](const auto& info) { return std::string(info.param); });
+
+class LostCameraSeekTest : public SeekTest {};
+
+// A camera that is lost gives nothing behind a seek either, and nobody waits for it.
+TEST_P(LostCameraSeekTest, OthersAreSoughtBesideIt) {
+  Rig rig = load_rig(rig_);
+  rig.cameras[1].width += 2;  // its pictures are of another size
+  save_rig(rig, rig_);
+  Player player(line());
+  player.set_state(GST_STATE_PAUSED);
+  const std::optional<Picture> first = player.preroll();
+  ASSERT_TRUE(first);
+  EXPECT_TRUE(player.waits_for(GST_MESSAGE_WARNING));
+  for (const int frame : {12, 3, 0}) {
+    ASSERT_TRUE(player.seek(static_cast<GstClockTime>(frame) * kPeriod));
+    const std::optional<Picture> shown = player.preroll();
+    ASSERT_TRUE(shown) << frame;
+    EXPECT_EQ(shown->time, static_cast<GstClockTime>(frame) * kPeriod);
+  }
+  EXPECT_EQ(player.rest().size(), size_t{kFrames});
+  EXPECT_TRUE(player.is_eos());
+}
+
+INSTANTIATE_TEST_SUITE_P(Sources, LostCameraSeekTest, testing::Values("film", "sequence", "stills"),
+                         [](const auto& info) { return std::string(info.param); });
+
+// Of all who are in one funnel. Each flush drops what is on its way from any of them.
+class ViewersInAFunnelSeekTest : public SeekTest {
+ protected:
+  std::string viewers() const {
+    std::string text =
+        "funnel name=f ! tee name=r  r. ! queue max-size-time=0 ! n.request  lfcameranode name=n rig=" + rig_ +
+        " ! tee name=t";
+    for (const std::string id : {"0", "1", "2"})
+      text += "  lfviewrequest framerate=" + std::to_string(kRate) + "/1 view-id=" + id +
+              " location=" + dir_ / "views.json" + " ! f.  r. ! queue max-size-time=0 ! c" + id +
+              ".request  t. ! queue max-size-time=0 ! c" + id + ".sink_0  lfcompositor name=c" + id + " view-id=" + id +
+              " ! videoconvert ! appsink name=s" + id + " sync=false";
+    return text;
+  }
+};
+
+TEST_P(ViewersInAFunnelSeekTest, NoneLosesARequest) {
+  const std::vector<Picture> truth = Player(line()).rest();
+  ASSERT_EQ(truth.size(), size_t{kFrames});
+  Player player(viewers(), "s0");
+  for (const char* stage : {"before the first picture", "paused", "while playing", "after the end"}) {
+    for (const size_t from : {12, 3}) {
+      SCOPED_TRACE(std::string(stage) + ", from " + std::to_string(from));
+      player.set_state(GST_STATE_PAUSED);
+      if (stage[0] != 'b')
+        ASSERT_EQ(gst_element_get_state(player.pipeline(), nullptr, nullptr, kPatience), GST_STATE_CHANGE_SUCCESS);
+      if (stage[0] == 'w') player.rest(4);
+      if (stage[0] == 'a') player.rest();
+      ASSERT_TRUE(player.seek(from * kPeriod));
+      for (const char* sink : {"s0", "s1", "s2"}) {
+        player.watch(sink);
+        EXPECT_TRUE(player.rest() == std::vector(truth.begin() + static_cast<ptrdiff_t>(from), truth.end())) << sink;
+        EXPECT_TRUE(player.is_eos()) << sink;
+      }
+      player.set_state(GST_STATE_NULL);
+      player.watch("s0");
+    }
+  }
+}
+
+// Cameras of which each frame is the same: those of films are at one place, wherever else viewers are.
+INSTANTIATE_TEST_SUITE_P(Sources, ViewersInAFunnelSeekTest, testing::Values("stills"),
                          [](const auto& info) { return std::string(info.param); });
 
 class PauseTest : public SeekTest {};

@@ -3,7 +3,10 @@
 
 #include <libsoup/soup.h>
 
+#include <functional>
+#include <mutex>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "image/image_io.h"
@@ -16,12 +19,14 @@ namespace lf::test {
 // A running lf-serve with a 2x2 array of small stills, at any free port.
 class Served {
  public:
-  explicit Served(const std::vector<std::string>& options = {}) {
+  // `edit` may give the cameras other sources.
+  explicit Served(const std::vector<std::string>& options = {}, const std::function<void(Rig&)>& edit = {}) {
     Rig rig = scene_rig(2, 2, 64, 48);
     for (Camera& camera : rig.cameras) {
       camera.image = camera.name + ".png";
       save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0, 1), dir_ / camera.image);
     }
+    if (edit) edit(rig);
     save_rig(rig, dir_ / "rig.json");
     std::vector<std::string> words = {LF_TOOLS_DIR "/lf-serve", "--rig", dir_ / "rig.json", "--port", "0"};
     words.insert(words.end(), options.begin(), options.end());
@@ -38,6 +43,12 @@ class Served {
         break;
       }
     }
+    listener_ = std::thread([this] {
+      for (std::string line = read_line(); !line.empty(); line = read_line()) {
+        const std::lock_guard lock(mutex_);
+        said_ += line + "\n";
+      }
+    });
   }
   // Ends it as a service would; its exit status is expected to be 0.
   ~Served() {
@@ -50,7 +61,10 @@ class Served {
   std::string pid() const { return g_subprocess_get_identifier(process_); }
   // "http://127.0.0.1:PORT/"; "" if it does not serve, see said().
   const std::string& url() const { return url_; }
-  const std::string& said() const { return said_; }
+  std::string said() const {
+    const std::lock_guard lock(mutex_);
+    return said_;
+  }
   // "none" if there is none of this name.
   std::string metric(const std::string& name) const {
     SoupSession* session = soup_session_new();
@@ -70,7 +84,7 @@ class Served {
   int stop() {
     if (!stopped_) {
       g_subprocess_send_signal(process_, SIGTERM);
-      for (std::string line = read_line(); !line.empty(); line = read_line()) said_ += line + "\n";
+      listener_.join();
       g_subprocess_wait(process_, nullptr, nullptr);
       stopped_ = true;
     }
@@ -86,7 +100,10 @@ class Served {
   TempDir dir_;
   GSubprocess* process_;
   GDataInputStream* out_;
-  std::string url_, said_;
+  std::string url_;
+  mutable std::mutex mutex_;
+  std::string said_;  // so far
+  std::thread listener_;
   bool stopped_ = false;
 };
 

@@ -108,6 +108,8 @@ gboolean LightField::bus_message(GstBus*, GstMessage* message, gpointer data) {
     self->on_error_(text_of(message));
   else if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING)
     std::fprintf(stderr, "lf-serve: cameras: %s\n", text_of(message).c_str());
+  else if (gst_message_has_name(message, "lightfield-camera-found"))
+    std::fprintf(stderr, "lf-serve: cameras: %s is back\n", GST_OBJECT_NAME(GST_MESSAGE_SRC(message)));
   return G_SOURCE_CONTINUE;
 }
 

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// A camera that fails is out of service: lf-serve goes on, and so does who watches.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <memory>
+
+#include "gst/camera_files.h"
+#include "gst/rtsp_server.h"
+#include "pipelines/gst_launch.h"
+#include "web/served.h"
+#include "web/whep_client.h"
+
+namespace lf::test {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+bool becomes(const std::function<bool()>& condition) {
+  constexpr int kPatience = 60;  // seconds; machines are busy
+  for (int i = 0; i < 20 * kPatience; i++) {
+    if (condition()) return true;
+    g_usleep(50000);
+  }
+  return false;
+}
+
+class LfServeCameras : public testing::Test {
+ protected:
+  bool says(const Served& served, const std::string& text) {
+    return becomes([&] { return served.said().find(text) != std::string::npos; });
+  }
+  // `client` has been connected all the time, and gets more pictures.
+  static bool goes_on(const WhepClient& client) {
+    const uint64_t before = client.pictures();
+    return becomes([&] { return client.pictures() >= before + 15; });
+  }
+  static void expect_one_viewer_up_to_a_good_end(Served& served) {
+    EXPECT_EQ(served.metric("viewers"), "1");
+    EXPECT_EQ(served.metric("viewers_total"), "1") << "nobody had to come again";
+    EXPECT_EQ(served.stop(), 0);
+    EXPECT_THAT(served.said(), Not(HasSubstr("CRITICAL")));
+  }
+  CameraFiles files_;
+};
+
+TEST_F(LfServeCameras, FilesThatAreMissingDamagedOrEmptiedEndNothing) {
+  std::ifstream in(files_.path("mjpeg.mkv"), std::ios::binary);
+  std::string film((std::istreambuf_iterator<char>(in)), {});
+  std::fill(film.begin() + static_cast<long>(film.size() / 2), film.begin() + static_cast<long>(film.size() * 3 / 4),
+            '\x5a');
+  std::ofstream(files_.path("damaged.mkv"), std::ios::binary) << film;
+  // Larger than what readers keep of a file.
+  const Launched launched = gst_launch(
+      "videotestsrc pattern=snow num-buffers=150 ! video/x-raw,format=I420,width=64,height=48,framerate=15/1 "
+      "! jpegenc quality=100 ! matroskamux ! filesink location=" +
+      files_.path("emptied.mkv"));
+  ASSERT_EQ(launched.status, 0) << launched.output;
+  Served served({}, [this](Rig& rig) {
+    rig.cameras[0].source = files_.path("mjpeg.mkv");
+    rig.cameras[1].source = files_.path("nowhere.mkv");
+    rig.cameras[2].source = files_.path("damaged.mkv");
+    rig.cameras[3].source = files_.path("emptied.mkv");
+  });
+  ASSERT_NE(served.url(), "") << served.said();
+  EXPECT_TRUE(says(served, "nowhere.mkv: no such file: out of service until it is back"));
+  const WhepClient client({.url = served.url()});
+  EXPECT_TRUE(goes_on(client));
+  std::filesystem::resize_file(files_.path("emptied.mkv"), 0);
+  EXPECT_TRUE(says(served, "emptied.mkv")) << served.said();
+  EXPECT_TRUE(goes_on(client));
+  std::filesystem::copy(files_.path("mjpeg.mkv"), files_.path("nowhere.mkv"));
+  EXPECT_TRUE(says(served, "camera1 is back")) << served.said();
+  EXPECT_TRUE(goes_on(client));
+  expect_one_viewer_up_to_a_good_end(served);
+}
+
+TEST_F(LfServeCameras, AServerOfACameraMayStopAndStartAgain) {
+  if (kRtspServerMissing) GTEST_SKIP() << kRtspServerMissing;
+  auto server = std::make_unique<RtspServer>();
+  const int port = server->port();
+  Served served({}, [&](Rig& rig) {
+    for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
+    rig.cameras[2].source = server->uri("/jpeg");
+  });
+  ASSERT_NE(served.url(), "") << served.said();
+  const WhepClient client({.url = served.url()});
+  EXPECT_TRUE(goes_on(client));
+  server.reset();
+  EXPECT_TRUE(says(served, "/jpeg")) << served.said();
+  EXPECT_THAT(served.said(), HasSubstr("out of service until it is back"));
+  EXPECT_TRUE(goes_on(client));
+  server = std::make_unique<RtspServer>(port);
+  EXPECT_TRUE(says(served, "camera2 is back")) << served.said();
+  EXPECT_TRUE(goes_on(client));
+  expect_one_viewer_up_to_a_good_end(served);
+}
+
+}  // namespace
+}  // namespace lf::test
