@@ -193,8 +193,8 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
     control.keep_visible(share);
     return true;
   });
-  const auto navigated = [self](GstEvent* event) {
-    if (lf_view_request_is_steering(event)) lf_view_request_steer(self, event);
+  const auto navigated = [](GstElement* element, GstEvent* event) {
+    if (lf_view_request_is_steering(event)) lf_view_request_steer(LF_VIEW_REQUEST(element), event);
   };
   if (!settings.navigation_from.empty() &&
       !self->navigation_tap->attach(GST_ELEMENT(self), settings.navigation_from, navigated)) {
