@@ -129,6 +129,7 @@ std::unique_ptr<CamSrcFailure> failure_of(F&& what) {
 }  // namespace
 
 void lf_cam_src_close(LfCamSrc* self) {
+  if (self->run) self->run->stream->stop();
   gst_ghost_pad_set_target(GST_GHOST_PAD(self->src), nullptr);
   GstBin* bin = GST_BIN(self);
   while (bin->children) {

@@ -57,7 +57,8 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   void set_live() { live_ = true; }
   // The next frame is no more sent; the stream ends. Any thread.
   void end() { ending_ = true; }
-  // Call before data flow is shut down: demuxers don't take a seek and a change to READY at the same time.
+  // Call before data flow is shut down: demuxers don't take a seek and a change to READY at the same time. Afterwards
+  // the chain is not touched by threads other than those that stream.
   void stop();
   // True the first time: an error follows from the one before it and is not worth telling.
   bool first_error() { return !failed_.exchange(true); }
@@ -77,7 +78,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   // camera_stream_seek.cc
   GstPadProbeReturn on_seek(GstPadProbeInfo* info);
   GstPadProbeReturn on_sequence(GstPad* pad, GstPadProbeInfo* info);
-  void seek_sequence(guint64 time, GstSeekFlags flags, guint32 seqnum);
+  void seek_sequence(guint64 time, GstSeekFlags flags, guint32 seqnum);  // under seeking_
   GstPadProbeReturn on_output_end(GstPad* pad);
   bool is_shed(GstPad* pad, GstBuffer* buffer, GstClockTime stamp);
   void count_dropped();

@@ -60,7 +60,8 @@ GstPadProbeReturn CameraStream::on_seek(GstPadProbeInfo* info) {
   if (live_ || rate <= 0 || format != GST_FORMAT_TIME || start_type != GST_SEEK_TYPE_SET || start < 0)
     return GST_PAD_PROBE_OK;
   const guint32 seqnum = gst_event_get_seqnum(event);
-  if (failed_) return GST_PAD_PROBE_DROP;  // nothing comes any more
+  const std::lock_guard lock(seeking_);
+  if (failed_ || stopping_) return GST_PAD_PROBE_DROP;  // nothing comes any more
   sought_ = true;
   if (chain_.sequence) {
     seek_sequence(static_cast<guint64>(start), flags, seqnum);
@@ -80,8 +81,6 @@ GstPadProbeReturn CameraStream::on_seek(GstPadProbeInfo* info) {
 
 // multifilesrc knows bytes alone, but counts files by time where it is sought. What it gives then has times from 0 on.
 void CameraStream::seek_sequence(guint64 time, GstSeekFlags flags, guint32 seqnum) {
-  const std::lock_guard lock(seeking_);
-  if (stopping_) return;
   g_autofree gchar* pattern = nullptr;
   gint first = 0;
   gboolean loop = FALSE;
