@@ -82,5 +82,7 @@ void lf_cam_src_schedule_retry(LfCamSrc* self);
 void lf_cam_src_watch(LfCamSrc* self);
 // What is planned is not done any more.
 void lf_cam_src_cancel_plans(LfCamSrc* self);
+// A lost camera is not waited for any more: its stream ends. With the state lock.
+void lf_cam_src_end_lost(LfCamSrc* self);
 // Between frames as the caps have it, nanoseconds.
 GstClockTime lf_cam_src_period(LfCamSrc* self);
