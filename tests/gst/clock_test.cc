@@ -50,7 +50,7 @@ GstPadProbeReturn note_answer(GstPad*, GstPadProbeInfo* info, gpointer data) {
 
 // What leaves `pad` goes into `appsrc` too.
 GstPadProbeReturn relay(GstPad*, GstPadProbeInfo* info, gpointer appsrc) {
-  gst_app_src_push_buffer(GST_APP_SRC(appsrc), gst_buffer_ref(GST_PAD_PROBE_INFO_BUFFER(info)));
+  gst_app_src_push_buffer(GST_APP_SRC(appsrc), gst_buffer_copy(GST_PAD_PROBE_INFO_BUFFER(info)));  // it stamps it anew
   return GST_PAD_PROBE_OK;
 }
 
