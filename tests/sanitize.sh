@@ -51,6 +51,6 @@ fi
 status=0
 meson test -C "$build" --timeout-multiplier 10 --print-errorlogs "${what[@]}" "$@" || status=$?
 # Which reports there are, and how many of each.
-cat "$build"/reports.* 2>/dev/null | sed -n 's/^SUMMARY: //p' | sort | uniq -c | sort -rn
+find "$build" -maxdepth 1 -name 'reports.*' -exec cat {} + | sed -n 's/^SUMMARY: //p' | sort | uniq -c | sort -rn
 python3 tests/summary.py "$build/meson-logs/testlog.json" "$build/meson-logs/testlog.junit.xml" || status=1
 exit "$status"
