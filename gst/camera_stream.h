@@ -99,7 +99,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   const CameraChain chain_;
   const StreamOptions options_;
   const StreamListener listener_;
-  bool live_ = false;
+  std::atomic<bool> live_ = false;
   std::atomic<bool> ending_ = false, stopping_ = false, failed_ = false;
   std::atomic<gint64> frames_out_ = 0;
   std::mutex seeking_;

@@ -35,7 +35,7 @@ struct _LfCamSrc {
   std::shared_ptr<lf::CameraShedder>* shedder;
   // What follows changes under the state lock alone; `run`, `name` and `camera` under the object lock, too.
   CamSrcRun* run;    // null while there are no children
-  bool live;         // the camera is, as far as is known
+  std::atomic<bool> live;  // the camera is, as far as is known; read by any thread
   GstClockTime end;  // running time of the end of the stream before
   guint camera;      // id of the camera last opened
   std::string* name;

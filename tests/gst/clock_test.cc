@@ -69,7 +69,7 @@ TEST(NetClock, NodeAndViewerMeetOnTheSchedule) {
   const ArrayFixture array;
   const std::string port = std::to_string(free_port(SOCK_DGRAM));
   const ElementPtr viewer =
-      launch("lfviewrequest name=r is-live=true framerate=30/1 capture-delay=200000000 net-clock-port=" + port +
+      launch("lfviewrequest name=r is-live=true framerate=30/1 capture-delay=1000000000 net-clock-port=" + port +
              " rig=" + array.rig_path() + " ! fakesink sync=false");
   const ElementPtr node = launch(
       "appsrc name=in is-live=true format=time caps=application/x-lightfield-request ! lfcameranode name=n "
@@ -108,7 +108,7 @@ TEST(NetClock, NodeAndViewerMeetOnTheSchedule) {
 TEST(ClockSelect, RealtimeReachesRequestsAndFrames) {
   const ArrayFixture array;
   const std::string rig = " rig=" + array.rig_path() + " is-live=true framerate=30/1 ";
-  const ElementPtr pipeline = launch("clockselect. ( clock-id=realtime lfviewrequest capture-delay=200000000" + rig +
+  const ElementPtr pipeline = launch("clockselect. ( clock-id=realtime lfviewrequest capture-delay=1000000000" + rig +
                                      "! lfcameranode name=n" + rig + "! fakesink sync=false )");
   ASSERT_TRUE(pipeline);
   Answers answers;
