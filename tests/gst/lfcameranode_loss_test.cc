@@ -247,7 +247,10 @@ TEST_F(LossTest, AHundredLossesAndReturnsLeaveNothing) {
               grown, files_then, open_files());
   for (guint id = 0; id <= kFailing; id++) {
     const ElementPtr camera = child(node.get(), "camera" + std::to_string(id));
-    EXPECT_LE(GST_BIN_NUMCHILDREN(camera.get()), 9) << "one chain, or none";
+    GST_OBJECT_LOCK(camera.get());
+    const int children = GST_BIN_NUMCHILDREN(camera.get());
+    GST_OBJECT_UNLOCK(camera.get());
+    EXPECT_LE(children, 9) << "one chain, or none";
   }
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   EXPECT_THAT(said.errors(), IsEmpty());
