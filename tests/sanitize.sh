@@ -41,16 +41,16 @@ if [[ $sanitizers == thread ]]; then
     "$libraries/bin/gst-inspect-1.0" lfviewsrc >/dev/null
   "${with[@]}" tests/sanitize/check.sh "$build/tests/check-sanitizer"
   TSAN_OPTIONS+=":log_path=$build/reports"
-  what=(--suite threads --wrapper "${with[*]}")
+  what=(--suite threads --wrapper "${with[*]}") log=testlog-env # named after the wrapper
 else
   # gst-launch-1.0 gets the sanitizer from outside. Leaks there are the leaks tracer's to find.
   runtime=$(g++ -print-file-name=libasan.so):$(g++ -print-file-name=libstdc++.so)
   export LF_LAUNCH_ENV="LD_PRELOAD=$runtime ASAN_OPTIONS=detect_leaks=0"
-  what=(--no-suite slow)
+  what=(--no-suite slow) log=testlog
 fi
 status=0
 meson test -C "$build" --timeout-multiplier 10 --print-errorlogs "${what[@]}" "$@" || status=$?
 # Which reports there are, and how many of each.
 find "$build" -maxdepth 1 -name 'reports.*' -exec cat {} + | sed -n 's/^SUMMARY: //p' | sort | uniq -c | sort -rn
-python3 tests/summary.py "$build/meson-logs/testlog.json" "$build/meson-logs/testlog.junit.xml" || status=1
+python3 tests/summary.py "$build/meson-logs/$log.json" "$build/meson-logs/$log.junit.xml" || status=1
 exit "$status"
