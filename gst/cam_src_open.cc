@@ -139,6 +139,7 @@ std::unique_ptr<CamSrcFailure> failure_of(F&& what) {
 }  // namespace
 
 void lf_cam_src_close(LfCamSrc* self) {
+  if (self->run) self->run->stream->stop();
   gst_ghost_pad_set_target(GST_GHOST_PAD(self->src), nullptr);
   while (GstElement* child = first_child(GST_BIN(self))) {
     gst_element_set_state(child, GST_STATE_NULL);

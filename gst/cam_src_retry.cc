@@ -271,3 +271,10 @@ void lf_cam_src_cancel_plans(LfCamSrc* self) {
   gst_clock_id_unschedule(before);
   gst_clock_id_unref(before);
 }
+
+// Not in this thread, which may be anyone's; and in no later run than this one.
+void lf_cam_src_end_lost(LfCamSrc* self) {
+  lf_cam_src_cancel_plans(self);
+  lf_cam_src_call_step(self, static_cast<guint>(g_atomic_int_get(&self->serial)),
+                       [](LfCamSrc* camera) { gst_pad_push_event(camera->src, gst_event_new_eos()); });
+}

@@ -46,10 +46,13 @@ GstEvent* as_end(GstEvent* event) {
   return end;
 }
 
-// Calls `method` of the CameraStream `data`.
+// Calls `method` of the CameraStream that `data` points at weakly: an event from downstream may be on its way through a
+// pad of a chain that is taken apart.
 template <auto method>
 GstPadProbeReturn call(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
-  return guarded(pad, GST_PAD_PROBE_DROP, [=] { return (static_cast<CameraStream*>(data)->*method)(pad, info); });
+  const auto stream = static_cast<std::weak_ptr<CameraStream>*>(data)->lock();
+  if (!stream) return GST_PAD_PROBE_OK;
+  return guarded(pad, GST_PAD_PROBE_DROP, [&] { return ((*stream).*method)(pad, info); });
 }
 
 }  // namespace
@@ -67,19 +70,20 @@ CameraStream::CameraStream(GstElement* owner, const CameraChain& chain, const St
   gst_segment_init(&segment_, GST_FORMAT_TIME);
 }
 
-// The probes go away with the pads, before the stream does.
 void CameraStream::watch() {
   constexpr auto kData = GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM;
-  gst_pad_add_probe(chain_.decoded, GstPadProbeType(kData | GST_PAD_PROBE_TYPE_EVENT_FLUSH),
-                    call<&CameraStream::on_decoded>, this, nullptr);
+  const auto probe = [this](GstPad* pad, int type, GstPadProbeCallback callback) {
+    gst_pad_add_probe(pad, GstPadProbeType(type), callback, new std::weak_ptr<CameraStream>(weak_from_this()),
+                      [](gpointer data) { delete static_cast<std::weak_ptr<CameraStream>*>(data); });
+  };
+  probe(chain_.decoded, kData | GST_PAD_PROBE_TYPE_EVENT_FLUSH, call<&CameraStream::on_decoded>);
   if (chain_.sequence) {
     GstPad* files = gst_element_get_static_pad(chain_.sequence, "src");
-    gst_pad_add_probe(files, GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, call<&CameraStream::on_sequence>, this, nullptr);
+    probe(files, GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, call<&CameraStream::on_sequence>);
     gst_object_unref(files);
   }
-  gst_pad_add_probe(chain_.frames, GstPadProbeType(kData), call<&CameraStream::on_frame>, this, nullptr);
-  gst_pad_add_probe(chain_.out, GstPadProbeType(kData | GST_PAD_PROBE_TYPE_EVENT_UPSTREAM),
-                    call<&CameraStream::on_output>, this, nullptr);
+  probe(chain_.frames, kData, call<&CameraStream::on_frame>);
+  probe(chain_.out, kData | GST_PAD_PROBE_TYPE_EVENT_UPSTREAM, call<&CameraStream::on_output>);
 }
 
 void CameraStream::fail(GstStreamError code, const std::string& text) {

@@ -57,7 +57,8 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   void set_live() { live_ = true; }
   // The next frame is no more sent; the stream ends. Any thread.
   void end() { ending_ = true; }
-  // Call before data flow is shut down: demuxers don't take a seek and a change to READY at the same time.
+  // Call before data flow is shut down: demuxers don't take a seek and a change to READY at the same time. Afterwards
+  // the chain is not touched by threads other than those that stream.
   void stop();
   // True the first time: an error follows from the one before it and is not worth telling.
   bool first_error() { return !failed_.exchange(true); }
@@ -99,7 +100,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   const CameraChain chain_;
   const StreamOptions options_;
   const StreamListener listener_;
-  bool live_ = false;
+  std::atomic<bool> live_ = false;
   std::atomic<bool> ending_ = false, stopping_ = false, failed_ = false;
   std::atomic<gint64> frames_out_ = 0;
   std::mutex seeking_;

@@ -23,9 +23,12 @@ void take_new_rig(LfCompositor* self) {
   const std::unique_ptr<std::shared_ptr<const lf::Rig>> rig(std::exchange(self->new_rig, nullptr));
   GST_OBJECT_UNLOCK(self);
   if (!rig) return;
+  // What refers to the rig that was used before goes with it.
+  state.focus_array.reset();
+  state.trial_job.reset();
+  state.trial_mesh.clear();
   state.rig = *rig;
   state.assembly.set_rig(*rig);
-  state.trial_mesh.clear();
   state.coverage = {};
   state.warned_rig = false;
   if (!*rig) return;

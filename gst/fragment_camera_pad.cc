@@ -72,7 +72,9 @@ bool lf_fragment_assign_camera(LfFragment* self, LfFragmentPad* pad) {
                       (nullptr));
     return false;
   }
+  GST_OBJECT_LOCK(self);
   input.id = id;
+  GST_OBJECT_UNLOCK(self);
   return true;
 }
 
@@ -297,7 +299,10 @@ static GstFlowReturn lf_fragment_take_frame(LfFragment* self, GstPad* gst_pad, G
 // seek with where it was sought, and before the last frame, because that stands for all times after it.
 static gint64 lf_fragment_seek_position(GstPad* pad, LfFragment* self, uint64_t time) {
   const auto& input = *LF_FRAGMENT_PAD(pad)->input;
-  const auto camera = input.id ? self->node->inputs().camera(*input.id) : nullptr;
+  GST_OBJECT_LOCK(self);
+  const std::optional<guint> id = input.id;
+  GST_OBJECT_UNLOCK(self);
+  const auto camera = id ? self->node->inputs().camera(*id) : nullptr;
   const gint64 offset = camera ? static_cast<gint64>(camera->time_offset * GST_SECOND) : 0;
   const gint64 before = GST_SECOND + 2 * static_cast<gint64>(input.frames->period());
   gint64 position = static_cast<gint64>(time) - offset, duration = 0;
@@ -367,6 +372,8 @@ void lf_fragment_camera_pad_reset(LfFragment* self, LfFragmentPad* pad) {
   input.new_format.reset();
   input.jpeg_size.reset();
   input.new_jpeg = input.jpeg = input.warned_damaged = false;
+  GST_OBJECT_LOCK(self);
   input.id.reset();
+  GST_OBJECT_UNLOCK(self);
   input.from_stream.reset();
 }

@@ -255,11 +255,8 @@ static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
   if (running) {
     self->run->stream->end();
   } else if (self->service->state() == lf::CameraService::State::kLost) {
-    lf_cam_src_cancel_plans(self);
+    lf_cam_src_end_lost(self);
     running = true;
-    gst_element_call_async(
-        element, [](GstElement* camera, gpointer) { gst_pad_push_event(LF_CAM_SRC(camera)->src, gst_event_new_eos()); },
-        nullptr, nullptr);
   }
   return running;
 }

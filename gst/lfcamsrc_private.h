@@ -35,7 +35,7 @@ struct _LfCamSrc {
   std::shared_ptr<lf::CameraShedder>* shedder;
   // What follows changes under the state lock alone; `run`, `name` and `camera` under the object lock, too.
   CamSrcRun* run;    // null while there are no children
-  bool live;         // the camera is, as far as is known
+  std::atomic<bool> live;  // the camera is, as far as is known; read by any thread
   GstClockTime end;  // running time of the end of the stream before
   guint camera;      // id of the camera last opened
   std::string* name;
@@ -82,5 +82,7 @@ void lf_cam_src_schedule_retry(LfCamSrc* self);
 void lf_cam_src_watch(LfCamSrc* self);
 // What is planned is not done any more.
 void lf_cam_src_cancel_plans(LfCamSrc* self);
+// A lost camera is not waited for any more: its stream ends. With the state lock.
+void lf_cam_src_end_lost(LfCamSrc* self);
 // Between frames as the caps have it, nanoseconds.
 GstClockTime lf_cam_src_period(LfCamSrc* self);

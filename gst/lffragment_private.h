@@ -30,9 +30,9 @@ struct _LfFragmentPad {
     bool jpeg = false;                             // frames are kept as they come
     std::optional<std::pair<int, int>> jpeg_size;  // of these
     bool warned_damaged = false;                   // a person has been told
-    std::optional<guint> id;                       // of the camera, once known
+    std::optional<guint> id;                       // of the camera, once known; set under the element's object lock
     std::optional<guint> from_stream;              // the same as the stream says it
-    bool live = false;                             // known from the segment on
+    std::atomic<bool> live = false;                // known from the segment on
     lf::ArrivalWatch arrivals;                     // while live
     GstClockTime latency = 0;                      // the same
   } * input;

@@ -207,13 +207,14 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
   GST_INFO_OBJECT(self, "view %u at %d/%d frames/s, %s", settings.view_id, settings.fps_n, settings.fps_d,
                   stream->from_file() ? settings.location.c_str() : "from properties");
   lf_view_request_change_view(self, [&](lf::ViewControl& control) {
-    self->stream = stream.release();
+    // GstBaseSrc does not stop what it could not seek to its beginning.
+    delete std::exchange(self->stream, stream.release());
     control.begin(self->stream->default_viewpoint());
     control.keep_visible(share);
     return true;
   });
-  const auto navigated = [self](GstEvent* event) {
-    if (lf_view_request_is_steering(event)) lf_view_request_steer(self, event);
+  const auto navigated = [](GstElement* element, GstEvent* event) {
+    if (lf_view_request_is_steering(event)) lf_view_request_steer(LF_VIEW_REQUEST(element), event);
   };
   if (!settings.navigation_from.empty() &&
       !self->navigation_tap->attach(GST_ELEMENT(self), settings.navigation_from, navigated)) {
@@ -281,6 +282,7 @@ static void lf_view_request_finalize(GObject* object) {
   LfViewRequest* self = LF_VIEW_REQUEST(object);
   g_cond_clear(&self->held_changed);
   delete self->navigation_tap;
+  delete self->stream;
   delete self->relay;
   delete self->relayed_focus;
   gst_queue_array_free(self->to_send);

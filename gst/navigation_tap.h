@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -16,13 +15,13 @@ class NavigationTap {
  public:
   ~NavigationTap() { detach(); }
 
-  // Calls `navigated` for every upstream event at a source pad of the element `name` in the pipeline of `element`, in
-  // the thread that sends it. False if there is no such element, or it has no source pad.
-  bool attach(GstElement* element, const std::string& name, std::function<void(GstEvent*)> navigated);
+  // Calls `navigated` with `element` for every upstream event at a source pad of the element `name` in its pipeline, in
+  // the thread that sends it. Such a call may still be under way, or begin, when detach() has returned; the element
+  // lives as long. False if there is no such element, or it has no source pad.
+  bool attach(GstElement* element, const std::string& name, void (*navigated)(GstElement*, GstEvent*));
   void detach();
 
  private:
-  std::function<void(GstEvent*)> navigated_;
   std::vector<std::pair<GstPad*, gulong>> probes_;
 };
 

@@ -1,31 +1,56 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Builds with sanitizers and runs the tests under them. Slow: not part of tests/run.sh.
+# Builds with sanitizers, in a folder of its own, and runs the tests under them. Slow: not part of tests/run.sh.
 #   tests/sanitize.sh address   AddressSanitizer, LeakSanitizer and UndefinedBehaviorSanitizer: all quick suites
-#   tests/sanitize.sh thread    ThreadSanitizer: where our own threads meet (GLib's locks are invisible to it)
-# Further arguments go to meson test.
+#   tests/sanitize.sh thread    ThreadSanitizer: elements and pipelines, with GLib and GStreamer built for it, too
+# Further arguments go to meson test, like names of tests. ThreadSanitizer's reports lie in build-thread/reports.PROCESS.
+# The last line counts test cases.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 case "${1:-}" in
-  address) sanitizers=address,undefined tests=() ;;
-  thread) sanitizers=thread tests=(camera-frames camera-inputs jpeg worker-pool) ;;
+  address) sanitizers=address,undefined ;;
+  thread) sanitizers=thread ;;
   *)
-    sed -n '3,6s/^# //p' "$0"
+    sed -n '3,7s/^# //p' "$0"
     exit 2
     ;;
 esac
-build=build-$1
+build=$PWD/build-$1
 shift
-tools/setup.sh lib/liblightfield.a  # for the packages
+tools/setup.sh lib/liblightfield.a # for the packages
 [[ -f $build/build.ninja ]] ||
   meson setup "$build" -Db_sanitize="$sanitizers" -Db_lundef=false -Doptimization=1 -Ddebug=true >/dev/null
-ninja -C "$build" --quiet "${tests[@]/#/tests/test-}"
+ninja -C "$build" --quiet gst/libgstlightfield.so tests/check-sanitizer
+rm -f "$build"/reports.*
 
-export LSAN_OPTIONS="suppressions=$PWD/tests/lsan.supp:print_suppressions=0"
-export UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 TSAN_OPTIONS=halt_on_error=1
-export GST_REGISTRY_FORK=no  # the scanner is no program of ours and can't load a sanitized plugin
-# Nor is gst-launch-1.0: it gets the sanitizer from outside. Leaks there are the leaks tracer's to find.
-runtime=$(g++ -print-file-name=libasan.so):$(g++ -print-file-name=libstdc++.so)
-[[ $sanitizers == thread ]] || export LF_LAUNCH_ENV="LD_PRELOAD=$runtime ASAN_OPTIONS=detect_leaks=0"
-meson test -C "$build" --no-rebuild --no-suite slow --timeout-multiplier 10 --print-errorlogs "${tests[@]}" "$@"
+export LSAN_OPTIONS="suppressions=$PWD/tests/sanitize/lsan.supp:print_suppressions=0"
+export UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
+# Locks of elements, streams and pads come in any order in GStreamer itself: hence no detect_deadlocks.
+export TSAN_OPTIONS="suppressions=$PWD/tests/sanitize/tsan.supp:history_size=7:detect_deadlocks=0"
+export GST_REGISTRY_FORK=no # the scanner is no program of ours and can't load a sanitized plugin
+if [[ $sanitizers == thread ]]; then
+  libraries=$build/libraries
+  tests/sanitize/libraries.sh "$libraries"
+  # In place of the installed ones, and for programs of ours alone: others lack what these need.
+  plugins=$libraries/plugins:$(pkg-config --variable=pluginsdir gstreamer-1.0)
+  with=(env "PATH=$libraries/bin:$PATH" "LD_LIBRARY_PATH=$libraries/lib" "GST_PLUGIN_SYSTEM_PATH=$plugins"
+    G_SLICE=always-malloc)
+  # What other plugins do when they are looked at is theirs alone.
+  "${with[@]}" GST_PLUGIN_PATH="$build/gst" GST_REGISTRY="$build/gst/test-registry.bin" TSAN_OPTIONS=report_bugs=0 \
+    "$libraries/bin/gst-inspect-1.0" lfviewsrc >/dev/null
+  "${with[@]}" tests/sanitize/check.sh "$build/tests/check-sanitizer"
+  TSAN_OPTIONS+=":log_path=$build/reports"
+  what=(--suite threads --wrapper "${with[*]}") log=testlog-env # named after the wrapper
+else
+  # gst-launch-1.0 gets the sanitizer from outside. Leaks there are the leaks tracer's to find.
+  runtime=$(g++ -print-file-name=libasan.so):$(g++ -print-file-name=libstdc++.so)
+  export LF_LAUNCH_ENV="LD_PRELOAD=$runtime ASAN_OPTIONS=detect_leaks=0"
+  what=(--no-suite slow) log=testlog
+fi
+status=0
+meson test -C "$build" --timeout-multiplier 10 --print-errorlogs "${what[@]}" "$@" || status=$?
+# Which reports there are, and how many of each.
+find "$build" -maxdepth 1 -name 'reports.*' -exec cat {} + | sed -n 's/^SUMMARY: //p' | sort | uniq -c | sort -rn
+python3 tests/summary.py "$build/meson-logs/$log.json" "$build/meson-logs/$log.junit.xml" || status=1
+exit "$status"

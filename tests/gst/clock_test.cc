@@ -50,7 +50,7 @@ GstPadProbeReturn note_answer(GstPad*, GstPadProbeInfo* info, gpointer data) {
 
 // What leaves `pad` goes into `appsrc` too.
 GstPadProbeReturn relay(GstPad*, GstPadProbeInfo* info, gpointer appsrc) {
-  gst_app_src_push_buffer(GST_APP_SRC(appsrc), gst_buffer_ref(GST_PAD_PROBE_INFO_BUFFER(info)));
+  gst_app_src_push_buffer(GST_APP_SRC(appsrc), gst_buffer_copy(GST_PAD_PROBE_INFO_BUFFER(info)));  // it stamps it anew
   return GST_PAD_PROBE_OK;
 }
 
@@ -69,11 +69,11 @@ TEST(NetClock, NodeAndViewerMeetOnTheSchedule) {
   const ArrayFixture array;
   const std::string port = std::to_string(free_port(SOCK_DGRAM));
   const ElementPtr viewer =
-      launch("lfviewrequest name=r is-live=true framerate=30/1 capture-delay=200000000 net-clock-port=" + port +
+      launch("lfviewrequest name=r is-live=true framerate=5/1 capture-delay=1000000000 net-clock-port=" + port +
              " rig=" + array.rig_path() + " ! fakesink sync=false");
   const ElementPtr node = launch(
       "appsrc name=in is-live=true format=time caps=application/x-lightfield-request ! lfcameranode name=n "
-      "is-live=true framerate=30/1 net-clock-address=127.0.0.1 net-clock-port=" +
+      "is-live=true framerate=5/1 net-clock-address=127.0.0.1 net-clock-port=" +
       port + " rig=" + array.rig_path() + " ! fakesink sync=false async=false");
   ASSERT_TRUE(viewer && node);
   const ClockPtr clock = realtime_clock();
@@ -89,7 +89,7 @@ TEST(NetClock, NodeAndViewerMeetOnTheSchedule) {
   const ElementPtr in(gst_bin_get_by_name(GST_BIN(node.get()), "in"));
   probe(node.get(), "n", "src", note_answer, &answers);
   probe(viewer.get(), "r", "src", relay, in.get());
-  const uint64_t half = Schedule(30, 1).period() / 2;
+  const uint64_t half = Schedule(5, 1).period() / 2;
   size_t near = 0;
   for (int i = 0; i < 200 && near < 10; i++) {
     g_usleep(50000);
@@ -107,8 +107,8 @@ TEST(NetClock, NodeAndViewerMeetOnTheSchedule) {
 // What gst-launch-1.0 has for production: all elements are on the realtime clock.
 TEST(ClockSelect, RealtimeReachesRequestsAndFrames) {
   const ArrayFixture array;
-  const std::string rig = " rig=" + array.rig_path() + " is-live=true framerate=30/1 ";
-  const ElementPtr pipeline = launch("clockselect. ( clock-id=realtime lfviewrequest capture-delay=200000000" + rig +
+  const std::string rig = " rig=" + array.rig_path() + " is-live=true framerate=5/1 ";
+  const ElementPtr pipeline = launch("clockselect. ( clock-id=realtime lfviewrequest capture-delay=1000000000" + rig +
                                      "! lfcameranode name=n" + rig + "! fakesink sync=false )");
   ASSERT_TRUE(pipeline);
   Answers answers;

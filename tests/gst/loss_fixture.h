@@ -51,7 +51,8 @@ class Said {
   size_t out_of_service() const { return out_of_service_; }
 
  private:
-  static int count(const std::map<guint, int>& of, guint camera) {
+  int count(const std::map<guint, int>& of, guint camera) const {
+    std::lock_guard lock(mutex_);
     const auto found = of.find(camera);
     return found == of.end() ? 0 : found->second;
   }
