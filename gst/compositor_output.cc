@@ -14,14 +14,15 @@ GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
 // that downstream takes none ends this view, not the stream of requests, which others share.
 gboolean lf_compositor_negotiate(GstAggregator* agg) {
   auto& state = *LF_COMPOSITOR(agg)->state;
-  state.agreed = GST_AGGREGATOR_CLASS(g_type_class_peek(GST_TYPE_AGGREGATOR))->negotiate(agg) && state.wanted.width > 0;
+  // Before the first request there is nothing to agree on, which the base class would warn of (1.22).
+  state.agreed =
+      state.wanted.width > 0 && GST_AGGREGATOR_CLASS(g_type_class_peek(GST_TYPE_AGGREGATOR))->negotiate(agg);
   return TRUE;
 }
 
 GstFlowReturn lf_compositor_update_src_caps(GstAggregator* agg, GstCaps* downstream, GstCaps** caps) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   const auto& wanted = self->state->wanted;
-  if (wanted.width == 0) return GST_AGGREGATOR_FLOW_NEED_DATA;
   *caps = self->partial ? lf::unit_caps(LF_ANSWER_MEDIA_TYPE)
                         : lf::choose_output_caps(downstream, self->request, wanted.family, wanted.width, wanted.height);
   return *caps ? GST_FLOW_OK : GST_FLOW_NOT_NEGOTIATED;

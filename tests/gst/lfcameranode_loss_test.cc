@@ -255,7 +255,9 @@ TEST_F(LossTest, AHundredLossesAndReturnsLeaveNothing) {
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   EXPECT_THAT(said.errors(), IsEmpty());
   EXPECT_LT(open_files() - files_then, 20);
-  if (!kKeepsFreedMemory) EXPECT_LT(grown, 8 * 1024);
+  if (!kKeepsFreedMemory) {
+    EXPECT_LT(grown, 8 * 1024);
+  }
 }
 
 class RtspLossTest : public LossTest {

@@ -65,7 +65,9 @@ TEST_F(LfViewSrcTest, ViewersThatAreGoneLeaveNothing) {
   }
   gst_object_unref(bus);
   EXPECT_TRUE(more("s"));
-  if (!kKeepsFreedMemory) EXPECT_LT(resident_kib() - warm, 8 * 1024) << "150 viewers came and went";
+  if (!kKeepsFreedMemory) {
+    EXPECT_LT(resident_kib() - warm, 8 * 1024) << "150 viewers came and went";
+  }
 }
 
 // An application that has blocked a pad closes it in the callback, in a thread of that viewer.

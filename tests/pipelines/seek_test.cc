@@ -303,8 +303,9 @@ TEST_P(ViewersInAFunnelSeekTest, NoneLosesARequest) {
     for (const size_t from : {12, 3}) {
       SCOPED_TRACE(std::string(stage) + ", from " + std::to_string(from));
       player.set_state(GST_STATE_PAUSED);
-      if (stage[0] != 'b')
+      if (stage[0] != 'b') {
         ASSERT_EQ(gst_element_get_state(player.pipeline(), nullptr, nullptr, kPatience), GST_STATE_CHANGE_SUCCESS);
+      }
       if (stage[0] == 'w') player.rest(4);
       if (stage[0] == 'a') player.rest();
       ASSERT_TRUE(player.seek(from * kPeriod));
