@@ -15,8 +15,7 @@ GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
 gboolean lf_compositor_negotiate(GstAggregator* agg) {
   auto& state = *LF_COMPOSITOR(agg)->state;
   // Before the first request there is nothing to agree on, which the base class would warn of (1.22).
-  state.agreed =
-      state.wanted.width > 0 && GST_AGGREGATOR_CLASS(g_type_class_peek(GST_TYPE_AGGREGATOR))->negotiate(agg);
+  state.agreed = state.wanted.width > 0 && GST_AGGREGATOR_CLASS(g_type_class_peek(GST_TYPE_AGGREGATOR))->negotiate(agg);
   return TRUE;
 }
 
