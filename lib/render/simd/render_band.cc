@@ -215,7 +215,12 @@ HWY_EXPORT(FindCalmRows);
 HWY_EXPORT(TargetName);
 
 void render_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
-  HWY_DYNAMIC_DISPATCH(RenderBand)(task, rect, y, scratch);
+  try {
+    HWY_DYNAMIC_DISPATCH(RenderBand)(task, rect, y, scratch);
+  } catch (...) {  // out of memory: what has some of it by now does not know what it lacks
+    scratch = {};
+    throw;
+  }
 }
 void find_calm_rows(PixelFamily family, Slot& slot) { HWY_DYNAMIC_DISPATCH(FindCalmRows)(family, slot); }
 const char* target_name() { return HWY_DYNAMIC_DISPATCH(TargetName)(); }
