@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <gst/gst.h>
 
+#include "bins/lfcameranode.h"
+#include "bins/lfnodesink.h"
+#include "bins/lfviewsrc.h"
+#include "camsrc/lfcamsrc.h"
+#include "compositor/lfcompositor.h"
 #include "config.h"
-#include "lfcameranode.h"
-#include "lfcamsrc.h"
-#include "lfcompositor.h"
-#include "lffragment.h"
-#include "lfnodesink.h"
-#include "lfparse.h"
-#include "lftypefind.h"
-#include "lfviewrequest.h"
-#include "lfviewsrc.h"
+#include "fragment/lffragment.h"
+#include "parse/lfparse.h"
+#include "parse/lftypefind.h"
 #include "rtp/rtplfdepay.h"
 #include "rtp/rtplfpay.h"
+#include "viewrequest/lfviewrequest.h"
 
 static gboolean plugin_init(GstPlugin* plugin) {
   gboolean ok = TRUE;

@@ -3,7 +3,7 @@
 
 #include <gst/gst.h>
 
-#include "common.h"
+#include "common/common.h"
 #include "wire/unit.h"
 
 // What RTP calls the two streams; see lib/rtp/spec.md.

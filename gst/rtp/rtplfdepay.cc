@@ -23,7 +23,7 @@
 
 #include <gst/rtp/gstrtpbuffer.h>
 
-#include "gst_wire.h"
+#include "common/gst_wire.h"
 #include "rtp/depacketizer.h"
 #include "rtp/rtp_caps.h"
 

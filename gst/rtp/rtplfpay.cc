@@ -28,7 +28,7 @@
 
 #include <gst/rtp/gstrtpbuffer.h>
 
-#include "gst_wire.h"
+#include "common/gst_wire.h"
 #include "rtp/pacer.h"
 #include "rtp/packetizer.h"
 #include "rtp/rtp_caps.h"

@@ -10,7 +10,6 @@
 #include <system_error>
 
 #include "base/error.h"
-#include "geometry/pose.h"
 
 namespace lf {
 namespace {

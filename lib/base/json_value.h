@@ -8,7 +8,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "geometry/vec.h"
+#include "base/vec.h"
 
 namespace lf {
 

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "geometry/vec.h"
+#include "base/vec.h"
 #include "image/image.h"
 
 namespace lf {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "geometry/vec.h"
+#include "base/vec.h"
 
 namespace lf {
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "geometry/vec.h"
+#include "base/vec.h"
 #include "image/image.h"
 
 namespace lf {

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "render/rect.h"
+#include "base/rect.h"
 #include "rig/camera_ranges.h"
 
 namespace lf {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include "focus/trial.h"
+#include "focus/trial_levels.h"
 #include "geometry/focal_surface.h"
 
 namespace lf {

@@ -8,7 +8,7 @@
 
 #include "base/median.h"
 #include "focus/array_plane.h"
-#include "focus/trial.h"
+#include "focus/trial_levels.h"
 
 namespace lf {
 namespace {

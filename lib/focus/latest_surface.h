@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "focus/surface_choice.h"
-#include "focus/trial.h"
+#include "focus/trial_levels.h"
 #include "view/view_request.h"
 
 namespace lf {

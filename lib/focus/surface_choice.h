@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "focus/moments.h"
-#include "focus/trial.h"
+#include "focus/trial_levels.h"
 
 namespace lf {
 

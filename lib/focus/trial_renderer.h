@@ -6,7 +6,7 @@
 
 #include "base/parallel.h"
 #include "focus/moments.h"
-#include "focus/trial.h"
+#include "focus/trial_levels.h"
 #include "render/render_job.h"
 #include "render/sum_renderer.h"
 

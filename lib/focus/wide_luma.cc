@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "base/median.h"
-#include "focus/trial.h"
+#include "focus/trial_levels.h"
 #include "focus/trial_nodes.h"
 #include "focus/trial_samples.h"
 #include "image/gain.h"

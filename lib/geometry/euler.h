@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include "geometry/vec.h"
+#include "base/vec.h"
 
 namespace lf {
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include "geometry/vec.h"
+#include "base/vec.h"
 
 namespace lf {
 
@@ -21,9 +21,6 @@ struct Pose {
 
   bool operator==(const Pose&) const = default;
 };
-
-// How far |orientation| may be from 1 in files and on the wire.
-inline constexpr double kUnitTolerance = 1e-6;
 
 // Pose at `eye` looking at `target`, with the camera's y axis as near to `down` as it can be.
 // Requires eye != target and the line of sight not parallel to `down`.

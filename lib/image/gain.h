@@ -5,8 +5,8 @@
 #include <span>
 
 #include "base/byte_buffer.h"
+#include "base/rect.h"
 #include "image/image.h"
-#include "render/rect.h"
 
 namespace lf {
 

@@ -2,8 +2,8 @@
 #pragma once
 
 #include "base/byte_buffer.h"
+#include "base/rect.h"
 #include "image/image.h"
-#include "render/rect.h"
 
 namespace lf {
 

@@ -2,14 +2,14 @@
 #pragma once
 
 #include "base/byte_buffer.h"
+#include "base/rect.h"
 #include "image/image.h"
-#include "render/rect.h"
 
 namespace lf {
 
-// Makes up for what bilinear sampling takes away: v + kSharpening (v - mean of its four neighbours), rounded and clamped,
-// of every sample of each plane, neighbours repeated at the image's border. Bilinear samples of the result are two thirds
-// of the way to Catmull-Rom's, at a fraction of the cost.
+// Makes up for what bilinear sampling takes away: v + kSharpening (v - mean of its four neighbours), rounded and
+// clamped, of every sample of each plane, neighbours repeated at the image's border. Bilinear samples of the result are
+// two thirds of the way to Catmull-Rom's, at a fraction of the cost.
 inline constexpr double kSharpening = 0.3;
 
 // The image with its part in `rect` (inside it; x0, y0 even in kI420) sharpened, in `memory`, of which the rest is left

@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
+#include "base/rect.h"
 #include "image/image.h"
 #include "jpeg/header.h"
-#include "render/rect.h"
 
 namespace lf {
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 
-#include "render/rect.h"
+#include "base/rect.h"
 
 namespace lf::jpeg {
 

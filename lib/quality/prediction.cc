@@ -6,17 +6,17 @@
 #include <optional>
 
 #include "base/median.h"
+#include "base/rect.h"
 #include "quality/quality.h"
-#include "render/rect.h"
 
 namespace lf {
 namespace {
 
 constexpr int kMostRounds = 12;
-constexpr double kSettled = 1e-3;      // pixels
-constexpr double kUsualError = 20;     // of 255; what differs by more counts less and less
+constexpr double kSettled = 1e-3;       // pixels
+constexpr double kUsualError = 20;      // of 255; what differs by more counts less and less
 constexpr double kTellsNothing = 1e-9;  // of a system's size: its determinant
-constexpr double kFarthest = 10;       // pixels: what is farther off is not found
+constexpr double kFarthest = 10;        // pixels: what is farther off is not found
 constexpr double kLeastCoverage = 0.25;
 constexpr int kPartsAcross = 4, kPartsDown = 3;
 
@@ -123,7 +123,8 @@ CoveredPicture covered_picture(const Accumulator& sum) {
   picture.coverage.resize(static_cast<size_t>(width) * height);
   // The background shows where nothing covers it.
   for (size_t i = 0; i < picture.coverage.size(); i++)
-    picture.coverage[i] = std::equal(&white.data()[bytes * i], &white.data()[bytes * i] + bytes, &picture.rgb.data()[bytes * i]);
+    picture.coverage[i] =
+        std::equal(&white.data()[bytes * i], &white.data()[bytes * i] + bytes, &picture.rgb.data()[bytes * i]);
   if (const std::optional<ConstSumPlanes> sums = sum.sums(); sums && sums->lost)
     for (int y = sums->rect.y0; y < sums->rect.y1; y++)
       for (int x = sums->rect.x0; x < sums->rect.x1; x++)

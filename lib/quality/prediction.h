@@ -4,8 +4,8 @@
 #include <cmath>
 #include <vector>
 
+#include "base/vec.h"
 #include "composite/accumulator.h"
-#include "geometry/vec.h"
 #include "image/image.h"
 
 namespace lf {
@@ -29,11 +29,11 @@ struct PredictionError {
 };
 inline constexpr PredictionError kNotPredicted{NAN, NAN, {NAN, NAN}, NAN, NAN};
 
-// Both RGB and of one size (else Error). Counted are pixels of which the prediction has at least kCovered of the weight.
-// Gain and shift are those that bring the two together best: Lucas and Kanade's (1981) with a gain, robust (Cauchy), since
-// what is out of focus or hidden agrees with neither. They do not need neighbouring pixels to be neighbours in the
-// camera: every fourth will do, as long as the shift is a few of them at most. kNotPredicted where less than a quarter
-// is covered, or nothing tells a shift.
+// Both RGB and of one size (else Error). Counted are pixels of which the prediction has at least kCovered of the
+// weight. Gain and shift are those that bring the two together best: Lucas and Kanade's (1981) with a gain, robust
+// (Cauchy), since what is out of focus or hidden agrees with neither. They do not need neighbouring pixels to be
+// neighbours in the camera: every fourth will do, as long as the shift is a few of them at most. kNotPredicted where
+// less than a quarter is covered, or nothing tells a shift.
 PredictionError compare_prediction(const Image& predicted, const Image& seen, const std::vector<float>& coverage);
 PredictionError compare_prediction(const CoveredPicture& predicted, const CoveredPicture& seen);
 

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "render/rect.h"
+#include "base/rect.h"
 #include "rig/rig.h"
 
 namespace lf {

@@ -4,8 +4,8 @@
 #include <span>
 #include <vector>
 
+#include "base/rect.h"
 #include "render/rays.h"
-#include "render/rect.h"
 
 namespace lf {
 

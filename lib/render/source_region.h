@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "render/rect.h"
+#include "base/rect.h"
 #include "render/view_plan.h"
 #include "rig/rig.h"
 

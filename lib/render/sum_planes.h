@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "base/rect.h"
 #include "image/image.h"
-#include "render/rect.h"
 
 namespace lf {
 

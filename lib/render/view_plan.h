@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
+#include "base/rect.h"
 #include "render/rays.h"
-#include "render/rect.h"
 #include "rig/mesh.h"
 #include "rig/rig.h"
 #include "view/view.h"
@@ -63,9 +63,7 @@ class ViewPlan {
   double focal_offset() const { return focal_offset_; }
   double eye_distance() const { return eye_distance_; }  // of the eye from the plane that distances count from
   // Where pixel (x, y) is in focus; 0 without a map. Between pixels, too.
-  double inverse_at(double x, double y) const {
-    return view_.focus.map ? view_.focus.map->inverse_at(x, y) : 0;
-  }
+  double inverse_at(double x, double y) const { return view_.focus.map ? view_.focus.map->inverse_at(x, y) : 0; }
   // The homography into a camera, where the plan was told; else null: it follows from the poses.
   const Mat3* told_matrix(CameraIndex camera) const;
 

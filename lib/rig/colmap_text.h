@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "geometry/vec.h"
+#include "base/vec.h"
 
 namespace lf {
 

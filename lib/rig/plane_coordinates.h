@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "geometry/vec.h"
+#include "base/vec.h"
 #include "rig/predicates.h"
 
 namespace lf {

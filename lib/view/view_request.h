@@ -5,8 +5,8 @@
 #include <memory>
 #include <vector>
 
-#include "focus/trial.h"
 #include "rig/mesh.h"
+#include "view/trial.h"
 #include "view/view.h"
 
 namespace lf {

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "base/error.h"
-#include "focus/trial.h"
+#include "focus/trial_levels.h"
 #include "wire/bytes.h"
 #include "wire/deflate.h"
 #include "wire/unit.h"
@@ -25,7 +25,8 @@ bool is_inside(const Rect& rect, const MomentsShape& shape) {
 // those of a mesh they cover the map some four times.
 size_t most_inflated(const MomentsShape& shape) {
   constexpr size_t kCovers = 16, kAlways = size_t{64} << 20;
-  return std::max(kAlways, kCovers * static_cast<size_t>(shape.columns) * static_cast<size_t>(shape.rows) * shape.trials);
+  return std::max(kAlways,
+                  kCovers * static_cast<size_t>(shape.columns) * static_cast<size_t>(shape.rows) * shape.trials);
 }
 
 // Up to the cameras; their number.

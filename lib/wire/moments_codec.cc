@@ -5,8 +5,8 @@
 #include <iterator>
 
 #include "base/error.h"
-#include "focus/trial.h"
-#include "render/rect.h"
+#include "base/rect.h"
+#include "focus/trial_levels.h"
 #include "rig/rig.h"
 #include "wire/bytes.h"
 #include "wire/unit.h"
@@ -15,7 +15,7 @@ namespace lf::wire {
 namespace {
 
 constexpr size_t kHeaderBytes = kUnitHeaderBytes + 4 + 4 + 8 + 4 + 2 + 2 + 2 + 8;
-constexpr uint16_t kOfGains = 1;  // flag of the unit
+constexpr uint16_t kOfGains = 1;   // flag of the unit
 constexpr uint8_t kHasWeight = 1;  // flag of a trial: else all of its weight is there
 
 // The nodes with weight in any trial.
@@ -101,8 +101,7 @@ MomentsUnit read_moments(std::span<const uint8_t> bytes, const MomentsShape& exp
   const auto [columns, rows, trials] = shape;
   const int x = in.get<uint16_t>(), y = in.get<uint16_t>(), w = in.get<uint16_t>(), h = in.get<uint16_t>();
   const Rect rect{x, y, x + w, y + h};
-  if (rect.x1 > columns || rect.y1 > rows || (w == 0) != (h == 0))
-    throw Error("rectangle: is not inside the map");
+  if (rect.x1 > columns || rect.y1 > rows || (w == 0) != (h == 0)) throw Error("rectangle: is not inside the map");
   if (in.left() < trials * (1 + 4 * static_cast<size_t>(w) * static_cast<size_t>(h)))
     throw Error("moments: the unit ends before its trials do");
   unit.trials.resize(trials);

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "render/rect.h"
+#include "base/rect.h"
 
 namespace lf::wire {
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // The one place where streaming threads meet: also run under ThreadSanitizer (tests/sanitize.sh thread).
-#include "camera_frames.h"
+#include "fragment/camera_frames.h"
 
 #include <gtest/gtest.h>
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "camera_service.h"
+#include "camsrc/camera_service.h"
 
 #include <gtest/gtest.h>
 
-#include "camera_shedder.h"
+#include "camsrc/camera_shedder.h"
 
 namespace lf::test {
 namespace {

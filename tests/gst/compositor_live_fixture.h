@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "common/out_of_service_event.h"
 #include "gst/compositor_fixture.h"
-#include "out_of_service_event.h"
 
 namespace lf::test {
 

@@ -6,7 +6,7 @@
 #include <functional>
 #include <random>
 
-#include "focus/trial.h"
+#include "focus/trial_levels.h"
 #include "gst/compositor_fixture.h"
 #include "wire/camera_trials_codec.h"
 

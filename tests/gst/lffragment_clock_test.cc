@@ -7,7 +7,7 @@
 #include <random>
 
 #include "base/schedule.h"
-#include "capture_delay.h"
+#include "common/capture_delay.h"
 #include "gst/fragment_fixture.h"
 
 namespace lf::test {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "capture_delay.h"
+#include "common/capture_delay.h"
+#include "common/out_of_service_event.h"
 #include "gst/other_rig.h"
 #include "gst/view_request_source.h"
-#include "out_of_service_event.h"
 
 namespace lf::test {
 namespace {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <gtest/gtest.h>
 
-#include "focal_surface_event.h"
+#include "common/focal_surface_event.h"
+#include "common/out_of_service_event.h"
 #include "gst/view_request_source.h"
 #include "node/commands.h"
-#include "out_of_service_event.h"
 #include "wire/command_codec.h"
 
 namespace lf::test {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include <gmock/gmock.h>
 #include <gst/controller/gstdirectcontrolbinding.h>
 #include <gst/controller/gstinterpolationcontrolsource.h>
-#include <gmock/gmock.h>
 
-#include "common.h"
+#include "common/common.h"
 #include "gst/view_request_source.h"
 #include "node/commands.h"
 #include "wire/command_codec.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "picture_pool.h"
+#include "compositor/picture_pool.h"
 
 #include <gst/video/video.h>
 #include <gtest/gtest.h>
@@ -8,8 +8,8 @@
 #include <set>
 #include <vector>
 
+#include "common/gst_wire.h"
 #include "gst/gst_test.h"
-#include "gst_wire.h"
 
 namespace lf::test {
 namespace {

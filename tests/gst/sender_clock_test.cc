@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "sender_clock.h"
+#include "camsrc/sender_clock.h"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Also run under ThreadSanitizer (tests/sanitize.sh thread).
-#include "worker_pool.h"
+#include "common/worker_pool.h"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 #include <random>
 
 #include "base/error.h"
-#include "focus/trial.h"
+#include "focus/trial_levels.h"
 #include "lib/wire/wire_test.h"
 #include "wire/answer_parser.h"
 
@@ -16,9 +16,26 @@ namespace {
 
 // Written from spec.md, not by the encoder: two trials of 2 x 1 nodes, all weight there in the first.
 const char kGolden[] =
-    "8f4c46410105000000000044" "00000007" "00000009" "1122334455667788" "00000003" "0002" "0001" "02" "00" "0000" "0000" "0002" "0001"
-    "00" "00010002" "00030004"
-    "01" "80004000" "00050006" "00070008";
+    "8f4c46410105000000000044"
+    "00000007"
+    "00000009"
+    "1122334455667788"
+    "00000003"
+    "0002"
+    "0001"
+    "02"
+    "00"
+    "0000"
+    "0000"
+    "0002"
+    "0001"
+    "00"
+    "00010002"
+    "00030004"
+    "01"
+    "80004000"
+    "00050006"
+    "00070008";
 
 MomentsUnit golden() {
   MomentsUnit unit;
@@ -65,9 +82,25 @@ TEST(MomentsCodec, GoldenBytes) {
 // One trial of 2 x 1 nodes with wide weights, and gains.
 TEST(MomentsCodec, GoldenBytesOfGains) {
   const char* const hex =
-      "8f4c46410105000100000043" "00000007" "00000009" "1122334455667788" "00000003" "0002" "0001" "01" "00"
-      "0000c000" "fffff000" "0000" "0000" "0002" "0001"
-      "01" "10002000" "00050006" "00070008";
+      "8f4c46410105000100000043"
+      "00000007"
+      "00000009"
+      "1122334455667788"
+      "00000003"
+      "0002"
+      "0001"
+      "01"
+      "00"
+      "0000c000"
+      "fffff000"
+      "0000"
+      "0000"
+      "0002"
+      "0001"
+      "01"
+      "10002000"
+      "00050006"
+      "00070008";
   MomentsUnit unit = golden();
   unit.gains = GainSum{0xc000, -0x1000};
   unit.trials.resize(1);

@@ -1,0 +1,349 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+
+/**
+ * SECTION:element-lfcameranode
+ * @title: lfcameranode
+ * @short_description: the cameras of a rig, or some of them, as one node that answers view requests
+ *
+ * A bin of one #element-lfcamsrc for each camera of a list and one #element-lffragment. View requests come in on
+ * `request`, an answer for each goes out on `src`. Further requesters, such as compositors on other hosts, have pads of
+ * their own: what comes in on `request_0` is answered on `src_0`.
+ *
+ * A camera that fails ends nothing: its neighbours close the gap. Live ones are opened again until they are back
+ * (`retry`), others are lost for good. #element-lfcamsrc tells which with its messages, `stats` have the state, the
+ * reason and the retries of each. An error it is where no camera has worked, or none is opened again.
+ *
+ * ## Example launch line
+ * |[
+ * gst-launch-1.0 lfviewrequest location=views.json ! tee name=r  r. ! queue ! n.request \
+ *   lfcameranode name=n rig=rig.json ! c.sink_0  r. ! queue ! c.request \
+ *   lfcompositor name=c rig=rig.json ! videoconvert ! pngenc ! multifilesink location=out_%02d.png
+ * ]|
+ */
+
+#include "bins/lfcameranode.h"
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/error.h"
+#include "bins/lfcameranode_private.h"
+#include "camsrc/lfcamsrc.h"
+#include "common/common.h"
+#include "fragment/lffragment_private.h"
+
+GST_DEBUG_CATEGORY_STATIC(lf_camera_node_debug);
+#define GST_CAT_DEFAULT lf_camera_node_debug
+
+namespace {
+
+using Settings = lf::CameraNodeSettings;
+
+enum {
+  kPropFirstSetting = 1,
+  kPropRig = kPropFirstSetting + Settings::kRig,
+  kPropSum = kPropFirstSetting + Settings::kNumProperties,  // and more: see lf_fragment_install_choices()
+  kPropStats = kPropSum + kNumFragmentChoices,
+  kPropNetClock
+};
+
+}  // namespace
+
+G_DEFINE_TYPE_WITH_CODE(LfCameraNode, lf_camera_node, GST_TYPE_BIN,
+                        GST_DEBUG_CATEGORY_INIT(lf_camera_node_debug, "lfcameranode", 0, "cameras of a rig as a node"))
+GST_ELEMENT_REGISTER_DEFINE(lfcameranode, "lfcameranode", GST_RANK_NONE, LF_TYPE_CAMERA_NODE)
+
+static GstStaticPadTemplate request_template =
+    GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_CAPS));
+static GstStaticPadTemplate src_template =
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_ANSWER_CAPS));
+
+static GstStaticPadTemplate more_request_template =
+    GST_STATIC_PAD_TEMPLATE("request_%u", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_REQUEST_CAPS));
+static GstStaticPadTemplate more_src_template =
+    GST_STATIC_PAD_TEMPLATE("src_%u", GST_PAD_SRC, GST_PAD_SOMETIMES, GST_STATIC_CAPS(LF_ANSWER_CAPS));
+
+static Settings current_settings(LfCameraNode* self) {
+  lf::ObjectLock lock(self);
+  Settings settings = *self->settings;
+  lock.unlock();
+  return settings;
+}
+
+static void remove_cameras(LfCameraNode* self) {
+  GST_OBJECT_LOCK(self);
+  const std::vector<GstElement*> cameras = std::exchange(*self->cameras, {});
+  GST_OBJECT_UNLOCK(self);
+  for (GstElement* camera : cameras) {
+    GstPad* src = gst_element_get_static_pad(camera, "src");
+    GstPad* sink = gst_pad_get_peer(src);
+    gst_element_set_state(camera, GST_STATE_NULL);
+    gst_bin_remove(GST_BIN(self), camera);
+    if (sink) {
+      gst_element_release_request_pad(self->fragment, sink);
+      gst_object_unref(sink);
+    }
+    gst_object_unref(src);
+  }
+}
+
+// The pad is named after the camera's index, which is easily found in a picture of the pipeline.
+static void add_camera(LfCameraNode* self, const Settings& settings, const lf::Rig& rig, lf::CameraIndex index) {
+  const std::string id = std::to_string(rig.cameras[index].id);
+  GstElement* camera = gst_element_factory_make("lfcamsrc", ("camera" + id).c_str());
+  if (!camera) throw lf::Error("element lfcamsrc is not installed");
+  g_object_set(camera, "rig", settings.rig.c_str(), "camera", rig.cameras[index].id, "is-live", settings.is_live,
+               "loop", settings.loop, "decode", settings.decode, "latency", settings.latency, "retry", settings.retry,
+               nullptr);
+  lf_cam_src_set_expendable(LF_CAM_SRC(camera));
+  gst_util_set_object_arg(G_OBJECT(camera), "framerate",
+                          (std::to_string(settings.fps_n) + "/" + std::to_string(settings.fps_d)).c_str());
+  {
+    const lf::ObjectLock lock(self);
+    self->cameras->reserve(self->cameras->size() + 1);  // none is in the bin that is not known
+  }
+  gst_bin_add(GST_BIN(self), camera);
+  lf::ObjectLock lock(self);
+  self->cameras->push_back(camera);
+  lock.unlock();
+  if (!gst_element_link_pads(camera, "src", self->fragment, ("sink_" + std::to_string(index)).c_str()))
+    throw lf::Error(settings.rig + ": camera " + id + ": can't be linked with lffragment");
+  gst_child_proxy_set(GST_CHILD_PROXY(self->fragment), ("sink_" + std::to_string(index) + "::camera").c_str(),
+                      static_cast<gint>(rig.cameras[index].id), nullptr);
+}
+
+// False, without cameras, after posting the reason.
+static bool open_cameras(LfCameraNode* self) {
+  remove_cameras(self);
+  const Settings settings = current_settings(self);
+  try {
+    if (!self->fragment) throw lf::Error("element lffragment is not installed");
+    if (settings.rig.empty()) throw lf::Error("rig: not set");
+    if (!g_file_test(settings.rig.c_str(), G_FILE_TEST_EXISTS)) throw lf::Error(settings.rig + ": no such file");
+    const std::shared_ptr<const lf::Rig> rig = lf::shared_rig(settings.rig);
+    std::vector<lf::CameraIndex> indices;
+    try {
+      indices = lf::parse_camera_list(*rig, settings.cameras);
+    } catch (const lf::Error& error) {
+      throw lf::Error(settings.rig + ": cameras \"" + settings.cameras + "\": " + error.what());
+    }
+    g_object_set(self->fragment, "rig", settings.rig.c_str(), "node", settings.node, nullptr);
+    for (const lf::CameraIndex index : indices) add_camera(self, settings, *rig, index);
+    *self->opened = settings;
+    *self->rig = rig;
+    return true;
+  } catch (const std::exception& error) {
+    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
+  }
+  remove_cameras(self);
+  return false;
+}
+
+// Whether the rig has the same cameras with the same sources as the one that the cameras were opened with; else
+// *problem says what is not.
+static bool has_same_sources(LfCameraNode* self, const lf::Rig& rig, std::string* problem) {
+  const lf::Rig& before = **self->rig;
+  const auto place = [](const lf::Rig& of, const std::string& path) {
+    return lf::is_uri(path) ? path : std::filesystem::path(of.resolve(path)).lexically_normal().string();
+  };
+  try {
+    std::vector<lf::CameraIndex> own = lf::parse_camera_list(before, self->opened->cameras);
+    if (lf::parse_camera_list(rig, self->opened->cameras).size() != own.size())
+      throw lf::Error("it has another number of cameras");
+    for (const lf::CameraIndex index : own) {
+      const lf::Camera& was = before.cameras[index];
+      const auto is = rig.index_of_id(was.id);
+      if (!is) throw lf::Error("it has no camera " + std::to_string(was.id));
+      const lf::Camera& now = rig.cameras[*is];
+      if (place(before, was.source) != place(rig, now.source) || place(before, was.image) != place(rig, now.image))
+        throw lf::Error("camera " + std::to_string(was.id) + " has another source");
+    }
+    return true;
+  } catch (const lf::Error& error) {
+    *problem = error.what();
+    return false;
+  }
+}
+
+// While the node runs lffragment takes the new rig, and the cameras go on as they are.
+static void lf_camera_node_set_rig(LfCameraNode* self, const gchar* path) {
+  if (lf::is_running(GST_ELEMENT(self))) {
+    const std::shared_ptr<const lf::Rig> rig = lf::reload_rig(GST_ELEMENT(self), path);
+    if (!rig) return;
+    std::string problem;
+    if (!has_same_sources(self, *rig, &problem)) {
+      GST_ELEMENT_WARNING(
+          self, RESOURCE, SETTINGS,
+          ("%s: %s: such a rig needs this node to be started anew; the rig stays as it was.", path, problem.c_str()),
+          (nullptr));
+      return;
+    }
+    g_object_set(self->fragment, "rig", path, nullptr);
+  }
+  lf::ObjectLock lock(self);
+  self->settings->rig = path ? path : "";
+  lock.unlock();
+}
+
+static void lf_camera_node_handle_message(GstBin* bin, GstMessage* message) {
+  const GstStructure* structure =
+      GST_MESSAGE_TYPE(message) == GST_MESSAGE_ELEMENT ? gst_message_get_structure(message) : nullptr;
+  const bool is_loss = structure && gst_structure_has_name(structure, LF_CAMERA_LOST);
+  GST_BIN_CLASS(lf_camera_node_parent_class)->handle_message(bin, message);
+  if (is_loss) lf_camera_node_check_cameras(LF_CAMERA_NODE(bin));
+}
+
+static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, GstStateChange transition) {
+  LfCameraNode* self = LF_CAMERA_NODE(element);
+  if (!self->net_clock->before(element, transition)) return GST_STATE_CHANGE_FAILURE;
+  const bool stale = transition == GST_STATE_CHANGE_NULL_TO_READY ||
+                     (transition == GST_STATE_CHANGE_READY_TO_PAUSED && *self->opened != current_settings(self));
+  if (stale && !open_cameras(self)) return GST_STATE_CHANGE_FAILURE;
+  const bool starts = transition == GST_STATE_CHANGE_NULL_TO_READY || transition == GST_STATE_CHANGE_READY_TO_PAUSED;
+  if (starts) lf_camera_node_forget_failure(self);
+  GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_camera_node_parent_class)->change_state(element, transition);
+  if (starts && lf_camera_node_has_failed(self)) result = GST_STATE_CHANGE_FAILURE;
+  self->net_clock->after(element, transition);
+  if (transition == GST_STATE_CHANGE_READY_TO_NULL ||
+      (transition == GST_STATE_CHANGE_NULL_TO_READY && result == GST_STATE_CHANGE_FAILURE))
+    remove_cameras(self);
+  return result;
+}
+
+// How lffragment answers is its own property under the same name.
+static bool is_of_fragment(guint id) { return id >= kPropSum && id <= kPropStats; }
+
+static void lf_camera_node_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
+  LfCameraNode* self = LF_CAMERA_NODE(object);
+  if (is_of_fragment(id)) {
+    if (self->fragment) g_object_set_property(G_OBJECT(self->fragment), pspec->name, value);
+    return;
+  }
+  if (id == kPropRig) return lf_camera_node_set_rig(self, g_value_get_string(value));
+  if (id >= kPropNetClock) return self->net_clock->set(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
+  lf::ObjectLock lock(self);
+  self->settings->set(static_cast<Settings::Property>(id - kPropFirstSetting), value);
+  lock.unlock();
+}
+
+static void lf_camera_node_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
+  LfCameraNode* self = LF_CAMERA_NODE(object);
+  if (id == kPropStats) return g_value_take_boxed(value, lf_camera_node_stats(self));
+  if (is_of_fragment(id)) {
+    if (self->fragment) g_object_get_property(G_OBJECT(self->fragment), pspec->name, value);
+    return;
+  }
+  if (id >= kPropNetClock) return self->net_clock->get(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
+  current_settings(self).get(static_cast<Settings::Property>(id - kPropFirstSetting), value);
+}
+
+static void lf_camera_node_finalize(GObject* object) {
+  LfCameraNode* self = LF_CAMERA_NODE(object);
+  delete self->settings;
+  delete self->net_clock;
+  delete self->opened;
+  delete self->rig;
+  delete self->cameras;
+  G_OBJECT_CLASS(lf_camera_node_parent_class)->finalize(object);
+}
+
+static GstClock* lf_camera_node_provide_clock(GstElement* element) {
+  return LF_CAMERA_NODE(element)->net_clock->provide();
+}
+
+static GstPad* add_ghost_pad(LfCameraNode* self, const char* name, GstStaticPadTemplate* static_template) {
+  GstPadTemplate* pad_template = gst_static_pad_template_get(static_template);
+  GstPad* target = self->fragment ? gst_element_get_static_pad(self->fragment, name) : nullptr;
+  GstPad* pad = target ? gst_ghost_pad_new_from_template(name, target, pad_template)
+                       : gst_ghost_pad_new_no_target_from_template(name, pad_template);
+  if (GST_PAD_IS_SINK(pad)) lf::accept_unit_caps(pad);
+  gst_element_add_pad(GST_ELEMENT(self), pad);
+  gst_clear_object(&target);
+  gst_object_unref(pad_template);
+  return pad;
+}
+
+// lffragment adds the source pad with the request pad and takes it away with it.
+static GstPad* lf_camera_node_new_pad(GstElement* element, GstPadTemplate*, const gchar* name, const GstCaps*) {
+  LfCameraNode* self = LF_CAMERA_NODE(element);
+  if (!self->fragment) return nullptr;
+  GstPad* target = gst_element_request_pad_simple(self->fragment, name ? name : "request_%u");
+  if (!target) return nullptr;
+  const std::string request_name = GST_PAD_NAME(target);
+  const std::string src_name = "src" + request_name.substr(sizeof("request") - 1);
+  gst_object_unref(target);
+  gst_pad_set_active(add_ghost_pad(self, src_name.c_str(), &more_src_template), TRUE);
+  GstPad* pad = add_ghost_pad(self, request_name.c_str(), &more_request_template);
+  gst_pad_set_active(pad, TRUE);
+  return pad;
+}
+
+static void lf_camera_node_release_pad(GstElement* element, GstPad* pad) {
+  LfCameraNode* self = LF_CAMERA_NODE(element);
+  const std::string src_name = "src" + std::string(GST_PAD_NAME(pad)).substr(sizeof("request") - 1);
+  GstPad* target = gst_ghost_pad_get_target(GST_GHOST_PAD(pad));
+  if (GstPad* src = gst_element_get_static_pad(element, src_name.c_str())) {
+    gst_pad_set_active(src, FALSE);
+    gst_element_remove_pad(element, src);
+    gst_object_unref(src);
+  }
+  gst_pad_set_active(pad, FALSE);
+  gst_element_remove_pad(element, pad);
+  if (!target) return;
+  gst_element_release_request_pad(self->fragment, target);
+  gst_object_unref(target);
+}
+
+static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
+  GObjectClass* object_class = G_OBJECT_CLASS(klass);
+  object_class->set_property = lf::callback<lf_camera_node_set_property>;
+  object_class->get_property = lf::callback<lf_camera_node_get_property>;
+  object_class->finalize = lf_camera_node_finalize;
+
+  Settings::install(object_class, kPropFirstSetting);
+  lf_fragment_install_choices(object_class, kPropSum);
+  g_object_class_install_property(
+      object_class, kPropStats,
+      g_param_spec_boxed(
+          "stats", "Statistics",
+          "What lffragment counts, see there, and of each of the cameras: state (opening, running, ended "
+          "or lost), reason of the latest loss, losses, retries, dropped frames, capture-time",
+          GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+  lf::NetClock::install(object_class, kPropNetClock);
+
+  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  element_class->change_state = lf::callback<lf_camera_node_change_state>;
+  element_class->provide_clock = lf::callback<lf_camera_node_provide_clock>;
+  GST_BIN_CLASS(klass)->handle_message = lf::callback<lf_camera_node_handle_message>;
+  element_class->request_new_pad = lf::callback<lf_camera_node_new_pad>;
+  element_class->release_pad = lf::callback<lf_camera_node_release_pad>;
+  gst_element_class_add_static_pad_template(element_class, &request_template);
+  gst_element_class_add_static_pad_template(element_class, &more_request_template);
+  gst_element_class_add_static_pad_template(element_class, &src_template);
+  gst_element_class_add_static_pad_template(element_class, &more_src_template);
+  gst_element_class_set_static_metadata(
+      element_class, "Light field camera node", "Filter/Video",
+      "Answers view requests with the fragments of a range of cameras: an lfcamsrc each and one lffragment",
+      "gst-lightfield");
+}
+
+static void lf_camera_node_init(LfCameraNode* self) {
+  self->settings = new Settings;
+  self->net_clock = new lf::NetClock;
+  self->opened = new Settings;
+  self->rig = new std::shared_ptr<const lf::Rig>;
+  self->cameras = new std::vector<GstElement*>;
+  // It answers requests: their end, not an EOS event to its cameras, is the end of its output.
+  // Its clock is not its children's either.
+  gst_bin_set_suppressed_flags(
+      GST_BIN(self),
+      static_cast<GstElementFlags>(GST_ELEMENT_FLAG_SOURCE | GST_ELEMENT_FLAG_SINK | GST_ELEMENT_FLAG_PROVIDE_CLOCK));
+  GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
+  self->fragment = gst_element_factory_make("lffragment", "fragment");
+  if (self->fragment) gst_bin_add(GST_BIN(self), self->fragment);
+  add_ghost_pad(self, "request", &request_template);
+  add_ghost_pad(self, "src", &src_template);
+}

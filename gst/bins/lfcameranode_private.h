@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "bins/camera_node_settings.h"
+#include "bins/lfcameranode.h"
+#include "common/net_clock.h"
+#include "rig/rig.h"
+
+// What the files of lfcameranode share: lfcameranode.cc (the element) and camera_node_losses.cc (what becomes of it
+// where cameras fail).
+
+struct _LfCameraNode {
+  GstBin parent;
+  GstElement* fragment;              // borrowed from the bin's children; null where lffragment is not installed
+  lf::CameraNodeSettings* settings;  // under the object lock
+  lf::NetClock* net_clock;
+  lf::CameraNodeSettings* opened;       // what the children were made for
+  std::shared_ptr<const lf::Rig>* rig;  // the same
+  std::vector<GstElement*>* cameras;    // borrowed from the bin's children; under the object lock
+  bool failed;                          // no camera works; under the object lock
+};
+
+// A camera has been lost: posts an error if none works. Some may come back where one has worked before. Any thread.
+void lf_camera_node_check_cameras(LfCameraNode* self);
+// Whether that error has been posted since it was forgotten.
+bool lf_camera_node_has_failed(LfCameraNode* self);
+void lf_camera_node_forget_failure(LfCameraNode* self);
+// The `stats` property: what lffragment counts, and the structure `cameras` of one for each, camera-ID. Owned by the
+// caller.
+GstStructure* lf_camera_node_stats(LfCameraNode* self);

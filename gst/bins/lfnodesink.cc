@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+
+/**
+ * SECTION:element-lfnodesink
+ * @title: lfnodesink
+ * @short_description: the cameras of this machine for viewers on others
+ *
+ * The other end of `lfviewsrc nodes=...`: an #element-lfcameranode ("node") with live cameras, whose view requests come
+ * in by RTP at the port `listen`, and whose answers go to `answers`. Where several hosts ask, both have an item for
+ * each, in the same order. It has the properties of lfcameranode; films begin again at their end, but with
+ * `loop=false`.
+ *
+ * A bin without pads. It runs by the machine's realtime clock, which those hosts have to share (chrony, PTP), unless
+ * something else in the pipeline gives a clock.
+ *
+ * ## Example launch line
+ * |[
+ * gst-launch-1.0 lfnodesink rig=rig.json cameras=0-31 node=0 listen=6000 answers=viewer:6100
+ * ]|
+ */
+
+#include "bins/lfnodesink.h"
+
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "base/host_list.h"
+#include "bins/lfcameranode.h"
+#include "bins/property_copy.h"
+#include "bins/rtp_link.h"
+#include "common/guard.h"
+#include "common/requested_pads.h"
+#include "rtp/rtplfpay.h"
+
+GST_DEBUG_CATEGORY_STATIC(lf_node_sink_debug);
+#define GST_CAT_DEFAULT lf_node_sink_debug
+
+namespace {
+
+enum { PROP_0, PROP_LISTEN, PROP_ANSWERS, PROP_FIRST_COPY };
+
+constexpr gint kStripPixels = 5120;  // 16 rows of 320: about a packet, so that a lost one loses no more
+
+// The network side: what was made for these properties.
+struct Links {
+  std::string listen, answers;
+  std::vector<GstElement*> elements;  // the bin's
+  std::unique_ptr<lf::RequestedPads> pads;
+};
+
+}  // namespace
+
+struct _LfNodeSink {
+  GstBin parent;
+  gchar *listen, *answers;  // under the object lock
+  GstElement* node;         // borrowed from the bin's children; null where lfcameranode is not installed
+  GstElement* pay;          // is in no bin: has the properties of all that are
+  GstClock* realtime;
+  Links* links;
+};
+
+G_DEFINE_FINAL_TYPE(LfNodeSink, lf_node_sink, GST_TYPE_BIN)
+GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfnodesink, "lfnodesink", GST_RANK_NONE, LF_TYPE_NODE_SINK,
+                                      GST_DEBUG_CATEGORY_INIT(lf_node_sink_debug, "lfnodesink", 0,
+                                                              "cameras for viewers on other machines"))
+
+static void remove_links(LfNodeSink* self) {
+  Links& links = *self->links;
+  for (GstElement* element : links.elements) {
+    gst_element_set_state(element, GST_STATE_NULL);
+    gst_bin_remove(GST_BIN(self), element);
+  }
+  links = {};
+}
+
+static GstElement* add(LfNodeSink* self, const char* factory, const std::string& name) {
+  self->links->elements.push_back(lf::add_element(GST_BIN(self), factory, name));
+  return self->links->elements.back();
+}
+
+// Requester number `index`, who is at `to`.
+static void add_requester(LfNodeSink* self, size_t index, const lf::HostPort& from, const lf::HostPort& to) {
+  const std::string number = std::to_string(index);
+  GstPad* received =
+      lf::add_receiver(GST_BIN(self), from, "X-LIGHTFIELD-REQUEST", "requests" + number, &self->links->elements);
+  GstElement* queue = add(self, "queue", "requests" + number);
+  // Late requests are of no use.
+  gst_util_set_object_arg(G_OBJECT(queue), "leaky", "downstream");
+  g_object_set(queue, "max-size-buffers", 4, "max-size-time", guint64{0}, "max-size-bytes", 0, nullptr);
+  GstElement* pay = add(self, "rtplfpay", "answers" + number + "_pay");
+  for (const char* name : {"mtu", "max-bitrate"}) {
+    GValue value = G_VALUE_INIT;
+    g_object_get_property(G_OBJECT(self->pay), name, &value);
+    g_object_set_property(G_OBJECT(pay), name, &value);
+    g_value_unset(&value);
+  }
+  lf::check_host(to.host);
+  GstElement* udp = add(self, "udpsink", "answers" + number + "_udp");
+  g_object_set(udp, "host", to.host.c_str(), "port", to.port, "sync", FALSE, "async", FALSE, nullptr);
+
+  std::string ending;
+  if (index > 0) {
+    GstPad* request = gst_element_request_pad_simple(self->node, "request_%u");
+    ending = std::string(GST_PAD_NAME(request)).substr(sizeof("request") - 1);
+    self->links->pads->add(self->node, request);
+  }
+  GstPad* in = gst_element_get_static_pad(queue, "sink");
+  const bool linked = gst_pad_link(received, in) == GST_PAD_LINK_OK &&
+                      gst_element_link_pads(queue, "src", self->node, ("request" + ending).c_str()) &&
+                      gst_element_link_pads(self->node, ("src" + ending).c_str(), pay, "sink") &&
+                      gst_element_link(pay, udp);
+  gst_object_unref(in);
+  gst_object_unref(received);
+  if (!linked) throw lf::Error("the cameras can't be linked with the network");
+}
+
+// Before READY and before PAUSED. False after posting the reason.
+static bool prepare(LfNodeSink* self) {
+  lf::ObjectLock lock(self);
+  const std::string listen = self->listen ? self->listen : "", answers = self->answers ? self->answers : "";
+  lock.unlock();
+  Links& links = *self->links;
+  if (links.pads && links.listen == listen && links.answers == answers) return true;
+  remove_links(self);
+  try {
+    if (!self->node || !self->pay) throw lf::Error("elements lfcameranode and rtplfpay are not installed");
+    const std::vector<lf::HostPort> from = lf::parse_host_ports(listen), to = lf::parse_host_ports(answers);
+    if (from.empty()) throw lf::Error("listen: not set");
+    if (from.size() != to.size())
+      throw lf::Error("listen and answers: must have as many items, one for each host that asks");
+    for (const lf::HostPort& place : to)
+      if (place.host.empty()) throw lf::Error("answers: " + std::to_string(place.port) + ": must be HOST:PORT");
+    links.pads = std::make_unique<lf::RequestedPads>();
+    for (size_t i = 0; i < from.size(); i++) add_requester(self, i, from[i], to[i]);
+    links.listen = listen;
+    links.answers = answers;
+    return true;
+  } catch (const std::exception& error) {
+    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
+  }
+  remove_links(self);
+  return false;
+}
+
+static GstStateChangeReturn lf_node_sink_change_state(GstElement* element, GstStateChange transition) {
+  const bool starts = transition == GST_STATE_CHANGE_NULL_TO_READY || transition == GST_STATE_CHANGE_READY_TO_PAUSED;
+  if (starts && !prepare(LF_NODE_SINK(element))) return GST_STATE_CHANGE_FAILURE;
+  return GST_ELEMENT_CLASS(lf_node_sink_parent_class)->change_state(element, transition);
+}
+
+static GstClock* lf_node_sink_provide_clock(GstElement* element) {
+  if (GstClock* clock = GST_ELEMENT_CLASS(lf_node_sink_parent_class)->provide_clock(element)) return clock;
+  return GST_CLOCK(gst_object_ref(LF_NODE_SINK(element)->realtime));
+}
+
+static GstElement* owner_of(LfNodeSink* self, GParamSpec* copy) {
+  return lf::is_copy(copy, LF_TYPE_CAMERA_NODE) ? self->node : self->pay;
+}
+
+static void set_all_payloaders(LfNodeSink* self, const char* name, const GValue* value) {
+  GstIterator* all = gst_bin_iterate_all_by_element_factory_name(GST_BIN(self), "rtplfpay");
+  GValue item = G_VALUE_INIT;
+  while (gst_iterator_next(all, &item) == GST_ITERATOR_OK) {
+    g_object_set_property(G_OBJECT(g_value_get_object(&item)), name, value);
+    g_value_reset(&item);
+  }
+  g_value_unset(&item);
+  gst_iterator_free(all);
+}
+
+static void lf_node_sink_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
+  LfNodeSink* self = LF_NODE_SINK(object);
+  if (id >= PROP_FIRST_COPY) {
+    GstElement* owner = owner_of(self, pspec);
+    if (owner) g_object_set_property(G_OBJECT(owner), pspec->name, value);
+    if (owner && owner == self->pay) set_all_payloaders(self, pspec->name, value);
+    return;
+  }
+  GST_OBJECT_LOCK(self);
+  gchar** text = id == PROP_LISTEN ? &self->listen : &self->answers;
+  g_free(*text);
+  *text = g_value_dup_string(value);
+  GST_OBJECT_UNLOCK(self);
+}
+
+static void lf_node_sink_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
+  LfNodeSink* self = LF_NODE_SINK(object);
+  if (id >= PROP_FIRST_COPY) {
+    if (GstElement* owner = owner_of(self, pspec)) g_object_get_property(G_OBJECT(owner), pspec->name, value);
+    return;
+  }
+  GST_OBJECT_LOCK(self);
+  g_value_set_string(value, id == PROP_LISTEN ? self->listen : self->answers);
+  GST_OBJECT_UNLOCK(self);
+}
+
+static void lf_node_sink_dispose(GObject* object) {
+  remove_links(LF_NODE_SINK(object));
+  gst_clear_object(&LF_NODE_SINK(object)->pay);
+  LF_NODE_SINK(object)->node = nullptr;
+  G_OBJECT_CLASS(lf_node_sink_parent_class)->dispose(object);
+}
+
+static void lf_node_sink_finalize(GObject* object) {
+  LfNodeSink* self = LF_NODE_SINK(object);
+  delete self->links;
+  g_free(self->listen);
+  g_free(self->answers);
+  gst_clear_object(&self->realtime);
+  G_OBJECT_CLASS(lf_node_sink_parent_class)->finalize(object);
+}
+
+static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
+  GObjectClass* object_class = G_OBJECT_CLASS(klass);
+  object_class->set_property = lf::callback<lf_node_sink_set_property>;
+  object_class->get_property = lf::callback<lf_node_sink_get_property>;
+  object_class->dispose = lf_node_sink_dispose;
+  object_class->finalize = lf_node_sink_finalize;
+  constexpr auto kFlags = GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY);
+  g_object_class_install_property(
+      object_class, PROP_LISTEN,
+      g_param_spec_string(
+          "listen", "Listen",
+          "UDP port that view requests come in at, or GROUP:PORT of a multicast group; one for each host "
+          "that asks, with commas between; required",
+          nullptr, kFlags));
+  g_object_class_install_property(
+      object_class, PROP_ANSWERS,
+      g_param_spec_string("answers", "Answers", "HOST:PORT where the answers go to, for each item of listen; required",
+                          nullptr, kFlags));
+  const guint next = lf::install_copies(object_class, PROP_FIRST_COPY, LF_TYPE_CAMERA_NODE, {"is-live"});
+  lf::install_copies(object_class, next, LF_TYPE_RTP_PAY, {"stats"}, {"mtu"});
+
+  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  element_class->change_state = lf::callback<lf_node_sink_change_state>;
+  element_class->provide_clock = lf::callback<lf_node_sink_provide_clock>;
+  gst_element_class_set_static_metadata(
+      element_class, "Light field node sink", "Sink/Network/Video",
+      "The cameras of this machine for lfviewsrc on others: answers view requests that come by RTP", "gst-lightfield");
+}
+
+static void lf_node_sink_init(LfNodeSink* self) {
+  self->links = new Links;
+  self->realtime = lf::new_realtime_clock();
+  GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
+  self->pay = gst_element_factory_make("rtplfpay", nullptr);
+  if (self->pay) gst_object_ref_sink(self->pay);
+  self->node = gst_element_factory_make("lfcameranode", "node");
+  if (!self->node) return;
+  g_object_set(self->node, "is-live", TRUE, "loop", TRUE, "strip-pixels", kStripPixels, nullptr);
+  gst_bin_add(GST_BIN(self), self->node);
+  lf::forward_notifications(G_OBJECT(self), G_OBJECT(self->node));
+}

@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+
+/**
+ * SECTION:element-lfviewsrc
+ * @title: lfviewsrc
+ * @short_description: a view of a light field as a source of video, with everything that it takes inside
+ *
+ * A bin of an #element-lfviewrequest ("view"), an #element-lfcompositor ("compositor") and the cameras: those of the
+ * rig that are on this machine as one #element-lfcameranode ("node"), or, with `nodes`, those of other hosts, which are
+ * reached by RTP and run #element-lfnodesink. Mouse and keys in a window behind it fly. Its properties are those of
+ * view and compositor; other children's are set as those of any bin's (`lfviewsrc node::cameras=0-15 ...`).
+ *
+ * Each request pad `src_%u` is a further viewer of the same cameras, which has an lfviewrequest and an lfcompositor of
+ * its own ("view_0", "compositor_0" of `src_0`). It begins with the settings of the bin, but with a view of its own
+ * that stands in the middle of the array. Viewers come and go while everything runs, and none waits for another.
+ * Pictures of a pad that is not linked are dropped.
+ *
+ * Cameras are live unless `is-live` is false, which makes pictures as fast as they are taken and ends with the views of
+ * `location`. Films begin again at their end, but with `node::loop=false`.
+ *
+ * With `nodes` the pipeline runs by the machine's realtime clock, which those hosts have to share (chrony, PTP), unless
+ * something else in it gives a clock.
+ *
+ * ## Example launch lines
+ * |[
+ * gst-launch-1.0 lfviewsrc rig=rig.json ! videoconvert ! autovideosink
+ * ]| A window in which mouse and keys fly.
+ * |[
+ * gst-launch-1.0 lfviewsrc rig=rig.json location=views.json is-live=false ! videoconvert ! pngenc ! \
+ *   multifilesink location=out_%02d.png
+ * ]| Pictures of the views in a file.
+ * |[
+ * gst-launch-1.0 lfviewsrc name=v rig=rig.json width=640 height=480  v.src ! queue ! videoconvert ! autovideosink \
+ *   v.src_0 ! queue ! videoconvert ! autovideosink
+ * ]| Two viewers, each with a window.
+ * |[
+ * gst-launch-1.0 lfviewsrc rig=rig.json nodes=camhost0:6000:6100,camhost1:6000:6101 ! videoconvert ! autovideosink
+ * ]| The cameras of two other hosts.
+ */
+
+#include "bins/lfviewsrc.h"
+
+#include <memory>
+#include <string>
+
+#include "base/error.h"
+#include "bins/lfviewsrc_private.h"
+#include "bins/rtp_link.h"
+#include "common/common.h"
+
+GST_DEBUG_CATEGORY(lf_view_src_debug);
+#define GST_CAT_DEFAULT lf_view_src_debug
+
+G_DEFINE_FINAL_TYPE_WITH_CODE(LfViewSrc, lf_view_src, GST_TYPE_BIN,
+                              G_IMPLEMENT_INTERFACE(GST_TYPE_URI_HANDLER, lf_view_src_uri_handler_init))
+GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfviewsrc, "lfviewsrc", GST_RANK_NONE, LF_TYPE_VIEW_SRC,
+                                      GST_DEBUG_CATEGORY_INIT(lf_view_src_debug, "lfviewsrc", 0,
+                                                              "view of a light field"))
+
+static void drop_cameras(LfViewSrc* self) {
+  auto& inside = *self->inside;
+  for (auto& [name, viewer] : inside.viewers) {
+    viewer->pads.reset();
+    viewer->chain.drop_answers();
+  }
+  inside.cameras.reset();
+}
+
+// Other cameras for all viewers. While nothing runs. Throws Error.
+static void change_cameras(LfViewSrc* self, const std::string& nodes) {
+  auto& inside = *self->inside;
+  drop_cameras(self);
+  inside.nodes = nodes;
+  try {
+    const auto addresses = lf::parse_nodes(nodes);
+    inside.cameras =
+        addresses.empty() ? lf::cameras_here(GST_BIN(self)) : lf::cameras_on_hosts(GST_BIN(self), addresses);
+    for (auto& [name, viewer] : inside.viewers) viewer->pads = inside.cameras->connect(viewer->chain);
+  } catch (...) {
+    drop_cameras(self);
+    throw;
+  }
+  if (GstElement* node = gst_bin_get_by_name(GST_BIN(self), "node")) {
+    g_object_set(node, "loop", TRUE, nullptr);
+    gst_object_unref(node);
+  }
+  lf_view_src_set_node(self);
+}
+
+// Before READY and before PAUSED. False after posting the reason.
+static bool prepare(LfViewSrc* self) {
+  const std::lock_guard lock(self->inside->mutex);
+  const std::string rig = lf_view_src_text(self, &self->rig), nodes = lf_view_src_text(self, &self->nodes);
+  try {
+    if (rig.empty()) throw lf::Error("rig: not set");
+    lf::shared_rig(rig);
+    if (!nodes.empty() && !lf_view_src_is_live(self))
+      throw lf::Error("nodes: cameras of other hosts are live, is-live must be true");
+    if (!self->view) throw lf::Error("elements lfviewrequest and lfcompositor are not installed");
+    try {
+      if (!self->inside->cameras || self->inside->nodes != nodes) change_cameras(self, nodes);
+    } catch (const lf::Error& error) {
+      throw lf::Error((nodes.empty() ? "" : "nodes: ") + std::string(error.what()));
+    }
+    return true;
+  } catch (const lf::Error& error) {
+    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
+    return false;
+  }
+}
+
+// Hosts name capture times by the time of day. Null where the cameras are here.
+static GstClock* hosts_clock(LfViewSrc* self) {
+  const std::lock_guard lock(self->inside->mutex);
+  if (self->inside->nodes.empty()) return nullptr;
+  if (!self->inside->realtime) self->inside->realtime = lf::new_realtime_clock();
+  return GST_CLOCK(gst_object_ref(self->inside->realtime));
+}
+
+static GstClock* lf_view_src_provide_clock(GstElement* element) {
+  GstClock* clock = GST_ELEMENT_CLASS(lf_view_src_parent_class)->provide_clock(element);
+  return clock ? clock : hosts_clock(LF_VIEW_SRC(element));
+}
+
+static GstStateChangeReturn lf_view_src_change_state(GstElement* element, GstStateChange transition) {
+  LfViewSrc* self = LF_VIEW_SRC(element);
+  const bool starts = transition == GST_STATE_CHANGE_NULL_TO_READY || transition == GST_STATE_CHANGE_READY_TO_PAUSED;
+  if (starts && !prepare(self)) return GST_STATE_CHANGE_FAILURE;
+  const GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_view_src_parent_class)->change_state(element, transition);
+  // A pipeline asks once, unless it is told that there is something new; other runs may have other cameras.
+  const bool begun = transition == GST_STATE_CHANGE_READY_TO_PAUSED && result != GST_STATE_CHANGE_FAILURE;
+  if (!begun && transition != GST_STATE_CHANGE_PAUSED_TO_READY) return result;
+  if (GstClock* clock = hosts_clock(self)) {
+    gst_element_post_message(element, begun ? gst_message_new_clock_provide(GST_OBJECT(element), clock, TRUE)
+                                            : gst_message_new_clock_lost(GST_OBJECT(element), clock));
+    gst_object_unref(clock);
+  }
+  return result;
+}
+
+// What goes upstream, such as a key that an application presses, comes in behind the pictures of `src`.
+static gboolean lf_view_src_send_event(GstElement* element, GstEvent* event) {
+  if (gst_event_type_get_flags(GST_EVENT_TYPE(event)) & GST_EVENT_TYPE_DOWNSTREAM)
+    return GST_ELEMENT_CLASS(lf_view_src_parent_class)->send_event(element, event);
+  GstPad* pad = gst_element_get_static_pad(element, "src");
+  const gboolean done = gst_pad_send_event(pad, event);
+  gst_object_unref(pad);
+  return done;
+}
+
+static void lf_view_src_dispose(GObject* object) {
+  LfViewSrc* self = LF_VIEW_SRC(object);
+  drop_cameras(self);
+  self->inside->viewers.clear();
+  self->view = self->compositor = nullptr;
+  G_OBJECT_CLASS(lf_view_src_parent_class)->dispose(object);
+}
+
+static void lf_view_src_finalize(GObject* object) {
+  LfViewSrc* self = LF_VIEW_SRC(object);
+  gst_clear_object(&self->inside->realtime);
+  delete self->inside;
+  g_free(self->rig);
+  g_free(self->nodes);
+  G_OBJECT_CLASS(lf_view_src_parent_class)->finalize(object);
+}
+
+static void lf_view_src_class_init(LfViewSrcClass* klass) {
+  GObjectClass* object_class = G_OBJECT_CLASS(klass);
+  object_class->dispose = lf_view_src_dispose;
+  object_class->finalize = lf_view_src_finalize;
+  lf_view_src_install_properties(object_class);
+  lf_view_src_install_actions(object_class);
+
+  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  element_class->change_state = lf::callback<lf_view_src_change_state>;
+  element_class->provide_clock = lf::callback<lf_view_src_provide_clock>;
+  element_class->send_event = lf::callback<lf_view_src_send_event>;
+  lf_view_src_install_pads(element_class);
+  gst_element_class_set_static_metadata(
+      element_class, "Light field view source", "Source/Video",
+      "A view of a light field, flown with mouse and keys: lfviewrequest, the cameras of a rig and lfcompositor in one",
+      "gst-lightfield");
+}
+
+static void lf_view_src_init(LfViewSrc* self) {
+  self->is_live = TRUE;
+  self->inside = new _LfViewSrc::Inside;
+  // Requests to hosts leave by a sink, which is none of the pipeline's.
+  gst_bin_set_suppressed_flags(GST_BIN(self), GST_ELEMENT_FLAG_SINK);
+  try {
+    lf_view_src_add_main_viewer(self);
+    change_cameras(self, "");
+  } catch (const std::exception& error) {
+    GST_WARNING_OBJECT(self, "%s", error.what());
+  }
+}

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "bins/rtp_link.h"
+
+#include <gio/gio.h>
+
+#include <fstream>
+
+#include "base/error.h"
+
+namespace lf {
+namespace {
+
+// The system's default is 208 KiB. (Capped by the sysctl net.core.rmem_max.)
+constexpr int kReceiveBuffer = 8 << 20;
+
+// A socket of IPv6 takes what comes by either.
+bool has_ipv6() {
+  std::ifstream interfaces("/proc/net/if_inet6");
+  return interfaces.peek() != std::ifstream::traits_type::eof();
+}
+
+}  // namespace
+
+GstElement* add_element(GstBin* bin, const char* factory, const std::string& name) {
+  GstElement* element = gst_element_factory_make(factory, name.c_str());
+  if (!element)
+    throw Error(std::string("element ") + factory +
+                " is not installed (those of UDP are in gstreamer1.0-plugins-good)");
+  gst_bin_add(bin, element);
+  return element;
+}
+
+GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, const std::string& name,
+                     std::vector<GstElement*>* added) {
+  GstElement* udp = add_element(bin, "udpsrc", name + "_udp");
+  added->push_back(udp);
+  if (!from.host.empty())
+    g_object_set(udp, "address", from.host.c_str(), "auto-multicast", TRUE, nullptr);
+  else if (has_ipv6())
+    g_object_set(udp, "address", "::", nullptr);
+  GstCaps* caps = gst_caps_new_simple("application/x-rtp", "media", G_TYPE_STRING, "application", "clock-rate",
+                                      G_TYPE_INT, 90000, "encoding-name", G_TYPE_STRING, encoding, nullptr);
+  g_object_set(udp, "port", from.port, "buffer-size", kReceiveBuffer, "caps", caps, nullptr);
+  gst_caps_unref(caps);
+  GstElement* depay = add_element(bin, "rtplfdepay", name + "_depay");
+  added->push_back(depay);
+  if (!gst_element_link(udp, depay)) throw Error("udpsrc can't be linked with rtplfdepay");
+  return gst_element_get_static_pad(depay, "src");
+}
+
+void check_host(const std::string& host) {
+  g_autoptr(GResolver) resolver = g_resolver_get_default();
+  g_autoptr(GError) error = nullptr;
+  GList* addresses = g_resolver_lookup_by_name(resolver, host.c_str(), nullptr, &error);
+  g_resolver_free_addresses(addresses);
+  if (error) throw Error(host + ": " + error->message);
+}
+
+GstClock* new_realtime_clock() {
+  gpointer clock = g_object_new(GST_TYPE_SYSTEM_CLOCK, "clock-type", GST_CLOCK_TYPE_REALTIME, nullptr);
+  return GST_CLOCK(gst_object_ref_sink(clock));
+}
+
+}  // namespace lf

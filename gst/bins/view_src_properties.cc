@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
+#include <array>
+#include <string>
+
+#include "bins/lfviewsrc_private.h"
+#include "bins/property_copy.h"
+#include "common/guard.h"
+#include "compositor/lfcompositor.h"
+#include "viewrequest/lfviewrequest.h"
+#include "viewrequest/view_control.h"
+
+namespace {
+
+enum { PROP_0, PROP_RIG, PROP_NODES, PROP_IS_LIVE, PROP_FIRST_COPY };
+
+// Of one viewer and no other.
+constexpr std::array kOwnProperties = {"location", "loop", "eye-offset", "num-buffers"};
+
+bool is_own(const char* name) {
+  return std::ranges::any_of(kOwnProperties, [name](const char* own) { return g_str_equal(own, name); }) ||
+         std::ranges::any_of(lf::kViewFields, [name](const lf::ViewField& f) { return g_str_equal(f.name, name); });
+}
+
+}  // namespace
+
+std::string lf_view_src_text(LfViewSrc* self, gchar* const* text) {
+  lf::ObjectLock lock(self);
+  const std::string copy = *text ? *text : "";
+  lock.unlock();
+  return copy;
+}
+
+bool lf_view_src_is_live(LfViewSrc* self) {
+  GST_OBJECT_LOCK(self);
+  const bool live = self->is_live;
+  GST_OBJECT_UNLOCK(self);
+  return live;
+}
+
+static GstElement* find_node(LfViewSrc* self) { return gst_bin_get_by_name(GST_BIN(self), "node"); }
+
+void lf_view_src_set_node(LfViewSrc* self) {
+  GstElement* node = find_node(self);
+  if (!node) return;
+  const std::string rig = lf_view_src_text(self, &self->rig);
+  g_object_set(node, "is-live", lf_view_src_is_live(self), "rig", rig.empty() ? nullptr : rig.c_str(), nullptr);
+  gst_object_unref(node);
+}
+
+// While it runs a node may have other cameras, and not take the rig: then nobody does.
+static void lf_view_src_set_rig(LfViewSrc* self, const gchar* path) {
+  const std::lock_guard lock(self->inside->mutex);
+  if (GstElement* node = find_node(self)) {
+    g_object_set(node, "rig", path, nullptr);
+    g_autofree gchar* taken = nullptr;
+    g_object_get(node, "rig", &taken, nullptr);
+    gst_object_unref(node);
+    if (g_strcmp0(taken, path) != 0) return;
+  }
+  for (auto& [name, viewer] : self->inside->viewers) {
+    g_object_set(viewer->chain.view(), "rig", path, nullptr);
+    g_object_set(viewer->chain.compositor(), "rig", path, nullptr);
+  }
+  GST_OBJECT_LOCK(self);
+  g_free(self->rig);
+  self->rig = g_strdup(path);
+  GST_OBJECT_UNLOCK(self);
+}
+
+static void lf_view_src_set_live(LfViewSrc* self, gboolean live) {
+  const std::lock_guard lock(self->inside->mutex);
+  GST_OBJECT_LOCK(self);
+  self->is_live = live;
+  GST_OBJECT_UNLOCK(self);
+  for (auto& [name, viewer] : self->inside->viewers) viewer->chain.set_live(live);
+  lf_view_src_set_node(self);
+}
+
+static GstElement* owner_of(LfViewSrc* self, GParamSpec* copy) {
+  return lf::is_copy(copy, LF_TYPE_VIEW_REQUEST) ? self->view : self->compositor;
+}
+
+static void lf_view_src_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
+  LfViewSrc* self = LF_VIEW_SRC(object);
+  switch (id) {
+    case PROP_RIG: return lf_view_src_set_rig(self, g_value_get_string(value));
+    case PROP_IS_LIVE: return lf_view_src_set_live(self, g_value_get_boolean(value));
+    case PROP_NODES:
+      GST_OBJECT_LOCK(self);
+      g_free(self->nodes);
+      self->nodes = g_value_dup_string(value);
+      GST_OBJECT_UNLOCK(self);
+      return;
+    default:
+      if (GstElement* owner = owner_of(self, pspec)) g_object_set_property(G_OBJECT(owner), pspec->name, value);
+  }
+}
+
+static void lf_view_src_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
+  LfViewSrc* self = LF_VIEW_SRC(object);
+  if (id >= PROP_FIRST_COPY) {
+    if (GstElement* owner = owner_of(self, pspec)) g_object_get_property(G_OBJECT(owner), pspec->name, value);
+    return;
+  }
+  GST_OBJECT_LOCK(self);
+  switch (id) {
+    case PROP_RIG: g_value_set_string(value, self->rig); break;
+    case PROP_NODES: g_value_set_string(value, self->nodes); break;
+    case PROP_IS_LIVE: g_value_set_boolean(value, self->is_live); break;
+    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
+  }
+  GST_OBJECT_UNLOCK(self);
+}
+
+void lf_view_src_copy_settings(LfViewSrc* self, const lf::ViewerChain& to) {
+  guint count = 0;
+  g_autofree GParamSpec** specs = g_object_class_list_properties(G_OBJECT_GET_CLASS(self), &count);
+  for (guint i = 0; i < count; i++) {
+    GParamSpec* spec = specs[i];
+    if (!lf::is_copy(spec) || !(spec->flags & G_PARAM_WRITABLE) || is_own(spec->name)) continue;
+    const bool of_view = lf::is_copy(spec, LF_TYPE_VIEW_REQUEST);
+    GValue value = G_VALUE_INIT;
+    g_object_get_property(G_OBJECT(self), spec->name, &value);
+    g_object_set_property(G_OBJECT(of_view ? to.view() : to.compositor()), spec->name, &value);
+    g_value_unset(&value);
+  }
+}
+
+static GstURIType lf_view_src_uri_type(GType) { return GST_URI_SRC; }
+
+static const gchar* const* lf_view_src_protocols(GType) {
+  static const gchar* const protocols[] = {"lf", nullptr};
+  return protocols;
+}
+
+static gchar* lf_view_src_uri(GstURIHandler* handler) {
+  const std::string rig = lf_view_src_text(LF_VIEW_SRC(handler), &LF_VIEW_SRC(handler)->rig);
+  if (rig.empty()) return nullptr;
+  g_autofree gchar* whole = g_canonicalize_filename(rig.c_str(), nullptr);
+  g_autofree gchar* escaped = g_uri_escape_string(whole, G_URI_RESERVED_CHARS_ALLOWED_IN_PATH, FALSE);
+  return g_strconcat("lf://", escaped, nullptr);
+}
+
+static gboolean lf_view_src_set_uri(GstURIHandler* handler, const gchar* uri, GError** error) {
+  g_autofree gchar* path = gst_uri_get_location(uri);
+  if (!path || path[0] != '/') {
+    g_set_error(error, GST_URI_ERROR, GST_URI_ERROR_BAD_URI, "%s: must be lf:///path/of/rig.json", uri);
+    return FALSE;
+  }
+  g_object_set(handler, "rig", path, nullptr);
+  return TRUE;
+}
+
+void lf_view_src_uri_handler_init(gpointer iface, gpointer) {
+  GstURIHandlerInterface* handler = static_cast<GstURIHandlerInterface*>(iface);
+  handler->get_type = lf_view_src_uri_type;
+  handler->get_protocols = lf_view_src_protocols;
+  handler->get_uri = lf::callback<lf_view_src_uri>;
+  handler->set_uri = lf::callback<lf_view_src_set_uri>;
+}
+
+static gboolean lf_view_src_set_view(LfViewSrc* self, const GstStructure* structure) {
+  gboolean done = FALSE;
+  if (self->view) g_signal_emit_by_name(self->view, "set-view", structure, &done);
+  return done;
+}
+
+static gboolean lf_view_src_focus_at(LfViewSrc* self, gdouble x, gdouble y) {
+  gboolean done = FALSE;
+  if (self->view) g_signal_emit_by_name(self->view, "focus-at", x, y, &done);
+  return done;
+}
+
+void lf_view_src_install_actions(GObjectClass* klass) {
+  /**
+   * LfViewSrc::set-view:
+   * @src: the element
+   * @view: as of lfviewrequest
+   *
+   * Moves the view of `src`, as the same action of lfviewrequest does. That of `src_0` is moved by its child "view_0".
+   *
+   * Returns: %FALSE if nothing of @view is known.
+   */
+  g_signal_new_class_handler("set-view", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
+                             G_CALLBACK(lf::callback<lf_view_src_set_view>), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN,
+                             1, GST_TYPE_STRUCTURE | G_SIGNAL_TYPE_STATIC_SCOPE);
+  /**
+   * LfViewSrc::focus-at:
+   * @src: the element
+   * @x: pixels of the view, from the middle of its first one
+   * @y: the same
+   *
+   * Focuses the view of `src` at a pixel, as the same action of lfviewrequest does.
+   *
+   * Returns: %FALSE if that can't be.
+   */
+  g_signal_new_class_handler("focus-at", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
+                             G_CALLBACK(lf::callback<lf_view_src_focus_at>), nullptr, nullptr, nullptr, G_TYPE_BOOLEAN,
+                             2, G_TYPE_DOUBLE, G_TYPE_DOUBLE);
+}
+
+void lf_view_src_install_properties(GObjectClass* klass) {
+  klass->set_property = lf::callback<lf_view_src_set_property>;
+  klass->get_property = lf::callback<lf_view_src_get_property>;
+  constexpr int kBoth = G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS;
+  constexpr auto kReady = GParamFlags(kBoth | GST_PARAM_MUTABLE_READY);
+  g_object_class_install_property(
+      klass, PROP_RIG,
+      g_param_spec_string("rig", "Rig",
+                          "Rig file (rig.json) of the array; required. Set while running, it is read again and serves "
+                          "from the next request on, if it has the same cameras with the same sources",
+                          nullptr, GParamFlags(kBoth | GST_PARAM_MUTABLE_PLAYING)));
+  g_object_class_install_property(
+      klass, PROP_NODES,
+      g_param_spec_string(
+          "nodes", "Nodes",
+          "Hosts that the cameras are on (lfnodesink): HOST:PORT-THERE:PORT-HERE,..., with the ports "
+          "for requests there and for answers here. They are live (empty: all cameras are on this machine)",
+          nullptr, kReady));
+  g_object_class_install_property(klass, PROP_IS_LIVE,
+                                  g_param_spec_boolean("is-live", "Is live",
+                                                       "Pictures come in time with the clock, of frames that live "
+                                                       "cameras make, in place of as fast as they are taken",
+                                                       TRUE, kReady));
+  const guint next = lf::install_copies(klass, PROP_FIRST_COPY, LF_TYPE_VIEW_REQUEST,
+                                        {"rig", "view-id", "is-live", "navigation-from", "access"}, {"num-buffers"});
+  lf::install_copies(klass, next, LF_TYPE_COMPOSITOR, {"rig", "view-id", "partial", "node", "codec"}, {"latency"});
+}

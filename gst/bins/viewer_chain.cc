@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "bins/viewer_chain.h"
+
+#include "base/error.h"
+
+namespace lf {
+namespace {
+
+constexpr int kLeaky = 2;           // of queue: the oldest go
+constexpr guint kFewRequests = 4;   // with what goes along with one
+constexpr guint kManyParts = 4096;  // of answers that come in bursts
+constexpr guint kManyBytes = 1 << 26;
+
+void link(GstElement* from, const char* from_pad, GstElement* to, const char* to_pad) {
+  if (!gst_element_link_pads(from, from_pad, to, to_pad))
+    throw Error(std::string(GST_OBJECT_NAME(from)) + " can't be linked with " + GST_OBJECT_NAME(to));
+}
+
+}  // namespace
+
+GstElement* ViewerChain::add(const char* factory, const char* name) {
+  GstElement* element = gst_element_factory_make(factory, (name + ending_).c_str());
+  if (!element) throw Error(std::string("element ") + factory + " is not installed");
+  gst_object_ref(element);
+  // The bin may just be starting what is inside: this must not begin before it is linked.
+  gst_element_set_locked_state(element, !follows_);
+  gst_bin_add(bin_, element);
+  return element;
+}
+
+ViewerChain::ViewerChain(GstBin* bin, guint view_id, const std::string& ending)
+    : bin_(bin), view_id_(view_id), ending_(ending) {
+  view_ = add("lfviewrequest", "view");
+  requests_ = add("tee", "requests");
+  to_cameras_ = add("queue", "to_cameras");
+  to_compositor_ = add("queue", "to_compositor");
+  for (GstElement* queue : {to_cameras_, to_compositor_})
+    g_object_set(queue, "max-size-buffers", kFewRequests, "max-size-time", guint64{0}, "max-size-bytes", 0u, nullptr);
+  compositor_ = add("lfcompositor", "compositor");
+  pictures_ = add("tee", "pictures");
+  g_object_set(view_, "view-id", view_id, nullptr);
+  g_object_set(compositor_, "view-id", view_id, nullptr);
+  g_object_set(pictures_, "allow-not-linked", TRUE, nullptr);
+  gst_object_unref(gst_element_request_pad_simple(pictures_, "src_0"));
+  link(view_, "src", requests_, "sink");
+  link(requests_, "src_%u", to_cameras_, "sink");
+  link(requests_, "src_%u", to_compositor_, "sink");
+  link(to_compositor_, "src", compositor_, "request");
+  link(compositor_, "src", pictures_, "sink");
+}
+
+ViewerChain::~ViewerChain() {
+  for (GstElement* element : all()) gst_object_unref(element);
+}
+
+std::vector<GstElement*> ViewerChain::behind_cameras() const {
+  std::vector<GstElement*> elements = {pictures_, compositor_};
+  elements.insert(elements.end(), answers_.begin(), answers_.end());
+  return elements;
+}
+
+std::vector<GstElement*> ViewerChain::before_cameras() const { return {to_cameras_, to_compositor_, requests_, view_}; }
+
+GstPad* ViewerChain::add_answers(bool drops) {
+  const std::string number = std::to_string(answers_.size());
+  GstElement* queue = add("queue", ("answers" + number).c_str());
+  answers_.push_back(queue);
+  if (drops)
+    g_object_set(queue, "leaky", kLeaky, "max-size-buffers", kManyParts, "max-size-bytes", kManyBytes, "max-size-time",
+                 guint64{0}, nullptr);
+  link(queue, "src", compositor_, ("sink_" + number).c_str());
+  return gst_element_get_static_pad(queue, "sink");
+}
+
+void ViewerChain::drop_answers() {
+  for (GstElement* queue : answers_) {
+    GstPad* src = gst_element_get_static_pad(queue, "src");
+    GstPad* sink = gst_pad_get_peer(src);
+    gst_element_set_state(queue, GST_STATE_NULL);
+    gst_bin_remove(bin_, queue);
+    gst_element_release_request_pad(compositor_, sink);
+    gst_object_unref(sink);
+    gst_object_unref(src);
+    gst_object_unref(queue);
+  }
+  answers_.clear();
+}
+
+void ViewerChain::set_live(bool live) {
+  g_object_set(view_, "is-live", live, nullptr);
+  for (GstElement* queue : {to_cameras_, to_compositor_}) g_object_set(queue, "leaky", live ? kLeaky : 0, nullptr);
+}
+
+std::vector<GstElement*> ViewerChain::all() const {
+  std::vector<GstElement*> elements = behind_cameras(), before = before_cameras();
+  elements.insert(elements.end(), before.begin(), before.end());
+  return elements;
+}
+
+void ViewerChain::follow_bin() {
+  follows_ = true;
+  for (GstElement* element : all()) gst_element_set_locked_state(element, FALSE);
+  for (GstElement* element : all()) gst_element_sync_state_with_parent(element);
+}
+
+void ViewerChain::take_out() {
+  // A bin unlinks what it removes while it still passes on what that says: that nobody takes its buffers any more.
+  for (GstElement* element : all()) gst_element_set_bus(element, nullptr);
+  for (GstElement* element : all()) gst_bin_remove(bin_, element);
+}
+
+void ViewerChain::close(const std::function<void()>& leave_cameras) {
+  for (GstElement* element : behind_cameras()) gst_element_set_state(element, GST_STATE_NULL);
+  leave_cameras();
+  for (GstElement* element : before_cameras()) gst_element_set_state(element, GST_STATE_NULL);
+}
+
+}  // namespace lf

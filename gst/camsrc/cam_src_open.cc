@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <utility>
+
+#include "base/now.h"
+#include "camsrc/camera_source.h"
+#include "camsrc/camera_states.h"
+#include "camsrc/lfcamsrc_private.h"
+#include "common/common.h"
+
+namespace {
+
+using Kind = lf::CameraSource::Kind;
+
+std::shared_ptr<const lf::Rig> open_rig(const std::string& path) {
+  if (path.empty()) throw lf::Error("rig: not set");
+  if (!g_file_test(path.c_str(), G_FILE_TEST_EXISTS)) throw lf::MissingFile(path + ": no such file");
+  return lf::shared_rig(path);
+}
+
+// The errors say which camera of which rig they are about.
+lf::CameraSource find_source(const lf::Rig& rig, const lf::Camera& camera, const std::string& place) {
+  try {
+    return lf::find_camera_source(rig, camera);
+  } catch (const lf::MissingFile& error) {
+    throw lf::MissingFile(place + ": " + error.what());
+  } catch (const lf::Error& error) {
+    throw lf::Error(place + ": " + error.what());
+  }
+}
+
+std::string place_of(const lf::CamSrcSettings& settings, const lf::Camera& camera) {
+  std::string place = settings.rig + ": camera " + std::to_string(camera.id);
+  if (!camera.name.empty()) place += " (" + camera.name + ")";
+  return place;
+}
+
+bool is_file(const lf::CameraSource& source) {
+  return source.kind == Kind::kSequence || source.kind == Kind::kMatroska ||
+         (source.kind == Kind::kUri && g_str_has_prefix(source.location.c_str(), "file://"));
+}
+
+// What calls `self` holds no reference: a stream does not outlive its element's children.
+lf::StreamListener listener_of(LfCamSrc* self, guint serial) {
+  return {.on_error =
+              [self, serial](GQuark domain, gint code, const std::string& text) {
+                lf_cam_src_fail(self, {domain, code, text, ""});
+                lf_cam_src_take_out(self, serial);
+              },
+          .on_first_frame =
+              [self] {
+                if (self->service->find(lf::now_ns())) lf_cam_src_tell_found(self);
+              },
+          .on_end = [self] { self->service->end(); },
+          .on_overload = [self](GstClockTimeDiff late) { lf_cam_src_tell_overload(self, late); }};
+}
+
+void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std::shared_ptr<const lf::Rig>& rig,
+                  lf::CameraIndex index) {
+  const lf::Camera& camera = rig->cameras[index];
+  std::string place = place_of(settings, camera);
+  const lf::CameraSource source = find_source(*rig, camera, place);
+  if (!source.location.empty()) place += ": " + source.location;
+  const bool file = is_file(source);
+  const bool network = source.kind == Kind::kDevice || (source.kind == Kind::kUri && !file);
+  // Of what comes over HTTP it is known when it has come.
+  self->live = self->live || (network && !g_str_has_prefix(source.location.c_str(), "http"));
+
+  const lf::CameraChain chain = lf::build_camera_chain(GST_BIN(self), source, camera,
+                                                       {.fps_n = settings.fps_n,
+                                                        .fps_d = settings.fps_d,
+                                                        .live = settings.is_live,
+                                                        .loop = settings.loop,
+                                                        .decode = settings.decode,
+                                                        .latency = settings.latency});
+  const bool may_be_lost = lf_cam_src_may_be_lost(self);
+  const bool catches_up = self->service->report().retries > 0 && file && settings.is_live;
+  const bool paced = settings.is_live && !network && !catches_up;
+  (*self->shedder)->restart(paced);
+  auto stream = std::make_shared<lf::CameraStream>(
+      GST_ELEMENT(self), chain,
+      lf::StreamOptions{.camera = index,
+                        .rig_hash = rig->hash(),
+                        .width = camera.width,
+                        .height = camera.height,
+                        .time_offset = camera.time_offset,
+                        .num_frames = settings.num_frames,
+                        .seek_to_loop = settings.loop && (source.kind == Kind::kMatroska || source.kind == Kind::kUri),
+                        .has_end = !may_be_lost || (file && !settings.loop) || (!file && !network),
+                        .may_be_lost = may_be_lost,
+                        .catches_up = catches_up,
+                        .paced = paced,
+                        .begin = self->live ? 0 : self->end,
+                        .shedder = *self->shedder,
+                        .place = place},
+      listener_of(self, static_cast<guint>(g_atomic_int_get(&self->serial))));
+  stream->watch();
+  if (settings.is_live) stream->set_live();
+  gst_ghost_pad_set_target(GST_GHOST_PAD(self->src), chain.out);
+  std::string wanted;
+  if (source.kind == Kind::kDevice) {
+    wanted = std::to_string(camera.width) + "x" + std::to_string(camera.height);
+    if (settings.fps_n > 0)
+      wanted += " at " + std::to_string(settings.fps_n) + "/" + std::to_string(settings.fps_d) + " frames/s";
+  }
+  auto* run = new CamSrcRun{settings, rig, chain, stream, wanted};
+  GST_OBJECT_LOCK(self);
+  self->run = run;
+  GST_OBJECT_UNLOCK(self);
+}
+
+// Owned by the caller.
+GstElement* first_child(GstBin* bin) {
+  GST_OBJECT_LOCK(bin);
+  GstElement* child = bin->children ? GST_ELEMENT(gst_object_ref(bin->children->data)) : nullptr;
+  GST_OBJECT_UNLOCK(bin);
+  return child;
+}
+
+template <typename F>
+std::unique_ptr<CamSrcFailure> failure_of(F&& what) {
+  const auto failure = [](GQuark domain, gint code, const std::string& text) {
+    return std::make_unique<CamSrcFailure>(CamSrcFailure{domain, code, text, ""});
+  };
+  try {
+    what();
+    return nullptr;
+  } catch (const lf::MissingFile& error) {
+    return failure(GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_NOT_FOUND, error.what());
+  } catch (const lf::MissingElement& error) {
+    return failure(GST_CORE_ERROR, GST_CORE_ERROR_MISSING_PLUGIN,
+                   std::string("element ") + error.what() + " is not installed");
+  } catch (const lf::Error& error) {
+    return failure(GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_SETTINGS, error.what());
+  } catch (const std::exception& error) {
+    return failure(GST_LIBRARY_ERROR, GST_LIBRARY_ERROR_FAILED, error.what());
+  }
+}
+
+}  // namespace
+
+void lf_cam_src_close(LfCamSrc* self) {
+  if (self->run) self->run->stream->stop();
+  gst_ghost_pad_set_target(GST_GHOST_PAD(self->src), nullptr);
+  while (GstElement* child = first_child(GST_BIN(self))) {
+    gst_element_set_state(child, GST_STATE_NULL);
+    gst_bin_remove(GST_BIN(self), child);
+    gst_object_unref(child);
+  }
+  GST_OBJECT_LOCK(self);
+  CamSrcRun* run = std::exchange(self->run, nullptr);
+  GST_OBJECT_UNLOCK(self);
+  if (run) self->end = run->stream->ends_at();
+  delete run;
+}
+
+bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure) {
+  lf_cam_src_close(self);
+  g_atomic_int_inc(&self->serial);
+  lf::ObjectLock lock(self);
+  const lf::CamSrcSettings settings = *self->settings;
+  lock.unlock();
+  std::shared_ptr<const lf::Rig> rig;
+  lf::CameraIndex index = 0;
+  *failure = failure_of([&] {
+    rig = open_rig(settings.rig);
+    const auto found = rig->index_of_id(settings.camera);
+    if (!found) throw lf::Error(settings.rig + ": has no camera " + std::to_string(settings.camera));
+    index = *found;
+  });
+  if (*failure) return false;
+  GST_OBJECT_LOCK(self);
+  self->camera = rig->cameras[index].id;
+  *self->name = rig->cameras[index].name;
+  GST_OBJECT_UNLOCK(self);
+  self->live = self->live || settings.is_live;
+  *failure = failure_of([&] { add_children(self, settings, rig, index); });
+  if (*failure) lf_cam_src_close(self);
+  return true;
+}
+
+void lf_cam_src_start_tail(const lf::CameraChain& chain) {
+  for (auto element = chain.tail.rbegin(); element != chain.tail.rend(); ++element)
+    gst_element_set_state(*element, GST_STATE_PAUSED);
+}

@@ -1,0 +1,331 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "camsrc/camera_chain.h"
+
+#include <gst/video/video.h>
+
+#include <cstring>
+
+#include "camsrc/lfscenesrc.h"
+#include "common/common.h"
+
+namespace lf {
+namespace {
+
+using Kind = CameraSource::Kind;
+using Codec = CameraSource::Codec;
+
+// Files are read in few large pieces: a still is one.
+constexpr guint kBlockSize = 1 << 20;
+
+GstElement* add(GstBin* bin, const char* factory, const char* name = nullptr) {
+  GstElement* element = gst_element_factory_make(factory, name);
+  if (!element) throw MissingElement(factory);
+  gst_bin_add(bin, element);
+  return element;
+}
+
+// The pad without the reference: it stays as long as its element.
+GstPad* borrow_pad(GstElement* element, const char* name) {
+  GstPad* pad = gst_element_get_static_pad(element, name);
+  gst_object_unref(pad);
+  return pad;
+}
+
+// Appends `next` to the chain that ends in `tail`. The elements of a chain fit by construction, so nothing is checked.
+GstElement* append(GstElement* tail, GstElement* next) {
+  if (tail) gst_element_link_pads_full(tail, "src", next, "sink", GST_PAD_LINK_CHECK_NOTHING);
+  return next;
+}
+
+GstElement* add_decoder(GstBin* bin, Codec codec) {
+  if (codec == Codec::kPng) return add(bin, "pngdec");
+  GstElement* decoder = add(bin, "jpegdec");
+  gst_util_set_object_arg(G_OBJECT(decoder), "idct-method", "islow");  // the default's errors cost PSNR, not time
+  g_object_set(decoder, "qos", FALSE, nullptr);                        // no frame is skipped for being late
+  return decoder;
+}
+
+GstElement* add_capsfilter(GstBin* bin, GstCaps* caps) {
+  GstElement* filter = add(bin, "capsfilter");
+  g_object_set(filter, "caps", caps, nullptr);
+  gst_caps_unref(caps);
+  return filter;
+}
+
+GstCaps* frame_rate_caps(int fps_n, int fps_d) {
+  GstCaps* caps = gst_caps_from_string("video/x-raw; image/jpeg");
+  gst_caps_set_simple(caps, "framerate", GST_TYPE_FRACTION, fps_n, fps_d, nullptr);
+  return caps;
+}
+
+GstCaps* camera_caps(const Camera& camera) {
+  GstCaps* caps = gst_caps_from_string("video/x-raw, format = (string) { " LF_RGB_FORMATS ", I420 }");
+  gst_caps_set_simple(caps, "width", G_TYPE_INT, camera.width, "height", G_TYPE_INT, camera.height, nullptr);
+  return caps;
+}
+
+// Links a pad that has just appeared with the sink pad of `next`, if that is still free. Unchecked, so that a picture
+// of the wrong size comes as far as to be named.
+void link_new_pad(GstPad* pad, GstElement* next) {
+  GstPad* sink = borrow_pad(next, "sink");
+  if (!gst_pad_is_linked(sink)) gst_pad_link_full(pad, sink, GST_PAD_LINK_CHECK_NOTHING);
+}
+
+bool is_media(GstPad* pad, const char* prefix) {
+  GstCaps* caps = gst_pad_query_caps(pad, nullptr);
+  const bool yes = !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
+                   g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps, 0)), prefix);
+  gst_caps_unref(caps);
+  return yes;
+}
+
+// The identities around what makes raw video, where JPEG goes past it: named so, because pads that appear later find
+// nothing but the first of them.
+constexpr const char* kBeforeConvert = "before-convert";
+constexpr const char* kAfterConvert = "after-convert";
+
+bool may_bypass(GstElement* head) { return g_strcmp0(GST_OBJECT_NAME(head), kBeforeConvert) == 0; }
+
+// Links the first identity with the last: the video is JPEG and stays it. Before data flows.
+void bypass(GstElement* before) {
+  GstObject* bin = gst_element_get_parent(before);
+  if (!bin) return;  // being taken apart
+  GstElement* after = gst_bin_get_by_name(GST_BIN(bin), kAfterConvert);
+  GstPad* src = borrow_pad(before, "src");
+  GstPad* sink = borrow_pad(after, "sink");
+  for (GstPad* pad : {src, sink}) {
+    GstPad* peer = gst_pad_get_peer(pad);
+    if (!peer) continue;
+    if (pad == src)
+      gst_pad_unlink(pad, peer);
+    else
+      gst_pad_unlink(peer, pad);
+    gst_object_unref(peer);
+  }
+  gst_pad_link_full(src, sink, GST_PAD_LINK_CHECK_NOTHING);
+  gst_object_unref(after);
+  gst_object_unref(bin);
+}
+
+void on_decoded_pad(GstElement* /*decoder*/, GstPad* pad, gpointer head) {
+  GstPad* sink = borrow_pad(GST_ELEMENT(head), "sink");
+  const bool jpeg = may_bypass(GST_ELEMENT(head)) && is_media(pad, "image/jpeg") && !gst_pad_is_linked(sink);
+  if (jpeg) bypass(GST_ELEMENT(head));
+  if (jpeg || is_media(pad, "video/x-raw")) link_new_pad(pad, GST_ELEMENT(head));
+}
+
+// The first video track of a Matroska file. MJPEG goes through jpegdec on the demuxer's own thread, or stays as it is;
+// what else there is goes through decodebin, which brings queues and threads.
+void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer convert) {
+  if (may_bypass(GST_ELEMENT(convert)) && is_media(pad, "image/jpeg")) return on_decoded_pad(demuxer, pad, convert);
+  GstPad* sink = borrow_pad(GST_ELEMENT(convert), "sink");
+  if (gst_pad_is_linked(sink) || !(is_media(pad, "video/") || is_media(pad, "image/"))) return;
+  if (is_media(pad, "video/x-raw")) return link_new_pad(pad, GST_ELEMENT(convert));
+
+  GstObject* bin = gst_element_get_parent(demuxer);
+  if (!bin) return;  // being taken apart
+  GstElement* decoder = nullptr;
+  try {
+    if (is_media(pad, "image/jpeg")) {
+      decoder = add_decoder(GST_BIN(bin), Codec::kJpeg);
+      append(decoder, GST_ELEMENT(convert));
+    } else {
+      decoder = add(GST_BIN(bin), "decodebin");
+      g_signal_connect(decoder, "pad-added", G_CALLBACK(lf::callback<on_decoded_pad>), convert);
+    }
+    gst_element_sync_state_with_parent(decoder);
+    link_new_pad(pad, decoder);
+  } catch (const MissingElement& missing) {
+    GST_ELEMENT_ERROR(demuxer, CORE, MISSING_PLUGIN, ("element %s is not installed", missing.what()), (nullptr));
+  }
+  gst_object_unref(bin);
+}
+
+void on_no_more_pads(GstElement* element, gpointer /*unused*/) {
+  bool linked = false;
+  GST_OBJECT_LOCK(element);
+  for (GList* pad = element->srcpads; pad; pad = pad->next) linked |= GST_PAD_IS_LINKED(GST_PAD(pad->data));
+  GST_OBJECT_UNLOCK(element);
+  if (!linked) GST_ELEMENT_ERROR(element, STREAM, WRONG_TYPE, ("no video in it"), (nullptr));
+}
+
+GstElement* add_file_reader(GstBin* bin, const std::string& path) {
+  GstElement* reader = add(bin, "filesrc");
+  g_object_set(reader, "location", path.c_str(), "blocksize", kBlockSize, nullptr);
+  return reader;
+}
+
+// A decoder whose pads appear later; they are linked with `convert` then.
+GstElement* add_decodebin(GstBin* bin, const char* factory, GstElement* convert) {
+  GstElement* decoder = add(bin, factory);
+  // ANY: decoders that can also give interlaced pictures or a GPU's memory are passed over otherwise.
+  GstCaps* caps = gst_caps_from_string(may_bypass(convert) ? "image/jpeg; video/x-raw(ANY)" : "video/x-raw(ANY)");
+  g_object_set(decoder, "caps", caps, "expose-all-streams", FALSE, nullptr);
+  gst_caps_unref(caps);
+  g_signal_connect(decoder, "pad-added", G_CALLBACK(lf::callback<on_decoded_pad>), convert);
+  g_signal_connect(decoder, "no-more-pads", G_CALLBACK(lf::callback<on_no_more_pads>), nullptr);
+  return decoder;
+}
+
+struct SourceSetup {
+  guint latency;
+  std::shared_ptr<SenderClock> sender;
+};
+
+void on_source_setup(GstElement* /*decoder*/, GstElement* source, gpointer data) {
+  const auto* setup = static_cast<SourceSetup*>(data);
+  if (g_object_class_find_property(G_OBJECT_GET_CLASS(source), "latency"))
+    g_object_set(source, "latency", setup->latency, nullptr);
+  if (setup->sender) setup->sender->watch(source);
+}
+
+// uridecodebin never disconnects from its decodebin, which messages on the bus may keep alive for longer (GStreamer
+// 1.22): a pad that is still there when that ends would be removed from an element that is gone.
+void forget_decodebin(gpointer data, GObject* uridecodebin) {
+  auto* decodebin = static_cast<GWeakRef*>(data);
+  if (GObject* alive = static_cast<GObject*>(g_weak_ref_get(decodebin))) {
+    g_signal_handlers_disconnect_by_data(alive, uridecodebin);
+    g_object_unref(alive);
+  }
+  g_weak_ref_clear(decodebin);
+  delete decodebin;
+}
+
+void on_child_of_uridecodebin(GstBin* uridecodebin, GstElement* child, gpointer /*unused*/) {
+  GstElementFactory* factory = gst_element_get_factory(child);
+  if (!factory || std::strcmp(GST_OBJECT_NAME(factory), "decodebin") != 0) return;
+  auto* decodebin = new GWeakRef;
+  g_weak_ref_init(decodebin, child);
+  g_object_weak_ref(G_OBJECT(uridecodebin), forget_decodebin, decodebin);
+}
+
+// What tells the times of the sender, if it may.
+std::shared_ptr<SenderClock> add_uri_decoder(GstBin* bin, const std::string& uri, const ChainOptions& options,
+                                             GstElement* convert) {
+  GstElement* decoder = add_decodebin(bin, "uridecodebin", convert);
+  g_signal_connect(decoder, "element-added", G_CALLBACK(lf::callback<on_child_of_uridecodebin>), nullptr);
+  g_object_set(decoder, "uri", uri.c_str(), nullptr);
+  std::shared_ptr<SenderClock> sender;
+  if (g_str_has_prefix(uri.c_str(), "rtsp")) sender = std::make_shared<SenderClock>(options.latency * GST_MSECOND);
+  g_signal_connect_data(
+      decoder, "source-setup", G_CALLBACK(callback<on_source_setup>), new SourceSetup{options.latency, sender},
+      [](gpointer setup, GClosure*) { delete static_cast<SourceSetup*>(setup); }, GConnectFlags(0));
+  return sender;
+}
+
+// What a device is asked for: left to itself it takes the largest pictures it has. JPEG first where it stays JPEG.
+GstCaps* device_caps(const Camera& camera, const ChainOptions& options) {
+  GstCaps* caps = gst_caps_from_string(options.decode ? "video/x-raw; image/jpeg; video/x-h264"
+                                                      : "image/jpeg; video/x-raw; video/x-h264");
+  gst_caps_set_simple(caps, "width", G_TYPE_INT, camera.width, "height", G_TYPE_INT, camera.height, nullptr);
+  if (options.fps_n > 0)
+    gst_caps_set_simple(caps, "framerate", GST_TYPE_FRACTION, options.fps_n, options.fps_d, nullptr);
+  return caps;
+}
+
+void add_device(GstBin* bin, const std::string& uri, const Camera& camera, const ChainOptions& options,
+                GstElement* convert) {
+  g_autoptr(GError) error = nullptr;
+  GstElement* device = gst_element_make_from_uri(GST_URI_SRC, uri.c_str(), nullptr, &error);
+  if (!device) throw Error(uri + ": " + error->message);
+  gst_bin_add(bin, device);
+  append(append(device, add_capsfilter(bin, device_caps(camera, options))), add_decodebin(bin, "decodebin", convert));
+}
+
+void add_matroska_reader(GstBin* bin, const std::string& path, GstElement* convert) {
+  GstElement* reader = add_file_reader(bin, path);
+  GstElement* demuxer = append(reader, add(bin, "matroskademux"));
+  g_signal_connect(demuxer, "pad-added", G_CALLBACK(lf::callback<on_matroska_pad>), convert);
+  g_signal_connect(demuxer, "no-more-pads", G_CALLBACK(lf::callback<on_no_more_pads>), nullptr);
+}
+
+GstElement* add_sequence_reader(GstBin* bin, const CameraSource& source, int fps_n, int fps_d, bool loop) {
+  GstElement* reader = add(bin, "multifilesrc");
+  GstCaps* caps = gst_caps_new_simple(source.codec == Codec::kPng ? "image/png" : "image/jpeg", "framerate",
+                                      GST_TYPE_FRACTION, fps_n, fps_d, nullptr);
+  g_object_set(reader, "location", source.location.c_str(), "start-index", source.first, "caps", caps, "loop", loop,
+               nullptr);
+  gst_caps_unref(caps);
+  return reader;
+}
+
+GstElement* add_scene(GstBin* bin, const Camera& camera, int fps_n, int fps_d, bool live) {
+  GstElement* scene = new_scene_source(camera, fps_n, fps_d, live);
+  gst_bin_add(bin, scene);
+  return scene;
+}
+
+// multifilesrc knows nothing of the size and would make one up. Whether it is true the frames tell.
+void set_size(GstElement* multifilesrc, const Camera& camera) {
+  GstCaps* caps = nullptr;
+  g_object_get(multifilesrc, "caps", &caps, nullptr);
+  caps = gst_caps_make_writable(caps);
+  gst_caps_set_simple(caps, "width", G_TYPE_INT, camera.width, "height", G_TYPE_INT, camera.height, nullptr);
+  g_object_set(multifilesrc, "caps", caps, nullptr);
+  gst_caps_unref(caps);
+}
+
+// Puts in what feeds `convert`.
+void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, const ChainOptions& options, int fps_n,
+                int fps_d, GstElement* convert, CameraChain* chain) {
+  switch (source.kind) {
+    case Kind::kStill:
+      if (source.codec == Codec::kOther) {
+        add_uri_decoder(bin, source.location, options, convert);
+        return;
+      }
+      append(append(add_file_reader(bin, source.location), add_decoder(bin, source.codec)), convert);
+      return;
+    case Kind::kSequence: {
+      GstElement* const files = add_sequence_reader(bin, source, fps_n, fps_d, options.loop);
+      GstElement* reader = files;
+      if (may_bypass(convert) && source.codec == Codec::kJpeg) {
+        bypass(convert);
+        set_size(reader, camera);
+      } else {
+        reader = append(reader, add_decoder(bin, source.codec));
+      }
+      append(reader, convert);
+      chain->sequence = files;
+      return;
+    }
+    case Kind::kMatroska: add_matroska_reader(bin, source.location, convert); break;
+    case Kind::kDevice: add_device(bin, source.location, camera, options, convert); break;
+    case Kind::kUri: chain->sender = add_uri_decoder(bin, source.location, options, convert); break;
+    case Kind::kScene: append(add_scene(bin, camera, fps_n, fps_d, options.live), convert); break;
+  }
+}
+
+}  // namespace
+
+CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Camera& camera,
+                               const ChainOptions& options) {
+  const bool own_rate = options.fps_n == 0;
+  const int fps_n = own_rate ? kDefaultFps : options.fps_n;
+  const int fps_d = own_rate ? 1 : options.fps_d;
+  GstElement* convert = add(bin, "videoconvert");
+  CameraChain chain;
+  const auto append_to_tail = [&](GstElement* next) { chain.tail.push_back(append(chain.tail.back(), next)); };
+  if (options.decode || source.kind == Kind::kStill || source.kind == Kind::kScene) {
+    chain.tail = {convert};
+    append_to_tail(add_capsfilter(bin, camera_caps(camera)));
+    if (source.kind == Kind::kStill) append_to_tail(add(bin, "imagefreeze"));
+  } else {
+    chain.tail = {add(bin, "identity", kBeforeConvert)};
+    append_to_tail(convert);
+    append_to_tail(add_capsfilter(bin, camera_caps(camera)));
+    append_to_tail(add(bin, "identity", kAfterConvert));
+  }
+  chain.decoded = borrow_pad(chain.tail.front(), "sink");
+  chain.frames = borrow_pad(chain.tail.back(), "src");
+  add_reader(bin, source, camera, options, fps_n, fps_d, chain.tail.front(), &chain);
+  const bool has_rate = source.kind == Kind::kMatroska || source.kind == Kind::kUri;
+  if (has_rate && !own_rate) append_to_tail(add(bin, "videorate"));
+  if (source.kind == Kind::kStill || (has_rate && !own_rate))
+    append_to_tail(add_capsfilter(bin, frame_rate_caps(fps_n, fps_d)));
+  if (options.live && source.kind != Kind::kDevice) append_to_tail(add(bin, "clocksync"));
+  chain.out = borrow_pad(chain.tail.back(), "src");
+  return chain;
+}
+
+}  // namespace lf

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "camsrc/camera_states.h"
+
+#include <vector>
+
+#include "common/guard.h"
+
+namespace lf {
+namespace {
+
+bool is_decoder(GstElement* child) { return gst_element_is_locked_state(child); }
+
+// Sets all children, or only decoders, to `state`. FAILURE where one fails, else NO_PREROLL where one has none.
+GstStateChangeReturn set_states(GstBin* bin, GstState state, bool only_decoders) {
+  std::vector<GstElement*> children;
+  ObjectLock lock(bin);
+  for (GList* child = bin->children; child; child = child->next)
+    children.push_back(GST_ELEMENT(gst_object_ref(child->data)));
+  lock.unlock();
+  GstStateChangeReturn result = GST_STATE_CHANGE_SUCCESS;
+  for (GstElement* child : children) {
+    if (!only_decoders || is_decoder(child)) {
+      gst_element_set_base_time(child, gst_element_get_base_time(GST_ELEMENT(bin)));
+      gst_element_set_start_time(child, gst_element_get_start_time(GST_ELEMENT(bin)));
+      const GstStateChangeReturn one = gst_element_set_state(child, state);
+      if (result != GST_STATE_CHANGE_FAILURE && one != GST_STATE_CHANGE_ASYNC && one != GST_STATE_CHANGE_SUCCESS)
+        result = one;
+    }
+    gst_object_unref(child);
+  }
+  return result;
+}
+
+// A decoder has come to PAUSED: on to PLAYING, if that is where its camera is.
+void continue_decoder(GstElement* camera, gpointer decoder) {
+  GST_STATE_LOCK(camera);
+  if (GST_STATE_TARGET(camera) == GST_STATE_PLAYING && GST_STATE(camera) >= GST_STATE_PAUSED &&
+      gst_object_has_as_parent(GST_OBJECT(decoder), GST_OBJECT(camera)))
+    gst_element_set_state(GST_ELEMENT(decoder), GST_STATE_PLAYING);
+  GST_STATE_UNLOCK(camera);
+}
+
+}  // namespace
+
+void lock_decoder(GstBin* /*bin*/, GstElement* child) {
+  if (GST_IS_BIN(child)) gst_element_set_locked_state(child, TRUE);
+}
+
+GstStateChangeReturn change_camera_state(GstBin* bin, GstStateChange transition,
+                                         GstStateChangeReturn (*chain_up)(GstElement*, GstStateChange)) {
+  const GstState next = GST_STATE_TRANSITION_NEXT(transition);
+  // Who takes starts first. All else decoders do before GstBin does it with the others.
+  const bool decoders_last = next <= GST_STATE_PAUSED && GST_STATE_TRANSITION_CURRENT(transition) < next;
+  if (!decoders_last) set_states(bin, next, true);
+  GstStateChangeReturn result = chain_up(GST_ELEMENT(bin), transition);
+  // GstBin repeats what locked children said the last time. None but they come to a state by and by.
+  if (result == GST_STATE_CHANGE_ASYNC) result = GST_STATE_CHANGE_SUCCESS;
+  if (!decoders_last || result == GST_STATE_CHANGE_FAILURE) return result;
+  const GstStateChangeReturn decoders = set_states(bin, next, true);
+  return decoders == GST_STATE_CHANGE_SUCCESS ? result : decoders;
+}
+
+GstStateChangeReturn pause_new_children(GstBin* bin) { return set_states(bin, GST_STATE_PAUSED, false); }
+
+GstStateChangeReturn play_new_children(GstBin* bin) { return set_states(bin, GST_STATE_PLAYING, false); }
+
+bool take_decoder_message(GstBin* bin, GstMessage* message) {
+  const GstMessageType type = GST_MESSAGE_TYPE(message);
+  if (type != GST_MESSAGE_ASYNC_START && type != GST_MESSAGE_ASYNC_DONE) return false;
+  if (type == GST_MESSAGE_ASYNC_DONE && GST_IS_ELEMENT(GST_MESSAGE_SRC(message)))
+    gst_element_call_async(GST_ELEMENT(bin), callback<continue_decoder>, gst_object_ref(GST_MESSAGE_SRC(message)),
+                           gst_object_unref);
+  gst_message_unref(message);
+  return true;
+}
+
+}  // namespace lf

@@ -1,0 +1,393 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "camsrc/camera_stream.h"
+
+#include <gst/video/video.h>
+
+#include <algorithm>
+#include <optional>
+
+#include "base/now.h"
+#include "common/common.h"
+#include "common/gst_wire.h"
+#include "jpeg/jpeg_frame.h"
+
+namespace lf {
+namespace {
+
+GstCaps* capture_time_reference() {
+  static GstStaticCaps caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
+  return gst_static_caps_get(&caps);
+}
+
+std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
+// The buffer goes no further, and upstream is told why.
+GstPadProbeReturn refuse(GstPadProbeInfo* info, GstFlowReturn reason) {
+  gst_clear_buffer(reinterpret_cast<GstBuffer**>(&info->data));
+  GST_PAD_PROBE_INFO_FLOW_RETURN(info) = reason;
+  return GST_PAD_PROBE_HANDLED;
+}
+
+// Of what comes to this sink pad: by how much it may be late; nothing where it does not come as it is taken.
+std::optional<GstClockTime> live_latency(GstPad* sink) {
+  GstQuery* query = gst_query_new_latency();
+  gboolean live = FALSE;
+  GstClockTime latency = 0;
+  if (gst_pad_peer_query(sink, query)) gst_query_parse_latency(query, &live, &latency, nullptr);
+  gst_query_unref(query);
+  return live ? std::optional(latency) : std::nullopt;
+}
+
+// For an end of a segment that nobody asked for. Takes and gives a reference.
+GstEvent* as_end(GstEvent* event) {
+  GstEvent* end = gst_event_new_eos();
+  gst_event_set_seqnum(end, gst_event_get_seqnum(event));
+  gst_event_unref(event);
+  return end;
+}
+
+// Calls `method` of the CameraStream that `data` points at weakly: an event from downstream may be on its way through a
+// pad of a chain that is taken apart.
+template <auto method>
+GstPadProbeReturn call(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
+  const auto stream = static_cast<std::weak_ptr<CameraStream>*>(data)->lock();
+  if (!stream) return GST_PAD_PROBE_OK;
+  return guarded(pad, GST_PAD_PROBE_DROP, [&] { return ((*stream).*method)(pad, info); });
+}
+
+}  // namespace
+
+CameraStream::CameraStream(GstElement* owner, const CameraChain& chain, const StreamOptions& options,
+                           const StreamListener& listener)
+    : owner_(owner),
+      chain_(chain),
+      options_(options),
+      listener_(listener),
+      stream_end_(options.begin),
+      round_start_(options.begin),
+      film_end_(options.begin),
+      film_start_(options.begin) {
+  gst_segment_init(&segment_, GST_FORMAT_TIME);
+}
+
+void CameraStream::watch() {
+  constexpr auto kData = GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM;
+  const auto probe = [this](GstPad* pad, int type, GstPadProbeCallback callback) {
+    gst_pad_add_probe(pad, GstPadProbeType(type), callback, new std::weak_ptr<CameraStream>(weak_from_this()),
+                      [](gpointer data) { delete static_cast<std::weak_ptr<CameraStream>*>(data); });
+  };
+  probe(chain_.decoded, kData | GST_PAD_PROBE_TYPE_EVENT_FLUSH, call<&CameraStream::on_decoded>);
+  if (chain_.sequence) {
+    GstPad* files = gst_element_get_static_pad(chain_.sequence, "src");
+    probe(files, GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM, call<&CameraStream::on_sequence>);
+    gst_object_unref(files);
+  }
+  probe(chain_.frames, kData, call<&CameraStream::on_frame>);
+  probe(chain_.out, kData | GST_PAD_PROBE_TYPE_EVENT_UPSTREAM, call<&CameraStream::on_output>);
+}
+
+void CameraStream::fail(GstStreamError code, const std::string& text) {
+  if (!first_error()) return;
+  listener_.on_error(GST_STREAM_ERROR, code, place() + ": " + text);
+}
+
+// Frames of another size than the rig's would be rendered as if they were of that size.
+void CameraStream::check_size(GstCaps* caps) {
+  GstVideoInfo info;
+  const GstStructure* structure = gst_caps_get_structure(caps, 0);
+  is_jpeg_ = gst_structure_has_name(structure, "image/jpeg");
+  gst_structure_get_fraction(structure, "framerate", &fps_n_, &fps_d_);
+  if (!gst_video_info_from_caps(&info, caps) || info.width == 0) return;  // JPEG files: the picture alone knows
+  size_is_wrong_ = info.width != options_.width || info.height != options_.height;
+  if (size_is_wrong_)
+    fail(GST_STREAM_ERROR_FORMAT, "the picture is " + size_text(info.width, info.height) + ", the rig says " +
+                                      size_text(options_.width, options_.height));
+}
+
+// Files of a sequence have no caps to say it.
+void CameraStream::check_size_of_jpeg(GstBuffer* buffer) {
+  const auto bytes = std::make_shared<const MappedBuffer>(buffer);
+  const std::shared_ptr<JpegFrame> frame = JpegFrame::open(bytes, bytes->bytes());
+  if (!frame) return;  // damaged
+  size_is_wrong_ = frame->width() != options_.width || frame->height() != options_.height;
+  if (size_is_wrong_)
+    fail(GST_STREAM_ERROR_FORMAT, "the picture is " + size_text(frame->width(), frame->height()) + ", the rig says " +
+                                      size_text(options_.width, options_.height));
+}
+
+void CameraStream::stop() {
+  stopping_ = true;
+  std::lock_guard wait_for_seek(seeking_);
+}
+
+// Behind the end of a segment the stream goes on without a flush. Only behind EOS, which ends what has begun without a
+// seek, there has to be one.
+void CameraStream::seek_to_start(guint32 seqnum, bool flush) {
+  std::lock_guard lock(seeking_);
+  if (stopping_ || loop_seqnum_ != seqnum) return;
+  const int flags = GST_SEEK_FLAG_SEGMENT | (flush ? GST_SEEK_FLAG_FLUSH : 0);
+  GstEvent* seek =
+      gst_event_new_seek(1.0, GST_FORMAT_TIME, GstSeekFlags(flags), GST_SEEK_TYPE_SET, 0, GST_SEEK_TYPE_NONE, -1);
+  gst_event_set_seqnum(seek, seqnum);
+  if (!gst_pad_push_event(chain_.decoded, seek))
+    fail(GST_STREAM_ERROR_FAILED, "can't begin again: there is no seeking in it");
+}
+
+// At the end of the file, or of a segment: true if it is to begin again.
+bool CameraStream::begin_again(bool flush) {
+  // Nobody wants more frames, or the file has none: no reason to turn round and round.
+  if (!options_.seek_to_loop || !is_cut_off_ || failed_ || round_frames_ == 0) return false;
+  if (live_latency(chain_.decoded)) return false;  // no beginning to seek back to
+
+  round_start_ = stream_end_;
+  film_start_ = film_end_;
+  round_frames_ = 0;
+  loop_seqnum_ = gst_util_seqnum_next();
+
+  // On another thread: a seek waits until this one has let go.
+  struct Task {
+    std::shared_ptr<CameraStream> stream;
+    guint32 seqnum;
+    bool flush;
+    GstPad* pad;  // so that it is still there, if not in use any more
+  };
+  gst_element_call_async(
+      owner_,
+      [](GstElement* owner, gpointer data) {
+        const auto* task = static_cast<Task*>(data);
+        guarded(owner, 0, [task] { return task->stream->seek_to_start(task->seqnum, task->flush), 0; });
+      },
+      new Task{shared_from_this(), loop_seqnum_, flush, GST_PAD(gst_object_ref(chain_.decoded))},
+      [](gpointer data) {
+        auto* task = static_cast<Task*>(data);
+        gst_object_unref(task->pad);
+        delete task;
+      });
+  return true;
+}
+
+// The same segment, `round_start_` later: running time goes on where the last round ended. Takes and gives a reference.
+GstEvent* CameraStream::later_segment(GstEvent* event) const {
+  GstSegment segment;
+  gst_event_copy_segment(event, &segment);
+  segment.base = round_start_;
+  segment.flags = GstSegmentFlags(segment.flags & ~GST_SEGMENT_FLAG_RESET);
+  GstEvent* later = gst_event_new_segment(&segment);
+  gst_event_set_seqnum(later, gst_event_get_seqnum(event));
+  gst_event_unref(event);
+  return later;
+}
+
+// Files of a sequence are stretches of bytes to GStreamer until a decoder gives them times. Takes and gives a
+// reference.
+GstEvent* CameraStream::time_segment(GstEvent* event) {
+  const GstSegment* segment = nullptr;
+  gst_event_parse_segment(event, &segment);
+  counts_time_ = segment->format != GST_FORMAT_TIME && fps_n_ > 0;
+  if (!counts_time_) return event;
+  GstSegment time;
+  gst_segment_init(&time, GST_FORMAT_TIME);
+  GstEvent* timed = gst_event_new_segment(&time);
+  gst_event_set_seqnum(timed, gst_event_get_seqnum(event));
+  gst_event_unref(event);
+  return timed;
+}
+
+GstBuffer* CameraStream::stamp(GstBuffer* buffer) const {
+  buffer = gst_buffer_make_writable(buffer);
+  const auto time = [this](guint64 n) {
+    return gst_util_uint64_scale(n, GST_SECOND * static_cast<guint64>(fps_d_), static_cast<guint64>(fps_n_));
+  };
+  GST_BUFFER_PTS(buffer) = time(pictures_);
+  GST_BUFFER_DTS(buffer) = GST_CLOCK_TIME_NONE;
+  GST_BUFFER_DURATION(buffer) = time(pictures_ + 1) - time(pictures_);
+  return buffer;
+}
+
+GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* info) {
+  if (info->type & GST_PAD_PROBE_TYPE_BUFFER) {
+    if (pictures_ == 0 && is_jpeg_) check_size_of_jpeg(GST_PAD_PROBE_INFO_BUFFER(info));
+    if (counts_time_) info->data = stamp(static_cast<GstBuffer*>(info->data));
+    ++pictures_;
+    return size_is_wrong_ ? refuse(info, GST_FLOW_ERROR) : GST_PAD_PROBE_OK;
+  }
+  GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
+  const bool looping = loop_seqnum_ != GST_SEQNUM_INVALID && gst_event_get_seqnum(event) == loop_seqnum_;
+  switch (GST_EVENT_TYPE(event)) {
+    case GST_EVENT_CAPS: {
+      GstCaps* caps = nullptr;
+      gst_event_parse_caps(event, &caps);
+      check_size(caps);
+      return GST_PAD_PROBE_OK;
+    }
+    case GST_EVENT_FLUSH_START:
+      return looping ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;  // downstream the stream just goes on
+    case GST_EVENT_FLUSH_STOP:
+      if (looping) return GST_PAD_PROBE_DROP;
+      loop_seqnum_ = GST_SEQNUM_INVALID;  // it does not begin again, but is where it was sought
+      round_start_ = stream_end_ = film_start_ = film_end_ = 0;
+      return GST_PAD_PROBE_OK;
+    case GST_EVENT_SEGMENT:
+      if (is_jpeg_) info->data = time_segment(event);
+      if (round_start_ > 0) info->data = later_segment(static_cast<GstEvent*>(info->data));
+      return GST_PAD_PROBE_OK;
+    case GST_EVENT_SEGMENT_DONE:
+    case GST_EVENT_EOS:
+      if (pictures_ == 0) fail(GST_STREAM_ERROR_DECODE, "there is no picture in it");
+      count_dropped();
+      is_cut_off_ = !ending_ && gst_pad_get_last_flow_return(chain_.out) == GST_FLOW_OK;
+      if (begin_again(GST_EVENT_TYPE(event) == GST_EVENT_EOS)) return GST_PAD_PROBE_DROP;
+      if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT_DONE && options_.seek_to_loop) info->data = as_end(event);
+      return GST_PAD_PROBE_OK;
+    default: return GST_PAD_PROBE_OK;
+  }
+}
+
+// Notes the running time of a frame as it was taken, before its stamp may be changed to that of another frame rate.
+GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
+  if (info->type & GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM) {
+    GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
+    if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT) gst_event_copy_segment(event, &segment_);
+    return GST_PAD_PROBE_OK;
+  }
+  auto* buffer = static_cast<GstBuffer*>(info->data);
+  const GstClockTime stamp = gst_segment_to_running_time(&segment_, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
+  ++round_frames_;
+  if (!GST_CLOCK_TIME_IS_VALID(stamp)) return GST_PAD_PROBE_OK;
+  const GstClockTime last_duration = stamp > stream_end_ ? stamp - stream_end_ : 0;
+  const GstClockTime duration = GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : last_duration;
+  stream_end_ = stamp + duration;
+  if (live_ && is_shed(pad, buffer, stamp)) return GST_PAD_PROBE_DROP;
+
+  // Of a film it is where in the film the frame is, which a seek does not begin anew.
+  GstClockTime taken = stamp;
+  if (!live_) {
+    taken = gst_segment_to_stream_time(&segment_, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
+    if (!GST_CLOCK_TIME_IS_VALID(taken)) return GST_PAD_PROBE_OK;
+    taken += film_start_ + capture_offset_;
+    film_end_ = taken + duration;
+  }
+  buffer = gst_buffer_make_writable(buffer);
+  GstCaps* reference = capture_time_reference();
+  gst_buffer_add_reference_timestamp_meta(buffer, reference, taken, GST_BUFFER_DURATION(buffer));
+  gst_caps_unref(reference);
+  info->data = buffer;
+  return GST_PAD_PROBE_OK;
+}
+
+// Whether a live frame is left out because the machine can't decode all.
+bool CameraStream::is_shed(GstPad* pad, GstBuffer* buffer, GstClockTime stamp) {
+  const GstClockTime now = gst_element_get_current_running_time(owner_);
+  if (!GST_CLOCK_TIME_IS_VALID(now)) return false;
+  constexpr guint64 kEvery = 30;  // frames: latency may change, if not often
+  if (judged_++ % kEvery == 0) latency_ = live_latency(chain_.decoded).value_or(0);
+  const GstClockTime period = GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : 0;
+  using Verdict = CameraShedder::Verdict;
+  const Verdict verdict =
+      options_.shedder->see(GST_BUFFER_PTS(buffer), GST_CLOCK_DIFF(stamp, now), latency_, period, now_ns());
+  if (verdict == Verdict::kBeginToDrop) {
+    gst_pad_push_event(pad, gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new_empty(LF_CAMERA_LOST)));
+    listener_.on_overload(options_.shedder->behind());
+  }
+  return verdict != Verdict::kShow;
+}
+
+// What was dropped has its place in the stream all the same.
+void CameraStream::count_dropped() {
+  const GstClockTime end = options_.shedder->take_dropped_end();
+  if (!GST_CLOCK_TIME_IS_VALID(end)) return;
+  ++round_frames_;
+  const GstClockTime stamp = gst_segment_to_running_time(&segment_, GST_FORMAT_TIME, end);
+  if (GST_CLOCK_TIME_IS_VALID(stamp)) stream_end_ = std::max(stream_end_, stamp);
+}
+
+// Of a live frame's running time. Of one that a sender dates itself: when it was taken and not when it came.
+GstClockTime CameraStream::clock_time(GstClockTime stamp) const {
+  const std::optional<GstClockTime> taken = chain_.sender ? chain_.sender->taken(stamp) : std::nullopt;
+  g_autoptr(GstClock) clock = taken ? gst_element_get_clock(owner_) : nullptr;
+  if (!clock) return stamp + gst_element_get_base_time(owner_);
+  const GstClockTime now = static_cast<GstClockTime>(g_get_real_time()) * GST_USECOND;
+  return static_cast<GstClockTime>(static_cast<GstClockTimeDiff>(gst_clock_get_time(clock)) -
+                                   GST_CLOCK_DIFF(*taken, now));
+}
+
+// From running time to the true capture time. Only here: while a live frame waits for PLAYING there is no base time.
+GstBuffer* CameraStream::complete_capture_time(GstBuffer* buffer) const {
+  buffer = gst_buffer_make_writable(buffer);
+  GstCaps* reference = capture_time_reference();
+  GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(buffer, reference);
+  gst_caps_unref(reference);
+  if (!meta) return buffer;  // a frame without a stamp
+  if (live_) meta->timestamp = clock_time(meta->timestamp);
+  const auto offset = static_cast<GstClockTimeDiff>(options_.time_offset * GST_SECOND);
+  const bool before_zero = offset < 0 && meta->timestamp < static_cast<GstClockTime>(-offset);
+  meta->timestamp = before_zero ? 0 : meta->timestamp + offset;
+  return buffer;
+}
+
+void CameraStream::announce(GstPad* pad) {
+  if (announced_) return;
+  announced_ = true;
+  GstStructure* camera =
+      gst_structure_new(LF_CAMERA_EVENT, "camera", G_TYPE_UINT, options_.camera, "rig-hash", G_TYPE_UINT64,
+                        options_.rig_hash, "paced", G_TYPE_BOOLEAN, options_.paced, nullptr);
+  gst_pad_push_event(pad, gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM_STICKY, camera));
+}
+
+GstPadProbeReturn CameraStream::on_output_event(GstPad* pad, GstEvent* event) {
+  switch (GST_EVENT_TYPE(event)) {
+    case GST_EVENT_QOS:
+      // Who is late in files still gets all frames: a picture must not depend on the speed of the machine.
+      return live_ ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
+    case GST_EVENT_SEGMENT:  // the first one, one after a flush, or the next round
+      announced_ = eos_sent_ = false;
+      if (!sought_.exchange(false)) return GST_PAD_PROBE_OK;
+      frames_out_ = 0;
+      ending_ = false;
+      return GST_PAD_PROBE_OK;
+    case GST_EVENT_GAP: announce(pad); return GST_PAD_PROBE_OK;
+    case GST_EVENT_EOS:
+      if (eos_sent_) return GST_PAD_PROBE_DROP;
+      eos_sent_ = true;
+      announce(pad);
+      return on_output_end(pad);
+    default: return GST_PAD_PROBE_OK;
+  }
+}
+
+GstPadProbeReturn CameraStream::on_output_end(GstPad* pad) {
+  if (!options_.has_end && is_cut_off_) fail(GST_STREAM_ERROR_FAILED, "its stream ended");
+  if (!failed_) listener_.on_end();
+  if (!failed_ || !options_.may_be_lost) return GST_PAD_PROBE_OK;
+  gst_pad_push_event(pad, gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new_empty(LF_CAMERA_LOST)));
+  return GST_PAD_PROBE_DROP;
+}
+
+// A film that is opened again stays in step with the others: it runs through what they have shown since.
+bool CameraStream::is_too_late(GstBuffer* buffer) {
+  if (!options_.catches_up || is_on_time_) return false;
+  const GstClockTime now = gst_element_get_current_running_time(owner_);
+  const GstClockTime stamp = gst_segment_to_running_time(&segment_, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
+  is_on_time_ = !GST_CLOCK_TIME_IS_VALID(now) || !GST_CLOCK_TIME_IS_VALID(stamp) || stamp + GST_SECOND >= now;
+  return !is_on_time_;
+}
+
+GstPadProbeReturn CameraStream::on_output(GstPad* pad, GstPadProbeInfo* info) {
+  if (!(info->type & GST_PAD_PROBE_TYPE_BUFFER)) {
+    GstEvent* event = GST_PAD_PROBE_INFO_EVENT(info);
+    return GST_EVENT_TYPE(event) == GST_EVENT_SEEK ? on_seek(info) : on_output_event(pad, event);
+  }
+  if (options_.num_frames >= 0 && frames_out_ >= options_.num_frames) ending_ = true;
+  if (ending_) {
+    // The source stops then; not every one also tells downstream (decodebin's queues don't).
+    gst_pad_push_event(pad, gst_event_new_eos());
+    return refuse(info, GST_FLOW_EOS);
+  }
+  if (is_too_late(GST_PAD_PROBE_INFO_BUFFER(info))) return GST_PAD_PROBE_DROP;
+  info->data = complete_capture_time(static_cast<GstBuffer*>(info->data));
+  announce(pad);
+  if (frames_out_++ == 0) listener_.on_first_frame();
+  return GST_PAD_PROBE_OK;
+}
+
+}  // namespace lf

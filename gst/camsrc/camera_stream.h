@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "camsrc/camera_chain.h"
+#include "camsrc/camera_shedder.h"
+#include "rig/rig.h"
+
+namespace lf {
+
+// What is said of a camera's stream, and what becomes of it.
+struct StreamOptions {
+  CameraIndex camera = 0;
+  uint64_t rig_hash = 0;
+  int width = 0, height = 0;  // pixels
+  double time_offset = 0;     // seconds, of the true capture time
+  gint64 num_frames = -1;     // -1: all
+  bool seek_to_loop = false;  // at its end the source is sought back to its beginning
+  bool has_end = true;        // false: an end of the source, but for `num_frames`, is an error
+  bool may_be_lost = false;   // an error ends the stream with the event LF_CAMERA_LOST, not with EOS
+  bool catches_up = false;    // frames that are later than a second are left out until one is not
+  bool paced = false;         // frames are ready before their time, and wait for it
+  GstClockTime begin = 0;     // running time of what has the source's time 0
+  std::shared_ptr<CameraShedder> shedder;
+  std::string place;  // begins the text of each error: "rig.json: camera 5 (cam_00_05): cam_00_05.mkv"
+};
+
+// What a camera's stream tells, from any of its threads.
+struct StreamListener {
+  // Once at most.
+  std::function<void(GQuark domain, gint code, const std::string& text)> on_error;
+  std::function<void()> on_first_frame;
+  std::function<void()> on_end;                            // as it should; not after an error
+  std::function<void(GstClockTimeDiff late)> on_overload;  // frames are dropped before they are decoded
+};
+
+// Watches the pads of a chain from one start to the next stop and makes of what passes a camera's stream: of the rig's
+// size, named by the sticky event LF_CAMERA_EVENT, with the true capture time on each frame, going on where a file
+// begins again, and ending after `num_frames`.
+class CameraStream : public std::enable_shared_from_this<CameraStream> {
+ public:
+  // `owner`: the element whose base time counts; it outlives the stream's data flow.
+  CameraStream(GstElement* owner, const CameraChain& chain, const StreamOptions& options,
+               const StreamListener& listener);
+
+  // Call once, before data flows.
+  void watch();
+  // Frames come at their time on a clock, which their capture times are to be of. Before data flows.
+  void set_live() { live_ = true; }
+  // The next frame is no more sent; the stream ends. Any thread.
+  void end() { ending_ = true; }
+  // Call before data flow is shut down: demuxers don't take a seek and a change to READY at the same time. Afterwards
+  // the chain is not touched by threads other than those that stream.
+  void stop();
+  // True the first time: an error follows from the one before it and is not worth telling.
+  bool first_error() { return !failed_.exchange(true); }
+  bool has_failed() const { return failed_; }
+  const std::string& place() const { return options_.place; }
+  // Frames sent so far.
+  uint64_t frames_out() const { return static_cast<uint64_t>(frames_out_); }
+  // Running time at which the newest frame ends. Call when nothing flows.
+  GstClockTime ends_at() const { return stream_end_; }
+
+ private:
+  // Each takes what passes and says what becomes of it.
+  GstPadProbeReturn on_decoded(GstPad* pad, GstPadProbeInfo* info);
+  GstPadProbeReturn on_frame(GstPad* pad, GstPadProbeInfo* info);
+  GstPadProbeReturn on_output(GstPad* pad, GstPadProbeInfo* info);
+  GstPadProbeReturn on_output_event(GstPad* pad, GstEvent* event);
+  // camera_stream_seek.cc
+  GstPadProbeReturn on_seek(GstPadProbeInfo* info);
+  GstPadProbeReturn on_sequence(GstPad* pad, GstPadProbeInfo* info);
+  void seek_sequence(guint64 time, GstSeekFlags flags, guint32 seqnum);  // under seeking_
+  GstPadProbeReturn on_output_end(GstPad* pad);
+  bool is_shed(GstPad* pad, GstBuffer* buffer, GstClockTime stamp);
+  void count_dropped();
+  bool is_too_late(GstBuffer* buffer);
+
+  void fail(GstStreamError code, const std::string& text);
+  void check_size(GstCaps* caps);
+  void check_size_of_jpeg(GstBuffer* buffer);
+  GstEvent* time_segment(GstEvent* event);
+  GstBuffer* stamp(GstBuffer* buffer) const;
+  bool begin_again(bool flush);
+  void seek_to_start(guint32 seqnum, bool flush);
+  GstEvent* later_segment(GstEvent* event) const;
+  GstClockTime clock_time(GstClockTime stamp) const;
+  GstBuffer* complete_capture_time(GstBuffer* buffer) const;
+  void announce(GstPad* pad);
+
+  GstElement* const owner_;
+  const CameraChain chain_;
+  const StreamOptions options_;
+  const StreamListener listener_;
+  std::atomic<bool> live_ = false;
+  std::atomic<bool> ending_ = false, stopping_ = false, failed_ = false;
+  std::atomic<gint64> frames_out_ = 0;
+  std::mutex seeking_;
+  std::atomic<guint32> loop_seqnum_ = GST_SEQNUM_INVALID;  // of the seek back to the beginning
+  std::atomic<bool> sought_ = false;                       // by somebody else, since the latest segment
+  std::atomic<GstClockTime> sequence_starts_at_ = 0;  // in the film, what an image sequence gives first from now on
+
+  // Of the streaming thread.
+  GstSegment segment_;               // of the frames pad
+  guint64 pictures_ = 0;             // decoded
+  GstClockTime stream_end_ = 0;      // running time at which the newest frame ends
+  GstClockTime round_start_ = 0;     // running time at which this round of a loop began
+  GstClockTime film_end_ = 0;        // in the film, over all rounds, where the newest frame ends
+  GstClockTime film_start_ = 0;      // the same of the beginning of this round, which a seek may have begun later
+  GstClockTime capture_offset_ = 0;  // in the film, of the frame that has stream time 0
+  guint64 judged_ = 0;               // frames whose lateness was looked at
+  GstClockTime latency_ = 0;         // of the source, as it states it
+  guint64 round_frames_ = 0;         // frames since then
+  gint fps_n_ = 0, fps_d_ = 1;
+  bool counts_time_ = false;  // frames have no stamps of their own
+  bool is_jpeg_ = false, size_is_wrong_ = false, announced_ = false, eos_sent_ = false;
+  bool is_on_time_ = false;  // has caught up
+  bool is_cut_off_ = false;  // more could have been sent when the source came to its end
+};
+
+}  // namespace lf

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include "camsrc/camera_service.h"
+
+G_BEGIN_DECLS
+
+#define LF_TYPE_CAM_SRC (lf_cam_src_get_type())
+G_DECLARE_FINAL_TYPE(LfCamSrc, lf_cam_src, LF, CAM_SRC, GstBin)
+GST_ELEMENT_REGISTER_DECLARE(lfcamsrc)
+
+G_END_DECLS
+
+// For lfcameranode. Any thread.
+// From now on the loss of this camera is no error, whatever `retry`, which then counts for live cameras alone.
+void lf_cam_src_set_expendable(LfCamSrc* self);
+const lf::CameraService& lf_cam_src_service(LfCamSrc* self);
+// The `stats` property under this name; owned by the caller.
+GstStructure* lf_cam_src_stats(LfCamSrc* self, const char* name);
+// It is lost, and no attempt follows.
+bool lf_cam_src_is_lost_for_good(LfCamSrc* self);

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "common/common.h"
+
+#include <sys/stat.h>
+
+#include <map>
+#include <mutex>
+
+#include "base/error.h"
+#include "rig/rig_json.h"
+
+namespace lf {
+namespace {
+
+// Tells a file that was written or replaced. The time alone would not: clocks of file systems tick every few
+// milliseconds.
+struct FileVersion {
+  ino_t inode = 0;
+  off_t size = 0;
+  time_t seconds = 0;
+  long nanoseconds = 0;
+  bool operator==(const FileVersion&) const = default;
+};
+
+FileVersion version_of(const std::string& path) {
+  struct stat s {};
+  if (stat(path.c_str(), &s) != 0) return {};  // load_rig() reports a file that is not there
+  return {s.st_ino, s.st_size, s.st_mtim.tv_sec, s.st_mtim.tv_nsec};
+}
+
+}  // namespace
+
+std::shared_ptr<const Rig> shared_rig(const std::string& path) {
+  struct Entry {
+    std::weak_ptr<const Rig> rig;
+    FileVersion version;
+  };
+  static std::mutex mutex;
+  static std::map<std::string, Entry> cache;
+
+  const FileVersion version = version_of(path);
+  std::lock_guard lock(mutex);
+  Entry& entry = cache[path];
+  std::shared_ptr<const Rig> rig = entry.rig.lock();
+  if (!rig || entry.version != version) {
+    rig = std::make_shared<const Rig>(load_rig(path));
+    entry = {rig, version};
+  }
+  return rig;
+}
+
+bool is_running(GstElement* element) {
+  GST_OBJECT_LOCK(element);
+  const bool running = GST_STATE(element) >= GST_STATE_PAUSED;
+  GST_OBJECT_UNLOCK(element);
+  return running;
+}
+
+std::shared_ptr<const Rig> reload_rig(GstElement* element, const gchar* path) {
+  try {
+    if (!path) throw Error("no rig file given");
+    return shared_rig(path);
+  } catch (const Error& error) {
+    GST_ELEMENT_WARNING(element, RESOURCE, SETTINGS, ("%s; the rig stays as it was", error.what()), (nullptr));
+    return nullptr;
+  }
+}
+
+GstCaps* unit_caps(const gchar* media_type) {
+  return gst_caps_new_simple(media_type, "parsed", G_TYPE_BOOLEAN, TRUE, nullptr);
+}
+
+void accept_unit_caps(GstPad* sink) { GST_PAD_SET_ACCEPT_INTERSECT(sink); }
+
+bool is_reverse_seek(GstEvent* event) {
+  if (GST_EVENT_TYPE(event) != GST_EVENT_SEEK) return false;
+  gdouble rate = 1;
+  gst_event_parse_seek(event, &rate, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr);
+  return rate <= 0;
+}
+
+bool is_in_process_query(GstQuery* query) {
+  const GstStructure* structure = GST_QUERY_TYPE(query) == GST_QUERY_CUSTOM ? gst_query_get_structure(query) : nullptr;
+  return structure && gst_structure_has_name(structure, LF_IN_PROCESS_QUERY);
+}
+
+bool compositor_is_near(GstPad* src) {
+  GstQuery* query = gst_query_new_custom(GST_QUERY_CUSTOM, gst_structure_new_empty(LF_IN_PROCESS_QUERY));
+  const bool near = gst_pad_peer_query(src, query);
+  gst_query_unref(query);
+  return near;
+}
+
+}  // namespace lf

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include <gst/gst.h>
+
+#include "common/guard.h"
+#include "rig/rig.h"
+
+// What the elements share. The elements hold no mathematics: that is in lib/.
+
+// Caps are constant for the life of a stream. Requests carry the rate of their viewer (0/1: variable), so that a
+// compositor can name the frame rate of its output.
+#define LF_REQUEST_MEDIA_TYPE "application/x-lightfield-request"
+#define LF_ANSWER_MEDIA_TYPE "application/x-lightfield-answer"
+#define LF_RIG_MEDIA_TYPE "application/x-lightfield-rig"
+// `parsed`: each buffer is one unit. Bytes of which that is not so (files, TCP) go through lfparse first.
+#define LF_REQUEST_CAPS LF_REQUEST_MEDIA_TYPE ", parsed = (boolean) true"
+#define LF_ANSWER_CAPS LF_ANSWER_MEDIA_TYPE ", parsed = (boolean) true"
+#define LF_RGB_FORMATS "RGB, BGR, RGBx, BGRx, xRGB, xBGR, RGBA, BGRA, ARGB, ABGR"
+
+// Video that lffragment takes from cameras as it is.
+#define LF_CAMERA_FORMATS LF_RGB_FORMATS ", I420, NV12, GRAY8"
+
+// Sticky custom downstream event with which lfcamsrc names the camera of a stream: field "camera" (uint: index in the
+// rig), "rig-hash" (uint64), "paced" (boolean: frames are ready before their time, so that none need be late).
+#define LF_CAMERA_EVENT "lightfield-camera"
+
+// Custom downstream event of lfcamsrc: no frame comes after those before it until a new segment, because the camera
+// failed. The element messages of lfcamsrc, too, each with the fields "camera" (uint: id), "name" (string); the first
+// one has "reason" (string).
+#define LF_CAMERA_LOST "lightfield-camera-lost"
+#define LF_CAMERA_FOUND "lightfield-camera-found"
+
+// GstReferenceTimestampMeta reference of a frame's true capture time (stamp + the camera's time offset), and of the
+// capture time of a picture: clock time for live sources, stream time for others.
+#define LF_CAPTURE_TIME_CAPS "timestamp/x-lightfield-capture"
+
+// Custom query with which a node asks downstream whether the compositor is in its process: lfcompositor answers TRUE.
+// Elements that keep buffers as they are (queue, tee, identity, funnel) pass it on; files, sockets and payloaders don't
+// know it.
+#define LF_IN_PROCESS_QUERY "lightfield-in-process"
+
+namespace lf {
+
+// A seek that can't be taken; told before anything is flushed for it.
+bool is_reverse_seek(GstEvent* event);
+
+// LF_REQUEST_CAPS or LF_ANSWER_CAPS as caps, owned by the caller.
+GstCaps* unit_caps(const gchar* media_type);
+// Caps that leave `parsed` away are taken, too: who makes them has no reason to think of it.
+void accept_unit_caps(GstPad* sink);
+
+bool is_in_process_query(GstQuery* query);
+// Whether answers pushed on this pad stay in this process up to the compositor.
+bool compositor_is_near(GstPad* src);
+
+// The rig in `path`; elements that name the same unchanged file share one copy. Thread-safe. Throws Error.
+std::shared_ptr<const Rig> shared_rig(const std::string& path);
+
+// Whether the element runs: a rig that is named before is read by its start, one that is named then by reload_rig().
+bool is_running(GstElement* element);
+// The rig in `path`, as shared_rig(). Null if it can't be read: then a warning says so, and nothing is to change.
+std::shared_ptr<const Rig> reload_rig(GstElement* element, const gchar* path);
+
+}  // namespace lf

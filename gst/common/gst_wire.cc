@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "common/gst_wire.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "wire/camera_trials_codec.h"
+#include "wire/moments_codec.h"
+
+namespace lf {
+namespace {
+
+template <class Decode>
+auto decode(GstBuffer* buffer, std::string* reason, Decode decode_bytes) -> decltype(decode_bytes({}, reason)) {
+  return decode_bytes(MappedBuffer(buffer).bytes(), reason);
+}
+
+template <class Owner, class Bytes>
+GstBuffer* wrap(Owner* owner, Bytes& bytes) {
+  return gst_buffer_new_wrapped_full(GstMemoryFlags(0), bytes.data(), bytes.size(), 0, bytes.size(), owner,
+                                     [](gpointer data) { delete static_cast<Owner*>(data); });
+}
+
+struct OwnedAnswer {
+  ByteBuffer bytes;
+  std::shared_ptr<AnswerMemory> memory;
+  ~OwnedAnswer() { memory->give_back(std::move(bytes)); }
+};
+
+}  // namespace
+
+MappedBuffer::MappedBuffer(GstBuffer* buffer) : buffer_(gst_buffer_ref(buffer)) {
+  if (!gst_buffer_map(buffer, &map_, GST_MAP_READ)) map_ = {};
+}
+MappedBuffer::~MappedBuffer() {
+  if (map_.memory) gst_buffer_unmap(buffer_, &map_);
+  gst_buffer_unref(buffer_);
+}
+
+std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string* reason) {
+  return decode(buffer, reason, wire::decode_request);
+}
+std::optional<wire::AnyRequest> decode_any_request_buffer(GstBuffer* buffer, std::string* reason) {
+  return decode(buffer, reason, wire::decode_any_request);
+}
+std::optional<wire::RequestPeek> peek_request_buffer(GstBuffer* buffer) {
+  return wire::peek_request(MappedBuffer(buffer).bytes());
+}
+std::optional<uint32_t> peek_answer_view(GstBuffer* buffer) {
+  return wire::peek_answer_view(MappedBuffer(buffer).bytes());
+}
+bool is_moments_buffer(GstBuffer* buffer) {
+  const MappedBuffer mapped(buffer);
+  return wire::is_moments(mapped.bytes()) || wire::is_camera_trials(mapped.bytes());
+}
+std::optional<wire::AnswerHead> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason) {
+  return decode(buffer, reason, wire::parse_answer_header);
+}
+
+ByteBuffer AnswerMemory::take() {
+  std::lock_guard lock(mutex_);
+  if (unused_.empty()) return {};
+  ByteBuffer bytes = std::move(unused_.back());
+  unused_.pop_back();
+  return bytes;
+}
+void AnswerMemory::give_back(ByteBuffer bytes) {
+  std::lock_guard lock(mutex_);
+  largest_ = std::max(largest_, bytes.size());
+  if (++given_ >= kLatest) {
+    largest_before_ = std::exchange(largest_, 0);
+    given_ = 0;
+  }
+  const size_t most = 2 * std::max(largest_, largest_before_);
+  std::erase_if(unused_, [most](const ByteBuffer& buffer) { return buffer.capacity() > most; });
+  if (unused_.size() < kMostKept && bytes.capacity() <= most) unused_.push_back(std::move(bytes));
+}
+
+size_t AnswerMemory::kept_bytes() const {
+  std::lock_guard lock(mutex_);
+  size_t bytes = 0;
+  for (const ByteBuffer& buffer : unused_) bytes += buffer.capacity();
+  return bytes;
+}
+
+GstBuffer* encode_request_buffer(const ViewRequest& request) { return wrap_bytes(wire::encode_request(request)); }
+GstBuffer* wrap_bytes(std::vector<uint8_t> bytes) {
+  auto* owned = new std::vector<uint8_t>(std::move(bytes));
+  return wrap(owned, *owned);
+}
+GstBuffer* wrap_bytes(ByteBuffer bytes) {
+  auto* owned = new ByteBuffer(std::move(bytes));
+  return wrap(owned, *owned);
+}
+GstBuffer* wrap_answer(ByteBuffer bytes, std::shared_ptr<AnswerMemory> memory) {
+  auto* owned = new OwnedAnswer{std::move(bytes), std::move(memory)};
+  return wrap(owned, owned->bytes);
+}
+
+}  // namespace lf

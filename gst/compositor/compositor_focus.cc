@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
+#include <numeric>
+#include <span>
+
+#include "common/focal_surface_event.h"
+#include "compositor/lfcompositor_private.h"
+#include "wire/camera_trials_codec.h"
+#include "wire/moments_codec.h"
+
+GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
+#define GST_CAT_DEFAULT lf_compositor_debug
+
+using lf::CompositorStats;
+
+static constexpr guint kUnheardRest = 15;  // requests: a second or less
+
+GType lf_compositor_focus_get_type(void) {
+  static const GType type = [] {
+    static const GEnumValue values[] = {
+        {static_cast<gint>(lf::FocusMode::kPlane), "The viewer's focal plane", "plane"},
+        {static_cast<gint>(lf::FocusMode::kSurface), "Every pixel on its own: trials with every request", "surface"},
+        {static_cast<gint>(lf::FocusMode::kAuto), "The same with as many trials as the scene needs", "auto"},
+        {0, nullptr, nullptr}};
+    return g_enum_register_static("LfCompositorFocus", values);
+  }();
+  return type;
+}
+
+// Of the properties. `auto` is for arrays that are known. Under the object lock.
+static lf::FocusControl::Settings lf_compositor_focus(LfCompositor* self) {
+  lf::FocusControl::Settings focus = self->focus;
+  if (focus.mode == lf::FocusMode::kAuto && !self->rig_path) focus.mode = lf::FocusMode::kPlane;
+  return focus;
+}
+
+bool lf_compositor_finds_focus(LfCompositor* self) {
+  GST_OBJECT_LOCK(self);
+  const bool finds = lf_compositor_focus(self).mode != lf::FocusMode::kPlane && !self->partial;
+  GST_OBJECT_UNLOCK(self);
+  return finds;
+}
+
+void lf_compositor_forget_moments(LfCompositor* self) {
+  self->state->moments.clear();
+  self->state->trial_job.reset();
+  self->state->trial_cameras.clear();
+  self->state->brightness = {};
+  self->state->gains = {};
+  self->state->moment_bytes = 0;
+}
+
+// Sequence numbers wrap: the sign of the difference tells the order. Negative for another view's.
+static int32_t ahead_of_current(LfCompositor* self, const lf::wire::MomentsHeader& header) {
+  const lf::ViewRequest& request = *self->state->current;
+  if (header.view_id != request.view_id) return -1;
+  return static_cast<int32_t>(header.sequence - request.sequence);
+}
+
+// What cameras see becomes moments here; whose weights are known from the rig.
+static bool add_camera_trials(LfCompositor* self, std::span<const uint8_t> bytes, std::string* reason) {
+  auto& state = *self->state;
+  const lf::ViewRequest& request = *state.current;
+  const lf::FocalMap* const map = request.view.focus.map.get();
+  if (!map || request.trials.empty()) return *reason = "no trials were asked for", false;
+  if (!state.rig) {
+    if (!state.warned_rig)
+      GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
+                          ("Nodes answer trials camera by camera: set the property \"rig\" to add them up."),
+                          (nullptr));
+    state.warned_rig = true;
+    return *reason = "the rig is not known", false;
+  }
+  const std::optional<lf::wire::CameraTrialsUnit> unit =
+      lf::wire::decode_camera_trials(bytes, {map->columns, map->rows, request.trials.size()}, reason);
+  if (!unit) return false;
+  const lf::Rig& rig = *state.rig;
+  if (unit->rig_hash != rig.hash()) return *reason = "of another rig", false;
+  if (!state.trial_job) {
+    std::vector<lf::CameraIndex> all(rig.cameras.size());
+    std::iota(all.begin(), all.end(), 0);
+    state.trial_job.emplace(rig, state.trial_mesh.get(rig, request.out_of_service), lf::trial_view(request.view), all);
+    state.trial_levels.clear();
+    for (const lf::Trial& trial : request.trials) state.trial_levels.push_back(lf::trial_levels(request.view, trial));
+  }
+  if (state.moments.empty()) {
+    state.moments.resize(request.trials.size());
+    for (lf::Moments& moments : state.moments) moments.reset(map->columns, map->rows);
+  }
+  for (const lf::CameraTrials& camera : unit->cameras)
+    if (camera.camera >= rig.cameras.size() || state.trial_cameras.contains(camera.camera) ||
+        !lf::add_camera_trials(*state.trial_job, rig.cameras[camera.camera], camera, state.trial_levels, state.moments))
+      *reason = "a camera's trials are there already, or not where it has a weight";
+    else
+      state.trial_cameras.insert(camera.camera);
+  state.moment_bytes += bytes.size();
+  return reason->empty();
+}
+
+int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer) {
+  auto& state = *self->state;
+  const lf::MappedBuffer mapped(buffer);
+  std::string reason;
+  const auto drop = [&] {
+    GST_WARNING_OBJECT(self, "dropped moments: %s", reason.c_str());
+    state.stats.count(CompositorStats::kBadAnswers);
+  };
+  const bool by_camera = lf::wire::is_camera_trials(mapped.bytes());
+  const std::optional<lf::wire::MomentsHeader> header =
+      by_camera ? lf::wire::parse_camera_trials_header(mapped.bytes(), &reason)
+                : lf::wire::parse_moments_header(mapped.bytes(), nullptr, &reason);
+  if (!header) {
+    drop();
+    return -1;
+  }
+  const lf::ViewRequest& request = *state.current;
+  const int32_t ahead = ahead_of_current(self, *header);
+  if (ahead != 0) return ahead > 0 ? 1 : -1;
+  if (by_camera) {
+    if (!add_camera_trials(self, mapped.bytes(), &reason)) drop();
+    return 0;
+  }
+  lf::wire::MomentsShape asked;
+  if (const lf::FocalMap* map = request.view.focus.map.get()) {
+    if (!header->gains)
+      asked = {map->columns, map->rows, request.trials.size()};
+    else if (request.gains.ask)
+      asked = {lf::FocalMap::nodes(map->columns, 2), lf::FocalMap::nodes(map->rows, 2), 1};
+  }
+  std::optional<lf::wire::MomentsUnit> unit = lf::wire::decode_moments(mapped.bytes(), asked, &reason);
+  if (unit && request.rig_hash != 0 && unit->rig_hash != request.rig_hash) {
+    reason = "of another rig";
+    unit.reset();
+  }
+  if (!unit) {
+    drop();
+    return 0;
+  }
+  state.moment_bytes += mapped.bytes().size();
+  if (unit->gains) {
+    state.gains.add(*unit->gains);
+    if (state.brightness.columns == 0)
+      state.brightness = std::move(unit->trials[0]);
+    else
+      state.brightness.add(unit->trials[0]);
+    return 0;
+  }
+  if (state.moments.empty())
+    state.moments = std::move(unit->trials);
+  else
+    for (size_t i = 0; i < state.moments.size(); i++) state.moments[i].add(unit->trials[i]);
+  return 0;
+}
+
+std::vector<GstBuffer*> lf_compositor_make_moments(LfCompositor* self, guint node) {
+  const auto& state = *self->state;
+  const lf::ViewRequest& request = *state.current;
+  lf::wire::MomentsHeader header{request.view_id, request.sequence, state.assembly.rig_hash(), node, {}};
+  std::vector<GstBuffer*> units;
+  if (!state.moments.empty()) units.push_back(lf::wrap_bytes(lf::wire::encode_moments(header, state.moments)));
+  header.gains = state.gains;
+  if (state.brightness.columns > 0)
+    units.push_back(lf::wrap_bytes(lf::wire::encode_moments(header, {&state.brightness, 1})));
+  return units;
+}
+
+// What the next request says of the cameras' brightness, whose trials are `trials`.
+static lf::GainRequest next_gains(LfCompositor* self, bool use, bool has_trials) {
+  auto& state = *self->state;
+  lf::GainRequest gains{.use = use};
+  if (!use) {
+    state.mean_turns = {};
+    return gains;
+  }
+  const bool came = state.brightness.columns > 0;
+  gains.ask = state.mean_turns.next(has_trials, came);
+  if (!came) return gains;
+  gains.mean = lf::mean_luma(state.brightness, state.gains);
+  gains.mean_of = state.current->sequence;
+  return gains;
+}
+
+void lf_compositor_find_focus(LfCompositor* self) {
+  auto& state = *self->state;
+  GST_OBJECT_LOCK(self);
+  const lf::FocusControl::Settings settings = lf_compositor_focus(self);
+  const bool gains = self->gains && settings.mode != lf::FocusMode::kPlane;
+  GST_OBJECT_UNLOCK(self);
+  // Nobody takes it, as where requests come from a file: asked again now and then.
+  if (!state.current->view.focus.map && state.unheard > 0) {
+    state.unheard--;
+    return;
+  }
+  const bool was_finding = state.focus_settings.mode != lf::FocusMode::kPlane;
+  if (settings.mode == lf::FocusMode::kPlane && !was_finding) return;
+  if (settings != state.focus_settings) {
+    state.focus_settings = settings;
+    state.focus = lf::FocusControl(settings);
+    state.focus_array.reset();
+  }
+  lf::ViewRequest request = *state.current;
+  if (!state.focus_array) {
+    // Without a rig any plane will do that stays where it is.
+    if (state.rig)
+      state.focus_array.emplace(*state.rig);
+    else
+      state.focus_array.emplace(lf::plane_through(request.view.pose.position, request.view.pose.forward()));
+    if (settings.mode != lf::FocusMode::kPlane) request.view.focus.map = nullptr;
+  }
+  const lf::FocusControl::Plan plan = state.focus.next(request, state.moments, *state.focus_array);
+  state.stats.set_focus(state.focus.state(), state.moment_bytes);
+  // Through a surface that is anywhere cameras differ for other reasons.
+  request.gains = next_gains(self, gains && state.focus.state().sure, !plan.trials.empty());
+  const bool heard = gst_pad_push_event(self->request, lf::focal_surface_event(request, plan));
+  state.unheard = heard ? 0 : kUnheardRest;
+}
+
+void lf_compositor_answer_sweep(LfCompositor* self) {
+  auto& state = *self->state;
+  const lf::ViewRequest& sweep = *state.current;
+  state.stats.set_focus(state.focus.state(), state.moment_bytes + state.current_bytes);
+  if (!lf_compositor_is_complete(self)) return;  // what some of the cameras agree on may be anything
+  const lf::FocusControl::Plan plan = lf::FocusControl().next(sweep, state.moments, sweep.view.focus.map->from);
+  gst_pad_push_event(self->request, lf::focal_surface_event(sweep, plan));
+}

@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "common/focal_surface_event.h"
+#include "common/hold_event.h"
+#include "compositor/lfcompositor_private.h"
+
+GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
+#define GST_CAT_DEFAULT lf_compositor_debug
+
+namespace {
+
+GstStaticPadTemplate sink_template =
+    GST_STATIC_PAD_TEMPLATE("sink_%u", GST_PAD_SINK, GST_PAD_REQUEST, GST_STATIC_CAPS(LF_ANSWER_CAPS));
+GstStaticPadTemplate request_template =
+    GST_STATIC_PAD_TEMPLATE("request", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_CAPS));
+GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
+    "src", GST_PAD_SRC, GST_PAD_ALWAYS,
+    GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420, NV12 }") "; " LF_ANSWER_CAPS));
+
+// The node's data goes with its pad.
+GQuark node_quark() {
+  static const GQuark quark = g_quark_from_static_string("lf-compositor-node");
+  return quark;
+}
+
+GstAggregatorClass* parent_class() { return GST_AGGREGATOR_CLASS(g_type_class_peek(GST_TYPE_AGGREGATOR)); }
+
+}  // namespace
+
+NodeInput& lf_compositor_node_of(GstAggregatorPad* pad) {
+  return *static_cast<NodeInput*>(g_object_get_qdata(G_OBJECT(pad), node_quark()));
+}
+
+// Whether all that comes in follows a seek of the requests: answers out of a file or a socket don't.
+static bool is_seekable(LfCompositor* self) {
+  std::vector<GstPad*> pads;
+  lf::ObjectLock lock(self);
+  for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next)
+    pads.push_back(GST_PAD(gst_object_ref(item->data)));
+  lock.unlock();
+  gboolean all = TRUE;
+  for (GstPad* pad : pads) {
+    GstQuery* query = gst_query_new_seeking(GST_FORMAT_TIME);
+    gboolean seekable = FALSE;
+    if (all && gst_pad_peer_query(pad, query)) gst_query_parse_seeking(query, nullptr, &seekable, nullptr, nullptr);
+    all = all && seekable;
+    gst_query_unref(query);
+    gst_object_unref(pad);
+  }
+  return all;
+}
+
+// Where the output is and how long it is the requests tell.
+static gboolean lf_compositor_src_query(GstAggregator* agg, GstQuery* query) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  switch (GST_QUERY_TYPE(query)) {
+    case GST_QUERY_SEEKING: {
+      if (!gst_pad_peer_query(self->request, query)) return FALSE;
+      GstFormat format = GST_FORMAT_UNDEFINED;
+      gboolean seekable = FALSE;
+      gint64 start = 0, stop = -1;
+      gst_query_parse_seeking(query, &format, &seekable, &start, &stop);
+      if (seekable && !is_seekable(self)) gst_query_set_seeking(query, format, FALSE, start, stop);
+      return TRUE;
+    }
+    case GST_QUERY_DURATION: return gst_pad_peer_query(self->request, query);
+    case GST_QUERY_POSITION: {
+      GstFormat format = GST_FORMAT_UNDEFINED;
+      gst_query_parse_position(query, &format, nullptr);
+      if (format != GST_FORMAT_TIME) return FALSE;
+      GST_OBJECT_LOCK(self);
+      const GstSegment& segment = GST_AGGREGATOR_PAD(GST_AGGREGATOR_SRC_PAD(self))->segment;
+      const guint64 position = gst_segment_to_stream_time(&segment, GST_FORMAT_TIME, segment.position);
+      GST_OBJECT_UNLOCK(self);
+      if (!GST_CLOCK_TIME_IS_VALID(position)) return FALSE;
+      gst_query_set_position(query, format, static_cast<gint64>(position));
+      return TRUE;
+    }
+    default: return parent_class()->src_query(agg, query);
+  }
+}
+
+// All whose requests come here are sought, one after the other, and go on together. Takes the event.
+static gboolean seek(LfCompositor* self, GstEvent* event) {
+  GstSeekFlags flags{};
+  gst_event_parse_seek(event, nullptr, nullptr, &flags, nullptr, nullptr, nullptr, nullptr);
+  const guint32 seqnum = gst_event_get_seqnum(event);
+  const bool flushes = flags & GST_SEEK_FLAG_FLUSH;
+  if (flushes) gst_pad_push_event(self->request, lf::hold_event(true, seqnum));
+  const gboolean done = parent_class()->src_event(GST_AGGREGATOR(self), event);
+  if (flushes) gst_pad_push_event(self->request, lf::hold_event(false, seqnum));
+  return done;
+}
+
+// What a viewer does concerns its own requests alone. (GstAggregator 1.22.0 drops navigation events.)
+static gboolean lf_compositor_src_event(GstAggregator* agg, GstEvent* event) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  const GstStructure* structure = gst_event_get_structure(event);
+  const bool is_navigation = GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION;
+  const bool is_view = GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && structure &&
+                       gst_structure_has_name(structure, "lf-view-request");
+  // The base class flushes what is downstream and asks every pad: each has to lead to the requests.
+  if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK && (lf::is_reverse_seek(event) || !is_seekable(self))) {
+    gst_event_unref(event);
+    return FALSE;
+  }
+  if (GST_EVENT_TYPE(event) == GST_EVENT_QOS) {
+    const guint view_id = lf_compositor_view_id(self);
+    if (lf::QosWatch::view_of(event).value_or(view_id) == view_id) {
+      event = lf::QosWatch::name_view(event, view_id);
+      self->state->qos.see(event, lf_compositor_is_live(self));  // before the nodes, whose answers then say nothing
+    }
+  }
+  if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK) return seek(self, event);
+  if (!is_navigation && !is_view) return parent_class()->src_event(agg, event);
+  event = gst_event_make_writable(event);
+  gst_structure_set(gst_event_writable_structure(event), "lf-view-id", G_TYPE_UINT, lf_compositor_view_id(self),
+                    nullptr);
+  return gst_pad_push_event(self->request, event);
+}
+
+// Events come here in the order of the data: at EOS of the requests all of them have been answered. That ends the
+// output, whether or not the nodes ever end theirs (GstAggregator waits for all).
+static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* pad, GstEvent* event) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  const bool of_requests = GST_PAD(pad) == self->request;
+  const bool ended = of_requests && GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+  const guint32 seqnum = gst_event_get_seqnum(event);
+  if (GST_EVENT_TYPE(event) == GST_EVENT_SEGMENT_DONE && !of_requests) {
+    gst_event_unref(event);  // said by the requests, behind the last picture
+    return TRUE;
+  }
+  if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP && of_requests) self->state->qos.clear();
+  if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP)
+    (of_requests ? self->state->request_flushed : lf_compositor_node_of(pad).flushed) = true;
+  const gboolean ok = parent_class()->sink_event(agg, pad, event);
+  // Before the first picture the source pad has no segment to end yet.
+  if (ended && self->state->negotiated) {
+    GstEvent* eos = gst_event_new_eos();
+    gst_event_set_seqnum(eos, seqnum);
+    gst_pad_push_event(GST_AGGREGATOR_SRC_PAD(agg), eos);
+    self->state->over = true;
+  }
+  return ok;
+}
+
+static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* pad, GstQuery* query) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  if (lf::is_in_process_query(query)) return TRUE;
+  if (guint view_id; lf::is_focus_query(query, &view_id)) {
+    if (view_id != lf_compositor_view_id(self) || !lf_compositor_finds_focus(self)) return FALSE;
+    lf::set_focus_waits(query, self->state->pushing);
+    return TRUE;
+  }
+  return parent_class()->sink_query(agg, pad, query);
+}
+
+constexpr int64_t kPatience = 5 * G_USEC_PER_SEC;  // for a view of which nothing is heard
+
+// Most often a view-id that was forgotten.
+static void note_other_view(LfCompositor* self, uint32_t other) {
+  auto& talk = self->state->talk;
+  const int64_t now = g_get_monotonic_time();
+  if (talk.others_since == 0) talk.others_since = now;
+  if (talk.asked || now < talk.others_since + kPatience) return;
+  talk.asked = true;  // said once
+  GST_ELEMENT_WARNING(
+      self, STREAM, FAILED,
+      ("Nobody asks for view %u, of this compositor, but for view %u and perhaps others: is view-id right?",
+       lf_compositor_view_id(self), other),
+      (nullptr));
+}
+
+// What is of other views never gets as far as to the pads' queues: nobody would take it from there while no own request
+// comes, and a full queue stops the other views behind the same tee.
+static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
+  LfCompositor* self = LF_COMPOSITOR(data);
+  if (self->state->over) return GST_PAD_PROBE_DROP;
+  const std::optional<lf::wire::RequestPeek> peek = lf::peek_request_buffer(GST_PAD_PROBE_INFO_BUFFER(info));
+  if (!peek) return GST_PAD_PROBE_OK;  // counted where it is taken
+  if (peek->head.view_id != lf_compositor_view_id(self)) {
+    note_other_view(self, peek->head.view_id);
+    return GST_PAD_PROBE_DROP;
+  }
+  self->state->talk.asked = true;
+  if (peek->type == lf::wire::kWarpCommandType || peek->type == lf::wire::kPixelCommandType)
+    return GST_PAD_PROBE_DROP;  // for cameras
+  if (!peek->head.probe) self->state->stats.request_arrived(peek->head.sequence, g_get_monotonic_time());
+  return GST_PAD_PROBE_OK;
+}
+
+// GstAggregator bounds what waits on a pad by time. Answers out of a file or a TCP stream have none: with a duration
+// they have their share of it, too.
+static GstBuffer* give_duration(GstBuffer* answer) {
+  constexpr GstClockTime kShare = 10 * GST_MSECOND;
+  answer = gst_buffer_make_writable(answer);
+  GST_BUFFER_DURATION(answer) = kShare;
+  return answer;
+}
+
+static GstPadProbeReturn lf_compositor_answer_arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
+  if (LF_COMPOSITOR(data)->state->over) return GST_PAD_PROBE_DROP;
+  GstBuffer* answer = GST_PAD_PROBE_INFO_BUFFER(info);
+  const std::optional<uint32_t> view_id = lf::peek_answer_view(answer);
+  if (view_id && *view_id != lf_compositor_view_id(LF_COMPOSITOR(data))) return GST_PAD_PROBE_DROP;
+  LF_COMPOSITOR(data)->state->talk.answered = true;
+  if (!GST_BUFFER_PTS_IS_VALID(answer) && !GST_BUFFER_DTS_IS_VALID(answer)) info->data = give_duration(answer);
+  return GST_PAD_PROBE_OK;
+}
+
+// GstAggregator's own would name every pad sink_N and keep no name that was asked for.
+static GstAggregatorPad* lf_compositor_create_pad(GstAggregator* agg, GstPadTemplate* templ, const gchar* name,
+                                                  const GstCaps*) {
+  g_autofree gchar* pad_name = nullptr;
+  if (name && g_str_has_prefix(name, "sink_")) {
+    pad_name = g_strdup(name);
+  } else {
+    guint number = 0;
+    do {
+      g_free(pad_name);
+      pad_name = g_strdup_printf("sink_%u", number++);
+      GstPad* taken = gst_element_get_static_pad(GST_ELEMENT(agg), pad_name);
+      if (!taken) break;
+      gst_object_unref(taken);
+    } while (true);
+  }
+  gpointer pad =
+      g_object_new(GST_TYPE_AGGREGATOR_PAD, "name", pad_name, "direction", GST_PAD_SINK, "template", templ, nullptr);
+  g_object_set_qdata_full(G_OBJECT(pad), node_quark(), new NodeInput,
+                          [](gpointer data) { delete static_cast<NodeInput*>(data); });
+  lf::accept_unit_caps(GST_PAD(pad));
+  gst_pad_add_probe(GST_PAD(pad), GST_PAD_PROBE_TYPE_BUFFER, lf::callback<lf_compositor_answer_arrives>, agg, nullptr);
+  return GST_AGGREGATOR_PAD(pad);
+}
+
+void lf_compositor_add_request_pad(LfCompositor* self) {
+  GstPadTemplate* templ = gst_element_class_get_pad_template(GST_ELEMENT_GET_CLASS(self), "request");
+  self->request = GST_PAD(
+      g_object_new(GST_TYPE_AGGREGATOR_PAD, "name", "request", "direction", GST_PAD_SINK, "template", templ, nullptr));
+  lf::accept_unit_caps(self->request);
+  gst_pad_add_probe(self->request, GST_PAD_PROBE_TYPE_BUFFER, lf::callback<lf_compositor_request_arrives>, self,
+                    nullptr);
+  gst_element_add_pad(GST_ELEMENT(self), self->request);
+}
+
+void lf_compositor_install_pads(LfCompositorClass* klass) {
+  GstAggregatorClass* aggregator_class = GST_AGGREGATOR_CLASS(klass);
+  aggregator_class->src_event = lf::callback<lf_compositor_src_event>;
+  aggregator_class->src_query = lf::callback<lf_compositor_src_query>;
+  aggregator_class->sink_event = lf::callback<lf_compositor_sink_event>;
+  aggregator_class->sink_query = lf::callback<lf_compositor_sink_query>;
+  aggregator_class->create_new_pad = lf::callback<lf_compositor_create_pad>;
+  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  gst_element_class_add_static_pad_template_with_gtype(element_class, &sink_template, GST_TYPE_AGGREGATOR_PAD);
+  gst_element_class_add_static_pad_template_with_gtype(element_class, &request_template, GST_TYPE_AGGREGATOR_PAD);
+  gst_element_class_add_static_pad_template_with_gtype(element_class, &src_template, GST_TYPE_AGGREGATOR_PAD);
+}

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+
+/**
+ * SECTION:element-lfcompositor
+ * @title: lfcompositor
+ * @short_description: adds the fragments of a view up to its picture
+ *
+ * Takes the view requests of one viewer on `request` and the answers of any number of nodes (`lffragment`) on
+ * `sink_%u`, and puts out one picture per request, when every node has answered or, in a live pipeline, when the time
+ * that `latency` allows is over. Requests and answers of other views than `view-id` are ignored, so that one `tee` can
+ * serve many compositors. Fragments that never came count as lost: with `rig` set the others make up for them.
+ *
+ * Live, what has come is composed when the request's deadline (`latency` after it) is over, and `incomplete` says what
+ * is done with a picture of which something is missing. Cameras missing from more than `max-missed` pictures in a row
+ * are announced upstream as out of service (custom event "lightfield-out-of-service"): lfviewrequest names them in the
+ * requests from then on, and everybody leaves them out of the mesh, so that their neighbours close the gap. They come
+ * back the same way. A node that is gone is not waited for.
+ *
+ * With `rig`, unless `focus` is plane, every pixel is focused on its own: requests have trials, whose moments (sums
+ * that tell how far cameras disagree on a trial surface) come before the answers, and after each picture the better
+ * surface and the next trials go upstream (custom event "lightfield-focal-surface") to the view's lfviewrequest. Files
+ * in, files out, that waits for them, so that pictures do not depend on how fast anything is.
+ *
+ * With `monitor-interval` the array is watched as it runs: now and then one camera, each in turn, is predicted from the
+ * others and compared with what it sees itself. For that its lfviewrequest asks for two small views more (custom event
+ * "lightfield-extra-requests"), which are answered like any other and not shown.
+ *
+ * With `partial` the output is not a picture but the sum of the answers, as the answer of one node: compositors make a
+ * tree, whose root takes in one answer a rack.
+ *
+ * Where a sink says that pictures come too late (QoS events), requests of this view that can't be in time any more are
+ * left out here and answered without a picture by the nodes, until one can. A QoS message tells of each.
+ *
+ * Each picture has a #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture`, the capture time asked for: clock
+ * time where requests are live, else stream time.
+ *
+ * Pictures have the time stamps and the segment of their requests. A seek goes to the requests, if all pads lead there.
+ *
+ * Navigation events (mouse, keys) and custom "lf-view-request" events go upstream to the view's own `lfviewrequest`.
+ *
+ * ## Example launch line
+ * |[
+ * gst-launch-1.0 lfviewrequest location=views.json ! tee name=r  r. ! queue ! n.request \
+ *   lfcameranode name=n rig=rig.json ! c.sink_0  r. ! queue ! c.request \
+ *   lfcompositor name=c rig=rig.json ! videoconvert ! pngenc ! multifilesink location=out_%02d.png
+ * ]|
+ *
+ * |[
+ * ... lfcompositor name=rack partial=true rig=rig.json node=7 ! tcpserversink port=5007
+ * ]| The compositor of a rack inside a tree.
+ *
+ * ## Element messages
+ * With `post-messages` an element message "lightfield-view" per picture: view-id, sequence (uint), pts (uint64),
+ * complete (boolean), coverage (double: share of the view that cameras can see; with `rig`), fragments, missing,
+ * damaged (uint), bytes, trial-bytes (of what came of trials), skew-ns, latency-ns (request to picture), add-ns
+ * (decoding and adding what came) and composite-ns (uint64). Always "lightfield-out-of-service" when that set changes:
+ * lf-view-id (uint), cameras (array of uint). "lightfield-suspects" when the monitor changes its mind: lf-view-id
+ * (uint), suspects (array of structures: camera (uint), fault (string: colour, direction or picture)).
+ */
+
+#include <utility>
+
+#include "compositor/lfcompositor_private.h"
+
+GST_DEBUG_CATEGORY(lf_compositor_debug);
+#define GST_CAT_DEFAULT lf_compositor_debug
+
+namespace {
+
+constexpr GstClockTime kDefaultLatency = 60 * GST_MSECOND;  // a frame period at 15/s; only live pipelines wait for it
+
+}  // namespace
+
+G_DEFINE_FINAL_TYPE(LfCompositor, lf_compositor, GST_TYPE_AGGREGATOR)
+GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfcompositor, "lfcompositor", GST_RANK_NONE, LF_TYPE_COMPOSITOR,
+                                      GST_DEBUG_CATEGORY_INIT(lf_compositor_debug, "lfcompositor", 0,
+                                                              "view compositor"))
+
+// So that pictures from the beginning on are the same each time.
+static void forget_history(LfCompositor* self) {
+  auto& state = *self->state;
+  lf_compositor_forget_moments(self);
+  lf_compositor_reset_monitor(self);
+  state.focus_settings = {};
+  state.focus = lf::FocusControl();
+  state.focus_array.reset();
+  state.mean_turns = {};
+  state.unheard = 0;
+}
+
+static gboolean lf_compositor_start(GstAggregator* agg) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  auto& state = *self->state;
+  if (!lf_compositor_load_rig(self, &state.rig)) return FALSE;
+  GST_OBJECT_LOCK(self);
+  delete std::exchange(self->new_rig, nullptr);  // of the run before; `rig` may have been set again since
+  GST_OBJECT_UNLOCK(self);
+  if (self->partial && !state.rig) {
+    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS,
+                      ("A compositor inside a tree must know what is missing: set the property \"rig\"."), (nullptr));
+    return FALSE;
+  }
+  state.assembly.set_rig(state.rig);
+  state.health_rig = state.last_rig = 0;
+  lf_compositor_reset_health(self);
+  state.current.reset();
+  state.request_flushed = state.over = false;
+  state.coverage = {};
+  state.latency_asked_at = 0;
+  state.talk.others_since = state.talk.asked_since = 0;
+  state.talk.asked = state.talk.answered = state.talk.warned = false;
+  state.segment = {};
+  state.info = {};
+  state.negotiated = false;
+  state.wanted = {};
+  state.agreed = false;
+  state.warned_rig = false;
+  state.past.clear();
+  state.skipped.clear();
+  state.qos.clear();
+  forget_history(self);
+  state.stats.reset();
+  return TRUE;
+}
+
+static GstFlowReturn lf_compositor_flush(GstAggregator* agg) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  lf_compositor_forget_request(self);
+  self->state->over = false;
+  self->state->segment = {};  // whatever it is, it has to be sent again
+  forget_history(self);
+  return GST_FLOW_OK;
+}
+
+static gboolean lf_compositor_stop(GstAggregator* agg) {
+  LfCompositor* self = LF_COMPOSITOR(agg);
+  lf_compositor_forget_request(self);
+  gst_clear_buffer(&self->state->last_picture);
+  self->state->pool.clear();
+  return TRUE;
+}
+
+static void lf_compositor_finalize(GObject* object) {
+  LfCompositor* self = LF_COMPOSITOR(object);
+  delete self->state;
+  delete self->new_rig;
+  g_free(self->rig_path);
+  G_OBJECT_CLASS(lf_compositor_parent_class)->finalize(object);
+}
+
+static void lf_compositor_class_init(LfCompositorClass* klass) {
+  G_OBJECT_CLASS(klass)->finalize = lf_compositor_finalize;
+  GstAggregatorClass* aggregator_class = GST_AGGREGATOR_CLASS(klass);
+  aggregator_class->start = lf::callback<lf_compositor_start>;
+  aggregator_class->stop = lf::callback<lf_compositor_stop>;
+  aggregator_class->flush = lf::callback<lf_compositor_flush>;
+  aggregator_class->aggregate = lf_compositor_aggregate;
+  aggregator_class->negotiate = lf::callback<lf_compositor_negotiate>;
+  aggregator_class->update_src_caps = lf::callback<lf_compositor_update_src_caps>;
+  aggregator_class->negotiated_src_caps = lf::callback<lf_compositor_negotiated_src_caps>;
+  aggregator_class->decide_allocation = lf::callback<lf_compositor_decide_allocation>;
+  aggregator_class->get_next_time = lf::callback<lf_compositor_next_time>;
+  lf_compositor_install_properties(G_OBJECT_CLASS(klass));
+  lf_compositor_install_pads(klass);
+  gst_element_class_set_static_metadata(
+      GST_ELEMENT_CLASS(klass), "Light field compositor", "Filter/Editor/Video/Compositor",
+      "Adds the fragments that answer a view request up to its picture", "gst-lightfield developers");
+}
+
+static void lf_compositor_init(LfCompositor* self) {
+  self->state = new _LfCompositor::State;
+  self->gains = TRUE;
+  lf_compositor_add_request_pad(self);
+  g_object_set(self, "latency", kDefaultLatency, nullptr);
+}

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "compositor/picture_pool.h"
+
+#include <gst/video/gstvideopool.h>
+
+namespace {
+
+// A pool of videos that shrinks again: what comes back beyond a few that lie idle is freed.
+struct LfShrinkingPool {
+  GstVideoBufferPool parent;
+  gint buffers, in_use;
+};
+struct LfShrinkingPoolClass {
+  GstVideoBufferPoolClass parent_class;
+};
+
+G_DEFINE_TYPE(LfShrinkingPool, lf_shrinking_pool, GST_TYPE_VIDEO_BUFFER_POOL)
+
+LfShrinkingPool* shrinking_pool(GstBufferPool* pool) { return reinterpret_cast<LfShrinkingPool*>(pool); }
+
+GstBufferPoolClass* base_class() { return GST_BUFFER_POOL_CLASS(lf_shrinking_pool_parent_class); }
+
+GstFlowReturn alloc(GstBufferPool* pool, GstBuffer** buffer, GstBufferPoolAcquireParams* params) {
+  const GstFlowReturn flow = base_class()->alloc_buffer(pool, buffer, params);
+  if (flow == GST_FLOW_OK) g_atomic_int_inc(&shrinking_pool(pool)->buffers);
+  return flow;
+}
+
+void free_buffer(GstBufferPool* pool, GstBuffer* buffer) {
+  g_atomic_int_add(&shrinking_pool(pool)->buffers, -1);
+  base_class()->free_buffer(pool, buffer);
+}
+
+GstFlowReturn acquire(GstBufferPool* pool, GstBuffer** buffer, GstBufferPoolAcquireParams* params) {
+  const GstFlowReturn flow = base_class()->acquire_buffer(pool, buffer, params);
+  if (flow == GST_FLOW_OK) g_atomic_int_inc(&shrinking_pool(pool)->in_use);
+  return flow;
+}
+
+void release(GstBufferPool* pool, GstBuffer* buffer) {
+  LfShrinkingPool* self = shrinking_pool(pool);
+  const gint in_use = g_atomic_int_add(&self->in_use, -1) - 1;
+  if (g_atomic_int_get(&self->buffers) - in_use > static_cast<gint>(lf::PicturePool::kMostIdle))
+    GST_BUFFER_FLAG_SET(buffer, GST_BUFFER_FLAG_TAG_MEMORY);  // the base class frees it then
+  base_class()->release_buffer(pool, buffer);
+}
+
+void lf_shrinking_pool_class_init(LfShrinkingPoolClass* klass) {
+  GstBufferPoolClass* pool_class = GST_BUFFER_POOL_CLASS(klass);
+  pool_class->alloc_buffer = alloc;
+  pool_class->free_buffer = free_buffer;
+  pool_class->acquire_buffer = acquire;
+  pool_class->release_buffer = release;
+}
+
+void lf_shrinking_pool_init(LfShrinkingPool*) {}
+
+struct Memory {
+  GstAllocator* allocator = nullptr;
+  GstAllocationParams params;
+  bool has_video_meta = false;  // downstream knows where planes are from it
+};
+
+// What downstream asks for. Who can't allocate by size alone is of no use with another pool than its own.
+Memory memory_of(GstQuery* query) {
+  Memory memory;
+  gst_allocation_params_init(&memory.params);
+  if (gst_query_get_n_allocation_params(query) > 0)
+    gst_query_parse_nth_allocation_param(query, 0, &memory.allocator, &memory.params);
+  if (memory.allocator && GST_OBJECT_FLAG_IS_SET(memory.allocator, GST_ALLOCATOR_FLAG_CUSTOM_ALLOC))
+    gst_clear_object(&memory.allocator);
+  memory.has_video_meta = gst_query_find_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);
+  return memory;
+}
+
+// A pool may change what it is asked for, and is then to be asked for that.
+bool configure(GstBufferPool* pool, GstCaps* caps, guint size, guint least, guint most, const Memory& memory) {
+  GstStructure* config = gst_buffer_pool_get_config(pool);
+  gst_buffer_pool_config_set_params(config, caps, size, least, most);
+  gst_buffer_pool_config_set_allocator(config, memory.allocator, &memory.params);
+  if (memory.has_video_meta && gst_buffer_pool_has_option(pool, GST_BUFFER_POOL_OPTION_VIDEO_META))
+    gst_buffer_pool_config_add_option(config, GST_BUFFER_POOL_OPTION_VIDEO_META);
+  if (gst_buffer_pool_set_config(pool, config)) return true;
+  config = gst_buffer_pool_get_config(pool);
+  if (gst_buffer_pool_config_validate_params(config, caps, size, least, most))
+    return gst_buffer_pool_set_config(pool, config);
+  gst_structure_free(config);
+  return false;
+}
+
+}  // namespace
+
+namespace lf {
+
+bool PicturePool::decide(GstQuery* query) {
+  clear();
+  GstCaps* caps = nullptr;
+  gst_query_parse_allocation(query, &caps, nullptr);
+  GstVideoInfo info;
+  if (!caps || !gst_video_info_from_caps(&info, caps)) return false;
+  const guint size = static_cast<guint>(info.size);
+  Memory memory = memory_of(query);
+  own_ = GST_BUFFER_POOL(gst_object_ref_sink(g_object_new(lf_shrinking_pool_get_type(), nullptr)));
+  const bool has_own = configure(own_, caps, size, 0, 0, memory);
+  GstBufferPool* chosen = nullptr;
+  guint chosen_size = size, least = 0, most = 0;
+  for (guint i = 0; i < gst_query_get_n_allocation_pools(query) && !chosen; i++) {
+    guint their_size = 0;
+    gst_query_parse_nth_allocation_pool(query, i, &chosen, &their_size, &least, &most);
+    if (!chosen) continue;
+    // One without an end would keep for ever what a burst needed.
+    if (most == 0) most = least + kMostIdle;
+    chosen_size = MAX(their_size, size);
+    if (!configure(chosen, caps, chosen_size, least, most, memory)) gst_clear_object(&chosen);
+  }
+  gst_clear_object(&memory.allocator);
+  if (!chosen) {
+    if (!has_own) return false;
+    chosen = GST_BUFFER_POOL(gst_object_ref(own_));
+    chosen_size = size;
+    least = most = 0;
+  }
+  if (gst_query_get_n_allocation_pools(query) > 0)
+    gst_query_set_nth_allocation_pool(query, 0, chosen, chosen_size, least, most);
+  else
+    gst_query_add_allocation_pool(query, chosen, chosen_size, least, most);
+  gst_object_unref(chosen);
+  return true;
+}
+
+GstBuffer* PicturePool::take(GstBufferPool* chosen) {
+  GstBufferPoolAcquireParams at_once = {};
+  at_once.flags = GST_BUFFER_POOL_ACQUIRE_FLAG_DONTWAIT;
+  GstBufferPool* const pools[] = {chosen, own_};
+  for (GstBufferPool* pool : pools) {
+    GstBuffer* buffer = nullptr;
+    if (pool && gst_buffer_pool_set_active(pool, TRUE) &&
+        gst_buffer_pool_acquire_buffer(pool, &buffer, &at_once) == GST_FLOW_OK)
+      return buffer;
+  }
+  return nullptr;
+}
+
+void PicturePool::clear() {
+  if (own_) gst_buffer_pool_set_active(own_, FALSE);
+  gst_clear_object(&own_);
+}
+
+}  // namespace lf

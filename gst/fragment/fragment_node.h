@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/byte_buffer.h"
+#include "base/parallel.h"
+#include "fragment/camera_inputs.h"
+#include "fragment/frame_sources.h"
+#include "fragment/node_stats.h"
+#include "image/resampling.h"
+#include "node/answer_task.h"
+#include "node/gain_matcher.h"
+#include "node/skew_watch.h"
+#include "render/render_job.h"
+#include "wire/answer.h"
+#include "wire/commands.h"
+
+namespace lf {
+
+// The inside of lffragment without its pads: the cameras of a node and the answering of requests. answer() may run in
+// several threads, one per requester.
+class FragmentNode {
+ public:
+  NodeStats& stats() { return stats_; }
+  CameraInputs& inputs() { return inputs_; }
+  void set_node_id(uint32_t id) { node_id_ = id; }  // while stopped
+
+  // What is kept of one requester.
+  struct Requester {
+    std::shared_ptr<const Rig> rig;  // that the rest is about
+    MeshCache mesh;
+    SkewWatch watch;
+    std::vector<ByteBuffer> sharpened;  // memory of sharpened images
+    GainMatcher gains;
+    uint64_t warned_of = 0;               // hash of another rig that a person has been told of
+    uint64_t warned_behind = 0;           // when one was told that frames come late, now_ns()
+    std::atomic<bool> cancelled = false;  // nothing is waited for; see cancel()
+  };
+  // From any thread: an answer being made for this requester waits for nothing any more.
+  void cancel(Requester& requester, bool cancelled);
+  // How requests are to be answered.
+  struct Manner : AnswerTask::Manner {
+    bool live = false;       // the request is: nothing is waited for
+    uint64_t base_time = 0;  // of the pipeline: clock time of running time 0
+    uint64_t max_skew = 0;   // of a live camera's frame; what is farther from the target is none; 0: any
+    Resampling resampling = Resampling::kBilinear;
+    ParallelFor parallel = serial_for;
+  };
+  struct Reply {
+    ByteBuffer brightness, moments;  // go before the answer; empty: nothing does
+    ByteBuffer bytes;                // the answer, always whole
+    size_t fragments = 0;
+    NodeStats::Stages stages;
+    std::string warning;  // for the user, where something is wrong
+  };
+  // Waits for the frames that belong to the request's time (see CameraFrames::find) and renders. Never throws; a
+  // request that can't be served (another rig's) gets an answer without fragments. `memory` is recycled.
+  Reply answer(const wire::AnyRequest& request, Requester& requester, const Manner& manner, ByteBuffer memory);
+
+  // An answer without fragments, at once: nobody needs the picture.
+  Reply skip(const wire::AnyRequest& request);
+
+ private:
+  using Array = CameraInputs::Array;
+  wire::AnswerHeader header_of(const wire::AnyRequest& request) const;
+  // What the request comes to, given the node's cameras.
+  using MakeTask = std::function<std::unique_ptr<AnswerTask>(std::span<const CameraIndex> own)>;
+  MakeTask task_maker(const wire::AnyRequest& request, const Array& array, Requester& requester) const;
+  Reply render(const RequestHead& request, const MakeTask& make_task, const Array& array, Requester& requester,
+               const Manner& manner, wire::AnswerHeader header, ByteBuffer memory, uint64_t waited);
+  // Matches the brightness of `images` as the task has it. What goes before the answer of how bright they are; empty:
+  // nothing does.
+  ByteBuffer match_gains(const AnswerTask& task, const wire::AnswerHeader& header, const Manner& manner,
+                         GainMatcher& matcher, std::vector<Source>& images);
+  // The same images, to be sampled as `manner` says: what the task needs of them sharpened, in `memory`.
+  static std::vector<Source> resampled(std::span<const Source> images, const AnswerTask& task, const Manner& manner,
+                                       std::vector<ByteBuffer>& memory);
+  std::string skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report, Requester& requester) const;
+
+  NodeStats stats_;
+  CameraInputs inputs_;
+  uint32_t node_id_ = 0;
+};
+
+}  // namespace lf

@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+/**
+ * SECTION:element-lfparse
+ * @title: lfparse
+ * @short_description: cuts a byte stream into light field requests or answers
+ *
+ * Cuts what comes from a file or a TCP connection into the units of a request stream
+ * (`application/x-lightfield-request`) or an answer stream (`application/x-lightfield-answer`), one per buffer. Where
+ * the caps do not tell which of the two it is, the first unit decides. Bytes that are no unit of this kind are skipped
+ * up to the next one, counted in #lfparse:stats.
+ *
+ * Time stamps pass through. Requests that come without one get the running time they ask for, so that a recorded camera
+ * path plays at its speed.
+ *
+ * ## Replay recorded requests
+ * |[
+ * gst-launch-1.0 filesrc location=path.lfq ! lfparse ! fakesink sync=true silent=false -v
+ * ]|
+ * ## Take a node's answers from TCP
+ * |[
+ * gst-launch-1.0 tcpclientsrc host=node1 port=5000 ! lfparse ! filesink location=answers.lfa
+ * ]|
+ */
+#include "parse/lfparse.h"
+
+#include <optional>
+#include <span>
+
+#include "common/common.h"
+#include "wire/limits.h"
+#include "wire/request_codec.h"
+#include "wire/unit.h"
+
+GST_DEBUG_CATEGORY_STATIC(lf_parse_debug);
+#define GST_CAT_DEFAULT lf_parse_debug
+
+using lf::wire::UnitHeader;
+using lf::wire::UnitKind;
+
+enum { PROP_0, PROP_MAX_UNIT_SIZE, PROP_STATS };
+
+struct _LfParse {
+  GstBaseParse parent;
+
+  // Streaming thread.
+  gboolean kind_known;  // from caps or the first unit; src caps are set
+  UnitKind kind;
+  gboolean in_garbage;
+
+  // Object lock.
+  guint max_unit_size;
+  guint64 units, skipped_bytes, gaps;
+};
+
+static GstStaticPadTemplate sink_template = GST_STATIC_PAD_TEMPLATE(
+    "sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_MEDIA_TYPE "; " LF_ANSWER_MEDIA_TYPE));
+static GstStaticPadTemplate src_template =
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS,
+                            GST_STATIC_CAPS(LF_REQUEST_CAPS ", framerate = (fraction) [ 0/1, max ]; " LF_ANSWER_CAPS));
+
+G_DEFINE_TYPE(LfParse, lf_parse, GST_TYPE_BASE_PARSE)
+GST_ELEMENT_REGISTER_DEFINE(lfparse, "lfparse", GST_RANK_PRIMARY, LF_TYPE_PARSE)
+
+// Takes the caps.
+static gboolean set_src_caps(LfParse* self, UnitKind kind, GstCaps* caps) {
+  if (kind == UnitKind::kRequest && !gst_structure_has_field(gst_caps_get_structure(caps, 0), "framerate"))
+    gst_caps_set_simple(caps, "framerate", GST_TYPE_FRACTION, 0, 1, nullptr);
+  gst_caps_set_simple(caps, "parsed", G_TYPE_BOOLEAN, TRUE, nullptr);
+  self->kind = kind;
+  self->kind_known = TRUE;
+  const gboolean ok = gst_pad_set_caps(GST_BASE_PARSE_SRC_PAD(self), caps);
+  gst_caps_unref(caps);
+  return ok;
+}
+
+static gboolean lf_parse_start(GstBaseParse* base) {
+  LfParse* self = LF_PARSE(base);
+  self->kind_known = FALSE;
+  self->in_garbage = FALSE;
+  GST_OBJECT_LOCK(self);
+  self->units = self->skipped_bytes = self->gaps = 0;
+  GST_OBJECT_UNLOCK(self);
+  gst_base_parse_set_min_frame_size(base, lf::wire::kUnitHeaderBytes);
+  return TRUE;
+}
+
+static gboolean lf_parse_set_sink_caps(GstBaseParse* base, GstCaps* caps) {
+  const GstStructure* structure = gst_caps_get_structure(caps, 0);
+  const bool request = gst_structure_has_name(structure, LF_REQUEST_MEDIA_TYPE);
+  return set_src_caps(LF_PARSE(base), request ? UnitKind::kRequest : UnitKind::kAnswer, gst_caps_copy(caps));
+}
+
+// The unit that begins with these bytes, if it is one of this stream.
+static std::optional<UnitHeader> unit_at(LfParse* self, std::span<const uint8_t> bytes) {
+  std::optional<UnitHeader> header = lf::wire::peek_unit(bytes);
+  if (!header) return std::nullopt;
+  if (self->kind_known && header->kind != self->kind) return std::nullopt;
+  GST_OBJECT_LOCK(self);
+  const guint max_size = self->max_unit_size;
+  GST_OBJECT_UNLOCK(self);
+  if (header->size > max_size) {
+    GST_WARNING_OBJECT(self, "a unit of %" G_GSIZE_FORMAT " bytes is larger than max-unit-size", header->size);
+    return std::nullopt;
+  }
+  return header;
+}
+
+static void skip(LfParse* self, size_t count) {
+  GST_OBJECT_LOCK(self);
+  self->skipped_bytes += count;
+  if (!self->in_garbage) self->gaps++;
+  GST_OBJECT_UNLOCK(self);
+  if (!self->in_garbage) GST_WARNING_OBJECT(self, "no unit begins here: searching for the next one");
+  self->in_garbage = TRUE;
+}
+
+// The running time a request asks for, or none.
+static GstClockTime time_asked_for(std::span<const uint8_t> unit) {
+  const std::optional<lf::wire::RequestPeek> request = lf::wire::peek_request(unit);
+  return !request || request->head.absolute_time ? GST_CLOCK_TIME_NONE : request->head.target_time;
+}
+
+static GstFlowReturn take_bytes(LfParse* self, GstBaseParseFrame* frame, gint* skip_size) {
+  GstBaseParse* base = GST_BASE_PARSE(self);
+  GstMapInfo map;
+  if (!gst_buffer_map(frame->buffer, &map, GST_MAP_READ)) {
+    GST_ELEMENT_ERROR(self, RESOURCE, READ, (nullptr), ("the buffer can not be read"));
+    return GST_FLOW_ERROR;
+  }
+  const std::span<const uint8_t> bytes(map.data, map.size);
+  const bool draining = GST_BASE_PARSE_DRAINING(base);
+  const std::optional<UnitHeader> unit = unit_at(self, bytes);
+  const bool complete = unit && unit->size <= bytes.size();
+
+  if (!complete) {
+    if (unit && !draining) {
+      gst_base_parse_set_min_frame_size(base, unit->size);
+    } else {
+      // At the end of the stream a unit may be incomplete because its length is wrong: others may follow inside.
+      const size_t count = lf::wire::distance_to_magic(bytes, !draining);
+      skip(self, count);
+      *skip_size = static_cast<gint>(count);
+      gst_base_parse_set_min_frame_size(base, lf::wire::kUnitHeaderBytes);
+    }
+    gst_buffer_unmap(frame->buffer, &map);
+    return GST_FLOW_OK;
+  }
+
+  GstClockTime time = GST_BUFFER_PTS(frame->buffer);
+  if (unit->kind == UnitKind::kRequest && !GST_CLOCK_TIME_IS_VALID(time))
+    time = time_asked_for(bytes.first(unit->size));
+  gst_buffer_unmap(frame->buffer, &map);
+  GST_BUFFER_PTS(frame->buffer) = time;
+  GST_BUFFER_DTS(frame->buffer) = GST_CLOCK_TIME_NONE;
+
+  if (!self->kind_known)
+    set_src_caps(
+        self, unit->kind,
+        gst_caps_new_empty_simple(unit->kind == UnitKind::kRequest ? LF_REQUEST_MEDIA_TYPE : LF_ANSWER_MEDIA_TYPE));
+  self->in_garbage = FALSE;
+  GST_OBJECT_LOCK(self);
+  self->units++;
+  GST_OBJECT_UNLOCK(self);
+  gst_base_parse_set_min_frame_size(base, lf::wire::kUnitHeaderBytes);
+  return gst_base_parse_finish_frame(base, frame, static_cast<gint>(unit->size));
+}
+
+static GstFlowReturn lf_parse_handle_frame(GstBaseParse* base, GstBaseParseFrame* frame, gint* skip_size) {
+  return lf::guarded(base, GST_FLOW_ERROR, [=] { return take_bytes(LF_PARSE(base), frame, skip_size); });
+}
+
+static void lf_parse_set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
+  LfParse* self = LF_PARSE(object);
+  switch (id) {
+    case PROP_MAX_UNIT_SIZE:
+      GST_OBJECT_LOCK(self);
+      self->max_unit_size = g_value_get_uint(value);
+      GST_OBJECT_UNLOCK(self);
+      break;
+    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+  }
+}
+
+static void lf_parse_get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
+  LfParse* self = LF_PARSE(object);
+  switch (id) {
+    case PROP_MAX_UNIT_SIZE:
+      GST_OBJECT_LOCK(self);
+      g_value_set_uint(value, self->max_unit_size);
+      GST_OBJECT_UNLOCK(self);
+      break;
+    case PROP_STATS:
+      GST_OBJECT_LOCK(self);
+      g_value_take_boxed(
+          value, gst_structure_new("lfparse-stats", "units", G_TYPE_UINT64, self->units, "skipped-bytes", G_TYPE_UINT64,
+                                   self->skipped_bytes, "gaps", G_TYPE_UINT64, self->gaps, nullptr));
+      GST_OBJECT_UNLOCK(self);
+      break;
+    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
+  }
+}
+
+static void lf_parse_class_init(LfParseClass* klass) {
+  GST_DEBUG_CATEGORY_INIT(lf_parse_debug, "lfparse", 0, "light field stream parser");
+  GObjectClass* object_class = G_OBJECT_CLASS(klass);
+  object_class->set_property = lf::callback<lf_parse_set_property>;
+  object_class->get_property = lf::callback<lf_parse_get_property>;
+  g_object_class_install_property(
+      object_class, PROP_MAX_UNIT_SIZE,
+      g_param_spec_uint(
+          "max-unit-size", "Maximum unit size",
+          "Bytes that a unit may have at most; larger ones are skipped as damaged (requests are limited "
+          "to 256 KiB by the format)",
+          lf::wire::kUnitHeaderBytes, lf::wire::kMaxAnswerBytes, lf::wire::kMaxAnswerBytes,
+          static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
+  g_object_class_install_property(
+      object_class, PROP_STATS,
+      g_param_spec_boxed("stats", "Statistics",
+                         "What happened since the stream began (all uint64): units (passed on), skipped-bytes (that "
+                         "were no unit of this stream), gaps (stretches of such bytes)",
+                         GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+
+  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  gst_element_class_add_static_pad_template(element_class, &sink_template);
+  gst_element_class_add_static_pad_template(element_class, &src_template);
+  gst_element_class_set_static_metadata(
+      element_class, "Light field stream parser", "Codec/Parser",
+      "Cuts files and TCP streams of light field requests or answers into one unit per buffer",
+      "gst-lightfield developers");
+
+  GstBaseParseClass* parse_class = GST_BASE_PARSE_CLASS(klass);
+  parse_class->start = lf::callback<lf_parse_start>;
+  parse_class->set_sink_caps = lf::callback<lf_parse_set_sink_caps>;
+  parse_class->handle_frame = lf_parse_handle_frame;
+}
+
+static void lf_parse_init(LfParse* self) {
+  self->max_unit_size = lf::wire::kMaxAnswerBytes;
+  // Times come with the buffers or from the requests; none is to be made up from byte positions.
+  gst_base_parse_set_infer_ts(GST_BASE_PARSE(self), FALSE);
+  gst_base_parse_set_pts_interpolation(GST_BASE_PARSE(self), FALSE);
+  GST_PAD_SET_ACCEPT_TEMPLATE(GST_BASE_PARSE_SINK_PAD(self));
+}

@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "viewrequest/view_control.h"
+
+#include <gst/video/navigation.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string_view>
+
+#include "geometry/euler.h"
+#include "viewrequest/view_request_settings.h"
+
+namespace lf {
+namespace {
+
+Viewpoint viewpoint_of(const ViewValues& v) {
+  Viewpoint viewpoint;
+  viewpoint.pose.position = {v[kFieldX], v[kFieldY], v[kFieldZ]};
+  viewpoint.pose.orientation = quat_from_euler({v[kFieldYaw], v[kFieldPitch], v[kFieldRoll]});
+  viewpoint.fov_y_deg = v[kFieldFov];
+  viewpoint.focus_distance = v[kFieldFocus];
+  viewpoint.aperture = v[kFieldAperture];
+  return viewpoint;
+}
+
+ViewValues values_of(const Viewpoint& v) {
+  const Euler angles = euler_from_quat(v.pose.orientation);
+  return {v.pose.position.x, v.pose.position.y, v.pose.position.z, angles.yaw, angles.pitch,
+          angles.roll,       v.fov_y_deg,       v.focus_distance,  v.aperture};
+}
+
+std::optional<double> number(const GValue* value) {
+  GValue as_double = G_VALUE_INIT;
+  g_value_init(&as_double, G_TYPE_DOUBLE);
+  const bool ok = !G_VALUE_HOLDS_BOOLEAN(value) && g_value_transform(value, &as_double);
+  const double result = g_value_get_double(&as_double);
+  g_value_unset(&as_double);
+  return ok && std::isfinite(result) ? std::optional(result) : std::nullopt;
+}
+
+}  // namespace
+
+const std::array<ViewField, kNumViewFields> kViewFields = {{
+    {"x", "X", "Position of the eye in the rig's world, to the right, in metres", -kMaxPosition, kMaxPosition, 0},
+    {"y", "Y", "Position of the eye in the rig's world, downwards, in metres", -kMaxPosition, kMaxPosition, 0},
+    {"z", "Z", "Position of the eye in the rig's world, forwards, in metres", -kMaxPosition, kMaxPosition, 0},
+    {"yaw", "Yaw", "Turn of the view to the right, in degrees; applied before pitch and roll", -360, 360, 0},
+    {"pitch", "Pitch", "Turn of the view upwards, in degrees; applied after yaw, before roll", -360, 360, 0},
+    {"roll", "Roll", "Turn of the view clockwise about its optical axis, in degrees; applied last", -360, 360, 0},
+    {"fov", "Field of view", "Vertical field of view, in degrees", kMinFovDeg, kMaxFovDeg, 45},
+    {"focus-distance", "Focus distance",
+     "Distance of the focal plane, which faces the view, along the optical axis, in metres", kMinFocus, kMaxFocus, 2},
+    {"aperture", "Aperture",
+     "Diameter, in metres, of a synthetic aperture, all cameras within which make a pixel: what is out of focus blurs, "
+     "foliage in front vanishes (0: three cameras, blended by the mesh)",
+     0, Blending::kMaxAperture, 0},
+}};
+
+bool is_for_view(GstEvent* event, guint view_id) {
+  const GstStructure* structure = gst_event_get_structure(event);
+  if (!structure || !gst_structure_has_field(structure, kViewIdField)) return true;
+  guint id;
+  return gst_structure_get_uint(structure, kViewIdField, &id) && id == view_id;
+}
+
+ViewControl::ViewControl() {
+  for (int i = 0; i < kNumViewFields; i++) values_[i] = kViewFields[i].initial;
+  navigator_.set_home(viewpoint_of(values_));
+}
+
+void ViewControl::read_values() { values_ = values_of(navigator_.viewpoint()); }
+
+void ViewControl::set(int field, double value) {
+  given_[field] = values_[field] = value;
+  navigator_.set(viewpoint_of(values_));
+}
+
+// A name that is misspelt would do nothing, and nobody would know.
+static bool has_unknown_field(const GstStructure* structure) {
+  for (gint i = 0; i < gst_structure_n_fields(structure); i++) {
+    const std::string_view name = gst_structure_nth_field_name(structure, static_cast<guint>(i));
+    const bool known = name == kViewIdField || name == kFocusContinuous ||
+                       std::ranges::any_of(kViewFields, [&](const ViewField& field) { return name == field.name; });
+    if (!known) return true;
+  }
+  return false;
+}
+
+bool ViewControl::set_view(const GstStructure* structure) {
+  if (has_unknown_field(structure)) return false;
+  std::array<std::optional<double>, kNumViewFields> fields;
+  bool any = false;
+  for (int i = 0; i < kNumViewFields; i++) {
+    const GValue* value = gst_structure_get_value(structure, kViewFields[i].name);
+    if (!value) continue;
+    fields[i] = number(value);
+    if (!fields[i]) return false;
+    fields[i] = std::clamp(*fields[i], kViewFields[i].min, kViewFields[i].max);
+    any = true;
+  }
+  for (int i = 0; i < kNumViewFields; i++)
+    if (fields[i]) set(i, *fields[i]);
+  return any;
+}
+
+void ViewControl::begin(const Viewpoint& defaults) {
+  values_ = values_of(defaults);
+  for (int i = 0; i < kNumViewFields; i++)
+    if (given_[i]) values_[i] = *given_[i];
+  navigator_.set_home(viewpoint_of(values_));
+  drag_.reset();
+}
+
+bool ViewControl::drag_to(double x, double y, bool shift, int view_height) {
+  const double dx = (x - drag_->x) / view_height, dy = (y - drag_->y) / view_height;
+  drag_->x = x;
+  drag_->y = y;
+  if (drag_->pan || shift)
+    navigator_.pan(dx, dy);
+  else
+    navigator_.orbit(dx, dy);
+  read_values();
+  return true;
+}
+
+bool ViewControl::wheel(double steps, bool control) {
+  if (control)
+    navigator_.focus(steps);
+  else
+    navigator_.dolly(steps);
+  read_values();
+  return true;
+}
+
+void ViewControl::keep_visible(std::shared_ptr<const VisibleShare> share) {
+  share_ = std::move(share);
+  aspect_ = 0;
+  navigator_.set_visible(nullptr);
+}
+
+bool ViewControl::navigate(GstEvent* event, int view_width, int view_height) {
+  if (const double aspect = static_cast<double>(view_width) / view_height; share_ && aspect != aspect_) {
+    aspect_ = aspect;
+    navigator_.set_visible([share = share_, aspect](const Viewpoint& v) { return (*share)(v, aspect); });
+  }
+  GstNavigationModifierType state = GST_NAVIGATION_MODIFIER_NONE;
+  gst_navigation_event_parse_modifier_state(event, &state);
+  const bool shift = state & GST_NAVIGATION_MODIFIER_SHIFT_MASK, control = state & GST_NAVIGATION_MODIFIER_CONTROL_MASK;
+  navigator_.set_free(shift);
+  double x = 0, y = 0, delta_x = 0, delta_y = 0;
+  int button = 0;
+  const gchar* key = nullptr;
+  switch (gst_navigation_event_get_type(event)) {
+    case GST_NAVIGATION_EVENT_MOUSE_BUTTON_PRESS:
+      if (!gst_navigation_event_parse_mouse_button_event(event, &button, &x, &y)) return false;
+      if (button == 4 || button == 5) return wheel(button == 4 ? 1 : -1, control);  // X11's wheel
+      if (button < 1 || button > 3 || !std::isfinite(x) || !std::isfinite(y)) return false;
+      drag_ = Drag{x, y, button != 1, {x, y}};
+      return true;
+    case GST_NAVIGATION_EVENT_MOUSE_BUTTON_RELEASE: {
+      const bool dragging = drag_.has_value();
+      constexpr double kStill = 3;  // pixels that a hand may move
+      if (dragging && !drag_->pan && glm::distance(drag_->begun, Vec2(drag_->x, drag_->y)) <= kStill)
+        click_ = drag_->begun;
+      drag_.reset();
+      return dragging;
+    }
+    case GST_NAVIGATION_EVENT_MOUSE_MOVE:
+      if (!drag_ || !gst_navigation_event_parse_mouse_move_event(event, &x, &y)) return false;
+      return std::isfinite(x) && std::isfinite(y) && drag_to(x, y, shift, view_height);
+    case GST_NAVIGATION_EVENT_MOUSE_SCROLL:
+      if (!gst_navigation_event_parse_mouse_scroll_event(event, &x, &y, &delta_x, &delta_y)) return false;
+      return std::isfinite(delta_y) && delta_y != 0 && wheel(delta_y, control);
+    case GST_NAVIGATION_EVENT_KEY_PRESS:
+      if (!gst_navigation_event_parse_key_event(event, &key) || !key || !navigator_.key(key)) return false;
+      read_values();
+      return true;
+    default: return false;
+  }
+}
+
+}  // namespace lf

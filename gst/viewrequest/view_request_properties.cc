@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "base/error.h"
+#include "viewrequest/lfviewrequest_private.h"
+
+GST_DEBUG_CATEGORY_EXTERN(lf_view_request_debug);
+#define GST_CAT_DEFAULT lf_view_request_debug
+
+enum {
+  PROP_0,
+  PROP_IS_LIVE,
+  PROP_NUM_BUFFERS,
+  PROP_FIRST_FIELD,  // one for each of kViewFields, then one for each of the settings
+  PROP_FIRST_SETTING = PROP_FIRST_FIELD + lf::kNumViewFields,
+  PROP_NET_CLOCK = PROP_FIRST_SETTING + lf::ViewRequestSettings::kNumProperties,
+};
+
+std::shared_ptr<const lf::VisibleShare> lf_view_request_visible_share(const lf::ViewRequestSettings& settings,
+                                                                      const std::shared_ptr<const lf::Rig>& rig) {
+  if (!rig || !settings.keep_visible) return nullptr;
+  return std::make_shared<lf::VisibleShare>(*rig);
+}
+
+// While the element runs a rig is read at once. Cameras that were announced as out of service are those of the rig
+// before: whoever notices that one is missing says so again.
+static void set_rig(LfViewRequest* self, const lf::ViewRequestSettings& changed, std::shared_ptr<const lf::Rig> rig) {
+  const uint64_t before = self->stream->rig_hash();
+  self->stream->set_rig(std::move(rig), changed.out_of_service);
+  if (self->stream->rig_hash() != before) self->out_of_service->clear();
+}
+
+static void set_setting(LfViewRequest* self, lf::ViewRequestSettings::Property property, const GValue* value) {
+  const bool is_rig = property == lf::ViewRequestSettings::kRig;
+  const gchar* path = is_rig ? g_value_get_string(value) : nullptr;
+  std::shared_ptr<const lf::Rig> rig;
+  if (path && lf::is_running(GST_ELEMENT(self)) && !(rig = lf::reload_rig(GST_ELEMENT(self), path))) return;
+  std::string problem;
+  lf::ObjectLock lock(self);
+  lf::ViewRequestSettings changed = *self->settings;
+  changed.set(property, value);
+  try {
+    if (self->stream && is_rig && (rig || !path)) set_rig(self, changed, rig);
+    if (self->stream && property == lf::ViewRequestSettings::kOutOfService)
+      self->stream->set_out_of_service(changed.out_of_service);
+    if (self->stream && (is_rig || property == lf::ViewRequestSettings::kKeepVisible))
+      self->control->keep_visible(lf_view_request_visible_share(changed, self->stream->rig()));
+    *self->settings = changed;
+    self->focus_feedback->follow(changed.focus_continuous);
+  } catch (const lf::Error& error) {
+    problem = error.what();
+  }
+  lock.unlock();
+  if (!problem.empty())
+    GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
+                        ("%s; %s as %s", problem.c_str(), is_rig ? "the rig stays" : "the cameras out of service stay",
+                         is_rig ? "it was" : "they were"),
+                        (nullptr));
+}
+
+static void lf_view_request_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
+  LfViewRequest* self = LF_VIEW_REQUEST(object);
+  if (id == PROP_IS_LIVE) {
+    gst_base_src_set_live(GST_BASE_SRC(self), g_value_get_boolean(value));
+  } else if (id == PROP_NUM_BUFFERS) {
+    GST_OBJECT_LOCK(self);
+    self->num_buffers = g_value_get_int(value);
+    GST_OBJECT_UNLOCK(self);
+  } else if (id >= PROP_NET_CLOCK) {
+    self->net_clock->set(static_cast<lf::NetClock::Property>(id - PROP_NET_CLOCK), value);
+  } else if (id >= PROP_FIRST_SETTING) {
+    set_setting(self, static_cast<lf::ViewRequestSettings::Property>(id - PROP_FIRST_SETTING), value);
+  } else if (id >= PROP_FIRST_FIELD) {
+    lf::ObjectLock lock(self);
+    self->control->set(static_cast<int>(id) - PROP_FIRST_FIELD, g_value_get_double(value));
+    lf_view_request_note_change(self);
+    lock.unlock();
+  } else {
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
+  }
+}
+
+static void lf_view_request_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
+  LfViewRequest* self = LF_VIEW_REQUEST(object);
+  if (id == PROP_IS_LIVE) return g_value_set_boolean(value, gst_base_src_is_live(GST_BASE_SRC(self)));
+  if (id >= PROP_NET_CLOCK)
+    return self->net_clock->get(static_cast<lf::NetClock::Property>(id - PROP_NET_CLOCK), value);
+  lf::ObjectLock lock(self);
+  if (id == PROP_NUM_BUFFERS)
+    g_value_set_int(value, self->num_buffers);
+  else if (id >= PROP_FIRST_SETTING)
+    self->settings->get(static_cast<lf::ViewRequestSettings::Property>(id - PROP_FIRST_SETTING), value);
+  else if (id >= PROP_FIRST_FIELD)
+    g_value_set_double(value, self->control->values()[id - PROP_FIRST_FIELD]);
+  else
+    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
+  lock.unlock();
+}
+
+void lf_view_request_install_properties(GObjectClass* klass) {
+  klass->set_property = lf::callback<lf_view_request_set_property>;
+  klass->get_property = lf::callback<lf_view_request_get_property>;
+  for (int i = 0; i < lf::kNumViewFields; i++) {
+    const lf::ViewField& f = lf::kViewFields[i];
+    GParamSpec* spec = g_param_spec_double(
+        f.name, f.nick, f.blurb, f.min, f.max, f.initial,
+        GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING | GST_PARAM_CONTROLLABLE));
+    g_object_class_install_property(klass, PROP_FIRST_FIELD + i, spec);
+  }
+  lf::ViewRequestSettings::install(klass, PROP_FIRST_SETTING);
+  lf::NetClock::install(klass, PROP_NET_CLOCK);
+  g_object_class_override_property(klass, PROP_NUM_BUFFERS, "num-buffers");
+  g_object_class_install_property(
+      klass, PROP_IS_LIVE,
+      g_param_spec_boolean("is-live", "Is live",
+                           "Make requests in time with the clock, for frames that live cameras make", FALSE,
+                           GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
+}

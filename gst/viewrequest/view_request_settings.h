@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <string>
+
+#include "common/access.h"
+
+namespace lf {
+
+inline constexpr char kFocusContinuous[] = "focus-continuous";
+
+// lfviewrequest's properties but for the numbers of the view itself (view_control.h).
+struct ViewRequestSettings {
+  static constexpr int kDefaultWidth = 640, kDefaultHeight = 480;  // without a rig
+
+  std::string location, rig, out_of_service, navigation_from;
+  guint view_id = 0;
+  gint width = 0, height = 0;  // 0: as the rig's cameras
+  gint fps_n = 15, fps_d = 1;
+  GstClockTime capture_delay = GST_CLOCK_TIME_NONE;  // NONE: as nodes need it
+  bool navigation = true, keep_visible = true, loop = false, eager = false;
+  guint quality = 90, nearest_cameras = 0;
+  Access access = Access::kSelf;
+  double eye_offset = 0;  // metres
+  bool focus_continuous = false;
+
+  enum Property {
+    kLocation,
+    kRig,
+    kViewId,
+    kWidth,
+    kHeight,
+    kFramerate,
+    kCaptureDelay,
+    kNavigation,
+    kKeepVisible,
+    kQuality,
+    kOutOfService,
+    kLoop,
+    kNavigationFrom,
+    kAccess,
+    kEager,
+    kEyeOffset,
+    kFocusContinuous,
+    kNearestCameras,
+    kNumProperties
+  };
+  // As properties first_id, first_id + 1, ... of the class.
+  static void install(GObjectClass* klass, guint first_id);
+  void set(Property property, const GValue* value);
+  void get(Property property, GValue* value) const;
+};
+
+}  // namespace lf

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <optional>
+
+#include "viewrequest/lfviewrequest_private.h"
+
+lf::View lf_view_request_view(LfViewRequest* self) {
+  const int width = self->settings->width, height = self->settings->height;
+  return lf::make_view(self->control->viewpoint(), width ? width : self->stream->default_width(),
+                       height ? height : self->stream->default_height());
+}
+
+void lf_view_request_note_change(LfViewRequest* self) {
+  self->changed = true;
+  if (self->waits_for_change && self->clock_id) gst_clock_id_unschedule(self->clock_id);
+}
+
+gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gboolean(lf::ViewControl&)>& change) {
+  lf::ObjectLock lock(self);
+  const lf::ViewValues before = self->control->values();
+  const gboolean done = change(*self->control);
+  const lf::ViewValues after = self->control->values();
+  if (before != after) lf_view_request_note_change(self);
+  lock.unlock();
+  for (int i = 0; i < lf::kNumViewFields; i++)
+    if (before[i] != after[i]) g_object_notify(G_OBJECT(self), lf::kViewFields[i].name);
+  return done;
+}
+
+static gboolean lf_view_request_set_view(LfViewRequest* self, const GstStructure* structure) {
+  return structure && lf_view_request_change_view(self, [&](lf::ViewControl& control) -> gboolean {
+           return !(self->stream && self->stream->from_file()) && control.set_view(structure);
+         });
+}
+
+static guint view_id_of(LfViewRequest* self) {
+  GST_OBJECT_LOCK(self);
+  const guint view_id = self->settings->view_id;
+  GST_OBJECT_UNLOCK(self);
+  return view_id;
+}
+
+static bool is_navigation(GstEvent* event) { return GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION; }
+static bool is_view(GstEvent* event) {
+  return GST_EVENT_TYPE(event) == GST_EVENT_CUSTOM_UPSTREAM && gst_event_has_name(event, lf::kViewEvent);
+}
+
+// What a view event says beside the numbers of the view. False if that is nothing.
+static gboolean follow(LfViewRequest* self, const GstStructure* structure) {
+  const GValue* value = gst_structure_get_value(structure, lf::kFocusContinuous);
+  GValue number = G_VALUE_INIT;
+  g_value_init(&number, G_TYPE_DOUBLE);
+  const bool given = value && g_value_transform(value, &number);
+  if (given) g_object_set(self, lf::kFocusContinuous, g_value_get_double(&number) != 0, nullptr);
+  g_value_unset(&number);
+  return given;
+}
+
+bool lf_view_request_is_steering(GstEvent* event) { return is_navigation(event) || is_view(event); }
+
+gboolean lf_view_request_steer(LfViewRequest* self, GstEvent* event) {
+  std::optional<lf::Vec2> click;
+  const gboolean done = lf_view_request_change_view(self, [&](lf::ViewControl& control) {
+    if (!self->stream || self->stream->from_file()) return FALSE;
+    if (!lf::is_for_view(event, self->settings->view_id)) return FALSE;
+    if (is_view(event)) return gboolean(control.set_view(gst_event_get_structure(event)));
+    const lf::View view = lf_view_request_view(self);
+    const bool changed = self->settings->navigation && control.navigate(event, view.width, view.height);
+    click = control.take_click();
+    return gboolean(changed);
+  });
+  if (click) lf_view_request_focus_at(self, click->x, click->y);
+  const bool own = is_view(event) && lf::is_for_view(event, view_id_of(self));
+  return (own && follow(self, gst_event_get_structure(event))) || done;
+}
+
+void lf_view_request_install_signals(GObjectClass* klass) {
+  /**
+   * LfViewRequest::set-view:
+   * @request: the element
+   * @view: a structure of any name with any of the fields x, y, z, yaw, pitch, roll, fov, focus-distance, aperture, as
+   * numbers
+   *
+   * Moves the view; values beyond the properties' ranges are put inside them. The next request has it.
+   *
+   * Returns: %FALSE, and nothing is changed, if there is none of these fields, or one is not a finite number, or there
+   * are others, or the views are a file's.
+   */
+  g_signal_new_class_handler("set-view", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
+                             G_CALLBACK(lf::callback<lf_view_request_set_view>), nullptr, nullptr, nullptr,
+                             G_TYPE_BOOLEAN, 1, GST_TYPE_STRUCTURE | G_SIGNAL_TYPE_STATIC_SCOPE);
+
+  /**
+   * LfViewRequest::focus-at:
+   * @request: the element
+   * @x: pixels of the view, from the middle of its first one
+   * @y: the same
+   *
+   * Puts the focal plane where the view is in focus at a pixel, as a click on the picture does: at once if its
+   * lfcompositor has a focal surface, else as soon as two small views have swept all depths. With `focus-continuous` it
+   * is kept in focus from then on.
+   *
+   * Returns: %FALSE if the pixel is not in the view, or the view is a file's, or the element does not run, or its
+   * cameras are told where to look (`access`).
+   */
+  g_signal_new_class_handler("focus-at", G_TYPE_FROM_CLASS(klass), GSignalFlags(G_SIGNAL_RUN_LAST | G_SIGNAL_ACTION),
+                             G_CALLBACK(lf::callback<lf_view_request_focus_at>), nullptr, nullptr, nullptr,
+                             G_TYPE_BOOLEAN, 2, G_TYPE_DOUBLE, G_TYPE_DOUBLE);
+}

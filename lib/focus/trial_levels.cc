@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/trial_levels.h"
+
+#include <algorithm>
+
+#include "focus/plane_map.h"
+
+namespace lf {
+namespace {
+
+// fn(the node's value, that of the node before, that of the node after) along rows, then along columns.
+template <class Fn>
+std::vector<uint8_t> along_both(std::vector<uint8_t> in, int columns, int rows, const Fn& fn) {
+  std::vector<uint8_t> out(in.size());
+  const auto pass = [&](int lines, int count, int line_step, int step) {
+    for (int line = 0; line < lines; line++) {
+      const uint8_t* from = in.data() + static_cast<ptrdiff_t>(line) * line_step;
+      uint8_t* to = out.data() + static_cast<ptrdiff_t>(line) * line_step;
+      for (int i = 0; i < count; i++)
+        to[i * step] = fn(from[i * step], from[std::max(i - 1, 0) * step], from[std::min(i + 1, count - 1) * step]);
+    }
+    std::swap(in, out);
+  };
+  pass(rows, columns, columns, 1);
+  pass(columns, rows, 1, columns);
+  return in;
+}
+
+std::vector<uint8_t> blurred(const FocalMap& surface, std::vector<uint8_t> levels) {
+  return along_both(std::move(levels), surface.columns, surface.rows, [](int at, int before, int after) {
+    return static_cast<uint8_t>((before + 6 * at + after + 4) / 8);
+  });
+}
+
+}  // namespace
+
+std::vector<uint8_t> trial_levels(const View& view, const Trial& trial) {
+  const FocalMap& surface = *view.focus.map;
+  if (trial.kind != Trial::Kind::kFocused) return trial_levels(surface, trial);
+  return plane_map(view, surface.from, surface.nearest, surface.farthest).levels;
+}
+
+std::vector<uint8_t> trial_levels(const FocalMap& surface, const Trial& trial) {
+  const auto extreme = [&](const auto& pick) {
+    return along_both(surface.levels, surface.columns, surface.rows,
+                      [&](uint8_t a, uint8_t b, uint8_t c) { return pick(a, pick(b, c)); });
+  };
+  switch (trial.kind) {
+    case Trial::Kind::kFarther: return blurred(surface, extreme([](uint8_t a, uint8_t b) { return std::min(a, b); }));
+    case Trial::Kind::kNearer: return blurred(surface, extreme([](uint8_t a, uint8_t b) { return std::max(a, b); }));
+    case Trial::Kind::kPlane:
+      return std::vector<uint8_t>(surface.levels.size(), static_cast<uint8_t>(std::clamp<int>(trial.value, 0, 255)));
+    case Trial::Kind::kBlurred:
+    case Trial::Kind::kFocused:
+    case Trial::Kind::kShifted: break;
+  }
+  std::vector<uint8_t> levels = blurred(surface, surface.levels);
+  if (trial.kind == Trial::Kind::kShifted)
+    for (uint8_t& level : levels) level = static_cast<uint8_t>(std::clamp(level + trial.value, 0, 255));
+  return levels;
+}
+
+std::vector<Trial> trials_of_round(unsigned round, const LevelRange& scene) {
+  // Planes far from each other follow each other: 7 of 12 is near the golden ratio, and all have their turn.
+  const auto plane_of = [](unsigned turn, const LevelRange& range) {
+    const int plane = static_cast<int>(turn * 7 % kSweepPlanes);
+    return Trial{Trial::Kind::kPlane,
+                 static_cast<int16_t>(range.first + (range.last - range.first) * plane / (kSweepPlanes - 1))};
+  };
+  std::vector<Trial> trials{{Trial::Kind::kBlurred, 0}};
+  if (round % 2 == 0) {
+    trials.push_back({Trial::Kind::kFarther, 0});
+    trials.push_back({Trial::Kind::kNearer, 0});
+  } else {
+    const int step = std::max((scene.last - scene.first) / (kSweepPlanes - 1), 4);
+    const auto shift = static_cast<int16_t>(round / 2 % 2 == 0 ? step / 2 : step / 3);
+    trials.push_back({Trial::Kind::kShifted, static_cast<int16_t>(-shift)});
+    trials.push_back({Trial::Kind::kShifted, shift});
+  }
+  const unsigned turn = round / kOutsideEvery;
+  if (round % kOutsideEvery == kOutsideEvery - 1 && scene != LevelRange{}) {
+    Trial outside = plane_of(turn, {0, 254 - (scene.last - scene.first)});
+    if (outside.value >= scene.first)
+      outside.value = static_cast<int16_t>(outside.value + scene.last - scene.first + 1);
+    trials.push_back(outside);
+  } else {
+    trials.push_back(plane_of(scene == LevelRange{} ? round : round - turn, scene));
+  }
+  return trials;
+}
+
+View trial_view(const View& view) {
+  const FocalMap& map = *view.focus.map;
+  const double step = map.step;
+  View trial = view;
+  trial.width = map.columns;
+  trial.height = map.rows;
+  std::array<double, Lens::kMaxParams> params = view.lens.params();
+  const int focal = lens_model_num_focal(view.lens.model());
+  for (int i = 0; i < focal; i++) params[static_cast<size_t>(i)] /= step;
+  for (int i = focal; i < focal + 2; i++) {
+    double& c = params[static_cast<size_t>(i)];
+    c = (c + 0.5) / step - 0.5;
+  }
+  trial.lens = Lens(view.lens.model(), params);
+  auto per_pixel = std::make_shared<FocalMap>(map);
+  per_pixel->step = 1;
+  trial.focus.map = std::move(per_pixel);
+  trial.blending = {};  // more cameras tell depths apart no better
+  return trial;
+}
+
+}  // namespace lf

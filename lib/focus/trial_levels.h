@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "geometry/focal_surface.h"
+#include "view/trial.h"
+#include "view/view.h"
+
+namespace lf {
+
+// The trial's levels, one for each node of the view's map.
+std::vector<uint8_t> trial_levels(const View& view, const Trial& trial);
+// The same of a map alone; kFocused counts as kBlurred.
+std::vector<uint8_t> trial_levels(const FocalMap& surface, const Trial& trial);
+
+// Levels from `first` to `last`.
+struct LevelRange {
+  int first = 0, last = 255;
+  bool operator==(const LevelRange&) const = default;
+};
+
+// What is tried in round `round` of a view to better the surface that it has: the smoothed surface, two that let depth
+// edges move and small errors heal, and one of kSweepPlanes planes over `scene`, the levels that the scene is known to
+// be at, or every kOutsideEvery-th time one of those outside, so that nothing near or far is missed for long.
+inline constexpr int kSweepPlanes = 12, kOutsideEvery = 4;
+std::vector<Trial> trials_of_round(unsigned round, const LevelRange& scene = {});
+
+// The view that trials are rendered in: a pixel for each node of the map, which lies in its middle.
+View trial_view(const View& view);
+
+}  // namespace lf

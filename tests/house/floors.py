@@ -1,0 +1,74 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""Checks that includes point down: a room of the house, which is a folder, knows only rooms of its own floor and below.
+
+Prints the floors with what each room includes. Rooms of one floor may know each other, one way. Exits 1 at an include that
+points up or comes back, at a room that stands on no floor, and at a floor's room that is not there.
+
+    floors.py SOURCE_ROOT
+"""
+import collections
+import pathlib
+import re
+import sys
+
+FLOORS = {
+    "lib": [
+        ["base"],
+        ["geometry"],
+        ["image", "rig", "view"],
+        ["render"],
+        ["focus", "jpeg"],
+        ["wire"],
+        ["composite", "node", "rtp"],
+        ["calibration", "quality", "scene"],
+    ],
+    "gst": [
+        ["common"],
+        ["camsrc", "parse", "rtp", "viewrequest", "fragment", "compositor"],
+        ["bins"],
+    ],
+}
+
+
+def included_rooms(building):
+    """{room: {included room: [file, ...]}} of a building's folders."""
+    found = collections.defaultdict(lambda: collections.defaultdict(list))
+    rooms = {folder.name for folder in building.iterdir() if folder.is_dir()}
+    for room in rooms:
+        for path in sorted((building / room).rglob("*")):
+            if path.suffix not in (".h", ".cc"):
+                continue
+            for name in re.findall(r'^#include "([^"]+)"', path.read_text(), re.M):
+                other, _, rest = name.partition("/")
+                if other != room and (building / other / rest).is_file():
+                    found[room][other].append(f"{path.name} ({name})")
+    return rooms, found
+
+
+def main():
+    root = pathlib.Path(sys.argv[1])
+    faults = []
+    for building, floors in FLOORS.items():
+        rooms, found = included_rooms(root / building)
+        height = {room: number for number, floor in enumerate(floors) for room in floor}
+        faults += [f"{building}/{room} stands on no floor" for room in sorted(rooms - height.keys())]
+        faults += [f"{building}/{room} is not there" for room in sorted(height.keys() - rooms)]
+        for number in reversed(range(len(floors))):
+            for room in floors[number]:
+                print(f"{building} {number}  {room:12} -> {' '.join(sorted(found[room])) or '-'}")
+                for other, files in found[room].items():
+                    if height.get(other, 0) > number:
+                        faults.append(f"{building}/{room} points up to {other}: {', '.join(files)}")
+                    elif room in found[other] and room < other:
+                        faults.append(f"{building}/{room} and {other} know each other: {', '.join(files + found[other][room])}")
+    library = re.compile(r'^#include [<"](gst/|glib)', re.M)
+    faults += [f"{path.relative_to(root)} knows GStreamer"
+               for path in sorted((root / "lib").rglob("*")) if path.suffix in (".h", ".cc") and library.search(path.read_text())]
+    for fault in faults:
+        print(fault, file=sys.stderr)
+    return bool(faults)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

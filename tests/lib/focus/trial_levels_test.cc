@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/trial_levels.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <set>
+
+#include "focus/plane_map.h"
+
+namespace lf {
+namespace {
+
+using enum Trial::Kind;
+
+FocalMap spike() {
+  FocalMap map;
+  map.columns = 5;
+  map.rows = 4;
+  map.levels.assign(20, 80);
+  map.levels[1 * 5 + 2] = 240;
+  return map;
+}
+
+TEST(Trial, BlurredIsTheMeanWith161AlongBothAxes) {
+  const std::vector<uint8_t> levels = trial_levels(spike(), {kBlurred, 0});
+  EXPECT_EQ(levels[1 * 5 + 2], 170);  // 80 + 160 * 6/8 = 200 along rows; 80 + 120 * 6/8 along columns
+  EXPECT_EQ(levels[1 * 5 + 1], 95);
+  EXPECT_EQ(levels[0 * 5 + 2], 95);
+  EXPECT_EQ(levels[0 * 5 + 1], 83);  // 80 + 2.5
+  EXPECT_EQ(levels[3 * 5 + 4], 80);
+}
+
+TEST(Trial, FartherAndNearerAreTheExtremesAround) {
+  const std::vector<uint8_t> farther = trial_levels(spike(), {kFarther, 0}),
+                             nearer = trial_levels(spike(), {kNearer, 0});
+  EXPECT_EQ(farther, std::vector<uint8_t>(20, 80));
+  EXPECT_EQ(nearer[1 * 5 + 2], 240) << "in the middle of 3 x 3 nearest ones";
+  EXPECT_EQ(nearer[3 * 5 + 4], 83) << "smoothed: 80 + 160 / 8 / 8";
+}
+
+TEST(Trial, ShiftsAndPlanesStayWithinTheLevels) {
+  EXPECT_EQ(trial_levels(spike(), {kShifted, 200})[0], 255);
+  EXPECT_EQ(trial_levels(spike(), {kShifted, -100})[0], 0);
+  EXPECT_EQ(trial_levels(spike(), {kShifted, 11})[0], 91);
+  EXPECT_EQ(trial_levels(spike(), {kPlane, 17}), std::vector<uint8_t>(20, 17));
+  EXPECT_EQ(trial_levels(spike(), {kPlane, 300}), std::vector<uint8_t>(20, 255));
+}
+
+TEST(Trial, FocusedIsTheViewersPlane) {
+  View view;
+  view.width = 64;
+  view.height = 48;
+  view.lens = Lens::from_fov_y(40, 64, 48);
+  view.pose = look_at({0.2, -0.1, 0.3}, {0, 0, 3}, {0, 1, 0});
+  view.focus.plane = plane_through({0, 0, 2.5}, glm::normalize(Vec3(0.2, 0.1, -1)));  // oblique
+  const Plane from{{0, 0, 1}, 0};
+  FocalMap map = plane_map(view, from, 1, 0.2);
+  const std::vector<uint8_t> plane = map.levels;
+  EXPECT_NE(std::ranges::adjacent_find(plane, std::not_equal_to<>()), plane.end()) << "levels differ";
+  std::ranges::fill(map.levels, uint8_t{3});
+  view.focus.map = std::make_shared<FocalMap>(map);
+  EXPECT_EQ(trial_levels(view, {kFocused, 0}), plane);
+  EXPECT_EQ(trial_levels(view, {kFocused, 9}), plane) << "it has no value";
+  EXPECT_EQ(trial_levels(view, {kShifted, 2}), std::vector<uint8_t>(plane.size(), 5)) << "all others are of the map";
+}
+
+TEST(Trial, RoundsSweepAllPlanesAndBeginWithTheSurface) {
+  for (const unsigned first : {0u, 100u}) {
+    std::set<int> planes;
+    for (unsigned round = first; round < first + kSweepPlanes; round++) {
+      const std::vector<Trial> trials = trials_of_round(round);
+      ASSERT_EQ(trials.size(), 4u);
+      EXPECT_EQ(trials[0], (Trial{kBlurred, 0}));
+      ASSERT_EQ(trials.back().kind, kPlane);
+      for (const Trial& trial : trials)
+        if (trial.kind == kPlane) planes.insert(trial.value);
+    }
+    EXPECT_EQ(planes.size(), static_cast<size_t>(kSweepPlanes));
+    EXPECT_EQ(*planes.begin(), 0);
+    EXPECT_EQ(*planes.rbegin(), 255);
+  }
+}
+
+TEST(Trial, RoundsLookWhereTheSceneIsAndSometimesElsewhere) {
+  const LevelRange scene{100, 160};
+  std::set<int> inside, outside;
+  for (unsigned round = 0; round < kSweepPlanes * kOutsideEvery; round++) {
+    const int level = trials_of_round(round, scene).back().value;
+    ASSERT_GE(level, 0);
+    ASSERT_LE(level, 255);
+    (level >= scene.first && level <= scene.last ? inside : outside).insert(level);
+  }
+  EXPECT_EQ(inside.size(), static_cast<size_t>(kSweepPlanes));
+  EXPECT_EQ(*inside.begin(), 100);
+  EXPECT_EQ(*inside.rbegin(), 160);
+  EXPECT_EQ(outside.size(), static_cast<size_t>(kSweepPlanes));
+  EXPECT_EQ(*outside.begin(), 0);
+  EXPECT_EQ(*outside.rbegin(), 255);
+}
+
+TEST(Trial, PixelsOfItsViewAreTheNodes) {
+  View view;
+  view.width = 22;
+  view.height = 13;
+  view.lens = Lens(LensModel::kOpenCv, {300, 310, 10.2, 6.1, -0.1, 0.02, 0.001, -0.002});
+  view.focus.map = std::make_shared<FocalMap>(FocalMap::for_view(22, 13));
+  const View trial = trial_view(view);
+  EXPECT_EQ(trial.width, 6);
+  EXPECT_EQ(trial.height, 4);
+  EXPECT_EQ(trial.focus.map->step, 1);
+  for (int j = 0; j < 4; j++)
+    for (int i = 0; i < 6; i++) {
+      const Vec2 node = *trial.lens.unproject({i, j}), pixel = *view.lens.unproject({4 * i + 1.5, 4 * j + 1.5});
+      EXPECT_LT(glm::distance(node, pixel), 1e-12);
+    }
+}
+
+}  // namespace
+}  // namespace lf
