@@ -11,9 +11,8 @@
 
 #include "base/error.h"
 #include "base/json_value.h"
-#include "calibration/charuco.h"
+#include "calibration/boards.h"
 #include "calibration/intrinsics.h"
-#include "calibration/view_chooser.h"
 #include "commands.h"
 #include "image/image_io.h"
 #include "rig/rig_json.h"

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "calibration/checkerboard.h"
+#include "calibration/boards.h"
 #include "geometry/lens.h"
 
 namespace lf {

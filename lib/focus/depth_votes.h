@@ -4,8 +4,9 @@
 #include <array>
 #include <optional>
 
-#include "focus/depth_range.h"
 #include "focus/surface_choice.h"
+#include "focus/trial_levels.h"
+#include "geometry/focal_surface.h"
 
 namespace lf {
 
@@ -34,5 +35,14 @@ class DepthVotes {
   double nodes_ = 0;   // that could have voted
   double of_map_ = 1;  // nodes of the latest round
 };
+
+// Inverse distances, 1/m, farthest < nearest.
+struct DepthRange {
+  double farthest = 0, nearest = 0;
+  bool operator==(const DepthRange&) const = default;
+};
+
+// The same surface in another range: each node at the level nearest to where it was.
+void set_range(const DepthRange& range, FocalMap& map);
 
 }  // namespace lf

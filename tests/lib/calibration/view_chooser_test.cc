@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "calibration/view_chooser.h"
+#include "calibration/boards.h"
 
 #include <gtest/gtest.h>
 
