@@ -11,7 +11,8 @@
 
 #include "base/error.h"
 #include "base/json_value.h"
-#include "calibration/boards.h"
+#include "calibration/charuco.h"
+#include "calibration/view_chooser.h"
 #include "calibration/intrinsics.h"
 #include "commands.h"
 #include "image/image_io.h"

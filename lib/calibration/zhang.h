@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "calibration/boards.h"
+#include "calibration/checkerboard.h"
 #include "geometry/lens.h"
 
 namespace lf {

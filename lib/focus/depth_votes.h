@@ -10,6 +10,15 @@
 
 namespace lf {
 
+// Inverse distances, 1/m, farthest < nearest.
+struct DepthRange {
+  double farthest = 0, nearest = 0;
+  bool operator==(const DepthRange&) const = default;
+};
+
+// The same surface in another range: each node at the level nearest to where it was.
+void set_range(const DepthRange& range, FocalMap& map);
+
 // At which depths a scene is, by the nodes that could tell in the latest rounds of trials: others, which see one camera
 // alone, or no texture, or lie outside of what the array covers, are where chance put them and have no say. A plain
 // value.
@@ -35,14 +44,5 @@ class DepthVotes {
   double nodes_ = 0;   // that could have voted
   double of_map_ = 1;  // nodes of the latest round
 };
-
-// Inverse distances, 1/m, farthest < nearest.
-struct DepthRange {
-  double farthest = 0, nearest = 0;
-  bool operator==(const DepthRange&) const = default;
-};
-
-// The same surface in another range: each node at the level nearest to where it was.
-void set_range(const DepthRange& range, FocalMap& map);
 
 }  // namespace lf

@@ -7,6 +7,24 @@
 
 namespace lf {
 
+// How many cameras make a pixel, and with which weights; see render/camera_weights.h.
+struct Blending {
+  enum class Kind {
+    kMesh = 0,      // the corners of the triangle of cameras that the line of sight passes, as in the paper
+    kAperture = 1,  // all cameras within a synthetic aperture around the line of sight
+    kAngle = 2,     // the cameras that see what is in focus most nearly as the view does, as sharply, and at all
+  };
+  static constexpr double kMaxAperture = 1e6;  // metres
+  static constexpr int kMaxNearest = 32;
+
+  Kind kind = Kind::kMesh;
+  double aperture = 0;  // kAperture: diameter, metres
+  int nearest = 0;      // kAngle: how many cameras, 1..kMaxNearest
+
+  bool is_mesh() const { return kind == Kind::kMesh; }
+  bool operator==(const Blending&) const = default;
+};
+
 // One virtual camera: what to render.
 struct View {
   int width = 0, height = 0;  // pixels, 1..kMaxImageSize
@@ -29,24 +47,6 @@ View seen_beside(const View& view, double metres);
 
 // The plane facing the view at `distance` metres along its optical axis.
 Plane focal_plane_at(const Pose& view_pose, double distance);
-
-// How many cameras make a pixel, and with which weights; see render/camera_weights.h.
-struct Blending {
-  enum class Kind {
-    kMesh = 0,      // the corners of the triangle of cameras that the line of sight passes, as in the paper
-    kAperture = 1,  // all cameras within a synthetic aperture around the line of sight
-    kAngle = 2,     // the cameras that see what is in focus most nearly as the view does, as sharply, and at all
-  };
-  static constexpr double kMaxAperture = 1e6;  // metres
-  static constexpr int kMaxNearest = 32;
-
-  Kind kind = Kind::kMesh;
-  double aperture = 0;  // kAperture: diameter, metres
-  int nearest = 0;      // kAngle: how many cameras, 1..kMaxNearest
-
-  bool is_mesh() const { return kind == Kind::kMesh; }
-  bool operator==(const Blending&) const = default;
-};
 
 // As people choose it: by an aperture if there is one, else by angle if there is a number of cameras, else by the mesh.
 Blending blending_of(double aperture, int nearest);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "calibration/boards.h"
+#include "calibration/checkerboard.h"
 
 #include <cmath>
 
