@@ -15,14 +15,15 @@
  *   are the file's.
  * - else the properties `x`, `y`, `z`, `yaw`, `pitch`, `roll`, `fov`, `focus-distance`, `aperture`: one request per
  * frame. They are controllable; a GstController is asked for the stamp of each request. With `rig` those that are not
- * set are chosen so that the view stands in the middle of the array and looks where it looks.
+ * set are chosen so that the view stands in the middle of the array and looks where it looks; with `keep-visible`
+ * inside of a triangle of cameras, and with the widest field of view that leaves no pixel of this shape dark.
  * - while running, these can be changed: by setting them; by mouse and keys, i.e. GstNavigation events from a video
- *   sink (drag: orbit about the point in focus; shift-drag or another button: pan; wheel: dolly; ctrl-wheel: focus;
- *   arrows: orbit; w s a d q e: fly forward, back, left, right, down, up; + -: zoom; [ ]: focus nearer, farther; r:
- *   back to the start; but with shift they are held where the array is in sight, see `keep-visible`); by a
- *   custom upstream event with a structure "lf-view-request" with any of the properties as fields (and
- *   focus-continuous, 0 or 1); by the action signal
- *   `set-view` with such a structure. The very next request has the change, and the properties notify.
+ *   sink (drag: orbit about the point in focus; shift-drag or another button: pan; wheel: zoom on what is under it;
+ *   ctrl-wheel: focus; arrows: orbit; w s a d q e: fly forward, back, left, right, down, up; + -: zoom; [ ]: focus
+ *   nearer, farther; r: back to the start; all of it as far as the array sees, see `keep-visible`); by a custom
+ * upstream event with a structure "lf-view-request" with any of the properties as fields (and focus-continuous, 0 or
+ * 1); by the action signal `set-view` with such a structure. The very next request has the change, and the properties
+ * notify.
  *
  * How many cameras make a pixel: three, blended by the triangles of the array; with `aperture` all within a synthetic
  * aperture of that diameter; with `nearest-cameras` those that see most nearly what the view sees. Views of a file are
@@ -209,9 +210,14 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
 
   std::unique_ptr<lf::RequestStream> stream;
   std::shared_ptr<const lf::VisibleShare> share;
+  std::optional<lf::Viewpoint> home;
   try {
     stream = std::make_unique<lf::RequestStream>(settings);
     share = lf_view_request_visible_share(settings, stream->rig());
+    if (share && !stream->from_file()) {
+      const double width = settings.width > 0 ? settings.width : stream->default_width();
+      home = share->home(width / (settings.height > 0 ? settings.height : stream->default_height()));
+    }
   } catch (const lf::Error& error) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
     return FALSE;
@@ -225,7 +231,7 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
   lf_view_request_change_view(self, [&](lf::ViewControl& control) {
     // GstBaseSrc does not stop what it could not seek to its beginning.
     delete std::exchange(self->stream, stream.release());
-    control.begin(self->stream->default_viewpoint());
+    control.begin(home ? *home : self->stream->default_viewpoint());
     control.keep_visible(share);
     return true;
   });

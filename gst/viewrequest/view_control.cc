@@ -123,11 +123,11 @@ bool ViewControl::drag_to(double x, double y, bool shift, int view_height) {
   return true;
 }
 
-bool ViewControl::wheel(double steps, bool control) {
+bool ViewControl::wheel(double steps, bool control, const Vec2& place) {
   if (control)
     navigator_.focus(steps);
   else
-    navigator_.dolly(steps);
+    navigator_.zoom(steps, place);
   read_values();
   return true;
 }
@@ -146,14 +146,19 @@ bool ViewControl::navigate(GstEvent* event, int view_width, int view_height) {
   GstNavigationModifierType state = GST_NAVIGATION_MODIFIER_NONE;
   gst_navigation_event_parse_modifier_state(event, &state);
   const bool shift = state & GST_NAVIGATION_MODIFIER_SHIFT_MASK, control = state & GST_NAVIGATION_MODIFIER_CONTROL_MASK;
-  navigator_.set_free(shift);
   double x = 0, y = 0, delta_x = 0, delta_y = 0;
   int button = 0;
   const gchar* key = nullptr;
+  // A pointer from the middle of the view, in heights of it; one that is nowhere counts as there.
+  const auto place = [&] {
+    const Vec2 at((x + 0.5 - view_width / 2.0) / view_height, (y + 0.5 - view_height / 2.0) / view_height);
+    const double widest = static_cast<double>(view_width) / view_height / 2;
+    return std::abs(at.x) <= widest && std::abs(at.y) <= 0.5 ? at : Vec2(0, 0);
+  };
   switch (gst_navigation_event_get_type(event)) {
     case GST_NAVIGATION_EVENT_MOUSE_BUTTON_PRESS:
       if (!gst_navigation_event_parse_mouse_button_event(event, &button, &x, &y)) return false;
-      if (button == 4 || button == 5) return wheel(button == 4 ? 1 : -1, control);  // X11's wheel
+      if (button == 4 || button == 5) return wheel(button == 4 ? 1 : -1, control, place());  // X11's wheel
       if (button < 1 || button > 3 || !std::isfinite(x) || !std::isfinite(y)) return false;
       drag_ = Drag{x, y, button != 1, {x, y}};
       return true;
@@ -170,7 +175,7 @@ bool ViewControl::navigate(GstEvent* event, int view_width, int view_height) {
       return std::isfinite(x) && std::isfinite(y) && drag_to(x, y, shift, view_height);
     case GST_NAVIGATION_EVENT_MOUSE_SCROLL:
       if (!gst_navigation_event_parse_mouse_scroll_event(event, &x, &y, &delta_x, &delta_y)) return false;
-      return std::isfinite(delta_y) && delta_y != 0 && wheel(delta_y, control);
+      return std::isfinite(delta_y) && delta_y != 0 && wheel(delta_y, control, place());
     case GST_NAVIGATION_EVENT_KEY_PRESS:
       if (!gst_navigation_event_parse_key_event(event, &key) || !key || !navigator_.key(key)) return false;
       read_values();

@@ -69,7 +69,7 @@ class ViewControl {
   };
 
   bool drag_to(double x, double y, bool shift, int view_height);
-  bool wheel(double steps, bool control);
+  bool wheel(double steps, bool control, const Vec2& place);
   void read_values();
 
   Navigator navigator_;

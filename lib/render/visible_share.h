@@ -18,7 +18,14 @@ class VisibleShare {
   // width over its height. Cost: that of a ViewPlan.
   double operator()(const Viewpoint& viewpoint, double aspect) const;
 
+  // Where to begin: default_viewpoint(), but inside of the nearest triangle of cameras, of which three make each pixel,
+  // rather than on an edge between two; and with the widest field of view, up to that of default_viewpoint(), that
+  // leaves no pixel dark, at `focus_distance` (see there) and far away. Cost: that of a dozen ViewPlans.
+  Viewpoint home(double aspect, double focus_distance = 0) const;
+
  private:
+  bool sees_all(const Viewpoint& viewpoint, double aspect) const;
+
   Rig rig_;
   Mesh mesh_;
 };

@@ -8,7 +8,7 @@
 namespace lf {
 namespace {
 
-constexpr double kStep = 0.1;           // of the focus distance, per notch of a wheel
+constexpr double kFocusStep = 0.1;      // of the focus distance, per notch of a wheel
 constexpr double kFlyStep = 0.01;       // of the focus distance, per key press
 constexpr double kKeyOrbit = 1.0 / 20;  // of the height
 constexpr double kZoomStep = 1.05;
@@ -97,17 +97,30 @@ Viewpoint default_viewpoint(const Rig& rig, double focus_distance) {
   return clamped(v);
 }
 
+// The orientation turned so that it looks along `forward`; the horizon stays as it was. As it is where there is none.
+Quat Navigator::turned_to(const Quat& orientation, const Vec3& forward) const {
+  const Vec3 before = glm::mat3_cast(orientation)[2], down = home_.pose.down();
+  if (glm::length(glm::cross(before, down)) < kLevel || glm::length(glm::cross(forward, down)) < kLevel)
+    return orientation;
+  const auto level = [&down](const Vec3& axis) { return look_at(Vec3(0), axis, down).orientation; };
+  return glm::normalize(level(forward) * glm::conjugate(level(before)) * orientation);
+}
+
+// Turned, where it stands, by a share of what would make it look as home does.
+Viewpoint Navigator::turned_home(const Viewpoint& viewpoint, double share) const {
+  Viewpoint v = viewpoint;
+  v.pose.orientation = glm::normalize(glm::slerp(v.pose.orientation, home_.pose.orientation, share));
+  return v;
+}
+
 // Rotated about its pivot by a share of what would take its optical axis through home's position. The horizon stays.
 Viewpoint Navigator::drawn_home(const Viewpoint& viewpoint, double share) const {
   Viewpoint v = viewpoint;
-  const Vec3 centre = pivot_of(v), forward = v.pose.forward(), down = home_.pose.down();
+  const Vec3 centre = pivot_of(v), forward = v.pose.forward();
   Vec3 axis = centre - home_.pose.position;
   if (glm::dot(axis, forward) < 0) axis = -axis;
   if (glm::length(axis) < kMinFocus) return v;
-  const Vec3 turned = glm::normalize(glm::mix(forward, glm::normalize(axis), share));
-  if (glm::length(glm::cross(forward, down)) < kLevel || glm::length(glm::cross(turned, down)) < kLevel) return v;
-  const Quat before = look_at(Vec3(0), forward, down).orientation, after = look_at(Vec3(0), turned, down).orientation;
-  v.pose.orientation = glm::normalize(after * glm::conjugate(before) * v.pose.orientation);
+  v.pose.orientation = turned_to(v.pose.orientation, glm::normalize(glm::mix(forward, glm::normalize(axis), share)));
   v.pose.position = centre - v.focus_distance * v.pose.forward();
   return v;
 }
@@ -116,13 +129,16 @@ Viewpoint Navigator::drawn_home(const Viewpoint& viewpoint, double share) const 
 template <typename Move>
 void Navigator::go(Move move) {
   const Viewpoint target = clamped(move(1));
-  if (free_ || !visible_) return set(target);
+  if (!visible_) return set(target);
   if (!enough_) enough_ = kEnough * visible_(home_);
   const double seen = visible_(target);
   if (seen >= *enough_) return set(target);
   const double least = std::min(*enough_, visible_(now_));
   if (seen >= least) return set(target);
   const auto shows = [&](const Viewpoint& v) { return visible_(clamped(v)) >= least; };
+  if (shows(turned_home(target, 1)))
+    return set(
+        turned_home(target, 1 - largest_share([&](double kept) { return shows(turned_home(target, 1 - kept)); })));
   const double far = largest_share([&](double share) { return shows(drawn_home(move(share), 1)); });
   const Viewpoint there = move(far);
   const double kept = largest_share([&](double share) { return shows(drawn_home(there, 1 - share)); });
@@ -153,26 +169,22 @@ void Navigator::pan(double dx, double dy) {
   });
 }
 
-void Navigator::dolly(double steps) {
-  const Vec3 centre = pivot();
-  go([&](double share) {
-    Viewpoint v = now_;
-    v.focus_distance = std::clamp(now_.focus_distance * std::pow(1 - kStep, share * steps), kMinFocus, kMaxFocus);
-    v.pose.position = centre - v.focus_distance * v.pose.forward();
-    return v;
-  });
-}
-
 void Navigator::focus(double steps) {
   Viewpoint v = now_;
-  v.focus_distance *= std::pow(1 + kStep, steps);
+  v.focus_distance *= std::pow(1 + kFocusStep, steps);
   set(v);
 }
 
-void Navigator::zoom(double steps) {
+void Navigator::zoom(double steps, const Vec2& place) {
+  const auto towards = [&place](double fov_y_deg) {
+    return glm::normalize(Vec3(2 * std::tan(fov_y_deg * (M_PI / 360)) * place, 1));
+  };
   go([&](double share) {
     Viewpoint v = now_;
-    v.fov_y_deg *= std::pow(kZoomStep, -share * steps);
+    v.fov_y_deg = std::clamp(v.fov_y_deg * std::pow(kZoomStep, -share * steps), kMinFovDeg, kMaxFovDeg);
+    const Vec3 before = towards(now_.fov_y_deg), after = towards(v.fov_y_deg);
+    const Quat turn = glm::normalize(Quat(1 + glm::dot(after, before), glm::cross(after, before)));
+    v.pose.orientation = turned_to(now_.pose.orientation, now_.pose.rotation() * (turn * Vec3(0, 0, 1)));
     return v;
   });
 }

@@ -54,16 +54,15 @@ class Navigator {
   Vec3 pivot() const { return pivot_of(now_); }
 
   // How much there is to see from a viewpoint, 0..1. While there is such a function, no movement leaves less than
-  // kEnough of what home shows, or less than before it where that was less already: the eye is drawn, around the pivot,
-  // towards the line through home's position as far as it takes, and where that is of no use, movements end.
+  // kEnough of what home shows, or less than before it where that was less already: the view turns back to where home
+  // looks, as far as it takes, and the eye goes on; where that is of no use, it is drawn, around the pivot, towards the
+  // line through home's position; and where that is of no use either, movements end.
   using Visible = std::function<double(const Viewpoint&)>;
-  static constexpr double kEnough = 0.5;
+  static constexpr double kEnough = 0.95;
   void set_visible(Visible visible) {
     visible_ = std::move(visible);
     enough_.reset();
   }
-  // Movements are not held back.
-  void set_free(bool free) { free_ = free; }
 
   void set(const Viewpoint& viewpoint) { now_ = clamped(viewpoint); }
   void set_home(const Viewpoint& viewpoint) {
@@ -77,12 +76,11 @@ class Navigator {
   void orbit(double dx, double dy);
   // Sideways, so that what is in focus follows the mouse.
   void pan(double dx, double dy);
-  // `steps` > 0: nearer to the pivot, by a tenth of the way each; the pivot stays, so it is never passed.
-  void dolly(double steps);
   // `steps` > 0: the focal plane moves away, by a tenth of its distance each.
   void focus(double steps);
-  // `steps` > 0: a narrower field of view, by 5 % each.
-  void zoom(double steps);
+  // `steps` > 0: a narrower field of view, by 5 % each. What is seen at `place`, from the middle of the view, stays
+  // there.
+  void zoom(double steps, const Vec2& place = {0, 0});
   // In the view's own axes, in hundredths of the focus distance; the focus distance stays.
   void fly(const Vec3& steps_camera);
 
@@ -94,12 +92,13 @@ class Navigator {
  private:
   template <typename Move>
   void go(Move move);
+  Viewpoint turned_home(const Viewpoint& viewpoint, double share) const;
   Viewpoint drawn_home(const Viewpoint& viewpoint, double share) const;
+  Quat turned_to(const Quat& orientation, const Vec3& forward) const;
 
   Viewpoint home_, now_;
   Visible visible_;
   std::optional<double> enough_;  // of what is visible; once it was asked for
-  bool free_ = false;
 };
 
 }  // namespace lf

@@ -6,6 +6,7 @@
 #include "common/common.h"
 #include "gst/view_request_source.h"
 #include "node/commands.h"
+#include "render/visible_share.h"
 #include "wire/command_codec.h"
 
 namespace lf::test {
@@ -290,12 +291,14 @@ TEST(LfViewRequestProperties, WhatIsNotSetSuitsTheRig) {
   source.set("rig", files.path("rig.json").c_str(), "x", 1.25, "focus-distance", 9.0, "num-buffers", 1);
   source.play();
   const ViewRequest request = source.pull().request;
-  Viewpoint expected = default_viewpoint(rig, 9);
+  Viewpoint expected = VisibleShare(rig).home(64.0 / 48);
+  const double y = expected.pose.position.y;
   expected.pose.position.x = 1.25;
+  expected.focus_distance = 9;
   expect_near(request.view, make_view(expected, 64, 48));
   EXPECT_EQ(request.rig_hash, rig.hash());
   EXPECT_NEAR(source.get("yaw"), 30, 1e-9);
-  EXPECT_NEAR(source.get("y"), 2.05, 1e-12);
+  EXPECT_NEAR(source.get("y"), y, 1e-12);
 }
 
 TEST(LfViewRequestProperties, ControllersAreAskedForEachRequest) {
