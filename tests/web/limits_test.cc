@@ -109,14 +109,23 @@ TEST(Pace, WaitsForPicturesButNotForEver) {
 }
 
 TEST(Limits, SizesOfViews) {
-  EXPECT_EQ(view_side(nullptr, 1280, 640), 640);
-  EXPECT_EQ(view_side("", 1280, 640), 640);
-  EXPECT_EQ(view_side(nullptr, 320, 640), 320);
-  EXPECT_EQ(view_side("321", 1280, 640), 320);
-  EXPECT_EQ(view_side("1", 1280, 640), Limits::kMinSize);
-  EXPECT_EQ(view_side("99999", 1281, 640), 1280);
-  for (const char* wrong : {"0", "-1", "nan", "inf", "1e9", "10x", "x", " "})
-    EXPECT_EQ(view_side(wrong, 1280, 640), std::nullopt) << wrong;
+  const Limits limits{.max_width = 1281, .max_height = 720};
+  const auto expect = [&](const char* width, const char* height, int w, int h) {
+    const auto size = view_size(width, height, limits);
+    ASSERT_TRUE(size) << width << " x " << height;
+    EXPECT_EQ(size->width, w) << width << " x " << height;
+    EXPECT_EQ(size->height, h) << width << " x " << height;
+  };
+  expect(nullptr, "", 640, 480);
+  expect("321", "240", 320, 240);
+  expect("1", "1", Limits::kMinSize, Limits::kMinSize);
+  expect("780", "1688", 332, 720);  // a telephone: its shape stays
+  expect("2560", "1440", 1280, 720);
+  expect("99999", "99", 1280, Limits::kMinSize);
+  for (const char* wrong : {"0", "-1", "nan", "inf", "1e9", "10x", "x", " "}) {
+    EXPECT_FALSE(view_size(wrong, "480", limits)) << wrong;
+    EXPECT_FALSE(view_size("640", wrong, limits)) << wrong;
+  }
 }
 
 TEST(QualityControl, FallsWithLossAndDelayAndComesBack) {

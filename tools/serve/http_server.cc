@@ -207,12 +207,11 @@ void HttpServer::whep(SoupServerMessage* message, GHashTable* query) {
   const auto value = [query](const char* name) {
     return query ? static_cast<const char*>(g_hash_table_lookup(query, name)) : nullptr;
   };
-  const auto width = view_side(value("width"), limits_.max_width, 640);
-  const auto height = view_side(value("height"), limits_.max_height, 480);
-  if (!width || !height) return refuse(message, kOffer, SOUP_STATUS_BAD_REQUEST, "width and height must be pixels");
+  const auto picture = view_size(value("width"), value("height"), limits_);
+  if (!picture) return refuse(message, kOffer, SOUP_STATUS_BAD_REQUEST, "width and height must be pixels");
   const auto distance = eye_distance(value("eye-distance"));
   if (!distance) return refuse(message, kOffer, SOUP_STATUS_BAD_REQUEST, "eye-distance must be metres");
-  Wish wish{*width, *height, *distance, ""};
+  Wish wish{picture->width, picture->height, *distance, ""};
   if (const char* name = value("path")) {
     const auto found = paths_.find(name);
     if (found == paths_.end()) return refuse(message, kPath, SOUP_STATUS_NOT_FOUND, "there is no such path (--path)");

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <optional>
 #include <string>
@@ -20,8 +21,8 @@ struct Limits {
   int viewers = 8;                         // views in fact: who has two eyes counts twice
   int max_width = 1280, max_height = 720;  // of a view, pixels
   int framerate = 30;
-  int capture_delay_ms = 100;        // how old a capture must be before it is asked for: what the cameras take
-  double focus = 0;                  // metres, of a view to begin with; 0: as lfviewrequest chooses
+  int capture_delay_ms = 100;  // how old a capture must be before it is asked for: what the cameras take
+  double focus = 0;            // metres, of a view to begin with; 0: as lfviewrequest chooses
   FocusOn focus_on;
   int monitor = 0;                   // requests from one camera's turn to be watched to the next; 0: never
   int bit_rate = 6000000;            // bits per second, of one viewer's video
@@ -50,14 +51,25 @@ inline std::optional<double> eye_distance(const char* text) {
   return value;
 }
 
-// A side of a view as asked for in pixels: even, within kMinSize and `most`. "" or null: `otherwise`. Nothing for what
-// is no number.
-inline std::optional<int> view_side(const char* text, int most, int otherwise) {
-  if (!text || !*text) return std::min(otherwise, most) & ~1;
-  char* end = nullptr;
-  const double value = std::strtod(text, &end);
-  if (*end || !(value > 0) || value > 1e6) return std::nullopt;
-  return std::clamp(static_cast<int>(value), Limits::kMinSize, most) & ~1;
+struct ViewSize {
+  int width = 640, height = 480;  // pixels
+};
+// The size of a view as asked for in pixels: both sides even and within the limits, scaled together so that the picture
+// keeps its shape, but no side less than kMinSize. "" or null: ViewSize's. Nothing for what is no number.
+inline std::optional<ViewSize> view_size(const char* width, const char* height, const Limits& limits) {
+  const auto side = [](const char* text, double otherwise) -> double {
+    if (!text || !*text) return otherwise;
+    char* end = nullptr;
+    const double value = std::strtod(text, &end);
+    return *end || !(value > 0) || value > 1e6 ? 0 : value;
+  };
+  const double w = side(width, ViewSize().width), h = side(height, ViewSize().height);
+  if (w == 0 || h == 0) return std::nullopt;
+  const double scale = std::min({1.0, limits.max_width / w, limits.max_height / h});
+  const auto fitted = [scale](double value, int most) {
+    return std::clamp(static_cast<int>(std::lround(value * scale)), Limits::kMinSize, most) & ~1;
+  };
+  return ViewSize{fitted(w, limits.max_width), fitted(h, limits.max_height)};
 }
 
 }  // namespace lf::serve

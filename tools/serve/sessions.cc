@@ -72,6 +72,7 @@ std::string Sessions::open(Offer offer, const Wish& wish, OnAnswer on_answer) {
   settings.most_bit_rate = limits_.bit_rate;
   settings.least_bit_rate = std::min(settings.least_bit_rate, limits_.bit_rate);
   settings.messages_per_second = limits_.messages_per_second;
+  settings.monitored = limits_.monitor > 0;
   settings.address = address_;
   const std::string name = random_name(), codec = to_string(offer.codec);
   Viewer::Callbacks callbacks;

@@ -276,15 +276,23 @@ void Viewer::report(const LinkReport& link) {
                 {"rounds", count_in(stats, "focus-rounds")},
                 {"interval", count_in(stats, "focus-interval")},
                 {"trialBytes", count_in(stats, "trial-bytes")}};
-  gdouble residual = 0, gained = 0;
+  gdouble residual = 0, gained = 0, near = 0, far = 0;
   gboolean flat = FALSE;
   gst_structure_get(stats, "focus-residual", G_TYPE_DOUBLE, &residual, "focus-gained", G_TYPE_DOUBLE, &gained,
-                    "focus-flat", G_TYPE_BOOLEAN, &flat, nullptr);
+                    "focus-flat", G_TYPE_BOOLEAN, &flat, "focus-near", G_TYPE_DOUBLE, &near, "focus-far", G_TYPE_DOUBLE,
+                    &far, nullptr);
   gst_structure_free(stats);
   focus["residual"] = std::isfinite(residual) ? residual : 0;
   focus["gained"] = std::isfinite(gained) ? gained : 0;
   focus["flat"] = flat != FALSE;
+  // Where the scene is, metres; what is beyond all bounds has no place on a slider.
+  constexpr double kFarthest = 30;  // times the nearest
+  if (near > 0) {
+    focus["near"] = near;
+    focus["far"] = std::min(far, kFarthest * near);
+  }
   info["focus"] = std::move(focus);
+  info["monitored"] = settings_.monitored;
   if (const auto view = eyes_[0]->asked()) info["coverage"] = field_.array().coverage(*view);
   json message = {{"statistics", std::move(info)}};
   if (settings_.eye.path.empty()) message["view"] = eyes_[0]->numbers();

@@ -28,7 +28,8 @@ struct ViewerSettings {
   double eye_distance = 0;  // metres; 0: one eye
   int least_bit_rate = 100000, most_bit_rate = 6000000;
   double messages_per_second = 240;
-  std::string address;  // the only one to be reached at, or ""
+  bool monitored = false;  // whether the server watches its cameras, by this viewer's requests or another's
+  std::string address;     // the only one to be reached at, or ""
 };
 
 // One browser's own virtual camera, in a pipeline of its own: requests go to the light field, answers come from there,

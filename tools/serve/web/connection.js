@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// WHEP and the data channel "control" of one viewer. Events: "open", "message" (detail: object), "lost" (detail: why).
+// WHEP and the data channel "control" of one viewer. Events: "open", "message" (detail: object), "lost" (detail: error; of the server it has `status` and `retryAfter`, seconds).
 
 const kConnectTimeout = 15000;  // milliseconds
 const kRemembered = 256;        // requests
@@ -18,7 +18,11 @@ export class Connection extends EventTarget {
     const peer = this.peer = new RTCPeerConnection();
     peer.addTransceiver('video', { direction: 'recvonly' });
     this.channel = peer.createDataChannel('control');
-    this.channel.onopen = () => this.dispatchEvent(new CustomEvent('open'));
+    this.channel.onopen = () => {
+      this.isOpen = true;
+      this.dispatchEvent(new CustomEvent('open'));
+    };
+    this.channel.onclose = () => this.lose();
     this.channel.onmessage = event => this.take(event.data);
     peer.ontrack = event => {
       // Live is live: nothing is kept back for smoothness.
@@ -27,7 +31,7 @@ export class Connection extends EventTarget {
       this.video.srcObject = new MediaStream([event.track]);
     };
     peer.onconnectionstatechange = () => {
-      if (['failed', 'closed', 'disconnected'].includes(peer.connectionState)) this.lose('the connection is lost');
+      if (['failed', 'closed', 'disconnected'].includes(peer.connectionState)) this.lose();
     };
     await peer.setLocalDescription();
 
@@ -38,6 +42,7 @@ export class Connection extends EventTarget {
     const text = await response.text();
     if (response.status !== 201) {
       const error = new Error(text.trim() || `the server answers ${response.status}`);
+      error.status = response.status;
       const later = [429, 500, 502, 503].includes(response.status);
       error.retryAfter = later ? Number(response.headers.get('Retry-After')) || 5 : Infinity;
       throw error;
@@ -45,7 +50,7 @@ export class Connection extends EventTarget {
     this.session = new URL(response.headers.get('Location'), endpoint);
     if (this.closed) return this.leave();
     await peer.setRemoteDescription({ type: 'answer', sdp: text });
-    this.timer = setTimeout(() => this.channel.readyState !== 'open' && this.lose('no connection'), kConnectTimeout);
+    this.timer = setTimeout(() => this.channel.readyState !== 'open' && this.lose(), kConnectTimeout);
     this.goodbye = () => this.leave();
     addEventListener('pagehide', this.goodbye);
   }
@@ -66,8 +71,8 @@ export class Connection extends EventTarget {
     return id;
   }
 
-  lose(why) {
-    if (!this.closed) this.dispatchEvent(new CustomEvent('lost', { detail: why }));
+  lose() {
+    if (!this.closed) this.dispatchEvent(new CustomEvent('lost', { detail: new Error('the connection is lost') }));
   }
 
   leave() {

@@ -20,9 +20,9 @@ export class Controls {
     video.addEventListener('pointermove', event => this.move(event));
     for (const name of ['pointerup', 'pointercancel']) video.addEventListener(name, event => this.up(event));
     video.addEventListener('wheel', event => this.turn(event), { passive: false });
-    video.addEventListener('dblclick', () => this.viewer.follow(!this.viewer.follows));
+    video.addEventListener('dblclick', () => this.viewer.path === null && this.viewer.goHome());
     video.addEventListener('contextmenu', event => event.preventDefault());
-    video.addEventListener('keydown', event => this.press(event));
+    viewer.addEventListener('keydown', event => this.press(event));
     addEventListener('gamepadconnected', () => requestAnimationFrame(now => this.gamepad(now)));
   }
 
@@ -81,9 +81,14 @@ export class Controls {
 
   press(event) {
     if (event.ctrlKey || event.metaKey || event.altKey || this.viewer.path !== null) return;
+    // A slider, a list and a field have keys of their own.
+    const [at] = event.composedPath();
+    if (at.matches('select, input:not([type=range])') || (at.matches('input') && /^(Arrow|Home|End|Page)/.test(event.key))) return;
+    if (event.key === '?') return this.viewer.bar.toggleHelp();
+    if (event.key === 'Home') return this.viewer.goHome();
     if (event.key === 'i') return this.viewer.toggle('figures', this.viewer.panel);
     if (event.key === 'f') return this.viewer.follow(!this.viewer.follows);
-    if (event.key === 'm') return this.viewer.toggle('quality', this.viewer.monitor);
+    if (event.key === 'm' && this.viewer.figures.monitored !== false) return this.viewer.toggle('quality', this.viewer.monitor);
     if (event.key === 'c') return this.viewer.toggle('cameras', this.viewer.cameras);
     const key = kKeys[event.key] ?? (kLetters.includes(event.key.toLowerCase()) ? event.key.toLowerCase() : null);
     if (!key) return;
@@ -95,7 +100,7 @@ export class Controls {
     return this.viewer.navigate({ event: 'KeyPress', key, ...modifier_state && { modifier_state } });
   }
 
-  // Left stick orbits, with a shoulder button pans; right stick dollies and focuses; the first button goes home. All in
+  // Left stick orbits, with a shoulder button pans; right stick zooms and focuses; the first button goes home. All in
   // proportion.
   gamepad(now, before = now) {
     const pad = navigator.getGamepads().find(Boolean);

@@ -10,6 +10,7 @@
 // Events: "connected", "disconnected" (detail: why), "statistics" (detail: figures), "applied" (detail: {id,
 // rtpTimestamp}).
 
+import { Bar } from './bar.js';
 import { Cameras } from './cameras.js';
 import { Connection } from './connection.js';
 import { Controls } from './controls.js';
@@ -17,10 +18,12 @@ import { Figures, isShown } from './figures.js';
 import { Headset, headsets } from './headset.js';
 import { markup, sheet } from './markup.js';
 import { Monitor } from './monitor.js';
+import { Notice } from './notice.js';
 import { Anaglyph, kModes } from './stereo.js';
-import { viewOf } from './view.js';
+import { kFields, viewOf } from './view.js';
 
 const kEyeDistance = 0.063;  // metres
+const kHomeward = 300;  // milliseconds that the way home takes
 const kRest = 400;  // milliseconds without another size until the view takes it
 
 export class LightfieldViewer extends HTMLElement {
@@ -31,7 +34,11 @@ export class LightfieldViewer extends HTMLElement {
     const find = selector => this.shadowRoot.querySelector(selector);
     this.video = find('video');
     this.status = find('.status');
-    this.slider = find('input');
+    this.notice = new Notice(this, this.shadowRoot);
+    this.bar = new Bar(this, this.shadowRoot);
+    this.slider = find('input[type=range]');
+    this.distance = find('.distance');
+    this.vignette = find('.vignette');
     this.view = {};
     this.state = null;  // of the view, as the server tells it
     this.seen = null;   // that of the picture that is shown
@@ -45,10 +52,7 @@ export class LightfieldViewer extends HTMLElement {
     find('.sweep').addEventListener('click', event => this.sweep(event.target));
     this.follower = find('.follow');
     this.follower.addEventListener('click', () => this.follow(!this.follows));
-    find('.home').addEventListener('click', () => {
-      this.controls.key('r');
-      this.say('Back at the start');
-    });
+    find('.home').addEventListener('click', () => this.goHome());
     find('button.figures').addEventListener('click', () => this.toggle('figures', this.panel));
     find('button.cameras').addEventListener('click', () => this.toggle('cameras', this.cameras));
     find('button.quality').addEventListener('click', () => this.toggle('quality', this.monitor));
@@ -64,7 +68,8 @@ export class LightfieldViewer extends HTMLElement {
     const eyes = this.given('eyes');
     this.mode = Object.hasOwn(kModes, eyes) && eyes !== 'headset' ? eyes : 'one';
     this.showMode();
-    this.shadowRoot.querySelector('.bar').hidden = this.path !== null;
+    this.bar.bar.hidden = this.path !== null;
+    this.bar.wake();
     this.resizes = new ResizeObserver(() => this.resized());
     this.resizes.observe(this);
     this.disconnect();
@@ -72,6 +77,7 @@ export class LightfieldViewer extends HTMLElement {
   }
   disconnectedCallback() {
     this.resizes.disconnect();
+    this.notice.rest();
     this.disconnect();
   }
 
@@ -140,8 +146,9 @@ export class LightfieldViewer extends HTMLElement {
     const connection = this.connection = new Connection(this.video);
     connection.addEventListener('message', event => this.take(event.detail));
     connection.addEventListener('lost', event => this.lost(connection, event.detail));
+    this.notice.connecting();
+    this.notice.watch();
     connection.addEventListener('open', () => {
-      this.status.hidden = true;
       this.retry = 0;
       // Another connection goes on where the one before was.
       this.sendView(this.state ?? { ...viewOf(location.hash.slice(1)), ...this.view });
@@ -153,7 +160,7 @@ export class LightfieldViewer extends HTMLElement {
       this.twoEyes = this.mode !== 'one';
       await connection.open(this.endpoint, this.token, this.wish);
     } catch (error) {
-      this.lost(connection, error.message, error.retryAfter);
+      this.lost(connection, error);
     }
   }
 
@@ -164,15 +171,15 @@ export class LightfieldViewer extends HTMLElement {
   }
 
   // Tries again after a while that grows, unless it is no use.
-  lost(connection, why, retryAfter) {
+  lost(connection, error) {
     if (this.connection !== connection) return;
-    this.disconnect();
-    this.status.hidden = false;
-    this.status.textContent = why;
-    this.dispatchEvent(new CustomEvent('disconnected', { detail: why }));
-    if (retryAfter === Infinity) return;
+    const useless = error.retryAfter === Infinity;
     this.retry = Math.min((this.retry || 0.5) * 2, 30);
-    this.timer = setTimeout(() => this.connect(), 1000 * Math.max(this.retry, retryAfter || 0));
+    const seconds = useless ? Infinity : Math.max(this.retry, error.retryAfter || 0);
+    this.notice.lost(error, seconds);
+    this.disconnect();
+    this.dispatchEvent(new CustomEvent('disconnected', { detail: this.notice.why.textContent }));
+    if (!useless) this.timer = setTimeout(() => this.connect(), 1000 * seconds);
   }
 
   take(message) {
@@ -181,6 +188,7 @@ export class LightfieldViewer extends HTMLElement {
     if (pixel) this.cameras.take(pixel);
     if (statistics) {
       this.figures = statistics;
+      this.know(statistics);
       this.panel.update();
       this.dispatchEvent(new CustomEvent('statistics', { detail: statistics }));
     }
@@ -192,13 +200,27 @@ export class LightfieldViewer extends HTMLElement {
     }
   }
 
+  // What can be seen changes what is shown around the picture.
+  know({ coverage, focus, monitored }) {
+    this.shadowRoot.querySelector('button.quality').hidden = monitored === false;
+    if (focus?.far > focus?.near) this.scene = focus;
+    if (coverage === undefined) return;
+    this.fullCoverage = Math.max(this.fullCoverage ?? 0, coverage);
+    this.vignette.style.opacity = Math.min(1, Math.max(0, 12 * (this.fullCoverage - 0.01 - coverage)));
+  }
+
+  // Metres, over which the slider goes: where the scene is, or a decade to each side of where the flight began.
+  get range() {
+    const home = this.home?.['focus-distance'] ?? 1;
+    return this.scene ?? { near: home / 10, far: home * 10 };
+  }
   // What the server says the view is; the slider follows.
   showView(view) {
     this.state = view;
     this.home ??= view;
-    const focus = view['focus-distance'];
-    if (this.shadowRoot.activeElement !== this.slider)
-      this.slider.value = Math.log10(focus / this.home['focus-distance']);
+    const focus = view['focus-distance'], { near, far } = this.range;
+    if (this.shadowRoot.activeElement !== this.slider) this.slider.value = Math.log(focus / near) / Math.log(far / near);
+    this.distance.textContent = `${focus < 1000 ? focus.toPrecision(3) : 'far'}${focus < 1000 ? ' m' : ''}`;
     this.slider.setAttribute('aria-valuetext', `${focus.toPrecision(3)} metres`);
   }
 
@@ -214,9 +236,27 @@ export class LightfieldViewer extends HTMLElement {
   }
   navigate(event) { return this.path !== null ? 0 : this.connection?.request({ type: 'navigationEvent', event }) ?? 0; }
 
-  // `decades` from the distance that the flight began with.
-  focusAt(decades) {
-    if (this.home) this.sendView({ 'focus-distance': this.home['focus-distance'] * 10 ** decades });
+  // `share` of the way from the nearest to the farthest, in equal ratios.
+  focusAt(share) {
+    const { near, far } = this.range;
+    if (this.home) this.sendView({ 'focus-distance': near * (far / near) ** share });
+  }
+
+  // Flown in a moment, so that one sees where it is; who wants no motion is there at once.
+  goHome() {
+    const from = this.state, to = this.home, began = performance.now();
+    this.say('Back at the start');
+    if (!from || !to || matchMedia('(prefers-reduced-motion: reduce)').matches) return this.controls.key('r');
+    const step = now => {
+      const t = (now - began) / kHomeward;
+      if (t >= 1 || !this.connection) return this.controls.key('r');
+      const share = Math.max(0, t) ** 2 * (3 - 2 * t);
+      const between = (name, by = to[name] - from[name]) =>
+        from[name] + share * (['yaw', 'pitch', 'roll'].includes(name) ? by - 360 * Math.round(by / 360) : by);
+      this.sendView(Object.fromEntries(kFields.map(name => [name, between(name)])));
+      requestAnimationFrame(step);
+    };
+    requestAnimationFrame(step);
   }
 
   // Keeps in focus what was clicked last, as it moves.
@@ -231,7 +271,7 @@ export class LightfieldViewer extends HTMLElement {
     button.setAttribute('aria-pressed', on);
     const step = now => {
       if (button.getAttribute('aria-pressed') !== 'true' || !this.isConnected) return;
-      this.slider.value = 0.5 * Math.sin((now - began) / 1000);
+      this.slider.value = 0.5 + 0.5 * Math.sin((now - began) / 1000);
       this.focusAt(Number(this.slider.value));
       requestAnimationFrame(step);
     };
@@ -255,6 +295,7 @@ export class LightfieldViewer extends HTMLElement {
         this.seen = state;
         this.changes.shift();
       }
+      this.notice.shown();
       this.panel.frame(now, frame);
       this.anaglyph.draw(this.seen, this.eyeDistance);
       this.cameras.draw(now, this.seen);
@@ -303,12 +344,12 @@ export class LightfieldViewer extends HTMLElement {
     history.replaceState(null, '', this.link);
     try {
       await navigator.clipboard.writeText(this.link);
-      button.textContent = 'Copied';
+      button.lastChild.data = 'Copied';
     } catch {
-      button.textContent = 'In the address bar';
+      button.lastChild.data = 'In the address bar';
     }
-    this.say(button.textContent === 'Copied' ? 'The link to this view is copied' : 'The link to this view is in the address bar');
-    setTimeout(() => button.textContent = 'Share', 2000);
+    this.say(`The link to this view is ${button.lastChild.data === 'Copied' ? 'copied' : 'in the address bar'}`);
+    setTimeout(() => button.lastChild.data = 'Share', 2000);
   }
 }
 
