@@ -21,7 +21,7 @@ Renders a virtual camera on a smooth path with changing focus and writes view.mk
   --rig RIG.json  any rig with images, in place of the built-in scene filmed by an 8x8 array
   --frames N      length of the path (default: $frames)
   --window        afterwards open a window in which mouse and keys fly: drag orbits, shift-drag pans, the wheel
-                  dollies and with ctrl focuses; arrows, w s a d q e, + -, [ ], r
+                  zooms and with ctrl focuses; arrows, w s a d q e, + -, [ ], r
 END
 }
 

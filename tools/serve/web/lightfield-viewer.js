@@ -183,6 +183,7 @@ export class LightfieldViewer extends HTMLElement {
   }
 
   take(message) {
+    this.notice.answered();
     if (message.type !== 'InfoMessage') return;
     const { statistics, applied, view, pixel } = message.info;
     if (pixel) this.cameras.take(pixel);

@@ -3,7 +3,7 @@
 // give the token. While there is no stream the last picture stays behind it.
 
 const kStopped = 1000;    // milliseconds without a frame until that is told
-const kGivenUp = 4000;    // and until another connection is tried
+const kGivenUp = 4000;    // without a word of the server, either, until another connection is tried
 const kLookEvery = 250;
 
 export class Notice {
@@ -26,7 +26,7 @@ export class Notice {
   // While the element is on a page, and a connection is there or under way.
   watch() {
     clearInterval(this.timer);
-    this.frame = performance.now();
+    this.frame = this.heard = performance.now();
     this.timer = setInterval(() => this.look(), kLookEvery);
   }
   rest() { clearInterval(this.timer); }
@@ -41,6 +41,9 @@ export class Notice {
     this.box.hidden = this.last.hidden = true;
     clearInterval(this.countdown);
   }
+
+  // A message of the server is there.
+  answered() { this.heard = performance.now(); }
 
   // `error`: of Connection. `seconds` until another try; Infinity: none.
   lost(error, seconds) {
@@ -86,9 +89,9 @@ export class Notice {
 
   // Frames come all the time, also of a scene that does not move: where they stop the server or the way to it is gone.
   look() {
-    const { connection } = this.viewer, still = performance.now() - this.frame;
-    if (document.hidden || !connection?.isOpen || this.viewer.video.paused) return void (this.frame = performance.now());
-    if (still > kGivenUp) return connection.lose();
+    const { connection } = this.viewer, now = performance.now(), still = now - this.frame;
+    if (document.hidden || !connection?.isOpen || this.viewer.video.paused) return void (this.frame = this.heard = now);
+    if (still > kGivenUp && now - this.heard > kGivenUp) return connection.lose();
     if (still > kStopped && this.box.hidden) this.show('The picture has stopped. Waiting for the server');
   }
 }
