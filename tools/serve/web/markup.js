@@ -29,6 +29,7 @@ sheet.replaceSync(`
     flex-wrap: wrap; padding: 8px 12px calc(8px + env(safe-area-inset-bottom)); background: var(--panel);
     transition: opacity .25s, translate .25s; }
   :host([idle]) .bar:not(:focus-within) { opacity: 0; translate: 0 30%; pointer-events: none; }
+  :host([waiting]) .bar { display: none; }
   @media (prefers-reduced-motion: reduce) { .bar, .vignette { transition: none; } }
   label { display: flex; gap: 8px; align-items: center; flex: 1 1 200px; white-space: nowrap; }
   .distance { min-width: 6ch; text-align: right; font-variant-numeric: tabular-nums; }

@@ -32,6 +32,7 @@ export class Notice {
   rest() { clearInterval(this.timer); }
 
   connecting() {
+    this.viewer.toggleAttribute('waiting', true);
     this.show('Connecting');
   }
   // A frame is there.
@@ -39,6 +40,7 @@ export class Notice {
     this.frame = performance.now();
     if (this.box.hidden) return;
     this.box.hidden = this.last.hidden = true;
+    this.viewer.toggleAttribute('waiting', false);
     clearInterval(this.countdown);
   }
 
@@ -49,6 +51,7 @@ export class Notice {
   lost(error, seconds) {
     const needsToken = error.status === 401;
     this.keep();
+    this.viewer.toggleAttribute('waiting', true);
     this.show(this.words(error));
     this.form.hidden = !needsToken;
     this.again.hidden = needsToken;
