@@ -86,7 +86,7 @@ async function linkKeyboardNamesAndSize() {
   }
   for (const name of ['video Live', 'input Distance', 'button Home', 'button Figures', 'button Share'])
     expect([...seen].some(text => text?.startsWith(name)), `${name} is not reached: ${[...seen]}`);
-  await page.focus('lightfield-viewer input');
+  await page.focus('lightfield-viewer input[type=range]');
   const before = (await stateOf(page))['focus-distance'];
   for (let i = 0; i < 20; i++) await page.keyboard.press('ArrowRight');
   await until(async () => (await stateOf(page))['focus-distance'] > before * 1.2, 'the slider focuses');

@@ -210,10 +210,12 @@ export class LightfieldViewer extends HTMLElement {
     this.vignette.style.opacity = Math.min(1, Math.max(0, 12 * (this.fullCoverage - 0.01 - coverage)));
   }
 
-  // Metres, over which the slider goes: where the scene is, or a decade to each side of where the flight began.
+  // Metres, over which the slider goes: where the scene is and half as far again, or a decade to each side of where the
+  // flight began.
   get range() {
     const home = this.home?.['focus-distance'] ?? 1;
-    return this.scene ?? { near: home / 10, far: home * 10 };
+    if (!this.scene) return { near: home / 10, far: home * 10 };
+    return { near: Math.min(this.scene.near, home) / 1.5, far: Math.max(this.scene.far, home) * 1.5 };
   }
   // What the server says the view is; the slider follows.
   showView(view) {
