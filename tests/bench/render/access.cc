@@ -14,7 +14,7 @@
 #include "composite/assembly.h"
 #include "node/answer_task.h"
 #include "node/commands.h"
-#include "quality/exact_quality.h"
+#include "reference/exact_quality.h"
 #include "wire/answer_parser.h"
 #include "wire/command_codec.h"
 #include "wire/request_codec.h"

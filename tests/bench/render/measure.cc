@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "quality/exact_quality.h"
 #include "quality/quality.h"
+#include "reference/exact_quality.h"
 
 namespace lf::bench {
 

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "bench/array.h"
-#include "composite/float_still.h"
 #include "image/image.h"
+#include "reference/float_still.h"
 #include "rig/mesh.h"
 
 namespace lf::bench {

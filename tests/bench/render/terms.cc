@@ -4,10 +4,10 @@
 #include "jpeg/fragment_decoder.h"
 #include "jpeg/fragment_encoder.h"
 #include "quality/quality.h"
+#include "reference/float_renderer.h"
 #include "reference/reference_lens.h"
 #include "reference/renderer.h"
 #include "render/camera_projection.h"
-#include "render/float_renderer.h"
 #include "render/fragment_renderer.h"
 #include "render/render_job.h"
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "composite/float_still.h"
+#include "reference/float_still.h"
 
 #include <algorithm>
 #include <string>
 
 #include "base/error.h"
-#include "render/float_renderer.h"
+#include "reference/float_renderer.h"
 
 namespace lf {
 namespace {

@@ -11,15 +11,17 @@
 
 namespace lf {
 
-// For tests and measurements: the scalar renderer's fragment without its rounding to 8 bits.
+// One camera's part in a view, pixel by pixel in double precision along the production plan, rounded nowhere: what the
+// SIMD sums are measured against in every family, blending and resampling.
 struct FloatFragment {
   PixelFamily family = PixelFamily::kNone;
   Rect rect;                       // chroma-aligned for kI420
-  std::vector<float> colour;       // 0..255, weighted, laid out as Fragment::pixels; chroma without the 128 offset
+  std::vector<float> colour;       // 0..255, weighted, laid out as Image::data(); chroma without the 128 offset
   std::vector<float> valid, lost;  // weights 0..1 per pixel of `rect`, row-major
 };
 
-// Arguments as for FragmentRenderer::render().
+// `camera` is `rig_camera`'s index in the rig of the plan, `image` of its size (else Error); `owners` cover the camera's
+// rectangle, chroma-aligned for kI420. Nothing if the camera has no weight anywhere in the view.
 std::optional<FloatFragment> render_float(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
                                           const Camera& rig_camera, const ImageView& image,
                                           Resampling resampling = Resampling::kBilinear);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "quality/exact_quality.h"
+#include "reference/exact_quality.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "composite/float_still.h"
+#include "reference/float_still.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 
 #include "base/error.h"
 #include "composite/still.h"
-#include "quality/exact_quality.h"
+#include "reference/exact_quality.h"
 #include "rig/grid_rig.h"
 
 namespace lf {

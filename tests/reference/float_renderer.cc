@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "render/float_renderer.h"
+#include "reference/float_renderer.h"
 
 #include "render/contribution.h"
 

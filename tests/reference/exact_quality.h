@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include "composite/float_still.h"
 #include "image/image.h"
+#include "reference/float_still.h"
 
 namespace lf {
 
