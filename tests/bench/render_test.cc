@@ -39,12 +39,10 @@ TEST_F(BenchRender, RowsHaveAllFieldsAndSensibleErrors) {
   const nlohmann::json all = rows("");
   std::set<std::string> renderers;
   for (const nlohmann::json& row : all) {
-    for (const char* field : {"renderer",      "codec",          "quality",         "width",
-                              "height",        "cameras",        "threads",         "ns_per_output_pixel",
-                              "fps",           "bytes_per_view", "max_error",       "psnr_reference_db",
-                              "psnr_truth_db", "ssim_truth",     "ratio_to_opencv", "grid",
-                              "sum",           "distortion",     "family",          "scene",
-                              "pareto"})
+    for (const char* field :
+         {"renderer", "codec", "quality", "width", "height", "cameras", "threads", "ns_per_output_pixel", "fps",
+          "bytes_per_view", "max_error", "psnr_reference_db", "psnr_truth_db", "ssim_truth", "ratio_to_opencv",
+          "distortion", "family", "scene", "pareto"})
       EXPECT_TRUE(row.contains(field)) << field;
     const std::string renderer = row["renderer"];
     renderers.insert(renderer);
@@ -57,11 +55,7 @@ TEST_F(BenchRender, RowsHaveAllFieldsAndSensibleErrors) {
     EXPECT_GT(row["bytes_per_view"], 0);
     EXPECT_GT(row["ratio_to_opencv"], 0);
     EXPECT_EQ(row["codec"] == "raw", row["quality"].is_null());
-    if (renderer == "scalar" && row["codec"] == "raw") {
-      EXPECT_LE(row["max_error"], 2);
-      EXPECT_GE(row["psnr_reference_db"], 50);
-    }
-    if (renderer == "simd" && row["codec"] == "raw" && row["sum"] == "node") {
+    if (renderer == "simd" && row["codec"] == "raw") {
       EXPECT_TRUE(row["default"]);
       EXPECT_LE(row["max_error"], 2);
       EXPECT_GE(row["psnr_reference_db"], 50);
@@ -79,7 +73,7 @@ TEST_F(BenchRender, RowsHaveAllFieldsAndSensibleErrors) {
       EXPECT_GT(row["ssim_truth"], 0.2);
     }
   }
-  EXPECT_THAT(renderers, testing::IsSupersetOf({"opencv", "scalar", "simd"}));
+  EXPECT_THAT(renderers, testing::IsSupersetOf({"opencv", "simd"}));
 }
 
 TEST_F(BenchRender, ThreadsAreRowsOfTheirOwnWithTheSamePicture) {
@@ -87,12 +81,11 @@ TEST_F(BenchRender, ThreadsAreRowsOfTheirOwnWithTheSamePicture) {
   const nlohmann::json all = rows("--threads 1,2");
   for (const nlohmann::json& row : all) {
     if (row["threads"] == 1) continue;
-    EXPECT_EQ(row["sum"], "node");
+    EXPECT_EQ(row["renderer"], "simd");
     EXPECT_GT(row["ns_per_output_pixel"], 0);
     for (const nlohmann::json& other : all)
-      if (other["threads"] == 1 && other["renderer"] == "simd" && other["sum"] == "node" &&
-          other["codec"] == row["codec"] && other["scene"] == row["scene"] &&
-          other["distortion"] == row["distortion"]) {
+      if (other["threads"] == 1 && other["renderer"] == "simd" && other["codec"] == row["codec"] &&
+          other["scene"] == row["scene"] && other["distortion"] == row["distortion"]) {
         EXPECT_EQ(row["max_error"], other["max_error"]);
         rows_of_two++;
       }
@@ -148,8 +141,8 @@ TEST_F(BenchRender, ComparesTheRandomAccessCameras) {
 }
 
 TEST_F(BenchRender, RendersOnceForAProfiler) {
-  EXPECT_EQ(run("once 'scalar i420'").status, 0);
-  EXPECT_THAT(run("once nothing").output, HasSubstr("scalar i420"));
+  EXPECT_EQ(run("once 'simd i420'").status, 0);
+  EXPECT_THAT(run("once nothing").output, HasSubstr("simd i420"));
 }
 
 TEST_F(BenchRender, PlotsOrWhatIsMissingForThem) {

@@ -14,7 +14,6 @@ constexpr int kSizes = 4, kWidths[kSizes] = {320, 640, 1280, 1920};
 // Rows of ours that can stand for a promise: one thread, one view.
 struct Which {
   std::string codec;  // raw or jpeg
-  std::string sum;    // camera, node, or "" for either
   int cameras = 64;
   bool distortion = true;
   std::string content = "natural";
@@ -24,8 +23,7 @@ bool matches(const Row& row, const Which& which, int width) {
   const Setting& s = row.setting;
   return row.is_ours() && row.width() == width && row.scene.content == which.content && row.scene.views == 1 &&
          row.scene.array.cameras == which.cameras && row.scene.array.distortion == which.distortion && s.threads == 1 &&
-         (which.sum.empty() || s.sum == which.sum) && s.codec.rfind(which.codec, 0) == 0 &&
-         (which.codec == "raw" || s.quality == 90);
+         s.codec.rfind(which.codec, 0) == 0 && (which.codec == "raw" || s.quality == 90);
 }
 
 // The fastest of the defaults that match; of all that match where none is a default.
@@ -96,7 +94,7 @@ void print_acceptance(const std::vector<Row>& rows) {
     return [&rows, field, least](int width) {
       double result = Row::kUnknown;
       for (const char* content : {"natural", "checkerboard"})
-        if (const Row* row = find(rows, {"raw", "", 64, true, content}, width))
+        if (const Row* row = find(rows, {"raw", 64, true, content}, width))
           result = std::isnan(result) ? row->*field
                    : least            ? std::min(result, row->*field)
                                       : std::max(result, row->*field);
@@ -104,38 +102,22 @@ void print_acceptance(const std::vector<Row>& rows) {
     };
   };
   std::printf("\n%-58s  320x240        640x480        1280x720       1920x1080\n", "promised (shown / goal)");
-  print_line("64 cameras, raw: times faster than OpenCV", value({"raw", ""}, &Row::ratio_to_opencv), {6, 7, 8, 8},
-             true);
+  print_line("64 cameras, raw: times faster than OpenCV", value({"raw"}, &Row::ratio_to_opencv), {6, 7, 8, 8}, true);
   print_line("  max error of 255, natural and checkerboard", worst(&Row::max_error, false), {2, 2, 2, 2}, false);
   print_line("  PSNR against exact arithmetic, dB", worst(&Row::psnr_reference_db, true), {50, 50, 50, 50}, true);
-  const Which raw{"raw", ""}, jpeg_camera{"jpeg", "camera"}, jpeg_node{"jpeg", "node"};
+  const Which raw{"raw"}, jpeg{"jpeg"};
   const auto with = [](Which which, int cameras) {
     which.cameras = cameras;
     return which;
   };
-  print_line("JPEG both ways, a fragment each camera", value(jpeg_camera, &Row::ratio_to_opencv), {4, 4, 4, 4}, true);
-  print_errors(rows, {jpeg_camera});
-  print_line("JPEG both ways, partial sums", value(jpeg_node, &Row::ratio_to_opencv), {4, 4, 4, 4}, true);
-  print_errors(rows, {jpeg_node});
-  print_line("cost of 256 against 16 cameras, JPEG, a fragment each",
-             quotient(with(jpeg_camera, 256), with(jpeg_camera, 16)), {2.0, 1.5, 1.3, 1.2}, false);
-  print_errors(rows, {with(jpeg_camera, 256), with(jpeg_camera, 16)});
-  print_line("cost of 256 against 16 cameras, JPEG, partial sums", quotient(with(jpeg_node, 256), with(jpeg_node, 16)),
+  print_line("JPEG both ways", value(jpeg, &Row::ratio_to_opencv), {4, 4, 4, 4}, true);
+  print_errors(rows, {jpeg});
+  print_line("cost of 256 against 16 cameras, JPEG", quotient(with(jpeg, 256), with(jpeg, 16)),
              {1.25, 1.25, 1.25, 1.25}, false);
-  print_errors(rows, {with(jpeg_node, 256), with(jpeg_node, 16)});
-  const Which undistorted{"raw", "", 64, false};
+  print_errors(rows, {with(jpeg, 256), with(jpeg, 16)});
+  const Which undistorted{"raw", 64, false};
   print_line("distortion on against off, raw", quotient(raw, undistorted), {1.05, 1.05, 1.05, 1.05}, false);
   print_errors(rows, {raw, undistorted});
-  for (const int width : kWidths)
-    if (const Row* row = find(rows, {"raw", ""}, width)) {
-      std::printf("raw is \"%s\"", label(row->setting).c_str());
-      if (const Row* jpeg = find(rows, {"jpeg", "camera"}, width))
-        std::printf(", JPEG a fragment each is \"%s\"", label(jpeg->setting).c_str());
-      if (const Row* jpeg = find(rows, {"jpeg", "node"}, width))
-        std::printf(", of partial sums \"%s\"", label(jpeg->setting).c_str());
-      std::printf("\n");
-      break;
-    }
 }
 
 }  // namespace lf::bench

@@ -17,7 +17,7 @@ struct Term {
   double bound = 0;  // of `max`; 0: stated by no one
   Spread (*measure)(const Scene& scene);
 };
-// In the order in which a pixel meets them: the plain renderer's and JPEG's, and those of SIMD.
+// In the order in which a pixel meets them: those of the plan and of the cameras, and those of SIMD and JPEG.
 std::vector<Term> plain_terms();
 std::vector<Term> simd_terms();
 

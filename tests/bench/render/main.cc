@@ -87,7 +87,7 @@ int main(int argc, char** argv) {
   const CLI::App* access = app.add_subcommand(
       "access", "cameras that find out, that are told how to warp, that give pixels: bytes and time");
   CLI::App* once = app.add_subcommand("once", "renders one view once: what tests/bench/instructions.sh counts");
-  once->add_option("METHOD", o.method, "as in the table: \"scalar i420\"")->required();
+  once->add_option("METHOD", o.method, "as in the table: \"simd i420\"")->required();
   once->add_option("--size", o.size, "of the view")->capture_default_str()->type_name("WxH");
   once->add_option("--cameras", o.cameras)->capture_default_str()->check(CLI::Range(4, 4096));
   once->add_option("--times", o.times, "not once: for profilers that take samples")

@@ -14,10 +14,8 @@ namespace lf::bench {
 struct Setting {
   std::string renderer;
   Pixels pixels = Pixels::kI420;
-  std::string codec = "raw";   // of fragments between renderer and compositor: raw, jpeg
-  int quality = 0;             // of a lossy codec
-  std::string grid = "exact";  // coordinates: of every pixel, or interpolated between points N pixels apart
-  std::string sum = "camera";  // one fragment each camera, or "node": one process adds its own up first
+  std::string codec = "raw";  // between renderer and compositor: raw, jpeg
+  int quality = 0;            // of a lossy codec
   int threads = 1;
   bool is_default = false;   // what the elements do when nobody says otherwise
   bool is_baseline = false;  // OpenCV: what ratios are relative to

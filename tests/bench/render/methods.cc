@@ -5,16 +5,12 @@
 namespace lf::bench {
 
 void add_opencv(const MethodOptions& options, std::vector<MethodKind>& kinds);
-void add_fragments(const MethodOptions& options, std::vector<MethodKind>& kinds);
 void add_nodes(const MethodOptions& options, std::vector<MethodKind>& kinds);
-void add_exact_sums(const MethodOptions& options, std::vector<MethodKind>& kinds);
 
 std::vector<MethodKind> methods(const MethodOptions& options) {
   std::vector<MethodKind> kinds;
   add_opencv(options, kinds);
-  add_fragments(options, kinds);
   add_nodes(options, kinds);
-  add_exact_sums(options, kinds);
   return kinds;
 }
 

@@ -65,8 +65,6 @@ class NodeMethod : public Method {
 void add_nodes(const MethodOptions& options, std::vector<MethodKind>& kinds) {
   const auto add = [&](Pixels pixels, int quality, int threads) {
     Setting setting{"simd", pixels, quality > 0 ? "jpeg" : "raw", quality};
-    setting.grid = std::to_string(kGridStep);
-    setting.sum = "node";
     setting.threads = threads;
     setting.is_default = pixels == Pixels::kI420 && (quality == 0 || quality == 90);
     kinds.push_back({setting, [=](const Scene& scene, const View& view) {

@@ -54,8 +54,6 @@ nlohmann::ordered_json json_of(const Row& row) {
           {"views", row.scene.views},
           {"distortion", row.scene.array.distortion},
           {"family", pixels_name(setting.pixels)},
-          {"grid", setting.grid},
-          {"sum", setting.sum},
           {"default", setting.is_default},
           {"pareto", row.pareto}};
 }
@@ -65,8 +63,6 @@ nlohmann::ordered_json json_of(const Row& row) {
 std::string label(const Setting& s) {
   std::string text = s.renderer;
   if (s.renderer.rfind("opencv", 0) != 0) text += " " + pixels_name(s.pixels);
-  if (s.grid != "exact") text += " grid " + s.grid;
-  if (s.sum != "camera") text += " sum=" + s.sum;
   if (s.codec != "raw") text += " " + s.codec;
   if (s.quality > 0) text += " " + std::to_string(s.quality);
   if (s.threads > 1) text += ", " + std::to_string(s.threads) + " threads";

@@ -30,7 +30,7 @@ struct Row {
   bool is_ours() const { return setting.renderer.rfind("opencv", 0) != 0; }
 };
 
-// "scalar i420 jpeg 90": what differs from what goes without saying.
+// "simd i420 jpeg 90": what differs from what goes without saying.
 std::string label(const Setting& setting);
 // "natural, 64 cameras, 640x480, ..."
 std::string label(const SceneOptions& scene);

@@ -10,10 +10,10 @@
 #include "jpeg/fragment_encoder.h"
 #include "quality/quality.h"
 #include "reference/renderer.h"
-#include "render/fragment_set.h"
 #include "render/render_job.h"
 #include "render/simd/positions-inl.h"
 #include "render/simd/sum_task.h"
+#include "render/sum_renderer.h"
 #include "render/sum_rounding.h"
 
 namespace lf::bench {
@@ -192,33 +192,18 @@ Spread sums(const Scene& scene) {
   return errors.spread();
 }
 
-Spread luma_errors(const Scene& scene, const Accumulator& sum) {
-  const Image picture = sum.resolve();
-  const FloatStill& exact = scene.exact(PixelFamily::kI420);
-  Collector errors;
-  for (size_t i = 0; i < exact.valid.size(); i++)
-    if (exact.valid[i] > kCovered) errors.add(picture.data()[i] - exact.colour[i]);
-  return errors.spread();
-}
-
 Spread picture(const Scene& scene) {
   const Ready ready(scene);
   const Sum sum(ready, ready.sources, Coordinates::kGrid);
   Accumulator accumulator;
   accumulator.reset(PixelFamily::kI420, ready.view.width, ready.view.height);
   accumulator.add_kept(sum.planes);
-  return luma_errors(scene, accumulator);
-}
-
-Spread picture_of_fragments(const Scene& scene) {
-  const Ready ready(scene);
-  FragmentSet set;
-  set.begin(ready.job.plan(), ready.job.runs(), ready.sources, PixelFamily::kI420);
-  set.render_rows(set.rect().y0, set.rect().y1);
-  Accumulator accumulator;
-  accumulator.reset(PixelFamily::kI420, ready.view.width, ready.view.height);
-  for (const CameraFragment& fragment : set.fragments()) accumulator.add(fragment.planes);
-  return luma_errors(scene, accumulator);
+  const Image picture = accumulator.resolve();
+  const FloatStill& exact = scene.exact(PixelFamily::kI420);
+  Collector errors;
+  for (size_t i = 0; i < exact.valid.size(); i++)
+    if (exact.valid[i] > kCovered) errors.add(picture.data()[i] - exact.colour[i]);
+  return errors.spread();
 }
 
 // A node's sum through JPEG and back.
@@ -255,8 +240,10 @@ std::vector<Term> simd_terms() {
           {"SIMD: sums in 16 bits, exact coordinates", "of 255", 0.1, sums<Coordinates::kExact>},
           {"SIMD: sums in 16 bits, with all of these", "of 255", 0.75, sums<Coordinates::kGrid>},
           {"SIMD: the same, rounded once", "of 255", 1, picture},
-          {"SIMD: sum of three 8-bit fragments", "of 255", 2, picture_of_fragments},
+          {"JPEG 50, luma of a node's sum", "of 255", 0, jpeg_of_sum<50, 0>},
+          {"JPEG 75, luma of a node's sum", "of 255", 0, jpeg_of_sum<75, 0>},
           {"JPEG 90, luma of a node's sum", "of 255", 0, jpeg_of_sum<90, 0>},
+          {"JPEG 95, luma of a node's sum", "of 255", 0, jpeg_of_sum<95, 0>},
           {"JPEG 90, chroma of a node's sum", "of 255", 0, jpeg_of_sum<90, 1>}};
 }
 

@@ -1,14 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "bench/render/collector.h"
-#include "composite/accumulator.h"
-#include "jpeg/fragment_decoder.h"
-#include "jpeg/fragment_encoder.h"
-#include "quality/quality.h"
-#include "reference/float_renderer.h"
 #include "reference/reference_lens.h"
 #include "reference/renderer.h"
 #include "render/camera_projection.h"
-#include "render/fragment_renderer.h"
 #include "render/render_job.h"
 
 namespace lf::bench {
@@ -62,56 +56,6 @@ Spread positions(const Scene& scene) {
   return errors.spread();
 }
 
-// Colours in float, before anything is rounded to 8 bits: weights, positions and bilinear interpolation together.
-Spread interpolation(const Scene& scene) {
-  std::vector<Image> images;
-  for (const CameraIndex camera : scene.cameras()) images.push_back(scene.source(camera, PixelFamily::kRgb));
-  const reference::Picture exact = reference::render(scene.rig(), scene.mesh(), scene.views().front(), images);
-  const FloatStill& still = scene.exact(PixelFamily::kRgb);
-  Collector errors;
-  for (size_t i = 0; i < still.colour.size(); i++)
-    if (still.valid[i / 3] > 0.01) errors.add(still.colour[i] - exact.pixels[i / 3].colour[i % 3]);
-  return errors.spread();
-}
-
-// One camera's weighted samples, rounded to the 8 bits of a fragment.
-Spread fragment_rounding(const Scene& scene) {
-  const RenderJob job = job_of(scene);
-  const auto renderer = make_scalar_renderer();
-  Collector errors;
-  for (const CameraIndex camera : job.cameras()) {
-    const Camera& rig_camera = scene.rig().cameras[camera];
-    const ImageView image = scene.image(camera, Pixels::kI420);
-    const auto rounded = renderer->render(job.plan(), job.owners(), camera, rig_camera, image);
-    const auto exact = render_float(job.plan(), job.owners(), camera, rig_camera, image);
-    if (!rounded || !exact) continue;
-    const size_t luma = exact->valid.size();
-    for (size_t i = 0; i < exact->colour.size(); i++) {
-      const uint8_t byte = rounded->pixels[i];
-      errors.add((i < luma ? byte : static_cast<int8_t>(byte)) - exact->colour[i]);
-    }
-  }
-  return errors.spread();
-}
-
-// The sum of such fragments, as a compositor makes it.
-Spread accumulation(const Scene& scene) {
-  const RenderJob job = job_of(scene);
-  const auto renderer = make_scalar_renderer();
-  Accumulator sum;
-  sum.reset(PixelFamily::kI420, scene.views().front().width, scene.views().front().height);
-  for (const CameraIndex camera : job.cameras())
-    if (const auto fragment = renderer->render(job.plan(), job.owners(), camera, scene.rig().cameras[camera],
-                                               scene.image(camera, Pixels::kI420)))
-      sum.add(*fragment);
-  const Image picture = sum.resolve();
-  const FloatStill& exact = scene.exact(PixelFamily::kI420);
-  Collector errors;
-  for (size_t i = 0; i < exact.valid.size(); i++)
-    if (exact.valid[i] > kCovered) errors.add(picture.data()[i] - exact.colour[i]);
-  return errors.spread();
-}
-
 // Camera images with chroma at half resolution: to YCbCr 4:2:0 and back.
 Spread chroma_subsampling(const Scene& scene) {
   Collector errors;
@@ -123,48 +67,12 @@ Spread chroma_subsampling(const Scene& scene) {
   return errors.spread();
 }
 
-// Weighted fragments through JPEG and back: all samples of a plane (0: luma).
-template <int kQuality, int kPlane>
-Spread jpeg_error(const Scene& scene) {
-  const RenderJob job = job_of(scene);
-  const auto renderer = make_scalar_renderer();
-  jpeg::FragmentEncoder encoder;
-  jpeg::FragmentDecoder decoder;
-  Collector errors;
-  for (const CameraIndex camera : job.cameras()) {
-    const auto fragment = renderer->render(job.plan(), job.owners(), camera, scene.rig().cameras[camera],
-                                           scene.image(camera, Pixels::kI420));
-    if (!fragment) continue;
-    const FragmentPlanes before = planes_of(*fragment);
-    FragmentPlanes after{.family = before.family, .rect = before.rect};
-    ByteBuffer scan;
-    encoder.encode_pixels({&before, 1}, kQuality, scan);
-    decoder.decode_pixels(scan, kQuality, {&after, 1});
-    const auto side = [](int luma) { return kPlane == 0 ? luma : chroma_size(luma); };
-    const auto value = [](const FragmentPlanes& planes, int x, int y) -> int {
-      const uint8_t byte = planes.plane[kPlane][y * planes.stride[kPlane] + x];
-      return kPlane == 0 ? byte : static_cast<int8_t>(byte);
-    };
-    for (int y = 0; y < side(before.rect.height()); y++)
-      for (int x = 0; x < side(before.rect.width()); x++) errors.add(value(after, x, y) - value(before, x, y));
-  }
-  return errors.spread();
-}
-
 }  // namespace
 
 std::vector<Term> plain_terms() {
   return {{"edge functions: weights in float", "of 1", 1e-6, weights},
           {"coordinates in double", "pixels", 1e-6, positions},
-          {"interpolation in float, with both of these", "of 255", 2e-3, interpolation},
-          {"weighted samples rounded to 8 bits", "of 255", 0.5 + 1e-3, fragment_rounding},
-          {"sum of three 8-bit samples", "of 255", 1.75, accumulation},
-          {"chroma at half resolution", "of 255", 0, chroma_subsampling},
-          {"JPEG 50, luma of a fragment", "of 255", 0, jpeg_error<50, 0>},
-          {"JPEG 75, luma of a fragment", "of 255", 0, jpeg_error<75, 0>},
-          {"JPEG 90, luma of a fragment", "of 255", 0, jpeg_error<90, 0>},
-          {"JPEG 95, luma of a fragment", "of 255", 0, jpeg_error<95, 0>},
-          {"JPEG 90, chroma of a fragment", "of 255", 0, jpeg_error<90, 1>}};
+          {"chroma at half resolution", "of 255", 0, chroma_subsampling}};
 }
 
 }  // namespace lf::bench

@@ -181,49 +181,7 @@ void draw_rows(const std::vector<AcceptanceRow>& rows, const std::string& folder
               "acceptance");
 }
 
-// Mean gain and bytes of trials, % of those of the cameras' fragments.
-std::pair<double, double> with_coded_trials(const Subject& subject, const Case& c, int quality) {
-  Options options = options_for(subject);
-  options.by_camera = true;
-  options.trial_quality = quality;
-  double gain = 0, percent = 0;
-  for (size_t view = 0; view < c.views.size(); view++) {
-    const StillResult r = measure_still(c, view, options);
-    const Picture& last = r.rounds.back();
-    gain += last.quality.psnr_db - r.plane.quality.psnr_db;
-    double bytes = 0;
-    for (const Picture& p : r.rounds) bytes += p.trial_bytes / static_cast<double>(r.rounds.size() - 1);
-    percent += 100 * bytes / last.colour_bytes;
-  }
-  const auto views = static_cast<double>(c.views.size());
-  return {gain / views, percent / views};
-}
-
 }  // namespace
-
-void measure_coded_trials(const AcceptanceOptions& options) {
-  AcceptanceOptions three = options;
-  if (three.only.empty()) three.only = {"built-in scene", "chess", "toys"};
-  bench::Panel panel{.title = "JPEG, qualities 98 to 50; deflated at 0 dB",
-                     .x_label = "% of the bytes of the fragments",
-                     .y_label = "dB lost",
-                     .log_x = false};
-  for (const Subject& subject : subjects(three)) {
-    const Case c = subject.make();
-    const auto [raw_gain, raw_percent] = with_coded_trials(subject, c, 0);
-    std::printf("%-16s deflated: %+.2f dB, %.1f %% of the fragments\n", subject.name.c_str(), raw_gain, raw_percent);
-    bench::Series series{subject.name, false, {{raw_percent, 0, "deflated"}}};
-    for (const int quality : {98, 95, 90, 85, 75, 60, 50}) {
-      const auto [gain, percent] = with_coded_trials(subject, c, quality);
-      std::printf("%-16s quality %d: %.2f dB lost, %.1f %%\n", "", quality, raw_gain - gain, percent);
-      std::fflush(stdout);
-      series.points.push_back({percent, raw_gain - gain, quality == 75 ? "75" : ""});
-    }
-    panel.series.push_back(series);
-  }
-  if (!options.folder.empty())
-    bench::draw({"Trials of single cameras as JPEG", "", {panel}}, options.folder, "coded-trials");
-}
 
 std::vector<AcceptanceRow> measure_acceptance(const AcceptanceOptions& options) {
   std::printf("%-40s | %6s %6s | %6s %6s %6s %6s %6s %6s | %7s %7s | %5s %5s | %5s %6s | %4s %5s %4s %5s %3s\n",

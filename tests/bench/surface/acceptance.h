@@ -34,9 +34,6 @@ struct AcceptanceOptions {
 
 // Measures, prints a row at a time, draws, and says which promises were not kept.
 std::vector<AcceptanceRow> measure_acceptance(const AcceptanceOptions& options);
-// What coding the trials of single cameras as JPEG costs, in the scenes named (options.only; built-in scene, chess and
-// toys unless said): a table, and coded-trials.png in the folder.
-void measure_coded_trials(const AcceptanceOptions& options);
 void write_json(const std::vector<AcceptanceRow>& rows, const std::string& path);
 
 }  // namespace lf::focus

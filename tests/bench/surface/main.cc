@@ -28,7 +28,7 @@ using namespace lf::focus;
 struct Arguments {
   std::string rig, views, truth, out, json, mode = "surface", resampling = "bilinear";
   int held_out = 4;
-  bool automatic = false, acceptance = false, coded_trials = false;
+  bool automatic = false, acceptance = false;
   AcceptanceOptions accepting;
   double moving = 0, eye_step = 0.3, seconds = 2;
   Faults faults;
@@ -180,7 +180,6 @@ void run(Arguments a) {
   if (!a.out.empty()) std::filesystem::create_directories(a.out);
   if (a.acceptance) {
     a.accepting.folder = a.out;
-    if (a.coded_trials) return measure_coded_trials(a.accepting);
     const std::vector<AcceptanceRow> rows = measure_acceptance(a.accepting);
     if (!a.json.empty()) write_json(rows, a.json);
     return;
@@ -216,9 +215,6 @@ int main(int argc, char** argv) {
   app.add_option("--mode", a.mode, "surface or auto")->check(CLI::IsMember({"surface", "auto"}));
   app.add_option("--resampling", a.resampling, "How images are sampled: bilinear, sharpened or catmull-rom")
       ->check(CLI::IsMember({"bilinear", "sharpened", "catmull-rom"}));
-  app.add_flag("--by-camera", a.options.by_camera, "Fragments and trials of each camera, 8 bits, in place of sums");
-  app.add_option("--trial-quality", a.options.trial_quality, "Of cameras' trials as JPEG (0: deflated)")
-      ->check(CLI::Range(0, 100));
   app.add_flag("--gains", a.options.gains, "Cameras match their brightness to their mean");
   app.add_option("--noise", a.faults.noise, "Standard deviation of noise, of 255");
   app.add_option("--gain-error", a.faults.gain_error, "Relative error of the brightness of every fourth camera");
@@ -228,9 +224,6 @@ int main(int argc, char** argv) {
   app.add_option("--seconds", a.seconds, "Of a moving scene")->check(CLI::PositiveNumber);
   CLI::Option* acceptance =
       app.add_flag("--acceptance", a.acceptance, "Scene after scene what surfaces promise: table, plots (--out), JSON");
-  app.add_flag("--coded-trials", a.coded_trials,
-               "With --acceptance: instead, what coding the trials of single cameras as JPEG loses")
-      ->needs(acceptance);
   app.add_option("--only", a.accepting.only, "With --acceptance: these scenes")->needs(acceptance);
   app.add_option("--data", a.accepting.data, "With --acceptance: folder with toys and chess, measured as well")
       ->needs(acceptance);

@@ -7,7 +7,6 @@
 #include <numeric>
 
 #include "base/now.h"
-#include "bench/surface/coded_trials.h"
 #include "composite/accumulator.h"
 #include "focus/array_plane.h"
 #include "focus/carry_over.h"
@@ -19,7 +18,6 @@
 #include "render/render_job.h"
 #include "render/source_region.h"
 #include "render/sum_renderer.h"
-#include "wire/camera_trials_codec.h"
 #include "wire/moments_codec.h"
 
 namespace lf::focus {
@@ -35,8 +33,6 @@ class Renderer {
       : case_(c),
         resampling_(options.resampling),
         matched_(options.gains),
-        by_camera_(options.by_camera),
-        trial_quality_(options.trial_quality),
         mesh_(build_mesh(c.rig, c.without(number))) {
     for (CameraIndex i = 0; i < c.rig.cameras.size(); i++)
       if (!std::ranges::binary_search(c.without(number), i)) own_.push_back(i);
@@ -68,7 +64,6 @@ class Renderer {
     out.image = sum.resolve();
     out.colour_ms = milliseconds(now_ns() - begun);
     out.colour_bytes = static_cast<double>(2 * (samples.size() + (any_lost ? area : 0)));
-    if (by_camera_) out.colour_bytes = raw_fragment_bytes(job);
     out.coverage = view_coverage(case_.rig, job.plan(), job.owners());
     return out;
   }
@@ -85,12 +80,9 @@ class Renderer {
     std::vector<Source> sources = sources_of(job, number);
     const uint64_t ready = now_ns();
     if (matched_ && request.gains.use) sources = match(job, sources, matcher_.gains_for(0, request.gains));
-    if (by_camera_)
-      cost.trial_bytes += add_camera_by_camera(job, sources, levels, sums);
-    else
-      add_moments(job, sources, levels, sums);
+    add_moments(job, sources, levels, sums);
     cost.trial_ms += milliseconds(now_ns() - ready + planned - begun);
-    if (!by_camera_) cost.trial_bytes += static_cast<double>(wire::encode_moments({}, sums).size());
+    cost.trial_bytes += static_cast<double>(wire::encode_moments({}, sums).size());
     return sums;
   }
 
@@ -129,30 +121,6 @@ class Renderer {
     });
   }
 
-  static double raw_fragment_bytes(const RenderJob& job) {
-    double bytes = 0;
-    for (const CameraIndex i : job.cameras()) {
-      const Rect rect = CameraCorners(job.plan(), i).owned(job.runs(), job.plan().camera_rect(i));
-      bytes += 3. * rect.width() * rect.height();
-    }
-    return bytes;
-  }
-
-  // Returns the bytes.
-  double add_camera_by_camera(const RenderJob& job, const std::vector<Source>& sources,
-                              const std::vector<std::vector<uint8_t>>& levels, std::vector<Moments>& sums) const {
-    std::vector<CameraTrials> seen = sample_trials(job, sources, levels);
-    double bytes = 0;
-    for (CameraTrials& camera : seen)
-      if (trial_quality_ > 0) bytes += static_cast<double>(code_as_jpeg(trial_quality_, camera));
-    if (trial_quality_ == 0)
-      bytes = static_cast<double>(
-          wire::encode_camera_trials({}, {sums[0].columns, sums[0].rows, sums.size()}, seen).size());
-    for (const CameraTrials& camera : seen)
-      add_camera_trials(job, case_.rig.cameras[camera.camera], camera, levels, sums);
-    return bytes;
-  }
-
   std::vector<Source> sources_of(const RenderJob& job, size_t number) const {
     std::vector<Source> sources;
     for (const CameraIndex i : job.cameras())
@@ -162,8 +130,7 @@ class Renderer {
 
   const Case& case_;
   const Resampling resampling_;
-  const bool matched_, by_camera_;
-  const int trial_quality_;
+  const bool matched_;
   GainMatcher matcher_;
   MeanTurns mean_turns_;
   std::vector<ByteBuffer> sharp_;

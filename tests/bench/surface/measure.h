@@ -19,8 +19,6 @@ struct Options {
   DepthRange range;  // that planes are picked from
   Resampling resampling = Resampling::kBilinear;
   bool gains = false;         // cameras match their brightness
-  bool by_camera = false;     // fragments and trials of each camera in place of sums
-  int trial_quality = 0;      // of these trials as JPEG; 0: deflated
   int rounds = 12;            // from the viewer's plane to the picture that counts
   int planes = 32;            // that the best one and the bound are picked from
   double one_more_plane = 0;  // metres from the array; 0: none

@@ -13,7 +13,7 @@ struct Picture {
   Image image;
   std::vector<float> coverage;
   Quality quality;
-  double colour_bytes = 0, trial_bytes = 0;  // 16-bit sums of the whole array and moments; or 8 bits a camera
+  double colour_bytes = 0, trial_bytes = 0;  // 16-bit sums of the whole array, and moments
   double colour_ms = 0, trial_ms = 0;        // by one thread; images are there already
 };
 
