@@ -287,19 +287,6 @@ static gboolean lf_view_request_query(GstBaseSrc* base, GstQuery* query) {
   return TRUE;
 }
 
-static GstStateChangeReturn lf_view_request_change_state(GstElement* element, GstStateChange transition) {
-  lf::NetClock& net_clock = *LF_VIEW_REQUEST(element)->net_clock;
-  if (!net_clock.before(element, transition)) return GST_STATE_CHANGE_FAILURE;
-  const GstStateChangeReturn result =
-      GST_ELEMENT_CLASS(lf_view_request_parent_class)->change_state(element, transition);
-  net_clock.after(element, transition);
-  return result;
-}
-
-static GstClock* lf_view_request_provide_clock(GstElement* element) {
-  return LF_VIEW_REQUEST(element)->net_clock->provide();
-}
-
 static void lf_view_request_finalize(GObject* object) {
   LfViewRequest* self = LF_VIEW_REQUEST(object);
   g_cond_clear(&self->held_changed);
@@ -315,7 +302,6 @@ static void lf_view_request_finalize(GObject* object) {
   gst_clear_caps(&self->relayed_caps);
   delete self->settings;
   delete self->control;
-  delete self->net_clock;
   G_OBJECT_CLASS(lf_view_request_parent_class)->finalize(object);
 }
 
@@ -326,8 +312,6 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
   lf_view_request_install_signals(object_class);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  element_class->change_state = lf::callback<lf_view_request_change_state>;
-  element_class->provide_clock = lf::callback<lf_view_request_provide_clock>;
   gst_element_class_add_static_pad_template(element_class, &src_template);
   lf_view_request_install_relay(element_class);
   gst_element_class_set_static_metadata(
@@ -354,8 +338,6 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
 static void lf_view_request_init(LfViewRequest* self) {
   self->settings = new lf::ViewRequestSettings;
   self->control = new lf::ViewControl;
-  self->net_clock = new lf::NetClock;
-  GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
   g_cond_init(&self->held_changed);
   self->navigation_tap = new lf::NavigationTap;
   self->relay = new lf::RequestRelay;

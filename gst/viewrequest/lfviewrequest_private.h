@@ -8,7 +8,6 @@
 
 #include "common/capture_delay.h"
 #include "common/common.h"
-#include "common/net_clock.h"
 #include "viewrequest/focus_feedback.h"
 #include "viewrequest/lfviewrequest.h"
 #include "viewrequest/navigation_tap.h"
@@ -27,7 +26,6 @@ struct _LfViewRequest {
   // Under the object lock.
   lf::ViewRequestSettings* settings;
   lf::ViewControl* control;
-  lf::NetClock* net_clock;
   lf::NavigationTap* navigation_tap;
   lf::RequestStream* stream;  // null when stopped; what other threads do not ask for is the streaming thread's alone
   std::vector<lf::ViewRequest>* extra;  // that go along with the next request

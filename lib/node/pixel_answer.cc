@@ -2,7 +2,7 @@
 #include "node/pixel_answer.h"
 
 #include "base/now.h"
-#include "render/contribution.h"
+#include "render/sampler.h"
 #include "render/fragment_set.h"
 #include "wire/fragment_codec.h"
 #include "wire/strips.h"

@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "base/json_value.h"
+#include "base/number_text.h"
 #include "image/image_io.h"
 #include "rig/colmap_text.h"
 
@@ -54,8 +55,6 @@ bool has_image_ending(const std::string& name) {
 }
 
 std::string path_in(const std::string& directory, const char* file) { return (fs::path(directory) / file).string(); }
-
-std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
 }  // namespace
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "base/error.h"
-#include "render/contribution.h"
+#include "render/sampler.h"
 #include "render/fragment_renderer.h"
 
 namespace lf::simd {
