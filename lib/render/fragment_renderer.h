@@ -25,9 +25,6 @@ class FragmentRenderer {
                                          const Camera& rig_camera, const ImageView& image) const = 0;
 };
 
-// The smallest rectangle of whole 2x2 chroma blocks around `rect`, inside the view.
-Rect chroma_aligned(const Rect& rect, const View& view);
-
 // Plain C++, one pixel at a time, geometry in double precision: the yardstick for every faster one.
 std::unique_ptr<FragmentRenderer> make_scalar_renderer(Resampling resampling = Resampling::kBilinear);
 

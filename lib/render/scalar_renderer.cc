@@ -71,11 +71,6 @@ class ScalarRenderer : public FragmentRenderer {
 
 }  // namespace
 
-Rect chroma_aligned(const Rect& rect, const View& view) {
-  return {rect.x0 & ~1, rect.y0 & ~1, std::min((rect.x1 + 1) & ~1, view.width),
-          std::min((rect.y1 + 1) & ~1, view.height)};
-}
-
 std::unique_ptr<FragmentRenderer> make_scalar_renderer(Resampling resampling) {
   return std::make_unique<ScalarRenderer>(resampling);
 }

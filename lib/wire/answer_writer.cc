@@ -42,16 +42,23 @@ void AnswerWriter::end_payload(const FragmentHeader& fragment, size_t begin) {
   });
   put_entry(fragment, length);
   atlas_open_ = fragment.codec == Codec::kJpegAtlas;
-  last_ = fragment;
-  last_begin_ = begin;
+  added_.emplace_back(fragment, begin);
 }
 
-void AnswerWriter::drop_lost() {
-  if (fragments_ == 0 || !last_.has_lost || is_jpeg(last_.codec)) throw Error("lost: there is none to take back");
-  last_.has_lost = false;
-  bytes_.resize(last_begin_ + raw_size(last_));
-  fragments_--;
-  put_entry(last_, bytes_.size() - last_begin_);
+void AnswerWriter::drop_lost(const std::function<bool(size_t)>& is_nothing) {
+  size_t end = added_.empty() ? bytes_.size() : added_[0].second;
+  fragments_ = 0;
+  for (size_t i = 0; i < added_.size(); i++) {
+    auto& [fragment, begin] = added_[i];
+    if (fragment.codec != Codec::kRaw16) throw Error("lost: is taken back of sums in 16 bits alone");
+    if (is_nothing(i)) fragment.has_lost = false;
+    const size_t size = raw_size(fragment);
+    if (begin != end) std::memmove(bytes_.data() + end, bytes_.data() + begin, size);
+    begin = end;
+    end += size;
+    put_entry(fragment, size);
+  }
+  bytes_.resize(end);
 }
 
 std::span<uint8_t> AnswerWriter::add(const FragmentHeader& fragment) {
