@@ -227,7 +227,7 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
   const uint64_t trying = now_ns();
   ByteBuffer brightness;
   if (task->gains()) brightness = match_gains(*task, header, manner, requester.gains, images);
-  ByteBuffer moments = task->moments(header, images, manner.parallel);
+  ByteBuffer moments = task->moments(header, images, manner, manner.parallel);
   const uint64_t tried = now_ns();
   const std::vector<Source> sources_as_sampled = resampled(images, *task, manner, requester.sharpened);
   RenderedAnswer rendered = task->render(header, sources_as_sampled, manner, std::move(memory), manner.parallel);

@@ -9,7 +9,7 @@ namespace {
 // next to nothing, but the sum of a whole view is used where it lies.
 size_t spare_pixels(const View& view, wire::Codec codec, bool in_process) {
   if (in_process) return static_cast<size_t>(view.width) * view.height / 4;
-  return codec == wire::Codec::kJpeg ? 20 * 16 * 16 : 16;
+  return codec == wire::Codec::kJpeg ? 12 * 16 * 16 : 16;
 }
 
 }  // namespace

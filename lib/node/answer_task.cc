@@ -59,7 +59,7 @@ class WarpTask : public AnswerTask {
                          [this](const Source& source) { return is_in_view(source.camera); });
     return render_answer(header, job_, in_view, form, std::move(memory), parallel);
   }
-  ByteBuffer moments(const wire::AnswerHeader& header, std::span<const Source> sources,
+  ByteBuffer moments(const wire::AnswerHeader& header, std::span<const Source> sources, const Manner& manner,
                      const ParallelFor& parallel) const override {
     if (trials_.empty()) return {};
     const View& view = trial_job_->plan().view();
@@ -67,7 +67,7 @@ class WarpTask : public AnswerTask {
     std::vector<Moments> sums(trials_.size());
     for (Moments& sum : sums) sum.reset(view.width, view.height);
     add_moments(*trial_job_, sources, trials_, sums, parallel);
-    return wire::encode_moments(about, sums);
+    return wire::encode_moments(about, sums, !manner.in_process);
   }
 
   const GainRequest* gains() const override { return gains_.use || gains_.ask ? &gains_ : nullptr; }

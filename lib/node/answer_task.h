@@ -49,7 +49,7 @@ class AnswerTask {
     return {};
   }
   // The unit of moments that goes before the answer: what the trials of the request came to. Empty if it has none.
-  virtual ByteBuffer moments(const wire::AnswerHeader&, std::span<const Source>,
+  virtual ByteBuffer moments(const wire::AnswerHeader&, std::span<const Source>, const Manner&,
                              const ParallelFor& = serial_for) const {
     return {};
   }
