@@ -6,7 +6,6 @@
 #include <cstdio>
 #include <filesystem>
 #include <limits>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -18,11 +17,9 @@
 #include "composite/still.h"
 #include "focus/focus_still.h"
 #include "image/image_io.h"
-#include "image/sharpen.h"
 #include "progress.h"
 #include "quality/outliers.h"
 #include "quality/quality.h"
-#include "render/detail.h"
 #include "render/focus_range.h"
 #include "rig/rig_json.h"
 #include "rig/still_images.h"
@@ -42,6 +39,11 @@ struct Options {
   lf::FocusControl::Settings surface{.mode = lf::FocusMode::kSurface};
 
   lf::Blending blending() const { return lf::blending_of(aperture, nearest_cameras); }
+  lf::Resampling sampled() const {
+    return resampling == "bilinear"    ? lf::Resampling::kBilinear
+           : resampling == "sharpened" ? lf::Resampling::kSharpened
+                                       : lf::Resampling::kCatmullRom;
+  }
 };
 
 // One line of the table and one entry of the JSON file.
@@ -49,7 +51,8 @@ struct Row {
   std::string name;
   std::optional<lf::Quality> quality;  // with ground truth
   double coverage = 0;                 // fraction of the pixels that count
-  double fragment_bytes = 0, fragments = 0, ms = 0;
+  double cameras = 0;                  // that contributed
+  double ms = 0;
 };
 
 double covered_fraction(const std::vector<float>& coverage) {
@@ -71,15 +74,6 @@ lf::CameraSet out_of_service(const lf::Rig& rig, const std::string& list) {
   return out;
 }
 
-lf::Quality quality_against(const lf::Still& still, const lf::Image& picture, const std::string& truth_file) {
-  const lf::Image truth = lf::load_image(truth_file);
-  if (truth.width() != picture.width() || truth.height() != picture.height())
-    throw lf::Error(truth_file + ": has " + std::to_string(truth.width()) + "x" + std::to_string(truth.height()) +
-                    " pixels, the view has " + std::to_string(picture.width()) + "x" +
-                    std::to_string(picture.height()));
-  return lf::compare(picture, truth, still.coverage);
-}
-
 // Over the views in which something is covered.
 Row mean_of(const std::vector<Row>& rows) {
   Row mean{"mean"};
@@ -87,8 +81,7 @@ Row mean_of(const std::vector<Row>& rows) {
   size_t judged = 0;
   for (const Row& row : rows) {
     mean.coverage += row.coverage / rows.size();
-    mean.fragment_bytes += row.fragment_bytes / rows.size();
-    mean.fragments += row.fragments / rows.size();
+    mean.cameras += row.cameras / rows.size();
     mean.ms += row.ms / rows.size();
     if (!row.quality || std::isnan(row.quality->psnr_db)) continue;
     judged++;
@@ -110,15 +103,15 @@ void print_row(const Row& row, int name_width) {
     std::printf("  %8.3f  %7.5f  %9d", row.quality->psnr_db, row.quality->ssim, row.quality->max_error);
   else
     std::printf("  %8s  %7s  %9s", "-", "-", "-");
-  std::printf("  %8.4f  %14.0f  %9.4g  %8.1f\n", row.coverage, row.fragment_bytes, row.fragments, row.ms);
+  std::printf("  %8.4f  %7.4g  %8.1f\n", row.coverage, row.cameras, row.ms);
 }
 
 void print_table(const std::vector<Row>& rows) {
   size_t width = 4;
   for (const Row& row : rows) width = std::max(width, row.name.size());
   const int name_width = static_cast<int>(width);
-  std::printf("%-*s  %8s  %7s  %9s  %8s  %14s  %9s  %8s\n", name_width, "view", "psnr_db", "ssim", "max_error",
-              "coverage", "fragment_bytes", "fragments", "ms");
+  std::printf("%-*s  %8s  %7s  %9s  %8s  %7s  %8s\n", name_width, "view", "psnr_db", "ssim", "max_error", "coverage",
+              "cameras", "ms");
   for (const Row& row : rows) print_row(row, name_width);
   print_row(mean_of(rows), name_width);
 }
@@ -136,8 +129,7 @@ nlohmann::ordered_json to_json(const Row& row) {
   json["ssim"] = row.quality ? number(row.quality->ssim) : nullptr;
   json["max_error"] = row.quality ? nlohmann::ordered_json(row.quality->max_error) : nullptr;
   json["coverage"] = row.coverage;
-  json["fragment_bytes"] = count(row.fragment_bytes);
-  json["fragments"] = count(row.fragments);
+  json["cameras"] = count(row.cameras);
   json["ms"] = row.ms;
   return json;
 }
@@ -151,25 +143,73 @@ void write_json(const std::vector<Row>& rows, const std::string& path) {
   lf::write_text_file(json.dump(1) + "\n", path);
 }
 
-// Focused and sampled as the options say.
-lf::Still render(const lf::Rig& rig, const lf::Mesh& mesh, const lf::View& view, const lf::FragmentRenderer& renderer,
-                 const lf::CameraImages& images, const Options& options) {
-  const lf::View focused = options.focus == "plane" ? view : lf::focus_still(rig, mesh, view, images, options.surface);
-  if (options.resampling == "bilinear") return lf::render_still(rig, mesh, focused, renderer, images);
-  std::map<lf::CameraIndex, lf::Image> sharpened;
-  return lf::render_still(rig, mesh, focused, renderer, [&](lf::CameraIndex camera) -> const lf::Image& {
-    if (!lf::shows_detail(view, rig.cameras[camera])) return images(camera);
-    if (!sharpened.contains(camera)) sharpened[camera] = lf::sharpened(images(camera));
-    return sharpened[camera];
-  });
+// One view, and what it came to.
+struct Rendered {
+  Row row;
+  lf::Image rgb;
+  std::vector<float> coverage;
+};
+
+lf::Quality quality_against(const Rendered& out, const std::string& truth_file) {
+  const lf::Image truth = lf::load_image(truth_file);
+  if (truth.width() != out.rgb.width() || truth.height() != out.rgb.height())
+    throw lf::Error(truth_file + ": has " + std::to_string(truth.width()) + "x" + std::to_string(truth.height()) +
+                    " pixels, the view has " + std::to_string(out.rgb.width()) + "x" +
+                    std::to_string(out.rgb.height()));
+  return lf::compare(out.rgb, truth, out.coverage);
 }
+
+// A rig's images, rendered as the options say.
+class Renderer {
+ public:
+  Renderer(const lf::Rig& rig, const Options& options)
+      : rig_(rig), options_(options), images_(rig, options.i420 ? lf::PixelFamily::kI420 : lf::PixelFamily::kRgb) {}
+
+  Rendered render(const std::string& name, const lf::Mesh& mesh, const lf::View& view) {
+    reading_ = 0;
+    const Clock::time_point start = Clock::now();
+    const lf::View focused =
+        options_.focus == "plane" ? view : lf::focus_still(rig_, mesh, view, image_of_, options_.surface);
+    lf::Still still = lf::render_still(rig_, mesh, focused, image_of_, options_.sampled());
+    Rendered out{.row{name}, .rgb = in_rgb(std::move(still.picture)), .coverage = std::move(still.coverage)};
+    out.row.ms = ms_since(start) - reading_;  // reading images is no part of rendering a view
+    out.row.coverage = covered_fraction(out.coverage);
+    out.row.cameras = static_cast<double>(still.cameras.size());
+    return out;
+  }
+  // What the camera saw. Valid until the next call.
+  const lf::Image& rgb_of(lf::CameraIndex camera) { return rgb_ = in_rgb(images_.get(camera)); }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  static double ms_since(Clock::time_point start) {
+    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  }
+  static lf::Image in_rgb(lf::Image image) {
+    return image.family() == lf::PixelFamily::kI420 ? lf::to_rgb(image) : std::move(image);
+  }
+  const lf::Image& read(lf::CameraIndex camera) {
+    const Clock::time_point start = Clock::now();
+    const lf::Image& image = images_.get(camera);
+    reading_ += ms_since(start);
+    return image;
+  }
+
+  const lf::Rig& rig_;
+  const Options& options_;
+  lf::StillImages images_;
+  lf::Image rgb_;
+  double reading_ = 0;  // ms, for the view being rendered
+  const lf::CameraImages image_of_ = [this](lf::CameraIndex camera) -> const lf::Image& { return read(camera); };
+};
 
 // Predicts cameras from the others.
 class Predictor {
  public:
   Predictor(const lf::Rig& rig, const Options& options)
-      : rig_(rig), options_(options), images_(rig), out_(out_of_service(rig, options.cameras)) {
-    const std::optional<lf::FocusRange> range = lf::estimate_focus_range(rig, image_of_);
+      : rig_(rig), options_(options), renderer_(rig, options), out_(out_of_service(rig, options.cameras)) {
+    const std::optional<lf::FocusRange> range = lf::estimate_focus_range(
+        rig, [this](lf::CameraIndex camera) -> const lf::Image& { return renderer_.rgb_of(camera); });
     distance_ = options.distance > 0 ? options.distance : range ? std::sqrt(range->near * range->far) : 1;
   }
   bool is_in_service(lf::CameraIndex camera) const { return !std::ranges::binary_search(out_, camera); }
@@ -181,29 +221,21 @@ class Predictor {
     without.insert(without.end(), others.begin(), others.end());
     without.push_back(camera);
     std::ranges::sort(without);
-    const lf::Mesh mesh = lf::build_mesh(rig_, without);
     lf::View view{.width = at.width, .height = at.height, .lens = at.lens, .pose = at.pose, .focus = {}};
     view.focus.plane = lf::focal_plane_at(view.pose, distance_);
     view.blending = options_.blending();
-    const auto start = std::chrono::steady_clock::now();
-    const lf::Still still = render(rig_, mesh, view, *renderer_, image_of_, options_);
-    Row row{at.name.empty() ? "camera " + std::to_string(at.id) : at.name};
-    row.ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
-    row.coverage = covered_fraction(still.coverage);
-    row.fragments = static_cast<double>(still.fragments);
-    row.fragment_bytes = static_cast<double>(still.fragment_bytes);
-    row.quality = lf::compare(still.picture, images_.get(camera), still.coverage);
-    if (picture) *picture = still.picture;
-    return row;
+    Rendered out = renderer_.render(at.name.empty() ? "camera " + std::to_string(at.id) : at.name,
+                                    lf::build_mesh(rig_, without), view);
+    out.row.quality = lf::compare(out.rgb, renderer_.rgb_of(camera), out.coverage);
+    if (picture) *picture = std::move(out.rgb);
+    return out.row;
   }
 
  private:
   const lf::Rig& rig_;
   const Options& options_;
-  lf::StillImages images_;
+  Renderer renderer_;
   const lf::CameraSet out_;
-  const lf::CameraImages image_of_ = [this](lf::CameraIndex camera) -> const lf::Image& { return images_.get(camera); };
-  const std::unique_ptr<lf::FragmentRenderer> renderer_ = lf::make_scalar_renderer();
   double distance_;
 };
 
@@ -246,35 +278,14 @@ void run(const Options& options) {
   std::vector<lf::NamedView> views = lf::load_views(options.views);
   for (lf::NamedView& view : views) view.view.blending = options.blending();
   const lf::Mesh mesh = lf::build_mesh(rig, out_of_service(rig, options.cameras));
-  const std::unique_ptr<lf::FragmentRenderer> renderer = lf::make_scalar_renderer();
-  lf::StillImages images(rig, options.i420 ? lf::PixelFamily::kI420 : lf::PixelFamily::kRgb);
+  Renderer renderer(rig, options);
   Progress progress("rendering", views.size());
   std::vector<Row> rows;
   for (const lf::NamedView& view : views) {
-    // Reading images is no part of rendering a view.
-    double reading = 0;
-    using Clock = std::chrono::steady_clock;
-    const auto ms_since = [](Clock::time_point start) {
-      return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-    };
-    const auto image_of = [&](lf::CameraIndex camera) -> const lf::Image& {
-      const Clock::time_point start = Clock::now();
-      const lf::Image& image = images.get(camera);
-      reading += ms_since(start);
-      return image;
-    };
-    const Clock::time_point start = Clock::now();
-    const lf::Still still = render(rig, mesh, view.view, *renderer, image_of, options);
-    Row row{view.name};
-    row.ms = ms_since(start) - reading;
-    row.coverage = covered_fraction(still.coverage);
-    row.fragments = static_cast<double>(still.fragments);
-    row.fragment_bytes = static_cast<double>(still.fragment_bytes);
-    const lf::Image picture =
-        still.picture.family() == lf::PixelFamily::kI420 ? lf::to_rgb(still.picture) : still.picture;
-    if (!options.truth.empty()) row.quality = quality_against(still, picture, options.truth + "/" + view.name + ".png");
-    lf::save_image(picture, options.out + "/" + view.name + ".png");
-    rows.push_back(row);
+    Rendered out = renderer.render(view.name, mesh, view.view);
+    if (!options.truth.empty()) out.row.quality = quality_against(out, options.truth + "/" + view.name + ".png");
+    lf::save_image(out.rgb, options.out + "/" + view.name + ".png");
+    rows.push_back(out.row);
     progress.step();
   }
   progress.finish();
@@ -304,14 +315,14 @@ int main(int argc, char** argv) {
   app.add_option("--focus-near", options.surface.near, "Nearest that the surface can be, metres from the array");
   app.add_option("--focus-far", options.surface.far, "Farthest");
   app.add_option("--focus-distance", options.distance, "Of the cameras that are left out (default: estimated)");
-  CLI::Option* aperture = app.add_option(
-      "--aperture", options.aperture, "Diameter of a synthetic aperture, metres (default: three cameras a pixel)");
+  CLI::Option* aperture = app.add_option("--aperture", options.aperture,
+                                         "Diameter of a synthetic aperture, metres (default: three cameras a pixel)");
   app.add_option("--nearest-cameras", options.nearest_cameras,
                  "Weigh as many cameras a pixel by angle, resolution and field of view, in place of three by the mesh")
       ->excludes(aperture);
   app.add_option("--resampling", options.resampling, "How images are sampled, as of lffragment")
       ->capture_default_str()
-      ->check(CLI::IsMember({"bilinear", "sharpened"}));
+      ->check(CLI::IsMember({"bilinear", "sharpened", "catmull-rom"}));
   app.add_flag("--i420", options.i420, "Render in YCbCr 4:2:0 as video sources would");
   return run_tool(app, argc, argv, [&] {
     if (options.views.empty() && !options.leave_one_out) throw lf::Error("give --views or --leave-one-out");

@@ -47,7 +47,6 @@ enum {
   kPropRig = kPropFirstSetting + Settings::kRig,
   kPropChoices = kPropFirstSetting + Settings::kNumProperties,  // and more: see lf_fragment_install_choices()
   kPropStats = kPropChoices + kNumFragmentChoices,
-  kPropNetClock
 };
 
 }  // namespace
@@ -198,7 +197,6 @@ static void lf_camera_node_handle_message(GstBin* bin, GstMessage* message) {
 
 static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, GstStateChange transition) {
   LfCameraNode* self = LF_CAMERA_NODE(element);
-  if (!self->net_clock->before(element, transition)) return GST_STATE_CHANGE_FAILURE;
   const bool stale = transition == GST_STATE_CHANGE_NULL_TO_READY ||
                      (transition == GST_STATE_CHANGE_READY_TO_PAUSED && *self->opened != current_settings(self));
   if (stale && !open_cameras(self)) return GST_STATE_CHANGE_FAILURE;
@@ -206,7 +204,6 @@ static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, Gst
   if (starts) lf_camera_node_forget_failure(self);
   GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_camera_node_parent_class)->change_state(element, transition);
   if (starts && lf_camera_node_has_failed(self)) result = GST_STATE_CHANGE_FAILURE;
-  self->net_clock->after(element, transition);
   if (transition == GST_STATE_CHANGE_READY_TO_NULL ||
       (transition == GST_STATE_CHANGE_NULL_TO_READY && result == GST_STATE_CHANGE_FAILURE))
     remove_cameras(self);
@@ -223,7 +220,6 @@ static void lf_camera_node_set_property(GObject* object, guint id, const GValue*
     return;
   }
   if (id == kPropRig) return lf_camera_node_set_rig(self, g_value_get_string(value));
-  if (id >= kPropNetClock) return self->net_clock->set(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
   lf::ObjectLock lock(self);
   self->settings->set(static_cast<Settings::Property>(id - kPropFirstSetting), value);
   lock.unlock();
@@ -236,22 +232,16 @@ static void lf_camera_node_get_property(GObject* object, guint id, GValue* value
     if (self->fragment) g_object_get_property(G_OBJECT(self->fragment), pspec->name, value);
     return;
   }
-  if (id >= kPropNetClock) return self->net_clock->get(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
   current_settings(self).get(static_cast<Settings::Property>(id - kPropFirstSetting), value);
 }
 
 static void lf_camera_node_finalize(GObject* object) {
   LfCameraNode* self = LF_CAMERA_NODE(object);
   delete self->settings;
-  delete self->net_clock;
   delete self->opened;
   delete self->rig;
   delete self->cameras;
   G_OBJECT_CLASS(lf_camera_node_parent_class)->finalize(object);
-}
-
-static GstClock* lf_camera_node_provide_clock(GstElement* element) {
-  return LF_CAMERA_NODE(element)->net_clock->provide();
 }
 
 static GstPad* add_ghost_pad(LfCameraNode* self, const char* name, GstStaticPadTemplate* static_template) {
@@ -312,11 +302,9 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
           "What lffragment counts, see there, and of each of the cameras: state (opening, running, ended "
           "or lost), reason of the latest loss, losses, retries, dropped frames, capture-time",
           GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
-  lf::NetClock::install(object_class, kPropNetClock);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_camera_node_change_state>;
-  element_class->provide_clock = lf::callback<lf_camera_node_provide_clock>;
   GST_BIN_CLASS(klass)->handle_message = lf::callback<lf_camera_node_handle_message>;
   element_class->request_new_pad = lf::callback<lf_camera_node_new_pad>;
   element_class->release_pad = lf::callback<lf_camera_node_release_pad>;
@@ -332,16 +320,14 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
 
 static void lf_camera_node_init(LfCameraNode* self) {
   self->settings = new Settings;
-  self->net_clock = new lf::NetClock;
   self->opened = new Settings;
   self->rig = new std::shared_ptr<const lf::Rig>;
   self->cameras = new std::vector<GstElement*>;
   // It answers requests: their end, not an EOS event to its cameras, is the end of its output.
-  // Its clock is not its children's either.
+  // It is never the clock of a pipeline, whatever its cameras have.
   gst_bin_set_suppressed_flags(
       GST_BIN(self),
       static_cast<GstElementFlags>(GST_ELEMENT_FLAG_SOURCE | GST_ELEMENT_FLAG_SINK | GST_ELEMENT_FLAG_PROVIDE_CLOCK));
-  GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
   self->fragment = gst_element_factory_make("lffragment", "fragment");
   if (self->fragment) gst_bin_add(GST_BIN(self), self->fragment);
   add_ghost_pad(self, "request", &request_template);

@@ -6,7 +6,6 @@
 
 #include "bins/camera_node_settings.h"
 #include "bins/lfcameranode.h"
-#include "common/net_clock.h"
 #include "rig/rig.h"
 
 // What the files of lfcameranode share: lfcameranode.cc (the element) and camera_node_losses.cc (what becomes of it
@@ -16,7 +15,6 @@ struct _LfCameraNode {
   GstBin parent;
   GstElement* fragment;              // borrowed from the bin's children; null where lffragment is not installed
   lf::CameraNodeSettings* settings;  // under the object lock
-  lf::NetClock* net_clock;
   lf::CameraNodeSettings* opened;       // what the children were made for
   std::shared_ptr<const lf::Rig>* rig;  // the same
   std::vector<GstElement*>* cameras;    // borrowed from the bin's children; under the object lock

@@ -56,7 +56,6 @@ using Settings = lf::CamSrcSettings;
 enum {
   kPropFirstSetting = 1,
   kPropStats = kPropFirstSetting + Settings::kNumProperties,
-  kPropNetClock,
 };
 
 }  // namespace
@@ -178,10 +177,8 @@ static void lf_cam_src_begin(LfCamSrc* self) {
 
 static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStateChange transition) {
   LfCamSrc* self = LF_CAM_SRC(element);
-  if (!self->net_clock->before(element, transition)) return GST_STATE_CHANGE_FAILURE;
   if (!prepare(self, transition)) return GST_STATE_CHANGE_FAILURE;
   const GstStateChangeReturn result = change_children(self, transition);
-  self->net_clock->after(element, transition);
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) {
     // A live child gives no frame before PLAYING, so that this comes in time.
     if (result == GST_STATE_CHANGE_NO_PREROLL) {
@@ -265,7 +262,6 @@ static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
 
 static void lf_cam_src_set_property(GObject* object, guint id, const GValue* value, GParamSpec*) {
   LfCamSrc* self = LF_CAM_SRC(object);
-  if (id >= kPropNetClock) return self->net_clock->set(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
   lf::ObjectLock lock(self);
   self->settings->set(static_cast<Settings::Property>(id - kPropFirstSetting), value);
   lock.unlock();
@@ -276,7 +272,6 @@ static void lf_cam_src_get_property(GObject* object, guint id, GValue* value, GP
   if (id == kPropStats) {
     return g_value_take_boxed(value, lf_cam_src_stats(self, "application/x-lightfield-camera-stats"));
   }
-  if (id >= kPropNetClock) return self->net_clock->get(static_cast<lf::NetClock::Property>(id - kPropNetClock), value);
   lf::ObjectLock lock(self);
   self->settings->get(static_cast<Settings::Property>(id - kPropFirstSetting), value);
   lock.unlock();
@@ -290,11 +285,8 @@ static void lf_cam_src_finalize(GObject* object) {
   delete self->service;
   delete self->shedder;
   delete self->name;
-  delete self->net_clock;
   G_OBJECT_CLASS(lf_cam_src_parent_class)->finalize(object);
 }
-
-static GstClock* lf_cam_src_provide_clock(GstElement* element) { return LF_CAM_SRC(element)->net_clock->provide(); }
 
 static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
@@ -311,11 +303,9 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
           "dropped: frames left undecoded because this machine can't decode all, and capture-time: how it is known "
           "(source: as its source stamps frames; of RTSP sender-reports, or arrival as long as there are none)",
           GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
-  lf::NetClock::install(object_class, kPropNetClock);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_cam_src_change_state>;
-  element_class->provide_clock = lf::callback<lf_cam_src_provide_clock>;
   element_class->send_event = lf::callback<lf_cam_src_send_event>;
   GST_BIN_CLASS(klass)->handle_message = lf::callback<lf_cam_src_handle_message>;
   GST_BIN_CLASS(klass)->element_added = lf::callback<lf::lock_decoder>;
@@ -329,15 +319,14 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
 
 static void lf_cam_src_init(LfCamSrc* self) {
   self->settings = new Settings;
-  self->net_clock = new lf::NetClock;
   self->service = new lf::CameraService;
   self->shedder = new std::shared_ptr<lf::CameraShedder>(std::make_shared<lf::CameraShedder>());
   self->name = new std::string;
-  // A source also while it has no children.
+  // A source also while it has no children, and never the clock of a pipeline.
   gst_bin_set_suppressed_flags(
       GST_BIN(self),
       static_cast<GstElementFlags>(GST_ELEMENT_FLAG_SOURCE | GST_ELEMENT_FLAG_SINK | GST_ELEMENT_FLAG_PROVIDE_CLOCK));
-  GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_SOURCE | GST_ELEMENT_FLAG_PROVIDE_CLOCK);
+  GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_SOURCE);
   GstPadTemplate* pad_template = gst_static_pad_template_get(&src_template);
   self->src = gst_ghost_pad_new_no_target_from_template("src", pad_template);
   gst_object_unref(pad_template);

@@ -11,7 +11,6 @@
 #include "camsrc/camera_service.h"
 #include "camsrc/camera_stream.h"
 #include "camsrc/lfcamsrc.h"
-#include "common/net_clock.h"
 
 // What the files of lfcamsrc share: lfcamsrc.cc (the element), cam_src_open.cc (its children) and cam_src_retry.cc
 // (what becomes of a camera that fails).
@@ -30,7 +29,6 @@ struct _LfCamSrc {
   GstBin parent;
   GstPad* src;
   lf::CamSrcSettings* settings;  // under the object lock
-  lf::NetClock* net_clock;
   lf::CameraService* service;
   std::shared_ptr<lf::CameraShedder>* shedder;
   // What follows changes under the state lock alone; `run`, `name` and `camera` under the object lock, too.

@@ -28,15 +28,14 @@
  * aperture of that diameter; with `nearest-cameras` those that see most nearly what the view sees. Views of a file are
  * blended so, too. With `access=warp` it is always three.
  *
- * Cameras that lfcompositor announces as out of service (upstream event "lightfield-out-of-service") are named in the
- * view's requests from then on, beside those of the property `out-of-service`.
+ * What lfcompositor learns of the view comes back as an upstream event, "lightfield-feedback": the focal surface of the
+ * next request, cameras out of service, which the view's requests name from then on, beside those of the property
+ * `out-of-service`, and what it wants to know beside its pictures (`lfcompositor monitor-interval`), which leaves
+ * behind the next request, with the same capture time.
  *
  * With its sink pad linked the element makes no requests of its own but relays those of other viewers, and adds the
  * cameras that are out of service: on the host of the compositors, behind the network. Live, it also gives them the
- * focal surfaces that lfcompositors find (upstream event "lightfield-focal-surface") where no viewer takes them.
- *
- * What a compositor wants to know beside its pictures (upstream event "lightfield-extra-requests": lfcompositor
- * monitor-interval) leaves behind the next request, with the same capture time.
+ * focal surfaces that lfcompositors find where no viewer takes them.
  *
  * For cameras that do not answer view requests (`lffragment access`) `access` makes commands of each request, which
  * leave behind it. A relay lets no commands through, because they were made before it knew which cameras are out of
@@ -81,10 +80,9 @@
 #include <vector>
 
 #include "base/error.h"
-#include "common/extra_requests_event.h"
-#include "common/focal_surface_event.h"
 #include "common/gst_wire.h"
 #include "common/hold_event.h"
+#include "common/view_feedback.h"
 #include "viewrequest/lfviewrequest_private.h"
 
 GST_DEBUG_CATEGORY(lf_view_request_debug);
@@ -131,20 +129,38 @@ static gboolean lf_view_request_hold(LfViewRequest* self, GstEvent* event, bool 
   return TRUE;
 }
 
+// Cameras out of service are named here for every view; all else is for whoever makes the view's requests, if it can be
+// reached, and a surface for which nobody can is kept here. False if nobody takes any of it.
+static gboolean lf_view_request_take_feedback(LfViewRequest* self, GstEvent* event, lf::ViewFeedback feedback) {
+  const bool for_all = feedback.out_of_service.has_value();
+  if (for_all) self->out_of_service->announce(feedback.view_id, std::move(*feedback.out_of_service));
+  if (!feedback.focus && feedback.extra_requests.empty()) return for_all;
+  if (lf_view_request_is_relay(self)) {
+    const bool passed = lf_view_request_push_upstream(self, gst_event_ref(event));
+    const bool kept =
+        !passed && feedback.focus && lf_view_request_keep_focus(self, feedback.view_id, std::move(*feedback.focus));
+    return passed || kept || for_all;
+  }
+  lf::ObjectLock lock(self);
+  if (feedback.view_id != self->settings->view_id) return for_all;
+  bool taken = for_all || !feedback.extra_requests.empty();
+  if (!feedback.extra_requests.empty()) *self->extra = std::move(feedback.extra_requests);
+  lock.unlock();
+  if (feedback.focus) taken |= lf_view_request_take_focus(self, std::move(*feedback.focus));
+  return taken;
+}
+
 static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   if (lf::is_reverse_seek(event)) return FALSE;
   if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK && lf_view_request_has_sought(self, event)) return TRUE;
   if (bool held = false; lf::parse_hold(event, &held)) return lf_view_request_hold(self, event, held);
-  if (self->out_of_service->announce(event)) return TRUE;
   if (GstClockTime delay; lf::parse_capture_delay(event, &delay)) return lf_view_request_take_delay(self, event, delay);
-  const bool of_focus = lf::is_focal_surface(event), of_more = lf::is_extra_requests(event);
-  if (!of_focus && !of_more && !lf_view_request_is_steering(event))
-    return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->event(base, event);
-  if (lf_view_request_is_relay(self))
-    return lf_view_request_push_upstream(self, gst_event_ref(event)) || lf_view_request_keep_focus(self, event);
-  if (of_more) return lf_view_request_take_extra(self, event);
-  return of_focus ? lf_view_request_take_focus(self, event) : lf_view_request_steer(self, event);
+  if (std::optional<lf::ViewFeedback> feedback = lf::parse_view_feedback(event))
+    return lf_view_request_take_feedback(self, event, std::move(*feedback));
+  if (!lf_view_request_is_steering(event)) return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->event(base, event);
+  if (lf_view_request_is_relay(self)) return lf_view_request_push_upstream(self, gst_event_ref(event));
+  return lf_view_request_steer(self, event);
 }
 
 static GstCaps* lf_view_request_get_caps(GstBaseSrc* base, GstCaps* filter) {
@@ -265,19 +281,6 @@ static gboolean lf_view_request_query(GstBaseSrc* base, GstQuery* query) {
   return TRUE;
 }
 
-static GstStateChangeReturn lf_view_request_change_state(GstElement* element, GstStateChange transition) {
-  lf::NetClock& net_clock = *LF_VIEW_REQUEST(element)->net_clock;
-  if (!net_clock.before(element, transition)) return GST_STATE_CHANGE_FAILURE;
-  const GstStateChangeReturn result =
-      GST_ELEMENT_CLASS(lf_view_request_parent_class)->change_state(element, transition);
-  net_clock.after(element, transition);
-  return result;
-}
-
-static GstClock* lf_view_request_provide_clock(GstElement* element) {
-  return LF_VIEW_REQUEST(element)->net_clock->provide();
-}
-
 static void lf_view_request_finalize(GObject* object) {
   LfViewRequest* self = LF_VIEW_REQUEST(object);
   g_cond_clear(&self->held_changed);
@@ -293,7 +296,6 @@ static void lf_view_request_finalize(GObject* object) {
   gst_clear_caps(&self->relayed_caps);
   delete self->settings;
   delete self->control;
-  delete self->net_clock;
   G_OBJECT_CLASS(lf_view_request_parent_class)->finalize(object);
 }
 
@@ -304,8 +306,6 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
   lf_view_request_install_signals(object_class);
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
-  element_class->change_state = lf::callback<lf_view_request_change_state>;
-  element_class->provide_clock = lf::callback<lf_view_request_provide_clock>;
   gst_element_class_add_static_pad_template(element_class, &src_template);
   lf_view_request_install_relay(element_class);
   gst_element_class_set_static_metadata(
@@ -332,8 +332,6 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
 static void lf_view_request_init(LfViewRequest* self) {
   self->settings = new lf::ViewRequestSettings;
   self->control = new lf::ViewControl;
-  self->net_clock = new lf::NetClock;
-  GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);
   g_cond_init(&self->held_changed);
   self->navigation_tap = new lf::NavigationTap;
   self->relay = new lf::RequestRelay;

@@ -15,7 +15,6 @@ enum {
   PROP_NUM_BUFFERS,
   PROP_FIRST_FIELD,  // one for each of kViewFields, then one for each of the settings
   PROP_FIRST_SETTING = PROP_FIRST_FIELD + lf::kNumViewFields,
-  PROP_NET_CLOCK = PROP_FIRST_SETTING + lf::ViewRequestSettings::kNumProperties,
 };
 
 std::shared_ptr<const lf::VisibleShare> lf_view_request_visible_share(const lf::ViewRequestSettings& settings,
@@ -68,8 +67,6 @@ static void lf_view_request_set_property(GObject* object, guint id, const GValue
     GST_OBJECT_LOCK(self);
     self->num_buffers = g_value_get_int(value);
     GST_OBJECT_UNLOCK(self);
-  } else if (id >= PROP_NET_CLOCK) {
-    self->net_clock->set(static_cast<lf::NetClock::Property>(id - PROP_NET_CLOCK), value);
   } else if (id >= PROP_FIRST_SETTING) {
     set_setting(self, static_cast<lf::ViewRequestSettings::Property>(id - PROP_FIRST_SETTING), value);
   } else if (id >= PROP_FIRST_FIELD) {
@@ -85,8 +82,6 @@ static void lf_view_request_set_property(GObject* object, guint id, const GValue
 static void lf_view_request_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
   LfViewRequest* self = LF_VIEW_REQUEST(object);
   if (id == PROP_IS_LIVE) return g_value_set_boolean(value, gst_base_src_is_live(GST_BASE_SRC(self)));
-  if (id >= PROP_NET_CLOCK)
-    return self->net_clock->get(static_cast<lf::NetClock::Property>(id - PROP_NET_CLOCK), value);
   lf::ObjectLock lock(self);
   if (id == PROP_NUM_BUFFERS)
     g_value_set_int(value, self->num_buffers);
@@ -110,7 +105,6 @@ void lf_view_request_install_properties(GObjectClass* klass) {
     g_object_class_install_property(klass, PROP_FIRST_FIELD + i, spec);
   }
   lf::ViewRequestSettings::install(klass, PROP_FIRST_SETTING);
-  lf::NetClock::install(klass, PROP_NET_CLOCK);
   g_object_class_override_property(klass, PROP_NUM_BUFFERS, "num-buffers");
   g_object_class_install_property(
       klass, PROP_IS_LIVE,

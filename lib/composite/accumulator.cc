@@ -187,6 +187,19 @@ Image Accumulator::resolve(const Background& background) const {
   return image;
 }
 
+std::vector<float> Accumulator::coverage() const {
+  std::vector<float> coverage(static_cast<size_t>(width_) * height_, 1);
+  if (const ConstSumPlanes sum = whole(); sum.lost)
+    for (int y = 0; y < height_; y++)
+      for (int x = 0; x < width_; x++) {
+        const int lost = std::min<int>(sum.lost[y * sum.lost_stride + x], kLostOne);
+        coverage[static_cast<size_t>(y) * width_ + x] = static_cast<float>(kLostOne - lost) / kLostOne;
+      }
+  for (size_t i = 0; i < uncovered_.size(); i++)
+    if (uncovered_[i]) coverage[i] = 0;
+  return coverage;
+}
+
 std::optional<ConstSumPlanes> Accumulator::sums() const {
   if (touched_.empty()) return std::nullopt;
   Rect rect = touched_;

@@ -44,6 +44,8 @@ class Accumulator {
   void resolve(const Background& background, const RgbLayout& layout, uint8_t* const plane[3],
                const ptrdiff_t stride[3]) const;
   Image resolve(const Background& background = {}) const;
+  // Per pixel, 0..1: how much of its weight was not lost, to 1e-4; 0 where no face owns it, as set_uncovered() says.
+  std::vector<float> coverage() const;
   // After it, the picture before shows where most of the weight was lost, see conceal.h.
   void conceal(const ImageView& before, uint8_t* const plane[3], const ptrdiff_t stride[3]) const;
 

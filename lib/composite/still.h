@@ -5,7 +5,7 @@
 
 #include "composite/accumulator.h"
 #include "image/image.h"
-#include "render/fragment_renderer.h"
+#include "image/resampling.h"
 #include "rig/mesh.h"
 #include "rig/still_images.h"
 #include "view/view.h"
@@ -13,19 +13,19 @@
 namespace lf {
 
 // Views of an array that stands still, rendered in one go from its images: the whole path from camera images to a
-// picture without a stream in between.
+// picture without a stream in between, and the same picture to the bit.
 
 // What one view came to.
 struct Still {
-  Image picture;                // of the images' family; RGB where no camera contributes
-  std::vector<float> coverage;  // per pixel, 0..1: how much of its weight cameras could give
-  size_t fragments = 0;         // cameras that contributed
-  size_t fragment_bytes = 0;    // of all fragments, uncompressed
+  Image picture;                     // of the images' family; RGB where no camera contributes
+  std::vector<float> coverage;       // per pixel, 0..1: how much of its weight cameras could give
+  std::vector<CameraIndex> cameras;  // that contributed, ascending
 };
 
 // Asks `images` only for cameras that contribute, each once; all must be of one family (else Error).
-// `mesh`: of `rig`. The view must be valid.
-Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const FragmentRenderer& renderer,
-                   const CameraImages& images, const Background& background = {});
+// `mesh`: of `rig`. The view must be valid. `resampling`: as of a node; kSharpened sharpens images of which the view
+// shows what bilinear samples lose (render/detail.h).
+Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
+                   Resampling resampling = Resampling::kBilinear, const Background& background = {});
 
 }  // namespace lf

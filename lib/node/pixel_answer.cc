@@ -3,7 +3,7 @@
 
 #include "base/now.h"
 #include "render/contribution.h"
-#include "render/fragment_set.h"
+#include "render/fragment_planes.h"
 #include "wire/fragment_codec.h"
 #include "wire/strips.h"
 

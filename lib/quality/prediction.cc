@@ -116,22 +116,8 @@ void add_scatter(const Luma& predicted, const Luma& seen, const std::vector<floa
 }  // namespace
 
 CoveredPicture covered_picture(const Accumulator& sum) {
-  CoveredPicture picture{sum.resolve(), {}};
-  const Image white = sum.resolve({255, 255, 255});
-  const int width = white.width(), height = white.height();
-  const size_t bytes = white.family() == PixelFamily::kRgb ? 3 : 1;  // bytes of a pixel in the first plane
-  picture.coverage.resize(static_cast<size_t>(width) * height);
-  // The background shows where nothing covers it.
-  for (size_t i = 0; i < picture.coverage.size(); i++)
-    picture.coverage[i] =
-        std::equal(&white.data()[bytes * i], &white.data()[bytes * i] + bytes, &picture.rgb.data()[bytes * i]);
-  if (const std::optional<ConstSumPlanes> sums = sum.sums(); sums && sums->lost)
-    for (int y = sums->rect.y0; y < sums->rect.y1; y++)
-      for (int x = sums->rect.x0; x < sums->rect.x1; x++)
-        if (sums->lost[(y - sums->rect.y0) * sums->lost_stride + x - sums->rect.x0] > (1 - kCovered) * kLostOne)
-          picture.coverage[static_cast<size_t>(y) * width + x] = 0;
-  if (picture.rgb.family() == PixelFamily::kI420) picture.rgb = to_rgb(picture.rgb);
-  return picture;
+  const Image picture = sum.resolve();
+  return {picture.family() == PixelFamily::kI420 ? to_rgb(picture) : picture, sum.coverage()};
 }
 
 PredictionError compare_prediction(const CoveredPicture& predicted, const CoveredPicture& seen) {

@@ -13,7 +13,7 @@ namespace lf {
 // A picture, and how far each of its pixels can be relied upon.
 struct CoveredPicture {
   Image rgb;
-  std::vector<float> coverage;  // 1, or 0 where weight was lost or no camera contributes
+  std::vector<float> coverage;  // 0..1: how much of their weight cameras could give
 };
 // `sum`: all of a picture, with what is uncovered marked.
 CoveredPicture covered_picture(const Accumulator& sum);

@@ -10,7 +10,7 @@
 #include "image/image.h"
 #include "image/resampling.h"
 #include "render/camera_projection.h"
-#include "render/fragment_renderer.h"
+#include "render/ownership.h"
 
 // The rule for one camera's part in a view, pixel by pixel: what the plain renderers share, whatever they write.
 namespace lf::plain {

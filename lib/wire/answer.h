@@ -49,12 +49,10 @@ struct Answer : AnswerHeader {
 };
 
 enum class Codec : uint8_t {
-  kRaw = 0,        // 8 bits, as in Fragment
-  kJpeg = 1,       // a scan without tables
-  kRaw16 = 2,      // sums in 16 bits, as in SumPlanes
-  kJpegAtlas = 3,  // several fragments in one JPEG: the first carries it, those that follow are its other members
+  kRaw = 0,    // 8 bits, as in Fragment
+  kJpeg = 1,   // a scan without tables
+  kRaw16 = 2,  // sums in 16 bits, as in SumPlanes
 };
-inline bool is_jpeg(Codec codec) { return codec == Codec::kJpeg || codec == Codec::kJpegAtlas; }
 
 // An entry of the fragment table.
 struct FragmentHeader {
@@ -68,7 +66,7 @@ struct FragmentHeader {
   bool operator==(const FragmentHeader&) const = default;
 };
 
-// With its bytes where they came in. Empty for all but the first member of an atlas, whose are its members'.
+// With its bytes where they came in.
 struct FragmentView : FragmentHeader {
   std::span<const uint8_t> payload;
 };

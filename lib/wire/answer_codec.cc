@@ -45,23 +45,22 @@ std::optional<Answer> decode_answer(std::span<const uint8_t> bytes, std::string*
   }
   Answer answer{*view, {}};
   FragmentDecoder decoder;
-  const std::span<const FragmentView> all = view->fragments;
-  for (size_t i = 0, n; i < all.size(); i += n) {
-    n = group_size(all.subspan(i));
-    if (all[i].plain) {
+  for (size_t i = 0; i < view->fragments.size(); i++) {
+    const FragmentView& fragment = view->fragments[i];
+    if (fragment.plain) {
       if (reason) *reason = "fragments[" + std::to_string(i) + "].flags: plain colour, no contribution to the view";
       return std::nullopt;
     }
-    if (all[i].codec == Codec::kRaw16) {
-      answer.fragments.push_back(rounded_fragment(all[i].camera, decoder.sums(all[i])));
+    if (fragment.codec == Codec::kRaw16) {
+      answer.fragments.push_back(rounded_fragment(fragment.camera, decoder.sums(fragment)));
       continue;
     }
-    const std::span<const FragmentPlanes> planes = decoder.decode(all.subspan(i, n));
-    if (planes.empty()) {
+    const std::optional<FragmentPlanes> planes = decoder.decode(fragment);
+    if (!planes) {
       if (reason) *reason = "fragments[" + std::to_string(i) + "].payload: damaged JPEG";
       return std::nullopt;
     }
-    for (size_t k = 0; k < n; k++) answer.fragments.push_back(to_fragment(all[i + k], planes[k]));
+    answer.fragments.push_back(to_fragment(fragment, *planes));
   }
   return answer;
 }

@@ -49,9 +49,9 @@ void check_fragment(const AnswerHeader& answer, const FragmentHeader& fragment) 
     throw Error("codec: 16 bits are for sums, not for plain colour");
   if (answer.family == PixelFamily::kI420 && (rect.x0 % 2 != 0 || rect.y0 % 2 != 0))
     throw Error("rectangle: x and y must be even in YCbCr");
-  if (fragment.codec > Codec::kJpegAtlas)
+  if (fragment.codec > Codec::kRaw16)
     throw Error("codec: " + std::to_string(static_cast<int>(fragment.codec)) + " is not supported");
-  const bool jpeg = is_jpeg(fragment.codec);
+  const bool jpeg = fragment.codec == Codec::kJpeg;
   if (jpeg && (fragment.quality < 1 || fragment.quality > 100))
     throw Error("quality: must be 1 to 100 for JPEG, is " + std::to_string(fragment.quality));
   if (!jpeg && fragment.quality != 0)

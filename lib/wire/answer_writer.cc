@@ -37,11 +37,10 @@ void AnswerWriter::end_payload(const FragmentHeader& fragment, size_t begin) {
     throw Error("fragments: more than the " + std::to_string(kMaxAnswerBytes) + " bytes an answer may have");
   const size_t length = bytes_.size() - begin;
   in_fragment(fragments_, [&] {
-    if (is_jpeg(fragment.codec) ? length == 0 : length != raw_size(fragment))
+    if (fragment.codec == Codec::kJpeg ? length == 0 : length != raw_size(fragment))
       throw Error("length: " + std::to_string(length) + " bytes are no payload of this fragment");
   });
   put_entry(fragment, length);
-  atlas_open_ = fragment.codec == Codec::kJpegAtlas;
   added_.emplace_back(fragment, begin);
 }
 
@@ -63,7 +62,7 @@ void AnswerWriter::drop_lost(const std::function<bool(size_t)>& is_nothing) {
 
 std::span<uint8_t> AnswerWriter::add(const FragmentHeader& fragment) {
   const size_t begin = begin_payload(fragment);
-  const size_t size = is_jpeg(fragment.codec) ? 0 : raw_size(fragment);
+  const size_t size = fragment.codec == Codec::kJpeg ? 0 : raw_size(fragment);
   if (begin + size > kMaxAnswerBytes)
     throw Error("fragments: more than the " + std::to_string(kMaxAnswerBytes) + " bytes an answer may have");
   bytes_.resize(begin + size);
@@ -74,13 +73,6 @@ std::span<uint8_t> AnswerWriter::add(const FragmentHeader& fragment) {
 SumPlanes AnswerWriter::add_sums(const FragmentHeader& fragment) {
   if (fragment.codec != Codec::kRaw16) throw Error("codec: sums are sent in 16 bits");
   return raw16_planes(fragment, add(fragment).data());
-}
-
-void AnswerWriter::add_member(const FragmentHeader& fragment) {
-  const size_t begin = begin_payload(fragment);
-  if (fragment.codec != Codec::kJpegAtlas || !atlas_open_)
-    throw Error("codec: a member without an atlas in front of it");
-  put_entry(fragment, bytes_.size() - begin);
 }
 
 void AnswerWriter::put_entry(const FragmentHeader& fragment, size_t length) {

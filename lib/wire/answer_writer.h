@@ -50,9 +50,6 @@ class AnswerWriter {
     end_payload(fragment, begin);
   }
 
-  // A further member of the atlas added last.
-  void add_member(const FragmentHeader& fragment);
-
   // The unit has some of an answer's `total` fragments, from number `first` on; unless this is called it has all.
   void set_part(uint32_t first, uint32_t total);
 
@@ -72,7 +69,6 @@ class AnswerWriter {
   size_t table_;                    // where it begins
   std::optional<AnswerPart> part_;  // without its count
   size_t max_fragments_, fragments_ = 0;
-  bool atlas_open_ = false;  // the fragment added last may have further members
   std::vector<std::pair<FragmentHeader, size_t>> added_;  // and where their payloads begin
   ByteBuffer bytes_;
 };

@@ -58,7 +58,7 @@ Rig calibrated(const Rig& nominal, int references) {
 
 Still render(const Rig& rig, const Mesh& mesh, const View& view, StillImages& stills) {
   const auto images = [&](CameraIndex i) -> const Image& { return stills.get(i); };
-  return render_still(rig, mesh, view, *make_simd_renderer(), images);
+  return render_still(rig, mesh, view, images);
 }
 
 // Between two calibrations of the same cameras: the turn from where the pixels look, not from the orientations or the

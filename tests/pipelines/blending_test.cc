@@ -42,7 +42,7 @@ class BlendedArray : public testing::Test {
   Image expected(int i, const Blending& blending) const {
     View view = views_[static_cast<size_t>(i)].view;
     view.blending = blending;
-    return render_still(rig_, build_mesh(rig_), view, *make_scalar_renderer(),
+    return render_still(rig_, build_mesh(rig_), view,
                         [this](CameraIndex camera) -> const Image& { return images_[camera]; })
         .picture;
   }

@@ -100,8 +100,7 @@ TEST_F(LfRender, PicturesTableAndJson) {
   EXPECT_NEAR(right["max_error"].get<int>(), 10, 1);
   EXPECT_GT(right["ssim"].get<double>(), 0.98);
   EXPECT_EQ(right["coverage"], 1);
-  EXPECT_GE(right["fragment_bytes"].get<int>(), 40 * 30 * 3);
-  EXPECT_GE(right["fragments"].get<int>(), 1);
+  EXPECT_GE(right["cameras"].get<int>(), 1);
   EXPECT_GT(right["ms"].get<double>(), 0);
   EXPECT_EQ(json["mean"]["coverage"], 1);
   EXPECT_FALSE(json["mean"].contains("name"));
@@ -233,6 +232,7 @@ TEST(LfRenderLeaveOneOut, NamesTheCameraThatIsOff) {
   EXPECT_THAT(said, HasSubstr(off + ": "));
   EXPECT_EQ(said.find("unusually low"), said.rfind("unusually low")) << "one alone: " << said;
   EXPECT_GT(nlohmann::json::parse(read_text_file(folder / "out.json"))["mean"]["psnr_db"].get<double>(), 20);
+  EXPECT_THAT(run("--focus surface --focus-near 1 --focus-far 6 --i420"), HasSubstr(off + ": "));
   rig.cameras[12].pose.orientation = {1, 0, 0, 0};
   save_rig(rig, folder / "rig.json");
   EXPECT_EQ(run("--focus surface --focus-near 1 --focus-far 6").find("unusually low"), std::string::npos);

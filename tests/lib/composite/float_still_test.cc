@@ -44,14 +44,13 @@ class FloatStillTest : public testing::Test {
   View view_;
 };
 
-TEST_F(FloatStillTest, TheScalarRendererIsItsRounding) {
+TEST_F(FloatStillTest, AStillIsItsRounding) {
   for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
-    const Still still = render_still(rig_, mesh_, view_, *make_scalar_renderer(), images(family));
+    const Still still = render_still(rig_, mesh_, view_, images(family));
     const ExactQuality quality = compare(still.picture, exact(family));
-    // Three samples of each pixel are rounded, and their sum is an integer.
-    EXPECT_LE(quality.max_error, 1.5);
+    EXPECT_LE(quality.max_error, 1);
     EXPECT_GT(quality.max_error, 0);
-    EXPECT_GT(quality.psnr_db, 50);
+    EXPECT_GT(quality.psnr_db, 55);
     EXPECT_GT(quality.coverage, 0.8);
   }
 }

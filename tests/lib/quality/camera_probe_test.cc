@@ -27,12 +27,10 @@ TEST(CameraProbe, SeesEveryFourthPixelOfTheCamera) {
   validate(probe.seen.view);
 
   const auto images = [&](CameraIndex) -> const Image& { return image; };
-  const Still still = render_still(rig, build_mesh(rig, probe.seen.out_of_service), probe.seen.view,
-                                   *make_scalar_renderer(), images);
+  const Still still = render_still(rig, build_mesh(rig, probe.seen.out_of_service), probe.seen.view, images);
   Image sampled(PixelFamily::kRgb, probe.seen.view.width, probe.seen.view.height);
   for (int y = 0; y < sampled.height(); y++)
-    for (int x = 0; x < sampled.width(); x++)
-      std::copy_n(image.pixel(4 * x + 1, 4 * y + 1), 3, sampled.pixel(x, y));
+    for (int x = 0; x < sampled.width(); x++) std::copy_n(image.pixel(4 * x + 1, 4 * y + 1), 3, sampled.pixel(x, y));
   EXPECT_LE(compare(still.picture, sampled).max_error, 1);
 }
 

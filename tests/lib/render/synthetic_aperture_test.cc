@@ -66,7 +66,7 @@ class SyntheticAperture : public testing::Test {
     return view;
   }
   Image picture(double focus, const Blending& blending) const {
-    return render_still(rig_, build_mesh(rig_), view(focus, blending), *make_scalar_renderer(),
+    return render_still(rig_, build_mesh(rig_), view(focus, blending),
                         [this](CameraIndex i) -> const Image& { return images_[i]; })
         .picture;
   }
@@ -179,8 +179,7 @@ TEST(ByAngle, UnstructuredArraysGainOverTheirMesh) {
     const Image truth = render_scene({view.width, view.height, view.lens, view.pose}, 0, 2);
     const auto still = [&](const Blending& blending) {
       view.blending = blending;
-      return render_still(rig, mesh, view, *make_scalar_renderer(),
-                          [&](CameraIndex camera) -> const Image& { return images[camera]; });
+      return render_still(rig, mesh, view, [&](CameraIndex camera) -> const Image& { return images[camera]; });
     };
     const Still by_mesh = still({}), by_angle = still({Blending::Kind::kAngle, 0, 4});
     std::vector<float> both = by_mesh.coverage;
