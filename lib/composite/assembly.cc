@@ -48,7 +48,8 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
     family_ = answer.family;
     accumulator_.reset(family_, request_.view.width, request_.view.height);
   }
-  if (!rig_ && std::ranges::any_of(answer.fragments, &wire::FragmentView::plain)) return Verdict::kNeedsRig;
+  const auto is_of_camera = [](const wire::FragmentView& fragment) { return fragment.camera.has_value(); };
+  if (!rig_ && std::ranges::any_of(answer.fragments, is_of_camera)) return Verdict::kNeedsRig;
   cameras_.add(answer.cameras);
   CameraRanges seeing = answer.cameras;
   seeing.remove(answer.blind);
@@ -61,7 +62,7 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
   source.parts.add(answer.part);
   source.blind = answer.blind;
   source.spoilt |= damaged_ > damaged_before || !all_good;
-  source.sums |= std::ranges::any_of(answer.fragments, [](const auto& f) { return f.camera == Fragment::kSum; });
+  source.sums |= !std::ranges::all_of(answer.fragments, is_of_camera);
   if (answer.actual_time != kNoTime && answer.target_time != kNoTime) {
     const uint64_t skew = time_between(answer.actual_time, answer.target_time);
     if (actual_time_ == kNoTime || skew > skew_) actual_time_ = answer.actual_time;
@@ -81,7 +82,7 @@ bool Assembly::add_fragment(const wire::AnswerView& answer, const wire::Fragment
       return true;
     }
   }
-  if (fragment.plain) {
+  if (fragment.camera) {
     if (!add_pixels(fragment, *planes)) return false;
   } else {
     if (!accumulator_.fits(fragment.family, fragment.rect) || !covers(answer, fragment)) return false;
@@ -93,7 +94,6 @@ bool Assembly::add_fragment(const wire::AnswerView& answer, const wire::Fragment
 
 // Twice the same camera (a duplicated packet, two nodes with one camera) would be too bright.
 bool Assembly::covers(const wire::AnswerView& answer, const wire::FragmentView& fragment) {
-  if (fragment.camera != Fragment::kSum) return coverage_.add(fragment.camera, fragment.rect);
   if (!answer.cameras.empty()) return coverage_.add(answer.cameras, fragment.rect);
   have_unnamed_sums_ = true;
   return true;
@@ -101,8 +101,9 @@ bool Assembly::covers(const wire::AnswerView& answer, const wire::FragmentView& 
 
 // Of the answers' family, which all have.
 bool Assembly::add_pixels(const wire::FragmentView& fragment, const FragmentPlanes& planes) {
-  if (fragment.camera >= rig_->cameras.size() || coverage_.has(fragment.camera)) return false;
-  return pixels_.add(fragment.camera, rig_->cameras[fragment.camera], planes);
+  const CameraIndex camera = *fragment.camera;
+  if (camera >= rig_->cameras.size() || coverage_.has(camera)) return false;
+  return pixels_.add(camera, rig_->cameras[camera], planes);
 }
 
 bool Assembly::add_sums(const wire::FragmentView& fragment, const std::shared_ptr<const void>& bytes) {

@@ -28,7 +28,7 @@ RenderedAnswer render_sums16(const wire::AnswerHeader& header, const SumRenderer
   std::vector<wire::FragmentHeader> fragments;
   size_t bytes = 0;
   for (const Rect& tile : tiles) {
-    fragments.push_back({Fragment::kSum, header.family, tile, wire::Codec::kRaw16, 0, true});
+    fragments.push_back({{}, header.family, tile, wire::Codec::kRaw16, 0, true});
     bytes += wire::raw_size(fragments.back());
   }
   writer.reserve_payloads(bytes);
@@ -55,8 +55,8 @@ Fragment render_strip(const SumRenderer& renderer, const Rect& rect, PixelFamily
   lost.resize(std::max(lost.size(), area));
   const SumPlanes out = packed_sums(family, rect, samples.data(), lost.data());
   const bool any_lost = renderer.render_rows(rect.y0, rect.y1, out);
-  return rounded_fragment(Fragment::kSum, packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(),
-                                                                                     any_lost ? lost.data() : nullptr));
+  return rounded_fragment(packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(),
+                                                                     any_lost ? lost.data() : nullptr));
 }
 
 std::vector<Fragment> render_strips(const SumRenderer& renderer, std::span<const Rect> tiles, PixelFamily family,
@@ -78,7 +78,9 @@ RenderedAnswer render_answer(const wire::AnswerHeader& header, const RenderJob& 
     return {.bytes = wire::AnswerWriter(header, 0, std::move(memory)).finish()};
   const uint64_t begin = now_ns();
   const SumRenderer renderer(job.plan(), job.runs(), sources, header.family);
-  const std::vector<Rect> tiles = sum_tiles(job, header.family, form.spare_pixels);
+  std::vector<CameraIndex> cameras;
+  for (const Source& source : sources) cameras.push_back(source.camera);
+  const std::vector<Rect> tiles = sum_tiles(job.plan(), job.runs(), cameras, header.family, form.spare_pixels);
   RenderedAnswer answer;
   if (form.codec == wire::Codec::kRaw16) {
     answer = render_sums16(header, renderer, tiles, std::move(memory), parallel);
@@ -87,8 +89,8 @@ RenderedAnswer render_answer(const wire::AnswerHeader& header, const RenderJob& 
   }
   const std::vector<Fragment> strips = render_strips(renderer, tiles, header.family, form.strip_pixels, parallel);
   const uint64_t rendered = now_ns();
-  std::vector<CameraFragment> fragments;
-  for (const Fragment& strip : strips) fragments.push_back({strip.camera, planes_of(strip)});
+  std::vector<wire::AnswerFragment> fragments;
+  for (const Fragment& strip : strips) fragments.push_back({{}, planes_of(strip)});
   answer.bytes = wire::encode_fragments(header, fragments, form.quality, std::move(memory), parallel);
   answer.fragments = fragments.size();
   answer.render_ns = rendered - begin;

@@ -37,11 +37,4 @@ inline FragmentPlanes planes_of(const Fragment& fragment) {
                        fragment.lost.empty() ? nullptr : fragment.lost.data());
 }
 
-// One of an answer's.
-struct CameraFragment {
-  CameraIndex camera = Fragment::kSum;
-  FragmentPlanes planes;
-  bool plain = false;  // no contribution, but pixels of the camera's image as they are: planes.rect is in that
-};
-
 }  // namespace lf

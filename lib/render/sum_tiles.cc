@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "render/blend_grid.h"
+
 namespace lf {
 namespace {
 
@@ -30,11 +32,11 @@ class Strip {
 };
 
 // Which faces have one of the cameras at a corner.
-std::vector<bool> own_faces(const RenderJob& job) {
+std::vector<bool> own_faces(const ViewPlan& plan, std::span<const CameraIndex> cameras) {
   std::vector<bool> own;
-  for (const FacePlan& face : job.plan().faces())
+  for (const FacePlan& face : plan.faces())
     own.push_back(std::ranges::any_of(face.camera, [&](CameraIndex camera) {
-      return camera != MeshFace::kNone && std::ranges::binary_search(job.cameras(), camera);
+      return camera != MeshFace::kNone && std::ranges::binary_search(cameras, camera);
     }));
   return own;
 }
@@ -58,31 +60,32 @@ void add_faces(const OwnerRuns& runs, const std::vector<bool>& own, int y, Strip
 
 // The same of one that is blended otherwise: the grid's cells are as high as a strip.
 static_assert(BlendGrid::kStep == kTileRows);
-void add_cells(const RenderJob& job, int y, Strip& strip) {
-  const BlendGrid& grid = *job.plan().blend();
-  const Rect& region = job.runs().region();
+void add_cells(const BlendGrid& grid, std::span<const CameraIndex> cameras, const Rect& region, int y, Strip& strip) {
   for (int x = region.x0 / BlendGrid::kStep * BlendGrid::kStep; x < region.x1; x += BlendGrid::kStep) {
     BlendGrid::Cell cell;
-    const auto has = [&](CameraIndex camera) { return grid.find(camera, x / BlendGrid::kStep, y / BlendGrid::kStep, cell); };
-    if (std::ranges::any_of(job.cameras(), has))
+    const auto has = [&](CameraIndex camera) {
+      return grid.find(camera, x / BlendGrid::kStep, y / BlendGrid::kStep, cell);
+    };
+    if (std::ranges::any_of(cameras, has))
       strip.add(intersect({x, y, x + BlendGrid::kStep, y + BlendGrid::kStep}, region));
   }
 }
 
 }  // namespace
 
-std::vector<Rect> sum_tiles(const RenderJob& job, PixelFamily family, size_t spare_pixels) {
-  const View& view = job.plan().view();
-  const Rect& region = job.runs().region();
-  const std::vector<bool> own = own_faces(job);
+std::vector<Rect> sum_tiles(const ViewPlan& plan, const OwnerRuns& runs, std::span<const CameraIndex> cameras,
+                            PixelFamily family, size_t spare_pixels) {
+  const View& view = plan.view();
+  const Rect& region = runs.region();
+  const std::vector<bool> own = own_faces(plan, cameras);
   const int gap = std::clamp<int>(static_cast<int>(spare_pixels / kTileRows), kLeastGap, view.width);
   std::vector<Rect> tiles;
   for (int y = region.y0 / kTileRows * kTileRows; y < region.y1; y += kTileRows) {
     Strip strip(gap);
-    if (job.plan().blend())
-      add_cells(job, y, strip);
+    if (plan.blend())
+      add_cells(*plan.blend(), cameras, region, y, strip);
     else
-      add_faces(job.runs(), own, y, strip);
+      add_faces(runs, own, y, strip);
     const std::vector<Rect>& rects = strip.rects();
     for (size_t i = 0; i < rects.size(); i++) {
       const Rect rect = family == PixelFamily::kI420 ? chroma_aligned(rects[i], view) : rects[i];
@@ -102,6 +105,7 @@ std::vector<Rect> sum_tiles(const RenderJob& job, PixelFamily family, size_t spa
         tiles.push_back(rect);
     }
   }
+  std::ranges::stable_sort(tiles, {}, &Rect::y0);
   return tiles;
 }
 

@@ -17,7 +17,7 @@ void append_rows(std::vector<uint8_t>& out, const uint8_t* plane, ptrdiff_t stri
 
 Fragment to_fragment(const FragmentHeader& header, const FragmentPlanes& planes) {
   const int w = header.rect.width(), h = header.rect.height();
-  Fragment out{header.camera, header.family, header.rect, {}, {}};
+  Fragment out{header.family, header.rect, {}, {}};
   if (header.family == PixelFamily::kRgb) {
     append_rows(out.pixels, planes.plane[0], planes.stride[0], 3 * w, h);
   } else {
@@ -47,12 +47,12 @@ std::optional<Answer> decode_answer(std::span<const uint8_t> bytes, std::string*
   FragmentDecoder decoder;
   for (size_t i = 0; i < view->fragments.size(); i++) {
     const FragmentView& fragment = view->fragments[i];
-    if (fragment.plain) {
-      if (reason) *reason = "fragments[" + std::to_string(i) + "].flags: plain colour, no contribution to the view";
+    if (fragment.camera) {
+      if (reason) *reason = "fragments[" + std::to_string(i) + "].camera: pixels of one, no part of a sum";
       return std::nullopt;
     }
     if (fragment.codec == Codec::kRaw16) {
-      answer.fragments.push_back(rounded_fragment(fragment.camera, decoder.sums(fragment)));
+      answer.fragments.push_back(rounded_fragment(decoder.sums(fragment)));
       continue;
     }
     const std::optional<FragmentPlanes> planes = decoder.decode(fragment);

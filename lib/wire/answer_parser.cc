@@ -79,14 +79,15 @@ FragmentView read_fragment(const AnswerHeader& answer, Reader& table, Reader& pa
   const uint16_t flags = table.get<uint16_t>();
   const uint32_t length = table.get<uint32_t>();
 
-  fragment.camera = camera == kSumOnWire ? Fragment::kSum : camera;
+  if (camera != kSumOnWire) fragment.camera = camera;
   fragment.family = answer.family;
   fragment.rect = {x, y, x + w, y + h};
   fragment.has_lost = flags & kLostPlane;
-  fragment.plain = !(flags & kWeighted);
   check_fragment(answer, fragment);
   if (plane != 0) throw Error("plane: " + std::to_string(plane) + " is not supported");
   if (flags & ~(kWeighted | kLostPlane)) throw Error("flags: unknown bits");
+  if (fragment.camera.has_value() == static_cast<bool>(flags & kWeighted))
+    throw Error("flags: a sum is weighted, and pixels of a camera are not");
   if (fragment.codec != Codec::kJpeg && length != raw_size(fragment))
     throw Error("length: must be " + std::to_string(raw_size(fragment)) + " bytes, is " + std::to_string(length));
   if (length > payloads.left())

@@ -77,7 +77,7 @@ SumPlanes AnswerWriter::add_sums(const FragmentHeader& fragment) {
 
 void AnswerWriter::put_entry(const FragmentHeader& fragment, size_t length) {
   PlacedWriter out(bytes_.data() + table_ + fragments_ * kFragmentBytes);
-  out.put(fragment.camera == Fragment::kSum ? kSumOnWire : static_cast<uint16_t>(fragment.camera));
+  out.put(static_cast<uint16_t>(fragment.camera.value_or(kSumOnWire)));
   out.put(uint16_t{0});  // plane
   out.put(static_cast<uint16_t>(fragment.rect.x0));
   out.put(static_cast<uint16_t>(fragment.rect.y0));
@@ -85,7 +85,7 @@ void AnswerWriter::put_entry(const FragmentHeader& fragment, size_t length) {
   out.put(static_cast<uint16_t>(fragment.rect.height()));
   out.put(static_cast<uint8_t>(fragment.codec));
   out.put(fragment.quality);
-  out.put(static_cast<uint16_t>((fragment.plain ? 0 : kWeighted) | (fragment.has_lost ? kLostPlane : 0)));
+  out.put(static_cast<uint16_t>((fragment.camera ? 0 : kWeighted) | (fragment.has_lost ? kLostPlane : 0)));
   out.put(static_cast<uint32_t>(length));
   fragments_++;
 }

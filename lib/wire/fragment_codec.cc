@@ -13,18 +13,17 @@
 namespace lf::wire {
 namespace {
 
-FragmentHeader header_of(const CameraFragment& f, Codec codec, int quality) {
-  return {f.camera, f.planes.family, f.planes.rect, codec, static_cast<uint8_t>(quality), f.planes.lost != nullptr,
-          f.plain};
+FragmentHeader header_of(const AnswerFragment& f, Codec codec, int quality) {
+  return {f.camera, f.planes.family, f.planes.rect, codec, static_cast<uint8_t>(quality), f.planes.lost != nullptr};
 }
 
 // Fragments as planes, once they are known to fill their rectangles.
-std::vector<CameraFragment> checked_planes(const AnswerHeader& header, std::span<const Fragment> fragments) {
+std::vector<AnswerFragment> checked_planes(const AnswerHeader& header, std::span<const Fragment> fragments) {
   static_cast<void>(AnswerWriter(header, fragments.size()));  // its errors come first
-  std::vector<CameraFragment> all;
+  std::vector<AnswerFragment> all;
   for (size_t i = 0; i < fragments.size(); i++) {
     const Fragment& f = fragments[i];
-    all.push_back({f.camera, planes_of(f)});
+    all.push_back({{}, planes_of(f)});
     in_fragment(i, [&] {
       check_fragment(header, header_of(all.back(), Codec::kRaw, 0));
       if (f.pixels.size() != packed_size(f.family, f.rect.width(), f.rect.height()))
@@ -36,23 +35,23 @@ std::vector<CameraFragment> checked_planes(const AnswerHeader& header, std::span
 }
 
 // Whatever they are coded as.
-void check_fragments(const AnswerHeader& header, std::span<const CameraFragment> fragments) {
+void check_fragments(const AnswerHeader& header, std::span<const AnswerFragment> fragments) {
   for (size_t i = 0; i < fragments.size(); i++)
     in_fragment(i, [&] { check_fragment(header, header_of(fragments[i], Codec::kRaw, 0)); });
 }
 
-size_t raw_bytes(const CameraFragment& f) {
+size_t raw_bytes(const AnswerFragment& f) {
   const Rect& rect = f.planes.rect;
   return packed_size(f.planes.family, rect.width(), rect.height()) + (f.planes.lost ? area(rect) : 0);
 }
 
-void write_raw(AnswerWriter& writer, std::span<const CameraFragment> fragments) {
+void write_raw(AnswerWriter& writer, std::span<const AnswerFragment> fragments) {
   size_t total = 0;
-  for (const CameraFragment& f : fragments) total += raw_bytes(f);
+  for (const AnswerFragment& f : fragments) total += raw_bytes(f);
   if (total > kMaxAnswerBytes)
     throw Error("fragments: more than the " + std::to_string(kMaxAnswerBytes) + " bytes an answer may have");
   writer.reserve_payloads(total);
-  for (const CameraFragment& f : fragments) {
+  for (const AnswerFragment& f : fragments) {
     const FragmentPlanes& p = f.planes;
     const int w = p.rect.width(), h = p.rect.height();
     uint8_t* to = writer.add(header_of(f, Codec::kRaw, 0)).data();
@@ -82,7 +81,7 @@ ByteBuffer FragmentEncoder::encode(const AnswerHeader& header, std::span<const F
   return encode(header, checked_planes(header, fragments), quality, std::move(memory));
 }
 
-ByteBuffer FragmentEncoder::encode(const AnswerHeader& header, std::span<const CameraFragment> fragments, int quality,
+ByteBuffer FragmentEncoder::encode(const AnswerHeader& header, std::span<const AnswerFragment> fragments, int quality,
                                    ByteBuffer memory) {
   if (quality < 0 || quality > 100) throw Error("quality: must be 0 to 100, is " + std::to_string(quality));
   AnswerWriter writer(header, fragments.size(), std::move(memory));
@@ -91,13 +90,13 @@ ByteBuffer FragmentEncoder::encode(const AnswerHeader& header, std::span<const C
     write_raw(writer, fragments);
     return writer.finish();
   }
-  for (const CameraFragment& fragment : fragments)
+  for (const AnswerFragment& fragment : fragments)
     writer.add(header_of(fragment, Codec::kJpeg, quality),
                [&](ByteBuffer& out) { encode_payload(fragment.planes, quality, out); });
   return writer.finish();
 }
 
-ByteBuffer encode_fragments(const AnswerHeader& header, std::span<const CameraFragment> fragments, int quality,
+ByteBuffer encode_fragments(const AnswerHeader& header, std::span<const AnswerFragment> fragments, int quality,
                             ByteBuffer memory, const ParallelFor& parallel) {
   if (quality == 0 || fragments.size() < 2) {
     thread_local FragmentEncoder encoder;

@@ -21,13 +21,19 @@ namespace lf::wire {
 // Lost weight divides the picture: it is coded finer than the pixels (at most as coarse as this).
 inline constexpr int kLeastLostQuality = 90;
 
+// What an answer is to have, 8 bits a value.
+struct AnswerFragment {
+  std::optional<CameraIndex> camera;  // see FragmentHeader
+  FragmentPlanes planes;
+};
+
 class FragmentEncoder {
  public:
   // A whole answer of 8-bit fragments. `quality` 0: raw; 1 to 100: JPEG. `memory`: see AnswerWriter. Throws Error as
   // AnswerWriter does, and for planes that do not fill their rectangles.
   ByteBuffer encode(const AnswerHeader& header, std::span<const Fragment> fragments, int quality,
                     ByteBuffer memory = {});
-  ByteBuffer encode(const AnswerHeader& header, std::span<const CameraFragment> fragments, int quality,
+  ByteBuffer encode(const AnswerHeader& header, std::span<const AnswerFragment> fragments, int quality,
                     ByteBuffer memory = {});
 
   // Appends the JPEG payload of one fragment.
@@ -38,7 +44,7 @@ class FragmentEncoder {
 };
 
 // The same answer by several threads, each with an encoder of its own.
-ByteBuffer encode_fragments(const AnswerHeader& header, std::span<const CameraFragment> fragments, int quality,
+ByteBuffer encode_fragments(const AnswerHeader& header, std::span<const AnswerFragment> fragments, int quality,
                             ByteBuffer memory, const ParallelFor& parallel);
 
 class FragmentDecoder {

@@ -24,8 +24,7 @@ inline std::optional<Fragment> camera_part(const ViewPlan& plan, const OwnerRuns
   std::vector<uint16_t> lost(area);
   const bool any_lost =
       renderer.render_rows(rect.y0, rect.y1, packed_sums(family, rect, samples.data(), lost.data()));
-  return rounded_fragment(source.camera,
-                          packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(),
+  return rounded_fragment(packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(),
                                                                      any_lost ? lost.data() : nullptr));
 }
 

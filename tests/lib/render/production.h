@@ -5,7 +5,7 @@
 
 #include "composite/float_still.h"
 #include "image/image.h"
-#include "render/fragment_renderer.h"
+#include "render/fragment.h"
 #include "render/ownership.h"
 #include "render/view_plan.h"
 #include "rig/mesh.h"

@@ -9,6 +9,7 @@
 #include "lib/render/production.h"
 #include "lib/render/sum_arrays.h"
 #include "reference/generators.h"
+#include "render/render_job.h"
 #include "scene/scene.h"
 
 namespace lf {
@@ -16,6 +17,10 @@ namespace {
 
 using reference::Random;
 using test::jittered_array, test::view_into;
+
+std::vector<Rect> tiles_of(const RenderJob& job, PixelFamily family, size_t spare_pixels) {
+  return sum_tiles(job.plan(), job.runs(), job.cameras(), family, spare_pixels);
+}
 
 size_t area(const Rect& rect) { return static_cast<size_t>(rect.width()) * rect.height(); }
 
@@ -52,7 +57,7 @@ TEST(SumTiles, HoldEveryPixelOnce) {
     const std::vector<bool> wanted = weighted({rig, mesh, view}, own);
     size_t before = SIZE_MAX;
     for (const size_t spare : {size_t{0}, size_t{300}, size_t{5000}}) {
-      const std::vector<Rect> tiles = sum_tiles(job, PixelFamily::kI420, spare);
+      const std::vector<Rect> tiles = tiles_of(job, PixelFamily::kI420, spare);
       std::vector<int> there(wanted.size());
       for (const Rect& tile : tiles) {
         EXPECT_FALSE(tile.empty());
@@ -81,10 +86,10 @@ TEST(SumTiles, OneCameraSendsLessThanItsBounds) {
   const std::vector<CameraIndex> own{12};
   const RenderJob job(rig, build_mesh(rig), view, own);
   const Rect bounds = CameraCorners(job.plan(), 12).owned(job.runs(), job.plan().camera_rect(12));
-  const std::vector<Rect> tight = sum_tiles(job, PixelFamily::kRgb, 0);
+  const std::vector<Rect> tight = tiles_of(job, PixelFamily::kRgb, 0);
   EXPECT_GT(tight.size(), 3u);
   EXPECT_LT(total(tight), area(bounds) * 9 / 10);
-  EXPECT_EQ(sum_tiles(job, PixelFamily::kRgb, 1 << 20), std::vector{bounds});
+  EXPECT_EQ(tiles_of(job, PixelFamily::kRgb, 1 << 20), std::vector{bounds});
 }
 
 TEST(SumTiles, CamerasFarApartHaveTilesOfTheirOwn) {
@@ -92,9 +97,9 @@ TEST(SumTiles, CamerasFarApartHaveTilesOfTheirOwn) {
   const Rig rig = jittered_array(random, 5, 64, 48, -0.2);
   const View view = view_into(rig, 5, 320, 240, random.small_rotation(0));
   const RenderJob job(rig, build_mesh(rig), view, std::vector<CameraIndex>{5, 9});  // at both ends of a row
-  const std::vector<Rect> apart = sum_tiles(job, PixelFamily::kRgb, 1000);
+  const std::vector<Rect> apart = tiles_of(job, PixelFamily::kRgb, 1000);
   EXPECT_EQ(apart.size(), 2u);
-  EXPECT_EQ(sum_tiles(job, PixelFamily::kRgb, 1 << 20).size(), 1u);
+  EXPECT_EQ(tiles_of(job, PixelFamily::kRgb, 1 << 20).size(), 1u);
 }
 
 TEST(SumTiles, AllCamerasAreOneRectangle) {
@@ -107,7 +112,7 @@ TEST(SumTiles, AllCamerasAreOneRectangle) {
   view.focus.plane = plane_through({0, 0, kSceneMiddle}, {0, 0, 1});
   std::vector<CameraIndex> all(16);
   std::iota(all.begin(), all.end(), 0);
-  EXPECT_EQ(sum_tiles({rig, build_mesh(rig), view, all}, PixelFamily::kI420, 0), (std::vector<Rect>{{0, 0, 96, 64}}));
+  EXPECT_EQ(tiles_of({rig, build_mesh(rig), view, all}, PixelFamily::kI420, 0), (std::vector<Rect>{{0, 0, 96, 64}}));
 }
 
 TEST(SumTiles, NobodyHasNone) {
@@ -118,7 +123,7 @@ TEST(SumTiles, NobodyHasNone) {
   view.lens = Lens(LensModel::kPinhole, {100, 100, 47.5, 31.5});
   view.pose.position = {5, 0, -0.01};
   view.focus.plane = plane_through({0, 0, kSceneMiddle}, {0, 0, 1});
-  EXPECT_TRUE(sum_tiles({rig, build_mesh(rig), view, std::vector<CameraIndex>{0, 1}}, PixelFamily::kRgb, 0).empty());
+  EXPECT_TRUE(tiles_of({rig, build_mesh(rig), view, std::vector<CameraIndex>{0, 1}}, PixelFamily::kRgb, 0).empty());
 }
 
 }  // namespace
