@@ -10,6 +10,7 @@
 #include "gst/camera_files.h"
 #include "gst/gst_test.h"
 #include "gst/other_rig.h"
+#include "support/seeing.h"
 #include "wire/answer_codec.h"
 #include "wire/request_codec.h"
 
@@ -25,7 +26,6 @@ class LfCameraNodeTest : public testing::Test {
   GstElement* make(const std::function<void(GstElement*)>& set = [](GstElement*) {}) {
     node_.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfcameranode", nullptr))));
     g_object_set(node_.get(), "rig", array_.rig_path().c_str(), "node", 7u, "framerate", 10, 1, nullptr);
-    gst_util_set_object_arg(G_OBJECT(node_.get()), "sum", "camera");  // which cameras are in it
     set(node_.get());
     return node_.get();
   }
@@ -49,9 +49,7 @@ class LfCameraNodeTest : public testing::Test {
     return decoded.value_or(wire::Answer{});
   }
   static std::vector<CameraIndex> cameras_of(const wire::Answer& answer) {
-    std::vector<CameraIndex> cameras;
-    for (const Fragment& fragment : answer.fragments) cameras.push_back(fragment.camera);
-    return cameras;
+    return seeing(answer);
   }
 
   // Puts the node into a pipeline of its own and changes its state: "" or the text of the error it posted.
