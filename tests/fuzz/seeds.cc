@@ -98,6 +98,14 @@ int main(int argc, char** argv) {
   const lf::ByteBuffer coded = lf::wire::encode_moments({1, 2, 3, 4, {}}, moments);
   const Bytes moments_unit(coded.begin(), coded.end());
   write(folder / "moments", moments_unit);
+  for (lf::Moments& m : moments)
+    for (size_t i = 6; i < 15; i++) {
+      m.weight[i] = static_cast<uint16_t>(2000 * i);
+      m.luma[i] = lf::Moments::luma_of(m.weight[i], 77);
+      m.square[i] = lf::Moments::square_of(m.luma[i], 77);
+    }
+  const lf::ByteBuffer of_one = lf::wire::encode_moments({1, 2, 3, 4, {}}, moments, true);
+  write(folder / "moments", Bytes(of_one.begin(), of_one.end()));
   const lf::ByteBuffer gains = lf::wire::encode_moments({1, 2, 3, 4, lf::GainSum{9000, -77}}, {&moments[1], 1});
   write(folder / "moments", Bytes(gains.begin(), gains.end()));
   write(folder / "packetizer", join({{0, 0}, moments_unit}));
