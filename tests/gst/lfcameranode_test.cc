@@ -177,7 +177,7 @@ TEST_F(LfCameraNodeTest, AnswersAgainAfterEachRestart) {
   make();
   for (int i = 0; i < 10; ++i) {
     play();
-    ASSERT_EQ(ask(0).fragments.size(), 4u) << i;
+    ASSERT_EQ(seeing(ask(0)).size(), 4u) << i;
     harness_.reset();
     ASSERT_EQ(gst_element_set_state(node_.get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
   }
@@ -266,9 +266,9 @@ TEST_F(LfCameraNodeTest, ARigWithTheSameCamerasIsTakenWhileRunning) {
   play();
   const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_bus_new());
   gst_element_set_bus(node_.get(), bus.get());
-  EXPECT_EQ(ask(0).fragments.size(), 4u);
+  EXPECT_EQ(seeing(ask(0)).size(), 4u);
   g_object_set(node_.get(), "rig", calibrated.path().c_str(), nullptr);
-  EXPECT_EQ(ask(1, calibrated.hash()).fragments.size(), 4u);
+  EXPECT_EQ(seeing(ask(1, calibrated.hash())).size(), 4u);
   for (const OtherRig* other : {&moved, &smaller}) {
     g_object_set(node_.get(), "rig", other->path().c_str(), nullptr);
     GstMessage* message = gst_bus_pop_filtered(bus.get(), GST_MESSAGE_WARNING);
@@ -280,7 +280,7 @@ TEST_F(LfCameraNodeTest, ARigWithTheSameCamerasIsTakenWhileRunning) {
     g_autofree gchar* kept = nullptr;
     g_object_get(node_.get(), "rig", &kept, nullptr);
     EXPECT_EQ(kept, calibrated.path());
-    EXPECT_EQ(ask(2, calibrated.hash()).fragments.size(), 4u);
+    EXPECT_EQ(seeing(ask(2, calibrated.hash())).size(), 4u);
   }
 }
 

@@ -81,7 +81,7 @@ TEST_F(LfFragmentTest, AnswersWhatItsAccessIsFor) {
   EXPECT_EQ(pixels->fragments.size(), 4u);
   EXPECT_EQ(pixels->cameras.size(), 4u);
   EXPECT_TRUE(pixels->last_of_node);
-  EXPECT_TRUE(std::ranges::all_of(pixels->fragments, [](const auto& fragment) { return fragment.camera; }));
+  EXPECT_TRUE(std::ranges::all_of(pixels->fragments, [](const auto& fragment) { return fragment.camera.has_value(); }));
   EXPECT_EQ(stat(element_.get(), "bad-requests"), 0u);
 }
 

@@ -10,9 +10,10 @@
 
 namespace lf::test {
 
-// What a node with these cameras, all of which see `image`, answers in 8 bits.
-inline wire::Answer node_answer(const Rig& rig, const ViewRequest& request, const std::vector<CameraIndex>& cameras,
-                                const Image& image) {
+// The answer of a node with these cameras, all of which see `image`.
+inline ByteBuffer node_answer_bytes(const Rig& rig, const ViewRequest& request,
+                                    const std::vector<CameraIndex>& cameras, const Image& image,
+                                    const AnswerForm& form = {}) {
   const RenderJob job(rig, build_mesh(rig, request.out_of_service), request.view, cameras);
   wire::AnswerHeader header;
   header.view_id = request.view_id;
@@ -25,7 +26,13 @@ inline wire::Answer node_answer(const Rig& rig, const ViewRequest& request, cons
   header.cameras = CameraRanges(cameras);
   std::vector<Source> sources;
   for (const CameraIndex camera : job.cameras()) sources.push_back({camera, &rig.cameras[camera], image.view()});
-  return wire::decode_answer(render_answer(header, job, sources, {}).bytes).value();
+  return render_answer(header, job, sources, form).bytes;
+}
+
+// The same in 8 bits.
+inline wire::Answer node_answer(const Rig& rig, const ViewRequest& request, const std::vector<CameraIndex>& cameras,
+                                const Image& image) {
+  return wire::decode_answer(node_answer_bytes(rig, request, cameras, image)).value();
 }
 
 }  // namespace lf::test

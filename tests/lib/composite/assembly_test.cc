@@ -6,6 +6,7 @@
 #include "base/error.h"
 #include "scene/scene.h"
 #include "support/add_answer.h"
+#include "support/halves.h"
 #include "support/node_answer.h"
 #include "wire/answer_writer.h"
 #include "wire/fragment_codec.h"
@@ -321,24 +322,10 @@ TEST_F(AssemblyTest, JpegMakesNearlyTheSamePicture) {
   EXPECT_LE(high, 190);
 }
 
-// The upper half of a fragment and the lower one.
-std::vector<Fragment> halves_of(const Fragment& whole) {
-  std::vector<Fragment> halves;
-  const int width = whole.rect.width(), middle = (whole.rect.y0 + whole.rect.y1) / 2;
-  for (const auto& [y0, y1] : {std::pair{whole.rect.y0, middle}, {middle, whole.rect.y1}}) {
-    const auto first = static_cast<ptrdiff_t>(y0 - whole.rect.y0) * width, count = static_cast<ptrdiff_t>(y1 - y0) * width;
-    Fragment half{whole.family, {whole.rect.x0, y0, whole.rect.x1, y1}, {}, {}};
-    half.pixels.assign(whole.pixels.begin() + 3 * first, whole.pixels.begin() + 3 * (first + count));
-    if (!whole.lost.empty()) half.lost.assign(whole.lost.begin() + first, whole.lost.begin() + first + count);
-    halves.push_back(std::move(half));
-  }
-  return halves;
-}
-
 TEST_F(AssemblyTest, DamagedFragmentsAreMissingAndTheOthersAreUsed) {
   wire::Answer raw = answer(all_);
   ASSERT_EQ(raw.fragments.size(), 1u);
-  raw.fragments = halves_of(raw.fragments[0]);
+  raw.fragments = test::halves_of(raw.fragments[0]);
   ByteBuffer bytes = wire::FragmentEncoder().encode(raw, raw.fragments, 90);
   const wire::AnswerView view = wire::parse_answer(bytes).value();
   bytes[view.fragments[0].payload.data() - bytes.data() + 8] = 0xff;  // a marker: end of image
