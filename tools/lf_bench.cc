@@ -1,65 +1,246 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-bench: speed against error of every way to render a view, beside OpenCV.
+// lf-bench: what an array is worth on this machine, on a page: speed, bytes, error, quality.
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <limits>
+#include <memory>
+#include <numeric>
 #include <string>
 #include <vector>
 
 #include "base/error.h"
-#include "base/json_value.h"
-#include "bench/acceptance.h"
-#include "bench/access.h"
-#include "bench/budget.h"
-#include "bench/numerics.h"
-#include "bench/once.h"
-#include "bench/plan.h"
-#include "bench/plots.h"
+#include "base/now.h"
+#include "composite/assembly.h"
+#include "composite/still.h"
+#include "focus/focus_still.h"
+#include "image/image.h"
+#include "node/answer_task.h"
 #include "progress.h"
+#include "quality/quality.h"
+#include "render/focus_range.h"
+#include "rig/rig_json.h"
+#include "rig/still_images.h"
 #include "run_tool.h"
+#include "scene/scene.h"
+#include "view/navigator.h"
+#include "wire/answer_parser.h"
 
 namespace {
 
 struct Options {
-  lf::bench::PlanOptions plan;
-  std::vector<std::string> sizes;
-  std::string json, plots;
-  std::string method, size = "320x240";
-  int cameras = 16, times = 1;
+  std::string rig, size;
+  double distance = 0;  // metres, of the plane in focus
+  int held_out = 4, quality = 90;
+  double seconds = 1;  // for each timing
 };
 
-std::pair<int, int> size_of(const std::string& option, const std::string& text) {
-  int width, height, end = 0;
-  if (std::sscanf(text.c_str(), "%dx%d%n", &width, &height, &end) != 2 || text[end] != 0 || width < 16 || height < 16 ||
-      width > lf::kMaxImageSize || height > lf::kMaxImageSize)
-    throw lf::Error(option + " " + text + ": must be WIDTHxHEIGHT, 16 to 16384 pixels each");
-  return {width, height};
-}
+// A rig, and what each of its cameras sees at one instant.
+struct Array {
+  std::shared_ptr<const lf::Rig> rig;
+  lf::Mesh mesh;
+  std::vector<lf::CameraIndex> cameras;  // all of them
+  std::vector<lf::Image> rgb, i420;
+  double distance = 1;
 
-std::vector<std::pair<int, int>> sizes_of(const Options& options) {
-  std::vector<std::pair<int, int>> sizes;
-  for (const std::string& size : options.sizes) sizes.push_back(size_of("--sizes", size));
-  return sizes.empty() ? options.plan.sizes : sizes;
-}
+  const lf::CameraImages images = [this](lf::CameraIndex camera) -> const lf::Image& { return rgb[camera]; };
+};
 
-void run(Options options) {
-  options.plan.sizes = sizes_of(options);
-  if (!options.plots.empty()) lf::bench::require_gnuplot();
-  const std::vector<lf::bench::Configuration> plan = lf::bench::make_plan(options.plan);
-  std::vector<lf::bench::Row> rows;
-  Progress progress("measuring", plan.size());
-  for (const lf::bench::Configuration& configuration : plan) {
-    const lf::bench::Scene scene(configuration.scene);
-    const std::vector<lf::bench::Row> some =
-        measure(scene, lf::bench::methods(configuration.methods), configuration.timing);
-    progress.finish();
-    print_table(some);
-    rows.insert(rows.end(), some.begin(), some.end());
-    progress.step();
+std::unique_ptr<Array> load(const Options& options) {
+  auto array = std::make_unique<Array>();
+  array->rig = std::make_shared<const lf::Rig>(options.rig.empty() ? lf::scene_rig() : lf::load_rig(options.rig));
+  const lf::Rig& rig = *array->rig;
+  array->mesh = lf::build_mesh(rig);
+  array->cameras.resize(rig.cameras.size());
+  std::iota(array->cameras.begin(), array->cameras.end(), 0);
+  lf::StillImages stills(rig);
+  Progress progress(options.rig.empty() ? "filming the built-in scene" : "reading images", rig.cameras.size());
+  for (lf::CameraIndex i = 0; i < rig.cameras.size(); i++, progress.step()) {
+    const lf::Camera& camera = rig.cameras[i];
+    array->rgb.push_back(options.rig.empty()
+                             ? lf::render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0)
+                             : stills.get(i));
+    array->i420.push_back(lf::to_i420(array->rgb.back()));
   }
-  progress.finish();
-  print_pareto(rows);
-  if (options.plan.full || options.plan.acceptance) print_acceptance(rows);
-  if (!options.json.empty()) lf::write_text_file(to_json(rows), options.json);
-  if (!options.plots.empty()) lf::bench::write_plots(rows, options.plots);
+  const std::optional<lf::FocusRange> range = lf::estimate_focus_range(rig, array->images);
+  array->distance = options.distance > 0 ? options.distance : range ? std::sqrt(range->near * range->far) : 1;
+  return array;
+}
+
+lf::View view_of(const Array& array, const Options& options) {
+  const lf::Camera& camera = array.rig->cameras[array.rig->cameras.size() / 2];
+  int width = camera.width, height = camera.height, end = 0;
+  if (!options.size.empty() &&
+      (std::sscanf(options.size.c_str(), "%dx%d%n", &width, &height, &end) != 2 || options.size[end] != 0))
+    throw lf::Error("--size " + options.size + ": must be WIDTHxHEIGHT");
+  lf::View view = lf::make_view(lf::default_viewpoint(*array.rig, array.distance), width, height);
+  lf::validate(view);
+  return view;
+}
+
+// One view over and over, from camera images in memory to the finished picture: a node of all cameras and a compositor,
+// in one thread.
+class Link {
+ public:
+  // `jpeg`: over a link, of the quality asked for; else 16-bit sums within a process.
+  Link(const Array& array, const lf::View& view, bool jpeg, int quality) : array_(array) {
+    manner_.in_process = !jpeg;
+    request_.view = view;
+    request_.rig_hash = array.rig->hash();
+    request_.quality = quality;
+    assembly_.set_rig(array.rig);
+  }
+
+  void render() {
+    const auto task = lf::make_task(*array_.rig, array_.mesh, request_, array_.cameras);
+    std::vector<lf::Source> sources;
+    for (const lf::CameraIndex i : task->cameras())
+      sources.push_back({i, &array_.rig->cameras[i], array_.i420[i].view()});
+    lf::wire::AnswerHeader header;
+    header.view_width = request_.view.width;
+    header.view_height = request_.view.height;
+    header.family = lf::PixelFamily::kI420;
+    header.rig_hash = request_.rig_hash;
+    header.cameras = lf::CameraRanges(array_.cameras);
+    bytes_ = task->render(header, sources, manner_, std::move(bytes_)).bytes;
+    const auto answer = lf::wire::parse_answer(bytes_);
+    assembly_.begin(request_);
+    if (!answer || assembly_.add(*answer) != lf::Assembly::Verdict::kAdded) throw lf::Error("an answer was not sound");
+    assembly_.finish(lf::PixelFamily::kI420, false);
+    picture_ = assembly_.picture().resolve();
+  }
+  // The shortest time of many, milliseconds.
+  double time(double seconds) {
+    double least = std::numeric_limits<double>::infinity();
+    for (const uint64_t begun = lf::now_ns(); static_cast<double>(lf::now_ns() - begun) < 1e9 * seconds;) {
+      const uint64_t start = lf::now_ns();
+      render();
+      least = std::min(least, static_cast<double>(lf::now_ns() - start) / 1e6);
+    }
+    return least;
+  }
+  size_t bytes() const { return bytes_.size(); }
+  const lf::Image& picture() const { return picture_; }
+
+ private:
+  const Array& array_;
+  lf::AnswerTask::Manner manner_;
+  lf::ViewRequest request_;
+  lf::ByteBuffer bytes_;
+  lf::Assembly assembly_;
+  lf::Image picture_;
+};
+
+// The view in 16 bits with seven of fraction, every position in a camera's image projected by itself: within 0.1 of 255
+// of exact arithmetic (docs/error-budget.md). Empty where weight is lost.
+std::vector<double> exact_luma(const Array& array, const lf::View& view) {
+  const lf::RenderJob job(*array.rig, array.mesh, view, array.cameras);
+  std::vector<lf::Source> sources;
+  for (const lf::CameraIndex i : job.cameras()) sources.push_back({i, &array.rig->cameras[i], array.i420[i].view()});
+  const lf::SumRenderer renderer(job.plan(), job.runs(), sources, lf::PixelFamily::kI420, lf::Coordinates::kExact);
+  const lf::Rect rect = renderer.rect();
+  const size_t area = static_cast<size_t>(rect.width()) * rect.height();
+  std::vector<int16_t> samples(3 * area);
+  std::vector<uint16_t> lost(area);
+  const bool any_lost = renderer.render_rows(
+      rect.y0, rect.y1, lf::packed_sums(lf::PixelFamily::kI420, rect, samples.data(), lost.data()));
+  std::vector<double> luma(static_cast<size_t>(view.width) * view.height, NAN);
+  for (int y = rect.y0; y < rect.y1; y++)
+    for (int x = rect.x0; x < rect.x1; x++) {
+      const size_t i = static_cast<size_t>(y - rect.y0) * rect.width() + x - rect.x0;
+      if (!any_lost || lost[i] == 0)
+        luma[static_cast<size_t>(y) * view.width + x] = samples[i] / static_cast<double>(1 << lf::kSumFractionBits);
+    }
+  return luma;
+}
+
+struct Error {
+  double max = 0, psnr_db = 0;
+};
+Error error_of(const lf::Image& picture, const std::vector<double>& exact) {
+  double max = 0, squares = 0;
+  size_t counted = 0;
+  for (size_t i = 0; i < exact.size(); i++) {
+    if (std::isnan(exact[i])) continue;
+    const double error = std::abs(picture.data()[i] - exact[i]);
+    max = std::max(max, error);
+    squares += error * error;
+    counted++;
+  }
+  return {max, 10 * std::log10(255 * 255 * static_cast<double>(counted) / squares)};
+}
+
+void print_speed(const Array& array, const Options& options) {
+  const lf::View plane = view_of(array, options);
+  const lf::View surface =
+      lf::focus_still(*array.rig, array.mesh, plane, array.images, {.mode = lf::FocusMode::kSurface});
+  std::printf("%zu cameras, views of %dx%d, one thread (%s), from camera images in memory to the picture\n\n",
+              array.cameras.size(), plane.width, plane.height, lf::simd_target_name());
+  std::printf("%-34s %8s %8s %10s %10s %9s\n", "", "ms", "views/s", "bytes", "max error", "PSNR, dB");
+  for (const bool jpeg : {false, true})
+    for (const bool through_surface : {false, true}) {
+      const lf::View& view = through_surface ? surface : plane;
+      Link link(array, view, jpeg, options.quality);
+      const double ms = link.time(options.seconds);
+      const Error error = error_of(link.picture(), exact_luma(array, view));
+      const std::string name = (jpeg ? "JPEG " + std::to_string(options.quality) : "16-bit sums") +
+                               (through_surface ? ", focal surface" : ", one focal plane");
+      std::printf("%-34s %8.2f %8.0f %10zu %10.2f %9.2f\n", name.c_str(), ms, 1000 / ms, link.bytes(), error.max,
+                  error.psnr_db);
+    }
+  std::printf("error: luma, of 255, against unrounded sums at exact positions\n");
+}
+
+// The cameras to leave out: of the inner half of the array, which others surround, spread out.
+std::vector<lf::CameraIndex> held_out(const lf::Rig& rig, int count) {
+  const lf::Vec3 middle = lf::default_viewpoint(rig).pose.position;
+  std::vector<lf::CameraIndex> cameras(rig.cameras.size());
+  std::iota(cameras.begin(), cameras.end(), 0);
+  std::ranges::stable_sort(cameras, {},
+                           [&](lf::CameraIndex i) { return glm::distance(rig.cameras[i].pose.position, middle); });
+  cameras.resize((cameras.size() + 1) / 2);
+  std::vector<lf::CameraIndex> some;
+  const size_t n = std::min(cameras.size(), static_cast<size_t>(count));
+  for (size_t k = 0; k < n; k++) some.push_back(cameras[k * cameras.size() / n]);
+  return some;
+}
+
+void print_quality(const Array& array, const Options& options) {
+  const lf::Rig& rig = *array.rig;
+  std::printf(
+      "\ncameras left out and made from the others: PSNR in dB, SSIM; a plane %.3g m away, a focal surface\n\n"
+      "%-18s %15s %17s %9s\n",
+      array.distance, "", "plane", "surface", "covered");
+  lf::Quality mean[2];
+  int judged = 0;
+  for (const lf::CameraIndex camera : held_out(rig, options.held_out)) {
+    const lf::Camera& at = rig.cameras[camera];
+    const lf::Mesh mesh = lf::build_mesh(rig, {camera});
+    lf::View view{.width = at.width, .height = at.height, .lens = at.lens, .pose = at.pose, .focus = {}};
+    view.focus.plane = lf::focal_plane_at(view.pose, array.distance);
+    const lf::View surface = lf::focus_still(rig, mesh, view, array.images, {.mode = lf::FocusMode::kSurface});
+    lf::Quality quality[2];
+    for (const bool through_surface : {false, true}) {
+      const lf::Still still =
+          lf::render_still(rig, mesh, through_surface ? surface : view, array.images, lf::Resampling::kSharpened);
+      quality[through_surface] = lf::compare(still.picture, array.rgb[camera], still.coverage);
+    }
+    const std::string name = at.name.empty() ? "camera " + std::to_string(at.id) : at.name;
+    if (std::isnan(quality[0].psnr_db) || std::isnan(quality[1].psnr_db)) {
+      std::printf("%-18s nobody else sees what it does\n", name.c_str());
+      continue;
+    }
+    std::printf("%-18s %8.2f %6.4f %10.2f %6.4f %9.2f\n", name.c_str(), quality[0].psnr_db, quality[0].ssim,
+                quality[1].psnr_db, quality[1].ssim, quality[1].coverage);
+    for (int i = 0; i < 2; i++) {
+      mean[i].psnr_db += quality[i].psnr_db;
+      mean[i].ssim += quality[i].ssim;
+    }
+    judged++;
+  }
+  if (judged > 0)
+    std::printf("%-18s %8.2f %6.4f %10.2f %6.4f\n", "mean", mean[0].psnr_db / judged, mean[0].ssim / judged,
+                mean[1].psnr_db / judged, mean[1].ssim / judged);
 }
 
 }  // namespace
@@ -67,47 +248,21 @@ void run(Options options) {
 int main(int argc, char** argv) {
   Options o;
   CLI::App app(
-      "Measures every way to render views of an array: time, bytes and error, beside OpenCV. Without options: 64 "
-      "cameras, one thread, four sizes, within 5 minutes.",
+      "What an array is worth on this machine, on a page: speed, bytes and error of its views, and how well its "
+      "cameras "
+      "are made from the others. Without --rig: of 64 cameras before the built-in scene.",
       "lf-bench");
-  app.add_flag("--full", o.plan.full, "everything: 4 to 1024 cameras, qualities, threads, pixel families, views");
-  app.add_flag("--acceptance", o.plan.acceptance, "what is promised, beside the goals");
-  app.add_option("--sizes", o.sizes, "of views and cameras: 640x480,1920x1080")->delimiter(',')->type_name("WxH,...");
-  app.add_option("--cameras", o.plan.cameras, "64 without this")->delimiter(',')->check(CLI::Range(4, 4096));
-  app.add_option("--threads", o.plan.threads)->delimiter(',')->check(CLI::Range(1, 256));
-  app.add_option("--qualities", o.plan.qualities, "of JPEG")->delimiter(',')->check(CLI::Range(1, 100));
-  app.add_option("--repeats", o.plan.repeats, "turns of each method, in place of a few seconds each situation")
-      ->check(CLI::Range(1, 1000000));
-  app.add_option("--json", o.json, "write the rows to this file")->type_name("FILE");
-  app.add_option("--plots", o.plots, "draw them into this folder (needs gnuplot)")->type_name("DIR");
-  app.require_subcommand(0, 1);
-  const CLI::App* numerics =
-      app.add_subcommand("numerics", "errors of every renderer in the hard cases, against 80-bit reals");
-  const CLI::App* budget = app.add_subcommand("budget", "what each step of rendering adds to the error");
-  const CLI::App* access =
-      app.add_subcommand("access", "cameras that find out, that are told how to warp, that give pixels: bytes and time");
-  CLI::App* once = app.add_subcommand("once", "renders one view once: what tests/bench/instructions.sh counts");
-  once->add_option("METHOD", o.method, "as in the table: \"scalar i420\"")->required();
-  once->add_option("--size", o.size, "of the view")->capture_default_str()->type_name("WxH");
-  once->add_option("--cameras", o.cameras)->capture_default_str()->check(CLI::Range(4, 4096));
-  once->add_option("--times", o.times, "not once: for profilers that take samples")
+  app.add_option("--rig", o.rig, "Rig file whose cameras name stills (lf-rig), taken at one instant");
+  app.add_option("--size", o.size, "Of the views (default: a camera's)")->type_name("WxH");
+  app.add_option("--focus-distance", o.distance, "Metres (default: estimated)")->check(CLI::PositiveNumber);
+  app.add_option("--held-out", o.held_out, "How many cameras to make from the others")
       ->capture_default_str()
-      ->check(CLI::Range(1, 1000000));
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--quality", o.quality, "Of JPEG")->capture_default_str()->check(CLI::Range(1, 100));
+  app.add_option("--seconds", o.seconds, "For each timing")->capture_default_str()->check(CLI::PositiveNumber);
   return run_tool(app, argc, argv, [&] {
-    const auto require = [](bool within) {
-      if (!within) throw lf::Error("an error is beyond its bound");
-    };
-    if (*numerics) {
-      require(lf::bench::print_numerics());
-    } else if (*budget) {
-      require(lf::bench::print_budget());
-    } else if (*access) {
-      lf::bench::print_access(sizes_of(o), o.plan.cameras.empty() ? 64 : o.plan.cameras.front(), o.plan.repeats);
-    } else if (*once) {
-      const auto [width, height] = size_of("--size", o.size);
-      lf::bench::run_once(o.method, {o.cameras, width, height}, o.times);
-    } else {
-      run(o);
-    }
+    const std::unique_ptr<Array> array = load(o);
+    print_speed(*array, o);
+    if (o.held_out > 0) print_quality(*array, o);
   });
 }

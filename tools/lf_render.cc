@@ -5,7 +5,9 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <iterator>
 #include <limits>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,11 +16,14 @@
 
 #include "base/error.h"
 #include "base/json_value.h"
+#include "base/number_text.h"
 #include "composite/still.h"
 #include "focus/focus_still.h"
 #include "image/image_io.h"
 #include "progress.h"
-#include "quality/outliers.h"
+#include "quality/camera_monitor.h"
+#include "quality/camera_probe.h"
+#include "quality/prediction.h"
 #include "quality/quality.h"
 #include "render/focus_range.h"
 #include "rig/rig_json.h"
@@ -146,6 +151,7 @@ void write_json(const std::vector<Row>& rows, const std::string& path) {
 // One view, and what it came to.
 struct Rendered {
   Row row;
+  lf::View focused;
   lf::Image rgb;
   std::vector<float> coverage;
 };
@@ -153,9 +159,8 @@ struct Rendered {
 lf::Quality quality_against(const Rendered& out, const std::string& truth_file) {
   const lf::Image truth = lf::load_image(truth_file);
   if (truth.width() != out.rgb.width() || truth.height() != out.rgb.height())
-    throw lf::Error(truth_file + ": has " + std::to_string(truth.width()) + "x" + std::to_string(truth.height()) +
-                    " pixels, the view has " + std::to_string(out.rgb.width()) + "x" +
-                    std::to_string(out.rgb.height()));
+    throw lf::Error(truth_file + ": has " + lf::size_text(truth.width(), truth.height()) + " pixels, the view has " +
+                    lf::size_text(out.rgb.width(), out.rgb.height()));
   return lf::compare(out.rgb, truth, out.coverage);
 }
 
@@ -165,14 +170,21 @@ class Renderer {
   Renderer(const lf::Rig& rig, const Options& options)
       : rig_(rig), options_(options), images_(rig, options.i420 ? lf::PixelFamily::kI420 : lf::PixelFamily::kRgb) {}
 
+  lf::View focused(const lf::Mesh& mesh, const lf::View& view) {
+    return options_.focus == "plane" ? view : lf::focus_still(rig_, mesh, view, image_of_, options_.surface);
+  }
+  // Focused, too.
   Rendered render(const std::string& name, const lf::Mesh& mesh, const lf::View& view) {
     reading_ = 0;
     const Clock::time_point start = Clock::now();
-    const lf::View focused =
-        options_.focus == "plane" ? view : lf::focus_still(rig_, mesh, view, image_of_, options_.surface);
-    lf::Still still = lf::render_still(rig_, mesh, focused, image_of_, options_.sampled());
-    Rendered out{.row{name}, .rgb = in_rgb(std::move(still.picture)), .coverage = std::move(still.coverage)};
+    Rendered out = still(name, mesh, focused(mesh, view));
     out.row.ms = ms_since(start) - reading_;  // reading images is no part of rendering a view
+    return out;
+  }
+  Rendered still(const std::string& name, const lf::Mesh& mesh, const lf::View& focused) {
+    lf::Still still = lf::render_still(rig_, mesh, focused, image_of_, options_.sampled());
+    Rendered out{
+        .row{name}, .focused = focused, .rgb = in_rgb(std::move(still.picture)), .coverage = std::move(still.coverage)};
     out.row.coverage = covered_fraction(out.coverage);
     out.row.cameras = static_cast<double>(still.cameras.size());
     return out;
@@ -203,7 +215,7 @@ class Renderer {
   const lf::CameraImages image_of_ = [this](lf::CameraIndex camera) -> const lf::Image& { return read(camera); };
 };
 
-// Predicts cameras from the others.
+// Each camera left out and predicted from the others, as CameraMonitor has it of an array that runs.
 class Predictor {
  public:
   Predictor(const lf::Rig& rig, const Options& options)
@@ -214,29 +226,62 @@ class Predictor {
   }
   bool is_in_service(lf::CameraIndex camera) const { return !std::ranges::binary_search(out_, camera); }
 
-  // Camera `camera` without itself and `others` (ascending). `picture` may be null.
-  Row predict(lf::CameraIndex camera, const std::vector<size_t>& others, lf::Image* picture) {
-    const lf::Camera& at = rig_.cameras[camera];
-    lf::CameraSet without = out_;
-    without.insert(without.end(), others.begin(), others.end());
-    without.push_back(camera);
-    std::ranges::sort(without);
-    lf::View view{.width = at.width, .height = at.height, .lens = at.lens, .pose = at.pose, .focus = {}};
-    view.focus.plane = lf::focal_plane_at(view.pose, distance_);
-    view.blending = options_.blending();
-    Rendered out = renderer_.render(at.name.empty() ? "camera " + std::to_string(at.id) : at.name,
-                                    lf::build_mesh(rig_, without), view);
+  // The whole of what a camera sees, by the others.
+  Rendered predict(lf::CameraIndex camera) {
+    Rendered out = renderer_.render(name_of(camera), lf::build_mesh(rig_, with(out_, camera)), view_of(camera));
     out.row.quality = lf::compare(out.rgb, renderer_.rgb_of(camera), out.coverage);
-    if (picture) *picture = std::move(out.rgb);
-    return out.row;
+    focused_.insert_or_assign(camera, out.focused);
+    return out;
+  }
+
+  // After all cameras in service were predicted: which of them stand out, and by what.
+  lf::CameraMonitor watch() {
+    lf::CameraMonitor monitor(rig_);
+    const size_t most = kMostTurns * rig_.cameras.size();
+    for (auto camera = monitor.next(out_); camera && monitor.turns() < most; camera = monitor.next(out_)) {
+      lf::CameraSet without;
+      std::ranges::set_union(out_, monitor.suspected(), std::back_inserter(without));
+      // A camera that is off spoils what others are focused on, too.
+      const lf::View focused = monitor.suspects().empty()
+                                   ? focused_.at(*camera)
+                                   : renderer_.focused(lf::build_mesh(rig_, with(without, *camera)), view_of(*camera));
+      const lf::CameraProbe probe = lf::make_probe(rig_, *camera, focused, without);
+      monitor.take(*camera, lf::compare_prediction(picture(probe.predicted), picture(probe.seen)));
+      if (monitor.settled()) break;
+    }
+    return monitor;
+  }
+  std::string name_of(lf::CameraIndex camera) const {
+    const lf::Camera& at = rig_.cameras[camera];
+    return at.name.empty() ? "camera " + std::to_string(at.id) : at.name;
   }
 
  private:
+  static constexpr size_t kMostTurns = 10;  // of each camera
+
+  static lf::CameraSet with(lf::CameraSet cameras, lf::CameraIndex camera) {
+    const auto place = std::ranges::lower_bound(cameras, camera);
+    if (place == cameras.end() || *place != camera) cameras.insert(place, camera);
+    return cameras;
+  }
+  lf::View view_of(lf::CameraIndex camera) const {
+    const lf::Camera& at = rig_.cameras[camera];
+    lf::View view{.width = at.width, .height = at.height, .lens = at.lens, .pose = at.pose, .focus = {}};
+    view.focus.plane = lf::focal_plane_at(view.pose, distance_);
+    view.blending = options_.blending();
+    return view;
+  }
+  lf::CoveredPicture picture(const lf::ViewRequest& request) {
+    Rendered out = renderer_.still("", lf::build_mesh(rig_, request.out_of_service), lf::shown_view(request));
+    return {std::move(out.rgb), std::move(out.coverage)};
+  }
+
   const lf::Rig& rig_;
   const Options& options_;
   Renderer renderer_;
   const lf::CameraSet out_;
   double distance_;
+  std::map<lf::CameraIndex, lf::View> focused_;
 };
 
 // What the others predict badly has something wrong with its calibration, colour or focus, or sees what no other does.
@@ -244,25 +289,22 @@ void leave_one_out(const lf::Rig& rig, const Options& options) {
   Predictor predictor(rig, options);
   Progress progress("leaving out", rig.cameras.size());
   std::vector<Row> rows;
-  std::vector<lf::CameraIndex> cameras;
-  std::vector<double> psnr;
   for (lf::CameraIndex i = 0; i < rig.cameras.size(); i++, progress.step()) {
     if (!predictor.is_in_service(i)) continue;
-    lf::Image picture;
-    rows.push_back(predictor.predict(i, {}, &picture));
-    if (rows.back().coverage > 0) lf::save_image(picture, options.out + "/" + rows.back().name + ".png");
-    cameras.push_back(i);
-    psnr.push_back(rows.back().quality->psnr_db);
+    const Rendered out = predictor.predict(i);
+    if (out.row.coverage > 0) lf::save_image(out.rgb, options.out + "/" + out.row.name + ".png");
+    rows.push_back(out.row);
   }
   progress.finish();
   print_table(rows);
-  const auto predict = [&](size_t camera, std::vector<size_t> without) {
-    for (size_t& other : without) other = cameras[other];
-    return predictor.predict(cameras[camera], without, nullptr).quality->psnr_db;
-  };
-  for (const size_t i : lf::find_suspects(psnr, predict))
-    std::printf("%s: %.1f dB is unusually low: look at its calibration, colour and focus.\n", rows[i].name.c_str(),
-                psnr[i]);
+  const lf::CameraMonitor monitor = predictor.watch();
+  for (const auto& [camera, fault] : monitor.suspects()) {
+    using Fault = lf::CameraMonitor::Fault;
+    std::printf("%s stands out (%.1f dB): it %s\n", predictor.name_of(camera).c_str(), monitor.error(camera).psnr_db,
+                fault == Fault::kColour      ? "is brighter or darker than the others"
+                : fault == Fault::kDirection ? "looks elsewhere than the rig says"
+                                             : "is out of focus, dirty or covered, or sees what no other does");
+  }
   if (!options.json.empty()) write_json(rows, options.json);
 }
 

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "base/now.h"
+#include "base/number_text.h"
 #include "common/common.h"
 #include "common/gst_wire.h"
 #include "jpeg/jpeg_frame.h"
@@ -18,8 +19,6 @@ GstCaps* capture_time_reference() {
   static GstStaticCaps caps = GST_STATIC_CAPS(LF_CAPTURE_TIME_CAPS);
   return gst_static_caps_get(&caps);
 }
-
-std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
 // The buffer goes no further, and upstream is told why.
 GstPadProbeReturn refuse(GstPadProbeInfo* info, GstFlowReturn reason) {

@@ -12,4 +12,7 @@ inline std::string number_text(double value) {
   return {text, std::to_chars(text, text + sizeof(text), value).ptr};
 }
 
+// "640x480".
+inline std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
 }  // namespace lf

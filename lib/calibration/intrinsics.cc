@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "base/error.h"
+#include "base/median.h"
 
 namespace lf {
 namespace {
@@ -19,12 +20,6 @@ constexpr double kGain = 0.995;  // of the held-out error that a larger model ha
 // Above these standard deviations a lens is not calibrated, however small the residuals are.
 constexpr double kMaxFocalDeviation = 0.01;   // of the focal length
 constexpr double kMaxCentreDeviation = 0.01;  // of the image's width
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Every view is seen by a fit to views without it.
 double cross_validate(const std::vector<BoardView>& views, const Checkerboard& board, int width, int height,

@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "base/median.h"
 #include "calibration/robust_scale.h"
 
 namespace lf {
@@ -26,16 +27,9 @@ struct Figures {
     for (const double l : lengths) sum += l * l;
     return lengths.empty() ? 0 : std::sqrt(sum / static_cast<double>(lengths.size()));
   }
-  double median() const {
-    if (lengths.empty()) return 0;
-    std::vector<double> sorted = lengths;
-    const auto middle = sorted.begin() + static_cast<ptrdiff_t>(sorted.size() / 2);
-    std::nth_element(sorted.begin(), middle, sorted.end());
-    return *middle;
-  }
   void put(ordered_json& value) const {
     value["mean_px"] = mean();
-    value["median_px"] = median();
+    value["median_px"] = lengths.empty() ? 0 : median(lengths);
     value["rms_px"] = rms();
   }
 };

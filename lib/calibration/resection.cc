@@ -3,6 +3,7 @@
 
 #include <opencv2/calib3d.hpp>
 
+#include "base/median.h"
 #include "calibration/initial_layout.h"
 #include "calibration/triangulation.h"
 
@@ -12,12 +13,6 @@ namespace {
 constexpr int kLeastPoints = 6;
 constexpr int kSamples = 500;
 constexpr double kLeastFit = 0.4;
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 struct Middle {
   Vec3 centre;

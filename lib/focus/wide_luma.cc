@@ -12,7 +12,7 @@
 #include "focus/trial_nodes.h"
 #include "focus/trial_samples.h"
 #include "image/gain.h"
-#include "render/contribution.h"
+#include "render/sampler.h"
 
 namespace lf {
 namespace {

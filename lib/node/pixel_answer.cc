@@ -2,8 +2,8 @@
 #include "node/pixel_answer.h"
 
 #include "base/now.h"
-#include "render/contribution.h"
 #include "render/fragment_planes.h"
+#include "render/sampler.h"
 #include "wire/fragment_codec.h"
 #include "wire/strips.h"
 

@@ -61,6 +61,10 @@ std::optional<CameraIndex> CameraMonitor::next(const CameraSet& out_of_service) 
   return std::nullopt;
 }
 
+bool CameraMonitor::settled() const {
+  return again_.empty() && std::ranges::all_of(cameras_, [](const Watched& c) { return c.out || c.taken > 0; });
+}
+
 void CameraMonitor::look_again(CameraIndex camera) {
   if (std::ranges::find(again_, camera) == again_.end()) again_.push_back(camera);
 }
@@ -70,7 +74,7 @@ CameraMonitor::Figures CameraMonitor::figures_of(const PredictionError& error) {
 }
 
 std::optional<CameraMonitor::Usual> CameraMonitor::usual() const {
-  constexpr Figures kLeast{kLowDb, kGain, kShift, kShift};
+  constexpr Figures kLeast{kDb, kGain, kShift, kShift};
   std::array<std::vector<double>, kFigures> known;
   for (CameraIndex i = 0; i < cameras_.size(); i++) {
     const Watched& camera = cameras_[i];
@@ -85,7 +89,7 @@ std::optional<CameraMonitor::Usual> CameraMonitor::usual() const {
   for (size_t k = 0; k < kFigures; k++) {
     usual.middle[k] = median(known[k]);
     for (double& v : known[k]) v = std::abs(v - usual.middle[k]);
-    usual.most[k] = std::max(kLeast[k], kLowDeviations * kSigmaPerMad * median(known[k]));
+    usual.most[k] = std::max(kLeast[k], kDeviations * kSigmaPerMad * median(known[k]));
   }
   return usual;
 }
@@ -161,7 +165,7 @@ void CameraMonitor::judge_others(const Usual& usual) {
 void CameraMonitor::accuse(const Suspect& suspect) {
   suspects_.insert(std::ranges::upper_bound(suspects_, suspect.camera, {}, &Suspect::camera), suspect);
   for (CameraIndex i = 0; i < cameras_.size(); i++) {
-    if (cameras_[i].odd_since == 0 || is_suspect(i)) continue;
+    if (i == suspect.camera || (cameras_[i].odd_since == 0 && !is_suspect(i))) continue;
     cameras_[i].odd_since = 0;
     cameras_[i].stale = true;
     look_again(i);

@@ -8,7 +8,6 @@
 #include <string_view>
 #include <vector>
 
-#include "quality/outliers.h"
 #include "quality/prediction.h"
 #include "rig/mesh.h"
 
@@ -16,7 +15,7 @@ namespace lf {
 
 // Watches an array as it runs: in turn, each camera is predicted from the others, and those of which something is wrong
 // stand out. A bad camera spoils the predictions of its neighbours: when one becomes odd they are looked at again, the
-// oddest is accused, and the others get another turn without it (as in find_suspects()). Without locks.
+// oddest is accused, and the others get another turn without it. Without locks.
 class CameraMonitor {
  public:
   // What is wrong with a camera, as far as that can be told.
@@ -30,8 +29,10 @@ class CameraMonitor {
     Fault fault = Fault::kPicture;
     bool operator==(const Suspect&) const = default;
   };
-  // Figures are unusual beyond kLowDeviations robust standard deviations from the median of all cameras, and by at least
-  // kLowDb or these.
+  // Figures are unusual beyond kDeviations robust standard deviations (1.4826 MAD) from the median of all cameras, and by
+  // at least these.
+  static constexpr double kDeviations = 4;
+  static constexpr double kDb = 3;        // of PSNR
   static constexpr double kGain = 0.03;   // of 1
   static constexpr double kShift = 0.25;  // pixels of the probe
   static constexpr size_t kFewest = 5;    // cameras whose figures are known, so that any can be unusual
@@ -41,6 +42,8 @@ class CameraMonitor {
   // Whose turn it is, and who is not to predict it, ascending. Nobody without a camera in service.
   std::optional<CameraIndex> next(const CameraSet& out_of_service);
   CameraSet suspected() const;
+  // Whether all cameras in service (of next()) have had a turn, and none is to be looked at again. Turns may go on.
+  bool settled() const;
   // What came of a camera's turn; NaN where nothing can be told, as at the corners of an array.
   void take(CameraIndex camera, const PredictionError& error);
 

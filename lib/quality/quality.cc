@@ -9,6 +9,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "base/number_text.h"
 
 namespace lf {
 namespace {
@@ -17,15 +18,12 @@ constexpr int kRadius = 5;  // of the 11x11 window
 constexpr double kSigma = 1.5;
 constexpr double kC1 = (0.01 * 255) * (0.01 * 255), kC2 = (0.03 * 255) * (0.03 * 255);
 
-std::string size_text(const Image& image) {
-  return std::to_string(image.width()) + "x" + std::to_string(image.height());
-}
-
 void require_alike(const Image& a, const Image& b) {
   if (a.family() != PixelFamily::kRgb || b.family() != PixelFamily::kRgb)
     throw Error("pictures to compare must both be RGB");
   if (a.width() != b.width() || a.height() != b.height())
-    throw Error("pictures to compare differ in size: " + size_text(a) + " and " + size_text(b));
+    throw Error("pictures to compare differ in size: " + size_text(a.width(), a.height()) + " and " +
+                size_text(b.width(), b.height()));
 }
 
 std::vector<double> luma(const Image& rgb) {
@@ -92,7 +90,8 @@ Quality compare(const Image& picture, const Image& truth, const std::vector<floa
   require_alike(picture, truth);
   const size_t pixels = static_cast<size_t>(picture.width()) * picture.height();
   if (!coverage.empty() && coverage.size() != pixels)
-    throw Error("coverage has " + std::to_string(coverage.size()) + " values for a picture of " + size_text(picture));
+    throw Error("coverage has " + std::to_string(coverage.size()) + " values for a picture of " +
+                size_text(picture.width(), picture.height()));
   const std::vector<double> ssim = ssim_map(picture, truth);
   Quality q;
   size_t counted = 0;

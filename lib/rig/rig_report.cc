@@ -9,6 +9,7 @@
 #include <map>
 
 #include "base/error.h"
+#include "base/number_text.h"
 #include "image/image_io.h"
 #include "rig/mesh.h"
 
@@ -21,18 +22,16 @@ using Severity = RigFinding::Severity;
 constexpr double kSliver = 0.02;     // height of a triangle over its longest side: an angle of about one degree
 constexpr double kSamePlace = 1e-9;  // of the baseline
 
-std::string number_text(double value) {
+std::string short_text(double value) {
   char text[40];
   std::snprintf(text, sizeof(text), "%.6g", value);
   return text;
 }
 
 std::string range_text(double least, double most) {
-  const std::string a = number_text(least), b = number_text(most);
+  const std::string a = short_text(least), b = short_text(most);
   return a == b ? a : a + " to " + b;
 }
-
-std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
 double distance(const Rig& rig, size_t a, size_t b) {
   return glm::length(rig.cameras[a].pose.position - rig.cameras[b].pose.position);

@@ -5,15 +5,10 @@
 #include <string>
 
 #include "base/error.h"
+#include "base/number_text.h"
 #include "image/image_io.h"
 
 namespace lf {
-namespace {
-
-std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
-
-}  // namespace
-
 bool has_images(const Rig& rig) {
   return std::none_of(rig.cameras.begin(), rig.cameras.end(), [](const Camera& c) { return c.image.empty(); });
 }

@@ -7,7 +7,7 @@
 #include <memory>
 #include <utility>
 
-#include "focus/worlds.h"
+#include "bench/surface/worlds.h"
 #include "reference/generators.h"
 #include "scene/scene.h"
 

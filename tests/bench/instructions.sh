@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Counts the instructions of the hottest kernels, each rendering one view (lf-bench once), and compares them with
+# Counts the instructions of the hottest kernels, each rendering one view (bench-render once), and compares them with
 # instructions.json: a count says what a clock on a busy machine can't.
 #   tests/bench/instructions.sh            fails if a kernel takes 2 % more than recorded
 #   tests/bench/instructions.sh --record   writes what they take now
@@ -19,7 +19,7 @@ case "${1:-}" in
     ;;
 esac
 json=tests/bench/instructions.json
-program=build/tools/lf-bench
+program=build/tests/bench/bench-render
 unset MALLOC_PERTURB_  # of meson test: filling memory takes instructions
 command -v valgrind >/dev/null || { echo "instructions.sh: needs valgrind: apt-get install valgrind" >&2; exit 77; }
 [[ -x $program ]] || { echo "instructions.sh: $program is not built" >&2; exit 77; }

@@ -201,7 +201,7 @@ TEST(LfViewRequestProperties, EveryOneIsDocumentedAndTheViewIsControllable) {
     g_value_unset(&value);
   }
   g_free(pspecs);
-  EXPECT_EQ(own, 30);
+  EXPECT_EQ(own, 28);
   EXPECT_EQ(controllable, 9);
 }
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "composite/accumulator.h"
-#include "composite/float_still.h"
+#include "reference/float_still.h"
 #include "reference/subject_parts.h"
 #include "support/camera_part.h"
 

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "render/contribution.h"
+#include "render/sampler.h"
 #include "render/simd/band_data.h"
 
 namespace lf::simd {

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "base/error.h"
-#include "render/contribution.h"
+#include "render/sampler.h"
 
 namespace lf::simd {
 

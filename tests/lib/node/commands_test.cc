@@ -6,9 +6,9 @@
 #include <gtest/gtest.h>
 
 #include "lib/render/production.h"
+#include "reference/float_renderer.h"
 #include "reference/hard_cases.h"
 #include "render/camera_projection.h"
-#include "render/float_renderer.h"
 #include "support/access_pictures.h"
 
 namespace lf {

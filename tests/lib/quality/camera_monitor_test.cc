@@ -70,10 +70,27 @@ TEST_F(MonitoredArray, BadOnesAreFoundAndNoneOfTheirNeighbours) {
     turns(1);
     for (const CameraIndex camera : monitor_.suspected()) ever.insert(camera);
   }
-  EXPECT_THAT(monitor_.suspects(), ElementsAre(CameraMonitor::Suspect{7, Fault::kDirection},
-                                               CameraMonitor::Suspect{8, Fault::kColour},
-                                               CameraMonitor::Suspect{18, Fault::kPicture}));
+  EXPECT_THAT(monitor_.suspects(),
+              ElementsAre(CameraMonitor::Suspect{7, Fault::kDirection}, CameraMonitor::Suspect{8, Fault::kColour},
+                          CameraMonitor::Suspect{18, Fault::kPicture}));
   EXPECT_EQ(ever, bad_);
+}
+
+TEST_F(MonitoredArray, SettlesOnItsSuspectsAfterATurnOfEachAndAnotherOfTheOdd) {
+  turns(24);
+  EXPECT_FALSE(monitor_.settled());
+  turns(1);
+  EXPECT_TRUE(monitor_.settled());
+  monitor_ = CameraMonitor(scene_rig(kSide, kSide, 32, 24));
+  bad_ = {7, 18};
+  off = [](CameraIndex camera) {
+    return camera == 7 || camera == 18 ? PredictionError{18, 1, {0.9, 0}}
+                                       : PredictionError{25 + 0.1 * (camera % 3), 1, {0, 0}};
+  };
+  while (!monitor_.settled() && monitor_.turns() < 200) turns(1);
+  EXPECT_GT(monitor_.turns(), 25u);
+  EXPECT_LT(monitor_.turns(), 75u);
+  EXPECT_THAT(monitor_.suspected(), ElementsAre(7, 18));
 }
 
 TEST_F(MonitoredArray, WhatHappensLaterIsNoticedSoonAndForgivenOnceMended) {
@@ -100,9 +117,7 @@ TEST_F(MonitoredArray, CamerasOutOfServiceHaveNoTurn) {
 }
 
 TEST_F(MonitoredArray, WithoutFiguresNobodyIsJudged) {
-  off = [](CameraIndex camera) {
-    return camera < 4 ? PredictionError{camera ? 30.0 : 5.0, 1, {0, 0}} : kNotPredicted;
-  };
+  off = [](CameraIndex camera) { return camera < 4 ? PredictionError{camera ? 30.0 : 5.0, 1, {0, 0}} : kNotPredicted; };
   turns(100);
   EXPECT_THAT(monitor_.suspects(), IsEmpty());
 }

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "composite/float_still.h"
 #include "image/image.h"
+#include "reference/float_still.h"
 #include "render/fragment.h"
 #include "render/ownership.h"
 #include "render/view_plan.h"

@@ -13,9 +13,9 @@
 #include "base/error.h"
 #include "lib/render/production.h"
 #include "lib/render/sum_arrays.h"
+#include "reference/float_renderer.h"
 #include "reference/hard_cases.h"
 #include "reference/renderer.h"
-#include "render/float_renderer.h"
 
 namespace lf {
 namespace {
@@ -294,10 +294,15 @@ TEST(SumRenderer, SixtyFourCamerasOfWhiteAreWhite) {
         for (size_t i = 0; i < all.memory[c].size(); i++) {
           ASSERT_EQ(all.memory[c][i], first.memory[c][i] + second.memory[c][i]);
           const bool chroma = family == PixelFamily::kI420 && c > 0;
-          const double expected = chroma ? images[0].plane(c)[0] - 128 : images[0].data()[family == PixelFamily::kRgb ? c : 0];
+          const double expected =
+              chroma ? images[0].plane(c)[0] - 128 : images[0].data()[family == PixelFamily::kRgb ? c : 0];
           const double lost = chroma ? 0 : (all.lost[i]) / double{kLostOne};
-          if (!chroma) { ASSERT_NEAR(all.memory[c][i] / 128., expected * (1 - lost), 0.3); }
-          if (chroma) { ASSERT_LE(std::abs(all.memory[c][i] / 128.), std::abs(expected) + 0.5); }
+          if (!chroma) {
+            ASSERT_NEAR(all.memory[c][i] / 128., expected * (1 - lost), 0.3);
+          }
+          if (chroma) {
+            ASSERT_LE(std::abs(all.memory[c][i] / 128.), std::abs(expected) + 0.5);
+          }
         }
     }
 }

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "bench/surface/measure.h"
+
+namespace lf::focus {
+
+// What focal surfaces promise, scene by scene: means over the views of each.
+struct AcceptanceRow {
+  std::string name;
+  Quality plane, surface;                     // the best plane, and the settled surface
+  double gain_db = 0;                         // of the surface over that plane
+  double bound_db = 0;                        // of each pixel's best plane
+  double worst_view_db = 0;                   // least gain of a view
+  double worst_on_way_db = 0;                 // of all pictures from the viewer's plane on, against that
+  double plane_bytes = 0, surface_bytes = 0;  // sums of a view; with trials
+  double plane_ms = 0, surface_ms = 0;        // one thread; with trials
+  double rest_percent = 0;                    // bytes of trials at rest with focus=auto, of colour
+  double rest_gain_db = 0;                    // over the best plane, then
+  RestResult still;                           // with trials going on
+  std::vector<double> gain_by_round_db, trial_bytes_by_round, trial_ms_by_round;  // the latter two in total so far
+  std::vector<std::string> missed;                                                // promises
+};
+
+struct AcceptanceOptions {
+  int views = 4;
+  std::vector<std::string> only;  // rows, by name; empty: all
+  std::string data;               // folder with `toys` and `chess`; empty: without
+  std::string folder;             // for plots, if any
+};
+
+// Measures, prints a row at a time, draws, and says which promises were not kept.
+std::vector<AcceptanceRow> measure_acceptance(const AcceptanceOptions& options);
+void write_json(const std::vector<AcceptanceRow>& rows, const std::string& path);
+
+}  // namespace lf::focus

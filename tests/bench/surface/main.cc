@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// bench-surface: what a focal surface is worth, on still arrays with known truth and on the built-in scene as it moves.
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <iterator>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "base/json_value.h"
+#include "bench/chart.h"
+#include "bench/surface/acceptance.h"
+#include "bench/surface/cases.h"
+#include "bench/surface/measure.h"
+#include "bench/surface/speed_plot.h"
+#include "bench/surface/still_table.h"
+#include "image/image_io.h"
+#include "progress.h"
+#include "run_tool.h"
+
+namespace {
+
+using namespace lf::focus;
+
+struct Arguments {
+  std::string rig, views, truth, out, json, mode = "surface", resampling = "bilinear";
+  int held_out = 4;
+  bool automatic = false, acceptance = false;
+  AcceptanceOptions accepting;
+  double moving = 0, eye_step = 0.3, seconds = 2;
+  Faults faults;
+  Options options;
+};
+
+Case load(const Arguments& a) {
+  Case c = a.moving > 0      ? moving_case(a.moving, static_cast<int>(a.moving * a.seconds), a.eye_step)
+           : a.rig.empty()   ? scene_case()
+           : a.views.empty() ? held_out_case(a.rig, a.held_out)
+                             : truth_case(a.rig, a.views, a.truth);
+  add_faults(a.faults, c);
+  return c;
+}
+
+lf::Resampling resampling_of(const std::string& name) {
+  const auto at = std::ranges::find(kResamplingNames, name) - std::begin(kResamplingNames);
+  return kResamplings[at];
+}
+
+bool is_to_be_found(const lf::DepthRange& range) { return range.nearest == 0 || range.farthest == 0; }
+
+std::string metres(double inverse) {
+  char text[40];
+  std::snprintf(text, sizeof text, inverse > 0 ? "%.4g" : "infinity", 1 / inverse);
+  return text;
+}
+
+void require_range(const lf::DepthRange& range) {
+  if (!(range.nearest > range.farthest))
+    throw lf::Error("the nearest distance, " + metres(range.nearest) + ", is not nearer than the farthest, " +
+                    metres(range.farthest));
+}
+
+// With what was not given taken from what was found in a view.
+Options completed(Options options, const std::optional<Depths>& found) {
+  if (!found) return options;
+  lf::DepthRange& range = options.range;
+  if (range.nearest == 0) range.nearest = found->range.nearest;
+  if (range.farthest == 0) range.farthest = found->range.farthest;
+  require_range(range);
+  if (found->best >= range.farthest && found->best <= range.nearest) options.one_more_plane = 1 / found->best;
+  if (options.start == 0) options.start = 1 / std::clamp(found->middle, range.farthest, range.nearest);
+  return options;
+}
+
+// What was found in some views, in one.
+Depths find_depths(const Case& c, const std::vector<size_t>& views) {
+  Depths all{.range = {std::numeric_limits<double>::infinity(), 0}};
+  for (const size_t view : views) {
+    const std::optional<Depths> found = lf::focus::find_depths(c, view);
+    if (!found) continue;
+    all.range.farthest = std::min(all.range.farthest, found->range.farthest);
+    all.range.nearest = std::max(all.range.nearest, found->range.nearest);
+    all.middle = found->middle;
+    all.best = found->best;
+  }
+  return all;
+}
+
+void save(const StillResult& r, const std::string& stem) {
+  lf::save_image(r.plane.image, stem + "_plane.png");
+  lf::save_image(r.rounds.back().image, stem + "_surface.png");
+  lf::save_image(r.bound.image, stem + "_bound.png");
+  lf::Image map(lf::PixelFamily::kRgb, r.map->columns, r.map->rows);
+  for (size_t i = 0; i < r.map->levels.size(); i++)
+    for (size_t c = 0; c < 3; c++) map.data()[3 * i + c] = r.map->levels[i];
+  lf::save_image(map, stem + "_map.png");
+}
+
+void still(const Arguments& a, const Case& c) {
+  std::printf("%s\n", c.name.c_str());
+  StillTable table(c, a.options);
+  SpeedPlot speed;
+  for (size_t view = 0; view < c.views.size(); view++) {
+    const std::string& name = c.views[view].name;
+    const std::optional<Depths> found = is_to_be_found(a.options.range) ? find_depths(c, view) : std::nullopt;
+    if (!found && is_to_be_found(a.options.range)) {
+      table.add_unseen(name);
+      continue;
+    }
+    const Options options = completed(a.options, found);
+    const StillResult r = measure_still(c, view, options);
+    table.add(name, options, r);
+    if (!r.gains.empty()) {
+      std::printf("gains:");
+      for (const auto& [camera, g] : r.gains) std::printf(" %u %.3f", c.rig.cameras[camera].id, g);
+      std::printf("\n");
+    }
+    if (a.out.empty()) continue;
+    save(r, a.out + "/" + name);
+    // The other ways to sample, on the same planes.
+    Options other = options;
+    other.planes = 0;
+    other.one_more_plane = r.best_distance;
+    other.start = r.start;
+    for (const lf::Resampling resampling : kResamplings) {
+      other.resampling = resampling;
+      speed.add(resampling, resampling == options.resampling ? r : measure_still(c, view, other));
+    }
+  }
+  table.finish();
+  if (!a.json.empty()) lf::write_text_file(table.json().dump(1) + "\n", a.json);
+  if (a.out.empty()) return;
+  speed.print();
+  try {
+    speed.draw(c.name, a.out);
+  } catch (const lf::Error& e) {  // the pictures and maps are there
+    std::fprintf(stderr, "note: %s: apt-get install gnuplot-nox\n", e.what());
+  }
+}
+
+void film(const Arguments& a, const Case& c) {
+  if (c.views.empty()) throw lf::Error("--moving, --seconds: there is no picture in that time");
+  Options options = a.options;
+  if (is_to_be_found(options.range))
+    options = completed(options, find_depths(c, {0, c.views.size() / 2, c.views.size() - 1}));
+  Progress progress("filming", c.views.size());
+  const std::vector<Frame> frames = measure_film(c, options, [&] { progress.step(); });
+  progress.finish();
+  double plane = 0, surface = 0, settled = 0;
+  const size_t first = std::min<size_t>(12, frames.size() / 2);
+  lf::bench::Series plane_series{"best plane of the film", true, {}}, surface_series{"focal surface", false, {}};
+  for (size_t i = 0; i < frames.size(); i++) {
+    plane += frames[i].plane_db / static_cast<double>(frames.size());
+    surface += frames[i].surface_db / static_cast<double>(frames.size());
+    if (i >= first) settled += (frames[i].surface_db - frames[i].plane_db) / static_cast<double>(frames.size() - first);
+    plane_series.points.push_back({static_cast<double>(i) / a.moving, frames[i].plane_db, ""});
+    surface_series.points.push_back({static_cast<double>(i) / a.moving, frames[i].surface_db, ""});
+  }
+  std::printf(
+      "%zu pictures at %g/s, eye %g pitch a picture: plane %.2f dB, surface %.2f dB, gain %+.2f dB (from picture "
+      "%zu on %+.2f)\n",
+      frames.size(), a.moving, a.eye_step, plane, surface, surface - plane, first, settled);
+  if (a.out.empty()) return;
+  lf::bench::Panel panel{.title = "PSNR against truth", .x_label = "seconds", .y_label = "dB", .log_x = false};
+  panel.series = {plane_series, surface_series};
+  lf::bench::draw({"The built-in scene as it moves", "", {panel}}, a.out,
+                  "film-" + std::to_string(static_cast<int>(a.moving)));
+}
+
+void run(Arguments a) {
+  a.options.resampling = resampling_of(a.resampling);
+  a.options.focus.mode = a.mode == "auto" ? lf::FocusMode::kAuto : lf::FocusMode::kSurface;
+  const auto inverse = [](double distance) { return distance > 0 ? 1 / distance : 0; };
+  a.options.range = {inverse(a.options.focus.far), inverse(a.options.focus.near)};
+  if (!is_to_be_found(a.options.range)) require_range(a.options.range);
+  if (a.automatic) a.options.focus.near = a.options.focus.far = 0;
+  if (!a.out.empty()) std::filesystem::create_directories(a.out);
+  if (a.acceptance) {
+    a.accepting.folder = a.out;
+    const std::vector<AcceptanceRow> rows = measure_acceptance(a.accepting);
+    if (!a.json.empty()) write_json(rows, a.json);
+    return;
+  }
+  const Case c = load(a);
+  if (a.moving > 0)
+    film(a, c);
+  else
+    still(a, c);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Arguments a;
+  CLI::App app("Measures what a focal surface brings over the best single plane. Without --rig on the built-in scene.",
+               "bench-surface");
+  app.add_option("--rig", a.rig, "Rig file whose cameras name stills");
+  app.add_option("--views", a.views,
+                 "Views (views.json); without, some of the cameras are left out and made from others")
+      ->needs(app.add_option("--truth", a.truth, "Folder with NAME.png of each view"));
+  app.add_option("--held-out", a.held_out, "How many cameras to make")->check(CLI::PositiveNumber);
+  app.add_option("--near", a.options.focus.near,
+                 "Nearest distance, metres from the array (default: found, for planes with the truth and by the "
+                 "surface on its own)")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--far", a.options.focus.far, "Farthest distance (default: found)")->check(CLI::PositiveNumber);
+  app.add_option("--start", a.options.start, "Distance of the viewer's plane (default: in the middle of the scene)")
+      ->check(CLI::PositiveNumber);
+  app.add_flag("--automatic", a.automatic,
+               "The surface finds its range all the same: --near and --far are for planes alone");
+  app.add_option("--rounds", a.options.rounds, "Pictures from the viewer's plane on")->check(CLI::PositiveNumber);
+  app.add_option("--mode", a.mode, "surface or auto")->check(CLI::IsMember({"surface", "auto"}));
+  app.add_option("--resampling", a.resampling, "How images are sampled: bilinear, sharpened or catmull-rom")
+      ->check(CLI::IsMember({"bilinear", "sharpened", "catmull-rom"}));
+  app.add_flag("--gains", a.options.gains, "Cameras match their brightness to their mean");
+  app.add_option("--noise", a.faults.noise, "Standard deviation of noise, of 255");
+  app.add_option("--gain-error", a.faults.gain_error, "Relative error of the brightness of every fourth camera");
+  app.add_option("--pointing-error", a.faults.pointing_error, "Of the camera in the middle, degrees");
+  app.add_option("--moving", a.moving, "Pictures per second of the built-in scene as it moves");
+  app.add_option("--eye-step", a.eye_step, "Of a moving scene: how far the eye moves a picture, in pitches");
+  app.add_option("--seconds", a.seconds, "Of a moving scene")->check(CLI::PositiveNumber);
+  CLI::Option* acceptance =
+      app.add_flag("--acceptance", a.acceptance, "Scene after scene what surfaces promise: table, plots (--out), JSON");
+  app.add_option("--only", a.accepting.only, "With --acceptance: these scenes")->needs(acceptance);
+  app.add_option("--data", a.accepting.data, "With --acceptance: folder with toys and chess, measured as well")
+      ->needs(acceptance);
+  app.add_option("--most-views", a.accepting.views, "With --acceptance: of each scene")
+      ->needs(acceptance)
+      ->check(CLI::PositiveNumber);
+  app.add_option("--out", a.out, "Folder for pictures, maps and a plot of speed against error (gnuplot draws it)");
+  app.add_option("--json", a.json, "Write figures to this file as well");
+  return run_tool(app, argc, argv, [&] { run(a); });
+}

@@ -1,0 +1,370 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "bench/surface/measure.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "base/now.h"
+#include "composite/accumulator.h"
+#include "focus/array_plane.h"
+#include "focus/carry_over.h"
+#include "focus/mean_turns.h"
+#include "focus/trial_renderer.h"
+#include "image/sharpen.h"
+#include "node/gain_matcher.h"
+#include "render/contribution_map.h"
+#include "render/render_job.h"
+#include "render/source_region.h"
+#include "render/sum_renderer.h"
+#include "wire/moments_codec.h"
+
+namespace lf::focus {
+namespace {
+
+double milliseconds(uint64_t ns) { return static_cast<double>(ns) / 1e6; }
+
+// Everything a node and a compositor do for a view, in one thread and without a wire.
+class Renderer {
+ public:
+  // For view `number` of the case.
+  Renderer(const Case& c, size_t number, const Options& options)
+      : case_(c),
+        resampling_(options.resampling),
+        matched_(options.gains),
+        mesh_(build_mesh(c.rig, c.without(number))) {
+    for (CameraIndex i = 0; i < c.rig.cameras.size(); i++)
+      if (!std::ranges::binary_search(c.without(number), i)) own_.push_back(i);
+  }
+
+  Picture picture(const View& view, size_t number, const GainRequest& gains = {}) {
+    Picture out;
+    const RenderJob job(case_.rig, mesh_, view, own_);
+    std::vector<Source> sources = sources_of(job, number);
+    const uint64_t begun = now_ns();
+    if (matched_ && gains.use) sources = match(job, sources, matcher_.gains_for(0, gains));
+    for (Source& source : sources) source.resampling = resampling_;
+    const bool sharpened = resampling_ == Resampling::kSharpened;
+    sharp_.resize(sharpened ? std::max(sharp_.size(), sources.size()) : 0);
+    for (size_t i = 0; sharpened && i < sources.size(); i++)
+      sources[i].image =
+          sharpen(sources[i].image, needed_pixels(job.plan(), sources[i].camera, *sources[i].rig_camera), sharp_[i]);
+    const SumRenderer renderer(job.plan(), job.runs(), sources, PixelFamily::kRgb);
+    const Rect rect = renderer.rect();
+    const size_t area = static_cast<size_t>(rect.width()) * rect.height();
+    std::vector<int16_t> samples(3 * area);
+    std::vector<uint16_t> lost(area);
+    const bool any_lost =
+        renderer.render_rows(rect.y0, rect.y1, packed_sums(PixelFamily::kRgb, rect, samples.data(), lost.data()));
+    Accumulator sum;
+    sum.reset(PixelFamily::kRgb, view.width, view.height);
+    sum.add(packed_sums<const int16_t, const uint16_t>(PixelFamily::kRgb, rect, samples.data(),
+                                                       any_lost ? lost.data() : nullptr));
+    out.image = sum.resolve();
+    out.colour_ms = milliseconds(now_ns() - begun);
+    out.colour_bytes = static_cast<double>(2 * (samples.size() + (any_lost ? area : 0)));
+    out.coverage = view_coverage(case_.rig, job.plan(), job.owners());
+    return out;
+  }
+
+  std::vector<Moments> moments(const ViewRequest& request, size_t number, Picture& cost) {
+    if (request.trials.empty()) return {};
+    const uint64_t begun = now_ns();
+    std::vector<std::vector<uint8_t>> levels;
+    for (const Trial& trial : request.trials) levels.push_back(trial_levels(request.view, trial));
+    std::vector<Moments> sums(levels.size());
+    for (Moments& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
+    const RenderJob job(case_.rig, mesh_, trial_view(request.view), own_);
+    const uint64_t planned = now_ns();
+    std::vector<Source> sources = sources_of(job, number);
+    const uint64_t ready = now_ns();
+    if (matched_ && request.gains.use) sources = match(job, sources, matcher_.gains_for(0, request.gains));
+    add_moments(job, sources, levels, sums);
+    cost.trial_ms += milliseconds(now_ns() - ready + planned - begun);
+    cost.trial_bytes += static_cast<double>(wire::encode_moments({}, sums).size());
+    return sums;
+  }
+
+  // After its trials: what the request asks of the cameras' brightness, for the next one to bring back. `sure`: see
+  // FocusControl::State.
+  GainRequest gains_after(const ViewRequest& request, size_t number, bool sure, Picture& cost) {
+    GainRequest gains{.use = matched_ && sure};
+    if (!gains.use || !mean_turns_.next(!request.trials.empty(), true)) return gains;
+    gains.mean = mean(request, number, cost);
+    gains.mean_of = request.sequence;
+    return gains;
+  }
+  const Mesh& mesh() const { return mesh_; }
+  const std::map<CameraIndex, float>& gains() { return matcher_.gains_for(0, {}).measured(); }
+
+ private:
+  // What the cameras, asked by this request, have in common.
+  std::vector<uint8_t> mean(const ViewRequest& request, size_t number, Picture& cost) {
+    const uint64_t begun = now_ns();
+    const WideLuma wide(case_.rig, mesh_, mean_view(request.view), own_);
+    const uint64_t planned = now_ns();
+    std::vector<Source> sources;
+    for (const CameraIndex i : wide.cameras())
+      sources.push_back({i, &case_.rig.cameras[i], case_.image(i, number).view()});
+    const uint64_t ready = now_ns();
+    WideLuma::Seen seen = wide.see(sources, matcher_.gains_for(0, {}));
+    std::vector<uint8_t> mean = mean_luma(seen.moments, seen.gains);
+    matcher_.keep(0, request.sequence, std::move(seen.cameras));
+    cost.trial_ms += milliseconds(now_ns() - ready + planned - begun);
+    cost.trial_bytes += static_cast<double>(wire::encode_moments({.gains = seen.gains}, {&seen.moments, 1}).size());
+    return mean;
+  }
+  std::vector<Source> match(const RenderJob& job, const std::vector<Source>& sources, const CameraGains& gains) {
+    return matcher_.match(sources, gains, [&](CameraIndex camera) {
+      return needed_pixels(job.plan(), camera, case_.rig.cameras[camera]);
+    });
+  }
+
+  std::vector<Source> sources_of(const RenderJob& job, size_t number) const {
+    std::vector<Source> sources;
+    for (const CameraIndex i : job.cameras())
+      sources.push_back({i, &case_.rig.cameras[i], case_.image(i, number).view()});
+    return sources;
+  }
+
+  const Case& case_;
+  const Resampling resampling_;
+  const bool matched_;
+  GainMatcher matcher_;
+  MeanTurns mean_turns_;
+  std::vector<ByteBuffer> sharp_;
+  const Mesh mesh_;
+  std::vector<CameraIndex> own_;
+};
+
+void take(const FocusControl::Plan& plan, ViewRequest& request) {
+  request.view = plan.view;
+  request.trials = plan.trials;
+  request.on_plane = plan.on_plane;
+  if (plan.plane) request.view.focus.plane = *plan.plane;
+}
+
+// View `number` focused on a plane parallel to the array.
+View on_plane(const Case& c, size_t number, const Plane& from, double distance) {
+  return lf::focus::on_plane(c.views[number].view, from, distance);
+}
+
+double distance_of(const FocalMap& range, int k, int planes) {
+  return 1 / range.inverse_of(FocalMap::kLevels * (k + 0.5) / planes);
+}
+
+double start_of(const Options& options, const FocalMap& range, int planes) {
+  return options.start > 0 ? options.start : distance_of(range, planes / 2, planes);
+}
+
+FocalMap map_of(const DepthRange& range) {
+  FocalMap map;
+  map.farthest = range.farthest;
+  map.nearest = range.nearest;
+  return map;
+}
+
+// Draws a picture a few times more: what it takes is the least time.
+void time_again(Renderer& renderer, const View& view, size_t number, const GainRequest& gains, Picture& picture) {
+  constexpr int kTimes = 4;
+  for (int i = 0; i < kTimes; i++)
+    picture.colour_ms = std::min(picture.colour_ms, renderer.picture(view, number, gains).colour_ms);
+}
+
+// By how much a picture is better than the plane's, of the pixels that both show.
+double gain_alike(const Picture& plane, const Picture& picture, const Image& truth) {
+  std::vector<float> both = plane.coverage;
+  for (size_t i = 0; i < both.size(); i++) both[i] = std::min(both[i], picture.coverage[i]);
+  return compare(picture.image, truth, both).psnr_db - compare(plane.image, truth, both).psnr_db;
+}
+
+// The nodes whose cameras agree about as well at two planes and not in between.
+std::vector<bool> unclear_nodes(Renderer& renderer, const View& view, size_t number) {
+  constexpr int kPlanes = 32, kApart = 3;
+  ViewRequest request;
+  request.view = view;
+  const size_t nodes = view.focus.map->levels.size();
+  std::vector<std::vector<float>> cost(kPlanes);
+  Picture ignored;
+  for (int first = 0; first < kPlanes; first += kMaxTrials) {
+    request.trials.clear();
+    for (int k = first; k < first + static_cast<int>(kMaxTrials); k++)
+      request.trials.push_back({Trial::Kind::kPlane, static_cast<int16_t>(255 * k / (kPlanes - 1))});
+    const std::vector<Moments> moments = renderer.moments(request, number, ignored);
+    for (size_t t = 0; t < moments.size(); t++)
+      for (size_t i = 0; i < nodes; i++) cost[static_cast<size_t>(first) + t].push_back(moments[t].deviation(i));
+  }
+  std::vector<bool> unclear(nodes);
+  for (size_t i = 0; i < nodes; i++) {
+    int best = -1;
+    for (int k = 0; k < kPlanes; k++)
+      if (!std::isnan(cost[k][i]) && (best < 0 || cost[k][i] < cost[best][i])) best = k;
+    if (best < 0) continue;
+    const float as_good = 1.5f * cost[best][i] + 1, worse = 2 * as_good;
+    for (const int step : {-1, 1}) {
+      float ridge = 0;
+      for (int k = best; k >= 0 && k < kPlanes; k += step) {
+        ridge = std::max(ridge, cost[k][i]);
+        if (std::abs(k - best) >= kApart && ridge > worse && cost[k][i] < as_good) unclear[i] = true;
+      }
+    }
+  }
+  return unclear;
+}
+
+double percentile(std::vector<double> values, double part) {
+  if (values.empty()) return 0;
+  const auto at = values.begin() + static_cast<ptrdiff_t>(part * static_cast<double>(values.size() - 1));
+  std::ranges::nth_element(values, at);
+  return *at;
+}
+
+}  // namespace
+
+std::optional<Depths> find_depths(const Case& c, size_t view) {
+  // Bilinear samples would tell planes that need few of them between pixels from those that are in focus.
+  Renderer cubic(c, view, {.resampling = Resampling::kCatmullRom});
+  return find_depths(c.rig, cubic.mesh(), c.views[view].view, c.truth(view), array_plane(c.rig),
+                     [&](const View& v) { return cubic.picture(v, view); });
+}
+
+StillResult measure_still(const Case& c, size_t view, const Options& options) {
+  const FocusArray array(c.rig);
+  const Plane& from = array.from();
+  const Image truth = c.truth(view);
+  const FocalMap range = map_of(options.range);
+  StillResult result;
+  Renderer bilinear(c, view, {}), renderer(c, view, options);
+  std::vector<double> distances;
+  for (int k = 0; k < options.planes; k++) distances.push_back(distance_of(range, k, options.planes));
+  if (options.one_more_plane > 0) distances.push_back(options.one_more_plane);
+  JudgedPlanes judged = judge_planes(c.views[view].view, truth, from, distances,
+                                     [&](const View& v) { return bilinear.picture(v, view); });
+  result.plane = std::move(judged.best);
+  result.bound = std::move(judged.bound);
+  result.best_distance = judged.best_distance;
+  const View best = on_plane(c, view, from, judged.best_distance);
+  time_again(bilinear, best, view, {}, result.plane);
+  result.plane_alike = renderer.picture(best, view);
+  result.plane_alike.quality = compare(result.plane_alike.image, truth, result.plane_alike.coverage);
+  time_again(renderer, best, view, {}, result.plane_alike);
+
+  FocusControl control(options.focus);
+  ViewRequest request;
+  result.start = start_of(options, range, options.planes);
+  request.view = on_plane(c, view, from, result.start);
+  for (int round = 0; round <= options.rounds; round++) {
+    request.sequence = static_cast<uint32_t>(round);
+    request.out_of_service = c.without(view);
+    Picture picture = renderer.picture(shown_view(request), view, request.gains);
+    picture.quality = compare(picture.image, truth, picture.coverage);
+    if (round == options.rounds) time_again(renderer, shown_view(request), view, request.gains, picture);
+    const std::vector<Moments> moments = renderer.moments(request, view, picture);
+    request.gains = renderer.gains_after(request, view, control.state().sure, picture);
+    const uint64_t begun = now_ns();
+    const FocusControl::Plan plan = control.next(request, moments, array);
+    picture.trial_ms += milliseconds(now_ns() - begun);
+    result.rounds.push_back(std::move(picture));
+    take(plan, request);
+  }
+  if (options.gains) result.gains = renderer.gains();
+  result.gain_alike_db = gain_alike(result.plane, result.rounds.back(), truth);
+  result.state = control.state();
+  result.map = request.view.focus.map;
+  return result;
+}
+
+RestResult measure_rest(const Case& c, size_t view, const Options& options, int settle, int pictures) {
+  const FocusArray array(c.rig);
+  const Plane& from = array.from();
+  Renderer renderer(c, view, options);
+  FocusControl control(options.focus);
+  ViewRequest request;
+  request.view = on_plane(c, view, from, start_of(options, map_of(options.range), options.planes));
+  const auto next = [&](Picture& cost) {
+    const std::vector<Moments> moments = renderer.moments(request, view, cost);
+    request.gains = renderer.gains_after(request, view, control.state().sure, cost);
+    request.sequence++;
+    take(control.next(request, moments, array), request);
+  };
+  Picture settling;
+  for (int i = 0; i < settle; i++) next(settling);
+  RestResult result;
+  std::vector<double> sum, square;
+  for (int i = 0; i < pictures; i++) {
+    Picture picture = renderer.picture(shown_view(request), view, request.gains);
+    sum.resize(picture.image.data().size());
+    square.resize(sum.size());
+    for (size_t k = 0; k < sum.size(); k++) {
+      const double v = picture.image.data()[k];
+      sum[k] += v;
+      square[k] += v * v;
+    }
+    next(picture);
+    result.trial_bytes += picture.trial_bytes / pictures;
+    result.colour_bytes = picture.colour_bytes;
+    if (i + 1 == pictures) result.quality = compare(picture.image, c.truth(view), picture.coverage);
+  }
+  result.state = control.state();
+  const FocalMap& map = *request.view.focus.map;
+  const std::vector<bool> unclear = unclear_nodes(renderer, request.view, view);
+  std::vector<double> deviations[2];
+  for (int y = 0; y < request.view.height; y++)
+    for (int x = 0; x < request.view.width; x++) {
+      double largest = 0;
+      for (size_t k = 0; k < 3; k++) {
+        const size_t at = 3 * (static_cast<size_t>(y) * request.view.width + x) + k;
+        const double mean = sum[at] / pictures;
+        largest = std::max(largest, std::sqrt(std::max(square[at] / pictures - mean * mean, 0.0)));
+      }
+      deviations[unclear[static_cast<size_t>(y / map.step) * map.columns + x / map.step]].push_back(largest);
+    }
+  result.clear_median = percentile(deviations[0], 0.5);
+  result.clear_p99 = percentile(deviations[0], 0.99);
+  result.unclear_median = percentile(deviations[1], 0.5);
+  result.unclear_p99 = percentile(deviations[1], 0.99);
+  result.unclear = static_cast<double>(deviations[1].size()) / (request.view.width * request.view.height);
+  return result;
+}
+
+std::vector<Frame> measure_film(const Case& c, const Options& options, const std::function<void()>& progress) {
+  constexpr int kPlanes = 16;
+  const FocusArray array(c.rig);
+  const Plane& from = array.from();
+  const FocalMap range = map_of(options.range);
+  Renderer bilinear(c, 0, {}), renderer(c, 0, options);
+  FocusControl control(options.focus);
+  FocusControl::Plan plan;
+  GainRequest gains;
+  std::vector<Frame> frames(c.views.size());
+  std::vector<std::vector<double>> plane_db(kPlanes, std::vector<double>(frames.size()));
+  for (size_t i = 0; i < frames.size(); i++) {
+    const Image truth = c.truth(i);
+    const auto psnr = [&](const Picture& picture) { return compare(picture.image, truth, picture.coverage).psnr_db; };
+    for (int k = 0; k < kPlanes; k++)
+      plane_db[k][i] = psnr(bilinear.picture(on_plane(c, i, from, distance_of(range, k, kPlanes)), i));
+    ViewRequest request;
+    request.view = on_plane(c, i, from, start_of(options, range, kPlanes));
+    if (plan.view.focus.map) {
+      const View view = request.view;
+      take(plan, request);
+      request.view = view;
+      request.view.focus.map = carry_over(plan.view, view);
+      if (plan.plane) request.view.focus.plane = *plan.plane;
+    }
+    request.gains = gains;
+    request.sequence = static_cast<uint32_t>(i);
+    Picture cost;
+    frames[i].surface_db = psnr(renderer.picture(shown_view(request), i, request.gains));
+    plan = control.next(request, renderer.moments(request, i, cost), array);
+    gains = renderer.gains_after(request, i, control.state().sure, cost);
+    progress();
+  }
+  const auto best = std::ranges::max_element(
+      plane_db, {}, [](const std::vector<double>& db) { return std::accumulate(db.begin(), db.end(), 0.0); });
+  for (size_t i = 0; i < frames.size(); i++) frames[i].plane_db = (*best)[i];
+  return frames;
+}
+
+}  // namespace lf::focus
