@@ -30,8 +30,7 @@ ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& s
   if (!sums || sums->rect.empty()) return wire::AnswerWriter(header, 0, std::move(memory)).finish();
   if (form.codec == wire::Codec::kRaw16) {
     wire::AnswerWriter writer(header, 1, std::move(memory));
-    copy(*sums,
-         writer.add_sums({{}, sums->family, sums->rect, wire::Codec::kRaw16, 0, sums->lost != nullptr}));
+    copy(*sums, writer.add_sums({{}, sums->family, sums->rect, wire::Codec::kRaw16, 0, sums->lost != nullptr}));
     return writer.finish();
   }
   const std::vector<Rect> rects = wire::cut_rows(sums->rect, wire::strip_rows(sums->rect.width()));

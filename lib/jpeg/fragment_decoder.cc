@@ -7,8 +7,8 @@
 
 #include "base/byte_buffer.h"
 #include "base/error.h"
-#include "jpeg/scan.h"
 #include "jpeg/coded_size.h"
+#include "jpeg/scan.h"
 
 namespace lf::jpeg {
 namespace {

@@ -22,8 +22,8 @@ namespace {
 constexpr int kBandRows = 32;
 
 // Rendered where they travel.
-RenderedAnswer render_sums16(const wire::AnswerHeader& header, const SumRenderer& renderer,
-                             std::span<const Rect> tiles, ByteBuffer memory, const ParallelFor& parallel) {
+RenderedAnswer render_sums16(const wire::AnswerHeader& header, const SumRenderer& renderer, std::span<const Rect> tiles,
+                             ByteBuffer memory, const ParallelFor& parallel) {
   wire::AnswerWriter writer(header, tiles.size(), std::move(memory));
   std::vector<wire::FragmentHeader> fragments;
   size_t bytes = 0;
@@ -55,8 +55,8 @@ Fragment render_strip(const SumRenderer& renderer, const Rect& rect, PixelFamily
   lost.resize(std::max(lost.size(), area));
   const SumPlanes out = packed_sums(family, rect, samples.data(), lost.data());
   const bool any_lost = renderer.render_rows(rect.y0, rect.y1, out);
-  return rounded_fragment(packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(),
-                                                                     any_lost ? lost.data() : nullptr));
+  return rounded_fragment(
+      packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(), any_lost ? lost.data() : nullptr));
 }
 
 std::vector<Fragment> render_strips(const SumRenderer& renderer, std::span<const Rect> tiles, PixelFamily family,

@@ -94,9 +94,8 @@ std::vector<Rect> sum_tiles(const ViewPlan& plan, const OwnerRuns& runs, std::sp
         const Rect grown = unite(tile, rect);
         return tile.y1 <= y && tile.y1 > y - kTileRows && area(grown) <= area(tile) + area(rect) + spare_pixels &&
                (i + 1 == rects.size() || grown.x1 < rects[i + 1].x0) &&
-               std::ranges::none_of(tiles, [&](const Rect& other) {
-                 return other != tile && !intersect(other, grown).empty();
-               });
+               std::ranges::none_of(
+                   tiles, [&](const Rect& other) { return other != tile && !intersect(other, grown).empty(); });
       };
       const auto tile = std::ranges::find_if(tiles, may_grow);
       if (tile != tiles.end())

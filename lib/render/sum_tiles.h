@@ -12,9 +12,9 @@
 
 namespace lf {
 
-// Rectangles of the view that together hold every pixel in which one of `cameras` (ascending) has a weight: what the sum
-// of these cameras has to consist of. They are disjoint, ascend by their upper edges, and are chroma-aligned in kI420.
-// `runs` cover the cameras' chroma-aligned rectangles.
+// Rectangles of the view that together hold every pixel in which one of `cameras` (ascending) has a weight: what the
+// sum of these cameras has to consist of. They are disjoint, ascend by their upper edges, and are chroma-aligned in
+// kI420. `runs` cover the cameras' chroma-aligned rectangles.
 //
 // A rectangle is grown by what lies next to it as long as that adds at most `spare_pixels` pixels without any weight:
 // as many as are cheaper to send than another rectangle. One camera's part of a view is a hexagon or so: of few spare

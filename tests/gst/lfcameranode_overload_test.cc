@@ -60,8 +60,7 @@ class OverloadTest : public LossTest {
 
 // A frame takes 100 ms of 67: late by 1 s after 3 s, and never on time again, if all were decoded.
 TEST_F(OverloadTest, FramesAreDroppedBeforeTheyAreDecoded) {
-  const ElementPtr pipeline =
-      launch(line(rig(3, [](guint) { return "gops.mkv"; }), 1, "is-live=true loop=true"));
+  const ElementPtr pipeline = launch(line(rig(3, [](guint) { return "gops.mkv"; }), 1, "is-live=true loop=true"));
   ASSERT_TRUE(pipeline);
   g_signal_connect(pipeline.get(), "deep-element-added", G_CALLBACK(slow_down), nullptr);
   const Said said(pipeline.get());

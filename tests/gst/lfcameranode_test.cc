@@ -48,9 +48,7 @@ class LfCameraNodeTest : public testing::Test {
     EXPECT_TRUE(decoded) << reason;
     return decoded.value_or(wire::Answer{});
   }
-  static std::vector<CameraIndex> cameras_of(const wire::Answer& answer) {
-    return seeing(answer);
-  }
+  static std::vector<CameraIndex> cameras_of(const wire::Answer& answer) { return seeing(answer); }
 
   // Puts the node into a pipeline of its own and changes its state: "" or the text of the error it posted.
   static std::string error_of(const std::string& properties, GstStateChangeReturn* result) {

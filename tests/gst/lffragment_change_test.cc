@@ -7,8 +7,8 @@
 #include <thread>
 
 #include "gst/fragment_fixture.h"
-#include "support/seeing.h"
 #include "gst/other_rig.h"
+#include "support/seeing.h"
 
 // Cameras and requesters that come and go, and rigs that are replaced, while lffragment runs.
 namespace lf::test {

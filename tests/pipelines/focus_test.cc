@@ -154,7 +154,8 @@ TEST_F(FocusedArray, CamerasOnTheirOwnFindTheSameSurface) {
   for (int i = 0; i < 16; i++)
     each += node("n" + std::to_string(i), std::to_string(i), "c.sink_" + std::to_string(i), raw + link);
   for (const char* cameras : {"0", "1-4", "5", "6-15"})
-    few += node("n" + std::to_string(cameras[0] - '0'), cameras, "c.sink_" + std::to_string(cameras[0] - '0'), raw + link);
+    few +=
+        node("n" + std::to_string(cameras[0] - '0'), cameras, "c.sink_" + std::to_string(cameras[0] - '0'), raw + link);
   const std::vector<Image> apart = pictures("each", near_far, each), mixed = pictures("few", near_far, few);
   const std::vector<Image> six = pictures("tree", near_far, tree(raw + link));
   for (int i = 0; i < kPictures; i++) {

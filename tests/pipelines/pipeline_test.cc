@@ -201,8 +201,7 @@ TEST_F(StillArray, CamerasThatAreToldGiveTheSamePictures) {
     EXPECT_FALSE(std::filesystem::exists(dir_ / (access + "_3.png")));
     return images;
   };
-  const std::vector<Image> self = pictures("self", "codec=auto"),
-                           jpeg = pictures("self", "codec=jpeg", "90");
+  const std::vector<Image> self = pictures("self", "codec=auto"), jpeg = pictures("self", "codec=jpeg", "90");
   for (const std::string access : {"warp", "pixels"}) {
     const std::vector<Image> same = pictures(access, "codec=auto");
     const std::vector<Image> coded = pictures(access, "codec=jpeg", "90");

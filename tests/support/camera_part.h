@@ -22,10 +22,9 @@ inline std::optional<Fragment> camera_part(const ViewPlan& plan, const OwnerRuns
   const size_t area = static_cast<size_t>(rect.width()) * rect.height();
   std::vector<int16_t> samples(3 * area);
   std::vector<uint16_t> lost(area);
-  const bool any_lost =
-      renderer.render_rows(rect.y0, rect.y1, packed_sums(family, rect, samples.data(), lost.data()));
-  return rounded_fragment(packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(),
-                                                                     any_lost ? lost.data() : nullptr));
+  const bool any_lost = renderer.render_rows(rect.y0, rect.y1, packed_sums(family, rect, samples.data(), lost.data()));
+  return rounded_fragment(
+      packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(), any_lost ? lost.data() : nullptr));
 }
 
 }  // namespace lf::test

@@ -11,9 +11,8 @@
 namespace lf::test {
 
 // The answer of a node with these cameras, all of which see `image`.
-inline ByteBuffer node_answer_bytes(const Rig& rig, const ViewRequest& request,
-                                    const std::vector<CameraIndex>& cameras, const Image& image,
-                                    const AnswerForm& form = {}) {
+inline ByteBuffer node_answer_bytes(const Rig& rig, const ViewRequest& request, const std::vector<CameraIndex>& cameras,
+                                    const Image& image, const AnswerForm& form = {}) {
   const RenderJob job(rig, build_mesh(rig, request.out_of_service), request.view, cameras);
   wire::AnswerHeader header;
   header.view_id = request.view_id;

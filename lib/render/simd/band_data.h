@@ -203,7 +203,7 @@ struct SumTask {
   std::vector<int32_t> slot_of_camera;  // -1: not ours
   std::vector<uint8_t> face_corners;    // per plan.faces(): bit k: corner k is ours
   PixelFamily family = PixelFamily::kNone;
-  bool exact = false;               // Coordinates::kExact
+  bool exact = false;  // Coordinates::kExact
 };
 
 // Computes rows y to y + kBandRows - 1 (as far as `rect` has them; y a multiple of kBandRows) into scratch.sum and

@@ -8,8 +8,8 @@
 
 #include <jpeglib.h>
 
-#include "jpeg/scan.h"
 #include "jpeg/coded_size.h"
+#include "jpeg/scan.h"
 #include "lib/jpeg/fragment_codec_fixture.h"
 #include "support/expect_error.h"
 #include "support/weighted_fragments.h"

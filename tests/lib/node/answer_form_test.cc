@@ -21,9 +21,9 @@ TEST(AnswerForm, TheCodecFollowsLinkAndQuality) {
     int quality;
     Codec codec;
   } cases[] = {
-      {CodecChoice::kAuto, true, 90, Codec::kRaw16},   {CodecChoice::kAuto, false, 90, Codec::kJpeg},
-      {CodecChoice::kAuto, false, 0, Codec::kRaw},     {CodecChoice::kJpeg, true, 90, Codec::kJpeg},
-      {CodecChoice::kJpeg, true, 0, Codec::kRaw},      {CodecChoice::kRaw16, false, 90, Codec::kRaw16},
+      {CodecChoice::kAuto, true, 90, Codec::kRaw16}, {CodecChoice::kAuto, false, 90, Codec::kJpeg},
+      {CodecChoice::kAuto, false, 0, Codec::kRaw},   {CodecChoice::kJpeg, true, 90, Codec::kJpeg},
+      {CodecChoice::kJpeg, true, 0, Codec::kRaw},    {CodecChoice::kRaw16, false, 90, Codec::kRaw16},
       {CodecChoice::kRaw, true, 90, Codec::kRaw},
   };
   for (const auto& c : cases) {

@@ -78,8 +78,7 @@ TEST_P(AnswerRendererTest, EveryFormMakesThePicture) {
   const Image exact = picture(render(kForms[0]));
   for (const AnswerForm& form : kForms) {
     const Quality quality = compare(picture(render(form)), exact);
-    EXPECT_GT(quality.psnr_db, form.codec == wire::Codec::kJpeg ? 34 : 50)
-        << static_cast<int>(form.codec);
+    EXPECT_GT(quality.psnr_db, form.codec == wire::Codec::kJpeg ? 34 : 50) << static_cast<int>(form.codec);
     if (form.codec != wire::Codec::kJpeg) {
       EXPECT_LE(quality.max_error, 4);
     }

@@ -13,7 +13,8 @@ constexpr int kViewSize = 16 * 31 / 2;
 
 size_t entropy_coded_bytes(const Bytes& unit) {
   size_t bytes = 0;
-  for (const wire::AnswerView answer = wire::parse_answer(unit).value(); const wire::FragmentView& f : answer.fragments) {
+  for (const wire::AnswerView answer = wire::parse_answer(unit).value();
+       const wire::FragmentView& f : answer.fragments) {
     const wire::Scans scans = wire::split_scans(f.payload, f.has_lost).value();
     bytes += scans.pixels.size() + scans.lost.size();
   }
