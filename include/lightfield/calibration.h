@@ -41,9 +41,9 @@ Tracks load_tracks(const std::string& path);
 struct CalibrationOptions {
   // Lenses as they were measured, with their covariances where its file has them, and where cameras are about. Cameras
   // are found by their ids.
-  std::optional<Rig> prior;
+  std::optional<Rig> prior = {};
   // How many radial terms lenses have, 0 to 2; nothing: as many as the tracks call for.
-  std::optional<int> distortion_terms;
+  std::optional<int> distortion_terms = {};
   // What gives the scale, which no image tells. The first that is there counts: metres between the two lights of the
   // bar, between two cameras, between neighbouring cameras (the median); else the prior's layout.
   double bar_length = 0;
@@ -51,10 +51,10 @@ struct CalibrationOptions {
     uint32_t a = 0, b = 0;  // ids
     double metres = 0;
   };
-  std::optional<Distance> distance;
+  std::optional<Distance> distance = {};
   double pitch = 0;
   // Called before each step with its name. May throw, which ends the calibration and comes out of it.
-  std::function<void(const std::string& step)> progress;
+  std::function<void(const std::string& step)> progress = {};
 };
 
 // How well the parameters of a camera are known, by name: "f" or "fx" and "fy", "cx", "cy" in pixels, "k1", "k2" as in

@@ -23,8 +23,8 @@ struct RequestOptions {
   // Of the frames that are asked for, nanoseconds of a clock that all nodes share; kNewest: whichever are newest.
   uint64_t time = kNewest;
   // Indices of cameras that are known to have no picture, in any order: their neighbours close the gap.
-  std::vector<uint32_t> out_of_service;
-  Colour background;  // is shown where no camera sees anything
+  std::vector<uint32_t> out_of_service = {};
+  Colour background = {};  // is shown where no camera sees anything
 };
 
 // One viewer of nodes elsewhere: makes requests, and pictures from the answers.
@@ -51,7 +51,7 @@ class Compositor {
   // Whether a part could be used, and if not, why: it may come from anywhere, damaged, twice or too late.
   struct Added {
     bool added = false;
-    std::string why_not;
+    std::string why_not = {};
     explicit operator bool() const { return added; }
   };
   // Adds a part of an answer to the picture that was begun. The bytes may go when the call is over.

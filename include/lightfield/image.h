@@ -18,7 +18,7 @@ enum class PixelFormat : uint8_t {
 struct Image {
   PixelFormat format = PixelFormat::kNone;
   int width = 0, height = 0;  // pixels
-  std::vector<uint8_t> pixels;
+  std::vector<uint8_t> pixels = {};
 };
 
 // A black RGB image, or a black I420 one. Throws Error for a size below 1 or above 16384 pixels a side.

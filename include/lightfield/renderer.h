@@ -16,7 +16,7 @@ struct RenderOptions {
   // With kAuto: where surfaces may be, metres from the array. Where either is 0 the range follows the scene.
   double nearest = 0, farthest = 0;
   Resampling resampling = Resampling::kSharpened;  // how cameras' images are sampled
-  Colour background;                               // is shown where no camera sees anything
+  Colour background = {};                          // is shown where no camera sees anything
 };
 
 // Pictures of one viewer from the images of all cameras, in this process: what Node and Compositor do between them, in

@@ -25,8 +25,8 @@ struct Quaternion {
 
 // Takes points of a camera to the world. The default camera stands in the world's origin and looks along z.
 struct Pose {
-  Vec3 position;           // the centre of projection in the world
-  Quaternion orientation;  // turns the camera's axes to where they point in the world
+  Vec3 position = {};           // the centre of projection in the world
+  Quaternion orientation = {};  // turns the camera's axes to where they point in the world
 };
 
 // The pose at `eye` that looks at `target`, its y axis as near to the world's y, which is down, as it can be. Throws
@@ -45,11 +45,12 @@ struct Lens {
 // One camera of an array.
 struct Camera {
   uint32_t id = 0;  // for people; unique in the rig
-  std::string name;
+  std::string name = {};
   int width = 0, height = 0;  // of its images, pixels, 1 to 16384
-  Lens lens;
-  Pose world_from_camera;
-  std::string image, source;  // a still and a stream, relative to the rig's file, for those who open them; may be empty
+  Lens lens = {};
+  Pose world_from_camera = {};
+  std::string image = {},
+              source = {};  // a still and a stream, relative to the rig's file, for those who open them; may be empty
 };
 
 // The triangles whose corners are cameras: a line of sight takes its colour from the corners of the triangle that it
@@ -61,8 +62,8 @@ struct Topology {
     kTriangles,  // as listed
   };
   Type type = Type::kDelaunay;
-  int rows = 0, columns = 0;                       // of kGrid: as many as there are cameras
-  std::vector<std::array<uint32_t, 3>> triangles;  // of kTriangles: indices of cameras
+  int rows = 0, columns = 0;                            // of kGrid: as many as there are cameras
+  std::vector<std::array<uint32_t, 3>> triangles = {};  // of kTriangles: indices of cameras
 };
 
 // An array of cameras that never changes: copies share it, from any thread. Everywhere else in this library a camera is

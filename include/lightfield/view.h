@@ -11,11 +11,11 @@ namespace lightfield {
 // A virtual camera: what is to be seen.
 struct View {
   int width = 640, height = 480;  // pixels, 1 to 16384
-  Pose world_from_view;
-  double fov_y = 45;          // degrees from the top to the bottom, above 0 and below 180
-  std::optional<Lens> lens;   // any lens, distorted or off centre, in place of fov_y
-  double focus_distance = 2;  // metres along the optical axis to the plane that is sharp: it faces the view
-  double aperture = 0;        // metres: a lens so wide, which blurs what is off that plane; 0: as sharp as can be
+  Pose world_from_view = {};
+  double fov_y = 45;              // degrees from the top to the bottom, above 0 and below 180
+  std::optional<Lens> lens = {};  // any lens, distorted or off centre, in place of fov_y
+  double focus_distance = 2;      // metres along the optical axis to the plane that is sharp: it faces the view
+  double aperture = 0;            // metres: a lens so wide, which blurs what is off that plane; 0: as sharp as can be
 };
 
 // Where to stand to begin with: amid the cameras, looking where they look, with the vertical field of view of the
