@@ -46,8 +46,7 @@ lf::Image photograph(const lf::Camera& camera) {
 
 // A host with some of the cameras. Every host knows the whole rig.
 struct Host {
-  Host(const lf::Rig& rig, const std::vector<uint32_t>& cameras, uint32_t number)
-      : node(rig, cameras, {.number = number}) {
+  Host(const lf::Rig& rig, const std::vector<uint32_t>& cameras) : node(rig, cameras) {
     for (const uint32_t camera : cameras) frames.push_back(photograph(rig.camera(camera)));
   }
   std::vector<lf::Bytes> receive(const lf::Bytes& request) const { return node.answer(request, frames); }
@@ -62,7 +61,7 @@ int main() try {
   std::vector<uint32_t> some(8), others(8);
   std::iota(some.begin(), some.end(), 0);
   std::iota(others.begin(), others.end(), 8);
-  const Host hosts[] = {{rig, some, 0}, {rig, others, 1}};
+  const Host hosts[] = {{rig, some}, {rig, others}};
 
   lf::Compositor compositor(rig, 1);
   lf::View view = lf::home_view(rig, kWidth, kHeight);

@@ -5,6 +5,7 @@
 
 #include "common/view_feedback.h"
 #include "compositor/lfcompositor_private.h"
+#include "focus/view_focus.h"
 #include "wire/camera_trials_codec.h"
 #include "wire/moments_codec.h"
 
@@ -164,22 +165,6 @@ std::vector<GstBuffer*> lf_compositor_make_moments(LfCompositor* self, guint nod
   return units;
 }
 
-// What the next request says of the cameras' brightness, whose trials are `trials`.
-static lf::GainRequest next_gains(LfCompositor* self, bool use, bool has_trials) {
-  auto& state = *self->state;
-  lf::GainRequest gains{.use = use};
-  if (!use) {
-    state.mean_turns = {};
-    return gains;
-  }
-  const bool came = state.brightness.columns > 0;
-  gains.ask = state.mean_turns.next(has_trials, came);
-  if (!came) return gains;
-  gains.mean = lf::mean_luma(state.brightness, state.gains);
-  gains.mean_of = state.current->sequence;
-  return gains;
-}
-
 void lf_compositor_find_focus(LfCompositor* self) {
   auto& state = *self->state;
   GST_OBJECT_LOCK(self);
@@ -211,7 +196,8 @@ void lf_compositor_find_focus(LfCompositor* self) {
                        .plan = state.focus.next(request, state.moments, *state.focus_array)};
   state.stats.set_focus(state.focus.state(), state.moment_bytes);
   // Through a surface that is anywhere cameras differ for other reasons.
-  found.gains = next_gains(self, gains && state.focus.state().sure, !found.plan.trials.empty());
+  found.gains = lf::next_gains(state.mean_turns, gains && state.focus.state().sure, !found.plan.trials.empty(),
+                               state.brightness, state.gains, request.sequence);
   const bool heard = gst_pad_push_event(
       self->request, lf::view_feedback_event({.view_id = request.view_id, .focus = std::move(found)}));
   state.unheard = heard ? 0 : kUnheardRest;

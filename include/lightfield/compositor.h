@@ -17,6 +17,9 @@ struct RequestOptions {
   Focus focus = Focus::kPlane;
   // With kAuto: where surfaces may be, metres from the array. Where either is 0 the range follows the scene.
   double nearest = 0, farthest = 0;
+  // With kAuto: cameras that are brighter or darker than the others are made as bright, by what they see of the
+  // surface.
+  bool match_brightness = true;
   // How answers' pixels travel: 1 to 100: JPEG of this quality; 0: 16 bits a value, by which the picture is, to the
   // bit, that of a Renderer with all cameras, and large.
   int quality = 90;
@@ -67,7 +70,7 @@ class Compositor {
   // Cameras that the latest picture had to do without, though it needed them.
   unsigned missing() const;
 
-  // Forgets the focal surface, as when the scene has become another one.
+  // Forgets the focal surface, as when the scene has become another one. Other options of focus forget it, too.
   void reset_focus();
 
  private:

@@ -12,7 +12,6 @@
 namespace lightfield {
 
 struct NodeOptions {
-  uint32_t number = 0;                             // of the node; nodes of one array have different ones
   Resampling resampling = Resampling::kSharpened;  // how cameras' images are sampled
   unsigned threads = 0;                            // that work on an answer at most; 0: as many as processors
 };

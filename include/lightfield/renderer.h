@@ -15,6 +15,9 @@ struct RenderOptions {
   Focus focus = Focus::kPlane;
   // With kAuto: where surfaces may be, metres from the array. Where either is 0 the range follows the scene.
   double nearest = 0, farthest = 0;
+  // With kAuto: cameras that are brighter or darker than the others are made as bright, by what they see of the
+  // surface.
+  bool match_brightness = true;
   Resampling resampling = Resampling::kSharpened;  // how cameras' images are sampled
   Colour background = {};                          // is shown where no camera sees anything
 };
@@ -46,7 +49,7 @@ class Renderer {
   Image render(const View& view, const std::vector<ImageView>& images, const RenderOptions& options = {});
   Image render(const View& view, const std::vector<Image>& images, const RenderOptions& options = {});
 
-  // Forgets the focal surface, as when the scene has become another one.
+  // Forgets the focal surface, as when the scene has become another one. Other options of focus forget it, too.
   void reset_focus();
 
  private:

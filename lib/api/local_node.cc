@@ -24,11 +24,10 @@ Resampling to_resampling(lightfield::Resampling resampling) {
 }  // namespace
 
 LocalNode::LocalNode(std::shared_ptr<const Rig> rig, uint64_t rig_hash, std::vector<CameraIndex> cameras,
-                     uint32_t number, unsigned threads)
+                     unsigned threads)
     : rig_(std::move(rig)),
       rig_hash_(rig_hash),
       cameras_(std::move(cameras)),
-      number_(number),
       threads_(threads > 0 ? threads : std::max(std::thread::hardware_concurrency(), 1u)) {
   if (cameras_.empty()) throw Error("cameras: a node needs at least one");
   frame_of_.resize(cameras_.size());
@@ -63,6 +62,8 @@ AnswerMaker::Units LocalNode::answer(const ViewRequest& request, const std::vect
   options.resampling = to_resampling(resampling);
   options.sum = SumChoice::kNode;
   options.in_process = in_process;
+  // Where no JPEG is asked for the picture is as if all cameras were on one node.
+  if (request.quality == 0) options.codec = CodecChoice::kRaw16;
   options.parallel = [this](size_t count, const std::function<void(size_t)>& task) {
     workers_->run(threads_, count, task);
   };
@@ -74,7 +75,6 @@ AnswerMaker::Units LocalNode::answer(const ViewRequest& request, const std::vect
   header.view_height = request.view.height;
   header.target_time = header.actual_time = request.target_time;
   header.rig_hash = rig_hash_;
-  header.node = number_;
   header.cameras = CameraRanges(own_);
   header.blind = CameraRanges(blind);
   std::vector<Source> sources;

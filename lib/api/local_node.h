@@ -20,8 +20,7 @@ class LocalNode {
  public:
   // `cameras`: indices in the order of frames. Throws Error for one that the rig does not have, one twice, and none.
   // `threads` 0: as many as there are processors.
-  LocalNode(std::shared_ptr<const Rig> rig, uint64_t rig_hash, std::vector<CameraIndex> cameras, uint32_t number,
-            unsigned threads);
+  LocalNode(std::shared_ptr<const Rig> rig, uint64_t rig_hash, std::vector<CameraIndex> cameras, unsigned threads);
 
   const std::vector<CameraIndex>& cameras() const { return cameras_; }
   // What the request comes to. Throws Error for a request of another rig, and for what does not fit this one.
@@ -37,7 +36,6 @@ class LocalNode {
   const std::vector<CameraIndex> cameras_;
   std::vector<CameraIndex> own_;  // ascending
   std::vector<size_t> frame_of_;  // of each of these its place in cameras_
-  const uint32_t number_;
   const unsigned threads_;
   const std::shared_ptr<WorkerPool> workers_ = WorkerPool::shared();
   MeshCache mesh_;

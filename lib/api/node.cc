@@ -29,8 +29,7 @@ RequestInfo read_request(const Bytes& request) {
 
 struct [[gnu::visibility("hidden")]] Node::State {
   State(const Rig& rig, std::vector<uint32_t> cameras, const NodeOptions& options)
-      : node(rig.data().rig, rig.data().hash, std::move(cameras), options.number, options.threads),
-        resampling(options.resampling) {}
+      : node(rig.data().rig, rig.data().hash, std::move(cameras), options.threads), resampling(options.resampling) {}
   std::mutex mutex;
   lf::api::LocalNode node;
   const Resampling resampling;
@@ -56,9 +55,7 @@ std::vector<Bytes> Node::answer(const Bytes& request, const std::vector<ImageVie
   return lf::api::translated([&] {
     const lf::ViewRequest decoded = decode(request);
     const std::lock_guard lock(state_->mutex);
-    // 16 bits a value where no JPEG is asked for: the picture is then as if all cameras were on one node.
-    const bool exact = decoded.quality == 0;
-    const lf::AnswerMaker::Units units = state_->node.answer(decoded, frames, state_->resampling, exact);
+    const lf::AnswerMaker::Units units = state_->node.answer(decoded, frames, state_->resampling, false);
     std::vector<Bytes> parts;
     for (const lf::ByteBuffer* unit : {&units.brightness, &units.moments, &units.answer.bytes})
       if (!unit->empty()) parts.emplace_back(unit->begin(), unit->end());

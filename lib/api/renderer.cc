@@ -22,7 +22,7 @@ std::vector<uint32_t> all_cameras(const Rig& rig) {
 struct [[gnu::visibility("hidden")]] Renderer::State {
   State(Rig of, unsigned threads)
       : rig(std::move(of)),
-        node(rig.data().rig, rig.data().hash, all_cameras(rig), 0, threads),
+        node(rig.data().rig, rig.data().hash, all_cameras(rig), threads),
         composer(rig.data().rig, rig.data().hash, 0) {}
   const Rig rig;
   lf::api::LocalNode node;
@@ -53,6 +53,7 @@ Image Renderer::render(const View& view, const std::vector<ImageView>& images, c
     asked.focus = options.focus;
     asked.nearest = options.nearest;
     asked.farthest = options.farthest;
+    asked.match_brightness = options.match_brightness;
     asked.background = options.background;
     asked.quality = 0;
     for (uint32_t i = 0; i < images.size(); i++)
@@ -61,7 +62,7 @@ Image Renderer::render(const View& view, const std::vector<ImageView>& images, c
     const lf::ViewRequest& request = composer.begin(view, asked);
     const auto units = std::make_shared<lf::AnswerMaker::Units>(
         state_->node.answer(request, images, options.resampling, true, std::move(state_->memory)));
-    for (const lf::ByteBuffer* unit : {&units->moments, &units->answer.bytes})
+    for (const lf::ByteBuffer* unit : {&units->brightness, &units->moments, &units->answer.bytes})
       if (!unit->empty()) composer.add(*unit, units);
     Image picture = composer.finish();
     state_->memory = std::move(units->answer.bytes);

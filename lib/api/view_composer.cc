@@ -2,11 +2,14 @@
 #include "api/view_composer.h"
 
 #include <algorithm>
+#include <functional>
 #include <numeric>
 #include <string>
+#include <string_view>
 
 #include "api/convert.h"
 #include "base/error.h"
+#include "composite/trial_answers.h"
 #include "wire/answer_parser.h"
 #include "wire/moments_codec.h"
 
@@ -42,7 +45,8 @@ const ViewRequest& ViewComposer::begin(const lightfield::View& view, const light
   request.rig_hash = rig_hash_;
   request.out_of_service = to_camera_set(options.out_of_service, rig_->cameras.size());
   const FocusControl::Settings settings = to_settings(options.focus, options.nearest, options.farthest);
-  if (settings != focus_.settings()) focus_ = ViewFocus(settings);
+  if (settings != focus_.settings() || options.match_brightness != focus_.matches_gains())
+    focus_ = ViewFocus(settings, options.match_brightness);
   if (settings.mode != FocusMode::kPlane) focus_.apply(request);
 
   current_.reset();
@@ -50,7 +54,7 @@ const ViewRequest& ViewComposer::begin(const lightfield::View& view, const light
   background_ = {options.background.r, options.background.g, options.background.b};
   answered_.clear();
   tried_.clear();
-  moments_.clear();
+  answers_ = {};
   sequence_ = request.sequence;
   return current_.emplace(std::move(request));
 }
@@ -67,17 +71,12 @@ std::string ViewComposer::add_moments(std::span<const uint8_t> unit) {
   const std::optional<wire::MomentsHeader> header = wire::parse_moments_header(unit, nullptr, &reason);
   if (!header) return "damaged: " + reason;
   if (header->view_id != view_id_ || header->sequence != current_->sequence) return "of another request";
-  if (header->rig_hash != rig_hash_) return "of another rig";
-  const FocalMap* const map = current_->view.focus.map.get();
-  if (header->gains || !map || current_->trials.empty()) return "was not asked for";
-  std::optional<wire::MomentsUnit> trials =
-      wire::decode_moments(unit, {map->columns, map->rows, current_->trials.size()}, &reason);
-  if (!trials) return "damaged: " + reason;
-  if (!tried_.insert(header->node).second) return "is there already";
-  if (moments_.empty())
-    moments_ = std::move(trials->trials);
-  else
-    for (size_t i = 0; i < moments_.size(); i++) moments_[i].add(trials->trials[i]);
+  // What is the same to the last byte has come twice: no two nodes see the same.
+  const size_t hash = std::hash<std::string_view>()({reinterpret_cast<const char*>(unit.data()), unit.size()});
+  if (tried_.contains(hash)) return "is there already";
+  const std::string why_not = lf::add_moments(unit, *header, *current_, answers_);
+  if (!why_not.empty()) return "damaged, or not asked for: " + why_not;
+  tried_.insert(hash);
   return {};
 }
 
@@ -93,7 +92,7 @@ std::string ViewComposer::add_answer(std::span<const uint8_t> unit, std::shared_
       return "is there already, or does not fit the view or the parts before: some of it was left out";
     default: break;
   }
-  answered_.insert(answer->node);
+  answered_.insert(answer->cameras);
   return assembly_.damaged() > damaged ? "damaged: some of it was left out" : "";
 }
 
@@ -103,8 +102,8 @@ bool ViewComposer::is_complete() const {
   std::iota(all.begin(), all.end(), 0);
   CameraRanges awaited(all);
   awaited.remove(CameraRanges(current_->out_of_service));
-  return assembly_.cameras().contains(awaited) &&
-         (current_->trials.empty() || std::ranges::includes(tried_, answered_));
+  const size_t units = static_cast<size_t>(!current_->trials.empty()) + current_->gains.ask;  // of each node's moments
+  return assembly_.cameras().contains(awaited) && tried_.size() >= units * answered_.size();
 }
 
 lightfield::Image ViewComposer::finish() {
@@ -114,13 +113,14 @@ lightfield::Image ViewComposer::finish() {
   lightfield::Image picture = from_image(assembly_.picture().resolve(background_));
   if (focus_.settings().mode != FocusMode::kPlane) {
     if (!array_) array_.emplace(*rig_);
-    focus_.take(*current_, moments_, *array_, missing_ == 0 && assembly_.damaged() == 0);
+    answers_.complete = missing_ == 0 && assembly_.damaged() == 0;
+    focus_.take(*current_, answers_, *array_);
   }
   assembly_.release();
   current_.reset();
   return picture;
 }
 
-void ViewComposer::reset_focus() { focus_ = ViewFocus(focus_.settings()); }
+void ViewComposer::reset_focus() { focus_ = ViewFocus(focus_.settings(), focus_.matches_gains()); }
 
 }  // namespace lf::api

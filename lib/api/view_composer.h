@@ -47,8 +47,10 @@ class ViewComposer {
   std::optional<ViewRequest> current_;
   Background background_;
   Assembly assembly_;
-  std::set<uint32_t> answered_, tried_;  // nodes whose answers, and whose moments, are there
-  std::vector<Moments> moments_;         // of the current request's trials; empty: none yet
+  // Nodes whose answers are there, by their cameras; and units of moments that are, by a hash of their bytes.
+  std::set<CameraRanges> answered_;
+  std::set<size_t> tried_;
+  ViewFocus::Answers answers_;
   ViewFocus focus_;
   std::optional<FocusArray> array_;  // once a surface is looked for
   unsigned missing_ = 0;

@@ -25,7 +25,9 @@ View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const Camer
   };
   for (int round = 0; round <= rounds; round++) {
     const ViewRequest request = next_request();
-    std::vector<Moments> sums(request.trials.size());
+    ViewFocus::Answers answers;
+    std::vector<Moments>& sums = answers.moments;
+    sums.resize(request.trials.size());
     if (!sums.empty()) {
       std::vector<std::vector<uint8_t>> levels;
       for (const Trial& trial : request.trials) levels.push_back(trial_levels(request.view, trial));
@@ -38,7 +40,7 @@ View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const Camer
       }
       add_moments(job, sources, levels, sums);
     }
-    focus.take(request, sums, array);
+    focus.take(request, answers, array);
   }
   return shown_view(next_request());
 }

@@ -4,6 +4,7 @@
 #include <lightfield/node.h>
 #include <lightfield/renderer.h>
 
+#include <cmath>
 #include <functional>
 #include <string>
 #include <vector>
@@ -11,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "image/image.h"
+#include "lib/focus/array_of_walls.h"
 #include "reference/generators.h"
 #include "rig/rig_json.h"
 #include "view/view.h"
@@ -58,6 +60,38 @@ struct Array {
   lf::Rig inside;
   Rig rig;
   std::vector<lf::Image> originals;
+  std::vector<Image> images;
+  View view;
+};
+
+// Two walls of different distances, one of whose cameras sees less light, and a view from between them that is focused
+// on neither.
+struct Walls {
+  explicit Walls(double gain = 1) : rig(public_rig(walls.rig)), images(public_images(walls.images)) {
+    for (uint8_t& value : images[4].pixels) value = static_cast<uint8_t>(value * gain);
+    view.width = 160;
+    view.height = 120;
+    view.fov_y = 25;
+    view.world_from_view.position = {0.013, -0.017, 0};
+    view.focus_distance = 1.1;
+  }
+  // Of 255, what is near the picture's border left away.
+  double mean_error(const Image& picture) const {
+    const lf::View inside = private_view(view);
+    double sum = 0;
+    int count = 0;
+    for (int y = 20; y < 100; y++)
+      for (int x = 20; x < 140; x++, count++) {
+        const lf::Vec3 d(*inside.lens.unproject({x, y}), 1);
+        const lf::Vec3 near = inside.pose.position + 1.5 * d, far = inside.pose.position + 3. * d;
+        const lf::Vec3 at = near.x > 0 ? near : far;
+        const double luma = 128 + 50 * std::sin(31 * at.x + 7 * at.y) + 50 * std::sin(23 * at.y - 11 * at.x);
+        sum += std::abs(picture.pixels[3 * (static_cast<size_t>(y) * 160 + x)] - luma);
+      }
+    return sum / count;
+  }
+  lf::test::ArrayOfWalls walls;
+  Rig rig;
   std::vector<Image> images;
   View view;
 };

@@ -16,13 +16,14 @@ using test::Array;
 
 // Three machines, whose cameras lie among each other's and are named in no order.
 struct Machines {
-  explicit Machines(const Array& array) {
+  explicit Machines(const Array& array) : Machines(array.rig, array.images) {}
+  Machines(const Rig& rig, const std::vector<Image>& images) {
     for (uint32_t number = 0; number < 3; number++) {
       std::vector<uint32_t> cameras;
-      for (uint32_t camera = number; camera < array.rig.size(); camera += 3) cameras.insert(cameras.begin(), camera);
+      for (uint32_t camera = number; camera < rig.size(); camera += 3) cameras.insert(cameras.begin(), camera);
       frames.emplace_back();
-      for (const uint32_t camera : cameras) frames.back().push_back(array.images[camera]);
-      nodes.emplace_back(array.rig, cameras, NodeOptions{.number = number});
+      for (const uint32_t camera : cameras) frames.back().push_back(images[camera]);
+      nodes.emplace_back(rig, cameras);
     }
   }
   std::vector<Bytes> answer(const Bytes& request) const {
@@ -67,6 +68,22 @@ TEST(ApiNodeCompositor, PicturesAreTheRenderersToTheBit) {
       }
       EXPECT_EQ(most_parts, focus == Focus::kAuto ? 6u : 3u) << "surfaces are tried";
     }
+}
+
+TEST(ApiNodeCompositor, SurfaceAndBrightnessAreTheRenderersToTheBit) {
+  const test::Walls walls(0.8);
+  const Machines machines(walls.rig, walls.images);
+  Renderer renderer(walls.rig);
+  Compositor compositor(walls.rig, 1);
+  for (int i = 0; i < 24; i++) {
+    for (const Bytes& part : machines.answer(compositor.request(walls.view, {.focus = Focus::kAuto, .quality = 0})))
+      EXPECT_TRUE(compositor.add(part));
+    EXPECT_TRUE(compositor.is_complete());
+    ASSERT_EQ(compositor.finish().pixels, renderer.render(walls.view, walls.images, {.focus = Focus::kAuto}).pixels)
+        << "picture " << i;
+  }
+  EXPECT_NE(renderer.render(walls.view, walls.images, {.focus = Focus::kAuto}).pixels,
+            Renderer(walls.rig).render(walls.view, walls.images).pixels);
 }
 
 TEST(ApiNodeCompositor, JpegIsSmallAndNear) {

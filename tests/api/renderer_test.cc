@@ -7,7 +7,6 @@
 #include <thread>
 
 #include "composite/accumulator.h"
-#include "lib/focus/array_of_walls.h"
 #include "reference/renderer.h"
 #include "render/render_job.h"
 #include "render/sum_renderer.h"
@@ -111,37 +110,29 @@ TEST(ApiRenderer, LooksAtNoOtherCameras) {
 }
 
 TEST(ApiRenderer, FindsTheFocalSurface) {
-  const lf::test::ArrayOfWalls walls;
-  const Rig rig = test::public_rig(walls.rig);
-  const std::vector<Image> images = test::public_images(walls.images);
-  View view;
-  view.width = 160;
-  view.height = 120;
-  view.fov_y = 25;
-  view.world_from_view.position = {0.013, -0.017, 0};
-  view.focus_distance = 1.1;
-  const lf::View inside = test::private_view(view);
-  const auto mean_error = [&](const Image& picture) {  // the outer pixels left away
-    double sum = 0;
-    int count = 0;
-    for (int y = 20; y < 100; y++)
-      for (int x = 20; x < 140; x++, count++) {
-        const lf::Vec3 d(*inside.lens.unproject({x, y}), 1);
-        const lf::Vec3 near = inside.pose.position + 1.5 * d, far = inside.pose.position + 3. * d;
-        const lf::Vec3 at = near.x > 0 ? near : far;
-        const double luma = 128 + 50 * std::sin(31 * at.x + 7 * at.y) + 50 * std::sin(23 * at.y - 11 * at.x);
-        sum += std::abs(picture.pixels[3 * (static_cast<size_t>(y) * 160 + x)] - luma);
-      }
-    return sum / count;
-  };
-  Renderer renderer(rig);
-  const double on_plane = mean_error(renderer.render(view, images));
+  const test::Walls walls;
+  Renderer renderer(walls.rig);
+  const double on_plane = walls.mean_error(renderer.render(walls.view, walls.images));
   double on_surface = 0;
-  for (int i = 0; i < 16; i++) on_surface = mean_error(renderer.render(view, images, {.focus = Focus::kAuto}));
+  for (int i = 0; i < 16; i++)
+    on_surface = walls.mean_error(renderer.render(walls.view, walls.images, {.focus = Focus::kAuto}));
   EXPECT_GT(on_plane, 3) << "all of the picture is out of focus";
   EXPECT_LT(on_surface, on_plane / 3);
   renderer.reset_focus();
-  EXPECT_NEAR(mean_error(renderer.render(view, images, {.focus = Focus::kAuto})), on_plane, 1e-9);
+  EXPECT_NEAR(walls.mean_error(renderer.render(walls.view, walls.images, {.focus = Focus::kAuto})), on_plane, 1e-9);
+}
+
+TEST(ApiRenderer, MatchesBrightness) {
+  const test::Walls walls(0.8);
+  double error[2];
+  for (const bool match : {false, true}) {
+    Renderer renderer(walls.rig);
+    for (int i = 0; i < 40; i++)
+      error[match] = walls.mean_error(
+          renderer.render(walls.view, walls.images, {.focus = Focus::kAuto, .match_brightness = match}));
+  }
+  EXPECT_GT(error[false], 3) << "a camera is darker than the others";
+  EXPECT_LT(error[true], error[false] / 2);
 }
 
 TEST(ApiRenderer, SaysWhatDoesNotFit) {
