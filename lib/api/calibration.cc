@@ -8,7 +8,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "api/translate.h"
 #include "base/json_value.h"
 #include "calibration/diagnosis.h"
 #include "calibration/placement.h"
@@ -60,8 +59,7 @@ lf::PlacementOptions to_placement(const CalibrationOptions& options) {
   out.pitch = options.pitch;
   out.bar_length = options.bar_length;
   if (options.distance) out.distance = {options.distance->a, options.distance->b, options.distance->metres};
-  if (!(options.pitch >= 0) || !(options.bar_length >= 0))
-    throw lf::Error("pitch, bar_length: must not be below 0 metres");
+  if (!(options.pitch >= 0) || !(options.bar_length >= 0)) throw Error("pitch, bar_length: must not be below 0 metres");
   return out;
 }
 
@@ -75,40 +73,35 @@ Finding to_finding(const lf::Finding& finding) {
 
 }  // namespace
 
-Tracks load_tracks(const std::string& path) {
-  return lf::api::translated([&] { return from_tracks(lf::load_tracks(path)); });
-}
+Tracks load_tracks(const std::string& path) { return from_tracks(lf::load_tracks(path)); }
 
 Calibration calibrate_rig(const Tracks& tracks, const CalibrationOptions& options) {
-  return lf::api::translated([&] {
-    const lf::Tracks seen = to_tracks(tracks);
-    lf::SolveOptions solve;
-    solve.progress = options.progress;
-    if (options.distortion_terms) {
-      if (*options.distortion_terms < 0 || *options.distortion_terms > 2)
-        throw lf::Error("distortion_terms: must be 0 to 2");
-      solve.distortion = lf::DistortionModel{*options.distortion_terms, false};
-    }
-    json original = json::object();
-    if (options.prior) original = take_prior(*options.prior, solve);
-    const lf::PlacementOptions placing = to_placement(options);
+  const lf::Tracks seen = to_tracks(tracks);
+  lf::SolveOptions solve;
+  solve.progress = options.progress;
+  if (options.distortion_terms) {
+    if (*options.distortion_terms < 0 || *options.distortion_terms > 2) throw Error("distortion_terms: must be 0 to 2");
+    solve.distortion = lf::DistortionModel{*options.distortion_terms, false};
+  }
+  json original = json::object();
+  if (options.prior) original = take_prior(*options.prior, solve);
+  const lf::PlacementOptions placing = to_placement(options);
 
-    const lf::Solution solution = lf::solve_tracks(seen, solve);
-    const lf::Placement placement = lf::place_solution(solution, seen, solve, placing);
-    original = lf::rig_record(solution, seen, placement, std::move(original), "liblightfield-calibration");
-    const std::string rig = lf::rig_to_json(lf::make_rig(solution, seen, solve, placement), &original);
+  const lf::Solution solution = lf::solve_tracks(seen, solve);
+  const lf::Placement placement = lf::place_solution(solution, seen, solve, placing);
+  original = lf::rig_record(solution, seen, placement, std::move(original), "liblightfield-calibration");
+  const std::string rig = lf::rig_to_json(lf::make_rig(solution, seen, solve, placement), &original);
 
-    Calibration out{parse_rig(rig, "calibration"), {}, {}, solution.sigma, 0, placement.scale_from};
-    for (size_t i = 0; i < seen.cameras.size(); i++) {
-      if (!solution.scene.cameras[i].used) continue;
-      lf::CameraCovariance known = lf::covariance_in_rig(solution.uncertainty, i, placement.world_from_scene);
-      out.covariances.push_back({seen.cameras[i].id, std::move(known.parameters), std::move(known.matrix)});
-    }
-    for (const lf::Finding& finding : lf::diagnose(solution, seen, solve, placement))
-      out.findings.push_back(to_finding(finding));
-    out.outliers = static_cast<size_t>(std::ranges::count(solution.inliers, 0));
-    return out;
-  });
+  Calibration out{parse_rig(rig, "calibration"), {}, {}, solution.sigma, 0, placement.scale_from};
+  for (size_t i = 0; i < seen.cameras.size(); i++) {
+    if (!solution.scene.cameras[i].used) continue;
+    lf::CameraCovariance known = lf::covariance_in_rig(solution.uncertainty, i, placement.world_from_scene);
+    out.covariances.push_back({seen.cameras[i].id, std::move(known.parameters), std::move(known.matrix)});
+  }
+  for (const lf::Finding& finding : lf::diagnose(solution, seen, solve, placement))
+    out.findings.push_back(to_finding(finding));
+  out.outliers = static_cast<size_t>(std::ranges::count(solution.inliers, 0));
+  return out;
 }
 
 }  // namespace lightfield

@@ -2,7 +2,6 @@
 #include <lightfield/compositor.h>
 
 #include "api/convert.h"
-#include "api/translate.h"
 #include "api/view_composer.h"
 #include "wire/request_codec.h"
 
@@ -19,18 +18,14 @@ Compositor::Compositor(Compositor&&) noexcept = default;
 Compositor& Compositor::operator=(Compositor&&) noexcept = default;
 
 Bytes Compositor::request(const View& view, const RequestOptions& options) {
-  return lf::api::translated([&] { return lf::wire::encode_request(state_->composer.begin(view, options)); });
+  return lf::wire::encode_request(state_->composer.begin(view, options));
 }
 
-Compositor::Added Compositor::add(const Bytes& part) {
-  return lf::api::translated([&] { return state_->composer.add(part); });
-}
+Compositor::Added Compositor::add(const Bytes& part) { return state_->composer.add(part); }
 
 bool Compositor::is_complete() const { return state_->composer.is_complete(); }
 
-Image Compositor::finish() {
-  return lf::api::translated([&] { return state_->composer.finish(); });
-}
+Image Compositor::finish() { return state_->composer.finish(); }
 
 unsigned Compositor::missing() const { return state_->composer.missing(); }
 void Compositor::reset_focus() { state_->composer.reset_focus(); }

@@ -24,7 +24,7 @@ struct [[gnu::visibility("hidden")]] lightfield::Rig::Data {
 
 namespace lf::api {
 
-// Between the public API's plain values and the library's own. All throw lf::Error for what no such value can be.
+// Between the public API's plain values and the library's own. All throw Error for what no such value can be.
 Pose to_pose(const lightfield::Pose& pose);
 Lens to_lens(const lightfield::Lens& lens);
 View to_view(const lightfield::View& view);

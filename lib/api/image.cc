@@ -3,7 +3,6 @@
 
 #include <lightfield/error.h>
 
-#include "api/translate.h"
 #include "image/image.h"
 #include "rig/rig.h"
 #include "view/view.h"
@@ -14,15 +13,13 @@ static_assert(static_cast<int>(PixelFormat::kRgb) == static_cast<int>(lf::PixelF
 static_assert(static_cast<int>(PixelFormat::kI420) == static_cast<int>(lf::PixelFamily::kI420));
 
 Image make_image(PixelFormat format, int width, int height) {
-  return lf::api::translated([&]() -> Image {
-    if (format != PixelFormat::kRgb && format != PixelFormat::kI420) throw lf::Error("format: must be kRgb or kI420");
-    lf::validate_size("width", width);
-    lf::validate_size("height", height);
-    lf::Image image(static_cast<lf::PixelFamily>(format), width, height);
-    if (format == PixelFormat::kI420)  // chroma has its zero in the middle
-      std::fill(image.plane(1), image.data().data() + image.data().size(), uint8_t{128});
-    return {format, width, height, std::move(image.data())};
-  });
+  if (format != PixelFormat::kRgb && format != PixelFormat::kI420) throw Error("format: must be kRgb or kI420");
+  lf::validate_size("width", width);
+  lf::validate_size("height", height);
+  lf::Image image(static_cast<lf::PixelFamily>(format), width, height);
+  if (format == PixelFormat::kI420)  // chroma has its zero in the middle
+    std::fill(image.plane(1), image.data().data() + image.data().size(), uint8_t{128});
+  return {format, width, height, std::move(image.data())};
 }
 
 ImageView::ImageView(const Image& image) : format(image.format), width(image.width), height(image.height) {

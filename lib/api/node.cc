@@ -5,7 +5,6 @@
 
 #include "api/convert.h"
 #include "api/local_node.h"
-#include "api/translate.h"
 #include "wire/request_codec.h"
 
 namespace lightfield {
@@ -14,17 +13,15 @@ namespace {
 lf::ViewRequest decode(const Bytes& bytes) {
   std::string reason;
   std::optional<lf::ViewRequest> request = lf::wire::decode_request(bytes, &reason);
-  if (!request) throw lf::Error("not a request: " + reason);
+  if (!request) throw Error("not a request: " + reason);
   return std::move(*request);
 }
 
 }  // namespace
 
 RequestInfo read_request(const Bytes& request) {
-  return lf::api::translated([&]() -> RequestInfo {
-    const lf::ViewRequest decoded = decode(request);
-    return {decoded.view_id, decoded.sequence, decoded.target_time};
-  });
+  const lf::ViewRequest decoded = decode(request);
+  return {decoded.view_id, decoded.sequence, decoded.target_time};
 }
 
 struct [[gnu::visibility("hidden")]] Node::State {
@@ -36,7 +33,7 @@ struct [[gnu::visibility("hidden")]] Node::State {
 };
 
 Node::Node(Rig rig, std::vector<uint32_t> cameras, const NodeOptions& options)
-    : state_(lf::api::translated([&] { return std::make_unique<State>(rig, std::move(cameras), options); })) {}
+    : state_(std::make_unique<State>(rig, std::move(cameras), options)) {}
 Node::~Node() = default;
 Node::Node(Node&&) noexcept = default;
 Node& Node::operator=(Node&&) noexcept = default;
@@ -44,23 +41,19 @@ Node& Node::operator=(Node&&) noexcept = default;
 const std::vector<uint32_t>& Node::cameras() const { return state_->node.cameras(); }
 
 std::vector<uint32_t> Node::cameras_for(const Bytes& request) const {
-  return lf::api::translated([&] {
-    const lf::ViewRequest decoded = decode(request);
-    const std::lock_guard lock(state_->mutex);
-    return state_->node.plan(decoded)->cameras();
-  });
+  const lf::ViewRequest decoded = decode(request);
+  const std::lock_guard lock(state_->mutex);
+  return state_->node.plan(decoded)->cameras();
 }
 
 std::vector<Bytes> Node::answer(const Bytes& request, const std::vector<ImageView>& frames) const {
-  return lf::api::translated([&] {
-    const lf::ViewRequest decoded = decode(request);
-    const std::lock_guard lock(state_->mutex);
-    const lf::AnswerMaker::Units units = state_->node.answer(decoded, frames, state_->resampling, false);
-    std::vector<Bytes> parts;
-    for (const lf::ByteBuffer* unit : {&units.brightness, &units.moments, &units.answer.bytes})
-      if (!unit->empty()) parts.emplace_back(unit->begin(), unit->end());
-    return parts;
-  });
+  const lf::ViewRequest decoded = decode(request);
+  const std::lock_guard lock(state_->mutex);
+  const lf::AnswerMaker::Units units = state_->node.answer(decoded, frames, state_->resampling, false);
+  std::vector<Bytes> parts;
+  for (const lf::ByteBuffer* unit : {&units.brightness, &units.moments, &units.answer.bytes})
+    if (!unit->empty()) parts.emplace_back(unit->begin(), unit->end());
+  return parts;
 }
 
 std::vector<Bytes> Node::answer(const Bytes& request, const std::vector<Image>& frames) const {

@@ -5,7 +5,6 @@
 
 #include "api/convert.h"
 #include "api/local_node.h"
-#include "api/translate.h"
 #include "api/view_composer.h"
 
 namespace lightfield {
@@ -30,8 +29,7 @@ struct [[gnu::visibility("hidden")]] Renderer::State {
   lf::ByteBuffer memory;  // of the latest answer
 };
 
-Renderer::Renderer(Rig rig, unsigned threads)
-    : state_(lf::api::translated([&] { return std::make_unique<State>(std::move(rig), threads); })) {}
+Renderer::Renderer(Rig rig, unsigned threads) : state_(std::make_unique<State>(std::move(rig), threads)) {}
 Renderer::~Renderer() = default;
 Renderer::Renderer(Renderer&&) noexcept = default;
 Renderer& Renderer::operator=(Renderer&&) noexcept = default;
@@ -39,35 +37,31 @@ Renderer& Renderer::operator=(Renderer&&) noexcept = default;
 const Rig& Renderer::rig() const { return state_->rig; }
 
 std::vector<uint32_t> Renderer::cameras(const View& view) const {
-  return lf::api::translated([&] {
-    lf::ViewRequest request;
-    request.view = lf::api::to_view(view);
-    return state_->node.plan(request)->cameras();
-  });
+  lf::ViewRequest request;
+  request.view = lf::api::to_view(view);
+  return state_->node.plan(request)->cameras();
 }
 
 Image Renderer::render(const View& view, const std::vector<ImageView>& images, const RenderOptions& options) {
-  return lf::api::translated([&] {
-    lf::api::check_count(images.size(), state_->rig.size());
-    RequestOptions asked;
-    asked.focus = options.focus;
-    asked.nearest = options.nearest;
-    asked.farthest = options.farthest;
-    asked.match_brightness = options.match_brightness;
-    asked.background = options.background;
-    asked.quality = 0;
-    for (uint32_t i = 0; i < images.size(); i++)
-      if (images[i].format == PixelFormat::kNone) asked.out_of_service.push_back(i);
-    lf::api::ViewComposer& composer = state_->composer;
-    const lf::ViewRequest& request = composer.begin(view, asked);
-    const auto units = std::make_shared<lf::AnswerMaker::Units>(
-        state_->node.answer(request, images, options.resampling, true, std::move(state_->memory)));
-    for (const lf::ByteBuffer* unit : {&units->brightness, &units->moments, &units->answer.bytes})
-      if (!unit->empty()) composer.add(*unit, units);
-    Image picture = composer.finish();
-    state_->memory = std::move(units->answer.bytes);
-    return picture;
-  });
+  lf::api::check_count(images.size(), state_->rig.size());
+  RequestOptions asked;
+  asked.focus = options.focus;
+  asked.nearest = options.nearest;
+  asked.farthest = options.farthest;
+  asked.match_brightness = options.match_brightness;
+  asked.background = options.background;
+  asked.quality = 0;
+  for (uint32_t i = 0; i < images.size(); i++)
+    if (images[i].format == PixelFormat::kNone) asked.out_of_service.push_back(i);
+  lf::api::ViewComposer& composer = state_->composer;
+  const lf::ViewRequest& request = composer.begin(view, asked);
+  const auto units = std::make_shared<lf::AnswerMaker::Units>(
+      state_->node.answer(request, images, options.resampling, true, std::move(state_->memory)));
+  for (const lf::ByteBuffer* unit : {&units->brightness, &units->moments, &units->answer.bytes})
+    if (!unit->empty()) composer.add(*unit, units);
+  Image picture = composer.finish();
+  state_->memory = std::move(units->answer.bytes);
+  return picture;
 }
 
 Image Renderer::render(const View& view, const std::vector<Image>& images, const RenderOptions& options) {

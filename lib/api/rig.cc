@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 
 #include "api/convert.h"
-#include "api/translate.h"
 #include "base/json_value.h"
 #include "rig/mesh.h"
 #include "rig/rig_json.h"
@@ -39,8 +38,8 @@ lf::Rig to_rig(const std::vector<Camera>& cameras, const Topology& topology) {
   for (size_t i = 0; i < cameras.size(); i++) {
     try {
       rig.cameras.push_back(to_camera(cameras[i]));
-    } catch (const lf::Error& error) {
-      throw lf::Error("cameras[" + std::to_string(i) + "].lens: " + error.what());
+    } catch (const Error& error) {
+      throw Error("cameras[" + std::to_string(i) + "].lens: " + error.what());
     }
   }
   using Type = lf::Topology::Type;
@@ -65,6 +64,15 @@ std::string json_of(const Rig::Data& data, const lf::Rig& rig) {
   return lf::rig_to_json(rig, &original);
 }
 
+// Written and read again, so that a rig from values is checked as one from a file is.
+std::shared_ptr<const Rig::Data> checked(const lf::Rig& rig) {
+  try {
+    return data_of(lf::parse_rig(lf::rig_to_json(rig), "rig"));
+  } catch (const nlohmann::json::exception&) {
+    throw Error("rig: a camera's name, image or source is no text in UTF-8");
+  }
+}
+
 }  // namespace
 
 Pose look_at(const Vec3& eye, const Vec3& target) {
@@ -75,15 +83,7 @@ Pose look_at(const Vec3& eye, const Vec3& target) {
   return lf::api::from_pose(lf::look_at(from, to, down));
 }
 
-// Written and read again, so that a rig from values is checked as one from a file is.
-Rig::Rig(const std::vector<Camera>& cameras, const Topology& topology)
-    : data_(lf::api::translated([&] {
-        try {
-          return data_of(lf::parse_rig(lf::rig_to_json(to_rig(cameras, topology)), "rig"));
-        } catch (const nlohmann::json::exception&) {
-          throw lf::Error("rig: a camera's name, image or source is no text in UTF-8");
-        }
-      })) {}
+Rig::Rig(const std::vector<Camera>& cameras, const Topology& topology) : data_(checked(to_rig(cameras, topology))) {}
 
 size_t Rig::size() const { return data_->rig->cameras.size(); }
 uint64_t Rig::hash() const { return data_->hash; }
@@ -102,25 +102,18 @@ Camera Rig::camera(size_t index) const {
           camera.source};
 }
 
-std::string Rig::json() const {
-  return lf::api::translated([&] { return json_of(*data_, *data_->rig); });
-}
+std::string Rig::json() const { return json_of(*data_, *data_->rig); }
 
 Rig load_rig(const std::string& path) {
-  return lf::api::translated(
-      [&] { return Rig(parse(lf::read_text_file(path), path, std::filesystem::path(path).parent_path().string())); });
+  return Rig(parse(lf::read_text_file(path), path, std::filesystem::path(path).parent_path().string()));
 }
 
-Rig parse_rig(const std::string& json, const std::string& name) {
-  return lf::api::translated([&] { return Rig(parse(json, name, "")); });
-}
+Rig parse_rig(const std::string& json, const std::string& name) { return Rig(parse(json, name, "")); }
 
 void save_rig(const Rig& rig, const std::string& path) {
-  lf::api::translated([&] {
-    lf::Rig moved = *rig.data().rig;
-    lf::relocate(moved, std::filesystem::path(path).parent_path().string());
-    lf::write_text_file(json_of(rig.data(), moved), path);
-  });
+  lf::Rig moved = *rig.data().rig;
+  lf::relocate(moved, std::filesystem::path(path).parent_path().string());
+  lf::write_text_file(json_of(rig.data(), moved), path);
 }
 
 }  // namespace lightfield
