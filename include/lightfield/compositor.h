@@ -60,7 +60,7 @@ class Compositor {
   // Adds a part of an answer to the picture that was begun. The bytes may go when the call is over.
   Added add(const Bytes& part);
 
-  // Whether something of every camera that the picture needs has been added.
+  // Whether the nodes of all cameras in service have answered.
   bool is_complete() const;
 
   // The picture of what has been added, of the answers' format (RGB where no camera had a picture). What never came

@@ -37,15 +37,15 @@ class Renderer {
 
   const Rig& rig() const;
 
-  // The cameras of which images are looked at for this view, ascending: others need not be decoded. With Focus::kAuto
-  // the next picture may look at a few more at its edges.
+  // The cameras that make this view, ascending: for pictures of it others need no image. With Focus::kAuto others are
+  // looked at, too, where they have one, which is what tells whether a camera is darker than the rest.
   std::vector<uint32_t> cameras(const View& view) const;
 
   // The view as a picture of the images' format. `images`: one for each camera of the rig, in its order, all of one
-  // format and each of its camera's size; they are only read, and only during the call. Where a camera has none its
-  // neighbours close the gap. With Focus::kAuto every call improves the surface: images of one time together, from call
-  // to call those of a scene that moves as films do. Throws Error for a view that is none and for images that do not
-  // fit.
+  // format and each of its camera's size; they are only read, and only during the call. Where a camera that the view
+  // needs has none its neighbours close the gap. With Focus::kAuto every call improves the surface: images of one time
+  // together, from call to call those of a scene that moves as films do. Throws Error for a view that is none and for
+  // images that do not fit.
   Image render(const View& view, const std::vector<ImageView>& images, const RenderOptions& options = {});
   Image render(const View& view, const std::vector<Image>& images, const RenderOptions& options = {});
 

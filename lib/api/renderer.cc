@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <lightfield/renderer.h>
 
+#include <algorithm>
 #include <numeric>
 
 #include "api/convert.h"
@@ -27,6 +28,22 @@ struct [[gnu::visibility("hidden")]] Renderer::State {
   lf::api::LocalNode node;
   lf::api::ViewComposer composer;
   lf::ByteBuffer memory;  // of the latest answer
+
+  std::vector<uint32_t> cameras(const View& view) {
+    lf::ViewRequest request;
+    request.view = lf::api::to_view(view);
+    return node.plan(request)->cameras();
+  }
+  // Those without an image, if the view needs one of them: for the others nobody has to have one.
+  std::vector<uint32_t> missing(const View& view, const std::vector<ImageView>& images) {
+    std::vector<uint32_t> missing;
+    for (uint32_t i = 0; i < images.size(); i++)
+      if (images[i].format == PixelFormat::kNone) missing.push_back(i);
+    if (missing.empty()) return missing;
+    const std::vector<uint32_t> needed = cameras(view);
+    const bool any = std::ranges::any_of(needed, [&](uint32_t i) { return images[i].format == PixelFormat::kNone; });
+    return any ? missing : std::vector<uint32_t>();
+  }
 };
 
 Renderer::Renderer(Rig rig, unsigned threads) : state_(std::make_unique<State>(std::move(rig), threads)) {}
@@ -36,11 +53,7 @@ Renderer& Renderer::operator=(Renderer&&) noexcept = default;
 
 const Rig& Renderer::rig() const { return state_->rig; }
 
-std::vector<uint32_t> Renderer::cameras(const View& view) const {
-  lf::ViewRequest request;
-  request.view = lf::api::to_view(view);
-  return state_->node.plan(request)->cameras();
-}
+std::vector<uint32_t> Renderer::cameras(const View& view) const { return state_->cameras(view); }
 
 Image Renderer::render(const View& view, const std::vector<ImageView>& images, const RenderOptions& options) {
   lf::api::check_count(images.size(), state_->rig.size());
@@ -51,8 +64,7 @@ Image Renderer::render(const View& view, const std::vector<ImageView>& images, c
   asked.match_brightness = options.match_brightness;
   asked.background = options.background;
   asked.quality = 0;
-  for (uint32_t i = 0; i < images.size(); i++)
-    if (images[i].format == PixelFormat::kNone) asked.out_of_service.push_back(i);
+  asked.out_of_service = state_->missing(view, images);
   lf::api::ViewComposer& composer = state_->composer;
   const lf::ViewRequest& request = composer.begin(view, asked);
   const auto units = std::make_shared<lf::AnswerMaker::Units>(
