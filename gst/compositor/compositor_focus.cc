@@ -4,8 +4,8 @@
 #include <span>
 
 #include "common/view_feedback.h"
+#include "composite/trial_answers.h"
 #include "compositor/lfcompositor_private.h"
-#include "focus/view_focus.h"
 #include "wire/camera_trials_codec.h"
 #include "wire/moments_codec.h"
 
@@ -43,11 +43,9 @@ bool lf_compositor_finds_focus(LfCompositor* self) {
 }
 
 void lf_compositor_forget_moments(LfCompositor* self) {
-  self->state->moments.clear();
+  self->state->answers = {};
   self->state->trial_job.reset();
   self->state->trial_cameras.clear();
-  self->state->brightness = {};
-  self->state->gains = {};
   self->state->moment_bytes = 0;
 }
 
@@ -84,13 +82,14 @@ static bool add_camera_trials(LfCompositor* self, std::span<const uint8_t> bytes
     state.trial_levels.clear();
     for (const lf::Trial& trial : request.trials) state.trial_levels.push_back(lf::trial_levels(request.view, trial));
   }
-  if (state.moments.empty()) {
-    state.moments.resize(request.trials.size());
-    for (lf::Moments& moments : state.moments) moments.reset(map->columns, map->rows);
+  if (state.answers.moments.empty()) {
+    state.answers.moments.resize(request.trials.size());
+    for (lf::Moments& moments : state.answers.moments) moments.reset(map->columns, map->rows);
   }
   for (const lf::CameraTrials& camera : unit->cameras)
     if (camera.camera >= rig.cameras.size() || state.trial_cameras.contains(camera.camera) ||
-        !lf::add_camera_trials(*state.trial_job, rig.cameras[camera.camera], camera, state.trial_levels, state.moments))
+        !lf::add_camera_trials(*state.trial_job, rig.cameras[camera.camera], camera, state.trial_levels,
+                               state.answers.moments))
       *reason = "a camera's trials are there already, or not where it has a weight";
     else
       state.trial_cameras.insert(camera.camera);
@@ -121,35 +120,11 @@ int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer) {
     if (!add_camera_trials(self, mapped.bytes(), &reason)) drop();
     return 0;
   }
-  lf::wire::MomentsShape asked;
-  if (const lf::FocalMap* map = request.view.focus.map.get()) {
-    if (!header->gains)
-      asked = {map->columns, map->rows, request.trials.size()};
-    else if (request.gains.ask)
-      asked = {lf::FocalMap::nodes(map->columns, 2), lf::FocalMap::nodes(map->rows, 2), 1};
-  }
-  std::optional<lf::wire::MomentsUnit> unit = lf::wire::decode_moments(mapped.bytes(), asked, &reason);
-  if (unit && request.rig_hash != 0 && unit->rig_hash != request.rig_hash) {
-    reason = "of another rig";
-    unit.reset();
-  }
-  if (!unit) {
-    drop();
-    return 0;
-  }
-  state.moment_bytes += mapped.bytes().size();
-  if (unit->gains) {
-    state.gains.add(*unit->gains);
-    if (state.brightness.columns == 0)
-      state.brightness = std::move(unit->trials[0]);
-    else
-      state.brightness.add(unit->trials[0]);
-    return 0;
-  }
-  if (state.moments.empty())
-    state.moments = std::move(unit->trials);
+  reason = lf::add_moments(mapped.bytes(), *header, request, state.answers);
+  if (reason.empty())
+    state.moment_bytes += mapped.bytes().size();
   else
-    for (size_t i = 0; i < state.moments.size(); i++) state.moments[i].add(unit->trials[i]);
+    drop();
   return 0;
 }
 
@@ -158,10 +133,11 @@ std::vector<GstBuffer*> lf_compositor_make_moments(LfCompositor* self, guint nod
   const lf::ViewRequest& request = *state.current;
   lf::wire::MomentsHeader header{request.view_id, request.sequence, state.assembly.rig_hash(), node, {}};
   std::vector<GstBuffer*> units;
-  if (!state.moments.empty()) units.push_back(lf::wrap_bytes(lf::wire::encode_moments(header, state.moments)));
-  header.gains = state.gains;
-  if (state.brightness.columns > 0)
-    units.push_back(lf::wrap_bytes(lf::wire::encode_moments(header, {&state.brightness, 1})));
+  if (!state.answers.moments.empty())
+    units.push_back(lf::wrap_bytes(lf::wire::encode_moments(header, state.answers.moments)));
+  header.gains = state.answers.gains;
+  if (state.answers.brightness.columns > 0)
+    units.push_back(lf::wrap_bytes(lf::wire::encode_moments(header, {&state.answers.brightness, 1})));
   return units;
 }
 
@@ -193,11 +169,11 @@ void lf_compositor_find_focus(LfCompositor* self) {
     if (settings.mode != lf::FocusMode::kPlane) request.view.focus.map = nullptr;
   }
   lf::FoundFocus found{.sequence = request.sequence,
-                       .plan = state.focus.next(request, state.moments, *state.focus_array)};
+                       .plan = state.focus.next(request, state.answers.moments, *state.focus_array)};
   state.stats.set_focus(state.focus.state(), state.moment_bytes);
   // Through a surface that is anywhere cameras differ for other reasons.
   found.gains = lf::next_gains(state.mean_turns, gains && state.focus.state().sure, !found.plan.trials.empty(),
-                               state.brightness, state.gains, request.sequence);
+                               state.answers.brightness, state.answers.gains, request.sequence);
   const bool heard = gst_pad_push_event(
       self->request, lf::view_feedback_event({.view_id = request.view_id, .focus = std::move(found)}));
   state.unheard = heard ? 0 : kUnheardRest;
@@ -209,7 +185,7 @@ void lf_compositor_answer_sweep(LfCompositor* self) {
   state.stats.set_focus(state.focus.state(), state.moment_bytes + state.current_bytes);
   if (!lf_compositor_is_complete(self)) return;  // what some of the cameras agree on may be anything
   lf::FoundFocus found{.sequence = sweep.sequence,
-                       .plan = lf::FocusControl().next(sweep, state.moments, sweep.view.focus.map->from),
+                       .plan = lf::FocusControl().next(sweep, state.answers.moments, sweep.view.focus.map->from),
                        .gains = sweep.gains};
   gst_pad_push_event(self->request, lf::view_feedback_event({.view_id = sweep.view_id, .focus = std::move(found)}));
 }
