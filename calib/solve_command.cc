@@ -48,27 +48,6 @@ json load_prior(const std::string& path, lf::SolveOptions& options) {
   return original;
 }
 
-// With the covariance of each camera found; whatever else `original` says of it stays.
-void write_rig(const lf::Solution& solution, const lf::Tracks& tracks, const lf::Placement& placement, lf::Rig rig,
-               json original, const std::string& out) {
-  json kept = json::array();
-  for (size_t i = 0; i < tracks.cameras.size(); i++) {
-    if (!solution.scene.cameras[i].used) continue;
-    json camera = {{"id", tracks.cameras[i].id}};
-    if (original.contains("cameras"))
-      for (const json& known : original["cameras"])
-        if (known["id"] == tracks.cameras[i].id) camera = known;
-    camera["covariance"] =
-        json::parse(to_json(lf::covariance_in_rig(solution.uncertainty, i, placement.world_from_scene)).dump());
-    kept.push_back(std::move(camera));
-  }
-  original["cameras"] = kept;
-  original["provenance"]["calibration"] = {
-      {"program", "lf-calibrate solve"}, {"sigma_px", solution.sigma}, {"scale_from", placement.scale_from}};
-  lf::relocate(rig, std::filesystem::path(out).parent_path().string());
-  lf::save_rig(rig, out, &original);
-}
-
 void print_summary(const json& report) {
   for (const json& trial : report["models"])
     std::printf("tried       %-18s BIC %9.1f  transfer %s%s\n", trial["model"].get<std::string>().c_str(),
@@ -106,7 +85,10 @@ void solve(const Options& o) {
   const lf::Solution solution = lf::solve_tracks(tracks, options);
   const lf::Placement placement = lf::place_solution(solution, tracks, options, placement_options);
   const auto report = calibration_report(solution, tracks, placement, diagnose(solution, tracks, options, placement));
-  write_rig(solution, tracks, placement, lf::make_rig(solution, tracks, options, placement), original, o.out);
+  original = lf::rig_record(solution, tracks, placement, std::move(original), "lf-calibrate solve");
+  lf::Rig rig = lf::make_rig(solution, tracks, options, placement);
+  lf::relocate(rig, std::filesystem::path(o.out).parent_path().string());
+  lf::save_rig(rig, o.out, &original);
   if (!o.json.empty()) lf::write_text_file(report.dump(1) + "\n", o.json);
   print_summary(json::parse(report.dump()));
   std::printf("%s: %zu of %zu cameras\n", o.out.c_str(),

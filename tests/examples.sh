@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
-# Programs outside of this build: installs BUILD into a fresh prefix, builds examples/ against it with pkg-config alone, and
-# runs them. Prints TAP.
+# Programs outside of this build: installs BUILD into a fresh prefix, builds examples/, and the programs that
+# docs/guide-embedding.md shows, against it with pkg-config alone, and runs them. Prints TAP.
 # usage: tests/examples.sh BUILD
 set -uo pipefail
 build=${1:?the build folder}
@@ -28,7 +28,7 @@ if nm -D --undefined-only "$build/gst/libgstlightfield.so" | grep -q -e __asan_ 
   echo "1..0 # SKIP a build with sanitizers is not for other programs"
   exit
 fi
-echo 1..10
+echo 1..19
 DESTDIR=$work/root meson install -C "$build" --no-rebuild >"$work/log" 2>&1
 report $? "meson install" "$work/log"
 
@@ -46,11 +46,38 @@ ldd "$plugin" 2>&1 | grep -i -e opencv -e ceres >"$work/log"
 if [[ -s $work/log ]]; then status=1; else status=0; fi
 report $status "the plugin loads no OpenCV" "$work/log"
 
+library=$(find "$work/root" -name liblightfield.so)
+calibration=$(find "$work/root" -name liblightfield-calibration.so)
+include=$(dirname "$(find "$work/root" -path '*/lightfield/lightfield.h')")
+export LD_LIBRARY_PATH=${library%/*}
+nm -DC --defined-only "$library" "$calibration" | sed -n 's/^[0-9a-f]* [A-Z] //p' >"$work/symbols"
+grep -v '^\(\(typeinfo\|typeinfo name\|vtable\) for \)\?lightfield::' "$work/symbols" >"$work/log"
+if [[ -s $work/log || $(wc -l <"$work/symbols") -lt 40 ]]; then status=1; else status=0; fi
+report $status "the libraries show the public API alone" "$work/log"
+grep -e ::State -e ::Data "$work/symbols" >"$work/log"
+if [[ -s $work/log ]]; then status=1; else status=0; fi
+report $status "and nothing of the insides of its classes" "$work/log"
+ldd "$library" 2>&1 | grep -i -e opencv -e ceres -e gst -e glib -e yaml >"$work/log"
+if [[ -s $work/log ]]; then status=1; else status=0; fi
+report $status "liblightfield needs no OpenCV, Ceres or GStreamer" "$work/log"
+{ find "$work/root" -name '*.a' ! -name libgstlightfield.a; find "$work/root" -name '*.h' ! -path "$include/*"; } >"$work/log"
+if [[ -s $work/log || $(find "$include" -name '*.h' | wc -l) -ne 10 ]]; then status=1; else status=0; fi
+report $status "nothing else of the library is installed" "$work/log"
+status=0
+for header in "$include"/*.h; do
+  echo "#include <lightfield/${header##*/}>" |
+    ${CXX:-g++} -std=c++17 -Wall -Wextra -pedantic -Werror -fsyntax-only -I"${include%/*}" -x c++ - >"$work/log" 2>&1 || {
+    status=1
+    break
+  }
+done
+report $status "each header stands by itself, in C++17, too" "$work/log"
+
 compile() { # NAME SOURCE PACKAGE...
   local flags
   if ! flags=$(pkg-config --cflags --libs "${@:3}" 2>"$work/log"); then return 1; fi
   # shellcheck disable=SC2086  # flags are words
-  ${CXX:-g++} -std=c++20 -O1 "$2" $flags -o "$work/$1" >"$work/log" 2>&1
+  ${CXX:-g++} -std=c++20 -O1 -Wall -Wextra -pedantic -Werror "$2" $flags -o "$work/$1" >"$work/log" 2>&1
 }
 
 "$bin/lf-scene" --out "$work/scene" --grid 3x3 --width 64 --height 48 --frames 8 --samples 1 >"$work/log" 2>&1
@@ -67,6 +94,22 @@ compile own_frames "$source/examples/own_frames.cc" gstreamer-app-1.0 && timeout
 report $? "examples/own_frames.cc" "$work/log"
 compile own_transport "$source/examples/own_transport.cc" lightfield && timeout 60 "$work/own_transport" >"$work/log" 2>&1
 report $? "examples/own_transport.cc" "$work/log"
+for still in "$work"/scene/*.png; do
+  gst-launch-1.0 -q filesrc location="$still" ! pngdec ! videoconvert ! video/x-raw,format=RGB ! pnmenc ! \
+    filesink location="${still%.png}.ppm" >>"$work/log" 2>&1
+done
+compile render "$source/examples/render.cc" lightfield && timeout 60 "$work/render" "$rig" "$work/out.ppm" >"$work/log" 2>&1 &&
+  [[ $(wc -c <"$work/out.ppm") == $((3 * 640 * 480 + 15)) ]]
+report $? "examples/render.cc" "$work/log"
+compile calibrate "$source/examples/calibrate.cc" lightfield-calibration && timeout 60 "$work/calibrate" >"$work/log" 2>&1
+report $? "examples/calibrate.cc" "$work/log"
+
+# The programs of the guide, which are given the film's rig.
+awk -v to="$work/guide" '/^```cpp/ {on = ++n; next} /^```/ {on = 0} on {print > (to n ".cc")}' "$source/docs/guide-embedding.md"
+for n in 1 2; do
+  compile "guide$n" "$work/guide$n.cc" lightfield && timeout 60 "$work/guide$n" "$rig" >"$work/log" 2>&1
+  report $? "docs/guide-embedding.md, program $n" "$work/log"
+done
 python=/usr/bin/python3
 if "$python" -c 'import gi; gi.require_version("GstApp", "1.0"); from gi.repository import GstApp' 2>/dev/null; then
   timeout 60 "$python" "$source/examples/view.py" "$rig" 20 >"$work/log" 2>&1

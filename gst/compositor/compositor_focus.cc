@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "common/view_feedback.h"
+#include "composite/trial_answers.h"
 #include "compositor/lfcompositor_private.h"
 #include "wire/moments_codec.h"
 
@@ -39,9 +40,7 @@ bool lf_compositor_finds_focus(LfCompositor* self) {
 }
 
 void lf_compositor_forget_moments(LfCompositor* self) {
-  self->state->moments.clear();
-  self->state->brightness = {};
-  self->state->gains = {};
+  self->state->answers = {};
   self->state->moment_bytes = 0;
 }
 
@@ -69,35 +68,11 @@ int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer) {
   const lf::ViewRequest& request = *state.current;
   const int32_t ahead = ahead_of_current(self, *header);
   if (ahead != 0) return ahead > 0 ? 1 : -1;
-  lf::wire::MomentsShape asked;
-  if (const lf::FocalMap* map = request.view.focus.map.get()) {
-    if (!header->gains)
-      asked = {map->columns, map->rows, request.trials.size()};
-    else if (request.gains.ask)
-      asked = {lf::FocalMap::nodes(map->columns, 2), lf::FocalMap::nodes(map->rows, 2), 1};
-  }
-  std::optional<lf::wire::MomentsUnit> unit = lf::wire::decode_moments(mapped.bytes(), asked, &reason);
-  if (unit && request.rig_hash != 0 && unit->rig_hash != request.rig_hash) {
-    reason = "of another rig";
-    unit.reset();
-  }
-  if (!unit) {
-    drop();
-    return 0;
-  }
-  state.moment_bytes += mapped.bytes().size();
-  if (unit->gains) {
-    state.gains.add(*unit->gains);
-    if (state.brightness.columns == 0)
-      state.brightness = std::move(unit->trials[0]);
-    else
-      state.brightness.add(unit->trials[0]);
-    return 0;
-  }
-  if (state.moments.empty())
-    state.moments = std::move(unit->trials);
+  reason = lf::add_moments(mapped.bytes(), *header, request, state.answers);
+  if (reason.empty())
+    state.moment_bytes += mapped.bytes().size();
   else
-    for (size_t i = 0; i < state.moments.size(); i++) state.moments[i].add(unit->trials[i]);
+    drop();
   return 0;
 }
 
@@ -106,27 +81,12 @@ std::vector<GstBuffer*> lf_compositor_make_moments(LfCompositor* self, guint nod
   const lf::ViewRequest& request = *state.current;
   lf::wire::MomentsHeader header{request.view_id, request.sequence, state.assembly.rig_hash(), node, {}};
   std::vector<GstBuffer*> units;
-  if (!state.moments.empty()) units.push_back(lf::wrap_bytes(lf::wire::encode_moments(header, state.moments)));
-  header.gains = state.gains;
-  if (state.brightness.columns > 0)
-    units.push_back(lf::wrap_bytes(lf::wire::encode_moments(header, {&state.brightness, 1})));
+  if (!state.answers.moments.empty())
+    units.push_back(lf::wrap_bytes(lf::wire::encode_moments(header, state.answers.moments)));
+  header.gains = state.answers.gains;
+  if (state.answers.brightness.columns > 0)
+    units.push_back(lf::wrap_bytes(lf::wire::encode_moments(header, {&state.answers.brightness, 1})));
   return units;
-}
-
-// What the next request says of the cameras' brightness, whose trials are `trials`.
-static lf::GainRequest next_gains(LfCompositor* self, bool use, bool has_trials) {
-  auto& state = *self->state;
-  lf::GainRequest gains{.use = use};
-  if (!use) {
-    state.mean_turns = {};
-    return gains;
-  }
-  const bool came = state.brightness.columns > 0;
-  gains.ask = state.mean_turns.next(has_trials, came);
-  if (!came) return gains;
-  gains.mean = lf::mean_luma(state.brightness, state.gains);
-  gains.mean_of = state.current->sequence;
-  return gains;
 }
 
 void lf_compositor_find_focus(LfCompositor* self) {
@@ -157,10 +117,11 @@ void lf_compositor_find_focus(LfCompositor* self) {
     if (settings.mode != lf::FocusMode::kPlane) request.view.focus.map = nullptr;
   }
   lf::FoundFocus found{.sequence = request.sequence,
-                       .plan = state.focus.next(request, state.moments, *state.focus_array)};
+                       .plan = state.focus.next(request, state.answers.moments, *state.focus_array)};
   state.stats.set_focus(state.focus.state(), state.moment_bytes);
   // Through a surface that is anywhere cameras differ for other reasons.
-  found.gains = next_gains(self, gains && state.focus.state().sure, !found.plan.trials.empty());
+  found.gains = lf::next_gains(state.mean_turns, gains && state.focus.state().sure, !found.plan.trials.empty(),
+                               state.answers.brightness, state.answers.gains, request.sequence);
   const bool heard = gst_pad_push_event(
       self->request, lf::view_feedback_event({.view_id = request.view_id, .focus = std::move(found)}));
   state.unheard = heard ? 0 : kUnheardRest;
@@ -172,7 +133,7 @@ void lf_compositor_answer_sweep(LfCompositor* self) {
   state.stats.set_focus(state.focus.state(), state.moment_bytes + state.current_bytes);
   if (!lf_compositor_is_complete(self)) return;  // what some of the cameras agree on may be anything
   lf::FoundFocus found{.sequence = sweep.sequence,
-                       .plan = lf::FocusControl().next(sweep, state.moments, sweep.view.focus.map->from),
+                       .plan = lf::FocusControl().next(sweep, state.answers.moments, sweep.view.focus.map->from),
                        .gains = sweep.gains};
   gst_pad_push_event(self->request, lf::view_feedback_event({.view_id = sweep.view_id, .focus = std::move(found)}));
 }

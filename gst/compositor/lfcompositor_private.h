@@ -17,9 +17,7 @@
 #include "compositor/compositor_stats.h"
 #include "compositor/lfcompositor.h"
 #include "compositor/picture_pool.h"
-#include "focus/focus_control.h"
-#include "focus/mean_luma.h"
-#include "focus/mean_turns.h"
+#include "focus/view_focus.h"
 #include "node/answer_form.h"
 #include "quality/camera_monitor.h"
 #include "quality/camera_probe.h"
@@ -119,9 +117,7 @@ struct _LfCompositor {
     std::shared_ptr<lf::AnswerMemory> memory = std::make_shared<lf::AnswerMemory>();
     bool root_is_near = false;  // the compositor that partial answers go to is in this process
 
-    std::vector<lf::Moments> moments;  // of the current request's trials; empty: none yet
-    lf::Moments brightness;            // what cameras see for the mean that was asked for; of no size: none
-    lf::GainSum gains;                 // theirs
+    lf::ViewFocus::Answers answers;  // to the current request's trials and to its question for the mean brightness
     lf::MeanTurns mean_turns;          // since the gains were switched on
 
     uint64_t moment_bytes = 0;

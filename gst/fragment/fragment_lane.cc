@@ -205,7 +205,7 @@ static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEve
       GST_OBJECT_UNLOCK(self);
       lane->flushed = true;
       lane->qos.clear();
-      lane->requester.gains.clear();
+      lane->requester.maker.clear();
       self->node->cancel(lane->requester, false);
       break;
     default: break;

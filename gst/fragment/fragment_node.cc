@@ -6,7 +6,6 @@
 
 #include "base/error.h"
 #include "base/now.h"
-#include "image/sharpen.h"
 #include "wire/answer_writer.h"
 
 namespace lf {
@@ -101,7 +100,7 @@ FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester&
     requester.rig = array->rig;
     requester.mesh.clear();
     requester.watch = {};
-    requester.gains.clear();
+    requester.maker.clear();
     requester.warned_of = 0;
   }
   std::string warning;
@@ -121,32 +120,6 @@ FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester&
   }
   return {
       .brightness = {}, .moments = {}, .bytes = wire::AnswerWriter(header, 0).finish(), .warning = std::move(warning)};
-}
-
-std::vector<Source> FragmentNode::resampled(std::span<const Source> images, const AnswerTask& task,
-                                            const Manner& manner, std::vector<ByteBuffer>& memory) {
-  std::vector<Source> sources(images.begin(), images.end());
-  for (Source& source : sources) source.resampling = manner.resampling;
-  if (manner.resampling != Resampling::kSharpened) return sources;
-  memory.resize(std::max(memory.size(), images.size()));
-  manner.parallel(images.size(), [&](size_t i) {
-    if (images[i].image.family == PixelFamily::kNone || !task.shows_detail(images[i].camera)) return;
-    sources[i].image = sharpen(images[i].image, task.answer_region(images[i].camera), memory[i]);
-  });
-  return sources;
-}
-
-ByteBuffer FragmentNode::match_gains(const AnswerTask& task, const wire::AnswerHeader& header, const Manner& manner,
-                                     GainMatcher& matcher, std::vector<Source>& images) {
-  const CameraGains& gains = matcher.gains_for(header.view_id, *task.gains());
-  AnswerTask::Brightness brightness = task.brightness(header, images, gains, manner.parallel);
-  if (task.gains()->use) {
-    images = matcher.match(
-        images, gains, [&task](CameraIndex camera) { return task.drawn(camera); }, manner.parallel);
-    stats_.set_gains(images, gains);
-  }
-  if (!brightness.bytes.empty()) matcher.keep(header.view_id, header.sequence, std::move(brightness.seen));
-  return std::move(brightness.bytes);
 }
 
 FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeTask& make_task, const Array& array,
@@ -222,25 +195,20 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
   const bool nothing = header.family == PixelFamily::kNone;
   if (nothing) header.family = family;
 
-  std::vector<Source> images;
+  std::span<const Source> images;
   if (!nothing) images = sources.sources();
-  const uint64_t trying = now_ns();
-  ByteBuffer brightness;
-  if (task->gains()) brightness = match_gains(*task, header, manner, requester.gains, images);
-  ByteBuffer moments = task->moments(header, images, manner, manner.parallel);
-  const uint64_t tried = now_ns();
-  const std::vector<Source> sources_as_sampled = resampled(images, *task, manner, requester.sharpened);
-  RenderedAnswer rendered = task->render(header, sources_as_sampled, manner, std::move(memory), manner.parallel);
+  AnswerMaker::Units units = requester.maker.make(*task, header, images, manner, std::move(memory));
+  if (units.gains) stats_.set_gains(images, *units.gains);
   const NodeStats::Stages stages = {.wait = waited + (found - planned),
                                     .decode = decoded - found,
-                                    .render = planned - begun + tried - trying + rendered.render_ns,
-                                    .encode = rendered.encode_ns};
+                                    .render = planned - begun + units.before_ns + units.answer.render_ns,
+                                    .encode = units.answer.encode_ns};
   stats_.add(stages);
   if (worst_skew > stats_.max_skew_ns) stats_.max_skew_ns = worst_skew;
-  return {.brightness = std::move(brightness),
-          .moments = std::move(moments),
-          .bytes = std::move(rendered.bytes),
-          .fragments = rendered.fragments,
+  return {.brightness = std::move(units.brightness),
+          .moments = std::move(units.moments),
+          .bytes = std::move(units.answer.bytes),
+          .fragments = units.answer.fragments,
           .stages = stages,
           .warning = skew_warning(*array.rig, requester.watch.see(skews), requester)};
 }

@@ -12,9 +12,7 @@
 #include "fragment/camera_inputs.h"
 #include "fragment/frame_sources.h"
 #include "fragment/node_stats.h"
-#include "image/resampling.h"
-#include "node/answer_task.h"
-#include "node/gain_matcher.h"
+#include "node/answer_maker.h"
 #include "node/skew_watch.h"
 #include "render/render_job.h"
 #include "wire/answer.h"
@@ -35,8 +33,7 @@ class FragmentNode {
     std::shared_ptr<const Rig> rig;  // that the rest is about
     MeshCache mesh;
     SkewWatch watch;
-    std::vector<ByteBuffer> sharpened;  // memory of sharpened images
-    GainMatcher gains;
+    AnswerMaker maker;
     uint64_t warned_of = 0;               // hash of another rig that a person has been told of
     uint64_t warned_behind = 0;           // when one was told that frames come late, now_ns()
     std::atomic<bool> cancelled = false;  // nothing is waited for; see cancel()
@@ -44,12 +41,10 @@ class FragmentNode {
   // From any thread: an answer being made for this requester waits for nothing any more.
   void cancel(Requester& requester, bool cancelled);
   // How requests are to be answered.
-  struct Manner : AnswerTask::Manner {
+  struct Manner : AnswerMaker::Options {
     bool live = false;       // the request is: nothing is waited for
     uint64_t base_time = 0;  // of the pipeline: clock time of running time 0
     uint64_t max_skew = 0;   // of a live camera's frame; what is farther from the target is none; 0: any
-    Resampling resampling = Resampling::kBilinear;
-    ParallelFor parallel = serial_for;
   };
   struct Reply {
     ByteBuffer brightness, moments;  // go before the answer; empty: nothing does
@@ -73,13 +68,6 @@ class FragmentNode {
   MakeTask task_maker(const wire::AnyRequest& request, const Array& array, Requester& requester) const;
   Reply render(const RequestHead& request, const MakeTask& make_task, const Array& array, Requester& requester,
                const Manner& manner, wire::AnswerHeader header, ByteBuffer memory, uint64_t waited);
-  // Matches the brightness of `images` as the task has it. What goes before the answer of how bright they are; empty:
-  // nothing does.
-  ByteBuffer match_gains(const AnswerTask& task, const wire::AnswerHeader& header, const Manner& manner,
-                         GainMatcher& matcher, std::vector<Source>& images);
-  // The same images, to be sampled as `manner` says: what the task needs of them sharpened, in `memory`.
-  static std::vector<Source> resampled(std::span<const Source> images, const AnswerTask& task, const Manner& manner,
-                                       std::vector<ByteBuffer>& memory);
   std::string skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report, Requester& requester) const;
 
   NodeStats stats_;

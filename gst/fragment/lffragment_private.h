@@ -6,10 +6,10 @@
 #include <optional>
 #include <set>
 
+#include "base/worker_pool.h"
 #include "common/access.h"
 #include "common/gst_wire.h"
 #include "common/qos_watch.h"
-#include "common/worker_pool.h"
 #include "fragment/camera_image.h"
 #include "fragment/fragment_node.h"
 #include "fragment/lffragment.h"

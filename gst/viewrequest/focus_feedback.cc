@@ -7,7 +7,7 @@
 
 #include "focus/array_plane.h"
 #include "focus/autofocus.h"
-#include "focus/carry_over.h"
+#include "focus/view_focus.h"
 
 namespace lf {
 namespace {
@@ -115,26 +115,19 @@ void FocusFeedback::sweep_sent(uint32_t sequence) {
 }
 
 void FocusFeedback::apply(ViewRequest& request) {
-  const View& view = request.view;
-  View found_for;
-  bool news_on_plane = false;
+  FocusControl::Plan plan;
   {
     const std::lock_guard lock(mutex_);
+    const View& view = request.view;
     now_ =
         -view.focus.plane.signed_distance(view.pose.position) / glm::dot(view.focus.plane.normal, view.pose.forward());
     if (!news_ || !news_->plan.view.focus.map) return;
     search_.reset();
-    found_for = news_->plan.view;
     request.trials = std::exchange(news_->plan.trials, {});
     request.gains = std::exchange(news_->gains, {.use = news_->gains.use});
-    request.on_plane = news_on_plane = news_->plan.on_plane;
-    if (news_->plan.plane) request.view.focus.plane = *news_->plan.plane;
+    plan = news_->plan;
   }
-  // A mean of another size is of no use.
-  if (view.width != found_for.width || view.height != found_for.height) request.gains.mean.clear();
-  const bool serves = !request.trials.empty() || request.gains.ask || !request.gains.mean.empty();
-  request.on_plane = request.on_plane && serves;
-  if (!news_on_plane || serves) request.view.focus.map = carry_over(found_for, view);
+  apply_plan(plan, request);
 }
 
 void FocusFeedback::set_unlocked(bool unlocked) {

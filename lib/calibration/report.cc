@@ -98,4 +98,24 @@ ordered_json calibration_report(const Solution& solution, const Tracks& tracks, 
   return report;
 }
 
+nlohmann::json rig_record(const Solution& solution, const Tracks& tracks, const Placement& placement,
+                          nlohmann::json original, const std::string& program) {
+  using nlohmann::json;
+  json kept = json::array();
+  for (size_t i = 0; i < tracks.cameras.size(); i++) {
+    if (!solution.scene.cameras[i].used) continue;
+    json camera = {{"id", tracks.cameras[i].id}};
+    if (original.contains("cameras"))
+      for (const json& known : original["cameras"])
+        if (known["id"] == tracks.cameras[i].id) camera = known;
+    camera["covariance"] =
+        json::parse(to_json(covariance_in_rig(solution.uncertainty, i, placement.world_from_scene)).dump());
+    kept.push_back(std::move(camera));
+  }
+  original["cameras"] = kept;
+  original["provenance"]["calibration"] = {
+      {"program", program}, {"sigma_px", solution.sigma}, {"scale_from", placement.scale_from}};
+  return original;
+}
+
 }  // namespace lf

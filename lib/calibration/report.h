@@ -26,4 +26,10 @@ struct Finding {
 nlohmann::ordered_json calibration_report(const Solution& solution, const Tracks& tracks, const Placement& placement,
                                           const std::vector<Finding>& findings);
 
+// What a rig file says beside the rig of make_rig(), as save_rig() takes it: of each camera that was found what
+// `original` (a parsed rig file, or an empty object) says of it, with its covariance in place of one that is there; and
+// that `program` has calibrated it.
+nlohmann::json rig_record(const Solution& solution, const Tracks& tracks, const Placement& placement,
+                          nlohmann::json original, const std::string& program);
+
 }  // namespace lf

@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "focus/trial_renderer.h"
+#include "focus/view_focus.h"
 
 namespace lf {
 
@@ -14,12 +15,19 @@ View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const Camer
   std::iota(all.begin(), all.end(), 0);
   const FocusArray array(rig, mesh);
   std::map<CameraIndex, Image> kept;  // an image given is only good until the next one
-  FocusControl control(settings);
-  ViewRequest request;
-  request.view = view;
-  request.view.focus.map = nullptr;
+  ViewFocus focus(settings);
+  const auto next_request = [&] {
+    ViewRequest request;
+    request.view = view;
+    request.view.focus.map = nullptr;
+    focus.apply(request);
+    return request;
+  };
   for (int round = 0; round <= rounds; round++) {
-    std::vector<Moments> sums(request.trials.size());
+    const ViewRequest request = next_request();
+    ViewFocus::Answers answers;
+    std::vector<Moments>& sums = answers.moments;
+    sums.resize(request.trials.size());
     if (!sums.empty()) {
       std::vector<std::vector<uint8_t>> levels;
       for (const Trial& trial : request.trials) levels.push_back(trial_levels(request.view, trial));
@@ -32,13 +40,9 @@ View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const Camer
       }
       add_moments(job, sources, levels, sums);
     }
-    FocusControl::Plan plan = control.next(request, sums, array);
-    request.view = std::move(plan.view);
-    request.trials = std::move(plan.trials);
-    request.on_plane = plan.on_plane;
-    request.view.focus.plane = plan.plane.value_or(view.focus.plane);
+    focus.take(request, answers, array);
   }
-  return shown_view(request);
+  return shown_view(next_request());
 }
 
 }  // namespace lf

@@ -22,6 +22,7 @@ FLOORS = {
         ["wire"],
         ["composite", "node", "rtp"],
         ["calibration", "quality", "scene"],
+        ["api"],
     ],
     "gst": [
         ["common"],

@@ -1,20 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "common/worker_pool.h"
+#include "base/worker_pool.h"
 
 #include <algorithm>
 #include <atomic>
-#include <condition_variable>
 #include <exception>
-#include <mutex>
+#include <system_error>
 
 namespace lf {
-namespace {
-
-// Of all pools' lists, and what makes a pool's memory known to its helpers: a lock of our own, because ThreadSanitizer
-// does not know GLib's.
-std::mutex handover;
-
-}  // namespace
 
 // The tasks of one run(). Helpers may come to it when all is done; they find nothing left then, and `task` is not
 // touched any more.
@@ -52,16 +44,17 @@ class WorkerPool::Batch {
   std::exception_ptr error_;
 };
 
-void WorkerPool::help(gpointer data) {
-  auto* self = static_cast<WorkerPool*>(data);
-  std::shared_ptr<Batch> batch;
-  {
-    std::lock_guard lock(handover);
-    if (self->waiting_.empty()) return;  // all done
-    batch = std::move(self->waiting_.front());
-    self->waiting_.pop_front();
+void WorkerPool::help() {
+  std::unique_lock lock(mutex_);
+  while (true) {
+    come_.wait(lock, [this] { return ended_ || !waiting_.empty(); });
+    if (ended_) return;
+    const std::shared_ptr<Batch> batch = std::move(waiting_.front());
+    waiting_.pop_front();
+    lock.unlock();
+    batch->work();
+    lock.lock();
   }
-  batch->work();
 }
 
 std::shared_ptr<WorkerPool> WorkerPool::shared() {
@@ -73,40 +66,35 @@ std::shared_ptr<WorkerPool> WorkerPool::shared() {
   return pool;
 }
 
-WorkerPool::WorkerPool() : pool_(gst_shared_task_pool_new()) {
-  std::lock_guard lock(handover);
-  gst_task_pool_prepare(pool_, nullptr);
-}
-
 WorkerPool::~WorkerPool() {
-  gst_task_pool_cleanup(pool_);  // waits for helpers that have not come yet
-  gst_object_unref(pool_);
-  std::lock_guard lock(handover);  // they are done with this memory
+  {
+    const std::lock_guard lock(mutex_);
+    ended_ = true;
+  }
+  come_.notify_all();
+  for (std::thread& thread : threads_) thread.join();
 }
 
 void WorkerPool::run(unsigned threads, size_t count, const std::function<void(size_t)>& task) {
-  const size_t helpers = std::min<size_t>(threads, count) - (count > 0 ? 1 : 0);
+  const size_t helpers = count > 0 ? std::min<size_t>(std::max(threads, 1u), count) - 1 : 0;
   if (helpers == 0) {
     for (size_t i = 0; i < count; i++) task(i);
     return;
   }
   const auto batch = std::make_shared<Batch>(count, task);
   {
-    std::lock_guard lock(handover);
-    if (most_threads_ < threads) {
-      most_threads_ = threads;
-      gst_shared_task_pool_set_max_threads(GST_SHARED_TASK_POOL(pool_), threads);
+    const std::lock_guard lock(mutex_);
+    try {
+      while (threads_.size() + 1 < threads) threads_.emplace_back([this] { help(); });
+    } catch (const std::system_error&) {
+      // No thread to be had: those that are there do it, and the caller.
     }
     waiting_.insert(waiting_.end(), helpers, batch);
   }
-  for (size_t i = 0; i < helpers; i++) {
-    const gpointer handle = gst_task_pool_push(pool_, help, this, nullptr);
-    if (!handle) break;  // no thread to be had: the caller does it all
-    gst_task_pool_dispose_handle(pool_, handle);
-  }
+  for (size_t i = 0; i < helpers; i++) come_.notify_one();
   batch->work();
   {
-    std::lock_guard lock(handover);
+    const std::lock_guard lock(mutex_);
     std::erase(waiting_, batch);
   }
   batch->wait();

@@ -1,22 +1,25 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <gst/gst.h>
-
+#include <condition_variable>
+#include <cstddef>
 #include <deque>
 #include <functional>
 #include <memory>
+#include <mutex>
+#include <thread>
+#include <vector>
 
 namespace lf {
 
-// The threads that the lffragments of a process share: as many nodes as there are don't take more processors than
-// there are. Thread-safe.
+// The threads that the nodes of a process share: as many nodes as there are don't take more processors than there are.
+// Thread-safe.
 class WorkerPool {
  public:
   // The one that is in use, or a new one: it goes when nobody holds it any more.
   static std::shared_ptr<WorkerPool> shared();
 
-  WorkerPool();
+  WorkerPool() = default;
   ~WorkerPool();
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
@@ -27,11 +30,13 @@ class WorkerPool {
 
  private:
   class Batch;
-  static void help(gpointer self);
+  void help();
 
-  GstTaskPool* pool_;
+  std::mutex mutex_;
+  std::condition_variable come_;                // a batch waits, or the pool ends
   std::deque<std::shared_ptr<Batch>> waiting_;  // one for each helper that is to come
-  unsigned most_threads_ = 0;                   // what the pool has been set to
+  std::vector<std::thread> threads_;
+  bool ended_ = false;
 };
 
 }  // namespace lf

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Also run under ThreadSanitizer (tests/sanitize.sh thread).
-#include "common/worker_pool.h"
+#include "base/worker_pool.h"
 
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <chrono>
 #include <mutex>
 #include <set>
 #include <stdexcept>
@@ -15,12 +16,7 @@
 namespace lf {
 namespace {
 
-class WorkerPoolTest : public testing::Test {
- protected:
-  static void SetUpTestSuite() { gst_init(nullptr, nullptr); }
-};
-
-TEST_F(WorkerPoolTest, EveryTaskIsDoneOnce) {
+TEST(WorkerPool, EveryTaskIsDoneOnce) {
   WorkerPool pool;
   for (const unsigned threads : {1u, 2u, 5u})
     for (const size_t count : {0u, 1u, 2u, 100u}) {
@@ -30,12 +26,12 @@ TEST_F(WorkerPoolTest, EveryTaskIsDoneOnce) {
     }
 }
 
-TEST_F(WorkerPoolTest, SeveralThreadsWork) {
+TEST(WorkerPool, SeveralThreadsWork) {
   WorkerPool pool;
   std::mutex mutex;
   std::set<std::thread::id> threads;
   pool.run(3, 30, [&](size_t) {
-    g_usleep(2000);
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
     std::lock_guard lock(mutex);
     threads.insert(std::this_thread::get_id());
   });
@@ -44,7 +40,7 @@ TEST_F(WorkerPoolTest, SeveralThreadsWork) {
   EXPECT_TRUE(threads.contains(std::this_thread::get_id()));
 }
 
-TEST_F(WorkerPoolTest, ManyCallersShareIt) {
+TEST(WorkerPool, ManyCallersShareIt) {
   const auto pool = WorkerPool::shared();
   EXPECT_EQ(pool, WorkerPool::shared());
   std::atomic<int> done = 0;
@@ -57,7 +53,7 @@ TEST_F(WorkerPoolTest, ManyCallersShareIt) {
   EXPECT_EQ(done, 4 * 200 * 8);
 }
 
-TEST_F(WorkerPoolTest, AnErrorComesToTheCaller) {
+TEST(WorkerPool, AnErrorComesToTheCaller) {
   WorkerPool pool;
   std::atomic<int> done = 0;
   EXPECT_THROW(pool.run(2, 10,

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// Where the cameras of an array are, from the tracks of a light that somebody carried about before them: here, of a
+// file, or without one of an array of nine cameras that is made up, so that it is known how well they are found.
+//
+//   g++ -std=c++20 calibrate.cc $(pkg-config --cflags --libs lightfield-calibration) -o calibrate
+//   ./calibrate [TRACKS.json RIG.json]
+#include <lightfield/calibration.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <random>
+#include <vector>
+
+namespace {
+
+using namespace lightfield;
+
+constexpr int kSide = 3, kWidth = 320, kHeight = 240, kPlaces = 80;
+constexpr double kPitch = 0.06, kFocal = 420;
+
+// Cameras on a board, as they were meant to be, or where they came to be: up to a fifth of their distance off.
+Rig make_array(double most_off) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> off(-most_off, most_off);
+  std::vector<Camera> cameras(kSide * kSide);
+  for (uint32_t i = 0; i < cameras.size(); i++) {
+    cameras[i].id = i;
+    cameras[i].width = kWidth;
+    cameras[i].height = kHeight;
+    cameras[i].lens = {kFocal, kFocal, (kWidth - 1) / 2.0, (kHeight - 1) / 2.0};
+    cameras[i].world_from_camera.position = {kPitch * (i % kSide) + off(random), kPitch * (i / kSide) + off(random),
+                                             off(random)};
+  }
+  return Rig(cameras, {Topology::Type::kGrid, kSide, kSide, {}});
+}
+
+// What they see of a light at places 0.8 to 3 m away, with a fifth of a pixel of noise.
+Tracks watch(const Rig& array) {
+  std::mt19937 random(2);
+  std::normal_distribution<double> noise(0, 0.2);
+  std::uniform_real_distribution<double> part(0, 1);
+  Tracks tracks;
+  for (uint32_t i = 0; i < array.size(); i++) tracks.cameras.push_back({i, kWidth, kHeight});
+  tracks.num_positions = kPlaces;
+  for (uint32_t place = 0; place < kPlaces; place++) {
+    const double z = 0.8 + 2.2 * part(random), x = kPitch + (part(random) - 0.5) * 0.6 * z;
+    const double y = kPitch + (part(random) - 0.5) * 0.45 * z;
+    for (uint32_t i = 0; i < array.size(); i++) {
+      const Vec3 at = array.camera(i).world_from_camera.position;
+      const double u = kFocal * (x - at.x) / (z - at.z) + (kWidth - 1) / 2.0 + noise(random);
+      const double v = kFocal * (y - at.y) / (z - at.z) + (kHeight - 1) / 2.0 + noise(random);
+      if (u > 0 && u < kWidth - 1 && v > 0 && v < kHeight - 1) tracks.observations.push_back({i, place, 0, u, v, 1});
+    }
+  }
+  return tracks;
+}
+
+double distance(const Vec3& a, const Vec3& b) { return std::hypot(a.x - b.x, a.y - b.y, a.z - b.z); }
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  CalibrationOptions options;
+  options.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
+  const Rig truth = make_array(kPitch / 10);
+  Tracks tracks;
+  if (argc > 2) {
+    tracks = load_tracks(argv[1]);
+  } else {
+    tracks = watch(truth);
+    options.prior = make_array(0);
+    options.distortion_terms = 0;
+  }
+  const Calibration found = calibrate_rig(tracks, options);
+  for (const Finding& finding : found.findings) std::printf("%s: %s\n", finding.code.c_str(), finding.text.c_str());
+  std::printf("%zu of %zu cameras, noise of %.2f pixels, %zu outliers, scale from %s\n", found.rig.size(),
+              tracks.cameras.size(), found.sigma, found.outliers, found.scale_from.c_str());
+  if (argc > 2) return save_rig(found.rig, argv[2]), 0;
+
+  double worst = 0;  // of the distances between neighbours, which do not depend on the frame of reference
+  for (size_t i = 1; i < found.rig.size(); i++) {
+    const auto apart = [i](const Rig& rig) {
+      return distance(rig.camera(i).world_from_camera.position, rig.camera(i - 1).world_from_camera.position);
+    };
+    worst = std::max(worst, std::abs(apart(found.rig) - apart(truth)));
+  }
+  std::printf("distances between neighbours are right to %.1f mm\n", 1000 * worst);
+  return found.rig.size() == truth.size() && worst < 0.01 ? 0 : 1;
+} catch (const Error& error) {
+  std::fprintf(stderr, "%s\n", error.what());
+  return 1;
+}

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// The array's rig comes in and goes out as the text of its file: this library knows the other one by its public API
+// alone.
+#include <lightfield/calibration.h>
+
+#include <algorithm>
+
+#include <nlohmann/json.hpp>
+
+#include "base/json_value.h"
+#include "calibration/diagnosis.h"
+#include "calibration/placement.h"
+#include "calibration/report.h"
+#include "calibration/tracks.h"
+#include "rig/rig_json.h"
+
+namespace lightfield {
+namespace {
+
+using nlohmann::json;
+
+lf::Tracks to_tracks(const Tracks& tracks) {
+  lf::Tracks out;
+  for (const Tracks::Camera& camera : tracks.cameras) out.cameras.push_back({camera.id, camera.width, camera.height});
+  out.bar = tracks.bar;
+  out.ordered = tracks.ordered;
+  out.num_positions = tracks.num_positions;
+  for (const Tracks::Observation& o : tracks.observations)
+    out.observations.push_back({o.camera, o.position, o.light, {o.x, o.y}, o.sigma});
+  lf::check_tracks(out, "tracks");
+  return out;
+}
+
+Tracks from_tracks(const lf::Tracks& tracks) {
+  Tracks out;
+  for (const lf::Tracks::Camera& camera : tracks.cameras)
+    out.cameras.push_back({camera.id, camera.width, camera.height});
+  out.bar = tracks.bar;
+  out.ordered = tracks.ordered;
+  out.num_positions = tracks.num_positions;
+  for (const lf::Observation& o : tracks.observations)
+    out.observations.push_back({o.camera, o.position, o.light, o.pixel.x, o.pixel.y, o.sigma});
+  return out;
+}
+
+// Takes the prior rig into the options; what its file says.
+json take_prior(const Rig& prior, lf::SolveOptions& options) {
+  const std::string text = prior.json(), name = "prior";
+  json original = lf::parse_json(text, name);
+  options.prior = lf::parse_rig(text, name);
+  for (const lf::JsonValue& camera : lf::JsonValue(original, name).at("cameras").elements())
+    options.prior_covariances.push_back(lf::parse_camera_covariance(camera));
+  return original;
+}
+
+lf::PlacementOptions to_placement(const CalibrationOptions& options) {
+  lf::PlacementOptions out;
+  out.pitch = options.pitch;
+  out.bar_length = options.bar_length;
+  if (options.distance) out.distance = {options.distance->a, options.distance->b, options.distance->metres};
+  if (!(options.pitch >= 0) || !(options.bar_length >= 0)) throw Error("pitch, bar_length: must not be below 0 metres");
+  return out;
+}
+
+Finding to_finding(const lf::Finding& finding) {
+  using Severity = lf::Finding::Severity;
+  const Finding::Severity severity = finding.severity == Severity::kNote      ? Finding::Severity::kNote
+                                     : finding.severity == Severity::kWarning ? Finding::Severity::kWarning
+                                                                              : Finding::Severity::kError;
+  return {severity, finding.code, finding.text};
+}
+
+}  // namespace
+
+Tracks load_tracks(const std::string& path) { return from_tracks(lf::load_tracks(path)); }
+
+Calibration calibrate_rig(const Tracks& tracks, const CalibrationOptions& options) {
+  const lf::Tracks seen = to_tracks(tracks);
+  lf::SolveOptions solve;
+  solve.progress = options.progress;
+  if (options.distortion_terms) {
+    if (*options.distortion_terms < 0 || *options.distortion_terms > 2) throw Error("distortion_terms: must be 0 to 2");
+    solve.distortion = lf::DistortionModel{*options.distortion_terms, false};
+  }
+  json original = json::object();
+  if (options.prior) original = take_prior(*options.prior, solve);
+  const lf::PlacementOptions placing = to_placement(options);
+
+  const lf::Solution solution = lf::solve_tracks(seen, solve);
+  const lf::Placement placement = lf::place_solution(solution, seen, solve, placing);
+  original = lf::rig_record(solution, seen, placement, std::move(original), "liblightfield-calibration");
+  const std::string rig = lf::rig_to_json(lf::make_rig(solution, seen, solve, placement), &original);
+
+  Calibration out{parse_rig(rig, "calibration"), {}, {}, solution.sigma, 0, placement.scale_from};
+  for (size_t i = 0; i < seen.cameras.size(); i++) {
+    if (!solution.scene.cameras[i].used) continue;
+    lf::CameraCovariance known = lf::covariance_in_rig(solution.uncertainty, i, placement.world_from_scene);
+    out.covariances.push_back({seen.cameras[i].id, std::move(known.parameters), std::move(known.matrix)});
+  }
+  for (const lf::Finding& finding : lf::diagnose(solution, seen, solve, placement))
+    out.findings.push_back(to_finding(finding));
+  out.outliers = static_cast<size_t>(std::ranges::count(solution.inliers, 0));
+  return out;
+}
+
+}  // namespace lightfield

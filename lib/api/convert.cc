@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "api/convert.h"
+
+#include <cmath>
+
+#include "base/error.h"
+
+namespace lf::api {
+namespace {
+
+Vec3 to_vec(const lightfield::Vec3& v) { return {v.x, v.y, v.z}; }
+Quat to_quat(const lightfield::Quaternion& q) { return {q.w, q.x, q.y, q.z}; }
+
+std::string name_of(const Camera& camera, CameraIndex index) {
+  return "the image of camera " + std::to_string(index) + " (id " + std::to_string(camera.id) + ")";
+}
+
+std::string size_of(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
+}  // namespace
+
+Pose to_pose(const lightfield::Pose& pose) { return {to_vec(pose.position), to_quat(pose.orientation)}; }
+
+Lens to_lens(const lightfield::Lens& lens) {
+  const auto& [fx, fy, cx, cy, k1, k2, p1, p2] = lens;
+  if (k1 == 0 && k2 == 0 && p1 == 0 && p2 == 0) return {LensModel::kPinhole, {fx, fy, cx, cy}};
+  return {LensModel::kOpenCv, {fx, fy, cx, cy, k1, k2, p1, p2}};
+}
+
+View to_view(const lightfield::View& view) {
+  View out;
+  validate_size("width", view.width);
+  validate_size("height", view.height);
+  out.width = view.width;
+  out.height = view.height;
+  if (!view.lens && !(view.fov_y > 0 && view.fov_y < 180)) throw Error("fov_y: must be above 0 and below 180 degrees");
+  if (!(view.focus_distance > 0) || !std::isfinite(view.focus_distance))
+    throw Error("focus_distance: must be above 0 metres");
+  if (!std::isfinite(view.aperture) || view.aperture < 0) throw Error("aperture: must not be below 0 metres");
+  out.lens = view.lens ? to_lens(*view.lens) : Lens::from_fov_y(view.fov_y, view.width, view.height);
+  out.pose = to_pose(view.world_from_view);
+  if (is_finite(out.pose.orientation)) out.focus.plane = focal_plane_at(out.pose, view.focus_distance);
+  out.blending = blending_of(view.aperture, 0);
+  validate(out);
+  return out;
+}
+
+FocusControl::Settings to_settings(lightfield::Focus focus, double nearest, double farthest) {
+  if (focus != lightfield::Focus::kPlane && focus != lightfield::Focus::kAuto)
+    throw Error("focus: is none of the values that there are");
+  const bool far_enough = nearest == 0 || farthest == 0 || farthest > nearest;
+  if (!(nearest >= 0) || !(farthest >= 0) || !std::isfinite(nearest) || !far_enough)
+    throw Error("nearest, farthest: must be distances in metres, the farther one second");
+  return {focus == lightfield::Focus::kAuto ? FocusMode::kAuto : FocusMode::kPlane, nearest, farthest};
+}
+
+lightfield::Pose from_pose(const Pose& pose) {
+  const auto& [p, q] = pose;
+  return {{p.x, p.y, p.z}, {q.w, q.x, q.y, q.z}};
+}
+
+lightfield::Lens from_lens(const Lens& lens) {
+  return {lens.fx(), lens.fy(), lens.cx(), lens.cy(), lens.k1(), lens.k2(), lens.p1(), lens.p2()};
+}
+
+lightfield::Image from_image(Image image) {
+  return {static_cast<lightfield::PixelFormat>(image.family()), image.width(), image.height(), std::move(image.data())};
+}
+
+ImageView to_image(const lightfield::ImageView& image, const Camera& camera, CameraIndex index) {
+  ImageView out;
+  if (image.format == lightfield::PixelFormat::kNone) return out;
+  if (image.format != lightfield::PixelFormat::kRgb && image.format != lightfield::PixelFormat::kI420)
+    throw Error(name_of(camera, index) + " has a format that there is not");
+  if (image.width != camera.width || image.height != camera.height)
+    throw Error(name_of(camera, index) + " has " + size_of(image.width, image.height) + " pixels, the rig says " +
+                size_of(camera.width, camera.height));
+  const bool rgb = image.format == lightfield::PixelFormat::kRgb;
+  out.family = static_cast<PixelFamily>(image.format);
+  out.width = image.width;
+  out.height = image.height;
+  for (int c = 0; c < (rgb ? 1 : 3); c++) {
+    const ptrdiff_t row = rgb ? ptrdiff_t{3} * image.width : c == 0 ? image.width : chroma_size(image.width);
+    if (!image.plane[c]) throw Error(name_of(camera, index) + " has no plane " + std::to_string(c));
+    if (image.stride[c] < row)
+      throw Error(name_of(camera, index) + " has a stride of " + std::to_string(image.stride[c]) +
+                  " bytes: its rows have " + std::to_string(row));
+    out.plane[c] = image.plane[c];
+    out.stride[c] = image.stride[c];
+  }
+  return out;
+}
+
+PixelFamily family_of(std::span<const lightfield::ImageView> images) {
+  PixelFamily family = PixelFamily::kNone;
+  for (const lightfield::ImageView& image : images) {
+    const auto other = static_cast<PixelFamily>(image.format);
+    if (family == PixelFamily::kNone) family = other;
+    if (other != PixelFamily::kNone && other != family) throw Error("images: some are RGB and some are I420");
+  }
+  return family;
+}
+
+void check_count(size_t images, size_t count) {
+  if (images != count)
+    throw Error("images: must be one for each of " + std::to_string(count) + " cameras, are " + std::to_string(images));
+}
+
+}  // namespace lf::api

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "api/local_node.h"
+
+#include <algorithm>
+#include <numeric>
+#include <string>
+#include <thread>
+
+#include "api/convert.h"
+#include "base/error.h"
+
+namespace lf::api {
+namespace {
+
+Resampling to_resampling(lightfield::Resampling resampling) {
+  switch (resampling) {
+    case lightfield::Resampling::kBilinear: return Resampling::kBilinear;
+    case lightfield::Resampling::kSharpened: return Resampling::kSharpened;
+    case lightfield::Resampling::kCatmullRom: return Resampling::kCatmullRom;
+  }
+  throw Error("resampling: is none of the values that there are");
+}
+
+}  // namespace
+
+LocalNode::LocalNode(std::shared_ptr<const Rig> rig, uint64_t rig_hash, std::vector<CameraIndex> cameras,
+                     unsigned threads)
+    : rig_(std::move(rig)),
+      rig_hash_(rig_hash),
+      cameras_(std::move(cameras)),
+      threads_(threads > 0 ? threads : std::max(std::thread::hardware_concurrency(), 1u)) {
+  if (cameras_.empty()) throw Error("cameras: a node needs at least one");
+  frame_of_.resize(cameras_.size());
+  std::iota(frame_of_.begin(), frame_of_.end(), 0);
+  std::ranges::sort(frame_of_, {}, [this](size_t i) { return cameras_[i]; });
+  for (const size_t i : frame_of_) {
+    const std::string name = "cameras: " + std::to_string(cameras_[i]);
+    if (cameras_[i] >= rig_->cameras.size())
+      throw Error(name + " is not one of the rig's " + std::to_string(rig_->cameras.size()) + " cameras");
+    if (!own_.empty() && own_.back() == cameras_[i]) throw Error(name + " is named twice");
+    own_.push_back(cameras_[i]);
+  }
+}
+
+std::unique_ptr<const AnswerTask> LocalNode::plan(const ViewRequest& request) {
+  if (request.rig_hash != 0 && request.rig_hash != rig_hash_) throw Error("the request was made for another rig");
+  return make_task(*rig_, mesh_.get(*rig_, request.out_of_service), request, own_);
+}
+
+AnswerMaker::Units LocalNode::answer(const ViewRequest& request, const std::vector<lightfield::ImageView>& frames,
+                                     lightfield::Resampling resampling, bool in_process, ByteBuffer memory) {
+  check_count(frames.size(), cameras_.size());
+  wire::AnswerHeader header;
+  header.family = family_of(frames);
+  std::vector<ImageView> images;
+  CameraSet blind;
+  for (size_t i = 0; i < own_.size(); i++) {
+    images.push_back(to_image(frames[frame_of_[i]], rig_->cameras[own_[i]], own_[i]));
+    if (images.back().family == PixelFamily::kNone) blind.push_back(own_[i]);
+  }
+  AnswerMaker::Options options;
+  options.resampling = to_resampling(resampling);
+  options.sum = SumChoice::kNode;
+  options.in_process = in_process;
+  // Where no JPEG is asked for the picture is as if all cameras were on one node.
+  if (request.quality == 0) options.codec = CodecChoice::kRaw16;
+  options.parallel = [this](size_t count, const std::function<void(size_t)>& task) {
+    workers_->run(threads_, count, task);
+  };
+  const std::unique_ptr<const AnswerTask> task = plan(request);
+
+  header.view_id = request.view_id;
+  header.sequence = request.sequence;
+  header.view_width = request.view.width;
+  header.view_height = request.view.height;
+  header.target_time = header.actual_time = request.target_time;
+  header.rig_hash = rig_hash_;
+  header.cameras = CameraRanges(own_);
+  header.blind = CameraRanges(blind);
+  std::vector<Source> sources;
+  if (header.family != PixelFamily::kNone)
+    for (const CameraIndex camera : task->cameras()) {
+      const auto place = static_cast<size_t>(std::ranges::lower_bound(own_, camera) - own_.begin());
+      sources.push_back({camera, &rig_->cameras[camera], images[place]});
+    }
+  return maker_.make(*task, header, sources, options, std::move(memory));
+}
+
+}  // namespace lf::api

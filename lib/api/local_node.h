@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <lightfield/image.h>
+
+#include <memory>
+#include <vector>
+
+#include "base/byte_buffer.h"
+#include "base/worker_pool.h"
+#include "node/answer_maker.h"
+#include "render/render_job.h"
+#include "rig/rig.h"
+#include "view/view_request.h"
+
+namespace lf::api {
+
+// The cameras of one node whose frames come with each request. Not thread-safe.
+class LocalNode {
+ public:
+  // `cameras`: indices in the order of frames. Throws Error for one that the rig does not have, one twice, and none.
+  // `threads` 0: as many as there are processors.
+  LocalNode(std::shared_ptr<const Rig> rig, uint64_t rig_hash, std::vector<CameraIndex> cameras, unsigned threads);
+
+  const std::vector<CameraIndex>& cameras() const { return cameras_; }
+  // What the request comes to. Throws Error for a request of another rig, and for what does not fit this one.
+  std::unique_ptr<const AnswerTask> plan(const ViewRequest& request);
+  // The units of the answer. `frames`: one for each of cameras(). `in_process`: as AnswerTask::Manner has it. `memory`
+  // is recycled. Throws Error for frames that do not fit, too.
+  AnswerMaker::Units answer(const ViewRequest& request, const std::vector<lightfield::ImageView>& frames,
+                            lightfield::Resampling resampling, bool in_process, ByteBuffer memory = {});
+
+ private:
+  const std::shared_ptr<const Rig> rig_;
+  const uint64_t rig_hash_;
+  const std::vector<CameraIndex> cameras_;
+  std::vector<CameraIndex> own_;  // ascending
+  std::vector<size_t> frame_of_;  // of each of these its place in cameras_
+  const unsigned threads_;
+  const std::shared_ptr<WorkerPool> workers_ = WorkerPool::shared();
+  MeshCache mesh_;
+  AnswerMaker maker_;
+};
+
+}  // namespace lf::api

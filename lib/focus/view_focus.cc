@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/view_focus.h"
+
+#include <utility>
+
+#include "focus/carry_over.h"
+
+namespace lf {
+
+void apply_plan(const FocusControl::Plan& plan, ViewRequest& request) {
+  const View& view = request.view;
+  // A mean of another size is of no use.
+  if (view.width != plan.view.width || view.height != plan.view.height) request.gains.mean.clear();
+  const bool serves = !request.trials.empty() || request.gains.ask || !request.gains.mean.empty();
+  if (plan.plane) request.view.focus.plane = *plan.plane;
+  request.on_plane = plan.on_plane && serves;
+  if (!plan.on_plane || serves) request.view.focus.map = carry_over(plan.view, view);
+}
+
+GainRequest next_gains(MeanTurns& turns, bool use, bool has_trials, const Moments& brightness, const GainSum& gains,
+                       uint32_t sequence) {
+  GainRequest next{.use = use};
+  if (!use) {
+    turns = {};
+    return next;
+  }
+  const bool came = brightness.columns > 0;
+  next.ask = turns.next(has_trials, came);
+  if (!came) return next;
+  next.mean = mean_luma(brightness, gains);
+  next.mean_of = sequence;
+  return next;
+}
+
+void ViewFocus::apply(ViewRequest& request) {
+  if (!plan_ || !plan_->view.focus.map) return;
+  request.trials = std::exchange(plan_->trials, {});
+  request.gains = std::exchange(gains_, {.use = gains_.use});
+  apply_plan(*plan_, request);
+}
+
+void ViewFocus::take(const ViewRequest& request, const Answers& answers, const FocusArray& array) {
+  control_.keep_up(answers.complete);
+  plan_ = control_.next(request, answers.moments, array);
+  // Through a surface that is anywhere cameras differ for other reasons.
+  gains_ = next_gains(turns_, match_gains_ && control_.state().sure, !plan_->trials.empty(), answers.brightness,
+                      answers.gains, request.sequence);
+}
+
+}  // namespace lf

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <optional>
+#include <span>
+
+#include "focus/focus_control.h"
+#include "focus/mean_luma.h"
+#include "focus/mean_turns.h"
+
+namespace lf {
+
+// Gives a request the surface of a plan, which was made for another request of its view, as its own view has it. The
+// request has no map, and has the trials and gains already that it is to have.
+void apply_plan(const FocusControl::Plan& plan, ViewRequest& request);
+
+// What the next request of a view says of its cameras' brightness. `use`: whether gains are used; `has_trials`: whether
+// it has. `brightness`, `gains`: what came of the mean that `sequence`, the request before, asked for; of no size:
+// nothing.
+GainRequest next_gains(MeanTurns& turns, bool use, bool has_trials, const Moments& brightness, const GainSum& gains,
+                       uint32_t sequence);
+
+// The focal surface of one view, and its cameras' brightness, from request to request, for those whose requests wait
+// for what came of the one before. A plain value without locks.
+class ViewFocus {
+ public:
+  // `match_gains`: whether cameras' brightness is matched once there is a surface.
+  explicit ViewFocus(const FocusControl::Settings& settings = {}, bool match_gains = false)
+      : settings_(settings), match_gains_(match_gains), control_(settings) {}
+
+  const FocusControl::Settings& settings() const { return settings_; }
+  bool matches_gains() const { return match_gains_; }
+  // Gives a request, whose view has no map, the surface as its view has it, and what is to be tried with it.
+  void apply(ViewRequest& request);
+  // What came of such a request: moments of its trials, in their order, and of the brightness, empty where nothing
+  // came; and whether its picture was complete.
+  struct Answers {
+    std::vector<Moments> moments;
+    Moments brightness;  // of no size: nothing
+    GainSum gains;
+    bool complete = true;
+  };
+  void take(const ViewRequest& request, const Answers& answers, const FocusArray& array);
+
+ private:
+  FocusControl::Settings settings_;
+  bool match_gains_;
+  FocusControl control_;
+  MeanTurns turns_;
+  std::optional<FocusControl::Plan> plan_;
+  GainRequest gains_;  // of the next request
+};
+
+}  // namespace lf

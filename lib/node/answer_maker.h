@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "base/byte_buffer.h"
+#include "base/parallel.h"
+#include "image/resampling.h"
+#include "node/answer_task.h"
+#include "node/gain_matcher.h"
+
+namespace lf {
+
+// Makes a node's answers from its cameras' images: matches their brightness, has them tried and sampled, and renders.
+// It keeps what it learns of one requester's views, and memory. Not thread-safe.
+class AnswerMaker {
+ public:
+  struct Options : AnswerTask::Manner {
+    Resampling resampling = Resampling::kBilinear;
+    ParallelFor parallel = serial_for;
+  };
+  // The units that an answer comes to.
+  struct Units {
+    ByteBuffer brightness, moments;  // go before the answer; empty: nothing does
+    RenderedAnswer answer;
+    uint64_t before_ns = 0;              // wall time of what goes before
+    const CameraGains* gains = nullptr;  // that the images were divided by, until the next call; null: by none
+  };
+  // `images`: of task.cameras(), as render_answer() takes them and with Source::resampling left alone. `memory` is
+  // recycled. Throws Error as AnswerTask::render() does.
+  Units make(const AnswerTask& task, const wire::AnswerHeader& header, std::span<const Source> images,
+             const Options& options, ByteBuffer memory = {});
+  void clear() { gains_.clear(); }
+
+ private:
+  void match_gains(const AnswerTask& task, const wire::AnswerHeader& header, const Options& options,
+                   std::vector<Source>& images, Units& units);
+  void resample(const AnswerTask& task, const Options& options, std::vector<Source>& images);
+
+  GainMatcher gains_;
+  std::vector<ByteBuffer> sharpened_;  // memory of sharpened images
+};
+
+}  // namespace lf

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/view_focus.h"
+
+#include <gtest/gtest.h>
+
+#include "lib/focus/array_of_walls.h"
+
+namespace lf {
+namespace {
+
+ViewRequest request_of(const View& view) {
+  ViewRequest request;
+  request.view = view;
+  request.view.focus.map = nullptr;
+  return request;
+}
+
+TEST(ViewFocus, FindsASurfaceAndCarriesItOver) {
+  const test::ArrayOfWalls walls;
+  const FocusArray array(walls.rig);
+  ViewFocus focus({FocusMode::kSurface, 1.2, 6});
+  View view = walls.view(0);
+  ViewRequest request;
+  for (int i = 0; i < 10; i++) {
+    view.pose.position.x += 0.001;
+    request = request_of(view);
+    focus.apply(request);
+    EXPECT_EQ(request.trials.empty(), i == 0);
+    ViewFocus::Answers answers;
+    if (i > 0) answers.moments = walls.moments(request.view, request.trials, walls.own);
+    focus.take(request, answers, array);
+  }
+  EXPECT_FALSE(request.on_plane);
+  ASSERT_TRUE(request.view.focus.map);
+  const FocalMap& map = *request.view.focus.map;
+  EXPECT_NEAR(map.inverse_at(20, 60), 1 / 3., 0.05);
+  EXPECT_NEAR(map.inverse_at(140, 60), 1 / 1.5, 0.05);
+
+  ViewRequest next = request_of(view);
+  focus.apply(next);
+  EXPECT_FALSE(next.trials.empty());
+  next = request_of(view);
+  focus.apply(next);
+  EXPECT_TRUE(next.trials.empty()) << "trials are for one request";
+  EXPECT_TRUE(next.view.focus.map);
+}
+
+TEST(ViewFocus, APlaneIsShownWithoutAMapUnlessTheMapServes) {
+  const test::ArrayOfWalls walls;
+  FocusControl::Plan plan{.view = walls.view(80), .on_plane = true};
+  plan.plane = plane_through({0, 0, 2}, {0, 0, -1});
+  ViewRequest request = request_of(walls.view(0));
+  apply_plan(plan, request);
+  EXPECT_FALSE(request.view.focus.map);
+  EXPECT_FALSE(request.on_plane);
+  EXPECT_EQ(request.view.focus.plane, *plan.plane);
+  request = request_of(walls.view(0));
+  request.trials = {{Trial::Kind::kPlane, 3}};
+  apply_plan(plan, request);
+  EXPECT_TRUE(request.view.focus.map);
+  EXPECT_TRUE(request.on_plane);
+  request = request_of(walls.view(0));
+  request.gains.mean = {1, 2, 3};
+  request.view.width++;
+  apply_plan(plan, request);
+  EXPECT_TRUE(request.gains.mean.empty()) << "of another size";
+  EXPECT_FALSE(request.view.focus.map);
+}
+
+TEST(ViewFocus, GainsAreAskedForAndComeBack) {
+  MeanTurns turns;
+  Moments nothing, mean;
+  mean.reset(2, 2);
+  EXPECT_EQ(next_gains(turns, false, true, mean, {}, 4), GainRequest{});
+  EXPECT_FALSE(next_gains(turns, true, false, nothing, {}, 4).ask) << "there is no trial";
+  EXPECT_TRUE(next_gains(turns, true, true, nothing, {}, 4).ask);
+  EXPECT_FALSE(next_gains(turns, true, true, nothing, {}, 5).ask) << "one at a time";
+  const GainRequest came = next_gains(turns, true, true, mean, {}, 6);
+  EXPECT_EQ(came.mean.size(), 4u);
+  EXPECT_EQ(came.mean_of, 6u);
+}
+
+}  // namespace
+}  // namespace lf

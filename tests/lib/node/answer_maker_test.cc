@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "node/answer_maker.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "image/sharpen.h"
+#include "lib/focus/array_of_walls.h"
+#include "wire/moments_codec.h"
+
+namespace lf {
+namespace {
+
+class AnswerMakerTest : public testing::Test {
+ protected:
+  AnswerMakerTest() {
+    request_.view = walls_.view(60);
+    request_.rig_hash = header_.rig_hash = walls_.rig.hash();
+    header_.view_width = request_.view.width;
+    header_.view_height = request_.view.height;
+    header_.family = PixelFamily::kRgb;
+    options_.codec = CodecChoice::kRaw16;
+  }
+  AnswerMaker::Units make(const std::vector<Source>& all) {
+    const auto task = make_task(walls_.rig, walls_.mesh, request_, walls_.own);
+    std::vector<Source> sources;
+    for (const CameraIndex camera : task->cameras()) sources.push_back(all[camera]);
+    return maker_.make(*task, header_, sources, options_);
+  }
+  test::ArrayOfWalls walls_;
+  ViewRequest request_;
+  wire::AnswerHeader header_;
+  AnswerMaker::Options options_;
+  AnswerMaker maker_;
+};
+
+TEST_F(AnswerMakerTest, SharpensWhereThatIsAsked) {
+  const ByteBuffer plain = make(walls_.sources()).answer.bytes;
+  options_.resampling = Resampling::kSharpened;
+  const ByteBuffer sharp = make(walls_.sources()).answer.bytes;
+  EXPECT_NE(sharp, plain);
+  options_.resampling = Resampling::kBilinear;
+  std::vector<Image> sharpened_images;
+  for (const Image& image : walls_.images) sharpened_images.push_back(sharpened(image));
+  std::vector<Source> sources = walls_.sources();
+  for (size_t i = 0; i < sources.size(); i++) sources[i].image = sharpened_images[i].view();
+  EXPECT_EQ(make(sources).answer.bytes, sharp);
+}
+
+TEST_F(AnswerMakerTest, TrialsAndBrightnessGoBeforeTheAnswer) {
+  AnswerMaker::Units units = make(walls_.sources());
+  EXPECT_TRUE(units.moments.empty());
+  EXPECT_TRUE(units.brightness.empty());
+  EXPECT_EQ(units.gains, nullptr);
+  request_.trials = {{Trial::Kind::kPlane, 60}};
+  request_.gains = {.use = true, .ask = true};
+  units = make(walls_.sources());
+  EXPECT_FALSE(wire::parse_moments_header(units.moments)->gains);
+  EXPECT_TRUE(wire::parse_moments_header(units.brightness)->gains);
+  ASSERT_NE(units.gains, nullptr);
+  EXPECT_EQ(units.gains->of(4), 1);
+
+  // The mean says that all cameras are too bright, and so their images are divided.
+  const ByteBuffer before = std::move(units.answer.bytes);
+  request_.gains = {.use = true};
+  request_.gains.mean.assign(20 * 15, 100);
+  units = make(walls_.sources());
+  EXPECT_NE(units.gains->of(4), 1);
+  EXPECT_NE(units.answer.bytes, before);
+  maker_.clear();
+  EXPECT_EQ(make(walls_.sources()).gains->of(4), 1);
+}
+
+}  // namespace
+}  // namespace lf
