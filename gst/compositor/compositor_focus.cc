@@ -3,7 +3,7 @@
 #include <numeric>
 #include <span>
 
-#include "common/focal_surface_event.h"
+#include "common/view_feedback.h"
 #include "compositor/lfcompositor_private.h"
 #include "wire/camera_trials_codec.h"
 #include "wire/moments_codec.h"
@@ -207,11 +207,13 @@ void lf_compositor_find_focus(LfCompositor* self) {
       state.focus_array.emplace(lf::plane_through(request.view.pose.position, request.view.pose.forward()));
     if (settings.mode != lf::FocusMode::kPlane) request.view.focus.map = nullptr;
   }
-  const lf::FocusControl::Plan plan = state.focus.next(request, state.moments, *state.focus_array);
+  lf::FoundFocus found{.sequence = request.sequence,
+                       .plan = state.focus.next(request, state.moments, *state.focus_array)};
   state.stats.set_focus(state.focus.state(), state.moment_bytes);
   // Through a surface that is anywhere cameras differ for other reasons.
-  request.gains = next_gains(self, gains && state.focus.state().sure, !plan.trials.empty());
-  const bool heard = gst_pad_push_event(self->request, lf::focal_surface_event(request, plan));
+  found.gains = next_gains(self, gains && state.focus.state().sure, !found.plan.trials.empty());
+  const bool heard = gst_pad_push_event(
+      self->request, lf::view_feedback_event({.view_id = request.view_id, .focus = std::move(found)}));
   state.unheard = heard ? 0 : kUnheardRest;
 }
 
@@ -220,6 +222,8 @@ void lf_compositor_answer_sweep(LfCompositor* self) {
   const lf::ViewRequest& sweep = *state.current;
   state.stats.set_focus(state.focus.state(), state.moment_bytes + state.current_bytes);
   if (!lf_compositor_is_complete(self)) return;  // what some of the cameras agree on may be anything
-  const lf::FocusControl::Plan plan = lf::FocusControl().next(sweep, state.moments, sweep.view.focus.map->from);
-  gst_pad_push_event(self->request, lf::focal_surface_event(sweep, plan));
+  lf::FoundFocus found{.sequence = sweep.sequence,
+                       .plan = lf::FocusControl().next(sweep, state.moments, sweep.view.focus.map->from),
+                       .gains = sweep.gains};
+  gst_pad_push_event(self->request, lf::view_feedback_event({.view_id = sweep.view_id, .focus = std::move(found)}));
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "common/out_of_service_event.h"
+#include "common/view_feedback.h"
 #include "compositor/lfcompositor_private.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
@@ -28,8 +28,8 @@ void lf_compositor_announce_out_of_service(LfCompositor* self) {
   state.stats.set_out_of_service(cameras.size());
   const guint view_id = lf_compositor_view_id(self);
   GST_INFO_OBJECT(self, "%zu cameras are out of service", cameras.size());
-  gst_pad_push_event(self->request,
-                     gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, lf::out_of_service_structure(view_id, cameras)));
-  gst_element_post_message(GST_ELEMENT(self),
-                           gst_message_new_element(GST_OBJECT(self), lf::out_of_service_structure(view_id, cameras)));
+  gst_pad_push_event(self->request, lf::view_feedback_event({.view_id = view_id, .out_of_service = cameras}));
+  GstStructure* structure = gst_structure_new("lightfield-out-of-service", "lf-view-id", G_TYPE_UINT, view_id, nullptr);
+  lf::set_cameras(structure, "cameras", cameras);
+  gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), structure));
 }

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <iterator>
 
-#include "common/extra_requests_event.h"
+#include "common/view_feedback.h"
 #include "compositor/lfcompositor_private.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
@@ -50,7 +50,8 @@ void lf_compositor_monitor(LfCompositor* self) {
   monitor.asked = lf::make_probe(*state.rig, *camera, lf::shown_view(*state.current), without);
   GST_DEBUG_OBJECT(self, "camera %u is left out", *camera);
   gst_pad_push_event(self->request,
-                     lf::extra_requests_event(state.current->view_id, {monitor.asked->seen, monitor.asked->predicted}));
+                     lf::view_feedback_event({.view_id = state.current->view_id,
+                                              .extra_requests = {monitor.asked->seen, monitor.asked->predicted}}));
 }
 
 static void tell_of_suspects(LfCompositor* self) {

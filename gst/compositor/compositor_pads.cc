@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "common/focal_surface_event.h"
 #include "common/hold_event.h"
+#include "common/view_feedback.h"
 #include "compositor/lfcompositor_private.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);

@@ -20,7 +20,7 @@ constexpr double kSame = 0.02;  // of a distance: a smaller change is none
 
 }  // namespace
 
-void FocusFeedback::announce(FocalSurfaceNews news) {
+void FocusFeedback::announce(FoundFocus news) {
   const std::lock_guard lock(mutex_);
   if (std::ranges::find(swept_, news.sequence) != swept_.end()) {
     if (search_ && search_->asked == news.sequence) see_sweep(news);
@@ -41,7 +41,7 @@ void FocusFeedback::find(double distance) {
   if (!follows_ || !(std::abs(distance / now_ - 1) < kSame)) found_ = distance;
 }
 
-void FocusFeedback::see_sweep(const FocalSurfaceNews& news) {
+void FocusFeedback::see_sweep(const FoundFocus& news) {
   const View& view = news.plan.view;
   const Vec2 middle((view.width - 1) / 2.0, (view.height - 1) / 2.0);
   const std::optional<double> distance = view.focus.map ? focus_distance_at(view, middle) : std::nullopt;

@@ -7,7 +7,7 @@
 #include <mutex>
 #include <optional>
 
-#include "common/focal_surface_event.h"
+#include "common/view_feedback.h"
 #include "rig/rig.h"
 
 namespace lf {
@@ -16,7 +16,7 @@ namespace lf {
 class FocusFeedback {
  public:
   // Takes note of news of this view.
-  void announce(FocalSurfaceNews news);
+  void announce(FoundFocus news);
   // Waits until there are news from this request or a later one. False if that takes too long, or while unlocked.
   bool wait_for(uint32_t sequence, std::chrono::milliseconds longest);
   // Gives the request the surface as its view has it, and trials and gains, which are for one request only.
@@ -43,13 +43,13 @@ class FocusFeedback {
     std::optional<uint32_t> asked;  // the sweep's request
     int lost = 0;                   // requests of which nothing came
   };
-  void see_sweep(const FocalSurfaceNews& news);
+  void see_sweep(const FoundFocus& news);
   void find(double distance);
   Vec2 pixel_of(const View& view) const;
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::optional<FocalSurfaceNews> news_;
+  std::optional<FoundFocus> news_;
   Vec2 place_{0.5, 0.5};
   bool follows_ = false;
   std::optional<Search> search_;

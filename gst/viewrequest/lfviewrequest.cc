@@ -28,15 +28,14 @@
  * aperture of that diameter; with `nearest-cameras` those that see most nearly what the view sees. Views of a file are
  * blended so, too. With `access=warp` it is always three.
  *
- * Cameras that lfcompositor announces as out of service (upstream event "lightfield-out-of-service") are named in the
- * view's requests from then on, beside those of the property `out-of-service`.
+ * What lfcompositor learns of the view comes back as an upstream event, "lightfield-feedback": the focal surface of the
+ * next request, cameras out of service, which the view's requests name from then on, beside those of the property
+ * `out-of-service`, and what it wants to know beside its pictures (`lfcompositor monitor-interval`), which leaves
+ * behind the next request, with the same capture time.
  *
  * With its sink pad linked the element makes no requests of its own but relays those of other viewers, and adds the
  * cameras that are out of service: on the host of the compositors, behind the network. Live, it also gives them the
- * focal surfaces that lfcompositors find (upstream event "lightfield-focal-surface") where no viewer takes them.
- *
- * What a compositor wants to know beside its pictures (upstream event "lightfield-extra-requests": lfcompositor
- * monitor-interval) leaves behind the next request, with the same capture time.
+ * focal surfaces that lfcompositors find where no viewer takes them.
  *
  * For cameras that do not answer view requests (`lffragment access`) `access` makes commands of each request, which
  * leave behind it. A relay lets no commands through, because they were made before it knew which cameras are out of
@@ -81,10 +80,9 @@
 #include <vector>
 
 #include "base/error.h"
-#include "common/extra_requests_event.h"
-#include "common/focal_surface_event.h"
 #include "common/gst_wire.h"
 #include "common/hold_event.h"
+#include "common/view_feedback.h"
 #include "viewrequest/lfviewrequest_private.h"
 
 GST_DEBUG_CATEGORY(lf_view_request_debug);
@@ -131,20 +129,38 @@ static gboolean lf_view_request_hold(LfViewRequest* self, GstEvent* event, bool 
   return TRUE;
 }
 
+// Cameras out of service are named here for every view; all else is for whoever makes the view's requests, if it can be
+// reached, and a surface for which nobody can is kept here. False if nobody takes any of it.
+static gboolean lf_view_request_take_feedback(LfViewRequest* self, GstEvent* event, lf::ViewFeedback feedback) {
+  const bool for_all = feedback.out_of_service.has_value();
+  if (for_all) self->out_of_service->announce(feedback.view_id, std::move(*feedback.out_of_service));
+  if (!feedback.focus && feedback.extra_requests.empty()) return for_all;
+  if (lf_view_request_is_relay(self)) {
+    const bool passed = lf_view_request_push_upstream(self, gst_event_ref(event));
+    const bool kept =
+        !passed && feedback.focus && lf_view_request_keep_focus(self, feedback.view_id, std::move(*feedback.focus));
+    return passed || kept || for_all;
+  }
+  lf::ObjectLock lock(self);
+  if (feedback.view_id != self->settings->view_id) return for_all;
+  bool taken = for_all || !feedback.extra_requests.empty();
+  if (!feedback.extra_requests.empty()) *self->extra = std::move(feedback.extra_requests);
+  lock.unlock();
+  if (feedback.focus) taken |= lf_view_request_take_focus(self, std::move(*feedback.focus));
+  return taken;
+}
+
 static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   if (lf::is_reverse_seek(event)) return FALSE;
   if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK && lf_view_request_has_sought(self, event)) return TRUE;
   if (bool held = false; lf::parse_hold(event, &held)) return lf_view_request_hold(self, event, held);
-  if (self->out_of_service->announce(event)) return TRUE;
   if (GstClockTime delay; lf::parse_capture_delay(event, &delay)) return lf_view_request_take_delay(self, event, delay);
-  const bool of_focus = lf::is_focal_surface(event), of_more = lf::is_extra_requests(event);
-  if (!of_focus && !of_more && !lf_view_request_is_steering(event))
-    return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->event(base, event);
-  if (lf_view_request_is_relay(self))
-    return lf_view_request_push_upstream(self, gst_event_ref(event)) || lf_view_request_keep_focus(self, event);
-  if (of_more) return lf_view_request_take_extra(self, event);
-  return of_focus ? lf_view_request_take_focus(self, event) : lf_view_request_steer(self, event);
+  if (std::optional<lf::ViewFeedback> feedback = lf::parse_view_feedback(event))
+    return lf_view_request_take_feedback(self, event, std::move(*feedback));
+  if (!lf_view_request_is_steering(event)) return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->event(base, event);
+  if (lf_view_request_is_relay(self)) return lf_view_request_push_upstream(self, gst_event_ref(event));
+  return lf_view_request_steer(self, event);
 }
 
 static GstCaps* lf_view_request_get_caps(GstBaseSrc* base, GstCaps* filter) {

@@ -86,14 +86,12 @@ GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out);
 // view_request_focus.cc
 // The action focus-at.
 gboolean lf_view_request_focus_at(LfViewRequest* self, gdouble x, gdouble y);
-// By a focal surface event; false if it is of another view.
-gboolean lf_view_request_take_focus(LfViewRequest* self, GstEvent* event);
+// The next requests of this view are focused so; false where cameras are told where to look (access).
+bool lf_view_request_take_focus(LfViewRequest* self, lf::FoundFocus focus);
 // Files in, files out: where somebody finds the focus of this view, each request has what came of the one before.
 GstFlowReturn lf_view_request_wait_for_focus(LfViewRequest* self);
 
 // view_request_send.cc
-// By an event of extra requests; false if it is of another view.
-gboolean lf_view_request_take_extra(LfViewRequest* self, GstEvent* event);
 // What is to leave right after a request, if anything is: the command for the cameras, and extra requests. `stamps`:
 // the request's buffer.
 void lf_view_request_send_more(LfViewRequest* self, const lf::ViewRequest& request,
@@ -106,8 +104,7 @@ bool lf_view_request_is_relay(LfViewRequest* self);
 bool lf_view_request_push_upstream(LfViewRequest* self, GstEvent* event);
 // A latency query of a relay: that of the requests which come in. False if nobody upstream knows it.
 bool lf_view_request_relayed_latency(LfViewRequest* self, GstQuery* query);
-// Live: requests of the view get the surface of such an event here, because nobody upstream has taken it. False if it
-// is another one.
-bool lf_view_request_keep_focus(LfViewRequest* self, GstEvent* event);
+// Requests of the view get that surface here, because nobody upstream has taken it. False if the relay is not live.
+bool lf_view_request_keep_focus(LfViewRequest* self, guint view_id, lf::FoundFocus focus);
 // The next request that came in, with the cameras that are out of service added; waits for it.
 GstFlowReturn lf_view_request_relay(LfViewRequest* self, GstBuffer** out);

@@ -4,21 +4,15 @@
 #include <algorithm>
 #include <iterator>
 
-#include "common/out_of_service_event.h"
-
 namespace lf {
 
-bool OutOfService::announce(GstEvent* event) {
-  guint view_id = 0;
-  CameraSet cameras;
-  if (!parse_out_of_service(event, &view_id, &cameras)) return false;
+void OutOfService::announce(uint32_t view_id, CameraSet cameras) {
   std::lock_guard lock(mutex_);
   if (cameras.empty())
     views_.erase(view_id);
   else
     views_[view_id] = std::move(cameras);
   if (views_.size() > kMostViews) views_.erase(views_.begin());
-  return true;
 }
 
 CameraSet OutOfService::with_announced(uint32_t view_id, const CameraSet& cameras) const {
@@ -40,9 +34,9 @@ FocusFeedback& RelayedFocus::view(uint32_t id) {
   return views_[id];
 }
 
-void RelayedFocus::announce(FocalSurfaceNews news) {
+void RelayedFocus::announce(uint32_t view_id, FoundFocus focus) {
   const std::lock_guard lock(mutex_);
-  view(news.view_id).announce(std::move(news));
+  view(view_id).announce(std::move(focus));
 }
 
 bool RelayedFocus::apply(ViewRequest& request) {

@@ -17,8 +17,8 @@ namespace lf {
 // lfviewrequest, waiting to leave. Thread-safe.
 class OutOfService {
  public:
-  // False if the event announces nothing.
-  bool announce(GstEvent* event);
+  // From now on these are the view's, and no others.
+  void announce(uint32_t view_id, CameraSet cameras);
   // `cameras` and those announced for this view.
   CameraSet with_announced(uint32_t view_id, const CameraSet& cameras) const;
   void clear();
@@ -32,7 +32,7 @@ class OutOfService {
 // Focal surfaces of views whose viewers can't be told of them: requests get them as they pass. Thread-safe.
 class RelayedFocus {
  public:
-  void announce(FocalSurfaceNews news);
+  void announce(uint32_t view_id, FoundFocus focus);
   // Gives the request the surface and the trials of its view, if it has no surface of its own. Whether it did.
   bool apply(ViewRequest& request);
   void clear();

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <cmath>
 
-#include "common/focal_surface_event.h"
+#include "common/view_feedback.h"
 #include "viewrequest/lfviewrequest_private.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_view_request_debug);
@@ -28,16 +28,14 @@ gboolean lf_view_request_focus_at(LfViewRequest* self, gdouble x, gdouble y) {
   return TRUE;
 }
 
-gboolean lf_view_request_take_focus(LfViewRequest* self, GstEvent* event) {
-  lf::FocalSurfaceNews news;
+bool lf_view_request_take_focus(LfViewRequest* self, lf::FoundFocus focus) {
   GST_OBJECT_LOCK(self);
-  const guint view_id = self->settings->view_id;
   const bool can = self->settings->access == lf::Access::kSelf;
   GST_OBJECT_UNLOCK(self);
-  if (!can || !lf::parse_focal_surface(event, &news) || news.view_id != view_id) return FALSE;
-  self->focus_feedback->announce(std::move(news));
+  if (!can) return false;
+  self->focus_feedback->announce(std::move(focus));
   if (const std::optional<double> found = self->focus_feedback->take_found()) set_focus_distance(self, *found);
-  return TRUE;
+  return true;
 }
 
 GstFlowReturn lf_view_request_wait_for_focus(LfViewRequest* self) {

@@ -132,10 +132,9 @@ static void drop_command(LfViewRequest* self) {
   self->warned_commands = true;
 }
 
-bool lf_view_request_keep_focus(LfViewRequest* self, GstEvent* event) {
-  lf::FocalSurfaceNews news;
-  if (!gst_base_src_is_live(GST_BASE_SRC(self)) || !lf::parse_focal_surface(event, &news)) return false;
-  self->relayed_focus->announce(std::move(news));
+bool lf_view_request_keep_focus(LfViewRequest* self, guint view_id, lf::FoundFocus focus) {
+  if (!gst_base_src_is_live(GST_BASE_SRC(self))) return false;
+  self->relayed_focus->announce(view_id, std::move(focus));
   return true;
 }
 

@@ -4,23 +4,11 @@
 #include <utility>
 
 #include "base/error.h"
-#include "common/extra_requests_event.h"
 #include "common/gst_wire.h"
 #include "viewrequest/lfviewrequest_private.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_view_request_debug);
 #define GST_CAT_DEFAULT lf_view_request_debug
-
-gboolean lf_view_request_take_extra(LfViewRequest* self, GstEvent* event) {
-  guint view_id = 0;
-  std::vector<lf::ViewRequest> extra;
-  if (!lf::parse_extra_requests(event, &view_id, &extra)) return FALSE;
-  lf::ObjectLock lock(self);
-  const bool own = view_id == self->settings->view_id;
-  if (own) *self->extra = std::move(extra);
-  lock.unlock();
-  return own;
-}
 
 // The extra requests, made the view's own: with its numbers, of the moment of `request`.
 static std::vector<lf::ViewRequest> extra_beside(LfViewRequest* self, const lf::ViewRequest& request) {

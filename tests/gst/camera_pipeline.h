@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "../gst/common.h"
+#include "../gst/common/common.h"
 #include "gst/camera_files.h"
 
 // A camera played into a sink that writes down what comes.

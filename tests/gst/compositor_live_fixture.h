@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/out_of_service_event.h"
+#include "common/view_feedback.h"
 #include "gst/compositor_fixture.h"
 
 namespace lf::test {
@@ -65,9 +65,8 @@ class LfCompositorLiveTest : public LfCompositorTest {
   std::vector<CameraSet> announced() {
     std::vector<CameraSet> sets;
     while (GstEvent* event = gst_harness_try_pull_upstream_event(harness_.get())) {
-      CameraSet cameras;
-      guint view_id = 0;
-      if (parse_out_of_service(event, &view_id, &cameras) && view_id == 0) sets.push_back(cameras);
+      const std::optional<ViewFeedback> feedback = parse_view_feedback(event);
+      if (feedback && feedback->out_of_service && feedback->view_id == 0) sets.push_back(*feedback->out_of_service);
       gst_event_unref(event);
     }
     return sets;

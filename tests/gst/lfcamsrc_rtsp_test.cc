@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "../gst/common.h"
+#include "../gst/common/common.h"
 #include "gst/camera_pipeline.h"
 #include "gst/gst_test.h"
 #include "gst/rtsp_server.h"

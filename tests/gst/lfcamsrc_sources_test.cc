@@ -7,7 +7,7 @@
 #include <ostream>
 #include <string>
 
-#include "../gst/common.h"
+#include "../gst/common/common.h"
 #include "gst/camera_fixture.h"
 #include "gst/camera_pipeline.h"
 #include "gst/gst_test.h"

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "../gst/common.h"
+#include "../gst/common/common.h"
 #include "gst/camera_fixture.h"
 #include "gst/camera_pipeline.h"
 #include "gst/gst_test.h"

@@ -70,11 +70,11 @@ TEST_F(LfCompositorTrialsTest, NobodyHeeds) {
     told = 0;
     gst_pad_set_event_function(
         harness_->srcpad, heeded ? +[](GstPad*, GstObject*, GstEvent* event) -> gboolean {
-          told += gst_event_has_name(event, "lightfield-focal-surface");
+          told += gst_event_has_name(event, "lightfield-feedback");
           gst_event_unref(event);
           return TRUE;
         } : +[](GstPad*, GstObject*, GstEvent* event) -> gboolean {
-          told += gst_event_has_name(event, "lightfield-focal-surface");
+          told += gst_event_has_name(event, "lightfield-feedback");
           gst_event_unref(event);
           return FALSE;
         });

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 
-#include "../gst/common.h"
+#include "../gst/common/common.h"
 #include "gst/fragment_fixture.h"
 #include "node/commands.h"
 #include "wire/answer_codec.h"

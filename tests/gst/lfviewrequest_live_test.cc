@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "common/capture_delay.h"
-#include "common/out_of_service_event.h"
+#include "common/view_feedback.h"
 #include "gst/other_rig.h"
 #include "gst/view_request_source.h"
 
@@ -72,7 +72,7 @@ TEST(LfViewRequestLive, ARigIsReadAgainWhileRunning) {
   source.set("rig", first.path().c_str(), "out-of-service", "11");
   source.play_live();
   EXPECT_EQ(source.next_live().request.rig_hash, first.hash());
-  source.send(gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, out_of_service_structure(0, {5})));
+  source.send(view_feedback_event({.view_id = 0, .out_of_service = CameraSet{5}}));
   Unit unit = source.next_live();
   unit = source.next_live();  // one may have been waiting
   EXPECT_EQ(unit.request.out_of_service, (CameraSet{1, 5}));

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <gtest/gtest.h>
 
-#include "common/focal_surface_event.h"
-#include "common/out_of_service_event.h"
+#include "common/view_feedback.h"
 #include "gst/view_request_source.h"
 #include "node/commands.h"
 #include "wire/command_codec.h"
@@ -44,8 +43,8 @@ class LfViewRequestRelay : public testing::Test {
   }
 
   void announce(guint view_id, const CameraSet& cameras) {
-    EXPECT_TRUE(gst_harness_push_upstream_event(
-        harness_.get(), gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, out_of_service_structure(view_id, cameras))));
+    EXPECT_TRUE(gst_harness_push_upstream_event(harness_.get(),
+                                                view_feedback_event({.view_id = view_id, .out_of_service = cameras})));
   }
 
   ElementPtr element_;
@@ -153,7 +152,8 @@ TEST_F(LfViewRequestRelay, GivesRequestsTheSurfaceThatNobodyElseTakes) {
     map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 51);
     FocusControl::Plan plan{asked.view, {{Trial::Kind::kPlane, 200}}};
     plan.view.focus.map = std::make_shared<FocalMap>(std::move(map));
-    EXPECT_EQ(gst_harness_push_upstream_event(harness_.get(), focal_surface_event(asked, plan)), live);
+    const ViewFeedback feedback{.view_id = asked.view_id, .focus = FoundFocus{asked.sequence, plan, asked.gains}};
+    EXPECT_EQ(gst_harness_push_upstream_event(harness_.get(), view_feedback_event(feedback)), live);
 
     ViewRequest other = asked;
     other.view_id = 2;
@@ -198,8 +198,7 @@ TEST(LfViewRequestOutOfService, AnnouncedCamerasAreInTheNextRequests) {
   source.play_live();
   EXPECT_EQ(source.next_live().request.out_of_service, CameraSet{1});
   const auto announce = [&](guint view_id, const CameraSet& cameras) {
-    EXPECT_TRUE(
-        source.send(gst_event_new_custom(GST_EVENT_CUSTOM_UPSTREAM, out_of_service_structure(view_id, cameras))));
+    EXPECT_TRUE(source.send(view_feedback_event({.view_id = view_id, .out_of_service = cameras})));
   };
   announce(4, {0, 3});
   announce(5, {2});

@@ -46,7 +46,7 @@ class Lockstep {
   static gboolean on_event(GstPad* pad, GstObject* parent, GstEvent* event) {
     auto* self = static_cast<Lockstep*>(gst_pad_get_element_private(pad));
     guint sequence = 0;
-    const bool news = gst_event_has_name(event, "lightfield-focal-surface") &&
+    const bool news = gst_event_has_name(event, "lightfield-feedback") &&
                       gst_structure_get_uint(gst_event_get_structure(event), "sequence", &sequence);
     const gboolean done = self->take_event_(pad, parent, event);
     if (news) {
