@@ -3,6 +3,8 @@
 
 #include <unordered_map>
 
+#include <nlohmann/json.hpp>
+
 #include "base/error.h"
 #include "base/json_value.h"
 #include "rig/rig.h"
