@@ -7,7 +7,7 @@
 
 #include "base/json_value.h"
 #include "calibration/feature_tracks.h"
-#include "calibration/tracks_json.h"
+#include "calibration/tracks.h"
 #include "commands.h"
 #include "rig/rig_json.h"
 #include "rig/still_images.h"

@@ -13,7 +13,7 @@
 #include "calibration/multicamselfcal.h"
 #include "calibration/placement.h"
 #include "calibration/report.h"
-#include "calibration/tracks_json.h"
+#include "calibration/tracks.h"
 #include "commands.h"
 #include "rig/rig_json.h"
 

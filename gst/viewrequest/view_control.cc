@@ -7,7 +7,7 @@
 #include <cmath>
 #include <string_view>
 
-#include "geometry/euler.h"
+#include "geometry/pose.h"
 #include "viewrequest/view_request_settings.h"
 
 namespace lf {

@@ -2,7 +2,7 @@
 #include "viewrequest/view_request_settings.h"
 
 #include "rig/rig.h"
-#include "view/blending.h"
+#include "view/view.h"
 
 namespace lf {
 namespace {

@@ -5,7 +5,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "calibration/alignment.h"
+#include "calibration/adjustment.h"
 #include "calibration/triangulation.h"
 #include "calibration/uncertainty.h"
 

@@ -6,7 +6,6 @@
 
 #include "calibration/initial_layout.h"
 #include "calibration/relative_poses.h"
-#include "calibration/rotation_averaging.h"
 #include "calibration/triangulation.h"
 
 namespace lf {

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "calibration/alignment.h"
+#include "calibration/adjustment.h"
 #include "calibration/solve.h"
 #include "calibration/uncertainty.h"
 

@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-#include "calibration/alignment.h"
+#include "calibration/adjustment.h"
 #include "calibration/placement.h"
 #include "calibration/root_information.h"
 

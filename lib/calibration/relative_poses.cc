@@ -2,7 +2,12 @@
 #include "calibration/relative_poses.h"
 
 #include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
 
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
 #include <opencv2/calib3d.hpp>
 
 namespace lf {
@@ -84,6 +89,118 @@ std::vector<RelativePose> relative_poses(const Scene& scene, const Tracks& track
     poses.push_back(relative);
   }
   return poses;
+}
+
+namespace {
+
+constexpr int kRounds = 30;
+constexpr double kClosed = 0.1;      // radians
+constexpr double kFirstScale = 0.3;  // radians: pairs that are farther off count less and less
+constexpr double kScale = 0.03;      // in the end
+constexpr double kSettled = 1e-9;    // radians
+
+Vec3 turn_of(Quat q) {
+  if (q.w < 0) q = -q;
+  const Vec3 axis(q.x, q.y, q.z);
+  const double s = glm::length(axis);
+  return s > 0 ? axis * (2 * std::atan2(s, q.w) / s) : Vec3(0, 0, 0);
+}
+
+Quat turned_by(const Vec3& turn) {
+  const double angle = glm::length(turn);
+  return angle > 0 ? glm::angleAxis(angle, turn / angle) : Quat(1, 0, 0, 0);
+}
+
+// How many triangles a pair closes with two others: mistaken pairs close none but by chance.
+std::vector<int> closed_triangles(size_t num_cameras, const std::vector<RelativeRotation>& pairs) {
+  std::vector<std::vector<std::optional<Quat>>> between(num_cameras, std::vector<std::optional<Quat>>(num_cameras));
+  for (const RelativeRotation& pair : pairs) {
+    between[pair.a][pair.b] = pair.a_from_b;
+    between[pair.b][pair.a] = glm::conjugate(pair.a_from_b);
+  }
+  std::vector<int> count;
+  for (const RelativeRotation& pair : pairs) {
+    count.push_back(0);
+    for (size_t c = 0; c < num_cameras; c++)
+      if (between[pair.b][c] && between[c][pair.a])
+        count.back() += angle_of(pair.a_from_b * *between[pair.b][c] * *between[c][pair.a]) < kClosed;
+  }
+  return count;
+}
+
+// The best pairs first; the largest tree that they make.
+std::vector<std::optional<Quat>> spanning_tree(size_t num_cameras, const std::vector<RelativeRotation>& pairs) {
+  std::vector<size_t> group(num_cameras);
+  std::iota(group.begin(), group.end(), 0);
+  const auto root = [&](size_t i) {
+    while (group[i] != i) i = group[i] = group[group[i]];
+    return i;
+  };
+  std::vector<const RelativeRotation*> tree;
+  for (const RelativeRotation& pair : pairs)
+    if (root(pair.a) != root(pair.b)) group[root(pair.a)] = root(pair.b), tree.push_back(&pair);
+  std::map<size_t, size_t> size;
+  for (size_t i = 0; i < num_cameras; i++) size[root(i)]++;
+  const auto largest =
+      std::max_element(size.begin(), size.end(), [](const auto& x, const auto& y) { return x.second < y.second; });
+  std::vector<std::optional<Quat>> rotations(num_cameras);
+  if (largest == size.end() || largest->second < 2) return rotations;
+  rotations[largest->first] = Quat(1, 0, 0, 0);
+  for (size_t placed = 1; placed < largest->second;)
+    for (const RelativeRotation* pair : tree) {
+      auto &a = rotations[pair->a], &b = rotations[pair->b];
+      if (a.has_value() == b.has_value()) continue;
+      if (a)
+        b = *a * pair->a_from_b;
+      else
+        a = *b * glm::conjugate(pair->a_from_b);
+      placed++;
+    }
+  return rotations;
+}
+
+}  // namespace
+
+double angle_of(const Quat& rotation) { return glm::length(turn_of(rotation)); }
+
+std::vector<std::optional<Quat>> average_rotations(size_t num_cameras, std::vector<RelativeRotation> pairs) {
+  const std::vector<int> closed = closed_triangles(num_cameras, pairs);
+  std::vector<size_t> order(pairs.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), [&](size_t x, size_t y) {
+    return closed[x] != closed[y] ? closed[x] > closed[y] : pairs[x].weight > pairs[y].weight;
+  });
+  std::vector<RelativeRotation> sorted;
+  for (const size_t i : order) sorted.push_back(pairs[i]);
+  auto rotations = spanning_tree(num_cameras, sorted);
+  std::erase_if(pairs, [&](const RelativeRotation& pair) { return !rotations[pair.a] || !rotations[pair.b]; });
+  if (pairs.empty()) return rotations;
+  // exp(step_a) R_a R_ab (exp(step_b) R_b)' = 1: to first order a Laplacian of the graph. The first camera is held.
+  const auto n = static_cast<Eigen::Index>(num_cameras);
+  double scale = kFirstScale;
+  for (int round = 0; round < kRounds; round++, scale = std::max(kScale, 0.7 * scale)) {
+    Eigen::MatrixXd laplacian = Eigen::MatrixXd::Zero(n, n);
+    Eigen::MatrixX3d right = Eigen::MatrixX3d::Zero(n, 3);
+    for (const RelativeRotation& pair : pairs) {
+      const Vec3 off = turn_of(*rotations[pair.a] * pair.a_from_b * glm::conjugate(*rotations[pair.b]));
+      const double part = glm::dot(off, off) / (scale * scale), w = pair.weight / ((1 + part) * (1 + part));
+      const auto a = static_cast<Eigen::Index>(pair.a), b = static_cast<Eigen::Index>(pair.b);
+      laplacian(a, a) += w, laplacian(b, b) += w;
+      laplacian(a, b) -= w, laplacian(b, a) -= w;
+      const Eigen::RowVector3d pull = w * Eigen::RowVector3d(off.x, off.y, off.z);
+      right.row(a) -= pull, right.row(b) += pull;
+    }
+    const auto held = static_cast<Eigen::Index>(pairs[0].a);
+    laplacian(held, held) += laplacian.diagonal().maxCoeff();
+    for (Eigen::Index i = 0; i < n; i++)
+      if (laplacian(i, i) == 0) laplacian(i, i) = 1;
+    const Eigen::MatrixX3d step = laplacian.ldlt().solve(right);
+    if (!step.allFinite()) break;
+    for (Eigen::Index i = 0; i < n; i++)
+      if (auto& r = rotations[i]) r = glm::normalize(turned_by({step(i, 0), step(i, 1), step(i, 2)}) * *r);
+    if (scale == kScale && step.cwiseAbs().maxCoeff() < kSettled) break;
+  }
+  return rotations;
 }
 
 }  // namespace lf

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "calibration/adjustment.h"
+#include "geometry/pose.h"
 
 namespace lf {
 
@@ -17,5 +19,19 @@ struct RelativePose {
 // Of those pairs of cameras that share most, so that each camera has several partners, by their essential matrices (the
 // lenses are those in the scene). `threshold`: pixels.
 std::vector<RelativePose> relative_poses(const Scene& scene, const Tracks& tracks, double threshold);
+
+struct RelativeRotation {
+  size_t a = 0, b = 0;
+  Quat a_from_b;
+  double weight = 1;
+};
+
+// world_from_camera for each camera of the largest group that the pairs connect, so that they agree with most pairs
+// (a spanning tree of the pairs that close most triangles, then reweighted least squares over the group of rotations:
+// Chatterjee, Govindu 2013). The world is one camera's frame.
+std::vector<std::optional<Quat>> average_rotations(size_t num_cameras, std::vector<RelativeRotation> pairs);
+
+// The angle of a rotation, radians, 0 to pi.
+double angle_of(const Quat& rotation);
 
 }  // namespace lf

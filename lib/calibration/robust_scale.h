@@ -15,4 +15,9 @@ double robust_sigma(std::vector<double> lengths);
 // Those within `reach` sigmas.
 Inliers within(const std::vector<double>& lengths, double reach, double sigma);
 
+// Feature tracks are not alike: one follows a printed corner to three hundredths of a pixel, another an edge, the rim
+// of something round or a highlight to a half. Sets the sigma of all observations of a track to what its residuals
+// show, over that of the median track; few residuals are helped by that median.
+void estimate_track_noise(const Scene& scene, Tracks& tracks);
+
 }  // namespace lf

@@ -14,7 +14,6 @@
 #include "calibration/pose_priors.h"
 #include "calibration/robust_scale.h"
 #include "calibration/scene.h"
-#include "calibration/track_noise.h"
 #include "calibration/triangulation.h"
 
 namespace lf {

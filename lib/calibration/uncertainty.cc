@@ -7,7 +7,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "calibration/alignment.h"
+#include "calibration/adjustment.h"
 #include "calibration/costs.h"
 
 namespace lf {

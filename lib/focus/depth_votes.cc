@@ -2,10 +2,10 @@
 #include "focus/depth_votes.h"
 
 #include <algorithm>
+#include <array>
 #include <numeric>
 
 namespace lf {
-
 void DepthVotes::add(const FocalMap& map, const SurfaceChoice& choice) {
   std::array<double, 256> at_level{};
   for (size_t i = 0; i < map.levels.size(); i++) at_level[map.levels[i]] += choice.informed[i];
@@ -31,6 +31,21 @@ std::optional<DepthRange> DepthVotes::range() const {
   while (last > first && !(votes_[static_cast<size_t>(last)] > 0 && nearer > too_few(last)))
     nearer += votes_[static_cast<size_t>(--last)];
   return DepthRange{first * nearest_ / kBins, (last + 1) * nearest_ / kBins};
+}
+
+namespace {
+
+constexpr int kMostLevel = static_cast<int>(FocalMap::kLevels);
+
+}  // namespace
+
+void set_range(const DepthRange& range, FocalMap& map) {
+  std::array<uint8_t, kMostLevel + 1> level{};
+  const FocalMap before = {.from = map.from, .farthest = map.farthest, .nearest = map.nearest, .levels = {}};
+  map.farthest = range.farthest;
+  map.nearest = range.nearest;
+  for (int i = 0; i <= kMostLevel; i++) level[i] = map.level_of(before.inverse_of(i));
+  for (uint8_t& at : map.levels) at = level[at];
 }
 
 }  // namespace lf

@@ -4,10 +4,20 @@
 #include <array>
 #include <optional>
 
-#include "focus/depth_range.h"
 #include "focus/surface_choice.h"
+#include "focus/trial_levels.h"
+#include "geometry/focal_surface.h"
 
 namespace lf {
+
+// Inverse distances, 1/m, farthest < nearest.
+struct DepthRange {
+  double farthest = 0, nearest = 0;
+  bool operator==(const DepthRange&) const = default;
+};
+
+// The same surface in another range: each node at the level nearest to where it was.
+void set_range(const DepthRange& range, FocalMap& map);
 
 // At which depths a scene is, by the nodes that could tell in the latest rounds of trials: others, which see one camera
 // alone, or no texture, or lie outside of what the array covers, are where chance put them and have no say. A plain

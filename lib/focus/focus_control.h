@@ -7,7 +7,6 @@
 #include <span>
 #include <vector>
 
-#include "focus/depth_range.h"
 #include "focus/depth_votes.h"
 #include "focus/focus_array.h"
 #include "focus/latest_surface.h"

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "focus/carry_over.h"
-#include "focus/depth_range.h"
+#include "focus/depth_votes.h"
 
 namespace lf {
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "rig/exchange.h"
 
@@ -31,5 +33,21 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
 // Writes cameras.txt, images.txt and an empty points3D.txt (COLMAP wants one) into `directory`, which is made where it
 // is missing. NAME is Camera::image, or the camera's name where it has none. Numbers round-trip to the last bit.
 RigExport export_colmap(const Rig& rig, const std::string& directory);
+
+// The image files below a folder, to be found by the names that some other program knew them by.
+class ImageSearch {
+ public:
+  // Throws Error if `directory` is not a folder.
+  explicit ImageSearch(const std::string& directory);
+
+  // The path of the file called `name` (which may have folders in it). Where there is none: of the one file whose name
+  // ends `name`, or that `name` ends with, at a place where a word begins. Throws Error if there is no such file, or
+  // more than one.
+  std::string find(const std::string& name) const;
+
+ private:
+  std::string directory_;
+  std::vector<std::string> files_;  // relative to directory_, sorted
+};
 
 }  // namespace lf

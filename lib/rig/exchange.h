@@ -31,4 +31,9 @@ RigExport describe_export(const Rig& rig, const Rig& written, const FormatCapaci
 // "Camera ID: what": for lenses and names that a format can't hold.
 [[noreturn]] void refuse_camera(const Camera& camera, const std::string& what);
 
+// How far apart two descriptions of the same cameras are, in pixels: the largest distance between where camera i of `b`
+// and camera i of `a` see the same point, over 9 x 9 points of each image of `a`, at `distance` metres along the axis
+// and far away. Infinity if the numbers of cameras differ or `b` does not see a point.
+double max_reprojection_error(const Rig& a, const Rig& b, double distance);
+
 }  // namespace lf

@@ -6,7 +6,7 @@
 #include "base/error.h"
 #include "base/json_value.h"
 #include "base/yaml_value.h"
-#include "rig/opencv_terms.h"
+#include "rig/opencv_yaml.h"
 
 namespace lf {
 namespace {

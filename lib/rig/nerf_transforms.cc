@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "base/json_value.h"
 #include "image/image_io.h"
-#include "rig/opencv_terms.h"
+#include "rig/opencv_yaml.h"
 
 namespace lf {
 namespace {

@@ -4,9 +4,26 @@
 #include "geometry/focal_surface.h"
 #include "geometry/lens.h"
 #include "geometry/pose.h"
-#include "view/blending.h"
 
 namespace lf {
+
+// How many cameras make a pixel, and with which weights; see render/camera_weights.h.
+struct Blending {
+  enum class Kind {
+    kMesh = 0,      // the corners of the triangle of cameras that the line of sight passes, as in the paper
+    kAperture = 1,  // all cameras within a synthetic aperture around the line of sight
+    kAngle = 2,     // the cameras that see what is in focus most nearly as the view does, as sharply, and at all
+  };
+  static constexpr double kMaxAperture = 1e6;  // metres
+  static constexpr int kMaxNearest = 32;
+
+  Kind kind = Kind::kMesh;
+  double aperture = 0;  // kAperture: diameter, metres
+  int nearest = 0;      // kAngle: how many cameras, 1..kMaxNearest
+
+  bool is_mesh() const { return kind == Kind::kMesh; }
+  bool operator==(const Blending&) const = default;
+};
 
 // One virtual camera: what to render.
 struct View {
@@ -30,5 +47,12 @@ View seen_beside(const View& view, double metres);
 
 // The plane facing the view at `distance` metres along its optical axis.
 Plane focal_plane_at(const Pose& view_pose, double distance);
+
+// As people choose it: by an aperture if there is one, else by angle if there is a number of cameras, else by the mesh.
+Blending blending_of(double aperture, int nearest);
+
+// Throws Error ("blending: ...") for an aperture that is not positive or a number out of range, and for either beside a
+// kind that does not have it.
+void validate(const Blending& blending);
 
 }  // namespace lf

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "calibration/alignment.h"
+#include "calibration/adjustment.h"
 #include "calibration/scene.h"
 #include "rig/rig.h"
 

@@ -12,10 +12,10 @@
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
-#include "calibration/alignment.h"
+#include "calibration/adjustment.h"
 #include "calibration/camera_covariance.h"
 #include "calibration/simulator.h"
-#include "calibration/tracks_json.h"
+#include "calibration/tracks.h"
 #include "rig/rig_json.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"

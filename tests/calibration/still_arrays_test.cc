@@ -10,7 +10,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/SVD>
 
-#include "calibration/alignment.h"
+#include "calibration/adjustment.h"
 #include "calibration/diagnosis.h"
 #include "calibration/feature_tracks.h"
 #include "calibration/placement.h"

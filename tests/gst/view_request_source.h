@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "geometry/euler.h"
+#include "geometry/pose.h"
 #include "gst/gst_test.h"
 #include "rig/rig_json.h"
 #include "view/navigator.h"

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <map>
 
-#include "geometry/euler.h"
+#include "geometry/pose.h"
 #include "gst/gst_test.h"
 #include "image/image_io.h"
 #include "rig/rig_json.h"
@@ -48,17 +48,17 @@ class MonitoredArray : public testing::Test {
            " " + more + " ! queue ! " + to;
   }
   std::string rack(const std::string& name, const std::string& to) const {
-    return " r. ! queue ! " + name + ".request  lfcompositor name=" + name + " latency=2000000000 partial=true" + rig() +
-           " ! queue ! " + to;
+    return " r. ! queue ! " + name + ".request  lfcompositor name=" + name + " latency=2000000000 partial=true" +
+           rig() + " ! queue ! " + to;
   }
 
   // Runs until all cameras have had a few turns.
   void watch(const std::string& nodes, const std::string& compositor = "", const std::string& viewer = "") {
     constexpr uint64_t kTurns = 75;
-    const ElementPtr pipeline =
-        launch("lfviewrequest name=v is-live=true framerate=100/1 width=64 height=48 focus-distance=2.2" + rig() + " " +
-               viewer + " ! tee name=r  r. ! queue ! c.request  lfcompositor name=c latency=2000000000 monitor-interval=1" +
-               rig() + " " + compositor + " ! fakesink sync=false" + nodes);
+    const ElementPtr pipeline = launch(
+        "lfviewrequest name=v is-live=true framerate=100/1 width=64 height=48 focus-distance=2.2" + rig() + " " +
+        viewer + " ! tee name=r  r. ! queue ! c.request  lfcompositor name=c latency=2000000000 monitor-interval=1" +
+        rig() + " " + compositor + " ! fakesink sync=false" + nodes);
     ASSERT_TRUE(pipeline);
     gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
     const ElementPtr c(gst_bin_get_by_name(GST_BIN(pipeline.get()), "c"));
@@ -113,8 +113,8 @@ TEST_F(MonitoredArray, NothingIsFoundOfGoodCameras) {
 
 TEST_F(MonitoredArray, ExactlyTheBadOnesAreFound) {
   film(true);
-  const std::vector<std::pair<std::string, std::string>> ways = {{"", ""},
-                                                                 {"focus=surface focus-near=1 focus-far=6", "width=160 height=120"}};
+  const std::vector<std::pair<std::string, std::string>> ways = {
+      {"", ""}, {"focus=surface focus-near=1 focus-far=6", "width=160 height=120"}};
   for (const auto& [compositor, viewer] : ways) {
     SCOPED_TRACE(compositor);
     watch(node("n", "0-24", "c.sink_0"), compositor, viewer);

@@ -8,7 +8,7 @@
 
 #include "base/json_value.h"
 #include "image/image_io.h"
-#include "rig/reprojection.h"
+#include "rig/exchange.h"
 #include "rig/rig_json.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"

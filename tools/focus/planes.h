@@ -5,7 +5,7 @@
 #include <optional>
 #include <span>
 
-#include "focus/depth_range.h"
+#include "focus/depth_votes.h"
 #include "focus/picture.h"
 #include "rig/mesh.h"
 #include "view/view.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "calibration/alignment.h"
+#include "calibration/adjustment.h"
 
 #include <gtest/gtest.h>
 

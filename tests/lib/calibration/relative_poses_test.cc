@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include "calibration/rotation_averaging.h"
 #include "calibration/simulator.h"
 
 namespace lf {

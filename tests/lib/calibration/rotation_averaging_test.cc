@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "calibration/rotation_averaging.h"
+#include "calibration/relative_poses.h"
 
 #include <random>
 

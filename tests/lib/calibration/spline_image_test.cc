@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "calibration/spline_image.h"
+#include "calibration/patch.h"
 
 #include <cmath>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "calibration/tracks_json.h"
+#include "calibration/tracks.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

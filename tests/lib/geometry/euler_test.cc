@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "geometry/euler.h"
+#include "geometry/pose.h"
 
 #include <gtest/gtest.h>
 

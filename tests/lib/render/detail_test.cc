@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "geometry/euler.h"
+#include "geometry/pose.h"
 
 namespace lf {
 namespace {

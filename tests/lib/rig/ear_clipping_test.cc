@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "rig/ear_clipping.h"
+#include "rig/hole_filling.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "rig/image_search.h"
+#include "rig/colmap.h"
 
 #include <gtest/gtest.h>
 

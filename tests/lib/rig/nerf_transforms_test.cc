@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "image/image_io.h"
-#include "rig/reprojection.h"
+#include "rig/exchange.h"
 #include "support/expect_error.h"
 #include "support/mixed_rig.h"
 #include "support/temp_dir.h"

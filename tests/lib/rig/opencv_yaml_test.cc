@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
 
-#include "rig/reprojection.h"
+#include "rig/exchange.h"
 #include "support/expect_error.h"
 #include "support/mixed_rig.h"
 #include "support/temp_dir.h"

@@ -6,8 +6,8 @@
 #include <gtest/gtest.h>
 
 #include "image/image_io.h"
+#include "rig/exchange.h"
 #include "rig/grid_rig.h"
-#include "rig/reprojection.h"
 #include "support/expect_error.h"
 #include "support/temp_dir.h"
 

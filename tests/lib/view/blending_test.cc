@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "view/blending.h"
+#include "view/view.h"
 
 #include <limits>
 

@@ -5,7 +5,7 @@
 
 #include <random>
 
-#include "geometry/euler.h"
+#include "geometry/pose.h"
 
 namespace lf {
 namespace {

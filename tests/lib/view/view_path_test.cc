@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
-#include "geometry/euler.h"
+#include "geometry/pose.h"
 #include "view/navigator.h"
 
 namespace lf {
