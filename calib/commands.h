@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <CLI/CLI.hpp>
+#include "command_line.h"
 
 // The steps of lf-calibrate, one file each (NAME_command.cc): each adds its subcommand with options and a callback that
 // runs it. What goes wrong is thrown as lf::Error.
-void add_features_command(CLI::App& app);
-void add_intrinsics_command(CLI::App& app);
-void add_solve_command(CLI::App& app);
+void add_features_command(cli::App& app);
+void add_intrinsics_command(cli::App& app);
+void add_solve_command(cli::App& app);

@@ -36,12 +36,12 @@ void find(Options options) {
 
 }  // namespace
 
-void add_features_command(CLI::App& app) {
+void add_features_command(cli::App& app) {
   const auto o = std::make_shared<Options>();
-  CLI::App* command =
+  cli::App* command =
       app.add_subcommand("features", "Tracks of a still scene's corners, from a rig with an image each");
   command->add_option("RIG", o->rig, "Rig file; a nominal one will do")->required();
-  command->add_option("--every", o->every, "Rows and columns 0, N, 2N, ... of a grid")->check(CLI::PositiveNumber);
+  command->add_option("--every", o->every, "Rows and columns 0, N, 2N, ... of a grid")->check(cli::PositiveNumber);
   command->add_option("--references", o->features.references, "Cameras whose corners are followed")
       ->capture_default_str();
   command->add_option("--features", o->features.features, "Corners a reference camera")->capture_default_str();

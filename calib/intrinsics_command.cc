@@ -188,19 +188,19 @@ void calibrate(const Options& options) {
 
 }  // namespace
 
-void add_intrinsics_command(CLI::App& app) {
+void add_intrinsics_command(cli::App& app) {
   const auto o = std::make_shared<Options>();
-  CLI::App* command =
+  cli::App* command =
       app.add_subcommand("intrinsics", "One camera's lens and its covariance from images of a checkerboard");
   command
       ->add_option("IMAGES", o->images, "Images of the board, at all distances, tilted to all sides; or URIs of videos")
       ->required();
   command->add_option("--views", o->views, "To keep of each video: a live camera is watched until then")
       ->capture_default_str()
-      ->check(CLI::Range(3, 1000));
+      ->check(cli::Range(3, 1000));
   command->add_option("--board", o->board, "Inner corners along x and y")->required()->type_name("CxR");
   command->add_option("--square", o->square, "Side of a square, metres (lenses do not depend on it)")
-      ->check(CLI::PositiveNumber);
+      ->check(cli::PositiveNumber);
   command->add_option("--charuco", o->charuco, "The board has markers of this dictionary, and may be seen in part")
       ->type_name("5X5_100");
   command->add_option("--marker", o->marker, "Side of a marker, over that of a square")->capture_default_str();

@@ -4,7 +4,7 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-tools/setup.sh
+tools/setup.sh --tests
 status=0
 meson test -C build --no-rebuild --no-suite slow --print-errorlogs "$@" || status=$?
 python3 tests/summary.py build/meson-logs/testlog.json build/meson-logs/testlog.junit.xml || status=1

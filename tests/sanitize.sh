@@ -18,7 +18,7 @@ case "${1:-}" in
 esac
 build=$PWD/build-$1
 shift
-tools/setup.sh lib/liblightfield.a # for the packages
+tools/setup.sh --tests lib/liblightfield.a # for the packages
 [[ -f $build/build.ninja ]] ||
   meson setup "$build" -Db_sanitize="$sanitizers" -Db_lundef=false -Doptimization=1 -Ddebug=true >/dev/null
 ninja -C "$build" --quiet gst/libgstlightfield.so tests/check-sanitizer

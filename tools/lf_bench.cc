@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "command_line.h"
 #include "base/error.h"
 #include "base/now.h"
 #include "composite/assembly.h"
@@ -21,7 +22,6 @@
 #include "render/focus_range.h"
 #include "rig/rig_json.h"
 #include "rig/still_images.h"
-#include "run_tool.h"
 #include "scene/scene.h"
 #include "view/navigator.h"
 #include "wire/answer_parser.h"
@@ -247,20 +247,20 @@ void print_quality(const Array& array, const Options& options) {
 
 int main(int argc, char** argv) {
   Options o;
-  CLI::App app(
+  cli::App app(
       "What an array is worth on this machine, on a page: speed, bytes and error of its views, and how well its "
       "cameras "
       "are made from the others. Without --rig: of 64 cameras before the built-in scene.",
       "lf-bench");
   app.add_option("--rig", o.rig, "Rig file whose cameras name stills (lf-rig), taken at one instant");
   app.add_option("--size", o.size, "Of the views (default: a camera's)")->type_name("WxH");
-  app.add_option("--focus-distance", o.distance, "Metres (default: estimated)")->check(CLI::PositiveNumber);
+  app.add_option("--focus-distance", o.distance, "Metres (default: estimated)")->check(cli::PositiveNumber);
   app.add_option("--held-out", o.held_out, "How many cameras to make from the others")
       ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
-  app.add_option("--quality", o.quality, "Of JPEG")->capture_default_str()->check(CLI::Range(1, 100));
-  app.add_option("--seconds", o.seconds, "For each timing")->capture_default_str()->check(CLI::PositiveNumber);
-  return run_tool(app, argc, argv, [&] {
+      ->check(cli::NonNegativeNumber);
+  app.add_option("--quality", o.quality, "Of JPEG")->capture_default_str()->check(cli::Range(1, 100));
+  app.add_option("--seconds", o.seconds, "For each timing")->capture_default_str()->check(cli::PositiveNumber);
+  return cli::run_tool(app, argc, argv, [&] {
     const std::unique_ptr<Array> array = load(o);
     print_speed(*array, o);
     if (o.held_out > 0) print_quality(*array, o);

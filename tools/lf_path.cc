@@ -6,9 +6,9 @@
 #include <string>
 
 #include "base/error.h"
+#include "command_line.h"
 #include "render/focus_range.h"
 #include "rig/rig_json.h"
-#include "run_tool.h"
 #include "view/navigator.h"
 #include "view/tour.h"
 
@@ -55,18 +55,18 @@ void run(Options& options) {
 
 int main(int argc, char** argv) {
   Options o;
-  CLI::App app(
+  cli::App app(
       "Writes a smooth camera path with changing focus through a rig; all at time 0 if its cameras are stills.",
       "lf-path");
   app.add_option("--rig", o.rig, "rig file")->required()->type_name("RIG.json");
   app.add_option("--out", o.out, "file to write")->required()->type_name("VIEWS.json");
-  app.add_option("--near", o.near, "nearest focus, metres (0: from the images)")->check(CLI::NonNegativeNumber);
-  app.add_option("--far", o.far, "farthest focus, metres (0: from the images)")->check(CLI::NonNegativeNumber);
-  app.add_option("--frames", o.tour.frames, "number of views")->capture_default_str()->check(CLI::Range(1, 1000000));
-  app.add_option("--framerate", o.tour.rate_hz, "views per second")->capture_default_str()->check(CLI::PositiveNumber);
+  app.add_option("--near", o.near, "nearest focus, metres (0: from the images)")->check(cli::NonNegativeNumber);
+  app.add_option("--far", o.far, "farthest focus, metres (0: from the images)")->check(cli::NonNegativeNumber);
+  app.add_option("--frames", o.tour.frames, "number of views")->capture_default_str()->check(cli::Range(1, 1000000));
+  app.add_option("--framerate", o.tour.rate_hz, "views per second")->capture_default_str()->check(cli::PositiveNumber);
   app.add_option("--width", o.tour.width, "of the views, pixels (0: as the cameras)")
-      ->check(CLI::Range(0, lf::kMaxImageSize));
+      ->check(cli::Range(0, lf::kMaxImageSize));
   app.add_option("--height", o.tour.height, "of the views, pixels (0: as the cameras)")
-      ->check(CLI::Range(0, lf::kMaxImageSize));
-  return run_tool(app, argc, argv, [&] { run(o); });
+      ->check(cli::Range(0, lf::kMaxImageSize));
+  return cli::run_tool(app, argc, argv, [&] { run(o); });
 }

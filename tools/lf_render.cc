@@ -14,6 +14,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "command_line.h"
 #include "base/error.h"
 #include "base/json_value.h"
 #include "base/number_text.h"
@@ -28,7 +29,6 @@
 #include "render/focus_range.h"
 #include "rig/rig_json.h"
 #include "rig/still_images.h"
-#include "run_tool.h"
 #include "view/views_json.h"
 
 namespace {
@@ -339,10 +339,10 @@ void run(const Options& options) {
 
 int main(int argc, char** argv) {
   Options options;
-  CLI::App app("Renders stills of a light field from the images that its rig file names.", "lf-render");
+  cli::App app("Renders stills of a light field from the images that its rig file names.", "lf-render");
   app.add_option("--rig", options.rig, "Rig file (rig.json)")->required();
-  CLI::Option* views = app.add_option("--views", options.views, "Views to render (views.json)");
-  CLI::Option* leave_one_out = app.add_flag(
+  cli::Option* views = app.add_option("--views", options.views, "Views to render (views.json)");
+  cli::Option* leave_one_out = app.add_flag(
       "--leave-one-out", options.leave_one_out,
       "In place of views: every camera is left out and predicted by the others; tells cameras with something wrong");
   views->excludes(leave_one_out);
@@ -353,20 +353,20 @@ int main(int argc, char** argv) {
   app.add_option("--json", options.json, "Write the table to this file as well");
   app.add_option("--focus", options.focus, "On what: a surface, found from the views' plane, or that plane")
       ->capture_default_str()
-      ->check(CLI::IsMember({"plane", "surface"}));
+      ->check(cli::IsMember({"plane", "surface"}));
   app.add_option("--focus-near", options.surface.near, "Nearest that the surface can be, metres from the array");
   app.add_option("--focus-far", options.surface.far, "Farthest");
   app.add_option("--focus-distance", options.distance, "Of the cameras that are left out (default: estimated)");
-  CLI::Option* aperture = app.add_option("--aperture", options.aperture,
+  cli::Option* aperture = app.add_option("--aperture", options.aperture,
                                          "Diameter of a synthetic aperture, metres (default: three cameras a pixel)");
   app.add_option("--nearest-cameras", options.nearest_cameras,
                  "Weigh as many cameras a pixel by angle, resolution and field of view, in place of three by the mesh")
       ->excludes(aperture);
   app.add_option("--resampling", options.resampling, "How images are sampled, as of lffragment")
       ->capture_default_str()
-      ->check(CLI::IsMember({"bilinear", "sharpened", "catmull-rom"}));
+      ->check(cli::IsMember({"bilinear", "sharpened", "catmull-rom"}));
   app.add_flag("--i420", options.i420, "Render in YCbCr 4:2:0 as video sources would");
-  return run_tool(app, argc, argv, [&] {
+  return cli::run_tool(app, argc, argv, [&] {
     if (options.views.empty() && !options.leave_one_out) throw lf::Error("give --views or --leave-one-out");
     run(options);
   });

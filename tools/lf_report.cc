@@ -14,13 +14,13 @@
 #include "base/error.h"
 #include "base/json_value.h"
 #include "base/percentiles.h"
+#include "command_line.h"
 #include "image/image_io.h"
 #include "progress.h"
 #include "quality/quality.h"
 #include "render/contribution_map.h"
 #include "rig/rig_json.h"
 #include "rig/still_images.h"
-#include "run_tool.h"
 #include "scene/scene.h"
 #include "sheet.h"
 #include "view/views_json.h"
@@ -238,7 +238,7 @@ void run_report(const Options& options) {
 
 int main(int argc, char** argv) {
   Options o;
-  CLI::App app("Writes report.json and sheet.png of a run of a light field pipeline and prints the former.",
+  cli::App app("Writes report.json and sheet.png of a run of a light field pipeline and prints the former.",
                "lf-report");
   app.add_option("--rig", o.rig, "rig file")->required()->type_name("RIG.json");
   app.add_option("--views", o.views, "views that were asked for")->required()->type_name("VIEWS.json");
@@ -248,5 +248,5 @@ int main(int argc, char** argv) {
   app.add_option("--live-log", o.live_log, "the same of a live run, for the latency with one request in flight");
   app.add_flag("--scene", o.scene, "the cameras filmed the built-in scene: compare with its ground truth");
   app.add_option("--out", o.out, "folder to write to")->required()->type_name("DIR");
-  return run_tool(app, argc, argv, [&] { run_report(o); });
+  return cli::run_tool(app, argc, argv, [&] { run_report(o); });
 }

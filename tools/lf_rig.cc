@@ -2,15 +2,15 @@
 // lf-rig: makes, describes, checks, cuts and converts rig files.
 #include <charconv>
 #include <cstdio>
-#include <exception>
 #include <filesystem>
 #include <string>
 
 #include <gst/gst.h>
-#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
 
 #include "base/error.h"
 #include "base/json_value.h"
+#include "command_line.h"
 #include "rig/colmap.h"
 #include "rig/grid_rig.h"
 #include "rig/kalibr.h"
@@ -138,8 +138,8 @@ struct Format {
   const char* about;
   lf::RigImport (*read)(const Arguments&);
   lf::RigExport (*write)(const Rig&, const Arguments&);
-  CLI::App* import = nullptr;
-  CLI::App* export_ = nullptr;
+  cli::App* import = nullptr;
+  cli::App* export_ = nullptr;
 };
 
 Format formats[] = {
@@ -158,9 +158,9 @@ Format formats[] = {
      [](const Rig& rig, const Arguments& a) { return lf::export_stanford(rig, a.other, a.stanford.unit); }},
 };
 
-void add_formats(CLI::App& app, Arguments& arguments) {
-  CLI::App* import = app.add_subcommand("import", "Makes a rig file from another program's");
-  CLI::App* exports = app.add_subcommand("export", "Makes another program's files from a rig file");
+void add_formats(cli::App& app, Arguments& arguments) {
+  cli::App* import = app.add_subcommand("import", "Makes a rig file from another program's");
+  cli::App* exports = app.add_subcommand("export", "Makes another program's files from a rig file");
   import->require_subcommand(1);
   exports->require_subcommand(1);
   for (Format& format : formats) {
@@ -171,27 +171,42 @@ void add_formats(CLI::App& app, Arguments& arguments) {
     format.export_->add_option("RIG", arguments.rig, "Rig file")->required();
     format.export_->add_option(format.place, arguments.other, "To write")->required();
   }
-  CLI::App* colmap = import->get_subcommand("colmap");
+  cli::App* colmap = import->get_subcommand("colmap");
   colmap->add_option("--images", arguments.colmap.images, "Folder of the image files (default: DIR/images)");
   colmap->add_flag("--undistorted", arguments.colmap.undistorted,
                    "The image files are the undistorted ones: pinhole lenses, the size of each file");
   colmap->add_option("--grid", arguments.grid, "The cameras, ordered by name, are a grid")->type_name("RxC");
-  CLI::App* stanford = import->get_subcommand("stanford");
+  cli::App* stanford = import->get_subcommand("stanford");
   stanford->add_option("--f", arguments.stanford.f, "Focal length, pixels")->required();
   stanford->add_option("--focus-distance", arguments.stanford.focus_distance,
                        "Where points stand still, metres (default: far away)");
-  for (CLI::App* command : {stanford, exports->get_subcommand("stanford")})
+  for (cli::App* command : {stanford, exports->get_subcommand("stanford")})
     command->add_option("--unit", arguments.stanford.unit, "Metres in one unit of the names")->capture_default_str();
+}
+
+// By the format whose subcommand is on the command line.
+int run_conversion(Arguments& arguments) {
+  for (const Format& format : formats) {
+    if (*format.import) {
+      if (!arguments.grid.empty()) parse_grid(arguments.grid, arguments.colmap.rows, arguments.colmap.columns);
+      return finish_import(arguments, format.read(arguments));
+    }
+    if (*format.export_) {
+      const Rig rig = lf::load_rig(arguments.rig);
+      return finish_export(arguments, rig, format.write(rig, arguments));
+    }
+  }
+  return 1;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   Arguments arguments;
-  CLI::App app("Makes, describes, checks, cuts and converts rig files", "lf-rig");
+  cli::App app("Makes, describes, checks, cuts and converts rig files", "lf-rig");
   app.require_subcommand(1);
 
-  CLI::App* make = app.add_subcommand("new", "A first rig for cameras mounted as a grid");
+  cli::App* make = app.add_subcommand("new", "A first rig for cameras mounted as a grid");
   make->add_option("--grid", arguments.grid, "Rows x columns, row 0 at the top")->required()->type_name("RxC");
   make->add_option("--pitch", arguments.new_rig.pitch, "Between neighbours, metres")->required();
   make->add_option("--fov", arguments.new_rig.fov_y_deg, "Vertical field of view, degrees")->required();
@@ -200,41 +215,35 @@ int main(int argc, char** argv) {
   make->add_flag("--devices", arguments.devices, "Plugged-in cameras become the sources, in order");
   make->add_option("--out", arguments.out, "Rig file to write")->required();
 
-  CLI::App* info = app.add_subcommand("info", "Describes a rig");
+  cli::App* info = app.add_subcommand("info", "Describes a rig");
   info->add_option("RIG", arguments.rig, "Rig file")->required();
 
-  CLI::App* check = app.add_subcommand("check", "Looks for what is wrong; exit status 1 if something is");
+  cli::App* check = app.add_subcommand("check", "Looks for what is wrong; exit status 1 if something is");
   check->add_option("RIG", arguments.rig, "Rig file")->required();
 
-  CLI::App* subset = app.add_subcommand("subset", "Some of the cameras, as a rig file of their own");
+  cli::App* subset = app.add_subcommand("subset", "Some of the cameras, as a rig file of their own");
   subset->add_option("RIG", arguments.rig, "Rig file")->required();
-  CLI::Option_group* which = subset->add_option_group("which");
-  which->add_option("--every", arguments.every, "Rows and columns 0, N, 2N, ... of a grid")->check(CLI::PositiveNumber);
+  cli::App* which = subset->add_option_group("which");
+  which->add_option("--every", arguments.every, "Rows and columns 0, N, 2N, ... of a grid")->check(cli::PositiveNumber);
   which->add_option("--cameras", arguments.cameras, "Ids: 0-3,7");
   which->require_option(1);
   subset->add_option("--out", arguments.out, "Rig file to write")->required();
 
   add_formats(app, arguments);
 
-  CLI11_PARSE(app, argc, argv);
-  try {
-    if (*make) return run_new(arguments);
-    if (*info) return run_info(arguments);
-    if (*check) return run_check(arguments);
-    if (*subset) return run_subset(arguments);
-    for (const Format& format : formats) {
-      if (*format.import) {
-        if (!arguments.grid.empty()) parse_grid(arguments.grid, arguments.colmap.rows, arguments.colmap.columns);
-        return finish_import(arguments, format.read(arguments));
-      }
-      if (*format.export_) {
-        const Rig rig = lf::load_rig(arguments.rig);
-        return finish_export(arguments, rig, format.write(rig, arguments));
-      }
+  int status = 1;
+  const int failed = cli::run_tool(app, argc, argv, [&] {
+    if (*make) {
+      status = run_new(arguments);
+    } else if (*info) {
+      status = run_info(arguments);
+    } else if (*check) {
+      status = run_check(arguments);
+    } else if (*subset) {
+      status = run_subset(arguments);
+    } else {
+      status = run_conversion(arguments);
     }
-    return 1;
-  } catch (const std::exception& e) {
-    std::fprintf(stderr, "lf-rig: %s\n", e.what());
-    return 1;
-  }
+  });
+  return failed ? failed : status;
 }

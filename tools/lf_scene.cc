@@ -14,11 +14,11 @@
 #include <vector>
 
 #include "base/error.h"
+#include "command_line.h"
 #include "image/image_io.h"
 #include "mjpeg_writer.h"
 #include "progress.h"
 #include "rig/rig_json.h"
-#include "run_tool.h"
 #include "scene/scene.h"
 #include "view/views_json.h"
 
@@ -188,27 +188,27 @@ void film(const Options& options) {
 
 int main(int argc, char** argv) {
   Options o;
-  CLI::App app("Films the built-in scene: DIR/rig.json and a file per camera, in DIR/truth the ground truth of views.",
+  cli::App app("Films the built-in scene: DIR/rig.json and a file per camera, in DIR/truth the ground truth of views.",
                "lf-scene");
   app.add_option("--out", o.out, "folder to write to")->required()->type_name("DIR");
-  CLI::Option* rig = app.add_option("--rig", o.rig, "film with the cameras of this rig")->type_name("RIG.json");
+  cli::Option* rig = app.add_option("--rig", o.rig, "film with the cameras of this rig")->type_name("RIG.json");
   app.add_option("--grid", o.grid, "film with the scene's own array")
       ->type_name("RxC")
       ->capture_default_str()
       ->excludes(rig);
   app.add_option("--width", o.width, "of its cameras, pixels")->capture_default_str()->excludes(rig);
   app.add_option("--height", o.height, "of its cameras, pixels")->capture_default_str()->excludes(rig);
-  app.add_option("--frames", o.frames)->capture_default_str()->check(CLI::Range(1, 1000000));
+  app.add_option("--frames", o.frames)->capture_default_str()->check(cli::Range(1, 1000000));
   app.add_option("--framerate", o.framerate, "frames per second: 15, 29.97, 30000/1001")->capture_default_str();
   app.add_option("--format", o.format, "mjpeg: NAME.mkv and its first frame, NAME.png; png: NAME_0000.png, ...")
       ->capture_default_str()
-      ->check(CLI::IsMember({"mjpeg", "png"}));
-  app.add_option("--quality", o.quality, "of JPEG")->capture_default_str()->check(CLI::Range(1, 100));
+      ->check(cli::IsMember({"mjpeg", "png"}));
+  app.add_option("--quality", o.quality, "of JPEG")->capture_default_str()->check(cli::Range(1, 100));
   app.add_option("--truth", o.truth, "write the ground truth of these views at their times")->type_name("VIEWS.json");
   app.add_option("--samples", o.samples, "N x N rays per pixel where one is too few")
       ->capture_default_str()
-      ->check(CLI::Range(1, 16));
-  app.add_option("--threads", o.threads)->capture_default_str()->check(CLI::Range(1, 256));
+      ->check(cli::Range(1, 16));
+  app.add_option("--threads", o.threads)->capture_default_str()->check(cli::Range(1, 256));
   gst_init(nullptr, nullptr);
-  return run_tool(app, argc, argv, [&] { film(o); });
+  return cli::run_tool(app, argc, argv, [&] { film(o); });
 }

@@ -5,7 +5,6 @@
 #include <malloc.h>
 #include <sys/resource.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <string>
@@ -15,7 +14,7 @@
 #include "base/error.h"
 #include "base/host_list.h"
 #include "base/json_value.h"
-#include "run_tool.h"
+#include "command_line.h"
 #include "serve/encoder.h"
 #include "serve/film.h"
 #include "serve/http_server.h"
@@ -139,13 +138,13 @@ int main(int argc, char** argv) {
   setlinebuf(stdout);
   raise_file_limit();
   Options o;
-  CLI::App app("Serves a page in which everybody flies their own virtual camera, and the same streams over WHEP.",
+  cli::App app("Serves a page in which everybody flies their own virtual camera, and the same streams over WHEP.",
                "lf-serve");
   app.add_option("--rig", o.rig, "the cameras; without it the built-in scene, filmed once")->type_name("RIG.json");
   app.add_option("--nodes", o.nodes, "hosts that the cameras are on: HOST:PORT-THERE:PORT-HERE,... (camera-node.sh)");
   app.add_option("--listen", o.server.address, "IP address; other than loopback with TLS or --insecure alone")
       ->capture_default_str();
-  app.add_option("--port", o.server.port, "0: any")->capture_default_str()->check(CLI::Range(0, 65535));
+  app.add_option("--port", o.server.port, "0: any")->capture_default_str()->check(cli::Range(0, 65535));
   app.add_option("--tls-certificate", o.server.certificate)->type_name("FILE.pem");
   app.add_option("--tls-key", o.server.key)->type_name("FILE.pem");
   app.add_flag("--insecure", o.server.insecure, "others may listen in");
@@ -154,47 +153,47 @@ int main(int argc, char** argv) {
                  "of other sites' pages that may watch: https://example.org, null (files), or *; repeat");
   app.add_option("--path", o.paths, "a views.json that links may have flown (#path=NAME), NAME=FILE; repeat")
       ->type_name("NAME=FILE");
-  app.add_option("--viewers", o.limits.viewers, "at a time; one with two eyes counts twice")->capture_default_str()->check(CLI::Range(1, 1000));
+  app.add_option("--viewers", o.limits.viewers, "at a time; one with two eyes counts twice")->capture_default_str()->check(cli::Range(1, 1000));
   app.add_option("--framerate", o.limits.framerate, "pictures per second")
       ->capture_default_str()
-      ->check(CLI::Range(1, 120));
+      ->check(cli::Range(1, 120));
   app.add_option("--capture-delay", o.limits.capture_delay_ms,
                  "how old a capture must be before it is asked for: what the cameras take, milliseconds")
       ->capture_default_str()
-      ->check(CLI::Range(0, 10000));
+      ->check(cli::Range(0, 10000));
   app.add_option("--focus", o.limits.focus,
                  "distance of the viewer's plane to begin with, metres (default: 4 times the array)")
-      ->check(CLI::PositiveNumber);
+      ->check(cli::PositiveNumber);
   app.add_option(
          "--focus-on", o.limits.focus_on.mode,
          "the viewer's plane; or a surface, so that all of the picture is in focus; auto: as the scene needs it")
       ->capture_default_str()
-      ->check(CLI::IsMember({"plane", "surface", "auto"}));
+      ->check(cli::IsMember({"plane", "surface", "auto"}));
   app.add_option("--focus-near", o.limits.focus_on.near,
                  "nearest that the surface can be, metres from the array (default: as the scene asks)")
-      ->check(CLI::PositiveNumber);
-  app.add_option("--focus-far", o.limits.focus_on.far, "farthest")->check(CLI::PositiveNumber);
+      ->check(cli::PositiveNumber);
+  app.add_option("--focus-far", o.limits.focus_on.far, "farthest")->check(cli::PositiveNumber);
   app.add_option("--gains", o.limits.focus_on.gains, "true: cameras match their brightness to the others'")
-      ->check(CLI::IsMember({"true", "false"}));
+      ->check(cli::IsMember({"true", "false"}));
   app.add_option("--resampling", o.resampling, "how cameras' images are sampled (of --nodes: see lfcameranode)")
       ->capture_default_str()
-      ->check(CLI::IsMember({"bilinear", "sharpened", "catmull-rom"}));
+      ->check(cli::IsMember({"bilinear", "sharpened", "catmull-rom"}));
   app.add_option("--monitor", o.limits.monitor,
                  "beside one of so many requests of a viewer a camera is left out and predicted from the others, each in "
                  "turn: the page and /metrics tell which ones have something wrong (0: never)")
       ->capture_default_str()
-      ->check(CLI::Range(0, 10000));
-  app.add_option("--max-width", o.limits.max_width, "of a view")->capture_default_str()->check(CLI::Range(64, 4096));
-  app.add_option("--max-height", o.limits.max_height, "of a view")->capture_default_str()->check(CLI::Range(64, 4096));
+      ->check(cli::Range(0, 10000));
+  app.add_option("--max-width", o.limits.max_width, "of a view")->capture_default_str()->check(cli::Range(64, 4096));
+  app.add_option("--max-height", o.limits.max_height, "of a view")->capture_default_str()->check(cli::Range(64, 4096));
   app.add_option("--bitrate", o.limits.bit_rate, "of a viewer's video at best, bits per second")
       ->capture_default_str()
-      ->check(CLI::Range(100000, 100000000));
+      ->check(cli::Range(100000, 100000000));
   app.add_option("--messages", o.limits.messages_per_second, "of a viewer, per second")
       ->capture_default_str()
-      ->check(CLI::Range(1, 10000));
+      ->check(cli::Range(1, 10000));
   app.add_option("--connects", o.limits.connects_per_second, "of an address, per second, in the long run")
       ->capture_default_str()
-      ->check(CLI::Range(0.01, 1000.0));
+      ->check(cli::Range(0.01, 1000.0));
   gst_init(nullptr, nullptr);
-  return run_tool(app, argc, argv, [&] { serve(o); });
+  return cli::run_tool(app, argc, argv, [&] { serve(o); });
 }

@@ -1,11 +1,17 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Installs the Debian 12 packages that gst-lightfield needs, configures and builds it in build/.
-# Asks nothing, and says nothing when nothing is to do. TARGETs (of ninja) are built in place of everything.
+# Asks nothing, and says nothing when nothing is to do. TARGETs (of ninja) are built in place of everything. With --tests
+# it installs, too, what only running the tests needs: a browser, tshark, Janus, pictures for calibration.
 set -euo pipefail
 
+for_tests=false
+if [[ "${1:-}" == --tests ]]; then
+  for_tests=true
+  shift
+fi
 if [[ "${1:-}" == -* ]]; then
-  echo "usage: tools/setup.sh [TARGET...]"
+  echo "usage: tools/setup.sh [--tests] [TARGET...]"
   [[ "$1" == --help || "$1" == -h ]]
   exit
 fi
@@ -24,6 +30,14 @@ packages=(
   libgstrtspserver-1.0-dev                             # network cameras of the tests
   python3-gi gir1.2-gst-plugins-base-1.0               # the example in Python
 )
+
+if $for_tests; then
+  packages+=(tshark janus opencv-doc)
+  # These come from elsewhere, too.
+  command -v chromium chromium-browser google-chrome >/dev/null || packages+=(chromium)
+  command -v node >/dev/null || packages+=(nodejs)
+  command -v npm >/dev/null || packages+=(npm)
+fi
 
 missing_packages() {
   comm -23 <(printf '%s\n' "${packages[@]}" | sort) \
@@ -53,6 +67,10 @@ install_packages() {
     exit 1
   fi
   rm "$log"
+  # Debian starts a Janus that nobody asked for: the tests have one of their own.
+  if [[ " ${missing[*]} " == *" janus "* && -d /run/systemd/system ]]; then
+    "${as_root[@]}" systemctl --quiet disable --now janus
+  fi
 }
 
 configure() {

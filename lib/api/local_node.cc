@@ -60,7 +60,6 @@ AnswerMaker::Units LocalNode::answer(const ViewRequest& request, const std::vect
   }
   AnswerMaker::Options options;
   options.resampling = to_resampling(resampling);
-  options.sum = SumChoice::kNode;
   options.in_process = in_process;
   // Where no JPEG is asked for the picture is as if all cameras were on one node.
   if (request.quality == 0) options.codec = CodecChoice::kRaw16;

@@ -9,6 +9,8 @@
 #include <iterator>
 #include <system_error>
 
+#include <nlohmann/json.hpp>
+
 #include "base/error.h"
 
 namespace lf {

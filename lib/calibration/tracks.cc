@@ -5,6 +5,8 @@
 #include <tuple>
 #include <unordered_map>
 
+#include <nlohmann/json.hpp>
+
 #include "base/error.h"
 #include "base/json_value.h"
 #include "rig/rig.h"

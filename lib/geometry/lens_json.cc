@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "geometry/lens_json.h"
 
+#include <nlohmann/json.hpp>
+
 #include "base/error.h"
 
 namespace lf {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 
 #include "base/error.h"

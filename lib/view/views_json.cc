@@ -3,6 +3,8 @@
 
 #include <map>
 
+#include <nlohmann/json.hpp>
+
 #include "base/error.h"
 #include "base/json_value.h"
 #include "geometry/lens_json.h"

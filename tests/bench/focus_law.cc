@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "bench/focus_situation.h"
+#include "command_line.h"
 #include "image/image_io.h"
-#include "run_tool.h"
 
 namespace {
 
@@ -33,7 +33,7 @@ void print(const Found& f) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("Searches for situations in which a focal surface is worse than a plane.", "bench-focus-law");
+  cli::App app("Searches for situations in which a focal surface is worse than a plane.", "bench-focus-law");
   uint64_t first = 1, situations = 1000, show = 10;
   int pictures = 60;
   std::string out;
@@ -45,7 +45,7 @@ int main(int argc, char** argv) {
   app.add_option("--out", out, "Folder for the pictures of the worst");
   app.add_flag("--all", all, "Prints every picture looked at");
   bool broken = false;
-  const int status = run_tool(app, argc, argv, [&] {
+  const int status = cli::run_tool(app, argc, argv, [&] {
     std::vector<int> looked_at{0,  1,  2,  3,  4,   5,   6,   8,   10,  12,  15,   20,   25,  30,
                                40, 50, 60, 80, 100, 150, 200, 300, 400, 600, 1000, 1500, 2000};
     std::erase_if(looked_at, [&](int p) { return p > pictures; });

@@ -7,6 +7,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "support/select_files.h"
+
 namespace lf::test {
 
 GstBuffer* to_buffer(const std::vector<uint8_t>& bytes) { return gst_buffer_new_memdup(bytes.data(), bytes.size()); }
@@ -88,6 +90,7 @@ int main(int argc, char** argv) {
   g_setenv("GST_REGISTRY", LF_PLUGIN_DIR "/test-registry.bin", TRUE);
   testing::InitGoogleTest(&argc, argv);
   gst_init(&argc, &argv);
+  if (!lf::test::select_files(argc, argv)) return 2;
   g_log_set_always_fatal(static_cast<GLogLevelFlags>(G_LOG_FATAL_MASK | G_LOG_LEVEL_CRITICAL));
   const int result = RUN_ALL_TESTS();
   gst_deinit();  // lets the leaks tracer report

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "command_line.h"
 #include "base/error.h"
 #include "base/json_value.h"
 #include "bench/render/acceptance.h"
@@ -14,7 +15,6 @@
 #include "bench/render/plan.h"
 #include "bench/render/plots.h"
 #include "progress.h"
-#include "run_tool.h"
 
 namespace {
 
@@ -66,34 +66,34 @@ void run(Options options) {
 
 int main(int argc, char** argv) {
   Options o;
-  CLI::App app(
+  cli::App app(
       "Measures every way to render views of an array: time, bytes and error, beside OpenCV. Without options: 64 "
       "cameras, one thread, four sizes, within 5 minutes.",
       "bench-render");
   app.add_flag("--full", o.plan.full, "everything: 4 to 1024 cameras, qualities, threads, pixel families, views");
   app.add_flag("--acceptance", o.plan.acceptance, "what is promised, beside the goals");
   app.add_option("--sizes", o.sizes, "of views and cameras: 640x480,1920x1080")->delimiter(',')->type_name("WxH,...");
-  app.add_option("--cameras", o.plan.cameras, "64 without this")->delimiter(',')->check(CLI::Range(4, 4096));
-  app.add_option("--threads", o.plan.threads)->delimiter(',')->check(CLI::Range(1, 256));
-  app.add_option("--qualities", o.plan.qualities, "of JPEG")->delimiter(',')->check(CLI::Range(1, 100));
+  app.add_option("--cameras", o.plan.cameras, "64 without this")->delimiter(',')->check(cli::Range(4, 4096));
+  app.add_option("--threads", o.plan.threads)->delimiter(',')->check(cli::Range(1, 256));
+  app.add_option("--qualities", o.plan.qualities, "of JPEG")->delimiter(',')->check(cli::Range(1, 100));
   app.add_option("--repeats", o.plan.repeats, "turns of each method, in place of a few seconds each situation")
-      ->check(CLI::Range(1, 1000000));
+      ->check(cli::Range(1, 1000000));
   app.add_option("--json", o.json, "write the rows to this file")->type_name("FILE");
   app.add_option("--plots", o.plots, "draw them into this folder (needs gnuplot)")->type_name("DIR");
   app.require_subcommand(0, 1);
-  const CLI::App* numerics =
+  const cli::App* numerics =
       app.add_subcommand("numerics", "errors of every renderer in the hard cases, against 80-bit reals");
-  const CLI::App* budget = app.add_subcommand("budget", "what each step of rendering adds to the error");
-  const CLI::App* access = app.add_subcommand(
+  const cli::App* budget = app.add_subcommand("budget", "what each step of rendering adds to the error");
+  const cli::App* access = app.add_subcommand(
       "access", "cameras that find out, that are told how to warp, that give pixels: bytes and time");
-  CLI::App* once = app.add_subcommand("once", "renders one view once: what tests/bench/instructions.sh counts");
+  cli::App* once = app.add_subcommand("once", "renders one view once: what tests/bench/instructions.sh counts");
   once->add_option("METHOD", o.method, "as in the table: \"simd i420\"")->required();
   once->add_option("--size", o.size, "of the view")->capture_default_str()->type_name("WxH");
-  once->add_option("--cameras", o.cameras)->capture_default_str()->check(CLI::Range(4, 4096));
+  once->add_option("--cameras", o.cameras)->capture_default_str()->check(cli::Range(4, 4096));
   once->add_option("--times", o.times, "not once: for profilers that take samples")
       ->capture_default_str()
-      ->check(CLI::Range(1, 1000000));
-  return run_tool(app, argc, argv, [&] {
+      ->check(cli::Range(1, 1000000));
+  return cli::run_tool(app, argc, argv, [&] {
     const auto require = [](bool within) {
       if (!within) throw lf::Error("an error is beyond its bound");
     };

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "command_line.h"
 #include "base/error.h"
 #include "base/json_value.h"
 #include "bench/chart.h"
@@ -19,7 +20,6 @@
 #include "bench/surface/still_table.h"
 #include "image/image_io.h"
 #include "progress.h"
-#include "run_tool.h"
 
 namespace {
 
@@ -195,42 +195,42 @@ void run(Arguments a) {
 
 int main(int argc, char** argv) {
   Arguments a;
-  CLI::App app("Measures what a focal surface brings over the best single plane. Without --rig on the built-in scene.",
+  cli::App app("Measures what a focal surface brings over the best single plane. Without --rig on the built-in scene.",
                "bench-surface");
   app.add_option("--rig", a.rig, "Rig file whose cameras name stills");
   app.add_option("--views", a.views,
                  "Views (views.json); without, some of the cameras are left out and made from others")
       ->needs(app.add_option("--truth", a.truth, "Folder with NAME.png of each view"));
-  app.add_option("--held-out", a.held_out, "How many cameras to make")->check(CLI::PositiveNumber);
+  app.add_option("--held-out", a.held_out, "How many cameras to make")->check(cli::PositiveNumber);
   app.add_option("--near", a.options.focus.near,
                  "Nearest distance, metres from the array (default: found, for planes with the truth and by the "
                  "surface on its own)")
-      ->check(CLI::PositiveNumber);
-  app.add_option("--far", a.options.focus.far, "Farthest distance (default: found)")->check(CLI::PositiveNumber);
+      ->check(cli::PositiveNumber);
+  app.add_option("--far", a.options.focus.far, "Farthest distance (default: found)")->check(cli::PositiveNumber);
   app.add_option("--start", a.options.start, "Distance of the viewer's plane (default: in the middle of the scene)")
-      ->check(CLI::PositiveNumber);
+      ->check(cli::PositiveNumber);
   app.add_flag("--automatic", a.automatic,
                "The surface finds its range all the same: --near and --far are for planes alone");
-  app.add_option("--rounds", a.options.rounds, "Pictures from the viewer's plane on")->check(CLI::PositiveNumber);
-  app.add_option("--mode", a.mode, "surface or auto")->check(CLI::IsMember({"surface", "auto"}));
+  app.add_option("--rounds", a.options.rounds, "Pictures from the viewer's plane on")->check(cli::PositiveNumber);
+  app.add_option("--mode", a.mode, "surface or auto")->check(cli::IsMember({"surface", "auto"}));
   app.add_option("--resampling", a.resampling, "How images are sampled: bilinear, sharpened or catmull-rom")
-      ->check(CLI::IsMember({"bilinear", "sharpened", "catmull-rom"}));
+      ->check(cli::IsMember({"bilinear", "sharpened", "catmull-rom"}));
   app.add_flag("--gains", a.options.gains, "Cameras match their brightness to their mean");
   app.add_option("--noise", a.faults.noise, "Standard deviation of noise, of 255");
   app.add_option("--gain-error", a.faults.gain_error, "Relative error of the brightness of every fourth camera");
   app.add_option("--pointing-error", a.faults.pointing_error, "Of the camera in the middle, degrees");
   app.add_option("--moving", a.moving, "Pictures per second of the built-in scene as it moves");
   app.add_option("--eye-step", a.eye_step, "Of a moving scene: how far the eye moves a picture, in pitches");
-  app.add_option("--seconds", a.seconds, "Of a moving scene")->check(CLI::PositiveNumber);
-  CLI::Option* acceptance =
+  app.add_option("--seconds", a.seconds, "Of a moving scene")->check(cli::PositiveNumber);
+  cli::Option* acceptance =
       app.add_flag("--acceptance", a.acceptance, "Scene after scene what surfaces promise: table, plots (--out), JSON");
   app.add_option("--only", a.accepting.only, "With --acceptance: these scenes")->needs(acceptance);
   app.add_option("--data", a.accepting.data, "With --acceptance: folder with toys and chess, measured as well")
       ->needs(acceptance);
   app.add_option("--most-views", a.accepting.views, "With --acceptance: of each scene")
       ->needs(acceptance)
-      ->check(CLI::PositiveNumber);
+      ->check(cli::PositiveNumber);
   app.add_option("--out", a.out, "Folder for pictures, maps and a plot of speed against error (gnuplot draws it)");
   app.add_option("--json", a.json, "Write figures to this file as well");
-  return run_tool(app, argc, argv, [&] { run(a); });
+  return cli::run_tool(app, argc, argv, [&] { run(a); });
 }

@@ -2,6 +2,7 @@
 #include "geometry/lens_json.h"
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "support/expect_error.h"
 

@@ -2,6 +2,7 @@
 #include "rig/opencv_yaml.h"
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include "support/expect_error.h"
 #include "support/mixed_rig.h"

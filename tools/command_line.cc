@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "command_line.h"
+
+#include <cstdint>
+#include <cstdio>
+#include <exception>
+#include <list>
+#include <optional>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+namespace cli {
+
+Check::Check(const CLI::Validator& validator) : validator_(std::make_shared<CLI::Validator>(validator)) {}
+
+Check Range(int least, int most) { return Check(CLI::Range(least, most)); }
+Check Range(double least, double most) { return Check(CLI::Range(least, most)); }
+Check IsMember(std::initializer_list<const char*> texts) {
+  return Check(CLI::IsMember(std::vector<std::string>(texts.begin(), texts.end())));
+}
+Check IsMember(std::initializer_list<int> numbers) { return Check(CLI::IsMember(std::vector<int>(numbers))); }
+const Check PositiveNumber(CLI::PositiveNumber), NonNegativeNumber(CLI::NonNegativeNumber),
+    ExistingPath(CLI::ExistingPath);
+
+Option* Option::required() {
+  option_->required();
+  return this;
+}
+
+Option* Option::capture_default_str() {
+  option_->capture_default_str();
+  return this;
+}
+
+Option* Option::type_name(const std::string& name) {
+  option_->type_name(name);
+  return this;
+}
+
+Option* Option::check(const Check& check) {
+  option_->check(check.validator());
+  return this;
+}
+
+Option* Option::delimiter(char between) {
+  option_->delimiter(between);
+  return this;
+}
+
+Option* Option::needs(const Option* other) {
+  option_->needs(other->option_);
+  return this;
+}
+
+Option* Option::excludes(const Option* other) {
+  option_->excludes(other->option_);
+  return this;
+}
+
+struct App::Parts {
+  std::shared_ptr<CLI::App> app;
+  std::vector<std::unique_ptr<App>> commands;  // and groups
+  std::list<Option> options;
+};
+
+App::App(const std::string& description, const std::string& name)
+    : App(std::make_shared<CLI::App>(description, name)) {}
+App::App(std::shared_ptr<CLI::App> app) : parts_(new Parts{std::move(app), {}, {}}) {}
+App::~App() = default;
+
+template <class Value>
+Option* App::add_option(const std::string& name, Value& variable, const std::string& help) {
+  return &parts_->options.emplace_back(parts_->app->add_option(name, variable, help));
+}
+
+Option* App::add_flag(const std::string& name, bool& variable, const std::string& help) {
+  return &parts_->options.emplace_back(parts_->app->add_flag(name, variable, help));
+}
+
+App* App::add_subcommand(const std::string& name, const std::string& help) {
+  CLI::App* const command = parts_->app->add_subcommand(name, help);
+  return parts_->commands.emplace_back(new App(parts_->app->get_subcommand_ptr(command))).get();
+}
+
+App* App::add_option_group(const std::string& name) {
+  CLI::App* const group = parts_->app->add_option_group(name);
+  return parts_->commands.emplace_back(new App(parts_->app->get_subcommand_ptr(group))).get();
+}
+
+App* App::get_subcommand(const std::string& name) {
+  const CLI::App* const wanted = parts_->app->get_subcommand(name);
+  for (const auto& command : parts_->commands)
+    if (command->parts_->app.get() == wanted) return command.get();
+  return nullptr;
+}
+
+App* App::require_subcommand(size_t count) {
+  parts_->app->require_subcommand(static_cast<int>(count));
+  return this;
+}
+
+App* App::require_subcommand(size_t least, size_t most) {
+  parts_->app->require_subcommand(least, most);
+  return this;
+}
+
+App* App::require_option(size_t count) {
+  parts_->app->require_option(static_cast<int>(count));
+  return this;
+}
+
+void App::callback(std::function<void()> job) { parts_->app->callback(std::move(job)); }
+
+App::operator bool() const { return parts_->app->parsed(); }
+
+int run_tool(App& app, int argc, char** argv, const std::function<void()>& job) {
+  CLI::App& parser = *app.parts_->app;
+  try {
+    parser.parse(argc, argv);
+    job();
+    return 0;
+  } catch (const CLI::ParseError& e) {
+    if (e.get_exit_code() == 0) return parser.exit(e);  // --help
+    std::fprintf(stderr, "%s: %s (see --help)\n", parser.get_name().c_str(), e.what());
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "%s: %s\n", parser.get_name().c_str(), e.what());
+  }
+  return 1;
+}
+
+// The types of values.
+template Option* App::add_option(const std::string&, bool&, const std::string&);
+template Option* App::add_option(const std::string&, double&, const std::string&);
+template Option* App::add_option(const std::string&, float&, const std::string&);
+template Option* App::add_option(const std::string&, int&, const std::string&);
+template Option* App::add_option(const std::string&, uint16_t&, const std::string&);
+template Option* App::add_option(const std::string&, uint32_t&, const std::string&);
+template Option* App::add_option(const std::string&, uint64_t&, const std::string&);
+template Option* App::add_option(const std::string&, std::string&, const std::string&);
+template Option* App::add_option(const std::string&, std::optional<int>&, const std::string&);
+template Option* App::add_option(const std::string&, std::optional<double>&, const std::string&);
+template Option* App::add_option(const std::string&, std::vector<int>&, const std::string&);
+template Option* App::add_option(const std::string&, std::vector<std::string>&, const std::string&);
+
+}  // namespace cli
