@@ -12,12 +12,17 @@ namespace lf {
 // partial sums, and their variance tells how far the cameras disagree: the "moment" statistics of space-time stereo,
 // here without any camera's image leaving it.
 //
-// In 16 bits: of weights that sum to 1 none overflows; sums that do (of cameras counted twice) saturate.
+// In 16 bits: of weights that sum to 1 none overflows; sums that do (of cameras counted twice) saturate. What a camera
+// adds is found in integers from its rounded weight, so that weight and luma tell all of it.
 struct Moments {
   static constexpr int kWeightOne = 32768;  // weight 1
   static constexpr int kLumaOne = 128;      // weight 1 x luma 1 of 255
   int columns = 0, rows = 0;
   std::vector<uint16_t> weight, luma, square;  // row-major; square: 1 = weight 1 x luma 1 squared
+
+  // What a camera of this weight (kWeightOne = 1) and luma (0..255) adds to `luma`, and with that to `square`.
+  static uint16_t luma_of(uint16_t weight, int value) { return static_cast<uint16_t>((weight * value + 128) >> 8); }
+  static uint16_t square_of(uint16_t luma, int value) { return static_cast<uint16_t>((luma * value + 64) >> 7); }
 
   void reset(int columns, int rows);
   void add(const Moments& other);  // of the same size

@@ -49,16 +49,20 @@ void weigh(const float* HWY_RESTRICT weight, const int16_t* HWY_RESTRICT values,
   const hn::Rebind<int32_t, decltype(d)> d32;
   const hn::Rebind<int16_t, decltype(d)> d16;
   for (int i = 0; i < count; i += static_cast<int>(hn::Lanes(d))) {
-    const auto value = hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d16, values + i)));
-    const auto w = hn::IfThenElseZero(hn::Ge(value, hn::Zero(d)), hn::LoadU(d, weight + i));
-    const auto weighted = hn::Mul(w, value);
-    const auto store = [&](hn::Vec<decltype(d)> sum, uint16_t* to) HWY_ATTR {
+    // Moments::luma_of() and square_of().
+    const auto value = hn::PromoteTo(d32, hn::LoadU(d16, values + i));
+    const auto all = hn::Mul(hn::LoadU(d, weight + i), hn::Set(d, Moments::kWeightOne));
+    const auto rounded = hn::ConvertTo(d32, hn::Add(all, hn::Set(d, 0.5f)));
+    const auto w = hn::IfThenElseZero(hn::Gt(value, hn::Set(d32, -1)), rounded);
+    const auto luma = hn::ShiftRight<8>(hn::Add(hn::Mul(w, value), hn::Set(d32, 128)));
+    const auto square = hn::ShiftRight<7>(hn::Add(hn::Mul(luma, value), hn::Set(d32, 64)));
+    const auto store = [&](hn::Vec<decltype(d32)> sum, uint16_t* to) HWY_ATTR {
       const hn::Rebind<uint16_t, decltype(d)> du16;
-      hn::StoreU(hn::DemoteTo(du16, hn::ConvertTo(d32, hn::Add(sum, hn::Set(d, 0.5f)))), du16, to + i);
+      hn::StoreU(hn::DemoteTo(du16, sum), du16, to + i);
     };
-    store(hn::Mul(w, hn::Set(d, Moments::kWeightOne)), out.weight);
-    store(hn::Mul(weighted, hn::Set(d, Moments::kLumaOne)), out.luma);
-    store(hn::Mul(weighted, value), out.square);
+    store(w, out.weight);
+    store(luma, out.luma);
+    store(square, out.square);
   }
 }
 

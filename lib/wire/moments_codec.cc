@@ -9,13 +9,14 @@
 #include "focus/trial_levels.h"
 #include "rig/rig.h"
 #include "wire/bytes.h"
+#include "wire/deflate.h"
 #include "wire/unit.h"
 
 namespace lf::wire {
 namespace {
 
 constexpr size_t kHeaderBytes = kUnitHeaderBytes + 4 + 4 + 8 + 4 + 2 + 2 + 2 + 8;
-constexpr uint16_t kOfGains = 1;   // flag of the unit
+constexpr uint16_t kOfGains = 1, kOfOneCamera = 2;  // flags of the unit
 constexpr uint8_t kHasWeight = 1;  // flag of a trial: else all of its weight is there
 
 // The nodes with weight in any trial.
@@ -64,11 +65,104 @@ void read_plane(Reader& in, std::vector<uint16_t>& values, int columns, const Re
   });
 }
 
+// What one camera sees: its weight, and for each trial a luma, or that it sees nothing. Other moments follow from that.
+struct SeenByOne {
+  std::vector<uint16_t> weight;            // of each node of the rectangle
+  std::vector<uint16_t> blind;             // bit t: sees nothing in trial t
+  std::vector<std::vector<uint8_t>> luma;  // of each trial
+};
+
+// The luma with which a camera of this weight adds so much to both sums; -1: there is none.
+int luma_that_adds(uint16_t weight, uint16_t luma, uint16_t square) {
+  if (weight == 0) return luma == 0 && square == 0 ? 0 : -1;
+  const int first = std::max((256 * luma - 128 + weight - 1) / weight, 0);
+  for (int value = first; value <= 255 && Moments::luma_of(weight, value) == luma; value++)
+    if (Moments::square_of(luma, value) == square) return value;
+  return -1;
+}
+
+// Nothing where several cameras are in the sums.
+std::optional<SeenByOne> seen_by_one(std::span<const Moments> trials, const Rect& rect) {
+  const size_t nodes = static_cast<size_t>(rect.width()) * static_cast<size_t>(rect.height());
+  SeenByOne seen{std::vector<uint16_t>(nodes), std::vector<uint16_t>(nodes),
+                 std::vector(trials.size(), std::vector<uint8_t>(nodes))};
+  size_t i = 0;
+  for (int y = rect.y0; y < rect.y1; y++)
+    for (int x = rect.x0; x < rect.x1; x++, i++) {
+      const size_t node = static_cast<size_t>(y) * trials[0].columns + x;
+      for (const Moments& moments : trials) seen.weight[i] = std::max(seen.weight[i], moments.weight[node]);
+      for (size_t t = 0; t < trials.size(); t++) {
+        const uint16_t weight = trials[t].weight[node];
+        const int value = luma_that_adds(weight, trials[t].luma[node], trials[t].square[node]);
+        if (value < 0 || (weight != 0 && weight != seen.weight[i])) return std::nullopt;
+        if (weight != seen.weight[i]) seen.blind[i] |= static_cast<uint16_t>(1 << t);
+        seen.luma[t][i] = static_cast<uint8_t>(value);
+      }
+    }
+  return seen;
+}
+
+// From the luma to the left, above, and between these.
+int predicted(const std::vector<uint8_t>& luma, size_t i, size_t width) {
+  const int left = i % width > 0 ? luma[i - 1] : 0, above = i >= width ? luma[i - width] : left;
+  if (i < width || i % width == 0) return above;
+  const int between = luma[i - width - 1];
+  if (between >= std::max(left, above)) return std::min(left, above);
+  if (between <= std::min(left, above)) return std::max(left, above);
+  return left + above - between;
+}
+
+// By how much a weight is not on a line with the two to the left of it.
+uint16_t bend(const std::vector<uint16_t>& weight, size_t i, size_t width) {
+  const size_t x = i % width;
+  return static_cast<uint16_t>((x > 0 ? 2 * weight[i - 1] : 0) - (x > 1 ? weight[i - 2] : 0));
+}
+
+std::vector<uint8_t> pack(const SeenByOne& seen, size_t width) {
+  const size_t nodes = seen.weight.size();
+  std::vector<uint8_t> out(nodes * (4 + seen.luma.size()));
+  for (size_t i = 0; i < nodes; i++) {
+    const auto off = static_cast<uint16_t>(seen.weight[i] - bend(seen.weight, i, width));
+    out[i] = static_cast<uint8_t>(off >> 8);
+    out[nodes + i] = static_cast<uint8_t>(off);
+    out[2 * nodes + i] = static_cast<uint8_t>(seen.blind[i] >> 8);
+    out[3 * nodes + i] = static_cast<uint8_t>(seen.blind[i]);
+    for (size_t t = 0; t < seen.luma.size(); t++)
+      out[(4 + t) * nodes + i] = static_cast<uint8_t>(seen.luma[t][i] - predicted(seen.luma[t], i, width));
+  }
+  return out;
+}
+
+// `packed`: for all nodes of the rectangle.
+void unpack(std::span<const uint8_t> packed, const Rect& rect, std::span<Moments> trials) {
+  const auto width = static_cast<size_t>(rect.width()), nodes = width * static_cast<size_t>(rect.height());
+  SeenByOne seen{std::vector<uint16_t>(nodes), std::vector<uint16_t>(nodes),
+                 std::vector(trials.size(), std::vector<uint8_t>(nodes))};
+  for (size_t i = 0; i < nodes; i++) {
+    seen.weight[i] = static_cast<uint16_t>(bend(seen.weight, i, width) + (packed[i] << 8 | packed[nodes + i]));
+    seen.blind[i] = static_cast<uint16_t>(packed[2 * nodes + i] << 8 | packed[3 * nodes + i]);
+    if (seen.weight[i] > Moments::kWeightOne) throw Error("weight: more than 1");
+    if (seen.blind[i] >> trials.size() != 0) throw Error("trials: more than there are");
+    const size_t node = (static_cast<size_t>(rect.y0) + i / width) * trials[0].columns + rect.x0 + i % width;
+    for (size_t t = 0; t < trials.size(); t++) {
+      std::vector<uint8_t>& luma = seen.luma[t];
+      luma[i] = static_cast<uint8_t>(packed[(4 + t) * nodes + i] + predicted(luma, i, width));
+      if (seen.blind[i] >> t & 1) continue;
+      trials[t].weight[node] = seen.weight[i];
+      trials[t].luma[node] = Moments::luma_of(seen.weight[i], luma[i]);
+      trials[t].square[node] = Moments::square_of(trials[t].luma[node], luma[i]);
+    }
+  }
+}
+
 // Up to the trials' rectangle.
-Reader read_header(std::span<const uint8_t> bytes, MomentsHeader& moments, MomentsShape& shape) {
+Reader read_header(std::span<const uint8_t> bytes, MomentsHeader& moments, MomentsShape& shape, bool& of_one) {
   std::string reason;
-  const std::optional<UnitHeader> header = check_unit_header(bytes, UnitKind::kAnswer, kMomentsType, kOfGains, reason);
+  const std::optional<UnitHeader> header =
+      check_unit_header(bytes, UnitKind::kAnswer, kMomentsType, kOfGains | kOfOneCamera, reason);
   if (!header || !check_unit_size(bytes, *header, reason)) throw Error(reason);
+  of_one = header->flags & kOfOneCamera;
+  if (of_one && header->flags & kOfGains) throw Error("flags: brightness is not told of one camera");
   Reader in(bytes.subspan(kUnitHeaderBytes));
   moments.view_id = in.get<uint32_t>();
   moments.sequence = in.get<uint32_t>();
@@ -96,12 +190,20 @@ Reader read_header(std::span<const uint8_t> bytes, MomentsHeader& moments, Momen
 MomentsUnit read_moments(std::span<const uint8_t> bytes, const MomentsShape& expected) {
   MomentsUnit unit;
   MomentsShape shape;
-  Reader in = read_header(bytes, unit, shape);
+  bool of_one;
+  Reader in = read_header(bytes, unit, shape, of_one);
   if (shape != expected) throw Error("moments: of other trials than those that were asked for");
   const auto [columns, rows, trials] = shape;
   const int x = in.get<uint16_t>(), y = in.get<uint16_t>(), w = in.get<uint16_t>(), h = in.get<uint16_t>();
   const Rect rect{x, y, x + w, y + h};
   if (rect.x1 > columns || rect.y1 > rows || (w == 0) != (h == 0)) throw Error("rectangle: is not inside the map");
+  if (of_one) {
+    unit.trials.resize(trials);
+    for (Moments& moments : unit.trials) moments.reset(columns, rows);
+    const size_t size = static_cast<size_t>(w) * static_cast<size_t>(h) * (4 + trials);
+    unpack(inflate_exactly(in.get_bytes(in.left()), size), rect, unit.trials);
+    return unit;
+  }
   if (in.left() < trials * (1 + 4 * static_cast<size_t>(w) * static_cast<size_t>(h)))
     throw Error("moments: the unit ends before its trials do");
   unit.trials.resize(trials);
@@ -128,12 +230,16 @@ bool is_moments(std::span<const uint8_t> bytes) {
   return header && header->kind == UnitKind::kAnswer && header->type == kMomentsType;
 }
 
-ByteBuffer encode_moments(const MomentsHeader& header, std::span<const Moments> trials) {
+ByteBuffer encode_moments(const MomentsHeader& header, std::span<const Moments> trials, bool small) {
   if (trials.empty() || trials.size() > kMaxTrials)
     throw Error("trials: must be 1 to " + std::to_string(kMaxTrials) + ", not " + std::to_string(trials.size()));
   const Rect rect = seen_nodes(trials);
   const size_t nodes = static_cast<size_t>(rect.width()) * static_cast<size_t>(rect.height());
   size_t size = kHeaderBytes + (header.gains ? 8 : 0);
+  std::vector<uint8_t> packed;
+  if (small && !header.gains && !rect.empty())
+    if (const std::optional<SeenByOne> seen = seen_by_one(trials, rect))
+      packed = deflate_all(pack(*seen, static_cast<size_t>(rect.width())));
   std::vector<bool> whole;
   for (const Moments& moments : trials) {
     if (moments.columns != trials[0].columns || moments.rows != trials[0].rows)
@@ -141,9 +247,11 @@ ByteBuffer encode_moments(const MomentsHeader& header, std::span<const Moments> 
     whole.push_back(is_whole(moments, rect));
     size += 1 + 2 * nodes * (whole.back() ? 2 : 3);
   }
+  if (!packed.empty()) size = kHeaderBytes + packed.size();
   ByteBuffer bytes(size);
   PlacedWriter out(bytes.data());
-  put_unit_header(out, UnitKind::kAnswer, kMomentsType, header.gains ? kOfGains : uint16_t{0}, size);
+  const uint16_t flags = header.gains ? kOfGains : packed.empty() ? uint16_t{0} : kOfOneCamera;
+  put_unit_header(out, UnitKind::kAnswer, kMomentsType, flags, size);
   out.put(header.view_id);
   out.put(header.sequence);
   out.put(header.rig_hash);
@@ -157,7 +265,8 @@ ByteBuffer encode_moments(const MomentsHeader& header, std::span<const Moments> 
     out.put(static_cast<uint32_t>(header.gains->log2));
   }
   for (const int v : {rect.x0, rect.y0, rect.width(), rect.height()}) out.put(static_cast<uint16_t>(v));
-  for (size_t t = 0; t < trials.size(); t++) {
+  out.put_bytes(packed);
+  for (size_t t = 0; t < trials.size() && packed.empty(); t++) {
     out.put(whole[t] ? uint8_t{0} : kHasWeight);
     const int columns = trials[t].columns;
     if (!whole[t]) put_plane(out, trials[t].weight, columns, rect);
@@ -172,7 +281,8 @@ std::optional<MomentsHeader> parse_moments_header(std::span<const uint8_t> bytes
   return or_reason(reason, [&] {
     MomentsHeader header;
     MomentsShape read;
-    read_header(bytes, header, read);
+    bool of_one;
+    read_header(bytes, header, read, of_one);
     if (shape) *shape = read;
     return header;
   });

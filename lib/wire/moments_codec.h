@@ -36,8 +36,9 @@ struct MomentsShape {
 
 // Whether a unit of the answer stream is one of moments.
 bool is_moments(std::span<const uint8_t> bytes);
-// Throws Error if there is no trial, or more than kMaxTrials, or they are not of one size.
-ByteBuffer encode_moments(const MomentsHeader& header, std::span<const Moments> trials);
+// Throws Error if there is no trial, or more than kMaxTrials, or they are not of one size. `small`: what one camera
+// alone has given takes a sixth of the bytes, and some time.
+ByteBuffer encode_moments(const MomentsHeader& header, std::span<const Moments> trials, bool small = false);
 // What a unit is about: its shape may be null. Nothing, and in *reason (may be null) why, if this is not the beginning of
 // one.
 std::optional<MomentsHeader> parse_moments_header(std::span<const uint8_t> bytes, MomentsShape* shape = nullptr,

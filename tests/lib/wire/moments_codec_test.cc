@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <random>
 
 #include "base/error.h"
@@ -179,6 +181,92 @@ TEST(MomentsCodec, NamesWhatIsWrong) {
   unlike[0].reset(2, 2);
   unlike[1].reset(2, 1);
   EXPECT_THROW(encode_moments({}, unlike), Error);
+}
+
+// What `cameras` with overlapping weights see of trials.
+std::vector<Moments> seen_by(int cameras, size_t trials, uint32_t seed) {
+  std::mt19937 random(seed);
+  std::vector<Moments> sums(trials);
+  for (Moments& sum : sums) sum.reset(40, 30);
+  for (int camera = 0; camera < cameras; camera++)
+    for (int y = 3; y < 25; y++)
+      for (int x = 5; x < 35; x++) {
+        const auto weight = static_cast<uint16_t>(std::min({x - 4, 36 - x, 16}) * 2048 / (camera + 1) % 32769);
+        for (size_t t = 0; t < trials; t++) {
+          if (random() % 8 == 0) continue;  // sees nothing there
+          const int value = static_cast<int>(100 + 80 * std::sin(x * 0.3 + y * 0.2 + 0.1 * static_cast<double>(t)));
+          const size_t node = static_cast<size_t>(y) * 40 + x;
+          sums[t].weight[node] = static_cast<uint16_t>(sums[t].weight[node] + weight);
+          sums[t].luma[node] = static_cast<uint16_t>(sums[t].luma[node] + Moments::luma_of(weight, value + camera));
+          sums[t].square[node] = static_cast<uint16_t>(
+              sums[t].square[node] + Moments::square_of(Moments::luma_of(weight, value + camera), value + camera));
+        }
+      }
+  return sums;
+}
+
+TEST(MomentsCodec, OneCameraTakesFewBytesAndLosesNothing) {
+  const MomentsHeader header{7, 9, 0x1122334455667788, 3, {}};
+  for (const size_t trials : {1, 4, 16})
+    for (const int cameras : {1, 2}) {
+      const std::vector<Moments> sums = seen_by(cameras, trials, 3);
+      const ByteBuffer plain = encode_moments(header, sums), small = encode_moments(header, sums, true);
+      if (cameras == 1)
+        EXPECT_LT(2 * small.size(), plain.size());
+      else
+        EXPECT_EQ(small, plain) << "it has no other form";
+      std::string reason;
+      const std::optional<MomentsUnit> unit = decode_moments(small, {40, 30, trials}, &reason);
+      ASSERT_TRUE(unit) << reason;
+      EXPECT_EQ(static_cast<const MomentsHeader&>(*unit), header);
+      for (size_t t = 0; t < trials; t++) {
+        EXPECT_EQ(unit->trials[t].weight, sums[t].weight);
+        EXPECT_EQ(unit->trials[t].luma, sums[t].luma);
+        EXPECT_EQ(unit->trials[t].square, sums[t].square);
+      }
+    }
+}
+
+// Every weight and luma that a camera can have is told apart from every other, or adds as much.
+TEST(MomentsCodec, OneCameraMayHaveAnyWeightAndLuma) {
+  for (int first = 0; first <= Moments::kWeightOne; first += 256) {
+    std::vector<Moments> sum(1);
+    sum[0].reset(256, 257);
+    for (int w = 0; w <= 256 && first + w <= Moments::kWeightOne; w++)
+      for (int value = 0; value < 256; value++) {
+        const size_t node = static_cast<size_t>(w) * 256 + value;
+        sum[0].weight[node] = static_cast<uint16_t>(first + w);
+        sum[0].luma[node] = Moments::luma_of(sum[0].weight[node], value);
+        sum[0].square[node] = Moments::square_of(sum[0].luma[node], value);
+      }
+    const ByteBuffer bytes = encode_moments({}, sum, true);
+    const std::optional<MomentsUnit> unit = decode_moments(bytes, {256, 257, 1});
+    ASSERT_TRUE(unit);
+    ASSERT_EQ(unit->trials[0].luma, sum[0].luma) << first;
+    ASSERT_EQ(unit->trials[0].square, sum[0].square) << first;
+    ASSERT_LT(bytes.size(), 256u * 257 * 4) << first;
+  }
+}
+
+TEST(MomentsCodec, DamageToOneCamerasIsRefusedOrRead) {
+  const ByteBuffer whole = encode_moments({}, seen_by(1, 2, 5), true);
+  const MomentsShape shape{40, 30, 2};
+  const std::vector<uint8_t> bytes(whole.begin(), whole.end());
+  for (size_t size = 0; size < bytes.size(); size++) {
+    EXPECT_FALSE(decode_moments(std::span(bytes).first(size), shape)) << size;
+    EXPECT_FALSE(decode_moments(resized(bytes, size), shape)) << size;  // with a length that agrees
+  }
+  for (size_t bit = 0; bit < 8 * bytes.size(); bit++) {
+    std::vector<uint8_t> flipped = bytes;
+    flipped[bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
+    std::string reason;
+    EXPECT_TRUE(decode_moments(flipped, shape, &reason) || !reason.empty());
+  }
+  std::vector<uint8_t> both = bytes;
+  both[7] = 3;
+  std::string reason;
+  EXPECT_FALSE(decode_moments(both, shape, &reason));
+  EXPECT_EQ(reason, "flags: brightness is not told of one camera");
 }
 
 }  // namespace
