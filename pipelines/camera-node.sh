@@ -17,7 +17,7 @@ usage: pipelines/camera-node.sh --rig RIG.json --requests PORT --answers HOST:PO
   --mtu BYTES           of a packet (default: 1400; jumbo frames: 8900)
   --bitrate BITS        paces the packets of an answer, bits per second (default: 0, all at once)
   --link PIPELINE       elements between payloader and network, such as 'srtpenc key=...'
-  --set 'NAME=VALUE'    a property of lfcameranode, such as sum=camera, codec=raw16, loop=false; may be repeated
+  --set 'NAME=VALUE'    a property of lfcameranode, such as codec=raw16, loop=false; may be repeated
 END
 }
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Throws damaged input at all that reads bytes off a network (libFuzzer with AddressSanitizer and
 # UndefinedBehaviorSanitizer; needs clang). Not part of tests/run.sh.
-#   tests/fuzz.sh TARGET RUNS [OPTION...]   TARGET: answer camera_trials control depacketizer framing moments offer
+#   tests/fuzz.sh TARGET RUNS [OPTION...]   TARGET: answer control depacketizer framing moments offer
 #     packetizer request
 # Options are libFuzzer's.
 # Begins with real units. What it finds to be new is kept in build-fuzz/corpus/TARGET, what breaks in build-fuzz/found/.

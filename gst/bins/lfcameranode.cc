@@ -45,8 +45,8 @@ using Settings = lf::CameraNodeSettings;
 enum {
   kPropFirstSetting = 1,
   kPropRig = kPropFirstSetting + Settings::kRig,
-  kPropSum = kPropFirstSetting + Settings::kNumProperties,  // and more: see lf_fragment_install_choices()
-  kPropStats = kPropSum + kNumFragmentChoices,
+  kPropChoices = kPropFirstSetting + Settings::kNumProperties,  // and more: see lf_fragment_install_choices()
+  kPropStats = kPropChoices + kNumFragmentChoices,
 };
 
 }  // namespace
@@ -211,7 +211,7 @@ static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, Gst
 }
 
 // How lffragment answers is its own property under the same name.
-static bool is_of_fragment(guint id) { return id >= kPropSum && id <= kPropStats; }
+static bool is_of_fragment(guint id) { return id >= kPropChoices && id <= kPropStats; }
 
 static void lf_camera_node_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfCameraNode* self = LF_CAMERA_NODE(object);
@@ -294,7 +294,7 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
   object_class->finalize = lf_camera_node_finalize;
 
   Settings::install(object_class, kPropFirstSetting);
-  lf_fragment_install_choices(object_class, kPropSum);
+  lf_fragment_install_choices(object_class, kPropChoices);
   g_object_class_install_property(
       object_class, kPropStats,
       g_param_spec_boxed(

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "wire/camera_trials_codec.h"
 #include "wire/moments_codec.h"
 
 namespace lf {
@@ -51,7 +50,7 @@ std::optional<uint32_t> peek_answer_view(GstBuffer* buffer) {
 }
 bool is_moments_buffer(GstBuffer* buffer) {
   const MappedBuffer mapped(buffer);
-  return wire::is_moments(mapped.bytes()) || wire::is_camera_trials(mapped.bytes());
+  return wire::is_moments(mapped.bytes());
 }
 std::optional<wire::AnswerHead> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason) {
   return decode(buffer, reason, wire::parse_answer_header);

@@ -25,8 +25,6 @@ void take_new_rig(LfCompositor* self) {
   if (!rig) return;
   // What refers to the rig that was used before goes with it.
   state.focus_array.reset();
-  state.trial_job.reset();
-  state.trial_mesh.clear();
   state.rig = *rig;
   state.assembly.set_rig(*rig);
   state.coverage = {};

@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
-#include <numeric>
-#include <span>
 
 #include "common/view_feedback.h"
 #include "compositor/lfcompositor_private.h"
-#include "wire/camera_trials_codec.h"
 #include "wire/moments_codec.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
@@ -43,8 +40,6 @@ bool lf_compositor_finds_focus(LfCompositor* self) {
 
 void lf_compositor_forget_moments(LfCompositor* self) {
   self->state->moments.clear();
-  self->state->trial_job.reset();
-  self->state->trial_cameras.clear();
   self->state->brightness = {};
   self->state->gains = {};
   self->state->moment_bytes = 0;
@@ -57,46 +52,6 @@ static int32_t ahead_of_current(LfCompositor* self, const lf::wire::MomentsHeade
   return static_cast<int32_t>(header.sequence - request.sequence);
 }
 
-// What cameras see becomes moments here; whose weights are known from the rig.
-static bool add_camera_trials(LfCompositor* self, std::span<const uint8_t> bytes, std::string* reason) {
-  auto& state = *self->state;
-  const lf::ViewRequest& request = *state.current;
-  const lf::FocalMap* const map = request.view.focus.map.get();
-  if (!map || request.trials.empty()) return *reason = "no trials were asked for", false;
-  if (!state.rig) {
-    if (!state.warned_rig)
-      GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
-                          ("Nodes answer trials camera by camera: set the property \"rig\" to add them up."),
-                          (nullptr));
-    state.warned_rig = true;
-    return *reason = "the rig is not known", false;
-  }
-  const std::optional<lf::wire::CameraTrialsUnit> unit =
-      lf::wire::decode_camera_trials(bytes, {map->columns, map->rows, request.trials.size()}, reason);
-  if (!unit) return false;
-  const lf::Rig& rig = *state.rig;
-  if (unit->rig_hash != rig.hash()) return *reason = "of another rig", false;
-  if (!state.trial_job) {
-    std::vector<lf::CameraIndex> all(rig.cameras.size());
-    std::iota(all.begin(), all.end(), 0);
-    state.trial_job.emplace(rig, state.trial_mesh.get(rig, request.out_of_service), lf::trial_view(request.view), all);
-    state.trial_levels.clear();
-    for (const lf::Trial& trial : request.trials) state.trial_levels.push_back(lf::trial_levels(request.view, trial));
-  }
-  if (state.moments.empty()) {
-    state.moments.resize(request.trials.size());
-    for (lf::Moments& moments : state.moments) moments.reset(map->columns, map->rows);
-  }
-  for (const lf::CameraTrials& camera : unit->cameras)
-    if (camera.camera >= rig.cameras.size() || state.trial_cameras.contains(camera.camera) ||
-        !lf::add_camera_trials(*state.trial_job, rig.cameras[camera.camera], camera, state.trial_levels, state.moments))
-      *reason = "a camera's trials are there already, or not where it has a weight";
-    else
-      state.trial_cameras.insert(camera.camera);
-  state.moment_bytes += bytes.size();
-  return reason->empty();
-}
-
 int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer) {
   auto& state = *self->state;
   const lf::MappedBuffer mapped(buffer);
@@ -105,10 +60,8 @@ int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer) {
     GST_WARNING_OBJECT(self, "dropped moments: %s", reason.c_str());
     state.stats.count(CompositorStats::kBadAnswers);
   };
-  const bool by_camera = lf::wire::is_camera_trials(mapped.bytes());
   const std::optional<lf::wire::MomentsHeader> header =
-      by_camera ? lf::wire::parse_camera_trials_header(mapped.bytes(), &reason)
-                : lf::wire::parse_moments_header(mapped.bytes(), nullptr, &reason);
+      lf::wire::parse_moments_header(mapped.bytes(), nullptr, &reason);
   if (!header) {
     drop();
     return -1;
@@ -116,10 +69,6 @@ int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer) {
   const lf::ViewRequest& request = *state.current;
   const int32_t ahead = ahead_of_current(self, *header);
   if (ahead != 0) return ahead > 0 ? 1 : -1;
-  if (by_camera) {
-    if (!add_camera_trials(self, mapped.bytes(), &reason)) drop();
-    return 0;
-  }
   lf::wire::MomentsShape asked;
   if (const lf::FocalMap* map = request.view.focus.map.get()) {
     if (!header->gains)

@@ -168,7 +168,7 @@ static GstBuffer* make_answer(LfCompositor* self, guint node, lf::CodecChoice co
   header.node = node;
   header.cameras = header.blind = assembly.cameras();
   header.blind.remove(assembly.seeing());
-  const lf::CodedAs form = lf::choose_codec(codec, true, state.root_is_near, request.quality);
+  const lf::CodedAs form = lf::choose_codec(codec, state.root_is_near, request.quality);
   try {
     *flow = GST_FLOW_OK;
     return lf::wrap_answer(lf::partial_answer(header, assembly.picture(), form, state.memory->take()), state.memory);

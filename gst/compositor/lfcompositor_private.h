@@ -123,10 +123,7 @@ struct _LfCompositor {
     lf::Moments brightness;            // what cameras see for the mean that was asked for; of no size: none
     lf::GainSum gains;                 // theirs
     lf::MeanTurns mean_turns;          // since the gains were switched on
-    lf::MeshCache trial_mesh;
-    std::optional<lf::RenderJob> trial_job;          // of all cameras, once there are cameras' trials to add
-    std::vector<std::vector<uint8_t>> trial_levels;  // theirs
-    std::set<lf::CameraIndex> trial_cameras;         // that have been added
+
     uint64_t moment_bytes = 0;
     lf::FocusControl::Settings focus_settings;  // of `focus`
     lf::FocusControl focus;

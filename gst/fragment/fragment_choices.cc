@@ -1,20 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "fragment/lffragment_private.h"
 
-// The values' order is that of lf::SumChoice.
-GType lf_fragment_sum_get_type(void) {
-  static const GType type = [] {
-    static const GEnumValue values[] = {
-        {static_cast<gint>(lf::SumChoice::kAuto), "The sum where it has no more pixels than all cameras' fragments",
-         "auto"},
-        {static_cast<gint>(lf::SumChoice::kNode), "The sum of the node's cameras", "node"},
-        {static_cast<gint>(lf::SumChoice::kCamera), "A fragment of each camera", "camera"},
-        {0, nullptr, nullptr}};
-    return g_enum_register_static("LfFragmentSum", values);
-  }();
-  return type;
-}
-
 GType lf_fragment_codec_get_type(void) {
   static const GType type = [] {
     static const GEnumValue values[] = {
@@ -46,44 +32,40 @@ void lf_fragment_install_choices(GObjectClass* klass, guint first_id) {
   constexpr auto kFlags = GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING);
   g_object_class_install_property(
       klass, first_id,
-      g_param_spec_enum("sum", "Sum", "What an answer holds: the sum of this node's cameras or a fragment of each",
-                        LF_TYPE_FRAGMENT_SUM, static_cast<gint>(lf::SumChoice::kAuto), kFlags));
-  g_object_class_install_property(
-      klass, first_id + 1,
       g_param_spec_enum("codec", "Codec", "How pixels travel in the answers", LF_TYPE_FRAGMENT_CODEC,
                         static_cast<gint>(lf::CodecChoice::kAuto), kFlags));
   g_object_class_install_property(
-      klass, first_id + 2,
+      klass, first_id + 1,
       g_param_spec_uint(
           "threads", "Threads",
           "Threads that work on an answer at most, out of those that all lffragments of the process share "
           "(0: as many as there are processors)",
           0, 256, 0, kFlags));
   g_object_class_install_property(
-      klass, first_id + 3,
+      klass, first_id + 2,
       g_param_spec_uint64(
           "max-skew", "Largest skew",
           "Live: how far, in nanoseconds, a frame may be from the capture time asked for; a camera with "
           "no frame as near counts as blind, and others make up for it (0: any)",
           0, G_MAXINT64, 500 * GST_MSECOND, kFlags));
   g_object_class_install_property(
-      klass, first_id + 4,
+      klass, first_id + 3,
       g_param_spec_int("strip-pixels", "Pixels of a strip",
                        "How many pixels the fragments have, about, that a sum in 8 bits or JPEG is cut into: with "
                        "fewer, a lost packet loses less (16 rows are the least)",
                        1, 1 << 28, lf::wire::kStripPixels, kFlags));
   g_object_class_install_property(
-      klass, first_id + 5,
+      klass, first_id + 4,
       g_param_spec_boolean("post-messages", "Post messages",
                            "Post an element message \"lightfield-answer\" for every answer", FALSE, kFlags));
   g_object_class_install_property(
-      klass, first_id + 6,
+      klass, first_id + 5,
       g_param_spec_enum("access", "Access",
                         "What the cameras know, and so what is answered: view requests, or the commands that "
                         "lfviewrequest sends with the same setting. Pixels need an lfcompositor with a rig",
                         LF_TYPE_ACCESS, static_cast<gint>(lf::Access::kSelf), kFlags));
   g_object_class_install_property(
-      klass, first_id + 7,
+      klass, first_id + 6,
       g_param_spec_enum("resampling", "Resampling",
                         "How cameras' images are sampled: sharpening makes up for what bilinear samples lose, which is "
                         "what is left of the error where the focus is right; Catmull-Rom loses less and takes longer. "
@@ -91,6 +73,5 @@ void lf_fragment_install_choices(GObjectClass* klass, guint first_id) {
                         LF_TYPE_FRAGMENT_RESAMPLING, static_cast<gint>(lf::Resampling::kSharpened), kFlags));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_RESAMPLING, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_ACCESS, GstPluginAPIFlags(0));
-  gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_SUM, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_CODEC, GstPluginAPIFlags(0));
 }

@@ -98,7 +98,6 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstBuffer
   const lf::RequestHead& head = lf::wire::head_of(*request);
   lf::FragmentNode::Manner manner;
   GST_OBJECT_LOCK(self);
-  manner.sum = self->sum;
   manner.codec = self->codec;
   manner.strip_pixels = self->strip_pixels;
   manner.max_skew = self->max_skew;

@@ -120,7 +120,6 @@ enum {
   PROP_0,
   PROP_RIG,
   PROP_NODE,
-  PROP_SUM,
   PROP_CODEC,
   PROP_THREADS,
   PROP_MAX_SKEW,
@@ -162,7 +161,6 @@ static void lf_fragment_set_property(GObject* object, guint id, const GValue* va
   GST_OBJECT_LOCK(self);
   switch (id) {
     case PROP_NODE: self->node_id = g_value_get_uint(value); break;
-    case PROP_SUM: self->sum = static_cast<lf::SumChoice>(g_value_get_enum(value)); break;
     case PROP_THREADS: self->threads = g_value_get_uint(value); break;
     case PROP_STRIP_PIXELS: self->strip_pixels = g_value_get_int(value); break;
     case PROP_POST_MESSAGES: self->post_messages = g_value_get_boolean(value); break;
@@ -181,7 +179,6 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
   switch (id) {
     case PROP_RIG: g_value_set_string(value, self->rig_path); break;
     case PROP_NODE: g_value_set_uint(value, self->node_id); break;
-    case PROP_SUM: g_value_set_enum(value, static_cast<gint>(self->sum)); break;
     case PROP_THREADS: g_value_set_uint(value, self->threads); break;
     case PROP_STRIP_PIXELS: g_value_set_int(value, self->strip_pixels); break;
     case PROP_POST_MESSAGES: g_value_set_boolean(value, self->post_messages); break;
@@ -323,7 +320,7 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
       object_class, PROP_NODE,
       g_param_spec_uint("node", "Node", "Number of this node, carried in its answers", 0, G_MAXUINT, 0,
                         GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
-  lf_fragment_install_choices(object_class, PROP_SUM);
+  lf_fragment_install_choices(object_class, PROP_CODEC);
   g_object_class_install_property(
       object_class, PROP_STATS,
       g_param_spec_boxed(

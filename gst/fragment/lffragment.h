@@ -12,9 +12,7 @@ G_DECLARE_FINAL_TYPE(LfFragment, lf_fragment, LF, FRAGMENT, GstElement)
 #define LF_TYPE_FRAGMENT_PAD (lf_fragment_pad_get_type())
 G_DECLARE_FINAL_TYPE(LfFragmentPad, lf_fragment_pad, LF, FRAGMENT_PAD, GstPad)
 
-// Properties "sum" and "codec".
-#define LF_TYPE_FRAGMENT_SUM (lf_fragment_sum_get_type())
-GType lf_fragment_sum_get_type(void);
+// Properties "codec" and "resampling".
 #define LF_TYPE_FRAGMENT_CODEC (lf_fragment_codec_get_type())
 GType lf_fragment_codec_get_type(void);
 #define LF_TYPE_FRAGMENT_RESAMPLING (lf_fragment_resampling_get_type())

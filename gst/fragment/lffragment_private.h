@@ -77,7 +77,6 @@ struct _LfFragment {
   GstElement parent;
   gchar* rig_path;
   guint node_id;
-  lf::SumChoice sum;          // under the object lock
   lf::CodecChoice codec;      // under the object lock
   guint threads;              // under the object lock
   gint strip_pixels;          // under the object lock
@@ -94,9 +93,9 @@ struct _LfFragment {
   guint32 seek_seqnum;  // of the latest seek of the cameras; under that
 };
 
-// The properties that say how answers are made (fragment_choices.cc): sum, codec, threads, max-skew, strip-pixels,
+// The properties that say how answers are made (fragment_choices.cc): codec, threads, max-skew, strip-pixels,
 // post-messages, access, resampling, in the order of their ids.
-inline constexpr guint kNumFragmentChoices = 8;
+inline constexpr guint kNumFragmentChoices = 7;
 void lf_fragment_install_choices(GObjectClass* klass, guint first_id);
 
 // Whether what comes to this sink pad comes in real time; if so, after which latency at the latest.

@@ -213,7 +213,7 @@ std::optional<ConstSumPlanes> Accumulator::sums() const {
 std::optional<Fragment> Accumulator::partial_sum() const {
   const std::optional<ConstSumPlanes> sum = sums();
   if (!sum) return std::nullopt;
-  return rounded_fragment(Fragment::kSum, *sum);
+  return rounded_fragment(*sum);
 }
 
 }  // namespace lf

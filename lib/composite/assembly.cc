@@ -48,23 +48,21 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
     family_ = answer.family;
     accumulator_.reset(family_, request_.view.width, request_.view.height);
   }
-  if (!rig_ && std::ranges::any_of(answer.fragments, &wire::FragmentView::plain)) return Verdict::kNeedsRig;
+  const auto is_of_camera = [](const wire::FragmentView& fragment) { return fragment.camera.has_value(); };
+  if (!rig_ && std::ranges::any_of(answer.fragments, is_of_camera)) return Verdict::kNeedsRig;
   cameras_.add(answer.cameras);
   CameraRanges seeing = answer.cameras;
   seeing.remove(answer.blind);
   seeing_.add(seeing);
   const unsigned damaged_before = damaged_;
   bool all_good = true;
-  const std::span<const wire::FragmentView> all = answer.fragments;
-  for (size_t i = 0, n; i < all.size(); i += n) {
-    n = wire::group_size(all.subspan(i));
-    all_good = add_group(answer, all.subspan(i, n), bytes) && all_good;
-  }
+  for (const wire::FragmentView& fragment : answer.fragments)
+    all_good = add_fragment(answer, fragment, bytes) && all_good;
   Source& source = sources_[{answer.node, answer.cameras}];
   source.parts.add(answer.part);
   source.blind = answer.blind;
   source.spoilt |= damaged_ > damaged_before || !all_good;
-  source.sums |= std::ranges::any_of(all, [](const auto& f) { return f.camera == Fragment::kSum; });
+  source.sums |= !std::ranges::all_of(answer.fragments, is_of_camera);
   if (answer.actual_time != kNoTime && answer.target_time != kNoTime) {
     const uint64_t skew = time_between(answer.actual_time, answer.target_time);
     if (actual_time_ == kNoTime || skew > skew_) actual_time_ = answer.actual_time;
@@ -73,38 +71,29 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
   return all_good ? Verdict::kAdded : Verdict::kBadFragment;
 }
 
-// False if some of it does not fit, which is no damage.
-bool Assembly::add_group(const wire::AnswerView& answer, std::span<const wire::FragmentView> group,
-                         const std::shared_ptr<const void>& bytes) {
-  std::span<const FragmentPlanes> planes;
-  if (group[0].codec != wire::Codec::kRaw16) {
-    planes = decoder_.decode(group);
-    if (planes.empty()) {
-      damaged_ += static_cast<unsigned>(group.size());
+// False if it does not fit, which is no damage.
+bool Assembly::add_fragment(const wire::AnswerView& answer, const wire::FragmentView& fragment,
+                            const std::shared_ptr<const void>& bytes) {
+  std::optional<FragmentPlanes> planes;
+  if (fragment.codec != wire::Codec::kRaw16) {
+    planes = decoder_.decode(fragment);
+    if (!planes) {
+      damaged_++;
       return true;
     }
   }
-  bool all_good = true;
-  for (size_t i = 0; i < group.size(); i++) {
-    if (group[i].plain) {
-      const bool added = add_pixels(group[i], planes[i]);
-      fragments_ += added;
-      all_good = all_good && added;
-      continue;
-    }
-    if (!accumulator_.fits(group[i].family, group[i].rect) || !covers(answer, group[i])) {
-      all_good = false;
-      continue;
-    }
-    planes.empty() ? add_sums(group[i], bytes) : accumulator_.add(planes[i]);
-    fragments_++;
+  if (fragment.camera) {
+    if (!add_pixels(fragment, *planes)) return false;
+  } else {
+    if (!accumulator_.fits(fragment.family, fragment.rect) || !covers(answer, fragment)) return false;
+    planes ? accumulator_.add(*planes) : add_sums(fragment, bytes);
   }
-  return all_good;
+  fragments_++;
+  return true;
 }
 
 // Twice the same camera (a duplicated packet, two nodes with one camera) would be too bright.
 bool Assembly::covers(const wire::AnswerView& answer, const wire::FragmentView& fragment) {
-  if (fragment.camera != Fragment::kSum) return coverage_.add(fragment.camera, fragment.rect);
   if (!answer.cameras.empty()) return coverage_.add(answer.cameras, fragment.rect);
   have_unnamed_sums_ = true;
   return true;
@@ -112,8 +101,9 @@ bool Assembly::covers(const wire::AnswerView& answer, const wire::FragmentView& 
 
 // Of the answers' family, which all have.
 bool Assembly::add_pixels(const wire::FragmentView& fragment, const FragmentPlanes& planes) {
-  if (fragment.camera >= rig_->cameras.size() || coverage_.has(fragment.camera)) return false;
-  return pixels_.add(fragment.camera, rig_->cameras[fragment.camera], planes);
+  const CameraIndex camera = *fragment.camera;
+  if (camera >= rig_->cameras.size() || coverage_.has(camera)) return false;
+  return pixels_.add(camera, rig_->cameras[camera], planes);
 }
 
 bool Assembly::add_sums(const wire::FragmentView& fragment, const std::shared_ptr<const void>& bytes) {

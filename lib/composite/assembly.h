@@ -5,7 +5,6 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <span>
 
 #include "base/byte_buffer.h"
 #include "composite/accumulator.h"
@@ -86,8 +85,8 @@ class Assembly {
   void add_missing(const ViewPlan& plan, const CameraSet& absent, const OwnerMap& owners);
   void render_pixels(const ViewPlan& plan);
   bool covers(const wire::AnswerView& answer, const wire::FragmentView& fragment);
-  bool add_group(const wire::AnswerView& answer, std::span<const wire::FragmentView> group,
-                 const std::shared_ptr<const void>& bytes);
+  bool add_fragment(const wire::AnswerView& answer, const wire::FragmentView& fragment,
+                    const std::shared_ptr<const void>& bytes);
   bool add_pixels(const wire::FragmentView& fragment, const FragmentPlanes& planes);
   bool add_sums(const wire::FragmentView& fragment, const std::shared_ptr<const void>& bytes);
 

@@ -30,15 +30,14 @@ ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& s
   if (!sums || sums->rect.empty()) return wire::AnswerWriter(header, 0, std::move(memory)).finish();
   if (form.codec == wire::Codec::kRaw16) {
     wire::AnswerWriter writer(header, 1, std::move(memory));
-    copy(*sums,
-         writer.add_sums({Fragment::kSum, sums->family, sums->rect, wire::Codec::kRaw16, 0, sums->lost != nullptr}));
+    copy(*sums, writer.add_sums({{}, sums->family, sums->rect, wire::Codec::kRaw16, 0, sums->lost != nullptr}));
     return writer.finish();
   }
   const std::vector<Rect> rects = wire::cut_rows(sums->rect, wire::strip_rows(sums->rect.width()));
   std::vector<Fragment> strips(rects.size());
-  parallel(rects.size(), [&](size_t i) { strips[i] = rounded_fragment(Fragment::kSum, part_of(*sums, rects[i])); });
-  std::vector<CameraFragment> fragments;
-  for (const Fragment& strip : strips) fragments.push_back({strip.camera, planes_of(strip)});
+  parallel(rects.size(), [&](size_t i) { strips[i] = rounded_fragment(part_of(*sums, rects[i])); });
+  std::vector<wire::AnswerFragment> fragments;
+  for (const Fragment& strip : strips) fragments.push_back({{}, planes_of(strip)});
   return wire::encode_fragments(header, fragments, form.quality, std::move(memory), parallel);
 }
 

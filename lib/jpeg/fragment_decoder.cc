@@ -7,8 +7,8 @@
 
 #include "base/byte_buffer.h"
 #include "base/error.h"
+#include "jpeg/coded_size.h"
 #include "jpeg/scan.h"
-#include "jpeg/stack.h"
 
 namespace lf::jpeg {
 namespace {
@@ -23,7 +23,7 @@ constexpr size_t kUnaligned = 1;
 
 // The markers that were left out in front of the scan. Baseline; component 1 has table 0, and 2x2 samples a unit if
 // there are others, which have table 1.
-size_t write_header(uint8_t* out, const StackSize& size, int components) {
+size_t write_header(uint8_t* out, const CodedSize& size, int components) {
   const uint8_t* const begin = out;
   const auto put = [&out](std::initializer_list<int> bytes) {
     for (const int byte : bytes) *out++ = static_cast<uint8_t>(byte);
@@ -89,7 +89,7 @@ class FragmentDecoder::Picture {
   ~Picture() { jpeg_destroy_decompress(&info_); }
   Picture(const Picture&) = delete;
 
-  bool decode(std::span<const uint8_t> scan, int quality, const StackSize& size, bool rgb) {
+  bool decode(std::span<const uint8_t> scan, int quality, const CodedSize& size, bool rgb) {
     if (quality < 1 || quality > 100 || size.width < 1 || size.height < 1) return false;
     if (size.width > JPEG_MAX_DIMENSION || size.height > JPEG_MAX_DIMENSION) return false;
     if (scan.size() < (components_ == 1 ? least_lost_scan(size) : least_pixel_scan(size))) return false;
@@ -133,7 +133,7 @@ class FragmentDecoder::Picture {
   bool start(bool rgb) {
     jpeg_read_header(&info_, TRUE);
     info_.dct_method = JDCT_ISLOW;
-    // The counterpart of the encoder's averages over 2x2; and neighbours in a stack do not bleed.
+    // The counterpart of the encoder's averages over 2x2.
     info_.do_fancy_upsampling = FALSE;
     info_.raw_data_out = !rgb;
     return jpeg_start_decompress(&info_);
@@ -176,7 +176,7 @@ class FragmentDecoder::Picture {
   jpeg_source_mgr source_{};
   Tables tables_;
   ByteBuffer bytes_, planes_;
-  StackSize size_;
+  CodedSize size_;
 };
 
 FragmentDecoder::FragmentDecoder() = default;
@@ -184,43 +184,24 @@ FragmentDecoder::~FragmentDecoder() = default;
 FragmentDecoder::FragmentDecoder(FragmentDecoder&&) noexcept = default;
 FragmentDecoder& FragmentDecoder::operator=(FragmentDecoder&&) noexcept = default;
 
-bool FragmentDecoder::decode_pixels(std::span<const uint8_t> scan, int quality, std::span<FragmentPlanes> members) {
-  if (members.empty()) return false;
-  const PixelFamily family = members[0].family;
-  for (const FragmentPlanes& member : members)
-    if (member.family != family || member.rect.empty()) return false;
-  if (family == PixelFamily::kNone) return false;
-  const bool rgb = family == PixelFamily::kRgb;
+bool FragmentDecoder::decode_pixels(std::span<const uint8_t> scan, int quality, FragmentPlanes& fragment) {
+  if (fragment.family == PixelFamily::kNone || fragment.rect.empty()) return false;
+  const bool rgb = fragment.family == PixelFamily::kRgb;
   if (!pixels_) pixels_ = std::make_unique<Picture>(false);
-  const StackSize size = stack_size(members, kPixelUnit);
-  if (!pixels_->decode(scan, quality, size, rgb)) return false;
-  int y = 0;
-  for (FragmentPlanes& member : members) {
-    if (rgb) {
-      member.plane[0] = pixels_->rgb_row(y);
-      member.stride[0] = 3 * pixels_->stride(0);
-    } else {
-      for (int c = 0; c < 3; c++) {
-        member.plane[c] = pixels_->plane(c, 0, c ? y / 2 : y);
-        member.stride[c] = pixels_->stride(c);
-      }
-    }
-    y += padded(member.rect.height(), kPixelUnit);
+  if (!pixels_->decode(scan, quality, coded_size(fragment.rect, kPixelUnit), rgb)) return false;
+  for (int c = 0; c < (rgb ? 1 : 3); c++) {
+    fragment.plane[c] = rgb ? pixels_->rgb_row(0) : pixels_->plane(c, 0, 0);
+    fragment.stride[c] = rgb ? 3 * pixels_->stride(0) : pixels_->stride(c);
   }
   return true;
 }
 
-bool FragmentDecoder::decode_lost(std::span<const uint8_t> scan, int quality, std::span<FragmentPlanes> members) {
-  for (const FragmentPlanes& member : members)
-    if (member.rect.empty()) return false;
+bool FragmentDecoder::decode_lost(std::span<const uint8_t> scan, int quality, FragmentPlanes& fragment) {
+  if (fragment.rect.empty()) return false;
   if (!lost_) lost_ = std::make_unique<Picture>(true);
-  if (!lost_->decode(scan, quality, stack_size(members, kLostUnit), false)) return false;
-  int y = 0;
-  for (FragmentPlanes& member : members) {
-    member.lost = lost_->plane(0, 0, y);
-    member.lost_stride = lost_->stride(0);
-    y += padded(member.rect.height(), kLostUnit);
-  }
+  if (!lost_->decode(scan, quality, coded_size(fragment.rect, kLostUnit), false)) return false;
+  fragment.lost = lost_->plane(0, 0, 0);
+  fragment.lost_stride = lost_->stride(0);
   return true;
 }
 

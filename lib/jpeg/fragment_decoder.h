@@ -18,11 +18,11 @@ class FragmentDecoder {
   FragmentDecoder(FragmentDecoder&&) noexcept;
   FragmentDecoder& operator=(FragmentDecoder&&) noexcept;
 
-  // Decodes the stack of `members`, whose family and rectangles the caller has set, and points their planes (or their
-  // lost weight) into memory of this object, valid until the next call of the same function. False, and the members
-  // as they were, if the scan is damaged or the stack, the family or the quality is not what FragmentEncoder makes.
-  bool decode_pixels(std::span<const uint8_t> scan, int quality, std::span<FragmentPlanes> members);
-  bool decode_lost(std::span<const uint8_t> scan, int quality, std::span<FragmentPlanes> members);
+  // Decodes a fragment whose family and rectangle the caller has set, and points its planes (or its lost weight) into
+  // memory of this object, valid until the next call of the same function. False, and the fragment as it was, if the
+  // scan is damaged or the size, the family or the quality is not what FragmentEncoder makes.
+  bool decode_pixels(std::span<const uint8_t> scan, int quality, FragmentPlanes& fragment);
+  bool decode_lost(std::span<const uint8_t> scan, int quality, FragmentPlanes& fragment);
 
  private:
   class Picture;

@@ -7,8 +7,8 @@
 #include <string>
 
 #include "base/error.h"
+#include "jpeg/coded_size.h"
 #include "jpeg/scan.h"
-#include "jpeg/stack.h"
 
 namespace lf::jpeg {
 namespace {
@@ -57,12 +57,12 @@ class FragmentEncoder::Picture {
   ~Picture() { jpeg_destroy_compress(&info_); }
   Picture(const Picture&) = delete;
 
-  // Members without lost weight are not part of a picture of lost weight.
-  void encode(std::span<const FragmentPlanes> members, const StackSize& size, int quality, ByteBuffer& out) {
+  void encode(const FragmentPlanes& fragment, int quality, ByteBuffer& out) {
+    const CodedSize size = coded_size(fragment.rect, unit());
     rows_.resize(static_cast<size_t>(size.width) * unit() * 3);
     out_ = &out;
     const size_t begin = out.size();
-    if (!compress(members, size, quality)) {
+    if (!compress(fragment, size, quality)) {
       jpeg_abort_compress(&info_);
       out.resize(begin);
       if (out_of_memory_) throw std::bad_alloc();
@@ -81,7 +81,7 @@ class FragmentEncoder::Picture {
   }
 
   // Nothing in here has a destructor that a jump would pass over.
-  bool compress(std::span<const FragmentPlanes> members, const StackSize& size, int quality) {
+  bool compress(const FragmentPlanes& fragment, const CodedSize& size, int quality) {
     if (setjmp(errors_.jump)) return false;
     if (quality != quality_) jpeg_set_quality(&info_, quality, TRUE);
     quality_ = quality;
@@ -89,30 +89,26 @@ class FragmentEncoder::Picture {
     info_.image_height = size.height;
     jpeg_suppress_tables(&info_, TRUE);
     jpeg_start_compress(&info_, FALSE);
-    const int step = unit();
-    for (const FragmentPlanes& member : members) {
-      if (kind_ == Kind::kLost && !member.lost) continue;
-      for (int y = 0; y < member.rect.height(); y += step) write_rows(member, y, size.width);
-    }
+    for (int y = 0; y < fragment.rect.height(); y += unit()) write_rows(fragment, y, size.width);
     jpeg_finish_compress(&info_);
     return true;
   }
 
-  // One row of units, from row y of the member on.
-  void write_rows(const FragmentPlanes& member, int y, int width) {
-    const int w = member.rect.width(), h = member.rect.height(), step = unit();
+  // One row of units, from row y of the fragment on.
+  void write_rows(const FragmentPlanes& fragment, int y, int width) {
+    const int w = fragment.rect.width(), h = fragment.rect.height(), step = unit();
     const auto row = [&](int i) { return std::min(y + i, h - 1); };
     JSAMPROW lines[3][kPixelUnit];
     if (kind_ == Kind::kRgb) {
       for (int i = 0; i < step; i++) {
         lines[0][i] = &rows_[static_cast<size_t>(i) * width * 3];
-        copy_rgb_row(lines[0][i], member.plane[0] + row(i) * member.stride[0], w, width);
+        copy_rgb_row(lines[0][i], fragment.plane[0] + row(i) * fragment.stride[0], w, width);
       }
       jpeg_write_scanlines(&info_, lines[0], step);
       return;
     }
-    const uint8_t* const plane = kind_ == Kind::kLost ? member.lost : member.plane[0];
-    const ptrdiff_t stride = kind_ == Kind::kLost ? member.lost_stride : member.stride[0];
+    const uint8_t* const plane = kind_ == Kind::kLost ? fragment.lost : fragment.plane[0];
+    const ptrdiff_t stride = kind_ == Kind::kLost ? fragment.lost_stride : fragment.stride[0];
     for (int i = 0; i < step; i++) {
       lines[0][i] = &rows_[static_cast<size_t>(i) * width];
       copy_row(lines[0][i], plane + row(i) * stride, w, width);
@@ -122,7 +118,7 @@ class FragmentEncoder::Picture {
         for (int i = 0; i < step / 2; i++) {
           lines[c][i] = &rows_[(static_cast<size_t>(step) + (c - 1) * step / 2 + i) * width];
           const int chroma_row = std::min(y / 2 + i, chroma_size(h) - 1);
-          copy_chroma_row(lines[c][i], member.plane[c] + chroma_row * member.stride[c], chroma_size(w), width / 2);
+          copy_chroma_row(lines[c][i], fragment.plane[c] + chroma_row * fragment.stride[c], chroma_size(w), width / 2);
         }
     JSAMPARRAY planes[3] = {lines[0], lines[1], lines[2]};
     jpeg_write_raw_data(&info_, planes, step);
@@ -164,25 +160,18 @@ FragmentEncoder::~FragmentEncoder() = default;
 FragmentEncoder::FragmentEncoder(FragmentEncoder&&) noexcept = default;
 FragmentEncoder& FragmentEncoder::operator=(FragmentEncoder&&) noexcept = default;
 
-void FragmentEncoder::encode_pixels(std::span<const FragmentPlanes> members, int quality, ByteBuffer& out) {
-  const bool rgb = !members.empty() && members[0].family == PixelFamily::kRgb;
-  for (const FragmentPlanes& member : members)
-    if (member.family != members[0].family || member.family == PixelFamily::kNone)
-      throw Error("JPEG: fragments of several families, or of none");
+void FragmentEncoder::encode_pixels(const FragmentPlanes& fragment, int quality, ByteBuffer& out) {
+  if (fragment.family == PixelFamily::kNone) throw Error("JPEG: a fragment of no family");
+  const bool rgb = fragment.family == PixelFamily::kRgb;
   auto& picture = rgb ? rgb_ : ycbcr_;
   if (!picture) picture = std::make_unique<Picture>(rgb ? Picture::Kind::kRgb : Picture::Kind::kYCbCr);
-  picture->encode(members, stack_size(members, kPixelUnit), quality, out);
+  picture->encode(fragment, quality, out);
 }
 
-void FragmentEncoder::encode_lost(std::span<const FragmentPlanes> members, int quality, ByteBuffer& out) {
+void FragmentEncoder::encode_lost(const FragmentPlanes& fragment, int quality, ByteBuffer& out) {
+  if (!fragment.lost) throw Error("JPEG: a fragment without lost weight");
   if (!lost_) lost_ = std::make_unique<Picture>(Picture::Kind::kLost);
-  StackSize size;
-  for (const FragmentPlanes& member : members) {
-    if (!member.lost) continue;
-    const StackSize one = stack_size(std::span(&member, 1), kLostUnit);
-    size = {std::max(size.width, one.width), size.height + one.height};
-  }
-  lost_->encode(members, size, quality, out);
+  lost_->encode(fragment, quality, out);
 }
 
 }  // namespace lf::jpeg

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include "render/render_job.h"
+#include <cstddef>
+
+#include "view/view.h"
 #include "wire/answer.h"
 #include "wire/strips.h"
 
@@ -16,18 +18,13 @@ struct CodedAs {
 
 // How what a node has to give for a view is put into its answer.
 struct AnswerForm : CodedAs {
-  bool sum = false;                       // its cameras' contributions added up; else a fragment of each
-  int strip_pixels = wire::kStripPixels;  // of a sum in 8 bits: how large its fragments are
+  int strip_pixels = wire::kStripPixels;  // in 8 bits: how large its fragments are at most
+  size_t spare_pixels = 0;                // see sum_tiles()
   bool operator==(const AnswerForm&) const = default;
 };
 
-enum class SumChoice {
-  kAuto,    // the sum where its rectangle has no more pixels than all cameras' together
-  kNode,    // the sum
-  kCamera,  // a fragment of each camera
-};
 enum class CodecChoice {
-  kAuto,   // 16-bit sums or raw fragments within a process; over links JPEG of the quality asked for
+  kAuto,   // 16 bits a value within a process; over links JPEG of the quality asked for
   kRaw,    // 8 bits a value
   kRaw16,  // 16 bits a value
   kJpeg,   // of the quality asked for; raw where that is 0
@@ -35,7 +32,7 @@ enum class CodecChoice {
 
 // `in_process`: the compositor takes the bytes as they are, so that bytes cost nothing and coding them does. `quality`:
 // of the request, 0 to 100.
-CodedAs choose_codec(CodecChoice codec, bool sum, bool in_process, int quality);
-AnswerForm choose_form(const RenderJob& job, SumChoice sum, CodecChoice codec, bool in_process, int quality);
+CodedAs choose_codec(CodecChoice codec, bool in_process, int quality);
+AnswerForm choose_form(const View& view, CodecChoice codec, bool in_process, int quality);
 
 }  // namespace lf

@@ -19,8 +19,9 @@ struct RenderedAnswer {
   uint64_t render_ns = 0, encode_ns = 0;  // wall time; rounding to 8 bits counts as rendering
 };
 
-// Renders what a node's cameras give for a view straight into the bytes of its answer. `sources`: of all job.cameras(),
-// images of the family header.family. One without an image (kNone) is lost weight in a sum and no fragment otherwise.
+// Renders the sum of what a node's cameras give for a view straight into the bytes of its answer: as much of the view
+// as they have a weight in. `sources`: of all job.cameras(), images of the family header.family. One without an image
+// (kNone) is lost weight.
 // `memory` is recycled (see AnswerWriter). The result does not depend on `parallel`. Throws Error as SumRenderer and
 // AnswerWriter.
 RenderedAnswer render_answer(const wire::AnswerHeader& header, const RenderJob& job, std::span<const Source> sources,

@@ -6,12 +6,10 @@
 #include <string>
 
 #include "base/error.h"
-#include "focus/camera_trials.h"
 #include "focus/trial_renderer.h"
 #include "node/pixel_answer.h"
 #include "render/detail.h"
 #include "render/source_region.h"
-#include "wire/camera_trials_codec.h"
 #include "wire/moments_codec.h"
 
 namespace lf {
@@ -53,7 +51,7 @@ class WarpTask : public AnswerTask {
   }
   RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Manner& manner,
                         ByteBuffer memory, const ParallelFor& parallel) const override {
-    AnswerForm form = choose_form(job_, manner.sum, manner.codec, manner.in_process, quality_);
+    AnswerForm form = choose_form(job_.plan().view(), manner.codec, manner.in_process, quality_);
     form.strip_pixels = manner.strip_pixels;
     if (!wide_) return render_answer(header, job_, sources, form, std::move(memory), parallel);
     std::vector<Source> in_view;
@@ -66,13 +64,10 @@ class WarpTask : public AnswerTask {
     if (trials_.empty()) return {};
     const View& view = trial_job_->plan().view();
     const wire::MomentsHeader about{header.view_id, header.sequence, header.rig_hash, header.node, {}};
-    if (manner.sum == SumChoice::kCamera)
-      return wire::encode_camera_trials(about, {view.width, view.height, trials_.size()},
-                                        sample_trials(*trial_job_, sources, trials_, parallel));
     std::vector<Moments> sums(trials_.size());
     for (Moments& sum : sums) sum.reset(view.width, view.height);
     add_moments(*trial_job_, sources, trials_, sums, parallel);
-    return wire::encode_moments(about, sums);
+    return wire::encode_moments(about, sums, !manner.in_process);
   }
 
   const GainRequest* gains() const override { return gains_.use || gains_.ask ? &gains_ : nullptr; }
@@ -128,7 +123,7 @@ class PixelTask : public AnswerTask {
     std::vector<PixelSource> pixels;
     for (const Source& source : sources)
       if (source.image.family != PixelFamily::kNone) pixels.push_back({source, region(source.camera)});
-    const CodedAs form = choose_codec(manner.codec, false, manner.in_process, quality_);
+    const CodedAs form = choose_codec(manner.codec, manner.in_process, quality_);
     return pixel_answer(header, pixels, form.quality, manner.strip_pixels, std::move(memory), parallel);
   }
 

@@ -18,7 +18,6 @@ class AnswerTask {
  public:
   // What the node may choose.
   struct Manner {
-    SumChoice sum = SumChoice::kAuto;
     CodecChoice codec = CodecChoice::kAuto;
     bool in_process = false;                // the compositor is in this process: see choose_form()
     int strip_pixels = wire::kStripPixels;  // see AnswerForm
@@ -49,7 +48,7 @@ class AnswerTask {
                                 const ParallelFor& = serial_for) const {
     return {};
   }
-  // The unit of moments, or of cameras' trials where cameras are not to be added, that goes before the answer: what the trials of the request came to. Empty if it has none.
+  // The unit of moments that goes before the answer: what the trials of the request came to. Empty if it has none.
   virtual ByteBuffer moments(const wire::AnswerHeader&, std::span<const Source>, const Manner&,
                              const ParallelFor& = serial_for) const {
     return {};

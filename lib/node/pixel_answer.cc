@@ -2,8 +2,8 @@
 #include "node/pixel_answer.h"
 
 #include "base/now.h"
+#include "render/fragment_planes.h"
 #include "render/sampler.h"
-#include "render/fragment_set.h"
 #include "wire/fragment_codec.h"
 #include "wire/strips.h"
 
@@ -52,9 +52,9 @@ void pack_i420(const ImageView& image, FragmentPlanes& planes, ByteBuffer& memor
   }
 }
 
-CameraFragment cut(const PixelSource& from, const Rect& rect, ByteBuffer& memory) {
+wire::AnswerFragment cut(const PixelSource& from, const Rect& rect, ByteBuffer& memory) {
   const ImageView& image = from.source.image;
-  CameraFragment fragment{from.source.camera, {.family = image.family, .rect = rect}, true};
+  wire::AnswerFragment fragment{from.source.camera, {.family = image.family, .rect = rect}};
   image.family == PixelFamily::kRgb ? pack_rgb(image, fragment.planes, memory)
                                     : pack_i420(image, fragment.planes, memory);
   return fragment;
@@ -72,7 +72,7 @@ RenderedAnswer pixel_answer(const wire::AnswerHeader& header, std::span<const Pi
     for (const Rect& rect : wire::cut_rows(source.rect, rows)) pieces.emplace_back(&source, rect);
   }
   std::vector<ByteBuffer> packed(pieces.size());
-  std::vector<CameraFragment> fragments(pieces.size());
+  std::vector<wire::AnswerFragment> fragments(pieces.size());
   parallel(pieces.size(), [&](size_t i) { fragments[i] = cut(*pieces[i].first, pieces[i].second, packed[i]); });
   const uint64_t cut_out = now_ns();
   RenderedAnswer answer;

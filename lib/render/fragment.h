@@ -4,20 +4,17 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/rect.h"
 #include "image/image.h"
-#include "render/view_plan.h"
 
 namespace lf {
 
-// One camera's weighted contribution to one view, or a sum of several: the payload of an answer, uncompressed.
+// A part of the sum of some cameras' weighted contributions to one view: what an answer has, uncompressed.
 //
 // `pixels`: kRgb: height rows of width RGB bytes. kI420: Y plane, then Cb and Cr planes of chroma_size(width) x
 // chroma_size(height); Cb and Cr are signed bytes (two's complement) without the 128 offset; rect.x0, rect.y0 are even.
 // `lost`: the plane of lost weight, 255 = weight 1, width * height bytes; empty where nothing is lost.
 struct Fragment {
-  static constexpr CameraIndex kSum = UINT32_MAX;  // camera of a partial sum
-
-  CameraIndex camera = kSum;
   PixelFamily family = PixelFamily::kNone;
   Rect rect;
   std::vector<uint8_t> pixels;

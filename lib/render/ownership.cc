@@ -36,19 +36,6 @@ Rect CameraCorners::owned(const OwnerRuns& runs, const Rect& rect) const {
   return bounds;
 }
 
-std::vector<Rect> owned_rects(const ViewPlan& plan, const OwnerRuns& runs) {
-  std::vector<Rect> rects(plan.num_cameras());
-  for (int y = runs.region().y0; y < runs.region().y1; y++)
-    for (const OwnerRun& run : runs.row(y))
-      for (const CameraIndex camera : plan.faces()[run.face].camera)
-        if (camera != MeshFace::kNone) rects[camera] = unite(rects[camera], {run.x0, y, run.x1, y + 1});
-  if (plan.blend())
-    for (const CameraIndex camera : plan.contributors())
-      rects[camera] =
-          CameraCorners(plan, camera).owned(runs, intersect(plan.camera_rect(camera), runs.region()));
-  return rects;
-}
-
 std::vector<float> camera_hat(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Rect& rect) {
   const CameraCorners corners(plan, camera);
   std::vector<float> hat;

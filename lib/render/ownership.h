@@ -73,10 +73,6 @@ class CameraCorners {
   std::vector<int8_t> corner_;  // per plan.faces(); -1: none of them. Not blended by the mesh: 0
 };
 
-// CameraCorners::owned() of every camera of the plan, indexed by camera, in one pass over the runs: empty where it has
-// no pixel in runs.region().
-std::vector<Rect> owned_rects(const ViewPlan& plan, const OwnerRuns& runs);
-
 // The hat function of `camera`: its weight in each pixel of `rect` (row-major, rect.width() * rect.height() values),
 // 0 where its face does not own the pixel, or where there is nothing in focus. `rect` inside owners.region().
 std::vector<float> camera_hat(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Rect& rect);

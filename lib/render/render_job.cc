@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "render/render_job.h"
 
-#include "render/fragment_renderer.h"
-
 namespace lf {
 namespace {
 

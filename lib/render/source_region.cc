@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "render/camera_projection.h"
-#include "render/fragment_renderer.h"
 
 namespace lf {
 namespace {

@@ -2,13 +2,11 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 #include <span>
 #include <vector>
 
 #include "image/image.h"
 #include "image/resampling.h"
-#include "render/fragment_renderer.h"
 #include "render/owner_runs.h"
 #include "render/sum_planes.h"
 #include "render/view_plan.h"
@@ -60,12 +58,6 @@ class SumRenderer {
   std::unique_ptr<State> state_;
   Rect rect_;
 };
-
-// One camera's fragment by the same code: rounded to 8 bits. Nothing if the camera has no weight anywhere in the view.
-// Throws Error as SumRenderer. `runs` cover its chroma-aligned rectangle.
-std::optional<Fragment> render_fragment(const ViewPlan& plan, const OwnerRuns& runs, const Source& source,
-                                        Coordinates coordinates = Coordinates::kGrid);
-std::unique_ptr<FragmentRenderer> make_simd_renderer(Coordinates coordinates = Coordinates::kGrid);
 
 // Name of the instruction set that SumRenderer uses on this machine: "AVX2".
 const char* simd_target_name();

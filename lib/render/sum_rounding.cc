@@ -72,11 +72,11 @@ void round_rgb_row(uint8_t* out, const RgbLayout& layout, const int16_t* r, cons
   HWY_DYNAMIC_DISPATCH(round_interleaved)(out, layout.pixel_stride, plane, n);
 }
 
-Fragment rounded_fragment(CameraIndex camera, const ConstSumPlanes& sums) {
+Fragment rounded_fragment(const ConstSumPlanes& sums) {
   const Rect& rect = sums.rect;
   const int w = rect.width(), h = rect.height();
   const auto row = [&sums](int c, int y) { return sums.plane[c] + y * sums.stride[c]; };
-  Fragment out{camera, sums.family, rect, {}, {}};
+  Fragment out{sums.family, rect, {}, {}};
   out.pixels.resize(packed_size(sums.family, w, h));
   uint8_t* to = out.pixels.data();
   if (sums.family == PixelFamily::kRgb) {

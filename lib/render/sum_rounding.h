@@ -25,6 +25,6 @@ void round_chroma_row(uint8_t* out, const int16_t* sum, int n, uint8_t offset);
 void round_rgb_row(uint8_t* out, const RgbLayout& layout, const int16_t* r, const int16_t* g, const int16_t* b, int n);
 
 // Without a plane of lost weight where all of it rounds to 0.
-Fragment rounded_fragment(CameraIndex camera, const ConstSumPlanes& sums);
+Fragment rounded_fragment(const ConstSumPlanes& sums);
 
 }  // namespace lf

@@ -158,4 +158,9 @@ std::vector<CameraIndex> ViewPlan::contributors() const {
   return cameras;
 }
 
+Rect chroma_aligned(const Rect& rect, const View& view) {
+  return {rect.x0 & ~1, rect.y0 & ~1, std::min((rect.x1 + 1) & ~1, view.width),
+          std::min((rect.y1 + 1) & ~1, view.height)};
+}
+
 }  // namespace lf

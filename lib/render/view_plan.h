@@ -79,4 +79,7 @@ class ViewPlan {
   void bound_corners(const FacePlan& face);
 };
 
+// The smallest rectangle of whole 2x2 chroma blocks around `rect`, inside the view.
+Rect chroma_aligned(const Rect& rect, const View& view);
+
 }  // namespace lf

@@ -13,17 +13,16 @@ namespace lf::rtp {
 
 // How an answer is divided into parts, each a unit of its own of at most so many bytes. Pure.
 
-// What stays together: fragments that share a payload, or a tile of a raw fragment.
+// What stays together: a fragment of the answer, or a tile of a raw one.
 struct Piece {
-  size_t first = 0, count = 0;  // fragments of the answer
-  std::optional<Rect> tile;     // of the first
-  size_t bytes = 0;             // payload
+  size_t fragment = 0;
+  std::optional<Rect> tile;
+  size_t bytes = 0;  // payload
 };
 
 struct Part {
-  size_t first_piece = 0, pieces = 0;
-  uint32_t first = 0, count = 0;  // fragments
-  size_t bytes = 0;               // of the unit
+  size_t first = 0, count = 0;  // pieces, each a fragment of its own
+  size_t bytes = 0;             // of the unit
 };
 
 struct PartPlan {

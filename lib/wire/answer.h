@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -49,26 +50,23 @@ struct Answer : AnswerHeader {
 };
 
 enum class Codec : uint8_t {
-  kRaw = 0,        // 8 bits, as in Fragment
-  kJpeg = 1,       // a scan without tables
-  kRaw16 = 2,      // sums in 16 bits, as in SumPlanes
-  kJpegAtlas = 3,  // several fragments in one JPEG: the first carries it, those that follow are its other members
+  kRaw = 0,    // 8 bits, as in Fragment
+  kJpeg = 1,   // a scan without tables
+  kRaw16 = 2,  // sums in 16 bits, as in SumPlanes
 };
-inline bool is_jpeg(Codec codec) { return codec == Codec::kJpeg || codec == Codec::kJpegAtlas; }
 
 // An entry of the fragment table.
 struct FragmentHeader {
-  CameraIndex camera = Fragment::kSum;
+  std::optional<CameraIndex> camera;        // whose pixels these are; nothing: part of the sum of the node's cameras
   PixelFamily family = PixelFamily::kNone;  // the answer's
-  Rect rect;                                // inside the view; kI420: x0, y0 even
+  Rect rect;                                // inside the view, or the camera's image; kI420: x0, y0 even
   Codec codec = Codec::kRaw;
   uint8_t quality = 0;    // 1 to 100 of JPEG, else 0
   bool has_lost = false;  // a plane of lost weight follows the pixels
-  bool plain = false;     // pixels of the camera's image as they are: rect is inside that, not inside the view
   bool operator==(const FragmentHeader&) const = default;
 };
 
-// With its bytes where they came in. Empty for all but the first member of an atlas, whose are its members'.
+// With its bytes where they came in.
 struct FragmentView : FragmentHeader {
   std::span<const uint8_t> payload;
 };

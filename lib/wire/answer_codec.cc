@@ -17,7 +17,7 @@ void append_rows(std::vector<uint8_t>& out, const uint8_t* plane, ptrdiff_t stri
 
 Fragment to_fragment(const FragmentHeader& header, const FragmentPlanes& planes) {
   const int w = header.rect.width(), h = header.rect.height();
-  Fragment out{header.camera, header.family, header.rect, {}, {}};
+  Fragment out{header.family, header.rect, {}, {}};
   if (header.family == PixelFamily::kRgb) {
     append_rows(out.pixels, planes.plane[0], planes.stride[0], 3 * w, h);
   } else {
@@ -45,23 +45,22 @@ std::optional<Answer> decode_answer(std::span<const uint8_t> bytes, std::string*
   }
   Answer answer{*view, {}};
   FragmentDecoder decoder;
-  const std::span<const FragmentView> all = view->fragments;
-  for (size_t i = 0, n; i < all.size(); i += n) {
-    n = group_size(all.subspan(i));
-    if (all[i].plain) {
-      if (reason) *reason = "fragments[" + std::to_string(i) + "].flags: plain colour, no contribution to the view";
+  for (size_t i = 0; i < view->fragments.size(); i++) {
+    const FragmentView& fragment = view->fragments[i];
+    if (fragment.camera) {
+      if (reason) *reason = "fragments[" + std::to_string(i) + "].camera: pixels of one, no part of a sum";
       return std::nullopt;
     }
-    if (all[i].codec == Codec::kRaw16) {
-      answer.fragments.push_back(rounded_fragment(all[i].camera, decoder.sums(all[i])));
+    if (fragment.codec == Codec::kRaw16) {
+      answer.fragments.push_back(rounded_fragment(decoder.sums(fragment)));
       continue;
     }
-    const std::span<const FragmentPlanes> planes = decoder.decode(all.subspan(i, n));
-    if (planes.empty()) {
+    const std::optional<FragmentPlanes> planes = decoder.decode(fragment);
+    if (!planes) {
       if (reason) *reason = "fragments[" + std::to_string(i) + "].payload: damaged JPEG";
       return std::nullopt;
     }
-    for (size_t k = 0; k < n; k++) answer.fragments.push_back(to_fragment(all[i + k], planes[k]));
+    answer.fragments.push_back(to_fragment(fragment, *planes));
   }
   return answer;
 }

@@ -35,23 +35,22 @@ void check_part(const AnswerPart& part) {
 
 void check_fragment(const AnswerHeader& answer, const FragmentHeader& fragment) {
   const Rect& rect = fragment.rect;
-  if (fragment.camera != Fragment::kSum && fragment.camera >= kMaxCameras)
-    throw Error("camera: " + std::to_string(fragment.camera) + " is beyond " + std::to_string(kMaxCameras - 1));
+  if (fragment.camera && *fragment.camera >= kMaxCameras)
+    throw Error("camera: " + std::to_string(*fragment.camera) + " is beyond " + std::to_string(kMaxCameras - 1));
   if (fragment.family != answer.family) throw Error("family: differs from the answer's");
   if (rect.empty()) throw Error("rectangle: is empty");
-  const int right = fragment.plain ? kMaxImageSize : answer.view_width;
-  const int bottom = fragment.plain ? kMaxImageSize : answer.view_height;
+  const int right = fragment.camera ? kMaxImageSize : answer.view_width;
+  const int bottom = fragment.camera ? kMaxImageSize : answer.view_height;
   if (rect.x0 < 0 || rect.y0 < 0 || rect.x1 > right || rect.y1 > bottom)
-    throw Error(std::string("rectangle: is not inside ") + (fragment.plain ? "any image" : "the view"));
-  if (fragment.plain && fragment.camera == Fragment::kSum) throw Error("camera: plain colour of a sum");
-  if (fragment.plain && fragment.has_lost) throw Error("flags: plain colour has no lost weight");
-  if (fragment.plain && fragment.codec == Codec::kRaw16)
-    throw Error("codec: 16 bits are for sums, not for plain colour");
+    throw Error(std::string("rectangle: is not inside ") + (fragment.camera ? "any image" : "the view"));
+  if (fragment.camera && fragment.has_lost) throw Error("flags: pixels of a camera have no lost weight");
+  if (fragment.camera && fragment.codec == Codec::kRaw16)
+    throw Error("codec: 16 bits are for sums, not for pixels of a camera");
   if (answer.family == PixelFamily::kI420 && (rect.x0 % 2 != 0 || rect.y0 % 2 != 0))
     throw Error("rectangle: x and y must be even in YCbCr");
-  if (fragment.codec > Codec::kJpegAtlas)
+  if (fragment.codec > Codec::kRaw16)
     throw Error("codec: " + std::to_string(static_cast<int>(fragment.codec)) + " is not supported");
-  const bool jpeg = is_jpeg(fragment.codec);
+  const bool jpeg = fragment.codec == Codec::kJpeg;
   if (jpeg && (fragment.quality < 1 || fragment.quality > 100))
     throw Error("quality: must be 1 to 100 for JPEG, is " + std::to_string(fragment.quality));
   if (!jpeg && fragment.quality != 0)

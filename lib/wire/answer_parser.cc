@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "jpeg/stack.h"
+#include "jpeg/coded_size.h"
 #include "wire/answer_layout.h"
 #include "wire/limits.h"
 #include "wire/payload.h"
@@ -79,15 +79,16 @@ FragmentView read_fragment(const AnswerHeader& answer, Reader& table, Reader& pa
   const uint16_t flags = table.get<uint16_t>();
   const uint32_t length = table.get<uint32_t>();
 
-  fragment.camera = camera == kSumOnWire ? Fragment::kSum : camera;
+  if (camera != kSumOnWire) fragment.camera = camera;
   fragment.family = answer.family;
   fragment.rect = {x, y, x + w, y + h};
   fragment.has_lost = flags & kLostPlane;
-  fragment.plain = !(flags & kWeighted);
   check_fragment(answer, fragment);
   if (plane != 0) throw Error("plane: " + std::to_string(plane) + " is not supported");
   if (flags & ~(kWeighted | kLostPlane)) throw Error("flags: unknown bits");
-  if (!is_jpeg(fragment.codec) && length != raw_size(fragment))
+  if (fragment.camera.has_value() == static_cast<bool>(flags & kWeighted))
+    throw Error("flags: a sum is weighted, and pixels of a camera are not");
+  if (fragment.codec != Codec::kJpeg && length != raw_size(fragment))
     throw Error("length: must be " + std::to_string(raw_size(fragment)) + " bytes, is " + std::to_string(length));
   if (length > payloads.left())
     throw Error("length: " + std::to_string(length) + " bytes, but " + std::to_string(payloads.left()) + " are left");
@@ -97,28 +98,17 @@ FragmentView read_fragment(const AnswerHeader& answer, Reader& table, Reader& pa
   return fragment;
 }
 
-// A fragment in JPEG, or all members of an atlas.
-void check_scans(std::span<const FragmentView> group) {
-  if (group[0].payload.empty()) throw Error("length: a JPEG of 0 bytes, and no atlas begins before it");
-  if (group.size() > kMaxAtlasMembers)
-    throw Error("codec: an atlas of more than " + std::to_string(kMaxAtlasMembers) + " fragments");
-  for (const FragmentView& member : group)
-    if (member.quality != group[0].quality) throw Error("quality: differs in an atlas");
-  const std::optional<Scans> scans = split_scans(group[0].payload, any_lost(group));
+void check_scans(const FragmentView& fragment) {
+  const std::optional<Scans> scans = split_scans(fragment.payload, fragment.has_lost);
   if (!scans) throw Error("length: of the first scan is beyond the payload");
-  const jpeg::StackSize size = jpeg::stack_size(group, jpeg::kPixelUnit);
-  if (size.height > jpeg::padded(kMaxViewSize, jpeg::kPixelUnit))
-    throw Error("codec: an atlas of more than " + std::to_string(kMaxViewSize) + " lines");
   const auto long_enough = [](size_t least, std::span<const uint8_t> scan) {
     if (scan.size() < least)
       throw Error("length: a scan of this size has at least " + std::to_string(least) + " bytes, not " +
                   std::to_string(scan.size()));
   };
-  long_enough(jpeg::least_pixel_scan(size), scans->pixels);
-  if (!any_lost(group)) return;
-  std::vector<FragmentView> with_lost;
-  std::ranges::copy_if(group, std::back_inserter(with_lost), &FragmentView::has_lost);
-  long_enough(jpeg::least_lost_scan(jpeg::stack_size(with_lost, jpeg::kLostUnit)), scans->lost);
+  long_enough(jpeg::least_pixel_scan(jpeg::coded_size(fragment.rect, jpeg::kPixelUnit)), scans->pixels);
+  if (fragment.has_lost)
+    long_enough(jpeg::least_lost_scan(jpeg::coded_size(fragment.rect, jpeg::kLostUnit)), scans->lost);
 }
 
 AnswerView read_answer(std::span<const uint8_t> bytes) {
@@ -135,11 +125,8 @@ AnswerView read_answer(std::span<const uint8_t> bytes) {
         in_fragment(i, [&] { return read_fragment(answer, table, payloads, bytes.size() - payloads.left()); }));
   if (payloads.left() > 0)
     throw Error("length: " + std::to_string(payloads.left()) + " bytes after the last fragment's payload");
-  const std::span<const FragmentView> all = answer.fragments;
-  for (size_t i = 0, n; i < all.size(); i += n) {
-    n = group_size(all.subspan(i));
-    if (is_jpeg(all[i].codec)) in_fragment(i, [&] { check_scans(all.subspan(i, n)); });
-  }
+  for (size_t i = 0; i < answer.fragments.size(); i++)
+    if (answer.fragments[i].codec == Codec::kJpeg) in_fragment(i, [&] { check_scans(answer.fragments[i]); });
   return answer;
 }
 

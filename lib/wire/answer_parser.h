@@ -12,7 +12,7 @@ namespace lf::wire {
 
 // Reading an answer where it lies: nothing is copied, payloads refer to `bytes`. Everything is checked that can be
 // without decoding JPEG: rectangles inside the view, payloads of exactly their sizes (raw), within them and no shorter
-// than any scan of their size (JPEG), atlases complete. Stateless; memory for the table alone.
+// than any scan of their size (JPEG). Stateless; memory for the table alone.
 
 // Nothing for bytes that are not exactly one valid answer; `reason` (may be null) then says why, naming the field.
 std::optional<AnswerView> parse_answer(std::span<const uint8_t> bytes, std::string* reason = nullptr);

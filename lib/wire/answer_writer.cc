@@ -37,26 +37,32 @@ void AnswerWriter::end_payload(const FragmentHeader& fragment, size_t begin) {
     throw Error("fragments: more than the " + std::to_string(kMaxAnswerBytes) + " bytes an answer may have");
   const size_t length = bytes_.size() - begin;
   in_fragment(fragments_, [&] {
-    if (is_jpeg(fragment.codec) ? length == 0 : length != raw_size(fragment))
+    if (fragment.codec == Codec::kJpeg ? length == 0 : length != raw_size(fragment))
       throw Error("length: " + std::to_string(length) + " bytes are no payload of this fragment");
   });
   put_entry(fragment, length);
-  atlas_open_ = fragment.codec == Codec::kJpegAtlas;
-  last_ = fragment;
-  last_begin_ = begin;
+  added_.emplace_back(fragment, begin);
 }
 
-void AnswerWriter::drop_lost() {
-  if (fragments_ == 0 || !last_.has_lost || is_jpeg(last_.codec)) throw Error("lost: there is none to take back");
-  last_.has_lost = false;
-  bytes_.resize(last_begin_ + raw_size(last_));
-  fragments_--;
-  put_entry(last_, bytes_.size() - last_begin_);
+void AnswerWriter::drop_lost(const std::function<bool(size_t)>& is_nothing) {
+  size_t end = added_.empty() ? bytes_.size() : added_[0].second;
+  fragments_ = 0;
+  for (size_t i = 0; i < added_.size(); i++) {
+    auto& [fragment, begin] = added_[i];
+    if (fragment.codec != Codec::kRaw16) throw Error("lost: is taken back of sums in 16 bits alone");
+    if (is_nothing(i)) fragment.has_lost = false;
+    const size_t size = raw_size(fragment);
+    if (begin != end) std::memmove(bytes_.data() + end, bytes_.data() + begin, size);
+    begin = end;
+    end += size;
+    put_entry(fragment, size);
+  }
+  bytes_.resize(end);
 }
 
 std::span<uint8_t> AnswerWriter::add(const FragmentHeader& fragment) {
   const size_t begin = begin_payload(fragment);
-  const size_t size = is_jpeg(fragment.codec) ? 0 : raw_size(fragment);
+  const size_t size = fragment.codec == Codec::kJpeg ? 0 : raw_size(fragment);
   if (begin + size > kMaxAnswerBytes)
     throw Error("fragments: more than the " + std::to_string(kMaxAnswerBytes) + " bytes an answer may have");
   bytes_.resize(begin + size);
@@ -69,16 +75,9 @@ SumPlanes AnswerWriter::add_sums(const FragmentHeader& fragment) {
   return raw16_planes(fragment, add(fragment).data());
 }
 
-void AnswerWriter::add_member(const FragmentHeader& fragment) {
-  const size_t begin = begin_payload(fragment);
-  if (fragment.codec != Codec::kJpegAtlas || !atlas_open_)
-    throw Error("codec: a member without an atlas in front of it");
-  put_entry(fragment, bytes_.size() - begin);
-}
-
 void AnswerWriter::put_entry(const FragmentHeader& fragment, size_t length) {
   PlacedWriter out(bytes_.data() + table_ + fragments_ * kFragmentBytes);
-  out.put(fragment.camera == Fragment::kSum ? kSumOnWire : static_cast<uint16_t>(fragment.camera));
+  out.put(static_cast<uint16_t>(fragment.camera.value_or(kSumOnWire)));
   out.put(uint16_t{0});  // plane
   out.put(static_cast<uint16_t>(fragment.rect.x0));
   out.put(static_cast<uint16_t>(fragment.rect.y0));
@@ -86,7 +85,7 @@ void AnswerWriter::put_entry(const FragmentHeader& fragment, size_t length) {
   out.put(static_cast<uint16_t>(fragment.rect.height()));
   out.put(static_cast<uint8_t>(fragment.codec));
   out.put(fragment.quality);
-  out.put(static_cast<uint16_t>((fragment.plain ? 0 : kWeighted) | (fragment.has_lost ? kLostPlane : 0)));
+  out.put(static_cast<uint16_t>((fragment.camera ? 0 : kWeighted) | (fragment.has_lost ? kLostPlane : 0)));
   out.put(static_cast<uint32_t>(length));
   fragments_++;
 }

@@ -2,8 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
+#include <utility>
+#include <vector>
 
 #include "base/byte_buffer.h"
 #include "render/sum_planes.h"
@@ -32,12 +35,12 @@ class AnswerWriter {
   // kRaw and kRaw16: uninitialised memory of the payload's size (see payload.h for what lies where in it), valid until
   // the next call. 16-bit payloads must begin at an even offset: put them in front of others.
   std::span<uint8_t> add(const FragmentHeader& fragment);
-  // The same for kRaw16, as planes.
+  // The same for kRaw16, as planes. They stay valid as long as there is room reserved for what else is added.
   SumPlanes add_sums(const FragmentHeader& fragment);
 
-  // The lost weight of the raw fragment added last, whose header promised it, turned out to be nothing: its plane is
-  // taken back. Planes handed out for the fragment are no longer valid.
-  void drop_lost();
+  // The lost weight of some of the fragments added so far, all of them kRaw16, turned out to be nothing: where
+  // `is_nothing`(number of the fragment) their planes are taken back. Planes handed out are no longer valid.
+  void drop_lost(const std::function<bool(size_t)>& is_nothing);
 
   // Any codec: `append(ByteBuffer&)` appends the payload to what is there, and leaves that alone.
   template <typename Append>
@@ -46,9 +49,6 @@ class AnswerWriter {
     append(bytes_);
     end_payload(fragment, begin);
   }
-
-  // A further member of the atlas added last.
-  void add_member(const FragmentHeader& fragment);
 
   // The unit has some of an answer's `total` fragments, from number `first` on; unless this is called it has all.
   void set_part(uint32_t first, uint32_t total);
@@ -69,9 +69,7 @@ class AnswerWriter {
   size_t table_;                    // where it begins
   std::optional<AnswerPart> part_;  // without its count
   size_t max_fragments_, fragments_ = 0;
-  bool atlas_open_ = false;  // the fragment added last may have further members
-  FragmentHeader last_;      // fragment added last, and where its payload begins
-  size_t last_begin_ = 0;
+  std::vector<std::pair<FragmentHeader, size_t>> added_;  // and where their payloads begin
   ByteBuffer bytes_;
 };
 

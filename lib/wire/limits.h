@@ -14,7 +14,6 @@ inline constexpr size_t kMaxRequestBytes = size_t{1} << 20;  // 1 MiB: warp comm
 inline constexpr size_t kMaxAnswerBytes = size_t{1} << 30;  // 1 GiB: 8192 x 8192 RGB fragments of a whole array
 inline constexpr size_t kMaxTriangleRows = size_t{1} << 21;  // of the rectangles in a warp command, all together
 inline constexpr uint32_t kMaxFragments = kMaxCameras + 1;
-inline constexpr size_t kMaxAtlasMembers = 256;
-inline constexpr int kMaxViewSize = kMaxImageSize;  // pixels a side; lines of an atlas
+inline constexpr int kMaxViewSize = kMaxImageSize;  // pixels a side
 
 }  // namespace lf::wire

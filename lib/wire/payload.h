@@ -57,9 +57,4 @@ struct Scans {
 };
 std::optional<Scans> split_scans(std::span<const uint8_t> payload, bool has_lost);
 
-// How many of the fragments, from the first on, are one payload: an atlas, or the first alone. 0 for none.
-size_t group_size(std::span<const FragmentView> fragments);
-// Whether one of them has lost weight.
-bool any_lost(std::span<const FragmentView> group);
-
 }  // namespace lf::wire

@@ -26,7 +26,7 @@ FragmentHeader tile_header(const FragmentHeader& fragment, const Rect& tile) {
 }
 
 std::optional<Tiling> tile_raw(const FragmentHeader& fragment, size_t max_bytes) {
-  if (is_jpeg(fragment.codec)) return std::nullopt;
+  if (fragment.codec == Codec::kJpeg) return std::nullopt;
   const int unit = fragment.family == PixelFamily::kI420 ? 2 : 1;  // pixels a side that stay together
   const auto units_that_fit = [&](int width) {
     const size_t bytes = raw_size(tile_header(fragment, {0, 0, width, unit}));

@@ -23,7 +23,7 @@ inline constexpr uint8_t kRequestMagic = 'Q', kAnswerMagic = 'A';
 
 // Types of units, see spec.md. Others are passed on by whoever only frames.
 inline constexpr uint8_t kViewRequestType = 1, kWarpCommandType = 3, kPixelCommandType = 4;  // of a request stream
-inline constexpr uint8_t kFragmentsType = 1, kMomentsType = 5, kCameraTrialsType = 6;        // of an answer stream
+inline constexpr uint8_t kFragmentsType = 1, kMomentsType = 5;                               // of an answer stream
 
 struct UnitHeader {
   UnitKind kind;

@@ -20,7 +20,7 @@ std::vector<Fragment> tiles(PixelFamily family, int width, int height) {
   for (int y = -1; y < 8; y++)
     for (int x = -1; x < 8; x++) {
       const Rect cell{x * width / 8 & ~1, y * height / 8 & ~1, (x + 2) * width / 8 & ~1, (y + 2) * height / 8 & ~1};
-      Fragment f{0, family, intersect(cell, {0, 0, width, height}), {}, {}};
+      Fragment f{family, intersect(cell, {0, 0, width, height}), {}, {}};
       f.pixels.assign(packed_size(family, f.rect.width(), f.rect.height()), 30);
       out.push_back(std::move(f));
     }

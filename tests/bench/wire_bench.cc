@@ -115,49 +115,55 @@ double tree(const Film& film, int views, int nodes, int racks, const std::string
             " node=" + k + " codec=" + codec + " ! rtplfpay name=p" + k + " ! rtplfdepay" + kQueue + "c.sink_" + k +
             " ";
     for (int i = rack * nodes / racks; i < (rack + 1) * nodes / racks; i++)
-      line += node(film, i, nodes, "sum=node codec=" + codec) + kQueue + "k" + k + ".sink_" + std::to_string(i) + " ";
+      line += node(film, i, nodes, "codec=" + codec) + kQueue + "k" + k + ".sink_" + std::to_string(i) + " ";
   }
   return packet_bytes(line, racks) / views;
 }
 
 int run(int views, const std::string& plots, const std::string& json_file) {
-  const char* const kManners[] = {"sum=camera codec=raw", "sum=node codec=raw", "sum=camera codec=jpeg",
-                                  "sum=node codec=jpeg"};  // two a panel
+  const struct {
+    const char* name;
+    bool apart;  // a node for each camera
+    const char* codec;
+  } kManners[] = {{"a node each camera, raw", true, "codec=raw"},
+                  {"six nodes, raw", false, "codec=raw"},
+                  {"a node each camera, JPEG", true, "codec=jpeg"},
+                  {"six nodes, JPEG", false, "codec=jpeg"}};  // two a panel
   std::vector<bench::Panel> panels;
   for (const char* title : {"uncompressed", "JPEG, quality 90"})
     panels.push_back({.title = title,
-                      .x_label = "cameras on 6 hosts",
+                      .x_label = "cameras",
                       .y_label = "kilobytes a view",
                       .x_tics = {4, 16, 36, 64, 144, 256},
-                      .series = {{"a fragment each camera", true, {}}, {"a sum each host", false, {}}},
+                      .series = {{"a node each camera", true, {}}, {"six nodes", false, {}}},
                       .front = {},
                       .front_name = ""});
   nlohmann::json rows = nlohmann::json::array();
-  std::printf("RTP bytes per view of %dx%d into the compositor (%d views), MTU 1400\n%8s %6s", kWidth, kHeight, views,
-              "cameras", "hosts");
-  for (const char* manner : kManners) std::printf(" %22s", manner);
+  std::printf("RTP bytes per view of %dx%d into the compositor (%d views), MTU 1400\n%8s", kWidth, kHeight, views,
+              "cameras");
+  for (const auto& manner : kManners) std::printf(" %24s", manner.name);
   std::printf("\n");
   for (const int cameras : {4, 16, 36, 64, 144, 256}) {
     const Film film(cameras, views);
     const int nodes = std::min(cameras, 6);
-    std::printf("%8d %6d", cameras, nodes);
+    std::printf("%8d", cameras);
     for (size_t m = 0; m < std::size(kManners); m++) {
-      const double bytes = flat(film, views, nodes, kManners[m]);
-      std::printf(" %22.0f", bytes);
+      const double bytes = flat(film, views, kManners[m].apart ? cameras : nodes, kManners[m].codec);
+      std::printf(" %24.0f", bytes);
       std::fflush(stdout);
       panels[m / 2].series[m % 2].points.push_back({static_cast<double>(cameras), bytes / 1000, ""});
-      rows.push_back({{"cameras", cameras}, {"hosts", nodes}, {"manner", kManners[m]}, {"bytes_per_view", bytes}});
+      rows.push_back({{"cameras", cameras}, {"manner", kManners[m].name}, {"bytes_per_view", bytes}});
     }
     std::printf("\n");
   }
   std::printf("\nRTP bytes per view into the root\n%8s %6s %6s %22s %22s %22s\n", "cameras", "hosts", "racks",
-              "a fragment each camera", "a sum each host", "a sum each rack");
+              "a node each camera", "a sum each host", "a sum each rack");
   const struct { int cameras, nodes, racks; } kTrees[] = {{64, 6, 2}, {256, 16, 4}};
   for (const auto& t : kTrees) {
     const Film film(t.cameras, views);
     for (const std::string codec : {"raw", "jpeg"}) {
-      const double camera = flat(film, views, t.nodes, "sum=camera codec=" + codec);
-      const double sum = flat(film, views, t.nodes, "sum=node codec=" + codec);
+      const double camera = flat(film, views, t.cameras, "codec=" + codec);
+      const double sum = flat(film, views, t.nodes, "codec=" + codec);
       const double rack = tree(film, views, t.nodes, t.racks, codec);
       std::printf("%8d %6d %6d %22.0f %22.0f %22.0f  %s\n", t.cameras, t.nodes, t.racks, camera, sum, rack,
                   codec.c_str());

@@ -37,19 +37,15 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   lf::fuzz::require(answer || !reason.empty());
   if (!answer) return 0;
   lf::fuzz::require(lf::wire::parse_answer_header({data, size}).has_value());
-  for (std::span<const lf::wire::FragmentView> rest = answer->fragments; !rest.empty();) {
-    const auto group = rest.first(lf::wire::group_size(rest));
-    rest = rest.subspan(group.size());
-    if (group[0].codec == lf::wire::Codec::kRaw16) {
-      const lf::ConstSumPlanes sums = decoder.sums(group[0]);
-      const Rect& rect = group[0].rect;
+  for (const lf::wire::FragmentView& fragment : answer->fragments) {
+    if (fragment.codec == lf::wire::Codec::kRaw16) {
+      const lf::ConstSumPlanes sums = decoder.sums(fragment);
+      const Rect& rect = fragment.rect;
       for (int c = 0; c < 3; c++)
         g_sum += sums.plane[c][(lf::plane_height(sums.family, rect, c) - 1) * sums.stride[c] +
                                lf::plane_width(sums.family, rect, c) - 1];
-    } else {
-      const std::span<const lf::FragmentPlanes> planes = decoder.decode(group);
-      lf::fuzz::require(planes.empty() || planes.size() == group.size());
-      for (const lf::FragmentPlanes& f : planes) read(f);
+    } else if (const std::optional<lf::FragmentPlanes> planes = decoder.decode(fragment)) {
+      read(*planes);
     }
   }
   return 0;

@@ -7,7 +7,6 @@
 #include "node/commands.h"
 #include "scene/scene.h"
 #include "web/offers.h"
-#include "wire/camera_trials_codec.h"
 #include "wire/command_codec.h"
 #include "wire/moments_codec.h"
 #include "wire/unit.h"
@@ -99,11 +98,16 @@ int main(int argc, char** argv) {
   const lf::ByteBuffer coded = lf::wire::encode_moments({1, 2, 3, 4, {}}, moments);
   const Bytes moments_unit(coded.begin(), coded.end());
   write(folder / "moments", moments_unit);
+  for (lf::Moments& m : moments)
+    for (size_t i = 6; i < 15; i++) {
+      m.weight[i] = static_cast<uint16_t>(2000 * i);
+      m.luma[i] = lf::Moments::luma_of(m.weight[i], 77);
+      m.square[i] = lf::Moments::square_of(m.luma[i], 77);
+    }
+  const lf::ByteBuffer of_one = lf::wire::encode_moments({1, 2, 3, 4, {}}, moments, true);
+  write(folder / "moments", Bytes(of_one.begin(), of_one.end()));
   const lf::ByteBuffer gains = lf::wire::encode_moments({1, 2, 3, 4, lf::GainSum{9000, -77}}, {&moments[1], 1});
   write(folder / "moments", Bytes(gains.begin(), gains.end()));
-  const lf::CameraTrials trials{3, {1, 2, 9, 8}, std::vector(4, std::vector<uint8_t>(48, 77))};
-  const lf::ByteBuffer by_camera = lf::wire::encode_camera_trials({1, 2, 3, 4, {}}, {64, 64, 4}, {{trials}});
-  write(folder / "camera_trials", Bytes(by_camera.begin(), by_camera.end()));
   write(folder / "packetizer", join({{0, 0}, moments_unit}));
   write(folder / "framing", join({{9}, moments_unit, answers[0]}));
   for (const Bytes& unit : requests) {

@@ -10,8 +10,7 @@
 #include <vector>
 
 #include "gst/array_fixture.h"
-#include "render/fragment_renderer.h"
-#include "render/render_job.h"
+#include "support/node_answer.h"
 #include "wire/answer_codec.h"
 #include "wire/request_codec.h"
 
@@ -49,27 +48,12 @@ class LfCompositorTest : public testing::Test {
   wire::Answer answer_of(const ViewRequest& request, std::vector<CameraIndex> cameras, uint8_t grey = 200,
                          PixelFamily family = PixelFamily::kRgb) {
     const Rig& rig = array_.rig();
-    const RenderJob job(rig, build_mesh(rig, request.out_of_service), request.view, cameras);
     Image image(family, ArrayFixture::kWidth, ArrayFixture::kHeight);
     std::fill(image.data().begin(), image.data().end(), uint8_t{128});
     const size_t grey_bytes =
         family == PixelFamily::kRgb ? image.data().size() : ArrayFixture::kWidth * ArrayFixture::kHeight;
     std::fill_n(image.data().begin(), grey_bytes, grey);
-    wire::Answer answer;
-    answer.view_id = request.view_id;
-    answer.sequence = request.sequence;
-    answer.view_width = request.view.width;
-    answer.view_height = request.view.height;
-    answer.family = family;
-    answer.target_time = answer.actual_time = request.target_time;
-    answer.cameras = CameraRanges(cameras);
-    answer.rig_hash = rig.hash();
-    for (const CameraIndex camera : job.cameras()) {
-      auto fragment =
-          make_scalar_renderer()->render(job.plan(), job.owners(), camera, rig.cameras[camera], image.view());
-      if (fragment) answer.fragments.push_back(std::move(*fragment));
-    }
-    return answer;
+    return node_answer(rig, request, cameras, image);
   }
 
   void push(int node, const wire::Answer& answer) {

@@ -23,7 +23,6 @@ class LfFragmentTest : public testing::Test {
   void start(int cameras, const char* format = "RGB", bool live = false) {
     element_.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lffragment", nullptr))));
     g_object_set(element_.get(), "rig", array_.rig_path().c_str(), "node", 7u, nullptr);
-    set("sum", "camera");  // which cameras are in it
     harness_.reset(gst_harness_new_with_element(element_.get(), "request", "src"));
     gst_harness_set_live(harness_.get(), FALSE);
     for (int i = 0; i < cameras; i++) {

@@ -60,8 +60,7 @@ class OverloadTest : public LossTest {
 
 // A frame takes 100 ms of 67: late by 1 s after 3 s, and never on time again, if all were decoded.
 TEST_F(OverloadTest, FramesAreDroppedBeforeTheyAreDecoded) {
-  const ElementPtr pipeline =
-      launch(line(rig(3, [](guint) { return "gops.mkv"; }), 1, "is-live=true loop=true sum=camera"));
+  const ElementPtr pipeline = launch(line(rig(3, [](guint) { return "gops.mkv"; }), 1, "is-live=true loop=true"));
   ASSERT_TRUE(pipeline);
   g_signal_connect(pipeline.get(), "deep-element-added", G_CALLBACK(slow_down), nullptr);
   const Said said(pipeline.get());
@@ -73,10 +72,10 @@ TEST_F(OverloadTest, FramesAreDroppedBeforeTheyAreDecoded) {
   EXPECT_TRUE(eventually([&] { return dropped(node.get()) > 60; }));  // longer than without there were frames in time
   const uint64_t answers = stat(node.get(), "answers"), fragments = stat(node.get(), "fragments");
   EXPECT_TRUE(eventually([&] { return stat(node.get(), "answers") >= answers + 75; }));
-  const double cameras = static_cast<double>(stat(node.get(), "fragments") - fragments) /
-                         static_cast<double>(stat(node.get(), "answers") - answers);
-  std::printf("of 3 cameras %.1f are in a picture\n", cameras);
-  EXPECT_GT(cameras, 0.7);
+  const double seen = static_cast<double>(stat(node.get(), "fragments") - fragments) /
+                      static_cast<double>(stat(node.get(), "answers") - answers);
+  std::printf("%.2f of the answers show something\n", seen);
+  EXPECT_GT(seen, 0.7);
   EXPECT_THAT(said.warnings(), Contains(HasSubstr("this machine can't decode all frames")));
   EXPECT_THAT(said.warnings(), Each(Not(HasSubstr("the clock that of all machines"))));
 

@@ -10,6 +10,7 @@
 #include "gst/camera_files.h"
 #include "gst/gst_test.h"
 #include "gst/other_rig.h"
+#include "support/seeing.h"
 #include "wire/answer_codec.h"
 #include "wire/request_codec.h"
 
@@ -25,7 +26,6 @@ class LfCameraNodeTest : public testing::Test {
   GstElement* make(const std::function<void(GstElement*)>& set = [](GstElement*) {}) {
     node_.reset(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lfcameranode", nullptr))));
     g_object_set(node_.get(), "rig", array_.rig_path().c_str(), "node", 7u, "framerate", 10, 1, nullptr);
-    gst_util_set_object_arg(G_OBJECT(node_.get()), "sum", "camera");  // which cameras are in it
     set(node_.get());
     return node_.get();
   }
@@ -48,11 +48,7 @@ class LfCameraNodeTest : public testing::Test {
     EXPECT_TRUE(decoded) << reason;
     return decoded.value_or(wire::Answer{});
   }
-  static std::vector<CameraIndex> cameras_of(const wire::Answer& answer) {
-    std::vector<CameraIndex> cameras;
-    for (const Fragment& fragment : answer.fragments) cameras.push_back(fragment.camera);
-    return cameras;
-  }
+  static std::vector<CameraIndex> cameras_of(const wire::Answer& answer) { return seeing(answer); }
 
   // Puts the node into a pipeline of its own and changes its state: "" or the text of the error it posted.
   static std::string error_of(const std::string& properties, GstStateChangeReturn* result) {
@@ -179,7 +175,7 @@ TEST_F(LfCameraNodeTest, AnswersAgainAfterEachRestart) {
   make();
   for (int i = 0; i < 10; ++i) {
     play();
-    ASSERT_EQ(ask(0).fragments.size(), 4u) << i;
+    ASSERT_EQ(seeing(ask(0)).size(), 4u) << i;
     harness_.reset();
     ASSERT_EQ(gst_element_set_state(node_.get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
   }
@@ -268,9 +264,9 @@ TEST_F(LfCameraNodeTest, ARigWithTheSameCamerasIsTakenWhileRunning) {
   play();
   const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_bus_new());
   gst_element_set_bus(node_.get(), bus.get());
-  EXPECT_EQ(ask(0).fragments.size(), 4u);
+  EXPECT_EQ(seeing(ask(0)).size(), 4u);
   g_object_set(node_.get(), "rig", calibrated.path().c_str(), nullptr);
-  EXPECT_EQ(ask(1, calibrated.hash()).fragments.size(), 4u);
+  EXPECT_EQ(seeing(ask(1, calibrated.hash())).size(), 4u);
   for (const OtherRig* other : {&moved, &smaller}) {
     g_object_set(node_.get(), "rig", other->path().c_str(), nullptr);
     GstMessage* message = gst_bus_pop_filtered(bus.get(), GST_MESSAGE_WARNING);
@@ -282,7 +278,7 @@ TEST_F(LfCameraNodeTest, ARigWithTheSameCamerasIsTakenWhileRunning) {
     g_autofree gchar* kept = nullptr;
     g_object_get(node_.get(), "rig", &kept, nullptr);
     EXPECT_EQ(kept, calibrated.path());
-    EXPECT_EQ(ask(2, calibrated.hash()).fragments.size(), 4u);
+    EXPECT_EQ(seeing(ask(2, calibrated.hash())).size(), 4u);
   }
 }
 

@@ -4,6 +4,7 @@
 
 #include "composite/camera_health.h"
 #include "gst/compositor_live_fixture.h"
+#include "support/halves.h"
 #include "wire/answer_parser.h"
 #include "wire/answer_writer.h"
 #include "wire/payload.h"
@@ -145,18 +146,16 @@ TEST_F(LfCompositorLiveTest, IncompletePicturesAreRepeatedOrDropped) {
   }
 }
 
-// An answer in two parts, each with some of its fragments.
+// An answer in two parts, of its upper half and of its lower one.
 std::vector<std::vector<uint8_t>> in_parts(const wire::Answer& answer) {
   std::vector<std::vector<uint8_t>> parts;
-  const size_t total = answer.fragments.size(), half = total / 2;
-  for (const auto& [first, count] : {std::pair{size_t{0}, half}, std::pair{half, total - half}}) {
-    wire::AnswerWriter writer(answer, count);
-    for (size_t i = first; i < first + count; i++) {
-      const Fragment& f = answer.fragments[i];
-      const std::span<uint8_t> to = writer.add({f.camera, f.family, f.rect, wire::Codec::kRaw, 0, !f.lost.empty()});
-      std::ranges::copy(f.lost, std::ranges::copy(f.pixels, to.begin()).out);
-    }
-    writer.set_part(static_cast<uint32_t>(first), static_cast<uint32_t>(total));
+  const std::vector<Fragment> halves = halves_of(answer.fragments.at(0));
+  for (uint32_t i = 0; i < 2; i++) {
+    const Fragment& f = halves[i];
+    wire::AnswerWriter writer(answer, 1);
+    const std::span<uint8_t> to = writer.add({{}, f.family, f.rect, wire::Codec::kRaw, 0, !f.lost.empty()});
+    std::ranges::copy(f.lost, std::ranges::copy(f.pixels, to.begin()).out);
+    writer.set_part(i, 2);
     const ByteBuffer bytes = writer.finish();
     parts.emplace_back(bytes.begin(), bytes.end());
   }
@@ -179,14 +178,16 @@ TEST_F(LfCompositorLiveTest, PartsOfAnswersComeInAnyOrderAndMoreThanOnce) {
 }
 
 TEST_F(LfCompositorLiveTest, ALostPartIsConcealedAtTheDeadline) {
-  start_live(1, {{"rig", array_.rig_path()}});
+  start_live(2, {{"rig", array_.rig_path()}});
   const ViewRequest asked = ask();
-  const auto parts = in_parts(answer_of(asked, {0, 1, 2, 3}));
-  ASSERT_EQ(gst_harness_push(nodes_[0].get(), to_buffer(std::vector<uint8_t>(parts[1]))), GST_FLOW_OK);
+  push(0, answer_of(asked, {0}));
+  const auto parts = in_parts(answer_of(asked, {1, 2, 3}));
+  ASSERT_EQ(gst_harness_push(nodes_[1].get(), to_buffer(std::vector<uint8_t>(parts[1]))), GST_FLOW_OK);
   pass_deadline();
   const std::vector<uint8_t> picture = pull();
-  EXPECT_EQ(stat(element_.get(), "missing-fragments"), 2u);
-  EXPECT_NEAR(picture[(6 * 16 + 8) * 3], 200, 6);
+  EXPECT_EQ(stat(element_.get(), "missing-fragments"), 3u);
+  EXPECT_NEAR(picture[(4 * 16 + 6) * 3], 200, 6);
+  EXPECT_NEAR(picture[(8 * 16 + 6) * 3], 200, 1);
 }
 
 }  // namespace

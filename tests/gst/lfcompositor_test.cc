@@ -50,15 +50,22 @@ TEST_F(LfCompositorTest, EveryStageIsTimed) {
 TEST_F(LfCompositorTest, TwoNodesAreOnePictureToTheBit) {
   const ViewRequest asked = array_.request(0, 0);
   start(1);
+  Image noise(PixelFamily::kRgb, ArrayFixture::kWidth, ArrayFixture::kHeight);
+  for (size_t i = 0; i < noise.data().size(); i++) noise.data()[i] = static_cast<uint8_t>(i * 2654435761u >> 24);
+  const auto push_sums = [&](size_t node, const std::vector<CameraIndex>& cameras) {
+    const ByteBuffer bytes = node_answer_bytes(array_.rig(), asked, cameras, noise, {{wire::Codec::kRaw16}});
+    ASSERT_EQ(gst_harness_push(nodes_[node].get(), to_buffer({bytes.begin(), bytes.end()})), GST_FLOW_OK);
+  };
   request(asked);
-  push(0, answer_of(asked, {0, 1, 2, 3}));
+  push_sums(0, {0, 1, 2, 3});
   const std::vector<uint8_t> together = pull();
   nodes_.clear();
   start(2);
   request(asked);
-  push(1, answer_of(asked, {1, 3}));
-  push(0, answer_of(asked, {0, 2}));
+  push_sums(1, {1, 3});
+  push_sums(0, {0, 2});
   EXPECT_EQ(pull(), together);
+  EXPECT_LT(range(together).first, range(together).second - 50) << "it shows something";
 }
 
 TEST_F(LfCompositorTest, AnswersComeBeforeTheRequestOrAfterIt) {
@@ -98,7 +105,6 @@ TEST_F(LfCompositorTest, DamagedFragmentsAreCountedAndTheRestIsComposed) {
   const wire::Answer answer = answer_of(asked, {0, 1, 2, 3});
   ByteBuffer bytes = wire::FragmentEncoder().encode(answer, answer.fragments, 90);
   const wire::AnswerView view = wire::parse_answer(bytes).value();
-  const size_t members = wire::group_size(view.fragments);
   const uint8_t marker[] = {0xff, 0xd9};
   for (const bool damage : {false, true}) {
     start(1, {{"rig", array_.rig_path()}});
@@ -110,9 +116,9 @@ TEST_F(LfCompositorTest, DamagedFragmentsAreCountedAndTheRestIsComposed) {
       EXPECT_GE(range(picture).first, 190);
       EXPECT_LE(range(picture).second, 210);
     }
-    EXPECT_EQ(stat(element_.get(), "damaged-fragments"), damage ? members : 0);
-    EXPECT_EQ(stat(element_.get(), "missing-fragments"), damage ? members : 0);
-    EXPECT_EQ(stat(element_.get(), "fragments"), answer.fragments.size() - (damage ? members : 0));
+    EXPECT_EQ(stat(element_.get(), "damaged-fragments"), damage ? 1u : 0u);
+    EXPECT_EQ(stat(element_.get(), "missing-fragments") > 0, damage);
+    EXPECT_EQ(stat(element_.get(), "fragments"), answer.fragments.size() - damage);
     EXPECT_EQ(stat(element_.get(), "incomplete"), damage ? 1u : 0u);
     EXPECT_EQ(stat(element_.get(), "bad-answers"), 0u);
     nodes_.clear();

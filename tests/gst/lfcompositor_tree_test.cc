@@ -80,11 +80,10 @@ TEST_F(LfCompositorTreeTest, APartialAnswerSpeaksForTheRacksCameras) {
 
 TEST_F(LfCompositorTreeTest, WhatIsMissingInARackIsMissingAtTheRoot) {
   const ViewRequest asked = array_.request(5, kFrame);
-  wire::Answer two = answer_of(asked, {0, 1});
-  std::erase_if(two.fragments, [](const Fragment& f) { return f.camera == 1; });
-  two.cameras = CameraRanges(CameraSet{0, 1});
-  two.blind = CameraRanges(CameraSet{1});
-  const std::vector<uint8_t> picture = root(asked, {rack(asked, {two}), wire::encode_answer(answer_of(asked, {2, 3}))});
+  wire::Answer blind = answer_of(asked, {});
+  blind.cameras = blind.blind = CameraRanges(CameraSet{1});
+  const std::vector<uint8_t> picture =
+      root(asked, {rack(asked, {answer_of(asked, {0}), blind}), wire::encode_answer(answer_of(asked, {2, 3}))});
   EXPECT_NEAR(picture[(6 * 16 + 8) * 3], 200, 6);
 }
 

@@ -8,6 +8,7 @@
 
 #include "gst/fragment_fixture.h"
 #include "gst/other_rig.h"
+#include "support/seeing.h"
 
 // Cameras and requesters that come and go, and rigs that are replaced, while lffragment runs.
 namespace lf::test {
@@ -42,9 +43,7 @@ class LfFragmentChangeTest : public LfFragmentTest {
   }
   std::vector<CameraIndex> cameras_in(const ViewRequest& asked) {
     EXPECT_EQ(request(asked), GST_FLOW_OK);
-    std::vector<CameraIndex> cameras;
-    for (const Fragment& fragment : pull().fragments) cameras.push_back(fragment.camera);
-    return cameras;
+    return seeing(pull());
   }
 };
 

@@ -9,6 +9,7 @@
 #include "base/schedule.h"
 #include "common/capture_delay.h"
 #include "gst/fragment_fixture.h"
+#include "support/seeing.h"
 
 namespace lf::test {
 namespace {
@@ -49,7 +50,7 @@ TEST_F(LfFragmentClockTest, TimesAreTheClocksWhateverTheBaseTime) {
     const wire::Answer answer = ask(0, kEpoch + kFrame);
     EXPECT_EQ(answer.target_time, kEpoch + kFrame);
     EXPECT_EQ(answer.actual_time, kEpoch + kFrame + 7 * GST_MSECOND) << base;
-    EXPECT_EQ(answer.fragments.size(), 4u);
+    EXPECT_EQ(seeing(answer).size(), 4u);
   }
 }
 
@@ -98,7 +99,7 @@ TEST_F(LfFragmentClockTest, FreeRunningCamerasStayWithinHalfAFrame) {
         continue;
       }
       const wire::Answer answer = ask(static_cast<uint32_t>(requests++), event.time);
-      ASSERT_EQ(answer.fragments.size(), 4u);
+      ASSERT_EQ(seeing(answer).size(), 4u);
       uint64_t expected = 0, gap = 0;
       for (const std::vector<uint64_t>& times : taken) {
         const auto after = std::lower_bound(times.begin(), times.end(), event.time);
@@ -156,7 +157,7 @@ TEST_F(LfFragmentClockTest, ACameraThatStoppedIsBlind) {
     for (const size_t i : {0, 1, 3}) push_taken(i, at(k));
     const wire::Answer answer = ask(static_cast<uint32_t>(k), at(k));
     const bool stale = k > 4 + 5;  // 500 ms
-    EXPECT_EQ(answer.fragments.size() + answer.blind.size(), 4u) << k;
+    EXPECT_EQ(answer.cameras.size(), 4u) << k;
     EXPECT_EQ(answer.blind.contains(2), stale) << k;
     EXPECT_EQ(answer.actual_time, stale ? at(k) : at(4)) << k;
   }

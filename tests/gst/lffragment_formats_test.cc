@@ -11,6 +11,7 @@
 #include "gst/fragment_fixture.h"
 #include "image/image_io.h"
 #include "support/add_answer.h"
+#include "support/seeing.h"
 #include "wire/answer_codec.h"
 
 namespace lf::test {
@@ -22,7 +23,7 @@ TEST_F(LfFragmentTest, I420StaysI420) {
   ASSERT_EQ(request(array_.request(0, 0)), GST_FLOW_OK);
   const wire::Answer answer = pull();
   EXPECT_EQ(answer.family, PixelFamily::kI420);
-  EXPECT_EQ(answer.fragments.size(), 4u);
+  EXPECT_EQ(seeing(answer).size(), 4u);
 }
 
 // The same pictures in another layout give the same answers, to the bit.
@@ -68,7 +69,7 @@ TEST_F(LfFragmentTest, Nv12AndGreyAreTakenAsTheyAre) {
       const auto decoded = wire::decode_answer(answers[0]);
       ASSERT_TRUE(decoded);
       EXPECT_EQ(decoded->family, PixelFamily::kI420);
-      EXPECT_EQ(decoded->fragments.size(), 4u);
+      EXPECT_EQ(seeing(*decoded).size(), 4u);
       EXPECT_TRUE(answers[0] == answers[1]) << colorimetry << " grey: " << grey;
     }
   }
@@ -123,7 +124,7 @@ TEST_F(LfFragmentTest, AnswersDoNotDependOnWhichCameraComesFirst) {
       const auto decoded = wire::decode_answer(answers.back());
       ASSERT_TRUE(decoded);
       EXPECT_EQ(decoded->family, test.family);
-      EXPECT_EQ(decoded->fragments.size(), 4u);
+      EXPECT_EQ(seeing(*decoded).size(), 4u);
     }
     EXPECT_THAT(answers, testing::Each(answers[0]));
   }
@@ -209,7 +210,7 @@ TEST_F(LfFragmentJpegTest, BesideRgbCamerasTheyBecomeRgb) {
   ASSERT_EQ(request(asked), GST_FLOW_OK);
   const wire::Answer answer = pull();
   EXPECT_EQ(answer.family, PixelFamily::kRgb);
-  EXPECT_EQ(answer.fragments.size(), 4u);
+  EXPECT_EQ(seeing(answer).size(), 4u);
   const auto [low, high] = picture_range(asked, answer);
   EXPECT_GE(low, 197);
   EXPECT_LE(high, 203);

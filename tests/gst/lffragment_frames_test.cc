@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "gst/fragment_fixture.h"
+#include "support/seeing.h"
 
 namespace lf::test {
 namespace {
@@ -49,7 +50,7 @@ TEST_F(LfFragmentTest, WaitsForCamerasThatHaveNotBegun) {
   });
   ASSERT_EQ(request(array_.request(0, 0)), GST_FLOW_OK);
   camera.join();
-  EXPECT_EQ(pull().fragments.size(), 4u);
+  EXPECT_EQ(seeing(pull()).size(), 4u);
 }
 
 TEST_F(LfFragmentTest, FilesAreReadNoFasterThanRequestsMoveOn) {
@@ -73,7 +74,7 @@ TEST_F(LfFragmentTest, TheLastFrameOfAFileStands) {
   for (const HarnessPtr& camera : cameras_) gst_harness_push_event(camera.get(), gst_event_new_eos());
   ASSERT_EQ(request(array_.request(0, 50 * kFrame)), GST_FLOW_OK);
   const wire::Answer answer = pull();
-  EXPECT_EQ(answer.fragments.size(), 4u);
+  EXPECT_EQ(seeing(answer).size(), 4u);
   EXPECT_EQ(answer.actual_time, 0u);
 }
 

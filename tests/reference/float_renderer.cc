@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "reference/float_renderer.h"
 
-#include "render/contribution.h"
+#include "reference/contribution.h"
 
 namespace lf {
 namespace {

@@ -5,7 +5,7 @@
 #include "composite/accumulator.h"
 #include "reference/float_still.h"
 #include "reference/subject_parts.h"
-#include "render/fragment_renderer.h"
+#include "support/camera_part.h"
 
 namespace lf::reference {
 
@@ -19,7 +19,7 @@ Image as_i420(const Image& rgb) {
 
 namespace {
 
-// The scalar renderer before it rounds.
+// In float, and nothing rounded.
 Answer in_float(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images) {
   const Plans plans(rig, mesh, view);
   FloatStill still = render_float_still(rig, plans.plan, plans.owners, PixelFamily::kRgb,
@@ -37,9 +37,9 @@ Answer in_float(const Rig& rig, const Mesh& mesh, const View& view, const std::v
   return answer;
 }
 
-// 8-bit fragments of any renderer, added up by the compositor. Weights are those that white images show.
-Answer in_fragments(const FragmentRenderer& renderer, PixelFamily family, const Rig& rig, const Mesh& mesh,
-                    const View& view, const std::vector<Image>& images) {
+// The sums of nodes of one camera in 8 bits, added up by the compositor. Weights are those that white images show.
+Answer in_fragments(Coordinates coordinates, PixelFamily family, const Rig& rig, const Mesh& mesh, const View& view,
+                    const std::vector<Image>& images) {
   const Plans plans(rig, mesh, view);
   const size_t pixels = static_cast<size_t>(view.width) * view.height;
   const bool i420 = family == PixelFamily::kI420;
@@ -51,7 +51,7 @@ Answer in_fragments(const FragmentRenderer& renderer, PixelFamily family, const 
   sum.reset(family, view.width, view.height);
   const auto render = [&](CameraIndex i, const Image& rgb) {
     const Image image = i420 ? as_i420(rgb) : rgb;
-    return renderer.render(plans.plan, plans.owners, i, rig.cameras[i], image.view());
+    return test::camera_part(plans.plan, plans.owners.runs(), {i, &rig.cameras[i], image.view()}, coordinates);
   };
   for (const CameraIndex i : plans.plan.contributors()) {
     if (const auto fragment = render(i, images[i])) sum.add(*fragment);
@@ -77,7 +77,7 @@ Answer in_fragments(const FragmentRenderer& renderer, PixelFamily family, const 
 
 // Three samples rounded to 8 bits add up to an integer less than 1.5 from their exact sum, and a lost weight below half
 // a level is forgotten.
-Subject of_fragments(std::string name, std::shared_ptr<const FragmentRenderer> renderer, PixelFamily family) {
+Subject of_fragments(std::string name, Coordinates coordinates, PixelFamily family) {
   constexpr double kHalf = 0.5 / 255 + 1e-6;
   return {std::move(name),
           3 * kHalf,
@@ -85,23 +85,19 @@ Subject of_fragments(std::string name, std::shared_ptr<const FragmentRenderer> r
           1.75,
           0.999,
           [=](const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images) {
-            return in_fragments(*renderer, family, rig, mesh, view, images);
+            return in_fragments(coordinates, family, rig, mesh, view, images);
           }};
 }
 
 }  // namespace
 
 std::vector<Subject> subjects() {
-  const std::shared_ptr<const FragmentRenderer> scalar = make_scalar_renderer();
-  std::vector<Subject> all{{"float", 1e-6, 1e-6, 2e-3, 0.01, in_float},
-                           of_fragments("scalar RGB", scalar, PixelFamily::kRgb),
-                           of_fragments("scalar I420", scalar, PixelFamily::kI420)};
+  std::vector<Subject> all{{"float", 1e-6, 1e-6, 2e-3, 0.01, in_float}};
   for (const Coordinates coordinates : {Coordinates::kGrid, Coordinates::kExact}) {
-    const std::shared_ptr<const FragmentRenderer> simd = make_simd_renderer(coordinates);
     const std::string grid = coordinates == Coordinates::kGrid ? " grid" : " exact";
     for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
       const std::string name = "simd " + std::string(family == PixelFamily::kRgb ? "RGB" : "I420") + grid;
-      all.push_back(of_fragments(name, simd, family));
+      all.push_back(of_fragments(name, coordinates, family));
       all.push_back(of_sums(name + " sum", family, coordinates));
     }
   }

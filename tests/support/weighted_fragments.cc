@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "support/weighted_fragments.h"
 
-#include "render/fragment_renderer.h"
 #include "render/render_job.h"
 #include "scene/scene.h"
+#include "support/camera_part.h"
 
 namespace lf {
 
@@ -23,12 +23,11 @@ std::vector<Fragment> weighted_fragments(PixelFamily family, int side, int width
   for (int i = begin; i < begin + count; i++) own.push_back(static_cast<CameraIndex>(i));
   const RenderJob job(rig, build_mesh(rig), view, own);
   std::vector<Fragment> fragments;
-  const auto renderer = make_scalar_renderer();
   for (const CameraIndex index : job.cameras()) {
     const Camera& camera = rig.cameras[index];
     Image image = render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0, 1);
     if (family == PixelFamily::kI420) image = to_i420(image);
-    auto fragment = renderer->render(job.plan(), job.owners(), index, camera, image.view());
+    auto fragment = test::camera_part(job.plan(), job.runs(), {index, &camera, image.view()});
     if (fragment) fragments.push_back(std::move(*fragment));
   }
   return fragments;

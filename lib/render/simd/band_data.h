@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <vector>
 
@@ -53,7 +52,6 @@ struct Slot {
   // find_calm_rows().
   int calm_y0 = 0, calm_y1 = 0;
   bool is_calm(int y0, int y1) const { return calm_y0 <= y0 && y1 <= calm_y1; }
-  bool is_calm() const { return is_calm(rect.y0, rect.y1); }
 };
 
 // One camera's weights in one block of a band, 32767 = 1.
@@ -197,17 +195,6 @@ struct Scratch {
   bool any_lost = false;
 };
 
-// Where one slot's own fragment goes, 8 bits a value, in whole blocks from the view's block `first_block` and row `y0`.
-struct SlotTarget {
-  int first_block = 0, blocks = 0;
-  int y0 = 0, y1 = 0;
-  uint8_t* plane[3] = {};  // kRgb: plane[0], R, G, B; chroma signed
-  ptrdiff_t stride[3] = {};
-  uint8_t* lost = nullptr;  // null: a calm slot, which loses nothing
-  ptrdiff_t lost_stride = 0;
-  std::atomic<bool>* any_lost = nullptr;
-};
-
 // The whole task, the same for all rows.
 struct SumTask {
   const ViewPlan* plan = nullptr;
@@ -216,13 +203,11 @@ struct SumTask {
   std::vector<int32_t> slot_of_camera;  // -1: not ours
   std::vector<uint8_t> face_corners;    // per plan.faces(): bit k: corner k is ours
   PixelFamily family = PixelFamily::kNone;
-  bool exact = false;               // Coordinates::kExact
-  std::vector<SlotTarget> targets;  // per slot; empty: all are added up in scratch
+  bool exact = false;  // Coordinates::kExact
 };
 
 // Computes rows y to y + kBandRows - 1 (as far as `rect` has them; y a multiple of kBandRows) into scratch.sum and
-// scratch.lost, which are large enough: all blocks that rect touches. Or into task.targets; then rect.y0 is even and
-// scratch has its own memory. In I420 rect.y0 is even.
+// scratch.lost, which are large enough: all blocks that rect touches. In I420 rect.y0 is even.
 void render_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch);
 const char* target_name();
 

@@ -14,7 +14,6 @@
 #include "render/simd/sums-inl.h"
 #include "render/simd/surface-inl.h"
 #include "render/simd/weights-inl.h"
-#include "render/sum_rounding.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
@@ -35,43 +34,6 @@ inline void clear_pair(bool i420, const PairPlace& at, Scratch& scratch) {
   for (int r = 2 * at.pair; r < 2 * at.pair + 2; r++)
     for (int c = 0; c < (i420 ? 1 : 3); c++) std::fill_n(scratch.sum[r][c] + at.out * kBlock, kBlock, 0);
   for (int c = 1; c < 3 && i420; c++) std::fill_n(scratch.sum[at.pair][c] + at.out * kChromaBlock, kChromaBlock, 0);
-}
-
-// What scratch has of one part, in a pair of rows up to y_end, to its slot's fragment.
-inline void store_from_scratch(bool i420, const PairPlace& at, int y_end, const Scratch& scratch,
-                               const SlotTarget& to) {
-  const ptrdiff_t block = at.x / kBlock - to.first_block;
-  for (int r = 2 * at.pair; r < 2 * at.pair + 2 && at.y + r < y_end; r++) {
-    const int row = at.y + r - to.y0;
-    const int16_t* sum[3];
-    for (int c = 0; c < 3; c++) sum[c] = scratch.sum[r][c] + at.out * kBlock;
-    uint8_t* const out = to.plane[0] + row * to.stride[0] + block * (i420 ? kBlock : 3 * kBlock);
-    if (i420)
-      round_row(out, sum[0], kBlock);
-    else
-      round_rgb_row(out, RgbLayout{}, sum[0], sum[1], sum[2], kBlock);
-    if (!to.lost) continue;
-    const uint16_t* lost = scratch.lost[r] + at.out * kBlock;
-    uint8_t* const lost_out = to.lost + row * to.lost_stride + block * kBlock;
-    for (int i = 0; i < kBlock; i++) lost_out[i] = round_lost(lost[i]);
-    if (std::any_of(lost_out, lost_out + kBlock, [](uint8_t v) { return v != 0; }))
-      to.any_lost->store(true, std::memory_order_relaxed);
-  }
-  for (int c = 1; c < 3 && i420; c++)
-    round_chroma_row(to.plane[c] + (at.y + 2 * at.pair - to.y0) / 2 * to.stride[c] + block * kChromaBlock,
-                     scratch.sum[at.pair][c] + at.out * kChromaBlock, kChromaBlock, 0);
-}
-
-// Zeros where no block will be written.
-inline void clear_target(bool i420, int y, int y_end, const SlotTarget& to) {
-  const int begin = std::max(y, to.y0) - to.y0, end = std::min(y_end, to.y1) - to.y0;
-  if (begin >= end) return;
-  const auto clear = [](uint8_t* plane, ptrdiff_t stride, int from, int past) {
-    std::memset(plane + from * stride, 0, static_cast<size_t>(past - from) * static_cast<size_t>(stride));
-  };
-  clear(to.plane[0], to.stride[0], begin, end);
-  if (to.lost) clear(to.lost, to.lost_stride, begin, end);
-  for (int c = 1; c < 3 && i420; c++) clear(to.plane[c], to.stride[c], begin / 2, (end + 1) / 2);
 }
 
 inline constexpr int kMostParts = kBandRows * 3 * kBlock;  // three corners of a face for every pixel
@@ -109,7 +71,6 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
   const bool surface = view.focus.map != nullptr;
   const auto sum_plain = surface ? sum_i420<true, true> : sum_i420<false, true>,
              sum_any = surface ? sum_i420<true, false> : sum_i420<false, false>;
-  const auto store = surface ? store_i420<true> : store_i420<false>;
   const bool odd_column = i420 && view.width % 2 != 0 && x + kBlock > view.width - 1;
   const bool shuffles = i420 && separable && !odd_column && !task.exact && HWY_TARGET != HWY_SCALAR;
   BlockParts all;
@@ -121,7 +82,7 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
     // A chroma sample at the border of an odd view has only two pixels, or one.
     const bool odd = odd_column || (i420 && y + 2 * pair + 1 >= view.height), alone = odd || !separable;
     // Nearly everywhere there is nothing to ask.
-    if (HWY_LIKELY(!odd && (all.calm >> pair & 1) && (all.rows >> (2 * pair) & 3) && task.targets.empty())) {
+    if (HWY_LIKELY(!odd && (all.calm >> pair & 1) && (all.rows >> (2 * pair) & 3))) {
       (all.plain ? sum_plain : sum_any)(all.part, all.count, place, scratch);
       continue;
     }
@@ -130,41 +91,26 @@ inline void render_block(const SumTask& task, const Rect& rect, int block, int o
     for (int i = 0; i < all.count; i++) {
       Part part = all.part[i];
       if (!(part.weights->rows >> (2 * pair) & 3)) continue;
+      if (part.verdict != SlotBand::kAllLost) {
+        if (alone)
+          part.verdict = SlotBand::kProject;
+        else if (!part.band->calm)
+          part.verdict = part.band->verdict[pair * part.band->verdict_pitch + part.block];
+      }
       if (part.verdict == SlotBand::kAllLost)
-        ;
-      else if (alone)
-        part.verdict = SlotBand::kProject;
-      else if (!part.band->calm)
-        part.verdict = part.band->verdict[pair * part.band->verdict_pitch + part.block];
-      if (part.verdict == SlotBand::kAllLost && task.targets.empty())
         add_lost(*part.weights, place, scratch);
       else if (shuffles && part.verdict >= SlotBand::kTall)
         shuffled[num_shuffled++] = part, plain = plain && part.verdict == SlotBand::kShuffle;
       else
         slow[num_slow++] = part;
     }
-    const auto add_slow = [&](const Part& part) HWY_ATTR {
-      if (alone || !add_part(task, part, place, scratch))
-        add_mixed_block(task, *part.weights, pair, x, out, rect.y1, y, scratch);
-    };
-    if (task.targets.empty()) {
-      if (i420)
-        (plain ? sum_plain : sum_any)(shuffled, num_shuffled, place, scratch);
-      else
-        clear_pair(i420, place, scratch);
-      for (int i = 0; i < num_slow; i++) add_slow(slow[i]);
-      continue;
-    }
-    for (int i = 0; i < num_shuffled; i++) store(shuffled[i], place, task.targets[shuffled[i].weights->slot]);
-    for (int i = 0; i < num_slow; i++) {
+    if (i420)
+      (plain ? sum_plain : sum_any)(shuffled, num_shuffled, place, scratch);
+    else
       clear_pair(i420, place, scratch);
-      for (int r = 2 * pair; r < 2 * pair + 2; r++) std::fill_n(scratch.lost[r] + out * kBlock, kBlock, 0);
-      if (slow[i].verdict == SlotBand::kAllLost)
-        add_lost(*slow[i].weights, place, scratch);
-      else
-        add_slow(slow[i]);
-      store_from_scratch(i420, place, rect.y1, scratch, task.targets[slow[i].weights->slot]);
-    }
+    for (int i = 0; i < num_slow; i++)
+      if (alone || !add_part(task, slow[i], place, scratch))
+        add_mixed_block(task, *slow[i].weights, pair, x, out, rect.y1, y, scratch);
   }
 }
 
@@ -195,8 +141,6 @@ void RenderBand(const SumTask& task, const Rect& rect, int y, Scratch& scratch) 
       if (scratch.bands[number].y == y || slot.image.family == PixelFamily::kNone) continue;
       place_slot(task, slot, y, scratch.inverse, scratch.cells, scratch.bands[number]);
     }
-  for (const SlotTarget& target : task.targets)
-    clear_target(task.family == PixelFamily::kI420, std::max(y, rect.y0), std::min(y + kBandRows, rect.y1), target);
   for (uint16_t* lost : scratch.lost) std::fill_n(lost, blocks * kBlock, 0);
   for (int i = 0; i < blocks; i++) render_block(task, rect, first_block + i, i, y, scratch);
 }

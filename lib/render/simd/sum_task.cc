@@ -5,7 +5,6 @@
 
 #include "base/error.h"
 #include "render/sampler.h"
-#include "render/fragment_renderer.h"
 
 namespace lf::simd {
 

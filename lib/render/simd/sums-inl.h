@@ -47,8 +47,6 @@ inline void sum_i420(const Part*, int, const PairPlace& at, Scratch& scratch) {
   for (int r = 2 * at.pair; r < 2 * at.pair + 2; r++) std::fill_n(scratch.sum[r][0] + at.out * kBlock, kBlock, 0);
   for (int c = 1; c < 3; c++) std::fill_n(scratch.sum[at.pair][c] + at.out * kChromaBlock, kChromaBlock, 0);
 }
-template <bool kSurface>
-inline void store_i420(const Part&, const PairPlace&, const SlotTarget&) {}
 // A machine without vectors goes the slow way everywhere.
 inline bool add_part(const SumTask&, const Part&, const PairPlace&, Scratch&) { return false; }
 
@@ -185,30 +183,6 @@ inline void sum_i420(const Part* parts, int count, const PairPlace& at, Scratch&
   }
   std::copy_n(chroma, kChromaBlock, scratch.sum[at.pair][1] + at.out * kChromaBlock);
   std::copy_n(chroma + kChromaBlock, kChromaBlock, scratch.sum[at.pair][2] + at.out * kChromaBlock);
-}
-
-// A part by itself, rounded, to its slot's fragment.
-template <bool kSurface>
-inline void store_i420(const Part& part, const PairPlace& at, const SlotTarget& to) {
-  const D16 d;
-  const hn::Rebind<uint8_t, D16> d8;
-  const hn::Rebind<int8_t, D16> di8;
-  const auto rounded = [&](V16 v) HWY_ATTR {
-    return hn::ShiftRight<kSumFractionBits>(hn::Add(v, hn::Set(d, 1 << (kSumFractionBits - 1))));
-  };
-  const int row = at.y + 2 * at.pair - to.y0;
-  const ptrdiff_t block = at.x / kBlock - to.first_block;
-  uint8_t* const upper = to.plane[0] + row * to.stride[0] + block * kBlock;
-  alignas(64) int8_t chroma[kBlock];
-  for (size_t lane = 0; lane < kBlock; lane += hn::Lanes(d)) {
-    const WeightedPair v = weigh_pair<kSurface, false>(part, at.pair, lane);
-    hn::StoreU(hn::DemoteTo(d8, rounded(v.upper)), d8, upper + lane);
-    hn::StoreU(hn::DemoteTo(d8, rounded(v.lower)), d8, upper + to.stride[0] + lane);
-    hn::Store(hn::DemoteTo(di8, rounded(v.chroma)), di8, chroma + lane);
-  }
-  for (int c = 0; c < 2; c++)
-    std::memcpy(to.plane[1 + c] + row / 2 * to.stride[1 + c] + block * kChromaBlock, chroma + c * kChromaBlock,
-                kChromaBlock);
 }
 
 // What add_part() works with: two rows and their chroma.

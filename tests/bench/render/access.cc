@@ -25,12 +25,8 @@ namespace {
 struct Kind {
   const char* name;
   Access access;
-  SumChoice sum;
 };
-constexpr Kind kKinds[] = {{"self, node's sum", Access::kSelf, SumChoice::kNode},
-                           {"self", Access::kSelf, SumChoice::kCamera},
-                           {"warp", Access::kWarp, SumChoice::kCamera},
-                           {"pixels", Access::kPixels, SumChoice::kCamera}};
+constexpr Kind kKinds[] = {{"self", Access::kSelf}, {"warp", Access::kWarp}, {"pixels", Access::kPixels}};
 
 // One view by way of one kind of camera, step by step; every step takes what the one before it sent.
 class Round {
@@ -40,7 +36,6 @@ class Round {
     request_.view = scene.views().front();
     request_.quality = static_cast<uint8_t>(quality);
     request_.rig_hash = rig_->hash();
-    manner_.sum = kind.sum;
     manner_.codec = quality > 0 ? CodecChoice::kJpeg : CodecChoice::kRaw;
     assembly_.set_rig(rig_);
   }

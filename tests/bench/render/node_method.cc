@@ -8,7 +8,6 @@
 #include "node/answer_renderer.h"
 #include "wire/answer_parser.h"
 #include "wire/fragment_codec.h"
-#include "wire/payload.h"
 
 namespace lf::bench {
 namespace {
@@ -17,9 +16,7 @@ class NodeMethod : public Method {
  public:
   NodeMethod(const Scene& scene, const View& view, Pixels pixels, int jpeg_quality, int threads)
       : scene_(scene), view_(view), pixels_(pixels), pool_(threads), parallel_(pool_.parallel()) {
-    form_.sum = true;
-    form_.codec = jpeg_quality > 0 ? wire::Codec::kJpeg : wire::Codec::kRaw16;
-    form_.quality = jpeg_quality;
+    form_ = choose_form(view, CodecChoice::kAuto, jpeg_quality == 0, jpeg_quality);
   }
 
   void render() override {
@@ -33,13 +30,11 @@ class NodeMethod : public Method {
     answer_ = render_answer(header, job, sources_, form_, std::move(answer_), parallel_).bytes;
 
     const auto answer = wire::parse_answer(answer_);
-    const std::span<const wire::FragmentView> all = answer->fragments;
-    for (size_t i = 0, n; i < all.size(); i += n) {
-      n = wire::group_size(all.subspan(i));
+    for (const wire::FragmentView& fragment : answer->fragments) {
       if (form_.codec == wire::Codec::kRaw16)
-        sum_.add_kept(decoder_.sums(all[i]));
+        sum_.add_kept(decoder_.sums(fragment));
       else
-        for (const FragmentPlanes& planes : decoder_.decode(all.subspan(i, n))) sum_.add(planes);
+        sum_.add(decoder_.decode(fragment).value());
     }
     resolve_into(sum_, picture_);
   }

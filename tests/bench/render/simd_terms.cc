@@ -211,13 +211,13 @@ template <int kQuality, int kPlane>
 Spread jpeg_of_sum(const Scene& scene) {
   const Ready ready(scene);
   const Sum sum(ready, ready.sources, Coordinates::kGrid);
-  const Fragment fragment = rounded_fragment(Fragment::kSum, sum.planes);
+  const Fragment fragment = rounded_fragment(sum.planes);
   const FragmentPlanes before = planes_of(fragment);
   FragmentPlanes after{.family = before.family, .rect = before.rect};
   ByteBuffer scan;
-  jpeg::FragmentEncoder().encode_pixels({&before, 1}, kQuality, scan);
+  jpeg::FragmentEncoder().encode_pixels(before, kQuality, scan);
   jpeg::FragmentDecoder decoder;
-  decoder.decode_pixels(scan, kQuality, {&after, 1});
+  decoder.decode_pixels(scan, kQuality, after);
   const auto value = [](const FragmentPlanes& planes, int x, int y) -> int {
     const uint8_t byte = planes.plane[kPlane][y * planes.stride[kPlane] + x];
     return kPlane == 0 ? byte : static_cast<int8_t>(byte);

@@ -4,9 +4,10 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
-#include "render/fragment_renderer.h"
 #include "scene/scene.h"
 #include "support/add_answer.h"
+#include "support/halves.h"
+#include "support/node_answer.h"
 #include "wire/answer_writer.h"
 #include "wire/fragment_codec.h"
 #include "wire/payload.h"
@@ -28,24 +29,9 @@ class AssemblyTest : public testing::Test {
   }
 
   wire::Answer answer(const std::vector<CameraIndex>& cameras, uint8_t grey = 180) const {
-    const RenderJob job(*rig_, build_mesh(*rig_, request_.out_of_service), request_.view, cameras);
     Image image(PixelFamily::kRgb, 48, 36);
     std::fill(image.data().begin(), image.data().end(), grey);
-    wire::Answer answer;
-    answer.view_id = request_.view_id;
-    answer.sequence = request_.sequence;
-    answer.view_width = request_.view.width;
-    answer.view_height = request_.view.height;
-    answer.family = PixelFamily::kRgb;
-    answer.target_time = request_.target_time;
-    answer.actual_time = request_.target_time;
-    answer.rig_hash = rig_->hash();
-    for (const CameraIndex camera : job.cameras()) {
-      auto fragment =
-          make_scalar_renderer()->render(job.plan(), job.owners(), camera, rig_->cameras[camera], image.view());
-      if (fragment) answer.fragments.push_back(std::move(*fragment));
-    }
-    return answer;
+    return test::node_answer(*rig_, request_, cameras, image);
   }
 
   static std::pair<int, int> range(const Image& image) {
@@ -106,9 +92,9 @@ TEST_F(AssemblyTest, WithTheRigMissingCamerasCountAsLost) {
 // An answer with grey pixels of cameras, as they are.
 ByteBuffer pixels_of(const wire::AnswerHeader& header, const std::vector<std::pair<CameraIndex, Rect>>& regions) {
   const std::vector<uint8_t> grey(3 * 48 * 36, 180);
-  std::vector<CameraFragment> fragments;
+  std::vector<wire::AnswerFragment> fragments;
   for (const auto& [camera, rect] : regions)
-    fragments.push_back({camera, packed_planes(PixelFamily::kRgb, rect, grey.data(), nullptr), true});
+    fragments.push_back({camera, packed_planes(PixelFamily::kRgb, rect, grey.data(), nullptr)});
   return wire::FragmentEncoder().encode(header, fragments, 0);
 }
 
@@ -169,7 +155,7 @@ std::vector<wire::AnswerView> parts_of(const wire::AnswerHeader& header, const C
     const int y0 = all.y0 + static_cast<int>(i) * rows;
     const Rect rect{all.x0, y0, all.x1, std::min(y0 + rows, all.y1)};
     wire::AnswerWriter writer(header, 1);
-    const SumPlanes to = writer.add_sums({Fragment::kSum, header.family, rect, wire::Codec::kRaw16, 0, false});
+    const SumPlanes to = writer.add_sums({{}, header.family, rect, wire::Codec::kRaw16, 0, false});
     for (int c = 0; c < 3; c++)
       for (int y = 0; y < rect.height(); y++)
         std::copy_n(sums.plane[c] + (y0 - all.y0 + y) * sums.stride[c], rect.width(), to.plane[c] + y * to.stride[c]);
@@ -233,18 +219,23 @@ TEST_F(AssemblyTest, WithTheRigTheLostStripOfASumIsMadeUpFor) {
   }
 }
 
-// In a sum lost weight stands for a blind camera, among fragments nothing does.
+// In a sum lost weight stands for a blind camera; where there is no sum nothing does.
 TEST_F(AssemblyTest, BlindCamerasAreLookedForUnlessASumHasThem) {
   wire::Answer raw = answer({0, 1, 2, 3, 5, 6, 7, 8});
-  raw.cameras = CameraRanges(all_);
-  raw.blind = CameraRanges(CameraSet{4});
+  wire::Answer blind = raw;
+  blind.fragments.clear();
+  blind.node = 1;
+  blind.cameras = blind.blind = CameraRanges(CameraSet{4});
   assembly_.set_rig(rig_);
   assembly_.begin(request_);
   add_answer(assembly_, raw);
+  add_answer(assembly_, blind);
   assembly_.finish(PixelFamily::kRgb, false);
   EXPECT_EQ(assembly_.missing(), 1u);
   EXPECT_FALSE(assembly_.seeing().contains(4));
   EXPECT_TRUE(assembly_.cameras().contains(4));
+  raw.cameras = CameraRanges(all_);
+  raw.blind = CameraRanges(CameraSet{4});
   Accumulator sum;
   sum.reset(PixelFamily::kRgb, request_.view.width, request_.view.height);
   for (const Fragment& f : raw.fragments) ASSERT_TRUE(sum.add(f));
@@ -332,25 +323,29 @@ TEST_F(AssemblyTest, JpegMakesNearlyTheSamePicture) {
 }
 
 TEST_F(AssemblyTest, DamagedFragmentsAreMissingAndTheOthersAreUsed) {
-  const wire::Answer raw = answer(all_);
+  wire::Answer raw = answer(all_);
+  ASSERT_EQ(raw.fragments.size(), 1u);
+  raw.fragments = test::halves_of(raw.fragments[0]);
   ByteBuffer bytes = wire::FragmentEncoder().encode(raw, raw.fragments, 90);
   const wire::AnswerView view = wire::parse_answer(bytes).value();
-  const size_t members = wire::group_size(view.fragments);
   bytes[view.fragments[0].payload.data() - bytes.data() + 8] = 0xff;  // a marker: end of image
   bytes[view.fragments[0].payload.data() - bytes.data() + 9] = 0xd9;
   assembly_.set_rig(rig_);
-  assembly_.begin(request_);
-  EXPECT_EQ(assembly_.add(view), Assembly::Verdict::kAdded);
-  EXPECT_EQ(assembly_.damaged(), members);
-  EXPECT_EQ(assembly_.fragments(), raw.fragments.size() - members);
-  // Another node has them too.
-  wire::Answer again = raw;
-  again.fragments.clear();
-  for (const Fragment& f : raw.fragments)
-    if (f.camera == view.fragments[0].camera) again.fragments.push_back(f);
-  EXPECT_EQ(add_answer(assembly_, again), Assembly::Verdict::kAdded);
-  assembly_.finish(PixelFamily::kRgb, false);
-  EXPECT_EQ(assembly_.missing(), members - 1);
+  for (const bool again : {false, true}) {
+    assembly_.begin(request_);
+    EXPECT_EQ(assembly_.add(view), Assembly::Verdict::kAdded);
+    EXPECT_EQ(assembly_.damaged(), 1u);
+    EXPECT_EQ(assembly_.fragments(), raw.fragments.size() - 1);
+    if (again) {  // by another way
+      wire::Answer other = raw;
+      other.node = 1;
+      other.fragments.resize(1);
+      EXPECT_EQ(add_answer(assembly_, other), Assembly::Verdict::kAdded);
+    }
+    assembly_.finish(PixelFamily::kRgb, false);
+    EXPECT_EQ(assembly_.missing() > 0, !again);
+    EXPECT_EQ(range(assembly_.picture().resolve()).first > 170, again);
+  }
   request_.sequence++;
   assembly_.begin(request_);
   EXPECT_EQ(assembly_.damaged(), 0u);
@@ -363,7 +358,7 @@ TEST_F(AssemblyTest, SumsOfTheWholeViewStayWhereTheyAre) {
   for (const Fragment& f : raw.fragments) ASSERT_TRUE(sum.add(f));
   const ConstSumPlanes sums = *sum.sums();
   wire::AnswerWriter writer(raw, 1);
-  const wire::FragmentHeader header{Fragment::kSum, raw.family, sums.rect, wire::Codec::kRaw16, 0, false};
+  const wire::FragmentHeader header{{}, raw.family, sums.rect, wire::Codec::kRaw16, 0, false};
   const SumPlanes to = writer.add_sums(header);
   for (int c = 0; c < 3; c++)
     for (int y = 0; y < sums.rect.height(); y++)

@@ -15,7 +15,7 @@ constexpr int kWidth = 9, kHeight = 5;
 Accumulator with_weight_left(PixelFamily family, double left, uint8_t grey) {
   Accumulator sum;
   sum.reset(family, kWidth, kHeight);
-  Fragment fragment{0, family, {0, 0, kWidth, kHeight}, {}, {}};
+  Fragment fragment{family, {0, 0, kWidth, kHeight}, {}, {}};
   fragment.pixels.assign(packed_size(family, kWidth, kHeight), 0);
   const size_t grey_bytes = family == PixelFamily::kRgb ? fragment.pixels.size() : size_t{kWidth} * kHeight;
   std::fill_n(fragment.pixels.begin(), grey_bytes, static_cast<uint8_t>(grey * left + 0.5));

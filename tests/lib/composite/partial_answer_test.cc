@@ -28,11 +28,10 @@ void add_all(Accumulator& to, const ByteBuffer& answer) {
   ASSERT_TRUE(view.has_value());
   wire::FragmentDecoder decoder;
   for (const wire::FragmentView& fragment : view->fragments) {
-    EXPECT_EQ(fragment.camera, Fragment::kSum);
     if (fragment.codec == wire::Codec::kRaw16)
       EXPECT_TRUE(to.add(decoder.sums(fragment)));
     else
-      for (const FragmentPlanes& planes : decoder.decode({&fragment, 1})) EXPECT_TRUE(to.add(planes));
+      EXPECT_TRUE(to.add(decoder.decode(fragment).value()));
   }
 }
 

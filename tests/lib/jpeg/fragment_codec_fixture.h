@@ -18,11 +18,9 @@ inline std::vector<FragmentPlanes> planes_of_all(const std::vector<Fragment>& fr
   return planes;
 }
 
-// The same fragments without anything in them, for a decoder to fill.
-inline std::vector<FragmentPlanes> empty_like(std::span<const FragmentPlanes> members) {
-  std::vector<FragmentPlanes> out;
-  for (const FragmentPlanes& m : members) out.push_back({.family = m.family, .rect = m.rect});
-  return out;
+// The same fragment without anything in it, for a decoder to fill.
+inline FragmentPlanes empty_like(const FragmentPlanes& fragment) {
+  return {.family = fragment.family, .rect = fragment.rect};
 }
 
 // Differences of one plane's values, in levels.
@@ -61,7 +59,7 @@ inline void compare_lost(const FragmentPlanes& a, const FragmentPlanes& b, Error
 // A fragment of a smooth pattern under a pyramid of weights, and lost weight right of a slanting edge if `lost`.
 inline Fragment patterned(PixelFamily family, const Rect& rect, bool lost = false, int seed = 1) {
   const int w = rect.width(), h = rect.height();
-  Fragment f{static_cast<CameraIndex>(seed), family, rect, {}, {}};
+  Fragment f{family, rect, {}, {}};
   const auto weight = [&](double x, double y) {
     return std::max(0., 1 - std::max(std::abs(2 * x / w - 1), std::abs(2 * y / h - 1)));
   };

@@ -5,7 +5,6 @@
 
 #include <random>
 
-#include "jpeg/stack.h"
 #include "lib/jpeg/fragment_codec_fixture.h"
 #include "support/weighted_fragments.h"
 
@@ -14,9 +13,9 @@ namespace {
 
 constexpr PixelFamily kFamilies[] = {PixelFamily::kRgb, PixelFamily::kI420};
 
-ByteBuffer pixels_scan(const std::vector<FragmentPlanes>& members, int quality) {
+ByteBuffer pixels_scan(const FragmentPlanes& fragment, int quality) {
   ByteBuffer out;
-  FragmentEncoder().encode_pixels(members, quality, out);
+  FragmentEncoder().encode_pixels(fragment, quality, out);
   return out;
 }
 
@@ -36,9 +35,9 @@ TEST(JpegFragmentDecoder, LosesNoMoreThanStated) {
     for (const auto& row : rows) {
       Errors8 luma, chroma;
       for (const FragmentPlanes& member : members) {
-        std::vector<FragmentPlanes> out = empty_like({&member, 1});
-        ASSERT_TRUE(decoder.decode_pixels(pixels_scan({member}, row.quality), row.quality, out));
-        compare_pixels(member, out[0], luma, chroma);
+        FragmentPlanes out = empty_like(member);
+        ASSERT_TRUE(decoder.decode_pixels(pixels_scan(member, row.quality), row.quality, out));
+        compare_pixels(member, out, luma, chroma);
       }
       const bool rgb = family == PixelFamily::kRgb;
       EXPECT_GE(luma.psnr(), rgb ? row.rgb_psnr : row.psnr) << "quality " << row.quality;
@@ -58,89 +57,56 @@ TEST(JpegFragmentDecoder, EverySizeComesBack) {
       const Fragment f = patterned(family, {2, 4, 2 + w, 4 + h}, true);
       const FragmentPlanes in = planes_of(f);
       ByteBuffer pixels, lost;
-      encoder.encode_pixels({&in, 1}, 95, pixels);
-      encoder.encode_lost({&in, 1}, 95, lost);
-      std::vector<FragmentPlanes> out = empty_like({&in, 1});
+      encoder.encode_pixels(in, 95, pixels);
+      encoder.encode_lost(in, 95, lost);
+      FragmentPlanes out = empty_like(in);
       ASSERT_TRUE(decoder.decode_pixels(pixels, 95, out)) << w << 'x' << h;
       ASSERT_TRUE(decoder.decode_lost(lost, 95, out)) << w << 'x' << h;
       Errors8 luma, chroma, weight;
-      compare_pixels(in, out[0], luma, chroma);
-      compare_lost(in, out[0], weight);
+      compare_pixels(in, out, luma, chroma);
+      compare_lost(in, out, weight);
       EXPECT_LE(luma.worst, family == PixelFamily::kRgb ? 40 : 12) << w << 'x' << h;
       EXPECT_LE(chroma.worst, 14) << w << 'x' << h;
       EXPECT_LE(weight.worst, 24) << w << 'x' << h;
     }
 }
 
-// Members in whole units do not touch one another: alone or together, the same values.
-TEST(JpegFragmentDecoder, AStackIsWhatItsMembersAreAlone) {
-  for (const PixelFamily family : kFamilies) {
-    std::vector<Fragment> fragments;
-    for (int i = 0; i < 5; i++) fragments.push_back(patterned(family, {0, 0, 30 + i, 20 + 7 * i}, i % 2 == 0, i));
-    const std::vector<FragmentPlanes> members = planes_of_all(fragments);
-    FragmentEncoder encoder;
-    FragmentDecoder together, alone;
-    std::vector<FragmentPlanes> out = empty_like(members);
-    ASSERT_TRUE(together.decode_pixels(pixels_scan(members, 90), 90, out));
-    ByteBuffer lost;
-    encoder.encode_lost(members, 90, lost);
-    std::vector<FragmentPlanes> with_lost = {out[0], out[2], out[4]};
-    ASSERT_TRUE(together.decode_lost(lost, 90, with_lost));
-    for (size_t i = 0; i < members.size(); i++) {
-      std::vector<FragmentPlanes> one = empty_like({&members[i], 1});
-      ASSERT_TRUE(alone.decode_pixels(pixels_scan({members[i]}, 90), 90, one));
-      Errors8 luma, chroma, weight;
-      compare_pixels(one[0], out[i], luma, chroma);
-      EXPECT_EQ(luma.worst, 0) << i;
-      EXPECT_EQ(chroma.worst, 0) << i;
-      if (i % 2) continue;
-      ByteBuffer own;
-      encoder.encode_lost({&members[i], 1}, 90, own);
-      ASSERT_TRUE(alone.decode_lost(own, 90, one));
-      compare_lost(one[0], with_lost[i / 2], weight);
-      EXPECT_EQ(weight.worst, 0) << i;
-    }
-  }
-}
-
 TEST(JpegFragmentDecoder, WhatIsCutIsDamaged) {
   for (const PixelFamily family : kFamilies) {
     const Fragment f = patterned(family, {0, 0, 60, 44});
-    const ByteBuffer scan = pixels_scan({planes_of(f)}, 90);
+    const ByteBuffer scan = pixels_scan(planes_of(f), 90);
     FragmentDecoder decoder;
     for (size_t n = 0; n < scan.size(); n++) {
-      std::vector<FragmentPlanes> out = {{.family = family, .rect = f.rect}};
+      FragmentPlanes out{.family = family, .rect = f.rect};
       EXPECT_FALSE(decoder.decode_pixels(std::span(scan).first(n), 90, out)) << n;
-      EXPECT_EQ(out[0].plane[0], nullptr);
+      EXPECT_EQ(out.plane[0], nullptr);
     }
-    std::vector<FragmentPlanes> out = {{.family = family, .rect = f.rect}};
+    FragmentPlanes out{.family = family, .rect = f.rect};
     EXPECT_TRUE(decoder.decode_pixels(scan, 90, out));
     ByteBuffer longer = scan;
     longer.resize(scan.size() + 16, 0x55);
     EXPECT_FALSE(decoder.decode_pixels(longer, 90, out));
-    out[0].rect.y1 += 16;
+    out.rect.y1 += 16;
     EXPECT_FALSE(decoder.decode_pixels(scan, 90, out));
-    out[0].rect.y1 -= 32;
+    out.rect.y1 -= 32;
     EXPECT_FALSE(decoder.decode_pixels(scan, 90, out));
   }
 }
 
 TEST(JpegFragmentDecoder, RefusesWhatNoEncoderMakes) {
   const Fragment f = patterned(PixelFamily::kI420, {0, 0, 30, 30});
-  const ByteBuffer scan = pixels_scan({planes_of(f)}, 90);
+  const ByteBuffer scan = pixels_scan(planes_of(f), 90);
   FragmentDecoder decoder;
-  std::vector<FragmentPlanes> none, out = empty_like(std::vector{planes_of(f)}), two = {out[0], out[0]};
+  FragmentPlanes none, out = empty_like(planes_of(f));
   EXPECT_FALSE(decoder.decode_pixels(scan, 90, none));
   EXPECT_FALSE(decoder.decode_lost(scan, 90, none));
   EXPECT_FALSE(decoder.decode_pixels(scan, 0, out));
   EXPECT_FALSE(decoder.decode_pixels(scan, 101, out));
-  two[1].family = PixelFamily::kRgb;
-  EXPECT_FALSE(decoder.decode_pixels(scan, 90, two));
-  out[0].rect = {5, 5, 5, 9};
+  out.rect = {5, 5, 5, 9};
   EXPECT_FALSE(decoder.decode_pixels(scan, 90, out));
-  out[0].rect = {0, 0, 16384, 16384};  // no memory for what can't be there
+  out.rect = {0, 0, 16384, 16384};  // no memory for what can't be there
   EXPECT_FALSE(decoder.decode_pixels(scan, 90, out));
-  out[0].rect = {0, 0, 70000, 1};
+  out.rect = {0, 0, 70000, 1};
   EXPECT_FALSE(decoder.decode_pixels(ByteBuffer(70000, 0), 90, out));
 }
 
@@ -150,11 +116,11 @@ TEST(JpegFragmentDecoder, BytesMayBeAnything) {
   for (const PixelFamily family : kFamilies) {
     const Fragment f = patterned(family, {0, 0, 70, 50});
     const FragmentPlanes in = planes_of(f);
-    const ByteBuffer scan = pixels_scan({in}, 80);
+    const ByteBuffer scan = pixels_scan(in, 80);
     FragmentDecoder decoder;
-    std::vector<FragmentPlanes> out = empty_like({&in, 1});
+    FragmentPlanes out = empty_like(in);
     ASSERT_TRUE(decoder.decode_pixels(scan, 80, out));
-    const std::vector<uint8_t> first(out[0].plane[0], out[0].plane[0] + out[0].stride[0] * 50);
+    const std::vector<uint8_t> first(out.plane[0], out.plane[0] + out.stride[0] * 50);
     int accepted = 0;
     for (int i = 0; i < 3000; i++) {
       ByteBuffer bad = scan;
@@ -178,7 +144,7 @@ TEST(JpegFragmentDecoder, BytesMayBeAnything) {
     }
     EXPECT_LT(accepted, 1500);  // a flipped bit may well be another picture
     ASSERT_TRUE(decoder.decode_pixels(scan, 80, out));
-    EXPECT_EQ(first, std::vector<uint8_t>(out[0].plane[0], out[0].plane[0] + out[0].stride[0] * 50));
+    EXPECT_EQ(first, std::vector<uint8_t>(out.plane[0], out.plane[0] + out.stride[0] * 50));
   }
 }
 

@@ -8,8 +8,8 @@
 
 #include <jpeglib.h>
 
+#include "jpeg/coded_size.h"
 #include "jpeg/scan.h"
-#include "jpeg/stack.h"
 #include "lib/jpeg/fragment_codec_fixture.h"
 #include "support/expect_error.h"
 #include "support/weighted_fragments.h"
@@ -66,7 +66,7 @@ TEST(JpegFragmentEncoder, WritesTheScanOfAWholeFileAndNothingElse) {
       const Fragment f = patterned(PixelFamily::kI420, {0, 0, w, h});
       const FragmentPlanes in = planes_of(f);
       ByteBuffer scan = {1, 2, 3};  // what is there stays
-      encoder.encode_pixels({&in, 1}, quality, scan);
+      encoder.encode_pixels(in, quality, scan);
       ASSERT_EQ(scan[2], 3);
       const std::vector<uint8_t> file = whole_file(in, quality);
       // JFIF, DQT, SOF0, four DHT, SOS in front, EOI behind: 625 bytes that need not travel.
@@ -80,19 +80,18 @@ TEST(JpegFragmentEncoder, NoScanIsShorterThanStated) {
   FragmentEncoder encoder;
   for (const int size : {1, 16, 17, 100, 500})
     for (const int level : {0, 128, 255}) {
-      Fragment f{0, PixelFamily::kI420, {0, 0, size, size}, {}, {}};
+      Fragment f{PixelFamily::kI420, {0, 0, size, size}, {}, {}};
       f.pixels.assign(packed_size(f.family, size, size), 0);
       std::fill_n(f.pixels.begin(), size * size, static_cast<uint8_t>(level));
       f.lost.assign(static_cast<size_t>(size) * size, static_cast<uint8_t>(level));
       const FragmentPlanes in = planes_of(f);
       ByteBuffer pixels, lost;
-      encoder.encode_pixels({&in, 1}, 50, pixels);
-      encoder.encode_lost({&in, 1}, 50, lost);
-      const std::span one(&in, 1);
-      EXPECT_GE(pixels.size(), least_pixel_scan(stack_size(one, kPixelUnit)));
-      EXPECT_LE(pixels.size(), least_pixel_scan(stack_size(one, kPixelUnit)) + 3);
-      EXPECT_GE(lost.size(), least_lost_scan(stack_size(one, kLostUnit)));
-      EXPECT_LE(lost.size(), least_lost_scan(stack_size(one, kLostUnit)) + 3);
+      encoder.encode_pixels(in, 50, pixels);
+      encoder.encode_lost(in, 50, lost);
+      EXPECT_GE(pixels.size(), least_pixel_scan(coded_size(in.rect, kPixelUnit)));
+      EXPECT_LE(pixels.size(), least_pixel_scan(coded_size(in.rect, kPixelUnit)) + 3);
+      EXPECT_GE(lost.size(), least_lost_scan(coded_size(in.rect, kLostUnit)));
+      EXPECT_LE(lost.size(), least_lost_scan(coded_size(in.rect, kLostUnit)) + 3);
     }
 }
 
@@ -105,31 +104,29 @@ TEST(JpegFragmentEncoder, IsReusedWithoutATrace) {
   for (const int quality : {90, 20, 90})
     for (const FragmentPlanes& in : all) {
       ByteBuffer one, other;
-      reused.encode_pixels({&in, 1}, quality, one);
-      FragmentEncoder().encode_pixels({&in, 1}, quality, other);
+      reused.encode_pixels(in, quality, one);
+      FragmentEncoder().encode_pixels(in, quality, other);
       EXPECT_EQ(one, other);
       if (!in.lost) continue;
       one.clear();
       other.clear();
-      reused.encode_lost({&in, 1}, quality, one);
-      FragmentEncoder().encode_lost({&in, 1}, quality, other);
+      reused.encode_lost(in, quality, one);
+      FragmentEncoder().encode_lost(in, quality, other);
       EXPECT_EQ(one, other);
     }
 }
 
 TEST(JpegFragmentEncoder, ErrorsAreThrownAndLeaveNothingBehind) {
   FragmentEncoder encoder;
-  const Fragment rgb = patterned(PixelFamily::kRgb, {0, 0, 20, 20}),
-                 ycc = patterned(PixelFamily::kI420, {0, 0, 20, 20});
+  const Fragment ycc = patterned(PixelFamily::kI420, {0, 0, 20, 20});
   ByteBuffer out = {7};
-  EXPECT_ERROR(encoder.encode_pixels(std::vector{planes_of(rgb), planes_of(ycc)}, 90, out),
-               "JPEG: fragments of several families, or of none");
-  EXPECT_ERROR(encoder.encode_pixels({}, 90, out), "JPEG: Empty JPEG image (DNL not supported)");
-  EXPECT_ERROR(encoder.encode_lost(std::vector{planes_of(ycc)}, 90, out), "JPEG: Empty JPEG image (DNL not supported)");
-  const std::vector<FragmentPlanes> tall(65535 / 32 + 1, planes_of(ycc));
-  EXPECT_ERROR(encoder.encode_pixels(tall, 90, out), "JPEG: Maximum supported image dimension is 65500 pixels");
+  EXPECT_ERROR(encoder.encode_pixels({}, 90, out), "JPEG: a fragment of no family");
+  EXPECT_ERROR(encoder.encode_lost(planes_of(ycc), 90, out), "JPEG: a fragment without lost weight");
+  const std::vector<uint8_t> rows(3 * 65536);
+  const FragmentPlanes wide = packed_planes(PixelFamily::kI420, {0, 0, 65520, 2}, rows.data(), nullptr);
+  EXPECT_ERROR(encoder.encode_pixels(wide, 90, out), "JPEG: Maximum supported image dimension is 65500 pixels");
   EXPECT_EQ(out, ByteBuffer{7});
-  encoder.encode_pixels(std::vector{planes_of(ycc)}, 90, out);
+  encoder.encode_pixels(planes_of(ycc), 90, out);
   EXPECT_GT(out.size(), 1u);
 }
 

@@ -36,7 +36,7 @@ class AnswerTaskTest : public testing::TestWithParam<PixelFamily> {
   std::vector<Image> images_;
   ViewRequest request_;
   const AnswerTask::Manner near_{.in_process = true}, raw_{.codec = CodecChoice::kRaw},
-      jpeg_{.sum = SumChoice::kCamera, .codec = CodecChoice::kJpeg};
+      jpeg_{.codec = CodecChoice::kJpeg};
   const std::vector<CameraIndex> all_ = {0, 1, 2, 3, 4, 5, 6, 7, 8};
 };
 

@@ -90,7 +90,7 @@ void expect_same_pictures(const Rig& rig, const View& view, const std::vector<Im
   ViewRequest request;
   request.view = view;
   AccessPictures pictures(rig, request, images);
-  const AnswerTask::Manner near{.sum = SumChoice::kNode, .in_process = true};
+  const AnswerTask::Manner near{.in_process = true};
   const Image self = pictures.picture(Access::kSelf, near);
   EXPECT_EQ(pictures.picture(Access::kWarp, near).data(), self.data());
   EXPECT_EQ(pictures.picture(Access::kPixels, near).data(), self.data());

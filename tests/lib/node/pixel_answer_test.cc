@@ -40,7 +40,6 @@ TEST(PixelAnswer, HasThePixelsOfAnyLayout) {
     ASSERT_TRUE(view);
     const wire::FragmentView& fragment = view->fragments[0];
     EXPECT_EQ(fragment.camera, 5u);
-    EXPECT_TRUE(fragment.plain);
     EXPECT_EQ(fragment.rect, rect);
     for (int y = 0; y < 3; y++)
       for (int x = 0; x < 7; x++) {
@@ -62,7 +61,7 @@ TEST(PixelAnswer, ChromaHasNoOffset) {
   const auto view = wire::parse_answer(answer.bytes);
   ASSERT_TRUE(view);
   wire::FragmentDecoder decoder;
-  const FragmentPlanes planes = decoder.decode(view->fragments)[0];
+  const FragmentPlanes planes = decoder.decode(view->fragments[0]).value();
   EXPECT_EQ(planes.plane[0][0], image.plane(0)[4 * 9 + 2]);
   EXPECT_EQ(planes.plane[1][1], static_cast<uint8_t>(image.plane(1)[2 * 5 + 2] - 128));
   EXPECT_EQ(planes.plane[2][planes.stride[2]], static_cast<uint8_t>(image.plane(2)[3 * 5 + 1] - 128));
@@ -78,7 +77,7 @@ TEST(PixelAnswer, JpegComesInStrips) {
   ASSERT_TRUE(view);
   size_t rows = 0;
   for (const wire::FragmentView& fragment : view->fragments) {
-    EXPECT_TRUE(wire::is_jpeg(fragment.codec));
+    EXPECT_TRUE(fragment.codec == wire::Codec::kJpeg);
     rows += static_cast<size_t>(fragment.rect.height());
   }
   EXPECT_EQ(rows, 480u);

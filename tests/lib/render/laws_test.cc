@@ -14,6 +14,7 @@
 #include "reference/renderer.h"
 #include "render/render_job.h"
 #include "rig/rig_json.h"
+#include "support/camera_part.h"
 
 namespace lf {
 namespace {
@@ -324,10 +325,9 @@ TEST(FocalPlane, IsRenderedSharp) {
 std::vector<Fragment> render_part(const Rig& rig, const View& view, const std::vector<CameraIndex>& cameras,
                                   const std::vector<Image>& images) {
   const RenderJob job(rig, build_mesh(rig), view, cameras);
-  const auto renderer = make_scalar_renderer();
   std::vector<Fragment> fragments;
   for (const CameraIndex i : job.cameras())
-    if (auto fragment = renderer->render(job.plan(), job.owners(), i, rig.cameras[i], images[i].view()))
+    if (auto fragment = test::camera_part(job.plan(), job.runs(), {i, &rig.cameras[i], images[i].view()}))
       fragments.push_back(std::move(*fragment));
   return fragments;
 }

@@ -5,16 +5,16 @@
 
 #include "composite/accumulator.h"
 #include "image/image_io.h"
+#include "support/camera_part.h"
 
 namespace lf::test {
 
 Rect whole(const View& view) { return {0, 0, view.width, view.height}; }
 
 std::vector<Fragment> Production::fragments(const std::vector<Image>& images) const {
-  const auto renderer = make_scalar_renderer();
   std::vector<Fragment> out;
   for (const CameraIndex i : plan.contributors())
-    if (auto fragment = renderer->render(plan, owners, i, rig.cameras[i], images[i].view()))
+    if (auto fragment = camera_part(plan, owners.runs(), {i, &rig.cameras[i], images[i].view()}))
       out.push_back(std::move(*fragment));
   return out;
 }

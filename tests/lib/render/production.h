@@ -5,7 +5,7 @@
 
 #include "image/image.h"
 #include "reference/float_still.h"
-#include "render/fragment_renderer.h"
+#include "render/fragment.h"
 #include "render/ownership.h"
 #include "render/view_plan.h"
 #include "rig/mesh.h"

@@ -5,7 +5,6 @@
 
 #include "reference/generators.h"
 #include "render/camera_projection.h"
-#include "render/fragment_renderer.h"
 #include "scene/scene.h"
 
 namespace lf::test {

@@ -37,14 +37,13 @@ TEST(SumRounding, FragmentsComeBackFromTheirSums) {
     std::vector<uint16_t> lost(9, 0);
     for (size_t i = 0; i < samples.size(); i++) samples[i] = static_cast<int16_t>(128 * i + 63);
     const auto sums = packed_sums<const int16_t, const uint16_t>(family, rect, samples.data(), lost.data());
-    Fragment f = rounded_fragment(4, sums);
-    EXPECT_EQ(f.camera, 4u);
+    Fragment f = rounded_fragment(sums);
     EXPECT_EQ(f.rect, rect);
     EXPECT_TRUE(f.lost.empty());  // none of it is anything
     for (size_t i = 0; i < f.pixels.size(); i++)
       EXPECT_EQ(f.pixels[i], family == PixelFamily::kRgb ? i / 3 + 9 * (i % 3) : i);
     lost[5] = 32768;
-    f = rounded_fragment(4, sums);
+    f = rounded_fragment(sums);
     ASSERT_EQ(f.lost.size(), 9u);
     EXPECT_EQ(f.lost[5], 255);
   }

@@ -6,9 +6,9 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
-#include "render/fragment_renderer.h"
 #include "render/render_job.h"
 #include "scene/scene.h"
+#include "support/camera_part.h"
 
 namespace lf {
 namespace {
@@ -74,18 +74,18 @@ TEST(MeshCache, FollowsTheCamerasOutOfService) {
   EXPECT_THROW(cache.get(rig, {99}), Error);
 }
 
-TEST(ScalarRenderer, RefusesAnImageOfAnotherSize) {
+TEST(SumRenderer, RefusesAnImageOfAnotherSize) {
   const Rig rig = scene_rig(2, 2, 64, 48);
   const RenderJob job(rig, build_mesh(rig), middle_view(), std::vector<CameraIndex>{0});
   const Image wrong(PixelFamily::kRgb, 64, 47);
-  EXPECT_THROW(make_scalar_renderer()->render(job.plan(), job.owners(), 0, rig.cameras[0], wrong.view()), Error);
+  EXPECT_THROW(test::camera_part(job.plan(), job.runs(), {0, &rig.cameras[0], wrong.view()}), Error);
 }
 
-TEST(ScalarRenderer, EveryRgbLayoutGivesTheSameFragment) {
+TEST(SumRenderer, EveryRgbLayoutGivesTheSamePart) {
   const Rig rig = scene_rig(2, 2, 64, 48);
   const RenderJob job(rig, build_mesh(rig), middle_view(), std::vector<CameraIndex>{0});
   const Image image = render_scene({64, 48, rig.cameras[0].lens, rig.cameras[0].pose}, 0, 1);
-  const auto expected = make_scalar_renderer()->render(job.plan(), job.owners(), 0, rig.cameras[0], image.view());
+  const auto expected = test::camera_part(job.plan(), job.runs(), {0, &rig.cameras[0], image.view()});
   for (const RgbLayout layout :
        {RgbLayout{4, 0, 1, 2}, RgbLayout{4, 2, 1, 0}, RgbLayout{4, 1, 2, 3}, RgbLayout{3, 2, 1, 0}}) {
     std::vector<uint8_t> bytes(64 * 48 * static_cast<size_t>(layout.pixel_stride));
@@ -99,11 +99,11 @@ TEST(ScalarRenderer, EveryRgbLayoutGivesTheSameFragment) {
     view.layout = layout;
     view.plane[0] = bytes.data();
     view.stride[0] = 64 * layout.pixel_stride;
-    EXPECT_EQ(make_scalar_renderer()->render(job.plan(), job.owners(), 0, rig.cameras[0], view), expected);
+    EXPECT_EQ(test::camera_part(job.plan(), job.runs(), {0, &rig.cameras[0], view}), expected);
   }
 }
 
-TEST(ScalarRenderer, I420FragmentsHaveWholeChromaSamples) {
+TEST(ViewPlan, ChromaAlignedIsWholeSamplesInsideTheView) {
   EXPECT_EQ(chroma_aligned({3, 5, 8, 9}, middle_view(61, 45)), (Rect{2, 4, 8, 10}));
   EXPECT_EQ(chroma_aligned({59, 43, 61, 45}, middle_view(61, 45)), (Rect{58, 42, 61, 45}));
 }

@@ -11,26 +11,12 @@ namespace {
 constexpr size_t kMtu = 1400, kRtpHeader = 12, kIpAndUdpHeaders = 28;
 constexpr int kViewSize = 16 * 31 / 2;
 
-// Every fragment in a JPEG of its own.
-Bytes without_atlases(const wire::AnswerHeader& header, const std::vector<Fragment>& fragments, int quality) {
-  wire::AnswerWriter writer(header, fragments.size());
-  wire::FragmentEncoder encoder;
-  for (const Fragment& f : fragments) {
-    const FragmentPlanes planes[] = {planes_of(f)};
-    writer.add({f.camera, f.family, f.rect, wire::Codec::kJpeg, static_cast<uint8_t>(quality), !f.lost.empty()},
-               [&](ByteBuffer& out) { encoder.encode_payload(planes, quality, out); });
-  }
-  return to_bytes(writer.finish());
-}
-
 size_t entropy_coded_bytes(const Bytes& unit) {
   size_t bytes = 0;
-  const wire::AnswerView answer = wire::parse_answer(unit).value();
-  for (std::span<const wire::FragmentView> rest = answer.fragments; !rest.empty();) {
-    const auto group = rest.first(wire::group_size(rest));
-    const wire::Scans scans = wire::split_scans(group[0].payload, wire::any_lost(group)).value();
+  for (const wire::AnswerView answer = wire::parse_answer(unit).value();
+       const wire::FragmentView& f : answer.fragments) {
+    const wire::Scans scans = wire::split_scans(f.payload, f.has_lost).value();
     bytes += scans.pixels.size() + scans.lost.size();
-    rest = rest.subspan(group.size());
   }
   return bytes;
 }
@@ -43,18 +29,15 @@ TEST(Overhead, SmallFragmentsCostAtMost60Bytes) {
   const auto count = static_cast<double>(fragments.size());
   const wire::AnswerHeader header = wire::header_of_view(PixelFamily::kI420, kViewSize, kViewSize);
   for (const int quality : {50, 75, 90}) {
-    for (const bool atlases : {true, false}) {
-      const Bytes unit = atlases ? to_bytes(wire::FragmentEncoder().encode(header, fragments, quality))
-                                 : without_atlases(header, fragments, quality);
-      size_t sent = 0;
-      const std::vector<Sent> packets = packetize(wire::UnitKind::kAnswer, unit, kMtu - kRtpHeader);
-      for (const Sent& packet : packets) sent += packet.payload.size() + kRtpHeader + kIpAndUdpHeaders;
-      const auto coded = static_cast<double>(entropy_coded_bytes(unit));
-      const double overhead = (static_cast<double>(sent) - coded) / count;
-      std::printf("quality %d, %s: %.0f fragments of %.1f bytes in %zu packets, %.1f bytes beyond each\n", quality,
-                  atlases ? "atlases" : "alone", count, coded / count, packets.size(), overhead);
-      EXPECT_LE(overhead, 60);
-    }
+    const Bytes unit = to_bytes(wire::FragmentEncoder().encode(header, fragments, quality));
+    size_t sent = 0;
+    const std::vector<Sent> packets = packetize(wire::UnitKind::kAnswer, unit, kMtu - kRtpHeader);
+    for (const Sent& packet : packets) sent += packet.payload.size() + kRtpHeader + kIpAndUdpHeaders;
+    const auto coded = static_cast<double>(entropy_coded_bytes(unit));
+    const double overhead = (static_cast<double>(sent) - coded) / count;
+    std::printf("quality %d: %.0f fragments of %.1f bytes in %zu packets, %.1f bytes beyond each\n", quality, count,
+                coded / count, packets.size(), overhead);
+    EXPECT_LE(overhead, 60);
   }
 }
 

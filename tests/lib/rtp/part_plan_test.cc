@@ -16,31 +16,12 @@ TEST(PartPlan, AreFullAndHaveTheSizesPlanned) {
   ASSERT_TRUE(plan.has_value());
   EXPECT_EQ(plan->total, 60u);
   size_t largest_piece = 0;
-  for (const Piece& piece : plan->pieces) largest_piece = std::max(largest_piece, piece.bytes + 20 * piece.count);
+  for (const Piece& piece : plan->pieces) largest_piece = std::max(largest_piece, piece.bytes + 20);
   for (const Part& part : plan->parts) {
     EXPECT_EQ(write_part(view, *plan, part, {}).size(), part.bytes);
-    EXPECT_TRUE(part.pieces == 1 || part.bytes <= 1386u);
+    EXPECT_TRUE(part.count == 1 || part.bytes <= 1386u);
     EXPECT_TRUE(&part == &plan->parts.back() || part.bytes > 1386 - largest_piece);
   }
-}
-
-TEST(PartPlan, AtlasesStayTogether) {
-  const Bytes unit = answer(32, 20, 14, 60);
-  const wire::AnswerView view = wire::parse_answer(unit).value();
-  const std::optional<PartPlan> plan = plan_parts(view, 700);
-  bool atlases = false;
-  for (const Part& part : plan->parts) {
-    const ByteBuffer bytes = write_part(view, *plan, part, {});
-    const std::optional<wire::AnswerView> got = wire::parse_answer(bytes);
-    ASSERT_TRUE(got.has_value());
-    const std::span<const wire::FragmentView> all = got->fragments;
-    for (size_t i = 0, n; i < all.size(); i += n) {
-      n = wire::group_size(all.subspan(i));
-      atlases |= n > 1;
-      EXPECT_EQ(n, wire::group_size(std::span(view.fragments).subspan(part.first + i)));
-    }
-  }
-  EXPECT_TRUE(atlases);
 }
 
 TEST(PartPlan, SixteenBitValuesBeginAtEvenOffsets) {
@@ -48,9 +29,9 @@ TEST(PartPlan, SixteenBitValuesBeginAtEvenOffsets) {
   const wire::AnswerHeader header = wire::header_of_view(PixelFamily::kRgb, 400, 400);
   wire::AnswerWriter writer(header, 3);
   for (int i = 0; i < 2; i++)
-    writer.add({i + 1u, header.family, {0, 0, 16, 16}, wire::Codec::kJpeg, 50, false},
+    writer.add({{}, header.family, {0, 0, 16, 16}, wire::Codec::kJpeg, 50, false},
                [](ByteBuffer& out) { append(out, Bytes(501, 0x55)); });
-  writer.add({Fragment::kSum, header.family, {0, 0, 4, 4}, wire::Codec::kRaw16, 0, false});
+  writer.add({{}, header.family, {0, 0, 4, 4}, wire::Codec::kRaw16, 0, false});
   const Bytes unit = to_bytes(writer.finish());
   const wire::AnswerView view = wire::parse_answer(unit).value();
   const std::optional<PartPlan> plan = plan_parts(view, 800);

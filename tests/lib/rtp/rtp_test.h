@@ -41,14 +41,13 @@ inline Bytes answer(int fragments, int width, int height, int quality, PixelFami
 inline Bytes answer_with_sum(int width, int height, bool lost, int jpegs = 0) {
   const wire::AnswerHeader header = wire::header_of_view(PixelFamily::kI420, 400, 400);
   wire::AnswerWriter writer(header, 1 + jpegs);
-  const wire::FragmentHeader sum{Fragment::kSum, header.family, {0, 0, width, height}, wire::Codec::kRaw16, 0, lost};
+  const wire::FragmentHeader sum{{}, header.family, {0, 0, width, height}, wire::Codec::kRaw16, 0, lost};
   uint32_t state = 1;
   for (uint8_t& byte : writer.add(sum)) byte = static_cast<uint8_t>((state = state * 1664525 + 1013904223) >> 24);
   wire::FragmentEncoder encoder;
   for (const Fragment& f : wire::patterned_fragments(header.family, jpegs, 30, 20)) {
-    const FragmentPlanes planes[] = {planes_of(f)};
-    writer.add({f.camera, header.family, f.rect, wire::Codec::kJpeg, 80, !f.lost.empty()},
-               [&](ByteBuffer& out) { encoder.encode_payload(planes, 80, out); });
+    writer.add({{}, header.family, f.rect, wire::Codec::kJpeg, 80, !f.lost.empty()},
+               [&](ByteBuffer& out) { encoder.encode_payload(planes_of(f), 80, out); });
   }
   return to_bytes(writer.finish());
 }
@@ -74,18 +73,18 @@ inline std::vector<Sent> packetize(wire::UnitKind kind, const Bytes& unit, size_
   return packetize(packetizer, unit, max_payload);
 }
 
-// All the pixels of an answer's raw fragments and sums: by (fragment's camera, plane of 4, x, y) their bytes.
-using Samples = std::vector<std::tuple<CameraIndex, int, int, int, int>>;
+// All the pixels of an answer's raw fragments: by (plane of 4, x, y) their bytes.
+using Samples = std::vector<std::tuple<int, int, int, int>>;
 inline void add_samples(const wire::AnswerView& answer, Samples& samples) {
   for (const wire::FragmentView& f : answer.fragments) {
-    if (wire::is_jpeg(f.codec)) continue;
+    if (f.codec == wire::Codec::kJpeg) continue;
     const int size = f.codec == wire::Codec::kRaw16 ? 2 : 1;
     const uint8_t* at = f.payload.data();
     const auto plane = [&](int number, int values, int side) {
       for (int y = f.rect.y0 / side; y < (f.rect.y1 + side - 1) / side; y++)
         for (int x = f.rect.x0 / side; x < (f.rect.x1 + side - 1) / side; x++)
           for (int v = 0; v < values; v++, at += size)
-            samples.emplace_back(f.camera, number + v, x, y, size == 2 ? at[0] | at[1] << 8 : at[0]);
+            samples.emplace_back(number + v, x, y, size == 2 ? at[0] | at[1] << 8 : at[0]);
     };
     if (f.family == PixelFamily::kRgb && size == 1) {
       plane(0, 3, 1);

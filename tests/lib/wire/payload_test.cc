@@ -54,21 +54,5 @@ TEST(Payload, ScansAreSplitAtTheirLength) {
   EXPECT_FALSE(split_scans({}, true).has_value());
 }
 
-TEST(Payload, GroupsAreAtlases) {
-  const uint8_t bytes[1] = {};
-  const auto view = [&](Codec codec, bool payload) {
-    FragmentView f;
-    f.codec = codec;
-    if (payload) f.payload = bytes;
-    return f;
-  };
-  const std::vector<FragmentView> all = {view(Codec::kRaw, true),        view(Codec::kJpegAtlas, true),
-                                         view(Codec::kJpegAtlas, false), view(Codec::kJpegAtlas, false),
-                                         view(Codec::kJpegAtlas, true),  view(Codec::kJpeg, true)};
-  const size_t expected[] = {1, 3, 2, 1, 1, 1};
-  for (size_t i = 0; i < all.size(); i++) EXPECT_EQ(group_size(std::span(all).subspan(i)), expected[i]) << i;
-  EXPECT_EQ(group_size({}), 0u);
-}
-
 }  // namespace
 }  // namespace lf::wire

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "render/camera_projection.h"
-#include "render/fragment_renderer.h"
+#include "render/ownership.h"
 #include "render/sampler.h"
 
 // The rule for one camera's part in a view, pixel by pixel: what the plain renderers share, whatever they write.
