@@ -231,7 +231,7 @@ int main(int argc, char** argv) {
 
   add_formats(app, arguments);
 
-  int status = 1;
+  int status = 0;
   const int failed = cli::run_tool(app, argc, argv, [&] {
     if (*make) {
       status = run_new(arguments);
