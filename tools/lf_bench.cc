@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "command_line.h"
 #include "base/error.h"
 #include "base/now.h"
+#include "command_line.h"
 #include "composite/assembly.h"
 #include "composite/still.h"
 #include "focus/focus_still.h"
@@ -124,7 +124,7 @@ class Link {
 
  private:
   const Array& array_;
-  lf::AnswerTask::Manner manner_;
+  lf::AnswerTask::Options manner_;
   lf::ViewRequest request_;
   lf::ByteBuffer bytes_;
   lf::Assembly assembly_;

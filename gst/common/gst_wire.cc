@@ -52,7 +52,7 @@ bool is_moments_buffer(GstBuffer* buffer) {
   const MappedBuffer mapped(buffer);
   return wire::is_moments(mapped.bytes());
 }
-std::optional<wire::AnswerHead> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason) {
+std::optional<wire::AnswerPartHeader> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason) {
   return decode(buffer, reason, wire::parse_answer_header);
 }
 

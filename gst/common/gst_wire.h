@@ -26,7 +26,7 @@ std::optional<wire::RequestPeek> peek_request_buffer(GstBuffer* buffer);
 std::optional<uint32_t> peek_answer_view(GstBuffer* buffer);
 // Moments, or cameras' trials.
 bool is_moments_buffer(GstBuffer* buffer);
-std::optional<wire::AnswerHead> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason = nullptr);
+std::optional<wire::AnswerPartHeader> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason = nullptr);
 
 // A buffer's bytes, mapped and held as long as this lives.
 class MappedBuffer {

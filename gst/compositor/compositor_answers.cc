@@ -136,7 +136,7 @@ static void add_answer(LfCompositor* self, GstBuffer* buffer) {
 
 // An answer to a request that has been composed: too late for the picture, but in time all the same if nobody waited
 // for this node.
-static void note_late_answer(LfCompositor* self, const lf::wire::AnswerHead& answer, NodeInput& node) {
+static void note_late_answer(LfCompositor* self, const lf::wire::AnswerPartHeader& answer, NodeInput& node) {
   auto& state = *self->state;
   if (std::ranges::find(state.skipped, answer.sequence) != state.skipped.end()) return;
   state.stats.count(CompositorStats::kLateAnswers);
@@ -175,7 +175,7 @@ static void take_answers(LfCompositor* self, GstAggregatorPad* pad) {
       continue;
     }
     std::string reason;
-    const std::optional<lf::wire::AnswerHead> answer = lf::parse_answer_buffer_header(buffer, &reason);
+    const std::optional<lf::wire::AnswerPartHeader> answer = lf::parse_answer_buffer_header(buffer, &reason);
     const bool own = answer && answer->view_id == state.current->view_id;
     // Sequence numbers wrap: the sign of the difference tells the order.
     const int32_t ahead = own ? static_cast<int32_t>(answer->sequence - state.current->sequence) : 0;

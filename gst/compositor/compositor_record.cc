@@ -32,14 +32,14 @@ GstBuffer* lf_compositor_replace_incomplete(LfCompositor* self, GstBuffer* pictu
     return picture;
   }
   GST_OBJECT_LOCK(self);
-  const LfCompositorIncomplete manner = self->incomplete;
+  const LfCompositorIncomplete options = self->incomplete;
   GST_OBJECT_UNLOCK(self);
-  if (manner == LF_COMPOSITOR_INCOMPLETE_REPEAT && state.last_picture) {
+  if (options == LF_COMPOSITOR_INCOMPLETE_REPEAT && state.last_picture) {
     state.stats.count(CompositorStats::kRepeatedPictures);
     gst_buffer_unref(picture);
     return gst_buffer_copy(state.last_picture);
   }
-  if (manner != LF_COMPOSITOR_INCOMPLETE_DROP) {
+  if (options != LF_COMPOSITOR_INCOMPLETE_DROP) {
     state.last_rig = rig;
     return picture;
   }

@@ -17,11 +17,11 @@ uint64_t convert_time(uint64_t time, bool from_clock, bool to_clock, uint64_t ba
   return to_clock ? time + base_time : time - std::min(time, base_time);
 }
 
-uint64_t wanted_of(const RequestHead& request, const CameraFrames& frames, uint64_t base_time) {
+uint64_t wanted_of(const RequestHeader& request, const CameraFrames& frames, uint64_t base_time) {
   return convert_time(request.target_time, request.absolute_time, frames.is_live(), base_time);
 }
 
-uint64_t time_of(const RequestHead& request, const CameraFrames& frames, uint64_t time, uint64_t base_time) {
+uint64_t time_of(const RequestHeader& request, const CameraFrames& frames, uint64_t time, uint64_t base_time) {
   return convert_time(time, frames.is_live(), request.absolute_time, base_time);
 }
 
@@ -69,7 +69,7 @@ FragmentNode::MakeTask FragmentNode::task_maker(const wire::AnyRequest& request,
 }
 
 wire::AnswerHeader FragmentNode::header_of(const wire::AnyRequest& any) const {
-  const RequestHead& request = wire::head_of(any);
+  const RequestHeader& request = wire::head_of(any);
   wire::AnswerHeader header;
   header.view_id = request.view_id;
   header.sequence = request.sequence;
@@ -87,13 +87,13 @@ FragmentNode::Reply FragmentNode::skip(const wire::AnyRequest& request) {
   return {.brightness = {}, .moments = {}, .bytes = wire::AnswerWriter(header, 0).finish()};
 }
 
-FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester& requester, const Manner& manner,
+FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester& requester, const Options& options,
                                          ByteBuffer memory) {
   stats_.requests++;
-  const RequestHead& request = wire::head_of(any);
+  const RequestHeader& request = wire::head_of(any);
   wire::AnswerHeader header = header_of(any);
   const uint64_t arrived = now_ns();
-  const auto array = manner.live ? inputs_.array() : inputs_.wait_for_all(requester.cancelled);
+  const auto array = options.live ? inputs_.array() : inputs_.wait_for_all(requester.cancelled);
   const uint64_t waited = now_ns() - arrived;
   header.rig_hash = array->rig_hash;
   if (requester.rig != array->rig) {
@@ -111,7 +111,7 @@ FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester&
     requester.warned_of = request.rig_hash;
   } else {
     try {
-      return render(request, task_maker(any, *array, requester), *array, requester, manner, header, std::move(memory),
+      return render(request, task_maker(any, *array, requester), *array, requester, options, header, std::move(memory),
                     waited);
     } catch (const Error& error) {
       warning = error.what();
@@ -122,14 +122,14 @@ FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester&
       .brightness = {}, .moments = {}, .bytes = wire::AnswerWriter(header, 0).finish(), .warning = std::move(warning)};
 }
 
-FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeTask& make_task, const Array& array,
-                                         Requester& requester, const Manner& manner, wire::AnswerHeader header,
+FragmentNode::Reply FragmentNode::render(const RequestHeader& request, const MakeTask& make_task, const Array& array,
+                                         Requester& requester, const Options& options, wire::AnswerHeader header,
                                          ByteBuffer memory, uint64_t waited) {
   const uint64_t begun = now_ns();
   std::vector<CameraIndex> own;
   for (const auto& [camera, frames] : array.cameras) {
     own.push_back(camera);
-    frames->advance(wanted_of(request, *frames, manner.base_time));
+    frames->advance(wanted_of(request, *frames, options.base_time));
   }
   const std::unique_ptr<const AnswerTask> task = make_task(own);
   const uint64_t planned = now_ns();
@@ -139,12 +139,12 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
   // that was replaced.
   const auto find = [&](CameraIndex camera) {
     CameraFrames& frames = *array.cameras.at(camera);
-    const uint64_t wanted = wanted_of(request, frames, manner.base_time);
-    std::optional<CameraFrame> frame = frames.find(wanted, !manner.live, &requester.cancelled);
+    const uint64_t wanted = wanted_of(request, frames, options.base_time);
+    std::optional<CameraFrame> frame = frames.find(wanted, !options.live, &requester.cancelled);
     if (frame && !frame->fits(array.rig->cameras[camera])) frame.reset();
     if (!frame || wanted == kNoTime || !frames.is_live()) return frame;
     skews.push_back({camera, frame->time, wanted, frames.period(), frame->behind});
-    if (manner.max_skew > 0 && time_between(frame->time, wanted) > manner.max_skew) {
+    if (options.max_skew > 0 && time_between(frame->time, wanted) > options.max_skew) {
       frame.reset();
       stats_.stale_frames++;
     }
@@ -154,7 +154,7 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
   // The others are looked at, too: what is out of service or out of sight must be known to be well before it is used.
   CameraSet blind;
   for (const CameraIndex camera : own)
-    if ((manner.live || array.cameras.at(camera)->is_live()) && !std::ranges::binary_search(task->cameras(), camera) &&
+    if ((options.live || array.cameras.at(camera)->is_live()) && !std::ranges::binary_search(task->cameras(), camera) &&
         !find(camera))
       blind.push_back(camera);
   const uint64_t found = now_ns();
@@ -169,7 +169,7 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
         if (before && !before->fits(array.rig->cameras[camera])) before.reset();
         return before;
       },
-      manner.parallel);
+      options.parallel);
   const uint64_t decoded = now_ns();
 
   uint64_t worst_skew = 0;
@@ -180,11 +180,11 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
       continue;
     }
     const CameraFrames& frames = *array.cameras.at(sources.sources()[i].camera);
-    const uint64_t wanted = wanted_of(request, frames, manner.base_time);
+    const uint64_t wanted = wanted_of(request, frames, options.base_time);
     const uint64_t skew = wanted == kNoTime ? 0 : time_between(sources.time(i), wanted);
     if (header.actual_time == kNoTime || skew > worst_skew) {
       worst_skew = skew;
-      header.actual_time = time_of(request, frames, sources.time(i), manner.base_time);
+      header.actual_time = time_of(request, frames, sources.time(i), options.base_time);
     }
   }
   std::ranges::sort(blind);
@@ -197,7 +197,7 @@ FragmentNode::Reply FragmentNode::render(const RequestHead& request, const MakeT
 
   std::span<const Source> images;
   if (!nothing) images = sources.sources();
-  AnswerMaker::Units units = requester.maker.make(*task, header, images, manner, std::move(memory));
+  AnswerMaker::Units units = requester.maker.make(*task, header, images, options, std::move(memory));
   if (units.gains) stats_.set_gains(images, *units.gains);
   const NodeStats::Stages stages = {.wait = waited + (found - planned),
                                     .decode = decoded - found,

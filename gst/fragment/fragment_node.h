@@ -41,7 +41,7 @@ class FragmentNode {
   // From any thread: an answer being made for this requester waits for nothing any more.
   void cancel(Requester& requester, bool cancelled);
   // How requests are to be answered.
-  struct Manner : AnswerMaker::Options {
+  struct Options : AnswerMaker::Options {
     bool live = false;       // the request is: nothing is waited for
     uint64_t base_time = 0;  // of the pipeline: clock time of running time 0
     uint64_t max_skew = 0;   // of a live camera's frame; what is farther from the target is none; 0: any
@@ -55,7 +55,7 @@ class FragmentNode {
   };
   // Waits for the frames that belong to the request's time (see CameraFrames::find) and renders. Never throws; a
   // request that can't be served (another rig's) gets an answer without fragments. `memory` is recycled.
-  Reply answer(const wire::AnyRequest& request, Requester& requester, const Manner& manner, ByteBuffer memory);
+  Reply answer(const wire::AnyRequest& request, Requester& requester, const Options& options, ByteBuffer memory);
 
   // An answer without fragments, at once: nobody needs the picture.
   Reply skip(const wire::AnyRequest& request);
@@ -66,8 +66,8 @@ class FragmentNode {
   // What the request comes to, given the node's cameras.
   using MakeTask = std::function<std::unique_ptr<AnswerTask>(std::span<const CameraIndex> own)>;
   MakeTask task_maker(const wire::AnyRequest& request, const Array& array, Requester& requester) const;
-  Reply render(const RequestHead& request, const MakeTask& make_task, const Array& array, Requester& requester,
-               const Manner& manner, wire::AnswerHeader header, ByteBuffer memory, uint64_t waited);
+  Reply render(const RequestHeader& request, const MakeTask& make_task, const Array& array, Requester& requester,
+               const Options& options, wire::AnswerHeader header, ByteBuffer memory, uint64_t waited);
   std::string skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report, Requester& requester) const;
 
   NodeStats stats_;

@@ -205,10 +205,10 @@ static GstPad* lf_fragment_request_new_pad(GstElement* element, GstPadTemplate* 
   LfFragment* self = LF_FRAGMENT(element);
   GstElementClass* klass = GST_ELEMENT_GET_CLASS(element);
   if (templ == gst_element_class_get_pad_template(klass, "request_%u")) {
-    const guint number = number_of(name, "request_", &self->next_lane);
+    const guint number = number_of(name, "request_", &self->next_pair);
     g_autofree gchar* request_name = g_strdup_printf("request_%u", number);
     g_autofree gchar* src_name = g_strdup_printf("src_%u", number);
-    return lf_fragment_lane_new(self, templ, request_name, gst_element_class_get_pad_template(klass, "src_%u"),
+    return lf_fragment_pair_new(self, templ, request_name, gst_element_class_get_pad_template(klass, "src_%u"),
                                 src_name);
   }
   g_autofree gchar* pad_name = g_strdup_printf("sink_%u", number_of(name, "sink_", &self->next_camera_pad));
@@ -235,7 +235,7 @@ static void lf_fragment_release_pad(GstElement* element, GstPad* pad) {
     gst_element_remove_pad(element, pad);
     return;
   }
-  lf_fragment_lane_release(self, pad);
+  lf_fragment_pair_release(self, pad);
 }
 
 // A camera that the application names counts from the start on: its weight is lost in a sum until it has a frame.
@@ -258,13 +258,13 @@ static bool lf_fragment_start(LfFragment* self) {
   self->node->set_node_id(self->node_id);
   self->node->inputs().forget_family();
   GST_OBJECT_LOCK(self);
-  for (Lane* lane : *self->lanes) {
-    lane->ended = lane->flushed = false;
-    lane->last_time = lane->told_delay = lane->told_at = lane->looked_at = 0;
-    lane->segment = {};
-    lane->qos.clear();
-    lane->requester.rig.reset();
-    lane->requester.cancelled = false;
+  for (PadPair* pair : *self->pairs) {
+    pair->ended = pair->flushed = false;
+    pair->last_time = pair->told_delay = pair->told_at = pair->looked_at = 0;
+    pair->segment = {};
+    pair->qos.clear();
+    pair->requester.rig.reset();
+    pair->requester.cancelled = false;
   }
   GST_OBJECT_UNLOCK(self);
   lf_fragment_set_mode(self, lf::CameraFrames::Mode::kRunning);
@@ -292,7 +292,7 @@ static GstStateChangeReturn lf_fragment_change_state(GstElement* element, GstSta
 static void lf_fragment_finalize(GObject* object) {
   LfFragment* self = LF_FRAGMENT(object);
   g_mutex_clear(&self->seek_lock);
-  delete self->lanes;
+  delete self->pairs;
   delete self->node;
   delete self->workers;
   g_free(self->rig_path);
@@ -350,9 +350,9 @@ static void lf_fragment_init(LfFragment* self) {
   self->strip_pixels = lf::wire::kStripPixels;
   self->max_skew = 500 * GST_MSECOND;
   self->resampling = lf::Resampling::kSharpened;
-  self->lanes = new std::set<Lane*>;
+  self->pairs = new std::set<PadPair*>;
   self->workers = new std::shared_ptr<lf::WorkerPool>(lf::WorkerPool::shared());
   GstElementClass* klass = GST_ELEMENT_GET_CLASS(self);
-  lf_fragment_lane_new(self, gst_element_class_get_pad_template(klass, "request"), "request",
+  lf_fragment_pair_new(self, gst_element_class_get_pad_template(klass, "request"), "request",
                        gst_element_class_get_pad_template(klass, "src"), "src");
 }

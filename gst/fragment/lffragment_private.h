@@ -16,7 +16,7 @@
 #include "node/arrival_watch.h"
 
 // What the files of lffragment share: lffragment.cc (the element), fragment_camera_pad.cc (camera video in),
-// fragment_lane.cc (requests in, answers out) and fragment_choices.cc (how answers are made).
+// fragment_pair.cc (requests in, answers out) and fragment_choices.cc (how answers are made).
 
 struct _LfFragmentPad {
   GstPad parent;
@@ -40,7 +40,7 @@ struct _LfFragmentPad {
 
 using PadPtr = std::unique_ptr<GstPad, decltype([](GstPad* pad) { gst_object_unref(pad); })>;
 
-// One pad of a lane for whoever comes through the other one, while both may be released.
+// One pad of a pair for whoever comes through the other one, while both may be released.
 class WeakPad {
  public:
   explicit WeakPad(GstPad* pad) { g_weak_ref_init(&ref_, pad); }
@@ -55,8 +55,8 @@ class WeakPad {
 };
 
 // One requester: a request pad and the answer pad it pairs with. Belongs to both of them.
-struct Lane {
-  Lane(GstPad* request_pad, GstPad* src_pad) : request(request_pad), src(src_pad) {}
+struct PadPair {
+  PadPair(GstPad* request_pad, GstPad* src_pad) : request(request_pad), src(src_pad) {}
   WeakPad request, src;
   lf::FragmentNode::Requester requester;
   std::shared_ptr<lf::AnswerMemory> memory = std::make_shared<lf::AnswerMemory>();
@@ -86,9 +86,9 @@ struct _LfFragment {
   GstClockTime max_skew;      // under the object lock
   std::shared_ptr<lf::WorkerPool>* workers;
   lf::FragmentNode* node;
-  std::set<Lane*>* lanes;       // under the object lock
+  std::set<PadPair*>* pairs;    // under the object lock
   lf::CameraFrames::Mode mode;  // of all cameras; under the object lock
-  guint next_camera_pad, next_lane;
+  guint next_camera_pad, next_pair;
   GMutex seek_lock;     // held while cameras are sought
   guint32 seek_seqnum;  // of the latest seek of the cameras; under that
 };
@@ -117,10 +117,10 @@ bool lf_fragment_assign_camera(LfFragment* self, LfFragmentPad* pad);
 // Forgets frames, format and camera.
 void lf_fragment_camera_pad_reset(LfFragment* self, LfFragmentPad* pad);
 
-// The request pad of a new lane, both of whose pads have been added to the element.
-GstPad* lf_fragment_lane_new(LfFragment* self, GstPadTemplate* request, const gchar* request_name, GstPadTemplate* src,
+// The request pad of a new pair, both of whose pads have been added to the element.
+GstPad* lf_fragment_pair_new(LfFragment* self, GstPadTemplate* request, const gchar* request_name, GstPadTemplate* src,
                              const gchar* src_name);
 // Takes both pads away; an answer that is being made ends at once.
-void lf_fragment_lane_release(LfFragment* self, GstPad* request);
+void lf_fragment_pair_release(LfFragment* self, GstPad* request);
 // The rig file, for messages; to be freed.
 gchar* lf_fragment_rig_path(LfFragment* self);

@@ -25,7 +25,7 @@ class LocalNode {
   const std::vector<CameraIndex>& cameras() const { return cameras_; }
   // What the request comes to. Throws Error for a request of another rig, and for what does not fit this one.
   std::unique_ptr<const AnswerTask> plan(const ViewRequest& request);
-  // The units of the answer. `frames`: one for each of cameras(). `in_process`: as AnswerTask::Manner has it. `memory`
+  // The units of the answer. `frames`: one for each of cameras(). `in_process`: as AnswerTask::Options has it. `memory`
   // is recycled. Throws Error for frames that do not fit, too.
   AnswerMaker::Units answer(const ViewRequest& request, const std::vector<lightfield::ImageView>& frames,
                             lightfield::Resampling resampling, bool in_process, ByteBuffer memory = {});

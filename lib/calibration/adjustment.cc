@@ -33,7 +33,7 @@ Vec3 TargetState::point(uint32_t which) const {
   return {p[0], p[1], p[2]};
 }
 
-bool Scene::measured(int term) const {
+bool Reconstruction::measured(int term) const {
   for (size_t i = 0; i < lens_priors.size(); i++)
     if (measured(i, term)) return true;
   return false;

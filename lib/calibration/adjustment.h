@@ -67,7 +67,7 @@ struct BatchPrior {
   std::array<double, kNumLensTerms> mean{}, width{}, spread{}, tight{};
 };
 
-struct Scene {
+struct Reconstruction {
   std::vector<CameraState> cameras;
   std::vector<TargetState> targets;                   // one a position
   std::vector<std::optional<LensPrior>> lens_priors;  // per camera; those without have the batch's
@@ -106,7 +106,7 @@ struct AdjustmentSummary {
 using Inliers = std::vector<char>;
 
 // Bundle adjustment over the observations with use[i] of cameras that are used and targets that have that light.
-AdjustmentSummary adjust(Scene& scene, const std::vector<Observation>& observations, const Inliers& use,
+AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& observations, const Inliers& use,
                          const AdjustmentOptions& options);
 
 // Pixels from where `target` should appear in `camera`; nothing behind it.

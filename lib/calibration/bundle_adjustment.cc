@@ -28,7 +28,7 @@ struct Blocks {
   std::vector<double*> cameras, targets;
 };
 
-bool all_measured(const Scene& scene, size_t camera) {
+bool all_measured(const Reconstruction& scene, size_t camera) {
   for (int k = 0; k < kNumLensTerms; k++)
     if (!scene.measured(camera, k)) return false;
   return true;
@@ -36,7 +36,7 @@ bool all_measured(const Scene& scene, size_t camera) {
 
 }  // namespace
 
-AdjustmentSummary adjust(Scene& scene, const std::vector<Observation>& observations, const Inliers& use,
+AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& observations, const Inliers& use,
                          const AdjustmentOptions& options) {
   CameraManifold camera_manifold(options.free, options.free_poses);
   ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::SphereManifold<3>> bar_manifold;

@@ -58,7 +58,7 @@ class Diagnosis {
     findings_.push_back({severity, code, std::move(what)});
   }
   unsigned id(size_t camera) const { return tracks_.cameras[camera].id; }
-  const Scene& scene() const { return solution_.scene; }
+  const Reconstruction& scene() const { return solution_.scene; }
 
   void judge_camera(size_t i) {
     const auto& list = by_camera_[i];
@@ -105,7 +105,7 @@ class Diagnosis {
         moved.observations[index].position =
             static_cast<uint32_t>(std::clamp<int64_t>(position, 0, static_cast<int64_t>(tracks_.num_positions) - 1));
       }
-      Scene trial = scene();
+      Reconstruction trial = scene();
       trial.cameras[i].used = false;
       if (resect_cameras(trial, moved, kResection) < 1 || !trial.cameras[i].used) continue;
       double fit = 0;

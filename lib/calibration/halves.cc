@@ -38,7 +38,7 @@ struct Half {
   VectorXd variance;                 // of their steps, from the observations: both halves have the priors
 };
 
-Half solve_half(const Scene& whole, const Tracks& tracks, const Inliers& use, AdjustmentOptions options) {
+Half solve_half(const Reconstruction& whole, const Tracks& tracks, const Inliers& use, AdjustmentOptions options) {
   const Uncertainty u = estimate_uncertainty(whole, tracks.observations, use, options);
   Half half{whole.cameras, u.covariance.diagonal()};
   const auto lens = static_cast<Eigen::Index>(u.lens_terms.size());
@@ -53,7 +53,7 @@ Half solve_half(const Scene& whole, const Tracks& tracks, const Inliers& use, Ad
     const Eigen::MatrixXd prior = u.prior_covariance.llt().solve(by_lens.transpose());
     half.variance -= by_lens.cwiseProduct(prior.transpose()).rowwise().sum();
   }
-  Scene scene = whole;
+  Reconstruction scene = whole;
   options.max_iterations = kIterations;
   adjust(scene, tracks.observations, use, options);
   std::vector<Pose> from, to;
@@ -70,7 +70,7 @@ Half solve_half(const Scene& whole, const Tracks& tracks, const Inliers& use, Ad
 
 }  // namespace
 
-double disagreement_of_halves(const Scene& scene, const Tracks& tracks, const Inliers& use,
+double disagreement_of_halves(const Reconstruction& scene, const Tracks& tracks, const Inliers& use,
                               const AdjustmentOptions& options) {
   const auto positions = observations_of_positions(tracks);
   double sum = 0, count = 0;

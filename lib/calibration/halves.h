@@ -11,7 +11,7 @@ namespace lf {
 // deviations are too small by that factor. Neighbouring features come into the same half (alternating blocks of the
 // image that they start in, or of the path of a light), since what they share is what makes them err together. Errors
 // that both halves share can't be seen by it.
-double disagreement_of_halves(const Scene& scene, const Tracks& tracks, const Inliers& use,
+double disagreement_of_halves(const Reconstruction& scene, const Tracks& tracks, const Inliers& use,
                               const AdjustmentOptions& options);
 
 }  // namespace lf

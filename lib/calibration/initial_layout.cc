@@ -22,7 +22,7 @@ Quat small_turn(const Vec2& turn) {
 
 }  // namespace
 
-double layout_from_disparities(Scene& scene, const Tracks& tracks) {
+double layout_from_disparities(Reconstruction& scene, const Tracks& tracks) {
   const uint32_t lights = tracks.bar ? 2 : 1;
   std::vector<Sight> sights;
   for (const Observation& o : tracks.observations)
@@ -40,7 +40,7 @@ double layout_from_disparities(Scene& scene, const Tracks& tracks) {
   return factors.inliers;
 }
 
-void targets_from_poses(Scene& scene, const Tracks& tracks, double threshold) {
+void targets_from_poses(Reconstruction& scene, const Tracks& tracks, double threshold) {
   scene.targets.assign(tracks.num_positions, {});
   if (!tracks.bar) return triangulate_targets(scene, tracks, threshold);
   // How long is the bar in the scale of these poses?
@@ -48,7 +48,7 @@ void targets_from_poses(Scene& scene, const Tracks& tracks, double threshold) {
   single.bar = false;
   single.num_positions = tracks.num_positions * 2;
   for (Observation& o : single.observations) o.position = o.position * 2 + o.light, o.light = 0;
-  Scene points = scene;
+  Reconstruction points = scene;
   points.targets.assign(single.num_positions, {});
   triangulate_targets(points, single, threshold);
   std::vector<double> lengths;

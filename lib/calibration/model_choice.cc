@@ -18,12 +18,12 @@ constexpr double kSettled = 0.05;  // change of sigma
 constexpr DistortionModel kModels[] = {{0, false}, {1, true}, {1, false}, {2, true}, {2, false}};
 
 struct Fit {
-  Scene scene;
+  Reconstruction scene;
   std::vector<double> lengths;
   double sigma;
 };
 
-Fit fit_model(Scene scene, const Tracks& tracks, AdjustmentOptions options, int iterations) {
+Fit fit_model(Reconstruction scene, const Tracks& tracks, AdjustmentOptions options, int iterations) {
   const Inliers all(tracks.observations.size(), true);
   options.robust = kRobust, options.tolerance = 3e-4;
   for (int round = 0; round < 2; round++) {
@@ -63,7 +63,7 @@ double transfer(const Fit& fit, const Tracks& tracks, AdjustmentOptions options,
   Inliers use = within(fit.lengths, 2 * kReach, fit.sigma);
   for (const size_t i : held) use[i] = false;
   options.sigma = fit.sigma, options.robust = kRobust, options.max_iterations = 2, options.tolerance = 1e-3;
-  Scene scene = fit.scene;
+  Reconstruction scene = fit.scene;
   adjust(scene, tracks.observations, use, options);
   const auto lengths = residual_lengths(scene, tracks.observations);
   double sum = 0;
@@ -71,7 +71,7 @@ double transfer(const Fit& fit, const Tracks& tracks, AdjustmentOptions options,
   return held.empty() ? 0 : std::sqrt(sum / static_cast<double>(held.size()));
 }
 
-double count_parameters(const Scene& scene, const AdjustmentOptions& options) {
+double count_parameters(const Reconstruction& scene, const AdjustmentOptions& options) {
   const auto cameras = std::count_if(scene.cameras.begin(), scene.cameras.end(), [](const auto& c) { return c.used; });
   double count = 0;
   for (int k = 0; k < kNumLensTerms; k++)
@@ -87,11 +87,11 @@ struct Candidate {
 // Of candidates from the smallest model to the largest: the index of the one that the tracks call for. Each starts from
 // the one before it, or from `scene`, which is near one of them.
 enum class Start { kPrevious, kScene };
-size_t choose(Scene& scene, const Tracks& tracks, const std::vector<Candidate>& candidates, Start from,
+size_t choose(Reconstruction& scene, const Tracks& tracks, const std::vector<Candidate>& candidates, Start from,
               size_t num_observations, std::vector<ModelTrial>& trials) {
   std::vector<Fit> fits;
   for (const Candidate& candidate : candidates) {
-    Scene start = fits.empty() || from == Start::kScene ? scene : fits.back().scene;
+    Reconstruction start = fits.empty() || from == Start::kScene ? scene : fits.back().scene;
     for (int k = kK1; k <= kK2; k++) {
       if (candidate.options.free[k]) continue;
       for (CameraState& camera : start.cameras) camera.lens_terms()[k] = 0;
@@ -129,7 +129,7 @@ void apply_model(const DistortionModel& model, AdjustmentOptions& options) {
   options.shared[kK1] = options.shared[kK2] = model.shared;
 }
 
-ModelChoice choose_distortion(Scene& scene, const Tracks& tracks, const AdjustmentOptions& options,
+ModelChoice choose_distortion(Reconstruction& scene, const Tracks& tracks, const AdjustmentOptions& options,
                               size_t num_observations) {
   std::vector<Candidate> candidates;
   for (const DistortionModel& model : kModels) {
@@ -141,7 +141,8 @@ ModelChoice choose_distortion(Scene& scene, const Tracks& tracks, const Adjustme
   return choice;
 }
 
-void choose_alike(Scene& scene, const Tracks& tracks, AdjustmentOptions& options, std::vector<ModelTrial>& trials) {
+void choose_alike(Reconstruction& scene, const Tracks& tracks, AdjustmentOptions& options,
+                  std::vector<ModelTrial>& trials) {
   std::vector<Candidate> candidates = {
       {"all f, c alike", options}, {"f per camera, c alike", options}, {"f, c per camera", options}};
   for (size_t m = 0; m < candidates.size(); m++) {

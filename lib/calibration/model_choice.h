@@ -18,11 +18,12 @@ struct ModelChoice {
   DistortionModel model;
   std::vector<ModelTrial> trials;
 };
-ModelChoice choose_distortion(Scene& scene, const Tracks& tracks, const AdjustmentOptions& options,
+ModelChoice choose_distortion(Reconstruction& scene, const Tracks& tracks, const AdjustmentOptions& options,
                               size_t num_observations);
 
 // In the same way, whether the focal lengths, and the principal points (c), of all cameras are about the same: sets
 // that in `options`, whose lens terms are those of the distortion chosen, and adds to `trials`.
-void choose_alike(Scene& scene, const Tracks& tracks, AdjustmentOptions& options, std::vector<ModelTrial>& trials);
+void choose_alike(Reconstruction& scene, const Tracks& tracks, AdjustmentOptions& options,
+                  std::vector<ModelTrial>& trials);
 
 }  // namespace lf

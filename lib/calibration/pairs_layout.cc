@@ -27,7 +27,7 @@ Tracks without_bars(Tracks tracks) {
 
 // Targets, the adjustment and further cameras from those that have a pose, which may be off by `reach` pixels. Returns
 // how many have one then.
-int grow(Scene& scene, const Tracks& tracks, double reach, double threshold) {
+int grow(Reconstruction& scene, const Tracks& tracks, double reach, double threshold) {
   const Tracks points = without_bars(tracks);
   scene.targets.assign(points.num_positions, {});
   const auto settle = [&](double pixels) {
@@ -46,7 +46,7 @@ int grow(Scene& scene, const Tracks& tracks, double reach, double threshold) {
       std::count_if(scene.cameras.begin(), scene.cameras.end(), [](const CameraState& c) { return c.used; }));
 }
 
-void forget_poses(Scene& scene) {
+void forget_poses(Reconstruction& scene) {
   for (CameraState& camera : scene.cameras) camera.used = false;
 }
 
@@ -115,7 +115,7 @@ std::optional<Eigen::VectorXd> places_by_lines_of_sight(Eigen::Index cameras, si
 
 }  // namespace
 
-int layout_from_averages(Scene& scene, const Tracks& tracks, double threshold) {
+int layout_from_averages(Reconstruction& scene, const Tracks& tracks, double threshold) {
   const auto pairs = relative_poses(scene, tracks, threshold);
   std::vector<RelativeRotation> relative;
   for (const RelativePose& pair : pairs) relative.push_back({pair.a, pair.b, pair.a_from_b.orientation, pair.score});
@@ -151,7 +151,7 @@ int layout_from_averages(Scene& scene, const Tracks& tracks, double threshold) {
   return grow(scene, tracks, kAgree * scene.batch_mean[kF], threshold);
 }
 
-int layout_from_a_pair(Scene& scene, const Tracks& tracks, double threshold) {
+int layout_from_a_pair(Reconstruction& scene, const Tracks& tracks, double threshold) {
   const auto pairs = relative_poses(scene, tracks, threshold);
   const auto best =
       std::max_element(pairs.begin(), pairs.end(), [](const auto& x, const auto& y) { return x.score < y.score; });

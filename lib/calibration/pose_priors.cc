@@ -24,7 +24,7 @@ struct Known {
   std::array<double, PosePrior::kNumTerms> variance;  // infinite where nothing is known
 };
 
-std::vector<Known> known_poses(const Scene& scene, const Tracks& tracks, const SolveOptions& options) {
+std::vector<Known> known_poses(const Reconstruction& scene, const Tracks& tracks, const SolveOptions& options) {
   std::vector<Known> list;
   if (!options.prior) return list;
   for (size_t i = 0; i < scene.cameras.size(); i++) {
@@ -46,7 +46,7 @@ std::vector<Known> known_poses(const Scene& scene, const Tracks& tracks, const S
   return list;
 }
 
-Similarity frame_of(const Scene& scene, const std::vector<Known>& list) {
+Similarity frame_of(const Reconstruction& scene, const std::vector<Known>& list) {
   std::vector<Pose> found, expected;
   for (const Known& known : list) {
     found.push_back(scene.cameras[known.camera].pose());
@@ -69,7 +69,7 @@ double contradiction(const Known& known, const Pose& pose, const CameraCovarianc
   return largest;
 }
 
-void move_scene(Scene& scene, const Similarity& s, double bar) {
+void move_scene(Reconstruction& scene, const Similarity& s, double bar) {
   const double scale = s.scale / bar;
   const Similarity moved{scale, s.rotation, s.translation / bar};
   for (CameraState& camera : scene.cameras)
@@ -91,7 +91,7 @@ bool knows_poses(const SolveOptions& options) {
   return false;
 }
 
-PosePriorUse use_pose_priors(Scene& scene, const Tracks& tracks, const SolveOptions& options,
+PosePriorUse use_pose_priors(Reconstruction& scene, const Tracks& tracks, const SolveOptions& options,
                              const Uncertainty& uncertainty) {
   PosePriorUse use;
   std::vector<Known> list = known_poses(scene, tracks, options);

@@ -17,7 +17,7 @@ struct PosePriorUse {
   bool any = false;
   std::vector<size_t> contradicted;
 };
-PosePriorUse use_pose_priors(Scene& scene, const Tracks& tracks, const SolveOptions& options,
+PosePriorUse use_pose_priors(Reconstruction& scene, const Tracks& tracks, const SolveOptions& options,
                              const Uncertainty& uncertainty);
 
 }  // namespace lf

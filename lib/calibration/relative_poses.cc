@@ -22,7 +22,7 @@ struct Shared {
   std::vector<cv::Point2d> in_a, in_b;  // normalised
 };
 
-std::vector<Shared> pairs_that_share_most(const Scene& scene, const Tracks& tracks) {
+std::vector<Shared> pairs_that_share_most(const Reconstruction& scene, const Tracks& tracks) {
   const uint32_t lights = tracks.bar ? 2 : 1;
   std::vector<std::vector<std::optional<Vec2>>> uv(tracks.cameras.size(),
                                                    std::vector<std::optional<Vec2>>(tracks.num_positions * lights));
@@ -78,7 +78,7 @@ std::optional<Pose> pose_of_pair(const Shared& pair, double reach, double& score
 
 }  // namespace
 
-std::vector<RelativePose> relative_poses(const Scene& scene, const Tracks& tracks, double threshold) {
+std::vector<RelativePose> relative_poses(const Reconstruction& scene, const Tracks& tracks, double threshold) {
   cv::setRNGSeed(1);
   std::vector<RelativePose> poses;
   for (const Shared& pair : pairs_that_share_most(scene, tracks)) {

@@ -18,7 +18,7 @@ struct RelativePose {
 
 // Of those pairs of cameras that share most, so that each camera has several partners, by their essential matrices (the
 // lenses are those in the scene). `threshold`: pixels.
-std::vector<RelativePose> relative_poses(const Scene& scene, const Tracks& tracks, double threshold);
+std::vector<RelativePose> relative_poses(const Reconstruction& scene, const Tracks& tracks, double threshold);
 
 struct RelativeRotation {
   size_t a = 0, b = 0;

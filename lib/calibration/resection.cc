@@ -32,7 +32,7 @@ Middle middle_of(const std::vector<Vec3>& places) {
 
 }  // namespace
 
-int resect_cameras(Scene& scene, const Tracks& tracks, double threshold) {
+int resect_cameras(Reconstruction& scene, const Tracks& tracks, double threshold) {
   const auto lists = observations_of_cameras(tracks);
   int placed = 0;
   for (size_t i = 0; i < scene.cameras.size(); i++) {

@@ -7,7 +7,7 @@
 #include "calibration/triangulation.h"
 
 namespace lf {
-std::vector<double> residual_lengths(const Scene& scene, const std::vector<Observation>& observations) {
+std::vector<double> residual_lengths(const Reconstruction& scene, const std::vector<Observation>& observations) {
   std::vector<double> lengths(observations.size(), -1);
   for (size_t i = 0; i < observations.size(); i++) {
     const Observation& o = observations[i];
@@ -44,7 +44,7 @@ constexpr double kHopeless = 10;        // times the median: a track that tells 
 
 }  // namespace
 
-void estimate_track_noise(const Scene& scene, Tracks& tracks) {
+void estimate_track_noise(const Reconstruction& scene, Tracks& tracks) {
   struct Noise {
     double variance = -1, freedom = 0;
   };

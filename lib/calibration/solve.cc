@@ -12,8 +12,8 @@
 #include "calibration/model_choice.h"
 #include "calibration/placement.h"
 #include "calibration/pose_priors.h"
+#include "calibration/reconstruction.h"
 #include "calibration/robust_scale.h"
-#include "calibration/scene.h"
 #include "calibration/triangulation.h"
 
 namespace lf {
@@ -33,7 +33,7 @@ constexpr size_t kEnoughPositions = 50;
 
 struct PairLayout {
   const char* name;
-  int (*place)(Scene& scene, const Tracks& tracks, double threshold);
+  int (*place)(Reconstruction& scene, const Tracks& tracks, double threshold);
 };
 constexpr PairLayout kPairLayouts[] = {{"averaged pairs", layout_from_averages}, {"a pair", layout_from_a_pair}};
 
@@ -70,7 +70,7 @@ class Solver {
   }
 
  private:
-  Scene& scene() { return solution_.scene; }
+  Reconstruction& scene() { return solution_.scene; }
   void step(const std::string& what) {
     if (options_.progress) options_.progress(what);
   }
@@ -85,8 +85,8 @@ class Solver {
 
   // Tries one start after the other until one is good.
   void find_layout() {
-    const Scene empty = scene();
-    Scene best;
+    const Reconstruction empty = scene();
+    Reconstruction best;
     double best_fit = 0;
     const auto attempt = [&](const std::string& name, const auto& layout, bool free_f) {
       if (best_fit > kGoodFit) return;

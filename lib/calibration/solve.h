@@ -36,7 +36,7 @@ struct SolveOptions {
 };
 
 struct Solution {
-  Scene scene;              // in the scale and frame of the solver: see alignment.h
+  Reconstruction scene;     // in the scale and frame of the solver: see alignment.h
   Inliers inliers;          // one an observation
   double sigma = 0;         // of the inliers' noise in x and in y, pixels, estimated
   double expected_rms = 0;  // of the lengths of residuals if all were noise like their middle half, pixels

@@ -117,7 +117,7 @@ std::optional<Triangulated> triangulate(const std::vector<CameraState>& cameras,
   return best;
 }
 
-void triangulate_targets(Scene& scene, const Tracks& tracks, double threshold) {
+void triangulate_targets(Reconstruction& scene, const Tracks& tracks, double threshold) {
   const auto lists = observations_of_positions(tracks);
   for (size_t j = 0; j < lists.size(); j++) {
     std::optional<Triangulated> found[2];

@@ -22,6 +22,6 @@ std::optional<Triangulated> triangulate(const std::vector<CameraState>& cameras,
 
 // Every target of the scene anew where that agrees with more sights than it does now. Targets of a bar become bars
 // where both lights are found: of unit length, so the scene must be in that scale already.
-void triangulate_targets(Scene& scene, const Tracks& tracks, double threshold);
+void triangulate_targets(Reconstruction& scene, const Tracks& tracks, double threshold);
 
 }  // namespace lf

@@ -46,7 +46,7 @@ MatrixXd inverse_of(const Eigen::LLT<MatrixXd>& llt) {
 
 class Builder {
  public:
-  Builder(const Scene& scene, const AdjustmentOptions& options)
+  Builder(const Reconstruction& scene, const AdjustmentOptions& options)
       : scene_(scene), options_(options), manifold_(options.free, true) {
     result_.camera_size = manifold_.TangentSize();
     for (int k = 0; k < kNumLensTerms; k++)
@@ -251,7 +251,7 @@ class Builder {
     result_.covariance = (inverse + inverse.transpose()) / 2;
   }
 
-  const Scene& scene_;
+  const Reconstruction& scene_;
   const AdjustmentOptions& options_;
   CameraManifold manifold_;
   ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::SphereManifold<3>> bar_manifold_;
@@ -264,8 +264,8 @@ class Builder {
 
 }  // namespace
 
-Uncertainty estimate_uncertainty(const Scene& scene, const std::vector<Observation>& observations, const Inliers& use,
-                                 const AdjustmentOptions& options) {
+Uncertainty estimate_uncertainty(const Reconstruction& scene, const std::vector<Observation>& observations,
+                                 const Inliers& use, const AdjustmentOptions& options) {
   Builder builder(scene, options);
   for (size_t i = 0; i < observations.size(); i++) {
     const Observation& o = observations[i];

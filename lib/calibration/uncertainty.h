@@ -27,7 +27,7 @@ struct Uncertainty {
   double sigma_of(const Eigen::VectorXd& weights) const { return std::sqrt(weights.dot(covariance * weights)); }
 };
 
-Uncertainty estimate_uncertainty(const Scene& scene, const std::vector<Observation>& observations, const Inliers& use,
-                                 const AdjustmentOptions& options);
+Uncertainty estimate_uncertainty(const Reconstruction& scene, const std::vector<Observation>& observations,
+                                 const Inliers& use, const AdjustmentOptions& options);
 
 }  // namespace lf

@@ -135,16 +135,16 @@ bool Accumulator::add_kept(const ConstSumPlanes& sums) {
   return true;
 }
 
-bool Accumulator::add_lost_hat(const Rect& rect, const std::vector<float>& hat) {
+bool Accumulator::add_lost_weights(const Rect& rect, const std::vector<float>& weights) {
   // Lost weight has a value per pixel in both families, wherever the rectangle begins.
   const Rect even{rect.x0 & ~1, rect.y0 & ~1, rect.x1, rect.y1};
-  if (rect.empty() || !fits(family_, even) || hat.size() != area(rect)) return false;
+  if (rect.empty() || !fits(family_, even) || weights.size() != area(rect)) return false;
   materialize();
   materialize_lost();
   const int w = rect.width();
   std::vector<uint16_t> row(w);
   for (int y = 0; y < rect.height(); y++) {
-    const float* in = &hat[static_cast<size_t>(y) * w];
+    const float* in = &weights[static_cast<size_t>(y) * w];
     // The comparison comes first so that a NaN is nothing.
     for (int x = 0; x < w; x++)
       row[x] = static_cast<uint16_t>((in[x] > 0 ? std::min(in[x], 1.f) : 0.f) * kLostOne + 0.5f);
@@ -203,7 +203,7 @@ std::vector<float> Accumulator::coverage() const {
 std::optional<ConstSumPlanes> Accumulator::sums() const {
   if (touched_.empty()) return std::nullopt;
   Rect rect = touched_;
-  if (family_ == PixelFamily::kI420) {  // a lost hat may begin at an odd pixel
+  if (family_ == PixelFamily::kI420) {  // lost weights may begin at an odd pixel
     rect.x0 &= ~1;
     rect.y0 &= ~1;
   }

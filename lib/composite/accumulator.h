@@ -35,8 +35,8 @@ class Accumulator {
   bool add(const ConstSumPlanes& sums);
   // The same for sums whose memory stays as it is until reset(): the only ones of a whole picture need not be copied.
   bool add_kept(const ConstSumPlanes& sums);
-  // The hat of a camera whose fragment never came counts as lost: `hat` as from camera_hat() over `rect`.
-  bool add_lost_hat(const Rect& rect, const std::vector<float>& hat);
+  // The weights of a camera whose answer never came count as lost: `weights` as from pixel_weights() over `rect`.
+  bool add_lost_weights(const Rect& rect, const std::vector<float>& weights);
   // Pixels that no face of the mesh owns show the background too (without it they stay as they are: black).
   void set_uncovered(const OwnerMap& whole_view);
 

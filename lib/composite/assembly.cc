@@ -172,14 +172,14 @@ void Assembly::render_pixels(const ViewPlan& plan) {
   CameraSet incomplete;
   Rect rect;
   for (const CameraIndex camera : pixels_.cameras()) {
-    const Rect hat = plan.camera_rect(camera);
-    if (hat.empty()) continue;
+    const Rect part = plan.camera_rect(camera);
+    if (part.empty()) continue;
     const Camera& rig_camera = rig_->cameras[camera];
     if (!pixels_.has(camera, needed_pixels(plan, camera, rig_camera))) {
       incomplete.push_back(camera);
-    } else if (coverage_.add(camera, hat)) {
+    } else if (coverage_.add(camera, part)) {
       sources.push_back({camera, &rig_camera, pixels_.image(camera)});
-      rect = unite(rect, chroma_aligned(hat, plan.view()));
+      rect = unite(rect, chroma_aligned(part, plan.view()));
     }
   }
   incomplete_ = CameraRanges(incomplete);
@@ -198,11 +198,11 @@ void Assembly::render_pixels(const ViewPlan& plan) {
 void Assembly::add_missing(const ViewPlan& plan, const CameraSet& absent, const OwnerMap& owners) {
   for (const CameraIndex camera : absent) {
     const Rect rect = plan.camera_rect(camera);
-    std::vector<float> hat = camera_hat(plan, owners, camera, rect);
-    coverage_.take_out(camera, rect, hat);
-    if (std::ranges::all_of(hat, [](float w) { return w == 0; })) continue;
+    std::vector<float> weights = pixel_weights(plan, owners, camera, rect);
+    coverage_.take_out(camera, rect, weights);
+    if (std::ranges::all_of(weights, [](float w) { return w == 0; })) continue;
     missing_++;
-    accumulator_.add_lost_hat(rect, hat);
+    accumulator_.add_lost_weights(rect, weights);
   }
 }
 

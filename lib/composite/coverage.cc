@@ -41,11 +41,11 @@ bool Coverage::has(CameraIndex camera) const {
   return any;
 }
 
-void Coverage::take_out(CameraIndex camera, const Rect& rect, std::span<float> hat) const {
+void Coverage::take_out(CameraIndex camera, const Rect& rect, std::span<float> weights) const {
   for_each_rect(camera, [&](const Rect& other) {
     const Rect both = intersect(other, rect);
     for (int y = both.y0; y < both.y1; y++)
-      std::fill_n(&hat[static_cast<size_t>(y - rect.y0) * rect.width() + (both.x0 - rect.x0)],
+      std::fill_n(&weights[static_cast<size_t>(y - rect.y0) * rect.width() + (both.x0 - rect.x0)],
                   std::max(both.width(), 0), 0.0f);
   });
 }

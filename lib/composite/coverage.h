@@ -22,8 +22,8 @@ class Coverage {
   bool add(const CameraRanges& cameras, const Rect& rect);
 
   bool has(CameraIndex camera) const;  // anywhere
-  // Sets to 0 what of `hat`, the camera's weights over `rect` row by row, has come.
-  void take_out(CameraIndex camera, const Rect& rect, std::span<float> hat) const;
+  // Sets to 0 what of `weights`, the camera's weights over `rect` row by row, has come.
+  void take_out(CameraIndex camera, const Rect& rect, std::span<float> weights) const;
 
  private:
   template <typename F>

@@ -16,7 +16,7 @@ namespace lf {
 // It keeps what it learns of one requester's views, and memory. Not thread-safe.
 class AnswerMaker {
  public:
-  struct Options : AnswerTask::Manner {
+  struct Options : AnswerTask::Options {
     Resampling resampling = Resampling::kBilinear;
     ParallelFor parallel = serial_for;
   };

@@ -49,17 +49,17 @@ class WarpTask : public AnswerTask {
     if (is_told_) return !is_coarse(view.lens, rig_.cameras[camera].lens);  // commands don't say where the view is from
     return lf::shows_detail(view, rig_.cameras[camera]);
   }
-  RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Manner& manner,
+  RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Options& options,
                         ByteBuffer memory, const ParallelFor& parallel) const override {
-    AnswerForm form = choose_form(job_.plan().view(), manner.codec, manner.in_process, quality_);
-    form.strip_pixels = manner.strip_pixels;
+    AnswerForm form = choose_form(job_.plan().view(), options.codec, options.in_process, quality_);
+    form.strip_pixels = options.strip_pixels;
     if (!wide_) return render_answer(header, job_, sources, form, std::move(memory), parallel);
     std::vector<Source> in_view;
     std::ranges::copy_if(sources, std::back_inserter(in_view),
                          [this](const Source& source) { return is_in_view(source.camera); });
     return render_answer(header, job_, in_view, form, std::move(memory), parallel);
   }
-  ByteBuffer moments(const wire::AnswerHeader& header, std::span<const Source> sources, const Manner& manner,
+  ByteBuffer moments(const wire::AnswerHeader& header, std::span<const Source> sources, const Options& options,
                      const ParallelFor& parallel) const override {
     if (trials_.empty()) return {};
     const View& view = trial_job_->plan().view();
@@ -67,7 +67,7 @@ class WarpTask : public AnswerTask {
     std::vector<Moments> sums(trials_.size());
     for (Moments& sum : sums) sum.reset(view.width, view.height);
     add_moments(*trial_job_, sources, trials_, sums, parallel);
-    return wire::encode_moments(about, sums, !manner.in_process);
+    return wire::encode_moments(about, sums, !options.in_process);
   }
 
   const GainRequest* gains() const override { return gains_.use || gains_.ask ? &gains_ : nullptr; }
@@ -118,13 +118,13 @@ class PixelTask : public AnswerTask {
   Rect region(CameraIndex camera) const override {
     return regions_[static_cast<size_t>(std::ranges::lower_bound(cameras_, camera) - cameras_.begin())];
   }
-  RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Manner& manner,
+  RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Options& options,
                         ByteBuffer memory, const ParallelFor& parallel) const override {
     std::vector<PixelSource> pixels;
     for (const Source& source : sources)
       if (source.image.family != PixelFamily::kNone) pixels.push_back({source, region(source.camera)});
-    const CodedAs form = choose_codec(manner.codec, manner.in_process, quality_);
-    return pixel_answer(header, pixels, form.quality, manner.strip_pixels, std::move(memory), parallel);
+    const CodedAs form = choose_codec(options.codec, options.in_process, quality_);
+    return pixel_answer(header, pixels, form.quality, options.strip_pixels, std::move(memory), parallel);
   }
 
  private:

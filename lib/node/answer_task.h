@@ -17,7 +17,7 @@ namespace lf {
 class AnswerTask {
  public:
   // What the node may choose.
-  struct Manner {
+  struct Options {
     CodecChoice codec = CodecChoice::kAuto;
     bool in_process = false;                // the compositor is in this process: see choose_form()
     int strip_pixels = wire::kStripPixels;  // see AnswerForm
@@ -32,14 +32,15 @@ class AnswerTask {
   // Whether the answer shows what bilinear samples of such an image lose: see render/detail.h.
   virtual bool shows_detail(CameraIndex) const { return true; }
   // The answer. Arguments and errors as for render_answer(); `sources` are of cameras().
-  virtual RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Manner& manner,
-                                ByteBuffer memory = {}, const ParallelFor& parallel = serial_for) const = 0;
+  virtual RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources,
+                                const Options& options, ByteBuffer memory = {},
+                                const ParallelFor& parallel = serial_for) const = 0;
   // What is needed of it for both; empty: the camera is only asked how bright it is.
   virtual Rect drawn(CameraIndex camera) const { return region(camera); }
   // How the cameras' brightness is to be matched; null: not at all.
   virtual const GainRequest* gains() const { return nullptr; }
-  // For the mean that a request asks for: the unit that goes before the answer, empty if it does not ask, and what is to be
-  // kept until there is that mean. `sources`: as they are, not divided by `gains`.
+  // For the mean that a request asks for: the unit that goes before the answer, empty if it does not ask, and what is
+  // to be kept until there is that mean. `sources`: as they are, not divided by `gains`.
   struct Brightness {
     ByteBuffer bytes;
     std::vector<WideLuma::Camera> seen;
@@ -49,7 +50,7 @@ class AnswerTask {
     return {};
   }
   // The unit of moments that goes before the answer: what the trials of the request came to. Empty if it has none.
-  virtual ByteBuffer moments(const wire::AnswerHeader&, std::span<const Source>, const Manner&,
+  virtual ByteBuffer moments(const wire::AnswerHeader&, std::span<const Source>, const Options&,
                              const ParallelFor& = serial_for) const {
     return {};
   }

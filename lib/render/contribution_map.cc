@@ -48,7 +48,7 @@ float luma(const Image& rgb, int x, int y) {
 
 std::vector<float> valid_weights(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
                                  const Camera& rig_camera, const Rect& rect) {
-  std::vector<float> weights = camera_hat(plan, owners, camera, rect);
+  std::vector<float> weights = pixel_weights(plan, owners, camera, rect);
   const CameraProjection projection(plan, camera, rig_camera);
   float* weight = weights.data();
   for (int y = rect.y0; y < rect.y1; y++)
@@ -95,7 +95,7 @@ std::vector<PixelShare> pixel_shares(const Rig& rig, const ViewPlan& plan, int x
   std::vector<PixelShare> shares;
   for (const CameraIndex camera : plan.contributors()) {
     if (intersect(plan.camera_rect(camera), pixel).empty()) continue;
-    const float weight = camera_hat(plan, owners, camera, pixel)[0];
+    const float weight = pixel_weights(plan, owners, camera, pixel)[0];
     if (weight > 0)
       shares.push_back({camera, weight, valid_weights(plan, owners, camera, rig.cameras[camera], pixel)[0] > 0});
   }

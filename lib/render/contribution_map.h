@@ -12,7 +12,7 @@ namespace lf {
 
 // Which cameras make which pixel of a view: what a person looks at to understand a picture, and what tests count.
 
-// The part of a camera's hat that it can give: its weight where it sees the point on the focal surface, 0 where that is
+// What a camera can give to each pixel: its weight where it sees the point on the focal surface, 0 where that is
 // lost. Per pixel of `rect` (row-major, rect.width() * rect.height() values). `rect` inside owners.region().
 std::vector<float> valid_weights(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
                                  const Camera& rig_camera, const Rect& rect);
@@ -26,8 +26,8 @@ double mean_coverage(const Rig& rig, const ViewPlan& plan, int rows);
 
 struct PixelShare {
   CameraIndex camera;
-  float weight;  // of its hat
-  bool sees;     // else the weight is lost
+  float weight;
+  bool sees;  // else the weight is lost
 };
 // The cameras that make the pixel (x, y) of the view, the heaviest first; none outside the mesh.
 std::vector<PixelShare> pixel_shares(const Rig& rig, const ViewPlan& plan, int x, int y);

@@ -36,13 +36,13 @@ Rect CameraCorners::owned(const OwnerRuns& runs, const Rect& rect) const {
   return bounds;
 }
 
-std::vector<float> camera_hat(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Rect& rect) {
+std::vector<float> pixel_weights(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Rect& rect) {
   const CameraCorners corners(plan, camera);
-  std::vector<float> hat;
-  hat.reserve(static_cast<size_t>(rect.width()) * rect.height());
+  std::vector<float> weights;
+  weights.reserve(static_cast<size_t>(rect.width()) * rect.height());
   for (int y = rect.y0; y < rect.y1; y++)
-    for (int x = rect.x0; x < rect.x1; x++) hat.push_back(corners.weight_at(plan, owners, x, y));
-  return hat;
+    for (int x = rect.x0; x < rect.x1; x++) weights.push_back(corners.weight_at(plan, owners, x, y));
+  return weights;
 }
 
 }  // namespace lf

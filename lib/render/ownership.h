@@ -52,7 +52,8 @@ class CameraCorners {
     constexpr float kUnit = 1.f / BlendGrid::kOne;
     return owners.at(x, y) == OwnerMap::kNone ? 0 : kUnit * static_cast<float>(plan.blend()->weight(camera_, x, y));
   }
-  // Blended by the mesh: the camera's weight for a ray whose owner is `owner`: 0 if that is OwnerMap::kNone or a face of other cameras.
+  // Blended by the mesh: the camera's weight for a ray whose owner is `owner`: 0 if that is OwnerMap::kNone or a face
+  // of other cameras.
   float weight(const ViewPlan& plan, int32_t owner, const Vec2& ray) const {
     if (owner == OwnerMap::kNone || corner_[owner] < 0) return 0;
     return face_weights(plan.faces()[owner], ray).w[corner_[owner]];
@@ -73,8 +74,8 @@ class CameraCorners {
   std::vector<int8_t> corner_;  // per plan.faces(); -1: none of them. Not blended by the mesh: 0
 };
 
-// The hat function of `camera`: its weight in each pixel of `rect` (row-major, rect.width() * rect.height() values),
+// The weight of `camera` in each pixel of `rect` (row-major, rect.width() * rect.height() values),
 // 0 where its face does not own the pixel, or where there is nothing in focus. `rect` inside owners.region().
-std::vector<float> camera_hat(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Rect& rect);
+std::vector<float> pixel_weights(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Rect& rect);
 
 }  // namespace lf

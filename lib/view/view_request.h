@@ -17,7 +17,7 @@ inline constexpr uint64_t kNoTime = UINT64_MAX;
 inline uint64_t time_between(uint64_t a, uint64_t b) { return a > b ? a - b : b - a; }
 
 // Which picture is asked for, and when: what requests of all kinds begin with.
-struct RequestHead {
+struct RequestHeader {
   uint32_t view_id = 0;
   uint32_t sequence = 0;       // of this view; grows by one per request, wraps
   uint64_t target_time = 0;    // nanoseconds; capture time wanted, or kNoTime: the newest frame there is
@@ -25,7 +25,7 @@ struct RequestHead {
   bool probe = false;          // its picture is measured, not shown
   uint8_t quality = 0;         // of fragment payloads: 0 raw; 1..100 allow JPEG of this quality
   uint64_t rig_hash = 0;       // of the rig the view was made for; 0: any
-  bool operator==(const RequestHead&) const = default;
+  bool operator==(const RequestHeader&) const = default;
 };
 
 // How cameras match their brightness: each compares what it has seen with what all have seen, and divides its images by
@@ -40,7 +40,7 @@ struct GainRequest {
 };
 
 // The whole state of one view: no history is needed to answer it.
-struct ViewRequest : RequestHead {
+struct ViewRequest : RequestHeader {
   View view;
   CameraSet out_of_service;
   bool on_plane = false;      // the picture is drawn through the viewer's plane: the focal map serves the trials alone

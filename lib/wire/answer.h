@@ -38,9 +38,9 @@ struct AnswerPart {
 };
 
 // All that a unit says in front of its fragments.
-struct AnswerHead : AnswerHeader {
+struct AnswerPartHeader : AnswerHeader {
   AnswerPart part;
-  bool operator==(const AnswerHead&) const = default;
+  bool operator==(const AnswerPartHeader&) const = default;
 };
 
 // A whole answer with its fragments uncompressed, 8 bits a value.
@@ -71,7 +71,7 @@ struct FragmentView : FragmentHeader {
   std::span<const uint8_t> payload;
 };
 
-struct AnswerView : AnswerHead {
+struct AnswerView : AnswerPartHeader {
   std::vector<FragmentView> fragments;
 };
 

@@ -12,8 +12,8 @@
 namespace lf::wire {
 namespace {
 
-struct Head {
-  AnswerHead answer;
+struct ParsedHeader {
+  AnswerPartHeader answer;
   UnitHeader unit;
 };
 
@@ -28,14 +28,14 @@ CameraRanges read_ranges(Reader& in, const char* name, size_t count) {
   return out;
 }
 
-Head read_head(std::span<const uint8_t> bytes) {
+ParsedHeader read_head(std::span<const uint8_t> bytes) {
   std::string reason;
   const std::optional<UnitHeader> unit =
       check_unit_header(bytes, UnitKind::kAnswer, kFragmentsType, kLastOfNode, reason);
   if (!unit) throw Error(reason);
-  Head head{.unit = *unit};
+  ParsedHeader head{.unit = *unit};
   Reader in(bytes.first(std::min(bytes.size(), unit->size)).subspan(kUnitHeaderBytes));
-  AnswerHead& answer = head.answer;
+  AnswerPartHeader& answer = head.answer;
   answer.last_of_node = unit->flags & kLastOfNode;
   answer.view_id = in.get<uint32_t>();
   answer.sequence = in.get<uint32_t>();
@@ -112,7 +112,7 @@ void check_scans(const FragmentView& fragment) {
 }
 
 AnswerView read_answer(std::span<const uint8_t> bytes) {
-  const Head head = read_head(bytes);
+  const ParsedHeader head = read_head(bytes);
   std::string reason;
   if (!check_unit_size(bytes, head.unit, reason)) throw Error(reason);
   AnswerView answer{head.answer, {}};
@@ -136,7 +136,7 @@ std::optional<AnswerView> parse_answer(std::span<const uint8_t> bytes, std::stri
   return or_reason(reason, [&] { return read_answer(bytes); });
 }
 
-std::optional<AnswerHead> parse_answer_header(std::span<const uint8_t> bytes, std::string* reason) {
+std::optional<AnswerPartHeader> parse_answer_header(std::span<const uint8_t> bytes, std::string* reason) {
   return or_reason(reason, [&] { return read_head(bytes).answer; });
 }
 

@@ -19,7 +19,7 @@ std::optional<AnswerView> parse_answer(std::span<const uint8_t> bytes, std::stri
 
 // The fields in front of the fragment table alone; cheap. Same checks for these fields. `bytes` may end anywhere after
 // them.
-std::optional<AnswerHead> parse_answer_header(std::span<const uint8_t> bytes, std::string* reason = nullptr);
+std::optional<AnswerPartHeader> parse_answer_header(std::span<const uint8_t> bytes, std::string* reason = nullptr);
 
 // Whose view a unit of an answer stream, of any type, is about: enough to pass it by. Nothing for bytes that do not
 // begin as such a unit of this version does; what follows is not looked at.

@@ -24,13 +24,13 @@ namespace wire {
 // request they are complete in themselves.
 
 // For cameras that know their lens alone.
-struct WarpCommand : RequestHead {
+struct WarpCommand : RequestHeader {
   ViewWarp warp;
   bool operator==(const WarpCommand&) const = default;
 };
 
 // For cameras that only have pixels to give.
-struct PixelCommand : RequestHead {
+struct PixelCommand : RequestHeader {
   struct Region {
     CameraIndex camera = 0;
     Rect rect;  // of the camera's image, not empty; x0, y0 even
@@ -44,8 +44,8 @@ struct PixelCommand : RequestHead {
 // In the order of Access.
 using AnyRequest = std::variant<ViewRequest, WarpCommand, PixelCommand>;
 
-inline const RequestHead& head_of(const AnyRequest& request) {
-  return std::visit([](const RequestHead& head) -> const RequestHead& { return head; }, request);
+inline const RequestHeader& head_of(const AnyRequest& request) {
+  return std::visit([](const RequestHeader& head) -> const RequestHeader& { return head; }, request);
 }
 inline Access access_of(const AnyRequest& request) { return static_cast<Access>(request.index()); }
 // Width and height of the view, pixels.

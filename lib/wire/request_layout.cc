@@ -12,12 +12,12 @@ constexpr uint8_t kMaxQuality = 100;
 
 }  // namespace
 
-void check_request_head(const RequestHead& head) {
+void check_request_head(const RequestHeader& head) {
   if (head.quality > kMaxQuality)
     throw Error("quality: must be 0 to " + std::to_string(kMaxQuality) + ", is " + std::to_string(head.quality));
 }
 
-void put_request_head(Writer& out, uint8_t type, const RequestHead& head, int width, int height, size_t size) {
+void put_request_head(Writer& out, uint8_t type, const RequestHeader& head, int width, int height, size_t size) {
   const int flags = (head.absolute_time ? kAbsoluteTime : 0) | (head.probe ? kProbe : 0);
   put_unit_header(out, UnitKind::kRequest, type, static_cast<uint16_t>(flags), size);
   out.put(head.view_id);
@@ -29,7 +29,7 @@ void put_request_head(Writer& out, uint8_t type, const RequestHead& head, int wi
   out.put(head.quality);
 }
 
-std::pair<int, int> get_request_head(Reader& in, uint16_t flags, RequestHead& head) {
+std::pair<int, int> get_request_head(Reader& in, uint16_t flags, RequestHeader& head) {
   head.absolute_time = flags & kAbsoluteTime;
   head.probe = flags & kProbe;
   head.view_id = in.get<uint32_t>();
@@ -41,7 +41,7 @@ std::pair<int, int> get_request_head(Reader& in, uint16_t flags, RequestHead& he
   return {width, height};
 }
 
-Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHead& head, int& width, int& height) {
+Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHeader& head, int& width, int& height) {
   std::string reason;
   const std::optional<UnitHeader> unit =
       check_unit_header(bytes, UnitKind::kRequest, type, kAbsoluteTime | kProbe, reason);

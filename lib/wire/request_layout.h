@@ -17,15 +17,15 @@ inline constexpr uint16_t kAbsoluteTime = 1, kProbe = 2;            // flags of 
 inline constexpr size_t kRequestHeadBytes = kUnitHeaderBytes + 29;  // up to the quality
 
 // Throws Error naming the field. The size of the view is checked with the rest of it.
-void check_request_head(const RequestHead& head);
+void check_request_head(const RequestHeader& head);
 
 // The unit's header and the fields that all types begin with.
-void put_request_head(Writer& out, uint8_t type, const RequestHead& head, int width, int height, size_t size);
+void put_request_head(Writer& out, uint8_t type, const RequestHeader& head, int width, int height, size_t size);
 // The fields behind the unit's header, with its flags. Returns the size of the view.
-std::pair<int, int> get_request_head(Reader& in, uint16_t flags, RequestHead& head);
+std::pair<int, int> get_request_head(Reader& in, uint16_t flags, RequestHeader& head);
 // All of it; what follows them is left to read. Throws Error if this is not exactly one unit of that type, or ends
 // before them.
-Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHead& head, int& width, int& height);
+Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHeader& head, int& width, int& height);
 
 // Throws Error if the request ended before `field` did.
 void need_more(const Reader& in, const char* field);

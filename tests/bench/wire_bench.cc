@@ -91,17 +91,17 @@ double packet_bytes(const std::string& line, int payloaders) {
 // Queues that take all there is: nothing is timed here, and racks and root wait for one another.
 const char kQueue[] = " ! queue max-size-buffers=0 max-size-bytes=0 max-size-time=0 ! ";
 
-std::string node(const Film& film, int i, int nodes, const std::string& manner) {
+std::string node(const Film& film, int i, int nodes, const std::string& options) {
   const std::string n = "n" + std::to_string(i);
   return "r." + std::string(kQueue) + n + ".request lfcameranode name=" + n + " " + film.rig() +
-         " cameras=" + film.cameras_of(i, nodes) + " node=" + std::to_string(i) + " " + manner;
+         " cameras=" + film.cameras_of(i, nodes) + " node=" + std::to_string(i) + " " + options;
 }
 
 // Bytes per view into the compositor of `nodes` hosts.
-double flat(const Film& film, int views, int nodes, const std::string& manner) {
+double flat(const Film& film, int views, int nodes, const std::string& options) {
   std::string line = film.requests() + "r." + kQueue + "c.request lfcompositor name=c ! fakesink ";
   for (int i = 0; i < nodes; i++)
-    line += node(film, i, nodes, manner) + " ! rtplfpay name=p" + std::to_string(i) + " ! rtplfdepay" + kQueue +
+    line += node(film, i, nodes, options) + " ! rtplfpay name=p" + std::to_string(i) + " ! rtplfdepay" + kQueue +
             "c.sink_" + std::to_string(i) + " ";
   return packet_bytes(line, nodes) / views;
 }
@@ -141,7 +141,7 @@ int run(int views, const std::string& plots, const std::string& json_file) {
   nlohmann::json rows = nlohmann::json::array();
   std::printf("RTP bytes per view of %dx%d into the compositor (%d views), MTU 1400\n%8s", kWidth, kHeight, views,
               "cameras");
-  for (const auto& manner : kManners) std::printf(" %24s", manner.name);
+  for (const auto& options : kManners) std::printf(" %24s", options.name);
   std::printf("\n");
   for (const int cameras : {4, 16, 36, 64, 144, 256}) {
     const Film film(cameras, views);
@@ -152,7 +152,7 @@ int run(int views, const std::string& plots, const std::string& json_file) {
       std::printf(" %24.0f", bytes);
       std::fflush(stdout);
       panels[m / 2].series[m % 2].points.push_back({static_cast<double>(cameras), bytes / 1000, ""});
-      rows.push_back({{"cameras", cameras}, {"manner", kManners[m].name}, {"bytes_per_view", bytes}});
+      rows.push_back({{"cameras", cameras}, {"options", kManners[m].name}, {"bytes_per_view", bytes}});
     }
     std::printf("\n");
   }

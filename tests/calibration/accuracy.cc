@@ -56,7 +56,8 @@ Transfers transfers(const Rig& truth, const std::vector<CameraState>& found) {
 }
 
 // Cameras as far from `scene`'s, in metres, as the bound allows, at random.
-std::vector<CameraState> at_the_bound(const Scene& scene, const Uncertainty& bound, double unit, uint64_t seed) {
+std::vector<CameraState> at_the_bound(const Reconstruction& scene, const Uncertainty& bound, double unit,
+                                      uint64_t seed) {
   std::mt19937_64 random(seed);
   const Eigen::VectorXd size = bound.covariance.diagonal().cwiseSqrt();
   Eigen::MatrixXd correlation = size.cwiseInverse().asDiagonal() * bound.covariance * size.cwiseInverse().asDiagonal();
@@ -99,7 +100,7 @@ Errors run_seed(const Study& study, uint64_t seed) {
   const Solution solution = solve_tracks(watched.tracks, options);
   run.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 
-  const Scene at_truth = true_scene(truth, watched, options);
+  const Reconstruction at_truth = true_scene(truth, watched, options);
   AdjustmentOptions model = solution.model;
   model.sigma = study.path.noise;
   const Uncertainty best = estimate_uncertainty(at_truth, watched.tracks.observations, watched.good, model);

@@ -5,14 +5,14 @@
 #include <vector>
 
 #include "calibration/adjustment.h"
-#include "calibration/scene.h"
+#include "calibration/reconstruction.h"
 #include "rig/rig.h"
 
 namespace lf::sim {
 
 // How far the cameras in use are from where they truly are, once the best similarity has laid the scene over the truth:
 // metres in the truth's frame.
-inline std::vector<Vec3> position_errors(const Scene& scene, const Rig& truth) {
+inline std::vector<Vec3> position_errors(const Reconstruction& scene, const Rig& truth) {
   std::vector<Pose> found, expected;
   for (size_t i = 0; i < truth.cameras.size(); i++) {
     if (!scene.cameras[i].used) continue;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "calibration/simulator.h"
 
-#include "calibration/scene.h"
+#include "calibration/reconstruction.h"
 #include "rig/grid_rig.h"
 
 namespace lf::sim {
@@ -122,8 +122,8 @@ void measure_lenses(const Rig& truth, const LensSigmas& sigmas, uint64_t seed, S
   }
 }
 
-Scene true_scene(const Rig& truth, const Watched& watched, const SolveOptions& options) {
-  Scene scene = make_scene(watched.tracks, options);
+Reconstruction true_scene(const Rig& truth, const Watched& watched, const SolveOptions& options) {
+  Reconstruction scene = make_scene(watched.tracks, options);
   const bool bar = watched.tracks.bar;
   const double unit = bar ? glm::length(watched.lights[1] - watched.lights[0]) : 1;
   for (size_t i = 0; i < scene.cameras.size(); i++) {

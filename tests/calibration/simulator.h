@@ -51,6 +51,6 @@ struct LensSigmas {
 void measure_lenses(const Rig& truth, const LensSigmas& sigmas, uint64_t seed, SolveOptions& options);
 
 // The scene at the truth, as adjust() has it: bars are the unit of length.
-Scene true_scene(const Rig& truth, const Watched& watched, const SolveOptions& options);
+Reconstruction true_scene(const Rig& truth, const Watched& watched, const SolveOptions& options);
 
 }  // namespace lf::sim

@@ -30,7 +30,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     require(bytes.size() <= max_payload);
     depacketizer.push({1, sequence++, 0, bytes}, [&](std::span<const uint8_t> got, lf::ByteBuffer*) {
       units++;
-      const std::optional<lf::wire::AnswerHead> head = lf::wire::parse_answer_header(got);
+      const std::optional<lf::wire::AnswerPartHeader> head = lf::wire::parse_answer_header(got);
       if (!head) return;
       fragments += head->part.count;
       total = head->part.total;
@@ -43,7 +43,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     return 0;
   }
   require(units > 0);
-  const std::optional<lf::wire::AnswerHead> head = lf::wire::parse_answer_header(unit);
+  const std::optional<lf::wire::AnswerPartHeader> head = lf::wire::parse_answer_header(unit);
   if (head) require(head->part.whole() ? fragments == total : fragments == head->part.count);
   return 0;
 }

@@ -121,15 +121,15 @@ TEST_F(LfCompositorLiveTest, WhereNothingComesThePictureBeforeShows) {
 }
 
 TEST_F(LfCompositorLiveTest, IncompletePicturesAreRepeatedOrDropped) {
-  for (const std::string manner : {"repeat", "drop"}) {
-    SCOPED_TRACE(manner);
-    start_live(1, {{"rig", array_.rig_path()}, {"incomplete", manner}});
+  for (const std::string options : {"repeat", "drop"}) {
+    SCOPED_TRACE(options);
+    start_live(1, {{"rig", array_.rig_path()}, {"incomplete", options}});
     ViewRequest asked = ask();
     push(0, answer_of(asked, {0, 1, 2, 3}, 90));
     const std::vector<uint8_t> complete = pull();
     asked = ask();
     push(0, answer_of(asked, {0, 1, 2}, 250));
-    if (manner == "repeat") {
+    if (options == "repeat") {
       EXPECT_EQ(pull(), complete);
       EXPECT_EQ(last_pts_, asked.target_time);
       EXPECT_EQ(stat(element_.get(), "repeated"), 1u);
@@ -139,7 +139,7 @@ TEST_F(LfCompositorLiveTest, IncompletePicturesAreRepeatedOrDropped) {
     EXPECT_GE(range(pull()).first, 248);
     EXPECT_EQ(last_pts_, asked.target_time);
     EXPECT_EQ(stat(element_.get(), "incomplete"), 1u);
-    EXPECT_EQ(stat(element_.get(), "dropped"), manner == "drop" ? 1u : 0u);
+    EXPECT_EQ(stat(element_.get(), "dropped"), options == "drop" ? 1u : 0u);
     nodes_.clear();
     harness_.reset();
     sequence_ = 0;

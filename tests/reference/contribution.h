@@ -29,7 +29,7 @@ class Contribution {
   Contribution(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Camera& rig_camera)
       : plan_(plan), owners_(owners), corners_(plan, camera), projection_(plan, camera, rig_camera) {}
 
-  float hat(int x, int y) const { return corners_.weight_at(plan_, owners_, x, y); }
+  float own(int x, int y) const { return corners_.weight_at(plan_, owners_, x, y); }
   bool project(int x, int y, Vec2& pixel) const {
     return projection_.project(plan_.rays().at(x, y), plan_.inverse_at(x, y), pixel);
   }
@@ -41,14 +41,14 @@ class Contribution {
   // Holds all of the camera's pixels.
   Rect rect(CameraIndex camera) const { return corners_.owned(owners_.runs(), plan_.camera_rect(camera)); }
 
-  // Calls fn(x, y, hat, valid, position in the camera's image) for the pixels of `rect` with a weight. False if none
+  // Calls fn(x, y, own, valid, position in the camera's image) for the pixels of `rect` with a weight. False if none
   // has.
   template <class Fn>
   bool for_each(const Rect& rect, const Fn& fn) const {
     bool any = false;
     for (int y = rect.y0; y < rect.y1; y++)
       for (int x = rect.x0; x < rect.x1; x++) {
-        const float w = hat(x, y);
+        const float w = own(x, y);
         if (w == 0) continue;
         any = true;
         Vec2 position;
@@ -78,16 +78,16 @@ bool for_each_i420(const Contribution& contribution, const ImageView& image, Res
     Vec2 position;  // of one valid luma sample
   };
   std::vector<Block> blocks(static_cast<size_t>(chroma_width) * chroma_height);
-  const bool any = contribution.for_each(rect, [&](int x, int y, float hat, bool valid, const Vec2& position) {
+  const bool any = contribution.for_each(rect, [&](int x, int y, float own, bool valid, const Vec2& position) {
     const size_t i = rect_offset(rect, x, y);
     if (!valid) {
-      lost(i, hat);
+      lost(i, own);
       return;
     }
     const Sampler at(position, image.width, image.height, resampling);
-    luma(i, hat, hat * at.sample(image.plane[0], image.stride[0], 1));
+    luma(i, own, own * at.sample(image.plane[0], image.stride[0], 1));
     Block& block = blocks[static_cast<size_t>((y - rect.y0) / 2) * chroma_width + (x - rect.x0) / 2];
-    block.weight += hat;
+    block.weight += own;
     block.position = position;
   });
   for (int cy = 0; cy < chroma_height; cy++)

@@ -10,16 +10,16 @@ using plain::Contribution;
 
 bool render_rgb(const Contribution& contribution, const ImageView& image, Resampling resampling,
                 FloatFragment& fragment) {
-  return contribution.for_each(fragment.rect, [&](int x, int y, float hat, bool valid, const Vec2& position) {
+  return contribution.for_each(fragment.rect, [&](int x, int y, float own, bool valid, const Vec2& position) {
     const size_t i = plain::rect_offset(fragment.rect, x, y);
     if (!valid) {
-      fragment.lost[i] = hat;
+      fragment.lost[i] = own;
       return;
     }
-    fragment.valid[i] = hat;
+    fragment.valid[i] = own;
     float rgb[3];
     plain::sample_rgb(image, position, resampling, rgb);
-    for (int c = 0; c < 3; c++) fragment.colour[3 * i + c] = hat * rgb[c];
+    for (int c = 0; c < 3; c++) fragment.colour[3 * i + c] = own * rgb[c];
   });
 }
 

@@ -23,13 +23,13 @@ void compare(const Picture& expected, const Subject& subject, const Answer& answ
       const Pixel& pixel = expected.at(x, y);
       const size_t p = static_cast<size_t>(y) * expected.width + x;
       double sum = 0;
-      for (const Answer::Hat& hat : answer.hats) {
-        raise(m.weight, std::abs(hat.weight[p] - expected.weight_of(x, y, hat.camera)));
-        sum += hat.weight[p];
+      for (const Answer::OwnWeights& own : answer.own_weights) {
+        raise(m.weight, std::abs(own.weight[p] - expected.weight_of(x, y, own.camera)));
+        sum += own.weight[p];
       }
       for (int k = 0; k < pixel.corners; k++)  // cameras that were left out altogether
-        if (std::none_of(answer.hats.begin(), answer.hats.end(),
-                         [&](const Answer::Hat& hat) { return hat.camera == pixel.camera[k]; }))
+        if (std::none_of(answer.own_weights.begin(), answer.own_weights.end(),
+                         [&](const Answer::OwnWeights& own) { return own.camera == pixel.camera[k]; }))
           raise(m.weight, pixel.weight[k]);
       raise(m.partition, std::abs(sum - (sum > 0.5)));  // whatever the reference says
       raise(m.weight, std::abs(answer.valid[p] - pixel.coverage));

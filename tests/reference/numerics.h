@@ -14,11 +14,11 @@ namespace lf::reference {
 
 // What a renderer makes of a view, in numbers.
 struct Answer {
-  struct Hat {
+  struct OwnWeights {
     CameraIndex camera;
     std::vector<double> weight;  // per pixel of the view, 0 outside its rectangle
   };
-  std::vector<Hat> hats;            // of all contributing cameras
+  std::vector<OwnWeights> own_weights;  // of all contributing cameras
   int channels = 3;                 // of `colour` that count: 3, or 1 where only luma is set beside the red of the rule
   std::vector<double> colour;       // `channels` per pixel, 0..255
   std::vector<double> valid, lost;  // per pixel

@@ -30,7 +30,7 @@ struct Pixel {
   int owner = kNone;  // face of the mesh
   int corners = 0;    // of the owner: how many of the following count
   std::array<CameraIndex, 3> camera{};
-  std::array<double, 3> weight{};  // the hats of these cameras; all others have none
+  std::array<double, 3> weight{};  // the own_weights of these cameras; all others have none
   std::array<double, 3> valid{};   // weight, or 0 where the sample is lost
   double coverage = 0;             // sum of valid weights
   double lost = 0;                 // sum of lost weights
@@ -45,7 +45,7 @@ struct Picture {
   int width = 0, height = 0;
   std::vector<Pixel> pixels;  // row-major
   const Pixel& at(int x, int y) const { return pixels[static_cast<size_t>(y) * width + x]; }
-  // The hat of `camera` in a pixel: 0 if it is no corner of the owner.
+  // The own of `camera` in a pixel: 0 if it is no corner of the owner.
   double weight_of(int x, int y, CameraIndex camera) const;
   // Rounded to 8 bits, and coverage per pixel as quality.h takes it.
   Image image() const;
@@ -56,8 +56,8 @@ struct Picture {
 Picture render(const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images,
                Resampling resampling = Resampling::kBilinear);
 
-// What a map has for a pixel: bilinear between the nodes, which stand in the middle of step x step pixels; the outer ones
-// go on.
+// What a map has for a pixel: bilinear between the nodes, which stand in the middle of step x step pixels; the outer
+// ones go on.
 Real inverse_distance(const FocalMap& map, int x, int y);
 
 // One face seen along one line of sight.

@@ -27,9 +27,9 @@ Answer in_float(const Rig& rig, const Mesh& mesh, const View& view, const std::v
   Answer answer;
   for (const CameraIndex i : plans.plan.contributors()) {
     const Rect rect = plans.plan.camera_rect(i);
-    Answer::Hat hat{i, std::vector<double>(still.valid.size())};
-    place(camera_hat(plans.plan, plans.owners, i, rect).data(), rect, view.width, 1, hat.weight);
-    answer.hats.push_back(std::move(hat));
+    Answer::OwnWeights own{i, std::vector<double>(still.valid.size())};
+    place(pixel_weights(plans.plan, plans.owners, i, rect).data(), rect, view.width, 1, own.weight);
+    answer.own_weights.push_back(std::move(own));
   }
   answer.colour = std::move(still.colour);
   answer.valid = std::move(still.valid);
@@ -60,14 +60,14 @@ Answer in_fragments(Coordinates coordinates, PixelFamily family, const Rig& rig,
     std::vector<uint8_t> weight(white->pixels.begin(), white->pixels.end());
     if (!i420)
       for (size_t p = 0; 3 * p < white->pixels.size(); p++) weight[p] = white->pixels[3 * p];
-    Answer::Hat hat{i, std::vector<double>(pixels)};
-    place(weight.data(), white->rect, view.width, 1 / 255.0, hat.weight);
+    Answer::OwnWeights own{i, std::vector<double>(pixels)};
+    place(weight.data(), white->rect, view.width, 1 / 255.0, own.weight);
     place(weight.data(), white->rect, view.width, 1 / 255.0, answer.valid);
     if (!white->lost.empty()) {
-      place(white->lost.data(), white->rect, view.width, 1 / 255.0, hat.weight);
+      place(white->lost.data(), white->rect, view.width, 1 / 255.0, own.weight);
       place(white->lost.data(), white->rect, view.width, 1 / 255.0, answer.lost);
     }
-    answer.hats.push_back(std::move(hat));
+    answer.own_weights.push_back(std::move(own));
   }
   const Image picture = sum.resolve();
   answer.colour.assign(picture.data().begin(),

@@ -45,14 +45,14 @@ Answer in_sums(PixelFamily family, Coordinates coordinates, const Rig& rig, cons
     const Image rgb = white_image(camera.width, camera.height), white = i420 ? as_i420(rgb) : rgb;
     const Source alone{i, &camera, white.view()};
     const Sum sum(plans, {&alone, 1}, family, coordinates);
-    Answer::Hat hat{i, std::vector<double>(pixels)};
-    place(sum.planes.plane[0], all, view.width, 1 / kWhite, hat.weight);
+    Answer::OwnWeights own{i, std::vector<double>(pixels)};
+    place(sum.planes.plane[0], all, view.width, 1 / kWhite, own.weight);
     place(sum.planes.plane[0], all, view.width, 1 / kWhite, answer.valid);
     if (sum.planes.lost) {
-      place(sum.planes.lost, all, view.width, 1.0 / kLostOne, hat.weight);
+      place(sum.planes.lost, all, view.width, 1.0 / kLostOne, own.weight);
       place(sum.planes.lost, all, view.width, 1.0 / kLostOne, answer.lost);
     }
-    answer.hats.push_back(std::move(hat));
+    answer.own_weights.push_back(std::move(own));
   }
   const Sum sum(plans, sources, family, coordinates);
   Accumulator accumulator;

@@ -44,7 +44,7 @@ class AccessPictures {
     return make_task(told_, std::get<wire::PixelCommand>(command), own);
   }
 
-  ByteBuffer answer(Access access, const std::vector<CameraIndex>& own, const AnswerTask::Manner& manner) const {
+  ByteBuffer answer(Access access, const std::vector<CameraIndex>& own, const AnswerTask::Options& options) const {
     const auto task = this->task(access, own);
     const Rig& known = access == Access::kSelf ? *rig_ : told_;
     std::vector<Source> sources;
@@ -62,7 +62,7 @@ class AccessPictures {
     header.rig_hash = rig_->hash();
     header.cameras = CameraRanges(own);
     header.blind = CameraRanges(blind);
-    return task->render(header, sources, manner).bytes;
+    return task->render(header, sources, options).bytes;
   }
 
   // From one answer, or from more (of several nodes).
@@ -79,10 +79,10 @@ class AccessPictures {
     assembly_.finish(family_, true);
     return assembly_.picture().resolve();
   }
-  Image picture(Access access, const AnswerTask::Manner& manner) {
+  Image picture(Access access, const AnswerTask::Options& options) {
     std::vector<CameraIndex> all(rig_->cameras.size());
     for (CameraIndex i = 0; i < all.size(); i++) all[i] = i;
-    return picture({answer(access, all, manner)});
+    return picture({answer(access, all, options)});
   }
   const Assembly& assembly() const { return assembly_; }
 

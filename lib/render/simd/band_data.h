@@ -33,7 +33,7 @@ struct ProjectionTerms {
 struct Slot {
   CameraIndex camera = 0;
   ImageView image;  // family kNone: all lost
-  Rect rect;        // bounds its hat; even in x0, y0
+  Rect rect;        // bounds the pixels in which it has a weight; even in x0, y0
   // RGB: which bytes of two runs of eight are R, G and B of a run's first pixel and of its right neighbour, in turn.
   alignas(16) uint8_t pixel_pairs[16] = {};
   alignas(16) uint8_t pixel_taps[16] = {};  // of four pixels: all of R, all of G, all of B
@@ -48,7 +48,7 @@ struct Slot {
   float eye_distance = 0;  // see ViewPlan
   float fx = 0, fy = 0, cx = 0, cy = 0, k1 = 0, k2 = 0, p1 = 0, p2 = 0, max_r2 = 0;
   bool radial = false, tangential = false;
-  // Rows in which all of the hat lies well inside the image, nearly upright and at about its scale: see
+  // Rows in which all that it has a weight in lies well inside the image, nearly upright and at about its scale: see
   // find_calm_rows().
   int calm_y0 = 0, calm_y1 = 0;
   bool is_calm(int y0, int y1) const { return calm_y0 <= y0 && y1 <= calm_y1; }

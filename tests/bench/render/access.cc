@@ -84,7 +84,7 @@ class Round {
   const Kind kind_;
   const std::shared_ptr<const Rig> rig_;
   ViewRequest request_;
-  AnswerTask::Manner manner_;
+  AnswerTask::Options manner_;
   std::vector<uint8_t> asked_, command_;
   std::vector<Source> sources_;
   ByteBuffer answer_;

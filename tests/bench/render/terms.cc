@@ -17,11 +17,11 @@ Spread weights(const Scene& scene) {
   Collector errors;
   for (const CameraIndex camera : job.cameras()) {
     const Rect rect = job.plan().camera_rect(camera);
-    const std::vector<float> hat = camera_hat(job.plan(), job.owners(), camera, rect);
+    const std::vector<float> own = pixel_weights(job.plan(), job.owners(), camera, rect);
     size_t i = 0;
     for (int y = rect.y0; y < rect.y1; y++)
       for (int x = rect.x0; x < rect.x1; x++, i++)
-        if (hat[i] != 0) errors.add(hat[i] - exact.weight_of(x, y, camera));
+        if (own[i] != 0) errors.add(own[i] - exact.weight_of(x, y, camera));
   }
   return errors.spread();
 }

@@ -50,7 +50,7 @@ class BundleAdjustmentTest : public testing::TestWithParam<double> {
   const Rig truth_ = sim::make_array({.rows = 3, .columns = 3}, 1);
   SolveOptions known_;
   sim::Watched watched_;
-  Scene scene_;
+  Reconstruction scene_;
   Inliers use_;
 };
 
@@ -59,7 +59,7 @@ TEST_P(BundleAdjustmentTest, EndsWhereEveryRayMeetsItsLight) {
   EXPECT_LT(largest_residual(), 1e-6);
   push_away();
   EXPECT_GT(largest_residual(), 1);
-  const Scene before = scene_;
+  const Reconstruction before = scene_;
   const AdjustmentSummary summary = adjust(scene_, observations(), use_, {.tolerance = 1e-16});
   EXPECT_TRUE(summary.ok);
   EXPECT_LT(largest_residual(), 1e-4);
@@ -70,7 +70,7 @@ TEST_P(BundleAdjustmentTest, EndsWhereEveryRayMeetsItsLight) {
 
 TEST_P(BundleAdjustmentTest, LensesComeRightThatAreFree) {
   watch(0, 0);
-  const Scene exact = scene_;
+  const Reconstruction exact = scene_;
   for (CameraState& camera : scene_.cameras) camera.lens_terms()[kF] *= 1.02;
   AdjustmentOptions options{.sigma = 1e-3, .tolerance = 1e-16};
   options.free[kF] = true;
@@ -81,7 +81,7 @@ TEST_P(BundleAdjustmentTest, LensesComeRightThatAreFree) {
 
 TEST_P(BundleAdjustmentTest, StaysWhereItIsTold) {
   watch(0.2, 0);
-  const Scene before = scene_;
+  const Reconstruction before = scene_;
   adjust(scene_, observations(), use_, {.free_poses = false});
   for (size_t i = 0; i < scene_.cameras.size(); i++) EXPECT_EQ(scene_.cameras[i].v, before.cameras[i].v);
   EXPECT_NE(scene_.targets[5].v, before.targets[5].v);
@@ -93,7 +93,7 @@ TEST_P(BundleAdjustmentTest, StaysWhereItIsTold) {
 
 TEST_P(BundleAdjustmentTest, OutliersMoveItLessWhereItIsRobust) {
   watch(0.2, 0.1);
-  const Scene before = scene_;
+  const Reconstruction before = scene_;
   adjust(scene_, observations(), use_, {.sigma = 0.2});
   const double least_squares = largest_residual();
   scene_ = before;
@@ -110,7 +110,7 @@ TEST_P(BundleAdjustmentTest, WhatIsNotUsedIsLeftAlone) {
   watch(0.2, 0);
   push_away();
   scene_.cameras[4].used = false;
-  const Scene before = scene_;
+  const Reconstruction before = scene_;
   adjust(scene_, observations(), use_, {});
   EXPECT_EQ(scene_.cameras[4].v, before.cameras[4].v);
   EXPECT_NE(scene_.cameras[3].v, before.cameras[3].v);

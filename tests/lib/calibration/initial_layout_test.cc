@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "calibration/position_errors.h"
-#include "calibration/scene.h"
+#include "calibration/reconstruction.h"
 #include "calibration/simulator.h"
 
 namespace lf {
@@ -13,18 +13,18 @@ namespace {
 
 class InitialLayoutTest : public testing::Test {
  protected:
-  Scene watch(double bar, double outliers) {
+  Reconstruction watch(double bar, double outliers) {
     sim::PathOptions path;
     path.bar = bar;
     path.outliers = outliers;
     tracks_ = sim::watch(truth_, path, 2).tracks;
-    Scene scene = make_scene(tracks_, {});
+    Reconstruction scene = make_scene(tracks_, {});
     for (CameraState& camera : scene.cameras) camera.lens_terms()[kF] = 420;
     scene.batch_mean[kF] = 420;
     return scene;
   }
   // Root mean square across the array, of the pitch, by the best similarity.
-  double error(const Scene& scene) {
+  double error(const Reconstruction& scene) {
     return sim::root_mean_square(sim::position_errors(scene, truth_), [](const Vec3& e) { return Vec2(e); }) / 0.06;
   }
 
@@ -33,7 +33,7 @@ class InitialLayoutTest : public testing::Test {
 };
 
 TEST_F(InitialLayoutTest, DisparitiesPlaceAnArray) {
-  Scene scene = watch(0, 0);
+  Reconstruction scene = watch(0, 0);
   EXPECT_GT(layout_from_disparities(scene, tracks_), 0.8);
   for (const CameraState& camera : scene.cameras) EXPECT_TRUE(camera.used);
   EXPECT_LT(error(scene), 0.3);
@@ -43,9 +43,9 @@ TEST_F(InitialLayoutTest, DisparitiesPlaceAnArray) {
 }
 
 TEST_F(InitialLayoutTest, OutliersLowerTheShareThatFits) {
-  Scene clean = watch(0, 0);
+  Reconstruction clean = watch(0, 0);
   const double all = layout_from_disparities(clean, tracks_);
-  Scene dirty = watch(0, 0.2);
+  Reconstruction dirty = watch(0, 0.2);
   const double some = layout_from_disparities(dirty, tracks_);
   EXPECT_LT(some, all - 0.1);
   EXPECT_LT(error(dirty), 0.4);
@@ -53,7 +53,7 @@ TEST_F(InitialLayoutTest, OutliersLowerTheShareThatFits) {
 
 // A camera that sees other lights than everybody else is not placed.
 TEST_F(InitialLayoutTest, StrangersAreLeftOut) {
-  Scene scene = watch(0, 0);
+  Reconstruction scene = watch(0, 0);
   std::mt19937_64 random(3);
   for (Observation& o : tracks_.observations)
     if (o.camera == 5)
@@ -64,7 +64,7 @@ TEST_F(InitialLayoutTest, StrangersAreLeftOut) {
 }
 
 TEST_F(InitialLayoutTest, BarsAreTheUnitOfLength) {
-  Scene scene = watch(0.3, 0);
+  Reconstruction scene = watch(0.3, 0);
   for (size_t i = 0; i < scene.cameras.size(); i++) {
     scene.cameras[i].set_pose(truth_.cameras[i].pose);
     scene.cameras[i].set_lens(truth_.cameras[i].lens);

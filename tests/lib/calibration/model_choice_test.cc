@@ -24,7 +24,7 @@ Chosen choose(double focal_spread, double centre_spread) {
   path.positions = 150, path.noise = 0.1;
   const sim::Watched watched = sim::watch(truth, path, 2);
   SolveOptions none;
-  Scene scene = sim::true_scene(truth, watched, none);
+  Reconstruction scene = sim::true_scene(truth, watched, none);
   Chosen chosen;
   apply_model({2, true}, chosen.options);
   choose_alike(scene, watched.tracks, chosen.options, chosen.trials);
@@ -52,12 +52,12 @@ TEST(ModelChoice, PrincipalPointsThatDifferAreFree) {
 }
 
 // Starts at the truth, but for lens terms: what a model needs is all that can be said against it.
-ModelChoice choose_terms(const sim::ArrayOptions& array, Scene* found = nullptr) {
+ModelChoice choose_terms(const sim::ArrayOptions& array, Reconstruction* found = nullptr) {
   const Rig truth = sim::make_array(array, 1);
   sim::PathOptions path;
   path.bar = 0.3;
   const sim::Watched watched = sim::watch(truth, path, 2);
-  Scene scene = sim::true_scene(truth, watched, {});
+  Reconstruction scene = sim::true_scene(truth, watched, {});
   for (CameraState& camera : scene.cameras) camera.lens_terms()[kK1] = camera.lens_terms()[kK2] = 0;
   const ModelChoice choice = choose_distortion(scene, watched.tracks, {}, watched.tracks.observations.size());
   if (found) *found = scene;
@@ -77,7 +77,7 @@ TEST(ModelChoice, NoDistortionWhereThereIsNone) {
 }
 
 TEST(ModelChoice, OneTermForAll) {
-  Scene scene;
+  Reconstruction scene;
   const ModelChoice choice = choose_terms(array_with(-0.15, 0), &scene);
   EXPECT_EQ(choice.model, (DistortionModel{1, true}));
   for (const CameraState& camera : scene.cameras) {

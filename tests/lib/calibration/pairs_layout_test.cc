@@ -4,7 +4,7 @@
 
 #include "calibration/initial_layout.h"
 #include "calibration/position_errors.h"
-#include "calibration/scene.h"
+#include "calibration/reconstruction.h"
 #include "calibration/simulator.h"
 
 namespace lf {
@@ -22,11 +22,11 @@ class PairsLayoutTest : public testing::TestWithParam<std::tuple<Around, double>
     tracks_ = sim::watch(truth_, path, 2).tracks;
   }
   // Root mean square, metres, by the best similarity.
-  double error(const Scene& scene) {
+  double error(const Reconstruction& scene) {
     return sim::root_mean_square(sim::position_errors(scene, truth_), [](const Vec3& e) { return e; });
   }
-  Scene with_lenses_about_right() {
-    Scene scene = make_scene(tracks_, {});
+  Reconstruction with_lenses_about_right() {
+    Reconstruction scene = make_scene(tracks_, {});
     for (CameraState& camera : scene.cameras) camera.lens_terms()[kF] = 600;
     return scene;
   }
@@ -36,13 +36,13 @@ class PairsLayoutTest : public testing::TestWithParam<std::tuple<Around, double>
 };
 
 TEST_P(PairsLayoutTest, AveragedPairs) {
-  Scene scene = with_lenses_about_right();
+  Reconstruction scene = with_lenses_about_right();
   EXPECT_EQ(layout_from_averages(scene, tracks_, 8), 14);
   EXPECT_LE(error(scene), 0.1);
 }
 
 TEST_P(PairsLayoutTest, FromOnePair) {
-  Scene scene = with_lenses_about_right();
+  Reconstruction scene = with_lenses_about_right();
   EXPECT_EQ(layout_from_a_pair(scene, tracks_, 8), 14);
   EXPECT_LE(error(scene), 0.1);
 }
@@ -65,7 +65,7 @@ TEST(PairsLayout, NothingWhereCamerasShareTooLittle) {
   path.shape = sim::PathOptions::Shape::kBall;
   path.near = 0.5, path.positions = 8;
   const Tracks tracks = sim::watch(truth, path, 2).tracks;
-  Scene scene = make_scene(tracks, {});
+  Reconstruction scene = make_scene(tracks, {});
   EXPECT_EQ(layout_from_averages(scene, tracks, 8), 0);
   EXPECT_EQ(layout_from_a_pair(scene, tracks, 8), 0);
 }

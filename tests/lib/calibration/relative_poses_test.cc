@@ -14,7 +14,7 @@ TEST(RelativePoses, NearTheTruthWhereLensesAreKnown) {
   path.shape = sim::PathOptions::Shape::kBall;
   path.near = 0.5, path.missed = 0.2;
   const sim::Watched watched = sim::watch(truth, path, 2);
-  const Scene scene = sim::true_scene(truth, watched, {});
+  const Reconstruction scene = sim::true_scene(truth, watched, {});
   const auto pairs = relative_poses(scene, watched.tracks, 1);
   EXPECT_GE(pairs.size(), 25u);
   std::vector<int> partners(10);

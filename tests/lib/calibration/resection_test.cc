@@ -23,7 +23,7 @@ class ResectionTest : public testing::Test {
   }
   Rig truth_;
   sim::Watched watched_;
-  Scene scene_;
+  Reconstruction scene_;
 };
 
 TEST_F(ResectionTest, ACameraFromWhatItSees) {
@@ -35,7 +35,7 @@ TEST_F(ResectionTest, ACameraFromWhatItSees) {
 
 TEST_F(ResectionTest, WhateverTheUnitOfLength) {
   for (const double unit : {1e-3, 1e4}) {
-    Scene scaled = scene_;
+    Reconstruction scaled = scene_;
     for (CameraState& camera : scaled.cameras)
       for (int i = 4; i < 7; i++) camera.v[i] *= unit;
     for (TargetState& target : scaled.targets)
@@ -53,7 +53,7 @@ TEST_F(ResectionTest, NotFromAnotherCamerasTracks) {
 }
 
 TEST_F(ResectionTest, NotFromAPointOrFromFew) {
-  Scene at_one = scene_;
+  Reconstruction at_one = scene_;
   for (TargetState& target : at_one.targets) target.v = {0, 0, 1};
   EXPECT_EQ(resect_cameras(at_one, watched_.tracks, 2), 0);
   std::erase_if(watched_.tracks.observations, [](const Observation& o) { return o.camera == 5 && o.position > 5; });

@@ -14,8 +14,8 @@ TEST(Triangulation, FindsTheTargetsAmongMistakes) {
   sim::PathOptions path;
   path.outliers = 0.3, path.noise = 0;
   const sim::Watched watched = sim::watch(truth, path, 2);
-  const Scene expected = sim::true_scene(truth, watched, {});
-  Scene scene = expected;
+  const Reconstruction expected = sim::true_scene(truth, watched, {});
+  Reconstruction scene = expected;
   scene.targets.assign(scene.targets.size(), {});
   triangulate_targets(scene, watched.tracks, 4);
   for (size_t j = 0; j < scene.targets.size(); j++) {
@@ -29,7 +29,7 @@ TEST(Triangulation, BarsAreOfUnitLength) {
   sim::PathOptions path;
   path.bar = 0.3, path.noise = 0;
   const sim::Watched watched = sim::watch(truth, path, 2);
-  Scene scene = sim::true_scene(truth, watched, {});
+  Reconstruction scene = sim::true_scene(truth, watched, {});
   scene.targets.assign(scene.targets.size(), {});
   triangulate_targets(scene, watched.tracks, 4);
   EXPECT_LE(robust_sigma(residual_lengths(scene, watched.tracks.observations)), 1e-6);
@@ -42,7 +42,7 @@ TEST(Triangulation, BarsAreOfUnitLength) {
 TEST(Triangulation, OneSightIsNotEnough) {
   const Rig truth = sim::make_array({}, 1);
   const sim::Watched watched = sim::watch(truth, {}, 2);
-  const Scene scene = sim::true_scene(truth, watched, {});
+  const Reconstruction scene = sim::true_scene(truth, watched, {});
   EXPECT_FALSE(triangulate(scene.cameras, watched.tracks, {0}, 4));
   EXPECT_FALSE(triangulate(scene.cameras, watched.tracks, {}, 4));
 }

@@ -26,7 +26,7 @@ class UncertaintyTest : public testing::Test {
   Rig truth_;
   sim::Watched watched_;
   SolveOptions options_;
-  Scene scene_;
+  Reconstruction scene_;
   AdjustmentOptions model_;
 };
 

@@ -265,7 +265,7 @@ TEST(Accumulator, PartialSumIsTightAndSaturates) {
   f.lost.assign(9, 200);
   ASSERT_TRUE(sum.add(f));
   ASSERT_TRUE(sum.add(f));
-  ASSERT_TRUE(sum.add_lost_hat({1, 3, 2, 4}, {0.5f}));
+  ASSERT_TRUE(sum.add_lost_weights({1, 3, 2, 4}, {0.5f}));
   const std::optional<Fragment> ycc = sum.partial_sum();
   ASSERT_TRUE(ycc.has_value());
   EXPECT_EQ(ycc->rect, (Rect{0, 2, 5, 5}));
@@ -310,7 +310,7 @@ TEST(Accumulator, HoldsTheChromaOfTwoWholePictures) {
 TEST(Accumulator, RejectsWhatDoesNotFit) {
   Accumulator none;
   EXPECT_FALSE(none.add(plain(PixelFamily::kRgb, {0, 0, 1, 1}, 0, 0, 0)));
-  EXPECT_FALSE(none.add_lost_hat({0, 0, 1, 1}, {1.f}));
+  EXPECT_FALSE(none.add_lost_weights({0, 0, 1, 1}, {1.f}));
   for (const PixelFamily family : kFamilies) {
     Accumulator sum;
     sum.reset(family, 8, 6);
@@ -326,8 +326,8 @@ TEST(Accumulator, RejectsWhatDoesNotFit) {
     EXPECT_EQ(sum.add(blank(family, {1, 0, 4, 4})), family == PixelFamily::kRgb);
     EXPECT_EQ(sum.add(blank(family, {0, 3, 4, 4})), family == PixelFamily::kRgb);
     EXPECT_FALSE(sum.add(blank(family == PixelFamily::kRgb ? PixelFamily::kI420 : PixelFamily::kRgb, {0, 0, 4, 4})));
-    EXPECT_FALSE(sum.add_lost_hat({0, 0, 2, 2}, {1.f, 1.f, 1.f}));
-    EXPECT_FALSE(sum.add_lost_hat({7, 0, 9, 1}, {1.f, 1.f}));
+    EXPECT_FALSE(sum.add_lost_weights({0, 0, 2, 2}, {1.f, 1.f, 1.f}));
+    EXPECT_FALSE(sum.add_lost_weights({7, 0, 9, 1}, {1.f, 1.f}));
     EXPECT_EQ(sum.resolve().data()[0], 0);
   }
 }
@@ -336,7 +336,7 @@ TEST(Accumulator, LostHatsCountLikeLostWeight) {
   Accumulator sum;
   sum.reset(PixelFamily::kRgb, 4, 1);
   ASSERT_TRUE(sum.add(plain(PixelFamily::kRgb, {0, 0, 4, 1}, 100, 50, 10)));
-  ASSERT_TRUE(sum.add_lost_hat({1, 0, 4, 1}, {0.5f, std::nanf(""), 7.f}));
+  ASSERT_TRUE(sum.add_lost_weights({1, 0, 4, 1}, {0.5f, std::nanf(""), 7.f}));
   const Image image = sum.resolve({1, 2, 3});
   EXPECT_EQ(image.pixel(0, 0)[0], 100);
   EXPECT_EQ(image.pixel(1, 0)[0], 200);
@@ -581,7 +581,7 @@ TEST(Accumulator, KeptSumsAreTheSamePictureWithoutACopy) {
       for (Accumulator* sum : {&kept, &copied}) {
         ASSERT_TRUE(sum->add(more));
         ASSERT_TRUE(sum->add_kept(whole.view()));  // not the only ones any more: added
-        ASSERT_TRUE(sum->add_lost_hat({3, 3, 5, 4}, {0.25f, 1.f}));
+        ASSERT_TRUE(sum->add_lost_weights({3, 3, 5, 4}, {0.25f, 1.f}));
       }
       EXPECT_NE(kept.sums()->plane[0], whole.samples.data());
       EXPECT_EQ(kept.resolve({1, 2, 3}).data(), copied.resolve({1, 2, 3}).data());

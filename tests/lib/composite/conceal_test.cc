@@ -20,8 +20,8 @@ Accumulator with_weight_left(PixelFamily family, double left, uint8_t grey) {
   const size_t grey_bytes = family == PixelFamily::kRgb ? fragment.pixels.size() : size_t{kWidth} * kHeight;
   std::fill_n(fragment.pixels.begin(), grey_bytes, static_cast<uint8_t>(grey * left + 0.5));
   EXPECT_TRUE(sum.add(fragment));
-  EXPECT_TRUE(sum.add_lost_hat({0, 0, kWidth, kHeight},
-                               std::vector<float>(size_t{kWidth} * kHeight, static_cast<float>(1 - left))));
+  EXPECT_TRUE(sum.add_lost_weights({0, 0, kWidth, kHeight},
+                                   std::vector<float>(size_t{kWidth} * kHeight, static_cast<float>(1 - left))));
   return sum;
 }
 

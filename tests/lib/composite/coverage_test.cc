@@ -37,12 +37,12 @@ TEST(Coverage, TakesOutWhatHasCome) {
   Coverage coverage;
   coverage.add(kRow, {0, 0, 4, 1});
   coverage.add(5, {3, 1, 9, 2});
-  std::vector<float> hat(4 * 3, 0.5f);
-  coverage.take_out(5, {2, 0, 6, 3}, hat);
+  std::vector<float> own(4 * 3, 0.5f);
+  coverage.take_out(5, {2, 0, 6, 3}, own);
   const float x = 0.5f;
-  EXPECT_EQ(hat, (std::vector<float>{0, 0, x, x, x, 0, 0, 0, x, x, x, x}));
-  coverage.take_out(1, {2, 0, 6, 3}, hat);
-  EXPECT_EQ(hat[2], x);
+  EXPECT_EQ(own, (std::vector<float>{0, 0, x, x, x, 0, 0, 0, x, x, x, x}));
+  coverage.take_out(1, {2, 0, 6, 3}, own);
+  EXPECT_EQ(own[2], x);
 }
 
 }  // namespace

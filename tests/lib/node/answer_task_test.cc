@@ -35,7 +35,7 @@ class AnswerTaskTest : public testing::TestWithParam<PixelFamily> {
   Rig rig_;
   std::vector<Image> images_;
   ViewRequest request_;
-  const AnswerTask::Manner near_{.in_process = true}, raw_{.codec = CodecChoice::kRaw},
+  const AnswerTask::Options near_{.in_process = true}, raw_{.codec = CodecChoice::kRaw},
       jpeg_{.codec = CodecChoice::kJpeg};
   const std::vector<CameraIndex> all_ = {0, 1, 2, 3, 4, 5, 6, 7, 8};
 };
@@ -52,8 +52,8 @@ TEST_P(AnswerTaskTest, AllMakeTheSamePicture) {
 
 TEST_P(AnswerTaskTest, WarpCommandsAreAnsweredAsRequestsAre) {
   const AccessPictures pictures(rig_, request_, images_);
-  for (const AnswerTask::Manner& manner : {near_, raw_, jpeg_})
-    EXPECT_EQ(pictures.answer(Access::kWarp, all_, manner), pictures.answer(Access::kSelf, all_, manner));
+  for (const AnswerTask::Options& options : {near_, raw_, jpeg_})
+    EXPECT_EQ(pictures.answer(Access::kWarp, all_, options), pictures.answer(Access::kSelf, all_, options));
 }
 
 // A request for gains is answered with the same picture, and with what the cameras see of it.
@@ -80,7 +80,8 @@ TEST_P(AnswerTaskTest, TellsHowBrightItsCamerasAre) {
   header.view_height = static_cast<uint16_t>(view.height);
   const AnswerTask::Brightness brightness = task->brightness(header, sources, {});
   EXPECT_EQ(brightness.seen.size(), 8u);
-  const auto unit = wire::decode_moments(brightness.bytes, {FocalMap::nodes(map.columns, 2), FocalMap::nodes(map.rows, 2), 1});
+  const auto unit =
+      wire::decode_moments(brightness.bytes, {FocalMap::nodes(map.columns, 2), FocalMap::nodes(map.rows, 2), 1});
   ASSERT_TRUE(unit && unit->gains);
   EXPECT_GT(task->render(header, sources, near_).fragments, 0u);
   EXPECT_TRUE(plain->brightness(header, sources, {}).bytes.empty());

@@ -32,7 +32,7 @@ int expect_same_plan(const Rig& rig, const Mesh& mesh, const View& view) {
   const Rig places_unknown = without_places(rig);
   for (const CameraIndex camera : plan.contributors()) {
     EXPECT_EQ(told.camera_rect(camera), plan.camera_rect(camera));
-    EXPECT_EQ(camera_hat(told, told_owners, camera, whole), camera_hat(plan, owners, camera, whole));
+    EXPECT_EQ(pixel_weights(told, told_owners, camera, whole), pixel_weights(plan, owners, camera, whole));
     EXPECT_EQ(CameraProjection(told, camera, places_unknown.cameras[camera]).camera_from_ray(),
               CameraProjection(plan, camera, rig.cameras[camera]).camera_from_ray());
   }
@@ -90,7 +90,7 @@ void expect_same_pictures(const Rig& rig, const View& view, const std::vector<Im
   ViewRequest request;
   request.view = view;
   AccessPictures pictures(rig, request, images);
-  const AnswerTask::Manner near{.in_process = true};
+  const AnswerTask::Options near{.in_process = true};
   const Image self = pictures.picture(Access::kSelf, near);
   EXPECT_EQ(pictures.picture(Access::kWarp, near).data(), self.data());
   EXPECT_EQ(pictures.picture(Access::kPixels, near).data(), self.data());

@@ -35,7 +35,7 @@ void compare(const Rig& rig, const CameraSet& out, const View& view, Random& ran
   const test::Production production(rig, mesh, view);
   if (!production.plan.blend()) return;  // the eye is in the focal plane
   const reference::ReferenceBlending expected(rig, mesh, view, BlendGrid::kStep);
-  const auto hats = production.hats();
+  const auto own_weights = production.own_weights();
   for (int y = 0; y < view.height; y++)
     for (int x = 0; x < view.width; x++) {
       const size_t p = static_cast<size_t>(y) * view.width + x;
@@ -43,25 +43,25 @@ void compare(const Rig& rig, const CameraSet& out, const View& view, Random& ran
       const bool in_focus = production.owners.at(x, y) != OwnerMap::kNone;
       largest.in_focus += in_focus;
       float sum = 0;
-      for (const auto& hat : hats) sum += hat.weight[p];
+      for (const auto& own : own_weights) sum += own.weight[p];
       ASSERT_EQ(sum, in_focus ? 1 : 0) << "pixel " << x << ", " << y;
       if (!in_focus) continue;
       const std::vector<reference::Real> weights = expected.at(x, y);
       double met = 0;
-      for (const auto& hat : hats) {
-        const double error = std::abs(hat.weight[p] - static_cast<double>(weights[hat.camera]));
-        met += static_cast<double>(weights[hat.camera]);
+      for (const auto& own : own_weights) {
+        const double error = std::abs(own.weight[p] - static_cast<double>(weights[own.camera]));
+        met += static_cast<double>(weights[own.camera]);
         largest.weight = std::max(largest.weight, error);
       }
       largest.weight = std::max(largest.weight, 1 - met);
     }
-  for (const auto& hat : hats) {
-    ASSERT_FALSE(std::binary_search(out.begin(), out.end(), hat.camera)) << "out of service, yet used";
+  for (const auto& own : own_weights) {
+    ASSERT_FALSE(std::binary_search(out.begin(), out.end(), own.camera)) << "out of service, yet used";
     if (!random.one_in(4)) continue;
-    const Rect rect = production.plan.camera_rect(hat.camera);
+    const Rect rect = production.plan.camera_rect(own.camera);
     const ViewPlan alone(rig, mesh, view);
-    ASSERT_EQ(camera_hat(alone, OwnerMap(alone, rect), hat.camera, rect),
-              camera_hat(production.plan, production.owners, hat.camera, rect));
+    ASSERT_EQ(pixel_weights(alone, OwnerMap(alone, rect), own.camera, rect),
+              pixel_weights(production.plan, production.owners, own.camera, rect));
   }
 }
 

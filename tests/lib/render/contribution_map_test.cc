@@ -50,7 +50,7 @@ TEST(ValidWeights, AreTheHatLessWhatIsLost) {
   const Rect rect = plan.camera_rect(0);
   ASSERT_FALSE(rect.empty());
   // All in sight of a camera that sees everything; nothing of one that looks the other way.
-  EXPECT_EQ(valid_weights(plan, owners, 0, rig.cameras[0], rect), camera_hat(plan, owners, 0, rect));
+  EXPECT_EQ(valid_weights(plan, owners, 0, rig.cameras[0], rect), pixel_weights(plan, owners, 0, rect));
   Camera away = rig.cameras[0];
   away.pose.orientation = Quat(0, 0, 1, 0);
   for (const float w : valid_weights(plan, owners, 0, away, rect)) ASSERT_EQ(w, 0);

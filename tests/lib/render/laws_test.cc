@@ -70,8 +70,8 @@ TEST(PartitionOfUnity, HatsAddUpToOneInsideTheMesh) {
   for (const View& view : views()) {
     const test::Production production(rig, mesh, view);
     std::vector<double> sum(static_cast<size_t>(view.width) * view.height);
-    for (const auto& hat : production.hats())
-      for (size_t i = 0; i < sum.size(); i++) sum[i] += hat.weight[i];
+    for (const auto& own : production.own_weights())
+      for (size_t i = 0; i < sum.size(); i++) sum[i] += own.weight[i];
     const reference::Picture expected = reference::render(rig, mesh, view, {});
     size_t inside = 0;
     for (size_t i = 0; i < sum.size(); i++) {
@@ -206,8 +206,8 @@ TEST(ViewAtACamera, IsItsImageOnRegularRigs) {
       view.pose.orientation = glm::normalize(view.pose.orientation * random.small_rotation(0.7));
       view.focus.plane = focal_plane_at(view.pose, 2);
       double least = 0;
-      for (const auto& hat : test::Production(rig, mesh, view).hats())
-        if (hat.camera == i) least = *std::min_element(hat.weight.begin(), hat.weight.end());
+      for (const auto& own : test::Production(rig, mesh, view).own_weights())
+        if (own.camera == i) least = *std::min_element(own.weight.begin(), own.weight.end());
       EXPECT_GE(least, 1 - 1e-6) << "trial " << trial << " camera " << i << " from its place, turned";
     }
   }

@@ -32,19 +32,19 @@ FloatStill Production::sums(const std::vector<Image>& images) const {
                             [&](CameraIndex i) -> const Image& { return images[i]; });
 }
 
-std::vector<Production::Hat> Production::hats() const {
+std::vector<Production::OwnWeights> Production::own_weights() const {
   const int width = plan.view().width;
-  std::vector<Hat> hats;
+  std::vector<OwnWeights> own_weights;
   for (const CameraIndex i : plan.contributors()) {
     const Rect& rect = plan.camera_rect(i);
-    const std::vector<float> part = camera_hat(plan, owners, i, rect);
-    Hat hat{i, std::vector<float>(static_cast<size_t>(width) * plan.view().height)};
+    const std::vector<float> part = pixel_weights(plan, owners, i, rect);
+    OwnWeights own{i, std::vector<float>(static_cast<size_t>(width) * plan.view().height)};
     for (int y = rect.y0; y < rect.y1; y++)
       std::copy_n(&part[static_cast<size_t>(y - rect.y0) * rect.width()], rect.width(),
-                  &hat.weight[static_cast<size_t>(y) * width + rect.x0]);
-    hats.push_back(std::move(hat));
+                  &own.weight[static_cast<size_t>(y) * width + rect.x0]);
+    own_weights.push_back(std::move(own));
   }
-  return hats;
+  return own_weights;
 }
 
 std::vector<Image> i420_of(const std::vector<Image>& images) {

@@ -28,12 +28,12 @@ struct Production {
   // Without rounding to 8 bits.
   FloatStill sums(const std::vector<Image>& images) const;
 
-  // The hats of all contributing cameras, each over the whole view (0 outside its rectangle).
-  struct Hat {
+  // The own_weights of all contributing cameras, each over the whole view (0 outside its rectangle).
+  struct OwnWeights {
     CameraIndex camera;
     std::vector<float> weight;
   };
-  std::vector<Hat> hats() const;
+  std::vector<OwnWeights> own_weights() const;
 
   const Rig& rig;
   ViewPlan plan;

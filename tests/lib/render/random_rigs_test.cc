@@ -26,7 +26,7 @@ constexpr double kWeightBound = 1e-6;
 // Pixels nearer than this (relative) to another owner may have another owner than the reference's, with equal weights.
 constexpr double kMargin = 1e-9;
 
-// The sum of all hats is 0 or 1, whatever the reference says.
+// The sum of all own_weights is 0 or 1, whatever the reference says.
 TEST(RandomRigs, NoPixelIsCountedTwiceOrMissed) {
   int64_t pixels = 0, owned = 0, folded_views = 0, rigs_of_view = 0;
   double largest_weight_error = 0, largest_sum_error = 0;
@@ -37,7 +37,7 @@ TEST(RandomRigs, NoPixelIsCountedTwiceOrMissed) {
     const Mesh mesh = build_mesh(rig, out);
     const View view = reference::random_view(random, rig, kWidth, kHeight);
     const test::Production production(rig, mesh, view);
-    const auto hats = production.hats();
+    const auto own_weights = production.own_weights();
     const Picture expected = reference::render(rig, mesh, view, {});
     const reference::Sight sight(rig, mesh, reference::to_v3(view.pose.position));
     bool any = false;
@@ -46,7 +46,7 @@ TEST(RandomRigs, NoPixelIsCountedTwiceOrMissed) {
       for (int x = 0; x < kWidth; x++) {
         const size_t p = static_cast<size_t>(y) * kWidth + x;
         double sum = 0;
-        for (const auto& hat : hats) sum += hat.weight[p];
+        for (const auto& own : own_weights) sum += own.weight[p];
         pixels++;
         owned += sum != 0;
         any = any || sum != 0;
@@ -56,9 +56,9 @@ TEST(RandomRigs, NoPixelIsCountedTwiceOrMissed) {
             owner == OwnerMap::kNone ? reference::Pixel::kNone : static_cast<int>(production.plan.faces()[owner].face);
         ASSERT_EQ(sum != 0, face != reference::Pixel::kNone) << "rig " << i << " pixel " << x << ", " << y;
         double error = 0, met = 0;  // met: reference weight of cameras that production uses
-        for (const auto& hat : hats) {
-          const double weight = expected.weight_of(x, y, hat.camera);
-          error = std::max(error, std::abs(hat.weight[p] - weight));
+        for (const auto& own : own_weights) {
+          const double weight = expected.weight_of(x, y, own.camera);
+          error = std::max(error, std::abs(own.weight[p] - weight));
           met += weight;
         }
         if (expected.at(x, y).owner != reference::Pixel::kNone) error = std::max(error, 1 - met);
@@ -68,8 +68,8 @@ TEST(RandomRigs, NoPixelIsCountedTwiceOrMissed) {
         if (expected.at(x, y).owner_margin < kMargin) continue;
         ASSERT_EQ(face, expected.at(x, y).owner) << "rig " << i << " pixel " << x << ", " << y;
       }
-    for (const auto& hat : hats)
-      ASSERT_FALSE(std::binary_search(out.begin(), out.end(), hat.camera))
+    for (const auto& own : own_weights)
+      ASSERT_FALSE(std::binary_search(out.begin(), out.end(), own.camera))
           << "rig " << i << ": out of service, yet used";
     rigs_of_view += any;
 
@@ -78,14 +78,14 @@ TEST(RandomRigs, NoPixelIsCountedTwiceOrMissed) {
     for (size_t c = 0; c < in_second.size(); c++) in_second[c] = random.one_in(2);
     for (const bool second : {false, true}) {
       Rect region;
-      for (const auto& hat : hats)
-        if (in_second[hat.camera] == second) region = unite(region, production.plan.camera_rect(hat.camera));
+      for (const auto& own : own_weights)
+        if (in_second[own.camera] == second) region = unite(region, production.plan.camera_rect(own.camera));
       const OwnerMap owners(production.plan, region);
-      for (const auto& hat : hats) {
-        if (in_second[hat.camera] != second) continue;
-        const Rect& rect = production.plan.camera_rect(hat.camera);
-        ASSERT_EQ(camera_hat(production.plan, owners, hat.camera, rect),
-                  camera_hat(production.plan, production.owners, hat.camera, rect));
+      for (const auto& own : own_weights) {
+        if (in_second[own.camera] != second) continue;
+        const Rect& rect = production.plan.camera_rect(own.camera);
+        ASSERT_EQ(pixel_weights(production.plan, owners, own.camera, rect),
+                  pixel_weights(production.plan, production.owners, own.camera, rect));
       }
     }
 

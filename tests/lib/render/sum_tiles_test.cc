@@ -34,10 +34,10 @@ size_t total(const std::vector<Rect>& tiles) {
 std::vector<bool> weighted(const test::Production& production, const std::vector<CameraIndex>& cameras) {
   const View& view = production.plan.view();
   std::vector<bool> out(static_cast<size_t>(view.width) * view.height);
-  for (const auto& hat : production.hats())
-    if (std::ranges::binary_search(cameras, hat.camera))
+  for (const auto& own : production.own_weights())
+    if (std::ranges::binary_search(cameras, own.camera))
       for (size_t i = 0; i < out.size(); i++)
-        if (hat.weight[i] != 0) out[i] = true;
+        if (own.weight[i] != 0) out[i] = true;
   return out;
 }
 

@@ -65,7 +65,7 @@ Link sent(UnitKind kind, const std::vector<Bytes>& units, size_t max_payload = 1
 std::vector<uint32_t> fragments_of(const std::vector<Bytes>& units, uint32_t* total = nullptr) {
   std::vector<uint32_t> numbers;
   for (const Bytes& unit : units) {
-    const std::optional<wire::AnswerHead> head = wire::parse_answer_header(unit);
+    const std::optional<wire::AnswerPartHeader> head = wire::parse_answer_header(unit);
     if (!head) continue;
     for (uint32_t i = 0; i < head->part.count; i++) numbers.push_back(head->part.first + i);
     if (total) *total = head->part.total;
@@ -221,7 +221,7 @@ TEST(Depacketizer, ALostPacketCostsOnlyWhatWasInIt) {
     Receiver receiver(UnitKind::kAnswer);
     receiver.take(link);
     uint32_t total = 0;
-    const wire::AnswerHead head = wire::parse_answer_header(std::span(all[lost].payload).subspan(2)).value();
+    const wire::AnswerPartHeader head = wire::parse_answer_header(std::span(all[lost].payload).subspan(2)).value();
     EXPECT_EQ(fragments_of(receiver.units, &total).size(), head.part.total - head.part.count);
   }
 }

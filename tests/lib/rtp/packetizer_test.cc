@@ -137,7 +137,7 @@ TEST(Packetizer, PartsStayParts) {
   writer.add({2, header.family, {0, 0, 10, 10}, wire::Codec::kRaw, 0, false});
   const std::vector<Sent> packets = packetize(UnitKind::kAnswer, to_bytes(writer.finish()), 1388);
   EXPECT_EQ(std::ranges::count_if(packets, &Sent::last), 0);  // others follow
-  const wire::AnswerHead last = wire::parse_answer_header(units_in(packets.back().payload).at(0)).value();
+  const wire::AnswerPartHeader last = wire::parse_answer_header(units_in(packets.back().payload).at(0)).value();
   EXPECT_EQ(last.part, (wire::AnswerPart{4, 1, 7}));
 }
 

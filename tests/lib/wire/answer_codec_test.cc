@@ -101,8 +101,8 @@ TEST(AnswerCodec, RoundTrips) {
     const AnswerHeader& header = answer;
     const auto n = static_cast<uint32_t>(answer.fragments.size());
     const size_t header_bytes = 72 + 4 * (answer.cameras.ranges().size() + answer.blind.ranges().size());
-    EXPECT_EQ(parse_answer_header(bytes), (AnswerHead{header, {0, n, n}}));
-    EXPECT_EQ(parse_answer_header(std::span(bytes).first(header_bytes)), (AnswerHead{header, {0, n, n}}));
+    EXPECT_EQ(parse_answer_header(bytes), (AnswerPartHeader{header, {0, n, n}}));
+    EXPECT_EQ(parse_answer_header(std::span(bytes).first(header_bytes)), (AnswerPartHeader{header, {0, n, n}}));
     EXPECT_FALSE(parse_answer_header(std::span(bytes).first(header_bytes - 1)).has_value());
   }
 }
@@ -236,7 +236,7 @@ TEST(AnswerCodec, SurvivesRandomCorruption) {
     if (i % 8 == 0) bytes = resized(std::move(bytes), random() % (bytes.size() + 8));
     if (bytes.empty()) continue;
     corrupt(bytes, 100, random);
-    const std::optional<AnswerHead> header = parse_answer_header(bytes);
+    const std::optional<AnswerPartHeader> header = parse_answer_header(bytes);
     const std::optional<Answer> decoded = decode_answer(bytes);
     if (!decoded) continue;
     accepted++;

@@ -56,7 +56,7 @@ TEST(AnswerParser, RefersToTheBytes) {
   EXPECT_EQ(view->fragments[3].codec, Codec::kJpeg);
   EXPECT_FALSE(view->fragments[4].camera);
   EXPECT_EQ(view->fragments[5].camera, 9u);
-  EXPECT_EQ(parse_answer_header(bytes), static_cast<const AnswerHead&>(*view));
+  EXPECT_EQ(parse_answer_header(bytes), static_cast<const AnswerPartHeader&>(*view));
   EXPECT_EQ(peek_answer_view(bytes), view->view_id);
   EXPECT_EQ(peek_answer_view(std::span(bytes).first(16)), view->view_id) << "the rest is not looked at";
   EXPECT_FALSE(peek_answer_view(std::span(bytes).first(15)));

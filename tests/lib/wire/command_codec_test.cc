@@ -29,7 +29,7 @@ const char kGoldenPixels[] =
     "8f4c465101040000000000400000000701020304ffffffffffffffff1122334455667788028001e05a00000200030000"
     "000000010001010200780064002001f5";
 
-void set_head(RequestHead& head) {
+void set_head(RequestHeader& head) {
   head.view_id = 7;
   head.sequence = 0x01020304;
   head.target_time = 1'000'000'000;

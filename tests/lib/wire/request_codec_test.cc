@@ -166,7 +166,11 @@ TEST(RequestCodec, AMapThatServesTrialsAlone) {
   ASSERT_TRUE(decoded.has_value());
   EXPECT_EQ(*decoded, request);
   EXPECT_EQ(shown_view(*decoded).focus.map, nullptr);
-  EXPECT_EQ(*decode_request(through), [&] { ViewRequest r = request; r.on_plane = false; return r; }());
+  EXPECT_EQ(*decode_request(through), [&] {
+    ViewRequest r = request;
+    r.on_plane = false;
+    return r;
+  }());
 
   ViewRequest without = golden_request();
   without.on_plane = true;
@@ -196,8 +200,7 @@ TEST(RequestCodec, RoundTrips) {
 
 TEST(RequestCodec, BlendingRoundTripsAndIsChecked) {
   std::mt19937 random(4);
-  for (const Blending blending :
-       {Blending{Blending::Kind::kAperture, 0.25, 0}, Blending{Blending::Kind::kAngle, 0, 4}})
+  for (const Blending blending : {Blending{Blending::Kind::kAperture, 0.25, 0}, Blending{Blending::Kind::kAngle, 0, 4}})
     for (int i = 0; i < 50; i++) {
       ViewRequest request = i % 2 ? focused_request(random) : random_request(random);
       const size_t before = encode_request(request).size();
@@ -318,7 +321,7 @@ TEST(RequestCodec, APeekTellsWhatDecodingWould) {
     const std::optional<RequestPeek> peek = peek_request(bytes);
     ASSERT_TRUE(peek);
     EXPECT_EQ(peek->type, 1);
-    EXPECT_EQ(peek->head, static_cast<const RequestHead&>(request));
+    EXPECT_EQ(peek->head, static_cast<const RequestHeader&>(request));
     bytes.resize(12 + 29);
     EXPECT_TRUE(peek_request(bytes)) << "the rest is not looked at";
     bytes.resize(12 + 28);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "calibration/scene.h"
+#include "calibration/reconstruction.h"
 
 #include <gtest/gtest.h>
 
@@ -23,7 +23,7 @@ class SceneTest : public testing::Test {
 };
 
 TEST_F(SceneTest, LensesAsUsualWithoutAPrior) {
-  const Scene scene = make_scene(watched_.tracks, options_);
+  const Reconstruction scene = make_scene(watched_.tracks, options_);
   EXPECT_EQ(scene.cameras.size(), 16u);
   EXPECT_EQ(scene.targets.size(), 100u);
   EXPECT_DOUBLE_EQ(scene.cameras[3].lens_terms()[kCx], 159.5);
@@ -44,7 +44,7 @@ TEST_F(SceneTest, APriorMustHaveTheCameras) {
 TEST_F(SceneTest, InformationIsTheInverseOfTheCovarianceThatIsGiven) {
   options_.prior = truth_;
   options_.prior_covariances = {CameraCovariance{{"cx", "f"}, {4, 1, 1, 1}}};
-  const Scene scene = make_scene(watched_.tracks, options_);
+  const Reconstruction scene = make_scene(watched_.tracks, options_);
   ASSERT_TRUE(scene.lens_priors[0]);
   EXPECT_FALSE(scene.lens_priors[1]);
   EXPECT_TRUE(scene.measured(0, kF) && scene.measured(0, kCx));

@@ -7,6 +7,6 @@ namespace lf {
 
 // A scene before anything is measured: lenses from the prior rig or as usual, with what is known of them. Throws Error
 // where the prior rig lacks a camera of the tracks or has it in another size.
-Scene make_scene(const Tracks& tracks, const SolveOptions& options);
+Reconstruction make_scene(const Tracks& tracks, const SolveOptions& options);
 
 }  // namespace lf

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "calibration/scene.h"
+#include "calibration/reconstruction.h"
 
 #include <algorithm>
 #include <cmath>
@@ -40,9 +40,9 @@ std::optional<LensPrior> make_prior(const CameraState& camera, const CameraCovar
 
 }  // namespace
 
-Scene make_scene(const Tracks& tracks, const SolveOptions& options) {
+Reconstruction make_scene(const Tracks& tracks, const SolveOptions& options) {
   if (tracks.cameras.size() < 2) throw Error("two cameras are needed at least");
-  Scene scene;
+  Reconstruction scene;
   scene.cameras.resize(tracks.cameras.size());
   scene.lens_priors.resize(tracks.cameras.size());
   scene.targets.resize(tracks.num_positions);
