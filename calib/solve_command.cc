@@ -99,28 +99,28 @@ void solve(const Options& o) {
 
 }  // namespace
 
-void add_solve_command(CLI::App& app) {
+void add_solve_command(cli::App& app) {
   const auto o = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("solve", "Positions, orientations and lenses from tracks of a moving light");
+  cli::App* command = app.add_subcommand("solve", "Positions, orientations and lenses from tracks of a moving light");
   command->add_option("--tracks", o->tracks, "Tracks (JSON), or a folder of MultiCamSelfCal's files")
       ->required()
-      ->check(CLI::ExistingPath)
+      ->check(cli::ExistingPath)
       ->type_name("FILE|DIR");
   command->add_option("--prior", o->prior, "Rig: lenses, with covariance where they were measured, and nominal layout")
       ->type_name("RIG");
   command->add_option("--distortion", o->distortion, "auto: as many terms as the tracks call for")
       ->capture_default_str()
-      ->check(CLI::IsMember({"auto", "none", "k1", "k1k2"}));
+      ->check(cli::IsMember({"auto", "none", "k1", "k1k2"}));
   command->add_option("--bar", o->placement.bar_length, "Between the two lights, metres: gives the scale")
-      ->check(CLI::PositiveNumber);
+      ->check(cli::PositiveNumber);
   command->add_option("--pitch", o->placement.pitch, "Between neighbouring cameras, metres: gives the scale")
-      ->check(CLI::PositiveNumber);
+      ->check(cli::PositiveNumber);
   command->add_option("--distance", o->distance, "Between two cameras: gives the scale")->type_name("ID,ID,METRES");
   command
       ->add_option("--first-pixel", o->first_pixel,
                    "Centre of the top-left pixel in MultiCamSelfCal's files: 1 where Matlab wrote them")
       ->capture_default_str()
-      ->check(CLI::IsMember({0, 1}));
+      ->check(cli::IsMember({0, 1}));
   command->add_option("--out", o->out, "Rig file to write")->required()->type_name("RIG");
   command->add_option("--json", o->json, "Report to write")->type_name("FILE");
   command->callback([o] { solve(*o); });

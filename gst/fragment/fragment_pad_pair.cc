@@ -10,24 +10,24 @@
 GST_DEBUG_CATEGORY_EXTERN(lf_fragment_debug);
 #define GST_CAT_DEFAULT lf_fragment_debug
 
-static PadPair* lf_fragment_pair_of(GstPad* pad) { return static_cast<PadPair*>(gst_pad_get_element_private(pad)); }
+static PadPair* lf_fragment_pad_pair_of(GstPad* pad) { return static_cast<PadPair*>(gst_pad_get_element_private(pad)); }
 
 // The other pad of the same pair; null while both are being released.
-static PadPtr lf_fragment_pair_of(GstPad* pad) {
-  PadPair* pair = lf_fragment_pair_of(pad);
+static PadPtr lf_fragment_other_pad(GstPad* pad) {
+  PadPair* pair = lf_fragment_pad_pair_of(pad);
   return GST_PAD_IS_SRC(pad) ? pair->request.get() : pair->src.get();
 }
 
 static gboolean lf_fragment_pair_event(GstPad* pad, GstEvent* event) {
-  const PadPtr pair = lf_fragment_pair_of(pad);
-  if (pair) return gst_pad_push_event(pair.get(), event);
+  const PadPtr other = lf_fragment_other_pad(pad);
+  if (other) return gst_pad_push_event(other.get(), event);
   gst_event_unref(event);
   return FALSE;
 }
 
 static gboolean lf_fragment_pair_query(GstPad* pad, GstQuery* query) {
-  const PadPtr pair = lf_fragment_pair_of(pad);
-  return pair && gst_pad_peer_query(pair.get(), query);
+  const PadPtr other = lf_fragment_other_pad(pad);
+  return other && gst_pad_peer_query(other.get(), query);
 }
 
 // Whether answers stay in this process up to the compositor. Asked once and when downstream has changed.
@@ -83,8 +83,8 @@ static bool lf_fragment_is_too_late(GstPad* pad, PadPair* pair, const lf::Reques
 }
 
 static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstBuffer* buffer) {
-  PadPair* pair = lf_fragment_pair_of(pad);
-  const PadPtr src = lf_fragment_pair_of(pad);
+  PadPair* pair = lf_fragment_pad_pair_of(pad);
+  const PadPtr src = lf_fragment_other_pad(pad);
   std::string reason;
   const std::optional<lf::wire::AnyRequest> request = lf::decode_any_request_buffer(buffer, &reason);
   const GstClockTime pts = GST_BUFFER_PTS(buffer), duration = GST_BUFFER_DURATION(buffer);
@@ -178,7 +178,7 @@ static void lf_fragment_pair_ended(LfFragment* self, PadPair* pair) {
 
 static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEvent* event) {
   LfFragment* self = LF_FRAGMENT(parent);
-  PadPair* pair = lf_fragment_pair_of(pad);
+  PadPair* pair = lf_fragment_pad_pair_of(pad);
   switch (GST_EVENT_TYPE(event)) {
     case GST_EVENT_CAPS: {
       GstCaps* caps = lf::unit_caps(LF_ANSWER_MEDIA_TYPE);
@@ -216,7 +216,7 @@ static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEve
 // Everything from downstream (QoS, navigation, latency) concerns the requester, never the cameras: what they take
 // belongs to the capture, not to the request path.
 static gboolean lf_fragment_src_event(GstPad* pad, GstObject*, GstEvent* event) {
-  PadPair* pair = lf_fragment_pair_of(pad);
+  PadPair* pair = lf_fragment_pad_pair_of(pad);
   if (GST_EVENT_TYPE(event) == GST_EVENT_RECONFIGURE) pair->downstream_is_new = true;
   if (GST_EVENT_TYPE(event) == GST_EVENT_QOS) pair->qos.see(event, pair->live);
   return lf_fragment_pair_event(pad, event);
@@ -237,11 +237,11 @@ static gboolean lf_fragment_request_query(GstPad* pad, GstObject* parent, GstQue
 }
 
 static GstIterator* lf_fragment_internal_links(GstPad* pad, GstObject*) {
-  const PadPtr pair = lf_fragment_pair_of(pad);
-  if (!pair) return nullptr;
+  const PadPtr other = lf_fragment_other_pad(pad);
+  if (!other) return nullptr;
   GValue value = G_VALUE_INIT;
   g_value_init(&value, GST_TYPE_PAD);
-  g_value_set_object(&value, pair.get());
+  g_value_set_object(&value, other.get());
   GstIterator* iterator = gst_iterator_new_single(GST_TYPE_PAD, &value);
   g_value_unset(&value);
   return iterator;
@@ -276,8 +276,8 @@ GstPad* lf_fragment_pair_new(LfFragment* self, GstPadTemplate* request_template,
 }
 
 void lf_fragment_pair_release(LfFragment* self, GstPad* request) {
-  PadPair* pair = lf_fragment_pair_of(request);
-  const PadPtr src = lf_fragment_pair_of(request);
+  PadPair* pair = lf_fragment_pad_pair_of(request);
+  const PadPtr src = lf_fragment_other_pad(request);
   GST_OBJECT_LOCK(self);
   self->pairs->erase(pair);
   GST_OBJECT_UNLOCK(self);
