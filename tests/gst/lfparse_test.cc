@@ -41,7 +41,7 @@ Bytes answer(uint32_t sequence, int size = 4) {
   a.view_width = a.view_height = size;
   a.family = PixelFamily::kRgb;
   const Rect whole{0, 0, size, size};
-  a.fragments.push_back({0, a.family, whole, Bytes(packed_size(a.family, size, size), 0x11), {}});
+  a.fragments.push_back({a.family, whole, Bytes(packed_size(a.family, size, size), 0x11), {}});
   return wire::encode_answer(a);
 }
 

@@ -344,7 +344,7 @@ TEST_P(Split, OverProcessesIsBitExact) {
     if (GetParam() == PixelFamily::kI420) images = test::i420_of(images);
     const View view = trial == 0 ? views()[1] : reference::random_view(random, rig, 61, 47);
     const test::Production one(rig, build_mesh(rig), view);
-    const Image expected = one.picture(images);
+    const Image expected = one.picture_of_parts(images);
     for (int processes = 2; processes <= 8; processes++) {
       std::vector<std::vector<CameraIndex>> cameras(processes);
       for (CameraIndex i = 0; i < rig.cameras.size(); i++) cameras[random.integer(0, processes - 1)].push_back(i);
@@ -377,7 +377,7 @@ TEST(Split, OverATreeOfPartialSumsIsBitExact) {
       ASSERT_TRUE(!sum || root.add(*sum));
     }
     root.set_uncovered(one.owners);
-    EXPECT_EQ(root.resolve().data(), one.picture(images).data());
+    EXPECT_EQ(root.resolve().data(), one.picture_of_parts(images).data());
   }
 }
 

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "composite/accumulator.h"
+#include "composite/still.h"
 #include "image/image_io.h"
 #include "support/camera_part.h"
 
@@ -19,12 +20,16 @@ std::vector<Fragment> Production::fragments(const std::vector<Image>& images) co
   return out;
 }
 
-Image Production::picture(const std::vector<Image>& images) const {
+Image Production::picture_of_parts(const std::vector<Image>& images) const {
   Accumulator accumulator;
   accumulator.reset(images.front().family(), plan.view().width, plan.view().height);
   for (const Fragment& fragment : fragments(images)) accumulator.add(fragment);
   accumulator.set_uncovered(owners);
   return accumulator.resolve();
+}
+
+Image Production::picture(const std::vector<Image>& images) const {
+  return render_still(rig, mesh, plan.view(), [&](CameraIndex i) -> const Image& { return images[i]; }).picture;
 }
 
 FloatStill Production::sums(const std::vector<Image>& images) const {

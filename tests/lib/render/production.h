@@ -18,17 +18,19 @@ Rect whole(const View& view);
 // Everything a node computes for a view, by one process for all cameras of the rig.
 struct Production {
   Production(const Rig& rig, const Mesh& mesh, const View& view)
-      : rig(rig), plan(rig, mesh, view), owners(plan, whole(view)) {}
+      : rig(rig), mesh(mesh), plan(rig, mesh, view), owners(plan, whole(view)) {}
 
-  // 8-bit fragments of all contributing cameras.
+  // The parts of all contributing cameras, in 8 bits.
   std::vector<Fragment> fragments(const std::vector<Image>& images) const;
-  // They and what no face owns, through the compositor's arithmetic.
+  // The picture that they add up to.
+  Image picture_of_parts(const std::vector<Image>& images) const;
+  // The picture of one node of all cameras, of 16-bit sums.
   Image picture(const std::vector<Image>& images) const;
 
   // Without rounding to 8 bits.
   FloatStill sums(const std::vector<Image>& images) const;
 
-  // The own_weights of all contributing cameras, each over the whole view (0 outside its rectangle).
+  // The weights of all contributing cameras, each over the whole view (0 outside its rectangle).
   struct OwnWeights {
     CameraIndex camera;
     std::vector<float> weight;
@@ -36,6 +38,7 @@ struct Production {
   std::vector<OwnWeights> own_weights() const;
 
   const Rig& rig;
+  Mesh mesh;
   ViewPlan plan;
   OwnerMap owners;
 };
