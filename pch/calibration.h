@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // What most files of lib/calibration include, compiled once for all of them. Each file still includes what it uses.
-#pragma once
+#ifndef LF_PCH_CALIBRATION_H
+#define LF_PCH_CALIBRATION_H
 
 #include <algorithm>
 #include <array>
@@ -19,3 +20,5 @@
 #include <ceres/ceres.h>
 
 #include "base/vec.h"
+
+#endif  // LF_PCH_CALIBRATION_H

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // What most files of lib/ include, compiled once for all of a library. Each file still includes what it uses.
-#pragma once
+#ifndef LF_PCH_LIB_H
+#define LF_PCH_LIB_H
 
 #include <algorithm>
 #include <array>
@@ -16,3 +17,5 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "base/vec.h"
+
+#endif  // LF_PCH_LIB_H

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // What most tests of lib/ include, compiled once for all of a program. Each file still includes what it uses.
-#pragma once
+#ifndef LF_PCH_LIB_TESTS_H
+#define LF_PCH_LIB_TESTS_H
 
 #include <algorithm>
 #include <cmath>
@@ -17,3 +18,5 @@
 #include <nlohmann/json.hpp>
 
 #include "base/vec.h"
+
+#endif  // LF_PCH_LIB_TESTS_H

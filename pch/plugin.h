@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // What most files of gst/ include, compiled once for all of them. Each file still includes what it uses.
-#pragma once
+#ifndef LF_PCH_PLUGIN_H
+#define LF_PCH_PLUGIN_H
 
 #include <algorithm>
 #include <atomic>
@@ -18,3 +19,5 @@
 #include <gst/video/video.h>
 
 #include "base/vec.h"
+
+#endif  // LF_PCH_PLUGIN_H
