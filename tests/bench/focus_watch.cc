@@ -5,7 +5,7 @@
 #include <numeric>
 
 #include "bench/focus_situation.h"
-#include "composite/accumulator.h"
+#include "bench/sum_picture.h"
 #include "focus/carry_over.h"
 #include "focus/mean_luma.h"
 #include "focus/mean_turns.h"
@@ -43,17 +43,8 @@ class Array {
     for (size_t i = 0; i < sources.size(); i++)
       sources[i].image = sharpen(sources[i].image, whole(sources[i].camera), sharp_[i]);
     const SumRenderer renderer(job.plan(), job.runs(), sources, PixelFamily::kRgb);
-    const Rect rect = renderer.rect();
-    const size_t area = static_cast<size_t>(rect.width()) * rect.height();
-    std::vector<int16_t> samples(3 * area);
-    std::vector<uint16_t> lost(area);
-    const bool any_lost =
-        renderer.render_rows(rect.y0, rect.y1, packed_sums(PixelFamily::kRgb, rect, samples.data(), lost.data()));
-    Accumulator sum;
-    sum.reset(PixelFamily::kRgb, view.width, view.height);
-    sum.add(packed_sums<const int16_t, const uint16_t>(PixelFamily::kRgb, rect, samples.data(),
-                                                       any_lost ? lost.data() : nullptr));
-    return {sum.resolve(), view_coverage(s_.rig, job.plan(), job.owners())};
+    return {bench::picture_of_sums(renderer, view.width, view.height).image,
+            view_coverage(s_.rig, job.plan(), job.owners())};
   }
 
   std::vector<Moments> moments(const ViewRequest& request) {

@@ -7,7 +7,7 @@
 #include <numeric>
 
 #include "base/now.h"
-#include "composite/accumulator.h"
+#include "bench/sum_picture.h"
 #include "focus/array_plane.h"
 #include "focus/carry_over.h"
 #include "focus/mean_turns.h"
@@ -51,19 +51,10 @@ class Renderer {
       sources[i].image =
           sharpen(sources[i].image, needed_pixels(job.plan(), sources[i].camera, *sources[i].rig_camera), sharp_[i]);
     const SumRenderer renderer(job.plan(), job.runs(), sources, PixelFamily::kRgb);
-    const Rect rect = renderer.rect();
-    const size_t area = static_cast<size_t>(rect.width()) * rect.height();
-    std::vector<int16_t> samples(3 * area);
-    std::vector<uint16_t> lost(area);
-    const bool any_lost =
-        renderer.render_rows(rect.y0, rect.y1, packed_sums(PixelFamily::kRgb, rect, samples.data(), lost.data()));
-    Accumulator sum;
-    sum.reset(PixelFamily::kRgb, view.width, view.height);
-    sum.add(packed_sums<const int16_t, const uint16_t>(PixelFamily::kRgb, rect, samples.data(),
-                                                       any_lost ? lost.data() : nullptr));
-    out.image = sum.resolve();
+    auto [image, bytes] = bench::picture_of_sums(renderer, view.width, view.height);
+    out.image = std::move(image);
     out.colour_ms = milliseconds(now_ns() - begun);
-    out.colour_bytes = static_cast<double>(2 * (samples.size() + (any_lost ? area : 0)));
+    out.colour_bytes = static_cast<double>(bytes);
     out.coverage = view_coverage(case_.rig, job.plan(), job.owners());
     return out;
   }

@@ -87,7 +87,7 @@ TEST_P(AnswerTaskTest, TellsHowBrightItsCamerasAre) {
   EXPECT_TRUE(plain->brightness(header, sources, {}).bytes.empty());
 }
 
-// Hats reach beyond the images, of two cameras nothing is seen at all, one is out of service, one has no image.
+// Weights reach beyond the images, of two cameras nothing is seen at all, one is out of service, one has no image.
 TEST_P(AnswerTaskTest, WhatIsLostIsTheSame) {
   request_.view.lens = Lens::from_fov_y(75, 133, 91);
   for (const CameraIndex turned : {0, 4}) rig_.cameras[turned].pose.orientation = glm::angleAxis(3.0, Vec3(0, 1, 0));

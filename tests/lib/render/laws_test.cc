@@ -62,7 +62,7 @@ Rig wide_array(Random& random) {
   return rig;
 }
 
-TEST(PartitionOfUnity, HatsAddUpToOneInsideTheMesh) {
+TEST(PartitionOfUnity, WeightsAddUpToOneInsideTheMesh) {
   Random random(1);
   const Rig rig = wide_array(random);
   const Mesh mesh = build_mesh(rig);

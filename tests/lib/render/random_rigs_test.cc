@@ -216,7 +216,7 @@ TEST(RandomRigs, RectanglesAreTight) {
 }
 
 // Whatever the lens and however the mesh folds, a fragment ends where its camera's faces end.
-TEST(RandomRigs, FragmentsAreNoLargerThanTheirHats) {
+TEST(RandomRigs, FragmentsAreNoLargerThanTheirWeights) {
   int fragments = 0;
   for (int i = 0; i < 500; i++) {
     Random random(4 * kRigs + i);

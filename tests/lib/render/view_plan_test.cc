@@ -23,7 +23,7 @@ View middle_view(int width = 60, int height = 45) {
   return view;
 }
 
-TEST(ViewPlan, OwnersAndHatsDoNotDependOnTheRegion) {
+TEST(ViewPlan, OwnersAndWeightsDoNotDependOnTheRegion) {
   const Rig rig = scene_rig(4, 4, 64, 48);
   const ViewPlan plan(rig, build_mesh(rig), middle_view());
   const OwnerMap whole(plan, {0, 0, 60, 45}), part(plan, {13, 7, 41, 30});
