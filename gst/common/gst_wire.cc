@@ -42,9 +42,6 @@ std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string*
 std::optional<wire::AnyRequest> decode_any_request_buffer(GstBuffer* buffer, std::string* reason) {
   return decode(buffer, reason, wire::decode_any_request);
 }
-std::optional<wire::RequestPeek> peek_request_buffer(GstBuffer* buffer) {
-  return wire::peek_request(MappedBuffer(buffer).bytes());
-}
 std::optional<uint32_t> peek_answer_view(GstBuffer* buffer) {
   return wire::peek_answer_view(MappedBuffer(buffer).bytes());
 }

@@ -22,7 +22,6 @@ namespace lf {
 std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
 std::optional<wire::AnyRequest> decode_any_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
 // What the first bytes say, without decoding the rest.
-std::optional<wire::RequestPeek> peek_request_buffer(GstBuffer* buffer);
 std::optional<uint32_t> peek_answer_view(GstBuffer* buffer);
 // Moments, or cameras' trials.
 bool is_moments_buffer(GstBuffer* buffer);

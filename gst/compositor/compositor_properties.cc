@@ -27,7 +27,8 @@ enum {
   PROP_FOCUS_FAR,
   PROP_MONITOR_INTERVAL,
   PROP_GAINS,
-  PROP_STATS
+  PROP_FIRST_LIMIT,
+  PROP_STATS = PROP_FIRST_LIMIT + lf::RequestGuard::kMaxViews  // it has one view
 };
 
 }  // namespace
@@ -89,8 +90,14 @@ static void lf_compositor_set_partial(LfCompositor* self, gboolean partial) {
                         (nullptr));
 }
 
+static bool is_limit(guint id) { return id >= PROP_FIRST_LIMIT && id < PROP_STATS; }
+static lf::RequestGuard::Property limit_of(guint id) {
+  return static_cast<lf::RequestGuard::Property>(id - PROP_FIRST_LIMIT);
+}
+
 static void lf_compositor_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfCompositor* self = LF_COMPOSITOR(object);
+  if (is_limit(id)) return self->guard->set(limit_of(id), value);
   if (id == PROP_RIG) return lf_compositor_set_rig(self, value);
   if (id == PROP_PARTIAL) return lf_compositor_set_partial(self, g_value_get_boolean(value));
   GST_OBJECT_LOCK(self);
@@ -114,6 +121,7 @@ static void lf_compositor_set_property(GObject* object, guint id, const GValue* 
 
 static void lf_compositor_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
   LfCompositor* self = LF_COMPOSITOR(object);
+  if (is_limit(id)) return self->guard->get(limit_of(id), value);
   lf::ObjectLock lock(self);
   switch (id) {
     case PROP_VIEW_ID: g_value_set_uint(value, self->view_id); break;
@@ -130,7 +138,12 @@ static void lf_compositor_get_property(GObject* object, guint id, GValue* value,
     case PROP_FOCUS_FAR: g_value_set_double(value, self->focus.far); break;
     case PROP_MONITOR_INTERVAL: g_value_set_uint(value, self->monitor_interval); break;
     case PROP_GAINS: g_value_set_boolean(value, self->gains); break;
-    case PROP_STATS: g_value_take_boxed(value, self->state->stats.structure()); break;
+    case PROP_STATS: {
+      GstStructure* stats = self->state->stats.structure();
+      self->guard->add_stats(stats);
+      g_value_take_boxed(value, stats);
+      break;
+    }
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
   lock.unlock();
@@ -205,14 +218,16 @@ void lf_compositor_install_properties(GObjectClass* klass) {
                           "Let cameras match their brightness to that of the others; with focus surface or auto. The "
                           "lffragments' stats have each camera's gain",
                           TRUE, flags(GST_PARAM_MUTABLE_PLAYING)));
+  lf::RequestGuard::install(klass, PROP_FIRST_LIMIT, false);
   install(
       PROP_STATS,
       g_param_spec_boxed(
           "stats", "Statistics",
           "Counts of pictures (complete, incomplete, unseen: no camera sees anything of the view, repeated, dropped), "
-          "requests skipped (too late to be shown, as QoS events say), "
+          "requests skipped (too late to be shown, as QoS events say), requests refused for one of the limits (refused, "
+          "and of these refused-pixels, -aperture, -trials, -rate, -views), "
           "coverage (share of the latest view that cameras can see; with `rig`), fragments (missing, damaged), late, "
-          "repeated and bad answers, bytes, cameras out of service; the largest skew; of a focal surface: rounds of "
+          "repeated, stray (to requests that nobody has asked) and bad answers, pictures that failed (no memory), bytes, cameras out of service; the largest skew; of a focal surface: rounds of "
           "trials, their bytes, how far cameras disagree (residual, 255ths) and by how much the last round lessened "
           "it (gained), requests from one with trials to the next (interval), whether one plane is enough (flat); of "
           "the monitor: "

@@ -12,8 +12,10 @@
 #include "common/common.h"
 #include "common/gst_wire.h"
 #include "common/qos_watch.h"
+#include "common/request_guard.h"
 #include "composite/assembly.h"
 #include "composite/camera_health.h"
+#include "compositor/ahead_answers.h"
 #include "compositor/compositor_stats.h"
 #include "compositor/lfcompositor.h"
 #include "compositor/picture_pool.h"
@@ -25,7 +27,7 @@
 #include "wire/answer_parts.h"
 
 // What the files of lfcompositor share: lfcompositor.cc (the element), compositor_properties.cc, compositor_answers.cc
-// (requests and answers in), compositor_finish.cc (how a request ends), compositor_focus.cc (their focal surface),
+// (requests in, and when they are answered), compositor_take.cc (answers in), compositor_finish.cc (how a request ends), compositor_focus.cc (their focal surface),
 // compositor_monitor.cc (how well cameras are predicted), compositor_output.cc (pictures or partial answers out) and
 // compositor_pads.cc (events, queries, pads).
 
@@ -39,6 +41,7 @@ struct NodeInput {
   Head head = Head::kUnseen;
   GstBuffer* seen = nullptr;          // the buffer that `head` is about; not owned
   lf::wire::AnswerParts parts;        // that have been added
+  lf::AheadAnswers ahead;             // live: of later requests
   unsigned missed = 0;                // pictures in a row that had to do without this node
   std::atomic<bool> flushed = false;  // by its own stream alone: what is on the pad is not what it was
   bool answered() const { return head != Head::kUnseen; }
@@ -63,9 +66,12 @@ struct _LfCompositor {
   guint monitor_interval;
   gboolean gains;
 
+  lf::RequestGuard* guard;
+
   // Streaming thread, but for stats.
   struct State {
     std::shared_ptr<const lf::Rig> rig;
+    std::atomic<double> extent = 0;  // of its array, see array_extent(); any thread
     lf::Assembly assembly;
     std::optional<lf::ViewRequest> current;     // the request at the head of the request pad
     std::atomic<bool> request_flushed = false;  // that one is gone
@@ -108,6 +114,7 @@ struct _LfCompositor {
       GstClockTime deadline;  // clock time
     };
     std::deque<Past> past;         // requests that were composed last
+    std::optional<uint32_t> last_sequence;  // of the request before
     lf::QosWatch qos;              // any thread
     std::deque<uint32_t> skipped;  // requests that were left out last
     lf::CameraHealth health;
@@ -148,6 +155,12 @@ guint lf_compositor_view_id(LfCompositor* self);
 GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean timeout);
 GstClockTime lf_compositor_next_time(GstAggregator* agg);
 void lf_compositor_forget_request(LfCompositor* self);
+
+// compositor_take.cc
+// Adds what has come from a node for the current request, up to its last part.
+void lf_compositor_take_answers(LfCompositor* self, GstAggregatorPad* pad);
+// The next request has this number: where it is one before the last one's, what waits for later ones is thrown away.
+void lf_compositor_note_sequence(LfCompositor* self, uint32_t sequence);
 
 // compositor_finish.cc
 inline constexpr size_t kMostPast = 32;  // requests whose late answers are still signs of life
@@ -195,9 +208,9 @@ void lf_compositor_announce_out_of_service(LfCompositor* self);
 bool lf_compositor_finds_focus(LfCompositor* self);
 // What came of the trials of the request before.
 void lf_compositor_forget_moments(LfCompositor* self);
-// Adds moments that belong to the current request. Negative: they belong to nothing any more; positive: they are a
-// later request's.
-int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer);
+// Adds moments that belong to the current request. Negative: they belong to nothing any more; positive: they are of a request
+// so many later.
+int32_t lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer);
 // What has come, as the moments of one node: what goes before its answer, nothing if nothing has.
 std::vector<GstBuffer*> lf_compositor_make_moments(LfCompositor* self, guint node);
 // Tells upstream where the next request is to be focused, from what came of the trials of the current one.

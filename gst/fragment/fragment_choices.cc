@@ -71,6 +71,7 @@ void lf_fragment_install_choices(GObjectClass* klass, guint first_id) {
                         "what is left of the error where the focus is right; Catmull-Rom loses less and takes longer. "
                         "With access=pixels the compositor samples",
                         LF_TYPE_FRAGMENT_RESAMPLING, static_cast<gint>(lf::Resampling::kSharpened), kFlags));
+  lf::RequestGuard::install(klass, first_id + kNumOwnFragmentChoices);
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_RESAMPLING, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_ACCESS, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_CODEC, GstPluginAPIFlags(0));

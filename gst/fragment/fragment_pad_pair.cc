@@ -82,14 +82,29 @@ static bool lf_fragment_is_too_late(GstPad* pad, PadPair* pair, const lf::Reques
   return pair->qos.late(head.view_id, time).has_value();
 }
 
+// What is not for cameras of this kind, or asks for too much, is not even decoded.
+static bool lf_fragment_is_to_be_answered(LfFragment* self, PadPair* pair, GstBuffer* buffer) {
+  const lf::MappedBuffer mapped(buffer);
+  const std::optional<lf::wire::RequestPeek> peek = lf::wire::peek_request(mapped.bytes());
+  GST_OBJECT_LOCK(self);
+  const lf::Access access = self->access;
+  GST_OBJECT_UNLOCK(self);
+  if (peek && lf::wire::access_of_type(peek->type).value_or(access) != access) return false;
+  return self->guard->admits(GST_ELEMENT(self), mapped.bytes(), self->node->inputs().array()->extent, pair->live,
+                             pair->number);
+}
+
 static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstBuffer* buffer) {
   PadPair* pair = lf_fragment_pad_pair_of(pad);
   const PadPtr src = lf_fragment_other_pad(pad);
-  std::string reason;
-  const std::optional<lf::wire::AnyRequest> request = lf::decode_any_request_buffer(buffer, &reason);
   const GstClockTime pts = GST_BUFFER_PTS(buffer), duration = GST_BUFFER_DURATION(buffer);
+  std::string reason;
+  std::optional<lf::wire::AnyRequest> request;
+  const bool wanted = src && lf_fragment_is_to_be_answered(self, pair, buffer);
+  if (wanted) request = lf::decode_any_request_buffer(buffer, &reason);
   gst_buffer_unref(buffer);
   if (!src) return GST_FLOW_FLUSHING;
+  if (!wanted) return GST_FLOW_OK;
   if (!request) {
     self->node->stats().bad_requests++;
     GST_WARNING_OBJECT(pad, "dropped a view request: %s", reason.c_str());
@@ -103,10 +118,8 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstBuffer
   options.max_skew = self->max_skew;
   options.resampling = self->resampling;
   const bool post = self->post_messages;
-  const lf::Access access = self->access;
   const guint threads = self->threads > 0 ? self->threads : g_get_num_processors();
   GST_OBJECT_UNLOCK(self);
-  if (lf::wire::access_of(*request) != access) return GST_FLOW_OK;  // for cameras of another kind
   lf_fragment_follow_requests(self, pad, pair, head);
   lf_fragment_tell_delay(self, pad, pair);
   options.in_process = lf_fragment_compositor_is_near(pair, src.get());
@@ -267,6 +280,7 @@ GstPad* lf_fragment_pair_new(LfFragment* self, GstPadTemplate* request_template,
   }
   lf::ObjectLock lock(self);
   self->pairs->insert(pair.get());
+  pair->number = self->next_pair_number++;
   lock.unlock();
   for (GstPad* pad : {src, request}) {
     if (lf::is_running(GST_ELEMENT(self))) gst_pad_set_active(pad, TRUE);

@@ -127,7 +127,8 @@ enum {
   PROP_POST_MESSAGES,
   PROP_ACCESS,
   PROP_RESAMPLING,
-  PROP_STATS
+  PROP_FIRST_LIMIT,
+  PROP_STATS = PROP_FIRST_LIMIT + lf::RequestGuard::kNumProperties
 };
 
 gchar* lf_fragment_rig_path(LfFragment* self) {
@@ -155,9 +156,15 @@ static void lf_fragment_set_rig(LfFragment* self, const GValue* value) {
   GST_OBJECT_UNLOCK(self);
 }
 
+static bool is_limit(guint id) { return id >= PROP_FIRST_LIMIT && id < PROP_STATS; }
+static lf::RequestGuard::Property limit_of(guint id) {
+  return static_cast<lf::RequestGuard::Property>(id - PROP_FIRST_LIMIT);
+}
+
 static void lf_fragment_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfFragment* self = LF_FRAGMENT(object);
   if (id == PROP_RIG) return lf_fragment_set_rig(self, value);
+  if (is_limit(id)) return self->guard->set(limit_of(id), value);
   GST_OBJECT_LOCK(self);
   switch (id) {
     case PROP_NODE: self->node_id = g_value_get_uint(value); break;
@@ -175,6 +182,7 @@ static void lf_fragment_set_property(GObject* object, guint id, const GValue* va
 
 static void lf_fragment_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
   LfFragment* self = LF_FRAGMENT(object);
+  if (is_limit(id)) return self->guard->get(limit_of(id), value);
   lf::ObjectLock lock(self);
   switch (id) {
     case PROP_RIG: g_value_set_string(value, self->rig_path); break;
@@ -186,7 +194,12 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
     case PROP_RESAMPLING: g_value_set_enum(value, static_cast<gint>(self->resampling)); break;
     case PROP_MAX_SKEW: g_value_set_uint64(value, self->max_skew); break;
     case PROP_CODEC: g_value_set_enum(value, static_cast<gint>(self->codec)); break;
-    case PROP_STATS: g_value_take_boxed(value, self->node->stats().structure()); break;
+    case PROP_STATS: {
+      GstStructure* stats = self->node->stats().structure();
+      self->guard->add_stats(stats);
+      g_value_take_boxed(value, stats);
+      break;
+    }
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
   lock.unlock();
@@ -257,6 +270,7 @@ static bool lf_fragment_start(LfFragment* self) {
   }
   self->node->set_node_id(self->node_id);
   self->node->inputs().forget_family();
+  self->guard->clear();
   GST_OBJECT_LOCK(self);
   for (PadPair* pair : *self->pairs) {
     pair->ended = pair->flushed = false;
@@ -294,6 +308,7 @@ static void lf_fragment_finalize(GObject* object) {
   g_mutex_clear(&self->seek_lock);
   delete self->pairs;
   delete self->node;
+  delete self->guard;
   delete self->workers;
   g_free(self->rig_path);
   G_OBJECT_CLASS(lf_fragment_parent_class)->finalize(object);
@@ -325,8 +340,9 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
       object_class, PROP_STATS,
       g_param_spec_boxed(
           "stats", "Statistics",
-          "Counts of requests, answers, of these skipped (too late to be shown), fragments, bytes, frames that were "
-          "missing (of these stale: farther than "
+          "Counts of requests, answers, of these skipped (too late to be shown), requests refused for one of the limits "
+          "(refused, and of these refused-pixels, -aperture, -trials, -rate, -views), fragments, bytes, frames that "
+          "were missing (of these stale: farther than "
           "max-skew) and frames that were damaged; the largest skew of a frame; what waiting for frames, decoding, "
           "rendering and encoding took: the latest answer's time and p50, p95, p99 over the latest 1024, and of all of "
           "them together (answer-ns; nanoseconds)",
@@ -347,6 +363,7 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
 static void lf_fragment_init(LfFragment* self) {
   g_mutex_init(&self->seek_lock);
   self->node = new lf::FragmentNode;
+  self->guard = new lf::RequestGuard;
   self->strip_pixels = lf::wire::kStripPixels;
   self->max_skew = 500 * GST_MSECOND;
   self->resampling = lf::Resampling::kSharpened;

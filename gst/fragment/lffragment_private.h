@@ -10,6 +10,7 @@
 #include "common/access.h"
 #include "common/gst_wire.h"
 #include "common/qos_watch.h"
+#include "common/request_guard.h"
 #include "fragment/camera_image.h"
 #include "fragment/fragment_node.h"
 #include "fragment/lffragment.h"
@@ -71,6 +72,7 @@ struct PadPair {
   lf::QosWatch qos;                            // any thread
   std::atomic<bool> downstream_is_new = true;  // what is known of it is to be asked again
   bool in_process = false;                     // the compositor is; streaming thread
+  uint32_t number = 0;                         // its own in the element
 };
 
 struct _LfFragment {
@@ -85,17 +87,20 @@ struct _LfFragment {
   lf::Resampling resampling;  // under the object lock
   GstClockTime max_skew;      // under the object lock
   std::shared_ptr<lf::WorkerPool>* workers;
+  lf::RequestGuard* guard;
   lf::FragmentNode* node;
   std::set<PadPair*>* pairs;    // under the object lock
   lf::CameraFrames::Mode mode;  // of all cameras; under the object lock
   guint next_camera_pad, next_pair;
+  guint32 next_pair_number;
   GMutex seek_lock;     // held while cameras are sought
   guint32 seek_seqnum;  // of the latest seek of the cameras; under that
 };
 
 // The properties that say how answers are made (fragment_choices.cc): codec, threads, max-skew, strip-pixels,
-// post-messages, access, resampling, in the order of their ids.
-inline constexpr guint kNumFragmentChoices = 7;
+// post-messages, access, resampling, in the order of their ids; and behind them the limits of RequestGuard.
+inline constexpr guint kNumOwnFragmentChoices = 7;
+inline constexpr guint kNumFragmentChoices = kNumOwnFragmentChoices + lf::RequestGuard::kNumProperties;
 void lf_fragment_install_choices(GObjectClass* klass, guint first_id);
 
 // Whether what comes to this sink pad comes in real time; if so, after which latency at the latest.
