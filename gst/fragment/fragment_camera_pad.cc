@@ -348,7 +348,7 @@ void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum) {
 }
 
 static GstFlowReturn lf_fragment_camera_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
-  return lf::guarded(parent, GST_FLOW_ERROR, [=] { return lf_fragment_take_frame(LF_FRAGMENT(parent), pad, buffer); });
+  return lf::guarded_buffer(parent, [=] { return lf_fragment_take_frame(LF_FRAGMENT(parent), pad, buffer); });
 }
 
 GstPad* lf_fragment_camera_pad_new(GstPadTemplate* templ, const gchar* name, lf::CameraFrames::Mode mode) {

@@ -167,7 +167,7 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstBuffer
 }
 
 static GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
-  return lf::guarded(parent, GST_FLOW_ERROR, [=] { return lf_fragment_answer(LF_FRAGMENT(parent), pad, buffer); });
+  return lf::guarded_buffer(parent, [=] { return lf_fragment_answer(LF_FRAGMENT(parent), pad, buffer); });
 }
 
 // The cameras end with the last requester.

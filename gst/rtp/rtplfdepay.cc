@@ -130,7 +130,7 @@ static GstPadProbeReturn lf_rtp_depay_query(GstPad*, GstPadProbeInfo* info, gpoi
   return lf::is_in_process_query(GST_PAD_PROBE_INFO_QUERY(info)) ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
 }
 
-static GstBuffer* lf_rtp_depay_packet(LfRtpDepay* self, GstRTPBuffer* rtp) {
+static void lf_rtp_depay_packet(LfRtpDepay* self, GstRTPBuffer* rtp) {
   GstRTPBaseDepayload* base = GST_RTP_BASE_DEPAYLOAD(self);
   GST_OBJECT_LOCK(self);
   self->depacketizer->set_limits({.bytes = self->max_pending_bytes});
@@ -156,12 +156,11 @@ static GstBuffer* lf_rtp_depay_packet(LfRtpDepay* self, GstRTPBuffer* rtp) {
   GST_OBJECT_LOCK(self);
   self->stats = stats;
   GST_OBJECT_UNLOCK(self);
-  return nullptr;
 }
 
 static GstBuffer* lf_rtp_depay_process(GstRTPBaseDepayload* base, GstRTPBuffer* rtp) {
-  GstBuffer* none = nullptr;
-  return lf::guarded(base, none, [=] { return lf_rtp_depay_packet(LF_RTP_DEPAY(base), rtp); });
+  lf::guarded_buffer(base, [=] { return lf_rtp_depay_packet(LF_RTP_DEPAY(base), rtp), GST_FLOW_OK; });
+  return nullptr;
 }
 
 // Time goes on without the gap that the base class would announce: what is missing is found by counting.

@@ -28,6 +28,8 @@
 
 #include <gst/rtp/gstrtpbuffer.h>
 
+#include <memory>
+
 #include "common/gst_wire.h"
 #include "rtp/pacer.h"
 #include "rtp/packetizer.h"
@@ -146,6 +148,8 @@ static GstBuffer* lf_rtp_pay_packet(LfRtpPay* self, const lf::rtp::Payload& payl
   return packet;
 }
 
+using UnrefBuffer = std::unique_ptr<GstBuffer, decltype([](GstBuffer* buffer) { gst_buffer_unref(buffer); })>;
+
 static GstFlowReturn lf_rtp_pay_unit(LfRtpPay* self, GstBuffer* buffer) {
   GstRTPBasePayload* base = GST_RTP_BASE_PAYLOAD(self);
   const guint sources = gst_rtp_base_payload_get_source_count(base, buffer);
@@ -154,7 +158,6 @@ static GstFlowReturn lf_rtp_pay_unit(LfRtpPay* self, GstBuffer* buffer) {
     GST_ELEMENT_ERROR(self, LIBRARY, SETTINGS, ("The MTU of %u bytes is too small.", GST_RTP_BASE_PAYLOAD_MTU(base)),
                       ("set mtu to %u or more",
                        gst_rtp_buffer_calc_packet_len(lf::rtp::kMinPayloadBytes, 0, static_cast<guint8>(sources))));
-    gst_buffer_unref(buffer);
     return GST_FLOW_ERROR;
   }
   GST_OBJECT_LOCK(self);
@@ -181,12 +184,14 @@ static GstFlowReturn lf_rtp_pay_unit(LfRtpPay* self, GstBuffer* buffer) {
     flow = lf_rtp_pay_push(self, packets, max_bitrate);
   else
     gst_buffer_list_unref(packets);
-  gst_buffer_unref(buffer);
   return flow;
 }
 
 static GstFlowReturn lf_rtp_pay_handle_buffer(GstRTPBasePayload* base, GstBuffer* buffer) {
-  return lf::guarded(base, GST_FLOW_ERROR, [=] { return lf_rtp_pay_unit(LF_RTP_PAY(base), buffer); });
+  return lf::guarded_buffer(base, [=] {
+    const UnrefBuffer owned(buffer);
+    return lf_rtp_pay_unit(LF_RTP_PAY(base), buffer);
+  });
 }
 
 static void lf_rtp_pay_reset(LfRtpPay* self) {

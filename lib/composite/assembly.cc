@@ -6,6 +6,7 @@
 
 #include "render/source_region.h"
 #include "render/sum_renderer.h"
+#include "wire/limits.h"
 #include "wire/payload.h"
 
 namespace lf {
@@ -50,6 +51,8 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
   }
   const auto is_of_camera = [](const wire::FragmentView& fragment) { return fragment.camera.has_value(); };
   if (!rig_ && std::ranges::any_of(answer.fragments, is_of_camera)) return Verdict::kNeedsRig;
+  const std::pair key(answer.node, answer.cameras);
+  if (sources_.size() >= wire::kMaxSources && !sources_.contains(key)) return Verdict::kBadFragment;
   cameras_.add(answer.cameras);
   CameraRanges seeing = answer.cameras;
   seeing.remove(answer.blind);
@@ -58,7 +61,7 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
   bool all_good = true;
   for (const wire::FragmentView& fragment : answer.fragments)
     all_good = add_fragment(answer, fragment, bytes) && all_good;
-  Source& source = sources_[{answer.node, answer.cameras}];
+  Source& source = sources_[key];
   source.parts.add(answer.part);
   source.blind = answer.blind;
   source.spoilt |= damaged_ > damaged_before || !all_good;

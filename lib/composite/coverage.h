@@ -3,9 +3,8 @@
 
 #include <map>
 #include <span>
-#include <vector>
 
-#include "base/rect.h"
+#include "composite/disjoint_rects.h"
 #include "rig/camera_ranges.h"
 
 namespace lf {
@@ -17,7 +16,7 @@ class Coverage {
   void clear() { *this = {}; }
 
   // A fragment of one camera, or the sum of several. False, and nothing is noted, if one of the cameras has been there
-  // already somewhere in the rectangle.
+  // already somewhere in the rectangle, or it is one more set of cameras than kMaxSources.
   bool add(CameraIndex camera, const Rect& rect);
   bool add(const CameraRanges& cameras, const Rect& rect);
 
@@ -29,8 +28,8 @@ class Coverage {
   template <typename F>
   void for_each_rect(CameraIndex camera, const F& f) const;
 
-  std::map<CameraIndex, std::vector<Rect>> cameras_;
-  std::map<CameraRanges, std::vector<Rect>> sums_;
+  std::map<CameraIndex, DisjointRects> cameras_;
+  std::map<CameraRanges, DisjointRects> sums_;
 };
 
 }  // namespace lf

@@ -22,13 +22,13 @@ std::string add_moments(std::span<const uint8_t> unit, const wire::MomentsHeader
   if (came->gains) {
     answers.gains.add(*came->gains);
     if (answers.brightness.columns == 0)
-      answers.brightness = std::move(came->trials[0]);
+      answers.brightness = std::move(came->sums()[0]);
     else
-      answers.brightness.add(came->trials[0]);
+      came->add_to({&answers.brightness, 1});
   } else if (answers.moments.empty()) {
-    answers.moments = std::move(came->trials);
+    answers.moments = came->sums();
   } else {
-    for (size_t i = 0; i < answers.moments.size(); i++) answers.moments[i].add(came->trials[i]);
+    came->add_to(answers.moments);
   }
   return {};
 }
