@@ -71,6 +71,12 @@ void lf_fragment_install_choices(GObjectClass* klass, guint first_id) {
                         "what is left of the error where the focus is right; Catmull-Rom loses less and takes longer. "
                         "With access=pixels the compositor samples",
                         LF_TYPE_FRAGMENT_RESAMPLING, static_cast<gint>(lf::Resampling::kSharpened), kFlags));
+  g_object_class_install_property(
+      klass, first_id + 7,
+      g_param_spec_uint64("max-delay", "Largest delay",
+                          "Live: how long, in nanoseconds, after a request has come its answer can be of use; one that "
+                          "would come later, by what such answers have taken, is not begun (0: any time)",
+                          0, G_MAXINT64, 500 * GST_MSECOND, kFlags));
   lf::RequestGuard::install(klass, first_id + kNumOwnFragmentChoices);
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_RESAMPLING, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_ACCESS, GstPluginAPIFlags(0));

@@ -127,6 +127,7 @@ enum {
   PROP_POST_MESSAGES,
   PROP_ACCESS,
   PROP_RESAMPLING,
+  PROP_MAX_DELAY,
   PROP_FIRST_LIMIT,
   PROP_STATS = PROP_FIRST_LIMIT + lf::RequestGuard::kNumProperties
 };
@@ -174,6 +175,7 @@ static void lf_fragment_set_property(GObject* object, guint id, const GValue* va
     case PROP_ACCESS: self->access = static_cast<lf::Access>(g_value_get_enum(value)); break;
     case PROP_RESAMPLING: self->resampling = static_cast<lf::Resampling>(g_value_get_enum(value)); break;
     case PROP_MAX_SKEW: self->max_skew = g_value_get_uint64(value); break;
+    case PROP_MAX_DELAY: self->max_delay = g_value_get_uint64(value); break;
     case PROP_CODEC: self->codec = static_cast<lf::CodecChoice>(g_value_get_enum(value)); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -193,6 +195,7 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
     case PROP_ACCESS: g_value_set_enum(value, static_cast<gint>(self->access)); break;
     case PROP_RESAMPLING: g_value_set_enum(value, static_cast<gint>(self->resampling)); break;
     case PROP_MAX_SKEW: g_value_set_uint64(value, self->max_skew); break;
+    case PROP_MAX_DELAY: g_value_set_uint64(value, self->max_delay); break;
     case PROP_CODEC: g_value_set_enum(value, static_cast<gint>(self->codec)); break;
     case PROP_STATS: {
       GstStructure* stats = self->node->stats().structure();
@@ -278,7 +281,7 @@ static bool lf_fragment_start(LfFragment* self) {
     pair->segment = {};
     pair->qos.clear();
     pair->requester.rig.reset();
-    pair->requester.cancelled = false;
+    *pair->requester.cancelled = false;
   }
   GST_OBJECT_UNLOCK(self);
   lf_fragment_set_mode(self, lf::CameraFrames::Mode::kRunning);
@@ -366,6 +369,7 @@ static void lf_fragment_init(LfFragment* self) {
   self->guard = new lf::RequestGuard;
   self->strip_pixels = lf::wire::kStripPixels;
   self->max_skew = 500 * GST_MSECOND;
+  self->max_delay = 500 * GST_MSECOND;
   self->resampling = lf::Resampling::kSharpened;
   self->pairs = new std::set<PadPair*>;
   self->workers = new std::shared_ptr<lf::WorkerPool>(lf::WorkerPool::shared());

@@ -30,6 +30,7 @@ GstStructure* NodeStats::structure() const {
   set("rig-mismatches", rig_mismatches);
   set("answers", answers);
   set("skipped", skipped);
+  set("superseded", superseded);
   set("fragments", fragments);
   set("bytes", bytes);
   set("missing-frames", missing_frames);

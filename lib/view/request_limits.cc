@@ -23,6 +23,13 @@ std::string metres(double value) {
 
 }  // namespace
 
+double planned_work(const RequestCost& cost) {
+  // By an aperture many cameras make a pixel; a trial is looked at for every 4 x 4 or more of them.
+  constexpr double kByAperture = 16, kTrial = 1.0 / 16;
+  const double pixels = static_cast<double>(cost.width) * cost.height;
+  return pixels * ((cost.aperture > 0 ? kByAperture : 1) + kTrial * cost.trials);
+}
+
 double array_extent(const Rig& rig) {
   if (rig.cameras.empty()) return 0;
   Vec3 low = rig.cameras[0].pose.position, high = low;

@@ -29,6 +29,10 @@ struct RequestCost {
   bool operator==(const RequestCost&) const = default;
 };
 
+// What answering it is about, in units that are the same for whatever is asked: the time that takes is a multiple of it
+// which a node learns.
+double planned_work(const RequestCost& cost);
+
 // How wide an array is, metres: the diagonal of the box around its cameras, which no two of them are farther apart than.
 double array_extent(const Rig& rig);
 
