@@ -15,13 +15,13 @@ usage: pipelines/camera-node.sh --rig RIG.json --requests PORT --answers HOST:PO
   --node N              this host's number, each its own (default: 0)
   --framerate N/D       of cameras whose source has none (default: 30/1)
   --mtu BYTES           of a packet (default: 1400; jumbo frames: 8900)
-  --bitrate BITS        paces the packets of an answer, bits per second (default: 0, all at once)
+  --bitrate BITS        paces the packets of an answer, bits per second (default: 1000000000; 0: all at once)
   --link PIPELINE       elements between payloader and network, such as 'srtpenc key=...'
   --set 'NAME=VALUE'    a property of lfcameranode, such as codec=raw16, loop=false; may be repeated
 END
 }
 
-rig= cameras= node=0 framerate=30/1 mtu=1400 bitrate=0 link=
+rig= cameras= node=0 framerate=30/1 mtu=1400 bitrate=1000000000 link=
 requests=() answers=() settings=()
 while (($#)); do
   [[ $1 != --help && $1 != -h ]] || { usage; exit; }
@@ -62,6 +62,6 @@ for i in "${!requests[@]}"; do
   mapfile -t in < <(receive "${requests[i]}" "$request_caps")
   mapfile -t out < <(send "${answers[i]}")
   pipeline+=("${in[@]}" ! rtplfdepay ! "${leaky_queue[@]}" ! "n.request$pad"
-    "n.src$pad" ! rtplfpay "mtu=$mtu" "max-bitrate=$bitrate" ! "${link[@]}" ! "${out[@]}")
+    "n.src$pad" ! queue max-size-buffers=16 max-size-time=0 max-size-bytes=0 ! rtplfpay "mtu=$mtu" "max-bitrate=$bitrate" ! "${link[@]}" ! "${out[@]}")
 done
 launch "${pipeline[@]}"

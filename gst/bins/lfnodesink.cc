@@ -88,6 +88,9 @@ static void add_requester(LfNodeSink* self, size_t index, const lf::HostPort& fr
   // Late requests are of no use.
   gst_util_set_object_arg(G_OBJECT(queue), "leaky", "downstream");
   g_object_set(queue, "max-size-buffers", 4, "max-size-time", guint64{0}, "max-size-bytes", 0, nullptr);
+  // The node makes the next answer while one is on its way.
+  GstElement* made = add(self, "queue", "made" + number);
+  g_object_set(made, "max-size-buffers", 16, "max-size-time", guint64{0}, "max-size-bytes", 0, nullptr);
   GstElement* pay = add(self, "rtplfpay", "answers" + number + "_pay");
   for (const char* name : {"mtu", "max-bitrate"}) {
     GValue value = G_VALUE_INIT;
@@ -108,8 +111,8 @@ static void add_requester(LfNodeSink* self, size_t index, const lf::HostPort& fr
   GstPad* in = gst_element_get_static_pad(queue, "sink");
   const bool linked = gst_pad_link(received, in) == GST_PAD_LINK_OK &&
                       gst_element_link_pads(queue, "src", self->node, ("request" + ending).c_str()) &&
-                      gst_element_link_pads(self->node, ("src" + ending).c_str(), pay, "sink") &&
-                      gst_element_link(pay, udp);
+                      gst_element_link_pads(self->node, ("src" + ending).c_str(), made, "sink") &&
+                      gst_element_link_many(made, pay, udp, nullptr);
   gst_object_unref(in);
   gst_object_unref(received);
   if (!linked) throw lf::Error("the cameras can't be linked with the network");

@@ -216,7 +216,7 @@ static GstFlowReturn lf_fragment_answer_later(LfFragment* self, GstPad* pad, Gst
   bool dropped = false;
   const auto shared = std::make_shared<const Job>(std::move(job));
   const bool added = pair->live_answers.add(
-      view_id,
+      view_id, pair->estimate.nanoseconds(shared->work),
       [self, pad, src, shared](const lf::ParallelFor& parallel) {
         lf_fragment_answer_live(self, pad, src, *shared, parallel);
       },

@@ -105,6 +105,7 @@ struct _LfFragment {
   lf::CameraFrames::Mode mode;  // of all cameras; under the object lock
   guint next_camera_pad, next_pair;
   guint32 next_pair_number;
+  gint64 trimmed_at;    // monotonic time, microseconds; under the object lock
   GMutex seek_lock;     // held while cameras are sought
   guint32 seek_seqnum;  // of the latest seek of the cameras; under that
 };

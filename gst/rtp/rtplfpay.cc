@@ -8,9 +8,10 @@
  * come on top). An answer is divided at its fragments: a lost packet loses the fragments in it and no others. Each
  * request is sent with the two before it, so that one or two lost packets cost nothing.
  *
- * All packets of an answer are ready at once, more than the socket buffer of a receiver may hold: ask for a large one
- * (`udpsrc buffer-size=4000000`, within the kernel's `net.core.rmem_max`), or spread them with #rtplfpay:max-bitrate,
- * some of what the link can do. Have a `queue` in front then: the node works on its next answer in the meantime.
+ * All packets of an answer are ready at once, more than the socket buffer of a receiver may hold: they are spread to
+ * #rtplfpay:max-bitrate, a gigabit per second unless another rate is set, some of what the link can do; and receivers do
+ * well to ask for a large buffer (`udpsrc buffer-size=4000000`, within the kernel's `net.core.rmem_max`). Have a `queue`
+ * in front: the node works on its next answer in the meantime.
  * (`udpsink max-bitrate=` counts from an answer's time stamp: it is no help with answers that leave later than that,
  * and none with `sync=false`.)
  *
@@ -40,6 +41,8 @@ GST_DEBUG_CATEGORY_STATIC(lf_rtp_pay_debug);
 
 enum { PROP_0, PROP_MAX_BITRATE, PROP_STATS };
 
+// What a port of a switch takes: answers of several nodes meet there.
+static constexpr guint64 kDefaultMaxBitrate = 1'000'000'000;
 // Packets that leave together when they are paced.
 static constexpr guint kPacketsAtOnce = 8;
 
@@ -288,7 +291,8 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
       object_class, PROP_MAX_BITRATE,
       g_param_spec_uint64(
           "max-bitrate", "Maximum bitrate",
-          "Bits per second at which the packets of an answer leave at most (0: all at once)", 0, G_MAXUINT64, 0,
+          "Bits per second at which the packets of an answer leave at most: some of what the link can do (0: all at once)",
+          0, G_MAXUINT64, kDefaultMaxBitrate,
           static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
   g_object_class_install_property(
       object_class, PROP_STATS,
@@ -315,6 +319,7 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
 }
 
 static void lf_rtp_pay_init(LfRtpPay* self) {
+  self->max_bitrate = kDefaultMaxBitrate;
   self->pacer = new lf::rtp::Pacer;
   lf::accept_unit_caps(GST_RTP_BASE_PAYLOAD_SINKPAD(self));
 }

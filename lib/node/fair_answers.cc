@@ -6,21 +6,26 @@
 
 namespace lf {
 
-bool FairAnswers::add(uint32_t view, Answer answer, bool* dropped) {
+// Where it would end before what the running one has had by now.
+bool FairAnswers::goes_before(const View& view, uint32_t running) const {
+  return !view.waiting.empty() && !view.in_flight && view.end() < views_.at(running).used;
+}
+
+bool FairAnswers::add(uint32_t view, uint64_t work, Answer answer, bool* dropped) {
   const std::lock_guard lock(mutex_);
   if (stopped_) return false;
   View& state = views_[view];
   if (state.waiting.empty()) {
     state.since = order_++;
-    if (!state.in_flight) state.used = std::max(state.used, virtual_time_);
+    if (!state.in_flight) state.used = std::max(state.used, virtual_time_ - kClaim);
   }
-  state.waiting.push_back(std::move(answer));
+  state.waiting.push_back({static_cast<double>(work), std::move(answer)});
   const bool too_many = state.waiting.size() > kMostWaiting;
   if (too_many) state.waiting.pop_front();
   if (dropped) *dropped = too_many;
   if (depth_ > 0 && depth_ < kDeepest) {
     charge_running();
-    urgent_ = urgent_ || (!state.in_flight && state.used < views_[running_].used);
+    urgent_ = urgent_ || goes_before(state, running_);
   }
   changed_.notify_all();
   return true;
@@ -32,7 +37,7 @@ FairAnswers::Views::iterator FairAnswers::first_waiting() {
     const View& state = view->second;
     if (state.waiting.empty() || state.in_flight) continue;
     if (first == views_.end() ||
-        std::pair(state.used, state.since) < std::pair(first->second.used, first->second.since))
+        std::pair(state.end(), state.since) < std::pair(first->second.end(), first->second.since))
       first = view;
   }
   return first;
@@ -48,7 +53,7 @@ void FairAnswers::answer_first(std::unique_lock<std::mutex>& lock) {
   const auto first = first_waiting();
   const uint32_t view = first->first;
   View& state = first->second;
-  const Answer answer = std::move(state.waiting.front());
+  const Answer answer = std::move(state.waiting.front().answer);
   state.waiting.pop_front();
   state.since = order_++;
   state.in_flight = true;
@@ -64,7 +69,7 @@ void FairAnswers::answer_first(std::unique_lock<std::mutex>& lock) {
     depth_--;
     // What is no more than the others have had tells nothing.
     std::erase_if(views_, [this](const auto& entry) {
-      return entry.second.waiting.empty() && !entry.second.in_flight && entry.second.used <= virtual_time_;
+      return entry.second.waiting.empty() && !entry.second.in_flight && entry.second.used <= virtual_time_ - kClaim;
     });
     changed_.notify_all();
   };
@@ -97,7 +102,7 @@ void FairAnswers::let_others_go_first(uint32_t view) {
   charge_running();
   while (!stopped_ && depth_ < kDeepest) {
     const auto first = first_waiting();
-    if (first == views_.end() || first->second.used >= views_[view].used) break;
+    if (first == views_.end() || !goes_before(first->second, view)) break;
     try {
       answer_first(lock);
     } catch (...) {

@@ -15,14 +15,17 @@
 namespace lf {
 
 // The requests of several views that one thread answers, so that none of them has to wait for what another asks for:
-// each view has one request in flight, and the view that has had the least of the thread goes first, even in the middle
-// of another's answer, whose work is left between two of its parallel tasks and taken up again afterwards. A view that
-// has not asked for some time has no claim to more later on. add() from any thread, work() from the one that answers.
+// each view has one request in flight, and the view goes first that will have had the least of the thread with its next
+// answer, even in the middle of another's, which is left between two of its parallel tasks for one that will still have
+// had less by its end, and taken up again then. A view that
+// has asked for little keeps a claim to a quarter of a second, and to no more. add() from any thread, work() from the one
+// that answers.
 class FairAnswers {
  public:
   // Requests of a view that wait at most: two turns of lfviewrequest with what goes along. Then the newest ones stay.
   static constexpr size_t kMostWaiting = 8;
   static constexpr int kDeepest = 8;  // answers that are left for others at once
+  static constexpr double kClaim = 0.25e9;  // nanoseconds of work that a view may have had less than others
 
   // `parallel`: does the tasks of an answer in `threads` threads. `now`: what work is measured by, nanoseconds.
   explicit FairAnswers(ParallelFor parallel = serial_for, size_t threads = 1, std::function<uint64_t()> now = now_ns)
@@ -30,8 +33,9 @@ class FairAnswers {
 
   // Answers one request. Its tasks are to be done by the ParallelFor given.
   using Answer = std::function<void(const ParallelFor&)>;
-  // False while stopped. The oldest of the view is dropped where too many wait: true in *dropped (may be null).
-  bool add(uint32_t view, Answer answer, bool* dropped = nullptr);
+  // `work`: nanoseconds that it will take, as far as anybody knows. False while stopped. The oldest of the view is
+  // dropped where too many wait: true in *dropped (may be null).
+  bool add(uint32_t view, uint64_t work, Answer answer, bool* dropped = nullptr);
   // Answers the next request, and those that go before it meanwhile; waits for one. False once stopped. What an answer
   // throws comes out; the others are as before.
   bool work();
@@ -44,13 +48,19 @@ class FairAnswers {
   size_t waiting() const;
 
  private:
+  struct Waiting {
+    double work;
+    Answer answer;
+  };
   struct View {
-    std::deque<Answer> waiting;
+    std::deque<Waiting> waiting;
     bool in_flight = false;
     double used = 0;     // of the thread, as a virtual time: nanoseconds
     uint64_t since = 0;  // order in which views came to wait
+    double end() const { return used + waiting.front().work; }  // used with the next answer
   };
   using Views = std::map<uint32_t, View>;
+  bool goes_before(const View& view, uint32_t running) const;  // locked
   Views::iterator first_waiting();                            // locked
   void charge_running();                                      // locked
   void answer_first(std::unique_lock<std::mutex>& lock);      // the first that waits
