@@ -27,7 +27,7 @@ void RequestGuard::install(GObjectClass* klass, guint first_id, bool views) {
                               0, Blending::kMaxAperture, kDefault.aperture, kFlags));
   install(kMaxTrials, g_param_spec_uint("max-trials", "Maximum trials",
                                         "Trial surfaces of one request at most: requests for more are refused", 0,
-                                        kMaxTrials, kDefault.trials, kFlags));
+                                        lf::kMaxTrials, kDefault.trials, kFlags));
   install(kMaxRate, g_param_spec_uint("max-requests-per-second", "Maximum requests per second",
                                       "Requests of one view a second at most, where they come in real time: others are "
                                       "refused (0: any number)",
@@ -85,6 +85,11 @@ bool RequestGuard::admits(GstElement* element, std::span<const uint8_t> request,
                          refusal_text(refusal, cost, limits, extent).c_str(), refused),
                         (nullptr));
   return false;
+}
+
+void RequestGuard::forget(uint32_t requester) {
+  const std::lock_guard lock(mutex_);
+  gate_.forget_if([requester](uint64_t view) { return view >> 32 == requester; });
 }
 
 bool RequestGuard::admits_answer(int width, int height) {

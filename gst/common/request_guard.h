@@ -39,6 +39,8 @@ class RequestGuard {
   // Whether a request is to be served. `requester` tells views of the same number apart that different senders ask for.
   // `extent`: of the array, metres, 0: not known. `paced`: requests come in real time, so that there may be too many.
   bool admits(GstElement* element, std::span<const uint8_t> request, double extent, bool paced, uint32_t requester = 0);
+  // No more requests come from this sender: its views make room for others.
+  void forget(uint32_t requester);
   // An answer is of so many pixels; one that nobody here asks for is counted as refused.
   bool admits_answer(int width, int height);
 

@@ -173,6 +173,7 @@ void lf_fragment_pair_release(LfFragment* self, GstPad* request) {
   gst_pad_set_active(src.get(), FALSE);  // an answer made without waiting goes nowhere
   self->node->cancel(pair->requester, true);
   gst_pad_set_active(request, FALSE);
+  self->guard->forget(pair->number);
   gst_element_remove_pad(GST_ELEMENT(self), src.get());
   gst_element_remove_pad(GST_ELEMENT(self), request);
   lf_fragment_finish_if_all_ended(self);

@@ -48,6 +48,11 @@ class RequestGate {
   // view's own. Requests that are refused count for the rate, too.
   Refusal check(uint64_t view, const RequestCost& cost, const RequestLimits& limits, double extent, uint64_t now);
   void clear() { views_.clear(); }
+  // Views that are known to be gone.
+  template <typename F>
+  void forget_if(const F& is_gone) {
+    std::erase_if(views_, [&is_gone](const auto& entry) { return is_gone(entry.first); });
+  }
   size_t views() const { return views_.size(); }
 
  private:
