@@ -45,8 +45,8 @@ class MappedBuffer {
 };
 
 // Memory of answers that have been taken: the sums of a 1080p view have six megabytes, which cost more to get from the
-// system anew for each than to fill. What is much larger than the answers of the last minute is given back to the system.
-// Thread-safe; buffers may outlive whoever made them.
+// system anew for each than to fill. What is much larger than the answers of the last minute is given back to the
+// system. Thread-safe; buffers may outlive whoever made them.
 class AnswerMemory {
  public:
   AnswerMemory() { unused_.reserve(kMostKept); }  // to give some back takes none

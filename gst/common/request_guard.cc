@@ -20,11 +20,11 @@ void RequestGuard::install(GObjectClass* klass, guint first_id, bool views) {
   install(kMaxPixels, g_param_spec_uint64("max-pixels", "Maximum pixels",
                                           "Pixels of a view at most, width times height: requests for more are refused",
                                           1, uint64_t{kMaxImageSize} * kMaxImageSize, kDefault.pixels, kFlags));
-  install(kMaxAperture,
-          g_param_spec_double("max-aperture", "Maximum aperture",
-                              "Synthetic aperture of a view at most, metres: requests for a wider one are refused (0: as "
-                              "wide as the array, where that is known)",
-                              0, Blending::kMaxAperture, kDefault.aperture, kFlags));
+  install(kMaxAperture, g_param_spec_double(
+                            "max-aperture", "Maximum aperture",
+                            "Synthetic aperture of a view at most, metres: requests for a wider one are refused (0: as "
+                            "wide as the array, where that is known)",
+                            0, Blending::kMaxAperture, kDefault.aperture, kFlags));
   install(kMaxTrials, g_param_spec_uint("max-trials", "Maximum trials",
                                         "Trial surfaces of one request at most: requests for more are refused", 0,
                                         lf::kMaxTrials, kDefault.trials, kFlags));

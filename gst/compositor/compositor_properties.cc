@@ -224,10 +224,12 @@ void lf_compositor_install_properties(GObjectClass* klass) {
       g_param_spec_boxed(
           "stats", "Statistics",
           "Counts of pictures (complete, incomplete, unseen: no camera sees anything of the view, repeated, dropped), "
-          "requests skipped (too late to be shown, as QoS events say), requests refused for one of the limits (refused, "
+          "requests skipped (too late to be shown, as QoS events say), requests refused for one of the limits "
+          "(refused, "
           "and of these refused-pixels, -aperture, -trials, -rate, -views), "
           "coverage (share of the latest view that cameras can see; with `rig`), fragments (missing, damaged), late, "
-          "repeated, stray (to requests that nobody has asked) and bad answers, pictures that failed (no memory), bytes, cameras out of service; the largest skew; of a focal surface: rounds of "
+          "repeated, stray (to requests that nobody has asked) and bad answers, pictures that failed (no memory), "
+          "bytes, cameras out of service; the largest skew; of a focal surface: rounds of "
           "trials, their bytes, how far cameras disagree (residual, 255ths) and by how much the last round lessened "
           "it (gained), requests from one with trials to the next (interval), whether one plane is enough (flat); of "
           "the monitor: "

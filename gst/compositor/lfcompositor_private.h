@@ -27,9 +27,9 @@
 #include "wire/answer_parts.h"
 
 // What the files of lfcompositor share: lfcompositor.cc (the element), compositor_properties.cc, compositor_answers.cc
-// (requests in, and when they are answered), compositor_take.cc (answers in), compositor_finish.cc (how a request ends), compositor_focus.cc (their focal surface),
-// compositor_monitor.cc (how well cameras are predicted), compositor_output.cc (pictures or partial answers out) and
-// compositor_pads.cc (events, queries, pads).
+// (requests in, and when they are answered), compositor_take.cc (answers in), compositor_finish.cc (how a request
+// ends), compositor_focus.cc (their focal surface), compositor_monitor.cc (how well cameras are predicted),
+// compositor_output.cc (pictures or partial answers out) and compositor_pads.cc (events, queries, pads).
 
 // The node behind an answer pad, as the current request shows it. Streaming thread.
 struct NodeInput {
@@ -113,10 +113,10 @@ struct _LfCompositor {
       uint32_t sequence;
       GstClockTime deadline;  // clock time
     };
-    std::deque<Past> past;         // requests that were composed last
+    std::deque<Past> past;                  // requests that were composed last
     std::optional<uint32_t> last_sequence;  // of the request before
-    lf::QosWatch qos;              // any thread
-    std::deque<uint32_t> skipped;  // requests that were left out last
+    lf::QosWatch qos;                       // any thread
+    std::deque<uint32_t> skipped;           // requests that were left out last
     lf::CameraHealth health;
     uint64_t health_rig = 0;        // hash of the rig whose cameras they are, 0: not known yet
     lf::CameraRanges seeing_since;  // cameras whose answers were in time, but after their picture
@@ -125,7 +125,7 @@ struct _LfCompositor {
     bool root_is_near = false;  // the compositor that partial answers go to is in this process
 
     lf::ViewFocus::Answers answers;  // to the current request's trials and to its question for the mean brightness
-    lf::MeanTurns mean_turns;          // since the gains were switched on
+    lf::MeanTurns mean_turns;        // since the gains were switched on
 
     uint64_t moment_bytes = 0;
     lf::FocusControl::Settings focus_settings;  // of `focus`
@@ -208,8 +208,8 @@ void lf_compositor_announce_out_of_service(LfCompositor* self);
 bool lf_compositor_finds_focus(LfCompositor* self);
 // What came of the trials of the request before.
 void lf_compositor_forget_moments(LfCompositor* self);
-// Adds moments that belong to the current request. Negative: they belong to nothing any more; positive: they are of a request
-// so many later.
+// Adds moments that belong to the current request. Negative: they belong to nothing any more; positive: they are of a
+// request so many later.
 int32_t lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer);
 // What has come, as the moments of one node: what goes before its answer, nothing if nothing has.
 std::vector<GstBuffer*> lf_compositor_make_moments(LfCompositor* self, guint node);

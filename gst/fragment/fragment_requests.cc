@@ -223,8 +223,7 @@ static GstFlowReturn lf_fragment_answer_later(LfFragment* self, GstPad* pad, Gst
       &dropped);
   if (!added) return GST_FLOW_FLUSHING;
   self->node->stats().superseded += dropped;
-  if (gst_pad_get_task_state(src) != GST_TASK_STARTED)
-    gst_pad_start_task(src, lf_fragment_answer_loop, src, nullptr);
+  if (gst_pad_get_task_state(src) != GST_TASK_STARTED) gst_pad_start_task(src, lf_fragment_answer_loop, src, nullptr);
   return pair->live_flow;
 }
 
@@ -249,10 +248,9 @@ static GstFlowReturn lf_fragment_take_request(LfFragment* self, GstPad* pad, Gst
 
 GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
   const PadPtr src = lf_fragment_other_pad(pad);
-  const GstFlowReturn flow =
-      !src ? GST_FLOW_FLUSHING : lf::guarded_buffer(parent, [&] {
-        return lf_fragment_take_request(LF_FRAGMENT(parent), pad, src.get(), buffer);
-      });
+  const GstFlowReturn flow = !src ? GST_FLOW_FLUSHING : lf::guarded_buffer(parent, [&] {
+    return lf_fragment_take_request(LF_FRAGMENT(parent), pad, src.get(), buffer);
+  });
   gst_buffer_unref(buffer);
   return flow;
 }

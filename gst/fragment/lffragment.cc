@@ -343,7 +343,8 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
       object_class, PROP_STATS,
       g_param_spec_boxed(
           "stats", "Statistics",
-          "Counts of requests, answers, of these skipped (too late to be shown), requests refused for one of the limits "
+          "Counts of requests, answers, of these skipped (too late to be shown), requests refused for one of the "
+          "limits "
           "(refused, and of these refused-pixels, -aperture, -trials, -rate, -views), fragments, bytes, frames that "
           "were missing (of these stale: farther than "
           "max-skew) and frames that were damaged; the largest skew of a frame; what waiting for frames, decoding, "

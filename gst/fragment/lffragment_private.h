@@ -20,7 +20,8 @@
 #include "node/work_estimate.h"
 
 // What the files of lffragment share: lffragment.cc (the element), fragment_camera_pad.cc (camera video in),
-// fragment_pad_pair.cc (a requester's pads), fragment_requests.cc (requests in, answers out) and fragment_choices.cc (how answers are made).
+// fragment_pad_pair.cc (a requester's pads), fragment_requests.cc (requests in, answers out) and fragment_choices.cc
+// (how answers are made).
 
 struct _LfFragmentPad {
   GstPad parent;

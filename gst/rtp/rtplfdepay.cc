@@ -271,7 +271,8 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
           "already), lost (packets missing in a sender's sequence); dropped: duplicates (packets), bad-rtp (no RTP), "
           "bad-packets (no payload of ours), bad-chunks (that contradict others, or of too large a unit), bad-units "
           "(not "
-          "sound), incomplete-units (given up with chunks missing), superseded (requests with more than two newer ones behind "
+          "sound), incomplete-units (given up with chunks missing), superseded (requests with more than two newer ones "
+          "behind "
           "them in their packet), refused (for one of the limits, and of these refused-pixels, -aperture, "
           "-trials, -rate, -views)",
           GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));

@@ -9,9 +9,9 @@
  * request is sent with the two before it, so that one or two lost packets cost nothing.
  *
  * All packets of an answer are ready at once, more than the socket buffer of a receiver may hold: they are spread to
- * #rtplfpay:max-bitrate, a gigabit per second unless another rate is set, some of what the link can do; and receivers do
- * well to ask for a large buffer (`udpsrc buffer-size=4000000`, within the kernel's `net.core.rmem_max`). Have a `queue`
- * in front: the node works on its next answer in the meantime.
+ * #rtplfpay:max-bitrate, a gigabit per second unless another rate is set, some of what the link can do; and receivers
+ * do well to ask for a large buffer (`udpsrc buffer-size=4000000`, within the kernel's `net.core.rmem_max`). Have a
+ * `queue` in front: the node works on its next answer in the meantime.
  * (`udpsink max-bitrate=` counts from an answer's time stamp: it is no help with answers that leave later than that,
  * and none with `sync=false`.)
  *
@@ -291,7 +291,8 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
       object_class, PROP_MAX_BITRATE,
       g_param_spec_uint64(
           "max-bitrate", "Maximum bitrate",
-          "Bits per second at which the packets of an answer leave at most: some of what the link can do (0: all at once)",
+          "Bits per second at which the packets of an answer leave at most: some of what the link can do (0: all at "
+          "once)",
           0, G_MAXUINT64, kDefaultMaxBitrate,
           static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
   g_object_class_install_property(

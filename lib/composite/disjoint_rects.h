@@ -8,8 +8,9 @@
 
 namespace lf {
 
-// Rectangles of which no two meet. Of a few each is looked at; of many a bit for each pixel tells, so that what one more
-// costs does not depend on how many there are, and never more than a 64th of adding up its pixels. Not thread-safe.
+// Rectangles of which no two meet. Of a few each is looked at; of many a bit for each pixel tells, so that what one
+// more costs does not depend on how many there are, and never more than a 64th of adding up its pixels. Not
+// thread-safe.
 class DisjointRects {
  public:
   static constexpr size_t kFew = 32;

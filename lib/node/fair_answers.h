@@ -18,13 +18,13 @@ namespace lf {
 // each view has one request in flight, and the view goes first that will have had the least of the thread with its next
 // answer, even in the middle of another's, which is left between two of its parallel tasks for one that will still have
 // had less by its end, and taken up again then. A view that
-// has asked for little keeps a claim to a quarter of a second, and to no more. add() from any thread, work() from the one
-// that answers.
+// has asked for little keeps a claim to a quarter of a second, and to no more. add() from any thread, work() from the
+// one that answers.
 class FairAnswers {
  public:
   // Requests of a view that wait at most: two turns of lfviewrequest with what goes along. Then the newest ones stay.
   static constexpr size_t kMostWaiting = 8;
-  static constexpr int kDeepest = 8;  // answers that are left for others at once
+  static constexpr int kDeepest = 8;        // answers that are left for others at once
   static constexpr double kClaim = 0.25e9;  // nanoseconds of work that a view may have had less than others
 
   // `parallel`: does the tasks of an answer in `threads` threads. `now`: what work is measured by, nanoseconds.
@@ -55,15 +55,15 @@ class FairAnswers {
   struct View {
     std::deque<Waiting> waiting;
     bool in_flight = false;
-    double used = 0;     // of the thread, as a virtual time: nanoseconds
-    uint64_t since = 0;  // order in which views came to wait
+    double used = 0;                                            // of the thread, as a virtual time: nanoseconds
+    uint64_t since = 0;                                         // order in which views came to wait
     double end() const { return used + waiting.front().work; }  // used with the next answer
   };
   using Views = std::map<uint32_t, View>;
   bool goes_before(const View& view, uint32_t running) const;  // locked
-  Views::iterator first_waiting();                            // locked
-  void charge_running();                                      // locked
-  void answer_first(std::unique_lock<std::mutex>& lock);      // the first that waits
+  Views::iterator first_waiting();                             // locked
+  void charge_running();                                       // locked
+  void answer_first(std::unique_lock<std::mutex>& lock);       // the first that waits
   void run_tasks(uint32_t view, size_t count, const std::function<void(size_t)>& task);
   void let_others_go_first(uint32_t view);
 

@@ -16,7 +16,8 @@ class Pacer {
   uint64_t next(uint64_t now) const { return std::max(now + kAhead, next_.value_or(now)) - kAhead; }
   // `bytes` leave at `time`; `bits_per_second` not 0.
   void sent(uint64_t time, uint64_t bytes, uint64_t bits_per_second) {
-    next_ = std::max(time, next_.value_or(time)) + static_cast<uint64_t>(8e9 * static_cast<double>(bytes) / static_cast<double>(bits_per_second));
+    next_ = std::max(time, next_.value_or(time)) +
+            static_cast<uint64_t>(8e9 * static_cast<double>(bytes) / static_cast<double>(bits_per_second));
   }
   void clear() { next_.reset(); }
 

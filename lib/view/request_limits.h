@@ -33,7 +33,8 @@ struct RequestCost {
 // which a node learns.
 double planned_work(const RequestCost& cost);
 
-// How wide an array is, metres: the diagonal of the box around its cameras, which no two of them are farther apart than.
+// How wide an array is, metres: the diagonal of the box around its cameras, which no two of them are farther apart
+// than.
 double array_extent(const Rig& rig);
 
 // Tells requests that are beyond the limits, before anything is done for them: by what they ask for, by how many of a

@@ -25,8 +25,7 @@ std::vector<uint8_t> inflate_exactly(std::span<const uint8_t> deflated, size_t s
   std::vector<uint8_t> bytes(size);
   uLongf written = static_cast<uLongf>(size);
   uLong read = static_cast<uLong>(deflated.size());
-  if (uncompress2(bytes.data(), &written, deflated.data(), &read) != Z_OK || written != size ||
-      read != deflated.size())
+  if (uncompress2(bytes.data(), &written, deflated.data(), &read) != Z_OK || written != size || read != deflated.size())
     throw Error("deflated bytes: are not those of " + std::to_string(size));
   return bytes;
 }

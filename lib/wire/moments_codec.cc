@@ -17,7 +17,7 @@ namespace {
 
 constexpr size_t kHeaderBytes = kUnitHeaderBytes + 4 + 4 + 8 + 4 + 2 + 2 + 2 + 8;
 constexpr uint16_t kOfGains = 1, kOfOneCamera = 2;  // flags of the unit
-constexpr uint8_t kHasWeight = 1;  // flag of a trial: else all of its weight is there
+constexpr uint8_t kHasWeight = 1;                   // flag of a trial: else all of its weight is there
 
 // The nodes with weight in any trial.
 Rect seen_nodes(std::span<const Moments> trials) {

@@ -46,12 +46,12 @@ bool is_moments(std::span<const uint8_t> bytes);
 // Throws Error if there is no trial, or more than kMaxTrials, or they are not of one size. `small`: what one camera
 // alone has given takes a sixth of the bytes, and some time.
 ByteBuffer encode_moments(const MomentsHeader& header, std::span<const Moments> trials, bool small = false);
-// What a unit is about: its shape may be null. Nothing, and in *reason (may be null) why, if this is not the beginning of
-// one.
+// What a unit is about: its shape may be null. Nothing, and in *reason (may be null) why, if this is not the beginning
+// of one.
 std::optional<MomentsHeader> parse_moments_header(std::span<const uint8_t> bytes, MomentsShape* shape = nullptr,
                                                   std::string* reason = nullptr);
-// Nothing, and in *reason (may be null) why, if this is not exactly one such unit of this shape. Memory: of the nodes in
-// its rectangle, whose bytes are there.
+// Nothing, and in *reason (may be null) why, if this is not exactly one such unit of this shape. Memory: of the nodes
+// in its rectangle, whose bytes are there.
 std::optional<MomentsUnit> decode_moments(std::span<const uint8_t> bytes, const MomentsShape& expected,
                                           std::string* reason = nullptr);
 

@@ -14,7 +14,7 @@ namespace {
 
 constexpr uint8_t kFocalPlane = 0, kFocalMap = 1;  // kind of focal surface
 constexpr uint8_t kUseGains = 1, kAskMean = 2, kMeanFollows = 4, kOnPlane = 8;
-constexpr uint8_t kLayers = 5;  // kind of trial, reserved
+constexpr uint8_t kLayers = 5;     // kind of trial, reserved
 constexpr int kBlendingShift = 4;  // of its kind, in the same byte
 constexpr size_t kPoseBytes = 7 * 8, kPlaneBytes = 4 * 8;
 

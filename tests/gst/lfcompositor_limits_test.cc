@@ -15,10 +15,10 @@ class CompositorLimitsTest : public LfCompositorLiveTest {
  protected:
   // A request, and what two nodes answer to it; complete?
   bool is_complete() {
+    const uint64_t before = stat(element_.get(), "complete");
     const ViewRequest asked = ask();
     push(0, answer_of(asked, {0, 1}));
     push(1, answer_of(asked, {2, 3}));
-    const uint64_t before = stat(element_.get(), "complete");
     EXPECT_FALSE(pull().empty());
     return stat(element_.get(), "complete") == before + 1;
   }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
-// What a message asks for is bounded before anything is done for it: requests beyond a limit are dropped, counted and told
-// of.
+// What a message asks for is bounded before anything is done for it: requests beyond a limit are dropped, counted and
+// told of.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -2,7 +2,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-
 #include "../gst/common/common.h"
 #include "gst/fragment_fixture.h"
 #include "node/commands.h"

@@ -104,7 +104,8 @@ TEST(FairAnswers, AGreedyViewDelaysNobody) {
       append(asked, every(greedy / 10 + 1, greedy, 2, kEnd));
       Simulation both(asked);
       both.run(kEnd);
-      EXPECT_LE(static_cast<double>(both.p95(1)), 1.3 * static_cast<double>(alone.p95(1))) << own << " beside " << greedy;
+      EXPECT_LE(static_cast<double>(both.p95(1)), 1.3 * static_cast<double>(alone.p95(1)))
+          << own << " beside " << greedy;
       EXPECT_GE(both.answered(1) + 1, alone.answered(1));
       EXPECT_GT(both.answered(2), 10u) << "what is left is the other view's";
       EXPECT_GT(both.dropped(), 100u);
@@ -137,7 +138,8 @@ TEST(FairAnswers, TheNewestOfAViewStay) {
   int dropped = 0;
   for (int i = 0; i < 12; i++) {
     bool one = false;
-    EXPECT_TRUE(answers.add(1, 0, [&done, i](const ParallelFor&) { done.push_back(i); }, &one));
+    EXPECT_TRUE(answers.add(
+        1, 0, [&done, i](const ParallelFor&) { done.push_back(i); }, &one));
     dropped += one;
   }
   EXPECT_EQ(dropped, 4);
@@ -166,8 +168,7 @@ TEST(FairAnswers, EndsForWhoWaits) {
 // With threads: each task once, whoever goes first in between.
 TEST(FairAnswers, EachTaskIsDoneOnce) {
   WorkerPool pool;
-  FairAnswers answers(
-      [&pool](size_t count, const std::function<void(size_t)>& task) { pool.run(3, count, task); }, 3);
+  FairAnswers answers([&pool](size_t count, const std::function<void(size_t)>& task) { pool.run(3, count, task); }, 3);
   std::vector<std::atomic<int>> first(2000), second(2000);
   std::thread thread([&] {
     while (answers.work()) {
