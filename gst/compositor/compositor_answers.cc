@@ -112,9 +112,9 @@ static GstFlowReturn compose(LfCompositor* self) {
   }
   if (!found)
     return gst_aggregator_pad_is_eos(GST_AGGREGATOR_PAD(self->request)) ? GST_FLOW_EOS : GST_AGGREGATOR_FLOW_NEED_DATA;
+  const bool live = self->state->live = lf_compositor_is_live(self);
   const AnswerPads pads(self);
   for (GstAggregatorPad* pad : pads) lf_compositor_take_answers(self, pad);
-  const bool live = lf_compositor_is_live(self);
   const bool all_answered =
       std::ranges::none_of(pads, [&](GstAggregatorPad* pad) { return is_awaited(self, pad, live); });
   const GstClockTime due = lf_compositor_deadline(self);

@@ -185,7 +185,7 @@ static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo*
   self->state->talk.asked = true;
   if (peek->type == lf::wire::kWarpCommandType || peek->type == lf::wire::kPixelCommandType)
     return GST_PAD_PROBE_DROP;  // for cameras
-  if (!self->guard->admits(GST_ELEMENT(self), mapped.bytes(), self->state->extent, lf_compositor_is_live(self)))
+  if (!self->guard->admits(GST_ELEMENT(self), mapped.bytes(), self->state->extent, self->state->live))
     return GST_PAD_PROBE_DROP;
   if (!peek->head.probe) self->state->stats.request_arrived(peek->head.sequence, g_get_monotonic_time());
   return GST_PAD_PROBE_OK;

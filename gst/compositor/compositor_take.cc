@@ -88,7 +88,7 @@ static void note_late_answer(LfCompositor* self, const lf::wire::AnswerPartHeade
 // Live, an answer to what nobody has asked is thrown away: one far ahead, or with another time than its request has, is
 // of a viewer that has begun anew since, or forged. Files have no such times, and wait for every answer.
 static bool is_stray(LfCompositor* self, const lf::wire::AnswerHeader& answer, int32_t ahead) {
-  if (!lf_compositor_is_live(self)) return false;
+  if (!self->state->live) return false;
   return ahead > lf::AheadAnswers::kMostRequests ||
          (ahead == 0 && answer.target_time != self->state->current->target_time);
 }
@@ -106,7 +106,7 @@ static Taken take_fragments(LfCompositor* self, NodeInput& node, GstBuffer* buff
   // Sequence numbers wrap: the sign of the difference tells the order.
   const auto ahead = static_cast<int32_t>(answer->sequence - state.current->sequence);
   const uint64_t rig = state.assembly.rig_hash();
-  if (ahead >= 0 && rig != 0 && answer->rig_hash != rig && lf_compositor_is_live(self)) {
+  if (ahead >= 0 && rig != 0 && answer->rig_hash != rig && self->state->live) {
     refuse_rig(self, *answer);
   } else if (is_stray(self, *answer, ahead)) {
     state.stats.count(CompositorStats::kStrayAnswers);
@@ -127,7 +127,7 @@ static Taken take_fragments(LfCompositor* self, NodeInput& node, GstBuffer* buff
 static Taken take_unit(LfCompositor* self, NodeInput& node, GstBuffer* buffer) {
   if (!lf::is_moments_buffer(buffer)) return take_fragments(self, node, buffer);
   const int32_t ahead = lf_compositor_take_moments(self, buffer);
-  const bool stray = ahead > lf::AheadAnswers::kMostRequests && lf_compositor_is_live(self);
+  const bool stray = ahead > lf::AheadAnswers::kMostRequests && self->state->live;
   if (stray) self->state->stats.count(CompositorStats::kStrayAnswers);
   return ahead > 0 && !stray ? Taken::kAhead : Taken::kDone;
 }
@@ -169,7 +169,7 @@ void lf_compositor_take_answers(LfCompositor* self, GstAggregatorPad* pad) {
     }
     node.head = taken == Taken::kLast ? NodeInput::Head::kDone : NodeInput::Head::kAhead;
     const bool aside =
-        taken == Taken::kAhead && lf_compositor_is_live(self) && node.ahead.has_room(gst_buffer_get_size(buffer));
+        taken == Taken::kAhead && self->state->live && node.ahead.has_room(gst_buffer_get_size(buffer));
     node.seen = aside ? nullptr : buffer;
     if (!aside) return;
     if (GstBuffer* popped = gst_aggregator_pad_pop_buffer(pad)) node.ahead.keep(sequence_of(popped), popped);

@@ -71,6 +71,7 @@ struct _LfCompositor {
   // Streaming thread, but for stats.
   struct State {
     std::shared_ptr<const lf::Rig> rig;
+    std::atomic<bool> live = false;  // as it was last seen to be: to ask takes queries to all pads
     std::atomic<double> extent = 0;  // of its array, see array_extent(); any thread
     lf::Assembly assembly;
     std::optional<lf::ViewRequest> current;     // the request at the head of the request pad
