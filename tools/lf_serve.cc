@@ -27,7 +27,7 @@ using namespace lf::serve;
 constexpr double kSceneFocus = 2.2;  // metres: the figure of the built-in scene
 
 struct Options {
-  std::string rig, nodes, token_file, resampling = "sharpened";
+  std::string rig, nodes, key_file, token_file, resampling = "sharpened";
   std::vector<std::string> origins, paths;
   ServerOptions server;
   Limits limits;
@@ -111,7 +111,7 @@ void serve(Options& options) {
   const guint signals[] = {g_unix_signal_add(SIGINT, quit, loop), g_unix_signal_add(SIGTERM, quit, loop)};
   std::string failure;
   {
-    LightField field(options.rig, nodes, options.resampling, options.limits.viewers);
+    LightField field(options.rig, nodes, options.key_file, options.resampling, options.limits.viewers);
     field.start([&](const std::string& what) {
       failure = what;
       g_main_loop_quit(loop);
@@ -141,7 +141,9 @@ int main(int argc, char** argv) {
   cli::App app("Serves a page in which everybody flies their own virtual camera, and the same streams over WHEP.",
                "lf-serve");
   app.add_option("--rig", o.rig, "the cameras; without it the built-in scene, filmed once")->type_name("RIG.json");
-  app.add_option("--nodes", o.nodes, "hosts that the cameras are on: HOST:PORT-THERE:PORT-HERE,... (camera-node.sh)");
+  app.add_option("--nodes", o.nodes,
+                 "hosts that the cameras are on: HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,... (camera-node.sh)");
+  app.add_option("--key-file", o.key_file, "of --nodes: the secret that they share, 32 or more random characters");
   app.add_option("--listen", o.server.address, "IP address; other than loopback with TLS or --insecure alone")
       ->capture_default_str();
   app.add_option("--port", o.server.port, "0: any")->capture_default_str()->check(cli::Range(0, 65535));
@@ -153,7 +155,9 @@ int main(int argc, char** argv) {
                  "of other sites' pages that may watch: https://example.org, null (files), or *; repeat");
   app.add_option("--path", o.paths, "a views.json that links may have flown (#path=NAME), NAME=FILE; repeat")
       ->type_name("NAME=FILE");
-  app.add_option("--viewers", o.limits.viewers, "at a time; one with two eyes counts twice")->capture_default_str()->check(cli::Range(1, 1000));
+  app.add_option("--viewers", o.limits.viewers, "at a time; one with two eyes counts twice")
+      ->capture_default_str()
+      ->check(cli::Range(1, 1000));
   app.add_option("--framerate", o.limits.framerate, "pictures per second")
       ->capture_default_str()
       ->check(cli::Range(1, 120));
@@ -178,9 +182,10 @@ int main(int argc, char** argv) {
   app.add_option("--resampling", o.resampling, "how cameras' images are sampled (of --nodes: see lfcameranode)")
       ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened", "catmull-rom"}));
-  app.add_option("--monitor", o.limits.monitor,
-                 "beside one of so many requests of a viewer a camera is left out and predicted from the others, each in "
-                 "turn: the page and /metrics tell which ones have something wrong (0: never)")
+  app.add_option(
+         "--monitor", o.limits.monitor,
+         "beside one of so many requests of a viewer a camera is left out and predicted from the others, each in "
+         "turn: the page and /metrics tell which ones have something wrong (0: never)")
       ->capture_default_str()
       ->check(cli::Range(0, 10000));
   app.add_option("--max-width", o.limits.max_width, "of a view")->capture_default_str()->check(cli::Range(64, 4096));

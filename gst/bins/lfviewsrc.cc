@@ -18,6 +18,10 @@
  * Cameras are live unless `is-live` is false, which makes pictures as fast as they are taken and ends with the views of
  * `location`. Films begin again at their end, but with `node::loop=false`.
  *
+ * With `key-file`, the same file as on those hosts, nobody else can see or steer what goes between
+ * (#element-lfrtpseal); without, answers are taken from the addresses of `nodes`, and whoever is on the network in
+ * between can do both.
+ *
  * With `nodes` the pipeline runs by the machine's realtime clock, which those hosts have to share (chrony, PTP), unless
  * something else in it gives a clock.
  *
@@ -67,14 +71,15 @@ static void drop_cameras(LfViewSrc* self) {
 }
 
 // Other cameras for all viewers. While nothing runs. Throws Error.
-static void change_cameras(LfViewSrc* self, const std::string& nodes) {
+static void change_cameras(LfViewSrc* self, const std::string& nodes, const std::string& key_file) {
   auto& inside = *self->inside;
   drop_cameras(self);
   inside.nodes = nodes;
+  inside.key_file = key_file;
   try {
     const auto addresses = lf::parse_nodes(nodes);
     inside.cameras =
-        addresses.empty() ? lf::cameras_here(GST_BIN(self)) : lf::cameras_on_hosts(GST_BIN(self), addresses);
+        addresses.empty() ? lf::cameras_here(GST_BIN(self)) : lf::cameras_on_hosts(GST_BIN(self), addresses, key_file);
     for (auto& [name, viewer] : inside.viewers) viewer->pads = inside.cameras->connect(viewer->chain);
   } catch (...) {
     drop_cameras(self);
@@ -91,6 +96,7 @@ static void change_cameras(LfViewSrc* self, const std::string& nodes) {
 static bool prepare(LfViewSrc* self) {
   const std::lock_guard lock(self->inside->mutex);
   const std::string rig = lf_view_src_text(self, &self->rig), nodes = lf_view_src_text(self, &self->nodes);
+  const std::string key_file = lf_view_src_text(self, &self->key_file);
   try {
     if (rig.empty()) throw lf::Error("rig: not set");
     lf::shared_rig(rig);
@@ -98,7 +104,8 @@ static bool prepare(LfViewSrc* self) {
       throw lf::Error("nodes: cameras of other hosts are live, is-live must be true");
     if (!self->view) throw lf::Error("elements lfviewrequest and lfcompositor are not installed");
     try {
-      if (!self->inside->cameras || self->inside->nodes != nodes) change_cameras(self, nodes);
+      if (!self->inside->cameras || self->inside->nodes != nodes || self->inside->key_file != key_file)
+        change_cameras(self, nodes, key_file);
     } catch (const lf::Error& error) {
       throw lf::Error((nodes.empty() ? "" : "nodes: ") + std::string(error.what()));
     }
@@ -162,6 +169,7 @@ static void lf_view_src_finalize(GObject* object) {
   delete self->inside;
   g_free(self->rig);
   g_free(self->nodes);
+  g_free(self->key_file);
   G_OBJECT_CLASS(lf_view_src_parent_class)->finalize(object);
 }
 
@@ -190,7 +198,7 @@ static void lf_view_src_init(LfViewSrc* self) {
   gst_bin_set_suppressed_flags(GST_BIN(self), GST_ELEMENT_FLAG_SINK);
   try {
     lf_view_src_add_main_viewer(self);
-    change_cameras(self, "");
+    change_cameras(self, "", "");
   } catch (const std::exception& error) {
     GST_WARNING_OBJECT(self, "%s", error.what());
   }

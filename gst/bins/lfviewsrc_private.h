@@ -21,7 +21,7 @@ struct LfViewSrcViewer {
 struct _LfViewSrc {
   GstBin parent;
   // Under the object lock.
-  gchar *rig, *nodes;
+  gchar *rig, *nodes, *key_file;
   gboolean is_live;
 
   GstElement *view, *compositor;  // of `src`: children; null where the elements are not installed
@@ -31,7 +31,7 @@ struct _LfViewSrc {
     std::map<std::string, std::shared_ptr<LfViewSrcViewer>> viewers;  // by the name of their pad
     guint next_view_id = 0;                                           // of a closed viewer there may still be answers
     std::unique_ptr<lf::ViewerCameras> cameras;
-    std::string nodes;             // that `cameras` were made for
+    std::string nodes, key_file;   // that `cameras` were made for
     GstClock* realtime = nullptr;  // made when it is asked for
   } * inside;
 };
@@ -40,7 +40,7 @@ struct _LfViewSrc {
 void lf_view_src_install_properties(GObjectClass* klass);
 void lf_view_src_install_actions(GObjectClass* klass);
 void lf_view_src_uri_handler_init(gpointer iface, gpointer data);
-// A copy of `rig` or `nodes`, "" for null.
+// A copy of `rig`, `nodes` or `key_file`, "" for null.
 std::string lf_view_src_text(LfViewSrc* self, gchar* const* text);
 bool lf_view_src_is_live(LfViewSrc* self);
 // Of lfcameranode, if there is one, what is the bin's to say.

@@ -12,7 +12,7 @@
 
 namespace {
 
-enum { PROP_0, PROP_RIG, PROP_NODES, PROP_IS_LIVE, PROP_FIRST_COPY };
+enum { PROP_0, PROP_RIG, PROP_NODES, PROP_KEY_FILE, PROP_IS_LIVE, PROP_FIRST_COPY };
 
 // Of one viewer and no other.
 constexpr std::array kOwnProperties = {"location", "loop", "eye-offset", "num-buffers"};
@@ -77,6 +77,13 @@ static void lf_view_src_set_live(LfViewSrc* self, gboolean live) {
   lf_view_src_set_node(self);
 }
 
+static void set_text(LfViewSrc* self, gchar** text, const GValue* value) {
+  GST_OBJECT_LOCK(self);
+  g_free(*text);
+  *text = g_value_dup_string(value);
+  GST_OBJECT_UNLOCK(self);
+}
+
 static GstElement* owner_of(LfViewSrc* self, GParamSpec* copy) {
   return lf::is_copy(copy, LF_TYPE_VIEW_REQUEST) ? self->view : self->compositor;
 }
@@ -86,12 +93,8 @@ static void lf_view_src_set_property(GObject* object, guint id, const GValue* va
   switch (id) {
     case PROP_RIG: return lf_view_src_set_rig(self, g_value_get_string(value));
     case PROP_IS_LIVE: return lf_view_src_set_live(self, g_value_get_boolean(value));
-    case PROP_NODES:
-      GST_OBJECT_LOCK(self);
-      g_free(self->nodes);
-      self->nodes = g_value_dup_string(value);
-      GST_OBJECT_UNLOCK(self);
-      return;
+    case PROP_NODES: return set_text(self, &self->nodes, value);
+    case PROP_KEY_FILE: return set_text(self, &self->key_file, value);
     default:
       if (GstElement* owner = owner_of(self, pspec)) g_object_set_property(G_OBJECT(owner), pspec->name, value);
   }
@@ -107,6 +110,7 @@ static void lf_view_src_get_property(GObject* object, guint id, GValue* value, G
   switch (id) {
     case PROP_RIG: g_value_set_string(value, self->rig); break;
     case PROP_NODES: g_value_set_string(value, self->nodes); break;
+    case PROP_KEY_FILE: g_value_set_string(value, self->key_file); break;
     case PROP_IS_LIVE: g_value_set_boolean(value, self->is_live); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -215,9 +219,16 @@ void lf_view_src_install_properties(GObjectClass* klass) {
       klass, PROP_NODES,
       g_param_spec_string(
           "nodes", "Nodes",
-          "Hosts that the cameras are on (lfnodesink): HOST:PORT-THERE:PORT-HERE,..., with the ports "
-          "for requests there and for answers here. They are live (empty: all cameras are on this machine)",
+          "Hosts that the cameras are on (lfnodesink): HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,..., with the ports "
+          "for requests there and for answers here, and the address of this machine that those come in at (none: any). "
+          "They are live (empty: all cameras are on this machine)",
           nullptr, kReady));
+  g_object_class_install_property(
+      klass, PROP_KEY_FILE,
+      g_param_spec_string("key-file", "Key file",
+                          "With nodes: file with the secret that all hosts share, 32 or more random characters (none: "
+                          "whoever is on the network can see and steer)",
+                          nullptr, kReady));
   g_object_class_install_property(klass, PROP_IS_LIVE,
                                   g_param_spec_boolean("is-live", "Is live",
                                                        "Pictures come in time with the clock, of frames that live "

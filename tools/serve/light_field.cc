@@ -33,17 +33,27 @@ std::string launch_line(const std::vector<NodeAddress>& nodes, const std::string
          << '0';
     return line.str();
   }
-  line << "rtplfpay ! multiudpsink name=hosts sync=false async=false";
+  line << "rtplfpay ! lfrtpseal name=seal ! multiudpsink name=hosts sync=false async=false";
   for (size_t i = 0; i < nodes.size(); i++)
-    line << " udpsrc port=" << nodes[i].answer_port << " buffer-size=" << kReceiveBuffer << " caps=\"" << kRtpCaps
-         << "\" ! rtplfdepay ! " << kSink << i;
+    line << " udpsrc name=udp" << i << " port=" << nodes[i].answer_port << " buffer-size=" << kReceiveBuffer
+         << " caps=\"" << kRtpCaps << "\" ! lfrtpgate name=gate" << i << " ! rtplfdepay ! " << kSink << i;
   return line.str();
+}
+
+// Answers come from who has the key, or, without one, from that host.
+void set_up_host(GstElement* pipeline, size_t index, const NodeAddress& node, const std::string& key_file) {
+  const std::string number = std::to_string(index);
+  if (!node.answer_host.empty()) set_in(pipeline, ("udp" + number).c_str(), "address", node.answer_host.c_str());
+  if (key_file.empty())
+    set_in(pipeline, ("gate" + number).c_str(), "peers", (node.host + ",127.0.0.0/8,::1").c_str());
+  else
+    set_in(pipeline, ("gate" + number).c_str(), "key-file", key_file.c_str());
 }
 
 }  // namespace
 
-LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& resampling,
-                       int max_views)
+LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& key_file,
+                       const std::string& resampling, int max_views)
     : rig_(rig), array_(rig), local_(nodes.empty()) {
   pipeline_ = launch_pipeline(launch_line(nodes, resampling));
   requests_ = GST_APP_SRC(gst_bin_get_by_name(GST_BIN(pipeline_), "requests"));
@@ -55,6 +65,8 @@ LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& n
     for (const NodeAddress& node : nodes)
       g_signal_emit_by_name(hosts, "add", node.host.c_str(), node.request_port, nullptr);
     gst_object_unref(hosts);
+    if (!key_file.empty()) set_in(pipeline_, "seal", "key-file", key_file.c_str());
+    for (size_t i = 0; i < nodes.size(); i++) set_up_host(pipeline_, i, nodes[i], key_file);
   }
   for (size_t i = 0; i < std::max<size_t>(nodes.size(), 1); i++) {
     answers_.push_back(std::make_unique<Answers>(Answers{this, i}));
