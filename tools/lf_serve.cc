@@ -155,9 +155,7 @@ int main(int argc, char** argv) {
                  "of other sites' pages that may watch: https://example.org, null (files), or *; repeat");
   app.add_option("--path", o.paths, "a views.json that links may have flown (#path=NAME), NAME=FILE; repeat")
       ->type_name("NAME=FILE");
-  app.add_option("--viewers", o.limits.viewers, "at a time; one with two eyes counts twice")
-      ->capture_default_str()
-      ->check(cli::Range(1, 1000));
+  app.add_option("--viewers", o.limits.viewers, "at a time; one with two eyes counts twice")->capture_default_str()->check(cli::Range(1, 1000));
   app.add_option("--framerate", o.limits.framerate, "pictures per second")
       ->capture_default_str()
       ->check(cli::Range(1, 120));
@@ -182,10 +180,9 @@ int main(int argc, char** argv) {
   app.add_option("--resampling", o.resampling, "how cameras' images are sampled (of --nodes: see lfcameranode)")
       ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened", "catmull-rom"}));
-  app.add_option(
-         "--monitor", o.limits.monitor,
-         "beside one of so many requests of a viewer a camera is left out and predicted from the others, each in "
-         "turn: the page and /metrics tell which ones have something wrong (0: never)")
+  app.add_option("--monitor", o.limits.monitor,
+                 "beside one of so many requests of a viewer a camera is left out and predicted from the others, each in "
+                 "turn: the page and /metrics tell which ones have something wrong (0: never)")
       ->capture_default_str()
       ->check(cli::Range(0, 10000));
   app.add_option("--max-width", o.limits.max_width, "of a view")->capture_default_str()->check(cli::Range(64, 4096));
