@@ -164,21 +164,11 @@ static bool prepare(LfNodeSink* self) {
   return false;
 }
 
-static void warn_without_key(LfNodeSink* self) {
-  const lf::Admission admission = self->links->settings.admission;
-  if (!admission.key_file.empty()) return;
-  const std::string peers = admission.peers.empty() ? "the hosts that answers go to" : admission.peers;
-  GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
-                      ("Without a key-file anybody on this network can steer and see these cameras: packets are not "
-                       "sealed, and the addresses that requests are taken from (%s) can be forged.",
-                       peers.c_str()),
-                      (nullptr));
-}
-
 static GstStateChangeReturn lf_node_sink_change_state(GstElement* element, GstStateChange transition) {
   const bool starts = transition == GST_STATE_CHANGE_NULL_TO_READY || transition == GST_STATE_CHANGE_READY_TO_PAUSED;
   if (starts && !prepare(LF_NODE_SINK(element))) return GST_STATE_CHANGE_FAILURE;
-  if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) warn_without_key(LF_NODE_SINK(element));
+  if (transition == GST_STATE_CHANGE_READY_TO_PAUSED)
+    lf::warn_without_key(element, LF_NODE_SINK(element)->links->settings.admission);
   return GST_ELEMENT_CLASS(lf_node_sink_parent_class)->change_state(element, transition);
 }
 

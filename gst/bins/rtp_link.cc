@@ -37,6 +37,16 @@ Admission admission_of(const Admission& settings, const std::string& host) {
   return {"", host + ",127.0.0.0/8,::1"};
 }
 
+void warn_without_key(GstElement* element, const Admission& admission) {
+  if (!admission.key_file.empty()) return;
+  const std::string from = admission.peers.empty() ? "" : " (" + admission.peers + ")";
+  GST_ELEMENT_WARNING(element, RESOURCE, SETTINGS,
+                      ("Without a key-file anybody on this network can steer and see: packets are not sealed, and the "
+                       "addresses that requests are taken from%s can be forged.",
+                       from.c_str()),
+                      (nullptr));
+}
+
 GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, const Admission& admission,
                      const std::string& name, std::vector<GstElement*>* added) {
   GstElement* udp = add_element(bin, "udpsrc", name + "_udp");

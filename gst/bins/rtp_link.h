@@ -23,6 +23,9 @@ struct Admission {
 // The host that packets are expected from, and this machine, where `peers` names nobody and there is no key.
 Admission admission_of(const Admission& settings, const std::string& host);
 
+// Posts a warning, if there is no key, that those who are let in are not all who can get in.
+void warn_without_key(GstElement* element, const Admission& admission);
+
 // What receives RTP: a udpsrc with room for a burst, an lfrtpgate and an rtplfdepay, linked; the pad that units leave
 // by, with a reference. `host`: an address of this machine, a multicast group, or "" for all addresses of this machine,
 // of either family. `encoding`: of the RTP caps, as lib/rtp/spec.md has them. The names of the elements begin with

@@ -2,8 +2,8 @@
 #include "bins/viewer_cameras.h"
 
 #include "base/error.h"
-#include "bins/answer_split.h"
 #include "bins/rtp_link.h"
+#include "bins/view_split.h"
 
 namespace lf {
 namespace {
@@ -73,7 +73,7 @@ class CamerasOnHosts : public ViewerCameras {
     GstPad* request = gst_element_request_pad_simple(requests_, "sink_%u");
     link(viewer.requests(), GST_PAD(gst_object_ref(pads->add(requests_, request))));
     for (GstElement* split : splits_) {
-      GstPad* answers = GST_PAD(gst_object_ref(lf_answer_split_add_view(LF_ANSWER_SPLIT(split), viewer.view_id())));
+      GstPad* answers = GST_PAD(gst_object_ref(lf_view_split_add_view(LF_VIEW_SPLIT(split), viewer.view_id())));
       link(GST_PAD(gst_object_ref(pads->add(split, answers))), viewer.add_answers(true));
     }
     return pads;
@@ -97,7 +97,7 @@ class CamerasOnHosts : public ViewerCameras {
       const std::string name = "host" + std::to_string(i);
       GstPad* answers = add_receiver(bin_, place_of_answers(nodes[i]), "X-LIGHTFIELD-ANSWER",
                                      admission_of({key_file, ""}, nodes[i].host), name, &all_);
-      GstElement* split = GST_ELEMENT(g_object_new(LF_TYPE_ANSWER_SPLIT, "name", (name + "_answers").c_str(), nullptr));
+      GstElement* split = GST_ELEMENT(g_object_new(LF_TYPE_VIEW_SPLIT, "name", (name + "_answers").c_str(), nullptr));
       gst_bin_add(bin_, split);
       all_.push_back(split);
       splits_.push_back(split);

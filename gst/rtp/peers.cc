@@ -56,7 +56,10 @@ std::string to_text(const Address& address) {
 
 Peers::Peers(const std::string& text) {
   std::istringstream stream(text);
-  for (std::string item; std::getline(stream, item, ',');) add(item);
+  for (std::string item; std::getline(stream, item, ',');) {
+    const bool brackets = item.size() > 2 && item.front() == '[' && item.back() == ']';
+    add(brackets ? item.substr(1, item.size() - 2) : item);
+  }
 }
 
 void Peers::add(const std::string& item) {

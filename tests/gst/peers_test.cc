@@ -25,7 +25,7 @@ TEST(Peers, AddressesHaveOneFormWhicheverSocketTheyComeBy) {
 }
 
 TEST(Peers, AddressesAndNetworks) {
-  Peers peers("10.0.0.7,192.168.4.0/22,fd00::/33,::1,localhost");
+  Peers peers("10.0.0.7,192.168.4.0/22,fd00::/33,[::1],localhost");
   for (const char* in :
        {"10.0.0.7", "::ffff:10.0.0.7", "192.168.4.0", "192.168.7.255", "fd00::1", "fd00:0:7fff::1", "::1", "127.0.0.1"})
     EXPECT_TRUE(peers.admits(address(in))) << in;
