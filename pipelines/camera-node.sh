@@ -47,6 +47,6 @@ done
 [[ -n $rig ]] || die "--rig is missing (see --help)"
 ((${#requests[@]} && ${#requests[@]} == ${#answers[@]})) || die "each --requests needs its --answers (see --help)"
 
-launch lfnodesink "rig=$rig" "node=$node" "framerate=$framerate" "cameras=$cameras" "listen=$(join "${requests[@]}")" \
+launch lfnodesink "rig=$rig" "node=$node" "framerate=$framerate" ${cameras:+"cameras=$cameras"} "listen=$(join "${requests[@]}")" \
   "answers=$(join "${answers[@]}")" ${key_file:+"key-file=$key_file"} ${peers:+"peers=$peers"} "mtu=$mtu" \
   "max-bitrate=$bitrate" "${settings[@]}"

@@ -19,6 +19,11 @@ need_address() {
   [[ $2 =~ ^.+:[0-9]+$ ]] || die "$1 $2: must be HOST:PORT"
   need_port "$1" "${2##*:}"
 }
+need_node() {
+  local node='^.+:[0-9]+(:\[[^]]+\]|:[0-9.]+\.[0-9]+)?:[0-9]+$'
+  [[ $2 =~ $node ]] || die "$1 $2: must be HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE"
+  need_port "$1" "${2##*:}"
+}
 
 # The items of a list with commas between.
 join() { local IFS=,; echo "$*"; }

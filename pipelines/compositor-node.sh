@@ -31,7 +31,7 @@ while (($#)); do
   case $1 in
     --rig) need_file "$@"; rig=$2 ;;
     --requests) need_port "$1" "${2##*:}"; requests=$2 ;;
-    --node) need_address "$1" "${2%:*}"; need_port "$1" "${2##*:}"; nodes+=("$2") ;;
+    --node) need_node "$@"; nodes+=("$2") ;;
     --view)
       need_address "$1" "${2#*:}"
       [[ ${2%%:*} =~ ^[0-9]{1,6}$ ]] || die "--view $2: must be ID:HOST:PORT"

@@ -34,7 +34,7 @@ while (($#)); do
   case $1 in
     --rig) need_file "$@"; rig=$2 ;;
     --path) need_file "$@"; path=$2 ;;
-    --node) need_address "$1" "${2%:*}"; need_port "$1" "${2##*:}"; nodes+=("$2") ;;
+    --node) need_node "$@"; nodes+=("$2") ;;
     --key-file) need_file "$@"; hosts_key=$2 ;;
     --to) need_address "$@"; to=$2 ;;
     --set) settings+=("$2") ;;

@@ -35,7 +35,7 @@ while (($#)); do
     --rig) need_file "$@"; rig=$2 ;;
     --compositor) need_address "$@"; compositor=$2 ;;
     --video) need_port "$1" "${2##*:}"; video=$2 ;;
-    --node) need_address "$1" "${2%:*}"; need_port "$1" "${2##*:}"; nodes+=("$2") ;;
+    --node) need_node "$@"; nodes+=("$2") ;;
     --key-file) need_file "$@"; key_file=$2 ;;
     --view) view=$2 ;;
     --path) need_file "$@"; path=$2 ;;
