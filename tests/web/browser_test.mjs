@@ -435,12 +435,15 @@ async function fourViewers() {
   await served.stop();
 }
 
-// The cameras on two other hosts; here they are processes.
+// The cameras on two other hosts, under a key; here they are processes.
 async function nodes() {
+  const key = join(folder, 'lightfield.key');
+  await writeFile(key, 'k'.repeat(40), { mode: 0o600 });
   const port = 20000 + Math.floor(Math.random() * 10000), hosts = [0, 1].map(i =>
     start(join(source, 'pipelines/camera-node.sh'), '--rig', join(folder, 'rig.json'), '--node', String(i), '--cameras',
-      i ? '8-15' : '0-7', '--requests', String(port + i), '--answers', `127.0.0.1:${port + 10 + i}`));
-  const served = await serve(...rig, '--nodes', [0, 1].map(i => `127.0.0.1:${port + i}:${port + 10 + i}`).join());
+      i ? '8-15' : '0-7', '--requests', String(port + i), '--answers', `127.0.0.1:${port + 10 + i}`,
+      '--key-file', key));
+  const served = await serve(...rig, '--key-file', key, '--nodes', [0, 1].map(i => `127.0.0.1:${port + i}:${port + 10 + i}`).join());
   const page = await openPage(browser, served.url, { width: 320, height: 240 });
   await shown(page, 30);
   // A host may take its time to begin.
