@@ -58,6 +58,7 @@ class Served {
   }
   Served(const Served&) = delete;
 
+  std::string rig() const { return dir_ / "rig.json"; }
   std::string pid() const { return g_subprocess_get_identifier(process_); }
   // "http://127.0.0.1:PORT/"; "" if it does not serve, see said().
   const std::string& url() const { return url_; }
