@@ -42,7 +42,7 @@ std::string encoder_line(const Offer& offer, int bits_per_second) {
   }
   if (offer.codec == VideoCodec::kH264) line << " config-interval=-1 aggregate-mode=zero-latency";
   line << " mtu=1200 timestamp-offset=0 pt=" << offer.payload_type
-       << " ! application/x-rtp,media=video,encoding-name=" << to_string(offer.codec)
+       << " ! capsfilter caps=application/x-rtp,media=video,encoding-name=" << to_string(offer.codec)
        << ",payload=" << offer.payload_type;
   return line.str();
 }

@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <vector>
 
 #include "offer.h"
 #include "packet_loss.h"
@@ -22,22 +23,34 @@ struct LinkReport {
   double round_trip = 0;  // seconds; 0: not known
 };
 
-// One browser at the other end of a webrtcbin: offer and answer, the data channel, and whether it is still there.
+// Where a peer is to be reached, and what helps it to be.
+struct Route {
+  std::string address;                   // the only one of this machine, or ""
+  std::vector<std::string> ice_servers;  // "stun://HOST:PORT", "turn://USER:PASSWORD@HOST:PORT", as webrtcbin takes them
+};
+
+// One browser at the other end of a webrtcbin: offer and answer, the data channel, and whether it is still there. It
+// negotiates before there is any video: what comes to the webrtcbin's pad later must be of `ssrc`. A peer has one data
+// channel, "control", and one SCTP stream: who opens more has failed, and is not listened to any more.
 // Made on the main thread; what it calls back comes on the main thread, but for on_message.
 class Peer : public std::enable_shared_from_this<Peer> {
  public:
   struct Callbacks {
     std::function<void(const std::string& sdp)> on_answer;  // with all candidates; once
+    std::function<void()> on_connected;                     // DTLS is up; once
     std::function<void(const std::string& why)> on_failed;
     std::function<void(const std::string& text)> on_message;  // of the data channel "control"; a streaming thread
     std::function<void(const LinkReport&)> on_report;
   };
 
-  // `webrtc` is borrowed from its pipeline, which has not been started. `address`: the only one to be reached at, or
-  // "".
-  static std::shared_ptr<Peer> make(GstElement* webrtc, Offer offer, const std::string& address, Callbacks callbacks);
+  // `webrtc` is borrowed from its pipeline, which has not been started; its sink_0 is linked.
+  static std::shared_ptr<Peer> make(GstElement* webrtc, Offer offer, uint32_t ssrc, const Route& route,
+                                    Callbacks callbacks);
   // After the pipeline was stopped.
   ~Peer();
+
+  // Once the pipeline is PAUSED: answers the offer.
+  void negotiate();
 
   // g_get_monotonic_time() of the last packet from the browser; 0: none yet. Thread-safe.
   int64_t heard() const { return heard_; }
@@ -48,19 +61,22 @@ class Peer : public std::enable_shared_from_this<Peer> {
   void ask_for_report();
 
  private:
-  Peer(GstElement* webrtc, Offer offer, Callbacks callbacks);
-  void watch(const std::string& address);
-  void negotiate();
+  Peer(GstElement* webrtc, Offer offer, uint32_t ssrc, Callbacks callbacks);
+  void watch(const Route& route);
+  void announce();
   void answer();
+  void connection_changed(int state);
   void fail(const std::string& why);
   void open_channel(GstWebRTCDataChannel* channel);
   void watch_element(GstElement* element);
 
   GstElement* webrtc_;
   Offer offer_;
+  uint32_t ssrc_;
   Callbacks callbacks_;
   std::atomic<int64_t> heard_ = 0;
-  std::atomic<bool> connected_ = false, negotiating_ = false, answered_ = false;
+  std::atomic<int> streams_ = 0;  // of SCTP, from the browser
+  std::atomic<bool> connected_ = false, answered_ = false, failed_ = false;
   std::mutex mutex_;
   GstWebRTCDataChannel* channel_ = nullptr;
   PacketLoss loss_;  // the main thread's

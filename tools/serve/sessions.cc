@@ -73,7 +73,7 @@ std::string Sessions::open(Offer offer, const Wish& wish, OnAnswer on_answer) {
   settings.least_bit_rate = std::min(settings.least_bit_rate, limits_.bit_rate);
   settings.messages_per_second = limits_.messages_per_second;
   settings.monitored = limits_.monitor > 0;
-  settings.address = address_;
+  settings.route.address = address_;
   const std::string name = random_name(), codec = to_string(offer.codec);
   Viewer::Callbacks callbacks;
   callbacks.on_answer = [this, name](const std::string& sdp) {
@@ -83,6 +83,7 @@ std::string Sessions::open(Offer offer, const Wish& wish, OnAnswer on_answer) {
     found->second.on_answer = nullptr;
     on_answer(sdp, "");
   };
+  callbacks.on_connected = [] {};
   callbacks.on_gone = [this, name](const std::string& why) { close_soon(name, why); };
   auto viewer = std::make_unique<Viewer>(field_, std::move(offer), settings, std::move(callbacks));
   viewers_.emplace(name, Session{std::move(viewer), settings.eye.view, wish.views(), std::move(on_answer)});

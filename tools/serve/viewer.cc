@@ -28,7 +28,7 @@ std::string launch_line(const Offer& offer, size_t nodes, const ViewerSettings& 
   if (settings.eye_distance > 0)
     line += kPicturesOfEye + std::string("left ") + Eye::launch_line(1, nodes) + kPicturesOfEye + "right " +
             "appsrc name=pictures is-live=true format=time max-bytes=0 max-buffers=1 leaky-type=downstream ! ";
-  return line + encoder_line(offer, settings.most_bit_rate) + " ! webrtcbin name=webrtc bundle-policy=max-bundle";
+  return line + encoder_line(offer, settings.most_bit_rate);
 }
 
 uint64_t count_in(const GstStructure* stats, const char* name) {
@@ -59,13 +59,22 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
       quality_(settings.least_bit_rate, settings.most_bit_rate,
                static_cast<double>(settings.eye.width) * settings.eye.height * settings.eye.framerate),
       messages_(settings.messages_per_second, 2 * settings.messages_per_second) {
-  pipeline_ = launch_pipeline(launch_line(offer, field.nodes(), settings));
-  const auto find = [this](const std::string& name) { return gst_bin_get_by_name(GST_BIN(pipeline_), name.c_str()); };
+  video_ = launch_bin(launch_line(offer, field.nodes(), settings));
+  GstElement* webrtc = gst_element_factory_make("webrtcbin", nullptr);
+  if (!webrtc) {
+    gst_object_unref(video_);
+    throw Error("element webrtcbin is not installed");
+  }
+  gst_util_set_object_arg(G_OBJECT(webrtc), "bundle-policy", "max-bundle");
+  pipeline_ = GST_ELEMENT(gst_object_ref_sink(gst_pipeline_new(nullptr)));
+  gst_bin_add_many(GST_BIN(pipeline_), video_, webrtc, nullptr);
+  gst_element_link(video_, webrtc);
+  const auto find = [this](const std::string& name) { return gst_bin_get_by_name(GST_BIN(video_), name.c_str()); };
   encoder_ = find("encoder");
   EyeSettings eye = settings.eye;
   eye.offset = -settings.eye_distance / 2;
   const auto eye_that = [&](Eye::OnRequest on_request) {
-    return std::make_unique<Eye>(pipeline_, static_cast<int>(eyes_.size()), field, eye, std::move(on_request));
+    return std::make_unique<Eye>(video_, static_cast<int>(eyes_.size()), field, eye, std::move(on_request));
   };
   eyes_.push_back(eye_that([this](const ViewRequest& request, GstClockTime time) { requested(request, time); }));
   if (settings.eye_distance > 0) {
@@ -75,7 +84,9 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   }
   watch_pace();
 
+  const uint32_t ssrc = std::max<uint32_t>(g_random_int(), 1);
   GstElement* payloader = find("payloader");
+  g_object_set(payloader, "ssrc", ssrc, nullptr);
   GstPad* out = gst_element_get_static_pad(payloader, "src");
   gst_pad_add_probe(
       out, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
@@ -90,26 +101,38 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   gst_object_unref(out);
   gst_object_unref(payloader);
 
-  GstElement* webrtc = find("webrtc");
-  peer_ = Peer::make(webrtc, std::move(offer), settings.address,
+  peer_ = Peer::make(webrtc, std::move(offer), ssrc, settings.route,
                      {[this](const std::string& sdp) {
                         answered_ = g_get_monotonic_time();
                         callbacks_.on_answer(sdp);
                       },
+                      [this] {
+                        begin_video();
+                        callbacks_.on_connected();
+                      },
                       callbacks_.on_gone, [this](const std::string& text) { control(text); },
                       [this](const LinkReport& link) { report(link); }});
-  gst_object_unref(webrtc);
 
   GstBus* bus = gst_element_get_bus(pipeline_);
   watch_ = gst_bus_add_watch(bus, bus_message, this);
   gst_object_unref(bus);
   gst_pipeline_use_clock(GST_PIPELINE(pipeline_), field.clock());
+  gst_element_set_state(video_, GST_STATE_READY);
+  gst_element_set_locked_state(video_, TRUE);
   gst_element_set_state(pipeline_, GST_STATE_PLAYING);
+  peer_->negotiate();
+}
+
+void Viewer::begin_video() {
+  gst_element_set_base_time(video_, gst_element_get_base_time(pipeline_));
+  gst_element_set_locked_state(video_, FALSE);
+  gst_element_sync_state_with_parent(video_);
 }
 
 Viewer::~Viewer() {
   for (const auto& eye : eyes_) eye->close();
   g_source_remove(watch_);
+  gst_element_set_locked_state(video_, FALSE);
   gst_element_set_state(pipeline_, GST_STATE_NULL);
   peer_.reset();
   eyes_.clear();
@@ -141,10 +164,10 @@ void Viewer::watch_pace() {
 }
 
 void Viewer::join_eyes() {
-  pictures_ = GST_APP_SRC(gst_bin_get_by_name(GST_BIN(pipeline_), "pictures"));
+  pictures_ = GST_APP_SRC(gst_bin_get_by_name(GST_BIN(video_), "pictures"));
   halves_ = {{{this, StereoPair::kLeft}, {this, StereoPair::kRight}}};
   for (Half& half : halves_) {
-    GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline_), half.side == StereoPair::kLeft ? "left" : "right");
+    GstElement* sink = gst_bin_get_by_name(GST_BIN(video_), half.side == StereoPair::kLeft ? "left" : "right");
     GstAppSinkCallbacks callbacks = {};
     callbacks.new_sample = take_picture;
     gst_app_sink_set_callbacks(GST_APP_SINK(sink), &callbacks, &half, nullptr);

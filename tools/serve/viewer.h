@@ -29,15 +29,16 @@ struct ViewerSettings {
   int least_bit_rate = 100000, most_bit_rate = 6000000;
   double messages_per_second = 240;
   bool monitored = false;  // whether the server watches its cameras, by this viewer's requests or another's
-  std::string address;     // the only one to be reached at, or ""
+  Route route;
 };
 
 // One browser's own virtual camera, in a pipeline of its own: requests go to the light field, answers come from there,
-// pictures go out. Made, used and destroyed on the main thread, where its callbacks come, too.
+// pictures go out, from the moment on that DTLS is up: before, nothing is asked for, rendered or encoded. Made, used and destroyed on the main thread, where its callbacks come, too.
 class Viewer {
  public:
   struct Callbacks {
     std::function<void(const std::string& sdp)> on_answer;
+    std::function<void()> on_connected;
     std::function<void(const std::string& why)> on_gone;  // to be destroyed, but not inside of this call
   };
 
@@ -66,6 +67,7 @@ class Viewer {
   static GstFlowReturn take_picture(GstAppSink* sink, gpointer data);
   static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
   void control(const std::string& text);
+  void begin_video();
   void join_eyes();
   void watch_pace();
   void use_quality();
@@ -82,7 +84,7 @@ class Viewer {
   LightField& field_;
   ViewerSettings settings_;
   Callbacks callbacks_;
-  GstElement *pipeline_ = nullptr, *encoder_ = nullptr;
+  GstElement *pipeline_ = nullptr, *video_ = nullptr, *encoder_ = nullptr;  // `video_`: all but the webrtcbin
   std::vector<std::unique_ptr<Eye>> eyes_;
   std::array<Half, 2> halves_;
   StereoPair pair_;
