@@ -28,7 +28,7 @@ TEST(Access, Secrets) {
 }
 
 TEST(Access, Tokens) {
-  const Access open("", {}, false), closed("secret", {}, false);
+  const Access open("", {}, {}), closed("secret", {}, {});
   EXPECT_TRUE(open.has_token(nullptr));
   EXPECT_TRUE(closed.has_token("Bearer secret"));
   EXPECT_TRUE(closed.has_token("bearer secret"));
@@ -44,19 +44,27 @@ TEST(Access, Loopback) {
     EXPECT_FALSE(is_loopback(address)) << address;
 }
 
+TEST(Access, Hosts) {
+  const Access access("", {}, {"Cameras.example"});
+  for (const char* host : {"127.0.0.1:8080", "127.0.0.1", "localhost:8080", "[::1]:8080", "192.0.2.7", "LOCALHOST",
+                           "cameras.example", "cameras.example:8080"})
+    EXPECT_TRUE(access.allows_host(host)) << host;
+  for (const char* host : {"evil.org:8080", "", "127.0.0.1.evil.org", "cameras.example.evil.org", "[evil]", ":80"})
+    EXPECT_FALSE(access.allows_host(host)) << host << ": a name made to point here";
+  EXPECT_FALSE(access.allows_host(nullptr));
+}
+
 TEST(Access, Origins) {
-  const Access local("", {"https://example.org"}, true), other("", {"https://example.org"}, false),
-      any("", {"*"}, false);
+  const Access local("", {"https://example.org"}, {}), named("", {}, {"cameras.example"}), any("", {"*"}, {});
   EXPECT_TRUE(local.allows_origin(nullptr, "127.0.0.1:8080"));
   EXPECT_TRUE(local.allows_origin("http://localhost:8080", "localhost:8080"));
   EXPECT_TRUE(local.allows_origin("http://[::1]:8080", "[::1]:8080"));
   EXPECT_TRUE(local.allows_origin("https://example.org", "127.0.0.1:8080"));
   EXPECT_FALSE(local.allows_origin("http://localhost:9090", "localhost:8080"));
   EXPECT_FALSE(local.allows_origin("https://evil.org", "127.0.0.1:8080"));
-  EXPECT_FALSE(local.allows_origin("http://evil.org:8080", "evil.org:8080")) << "a name made to point here";
-  EXPECT_FALSE(local.allows_origin(nullptr, nullptr));
-  EXPECT_TRUE(other.allows_origin("https://cameras.example:8080", "cameras.example:8080"));
-  EXPECT_FALSE(other.allows_origin("null", "cameras.example:8080"));
+  EXPECT_FALSE(local.allows_origin("null", "127.0.0.1:8080"));
+  EXPECT_TRUE(named.allows_origin("https://cameras.example", "127.0.0.1:8080")) << "behind a proxy";
+  EXPECT_FALSE(named.allows_origin("https://cameras.example.evil.org", "127.0.0.1:8080"));
   EXPECT_TRUE(any.allows_origin("https://anything", "cameras.example"));
 }
 
@@ -77,7 +85,9 @@ TEST(RateLimit, BucketsFillWithTime) {
 TEST(RateLimit, AddressesHaveTheirOwnAndAreForgotten) {
   AddressLimit limit(1, 1);
   const int64_t now = kSecond;
+  EXPECT_TRUE(limit.has_one("a", now));
   EXPECT_TRUE(limit.take("a", now));
+  EXPECT_FALSE(limit.has_one("a", now));
   EXPECT_FALSE(limit.take("a", now));
   EXPECT_TRUE(limit.take("b", now));
   for (size_t i = 0; i < 2 * AddressLimit::kMaxAddresses; i++) limit.take(std::to_string(i), now);

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "light_field.h"
 
-#include <cstdio>
 #include <optional>
 #include <sstream>
 
 #include "base/error.h"
 #include "launch.h"
+#include "log.h"
 
 namespace lf::serve {
 namespace {
@@ -89,7 +89,7 @@ void LightField::start(std::function<void(const std::string&)> on_error) {
     const bool is_error = GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
     gst_message_unref(message);
     if (!is_error) {
-      std::fprintf(stderr, "lf-serve: cameras: %s\n", text.c_str());
+      say("cameras: " + text);
       continue;
     }
     gst_object_unref(bus);
@@ -107,9 +107,9 @@ gboolean LightField::bus_message(GstBus*, GstMessage* message, gpointer data) {
   if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR)
     self->on_error_(text_of(message));
   else if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING)
-    std::fprintf(stderr, "lf-serve: cameras: %s\n", text_of(message).c_str());
+    say("cameras: " + text_of(message));
   else if (gst_message_has_name(message, "lightfield-camera-found"))
-    std::fprintf(stderr, "lf-serve: cameras: %s is back\n", GST_OBJECT_NAME(GST_MESSAGE_SRC(message)));
+    say(std::string("cameras: ") + GST_OBJECT_NAME(GST_MESSAGE_SRC(message)) + " is back");
   return G_SOURCE_CONTINUE;
 }
 

@@ -19,6 +19,7 @@ struct FocusOn {
 // What viewers may ask of the server, and get.
 struct Limits {
   int viewers = 8;                         // views in fact: who has two eyes counts twice
+  int address_views = 2;                   // of one address
   int max_width = 1280, max_height = 720;  // of a view, pixels
   int framerate = 30;
   int capture_delay_ms = 100;  // how old a capture must be before it is asked for: what the cameras take
@@ -30,8 +31,9 @@ struct Limits {
   double connects_per_second = 2;    // of one address, after the first `connect_burst`
   double connect_burst = 40;
   static constexpr int kMinSize = 64;    // pixels a side
-  static constexpr double kSilence = 5;  // seconds without a packet until a viewer is removed
-  static constexpr double kAnswer = 15;  // seconds until an offer must have its answer
+  static constexpr double kSilence = 5;   // seconds without a packet until a viewer is removed
+  static constexpr double kConnect = 15;  // seconds from an offer until its viewer must be connected
+  static constexpr double kWrongTokens = 0.2, kWrongTokensAtOnce = 10;  // of one address, per second
 };
 
 // What a viewer asks for.

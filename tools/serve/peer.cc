@@ -24,9 +24,6 @@ GstPromise* promise(Reply reply) {
       new Reply(std::move(reply)), [](gpointer data) { delete static_cast<Reply*>(data); });
 }
 
-// webrtcbin's own words may have parts of the offer in them, which are not for logs.
-constexpr char kUnanswerable[] = "the offer can't be answered";
-
 bool is_error(const GstStructure* reply) { return reply && gst_structure_has_field(reply, "error"); }
 
 // Signal handlers know the peer as long as it lives.
@@ -94,6 +91,10 @@ void Peer::watch_element(GstElement* element) {
   const std::string type = factory ? GST_OBJECT_NAME(factory) : "";
   // Would hold every picture back for a frame.
   if (type == "clocksync") g_object_set(element, "sync", FALSE, nullptr);
+  if (type == "dtlsenc") {
+    const std::lock_guard lock(mutex_);
+    dtls_ = element;
+  }
   // A pad each SCTP stream, which costs elements and a thread, announced as a data channel or not.
   if (type == "sctpdec")
     connect(
@@ -266,6 +267,22 @@ void Peer::send(const std::string& text) {
   if (state == GST_WEBRTC_DATA_CHANNEL_STATE_OPEN && waiting < kMostWaiting)
     gst_webrtc_data_channel_send_string(channel, text.c_str());
   g_object_unref(channel);
+}
+
+void Peer::say_goodbye() {
+  GstElement* dtls = nullptr;
+  {
+    const std::lock_guard lock(mutex_);
+    dtls = connected_ ? dtls_ : nullptr;
+  }
+  if (!dtls) return;
+  gst_element_foreach_sink_pad(
+      dtls,
+      [](GstElement*, GstPad* pad, gpointer) -> gboolean {
+        gst_pad_send_event(pad, gst_event_new_eos());
+        return TRUE;
+      },
+      nullptr);
 }
 
 void Peer::ask_for_report() {

@@ -17,6 +17,10 @@ typedef struct _GstWebRTCDataChannel GstWebRTCDataChannel;
 
 namespace lf::serve {
 
+// Why a peer fails whose offer webrtcbin does not take. Its own words may have parts of the offer in them, which are not
+// for logs.
+inline constexpr char kUnanswerable[] = "the offer can't be answered";
+
 // What the receiver says of the last second.
 struct LinkReport {
   double loss = 0;        // of the packets
@@ -57,6 +61,8 @@ class Peer : public std::enable_shared_from_this<Peer> {
   bool connected() const { return connected_; }
   // To the data channel "control", if there is one. Thread-safe.
   void send(const std::string& text);
+  // Closes DTLS, so that the browser knows at once; the pipeline goes on for the moment that this takes.
+  void say_goodbye();
   // on_report follows.
   void ask_for_report();
 
@@ -79,6 +85,7 @@ class Peer : public std::enable_shared_from_this<Peer> {
   std::atomic<bool> connected_ = false, answered_ = false, failed_ = false;
   std::mutex mutex_;
   GstWebRTCDataChannel* channel_ = nullptr;
+  GstElement* dtls_ = nullptr;  // the encoder, borrowed from the webrtcbin
   PacketLoss loss_;  // the main thread's
 };
 

@@ -4,12 +4,12 @@
 #include <gst/video/video.h>
 
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "encoder.h"
 #include "focus/carry_over.h"
 #include "launch.h"
+#include "log.h"
 #include "wire/request_layout.h"
 
 namespace lf::serve {
@@ -102,10 +102,7 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   gst_object_unref(payloader);
 
   peer_ = Peer::make(webrtc, std::move(offer), ssrc, settings.route,
-                     {[this](const std::string& sdp) {
-                        answered_ = g_get_monotonic_time();
-                        callbacks_.on_answer(sdp);
-                      },
+                     {callbacks_.on_answer,
                       [this] {
                         begin_video();
                         callbacks_.on_connected();
@@ -132,7 +129,9 @@ void Viewer::begin_video() {
 Viewer::~Viewer() {
   for (const auto& eye : eyes_) eye->close();
   g_source_remove(watch_);
-  gst_element_set_locked_state(video_, FALSE);
+  peer_->say_goodbye();
+  gst_element_set_locked_state(video_, TRUE);
+  gst_element_set_state(video_, GST_STATE_NULL);
   gst_element_set_state(pipeline_, GST_STATE_NULL);
   peer_.reset();
   eyes_.clear();
@@ -228,7 +227,7 @@ void Viewer::control(const std::string& text) {
     const std::lock_guard lock(mutex_);
     if (!messages_.take(g_get_monotonic_time())) {
       refused_messages_++;
-      if (!flooded_) std::printf("view %u: too many messages\n", settings_.eye.view);
+      if (!flooded_) say("view " + std::to_string(settings_.eye.view) + ": too many messages");
       flooded_ = true;
       return;
     }
@@ -323,7 +322,7 @@ void Viewer::report(const LinkReport& link) {
 }
 
 double Viewer::silence(int64_t now) const {
-  return static_cast<double>(now - std::max(peer_->heard(), answered_ ? answered_ : began_)) * 1e-6;
+  return static_cast<double>(now - (connected() ? std::max(peer_->heard(), began_) : began_)) * 1e-6;
 }
 
 MonitorReport Viewer::monitor() const {

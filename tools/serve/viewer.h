@@ -49,9 +49,8 @@ class Viewer {
 
   // Once a second: looks after the bit rate, and tells the page how things are.
   void tick();
-  // Seconds since the browser was last heard; or was answered; or asked.
+  // Seconds since the browser was last heard, or asked, where it has not connected yet.
   double silence(int64_t now) const;
-  bool answered() const { return answered_ != 0; }
   // Watches the cameras by its requests, see Limits::monitor.
   void set_monitor(int interval) { eyes_[0]->set_monitor(interval); }
   MonitorReport monitor() const;
@@ -91,7 +90,7 @@ class Viewer {
   GstAppSrc* pictures_ = nullptr;  // for two eyes
   std::shared_ptr<Peer> peer_;
   guint watch_ = 0;
-  int64_t began_, answered_ = 0;
+  int64_t began_;
   Pace pace_;
   QualityControl quality_;
   std::atomic<uint64_t> video_bytes_ = 0, refused_messages_ = 0;
