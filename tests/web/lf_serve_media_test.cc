@@ -116,8 +116,40 @@ TEST_F(LfServeMedia, WhereTheNetworkTakesLessThereIsLessAndLaterMore) {
   EXPECT_EQ(served.stop(), 0);
 }
 
+TEST_F(LfServeMedia, NothingIsMadeForWhoDoesNotConnect) {
+  Served served;
+  SoupSession* session = soup_session_new();
+  SoupMessage* message = soup_message_new("POST", (served.url() + "whep").c_str());
+  const std::string offer = browser_offer();
+  GBytes* body = g_bytes_new(offer.data(), offer.size());
+  soup_message_set_request_body_from_bytes(message, "application/sdp", body);
+  GBytes* answer = soup_session_send_and_read(session, message, nullptr, nullptr);
+  EXPECT_EQ(soup_message_get_status(message), 201u);
+  EXPECT_EQ(served.metric("viewers"), "1");
+  g_usleep(1000000);
+  for (const char* name : {"pictures_total", "camera_bytes_total", "video_bytes_total"})
+    EXPECT_EQ(served.metric(name), "0") << name;
+  if (answer) g_bytes_unref(answer);
+  g_bytes_unref(body);
+  g_object_unref(message);
+  g_object_unref(session);
+}
+
+TEST_F(LfServeMedia, ASecondDataChannelEndsAViewerWhichIsTold) {
+  Served served;
+  const auto stays = watch(served), greedy = watch(served);
+  greedy->send("{}");
+  ASSERT_EQ(served.metric("viewers"), "2");
+  greedy->open_channel("another");
+  EXPECT_TRUE(becomes([&] { return served.metric("viewers") == "1"; }));
+  EXPECT_TRUE(becomes([&] { return greedy->ended(); })) << "its channels close";
+  EXPECT_TRUE(goes_on(*stays));
+  EXPECT_EQ(served.stop(), 0);
+  EXPECT_THAT(served.said(), HasSubstr("more than one data channel"));
+}
+
 TEST_F(LfServeMedia, ConnectsThatAreAbortedDisturbNobody) {
-  Served served({"--viewers", "200", "--connects", "1000"});
+  Served served({"--viewers", "200", "--address-views", "200", "--connects", "1000"});
   const auto client = watch(served);
   GUri* uri = g_uri_parse(served.url().c_str(), G_URI_FLAGS_NONE, nullptr);
   const std::string host = "127.0.0.1:" + std::to_string(g_uri_get_port(uri)), body = browser_offer();

@@ -40,6 +40,10 @@ class WhepClient {
   void vanish() { vanished_ = true; }
   // On the data channel; returns when the server has taken it over.
   void send(const std::string& text);
+  // One more data channel.
+  void open_channel(const std::string& label);
+  // Whether the server has closed the connection.
+  bool ended() const;
   // Of the data channel, so far.
   std::vector<std::string> messages() const;
 
@@ -52,8 +56,8 @@ class WhepClient {
   void post(const std::string& offer);
 
   Options options_;
-  GstElement *pipeline_ = nullptr, *webrtc_ = nullptr;
-  GstWebRTCDataChannel* channel_ = nullptr;
+  GstElement *pipeline_ = nullptr, *webrtc_ = nullptr, *dtls_ = nullptr;
+  GstWebRTCDataChannel *channel_ = nullptr, *other_ = nullptr;
   std::string answer_, session_;
   std::atomic<uint64_t> pictures_ = 0, bytes_ = 0, lost_ = 0, gaps_ = 0;
   std::atomic<double> loss_;

@@ -143,7 +143,7 @@ void Peer::watch(const Route& route) {
   connect(
       webrtc_, "notify::ice-gathering-state",
       +[](GstElement*, GParamSpec*, gpointer data) {
-        if (const auto peer = peer_of(data)) peer->answer();
+        if (const auto peer = peer_of(data)) peer->answer(false);
       },
       weak_from_this());
 
@@ -220,14 +220,21 @@ void Peer::negotiate() {
   };
   g_signal_emit_by_name(webrtc_, "set-remote-description", remote, promise(taken));
   gst_webrtc_session_description_free(remote);
+  g_timeout_add_full(
+      G_PRIORITY_DEFAULT, kGathering,
+      [](gpointer data) -> gboolean {
+        if (const auto peer = peer_of(data)) peer->answer(true);
+        return G_SOURCE_REMOVE;
+      },
+      new Weak(weak_from_this()), [](gpointer data) { delete static_cast<Weak*>(data); });
 }
 
-// Once all candidates are known.
-void Peer::answer() {
+// Once all candidates are known, or it is late.
+void Peer::answer(bool late) {
   GstWebRTCICEGatheringState state;
   GstWebRTCSessionDescription* local = nullptr;
   g_object_get(webrtc_, "ice-gathering-state", &state, "local-description", &local, nullptr);
-  if (state == GST_WEBRTC_ICE_GATHERING_STATE_COMPLETE && local && !answered_.exchange(true)) {
+  if ((late || state == GST_WEBRTC_ICE_GATHERING_STATE_COMPLETE) && local && !answered_.exchange(true)) {
     g_autofree gchar* text = gst_sdp_message_as_text(local->sdp);
     on_main_thread([weak = weak_from_this(), sdp = std::string(text)] {
       if (const auto peer = weak.lock()) peer->callbacks_.on_answer(sdp);

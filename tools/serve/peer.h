@@ -40,12 +40,14 @@ struct Route {
 class Peer : public std::enable_shared_from_this<Peer> {
  public:
   struct Callbacks {
-    std::function<void(const std::string& sdp)> on_answer;  // with all candidates; once
+    std::function<void(const std::string& sdp)> on_answer;  // with all candidates found within kGathering; once
     std::function<void()> on_connected;                     // DTLS is up; once
     std::function<void(const std::string& why)> on_failed;
     std::function<void(const std::string& text)> on_message;  // of the data channel "control"; a streaming thread
     std::function<void(const LinkReport&)> on_report;
   };
+
+  static constexpr unsigned kGathering = 1000;  // milliseconds: a STUN server that is away takes five seconds
 
   // `webrtc` is borrowed from its pipeline, which has not been started; its sink_0 is linked.
   static std::shared_ptr<Peer> make(GstElement* webrtc, Offer offer, uint32_t ssrc, const Route& route,
@@ -70,7 +72,7 @@ class Peer : public std::enable_shared_from_this<Peer> {
   Peer(GstElement* webrtc, Offer offer, uint32_t ssrc, Callbacks callbacks);
   void watch(const Route& route);
   void announce();
-  void answer();
+  void answer(bool late);
   void connection_changed(int state);
   void fail(const std::string& why);
   void open_channel(GstWebRTCDataChannel* channel);
