@@ -284,6 +284,8 @@ int main(int argc, char** argv) {
                  "turn: the page and /metrics tell which ones have something wrong (0: never)")
       ->capture_default_str()
       ->check(cli::Range(0, 10000));
+  app.add_option("--max-aperture", o.limits.max_aperture, "of a view, metres (default: the array's size)")
+      ->check(cli::PositiveNumber);
   app.add_option("--max-width", o.limits.max_width, "of a view")->capture_default_str()->check(cli::Range(64, 4096));
   app.add_option("--max-height", o.limits.max_height, "of a view")->capture_default_str()->check(cli::Range(64, 4096));
   app.add_option("--bitrate", o.limits.bit_rate, "of a viewer's video at best, bits per second")

@@ -26,6 +26,7 @@ enum {
   PROP_FOCUS_NEAR,
   PROP_FOCUS_FAR,
   PROP_MONITOR_INTERVAL,
+  PROP_TRIAL_INTERVAL,
   PROP_GAINS,
   PROP_STATS
 };
@@ -106,6 +107,7 @@ static void lf_compositor_set_property(GObject* object, guint id, const GValue* 
     case PROP_FOCUS_NEAR: self->focus.near = g_value_get_double(value); break;
     case PROP_FOCUS_FAR: self->focus.far = g_value_get_double(value); break;
     case PROP_MONITOR_INTERVAL: self->monitor_interval = g_value_get_uint(value); break;
+    case PROP_TRIAL_INTERVAL: self->trial_interval = g_value_get_uint(value); break;
     case PROP_GAINS: self->gains = g_value_get_boolean(value); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -129,6 +131,7 @@ static void lf_compositor_get_property(GObject* object, guint id, GValue* value,
     case PROP_FOCUS_NEAR: g_value_set_double(value, self->focus.near); break;
     case PROP_FOCUS_FAR: g_value_set_double(value, self->focus.far); break;
     case PROP_MONITOR_INTERVAL: g_value_set_uint(value, self->monitor_interval); break;
+    case PROP_TRIAL_INTERVAL: g_value_set_uint(value, self->trial_interval); break;
     case PROP_GAINS: g_value_set_boolean(value, self->gains); break;
     case PROP_STATS: g_value_take_boxed(value, self->state->stats.structure()); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
@@ -200,6 +203,11 @@ void lf_compositor_install_properties(GObjectClass* klass) {
                             "others, in a small view: `stats` tell how well, and which cameras stand out (0: never). "
                             "Needs `rig`",
                             0, G_MAXUINT16, 0, flags(GST_PARAM_MUTABLE_PLAYING)));
+  install(PROP_TRIAL_INTERVAL,
+          g_param_spec_uint("trial-interval", "Trial interval",
+                            "At most one of so many requests has trials, by which a focal surface is found: more where "
+                            "time is short and the surface may follow the scene more slowly",
+                            1, G_MAXUINT16, 1, flags(GST_PARAM_MUTABLE_PLAYING)));
   install(PROP_GAINS, g_param_spec_boolean(
                           "gains", "Gains",
                           "Let cameras match their brightness to that of the others; with focus surface or auto. The "

@@ -170,6 +170,7 @@ static void lf_compositor_class_init(LfCompositorClass* klass) {
 static void lf_compositor_init(LfCompositor* self) {
   self->state = new _LfCompositor::State;
   self->gains = TRUE;
+  self->trial_interval = 1;
   lf_compositor_add_request_pad(self);
   g_object_set(self, "latency", kDefaultLatency, nullptr);
 }

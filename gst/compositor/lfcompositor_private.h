@@ -61,6 +61,7 @@ struct _LfCompositor {
   lf::CodecChoice codec;
   lf::FocusControl::Settings focus;
   guint monitor_interval;
+  guint trial_interval;
   gboolean gains;
 
   // Streaming thread, but for stats.

@@ -34,8 +34,8 @@ struct ControlMessage {
   std::string error;
 };
 
-// Never throws.
-ControlMessage parse_control_message(std::string_view text);
+// `max_aperture`: metres; views of larger ones are refused. Never throws.
+ControlMessage parse_control_message(std::string_view text, double max_aperture);
 
 // {"type": "ControlResponseMessage", "id": 7, "error": null}; `error` "": none.
 std::string control_response(uint64_t id, const std::string& error);

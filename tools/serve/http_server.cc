@@ -240,6 +240,8 @@ std::string HttpServer::metrics() const {
   put("connections", "gauge", "TCP connections now.", connections_->size());
   put("closed_connections_total", "counter", "TCP connections that took too long or were too many.",
       connections_->closed());
+  put("shed_step", "gauge", "What is left away for want of processors: 0 nothing, 1 and 2 trials, 3 rate, 4 size.",
+      sessions_->shedding().step());
   put("waiting", "gauge", "Tickets in the queue for seats.", sessions_->seats().waiting());
   out << refusals_.metrics();
   if (limits_.monitor > 0) out << to_metrics(sessions_->monitor(), field_->array().names());

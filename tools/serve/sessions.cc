@@ -77,9 +77,10 @@ std::string Sessions::open(const std::string& address, Offer offer, const Wish& 
   settings.eye.focus_on = limits_.focus_on;
   settings.eye.path = wish.path;
   settings.eye.capture_delay = static_cast<uint64_t>(limits_.capture_delay_ms) * GST_MSECOND;
-  settings.most_bit_rate = limits_.bit_rate;
-  settings.least_bit_rate = std::min(settings.least_bit_rate, limits_.bit_rate);
+  settings.most_bit_rate = best_bit_rate(wish.width * wish.views(), wish.height, limits_);
+  settings.least_bit_rate = std::min(settings.least_bit_rate, settings.most_bit_rate);
   settings.messages_per_second = limits_.messages_per_second;
+  settings.max_aperture = limits_.max_aperture > 0 ? limits_.max_aperture : field_.array().size();
   settings.monitored = limits_.monitor > 0;
   settings.route = std::move(route);
   const std::string name = random_name(), codec = to_string(offer.codec);
@@ -94,6 +95,7 @@ std::string Sessions::open(const std::string& address, Offer offer, const Wish& 
   callbacks.on_connected = [this, name] { seats_.connected(name); };
   callbacks.on_gone = [this, name](const std::string& why) { close_soon(name, why); };
   auto viewer = std::make_unique<Viewer>(field_, std::move(offer), settings, std::move(callbacks));
+  viewer->shed(shedding_);
   viewers_.emplace(name, Session{std::move(viewer), settings.eye.view, std::move(on_answer)});
   seats_.take(name, address, wish.views(), g_get_monotonic_time());
   opened_++;
@@ -126,14 +128,29 @@ void Sessions::close_soon(const std::string& name, const std::string& why) {
 void Sessions::tick() {
   const int64_t now = g_get_monotonic_time();
   const bool report = ++ticks_ % kTicksPerReport == 0;
+  if (report) shed();
   for (auto i = viewers_.begin(); i != viewers_.end();) {
     const auto& [name, session] = *i++;
     if (session.viewer->silence(now) > (session.viewer->connected() ? Limits::kSilence : Limits::kConnect))
       close(std::string(name), session.viewer->connected() ? "nothing is heard of the browser" : "it does not connect");
     else if (report)
-      session.viewer->tick();
+      session.viewer->tick(busy_);
   }
   if (report && limits_.monitor > 0) watch_cameras();
+}
+
+// Of all viewers, whoever of them is slow: they share the processors.
+void Sessions::shed() {
+  busy_ = load_.update();
+  double kept = 0;
+  int connected = 0;
+  for (const auto& [name, session] : viewers_)
+    if (session.viewer->connected()) {
+      kept += session.viewer->kept();
+      connected++;
+    }
+  if (!shedding_.update(busy_, connected > 0 ? kept / connected : 1)) return;
+  for (const auto& [name, session] : viewers_) session.viewer->shed(shedding_);
 }
 
 // One viewer is enough for that. What was found remains when it leaves, until another has gone round the array.

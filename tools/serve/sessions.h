@@ -8,7 +8,9 @@
 
 #include "light_field.h"
 #include "limits.h"
+#include "processor_load.h"
 #include "seats.h"
+#include "shedding.h"
 #include "viewer.h"
 
 namespace lf::serve {
@@ -35,6 +37,7 @@ class Sessions {
 
   // What is known of the cameras, from whichever viewer watches them.
   const MonitorReport& monitor() const { return monitor_; }
+  const Shedding& shedding() const { return shedding_; }
   uint64_t opened() const { return opened_; }
   // Over all viewers, those gone included.
   Viewer::Figures figures() const;
@@ -48,6 +51,7 @@ class Sessions {
   void close_soon(const std::string& name, const std::string& why);
   void tick();
   void watch_cameras();
+  void shed();
 
   LightField& field_;
   Limits limits_;
@@ -56,6 +60,9 @@ class Sessions {
   Viewer::Figures gone_;
   std::string watching_;  // the viewer whose requests the cameras are watched by
   MonitorReport monitor_;
+  ProcessorLoad load_;
+  Shedding shedding_;
+  double busy_ = 0;
   uint32_t next_view_ = 1;
   uint64_t opened_ = 0;
   guint timer_ = 0;

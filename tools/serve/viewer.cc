@@ -10,7 +10,6 @@
 #include "focus/carry_over.h"
 #include "launch.h"
 #include "log.h"
-#include "wire/request_layout.h"
 
 namespace lf::serve {
 namespace {
@@ -35,13 +34,6 @@ uint64_t count_in(const GstStructure* stats, const char* name) {
   guint64 value = 0;
   gst_structure_get_uint64(stats, name, &value);
   return value;
-}
-
-bool is_probe(GstBuffer* request) {
-  uint8_t header[wire::kUnitHeaderBytes] = {};
-  gst_buffer_extract(request, 0, header, sizeof header);
-  const auto unit = wire::peek_unit(header);
-  return unit && (unit->flags & wire::kProbe);
 }
 
 std::string info_message(const json& info) {
@@ -71,15 +63,16 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   gst_element_link(video_, webrtc);
   const auto find = [this](const std::string& name) { return gst_bin_get_by_name(GST_BIN(video_), name.c_str()); };
   encoder_ = find("encoder");
+  encoder_name_ = GST_OBJECT_NAME(gst_element_get_factory(encoder_));
   EyeSettings eye = settings.eye;
   eye.offset = -settings.eye_distance / 2;
   const auto eye_that = [&](Eye::OnRequest on_request) {
     return std::make_unique<Eye>(video_, static_cast<int>(eyes_.size()), field, eye, std::move(on_request));
   };
-  eyes_.push_back(eye_that([this](const ViewRequest& request, GstClockTime time) { requested(request, time); }));
+  eyes_.push_back(eye_that([this](GstBuffer* request, GstClockTime time) { requested(request, time); }));
   if (settings.eye_distance > 0) {
     eye.view++;
-    eyes_.push_back(eye_that([](const ViewRequest&, GstClockTime) {}));
+    eyes_.push_back(eye_that([](GstBuffer*, GstClockTime) {}));
     join_eyes();
   }
   watch_pace();
@@ -145,7 +138,7 @@ void Viewer::watch_pace() {
       eyes_[0]->requests(), GST_PAD_PROBE_TYPE_BUFFER,
       [](GstPad*, GstPadProbeInfo* info, gpointer data) {
         GstBuffer* request = GST_PAD_PROBE_INFO_BUFFER(info);
-        if (is_probe(request)) return GST_PAD_PROBE_OK;  // it becomes no picture
+        if (is_probe(request)) return GST_PAD_PROBE_OK;
         const GstClockTime time = GST_BUFFER_PTS(request);
         return static_cast<Pace*>(data)->begin(time) ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
       },
@@ -201,12 +194,12 @@ GstClockTime Viewer::running_time() const {
   return gst_clock_get_time(field_.clock()) - gst_element_get_base_time(pipeline_);
 }
 
-void Viewer::requested(const ViewRequest& request, GstClockTime time) {
-  if (eyes_.size() > 1) {
-    ViewRequest beside = request;
-    beside.view = seen_beside(request.view, settings_.eye_distance);
+void Viewer::requested(GstBuffer* buffer, GstClockTime time) {
+  if (const auto request = eyes_.size() > 1 ? request_in(buffer) : std::nullopt) {
+    ViewRequest beside = *request;
+    beside.view = seen_beside(request->view, settings_.eye_distance);
     beside.trials.clear();  // one eye looks for the focus
-    if (request.view.focus.map) beside.view.focus.map = carry_over(request.view, beside.view);
+    if (request->view.focus.map) beside.view.focus.map = carry_over(request->view, beside.view);
     eyes_[1]->ask(std::move(beside), time);
   }
   std::optional<uint64_t> applied;
@@ -232,7 +225,7 @@ void Viewer::control(const std::string& text) {
       return;
     }
   }
-  ControlMessage message = parse_control_message(text);
+  ControlMessage message = parse_control_message(text, settings_.max_aperture);
   if (!message.error.empty()) refused_messages_++;
   if (message.pixel) tell_pixel(*message.pixel);
   // Noted before, because a request that has the change may leave at once.
@@ -260,16 +253,34 @@ void Viewer::tell_pixel(const ControlMessage::Pixel& pixel) {
   peer_->send(info_message({{"pixel", {{"x", pixel.x}, {"y", pixel.y}, {"cameras", std::move(cameras)}}}}));
 }
 
-void Viewer::tick() {
+void Viewer::tick(double busy) {
+  busy_ = busy;
   if (connected()) peer_->ask_for_report();
+}
+
+void Viewer::shed(const Shedding& shedding) {
+  shedding_ = shedding;
+  use_quality();
+}
+
+// What is left away, the machine's reasons first where both have one.
+json Viewer::shed_report() const {
+  const bool trials = shedding_.trial_interval() > 1, rate = pictures_left_out() > 0, size = size_divisor() > 1;
+  const bool processor = trials && (!rate || shedding_.pictures_left_out() > 0);
+  return {{"what", size ? "size" : rate ? "rate" : trials ? "trials" : ""},
+          {"why", processor ? "processor" : rate || size ? "network" : ""},
+          {"trials", trials},
+          {"rate", 1 + pictures_left_out()},
+          {"size", size_divisor()}};
 }
 
 void Viewer::use_quality() {
   set_bit_rate(encoder_, quality_.bits_per_second());
   // A little less, because requests of an eager view do not leave on the dot.
   const uint64_t period = GST_SECOND / static_cast<uint64_t>(settings_.eye.framerate);
-  pace_.set_interval(static_cast<uint64_t>(quality_.pictures_left_out()) * (2 * period - period / 4));
-  const auto side = [this](int full) { return full / quality_.size_divisor() & ~1; };
+  pace_.set_interval(static_cast<uint64_t>(pictures_left_out()) * (2 * period - period / 4));
+  eyes_[0]->set_trials(shedding_.trial_interval());
+  const auto side = [this](int full) { return full / size_divisor() & ~1; };
   eyes_[0]->set_size(side(settings_.eye.width), side(settings_.eye.height));
 }
 
@@ -290,10 +301,15 @@ void Viewer::report(const LinkReport& link) {
                {"pictureMs", ms("latency-ns-p50")},
                {"videoBytes", video_bytes_.load()},
                {"bitRate", quality_.bits_per_second()},
-               {"frameRate", settings_.eye.framerate / (1 + quality_.pictures_left_out())},
-               {"sizeDivisor", quality_.size_divisor()},
+               {"frameRate", settings_.eye.framerate / (1 + pictures_left_out())},
+               {"sizeDivisor", size_divisor()},
+               {"sentRate", 8 * (video_bytes_ - video_bytes_told_)},
+               {"shed", shed_report()},
+               {"encoder", encoder_name_},
+               {"busy", busy_},
                {"loss", link.loss},
                {"roundTripMs", link.round_trip * 1e3}};
+  video_bytes_told_ = video_bytes_;
   json focus = {{"on", settings_.eye.focus_on.mode},
                 {"rounds", count_in(stats, "focus-rounds")},
                 {"interval", count_in(stats, "focus-interval")},

@@ -3,11 +3,13 @@
 
 #include <gst/app/app.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -19,6 +21,7 @@
 #include "peer.h"
 #include "quality_control.h"
 #include "rate_limit.h"
+#include "shedding.h"
 #include "stereo_pair.h"
 
 namespace lf::serve {
@@ -28,6 +31,7 @@ struct ViewerSettings {
   double eye_distance = 0;  // metres; 0: one eye
   int least_bit_rate = 100000, most_bit_rate = 6000000;
   double messages_per_second = 240;
+  double max_aperture = 0;  // metres
   bool monitored = false;  // whether the server watches its cameras, by this viewer's requests or another's
   Route route;
 };
@@ -47,8 +51,12 @@ class Viewer {
   ~Viewer();
   Viewer(const Viewer&) = delete;
 
-  // Once a second: looks after the bit rate, and tells the page how things are.
-  void tick();
+  // Once a second: looks after the bit rate, and tells the page how things are. `busy`: of the processors, 0 to 1.
+  void tick(double busy);
+  // Leaves away what it says.
+  void shed(const Shedding& shedding);
+  // See Pace, since the last call.
+  double kept() { return pace_.kept(); }
   // Seconds since the browser was last heard, or asked, where it has not connected yet.
   double silence(int64_t now) const;
   // Watches the cameras by its requests, see Limits::monitor.
@@ -71,8 +79,11 @@ class Viewer {
   void watch_pace();
   void use_quality();
   GstClockTime running_time() const;
-  void requested(const ViewRequest& request, GstClockTime time);
+  void requested(GstBuffer* buffer, GstClockTime time);
   void report(const LinkReport& link);
+  int pictures_left_out() const { return std::max(quality_.pictures_left_out(), shedding_.pictures_left_out()); }
+  int size_divisor() const { return std::max(quality_.size_divisor(), shedding_.size_divisor()); }
+  nlohmann::json shed_report() const;
   void tell_pixel(const ControlMessage::Pixel& pixel);
 
   struct Half {  // of a picture for two eyes
@@ -93,6 +104,10 @@ class Viewer {
   int64_t began_;
   Pace pace_;
   QualityControl quality_;
+  Shedding shedding_;
+  double busy_ = 0;
+  std::string encoder_name_;
+  uint64_t video_bytes_told_ = 0;
   std::atomic<uint64_t> video_bytes_ = 0, refused_messages_ = 0;
 
   std::mutex mutex_;  // of what follows
