@@ -241,8 +241,9 @@ int main(int argc, char** argv) {
       ->type_name("ADDRESS");
   app.add_option("--media", o.media, "address of this machine that video comes from, or any (default: as --listen)")
       ->type_name("ADDRESS");
-  app.add_option("--ice-server", o.ice_servers,
-                 "STUN or TURN server, for viewers and for this one: stun:HOST:PORT, turn:HOST:PORT?transport=udp; repeat")
+  app.add_option(
+         "--ice-server", o.ice_servers,
+         "STUN or TURN server, for viewers and for this one: stun:HOST:PORT, turn:HOST:PORT?transport=udp; repeat")
       ->type_name("URI");
   app.add_option("--ice-credentials", o.ice_credentials,
                  "for TURN: has USER PASSWORD, or the secret that is shared with the TURN server (use-auth-secret)")
@@ -279,9 +280,10 @@ int main(int argc, char** argv) {
   app.add_option("--resampling", o.resampling, "how cameras' images are sampled (of --nodes: see lfcameranode)")
       ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened", "catmull-rom"}));
-  app.add_option("--monitor", o.limits.monitor,
-                 "beside one of so many requests of a viewer a camera is left out and predicted from the others, each in "
-                 "turn: the page and /metrics tell which ones have something wrong (0: never)")
+  app.add_option(
+         "--monitor", o.limits.monitor,
+         "beside one of so many requests of a viewer a camera is left out and predicted from the others, each in "
+         "turn: the page and /metrics tell which ones have something wrong (0: never)")
       ->capture_default_str()
       ->check(cli::Range(0, 10000));
   app.add_option("--max-aperture", o.limits.max_aperture, "of a view, metres (default: the array's size)")

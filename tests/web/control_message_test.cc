@@ -26,8 +26,8 @@ TEST(ControlMessage, FieldsThatNobodyKnowsAreRefusedAndNotKept) {
 }
 
 TEST(ControlMessage, NavigationBecomesGStreamersEvents) {
-  const ControlMessage move = parse(
-      navigation(R"({"event":"MouseMove","x":1.5,"y":2,"modifier_state":"shift-mask+button1-mask"})"));
+  const ControlMessage move =
+      parse(navigation(R"({"event":"MouseMove","x":1.5,"y":2,"modifier_state":"shift-mask+button1-mask"})"));
   ASSERT_TRUE(move.event) << move.error;
   EXPECT_EQ(move.id, 7u);
   gdouble x = 0, y = 0;

@@ -116,6 +116,19 @@ TEST_F(LfServeMedia, WhereTheNetworkTakesLessThereIsLessAndLaterMore) {
   EXPECT_EQ(served.stop(), 0);
 }
 
+// The data channel may be open before there is video: what is said then counts.
+TEST_F(LfServeMedia, WhatIsSaidFirstIsHeard) {
+  Served served;
+  for (int i = 0; i < 5; i++) {
+    WhepClient::Options options;
+    options.first_message =
+        "{\"id\":1,\"request\":{\"type\":\"customUpstreamEvent\",\"structureName\":\"lf-view-request\",\"structure\":"
+        "{\"yaw\":1.5}}}";
+    const auto client = watch(served, options);
+    EXPECT_TRUE(becomes([&] { return told(*client, "yaw") == 1.5; })) << told(*client, "yaw");
+  }
+}
+
 TEST_F(LfServeMedia, NothingIsMadeForWhoDoesNotConnect) {
   Served served;
   SoupSession* session = soup_session_new();

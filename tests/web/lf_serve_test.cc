@@ -239,8 +239,8 @@ TEST_F(LfServe, AddressesAreThoseOfConnectionsUnlessAProxyIsNamed) {
   EXPECT_EQ(from("192.0.2.2").status, 201u);
   EXPECT_EQ(from("192.0.2.3").status, 429u);
   Served proxied({"--proxy", "127.0.0.1", "--host", "example.org"});
-  const Response answer = offer(proxied, browser_offer(),
-                                {{"X-Forwarded-Prefix", "/light/field/"}, {"Origin", "https://example.org"}});
+  const Response answer =
+      offer(proxied, browser_offer(), {{"X-Forwarded-Prefix", "/light/field/"}, {"Origin", "https://example.org"}});
   EXPECT_EQ(answer.status, 201u) << "the name is that of the proxy, whatever it says the host is";
   const std::string location = answer.headers.at("Location");
   ASSERT_TRUE(location.starts_with("/light/field/whep/")) << location;
@@ -297,8 +297,9 @@ TEST_F(LfServe, NamesIceServersToThoseWhoMayWatch) {
   EXPECT_FALSE(ask(served, "OPTIONS", "whep").headers.contains("Link"));
   EXPECT_EQ(ask(served, "OPTIONS", "whep", wrong).status, 401u);
   const std::string link = ask(served, "OPTIONS", "whep", right).headers.at("Link");
-  EXPECT_EQ(link, "<stun:127.0.0.1:9>; rel=\"ice-server\", <turn:127.0.0.1:9>; rel=\"ice-server\"; username=\"user\"; "
-                  "credential=\"password\"; credential-type=\"password\"");
+  EXPECT_EQ(link,
+            "<stun:127.0.0.1:9>; rel=\"ice-server\", <turn:127.0.0.1:9>; rel=\"ice-server\"; username=\"user\"; "
+            "credential=\"password\"; credential-type=\"password\"");
   const Response answer = offer(served, browser_offer(), right);
   EXPECT_EQ(answer.status, 201u);
   EXPECT_EQ(answer.headers.at("Link"), link);

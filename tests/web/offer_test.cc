@@ -64,10 +64,11 @@ TEST(Offer, FallsBackToVp8) {
 
 TEST(Offer, HasNoCandidatesButThoseOfItsClient) {
   const std::string own = "a=candidate:1 1 udp 2122260223 192.0.2.7 50000 typ host\r\n",
-                    others = "a=candidate:2 1 udp 2122260223 10.0.0.1 22 typ host\r\n"
-                             "a=candidate:3 1 tcp 1518280447 192.0.2.7 80 typ host tcptype active\r\n"
-                             "a=candidate:4 1 udp 2122260223 printer.local 9 typ host\r\n"
-                             "a=candidate:\r\n";
+                    others =
+                        "a=candidate:2 1 udp 2122260223 10.0.0.1 22 typ host\r\n"
+                        "a=candidate:3 1 tcp 1518280447 192.0.2.7 80 typ host tcptype active\r\n"
+                        "a=candidate:4 1 udp 2122260223 printer.local 9 typ host\r\n"
+                        "a=candidate:\r\n";
   std::string many;
   for (int i = 0; i < 100; i++) many += own;
   const std::string text = with(browser_offer(), "a=recvonly\r\n", "a=recvonly\r\n" + others + many);

@@ -86,8 +86,8 @@ class Served {
     std::vector<const char*> argv;
     for (const std::string& word : words) argv.push_back(word.c_str());
     argv.push_back(nullptr);
-    GSubprocessLauncher* launcher = g_subprocess_launcher_new(
-        GSubprocessFlags(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE));
+    GSubprocessLauncher* launcher =
+        g_subprocess_launcher_new(GSubprocessFlags(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE));
     if (cache) g_subprocess_launcher_setenv(launcher, "XDG_CACHE_HOME", cache, TRUE);
     process_ = g_subprocess_launcher_spawnv(launcher, argv.data(), nullptr);
     g_object_unref(launcher);

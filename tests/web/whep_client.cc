@@ -73,6 +73,11 @@ WhepClient::WhepClient(const Options& options) : options_(options), loss_(option
                      self->messages_.push_back(text ? text : "");
                    }),
                    this);
+  g_signal_connect(channel_, "on-open", G_CALLBACK(+[](GstWebRTCDataChannel* channel, gpointer data) {
+                     const std::string& text = static_cast<WhepClient*>(data)->options_.first_message;
+                     if (!text.empty()) gst_webrtc_data_channel_send_string(channel, text.c_str());
+                   }),
+                   this);
   GstCaps* caps = gst_caps_from_string(
       options.vp8 ? "application/x-rtp,media=video,encoding-name=VP8,payload=96,clock-rate=90000"
                   : "application/x-rtp,media=video,encoding-name=H264,payload=108,clock-rate=90000,"

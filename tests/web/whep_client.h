@@ -20,8 +20,9 @@ class WhepClient {
   struct Options {
     std::string url;  // of the server, "http://127.0.0.1:8080/"
     int width = 640, height = 480;
-    bool vp8 = false;   // offers that alone, else H.264
-    double loss = 0;    // of the packets that come
+    bool vp8 = false;                // offers that alone, else H.264
+    double loss = 0;                 // of the packets that come
+    std::string first_message = {};  // on the data channel, as soon as it is open; "": none
   };
 
   // Offers, connects, and blocks until the first picture has come.

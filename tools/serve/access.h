@@ -25,8 +25,8 @@ class Access {
   // `host`: what the client takes the server for, an address or one of the names. A page that has its own name point
   // here (DNS rebinding) has another name, which its browser tells.
   bool allows_host(const char* host) const;
-  // `origin`: of the page that asks, or null if it is not a page. The server's own pages are those of `host`, and of its
-  // names where a proxy says another one.
+  // `origin`: of the page that asks, or null if it is not a page. The server's own pages are those of `host`, and of
+  // its names where a proxy says another one.
   bool allows_origin(const char* origin, const char* host) const;
   bool asks_for_token() const { return !token_.empty(); }
 

@@ -58,8 +58,7 @@ Connections::~Connections() {
   g_socket_listener_close(G_SOCKET_LISTENER(service_));
   g_signal_handlers_disconnect_by_data(service_, this);
   g_object_unref(service_);
-  for (const auto& [connection, state] : open_)
-    g_object_weak_unref(G_OBJECT(connection), forget, this);
+  for (const auto& [connection, state] : open_) g_object_weak_unref(G_OBJECT(connection), forget, this);
 }
 
 void Connections::accept(GSocketConnection* connection) {
@@ -73,7 +72,8 @@ void Connections::accept(GSocketConnection* connection) {
     const auto most = std::ranges::max_element(of, {}, [](const auto& entry) { return entry.second; });
     GSocketConnection* oldest = nullptr;
     for (const auto& [other, state] : open_)
-      if (!state.ended && state.subscriber == most->first && (!oldest || state.since < open_[oldest].since)) oldest = other;
+      if (!state.ended && state.subscriber == most->first && (!oldest || state.since < open_[oldest].since))
+        oldest = other;
     if (oldest) end(oldest);
   }
   open_[connection] = {subscriber(name.substr(0, name.find(' '))), name, g_get_monotonic_time()};

@@ -23,8 +23,8 @@ struct EyeSettings {
   uint64_t capture_delay = 0;  // nanoseconds, how old a capture must be before it is asked for
   double focus = 0;            // metres, to begin with; 0: as lfviewrequest chooses
   FocusOn focus_on;
-  double offset = 0;           // metres to the right of the view
-  std::string path;            // a views.json that is flown over and over, or ""
+  double offset = 0;  // metres to the right of the view
+  std::string path;   // a views.json that is flown over and over, or ""
 };
 
 // One eye of a viewer inside of the viewer's pipeline: requests go to the light field, answers come from there, and

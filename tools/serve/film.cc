@@ -61,7 +61,8 @@ void Film::read_line() {
         Film* self = static_cast<Film*>(data);
         if (line) return self->take_line(line);
         g_subprocess_wait(self->process_, nullptr, nullptr);  // it has closed its standard error: it ends
-        const bool made = g_subprocess_get_if_exited(self->process_) && g_subprocess_get_exit_status(self->process_) == 0;
+        const bool made =
+            g_subprocess_get_if_exited(self->process_) && g_subprocess_get_exit_status(self->process_) == 0;
         self->on_end_(made ? "" : "lf-scene: " + (self->last_line_.empty() ? "was ended" : self->last_line_));
       },
       this);

@@ -9,8 +9,8 @@
 
 namespace lf::serve {
 
-// A film of the built-in scene that loops, made by lf-scene where it is not there yet, beside the main loop. On the main
-// thread alone.
+// A film of the built-in scene that loops, made by lf-scene where it is not there yet, beside the main loop. On the
+// main thread alone.
 class Film {
  public:
   // The rig file, and whether it is there already.
@@ -34,7 +34,7 @@ class Film {
   GDataInputStream* says_ = nullptr;
   GCancellable* cancellable_;
   int64_t began_;
-  double told_ = 0;     // of all, when it was told last
+  double told_ = 0;  // of all, when it was told last
   int64_t told_at_ = 0;
   std::string last_line_;
 };

@@ -9,8 +9,8 @@
 namespace lf::serve {
 namespace {
 
-constexpr const char* kReasons[] = {"address", "body",  "filming", "full",  "host",       "offer", "origin",
-                                    "path",    "rate",  "starting", "token", "token-rate", "type"};
+constexpr const char* kReasons[] = {"address", "body", "filming",  "full",  "host",       "offer", "origin",
+                                    "path",    "rate", "starting", "token", "token-rate", "type"};
 
 }  // namespace
 

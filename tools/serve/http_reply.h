@@ -21,8 +21,8 @@ void allow(SoupServerMessage* message, const char* methods);
 // Why something is refused, as docs/web-interface.md has it.
 struct Refusal {
   guint status;
-  const char* reason;  // for programs; one of kReasons
-  const char* title;   // for people
+  const char* reason;   // for programs; one of kReasons
+  const char* title;    // for people
   int retry_after = 0;  // seconds; 0: never
 };
 

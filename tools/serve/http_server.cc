@@ -83,8 +83,10 @@ HttpServer::~HttpServer() {
 }
 
 std::string HttpServer::url() const {
-  const std::string host = options_.address.find(':') == std::string::npos ? options_.address : "[" + options_.address + "]";
-  return (options_.certificate.empty() ? "http://" : "https://") + host + ":" + std::to_string(connections_->port()) + "/";
+  const std::string host =
+      options_.address.find(':') == std::string::npos ? options_.address : "[" + options_.address + "]";
+  return (options_.certificate.empty() ? "http://" : "https://") + host + ":" + std::to_string(connections_->port()) +
+         "/";
 }
 
 void HttpServer::serve(LightField& field, Sessions& sessions) {
@@ -126,8 +128,7 @@ void HttpServer::handle(SoupServerMessage* message, const std::string& path, GHa
   const std::string method = soup_server_message_get_method(message);
   if (path == "/healthz") return respond(message, SOUP_STATUS_OK, "text/plain", "ok\n");
   const Whep::Client client = client_of(message);
-  if (!access_.allows_host(header(message, "Host")))
-    return refusals_.answer(message, client.address, refusal::kHost);
+  if (!access_.allows_host(header(message, "Host"))) return refusals_.answer(message, client.address, refusal::kHost);
   const bool whep = path == kWhep || path.starts_with(std::string(kWhep) + "/");
   const bool data = path == "/array.json" || path == "/monitor.json" || path == "/metrics";
   if (!whep && !data) {
@@ -212,7 +213,8 @@ void HttpServer::page(SoupServerMessage* message, const std::string& path) {
   set_header(message, "Access-Control-Allow-Origin", "*");
   set_header(message, "Content-Security-Policy",
              "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action 'none'; "
-             "frame-ancestors 'self'" + frames);
+             "frame-ancestors 'self'" +
+                 frames);
   const char* type = path.ends_with(".js")    ? "text/javascript; charset=utf-8"
                      : path.ends_with(".css") ? "text/css; charset=utf-8"
                      : path.ends_with(".svg") ? "image/svg+xml"

@@ -19,7 +19,8 @@ bool is_host(const std::string& text) {
 }
 
 bool is_word(const std::string& text) {
-  return !text.empty() && std::ranges::all_of(text, [](char c) { return c > ' ' && c <= '~' && c != '"' && c != '\\'; });
+  return !text.empty() &&
+         std::ranges::all_of(text, [](char c) { return c > ' ' && c <= '~' && c != '"' && c != '\\'; });
 }
 
 bool has_port(const std::string& host) {
@@ -52,8 +53,8 @@ IceServers::IceServers(const std::vector<std::string>& uris, const std::string& 
     Server server{uri.substr(0, colon), uri.substr(colon + 1, question == uri.npos ? question : question - colon - 1),
                   question == uri.npos ? "" : uri.substr(question)};
     const bool turn = server.scheme == "turn" || server.scheme == "turns";
-    const bool plain = server.query.empty() ||
-                       (turn && (server.query == "?transport=udp" || server.query == "?transport=tcp"));
+    const bool plain =
+        server.query.empty() || (turn && (server.query == "?transport=udp" || server.query == "?transport=tcp"));
     if ((!turn && server.scheme != "stun") || !plain || !is_host(server.host))
       throw Error("--ice-server " + uri + ": must be stun:HOST:PORT or turn:HOST:PORT, with ?transport=udp or tcp");
     if (turn && credentials.empty()) throw Error("--ice-server " + uri + ": TURN needs --ice-credentials");

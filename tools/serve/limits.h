@@ -32,9 +32,9 @@ struct Limits {
   double connects_per_second = 2;    // of one address, after the first `connect_burst`
   double connect_burst = 40;
   static constexpr double kMostBitsPerPixel = 0.22;  // of video at best, whatever `bit_rate` allows
-  static constexpr int kMinSize = 64;    // pixels a side
-  static constexpr double kSilence = 5;   // seconds without a packet until a viewer is removed
-  static constexpr double kConnect = 15;  // seconds from an offer until its viewer must be connected
+  static constexpr int kMinSize = 64;                // pixels a side
+  static constexpr double kSilence = 5;              // seconds without a packet until a viewer is removed
+  static constexpr double kConnect = 15;             // seconds from an offer until its viewer must be connected
   static constexpr double kWrongTokens = 0.2, kWrongTokensAtOnce = 10;  // of one address, per second
 };
 

@@ -29,9 +29,9 @@ struct Offer {
   std::string profile;  // kH264: profile-level-id
 };
 
-// `h264`, `vp8`: what can be encoded here; H.264 goes first. Candidates are taken out, so that nobody has packets sent to
-// whom they like, but for those of the address `client`: a viewer is found where its own packets come from. Nothing for an offer that can't be answered, and the
-// reason.
+// `h264`, `vp8`: what can be encoded here; H.264 goes first. Candidates are taken out, so that nobody has packets sent
+// to whom they like, but for those of the address `client`: a viewer is found where its own packets come from. Nothing
+// for an offer that can't be answered, and the reason.
 std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, const std::string& client,
                                  std::string* reason);
 

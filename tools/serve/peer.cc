@@ -166,7 +166,6 @@ void Peer::watch(const Route& route) {
   g_signal_emit_by_name(webrtc_, "get-transceiver", 0, &transceiver);
   g_object_set(transceiver, "direction", GST_WEBRTC_RTP_TRANSCEIVER_DIRECTION_SENDONLY, "do-nack", TRUE, nullptr);
   gst_object_unref(transceiver);
-
 }
 
 // DTLS is up by then.
@@ -182,12 +181,11 @@ void Peer::connection_changed(int state) {
 // What the video will be, to be answered with before there is any. An answer made before the stream has its SSRC would
 // name 0 as the one of retransmissions, and browsers show black.
 void Peer::announce() {
-  GstCaps* caps = gst_caps_new_simple("application/x-rtp", "media", G_TYPE_STRING, "video", "clock-rate", G_TYPE_INT,
-                                      90000, "encoding-name", G_TYPE_STRING, to_string(offer_.codec), "payload",
-                                      G_TYPE_INT, static_cast<gint>(offer_.payload_type), "ssrc", G_TYPE_UINT, ssrc_,
-                                      nullptr);
-  if (offer_.codec == VideoCodec::kH264)
-    gst_caps_set_simple(caps, "packetization-mode", G_TYPE_STRING, "1", nullptr);
+  GstCaps* caps =
+      gst_caps_new_simple("application/x-rtp", "media", G_TYPE_STRING, "video", "clock-rate", G_TYPE_INT, 90000,
+                          "encoding-name", G_TYPE_STRING, to_string(offer_.codec), "payload", G_TYPE_INT,
+                          static_cast<gint>(offer_.payload_type), "ssrc", G_TYPE_UINT, ssrc_, nullptr);
+  if (offer_.codec == VideoCodec::kH264) gst_caps_set_simple(caps, "packetization-mode", G_TYPE_STRING, "1", nullptr);
   GstPad* sink = gst_element_get_static_pad(webrtc_, "sink_0");
   gst_pad_send_event(sink, gst_event_new_stream_start("video"));
   gst_pad_send_event(sink, gst_event_new_caps(caps));

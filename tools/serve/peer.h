@@ -17,8 +17,8 @@ typedef struct _GstWebRTCDataChannel GstWebRTCDataChannel;
 
 namespace lf::serve {
 
-// Why a peer fails whose offer webrtcbin does not take. Its own words may have parts of the offer in them, which are not
-// for logs.
+// Why a peer fails whose offer webrtcbin does not take. Its own words may have parts of the offer in them, which are
+// not for logs.
 inline constexpr char kUnanswerable[] = "the offer can't be answered";
 
 // What the receiver says of the last second.
@@ -29,8 +29,9 @@ struct LinkReport {
 
 // Where a peer is to be reached, and what helps it to be.
 struct Route {
-  std::string address;                   // the only one of this machine, or ""
-  std::vector<std::string> ice_servers;  // "stun://HOST:PORT", "turn://USER:PASSWORD@HOST:PORT", as webrtcbin takes them
+  std::string address;  // the only one of this machine, or ""
+  std::vector<std::string>
+      ice_servers;  // "stun://HOST:PORT", "turn://USER:PASSWORD@HOST:PORT", as webrtcbin takes them
 };
 
 // One browser at the other end of a webrtcbin: offer and answer, the data channel, and whether it is still there. It
@@ -88,7 +89,7 @@ class Peer : public std::enable_shared_from_this<Peer> {
   std::mutex mutex_;
   GstWebRTCDataChannel* channel_ = nullptr;
   GstElement* dtls_ = nullptr;  // the encoder, borrowed from the webrtcbin
-  PacketLoss loss_;  // the main thread's
+  PacketLoss loss_;             // the main thread's
 };
 
 }  // namespace lf::serve

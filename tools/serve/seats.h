@@ -11,9 +11,9 @@ namespace lf::serve {
 
 // Who may watch, and who is next. A seat is a view: who has two eyes takes two. Each address has at most so many, and
 // those that have not connected yet have a quarter of all together: where it is used up the address with most of it
-// gives, and who has not connected after kPatience gives first. Where there is no seat there is a queue, each place with
-// a ticket that is shown again and again. Plain arithmetic without clock or locks; times are g_get_monotonic_time(),
-// microseconds.
+// gives, and who has not connected after kPatience gives first. Where there is no seat there is a queue, each place
+// with a ticket that is shown again and again. Plain arithmetic without clock or locks; times are
+// g_get_monotonic_time(), microseconds.
 class Seats {
  public:
   static constexpr int64_t kPatience = 2000000;   // microseconds until one that does not connect holds no seat
@@ -29,8 +29,8 @@ class Seats {
     std::string ticket;              // kFull: "" where the queue is full, too
     size_t place = 0;                // kFull: 1 is next; 0: none
   };
-  // Whether `views` of `address` get seats now, or their place in the queue. `ticket`: as it was answered before, or "";
-  // `new_ticket`: one that nobody can guess, given out where it is needed.
+  // Whether `views` of `address` get seats now, or their place in the queue. `ticket`: as it was answered before, or
+  // ""; `new_ticket`: one that nobody can guess, given out where it is needed.
   Answer ask(const std::string& address, int views, const std::string& ticket, const std::string& new_ticket,
              int64_t now);
   // After kSeat, and when those who had to leave have. `session`: its name.
@@ -38,7 +38,9 @@ class Seats {
   void connected(const std::string& session);
   void leave(const std::string& session);
 
-  int taken() const { return sum(held_, [](const Seat&) { return true; }); }
+  int taken() const {
+    return sum(held_, [](const Seat&) { return true; });
+  }
   int of_address() const { return of_address_; }
   size_t waiting() const { return queue_.size(); }
 

@@ -64,8 +64,7 @@ Seats::Answer Sessions::ask(const std::string& address, const Wish& wish, const 
   return answer;
 }
 
-std::string Sessions::open(const std::string& address, Offer offer, const Wish& wish, Route route,
-                           OnAnswer on_answer) {
+std::string Sessions::open(const std::string& address, Offer offer, const Wish& wish, Route route, OnAnswer on_answer) {
   ViewerSettings settings;
   settings.eye_distance = wish.eye_distance;
   settings.eye.view = next_view_;
@@ -157,7 +156,8 @@ void Sessions::shed() {
 void Sessions::watch_cameras() {
   const auto watching = viewers_.find(watching_);
   if (watching == viewers_.end()) {
-    const auto next = std::ranges::find_if(viewers_, [](const auto& entry) { return entry.second.viewer->connected(); });
+    const auto next =
+        std::ranges::find_if(viewers_, [](const auto& entry) { return entry.second.viewer->connected(); });
     if (next == viewers_.end()) return;
     watching_ = next->first;
     next->second.viewer->set_monitor(limits_.monitor);

@@ -117,6 +117,15 @@ void Viewer::begin_video() {
   gst_element_set_base_time(video_, gst_element_get_base_time(pipeline_));
   gst_element_set_locked_state(video_, FALSE);
   gst_element_sync_state_with_parent(video_);
+  for (std::vector<std::string> early;; early.clear()) {
+    {
+      const std::lock_guard lock(mutex_);
+      early.swap(early_);
+      began_video_ = early.empty();
+    }
+    if (early.empty()) return;
+    for (const std::string& text : early) obey(text);
+  }
 }
 
 Viewer::~Viewer() {
@@ -224,7 +233,16 @@ void Viewer::control(const std::string& text) {
       flooded_ = true;
       return;
     }
+    // The data channel may be open before there is anything to be steered: a link's view comes first of all.
+    if (!began_video_) {
+      early_.push_back(text);  // few: see messages_
+      return;
+    }
   }
+  obey(text);
+}
+
+void Viewer::obey(const std::string& text) {
   ControlMessage message = parse_control_message(text, settings_.max_aperture);
   if (!message.error.empty()) refused_messages_++;
   if (message.pixel) tell_pixel(*message.pixel);
@@ -267,8 +285,13 @@ void Viewer::shed(const Shedding& shedding) {
 json Viewer::shed_report() const {
   const bool trials = shedding_.trial_interval() > 1, rate = pictures_left_out() > 0, size = size_divisor() > 1;
   const bool processor = trials && (!rate || shedding_.pictures_left_out() > 0);
-  return {{"what", size ? "size" : rate ? "rate" : trials ? "trials" : ""},
-          {"why", processor ? "processor" : rate || size ? "network" : ""},
+  return {{"what", size     ? "size"
+                   : rate   ? "rate"
+                   : trials ? "trials"
+                            : ""},
+          {"why", processor      ? "processor"
+                  : rate || size ? "network"
+                                 : ""},
           {"trials", trials},
           {"rate", 1 + pictures_left_out()},
           {"size", size_divisor()}};

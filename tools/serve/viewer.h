@@ -32,12 +32,13 @@ struct ViewerSettings {
   int least_bit_rate = 100000, most_bit_rate = 6000000;
   double messages_per_second = 240;
   double max_aperture = 0;  // metres
-  bool monitored = false;  // whether the server watches its cameras, by this viewer's requests or another's
+  bool monitored = false;   // whether the server watches its cameras, by this viewer's requests or another's
   Route route;
 };
 
 // One browser's own virtual camera, in a pipeline of its own: requests go to the light field, answers come from there,
-// pictures go out, from the moment on that DTLS is up: before, nothing is asked for, rendered or encoded. Made, used and destroyed on the main thread, where its callbacks come, too.
+// pictures go out, from the moment on that DTLS is up: before, nothing is asked for, rendered or encoded. Made, used
+// and destroyed on the main thread, where its callbacks come, too.
 class Viewer {
  public:
   struct Callbacks {
@@ -74,6 +75,7 @@ class Viewer {
   static GstFlowReturn take_picture(GstAppSink* sink, gpointer data);
   static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
   void control(const std::string& text);
+  void obey(const std::string& text);
   void begin_video();
   void join_eyes();
   void watch_pace();
@@ -113,6 +115,8 @@ class Viewer {
   std::mutex mutex_;  // of what follows
   TokenBucket messages_;
   bool flooded_ = false;
+  bool began_video_ = false;
+  std::vector<std::string> early_;  // messages that came before
   struct Change {
     uint64_t id;        // of the message
     GstClockTime time;  // running time just before it

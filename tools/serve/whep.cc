@@ -51,8 +51,7 @@ std::optional<Wish> Whep::wish(SoupServerMessage* message, const Client& client,
   Wish wish{picture->width, picture->height, *distance, ""};
   if (const char* name = value_of(query, "path")) {
     const auto found = options_.paths.find(name);
-    if (found == options_.paths.end())
-      return refusals_.answer(message, client.address, refusal::kPath), std::nullopt;
+    if (found == options_.paths.end()) return refusals_.answer(message, client.address, refusal::kPath), std::nullopt;
     wish.path = found->second;
   }
   return wish;

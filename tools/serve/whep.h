@@ -13,8 +13,8 @@
 
 namespace lf::serve {
 
-// The endpoint /whep and its sessions (draft-ietf-wish-whep; docs/web-interface.md), behind whoever has looked at origin
-// and token. On the main thread alone.
+// The endpoint /whep and its sessions (draft-ietf-wish-whep; docs/web-interface.md), behind whoever has looked at
+// origin and token. On the main thread alone.
 class Whep {
  public:
   struct Options {
@@ -40,8 +40,7 @@ class Whep {
   void refuse_offer(SoupServerMessage* message, const Client& client, const std::string& why);
   // Nothing where it was refused.
   std::optional<Wish> wish(SoupServerMessage* message, const Client& client, GHashTable* query);
-  bool seat(SoupServerMessage* message, const Client& client, const Wish& wish, const char* ticket,
-            Sessions& sessions);
+  bool seat(SoupServerMessage* message, const Client& client, const Wish& wish, const char* ticket, Sessions& sessions);
   void open(SoupServerMessage* message, const Client& client, Offer offer, const Wish& wish, Sessions& sessions);
   void link(SoupServerMessage* message);
 
