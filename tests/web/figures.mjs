@@ -59,7 +59,7 @@ async function sample(served) {
 }
 
 async function viewers(folder, count, size, begin, ...options) {
-  const served = await serve('--rig', join(folder, 'rig.json'), '--viewers', '100', '--connects', '100', ...options);
+  const served = await serve('--rig', join(folder, 'rig.json'), '--viewers', '100', '--address-views', '100', '--connects', '100', ...options);
   const end = await begin(served, count, size);
   const a = await sample(served);
   await new Promise(done => setTimeout(done, seconds * 1000));

@@ -149,4 +149,8 @@ std::string control_response(uint64_t id, const std::string& error) {
   return json{{"type", "ControlResponseMessage"}, {"id", id}, {"error", error.empty() ? json() : json(error)}}.dump();
 }
 
+std::string info_message(const json& info) {
+  return json{{"type", "InfoMessage"}, {"mid", "video0"}, {"info", info}}.dump();
+}
+
 }  // namespace lf::serve
