@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <libsoup/soup.h>
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 
@@ -114,6 +115,25 @@ TEST_F(LfServeMedia, WhereTheNetworkTakesLessThereIsLessAndLaterMore) {
   EXPECT_TRUE(becomes([&] { return told(*client, "frameRate") == 30; }));
   EXPECT_TRUE(goes_on(*client));
   EXPECT_EQ(served.stop(), 0);
+}
+
+TEST_F(LfServeMedia, TheEncoderIsThatOfTheHighestRank) {
+  GstElementFactory* factory = gst_element_factory_find("openh264enc");
+  if (!factory) GTEST_SKIP() << "no openh264enc";
+  gst_object_unref(factory);
+  g_setenv("GST_PLUGIN_FEATURE_RANK", "openh264enc:512", TRUE);
+  Served served;
+  g_unsetenv("GST_PLUGIN_FEATURE_RANK");
+  const auto client = watch(served);
+  client->send("{}");  // opens the channel
+  const auto says = [&](const char* text) {
+    return becomes([&] {
+      return std::ranges::any_of(client->messages(), [&](const std::string& m) { return m.find(text) != m.npos; });
+    });
+  };
+  EXPECT_TRUE(says("\"encoder\":\"openh264enc\""));
+  EXPECT_TRUE(says("\"shed\":{"));
+  EXPECT_TRUE(goes_on(*client));
 }
 
 // The data channel may be open before there is video: what is said then counts.
