@@ -5,7 +5,7 @@ import { once } from 'node:events';
 import { createInterface } from 'node:readline';
 import { readFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { launchBrowser, makeFilm, makeRig, openPage, runTests, serve, shown } from './harness.mjs';
+import { launchBrowser, makeFilm, makeRig, newPage, openPage, runTests, serve, shown } from './harness.mjs';
 import { throughRelay } from './relay.mjs';
 
 const seconds = Number(process.env.LF_SECONDS ?? 10);
@@ -18,7 +18,7 @@ async function processorTime(pid) {
 }
 
 const decoded = page => page.evaluate(async () => {
-  const { peer } = document.querySelector('lightfield-viewer').connection;
+  const { peer } = inside().stream.connection;
   for (const entry of (await peer.getStats()).values())
     if (entry.type === 'inbound-rtp') return { frames: entry.framesDecoded, time: performance.now() };
 });
@@ -89,14 +89,19 @@ async function growth() {
 // `painted`: the browser says it is on the screen.
 async function motion(folder, loss = 0) {
   const served = await serve('--rig', join(folder, 'rig.json'));
-  const page = await (await browser.newContext({ viewport: { width: 640, height: 480 } })).newPage();
+  const page = await newPage(browser, { width: 640, height: 480 });
   const relay = loss > 0 ? await throughRelay(page) : null;
   if (relay) relay.loss = loss;
   await page.goto(served.url);
   await shown(page, 30);
   const before = await decoded(page);
   const times = await page.evaluate(async count => {
-    const viewer = document.querySelector('lightfield-viewer');
+    const viewer = inside(), { panel } = viewer, take = panel.applied.bind(panel);
+    let tell = () => {};
+    panel.applied = applied => {
+      take(applied);
+      tell({ stamp: applied.rtpTimestamp, time: performance.now() });
+    };
     const [track] = viewer.video.srcObject.getVideoTracks();
     const reader = new MediaStreamTrackProcessor({ track }).readable.getReader();
     const shows = (stamp, rtp) => rtp !== undefined && ((rtp - stamp) >>> 0) < 0x80000000;
@@ -118,10 +123,9 @@ async function motion(folder, loss = 0) {
     const rows = [];
     for (let i = 0; i < count; i++) {
       await new Promise(done => setTimeout(done, 150 + Math.random() * 100));
-      const applied = new Promise(done => viewer.addEventListener('applied', event =>
-        done({ stamp: event.detail.rtpTimestamp, time: performance.now() }), { once: true }));
+      const applied = new Promise(done => tell = done);
       const began = performance.now();
-      viewer.setView({ yaw: (i % 7) / 2 });
+      viewer.flight.setView({ yaw: (i % 7) / 2 });
       const { stamp, time } = await applied;
       const first = async list => {
         for (;;) {
@@ -133,7 +137,7 @@ async function motion(folder, loss = 0) {
       rows.push({ asked: time - began, decoded: stamps ? await first(() => latest) : NaN,
         painted: await first(() => painted) });
     }
-    return rows.map(row => ({ ...row, picture: viewer.figures.pictureMs }));
+    return rows.map(row => ({ ...row, picture: viewer.statistics.pictureMs }));
   }, Number(process.env.LF_MOVEMENTS ?? 100));
   for (const [name, what] of [['asked', 'until it is in a request'], ['picture', 'from request to picture (median)'],
     ['decoded', 'until a decoded frame shows it'], ['painted', 'until that is painted']]) {

@@ -67,12 +67,12 @@ async function watchVideo({ truths, covered, seconds, step }) {
     return error / (3 * pixels.length);
   };
 
-  const viewer = document.querySelector('lightfield-viewer'), { video } = viewer;
+  const viewer = inside(), { video } = viewer;
   const canvas = Object.assign(document.createElement('canvas'), { width, height });
   const context = canvas.getContext('2d', { willReadFrequently: true });
   const nextPicture = () => new Promise(done => video.requestVideoFrameCallback(done));
   const png = () => canvas.toDataURL('image/png').split(',')[1];
-  viewer.connect();
+  document.querySelector('lightfield-viewer').play();
   await nextPicture();
   const began = performance.now(), looks = [];
   let worst = Infinity, worstPng;
@@ -84,7 +84,7 @@ async function watchVideo({ truths, covered, seconds, step }) {
     const { data } = context.getImageData(0, 0, width, height);
     const errors = scenes.map(scene => errorOf(data, scene, some)), frame = errors.indexOf(Math.min(...errors));
     const psnr = 10 * Math.log10(255 ** 2 / Math.max(errorOf(data, scenes[frame], counted), 1e-9));
-    looks.push({ at, psnr, frame, focus: viewer.figures.focus });
+    looks.push({ at, psnr, frame, focus: viewer.statistics.focus });
     if (psnr < worst) [worst, worstPng] = [psnr, png()];
   }
   return { part: counted.length / (width * height), looks, last: png(), worst: worstPng };
@@ -96,8 +96,8 @@ async function openAndLeave(served, window) {
   await shown(page);
   const state = await stateOf(page);
   const size = await page.evaluate(() => {
-    const viewer = document.querySelector('lightfield-viewer'), { videoWidth, videoHeight } = viewer.video;
-    viewer.disconnect();
+    const viewer = inside(), { videoWidth, videoHeight } = viewer.video;
+    document.querySelector('lightfield-viewer').pause();
     return { width: videoWidth, height: videoHeight };
   });
   return { page, state, size };

@@ -16,7 +16,7 @@ const rest = ms => new Promise(done => setTimeout(done, ms));
 
 // The share of pixels of the decoded picture that are black.
 const darkShare = page => page.evaluate(() => {
-  const { video } = document.querySelector('lightfield-viewer'), { videoWidth: w, videoHeight: h } = video;
+  const { video } = inside(), { videoWidth: w, videoHeight: h } = video;
   const context = new OffscreenCanvas(w, h).getContext('2d');
   context.drawImage(video, 0, 0);
   const { data } = context.getImageData(0, 0, w, h);
@@ -24,7 +24,7 @@ const darkShare = page => page.evaluate(() => {
   for (let i = 0; i < data.length; i += 4) dark += Math.max(data[i], data[i + 1], data[i + 2]) < 12;
   return dark / (w * h);
 });
-const coverage = page => page.evaluate(() => document.querySelector('lightfield-viewer').figures.coverage);
+const coverage = page => page.evaluate(() => inside().statistics.coverage);
 
 function look([width, height], scheme) {
   const name = `${width}x${height}-${scheme}`;
@@ -38,7 +38,7 @@ function look([width, height], scheme) {
     await until(() => coverage(page), 'figures come');
     await shot('first');
     const { videoWidth, videoHeight } = await page.evaluate(() => {
-      const { videoWidth, videoHeight } = document.querySelector('lightfield-viewer').video;
+      const { videoWidth, videoHeight } = inside().video;
       return { videoWidth, videoHeight };
     });
     expect(Math.abs(videoWidth / videoHeight / (width / height) - 1) < 0.05,

@@ -23,7 +23,7 @@ export class Figures {
 
   // A change that was sent at `sent` is in the picture with this stamp.
   applied({ id, rtpTimestamp }) {
-    const sent = this.viewer.connection?.times.get(id);
+    const sent = this.viewer.stream.connection?.times.get(id);
     if (sent === undefined) return;
     this.waiting = [...this.waiting, [rtpTimestamp, sent]].slice(-kLatest);
   }
@@ -40,7 +40,7 @@ export class Figures {
   }
 
   update() {
-    const f = this.viewer.figures;
+    const f = this.viewer.statistics;
     const before = this.before ?? f;
     this.before = f;
     if (this.box.hidden || f.pictures === undefined) return;
@@ -55,7 +55,10 @@ export class Figures {
         `adding ${f.addMs.toFixed(1)} ms`],
       ['bytes a picture', `${each(f.answerBytes, before.answerBytes)} from the cameras, ` +
         `${(width * height * 1.5 / 1000).toFixed(1)} kB composed, ${each(f.videoBytes, before.videoBytes)} as video`],
-      ['bit rate', `${(f.bitRate / 1e6).toFixed(1)} Mbit/s at most`],
+      ['bit rate', f.sentRate === undefined ? `${megabits(f.bitRate)} at most` :
+        `${megabits(f.sentRate)} of ${megabits(f.bitRate)} aimed at`],
+      ...f.shed?.what ? [['left away', shed(f.shed)]] : [],
+      ...f.busy === undefined ? [] : [['server', `${(100 * f.busy).toFixed(0)} % busy, ${f.encoder}`]],
       ['network', `${(f.loss * 100).toFixed(1)} % lost, ${f.roundTripMs.toFixed(0)} ms there and back`],
       ['skew', `${f.skewMs.toFixed(1)} ms at most`],
       ['lost', `${f.missing} fragments, in ${f.incomplete} of ${f.pictures} pictures; ` +
@@ -63,6 +66,14 @@ export class Figures {
     ];
     this.box.textContent = lines.map(([name, value]) => `${name.padEnd(20)}${value}`).join('\n');
   }
+}
+
+const megabits = rate => `${(rate / 1e6).toFixed(1)} Mbit/s`;
+
+// What the server does without, for the sake of whom.
+function shed({ what, why, rate, size }) {
+  const parts = [what && 'trials of the focus', rate > 1 && `all but each ${rate}. picture`, size > 1 && `all but 1/${size} of the size`];
+  return `${parts.filter(Boolean).join(', ')}: too much for the ${why}`;
 }
 
 // Whether the frame with this stamp is the one asked for, or a later one. Stamps go round at 2^32.

@@ -1,14 +1,30 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// The numbers of a view, as links carry them and the server tells them, and where it sees what.
+// The numbers of a view, as links and attributes carry them, the server tells them and scripts say them, and where a view
+// sees what.
 
 export const kFields = ['x', 'y', 'z', 'yaw', 'pitch', 'roll', 'fov', 'focus-distance'];
+const kInScripts = { 'focus-distance': 'focusDistance' };
 
-// "x=0.1&yaw=5" to {x: 0.1, yaw: 5}; what is no number of a view is left out.
+// "x=0.1&yaw=5" or "x=0.1 yaw=5" to {x: 0.1, yaw: 5}; what is no number of a view is left out.
 export function viewOf(text) {
   const view = {};
-  for (const [name, value] of new URLSearchParams(text))
-    if (kFields.includes(name) && value !== '' && Number.isFinite(Number(value))) view[name] = Number(value);
+  for (const [, name, value] of (text ?? '').matchAll(/([a-z-]+)=([^\s&;,]+)/g))
+    if (kFields.includes(name) && Number.isFinite(Number(value))) view[name] = Number(value);
   return view;
+}
+
+// To the names that scripts use, and back. Throws TypeError for what is no number of a view.
+export function toScript(view) {
+  return Object.fromEntries(kFields.filter(name => name in view).map(name => [kInScripts[name] ?? name, view[name]]));
+}
+export function fromScript(view) {
+  const fields = {};
+  for (const [name, value] of Object.entries(view ?? {})) {
+    const field = kFields.find(known => name === known || name === kInScripts[known]);
+    if (!field || !Number.isFinite(value)) throw new TypeError(`${name}: ${value} is no number of a view`);
+    fields[field] = value;
+  }
+  return fields;
 }
 
 // The view's axes in the world: yaw about y (down), then pitch about x (right), then roll about z (forward).

@@ -63,7 +63,7 @@ export class Headset {
   }
 
   async start() {
-    this.base = this.viewer.state;
+    this.base = this.viewer.flight.state;
     if (!this.base) throw new Error('there is no picture yet');
     const session = this.session = await navigator.xr.requestSession('immersive-vr');
     session.addEventListener('end', () => {
@@ -119,9 +119,9 @@ export class Headset {
     if (!this.wish) {
       const distance = Math.hypot(left.x - right.x, left.y - right.y, left.z - right.z);
       this.wish = { height: kHeight, width: Math.round(kHeight * most.x / most.y / 16) * 16, 'eye-distance': distance };
-      this.viewer.reconnect();
+      this.viewer.stream.again();
     }
-    this.viewer.setView({ x: this.base.x + dx, y: this.base.y + dy, z: this.base.z + dz,
+    this.viewer.flight.sendView({ x: this.base.x + dx, y: this.base.y + dy, z: this.base.z + dz,
       ...anglesOf(turned(base, axesOfXr(orientation))), fov: 2 * Math.atan(most.y) * 180 / Math.PI });
   }
 
@@ -129,7 +129,7 @@ export class Headset {
     const { gl, program } = this, { video } = this.viewer, layer = this.session.renderState.baseLayer;
     gl.bindFramebuffer(gl.FRAMEBUFFER, layer.framebuffer);
     gl.clear(gl.COLOR_BUFFER_BIT);
-    const seen = this.viewer.seen;
+    const seen = this.viewer.flight.seen;
     if (!seen || video.readyState < video.HAVE_CURRENT_DATA) return;
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB, gl.RGB, gl.UNSIGNED_BYTE, video);
     const uniform = name => gl.getUniformLocation(program, name);

@@ -8,21 +8,26 @@ export class Bar {
     this.viewer = viewer;
     this.bar = root.querySelector('.bar');
     this.help = root.querySelector('.guide');
+    const { host } = viewer;
     for (const name of ['pointermove', 'pointerdown', 'keydown', 'focusin', 'wheel'])
-      viewer.addEventListener(name, () => this.wake(), { passive: true });
+      host.addEventListener(name, () => this.wake(), { passive: true });
+    // A ring around the picture is for who goes by keys.
+    host.addEventListener('keydown', () => viewer.stage.classList.add('keys'));
+    host.addEventListener('pointerdown', () => viewer.stage.classList.remove('keys'));
     root.querySelector('button.help').addEventListener('click', () => this.toggleHelp());
     this.help.querySelector('button').addEventListener('click', () => this.toggleHelp());
     const full = root.querySelector('.full');
-    full.hidden = !document.fullscreenEnabled;
     full.addEventListener('click', () => this.toggleFull());
-    viewer.addEventListener('keydown', event => event.key === 'Escape' && !this.help.hidden && this.toggleHelp());
+    host.addEventListener('keydown', event => event.key === 'Escape' && !this.help.hidden && this.toggleHelp());
   }
 
   wake() {
-    this.viewer.toggleAttribute('idle', false);
+    const { stage } = this.viewer;
+    stage.classList.remove('idle');
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.viewer.toggleAttribute('idle', this.help.hidden), kIdle);
+    this.timer = setTimeout(() => stage.classList.toggle('idle', this.help.hidden), kIdle);
   }
+  rest() { clearTimeout(this.timer); }
 
   toggleHelp() {
     this.help.hidden = !this.help.hidden;
@@ -31,7 +36,7 @@ export class Bar {
   }
 
   toggleFull() {
-    const ended = document.fullscreenElement ? document.exitFullscreen() : this.viewer.requestFullscreen();
-    ended.catch(error => this.viewer.say(`No full screen: ${error.message}`));
+    const ended = document.fullscreenElement ? document.exitFullscreen() : this.viewer.host.requestFullscreen();
+    ended?.catch(error => this.viewer.say(`No full screen: ${error.message}`));
   }
 }

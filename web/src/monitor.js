@@ -6,6 +6,8 @@ import { dot } from './view.js';
 
 const kAskEvery = 1000;  // milliseconds
 const kMapSize = 150;    // pixels, the longer side
+const kUsual = 4;        // decibels below the median that say nothing: cameras at the border see less of the others
+const kFar = 8;          // decibels beyond that are as far behind as is shown
 const kFaults = { colour: 'other colours than its neighbours', direction: 'looks elsewhere than the rig says',
   picture: 'out of focus, dirty or covered' };
 
@@ -28,7 +30,7 @@ export class Monitor {
   }
 
   async ask() {
-    if (!this.viewer.isConnected) return clearInterval(this.timer);
+    if (!this.viewer.host.isConnected) return clearInterval(this.timer);
     try {
       this.array ??= await this.fetch('array.json');
       this.report = await this.fetch('monitor.json');
@@ -38,8 +40,8 @@ export class Monitor {
     }
   }
   async fetch(name) {
-    const response = await fetch(new URL(name, this.viewer.endpoint),
-      { headers: this.viewer.connection?.authorization });
+    const response = await fetch(new URL(name, this.viewer.stream.endpoint),
+      { headers: this.viewer.authorization });
     if (!response.ok) throw new Error(response.statusText);
     return response.json();
   }
@@ -48,7 +50,7 @@ export class Monitor {
     const { cameras } = this.report;
     this.canvas.hidden = !cameras.length;
     if (cameras.length) this.drawMap(cameras);
-    const known = cameras.map(({ psnr }) => psnr).filter(psnr => psnr !== null).sort((a, b) => a - b);
+    const known = knownOf(cameras);
     const lines = cameras.length
       ? [`${known.length} of ${cameras.length} cameras predicted, ${known[0]?.toFixed(1)} to ` +
         `${known.at(-1)?.toFixed(1)} dB; ${(this.report.bytes / this.report.turns / 1000).toFixed(1)} kB a turn`]
@@ -56,13 +58,14 @@ export class Monitor {
     for (const { name, psnr, gain, shift, fault } of cameras.filter(({ fault }) => fault))
       lines.push(`${name}: ${kFaults[fault] ?? fault} (${psnr?.toFixed(1)} dB, gain ${gain?.toFixed(2)}, ` +
         `off by ${shift?.toFixed(1)})`);
-    if (cameras.length && known.length && lines.length === 1) lines.push('none stands out');
-    const focus = this.viewer.figures.focus;
+    if (cameras.length && known.length && lines.length === 1) lines.push('All of them fit together: none stands out.');
+    const focus = this.viewer.statistics.focus;
     if (focus) lines.push(...focusLines(focus));
     this.words.textContent = lines.join('\n');
   }
 
-  // A field for each camera, red for the worst predicted, green for the best; those that stand out have a frame.
+  // A field for each camera: green where it is predicted about as well as most of them are, yellow where it falls far
+  // behind, red and framed where something is wrong with it, grey where nothing is known.
   drawMap(cameras) {
     const { right, down } = this.array;
     const points = this.array.cameras.map(({ position }) => [dot(position, right), dot(position, down)]);
@@ -76,13 +79,13 @@ export class Monitor {
     Object.assign(this.canvas.style, { width: `${width}px`, height: `${height}px` });
     const context = this.canvas.getContext('2d');
     context.scale(dense, dense);
-    const known = cameras.map(({ psnr }) => psnr).filter(psnr => psnr !== null);
-    const [least, most] = [Math.min(...known), Math.max(...known)];
+    const known = knownOf(cameras);
+    const middle = known[known.length >> 1];
     for (const [i, [x, y]] of points.entries()) {
       const { psnr, fault } = cameras[i] ?? { psnr: null };
       const place = [(x - low[0]) * scale + 1, (y - low[1]) * scale + 1, field - 2, field - 2];
-      const hue = psnr === null ? 0 : 120 * (psnr - least) / Math.max(most - least, 1);
-      context.fillStyle = psnr === null ? '#555' : `hsl(${hue} 70% 45%)`;
+      const behind = Math.max(0, Math.min(1, (middle - kUsual - psnr) / kFar));
+      context.fillStyle = fault ? 'hsl(0 75% 45%)' : psnr === null ? '#666' : `hsl(${130 - 75 * behind} 60% 40%)`;
       context.fillRect(...place);
       if (!fault) continue;
       context.strokeStyle = '#fff';
@@ -91,6 +94,9 @@ export class Monitor {
     }
   }
 }
+
+// Decibels, the least first.
+const knownOf = cameras => cameras.map(({ psnr }) => psnr).filter(psnr => psnr !== null).sort((a, b) => a - b);
 
 function focusLines({ on, rounds, interval, trialBytes, residual, gained, flat }) {
   if (on === 'plane') return ['focus on the viewer’s plane'];

@@ -15,7 +15,7 @@ export class Cameras {
     this.words = words;
     this.asked = 0;
     this.makers = [];  // of the pixel
-    viewer.video.addEventListener('pointermove', event => this.pointer = viewer.pixelAt(event));
+    viewer.video.addEventListener('pointermove', event => this.pointer = viewer.picture.pixelAt(event));
     viewer.video.addEventListener('pointerleave', () => this.pointer = null);
   }
 
@@ -25,8 +25,8 @@ export class Cameras {
     this.canvas.hidden = this.words.hidden = this.shown;
     if (!this.shown || this.array) return this.shown;
     try {
-      const response = await fetch(new URL('array.json', this.viewer.endpoint),
-        { headers: this.viewer.connection?.authorization });
+      const response = await fetch(new URL('array.json', this.viewer.stream.endpoint),
+        { headers: this.viewer.authorization });
       this.array = await response.json();
     } catch (error) {
       this.words.textContent = `the cameras are not known: ${error.message}`;
@@ -47,9 +47,9 @@ export class Cameras {
     const { video } = this.viewer;
     if (now < this.asked + kAskEvery) return;
     this.asked = now;
-    const middle = { x: this.viewer.eyeWidth / 2, y: video.videoHeight / 2 };
+    const middle = { x: this.viewer.picture.eyeWidth / 2, y: video.videoHeight / 2 };
     this.viewer.askAbout(this.pointer ?? middle);
-    const at = this.viewer.placeOf(this.pointer ?? middle);
+    const at = this.viewer.picture.placeOf(this.pointer ?? middle);
     this.words.style.translate = `${at.x + 12}px ${at.y + 12}px`;
   }
 
@@ -61,7 +61,7 @@ export class Cameras {
     const width = canvas.clientWidth, height = canvas.clientHeight;
     Object.assign(canvas, { width: width * scale, height: height * scale });  // clears it
     context.scale(scale, scale);
-    for (const eye of this.viewer.eyes) this.drawMesh(context, view, eye);
+    for (const eye of this.viewer.picture.eyes) this.drawMesh(context, view, eye);
     this.drawMap(context, view, width);
   }
 
