@@ -59,6 +59,7 @@ export class Connection extends EventTarget {
       // Live is live: nothing is kept back for smoothness.
       if ('jitterBufferTarget' in event.receiver) event.receiver.jitterBufferTarget = 0;
       if ('playoutDelayHint' in event.receiver) event.receiver.playoutDelayHint = 0;
+      this.hasTrack = true;
       this.video.srcObject = new MediaStream([event.track]);
     };
     peer.onconnectionstatechange = () => {

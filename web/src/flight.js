@@ -24,15 +24,17 @@ export class Flight {
     this.home = null;
     this.scene = null;   // {near, far}: metres
     this.changes = [];   // [RTP timestamp, state] of pictures to come
-    this.asked = [];     // [id, done, failed] of what setView() has set
+    this.asked = [];     // [id, done, failed, fields] of what setView() has set and no picture shows
   }
 
   // Another connection goes on where the one before was.
   resume(first) {
     this.changes = [];
-    const id = this.sendView(this.state ?? { ...first, ...this.set });
+    const pending = Object.assign({}, ...this.asked.map(([, , , fields]) => fields));
+    const id = this.sendView({ ...this.state ?? { ...first, ...this.set }, ...pending });
     for (const entry of this.asked) entry[0] = id || kNothing;
-    if (this.follows) this.follow(true);
+    // The server answers with the view, to this if to nothing else.
+    if ((this.follows || !id) && this.viewer.path === null) this.follow(this.follows);
   }
 
   // Ends with the view when a picture shows it, or one that was set later.
@@ -41,7 +43,7 @@ export class Flight {
     this.viewer.controls.settle();
     const id = this.sendView(fields);
     if (!Object.keys(fields).length && this.seen) return Promise.resolve(toScript(this.seen));
-    return new Promise((done, failed) => this.asked.push([id, done, failed]));
+    return new Promise((done, failed) => this.asked.push([id, done, failed, fields]));
   }
   refused(id, why) {
     for (const entry of this.asked) if (entry[0] === id) entry[2](new RangeError(why));

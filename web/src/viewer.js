@@ -274,14 +274,18 @@ export class Viewer {
   // Every frame that is shown.
   frames() {
     this.video.requestVideoFrameCallback?.((now, frame) => {
+      this.frames();
+      if (!this.stream.connection?.hasTrack) return;  // the last of the stream before
       this.flight.show(frame);
       this.notice.shown();
       this.panel.frame(now, frame);
       this.anaglyph.draw(this.flight.seen, this.eyeDistance);
       this.cameras.draw(now, this.flight.seen);
-      if (!this.loaded) this.tell('first-frame', { width: this.picture.eyeWidth, height: this.video.videoHeight });
-      this.loaded = true;
-      this.frames();
+      // What is seen is known by then, too.
+      if (!this.loaded && (this.flight.seen || this.path !== null)) {
+        this.loaded = true;
+        this.tell('first-frame', { width: this.picture.eyeWidth, height: this.video.videoHeight });
+      }
     });
   }
 
