@@ -395,7 +395,7 @@ async function toldInWords() {
   expect(!/unsafe/.test(response.headers()['content-security-policy']), 'the policy is strict');
   await shown(page, 5);
   const words = await page.locator('lightfield-viewer').ariaSnapshot();
-  for (const part of ['- img "Live picture of the light field', '- slider "Distance of what is sharp"',
+  for (const part of ['- application "Live picture of the light field', '- slider "Distance of what is sharp"',
     '- button "Sweep"', '- button "Home"', '- combobox "Eyes"', '- button "Cameras"', '- button "Figures"',
     '- button "Share"', '- log "What happened"'])
     expect(words.includes(part), `${part} is not in\n${words}`);

@@ -106,7 +106,7 @@ async function twoOfThem() {
   });
   await two.waitForFunction(() => inside(b).video.videoWidth === 160, null, { timeout: patience });
   await until(async () => Math.abs((await view('b')).x - 0.02) < 1e-6 && (await view('b')).focusDistance === 3, 'view goes there');
-  await two.getByRole('img', { name: 'A globe' }).waitFor();
+  await two.getByRole('application', { name: 'A globe' }).waitFor();
   expect(await two.locator('#b').getByRole('slider').count() === 1, 'controls come');
   await two.evaluate(() => b.eyes = 'side');
   await two.waitForFunction(() => inside(b).video.videoWidth === 320, null, { timeout: patience });

@@ -82,7 +82,8 @@ export async function makeRig(grid) {
 
 // lf-serve with these options; stop() it. `said` grows as it speaks.
 export async function serve(...options) {
-  const child = spawn(join(tools, 'lf-serve'), ['--port', '0', ...options], { stdio: ['ignore', 'pipe', 'pipe'] });
+  const port = options.includes('--port') ? [] : ['--port', '0'];
+  const child = spawn(join(tools, 'lf-serve'), [...port, ...options], { stdio: ['ignore', 'pipe', 'pipe'] });
   process.on('exit', () => child.kill('SIGKILL'));  // of a test that failed
   const served = { said: '', pid: child.pid };
   const url = new Promise((resolve, reject) => {

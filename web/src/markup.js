@@ -10,7 +10,7 @@ const button = (name, label, title, paths, toggles = true) =>
 
 export const markup = `<div class="stage">
   <div class="picture">
-    <video part="video" autoplay playsinline muted role="img" aria-describedby="description"></video>
+    <video part="video" autoplay playsinline muted></video>
     <canvas class="anaglyph" hidden aria-hidden="true"></canvas>
     <canvas class="cameras" hidden aria-hidden="true"></canvas>
     <canvas class="last" hidden aria-hidden="true"></canvas>

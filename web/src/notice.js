@@ -2,9 +2,9 @@
 // What stands in the way of a picture, in words a person understands, and what can be done about it: wait, try again, or
 // give the token. While there is no stream the last picture stays behind it, or the poster.
 
-const kStopped = 1000;    // milliseconds without a frame until that is told
+const kStopped = 750;     // milliseconds without a frame until that is told, and the server asked whether it lives
 const kGivenUp = 4000;    // without a word of the server, either, until another connection is tried
-const kLookEvery = 250;
+const kLookEvery = 150;
 const kQuiet = 600;       // milliseconds of connecting that need no words
 
 const kWords = {
@@ -136,6 +136,10 @@ export class Notice {
     const { connection } = this.viewer.stream, now = performance.now(), still = now - this.frame;
     if (document.hidden || !connection?.isOpen || this.viewer.video.paused) return void (this.frame = this.heard = now);
     if (still > kGivenUp && now - this.heard > kGivenUp) return connection.lose();
-    if (still > kStopped && this.box.hidden) this.show('The picture has stopped. Waiting for the server');
+    if (still < kStopped || !this.box.hidden) return;
+    this.show('The picture has stopped. Waiting for the server');
+    // No word of what it says: that it says something is enough.
+    fetch(new URL('healthz', this.viewer.stream.endpoint), { mode: 'no-cors', cache: 'no-store' })
+      .catch(() => performance.now() - this.frame > kStopped && connection.lose());
   }
 }

@@ -119,9 +119,9 @@ export class Viewer {
   render() {
     const { host, video } = this, flies = this.controls.flies;
     video.ariaLabel = host.getAttribute('alt') ?? kAlt;
-    if (flies) video.tabIndex = 0;
-    else video.removeAttribute('tabindex');
-    flies ? video.setAttribute('aria-describedby', 'description') : video.removeAttribute('aria-describedby');
+    // Keys are the viewer's own, not a screen reader's.
+    for (const [name, value] of [['tabindex', '0'], ['role', 'application'], ['aria-describedby', 'description']])
+      flies ? video.setAttribute(name, value) : video.removeAttribute(name);
     for (const part of [this.bar.bar, this.root.querySelector('slot[name=controls]')]) part.hidden = !flies;
     this.startButton.hidden = this.started;
     this.stage.classList.toggle('begins', !this.started);
