@@ -243,3 +243,16 @@ export async function rendered(folder, state, size, eyeOffset) {
   await rm(out, { recursive: true });
   return png;
 }
+
+// The built-in scene itself, seen by the view at each of these times: PNGs.
+export async function truthOf(state, size, times = [0]) {
+  const out = await mkdtemp(join(tmpdir(), 'lf_web_truth_'));
+  const views = times.map((time, i) => ({ ...viewFile(state, size), name: `at_${i}`, time }));
+  await writeFile(join(out, 'views.json'), JSON.stringify({ format: 'lightfield-views', version: 1, views }));
+  // It films something beside the truth, always.
+  await run(join(tools, 'lf-scene'), ['--out', out, '--grid', '1x1', '--width', '64',
+    '--height', '48', '--frames', '1', '--format', 'png', '--truth', join(out, 'views.json')]);
+  const truths = await Promise.all(views.map(({ name }) => readFile(join(out, 'truth', `${name}.png`))));
+  await rm(out, { recursive: true });
+  return truths;
+}

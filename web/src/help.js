@@ -20,7 +20,6 @@ const kKeys = [['← ↑ ↓ →', 'look around'], ['w a s d q e', 'fly'], ['+ �
   ['f', 'keep in focus what was clicked'], ['r', 'back to the start'], ['c', 'cameras'], ['i', 'figures'],
   ['m', 'quality'], ['?', 'this page']];
 
-export const help = `<h2>How to fly</h2>
-  <ul>${kGestures.map(([paths, gesture, does]) => `<li>${draw(paths)}<b>${gesture}</b> ${does}</li>`).join('')}</ul>
-  <dl>${kKeys.map(([key, does]) => `<div><dt>${key.split(' ').map(k => `<kbd>${k}</kbd>`).join(' ')}</dt><dd>${does}</dd></div>`).join('')}</dl>
-  <button>Close</button>`;
+export const help = `<header><h2>How to fly</h2><button>Close</button></header>
+  <ul>${kGestures.map(([paths, gesture, does]) => `<li>${draw(paths)}<span><b>${gesture}</b> ${does}</span></li>`).join('')}</ul>
+  <dl>${kKeys.map(([key, does]) => `<div><dt>${key.split(' ').map(k => `<kbd>${k}</kbd>`).join(' ')}</dt><dd>${does}</dd></div>`).join('')}</dl>`;

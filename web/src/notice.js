@@ -57,7 +57,8 @@ export class Notice {
     this.viewer.stage.classList.add('waiting');
     this.watch();
     if (this.box.hidden) this.soon = setTimeout(() => this.show('Connecting'), kQuiet);
-    else if (!this.again.hidden) this.show('Connecting');
+    clearInterval(this.countdown);
+    this.again.textContent = 'Connecting';
   }
   // A frame is there.
   shown() {
@@ -70,6 +71,8 @@ export class Notice {
   }
   hide() {
     this.rest();
+    // Who has typed a token flies on with the same keys.
+    if (this.box.contains(this.viewer.root.activeElement)) this.viewer.video.focus({ preventScroll: true });
     this.box.hidden = true;
     this.viewer.stage.classList.remove('told');
     if (this.viewer.stream.connection) this.watch();

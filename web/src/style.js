@@ -29,8 +29,11 @@ export const style = `
   .told canvas.last, .told .poster { filter: brightness(.5); }
   .start { position: absolute; inset: 0; margin: auto; width: 84px; height: 84px; border-radius: 50%; z-index: 2; padding: 0; }
   .start svg { width: 40px; height: 40px; fill: currentcolor; }
-  .vignette { position: absolute; inset: 0; pointer-events: none; opacity: 0; transition: opacity .3s;
-    box-shadow: inset 0 0 min(18cqw, 160px) min(6cqw, 50px) #000; }
+  .vignette { position: absolute; inset: 0; pointer-events: none;
+    background: linear-gradient(to right, #000 var(--left, -15%), transparent calc(var(--left, -15%) + 15%)),
+      linear-gradient(to left, #000 var(--right, -15%), transparent calc(var(--right, -15%) + 15%)),
+      linear-gradient(to bottom, #000 var(--top, -15%), transparent calc(var(--top, -15%) + 15%)),
+      linear-gradient(to top, #000 var(--bottom, -15%), transparent calc(var(--bottom, -15%) + 15%)); }
   .frame { position: absolute; inset: 0; pointer-events: none; z-index: 1; }
   .keys video:focus-visible ~ .frame { box-shadow: inset 0 0 0 2px var(--mark); }
   .bar { position: absolute; left: 0; right: 0; bottom: 0; z-index: 2; display: flex; gap: 6px 8px; align-items: center;
@@ -42,7 +45,7 @@ export const style = `
     background: var(--panel); opacity: 0; transition: opacity .25s; pointer-events: none; white-space: nowrap; }
   .hint.on { opacity: 1; }
   progress { width: 100%; accent-color: var(--mark); }
-  @media (prefers-reduced-motion: reduce) { .bar, .vignette, .hint, .picture { transition: none; } }
+  @media (prefers-reduced-motion: reduce) { .bar, .hint, .picture { transition: none; } }
   label { display: flex; gap: 8px; align-items: center; flex: 1 1 200px; white-space: nowrap; }
   .distance { min-width: 6ch; text-align: right; font-variant-numeric: tabular-nums; }
   input[type=range] { flex: 1; min-width: 70px; height: 28px; accent-color: var(--mark); }
@@ -62,13 +65,15 @@ export const style = `
   .monitor pre { position: static; padding: 0; background: none; max-width: none; }
   pre.makers { left: 0; top: 0; z-index: 1; }
   .status, .guide { position: absolute; inset: 0; z-index: 3; display: grid; place-content: safe center; pointer-events: none; }
-  .status > div { pointer-events: auto; display: grid; gap: 10px; justify-items: center; text-align: center;
+  .status [part=notice], .status ::slotted([slot=error]) { pointer-events: auto; }
+  .status [part=notice] { display: grid; gap: 10px; justify-items: center; text-align: center;
     padding: 14px 20px; margin: 12px; border-radius: 10px; background: var(--panel); max-width: 36ch; }
   .status p { margin: 0; }
   form { display: flex; gap: 6px; flex-wrap: wrap; justify-content: center; }
   .guide { pointer-events: auto; background: rgb(0 0 0 / .4); overflow: auto; }
   .guide > div { padding: 12px 20px 16px; margin: 12px; border-radius: 10px; background: var(--panel);
     width: min(700px, 100cqw - 24px); box-sizing: border-box; display: grid; gap: 10px; justify-items: start; }
+  .guide header { display: flex; justify-content: space-between; align-items: center; width: 100%; }
   .guide h2 { margin: 0; font-size: 18px; }
   .guide ul, .guide dl { margin: 0; padding: 0; list-style: none; display: grid; gap: 6px 18px;
     grid-template-columns: repeat(auto-fit, minmax(min(100%, 260px), 1fr)); width: 100%; }
@@ -82,14 +87,15 @@ export const style = `
   kbd { font: 12px ui-monospace, monospace; border: 1px solid var(--line); border-radius: 4px; padding: 1px 5px; }
   @container (max-width: 1100px) {
     .bar { gap: 5px; padding: 6px 8px calc(6px + env(safe-area-inset-bottom)); }
-    .bar button, .bar select { padding: 4px 6px; min-height: 44px; font-size: 12px; }
+    .bar button, .bar select { padding: 4px 5px; min-height: 44px; font-size: 12px; }
     .bar button { flex-direction: column; gap: 0; }
-    .bar select { width: 84px; }
-    label { flex-basis: 150px; }
+    .bar select { width: 86px; }
+    label { flex-basis: 120px; gap: 5px; }
   }
   @container (max-width: 720px) {
-    label { flex-basis: 100%; }
-    .bar button, .bar select { flex: 1 0 auto; }
+    .bar { display: grid; grid-template-columns: repeat(5, 1fr); }
+    .bar label { grid-column: 1 / -1; }
+    .bar button, .bar select { min-width: 0; width: auto; padding: 2px; font-size: 11px; line-height: 1.15; }
     pre { font-size: 10px; }
   }
   .said { position: absolute; width: 1px; height: 1px; overflow: hidden; clip-path: inset(50%); }

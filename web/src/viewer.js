@@ -18,6 +18,7 @@ import { Anaglyph, kModes } from './stereo.js';
 import { Stream } from './stream.js';
 import { style } from './style.js';
 import { viewOf } from './view.js';
+import { Vignette } from './vignette.js';
 
 const kEyeDistance = 0.063;  // metres
 const kRest = 400;           // milliseconds without another size until the view takes it
@@ -39,7 +40,7 @@ export class Viewer {
     this.status = find('.status');
     this.slider = find('input[type=range]');
     this.distance = find('.distance');
-    this.vignette = find('.vignette');
+    this.vignette = new Vignette(this, find('.vignette'));
     this.follower = find('.follow');
     this.choice = find('select');
     this.startButton = find('.start');
@@ -146,7 +147,7 @@ export class Viewer {
     if (before.src !== undefined && (changed('src') || changed('path'))) {
       this.flight.forget();
       this.loaded = false;
-      this.fullCoverage = 0;
+      this.vignette.forget();
       Object.assign(this.stream, { iceServers: null, ticket: null, retry: 0 });
       this.cameras.array = this.cameras.known = this.monitor.array = null;
     }
@@ -266,9 +267,7 @@ export class Viewer {
   know({ coverage, focus, monitored }) {
     this.root.querySelector('button.quality').hidden = monitored === false;
     if (focus?.far > focus?.near) this.flight.scene = focus;
-    if (coverage === undefined) return;
-    this.fullCoverage = Math.max(this.fullCoverage ?? 0, coverage);
-    this.vignette.style.opacity = Math.min(1, Math.max(0, 12 * (this.fullCoverage - 0.01 - coverage)));
+    this.vignette.know(coverage);
   }
 
   // Every frame that is shown.
@@ -279,6 +278,7 @@ export class Viewer {
       this.flight.show(frame);
       this.notice.shown();
       this.panel.frame(now, frame);
+      this.vignette.draw(now);
       this.anaglyph.draw(this.flight.seen, this.eyeDistance);
       this.cameras.draw(now, this.flight.seen);
       // What is seen is known by then, too.
