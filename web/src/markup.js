@@ -5,8 +5,8 @@ import { help } from './help.js';
 import { kModes } from './stereo.js';
 
 const icon = paths => `<svg viewBox="0 0 24 24" aria-hidden="true">${paths}</svg>`;
-const button = (name, label, title, paths, toggles = true) =>
-  `<button class="${name}" ${toggles ? 'aria-pressed="false"' : ''} title="${title}">${icon(paths)}${label}</button>`;
+const button = (name, label, title, paths, toggles = true, more = '') =>
+  `<button class="${name}" ${toggles ? 'aria-pressed="false"' : ''} ${more} title="${title}">${icon(paths)}${label}</button>`;
 
 export const markup = `<div class="stage">
   <div class="picture">
@@ -46,7 +46,7 @@ export const markup = `<div class="stage">
     ${button('cameras', 'Cameras', 'Which cameras make the picture (key c)',
     '<path d="M3 8h4l2-3h6l2 3h4v11H3z"/><circle cx="12" cy="13" r="3.5"/>')}
     ${button('figures', 'Figures', 'Frames per second, latency, bytes (key i)', '<path d="M5 20V11M12 20V4M19 20v-6"/>')}
-    ${button('quality', 'Quality', 'How well the cameras fit together (key m)', '<path d="M4 13l5 5L20 6"/>')}
+    ${button('quality', 'Quality', 'How well the cameras fit together (key m)', '<path d="M4 13l5 5L20 6"/>', true, 'hidden')}
     ${button('share', 'Share', 'Copies a link to exactly this view',
     '<path d="M12 15V3M8 7l4-4 4 4M5 12v8h14v-8"/>', false)}
     ${button('full', 'Full screen', 'The picture alone', '<path d="M4 9V4h5M15 4h5v5M20 15v5h-5M9 20H4v-5"/>', false)}

@@ -1,15 +1,22 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Where the picture is in the element, in CSS pixels from its left upper corner, and which pixel of the view is where.
 
+const kSame = 1.02;  // ratio of shapes that are the same
+
 export class Picture {
   constructor(viewer) { this.viewer = viewer; }
 
-  // It keeps its shape.
+  // It keeps its shape; where the element's is the same but for a rounding, nothing is left free beside it.
+  fit() { this.viewer.stage.classList.toggle('fills', this.fills); }
+  get fills() { return Math.max(...this.scales) / Math.min(...this.scales) < kSame; }
+  get scales() {
+    const { clientWidth, clientHeight, videoHeight } = this.viewer.video;
+    return [clientWidth / (this.shownWidth || 1), clientHeight / (videoHeight || 1)];
+  }
+  get shownWidth() { return this.viewer.mode === 'side' ? this.viewer.video.videoWidth : this.eyeWidth; }
   get box() {
-    const { viewer } = this, { clientWidth, clientHeight, videoWidth, videoHeight } = viewer.video;
-    const shownWidth = viewer.mode === 'side' ? videoWidth : this.eyeWidth;
-    const contained = Math.min(clientWidth / (shownWidth || 1), clientHeight / (videoHeight || 1)) || 1;
-    const scale = contained * (viewer.mode === 'anaglyph' ? viewer.anaglyph.zoom : 1);
+    const { viewer, shownWidth } = this, { clientWidth, clientHeight, videoHeight } = viewer.video;
+    const scale = ((this.fills ? Math.max : Math.min)(...this.scales) || 1) * (viewer.mode === 'anaglyph' ? viewer.anaglyph.zoom : 1);
     const width = shownWidth * scale, height = videoHeight * scale;
     return { x: (clientWidth - width) / 2, y: (clientHeight - height) / 2, width, height, scale };
   }

@@ -23,6 +23,7 @@ export const style = `
   :host([controls]) .idle video { cursor: none; }
   canvas { position: absolute; inset: 0; width: 100%; height: 100%; pointer-events: none; z-index: 1; }
   canvas.anaglyph, canvas.last { object-fit: contain; z-index: 0; }
+  .fills video, .fills canvas.anaglyph, .fills canvas.last { object-fit: cover; }
   .poster, ::slotted([slot=poster]) { position: absolute; inset: 0; width: 100%; height: 100%; }
   .poster { z-index: 0; }
   .poster img { width: 100%; height: 100%; object-fit: contain; display: block; }
@@ -48,7 +49,7 @@ export const style = `
   @media (prefers-reduced-motion: reduce) { .bar, .hint, .picture { transition: none; } }
   label { display: flex; gap: 8px; align-items: center; flex: 1 1 200px; white-space: nowrap; }
   .distance { min-width: 6ch; text-align: right; font-variant-numeric: tabular-nums; }
-  input[type=range] { flex: 1; min-width: 70px; height: 28px; accent-color: var(--mark); }
+  input[type=range] { flex: 1; width: 0; min-width: 70px; height: 28px; accent-color: var(--mark); }
   button, select, input[type=password] { font: inherit; color: inherit; background: var(--button);
     border: 1px solid var(--line); border-radius: 6px; padding: 6px 10px; min-height: 36px; }
   button { display: inline-flex; gap: 6px; align-items: center; justify-content: center; cursor: pointer; }

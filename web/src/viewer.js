@@ -62,6 +62,7 @@ export class Viewer {
     this.sight = new Sight(host, seen => this.stream.see(seen || this.mode === 'headset'));
     this.stream.seen = false;
     this.resizes = new ResizeObserver(() => this.resized());
+    this.video.addEventListener('resize', () => this.picture.fit());
     this.slider.addEventListener('input', () => this.flight.focusShare(Number(this.slider.value)));
     this.choice.addEventListener('change', () => this.show(this.choice.value));
     click('.sweep', event => this.flight.sweep(event.currentTarget));
@@ -185,12 +186,12 @@ export class Viewer {
   }
   get memory() { return `lightfield-token ${this.stream.endpoint}`; }
 
-  // Pixels to ask for: what the element has, in whole multiples of 16; of each eye.
+  // Pixels to ask for: what the element has, in even numbers; of each eye.
   get size() {
     const { width, height } = this.host.getBoundingClientRect(), most = Number(this.given('max-width')) || Infinity;
     const wide = (width || 640) / (this.mode === 'side' ? 2 : 1);
     const scale = Math.min(devicePixelRatio || 1, 2, most / wide);
-    const side = length => Math.max(64, Math.round(length * scale / 16) * 16);
+    const side = length => Math.max(64, Math.round(length * scale / 2) * 2);
     return { width: side(wide), height: side(height || 480) };
   }
   get eyeDistance() { return Number(this.given('eye-distance')) || kEyeDistance; }
@@ -203,6 +204,7 @@ export class Viewer {
 
   // A stream keeps its size: one of another size is another stream. Waits until the window rests.
   resized() {
+    this.picture.fit();
     clearTimeout(this.resting);
     this.resting = setTimeout(() => {
       const { width, height } = this.size, { asked } = this.stream;
@@ -236,6 +238,7 @@ export class Viewer {
   showMode() {
     this.choice.value = this.mode;
     this.anaglyph.canvas.hidden = this.mode !== 'anaglyph';
+    this.picture.fit();
   }
 
   // A connection is open.
