@@ -154,9 +154,42 @@ async function motion(folder, loss = 0) {
   await served.stop();
 }
 
+// From the moment that the page is asked for until its first picture is on the screen, of a server and a browser that have done
+// it before; and from the moment that an element is in sight again.
+async function firstPicture(folder) {
+  const served = await serve('--rig', join(folder, 'rig.json'), '--connects', '100');
+  const first = [], again = [];
+  for (let i = 0; i < 12; i++) {
+    const page = await newPage(browser, { width: 640, height: 480 });
+    await page.addInitScript(() => {
+      globalThis.painted = new Promise(done => addEventListener('DOMContentLoaded', () =>
+        inside().video.requestVideoFrameCallback((now, { expectedDisplayTime }) => done(expectedDisplayTime))));
+    });
+    await page.goto(served.url);
+    const time = await page.evaluate(() => painted);
+    await page.waitForTimeout(300);
+    const back = await page.evaluate(async () => {
+      const { stream, video } = inside();
+      stream.see(false);
+      await new Promise(done => setTimeout(done, 500));
+      const began = performance.now();
+      stream.see(true);
+      return new Promise(done => video.requestVideoFrameCallback((now, { expectedDisplayTime }) => done(expectedDisplayTime - began)));
+    });
+    if (i >= 2) first.push(time), again.push(back);
+    await page.context().close();
+  }
+  for (const [what, times] of [['first picture, of a page that is opened', first], ['back in sight', again]]) {
+    times.sort((a, b) => a - b);
+    console.log(`# ${what}: median ${times[times.length >> 1].toFixed(0)} ms, at most ${times.at(-1).toFixed(0)} ms, of ${times.length}`);
+  }
+  await served.stop();
+}
+
 const film = await makeFilm('8x8'), vga = { width: 640, height: 480 }, small = { width: 320, height: 240 };
 await runTests([
   ['motion to photon', () => motion(film)],
+  ['first picture', () => firstPicture(film)],
   ['loss', () => motion(film, 0.02)],
   ['4 browsers', () => viewers(film, 4, vga, browsers)],
   ['8 browsers', () => viewers(film, 8, small, browsers)],

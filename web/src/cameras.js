@@ -26,7 +26,7 @@ export class Cameras {
     if (!this.shown || this.array) return this.shown;
     try {
       const response = await fetch(new URL('array.json', this.viewer.stream.endpoint),
-        { headers: this.viewer.authorization });
+        { headers: this.viewer.token.authorization });
       this.array = await response.json();
     } catch (error) {
       this.words.textContent = `the cameras are not known: ${error.message}`;

@@ -41,7 +41,7 @@ export class Monitor {
   }
   async fetch(name) {
     const response = await fetch(new URL(name, this.viewer.stream.endpoint),
-      { headers: this.viewer.authorization });
+      { headers: this.viewer.token.authorization });
     if (!response.ok) throw new Error(response.statusText);
     return response.json();
   }

@@ -35,7 +35,7 @@ export class Notice {
     this.again.addEventListener('click', () => this.viewer.stream.again());
     this.form.addEventListener('submit', event => {
       event.preventDefault();
-      this.viewer.keepToken(this.field.value.trim());
+      this.viewer.token.keep(this.field.value.trim());
       this.viewer.stream.again();
     });
   }
@@ -104,7 +104,7 @@ export class Notice {
   words(error) {
     const { status, reason, message } = error;
     if (status === 401)
-      return this.viewer.token ? 'The token is wrong, or not valid any more.' : 'This light field needs a token.';
+      return this.viewer.token.value ? 'The token is wrong, or not valid any more.' : 'This light field needs a token.';
     if (Object.hasOwn(kWords, reason ?? '')) return kWords[reason](error);
     if (status === 503) return kWords.full(error);
     if (status === 429) return 'Too many connections came from here. It goes on in a moment.';

@@ -60,7 +60,7 @@ export class Stream {
     try {
       const own = viewer.iceServers ?? serversIn(viewer.given('ice-servers'));
       const ticket = this.ticket && { ticket: this.ticket };
-      await connection.open(this.endpoint, viewer.token, { ...viewer.wish, ...ticket }, own.length ? own : this.iceServers ?? []);
+      await connection.open(this.endpoint, viewer.token.value, { ...viewer.wish, ...ticket }, own.length ? own : this.iceServers ?? []);
     } catch (error) {
       this.lost(connection, error instanceof Refusal ? error : this.unreachable(error));
     }

@@ -17,6 +17,7 @@ import { Sight } from './sight.js';
 import { Anaglyph, kModes } from './stereo.js';
 import { Stream } from './stream.js';
 import { style } from './style.js';
+import { Token } from './token.js';
 import { viewOf } from './view.js';
 import { Vignette } from './vignette.js';
 
@@ -58,6 +59,7 @@ export class Viewer {
     this.monitor = new Monitor(this, find('.monitor'));
     this.controls = new Controls(this);
     this.share = new Share(this, find('.share'));
+    this.token = new Token(this);
     this.anaglyph = new Anaglyph(find('canvas.anaglyph'), this.video);
     this.sight = new Sight(host, seen => this.stream.see(seen || this.mode === 'headset'));
     this.stream.seen = false;
@@ -152,7 +154,7 @@ export class Viewer {
       Object.assign(this.stream, { iceServers: null, ticket: null, retry: 0 });
       this.cameras.array = this.cameras.known = this.monitor.array = null;
     }
-    if (changed('token')) this.typed = null;
+    if (changed('token')) this.token.typed = null;
     this.render();
     if (names.some(changed)) this.stream.again();
   }
@@ -167,25 +169,6 @@ export class Viewer {
   // The attribute, or with `share` the page's address.
   given(name) { return this.host.getAttribute(name) ?? this.share.words.get(name); }
   get path() { return this.given('path'); }
-  // It never leaves the browser but as a header.
-  get token() { return this.typed ?? this.given('token') ?? this.remembered ?? ''; }
-  get authorization() { return this.token ? { Authorization: `Bearer ${this.token}` } : {}; }
-  // One that was typed in. The page of the server, which has `share`, knows it until its tab is closed.
-  keepToken(token) {
-    this.typed = token;
-    try {
-      if (this.share.on) sessionStorage.setItem(this.memory, token);
-    } catch { /* the page may have no storage */ }
-  }
-  get remembered() {
-    try {
-      return this.share.on ? sessionStorage.getItem(this.memory) : null;
-    } catch {
-      return null;
-    }
-  }
-  get memory() { return `lightfield-token ${this.stream.endpoint}`; }
-
   // Pixels to ask for: what the element has, in even numbers; of each eye.
   get size() {
     const { width, height } = this.host.getBoundingClientRect(), most = Number(this.given('max-width')) || Infinity;
