@@ -208,6 +208,7 @@ async function underAPath() {
   await page.evaluate(() => document.querySelector('lightfield-viewer').pause());
   await until(async () => await served.metric('viewers') === 0, 'its session is found');
   expect(asked.every(path => path.startsWith('/light/field/')), `asked for ${asked}`);
+  await page.unrouteAll({ behavior: 'wait' });
   await page.context().close();
   await served.stop();
 }

@@ -7,6 +7,7 @@ import { kFields, toScript } from './view.js';
 const kHomeward = 300;  // milliseconds that the way home takes
 const kTold = 0.005;    // of its distance: a change of focus that is worth an event
 
+const kHeard = 500;      // milliseconds in which the server says that it has a view
 const kNothing = -1;     // id of what was set by nothing: any picture shows it
 
 const isSame = (a, b) => kFields.every(name => a?.[name] === b?.[name]);
@@ -31,8 +32,9 @@ export class Flight {
   resume(first) {
     this.changes = [];
     const pending = Object.assign({}, ...this.asked.map(([, , , fields]) => fields));
-    const id = this.sendView({ ...this.state ?? { ...first, ...this.set }, ...pending });
-    for (const entry of this.asked) entry[0] = id || kNothing;
+    const fields = { ...this.state ?? { ...first, ...this.set }, ...pending };
+    this.asked.push([0, () => {}, () => {}, fields]);
+    const id = this.send(fields);
     // The server answers with the view, to this if to nothing else.
     if ((this.follows || !id) && this.viewer.path === null) this.follow(this.follows);
   }
@@ -42,8 +44,16 @@ export class Flight {
     Object.assign(this.set, fields);
     this.viewer.controls.settle();
     const id = this.sendView(fields);
+    this.sent = performance.now();
     if (!Object.keys(fields).length && this.seen) return Promise.resolve(toScript(this.seen));
     return new Promise((done, failed) => this.asked.push([id, done, failed, fields]));
+  }
+  // All that has been asked for is in these fields.
+  send(fields) {
+    const id = this.sendView(fields);
+    for (const entry of this.asked) entry[0] = id || kNothing;
+    this.sent = performance.now();
+    return id;
   }
   refused(id, why) {
     for (const entry of this.asked) if (entry[0] === id) entry[2](new RangeError(why));
@@ -60,6 +70,9 @@ export class Flight {
   take(view, applied) {
     this.state = view;
     this.home ??= view;
+    // What was asked for while the server's camera was not there yet has met nobody.
+    if (!applied && this.asked.some(([id]) => id > 0) && performance.now() > this.sent + kHeard)
+      this.send(Object.assign({}, ...this.asked.map(([, , , fields]) => fields)));
     this.changes.push([applied, view]);
     const { viewer } = this, focus = view['focus-distance'], { near, far } = this.range;
     if (viewer.root.activeElement !== viewer.slider) viewer.slider.value = Math.log(focus / near) / Math.log(far / near);
