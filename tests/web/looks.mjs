@@ -54,12 +54,14 @@ function look([width, height]) {
       `${videoWidth} x ${videoHeight} is of another shape`);
     const dark = await darkShare(page), home = await stateOf(page);
     const [truth] = await truthOf(home, { width: videoWidth, height: videoHeight });
+    const isWhole = () => page.evaluate(width => inside().video.videoWidth === width, videoWidth);  // nothing is left away
     // The first is made on a plane; the surface comes as soon as it is found.
     let psnr = 0;
-    await until(async () => ({ psnr } = await compare(page, await picture(page), truth)).psnr > kPsnr, `home is ${kPsnr} dB from the scene`);
+    await until(async () => await isWhole() && ({ psnr } = await compare(page, await picture(page), truth)).psnr > kPsnr, `home is ${kPsnr} dB from the scene`);
     const covered = await coverage(page);
     console.log(`# ${name}: ${videoWidth} x ${videoHeight}, fov ${home.fov.toFixed(1)}, ${(100 * dark).toFixed(2)} % dark, ` +
       `coverage ${(100 * covered).toFixed(2)} %, ${psnr.toFixed(1)} dB against the scene`);
+    await shot('home');
     expect(dark < 0.005, `home has a dark border: ${dark}`);
     expect(covered > 0.99, `home is covered to ${covered}`);
 

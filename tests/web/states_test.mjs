@@ -135,7 +135,7 @@ async function linksAndTokens() {
   await typed.getByLabel('Token').press('Enter');
   await shown(typed, 5);
   await typed.setViewportSize({ width: 320, height: 240 });
-  await typed.waitForFunction(() => inside().video.videoWidth === 320);
+  await typed.waitForFunction(() => inside().stream.isOpen && inside().stream.asked.width === 320);
   await typed.reload();
   await shown(typed, 5);
   await typed.getByRole('button', { name: 'Share' }).press('Enter');

@@ -4,9 +4,9 @@
 
 const kEvery = 60;    // milliseconds
 const kMoving = 1200; // milliseconds after the view has moved until the server's word on it is sure to be there
-const kSides = 64;    // pixels a side of what is looked at
+const kSides = 128;   // pixels a side of what is looked at
 const kDark = 10;     // of 255: nothing is there
-const kMost = 0.5;    // of a row that may be dark where something is there
+const kMost = 0.3;    // of a row that may be dark where something is there
 const kFade = 15;     // percent of the element, as in the style
 
 export class Vignette {
@@ -42,6 +42,7 @@ export class Vignette {
   look() {
     this.canvas ??= Object.assign(document.createElement('canvas'), { width: kSides, height: kSides });
     const context = this.canvas.getContext('2d', { willReadFrequently: true }), { video, picture } = this.viewer;
+    context.imageSmoothingEnabled = false;  // what is dark stays dark
     context.drawImage(video, 0, 0, picture.eyeWidth, video.videoHeight, 0, 0, kSides, kSides);
     const { data } = context.getImageData(0, 0, kSides, kSides), columns = Array(kSides).fill(0), rows = Array(kSides).fill(0);
     for (let i = 0; i < kSides * kSides; i++) {
