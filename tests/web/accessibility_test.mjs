@@ -36,6 +36,7 @@ async function overlays(colorScheme) {
     await shown(page, 5);
     await page.mouse.move(200, 200);
     await check(page, name('first look'));
+    await page.waitForFunction(() => inside().statistics.monitored);
     for (const [key, what] of [['c', 'cameras'], ['i', 'figures'], ['m', 'quality'], ['?', 'help']]) {
       await page.focus('lightfield-viewer video');
       await page.keyboard.press(key);

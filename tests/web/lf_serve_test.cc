@@ -81,8 +81,8 @@ TEST_F(LfServe, ServesPageHealthAndMetrics) {
   const Response page = ask(served, "GET", "");
   EXPECT_EQ(page.status, 200u);
   EXPECT_THAT(page.body, HasSubstr("<lightfield-viewer"));
-  for (const char* file : {"lightfield-viewer.js", "cameras.js", "connection.js", "controls.js", "figures.js",
-                           "headset.js", "markup.js", "stereo.js", "view.js"}) {
+  for (const char* file : {"lightfield-viewer.js", "src/connection.js", "src/controls.js", "src/headset.js",
+                           "src/markup.js", "src/style.js", "src/view.js", "src/viewer.js"}) {
     const Response script = ask(served, "GET", file);
     EXPECT_EQ(script.status, 200u) << file;
     EXPECT_THAT(script.headers.at("Content-Type"), HasSubstr("text/javascript")) << file;

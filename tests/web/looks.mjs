@@ -124,6 +124,7 @@ async function errors() {
   const second = await openPage(browser, new URL('#token=sesame', served.url).href, size);
   await until(async () => /too many/.test(await second.getByRole('status').textContent()), 'it is full');
   await shoot(second, 'state', 'full');
+  await page.waitForFunction(() => inside().statistics.monitored);
   await page.keyboard.press('m');
   await page.waitForFunction(() => inside().monitor.report?.turns > 70, null, { timeout: 60000 });
   await rest(1200);

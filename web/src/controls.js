@@ -167,7 +167,7 @@ export class Controls {
       Home: () => viewer.flight.goHome(),
       i: () => viewer.toggle('figures', viewer.panel),
       f: () => viewer.flight.follow(!viewer.flight.follows),
-      m: () => viewer.statistics.monitored !== false && viewer.toggle('quality', viewer.monitor),
+      m: () => viewer.statistics.monitored && viewer.toggle('quality', viewer.monitor),
       c: () => viewer.toggle('cameras', viewer.cameras),
     };
     if (Object.hasOwn(own, event.key)) return own[event.key]();

@@ -54,7 +54,7 @@ export class Monitor {
     const lines = cameras.length
       ? [`${known.length} of ${cameras.length} cameras predicted, ${known[0]?.toFixed(1)} to ` +
         `${known.at(-1)?.toFixed(1)} dB; ${(this.report.bytes / this.report.turns / 1000).toFixed(1)} kB a turn`]
-      : ['the cameras are not watched (lf-serve --monitor)'];
+      : ['no camera has had its turn yet'];
     for (const { name, psnr, gain, shift, fault } of cameras.filter(({ fault }) => fault))
       lines.push(`${name}: ${kFaults[fault] ?? fault} (${psnr?.toFixed(1)} dB, gain ${gain?.toFixed(2)}, ` +
         `off by ${shift?.toFixed(1)})`);

@@ -251,7 +251,7 @@ export class Viewer {
   }
   // What can be seen changes what is shown around the picture.
   know({ coverage, focus, monitored }) {
-    this.root.querySelector('button.quality').hidden = monitored === false;
+    this.root.querySelector('button.quality').hidden = !monitored;
     if (focus?.far > focus?.near) this.flight.scene = focus;
     this.vignette.know(coverage);
   }
