@@ -3,7 +3,7 @@
 #include "fuzz/fuzz.h"
 #include "wire/moments_codec.h"
 
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+LF_FUZZ_TARGET(moments)(const uint8_t* data, size_t size) {
   using namespace lf;
   std::string reason;
   wire::MomentsShape shape;
