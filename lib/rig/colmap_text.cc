@@ -6,6 +6,8 @@
 #include <set>
 #include <sstream>
 
+#include <nlohmann/json.hpp>
+
 #include "base/error.h"
 #include "base/json_value.h"
 #include "base/number_text.h"
@@ -25,6 +27,16 @@ struct ColmapModel {
 constexpr ColmapModel kOtherModels[] = {
     {"OPENCV_FISHEYE", 8, 2},        {"FULL_OPENCV", 12, 2},   {"FOV", 5, 2},
     {"SIMPLE_RADIAL_FISHEYE", 4, 1}, {"RADIAL_FISHEYE", 5, 1}, {"THIN_PRISM_FISHEYE", 12, 2}};
+
+// What a rig file can hold.
+bool is_utf8(const std::string& text) {
+  try {
+    nlohmann::json(text).dump();
+    return true;
+  } catch (const nlohmann::json::type_error&) {
+    return false;
+  }
+}
 
 // One file of a model, line by line.
 class LineReader {
@@ -63,7 +75,9 @@ class LineReader {
     const size_t begin = line_.find_first_not_of(" \t", position_);
     if (begin == std::string::npos) fail(std::string(what) + " is missing");
     position_ = line_.size();
-    return line_.substr(begin, line_.find_last_not_of(" \t") + 1 - begin);
+    std::string text = line_.substr(begin, line_.find_last_not_of(" \t") + 1 - begin);
+    if (!is_utf8(text)) fail(std::string(what) + " is no text in UTF-8");
+    return text;
   }
   double number(const char* what) {
     const std::string text = word(what);
