@@ -6,8 +6,6 @@
 #include <set>
 #include <sstream>
 
-#include <nlohmann/json.hpp>
-
 #include "base/error.h"
 #include "base/json_value.h"
 #include "base/number_text.h"
@@ -27,16 +25,6 @@ struct ColmapModel {
 constexpr ColmapModel kOtherModels[] = {
     {"OPENCV_FISHEYE", 8, 2},        {"FULL_OPENCV", 12, 2},   {"FOV", 5, 2},
     {"SIMPLE_RADIAL_FISHEYE", 4, 1}, {"RADIAL_FISHEYE", 5, 1}, {"THIN_PRISM_FISHEYE", 12, 2}};
-
-// What a rig file can hold.
-bool is_utf8(const std::string& text) {
-  try {
-    nlohmann::json(text).dump();
-    return true;
-  } catch (const nlohmann::json::type_error&) {
-    return false;
-  }
-}
 
 // One file of a model, line by line.
 class LineReader {
