@@ -4,7 +4,8 @@
 #   tests/soak.sh --minutes N [--out FOLDER]    at least 2; figures and the plot go to build/soak, or there
 # 64 cameras on six hosts, a compositor host with two viewers, a viewer of the nodes themselves, and a browser at an
 # lf-serve of the nodes. Viewers and browser come and go, nodes are killed and started again, cameras are lost and found,
-# 1 % of the packets between hosts are lost, and somebody sends 100 hostile packets a second.
+# 1 % of the packets that come to a host are lost, and a stranger and somebody at a viewer's host send 100 hostile packets
+# a second.
 # Writes samples.csv, pictures.csv, events.csv and soak.svg. Its last lines are the laws (tests/soak/laws.py): no growth of
 # memory after the warm-up, descriptors and threads at their base when nobody watches, pictures that are complete and do
 # not pause, and programs that end when they are asked to. Exit status 0 if all hold.
@@ -21,10 +22,11 @@ while (($#)); do
   shift
 done
 if [[ ! $minutes =~ ^[0-9]+$ ]] || ((minutes < 2)); then
-  sed -n '3,11s/^# //p' "$0"
+  sed -n '3,12s/^# //p' "$0"
   exit 2
 fi
 ((EUID == 0)) || { echo "tests/soak.sh: network namespaces need root" >&2; exit 1; }
+command -v iptables >/dev/null || { echo "tests/soak.sh: iptables is not installed" >&2; exit 1; }
 
 ninja -C build --quiet gst/libgstlightfield.so tools/lf-serve tools/lf-scene tools/lf-path
 mkdir -p "$out" build/soak

@@ -32,7 +32,7 @@ packages=(
 )
 
 if $for_tests; then
-  packages+=(tshark janus opencv-doc)
+  packages+=(tshark janus opencv-doc iptables)
   # These come from elsewhere, too.
   command -v chromium chromium-browser google-chrome >/dev/null || packages+=(chromium)
   command -v node >/dev/null || packages+=(nodejs)

@@ -12,9 +12,10 @@ def _ip(*arguments):
 
 
 class Network:
-    """The first host has the address 10.78.0.3, the others follow. Gone with close()."""
+    """The first host has the address 10.78.0.3, the others follow; of what comes to each a share is lost. Gone with
+    close()."""
 
-    def __init__(self, hosts):
+    def __init__(self, hosts, loss):
         self._prefix = f'soak{os.getpid()}-'
         self._hosts = list(hosts)
         _ip('netns', 'add', self._prefix + 'switch')
@@ -29,6 +30,8 @@ class Network:
             _ip('-n', space, 'addr', 'add', self.address(host) + '/24', 'dev', 'eth0')
             _ip('-n', space, 'link', 'set', 'lo', 'up')
             _ip('-n', space, 'link', 'set', 'eth0', 'up')
+            _ip('netns', 'exec', space, 'iptables', '-A', 'INPUT', '-i', 'eth0', '-m', 'statistic', '--mode', 'random',
+                '--probability', str(loss), '-j', 'DROP')
 
     def address(self, host):
         return f'10.78.0.{3 + self._hosts.index(host)}'

@@ -21,7 +21,7 @@ PIPELINES = ROOT + '/pipelines/'
 
 CAMERAS = ['0-7', '8-15', '16-23', '24-31', '32-47', '48-63']  # of each camera host
 RATE = '10/1'
-LOSSY = 'netsim drop-probability=0.01'
+LOSS = 0.01  # of the packets that come to a host
 HOSTILE = 100  # packets a second
 SAMPLE_EVERY = 3  # seconds
 SETTLE = 12  # until who has gone is forgotten: a browser after 5
@@ -48,7 +48,8 @@ class Soak:
         self.environment = {**os.environ, 'GST_PLUGIN_PATH': build + '/gst',
                             'GST_REGISTRY': build + '/soak/registry.bin', 'LF_TOOLS_DIR': build + '/tools'}
         self.rig = self.own_cameras(film)
-        self.network = Network(['c0', 'c1', 'c2', 'c3', 'c4', 'c5', 'compositor', 'v0', 'v1', 'v2', 'serve', 'evil'])
+        self.network = Network(['c0', 'c1', 'c2', 'c3', 'c4', 'c5', 'compositor', 'v0', 'v1', 'v2', 'serve', 'evil'],
+                               LOSS)
 
     # The film with camera files of its own, as cameras are lost.
     def own_cameras(self, film):
@@ -81,7 +82,7 @@ class Soak:
 
     def start_node(self, i):
         command = [PIPELINES + 'camera-node.sh', '--rig', self.rig, '--cameras', CAMERAS[i], '--node', str(i),
-                   '--framerate', '15/1', '--link', LOSSY]
+                   '--framerate', '15/1']
         for asker, port in self.ASKERS.items():
             command += ['--requests', str(port), '--answers', self.at(asker, 6100 + i)]
         self.nodes[i] = self.start_limited(f'node {i}', f'c{i}', command)
@@ -90,7 +91,7 @@ class Soak:
         return [f'{self.at(f"c{i}", self.ASKERS[asker])}:{6100 + i}' for i in range(len(CAMERAS))]
 
     def start_others(self):
-        command = [PIPELINES + 'compositor-node.sh', '--rig', self.rig, '--requests', '6200', '--link', LOSSY]
+        command = [PIPELINES + 'compositor-node.sh', '--rig', self.rig, '--requests', '6200']
         for node in self.nodes_for('compositor'):
             command += ['--node', node]
         for i in range(2):
@@ -102,15 +103,18 @@ class Soak:
         targets = [f'{self.at(f"c{i}", port)}:requests' for i in range(len(CAMERAS)) for port in self.ASKERS.values()]
         targets += [f'{self.at(asker, 6100 + i)}:answers' for asker in self.ASKERS for i in range(len(CAMERAS))]
         targets.append(f'{self.at("compositor", 6200)}:requests')
-        self.others['hostile'] = self.start('hostile', 'evil', [
-            sys.executable, ROOT + '/tests/soak/hostile.py', str(HOSTILE), *targets])
+        # A stranger, and one that viewers share a host with.
+        for host in ('evil', 'v2'):
+            name = f'hostile {host}'
+            self.others[name] = self.start(name, host, [sys.executable, ROOT + '/tests/soak/hostile.py', str(HOSTILE / 2),
+                                                        *targets])
 
     def start_viewer(self, i):
         path = f'{os.path.dirname(self.rig)}/views{i}.json'
         if i < 2:
             command = [PIPELINES + 'viewer.sh', '--rig', self.rig, '--path', path, '--view', str(i), '--compositor',
                        self.at('compositor', 6200), '--video', '6300', '--framerate', RATE, '--sink',
-                       'fakesink sync=false async=false', '--link', LOSSY]
+                       'fakesink sync=false async=false']
         else:
             command = ['gst-launch-1.0', '-m', 'lfviewsrc', f'rig={self.rig}', 'nodes=' + ','.join(self.nodes_for('v2')),
                        f'location={path}', 'loop=true', f'framerate={RATE}', 'post-messages=true', '!',
@@ -229,8 +233,9 @@ class Soak:
         warm = self.watch.now()
         after = self.busy(60 * minutes - warm - 2 * SETTLE)
         end = self.watch.now()
+        hostile = [program for name, program in self.others.items() if name.startswith('hostile')]
         for program in [*self.nodes.values(), *self.others.values()]:
-            self.end(program, signal.SIGTERM if program.name in ('lf-serve', 'hostile') else signal.SIGINT)
+            self.end(program, signal.SIGTERM if program in (self.others['lf-serve'], *hostile) else signal.SIGINT)
         self.watch.write(self.out)
         return laws.Run(self.watch, before, after, warm, end, self.failures, self.out, self.has_browser)
 
