@@ -30,7 +30,8 @@ if [[ $runs == keep ]]; then
   rm -rf "$build/kept"
   mkdir "$build/kept"
   # Those that cover most, of those that are small: they are written in this order.
-  "$build/tests/fuzz/fuzz-$target" -set_cover_merge=1 -use_counters=0 -use_cmp=0 -max_len=2048 "$build/kept" "$kept" "$build/corpus/$target"
+  "$build/tests/fuzz/fuzz-$target" -set_cover_merge=1 -use_counters=0 -use_cmp=0 -max_len=2048 \
+    -artifact_prefix="$build/found/$target-" "$build/kept" "$kept" "$build/corpus/$target"
   while read -r name; do mv "$build/kept/$name" "$kept/"; done < <(find "$build/kept" -type f -printf '%T@ %f\n' |
     sort -n | head -n 40 | cut -d ' ' -f 2)
   exit

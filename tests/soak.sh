@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # The whole system for a while under all that can happen to it. Not part of tests/run.sh; needs root (network namespaces).
-#   tests/soak.sh --minutes N [--out FOLDER]    at least 2; figures and the plot go to build/soak, or there
+#   tests/soak.sh --minutes N [--out FOLDER]    at least 3; figures and the plot go to build/soak, or there
 # 64 cameras on six hosts, a compositor host with two viewers, a viewer of the nodes themselves, and a browser at an
 # lf-serve of the nodes. Viewers and browser come and go, nodes are killed and started again, cameras are lost and found,
 # 1 % of the packets that come to a host are lost, and a stranger and somebody at a viewer's host send 100 hostile packets
@@ -21,7 +21,7 @@ while (($#)); do
   esac
   shift
 done
-if [[ ! $minutes =~ ^[0-9]+$ ]] || ((minutes < 2)); then
+if [[ ! $minutes =~ ^[0-9]+$ ]] || ((minutes < 3)); then
   sed -n '3,12s/^# //p' "$0"
   exit 2
 fi

@@ -10,8 +10,9 @@ from watch import percentile
 
 Run = namedtuple('Run', 'watch before after warm end failures out has_browser')
 
-# Of a program in the second half: heaps take a few minutes to be as large as they need. The larger one counts.
-MOST_GROWTH_MIB, MOST_GROWTH_SHARE = 4, 0.05
+# Of what a program has least of in a minute, in the second half: heaps take a while to be as large as they need, and visits
+# come and go. The larger one counts, however long the soak was.
+MOST_GROWTH_MIB, MOST_GROWTH_SHARE = 6, 0.1
 MOST_THREADS_MORE = 2  # that pools keep
 HEALS_WITHIN = 6  # seconds; for so long nothing is asked of pictures
 LEAST_COMPLETE = 0.4  # of pictures while nothing is killed or lost, at 1 % of packets lost each way
@@ -21,7 +22,6 @@ LONGEST_PAUSE = 5  # seconds without a picture
 
 def slope(points):
     """By Theil and Sen: the median of the slopes between points."""
-    points = points[::max(1, len(points) // 400)]
     return statistics.median((b[1] - a[1]) / (b[0] - a[0])
                              for i, a in enumerate(points) for b in points[i + 1:] if b[0] > a[0])
 
@@ -60,12 +60,18 @@ def calm_pictures(run):
 
 
 def memory(run):
-    """Of programs that lived from the warm-up on to the end, its second half: name, points (seconds, MiB)."""
+    """Of programs that lived from the warm-up on to the end, in its second half, the least of each minute: name, points
+    (seconds, MiB)."""
     final = {(s.program, s.pid) for s in run.after.values()}
     first = {(s.program, s.pid) for s in run.before.values()}
     for key in sorted(final & first):
-        yield key[0], [(s.time, s.memory) for s in run.watch.samples
-                       if (s.program, s.pid) == key and (run.warm + run.end) / 2 <= s.time <= run.end]
+        least = {}
+        for s in run.watch.samples:
+            if (s.program, s.pid) == key and (run.warm + run.end) / 2 <= s.time <= run.end:
+                minute = int(s.time / 60)
+                least[minute] = min(least.get(minute, (s.time, s.memory)), (s.time, s.memory), key=lambda p: p[1])
+        if len(least) > 1:
+            yield key[0], list(least.values())
 
 
 def check(run):

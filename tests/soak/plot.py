@@ -59,7 +59,7 @@ class Svg:
             path, last = '', None
             for at, value in points:
                 far = last is None or at - last > max(10, 3 * BUCKET_SHARE * self.seconds)
-                path += f'{"M" if far else "L"}{self.x(at):.1f} {y_of(min(value, lines[-1])):.1f}'
+                path += f'{"M" if far else "L"}{self.x(at):.0f} {y_of(min(value, lines[-1])):.1f}'
                 last = at
             self.parts.append(f'<path d="{path}" fill="none" stroke="{colour}" stroke-width="1.3"/>'
                               f'<text x="{WIDTH - RIGHT + 8}" y="{top + 10 + 13 * i}" fill="{colour}">{escape(name)}</text>')
@@ -79,6 +79,15 @@ def of_buckets(pictures, seconds, value):
             for view, own in sorted(buckets.items())}
 
 
+def peaks(points, seconds):
+    """The largest of each stretch of time: a few hundred points, however long the run was."""
+    largest = {}
+    for point in points:
+        stretch = int(point[0] / max(3, seconds / 250))
+        largest[stretch] = max(largest.get(stretch, point), point, key=lambda p: p[1])
+    return list(largest.values())
+
+
 def draw(run, path):
     watch, seconds = run.watch, run.end
     bands = [(begin + 0.5, end - laws.HEALS_WITHIN, '#f3dede') for begin, end in laws.troubled(run)]
@@ -88,7 +97,7 @@ def draw(run, path):
         series = defaultdict(list)
         for s in watch.samples:
             series[s.program].append((s.time, getattr(s, what)))
-        return dict(series)
+        return {name: peaks(points, seconds) for name, points in series.items()}
     svg = Svg(f'{len(laws.stays(run))} visits of three viewers, {len(laws.troubled(run))} kills of nodes and losses of '
               f'cameras (red; grey: warm-up)', 6, seconds)
     svg.panel('Memory, MiB (PSS)', of_programs('memory'), bands)
