@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // View requests and commands: what is taken can be written again, and is the same; and of it a view can be planned.
 #include "base/error.h"
-#include "fuzz/fuzz.h"
 #include "focus/trial_levels.h"
+#include "fuzz/fuzz.h"
 #include "render/owner_runs.h"
 #include "scene/scene.h"
 #include "wire/command_codec.h"
