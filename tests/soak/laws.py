@@ -13,7 +13,7 @@ Run = namedtuple('Run', 'watch before after warm end failures out has_browser')
 # Of what a program has least of in a minute, in the second half: heaps take a while to be as large as they need, and visits
 # come and go. The larger one counts, however long the soak was.
 MOST_GROWTH_MIB, MOST_GROWTH_SHARE = 6, 0.1
-MOST_THREADS_MORE = 2  # that pools keep
+MOST_THREADS_MORE = 6  # that pools keep, and films that begin again
 HEALS_WITHIN = 6  # seconds; for so long nothing is asked of pictures
 LEAST_COMPLETE = 0.4  # of pictures while nothing is killed or lost, at 1 % of packets lost each way
 LEAST_FRAGMENTS = 0.9  # of what those pictures are made of
@@ -65,13 +65,12 @@ def memory(run):
     final = {(s.program, s.pid) for s in run.after.values()}
     first = {(s.program, s.pid) for s in run.before.values()}
     for key in sorted(final & first):
-        least = {}
+        least, stretch = {}, min(60, (run.end - run.warm) / 16)
         for s in run.watch.samples:
             if (s.program, s.pid) == key and (run.warm + run.end) / 2 <= s.time <= run.end:
-                minute = int(s.time / 60)
-                least[minute] = min(least.get(minute, (s.time, s.memory)), (s.time, s.memory), key=lambda p: p[1])
-        if len(least) > 1:
-            yield key[0], list(least.values())
+                number = int(s.time / stretch)
+                least[number] = min(least.get(number, (s.time, s.memory)), (s.time, s.memory), key=lambda p: p[1])
+        yield key[0], list(least.values())
 
 
 def check(run):
