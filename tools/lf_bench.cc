@@ -14,7 +14,7 @@
 #include "command_line.h"
 #include "composite/assembly.h"
 #include "composite/still.h"
-#include "focus/focus_still.h"
+#include "focus/view_focus.h"
 #include "image/image.h"
 #include "node/answer_task.h"
 #include "progress.h"

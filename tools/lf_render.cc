@@ -14,12 +14,12 @@
 
 #include <nlohmann/json.hpp>
 
-#include "command_line.h"
 #include "base/error.h"
 #include "base/json_value.h"
 #include "base/number_text.h"
+#include "command_line.h"
 #include "composite/still.h"
-#include "focus/focus_still.h"
+#include "focus/view_focus.h"
 #include "image/image_io.h"
 #include "progress.h"
 #include "quality/camera_monitor.h"

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <utility>
 
-#include "focus/array_plane.h"
 #include "focus/autofocus.h"
+#include "focus/focus_array.h"
 #include "focus/view_focus.h"
 
 namespace lf {

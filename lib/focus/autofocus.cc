@@ -4,10 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
-#include "base/median.h"
-#include "focus/plane_map.h"
+#include "focus/focus_array.h"
+#include "focus/trial_levels.h"
 
 namespace lf {
 namespace {
@@ -74,15 +73,7 @@ void add_focus_sweep(ViewRequest& request, const Plane& from, std::optional<doub
 }
 
 double sweep_reach(const Rig& rig, const View& view) {
-  std::vector<double> spacings;
-  for (const Camera& camera : rig.cameras) {
-    double nearest = std::numeric_limits<double>::infinity();
-    for (const Camera& other : rig.cameras)
-      if (&other != &camera) nearest = std::min(nearest, glm::length(other.pose.position - camera.pose.position));
-    if (std::isfinite(nearest)) spacings.push_back(nearest);
-  }
-  if (spacings.empty()) return 0;
-  const double pixels = median(spacings) * view.lens.fx();  // that move from camera to camera for each 1/m
+  const double pixels = FocusArray(rig).spacing() * view.lens.fx();  // that move from camera to camera for each 1/m
   return pixels > 0 ? kPlanes * kFarthestApart / pixels : 0;
 }
 

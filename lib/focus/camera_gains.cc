@@ -3,6 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numeric>
+#include <optional>
+
+#include "base/median.h"
+#include "focus/trial_levels.h"
+#include "focus/trial_renderer.h"
+#include "focus/trial_samples.h"
+#include "image/gain.h"
+#include "render/sampler.h"
 
 namespace lf {
 
@@ -20,6 +30,187 @@ float CameraGains::of(CameraIndex camera) const { return std::exp((1 - trust(cam
 
 void CameraGains::update(CameraIndex camera, float ratio) {
   measured_[camera] = std::clamp(ratio * of(camera), kLeast, kMost);
+}
+
+namespace {
+
+constexpr int kLeastWeight = Moments::kWeightOne / 6;
+constexpr float kDarkest = 16, kBrightest = 240;             // luma
+constexpr float kMostDeviation = 0.25f, kMostChange = 0.5f;  // of the mean
+
+}  // namespace
+
+void GainSum::add(float gain, float camera_weight) {
+  weight += static_cast<uint32_t>(std::lround(camera_weight * kWeightOne));
+  log2 += static_cast<int32_t>(std::lround(camera_weight * kWeightOne * std::log2(gain) * kOctave));
+}
+
+void GainSum::add(const GainSum& other) {
+  weight += other.weight;
+  log2 += other.log2;
+}
+
+float GainSum::mean() const {
+  return weight == 0 ? 1 : std::exp2(static_cast<float>(log2) / static_cast<float>(weight) / kOctave);
+}
+
+std::vector<uint8_t> mean_luma(const Moments& moments, const GainSum& gains) {
+  const int columns = moments.columns, rows = moments.rows;
+  const float scale = gains.mean();
+  std::vector<float> mean(moments.weight.size());
+  for (size_t i = 0; i < mean.size(); i++) {
+    if (moments.weight[i] < kLeastWeight) continue;
+    const float weight = static_cast<float>(moments.weight[i]) / Moments::kWeightOne;
+    const float value = static_cast<float>(moments.luma[i]) / Moments::kLumaOne / weight;
+    const float variance = static_cast<float>(moments.square[i]) / weight - value * value;
+    if (variance <= kMostDeviation * kMostDeviation * value * value) mean[i] = scale * value;
+  }
+  std::vector<uint8_t> levels(mean.size());
+  for (int y = 1; y + 1 < rows; y++)
+    for (int x = 1; x + 1 < columns; x++) {
+      const size_t i = static_cast<size_t>(y) * columns + x;
+      const auto around = {mean[i - 1], mean[i], mean[i + 1], mean[i - columns], mean[i + columns]};
+      if (!(mean[i] >= kDarkest && mean[i] <= kBrightest)) continue;
+      if (std::max(around) - std::min(around) > kMostChange * mean[i]) continue;
+      levels[i] = static_cast<uint8_t>(std::lround(mean[i]));
+    }
+  return levels;
+}
+
+namespace {
+
+constexpr size_t kLeastNodes = 24;
+// Cameras compare themselves where the line of sight goes through the array within 1.25 edges of them. Farther away the
+// mean is that of cameras on one side of theirs: how surfaces shine changes along an array (by 2 % a camera in one
+// scene), and that is no gain.
+constexpr float kNear = WideLuma::kPeak * 0.4578f;
+constexpr int kDarkestSeen = 8, kBrightestSeen = 250;  // luma
+
+double median_edge(const Rig& rig, const Mesh& mesh) {
+  std::vector<double> lengths;
+  for (const MeshFace& face : mesh.faces)
+    for (int k = 0, n = face.corners(); n > 1 && k < n; k++)
+      lengths.push_back(glm::distance(rig.cameras[face.camera[k]].pose.position,
+                                      rig.cameras[face.camera[(k + 1) % n]].pose.position));
+  const double edge = lengths.empty() ? 0 : median(std::move(lengths));
+  return edge > 0 ? edge : 1;
+}
+
+}  // namespace
+
+View mean_view(const View& view) {
+  const FocalMap& map = *view.focus.map;
+  const std::vector<uint8_t> smooth = trial_levels(map, {Trial::Kind::kBlurred, 0});
+  auto coarse = std::make_shared<FocalMap>(map);
+  coarse->step = 2 * map.step;
+  coarse->columns = FocalMap::nodes(map.columns, 2);
+  coarse->rows = FocalMap::nodes(map.rows, 2);
+  coarse->levels.clear();
+  for (int y = 0; y < coarse->rows; y++)
+    for (int x = 0; x < coarse->columns; x++) {
+      const auto at = [&](int i, int j) {
+        return smooth[static_cast<size_t>(std::min(j, map.rows - 1)) * map.columns + std::min(i, map.columns - 1)];
+      };
+      const int sum = at(2 * x, 2 * y) + at(2 * x + 1, 2 * y) + at(2 * x, 2 * y + 1) + at(2 * x + 1, 2 * y + 1);
+      coarse->levels.push_back(static_cast<uint8_t>((sum + 2) / 4));
+    }
+  View wide = view;
+  wide.focus.map = std::move(coarse);
+  return trial_view(wide);
+}
+
+WideLuma::WideLuma(const Rig& rig, const Mesh& mesh, const View& view, std::span<const CameraIndex> own)
+    : plan_(rig, mesh, view) {
+  const Plane& plane = view.focus.map->from;
+  const double pitch = median_edge(rig, mesh);
+  const Vec3 aside = std::abs(plane.normal.x) < 0.8 ? Vec3(1, 0, 0) : Vec3(0, 1, 0);
+  across_ = glm::normalize(glm::cross(plane.normal, aside)) / pitch;
+  down_ = glm::cross(plane.normal, across_);
+  const auto on_plane = [&](const Vec3& x) { return Vec2(glm::dot(across_, x), glm::dot(down_, x)); };
+  const double height = plane.signed_distance(view.pose.position);
+  const Mat3 world_from_view = view.pose.rotation();
+  Vec2 low(INFINITY), high(-INFINITY);
+  for (int y = 0; y < view.height; y++)
+    for (int x = 0; x < view.width; x++) {
+      const Vec2 ray = plan_.rays().at(x, y);
+      u_.push_back(static_cast<float>(ray.x));
+      v_.push_back(static_cast<float>(ray.y));
+      const Vec3 d = world_from_view * Vec3(ray, 1);
+      const double along = glm::dot(plane.normal, d);
+      const Vec2 crossing = on_plane(view.pose.position - height / along * d);
+      const bool crosses = along > 0 && std::isfinite(crossing.x + crossing.y);
+      crossings_.push_back(crosses ? crossing : Vec2(std::numeric_limits<double>::max()));
+      if (!crosses) continue;
+      low = glm::min(low, crossing);
+      high = glm::max(high, crossing);
+    }
+  for (std::vector<float>* of_rays : {&u_, &v_}) of_rays->resize(of_rays->size() + kTrialSpare);
+  levels_.resize(u_.size());
+  std::ranges::copy(view.focus.map->levels, levels_.begin());
+  for (const CameraIndex camera : own) {
+    const Vec2 at = on_plane(rig.cameras[camera].pose.position);
+    if (glm::all(glm::greaterThan(at, low - kWidest)) && glm::all(glm::lessThan(at, high + kWidest)))
+      cameras_.push_back(camera);
+  }
+}
+
+WideLuma::Camera WideLuma::see(const Source& source, float gain) const {
+  const lf::Camera& camera = *source.rig_camera;
+  plain::check_image(camera, source.image);
+  const TrialProjection projection = trial_projection(plan_, source.camera, camera);
+  const Vec2 at(glm::dot(across_, camera.pose.position), glm::dot(down_, camera.pose.position));
+  const size_t nodes = crossings_.size();
+  const TrialValues values =
+      see_trials(projection, {u_.data(), v_.data(), static_cast<int>(nodes)}, levels_, source.image);
+  WideLuma::Camera out{source.camera, std::vector<uint8_t>(nodes), std::vector<float>(nodes)};
+  for (size_t i = 0; i < nodes; i++) {
+    const Vec2 d = crossings_[i] - at;
+    const auto squared = static_cast<float>(glm::dot(d, d));
+    if (values[i] < 0 || !(squared < kWidest * kWidest)) continue;
+    out.weight[i] = kPeak * std::exp(-squared / 2);
+    out.luma[i] = static_cast<uint8_t>(values[i]);
+  }
+  divide_by_gain(out.luma, gain);
+  return out;
+}
+
+WideLuma::Seen WideLuma::see(std::span<const Source> sources, const CameraGains& gains,
+                             const ParallelFor& parallel) const {
+  Seen result;
+  result.moments.reset(plan_.view().width, plan_.view().height);
+  std::vector<const Source*> seeing;
+  for (const Source& source : sources)
+    if (source.image.family != PixelFamily::kNone && std::ranges::binary_search(cameras_, source.camera))
+      seeing.push_back(&source);
+  result.cameras.resize(seeing.size());
+  parallel(seeing.size(), [&](size_t i) { result.cameras[i] = see(*seeing[i], gains.of(seeing[i]->camera)); });
+  const auto add = [](uint16_t& sum, float value) {
+    sum = static_cast<uint16_t>(std::min(sum + static_cast<int>(value + 0.5f), 65535));
+  };
+  for (const Camera& camera : result.cameras) {
+    const float total = std::accumulate(camera.weight.begin(), camera.weight.end(), 0.f);
+    result.gains.add(gains.of(camera.camera),
+                     gains.trust(camera.camera) * total / static_cast<float>(camera.weight.size()));
+    for (size_t i = 0; i < camera.weight.size(); i++) {
+      const float weight = camera.weight[i];
+      if (weight == 0) continue;
+      const auto luma = static_cast<float>(camera.luma[i]);
+      add(result.moments.weight[i], weight * Moments::kWeightOne);
+      add(result.moments.luma[i], weight * luma * Moments::kLumaOne);
+      add(result.moments.square[i], weight * luma * luma);
+    }
+  }
+  return result;
+}
+
+std::optional<float> WideLuma::ratio(const Camera& seen, std::span<const uint8_t> mean) {
+  if (mean.size() != seen.luma.size()) return std::nullopt;
+  std::vector<float> ratios;
+  for (size_t i = 0; i < mean.size(); i++)
+    if (mean[i] != 0 && seen.weight[i] > kNear && seen.luma[i] >= kDarkestSeen && seen.luma[i] <= kBrightestSeen)
+      ratios.push_back(static_cast<float>(seen.luma[i]) / static_cast<float>(mean[i]));
+  if (ratios.size() < kLeastNodes) return std::nullopt;
+  return median(std::move(ratios));
 }
 
 }  // namespace lf

@@ -1,8 +1,19 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
 #include <map>
+#include <optional>
+#include <span>
+#include <vector>
 
+#include "base/byte_buffer.h"
+#include "base/parallel.h"
+#include "focus/moments.h"
+#include "render/sum_renderer.h"
+#include "render/view_plan.h"
+#include "rig/mesh.h"
 #include "rig/rig.h"
 
 namespace lf {
@@ -26,6 +37,102 @@ class CameraGains {
   float log_of(CameraIndex camera) const;
 
   std::map<CameraIndex, float> measured_;
+};
+
+// Gains of cameras, added up with the weight that each has in a mean of luma, less for those that are hardly as bright
+// as they should be, so that most cameras decide what that is: in logarithms, so that their mean is that of what they
+// multiply.
+struct GainSum {
+  static constexpr int kWeightOne = 65536, kOctave = 256;  // gain 2
+  uint32_t weight = 0;
+  int32_t log2 = 0;  // weight x logarithm
+
+  void add(float gain, float camera_weight);
+  void add(const GainSum& other);
+  float mean() const;  // geometric; 1 of none
+  bool operator==(const GainSum&) const = default;
+};
+
+// The luma that cameras have in common, which each of them compares its own with: a value for each node, 0 where it is
+// not well defined: few cameras see it, they disagree, it changes from node to node, or it is nearly black or white.
+// `moments`: of luma divided by the cameras' gains. The mean is what it would be if these had the mean 1, so that they
+// do not wander off together.
+std::vector<uint8_t> mean_luma(const Moments& moments, const GainSum& gains);
+
+// Which requests of a view ask for the mean that cameras compare their brightness with, of those that have trials: the
+// first kFirst of them, so that cameras match before the first surface is found, then fewer and fewer, because whole
+// images of a dozen cameras are looked at for it. One asks at a time, because cameras keep what they saw for the latest
+// one alone, and because what is measured of gains that are being corrected would correct them once more. A plain value
+// without locks.
+class MeanTurns {
+ public:
+  static constexpr unsigned kFirst = 4;      // as many as planes are swept in: see trials_of_round()
+  static constexpr unsigned kLongest = 32;   // requests with trials from one that asks to the next
+  static constexpr unsigned kPatience = 30;  // until what was asked for is thought to be lost
+
+  // Whether the next request asks. `has_trials`: it; `came`: the mean that was asked for is there.
+  bool next(bool has_trials, bool came) {
+    if (came) awaited_ = 0;
+    if (!has_trials) return false;
+    if (pause_ > 0) pause_--;
+    if (awaited_ > 0) awaited_--;
+    if (pause_ > 0 || awaited_ > 0) return false;
+    if (asked_ < kFirst) asked_++;
+    interval_ = asked_ < kFirst ? 1 : std::min(2 * interval_, kLongest);
+    pause_ = interval_;
+    awaited_ = kPatience;
+    return true;
+  }
+
+ private:
+  unsigned asked_ = 0, interval_ = 1, pause_ = 0, awaited_ = 0;
+};
+
+// The view in which cameras compare their brightness: a pixel for each node of a map that is its focal map, smoothed,
+// with nodes twice as far apart. `view` has a map.
+View mean_view(const View& view);
+
+// What some cameras see of a view with wider weights than those of the mesh, so that many are compared: Gaussians of
+// the distance, in the plane that the map counts from, of the camera from where the line of sight goes through it, of
+// the camera mesh's median edge. Cut off at kWidest of these.
+class WideLuma {
+ public:
+  static constexpr double kWidest = 2.5;
+  static constexpr float kPeak = 0.125f;  // of the weights: over a grid they sum to 0.79
+
+  // `view`: a mean_view(). `own`: cameras in service, ascending.
+  WideLuma(const Rig& rig, const Mesh& mesh, const View& view, std::span<const CameraIndex> own);
+  // Those of them that have a weight, ascending: whole images of them are looked at.
+  const std::vector<CameraIndex>& cameras() const { return cameras_; }
+
+  // What they saw, to be kept until there is a mean to compare with.
+  struct Camera {
+    CameraIndex camera = 0;
+    std::vector<uint8_t> luma;  // divided by its gain, a value for each node
+    std::vector<float> weight;  // 0 where it sees nothing
+  };
+  struct Seen {
+    std::vector<Camera> cameras;
+    Moments moments;  // of them all
+    GainSum gains;
+  };
+  // `sources`: of cameras() and maybe others. The result does not depend on `parallel`. Throws Error for an image that
+  // is not of its camera's size.
+  Seen see(std::span<const Source> sources, const CameraGains& gains, const ParallelFor& parallel = serial_for) const;
+
+  // How many times as bright as the mean a camera is, divided by its gain: the median over the nodes, nothing where
+  // these are too few. `mean`: see mean_luma().
+  static std::optional<float> ratio(const Camera& seen, std::span<const uint8_t> mean);
+
+ private:
+  Camera see(const Source& source, float gain) const;
+
+  ViewPlan plan_;
+  std::vector<CameraIndex> cameras_;
+  Vec3 across_, down_;           // along the plane, in units of the pitch
+  std::vector<Vec2> crossings_;  // of the lines of sight with the plane, a value for each node
+  std::vector<float> u_, v_;     // of the nodes, and kTrialSpare values of no meaning, as of
+  ByteBuffer levels_;            // their levels
 };
 
 }  // namespace lf

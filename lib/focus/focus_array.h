@@ -10,6 +10,10 @@
 
 namespace lf {
 
+// What focal maps of an array count distances from: through the mean of its centres, normal to the mean of its axes.
+// Requires at least one camera; cameras that look in opposite directions give the first one's axis.
+Plane array_plane(const Rig& rig);
+
 // What geometry alone says of how well an array can tell depths apart. Not thread-safe.
 class FocusArray {
  public:

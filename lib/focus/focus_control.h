@@ -7,9 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "focus/depth_votes.h"
+#include "focus/carry_over.h"
 #include "focus/focus_array.h"
-#include "focus/latest_surface.h"
 #include "focus/moments.h"
 #include "focus/surface_choice.h"
 #include "view/view_request.h"

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Where FocusControl looks for the scene: of all depths, then around what was found.
+// What FocusControl has the cameras try: all depths, then those around what was found.
 #include <algorithm>
 #include <cmath>
 #include <memory>
 #include <utility>
 
+#include "base/median.h"
 #include "focus/focus_control.h"
-#include "focus/plane_map.h"
+#include "focus/trial_levels.h"
 
 namespace lf {
 namespace {
@@ -46,6 +47,8 @@ int step_for(const View& view, const FocusArray& array) {
   while (2 * step <= FocalMap::kMaxStep / 2 && 2 * step * array.focal() <= kFinestNodes * view.lens.fx()) step *= 2;
   return step;
 }
+
+constexpr unsigned kPlaneEvery = 4;  // rounds of bettering from one that tries the viewer's plane to the next
 
 }  // namespace
 
@@ -192,6 +195,54 @@ void FocusControl::give_up() {
   state_.on_plane = true;
   waited_ = 0;
   patience_ = std::min(2 * patience_, kMostPatience);
+}
+
+std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
+  if (++held_ < load_) return {};
+  held_ = 0;
+  if (!sweeps_.empty()) {
+    std::vector<Trial> trials = std::move(sweeps_.front());
+    sweeps_.pop_front();
+    state_.trials = static_cast<unsigned>(trials.size());
+    return trials;
+  }
+  if (stage_ == Stage::kNothing) {
+    if (++waited_ < (moved_ ? std::min(kLeastPatience, patience_) : patience_)) return {};
+    moved_ = false;
+    search(map);
+    return next_trials(map);
+  }
+  if (stage_ == Stage::kSearch || stage_ == Stage::kSweep) {  // what comes of it decides what comes next
+    const bool over = latest_.underway() == 0 || ++waited_ > LatestSurface::kMostUnderway;
+    if (stage_ == Stage::kSearch || !over) return {};
+    stage_ = Stage::kBetter;
+  }
+  constexpr unsigned kMovingFlatRest = 4;
+  const unsigned moving_rest = state_.flat ? std::min(state_.interval, kMovingFlatRest) : 1;
+  if (++skipped_ < (moved_ ? moving_rest : state_.interval)) return {};
+  moved_ = false;
+  skipped_ = 0;
+  std::vector<Trial> trials;
+  const unsigned round = round_++;
+  if (state_.flat) {
+    // There are no edges to move: planes nearby, and planes all over.
+    constexpr int kNearby[] = {8, 4, 2, 1};  // levels, by turns
+    trials = trials_of_round(round);
+    trials.erase(trials.begin() + 1, trials.end() - 1);
+    for (const int by : {-kNearby[round % 4], kNearby[round % 4]})
+      trials.push_back({Trial::Kind::kPlane, static_cast<int16_t>(std::clamp(map.levels.front() + by, 0, 255))});
+  } else {
+    trials = trials_of_round(round, is_automatic() ? scene_levels(map) : LevelRange{});
+    // Every third round asks whether a plane would do.
+    if (settings_.mode == FocusMode::kAuto && round_ % 3 == 0)
+      trials.back() = {Trial::Kind::kPlane, median(map.levels)};
+  }
+  // A plane that is all the scene needs stands where the viewer's would be tried.
+  const bool is_replaced = state_.flat && !state_.on_plane, is_due = round % kPlaneEvery == 0;
+  if ((is_due || (state_.on_plane && was_better_)) && !is_replaced)
+    trials[state_.flat ? 1 : trials.size() - 1] = {Trial::Kind::kFocused, 0};
+  state_.trials = static_cast<unsigned>(trials.size());
+  return trials;
 }
 
 }  // namespace lf

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 namespace lf {
@@ -30,5 +31,29 @@ struct Moments {
   // of the weight is there.
   float deviation(size_t node) const;
 };
+
+// How much light a surface has lost or made up. What is out of focus is spread over its surroundings, and none of it is
+// lost: through the right surface a large part of the picture is as bright as through any plane. Cameras that agree
+// because all of them look past a thing show none of it, and only this tells.
+//
+// The squared difference of the mean luma, mean over the quarters of the picture, levels squared; of nodes that all
+// weight sees both ways, in quarters with a hundred of them, and 0 without such. `chosen`: the trial of each node that
+// makes up the surface. `plane`: which of the trials is the plane.
+double moved_light(std::span<const Moments> trials, std::span<const uint8_t> chosen, size_t plane);
+
+// What choose_surface() compares, in vectors. The same values, to the bit, with every instruction set.
+
+// For every trial and node the mean over `radius` nodes around of the deviations there are, farther ones with less
+// weight (a tent: edges stay where they are better than in a box). Infinity where the node has none, or where its
+// trial has clearly less weight than another: fewer cameras always agree better. `moments`: of one size, at least one.
+std::vector<std::vector<float>> trial_costs(std::span<const Moments> moments, int radius);
+
+// The upper one of the two in the middle of the finite ones, NaN if there are none. `values`: neither negative nor NaN.
+double median_of_finite(std::span<const float> values);
+
+// For each node the trial of the least cost, all but the first of which cost the node's `lead` more, the first of those
+// that cost the same: its number, and the cost (with the lead).
+void cheapest_trials(std::span<const std::vector<float>> costs, std::span<const float> lead, float* best,
+                     uint8_t* chosen);
 
 }  // namespace lf

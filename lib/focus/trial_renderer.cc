@@ -1,13 +1,127 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/trial_renderer.h"
 
+#include <algorithm>
+#include <cstring>
 #include <memory>
 
-#include "focus/trial_nodes.h"
 #include "focus/trial_samples.h"
+#include "render/camera_projection.h"
 #include "render/sampler.h"
 
 namespace lf {
+
+TrialProjection trial_projection(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera) {
+  TrialProjection projection;
+  const CameraProjection exact(plan, camera, rig_camera);
+  for (int k = 0; k < 3; k++)
+    for (int column = 0; column < 3; column++) {
+      projection.base[3 * k + column] = static_cast<float>(exact.camera_from_ray()[column][k]);
+      projection.slope[3 * k + column] = static_cast<float>(exact.per_inverse()[column][k]);
+    }
+  const Lens& lens = rig_camera.lens;
+  projection.fx = static_cast<float>(lens.fx());
+  projection.fy = static_cast<float>(lens.fy());
+  projection.cx = static_cast<float>(lens.cx());
+  projection.cy = static_cast<float>(lens.cy());
+  projection.k1 = static_cast<float>(lens.k1());
+  projection.k2 = static_cast<float>(lens.k2());
+  projection.p1 = static_cast<float>(lens.p1());
+  projection.p2 = static_cast<float>(lens.p2());
+  projection.distorted = lens.has_distortion();
+  projection.max_r2 = static_cast<float>(std::min(lens.max_radius() * lens.max_radius(), 1e30));
+  projection.width = static_cast<float>(rig_camera.width);
+  projection.height = static_cast<float>(rig_camera.height);
+  const FocalMap& map = *plan.view().focus.map;
+  projection.farthest = static_cast<float>(map.farthest);
+  projection.per_level = static_cast<float>((map.nearest - map.farthest) / FocalMap::kLevels);
+  projection.eye_distance = static_cast<float>(plan.eye_distance());
+  return projection;
+}
+
+namespace {
+
+// Weights of the nodes of a run of row y.
+void weigh(const ViewPlan& plan, const OwnerRun& run, int y, int corner, float* weights) {
+  const FacePlan& face = plan.faces()[run.face];
+  if (!plan.rays().separable()) {
+    for (int x = run.x0; x < run.x1; x++) weights[x - run.x0] = face_weights(face, plan.rays().at(x, y)).w[corner];
+    return;
+  }
+  const Vec2 ray = plan.rays().at(run.x0, y);
+  const double spacing = plan.rays().at(run.x0 + 1, y).x - ray.x;
+  double edge[3], step[3];
+  for (int k = 0; k < 3; k++) {
+    edge[k] = FacePlan::evaluate(face.edge[k], ray);
+    step[k] = face.edge[k].x * spacing;
+  }
+  weigh_run(edge, step, corner, run.x1 - run.x0, weights);
+}
+
+}  // namespace
+
+TrialCamera::TrialCamera(const RenderJob& job, CameraIndex index, const Camera& rig_camera)
+    : projection(trial_projection(job.plan(), index, rig_camera)) {
+  const CameraCorners corners(job.plan(), index);
+  const Rect& region = job.plan().camera_rect(index);
+  const auto most = static_cast<size_t>(region.width()) * region.height() + kTrialSpare;
+  for (UninitializedVector<float>* values : {&u, &v, &weight}) values->reserve(most);
+  rows.reserve(static_cast<size_t>(region.height()));
+  for (int y = region.y0; y < region.y1; y++) add(job, corners, region, y);
+  const size_t count = u.size();
+  for (UninitializedVector<float>* values : {&u, &v, &weight}) {
+    values->resize(count + kTrialSpare);
+    std::fill(values->begin() + static_cast<ptrdiff_t>(count), values->end(), 0.f);
+  }
+}
+
+void TrialCamera::add(const RenderJob& job, const CameraCorners& corners, const Rect& region, int y) {
+  const ViewPlan& plan = job.plan();
+  const size_t first = u.size();
+  TrialRow row{y, 0, -1, static_cast<int>(first)};
+  for (const OwnerRun& run : job.runs().row(y, region.x0, region.x1)) {
+    const int corner = corners.of_face(run.face);
+    if (corner < 0) continue;
+    if (row.x1 < 0) row.x0 = row.x1 = run.x0;
+    weight.resize(first + run.x1 - row.x0 + kTrialSpare);
+    float* const weights = &weight[first];  // of the row's first node
+    std::fill(weights + row.x1 - row.x0, weights + run.x0 - row.x0, 0.f);
+    weigh(plan, run, y, corner, weights + run.x0 - row.x0);
+    row.x1 = run.x1;
+  }
+  if (row.x1 < 0) return;
+  rect = unite(rect, {std::max(row.x0, region.x0), y, std::min(row.x1, region.x1), y + 1});
+  for (UninitializedVector<float>* values : {&u, &v, &weight}) values->resize(first + row.x1 - row.x0);
+  if (plan.rays().separable() && !rows.empty() && rows.back().x0 <= row.x0 && rows.back().x1 >= row.x1) {
+    std::copy_n(&u[static_cast<size_t>(rows.back().first + row.x0 - rows.back().x0)], row.x1 - row.x0, &u[first]);
+    std::fill(&v[first], &v[first] + (row.x1 - row.x0), static_cast<float>(plan.rays().at(row.x0, y).y));
+  } else {
+    for (int x = row.x0; x < row.x1; x++) {
+      const Vec2 ray = plan.rays().at(x, y);
+      u[first + x - row.x0] = static_cast<float>(ray.x);
+      v[first + x - row.x0] = static_cast<float>(ray.y);
+    }
+  }
+  rows.push_back(row);
+}
+
+ByteBuffer TrialCamera::levels_of(std::span<const std::vector<uint8_t>> trials, int columns) const {
+  ByteBuffer out(trials.size() * u.size());
+  for (size_t t = 0; t < trials.size(); t++)
+    for (const TrialRow& row : rows) {
+      const size_t begin = static_cast<size_t>(row.y) * columns + row.x0;
+      const auto count = static_cast<size_t>(row.x1 - row.x0);
+      uint8_t* const to = &out[t * u.size()] + row.first;
+      // One copy of a few bytes is faster than of just as many: the next row overwrites what is too much, or it is
+      // spare.
+      if (count <= kTrialSpare && begin + kTrialSpare <= trials[t].size())
+        std::memcpy(to, &trials[t][begin], kTrialSpare);
+      else
+        std::memcpy(to, &trials[t][begin], count);
+    }
+  return out;
+}
+
 namespace {
 
 // What a camera adds to the sums, of its nodes.

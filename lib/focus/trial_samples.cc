@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-#include "focus/boxed_luma.h"
 #include "focus/moments.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -11,9 +10,134 @@
 #include <hwy/foreach_target.h>  // has to precede highway.h
 #include <hwy/highway.h>
 
+#include "base/for_lanes-inl.h"
+
+#ifndef LF_FOCUS_BOXED_LUMA_ONCE_
+#define LF_FOCUS_BOXED_LUMA_ONCE_
+namespace lf {
+// Not constants: compilers make several shifts and additions of each product with one.
+struct LumaWeights {
+  uint16_t r, g, b;
+};
+}  // namespace lf
+#endif
+
 HWY_BEFORE_NAMESPACE();
 namespace lf::HWY_NAMESPACE {
-namespace hn = hwy::HWY_NAMESPACE;
+
+// Full-range BT.601, in 8 bits of fraction.
+template <class D16, class V8>
+HWY_INLINE auto luma_of(D16 d16, const LumaWeights& of, V8 r, V8 g, V8 b) {
+  const auto part = [&](V8 v, uint16_t of) HWY_ATTR { return hn::Mul(hn::PromoteTo(d16, v), hn::Set(d16, of)); };
+  const auto sum = hn::Add(hn::Add(part(r, of.r), part(g, of.g)), hn::Add(part(b, of.b), hn::Set(d16, 128)));
+  return hn::ShiftRight<8>(sum);
+}
+
+// Of values up to 255.
+template <class D16, class V16>
+HWY_INLINE auto to_bytes(D16 /*d16*/, V16 v) {
+  return hn::DemoteTo(hn::Rebind<uint8_t, D16>(), hn::BitCast(hn::RebindToSigned<D16>(), v));
+}
+
+// kStride: channels of a pixel.
+template <int kStride>
+HWY_INLINE void luma_row(const uint8_t* HWY_RESTRICT pixel, const RgbLayout& at, const LumaWeights& of, int n,
+                         uint8_t* HWY_RESTRICT out) {
+  map_lanes<uint16_t>(n, [&](auto d16, int i) HWY_ATTR {
+    const hn::Rebind<uint8_t, decltype(d16)> d8;
+    auto v0 = hn::Zero(d8), v1 = v0, v2 = v0, v3 = v0;
+    if constexpr (kStride == 3)
+      hn::LoadInterleaved3(d8, pixel + ptrdiff_t{3} * i, v0, v1, v2);
+    else
+      hn::LoadInterleaved4(d8, pixel + ptrdiff_t{4} * i, v0, v1, v2, v3);
+    const auto channel = [&](int c) HWY_ATTR { return c == 0 ? v0 : c == 1 ? v1 : c == 2 ? v2 : v3; };
+    hn::StoreU(to_bytes(d16, luma_of(d16, of, channel(at.r), channel(at.g), channel(at.b))), d8, out + i);
+  });
+}
+
+HWY_INLINE void rgb_luma_row(const uint8_t* HWY_RESTRICT pixel, const RgbLayout& at, const LumaWeights& of, int n,
+                             uint8_t* HWY_RESTRICT out) {
+  if (at.pixel_stride == 3) return luma_row<3>(pixel, at, of, n, out);
+  if (at.pixel_stride == 4) return luma_row<4>(pixel, at, of, n, out);
+  for (int i = 0; i < n; i++, pixel += at.pixel_stride)
+    out[i] = static_cast<uint8_t>((of.r * pixel[at.r] + of.g * pixel[at.g] + of.b * pixel[at.b] + 128) >> 8);
+}
+
+// Luma of rows of pixels with kTrialBox - 1 more of them along both axes than values: `first` is of row -1 and of
+// column -1.
+struct LumaRows {
+  const uint8_t* first;
+  ptrdiff_t stride;
+};
+
+// Columns of values, from above to below: what rows have in common stays in registers.
+void means(const LumaRows& luma, int width, int height, uint16_t* HWY_RESTRICT out) {
+  static_assert(kTrialBox == 4);
+  map_lanes<uint16_t>(width, [&](auto d16, int x) HWY_ATTR {
+    const hn::Rebind<uint8_t, decltype(d16)> d8;
+    const uint8_t* HWY_RESTRICT from = luma.first + x;
+    const auto next_row = [&]() HWY_ATTR {
+      const auto at = [&](int k) HWY_ATTR { return hn::PromoteTo(d16, hn::LoadU(d8, from + k)); };
+      const auto sum = hn::Add(hn::Add(at(0), at(1)), hn::Add(at(2), at(3)));
+      from += luma.stride;
+      return sum;
+    };
+    const auto rounding = hn::Set(d16, 8);
+    auto last = next_row(), before_last = last;
+    const auto next_two = [&]() HWY_ATTR {  // the sum of the last two rows
+      before_last = last;
+      last = next_row();
+      return hn::Add(before_last, last);
+    };
+    auto two = next_two();        // rows -1 and 0 for value 0
+    auto two_after = next_two();  // rows 0 and 1
+    auto two_below = next_two();  // rows 1 and 2
+    auto mean = hn::ShiftRight<4>(hn::Add(hn::Add(two, two_below), rounding));
+    uint16_t* HWY_RESTRICT to = out + x;
+    for (int y = 0; y < height; y++, to += width) {
+      two = two_after;
+      two_after = two_below;
+      two_below = next_two();
+      const auto below = hn::ShiftRight<4>(hn::Add(hn::Add(two, two_below), rounding));
+      hn::StoreU(hn::Or(mean, hn::ShiftLeft<8>(below)), d16, to);
+      mean = below;
+    }
+  });
+}
+
+// Luma of pixels [x0, x1) of a row.
+HWY_INLINE void read_luma(const ImageView& image, const LumaWeights& of, int y, int x0, int x1, uint8_t* out) {
+  const uint8_t* const row = image.plane[0] + y * image.stride[0];
+  if (image.family == PixelFamily::kI420)
+    std::copy_n(row + x0, x1 - x0, out);
+  else
+    rgb_luma_row(row + ptrdiff_t{x0} * image.layout.pixel_stride, image.layout, of, x1 - x0, out);
+}
+
+// Values of `rect`. Scratch: `memory` has room for the luma of rect and kTrialBox more rows and columns.
+void box(const ImageView& image, const LumaWeights& of, const Rect& rect, uint8_t* memory, uint16_t* out) {
+  constexpr int kBefore = kTrialBox / 2 - 1, kMore = kTrialBox - 1;
+  // One more row of values, for the upper bytes.
+  const Rect needed{rect.x0 - kBefore, rect.y0 - kBefore, rect.x1 - kBefore + kMore, rect.y1 + 1 - kBefore + kMore};
+  const Rect there = intersect(needed, {0, 0, image.width, image.height});
+  if (image.family == PixelFamily::kI420 && there == needed) {
+    means({image.plane[0] + needed.y0 * image.stride[0] + needed.x0, image.stride[0]}, rect.width(), rect.height(),
+          out);
+    return;
+  }
+  // All of it first: what was just written can't be read at once from other places.
+  const ptrdiff_t stride = needed.width();
+  const auto row = [&](int y) { return memory + (y - needed.y0) * stride; };
+  for (int y = there.y0; y < there.y1; y++) {
+    uint8_t* const inside = row(y) + (there.x0 - needed.x0);
+    read_luma(image, of, y, there.x0, there.x1, inside);
+    std::fill(row(y), inside, *inside);
+    std::fill(inside + there.width(), row(y) + stride, inside[there.width() - 1]);
+  }
+  for (int y = needed.y0; y < there.y0; y++) std::copy_n(row(there.y0), stride, row(y));
+  for (int y = there.y1; y < needed.y1; y++) std::copy_n(row(there.y1 - 1), stride, row(y));
+  means({memory, stride}, rect.width(), rect.height(), out);
+}
 
 // Bilinear, in 8 bits of fraction.
 void samples(const BoxedLuma& luma, const int32_t* HWY_RESTRICT x, const int32_t* HWY_RESTRICT y, int count,
@@ -95,6 +219,24 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace lf {
+
+namespace {
+
+HWY_EXPORT(box);
+
+}  // namespace
+
+void box_luma(const ImageView& image, const Rect& rect, BoxedLuma& out) {
+  out.rect = rect;
+  const auto width = static_cast<size_t>(rect.width());
+  out.values.resize(width * rect.height() + BoxedLuma::kSpare);
+  std::fill_n(out.values.end() - BoxedLuma::kSpare, BoxedLuma::kSpare, uint16_t{0});
+  thread_local ByteBuffer memory;
+  memory.resize((width + kTrialBox) * (static_cast<size_t>(rect.height()) + kTrialBox));
+  HWY_DYNAMIC_DISPATCH(box)(image, {77, 150, 29}, rect, memory.data(), out.values.data());
+  constexpr size_t kKept = size_t{1} << 20;  // of whole large images nothing is kept
+  if (memory.size() > kKept) memory = ByteBuffer();
+}
 
 HWY_EXPORT(samples);
 HWY_EXPORT(weigh);

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/view_focus.h"
 
+#include <map>
+#include <numeric>
 #include <utility>
 
 #include "focus/carry_over.h"
+#include "focus/trial_renderer.h"
 
 namespace lf {
 
@@ -45,6 +48,42 @@ void ViewFocus::take(const ViewRequest& request, const Answers& answers, const F
   // Through a surface that is anywhere cameras differ for other reasons.
   gains_ = next_gains(turns_, match_gains_ && control_.state().sure, !plan_->trials.empty(), answers.brightness,
                       answers.gains, request.sequence);
+}
+
+View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
+                 const FocusControl::Settings& settings, int rounds) {
+  std::vector<CameraIndex> all(rig.cameras.size());
+  std::iota(all.begin(), all.end(), 0);
+  const FocusArray array(rig, mesh);
+  std::map<CameraIndex, Image> kept;  // an image given is only good until the next one
+  ViewFocus focus(settings);
+  const auto next_request = [&] {
+    ViewRequest request;
+    request.view = view;
+    request.view.focus.map = nullptr;
+    focus.apply(request);
+    return request;
+  };
+  for (int round = 0; round <= rounds; round++) {
+    const ViewRequest request = next_request();
+    ViewFocus::Answers answers;
+    std::vector<Moments>& sums = answers.moments;
+    sums.resize(request.trials.size());
+    if (!sums.empty()) {
+      std::vector<std::vector<uint8_t>> levels;
+      for (const Trial& trial : request.trials) levels.push_back(trial_levels(request.view, trial));
+      for (Moments& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
+      const RenderJob job(rig, mesh, trial_view(request.view), all);
+      std::vector<Source> sources;
+      for (const CameraIndex camera : job.cameras()) {
+        if (!kept.contains(camera)) kept[camera] = images(camera);
+        sources.push_back({camera, &rig.cameras[camera], kept[camera].view()});
+      }
+      add_moments(job, sources, levels, sums);
+    }
+    focus.take(request, answers, array);
+  }
+  return shown_view(next_request());
 }
 
 }  // namespace lf

@@ -4,9 +4,10 @@
 #include <optional>
 #include <span>
 
+#include "focus/camera_gains.h"
 #include "focus/focus_control.h"
-#include "focus/mean_luma.h"
-#include "focus/mean_turns.h"
+#include "rig/mesh.h"
+#include "rig/still_images.h"
 
 namespace lf {
 
@@ -50,5 +51,14 @@ class ViewFocus {
   std::optional<FocusControl::Plan> plan_;
   GainRequest gains_;  // of the next request
 };
+
+// The rounds after which a focal surface has settled, from the viewer's plane on.
+inline constexpr int kSettledRounds = 12;
+
+// The view with the focal surface that `rounds` rounds of trials find, for an array that stands still: all that nodes
+// and a compositor do, in one go. Asks `images` for cameras that contribute, which must be of the rig's sizes. The view
+// must be valid.
+View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
+                 const FocusControl::Settings& settings, int rounds = kSettledRounds);
 
 }  // namespace lf

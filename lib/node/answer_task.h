@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "focus/wide_luma.h"
+#include "focus/camera_gains.h"
 #include "node/answer_form.h"
 #include "node/answer_renderer.h"
 #include "rig/mesh.h"

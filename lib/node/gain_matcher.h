@@ -10,7 +10,6 @@
 #include "base/byte_buffer.h"
 #include "base/parallel.h"
 #include "focus/camera_gains.h"
-#include "focus/wide_luma.h"
 #include "view/view_request.h"
 
 namespace lf {

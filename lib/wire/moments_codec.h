@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "base/byte_buffer.h"
-#include "focus/mean_luma.h"
+#include "focus/camera_gains.h"
 #include "focus/moments.h"
 
 namespace lf::wire {

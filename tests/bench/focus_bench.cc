@@ -6,12 +6,11 @@
 #include <cmath>
 #include <numeric>
 
-#include "focus/array_plane.h"
-#include "focus/boxed_luma.h"
 #include "focus/carry_over.h"
 #include "focus/focus_array.h"
 #include "focus/surface_choice.h"
 #include "focus/trial_renderer.h"
+#include "focus/trial_samples.h"
 #include "image/sharpen.h"
 #include "reference/generators.h"
 #include "render/source_region.h"

@@ -6,9 +6,8 @@
 
 #include "bench/focus_situation.h"
 #include "bench/sum_picture.h"
+#include "focus/camera_gains.h"
 #include "focus/carry_over.h"
-#include "focus/mean_luma.h"
-#include "focus/mean_turns.h"
 #include "focus/trial_renderer.h"
 #include "image/sharpen.h"
 #include "node/gain_matcher.h"

@@ -8,9 +8,9 @@
 
 #include "base/now.h"
 #include "bench/sum_picture.h"
-#include "focus/array_plane.h"
+#include "focus/camera_gains.h"
 #include "focus/carry_over.h"
-#include "focus/mean_turns.h"
+#include "focus/focus_array.h"
 #include "focus/trial_renderer.h"
 #include "image/sharpen.h"
 #include "node/gain_matcher.h"

@@ -6,7 +6,7 @@
 #include <span>
 
 #include "bench/surface/picture.h"
-#include "focus/depth_votes.h"
+#include "focus/surface_choice.h"
 #include "rig/mesh.h"
 #include "view/view.h"
 

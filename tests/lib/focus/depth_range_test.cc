@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "focus/depth_votes.h"
+#include "focus/surface_choice.h"
 
 #include <gtest/gtest.h>
 

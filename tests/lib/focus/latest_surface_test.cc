@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "focus/latest_surface.h"
+#include "focus/carry_over.h"
 
 #include <gtest/gtest.h>
 

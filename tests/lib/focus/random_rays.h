@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "focus/trial_row.h"
+#include "focus/trial_projection.h"
 #include "reference/generators.h"
 
 namespace lf::test {

@@ -7,7 +7,7 @@
 #include <deque>
 #include <utility>
 
-#include "focus/mean_turns.h"
+#include "focus/camera_gains.h"
 
 namespace lf {
 namespace {

@@ -4,9 +4,10 @@
 #include <cstddef>
 #include <cstdint>
 
+namespace lf {
+
 // Where one camera looks for nodes of trials, many at a time. All in float, as positions are rounded to 256ths of a
 // pixel and luma to 8 bits anyway; both of the functions that project find the same positions, to the bit.
-namespace lf {
 
 // Where a camera looks, CameraProjection in float.
 struct TrialProjection {

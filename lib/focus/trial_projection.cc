@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "focus/trial_row.h"
+#include "focus/trial_projection.h"
 
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "focus/trial_row.cc"
+#define HWY_TARGET_INCLUDE "focus/trial_projection.cc"
 #include <hwy/foreach_target.h>  // has to precede highway.h
 #include <hwy/highway.h>
 

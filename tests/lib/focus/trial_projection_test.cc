@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "focus/trial_row.h"
-
-#include <gtest/gtest.h>
+#include "focus/trial_projection.h"
 
 #include <algorithm>
 #include <cmath>
+
+#include <gtest/gtest.h>
 
 #include "lib/focus/every_target.h"
 #include "lib/focus/random_rays.h"
 
 namespace lf {
+
 namespace {
 
 // Of any number of nodes and trials: positions as project_trial() has them, in 256ths, and -1 where it sees nothing.
@@ -93,4 +94,5 @@ TEST(TrialRow, WeightsAreWithinTheirBound) {
 }
 
 }  // namespace
+
 }  // namespace lf
