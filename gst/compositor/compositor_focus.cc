@@ -2,7 +2,7 @@
 #include <algorithm>
 
 #include "common/view_feedback.h"
-#include "composite/trial_answers.h"
+#include "composite/assembly.h"
 #include "compositor/lfcompositor_private.h"
 #include "wire/moments_codec.h"
 

@@ -3,7 +3,7 @@
 
 #include "base/error.h"
 #include "common/pixel_family.h"
-#include "composite/partial_answer.h"
+#include "composite/assembly.h"
 #include "compositor/lfcompositor_private.h"
 #include "compositor/output_caps.h"
 

@@ -9,7 +9,7 @@
 
 #include "api/convert.h"
 #include "base/error.h"
-#include "composite/trial_answers.h"
+#include "composite/assembly.h"
 #include "wire/answer_parser.h"
 #include "wire/moments_codec.h"
 

@@ -5,8 +5,8 @@
 #include <cstring>
 
 #include "base/error.h"
-#include "composite/add_rows.h"
-#include "composite/conceal.h"
+#include "composite/resolve.h"
+#include "composite/rows.h"
 #include "render/sum_rounding.h"
 
 namespace lf {

@@ -40,13 +40,13 @@ class Accumulator {
   // Pixels that no face of the mesh owns show the background too (without it they stay as they are: black).
   void set_uncovered(const OwnerMap& whole_view);
 
-  // The finished picture, see resolve.h.
+  // The finished picture, see resolve().
   void resolve(const Background& background, const RgbLayout& layout, uint8_t* const plane[3],
                const ptrdiff_t stride[3]) const;
   Image resolve(const Background& background = {}) const;
   // Per pixel, 0..1: how much of its weight was not lost, to 1e-4; 0 where no face owns it, as set_uncovered() says.
   std::vector<float> coverage() const;
-  // After it, the picture before shows where most of the weight was lost, see conceal.h.
+  // After it, the picture before shows where most of the weight was lost, see conceal().
   void conceal(const ImageView& before, uint8_t* const plane[3], const ptrdiff_t stride[3]) const;
 
   // The sum of what was added so far, over the bounding rectangle of it all; nothing if nothing was added. As it is,

@@ -3,10 +3,17 @@
 
 #include <algorithm>
 #include <iterator>
+#include <optional>
+#include <utility>
+#include <vector>
 
 #include "render/source_region.h"
 #include "render/sum_renderer.h"
+#include "render/sum_rounding.h"
+#include "wire/answer_writer.h"
+#include "wire/fragment_codec.h"
 #include "wire/payload.h"
+#include "wire/strips.h"
 
 namespace lf {
 
@@ -204,6 +211,64 @@ void Assembly::add_missing(const ViewPlan& plan, const CameraSet& absent, const 
     missing_++;
     accumulator_.add_lost_weights(rect, weights);
   }
+}
+
+namespace {
+
+void copy(const ConstSumPlanes& from, const SumPlanes& to) {
+  for (int c = 0; c < 3; c++)
+    for (int y = 0; y < plane_height(from.family, from.rect, c); y++)
+      std::copy_n(from.plane[c] + y * from.stride[c], plane_width(from.family, from.rect, c),
+                  to.plane[c] + y * to.stride[c]);
+  if (!from.lost) return;
+  for (int y = 0; y < from.rect.height(); y++)
+    std::copy_n(from.lost + y * from.lost_stride, from.rect.width(), to.lost + y * to.lost_stride);
+}
+
+}  // namespace
+
+ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& sum, const CodedAs& form,
+                          ByteBuffer memory, const ParallelFor& parallel) {
+  const std::optional<ConstSumPlanes> sums = sum.sums();
+  if (!sums || sums->rect.empty()) return wire::AnswerWriter(header, 0, std::move(memory)).finish();
+  if (form.codec == wire::Codec::kRaw16) {
+    wire::AnswerWriter writer(header, 1, std::move(memory));
+    copy(*sums, writer.add_sums({{}, sums->family, sums->rect, wire::Codec::kRaw16, 0, sums->lost != nullptr}));
+    return writer.finish();
+  }
+  const std::vector<Rect> rects = wire::cut_rows(sums->rect, wire::strip_rows(sums->rect.width()));
+  std::vector<Fragment> strips(rects.size());
+  parallel(rects.size(), [&](size_t i) { strips[i] = rounded_fragment(part_of(*sums, rects[i])); });
+  std::vector<wire::AnswerFragment> fragments;
+  for (const Fragment& strip : strips) fragments.push_back({{}, planes_of(strip)});
+  return wire::encode_fragments(header, fragments, form.quality, std::move(memory), parallel);
+}
+
+std::string add_moments(std::span<const uint8_t> unit, const wire::MomentsHeader& header, const ViewRequest& request,
+                        ViewFocus::Answers& answers) {
+  if (request.rig_hash != 0 && header.rig_hash != request.rig_hash) return "of another rig";
+  wire::MomentsShape asked;
+  if (const FocalMap* map = request.view.focus.map.get()) {
+    if (!header.gains)
+      asked = {map->columns, map->rows, request.trials.size()};
+    else if (request.gains.ask)
+      asked = {FocalMap::nodes(map->columns, 2), FocalMap::nodes(map->rows, 2), 1};
+  }
+  std::string reason;
+  std::optional<wire::MomentsUnit> came = wire::decode_moments(unit, asked, &reason);
+  if (!came) return reason;
+  if (came->gains) {
+    answers.gains.add(*came->gains);
+    if (answers.brightness.columns == 0)
+      answers.brightness = std::move(came->trials[0]);
+    else
+      answers.brightness.add(came->trials[0]);
+  } else if (answers.moments.empty()) {
+    answers.moments = std::move(came->trials);
+  } else {
+    for (size_t i = 0; i < answers.moments.size(); i++) answers.moments[i].add(came->trials[i]);
+  }
+  return {};
 }
 
 }  // namespace lf

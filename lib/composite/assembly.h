@@ -5,16 +5,21 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
+#include <string>
 
 #include "base/byte_buffer.h"
+#include "base/parallel.h"
 #include "composite/accumulator.h"
-#include "composite/camera_pixels.h"
-#include "composite/coverage.h"
+#include "composite/arrivals.h"
+#include "focus/view_focus.h"
+#include "node/answer_form.h"
 #include "render/render_job.h"
 #include "view/view_request.h"
 #include "wire/answer.h"
 #include "wire/answer_parts.h"
 #include "wire/fragment_codec.h"
+#include "wire/moments_codec.h"
 
 namespace lf {
 
@@ -110,5 +115,17 @@ class Assembly {
   unsigned fragments_ = 0, missing_ = 0, damaged_ = 0;
   uint64_t skew_ = 0, actual_time_ = kNoTime;
 };
+
+// What a compositor inside a tree sends on: the sum of what was added, as the answer of one node. With 16 bits a value
+// the picture at the root is that of one compositor to the bit (unless a value saturated); with 8 it is rounded once
+// more for each level of the tree, within half a level; JPEG adds its error. `header.family` is the accumulator's.
+// `memory` is recycled. Throws Error if the header is not fit for the wire.
+ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& sum, const CodedAs& form,
+                          ByteBuffer memory, const ParallelFor& parallel = serial_for);
+
+// Adds a unit of moments, which came from a node and belongs to the request, to what other nodes have answered. Why
+// not; empty: it was added.
+std::string add_moments(std::span<const uint8_t> unit, const wire::MomentsHeader& header, const ViewRequest& request,
+                        ViewFocus::Answers& answers);
 
 }  // namespace lf

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "composite/conceal.h"
+#include "composite/resolve.h"
 
 #include <gtest/gtest.h>
 

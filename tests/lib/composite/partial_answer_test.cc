@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "composite/partial_answer.h"
+#include "composite/assembly.h"
 
 #include <gtest/gtest.h>
 

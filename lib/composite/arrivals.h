@@ -2,14 +2,40 @@
 #pragma once
 
 #include <map>
+#include <span>
 #include <vector>
 
+#include "base/rect.h"
 #include "image/image.h"
 #include "jpeg/buffer_pool.h"
 #include "render/fragment_planes.h"
+#include "rig/camera_ranges.h"
 #include "rig/rig.h"
 
 namespace lf {
+
+// Where in a view which cameras' contributions have come: nothing may be added twice, and what never came is lost.
+// Not thread-safe.
+class Coverage {
+ public:
+  void clear() { *this = {}; }
+
+  // A fragment of one camera, or the sum of several. False, and nothing is noted, if one of the cameras has been there
+  // already somewhere in the rectangle.
+  bool add(CameraIndex camera, const Rect& rect);
+  bool add(const CameraRanges& cameras, const Rect& rect);
+
+  bool has(CameraIndex camera) const;  // anywhere
+  // Sets to 0 what of `weights`, the camera's weights over `rect` row by row, has come.
+  void take_out(CameraIndex camera, const Rect& rect, std::span<float> weights) const;
+
+ private:
+  template <typename F>
+  void for_each_rect(CameraIndex camera, const F& f) const;
+
+  std::map<CameraIndex, std::vector<Rect>> cameras_;
+  std::map<CameraRanges, std::vector<Rect>> sums_;
+};
 
 // Pixels of cameras' images as plain fragments bring them, piece by piece, until a view is rendered from them. Memory:
 // at most one image of each camera of the rig, pages as pieces touch them. Not thread-safe.
