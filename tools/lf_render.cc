@@ -23,8 +23,6 @@
 #include "image/image_io.h"
 #include "progress.h"
 #include "quality/camera_monitor.h"
-#include "quality/camera_probe.h"
-#include "quality/prediction.h"
 #include "quality/quality.h"
 #include "render/focus_range.h"
 #include "rig/rig_json.h"

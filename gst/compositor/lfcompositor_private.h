@@ -20,7 +20,6 @@
 #include "focus/view_focus.h"
 #include "node/answer_form.h"
 #include "quality/camera_monitor.h"
-#include "quality/camera_probe.h"
 #include "render/render_job.h"
 #include "wire/answer_parts.h"
 

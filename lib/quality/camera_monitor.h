@@ -8,8 +8,10 @@
 #include <string_view>
 #include <vector>
 
-#include "quality/prediction.h"
+#include "quality/quality.h"
 #include "rig/mesh.h"
+#include "view/view.h"
+#include "view/view_request.h"
 
 namespace lf {
 
@@ -29,8 +31,8 @@ class CameraMonitor {
     Fault fault = Fault::kPicture;
     bool operator==(const Suspect&) const = default;
   };
-  // Figures are unusual beyond kDeviations robust standard deviations (1.4826 MAD) from the median of all cameras, and by
-  // at least these.
+  // Figures are unusual beyond kDeviations robust standard deviations (1.4826 MAD) from the median of all cameras, and
+  // by at least these.
   static constexpr double kDeviations = 4;
   static constexpr double kDb = 3;        // of PSNR
   static constexpr double kGain = 0.03;   // of 1
@@ -62,10 +64,10 @@ class CameraMonitor {
   };
   struct Watched {
     PredictionError error;
-    uint64_t taken = 0;      // number of its latest turn, 0: none yet
-    uint64_t odd_since = 0;  // turn; 0: it is not
-    bool stale = false;      // odd, but because of one that has been accused since, maybe
-    bool out = false;        // of service
+    uint64_t taken = 0;                // number of its latest turn, 0: none yet
+    uint64_t odd_since = 0;            // turn; 0: it is not
+    bool stale = false;                // odd, but because of one that has been accused since, maybe
+    bool out = false;                  // of service
     std::vector<CameraIndex> nearest;  // those that may have a part in predicting it
   };
   static Figures figures_of(const PredictionError& error);
@@ -86,5 +88,20 @@ class CameraMonitor {
 };
 
 std::string_view to_string(CameraMonitor::Fault fault);  // "colour", "direction", "picture"
+
+// A view from where a camera stands, asked for twice: of the camera alone, and of the others without it. Both are view
+// requests like any other: no camera gives more than its part in a small view.
+struct CameraProbe {
+  CameraIndex camera = 0;
+  ViewRequest seen, predicted;  // view, out_of_service and probe are set
+};
+
+// At most this many columns: every so many pixels of the camera, each as it is, so that errors are those of its whole
+// image, of fewer pixels.
+inline constexpr int kProbeColumns = 80;
+
+// `focused`: the view whose focal surface the others are focused on. `without` (ascending): cameras that predict
+// nothing, beside the camera itself.
+CameraProbe make_probe(const Rig& rig, CameraIndex camera, const View& focused, const CameraSet& without);
 
 }  // namespace lf

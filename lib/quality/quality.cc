@@ -6,12 +6,16 @@
 #include <cmath>
 #include <cstdlib>
 #include <limits>
+#include <optional>
 #include <string>
 
 #include "base/error.h"
+#include "base/median.h"
 #include "base/number_text.h"
+#include "base/rect.h"
 
 namespace lf {
+
 namespace {
 
 constexpr int kRadius = 5;  // of the 11x11 window
@@ -127,6 +131,133 @@ Image error_map(const Image& picture, const Image& truth, double gain) {
     std::fill_n(out.data().begin() + static_cast<ptrdiff_t>(i), 3, grey);
   }
   return out;
+}
+
+namespace {
+
+constexpr int kMostRounds = 12;
+constexpr double kSettled = 1e-3;       // pixels
+constexpr double kUsualError = 20;      // of 255; what differs by more counts less and less
+constexpr double kTellsNothing = 1e-9;  // of a system's size: its determinant
+constexpr double kFarthest = 10;        // pixels: what is farther off is not found
+constexpr double kLeastCoverage = 0.25;
+constexpr int kPartsAcross = 4, kPartsDown = 3;
+
+struct Luma {
+  explicit Luma(const Image& rgb) : width(rgb.width()), height(rgb.height()) {
+    values.reserve(static_cast<size_t>(width) * height);
+    for (int y = 0; y < height; y++)
+      for (int x = 0; x < width; x++) {
+        const uint8_t* p = rgb.pixel(x, y);
+        values.push_back(0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2]);
+      }
+  }
+  double at(int x, int y) const { return values[static_cast<size_t>(y) * width + x]; }
+  double between(double x, double y) const {
+    x = std::clamp(x, 0.0, width - 1.0);
+    y = std::clamp(y, 0.0, height - 1.0);
+    const int x0 = std::min(static_cast<int>(x), width - 2), y0 = std::min(static_cast<int>(y), height - 2);
+    const double ax = x - x0, ay = y - y0;
+    return (at(x0, y0) * (1 - ax) + at(x0 + 1, y0) * ax) * (1 - ay) +
+           (at(x0, y0 + 1) * (1 - ax) + at(x0 + 1, y0 + 1) * ax) * ay;
+  }
+  int width, height;
+  std::vector<double> values;
+};
+
+// Pixels of a part of the picture that are covered, and their neighbours with them.
+std::vector<size_t> inner_pixels(const std::vector<float>& coverage, int width, const Rect& part) {
+  std::vector<size_t> inner;
+  for (int y = part.y0; y < part.y1; y++)
+    for (int x = part.x0; x < part.x1; x++) {
+      bool covered = true;
+      for (int j = -1; j <= 1; j++)
+        for (int i = -1; i <= 1; i++)
+          covered = covered && (coverage.empty() || coverage[static_cast<size_t>(y + j) * width + x + i] > kCovered);
+      if (covered) inner.push_back(static_cast<size_t>(y) * width + x);
+    }
+  return inner;
+}
+
+struct Fit {
+  double gain = 1;
+  Vec2 shift{0, 0};
+};
+
+// Gauss and Newton's way to the gain and the shift that bring both together at these pixels. Nothing if they do not
+// tell.
+std::optional<Fit> fit(const Luma& predicted, const Luma& seen, const std::vector<size_t>& pixels) {
+  const auto width = static_cast<size_t>(seen.width);
+  Fit fit;
+  for (int round = 0; round < kMostRounds; round++) {
+    Mat3 normal(0);
+    Vec3 right(0);
+    for (const size_t i : pixels) {
+      const auto moved = [&](int dx, int dy) {
+        return fit.gain * predicted.between(static_cast<double>(i % width) + dx - fit.shift.x,
+                                            static_cast<double>(i / width) + dy - fit.shift.y);
+      };
+      const double value = moved(0, 0), residual = seen.values[i] - value;
+      const double weight = 1 / (1 + residual * residual / (kUsualError * kUsualError));
+      // Slopes are the mean of both pictures', so that noise in either does not make shifts small.
+      const double across = moved(1, 0) - moved(-1, 0) + seen.values[i + 1] - seen.values[i - 1];
+      const double down = moved(0, 1) - moved(0, -1) + seen.values[i + width] - seen.values[i - width];
+      const Vec3 row(value / fit.gain, -across / 4, -down / 4);
+      normal += weight * glm::outerProduct(row, row);
+      right += weight * residual * row;
+    }
+    const double size = normal[0][0] * normal[1][1] * normal[2][2];
+    if (!(std::abs(glm::determinant(normal)) > kTellsNothing * size)) return std::nullopt;
+    const Vec3 change = glm::inverse(normal) * right;
+    fit.gain += change.x;
+    fit.shift += Vec2(change.y, change.z);
+    if (!(fit.gain > 0) || !(glm::length(fit.shift) < kFarthest)) return std::nullopt;
+    if (std::hypot(change.y, change.z) < kSettled) break;
+  }
+  return fit;
+}
+
+// The median over parts of the picture of how far their own fit is from that of the whole.
+void add_scatter(const Luma& predicted, const Luma& seen, const std::vector<float>& coverage, PredictionError* error) {
+  std::vector<double> gains, shifts;
+  for (int j = 0; j < kPartsDown; j++)
+    for (int i = 0; i < kPartsAcross; i++) {
+      const int w = seen.width - 2, h = seen.height - 2;
+      const Rect part{1 + w * i / kPartsAcross, 1 + h * j / kPartsDown, 1 + w * (i + 1) / kPartsAcross,
+                      1 + h * (j + 1) / kPartsDown};
+      const std::vector<size_t> pixels = inner_pixels(coverage, seen.width, part);
+      if (pixels.size() < static_cast<size_t>(part.width()) * part.height() / 2) continue;
+      const std::optional<Fit> own = fit(predicted, seen, pixels);
+      gains.push_back(own ? std::abs(own->gain - error->gain) : kFarthest);
+      shifts.push_back(own ? glm::length(own->shift - error->shift) : kFarthest);
+    }
+  if (gains.empty()) return;
+  error->gain_scatter = median(gains);
+  error->shift_scatter = median(shifts);
+}
+
+}  // namespace
+
+CoveredPicture covered_picture(const Accumulator& sum) {
+  const Image picture = sum.resolve();
+  return {picture.family() == PixelFamily::kI420 ? to_rgb(picture) : picture, sum.coverage()};
+}
+
+PredictionError compare_prediction(const CoveredPicture& predicted, const CoveredPicture& seen) {
+  std::vector<float> both = predicted.coverage;
+  for (size_t i = 0; i < both.size(); i++) both[i] = std::min(both[i], seen.coverage[i]);
+  return compare_prediction(predicted.rgb, seen.rgb, both);
+}
+
+PredictionError compare_prediction(const Image& predicted, const Image& seen, const std::vector<float>& coverage) {
+  const Quality quality = compare(predicted, seen, coverage);
+  if (quality.coverage < kLeastCoverage) return kNotPredicted;
+  const Luma p(predicted), s(seen);
+  const std::optional<Fit> whole = fit(p, s, inner_pixels(coverage, s.width, {1, 1, s.width - 1, s.height - 1}));
+  if (!whole) return kNotPredicted;
+  PredictionError error{quality.psnr_db, whole->gain, whole->shift, 0, 0};
+  add_scatter(p, s, coverage, &error);
+  return error;
 }
 
 }  // namespace lf

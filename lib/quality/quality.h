@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
+#include "base/vec.h"
+#include "composite/accumulator.h"
 #include "image/image.h"
 
 namespace lf {
@@ -25,5 +28,32 @@ Quality compare(const Image& picture, const Image& truth, const std::vector<floa
 
 // Absolute difference of the two (largest channel) times `gain`, as grey RGB.
 Image error_map(const Image& picture, const Image& truth, double gain = 4);
+
+// A picture, and how far each of its pixels can be relied upon.
+struct CoveredPicture {
+  Image rgb;
+  std::vector<float> coverage;  // 0..1: how much of their weight cameras could give
+};
+// `sum`: all of a picture, with what is uncovered marked.
+CoveredPicture covered_picture(const Accumulator& sum);
+
+// How what a camera sees differs from what other cameras predict of it.
+struct PredictionError {
+  double psnr_db = 0;  // as Quality's
+  double gain = 1;     // luma seen = gain x luma predicted
+  Vec2 shift{0, 0};    // what is predicted at x is seen at x + shift; pixels of the pictures
+  // How far parts of the picture differ from that, the median of them: much where they are out of focus, and what is
+  // near is seen elsewhere than what is far.
+  double gain_scatter = 0, shift_scatter = 0;
+};
+inline constexpr PredictionError kNotPredicted{NAN, NAN, {NAN, NAN}, NAN, NAN};
+
+// Both RGB and of one size (else Error). Counted are pixels of which the prediction has at least kCovered of the
+// weight. Gain and shift are those that bring the two together best: Lucas and Kanade's (1981) with a gain, robust
+// (Cauchy), since what is out of focus or hidden agrees with neither. They do not need neighbouring pixels to be
+// neighbours in the camera: every fourth will do, as long as the shift is a few of them at most. kNotPredicted where
+// less than a quarter is covered, or nothing tells a shift.
+PredictionError compare_prediction(const Image& predicted, const Image& seen, const std::vector<float>& coverage);
+PredictionError compare_prediction(const CoveredPicture& predicted, const CoveredPicture& seen);
 
 }  // namespace lf
