@@ -11,8 +11,7 @@
 
 #include "base/error.h"
 #include "base/json_value.h"
-#include "calibration/charuco.h"
-#include "calibration/view_chooser.h"
+#include "calibration/boards.h"
 #include "calibration/intrinsics.h"
 #include "commands.h"
 #include "image/image_io.h"

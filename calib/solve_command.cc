@@ -10,8 +10,6 @@
 #include "base/error.h"
 #include "base/json_value.h"
 #include "calibration/diagnosis.h"
-#include "calibration/multicamselfcal.h"
-#include "calibration/placement.h"
 #include "calibration/report.h"
 #include "calibration/tracks.h"
 #include "commands.h"

@@ -10,7 +10,6 @@
 
 #include "base/json_value.h"
 #include "calibration/diagnosis.h"
-#include "calibration/placement.h"
 #include "calibration/report.h"
 #include "calibration/tracks.h"
 #include "rig/rig_json.h"

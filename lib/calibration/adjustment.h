@@ -14,6 +14,8 @@ namespace lf {
 
 // The lens parameters that calibration can set, in this order everywhere. The rest (fy/fx, p1, p2) stays as given.
 enum LensTerm { kF, kCx, kCy, kK1, kK2, kNumLensTerms };
+// Their names in covariances.
+inline constexpr const char* kLensTermNames[kNumLensTerms] = {"f", "cx", "cy", "k1", "k2"};
 
 // One camera while it is being measured: a flat block of parameters, world_from_camera, then the lens.
 struct CameraState {

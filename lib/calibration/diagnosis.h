@@ -3,7 +3,6 @@
 
 #include <vector>
 
-#include "calibration/placement.h"
 #include "calibration/report.h"
 
 namespace lf {

@@ -5,14 +5,13 @@
 #include <cmath>
 #include <random>
 
-#include "calibration/robust_scale.h"
+#include "calibration/noise.h"
 
 namespace lf {
 namespace {
 
 constexpr double kHeldOut = 0.1;  // share of the observations
 constexpr int kLeastSights = 4;   // of a target that gives one up
-constexpr double kReach = 3.8;    // sigmas: beyond, an error counts as this
 constexpr double kRobust = 2;
 constexpr double kSettled = 0.05;  // change of sigma
 constexpr DistortionModel kModels[] = {{0, false}, {1, true}, {1, false}, {2, true}, {2, false}};
@@ -43,7 +42,7 @@ Fit fit_model(Reconstruction scene, const Tracks& tracks, AdjustmentOptions opti
 std::vector<size_t> hold_out(const Tracks& tracks, const Fit& best) {
   std::vector<int> sights(tracks.num_positions * 2);
   const auto light = [&](size_t i) { return tracks.observations[i].position * 2 + tracks.observations[i].light; };
-  const Inliers good = within(best.lengths, kReach, best.sigma);
+  const Inliers good = within(best.lengths, kOutlier, best.sigma);
   std::vector<size_t> order;
   for (size_t i = 0; i < good.size(); i++)
     if (good[i]) sights[light(i)]++, order.push_back(i);
@@ -60,7 +59,7 @@ std::vector<size_t> hold_out(const Tracks& tracks, const Fit& best) {
 }
 
 double transfer(const Fit& fit, const Tracks& tracks, AdjustmentOptions options, const std::vector<size_t>& held) {
-  Inliers use = within(fit.lengths, 2 * kReach, fit.sigma);
+  Inliers use = within(fit.lengths, 2 * kOutlier, fit.sigma);
   for (const size_t i : held) use[i] = false;
   options.sigma = fit.sigma, options.robust = kRobust, options.max_iterations = 2, options.tolerance = 1e-3;
   Reconstruction scene = fit.scene;
@@ -107,7 +106,7 @@ size_t choose(Reconstruction& scene, const Tracks& tracks, const std::vector<Can
   for (size_t m = 0; m < fits.size(); m++) {
     double chi2 = 0, count = 0;
     for (const double l : fits[m].lengths)
-      if (l >= 0) chi2 += std::min(std::pow(l / best->sigma, 2), kReach * kReach), count += 2;
+      if (l >= 0) chi2 += std::min(std::pow(l / best->sigma, 2), kOutlier * kOutlier), count += 2;
     const double parameters = count_parameters(scene, candidates[m].options);
     const double part = static_cast<double>(tracks.observations.size()) / static_cast<double>(num_observations);
     trials.push_back({candidates[m].name, chi2 / part + parameters * std::log(count / part), {}, false});

@@ -3,13 +3,151 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <nlohmann/json.hpp>
 
+#include "base/error.h"
 #include "base/median.h"
-#include "calibration/robust_scale.h"
+#include "calibration/noise.h"
 
 namespace lf {
+namespace {
+
+// Amid the cameras, along their mean axes.
+Similarity own_frame(const std::vector<Pose>& poses) {
+  Vec3 mean(0, 0, 0), forward(0, 0, 0), right(0, 0, 0), down(0, 0, 0);
+  for (const Pose& p : poses) mean += p.position, forward += p.forward(), right += p.right(), down += p.down();
+  mean /= static_cast<double>(poses.size());
+  if (!(glm::length(forward) > 1e-3)) forward = poses[0].forward(), right = poses[0].right();  // all around
+  const Vec3 z = glm::normalize(forward);
+  Vec3 x = right - glm::dot(right, z) * z;
+  if (!(glm::length(x) > 1e-3)) x = glm::cross(down, z);
+  if (!(glm::length(x) > 1e-3)) x = poses[0].right() - glm::dot(poses[0].right(), z) * z;
+  x = glm::normalize(x);
+  Similarity s;
+  s.rotation = glm::conjugate(glm::normalize(glm::quat_cast(Mat3(x, glm::cross(z, x), z))));
+  s.translation = -(s.rotation * mean);
+  return s;
+}
+
+Similarity scaled(Similarity s, double factor) {
+  s.scale *= factor;
+  s.translation *= factor;
+  return s;
+}
+
+}  // namespace
+
+double neighbour_distance(const std::vector<Pose>& poses) {
+  std::vector<double> nearest(poses.size(), std::numeric_limits<double>::infinity());
+  for (size_t i = 0; i < poses.size(); i++)
+    for (size_t j = 0; j < poses.size(); j++)
+      if (i != j) nearest[i] = std::min(nearest[i], glm::length(poses[i].position - poses[j].position));
+  std::nth_element(nearest.begin(), nearest.begin() + nearest.size() / 2, nearest.end());
+  return nearest[nearest.size() / 2];
+}
+
+Placement place_solution(const Solution& solution, const Tracks& tracks, const SolveOptions& options,
+                         const PlacementOptions& placement) {
+  std::vector<Pose> poses, nominal;
+  for (size_t i = 0; i < tracks.cameras.size(); i++) {
+    if (!solution.scene.cameras[i].used) continue;
+    poses.push_back(solution.scene.cameras[i].pose());
+    if (options.prior)
+      nominal.push_back(options.prior->cameras[*options.prior->index_of_id(tracks.cameras[i].id)].pose);
+  }
+  Placement result;
+  double scale = 0;
+  if (placement.bar_length > 0) {
+    if (!tracks.bar) throw Error("the bar's length is given, but the tracks are of one light");
+    scale = placement.bar_length;
+    result.scale_from = "the bar's length";
+  } else if (placement.distance) {
+    const auto position = [&](uint32_t id) {
+      for (size_t i = 0; i < tracks.cameras.size(); i++)
+        if (tracks.cameras[i].id == id && solution.scene.cameras[i].used)
+          return solution.scene.cameras[i].pose().position;
+      throw Error("the distance is to camera " + std::to_string(id) + ", which was not found");
+    };
+    const double distance = glm::length(position(placement.distance->a) - position(placement.distance->b));
+    if (!(placement.distance->metres > 0) || !(distance > 0))
+      throw Error("the distance of two cameras must be positive");
+    scale = placement.distance->metres / distance;
+    result.scale_from = "the distance of two cameras";
+  } else if (placement.pitch > 0) {
+    scale = placement.pitch / neighbour_distance(poses);
+    result.scale_from = "the pitch";
+  }
+  // A prior rig has a layout where its cameras are not all at one place.
+  double extent = 0;
+  for (const Pose& pose : nominal) extent = std::max(extent, glm::length(pose.position - nominal[0].position));
+  if (extent > 0) {
+    if (scale > 0) {
+      std::vector<Pose> metric = poses;
+      for (Pose& pose : metric) pose.position *= scale;
+      result.world_from_scene = align(metric, nominal, true);
+      result.world_from_scene.scale = scale;
+    } else {
+      result.world_from_scene = align(poses, nominal);
+      result.scale_from = "the prior rig's layout";
+    }
+    return result;
+  }
+  result.world_from_scene = scaled(own_frame(poses), scale > 0 ? scale : 1 / neighbour_distance(poses));
+  return result;
+}
+
+Rig make_rig(const Solution& solution, const Tracks& tracks, const SolveOptions& options, const Placement& placement) {
+  Rig rig;
+  size_t used = 0;
+  for (size_t i = 0; i < tracks.cameras.size(); i++) {
+    const CameraState& state = solution.scene.cameras[i];
+    if (!state.used) continue;
+    used++;
+    Camera camera;
+    if (options.prior) {
+      camera = options.prior->cameras[*options.prior->index_of_id(tracks.cameras[i].id)];
+    } else {
+      camera.id = tracks.cameras[i].id;
+      camera.name = "cam_" + std::to_string(camera.id);
+      camera.width = state.width, camera.height = state.height;
+    }
+    camera.lens = state.lens();
+    camera.pose = placement.world_from_scene(state.pose());
+    rig.cameras.push_back(camera);
+  }
+  if (options.prior && used == options.prior->cameras.size()) {
+    // In the prior's order, which its topology counts in.
+    std::vector<Camera> ordered;
+    for (const Camera& camera : options.prior->cameras) ordered.push_back(rig.cameras[*rig.index_of_id(camera.id)]);
+    rig.cameras = std::move(ordered);
+    rig.topology = options.prior->topology;
+  }
+  if (options.prior) rig.directory = options.prior->directory;
+  return rig;
+}
+
+CameraCovariance covariance_in_rig(const Uncertainty& uncertainty, size_t index, const Similarity& world_from_scene) {
+  const int row = uncertainty.camera_row[index], n = uncertainty.camera_size, lens = n - 6;
+  // Steps in the scene to parameters in the rig, lens first.
+  Eigen::MatrixXd to = Eigen::MatrixXd::Zero(n, n);
+  const Mat3 turn = glm::mat3_cast(world_from_scene.rotation);
+  for (int k = 0; k < lens; k++) to(k, 6 + k) = 1;
+  for (int r = 0; r < 3; r++)
+    for (int c = 0; c < 3; c++) {
+      to(lens + r, 3 + c) = world_from_scene.scale * turn[c][r];
+      to(lens + 3 + r, c) = turn[c][r];
+    }
+  const Eigen::MatrixXd m = to * uncertainty.covariance.block(row, row, n, n) * to.transpose();
+  CameraCovariance covariance;
+  for (const int term : uncertainty.lens_terms) covariance.parameters.push_back(kLensTermNames[term]);
+  for (const char* name : {"x", "y", "z", "rx", "ry", "rz"}) covariance.parameters.push_back(name);
+  for (int r = 0; r < n; r++)
+    for (int c = 0; c < n; c++) covariance.matrix.push_back(m(r, c));
+  return covariance;
+}
+
 namespace {
 
 using nlohmann::ordered_json;

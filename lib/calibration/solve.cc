@@ -7,21 +7,16 @@
 #include <numeric>
 
 #include "base/error.h"
-#include "calibration/halves.h"
 #include "calibration/initial_layout.h"
 #include "calibration/model_choice.h"
-#include "calibration/placement.h"
-#include "calibration/pose_priors.h"
+#include "calibration/noise.h"
 #include "calibration/reconstruction.h"
-#include "calibration/robust_scale.h"
+#include "calibration/report.h"
 #include "calibration/triangulation.h"
 
 namespace lf {
 namespace {
 
-constexpr double kReach = 3.8;        // sigmas to an outlier: 1 of 1,400 good ones is lost
-constexpr double kKept = 0.9947;      // of the variance of normal errors that are cut off there
-constexpr int kFirmSights = 3;        // two rays always meet nearly, mistaken or not
 constexpr double kLeastSigma = 1e-3;  // pixels; no light is measured better, and exact data must not divide by zero
 constexpr double kRobust = 2;         // sigmas where the Cauchy loss bends
 constexpr double kFits = 4;           // pixels: a first layout that is as near is right
@@ -65,7 +60,7 @@ class Solver {
     step("uncertainty");
     judge();
     if (!tracks_.ordered) compare_halves();
-    settle_doubtful_targets();
+    settle_doubtful_targets(scene(), tracks_, solution_.model.sigma, solution_.sigma, solution_.inliers);
     return std::move(solution_);
   }
 
@@ -168,22 +163,9 @@ class Solver {
   void complete() {
     const double reach = std::min(kCoarse, 6 * sigma_now());
     triangulate_targets(scene(), tracks_, reach);
-    drop_poor_cameras();
+    drop_poor_cameras(scene(), tracks_.observations, 6 * sigma_now());
     if (resect_cameras(scene(), tracks_, kCoarse) > 0) triangulate_targets(scene(), tracks_, reach);
     robust(sample_, {}, 2);
-  }
-
-  void drop_poor_cameras() {
-    const auto lengths = residual_lengths(scene(), tracks_.observations);
-    const double reach = 6 * sigma_now();
-    std::vector<double> fit(scene().cameras.size()), all(scene().cameras.size());
-    for (size_t i = 0; i < lengths.size(); i++) {
-      if (lengths[i] < 0) continue;
-      all[tracks_.observations[i].camera]++;
-      fit[tracks_.observations[i].camera] += lengths[i] < reach;
-    }
-    for (size_t i = 0; i < fit.size(); i++)
-      if (fit[i] < 0.3 * all[i] || all[i] < 4) scene().cameras[i].used = false;
   }
 
   void free_lenses() {
@@ -226,7 +208,7 @@ class Solver {
   void finish() {
     AdjustmentOptions o = solution_.model;
     o.sigma = sigma_now();
-    Inliers inliers = within(residual_lengths(scene(), tracks_.observations), kReach, o.sigma);
+    Inliers inliers = within(residual_lengths(scene(), tracks_.observations), kOutlier, o.sigma);
     for (int round = 0; round < 6; round++) {
       o.max_iterations = 30;
       o.tolerance = 1e-7;
@@ -234,8 +216,8 @@ class Solver {
       adjust(scene(), tracks_.observations, inliers, o);
       const auto lengths = residual_lengths(scene(), tracks_.observations);
       // The errors of features have long tails: cut off by the spread of all, more and more of them would be let in.
-      const double sigma = tracks_.ordered ? std::max(kLeastSigma, inlier_sigma(lengths, inliers)) : sigma_now();
-      Inliers next = within(lengths, kReach, sigma);
+      const double sigma = tracks_.ordered ? std::max(kLeastSigma, noise_of(lengths, inliers)) : sigma_now();
+      Inliers next = within(lengths, kOutlier, sigma);
       const size_t changed = inliers.size() - std::inner_product(next.begin(), next.end(), inliers.begin(), size_t{0},
                                                                  std::plus<>(), std::equal_to<>());
       const bool same =
@@ -280,23 +262,8 @@ class Solver {
     if (use.any) finish();
   }
 
-  // Targets that fewer than three good sights hold: a place amid all of their sights, so that what is reported of these
-  // is fair.
-  void settle_doubtful_targets() {
-    Tracks nowhere = tracks_;
-    std::erase_if(nowhere.observations, [&](const Observation& o) { return scene().targets[o.position].has(o.light); });
-    if (!tracks_.bar) triangulate_targets(scene(), nowhere, tracks_.cameras[0].width);
-    std::vector<int> good(scene().targets.size());
-    for (size_t i = 0; i < solution_.inliers.size(); i++)
-      good[tracks_.observations[i].position] += solution_.inliers[i];
-    Inliers doubtful(solution_.inliers.size());
-    for (size_t i = 0; i < doubtful.size(); i++) doubtful[i] = good[tracks_.observations[i].position] < kFirmSights;
-    AdjustmentOptions o;
-    o.sigma = solution_.model.sigma, o.robust = 1, o.redescending = false, o.free_poses = false;
-    adjust(scene(), tracks_.observations, doubtful, o);
-    const Inliers near = within(residual_lengths(scene(), tracks_.observations), kReach, solution_.sigma);
-    for (size_t i = 0; i < doubtful.size(); i++)
-      if (doubtful[i]) solution_.inliers[i] = near[i];
+  double noise_of(const std::vector<double>& lengths, const Inliers& inliers) {
+    return inlier_sigma(scene(), tracks_.observations, lengths, inliers, solution_.model, solution_.uncertainty);
   }
 
   // Noise and uncertainty: each depends on the other where parameters are known before.
@@ -309,37 +276,10 @@ class Solver {
     for (int round = 0; round < 2; round++) {
       const double before = solution_.model.sigma;
       solution_.uncertainty = estimate_uncertainty(scene(), tracks_.observations, solution_.inliers, solution_.model);
-      solution_.model.sigma = std::max(kLeastSigma, inlier_sigma(lengths, solution_.inliers));
+      solution_.model.sigma = std::max(kLeastSigma, noise_of(lengths, solution_.inliers));
       if (std::abs(solution_.model.sigma / before - 1) < 0.01) break;
     }
     solution_.sigma = solution_.model.sigma;
-  }
-
-  // Of the noise: what parameters took of it is given back.
-  double inlier_sigma(const std::vector<double>& lengths, const Inliers& inliers) {
-    double sum = 0, count = 0;
-    std::vector<char> target_used(scene().targets.size());
-    for (size_t i = 0; i < lengths.size(); i++)
-      if (inliers[i]) {
-        sum += lengths[i] * lengths[i], count += 2;
-        target_used[tracks_.observations[i].position] = true;
-      }
-    double parameters = -7;
-    for (size_t j = 0; j < target_used.size(); j++)
-      if (target_used[j]) parameters += scene().targets[j].kind == TargetState::Kind::kBar ? 5 : 3;
-    // Of a parameter known before, as much as the observations tell of it: a half, until that is known.
-    const Uncertainty& u = solution_.uncertainty;
-    const auto free = static_cast<double>(std::count(solution_.model.free.begin(), solution_.model.free.end(), true));
-    int lens = 0;
-    for (size_t i = 0; i < scene().cameras.size(); i++) {
-      if (!scene().cameras[i].used) continue;
-      parameters += 6;
-      if (u.camera_row.empty()) parameters += free / 2;
-      for (int k = 0; k < static_cast<int>(u.lens_terms.size()); k++, lens++)
-        parameters += 1 - std::min(1.0, u.covariance(u.camera_row[i] + 6 + k, u.camera_row[i] + 6 + k) /
-                                            u.prior_covariance(lens, lens));
-    }
-    return std::sqrt(sum / std::max(1.0, count - parameters) / kKept);
   }
 
   Tracks tracks_;  // whose observations' sigmas are estimated

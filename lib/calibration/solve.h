@@ -36,7 +36,7 @@ struct SolveOptions {
 };
 
 struct Solution {
-  Reconstruction scene;     // in the scale and frame of the solver: see alignment.h
+  Reconstruction scene;     // in the scale and frame of the solver: see align()
   Inliers inliers;          // one an observation
   double sigma = 0;         // of the inliers' noise in x and in y, pixels, estimated
   double expected_rms = 0;  // of the lengths of residuals if all were noise like their middle half, pixels
@@ -45,7 +45,7 @@ struct Solution {
   std::vector<ModelTrial> trials;          // empty where nothing was to be chosen
   std::string start;                       // how the first layout was found
   Uncertainty uncertainty;                 // in the solver's frame and scale
-  double disagreement = 0;                 // of halves of the tracks (halves.h); 0: not compared
+  double disagreement = 0;                 // of halves of the tracks (disagreement_of_halves()); 0: not compared
   std::vector<size_t> contradicted_poses;  // cameras that are not where the prior rig's covariance allows
 };
 

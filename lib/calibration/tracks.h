@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "base/vec.h"
+#include "rig/rig.h"
 
 namespace lf {
 
@@ -45,5 +47,16 @@ void check_tracks(const Tracks& tracks, const std::string& name);
 Tracks load_tracks(const std::string& path);
 Tracks parse_tracks(const std::string& text, const std::string& name);
 std::string tracks_to_json(const Tracks& tracks);
+
+// What MultiCamSelfCal (Svoboda, Martinec, Pajdla 2005) reads, in one folder: points.dat (3 rows a camera: u, v, 1; a
+// column a position), IdMat.dat (a row a camera: seen or not), Res.dat (a row a camera: width, height) and, where
+// lenses are known, *.rad (K11 ... K33, kc1 ... kc4), one a camera in the order of their names. `first_pixel`: the
+// centre of the top-left pixel is at (0, 0) in the files of programs that count from 0, and at (1, 1) in Matlab's own.
+struct MultiCamSelfCal {
+  Tracks tracks;              // cameras have ids from 0
+  std::optional<Rig> lenses;  // all poses the same
+};
+// Throws Error naming the file and the row.
+MultiCamSelfCal load_multicamselfcal(const std::string& directory, double first_pixel);
 
 }  // namespace lf

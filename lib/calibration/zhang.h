@@ -4,19 +4,10 @@
 #include <string>
 #include <vector>
 
-#include "calibration/checkerboard.h"
+#include "calibration/boards.h"
 #include "geometry/lens.h"
 
 namespace lf {
-
-// What one image shows of the board.
-struct BoardView {
-  std::string name;           // for people
-  std::vector<Vec2> corners;  // pixels
-  std::vector<int> ids;       // which of the board's corners these are; empty: all of them, in order
-
-  size_t id(size_t i) const { return ids.empty() ? i : static_cast<size_t>(ids[i]); }
-};
 
 // Which terms of a lens are estimated, and whether the board is what it should be.
 struct ZhangModel {

@@ -5,7 +5,6 @@
 #include <cstring>
 
 namespace lf {
-
 namespace {
 
 bool meets_any(const std::vector<Rect>& rects, const Rect& rect) {

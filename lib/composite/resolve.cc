@@ -8,7 +8,6 @@
 #include "render/sum_rounding.h"
 
 namespace lf {
-
 namespace {
 
 constexpr float kOneLevel = 1 << kSumFractionBits;

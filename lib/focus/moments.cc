@@ -129,7 +129,6 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace lf {
-
 namespace {
 
 void add_saturated(std::vector<uint16_t>& sum, const std::vector<uint16_t>& values) {

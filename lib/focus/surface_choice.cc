@@ -10,7 +10,6 @@
 #include "focus/moments.h"
 
 namespace lf {
-
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();

@@ -219,7 +219,6 @@ HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace lf {
-
 namespace {
 
 HWY_EXPORT(box);

@@ -9,7 +9,6 @@
 #include "focus/carry_over.h"
 
 namespace lf {
-
 namespace {
 
 constexpr size_t kNearest = 8;    // of a grid: those around a camera

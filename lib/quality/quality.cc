@@ -15,7 +15,6 @@
 #include "base/rect.h"
 
 namespace lf {
-
 namespace {
 
 constexpr int kRadius = 5;  // of the 11x11 window

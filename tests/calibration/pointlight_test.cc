@@ -7,8 +7,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include "calibration/multicamselfcal.h"
 #include "calibration/report.h"
+#include "calibration/tracks.h"
 
 namespace lf {
 namespace {

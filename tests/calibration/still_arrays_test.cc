@@ -13,7 +13,7 @@
 #include "calibration/adjustment.h"
 #include "calibration/diagnosis.h"
 #include "calibration/feature_tracks.h"
-#include "calibration/placement.h"
+#include "calibration/report.h"
 #include "calibration/solve.h"
 #include "composite/still.h"
 #include "image/image_io.h"

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "calibration/adjustment.h"
-#include "calibration/robust_scale.h"
+#include "calibration/noise.h"
 #include "calibration/simulator.h"
 
 namespace lf {

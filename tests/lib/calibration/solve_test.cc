@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
-#include "calibration/robust_scale.h"
+#include "calibration/noise.h"
 #include "calibration/simulator.h"
 
 namespace lf {

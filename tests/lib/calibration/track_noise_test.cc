@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "calibration/robust_scale.h"
+#include "calibration/noise.h"
 
 #include <random>
 

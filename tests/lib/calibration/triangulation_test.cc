@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "calibration/robust_scale.h"
+#include "calibration/noise.h"
 #include "calibration/simulator.h"
 
 namespace lf {

@@ -6,7 +6,6 @@
 #include "render/fragment.h"
 
 namespace lf {
-
 namespace {
 
 const CameraRanges kRow(CameraSet{4, 5, 6, 7});

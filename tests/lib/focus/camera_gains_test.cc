@@ -12,7 +12,6 @@
 #include "lib/focus/array_of_walls.h"
 
 namespace lf {
-
 namespace {
 
 TEST(CameraGains, GoToWhatIsMeasured) {

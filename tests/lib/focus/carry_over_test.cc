@@ -10,7 +10,6 @@
 #include "reference/generators.h"
 
 namespace lf {
-
 namespace {
 
 struct Covered {

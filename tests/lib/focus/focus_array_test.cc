@@ -9,7 +9,6 @@
 #include "scene/scene.h"
 
 namespace lf {
-
 namespace {
 
 TEST(ArrayPlane, GoesThroughTheMiddleAlongTheMeanAxis) {

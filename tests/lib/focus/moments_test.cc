@@ -12,7 +12,6 @@
 #include "reference/generators.h"
 
 namespace lf {
-
 namespace {
 
 Moments of(double weight, double luma) {

@@ -10,7 +10,6 @@
 #include "lib/focus/random_rays.h"
 
 namespace lf {
-
 namespace {
 
 // Of any number of nodes and trials: positions as project_trial() has them, in 256ths, and -1 where it sees nothing.

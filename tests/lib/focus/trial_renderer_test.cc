@@ -10,7 +10,6 @@
 #include "render/ownership.h"
 
 namespace lf {
-
 namespace {
 
 // Against the rule in double precision: every node that a camera has a weight in and sees, once, where it sees it.

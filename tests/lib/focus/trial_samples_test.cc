@@ -12,7 +12,6 @@
 #include "reference/generators.h"
 
 namespace lf {
-
 namespace {
 
 // Against the mean of the rounded luma of sixteen pixels, repeated at the border.

@@ -6,7 +6,6 @@
 #include "lib/focus/array_of_walls.h"
 
 namespace lf {
-
 namespace {
 
 ViewRequest request_of(const View& view) {

@@ -13,7 +13,6 @@
 #include "scene/scene.h"
 
 namespace lf {
-
 namespace {
 
 using testing::ElementsAre;

@@ -13,7 +13,6 @@
 #include "scene/scene.h"
 
 namespace lf {
-
 namespace {
 
 Image noise(int width, int height, unsigned seed) {

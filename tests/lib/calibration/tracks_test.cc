@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "calibration/multicamselfcal.h"
+#include "calibration/tracks.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -58,4 +58,5 @@ TEST(MultiCamSelfCal, ErrorsNameThePlace) {
 }
 
 }  // namespace
+
 }  // namespace lf

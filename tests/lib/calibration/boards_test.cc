@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "calibration/charuco.h"
+#include "calibration/boards.h"
 
 #include <cmath>
 
@@ -12,6 +12,26 @@
 
 namespace lf {
 namespace {
+
+TEST(Checkerboard, FindsCornersToAFractionOfAPixel) {
+  const Lens lens(LensModel::kRadial, {420, 319.5, 239.5, -0.2, 0.05});
+  std::mt19937 random(3);
+  const Pose pose = board_pose(random, 0.6);
+  const auto found = find_checkerboard(picture_of_board(lens, pose, 640, 480, is_white_on_checkerboard), kTestBoard);
+  ASSERT_TRUE(found);
+  double worst = 0;
+  for (size_t i = 0; i < found->size(); i++) {
+    const Vec2 truth = *lens.project(pose.world_from_camera(Vec3(kTestBoard.corner(i), 0)));
+    // The board looks the same after half a turn: OpenCV may count from the other end.
+    const double other = glm::length(found->at(found->size() - 1 - i) - truth);
+    worst = std::max(worst, std::min(glm::length(found->at(i) - truth), other));
+  }
+  EXPECT_LT(worst, 0.1);
+}
+
+TEST(Checkerboard, SaysWhenThereIsNone) {
+  EXPECT_FALSE(find_checkerboard(Image(PixelFamily::kRgb, 320, 240), kTestBoard));
+}
 
 const CharucoBoard kBoard = {kTestBoard, "5X5_100", 0.7};
 
@@ -77,5 +97,32 @@ TEST(Charuco, BoardsThatCannotBe) {
   EXPECT_ERROR(check_charuco_board({kTestBoard, "5X5_100", 1}), "smaller than its squares");
 }
 
+BoardView at(double x, std::vector<int> ids = {0, 1, 2, 3}) {
+  BoardView view{"", {}, ids};
+  for (const int id : ids) view.corners.emplace_back(x + 20 * id, 100);
+  return view;
+}
+
+TEST(ViewChooser, TakesABoardThatStandsStillSomewhereElse) {
+  ViewChooser chooser(320);
+  EXPECT_FALSE(chooser.take(at(50)));  // is it moving?
+  EXPECT_TRUE(chooser.take(at(50.4)));
+  EXPECT_FALSE(chooser.take(at(50.4)));  // as before
+  EXPECT_FALSE(chooser.take(at(60)));    // moving
+  EXPECT_FALSE(chooser.take(at(60)));    // still, but hardly elsewhere
+  EXPECT_FALSE(chooser.take(at(90)));
+  EXPECT_TRUE(chooser.take(at(90)));
+}
+
+TEST(ViewChooser, ComparesTheCornersThatBothShow) {
+  ViewChooser chooser(320);
+  EXPECT_FALSE(chooser.take(at(50)));
+  EXPECT_TRUE(chooser.take(at(50)));
+  EXPECT_FALSE(chooser.take(at(50, {2, 3, 4, 5})));  // the same place, another part
+  EXPECT_FALSE(chooser.take(at(50, {6, 7})));        // nothing in common: is it moving?
+  EXPECT_TRUE(chooser.take(at(50, {6, 7})));
+}
+
 }  // namespace
+
 }  // namespace lf

@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "calibration/noise.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+
+#include "calibration/adjustment.h"
+#include "calibration/triangulation.h"
+#include "calibration/uncertainty.h"
+
+namespace lf {
+
+std::vector<double> residual_lengths(const Reconstruction& scene, const std::vector<Observation>& observations) {
+  std::vector<double> lengths(observations.size(), -1);
+  for (size_t i = 0; i < observations.size(); i++) {
+    const Observation& o = observations[i];
+    const CameraState& camera = scene.cameras[o.camera];
+    const TargetState& target = scene.targets[o.position];
+    if (!camera.used || !target.has(o.light)) continue;
+    const auto e = residual(camera, target, o);
+    lengths[i] = e ? glm::length(*e) / o.sigma : 1e6;  // behind the camera: as wrong as can be
+  }
+  return lengths;
+}
+
+double robust_sigma(std::vector<double> lengths) {
+  std::erase_if(lengths, [](double l) { return l < 0; });
+  if (lengths.empty()) return 0;
+  const auto middle = lengths.begin() + static_cast<ptrdiff_t>(lengths.size() / 2);
+  std::nth_element(lengths.begin(), middle, lengths.end());
+  return *middle / std::sqrt(2 * std::log(2.0));
+}
+
+Inliers within(const std::vector<double>& lengths, double reach, double sigma) {
+  Inliers inliers(lengths.size());
+  for (size_t i = 0; i < lengths.size(); i++) inliers[i] = lengths[i] >= 0 && lengths[i] <= reach * sigma;
+  return inliers;
+}
+
+void drop_poor_cameras(Reconstruction& scene, const std::vector<Observation>& observations, double reach) {
+  const auto lengths = residual_lengths(scene, observations);
+  std::vector<double> fit(scene.cameras.size()), all(scene.cameras.size());
+  for (size_t i = 0; i < lengths.size(); i++) {
+    if (lengths[i] < 0) continue;
+    all[observations[i].camera]++;
+    fit[observations[i].camera] += lengths[i] < reach;
+  }
+  for (size_t i = 0; i < fit.size(); i++)
+    if (fit[i] < 0.3 * all[i] || all[i] < 4) scene.cameras[i].used = false;
+}
+
+double inlier_sigma(const Reconstruction& scene, const std::vector<Observation>& observations,
+                    const std::vector<double>& lengths, const Inliers& inliers, const AdjustmentOptions& model,
+                    const Uncertainty& uncertainty) {
+  constexpr double kKept = 0.9947;  // of the variance of normal errors that are cut off at kOutlier
+  double sum = 0, count = 0;
+  std::vector<char> target_used(scene.targets.size());
+  for (size_t i = 0; i < lengths.size(); i++)
+    if (inliers[i]) {
+      sum += lengths[i] * lengths[i], count += 2;
+      target_used[observations[i].position] = true;
+    }
+  double parameters = -7;
+  for (size_t j = 0; j < target_used.size(); j++)
+    if (target_used[j]) parameters += scene.targets[j].kind == TargetState::Kind::kBar ? 5 : 3;
+  // Of a parameter known before, as much as the observations tell of it: a half, until that is known.
+  const Uncertainty& u = uncertainty;
+  const auto free = static_cast<double>(std::count(model.free.begin(), model.free.end(), true));
+  int lens = 0;
+  for (size_t i = 0; i < scene.cameras.size(); i++) {
+    if (!scene.cameras[i].used) continue;
+    parameters += 6;
+    if (u.camera_row.empty()) parameters += free / 2;
+    for (int k = 0; k < static_cast<int>(u.lens_terms.size()); k++, lens++)
+      parameters += 1 - std::min(1.0, u.covariance(u.camera_row[i] + 6 + k, u.camera_row[i] + 6 + k) /
+                                          u.prior_covariance(lens, lens));
+  }
+  return std::sqrt(sum / std::max(1.0, count - parameters) / kKept);
+}
+
+void settle_doubtful_targets(Reconstruction& scene, const Tracks& tracks, double weight, double sigma,
+                             Inliers& inliers) {
+  constexpr int kFirmSights = 3;  // two rays always meet nearly, mistaken or not
+  Tracks nowhere = tracks;
+  std::erase_if(nowhere.observations, [&](const Observation& o) { return scene.targets[o.position].has(o.light); });
+  if (!tracks.bar) triangulate_targets(scene, nowhere, tracks.cameras[0].width);
+  std::vector<int> good(scene.targets.size());
+  for (size_t i = 0; i < inliers.size(); i++) good[tracks.observations[i].position] += inliers[i];
+  Inliers doubtful(inliers.size());
+  for (size_t i = 0; i < doubtful.size(); i++) doubtful[i] = good[tracks.observations[i].position] < kFirmSights;
+  AdjustmentOptions o;
+  o.sigma = weight, o.robust = 1, o.redescending = false, o.free_poses = false;
+  adjust(scene, tracks.observations, doubtful, o);
+  const Inliers near = within(residual_lengths(scene, tracks.observations), kOutlier, sigma);
+  for (size_t i = 0; i < doubtful.size(); i++)
+    if (doubtful[i]) inliers[i] = near[i];
+}
+
+namespace {
+
+constexpr double kReach = 3.8;          // sigmas of the track itself to an outlier
+constexpr size_t kLeastSights = 4;      // that tell a track's noise
+constexpr double kPointParameters = 3;  // that a track's point takes of its residuals
+constexpr double kMedianCounts = 4;     // as so many residuals of x or y
+constexpr double kHopeless = 10;        // times the median: a track that tells nothing of itself
+
+}  // namespace
+
+void estimate_track_noise(const Reconstruction& scene, Tracks& tracks) {
+  struct Noise {
+    double variance = -1, freedom = 0;
+  };
+  for (Observation& o : tracks.observations) o.sigma = 1;
+  const std::vector<double> lengths = residual_lengths(scene, tracks.observations);
+  const auto positions = observations_of_positions(tracks);
+  std::vector<Noise> noise(positions.size());
+  std::vector<double> variances;
+  for (size_t j = 0; j < positions.size(); j++) {
+    std::vector<double> own;
+    for (const uint32_t i : positions[j])
+      if (lengths[i] >= 0) own.push_back(lengths[i]);
+    if (own.size() < kLeastSights) continue;
+    const double reach = kReach * robust_sigma(own);
+    double sum = 0;
+    for (const double l : own)
+      if (l <= reach) sum += l * l, noise[j].freedom += 2;
+    noise[j].freedom -= kPointParameters;
+    noise[j].variance = sum / noise[j].freedom;
+    variances.push_back(noise[j].variance);
+  }
+  if (variances.empty()) return;
+  const auto middle = variances.begin() + static_cast<ptrdiff_t>(variances.size() / 2);
+  std::nth_element(variances.begin(), middle, variances.end());
+  if (!(*middle > 0)) return;
+  for (size_t j = 0; j < positions.size(); j++) {
+    const auto& [variance, freedom] = noise[j];
+    const double sigma = variance < 0
+                             ? kHopeless
+                             : std::sqrt((variance * freedom / *middle + kMedianCounts) / (freedom + kMedianCounts));
+    for (const uint32_t i : positions[j]) tracks.observations[i].sigma = sigma;
+  }
+}
+
+namespace {
+
+constexpr int kBlocks = 8;      // across an image, or along the path of a light
+constexpr int kSplits = 2;      // few modes are soft: one split would judge them by one number each
+constexpr int kIterations = 8;  // from the solution of all
+using Eigen::VectorXd;
+
+// 0 or 1 for each position. The second split has its borders amid the first one's halves.
+std::vector<char> sides(const Tracks& tracks, const std::vector<std::vector<uint32_t>>& positions, int split) {
+  std::vector<char> side(positions.size());
+  for (size_t j = 0; j < positions.size(); j++) {
+    if (tracks.ordered) {
+      side[j] = static_cast<char>((2 * kBlocks * j / positions.size() + static_cast<size_t>(split)) / 2 & 1);
+    } else if (!positions[j].empty()) {
+      const Observation& first = tracks.observations[positions[j][0]];
+      const double block = static_cast<double>(tracks.cameras[first.camera].width) / kBlocks;
+      const Vec2 at = first.pixel / block + Vec2(0.5, 0.5) * static_cast<double>(split) + Vec2(1, 1);
+      side[j] = static_cast<char>((static_cast<int>(at.x) + static_cast<int>(at.y)) & 1);
+    }
+  }
+  return side;
+}
+
+struct Half {
+  std::vector<CameraState> cameras;  // aligned with the whole
+  VectorXd variance;                 // of their steps, from the observations: both halves have the priors
+};
+
+Half solve_half(const Reconstruction& whole, const Tracks& tracks, const Inliers& use, AdjustmentOptions options) {
+  const Uncertainty u = estimate_uncertainty(whole, tracks.observations, use, options);
+  Half half{whole.cameras, u.covariance.diagonal()};
+  const auto lens = static_cast<Eigen::Index>(u.lens_terms.size());
+  if (lens > 0) {
+    Eigen::MatrixXd by_lens(u.covariance.rows(), u.prior_covariance.rows());
+    Eigen::Index column = 0;
+    for (const int row : u.camera_row) {
+      if (row < 0) continue;
+      by_lens.middleCols(column, lens) = u.covariance.middleCols(row + 6, lens);
+      column += lens;
+    }
+    const Eigen::MatrixXd prior = u.prior_covariance.llt().solve(by_lens.transpose());
+    half.variance -= by_lens.cwiseProduct(prior.transpose()).rowwise().sum();
+  }
+  Reconstruction scene = whole;
+  options.max_iterations = kIterations;
+  adjust(scene, tracks.observations, use, options);
+  std::vector<Pose> from, to;
+  for (size_t i = 0; i < scene.cameras.size(); i++) {
+    if (!scene.cameras[i].used) continue;
+    from.push_back(scene.cameras[i].pose());
+    to.push_back(whole.cameras[i].pose());
+  }
+  const Similarity s = align(from, to, tracks.bar);
+  half.cameras = std::move(scene.cameras);
+  for (CameraState& camera : half.cameras) camera.set_pose(s(camera.pose()));
+  return half;
+}
+
+}  // namespace
+
+double disagreement_of_halves(const Reconstruction& scene, const Tracks& tracks, const Inliers& use,
+                              const AdjustmentOptions& options) {
+  const auto positions = observations_of_positions(tracks);
+  double sum = 0, count = 0;
+  for (int split = 0; split < kSplits; split++) {
+    const std::vector<char> side = sides(tracks, positions, split);
+    Half halves[2];
+    for (int h = 0; h < 2; h++) {
+      Inliers own = use;
+      for (size_t i = 0; i < own.size(); i++) own[i] = own[i] && side[tracks.observations[i].position] == h;
+      halves[h] = solve_half(scene, tracks, own, options);
+    }
+    Eigen::Index row = 0;
+    for (size_t i = 0; i < scene.cameras.size(); i++) {
+      if (!scene.cameras[i].used) continue;
+      const CameraState &a = halves[0].cameras[i], &b = halves[1].cameras[i];
+      const Quat turn = a.pose().orientation * glm::conjugate(b.pose().orientation);
+      const Vec3 rotation = 2.0 * (turn.w < 0 ? -1.0 : 1.0) * Vec3(turn.x, turn.y, turn.z);
+      const Vec3 shift = a.pose().position - b.pose().position;
+      const auto add = [&](double difference) {
+        const double variance = halves[0].variance[row] + halves[1].variance[row];
+        row++;
+        if (variance > 0) sum += difference * difference / variance, count++;
+      };
+      for (int k = 0; k < 3; k++) add(rotation[k]);
+      for (int k = 0; k < 3; k++) add(shift[k]);
+      for (int k = 0; k < kNumLensTerms; k++)
+        if (options.free[k]) add(a.lens_terms()[k] - b.lens_terms()[k]);
+    }
+  }
+  return count > 0 ? std::sqrt(sum / count) : 1;
+}
+
+}  // namespace lf
