@@ -20,7 +20,7 @@
 #include "focus/view_focus.h"
 #include "node/answer_form.h"
 #include "quality/camera_monitor.h"
-#include "render/render_job.h"
+#include "rig/mesh.h"
 #include "wire/answer_parts.h"
 
 // What the files of lfcompositor share: lfcompositor.cc (the element), compositor_properties.cc, compositor_answers.cc

@@ -14,7 +14,7 @@
 #include "fragment/node_stats.h"
 #include "node/answer_maker.h"
 #include "node/skew_watch.h"
-#include "render/render_job.h"
+#include "rig/mesh.h"
 #include "wire/answer.h"
 #include "wire/commands.h"
 

@@ -10,7 +10,6 @@
 
 #include "base/schedule.h"
 #include "common/access.h"
-#include "render/render_job.h"
 #include "rig/mesh.h"
 #include "view/navigator.h"
 #include "view/view_playback.h"

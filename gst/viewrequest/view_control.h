@@ -8,7 +8,7 @@
 #include <optional>
 #include <utility>
 
-#include "render/visible_share.h"
+#include "render/contribution_map.h"
 #include "view/navigator.h"
 
 namespace lf {

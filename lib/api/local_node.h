@@ -9,7 +9,7 @@
 #include "base/byte_buffer.h"
 #include "base/worker_pool.h"
 #include "node/answer_maker.h"
-#include "render/render_job.h"
+#include "rig/mesh.h"
 #include "rig/rig.h"
 #include "view/view_request.h"
 

@@ -7,7 +7,7 @@
 #include "base/error.h"
 #include "composite/resolve.h"
 #include "composite/rows.h"
-#include "render/sum_rounding.h"
+#include "render/sum_planes.h"
 
 namespace lf {
 namespace {

@@ -8,8 +8,6 @@
 #include "base/byte_buffer.h"
 #include "composite/resolve.h"
 #include "image/image.h"
-#include "render/fragment.h"
-#include "render/fragment_planes.h"
 #include "render/ownership.h"
 #include "render/sum_planes.h"
 

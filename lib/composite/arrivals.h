@@ -8,7 +8,7 @@
 #include "base/rect.h"
 #include "image/image.h"
 #include "jpeg/buffer_pool.h"
-#include "render/fragment_planes.h"
+#include "render/sum_planes.h"
 #include "rig/camera_ranges.h"
 #include "rig/rig.h"
 

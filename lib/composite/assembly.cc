@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "render/source_region.h"
+#include "render/camera_projection.h"
+#include "render/sum_planes.h"
 #include "render/sum_renderer.h"
-#include "render/sum_rounding.h"
 #include "wire/answer_writer.h"
 #include "wire/fragment_codec.h"
 #include "wire/payload.h"

@@ -14,7 +14,7 @@
 #include "composite/arrivals.h"
 #include "focus/view_focus.h"
 #include "node/answer_form.h"
-#include "render/render_job.h"
+#include "render/ownership.h"
 #include "view/view_request.h"
 #include "wire/answer.h"
 #include "wire/answer_parts.h"

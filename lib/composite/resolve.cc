@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "composite/rows.h"
-#include "render/sum_rounding.h"
+#include "render/sum_planes.h"
 
 namespace lf {
 namespace {

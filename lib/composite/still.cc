@@ -4,9 +4,8 @@
 #include <numeric>
 
 #include "image/sharpen.h"
-#include "render/detail.h"
-#include "render/render_job.h"
-#include "render/source_region.h"
+#include "render/camera_projection.h"
+#include "render/ownership.h"
 #include "render/sum_renderer.h"
 
 namespace lf {

@@ -24,7 +24,7 @@ struct Still {
 
 // Asks `images` only for cameras that contribute, each once; all must be of one family (else Error).
 // `mesh`: of `rig`. The view must be valid. `resampling`: as of a node; kSharpened sharpens images of which the view
-// shows what bilinear samples lose (render/detail.h).
+// shows what bilinear samples lose (render/camera_projection.h).
 Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
                    Resampling resampling = Resampling::kBilinear, const Background& background = {});
 

@@ -12,7 +12,6 @@
 #include "focus/trial_renderer.h"
 #include "focus/trial_samples.h"
 #include "image/gain.h"
-#include "render/sampler.h"
 
 namespace lf {
 
@@ -156,7 +155,7 @@ WideLuma::WideLuma(const Rig& rig, const Mesh& mesh, const View& view, std::span
 
 WideLuma::Camera WideLuma::see(const Source& source, float gain) const {
   const lf::Camera& camera = *source.rig_camera;
-  plain::check_image(camera, source.image);
+  check_image(camera, source.image);
   const TrialProjection projection = trial_projection(plan_, source.camera, camera);
   const Vec2 at(glm::dot(across_, camera.pose.position), glm::dot(down_, camera.pose.position));
   const size_t nodes = crossings_.size();

@@ -8,6 +8,7 @@
 
 #include "base/median.h"
 #include "focus/trial_levels.h"
+#include "render/ownership.h"
 
 namespace lf {
 

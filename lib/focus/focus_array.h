@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "geometry/plane.h"
-#include "render/render_job.h"
+#include "rig/mesh.h"
 #include "rig/rig.h"
 #include "view/view.h"
 

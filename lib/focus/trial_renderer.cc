@@ -7,7 +7,6 @@
 
 #include "focus/trial_samples.h"
 #include "render/camera_projection.h"
-#include "render/sampler.h"
 
 namespace lf {
 
@@ -152,7 +151,7 @@ void add_moments(const RenderJob& job, std::span<const Source> sources, std::spa
   std::vector<const Source*> seeing;
   for (const Source& source : sources) {
     if (source.image.family == PixelFamily::kNone || job.plan().camera_rect(source.camera).empty()) continue;
-    plain::check_image(*source.rig_camera, source.image);
+    check_image(*source.rig_camera, source.image);
     seeing.push_back(&source);
   }
   std::vector<std::unique_ptr<Seen>> cameras(seeing.size());

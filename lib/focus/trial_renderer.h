@@ -12,7 +12,6 @@
 #include "focus/trial_projection.h"
 #include "focus/trial_samples.h"
 #include "render/ownership.h"
-#include "render/render_job.h"
 #include "render/sum_renderer.h"
 
 namespace lf {

@@ -5,7 +5,7 @@
 #include <memory>
 #include <span>
 
-#include "render/fragment_planes.h"
+#include "render/sum_planes.h"
 
 namespace lf::jpeg {
 

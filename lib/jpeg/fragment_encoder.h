@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "base/byte_buffer.h"
-#include "render/fragment_planes.h"
+#include "render/sum_planes.h"
 
 namespace lf::jpeg {
 

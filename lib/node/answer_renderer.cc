@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "base/now.h"
-#include "render/sum_rounding.h"
-#include "render/sum_tiles.h"
+#include "render/sum_planes.h"
+#include "render/sum_renderer.h"
 #include "wire/answer_writer.h"
 #include "wire/fragment_codec.h"
 #include "wire/payload.h"

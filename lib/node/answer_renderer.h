@@ -6,7 +6,7 @@
 #include "base/byte_buffer.h"
 #include "base/parallel.h"
 #include "node/answer_form.h"
-#include "render/render_job.h"
+#include "render/ownership.h"
 #include "render/sum_renderer.h"
 #include "wire/answer.h"
 

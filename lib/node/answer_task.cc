@@ -8,8 +8,7 @@
 #include "base/error.h"
 #include "focus/trial_renderer.h"
 #include "node/pixel_answer.h"
-#include "render/detail.h"
-#include "render/source_region.h"
+#include "render/camera_projection.h"
 #include "wire/moments_codec.h"
 
 namespace lf {

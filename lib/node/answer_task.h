@@ -29,7 +29,7 @@ class AnswerTask {
   // What is needed of such an image, and what of that for the answer alone, without its moments.
   virtual Rect region(CameraIndex camera) const = 0;
   virtual Rect answer_region(CameraIndex camera) const { return region(camera); }
-  // Whether the answer shows what bilinear samples of such an image lose: see render/detail.h.
+  // Whether the answer shows what bilinear samples of such an image lose: see shows_detail().
   virtual bool shows_detail(CameraIndex) const { return true; }
   // The answer. Arguments and errors as for render_answer(); `sources` are of cameras().
   virtual RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "node/commands.h"
 
-#include "render/source_region.h"
+#include "render/camera_projection.h"
 
 namespace lf {
 

@@ -2,8 +2,7 @@
 #include "node/pixel_answer.h"
 
 #include "base/now.h"
-#include "render/fragment_planes.h"
-#include "render/sampler.h"
+#include "render/sum_planes.h"
 #include "wire/fragment_codec.h"
 #include "wire/strips.h"
 
@@ -67,7 +66,7 @@ RenderedAnswer pixel_answer(const wire::AnswerHeader& header, std::span<const Pi
   const uint64_t begin = now_ns();
   std::vector<std::pair<const PixelSource*, Rect>> pieces;
   for (const PixelSource& source : sources) {
-    plain::check_image(*source.source.rig_camera, source.source.image);
+    check_image(*source.source.rig_camera, source.source.image);
     const int rows = quality > 0 ? wire::strip_rows(source.rect.width(), strip_pixels) : source.rect.height();
     for (const Rect& rect : wire::cut_rows(source.rect, rows)) pieces.emplace_back(&source, rect);
   }

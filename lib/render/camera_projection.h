@@ -1,8 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <span>
+#include <vector>
+
+#include "base/rect.h"
 #include "render/view_plan.h"
 #include "rig/rig.h"
+#include "view/view.h"
 
 namespace lf {
 
@@ -27,7 +32,8 @@ class CameraProjection {
   // False if the sample is lost: behind the camera or outside its image. `pixel`: position in the image.
   // `inverse`: distance of the focal map there; any number without one.
   bool project(const Vec2& ray, double inverse, Vec2& pixel) const {
-    return project_beyond(ray, inverse, pixel) && pixel.x >= -0.5 && pixel.x <= right_ && pixel.y >= -0.5 && pixel.y <= bottom_;
+    return project_beyond(ray, inverse, pixel) && pixel.x >= -0.5 && pixel.x <= right_ && pixel.y >= -0.5 &&
+           pixel.y <= bottom_;
   }
   // The same, but positions outside the image are good too.
   bool project_beyond(const Vec2& ray, double inverse, Vec2& pixel) const {
@@ -58,5 +64,34 @@ class CameraProjection {
   bool distorted_;
   double right_, bottom_;  // edges of the image's domain, pixels
 };
+
+// The pixels of a camera's image that its contribution to the view may be sampled from, with those that interpolation
+// and chroma reach: what has to be decoded of it. `rect`: of the view, where the camera may have a weight. The whole
+// image where that can't be told; empty if none of it is seen.
+Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, const Camera& rig_camera);
+// The same for a focal map with other levels than the view's own, from the least to the largest that there are in
+// `rect`.
+Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, const Camera& rig_camera,
+                   const FocalMap::LevelRange& levels);
+
+// What has to be there of a contributing camera's image for all of its part in the view: the above, grown to whole
+// chroma samples; one pixel where none is seen, because the part is lost weight then.
+Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
+// The same for focal maps with other levels than the view's own, all of them; but empty where nothing is seen.
+Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera,
+                   std::span<const std::vector<uint8_t>> maps);
+
+// Whether a view shows what bilinear samples of a camera's image lose, so that sharpening (image/sharpen.h) helps.
+
+// Not where the view is so much coarser than the image that sharpened samples alias: from 0.75 of the camera's focal
+// length down, pictures of the built-in scene are better without.
+inline bool is_coarse(const Lens& view, const Lens& camera) { return view.fy() < 0.75 * camera.fy(); }
+
+// Nor where the view is from the camera's own place, pixel for pixel: the samples are the pixels, and nothing is lost.
+bool is_pixel_for_pixel(const View& view, const Camera& camera);
+
+inline bool shows_detail(const View& view, const Camera& camera) {
+  return !is_coarse(view.lens, camera.lens) && !is_pixel_for_pixel(view, camera);
+}
 
 }  // namespace lf

@@ -7,6 +7,8 @@
 #include "image/image.h"
 #include "render/ownership.h"
 #include "rig/mesh.h"
+#include "rig/rig.h"
+#include "view/navigator.h"
 
 namespace lf {
 
@@ -44,5 +46,28 @@ std::vector<CameraColour> camera_colours(const Mesh& mesh, size_t num_cameras);
 // their weights; faces outlined. Weight that is lost and pixels without an owner are dark. `underlay` (RGB, of the
 // view's size) shows through by its luma where it is given.
 Image contribution_map(const Rig& rig, const Mesh& mesh, const View& view, const Image* underlay = nullptr);
+
+// How much of a view an array can fill: what keeps somebody who flies from ending in the dark. Immutable; thread-safe.
+class VisibleShare {
+ public:
+  // Throws Error as build_mesh() does.
+  explicit VisibleShare(const Rig& rig);
+
+  // The share of the view's pixels, 0..1, that cameras can see, estimated on a coarse raster. Lines of sight are
+  // followed to far away rather than to the focal plane, so that it does not depend on the focus. `aspect`: the view's
+  // width over its height. Cost: that of a ViewPlan.
+  double operator()(const Viewpoint& viewpoint, double aspect) const;
+
+  // Where to begin: default_viewpoint(), but inside of the nearest triangle of cameras, of which three make each pixel,
+  // rather than on an edge between two; and with the widest field of view, up to that of default_viewpoint(), that
+  // leaves no pixel dark, at `focus_distance` (see there) and far away. Cost: that of a dozen ViewPlans.
+  Viewpoint home(double aspect, double focus_distance = 0) const;
+
+ private:
+  bool sees_all(const Viewpoint& viewpoint, double aspect) const;
+
+  Rig rig_;
+  Mesh mesh_;
+};
 
 }  // namespace lf

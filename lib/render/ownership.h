@@ -2,9 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <mutex>
+#include <optional>
+#include <span>
 #include <vector>
 
-#include "render/blend_grid.h"
+#include "render/camera_weights.h"
 #include "render/owner_runs.h"
 #include "render/view_plan.h"
 
@@ -77,5 +80,30 @@ class CameraCorners {
 // The weight of `camera` in each pixel of `rect` (row-major, rect.width() * rect.height() values),
 // 0 where its face does not own the pixel, or where there is nothing in focus. `rect` inside owners.region().
 std::vector<float> pixel_weights(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera, const Rect& rect);
+
+// What one node has to do for one view: the plan, and which of its own cameras contribute. Immutable; share between
+// threads.
+class RenderJob {
+ public:
+  // `own`: indices of the node's cameras, ascending. `mesh` must not hold cameras that the view counts as out of
+  // service.
+  RenderJob(const Rig& rig, const Mesh& mesh, const View& view, std::span<const CameraIndex> own);
+  RenderJob(ViewPlan plan, std::span<const CameraIndex> own);
+
+  const ViewPlan& plan() const { return plan_; }
+  // Cover the (chroma-aligned) rectangles of cameras().
+  const OwnerRuns& runs() const { return runs_; }
+  // The same for looking up pixels; made when first asked for.
+  const OwnerMap& owners() const;
+  // The node's contributing cameras, ascending.
+  const std::vector<CameraIndex>& cameras() const { return cameras_; }
+
+ private:
+  ViewPlan plan_;
+  std::vector<CameraIndex> cameras_;
+  OwnerRuns runs_;
+  mutable std::once_flag owners_made_;
+  mutable std::optional<OwnerMap> owners_;
+};
 
 }  // namespace lf

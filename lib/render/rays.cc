@@ -2,6 +2,7 @@
 #include "render/rays.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace lf {
@@ -19,6 +20,100 @@ Vec2 Rays::at_centre_of_four(int x, int y) const {
   const int x1 = std::min(x + 1, width_ - 1), y1 = std::min(y + 1, height_ - 1);
   if (separable()) return {((x + x1) / 2.0 - cx_) * inv_fx_, ((y + y1) / 2.0 - cy_) * inv_fy_};
   return (at(x, y) + at(x1, y) + at(x, y1) + at(x1, y1)) / 4.0;
+}
+
+namespace {
+
+constexpr int kTileSize = 16;    // pixels
+constexpr double kSlack = 1e-9;  // of a half-plane's largest value in the view: far above rounding, far below a pixel
+constexpr double kPixelSlack = 1e-6;  // pixels
+
+double value(const Vec3& h, const Vec2& ray) { return h.x * ray.x + h.y * ray.y + h.z; }
+
+}  // namespace
+
+RegionBounds::RegionBounds(const Rays& rays, const Lens& lens, int width, int height)
+    : width_(width), height_(height), fx_(lens.fx()), fy_(lens.fy()), cx_(lens.cx()), cy_(lens.cy()) {
+  if (rays.separable()) return;
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  for (int y0 = 0; y0 < height; y0 += kTileSize)
+    for (int x0 = 0; x0 < width; x0 += kTileSize) {
+      const Rect rect = intersect({x0, y0, x0 + kTileSize, y0 + kTileSize}, {0, 0, width, height});
+      Tile tile{rect, Vec2(kInf, kInf), Vec2(-kInf, -kInf)};
+      for (int y = rect.y0; y < rect.y1; y++)
+        for (int x = rect.x0; x < rect.x1; x++) {
+          const Vec2 ray = rays.at(x, y);
+          if (std::isnan(ray.x)) continue;
+          tile.low = {std::min(tile.low.x, ray.x), std::min(tile.low.y, ray.y)};
+          tile.high = {std::max(tile.high.x, ray.x), std::max(tile.high.y, ray.y)};
+        }
+      if (tile.low.x <= tile.high.x) tiles_.push_back(tile);
+    }
+}
+
+Rect RegionBounds::bound(std::span<const Vec3> half_planes) const {
+  return tiles_.empty() ? bound_polygon(half_planes) : bound_tiles(half_planes);
+}
+
+// Sutherland-Hodgman clipping of the view's outline (Sutherland & Hodgman 1974), in normalised coordinates.
+Rect RegionBounds::bound_polygon(std::span<const Vec3> half_planes) const {
+  const double u0 = (-0.5 - cx_) / fx_, u1 = (width_ - 0.5 - cx_) / fx_;
+  const double v0 = (-0.5 - cy_) / fy_, v1 = (height_ - 0.5 - cy_) / fy_;
+  constexpr size_t kMaxVertices = 16;  // 4 corners and one more for each half-plane
+  Vec2 polygon[kMaxVertices] = {{u0, v0}, {u1, v0}, {u1, v1}, {u0, v1}}, clipped[kMaxVertices];
+  const Vec2 corners[4] = {polygon[0], polygon[1], polygon[2], polygon[3]};
+  size_t n = 4;
+  for (const Vec3& h : half_planes) {
+    double largest = 0;
+    for (const Vec2& corner : corners)
+      largest = std::max(largest, std::abs(h.x * corner.x) + std::abs(h.y * corner.y) + std::abs(h.z));
+    const double slack = kSlack * largest;
+    size_t m = 0;
+    for (size_t i = 0; i < n; i++) {
+      const Vec2 &a = polygon[i], &b = polygon[(i + 1) % n];
+      const double va = value(h, a) + slack, vb = value(h, b) + slack;
+      if (!std::isfinite(va - vb)) return {0, 0, width_, height_};  // nothing is known of where it is 0
+      if (va >= 0) clipped[m++] = a;
+      if ((va >= 0) != (vb >= 0)) clipped[m++] = a + (b - a) * (va / (va - vb));
+    }
+    n = m;
+    if (n == 0) return {};
+    std::copy_n(clipped, n, polygon);
+  }
+  Vec2 low = polygon[0], high = polygon[0];
+  for (size_t i = 1; i < n; i++) {
+    low = {std::min(low.x, polygon[i].x), std::min(low.y, polygon[i].y)};
+    high = {std::max(high.x, polygon[i].x), std::max(high.y, polygon[i].y)};
+  }
+  const double left = low.x * fx_ + cx_, top = low.y * fy_ + cy_, right = high.x * fx_ + cx_,
+               bottom = high.y * fy_ + cy_;
+  // Where the principal point is so far away that positions lose more than the slack, nothing is known.
+  const double rounding = 8 * std::numeric_limits<double>::epsilon() * std::max(std::abs(cx_), std::abs(cy_));
+  if (rounding > kPixelSlack || std::isnan(left + right) || std::isnan(top + bottom)) return {0, 0, width_, height_};
+  // Integers only of what is in the view or next to it.
+  const auto first = [](double v, int size) {
+    return static_cast<int>(std::ceil(std::clamp(v, -1.0, size + 1.0) - kPixelSlack));
+  };
+  const auto past = [](double v, int size) {
+    return static_cast<int>(std::floor(std::clamp(v, -2.0, size + 1.0) + kPixelSlack)) + 1;
+  };
+  const Rect rect{first(left, width_), first(top, height_), past(right, width_), past(bottom, height_)};
+  return intersect(rect, {0, 0, width_, height_});
+}
+
+Rect RegionBounds::bound_tiles(std::span<const Vec3> half_planes) const {
+  Rect rect;
+  for (const Tile& tile : tiles_) {
+    bool may_hold = true;
+    for (const Vec3& h : half_planes) {
+      // The largest value of a linear function over a box is at a corner.
+      const double u = h.x > 0 ? tile.high.x : tile.low.x, v = h.y > 0 ? tile.high.y : tile.low.y;
+      const double slack = kSlack * (std::abs(h.x * u) + std::abs(h.y * v) + std::abs(h.z));
+      may_hold = may_hold && value(h, {u, v}) >= -slack;
+    }
+    if (may_hold) rect = unite(rect, tile.rect);
+  }
+  return rect;
 }
 
 }  // namespace lf

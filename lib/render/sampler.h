@@ -2,24 +2,15 @@
 #pragma once
 
 #include <algorithm>
-#include <string>
+#include <cstddef>
+#include <cstdint>
 
-#include "base/error.h"
-#include "base/number_text.h"
 #include "base/vec.h"
 #include "image/image.h"
 #include "image/resampling.h"
-#include "rig/rig.h"
 
 // Samples of cameras' images one by one, where SIMD would not pay.
 namespace lf::plain {
-
-// Throws Error unless the image is of the camera's size.
-inline void check_image(const Camera& camera, const ImageView& image) {
-  if (image.width != camera.width || image.height != camera.height)
-    throw Error("camera " + std::to_string(camera.id) + ": its image has " + size_text(image.width, image.height) +
-                " pixels, the rig says " + size_text(camera.width, camera.height));
-}
 
 // Sampling of one 8-bit channel, bilinear or by Catmull-Rom; coordinates are clamped to the outer pixel centres, and
 // the outer pixels go on beyond.

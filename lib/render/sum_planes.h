@@ -1,13 +1,59 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include "base/rect.h"
 #include "image/image.h"
 
 namespace lf {
+
+// A part of the sum of some cameras' weighted contributions to one view: what an answer has, uncompressed.
+//
+// `pixels`: kRgb: height rows of width RGB bytes. kI420: Y plane, then Cb and Cr planes of chroma_size(width) x
+// chroma_size(height); Cb and Cr are signed bytes (two's complement) without the 128 offset; rect.x0, rect.y0 are even.
+// `lost`: the plane of lost weight, 255 = weight 1, width * height bytes; empty where nothing is lost.
+struct Fragment {
+  PixelFamily family = PixelFamily::kNone;
+  Rect rect;
+  std::vector<uint8_t> pixels;
+  std::vector<uint8_t> lost;
+
+  size_t bytes() const { return pixels.size() + lost.size(); }
+  bool operator==(const Fragment&) const = default;
+};
+
+// A fragment's pixels in somebody else's memory: a payload as it came off the wire, the output of a JPEG decoder, a
+// Fragment. Values as in Fragment.
+struct FragmentPlanes {
+  PixelFamily family = PixelFamily::kNone;
+  Rect rect;                      // of the view; kI420: x0, y0 even
+  const uint8_t* plane[3] = {};   // kRgb: plane[0], interleaved RGB; kI420: Y, Cb, Cr without the 128 offset
+  ptrdiff_t stride[3] = {};       // bytes from row to row
+  const uint8_t* lost = nullptr;  // null where nothing is lost
+  ptrdiff_t lost_stride = 0;
+};
+
+// Planes one after the other without padding: packed_size(family, rect.width(), rect.height()) bytes at `pixels`.
+inline FragmentPlanes packed_planes(PixelFamily family, const Rect& rect, const uint8_t* pixels, const uint8_t* lost) {
+  const int w = rect.width(), h = rect.height();
+  FragmentPlanes out{.family = family, .rect = rect, .lost = lost, .lost_stride = w};
+  out.plane[0] = pixels;
+  out.stride[0] = family == PixelFamily::kRgb ? 3 * static_cast<ptrdiff_t>(w) : w;
+  if (family != PixelFamily::kI420) return out;
+  out.plane[1] = pixels + static_cast<size_t>(w) * h;
+  out.plane[2] = out.plane[1] + static_cast<size_t>(chroma_size(w)) * chroma_size(h);
+  out.stride[1] = out.stride[2] = chroma_size(w);
+  return out;
+}
+
+inline FragmentPlanes planes_of(const Fragment& fragment) {
+  return packed_planes(fragment.family, fragment.rect, fragment.pixels.data(),
+                       fragment.lost.empty() ? nullptr : fragment.lost.data());
+}
 
 // A sum of weighted contributions in 16 bits, in somebody else's memory: what a fast renderer writes, what travels as
 // raw 16-bit fragments, what a compositor adds up.
@@ -63,5 +109,23 @@ BasicSumPlanes<Sample, Weight> part_of(BasicSumPlanes<Sample, Weight> whole, con
   whole.rect = rect;
   return whole;
 }
+
+// From 8 bits to sums in 16 and back, to the nearest level, halves up, saturated. Rows of `n` values do not overlap;
+// the same result with every instruction set.
+
+// A weight of v / 255, in units of 1 / kLostOne: v * 32768 / 255 to the nearest, exact for all v.
+inline uint16_t widen_lost(uint8_t v) { return static_cast<uint16_t>(128 * v + (v + 1) / 2); }
+inline uint8_t round_lost(uint16_t lost) {
+  return static_cast<uint8_t>((std::min<int>(lost, kLostOne) * 255 + kLostOne / 2) / kLostOne);
+}
+
+void round_row(uint8_t* out, const int16_t* sum, int n);
+// `offset` 128: as in pictures, 0: as in fragments.
+void round_chroma_row(uint8_t* out, const int16_t* sum, int n, uint8_t offset);
+// Three rows to one of pixels; a fourth byte is set to 255.
+void round_rgb_row(uint8_t* out, const RgbLayout& layout, const int16_t* r, const int16_t* g, const int16_t* b, int n);
+
+// Without a plane of lost weight where all of it rounds to 0.
+Fragment rounded_fragment(const ConstSumPlanes& sums);
 
 }  // namespace lf

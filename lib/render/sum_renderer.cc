@@ -3,6 +3,9 @@
 
 #include <algorithm>
 
+#include "base/error.h"
+#include "base/number_text.h"
+#include "render/camera_weights.h"
 #include "render/simd/sum_task.h"
 
 namespace lf {
@@ -59,5 +62,113 @@ bool SumRenderer::render_rows(int y0, int y1, const SumPlanes& out) const {
 }
 
 const char* simd_target_name() { return simd::target_name(); }
+
+namespace {
+
+constexpr int kLeastGap = 16;  // pixels
+
+size_t area(const Rect& rect) { return static_cast<size_t>(rect.width()) * rect.height(); }
+
+// Rectangles side by side, from left to right.
+class Strip {
+ public:
+  // They are at least `gap` pixels apart: what is nearer becomes one.
+  explicit Strip(int gap) : gap_(gap) {}
+  void add(Rect rect) {
+    if (rect.empty()) return;
+    const auto first = std::ranges::find_if(rects_, [&](const Rect& r) { return r.x1 + gap_ > rect.x0; });
+    auto last = first;
+    for (; last != rects_.end() && last->x0 < rect.x1 + gap_; ++last) rect = unite(rect, *last);
+    rects_.insert(rects_.erase(first, last), rect);
+  }
+  const std::vector<Rect>& rects() const { return rects_; }
+
+ private:
+  int gap_;
+  std::vector<Rect> rects_;
+};
+
+// Which faces have one of the cameras at a corner.
+std::vector<bool> own_faces(const ViewPlan& plan, std::span<const CameraIndex> cameras) {
+  std::vector<bool> own;
+  for (const FacePlan& face : plan.faces())
+    own.push_back(std::ranges::any_of(face.camera, [&](CameraIndex camera) {
+      return camera != MeshFace::kNone && std::ranges::binary_search(cameras, camera);
+    }));
+  return own;
+}
+
+// What is in rows [y, y + kTileRows) of a view that is blended by its mesh.
+void add_faces(const OwnerRuns& runs, const std::vector<bool>& own, int y, Strip& strip) {
+  const Rect& region = runs.region();
+  for (int row = std::max(y, region.y0); row < std::min(y + kTileRows, region.y1); row++) {
+    Rect together;  // neighbours
+    for (const OwnerRun& run : runs.row(row)) {
+      if (!own[static_cast<size_t>(run.face)]) continue;
+      if (together.empty() || run.x0 != together.x1) {
+        strip.add(together);
+        together = {run.x0, row, run.x0, row + 1};
+      }
+      together.x1 = run.x1;
+    }
+    strip.add(together);
+  }
+}
+
+// The same of one that is blended otherwise: the grid's cells are as high as a strip.
+static_assert(BlendGrid::kStep == kTileRows);
+void add_cells(const BlendGrid& grid, std::span<const CameraIndex> cameras, const Rect& region, int y, Strip& strip) {
+  for (int x = region.x0 / BlendGrid::kStep * BlendGrid::kStep; x < region.x1; x += BlendGrid::kStep) {
+    BlendGrid::Cell cell;
+    const auto has = [&](CameraIndex camera) {
+      return grid.find(camera, x / BlendGrid::kStep, y / BlendGrid::kStep, cell);
+    };
+    if (std::ranges::any_of(cameras, has))
+      strip.add(intersect({x, y, x + BlendGrid::kStep, y + BlendGrid::kStep}, region));
+  }
+}
+
+}  // namespace
+
+void check_image(const Camera& camera, const ImageView& image) {
+  if (image.width != camera.width || image.height != camera.height)
+    throw Error("camera " + std::to_string(camera.id) + ": its image has " + size_text(image.width, image.height) +
+                " pixels, the rig says " + size_text(camera.width, camera.height));
+}
+
+std::vector<Rect> sum_tiles(const ViewPlan& plan, const OwnerRuns& runs, std::span<const CameraIndex> cameras,
+                            PixelFamily family, size_t spare_pixels) {
+  const View& view = plan.view();
+  const Rect& region = runs.region();
+  const std::vector<bool> own = own_faces(plan, cameras);
+  const int gap = std::clamp<int>(static_cast<int>(spare_pixels / kTileRows), kLeastGap, view.width);
+  std::vector<Rect> tiles;
+  for (int y = region.y0 / kTileRows * kTileRows; y < region.y1; y += kTileRows) {
+    Strip strip(gap);
+    if (plan.blend())
+      add_cells(*plan.blend(), cameras, region, y, strip);
+    else
+      add_faces(runs, own, y, strip);
+    const std::vector<Rect>& rects = strip.rects();
+    for (size_t i = 0; i < rects.size(); i++) {
+      const Rect rect = family == PixelFamily::kI420 ? chroma_aligned(rects[i], view) : rects[i];
+      // Those that end in the strip above may grow.
+      const auto may_grow = [&](const Rect& tile) {
+        const Rect grown = unite(tile, rect);
+        return tile.y1 <= y && tile.y1 > y - kTileRows && area(grown) <= area(tile) + area(rect) + spare_pixels &&
+               (i + 1 == rects.size() || grown.x1 < rects[i + 1].x0) &&
+               std::ranges::none_of(
+                   tiles, [&](const Rect& other) { return other != tile && !intersect(other, grown).empty(); });
+      };
+      const auto tile = std::ranges::find_if(tiles, may_grow);
+      if (tile != tiles.end())
+        *tile = unite(*tile, rect);
+      else
+        tiles.push_back(rect);
+    }
+  }
+  std::ranges::stable_sort(tiles, {}, &Rect::y0);
+  return tiles;
+}
 
 }  // namespace lf

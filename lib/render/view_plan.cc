@@ -7,7 +7,7 @@
 
 #include "base/error.h"
 #include "render/camera_weights.h"
-#include "render/face_bounds.h"
+#include "render/rays.h"
 #include "render/view_warp.h"
 
 namespace lf {

@@ -102,4 +102,12 @@ Mesh build_mesh(const Rig& rig, const CameraSet& out_of_service) {
   return mesh;
 }
 
+const Mesh& MeshCache::get(const Rig& rig, const CameraSet& out_of_service) {
+  if (!mesh_ || out_of_service != out_of_service_) {
+    mesh_ = build_mesh(rig, out_of_service);
+    out_of_service_ = out_of_service;
+  }
+  return *mesh_;
+}
+
 }  // namespace lf

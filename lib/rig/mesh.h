@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "rig/rig.h"
@@ -46,5 +47,17 @@ struct Mesh {
 // Throws Error for an index in `out_of_service` or in the topology that the rig does not have, a grid of another
 // number of cameras, and a position that is not finite.
 Mesh build_mesh(const Rig& rig, const CameraSet& out_of_service = {});
+
+// The mesh of a rig for the out-of-service set asked for last: sets change rarely. Not thread-safe.
+class MeshCache {
+ public:
+  // Throws Error for cameras that the rig does not have.
+  const Mesh& get(const Rig& rig, const CameraSet& out_of_service);
+  void clear() { mesh_.reset(); }
+
+ private:
+  CameraSet out_of_service_;
+  std::optional<Mesh> mesh_;
+};
 
 }  // namespace lf

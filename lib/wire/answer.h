@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "render/fragment.h"
+#include "render/sum_planes.h"
 #include "rig/camera_ranges.h"
 #include "view/view_request.h"
 

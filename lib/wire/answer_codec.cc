@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "render/sum_rounding.h"
+#include "render/sum_planes.h"
 #include "wire/answer_parser.h"
 #include "wire/fragment_codec.h"
 #include "wire/payload.h"

@@ -10,7 +10,6 @@
 #include "base/parallel.h"
 #include "jpeg/fragment_decoder.h"
 #include "jpeg/fragment_encoder.h"
-#include "render/fragment_planes.h"
 #include "render/sum_planes.h"
 #include "wire/answer.h"
 

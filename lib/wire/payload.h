@@ -7,7 +7,6 @@
 #include <optional>
 #include <span>
 
-#include "render/fragment_planes.h"
 #include "render/sum_planes.h"
 #include "wire/answer.h"
 

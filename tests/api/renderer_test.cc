@@ -8,7 +8,7 @@
 
 #include "composite/accumulator.h"
 #include "reference/renderer.h"
-#include "render/render_job.h"
+#include "render/ownership.h"
 #include "render/sum_renderer.h"
 
 namespace lightfield {

@@ -13,7 +13,7 @@
 #include "focus/trial_samples.h"
 #include "image/sharpen.h"
 #include "reference/generators.h"
-#include "render/source_region.h"
+#include "render/camera_projection.h"
 #include "render/sum_renderer.h"
 #include "wire/request_codec.h"
 

@@ -12,9 +12,9 @@
 #include "image/sharpen.h"
 #include "node/gain_matcher.h"
 #include "quality/quality.h"
+#include "render/camera_projection.h"
 #include "render/contribution_map.h"
-#include "render/render_job.h"
-#include "render/source_region.h"
+#include "render/ownership.h"
 #include "render/sum_renderer.h"
 
 namespace lf::focus {

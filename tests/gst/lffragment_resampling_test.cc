@@ -10,7 +10,7 @@
 #include "composite/accumulator.h"
 #include "gst/fragment_fixture.h"
 #include "image/sharpen.h"
-#include "render/render_job.h"
+#include "render/ownership.h"
 #include "render/sum_renderer.h"
 #include "support/add_answer.h"
 

@@ -6,7 +6,7 @@
 #include "common/common.h"
 #include "gst/view_request_source.h"
 #include "node/commands.h"
-#include "render/visible_share.h"
+#include "render/contribution_map.h"
 #include "wire/command_codec.h"
 
 namespace lf::test {

@@ -13,7 +13,7 @@
 #include "image/image_io.h"
 #include "pipelines/gst_launch.h"
 #include "quality/quality.h"
-#include "render/render_job.h"
+#include "render/ownership.h"
 #include "render/sum_renderer.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"

@@ -7,7 +7,7 @@
 
 #include "reference/reference_lens.h"
 #include "reference/renderer.h"
-#include "render/blend_grid.h"
+#include "render/camera_weights.h"
 
 namespace lf::reference {
 namespace {

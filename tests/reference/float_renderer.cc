@@ -2,6 +2,7 @@
 #include "reference/float_renderer.h"
 
 #include "reference/contribution.h"
+#include "render/sum_renderer.h"
 
 namespace lf {
 namespace {
@@ -46,7 +47,7 @@ bool render_i420(const Contribution& contribution, const ImageView& image, Resam
 
 std::optional<FloatFragment> render_float(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
                                           const Camera& rig_camera, const ImageView& image, Resampling resampling) {
-  plain::check_image(rig_camera, image);
+  check_image(rig_camera, image);
   if (plan.camera_rect(camera).empty()) return std::nullopt;
   const Contribution contribution(plan, owners, camera, rig_camera);
   FloatFragment fragment;

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "render/ownership.h"
+#include "render/sum_planes.h"
 #include "render/sum_renderer.h"
-#include "render/sum_rounding.h"
 
 namespace lf::test {
 

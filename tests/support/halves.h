@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-#include "render/fragment.h"
+#include "render/sum_planes.h"
 
 namespace lf::test {
 

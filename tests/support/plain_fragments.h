@@ -5,7 +5,7 @@
 #include <random>
 
 #include "image/image.h"
-#include "render/fragment.h"
+#include "render/sum_planes.h"
 
 // Fragments made up for tests of what adds them.
 namespace lf::test {

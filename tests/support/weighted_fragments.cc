@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "support/weighted_fragments.h"
 
-#include "render/render_job.h"
+#include "render/ownership.h"
 #include "scene/scene.h"
 #include "support/camera_part.h"
 

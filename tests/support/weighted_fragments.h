@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "render/fragment.h"
+#include "render/sum_planes.h"
 
 namespace lf {
 

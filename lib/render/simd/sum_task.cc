@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "base/error.h"
-#include "render/sampler.h"
 
 namespace lf::simd {
 
@@ -105,7 +104,7 @@ PreparedTask::PreparedTask(const ViewPlan& plan, const OwnerRuns& runs, std::spa
     const Camera& camera = *source.rig_camera;
     if (source.image.family != PixelFamily::kNone) {
       if (source.image.family != family) throw Error("camera " + std::to_string(camera.id) + ": another pixel family");
-      plain::check_image(camera, source.image);
+      check_image(camera, source.image);
     }
     if (plan.camera_rect(source.camera).empty()) continue;
     projections.emplace_back(plan, source.camera, camera);

@@ -11,7 +11,7 @@
 
 #include <hwy/highway.h>
 
-#include "render/blend_grid.h"
+#include "render/camera_weights.h"
 #include "render/simd/band_data.h"
 #include "render/simd/fixed-inl.h"
 #include "render/simd/smooth_weights-inl.h"

@@ -9,7 +9,7 @@
 #include "bench/render/method.h"
 #include "render/camera_projection.h"
 #include "render/contribution_map.h"
-#include "render/render_job.h"
+#include "render/ownership.h"
 
 namespace lf::bench {
 namespace {

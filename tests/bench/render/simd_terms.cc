@@ -10,11 +10,11 @@
 #include "jpeg/fragment_encoder.h"
 #include "quality/quality.h"
 #include "reference/renderer.h"
-#include "render/render_job.h"
+#include "render/ownership.h"
 #include "render/simd/positions-inl.h"
 #include "render/simd/sum_task.h"
+#include "render/sum_planes.h"
 #include "render/sum_renderer.h"
-#include "render/sum_rounding.h"
 
 namespace lf::bench {
 namespace {

@@ -3,7 +3,7 @@
 #include "reference/reference_lens.h"
 #include "reference/renderer.h"
 #include "render/camera_projection.h"
-#include "render/render_job.h"
+#include "render/ownership.h"
 
 namespace lf::bench {
 namespace {

@@ -14,9 +14,9 @@
 #include "focus/trial_renderer.h"
 #include "image/sharpen.h"
 #include "node/gain_matcher.h"
+#include "render/camera_projection.h"
 #include "render/contribution_map.h"
-#include "render/render_job.h"
-#include "render/source_region.h"
+#include "render/ownership.h"
 #include "render/sum_renderer.h"
 #include "wire/moments_codec.h"
 

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "render/fragment.h"
+#include "render/sum_planes.h"
 
 namespace lf {
 namespace {

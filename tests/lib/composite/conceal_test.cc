@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "composite/accumulator.h"
-#include "render/fragment.h"
+#include "render/sum_planes.h"
 
 namespace lf {
 namespace {

@@ -10,7 +10,7 @@
 #include "lib/render/sum_arrays.h"
 #include "reference/renderer.h"
 #include "reference/subject_parts.h"
-#include "render/detail.h"
+#include "render/camera_projection.h"
 
 namespace lf {
 namespace {

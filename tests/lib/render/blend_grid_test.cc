@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "render/blend_grid.h"
+#include "render/camera_weights.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "render/face_bounds.h"
+#include "render/rays.h"
 
 #include <gtest/gtest.h>
 

@@ -12,7 +12,7 @@
 #include "quality/quality.h"
 #include "reference/generators.h"
 #include "reference/renderer.h"
-#include "render/render_job.h"
+#include "render/ownership.h"
 #include "rig/rig_json.h"
 #include "support/camera_part.h"
 

@@ -5,8 +5,8 @@
 
 #include "image/image.h"
 #include "reference/float_still.h"
-#include "render/fragment.h"
 #include "render/ownership.h"
+#include "render/sum_planes.h"
 #include "render/view_plan.h"
 #include "rig/mesh.h"
 #include "rig/rig.h"

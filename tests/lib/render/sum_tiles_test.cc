@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "render/sum_tiles.h"
+#include "render/sum_renderer.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include "lib/render/production.h"
 #include "lib/render/sum_arrays.h"
 #include "reference/generators.h"
-#include "render/render_job.h"
+#include "render/ownership.h"
 #include "scene/scene.h"
 
 namespace lf {

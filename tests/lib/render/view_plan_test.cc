@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
-#include "render/render_job.h"
+#include "render/ownership.h"
 #include "scene/scene.h"
 #include "support/camera_part.h"
 

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "render/sum_rounding.h"
-
-#include <gtest/gtest.h>
+#include "render/sum_planes.h"
 
 #include <cmath>
 
+#include <gtest/gtest.h>
+
 namespace lf {
+
 namespace {
 
 TEST(SumRounding, LostWeightIsWidenedExactly) {
@@ -50,4 +51,5 @@ TEST(SumRounding, FragmentsComeBackFromTheirSums) {
 }
 
 }  // namespace
+
 }  // namespace lf

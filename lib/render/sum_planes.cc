@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "render/sum_rounding.h"
+#include "render/sum_planes.h"
 
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "render/sum_rounding.cc"
+#define HWY_TARGET_INCLUDE "render/sum_planes.cc"
 #include <hwy/foreach_target.h>  // has to precede highway.h
 #include <hwy/highway.h>
 
@@ -10,6 +10,7 @@
 
 HWY_BEFORE_NAMESPACE();
 namespace lf::HWY_NAMESPACE {
+
 // To the nearest level, as bytes or signed bytes. What saturates here would be cut off at 255 anyway.
 template <typename Byte, class D>
 HWY_INLINE auto rounded(D d, const int16_t* sum) {
