@@ -14,7 +14,7 @@
 #include "calibration/boards.h"
 #include "calibration/intrinsics.h"
 #include "commands.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "rig/rig_json.h"
 #include "video_frames.h"
 

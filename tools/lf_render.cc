@@ -20,7 +20,7 @@
 #include "command_line.h"
 #include "composite/still.h"
 #include "focus/view_focus.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "progress.h"
 #include "quality/camera_monitor.h"
 #include "quality/quality.h"

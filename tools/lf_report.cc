@@ -15,7 +15,7 @@
 #include "base/json_value.h"
 #include "base/percentiles.h"
 #include "command_line.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "progress.h"
 #include "quality/quality.h"
 #include "render/contribution_map.h"

@@ -15,7 +15,7 @@
 
 #include "base/error.h"
 #include "command_line.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "mjpeg_writer.h"
 #include "progress.h"
 #include "rig/rig_json.h"

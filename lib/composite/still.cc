@@ -3,7 +3,7 @@
 
 #include <numeric>
 
-#include "image/sharpen.h"
+#include "image/correction.h"
 #include "render/camera_projection.h"
 #include "render/ownership.h"
 #include "render/sum_renderer.h"

@@ -5,7 +5,6 @@
 
 #include "composite/accumulator.h"
 #include "image/image.h"
-#include "image/resampling.h"
 #include "rig/mesh.h"
 #include "rig/still_images.h"
 #include "view/view.h"

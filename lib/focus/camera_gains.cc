@@ -11,7 +11,7 @@
 #include "focus/trial_levels.h"
 #include "focus/trial_renderer.h"
 #include "focus/trial_samples.h"
-#include "image/gain.h"
+#include "image/correction.h"
 
 namespace lf {
 

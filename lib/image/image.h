@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 namespace lf {
@@ -60,5 +61,17 @@ size_t packed_size(PixelFamily family, int width, int height);
 // Full-range BT.601 (JFIF). Chroma is the mean over 2x2 pixels on the way there, the nearest sample on the way back.
 Image to_i420(const Image& rgb);
 Image to_rgb(const Image& i420);
+
+// PNG, JPEG and whatever else OpenCV's imgcodecs reads, as 8-bit RGB. Throws Error naming the file.
+Image load_image(const std::string& path);
+// By the name's ending: .png (lossless), .jpg (quality 95). Takes RGB. Throws Error naming the file.
+void save_image(const Image& rgb, const std::string& path);
+
+// How cameras' images are sampled.
+enum class Resampling {
+  kBilinear,
+  kSharpened,   // bilinear, of images that were sharpened (image/correction.h)
+  kCatmullRom,  // cubic (Keys 1981, a = -1/2) through the 4 x 4 samples around, clamped to 0..255
+};
 
 }  // namespace lf

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "base/now.h"
-#include "image/sharpen.h"
+#include "image/correction.h"
 
 namespace lf {
 

@@ -6,7 +6,7 @@
 
 #include "base/byte_buffer.h"
 #include "base/parallel.h"
-#include "image/resampling.h"
+#include "image/image.h"
 #include "node/answer_task.h"
 #include "node/gain_matcher.h"
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "image/gain.h"
+#include "image/correction.h"
 
 namespace lf {
 

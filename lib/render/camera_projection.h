@@ -81,7 +81,7 @@ Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_c
 Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera,
                    std::span<const std::vector<uint8_t>> maps);
 
-// Whether a view shows what bilinear samples of a camera's image lose, so that sharpening (image/sharpen.h) helps.
+// Whether a view shows what bilinear samples of a camera's image lose, so that sharpening (image/correction.h) helps.
 
 // Not where the view is so much coarser than the image that sharpened samples alias: from 0.75 of the camera's focal
 // length down, pictures of the built-in scene are better without.

@@ -7,7 +7,6 @@
 
 #include "base/vec.h"
 #include "image/image.h"
-#include "image/resampling.h"
 
 // Samples of cameras' images one by one, where SIMD would not pay.
 namespace lf::plain {

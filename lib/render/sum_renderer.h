@@ -8,7 +8,6 @@
 
 #include "base/rect.h"
 #include "image/image.h"
-#include "image/resampling.h"
 #include "render/owner_runs.h"
 #include "render/sum_planes.h"
 #include "render/view_plan.h"

@@ -8,7 +8,7 @@
 
 #include "base/error.h"
 #include "base/json_value.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "rig/opencv_yaml.h"
 
 namespace lf {

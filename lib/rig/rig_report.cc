@@ -10,7 +10,7 @@
 
 #include "base/error.h"
 #include "base/number_text.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "rig/mesh.h"
 
 namespace lf {

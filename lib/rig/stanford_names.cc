@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 #include "base/number_text.h"
-#include "image/image_io.h"
+#include "image/image.h"
 
 namespace lf {
 namespace {

@@ -11,7 +11,7 @@
 #include "focus/surface_choice.h"
 #include "focus/trial_renderer.h"
 #include "focus/trial_samples.h"
-#include "image/sharpen.h"
+#include "image/correction.h"
 #include "reference/generators.h"
 #include "render/camera_projection.h"
 #include "render/sum_renderer.h"

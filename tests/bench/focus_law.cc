@@ -9,7 +9,7 @@
 
 #include "bench/focus_situation.h"
 #include "command_line.h"
-#include "image/image_io.h"
+#include "image/image.h"
 
 namespace {
 

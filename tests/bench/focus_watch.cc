@@ -9,7 +9,7 @@
 #include "focus/camera_gains.h"
 #include "focus/carry_over.h"
 #include "focus/trial_renderer.h"
-#include "image/sharpen.h"
+#include "image/correction.h"
 #include "node/gain_matcher.h"
 #include "quality/quality.h"
 #include "render/camera_projection.h"

@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "bench/array.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
 #include "support/temp_dir.h"

@@ -16,7 +16,7 @@
 #include <jpeglib.h>
 #include <opencv2/imgproc.hpp>
 
-#include "image/image_io.h"
+#include "image/image.h"
 #include "jpeg/jpeg_frame.h"
 #include "scene/scene.h"
 #include "support/jpeg_samples.h"

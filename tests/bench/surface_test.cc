@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
 #include "view/views_json.h"

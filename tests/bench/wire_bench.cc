@@ -16,7 +16,7 @@
 
 #include "bench/array.h"
 #include "bench/chart.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
 #include "support/temp_dir.h"

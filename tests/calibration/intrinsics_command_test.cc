@@ -6,7 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "image/image_io.h"
+#include "image/image.h"
 #include "rig/rig_json.h"
 #include "support/board_views.h"
 #include "support/run_program.h"

@@ -16,7 +16,7 @@
 #include "calibration/report.h"
 #include "calibration/solve.h"
 #include "composite/still.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "quality/quality.h"
 #include "render/sum_renderer.h"
 #include "rig/grid_rig.h"

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <stdexcept>
 
-#include "image/image_io.h"
+#include "image/image.h"
 #include "rig/rig_json.h"
 
 namespace lf::test {

@@ -9,7 +9,7 @@
 #include <random>
 
 #include "gst/fragment_fixture.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "support/add_answer.h"
 #include "support/seeing.h"
 #include "wire/answer_codec.h"

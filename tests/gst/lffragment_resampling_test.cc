@@ -9,7 +9,7 @@
 
 #include "composite/accumulator.h"
 #include "gst/fragment_fixture.h"
-#include "image/sharpen.h"
+#include "image/correction.h"
 #include "render/ownership.h"
 #include "render/sum_renderer.h"
 #include "support/add_answer.h"

@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "base/percentiles.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "network/array_network.h"
 #include "quality/quality.h"
 

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "composite/still.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "pipelines/gst_launch.h"
 #include "quality/quality.h"
 #include "rig/rig_json.h"

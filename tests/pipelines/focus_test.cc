@@ -10,7 +10,7 @@
 #include <tuple>
 
 #include "gst/gst_test.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "pipelines/gst_launch.h"
 #include "quality/quality.h"
 #include "rig/rig_json.h"

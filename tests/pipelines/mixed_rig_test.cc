@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "gst/camera_files.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "pipelines/gst_launch.h"
 #include "quality/quality.h"
 #include "rig/rig_json.h"

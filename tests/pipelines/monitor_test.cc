@@ -10,7 +10,7 @@
 
 #include "geometry/pose.h"
 #include "gst/gst_test.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
 #include "support/temp_dir.h"

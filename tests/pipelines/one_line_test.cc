@@ -10,7 +10,7 @@
 #include <iterator>
 
 #include "gst/gst_test.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "pipelines/gst_launch.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"

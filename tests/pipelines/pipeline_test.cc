@@ -10,7 +10,7 @@
 #include <regex>
 
 #include "composite/accumulator.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "pipelines/gst_launch.h"
 #include "quality/quality.h"
 #include "render/ownership.h"

@@ -11,7 +11,7 @@
 
 #include "gst/gst_test.h"
 #include "gst/sanitizer.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "pipelines/gst_launch.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"

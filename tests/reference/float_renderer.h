@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "image/image.h"
-#include "image/resampling.h"
 #include "render/ownership.h"
 #include "rig/rig.h"
 

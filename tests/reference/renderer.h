@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "image/image.h"
-#include "image/resampling.h"
 #include "reference/reference_lens.h"
 #include "reference/small_vec.h"
 #include "rig/mesh.h"

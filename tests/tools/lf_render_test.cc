@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/json_value.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
 #include "support/run_program.h"

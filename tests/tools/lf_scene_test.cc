@@ -9,7 +9,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "image/image_io.h"
+#include "image/image.h"
 #include "quality/quality.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"

@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-#include "image/image_io.h"
+#include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
 #include "support/temp_dir.h"

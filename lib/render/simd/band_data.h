@@ -6,7 +6,6 @@
 
 #include "geometry/focal_surface.h"
 #include "image/image.h"
-#include "image/resampling.h"
 #include "render/camera_projection.h"
 #include "render/owner_runs.h"
 #include "render/view_plan.h"

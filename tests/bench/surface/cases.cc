@@ -8,7 +8,7 @@
 #include <random>
 
 #include "base/error.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "rig/rig_json.h"
 #include "rig/still_images.h"
 #include "scene/scene.h"

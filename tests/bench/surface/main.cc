@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "command_line.h"
 #include "base/error.h"
 #include "base/json_value.h"
 #include "bench/chart.h"
@@ -18,7 +17,8 @@
 #include "bench/surface/measure.h"
 #include "bench/surface/speed_plot.h"
 #include "bench/surface/still_table.h"
-#include "image/image_io.h"
+#include "command_line.h"
+#include "image/image.h"
 #include "progress.h"
 
 namespace {

@@ -12,7 +12,7 @@
 #include "focus/carry_over.h"
 #include "focus/focus_array.h"
 #include "focus/trial_renderer.h"
-#include "image/sharpen.h"
+#include "image/correction.h"
 #include "node/gain_matcher.h"
 #include "render/camera_projection.h"
 #include "render/contribution_map.h"

@@ -10,7 +10,7 @@
 #include "bench/surface/picture.h"
 #include "bench/surface/planes.h"
 #include "focus/focus_control.h"
-#include "image/resampling.h"
+#include "image/image.h"
 
 namespace lf::focus {
 

@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "image/image_io.h"
+#include "image/image.h"
 #include "support/board_views.h"
 #include "support/expect_error.h"
 

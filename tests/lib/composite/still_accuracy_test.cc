@@ -6,7 +6,7 @@
 #include <cstdio>
 
 #include "composite/still.h"
-#include "image/sharpen.h"
+#include "image/correction.h"
 #include "lib/render/sum_arrays.h"
 #include "reference/renderer.h"
 #include "reference/subject_parts.h"

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "image/sharpen.h"
+#include "image/correction.h"
 #include "lib/focus/array_of_walls.h"
 #include "wire/moments_codec.h"
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "image/image_io.h"
+#include "image/image.h"
 #include "lib/render/production.h"
 #include "quality/quality.h"
 #include "reference/renderer.h"

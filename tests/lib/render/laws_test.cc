@@ -7,7 +7,7 @@
 #include <cstdio>
 
 #include "composite/accumulator.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "lib/render/production.h"
 #include "quality/quality.h"
 #include "reference/generators.h"

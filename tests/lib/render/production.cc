@@ -5,7 +5,7 @@
 
 #include "composite/accumulator.h"
 #include "composite/still.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "support/camera_part.h"
 
 namespace lf::test {

@@ -7,7 +7,7 @@
 #include <cstdlib>
 
 #include "composite/still.h"
-#include "image/image_io.h"
+#include "image/image.h"
 #include "quality/quality.h"
 #include "reference/generators.h"
 #include "scene/scene.h"

@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "image/image_io.h"
+#include "image/image.h"
 #include "rig/grid_rig.h"
 #include "support/temp_dir.h"
 

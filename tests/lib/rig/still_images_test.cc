@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "image/image_io.h"
+#include "image/image.h"
 #include "support/expect_error.h"
 
 namespace lf {

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <cstdint>
+#include <span>
+
 #include "base/byte_buffer.h"
 #include "base/rect.h"
 #include "image/image.h"
@@ -40,5 +43,28 @@ ImageView write_copy(const ImageView& image, const Rect& rect, ByteBuffer& memor
   }
   return out;
 }
+
+// Gains of cameras: 1/2 to 2. Less far from 1 than this they are not worth a pass over an image: a quarter of a level.
+inline constexpr float kLeastGain = 1.f / 512;
+
+// Takes a camera's gain out: every colour divided by it, rounded and clamped. The image with its part in `rect` (inside
+// it; x0, y0 even in kI420) divided, in `memory`, of which the rest is left as it is: of the same size and layout, what
+// is between the colours of a pixel divided, too. Valid as long as `memory` is left alone. The same result with every
+// instruction set.
+ImageView divide_by_gain(const ImageView& image, const Rect& rect, float gain, ByteBuffer& memory);
+// The same of luma, in place.
+void divide_by_gain(std::span<uint8_t> luma, float gain);
+
+// Makes up for what bilinear sampling takes away: v + kSharpening (v - mean of its four neighbours), rounded and
+// clamped, of every sample of each plane, neighbours repeated at the image's border. Bilinear samples of the result are
+// two thirds of the way to Catmull-Rom's, at a fraction of the cost.
+inline constexpr double kSharpening = 0.3;
+
+// The image with its part in `rect` (inside it; x0, y0 even in kI420) sharpened, in `memory`, of which the rest is left
+// as it is: of the same size and layout, what is between the colours of a pixel sharpened, too. Valid as long as
+// `memory` is left alone. The same result with every instruction set.
+ImageView sharpen(const ImageView& image, const Rect& rect, ByteBuffer& memory);
+// All of it.
+Image sharpened(const Image& image);
 
 }  // namespace lf

@@ -1,15 +1,122 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "image/sharpen.h"
+#include "image/correction.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <numeric>
+#include <random>
+#include <vector>
 
 #include <gtest/gtest.h>
 #include <hwy/highway.h>
 
-#include <algorithm>
-#include <cmath>
-#include <random>
-
 namespace lf {
+
 namespace {
+
+TEST(ImageCopy, OfInterleavedColoursIsOnePlane) {
+  std::vector<uint8_t> pixels(5 * 40);
+  ImageView image{PixelFamily::kRgb, 7, 5, {4, 2, 1, 0}, {pixels.data()}, {40}};
+  ByteBuffer memory;
+  int planes = 0;
+  const ImageView copy = write_copy(image, {1, 2, 6, 5}, memory, [&](const PlaneCopy& plane) {
+    planes++;
+    EXPECT_EQ(plane.from, pixels.data());
+    EXPECT_EQ(plane.to, memory.data());
+    EXPECT_EQ(plane.stride, 40);
+    EXPECT_EQ(plane.step, 4);
+    EXPECT_EQ(plane.width, 7);
+    EXPECT_EQ(plane.height, 5);
+    EXPECT_EQ(plane.part, (Rect{1, 2, 6, 5}));
+    EXPECT_EQ(plane.index, 0);
+  });
+  EXPECT_EQ(planes, 1);
+  EXPECT_EQ(memory.size(), 200u);
+  EXPECT_EQ(copy.plane[0], memory.data());
+  EXPECT_EQ(copy.stride[0], 40);
+  EXPECT_EQ(copy.layout, image.layout);
+}
+
+TEST(ImageCopy, OfPlanesCoversTheirHalves) {
+  const Image odd(PixelFamily::kI420, 7, 5);
+  const ImageView image = odd.view();
+  ByteBuffer memory;
+  std::vector<PlaneCopy> planes;
+  const ImageView copy =
+      write_copy(image, {2, 2, 7, 5}, memory, [&](const PlaneCopy& plane) { planes.push_back(plane); });
+  ASSERT_EQ(planes.size(), 3u);
+  EXPECT_EQ(memory.size(), 7u * 5 + 2 * 4 * 3);
+  for (int c = 0; c < 3; c++) {
+    EXPECT_EQ(planes[c].index, c);
+    EXPECT_EQ(planes[c].from, image.plane[c]);
+    EXPECT_EQ(planes[c].to, copy.plane[c]);
+    EXPECT_EQ(planes[c].step, 1);
+    EXPECT_EQ(planes[c].width, c == 0 ? 7 : 4);
+    EXPECT_EQ(planes[c].height, c == 0 ? 5 : 3);
+    EXPECT_EQ(planes[c].part, c == 0 ? (Rect{2, 2, 7, 5}) : (Rect{1, 1, 4, 3}));
+    EXPECT_EQ(copy.plane[c] - memory.data(), image.plane[c] - image.plane[0]);
+  }
+}
+
+TEST(ImageCopy, LeavesAloneWhatNobodyWrites) {
+  const Image grey(PixelFamily::kRgb, 4, 4);
+  ByteBuffer memory(4 * 4 * 3, 9);
+  write_copy(grey.view(), {0, 1, 4, 2}, memory, [](const PlaneCopy& plane) {
+    std::memset(plane.to + plane.part.y0 * plane.stride, 1, plane.part.width() * plane.step);
+  });
+  for (size_t i = 0; i < memory.size(); i++) EXPECT_EQ(memory[i], i / 12 == 1 ? 1 : 9);
+}
+
+TEST(Gain, DividesLuma) {
+  for (const float gain : {0.5f, 0.9f, 1.f, 1.1f, 2.f}) {
+    std::vector<uint8_t> luma(256);
+    std::iota(luma.begin(), luma.end(), 0);
+    divide_by_gain(luma, gain);
+    for (int v = 0; v < 256; v++) EXPECT_NEAR(luma[v], std::min(v / gain, 255.f), 0.6) << v << " / " << gain;
+  }
+}
+
+TEST(Gain, LeavesBlackAndGreyAlone) {
+  constexpr int kWidth = 22, kHeight = 6;
+  Image image(PixelFamily::kI420, kWidth, kHeight);
+  for (size_t i = 0; i < image.data().size(); i++) image.data()[i] = static_cast<uint8_t>(i * 37);
+  std::fill_n(image.plane(1), 11, 128);
+  const ImageView from = image.view();
+  ByteBuffer memory;
+  const ImageView out = divide_by_gain(from, {0, 0, kWidth, kHeight}, 0.8f, memory);
+  for (int c = 0; c < 3; c++) {
+    const int zero = c > 0 ? 128 : 0;
+    for (int y = 0; y < (c > 0 ? kHeight / 2 : kHeight); y++)
+      for (int x = 0; x < (c > 0 ? kWidth / 2 : kWidth); x++) {
+        const int v = from.plane[c][y * from.stride[c] + x];
+        const double expected = std::clamp((v - zero) / 0.8 + zero, 0., 255.);
+        EXPECT_NEAR(out.plane[c][y * out.stride[c] + x], expected, 0.6) << c << ": " << x << ", " << y;
+      }
+  }
+}
+
+TEST(Gain, OfARectangleInAnyLayout) {
+  constexpr int kWidth = 9, kHeight = 5;
+  std::vector<uint8_t> pixels(4 * kWidth * kHeight);
+  for (size_t i = 0; i < pixels.size(); i++) pixels[i] = static_cast<uint8_t>(i * 3);
+  ImageView image{.family = PixelFamily::kRgb,
+                  .width = kWidth,
+                  .height = kHeight,
+                  .layout = {4, 2, 1, 0},
+                  .plane = {pixels.data()},
+                  .stride = {4 * kWidth}};
+  ByteBuffer memory(pixels.size(), 7);
+  const ImageView out = divide_by_gain(image, {2, 1, 7, 4}, 1.25f, memory);
+  EXPECT_EQ(out.layout, image.layout);
+  for (int y = 0; y < kHeight; y++)
+    for (int x = 0; x < kWidth; x++)
+      for (int c = 0; c < 4; c++) {
+        const size_t at = 4 * static_cast<size_t>(y * kWidth + x) + c;
+        const bool inside = x >= 2 && x < 7 && y >= 1 && y < 4;
+        EXPECT_NEAR(out.plane[0][at], inside ? pixels[at] / 1.25 : 7, 0.6);
+      }
+}
 
 Image noise(PixelFamily family, int width, int height) {
   Image image(family, width, height);
@@ -129,4 +236,5 @@ TEST(Sharpen, LeavesEvenColoursAlone) {
 }
 
 }  // namespace
+
 }  // namespace lf
