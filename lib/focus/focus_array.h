@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "geometry/plane.h"
+#include "geometry/pose.h"
 #include "rig/mesh.h"
 #include "rig/rig.h"
 #include "view/view.h"

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "geometry/plane.h"
+#include "geometry/pose.h"
 
 namespace lf {
 

@@ -6,6 +6,9 @@
 #include <string>
 #include <string_view>
 
+#include <nlohmann/json_fwd.hpp>
+
+#include "base/json_value.h"
 #include "base/vec.h"
 
 namespace lf {
@@ -73,5 +76,9 @@ std::optional<LensModel> lens_model_from_name(std::string_view name);
 std::optional<LensModel> lens_model_from_code(unsigned code);
 int lens_model_num_params(LensModel model);
 int lens_model_num_focal(LensModel model);  // 1: f, 2: fx fy; always the first parameters, then cx cy
+
+// The members "model" and "params" of a camera or a view. Throws Error naming the place.
+Lens parse_lens(const JsonValue& object);
+void put_lens(const Lens& lens, nlohmann::ordered_json& object);
 
 }  // namespace lf

@@ -2,6 +2,7 @@
 #include "geometry/pose.h"
 
 namespace lf {
+
 Pose look_at(const Vec3& eye, const Vec3& target, const Vec3& down) {
   const Vec3 z = glm::normalize(target - eye);
   const Vec3 x = glm::normalize(glm::cross(down, z));

@@ -32,7 +32,7 @@ void require(const JsonValue& value, std::initializer_list<std::string> known) {
   value.fail("no lens of ours equals \"" + text + "\"");
 }
 
-Lens parse_lens(const JsonValue& camera) {
+Lens parse_own_lens(const JsonValue& camera) {
   require(camera.at("camera_model"), {"pinhole"});
   const JsonValue model = camera.at("distortion_model");
   require(model, {"radtan", "none"});
@@ -61,7 +61,7 @@ Rig parse(const std::string& text, const std::string& path) {
     if (rig.cameras.size() >= kMaxCameras) file.fail("at most " + std::to_string(kMaxCameras) + " cameras");
     Camera camera;
     camera.id = static_cast<uint32_t>(rig.cameras.size());
-    camera.lens = parse_lens(*value);
+    camera.lens = parse_own_lens(*value);
     const std::vector<JsonValue> size = value->at("resolution").elements(2);
     camera.width = static_cast<int>(size[0].integer(1, kMaxImageSize));
     camera.height = static_cast<int>(size[1].integer(1, kMaxImageSize));

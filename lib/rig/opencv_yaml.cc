@@ -40,7 +40,7 @@ Matrix parse_matrix(const JsonValue& value, int rows, int columns) {
   return matrix;
 }
 
-Lens parse_lens(const JsonValue& camera) {
+Lens parse_own_lens(const JsonValue& camera) {
   const JsonValue place = camera.at("camera_matrix");
   const std::vector<double> k = parse_matrix(place, 3, 3).data;
   if (k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1)
@@ -70,7 +70,7 @@ Camera parse_camera(const JsonValue& value, const fs::path& directory) {
   Camera camera;
   camera.width = static_cast<int>(value.at("image_width").integer(1, kMaxImageSize));
   camera.height = static_cast<int>(value.at("image_height").integer(1, kMaxImageSize));
-  camera.lens = parse_lens(value);
+  camera.lens = parse_own_lens(value);
   RigidMotion motion;
   if (const auto rotation = value.find("R")) {
     const std::vector<double> r = parse_matrix(*rotation, 3, 3).data;

@@ -11,7 +11,7 @@
 
 #include "base/error.h"
 #include "base/json_value.h"
-#include "geometry/lens_json.h"
+#include "geometry/lens.h"
 
 namespace lf {
 namespace {

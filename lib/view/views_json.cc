@@ -7,7 +7,7 @@
 
 #include "base/error.h"
 #include "base/json_value.h"
-#include "geometry/lens_json.h"
+#include "geometry/lens.h"
 #include "rig/rig.h"
 
 namespace lf {

@@ -3,8 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include "geometry/plane.h"
-
 namespace lf {
 namespace {
 
