@@ -10,7 +10,7 @@
 #include "render/focus_range.h"
 #include "rig/rig_json.h"
 #include "view/navigator.h"
-#include "view/tour.h"
+#include "view/view_path.h"
 
 namespace {
 

@@ -12,7 +12,7 @@
 #include "common/access.h"
 #include "rig/mesh.h"
 #include "view/navigator.h"
-#include "view/view_playback.h"
+#include "view/views_json.h"
 #include "viewrequest/view_request_settings.h"
 
 namespace lf {

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "geometry/focal_surface.h"
-#include "view/trial.h"
 #include "view/view.h"
+#include "view/view_request.h"
 
 namespace lf {
 

@@ -4,7 +4,7 @@
 #include <optional>
 
 #include "rig/still_images.h"
-#include "view/tour.h"
+#include "view/view_path.h"
 
 namespace lf {
 

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "base/schedule.h"
 #include "view/view.h"
 
 namespace lf {
@@ -21,5 +24,32 @@ std::vector<NamedView> parse_views(const std::string& text, const std::string& n
 // Writes model + params and focal_plane, so that a loaded path is saved to the last bit.
 void save_views(const std::vector<NamedView>& views, const std::string& path);
 std::string views_to_json(const std::vector<NamedView>& views);
+
+// A views file as a stream: when each view is shown and which capture time it asks for, in nanoseconds of running time.
+//
+// A path whose views have times is shown at these times. Where all views have one time (or there is only one view) the
+// file is a list, shown one view per period; every view still asks for the time in the file. Looped, a path begins
+// again one last interval after its end (a list one period after), and times go on growing. Immutable; thread-safe.
+class ViewPlayback {
+ public:
+  struct Item {
+    const View* view;  // owned by the ViewPlayback
+    uint64_t time, duration, target_time;
+  };
+
+  // At least one view, times in [0, 1e9] s and not decreasing, as load_views() gives them.
+  ViewPlayback(std::vector<NamedView> views, const Schedule& schedule, bool loop);
+
+  // The n-th view to show; nothing after the end.
+  std::optional<Item> item(uint64_t n) const;
+  bool has_times() const { return has_times_; }
+  uint64_t duration() const;                       // of one pass
+  uint64_t first_at(uint64_t running_time) const;  // the smallest n of the first pass with item(n).time >= running_time
+
+ private:
+  std::vector<NamedView> views_;
+  Schedule schedule_;
+  bool loop_, has_times_;
+};
 
 }  // namespace lf

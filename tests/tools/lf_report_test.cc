@@ -14,7 +14,7 @@
 #include "scene/scene.h"
 #include "support/run_program.h"
 #include "support/temp_dir.h"
-#include "view/tour.h"
+#include "view/view_path.h"
 
 namespace lf {
 namespace {
