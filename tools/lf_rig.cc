@@ -11,14 +11,10 @@
 #include "base/error.h"
 #include "base/json_value.h"
 #include "command_line.h"
-#include "rig/colmap.h"
-#include "rig/grid_rig.h"
-#include "rig/kalibr.h"
-#include "rig/nerf_transforms.h"
-#include "rig/opencv_yaml.h"
+#include "rig/exchange.h"
+#include "rig/rig.h"
 #include "rig/rig_json.h"
 #include "rig/rig_report.h"
-#include "rig/stanford_names.h"
 #include "video_devices.h"
 
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "rig/colmap.h"
+#include "rig/exchange.h"
 
 #include <algorithm>
 #include <cctype>

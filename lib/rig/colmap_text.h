@@ -11,7 +11,7 @@
 namespace lf {
 
 // The text files of a COLMAP model (https://colmap.github.io/format.html), with the numbers as they stand there:
-// COLMAP's conventions, not ours. See colmap.h for a rig.
+// COLMAP's conventions, not ours. See import_colmap() for a rig.
 
 struct ColmapCamera {
   std::string model;           // any of COLMAP's

@@ -7,6 +7,7 @@
 #include <utility>
 
 namespace lf {
+
 namespace {
 
 // First any triangulation, by adding the points from left to right to their convex hull, then Lawson's flips (1977).

@@ -1,20 +1,27 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "base/json_value.h"
+#include "geometry/lens.h"
+#include "geometry/pose.h"
 #include "rig/rig.h"
 
 namespace lf {
 
-// What rigs from and to other programs' files have in common.
+// Rigs from and to the files of other programs: Kalibr, NeRF, the Stanford archive, COLMAP, OpenCV.
 
+// What a reader has made of a file.
 struct RigImport {
   Rig rig;                         // directory "": image paths start at the current folder
   std::vector<std::string> notes;  // for people: what was assumed
 };
 
+// What a writer has made of a rig.
 struct RigExport {
   double max_error = 0;            // pixels: reprojection error of what was written against the rig
   std::vector<std::string> notes;  // for people: what the format can't hold
@@ -35,5 +42,138 @@ RigExport describe_export(const Rig& rig, const Rig& written, const FormatCapaci
 // and camera i of `a` see the same point, over 9 x 9 points of each image of `a`, at `distance` metres along the axis
 // and far away. Infinity if the numbers of cameras differ or `b` does not see a point.
 double max_reprojection_error(const Rig& a, const Rig& b, double distance);
+
+// Kalibr's camchain.yaml (https://github.com/ethz-asl/kalibr/wiki/yaml-formats): cam0, cam1, ..., each with
+//   camera_model: pinhole; intrinsics: [fx, fy, cx, cy]; distortion_model: radtan (k1 k2 p1 p2) or none;
+//   distortion_coeffs; resolution: [width, height]; rostopic;
+//   T_cn_cnm1 (from cam1 on): camera n from camera n - 1, metres; T_cam_imu: camera from the body's frame.
+// Pixels and axes as ours. All functions throw Error naming file and place.
+// Other models (omni, eucm, ds; equidistant, fov) are refused: no lens of ours equals them. The world is the IMU's
+// frame where cam0 has T_cam_imu, else cam0's. A camera's name is its topic without a leading "/" and a trailing
+// "/image_raw".
+RigImport import_kalibr(const std::string& path);
+// T_cam_imu carries the rig's world. Kalibr has no place for ids, images and sources.
+RigExport export_kalibr(const Rig& rig, const std::string& path);
+
+// NeRF's transforms.json as instant-ngp and nerfstudio read and write it. A camera is an element of "frames":
+//   file_path, transform_matrix (4x4, world from camera; the camera's x right, y up, z back)
+// with its lens there or, for all, at the top: camera_model (OPENCV, PINHOLE, SIMPLE_PINHOLE), fl_x, fl_y, cx, cy, w,
+// h, k1, k2, p1, p2; or camera_angle_x (radians) alone. Pixels have their centres at (0.5, 0.5). The world stays as it
+// is, in metres here: what a program scales or turns for itself ("scale", "offset", "applied_transform") is not looked
+// at. All functions throw Error naming file and place.
+// Other lens models and terms are refused. w and h that are not there are those of the image file, whose name may lack
+// its ".png". A camera's name is the file's without folder and ending.
+RigImport import_nerf(const std::string& path);
+// Every frame has a lens of its own. Images are given relative to `path`.
+RigExport export_nerf(const Rig& rig, const std::string& path);
+
+// The Stanford light field archive (http://lightfield.stanford.edu): rectified images whose names say where they were
+// taken, out_ROW_COLUMN_Y_X_.png, such as out_00_01_-381.909271_1038.347534_.png: y downwards, x to the right, in units
+// that the archive leaves open. All cameras look the same way, and a point at the focus distance is at the same pixel
+// in all images: the lens moves with the camera.
+
+struct StanfordOptions {
+  double f = 0;               // pixels; the names do not tell
+  double focus_distance = 0;  // metres; 0: far away, where points stand still in unshifted images
+  double unit = 1e-3;         // metres
+};
+
+// All files in `directory` with such names, row by row; a grid where no place is empty. The axis of the middle of the
+// array goes through the middle of the images. Throws Error naming the file or the option.
+RigImport import_stanford(const std::string& directory, const StanfordOptions& options);
+
+// Copies the images under such names into `directory`, which is made where it is missing. The rig must be a grid of
+// cameras in one plane that look at right angles to it with one focal length and without distortion, their principal
+// points shifted for one focus distance; up to a turn of the whole: otherwise Error says by how many pixels it differs.
+// The notes have the options that bring it back.
+RigExport export_stanford(const Rig& rig, const std::string& directory, double unit = StanfordOptions().unit);
+
+// COLMAP's text models (https://colmap.github.io/format.html): cameras.txt and images.txt; points3D.txt is not needed.
+// COLMAP puts the centre of the top-left pixel at (0.5, 0.5) and stores camera_from_world; lens models are its own.
+// All functions throw Error naming file and line, or the camera.
+
+struct ColmapImportOptions {
+  // Folder of the image files. "": `images` in the model's folder if there is one; else files are not looked at and
+  // Camera::image is NAME (nothing if that has no ending like an image's).
+  std::string images;
+  // The image files are the undistorted ones (COLMAP's image_undistorter): PINHOLE with the focal length of cameras.txt
+  // and the size of each file; the principal point moves with the size, so that the middle stays the middle.
+  // Otherwise a file of another size than its camera is an error.
+  bool undistorted = false;
+  // A grid of the cameras in the order of their names; 0: Delaunay, cameras in the order of images.txt.
+  int rows = 0, columns = 0;
+};
+
+// One camera per image: id = IMAGE_ID, name = NAME without its ending. An image file that is not there under its name
+// is the one whose name ends NAME, or the other way round ("20.23.45.jpg" for "2021-05-19 20.23.45.jpg"), where there
+// is exactly one. Models that our lenses can't express exactly are refused, unless `undistorted`.
+RigImport import_colmap(const std::string& directory, const ColmapImportOptions& options = {});
+
+// Writes cameras.txt, images.txt and an empty points3D.txt (COLMAP wants one) into `directory`, which is made where it
+// is missing. NAME is Camera::image, or the camera's name where it has none. Numbers round-trip to the last bit.
+RigExport export_colmap(const Rig& rig, const std::string& directory);
+
+// The image files below a folder, to be found by the names that some other program knew them by.
+class ImageSearch {
+ public:
+  // Throws Error if `directory` is not a folder.
+  explicit ImageSearch(const std::string& directory);
+
+  // The path of the file called `name` (which may have folders in it). Where there is none: of the one file whose name
+  // ends `name`, or that `name` ends with, at a place where a word begins. Throws Error if there is no such file, or
+  // more than one.
+  std::string find(const std::string& name) const;
+
+ private:
+  std::string directory_;
+  std::vector<std::string> files_;  // relative to directory_, sorted
+};
+
+// OpenCV's FileStorage in YAML, with the key names of its calibration samples. One entry per camera:
+//   cameras:
+//      -
+//         name: cam_00_00
+//         image: cam_00_00.png                            # optional, from the folder of the file
+//         image_width: 320
+//         image_height: 240
+//         camera_matrix: !!opencv-matrix                  # 3x3: fx 0 cx, 0 fy cy, 0 0 1
+//         distortion_coefficients: !!opencv-matrix        # a row or a column of 4, 5, 8, 12 or 14: k1 k2 p1 p2 ...
+//         R: !!opencv-matrix                              # 3x3, X_camera = R X_world + T, metres
+//         T: !!opencv-matrix                              # 3x1
+// Pixels as ours: (0, 0) is the centre of the top-left one. A file with camera_matrix at the top, as
+// cv::calibrateCamera samples write them, is one camera at the origin. All functions throw Error naming file and place.
+// Terms beyond p2 must be 0: no lens of ours has them. R and T default to none.
+RigImport import_opencv_yaml(const std::string& path);
+RigExport export_opencv_yaml(const Rig& rig, const std::string& path);
+
+// Lenses and poses in the terms that OpenCV, Kalibr and NeRF files share.
+
+// fx, fy, cx, cy.
+using FocalAndCentre = std::array<double, 4>;
+
+// The lens with `distortion` k1, k2, p1, p2 (fewer: the rest is 0), under the shortest of our model names that holds
+// it. (0, 0) is the centre of the top-left pixel. Throws Error.
+Lens lens_of_opencv_terms(const FocalAndCentre& pinhole, const std::vector<double>& distortion);
+
+// A rotation with what comes after it: x -> rotation x + translation.
+struct RigidMotion {
+  Mat3 rotation{1};
+  Vec3 translation{0, 0, 0};
+
+  Vec3 operator()(const Vec3& x) const { return rotation * x + translation; }
+  RigidMotion operator*(const RigidMotion& first) const;  // `first`, then this
+  RigidMotion inverse() const;
+};
+
+RigidMotion camera_from_world(const Pose& pose);
+Pose pose_of_camera_from_world(const RigidMotion& motion);
+Pose pose_of_world_from_camera(const RigidMotion& motion);
+
+// The rotation nearest to `matrix`. `value` fails if that is farther than the rounding of a file of 4 digits.
+Mat3 nearest_rotation(const Mat3& matrix, const JsonValue& value);
+// [[r, r, r, t], ...]: 3 rows, or 4 with 0 0 0 1.
+RigidMotion parse_rigid_motion(const JsonValue& rows);
+// As text that is JSON and YAML at once, with a fourth row.
+std::string rigid_motion_text(const RigidMotion& motion);
 
 }  // namespace lf

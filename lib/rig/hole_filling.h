@@ -4,8 +4,8 @@
 #include <span>
 #include <vector>
 
+#include "rig/delaunay.h"
 #include "rig/plane_coordinates.h"
-#include "rig/triangle.h"
 
 namespace lf {
 

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "rig/kalibr.h"
+#include "rig/exchange.h"
 
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
 #include "base/json_value.h"
 #include "base/yaml_value.h"
-#include "rig/opencv_yaml.h"
 
 namespace lf {
 namespace {

@@ -4,8 +4,10 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
+#include "rig/plane_coordinates.h"
 #include "rig/rig.h"
 
 namespace lf {
@@ -38,10 +40,10 @@ struct Mesh {
 //    turn from the plane's x (right) to its y (down), and are sorted.
 //  - holes (grid, triangles): cameras out of service are taken out one by one in ascending order and the hole each
 //    leaves is filled by clipping ears in its local plane (the chain of its neighbours, where it was at the border),
-//    see hole_filling.h. The faces that remain keep their order, the new ones follow in order of filling.
+//    see remove_camera(). The faces that remain keep their order, the new ones follow in order of filling.
 //  - where no triangle with area is left: strips of neighbours along the line that fits the cameras in service best,
 //    numbered from its end with the lower index; of cameras at one place along it the lowest index counts; one place
-//    makes a point (see strips.h). No faces without cameras.
+//    makes a point (see make_strips()). No faces without cameras.
 // Triangles without area (three cameras on a line, duplicates) stay beside others: no line of sight but a null set
 // meets them. Pure; call from any thread. 1024 cameras take a few milliseconds.
 // Throws Error for an index in `out_of_service` or in the topology that the rig does not have, a grid of another
@@ -59,5 +61,13 @@ class MeshCache {
   CameraSet out_of_service_;
   std::optional<Mesh> mesh_;
 };
+
+// The faces of cameras that make no triangle: strips of neighbours along the line that fits best, in order, beginning
+// at the end with the lower index; of cameras at the same place along it (to a quantum) the lowest index counts. A
+// point where only one place is left; nothing without cameras.
+// `in_service`: ascending. The extent is perpendicular to the line and to the cameras' mean forward axis; where these
+// two are parallel, as near as can be to the cameras' mean down axis.
+std::vector<MeshFace> make_strips(const Rig& rig, std::span<const CameraIndex> in_service,
+                                  const CameraCentres& centres);
 
 }  // namespace lf

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "rig/nerf_transforms.h"
+#include "rig/exchange.h"
 
 #include <cmath>
 #include <filesystem>
@@ -9,7 +9,6 @@
 #include "base/error.h"
 #include "base/json_value.h"
 #include "image/image.h"
-#include "rig/opencv_yaml.h"
 
 namespace lf {
 namespace {

@@ -9,6 +9,7 @@
 #include "base/error.h"
 
 namespace lf {
+
 namespace {
 
 double largest_component(const Vec3& v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }

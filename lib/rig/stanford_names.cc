@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "rig/stanford_names.h"
+#include "rig/exchange.h"
 
 #include <charconv>
 #include <cstdio>

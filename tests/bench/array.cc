@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <random>
 
-#include "rig/grid_rig.h"
+#include "rig/rig.h"
 #include "scene/scene.h"
 
 namespace lf::bench {

@@ -2,7 +2,7 @@
 #include "calibration/simulator.h"
 
 #include "calibration/reconstruction.h"
-#include "rig/grid_rig.h"
+#include "rig/rig.h"
 
 namespace lf::sim {
 namespace {

@@ -19,7 +19,7 @@
 #include "image/image.h"
 #include "quality/quality.h"
 #include "render/sum_renderer.h"
-#include "rig/grid_rig.h"
+#include "rig/rig.h"
 #include "rig/rig_json.h"
 #include "view/views_json.h"
 

@@ -8,7 +8,7 @@
 #include "base/error.h"
 #include "composite/still.h"
 #include "reference/exact_quality.h"
-#include "rig/grid_rig.h"
+#include "rig/rig.h"
 
 namespace lf {
 namespace {

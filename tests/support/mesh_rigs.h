@@ -6,9 +6,9 @@
 #include <random>
 #include <vector>
 
+#include "rig/delaunay.h"
 #include "rig/mesh.h"
-#include "rig/predicates.h"
-#include "rig/triangle.h"
+#include "rig/plane_coordinates.h"
 
 // Rigs whose cameras look along +z, for tests of the mesh.
 namespace lf::test {

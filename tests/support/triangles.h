@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "rig/predicates.h"
-#include "rig/triangle.h"
+#include "rig/delaunay.h"
+#include "rig/plane_coordinates.h"
 
 // Exact checks of triangle sets whose corners are integer points.
 namespace lf::test {

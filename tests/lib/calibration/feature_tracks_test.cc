@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "rig/grid_rig.h"
+#include "rig/rig.h"
 #include "support/expect_error.h"
 
 namespace lf {

@@ -189,7 +189,7 @@ TEST(Sharpen, KeepsLayoutAndStride) {
     }
 }
 
-// Sums in integers, as sharpen.cc has them for what lies at the border.
+// Sums in integers, as correction.cc has them for what lies at the border.
 TEST(Sharpen, IsTheSameWithEveryInstructionSet) {
   for (const auto& [width, height] : {std::pair(130, 9), {83, 17}, {16, 3}, {3, 7}, {2, 1}}) {
     const Image image = noise(PixelFamily::kRgb, width, height);

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "geometry/pose.h"
-#include "rig/grid_rig.h"
+#include "rig/rig.h"
 #include "support/expect_error.h"
 
 namespace lf {

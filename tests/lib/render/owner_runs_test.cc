@@ -5,7 +5,7 @@
 
 #include "lib/render/production.h"
 #include "reference/hard_cases.h"
-#include "rig/grid_rig.h"
+#include "rig/rig.h"
 
 namespace lf {
 namespace {

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "rig/colmap.h"
+#include "rig/exchange.h"
 
 #include <filesystem>
 
 #include <gtest/gtest.h>
 
 #include "image/image.h"
-#include "rig/exchange.h"
 #include "rig/rig_json.h"
 #include "support/expect_error.h"
 #include "support/mixed_rig.h"

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "rig/kalibr.h"
+#include "rig/exchange.h"
 
 #include <gtest/gtest.h>
 
-#include "rig/exchange.h"
 #include "support/expect_error.h"
 #include "support/mixed_rig.h"
 #include "support/temp_dir.h"

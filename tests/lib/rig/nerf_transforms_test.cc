@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "rig/nerf_transforms.h"
+#include "rig/exchange.h"
 
 #include <cmath>
 
 #include <gtest/gtest.h>
 
 #include "image/image.h"
-#include "rig/exchange.h"
 #include "support/expect_error.h"
 #include "support/mixed_rig.h"
 #include "support/temp_dir.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "rig/opencv_yaml.h"
+#include "rig/exchange.h"
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "rig/opencv_yaml.h"
+#include "rig/exchange.h"
 
 #include <filesystem>
 
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
 
-#include "rig/exchange.h"
 #include "support/expect_error.h"
 #include "support/mixed_rig.h"
 #include "support/temp_dir.h"

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "image/image.h"
-#include "rig/grid_rig.h"
+#include "rig/rig.h"
 #include "support/temp_dir.h"
 
 namespace lf {

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "rig/stanford_names.h"
+#include "rig/exchange.h"
 
 #include <filesystem>
 
 #include <gtest/gtest.h>
 
 #include "image/image.h"
-#include "rig/exchange.h"
-#include "rig/grid_rig.h"
+#include "rig/rig.h"
 #include "support/expect_error.h"
 #include "support/temp_dir.h"
 

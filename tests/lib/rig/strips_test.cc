@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "rig/strips.h"
+#include "rig/mesh.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
