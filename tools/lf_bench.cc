@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "base/error.h"
-#include "base/now.h"
+#include "base/schedule.h"
 #include "command_line.h"
 #include "composite/assembly.h"
 #include "composite/still.h"

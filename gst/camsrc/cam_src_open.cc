@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <utility>
 
-#include "base/now.h"
+#include "base/schedule.h"
 #include "camsrc/camera_source.h"
 #include "camsrc/camera_states.h"
 #include "camsrc/lfcamsrc_private.h"

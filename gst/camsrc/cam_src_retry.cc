@@ -7,7 +7,7 @@
 #include <atomic>
 #include <utility>
 
-#include "base/now.h"
+#include "base/schedule.h"
 #include "camsrc/camera_states.h"
 #include "camsrc/lfcamsrc_private.h"
 #include "common/common.h"

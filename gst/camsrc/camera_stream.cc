@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <optional>
 
-#include "base/now.h"
 #include "base/number_text.h"
+#include "base/schedule.h"
 #include "common/common.h"
 #include "common/gst_wire.h"
 #include "jpeg/jpeg_frame.h"

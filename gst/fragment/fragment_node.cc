@@ -5,7 +5,7 @@
 #include <tuple>
 
 #include "base/error.h"
-#include "base/now.h"
+#include "base/schedule.h"
 #include "wire/answer_writer.h"
 
 namespace lf {

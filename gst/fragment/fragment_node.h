@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "base/byte_buffer.h"
-#include "base/parallel.h"
+#include "base/worker_pool.h"
 #include "fragment/camera_inputs.h"
 #include "fragment/frame_sources.h"
 #include "fragment/node_stats.h"

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "base/parallel.h"
+#include "base/worker_pool.h"
 #include "fragment/camera_image.h"
 #include "render/sum_renderer.h"
 

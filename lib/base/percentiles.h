@@ -8,6 +8,14 @@
 
 namespace lf {
 
+// The upper one of the two in the middle where their number is even. `values` must not be empty, nor hold NaN.
+template <typename T>
+T median(std::vector<T> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
 // Percentiles over the latest samples of a quantity. Not thread-safe.
 class Percentiles {
  public:

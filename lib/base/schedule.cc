@@ -2,6 +2,7 @@
 #include "base/schedule.h"
 
 namespace lf {
+
 namespace {
 
 constexpr uint64_t kSecond = 1'000'000'000;

@@ -12,6 +12,14 @@
 
 namespace lf {
 
+// Calls task(0) .. task(count - 1), each once, in any order and from any threads, and returns when all are done. An
+// exception of one of them is thrown again in the caller, after the others.
+using ParallelFor = std::function<void(size_t count, const std::function<void(size_t)>& task)>;
+
+inline void serial_for(size_t count, const std::function<void(size_t)>& task) {
+  for (size_t i = 0; i < count; i++) task(i);
+}
+
 // The threads that the nodes of a process share: as many nodes as there are don't take more processors than there are.
 // Thread-safe.
 class WorkerPool {
@@ -24,7 +32,7 @@ class WorkerPool {
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
 
-  // A ParallelFor (base/parallel.h) of at most `threads`, of which the calling one is one: it never waits for a
+  // A ParallelFor of at most `threads`, of which the calling one is one: it never waits for a
   // thread of the pool to come free, only for those that have taken up some of its tasks.
   void run(unsigned threads, size_t count, const std::function<void(size_t)>& task);
 

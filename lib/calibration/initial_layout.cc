@@ -7,7 +7,7 @@
 #include <Eigen/Eigenvalues>
 #include <opencv2/calib3d.hpp>
 
-#include "base/median.h"
+#include "base/percentiles.h"
 #include "calibration/disparity_factorisation.h"
 #include "calibration/relative_poses.h"
 #include "calibration/triangulation.h"

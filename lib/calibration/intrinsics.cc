@@ -6,7 +6,7 @@
 #include <cstdio>
 
 #include "base/error.h"
-#include "base/median.h"
+#include "base/percentiles.h"
 
 namespace lf {
 namespace {

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
-#include "base/median.h"
+#include "base/percentiles.h"
 #include "calibration/noise.h"
 
 namespace lf {

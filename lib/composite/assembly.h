@@ -9,7 +9,7 @@
 #include <string>
 
 #include "base/byte_buffer.h"
-#include "base/parallel.h"
+#include "base/worker_pool.h"
 #include "composite/accumulator.h"
 #include "composite/arrivals.h"
 #include "focus/view_focus.h"

@@ -7,7 +7,7 @@
 #include <numeric>
 #include <optional>
 
-#include "base/median.h"
+#include "base/percentiles.h"
 #include "focus/trial_levels.h"
 #include "focus/trial_renderer.h"
 #include "focus/trial_samples.h"

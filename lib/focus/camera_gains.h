@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/byte_buffer.h"
-#include "base/parallel.h"
+#include "base/worker_pool.h"
 #include "focus/moments.h"
 #include "render/sum_renderer.h"
 #include "render/view_plan.h"

@@ -6,7 +6,7 @@
 #include <limits>
 #include <numeric>
 
-#include "base/median.h"
+#include "base/percentiles.h"
 #include "focus/trial_levels.h"
 #include "render/ownership.h"
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "base/byte_buffer.h"
-#include "base/parallel.h"
+#include "base/worker_pool.h"
 #include "focus/moments.h"
 #include "focus/trial_levels.h"
 #include "focus/trial_projection.h"

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "base/now.h"
+#include "base/schedule.h"
 #include "image/correction.h"
 
 namespace lf {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "base/byte_buffer.h"
-#include "base/parallel.h"
+#include "base/worker_pool.h"
 #include "image/image.h"
 #include "node/answer_task.h"
 #include "node/gain_matcher.h"

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "base/now.h"
+#include "base/schedule.h"
 #include "render/sum_planes.h"
 #include "render/sum_renderer.h"
 #include "wire/answer_writer.h"

@@ -4,7 +4,7 @@
 #include <span>
 
 #include "base/byte_buffer.h"
-#include "base/parallel.h"
+#include "base/worker_pool.h"
 #include "node/answer_form.h"
 #include "render/ownership.h"
 #include "render/sum_renderer.h"

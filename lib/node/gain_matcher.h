@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "base/byte_buffer.h"
-#include "base/parallel.h"
+#include "base/worker_pool.h"
 #include "focus/camera_gains.h"
 #include "view/view_request.h"
 

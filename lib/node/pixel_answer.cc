@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "node/pixel_answer.h"
 
-#include "base/now.h"
+#include "base/schedule.h"
 #include "render/sum_planes.h"
 #include "wire/fragment_codec.h"
 #include "wire/strips.h"

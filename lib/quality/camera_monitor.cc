@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 
-#include "base/median.h"
+#include "base/percentiles.h"
 #include "focus/carry_over.h"
 
 namespace lf {

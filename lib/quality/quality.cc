@@ -10,8 +10,8 @@
 #include <string>
 
 #include "base/error.h"
-#include "base/median.h"
 #include "base/number_text.h"
+#include "base/percentiles.h"
 #include "base/rect.h"
 
 namespace lf {

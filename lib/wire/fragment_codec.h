@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "base/byte_buffer.h"
-#include "base/parallel.h"
+#include "base/worker_pool.h"
 #include "jpeg/fragment_decoder.h"
 #include "jpeg/fragment_encoder.h"
 #include "render/sum_planes.h"

@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "base/parallel.h"
+#include "base/worker_pool.h"
 
 namespace lf::bench {
 

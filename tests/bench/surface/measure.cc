@@ -6,7 +6,7 @@
 #include <limits>
 #include <numeric>
 
-#include "base/now.h"
+#include "base/schedule.h"
 #include "bench/sum_picture.h"
 #include "focus/camera_gains.h"
 #include "focus/carry_over.h"

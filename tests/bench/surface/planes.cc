@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "base/error.h"
-#include "base/median.h"
+#include "base/percentiles.h"
 
 namespace lf::focus {
 namespace {

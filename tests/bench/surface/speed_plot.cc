@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <iterator>
 
-#include "base/median.h"
+#include "base/percentiles.h"
 #include "bench/chart.h"
 
 namespace lf::focus {

@@ -7,7 +7,7 @@
 #include <limits>
 #include <string_view>
 
-#include "base/median.h"
+#include "base/percentiles.h"
 
 namespace lf::focus {
 namespace {
