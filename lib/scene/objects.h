@@ -2,9 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
+
 #include <glm/mat3x3.hpp>
 #include <glm/vec3.hpp>
-#include <vector>
 
 namespace lf::scene {
 

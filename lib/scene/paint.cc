@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
-#include "scene/pattern.h"
-
 namespace lf::scene {
+
 namespace {
 
 // Linear light from gamma-encoded 0..255, with the gamma of 2 that the camera has.

@@ -7,7 +7,7 @@
 #include <glm/geometric.hpp>
 #include <limits>
 
-#include "scene/pattern.h"
+#include "scene/paint.h"
 
 // Intersections with spheres, capsules, cylinders and boxes in closed form (as collected by I. Quilez,
 // iquilezles.org/articles/intersectors).
