@@ -3,8 +3,7 @@
 
 #include "command_line.h"
 
-// The steps of lf-calibrate, one file each (NAME_command.cc): each adds its subcommand with options and a callback that
-// runs it. What goes wrong is thrown as lf::Error.
-void add_features_command(cli::App& app);
+// The large steps of lf-calibrate, NAME_command.cc: each adds its subcommand with options and a callback that runs it.
+// What goes wrong is thrown as lf::Error.
 void add_intrinsics_command(cli::App& app);
 void add_solve_command(cli::App& app);

@@ -3,11 +3,14 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include <nlohmann/json.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
 
 #include "base/error.h"
 #include "base/json_value.h"
@@ -16,7 +19,6 @@
 #include "commands.h"
 #include "image/image.h"
 #include "rig/rig_json.h"
-#include "video_frames.h"
 
 namespace {
 
@@ -30,6 +32,27 @@ struct Options {
   uint32_t camera = 0;
   int views = 20;
 };
+
+// The frames of a GStreamer URI (file:///..., v4l2:///dev/video0, rtsp://...) as RGB images until `use` returns false
+// or the video ends. A live camera's frames that come while one is looked at are left out. Throws Error where there is
+// no video.
+void for_each_frame(const std::string& uri, const std::function<bool(const lf::Image&)>& use) {
+  if (uri.find('"') != std::string::npos) throw lf::Error(uri + ": has a quotation mark");
+  const bool file = uri.starts_with("file:");
+  const std::string pipeline = "uridecodebin uri=\"" + uri + "\" ! videoconvert ! video/x-raw,format=BGR ! appsink " +
+                               (file ? "sync=false" : "max-buffers=1 drop=true");
+  cv::VideoCapture video(pipeline, cv::CAP_GSTREAMER);
+  cv::Mat bgr;
+  bool any = false;
+  while (video.isOpened() && video.read(bgr)) {
+    any = true;
+    lf::Image image(lf::PixelFamily::kRgb, bgr.cols, bgr.rows);
+    cv::Mat rgb(bgr.rows, bgr.cols, CV_8UC3, image.data().data());
+    cv::cvtColor(bgr, rgb, cv::COLOR_BGR2RGB);
+    if (!use(image)) return;
+  }
+  if (!any) throw lf::Error(uri + ": no video could be had from it");
+}
 
 lf::Checkerboard parse_board(const Options& options) {
   lf::Checkerboard board;
@@ -68,7 +91,7 @@ void check_size(Images& found, const lf::Image& image, const std::string& name) 
 void watch(const Options& options, const lf::Checkerboard& board, const std::string& uri, Images& found) {
   std::optional<lf::ViewChooser> chooser;
   int kept = 0, frame = 0;
-  lf::for_each_frame(uri, [&](const lf::Image& image) {
+  for_each_frame(uri, [&](const lf::Image& image) {
     check_size(found, image, uri);
     if (!chooser) chooser.emplace(image.width());
     auto view = find_board(options, board, image);

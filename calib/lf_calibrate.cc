@@ -1,7 +1,55 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-calibrate: measures the cameras of an array, step by step.
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/json_value.h"
+#include "calibration/feature_tracks.h"
+#include "calibration/tracks.h"
 #include "command_line.h"
 #include "commands.h"
+#include "rig/rig_json.h"
+#include "rig/still_images.h"
+
+namespace {
+
+struct FeaturesOptions {
+  std::string rig, out;
+  int every = 1;
+  lf::FeatureOptions features;
+};
+
+void find_features(FeaturesOptions options) {
+  lf::Rig rig = lf::load_rig(options.rig);
+  if (options.every > 1) rig = lf::every_nth(rig, options.every);
+  lf::StillImages stills(rig);
+  std::vector<lf::Image> images;
+  for (lf::CameraIndex i = 0; i < rig.cameras.size(); i++) images.push_back(stills.get(i));
+  options.features.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
+  const lf::Tracks tracks = lf::track_features(rig, images, options.features);
+  lf::write_text_file(lf::tracks_to_json(tracks), options.out);
+  std::printf("%s: %zu tracks, %zu observations, %.1f cameras a track\n", options.out.c_str(), tracks.num_positions,
+              tracks.observations.size(),
+              static_cast<double>(tracks.observations.size()) / static_cast<double>(tracks.num_positions));
+}
+
+void add_features_command(cli::App& app) {
+  const auto o = std::make_shared<FeaturesOptions>();
+  cli::App* command =
+      app.add_subcommand("features", "Tracks of a still scene's corners, from a rig with an image each");
+  command->add_option("RIG", o->rig, "Rig file; a nominal one will do")->required();
+  command->add_option("--every", o->every, "Rows and columns 0, N, 2N, ... of a grid")->check(cli::PositiveNumber);
+  command->add_option("--references", o->features.references, "Cameras whose corners are followed")
+      ->capture_default_str();
+  command->add_option("--features", o->features.features, "Corners a reference camera")->capture_default_str();
+  command->add_option("--least-cameras", o->features.least_cameras, "That must see a track")->capture_default_str();
+  command->add_option("--out", o->out, "Tracks to write (JSON)")->required();
+  command->callback([o] { find_features(*o); });
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
   cli::App app("Measures the cameras of an array: lenses, positions, orientations, each with its uncertainty",

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -24,7 +26,6 @@
 #include "scene/scene.h"
 #include "sheet.h"
 #include "view/views_json.h"
-#include "view_log.h"
 
 namespace {
 
@@ -32,6 +33,47 @@ struct Options {
   std::string rig, views, frames, plane, log, live_log, out;
   bool scene = false;
 };
+
+// What lfcompositor said about one picture (element message "lightfield-view").
+struct ViewLogEntry {
+  double clock = 0;  // seconds, when the message was printed
+  uint32_t sequence = 0;
+  bool complete = false;
+  uint64_t bytes = 0, trial_bytes = 0, latency_ns = 0;
+};
+
+// The text of `name=(type)value` up to the next comma or semicolon.
+std::optional<std::string> field(const std::string& line, const std::string& name) {
+  const size_t at = line.find(" " + name + "=(");
+  if (at == std::string::npos) return std::nullopt;
+  const size_t begin = line.find(')', at) + 1;
+  return line.substr(begin, line.find_first_of(",;", begin) - begin);
+}
+
+// Reads what `gst-launch-1.0 -m` printed, each line with the clock in front (seconds: bash's $EPOCHREALTIME); lines
+// that are no such message are passed over. Throws lf::Error if the file can't be read or there is not one.
+std::vector<ViewLogEntry> read_view_log(const std::string& path) {
+  std::vector<ViewLogEntry> entries;
+  std::istringstream text(lf::read_text_file(path));
+  for (std::string line; std::getline(text, line);) {
+    if (line.find(" lightfield-view,") == std::string::npos) continue;
+    const auto number = [&](const char* name) -> uint64_t {
+      const std::optional<std::string> value = field(line, name);
+      if (!value) throw lf::Error(path + ": a message without " + name + ": " + line);
+      return std::strtoull(value->c_str(), nullptr, 10);
+    };
+    ViewLogEntry entry;
+    entry.clock = std::strtod(line.c_str(), nullptr);
+    entry.sequence = static_cast<uint32_t>(number("sequence"));
+    entry.complete = field(line, "complete") == "true";
+    entry.bytes = number("bytes");
+    entry.trial_bytes = number("trial-bytes");
+    entry.latency_ns = number("latency-ns");
+    entries.push_back(entry);
+  }
+  if (entries.empty()) throw lf::Error(path + ": no lightfield-view messages: the pipeline made no pictures");
+  return entries;
+}
 
 // Pictures as `video/x-raw,format=RGB ! filesink` leaves them: rows padded to four bytes, one picture after the other.
 class RawFrames {

@@ -3,9 +3,19 @@
 
 #include <cmath>
 
+#include <lightfield/error.h>
+#include <lightfield/image.h>
+#include <lightfield/view.h>
+
 #include "base/error.h"
+#include "base/number_text.h"
+#include "image/image.h"
+#include "rig/rig.h"
+#include "view/navigator.h"
+#include "view/view.h"
 
 namespace lf::api {
+
 namespace {
 
 Vec3 to_vec(const lightfield::Vec3& v) { return {v.x, v.y, v.z}; }
@@ -14,8 +24,6 @@ Quat to_quat(const lightfield::Quaternion& q) { return {q.w, q.x, q.y, q.z}; }
 std::string name_of(const Camera& camera, CameraIndex index) {
   return "the image of camera " + std::to_string(index) + " (id " + std::to_string(camera.id) + ")";
 }
-
-std::string size_of(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
 }  // namespace
 
@@ -73,8 +81,8 @@ ImageView to_image(const lightfield::ImageView& image, const Camera& camera, Cam
   if (image.format != lightfield::PixelFormat::kRgb && image.format != lightfield::PixelFormat::kI420)
     throw Error(name_of(camera, index) + " has a format that there is not");
   if (image.width != camera.width || image.height != camera.height)
-    throw Error(name_of(camera, index) + " has " + size_of(image.width, image.height) + " pixels, the rig says " +
-                size_of(camera.width, camera.height));
+    throw Error(name_of(camera, index) + " has " + size_text(image.width, image.height) + " pixels, the rig says " +
+                size_text(camera.width, camera.height));
   const bool rgb = image.format == lightfield::PixelFormat::kRgb;
   out.family = static_cast<PixelFamily>(image.format);
   out.width = image.width;
@@ -105,5 +113,51 @@ void check_count(size_t images, size_t count) {
   if (images != count)
     throw Error("images: must be one for each of " + std::to_string(count) + " cameras, are " + std::to_string(images));
 }
-
 }  // namespace lf::api
+
+namespace lightfield {
+
+static_assert(static_cast<int>(PixelFormat::kRgb) == static_cast<int>(lf::PixelFamily::kRgb));
+static_assert(static_cast<int>(PixelFormat::kI420) == static_cast<int>(lf::PixelFamily::kI420));
+
+Image make_image(PixelFormat format, int width, int height) {
+  if (format != PixelFormat::kRgb && format != PixelFormat::kI420) throw Error("format: must be kRgb or kI420");
+  lf::validate_size("width", width);
+  lf::validate_size("height", height);
+  lf::Image image(static_cast<lf::PixelFamily>(format), width, height);
+  if (format == PixelFormat::kI420)  // chroma has its zero in the middle
+    std::fill(image.plane(1), image.data().data() + image.data().size(), uint8_t{128});
+  return {format, width, height, std::move(image.data())};
+}
+
+ImageView::ImageView(const Image& image) : format(image.format), width(image.width), height(image.height) {
+  if (format == PixelFormat::kNone) return;
+  const auto family = static_cast<lf::PixelFamily>(format);
+  const bool known = format == PixelFormat::kRgb || format == PixelFormat::kI420;
+  if (!known || width < 1 || height < 1 || width > lf::kMaxImageSize || height > lf::kMaxImageSize ||
+      image.pixels.size() != lf::packed_size(family, width, height))
+    throw Error("image: " + std::to_string(image.pixels.size()) + " bytes are not those of an image of " +
+                lf::size_text(width, height) + " pixels in its format");
+  plane[0] = image.pixels.data();
+  stride[0] = format == PixelFormat::kRgb ? ptrdiff_t{3} * width : width;
+  if (format == PixelFormat::kRgb) return;
+  const size_t luma = static_cast<size_t>(width) * height;
+  plane[1] = plane[0] + luma;
+  plane[2] = plane[1] + (image.pixels.size() - luma) / 2;
+  stride[1] = stride[2] = lf::chroma_size(width);
+}
+
+View home_view(const Rig& rig, int width, int height) {
+  lf::validate_size("width", width);
+  lf::validate_size("height", height);
+  const lf::Viewpoint home = lf::default_viewpoint(*rig.data().rig);
+  View view;
+  view.width = width;
+  view.height = height;
+  view.world_from_view = lf::api::from_pose(home.pose);
+  view.fov_y = home.fov_y_deg;
+  view.focus_distance = home.focus_distance;
+  return view;
+}
+
+}  // namespace lightfield

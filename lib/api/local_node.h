@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <lightfield/image.h>
-
 #include <memory>
 #include <vector>
+
+#include <lightfield/image.h>
 
 #include "base/byte_buffer.h"
 #include "base/worker_pool.h"

@@ -7,13 +7,17 @@
 #include <string>
 #include <string_view>
 
+#include <lightfield/compositor.h>
+
 #include "api/convert.h"
 #include "base/error.h"
 #include "composite/assembly.h"
 #include "wire/answer_parser.h"
 #include "wire/moments_codec.h"
+#include "wire/request_codec.h"
 
 namespace lf::api {
+
 namespace {
 
 CameraSet to_camera_set(std::vector<uint32_t> cameras, size_t count) {
@@ -122,5 +126,31 @@ lightfield::Image ViewComposer::finish() {
 }
 
 void ViewComposer::reset_focus() { focus_ = ViewFocus(focus_.settings(), focus_.matches_gains()); }
-
 }  // namespace lf::api
+
+namespace lightfield {
+
+struct [[gnu::visibility("hidden")]] Compositor::State {
+  State(const Rig& rig, uint32_t view_id) : composer(rig.data().rig, rig.data().hash, view_id) {}
+  lf::api::ViewComposer composer;
+};
+
+Compositor::Compositor(Rig rig, uint32_t view_id) : state_(std::make_unique<State>(rig, view_id)) {}
+Compositor::~Compositor() = default;
+Compositor::Compositor(Compositor&&) noexcept = default;
+Compositor& Compositor::operator=(Compositor&&) noexcept = default;
+
+Bytes Compositor::request(const View& view, const RequestOptions& options) {
+  return lf::wire::encode_request(state_->composer.begin(view, options));
+}
+
+Compositor::Added Compositor::add(const Bytes& part) { return state_->composer.add(part); }
+
+bool Compositor::is_complete() const { return state_->composer.is_complete(); }
+
+Image Compositor::finish() { return state_->composer.finish(); }
+
+unsigned Compositor::missing() const { return state_->composer.missing(); }
+void Compositor::reset_focus() { state_->composer.reset_focus(); }
+
+}  // namespace lightfield

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <lightfield/compositor.h>
-
 #include <memory>
 #include <optional>
 #include <set>
 #include <span>
 #include <vector>
+
+#include <lightfield/compositor.h>
 
 #include "composite/assembly.h"
 #include "focus/focus_array.h"
