@@ -6,16 +6,13 @@
 #include <cstdio>
 #include <filesystem>
 #include <iterator>
-#include <limits>
 #include <map>
 #include <optional>
+#include <ranges>
 #include <string>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include "base/error.h"
-#include "base/json_value.h"
 #include "base/number_text.h"
 #include "command_line.h"
 #include "composite/still.h"
@@ -24,6 +21,7 @@
 #include "progress.h"
 #include "quality/camera_monitor.h"
 #include "quality/quality.h"
+#include "quality_table.h"
 #include "render/focus_range.h"
 #include "rig/rig_json.h"
 #include "rig/still_images.h"
@@ -49,15 +47,6 @@ struct Options {
   }
 };
 
-// One line of the table and one entry of the JSON file.
-struct Row {
-  std::string name;
-  std::optional<lf::Quality> quality;  // with ground truth
-  double coverage = 0;                 // fraction of the pixels that count
-  double cameras = 0;                  // that contributed
-  double ms = 0;
-};
-
 double covered_fraction(const std::vector<float>& coverage) {
   size_t covered = 0;
   for (const float c : coverage) covered += c > lf::kCovered;
@@ -65,90 +54,15 @@ double covered_fraction(const std::vector<float>& coverage) {
 }
 
 lf::CameraSet out_of_service(const lf::Rig& rig, const std::string& list) {
-  const std::vector<lf::CameraIndex> in_service = lf::parse_camera_list(rig, list);
   lf::CameraSet out;
-  auto next = in_service.begin();
-  for (lf::CameraIndex i = 0; i < rig.cameras.size(); i++) {
-    if (next != in_service.end() && *next == i)
-      ++next;
-    else
-      out.push_back(i);
-  }
+  const auto all = std::views::iota(lf::CameraIndex{0}, static_cast<lf::CameraIndex>(rig.cameras.size()));
+  std::ranges::set_difference(all, lf::parse_camera_list(rig, list), std::back_inserter(out));
   return out;
-}
-
-// Over the views in which something is covered.
-Row mean_of(const std::vector<Row>& rows) {
-  Row mean{"mean"};
-  lf::Quality quality;
-  size_t judged = 0;
-  for (const Row& row : rows) {
-    mean.coverage += row.coverage / rows.size();
-    mean.cameras += row.cameras / rows.size();
-    mean.ms += row.ms / rows.size();
-    if (!row.quality || std::isnan(row.quality->psnr_db)) continue;
-    judged++;
-    quality.psnr_db += row.quality->psnr_db;
-    quality.ssim += row.quality->ssim;
-    quality.max_error = std::max(quality.max_error, row.quality->max_error);
-  }
-  if (judged == 0) return mean;
-  quality.psnr_db /= static_cast<double>(judged);
-  quality.ssim /= static_cast<double>(judged);
-  quality.coverage = mean.coverage;
-  mean.quality = quality;
-  return mean;
-}
-
-void print_row(const Row& row, int name_width) {
-  std::printf("%-*s", name_width, row.name.c_str());
-  if (row.quality)
-    std::printf("  %8.3f  %7.5f  %9d", row.quality->psnr_db, row.quality->ssim, row.quality->max_error);
-  else
-    std::printf("  %8s  %7s  %9s", "-", "-", "-");
-  std::printf("  %8.4f  %7.4g  %8.1f\n", row.coverage, row.cameras, row.ms);
-}
-
-void print_table(const std::vector<Row>& rows) {
-  size_t width = 4;
-  for (const Row& row : rows) width = std::max(width, row.name.size());
-  const int name_width = static_cast<int>(width);
-  std::printf("%-*s  %8s  %7s  %9s  %8s  %7s  %8s\n", name_width, "view", "psnr_db", "ssim", "max_error", "coverage",
-              "cameras", "ms");
-  for (const Row& row : rows) print_row(row, name_width);
-  print_row(mean_of(rows), name_width);
-}
-
-// JSON has no infinity: equal pictures (max_error 0) and views without truth have null.
-nlohmann::ordered_json to_json(const Row& row) {
-  nlohmann::ordered_json json;
-  const auto number = [](double v) { return std::isfinite(v) ? nlohmann::ordered_json(v) : nullptr; };
-  // Counts are whole numbers but for their means.
-  const auto count = [](double v) {
-    return v == std::floor(v) ? nlohmann::ordered_json(static_cast<uint64_t>(v)) : nlohmann::ordered_json(v);
-  };
-  json["name"] = row.name;
-  json["psnr_db"] = row.quality ? number(row.quality->psnr_db) : nullptr;
-  json["ssim"] = row.quality ? number(row.quality->ssim) : nullptr;
-  json["max_error"] = row.quality ? nlohmann::ordered_json(row.quality->max_error) : nullptr;
-  json["coverage"] = row.coverage;
-  json["cameras"] = count(row.cameras);
-  json["ms"] = row.ms;
-  return json;
-}
-
-void write_json(const std::vector<Row>& rows, const std::string& path) {
-  nlohmann::ordered_json json;
-  json["views"] = nlohmann::ordered_json::array();
-  for (const Row& row : rows) json["views"].push_back(to_json(row));
-  json["mean"] = to_json(mean_of(rows));
-  json["mean"].erase("name");
-  lf::write_text_file(json.dump(1) + "\n", path);
 }
 
 // One view, and what it came to.
 struct Rendered {
-  Row row;
+  QualityRow row;
   lf::View focused;
   lf::Image rgb;
   std::vector<float> coverage;
@@ -286,7 +200,7 @@ class Predictor {
 void leave_one_out(const lf::Rig& rig, const Options& options) {
   Predictor predictor(rig, options);
   Progress progress("leaving out", rig.cameras.size());
-  std::vector<Row> rows;
+  std::vector<QualityRow> rows;
   for (lf::CameraIndex i = 0; i < rig.cameras.size(); i++, progress.step()) {
     if (!predictor.is_in_service(i)) continue;
     const Rendered out = predictor.predict(i);
@@ -320,7 +234,7 @@ void run(const Options& options) {
   const lf::Mesh mesh = lf::build_mesh(rig, out_of_service(rig, options.cameras));
   Renderer renderer(rig, options);
   Progress progress("rendering", views.size());
-  std::vector<Row> rows;
+  std::vector<QualityRow> rows;
   for (const lf::NamedView& view : views) {
     Rendered out = renderer.render(view.name, mesh, view.view);
     if (!options.truth.empty()) out.row.quality = quality_against(out, options.truth + "/" + view.name + ".png");
