@@ -32,7 +32,7 @@ struct ProjectionTerms {
 struct Slot {
   CameraIndex camera = 0;
   ImageView image;  // family kNone: all lost
-  Rect rect;        // bounds the pixels in which it has a weight; even in x0, y0
+  Rect rect;        // bounds the pixels in which the camera has a weight; even in x0, y0
   // RGB: which bytes of two runs of eight are R, G and B of a run's first pixel and of its right neighbour, in turn.
   alignas(16) uint8_t pixel_pairs[16] = {};
   alignas(16) uint8_t pixel_taps[16] = {};  // of four pixels: all of R, all of G, all of B
@@ -41,7 +41,7 @@ struct Slot {
   const CameraProjection* projection = nullptr;
   // Camera coordinates of pixel (x, y) of the view, up to a positive factor: from_pixel * (x, y, 1).
   Mat3 from_pixel;
-  // With a focal map: of inverse distance 0, and this times the inverse distance more.
+  // With a focal map the terms above are those of inverse distance 0, and this times the inverse distance is added.
   Mat3 per_inverse{0};
   ProjectionTerms terms;   // with a focal map: at the first pixel of the first block and band of its rectangle
   float eye_distance = 0;  // see ViewPlan
@@ -64,7 +64,7 @@ struct alignas(64) BlockWeights {
 // How the samples of one plane and row of a block are fetched.
 enum class Fetch : int16_t {
   kMixed,    // some lost, or near the border, or positions don't interpolate well: each sample is projected
-  kLost,     // all of them
+  kLost,     // all samples are lost
   kGather,   // inside the image, byte by byte
   kShuffle,  // by a byte shuffle within windows of 16 bytes of three image rows
 };

@@ -15,6 +15,7 @@
 
 #include "render/simd/band_data.h"
 #include "render/simd/fixed_cells-inl.h"
+#include "render/simd/gather-inl.h"
 #include "render/simd/samples-inl.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -50,7 +51,7 @@ inline constexpr CellTable kLumaXCells = make_cell_table(CellSamples::kLumaX),
                            kLumaYCells = make_cell_table(CellSamples::kLumaY),
                            kChromaCells = make_cell_table(CellSamples::kChroma);
 
-// The same in 32 bits, four samples at a time, of four nodes each.
+// Interpolates in 32 bits, four samples at a time, of four nodes each.
 struct InverseTable {
   alignas(16) uint8_t before[2 * kBlock], after[2 * kBlock];
   alignas(32) float t[kHalf];
@@ -98,7 +99,7 @@ struct CellsOfPair {
   V16 node, step, bend, bend_step, down;
 };
 
-// Those of one row, in the middle of the pair if it is chroma's.
+// Positions of the samples of one row, in the middle of the pair if it is chroma's.
 struct CellsOfRow {
   // `eighths`: of a cell. `origin`: of windows, for each node.
   HWY_INLINE CellsOfRow(const CellsOfPair& pair, int eighths, V16 origin) {

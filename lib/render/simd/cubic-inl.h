@@ -13,6 +13,7 @@
 #include <hwy/highway.h>
 
 #include "render/simd/band_data.h"
+#include "render/simd/gather-inl.h"
 #include "render/simd/samples-inl.h"
 
 HWY_BEFORE_NAMESPACE();

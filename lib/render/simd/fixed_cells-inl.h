@@ -14,7 +14,6 @@
 
 #include "render/simd/band_data.h"
 #include "render/simd/cells-inl.h"
-#include "render/simd/fixed-inl.h"
 #include "render/simd/positions-inl.h"
 #include "render/sum_renderer.h"
 

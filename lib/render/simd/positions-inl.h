@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Per target, see render_band.cc: where a band of a view lies in one camera's image.
+// Per target, see render_band.cc: where points of a view are in one camera's image, and its planes.
 #if defined(LF_RENDER_SIMD_POSITIONS_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef LF_RENDER_SIMD_POSITIONS_INL_H_
 #undef LF_RENDER_SIMD_POSITIONS_INL_H_
@@ -7,18 +7,30 @@
 #define LF_RENDER_SIMD_POSITIONS_INL_H_
 #endif
 
-#include <cmath>
-#include <vector>
-
 #include <hwy/highway.h>
 
 #include "render/simd/band_data.h"
-#include "render/simd/fixed-inl.h"
 #include "render/sum_renderer.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
+
+inline constexpr float kMagic = 12582912;  // 1.5 * 2^23
+
+// The nearest integer, |v| < 2^22, in the low bits of 32: adding kMagic leaves no bits for a fraction. Cheaper than
+// a conversion, which must also do right by what doesn't fit.
+template <class V>
+HWY_INLINE auto to_low_bits(V v) {
+  const hn::DFromV<V> d;
+  return hn::BitCast(hn::RebindToUnsigned<decltype(d)>(), hn::Add(v, hn::Set(d, kMagic)));
+}
+
+// The nearest integer modulo 2^16: right for int16_t and uint16_t alike.
+template <class D16, class V>
+HWY_INLINE auto to_fixed(D16, V v) {
+  return hn::TruncateTo(hn::RebindToUnsigned<D16>(), to_low_bits(v));
+}
 
 // Bessel's second-difference weight, t (t - 1) / 4.
 constexpr float bessel(float t) { return t * (t - 1) / 4; }
@@ -74,58 +86,6 @@ struct Projection {
   const ProjectionTerms& terms;
 };
 
-// Columns and rows of a band's nodes.
-inline void lay_nodes(int pitch, SlotBand& band) {
-  if (band.pitch == pitch) return;
-  band.pitch = pitch;
-  const size_t padded = static_cast<size_t>(pitch) * kBandRows + 2 * kBlock;  // whole vectors
-  if (band.node_z.size() < padded) {
-    band.luma.resize(padded);
-    band.chroma.resize(padded);
-    band.node_z.resize(padded);
-    band.verdict.resize(padded);
-  }
-  band.columns.assign(padded, 0);
-  band.rows.assign(padded, 0);
-  for (int row = 0, i = 0; row < kBandRows; row++)
-    for (int column = 0; column < pitch; column++, i++) {
-      band.columns[i] = static_cast<float>(column * kBlock);
-      band.rows[i] = static_cast<float>(row);
-    }
-}
-
-// NaN where nothing is seen: behind the camera, beyond the fold of its lens.
-inline void project_nodes(const Slot& slot, int y, SlotBand& out) {
-  const hn::CappedTag<float, kBlock> d;
-  const ProjectionTerms terms = terms_at(slot, (out.first_block - 1) * kBlock, y);
-  const Projection projection(slot, terms);
-  const size_t lanes = hn::Lanes(d), nodes = static_cast<size_t>(out.pitch) * kBandRows;
-  for (size_t i = 0; i < nodes; i += lanes) {
-    hn::Vec<decltype(d)> px, py, z, r2;
-    projection.project(d, hn::LoadU(d, out.columns.data() + i), hn::LoadU(d, out.rows.data() + i), px, py, z, r2);
-    const auto seen = hn::And(hn::Gt(z, hn::Zero(d)), hn::Le(r2, hn::Set(d, slot.max_r2)));
-    hn::StoreU(hn::IfThenElse(seen, px, hn::NaN(d)), d, out.luma.node_x.data() + i);
-    hn::StoreU(hn::IfThenElse(seen, py, hn::NaN(d)), d, out.luma.node_y.data() + i);
-    hn::StoreU(z, d, out.node_z.data() + i);
-  }
-}
-
-// Chroma positions of the same nodes for the middle between two rows: chroma sample k sits at luma 2 k + 0.5.
-inline void place_chroma_nodes(SlotBand& band) {
-  const hn::CappedTag<float, kBlock> d;
-  for (int pair = 0; pair < kBandPairs; pair++) {
-    const int upper = 2 * pair * band.pitch, lower = upper + band.pitch;
-    const auto middle = [&](const std::vector<float>& of, int i) HWY_ATTR {
-      const auto sum = hn::Add(hn::LoadU(d, of.data() + upper + i), hn::LoadU(d, of.data() + lower + i));
-      return hn::Mul(hn::Sub(sum, hn::Set(d, 1.f)), hn::Set(d, 0.25f));
-    };
-    for (int i = 0; i < band.pitch; i += static_cast<int>(hn::Lanes(d))) {
-      hn::StoreU(middle(band.luma.node_x, i), d, band.chroma.node_x.data() + pair * band.pitch + i);
-      hn::StoreU(middle(band.luma.node_y, i), d, band.chroma.node_y.data() + pair * band.pitch + i);
-    }
-  }
-}
-
 // One plane of an image, and where along a block its samples are.
 struct PlaneGeometry {
   float width, height;  // of the plane, samples
@@ -141,135 +101,6 @@ inline constexpr float kSlack = 3.f / (1 << kPositionBits);  // by which fixed p
 
 // The next term of the interpolation is t (t - 1) (t - 1/2) / 6 of the third difference: 0.0081 of it at most.
 inline constexpr float kLargestThird = static_cast<float>(kGridError / 0.0081);
-
-// How and where one plane's samples of `n` blocks are fetched, from its nodes. `node_z`: null for
-// chroma, which follows luma in what is lost.
-inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z, PlanePositions& out) {
-  const hn::CappedTag<float, kBlock> d;
-  const hn::RebindToSigned<decltype(d)> di;
-  const hn::RebindToUnsigned<decltype(d)> du;
-  const int lanes = static_cast<int>(hn::Lanes(d));
-  const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
-  const auto code = [&](Fetch f) HWY_ATTR { return hn::Set(d, static_cast<float>(f)); };
-  const auto unit = set(static_cast<float>(1 << kPositionBits));
-  const auto slack = set(kSlack);
-  const auto largest_third = set(kLargestThird);
-  const float *const node_x = out.node_x.data(), *const node_y = out.node_y.data();
-  for (int i = 0; i < n; i += lanes) {
-    const auto xa = hn::LoadU(d, node_x + i), x0 = hn::LoadU(d, node_x + i + 1), x1 = hn::LoadU(d, node_x + i + 2),
-               xb = hn::LoadU(d, node_x + i + 3);
-    const auto ya = hn::LoadU(d, node_y + i), y0 = hn::LoadU(d, node_y + i + 1), y1 = hn::LoadU(d, node_y + i + 2),
-               yb = hn::LoadU(d, node_y + i + 3);
-    const auto dx = hn::Sub(x1, x0), dy = hn::Sub(y1, y0);
-    const auto sx = hn::Sub(hn::Sub(xb, x1), hn::Sub(x0, xa)), sy = hn::Sub(hn::Sub(yb, y1), hn::Sub(y0, ya));
-    const auto third_x = hn::Abs(hn::Sub(hn::Sub(xb, xa), hn::Mul(set(3), dx)));
-    const auto third_y = hn::Abs(hn::Sub(hn::Sub(yb, ya), hn::Mul(set(3), dy)));
-    const auto at_x = [&](float t) HWY_ATTR { return hn::MulAdd(set(bessel(t)), sx, hn::MulAdd(set(t), dx, x0)); };
-    const auto at_y = [&](float t) HWY_ATTR { return hn::MulAdd(set(bessel(t)), sy, hn::MulAdd(set(t), dy, y0)); };
-    const auto last_x = at_x(plane.t_last), last_y = at_y(plane.t_last);
-    const auto bulge_x = hn::MulAdd(hn::Abs(sx), set(1.f / 16), slack);
-    const auto bulge_y = hn::MulAdd(hn::Abs(sy), set(1.f / 16), slack);
-    const auto low_x = hn::Sub(hn::Min(x0, last_x), bulge_x), high_x = hn::Add(hn::Max(x0, last_x), bulge_x);
-    const auto low_y = hn::Sub(hn::Min(y0, last_y), bulge_y), high_y = hn::Add(hn::Max(y0, last_y), bulge_y);
-
-    // NaN fails every comparison and stays kMixed.
-    const auto smooth = hn::And(hn::Lt(third_x, largest_third), hn::Lt(third_y, largest_third));
-    const auto inside =
-        hn::And(hn::And(hn::Ge(low_x, set(0)), hn::Lt(high_x, set(plane.width - 1 - plane.spare_columns))),
-                hn::And(hn::Ge(low_y, set(0)), hn::Lt(high_y, set(plane.height - 1))));
-    auto fetch = hn::IfThenElse(hn::And(inside, smooth), code(Fetch::kGather), code(Fetch::kMixed));
-    if (node_z) {
-      const auto outside = hn::Or(hn::Or(hn::Lt(high_x, set(-0.5f)), hn::Gt(low_x, set(plane.width - 0.5f))),
-                                  hn::Or(hn::Lt(high_y, set(-0.5f)), hn::Gt(low_y, set(plane.height - 0.5f))));
-      // Samples that are behind the camera at both ends of a block are behind it all along: depth is linear.
-      const auto behind =
-          hn::And(hn::Le(hn::LoadU(d, node_z + i + 1), hn::Zero(d)), hn::Le(hn::LoadU(d, node_z + i + 2), hn::Zero(d)));
-      fetch = hn::IfThenElse(hn::Or(behind, hn::And(outside, smooth)), code(Fetch::kLost), fetch);
-    }
-
-    const auto column = hn::Floor(low_x), row = hn::Floor(low_y);
-    const auto half = hn::Floor(hn::Sub(at_x(plane.t_half), slack));
-    if (plane.shuffles) {
-      const auto reach = set(kWindow - 1 - 2 * plane.border);
-      const auto rightmost = hn::Floor(hn::Add(at_x(plane.t_before_half), slack));
-      const auto rises = hn::Gt(dx, hn::MulAdd(hn::Abs(sx), set(0.25f), set(1.f / 64)));
-      const auto narrow =
-          hn::And(hn::Lt(hn::Sub(rightmost, column), reach), hn::Lt(hn::Sub(hn::Floor(high_x), half), reach));
-      const auto level =
-          hn::And(hn::Lt(hn::Abs(dy), set(8)), hn::And(hn::Lt(hn::Abs(sy), set(8)), hn::Lt(hn::Abs(sx), set(8))));
-      const auto third = hn::Add(row, set(2 + plane.border));
-      const auto readable =
-          hn::Or(hn::Lt(third, set(plane.height - 1)),
-                 hn::And(hn::Le(third, set(plane.height - 1)), hn::Le(hn::Add(half, set(kWindow)), set(plane.width))));
-      const auto two_steps = hn::Lt(hn::Sub(hn::Floor(high_y), row), set(1.5f));
-      auto fits = hn::And(hn::And(rises, narrow), hn::And(level, hn::And(readable, two_steps)));
-      if (plane.border > 0)
-        fits = hn::And(fits, hn::And(hn::And(hn::Ge(low_x, set(plane.border)), hn::Ge(low_y, set(plane.border))),
-                                     hn::Lt(high_x, set(plane.width - 1 - plane.border))));
-      fetch = hn::IfThenElse(hn::And(hn::And(inside, smooth), fits), code(Fetch::kShuffle), fetch);
-    }
-    const auto fixed = [&](const auto v) HWY_ATTR { return to_low_bits(hn::Mul(v, unit)); };
-    const auto pack = [&](const auto low, const auto high)
-                          HWY_ATTR { return hn::Or(hn::And(low, hn::Set(du, 0xffff)), hn::ShiftLeft<16>(high)); };
-    hn::StoreInterleaved4(pack(fixed(hn::Sub(x0, column)), fixed(dx)), pack(fixed(sx), fixed(hn::Sub(y0, row))),
-                          pack(fixed(dy), fixed(sy)),
-                          pack(fixed(hn::Sub(x0, half)), to_low_bits(hn::Sub(half, column))), du,
-                          reinterpret_cast<uint32_t*>(out.window.data() + i));
-    hn::StoreU(hn::Add(hn::Mul(hn::ConvertTo(di, row), hn::Set(di, plane.stride)), hn::ConvertTo(di, column)), di,
-               out.corner.data() + i);
-    hn::StoreU(hn::BitCast(di, hn::And(to_low_bits(fetch), hn::Set(du, 0xff))), di, out.fetch.data() + i);
-  }
-}
-
-// The same for a calm slot: nothing is to be asked.
-inline void place_calm_blocks(const PlaneGeometry& plane, int n, PlanePositions& out) {
-  const hn::CappedTag<float, kBlock> d;
-  const hn::RebindToSigned<decltype(d)> di;
-  const hn::RebindToUnsigned<decltype(d)> du;
-  const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
-  const auto slack = set(kSlack), unit = set(static_cast<float>(1 << kPositionBits)), magic = set(kMagic);
-  const float *const node_x = out.node_x.data(), *const node_y = out.node_y.data();
-  for (int i = 0; i < n; i += static_cast<int>(hn::Lanes(d))) {
-    const auto x0 = hn::LoadU(d, node_x + i + 1), x1 = hn::LoadU(d, node_x + i + 2);
-    const auto y0 = hn::LoadU(d, node_y + i + 1), y1 = hn::LoadU(d, node_y + i + 2);
-    const auto dx = hn::Sub(x1, x0), dy = hn::Sub(y1, y0);
-    const auto sx = hn::Sub(hn::Sub(hn::LoadU(d, node_x + i + 3), x1), hn::Sub(x0, hn::LoadU(d, node_x + i)));
-    const auto sy = hn::Sub(hn::Sub(hn::LoadU(d, node_y + i + 3), y1), hn::Sub(y0, hn::LoadU(d, node_y + i)));
-    const auto column = hn::Floor(hn::Sub(x0, slack));
-    const auto middle = hn::MulAdd(set(bessel(plane.t_half)), sx, hn::MulAdd(set(plane.t_half), dx, x0));
-    const auto half = hn::Floor(hn::Sub(middle, slack));
-    const auto last_y = hn::MulAdd(set(bessel(plane.t_last)), sy, hn::MulAdd(set(plane.t_last), dy, y0));
-    const auto bulge = hn::MulAdd(hn::Abs(sy), set(1.f / 16), slack);
-    const auto row = hn::Floor(hn::Sub(hn::Min(y0, last_y), bulge));
-    const auto fixed = [&](const auto v) HWY_ATTR { return hn::BitCast(du, hn::MulAdd(v, unit, magic)); };
-    const auto pack = [&](const auto low, const auto high)
-                          HWY_ATTR { return hn::Or(hn::And(low, hn::Set(du, 0xffff)), hn::ShiftLeft<16>(high)); };
-    hn::StoreInterleaved4(pack(fixed(hn::Sub(x0, column)), fixed(dx)), pack(fixed(sx), fixed(hn::Sub(y0, row))),
-                          pack(fixed(dy), fixed(sy)),
-                          pack(fixed(hn::Sub(x0, half)), to_low_bits(hn::Sub(half, column))), du,
-                          reinterpret_cast<uint32_t*>(out.window.data() + i));
-    hn::StoreU(hn::ConvertTo(di, hn::MulAdd(row, set(static_cast<float>(plane.stride)), column)), di,
-               out.corner.data() + i);
-  }
-}
-
-// What is done with each pair of rows of each block, all its planes considered.
-inline void decide(bool i420, SlotBand& band) {
-  constexpr int32_t kLost = static_cast<int32_t>(Fetch::kLost), kGather = static_cast<int32_t>(Fetch::kGather);
-  for (int pair = 0; pair < kBandPairs; pair++) {
-    const int32_t* const upper = band.luma.fetch.data() + 2 * pair * band.pitch;
-    const int32_t* const lower = upper + band.pitch;
-    const int32_t* const chroma = i420 ? band.chroma.fetch.data() + pair * band.pitch : upper;
-    int32_t* __restrict const verdict = band.verdict.data() + pair * band.pitch;
-    for (int i = 0; i < band.blocks; i++) {
-      const int32_t least_luma = std::min(upper[i], lower[i]), least = std::min(least_luma, chroma[i]);
-      const bool lost = least_luma == kLost && std::max(upper[i], lower[i]) == kLost;
-      int32_t v = least > kGather ? SlotBand::kShuffle : SlotBand::kSample;
-      v = least < kGather ? SlotBand::kProject : v;
-      verdict[i] = lost ? SlotBand::kAllLost : v;
-    }
-  }
-}
 
 inline float border_of(const Slot& slot) { return slot.is_cubic() ? 1 : 0; }
 
@@ -299,90 +130,6 @@ inline PlaneGeometry chroma_geometry(const Slot& slot) {
           .t_before_half = 14.5f / kBlock,
           .t_half = 0,  // Cb and Cr have a half each
           .t_last = 14.5f / kBlock};
-}
-
-// See band_data.h.
-inline void set_calm_rows(PixelFamily family, Slot& slot) {
-  const ImageView& image = slot.image;
-  if (family != PixelFamily::kI420 || image.family != family) return;
-  if (!luma_geometry(slot, true).shuffles || !chroma_geometry(slot).shuffles) return;
-  if (int64_t{image.height} * image.stride[0] >= 1 << 24) return;  // corners are computed in float
-  const hn::CappedTag<float, kBlock> d;
-  const auto set = [&](float v) HWY_ATTR { return hn::Set(d, v); };
-  const int left = slot.rect.x0 / kBlock - 1, columns = (slot.rect.x1 + kBlock - 1) / kBlock - left + 2;
-  const int top = slot.rect.y0 - kBlock, rows = (slot.rect.height() + kBlock - 1) / kBlock + 3;
-  const ProjectionTerms terms = terms_at(slot, left * kBlock, top);
-  const Projection projection(slot, terms);
-  const int pitch = columns + kBlock;
-  std::vector<float> x(static_cast<size_t>(pitch) * rows), y(x.size());
-  std::vector<uint8_t> seen(rows);
-  for (int j = 0; j < rows; j++) {
-    auto all = hn::Eq(set(0), set(0));
-    for (int i = 0; i < columns; i += static_cast<int>(hn::Lanes(d))) {
-      hn::Vec<decltype(d)> px, py, z, r2;
-      const auto column = hn::Add(hn::Iota(d, 0.f), set(static_cast<float>(i)));
-      projection.project(d, hn::Mul(column, set(kBlock)), set(static_cast<float>(j * kBlock)), px, py, z, r2);
-      const auto good = hn::And(hn::Gt(z, set(1e-3f)), hn::Le(r2, set(0.9f * slot.max_r2)));
-      all = hn::And(all, hn::Or(hn::Ge(column, set(static_cast<float>(columns))), good));
-      hn::StoreU(px, d, &x[static_cast<size_t>(j) * pitch + i]);
-      hn::StoreU(py, d, &y[static_cast<size_t>(j) * pitch + i]);
-    }
-    seen[j] = hn::AllTrue(d, all);
-  }
-  // Room for what happens between the rows that were looked at. Windows may run over into the next image row, but not
-  // beyond the last one.
-  constexpr float kLargestSecond = 0.75f;
-  const float border = border_of(slot), room = 3 + 2 * border;
-  const float right = static_cast<float>(image.width - 1) - room,
-              bottom = static_cast<float>(image.height) - 8 - border;
-  const float largest_step = 1.7f - 0.25f * border;
-  const auto calm = [&](int j, int i) {
-    const size_t at = static_cast<size_t>(j) * pitch + i;
-    const auto bends = [&](const std::vector<float>& v, size_t step) {
-      return !(std::abs(v[at + step] - 2 * v[at] + v[at - step]) < kLargestSecond);
-    };
-    if (!(x[at] > room && x[at] < right && y[at] > room && y[at] < bottom)) return false;
-    if (bends(x, 1) || bends(y, 1) || bends(x, pitch) || bends(y, pitch)) return false;
-    const float dx = x[at + 1] - x[at], dy = y[at + 1] - y[at];
-    if (!(dx > 0.25f * kBlock && dx < largest_step * kBlock && std::abs(dy) < 0.8f)) return false;
-    if (i + 2 >= columns) return true;
-    const float third_x = x[at + 2] - x[at - 1] - 3 * dx, third_y = y[at + 2] - y[at - 1] - 3 * dy;
-    return std::abs(third_x) < 0.5f * kLargestThird && std::abs(third_y) < 0.5f * kLargestThird;
-  };
-  int begin = 1;  // of the calm rows of nodes up to j
-  for (int j = 1; j + 1 < rows; j++) {
-    bool good = seen[j - 1] && seen[j] && seen[j + 1];
-    for (int i = 1; i + 1 < columns && good; i++) good = calm(j, i);
-    if (!good) {
-      begin = j + 1;
-    } else if ((j - begin) * kBlock >= slot.calm_y1 - slot.calm_y0) {
-      slot.calm_y0 = top + begin * kBlock;
-      slot.calm_y1 = top + j * kBlock + 1;
-    }
-  }
-}
-
-// All that is known of a slot in a band before any pixel of it is read, without a focal map. band's blocks are set.
-inline void place_plane(bool i420, const Slot& slot, int y, SlotBand& band) {
-  lay_nodes(band.blocks + 3, band);
-  band.verdict_pitch = band.pitch;
-  band.mapped = false;
-  project_nodes(slot, y, band);
-  const int luma_entries = band.pitch * kBandRows - 3, chroma_entries = band.pitch * kBandPairs - 3;
-  const PlaneGeometry luma = luma_geometry(slot, i420);
-  band.calm = slot.is_calm(std::max(y, slot.rect.y0), std::min(y + kBandRows, slot.rect.y1));
-  if (band.calm) {
-    place_calm_blocks(luma, luma_entries, band.luma);
-    place_chroma_nodes(band);
-    place_calm_blocks(chroma_geometry(slot), chroma_entries, band.chroma);
-    return;
-  }
-  place_blocks(luma, luma_entries, band.node_z.data(), band.luma);
-  if (i420) {
-    place_chroma_nodes(band);
-    place_blocks(chroma_geometry(slot), chroma_entries, nullptr, band.chroma);
-  }
-  decide(i420, band);
 }
 
 }  // namespace lf::simd::HWY_NAMESPACE

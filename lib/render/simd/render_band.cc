@@ -10,7 +10,8 @@
 #include <cstring>
 
 #include "render/simd/band_data.h"
-#include "render/simd/positions-inl.h"
+#include "render/simd/parts-inl.h"
+#include "render/simd/plane-inl.h"
 #include "render/simd/sums-inl.h"
 #include "render/simd/surface-inl.h"
 #include "render/simd/weights-inl.h"

@@ -10,7 +10,7 @@
 #include <hwy/highway.h>
 
 #include "render/simd/band_data.h"
-#include "render/simd/fixed-inl.h"
+#include "render/simd/positions-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {

@@ -13,7 +13,7 @@
 
 #include "render/camera_weights.h"
 #include "render/simd/band_data.h"
-#include "render/simd/fixed-inl.h"
+#include "render/simd/positions-inl.h"
 #include "render/simd/smooth_weights-inl.h"
 
 HWY_BEFORE_NAMESPACE();

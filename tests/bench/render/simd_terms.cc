@@ -11,7 +11,7 @@
 #include "quality/quality.h"
 #include "reference/renderer.h"
 #include "render/ownership.h"
-#include "render/simd/positions-inl.h"
+#include "render/simd/plane-inl.h"
 #include "render/simd/sum_task.h"
 #include "render/sum_planes.h"
 #include "render/sum_renderer.h"
