@@ -19,7 +19,7 @@
 struct [[gnu::visibility("hidden")]] lightfield::Rig::Data {
   std::shared_ptr<const lf::Rig> rig;
   uint64_t hash = 0;
-  std::string original;  // empty: there was none
+  std::string original;  // empty: the rig was made of values, not read
 };
 
 namespace lf::api {

@@ -35,7 +35,7 @@ class LocalNode {
   const uint64_t rig_hash_;
   const std::vector<CameraIndex> cameras_;
   std::vector<CameraIndex> own_;  // ascending
-  std::vector<size_t> frame_of_;  // of each of these its place in cameras_
+  std::vector<size_t> frame_of_;  // for each of own_ its place in cameras_
   const unsigned threads_;
   const std::shared_ptr<WorkerPool> workers_ = WorkerPool::shared();
   MeshCache mesh_;

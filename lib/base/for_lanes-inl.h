@@ -27,8 +27,8 @@ HWY_INLINE void for_lanes(int n, const Step& step) {
   for (; i < n; i++) step(one, i);
 }
 
-// The same for steps that may do a value twice, as those that do not change what they read: the last vector begins
-// before the others end.
+// Calls step(d, i) as for_lanes() does, for steps that may do a value twice, as those that do not change what they
+// read: the last vector begins before the others end.
 template <typename T, typename Step>
 HWY_INLINE void map_lanes(int n, const Step& step) {
   const hn::ScalableTag<T> d;

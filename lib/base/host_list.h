@@ -19,7 +19,7 @@ std::vector<HostPort> parse_host_ports(const std::string& text);
 // A host with cameras.
 struct NodeAddress {
   std::string host;
-  int request_port = 0;  // there
+  int request_port = 0;  // of that host
   int answer_port = 0;   // here
   bool operator==(const NodeAddress&) const = default;
 };

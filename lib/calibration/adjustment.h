@@ -20,11 +20,10 @@ inline constexpr const char* kLensTermNames[kNumLensTerms] = {"f", "cx", "cy", "
 // One camera while it is being measured: a flat block of parameters, world_from_camera, then the lens.
 struct CameraState {
   static constexpr int kSize = 12;
-  static constexpr int kNumFree = 11;  // of a pose (rotation, position) and a lens, as steps are counted
   std::array<double, kSize> v{1, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0};  // w x y z, position, f cx cy k1 k2
   double aspect = 1, p1 = 0, p2 = 0;                                // fy / fx and tangential terms: never changed
   int width = 0, height = 0;
-  bool used = false;  // takes part: it sees enough of what others see
+  bool used = false;  // takes part: the camera sees enough of what others see
 
   Pose pose() const { return {{v[4], v[5], v[6]}, {v[0], v[1], v[2], v[3]}}; }
   void set_pose(const Pose& pose);
@@ -41,7 +40,7 @@ struct TargetState {
   enum class Kind : uint8_t { kNone, kPoint, kBar };
   std::array<double, 6> v{};
   Kind kind = Kind::kNone;
-  uint32_t light = 0;  // which one, where it is a point
+  uint32_t light = 0;  // which light, where the target is a point
 
   bool has(uint32_t which) const { return kind == Kind::kBar || (kind == Kind::kPoint && light == which); }
   Vec3 point(uint32_t which) const;
@@ -72,12 +71,12 @@ struct BatchPrior {
 struct Reconstruction {
   std::vector<CameraState> cameras;
   std::vector<TargetState> targets;                   // one a position
-  std::vector<std::optional<LensPrior>> lens_priors;  // per camera; those without have the batch's
+  std::vector<std::optional<LensPrior>> lens_priors;  // per camera; cameras without one have the batch's
   BatchPrior batch;
   std::array<double, kNumLensTerms> batch_mean{};  // estimated
   // Per camera, or empty: only once the scene is in the frame that they are of.
   std::vector<std::optional<PosePrior>> pose_priors;
-  double metres = 1;  // of those in a unit of the scene: estimated where a bar is the unit
+  double metres = 1;  // metres in a unit of the scene: estimated where a bar is the unit
 
   // Whether the term was measured before in that camera (it is the batch's otherwise), or in any.
   bool measured(size_t camera, int term) const { return lens_priors[camera] && lens_priors[camera]->known[term]; }
@@ -88,7 +87,7 @@ struct Reconstruction {
 
 struct AdjustmentOptions {
   std::array<bool, kNumLensTerms> free{};    // lens terms
-  std::array<bool, kNumLensTerms> shared{};  // of those, alike in all cameras where they were not measured before
+  std::array<bool, kNumLensTerms> shared{};  // which free terms are alike in all cameras that had none measured
   double sigma = 1;                          // of an observation's x and of its y, pixels
   double robust = 0;                         // beyond this many sigmas an error counts less; 0: least squares
   bool redescending = true;                  // less and less (Cauchy), or by its length (Huber)

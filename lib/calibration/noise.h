@@ -15,7 +15,7 @@ double robust_sigma(std::vector<double> lengths);
 
 inline constexpr double kOutlier = 3.8;  // sigmas: 1 of 1,400 good ones is beyond
 
-// Those within `reach` sigmas.
+// Marks the observations whose residuals are within `reach` sigmas.
 Inliers within(const std::vector<double>& lengths, double reach, double sigma);
 
 // Takes cameras out of use of which less than three tenths of the observations are within `reach` pixels, or that have

@@ -16,8 +16,8 @@ struct RelativePose {
   double score = 0;  // sights that fit, for more where they cross at a wide angle
 };
 
-// Of those pairs of cameras that share most, so that each camera has several partners, by their essential matrices (the
-// lenses are those in the scene). `threshold`: pixels.
+// The relative poses of those pairs of cameras that share most, so that each camera has several partners, by their
+// essential matrices (the lenses are those in the scene). `threshold`: pixels.
 std::vector<RelativePose> relative_poses(const Reconstruction& scene, const Tracks& tracks, double threshold);
 
 struct RelativeRotation {

@@ -18,7 +18,6 @@ struct ZhangModel {
 
   bool operator==(const ZhangModel&) const = default;
   std::string name() const;  // "RADIAL", "RADIAL, board free"
-  int num_lens_params() const { return lens_model_num_params(lens); }
 };
 
 // One calibration from views of a board (Zhang 2000).

@@ -210,10 +210,4 @@ std::optional<ConstSumPlanes> Accumulator::sums() const {
   return part_of(whole(), rect);
 }
 
-std::optional<Fragment> Accumulator::partial_sum() const {
-  const std::optional<ConstSumPlanes> sum = sums();
-  if (!sum) return std::nullopt;
-  return rounded_fragment(*sum);
-}
-
 }  // namespace lf

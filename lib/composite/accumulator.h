@@ -31,7 +31,7 @@ class Accumulator {
   bool add(const FragmentPlanes& fragment);
   bool add(const Fragment& fragment);
   bool add(const ConstSumPlanes& sums);
-  // The same for sums whose memory stays as it is until reset(): the only ones of a whole picture need not be copied.
+  // Adds sums whose memory stays as it is until reset(): the only ones of a whole picture need not be copied.
   bool add_kept(const ConstSumPlanes& sums);
   // The weights of a camera whose answer never came count as lost: `weights` as from pixel_weights() over `rect`.
   bool add_lost_weights(const Rect& rect, const std::vector<float>& weights);
@@ -47,10 +47,9 @@ class Accumulator {
   // After it, the picture before shows where most of the weight was lost, see conceal().
   void conceal(const ImageView& before, uint8_t* const plane[3], const ptrdiff_t stride[3]) const;
 
-  // The sum of what was added so far, over the bounding rectangle of it all; nothing if nothing was added. As it is,
-  // valid until the next call that is not const, or rounded and saturated to 8 bits.
+  // The sum of what was added so far, over the bounding rectangle of it all; nothing if nothing was added. Valid until
+  // the next call that is not const.
   std::optional<ConstSumPlanes> sums() const;
-  std::optional<Fragment> partial_sum() const;
 
  private:
   Rect all() const { return {0, 0, width_, height_}; }
@@ -62,7 +61,7 @@ class Accumulator {
   PixelFamily family_ = PixelFamily::kNone;
   int width_ = 0, height_ = 0;
   Rect touched_;                                 // union of what was added
-  std::optional<ConstSumPlanes> kept_;           // all there is, in the caller's memory
+  std::optional<ConstSumPlanes> kept_;           // the only sums so far, in the caller's memory
   bool own_set_ = false, own_lost_set_ = false;  // whether sum_, lost_ hold anything yet; they are cleared late
   UninitializedVector<int16_t> sum_;             // three planes
   UninitializedVector<uint16_t> lost_;

@@ -55,10 +55,10 @@ class Assembly {
   // and a picture need not be made, which is more work than any other: there is nothing to be seen in it.
   bool all_is_missing();
 
-  // The same for a compositor inside a tree: cameras of which nothing came are not missing, but another compositor's.
+  // finish() of a compositor inside a tree: cameras of which nothing came are not missing, but another compositor's.
   void finish_partial();
 
-  // Of the answers so far; kNone before the first that names one.
+  // The pixel family of the answers so far; kNone before the first that names one.
   PixelFamily family() const { return family_; }
   const Accumulator& picture() const { return accumulator_; }
   unsigned fragments() const { return fragments_; }
@@ -69,7 +69,7 @@ class Assembly {
   unsigned missing() const { return missing_; }
   // Cameras that the answers so far speak for and that have pictures.
   const CameraRanges& seeing() const { return seeing_; }
-  // All that they speak for, pictures or not.
+  // All cameras that the answers so far speak for, with pictures or without.
   const CameraRanges& cameras() const { return cameras_; }
   // The largest |capture time - target time| of the answers, nanoseconds, and that capture time (kNoTime: none told).
   uint64_t skew() const { return skew_; }
@@ -83,7 +83,7 @@ class Assembly {
   struct Source {
     wire::AnswerParts parts;
     CameraRanges blind;
-    bool spoilt = false;  // some of it could not be added
+    bool spoilt = false;  // some fragments could not be added
     bool sums = false;
   };
   CameraSet absent(const ViewPlan& plan) const;
@@ -108,7 +108,7 @@ class Assembly {
   Coverage coverage_;
   CameraPixels pixels_;
   CameraRanges incomplete_;                 // cameras whose pixels have come in part
-  UninitializedVector<int16_t> pixel_sum_;  // rendered from them
+  UninitializedVector<int16_t> pixel_sum_;  // rendered from pixels_
   UninitializedVector<uint16_t> pixel_lost_;
   CameraRanges cameras_, seeing_;
   bool have_unnamed_sums_ = false;  // sums that do not tell which cameras are in them

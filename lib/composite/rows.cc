@@ -55,7 +55,7 @@ void add_rgb(int16_t* HWY_RESTRICT r, int16_t* HWY_RESTRICT g, int16_t* HWY_REST
   });
 }
 
-// n / 255 in units of 1 / kLostOne as widen_lost() has it: 128 n + (n + 1) / 2.
+// n / 255 in units of 1 / kLostOne is 128 n + (n + 1) / 2, which is n * 32768 / 255 to the nearest.
 void add_lost(uint16_t* HWY_RESTRICT lost, const uint8_t* HWY_RESTRICT in, int n) {
   for_lanes<uint16_t>(n, [&](auto d, int i) HWY_ATTR {
     const auto v = hn::PromoteTo(d, hn::LoadU(hn::Rebind<uint8_t, decltype(d)>(), in + i));

@@ -37,7 +37,7 @@ void scale_row(uint8_t* out, const int16_t* sum, const float* scale, float backg
 // For chroma, which has one sample for up to four pixels. First, for each of its rows of `w` pixels: adds up the lost
 // weight (none if null) and the pixels whose scale is 0 of each sample, chroma_size(w) values.
 void add_pairs(int32_t* lost, int32_t* hidden, const uint16_t* row_lost, const float* row_scale, int w);
-// Then the factors of the sample and the share of the background in it, of sums over `pixels` pixels.
+// Makes of these sums, over `pixels` pixels, each sample's factor and the share of the background in it.
 void make_chroma_scales(float* scale, float* share, const int32_t* lost, const int32_t* hidden, float pixels, int n);
 // 128 + sum * scale * (1 - share) + background * share; sum * scale is cut off at -128 and 127.
 void scale_chroma_row(uint8_t* out, const int16_t* sum, const float* scale, const float* share, float background,

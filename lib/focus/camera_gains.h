@@ -26,7 +26,7 @@ class CameraGains {
   static constexpr float kLeast = 0.5f, kMost = 2;  // what differs by more is another fault than exposure
   static constexpr float kShine = 0.02f;            // logarithm of a gain that is as likely shine as exposure
 
-  float of(CameraIndex camera) const;  // 1 before anything is known of it
+  float of(CameraIndex camera) const;  // 1 for a camera of which nothing is known
   // How likely the camera is as bright as it should be, 0..1: in what all have in common such cameras count.
   float trust(CameraIndex camera) const;
   // The camera, divided by its gain, is `ratio` times as bright as the others are by theirs.
@@ -53,8 +53,8 @@ struct GainSum {
   bool operator==(const GainSum&) const = default;
 };
 
-// The luma that cameras have in common, which each of them compares its own with: a value for each node, 0 where it is
-// not well defined: few cameras see it, they disagree, it changes from node to node, or it is nearly black or white.
+// The luma that cameras have in common, and that each camera compares its own with: a value for each node, 0 where it
+// is not well defined: few cameras see it, they disagree, it changes from node to node, or it is nearly black or white.
 // `moments`: of luma divided by the cameras' gains. The mean is what it would be if these had the mean 1, so that they
 // do not wander off together.
 std::vector<uint8_t> mean_luma(const Moments& moments, const GainSum& gains);
@@ -102,18 +102,18 @@ class WideLuma {
 
   // `view`: a mean_view(). `own`: cameras in service, ascending.
   WideLuma(const Rig& rig, const Mesh& mesh, const View& view, std::span<const CameraIndex> own);
-  // Those of them that have a weight, ascending: whole images of them are looked at.
+  // The node's cameras that have a weight, ascending: whole images of them are looked at.
   const std::vector<CameraIndex>& cameras() const { return cameras_; }
 
   // What they saw, to be kept until there is a mean to compare with.
   struct Camera {
     CameraIndex camera = 0;
     std::vector<uint8_t> luma;  // divided by its gain, a value for each node
-    std::vector<float> weight;  // 0 where it sees nothing
+    std::vector<float> weight;  // 0 where the camera sees nothing
   };
   struct Seen {
     std::vector<Camera> cameras;
-    Moments moments;  // of them all
+    Moments moments;  // of all cameras together
     GainSum gains;
   };
   // `sources`: of cameras() and maybe others. The result does not depend on `parallel`. Throws Error for an image that
@@ -131,8 +131,8 @@ class WideLuma {
   std::vector<CameraIndex> cameras_;
   Vec3 across_, down_;           // along the plane, in units of the pitch
   std::vector<Vec2> crossings_;  // of the lines of sight with the plane, a value for each node
-  std::vector<float> u_, v_;     // of the nodes, and kTrialSpare values of no meaning, as of
-  ByteBuffer levels_;            // their levels
+  std::vector<float> u_, v_;     // lines of sight of the nodes, and kTrialSpare values of no meaning
+  ByteBuffer levels_;            // levels of the nodes, and as many of no meaning
 };
 
 }  // namespace lf

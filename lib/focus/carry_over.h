@@ -81,7 +81,7 @@ class LatestSurface {
   std::deque<Underway> underway_;
   unsigned rounds_ = 0;
   View view_;
-  // Of each node: the deviation that it was chosen for, and the round that moved it last. They stay where they are when
+  // For each node the deviation that it was chosen for, and the round that moved it last. They stay where they are when
   // the eye moves, as the steps of a moving eye are small beside a node.
   std::vector<float> cost_;
   std::vector<unsigned> moved_;

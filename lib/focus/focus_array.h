@@ -21,7 +21,7 @@ class FocusArray {
   FocusArray(const Plane& from) : from_(from) {}  // NOLINT(google-explicit-constructor)
   // The rig must outlive this and have a camera.
   explicit FocusArray(const Rig& rig);
-  // The same where views are blended by this mesh, which must outlive this, whichever cameras are out of service.
+  // An array whose views are blended by this mesh, which must outlive this, whichever cameras are out of service.
   FocusArray(const Rig& rig, const Mesh& mesh) : FocusArray(rig) { given_mesh_ = &mesh; }
 
   // What focal maps count distances from: see array_plane().

@@ -19,7 +19,7 @@ namespace lf {
 enum class FocusMode {
   kPlane,    // on the viewer's plane
   kSurface,  // on a surface that trials improve with every request
-  kAuto,     // the same, with as many trials as the scene needs
+  kAuto,     // on such a surface, with as many trials as the scene needs
 };
 
 // Decides, picture after picture of one view, on which surface the next one is focused and what is tried for it. A
@@ -82,7 +82,7 @@ class FocusControl {
   // What it came to, for statistics.
   struct State {
     unsigned rounds = 0;  // trials whose moments came
-    double residual = 0;  // see SurfaceChoice, of the last of them
+    double residual = 0;  // SurfaceChoice::residual of the latest round
     double gained = 0;
     unsigned interval = 1;     // requests from one with trials to the next
     unsigned trials = 0;       // of the next request that has any
@@ -97,7 +97,8 @@ class FocusControl {
   const State& state() const { return state_; }
 
  private:
-  // Of all depths; of those where the scene is; around what was found; none, as nothing can be told.
+  // What trials look for: the scene at all depths; the surface where the scene is; a better surface around the one
+  // found; nothing, as no depths can be told apart.
   enum class Stage { kSearch, kSweep, kBetter, kNothing };
 
   void begin(const ViewRequest& request, const FocusArray& array, View& view);
@@ -142,14 +143,14 @@ class FocusControl {
   unsigned rounds_to_doubt_ = 0, doubts_ = 4;  // until the range may be searched anew as something seems to come near
   double flat_inverse_ = 0;                    // where one plane is enough, 1/m
   DepthVotes votes_;
-  std::optional<DepthRange> range_;       // of all maps, where it follows the scene
+  std::optional<DepthRange> range_;       // of all maps, where the range follows the scene
   std::vector<double> plane_deviations_;  // of the best plane of each of the latest rounds
   bool agrees_ = false;      // the cameras, clearly better through the surface than through the viewer's plane
   bool was_better_ = false;  // the surface, when the plane was measured last
   double rested_ = 0;        // deviation before the rest
   double gained_before_ = 0, usual_gain_ = 0;  // see is_worthwhile()
   double least_reached_ = std::numeric_limits<double>::infinity();
-  double usual_ = 0;       // deviation that there used to be; 0: not known yet
+  double usual_ = 0;       // deviation of earlier rounds; 0: not known yet
   unsigned round_ = 0;     // of trials_of_round()
   unsigned quiet_ = 0;     // rounds in a row that were not worth while
   unsigned skipped_ = 0;   // requests since the last trials

@@ -18,14 +18,14 @@ struct SurfaceChoice {
   std::vector<uint8_t> levels;  // of the better surface, one for each node
   double residual = 0;  // median deviation through the smoothed surface, of nodes with evidence and as three equal
                         // cameras would have it, levels of luma; NaN: nothing is seen
-  double gained = 0;    // by how much the choice lowers it, mean over the nodes
+  double gained = 0;    // by how much the choice lowers deviations, mean over the nodes
   double changed = 0;   // fraction of the nodes that left the smoothed surface
   std::vector<uint8_t> chosen;    // trial of each node; 0: the smoothed surface
-  std::vector<float> least;       // deviation through it; infinity: the node is not seen
+  std::vector<float> least;       // deviation through the chosen trial; infinity: not seen
   std::vector<float> lead;        // of the smoothed surface, of each node
   std::vector<uint8_t> informed;  // whether trials differ by so much that a node's choice tells where things are
   std::vector<double> cost;    // of each trial: mean deviation over the nodes that all of them see; NaN: there are none
-  std::vector<double> energy;  // the same of its square: what that adds to a picture's squared error
+  std::vector<double> energy;  // of each trial: mean squared deviation over these nodes, as in a picture's error
   double least_energy = 0;     // of the choice
 };
 
@@ -64,7 +64,7 @@ struct DepthRange {
   bool operator==(const DepthRange&) const = default;
 };
 
-// The same surface in another range: each node at the level nearest to where it was.
+// Gives the surface another range: each node is at the level nearest to where it was.
 void set_range(const DepthRange& range, FocalMap& map);
 
 // At which depths a scene is, by the nodes that could tell in the latest rounds of trials: others, which see one camera
@@ -78,7 +78,7 @@ class DepthVotes {
   // `map`: the choice. Earlier rounds fade.
   void add(const FocalMap& map, const SurfaceChoice& choice);
   void clear() { votes_.fill(0); }
-  // Of all but kOutliers of the votes to each side, and of those for something near that is too small to be there:
+  // The depths of all but kOutliers of the votes to each side, and without votes for something near that is too small:
   // where a plain thing stands before a plain wall, the cameras agree best beside its edges on a depth so near that
   // none of them sees it. Nothing while fewer than kFewVotes of the latest nodes could tell.
   std::optional<DepthRange> range() const;

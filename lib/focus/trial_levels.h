@@ -21,7 +21,7 @@ FocalMap plane_map(const View& view, const Plane& from, double nearest, double f
 
 // The trial's levels, one for each node of the view's map.
 std::vector<uint8_t> trial_levels(const View& view, const Trial& trial);
-// The same of a map alone; kFocused counts as kBlurred.
+// The trial's levels where the map alone is known; kFocused counts as kBlurred.
 std::vector<uint8_t> trial_levels(const FocalMap& surface, const Trial& trial);
 
 // Levels from `first` to `last`.

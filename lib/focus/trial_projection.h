@@ -21,13 +21,13 @@ struct TrialProjection {
   float farthest, per_level, eye_distance;
 };
 
-// Lines of sight of nodes, and what the functions below say of them. NaN: there is none.
+// Lines of sight (u, v, 1) of nodes; NaN where there is none.
 struct TrialRays {
   const float *u, *v;
   int count;
 };
 
-// So many values behind those of the nodes are read and written, too, of no meaning, where the functions say `spare`.
+// Where functions say `spare`, so many values of no meaning behind those of the nodes are read and written, too.
 inline constexpr size_t kTrialSpare = 16;
 
 // Positions in the image, and whether anything is seen there (0 or 1). `levels`: of the nodes.
@@ -39,8 +39,8 @@ struct PlaceBounds {
   int32_t left = INT32_MAX, top = INT32_MAX, right = -1, bottom = -1;
 };
 
-// The same of `num_trials`, as places among a BoxedLuma's values, 256ths: value (0, 0) of the whole image is at (0, 0),
-// and what lies beyond the first and last ones is at these. x = -1 where nothing is seen. All arrays are rows of
+// Positions of `num_trials` trials, as places among a BoxedLuma's values, 256ths: value (0, 0) of the image is at (0,
+// 0), and what lies beyond the first and last ones is at these. x = -1 where nothing is seen. All arrays are rows of
 // rays.count values and `spare`, one for each trial but in `rays`. Returns where the seen ones of all trials are.
 PlaceBounds place_trials(const TrialProjection& projection, const TrialRays& rays, const uint8_t* levels,
                          int num_trials, int32_t* x, int32_t* y);

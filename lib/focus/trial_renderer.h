@@ -28,7 +28,7 @@ TrialProjection trial_projection(const ViewPlan& plan, CameraIndex camera, const
 struct TrialCamera {
   TrialCamera(const RenderJob& job, CameraIndex index, const Camera& rig_camera);
 
-  Rect rect;  // of nodes that it has a weight in
+  Rect rect;  // bounds the nodes in which the camera has a weight
   TrialProjection projection;
   std::vector<TrialRow> rows;
   UninitializedVector<float> u, v, weight;  // lines of sight; the camera's weight
@@ -40,27 +40,6 @@ struct TrialCamera {
  private:
   void add(const RenderJob& job, const CameraCorners& corners, const Rect& region, int y);
 };
-
-// Calls fn(trial, node of the map, weight, x, y in the camera's image) for what the camera sees of trials. How exact
-// weights are: see weigh_run(). `trials`: levels of each.
-template <class Fn>
-void for_trial_nodes(const TrialCamera& camera, int columns, std::span<const std::vector<uint8_t>> trials,
-                     const Fn& fn) {
-  const TrialRays rays = camera.rays();
-  std::vector<float> x(rays.count), y(rays.count);
-  std::vector<uint8_t> seen(rays.count);
-  const ByteBuffer levels = camera.levels_of(trials, columns);
-  for (size_t t = 0; t < trials.size(); t++) {
-    project_trial(camera.projection, rays, &levels[t * camera.u.size()], x.data(), y.data(), seen.data());
-    for (const TrialRow& row : camera.rows) {
-      const size_t begin = static_cast<size_t>(row.y) * columns + row.x0;
-      for (int k = 0; k < row.x1 - row.x0; k++) {
-        const int i = row.first + k;
-        if (seen[i] && camera.weight[i] > 0) fn(t, begin + k, camera.weight[i], x[i], y[i]);
-      }
-    }
-  }
-}
 
 // Adds what the sources contribute to trials[i], levels of a trial of the view's map, to sums[i], of the map's size.
 // `job`: of trial_view(). A camera's luma is rounded to 8 bits first, as if it had travelled. The result does not

@@ -30,8 +30,8 @@ void box_luma(const ImageView& image, const Rect& rect, BoxedLuma& out);
 // -1: not seen.
 using TrialValues = UninitializedVector<int16_t>;
 
-// Of as many trials as there are `levels`, rows of all of `rays` and kTrialSpare values, as what is returned. Only what
-// the trials look at is made of the image. The same result with every instruction set.
+// Samples as many trials as there are `levels`: rows of all of `rays` and kTrialSpare values, as in the result. Only
+// what the trials look at is made of the image. The same result with every instruction set.
 TrialValues see_trials(const TrialProjection& projection, const TrialRays& rays, const ByteBuffer& levels,
                        const ImageView& image);
 
@@ -40,7 +40,7 @@ struct TrialSums {
   uint16_t *weight, *luma, *square;
 };
 
-// Of `count` nodes; all arrays have `spare` values.
+// Makes the sums of `count` nodes from their values; all arrays have `spare` values.
 void weigh_trial(const float* weight, const int16_t* values, int count, const TrialSums& out);
 
 // A camera's nodes [x0, x1) of row y of the map; `first`: of the camera's nodes, which lie one after the other.

@@ -14,7 +14,7 @@ namespace lf {
 // Inverse distances over a view: one node for every step x step pixels, in between bilinear, beyond the outer nodes as
 // at them. Node (i, j) stands in the middle of its pixels, at ((i + 1/2) step - 1/2, (j + 1/2) step - 1/2).
 struct FocalMap {
-  static constexpr int kMaxStep = 64;              // pixels
+  static constexpr int kMaxStep = 64;  // pixels
   static constexpr size_t kMaxNodes = size_t{1} << 20;
   static constexpr int kFinestStep = 4;
   Plane from;              // what distances are counted from, along its normal
@@ -26,18 +26,18 @@ struct FocalMap {
   static constexpr double kLevels = 255;
 
   static int nodes(int pixels, int step) { return (pixels + step - 1) / step; }
-  // The nodes of a view, `step` pixels apart (kFinestStep times a power of two) or as many more as kMaxNodes asks for; no
-  // levels yet.
+  // The nodes of a view, `step` pixels apart (kFinestStep times a power of two) or as many more as kMaxNodes asks for;
+  // no levels yet.
   static FocalMap for_view(int width, int height, int step = kFinestStep);
   double inverse_of(double level) const { return farthest + (nearest - farthest) * (level / kLevels); }
   // The level nearest to an inverse distance, clamped to 0..255.
   uint8_t level_of(double inverse) const;
-  // The map that a view of this size is drawn through: this one with nodes kFinestStep pixels apart, in between bilinear,
-  // rounded to levels, the same on every machine. As it is where its step is no multiple of that or as fine.
+  // The map that a view of this size is drawn through: this one with nodes kFinestStep pixels apart, in between
+  // bilinear, rounded to levels, the same on every machine. As it is where its step is no multiple of that or as fine.
   FocalMap refined(int width, int height) const;
   // Inverse distance at a position in the view, pixels.
   double inverse_at(double x, double y) const;
-  // The same for `count` positions of a row, `spacing` pixels apart from x on.
+  // Inverse distances at `count` positions of a row, `spacing` pixels apart from x on.
   void inverse_row(double x, double spacing, double y, int count, float* out) const;
   // The least and the largest level that positions in [x0, x1] x [y0, y1] depend on: of what lies between nodes, the
   // nodes'. `levels`: this map's, or others of its size.

@@ -17,7 +17,7 @@ struct PlaneCopy {
   ptrdiff_t stride;   // bytes from row to row, of both
   int step;           // bytes from pixel to pixel
   int width, height;  // pixels of the plane
-  Rect part;          // of it, that is asked for
+  Rect part;          // of the plane, that is asked for
   int index;          // 0; kI420: Y, Cb, Cr
 };
 
@@ -52,7 +52,7 @@ inline constexpr float kLeastGain = 1.f / 512;
 // is between the colours of a pixel divided, too. Valid as long as `memory` is left alone. The same result with every
 // instruction set.
 ImageView divide_by_gain(const ImageView& image, const Rect& rect, float gain, ByteBuffer& memory);
-// The same of luma, in place.
+// Divides luma alone, in place.
 void divide_by_gain(std::span<uint8_t> luma, float gain);
 
 // Makes up for what bilinear sampling takes away: v + kSharpening (v - mean of its four neighbours), rounded and
@@ -64,7 +64,7 @@ inline constexpr double kSharpening = 0.3;
 // as it is: of the same size and layout, what is between the colours of a pixel sharpened, too. Valid as long as
 // `memory` is left alone. The same result with every instruction set.
 ImageView sharpen(const ImageView& image, const Rect& rect, ByteBuffer& memory);
-// All of it.
+// The whole image, sharpened.
 Image sharpened(const Image& image);
 
 }  // namespace lf

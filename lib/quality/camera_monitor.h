@@ -22,8 +22,8 @@ class CameraMonitor {
  public:
   // What is wrong with a camera, as far as that can be told.
   enum class Fault {
-    kColour,     // it is brighter or darker than the others
-    kDirection,  // it looks elsewhere than the rig says
+    kColour,     // the camera is brighter or darker than the others
+    kDirection,  // the camera looks elsewhere than the rig says
     kPicture,    // neither: out of focus, or something is in front of it
   };
   struct Suspect {
@@ -49,7 +49,7 @@ class CameraMonitor {
   // What came of a camera's turn; NaN where nothing can be told, as at the corners of an array.
   void take(CameraIndex camera, const PredictionError& error);
 
-  // Of its latest turn; NaN where nothing is known.
+  // What came of the camera's latest turn; NaN where nothing is known.
   const PredictionError& error(CameraIndex camera) const { return cameras_[camera].error; }
   size_t cameras() const { return cameras_.size(); }
   const std::vector<Suspect>& suspects() const { return suspects_; }  // ascending
@@ -60,15 +60,15 @@ class CameraMonitor {
   static constexpr size_t kFigures = 4;
   using Figures = std::array<double, kFigures>;
   struct Usual {
-    Figures middle, most;  // deviation from it
+    Figures middle, most;  // the middle of all cameras' figures, and the largest usual deviation
   };
   struct Watched {
     PredictionError error;
     uint64_t taken = 0;                // number of its latest turn, 0: none yet
-    uint64_t odd_since = 0;            // turn; 0: it is not
+    uint64_t odd_since = 0;            // number of the turn; 0: not odd
     bool stale = false;                // odd, but because of one that has been accused since, maybe
     bool out = false;                  // of service
-    std::vector<CameraIndex> nearest;  // those that may have a part in predicting it
+    std::vector<CameraIndex> nearest;  // cameras that may have a part in predicting this one
   };
   static Figures figures_of(const PredictionError& error);
   bool is_suspect(CameraIndex camera) const;
@@ -82,7 +82,7 @@ class CameraMonitor {
 
   std::vector<Watched> cameras_;
   std::vector<Suspect> suspects_;
-  std::deque<CameraIndex> again_;  // before it is anybody else's turn
+  std::deque<CameraIndex> again_;  // have another turn before all others
   CameraIndex turn_ = 0;
   uint64_t turns_ = 0;
 };

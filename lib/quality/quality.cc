@@ -120,18 +120,6 @@ Quality compare(const Image& picture, const Image& truth, const std::vector<floa
   return q;
 }
 
-Image error_map(const Image& picture, const Image& truth, double gain) {
-  require_alike(picture, truth);
-  Image out(PixelFamily::kRgb, picture.width(), picture.height());
-  for (size_t i = 0; i < out.data().size(); i += 3) {
-    int difference = 0;
-    for (size_t c = i; c < i + 3; c++) difference = std::max(difference, std::abs(picture.data()[c] - truth.data()[c]));
-    const auto grey = static_cast<uint8_t>(std::clamp(std::lround(difference * gain), 0L, 255L));
-    std::fill_n(out.data().begin() + static_cast<ptrdiff_t>(i), 3, grey);
-  }
-  return out;
-}
-
 namespace {
 
 constexpr int kMostRounds = 12;

@@ -26,9 +26,6 @@ inline constexpr float kCovered = 0.999f;  // pixels with coverage above this ar
 // luma, windows cut off at the border are renormalised. If nothing is covered all figures are NaN and coverage is 0.
 Quality compare(const Image& picture, const Image& truth, const std::vector<float>& coverage = {});
 
-// Absolute difference of the two (largest channel) times `gain`, as grey RGB.
-Image error_map(const Image& picture, const Image& truth, double gain = 4);
-
 // A picture, and how far each of its pixels can be relied upon.
 struct CoveredPicture {
   Image rgb;

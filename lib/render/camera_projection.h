@@ -35,7 +35,7 @@ class CameraProjection {
     return project_beyond(ray, inverse, pixel) && pixel.x >= -0.5 && pixel.x <= right_ && pixel.y >= -0.5 &&
            pixel.y <= bottom_;
   }
-  // The same, but positions outside the image are good too.
+  // As project(), but positions outside the image are good too.
   bool project_beyond(const Vec2& ray, double inverse, Vec2& pixel) const {
     const Vec3 d(ray, 1);
     Vec3 x = camera_from_ray_ * d;
@@ -69,25 +69,26 @@ class CameraProjection {
 // and chroma reach: what has to be decoded of it. `rect`: of the view, where the camera may have a weight. The whole
 // image where that can't be told; empty if none of it is seen.
 Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, const Camera& rig_camera);
-// The same for a focal map with other levels than the view's own, from the least to the largest that there are in
-// `rect`.
+// The needed pixels through a focal map with other levels than the view's own, from the least to the largest that there
+// are in `rect`.
 Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, const Camera& rig_camera,
                    const FocalMap::LevelRange& levels);
 
 // What has to be there of a contributing camera's image for all of its part in the view: the above, grown to whole
 // chroma samples; one pixel where none is seen, because the part is lost weight then.
 Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
-// The same for focal maps with other levels than the view's own, all of them; but empty where nothing is seen.
+// The needed pixels through all of several focal maps with other levels than the view's own; but empty where nothing is
+// seen.
 Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera,
                    std::span<const std::vector<uint8_t>> maps);
 
 // Whether a view shows what bilinear samples of a camera's image lose, so that sharpening (image/correction.h) helps.
 
-// Not where the view is so much coarser than the image that sharpened samples alias: from 0.75 of the camera's focal
-// length down, pictures of the built-in scene are better without.
+// A view shows no such detail that is so much coarser than the image that sharpened samples alias: from 0.75 of the
+// camera's focal length down, pictures of the built-in scene are better without.
 inline bool is_coarse(const Lens& view, const Lens& camera) { return view.fy() < 0.75 * camera.fy(); }
 
-// Nor where the view is from the camera's own place, pixel for pixel: the samples are the pixels, and nothing is lost.
+// Neither does one from the camera's own place, pixel for pixel: the samples are the pixels, and nothing is lost.
 bool is_pixel_for_pixel(const View& view, const Camera& camera);
 
 inline bool shows_detail(const View& view, const Camera& camera) {

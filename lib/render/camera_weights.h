@@ -96,7 +96,7 @@ class BlendGrid {
 // equally good must not vanish together); k = Blending::nearest. A camera in line with the eye gets all.
 class CameraWeights {
  public:
-  // Of the cameras of the mesh. Everything must outlive this.
+  // Weighs the cameras of the mesh. Everything must outlive this.
   CameraWeights(const Rig& rig, const Mesh& mesh, const View& view);
 
   // The line of sight (u, v, 1) in view coordinates, and where it is in focus: at `t` times it; infinity is good, too.

@@ -93,7 +93,7 @@ class RenderJob {
   const ViewPlan& plan() const { return plan_; }
   // Cover the (chroma-aligned) rectangles of cameras().
   const OwnerRuns& runs() const { return runs_; }
-  // The same for looking up pixels; made when first asked for.
+  // The runs spread out, for looking up pixels; made when first asked for.
   const OwnerMap& owners() const;
   // The node's contributing cameras, ascending.
   const std::vector<CameraIndex>& cameras() const { return cameras_; }

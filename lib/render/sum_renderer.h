@@ -19,7 +19,7 @@ namespace lf {
 struct Source {
   CameraIndex camera = 0;              // index in the rig of the plan
   const Camera* rig_camera = nullptr;  // what the rig says of it
-  ImageView image;                     // of the camera's size; family kNone: it has no picture, its weight is lost
+  ImageView image;                     // of the camera's size; family kNone: there is no picture, its weight is lost
   Resampling resampling = Resampling::kBilinear;  // sharpened: the image is that already
 };
 
@@ -29,10 +29,9 @@ void check_image(const Camera& camera, const ImageView& image);
 // How positions in the cameras' images are found.
 enum class Coordinates {
   kExact,  // projected for every pixel, in float
-  kGrid,   // projected every kGridStep pixels of a row, or at a focal map's nodes; interpolated between where that is
+  kGrid,   // projected every 16 pixels of a row, or at a focal map's nodes; interpolated between where that is
            // good to kGridError
 };
-inline constexpr int kGridStep = 16;             // pixels along a row
 inline constexpr double kGridError = 1.0 / 512;  // pixels of the camera's image
 
 // Adds up the contributions of any number of cameras to one view: the fast path. Weight x colour of up to three cameras

@@ -50,7 +50,7 @@ class ViewPlan {
   // The weights of the cameras where the view is not blended by its mesh; else null. Then there is one face without
   // corners: what has a focus at all.
   const BlendGrid* blend() const { return blend_.get(); }
-  // Of the rig.
+  // Cameras of the rig.
   size_t num_cameras() const { return camera_rects_.size(); }
   // Bounds the pixels in which the camera may have a weight; empty if there are none.
   Rect camera_rect(CameraIndex camera) const { return camera_rects_[camera]; }

@@ -24,7 +24,7 @@ struct ColmapImage {
   uint32_t id = 0, camera_id = 0;
   Quat q{1, 0, 0, 0};  // camera_from_world, of unit norm
   Vec3 t{0, 0, 0};     // camera_from_world
-  std::string name;    // may have spaces and folders in it
+  std::string name;    // of the image file; may have spaces and folders
 };
 
 // By CAMERA_ID. Throws Error naming file and line.

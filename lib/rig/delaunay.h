@@ -13,7 +13,7 @@ namespace lf {
 // Three cameras by index; the order says which way the triangle turns.
 using Triangle = std::array<CameraIndex, 3>;
 
-// The same triangle, turning the same way, beginning at its lowest index.
+// `t`, named from its lowest index on and turning the same way.
 inline Triangle lowest_first(const Triangle& t) {
   if (t[1] < t[0] && t[1] <= t[2]) return {t[1], t[2], t[0]};
   if (t[2] < t[0] && t[2] < t[1]) return {t[2], t[0], t[1]};

@@ -40,7 +40,7 @@ struct Topology {
 struct Rig {
   std::vector<Camera> cameras;
   Topology topology;
-  std::string directory;  // of the rig file, "" if it has none; relative paths start here
+  std::string directory;  // where the rig file is, "" without one; relative paths start here
 
   // 64-bit FNV-1a over what the picture depends on: sizes, lenses, poses, topology. Never 0.
   uint64_t hash() const;

@@ -61,7 +61,7 @@ struct Pillar {
 // A box turned about the vertical: its x axis points along (cosine, 0, sine) in the world.
 struct Block {
   V3 centre, half;
-  float radius;  // of the sphere around it
+  float radius;  // of the sphere around the block
   float cosine, sine;
   Paint paint;
 };

@@ -24,8 +24,6 @@ inline float floor_of(float x) {
   return n > x ? n - 1 : n;
 }
 
-inline float fraction_of(float x) { return x - floor_of(x); }
-
 // 0 below `low`, 1 above `high`, smooth between.
 inline float ramp(float low, float high, float x) {
   const float t = std::clamp((x - low) / (high - low), 0.0f, 1.0f);

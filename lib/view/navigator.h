@@ -98,7 +98,7 @@ class Navigator {
 
   Viewpoint home_, now_;
   Visible visible_;
-  std::optional<double> enough_;  // of what is visible; once it was asked for
+  std::optional<double> enough_;  // the least share that has to stay visible; once asked for
 };
 
 }  // namespace lf

@@ -6,6 +6,8 @@
 namespace lf {
 namespace {
 
+constexpr int kNumFree = 6 + kNumLensTerms;  // steps of a pose (rotation, position) and a lens
+
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 // Derivatives along the manifold, those that were written by hand, against differences.
@@ -21,8 +23,7 @@ void expect_derivatives(const CameraState& camera, const std::array<double, 6>& 
     EXPECT_TRUE(cost.Evaluate(blocks, error.data(), nullptr));
     return error;
   };
-  RowMajor by_camera(2, CameraState::kSize), by_target(2, kBar ? 6 : 3),
-      steps(CameraState::kSize, CameraState::kNumFree);
+  RowMajor by_camera(2, CameraState::kSize), by_target(2, kBar ? 6 : 3), steps(CameraState::kSize, kNumFree);
   double* jacobians[] = {by_camera.data(), by_target.data()};
   const double* blocks[] = {camera.v.data(), target.data()};
   Eigen::Vector2d error;
@@ -31,8 +32,8 @@ void expect_derivatives(const CameraState& camera, const std::array<double, 6>& 
   manifold.PlusJacobian(camera.v.data(), steps.data());
   const RowMajor along = by_camera * steps;
   constexpr double kStep = 1e-6;
-  for (int k = 0; k < CameraState::kNumFree; k++) {
-    Eigen::VectorXd step = Eigen::VectorXd::Zero(CameraState::kNumFree);
+  for (int k = 0; k < kNumFree; k++) {
+    Eigen::VectorXd step = Eigen::VectorXd::Zero(kNumFree);
     CameraState more = camera, less = camera;
     step[k] = kStep;
     manifold.Plus(camera.v.data(), step.data(), more.v.data());

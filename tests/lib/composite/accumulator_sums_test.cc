@@ -8,6 +8,7 @@
 
 #include "composite/accumulator.h"
 #include "support/plain_fragments.h"
+#include "support/rounded_sum.h"
 
 namespace lf::test {
 namespace {
@@ -102,7 +103,7 @@ TEST(AccumulatorSums, EightBitFragmentsAreSumsWithoutFraction) {
     ASSERT_TRUE(eight.add(f));
     ASSERT_TRUE(sixteen.add(*eight.sums()));
     EXPECT_EQ(eight.sums()->rect, f.rect);
-    EXPECT_EQ(*sixteen.partial_sum(), f);
+    EXPECT_EQ(*test::rounded_sum(sixteen), f);
   }
 }
 

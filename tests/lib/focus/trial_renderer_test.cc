@@ -12,6 +12,27 @@
 namespace lf {
 namespace {
 
+// Calls fn(trial, node of the map, weight, x, y in the camera's image) for what the camera sees of trials. How exact
+// weights are: see weigh_run(). `trials`: levels of each.
+template <class Fn>
+void for_trial_nodes(const TrialCamera& camera, int columns, std::span<const std::vector<uint8_t>> trials,
+                     const Fn& fn) {
+  const TrialRays rays = camera.rays();
+  std::vector<float> x(rays.count), y(rays.count);
+  std::vector<uint8_t> seen(rays.count);
+  const ByteBuffer levels = camera.levels_of(trials, columns);
+  for (size_t t = 0; t < trials.size(); t++) {
+    project_trial(camera.projection, rays, &levels[t * camera.u.size()], x.data(), y.data(), seen.data());
+    for (const TrialRow& row : camera.rows) {
+      const size_t begin = static_cast<size_t>(row.y) * columns + row.x0;
+      for (int k = 0; k < row.x1 - row.x0; k++) {
+        const int i = row.first + k;
+        if (seen[i] && camera.weight[i] > 0) fn(t, begin + k, camera.weight[i], x[i], y[i]);
+      }
+    }
+  }
+}
+
 // Against the rule in double precision: every node that a camera has a weight in and sees, once, where it sees it.
 TEST(TrialNodes, AreThoseOfTheRule) {
   const test::ArrayOfWalls walls;

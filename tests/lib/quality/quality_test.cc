@@ -130,17 +130,6 @@ TEST(Quality, RefusesWhatCannotBeCompared) {
   EXPECT_THROW(compare(grey(3, 3, 1), grey(3, 4, 1)), Error);
   EXPECT_THROW(compare(grey(4, 4, 1), Image(PixelFamily::kI420, 4, 4)), Error);
   EXPECT_THROW(compare(grey(3, 3, 1), grey(3, 3, 1), std::vector<float>(8, 1.0f)), Error);
-  EXPECT_THROW(error_map(grey(3, 3, 1), grey(4, 3, 1)), Error);
-}
-
-TEST(Quality, ErrorMapShowsTheLargestChannelTimesGain) {
-  Image a = grey(2, 1, 100);
-  a.pixel(1, 0)[0] = 90;
-  a.pixel(1, 0)[2] = 103;
-  const Image map = error_map(a, grey(2, 1, 100), 4);
-  EXPECT_EQ(map.data(), (std::vector<uint8_t>{0, 0, 0, 40, 40, 40}));
-  const Image saturated = error_map(a, grey(2, 1, 100), 100);
-  EXPECT_EQ(saturated.pixel(1, 0)[1], 255);
 }
 
 // The scene from the origin, its lens moved by `shift` pixels; brighter by `gain`.

@@ -15,6 +15,7 @@
 #include "render/ownership.h"
 #include "rig/rig_json.h"
 #include "support/camera_part.h"
+#include "support/rounded_sum.h"
 
 namespace lf {
 namespace {
@@ -373,7 +374,7 @@ TEST(Split, OverATreeOfPartialSumsIsBitExact) {
       Accumulator branch;
       branch.reset(PixelFamily::kRgb, view.width, view.height);
       for (const Fragment& fragment : render_part(rig, view, part, images)) ASSERT_TRUE(branch.add(fragment));
-      const auto sum = branch.partial_sum();  // nothing if none of these cameras contributes
+      const auto sum = test::rounded_sum(branch);  // nothing if none of these cameras contributes
       ASSERT_TRUE(!sum || root.add(*sum));
     }
     root.set_uncovered(one.owners);

@@ -5,14 +5,18 @@
 
 #include <gtest/gtest.h>
 
+#include "composite/rows.h"
+
 namespace lf {
 
 namespace {
 
 TEST(SumRounding, LostWeightIsWidenedExactly) {
   for (int n = 0; n < 256; n++) {
-    EXPECT_EQ(widen_lost(static_cast<uint8_t>(n)), std::lround(n * 32768 / 255.)) << n;
-    const uint16_t wide = widen_lost(static_cast<uint8_t>(n));
+    const auto lost = static_cast<uint8_t>(n);
+    uint16_t wide = 0;
+    add_lost_row(&wide, &lost, 1);
+    EXPECT_EQ(wide, std::lround(n * 32768 / 255.)) << n;
     EXPECT_EQ(round_lost(wide), n);
   }
 }
