@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "render/gl/sum_drawer.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+
+#include "lib/render/production.h"
+#include "lib/render/sum_arrays.h"
+
+namespace lf {
+namespace {
+
+using reference::Random;
+using test::Sum;
+
+// Any driver will do for its pictures. setup.sh installs one that computes on the CPU.
+gl::SumDrawer& card() {
+  static std::string why;
+  static const std::unique_ptr<gl::SumDrawer> drawer = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
+  if (!drawer) throw std::runtime_error("no OpenGL ES 3.1: " + why);
+  return *drawer;
+}
+
+Image checkerboard(Random&, int width, int height) {
+  Image image(PixelFamily::kRgb, width, height);
+  for (int y = 0; y < height; y++)
+    for (int x = 0; x < width; x++)
+      for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = (x + y) % 2 ? 255 : 0;
+  return image;
+}
+
+struct Difference {
+  double level = 0, lost = 0;  // the largest of all samples and pixels, in levels of 255 and of weight 1
+  size_t mended = 0;
+};
+
+// Of the card's sums from the CPU's.
+Difference difference(const Rig& rig, const View& view, const std::vector<Image>& rgb, PixelFamily family,
+                      Resampling resampling) {
+  const Mesh mesh = build_mesh(rig);
+  const test::Production production(rig, mesh, view);
+  const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
+  std::vector<Source> sources = test::sources_of(rig, production.plan, images);
+  for (Source& source : sources) source.resampling = resampling;
+  const OwnerRuns& runs = production.owners.runs();
+  const SumRenderer cpu(production.plan, runs, sources, family, Coordinates::kExact);
+  const SumRenderer drawn(production.plan, runs, sources, family, Coordinates::kExact, &card());
+  EXPECT_TRUE(drawn.is_drawn()) << card().why_not();
+  const Rect whole = test::whole(view);
+  Sum a(family, whole), b(family, whole);
+  EXPECT_EQ(cpu.render_rows(0, view.height, a.planes), drawn.render_rows(0, view.height, b.planes));
+  Difference worst{.mended = card().mended()};
+  for (int c = 0; c < 3; c++)
+    for (size_t i = 0; i < a.memory[c].size(); i++)
+      worst.level = std::max(worst.level, std::abs(a.memory[c][i] - b.memory[c][i]) / 128.0);
+  for (size_t i = 0; i < a.lost.size(); i++)
+    worst.lost = std::max(worst.lost, std::abs(a.lost[i] - b.lost[i]) / double{kLostOne});
+  return worst;
+}
+
+TEST(SumDrawer, DrawsWhatTheCpuDoes) {
+  std::printf("%s\n", card().device().c_str());
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
+    for (const Resampling resampling : {Resampling::kBilinear, Resampling::kCatmullRom})
+      for (const bool map : {false, true})
+        for (const bool hard : {false, true}) {
+          Difference worst;
+          for (int trial = 0; trial < 4; trial++) {
+            Random random(trial);
+            const int side = 3 + trial, width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
+            const Rig rig = test::jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
+            View view = test::view_into(rig, side, width, height, random.small_rotation(0.2));
+            if (map)
+              view.focus.map = test::depths(random, view, trial == 1 ? 7 : FocalMap::kFinestStep, trial == 2);
+            const auto images = images_of(rig, random, hard ? checkerboard : reference::smooth_image);
+            const Difference one = difference(rig, view, images, family, resampling);
+            worst.level = std::max(worst.level, one.level);
+            worst.lost = std::max(worst.lost, one.lost);
+            worst.mended += one.mended;
+          }
+          std::printf("%s %-11s %s %-12s: levels %.3f, lost %.2g, %zu mended\n",
+                      family == PixelFamily::kI420 ? "I420" : "RGB ",
+                      resampling == Resampling::kBilinear ? "bilinear" : "Catmull-Rom", map ? "map  " : "plane",
+                      hard ? "checkerboard" : "smooth", worst.level, worst.lost, worst.mended);
+          EXPECT_LE(worst.level, hard ? 0.75 : 0.2);
+          EXPECT_LE(worst.lost, 1e-4);
+        }
+}
+
+}  // namespace
+}  // namespace lf
