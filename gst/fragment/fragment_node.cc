@@ -204,6 +204,7 @@ FragmentNode::Reply FragmentNode::render(const RequestHeader& request, const Mak
                                     .render = planned - begun + units.before_ns + units.answer.render_ns,
                                     .encode = units.answer.encode_ns};
   stats_.add(stages);
+  if (units.answer.drawn) stats_.drawn++;
   if (worst_skew > stats_.max_skew_ns) stats_.max_skew_ns = worst_skew;
   return {.brightness = std::move(units.brightness),
           .moments = std::move(units.moments),

@@ -102,6 +102,7 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstBuffer
   options.strip_pixels = self->strip_pixels;
   options.max_skew = self->max_skew;
   options.resampling = self->resampling;
+  const bool on_card = self->renderer == lf::RendererChoice::kGl;
   const bool post = self->post_messages;
   const lf::Access access = self->access;
   const guint threads = self->threads > 0 ? self->threads : g_get_num_processors();
@@ -109,6 +110,11 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstBuffer
   if (lf::wire::access_of(*request) != access) return GST_FLOW_OK;  // for cameras of another kind
   lf_fragment_follow_requests(self, pad, pair, head);
   lf_fragment_tell_delay(self, pad, pair);
+  if (on_card) {
+    std::string news;
+    options.card = self->card->open(news);
+    if (!news.empty()) GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND, ("%s.", news.c_str()), (nullptr));
+  }
   options.in_process = lf_fragment_compositor_is_near(pair, src.get());
   options.live = pair->live;
   options.parallel = [self, threads](size_t count, const std::function<void(size_t)>& task) {

@@ -127,6 +127,7 @@ enum {
   PROP_POST_MESSAGES,
   PROP_ACCESS,
   PROP_RESAMPLING,
+  PROP_RENDERER,
   PROP_STATS
 };
 
@@ -165,6 +166,7 @@ static void lf_fragment_set_property(GObject* object, guint id, const GValue* va
     case PROP_STRIP_PIXELS: self->strip_pixels = g_value_get_int(value); break;
     case PROP_POST_MESSAGES: self->post_messages = g_value_get_boolean(value); break;
     case PROP_ACCESS: self->access = static_cast<lf::Access>(g_value_get_enum(value)); break;
+    case PROP_RENDERER: self->renderer = static_cast<lf::RendererChoice>(g_value_get_enum(value)); break;
     case PROP_RESAMPLING: self->resampling = static_cast<lf::Resampling>(g_value_get_enum(value)); break;
     case PROP_MAX_SKEW: self->max_skew = g_value_get_uint64(value); break;
     case PROP_CODEC: self->codec = static_cast<lf::CodecChoice>(g_value_get_enum(value)); break;
@@ -183,6 +185,7 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
     case PROP_STRIP_PIXELS: g_value_set_int(value, self->strip_pixels); break;
     case PROP_POST_MESSAGES: g_value_set_boolean(value, self->post_messages); break;
     case PROP_ACCESS: g_value_set_enum(value, static_cast<gint>(self->access)); break;
+    case PROP_RENDERER: g_value_set_enum(value, static_cast<gint>(self->renderer)); break;
     case PROP_RESAMPLING: g_value_set_enum(value, static_cast<gint>(self->resampling)); break;
     case PROP_MAX_SKEW: g_value_set_uint64(value, self->max_skew); break;
     case PROP_CODEC: g_value_set_enum(value, static_cast<gint>(self->codec)); break;
@@ -294,6 +297,7 @@ static void lf_fragment_finalize(GObject* object) {
   g_mutex_clear(&self->seek_lock);
   delete self->pairs;
   delete self->node;
+  delete self->card;
   delete self->workers;
   g_free(self->rig_path);
   G_OBJECT_CLASS(lf_fragment_parent_class)->finalize(object);
@@ -325,7 +329,7 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
       object_class, PROP_STATS,
       g_param_spec_boxed(
           "stats", "Statistics",
-          "Counts of requests, answers, of these skipped (too late to be shown), fragments, bytes, frames that were "
+          "Counts of requests, answers, of these skipped (too late to be shown) and drawn by OpenGL, fragments, bytes, frames that were "
           "missing (of these stale: farther than "
           "max-skew) and frames that were damaged; the largest skew of a frame; what waiting for frames, decoding, "
           "rendering and encoding took: the latest answer's time and p50, p95, p99 over the latest 1024, and of all of "
@@ -350,6 +354,8 @@ static void lf_fragment_init(LfFragment* self) {
   self->strip_pixels = lf::wire::kStripPixels;
   self->max_skew = 500 * GST_MSECOND;
   self->resampling = lf::Resampling::kSharpened;
+  self->renderer = lf::RendererChoice::kCpu;
+  self->card = new lf::Card();
   self->pairs = new std::set<PadPair*>;
   self->workers = new std::shared_ptr<lf::WorkerPool>(lf::WorkerPool::shared());
   GstElementClass* klass = GST_ELEMENT_GET_CLASS(self);

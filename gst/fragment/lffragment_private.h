@@ -11,6 +11,7 @@
 #include "common/gst_wire.h"
 #include "common/qos_watch.h"
 #include "fragment/camera_image.h"
+#include "fragment/card.h"
 #include "fragment/fragment_node.h"
 #include "fragment/lffragment.h"
 #include "node/arrival_watch.h"
@@ -83,6 +84,8 @@ struct _LfFragment {
   gboolean post_messages;     // under the object lock
   lf::Access access;          // under the object lock
   lf::Resampling resampling;  // under the object lock
+  lf::RendererChoice renderer;  // under the object lock
+  lf::Card* card;
   GstClockTime max_skew;      // under the object lock
   std::shared_ptr<lf::WorkerPool>* workers;
   lf::FragmentNode* node;
@@ -94,8 +97,8 @@ struct _LfFragment {
 };
 
 // The properties that say how answers are made (fragment_choices.cc): codec, threads, max-skew, strip-pixels,
-// post-messages, access, resampling, in the order of their ids.
-inline constexpr guint kNumFragmentChoices = 7;
+// post-messages, access, resampling, renderer, in the order of their ids.
+inline constexpr guint kNumFragmentChoices = 8;
 void lf_fragment_install_choices(GObjectClass* klass, guint first_id);
 
 // Whether what comes to this sink pad comes in real time; if so, after which latency at the latest.

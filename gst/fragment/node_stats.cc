@@ -29,6 +29,7 @@ GstStructure* NodeStats::structure() const {
   set("bad-requests", bad_requests);
   set("rig-mismatches", rig_mismatches);
   set("answers", answers);
+  set("drawn", drawn);
   set("skipped", skipped);
   set("fragments", fragments);
   set("bytes", bytes);

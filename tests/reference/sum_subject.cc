@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
 
+#include "base/error.h"
 #include "composite/accumulator.h"
 #include "reference/subject_parts.h"
+#include "render/gl/sum_drawer.h"
 
 namespace lf::reference {
 namespace {
@@ -16,6 +18,7 @@ struct Sum {
     samples.resize(packed_size(family, view.width, view.height));
     lost.resize(static_cast<size_t>(view.width) * view.height);
     const SumRenderer renderer(plans.plan, plans.owners.runs(), sources, family, coordinates, card);
+    if (card && !renderer.rect().empty() && !renderer.is_drawn()) throw Error("not drawn: " + card->why_not());
     const bool any_lost = renderer.render_rows(0, view.height, packed_sums(family, all, samples.data(), lost.data()));
     planes = packed_sums<const int16_t, const uint16_t>(family, all, samples.data(), any_lost ? lost.data() : nullptr);
   }

@@ -362,7 +362,13 @@ std::unique_ptr<SumDrawer> SumDrawer::create(Context::Drivers drivers, std::stri
   return nullptr;
 }
 
+std::string SumDrawer::why_not() const {
+  const std::lock_guard lock(why_mutex_);
+  return why_not_;
+}
+
 bool SumDrawer::refuse(std::string why) {
+  const std::lock_guard lock(why_mutex_);
   why_not_ = std::move(why);
   return false;
 }
@@ -413,7 +419,7 @@ bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sour
 
   glBindFramebuffer(GL_FRAMEBUFFER, o.frame);
   const auto draw = [&](Program& program, SumProgram what, int w, int h) {
-    if (!program.use(what, why_not_)) return false;
+    if (std::string why; !program.use(what, why)) return refuse(why);
     program.set("origin", rect.x0, rect.y0);
     program.set("size", rect.width(), rect.height());
     program.set("first_slot", first_slot);

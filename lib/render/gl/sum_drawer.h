@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
+#include <mutex>
 #include <span>
 #include <string>
 #include <vector>
@@ -44,8 +46,8 @@ class SumDrawer {
   // Any thread; threads wait for each other.
   bool draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out);
 
-  // Why the latest draw() was refused. Not while another thread draws.
-  const std::string& why_not() const { return why_not_; }
+  // Why the latest draw() of any thread was refused.
+  std::string why_not() const;
   // Whether the card is there no more, so that no draw() will ever succeed again.
   bool is_lost() const { return lost_; }
   // From now on it is as if the driver had lost the context. Any thread.
@@ -61,9 +63,10 @@ class SumDrawer {
 
   std::unique_ptr<Context> context_;
   std::unique_ptr<Objects> objects_;  // of the context
-  std::string why_not_;
-  bool lost_ = false;
-  size_t mended_ = 0;
+  mutable std::mutex why_mutex_;
+  std::string why_not_;  // under that
+  std::atomic<bool> lost_ = false;
+  std::atomic<size_t> mended_ = 0;
 };
 
 // Computes what the card left open in double: pixels whose lost weight is kDoubt, chroma samples of kChromaDoubt. How

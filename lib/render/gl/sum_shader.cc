@@ -223,8 +223,9 @@ void add(Weights weights, vec3 w, Place centre, float level) {
 
 void main() {
   ivec2 here = ivec2(gl_FragCoord.xy);
-  Place centre = Place(vec2(2 * here + origin) + 0.5, has_rays ? texelFetch(centre_rays, here, 0).xy : vec2(0.0));
-  float level = has_map ? level_at(centre.pixel) : 0.0;
+  ivec2 first = 2 * here, last = min(first + 1, size - 1); // at the view's end there is no other
+  Place centre = Place(vec2(first + last) / 2.0 + vec2(origin), has_rays ? texelFetch(centre_rays, here, 0).xy : vec2(0.0));
+  float level = has_map ? level_at(vec2(first + origin) + 0.5) : 0.0;
   float pixels = 0.0;
   int owner = 0;
   Weights weights;

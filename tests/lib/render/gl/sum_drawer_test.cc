@@ -89,5 +89,65 @@ TEST(SumDrawer, DrawsWhatTheCpuDoes) {
         }
 }
 
+// Samples right on the border of the images: (-0.5, y) is inside, and float can't tell.
+TEST(SumDrawer, LeavesWhatItCannotTellToTheCpu) {
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
+    Random random(1);
+    const Lens lens = Lens::pinhole(200, 79.5, 59.5);
+    Rig rig;
+    for (int i = 0; i < 4; i++)
+      rig.cameras.push_back(
+          reference::make_camera(i, 160, 120, lens, {Vec3(0.1 * (i % 2), 0.1 * (i / 2), 0), Quat(1, 0, 0, 0)}));
+    rig.topology = {Topology::Type::kGrid, 2, 2, {}};
+    View view;
+    view.width = 200;
+    view.height = 140;
+    view.pose = rig.cameras[0].pose;
+    view.lens = Lens::pinhole(200, 79.5 + 10.5, 59.5);  // column 10 shows the border
+    view.focus.plane = plane_through({0, 0, 2}, {0, 0, -1});
+    const Difference one = difference(rig, view, images_of(rig, random, reference::smooth_image), family,
+                                      Resampling::kBilinear);
+    EXPECT_LE(one.level, 0.2);
+    EXPECT_LE(one.lost, 1e-4);
+    EXPECT_GE(one.mended, 100u);
+  }
+}
+
+TEST(SumDrawer, IsLostForGoodAndTheCpuGoesOn) {
+  std::string why;
+  const auto drawer = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
+  ASSERT_TRUE(drawer) << why;
+  Random random(2);
+  const Rig rig = test::jittered_array(random, 3, 160, 120, -0.25);
+  const View view = test::view_into(rig, 3, 160, 120, random.small_rotation(0.2));
+  const test::Production production(rig, build_mesh(rig), view);
+  const auto images = images_of(rig, random, reference::smooth_image);
+  const std::vector<Source> sources = test::sources_of(rig, production.plan, images);
+  const auto render = [&](Sum& sum) {
+    const SumRenderer renderer(production.plan, production.owners.runs(), sources, PixelFamily::kRgb,
+                               Coordinates::kExact, drawer.get());
+    renderer.render_rows(0, view.height, sum.planes);
+    return renderer.is_drawn();
+  };
+  const Rect whole = test::whole(view);
+  Sum before(PixelFamily::kRgb, whole), after(PixelFamily::kRgb, whole), later(PixelFamily::kRgb, whole);
+  EXPECT_TRUE(render(before));
+  drawer->lose();
+  EXPECT_FALSE(render(after));
+  EXPECT_TRUE(drawer->is_lost());
+  EXPECT_FALSE(render(later));
+  for (size_t i = 0; i < before.memory[0].size(); i++)
+    ASSERT_NEAR(before.memory[0][i], after.memory[0][i], 128 / 5) << i;
+}
+
+TEST(SumDrawer, HardwareIsNeverTheCpu) {
+  std::string why;
+  const auto drawer = gl::SumDrawer::create(gl::Context::Drivers::kHardware, why);
+  if (drawer)
+    EXPECT_FALSE(drawer->is_software()) << drawer->device();
+  else
+    EXPECT_NE(why, "");
+}
+
 }  // namespace
 }  // namespace lf
