@@ -10,6 +10,8 @@
 #include "fragment/lffragment.h"
 #include "parse/lfparse.h"
 #include "parse/lftypefind.h"
+#include "rtp/lfrtpgate.h"
+#include "rtp/lfrtpseal.h"
 #include "rtp/rtplfdepay.h"
 #include "rtp/rtplfpay.h"
 #include "viewrequest/lfviewrequest.h"
@@ -22,6 +24,8 @@ static gboolean plugin_init(GstPlugin* plugin) {
   ok &= GST_ELEMENT_REGISTER(lffragment, plugin);
   ok &= GST_ELEMENT_REGISTER(lfnodesink, plugin);
   ok &= GST_ELEMENT_REGISTER(lfparse, plugin);
+  ok &= GST_ELEMENT_REGISTER(lfrtpgate, plugin);
+  ok &= GST_ELEMENT_REGISTER(lfrtpseal, plugin);
   ok &= GST_ELEMENT_REGISTER(lfviewrequest, plugin);
   ok &= GST_ELEMENT_REGISTER(lfviewsrc, plugin);
   ok &= GST_ELEMENT_REGISTER(rtplfdepay, plugin);

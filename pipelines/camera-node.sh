@@ -9,19 +9,21 @@ usage() {
 usage: pipelines/camera-node.sh --rig RIG.json --requests PORT --answers HOST:PORT [OPTION...]
 
   --rig RIG.json        the whole array, the same file on every host
-  --requests PORT       where view requests come in; GROUP:PORT for multicast
+  --requests PORT       where view requests come in; ADDRESS:PORT of this host, GROUP:PORT for multicast
   --answers HOST:PORT   the compositor host that sends them; repeat both for further compositor hosts, in the same order
+  --key-file FILE       the secret that all hosts share: openssl rand -hex 32 >FILE, chmod 600 FILE
+  --peers LIST          addresses, names and networks that requests are taken from (default: with a key all that have
+                        it, else the hosts of --answers)
   --cameras LIST        ids of this host's cameras, such as 0-15,20 (default: all)
   --node N              this host's number, each its own (default: 0)
   --framerate N/D       of cameras whose source has none (default: 30/1)
   --mtu BYTES           of a packet (default: 1400; jumbo frames: 8900)
-  --bitrate BITS        paces the packets of an answer, bits per second (default: 0, all at once)
-  --link PIPELINE       elements between payloader and network, such as 'srtpenc key=...'
+  --bitrate BITS        paces the packets of an answer, bits per second (default: 1000000000; 0: all at once)
   --set 'NAME=VALUE'    a property of lfcameranode, such as codec=raw16, loop=false; may be repeated
 END
 }
 
-rig= cameras= node=0 framerate=30/1 mtu=1400 bitrate=0 link=
+rig= cameras= node=0 framerate=30/1 mtu=1400 bitrate=1000000000 key_file= peers=
 requests=() answers=() settings=()
 while (($#)); do
   [[ $1 != --help && $1 != -h ]] || { usage; exit; }
@@ -30,12 +32,13 @@ while (($#)); do
     --rig) need_file "$@"; rig=$2 ;;
     --requests) need_port "$1" "${2##*:}"; requests+=("$2") ;;
     --answers) need_address "$@"; answers+=("$2") ;;
+    --key-file) need_file "$@"; key_file=$2 ;;
+    --peers) peers=$2 ;;
     --cameras) cameras=$2 ;;
     --node) node=$2 ;;
     --framerate) framerate=$2 ;;
     --mtu) mtu=$2 ;;
     --bitrate) bitrate=$2 ;;
-    --link) link=$2 ;;
     --set) settings+=("$2") ;;
     *) die "unknown option $1 (see --help)" ;;
   esac
@@ -44,24 +47,6 @@ done
 [[ -n $rig ]] || die "--rig is missing (see --help)"
 ((${#requests[@]} && ${#requests[@]} == ${#answers[@]})) || die "each --requests needs its --answers (see --help)"
 
-properties=("rig=$rig" "node=$node" "framerate=$framerate")
-[[ -z $cameras ]] || properties+=("cameras=$cameras")
-if [[ -z $link ]]; then
-  listen=$(IFS=,; echo "${requests[*]}") to=$(IFS=,; echo "${answers[*]}")
-  launch lfnodesink "${properties[@]}" "listen=$listen" "answers=$to" "mtu=$mtu" "max-bitrate=$bitrate" "${settings[@]}"
-fi
-
-# With elements in between, what is inside lfnodesink, one by one.
-pipeline=(lfcameranode name=n "${properties[@]}" is-live=true loop=true
-  strip-pixels=5120 # 16 rows of 320: about a packet, so that a lost one loses no more
-  "${settings[@]}")
-read -ra link <<<"$link"
-for i in "${!requests[@]}"; do
-  pad=
-  ((i == 0)) || pad=_$((i - 1))
-  mapfile -t in < <(receive "${requests[i]}" "$request_caps")
-  mapfile -t out < <(send "${answers[i]}")
-  pipeline+=("${in[@]}" ! rtplfdepay ! "${leaky_queue[@]}" ! "n.request$pad"
-    "n.src$pad" ! rtplfpay "mtu=$mtu" "max-bitrate=$bitrate" ! "${link[@]}" ! "${out[@]}")
-done
-launch "${pipeline[@]}"
+launch lfnodesink "rig=$rig" "node=$node" "framerate=$framerate" ${cameras:+"cameras=$cameras"} "listen=$(join "${requests[@]}")" \
+  "answers=$(join "${answers[@]}")" ${key_file:+"key-file=$key_file"} ${peers:+"peers=$peers"} "mtu=$mtu" \
+  "max-bitrate=$bitrate" "${settings[@]}"

@@ -4,11 +4,6 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 # An installed plugin serves as well as one built here.
 [[ ! -d $root/build/gst ]] || export GST_PLUGIN_PATH=${GST_PLUGIN_PATH:+$GST_PLUGIN_PATH:}$root/build/gst
 
-request_caps='application/x-rtp,media=application,clock-rate=90000,encoding-name=X-LIGHTFIELD-REQUEST,payload=96'
-answer_caps='application/x-rtp,media=application,clock-rate=90000,encoding-name=X-LIGHTFIELD-ANSWER,payload=96'
-video_caps='application/x-rtp,media=video,clock-rate=90000,encoding-name=JPEG,payload=26'
-# A burst of answers must fit: the system's default is 208 KiB. (Capped by the sysctl net.core.rmem_max.)
-receive_buffer=8388608
 # Late requests are of no use.
 leaky_queue=(queue leaky=downstream max-size-buffers=2 max-size-time=0 max-size-bytes=0)
 
@@ -24,16 +19,27 @@ need_address() {
   [[ $2 =~ ^.+:[0-9]+$ ]] || die "$1 $2: must be HOST:PORT"
   need_port "$1" "${2##*:}"
 }
+need_node() {
+  local node='^.+:[0-9]+(:\[[^]]+\]|:[0-9.]+\.[0-9]+)?:[0-9]+$'
+  [[ $2 =~ $node ]] || die "$1 $2: must be HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE"
+  need_port "$1" "${2##*:}"
+}
 
-# udpsrc on a port, or on GROUP:PORT for multicast.
-receive() { # PORT|GROUP:PORT CAPS
-  local address=()
+# The items of a list with commas between.
+join() { local IFS=,; echo "$*"; }
+
+# Pictures by RTP, under the key of $key_file if there is one: without, from the HOST alone, or from this machine.
+receive_pictures() { # [ADDRESS:]PORT HOST
+  local address=() gate=("key-file=$key_file")
   # A name may stand for an address of either family: where there is IPv6, its socket takes both.
   ! grep -qs . /proc/net/if_inet6 || address=(address=::)
-  [[ $1 != *:* ]] || address=("address=${1%:*}" auto-multicast=true)
-  printf '%s\n' udpsrc "${address[@]}" "port=${1##*:}" "buffer-size=$receive_buffer" "caps=$2"
+  [[ $1 != *:* ]] || address=("address=${1%:*}")
+  [[ -n $key_file ]] || gate=("peers=$2,127.0.0.0/8,::1")
+  printf '%s\n' udpsrc "${address[@]}" "port=${1##*:}" buffer-size=8388608 \
+    caps=application/x-rtp,media=video,clock-rate=90000,encoding-name=JPEG,payload=26 ! lfrtpgate "${gate[@]}"
 }
 send() { # HOST:PORT
+  [[ -z $key_file ]] || printf '%s\n' lfrtpseal "key-file=$key_file" !
   printf '%s\n' udpsink "host=${1%:*}" "port=${1##*:}" sync=false async=false
 }
 

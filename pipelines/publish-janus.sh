@@ -11,6 +11,9 @@ usage: pipelines/publish-janus.sh --rig RIG.json --path VIEWS.json [OPTION...]
 
   --rig RIG.json      the cameras
   --path VIEWS.json   the flight, over and over, in the size and at the times of its views (lf-path makes one)
+  --node HOST:OUT:IN  a host that cameras are on (camera-node.sh), its port for requests, and the port here for its
+                      answers, or ADDRESS:PORT here; repeat for each (default: all are on this machine)
+  --key-file FILE     the secret that the cameras' hosts share; what goes to the mountpoint is plain RTP
   --to HOST:PORT      the mountpoint's videoport (default: localhost:5004)
   --codec h264|vp8    as the mountpoint has it (default: h264)
   --bitrate KBITS     (default: 3000)
@@ -22,8 +25,8 @@ usage: pipelines/publish-janus.sh --rig RIG.json --path VIEWS.json [OPTION...]
 END
 }
 
-rig= path= to=localhost:5004 codec=h264 bitrate=3000 framerate=30 delay=100 print=false
-settings=()
+rig= path= to=localhost:5004 codec=h264 bitrate=3000 framerate=30 delay=100 print=false hosts_key=
+nodes=() settings=()
 while (($#)); do
   [[ $1 != --help && $1 != -h ]] || { usage; exit; }
   [[ $1 != --print ]] || { print=true; shift; continue; }
@@ -31,6 +34,8 @@ while (($#)); do
   case $1 in
     --rig) need_file "$@"; rig=$2 ;;
     --path) need_file "$@"; path=$2 ;;
+    --node) need_node "$@"; nodes+=("$2") ;;
+    --key-file) need_file "$@"; hosts_key=$2 ;;
     --to) need_address "$@"; to=$2 ;;
     --set) settings+=("$2") ;;
     --codec) [[ $2 == h264 || $2 == vp8 ]] || die "--codec $2: must be h264 or vp8"; codec=$2 ;;
@@ -56,13 +61,19 @@ case $codec in
     encode=(vp8enc deadline=1 end-usage=cbr "target-bitrate=$((bitrate * 1000))" "keyframe-max-dist=$framerate" !
       rtpvp8pay picture-id-mode=15-bit) ;;
 esac
-pipeline=(lfviewsrc "rig=$rig" "location=$path" loop=true "framerate=$framerate/1" "node::framerate=$framerate/1"
+if ((${#nodes[@]})); then
+  cameras=("nodes=$(join "${nodes[@]}")" ${hosts_key:+"key-file=$hosts_key"})
+else
+  cameras=("node::framerate=$framerate/1")
+fi
+pipeline=(lfviewsrc "rig=$rig" "location=$path" loop=true "framerate=$framerate/1" "${cameras[@]}"
   "capture-delay=$((delay * 1000000))" "${settings[@]}" ! "${leaky_queue[@]}" ! videoconvert ! video/x-raw,format=I420
   ! "${encode[@]}" pt=96 ssrc=2 mtu=1200)
 
 if $print; then
   printf '%s ! queue ! application/x-rtp,media=video,encoding-name=%s,payload=96\n' "${pipeline[*]}" "${codec^^}"
 else
+  key_file=  # Janus has none of it
   mapfile -t out < <(send "$to")
   launch "${pipeline[@]}" ! "${out[@]}"
 fi

@@ -7,7 +7,9 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <memory>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -18,6 +20,7 @@
 #include "serve/encoder.h"
 #include "serve/film.h"
 #include "serve/http_server.h"
+#include "serve/launch.h"
 #include "view/views_json.h"
 
 namespace {
@@ -27,8 +30,9 @@ using namespace lf::serve;
 constexpr double kSceneFocus = 2.2;  // metres: the figure of the built-in scene
 
 struct Options {
-  std::string rig, nodes, token_file, resampling = "sharpened";
-  std::vector<std::string> origins, paths;
+  std::string rig, nodes, key_file, token_file, ice_credentials, media, resampling = "sharpened";
+  std::vector<std::string> origins, paths, hosts, proxies, ice_servers;
+  std::vector<lf::NodeAddress> node_addresses;
   ServerOptions server;
   Limits limits;
 };
@@ -88,46 +92,125 @@ gboolean quit(gpointer loop) {
   return G_SOURCE_CONTINUE;
 }
 
-void serve(Options& options) {
+void check_options(Options& options) {
   if (!options.nodes.empty() && options.rig.empty())
     throw lf::Error("--nodes: needs --rig, which says where cameras are");
-  check_elements();
-  make_dtls_key();
-  const std::vector<lf::NodeAddress> nodes = nodes_of(options.nodes);
-  if (options.rig.empty()) {
-    options.rig = film_of_scene();
-    if (options.limits.focus == 0) options.limits.focus = kSceneFocus;
-  }
   if (!options.token_file.empty()) {
     std::string text = lf::read_text_file(options.token_file);
     while (!text.empty() && g_ascii_isspace(text.back())) text.pop_back();
     if (text.empty()) throw lf::Error(options.token_file + ": has no token");
     options.server.token = text;
   }
-  for (const std::string& path : options.paths) options.server.paths.insert(parse_path(path));
+  for (const std::string& path : options.paths) options.server.whep.paths.insert(parse_path(path));
   options.server.origins.insert(options.origins.begin(), options.origins.end());
+  options.server.hosts.insert(options.hosts.begin(), options.hosts.end());
+  options.server.proxies.insert(options.proxies.begin(), options.proxies.end());
+  options.server.whep.ice = IceServers(
+      options.ice_servers, options.ice_credentials.empty() ? "" : lf::read_text_file(options.ice_credentials));
+  // Video comes from the address that is listened at alone, or from all of the machine's.
+  const std::string& address = options.media.empty() ? options.server.address : options.media;
+  const bool any = address == "any" || address == "0.0.0.0" || address == "::";
+  options.server.whep.media_address = any ? "" : address == "localhost" ? "127.0.0.1" : address;
+}
 
-  GMainLoop* loop = g_main_loop_new(nullptr, FALSE);
-  const guint signals[] = {g_unix_signal_add(SIGINT, quit, loop), g_unix_signal_add(SIGTERM, quit, loop)};
-  std::string failure;
-  {
-    LightField field(options.rig, nodes, options.resampling, options.limits.viewers);
-    field.start([&](const std::string& what) {
-      failure = what;
-      g_main_loop_quit(loop);
-    });
-    // Reached at the address that it listens at alone, or at all of the machine's.
-    const std::string& address = options.server.address;
-    const bool any = address == "0.0.0.0" || address == "::";
-    Sessions sessions(field, options.limits, any ? "" : address == "localhost" ? "127.0.0.1" : address);
-    HttpServer server(options.server, options.limits, field, sessions);
-    std::printf("serving %s at %s\n", options.rig.c_str(), server.url().c_str());
-    g_main_loop_run(loop);
-    sessions.close_all("the server ends");  // while there is a server to tell it
+// The page from the beginning; the light field when it has been filmed, where it must be, and its cameras run.
+class Program {
+ public:
+  explicit Program(const Options& options)
+      : options_(options), loop_(g_main_loop_new(nullptr, FALSE)), server_(options.server, options.limits) {}
+  ~Program() {
+    if (opens_.joinable()) opens_.join();
+    if (sessions_) sessions_->close_all("the server ends");  // while there is a server to tell it
+    server_.stop();
+    sessions_.reset();
+    if (timer_) g_source_remove(timer_);
+    g_main_loop_unref(loop_);
   }
-  for (const guint source : signals) g_source_remove(source);
-  g_main_loop_unref(loop);
-  if (!failure.empty()) throw lf::Error(failure);
+
+  // Until a signal comes. Throws Error.
+  void run() {
+    const guint signals[] = {g_unix_signal_add(SIGINT, quit, loop_), g_unix_signal_add(SIGTERM, quit, loop_)};
+    if (options_.rig.empty())
+      film();
+    else
+      open();
+    g_main_loop_run(loop_);
+    for (const guint source : signals) g_source_remove(source);
+    if (!failure_.empty()) throw lf::Error(failure_);
+  }
+
+ private:
+  void fail(const std::string& why) {
+    failure_ = why;
+    g_main_loop_quit(loop_);
+  }
+
+  void film() {
+    options_.rig = Film::rig();
+    if (options_.limits.focus == 0) options_.limits.focus = kSceneFocus;
+    if (Film::exists()) return open();
+    std::printf("filming the built-in scene (once, kept as %s); the page waits at %s\n", options_.rig.c_str(),
+                server_.url().c_str());
+    server_.films(0);
+    film_ = std::make_unique<Film>([this](const std::string& problem) {
+      if (!problem.empty()) return fail(problem);
+      server_.starts();
+      open();
+    });
+    constexpr guint kEvery = 500;  // milliseconds
+    timer_ = g_timeout_add(
+        kEvery,
+        [](gpointer data) -> gboolean {
+          Program* self = static_cast<Program*>(data);
+          if (!self->sessions_ && !self->opens_.joinable()) self->server_.films(self->film_->progress());
+          return G_SOURCE_CONTINUE;
+        },
+        this);
+  }
+
+  // In a thread, because cameras may take a minute.
+  void open() {
+    opens_ = std::thread([this] {
+      std::string problem;
+      try {
+        field_ = std::make_unique<LightField>(options_.rig, options_.node_addresses, options_.key_file,
+                                              options_.resampling, options_.limits.viewers);
+        field_->start([this](const std::string& what) { fail(what); });
+      } catch (const lf::Error& error) {
+        problem = error.what();
+      }
+      on_main_thread([this, problem] {
+        if (problem.empty())
+          serve();
+        else
+          fail(problem);
+      });
+    });
+  }
+
+  void serve() {
+    sessions_ = std::make_unique<Sessions>(*field_, options_.limits);
+    server_.serve(*field_, *sessions_);
+    std::printf("serving %s at %s\n", options_.rig.c_str(), server_.url().c_str());
+  }
+
+  Options options_;
+  GMainLoop* loop_;
+  HttpServer server_;
+  std::unique_ptr<Film> film_;
+  std::thread opens_;
+  std::unique_ptr<LightField> field_;
+  std::unique_ptr<Sessions> sessions_;
+  guint timer_ = 0;
+  std::string failure_;
+};
+
+void serve(Options& options) {
+  check_options(options);
+  options.node_addresses = nodes_of(options.nodes);
+  check_elements();
+  make_dtls_key();
+  Program(options).run();
 }
 
 }  // namespace
@@ -141,7 +224,9 @@ int main(int argc, char** argv) {
   cli::App app("Serves a page in which everybody flies their own virtual camera, and the same streams over WHEP.",
                "lf-serve");
   app.add_option("--rig", o.rig, "the cameras; without it the built-in scene, filmed once")->type_name("RIG.json");
-  app.add_option("--nodes", o.nodes, "hosts that the cameras are on: HOST:PORT-THERE:PORT-HERE,... (camera-node.sh)");
+  app.add_option("--nodes", o.nodes,
+                 "hosts that the cameras are on: HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,... (camera-node.sh)");
+  app.add_option("--key-file", o.key_file, "of --nodes: the secret that they share, 32 or more random characters");
   app.add_option("--listen", o.server.address, "IP address; other than loopback with TLS or --insecure alone")
       ->capture_default_str();
   app.add_option("--port", o.server.port, "0: any")->capture_default_str()->check(cli::Range(0, 65535));
@@ -151,9 +236,28 @@ int main(int argc, char** argv) {
   app.add_option("--token-file", o.token_file, "viewers need the bearer token in this file")->type_name("FILE");
   app.add_option("--origin", o.origins,
                  "of other sites' pages that may watch: https://example.org, null (files), or *; repeat");
+  app.add_option("--host", o.hosts, "name that browsers reach this server by, beside its own and its addresses; repeat")
+      ->type_name("NAME");
+  app.add_option("--proxy", o.proxies,
+                 "address of a reverse proxy, whose X-Forwarded-For and X-Forwarded-Prefix are believed; repeat")
+      ->type_name("ADDRESS");
+  app.add_option("--media", o.media, "address of this machine that video comes from, or any (default: as --listen)")
+      ->type_name("ADDRESS");
+  app.add_option(
+         "--ice-server", o.ice_servers,
+         "STUN or TURN server, for viewers and for this one: stun:HOST:PORT, turn:HOST:PORT?transport=udp; repeat")
+      ->type_name("URI");
+  app.add_option("--ice-credentials", o.ice_credentials,
+                 "for TURN: has USER PASSWORD, or the secret that is shared with the TURN server (use-auth-secret)")
+      ->type_name("FILE");
   app.add_option("--path", o.paths, "a views.json that links may have flown (#path=NAME), NAME=FILE; repeat")
       ->type_name("NAME=FILE");
-  app.add_option("--viewers", o.limits.viewers, "at a time; one with two eyes counts twice")->capture_default_str()->check(cli::Range(1, 1000));
+  app.add_option("--viewers", o.limits.viewers, "at a time; one with two eyes counts twice")
+      ->capture_default_str()
+      ->check(cli::Range(1, 1000));
+  app.add_option("--address-views", o.limits.address_views, "of one address at a time")
+      ->capture_default_str()
+      ->check(cli::Range(1, 1000));
   app.add_option("--framerate", o.limits.framerate, "pictures per second")
       ->capture_default_str()
       ->check(cli::Range(1, 120));
@@ -178,11 +282,14 @@ int main(int argc, char** argv) {
   app.add_option("--resampling", o.resampling, "how cameras' images are sampled (of --nodes: see lfcameranode)")
       ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened", "catmull-rom"}));
-  app.add_option("--monitor", o.limits.monitor,
-                 "beside one of so many requests of a viewer a camera is left out and predicted from the others, each in "
-                 "turn: the page and /metrics tell which ones have something wrong (0: never)")
+  app.add_option(
+         "--monitor", o.limits.monitor,
+         "beside one of so many requests of a viewer a camera is left out and predicted from the others, each in "
+         "turn: the page and /metrics tell which ones have something wrong (0: never)")
       ->capture_default_str()
       ->check(cli::Range(0, 10000));
+  app.add_option("--max-aperture", o.limits.max_aperture, "of a view, metres (default: the array's size)")
+      ->check(cli::PositiveNumber);
   app.add_option("--max-width", o.limits.max_width, "of a view")->capture_default_str()->check(cli::Range(64, 4096));
   app.add_option("--max-height", o.limits.max_height, "of a view")->capture_default_str()->check(cli::Range(64, 4096));
   app.add_option("--bitrate", o.limits.bit_rate, "of a viewer's video at best, bits per second")

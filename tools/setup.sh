@@ -26,13 +26,14 @@ packages=(
   gstreamer1.0-x                                       # windows
   libceres-dev libcli11-dev libglm-dev libhwy-dev libjpeg62-turbo-dev libsoup-3.0-dev libyaml-cpp-dev nlohmann-json3-dev zlib1g-dev
   libopencv-calib3d-dev libopencv-contrib-dev libopencv-core-dev libopencv-imgcodecs-dev libopencv-imgproc-dev libopencv-video-dev libopencv-videoio-dev
+  libegl-dev libgles-dev libegl1 libgl1-mesa-dri       # OpenGL ES, and a driver of it that computes on the CPU
   libbenchmark-dev libgmock-dev libgtest-dev
   libgstrtspserver-1.0-dev                             # network cameras of the tests
   python3-gi gir1.2-gst-plugins-base-1.0               # the example in Python
 )
 
 if $for_tests; then
-  packages+=(tshark janus opencv-doc)
+  packages+=(tshark janus opencv-doc iptables)
   # These come from elsewhere, too.
   command -v chromium chromium-browser google-chrome >/dev/null || packages+=(chromium)
   command -v node >/dev/null || packages+=(nodejs)

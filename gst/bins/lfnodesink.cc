@@ -10,6 +10,11 @@
  * each, in the same order. It has the properties of lfcameranode; films begin again at their end, but with
  * `loop=false`.
  *
+ * With `key-file`, the same file on all hosts, requests are taken from those who have it and from nobody else, and only
+ * they can read the answers (#element-lfrtpseal, #element-lfrtpgate). Without, requests are taken from the addresses of
+ * `peers`, or else from the hosts that answers go to and from this machine; that keeps nobody out who means harm, which
+ * is said once at start. What is dropped is counted in `stats`.
+ *
  * A bin without pads. It runs by the machine's realtime clock, which those hosts have to share (chrony, PTP), unless
  * something else in the pipeline gives a clock.
  *
@@ -17,6 +22,9 @@
  * |[
  * gst-launch-1.0 lfnodesink rig=rig.json cameras=0-31 node=0 listen=6000 answers=viewer:6100
  * ]|
+ * |[
+ * gst-launch-1.0 lfnodesink rig=rig.json cameras=0-31 listen=6000 answers=viewer:6100 key-file=lightfield.key
+ * ]| Nobody without the key sees or steers.
  */
 
 #include "bins/lfnodesink.h"
@@ -38,13 +46,20 @@ GST_DEBUG_CATEGORY_STATIC(lf_node_sink_debug);
 
 namespace {
 
-enum { PROP_0, PROP_LISTEN, PROP_ANSWERS, PROP_FIRST_COPY };
+enum { PROP_0, PROP_LISTEN, PROP_ANSWERS, PROP_KEY_FILE, PROP_PEERS, PROP_STATS, PROP_FIRST_COPY };
+
+// The network side as properties say it.
+struct Settings {
+  std::string listen, answers;
+  lf::Admission admission;
+  bool operator==(const Settings&) const = default;
+};
 
 constexpr gint kStripPixels = 5120;  // 16 rows of 320: about a packet, so that a lost one loses no more
 
 // The network side: what was made for these properties.
 struct Links {
-  std::string listen, answers;
+  Settings settings;
   std::vector<GstElement*> elements;  // the bin's
   std::unique_ptr<lf::RequestedPads> pads;
 };
@@ -53,9 +68,9 @@ struct Links {
 
 struct _LfNodeSink {
   GstBin parent;
-  gchar *listen, *answers;  // under the object lock
-  GstElement* node;         // borrowed from the bin's children; null where lfcameranode is not installed
-  GstElement* pay;          // is in no bin: has the properties of all that are
+  Settings* settings;  // under the object lock
+  GstElement* node;    // borrowed from the bin's children; null where lfcameranode is not installed
+  GstElement* pay;     // is in no bin: has the properties of all that are
   GstClock* realtime;
   Links* links;
 };
@@ -80,14 +95,18 @@ static GstElement* add(LfNodeSink* self, const char* factory, const std::string&
 }
 
 // Requester number `index`, who is at `to`.
-static void add_requester(LfNodeSink* self, size_t index, const lf::HostPort& from, const lf::HostPort& to) {
+static void add_requester(LfNodeSink* self, size_t index, const lf::HostPort& from, const lf::HostPort& to,
+                          const lf::Admission& admission) {
   const std::string number = std::to_string(index);
-  GstPad* received =
-      lf::add_receiver(GST_BIN(self), from, "X-LIGHTFIELD-REQUEST", "requests" + number, &self->links->elements);
+  GstPad* received = lf::add_receiver(GST_BIN(self), from, "X-LIGHTFIELD-REQUEST", lf::admission_of(admission, to.host),
+                                      "requests" + number, &self->links->elements);
   GstElement* queue = add(self, "queue", "requests" + number);
   // Late requests are of no use.
   gst_util_set_object_arg(G_OBJECT(queue), "leaky", "downstream");
   g_object_set(queue, "max-size-buffers", 4, "max-size-time", guint64{0}, "max-size-bytes", 0, nullptr);
+  // The node makes the next answer while one is on its way.
+  GstElement* made = add(self, "queue", "made" + number);
+  g_object_set(made, "max-size-buffers", 16, "max-size-time", guint64{0}, "max-size-bytes", 0, nullptr);
   GstElement* pay = add(self, "rtplfpay", "answers" + number + "_pay");
   for (const char* name : {"mtu", "max-bitrate"}) {
     GValue value = G_VALUE_INIT;
@@ -95,6 +114,8 @@ static void add_requester(LfNodeSink* self, size_t index, const lf::HostPort& fr
     g_object_set_property(G_OBJECT(pay), name, &value);
     g_value_unset(&value);
   }
+  GstElement* seal = add(self, "lfrtpseal", "answers" + number + "_seal");
+  if (!admission.key_file.empty()) g_object_set(seal, "key-file", admission.key_file.c_str(), nullptr);
   lf::check_host(to.host);
   GstElement* udp = add(self, "udpsink", "answers" + number + "_udp");
   g_object_set(udp, "host", to.host.c_str(), "port", to.port, "sync", FALSE, "async", FALSE, nullptr);
@@ -108,33 +129,36 @@ static void add_requester(LfNodeSink* self, size_t index, const lf::HostPort& fr
   GstPad* in = gst_element_get_static_pad(queue, "sink");
   const bool linked = gst_pad_link(received, in) == GST_PAD_LINK_OK &&
                       gst_element_link_pads(queue, "src", self->node, ("request" + ending).c_str()) &&
-                      gst_element_link_pads(self->node, ("src" + ending).c_str(), pay, "sink") &&
-                      gst_element_link(pay, udp);
+                      gst_element_link_pads(self->node, ("src" + ending).c_str(), made, "sink") &&
+                      gst_element_link_many(made, pay, seal, udp, nullptr);
   gst_object_unref(in);
   gst_object_unref(received);
   if (!linked) throw lf::Error("the cameras can't be linked with the network");
 }
 
+static Settings current_settings(LfNodeSink* self) {
+  const lf::ObjectLock lock(self);
+  return *self->settings;
+}
+
 // Before READY and before PAUSED. False after posting the reason.
 static bool prepare(LfNodeSink* self) {
-  lf::ObjectLock lock(self);
-  const std::string listen = self->listen ? self->listen : "", answers = self->answers ? self->answers : "";
-  lock.unlock();
+  const Settings settings = current_settings(self);
   Links& links = *self->links;
-  if (links.pads && links.listen == listen && links.answers == answers) return true;
+  if (links.pads && links.settings == settings) return true;
   remove_links(self);
   try {
     if (!self->node || !self->pay) throw lf::Error("elements lfcameranode and rtplfpay are not installed");
-    const std::vector<lf::HostPort> from = lf::parse_host_ports(listen), to = lf::parse_host_ports(answers);
+    const std::vector<lf::HostPort> from = lf::parse_host_ports(settings.listen),
+                                    to = lf::parse_host_ports(settings.answers);
     if (from.empty()) throw lf::Error("listen: not set");
     if (from.size() != to.size())
       throw lf::Error("listen and answers: must have as many items, one for each host that asks");
     for (const lf::HostPort& place : to)
       if (place.host.empty()) throw lf::Error("answers: " + std::to_string(place.port) + ": must be HOST:PORT");
     links.pads = std::make_unique<lf::RequestedPads>();
-    for (size_t i = 0; i < from.size(); i++) add_requester(self, i, from[i], to[i]);
-    links.listen = listen;
-    links.answers = answers;
+    for (size_t i = 0; i < from.size(); i++) add_requester(self, i, from[i], to[i], settings.admission);
+    links.settings = settings;
     return true;
   } catch (const std::exception& error) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
@@ -146,6 +170,8 @@ static bool prepare(LfNodeSink* self) {
 static GstStateChangeReturn lf_node_sink_change_state(GstElement* element, GstStateChange transition) {
   const bool starts = transition == GST_STATE_CHANGE_NULL_TO_READY || transition == GST_STATE_CHANGE_READY_TO_PAUSED;
   if (starts && !prepare(LF_NODE_SINK(element))) return GST_STATE_CHANGE_FAILURE;
+  if (transition == GST_STATE_CHANGE_READY_TO_PAUSED)
+    lf::warn_without_key(element, LF_NODE_SINK(element)->links->settings.admission);
   return GST_ELEMENT_CLASS(lf_node_sink_parent_class)->change_state(element, transition);
 }
 
@@ -169,6 +195,16 @@ static void set_all_payloaders(LfNodeSink* self, const char* name, const GValue*
   gst_iterator_free(all);
 }
 
+static std::string* text_of(Settings& settings, guint id) {
+  switch (id) {
+    case PROP_LISTEN: return &settings.listen;
+    case PROP_ANSWERS: return &settings.answers;
+    case PROP_KEY_FILE: return &settings.admission.key_file;
+    case PROP_PEERS: return &settings.admission.peers;
+    default: return nullptr;
+  }
+}
+
 static void lf_node_sink_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfNodeSink* self = LF_NODE_SINK(object);
   if (id >= PROP_FIRST_COPY) {
@@ -177,11 +213,27 @@ static void lf_node_sink_set_property(GObject* object, guint id, const GValue* v
     if (owner && owner == self->pay) set_all_payloaders(self, pspec->name, value);
     return;
   }
-  GST_OBJECT_LOCK(self);
-  gchar** text = id == PROP_LISTEN ? &self->listen : &self->answers;
-  g_free(*text);
-  *text = g_value_dup_string(value);
-  GST_OBJECT_UNLOCK(self);
+  const gchar* text = g_value_get_string(value);
+  const lf::ObjectLock lock(self);
+  if (std::string* field = text_of(*self->settings, id)) *field = text ? text : "";
+}
+
+// What lfcameranode counts, and of each requester what its lfrtpgate does.
+static GstStructure* make_stats(LfNodeSink* self) {
+  GstStructure* stats = nullptr;
+  if (self->node) g_object_get(self->node, "stats", &stats, nullptr);
+  if (!stats) stats = gst_structure_new_empty("application/x-lightfield-fragment-stats");
+  g_autoptr(GstStructure) all = gst_structure_new_empty("requests");
+  for (int i = 0;; i++) {
+    const std::string name = "requests" + std::to_string(i);
+    g_autoptr(GstElement) gate = gst_bin_get_by_name(GST_BIN(self), (name + "_gate").c_str());
+    if (!gate) break;
+    g_autoptr(GstStructure) one = nullptr;
+    g_object_get(gate, "stats", &one, nullptr);
+    gst_structure_set(all, name.c_str(), GST_TYPE_STRUCTURE, one, nullptr);
+  }
+  gst_structure_set(stats, "requests", GST_TYPE_STRUCTURE, all, nullptr);
+  return stats;
 }
 
 static void lf_node_sink_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
@@ -190,9 +242,10 @@ static void lf_node_sink_get_property(GObject* object, guint id, GValue* value, 
     if (GstElement* owner = owner_of(self, pspec)) g_object_get_property(G_OBJECT(owner), pspec->name, value);
     return;
   }
-  GST_OBJECT_LOCK(self);
-  g_value_set_string(value, id == PROP_LISTEN ? self->listen : self->answers);
-  GST_OBJECT_UNLOCK(self);
+  if (id == PROP_STATS) return g_value_take_boxed(value, make_stats(self));
+  Settings settings = current_settings(self);
+  if (const std::string* text = text_of(settings, id))
+    g_value_set_string(value, text->empty() ? nullptr : text->c_str());
 }
 
 static void lf_node_sink_dispose(GObject* object) {
@@ -205,8 +258,7 @@ static void lf_node_sink_dispose(GObject* object) {
 static void lf_node_sink_finalize(GObject* object) {
   LfNodeSink* self = LF_NODE_SINK(object);
   delete self->links;
-  g_free(self->listen);
-  g_free(self->answers);
+  delete self->settings;
   gst_clear_object(&self->realtime);
   G_OBJECT_CLASS(lf_node_sink_parent_class)->finalize(object);
 }
@@ -222,14 +274,35 @@ static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
       object_class, PROP_LISTEN,
       g_param_spec_string(
           "listen", "Listen",
-          "UDP port that view requests come in at, or GROUP:PORT of a multicast group; one for each host "
-          "that asks, with commas between; required",
+          "UDP port that view requests come in at, ADDRESS:PORT of this machine, or GROUP:PORT of a multicast group; "
+          "one for each host that asks, with commas between; required",
           nullptr, kFlags));
   g_object_class_install_property(
       object_class, PROP_ANSWERS,
       g_param_spec_string("answers", "Answers", "HOST:PORT where the answers go to, for each item of listen; required",
                           nullptr, kFlags));
-  const guint next = lf::install_copies(object_class, PROP_FIRST_COPY, LF_TYPE_CAMERA_NODE, {"is-live"});
+  g_object_class_install_property(
+      object_class, PROP_KEY_FILE,
+      g_param_spec_string(
+          "key-file", "Key file",
+          "File with the secret that all hosts share, 32 or more random characters (none: whoever is on "
+          "the network can see and steer)",
+          nullptr, kFlags));
+  g_object_class_install_property(
+      object_class, PROP_PEERS,
+      g_param_spec_string(
+          "peers", "Peers",
+          "Names, addresses and networks (10.0.0.0/24) that requests are taken from, with commas between "
+          "(none: with a key-file all that have it; else the hosts of answers and this machine)",
+          nullptr, kFlags));
+  g_object_class_install_property(
+      object_class, PROP_STATS,
+      g_param_spec_boxed(
+          "stats", "Statistics",
+          "Those of lfcameranode, and in requests of each requester (requests0, requests1, ...) what its "
+          "lfrtpgate counts: packets that passed and those that were dropped, by reason",
+          GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+  const guint next = lf::install_copies(object_class, PROP_FIRST_COPY, LF_TYPE_CAMERA_NODE, {"is-live", "stats"});
   lf::install_copies(object_class, next, LF_TYPE_RTP_PAY, {"stats"}, {"mtu"});
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
@@ -241,6 +314,7 @@ static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
 }
 
 static void lf_node_sink_init(LfNodeSink* self) {
+  self->settings = new Settings;
   self->links = new Links;
   self->realtime = lf::new_realtime_clock();
   GST_OBJECT_FLAG_SET(self, GST_ELEMENT_FLAG_PROVIDE_CLOCK);

@@ -18,6 +18,14 @@
  * Cameras are live unless `is-live` is false, which makes pictures as fast as they are taken and ends with the views of
  * `location`. Films begin again at their end, but with `node::loop=false`.
  *
+ * With `listen` views are those that viewers on other hosts ask for at this port by RTP (`lfviewrequest ! rtplfpay !
+ * lfrtpseal ! udpsink`): `src` shows view 0, `src_0` view 1, and so on. That is a host of compositors, for viewers that
+ * take pictures. With `partial` it is one of a rack, whose `src` is the sum of the rack's cameras, for the next one.
+ *
+ * With `key-file`, the same file as on those hosts, nobody else can see or steer what goes between
+ * (#element-lfrtpseal); without, answers are taken from the addresses of `nodes` and requests from those of
+ * `peers`, and whoever is on the network in between can do both.
+ *
  * With `nodes` the pipeline runs by the machine's realtime clock, which those hosts have to share (chrony, PTP), unless
  * something else in it gives a clock.
  *
@@ -57,27 +65,55 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfviewsrc, "lfviewsrc", GST_RANK_NONE, LF_
                                       GST_DEBUG_CATEGORY_INIT(lf_view_src_debug, "lfviewsrc", 0,
                                                               "view of a light field"))
 
-static void drop_cameras(LfViewSrc* self) {
+static void drop_hosts(LfViewSrc* self) {
   auto& inside = *self->inside;
   for (auto& [name, viewer] : inside.viewers) {
+    viewer->requests.reset();
     viewer->pads.reset();
     viewer->chain.drop_answers();
   }
+  inside.requests.reset();
   inside.cameras.reset();
 }
 
-// Other cameras for all viewers. While nothing runs. Throws Error.
-static void change_cameras(LfViewSrc* self, const std::string& nodes) {
-  auto& inside = *self->inside;
-  drop_cameras(self);
-  inside.nodes = nodes;
+static lf::Admission admission_of_requests(const LfViewSrcHosts& hosts) { return {hosts.key_file, hosts.peers}; }
+
+// What f() makes of a property; an Error of it begins with the property's name.
+template <typename F>
+static auto of_property(const char* name, F f) {
   try {
-    const auto addresses = lf::parse_nodes(nodes);
-    inside.cameras =
-        addresses.empty() ? lf::cameras_here(GST_BIN(self)) : lf::cameras_on_hosts(GST_BIN(self), addresses);
-    for (auto& [name, viewer] : inside.viewers) viewer->pads = inside.cameras->connect(viewer->chain);
+    return f();
+  } catch (const lf::Error& error) {
+    throw lf::Error(std::string(name) + ": " + error.what());
+  }
+}
+
+static std::unique_ptr<lf::ViewerCameras> cameras_of(LfViewSrc* self, const LfViewSrcHosts& hosts) {
+  if (hosts.nodes.empty()) return lf::cameras_here(GST_BIN(self));
+  return of_property("nodes",
+                     [&] { return lf::cameras_on_hosts(GST_BIN(self), lf::parse_nodes(hosts.nodes), hosts.key_file); });
+}
+
+static std::unique_ptr<lf::ViewerRequests> requests_of(LfViewSrc* self, const LfViewSrcHosts& hosts) {
+  if (hosts.listen.empty()) return nullptr;
+  return of_property("listen", [&] {
+    const std::vector<lf::HostPort> places = lf::parse_host_ports(hosts.listen);
+    if (places.size() != 1) throw lf::Error("must be one port");
+    return std::make_unique<lf::ViewerRequests>(GST_BIN(self), places[0], admission_of_requests(hosts));
+  });
+}
+
+// Other cameras, and other requests, for all viewers. While nothing runs. Throws Error.
+static void change_hosts(LfViewSrc* self, const LfViewSrcHosts& hosts) {
+  auto& inside = *self->inside;
+  drop_hosts(self);
+  inside.hosts = hosts;
+  try {
+    inside.cameras = cameras_of(self, hosts);
+    inside.requests = requests_of(self, hosts);
+    for (auto& [name, viewer] : inside.viewers) lf_view_src_connect(self, *viewer);
   } catch (...) {
-    drop_cameras(self);
+    drop_hosts(self);
     throw;
   }
   if (GstElement* node = gst_bin_get_by_name(GST_BIN(self), "node")) {
@@ -90,18 +126,15 @@ static void change_cameras(LfViewSrc* self, const std::string& nodes) {
 // Before READY and before PAUSED. False after posting the reason.
 static bool prepare(LfViewSrc* self) {
   const std::lock_guard lock(self->inside->mutex);
-  const std::string rig = lf_view_src_text(self, &self->rig), nodes = lf_view_src_text(self, &self->nodes);
+  const std::string rig = lf_view_src_rig(self);
+  const LfViewSrcHosts hosts = lf_view_src_hosts(self);
   try {
     if (rig.empty()) throw lf::Error("rig: not set");
     lf::shared_rig(rig);
-    if (!nodes.empty() && !lf_view_src_is_live(self))
-      throw lf::Error("nodes: cameras of other hosts are live, is-live must be true");
+    if (hosts.any() && !lf_view_src_is_live(self))
+      throw lf::Error("nodes, listen: what is on other hosts is live, is-live must be true");
     if (!self->view) throw lf::Error("elements lfviewrequest and lfcompositor are not installed");
-    try {
-      if (!self->inside->cameras || self->inside->nodes != nodes) change_cameras(self, nodes);
-    } catch (const lf::Error& error) {
-      throw lf::Error((nodes.empty() ? "" : "nodes: ") + std::string(error.what()));
-    }
+    if (!self->inside->cameras || self->inside->hosts != hosts) change_hosts(self, hosts);
     return true;
   } catch (const lf::Error& error) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
@@ -109,12 +142,17 @@ static bool prepare(LfViewSrc* self) {
   }
 }
 
-// Hosts name capture times by the time of day. Null where the cameras are here.
+// Hosts name capture times by the time of day. Null where everything is here.
 static GstClock* hosts_clock(LfViewSrc* self) {
   const std::lock_guard lock(self->inside->mutex);
-  if (self->inside->nodes.empty()) return nullptr;
+  if (!self->inside->hosts.any()) return nullptr;
   if (!self->inside->realtime) self->inside->realtime = lf::new_realtime_clock();
   return GST_CLOCK(gst_object_ref(self->inside->realtime));
+}
+
+static void warn_without_key(LfViewSrc* self) {
+  const LfViewSrcHosts hosts = lf_view_src_hosts(self);
+  if (!hosts.listen.empty()) lf::warn_without_key(GST_ELEMENT(self), admission_of_requests(hosts));
 }
 
 static GstClock* lf_view_src_provide_clock(GstElement* element) {
@@ -126,6 +164,7 @@ static GstStateChangeReturn lf_view_src_change_state(GstElement* element, GstSta
   LfViewSrc* self = LF_VIEW_SRC(element);
   const bool starts = transition == GST_STATE_CHANGE_NULL_TO_READY || transition == GST_STATE_CHANGE_READY_TO_PAUSED;
   if (starts && !prepare(self)) return GST_STATE_CHANGE_FAILURE;
+  if (transition == GST_STATE_CHANGE_READY_TO_PAUSED) warn_without_key(self);
   const GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_view_src_parent_class)->change_state(element, transition);
   // A pipeline asks once, unless it is told that there is something new; other runs may have other cameras.
   const bool begun = transition == GST_STATE_CHANGE_READY_TO_PAUSED && result != GST_STATE_CHANGE_FAILURE;
@@ -150,7 +189,7 @@ static gboolean lf_view_src_send_event(GstElement* element, GstEvent* event) {
 
 static void lf_view_src_dispose(GObject* object) {
   LfViewSrc* self = LF_VIEW_SRC(object);
-  drop_cameras(self);
+  drop_hosts(self);
   self->inside->viewers.clear();
   self->view = self->compositor = nullptr;
   G_OBJECT_CLASS(lf_view_src_parent_class)->dispose(object);
@@ -161,7 +200,7 @@ static void lf_view_src_finalize(GObject* object) {
   gst_clear_object(&self->inside->realtime);
   delete self->inside;
   g_free(self->rig);
-  g_free(self->nodes);
+  delete self->hosts;
   G_OBJECT_CLASS(lf_view_src_parent_class)->finalize(object);
 }
 
@@ -186,11 +225,12 @@ static void lf_view_src_class_init(LfViewSrcClass* klass) {
 static void lf_view_src_init(LfViewSrc* self) {
   self->is_live = TRUE;
   self->inside = new _LfViewSrc::Inside;
+  self->hosts = new LfViewSrcHosts;
   // Requests to hosts leave by a sink, which is none of the pipeline's.
   gst_bin_set_suppressed_flags(GST_BIN(self), GST_ELEMENT_FLAG_SINK);
   try {
     lf_view_src_add_main_viewer(self);
-    change_cameras(self, "");
+    change_hosts(self, {});
   } catch (const std::exception& error) {
     GST_WARNING_OBJECT(self, "%s", error.what());
   }

@@ -4,10 +4,12 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
 
 #include "bins/lfviewsrc.h"
 #include "bins/viewer_cameras.h"
+#include "bins/viewer_requests.h"
 
 // What the files of lfviewsrc share: lfviewsrc.cc (the element), view_src_properties.cc (properties, URIs, actions) and
 // view_src_viewers.cc (viewers that come and go, and their pads).
@@ -15,13 +17,22 @@
 struct LfViewSrcViewer {
   LfViewSrcViewer(GstBin* bin, guint view_id, const std::string& ending) : chain(bin, view_id, ending) {}
   lf::ViewerChain chain;
-  std::unique_ptr<lf::RequestedPads> pads;  // that link it with the cameras
+  std::unique_ptr<lf::RequestedPads> pads;      // that link it with the cameras
+  std::unique_ptr<lf::RequestedPads> requests;  // and with those who ask for it on other hosts
+};
+
+// Other hosts, as properties name them.
+struct LfViewSrcHosts {
+  std::string nodes, listen, key_file, peers;
+  bool operator==(const LfViewSrcHosts&) const = default;
+  bool any() const { return !nodes.empty() || !listen.empty(); }
 };
 
 struct _LfViewSrc {
   GstBin parent;
   // Under the object lock.
-  gchar *rig, *nodes;
+  gchar* rig;
+  LfViewSrcHosts* hosts;
   gboolean is_live;
 
   GstElement *view, *compositor;  // of `src`: children; null where the elements are not installed
@@ -29,10 +40,11 @@ struct _LfViewSrc {
   struct Inside {
     std::recursive_mutex mutex;
     std::map<std::string, std::shared_ptr<LfViewSrcViewer>> viewers;  // by the name of their pad
-    guint next_view_id = 0;                                           // of a closed viewer there may still be answers
+    std::set<guint> view_ids;                                         // that have been used
     std::unique_ptr<lf::ViewerCameras> cameras;
-    std::string nodes;             // that `cameras` were made for
-    GstClock* realtime = nullptr;  // made when it is asked for
+    std::unique_ptr<lf::ViewerRequests> requests;  // null where viewers make their own
+    LfViewSrcHosts hosts;                          // that these were made for
+    GstClock* realtime = nullptr;                  // made when it is asked for
   } * inside;
 };
 
@@ -40,8 +52,9 @@ struct _LfViewSrc {
 void lf_view_src_install_properties(GObjectClass* klass);
 void lf_view_src_install_actions(GObjectClass* klass);
 void lf_view_src_uri_handler_init(gpointer iface, gpointer data);
-// A copy of `rig` or `nodes`, "" for null.
-std::string lf_view_src_text(LfViewSrc* self, gchar* const* text);
+// Copies; "" where there is no rig.
+std::string lf_view_src_rig(LfViewSrc* self);
+LfViewSrcHosts lf_view_src_hosts(LfViewSrc* self);
 bool lf_view_src_is_live(LfViewSrc* self);
 // Of lfcameranode, if there is one, what is the bin's to say.
 void lf_view_src_set_node(LfViewSrc* self);
@@ -50,5 +63,7 @@ void lf_view_src_copy_settings(LfViewSrc* self, const lf::ViewerChain& to);
 
 // view_src_viewers.cc
 void lf_view_src_install_pads(GstElementClass* klass);
+// Links a viewer with what it has in common with the others, as far as that is there. Throws Error.
+void lf_view_src_connect(LfViewSrc* self, LfViewSrcViewer& viewer);
 // The viewer of the pad that is always there, and the pad. Throws Error.
 void lf_view_src_add_main_viewer(LfViewSrc* self);

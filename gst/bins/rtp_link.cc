@@ -19,6 +19,8 @@ bool has_ipv6() {
   return interfaces.peek() != std::ifstream::traits_type::eof();
 }
 
+const char* text_or_null(const std::string& text) { return text.empty() ? nullptr : text.c_str(); }
+
 }  // namespace
 
 GstElement* add_element(GstBin* bin, const char* factory, const std::string& name) {
@@ -30,21 +32,40 @@ GstElement* add_element(GstBin* bin, const char* factory, const std::string& nam
   return element;
 }
 
-GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, const std::string& name,
-                     std::vector<GstElement*>* added) {
+Admission admission_of(const Admission& settings, const std::string& host) {
+  if (!settings.key_file.empty() || !settings.peers.empty()) return settings;
+  return {"", host + ",127.0.0.0/8,::1"};
+}
+
+void warn_without_key(GstElement* element, const Admission& admission) {
+  if (!admission.key_file.empty()) return;
+  const std::string from = admission.peers.empty() ? "" : " (" + admission.peers + ")";
+  GST_ELEMENT_WARNING(element, RESOURCE, SETTINGS,
+                      ("Without a key-file anybody on this network can steer and see: packets are not sealed, and the "
+                       "addresses that requests are taken from%s can be forged.",
+                       from.c_str()),
+                      (nullptr));
+}
+
+GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, const Admission& admission,
+                     const std::string& name, std::vector<GstElement*>* added) {
   GstElement* udp = add_element(bin, "udpsrc", name + "_udp");
   added->push_back(udp);
   if (!from.host.empty())
     g_object_set(udp, "address", from.host.c_str(), "auto-multicast", TRUE, nullptr);
   else if (has_ipv6())
     g_object_set(udp, "address", "::", nullptr);
-  GstCaps* caps = gst_caps_new_simple("application/x-rtp", "media", G_TYPE_STRING, "application", "clock-rate",
-                                      G_TYPE_INT, 90000, "encoding-name", G_TYPE_STRING, encoding, nullptr);
+  GstCaps* caps = gst_caps_new_simple(admission.key_file.empty() ? "application/x-rtp" : "application/x-srtp", "media",
+                                      G_TYPE_STRING, "application", "clock-rate", G_TYPE_INT, 90000, "encoding-name",
+                                      G_TYPE_STRING, encoding, nullptr);
   g_object_set(udp, "port", from.port, "buffer-size", kReceiveBuffer, "caps", caps, nullptr);
   gst_caps_unref(caps);
+  GstElement* gate = add_element(bin, "lfrtpgate", name + "_gate");
+  added->push_back(gate);
+  g_object_set(gate, "key-file", text_or_null(admission.key_file), "peers", text_or_null(admission.peers), nullptr);
   GstElement* depay = add_element(bin, "rtplfdepay", name + "_depay");
   added->push_back(depay);
-  if (!gst_element_link(udp, depay)) throw Error("udpsrc can't be linked with rtplfdepay");
+  if (!gst_element_link_many(udp, gate, depay, nullptr)) throw Error("udpsrc can't be linked with rtplfdepay");
   return gst_element_get_static_pad(depay, "src");
 }
 

@@ -14,12 +14,24 @@ namespace lf {
 // Makes an element and adds it to the bin; borrowed. Throws Error that names the package that it is in.
 GstElement* add_element(GstBin* bin, const char* factory, const std::string& name);
 
-// What receives RTP: a udpsrc with room for a burst and an rtplfdepay, linked; the pad that units leave by, with a
-// reference. `host`: a multicast group, or "" for all addresses of this machine, of either family. `encoding`: of the
-// RTP caps, as lib/rtp/spec.md has them. The names of the elements begin with `name`; they are put behind those in
-// *added. Throws Error.
-GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, const std::string& name,
-                     std::vector<GstElement*>* added);
+// Who may send: who has the key, or, without one, who has one of these addresses (lfrtpgate).
+struct Admission {
+  std::string key_file, peers;
+  bool operator==(const Admission&) const = default;
+};
+
+// The host that packets are expected from, and this machine, where `peers` names nobody and there is no key.
+Admission admission_of(const Admission& settings, const std::string& host);
+
+// Posts a warning, if there is no key, that those who are let in are not all who can get in.
+void warn_without_key(GstElement* element, const Admission& admission);
+
+// What receives RTP: a udpsrc with room for a burst, an lfrtpgate and an rtplfdepay, linked; the pad that units leave
+// by, with a reference. `host`: an address of this machine, a multicast group, or "" for all addresses of this machine,
+// of either family. `encoding`: of the RTP caps, as lib/rtp/spec.md has them. The names of the elements begin with
+// `name`; they are put behind those in *added. Throws Error.
+GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, const Admission& admission,
+                     const std::string& name, std::vector<GstElement*>* added);
 
 // Throws Error if nobody knows a machine of this name: sinks of UDP leave such a one out without a word. Asks the
 // network.

@@ -12,7 +12,7 @@
 
 namespace {
 
-enum { PROP_0, PROP_RIG, PROP_NODES, PROP_IS_LIVE, PROP_FIRST_COPY };
+enum { PROP_0, PROP_RIG, PROP_NODES, PROP_LISTEN, PROP_KEY_FILE, PROP_PEERS, PROP_IS_LIVE, PROP_FIRST_COPY };
 
 // Of one viewer and no other.
 constexpr std::array kOwnProperties = {"location", "loop", "eye-offset", "num-buffers"};
@@ -24,11 +24,14 @@ bool is_own(const char* name) {
 
 }  // namespace
 
-std::string lf_view_src_text(LfViewSrc* self, gchar* const* text) {
-  lf::ObjectLock lock(self);
-  const std::string copy = *text ? *text : "";
-  lock.unlock();
-  return copy;
+std::string lf_view_src_rig(LfViewSrc* self) {
+  const lf::ObjectLock lock(self);
+  return self->rig ? self->rig : "";
+}
+
+LfViewSrcHosts lf_view_src_hosts(LfViewSrc* self) {
+  const lf::ObjectLock lock(self);
+  return *self->hosts;
 }
 
 bool lf_view_src_is_live(LfViewSrc* self) {
@@ -43,7 +46,7 @@ static GstElement* find_node(LfViewSrc* self) { return gst_bin_get_by_name(GST_B
 void lf_view_src_set_node(LfViewSrc* self) {
   GstElement* node = find_node(self);
   if (!node) return;
-  const std::string rig = lf_view_src_text(self, &self->rig);
+  const std::string rig = lf_view_src_rig(self);
   g_object_set(node, "is-live", lf_view_src_is_live(self), "rig", rig.empty() ? nullptr : rig.c_str(), nullptr);
   gst_object_unref(node);
 }
@@ -77,6 +80,22 @@ static void lf_view_src_set_live(LfViewSrc* self, gboolean live) {
   lf_view_src_set_node(self);
 }
 
+// Null for a property that is none of them.
+static std::string* text_of(LfViewSrcHosts& hosts, guint id) {
+  switch (id) {
+    case PROP_NODES: return &hosts.nodes;
+    case PROP_LISTEN: return &hosts.listen;
+    case PROP_KEY_FILE: return &hosts.key_file;
+    case PROP_PEERS: return &hosts.peers;
+    default: return nullptr;
+  }
+}
+
+static void set_text(LfViewSrc* self, guint id, const gchar* text) {
+  const lf::ObjectLock lock(self);
+  if (std::string* field = text_of(*self->hosts, id)) *field = text ? text : "";
+}
+
 static GstElement* owner_of(LfViewSrc* self, GParamSpec* copy) {
   return lf::is_copy(copy, LF_TYPE_VIEW_REQUEST) ? self->view : self->compositor;
 }
@@ -87,11 +106,9 @@ static void lf_view_src_set_property(GObject* object, guint id, const GValue* va
     case PROP_RIG: return lf_view_src_set_rig(self, g_value_get_string(value));
     case PROP_IS_LIVE: return lf_view_src_set_live(self, g_value_get_boolean(value));
     case PROP_NODES:
-      GST_OBJECT_LOCK(self);
-      g_free(self->nodes);
-      self->nodes = g_value_dup_string(value);
-      GST_OBJECT_UNLOCK(self);
-      return;
+    case PROP_LISTEN:
+    case PROP_KEY_FILE:
+    case PROP_PEERS: return set_text(self, id, g_value_get_string(value));
     default:
       if (GstElement* owner = owner_of(self, pspec)) g_object_set_property(G_OBJECT(owner), pspec->name, value);
   }
@@ -103,10 +120,12 @@ static void lf_view_src_get_property(GObject* object, guint id, GValue* value, G
     if (GstElement* owner = owner_of(self, pspec)) g_object_get_property(G_OBJECT(owner), pspec->name, value);
     return;
   }
+  LfViewSrcHosts hosts = lf_view_src_hosts(self);
+  if (const std::string* text = text_of(hosts, id))
+    return g_value_set_string(value, text->empty() ? nullptr : text->c_str());
   GST_OBJECT_LOCK(self);
   switch (id) {
     case PROP_RIG: g_value_set_string(value, self->rig); break;
-    case PROP_NODES: g_value_set_string(value, self->nodes); break;
     case PROP_IS_LIVE: g_value_set_boolean(value, self->is_live); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -135,7 +154,7 @@ static const gchar* const* lf_view_src_protocols(GType) {
 }
 
 static gchar* lf_view_src_uri(GstURIHandler* handler) {
-  const std::string rig = lf_view_src_text(LF_VIEW_SRC(handler), &LF_VIEW_SRC(handler)->rig);
+  const std::string rig = lf_view_src_rig(LF_VIEW_SRC(handler));
   if (rig.empty()) return nullptr;
   g_autofree gchar* whole = g_canonicalize_filename(rig.c_str(), nullptr);
   g_autofree gchar* escaped = g_uri_escape_string(whole, G_URI_RESERVED_CHARS_ALLOWED_IN_PATH, FALSE);
@@ -215,9 +234,32 @@ void lf_view_src_install_properties(GObjectClass* klass) {
       klass, PROP_NODES,
       g_param_spec_string(
           "nodes", "Nodes",
-          "Hosts that the cameras are on (lfnodesink): HOST:PORT-THERE:PORT-HERE,..., with the ports "
-          "for requests there and for answers here. They are live (empty: all cameras are on this machine)",
+          "Hosts that the cameras are on (lfnodesink): HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,..., with the ports "
+          "for requests there and for answers here, and the address of this machine that those come in at (none: any). "
+          "They are live (empty: all cameras are on this machine)",
           nullptr, kReady));
+  g_object_class_install_property(
+      klass, PROP_LISTEN,
+      g_param_spec_string(
+          "listen", "Listen",
+          "UDP port, ADDRESS:PORT of this machine or GROUP:PORT of a multicast group where viewers on "
+          "other hosts ask for views, which are shown in place of views of its own: view 0 by src, view "
+          "1 by src_0, and so on (none: viewers are here)",
+          nullptr, kReady));
+  g_object_class_install_property(
+      klass, PROP_KEY_FILE,
+      g_param_spec_string(
+          "key-file", "Key file",
+          "With nodes or listen: file with the secret that all hosts share, 32 or more random characters "
+          "(none: whoever is on the network can see and steer)",
+          nullptr, kReady));
+  g_object_class_install_property(
+      klass, PROP_PEERS,
+      g_param_spec_string("peers", "Peers",
+                          "With listen: names, addresses and networks (10.0.0.0/24) that requests are taken from, with "
+                          "commas between (none: with a key-file all that have it; else the first address of this "
+                          "machine that asks)",
+                          nullptr, kReady));
   g_object_class_install_property(klass, PROP_IS_LIVE,
                                   g_param_spec_boolean("is-live", "Is live",
                                                        "Pictures come in time with the clock, of frames that live "
@@ -225,5 +267,5 @@ void lf_view_src_install_properties(GObjectClass* klass) {
                                                        TRUE, kReady));
   const guint next = lf::install_copies(klass, PROP_FIRST_COPY, LF_TYPE_VIEW_REQUEST,
                                         {"rig", "view-id", "is-live", "navigation-from", "access"}, {"num-buffers"});
-  lf::install_copies(klass, next, LF_TYPE_COMPOSITOR, {"rig", "view-id", "partial", "node", "codec"}, {"latency"});
+  lf::install_copies(klass, next, LF_TYPE_COMPOSITOR, {"rig", "view-id"}, {"latency"});
 }

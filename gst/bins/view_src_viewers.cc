@@ -10,13 +10,33 @@
 GST_DEBUG_CATEGORY_EXTERN(lf_view_src_debug);
 #define GST_CAT_DEFAULT lf_view_src_debug
 
+constexpr guint kFirstOfReopened = 1 << 20;
+
+// View 0 by src, view 1 by src_0, and so on. Of a closed viewer there may still be answers, so that who comes by the
+// same pad is another view, unless others name it.
+static guint choose_view_id(LfViewSrc* self, const std::string& ending) {
+  std::set<guint>& used = self->inside->view_ids;
+  const guint id = ending.empty() ? 0 : static_cast<guint>(g_ascii_strtoull(ending.c_str() + 1, nullptr, 10)) + 1;
+  if (used.insert(id).second || !lf_view_src_hosts(self).listen.empty()) return id;
+  guint next = kFirstOfReopened;
+  if (*used.rbegin() >= next) next = *used.rbegin() + 1;
+  used.insert(next);
+  return next;
+}
+
+void lf_view_src_connect(LfViewSrc* self, LfViewSrcViewer& viewer) {
+  auto& inside = *self->inside;
+  if (inside.requests) viewer.requests = inside.requests->connect(viewer.chain);
+  if (inside.cameras) viewer.pads = inside.cameras->connect(viewer.chain);
+}
+
 // The viewer whose pictures leave by the pad `name`. Throws Error.
 static std::shared_ptr<LfViewSrcViewer> add_viewer(LfViewSrc* self, const std::string& name) {
   auto& inside = *self->inside;
   const std::string ending = name.substr(sizeof("src") - 1);
-  const auto viewer = std::make_shared<LfViewSrcViewer>(GST_BIN(self), inside.next_view_id++, ending);
+  const auto viewer = std::make_shared<LfViewSrcViewer>(GST_BIN(self), choose_view_id(self, ending), ending);
   inside.viewers[name] = viewer;
-  const std::string rig = lf_view_src_text(self, &self->rig);
+  const std::string rig = lf_view_src_rig(self);
   if (!rig.empty()) {
     g_object_set(viewer->chain.view(), "rig", rig.c_str(), nullptr);
     g_object_set(viewer->chain.compositor(), "rig", rig.c_str(), nullptr);
@@ -47,7 +67,7 @@ static GstPad* lf_view_src_new_pad(GstElement* element, GstPadTemplate*, const g
   try {
     const std::shared_ptr<LfViewSrcViewer> viewer = add_viewer(self, name);
     lf_view_src_copy_settings(self, viewer->chain);
-    if (inside.cameras) viewer->pads = inside.cameras->connect(viewer->chain);
+    lf_view_src_connect(self, *viewer);
     GstPad* pad = add_ghost_pad(self, *viewer, name.c_str(), "src_%u");
     viewer->chain.follow_bin();
     return pad;
@@ -56,6 +76,7 @@ static GstPad* lf_view_src_new_pad(GstElement* element, GstPadTemplate*, const g
   }
   if (const auto half = inside.viewers.find(name); half != inside.viewers.end()) {
     half->second->chain.take_out();
+    half->second->requests.reset();
     half->second->pads.reset();
     inside.viewers.erase(half);
   }
@@ -71,7 +92,10 @@ struct Closing {
 
 void close_viewer(GstElement*, gpointer data) {
   auto& [viewer, pad] = *static_cast<Closing*>(data);
-  viewer->chain.close([&] { viewer->pads.reset(); });
+  viewer->chain.close([&] {
+    viewer->requests.reset();
+    viewer->pads.reset();
+  });
   gst_pad_set_active(pad, FALSE);
 }
 
@@ -110,21 +134,13 @@ void lf_view_src_add_main_viewer(LfViewSrc* self) {
   viewer->chain.follow_bin();
 }
 
-// Of what lfcompositor puts out the pictures.
 void lf_view_src_install_pads(GstElementClass* klass) {
   klass->request_new_pad = lf::callback<lf_view_src_new_pad>;
   klass->release_pad = lf::callback<lf_view_src_release_pad>;
   GstElementClass* compositor = GST_ELEMENT_CLASS(g_type_class_ref(LF_TYPE_COMPOSITOR));
-  GstCaps* all = gst_pad_template_get_caps(gst_element_class_get_pad_template(compositor, "src"));
-  GstCaps* video = gst_caps_new_empty();
-  for (guint i = 0; i < gst_caps_get_size(all); i++) {
-    const GstStructure* structure = gst_caps_get_structure(all, i);
-    if (gst_structure_has_name(structure, "video/x-raw"))
-      gst_caps_append_structure(video, gst_structure_copy(structure));
-  }
-  gst_element_class_add_pad_template(klass, gst_pad_template_new("src", GST_PAD_SRC, GST_PAD_ALWAYS, video));
-  gst_element_class_add_pad_template(klass, gst_pad_template_new("src_%u", GST_PAD_SRC, GST_PAD_REQUEST, video));
-  gst_caps_unref(video);
-  gst_caps_unref(all);
+  GstCaps* caps = gst_pad_template_get_caps(gst_element_class_get_pad_template(compositor, "src"));
+  gst_element_class_add_pad_template(klass, gst_pad_template_new("src", GST_PAD_SRC, GST_PAD_ALWAYS, caps));
+  gst_element_class_add_pad_template(klass, gst_pad_template_new("src_%u", GST_PAD_SRC, GST_PAD_REQUEST, caps));
+  gst_caps_unref(caps);
   g_type_class_unref(compositor);
 }

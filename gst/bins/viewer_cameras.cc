@@ -2,8 +2,8 @@
 #include "bins/viewer_cameras.h"
 
 #include "base/error.h"
-#include "bins/answer_split.h"
 #include "bins/rtp_link.h"
+#include "bins/view_split.h"
 
 namespace lf {
 namespace {
@@ -48,12 +48,19 @@ class CamerasHere : public ViewerCameras {
   GstElement* node_;
 };
 
+// Of a host that is this machine itself nothing comes from outside.
+HostPort place_of_answers(const NodeAddress& node) {
+  std::string address = node.answer_host;
+  if (address.empty() && (node.host.starts_with("127.") || node.host == "::1")) address = node.host;
+  return {address, node.answer_port};
+}
+
 // Requests of all viewers go to all hosts in one stream; the answers of each host are told apart here.
 class CamerasOnHosts : public ViewerCameras {
  public:
-  CamerasOnHosts(GstBin* bin, const std::vector<NodeAddress>& nodes) : bin_(bin) {
+  CamerasOnHosts(GstBin* bin, const std::vector<NodeAddress>& nodes, const std::string& key_file) : bin_(bin) {
     try {
-      add_all(nodes);
+      add_all(nodes, key_file);
     } catch (const Error&) {
       remove();
       throw;
@@ -66,27 +73,31 @@ class CamerasOnHosts : public ViewerCameras {
     GstPad* request = gst_element_request_pad_simple(requests_, "sink_%u");
     link(viewer.requests(), GST_PAD(gst_object_ref(pads->add(requests_, request))));
     for (GstElement* split : splits_) {
-      GstPad* answers = GST_PAD(gst_object_ref(lf_answer_split_add_view(LF_ANSWER_SPLIT(split), viewer.view_id())));
+      GstPad* answers = GST_PAD(gst_object_ref(lf_view_split_add_view(LF_VIEW_SPLIT(split), viewer.view_id())));
       link(GST_PAD(gst_object_ref(pads->add(split, answers))), viewer.add_answers(true));
     }
     return pads;
   }
 
  private:
-  void add_all(const std::vector<NodeAddress>& nodes) {
+  void add_all(const std::vector<NodeAddress>& nodes, const std::string& key_file) {
     requests_ = add("funnel", "all_requests");
     GstElement* pay = add("rtplfpay", "request_pay");
+    GstElement* seal = add("lfrtpseal", "request_seal");
+    if (!key_file.empty()) g_object_set(seal, "key-file", key_file.c_str(), nullptr);
     GstElement* udp = add("multiudpsink", "request_udp");
     g_object_set(udp, "sync", FALSE, "async", FALSE, nullptr);
     for (const NodeAddress& node : nodes) {
       check_host(node.host);
       g_signal_emit_by_name(udp, "add", node.host.c_str(), node.request_port, nullptr);
     }
-    if (!gst_element_link_many(requests_, pay, udp, nullptr)) throw Error("requests can't be linked with the network");
+    if (!gst_element_link_many(requests_, pay, seal, udp, nullptr))
+      throw Error("requests can't be linked with the network");
     for (size_t i = 0; i < nodes.size(); i++) {
       const std::string name = "host" + std::to_string(i);
-      GstPad* answers = add_receiver(bin_, {"", nodes[i].answer_port}, "X-LIGHTFIELD-ANSWER", name, &all_);
-      GstElement* split = GST_ELEMENT(g_object_new(LF_TYPE_ANSWER_SPLIT, "name", (name + "_answers").c_str(), nullptr));
+      GstPad* answers = add_receiver(bin_, place_of_answers(nodes[i]), "X-LIGHTFIELD-ANSWER",
+                                     admission_of({key_file, ""}, nodes[i].host), name, &all_);
+      GstElement* split = GST_ELEMENT(g_object_new(LF_TYPE_VIEW_SPLIT, "name", (name + "_answers").c_str(), nullptr));
       gst_bin_add(bin_, split);
       all_.push_back(split);
       splits_.push_back(split);
@@ -113,8 +124,9 @@ class CamerasOnHosts : public ViewerCameras {
 
 std::unique_ptr<ViewerCameras> cameras_here(GstBin* bin) { return std::make_unique<CamerasHere>(bin); }
 
-std::unique_ptr<ViewerCameras> cameras_on_hosts(GstBin* bin, const std::vector<NodeAddress>& nodes) {
-  return std::make_unique<CamerasOnHosts>(bin, nodes);
+std::unique_ptr<ViewerCameras> cameras_on_hosts(GstBin* bin, const std::vector<NodeAddress>& nodes,
+                                                const std::string& key_file) {
+  return std::make_unique<CamerasOnHosts>(bin, nodes, key_file);
 }
 
 }  // namespace lf

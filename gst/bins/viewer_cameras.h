@@ -24,6 +24,8 @@ class ViewerCameras {
 // The cameras of a rig that are on this machine: one lfcameranode, "node".
 std::unique_ptr<ViewerCameras> cameras_here(GstBin* bin);
 // Cameras on hosts that are reached by RTP. Throws Error if GStreamer's elements for that are not there.
-std::unique_ptr<ViewerCameras> cameras_on_hosts(GstBin* bin, const std::vector<NodeAddress>& nodes);
+// `key_file`: what they share; "" where packets are plain, and answers come from the addresses of these hosts.
+std::unique_ptr<ViewerCameras> cameras_on_hosts(GstBin* bin, const std::vector<NodeAddress>& nodes,
+                                                const std::string& key_file);
 
 }  // namespace lf

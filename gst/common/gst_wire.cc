@@ -42,9 +42,6 @@ std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string*
 std::optional<wire::AnyRequest> decode_any_request_buffer(GstBuffer* buffer, std::string* reason) {
   return decode(buffer, reason, wire::decode_any_request);
 }
-std::optional<wire::RequestPeek> peek_request_buffer(GstBuffer* buffer) {
-  return wire::peek_request(MappedBuffer(buffer).bytes());
-}
 std::optional<uint32_t> peek_answer_view(GstBuffer* buffer) {
   return wire::peek_answer_view(MappedBuffer(buffer).bytes());
 }
@@ -63,16 +60,19 @@ ByteBuffer AnswerMemory::take() {
   unused_.pop_back();
   return bytes;
 }
-void AnswerMemory::give_back(ByteBuffer bytes) {
-  std::lock_guard lock(mutex_);
-  largest_ = std::max(largest_, bytes.size());
-  if (++given_ >= kLatest) {
-    largest_before_ = std::exchange(largest_, 0);
-    given_ = 0;
-  }
-  const size_t most = 2 * std::max(largest_, largest_before_);
+void AnswerMemory::drop_large(uint64_t now) {
+  const size_t most = 2 * need_.largest(now);
   std::erase_if(unused_, [most](const ByteBuffer& buffer) { return buffer.capacity() > most; });
-  if (unused_.size() < kMostKept && bytes.capacity() <= most) unused_.push_back(std::move(bytes));
+}
+void AnswerMemory::give_back(ByteBuffer bytes, uint64_t now) {
+  std::lock_guard lock(mutex_);
+  need_.see(bytes.size(), now);
+  if (unused_.size() < kMostKept) unused_.push_back(std::move(bytes));
+  drop_large(now);
+}
+void AnswerMemory::trim(uint64_t now) {
+  std::lock_guard lock(mutex_);
+  drop_large(now);
 }
 
 size_t AnswerMemory::kept_bytes() const {

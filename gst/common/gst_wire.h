@@ -11,6 +11,8 @@
 #include <gst/gst.h>
 
 #include "base/byte_buffer.h"
+#include "base/schedule.h"
+#include "base/peak_need.h"
 #include "wire/answer_parser.h"
 #include "wire/command_codec.h"
 #include "wire/request_codec.h"
@@ -22,7 +24,6 @@ namespace lf {
 std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
 std::optional<wire::AnyRequest> decode_any_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
 // What the first bytes say, without decoding the rest.
-std::optional<wire::RequestPeek> peek_request_buffer(GstBuffer* buffer);
 std::optional<uint32_t> peek_answer_view(GstBuffer* buffer);
 // Moments, or cameras' trials.
 bool is_moments_buffer(GstBuffer* buffer);
@@ -44,20 +45,22 @@ class MappedBuffer {
 };
 
 // Memory of answers that have been taken: the sums of a 1080p view have six megabytes, which cost more to get from the
-// system anew for each than to fill. What is much larger than the latest answers is given back to the system.
-// Thread-safe; buffers may outlive whoever made them.
+// system anew for each than to fill. What is much larger than the answers of the last minute is given back to the
+// system. Thread-safe; buffers may outlive whoever made them.
 class AnswerMemory {
  public:
   AnswerMemory() { unused_.reserve(kMostKept); }  // to give some back takes none
   ByteBuffer take();
-  void give_back(ByteBuffer bytes);
+  // `now`: now_ns(), or of any one clock.
+  void give_back(ByteBuffer bytes, uint64_t now = now_ns());
+  // The minute passes: what was last needed before it goes. To be called now and then where nothing may come back.
+  void trim(uint64_t now = now_ns());
   size_t kept_bytes() const;
 
  private:
   static constexpr size_t kMostKept = 4;
-  static constexpr int kLatest = 32;  // answers, at least, whose sizes count
-  size_t largest_ = 0, largest_before_ = 0;
-  int given_ = 0;
+  PeakNeed need_;
+  void drop_large(uint64_t now);  // locked
   mutable std::mutex mutex_;
   std::vector<ByteBuffer> unused_;
 };

@@ -18,16 +18,16 @@ GstElement* element_of(gpointer object) {
   return GST_ELEMENT(owner);
 }
 
-void post(GstElement* element, const char* what) {
-  if (!element) return;
+void post_error(GstElement* element, const char* what) {
   GST_ELEMENT_ERROR(element, LIBRARY, FAILED, ("%s", what), (nullptr));
-  gst_object_unref(element);
 }
 
-}  // namespace
+void post_warning(GstElement* element, const char* what) {
+  GST_ELEMENT_WARNING(element, LIBRARY, FAILED, ("%s", what), (nullptr));
+}
 
-void post_current_exception(gpointer object) {
-  GstElement* element = element_of(object);
+// Calls post() with what was thrown, in words. Takes the element.
+void describe_current_exception(GstElement* element, void (*post)(GstElement*, const char*)) {
   try {
     throw;
   } catch (const std::bad_alloc&) {
@@ -37,6 +37,32 @@ void post_current_exception(gpointer object) {
   } catch (...) {
     post(element, "An exception of an unknown kind.");
   }
+  gst_object_unref(element);
+}
+
+// Whether the element may tell of one more.
+bool is_time_to_warn(GstElement* element) {
+  static const GQuark quark = g_quark_from_static_string("lf-warned-at");
+  const auto second = static_cast<guint>(g_get_monotonic_time() / G_USEC_PER_SEC) + 1;
+  const guint last = GPOINTER_TO_UINT(g_object_get_qdata(G_OBJECT(element), quark));
+  if (last == second) return false;
+  g_object_set_qdata(G_OBJECT(element), quark, GUINT_TO_POINTER(second));
+  return true;
+}
+
+}  // namespace
+
+void post_current_exception(gpointer object) {
+  if (GstElement* element = element_of(object)) describe_current_exception(element, post_error);
+}
+
+void warn_of_current_exception(gpointer object) {
+  GstElement* element = element_of(object);
+  if (!element) return;
+  if (is_time_to_warn(element))
+    describe_current_exception(element, post_warning);
+  else
+    gst_object_unref(element);
 }
 
 }  // namespace lf

@@ -29,6 +29,21 @@ class ObjectLock {
 // Posts an error that says what was thrown, for an element or the one that has this pad. To be called in a handler.
 void post_current_exception(gpointer object);
 
+// The same as a warning, at most one a second of each element: what was thrown costs what was being made, and what
+// comes next is made as ever.
+void warn_of_current_exception(gpointer object);
+
+// What f() returns, which handles one buffer of a stream; if it throws the stream goes on without that.
+template <typename F>
+GstFlowReturn guarded_buffer(gpointer object, F f) {
+  try {
+    return f();
+  } catch (...) {
+    warn_of_current_exception(object);
+    return GST_FLOW_OK;
+  }
+}
+
 // What f() returns, or `failed` with an error posted if it throws.
 template <typename T, typename F>
 T guarded(gpointer object, T failed, F f) {

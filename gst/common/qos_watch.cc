@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "common/qos_watch.h"
 
+#include <algorithm>
+
 namespace lf {
 namespace {
 
 constexpr const char* kViewId = "lf-view-id";
-constexpr size_t kMostViews = 1024;  // that have come and gone
+constexpr size_t kMostViews = 1024;  // of viewers that come and go; then that of the longest silence is forgotten
 
 }  // namespace
 
@@ -38,7 +40,8 @@ void QosWatch::see(GstEvent* event, bool live) {
   // Where nothing but the work takes time, what comes next is late by as much again when this has been made up for.
   if (diff > 0 && !live && type != GST_QOS_TYPE_THROTTLE) diff *= 2;
   const bool before_zero = diff < 0 && timestamp < static_cast<GstClockTime>(-diff);
-  if (views_.size() >= kMostViews) views_.clear();
+  if (views_.size() >= kMostViews && !views_.contains(*view_id))
+    views_.erase(std::ranges::min_element(views_, {}, [](const auto& entry) { return entry.second.earliest; }));
   views_[*view_id] = {before_zero ? 0 : timestamp + static_cast<GstClockTime>(diff), proportion};
 }
 

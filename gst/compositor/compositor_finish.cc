@@ -64,6 +64,9 @@ GstFlowReturn lf_compositor_finish_request(LfCompositor* self, const AnswerPads&
     return GST_FLOW_OK;
   }
   state.focus.keep_up(lf_compositor_is_complete(self));
+  GST_OBJECT_LOCK(self);
+  state.focus.spare(self->trial_interval);
+  GST_OBJECT_UNLOCK(self);
   // Before the picture is made: the next request may wait for it.
   if (!self->partial && state.current->view.focus.map) lf_compositor_find_focus(self);
   GstFlowReturn flow = GST_FLOW_OK;

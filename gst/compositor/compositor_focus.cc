@@ -51,7 +51,7 @@ static int32_t ahead_of_current(LfCompositor* self, const lf::wire::MomentsHeade
   return static_cast<int32_t>(header.sequence - request.sequence);
 }
 
-int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer) {
+int32_t lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer) {
   auto& state = *self->state;
   const lf::MappedBuffer mapped(buffer);
   std::string reason;
@@ -67,7 +67,7 @@ int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer) {
   }
   const lf::ViewRequest& request = *state.current;
   const int32_t ahead = ahead_of_current(self, *header);
-  if (ahead != 0) return ahead > 0 ? 1 : -1;
+  if (ahead != 0) return ahead;
   reason = lf::add_moments(mapped.bytes(), *header, request, state.answers);
   if (reason.empty())
     state.moment_bytes += mapped.bytes().size();

@@ -175,7 +175,8 @@ static void note_other_view(LfCompositor* self, uint32_t other) {
 static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
   LfCompositor* self = LF_COMPOSITOR(data);
   if (self->state->over) return GST_PAD_PROBE_DROP;
-  const std::optional<lf::wire::RequestPeek> peek = lf::peek_request_buffer(GST_PAD_PROBE_INFO_BUFFER(info));
+  const lf::MappedBuffer mapped(GST_PAD_PROBE_INFO_BUFFER(info));
+  const std::optional<lf::wire::RequestPeek> peek = lf::wire::peek_request(mapped.bytes());
   if (!peek) return GST_PAD_PROBE_OK;  // counted where it is taken
   if (peek->head.view_id != lf_compositor_view_id(self)) {
     note_other_view(self, peek->head.view_id);
@@ -184,6 +185,8 @@ static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo*
   self->state->talk.asked = true;
   if (peek->type == lf::wire::kWarpCommandType || peek->type == lf::wire::kPixelCommandType)
     return GST_PAD_PROBE_DROP;  // for cameras
+  if (!self->guard->admits(GST_ELEMENT(self), mapped.bytes(), self->state->extent, self->state->live))
+    return GST_PAD_PROBE_DROP;
   if (!peek->head.probe) self->state->stats.request_arrived(peek->head.sequence, g_get_monotonic_time());
   return GST_PAD_PROBE_OK;
 }

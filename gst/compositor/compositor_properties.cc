@@ -26,8 +26,10 @@ enum {
   PROP_FOCUS_NEAR,
   PROP_FOCUS_FAR,
   PROP_MONITOR_INTERVAL,
+  PROP_TRIAL_INTERVAL,
   PROP_GAINS,
-  PROP_STATS
+  PROP_FIRST_LIMIT,
+  PROP_STATS = PROP_FIRST_LIMIT + lf::RequestGuard::kMaxViews  // it has one view
 };
 
 }  // namespace
@@ -89,8 +91,14 @@ static void lf_compositor_set_partial(LfCompositor* self, gboolean partial) {
                         (nullptr));
 }
 
+static bool is_limit(guint id) { return id >= PROP_FIRST_LIMIT && id < PROP_STATS; }
+static lf::RequestGuard::Property limit_of(guint id) {
+  return static_cast<lf::RequestGuard::Property>(id - PROP_FIRST_LIMIT);
+}
+
 static void lf_compositor_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfCompositor* self = LF_COMPOSITOR(object);
+  if (is_limit(id)) return self->guard->set(limit_of(id), value);
   if (id == PROP_RIG) return lf_compositor_set_rig(self, value);
   if (id == PROP_PARTIAL) return lf_compositor_set_partial(self, g_value_get_boolean(value));
   GST_OBJECT_LOCK(self);
@@ -106,6 +114,7 @@ static void lf_compositor_set_property(GObject* object, guint id, const GValue* 
     case PROP_FOCUS_NEAR: self->focus.near = g_value_get_double(value); break;
     case PROP_FOCUS_FAR: self->focus.far = g_value_get_double(value); break;
     case PROP_MONITOR_INTERVAL: self->monitor_interval = g_value_get_uint(value); break;
+    case PROP_TRIAL_INTERVAL: self->trial_interval = g_value_get_uint(value); break;
     case PROP_GAINS: self->gains = g_value_get_boolean(value); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -114,6 +123,7 @@ static void lf_compositor_set_property(GObject* object, guint id, const GValue* 
 
 static void lf_compositor_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
   LfCompositor* self = LF_COMPOSITOR(object);
+  if (is_limit(id)) return self->guard->get(limit_of(id), value);
   lf::ObjectLock lock(self);
   switch (id) {
     case PROP_VIEW_ID: g_value_set_uint(value, self->view_id); break;
@@ -129,8 +139,14 @@ static void lf_compositor_get_property(GObject* object, guint id, GValue* value,
     case PROP_FOCUS_NEAR: g_value_set_double(value, self->focus.near); break;
     case PROP_FOCUS_FAR: g_value_set_double(value, self->focus.far); break;
     case PROP_MONITOR_INTERVAL: g_value_set_uint(value, self->monitor_interval); break;
+    case PROP_TRIAL_INTERVAL: g_value_set_uint(value, self->trial_interval); break;
     case PROP_GAINS: g_value_set_boolean(value, self->gains); break;
-    case PROP_STATS: g_value_take_boxed(value, self->state->stats.structure()); break;
+    case PROP_STATS: {
+      GstStructure* stats = self->state->stats.structure();
+      self->guard->add_stats(stats);
+      g_value_take_boxed(value, stats);
+      break;
+    }
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
   lock.unlock();
@@ -200,19 +216,28 @@ void lf_compositor_install_properties(GObjectClass* klass) {
                             "others, in a small view: `stats` tell how well, and which cameras stand out (0: never). "
                             "Needs `rig`",
                             0, G_MAXUINT16, 0, flags(GST_PARAM_MUTABLE_PLAYING)));
+  install(PROP_TRIAL_INTERVAL,
+          g_param_spec_uint("trial-interval", "Trial interval",
+                            "At most one of so many requests has trials, by which a focal surface is found: more where "
+                            "time is short and the surface may follow the scene more slowly",
+                            1, G_MAXUINT16, 1, flags(GST_PARAM_MUTABLE_PLAYING)));
   install(PROP_GAINS, g_param_spec_boolean(
                           "gains", "Gains",
                           "Let cameras match their brightness to that of the others; with focus surface or auto. The "
                           "lffragments' stats have each camera's gain",
                           TRUE, flags(GST_PARAM_MUTABLE_PLAYING)));
+  lf::RequestGuard::install(klass, PROP_FIRST_LIMIT, false);
   install(
       PROP_STATS,
       g_param_spec_boxed(
           "stats", "Statistics",
           "Counts of pictures (complete, incomplete, unseen: no camera sees anything of the view, repeated, dropped), "
-          "requests skipped (too late to be shown, as QoS events say), "
+          "requests skipped (too late to be shown, as QoS events say), requests refused for one of the limits "
+          "(refused, "
+          "and of these refused-pixels, -aperture, -trials, -rate, -views), "
           "coverage (share of the latest view that cameras can see; with `rig`), fragments (missing, damaged), late, "
-          "repeated and bad answers, bytes, cameras out of service; the largest skew; of a focal surface: rounds of "
+          "repeated, stray (to requests that nobody has asked) and bad answers, pictures that failed (no memory), "
+          "bytes, cameras out of service; the largest skew; of a focal surface: rounds of "
           "trials, their bytes, how far cameras disagree (residual, 255ths) and by how much the last round lessened "
           "it (gained), requests from one with trials to the next (interval), whether one plane is enough (flat); of "
           "the monitor: "

@@ -157,6 +157,8 @@ GstStructure* CompositorStats::structure() const {
   set("missing-fragments", missing_);
   set("damaged-fragments", damaged_);
   set("late-answers", counters_[kLateAnswers]);
+  set("stray-answers", counters_[kStrayAnswers]);
+  set("failed", counters_[kFailedPictures]);
   set("repeated-answers", counters_[kRepeatedAnswers]);
   set("bytes", bytes_);
   set("out-of-service", out_of_service_);

@@ -25,6 +25,8 @@ class CompositorStats {
     kRepeatedPictures,
     kDroppedPictures,
     kSkippedRequests,
+    kStrayAnswers,    // to requests that nobody has asked
+    kFailedPictures,  // for lack of memory or another exception
     kNumCounters
   };
 

@@ -60,6 +60,7 @@
 
 #include <utility>
 
+#include "compositor/compositor_answer_pads.h"
 #include "compositor/lfcompositor_private.h"
 
 GST_DEBUG_CATEGORY(lf_compositor_debug);
@@ -88,6 +89,11 @@ static void forget_history(LfCompositor* self) {
   state.unheard = 0;
 }
 
+static void forget_early_answers(LfCompositor* self) {
+  self->state->last_sequence.reset();
+  for (GstAggregatorPad* pad : AnswerPads(self)) lf_compositor_node_of(pad).ahead.clear();
+}
+
 static gboolean lf_compositor_start(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   auto& state = *self->state;
@@ -101,6 +107,7 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
     return FALSE;
   }
   state.assembly.set_rig(state.rig);
+  state.extent = state.rig ? lf::array_extent(*state.rig) : 0;
   state.health_rig = state.last_rig = 0;
   lf_compositor_reset_health(self);
   state.current.reset();
@@ -117,15 +124,18 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   state.warned_rig = false;
   state.past.clear();
   state.skipped.clear();
+  state.last_sequence.reset();
   state.qos.clear();
   forget_history(self);
   state.stats.reset();
+  self->guard->clear();
   return TRUE;
 }
 
 static GstFlowReturn lf_compositor_flush(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   lf_compositor_forget_request(self);
+  forget_early_answers(self);
   self->state->over = false;
   self->state->segment = {};  // whatever it is, it has to be sent again
   forget_history(self);
@@ -135,6 +145,7 @@ static GstFlowReturn lf_compositor_flush(GstAggregator* agg) {
 static gboolean lf_compositor_stop(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   lf_compositor_forget_request(self);
+  forget_early_answers(self);
   gst_clear_buffer(&self->state->last_picture);
   self->state->pool.clear();
   return TRUE;
@@ -143,6 +154,7 @@ static gboolean lf_compositor_stop(GstAggregator* agg) {
 static void lf_compositor_finalize(GObject* object) {
   LfCompositor* self = LF_COMPOSITOR(object);
   delete self->state;
+  delete self->guard;
   delete self->new_rig;
   g_free(self->rig_path);
   G_OBJECT_CLASS(lf_compositor_parent_class)->finalize(object);
@@ -169,7 +181,9 @@ static void lf_compositor_class_init(LfCompositorClass* klass) {
 
 static void lf_compositor_init(LfCompositor* self) {
   self->state = new _LfCompositor::State;
+  self->guard = new lf::RequestGuard;
   self->gains = TRUE;
+  self->trial_interval = 1;
   lf_compositor_add_request_pad(self);
   g_object_set(self, "latency", kDefaultLatency, nullptr);
 }

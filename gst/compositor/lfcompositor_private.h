@@ -12,8 +12,10 @@
 #include "common/common.h"
 #include "common/gst_wire.h"
 #include "common/qos_watch.h"
+#include "common/request_guard.h"
 #include "composite/assembly.h"
 #include "composite/camera_health.h"
+#include "compositor/ahead_answers.h"
 #include "compositor/compositor_stats.h"
 #include "compositor/lfcompositor.h"
 #include "compositor/picture_pool.h"
@@ -24,9 +26,9 @@
 #include "wire/answer_parts.h"
 
 // What the files of lfcompositor share: lfcompositor.cc (the element), compositor_properties.cc, compositor_answers.cc
-// (requests and answers in), compositor_finish.cc (how a request ends), compositor_focus.cc (their focal surface),
-// compositor_monitor.cc (how well cameras are predicted), compositor_output.cc (pictures or partial answers out) and
-// compositor_pads.cc (events, queries, pads).
+// (requests in, and when they are answered), compositor_take.cc (answers in), compositor_finish.cc (how a request
+// ends), compositor_focus.cc (their focal surface), compositor_monitor.cc (how well cameras are predicted),
+// compositor_output.cc (pictures or partial answers out) and compositor_pads.cc (events, queries, pads).
 
 // The node behind an answer pad, as the current request shows it. Streaming thread.
 struct NodeInput {
@@ -38,6 +40,7 @@ struct NodeInput {
   Head head = Head::kUnseen;
   GstBuffer* seen = nullptr;          // the buffer that `head` is about; not owned
   lf::wire::AnswerParts parts;        // that have been added
+  lf::AheadAnswers ahead;             // live: of later requests
   unsigned missed = 0;                // pictures in a row that had to do without this node
   std::atomic<bool> flushed = false;  // by its own stream alone: what is on the pad is not what it was
   bool answered() const { return head != Head::kUnseen; }
@@ -60,11 +63,16 @@ struct _LfCompositor {
   lf::CodecChoice codec;
   lf::FocusControl::Settings focus;
   guint monitor_interval;
+  guint trial_interval;
   gboolean gains;
+
+  lf::RequestGuard* guard;
 
   // Streaming thread, but for stats.
   struct State {
     std::shared_ptr<const lf::Rig> rig;
+    std::atomic<bool> live = false;  // as it was last seen to be: to ask takes queries to all pads
+    std::atomic<double> extent = 0;  // of its array, see array_extent(); any thread
     lf::Assembly assembly;
     std::optional<lf::ViewRequest> current;     // the request at the head of the request pad
     std::atomic<bool> request_flushed = false;  // that one is gone
@@ -106,9 +114,10 @@ struct _LfCompositor {
       uint32_t sequence;
       GstClockTime deadline;  // clock time
     };
-    std::deque<Past> past;         // requests that were composed last
-    lf::QosWatch qos;              // any thread
-    std::deque<uint32_t> skipped;  // requests that were left out last
+    std::deque<Past> past;                  // requests that were composed last
+    std::optional<uint32_t> last_sequence;  // of the request before
+    lf::QosWatch qos;                       // any thread
+    std::deque<uint32_t> skipped;           // requests that were left out last
     lf::CameraHealth health;
     uint64_t health_rig = 0;        // hash of the rig whose cameras they are, 0: not known yet
     lf::CameraRanges seeing_since;  // cameras whose answers were in time, but after their picture
@@ -117,7 +126,7 @@ struct _LfCompositor {
     bool root_is_near = false;  // the compositor that partial answers go to is in this process
 
     lf::ViewFocus::Answers answers;  // to the current request's trials and to its question for the mean brightness
-    lf::MeanTurns mean_turns;          // since the gains were switched on
+    lf::MeanTurns mean_turns;        // since the gains were switched on
 
     uint64_t moment_bytes = 0;
     lf::FocusControl::Settings focus_settings;  // of `focus`
@@ -147,6 +156,12 @@ guint lf_compositor_view_id(LfCompositor* self);
 GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean timeout);
 GstClockTime lf_compositor_next_time(GstAggregator* agg);
 void lf_compositor_forget_request(LfCompositor* self);
+
+// compositor_take.cc
+// Adds what has come from a node for the current request, up to its last part.
+void lf_compositor_take_answers(LfCompositor* self, GstAggregatorPad* pad);
+// The next request has this number: where it is one before the last one's, what waits for later ones is thrown away.
+void lf_compositor_note_sequence(LfCompositor* self, uint32_t sequence);
 
 // compositor_finish.cc
 inline constexpr size_t kMostPast = 32;  // requests whose late answers are still signs of life
@@ -194,9 +209,9 @@ void lf_compositor_announce_out_of_service(LfCompositor* self);
 bool lf_compositor_finds_focus(LfCompositor* self);
 // What came of the trials of the request before.
 void lf_compositor_forget_moments(LfCompositor* self);
-// Adds moments that belong to the current request. Negative: they belong to nothing any more; positive: they are a
-// later request's.
-int lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer);
+// Adds moments that belong to the current request. Negative: they belong to nothing any more; positive: they are of a
+// request so many later.
+int32_t lf_compositor_take_moments(LfCompositor* self, GstBuffer* buffer);
 // What has come, as the moments of one node: what goes before its answer, nothing if nothing has.
 std::vector<GstBuffer*> lf_compositor_make_moments(LfCompositor* self, guint node);
 // Tells upstream where the next request is to be focused, from what came of the trials of the current one.

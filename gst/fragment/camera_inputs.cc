@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "view/request_limits.h"
+
 namespace lf {
 
 std::string list_of_ids(const std::vector<uint32_t>& ids) {
@@ -28,6 +30,7 @@ std::string CameraInputs::set_rig(std::shared_ptr<const Rig> rig) {
   std::lock_guard lock(mutex_);
   auto array = std::make_shared<Array>();
   array->rig_hash = rig->hash();
+  array->extent = array_extent(*rig);
   array->rig = std::move(rig);
   array_ = std::move(array);
   rearrange();

@@ -24,6 +24,7 @@ class CameraInputs {
   struct Array {
     std::shared_ptr<const Rig> rig;
     uint64_t rig_hash = 0;
+    double extent = 0;  // see array_extent()
     std::map<CameraIndex, Frames> cameras;
   };
 

@@ -262,8 +262,19 @@ static void lf_fragment_note_arrival(LfFragment* self, LfFragmentPad* pad, uint6
   pad->input->frames->note_arrival(std::max(late, static_cast<GstClockTimeDiff>(pad->input->latency)));
 }
 
+// Frames come where no requests do any more.
+static void lf_fragment_trim_memory(LfFragment* self) {
+  constexpr gint64 kInterval = 10 * G_USEC_PER_SEC;
+  const gint64 now = g_get_monotonic_time();
+  const lf::ObjectLock lock(self);
+  if (now < self->trimmed_at + kInterval) return;
+  self->trimmed_at = now;
+  for (PadPair* pair : *self->pairs) pair->memory->trim();
+}
+
 static GstFlowReturn lf_fragment_take_frame(LfFragment* self, GstPad* gst_pad, GstBuffer* buffer) {
   LfFragmentPad* pad = LF_FRAGMENT_PAD(gst_pad);
+  lf_fragment_trim_memory(self);
   auto& input = *pad->input;
   if (input.new_format) {
     input.converter.reset();
@@ -348,7 +359,7 @@ void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum) {
 }
 
 static GstFlowReturn lf_fragment_camera_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer) {
-  return lf::guarded(parent, GST_FLOW_ERROR, [=] { return lf_fragment_take_frame(LF_FRAGMENT(parent), pad, buffer); });
+  return lf::guarded_buffer(parent, [=] { return lf_fragment_take_frame(LF_FRAGMENT(parent), pad, buffer); });
 }
 
 GstPad* lf_fragment_camera_pad_new(GstPadTemplate* templ, const gchar* name, lf::CameraFrames::Mode mode) {

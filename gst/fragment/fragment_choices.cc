@@ -28,6 +28,18 @@ GType lf_fragment_resampling_get_type(void) {
   return type;
 }
 
+GType lf_fragment_renderer_get_type(void) {
+  static const GType type = [] {
+    static const GEnumValue values[] = {
+        {static_cast<gint>(lf::RendererChoice::kCpu), "The CPU, with the widest vectors that it has", "cpu"},
+        {static_cast<gint>(lf::RendererChoice::kGl),
+         "OpenGL ES 3.1 without a window, where there is a driver for it; else the CPU", "gl"},
+        {0, nullptr, nullptr}};
+    return g_enum_register_static("LfFragmentRenderer", values);
+  }();
+  return type;
+}
+
 void lf_fragment_install_choices(GObjectClass* klass, guint first_id) {
   constexpr auto kFlags = GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING);
   g_object_class_install_property(
@@ -71,6 +83,20 @@ void lf_fragment_install_choices(GObjectClass* klass, guint first_id) {
                         "what is left of the error where the focus is right; Catmull-Rom loses less and takes longer. "
                         "With access=pixels the compositor samples",
                         LF_TYPE_FRAGMENT_RESAMPLING, static_cast<gint>(lf::Resampling::kSharpened), kFlags));
+  g_object_class_install_property(
+      klass, first_id + 7,
+      g_param_spec_uint64("max-delay", "Largest delay",
+                          "Live: how long, in nanoseconds, after a request has come its answer can be of use; one that "
+                          "would come later, by what such answers have taken, is not begun (0: any time)",
+                          0, G_MAXINT64, 500 * GST_MSECOND, kFlags));
+  g_object_class_install_property(
+      klass, first_id + 8,
+      g_param_spec_enum("renderer", "Renderer",
+                        "What draws the sums: both give the same picture to 1 of 255. Trials, and views that are not "
+                        "blended by the array's mesh, are the CPU's in any case",
+                        LF_TYPE_FRAGMENT_RENDERER, static_cast<gint>(lf::RendererChoice::kCpu), kFlags));
+  lf::RequestGuard::install(klass, first_id + kNumOwnFragmentChoices);
+  gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_RENDERER, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_RESAMPLING, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_ACCESS, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_CODEC, GstPluginAPIFlags(0));

@@ -54,7 +54,7 @@ std::string FragmentNode::skew_warning(const Rig& rig, const std::optional<SkewW
 }
 
 void FragmentNode::cancel(Requester& requester, bool cancelled) {
-  requester.cancelled = cancelled;
+  *requester.cancelled = cancelled;
   inputs_.wake();
 }
 
@@ -93,7 +93,7 @@ FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester&
   const RequestHeader& request = wire::head_of(any);
   wire::AnswerHeader header = header_of(any);
   const uint64_t arrived = now_ns();
-  const auto array = options.live ? inputs_.array() : inputs_.wait_for_all(requester.cancelled);
+  const auto array = options.live ? inputs_.array() : inputs_.wait_for_all(*requester.cancelled);
   const uint64_t waited = now_ns() - arrived;
   header.rig_hash = array->rig_hash;
   if (requester.rig != array->rig) {
@@ -140,7 +140,7 @@ FragmentNode::Reply FragmentNode::render(const RequestHeader& request, const Mak
   const auto find = [&](CameraIndex camera) {
     CameraFrames& frames = *array.cameras.at(camera);
     const uint64_t wanted = wanted_of(request, frames, options.base_time);
-    std::optional<CameraFrame> frame = frames.find(wanted, !options.live, &requester.cancelled);
+    std::optional<CameraFrame> frame = frames.find(wanted, !options.live, requester.cancelled.get());
     if (frame && !frame->fits(array.rig->cameras[camera])) frame.reset();
     if (!frame || wanted == kNoTime || !frames.is_live()) return frame;
     skews.push_back({camera, frame->time, wanted, frames.period(), frame->behind});
@@ -204,6 +204,7 @@ FragmentNode::Reply FragmentNode::render(const RequestHeader& request, const Mak
                                     .render = planned - begun + units.before_ns + units.answer.render_ns,
                                     .encode = units.answer.encode_ns};
   stats_.add(stages);
+  if (units.answer.drawn) stats_.drawn++;
   if (worst_skew > stats_.max_skew_ns) stats_.max_skew_ns = worst_skew;
   return {.brightness = std::move(units.brightness),
           .moments = std::move(units.moments),

@@ -34,9 +34,11 @@ class FragmentNode {
     MeshCache mesh;
     SkewWatch watch;
     AnswerMaker maker;
-    uint64_t warned_of = 0;               // hash of another rig that a person has been told of
-    uint64_t warned_behind = 0;           // when one was told that frames come late, now_ns()
-    std::atomic<bool> cancelled = false;  // nothing is waited for; see cancel()
+    uint64_t used = 0;           // when its user used it last
+    uint64_t warned_of = 0;      // hash of another rig that a person has been told of
+    uint64_t warned_behind = 0;  // when one was told that frames come late, now_ns()
+    // Nothing is waited for, see cancel(); some may have it in common.
+    std::shared_ptr<std::atomic<bool>> cancelled = std::make_shared<std::atomic<bool>>(false);
   };
   // From any thread: an answer being made for this requester waits for nothing any more.
   void cancel(Requester& requester, bool cancelled);

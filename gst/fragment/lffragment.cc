@@ -127,7 +127,10 @@ enum {
   PROP_POST_MESSAGES,
   PROP_ACCESS,
   PROP_RESAMPLING,
-  PROP_STATS
+  PROP_MAX_DELAY,
+  PROP_RENDERER,
+  PROP_FIRST_LIMIT,
+  PROP_STATS = PROP_FIRST_LIMIT + lf::RequestGuard::kNumProperties
 };
 
 gchar* lf_fragment_rig_path(LfFragment* self) {
@@ -155,9 +158,15 @@ static void lf_fragment_set_rig(LfFragment* self, const GValue* value) {
   GST_OBJECT_UNLOCK(self);
 }
 
+static bool is_limit(guint id) { return id >= PROP_FIRST_LIMIT && id < PROP_STATS; }
+static lf::RequestGuard::Property limit_of(guint id) {
+  return static_cast<lf::RequestGuard::Property>(id - PROP_FIRST_LIMIT);
+}
+
 static void lf_fragment_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfFragment* self = LF_FRAGMENT(object);
   if (id == PROP_RIG) return lf_fragment_set_rig(self, value);
+  if (is_limit(id)) return self->guard->set(limit_of(id), value);
   GST_OBJECT_LOCK(self);
   switch (id) {
     case PROP_NODE: self->node_id = g_value_get_uint(value); break;
@@ -165,8 +174,10 @@ static void lf_fragment_set_property(GObject* object, guint id, const GValue* va
     case PROP_STRIP_PIXELS: self->strip_pixels = g_value_get_int(value); break;
     case PROP_POST_MESSAGES: self->post_messages = g_value_get_boolean(value); break;
     case PROP_ACCESS: self->access = static_cast<lf::Access>(g_value_get_enum(value)); break;
+    case PROP_RENDERER: self->renderer = static_cast<lf::RendererChoice>(g_value_get_enum(value)); break;
     case PROP_RESAMPLING: self->resampling = static_cast<lf::Resampling>(g_value_get_enum(value)); break;
     case PROP_MAX_SKEW: self->max_skew = g_value_get_uint64(value); break;
+    case PROP_MAX_DELAY: self->max_delay = g_value_get_uint64(value); break;
     case PROP_CODEC: self->codec = static_cast<lf::CodecChoice>(g_value_get_enum(value)); break;
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
@@ -175,6 +186,7 @@ static void lf_fragment_set_property(GObject* object, guint id, const GValue* va
 
 static void lf_fragment_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
   LfFragment* self = LF_FRAGMENT(object);
+  if (is_limit(id)) return self->guard->get(limit_of(id), value);
   lf::ObjectLock lock(self);
   switch (id) {
     case PROP_RIG: g_value_set_string(value, self->rig_path); break;
@@ -183,10 +195,17 @@ static void lf_fragment_get_property(GObject* object, guint id, GValue* value, G
     case PROP_STRIP_PIXELS: g_value_set_int(value, self->strip_pixels); break;
     case PROP_POST_MESSAGES: g_value_set_boolean(value, self->post_messages); break;
     case PROP_ACCESS: g_value_set_enum(value, static_cast<gint>(self->access)); break;
+    case PROP_RENDERER: g_value_set_enum(value, static_cast<gint>(self->renderer)); break;
     case PROP_RESAMPLING: g_value_set_enum(value, static_cast<gint>(self->resampling)); break;
     case PROP_MAX_SKEW: g_value_set_uint64(value, self->max_skew); break;
+    case PROP_MAX_DELAY: g_value_set_uint64(value, self->max_delay); break;
     case PROP_CODEC: g_value_set_enum(value, static_cast<gint>(self->codec)); break;
-    case PROP_STATS: g_value_take_boxed(value, self->node->stats().structure()); break;
+    case PROP_STATS: {
+      GstStructure* stats = self->node->stats().structure();
+      self->guard->add_stats(stats);
+      g_value_take_boxed(value, stats);
+      break;
+    }
     default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   }
   lock.unlock();
@@ -257,6 +276,7 @@ static bool lf_fragment_start(LfFragment* self) {
   }
   self->node->set_node_id(self->node_id);
   self->node->inputs().forget_family();
+  self->guard->clear();
   GST_OBJECT_LOCK(self);
   for (PadPair* pair : *self->pairs) {
     pair->ended = pair->flushed = false;
@@ -264,7 +284,7 @@ static bool lf_fragment_start(LfFragment* self) {
     pair->segment = {};
     pair->qos.clear();
     pair->requester.rig.reset();
-    pair->requester.cancelled = false;
+    *pair->requester.cancelled = false;
   }
   GST_OBJECT_UNLOCK(self);
   lf_fragment_set_mode(self, lf::CameraFrames::Mode::kRunning);
@@ -294,6 +314,8 @@ static void lf_fragment_finalize(GObject* object) {
   g_mutex_clear(&self->seek_lock);
   delete self->pairs;
   delete self->node;
+  delete self->guard;
+  delete self->card;
   delete self->workers;
   g_free(self->rig_path);
   G_OBJECT_CLASS(lf_fragment_parent_class)->finalize(object);
@@ -325,8 +347,10 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
       object_class, PROP_STATS,
       g_param_spec_boxed(
           "stats", "Statistics",
-          "Counts of requests, answers, of these skipped (too late to be shown), fragments, bytes, frames that were "
-          "missing (of these stale: farther than "
+          "Counts of requests, answers, of these skipped (too late to be shown) and drawn by OpenGL, requests refused for "
+          "one of the limits "
+          "(refused, and of these refused-pixels, -aperture, -trials, -rate, -views), fragments, bytes, frames that "
+          "were missing (of these stale: farther than "
           "max-skew) and frames that were damaged; the largest skew of a frame; what waiting for frames, decoding, "
           "rendering and encoding took: the latest answer's time and p50, p95, p99 over the latest 1024, and of all of "
           "them together (answer-ns; nanoseconds)",
@@ -347,9 +371,13 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
 static void lf_fragment_init(LfFragment* self) {
   g_mutex_init(&self->seek_lock);
   self->node = new lf::FragmentNode;
+  self->guard = new lf::RequestGuard;
   self->strip_pixels = lf::wire::kStripPixels;
   self->max_skew = 500 * GST_MSECOND;
+  self->max_delay = 500 * GST_MSECOND;
   self->resampling = lf::Resampling::kSharpened;
+  self->renderer = lf::RendererChoice::kCpu;
+  self->card = new lf::Card();
   self->pairs = new std::set<PadPair*>;
   self->workers = new std::shared_ptr<lf::WorkerPool>(lf::WorkerPool::shared());
   GstElementClass* klass = GST_ELEMENT_GET_CLASS(self);

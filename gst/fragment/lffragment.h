@@ -12,9 +12,11 @@ G_DECLARE_FINAL_TYPE(LfFragment, lf_fragment, LF, FRAGMENT, GstElement)
 #define LF_TYPE_FRAGMENT_PAD (lf_fragment_pad_get_type())
 G_DECLARE_FINAL_TYPE(LfFragmentPad, lf_fragment_pad, LF, FRAGMENT_PAD, GstPad)
 
-// Properties "codec" and "resampling".
+// Properties "codec", "renderer" and "resampling".
 #define LF_TYPE_FRAGMENT_CODEC (lf_fragment_codec_get_type())
 GType lf_fragment_codec_get_type(void);
+#define LF_TYPE_FRAGMENT_RENDERER (lf_fragment_renderer_get_type())
+GType lf_fragment_renderer_get_type(void);
 #define LF_TYPE_FRAGMENT_RESAMPLING (lf_fragment_resampling_get_type())
 GType lf_fragment_resampling_get_type(void);
 

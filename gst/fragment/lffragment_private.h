@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <map>
 #include <memory>
 #include <optional>
 #include <set>
@@ -10,13 +11,18 @@
 #include "common/access.h"
 #include "common/gst_wire.h"
 #include "common/qos_watch.h"
+#include "common/request_guard.h"
 #include "fragment/camera_image.h"
+#include "fragment/card.h"
 #include "fragment/fragment_node.h"
 #include "fragment/lffragment.h"
 #include "node/arrival_watch.h"
+#include "node/fair_answers.h"
+#include "node/work_estimate.h"
 
 // What the files of lffragment share: lffragment.cc (the element), fragment_camera_pad.cc (camera video in),
-// fragment_pair.cc (requests in, answers out) and fragment_choices.cc (how answers are made).
+// fragment_pad_pair.cc (a requester's pads), fragment_requests.cc (requests in, answers out) and fragment_choices.cc
+// (how answers are made).
 
 struct _LfFragmentPad {
   GstPad parent;
@@ -38,7 +44,10 @@ struct _LfFragmentPad {
   } * input;
 };
 
-using PadPtr = std::unique_ptr<GstPad, decltype([](GstPad* pad) { gst_object_unref(pad); })>;
+struct UnrefPad {
+  void operator()(GstPad* pad) const { gst_object_unref(pad); }
+};
+using PadPtr = std::unique_ptr<GstPad, UnrefPad>;
 
 // One pad of a pair for whoever comes through the other one, while both may be released.
 class WeakPad {
@@ -56,7 +65,7 @@ class WeakPad {
 
 // One requester: a request pad and the answer pad it pairs with. Belongs to both of them.
 struct PadPair {
-  PadPair(GstPad* request_pad, GstPad* src_pad) : request(request_pad), src(src_pad) {}
+  PadPair(LfFragment* element, GstPad* request_pad, GstPad* src_pad);
   WeakPad request, src;
   lf::FragmentNode::Requester requester;
   std::shared_ptr<lf::AnswerMemory> memory = std::make_shared<lf::AnswerMemory>();
@@ -71,6 +80,12 @@ struct PadPair {
   lf::QosWatch qos;                            // any thread
   std::atomic<bool> downstream_is_new = true;  // what is known of it is to be asked again
   bool in_process = false;                     // the compositor is; streaming thread
+  uint32_t number = 0;                         // its own in the element
+  // Live: requests on their way to the answer pad's thread, and what that thread keeps of each view.
+  lf::FairAnswers live_answers;
+  std::map<uint32_t, std::unique_ptr<lf::FragmentNode::Requester>> view_requesters;
+  std::atomic<GstFlowReturn> live_flow = GST_FLOW_OK;  // that the latest answer came to
+  lf::WorkEstimate estimate;
 };
 
 struct _LfFragment {
@@ -83,19 +98,26 @@ struct _LfFragment {
   gboolean post_messages;     // under the object lock
   lf::Access access;          // under the object lock
   lf::Resampling resampling;  // under the object lock
+  lf::RendererChoice renderer;  // under the object lock
+  lf::Card* card;
   GstClockTime max_skew;      // under the object lock
+  GstClockTime max_delay;     // under the object lock
   std::shared_ptr<lf::WorkerPool>* workers;
+  lf::RequestGuard* guard;
   lf::FragmentNode* node;
   std::set<PadPair*>* pairs;    // under the object lock
   lf::CameraFrames::Mode mode;  // of all cameras; under the object lock
   guint next_camera_pad, next_pair;
+  guint32 next_pair_number;
+  gint64 trimmed_at;    // monotonic time, microseconds; under the object lock
   GMutex seek_lock;     // held while cameras are sought
   guint32 seek_seqnum;  // of the latest seek of the cameras; under that
 };
 
 // The properties that say how answers are made (fragment_choices.cc): codec, threads, max-skew, strip-pixels,
-// post-messages, access, resampling, in the order of their ids.
-inline constexpr guint kNumFragmentChoices = 7;
+// post-messages, access, resampling, max-delay, renderer, in the order of their ids; and behind them the limits of RequestGuard.
+inline constexpr guint kNumOwnFragmentChoices = 9;
+inline constexpr guint kNumFragmentChoices = kNumOwnFragmentChoices + lf::RequestGuard::kNumProperties;
 void lf_fragment_install_choices(GObjectClass* klass, guint first_id);
 
 // Whether what comes to this sink pad comes in real time; if so, after which latency at the latest.
@@ -120,6 +142,11 @@ void lf_fragment_camera_pad_reset(LfFragment* self, LfFragmentPad* pad);
 // The request pad of a new pair, both of whose pads have been added to the element.
 GstPad* lf_fragment_pair_new(LfFragment* self, GstPadTemplate* request, const gchar* request_name, GstPadTemplate* src,
                              const gchar* src_name);
+PadPair* lf_fragment_pad_pair_of(GstPad* pad);
+// The other pad of the same pair; null while both are being released.
+PadPtr lf_fragment_other_pad(GstPad* pad);
+// fragment_requests.cc
+GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer);
 // Takes both pads away; an answer that is being made ends at once.
 void lf_fragment_pair_release(LfFragment* self, GstPad* request);
 // The rig file, for messages; to be freed.

@@ -29,7 +29,9 @@ GstStructure* NodeStats::structure() const {
   set("bad-requests", bad_requests);
   set("rig-mismatches", rig_mismatches);
   set("answers", answers);
+  set("drawn", drawn);
   set("skipped", skipped);
+  set("superseded", superseded);
   set("fragments", fragments);
   set("bytes", bytes);
   set("missing-frames", missing_frames);

@@ -166,7 +166,7 @@ static GstFlowReturn take_bytes(LfParse* self, GstBaseParseFrame* frame, gint* s
 }
 
 static GstFlowReturn lf_parse_handle_frame(GstBaseParse* base, GstBaseParseFrame* frame, gint* skip_size) {
-  return lf::guarded(base, GST_FLOW_ERROR, [=] { return take_bytes(LF_PARSE(base), frame, skip_size); });
+  return lf::guarded_buffer(base, [=] { return take_bytes(LF_PARSE(base), frame, skip_size); });
 }
 
 static void lf_parse_set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
@@ -210,8 +210,8 @@ static void lf_parse_class_init(LfParseClass* klass) {
       g_param_spec_uint(
           "max-unit-size", "Maximum unit size",
           "Bytes that a unit may have at most; larger ones are skipped as damaged (requests are limited "
-          "to 256 KiB by the format)",
-          lf::wire::kUnitHeaderBytes, lf::wire::kMaxAnswerBytes, lf::wire::kMaxAnswerBytes,
+          "to 1 MiB by the format)",
+          lf::wire::kUnitHeaderBytes, lf::wire::kMaxAnswerBytes, lf::wire::kUsualAnswerBytes,
           static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
   g_object_class_install_property(
       object_class, PROP_STATS,
@@ -235,7 +235,7 @@ static void lf_parse_class_init(LfParseClass* klass) {
 }
 
 static void lf_parse_init(LfParse* self) {
-  self->max_unit_size = lf::wire::kMaxAnswerBytes;
+  self->max_unit_size = lf::wire::kUsualAnswerBytes;
   // Times come with the buffers or from the requests; none is to be made up from byte positions.
   gst_base_parse_set_infer_ts(GST_BASE_PARSE(self), FALSE);
   gst_base_parse_set_pts_interpolation(GST_BASE_PARSE(self), FALSE);

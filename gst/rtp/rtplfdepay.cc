@@ -24,19 +24,27 @@
 #include <gst/rtp/gstrtpbuffer.h>
 
 #include "common/gst_wire.h"
+#include "common/request_guard.h"
 #include "rtp/depacketizer.h"
 #include "rtp/rtp_caps.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_rtp_depay_debug);
 #define GST_CAT_DEFAULT lf_rtp_depay_debug
 
-enum { PROP_0, PROP_MAX_PENDING_BYTES, PROP_STATS };
+enum {
+  PROP_0,
+  PROP_MAX_PENDING_BYTES,
+  PROP_FIRST_LIMIT,
+  PROP_STATS = PROP_FIRST_LIMIT + lf::RequestGuard::kNumProperties
+};
 
 struct _LfRtpDepay {
   GstRTPBaseDepayload parent;
 
   // Streaming thread.
   lf::rtp::Depacketizer* depacketizer;  // null before caps
+
+  lf::RequestGuard* guard;
 
   // Object lock.
   guint64 max_pending_bytes;
@@ -55,6 +63,14 @@ static GstStaticPadTemplate src_template =
 G_DEFINE_TYPE(LfRtpDepay, lf_rtp_depay, GST_TYPE_RTP_BASE_DEPAYLOAD)
 GST_ELEMENT_REGISTER_DEFINE(rtplfdepay, "rtplfdepay", GST_RANK_SECONDARY, LF_TYPE_RTP_DEPAY)
 
+// Whether a unit asks for no more than is allowed, or is of no larger a view. A view is its number: who makes up
+// senders gets no more of them.
+static bool lf_rtp_depay_admits(LfRtpDepay* self, lf::wire::UnitKind kind, std::span<const uint8_t> unit) {
+  if (kind == lf::wire::UnitKind::kRequest) return self->guard->admits(GST_ELEMENT(self), unit, 0, true);
+  const std::optional<std::pair<int, int>> size = lf::wire::peek_answer_size(unit);
+  return !size || self->guard->admits_answer(size->first, size->second);
+}
+
 static gboolean lf_rtp_depay_set_caps(GstRTPBaseDepayload* base, GstCaps* caps) {
   LfRtpDepay* self = LF_RTP_DEPAY(base);
   const GstStructure* structure = gst_caps_get_structure(caps, 0);
@@ -63,6 +79,8 @@ static gboolean lf_rtp_depay_set_caps(GstRTPBaseDepayload* base, GstCaps* caps) 
   if (!self->depacketizer || self->depacketizer->kind() != kind) {
     delete self->depacketizer;
     self->depacketizer = new lf::rtp::Depacketizer(kind);
+    self->depacketizer->set_admit(
+        [self, kind](std::span<const uint8_t> unit) { return lf_rtp_depay_admits(self, kind, unit); });
   }
 
   GstCaps* out = nullptr;
@@ -112,7 +130,7 @@ static GstPadProbeReturn lf_rtp_depay_query(GstPad*, GstPadProbeInfo* info, gpoi
   return lf::is_in_process_query(GST_PAD_PROBE_INFO_QUERY(info)) ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
 }
 
-static GstBuffer* lf_rtp_depay_packet(LfRtpDepay* self, GstRTPBuffer* rtp) {
+static void lf_rtp_depay_packet(LfRtpDepay* self, GstRTPBuffer* rtp) {
   GstRTPBaseDepayload* base = GST_RTP_BASE_DEPAYLOAD(self);
   GST_OBJECT_LOCK(self);
   self->depacketizer->set_limits({.bytes = self->max_pending_bytes});
@@ -138,12 +156,11 @@ static GstBuffer* lf_rtp_depay_packet(LfRtpDepay* self, GstRTPBuffer* rtp) {
   GST_OBJECT_LOCK(self);
   self->stats = stats;
   GST_OBJECT_UNLOCK(self);
-  return nullptr;
 }
 
 static GstBuffer* lf_rtp_depay_process(GstRTPBaseDepayload* base, GstRTPBuffer* rtp) {
-  GstBuffer* none = nullptr;
-  return lf::guarded(base, none, [=] { return lf_rtp_depay_packet(LF_RTP_DEPAY(base), rtp); });
+  lf::guarded_buffer(base, [=] { return lf_rtp_depay_packet(LF_RTP_DEPAY(base), rtp), GST_FLOW_OK; });
+  return nullptr;
 }
 
 // Time goes on without the gap that the base class would announce: what is missing is found by counting.
@@ -169,6 +186,7 @@ static GstStateChangeReturn lf_rtp_depay_change_state(GstElement* element, GstSt
     self->stats = {};
     self->bad_rtp = 0;
     GST_OBJECT_UNLOCK(self);
+    self->guard->clear();
   }
   const GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_rtp_depay_parent_class)->change_state(element, transition);
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) {
@@ -178,8 +196,14 @@ static GstStateChangeReturn lf_rtp_depay_change_state(GstElement* element, GstSt
   return result;
 }
 
+static bool is_limit(guint id) { return id >= PROP_FIRST_LIMIT && id < PROP_STATS; }
+static lf::RequestGuard::Property limit_of(guint id) {
+  return static_cast<lf::RequestGuard::Property>(id - PROP_FIRST_LIMIT);
+}
+
 static void lf_rtp_depay_set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
   LfRtpDepay* self = LF_RTP_DEPAY(object);
+  if (is_limit(id)) return self->guard->set(limit_of(id), value);
   switch (id) {
     case PROP_MAX_PENDING_BYTES:
       GST_OBJECT_LOCK(self);
@@ -192,6 +216,7 @@ static void lf_rtp_depay_set_property(GObject* object, guint id, const GValue* v
 
 static void lf_rtp_depay_get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
   LfRtpDepay* self = LF_RTP_DEPAY(object);
+  if (is_limit(id)) return self->guard->get(limit_of(id), value);
   switch (id) {
     case PROP_MAX_PENDING_BYTES:
       GST_OBJECT_LOCK(self);
@@ -207,8 +232,9 @@ static void lf_rtp_depay_get_property(GObject* object, guint id, GValue* value, 
                         s.repeated, "lost", G_TYPE_UINT64, s.lost, "duplicates", G_TYPE_UINT64, s.duplicates, "bad-rtp",
                         G_TYPE_UINT64, self->bad_rtp, "bad-packets", G_TYPE_UINT64, s.bad_packets, "bad-chunks",
                         G_TYPE_UINT64, s.bad_chunks, "bad-units", G_TYPE_UINT64, s.bad_units, "incomplete-units",
-                        G_TYPE_UINT64, s.incomplete_units, nullptr);
+                        G_TYPE_UINT64, s.incomplete_units, "superseded", G_TYPE_UINT64, s.superseded, nullptr);
       GST_OBJECT_UNLOCK(self);
+      self->guard->add_stats(stats);
       g_value_take_boxed(value, stats);
       break;
     }
@@ -218,6 +244,7 @@ static void lf_rtp_depay_get_property(GObject* object, guint id, GValue* value, 
 
 static void lf_rtp_depay_finalize(GObject* object) {
   delete LF_RTP_DEPAY(object)->depacketizer;
+  delete LF_RTP_DEPAY(object)->guard;
   G_OBJECT_CLASS(lf_rtp_depay_parent_class)->finalize(object);
 }
 
@@ -234,6 +261,7 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
           "Bytes of units kept at most while some of their packets are missing; larger units are dropped", 1 << 16,
           lf::wire::kMaxAnswerBytes, kDefaultMaxPendingBytes,
           static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
+  lf::RequestGuard::install(object_class, PROP_FIRST_LIMIT);
   g_object_class_install_property(
       object_class, PROP_STATS,
       g_param_spec_boxed(
@@ -243,7 +271,10 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
           "already), lost (packets missing in a sender's sequence); dropped: duplicates (packets), bad-rtp (no RTP), "
           "bad-packets (no payload of ours), bad-chunks (that contradict others, or of too large a unit), bad-units "
           "(not "
-          "sound), incomplete-units (given up with chunks missing)",
+          "sound), incomplete-units (given up with chunks missing), superseded (requests with more than two newer ones "
+          "behind "
+          "them in their packet), refused (for one of the limits, and of these refused-pixels, -aperture, "
+          "-trials, -rate, -views)",
           GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
@@ -263,6 +294,7 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
 
 static void lf_rtp_depay_init(LfRtpDepay* self) {
   self->max_pending_bytes = kDefaultMaxPendingBytes;
+  self->guard = new lf::RequestGuard;
   // max-reorder: the base class drops what was overtaken; our own window knows duplicates. auto-header-extension:
   // GStreamer 1.22.0 never comes back from a malformed header extension.
   g_object_set(self, "max-reorder", 0, "auto-header-extension", FALSE, nullptr);

@@ -8,9 +8,10 @@
  * come on top). An answer is divided at its fragments: a lost packet loses the fragments in it and no others. Each
  * request is sent with the two before it, so that one or two lost packets cost nothing.
  *
- * All packets of an answer are ready at once, more than the socket buffer of a receiver may hold: ask for a large one
- * (`udpsrc buffer-size=4000000`, within the kernel's `net.core.rmem_max`), or spread them with #rtplfpay:max-bitrate,
- * some of what the link can do. Have a `queue` in front then: the node works on its next answer in the meantime.
+ * All packets of an answer are ready at once, more than the socket buffer of a receiver may hold: they are spread to
+ * #rtplfpay:max-bitrate, a gigabit per second unless another rate is set, some of what the link can do; and receivers
+ * do well to ask for a large buffer (`udpsrc buffer-size=4000000`, within the kernel's `net.core.rmem_max`). Have a
+ * `queue` in front: the node works on its next answer in the meantime.
  * (`udpsink max-bitrate=` counts from an answer's time stamp: it is no help with answers that leave later than that,
  * and none with `sync=false`.)
  *
@@ -28,6 +29,8 @@
 
 #include <gst/rtp/gstrtpbuffer.h>
 
+#include <memory>
+
 #include "common/gst_wire.h"
 #include "rtp/pacer.h"
 #include "rtp/packetizer.h"
@@ -38,6 +41,8 @@ GST_DEBUG_CATEGORY_STATIC(lf_rtp_pay_debug);
 
 enum { PROP_0, PROP_MAX_BITRATE, PROP_STATS };
 
+// What a port of a switch takes: answers of several nodes meet there.
+static constexpr guint64 kDefaultMaxBitrate = 1'000'000'000;
 // Packets that leave together when they are paced.
 static constexpr guint kPacketsAtOnce = 8;
 
@@ -146,6 +151,8 @@ static GstBuffer* lf_rtp_pay_packet(LfRtpPay* self, const lf::rtp::Payload& payl
   return packet;
 }
 
+using UnrefBuffer = std::unique_ptr<GstBuffer, decltype([](GstBuffer* buffer) { gst_buffer_unref(buffer); })>;
+
 static GstFlowReturn lf_rtp_pay_unit(LfRtpPay* self, GstBuffer* buffer) {
   GstRTPBasePayload* base = GST_RTP_BASE_PAYLOAD(self);
   const guint sources = gst_rtp_base_payload_get_source_count(base, buffer);
@@ -154,7 +161,6 @@ static GstFlowReturn lf_rtp_pay_unit(LfRtpPay* self, GstBuffer* buffer) {
     GST_ELEMENT_ERROR(self, LIBRARY, SETTINGS, ("The MTU of %u bytes is too small.", GST_RTP_BASE_PAYLOAD_MTU(base)),
                       ("set mtu to %u or more",
                        gst_rtp_buffer_calc_packet_len(lf::rtp::kMinPayloadBytes, 0, static_cast<guint8>(sources))));
-    gst_buffer_unref(buffer);
     return GST_FLOW_ERROR;
   }
   GST_OBJECT_LOCK(self);
@@ -181,12 +187,14 @@ static GstFlowReturn lf_rtp_pay_unit(LfRtpPay* self, GstBuffer* buffer) {
     flow = lf_rtp_pay_push(self, packets, max_bitrate);
   else
     gst_buffer_list_unref(packets);
-  gst_buffer_unref(buffer);
   return flow;
 }
 
 static GstFlowReturn lf_rtp_pay_handle_buffer(GstRTPBasePayload* base, GstBuffer* buffer) {
-  return lf::guarded(base, GST_FLOW_ERROR, [=] { return lf_rtp_pay_unit(LF_RTP_PAY(base), buffer); });
+  return lf::guarded_buffer(base, [=] {
+    const UnrefBuffer owned(buffer);
+    return lf_rtp_pay_unit(LF_RTP_PAY(base), buffer);
+  });
 }
 
 static void lf_rtp_pay_reset(LfRtpPay* self) {
@@ -283,7 +291,9 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
       object_class, PROP_MAX_BITRATE,
       g_param_spec_uint64(
           "max-bitrate", "Maximum bitrate",
-          "Bits per second at which the packets of an answer leave at most (0: all at once)", 0, G_MAXUINT64, 0,
+          "Bits per second at which the packets of an answer leave at most: some of what the link can do (0: all at "
+          "once)",
+          0, G_MAXUINT64, kDefaultMaxBitrate,
           static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
   g_object_class_install_property(
       object_class, PROP_STATS,
@@ -310,6 +320,7 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
 }
 
 static void lf_rtp_pay_init(LfRtpPay* self) {
+  self->max_bitrate = kDefaultMaxBitrate;
   self->pacer = new lf::rtp::Pacer;
   lf::accept_unit_caps(GST_RTP_BASE_PAYLOAD_SINKPAD(self));
 }

@@ -25,6 +25,16 @@ std::optional<int> cut_port(std::string& text) {
   return port;
 }
 
+// Cuts what is behind the last colon, outside of brackets, off `text`, if it is no number.
+std::string cut_address(std::string& text) {
+  const size_t bracket = text.ends_with(']') ? text.rfind('[') : text.npos;
+  const size_t colon = text.rfind(':', bracket);
+  if (colon == text.npos || (bracket == text.npos && parse_port(text.substr(colon + 1)))) return "";
+  const std::string address = text.substr(colon + 1);
+  text.resize(colon);
+  return address;
+}
+
 std::string without_brackets(const std::string& host) {
   return host.size() > 2 && host.front() == '[' && host.back() == ']' ? host.substr(1, host.size() - 2) : host;
 }
@@ -53,9 +63,11 @@ std::vector<NodeAddress> parse_nodes(const std::string& text) {
   std::vector<NodeAddress> nodes;
   for (const std::string& item : split(text)) {
     std::string host = item;
-    const auto here = cut_port(host), there = here ? cut_port(host) : std::nullopt;
-    if (!here || !there || host.empty()) throw Error(item + ": must be HOST:PORT-THERE:PORT-HERE");
-    nodes.push_back({without_brackets(host), *there, *here});
+    const auto here = cut_port(host);
+    const std::string address = here ? cut_address(host) : "";
+    const auto there = here ? cut_port(host) : std::nullopt;
+    if (!here || !there || host.empty()) throw Error(item + ": must be HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE");
+    nodes.push_back({without_brackets(host), *there, without_brackets(address), *here});
   }
   return nodes;
 }

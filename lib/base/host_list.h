@@ -19,11 +19,12 @@ std::vector<HostPort> parse_host_ports(const std::string& text);
 // A host with cameras.
 struct NodeAddress {
   std::string host;
-  int request_port = 0;  // of that host
-  int answer_port = 0;   // here
+  int request_port = 0;     // of that host
+  std::string answer_host;  // address of this machine that answers come in at; may be empty: all of them
+  int answer_port = 0;      // here
   bool operator==(const NodeAddress&) const = default;
 };
-// From "HOST:PORT-THERE:PORT-HERE,...". Throws Error likewise.
+// From "HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,...", an address of IPv6 with brackets. Throws Error likewise.
 std::vector<NodeAddress> parse_nodes(const std::string& text);
 
 }  // namespace lf

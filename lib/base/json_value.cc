@@ -96,6 +96,15 @@ void write_text_file(const std::string& text, const std::string& path) {
   }
 }
 
+bool is_utf8(const std::string& text) {
+  try {
+    json(text).dump();
+    return true;
+  } catch (const json::type_error&) {
+    return false;
+  }
+}
+
 json parse_json(const std::string& text, const std::string& name) {
   PlaceTracker tracker;
   const auto at_place = [&] { return tracker.place().empty() ? "" : tracker.place() + ": "; };

@@ -18,6 +18,9 @@ std::string read_text_file(const std::string& path);
 // Replaces the file as a whole: a reader sees the old text or the new one. Throws Error naming it.
 void write_text_file(const std::string& text, const std::string& path);
 
+// Whether JSON can hold it.
+bool is_utf8(const std::string& text);
+
 // Parses JSON; `name` stands for the file in messages. Throws Error with line and column, and with the place
 // ("cameras[3].params[0]") where the error is inside a value, such as a number that no double can hold.
 nlohmann::json parse_json(const std::string& text, const std::string& name);

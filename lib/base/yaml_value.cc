@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/json_value.h"
 #include "base/number_text.h"
 
 namespace lf {
@@ -45,6 +46,7 @@ class Builder : public YAML::EventHandler {
   void OnNull(const YAML::Mark& mark, YAML::anchor_t) override { put(mark, nullptr); }
   void OnAlias(const YAML::Mark& mark, YAML::anchor_t) override { fail(mark, "aliases are not read"); }
   void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t, const std::string& value) override {
+    if (!is_utf8(value)) fail(mark, "no text in UTF-8");
     if (is_key()) {
       levels_.back().key = value;
       levels_.back().has_key = true;

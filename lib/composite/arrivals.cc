@@ -4,36 +4,31 @@
 #include <algorithm>
 #include <cstring>
 
+#include "wire/limits.h"
+
 namespace lf {
-namespace {
-
-bool meets_any(const std::vector<Rect>& rects, const Rect& rect) {
-  return std::ranges::any_of(rects, [&rect](const Rect& other) { return !intersect(other, rect).empty(); });
-}
-
-}  // namespace
 
 template <typename F>
 void Coverage::for_each_rect(CameraIndex camera, const F& f) const {
-  if (const auto own = cameras_.find(camera); own != cameras_.end()) std::ranges::for_each(own->second, f);
+  if (const auto own = cameras_.find(camera); own != cameras_.end()) std::ranges::for_each(own->second.rects(), f);
   for (const auto& [cameras, rects] : sums_)
-    if (cameras.contains(camera)) std::ranges::for_each(rects, f);
+    if (cameras.contains(camera)) std::ranges::for_each(rects.rects(), f);
 }
 
 bool Coverage::add(CameraIndex camera, const Rect& rect) {
-  bool there = false;
-  for_each_rect(camera, [&](const Rect& other) { there = there || !intersect(other, rect).empty(); });
-  if (!there) cameras_[camera].push_back(rect);
-  return !there;
+  for (const auto& [cameras, rects] : sums_)
+    if (cameras.contains(camera) && rects.meets(rect)) return false;
+  return cameras_[camera].add(rect);
 }
 
 bool Coverage::add(const CameraRanges& cameras, const Rect& rect) {
   for (const auto& [others, rects] : sums_)
-    if (others.intersects(cameras) && meets_any(rects, rect)) return false;
+    if (others != cameras && others.intersects(cameras) && rects.meets(rect)) return false;
   for (const auto& [camera, rects] : cameras_)
-    if (cameras.contains(camera) && meets_any(rects, rect)) return false;
-  sums_[cameras].push_back(rect);
-  return true;
+    if (cameras.contains(camera) && rects.meets(rect)) return false;
+  const auto own = sums_.find(cameras);
+  if (own == sums_.end() && sums_.size() >= wire::kMaxSources) return false;
+  return (own == sums_.end() ? sums_[cameras] : own->second).add(rect);
 }
 
 bool Coverage::has(CameraIndex camera) const {

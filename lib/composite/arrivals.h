@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/rect.h"
+#include "composite/disjoint_rects.h"
 #include "image/image.h"
 #include "jpeg/buffer_pool.h"
 #include "render/sum_planes.h"
@@ -21,7 +22,7 @@ class Coverage {
   void clear() { *this = {}; }
 
   // A fragment of one camera, or the sum of several. False, and nothing is noted, if one of the cameras has been there
-  // already somewhere in the rectangle.
+  // already somewhere in the rectangle, or it is one more set of cameras than kMaxSources.
   bool add(CameraIndex camera, const Rect& rect);
   bool add(const CameraRanges& cameras, const Rect& rect);
 
@@ -33,8 +34,8 @@ class Coverage {
   template <typename F>
   void for_each_rect(CameraIndex camera, const F& f) const;
 
-  std::map<CameraIndex, std::vector<Rect>> cameras_;
-  std::map<CameraRanges, std::vector<Rect>> sums_;
+  std::map<CameraIndex, DisjointRects> cameras_;
+  std::map<CameraRanges, DisjointRects> sums_;
 };
 
 // Pixels of cameras' images as plain fragments bring them, piece by piece, until a view is rendered from them. Memory:

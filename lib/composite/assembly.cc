@@ -12,6 +12,7 @@
 #include "render/sum_renderer.h"
 #include "wire/answer_writer.h"
 #include "wire/fragment_codec.h"
+#include "wire/limits.h"
 #include "wire/payload.h"
 #include "wire/strips.h"
 
@@ -57,6 +58,8 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
   }
   const auto is_of_camera = [](const wire::FragmentView& fragment) { return fragment.camera.has_value(); };
   if (!rig_ && std::ranges::any_of(answer.fragments, is_of_camera)) return Verdict::kNeedsRig;
+  const std::pair key(answer.node, answer.cameras);
+  if (sources_.size() >= wire::kMaxSources && !sources_.contains(key)) return Verdict::kBadFragment;
   cameras_.add(answer.cameras);
   CameraRanges seeing = answer.cameras;
   seeing.remove(answer.blind);
@@ -65,7 +68,7 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
   bool all_good = true;
   for (const wire::FragmentView& fragment : answer.fragments)
     all_good = add_fragment(answer, fragment, bytes) && all_good;
-  Source& source = sources_[{answer.node, answer.cameras}];
+  Source& source = sources_[key];
   source.parts.add(answer.part);
   source.blind = answer.blind;
   source.spoilt |= damaged_ > damaged_before || !all_good;
@@ -260,13 +263,13 @@ std::string add_moments(std::span<const uint8_t> unit, const wire::MomentsHeader
   if (came->gains) {
     answers.gains.add(*came->gains);
     if (answers.brightness.columns == 0)
-      answers.brightness = std::move(came->trials[0]);
+      answers.brightness = std::move(came->sums()[0]);
     else
-      answers.brightness.add(came->trials[0]);
+      came->add_to({&answers.brightness, 1});
   } else if (answers.moments.empty()) {
-    answers.moments = std::move(came->trials);
+    answers.moments = came->sums();
   } else {
-    for (size_t i = 0; i < answers.moments.size(); i++) answers.moments[i].add(came->trials[i]);
+    came->add_to(answers.moments);
   }
   return {};
 }

@@ -39,7 +39,7 @@ class Assembly {
     kOtherRig,      // rendered from another rig than the request, this compositor's or the first answer's
     kNeedsRig,      // plain pixels, which only somebody who knows the rig can use
     kBadFragment,   // another pixel family or view size than the first answer's, or cameras that have been there
-                    // already; other fragments of it were added
+                    // already, or too many sets of cameras; other fragments of it were added
   };
   // Damaged fragments are left out and counted; the others of the answer are added. `bytes`: what owns the payloads
   // and keeps them where they are; with it the sums of a whole view are used in their place, until release() or

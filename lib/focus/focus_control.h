@@ -78,6 +78,8 @@ class FocusControl {
   // kLeastTrials, and slowly more again.
   void keep_up(bool complete);
   static constexpr unsigned kLeastTrials = 4;
+  // Where time is short: at most one request in so many has trials, from 1 on.
+  void spare(unsigned requests) { spared_ = requests; }
 
   // What it came to, for statistics.
   struct State {
@@ -156,6 +158,7 @@ class FocusControl {
   unsigned skipped_ = 0;   // requests since the last trials
   unsigned settling_ = 0;  // rounds until deviations tell something again
   unsigned load_ = 1;      // requests for one that may have trials: see keep_up()
+  unsigned spared_ = 1;    // the same, as it was told: see spare()
   unsigned in_time_ = 0;   // pictures in a row
   unsigned held_ = 0;      // requests since one that might have had trials
   unsigned looks_ = 0;     // in a row that did not help

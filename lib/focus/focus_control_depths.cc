@@ -198,7 +198,7 @@ void FocusControl::give_up() {
 }
 
 std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
-  if (++held_ < load_) return {};
+  if (++held_ < std::max(load_, spared_)) return {};
   held_ = 0;
   if (!sweeps_.empty()) {
     std::vector<Trial> trials = std::move(sweeps_.front());

@@ -131,8 +131,8 @@ HWY_AFTER_NAMESPACE();
 namespace lf {
 namespace {
 
-void add_saturated(std::vector<uint16_t>& sum, const std::vector<uint16_t>& values) {
-  for (size_t i = 0; i < sum.size(); i++) sum[i] = static_cast<uint16_t>(std::min(sum[i] + values[i], 65535));
+void add_saturated(uint16_t* sum, const uint16_t* values, size_t count) {
+  for (size_t i = 0; i < count; i++) sum[i] = static_cast<uint16_t>(std::min(sum[i] + values[i], 65535));
 }
 
 }  // namespace
@@ -145,9 +145,19 @@ void Moments::reset(int new_columns, int new_rows) {
 }
 
 void Moments::add(const Moments& other) {
-  add_saturated(weight, other.weight);
-  add_saturated(luma, other.luma);
-  add_saturated(square, other.square);
+  add_saturated(weight.data(), other.weight.data(), weight.size());
+  add_saturated(luma.data(), other.luma.data(), luma.size());
+  add_saturated(square.data(), other.square.data(), square.size());
+}
+
+void Moments::add(const Moments& part, int column, int row) {
+  const auto width = static_cast<size_t>(part.columns);
+  for (size_t y = 0; y < static_cast<size_t>(part.rows); y++) {
+    const size_t to = (static_cast<size_t>(row) + y) * static_cast<size_t>(columns) + static_cast<size_t>(column);
+    add_saturated(&weight[to], &part.weight[y * width], width);
+    add_saturated(&luma[to], &part.luma[y * width], width);
+    add_saturated(&square[to], &part.square[y * width], width);
+  }
 }
 
 float Moments::deviation(size_t node) const {

@@ -27,6 +27,8 @@ struct Moments {
 
   void reset(int columns, int rows);
   void add(const Moments& other);  // of the same size
+  // The same of a rectangle of nodes whose first one is at (column, row) of these.
+  void add(const Moments& part, int column, int row);
   // How far the cameras disagree at a node: the standard deviation of their luma, 0..127.5; NaN where less than half
   // of the weight is there.
   float deviation(size_t node) const;

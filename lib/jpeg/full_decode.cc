@@ -26,9 +26,11 @@ struct Failure : jpeg_error_mgr {
   std::longjmp(failure->jump, 1);
 }
 
-// libjpeg goes on after damage with grey or repeated content; here the frame is lost then.
+// libjpeg goes on after damage with grey or repeated content; here the frame is lost then. Bytes that are nobody's and
+// versions that nobody knows are no damage.
 void on_message(j_common_ptr info, int level) {
-  if (level < 0 && info->err->msg_code != JWRN_EXTRANEOUS_DATA) fail(info);
+  const int code = info->err->msg_code;
+  if (level < 0 && code != JWRN_EXTRANEOUS_DATA && code != JWRN_JFIF_MAJOR && code != JWRN_ADOBE_XFORM) fail(info);
 }
 
 void on_progress(j_common_ptr info) {

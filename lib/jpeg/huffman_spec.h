@@ -14,7 +14,7 @@ struct HuffmanSpec {
 };
 
 // The tables of T.81 annex K.3, for luma (0) and chroma (1): what a frame without DHT segments (Motion JPEG in AVI)
-// means.
+// means. Thread-safe; libjpeg's.
 const HuffmanSpec& standard_dc(int chroma);
 const HuffmanSpec& standard_ac(int chroma);
 

@@ -9,14 +9,21 @@
 namespace lf::jpeg {
 namespace {
 
+// As libjpeg has it: none of its codes is all ones.
 bool is_prefix_code(const HuffmanSpec& spec) {
   uint32_t code = 0;
   for (int i = 0; i < 16; i++) {
     code = 2 * code + spec.counts[i];
-    if (code > 2u << i) return false;
+    if (code >= 2u << i) return false;
   }
   return code > 0;
 }
+
+// Of differences of DC coefficients libjpeg wants no symbol beyond 15, used or not.
+bool has_symbols(const HuffmanSpec& spec, const DcTable*) {
+  return std::all_of(spec.symbols.begin(), spec.symbols.end(), [](uint8_t symbol) { return symbol <= 15; });
+}
+bool has_symbols(const HuffmanSpec&, const AcTable*) { return true; }
 
 // Calls set(first, last, code_bits, symbol) with the range of numbers of `bits` bits that begin with each code.
 template <typename Set>
@@ -92,7 +99,7 @@ class Cache {
       found->used = now_;
       return found->table;
     }
-    if (!is_prefix_code(spec)) return nullptr;
+    if (!is_prefix_code(spec) || !has_symbols(spec, static_cast<const Table*>(nullptr))) return nullptr;
     if (entries_.size() == kEntries)
       entries_.erase(std::min_element(entries_.begin(), entries_.end(),
                                       [](const Entry& a, const Entry& b) { return a.used < b.used; }));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <algorithm>
 #include <csetjmp>
 #include <cstddef>
 #include <cstdint>
@@ -8,12 +9,21 @@
 
 #include <jpeglib.h>
 
-// What the two directions of libjpeg have in common here.
+#include "jpeg/huffman_spec.h"
+
+// What all uses of libjpeg have in common here.
 namespace lf::jpeg {
 
 // A baseline JPEG of ours is this header, a scan and EOI: no JFIF marker, no tables. Only the scan travels.
 inline constexpr size_t kPixelHeader = 35, kLostHeader = 25;  // bytes of SOI, SOF0, SOS for three components, for one
 inline constexpr size_t kEoi = 2;
+
+inline HuffmanSpec huffman_of(const JHUFF_TBL& table) {
+  HuffmanSpec spec;
+  std::copy_n(table.bits + 1, spec.counts.size(), spec.counts.begin());
+  std::copy_n(table.huffval, spec.symbols.size(), spec.symbols.begin());
+  return spec;
+}
 
 // libjpeg's default is to end the process.
 struct Errors {

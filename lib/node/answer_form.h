@@ -9,6 +9,10 @@
 
 namespace lf {
 
+namespace gl {
+class SumDrawer;
+}
+
 // How pixels are coded.
 struct CodedAs {
   wire::Codec codec = wire::Codec::kRaw;  // kRaw, kRaw16 or kJpeg
@@ -20,6 +24,7 @@ struct CodedAs {
 struct AnswerForm : CodedAs {
   int strip_pixels = wire::kStripPixels;  // in 8 bits: how large its fragments are at most
   size_t spare_pixels = 0;                // see sum_tiles()
+  gl::SumDrawer* card = nullptr;          // see SumRenderer
   bool operator==(const AnswerForm&) const = default;
 };
 

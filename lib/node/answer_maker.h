@@ -32,6 +32,8 @@ class AnswerMaker {
   Units make(const AnswerTask& task, const wire::AnswerHeader& header, std::span<const Source> images,
              const Options& options, ByteBuffer memory = {});
   void clear() { gains_.clear(); }
+  // What is learned of new views begins with what the other one's came to.
+  void begin_like(const AnswerMaker& other) { gains_.begin_like(other.gains_); }
 
  private:
   void match_gains(const AnswerTask& task, const wire::AnswerHeader& header, const Options& options,

@@ -77,13 +77,14 @@ RenderedAnswer render_answer(const wire::AnswerHeader& header, const RenderJob& 
   if (header.family == PixelFamily::kNone)  // no camera has an image yet
     return {.bytes = wire::AnswerWriter(header, 0, std::move(memory)).finish()};
   const uint64_t begin = now_ns();
-  const SumRenderer renderer(job.plan(), job.runs(), sources, header.family);
+  const SumRenderer renderer(job.plan(), job.runs(), sources, header.family, Coordinates::kGrid, form.card);
   std::vector<CameraIndex> cameras;
   for (const Source& source : sources) cameras.push_back(source.camera);
   const std::vector<Rect> tiles = sum_tiles(job.plan(), job.runs(), cameras, header.family, form.spare_pixels);
   RenderedAnswer answer;
   if (form.codec == wire::Codec::kRaw16) {
     answer = render_sums16(header, renderer, tiles, std::move(memory), parallel);
+    answer.drawn = renderer.is_drawn();
     answer.render_ns = now_ns() - begin;
     return answer;
   }
@@ -93,6 +94,7 @@ RenderedAnswer render_answer(const wire::AnswerHeader& header, const RenderJob& 
   for (const Fragment& strip : strips) fragments.push_back({{}, planes_of(strip)});
   answer.bytes = wire::encode_fragments(header, fragments, form.quality, std::move(memory), parallel);
   answer.fragments = fragments.size();
+  answer.drawn = renderer.is_drawn();
   answer.render_ns = rendered - begin;
   answer.encode_ns = now_ns() - rendered;
   return answer;

@@ -16,6 +16,7 @@ namespace lf {
 struct RenderedAnswer {
   ByteBuffer bytes;  // one unit
   size_t fragments = 0;
+  bool drawn = false;                     // by a card
   uint64_t render_ns = 0, encode_ns = 0;  // wall time; rounding to 8 bits counts as rendering
 };
 

@@ -52,6 +52,7 @@ class WarpTask : public AnswerTask {
                         ByteBuffer memory, const ParallelFor& parallel) const override {
     AnswerForm form = choose_form(job_.plan().view(), options.codec, options.in_process, quality_);
     form.strip_pixels = options.strip_pixels;
+    form.card = options.card;
     if (!wide_) return render_answer(header, job_, sources, form, std::move(memory), parallel);
     std::vector<Source> in_view;
     std::ranges::copy_if(sources, std::back_inserter(in_view),

@@ -21,6 +21,7 @@ class AnswerTask {
     CodecChoice codec = CodecChoice::kAuto;
     bool in_process = false;                // the compositor is in this process: see choose_form()
     int strip_pixels = wire::kStripPixels;  // see AnswerForm
+    gl::SumDrawer* card = nullptr;          // see SumRenderer
   };
 
   virtual ~AnswerTask() = default;

@@ -31,6 +31,8 @@ class GainMatcher {
   std::vector<Source> match(std::span<const Source> sources, const CameraGains& gains,
                             const std::function<Rect(CameraIndex)>& region, const ParallelFor& parallel = serial_for);
   void clear();
+  // Views begin with what those of another one came to last.
+  void begin_like(const GainMatcher& other) { latest_ = other.latest_; }
 
  private:
   struct View {

@@ -6,21 +6,29 @@
 #include "base/error.h"
 #include "base/number_text.h"
 #include "render/camera_weights.h"
+#include "render/gl/sum_drawer.h"
 #include "render/simd/sum_task.h"
 
 namespace lf {
 
 struct SumRenderer::State : simd::PreparedTask {
   using PreparedTask::PreparedTask;
+  gl::DrawnSum drawn;
+  bool is_drawn = false;
 };
 
 SumRenderer::SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources,
-                         PixelFamily family, Coordinates coordinates)
-    : state_(std::make_unique<State>(plan, runs, sources, family, coordinates)), rect_(state_->rect) {}
+                         PixelFamily family, Coordinates coordinates, gl::SumDrawer* card)
+    : state_(std::make_unique<State>(plan, runs, sources, family, coordinates)), rect_(state_->rect) {
+  state_->is_drawn = card && !rect_.empty() && card->draw(state_->task, sources, rect_, state_->drawn);
+}
 
 SumRenderer::~SumRenderer() = default;
 
+bool SumRenderer::is_drawn() const { return state_->is_drawn; }
+
 bool SumRenderer::render_rows(int y0, int y1, const SumPlanes& out) const {
+  if (state_->is_drawn) return state_->drawn.copy_rows(y0, y1, out);
   const simd::SumTask& task = state_->task;
   const Rect& rect = out.rect;
   const bool i420 = task.family == PixelFamily::kI420;

@@ -15,6 +15,10 @@
 
 namespace lf {
 
+namespace gl {
+class SumDrawer;
+}
+
 // One camera and what it sees now.
 struct Source {
   CameraIndex camera = 0;              // index in the rig of the plan
@@ -43,14 +47,17 @@ inline constexpr double kGridError = 1.0 / 512;  // pixels of the camera's image
 class SumRenderer {
  public:
   // Everything must outlive this. Sources: one family, images of their cameras' sizes (else Error), no camera twice.
+  // `card`: draws the sum here and now, where there is one and it can; else the CPU does, row by row, as it is asked for.
   SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources, PixelFamily family,
-              Coordinates coordinates = Coordinates::kGrid);
+              Coordinates coordinates = Coordinates::kGrid, gl::SumDrawer* card = nullptr);
   ~SumRenderer();
   SumRenderer(const SumRenderer&) = delete;
   SumRenderer& operator=(const SumRenderer&) = delete;
 
   // Bounds what the sources contribute, from the plan: whole chroma samples in kI420; may be empty.
   const Rect& rect() const { return rect_; }
+  // Whether the card has drawn it.
+  bool is_drawn() const;
   // Writes rows [y0, y1) (y0 even; y1 even or the end of out.rect) of the sum into `out`, all samples of them, zeros
   // where nothing contributes; out.rect inside the runs' region. Lost weight is written to out.lost (all of it). True
   // if any weight was lost. Call from several threads for different rows.

@@ -63,7 +63,9 @@ class LineReader {
     const size_t begin = line_.find_first_not_of(" \t", position_);
     if (begin == std::string::npos) fail(std::string(what) + " is missing");
     position_ = line_.size();
-    return line_.substr(begin, line_.find_last_not_of(" \t") + 1 - begin);
+    std::string text = line_.substr(begin, line_.find_last_not_of(" \t") + 1 - begin);
+    if (!is_utf8(text)) fail(std::string(what) + " is no text in UTF-8");
+    return text;
   }
   double number(const char* what) {
     const std::string text = word(what);

@@ -17,46 +17,68 @@ Depacketizer::Stats Depacketizer::stats() const {
   return stats;
 }
 
-bool Depacketizer::is_new_request(Source& source, uint32_t view_id, uint32_t sequence) {
-  std::optional<uint32_t>& last = source.requests[view_id];
-  if (last) {
-    const auto ahead = static_cast<int32_t>(sequence - *last);
-    if (ahead <= 0 && ahead > -kMaxRequestAge) {
-      stats_.repeated++;
-      return false;
-    }
+// A viewer that begins anew asks for later times with the numbers that it had.
+bool Depacketizer::is_repeated(Source& source, const RequestHeader& head) {
+  const std::optional<Source::Request>& last = source.requests[head.view_id];
+  if (!last) return false;
+  const auto ahead = static_cast<int32_t>(head.sequence - last->sequence);
+  const bool is_later =
+      head.target_time != kNoTime && last->target_time != kNoTime && head.target_time > last->target_time;
+  return ahead <= 0 && ahead > -kMaxRequestAge && !is_later;
+}
+
+bool Depacketizer::is_sound_request(Source& source, Bytes bytes) {
+  const std::optional<wire::RequestPeek> peek = wire::peek_request(bytes);
+  if (peek && is_repeated(source, peek->head)) {
+    stats_.repeated++;
+    return false;
   }
-  last = sequence;
+  if (peek && admit_ && !admit_(bytes)) return false;
+  if (!peek || !wire::decode_request(bytes)) {
+    stats_.bad_units++;
+    return false;
+  }
+  source.requests[peek->head.view_id] = Source::Request{peek->head.sequence, peek->head.target_time};
   return true;
 }
 
-bool Depacketizer::is_sound(Source& source, std::span<const uint8_t> bytes, const wire::UnitHeader& header) {
+bool Depacketizer::is_sound(Source& source, Bytes bytes, const wire::UnitHeader& header) {
   if (header.version != wire::kVersion) return true;
-  if (kind_ == wire::UnitKind::kRequest && header.type == wire::kViewRequestType) {
-    const std::optional<ViewRequest> request = wire::decode_request(bytes);
-    if (request) return is_new_request(source, request->view_id, request->sequence);
-  } else if (kind_ == wire::UnitKind::kAnswer && header.type == wire::kFragmentsType) {
-    if (wire::parse_answer(bytes)) return true;
-  } else {
+  if (kind_ == wire::UnitKind::kRequest && header.type == wire::kViewRequestType)
+    return is_sound_request(source, bytes);
+  if (admit_ && !admit_(bytes)) return false;
+  if (kind_ == wire::UnitKind::kRequest || header.type != wire::kFragmentsType || wire::parse_answer(bytes))
     return true;
-  }
   stats_.bad_units++;
   return false;
 }
 
-void Depacketizer::take_units(Source& source, std::span<const uint8_t> bytes, const Deliver& deliver) {
+void Depacketizer::take_unit(Source& source, Bytes bytes, const wire::UnitHeader& header, const Deliver& deliver) {
+  if (!is_sound(source, bytes, header)) return;
+  stats_.units++;
+  deliver(bytes, nullptr);
+}
+
+void Depacketizer::leave_newest(std::vector<Bytes>& units) {
+  if (units.size() <= kRequestsOfPacket) return;
+  const auto superseded = static_cast<ptrdiff_t>(units.size() - kRequestsOfPacket);
+  stats_.superseded += static_cast<uint64_t>(superseded);
+  units.erase(units.begin(), units.begin() + superseded);
+}
+
+void Depacketizer::take_units(Source& source, Bytes bytes, const Deliver& deliver) {
+  units_.clear();
   while (!bytes.empty()) {
     const std::optional<wire::UnitHeader> header = wire::peek_unit(bytes);
     if (!header || header->kind != kind_ || header->size > bytes.size()) {
       stats_.bad_units++;
-      return;
+      break;
     }
-    const std::span<const uint8_t> unit = bytes.first(header->size);
+    units_.push_back(bytes.first(header->size));
     bytes = bytes.subspan(header->size);
-    if (!is_sound(source, unit, *header)) continue;
-    stats_.units++;
-    deliver(unit, nullptr);
   }
+  if (kind_ == wire::UnitKind::kRequest) leave_newest(units_);
+  for (const Bytes unit : units_) take_unit(source, unit, *wire::peek_unit(unit), deliver);
 }
 
 void Depacketizer::take_chunk(Source& source, uint32_t id, const Chunk& chunk, const Deliver& deliver) {

@@ -5,12 +5,15 @@
 #include <functional>
 #include <optional>
 #include <span>
+#include <utility>
+#include <vector>
 
 #include "base/byte_buffer.h"
 #include "rtp/payload_format.h"
 #include "rtp/reassembly.h"
 #include "rtp/recent.h"
 #include "rtp/sequence_window.h"
+#include "view/view_request.h"
 #include "wire/unit.h"
 
 namespace lf::rtp {
@@ -40,6 +43,9 @@ class Depacketizer {
   // Forgets what has come: a new stream begins.
   void clear();
   void set_limits(const Reassembly::Limits& limits) { reassembly_.set_limits(limits); }
+  // Asked for each unit that is about to be decoded: one that is not admitted is dropped, and not counted here.
+  using Admit = std::function<bool(std::span<const uint8_t> bytes)>;
+  void set_admit(Admit admit) { admit_ = std::move(admit); }
 
   struct Stats {
     uint64_t packets = 0, bytes = 0;  // all that came; bytes of payload
@@ -48,6 +54,7 @@ class Depacketizer {
     uint64_t repeated = 0;            // requests known already: their repetition was not needed
     uint64_t lost = 0;                // packets missing in their source's sequence
     // Dropped:
+    uint64_t superseded = 0;        // requests with more newer ones behind them in their packet than a turn uses
     uint64_t duplicates = 0;        // packets
     uint64_t bad_packets = 0;       // cut short, of another version or an unknown kind
     uint64_t bad_chunks = 0;        // that contradict others, or too large a unit
@@ -61,19 +68,33 @@ class Depacketizer {
   // must have begun anew, has been seen or is of no more use.
   static constexpr int32_t kMaxRequestAge = 8;
   static constexpr size_t kSources = 64, kViews = 256;
+  // The newest of a view and those that go along in case they were lost (Packetizer): others before it in a packet are
+  // of no use.
+  static constexpr size_t kRequestsOfPacket = 3;
   struct Source {
     SequenceWindow window;
-    Recent<std::optional<uint32_t>> requests{kViews};  // sequence of the last one, by view
+    struct Request {
+      uint32_t sequence;
+      uint64_t target_time;
+    };
+    Recent<std::optional<Request>> requests{kViews};  // the last one, by view
   };
-  bool is_new_request(Source& source, uint32_t view_id, uint32_t sequence);
+  using Bytes = std::span<const uint8_t>;
+  static bool is_repeated(Source& source, const RequestHeader& head);
+  bool is_sound_request(Source& source, Bytes bytes);
   // `bytes` is exactly one unit with this header.
-  bool is_sound(Source& source, std::span<const uint8_t> bytes, const wire::UnitHeader& header);
-  void take_units(Source& source, std::span<const uint8_t> bytes, const Deliver& deliver);
+  bool is_sound(Source& source, Bytes bytes, const wire::UnitHeader& header);
+  void take_unit(Source& source, Bytes bytes, const wire::UnitHeader& header, const Deliver& deliver);
+  void take_units(Source& source, Bytes bytes, const Deliver& deliver);
+  // The requests of a packet that has enough newer ones behind them are taken out.
+  void leave_newest(std::vector<Bytes>& units);
   void take_chunk(Source& source, uint32_t id, const Chunk& chunk, const Deliver& deliver);
 
   wire::UnitKind kind_;
   Recent<Source> sources_{kSources};
   Reassembly reassembly_;
+  Admit admit_;
+  std::vector<Bytes> units_;  // of a packet; its memory is kept
   Stats stats_;
 };
 

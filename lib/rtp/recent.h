@@ -3,13 +3,14 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <memory>
 #include <utility>
 #include <vector>
 
 namespace lf::rtp {
 
-// A value for each of the keys used last: what is kept of views and sources stays bounded, whatever comes. Not
-// thread-safe.
+// A value for each of the keys used last: what is kept of views and sources stays bounded, whatever comes. Values stay
+// where they are, however large: to use another key moves a few bytes for each. Not thread-safe.
 template <typename Value>
 class Recent {
  public:
@@ -20,17 +21,17 @@ class Recent {
     auto found = std::ranges::find(entries_, key, &Entry::first);
     if (found == entries_.end()) {
       if (entries_.size() == most_) entries_.erase(entries_.begin());
-      entries_.emplace_back(key, Value());
+      entries_.emplace_back(key, std::make_unique<Value>());
     } else {
       std::rotate(found, found + 1, entries_.end());
     }
-    return entries_.back().second;
+    return *entries_.back().second;
   }
   void clear() { entries_.clear(); }
   size_t size() const { return entries_.size(); }
 
  private:
-  using Entry = std::pair<uint32_t, Value>;
+  using Entry = std::pair<uint32_t, std::unique_ptr<Value>>;
   size_t most_;
   std::vector<Entry> entries_;  // used last: at the end
 };

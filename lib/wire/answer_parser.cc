@@ -140,6 +140,17 @@ std::optional<AnswerPartHeader> parse_answer_header(std::span<const uint8_t> byt
   return or_reason(reason, [&] { return read_head(bytes).answer; });
 }
 
+std::optional<std::pair<int, int>> peek_answer_size(std::span<const uint8_t> bytes) {
+  constexpr size_t kSizeAt = 48;
+  const std::optional<UnitHeader> unit = peek_unit(bytes);
+  if (!unit || unit->kind != UnitKind::kAnswer || unit->version != kVersion || unit->type != kFragmentsType ||
+      bytes.size() < kAnswerHeaderBytes)
+    return std::nullopt;
+  Reader in(bytes.subspan(kSizeAt));
+  const int width = in.get<uint16_t>(), height = in.get<uint16_t>();
+  return std::pair(width, height);
+}
+
 std::optional<uint32_t> peek_answer_view(std::span<const uint8_t> bytes) {
   const std::optional<UnitHeader> unit = peek_unit(bytes);
   if (!unit || unit->kind != UnitKind::kAnswer || unit->version != kVersion) return std::nullopt;

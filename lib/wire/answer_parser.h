@@ -5,6 +5,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "wire/answer.h"
 
@@ -24,5 +25,8 @@ std::optional<AnswerPartHeader> parse_answer_header(std::span<const uint8_t> byt
 // Whose view a unit of an answer stream, of any type, is about: enough to pass it by. Nothing for bytes that do not
 // begin as such a unit of this version does; what follows is not looked at.
 std::optional<uint32_t> peek_answer_view(std::span<const uint8_t> bytes);
+
+// The size of that view, pixels, under the same conditions; nothing for units that are not fragments.
+std::optional<std::pair<int, int>> peek_answer_size(std::span<const uint8_t> bytes);
 
 }  // namespace lf::wire

@@ -173,6 +173,15 @@ std::optional<PixelCommand> decode_pixel_command(std::span<const uint8_t> bytes,
   return or_reason(reason, [&] { return read_pixel_command(bytes); });
 }
 
+std::optional<Access> access_of_type(uint8_t type) {
+  switch (type) {
+    case kViewRequestType: return Access::kSelf;
+    case kWarpCommandType: return Access::kWarp;
+    case kPixelCommandType: return Access::kPixels;
+    default: return std::nullopt;
+  }
+}
+
 std::optional<AnyRequest> decode_any_request(std::span<const uint8_t> bytes, std::string* reason) {
   const std::optional<UnitHeader> unit = peek_unit(bytes);
   if (unit && unit->type == kWarpCommandType) return decode_warp_command(bytes, reason);

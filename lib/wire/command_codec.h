@@ -21,6 +21,8 @@ std::vector<uint8_t> encode_command(const PixelCommand& command);
 std::optional<WarpCommand> decode_warp_command(std::span<const uint8_t> bytes, std::string* reason = nullptr);
 std::optional<PixelCommand> decode_pixel_command(std::span<const uint8_t> bytes, std::string* reason = nullptr);
 
+// Whom a unit of the request stream is for, by its type; nothing for types that are not known.
+std::optional<Access> access_of_type(uint8_t type);
 // A request of any kind.
 std::optional<AnyRequest> decode_any_request(std::span<const uint8_t> bytes, std::string* reason = nullptr);
 

@@ -6,6 +6,7 @@
 #include <zlib.h>
 
 #include "base/error.h"
+#include "wire/limits.h"
 
 namespace lf::wire {
 
@@ -19,14 +20,12 @@ std::vector<uint8_t> deflate_all(std::span<const uint8_t> bytes) {
 }
 
 std::vector<uint8_t> inflate_exactly(std::span<const uint8_t> deflated, size_t size) {
-  constexpr size_t kMostPerByte = 1032;  // of deflate: 258 bytes in two bits
-  if (size > kMostPerByte * deflated.size())
+  if (size > kMaxInflation * deflated.size())
     throw Error("deflated bytes: " + std::to_string(deflated.size()) + " can't be those of " + std::to_string(size));
   std::vector<uint8_t> bytes(size);
   uLongf written = static_cast<uLongf>(size);
   uLong read = static_cast<uLong>(deflated.size());
-  if (uncompress2(bytes.data(), &written, deflated.data(), &read) != Z_OK || written != size ||
-      read != deflated.size())
+  if (uncompress2(bytes.data(), &written, deflated.data(), &read) != Z_OK || written != size || read != deflated.size())
     throw Error("deflated bytes: are not those of " + std::to_string(size));
   return bytes;
 }

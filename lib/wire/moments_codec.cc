@@ -17,7 +17,7 @@ namespace {
 
 constexpr size_t kHeaderBytes = kUnitHeaderBytes + 4 + 4 + 8 + 4 + 2 + 2 + 2 + 8;
 constexpr uint16_t kOfGains = 1, kOfOneCamera = 2;  // flags of the unit
-constexpr uint8_t kHasWeight = 1;  // flag of a trial: else all of its weight is there
+constexpr uint8_t kHasWeight = 1;                   // flag of a trial: else all of its weight is there
 
 // The nodes with weight in any trial.
 Rect seen_nodes(std::span<const Moments> trials) {
@@ -57,12 +57,9 @@ void put_plane(PlacedWriter& out, const std::vector<uint16_t>& values, int colum
   });
 }
 
-void read_plane(Reader& in, std::vector<uint16_t>& values, int columns, const Rect& rect) {
-  for_rows(values, columns, rect, [&](uint16_t* first, uint16_t* past) {
-    const std::span<const uint8_t> bytes = in.get_bytes(2 * static_cast<size_t>(past - first));
-    for (size_t i = 0; i < bytes.size() / 2; i++)
-      first[i] = static_cast<uint16_t>(bytes[2 * i] << 8 | bytes[2 * i + 1]);
-  });
+void read_plane(Reader& in, std::vector<uint16_t>& values) {
+  const std::span<const uint8_t> bytes = in.get_bytes(2 * values.size());
+  for (size_t i = 0; i < bytes.size() / 2; i++) values[i] = static_cast<uint16_t>(bytes[2 * i] << 8 | bytes[2 * i + 1]);
 }
 
 // What one camera sees: its weight, and for each trial a luma, or that it sees nothing. Other moments follow from that.
@@ -133,9 +130,9 @@ std::vector<uint8_t> pack(const SeenByOne& seen, size_t width) {
   return out;
 }
 
-// `packed`: for all nodes of the rectangle.
-void unpack(std::span<const uint8_t> packed, const Rect& rect, std::span<Moments> trials) {
-  const auto width = static_cast<size_t>(rect.width()), nodes = width * static_cast<size_t>(rect.height());
+// `packed`: for all nodes of `trials`.
+void unpack(std::span<const uint8_t> packed, std::span<Moments> trials) {
+  const auto width = static_cast<size_t>(trials[0].columns), nodes = trials[0].weight.size();
   SeenByOne seen{std::vector<uint16_t>(nodes), std::vector<uint16_t>(nodes),
                  std::vector(trials.size(), std::vector<uint8_t>(nodes))};
   for (size_t i = 0; i < nodes; i++) {
@@ -143,14 +140,13 @@ void unpack(std::span<const uint8_t> packed, const Rect& rect, std::span<Moments
     seen.blind[i] = static_cast<uint16_t>(packed[2 * nodes + i] << 8 | packed[3 * nodes + i]);
     if (seen.weight[i] > Moments::kWeightOne) throw Error("weight: more than 1");
     if (seen.blind[i] >> trials.size() != 0) throw Error("trials: more than there are");
-    const size_t node = (static_cast<size_t>(rect.y0) + i / width) * trials[0].columns + rect.x0 + i % width;
     for (size_t t = 0; t < trials.size(); t++) {
       std::vector<uint8_t>& luma = seen.luma[t];
       luma[i] = static_cast<uint8_t>(packed[(4 + t) * nodes + i] + predicted(luma, i, width));
       if (seen.blind[i] >> t & 1) continue;
-      trials[t].weight[node] = seen.weight[i];
-      trials[t].luma[node] = Moments::luma_of(seen.weight[i], luma[i]);
-      trials[t].square[node] = Moments::square_of(trials[t].luma[node], luma[i]);
+      trials[t].weight[i] = seen.weight[i];
+      trials[t].luma[i] = Moments::luma_of(seen.weight[i], luma[i]);
+      trials[t].square[i] = Moments::square_of(trials[t].luma[i], luma[i]);
     }
   }
 }
@@ -187,43 +183,57 @@ Reader read_header(std::span<const uint8_t> bytes, MomentsHeader& moments, Momen
   return in;
 }
 
-MomentsUnit read_moments(std::span<const uint8_t> bytes, const MomentsShape& expected) {
-  MomentsUnit unit;
-  MomentsShape shape;
-  bool of_one;
-  Reader in = read_header(bytes, unit, shape, of_one);
-  if (shape != expected) throw Error("moments: of other trials than those that were asked for");
-  const auto [columns, rows, trials] = shape;
-  const int x = in.get<uint16_t>(), y = in.get<uint16_t>(), w = in.get<uint16_t>(), h = in.get<uint16_t>();
-  const Rect rect{x, y, x + w, y + h};
-  if (rect.x1 > columns || rect.y1 > rows || (w == 0) != (h == 0)) throw Error("rectangle: is not inside the map");
-  if (of_one) {
-    unit.trials.resize(trials);
-    for (Moments& moments : unit.trials) moments.reset(columns, rows);
-    const size_t size = static_cast<size_t>(w) * static_cast<size_t>(h) * (4 + trials);
-    unpack(inflate_exactly(in.get_bytes(in.left()), size), rect, unit.trials);
-    return unit;
-  }
-  if (in.left() < trials * (1 + 4 * static_cast<size_t>(w) * static_cast<size_t>(h)))
-    throw Error("moments: the unit ends before its trials do");
-  unit.trials.resize(trials);
+void read_trials(Reader& in, MomentsUnit& unit) {
   for (Moments& moments : unit.trials) {
     const uint8_t flags = in.get<uint8_t>();
     if (flags > kHasWeight) throw Error("trials: unknown flags " + std::to_string(flags));
-    moments.reset(columns, rows);
     if (flags & kHasWeight)
-      read_plane(in, moments.weight, columns, rect);
+      read_plane(in, moments.weight);
     else
-      for_rows(moments.weight, columns, rect,
-               [](uint16_t* first, uint16_t* past) { std::fill(first, past, Moments::kWeightOne); });
-    read_plane(in, moments.luma, columns, rect);
-    read_plane(in, moments.square, columns, rect);
+      std::ranges::fill(moments.weight, Moments::kWeightOne);
+    read_plane(in, moments.luma);
+    read_plane(in, moments.square);
   }
   if (!in.ok() || in.left() != 0) throw Error("moments: the unit's length is not that of its trials");
+}
+
+MomentsUnit read_moments(std::span<const uint8_t> bytes, const MomentsShape& expected) {
+  MomentsUnit unit;
+  bool of_one;
+  Reader in = read_header(bytes, unit, unit.shape, of_one);
+  if (unit.shape != expected) throw Error("moments: of other trials than those that were asked for");
+  const auto [columns, rows, trials] = unit.shape;
+  const int x = in.get<uint16_t>(), y = in.get<uint16_t>(), w = in.get<uint16_t>(), h = in.get<uint16_t>();
+  unit.rect = {x, y, x + w, y + h};
+  if (unit.rect.x1 > columns || unit.rect.y1 > rows || (w == 0) != (h == 0))
+    throw Error("rectangle: is not inside the map");
+  const size_t nodes = static_cast<size_t>(w) * static_cast<size_t>(h);
+  std::vector<uint8_t> packed;
+  if (of_one)
+    packed = inflate_exactly(in.get_bytes(in.left()), nodes * (4 + trials));
+  else if (in.left() < trials * (1 + 4 * nodes))
+    throw Error("moments: the unit ends before its trials do");
+  unit.trials.resize(trials);
+  for (Moments& moments : unit.trials) moments.reset(w, h);
+  if (of_one)
+    unpack(packed, unit.trials);
+  else
+    read_trials(in, unit);
   return unit;
 }
 
 }  // namespace
+
+void MomentsUnit::add_to(std::span<Moments> sums) const {
+  for (size_t t = 0; t < trials.size(); t++) sums[t].add(trials[t], rect.x0, rect.y0);
+}
+
+std::vector<Moments> MomentsUnit::sums() const {
+  std::vector<Moments> sums(trials.size());
+  for (Moments& sum : sums) sum.reset(shape.columns, shape.rows);
+  add_to(sums);
+  return sums;
+}
 
 bool is_moments(std::span<const uint8_t> bytes) {
   const std::optional<UnitHeader> header = peek_unit(bytes);

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "wire/request_codec.h"
 
+#include <algorithm>
+#include <tuple>
+
 #include "base/error.h"
 #include "wire/deflate.h"
 #include "wire/limits.h"
@@ -11,8 +14,9 @@ namespace {
 
 constexpr uint8_t kFocalPlane = 0, kFocalMap = 1;  // kind of focal surface
 constexpr uint8_t kUseGains = 1, kAskMean = 2, kMeanFollows = 4, kOnPlane = 8;
-constexpr uint8_t kLayers = 5;  // kind of trial, reserved
+constexpr uint8_t kLayers = 5;     // kind of trial, reserved
 constexpr int kBlendingShift = 4;  // of its kind, in the same byte
+constexpr size_t kPoseBytes = 7 * 8, kPlaneBytes = 4 * 8;
 
 size_t mean_nodes(const FocalMap& map) {
   return static_cast<size_t>(FocalMap::nodes(map.columns, 2)) * static_cast<size_t>(FocalMap::nodes(map.rows, 2));
@@ -227,6 +231,30 @@ std::optional<RequestPeek> peek_request(std::span<const uint8_t> bytes) {
   Reader in(bytes.subspan(kUnitHeaderBytes, kRequestHeadBytes - kUnitHeaderBytes));
   get_request_head(in, unit->flags, peek.head);
   return peek;
+}
+
+RequestCost peek_request_cost(std::span<const uint8_t> bytes) {
+  RequestCost cost;
+  const std::optional<UnitHeader> unit = peek_unit(bytes);
+  if (!unit || unit->kind != UnitKind::kRequest || unit->version != kVersion) return cost;
+  Reader in(bytes.first(std::min(bytes.size(), unit->size)).subspan(kUnitHeaderBytes));
+  RequestHeader head;
+  std::tie(cost.width, cost.height) = get_request_head(in, unit->flags, head);
+  if (unit->type != kViewRequestType) return cost;
+  const std::optional<LensModel> lens = lens_model_from_code(in.get<uint8_t>());
+  const uint8_t surface = in.get<uint8_t>(), blending = in.get<uint8_t>() >> kBlendingShift;
+  if (!lens) return cost;
+  in.get_bytes(kPoseBytes + 8 * static_cast<size_t>(lens_model_num_params(*lens)) + kPlaneBytes);
+  in.get_bytes(2 * size_t{in.get<uint32_t>()});
+  if (surface == kFocalMap) {
+    in.get_bytes(kPlaneBytes + 8 + 8 + 1);
+    cost.trials = in.get<uint8_t>();
+  }
+  if (blending == static_cast<uint8_t>(Blending::Kind::kAperture) && in.left() >= sizeof(double)) {
+    in.get_bytes(in.left() - sizeof(double));
+    cost.aperture = in.get<double>();
+  }
+  return cost;
 }
 
 std::optional<ViewRequest> decode_request(std::span<const uint8_t> bytes, std::string* reason) {

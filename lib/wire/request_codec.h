@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "view/request_limits.h"
 #include "view/view_request.h"
 
 namespace lf::wire {
@@ -25,5 +26,8 @@ struct RequestPeek {
 };
 // Nothing for bytes that do not begin as a request of this version does; what follows is not looked at.
 std::optional<RequestPeek> peek_request(std::span<const uint8_t> bytes);
+// What a request of any kind asks for, before anything is reserved or inflated for it: of `bytes` that are a sound unit
+// the same as decoding tells. What is missing of others is nothing, and left to the decoder to refuse.
+RequestCost peek_request_cost(std::span<const uint8_t> bytes);
 
 }  // namespace lf::wire

@@ -7,6 +7,7 @@
 #include <benchmark/benchmark.h>
 
 #include "reference/generators.h"
+#include "render/gl/sum_drawer.h"
 #include "render/sum_renderer.h"
 #include "rig/mesh.h"
 
@@ -101,7 +102,7 @@ std::shared_ptr<const FocalMap> room(const View& view) {
 }
 
 void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinates coordinates, bool surface = false,
-         Resampling resampling = Resampling::kBilinear) {
+         Resampling resampling = Resampling::kBilinear, gl::SumDrawer* card = nullptr) {
   const auto& size = kSizes[state.range(0)];
   Scene scene(static_cast<int>(state.range(1)), size[0], size[1], distorted, family);
   if (surface) scene.view.focus.map = room(scene.view);
@@ -111,7 +112,8 @@ void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinate
   for (Source& source : sources) source.resampling = resampling;
   SumPlanes out{.family = family};
   for (auto _ : state) {
-    const SumRenderer renderer(plan, runs, sources, family, coordinates);
+    const SumRenderer renderer(plan, runs, sources, family, coordinates, card);
+    if (card && !renderer.is_drawn()) return state.SkipWithError(card->why_not().c_str());
     out.rect = renderer.rect();
     for (int c = 0; c < 3; c++) {
       out.plane[c] = scene.sum[c].data();
@@ -119,7 +121,7 @@ void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinate
     }
     benchmark::DoNotOptimize(renderer.render_rows(out.rect.y0, out.rect.y1, out));
   }
-  state.SetLabel(simd_target_name());
+  state.SetLabel(card ? card->device() : simd_target_name());
   state.SetItemsProcessed(state.iterations() * int64_t{out.rect.width()} * out.rect.height());
 }
 BENCHMARK_CAPTURE(Sum, i420_grid, PixelFamily::kI420, true, Coordinates::kGrid)
@@ -137,6 +139,17 @@ BENCHMARK_CAPTURE(Sum, rgb_cubic_surface, PixelFamily::kRgb, true, Coordinates::
     ->ArgsProduct({{0, 3}, {8}});
 BENCHMARK_CAPTURE(Sum, i420_surface, PixelFamily::kI420, true, Coordinates::kGrid, true)->ArgsProduct({{0, 1, 3}, {8}});
 BENCHMARK_CAPTURE(Sum, rgb_surface, PixelFamily::kRgb, true, Coordinates::kGrid, true)->ArgsProduct({{0, 1, 3}, {8}});
+
+// Of a card, or of what computes in place of one: with images on their way there and sums on their way back.
+void DrawnSum(benchmark::State& state, PixelFamily family, bool surface) {
+  static std::string why;
+  static const std::unique_ptr<gl::SumDrawer> card = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
+  if (!card) return state.SkipWithError(why.c_str());
+  Sum(state, family, true, Coordinates::kGrid, surface, Resampling::kBilinear, card.get());
+}
+BENCHMARK_CAPTURE(DrawnSum, i420_plane, PixelFamily::kI420, false)->ArgsProduct({{0, 1, 2, 3}, {8}})->UseRealTime();
+BENCHMARK_CAPTURE(DrawnSum, i420_surface, PixelFamily::kI420, true)->ArgsProduct({{0, 1, 2, 3}, {8}})->UseRealTime();
+BENCHMARK_CAPTURE(DrawnSum, rgb_plane, PixelFamily::kRgb, false)->ArgsProduct({{0, 3}, {8}})->UseRealTime();
 
 }  // namespace
 }  // namespace lf

@@ -26,11 +26,9 @@ void read(const lf::FragmentPlanes& f) {
 
 }  // namespace
 
-extern "C" size_t LLVMFuzzerCustomMutator(uint8_t* data, size_t size, size_t max_size, unsigned seed) {
-  return lf::fuzz::mutate_answer(data, size, max_size, seed, 0);
-}
+LF_FUZZ_ANSWERS(0)
 
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+LF_FUZZ_TARGET(answer)(const uint8_t* data, size_t size) {
   static lf::wire::FragmentDecoder decoder;
   std::string reason;
   const std::optional<lf::wire::AnswerView> answer = lf::wire::parse_answer({data, size}, &reason);

@@ -1,22 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Messages of the data channel: an event or a reason, never both, and nothing in it but numbers that are.
-#include <sanitizer/lsan_interface.h>
-
 #include <cmath>
 
 #include "fuzz/fuzz.h"
+#include "fuzz/gst_start.h"
 #include "serve/control_message.h"
 
-extern "C" int LLVMFuzzerInitialize(int*, char***) {
-  __lsan_disable();  // GLib and GStreamer never free what they begin with
-  gst_init(nullptr, nullptr);
-  for (const char* name : {"x", "focus-distance"}) g_quark_from_string(name);
-  __lsan_enable();
-  g_log_set_always_fatal(GLogLevelFlags(G_LOG_LEVEL_CRITICAL | G_LOG_FATAL_MASK));
-  return 0;
-}
-
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+LF_FUZZ_TARGET(control)(const uint8_t* data, size_t size) {
   using namespace lf;
   const auto message = serve::parse_control_message({reinterpret_cast<const char*>(data), size});
   fuzz::require(!message.event || message.error.empty());

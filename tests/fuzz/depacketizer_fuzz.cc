@@ -9,7 +9,7 @@
 using lf::fuzz::require;
 using lf::wire::UnitKind;
 
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+LF_FUZZ_TARGET(depacketizer)(const uint8_t* data, size_t size) {
   lf::fuzz::Input input(data, size);
   const UnitKind kind = input.number(1) & 1 ? UnitKind::kRequest : UnitKind::kAnswer;
   const lf::rtp::Reassembly::Limits limits{.bytes = 20000, .units = 4};

@@ -37,7 +37,7 @@ std::vector<int64_t> cut(Bytes stream, size_t piece) {
 
 }  // namespace
 
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+LF_FUZZ_TARGET(framing)(const uint8_t* data, size_t size) {
   lf::fuzz::Input input(data, size);
   const size_t piece = 1 + input.number(1);
   const Bytes stream = input.take(size);

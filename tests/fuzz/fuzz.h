@@ -5,14 +5,42 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
+#include <map>
 #include <span>
+#include <stdexcept>
+#include <string>
 
-// What the targets share. Each defines LLVMFuzzerTestOneInput().
+// What the targets share. A target is what libFuzzer calls with its inputs (tests/fuzz.sh), and what corpus_test.cc
+// calls with those in corpus/ and damaged copies of them:
+//   LF_FUZZ_TARGET(name)(const uint8_t* data, size_t size) { ...; return 0; }
+#ifdef LF_FUZZER
+#define LF_FUZZ_TARGET(name) extern "C" int LLVMFuzzerTestOneInput
+#else
+#define LF_FUZZ_TARGET(name)                                         \
+  static int name##_target(const uint8_t*, size_t);                  \
+  [[maybe_unused]] static const bool name##_is_there = [] {          \
+    return lf::fuzz::targets().emplace(#name, name##_target).second; \
+  }();                                                               \
+  static int name##_target
+#endif
+
 namespace lf::fuzz {
+
+// By name, where a program has several.
+using Target = int (*)(const uint8_t*, size_t);
+inline std::map<std::string, Target>& targets() {
+  static std::map<std::string, Target> all;
+  return all;
+}
 
 // What must be so, whatever comes.
 inline void require(bool condition) {
-  if (!condition) abort();
+  if (condition) return;
+#ifdef LF_FUZZER
+  abort();
+#else
+  throw std::logic_error("a law of the target is broken");
+#endif
 }
 
 // Takes numbers off the front of the input, 0 where it has ended.

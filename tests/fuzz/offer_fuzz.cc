@@ -1,22 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Offers of browsers: what is taken can be written, and names what webrtcbin relies on.
 #include <gst/gst.h>
-#include <sanitizer/lsan_interface.h>
-
 #include <string>
 
 #include "fuzz/fuzz.h"
+#include "fuzz/gst_start.h"
 #include "serve/offer.h"
 
-extern "C" int LLVMFuzzerInitialize(int*, char***) {
-  __lsan_disable();  // GLib and GStreamer never free what they begin with
-  gst_init(nullptr, nullptr);
-  __lsan_enable();
-  g_log_set_always_fatal(GLogLevelFlags(G_LOG_LEVEL_CRITICAL | G_LOG_FATAL_MASK));
-  return 0;
-}
-
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+LF_FUZZ_TARGET(offer)(const uint8_t* data, size_t size) {
   using namespace lf;
   std::string reason;
   const auto offer = serve::parse_offer(std::string(reinterpret_cast<const char*>(data), size), true, true, &reason);

@@ -9,11 +9,9 @@
 using lf::fuzz::require;
 using lf::wire::UnitKind;
 
-extern "C" size_t LLVMFuzzerCustomMutator(uint8_t* data, size_t size, size_t max_size, unsigned seed) {
-  return lf::fuzz::mutate_answer(data, size, max_size, seed, 2);
-}
+LF_FUZZ_ANSWERS(2)
 
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+LF_FUZZ_TARGET(packetizer)(const uint8_t* data, size_t size) {
   lf::fuzz::Input input(data, size);
   const uint32_t settings = input.number(2);
   const UnitKind kind = settings & 1 ? UnitKind::kRequest : UnitKind::kAnswer;

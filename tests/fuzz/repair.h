@@ -8,7 +8,16 @@
 #include "wire/bytes.h"
 #include "wire/unit.h"
 
+// For a target whose inputs are answers with `front` other bytes before them.
+#ifdef LF_FUZZER
 extern "C" size_t LLVMFuzzerMutate(uint8_t* data, size_t size, size_t max_size);
+#define LF_FUZZ_ANSWERS(front)                                                                            \
+  extern "C" size_t LLVMFuzzerCustomMutator(uint8_t* data, size_t size, size_t max_size, unsigned seed) { \
+    return lf::fuzz::repair_sometimes(data, LLVMFuzzerMutate(data, size, max_size), seed, front);         \
+  }
+#else
+#define LF_FUZZ_ANSWERS(front)
+#endif
 
 namespace lf::fuzz {
 
@@ -34,9 +43,8 @@ inline void repair_answer(uint8_t* data, size_t size) {
   if (last > 0) wire::store(data + last, static_cast<uint32_t>(rest));
 }
 
-// A change to an answer that has `front` other bytes before it, repaired most times.
-inline size_t mutate_answer(uint8_t* data, size_t size, size_t max_size, unsigned seed, size_t front) {
-  size = LLVMFuzzerMutate(data, size, max_size);
+// Most times. Returns the size.
+inline size_t repair_sometimes(uint8_t* data, size_t size, unsigned seed, size_t front) {
   std::minstd_rand random(seed);
   if (size > front && random() % 8 != 0) repair_answer(data + front, size - front);
   return size;

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // View requests and commands: what is taken can be written again, and is the same; and of it a view can be planned.
 #include "base/error.h"
+#include "focus/trial_levels.h"
 #include "fuzz/fuzz.h"
 #include "render/owner_runs.h"
 #include "scene/scene.h"
 #include "wire/command_codec.h"
 #include "wire/request_codec.h"
 
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+LF_FUZZ_TARGET(request)(const uint8_t* data, size_t size) {
   using namespace lf;
   std::string reason;
   const std::optional<wire::AnyRequest> request = wire::decode_any_request({data, size}, &reason);

@@ -1,27 +1,22 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// Writes inputs to begin with, made of real units: seeds FOLDER makes FOLDER/TARGET/....
-#include <filesystem>
-#include <fstream>
+#include "fuzz/seeds.h"
 
+#include "base/json_value.h"
 #include "lib/rtp/rtp_test.h"
 #include "node/commands.h"
+#include "rig/exchange.h"
+#include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "support/jpeg_samples.h"
+#include "support/temp_dir.h"
+#include "view/views_json.h"
 #include "web/offers.h"
 #include "wire/command_codec.h"
 #include "wire/moments_codec.h"
 #include "wire/unit.h"
 
+namespace lf::fuzz {
 namespace {
-
-using lf::rtp::Bytes;
-
-void write(const std::filesystem::path& folder, const Bytes& bytes) {
-  std::filesystem::create_directories(folder);
-  int number = 0;
-  for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(folder)) number++;
-  std::ofstream(folder / ("seed-" + std::to_string(number)), std::ios::binary)
-      .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-}
 
 Bytes join(const std::vector<Bytes>& parts) {
   Bytes out;
@@ -29,103 +24,164 @@ Bytes join(const std::vector<Bytes>& parts) {
   return out;
 }
 
-Bytes packets(lf::wire::UnitKind kind, const std::vector<Bytes>& units, size_t max_payload) {
-  Bytes out{kind == lf::wire::UnitKind::kRequest};
-  lf::rtp::Packetizer packetizer(kind);
+Bytes packets(wire::UnitKind kind, const std::vector<Bytes>& units, size_t max_payload) {
+  Bytes out{kind == wire::UnitKind::kRequest};
+  rtp::Packetizer packetizer(kind);
   for (const Bytes& unit : units)
-    for (const lf::rtp::Sent& sent : lf::rtp::packetize(packetizer, unit, max_payload))
+    for (const rtp::Sent& sent : rtp::packetize(packetizer, unit, max_payload))
       out = join({out,
                   {16, static_cast<uint8_t>(sent.payload.size() >> 8), static_cast<uint8_t>(sent.payload.size())},
                   sent.payload});
   return out;
 }
 
+// A camera's frames: of all kinds that are decoded in regions, and some that are not.
+void add_frames(std::vector<Bytes>& seeds) {
+  using Kind = test::JpegKind;
+  const Image picture = test::noisy_picture(41, 23, 1);
+  for (const Kind& kind : {Kind{}, Kind{.restart_interval = 2}, Kind{.v = 1}, Kind{.h = 1}, Kind{.h = 1, .v = 1},
+                           Kind{.chroma_v = 2, .quality = 40}, Kind{.grey = true, .h = 1, .v = 1},
+                           Kind{.quality = 100, .restart_interval = 1, .optimise = true}, Kind{.progressive = true},
+                           Kind{.one_by_one = true}})
+    seeds.push_back(test::encode_jpeg(picture, kind));
+  seeds.push_back(test::without_huffman_tables(test::encode_jpeg(picture, {})));
+}
+
+// Texts behind the letter that says which they are.
+void add_text(std::vector<Bytes>& seeds, char kind, const std::string& text) {
+  Bytes bytes{static_cast<uint8_t>(kind)};
+  bytes.insert(bytes.end(), text.begin(), text.end());
+  seeds.push_back(bytes);
+}
+
+void add_texts(std::vector<Bytes>& json, std::vector<Bytes>& import) {
+  Rig rig = scene_rig(2, 2, 64, 48);
+  for (Camera& camera : rig.cameras) camera.image.clear(), camera.source.clear();
+  add_text(json, 'r', rig_to_json(rig));
+  const TempDir folder;
+  for (const auto& topology :
+       {R"({"type": "delaunay"})", R"({"type": "triangles", "triangles": [[0, 1, 2], [1, 3, 2]]})"}) {
+    std::string text = rig_to_json(rig);
+    text.replace(text.rfind("{"), text.rfind("}") - text.rfind("{"), topology);
+    add_text(json, 'r', text);
+  }
+  add_text(json, 'v',
+           R"({"format": "lightfield-views", "version": 1, "views": [{"width": 64, "height": 48, "fov_y": 40,
+    "position": [0, 0, -1], "orientation": [1, 0, 0, 0], "focus_distance": 2}, {"name": "b", "time": 1.5, "width": 8,
+    "height": 8, "model": "PINHOLE", "params": [9, 8, 4, 4], "position": [0, 0, 0], "orientation": [0, 1, 0, 0],
+    "focal_plane": [0, 0, 1, -3]}]})");
+  for (const char* bar : {"false", "true"})
+    add_text(json, 't',
+             std::string(R"({"format": "lightfield-tracks", "version": 1, "bar": )") + bar +
+                 R"(, "cameras": [{"id": 3, "width": 64, "height": 48}], "positions": [{"observations":
+                              [[3, 1.5, 2)" +
+                 (bar[0] == 't' ? ", 1" : "") + R"(]]}, {"observations": []}]})");
+  const std::string path = folder / "file";
+  export_kalibr(rig, path);
+  add_text(import, 'k', read_text_file(path));
+  export_opencv_yaml(rig, path);
+  add_text(import, 'o', read_text_file(path));
+  export_nerf(rig, path);
+  add_text(import, 'n', read_text_file(path));
+  export_colmap(rig, folder.path());
+  add_text(import, 'c', read_text_file(folder / "cameras.txt") + "\f" + read_text_file(folder / "images.txt"));
+}
+
 }  // namespace
 
-int main(int argc, char** argv) {
-  if (argc != 2) return 2;
-  const std::filesystem::path folder = argv[1];
-  using enum lf::PixelFamily;
-  lf::CameraRanges cameras;
+std::map<std::string, std::vector<Bytes>> seeds() {
+  std::map<std::string, std::vector<Bytes>> all;
+  using enum PixelFamily;
+  CameraRanges cameras;
   cameras.append({0, 3});
   cameras.append({7, 9});
   const std::vector<Bytes> answers{
-      lf::rtp::answer(0, 1, 1, 0),
-      lf::rtp::answer(2, 6, 5, 0, kRgb),
-      lf::rtp::answer(2, 7, 5, 0, kI420, cameras),
-      lf::rtp::answer(5, 16, 16, 50, kI420, cameras),  // an atlas
-      lf::rtp::answer(3, 20, 10, 90, kRgb),
-      lf::rtp::answer(1, 90, 70, 75, kI420),
-      lf::rtp::answer_with_sum(6, 5, true, 2),
-      lf::rtp::answer_with_sum(8, 6, false, 0),
+      rtp::answer(0, 1, 1, 0),
+      rtp::answer(2, 6, 5, 0, kRgb),
+      rtp::answer(2, 7, 5, 0, kI420, cameras),
+      rtp::answer(5, 16, 16, 50, kI420, cameras),  // an atlas
+      rtp::answer(3, 20, 10, 90, kRgb),
+      rtp::answer(1, 90, 70, 75, kI420),
+      rtp::answer_with_sum(6, 5, true, 2),
+      rtp::answer_with_sum(8, 6, false, 0),
   };
-  const std::vector<Bytes> requests{lf::rtp::request(1), lf::rtp::request(2), lf::rtp::request(3, 7, 5)};
+  const std::vector<Bytes> requests{rtp::request(1), rtp::request(2), rtp::request(3, 7, 5)};
   for (const Bytes& unit : answers) {
-    write(folder / "answer", unit);
-    write(folder / "packetizer", join({{0, 0}, unit}));
-    write(folder / "depacketizer", packets(lf::wire::UnitKind::kAnswer, {unit}, lf::rtp::kMinPayloadBytes));
+    all["answer"].push_back(unit);
+    all["packetizer"].push_back(join({{0, 0}, unit}));
+    all["depacketizer"].push_back(packets(wire::UnitKind::kAnswer, {unit}, rtp::kMinPayloadBytes));
   }
-  lf::ViewRequest asked;
+  ViewRequest asked;
   asked.view.width = asked.view.height = 64;
-  asked.view.lens = lf::Lens::from_fov_y(40, 64, 64);
-  asked.view.focus.plane = lf::focal_plane_at(asked.view.pose, 2);
-  const lf::Rig rig = lf::scene_rig(2, 2, 64, 48);
-  write(folder / "request", lf::wire::encode_command(warp_command(rig, build_mesh(rig), asked)));
-  write(folder / "request", lf::wire::encode_command(pixel_command(rig, build_mesh(rig), asked)));
-  lf::FocalMap map = lf::FocalMap::for_view(64, 64);
+  asked.view.lens = Lens::from_fov_y(40, 64, 64);
+  asked.view.focus.plane = focal_plane_at(asked.view.pose, 2);
+  const Rig rig = scene_rig(2, 2, 64, 48);
+  all["request"].push_back(wire::encode_command(warp_command(rig, build_mesh(rig), asked)));
+  all["request"].push_back(wire::encode_command(pixel_command(rig, build_mesh(rig), asked)));
+  FocalMap map = FocalMap::for_view(64, 64);
   map.from = {{0, 0, 1}, 0};
   map.farthest = 0.1;
   map.nearest = 1;
   for (int i = 0; i < map.columns * map.rows; i++) map.levels.push_back(static_cast<uint8_t>(i / 20 * 30));
-  asked.view.focus.map = std::make_shared<lf::FocalMap>(map);
-  for (const lf::Blending blending :
-       {lf::Blending{lf::Blending::Kind::kAperture, 0.2, 0}, lf::Blending{lf::Blending::Kind::kAngle, 0, 4}}) {
+  asked.view.focus.map = std::make_shared<FocalMap>(map);
+  for (const Blending blending :
+       {Blending{Blending::Kind::kAperture, 0.2, 0}, Blending{Blending::Kind::kAngle, 0, 4}}) {
     asked.view.blending = blending;
-    write(folder / "request", lf::wire::encode_request(asked));
+    all["request"].push_back(wire::encode_request(asked));
   }
-  asked.trials = lf::trials_of_round(1);
-  write(folder / "request", lf::wire::encode_request(asked));
+  asked.trials = {{Trial::Kind::kBlurred}, {Trial::Kind::kShifted, 3}, {Trial::Kind::kPlane, 60}};
+  all["request"].push_back(wire::encode_request(asked));
   asked.gains = {.use = true, .ask = true, .mean = std::vector<uint8_t>(64, 90), .mean_of = 7};
-  write(folder / "request", lf::wire::encode_request(asked));
-  std::vector<lf::Moments> moments(2);
-  for (lf::Moments& m : moments) {
+  all["request"].push_back(wire::encode_request(asked));
+  std::vector<Moments> moments(2);
+  for (Moments& m : moments) {
     m.reset(5, 4);
     for (size_t i = 6; i < 15; i++) {
       m.weight[i] = &m == &moments[0] ? 32768 : 20000;
       m.luma[i] = m.square[i] = static_cast<uint16_t>(1000 * i);
     }
   }
-  const lf::ByteBuffer coded = lf::wire::encode_moments({1, 2, 3, 4, {}}, moments);
+  const ByteBuffer coded = wire::encode_moments({1, 2, 3, 4, {}}, moments);
   const Bytes moments_unit(coded.begin(), coded.end());
-  write(folder / "moments", moments_unit);
-  for (lf::Moments& m : moments)
+  all["moments"].push_back(moments_unit);
+  for (Moments& m : moments)
     for (size_t i = 6; i < 15; i++) {
       m.weight[i] = static_cast<uint16_t>(2000 * i);
-      m.luma[i] = lf::Moments::luma_of(m.weight[i], 77);
-      m.square[i] = lf::Moments::square_of(m.luma[i], 77);
+      m.luma[i] = Moments::luma_of(m.weight[i], 77);
+      m.square[i] = Moments::square_of(m.luma[i], 77);
     }
-  const lf::ByteBuffer of_one = lf::wire::encode_moments({1, 2, 3, 4, {}}, moments, true);
-  write(folder / "moments", Bytes(of_one.begin(), of_one.end()));
-  const lf::ByteBuffer gains = lf::wire::encode_moments({1, 2, 3, 4, lf::GainSum{9000, -77}}, {&moments[1], 1});
-  write(folder / "moments", Bytes(gains.begin(), gains.end()));
-  write(folder / "packetizer", join({{0, 0}, moments_unit}));
-  write(folder / "framing", join({{9}, moments_unit, answers[0]}));
+  const ByteBuffer of_one = wire::encode_moments({1, 2, 3, 4, {}}, moments, true);
+  all["moments"].push_back(Bytes(of_one.begin(), of_one.end()));
+  const ByteBuffer gains = wire::encode_moments({1, 2, 3, 4, GainSum{9000, -77}}, {&moments[1], 1});
+  all["moments"].push_back(Bytes(gains.begin(), gains.end()));
+  all["packetizer"].push_back(join({{0, 0}, moments_unit}));
+  all["framing"].push_back(join({{9}, moments_unit, answers[0]}));
   for (const Bytes& unit : requests) {
-    write(folder / "request", unit);
-    write(folder / "packetizer", join({{0, 1}, unit}));
+    all["request"].push_back(unit);
+    all["packetizer"].push_back(join({{0, 1}, unit}));
   }
-  write(folder / "depacketizer", packets(lf::wire::UnitKind::kAnswer, answers, 600));
-  write(folder / "depacketizer", packets(lf::wire::UnitKind::kRequest, requests, 1388));
-  const auto write_text = [&folder](const char* target, const std::string& text) {
-    write(folder / target, Bytes(text.begin(), text.end()));
+  all["depacketizer"].push_back(packets(wire::UnitKind::kAnswer, answers, 600));
+  all["depacketizer"].push_back(packets(wire::UnitKind::kRequest, requests, 1388));
+  const auto add_whole = [&all](const char* target, const std::string& text) {
+    all[target].emplace_back(text.begin(), text.end());
   };
-  write_text("offer", lf::test::browser_offer());
-  write_text("offer", lf::test::with(lf::test::browser_offer(), "H264", "H265"));
-  write_text("control", R"({"id":7,"mid":null,"request":{"type":"navigationEvent","event":{"event":"MouseMove","x":1,)"
-                        R"("y":2,"modifier_state":"shift-mask+button1-mask"}}})");
-  write_text("control", R"({"id":8,"request":{"type":"navigationEvent","event":{"event":"KeyPress","key":"Left"}}})");
-  write_text("control", R"({"id":9,"request":{"type":"customUpstreamEvent","structureName":"lf-view-request",)"
-                        R"("structure":{"x":0.1,"focus-distance":2}}})");
-  write(folder / "framing", join({{30}, requests[0], {0x8f, 'L', 'x'}, requests[1], requests[2]}));
-  write(folder / "framing", join({{7}, answers[1], Bytes(40, 'x'), answers[2], answers[0]}));
+  add_whole("offer", test::browser_offer());
+  add_whole("offer", test::with(test::browser_offer(), "H264", "H265"));
+  add_whole("control", R"({"id":7,"mid":null,"request":{"type":"navigationEvent","event":{"event":"MouseMove","x":1,)"
+                       R"("y":2,"modifier_state":"shift-mask+button1-mask"}}})");
+  add_whole("control", R"({"id":8,"request":{"type":"navigationEvent","event":{"event":"KeyPress","key":"Left"}}})");
+  add_whole("control", R"({"id":9,"request":{"type":"customUpstreamEvent","structureName":"lf-view-request",)"
+                       R"("structure":{"x":0.1,"focus-distance":2}}})");
+  const Bytes asking = join({requests[0], {0x8f, 'L', 'x'}, requests[1], requests[2]});
+  const Bytes answering = join({answers[1], Bytes(40, 'x'), answers[2], answers[0]});
+  all["framing"].push_back(join({{30}, asking}));
+  all["framing"].push_back(join({{7}, answering}));
+  all["parse"].push_back(join({{0, 4}, asking, answering}));
+  all["parse"].push_back(join({{1, 1}, asking}));
+  all["parse"].push_back(join({{2, 20}, asking, answering}));
+  add_frames(all["frame"]);
+  add_texts(all["json"], all["import"]);
+  return all;
 }
+
+}  // namespace lf::fuzz

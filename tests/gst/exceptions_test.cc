@@ -165,6 +165,44 @@ TEST_F(Exceptions, WhereCamerasAnswer) {
       });
 }
 
+// What is thrown while a request is answered costs that answer, and the next one comes.
+TEST_F(Exceptions, AnAnswerAndNoMore) {
+  const BufferPtr frame(ArrayFixture::frame("RGB", 100, 0));
+  const std::string caps = ArrayFixture::caps("RGB");
+  std::vector<std::vector<uint8_t>> requests;
+  for (uint32_t i = 0; i < 2; i++) requests.push_back(wire::encode_request(array_.request(i, 0)));
+  HarnessPtr harness, camera;
+  each_place(
+      "lffragment",
+      [&](GstElement*) {
+        const auto ask = [&](size_t i) {
+          GstBuffer* buffer = gst_buffer_new_memdup(requests[i].data(), requests[i].size());
+          GST_BUFFER_PTS(buffer) = 0;
+          return gst_harness_push(harness.get(), buffer);
+        };
+        EXPECT_EQ(ask(0), GST_FLOW_OK);
+        const int rest = left.exchange(-1);
+        const guint before = gst_harness_buffers_received(harness.get());
+        EXPECT_EQ(ask(1), GST_FLOW_OK);
+        EXPECT_EQ(gst_harness_buffers_received(harness.get()), before + 1);
+        camera.reset();
+        harness.reset();
+        left = rest;
+      },
+      [&](GstElement* element) {
+        set_rig(element);
+        harness.reset(gst_harness_new_with_element(element, "request", "src"));
+        camera.reset(gst_harness_new_with_element(element, "sink_0", nullptr));
+        gst_harness_set_live(harness.get(), FALSE);
+        gst_harness_set_live(camera.get(), FALSE);
+        gst_harness_set_src_caps_str(camera.get(), caps.c_str());
+        gst_harness_push(camera.get(), gst_buffer_ref(frame.get()));
+        gst_harness_push_event(camera.get(), gst_event_new_eos());
+        gst_harness_set_src_caps_str(harness.get(), kRequestCaps);
+      });
+  EXPECT_GT(places_, 20);
+}
+
 TEST_F(Exceptions, WherePicturesAreComposed) {
   const ViewRequest asked = array_.request(0, 0);
   wire::Answer answer;

@@ -51,7 +51,7 @@ class LfFragmentTest : public testing::Test {
   }
 
   wire::Answer pull() {
-    const BufferPtr buffer(gst_harness_try_pull(harness_.get()));
+    const BufferPtr buffer(gst_harness_pull(harness_.get()));
     if (!buffer) {
       ADD_FAILURE() << "no answer";
       return {};

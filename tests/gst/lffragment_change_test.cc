@@ -131,7 +131,7 @@ TEST_F(LfFragmentChangeTest, CamerasAndRequestersComeAndGoWhileOthersAsk) {
     while (!done) {
       const HarnessPtr other = requester(3);
       EXPECT_EQ(push(other, array_.request(0, 0)), GST_FLOW_OK);
-      const BufferPtr answer(gst_harness_try_pull(other.get()));
+      const BufferPtr answer(gst_harness_pull(other.get()));
       EXPECT_TRUE(answer);
     }
   });
@@ -156,7 +156,7 @@ class LfFragmentRigTest : public LfFragmentChangeTest {
     ViewRequest asked = array_.request(0, 0);
     asked.rig_hash = 0;
     EXPECT_EQ(request(asked), GST_FLOW_OK);
-    const BufferPtr buffer(gst_harness_try_pull(harness_.get()));
+    const BufferPtr buffer(gst_harness_pull(harness_.get()));
     return buffer ? to_bytes(buffer.get()) : std::vector<uint8_t>{};
   }
   // What a node answers that was started with this rig.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// How cameras' images are sampled, from the property's nick to the picture.
+// How cameras' images are sampled, and what renders, from the property's nick to the picture.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -105,6 +105,33 @@ TEST_F(LfFragmentResamplingTest, CoarseViewsAreNotSharpened) {
     EXPECT_EQ(add_answer(assembly, pull()), Assembly::Verdict::kAdded);
     const Resampling expected = scale < 0.75 ? Resampling::kBilinear : Resampling::kSharpened;
     EXPECT_EQ(assembly.picture().resolve().data(), rendered(asked, expected).data()) << scale;
+    asked.sequence++;
+  }
+}
+
+// Switched while requests come: nothing is lost on the way.
+TEST_F(LfFragmentResamplingTest, TheRendererChangesNoPixelByMoreThanOneLevel) {
+  start(4);
+  set("codec", "raw16");
+  for (size_t i = 0; i < cameras_.size(); i++) {
+    GstBuffer* frame = to_buffer(images_[i].data());
+    GST_BUFFER_PTS(frame) = 0;
+    GST_BUFFER_DURATION(frame) = kFrame;
+    ASSERT_EQ(gst_harness_push(cameras_[i].get(), frame), GST_FLOW_OK);
+  }
+  ViewRequest asked = array_.request(0, 0);
+  for (const char* renderer : {"gl", "cpu", "gl"}) {
+    set("renderer", renderer);
+    const uint64_t drawn = stat(element_.get(), "drawn");
+    ASSERT_EQ(request(asked), GST_FLOW_OK);
+    Assembly assembly;
+    assembly.begin(asked);
+    EXPECT_EQ(add_answer(assembly, pull()), Assembly::Verdict::kAdded);
+    EXPECT_EQ(stat(element_.get(), "drawn"), drawn + (std::string(renderer) == "gl" ? 1 : 0));
+    const std::vector<uint8_t> picture = assembly.picture().resolve().data();
+    const std::vector<uint8_t> expected = rendered(asked, Resampling::kSharpened).data();
+    ASSERT_EQ(picture.size(), expected.size());
+    for (size_t i = 0; i < picture.size(); i++) ASSERT_LE(std::abs(picture[i] - expected[i]), 1) << i;
     asked.sequence++;
   }
 }

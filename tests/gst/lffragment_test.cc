@@ -2,7 +2,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-
 #include "../gst/common/common.h"
 #include "gst/fragment_fixture.h"
 #include "node/commands.h"
@@ -63,7 +62,7 @@ TEST_F(LfFragmentTest, AnswersWhatItsAccessIsFor) {
     push(wire::encode_command(pixel_command(array_.rig(), mesh, asked)));
   };
   const auto pull_bytes = [&] {
-    const BufferPtr buffer(gst_harness_try_pull(harness_.get()));
+    const BufferPtr buffer(gst_harness_pull(harness_.get()));
     EXPECT_TRUE(buffer);
     EXPECT_FALSE(BufferPtr(gst_harness_try_pull(harness_.get()))) << "one answer";
     return buffer ? to_bytes(buffer.get()) : std::vector<uint8_t>();
@@ -111,7 +110,7 @@ TEST_F(LfFragmentTest, ThreadsDoNotShowInTheAnswer) {
     for (const char* threads : {"1", "2", "7", "0"}) {
       set("threads", threads);
       ASSERT_EQ(request(asked), GST_FLOW_OK);
-      const BufferPtr buffer(gst_harness_try_pull(harness_.get()));
+      const BufferPtr buffer(gst_harness_pull(harness_.get()));
       answers.push_back(to_bytes(buffer.get()));
     }
     EXPECT_THAT(answers, testing::Each(answers[0])) << codec;
@@ -145,7 +144,7 @@ TEST_F(LfFragmentTest, JpegIsOfTheQualityAskedFor) {
     ViewRequest asked = array_.request(quality, 0);
     asked.quality = quality;
     ASSERT_EQ(request(asked), GST_FLOW_OK);
-    const BufferPtr buffer(gst_harness_try_pull(harness_.get()));
+    const BufferPtr buffer(gst_harness_pull(harness_.get()));
     ASSERT_TRUE(buffer);
     const std::vector<uint8_t> bytes = to_bytes(buffer.get());
     const auto answer = wire::parse_answer(bytes);
@@ -245,7 +244,7 @@ TEST_F(LfFragmentTest, FurtherRequestersHaveTheirOwnPads) {
   const HarnessPtr second(gst_harness_new_with_element(element_.get(), "request_3", "src_3"));
   gst_harness_set_src_caps_str(second.get(), "application/x-lightfield-request");
   ASSERT_EQ(gst_harness_push(second.get(), to_buffer(wire::encode_request(array_.request(9, 0)))), GST_FLOW_OK);
-  const BufferPtr buffer(gst_harness_try_pull(second.get()));
+  const BufferPtr buffer(gst_harness_pull(second.get()));
   ASSERT_TRUE(buffer);
   EXPECT_EQ(wire::decode_answer(to_bytes(buffer.get()))->sequence, 9u);
   EXPECT_EQ(gst_harness_buffers_in_queue(harness_.get()), 0u);

@@ -3,6 +3,7 @@
 // lfnodesink, and lfviewsrc at the other end.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include "gst/lfviewsrc_fixture.h"
 #include "support/free_port.h"
@@ -23,6 +24,9 @@ class LfViewSrcOnHostsTest : public LfViewSrcTest {
         ",127.0.0.1:" + std::to_string(nobody_[number]));
     EXPECT_NE(gst_element_set_state(host.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
     return host;
+  }
+  static ElementPtr child_of(const ElementPtr& host) {
+    return ElementPtr(gst_bin_get_by_name(GST_BIN(host.get()), "n"));
   }
   static void stop_host(ElementPtr& host) {
     EXPECT_EQ(gst_element_set_state(host.get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
@@ -84,6 +88,52 @@ TEST_F(LfViewSrcOnHostsTest, CamerasChangeBetweenRuns) {
     EXPECT_TRUE(comes([&] { return complete("compositor") > 3 && complete("compositor_0") > 3; })) << i;
     EXPECT_EQ(bool(child("node")), i % 2 == 1);
   }
+  stop();
+  for (ElementPtr& host : hosts) stop_host(host);
+}
+
+// Of requester `index`, what its gate counts.
+uint64_t requests(GstElement* host, int index, const char* field) {
+  GstStructure* whole = nullptr;
+  g_object_get(host, "stats", &whole, nullptr);
+  const StructurePtr stats(whole);
+  GstStructure *all = nullptr, *one = nullptr;
+  gst_structure_get(stats.get(), "requests", GST_TYPE_STRUCTURE, &all, nullptr);
+  const StructurePtr owner(all);
+  gst_structure_get(all, ("requests" + std::to_string(index)).c_str(), GST_TYPE_STRUCTURE, &one, nullptr);
+  const StructurePtr gate(one);
+  guint64 count = 0;
+  EXPECT_TRUE(gst_structure_get_uint64(one, field, &count)) << field;
+  return count;
+}
+
+TEST_F(LfViewSrcOnHostsTest, HostsCountWhomTheyDoNotServe) {
+  const std::string secret(40, 'k');
+  const TempFile key({secret.begin(), secret.end()});
+  chmod(key.path().c_str(), 0600);
+  ElementPtr hosts[2] = {start_host(0), start_host(1)};
+  g_object_set(child_of(hosts[1]).get(), "peers", "10.77.0.1", nullptr);
+  EXPECT_EQ(gst_element_set_state(hosts[1].get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
+  EXPECT_NE(gst_element_set_state(hosts[1].get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
+  play(nodes());
+  EXPECT_TRUE(comes([&] {
+    return requests(child_of(hosts[0]).get(), 0, "passed") > 5 &&
+           requests(child_of(hosts[1]).get(), 0, "strangers") > 5;
+  }));
+  EXPECT_EQ(requests(child_of(hosts[0]).get(), 1, "passed"), 0u);
+  EXPECT_EQ(requests(child_of(hosts[1]).get(), 0, "passed"), 0u);
+  stop();
+  for (ElementPtr& host : hosts) stop_host(host);
+
+  // With the same key on both sides both answer.
+  for (int i : {0, 1}) {
+    hosts[i] = start_host(i);
+    EXPECT_EQ(gst_element_set_state(hosts[i].get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
+    g_object_set(child_of(hosts[i]).get(), "key-file", key.path().c_str(), nullptr);
+    EXPECT_NE(gst_element_set_state(hosts[i].get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
+  }
+  play(nodes() + " key-file=" + key.path());
+  EXPECT_TRUE(comes([&] { return complete("compositor") > 5; }));
   stop();
   for (ElementPtr& host : hosts) stop_host(host);
 }

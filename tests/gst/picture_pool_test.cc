@@ -143,16 +143,22 @@ TEST_F(PicturePoolTest, APoolThatCantBeConfiguredIsPassedOver) {
 
 TEST(AnswerMemory, ShrinksWithTheAnswers) {
   AnswerMemory memory;
-  const auto answer = [&memory](size_t size) {
+  uint64_t now = 5'000'000'000;
+  const auto answer = [&](size_t size) {
     ByteBuffer bytes = memory.take();
     bytes.resize(size);
-    memory.give_back(std::move(bytes));
+    memory.give_back(std::move(bytes), now);
   };
   for (int i = 0; i < 10; i++) answer(1'000'000);
-  EXPECT_GE(memory.kept_bytes(), 1'000'000u);
   for (int i = 0; i < 100; i++) answer(1000);
+  EXPECT_GE(memory.kept_bytes(), 1'000'000u) << "within the minute";
+  now += 2 * PeakNeed::kMinute;
+  answer(1000);
   EXPECT_LE(memory.kept_bytes(), 4 * 2000u);
   EXPECT_GT(memory.kept_bytes(), 0u) << "and still serves again";
+  now += 2 * PeakNeed::kMinute;
+  memory.trim(now);
+  EXPECT_EQ(memory.kept_bytes(), 0u) << "nobody has asked for minutes";
 }
 
 }  // namespace

@@ -20,6 +20,7 @@ namespace lf::test {
 namespace {
 
 constexpr int kRequestPort = 6000, kAnswerPort = 6100;
+constexpr int kBehindLink = 1000;  // further on
 // The viewers are 10.77.0.10 and 10.77.0.11, so that a view's id is the end of its viewer's address.
 constexpr int kFirstHost = 3;
 
@@ -77,7 +78,22 @@ std::vector<std::string> ArrayNetwork::with_environment(std::vector<std::string>
   return command;
 }
 
+void ArrayNetwork::start_link(const std::string& host, int port, const std::string& to, int to_port) {
+  const std::string name = host + ":" + std::to_string(port);
+  if (options_.link.empty() || links_[name]) return;
+  const std::string line = "gst-launch-1.0 -q udpsrc buffer-size=8388608 port=" + std::to_string(port) + " ! " +
+                           options_.link + " ! udpsink sync=false async=false host=" + to +
+                           " port=" + std::to_string(to_port);
+  links_[name] = network_.start(host, with_environment({"sh", "-c", line}));
+}
+
 void ArrayNetwork::start_node(int i) {
+  const std::string host = "c" + std::to_string(i);
+  const bool linked = !options_.link.empty();
+  const int requests = kRequestPort + (linked ? kBehindLink : 0), answers = kAnswerPort + i;
+  const std::string compositor = network_.address("compositor");
+  start_link(host, kRequestPort, "127.0.0.1", requests);
+  start_link(host, answers, compositor, answers);
   std::vector<std::string> command = {LF_SOURCE_ROOT "/pipelines/camera-node.sh",
                                       "--rig",
                                       file("rig.json"),
@@ -86,19 +102,21 @@ void ArrayNetwork::start_node(int i) {
                                       "--node",
                                       std::to_string(i),
                                       "--requests",
-                                      std::to_string(kRequestPort),
+                                      std::to_string(requests),
                                       "--answers",
-                                      network_.address("compositor") + ":" + std::to_string(kAnswerPort + i),
+                                      (linked ? "127.0.0.1" : compositor) + ":" + std::to_string(answers),
                                       "--framerate",
                                       std::to_string(options_.framerate) + "/1"};
   command.insert(command.end(), options_.camera.begin(), options_.camera.end());
   nodes_[i].reset();
-  nodes_[i] = network_.start("c" + std::to_string(i), with_environment(command));
+  nodes_[i] = network_.start(host, with_environment(command));
 }
 
 void ArrayNetwork::start_compositor() {
+  const int requests = kViewerPort + (options_.link.empty() ? 0 : kBehindLink);
+  start_link("compositor", kViewerPort, "127.0.0.1", requests);
   std::vector<std::string> command = {LF_SOURCE_ROOT "/pipelines/compositor-node.sh", "--rig", file("rig.json"),
-                                      "--requests", std::to_string(kViewerPort)};
+                                      "--requests", std::to_string(requests)};
   for (int i = 0; i < kNodes; i++)
     command.insert(command.end(), {"--node", network_.address("c" + std::to_string(i)) + ":" +
                                                  std::to_string(kRequestPort) + ":" + std::to_string(kAnswerPort + i)});

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -26,6 +27,7 @@ class ArrayNetwork {
   struct Options {
     int framerate = 15;
     bool surface = false;  // pictures are of what the compositors find, of eyes that stand still; else of planes
+    std::string link;      // an element that requests and answers pass on their way from host to host
     std::vector<std::string> camera, compositor, viewer[kViewers];
   };
   explicit ArrayNetwork(const Options& options);
@@ -39,6 +41,7 @@ class ArrayNetwork {
   const std::string& address(const std::string& host) const { return network_.address(host); }
   std::string path_file(int view) const { return file("views" + std::to_string(view) + ".json"); }
 
+  // Starts the links, too.
   void start_node(int node);
   void start_compositor();
   void start_viewer(int viewer);
@@ -75,11 +78,14 @@ class ArrayNetwork {
  private:
   std::string file(const std::string& name) const { return folder_.path() + "/" + name; }
   std::vector<std::string> with_environment(std::vector<std::string> command) const;
+  // What comes to this port of the host goes on to another port by way of Options::link.
+  void start_link(const std::string& host, int port, const std::string& to, int to_port);
 
   Options options_;
   TempDir folder_;
   Network network_;
   std::unique_ptr<Process> nodes_[kNodes], viewers_[kViewers], compositor_;
+  std::map<std::string, std::unique_ptr<Process>> links_;  // by host and port
 };
 
 }  // namespace lf::test

@@ -193,13 +193,9 @@ class ImpairedLinks : public ArrayNetworkTest, public testing::WithParamInterfac
 // Lost, delayed, overtaken and doubled packets, both ways.
 TEST_P(ImpairedLinks, PicturesGoOnAndAreNeverMixed) {
   const std::string loss = std::to_string(GetParam() / 100.0);
-  const std::string link =
-      "netsim drop-probability=" + loss +
-      " duplicate-probability=0.01 delay-probability=0.5 min-delay=0 max-delay=5 allow-reordering=true";
   ArrayNetwork::Options options;
-  options.camera = {"--link", link};
-  options.compositor = {"--link", link};
-  options.viewer[0] = options.viewer[1] = {"--link", link};
+  options.link = "netsim drop-probability=" + loss +
+                 " duplicate-probability=0.01 delay-probability=0.5 min-delay=0 max-delay=5 allow-reordering=true";
   ArrayNetwork array(options);
   array.start_all();
   ASSERT_TRUE(array.wait_for_pictures(0, 20)) << array.compositor().text();

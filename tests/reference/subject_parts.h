@@ -27,7 +27,7 @@ void place(const T* values, const Rect& rect, int width, double scale, std::vect
 // Red as luma: then the luma of I420 images has a known rule, rounded nowhere.
 Image as_i420(const Image& rgb);
 
-// SumRenderer's 16-bit sums of all cameras, resolved by the compositor.
-Subject of_sums(std::string name, PixelFamily family, Coordinates coordinates);
+// SumRenderer's 16-bit sums of all cameras, resolved by the compositor; of a card, where there is one given.
+Subject of_sums(std::string name, PixelFamily family, Coordinates coordinates, gl::SumDrawer* card = nullptr);
 
 }  // namespace lf::reference

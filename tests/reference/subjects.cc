@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // The renderers that are set beside the reference: a new one is a line in subjects().
 #include <algorithm>
+#include <memory>
 
+#include "base/error.h"
 #include "composite/accumulator.h"
 #include "reference/float_still.h"
 #include "reference/subject_parts.h"
+#include "render/gl/sum_drawer.h"
 #include "support/camera_part.h"
 
 namespace lf::reference {
@@ -89,6 +92,14 @@ Subject of_fragments(std::string name, Coordinates coordinates, PixelFamily fami
           }};
 }
 
+// The machine's card, or what computes in place of one; Error without either.
+gl::SumDrawer* any_card() {
+  static std::string why;
+  static const std::unique_ptr<gl::SumDrawer> card = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
+  if (!card) throw Error("no OpenGL ES 3.1: " + why);
+  return card.get();
+}
+
 }  // namespace
 
 std::vector<Subject> subjects() {
@@ -101,6 +112,8 @@ std::vector<Subject> subjects() {
       all.push_back(of_sums(name + " sum", family, coordinates));
     }
   }
+  all.push_back(of_sums("gl RGB sum", PixelFamily::kRgb, Coordinates::kExact, any_card()));
+  all.push_back(of_sums("gl I420 sum", PixelFamily::kI420, Coordinates::kExact, any_card()));
   return all;
 }
 

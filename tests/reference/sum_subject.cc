@@ -1,20 +1,24 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
 
+#include "base/error.h"
 #include "composite/accumulator.h"
 #include "reference/subject_parts.h"
+#include "render/gl/sum_drawer.h"
 
 namespace lf::reference {
 namespace {
 
 // A sum over the whole view, and its memory.
 struct Sum {
-  Sum(const Plans& plans, std::span<const Source> sources, PixelFamily family, Coordinates coordinates) {
+  Sum(const Plans& plans, std::span<const Source> sources, PixelFamily family, Coordinates coordinates,
+      gl::SumDrawer* card) {
     const View& view = plans.plan.view();
     const Rect all{0, 0, view.width, view.height};
     samples.resize(packed_size(family, view.width, view.height));
     lost.resize(static_cast<size_t>(view.width) * view.height);
-    const SumRenderer renderer(plans.plan, plans.owners.runs(), sources, family, coordinates);
+    const SumRenderer renderer(plans.plan, plans.owners.runs(), sources, family, coordinates, card);
+    if (card && !renderer.rect().empty() && !renderer.is_drawn()) throw Error("not drawn: " + card->why_not());
     const bool any_lost = renderer.render_rows(0, view.height, packed_sums(family, all, samples.data(), lost.data()));
     planes = packed_sums<const int16_t, const uint16_t>(family, all, samples.data(), any_lost ? lost.data() : nullptr);
   }
@@ -24,8 +28,8 @@ struct Sum {
 };
 
 // Weights are those that white images show.
-Answer in_sums(PixelFamily family, Coordinates coordinates, const Rig& rig, const Mesh& mesh, const View& view,
-               const std::vector<Image>& images) {
+Answer in_sums(PixelFamily family, Coordinates coordinates, gl::SumDrawer* card, const Rig& rig, const Mesh& mesh,
+               const View& view, const std::vector<Image>& images) {
   constexpr double kWhite = 255 << kSumFractionBits;
   const Plans plans(rig, mesh, view);
   const size_t pixels = static_cast<size_t>(view.width) * view.height;
@@ -44,7 +48,7 @@ Answer in_sums(PixelFamily family, Coordinates coordinates, const Rig& rig, cons
     sources.push_back({i, &camera, seen.back().view()});
     const Image rgb = white_image(camera.width, camera.height), white = i420 ? as_i420(rgb) : rgb;
     const Source alone{i, &camera, white.view()};
-    const Sum sum(plans, {&alone, 1}, family, coordinates);
+    const Sum sum(plans, {&alone, 1}, family, coordinates, card);
     Answer::OwnWeights own{i, std::vector<double>(pixels)};
     place(sum.planes.plane[0], all, view.width, 1 / kWhite, own.weight);
     place(sum.planes.plane[0], all, view.width, 1 / kWhite, answer.valid);
@@ -54,7 +58,7 @@ Answer in_sums(PixelFamily family, Coordinates coordinates, const Rig& rig, cons
     }
     answer.own_weights.push_back(std::move(own));
   }
-  const Sum sum(plans, sources, family, coordinates);
+  const Sum sum(plans, sources, family, coordinates, card);
   Accumulator accumulator;
   accumulator.reset(family, view.width, view.height);
   accumulator.add_kept(sum.planes);
@@ -68,14 +72,14 @@ Answer in_sums(PixelFamily family, Coordinates coordinates, const Rig& rig, cons
 
 // A weight has 15 bits, its sample seven of fraction: two units of 1/32640 each camera. Colours of smooth images: 0.5
 // of rounding to 8 bits once, the rest for three such weights and positions good to kGridError.
-Subject of_sums(std::string name, PixelFamily family, Coordinates coordinates) {
+Subject of_sums(std::string name, PixelFamily family, Coordinates coordinates, gl::SumDrawer* card) {
   return {std::move(name),
           1e-4,
           2e-4,
           0.6,
           0.999,
           [=](const Rig& rig, const Mesh& mesh, const View& view, const std::vector<Image>& images) {
-            return in_sums(family, coordinates, rig, mesh, view, images);
+            return in_sums(family, coordinates, card, rig, mesh, view, images);
           }};
 }
 

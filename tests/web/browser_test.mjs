@@ -3,7 +3,7 @@
 import { createServer } from 'node:http';
 import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { artefacts, compare, connectBrowser, expect, half, launchBrowser, launchBrowserServer, makeRig, openPage, patience,
+import { artefacts, compare, connectBrowser, expect, half, launchBrowser, launchBrowserServer, makeRig, newPage, openPage, patience,
   picture, rendered, runTests, serve, setView, shown, source, start, stateOf, until, viewFile } from './harness.mjs';
 import { throughRelay } from './relay.mjs';
 
@@ -39,6 +39,7 @@ async function showsAndFlies() {
   await page.mouse.move(300, 200);
   await page.mouse.down();
   for (let x = 300; x <= 340; x += 10) await page.mouse.move(x, 200);
+  await page.waitForTimeout(200);  // held still, a drag does not go on when it is let go
   await page.mouse.up();
   await until(async () => (await stateOf(page)).x < home.x - 0.01, 'the drag moves the eye');
   const dragged = await setView(page, { fov: home.fov });
@@ -72,15 +73,15 @@ async function linkKeyboardNamesAndSize() {
   const page = await openPage(browser, new URL('#x=0.02&yaw=2&focus-distance=3&nonsense=1', served.url).href, size);
   await shown(page, 5);
   await until(async () => Math.abs((await stateOf(page)).yaw - 2) < 1e-6, 'the link sets the view');
-  const link = await page.evaluate(() => document.querySelector('lightfield-viewer').link);
+  const link = await page.evaluate(() => inside().share.link);
   expect(/x=0\.02&/.test(link) && /yaw=2&/.test(link), link);
   await expectTruth(page, await setView(page, { roll: 0 }), size, 'what a link shows');
   // Everything is reached with Tab and has a name.
   const seen = new Set();
-  for (let i = 0; i < 10; i++) {
+  for (let i = 0; i < 13; i++) {
     await page.keyboard.press('Tab');
     seen.add(await page.evaluate(() => {
-      const element = document.querySelector('lightfield-viewer').shadowRoot.activeElement;
+      const element = inside().root.activeElement;
       return element && `${element.localName} ${element.ariaLabel ?? element.textContent.trim()}`;
     }));
   }
@@ -93,13 +94,13 @@ async function linkKeyboardNamesAndSize() {
   await page.focus('lightfield-viewer video');
   const kept = await setView(page, { fov: (await stateOf(page)).fov });  // all keys have been taken
   await page.setViewportSize({ width: 320, height: 240 });
-  await page.waitForFunction(() => document.querySelector('lightfield-viewer').video.videoWidth === 320, null,
+  await page.waitForFunction(() => inside().video.videoWidth === 320, null,
     { timeout: patience });
   const state = await setView(page, { fov: kept.fov });
   expect(state.yaw === kept.yaw && state['focus-distance'] === kept['focus-distance'], 'a new size keeps the view');
   await page.keyboard.press('i');
   await page.waitForFunction(
-    () => document.querySelector('lightfield-viewer').shadowRoot.querySelector('pre.figures').textContent
+    () => inside().root.querySelector('pre.figures').textContent
       .includes('frames/s'));
   await page.context().close();
   await served.stop();
@@ -115,33 +116,32 @@ async function showsItsCameras() {
   await setView(page, { x: x + 0.01, y: y - 0.02, z: z - 0.4, yaw: 3, pitch: -4, roll: 5 });
   await page.keyboard.press('Tab');
   await page.keyboard.press('c');
-  await page.waitForFunction(() => document.querySelector('lightfield-viewer').cameras.makers.length, null,
+  await page.waitForFunction(() => inside().cameras.makers.length, null,
     { timeout: patience });
   const drawn = await page.evaluate(() => {
-    const { canvas } = document.querySelector('lightfield-viewer').cameras;
+    const { canvas } = inside().cameras;
     return canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.filter(value => value).length;
   });
   expect(drawn > 5000, `the mesh is not drawn: ${drawn}`);
   // Where the fifth camera is drawn it makes the picture alone.
   const at = await page.evaluate(async position => {
-    const { axesOf, inView } = await import('/view.js');
-    const viewer = document.querySelector('lightfield-viewer'), { box } = viewer.eyes[0];
-    const [x, y, z] = inView(viewer.seen, axesOf(viewer.seen), position);
-    const focal = box.height / 2 / Math.tan(viewer.seen.fov * Math.PI / 360);
+    const { axesOf, inView } = await import('/src/view.js');
+    const { flight: { seen }, picture } = inside(), { box } = picture.eyes[0];
+    const [x, y, z] = inView(seen, axesOf(seen), position), focal = box.height / 2 / Math.tan(seen.fov * Math.PI / 360);
     return [box.x + box.width / 2 + focal * x / z, box.y + box.height / 2 + focal * y / z];
   }, [x, y, z]);
   await page.mouse.move(...at);
   const words = () => page.evaluate(
-    () => document.querySelector('lightfield-viewer').shadowRoot.querySelector('pre.makers').textContent);
+    () => inside().root.querySelector('pre.makers').textContent);
   await until(async () => new RegExp(`^${cameras[5].name} (9\\d|100) %`).test(await words()),
     `${cameras[5].name} makes the pixel at ${at}`);
   await page.keyboard.press('i');
   await page.waitForFunction(
     () => /coverage +\d+\.\d %/.test(
-      document.querySelector('lightfield-viewer').shadowRoot.querySelector('pre.figures').textContent));
+      inside().root.querySelector('pre.figures').textContent));
   await page.screenshot({ path: join(artefacts, 'cameras.png') });
   await page.keyboard.press('c');
-  expect(await page.evaluate(() => document.querySelector('lightfield-viewer').cameras.canvas.hidden), 'c hides it');
+  expect(await page.evaluate(() => inside().cameras.canvas.hidden), 'c hides it');
   expect(!page.problems.length, page.problems.join('; '));
   await page.context().close();
   await served.stop();
@@ -154,7 +154,7 @@ async function twoEyes() {
   const half = { width: 320, height: 480 };
   const choose = async (mode, width) => {
     await page.getByLabel('Eyes').selectOption(mode);
-    await page.waitForFunction(width => document.querySelector('lightfield-viewer').video.videoWidth === width, width,
+    await page.waitForFunction(width => inside().video.videoWidth === width, width,
       { timeout: patience });
     return setView(page, { x: 0.01, yaw: 2, roll: 3, 'focus-distance': 1.5 });
   };
@@ -166,17 +166,20 @@ async function twoEyes() {
 
   const anaglyph = await choose('anaglyph', 1280);
   await expectTruth(page, anaglyph, size, 'left eye of the anaglyph', 0, -0.0315);
-  // Red is the left eye's, green and blue are the right eye's. (Frames may differ in their last bits.)
+  // Red is the left eye's, green and blue are the right eye's, of what both see, so that no
+  // bar is one eye's alone. (Frames may differ in their last bits.)
   const wrong = await page.evaluate(() => {
-    const viewer = document.querySelector('lightfield-viewer'), { canvas } = viewer.anaglyph;
-    viewer.anaglyph.draw(viewer.seen, viewer.eyeDistance);
-    const { shift } = viewer.anaglyph, width = canvas.width - 2 * shift;
-    const both = new OffscreenCanvas(2 * canvas.width, canvas.height).getContext('2d');
-    both.drawImage(viewer.video, 0, 0);
-    const get = (context, x) => context.getImageData(x, 0, width, canvas.height).data;
-    const [seen, left, right] =
-      [get(canvas.getContext('2d'), shift), get(both, 2 * shift), get(both, canvas.width)];
-    return seen.filter((value, i) => i % 4 < 3 && Math.abs(value - (i % 4 ? right : left)[i]) > 3).length;
+    const viewer = inside(), { canvas } = viewer.anaglyph, { width, height } = canvas;
+    viewer.anaglyph.draw(viewer.flight.seen, viewer.eyeDistance);
+    const { shift, rest } = viewer.anaglyph;
+    const get = context => context.getImageData(0, 0, width, height).data;
+    const eye = from => {
+      const context = new OffscreenCanvas(width, height).getContext('2d');
+      context.drawImage(viewer.video, from, (height - rest.height) / 2, rest.width, rest.height, 0, 0, width, height);
+      return get(context);
+    };
+    const [seen, left, right] = [get(canvas.getContext('2d')), eye(2 * shift), eye(width)];
+    return seen.filter((value, i) => i % 4 < 3 && Math.abs(value - (i % 4 ? right : left)[i]) > 10).length;
   });
   expect(wrong < 1000, `${wrong} values of the anaglyph are of the wrong eye`);
   await page.screenshot({ path: join(artefacts, 'anaglyph.png') });
@@ -206,9 +209,9 @@ async function clickFocuses() {
   await between(0.8, 1.6, 'what is followed is in focus again');
   await focuses(415, 190, 1.9, 2.5);
   await page.getByRole('button', { name: 'Follow' }).press('Enter');
-  expect(!await page.evaluate(() => document.querySelector('lightfield-viewer').follows), 'it ends');
+  expect(!await page.evaluate(() => inside().flight.follows), 'it ends');
   await page.getByLabel('Eyes').selectOption('side');
-  await page.waitForFunction(() => document.querySelector('lightfield-viewer').video.videoWidth === 640, null,
+  await page.waitForFunction(() => inside().video.videoWidth === 640, null,
     { timeout: patience });
   await shown(page, 20);
   await setView(page, { 'focus-distance': 3 });
@@ -261,7 +264,7 @@ async function headset() {
   const home = await stateOf(page);
   await page.getByLabel('Eyes').selectOption('headset');
   await page.waitForFunction(() => {
-    const { seen, video } = document.querySelector('lightfield-viewer');
+    const { flight: { seen }, video } = inside();
     return video.videoWidth > video.videoHeight * 1.5 && Math.abs(seen?.yaw + 0.05 * 180 / Math.PI) < 1e-3;
   }, null, { timeout: patience });
   await new Promise(done => setTimeout(done, 1000));  // the encoder makes it sharp
@@ -270,7 +273,7 @@ async function headset() {
   for (const [name, by] of [['x', 0.01], ['y', -0.02], ['z', 0.03]])
     expect(Math.abs(state[name] - home[name] - by) < 1e-6, `the head moves ${name}: ${state[name]}`);
   const { width, height } = await page.evaluate(() => {
-    const { video } = document.querySelector('lightfield-viewer');
+    const { video } = inside();
     return { width: video.videoWidth / 2, height: video.videoHeight };
   });
   for (const [side, offset] of [[0, -0.03], [1, 0.03]])
@@ -278,8 +281,8 @@ async function headset() {
   // On the displays it is where the eye expects it, also when the head has turned since.
   for (const turned of [0, 0.02]) {
     const url = await page.evaluate(turned => {
-      const viewer = document.querySelector('lightfield-viewer'), { headset } = viewer, { gl } = headset;
-      viewer.setView = () => 0;
+      const viewer = inside(), { headset } = viewer, { gl } = headset;
+      viewer.flight.sendView = () => 0;
       head.angle = 0.05 + turned;
       return new Promise(done => session.requestAnimationFrame((time, frame) => {
         headset.draw(frame.getViewerPose());
@@ -297,7 +300,7 @@ async function headset() {
     }
   }
   await page.evaluate(() => session.end());
-  await page.waitForFunction(() => document.querySelector('lightfield-viewer').mode === 'one');
+  await page.waitForFunction(() => inside().mode === 'one');
   expect(!page.problems.length, page.problems.join('; '));
   await page.context().close();
   await served.stop();
@@ -337,7 +340,7 @@ async function touchesAndSticks() {
   await shown(page, 10);
   await page.screenshot({ path: join(artefacts, 'phone.png') });
   // Everything is large enough for a finger, and nothing covers anything else.
-  const boxes = await page.evaluate(() => [...document.querySelector('lightfield-viewer').shadowRoot
+  const boxes = await page.evaluate(() => [...inside().root
     .querySelectorAll('button, select, label')].filter(part => part.checkVisibility()).map(part => {
     const { left, right, top, bottom } = part.getBoundingClientRect();
     return { name: part.textContent.trim().slice(0, 20), left, right, top, bottom, tall: part.localName !== 'label' };
@@ -392,13 +395,13 @@ async function toldInWords() {
   expect(!/unsafe/.test(response.headers()['content-security-policy']), 'the policy is strict');
   await shown(page, 5);
   const words = await page.locator('lightfield-viewer').ariaSnapshot();
-  for (const part of ['- img "Live picture of the light field', '- slider "Distance of what is sharp"',
+  for (const part of ['- application "Live picture of the light field', '- slider "Distance of what is sharp"',
     '- button "Sweep"', '- button "Home"', '- combobox "Eyes"', '- button "Cameras"', '- button "Figures"',
     '- button "Share"', '- log "What happened"'])
     expect(words.includes(part), `${part} is not in\n${words}`);
   const described = await page.evaluate(() => {
-    const { shadowRoot, video } = document.querySelector('lightfield-viewer');
-    return shadowRoot.getElementById(video.getAttribute('aria-describedby')).textContent;
+    const { root, video } = inside();
+    return root.getElementById(video.getAttribute('aria-describedby')).textContent;
   });
   expect(/Arrow keys/.test(described), described);
   await page.getByRole('button', { name: 'Sweep' }).press('Space');
@@ -435,19 +438,22 @@ async function fourViewers() {
   await served.stop();
 }
 
-// The cameras on two other hosts; here they are processes.
+// The cameras on two other hosts, under a key; here they are processes.
 async function nodes() {
+  const key = join(folder, 'lightfield.key');
+  await writeFile(key, 'k'.repeat(40), { mode: 0o600 });
   const port = 20000 + Math.floor(Math.random() * 10000), hosts = [0, 1].map(i =>
     start(join(source, 'pipelines/camera-node.sh'), '--rig', join(folder, 'rig.json'), '--node', String(i), '--cameras',
-      i ? '8-15' : '0-7', '--requests', String(port + i), '--answers', `127.0.0.1:${port + 10 + i}`));
-  const served = await serve(...rig, '--nodes', [0, 1].map(i => `127.0.0.1:${port + i}:${port + 10 + i}`).join());
+      i ? '8-15' : '0-7', '--requests', String(port + i), '--answers', `127.0.0.1:${port + 10 + i}`,
+      '--key-file', key));
+  const served = await serve(...rig, '--key-file', key, '--nodes', [0, 1].map(i => `127.0.0.1:${port + i}:${port + 10 + i}`).join());
   const page = await openPage(browser, served.url, { width: 320, height: 240 });
   await shown(page, 30);
   // A host may take its time to begin.
   await until(async () => await page.evaluate(async () => {
-    const viewer = document.querySelector('lightfield-viewer'), before = viewer.figures;
+    const viewer = document.querySelector('lightfield-viewer'), before = viewer.statistics;
     await new Promise(done => viewer.addEventListener('statistics', done, { once: true }));
-    return viewer.figures.pictures - before.pictures > 5 && viewer.figures.incomplete === before.incomplete;
+    return viewer.statistics.pictures - before.pictures > 5 && viewer.statistics.incomplete === before.incomplete;
   }), 'all hosts answer');
   await expectTruth(page, await setView(page, { yaw: 1 }), { width: 320, height: 240 }, 'from two hosts');
   for (const host of hosts) host.kill('SIGTERM');
@@ -458,15 +464,15 @@ async function nodes() {
 // Quality falls step by step, and comes back.
 async function lossyNetwork() {
   const served = await serve(...rig, '--bitrate', '480000');
-  const page = await (await browser.newContext({ viewport: size })).newPage();
+  const page = await newPage(browser, size);
   const relay = await throughRelay(page);
   await page.goto(served.url);
   await shown(page, 30);
-  const figures = () => page.evaluate(() => document.querySelector('lightfield-viewer').figures);
+  const figures = () => page.evaluate(() => inside().statistics);
   relay.loss = 0.3;
   await until(async () => (await figures()).frameRate === 15, 'less frames where much is lost');
   await until(async () => (await figures()).sizeDivisor === 2, 'less pixels where much is lost');
-  const video = () => page.evaluate(() => document.querySelector('lightfield-viewer').video.videoWidth);
+  const video = () => page.evaluate(() => inside().video.videoWidth);
   await until(async () => await video() === 320, 'the browser has the smaller picture');
   relay.loss = 0;
   await until(async () => (await figures()).frameRate === 30, 'all comes back');
@@ -482,7 +488,7 @@ async function stalledAndKilled() {
   const page = await openPage(browser, served.url, { width: 320, height: 240 });
   await shown(page, 10);
   const frames = () => page.evaluate(
-    () => document.querySelector('lightfield-viewer').video.getVideoPlaybackQuality().totalVideoFrames);
+    () => inside().video.getVideoPlaybackQuality().totalVideoFrames);
   for (const signal of ['SIGSTOP', 'SIGKILL']) {
     const server = await launchBrowserServer(), other = await connectBrowser(server);
     await shown(await openPage(other, served.url, { width: 320, height: 240 }), 5);
@@ -523,7 +529,7 @@ async function refusals() {
   const token = join(folder, 'token');
   await writeFile(token, 'sesame');
   const served = await serve(...rig, '--token-file', token, '--viewers', '1');
-  const status = page => page.evaluate(() => document.querySelector('lightfield-viewer').status.textContent);
+  const status = page => page.evaluate(() => inside().status.textContent);
   const wrong = await openPage(browser, new URL('#token=wrong', served.url).href, size);
   await until(async () => /token/.test(await status(wrong)), 'the page says that the token is wrong');
   const right = await openPage(browser, new URL('#token=sesame', served.url).href, size);
@@ -532,11 +538,11 @@ async function refusals() {
   await until(async () => /too many viewers/.test(await status(second)), 'the page says that there are too many');
   // A flood of messages is dropped and said once; the viewer and the server go on.
   await right.evaluate(() => {
-    const { channel } = document.querySelector('lightfield-viewer').connection;
+    const { channel } = inside().stream.connection;
     for (let i = 0; i < 5000; i++) channel.send('{"id":1,"request":{"type":"navigationEvent"}}');
     channel.send('x'.repeat(60000));
   });
-  await right.evaluate(() => document.querySelector('lightfield-viewer').connection.channel.send(''));
+  await right.evaluate(() => inside().stream.connection.channel.send(''));
   await until(() => /too many messages/.test(served.said), 'the flood is noticed');
   await new Promise(done => setTimeout(done, 1000));
   await setView(right, { yaw: 1 });
@@ -558,13 +564,13 @@ async function fiveLines() {
 <title>mine</title>
 <h1>My light field</h1>
 <script type="module" src="${served.url}lightfield-viewer.js"></script>
-<lightfield-viewer style="width: 320px; height: 240px"></lightfield-viewer>`;
+<lightfield-viewer controls autoplay style="width: 320px; height: 240px"></lightfield-viewer>`;
   const page = await openPage(browser, origin, size);
   await shown(page, 5);
   await expectTruth(page, await setView(page, { yaw: 1 }), { width: 320, height: 240 }, 'in another page');
   // What else it asks for may be asked for from there.
   await page.getByRole('button', { name: 'Cameras' }).press('Enter');
-  await page.waitForFunction(() => document.querySelector('lightfield-viewer').cameras.array, null,
+  await page.waitForFunction(() => inside().cameras.array, null,
     { timeout: patience });
   expect(!page.problems.length, page.problems.join('; '));
   await page.context().close();

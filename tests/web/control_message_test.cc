@@ -8,6 +8,10 @@
 namespace lf::serve {
 namespace {
 
+constexpr double kMaxAperture = 0.5;
+
+ControlMessage parse(std::string_view text) { return parse_control_message(text, kMaxAperture); }
+
 std::string navigation(const std::string& event) {
   return R"({"id":7,"mid":null,"request":{"type":"navigationEvent","event":)" + event + "}}";
 }
@@ -17,13 +21,13 @@ std::string view(const std::string& structure) {
 }
 
 TEST(ControlMessage, FieldsThatNobodyKnowsAreRefusedAndNotKept) {
-  EXPECT_NE(parse_control_message(view(R"({"never-heard-of":1})")).error, "");
+  EXPECT_NE(parse(view(R"({"never-heard-of":1})")).error, "");
   EXPECT_EQ(g_quark_try_string("never-heard-of"), 0u);
 }
 
 TEST(ControlMessage, NavigationBecomesGStreamersEvents) {
-  const ControlMessage move = parse_control_message(
-      navigation(R"({"event":"MouseMove","x":1.5,"y":2,"modifier_state":"shift-mask+button1-mask"})"));
+  const ControlMessage move =
+      parse(navigation(R"({"event":"MouseMove","x":1.5,"y":2,"modifier_state":"shift-mask+button1-mask"})"));
   ASSERT_TRUE(move.event) << move.error;
   EXPECT_EQ(move.id, 7u);
   gdouble x = 0, y = 0;
@@ -41,7 +45,7 @@ TEST(ControlMessage, NavigationBecomesGStreamersEvents) {
       {R"({"event":"KeyPress","key":"Left"})", GST_NAVIGATION_EVENT_KEY_PRESS},
       {R"({"event":"KeyRelease","key":"Left"})", GST_NAVIGATION_EVENT_KEY_RELEASE}};
   for (const auto& [text, type] : table) {
-    const ControlMessage message = parse_control_message(navigation(text));
+    const ControlMessage message = parse(navigation(text));
     ASSERT_TRUE(message.event) << text << message.error;
     EXPECT_EQ(gst_navigation_event_get_type(message.event.get()), type) << text;
   }
@@ -49,7 +53,7 @@ TEST(ControlMessage, NavigationBecomesGStreamersEvents) {
 
 TEST(ControlMessage, ViewsBecomeCustomEvents) {
   for (const char* name : {"x", "focus-distance"}) g_quark_from_string(name);  // as lfviewrequest does
-  const ControlMessage message = parse_control_message(view(R"({"x":0.25,"focus-distance":3})"));
+  const ControlMessage message = parse(view(R"({"x":0.25,"focus-distance":3})"));
   ASSERT_TRUE(message.event) << message.error;
   const GstStructure* structure = gst_event_get_structure(message.event.get());
   EXPECT_STREQ(gst_structure_get_name(structure), "lf-view-request");
@@ -59,13 +63,21 @@ TEST(ControlMessage, ViewsBecomeCustomEvents) {
   EXPECT_EQ(gst_structure_n_fields(structure), 2);
 }
 
+TEST(ControlMessage, AperturesHaveALimit) {
+  g_quark_from_string("aperture");
+  EXPECT_TRUE(parse(view(R"({"aperture":0.5})")).event);
+  const ControlMessage wide = parse(view(R"({"aperture":0.51})"));
+  EXPECT_FALSE(wide.event);
+  EXPECT_EQ(wide.error, "aperture is larger than the server takes");
+}
+
 std::string pixel(const std::string& structure) {
   return R"({"id":9,"request":{"type":"customUpstreamEvent","structureName":"lf-pixel","structure":)" + structure +
          "}}";
 }
 
 TEST(ControlMessage, AsksAboutPixels) {
-  const ControlMessage message = parse_control_message(pixel(R"({"x":20.4,"y":-10})"));
+  const ControlMessage message = parse(pixel(R"({"x":20.4,"y":-10})"));
   ASSERT_TRUE(message.pixel) << message.error;
   EXPECT_FALSE(message.event);
   EXPECT_EQ(message.pixel->x, 20);
@@ -114,19 +126,19 @@ TEST(ControlMessage, RefusesEverythingElse) {
       std::string(ControlMessage::kMaxBytes, '['),
       view("{\"x\":1}" + std::string(ControlMessage::kMaxBytes, ' '))};
   for (const std::string& text : table) {
-    const ControlMessage message = parse_control_message(text);
+    const ControlMessage message = parse(text);
     EXPECT_FALSE(message.event || message.pixel) << text;
     EXPECT_NE(message.error, "") << text;
   }
   std::string many = "{\"x\":1";
   for (int i = 0; i < 20; i++) many += ",\"a" + std::to_string(i) + "\":1";
-  EXPECT_FALSE(parse_control_message(view(many + "}")).event);
+  EXPECT_FALSE(parse(view(many + "}")).event);
 }
 
 TEST(ControlMessage, AnswersInWebrtcsinksFormat) {
   EXPECT_EQ(control_response(7, ""), R"({"error":null,"id":7,"type":"ControlResponseMessage"})");
   EXPECT_EQ(control_response(8, "no"), R"({"error":"no","id":8,"type":"ControlResponseMessage"})");
-  EXPECT_EQ(parse_control_message(R"({"id":9,"request":{"type":"x"}})").id, 9u) << "so that an error can be answered";
+  EXPECT_EQ(parse(R"({"id":9,"request":{"type":"x"}})").id, 9u) << "so that an error can be answered";
 }
 
 }  // namespace

@@ -5,7 +5,7 @@ import { once } from 'node:events';
 import { createInterface } from 'node:readline';
 import { readFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { launchBrowser, makeFilm, makeRig, openPage, runTests, serve, shown } from './harness.mjs';
+import { launchBrowser, makeFilm, makeRig, newPage, openPage, runTests, serve, shown } from './harness.mjs';
 import { throughRelay } from './relay.mjs';
 
 const seconds = Number(process.env.LF_SECONDS ?? 10);
@@ -18,7 +18,7 @@ async function processorTime(pid) {
 }
 
 const decoded = page => page.evaluate(async () => {
-  const { peer } = document.querySelector('lightfield-viewer').connection;
+  const { peer } = inside().stream.connection;
   for (const entry of (await peer.getStats()).values())
     if (entry.type === 'inbound-rtp') return { frames: entry.framesDecoded, time: performance.now() };
 });
@@ -59,7 +59,7 @@ async function sample(served) {
 }
 
 async function viewers(folder, count, size, begin, ...options) {
-  const served = await serve('--rig', join(folder, 'rig.json'), '--viewers', '100', '--connects', '100', ...options);
+  const served = await serve('--rig', join(folder, 'rig.json'), '--viewers', '100', '--address-views', '100', '--connects', '100', ...options);
   const end = await begin(served, count, size);
   const a = await sample(served);
   await new Promise(done => setTimeout(done, seconds * 1000));
@@ -89,14 +89,19 @@ async function growth() {
 // `painted`: the browser says it is on the screen.
 async function motion(folder, loss = 0) {
   const served = await serve('--rig', join(folder, 'rig.json'));
-  const page = await (await browser.newContext({ viewport: { width: 640, height: 480 } })).newPage();
+  const page = await newPage(browser, { width: 640, height: 480 });
   const relay = loss > 0 ? await throughRelay(page) : null;
   if (relay) relay.loss = loss;
   await page.goto(served.url);
   await shown(page, 30);
   const before = await decoded(page);
   const times = await page.evaluate(async count => {
-    const viewer = document.querySelector('lightfield-viewer');
+    const viewer = inside(), { panel } = viewer, take = panel.applied.bind(panel);
+    let tell = () => {};
+    panel.applied = applied => {
+      take(applied);
+      tell({ stamp: applied.rtpTimestamp, time: performance.now() });
+    };
     const [track] = viewer.video.srcObject.getVideoTracks();
     const reader = new MediaStreamTrackProcessor({ track }).readable.getReader();
     const shows = (stamp, rtp) => rtp !== undefined && ((rtp - stamp) >>> 0) < 0x80000000;
@@ -118,10 +123,9 @@ async function motion(folder, loss = 0) {
     const rows = [];
     for (let i = 0; i < count; i++) {
       await new Promise(done => setTimeout(done, 150 + Math.random() * 100));
-      const applied = new Promise(done => viewer.addEventListener('applied', event =>
-        done({ stamp: event.detail.rtpTimestamp, time: performance.now() }), { once: true }));
+      const applied = new Promise(done => tell = done);
       const began = performance.now();
-      viewer.setView({ yaw: (i % 7) / 2 });
+      viewer.flight.setView({ yaw: (i % 7) / 2 });
       const { stamp, time } = await applied;
       const first = async list => {
         for (;;) {
@@ -133,7 +137,7 @@ async function motion(folder, loss = 0) {
       rows.push({ asked: time - began, decoded: stamps ? await first(() => latest) : NaN,
         painted: await first(() => painted) });
     }
-    return rows.map(row => ({ ...row, picture: viewer.figures.pictureMs }));
+    return rows.map(row => ({ ...row, picture: viewer.statistics.pictureMs }));
   }, Number(process.env.LF_MOVEMENTS ?? 100));
   for (const [name, what] of [['asked', 'until it is in a request'], ['picture', 'from request to picture (median)'],
     ['decoded', 'until a decoded frame shows it'], ['painted', 'until that is painted']]) {
@@ -150,9 +154,42 @@ async function motion(folder, loss = 0) {
   await served.stop();
 }
 
+// From the moment that the page is asked for until its first picture is on the screen, of a server and a browser that have done
+// it before; and from the moment that an element is in sight again.
+async function firstPicture(folder) {
+  const served = await serve('--rig', join(folder, 'rig.json'), '--connects', '100');
+  const first = [], again = [];
+  for (let i = 0; i < 12; i++) {
+    const page = await newPage(browser, { width: 640, height: 480 });
+    await page.addInitScript(() => {
+      globalThis.painted = new Promise(done => addEventListener('DOMContentLoaded', () =>
+        inside().video.requestVideoFrameCallback((now, { expectedDisplayTime }) => done(expectedDisplayTime))));
+    });
+    await page.goto(served.url);
+    const time = await page.evaluate(() => painted);
+    await page.waitForTimeout(300);
+    const back = await page.evaluate(async () => {
+      const { stream, video } = inside();
+      stream.see(false);
+      await new Promise(done => setTimeout(done, 500));
+      const began = performance.now();
+      stream.see(true);
+      return new Promise(done => video.requestVideoFrameCallback((now, { expectedDisplayTime }) => done(expectedDisplayTime - began)));
+    });
+    if (i >= 2) first.push(time), again.push(back);
+    await page.context().close();
+  }
+  for (const [what, times] of [['first picture, of a page that is opened', first], ['back in sight', again]]) {
+    times.sort((a, b) => a - b);
+    console.log(`# ${what}: median ${times[times.length >> 1].toFixed(0)} ms, at most ${times.at(-1).toFixed(0)} ms, of ${times.length}`);
+  }
+  await served.stop();
+}
+
 const film = await makeFilm('8x8'), vga = { width: 640, height: 480 }, small = { width: 320, height: 240 };
 await runTests([
   ['motion to photon', () => motion(film)],
+  ['first picture', () => firstPicture(film)],
   ['loss', () => motion(film, 0.02)],
   ['4 browsers', () => viewers(film, 4, vga, browsers)],
   ['8 browsers', () => viewers(film, 8, small, browsers)],

@@ -82,7 +82,8 @@ export async function makeRig(grid) {
 
 // lf-serve with these options; stop() it. `said` grows as it speaks.
 export async function serve(...options) {
-  const child = spawn(join(tools, 'lf-serve'), ['--port', '0', ...options], { stdio: ['ignore', 'pipe', 'pipe'] });
+  const port = options.includes('--port') ? [] : ['--port', '0'];
+  const child = spawn(join(tools, 'lf-serve'), [...port, ...options], { stdio: ['ignore', 'pipe', 'pipe'] });
   process.on('exit', () => child.kill('SIGKILL'));  // of a test that failed
   const served = { said: '', pid: child.pid };
   const url = new Promise((resolve, reject) => {
@@ -119,22 +120,33 @@ export const launchBrowser = () => chromium.launch(launchOptions);
 export const launchBrowserServer = () => chromium.launchServer(launchOptions);
 export const connectBrowser = server => chromium.connect(server.wsEndpoint());
 
+// The element's own parts, which pages can't name: inside() of the first or of any element of a page.
+function showInside() {
+  globalThis.inside = (element = document.querySelector('lightfield-viewer')) =>
+    element && element[Object.getOwnPropertySymbols(element).find(({ description }) => description === 'inside')];
+}
+
 // A page in a window of its own (tabs in the background are throttled). `page.problems` has what went wrong in it.
-export async function openPage(browser, url, size = { width: 640, height: 480 }, { before, ...options } = {}) {
+export async function newPage(browser, size = { width: 640, height: 480 }, { before, ...options } = {}) {
   const context = await browser.newContext({ viewport: size, ...options });
   const page = await context.newPage();
+  await page.addInitScript(showInside);
   if (before) await page.addInitScript(before);
   page.problems = [];
   page.on('pageerror', error => page.problems.push(error.message));
+  return page;
+}
+export async function openPage(browser, url, size, options) {
+  const page = await newPage(browser, size, options);
   await page.goto(url);
   return page;
 }
 
 export async function shown(page, frames = 1) {
   await page.waitForFunction(
-    n => document.querySelector('lightfield-viewer')?.video.getVideoPlaybackQuality().totalVideoFrames >= n, frames,
+    n => globalThis.inside?.()?.video.getVideoPlaybackQuality().totalVideoFrames >= n, frames,
     { timeout: patience }).catch(async error => {
-    const status = await page.evaluate(() => document.querySelector('lightfield-viewer')?.status.textContent);
+    const status = await page.evaluate(() => inside()?.status.textContent);
     throw new Error(`no picture: ${status}; ${page.problems}; ${error.message}`);
   });
 }
@@ -142,38 +154,23 @@ export async function shown(page, frames = 1) {
 // Sets the view, waits for a picture that shows it, and returns the view's state.
 export async function setView(page, view) {
   return page.evaluate(async view => {
-    const viewer = document.querySelector('lightfield-viewer');
-    const stamp = await new Promise(done => {
-      let id = 0;
-      viewer.addEventListener('applied', function take({ detail }) {
-        if (detail.id < id) return;
-        viewer.removeEventListener('applied', take);
-        done(detail.rtpTimestamp);
-      });
-      id = viewer.setView(view);
-    });
+    await document.querySelector('lightfield-viewer').setView(view);
     // The encoder has a few pictures to make a still one sharp.
-    await new Promise(done => {
-      let after = 0;
-      const look = (now, frame) => {
-        if (((frame.rtpTimestamp - stamp) >>> 0) < 0x80000000) after++;
-        after > 15 ? done() : viewer.video.requestVideoFrameCallback(look);
-      };
-      viewer.video.requestVideoFrameCallback(look);
-    });
-    return viewer.state;
+    const { video, flight } = inside();
+    for (let i = 0; i < 15; i++) await new Promise(done => video.requestVideoFrameCallback(done));
+    return flight.state;
   }, view);
 }
 
 export async function stateOf(page) {
-  await page.waitForFunction(() => document.querySelector('lightfield-viewer').state, null, { timeout: patience });
-  return page.evaluate(() => document.querySelector('lightfield-viewer').state);
+  await page.waitForFunction(() => inside().flight.state, null, { timeout: patience });
+  return page.evaluate(() => inside().flight.state);
 }
 
 // The decoded picture as a PNG; of two eyes' the half of side 0 or 1.
 export async function picture(page, side) {
   const url = await page.evaluate(side => {
-    const { video } = document.querySelector('lightfield-viewer');
+    const { video } = inside();
     const canvas = document.createElement('canvas');
     Object.assign(canvas, { width: video.videoWidth / (side === undefined ? 1 : 2), height: video.videoHeight });
     canvas.getContext('2d').drawImage(video, -(side ?? 0) * canvas.width, 0);
@@ -245,4 +242,17 @@ export async function rendered(folder, state, size, eyeOffset) {
   const png = await readFile(join(out, 'view.png'));
   await rm(out, { recursive: true });
   return png;
+}
+
+// The built-in scene itself, seen by the view at each of these times: PNGs.
+export async function truthOf(state, size, times = [0]) {
+  const out = await mkdtemp(join(tmpdir(), 'lf_web_truth_'));
+  const views = times.map((time, i) => ({ ...viewFile(state, size), name: `at_${i}`, time }));
+  await writeFile(join(out, 'views.json'), JSON.stringify({ format: 'lightfield-views', version: 1, views }));
+  // It films something beside the truth, always.
+  await run(join(tools, 'lf-scene'), ['--out', out, '--grid', '1x1', '--width', '64',
+    '--height', '48', '--frames', '1', '--format', 'png', '--truth', join(out, 'views.json')]);
+  const truths = await Promise.all(views.map(({ name }) => readFile(join(out, 'truth', `${name}.png`))));
+  await rm(out, { recursive: true });
+  return truths;
 }

@@ -6,13 +6,10 @@
 // Both are seen as a browser shows them: two servers that differ in --focus-on alone, one encoder, bit rate and
 // decoder, so that what video costs is in both figures. The truth is ray-traced. Pixels count where cameras cover them
 // in the plane's picture, but for a border that video may blur into the dark.
-import { execFile } from 'node:child_process';
-import { mkdtemp, readFile, rm, writeFile } from 'node:fs/promises';
-import { tmpdir } from 'node:os';
+import { writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { promisify } from 'node:util';
 import { artefacts, expect, launchBrowser, makeFilm, makeRig, openPage, rendered, runTests, serve, shown, stateOf,
-  viewFile } from './harness.mjs';
+  truthOf } from './harness.mjs';
 
 const kWindows = [[1280, 720], [800, 480], [480, 640], [360, 640], [640, 360]];
 const kFilm = Array.from({ length: 30 }, (_, i) => i / 15);  // times of makeFilm()'s frames, seconds
@@ -23,19 +20,6 @@ const kSlack = 0.1;   // dB
 const kGain = 3;      // dB, that there must be in the end: the surface has come
 const chosenSeconds = Number(process.env.LF_SECONDS ?? 0);
 const browser = await launchBrowser();
-
-// The scene itself at each of these times: PNGs.
-async function truthOf(state, size, times) {
-  const out = await mkdtemp(join(tmpdir(), 'lf_web_truth_'));
-  const views = times.map((time, i) => ({ ...viewFile(state, size), name: `at_${i}`, time }));
-  await writeFile(join(out, 'views.json'), JSON.stringify({ format: 'lightfield-views', version: 1, views }));
-  // It films something beside the truth, always.
-  await promisify(execFile)(join(process.env.LF_TOOLS_DIR, 'lf-scene'), ['--out', out, '--grid', '1x1', '--width', '64',
-    '--height', '48', '--frames', '1', '--format', 'png', '--truth', join(out, 'views.json')]);
-  const truths = await Promise.all(views.map(({ name }) => readFile(join(out, 'truth', `${name}.png`))));
-  await rm(out, { recursive: true });
-  return truths;
-}
 
 // In a page that is not connected: connects, and looks `step` by `step` at what is shown, from one second after the
 // first picture on. Each look is compared with the truth that fits best, which is number `frame`. Returns the part of
@@ -67,12 +51,12 @@ async function watchVideo({ truths, covered, seconds, step }) {
     return error / (3 * pixels.length);
   };
 
-  const viewer = document.querySelector('lightfield-viewer'), { video } = viewer;
+  const viewer = inside(), { video } = viewer;
   const canvas = Object.assign(document.createElement('canvas'), { width, height });
   const context = canvas.getContext('2d', { willReadFrequently: true });
   const nextPicture = () => new Promise(done => video.requestVideoFrameCallback(done));
   const png = () => canvas.toDataURL('image/png').split(',')[1];
-  viewer.connect();
+  document.querySelector('lightfield-viewer').play();
   await nextPicture();
   const began = performance.now(), looks = [];
   let worst = Infinity, worstPng;
@@ -84,7 +68,7 @@ async function watchVideo({ truths, covered, seconds, step }) {
     const { data } = context.getImageData(0, 0, width, height);
     const errors = scenes.map(scene => errorOf(data, scene, some)), frame = errors.indexOf(Math.min(...errors));
     const psnr = 10 * Math.log10(255 ** 2 / Math.max(errorOf(data, scenes[frame], counted), 1e-9));
-    looks.push({ at, psnr, frame, focus: viewer.figures.focus });
+    looks.push({ at, psnr, frame, focus: viewer.statistics.focus });
     if (psnr < worst) [worst, worstPng] = [psnr, png()];
   }
   return { part: counted.length / (width * height), looks, last: png(), worst: worstPng };
@@ -96,8 +80,8 @@ async function openAndLeave(served, window) {
   await shown(page);
   const state = await stateOf(page);
   const size = await page.evaluate(() => {
-    const viewer = document.querySelector('lightfield-viewer'), { videoWidth, videoHeight } = viewer.video;
-    viewer.disconnect();
+    const viewer = inside(), { videoWidth, videoHeight } = viewer.video;
+    document.querySelector('lightfield-viewer').pause();
     return { width: videoWidth, height: videoHeight };
   });
   return { page, state, size };

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <libsoup/soup.h>
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 
@@ -116,8 +117,72 @@ TEST_F(LfServeMedia, WhereTheNetworkTakesLessThereIsLessAndLaterMore) {
   EXPECT_EQ(served.stop(), 0);
 }
 
+TEST_F(LfServeMedia, TheEncoderIsThatOfTheHighestRank) {
+  GstElementFactory* factory = gst_element_factory_find("openh264enc");
+  if (!factory) GTEST_SKIP() << "no openh264enc";
+  gst_object_unref(factory);
+  g_setenv("GST_PLUGIN_FEATURE_RANK", "openh264enc:512", TRUE);
+  Served served;
+  g_unsetenv("GST_PLUGIN_FEATURE_RANK");
+  const auto client = watch(served);
+  client->send("{}");  // opens the channel
+  const auto says = [&](const char* text) {
+    return becomes([&] {
+      return std::ranges::any_of(client->messages(), [&](const std::string& m) { return m.find(text) != m.npos; });
+    });
+  };
+  EXPECT_TRUE(says("\"encoder\":\"openh264enc\""));
+  EXPECT_TRUE(says("\"shed\":{"));
+  EXPECT_TRUE(goes_on(*client));
+}
+
+// The data channel may be open before there is video: what is said then counts.
+TEST_F(LfServeMedia, WhatIsSaidFirstIsHeard) {
+  Served served;
+  for (int i = 0; i < 5; i++) {
+    WhepClient::Options options;
+    options.first_message =
+        "{\"id\":1,\"request\":{\"type\":\"customUpstreamEvent\",\"structureName\":\"lf-view-request\",\"structure\":"
+        "{\"yaw\":1.5}}}";
+    const auto client = watch(served, options);
+    EXPECT_TRUE(becomes([&] { return told(*client, "yaw") == 1.5; })) << told(*client, "yaw");
+  }
+}
+
+TEST_F(LfServeMedia, NothingIsMadeForWhoDoesNotConnect) {
+  Served served;
+  SoupSession* session = soup_session_new();
+  SoupMessage* message = soup_message_new("POST", (served.url() + "whep").c_str());
+  const std::string offer = browser_offer();
+  GBytes* body = g_bytes_new(offer.data(), offer.size());
+  soup_message_set_request_body_from_bytes(message, "application/sdp", body);
+  GBytes* answer = soup_session_send_and_read(session, message, nullptr, nullptr);
+  EXPECT_EQ(soup_message_get_status(message), 201u);
+  EXPECT_EQ(served.metric("viewers"), "1");
+  g_usleep(1000000);
+  for (const char* name : {"pictures_total", "camera_bytes_total", "video_bytes_total"})
+    EXPECT_EQ(served.metric(name), "0") << name;
+  if (answer) g_bytes_unref(answer);
+  g_bytes_unref(body);
+  g_object_unref(message);
+  g_object_unref(session);
+}
+
+TEST_F(LfServeMedia, ASecondDataChannelEndsAViewerWhichIsTold) {
+  Served served;
+  const auto stays = watch(served), greedy = watch(served);
+  greedy->send("{}");
+  ASSERT_EQ(served.metric("viewers"), "2");
+  greedy->open_channel("another");
+  EXPECT_TRUE(becomes([&] { return served.metric("viewers") == "1"; }));
+  EXPECT_TRUE(becomes([&] { return greedy->ended(); })) << "its channels close";
+  EXPECT_TRUE(goes_on(*stays));
+  EXPECT_EQ(served.stop(), 0);
+  EXPECT_THAT(served.said(), HasSubstr("more than one data channel"));
+}
+
 TEST_F(LfServeMedia, ConnectsThatAreAbortedDisturbNobody) {
-  Served served({"--viewers", "200", "--connects", "1000"});
+  Served served({"--viewers", "200", "--address-views", "200", "--connects", "1000"});
   const auto client = watch(served);
   GUri* uri = g_uri_parse(served.url().c_str(), G_URI_FLAGS_NONE, nullptr);
   const std::string host = "127.0.0.1:" + std::to_string(g_uri_get_port(uri)), body = browser_offer();

@@ -7,6 +7,7 @@
 
 #include <filesystem>
 #include <map>
+#include <vector>
 
 #include "web/offers.h"
 #include "web/served.h"
@@ -81,8 +82,8 @@ TEST_F(LfServe, ServesPageHealthAndMetrics) {
   const Response page = ask(served, "GET", "");
   EXPECT_EQ(page.status, 200u);
   EXPECT_THAT(page.body, HasSubstr("<lightfield-viewer"));
-  for (const char* file : {"lightfield-viewer.js", "cameras.js", "connection.js", "controls.js", "figures.js",
-                           "headset.js", "markup.js", "stereo.js", "view.js"}) {
+  for (const char* file : {"lightfield-viewer.js", "src/connection.js", "src/controls.js", "src/headset.js",
+                           "src/markup.js", "src/style.js", "src/view.js", "src/viewer.js"}) {
     const Response script = ask(served, "GET", file);
     EXPECT_EQ(script.status, 200u) << file;
     EXPECT_THAT(script.headers.at("Content-Type"), HasSubstr("text/javascript")) << file;
@@ -192,20 +193,171 @@ TEST_F(LfServe, AsksForTheOrigin) {
   EXPECT_THAT(answer.headers.at("Access-Control-Expose-Headers"), HasSubstr("Location"));
 }
 
-TEST_F(LfServe, LimitsViewersAndForgetsTheSilent) {
-  Served served({"--viewers", "2"});
-  ASSERT_EQ(offer(served).status, 201u);
-  EXPECT_EQ(offer(served, browser_offer(), {}, "?eye-distance=0.06").status, 503u) << "two views";
-  ASSERT_EQ(offer(served).status, 201u);
-  const Response full = offer(served);
-  EXPECT_EQ(full.status, 503u);
-  EXPECT_TRUE(full.headers.contains("Retry-After"));
-  // They never connect. The margin is for the machine.
+// They never connect. Margins are for the machine.
+TEST_F(LfServe, SeatsThoseWhoConnectAndQueuesTheOthers) {
+  Served served({"--viewers", "2", "--address-views", "1", "--proxy", "127.0.0.1", "--connects", "1000"});
+  const auto from = [&](const char* address, const std::string& query = "") {
+    return offer(served, browser_offer(), {{"X-Forwarded-For", address}}, query);
+  };
+  ASSERT_EQ(from("192.0.2.1").status, 201u);
+  EXPECT_EQ(from("192.0.2.2", "?eye-distance=0.06").status, 429u) << "two views";
+  const Response again = from("192.0.2.1");
+  if (again.status != 201u) {  // it was fast enough
+    EXPECT_EQ(again.status, 429u);
+    EXPECT_THAT(again.body, HasSubstr("\"reason\":\"address\""));
+    EXPECT_THAT(again.body, HasSubstr("\"seats\":1"));
+  }
+  ASSERT_EQ(from("192.0.2.2").status, 201u);
+  const Response full = from("192.0.2.3");
+  if (full.status == 503u) {
+    EXPECT_EQ(full.headers.at("Content-Type"), "application/problem+json");
+    EXPECT_EQ(full.headers.at("Retry-After"), "1");
+    EXPECT_THAT(full.body, HasSubstr("\"place\":1"));
+    const std::string key = "\"ticket\":\"";
+    const std::string ticket = full.body.substr(full.body.find(key) + key.size(), 32);
+    Response later = full;
+    for (int i = 0; i < 100 && later.status == 503u; i++) {
+      g_usleep(200000);
+      later = from("192.0.2.3", "?ticket=" + ticket);
+    }
+    EXPECT_EQ(later.status, 201u) << "who does not connect gives its seat up";
+  }
   for (int i = 0; i < 300 && metric(served, "viewers") != "0"; i++) g_usleep(100000);
   EXPECT_EQ(metric(served, "viewers"), "0");
-  EXPECT_EQ(offer(served).status, 201u);
   EXPECT_EQ(served.stop(), 0);
   EXPECT_THAT(served.said(), HasSubstr("closes: it does not connect"));
+}
+
+TEST_F(LfServe, AddressesAreThoseOfConnectionsUnlessAProxyIsNamed) {
+  Served served({"--connects", "1000"});
+  const auto from = [&](const std::string& address) {
+    return offer(served, browser_offer(), {{"X-Forwarded-For", address}, {"X-Forwarded-Prefix", "/there"}});
+  };
+  const Response first = from("192.0.2.1");
+  EXPECT_EQ(first.status, 201u);
+  EXPECT_TRUE(first.headers.at("Location").starts_with("/whep/"));
+  EXPECT_EQ(from("192.0.2.2").status, 201u);
+  EXPECT_EQ(from("192.0.2.3").status, 429u);
+  Served proxied({"--proxy", "127.0.0.1", "--host", "example.org"});
+  const Response answer =
+      offer(proxied, browser_offer(), {{"X-Forwarded-Prefix", "/light/field/"}, {"Origin", "https://example.org"}});
+  EXPECT_EQ(answer.status, 201u) << "the name is that of the proxy, whatever it says the host is";
+  const std::string location = answer.headers.at("Location");
+  ASSERT_TRUE(location.starts_with("/light/field/whep/")) << location;
+  EXPECT_EQ(ask(proxied, "DELETE", location.substr(sizeof "/light/field")).status, 200u);
+}
+
+TEST_F(LfServe, GoesByItsNamesAlone) {
+  Served served({"--host", "cameras.example"});
+  for (const char* host : {"cameras.example", "localhost:1", "127.0.0.1"})
+    EXPECT_EQ(ask(served, "GET", "array.json", {{"Host", host}}).status, 200u) << host;
+  for (const char* path : {"", "array.json", "metrics", "whep"}) {
+    const Response refused = ask(served, "GET", path, {{"Host", "evil.org"}});
+    EXPECT_EQ(refused.status, 403u) << path;
+    EXPECT_THAT(refused.body, HasSubstr("\"reason\":\"host\"")) << path;
+  }
+  EXPECT_EQ(ask(served, "GET", "healthz", {{"Host", "evil.org"}}).status, 200u) << "for those who watch the server";
+}
+
+TEST_F(LfServe, TellsBrowsersWhatTheyMayNotDo) {
+  Served served({"--origin", "https://example.org"});
+  for (const char* path : {"", "array.json", "nowhere", "whep"}) {
+    const Response response = ask(served, "GET", path);
+    EXPECT_EQ(response.headers.at("X-Content-Type-Options"), "nosniff") << path;
+    EXPECT_EQ(response.headers.at("Referrer-Policy"), "no-referrer") << path;
+  }
+  const std::string policy = ask(served, "GET", "").headers.at("Content-Security-Policy");
+  EXPECT_THAT(policy, HasSubstr("default-src 'self'"));
+  EXPECT_THAT(policy, HasSubstr("frame-ancestors 'self' https://example.org"));
+}
+
+TEST_F(LfServe, TokensAreNotGuessed) {
+  const TempDir dir;
+  dir.write("token", "open sesame\n");
+  Served served({"--token-file", dir / "token"});
+  int wrong = 0, refused = 0;
+  for (int i = 0; i < 40; i++) {
+    const guint status = ask(served, "GET", "array.json", {{"Authorization", "Bearer guess"}}).status;
+    wrong += status == 401;
+    refused += status == 429;
+  }
+  EXPECT_GE(wrong, 10);
+  EXPECT_GE(refused, 20);
+  EXPECT_EQ(ask(served, "GET", "array.json").status, 401u) << "who has none is asked for it";
+  EXPECT_EQ(ask(served, "GET", "").status, 200u);
+}
+
+TEST_F(LfServe, NamesIceServersToThoseWhoMayWatch) {
+  const TempDir dir;
+  dir.write("token", "open sesame\n");
+  dir.write("turn", "user password\n");
+  Served served({"--token-file", dir / "token", "--ice-server", "stun:127.0.0.1:9", "--ice-server", "turn:127.0.0.1:9",
+                 "--ice-credentials", dir / "turn"});
+  const Headers right = {{"Authorization", "Bearer open sesame"}}, wrong = {{"Authorization", "Bearer open"}};
+  EXPECT_FALSE(ask(served, "OPTIONS", "whep").headers.contains("Link"));
+  EXPECT_EQ(ask(served, "OPTIONS", "whep", wrong).status, 401u);
+  const std::string link = ask(served, "OPTIONS", "whep", right).headers.at("Link");
+  EXPECT_EQ(link,
+            "<stun:127.0.0.1:9>; rel=\"ice-server\", <turn:127.0.0.1:9>; rel=\"ice-server\"; username=\"user\"; "
+            "credential=\"password\"; credential-type=\"password\"");
+  const Response answer = offer(served, browser_offer(), right);
+  EXPECT_EQ(answer.status, 201u);
+  EXPECT_EQ(answer.headers.at("Link"), link);
+  EXPECT_EQ(served.stop(), 0);
+  EXPECT_THAT(served.said(), testing::Not(HasSubstr("password")));
+  Served none({"--ice-server", "turn:127.0.0.1:9"});
+  EXPECT_EQ(none.stop(), 1);
+  EXPECT_THAT(none.said(), HasSubstr("--ice-credentials"));
+}
+
+// Filming takes minutes: the page says how far it is.
+TEST_F(LfServe, ThePageIsThereWhileTheSceneIsFilmed) {
+  const TempDir dir;
+  Served served(Served::Unfilmed{dir.path()});
+  ASSERT_NE(served.url(), "") << served.said();
+  EXPECT_EQ(ask(served, "GET", "").status, 200u);
+  EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
+  const Response response = offer(served);
+  EXPECT_EQ(response.status, 503u);
+  EXPECT_EQ(response.headers.at("Retry-After"), "1");
+  EXPECT_THAT(response.body, HasSubstr("\"reason\":\"filming\""));
+  EXPECT_THAT(response.body, HasSubstr("\"progress\":0"));
+  EXPECT_EQ(ask(served, "GET", "array.json").status, 503u);
+  EXPECT_EQ(served.stop(), 0);
+}
+
+TEST_F(LfServe, SilentConnectionsKeepNobodyOut) {
+  Served served;
+  const auto open_sockets = [&served] {
+    int sockets = 0;
+    for (const auto& file : std::filesystem::directory_iterator("/proc/" + served.pid() + "/fd")) {
+      std::error_code gone;
+      sockets += std::filesystem::read_symlink(file, gone).string().starts_with("socket:");
+    }
+    return sockets;
+  };
+  const int before = open_sockets();
+  GUri* uri = g_uri_parse(served.url().c_str(), G_URI_FLAGS_NONE, nullptr);
+  const auto port = static_cast<guint16>(g_uri_get_port(uri));
+  g_uri_unref(uri);
+  GSocketClient* connector = g_socket_client_new();
+  std::vector<GSocketConnection*> silent;
+  for (int i = 0; i < 400; i++) {
+    silent.push_back(g_socket_client_connect_to_host(connector, "127.0.0.1", port, nullptr, nullptr));
+    ASSERT_TRUE(silent.back());
+    // Some never end their request.
+    if (i % 2)
+      g_output_stream_write_all(g_io_stream_get_output_stream(G_IO_STREAM(silent.back())), "GET / HTTP/1.1\r\n", 16,
+                                nullptr, nullptr, nullptr);
+  }
+  EXPECT_EQ(ask(served, "GET", "healthz").status, 200u);
+  EXPECT_EQ(offer(served).status, 201u);
+  constexpr int kMost = 256, kOthers = 20;  // those of the viewer and its pipeline
+  EXPECT_LE(open_sockets(), before + kMost + kOthers);
+  for (int i = 0; i < 300 && open_sockets() > before + kOthers; i++) g_usleep(100000);
+  EXPECT_LE(open_sockets(), before + kOthers) << "a request takes 10 s at most";
+  for (GSocketConnection* connection : silent) g_object_unref(connection);
+  g_object_unref(connector);
 }
 
 TEST_F(LfServe, ClosesConnectionsOfClientsThatHaveGone) {

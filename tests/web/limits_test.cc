@@ -4,11 +4,15 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
+
 #include "serve/access.h"
 #include "serve/pace.h"
 #include "serve/packet_loss.h"
+#include "serve/processor_load.h"
 #include "serve/quality_control.h"
 #include "serve/rate_limit.h"
+#include "serve/shedding.h"
 
 namespace lf::serve {
 namespace {
@@ -28,7 +32,7 @@ TEST(Access, Secrets) {
 }
 
 TEST(Access, Tokens) {
-  const Access open("", {}, false), closed("secret", {}, false);
+  const Access open("", {}, {}), closed("secret", {}, {});
   EXPECT_TRUE(open.has_token(nullptr));
   EXPECT_TRUE(closed.has_token("Bearer secret"));
   EXPECT_TRUE(closed.has_token("bearer secret"));
@@ -44,19 +48,27 @@ TEST(Access, Loopback) {
     EXPECT_FALSE(is_loopback(address)) << address;
 }
 
+TEST(Access, Hosts) {
+  const Access access("", {}, {"Cameras.example"});
+  for (const char* host : {"127.0.0.1:8080", "127.0.0.1", "localhost:8080", "[::1]:8080", "192.0.2.7", "LOCALHOST",
+                           "cameras.example", "cameras.example:8080"})
+    EXPECT_TRUE(access.allows_host(host)) << host;
+  for (const char* host : {"evil.org:8080", "", "127.0.0.1.evil.org", "cameras.example.evil.org", "[evil]", ":80"})
+    EXPECT_FALSE(access.allows_host(host)) << host << ": a name made to point here";
+  EXPECT_FALSE(access.allows_host(nullptr));
+}
+
 TEST(Access, Origins) {
-  const Access local("", {"https://example.org"}, true), other("", {"https://example.org"}, false),
-      any("", {"*"}, false);
+  const Access local("", {"https://example.org"}, {}), named("", {}, {"cameras.example"}), any("", {"*"}, {});
   EXPECT_TRUE(local.allows_origin(nullptr, "127.0.0.1:8080"));
   EXPECT_TRUE(local.allows_origin("http://localhost:8080", "localhost:8080"));
   EXPECT_TRUE(local.allows_origin("http://[::1]:8080", "[::1]:8080"));
   EXPECT_TRUE(local.allows_origin("https://example.org", "127.0.0.1:8080"));
   EXPECT_FALSE(local.allows_origin("http://localhost:9090", "localhost:8080"));
   EXPECT_FALSE(local.allows_origin("https://evil.org", "127.0.0.1:8080"));
-  EXPECT_FALSE(local.allows_origin("http://evil.org:8080", "evil.org:8080")) << "a name made to point here";
-  EXPECT_FALSE(local.allows_origin(nullptr, nullptr));
-  EXPECT_TRUE(other.allows_origin("https://cameras.example:8080", "cameras.example:8080"));
-  EXPECT_FALSE(other.allows_origin("null", "cameras.example:8080"));
+  EXPECT_FALSE(local.allows_origin("null", "127.0.0.1:8080"));
+  EXPECT_TRUE(named.allows_origin("https://cameras.example", "127.0.0.1:8080")) << "behind a proxy";
+  EXPECT_FALSE(named.allows_origin("https://cameras.example.evil.org", "127.0.0.1:8080"));
   EXPECT_TRUE(any.allows_origin("https://anything", "cameras.example"));
 }
 
@@ -77,7 +89,9 @@ TEST(RateLimit, BucketsFillWithTime) {
 TEST(RateLimit, AddressesHaveTheirOwnAndAreForgotten) {
   AddressLimit limit(1, 1);
   const int64_t now = kSecond;
+  EXPECT_TRUE(limit.has_one("a", now));
   EXPECT_TRUE(limit.take("a", now));
+  EXPECT_FALSE(limit.has_one("a", now));
   EXPECT_FALSE(limit.take("a", now));
   EXPECT_TRUE(limit.take("b", now));
   for (size_t i = 0; i < 2 * AddressLimit::kMaxAddresses; i++) limit.take(std::to_string(i), now);
@@ -85,6 +99,19 @@ TEST(RateLimit, AddressesHaveTheirOwnAndAreForgotten) {
   EXPECT_FALSE(limit.take("one more", now)) << "shared by all beyond the limit";
   EXPECT_TRUE(limit.take("one more", now + 10 * kSecond));
   EXPECT_LE(limit.size(), 10u);
+}
+
+TEST(Pace, TellsWhatPartIsMade) {
+  Pace pace(1);
+  EXPECT_EQ(pace.kept(), 1);
+  pace.set_interval(10);
+  EXPECT_TRUE(pace.begin(0));
+  EXPECT_FALSE(pace.begin(5)) << "too soon: nobody wanted it";
+  EXPECT_FALSE(pace.begin(10));
+  EXPECT_EQ(pace.kept(), 0.5);
+  pace.end(0);
+  EXPECT_TRUE(pace.begin(20));
+  EXPECT_EQ(pace.kept(), 1);
 }
 
 TEST(Pace, WaitsForPicturesButNotForEver) {
@@ -165,6 +192,79 @@ TEST(QualityControl, LeavesOutPicturesAndThenPixels) {
   EXPECT_EQ(quality.pictures_left_out(), 1);
   for (int i = 0; i < 30; i++) quality.update(0, 0);
   EXPECT_EQ(quality.pictures_left_out(), 0);
+}
+
+TEST(Limits, BitRatesFollowSizes) {
+  Limits limits;
+  EXPECT_EQ(best_bit_rate(1280, 720, limits), limits.bit_rate);
+  EXPECT_LT(best_bit_rate(640, 480, limits), 2100000);
+  EXPECT_GT(best_bit_rate(640, 480, limits), 1900000);
+  EXPECT_EQ(best_bit_rate(64, 64, limits), 300000);
+  limits.bit_rate = 100000;
+  EXPECT_EQ(best_bit_rate(64, 64, limits), 100000);
+}
+
+class SheddingTest : public testing::Test {
+ protected:
+  // Seconds until something changes, at most `most`.
+  int seconds(double busy, double kept, int most = 1000) {
+    for (int i = 1; i <= most; i++)
+      if (shedding_.update(busy, kept)) return i;
+    return most + 1;
+  }
+  Shedding shedding_;
+};
+
+TEST_F(SheddingTest, TrialsGoFirstThenRateThenSize) {
+  struct Step {
+    unsigned trials;
+    int left_out, divisor;
+  };
+  for (const Step& step : {Step{3, 0, 1}, Step{8, 0, 1}, Step{8, 1, 1}, Step{8, 1, 2}}) {
+    EXPECT_EQ(seconds(1, 0.5), Shedding::kPatience);
+    EXPECT_EQ(shedding_.trial_interval(), step.trials);
+    EXPECT_EQ(shedding_.pictures_left_out(), step.left_out);
+    EXPECT_EQ(shedding_.size_divisor(), step.divisor);
+  }
+  EXPECT_EQ(seconds(1, 0.5, 100), 101) << "there is nothing else";
+  for (int step = 3; step >= 0; step--) {
+    seconds(0.3, 1);
+    EXPECT_EQ(shedding_.step(), step);
+  }
+  EXPECT_EQ(shedding_.trial_interval(), 1u);
+}
+
+TEST_F(SheddingTest, OnlyWhereProcessorsAreWhatIsMissing) {
+  EXPECT_EQ(seconds(0.5, 0.1, 100), 101) << "cameras on other hosts may be slow";
+  EXPECT_EQ(seconds(1, 1, 100), 101) << "all pictures are made";
+  for (int i = 0; i < 50; i++) {
+    shedding_.update(1, 0.5);
+    EXPECT_FALSE(shedding_.update(1, 1)) << "a moment is none";
+  }
+}
+
+TEST_F(SheddingTest, AStepBackThatWasWrongIsTriedLessOften) {
+  seconds(1, 0.5);
+  int before = 0;
+  for (int i = 0; i < 4; i++) {
+    const int rest = seconds(0.5, 1);
+    EXPECT_GT(rest, before);
+    before = rest;
+    EXPECT_EQ(shedding_.step(), 0);
+    EXPECT_EQ(seconds(1, 0.5), Shedding::kPatience);
+  }
+  EXPECT_EQ(seconds(0.8, 1, 1000), 1001) << "there would not be enough";
+}
+
+TEST(ProcessorLoad, IsAShare) {
+  ProcessorLoad load;
+  load.update();
+  const auto until = std::chrono::steady_clock::now() + std::chrono::milliseconds(100);
+  while (std::chrono::steady_clock::now() < until) {
+  }
+  const double busy = load.update();
+  EXPECT_GT(busy, 0);
+  EXPECT_LE(busy, 1);
 }
 
 TEST(PacketLoss, IsThatBetweenReports) {

@@ -3,8 +3,8 @@
 // said of them without. `browser.sh BUILD looks.mjs` writes them to BUILD/tests/web/looks.
 import { mkdir, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { artefacts, expect, launchBrowser, makeRig, openPage, runTests, serve, shown, stateOf, until }
-  from './harness.mjs';
+import { artefacts, compare, expect, launchBrowser, makeRig, newPage, openPage, picture, runTests, serve, shown, stateOf,
+  truthOf, until } from './harness.mjs';
 
 const kWindows = [[1280, 720], [800, 480], [390, 844], [844, 390], [320, 480], [2560, 1440]];
 const folder = join(artefacts, 'looks');
@@ -12,11 +12,12 @@ await mkdir(folder, { recursive: true });
 const browser = await launchBrowser();
 const film = await makeRig('8x8');
 const rig = ['--rig', join(film, 'rig.json')];
+const kPsnr = 25;  // dB of home against the scene itself, at least
 const rest = ms => new Promise(done => setTimeout(done, ms));
 
 // The share of pixels of the decoded picture that are black.
 const darkShare = page => page.evaluate(() => {
-  const { video } = document.querySelector('lightfield-viewer'), { videoWidth: w, videoHeight: h } = video;
+  const { video } = inside(), { videoWidth: w, videoHeight: h } = video;
   const context = new OffscreenCanvas(w, h).getContext('2d');
   context.drawImage(video, 0, 0);
   const { data } = context.getImageData(0, 0, w, h);
@@ -24,29 +25,45 @@ const darkShare = page => page.evaluate(() => {
   for (let i = 0; i < data.length; i += 4) dark += Math.max(data[i], data[i + 1], data[i + 2]) < 12;
   return dark / (w * h);
 });
-const coverage = page => page.evaluate(() => document.querySelector('lightfield-viewer').figures.coverage);
+const coverage = page => page.evaluate(() => inside().statistics.coverage);
 
-function look([width, height], scheme) {
-  const name = `${width}x${height}-${scheme}`;
+// In both colours.
+async function shoot(page, name, what) {
+  for (const colorScheme of ['dark', 'light']) {
+    await page.emulateMedia({ colorScheme });
+    await page.screenshot({ path: join(folder, `${name}-${colorScheme}-${what}.png`) });
+  }
+}
+
+function look([width, height]) {
+  const name = `${width}x${height}`;
   return [name, async () => {
     const served = await serve(...rig);
     const phone = Math.min(width, height) < 400;
     const page = await openPage(browser, served.url, { width, height },
-      { colorScheme: scheme, ...phone && { hasTouch: true, isMobile: true, deviceScaleFactor: 2 } });
-    const shot = what => page.screenshot({ path: join(folder, `${name}-${what}.png`) });
+      phone ? { hasTouch: true, isMobile: true, deviceScaleFactor: 2 } : {});
+    const shot = what => shoot(page, name, what);
     await shown(page, 40);
     await until(() => coverage(page), 'figures come');
     await shot('first');
     const { videoWidth, videoHeight } = await page.evaluate(() => {
-      const { videoWidth, videoHeight } = document.querySelector('lightfield-viewer').video;
+      const { videoWidth, videoHeight } = inside().video;
       return { videoWidth, videoHeight };
     });
     expect(Math.abs(videoWidth / videoHeight / (width / height) - 1) < 0.05,
       `${videoWidth} x ${videoHeight} is of another shape`);
     const dark = await darkShare(page), home = await stateOf(page);
+    const [truth] = await truthOf(home, { width: videoWidth, height: videoHeight });
+    const isWhole = () => page.evaluate(width => inside().video.videoWidth === width, videoWidth);  // nothing is left away
+    // The first is made on a plane; the surface comes as soon as it is found.
+    let psnr = 0;
+    await until(async () => await isWhole() && ({ psnr } = await compare(page, await picture(page), truth)).psnr > kPsnr, `home is ${kPsnr} dB from the scene`);
+    const covered = await coverage(page);
     console.log(`# ${name}: ${videoWidth} x ${videoHeight}, fov ${home.fov.toFixed(1)}, ${(100 * dark).toFixed(2)} % dark, ` +
-      `coverage ${(100 * await coverage(page)).toFixed(1)} %`);
+      `coverage ${(100 * covered).toFixed(2)} %, ${psnr.toFixed(1)} dB against the scene`);
+    await shot('home');
     expect(dark < 0.005, `home has a dark border: ${dark}`);
+    expect(covered > 0.99, `home is covered to ${covered}`);
 
     // However far it is dragged.
     for (const keys of [[], ['Shift']]) {
@@ -71,6 +88,12 @@ function look([width, height], scheme) {
     await rest(600);
     await shot('zoom');
     await page.keyboard.press('r');
+    for (const [key, what] of [['[', 'near'], [']', 'far']]) {
+      for (let i = 0; i < 8; i++) await page.keyboard.press(key);
+      await rest(800);
+      await shot(what);
+      await page.keyboard.press('r');
+    }
     for (const [key, what] of [['c', 'cameras'], ['i', 'figures'], ['?', 'help']]) {
       await page.focus('lightfield-viewer video');
       await page.keyboard.press(key);
@@ -86,20 +109,27 @@ function look([width, height], scheme) {
   }];
 }
 
+// What stands in the way of a picture.
 async function errors() {
   const token = join(film, 'token');
   await writeFile(token, 'sesame');
-  const served = await serve(...rig, '--token-file', token, '--viewers', '1');
+  const served = await serve(...rig, '--token-file', token, '--viewers', '1', '--monitor', '1');
   const size = { width: 800, height: 480 };
   const page = await openPage(browser, served.url, size);
   await until(() => page.getByLabel('Token').isVisible(), 'a field for the token');
-  await page.screenshot({ path: join(folder, 'token.png') });
+  await shoot(page, 'state', 'token');
   await page.getByLabel('Token').fill('sesame');
   await page.getByLabel('Token').press('Enter');
   await shown(page, 5);
   const second = await openPage(browser, new URL('#token=sesame', served.url).href, size);
   await until(async () => /too many/.test(await second.getByRole('status').textContent()), 'it is full');
-  await second.screenshot({ path: join(folder, 'full.png') });
+  await shoot(second, 'state', 'full');
+  await page.waitForFunction(() => inside().statistics.monitored);
+  await page.keyboard.press('m');
+  await page.waitForFunction(() => inside().monitor.report?.turns > 70, null, { timeout: 60000 });
+  await rest(1200);
+  await shoot(page, 'state', 'quality');
+  await page.keyboard.press('m');
   await page.context().close();
   await second.getByRole('button', { name: 'Try again' }).click();
   await shown(second, 5);
@@ -107,4 +137,38 @@ async function errors() {
   await served.stop();
 }
 
-await runTests([...kWindows.map((size, i) => look(size, i % 2 ? 'light' : 'dark')), ['errors', errors]]);
+// As a server of this kind says them.
+async function waiting() {
+  const served = await serve(...rig);
+  const page = await newPage(browser, { width: 800, height: 480 });
+  let problem = { status: 503, reason: 'filming', progress: 0.4 };
+  await page.route('**/whep*', route => route.fulfill({ status: problem.status, contentType: 'application/problem+json',
+    headers: { 'Retry-After': '1' }, body: JSON.stringify(problem) }));
+  await page.goto(served.url);
+  for (const [what, next] of [['filming', problem], ['queue', { status: 503, reason: 'full', place: 2, waiting: 3 }],
+    ['starting', { status: 503, reason: 'starting' }]]) {
+    problem = next;
+    await rest(2500);
+    await shoot(page, 'state', what);
+  }
+  await page.context().close();
+  await served.stop();
+}
+
+// Two eyes, and the element without controls, with its button.
+async function modes() {
+  const served = await serve(...rig);
+  for (const eyes of ['side', 'anaglyph']) {
+    const page = await openPage(browser, new URL(`#eyes=${eyes}`, served.url).href, { width: 800, height: 480 });
+    await shown(page, 40);
+    await rest(500);
+    await page.mouse.move(300, 200);
+    await shoot(page, 'state', eyes);
+    if (eyes === 'side') await page.evaluate(() => document.querySelector('lightfield-viewer').pause());
+    if (eyes === 'side') await shoot(page, 'state', 'paused');
+    await page.context().close();
+  }
+  await served.stop();
+}
+
+await runTests([...kWindows.map(look), ['errors', errors], ['waiting', waiting], ['modes', modes]]);

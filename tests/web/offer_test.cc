@@ -17,11 +17,11 @@ using test::with;
 
 std::string refused(const std::string& text, bool h264 = true, bool vp8 = true) {
   std::string reason;
-  return parse_offer(text, h264, vp8, &reason) ? "" : reason;
+  return parse_offer(text, h264, vp8, "", &reason) ? "" : reason;
 }
 
 TEST(Offer, TakesTheBrowsersOwnNumberForH264) {
-  const auto offer = parse_offer(browser_offer(), true, true, nullptr);
+  const auto offer = parse_offer(browser_offer(), true, true, "", nullptr);
   ASSERT_TRUE(offer);
   EXPECT_EQ(offer->codec, VideoCodec::kH264);
   EXPECT_EQ(offer->payload_type, 108u) << "constrained baseline, mode 1";
@@ -30,7 +30,7 @@ TEST(Offer, TakesTheBrowsersOwnNumberForH264) {
 
 // Or webrtcbin declines the video of who does not say that levels may differ.
 TEST(Offer, LetsLevelsDiffer) {
-  const auto offer = parse_offer(with(browser_offer(), "level-asymmetry-allowed=1;", ""), true, true, nullptr);
+  const auto offer = parse_offer(with(browser_offer(), "level-asymmetry-allowed=1;", ""), true, true, "", nullptr);
   ASSERT_TRUE(offer);
   g_autofree gchar* text = gst_sdp_message_as_text(offer->sdp.get());
   EXPECT_TRUE(strstr(text, "a=fmtp:108 level-asymmetry-allowed=1;packetization-mode=1;profile-level-id=42e01f\r\n"))
@@ -40,7 +40,7 @@ TEST(Offer, LetsLevelsDiffer) {
 }
 
 TEST(Offer, AnswersNameTheProfile) {
-  const auto offer = parse_offer(browser_offer(), true, true, nullptr);
+  const auto offer = parse_offer(browser_offer(), true, true, "", nullptr);
   ASSERT_TRUE(offer);
   GstSDPMessage* answer = nullptr;
   const std::string bare = "v=0\r\no=- 1 0 IN IP4 0.0.0.0\r\ns=-\r\nt=0 0\r\nm=video 9 UDP/TLS/RTP/SAVPF 108\r\n";
@@ -54,12 +54,38 @@ TEST(Offer, AnswersNameTheProfile) {
 
 TEST(Offer, FallsBackToVp8) {
   for (const std::string& text : {browser_offer(), with(browser_offer(), "H264", "H265")}) {
-    const auto offer = parse_offer(text, text.find("H265") != text.npos, true, nullptr);
+    const auto offer = parse_offer(text, text.find("H265") != text.npos, true, "", nullptr);
     ASSERT_TRUE(offer);
     EXPECT_EQ(offer->codec, VideoCodec::kVp8);
     EXPECT_EQ(offer->payload_type, 96u);
   }
   EXPECT_NE(refused(browser_offer(), false, false), "");
+}
+
+TEST(Offer, HasNoCandidatesButThoseOfItsClient) {
+  const std::string own = "a=candidate:1 1 udp 2122260223 192.0.2.7 50000 typ host\r\n",
+                    others =
+                        "a=candidate:2 1 udp 2122260223 10.0.0.1 22 typ host\r\n"
+                        "a=candidate:3 1 tcp 1518280447 192.0.2.7 80 typ host tcptype active\r\n"
+                        "a=candidate:4 1 udp 2122260223 printer.local 9 typ host\r\n"
+                        "a=candidate:\r\n";
+  std::string many;
+  for (int i = 0; i < 100; i++) many += own;
+  const std::string text = with(browser_offer(), "a=recvonly\r\n", "a=recvonly\r\n" + others + many);
+  const auto candidates = [&](const std::string& client) {
+    const auto offer = parse_offer(text, true, true, client, nullptr);
+    EXPECT_TRUE(offer);
+    std::vector<std::string> found;
+    const GstSDPMedia* media = gst_sdp_message_get_media(offer->sdp.get(), 0);
+    for (guint i = 0; const gchar* value = gst_sdp_media_get_attribute_val_n(media, "candidate", i); i++)
+      found.push_back(value);
+    return found;
+  };
+  EXPECT_TRUE(candidates("").empty());
+  EXPECT_TRUE(candidates("192.0.2.8").empty());
+  const auto kept = candidates("192.0.2.7");
+  EXPECT_EQ(kept.size(), Offer::kMaxCandidates);
+  for (const std::string& candidate : kept) EXPECT_EQ("a=candidate:" + candidate + "\r\n", own);
 }
 
 TEST(Offer, RefusesWhatCanNotBeAnsweredAndSaysWhy) {
@@ -76,6 +102,8 @@ TEST(Offer, RefusesWhatCanNotBeAnsweredAndSaysWhy) {
       {with(good, "m=video", "m=audio"), "no video"},
       {with(good, "m=application", "m=message"), "unknown kind"},
       {with(good, "m=application 9 UDP/DTLS/SCTP webrtc-datachannel", "m=video 9 UDP/TLS/RTP/SAVPF 96"), "rtcp-mux"},
+      {good + good.substr(good.find("m=application")), "more than one data channel"},
+      {with(good, "m=application", "m=\x1b[31m"), "of an unknown kind"},
       {with(good, "a=ice-ufrag:Yzk8\r\n", ""), "ice-ufrag"},
       {with(good, "a=ice-pwd:lrnRvCr0XvB7VlGEhFXcIGWV\r\n", ""), "ice-pwd"},
       {with(good, "a=fingerprint", "a=fingerpaint"), "fingerprint"},

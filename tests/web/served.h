@@ -30,25 +30,14 @@ class Served {
     save_rig(rig, dir_ / "rig.json");
     std::vector<std::string> words = {LF_TOOLS_DIR "/lf-serve", "--rig", dir_ / "rig.json", "--port", "0"};
     words.insert(words.end(), options.begin(), options.end());
-    std::vector<const char*> argv;
-    for (const std::string& word : words) argv.push_back(word.c_str());
-    argv.push_back(nullptr);
-    process_ = g_subprocess_newv(
-        argv.data(), GSubprocessFlags(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE), nullptr);
-    out_ = g_data_input_stream_new(g_subprocess_get_stdout_pipe(process_));
-    for (std::string line = read_line(); !line.empty(); line = read_line()) {
-      said_ += line + "\n";
-      if (const size_t at = line.find(" at http"); line.starts_with("serving") && at != line.npos) {
-        url_ = line.substr(at + 4);
-        break;
-      }
-    }
-    listener_ = std::thread([this] {
-      for (std::string line = read_line(); !line.empty(); line = read_line()) {
-        const std::lock_guard lock(mutex_);
-        said_ += line + "\n";
-      }
-    });
+    begin(words, "serving", nullptr);
+  }
+  // One that films the scene for the first time, into this folder.
+  struct Unfilmed {
+    std::string cache;
+  };
+  explicit Served(const Unfilmed& unfilmed) {
+    begin({LF_TOOLS_DIR "/lf-serve", "--port", "0"}, "filming", unfilmed.cache.c_str());
   }
   // Ends it as a service would; its exit status is expected to be 0.
   ~Served() {
@@ -58,6 +47,7 @@ class Served {
   }
   Served(const Served&) = delete;
 
+  std::string rig() const { return dir_ / "rig.json"; }
   std::string pid() const { return g_subprocess_get_identifier(process_); }
   // "http://127.0.0.1:PORT/"; "" if it does not serve, see said().
   const std::string& url() const { return url_; }
@@ -92,6 +82,31 @@ class Served {
   }
 
  private:
+  // Until it says "BEGINNING ... at URL".
+  void begin(const std::vector<std::string>& words, const std::string& beginning, const char* cache) {
+    std::vector<const char*> argv;
+    for (const std::string& word : words) argv.push_back(word.c_str());
+    argv.push_back(nullptr);
+    GSubprocessLauncher* launcher =
+        g_subprocess_launcher_new(GSubprocessFlags(G_SUBPROCESS_FLAGS_STDOUT_PIPE | G_SUBPROCESS_FLAGS_STDERR_MERGE));
+    if (cache) g_subprocess_launcher_setenv(launcher, "XDG_CACHE_HOME", cache, TRUE);
+    process_ = g_subprocess_launcher_spawnv(launcher, argv.data(), nullptr);
+    g_object_unref(launcher);
+    out_ = g_data_input_stream_new(g_subprocess_get_stdout_pipe(process_));
+    for (std::string line = read_line(); !line.empty(); line = read_line()) {
+      said_ += line + "\n";
+      if (const size_t at = line.find(" at http"); line.starts_with(beginning) && at != line.npos) {
+        url_ = line.substr(at + 4);
+        break;
+      }
+    }
+    listener_ = std::thread([this] {
+      for (std::string line = read_line(); !line.empty(); line = read_line()) {
+        const std::lock_guard lock(mutex_);
+        said_ += line + "\n";
+      }
+    });
+  }
   std::string read_line() {
     g_autofree gchar* line = g_data_input_stream_read_line(out_, nullptr, nullptr, nullptr);
     return line ? line : "";

@@ -73,6 +73,11 @@ WhepClient::WhepClient(const Options& options) : options_(options), loss_(option
                      self->messages_.push_back(text ? text : "");
                    }),
                    this);
+  g_signal_connect(channel_, "on-open", G_CALLBACK(+[](GstWebRTCDataChannel* channel, gpointer data) {
+                     const std::string& text = static_cast<WhepClient*>(data)->options_.first_message;
+                     if (!text.empty()) gst_webrtc_data_channel_send_string(channel, text.c_str());
+                   }),
+                   this);
   GstCaps* caps = gst_caps_from_string(
       options.vp8 ? "application/x-rtp,media=video,encoding-name=VP8,payload=96,clock-rate=90000"
                   : "application/x-rtp,media=video,encoding-name=H264,payload=108,clock-rate=90000,"
@@ -108,6 +113,7 @@ WhepClient::~WhepClient() {
   }
   gst_element_set_state(pipeline_, GST_STATE_NULL);
   if (channel_) g_object_unref(channel_);
+  if (other_) g_object_unref(other_);
   gst_object_unref(pipeline_);
 }
 
@@ -135,6 +141,7 @@ void WhepClient::post(const std::string& offer) {
 void WhepClient::transport_added(GstBin*, GstBin*, GstElement* element, gpointer data) {
   GstElementFactory* factory = gst_element_get_factory(element);
   const std::string kind = factory ? GST_OBJECT_NAME(factory) : "";
+  if (kind == "dtlsdec") static_cast<WhepClient*>(data)->dtls_ = element;
   if (kind == "rtpsession") {  // reports as often as browsers send them
     GObject* session = nullptr;
     g_object_get(element, "internal-session", &session, nullptr);
@@ -198,6 +205,18 @@ void WhepClient::send(const std::string& text) {
     return state == GST_WEBRTC_DATA_CHANNEL_STATE_OPEN;
   });
   gst_webrtc_data_channel_send_string(channel_, text.c_str());
+}
+
+void WhepClient::open_channel(const std::string& label) {
+  g_signal_emit_by_name(webrtc_, "create-data-channel", label.c_str(), nullptr, &other_);
+  if (!other_) throw std::runtime_error("no data channel");
+}
+
+bool WhepClient::ended() const {
+  constexpr int kClosed = 1;  // GstDtlsConnectionState
+  int state = 0;
+  g_object_get(dtls_, "connection-state", &state, nullptr);
+  return state == kClosed;
 }
 
 std::vector<std::string> WhepClient::messages() const {

@@ -20,8 +20,9 @@ class WhepClient {
   struct Options {
     std::string url;  // of the server, "http://127.0.0.1:8080/"
     int width = 640, height = 480;
-    bool vp8 = false;   // offers that alone, else H.264
-    double loss = 0;    // of the packets that come
+    bool vp8 = false;                // offers that alone, else H.264
+    double loss = 0;                 // of the packets that come
+    std::string first_message = {};  // on the data channel, as soon as it is open; "": none
   };
 
   // Offers, connects, and blocks until the first picture has come.
@@ -40,6 +41,10 @@ class WhepClient {
   void vanish() { vanished_ = true; }
   // On the data channel; returns when the server has taken it over.
   void send(const std::string& text);
+  // One more data channel.
+  void open_channel(const std::string& label);
+  // Whether the server has closed the connection.
+  bool ended() const;
   // Of the data channel, so far.
   std::vector<std::string> messages() const;
 
@@ -52,8 +57,8 @@ class WhepClient {
   void post(const std::string& offer);
 
   Options options_;
-  GstElement *pipeline_ = nullptr, *webrtc_ = nullptr;
-  GstWebRTCDataChannel* channel_ = nullptr;
+  GstElement *pipeline_ = nullptr, *webrtc_ = nullptr, *dtls_ = nullptr;
+  GstWebRTCDataChannel *channel_ = nullptr, *other_ = nullptr;
   std::string answer_, session_;
   std::atomic<uint64_t> pictures_ = 0, bytes_ = 0, lost_ = 0, gaps_ = 0;
   std::atomic<double> loss_;

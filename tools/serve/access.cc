@@ -26,6 +26,11 @@ std::string name_of(std::string_view host) {
   return std::string(host.substr(0, host.find(':')));
 }
 
+std::string lower(std::string_view text) {
+  g_autofree gchar* result = g_ascii_strdown(text.data(), static_cast<gssize>(text.size()));
+  return result;
+}
+
 }  // namespace
 
 bool is_same_secret(std::string_view given, std::string_view secret) {
@@ -41,8 +46,13 @@ bool is_loopback(const std::string& address) {
   return parsed && g_inet_address_get_is_loopback(parsed);
 }
 
-Access::Access(std::string token, std::set<std::string> origins, bool local)
-    : token_(std::move(token)), origins_(std::move(origins)), local_(local) {}
+Access::Access(std::string token, std::set<std::string> origins, std::set<std::string> hosts)
+    : token_(std::move(token)), origins_(std::move(origins)) {
+  for (const std::string& host : hosts) names_.insert(lower(host));
+  hosts_ = names_;
+  const std::string machine = lower(g_get_host_name());
+  hosts_.insert({"localhost", machine, machine + ".local"});
+}
 
 bool Access::has_token(const char* authorization) const {
   if (token_.empty()) return true;
@@ -53,12 +63,20 @@ bool Access::has_token(const char* authorization) const {
   return is_same_secret(given.substr(kScheme.size()), token_);
 }
 
+bool Access::allows_host(const char* host) const {
+  if (!host) return false;
+  const std::string name = lower(name_of(host));
+  g_autoptr(GInetAddress) address = g_inet_address_new_from_string(name.c_str());
+  return address || hosts_.contains(name);
+}
+
 bool Access::allows_origin(const char* origin, const char* host) const {
-  if (local_ && (!host || !is_loopback(name_of(host)))) return false;
   if (!origin || origins_.contains("*") || origins_.contains(origin)) return true;
   const std::string_view text = origin;
   const size_t scheme = text.find("://");
-  return host && scheme != text.npos && g_ascii_strcasecmp(text.data() + scheme + 3, host) == 0;
+  if (!host || scheme == text.npos) return false;
+  const std::string page = lower(text.substr(scheme + 3));
+  return page == lower(host) || names_.contains(name_of(page));
 }
 
 }  // namespace lf::serve

@@ -21,6 +21,7 @@ class ArrayInfo {
   // "right": [1, 0, 0], "down": [0, 1, 0]}: the axes of whoever stands before the array.
   const std::string& json() const { return json_; }
   const std::vector<std::string>& names() const { return names_; }  // of the cameras
+  double size() const { return size_; }  // metres between the two cameras that are farthest apart
   // Who makes a pixel, the heaviest first: [{"name": "cam_00_00", "weight": 0.5, "sees": true}, ...]
   nlohmann::json pixel(const View& view, int x, int y) const;
   // The share of the view that cameras make, 0..1.
@@ -30,6 +31,7 @@ class ArrayInfo {
   Rig rig_;
   Mesh mesh_;
   std::string json_;
+  double size_ = 0;
   std::vector<std::string> names_;
 };
 

@@ -83,7 +83,7 @@ bool is_field_name(const std::string& name) {
 }
 
 // Numbers alone: what they mean is lfviewrequest's to know. Which view they are for is the server's to say.
-GstEvent* view_change(const json& request) {
+GstEvent* view_change(const json& request, double max_aperture) {
   constexpr char kName[] = "lf-view-request";
   if (text(request, "structureName") != kName) throw Error("structureName is unknown");
   const json& fields = member(request, "structure");
@@ -93,7 +93,9 @@ GstEvent* view_change(const json& request) {
   try {
     for (const auto& [name, value] : fields.items()) {
       if (!is_field_name(name) || name.starts_with("lf-")) throw Error("structure has a field of an unknown name");
-      gst_structure_set(structure, name.c_str(), G_TYPE_DOUBLE, number(value, name, 1e9), nullptr);
+      const double given = number(value, name, 1e9);
+      if (name == "aperture" && given > max_aperture) throw Error("aperture is larger than the server takes");
+      gst_structure_set(structure, name.c_str(), G_TYPE_DOUBLE, given, nullptr);
     }
   } catch (const Error&) {
     gst_structure_free(structure);
@@ -107,7 +109,7 @@ ControlMessage::Pixel pixel_of(const json& structure) {
   return {side("x"), side("y")};
 }
 
-void read_request(const json& request, ControlMessage& message) {
+void read_request(const json& request, double max_aperture, ControlMessage& message) {
   const std::string type = text(request, "type");
   if (type == "navigationEvent")
     message.event.reset(navigation(member(request, "event")));
@@ -116,12 +118,12 @@ void read_request(const json& request, ControlMessage& message) {
   else if (text(request, "structureName") == "lf-pixel")
     message.pixel = pixel_of(member(request, "structure"));
   else
-    message.event.reset(view_change(request));
+    message.event.reset(view_change(request, max_aperture));
 }
 
 }  // namespace
 
-ControlMessage parse_control_message(std::string_view text) {
+ControlMessage parse_control_message(std::string_view text, double max_aperture) {
   ControlMessage message;
   if (text.size() > ControlMessage::kMaxBytes) {
     message.error = "the message is too long";
@@ -136,7 +138,7 @@ ControlMessage parse_control_message(std::string_view text) {
     message.id = id->get<uint64_t>();
   try {
     if (!message.id) throw Error("id must be a number from 0 on");
-    read_request(member(parsed, "request"), message);
+    read_request(member(parsed, "request"), max_aperture, message);
   } catch (const Error& error) {
     message.error = error.what();
   }
@@ -145,6 +147,10 @@ ControlMessage parse_control_message(std::string_view text) {
 
 std::string control_response(uint64_t id, const std::string& error) {
   return json{{"type", "ControlResponseMessage"}, {"id", id}, {"error", error.empty() ? json() : json(error)}}.dump();
+}
+
+std::string info_message(const json& info) {
+  return json{{"type", "InfoMessage"}, {"mid", "video0"}, {"info", info}}.dump();
 }
 
 }  // namespace lf::serve

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -34,10 +35,13 @@ struct ControlMessage {
   std::string error;
 };
 
-// Never throws.
-ControlMessage parse_control_message(std::string_view text);
+// `max_aperture`: metres; views of larger ones are refused. Never throws.
+ControlMessage parse_control_message(std::string_view text, double max_aperture);
 
 // {"type": "ControlResponseMessage", "id": 7, "error": null}; `error` "": none.
 std::string control_response(uint64_t id, const std::string& error);
+
+// {"type": "InfoMessage", "mid": "video0", "info": {...}}: what the server tells.
+std::string info_message(const nlohmann::json& info);
 
 }  // namespace lf::serve

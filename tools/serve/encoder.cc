@@ -1,10 +1,31 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "encoder.h"
 
+#include <cstring>
 #include <sstream>
 
 namespace lf::serve {
 namespace {
+
+// An encoder of H.264 and how it is told to keep no picture back. All of them make about the same of a picture: of
+// the same quality where that takes fewer bits than there are.
+struct H264Encoder {
+  const char* element;
+  const char* options;   // of the launch line
+  const char* bit_rate;  // the property
+  int unit;              // of that, bits per second
+};
+
+constexpr H264Encoder kH264Encoders[] = {
+    {"nvh264enc", "preset=low-latency-hq zerolatency=true gop-size=900 bframes=0 rc-mode=vbr", "bitrate", 1000},
+    {"vah264enc", "target-usage=7 key-int-max=900 b-frames=0 rate-control=vbr", "bitrate", 1000},
+    {"vaapih264enc", "quality-level=7 keyframe-period=900 max-bframes=0 rate-control=vbr", "bitrate", 1000},
+    {"qsvh264enc", "low-latency=true gop-size=900 b-frames=0 rate-control=vbr", "bitrate", 1000},
+    // Bits where the picture needs them, up to `bitrate`; `threads` would cut pictures to pieces or keep them back.
+    {"x264enc",
+     "tune=zerolatency speed-preset=ultrafast threads=1 key-int-max=900 vbv-buf-capacity=300 pass=qual quantizer=23",
+     "bitrate", 1000},
+    {"openh264enc", "complexity=low rate-control=bitrate gop-size=900 multi-thread=1", "bitrate", 1}};
 
 bool installed(const char* element) {
   GstElementFactory* factory = gst_element_factory_find(element);
@@ -12,10 +33,21 @@ bool installed(const char* element) {
   return factory;
 }
 
-const char* h264_encoder() {
-  for (const char* element : {"x264enc", "openh264enc"})
-    if (installed(element)) return element;
-  return nullptr;
+// As GStreamer's rank has it (GST_PLUGIN_FEATURE_RANK can change it), those of hardware first where it is the same.
+const H264Encoder* h264_encoder() {
+  const H264Encoder* best = nullptr;
+  guint best_rank = GST_RANK_NONE;
+  for (const H264Encoder& encoder : kH264Encoders) {
+    GstElementFactory* factory = gst_element_factory_find(encoder.element);
+    if (!factory) continue;
+    const guint rank = gst_plugin_feature_get_rank(GST_PLUGIN_FEATURE(factory));
+    gst_object_unref(factory);
+    if (rank > best_rank) {
+      best = &encoder;
+      best_rank = rank;
+    }
+  }
+  return best;
 }
 
 }  // namespace
@@ -28,33 +60,29 @@ bool can_encode(VideoCodec codec) {
 std::string encoder_line(const Offer& offer, int bits_per_second) {
   std::ostringstream line;
   if (offer.codec == VideoCodec::kVp8) {
-    line << "vp8enc name=encoder deadline=1 cpu-used=16 threads=1 lag-in-frames=0 end-usage=cbr keyframe-max-dist=900 "
-            "error-resilient=default buffer-initial-size=200 buffer-optimal-size=300 buffer-size=500 target-bitrate="
+    line << "vp8enc name=encoder deadline=1 cpu-used=16 threads=1 lag-in-frames=0 end-usage=cq cq-level=20 "
+            "keyframe-max-dist=900 error-resilient=default buffer-initial-size=200 buffer-optimal-size=300 "
+            "buffer-size=500 target-bitrate="
          << bits_per_second << " ! rtpvp8pay name=payloader picture-id-mode=15-bit";
-  } else if (g_str_equal(h264_encoder(), "x264enc")) {
-    line << "x264enc name=encoder tune=zerolatency speed-preset=ultrafast trellis=false threads=1 key-int-max=900 "
-            "vbv-buf-capacity=300 "
-            "bitrate="
-         << bits_per_second / 1000 << " ! video/x-h264,profile=constrained-baseline ! rtph264pay name=payloader";
   } else {
-    line << "openh264enc name=encoder complexity=low rate-control=bitrate gop-size=900 bitrate=" << bits_per_second
-         << " ! video/x-h264,profile=constrained-baseline ! rtph264pay name=payloader";
+    const H264Encoder& encoder = *h264_encoder();
+    line << encoder.element << " name=encoder " << encoder.options << ' ' << encoder.bit_rate << '='
+         << bits_per_second / encoder.unit
+         << " ! video/x-h264,profile=constrained-baseline ! rtph264pay name=payloader config-interval=-1 "
+            "aggregate-mode=zero-latency";
   }
-  if (offer.codec == VideoCodec::kH264) line << " config-interval=-1 aggregate-mode=zero-latency";
   line << " mtu=1200 timestamp-offset=0 pt=" << offer.payload_type
-       << " ! application/x-rtp,media=video,encoding-name=" << to_string(offer.codec)
+       << " ! capsfilter caps=application/x-rtp,media=video,encoding-name=" << to_string(offer.codec)
        << ",payload=" << offer.payload_type;
   return line.str();
 }
 
-void set_bit_rate(GstElement* encoder, int bits_per_second) {
-  const std::string type = GST_OBJECT_NAME(gst_element_get_factory(encoder));
-  if (type == "x264enc")
-    g_object_set(encoder, "bitrate", static_cast<guint>(bits_per_second / 1000), nullptr);
-  else if (type == "openh264enc")
-    g_object_set(encoder, "bitrate", static_cast<guint>(bits_per_second), nullptr);
-  else
-    g_object_set(encoder, "target-bitrate", bits_per_second, nullptr);
+void set_bit_rate(GstElement* element, int bits_per_second) {
+  const char* name = GST_OBJECT_NAME(gst_element_get_factory(element));
+  for (const H264Encoder& encoder : kH264Encoders)
+    if (g_str_equal(name, encoder.element))
+      return g_object_set(element, encoder.bit_rate, bits_per_second / encoder.unit, nullptr);
+  g_object_set(element, "target-bitrate", bits_per_second, nullptr);
 }
 
 }  // namespace lf::serve

@@ -9,7 +9,8 @@
 
 namespace lf::serve {
 
-// Whether an encoder for it is installed.
+// Whether an encoder for it is installed: of those for H.264 that are known here the one of the highest rank is used,
+// hardware or not.
 bool can_encode(VideoCodec codec);
 
 // From raw video to RTP for webrtcbin, as a part of a launch line: an encoder "encoder" that keeps no picture back, and

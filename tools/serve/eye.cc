@@ -6,12 +6,24 @@
 
 #include "launch.h"
 #include "wire/request_codec.h"
+#include "wire/request_layout.h"
 
 namespace lf::serve {
 namespace {
 
 // Cameras in this process do answer, however busy it is.
 constexpr GstClockTime kLocalPatience = 500 * GST_MSECOND;
+
+std::string numbered(const char* name, int index) { return name + std::to_string(index); }
+
+}  // namespace
+
+bool is_probe(GstBuffer* request) {
+  uint8_t header[wire::kUnitHeaderBytes] = {};
+  gst_buffer_extract(request, 0, header, sizeof header);
+  const auto unit = wire::peek_unit(header);
+  return !unit || (unit->flags & wire::kProbe);
+}
 
 std::optional<ViewRequest> request_in(GstBuffer* buffer) {
   GstMapInfo map;
@@ -20,10 +32,6 @@ std::optional<ViewRequest> request_in(GstBuffer* buffer) {
   gst_buffer_unmap(buffer, &map);
   return request;
 }
-
-std::string numbered(const char* name, int index) { return name + std::to_string(index); }
-
-}  // namespace
 
 // Between the light field and the encoder the newest picture is the only one that counts.
 std::string Eye::launch_line(int index, size_t nodes) {
@@ -84,6 +92,7 @@ Eye::~Eye() {
   gst_object_unref(view_pad_);
   gst_object_unref(view_);
   gst_object_unref(compositor_);
+  gst_clear_buffer(&asked_);
 }
 
 void Eye::close() { field_.leave(id_); }
@@ -117,9 +126,16 @@ nlohmann::json Eye::numbers() const {
   return view;
 }
 
-std::optional<View> Eye::asked() {
-  const std::lock_guard lock(mutex_);
-  return asked_;
+std::optional<View> Eye::asked() const {
+  GstBuffer* request = nullptr;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!asked_) return std::nullopt;
+    request = gst_buffer_ref(asked_);
+  }
+  const auto decoded = request_in(request);
+  gst_buffer_unref(request);
+  return decoded ? std::optional(decoded->view) : std::nullopt;
 }
 
 GstFlowReturn Eye::take_request(GstAppSink* sink, gpointer data) {
@@ -128,13 +144,13 @@ GstFlowReturn Eye::take_request(GstAppSink* sink, gpointer data) {
   if (!sample) return GST_FLOW_OK;
   GstBuffer* buffer = gst_sample_get_buffer(sample);
   self->field_.request(buffer);
-  if (const auto request = request_in(buffer); request && !request->probe) {
+  if (!is_probe(buffer)) {
     {
       const std::lock_guard lock(self->mutex_);
-      self->asked_ = request->view;
+      gst_buffer_replace(&self->asked_, buffer);
     }
     self->on_request_(
-        *request, gst_segment_to_running_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer)));
+        buffer, gst_segment_to_running_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer)));
   }
   gst_sample_unref(sample);
   return GST_FLOW_OK;

@@ -23,8 +23,8 @@ struct EyeSettings {
   uint64_t capture_delay = 0;  // nanoseconds, how old a capture must be before it is asked for
   double focus = 0;            // metres, to begin with; 0: as lfviewrequest chooses
   FocusOn focus_on;
-  double offset = 0;           // metres to the right of the view
-  std::string path;            // a views.json that is flown over and over, or ""
+  double offset = 0;  // metres to the right of the view
+  std::string path;   // a views.json that is flown over and over, or ""
 };
 
 // One eye of a viewer inside of the viewer's pipeline: requests go to the light field, answers come from there, and
@@ -32,7 +32,7 @@ struct EyeSettings {
 class Eye {
  public:
   // Streaming thread: a request has gone, for a picture of this running time.
-  using OnRequest = std::function<void(const ViewRequest&, GstClockTime)>;
+  using OnRequest = std::function<void(GstBuffer* request, GstClockTime)>;
 
   // The part of a launch line that makes eye number `index`, up to "... ! ", behind which its pictures come.
   static std::string launch_line(int index, size_t nodes);
@@ -50,12 +50,14 @@ class Eye {
   void set_size(int width, int height) { g_object_set(view_, "width", width, "height", height, nullptr); }
   // Watches the cameras, see lfcompositor's property "monitor-interval".
   void set_monitor(int interval) { g_object_set(compositor_, "monitor-interval", interval, nullptr); }
+  // Looks for the focus by one of so many requests, see lfcompositor's property "trial-interval".
+  void set_trials(unsigned interval) { g_object_set(compositor_, "trial-interval", interval, nullptr); }
   GstPad* requests() const { return view_pad_; }
   GstElement* compositor() const { return compositor_; }
   GstStructure* stats() const;  // of the lfcompositor
   // The numbers of the view, as the properties of lfviewrequest.
   nlohmann::json numbers() const;
-  std::optional<View> asked();  // for, last
+  std::optional<View> asked() const;  // for, last
 
  private:
   static GstFlowReturn take_request(GstAppSink* sink, gpointer data);
@@ -68,8 +70,13 @@ class Eye {
   GstPad* view_pad_ = nullptr;  // takes upstream events
   GstAppSrc* told_ = nullptr;   // of number 1
   std::vector<GstAppSrc*> answers_;
-  std::mutex mutex_;
-  std::optional<View> asked_;
+  mutable std::mutex mutex_;
+  GstBuffer* asked_ = nullptr;  // the latest request; decoded when somebody wants to know
 };
+
+// Whether it becomes no picture: one that measures cameras, or none at all.
+bool is_probe(GstBuffer* request);
+// Nothing for what is no request.
+std::optional<ViewRequest> request_in(GstBuffer* buffer);
 
 }  // namespace lf::serve

@@ -3,39 +3,17 @@
 
 #include <unistd.h>
 
-#include <cstdio>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "base/error.h"
-#include "encoder.h"
+#include "client_address.h"
 
 namespace lf::serve {
 namespace {
 
 constexpr std::string_view kWhep = "/whep";
-constexpr char kMethods[] = "POST, DELETE, OPTIONS";
-
-const char* const kRefusals[] = {"origin", "token", "body", "type", "rate", "full", "offer", "path"};
-
-const char* header(SoupServerMessage* message, const char* name) {
-  return soup_message_headers_get_one(soup_server_message_get_request_headers(message), name);
-}
-void set_header(SoupServerMessage* message, const char* name, const std::string& value) {
-  soup_message_headers_replace(soup_server_message_get_response_headers(message), name, value.c_str());
-}
-void respond(SoupServerMessage* message, guint status, const char* type, const std::string& body) {
-  soup_server_message_set_status(message, status, nullptr);
-  soup_server_message_set_response(message, type, SOUP_MEMORY_COPY, body.data(), body.size());
-}
-
-// What a page of another site may ask for.
-void allow(SoupServerMessage* message, const char* methods) {
-  set_header(message, "Access-Control-Allow-Methods", methods);
-  set_header(message, "Access-Control-Allow-Headers", "Authorization, Content-Type");
-  soup_server_message_set_status(message, SOUP_STATUS_NO_CONTENT, nullptr);
-}
 
 std::string address_of(SoupServerMessage* message) {
   GSocketAddress* address = soup_server_message_get_remote_address(message);
@@ -66,22 +44,17 @@ GTlsCertificate* load_certificate(const ServerOptions& options) {
 
 }  // namespace
 
-HttpServer::HttpServer(const ServerOptions& options, const Limits& limits, LightField& field, Sessions& sessions)
-    : limits_(limits),
-      field_(field),
-      sessions_(sessions),
-      access_(options.token, options.origins, is_loopback(options.address)),
-      paths_(options.paths),
-      connects_(limits.connects_per_second, limits.connect_burst) {
-  GTlsCertificate* certificate = load_certificate(options);
+HttpServer::HttpServer(const ServerOptions& options, const Limits& limits)
+    : options_(options),
+      limits_(limits),
+      access_(options.token, options.origins, options.hosts),
+      whep_(options.whep, limits, refusals_),
+      wrong_tokens_(Limits::kWrongTokens, Limits::kWrongTokensAtOnce) {
+  g_autoptr(GTlsCertificate) certificate = load_certificate(options);
   if (!is_loopback(options.address) && !certificate && !options.insecure)
     throw Error("--listen " + options.address + ": others can listen in; needs --tls-certificate and --tls-key, or " +
                 "--insecure if that does not matter");
   server_ = soup_server_new("server-header", "lf-serve", nullptr);
-  if (certificate) {
-    soup_server_set_tls_certificate(server_, certificate);
-    g_object_unref(certificate);
-  }
   soup_server_add_early_handler(
       server_, nullptr,
       [](SoupServer*, SoupServerMessage* message, const char*, GHashTable*, gpointer data) {
@@ -94,179 +67,137 @@ HttpServer::HttpServer(const ServerOptions& options, const Limits& limits, Light
         static_cast<HttpServer*>(data)->handle(message, path, query);
       },
       this, nullptr);
-  const std::string host = options.address == "localhost" ? "127.0.0.1" : options.address;
-  GSocketAddress* address = g_inet_socket_address_new_from_string(host.c_str(), static_cast<guint>(options.port));
-  GError* error = nullptr;
-  const bool listens =
-      address &&
-      soup_server_listen(server_, address, certificate ? SOUP_SERVER_LISTEN_HTTPS : SoupServerListenOptions(0), &error);
-  if (address) g_object_unref(address);
-  if (listens) return;
-  const std::string text = "--listen " + options.address + ": " + (error ? error->message : "must be an IP address");
-  g_clear_error(&error);
-  g_object_unref(server_);
-  throw Error(text);
+  try {
+    connections_ = std::make_unique<Connections>(
+        server_, options.address == "localhost" ? "127.0.0.1" : options.address, options.port, certificate);
+  } catch (const Error&) {
+    g_object_unref(server_);
+    throw;
+  }
 }
 
 HttpServer::~HttpServer() {
+  connections_.reset();
   soup_server_disconnect(server_);
   g_object_unref(server_);
 }
 
 std::string HttpServer::url() const {
-  GSList* uris = soup_server_get_uris(server_);
-  g_autofree gchar* text = uris ? g_uri_to_string(static_cast<GUri*>(uris->data)) : nullptr;
-  g_slist_free_full(uris, reinterpret_cast<GDestroyNotify>(g_uri_unref));
-  return text ? text : "";
+  const std::string host =
+      options_.address.find(':') == std::string::npos ? options_.address : "[" + options_.address + "]";
+  return (options_.certificate.empty() ? "http://" : "https://") + host + ":" + std::to_string(connections_->port()) +
+         "/";
 }
 
-void HttpServer::refuse(SoupServerMessage* message, Refusal why, guint status, const std::string& reason) {
-  refused_[why]++;
-  std::printf("%s: %u, %s\n", address_of(message).c_str(), status, reason.c_str());
-  respond(message, status, "text/plain", reason + "\n");
+void HttpServer::serve(LightField& field, Sessions& sessions) {
+  field_ = &field;
+  sessions_ = &sessions;
+}
+
+void HttpServer::stop() {
+  field_ = nullptr;
+  sessions_ = nullptr;
+}
+
+Whep::Client HttpServer::client_of(SoupServerMessage* message) const {
+  const std::string peer = address_of(message);
+  Whep::Client client{client_address(peer, header(message, "X-Forwarded-For"), options_.proxies), ""};
+  if (options_.proxies.contains(peer)) client.prefix = path_prefix(header(message, "X-Forwarded-Prefix"));
+  return client;
 }
 
 // Before the body is read: nobody needs to read one that won't be taken.
 void HttpServer::begin(SoupServerMessage* message) {
   // libsoup before 3.3 never closes a connection that waits for another request when the client has closed it.
   set_header(message, "Connection", "close");
+  set_header(message, "Cache-Control", "no-cache");
+  set_header(message, "X-Content-Type-Options", "nosniff");
+  set_header(message, "Referrer-Policy", "no-referrer");
   SoupMessageHeaders* headers = soup_server_message_get_request_headers(message);
   const SoupEncoding encoding = soup_message_headers_get_encoding(headers);
   const bool too_long = encoding == SOUP_ENCODING_CONTENT_LENGTH &&
                         soup_message_headers_get_content_length(headers) > static_cast<goffset>(Offer::kMaxBytes);
   if (!too_long && (encoding == SOUP_ENCODING_CONTENT_LENGTH || encoding == SOUP_ENCODING_NONE)) return;
   soup_message_body_set_accumulate(soup_server_message_get_request_body(message), FALSE);
-  if (too_long)
-    refuse(message, kBody, SOUP_STATUS_REQUEST_ENTITY_TOO_LARGE, "the body is too long");
-  else
-    refuse(message, kBody, SOUP_STATUS_LENGTH_REQUIRED, "the body has no length");
+  connections_->asked(message);
+  refusals_.answer(message, client_of(message).address, too_long ? refusal::kBody : refusal::kLength);
 }
 
 void HttpServer::handle(SoupServerMessage* message, const std::string& path, GHashTable* query) {
+  connections_->asked(message);
   const std::string method = soup_server_message_get_method(message);
-  set_header(message, "Cache-Control", "no-cache");
-  set_header(message, "X-Content-Type-Options", "nosniff");
   if (path == "/healthz") return respond(message, SOUP_STATUS_OK, "text/plain", "ok\n");
-  if (path == kWhep || path.starts_with(std::string(kWhep) + "/")) {
-    if (!admit(message)) return;
-    if (path == kWhep) return whep(message, query);
-    return session(message, path.substr(kWhep.size() + 1));
-  }
-  const bool array = path == "/array.json", monitor = path == "/monitor.json";
-  if (array || monitor) {
-    if (!admit(message)) return;
-    if (method == "OPTIONS") return allow(message, "GET, OPTIONS");
-  }
-  if (method != "GET" && method != "HEAD") {
+  const Whep::Client client = client_of(message);
+  if (!access_.allows_host(header(message, "Host"))) return refusals_.answer(message, client.address, refusal::kHost);
+  const bool whep = path == kWhep || path.starts_with(std::string(kWhep) + "/");
+  const bool data = path == "/array.json" || path == "/monitor.json" || path == "/metrics";
+  if (!whep && !data) {
+    if (method == "GET" || method == "HEAD") return page(message, path);
     set_header(message, "Allow", "GET, HEAD");
     return respond(message, SOUP_STATUS_METHOD_NOT_ALLOWED, "text/plain", "GET only\n");
   }
-  if (array) return respond(message, SOUP_STATUS_OK, "application/json", field_.array().json());
-  if (monitor)
+  if (!admit(message, client)) return;
+  if (method == "OPTIONS" && whep)
+    return whep_.options(message, !access_.asks_for_token() || access_.has_token(header(message, "Authorization")));
+  if (method == "OPTIONS") return allow(message, "GET, OPTIONS");
+  if (data && method != "GET" && method != "HEAD") {
+    set_header(message, "Allow", "GET, HEAD");
+    return respond(message, SOUP_STATUS_METHOD_NOT_ALLOWED, "text/plain", "GET only\n");
+  }
+  if (!sessions_) return wait(message, client);
+  serve(message, client, path, query);
+}
+
+void HttpServer::wait(SoupServerMessage* message, const Whep::Client& client) {
+  if (filmed_)
+    refusals_.answer(message, client.address, refusal::kFilming, {{"progress", *filmed_}});
+  else
+    refusals_.answer(message, client.address, refusal::kStarting);
+}
+
+void HttpServer::serve(SoupServerMessage* message, const Whep::Client& client, const std::string& path,
+                       GHashTable* query) {
+  if (path == "/array.json") return respond(message, SOUP_STATUS_OK, "application/json", field_->array().json());
+  if (path == "/monitor.json")
     return respond(message, SOUP_STATUS_OK, "application/json",
-                   to_json(sessions_.monitor(), field_.array().names()).dump());
-  if (path != "/metrics") return page(message, path);
-  if (admit(message)) respond(message, SOUP_STATUS_OK, "text/plain; version=0.0.4", metrics());
+                   to_json(sessions_->monitor(), field_->array().names()).dump());
+  if (path == "/metrics") return respond(message, SOUP_STATUS_OK, "text/plain; version=0.0.4", metrics());
+  if (path == kWhep) return whep_.endpoint(message, client, query, *sessions_);
+  whep_.session(message, path.substr(kWhep.size() + 1), *sessions_);
 }
 
 // Origin and token, and the headers that let a page of an allowed origin read the response.
-bool HttpServer::admit(SoupServerMessage* message) {
+bool HttpServer::admit(SoupServerMessage* message, const Whep::Client& client) {
   const char* origin = header(message, "Origin");
   if (!access_.allows_origin(origin, header(message, "Host"))) {
-    refuse(message, kOrigin, SOUP_STATUS_FORBIDDEN, "this origin may not watch (--origin)");
+    refusals_.answer(message, client.address, refusal::kOrigin);
     return false;
   }
   if (origin) {
     set_header(message, "Access-Control-Allow-Origin", origin);
-    set_header(message, "Access-Control-Expose-Headers", "Location, Retry-After");
+    set_header(message, "Access-Control-Expose-Headers", "Location, Retry-After, Link");
     set_header(message, "Vary", "Origin");
   }
   // Browsers ask what is allowed without the token.
-  if (g_str_equal(soup_server_message_get_method(message), "OPTIONS")) return true;
-  if (access_.has_token(header(message, "Authorization"))) return true;
+  const bool asks = g_str_equal(soup_server_message_get_method(message), "OPTIONS");
+  return (asks && !header(message, "Authorization")) || knows_token(message, client);
+}
+
+// Who guesses is not told any more whether a guess is right, until a while later.
+bool HttpServer::knows_token(SoupServerMessage* message, const Whep::Client& client) {
+  if (!access_.asks_for_token()) return true;
+  const char* given = header(message, "Authorization");
+  const std::string who = subscriber(client.address);
+  const int64_t now = g_get_monotonic_time();
+  if (given && !wrong_tokens_.has_one(who, now)) {
+    refusals_.answer(message, client.address, refusal::kTokenRate);
+    return false;
+  }
+  if (access_.has_token(given)) return true;
+  if (given) wrong_tokens_.take(who, now);
   set_header(message, "WWW-Authenticate", "Bearer");
-  refuse(message, kToken, SOUP_STATUS_UNAUTHORIZED, "the bearer token is missing or wrong");
+  refusals_.answer(message, client.address, refusal::kToken);
   return false;
-}
-
-void HttpServer::whep(SoupServerMessage* message, GHashTable* query) {
-  const std::string method = soup_server_message_get_method(message);
-  set_header(message, "Accept-Post", "application/sdp");
-  if (method == "OPTIONS") return allow(message, kMethods);
-  if (method != "POST") {
-    set_header(message, "Allow", kMethods);
-    return respond(message, SOUP_STATUS_METHOD_NOT_ALLOWED, "text/plain", "POST an offer\n");
-  }
-  const char* type = soup_message_headers_get_content_type(soup_server_message_get_request_headers(message), nullptr);
-  if (g_strcmp0(type, "application/sdp") != 0)
-    return refuse(message, kType, SOUP_STATUS_UNSUPPORTED_MEDIA_TYPE, "the offer must be application/sdp");
-  if (!connects_.take(address_of(message), g_get_monotonic_time())) {
-    set_header(message, "Retry-After", "10");
-    return refuse(message, kRate, 429, "too many connects");
-  }
-  const auto value = [query](const char* name) {
-    return query ? static_cast<const char*>(g_hash_table_lookup(query, name)) : nullptr;
-  };
-  const auto picture = view_size(value("width"), value("height"), limits_);
-  if (!picture) return refuse(message, kOffer, SOUP_STATUS_BAD_REQUEST, "width and height must be pixels");
-  const auto distance = eye_distance(value("eye-distance"));
-  if (!distance) return refuse(message, kOffer, SOUP_STATUS_BAD_REQUEST, "eye-distance must be metres");
-  Wish wish{picture->width, picture->height, *distance, ""};
-  if (const char* name = value("path")) {
-    const auto found = paths_.find(name);
-    if (found == paths_.end()) return refuse(message, kPath, SOUP_STATUS_NOT_FOUND, "there is no such path (--path)");
-    wish.path = found->second;
-  }
-
-  SoupMessageBody* body = soup_server_message_get_request_body(message);
-  g_autoptr(GBytes) bytes = soup_message_body_flatten(body);
-  gsize size = 0;
-  const char* data = static_cast<const char*>(g_bytes_get_data(bytes, &size));
-  std::string reason;
-  auto offer = parse_offer(std::string(data ? data : "", size), can_encode(VideoCodec::kH264),
-                           can_encode(VideoCodec::kVp8), &reason);
-  if (!offer) return refuse(message, kOffer, SOUP_STATUS_BAD_REQUEST, reason);
-  if (sessions_.full(wish)) {
-    set_header(message, "Retry-After", "10");
-    return refuse(message, kFull, SOUP_STATUS_SERVICE_UNAVAILABLE, "too many viewers");
-  }
-  g_object_ref(message);
-  soup_server_message_pause(message);
-  // The browser may have gone when the answer is there: nobody waits for it then.
-  auto name = std::make_shared<std::string>();
-  auto waits = std::make_shared<bool>(true);
-  using Waits = std::shared_ptr<bool>;
-  g_signal_connect_data(
-      message, "finished", G_CALLBACK(+[](SoupServerMessage*, gpointer data) { **static_cast<Waits*>(data) = false; }),
-      new Waits(waits), [](gpointer data, GClosure*) { delete static_cast<Waits*>(data); }, GConnectFlags(0));
-  const auto answer = [this, message, name, waits](const std::string& sdp, const std::string& problem) {
-    if (*waits && sdp.empty()) {
-      refuse(message, kOffer, SOUP_STATUS_BAD_REQUEST, problem);
-    } else if (*waits) {
-      set_header(message, "Location", std::string(kWhep) + "/" + *name);
-      respond(message, SOUP_STATUS_CREATED, "application/sdp", sdp);
-    }
-    if (*waits) soup_server_message_unpause(message);
-    g_object_unref(message);
-  };
-  try {
-    *name = sessions_.open(std::move(*offer), wish, answer);
-  } catch (const Error& error) {
-    respond(message, SOUP_STATUS_INTERNAL_SERVER_ERROR, "text/plain", std::string(error.what()) + "\n");
-    soup_server_message_unpause(message);
-    g_object_unref(message);
-  }
-}
-
-void HttpServer::session(SoupServerMessage* message, const std::string& name) {
-  const std::string method = soup_server_message_get_method(message);
-  if (method == "OPTIONS") return allow(message, kMethods);
-  if (method != "DELETE") {
-    set_header(message, "Allow", "DELETE, OPTIONS");
-    return respond(message, SOUP_STATUS_METHOD_NOT_ALLOWED, "text/plain", "DELETE only\n");
-  }
-  const bool found = sessions_.close(name, "the browser leaves");
-  respond(message, found ? SOUP_STATUS_OK : SOUP_STATUS_NOT_FOUND, "text/plain", found ? "" : "no such session\n");
 }
 
 void HttpServer::page(SoupServerMessage* message, const std::string& path) {
@@ -275,11 +206,15 @@ void HttpServer::page(SoupServerMessage* message, const std::string& path) {
   if (!bytes) return respond(message, SOUP_STATUS_NOT_FOUND, "text/plain", "not here\n");
   gsize size = 0;
   const char* data = static_cast<const char*>(g_bytes_get_data(bytes, &size));
+  std::string frames;
+  for (const std::string& origin : options_.origins)
+    if (origin != "null") frames += " " + origin;
   // Others' pages may use the element; what they may watch is decided when they ask for it.
   set_header(message, "Access-Control-Allow-Origin", "*");
   set_header(message, "Content-Security-Policy",
              "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action 'none'; "
-             "frame-ancestors *");
+             "frame-ancestors 'self'" +
+                 frames);
   const char* type = path.ends_with(".js")    ? "text/javascript; charset=utf-8"
                      : path.ends_with(".css") ? "text/css; charset=utf-8"
                      : path.ends_with(".svg") ? "image/svg+xml"
@@ -288,26 +223,30 @@ void HttpServer::page(SoupServerMessage* message, const std::string& path) {
 }
 
 std::string HttpServer::metrics() const {
-  const Viewer::Figures figures = sessions_.figures();
+  const Viewer::Figures figures = sessions_->figures();
   std::ostringstream out;
   const auto put = [&out](const char* name, const char* type, const char* help, auto value) {
     out << "# HELP lightfield_" << name << ' ' << help << "\n# TYPE lightfield_" << name << ' ' << type
         << "\nlightfield_" << name << ' ' << value << '\n';
   };
-  put("viewers", "gauge", "Viewers now.", sessions_.size());
-  put("viewers_total", "counter", "Viewers that were let in.", sessions_.opened());
+  put("viewers", "gauge", "Viewers now.", sessions_->size());
+  put("viewers_total", "counter", "Viewers that were let in.", sessions_->opened());
   put("pictures_total", "counter", "Pictures composed.", figures.pictures);
   put("incomplete_pictures_total", "counter", "Pictures of which something was missing.", figures.incomplete);
-  put("camera_bytes_total", "counter", "Bytes of answers that came from the cameras.", field_.answer_bytes());
+  put("camera_bytes_total", "counter", "Bytes of answers that came from the cameras.", field_->answer_bytes());
   put("composed_bytes_total", "counter", "Bytes of answers that pictures were composed of.", figures.answer_bytes);
   put("video_bytes_total", "counter", "Bytes of RTP packets for browsers.", figures.video_bytes);
   put("refused_messages_total", "counter", "Messages on data channels that were not understood or too many.",
       figures.refused_messages);
   put("resident_bytes", "gauge", "Memory of the process.", resident_bytes());
-  out << "# HELP lightfield_refused_total Requests that were refused.\n# TYPE lightfield_refused_total counter\n";
-  for (size_t i = 0; i < refused_.size(); i++)
-    out << "lightfield_refused_total{reason=\"" << kRefusals[i] << "\"} " << refused_[i] << '\n';
-  if (limits_.monitor > 0) out << to_metrics(sessions_.monitor(), field_.array().names());
+  put("connections", "gauge", "TCP connections now.", connections_->size());
+  put("closed_connections_total", "counter", "TCP connections that took too long or were too many.",
+      connections_->closed());
+  put("shed_step", "gauge", "What is left away for want of processors: 0 nothing, 1 and 2 trials, 3 rate, 4 size.",
+      sessions_->shedding().step());
+  put("waiting", "gauge", "Tickets in the queue for seats.", sessions_->seats().waiting());
+  out << refusals_.metrics();
+  if (limits_.monitor > 0) out << to_metrics(sessions_->monitor(), field_->array().names());
   return out.str();
 }
 

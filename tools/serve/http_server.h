@@ -3,14 +3,17 @@
 
 #include <libsoup/soup.h>
 
-#include <array>
-#include <map>
+#include <memory>
+#include <optional>
 #include <set>
 #include <string>
 
 #include "access.h"
+#include "connections.h"
+#include "http_reply.h"
 #include "rate_limit.h"
 #include "sessions.h"
+#include "whep.h"
 
 namespace lf::serve {
 
@@ -19,40 +22,50 @@ struct ServerOptions {
   int port = 8080;               // 0: any
   std::string certificate, key;  // PEM files; both or none
   std::string token;
-  std::set<std::string> origins;
-  std::map<std::string, std::string> paths;  // views.json files that viewers may have flown, by name
-  bool insecure = false;                     // other addresses than loopback without TLS
+  std::set<std::string> origins, hosts, proxies;
+  Whep::Options whep;
+  bool insecure = false;  // other addresses than loopback without TLS
 };
 
-// The page, the WHEP endpoint (draft-ietf-wish-whep), metrics and health over HTTP. On the main thread alone.
+// The page, the WHEP endpoint, metrics and health over HTTP (docs/web-interface.md): the page from the beginning, the
+// rest from serve() on. On the main thread alone.
 class HttpServer {
  public:
   // Throws Error.
-  HttpServer(const ServerOptions& options, const Limits& limits, LightField& field, Sessions& sessions);
+  HttpServer(const ServerOptions& options, const Limits& limits);
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;
 
   std::string url() const;
+  // What there is to wait for, until serve(): the first film, of which this part is done, or the cameras.
+  void films(double progress) { filmed_ = progress; }
+  void starts() { filmed_.reset(); }
+  // Both are borrowed, until stop().
+  void serve(LightField& field, Sessions& sessions);
+  void stop();
 
  private:
-  enum Refusal { kOrigin, kToken, kBody, kType, kRate, kFull, kOffer, kPath, kRefused };
-  void refuse(SoupServerMessage* message, Refusal why, guint status, const std::string& reason);
-  bool admit(SoupServerMessage* message);
+  bool admit(SoupServerMessage* message, const Whep::Client& client);
+  bool knows_token(SoupServerMessage* message, const Whep::Client& client);
   void begin(SoupServerMessage* message);
   void handle(SoupServerMessage* message, const std::string& path, GHashTable* query);
-  void whep(SoupServerMessage* message, GHashTable* query);
-  void session(SoupServerMessage* message, const std::string& name);
+  void serve(SoupServerMessage* message, const Whep::Client& client, const std::string& path, GHashTable* query);
   void page(SoupServerMessage* message, const std::string& path);
+  void wait(SoupServerMessage* message, const Whep::Client& client);
+  Whep::Client client_of(SoupServerMessage* message) const;
   std::string metrics() const;
 
+  ServerOptions options_;
   Limits limits_;
-  LightField& field_;
-  Sessions& sessions_;
   Access access_;
-  std::map<std::string, std::string> paths_;
-  AddressLimit connects_;
+  Refusals refusals_;
+  Whep whep_;
+  AddressLimit wrong_tokens_;
   SoupServer* server_;
-  std::array<uint64_t, kRefused> refused_{};
+  std::unique_ptr<Connections> connections_;
+  std::optional<double> filmed_;
+  LightField* field_ = nullptr;
+  Sessions* sessions_ = nullptr;
 };
 
 }  // namespace lf::serve

@@ -21,6 +21,18 @@ inline GstElement* launch_pipeline(const std::string& line) {
   throw Error(text);
 }
 
+// A bin with a pad for what the line leaves open; floating. Throws Error likewise.
+inline GstElement* launch_bin(const std::string& line) {
+  GError* error = nullptr;
+  GstElement* bin =
+      gst_parse_bin_from_description_full(line.c_str(), TRUE, nullptr, GST_PARSE_FLAG_FATAL_ERRORS, &error);
+  if (bin && !error) return bin;
+  const std::string text = error ? error->message : "nothing in it";
+  g_clear_error(&error);
+  if (bin) gst_object_unref(bin);
+  throw Error(text);
+}
+
 // g_object_set() of the element of this name inside.
 template <typename... Args>
 void set_in(GstElement* bin, const char* name, Args... args) {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "light_field.h"
 
-#include <cstdio>
 #include <optional>
 #include <sstream>
 
 #include "base/error.h"
 #include "launch.h"
+#include "log.h"
 
 namespace lf::serve {
 namespace {
@@ -33,17 +33,27 @@ std::string launch_line(const std::vector<NodeAddress>& nodes, const std::string
          << '0';
     return line.str();
   }
-  line << "rtplfpay ! multiudpsink name=hosts sync=false async=false";
+  line << "rtplfpay ! lfrtpseal name=seal ! multiudpsink name=hosts sync=false async=false";
   for (size_t i = 0; i < nodes.size(); i++)
-    line << " udpsrc port=" << nodes[i].answer_port << " buffer-size=" << kReceiveBuffer << " caps=\"" << kRtpCaps
-         << "\" ! rtplfdepay ! " << kSink << i;
+    line << " udpsrc name=udp" << i << " port=" << nodes[i].answer_port << " buffer-size=" << kReceiveBuffer
+         << " caps=\"" << kRtpCaps << "\" ! lfrtpgate name=gate" << i << " ! rtplfdepay ! " << kSink << i;
   return line.str();
+}
+
+// Answers come from who has the key, or, without one, from that host.
+void set_up_host(GstElement* pipeline, size_t index, const NodeAddress& node, const std::string& key_file) {
+  const std::string number = std::to_string(index);
+  if (!node.answer_host.empty()) set_in(pipeline, ("udp" + number).c_str(), "address", node.answer_host.c_str());
+  if (key_file.empty())
+    set_in(pipeline, ("gate" + number).c_str(), "peers", (node.host + ",127.0.0.0/8,::1").c_str());
+  else
+    set_in(pipeline, ("gate" + number).c_str(), "key-file", key_file.c_str());
 }
 
 }  // namespace
 
-LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& resampling,
-                       int max_views)
+LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& key_file,
+                       const std::string& resampling, int max_views)
     : rig_(rig), array_(rig), local_(nodes.empty()) {
   pipeline_ = launch_pipeline(launch_line(nodes, resampling));
   requests_ = GST_APP_SRC(gst_bin_get_by_name(GST_BIN(pipeline_), "requests"));
@@ -55,6 +65,8 @@ LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& n
     for (const NodeAddress& node : nodes)
       g_signal_emit_by_name(hosts, "add", node.host.c_str(), node.request_port, nullptr);
     gst_object_unref(hosts);
+    if (!key_file.empty()) set_in(pipeline_, "seal", "key-file", key_file.c_str());
+    for (size_t i = 0; i < nodes.size(); i++) set_up_host(pipeline_, i, nodes[i], key_file);
   }
   for (size_t i = 0; i < std::max<size_t>(nodes.size(), 1); i++) {
     answers_.push_back(std::make_unique<Answers>(Answers{this, i}));
@@ -89,7 +101,7 @@ void LightField::start(std::function<void(const std::string&)> on_error) {
     const bool is_error = GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
     gst_message_unref(message);
     if (!is_error) {
-      std::fprintf(stderr, "lf-serve: cameras: %s\n", text.c_str());
+      say("cameras: " + text);
       continue;
     }
     gst_object_unref(bus);
@@ -107,9 +119,9 @@ gboolean LightField::bus_message(GstBus*, GstMessage* message, gpointer data) {
   if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR)
     self->on_error_(text_of(message));
   else if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_WARNING)
-    std::fprintf(stderr, "lf-serve: cameras: %s\n", text_of(message).c_str());
+    say("cameras: " + text_of(message));
   else if (gst_message_has_name(message, "lightfield-camera-found"))
-    std::fprintf(stderr, "lf-serve: cameras: %s is back\n", GST_OBJECT_NAME(GST_MESSAGE_SRC(message)));
+    say(std::string("cameras: ") + GST_OBJECT_NAME(GST_MESSAGE_SRC(message)) + " is back");
   return G_SOURCE_CONTINUE;
 }
 

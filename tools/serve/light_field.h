@@ -26,9 +26,9 @@ class LightField {
   using OnAnswer = std::function<void(size_t node, GstBuffer* answer)>;
 
   // Cameras in this process, sampled as lffragment's property "resampling" says, or, where `nodes` has any, on those
-  // hosts. `max_views` bounds what is in flight. Throws Error.
-  LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& resampling,
-             int max_views);
+  // hosts, which share what is in `key_file` if there is one. `max_views` bounds what is in flight. Throws Error.
+  LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& key_file,
+             const std::string& resampling, int max_views);
   ~LightField();
   LightField(const LightField&) = delete;
 

@@ -19,7 +19,9 @@ struct FocusOn {
 // What viewers may ask of the server, and get.
 struct Limits {
   int viewers = 8;                         // views in fact: who has two eyes counts twice
+  int address_views = 2;                   // of one address
   int max_width = 1280, max_height = 720;  // of a view, pixels
+  double max_aperture = 0;                 // metres; 0: the array's size
   int framerate = 30;
   int capture_delay_ms = 100;  // how old a capture must be before it is asked for: what the cameras take
   double focus = 0;            // metres, of a view to begin with; 0: as lfviewrequest chooses
@@ -29,10 +31,18 @@ struct Limits {
   double messages_per_second = 240;  // on a data channel
   double connects_per_second = 2;    // of one address, after the first `connect_burst`
   double connect_burst = 40;
-  static constexpr int kMinSize = 64;    // pixels a side
-  static constexpr double kSilence = 5;  // seconds without a packet until a viewer is removed
-  static constexpr double kAnswer = 15;  // seconds until an offer must have its answer
+  static constexpr double kMostBitsPerPixel = 0.22;  // of video at best, whatever `bit_rate` allows
+  static constexpr int kMinSize = 64;                // pixels a side
+  static constexpr double kSilence = 5;              // seconds without a packet until a viewer is removed
+  static constexpr double kConnect = 15;             // seconds from an offer until its viewer must be connected
+  static constexpr double kWrongTokens = 0.2, kWrongTokensAtOnce = 10;  // of one address, per second
 };
+
+// Bits per second that a view's video gets at best: more of it looks no better.
+inline int best_bit_rate(int width, int height, const Limits& limits) {
+  const double most = Limits::kMostBitsPerPixel * width * height * limits.framerate;
+  return static_cast<int>(std::min<double>(limits.bit_rate, std::max(most, 300000.0)));
+}
 
 // What a viewer asks for.
 struct Wish {

@@ -21,6 +21,7 @@ using SdpPtr = std::unique_ptr<GstSDPMessage, FreeSdp>;
 struct Offer {
   static constexpr size_t kMaxBytes = 65536;
   static constexpr guint kMaxMedia = 16;
+  static constexpr size_t kMaxCandidates = 4;  // of a medium
 
   SdpPtr sdp;
   VideoCodec codec;
@@ -28,9 +29,11 @@ struct Offer {
   std::string profile;  // kH264: profile-level-id
 };
 
-// `h264`, `vp8`: what can be encoded here; H.264 goes first. Nothing for an offer that can't be answered, and the
-// reason.
-std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, std::string* reason);
+// `h264`, `vp8`: what can be encoded here; H.264 goes first. Candidates are taken out, so that nobody has packets sent
+// to whom they like, but for those of the address `client`: a viewer is found where its own packets come from. Nothing
+// for an offer that can't be answered, and the reason.
+std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, const std::string& client,
+                                 std::string* reason);
 
 // Gives the chosen codec the profile and level of the offer in the answer, where browsers look for it; webrtcbin leaves
 // it out.

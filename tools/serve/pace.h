@@ -26,10 +26,20 @@ class Pace {
   bool begin(uint64_t time) {
     const std::lock_guard lock(mutex_);
     while (!under_way_.empty() && time - under_way_.front() > kPatience) under_way_.pop_front();
-    if (under_way_.size() >= most_ || (latest_ && time < *latest_ + interval_)) return false;
+    if (latest_ && time < *latest_ + interval_) return false;
+    wanted_++;
+    if (under_way_.size() >= most_) return false;
+    made_++;
     latest_ = time;
     under_way_.push_back(time);
     return true;
+  }
+  // Of the requests since the last call that were not too soon, the part that was made; 1 where there were none.
+  double kept() {
+    const std::lock_guard lock(mutex_);
+    const double part = wanted_ > 0 ? static_cast<double>(made_) / static_cast<double>(wanted_) : 1;
+    wanted_ = made_ = 0;
+    return part;
   }
   // It has become a picture. What was asked for before never will.
   void end(uint64_t time) {
@@ -41,7 +51,7 @@ class Pace {
   const size_t most_;
   std::mutex mutex_;
   std::deque<uint64_t> under_way_;
-  uint64_t interval_ = 0;
+  uint64_t interval_ = 0, wanted_ = 0, made_ = 0;
   std::optional<uint64_t> latest_;
 };
 

@@ -5,7 +5,6 @@
 #include <gst/webrtc/webrtc.h>
 
 #include <cstring>
-#include <vector>
 
 #include "launch.h"
 
@@ -25,14 +24,7 @@ GstPromise* promise(Reply reply) {
       new Reply(std::move(reply)), [](gpointer data) { delete static_cast<Reply*>(data); });
 }
 
-std::string error_in(const GstStructure* reply) {
-  if (!reply || !gst_structure_has_field(reply, "error")) return "";
-  GError* error = nullptr;
-  gst_structure_get(reply, "error", G_TYPE_ERROR, &error, nullptr);
-  const std::string text = error ? error->message : "unknown error";
-  g_clear_error(&error);
-  return text;
-}
+bool is_error(const GstStructure* reply) { return reply && gst_structure_has_field(reply, "error"); }
 
 // Signal handlers know the peer as long as it lives.
 using Weak = std::weak_ptr<Peer>;
@@ -71,12 +63,13 @@ gboolean read_stats(GQuark, const GValue* value, gpointer data) {
 
 }  // namespace
 
-Peer::Peer(GstElement* webrtc, Offer offer, Callbacks callbacks)
-    : webrtc_(webrtc), offer_(std::move(offer)), callbacks_(std::move(callbacks)) {}
+Peer::Peer(GstElement* webrtc, Offer offer, uint32_t ssrc, Callbacks callbacks)
+    : webrtc_(webrtc), offer_(std::move(offer)), ssrc_(ssrc), callbacks_(std::move(callbacks)) {}
 
-std::shared_ptr<Peer> Peer::make(GstElement* webrtc, Offer offer, const std::string& address, Callbacks callbacks) {
-  std::shared_ptr<Peer> peer(new Peer(webrtc, std::move(offer), std::move(callbacks)));
-  peer->watch(address);
+std::shared_ptr<Peer> Peer::make(GstElement* webrtc, Offer offer, uint32_t ssrc, const Route& route,
+                                 Callbacks callbacks) {
+  std::shared_ptr<Peer> peer(new Peer(webrtc, std::move(offer), ssrc, std::move(callbacks)));
+  peer->watch(route);
   return peer;
 }
 
@@ -87,6 +80,7 @@ Peer::~Peer() {
 }
 
 void Peer::fail(const std::string& why) {
+  if (failed_.exchange(true)) return;
   on_main_thread([weak = weak_from_this(), why] {
     if (const auto peer = weak.lock()) peer->callbacks_.on_failed(why);
   });
@@ -97,19 +91,34 @@ void Peer::watch_element(GstElement* element) {
   const std::string type = factory ? GST_OBJECT_NAME(factory) : "";
   // Would hold every picture back for a frame.
   if (type == "clocksync") g_object_set(element, "sync", FALSE, nullptr);
+  if (type == "dtlsenc") {
+    const std::lock_guard lock(mutex_);
+    dtls_ = element;
+  }
+  // A pad each SCTP stream, which costs elements and a thread, announced as a data channel or not.
+  if (type == "sctpdec")
+    connect(
+        element, "pad-added",
+        +[](GstElement*, GstPad*, gpointer data) {
+          const auto peer = peer_of(data);
+          if (peer && ++peer->streams_ > 1) peer->fail("it opens more than one data channel");
+        },
+        weak_from_this());
   if (type != "nicesrc") return;
   GstPad* pad = gst_element_get_static_pad(element, "src");
   gst_pad_add_probe(
       pad, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
       [](GstPad*, GstPadProbeInfo*, gpointer data) {
-        if (const auto peer = peer_of(data)) peer->heard_ = g_get_monotonic_time();
+        const auto peer = peer_of(data);
+        if (!peer || peer->failed_) return GST_PAD_PROBE_DROP;
+        peer->heard_ = g_get_monotonic_time();
         return GST_PAD_PROBE_OK;
       },
       new Weak(weak_from_this()), [](gpointer data) { delete static_cast<Weak*>(data); });
   gst_object_unref(pad);
 }
 
-void Peer::watch(const std::string& address) {
+void Peer::watch(const Route& route) {
   connect(
       webrtc_, "deep-element-added",
       +[](GstBin*, GstBin*, GstElement* element, gpointer data) {
@@ -128,16 +137,13 @@ void Peer::watch(const std::string& address) {
         GstWebRTCPeerConnectionState state;
         g_object_get(webrtc, "connection-state", &state, nullptr);
         const auto peer = peer_of(data);
-        if (!peer) return;
-        if (state == GST_WEBRTC_PEER_CONNECTION_STATE_CONNECTED) peer->connected_ = true;
-        if (state == GST_WEBRTC_PEER_CONNECTION_STATE_FAILED || state == GST_WEBRTC_PEER_CONNECTION_STATE_CLOSED)
-          peer->fail("the connection is lost");
+        if (peer) peer->connection_changed(state);
       },
       weak_from_this());
   connect(
       webrtc_, "notify::ice-gathering-state",
       +[](GstElement*, GParamSpec*, gpointer data) {
-        if (const auto peer = peer_of(data)) peer->answer();
+        if (const auto peer = peer_of(data)) peer->answer(false);
       },
       weak_from_this());
 
@@ -146,7 +152,13 @@ void Peer::watch(const std::string& address) {
   g_object_get(ice, "agent", &agent, nullptr);
   g_object_set(agent, "upnp", FALSE, "ice-tcp", FALSE, nullptr);
   gboolean added = TRUE;
-  if (!address.empty()) g_signal_emit_by_name(ice, "add-local-ip-address", address.c_str(), &added);
+  if (!route.address.empty()) g_signal_emit_by_name(ice, "add-local-ip-address", route.address.c_str(), &added);
+  for (const std::string& server : route.ice_servers) {
+    if (server.starts_with("stun"))
+      g_object_set(webrtc_, "stun-server", server.c_str(), nullptr);
+    else
+      g_signal_emit_by_name(webrtc_, "add-turn-server", server.c_str(), &added);
+  }
   g_object_unref(agent);
   g_object_unref(ice);
 
@@ -154,26 +166,35 @@ void Peer::watch(const std::string& address) {
   g_signal_emit_by_name(webrtc_, "get-transceiver", 0, &transceiver);
   g_object_set(transceiver, "direction", GST_WEBRTC_RTP_TRANSCEIVER_DIRECTION_SENDONLY, "do-nack", TRUE, nullptr);
   gst_object_unref(transceiver);
+}
 
-  // An answer made before the stream has its SSRC would name 0 as the one of retransmissions, and browsers show black.
+// DTLS is up by then.
+void Peer::connection_changed(int state) {
+  if (state == GST_WEBRTC_PEER_CONNECTION_STATE_CONNECTED && !connected_.exchange(true))
+    on_main_thread([weak = weak_from_this()] {
+      if (const auto peer = weak.lock()) peer->callbacks_.on_connected();
+    });
+  if (state == GST_WEBRTC_PEER_CONNECTION_STATE_FAILED || state == GST_WEBRTC_PEER_CONNECTION_STATE_CLOSED)
+    fail("the connection is lost");
+}
+
+// What the video will be, to be answered with before there is any. An answer made before the stream has its SSRC would
+// name 0 as the one of retransmissions, and browsers show black.
+void Peer::announce() {
+  GstCaps* caps =
+      gst_caps_new_simple("application/x-rtp", "media", G_TYPE_STRING, "video", "clock-rate", G_TYPE_INT, 90000,
+                          "encoding-name", G_TYPE_STRING, to_string(offer_.codec), "payload", G_TYPE_INT,
+                          static_cast<gint>(offer_.payload_type), "ssrc", G_TYPE_UINT, ssrc_, nullptr);
+  if (offer_.codec == VideoCodec::kH264) gst_caps_set_simple(caps, "packetization-mode", G_TYPE_STRING, "1", nullptr);
   GstPad* sink = gst_element_get_static_pad(webrtc_, "sink_0");
-  connect(
-      sink, "notify::caps",
-      +[](GstPad* pad, GParamSpec*, gpointer data) {
-        GstCaps* caps = gst_pad_get_current_caps(pad);
-        const bool named = caps && gst_structure_has_field(gst_caps_get_structure(caps, 0), "ssrc");
-        if (caps) gst_caps_unref(caps);
-        const auto peer = peer_of(data);
-        if (named && peer && !peer->negotiating_.exchange(true))
-          on_main_thread([weak = Weak(peer)] {
-            if (const auto p = weak.lock()) p->negotiate();
-          });
-      },
-      weak_from_this());
+  gst_pad_send_event(sink, gst_event_new_stream_start("video"));
+  gst_pad_send_event(sink, gst_event_new_caps(caps));
+  gst_caps_unref(caps);
   gst_object_unref(sink);
 }
 
 void Peer::negotiate() {
+  announce();
   GstWebRTCSessionDescription* remote =
       gst_webrtc_session_description_new(GST_WEBRTC_SDP_TYPE_OFFER, offer_.sdp.release());
   const auto made = [weak = weak_from_this()](const GstStructure* reply) {
@@ -181,30 +202,37 @@ void Peer::negotiate() {
     if (!peer) return;
     GstWebRTCSessionDescription* local = nullptr;
     if (reply) gst_structure_get(reply, "answer", GST_TYPE_WEBRTC_SESSION_DESCRIPTION, &local, nullptr);
-    if (!local) return peer->fail("the offer can't be answered: " + error_in(reply));
+    if (!local) return peer->fail(kUnanswerable);
     name_profile(local->sdp, peer->offer_);
     g_signal_emit_by_name(peer->webrtc_, "set-local-description", local, promise([weak](const GstStructure* set) {
                             const auto p = weak.lock();
-                            if (p && !error_in(set).empty()) p->fail("the offer can't be answered: " + error_in(set));
+                            if (p && is_error(set)) p->fail(kUnanswerable);
                           }));
     gst_webrtc_session_description_free(local);
   };
   const auto taken = [weak = weak_from_this(), made](const GstStructure* reply) {
     const auto peer = weak.lock();
     if (!peer) return;
-    if (!error_in(reply).empty()) return peer->fail("the offer can't be answered: " + error_in(reply));
+    if (is_error(reply)) return peer->fail(kUnanswerable);
     g_signal_emit_by_name(peer->webrtc_, "create-answer", nullptr, promise(made));
   };
   g_signal_emit_by_name(webrtc_, "set-remote-description", remote, promise(taken));
   gst_webrtc_session_description_free(remote);
+  g_timeout_add_full(
+      G_PRIORITY_DEFAULT, kGathering,
+      [](gpointer data) -> gboolean {
+        if (const auto peer = peer_of(data)) peer->answer(true);
+        return G_SOURCE_REMOVE;
+      },
+      new Weak(weak_from_this()), [](gpointer data) { delete static_cast<Weak*>(data); });
 }
 
-// Once all candidates are known.
-void Peer::answer() {
+// Once all candidates are known, or it is late.
+void Peer::answer(bool late) {
   GstWebRTCICEGatheringState state;
   GstWebRTCSessionDescription* local = nullptr;
   g_object_get(webrtc_, "ice-gathering-state", &state, "local-description", &local, nullptr);
-  if (state == GST_WEBRTC_ICE_GATHERING_STATE_COMPLETE && local && !answered_.exchange(true)) {
+  if ((late || state == GST_WEBRTC_ICE_GATHERING_STATE_COMPLETE) && local && !answered_.exchange(true)) {
     g_autofree gchar* text = gst_sdp_message_as_text(local->sdp);
     on_main_thread([weak = weak_from_this(), sdp = std::string(text)] {
       if (const auto peer = weak.lock()) peer->callbacks_.on_answer(sdp);
@@ -213,12 +241,12 @@ void Peer::answer() {
   if (local) gst_webrtc_session_description_free(local);
 }
 
-// The channel may be open already.
+// The channel may be open already. webrtcbin can't close one alone (it would be used after it was freed).
 void Peer::open_channel(GstWebRTCDataChannel* channel) {
   g_autofree gchar* label = nullptr;
   g_object_get(channel, "label", &label, nullptr);
   const std::lock_guard lock(mutex_);
-  if (channel_ || g_strcmp0(label, "control") != 0) return;
+  if (channel_ || g_strcmp0(label, "control") != 0) return fail("it opens a data channel that is none of ours");
   channel_ = static_cast<GstWebRTCDataChannel*>(g_object_ref(channel));
   connect(
       channel, "on-message-string",
@@ -244,6 +272,22 @@ void Peer::send(const std::string& text) {
   if (state == GST_WEBRTC_DATA_CHANNEL_STATE_OPEN && waiting < kMostWaiting)
     gst_webrtc_data_channel_send_string(channel, text.c_str());
   g_object_unref(channel);
+}
+
+void Peer::say_goodbye() {
+  GstElement* dtls = nullptr;
+  {
+    const std::lock_guard lock(mutex_);
+    dtls = connected_ ? dtls_ : nullptr;
+  }
+  if (!dtls) return;
+  gst_element_foreach_sink_pad(
+      dtls,
+      [](GstElement*, GstPad* pad, gpointer) -> gboolean {
+        gst_pad_send_event(pad, gst_event_new_eos());
+        return TRUE;
+      },
+      nullptr);
 }
 
 void Peer::ask_for_report() {

@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <vector>
 
 #include "offer.h"
 #include "packet_loss.h"
@@ -16,54 +17,79 @@ typedef struct _GstWebRTCDataChannel GstWebRTCDataChannel;
 
 namespace lf::serve {
 
+// Why a peer fails whose offer webrtcbin does not take. Its own words may have parts of the offer in them, which are
+// not for logs.
+inline constexpr char kUnanswerable[] = "the offer can't be answered";
+
 // What the receiver says of the last second.
 struct LinkReport {
   double loss = 0;        // of the packets
   double round_trip = 0;  // seconds; 0: not known
 };
 
-// One browser at the other end of a webrtcbin: offer and answer, the data channel, and whether it is still there.
+// Where a peer is to be reached, and what helps it to be.
+struct Route {
+  std::string address;  // the only one of this machine, or ""
+  std::vector<std::string>
+      ice_servers;  // "stun://HOST:PORT", "turn://USER:PASSWORD@HOST:PORT", as webrtcbin takes them
+};
+
+// One browser at the other end of a webrtcbin: offer and answer, the data channel, and whether it is still there. It
+// negotiates before there is any video: what comes to the webrtcbin's pad later must be of `ssrc`. A peer has one data
+// channel, "control", and one SCTP stream: who opens more has failed, and is not listened to any more.
 // Made on the main thread; what it calls back comes on the main thread, but for on_message.
 class Peer : public std::enable_shared_from_this<Peer> {
  public:
   struct Callbacks {
-    std::function<void(const std::string& sdp)> on_answer;  // with all candidates; once
+    std::function<void(const std::string& sdp)> on_answer;  // with all candidates found within kGathering; once
+    std::function<void()> on_connected;                     // DTLS is up; once
     std::function<void(const std::string& why)> on_failed;
     std::function<void(const std::string& text)> on_message;  // of the data channel "control"; a streaming thread
     std::function<void(const LinkReport&)> on_report;
   };
 
-  // `webrtc` is borrowed from its pipeline, which has not been started. `address`: the only one to be reached at, or
-  // "".
-  static std::shared_ptr<Peer> make(GstElement* webrtc, Offer offer, const std::string& address, Callbacks callbacks);
+  static constexpr unsigned kGathering = 1000;  // milliseconds: a STUN server that is away takes five seconds
+
+  // `webrtc` is borrowed from its pipeline, which has not been started; its sink_0 is linked.
+  static std::shared_ptr<Peer> make(GstElement* webrtc, Offer offer, uint32_t ssrc, const Route& route,
+                                    Callbacks callbacks);
   // After the pipeline was stopped.
   ~Peer();
+
+  // Once the pipeline is PAUSED: answers the offer.
+  void negotiate();
 
   // g_get_monotonic_time() of the last packet from the browser; 0: none yet. Thread-safe.
   int64_t heard() const { return heard_; }
   bool connected() const { return connected_; }
   // To the data channel "control", if there is one. Thread-safe.
   void send(const std::string& text);
+  // Closes DTLS, so that the browser knows at once; the pipeline goes on for the moment that this takes.
+  void say_goodbye();
   // on_report follows.
   void ask_for_report();
 
  private:
-  Peer(GstElement* webrtc, Offer offer, Callbacks callbacks);
-  void watch(const std::string& address);
-  void negotiate();
-  void answer();
+  Peer(GstElement* webrtc, Offer offer, uint32_t ssrc, Callbacks callbacks);
+  void watch(const Route& route);
+  void announce();
+  void answer(bool late);
+  void connection_changed(int state);
   void fail(const std::string& why);
   void open_channel(GstWebRTCDataChannel* channel);
   void watch_element(GstElement* element);
 
   GstElement* webrtc_;
   Offer offer_;
+  uint32_t ssrc_;
   Callbacks callbacks_;
   std::atomic<int64_t> heard_ = 0;
-  std::atomic<bool> connected_ = false, negotiating_ = false, answered_ = false;
+  std::atomic<int> streams_ = 0;  // of SCTP, from the browser
+  std::atomic<bool> connected_ = false, answered_ = false, failed_ = false;
   std::mutex mutex_;
   GstWebRTCDataChannel* channel_ = nullptr;
-  PacketLoss loss_;  // the main thread's
+  GstElement* dtls_ = nullptr;  // the encoder, borrowed from the webrtcbin
+  PacketLoss loss_;             // the main thread's
 };
 
 }  // namespace lf::serve

@@ -22,16 +22,16 @@ bool TokenBucket::full(int64_t now) {
   return tokens_ >= burst_;
 }
 
-bool AddressLimit::take(const std::string& address, int64_t now) {
+TokenBucket& AddressLimit::bucket(const std::string& address, int64_t now) {
   auto found = buckets_.find(address);
   if (found == buckets_.end()) {
     // A full bucket is as good as none.
     if (buckets_.size() >= kMaxAddresses)
       for (auto i = buckets_.begin(); i != buckets_.end();) i = i->second.full(now) ? buckets_.erase(i) : std::next(i);
-    if (buckets_.size() >= kMaxAddresses) return others_.take(now);
+    if (buckets_.size() >= kMaxAddresses) return others_;
     found = buckets_.emplace(address, TokenBucket(per_second_, burst_)).first;
   }
-  return found->second.take(now);
+  return found->second;
 }
 
 }  // namespace lf::serve

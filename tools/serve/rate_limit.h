@@ -15,6 +15,7 @@ class TokenBucket {
 
   // Takes a token; false if there is none.
   bool take(int64_t now);
+  bool has_one(int64_t now) { return fill(now), tokens_ >= 1; }
   bool full(int64_t now);
 
  private:
@@ -32,10 +33,14 @@ class AddressLimit {
 
   AddressLimit(double per_second, double burst) : per_second_(per_second), burst_(burst), others_(per_second, burst) {}
 
-  bool take(const std::string& address, int64_t now);
+  bool take(const std::string& address, int64_t now) { return bucket(address, now).take(now); }
+  // Whether it could take one.
+  bool has_one(const std::string& address, int64_t now) { return bucket(address, now).has_one(now); }
   size_t size() const { return buckets_.size(); }
 
  private:
+  TokenBucket& bucket(const std::string& address, int64_t now);
+
   double per_second_, burst_;
   std::map<std::string, TokenBucket> buckets_;
   TokenBucket others_;

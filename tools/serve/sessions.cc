@@ -8,6 +8,7 @@
 #include <random>
 
 #include "launch.h"
+#include "log.h"
 
 namespace lf::serve {
 namespace {
@@ -36,8 +37,8 @@ void add(Viewer::Figures& sum, const Viewer::Figures& figures) {
 
 }  // namespace
 
-Sessions::Sessions(LightField& field, const Limits& limits, std::string address)
-    : field_(field), limits_(limits), address_(std::move(address)) {
+Sessions::Sessions(LightField& field, const Limits& limits)
+    : field_(field), limits_(limits), seats_(limits.viewers, limits.address_views) {
   timer_ = g_timeout_add(
       kTickMs,
       [](gpointer data) -> gboolean {
@@ -57,7 +58,13 @@ void Sessions::close_all(const std::string& why) {
   while (!viewers_.empty()) close(std::string(viewers_.begin()->first), why);
 }
 
-std::string Sessions::open(Offer offer, const Wish& wish, OnAnswer on_answer) {
+Seats::Answer Sessions::ask(const std::string& address, const Wish& wish, const std::string& ticket) {
+  const Seats::Answer answer = seats_.ask(address, wish.views(), ticket, random_name(), g_get_monotonic_time());
+  for (const std::string& name : answer.leave) close(name, "it did not connect, and its seat goes to another");
+  return answer;
+}
+
+std::string Sessions::open(const std::string& address, Offer offer, const Wish& wish, Route route, OnAnswer on_answer) {
   ViewerSettings settings;
   settings.eye_distance = wish.eye_distance;
   settings.eye.view = next_view_;
@@ -69,11 +76,12 @@ std::string Sessions::open(Offer offer, const Wish& wish, OnAnswer on_answer) {
   settings.eye.focus_on = limits_.focus_on;
   settings.eye.path = wish.path;
   settings.eye.capture_delay = static_cast<uint64_t>(limits_.capture_delay_ms) * GST_MSECOND;
-  settings.most_bit_rate = limits_.bit_rate;
-  settings.least_bit_rate = std::min(settings.least_bit_rate, limits_.bit_rate);
+  settings.most_bit_rate = best_bit_rate(wish.width * wish.views(), wish.height, limits_);
+  settings.least_bit_rate = std::min(settings.least_bit_rate, settings.most_bit_rate);
   settings.messages_per_second = limits_.messages_per_second;
+  settings.max_aperture = limits_.max_aperture > 0 ? limits_.max_aperture : field_.array().size();
   settings.monitored = limits_.monitor > 0;
-  settings.address = address_;
+  settings.route = std::move(route);
   const std::string name = random_name(), codec = to_string(offer.codec);
   Viewer::Callbacks callbacks;
   callbacks.on_answer = [this, name](const std::string& sdp) {
@@ -83,13 +91,16 @@ std::string Sessions::open(Offer offer, const Wish& wish, OnAnswer on_answer) {
     found->second.on_answer = nullptr;
     on_answer(sdp, "");
   };
+  callbacks.on_connected = [this, name] { seats_.connected(name); };
   callbacks.on_gone = [this, name](const std::string& why) { close_soon(name, why); };
   auto viewer = std::make_unique<Viewer>(field_, std::move(offer), settings, std::move(callbacks));
-  viewers_.emplace(name, Session{std::move(viewer), settings.eye.view, wish.views(), std::move(on_answer)});
-  views_ += wish.views();
+  viewer->shed(shedding_);
+  viewers_.emplace(name, Session{std::move(viewer), settings.eye.view, std::move(on_answer)});
+  seats_.take(name, address, wish.views(), g_get_monotonic_time());
   opened_++;
-  std::printf("view %u opens: %s%dx%d, %s; %zu viewers\n", settings.eye.view, wish.eye_distance > 0 ? "two of " : "",
-              wish.width, wish.height, codec.c_str(), viewers_.size());
+  say("view " + std::to_string(settings.eye.view) + " opens: " + (wish.eye_distance > 0 ? "two of " : "") +
+      std::to_string(wish.width) + "x" + std::to_string(wish.height) + ", " + codec + "; " +
+      std::to_string(viewers_.size()) + " viewers");
   return name;
 }
 
@@ -98,11 +109,11 @@ bool Sessions::close(const std::string& name, const std::string& why) {
   if (found == viewers_.end()) return false;
   Session session = std::move(found->second);
   viewers_.erase(found);
-  views_ -= session.views;
+  seats_.leave(name);
   add(gone_, session.viewer->figures());
   session.viewer.reset();
   malloc_trim(0);  // a viewer leaves megabytes in small pieces
-  std::printf("view %u closes: %s; %zu viewers\n", session.view, why.c_str(), viewers_.size());
+  say("view " + std::to_string(session.view) + " closes: " + why + "; " + std::to_string(viewers_.size()) + " viewers");
   if (session.on_answer) session.on_answer("", why);
   return true;
 }
@@ -116,21 +127,37 @@ void Sessions::close_soon(const std::string& name, const std::string& why) {
 void Sessions::tick() {
   const int64_t now = g_get_monotonic_time();
   const bool report = ++ticks_ % kTicksPerReport == 0;
+  if (report) shed();
   for (auto i = viewers_.begin(); i != viewers_.end();) {
     const auto& [name, session] = *i++;
-    if (session.viewer->silence(now) > (session.viewer->answered() ? Limits::kSilence : Limits::kAnswer))
+    if (session.viewer->silence(now) > (session.viewer->connected() ? Limits::kSilence : Limits::kConnect))
       close(std::string(name), session.viewer->connected() ? "nothing is heard of the browser" : "it does not connect");
     else if (report)
-      session.viewer->tick();
+      session.viewer->tick(busy_);
   }
   if (report && limits_.monitor > 0) watch_cameras();
+}
+
+// Of all viewers, whoever of them is slow: they share the processors.
+void Sessions::shed() {
+  busy_ = load_.update();
+  double kept = 0;
+  int connected = 0;
+  for (const auto& [name, session] : viewers_)
+    if (session.viewer->connected()) {
+      kept += session.viewer->kept();
+      connected++;
+    }
+  if (!shedding_.update(busy_, connected > 0 ? kept / connected : 1)) return;
+  for (const auto& [name, session] : viewers_) session.viewer->shed(shedding_);
 }
 
 // One viewer is enough for that. What was found remains when it leaves, until another has gone round the array.
 void Sessions::watch_cameras() {
   const auto watching = viewers_.find(watching_);
   if (watching == viewers_.end()) {
-    const auto next = std::ranges::find_if(viewers_, [](const auto& entry) { return entry.second.viewer->connected(); });
+    const auto next =
+        std::ranges::find_if(viewers_, [](const auto& entry) { return entry.second.viewer->connected(); });
     if (next == viewers_.end()) return;
     watching_ = next->first;
     next->second.viewer->set_monitor(limits_.monitor);

@@ -8,6 +8,9 @@
 
 #include "light_field.h"
 #include "limits.h"
+#include "processor_load.h"
+#include "seats.h"
+#include "shedding.h"
 #include "viewer.h"
 
 namespace lf::serve {
@@ -18,15 +21,15 @@ class Sessions {
   // The answer's SDP, or "" and why there is none.
   using OnAnswer = std::function<void(const std::string& sdp, const std::string& problem)>;
 
-  // `address`: the only one to be reached at, or "".
-  Sessions(LightField& field, const Limits& limits, std::string address);
+  Sessions(LightField& field, const Limits& limits);
   ~Sessions();
 
-  // Whether there is no place for this one. Two eyes are two views.
-  bool full(const Wish& wish) const { return views_ + wish.views() > limits_.viewers; }
   size_t size() const { return viewers_.size(); }
-  // Returns the session's name; `on_answer` is called once, later. Throws Error.
-  std::string open(Offer offer, const Wish& wish, OnAnswer on_answer);
+  const Seats& seats() const { return seats_; }
+  // Whether `wish` of this address gets its seats now; `ticket` as Seats has it.
+  Seats::Answer ask(const std::string& address, const Wish& wish, const std::string& ticket);
+  // After ask() has answered kSeat: returns the session's name; `on_answer` is called once, later. Throws Error.
+  std::string open(const std::string& address, Offer offer, const Wish& wish, Route route, OnAnswer on_answer);
   // False if there is none. Not inside of a viewer's callback.
   bool close(const std::string& name, const std::string& why);
 
@@ -34,6 +37,7 @@ class Sessions {
 
   // What is known of the cameras, from whichever viewer watches them.
   const MonitorReport& monitor() const { return monitor_; }
+  const Shedding& shedding() const { return shedding_; }
   uint64_t opened() const { return opened_; }
   // Over all viewers, those gone included.
   Viewer::Figures figures() const;
@@ -42,22 +46,24 @@ class Sessions {
   struct Session {
     std::unique_ptr<Viewer> viewer;
     uint32_t view;
-    int views;
     OnAnswer on_answer;  // until it was called
   };
   void close_soon(const std::string& name, const std::string& why);
   void tick();
   void watch_cameras();
+  void shed();
 
   LightField& field_;
   Limits limits_;
-  std::string address_;
+  Seats seats_;
   std::map<std::string, Session> viewers_;
   Viewer::Figures gone_;
   std::string watching_;  // the viewer whose requests the cameras are watched by
   MonitorReport monitor_;
+  ProcessorLoad load_;
+  Shedding shedding_;
+  double busy_ = 0;
   uint32_t next_view_ = 1;
-  int views_ = 0;  // now
   uint64_t opened_ = 0;
   guint timer_ = 0;
   unsigned ticks_ = 0;

@@ -3,14 +3,12 @@
 
 #include <gst/video/video.h>
 
-#include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "encoder.h"
 #include "focus/carry_over.h"
 #include "launch.h"
-#include "wire/request_layout.h"
+#include "log.h"
 
 namespace lf::serve {
 namespace {
@@ -28,24 +26,7 @@ std::string launch_line(const Offer& offer, size_t nodes, const ViewerSettings& 
   if (settings.eye_distance > 0)
     line += kPicturesOfEye + std::string("left ") + Eye::launch_line(1, nodes) + kPicturesOfEye + "right " +
             "appsrc name=pictures is-live=true format=time max-bytes=0 max-buffers=1 leaky-type=downstream ! ";
-  return line + encoder_line(offer, settings.most_bit_rate) + " ! webrtcbin name=webrtc bundle-policy=max-bundle";
-}
-
-uint64_t count_in(const GstStructure* stats, const char* name) {
-  guint64 value = 0;
-  gst_structure_get_uint64(stats, name, &value);
-  return value;
-}
-
-bool is_probe(GstBuffer* request) {
-  uint8_t header[wire::kUnitHeaderBytes] = {};
-  gst_buffer_extract(request, 0, header, sizeof header);
-  const auto unit = wire::peek_unit(header);
-  return unit && (unit->flags & wire::kProbe);
-}
-
-std::string info_message(const json& info) {
-  return json{{"type", "InfoMessage"}, {"mid", "video0"}, {"info", info}}.dump();
+  return line + encoder_line(offer, settings.most_bit_rate);
 }
 
 }  // namespace
@@ -59,23 +40,35 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
       quality_(settings.least_bit_rate, settings.most_bit_rate,
                static_cast<double>(settings.eye.width) * settings.eye.height * settings.eye.framerate),
       messages_(settings.messages_per_second, 2 * settings.messages_per_second) {
-  pipeline_ = launch_pipeline(launch_line(offer, field.nodes(), settings));
-  const auto find = [this](const std::string& name) { return gst_bin_get_by_name(GST_BIN(pipeline_), name.c_str()); };
+  video_ = launch_bin(launch_line(offer, field.nodes(), settings));
+  GstElement* webrtc = gst_element_factory_make("webrtcbin", nullptr);
+  if (!webrtc) {
+    gst_object_unref(video_);
+    throw Error("element webrtcbin is not installed");
+  }
+  gst_util_set_object_arg(G_OBJECT(webrtc), "bundle-policy", "max-bundle");
+  pipeline_ = GST_ELEMENT(gst_object_ref_sink(gst_pipeline_new(nullptr)));
+  gst_bin_add_many(GST_BIN(pipeline_), video_, webrtc, nullptr);
+  gst_element_link(video_, webrtc);
+  const auto find = [this](const std::string& name) { return gst_bin_get_by_name(GST_BIN(video_), name.c_str()); };
   encoder_ = find("encoder");
+  encoder_name_ = GST_OBJECT_NAME(gst_element_get_factory(encoder_));
   EyeSettings eye = settings.eye;
   eye.offset = -settings.eye_distance / 2;
   const auto eye_that = [&](Eye::OnRequest on_request) {
-    return std::make_unique<Eye>(pipeline_, static_cast<int>(eyes_.size()), field, eye, std::move(on_request));
+    return std::make_unique<Eye>(video_, static_cast<int>(eyes_.size()), field, eye, std::move(on_request));
   };
-  eyes_.push_back(eye_that([this](const ViewRequest& request, GstClockTime time) { requested(request, time); }));
+  eyes_.push_back(eye_that([this](GstBuffer* request, GstClockTime time) { requested(request, time); }));
   if (settings.eye_distance > 0) {
     eye.view++;
-    eyes_.push_back(eye_that([](const ViewRequest&, GstClockTime) {}));
+    eyes_.push_back(eye_that([](GstBuffer*, GstClockTime) {}));
     join_eyes();
   }
   watch_pace();
 
+  const uint32_t ssrc = std::max<uint32_t>(g_random_int(), 1);
   GstElement* payloader = find("payloader");
+  g_object_set(payloader, "ssrc", ssrc, nullptr);
   GstPad* out = gst_element_get_static_pad(payloader, "src");
   gst_pad_add_probe(
       out, GstPadProbeType(GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_BUFFER_LIST),
@@ -90,26 +83,46 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   gst_object_unref(out);
   gst_object_unref(payloader);
 
-  GstElement* webrtc = find("webrtc");
-  peer_ = Peer::make(webrtc, std::move(offer), settings.address,
-                     {[this](const std::string& sdp) {
-                        answered_ = g_get_monotonic_time();
-                        callbacks_.on_answer(sdp);
+  peer_ = Peer::make(webrtc, std::move(offer), ssrc, settings.route,
+                     {callbacks_.on_answer,
+                      [this] {
+                        begin_video();
+                        callbacks_.on_connected();
                       },
                       callbacks_.on_gone, [this](const std::string& text) { control(text); },
                       [this](const LinkReport& link) { report(link); }});
-  gst_object_unref(webrtc);
 
   GstBus* bus = gst_element_get_bus(pipeline_);
   watch_ = gst_bus_add_watch(bus, bus_message, this);
   gst_object_unref(bus);
   gst_pipeline_use_clock(GST_PIPELINE(pipeline_), field.clock());
+  gst_element_set_state(video_, GST_STATE_READY);
+  gst_element_set_locked_state(video_, TRUE);
   gst_element_set_state(pipeline_, GST_STATE_PLAYING);
+  peer_->negotiate();
+}
+
+void Viewer::begin_video() {
+  gst_element_set_base_time(video_, gst_element_get_base_time(pipeline_));
+  gst_element_set_locked_state(video_, FALSE);
+  gst_element_sync_state_with_parent(video_);
+  for (std::vector<std::string> early;; early.clear()) {
+    {
+      const std::lock_guard lock(mutex_);
+      early.swap(early_);
+      began_video_ = early.empty();
+    }
+    if (early.empty()) return;
+    for (const std::string& text : early) obey(text);
+  }
 }
 
 Viewer::~Viewer() {
   for (const auto& eye : eyes_) eye->close();
   g_source_remove(watch_);
+  peer_->say_goodbye();
+  gst_element_set_locked_state(video_, TRUE);
+  gst_element_set_state(video_, GST_STATE_NULL);
   gst_element_set_state(pipeline_, GST_STATE_NULL);
   peer_.reset();
   eyes_.clear();
@@ -123,7 +136,7 @@ void Viewer::watch_pace() {
       eyes_[0]->requests(), GST_PAD_PROBE_TYPE_BUFFER,
       [](GstPad*, GstPadProbeInfo* info, gpointer data) {
         GstBuffer* request = GST_PAD_PROBE_INFO_BUFFER(info);
-        if (is_probe(request)) return GST_PAD_PROBE_OK;  // it becomes no picture
+        if (is_probe(request)) return GST_PAD_PROBE_OK;
         const GstClockTime time = GST_BUFFER_PTS(request);
         return static_cast<Pace*>(data)->begin(time) ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
       },
@@ -141,10 +154,10 @@ void Viewer::watch_pace() {
 }
 
 void Viewer::join_eyes() {
-  pictures_ = GST_APP_SRC(gst_bin_get_by_name(GST_BIN(pipeline_), "pictures"));
+  pictures_ = GST_APP_SRC(gst_bin_get_by_name(GST_BIN(video_), "pictures"));
   halves_ = {{{this, StereoPair::kLeft}, {this, StereoPair::kRight}}};
   for (Half& half : halves_) {
-    GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline_), half.side == StereoPair::kLeft ? "left" : "right");
+    GstElement* sink = gst_bin_get_by_name(GST_BIN(video_), half.side == StereoPair::kLeft ? "left" : "right");
     GstAppSinkCallbacks callbacks = {};
     callbacks.new_sample = take_picture;
     gst_app_sink_set_callbacks(GST_APP_SINK(sink), &callbacks, &half, nullptr);
@@ -179,12 +192,12 @@ GstClockTime Viewer::running_time() const {
   return gst_clock_get_time(field_.clock()) - gst_element_get_base_time(pipeline_);
 }
 
-void Viewer::requested(const ViewRequest& request, GstClockTime time) {
-  if (eyes_.size() > 1) {
-    ViewRequest beside = request;
-    beside.view = seen_beside(request.view, settings_.eye_distance);
+void Viewer::requested(GstBuffer* buffer, GstClockTime time) {
+  if (const auto request = eyes_.size() > 1 ? request_in(buffer) : std::nullopt) {
+    ViewRequest beside = *request;
+    beside.view = seen_beside(request->view, settings_.eye_distance);
     beside.trials.clear();  // one eye looks for the focus
-    if (request.view.focus.map) beside.view.focus.map = carry_over(request.view, beside.view);
+    if (request->view.focus.map) beside.view.focus.map = carry_over(request->view, beside.view);
     eyes_[1]->ask(std::move(beside), time);
   }
   std::optional<uint64_t> applied;
@@ -197,7 +210,8 @@ void Viewer::requested(const ViewRequest& request, GstClockTime time) {
   }
   if (!applied) return;
   const auto stamp = static_cast<uint32_t>(gst_util_uint64_scale_int(time, 90000, GST_SECOND));
-  peer_->send(info_message({{"applied", {{"id", *applied}, {"rtpTimestamp", stamp}}}, {"view", eyes_[0]->numbers()}}));
+  peer_->send(
+      info_message(json{{"applied", {{"id", *applied}, {"rtpTimestamp", stamp}}}, {"view", eyes_[0]->numbers()}}));
 }
 
 void Viewer::control(const std::string& text) {
@@ -205,12 +219,21 @@ void Viewer::control(const std::string& text) {
     const std::lock_guard lock(mutex_);
     if (!messages_.take(g_get_monotonic_time())) {
       refused_messages_++;
-      if (!flooded_) std::printf("view %u: too many messages\n", settings_.eye.view);
+      if (!flooded_) say("view " + std::to_string(settings_.eye.view) + ": too many messages");
       flooded_ = true;
       return;
     }
+    // The data channel may be open before there is anything to be steered: a link's view comes first of all.
+    if (!began_video_) {
+      early_.push_back(text);  // few: see messages_
+      return;
+    }
   }
-  ControlMessage message = parse_control_message(text);
+  obey(text);
+}
+
+void Viewer::obey(const std::string& text) {
+  ControlMessage message = parse_control_message(text, settings_.max_aperture);
   if (!message.error.empty()) refused_messages_++;
   if (message.pixel) tell_pixel(*message.pixel);
   // Noted before, because a request that has the change may leave at once.
@@ -229,99 +252,28 @@ void Viewer::control(const std::string& text) {
 }
 
 // Two eyes have their pictures side by side.
-void Viewer::tell_pixel(const ControlMessage::Pixel& pixel) {
-  auto view = eyes_[0]->asked();
-  const bool right = eyes_.size() > 1 && view && pixel.x >= view->width;
-  if (right) view = eyes_[1]->asked();
-  if (!view) return;
-  nlohmann::json cameras = field_.array().pixel(*view, pixel.x - (right ? view->width : 0), pixel.y);
-  peer_->send(info_message({{"pixel", {{"x", pixel.x}, {"y", pixel.y}, {"cameras", std::move(cameras)}}}}));
+void Viewer::tick(double busy) {
+  busy_ = busy;
+  if (connected()) peer_->ask_for_report();
 }
 
-void Viewer::tick() {
-  if (connected()) peer_->ask_for_report();
+void Viewer::shed(const Shedding& shedding) {
+  shedding_ = shedding;
+  use_quality();
 }
 
 void Viewer::use_quality() {
   set_bit_rate(encoder_, quality_.bits_per_second());
   // A little less, because requests of an eager view do not leave on the dot.
   const uint64_t period = GST_SECOND / static_cast<uint64_t>(settings_.eye.framerate);
-  pace_.set_interval(static_cast<uint64_t>(quality_.pictures_left_out()) * (2 * period - period / 4));
-  const auto side = [this](int full) { return full / quality_.size_divisor() & ~1; };
+  pace_.set_interval(static_cast<uint64_t>(pictures_left_out()) * (2 * period - period / 4));
+  eyes_[0]->set_trials(shedding_.trial_interval());
+  const auto side = [this](int full) { return full / size_divisor() & ~1; };
   eyes_[0]->set_size(side(settings_.eye.width), side(settings_.eye.height));
 }
 
-void Viewer::report(const LinkReport& link) {
-  if (quality_.update(link.loss, link.round_trip)) use_quality();
-  if (quality_.wants_key_frame())
-    gst_element_send_event(encoder_, gst_video_event_new_upstream_force_key_unit(GST_CLOCK_TIME_NONE, TRUE, 0));
-  GstStructure* stats = eyes_[0]->stats();
-  const auto ms = [stats](const char* name) { return static_cast<double>(count_in(stats, name)) * 1e-6; };
-  json info = {{"pictures", count_in(stats, "pictures")},
-               {"incomplete", count_in(stats, "incomplete")},
-               {"missing", count_in(stats, "missing-fragments")},
-               {"outOfService", count_in(stats, "out-of-service")},
-               {"answerBytes", figures().answer_bytes},
-               {"skewMs", ms("max-skew-ns")},
-               {"answerMs", ms("answer-ns-p50")},
-               {"addMs", ms("add-ns-p50")},
-               {"pictureMs", ms("latency-ns-p50")},
-               {"videoBytes", video_bytes_.load()},
-               {"bitRate", quality_.bits_per_second()},
-               {"frameRate", settings_.eye.framerate / (1 + quality_.pictures_left_out())},
-               {"sizeDivisor", quality_.size_divisor()},
-               {"loss", link.loss},
-               {"roundTripMs", link.round_trip * 1e3}};
-  json focus = {{"on", settings_.eye.focus_on.mode},
-                {"rounds", count_in(stats, "focus-rounds")},
-                {"interval", count_in(stats, "focus-interval")},
-                {"trialBytes", count_in(stats, "trial-bytes")}};
-  gdouble residual = 0, gained = 0, near = 0, far = 0;
-  gboolean flat = FALSE;
-  gst_structure_get(stats, "focus-residual", G_TYPE_DOUBLE, &residual, "focus-gained", G_TYPE_DOUBLE, &gained,
-                    "focus-flat", G_TYPE_BOOLEAN, &flat, "focus-near", G_TYPE_DOUBLE, &near, "focus-far", G_TYPE_DOUBLE,
-                    &far, nullptr);
-  gst_structure_free(stats);
-  focus["residual"] = std::isfinite(residual) ? residual : 0;
-  focus["gained"] = std::isfinite(gained) ? gained : 0;
-  focus["flat"] = flat != FALSE;
-  // Where the scene is, metres; what is beyond all bounds has no place on a slider.
-  constexpr double kFarthest = 30;  // times the nearest
-  if (near > 0) {
-    focus["near"] = near;
-    focus["far"] = std::min(far, kFarthest * near);
-  }
-  info["focus"] = std::move(focus);
-  info["monitored"] = settings_.monitored;
-  if (const auto view = eyes_[0]->asked()) info["coverage"] = field_.array().coverage(*view);
-  json message = {{"statistics", std::move(info)}};
-  if (settings_.eye.path.empty()) message["view"] = eyes_[0]->numbers();
-  peer_->send(info_message(message));
-}
-
 double Viewer::silence(int64_t now) const {
-  return static_cast<double>(now - std::max(peer_->heard(), answered_ ? answered_ : began_)) * 1e-6;
-}
-
-MonitorReport Viewer::monitor() const {
-  GstStructure* stats = eyes_[0]->stats();
-  MonitorReport report = monitor_report(stats);
-  gst_structure_free(stats);
-  return report;
-}
-
-Viewer::Figures Viewer::figures() const {
-  Figures figures{.video_bytes = video_bytes_,
-                  .refused_messages = refused_messages_,
-                  .bits_per_second = quality_.bits_per_second()};
-  for (const auto& eye : eyes_) {
-    GstStructure* stats = eye->stats();
-    figures.pictures += count_in(stats, "pictures");
-    figures.incomplete += count_in(stats, "incomplete");
-    figures.answer_bytes += count_in(stats, "bytes");
-    gst_structure_free(stats);
-  }
-  return figures;
+  return static_cast<double>(now - (connected() ? std::max(peer_->heard(), began_) : began_)) * 1e-6;
 }
 
 }  // namespace lf::serve

@@ -3,11 +3,13 @@
 
 #include <gst/app/app.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -19,6 +21,7 @@
 #include "peer.h"
 #include "quality_control.h"
 #include "rate_limit.h"
+#include "shedding.h"
 #include "stereo_pair.h"
 
 namespace lf::serve {
@@ -28,16 +31,19 @@ struct ViewerSettings {
   double eye_distance = 0;  // metres; 0: one eye
   int least_bit_rate = 100000, most_bit_rate = 6000000;
   double messages_per_second = 240;
-  bool monitored = false;  // whether the server watches its cameras, by this viewer's requests or another's
-  std::string address;     // the only one to be reached at, or ""
+  double max_aperture = 0;  // metres
+  bool monitored = false;   // whether the server watches its cameras, by this viewer's requests or another's
+  Route route;
 };
 
 // One browser's own virtual camera, in a pipeline of its own: requests go to the light field, answers come from there,
-// pictures go out. Made, used and destroyed on the main thread, where its callbacks come, too.
+// pictures go out, from the moment on that DTLS is up: before, nothing is asked for, rendered or encoded. Made, used
+// and destroyed on the main thread, where its callbacks come, too.
 class Viewer {
  public:
   struct Callbacks {
     std::function<void(const std::string& sdp)> on_answer;
+    std::function<void()> on_connected;
     std::function<void(const std::string& why)> on_gone;  // to be destroyed, but not inside of this call
   };
 
@@ -46,11 +52,14 @@ class Viewer {
   ~Viewer();
   Viewer(const Viewer&) = delete;
 
-  // Once a second: looks after the bit rate, and tells the page how things are.
-  void tick();
-  // Seconds since the browser was last heard; or was answered; or asked.
+  // Once a second: looks after the bit rate, and tells the page how things are. `busy`: of the processors, 0 to 1.
+  void tick(double busy);
+  // Leaves away what it says.
+  void shed(const Shedding& shedding);
+  // See Pace, since the last call.
+  double kept() { return pace_.kept(); }
+  // Seconds since the browser was last heard, or asked, where it has not connected yet.
   double silence(int64_t now) const;
-  bool answered() const { return answered_ != 0; }
   // Watches the cameras by its requests, see Limits::monitor.
   void set_monitor(int interval) { eyes_[0]->set_monitor(interval); }
   MonitorReport monitor() const;
@@ -66,12 +75,17 @@ class Viewer {
   static GstFlowReturn take_picture(GstAppSink* sink, gpointer data);
   static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
   void control(const std::string& text);
+  void obey(const std::string& text);
+  void begin_video();
   void join_eyes();
   void watch_pace();
   void use_quality();
   GstClockTime running_time() const;
-  void requested(const ViewRequest& request, GstClockTime time);
+  void requested(GstBuffer* buffer, GstClockTime time);
   void report(const LinkReport& link);
+  int pictures_left_out() const { return std::max(quality_.pictures_left_out(), shedding_.pictures_left_out()); }
+  int size_divisor() const { return std::max(quality_.size_divisor(), shedding_.size_divisor()); }
+  nlohmann::json shed_report() const;
   void tell_pixel(const ControlMessage::Pixel& pixel);
 
   struct Half {  // of a picture for two eyes
@@ -82,21 +96,27 @@ class Viewer {
   LightField& field_;
   ViewerSettings settings_;
   Callbacks callbacks_;
-  GstElement *pipeline_ = nullptr, *encoder_ = nullptr;
+  GstElement *pipeline_ = nullptr, *video_ = nullptr, *encoder_ = nullptr;  // `video_`: all but the webrtcbin
   std::vector<std::unique_ptr<Eye>> eyes_;
   std::array<Half, 2> halves_;
   StereoPair pair_;
   GstAppSrc* pictures_ = nullptr;  // for two eyes
   std::shared_ptr<Peer> peer_;
   guint watch_ = 0;
-  int64_t began_, answered_ = 0;
+  int64_t began_;
   Pace pace_;
   QualityControl quality_;
+  Shedding shedding_;
+  double busy_ = 0;
+  std::string encoder_name_;
+  uint64_t video_bytes_told_ = 0;
   std::atomic<uint64_t> video_bytes_ = 0, refused_messages_ = 0;
 
   std::mutex mutex_;  // of what follows
   TokenBucket messages_;
   bool flooded_ = false;
+  bool began_video_ = false;
+  std::vector<std::string> early_;  // messages that came before
   struct Change {
     uint64_t id;        // of the message
     GstClockTime time;  // running time just before it

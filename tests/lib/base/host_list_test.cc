@@ -22,16 +22,19 @@ TEST(HostList, PortsWithAndWithoutHosts) {
 TEST(HostList, Nodes) {
   EXPECT_THAT(parse_nodes(""), IsEmpty());
   EXPECT_THAT(parse_nodes("camhost:6000:6100,10.0.0.1:1:65535,[fe80::1]:6000:6101"),
-              ElementsAre(NodeAddress{"camhost", 6000, 6100}, NodeAddress{"10.0.0.1", 1, 65535},
-                          NodeAddress{"fe80::1", 6000, 6101}));
+              ElementsAre(NodeAddress{"camhost", 6000, "", 6100}, NodeAddress{"10.0.0.1", 1, "", 65535},
+                          NodeAddress{"fe80::1", 6000, "", 6101}));
+  EXPECT_THAT(
+      parse_nodes("camhost:6000:10.0.0.5:6100,[fe80::1]:6000:[fe80::2]:6101"),
+      ElementsAre(NodeAddress{"camhost", 6000, "10.0.0.5", 6100}, NodeAddress{"fe80::1", 6000, "fe80::2", 6101}));
 }
 
 TEST(HostList, WhatIsNoneIsNamed) {
   for (const std::string bad : {"host", "host:", ":6000", "host:0", "host:65536", "host:12a", "host:-1", "host: 1"})
     EXPECT_ERROR(parse_host_ports("6000," + bad), bad + ": must be PORT or HOST:PORT");
-  for (const std::string bad :
-       {"host:6000", ":6000:6001", "6000:6001", "host:6000:0", "host:x:6000", "host:6000:6001 "})
-    EXPECT_ERROR(parse_nodes("a:1:2," + bad), bad + ": must be HOST:PORT-THERE:PORT-HERE");
+  for (const std::string bad : {"host:6000", ":6000:6001", "6000:6001", "host:6000:0", "host:x:6000", "host:6000:6001 ",
+                                "host:10.0.0.5:6001", "host:x:10.0.0.5:6001", ":6000:10.0.0.5:6001"})
+    EXPECT_ERROR(parse_nodes("a:1:2," + bad), bad + ": must be HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE");
   EXPECT_ERROR(parse_host_ports("1,,2"), "must be PORT or HOST:PORT");
 }
 

@@ -24,6 +24,7 @@ TEST(YamlValue, SaysWhatTheJsonSays) {
 
 TEST(YamlValue, ErrorsNameFileAndLine) {
   EXPECT_ERROR(parse_yaml("a: 1\nb: [1, 2\n", "x.yaml"), "x.yaml: line 3: not valid YAML: ");
+  EXPECT_ERROR(parse_yaml("a: 1\nb: caf\xe9\n", "x.yaml"), "x.yaml: line 2: not valid YAML: no text in UTF-8");
   EXPECT_ERROR(parse_yaml("a: 1\na: 2\n", "x.yaml"), "x.yaml: line 2: not valid YAML: \"a\" is there twice");
   EXPECT_ERROR(parse_yaml("a: &x 1\nb: *x\n", "x.yaml"), "line 2: not valid YAML: aliases are not read");
   EXPECT_ERROR(parse_yaml("[a, b]: 1\n", "x.yaml"), "a key must be a word");

@@ -390,5 +390,17 @@ TEST(FocusControl, FewerRequestsHaveTrialsWherePicturesAreLate) {
   EXPECT_GT(late.trials, 4 * 60u) << "and they come back";
 }
 
+TEST(FocusControl, FewerRequestsHaveTrialsWhereTheyAreToBeSpared) {
+  Loop all(FocusMode::kSurface, false), spared(FocusMode::kSurface, false);
+  for (int i = 0; i < 120; i++) {
+    all.run(1);
+    spared.control.spare(4);
+    spared.run(1);
+  }
+  EXPECT_LE(spared.trials, all.trials / 3);
+  EXPECT_GT(spared.trials, 0u);
+  EXPECT_GT(spared.right(), 0.9) << "the surface comes all the same";
+}
+
 }  // namespace
 }  // namespace lf

@@ -69,12 +69,47 @@ TEST(JpegHeader, SaysWhatIsNotSupported) {
   Bytes jpeg = jpeg_of({});
   const size_t sof = find_marker(jpeg, 0xc0);
   jpeg[sof + 4] = 12;
-  EXPECT_EQ(reason_for(jpeg), "only 8 bits a sample are supported");
+  EXPECT_EQ(reason_for(jpeg), "Unsupported JPEG data precision 12");
   jpeg[sof + 4] = 8;
-  jpeg[sof + 9] = 4;
-  EXPECT_EQ(reason_for(jpeg), "only grey and YCbCr are supported");
   jpeg[sof + 1] = 0xc3;
-  EXPECT_EQ(reason_for(jpeg), "lossless and hierarchical JPEG are not supported");
+  EXPECT_EQ(reason_for(jpeg), "Unsupported JPEG process: SOF type 0xc3");
+}
+
+// As cameras of four inks would send it: a fourth component in the frame and in the scan.
+TEST(JpegHeader, FourComponentsAreNotSupported) {
+  Bytes jpeg = jpeg_of({});
+  const auto insert = [&jpeg](size_t at, const Bytes& bytes) {
+    jpeg.insert(jpeg.begin() + static_cast<ptrdiff_t>(at), bytes.begin(), bytes.end());
+  };
+  const size_t sos = find_marker(jpeg, 0xda), sof = find_marker(jpeg, 0xc0);
+  jpeg[sos + 3] += 2;
+  jpeg[sos + 4] = 4;
+  insert(sos + 11, {4, 0});
+  jpeg[sof + 3] += 3;
+  jpeg[sof + 9] = 4;
+  insert(sof + 19, {4, 0x11, 0});
+  EXPECT_EQ(reason_for(jpeg), "only grey and YCbCr are supported");
+}
+
+// What is in no scan yet says nothing of its tables, and a frame says nothing about the next one.
+TEST(JpegHeader, EveryFrameStandsForItself) {
+  const Bytes own = jpeg_of({.restart_interval = 3, .optimise = true}), later = jpeg_of({.one_by_one = true});
+  const auto standard = parse_header(test::without_huffman_tables(jpeg_of({})), nullptr);
+  for (int i = 0; i < 3; i++) {
+    ASSERT_TRUE(parse_header(own, nullptr));
+    ASSERT_TRUE(parse_header(later, nullptr));
+    const auto bare = parse_header(test::without_huffman_tables(jpeg_of({})), nullptr);
+    ASSERT_TRUE(bare);
+    EXPECT_EQ(bare->restart_interval, 0);
+    for (int k = 0; k < 4; k++) {
+      EXPECT_EQ(bare->dc[k], standard->dc[k]);
+      EXPECT_EQ(bare->ac[k], standard->ac[k]);
+    }
+    EXPECT_NE(reason_for(Bytes(own.begin(), own.begin() + 40)), "");
+  }
+  Bytes without_quantisation = jpeg_of({});
+  without_quantisation[find_marker(without_quantisation, 0xdb) + 1] = 0xec;  // some APP segment
+  EXPECT_EQ(reason_for(without_quantisation), "a quantisation table is missing");
 }
 
 TEST(JpegHeader, ImpossibleSizesAreRefused) {
@@ -89,8 +124,8 @@ TEST(JpegHeader, ImpossibleSizesAreRefused) {
     return reason_for(lie);
   };
   EXPECT_EQ(with_size(33, 17), "");
-  EXPECT_EQ(with_size(0, 17), "bad image size");
-  EXPECT_EQ(with_size(33, 0), "bad image size");
+  EXPECT_EQ(with_size(0, 17), "Empty JPEG image (DNL not supported)");
+  EXPECT_EQ(with_size(33, 0), "Empty JPEG image (DNL not supported)");
   EXPECT_EQ(with_size(16385, 17), "bad image size");
   EXPECT_EQ(with_size(16384, 16384), "too few bytes for the image's size");
 }
@@ -112,12 +147,6 @@ TEST(JpegHeader, EndsAnywhere) {
   for (size_t size = 0; size < scan; size++)
     EXPECT_NE(reason_for(Bytes(jpeg.begin(), jpeg.begin() + size)), "") << size;
   EXPECT_EQ(reason_for(Bytes(jpeg.begin(), jpeg.begin() + scan)), "too few bytes for the image's size");
-}
-
-TEST(JpegHeader, MissingQuantisation) {
-  Bytes jpeg = jpeg_of({});
-  jpeg[find_marker(jpeg, 0xdb) + 1] = 0xec;  // some APP segment
-  EXPECT_EQ(reason_for(jpeg), "a quantisation table is missing");
 }
 
 }  // namespace

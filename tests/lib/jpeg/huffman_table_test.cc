@@ -138,9 +138,21 @@ TEST(HuffmanTable, OnlyPrefixCodesHaveTables) {
   spec.counts = {1, 1, 3};
   EXPECT_EQ(ac_table(spec), nullptr);
   spec.counts = {1, 1, 2};
+  EXPECT_EQ(ac_table(spec), nullptr) << "no code is all ones";
+  spec.counts = {1, 1, 1};
   EXPECT_NE(ac_table(spec), nullptr);
   spec.counts = {3};
   EXPECT_EQ(dc_table(spec), nullptr);
+}
+
+TEST(HuffmanTable, DifferencesHaveAtMost15Bits) {
+  HuffmanSpec spec;
+  spec.counts = {1, 1};
+  spec.symbols = {0, 15};
+  EXPECT_NE(dc_table(spec), nullptr);
+  spec.symbols = {0, 16};
+  EXPECT_EQ(dc_table(spec), nullptr);
+  EXPECT_NE(ac_table(spec), nullptr);
 }
 
 TEST(HuffmanTable, IsMadeOnce) {

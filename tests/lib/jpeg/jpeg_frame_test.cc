@@ -107,6 +107,21 @@ INSTANTIATE_TEST_SUITE_P(JpegFrame, WholeFrames,
                                          Case{"one_by_one", {.one_by_one = true}}),
                          [](const auto& info) { return info.param.name; });
 
+// Whatever the version of its JFIF marker.
+TEST(JpegFrame, VersionsThatNobodyKnowsAreNoDamage) {
+  for (const bool progressive : {false, true}) {
+    auto jpeg = test::encode_jpeg(test::noisy_picture(51, 33, 4), {.progressive = progressive});
+    const Image truth = test::to_i420(test::decode_raw(jpeg));
+    ASSERT_EQ(jpeg[6], 'J');
+    jpeg[11] = 9;
+    const auto frame = test::open_jpeg(jpeg);
+    ASSERT_TRUE(frame);
+    std::string reason;
+    ASSERT_TRUE(frame->ensure({0, 0, 51, 33}, &reason)) << reason;
+    EXPECT_TRUE(equal_inside({0, 0, 51, 33}, frame->view(), truth));
+  }
+}
+
 TEST(JpegFrame, DecodesSamplingBeyondHalfResolution) {
   const auto jpeg = test::encode_jpeg(test::noisy_picture(100, 60, 4), {.h = 4, .v = 1});
   const auto frame = test::open_jpeg(jpeg);

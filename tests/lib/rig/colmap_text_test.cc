@@ -100,6 +100,7 @@ TEST(ColmapText, ErrorsNameFileAndLine) {
     const char* message;
   } const images[] = {
       {"1 1 0 0 0 0 0 0 1", "NAME is missing"},
+      {"1 1 0 0 0 0 0 0 1 caf\xe9.png", "NAME is no text in UTF-8"},
       {"1 1 0 0 0 0 0", "TZ is missing"},
       {"1 0 0 0 0 0 0 0 1 a.png", "QW, QX, QY, QZ must be a rotation"},
       {"1 1 0 inf 0 0 0 0 1 a.png", "QY must be a finite number, is \"inf\""},

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+
 namespace lf::rtp {
 namespace {
 
@@ -18,6 +20,14 @@ TEST(Recent, ForgetsTheKeyUsedLongestAgo) {
   EXPECT_EQ(values[11], 0);
   values.clear();
   EXPECT_EQ(values[13], 0);
+}
+
+TEST(Recent, ValuesStayWhereTheyAre) {
+  Recent<std::array<char, 8192>> values(64);
+  const auto* first = &values[0];
+  for (uint32_t key = 1; key < 64; key++) values[key];
+  for (uint32_t key = 63; key > 0; key--) values[key];
+  EXPECT_EQ(&values[0], first);
 }
 
 }  // namespace

@@ -354,5 +354,21 @@ TEST(RequestCodec, SurvivesRandomCorruption) {
   EXPECT_LT(accepted, 90'000);
 }
 
+// What is looked at before anything is decoded is what decoding tells.
+TEST(RequestCodec, CostsAreThoseOfTheRequest) {
+  std::mt19937 random(8);
+  for (int i = 0; i < 300; i++) {
+    const ViewRequest request = random_request(random);
+    const std::vector<uint8_t> bytes = encode_request(request);
+    EXPECT_EQ(peek_request_cost(bytes),
+              (RequestCost{request.view.width, request.view.height, request.view.blending.aperture,
+                           static_cast<unsigned>(request.trials.size())}));
+    for (size_t size = 0; size < bytes.size(); size += 7) peek_request_cost(std::span(bytes).first(size));
+  }
+  ViewRequest wide = golden_request();
+  wide.view.blending = {Blending::Kind::kAperture, 12.5, 0};
+  EXPECT_EQ(peek_request_cost(encode_request(wide)), (RequestCost{640, 480, 12.5, 0}));
+}
+
 }  // namespace
 }  // namespace lf::wire

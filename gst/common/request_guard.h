@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <mutex>
+#include <span>
+
+#include <gst/gst.h>
+
+#include "view/request_limits.h"
+
+namespace lf {
+
+// At most one message a second. Not thread-safe.
+class SecondlyMessage {
+ public:
+  bool may_leave(uint64_t now_ns) {
+    constexpr uint64_t kSecond = 1'000'000'000;
+    if (last_ != 0 && now_ns < last_ + kSecond) return false;
+    last_ = now_ns;
+    return true;
+  }
+
+ private:
+  uint64_t last_ = 0;
+};
+
+// The limits of an element to what requests may ask of it: its properties max-pixels, max-aperture, max-trials,
+// max-requests-per-second and, for elements that serve several views, max-views; what is refused for them is counted,
+// and a warning tells of it once a second at most. Thread-safe.
+class RequestGuard {
+ public:
+  enum Property { kMaxPixels, kMaxAperture, kMaxTrials, kMaxRate, kMaxViews, kNumProperties };
+  // As properties first_id, first_id + 1, ... of the class; the last one with `views` alone.
+  static void install(GObjectClass* klass, guint first_id, bool views = true);
+  void set(Property property, const GValue* value);
+  void get(Property property, GValue* value) const;
+
+  // Whether a request is to be served. `requester` tells views of the same number apart that different senders ask for.
+  // `extent`: of the array, metres, 0: not known. `paced`: requests come in real time, so that there may be too many.
+  bool admits(GstElement* element, std::span<const uint8_t> request, double extent, bool paced, uint32_t requester = 0);
+  // No more requests come from this sender: its views make room for others.
+  void forget(uint32_t requester);
+  // An answer is of so many pixels; one that nobody here asks for is counted as refused.
+  bool admits_answer(int width, int height);
+
+  // Counted since the start.
+  void clear();
+  uint64_t refused() const;
+  // Adds refused, and refused-pixels, -aperture, -trials, -rate, -views.
+  void add_stats(GstStructure* stats) const;
+
+ private:
+  mutable std::mutex mutex_;
+  RequestLimits limits_;
+  RequestGate gate_;
+  uint64_t refused_[RequestGate::kNumRefusals] = {};
+  SecondlyMessage told_;
+};
+
+}  // namespace lf

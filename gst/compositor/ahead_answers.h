@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <vector>
+
+#include <gst/gst.h>
+
+namespace lf {
+
+// Answers of a node that came before their request's turn, live, so that none of them stands in front of what comes
+// behind it: a forged one is found out when its request has its turn, and hinders nothing until then. Not thread-safe.
+class AheadAnswers {
+ public:
+  static constexpr int32_t kMostRequests = 64;  // that an answer may be ahead of the request that has its turn
+  static constexpr size_t kMostBytes = size_t{64} << 20;
+  static constexpr size_t kMostUnits = 4096;
+
+  AheadAnswers() = default;
+  ~AheadAnswers() { clear(); }
+  AheadAnswers(const AheadAnswers&) = delete;
+  AheadAnswers& operator=(const AheadAnswers&) = delete;
+
+  // Whether there is room for one more of so many bytes; there always is for a single one.
+  bool has_room(size_t bytes) const;
+  // Takes the buffer.
+  void keep(uint32_t sequence, GstBuffer* buffer);
+  // Those of this request in the order in which they came, owned by the caller; those before it are thrown away.
+  std::vector<GstBuffer*> take(uint32_t sequence);
+  void clear();
+  size_t size() const { return waiting_.size(); }
+
+ private:
+  struct Waiting {
+    uint32_t sequence;
+    GstBuffer* buffer;
+  };
+  std::deque<Waiting> waiting_;
+  size_t bytes_ = 0;
+};
+
+}  // namespace lf

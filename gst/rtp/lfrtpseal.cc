@@ -1,0 +1,265 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+/**
+ * SECTION:element-lfrtpseal
+ * @title: lfrtpseal
+ * @short_description: puts RTP packets under a key, so that others can neither read nor make them
+ *
+ * SRTP (`srtpenc`) with a key that is made of the secret in a file: the same file on all hosts, read by
+ * #element-lfrtpgate at the other end. Any RTP will do: requests, answers, pictures. Without #lfrtpseal:key-file
+ * packets pass as they are.
+ *
+ * The file has 32 or more random characters (`openssl rand -hex 32`). Neither it nor what is in it is seen in a command
+ * line, a log or a property: keys are made of it, for one kind of stream and about a minute each, so that whoever
+ * starts later or anew finds in, and what was recorded is worth nothing afterwards. For that hosts' clocks must be less
+ * than a minute apart. Packets grow by 22 bytes. Their SSRC and sequence numbers are new ones: put this behind what
+ * keeps count of them, such as `rtpbin`.
+ *
+ * ## Pictures under a key
+ * |[
+ * gst-launch-1.0 videotestsrc is-live=true ! jpegenc ! rtpjpegpay ! lfrtpseal key-file=lightfield.key ! \
+ *   udpsink host=viewer port=6300
+ * ]|
+ */
+#include "rtp/lfrtpseal.h"
+
+#include <gst/rtp/gstrtpbuffer.h>
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "base/error.h"
+#include "common/guard.h"
+#include "rtp/hidden_element.h"
+#include "rtp/rtp_key.h"
+
+GST_DEBUG_CATEGORY_STATIC(lf_rtp_seal_debug);
+#define GST_CAT_DEFAULT lf_rtp_seal_debug
+
+namespace {
+
+enum { PROP_0, PROP_KEY_FILE };
+
+constexpr guint kPacketsOfStream = 1 << 16;       // or a receiver that comes later would not know which round this is
+constexpr guint kPacketsWithoutMarker = 1 << 12;  // that a new minute waits for the end of a frame
+
+// One SSRC with its key.
+struct Stream {
+  lf::rtp::KeyName name;
+  guint packets = 0;
+  std::unique_ptr<lf::HiddenElement> srtpenc;
+};
+
+}  // namespace
+
+struct _LfRtpSeal {
+  GstElement parent;
+  GstPad *sink, *src;
+  gchar* key_file;  // under the object lock
+
+  lf::rtp::RtpKey* key;  // from PAUSED on; null without a file
+  // Streaming thread.
+  std::string* purpose;
+  Stream* stream;
+  gboolean between_frames;
+  gboolean sealed;  // what is in hand has come back from srtpenc
+};
+
+G_DEFINE_FINAL_TYPE(LfRtpSeal, lf_rtp_seal, GST_TYPE_ELEMENT)
+GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfrtpseal, "lfrtpseal", GST_RANK_NONE, LF_TYPE_RTP_SEAL,
+                                      GST_DEBUG_CATEGORY_INIT(lf_rtp_seal_debug, "lfrtpseal", 0, "RTP under a key"))
+
+static GstStaticPadTemplate sink_template =
+    GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS("application/x-rtp"));
+static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
+    "src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS("application/x-rtp; application/x-srtp"));
+
+static void begin_stream(LfRtpSeal* self) {
+  Stream stream;
+  stream.name = {g_random_int(), lf::rtp::this_minute(), g_random_int()};
+  const lf::rtp::SessionKey session = self->key->session(*self->purpose, stream.name);
+  GstElement* srtpenc = gst_element_factory_make("srtpenc", nullptr);
+  if (!srtpenc) throw lf::Error("element srtpenc is not installed (it is in gstreamer1.0-plugins-bad)");
+  GstBuffer* key = gst_buffer_new_memdup(session.key.data(), session.key.size());
+  GstBuffer* mki = gst_buffer_new_memdup(session.mki.data(), session.mki.size());
+  g_object_set(srtpenc, "key", key, "mki", mki, nullptr);
+  gst_buffer_unref(key);
+  gst_buffer_unref(mki);
+  stream.srtpenc = std::make_unique<lf::HiddenElement>(
+      srtpenc, "rtp_sink_0", "rtp_src_0", "application/x-rtp",
+      [self](GstBuffer* packet) {
+        self->sealed = TRUE;
+        return gst_pad_push(self->src, packet);
+      },
+      [self](GstBufferList* packets) {
+        self->sealed = TRUE;
+        return gst_pad_push_list(self->src, packets);
+      });
+  *self->stream = std::move(stream);
+}
+
+// Frames are not divided between streams, unless they are endless.
+static void choose_stream(LfRtpSeal* self, guint packets) {
+  const Stream& stream = *self->stream;
+  const bool is_old =
+      stream.name.minute != lf::rtp::this_minute() && (self->between_frames || stream.packets >= kPacketsWithoutMarker);
+  if (!stream.srtpenc || is_old || stream.packets + packets > kPacketsOfStream) begin_stream(self);
+}
+
+// Takes the packet, and gives back one of the stream; null if it is no RTP.
+static GstBuffer* number(LfRtpSeal* self, GstBuffer* packet) {
+  packet = gst_buffer_make_writable(packet);
+  GstRTPBuffer rtp = GST_RTP_BUFFER_INIT;
+  if (!gst_rtp_buffer_map(packet, GST_MAP_READWRITE, &rtp)) {
+    gst_buffer_unref(packet);
+    return nullptr;
+  }
+  Stream& stream = *self->stream;
+  gst_rtp_buffer_set_ssrc(&rtp, stream.name.ssrc);
+  gst_rtp_buffer_set_seq(&rtp, static_cast<guint16>(stream.packets++));
+  self->between_frames = gst_rtp_buffer_get_marker(&rtp);
+  gst_rtp_buffer_unmap(&rtp);
+  return packet;
+}
+
+template <typename Packets>
+static GstFlowReturn push_numbered(LfRtpSeal* self, Packets* packets) {
+  self->sealed = FALSE;
+  const GstFlowReturn flow = self->stream->srtpenc->push(packets);
+  if (flow == GST_FLOW_ERROR && !self->sealed)
+    GST_ELEMENT_ERROR(self, LIBRARY, FAILED, ("srtpenc does not take packets."), (nullptr));
+  return flow;
+}
+
+static GstFlowReturn lf_rtp_seal_chain(GstPad*, GstObject* parent, GstBuffer* packet) {
+  LfRtpSeal* self = LF_RTP_SEAL(parent);
+  if (!self->key) return gst_pad_push(self->src, packet);
+  choose_stream(self, 1);
+  packet = number(self, packet);
+  return packet ? push_numbered(self, packet) : GST_FLOW_OK;
+}
+
+static GstFlowReturn lf_rtp_seal_chain_list(GstPad*, GstObject* parent, GstBufferList* packets) {
+  LfRtpSeal* self = LF_RTP_SEAL(parent);
+  if (!self->key) return gst_pad_push_list(self->src, packets);
+  const guint count = std::min(gst_buffer_list_length(packets), kPacketsOfStream);  // none has more
+  choose_stream(self, count);
+  GstBufferList* numbered = gst_buffer_list_new_sized(count);
+  for (guint i = 0; i < count; i++)
+    if (GstBuffer* packet = number(self, gst_buffer_ref(gst_buffer_list_get(packets, i))))
+      gst_buffer_list_add(numbered, packet);
+  gst_buffer_list_unref(packets);
+  return push_numbered(self, numbered);
+}
+
+static gboolean take_caps(LfRtpSeal* self, GstCaps* caps) {
+  caps = gst_caps_copy(caps);
+  GstStructure* structure = gst_caps_get_structure(caps, 0);
+  if (self->key) {
+    const gchar* encoding = gst_structure_get_string(structure, "encoding-name");
+    const std::string purpose = encoding ? encoding : "";
+    if (*self->purpose != purpose) *self->stream = {};
+    *self->purpose = purpose;
+    gst_structure_set_name(structure, "application/x-srtp");
+    gst_structure_remove_fields(structure, "ssrc", "seqnum-base", "seqnum-offset", nullptr);
+  }
+  const gboolean done = gst_pad_push_event(self->src, gst_event_new_caps(caps));
+  gst_caps_unref(caps);
+  return done;
+}
+
+static gboolean lf_rtp_seal_event(GstPad* pad, GstObject* parent, GstEvent* event) {
+  if (GST_EVENT_TYPE(event) != GST_EVENT_CAPS) return gst_pad_event_default(pad, parent, event);
+  GstCaps* caps = nullptr;
+  gst_event_parse_caps(event, &caps);
+  const gboolean done = take_caps(LF_RTP_SEAL(parent), caps);
+  gst_event_unref(event);
+  return done;
+}
+
+// False after posting the reason.
+static bool read_key(LfRtpSeal* self) {
+  lf::ObjectLock lock(self);
+  const std::string path = self->key_file ? self->key_file : "";
+  lock.unlock();
+  delete std::exchange(self->key, nullptr);
+  if (path.empty()) return true;
+  try {
+    self->key = new lf::rtp::RtpKey(path);
+    begin_stream(self);  // says here that there is no srtpenc
+    *self->stream = {};
+    return true;
+  } catch (const lf::Error& error) {
+    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("key-file: %s", error.what()), (nullptr));
+    return false;
+  }
+}
+
+static GstStateChangeReturn lf_rtp_seal_change_state(GstElement* element, GstStateChange transition) {
+  LfRtpSeal* self = LF_RTP_SEAL(element);
+  if (transition == GST_STATE_CHANGE_READY_TO_PAUSED && !read_key(self)) return GST_STATE_CHANGE_FAILURE;
+  const GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_rtp_seal_parent_class)->change_state(element, transition);
+  if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) {
+    *self->stream = {};
+    self->between_frames = TRUE;
+    delete std::exchange(self->key, nullptr);
+  }
+  return result;
+}
+
+static void lf_rtp_seal_set_property(GObject* object, guint, const GValue* value, GParamSpec*) {
+  LfRtpSeal* self = LF_RTP_SEAL(object);
+  GST_OBJECT_LOCK(self);
+  g_free(self->key_file);
+  self->key_file = g_value_dup_string(value);
+  GST_OBJECT_UNLOCK(self);
+}
+
+static void lf_rtp_seal_get_property(GObject* object, guint, GValue* value, GParamSpec*) {
+  GST_OBJECT_LOCK(object);
+  g_value_set_string(value, LF_RTP_SEAL(object)->key_file);
+  GST_OBJECT_UNLOCK(object);
+}
+
+static void lf_rtp_seal_finalize(GObject* object) {
+  LfRtpSeal* self = LF_RTP_SEAL(object);
+  delete self->key;
+  delete self->purpose;
+  delete self->stream;
+  g_free(self->key_file);
+  G_OBJECT_CLASS(lf_rtp_seal_parent_class)->finalize(object);
+}
+
+static void lf_rtp_seal_class_init(LfRtpSealClass* klass) {
+  GObjectClass* object_class = G_OBJECT_CLASS(klass);
+  object_class->set_property = lf::callback<lf_rtp_seal_set_property>;
+  object_class->get_property = lf::callback<lf_rtp_seal_get_property>;
+  object_class->finalize = lf_rtp_seal_finalize;
+  g_object_class_install_property(
+      object_class, PROP_KEY_FILE,
+      g_param_spec_string("key-file", "Key file",
+                          "File with the secret that all hosts share: 32 or more random characters (none: packets pass "
+                          "as they are)",
+                          nullptr, GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
+  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  element_class->change_state = lf::callback<lf_rtp_seal_change_state>;
+  gst_element_class_add_static_pad_template(element_class, &sink_template);
+  gst_element_class_add_static_pad_template(element_class, &src_template);
+  gst_element_class_set_static_metadata(element_class, "Light field RTP seal", "Filter/Network/SRTP",
+                                        "Puts RTP packets under the key that is made of the secret in a file",
+                                        "gst-lightfield");
+}
+
+static void lf_rtp_seal_init(LfRtpSeal* self) {
+  self->purpose = new std::string;
+  self->stream = new Stream;
+  self->between_frames = TRUE;
+  self->sink = gst_pad_new_from_static_template(&sink_template, "sink");
+  gst_pad_set_chain_function(self->sink, lf::callback<lf_rtp_seal_chain>);
+  gst_pad_set_chain_list_function(self->sink, lf::callback<lf_rtp_seal_chain_list>);
+  gst_pad_set_event_function(self->sink, lf::callback<lf_rtp_seal_event>);
+  gst_element_add_pad(GST_ELEMENT(self), self->sink);
+  self->src = gst_pad_new_from_static_template(&src_template, "src");
+  gst_element_add_pad(GST_ELEMENT(self), self->src);
+}

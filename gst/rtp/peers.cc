@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rtp/peers.h"
+
+#include <algorithm>
+#include <memory>
+#include <sstream>
+
+#include "base/error.h"
+
+namespace lf {
+namespace {
+
+constexpr std::array<uint8_t, 12> kOfIpv4 = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff};
+
+bool is_ipv4(const Address& address) { return std::equal(kOfIpv4.begin(), kOfIpv4.end(), address.begin()); }
+
+Address to_address(GInetAddress* inet) {
+  Address address;
+  const guint8* bytes = g_inet_address_to_bytes(inet);
+  if (g_inet_address_get_family(inet) == G_SOCKET_FAMILY_IPV6) {
+    std::copy_n(bytes, 16, address.begin());
+  } else {
+    std::copy(kOfIpv4.begin(), kOfIpv4.end(), address.begin());
+    std::copy_n(bytes, 4, address.begin() + 12);
+  }
+  return address;
+}
+
+bool is_within(const Address& address, const Address& first, unsigned bits) {
+  for (unsigned i = 0; i < bits; i += 8) {
+    const unsigned differ = address[i / 8] ^ first[i / 8];
+    if (bits - i >= 8 ? differ : differ >> (8 - (bits - i))) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+std::optional<Address> address_of(GSocketAddress* socket) {
+  if (!socket || !G_IS_INET_SOCKET_ADDRESS(socket)) return std::nullopt;
+  return to_address(g_inet_socket_address_get_address(G_INET_SOCKET_ADDRESS(socket)));
+}
+
+bool is_loopback(const Address& address) {
+  constexpr Address kIpv6 = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1};
+  return address == kIpv6 || (is_ipv4(address) && address[12] == 127);
+}
+
+std::string to_text(const Address& address) {
+  const bool v4 = is_ipv4(address);
+  g_autoptr(GInetAddress) inet =
+      g_inet_address_new_from_bytes(address.data() + (v4 ? 12 : 0), v4 ? G_SOCKET_FAMILY_IPV4 : G_SOCKET_FAMILY_IPV6);
+  g_autofree gchar* text = g_inet_address_to_string(inet);
+  return text;
+}
+
+Peers::Peers(const std::string& text) {
+  std::istringstream stream(text);
+  for (std::string item; std::getline(stream, item, ',');) {
+    const bool brackets = item.size() > 2 && item.front() == '[' && item.back() == ']';
+    add(brackets ? item.substr(1, item.size() - 2) : item);
+  }
+}
+
+void Peers::add(const std::string& item) {
+  g_autoptr(GInetAddressMask) mask = g_inet_address_mask_new_from_string(item.c_str(), nullptr);
+  if (mask) {
+    const Address first = to_address(g_inet_address_mask_get_address(mask));
+    ranges_.push_back({first, g_inet_address_mask_get_length(mask) + (is_ipv4(first) ? 96 : 0)});
+    return;
+  }
+  g_autoptr(GResolver) resolver = g_resolver_get_default();
+  g_autoptr(GError) error = nullptr;
+  GList* addresses = item.empty() ? nullptr : g_resolver_lookup_by_name(resolver, item.c_str(), nullptr, &error);
+  for (GList* each = addresses; each; each = each->next)
+    ranges_.push_back({to_address(G_INET_ADDRESS(each->data)), 128});
+  g_resolver_free_addresses(addresses);
+  if (!addresses)
+    throw Error("\"" + item + "\": " + (error ? error->message : "must be a name, an address or a network"));
+}
+
+bool Peers::admits(const Address& address) {
+  if (ranges_.empty()) {
+    if (!first_ && is_loopback(address)) first_ = address;
+    return first_ == address;
+  }
+  return std::ranges::any_of(ranges_, [&](const Range& r) { return is_within(address, r.first, r.bits); });
+}
+
+bool Peers::is_this_machine() const {
+  return std::ranges::all_of(
+      ranges_, [](const Range& r) { return is_loopback(r.first) && r.bits >= (is_ipv4(r.first) ? 96 + 8 : 128); });
+}
+
+}  // namespace lf

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gio/gio.h>
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace lf {
+
+// An address without a port; those of IPv4 as IPv6 has them, ::ffff:a.b.c.d.
+using Address = std::array<uint8_t, 16>;
+// Nothing for what is no address of IP.
+std::optional<Address> address_of(GSocketAddress* socket);
+bool is_loopback(const Address& address);
+std::string to_text(const Address& address);
+
+// Who may send: addresses, or, as nobody is named, the first that does on loopback.
+class Peers {
+ public:
+  Peers() = default;
+  // Names, addresses and networks with commas between ("viewer,10.0.0.7,[fd00::7],fd00::/64"); nobody from "". Asks the network
+  // about names. Throws Error about what is neither or is not known.
+  explicit Peers(const std::string& text);
+
+  bool admits(const Address& address);
+  // Nobody is named from whom a packet could come over a network.
+  bool is_this_machine() const;
+
+ private:
+  struct Range {
+    Address first;
+    unsigned bits;
+  };
+  void add(const std::string& item);
+
+  std::vector<Range> ranges_;
+  std::optional<Address> first_;
+};
+
+}  // namespace lf

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <mutex>
+
+#include "base/schedule.h"
+#include "base/worker_pool.h"
+
+namespace lf {
+
+// The requests of several views that one thread answers, so that none of them has to wait for what another asks for:
+// each view has one request in flight, and the view goes first that will have had the least of the thread with its next
+// answer, even in the middle of another's, which is left between two of its parallel tasks for one that will still have
+// had less by its end, and taken up again then. A view that
+// has asked for little keeps a claim to a quarter of a second, and to no more. add() from any thread, work() from the
+// one that answers.
+class FairAnswers {
+ public:
+  // Requests of a view that wait at most: two turns of lfviewrequest with what goes along. Then the newest ones stay.
+  static constexpr size_t kMostWaiting = 8;
+  static constexpr int kDeepest = 8;        // answers that are left for others at once
+  static constexpr double kClaim = 0.25e9;  // nanoseconds of work that a view may have had less than others
+
+  // `parallel`: does the tasks of an answer in `threads` threads. `now`: what work is measured by, nanoseconds.
+  explicit FairAnswers(ParallelFor parallel = serial_for, size_t threads = 1, std::function<uint64_t()> now = now_ns)
+      : parallel_(std::move(parallel)), threads_(threads), now_(std::move(now)) {}
+
+  // Answers one request. Its tasks are to be done by the ParallelFor given.
+  using Answer = std::function<void(const ParallelFor&)>;
+  // `work`: nanoseconds that it will take, as far as anybody knows. False while stopped. The oldest of the view is
+  // dropped where too many wait: true in *dropped (may be null).
+  bool add(uint32_t view, uint64_t work, Answer answer, bool* dropped = nullptr);
+  // Answers the next request, and those that go before it meanwhile; waits for one. False once stopped. What an answer
+  // throws comes out; the others are as before.
+  bool work();
+  // Returns when nothing waits and nothing is in flight, or it is stopped.
+  void drain();
+  // Nobody waits any more, and what waited is dropped.
+  void stop();
+  void start();
+  void clear();  // what waits
+  size_t waiting() const;
+
+ private:
+  struct Waiting {
+    double work;
+    Answer answer;
+  };
+  struct View {
+    std::deque<Waiting> waiting;
+    bool in_flight = false;
+    double used = 0;                                            // of the thread, as a virtual time: nanoseconds
+    uint64_t since = 0;                                         // order in which views came to wait
+    double end() const { return used + waiting.front().work; }  // used with the next answer
+  };
+  using Views = std::map<uint32_t, View>;
+  bool goes_before(const View& view, uint32_t running) const;  // locked
+  Views::iterator first_waiting();                             // locked
+  void charge_running();                                       // locked
+  void answer_first(std::unique_lock<std::mutex>& lock);       // the first that waits
+  void run_tasks(uint32_t view, size_t count, const std::function<void(size_t)>& task);
+  void let_others_go_first(uint32_t view);
+
+  const ParallelFor parallel_;
+  const size_t threads_;
+  const std::function<uint64_t()> now_;
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  Views views_;
+  double virtual_time_ = 0;  // what the view that was chosen last had used
+  uint64_t order_ = 0;
+  bool stopped_ = false;
+  int depth_ = 0;                     // answers in flight
+  std::atomic<bool> urgent_ = false;  // another view is to go before the one that runs
+  uint32_t running_ = 0;              // while depth_ > 0
+  uint64_t since_ = 0;                // not charged to it yet
+};
+
+}  // namespace lf

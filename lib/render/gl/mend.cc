@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <algorithm>
+#include <cmath>
+
+#include "render/gl/sum_drawer.h"
+#include "render/gl/sum_shader.h"
+#include "render/ownership.h"
+#include "render/sampler.h"
+
+namespace lf::gl {
+namespace {
+
+uint16_t bits(double levels) {
+  return static_cast<uint16_t>(static_cast<int16_t>(std::lrint(levels * (1 << kSumFractionBits))));
+}
+
+// A slot's part of a pixel.
+struct Part {
+  const simd::Slot* slot;
+  float weight;
+  bool seen;
+  Vec2 position;  // if it is seen
+};
+
+// Parts of the pixel, at most three.
+class Parts {
+ public:
+  Parts(const simd::SumTask& task, int x, int y) {
+    int32_t owner = OwnerMap::kNone;
+    for (const OwnerRun& run : task.runs->row(y, x, x + 1)) owner = run.face;
+    if (owner == OwnerMap::kNone) return;
+    const ViewPlan& plan = *task.plan;
+    const FacePlan& face = plan.faces()[static_cast<size_t>(owner)];
+    const Vec2 ray = plan.rays().at(x, y);
+    const FaceWeights weights = face_weights(face, ray);
+    for (int k = 0; k < 3; k++) {
+      if (face.camera[k] == MeshFace::kNone || weights.w[k] == 0) continue;
+      const int32_t slot = task.slot_of_camera[face.camera[k]];
+      if (slot < 0) continue;
+      Part& part = parts_[count_++];
+      part = {&task.slots[static_cast<size_t>(slot)], weights.w[k], false, {}};
+      part.seen = part.slot->image.family != PixelFamily::kNone &&
+                  part.slot->projection->project(ray, plan.inverse_at(x, y), part.position);
+    }
+  }
+  const Part* begin() const { return parts_; }
+  const Part* end() const { return parts_ + count_; }
+
+ private:
+  Part parts_[3];
+  int count_ = 0;
+};
+
+void mend_pixel(const simd::SumTask& task, int x, int y, uint16_t* out) {
+  double sum[3] = {}, lost = 0;
+  const bool rgb = task.family == PixelFamily::kRgb;
+  for (const Part& part : Parts(task, x, y)) {
+    if (!part.seen) {
+      lost += part.weight;
+      continue;
+    }
+    const ImageView& image = part.slot->image;
+    const plain::Sampler at(part.position, image.width, image.height, part.slot->resampling);
+    const int offset[3] = {rgb ? image.layout.r : 0, image.layout.g, image.layout.b};
+    for (int c = 0; c < (rgb ? 3 : 1); c++)
+      sum[c] += part.weight * at.sample(image.plane[0] + offset[c], image.stride[0], rgb ? image.layout.pixel_stride : 1);
+  }
+  for (int c = 0; c < (rgb ? 3 : 1); c++) *out++ = bits(sum[c]);
+  *out = static_cast<uint16_t>(std::lrint(lost * kLostOne));
+}
+
+// (x, y): the first of four pixels of `rect`.
+void mend_chroma(const simd::SumTask& task, const Rect& rect, int x, int y, uint16_t* out) {
+  struct Share {
+    const simd::Slot* slot;
+    double weight;
+    Vec2 position;  // of one pixel that is seen
+  } shares[12];
+  int count = 0, pixels = 0;
+  for (int j = y; j < std::min(y + 2, rect.y1); j++)
+    for (int i = x; i < std::min(x + 2, rect.x1); i++) {
+      pixels++;
+      for (const Part& part : Parts(task, i, j)) {
+        if (!part.seen) continue;
+        Share* share = std::find_if(shares, shares + count, [&](const Share& s) { return s.slot == part.slot; });
+        if (share == shares + count) shares[count++] = {part.slot, 0, {}};
+        share->weight += part.weight;
+        share->position = part.position;
+      }
+    }
+  double sum[2] = {};
+  const ViewPlan& plan = *task.plan;
+  for (const Share& share : std::span(shares, static_cast<size_t>(count))) {
+    const ImageView& image = share.slot->image;
+    Vec2 position;
+    if (!share.slot->projection->project_beyond(plan.rays().at_centre_of_four(x, y), plan.inverse_at(x + 0.5, y + 0.5),
+                                                position))
+      position = share.position;
+    const plain::Sampler at((position - 0.5) / 2.0, chroma_size(image.width), chroma_size(image.height),
+                            share.slot->resampling);
+    for (int c = 0; c < 2; c++)
+      sum[c] += share.weight / pixels * (at.sample(image.plane[1 + c], image.stride[1 + c], 1) - 128);
+  }
+  for (int c = 0; c < 2; c++) out[c] = bits(sum[c]);
+}
+
+}  // namespace
+
+size_t mend(const simd::SumTask& task, DrawnSum& sum) {
+  const Rect& rect = sum.rect;
+  const size_t values = sum.family == PixelFamily::kRgb ? 4 : 2;
+  size_t mended = 0;
+  uint16_t* pixel = sum.pixels.data();
+  for (int y = rect.y0; y < rect.y1; y++)
+    for (int x = rect.x0; x < rect.x1; x++, pixel += values) {
+      if (pixel[values - 1] != kDoubt) continue;
+      mend_pixel(task, x, y, pixel);
+      mended++;
+    }
+  if (sum.family != PixelFamily::kI420) return mended;
+  uint16_t* chroma = sum.chroma.data();
+  for (int y = rect.y0; y < rect.y1; y += 2)
+    for (int x = rect.x0; x < rect.x1; x += 2, chroma += 2) {
+      if (chroma[0] != kChromaDoubt) continue;
+      mend_chroma(task, rect, x, y, chroma);
+      mended++;
+    }
+  return mended;
+}
+
+bool DrawnSum::copy_rows(int y0, int y1, const SumPlanes& out) const {
+  // What is not in the sum's rectangle has nothing in it.
+  const bool rgb = family == PixelFamily::kRgb;
+  const int values = rgb ? 4 : 2, planes = rgb ? 3 : 1;
+  const Rect part = intersect(rect, {out.rect.x0, y0, out.rect.x1, y1});
+  bool any_lost = false;
+  for (int y = y0; y < y1; y++) {
+    int16_t* to[3];
+    for (int c = 0; c < planes; c++) {
+      to[c] = out.plane[c] + (y - out.rect.y0) * out.stride[c];
+      std::fill_n(to[c], out.rect.width(), int16_t{0});
+      to[c] += part.x0 - out.rect.x0;
+    }
+    uint16_t* lost = out.lost ? out.lost + (y - out.rect.y0) * out.lost_stride : nullptr;
+    if (lost) {
+      std::fill_n(lost, out.rect.width(), uint16_t{0});
+      lost += part.x0 - out.rect.x0;
+    }
+    if (part.empty() || y < part.y0 || y >= part.y1) continue;
+    const uint16_t* from = &pixels[(static_cast<size_t>(y - rect.y0) * rect.width() + (part.x0 - rect.x0)) * values];
+    for (int i = 0; i < part.width(); i++, from += values) {
+      for (int c = 0; c < planes; c++) to[c][i] = static_cast<int16_t>(from[c]);
+      any_lost = any_lost || from[planes] != 0;
+      if (lost) lost[i] = from[planes];
+    }
+  }
+  if (rgb) return any_lost;
+  for (int y = y0; y < y1; y += 2) {
+    int16_t* to[2];
+    for (int c = 0; c < 2; c++) {
+      to[c] = out.plane[1 + c] + (y - out.rect.y0) / 2 * out.stride[1 + c];
+      std::fill_n(to[c], chroma_size(out.rect.width()), int16_t{0});
+      to[c] += (part.x0 - out.rect.x0) / 2;
+    }
+    if (part.empty() || y < part.y0 || y >= part.y1) continue;
+    const size_t row = static_cast<size_t>(y - rect.y0) / 2 * chroma_size(rect.width());
+    const uint16_t* from = &chroma[2 * (row + (part.x0 - rect.x0) / 2)];
+    for (int i = 0; i < chroma_size(part.width()); i++, from += 2)
+      for (int c = 0; c < 2; c++) to[c][i] = static_cast<int16_t>(from[c]);
+  }
+  return any_lost;
+}
+
+}  // namespace lf::gl

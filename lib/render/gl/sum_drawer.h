@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/rect.h"
+#include "render/gl/context.h"
+#include "render/simd/band_data.h"
+#include "render/sum_planes.h"
+#include "render/sum_renderer.h"
+
+namespace lf::gl {
+
+// A sum as it came from the card.
+struct DrawnSum {
+  PixelFamily family = PixelFamily::kNone;
+  Rect rect;
+  std::vector<uint16_t> pixels;  // kRgb: R, G, B, lost weight of each; kI420: Y, lost weight. As in SumPlanes
+  std::vector<uint16_t> chroma;  // kI420: Cb, Cr of each two by two
+
+  // Rows [y0, y1) as SumRenderer::render_rows() has them. True if any weight was lost in them.
+  bool copy_rows(int y0, int y1, const SumPlanes& out) const;
+};
+
+// Renders sums on a graphics card: positions, weights and samples in float, sums rounded once. Owners of pixels come
+// from the CPU, in double; and where float can't tell whether a sample is lost, or where exactly it is, the pixel is
+// computed there, too. So its bounds are SumRenderer's in every view.
+class SumDrawer {
+ public:
+  // Null, with the reason in `why`, if the machine has no fit card (Drivers::kAny: no driver at all).
+  static std::unique_ptr<SumDrawer> create(Context::Drivers drivers, std::string& why);
+  ~SumDrawer();
+
+  const std::string& device() const { return context_->device(); }
+  bool is_software() const { return context_->is_software(); }
+
+  // Draws the sum of the task's slots in `rect`, which bounds them (even, but for the view's right and lower end, in
+  // kI420), into `out`. `sources`: those the task was made of. False where that can't be done, with the reason in
+  // why_not(): views that are not blended by their mesh, sizes beyond the card's, a context that is lost.
+  // Any thread; threads wait for each other.
+  bool draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out);
+
+  // Why the latest draw() of any thread was refused.
+  std::string why_not() const;
+  // Whether the card is there no more, so that no draw() will ever succeed again.
+  bool is_lost() const { return lost_; }
+  // From now on it is as if the driver had lost the context. Any thread.
+  void lose() { context_->lose(); }
+  // Pixels (and chroma samples) that the latest draw() left to the CPU.
+  size_t mended() const { return mended_; }
+
+ private:
+  struct Objects;
+  explicit SumDrawer(std::unique_ptr<Context> context);
+  bool draw_now(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out);
+  bool refuse(std::string why);
+
+  std::unique_ptr<Context> context_;
+  std::unique_ptr<Objects> objects_;  // of the context
+  mutable std::mutex why_mutex_;
+  std::string why_not_;  // under that
+  std::atomic<bool> lost_ = false;
+  std::atomic<size_t> mended_ = 0;
+};
+
+// Computes what the card left open in double: pixels whose lost weight is kDoubt, chroma samples of kChromaDoubt. How
+// many there were.
+size_t mend(const simd::SumTask& task, DrawnSum& sum);
+
+}  // namespace lf::gl

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "view/request_limits.h"
+
+#include <algorithm>
+#include <cstdio>
+
+namespace lf {
+namespace {
+
+RequestGate::Refusal check_cost(const RequestCost& cost, const RequestLimits& limits, double extent) {
+  if (static_cast<uint64_t>(cost.width) * static_cast<uint64_t>(cost.height) > limits.pixels)
+    return RequestGate::kPixels;
+  const double widest = limits.aperture > 0 ? limits.aperture : extent;
+  if (widest > 0 && cost.aperture > widest) return RequestGate::kAperture;
+  return cost.trials > limits.trials ? RequestGate::kTrials : RequestGate::kNone;
+}
+
+std::string metres(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g m", value);
+  return text;
+}
+
+}  // namespace
+
+double planned_work(const RequestCost& cost) {
+  // By an aperture many cameras make a pixel; a trial is looked at for every 4 x 4 or more of them.
+  constexpr double kByAperture = 16, kTrial = 1.0 / 16;
+  const double pixels = static_cast<double>(cost.width) * cost.height;
+  return pixels * ((cost.aperture > 0 ? kByAperture : 1) + kTrial * cost.trials);
+}
+
+double array_extent(const Rig& rig) {
+  if (rig.cameras.empty()) return 0;
+  Vec3 low = rig.cameras[0].pose.position, high = low;
+  for (const Camera& camera : rig.cameras) {
+    low = glm::min(low, camera.pose.position);
+    high = glm::max(high, camera.pose.position);
+  }
+  return glm::length(high - low);
+}
+
+RequestGate::Refusal RequestGate::check(uint64_t view, const RequestCost& cost, const RequestLimits& limits,
+                                        double extent, uint64_t now) {
+  const auto known = views_.find(view);
+  if (known == views_.end() && views_.size() >= limits.views) {
+    std::erase_if(views_, [now](const auto& entry) { return now > entry.second.last + kViewQuiet; });
+    if (views_.size() >= limits.views) return kViews;
+  }
+  const auto most = static_cast<double>(limits.requests_per_second);
+  View& state = known != views_.end() ? known->second : views_.emplace(view, View{now, most}).first->second;
+  if (now > state.last) state.left = std::min(most, state.left + static_cast<double>(now - state.last) * 1e-9 * most);
+  state.last = std::max(state.last, now);
+  if (limits.requests_per_second > 0 && state.left < 1) return kRate;
+  state.left -= 1;
+  return check_cost(cost, limits, extent);
+}
+
+std::string refusal_text(RequestGate::Refusal refusal, const RequestCost& cost, const RequestLimits& limits,
+                         double extent) {
+  switch (refusal) {
+    case RequestGate::kPixels:
+      return "asks for " + std::to_string(cost.width) + "x" + std::to_string(cost.height) + " pixels, more than the " +
+             std::to_string(limits.pixels) + " of max-pixels";
+    case RequestGate::kAperture:
+      return "asks for an aperture of " + metres(cost.aperture) +
+             (limits.aperture > 0 ? ", more than the " + metres(limits.aperture) + " of max-aperture"
+                                  : ", wider than the array, which has " + metres(extent) + " (max-aperture)");
+    case RequestGate::kTrials:
+      return "asks for " + std::to_string(cost.trials) + " trials, more than the " + std::to_string(limits.trials) +
+             " of max-trials";
+    case RequestGate::kRate:
+      return "asks more often than the " + std::to_string(limits.requests_per_second) +
+             " times a second of max-requests-per-second";
+    case RequestGate::kViews:
+      return "is one more than the " + std::to_string(limits.views) + " views at a time of max-views";
+    case RequestGate::kNumRefusals:
+    case RequestGate::kNone: break;
+  }
+  return "";
+}
+
+}  // namespace lf

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+
+#include "rig/rig.h"
+#include "view/view_request.h"
+
+namespace lf {
+
+// What one request may ask of whoever serves it, and how many may. The defaults are above what this project's viewers
+// send. In one place for elements and servers alike.
+struct RequestLimits {
+  uint64_t pixels = uint64_t{4096} * 2304;  // width x height of a view
+  double aperture = 0;                      // metres; 0: as wide as the array
+  unsigned trials = kMaxTrials;             // of one request
+  unsigned requests_per_second = 500;       // of one view; 0: any number
+  unsigned views = 64;                      // at a time
+  bool operator==(const RequestLimits&) const = default;
+};
+
+// What a request asks for, as its first bytes say.
+struct RequestCost {
+  int width = 0, height = 0;  // pixels
+  double aperture = 0;        // metres; 0: the view is not blended by one
+  unsigned trials = 0;
+  bool operator==(const RequestCost&) const = default;
+};
+
+// What answering it is about, in units that are the same for whatever is asked: the time that takes is a multiple of it
+// which a node learns.
+double planned_work(const RequestCost& cost);
+
+// How wide an array is, metres: the diagonal of the box around its cameras, which no two of them are farther apart
+// than.
+double array_extent(const Rig& rig);
+
+// Tells requests that are beyond the limits, before anything is done for them: by what they ask for, by how many of a
+// view come in a second, and by how many views ask at a time. Its memory is that of as many views. Not thread-safe.
+class RequestGate {
+ public:
+  enum Refusal { kPixels, kAperture, kTrials, kRate, kViews, kNumRefusals, kNone };
+  static constexpr uint64_t kViewQuiet = 2'000'000'000;  // nanoseconds without a request, after which a view is gone
+
+  // Whether a request of a view may be served that comes at `now` (nanoseconds of any clock). `extent`: of the array,
+  // metres; 0: not known, an aperture is then held against a limit that is set alone. `view`: any number that is the
+  // view's own. Requests that are refused count for the rate, too.
+  Refusal check(uint64_t view, const RequestCost& cost, const RequestLimits& limits, double extent, uint64_t now);
+  void clear() { views_.clear(); }
+  // Views that are known to be gone.
+  template <typename F>
+  void forget_if(const F& is_gone) {
+    std::erase_if(views_, [&is_gone](const auto& entry) { return is_gone(entry.first); });
+  }
+  size_t views() const { return views_.size(); }
+
+ private:
+  struct View {
+    uint64_t last = 0;  // request
+    double left = 0;    // requests that may come at once
+  };
+  std::map<uint64_t, View> views_;
+};
+
+// What a person is told: what was asked for and which limit, by its property's name, is in the way.
+std::string refusal_text(RequestGate::Refusal refusal, const RequestCost& cost, const RequestLimits& limits,
+                         double extent);
+
+}  // namespace lf

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// Answers that nobody has asked for, forged or of a viewer that has begun anew since, cost at most one picture.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "gst/compositor_live_fixture.h"
+
+namespace lf::test {
+namespace {
+
+using testing::IsEmpty;
+
+class CompositorLimitsTest : public LfCompositorLiveTest {
+ protected:
+  // A request, and what two nodes answer to it; complete?
+  bool is_complete() {
+    const uint64_t before = stat(element_.get(), "complete");
+    const ViewRequest asked = ask();
+    push(0, answer_of(asked, {0, 1}));
+    push(1, answer_of(asked, {2, 3}));
+    EXPECT_FALSE(pull().empty());
+    return stat(element_.get(), "complete") == before + 1;
+  }
+  void begin() { start_live(2, {{"rig", array_.rig_path()}, {"max-missed", "2"}}); }
+};
+
+TEST_F(CompositorLimitsTest, AForgedAnswerCostsAtMostOnePicture) {
+  begin();
+  EXPECT_TRUE(is_complete());
+  // As far ahead as can be, within reach, and of the request that comes next, with a time that it does not have.
+  for (const uint32_t ahead : {uint32_t{1} << 30, 20u, 5u, 1u}) {
+    ViewRequest forged = array_.request(sequence_ + ahead - 1, 77);
+    push(0, answer_of(forged, {0, 1}, 30));
+    int broken = 0;
+    for (int i = 0; i < 8; i++) broken += !is_complete();
+    EXPECT_LE(broken, 1) << ahead;
+  }
+  EXPECT_GT(stat(element_.get(), "stray-answers"), 0u);
+  EXPECT_THAT(announced(), IsEmpty());
+}
+
+TEST_F(CompositorLimitsTest, AnotherRigsAnswerIsLookedAtNoFurther) {
+  begin();
+  EXPECT_TRUE(is_complete());
+  for (const uint32_t ahead : {0u, 3u}) {
+    ViewRequest next = array_.request(sequence_ + ahead, kNow + (sequence_ + ahead) * kFrame);
+    wire::Answer forged = answer_of(next, {0, 1}, 30);
+    forged.rig_hash ^= 1;
+    push(0, forged);
+    for (int i = 0; i < 5; i++) EXPECT_TRUE(is_complete()) << ahead << " " << i;
+  }
+  EXPECT_EQ(stat(element_.get(), "rig-mismatches"), 2u);
+}
+
+TEST_F(CompositorLimitsTest, AViewerThatBeginsAnewIsServedAtOnce) {
+  begin();
+  for (int i = 0; i < 12; i++) EXPECT_TRUE(is_complete());
+  // Late answers of the one before, whose requests nobody has any more.
+  for (uint32_t i = 0; i < 3; i++) push(0, answer_of(array_.request(sequence_ + i, 77), {0, 1}, 30));
+  const uint32_t time = sequence_;
+  for (uint32_t i = 0; i < 20; i++) {
+    ViewRequest asked = array_.request(i, kNow + (time + i) * kFrame);
+    gst_harness_set_time(harness_.get(), asked.target_time);
+    request(asked);
+    push(0, answer_of(asked, {0, 1}));
+    push(1, answer_of(asked, {2, 3}));
+    EXPECT_FALSE(pull().empty());
+  }
+  EXPECT_GE(stat(element_.get(), "complete"), 12u + 19u);
+  EXPECT_THAT(announced(), IsEmpty());
+}
+
+TEST_F(CompositorLimitsTest, ItsOwnRequestsHaveLimitsToo) {
+  begin();
+  ViewRequest large = array_.request(sequence_++, kNow);
+  large.view.width = large.view.height = kMaxImageSize;
+  request(large);
+  EXPECT_TRUE(is_complete());
+  EXPECT_EQ(stat(element_.get(), "refused-pixels"), 1u);
+}
+
+}  // namespace
+}  // namespace lf::test

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// What a message asks for is bounded before anything is done for it: requests beyond a limit are dropped, counted and
+// told of.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "gst/fragment_fixture.h"
+#include "gst/rtp_fixture.h"
+#include "rtp/payload_format.h"
+
+namespace lf::test {
+namespace {
+
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+class FragmentLimitsTest : public LfFragmentTest {
+ protected:
+  void SetUp() override {
+    start(4);
+    push_frames(100, 0);
+    for (const HarnessPtr& camera : cameras_) gst_harness_push_event(camera.get(), gst_event_new_eos());
+    listen();
+  }
+  ViewRequest asked(uint32_t view_id) { return array_.request(sequence_++, 0, view_id); }
+  bool is_answered(const ViewRequest& asked) {
+    EXPECT_EQ(request(asked), GST_FLOW_OK);
+    return BufferPtr(gst_harness_try_pull(harness_.get())) != nullptr;
+  }
+  uint32_t sequence_ = 0;
+};
+
+TEST_F(FragmentLimitsTest, WhatAsksForTooMuchIsRefusedAndCounted) {
+  EXPECT_TRUE(is_answered(asked(1)));
+  ViewRequest large = asked(2);
+  large.view.width = large.view.height = kMaxImageSize;
+  EXPECT_FALSE(is_answered(large));
+  ViewRequest wide = asked(3);
+  wide.view.blending = {Blending::Kind::kAperture, 1e6, 0};
+  EXPECT_FALSE(is_answered(wide));
+  wide.view.blending.aperture = 0.05;
+  EXPECT_TRUE(is_answered(wide));
+  set("max-aperture", "0.01");
+  EXPECT_FALSE(is_answered(wide));
+  set("max-pixels", "100");
+  EXPECT_FALSE(is_answered(asked(1)));
+  set("max-pixels", "1000000");
+  EXPECT_TRUE(is_answered(asked(1)));
+  EXPECT_EQ(stat(element_.get(), "refused-pixels"), 2u);
+  EXPECT_EQ(stat(element_.get(), "refused-aperture"), 2u);
+  EXPECT_EQ(stat(element_.get(), "refused"), 4u);
+  EXPECT_EQ(stat(element_.get(), "bad-requests"), 0u);
+  // Once a second.
+  const std::vector<std::string> told = warnings();
+  ASSERT_GE(told.size(), 1u);
+  EXPECT_THAT(told[0], HasSubstr("View 2 asks for 16384x16384 pixels"));
+  EXPECT_THAT(told[0], HasSubstr("max-pixels"));
+  EXPECT_LT(told.size(), 4u);
+}
+
+TEST_F(FragmentLimitsTest, MoreViewsThanAllowedAreRefused) {
+  set("max-views", "3");
+  for (const uint32_t view : {5, 6, 7}) EXPECT_TRUE(is_answered(asked(view)));
+  EXPECT_FALSE(is_answered(asked(8)));
+  EXPECT_TRUE(is_answered(asked(6))) << "who is there stays";
+  EXPECT_EQ(stat(element_.get(), "refused-views"), 1u);
+}
+
+TEST_F(FragmentLimitsTest, FilesAreAskedForAsFastAsTheyCanBeMade) {
+  set("max-requests-per-second", "2");
+  for (int i = 0; i < 10; i++) EXPECT_TRUE(is_answered(asked(1)));
+}
+
+Bytes packet_of(const std::vector<Bytes>& units, uint16_t number) {
+  Bytes payload(rtp::kUnitsHeaderBytes);
+  rtp::put_units_header(payload.data());
+  for (const Bytes& unit : units) payload.insert(payload.end(), unit.begin(), unit.end());
+  GstBuffer* buffer = gst_rtp_buffer_new_allocate(static_cast<guint>(payload.size()), 0, 0);
+  GstRTPBuffer rtp = GST_RTP_BUFFER_INIT;
+  gst_rtp_buffer_map(buffer, GST_MAP_WRITE, &rtp);
+  gst_rtp_buffer_set_seq(&rtp, number);
+  gst_rtp_buffer_set_payload_type(&rtp, 96);
+  std::copy(payload.begin(), payload.end(), static_cast<uint8_t*>(gst_rtp_buffer_get_payload(&rtp)));
+  gst_rtp_buffer_unmap(&rtp);
+  const BufferPtr owned(buffer);
+  return to_bytes(buffer);
+}
+
+Bytes request_of(uint32_t view_id, uint32_t sequence, int size) {
+  ViewRequest asked;
+  asked.view_id = view_id;
+  asked.sequence = sequence;
+  asked.view.width = asked.view.height = size;
+  return wire::encode_request(asked);
+}
+
+TEST(RtpLfDepayLimits, APacketHasNoMoreRequestsThanATurn) {
+  RtpElement depay("rtplfdepay", kRtpRequestCaps);
+  std::vector<Bytes> units;
+  for (uint32_t i = 0; i < 200; i++) units.push_back(request_of(100 + i, 1, 1024));
+  depay.push(packet_of(units, 1));
+  EXPECT_EQ(depay.units(), (std::vector<Bytes>{units[197], units[198], units[199]}));
+  EXPECT_EQ(stat(depay.element(), "superseded"), 197u);
+}
+
+TEST(RtpLfDepayLimits, RequestsBeyondALimitGoNoFurther) {
+  RtpElement depay("rtplfdepay max-requests-per-second=5 max-views=2", kRtpRequestCaps);
+  uint16_t number = 0;
+  const auto passes = [&](uint32_t view_id, uint32_t sequence, int size) {
+    depay.push(packet_of({request_of(view_id, sequence, size)}, ++number));
+    return !depay.units().empty();
+  };
+  EXPECT_FALSE(passes(1, 1, kMaxImageSize));
+  EXPECT_TRUE(passes(1, 2, 64));
+  int passed = 0;
+  for (uint32_t i = 0; i < 50; i++) passed += passes(2, 10 + i, 64);
+  EXPECT_GE(passed, 5);
+  EXPECT_FALSE(passes(3, 1, 64));
+  EXPECT_EQ(stat(depay.element(), "refused-pixels"), 1u);
+  EXPECT_EQ(stat(depay.element(), "refused-rate"), 50u - static_cast<unsigned>(passed));
+  EXPECT_EQ(stat(depay.element(), "refused-views"), 1u);
+  EXPECT_EQ(stat(depay.element(), "bad-units"), 0u);
+}
+
+TEST(RtpLfDepayLimits, AnswersOfLargerViewsGoNoFurther) {
+  RtpElement depay("rtplfdepay max-pixels=1000", kRtpAnswerCaps);
+  depay.push(packet_of({rtp::answer(1, 20, 20, 80)}, 1));
+  EXPECT_THAT(depay.units(), IsEmpty());
+  EXPECT_EQ(stat(depay.element(), "refused-pixels"), 1u);
+}
+
+}  // namespace
+}  // namespace lf::test

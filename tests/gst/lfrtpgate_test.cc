@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// lfrtpseal and lfrtpgate, one against the other and against those who have no key.
+#include <gmock/gmock.h>
+#include <gst/net/gstnetaddressmeta.h>
+#include <sys/stat.h>
+
+#include "gst/rtp_fixture.h"
+#include "rtp/hidden_element.h"
+#include "rtp/rtp_key.h"
+
+namespace lf::test {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr size_t kHeader = 12;
+const std::string kSecret = "0123456789abcdef0123456789abcdef-secret";
+
+Bytes text(const std::string& characters) { return {characters.begin(), characters.end()}; }
+
+class KeyFile : public TempFile {
+ public:
+  explicit KeyFile(const std::string& secret) : TempFile(text(secret)) { chmod(path().c_str(), 0600); }
+};
+
+Bytes rtp_packet(uint16_t sequence, size_t payload, bool marker = true) {
+  Bytes bytes = {0x80,
+                 static_cast<uint8_t>(marker ? 0xe0 : 0x60),
+                 static_cast<uint8_t>(sequence >> 8),
+                 static_cast<uint8_t>(sequence),
+                 0,
+                 0,
+                 0,
+                 1,
+                 0,
+                 0,
+                 0,
+                 7};
+  for (size_t i = 0; i < payload; i++) bytes.push_back(static_cast<uint8_t>(sequence + i));
+  return bytes;
+}
+
+Bytes payload_of(const Bytes& packet) { return {packet.begin() + kHeader, packet.end()}; }
+
+class LfRtpGateTest : public testing::Test {
+ protected:
+  // What is sealed comes out one by one.
+  Bytes sealed(const Bytes& packet) {
+    EXPECT_EQ(seal_.push(packet), GST_FLOW_OK);
+    std::vector<Bytes> out = seal_.units();
+    EXPECT_EQ(out.size(), 1u);
+    return out.empty() ? Bytes() : out[0];
+  }
+  size_t passed(RtpElement& gate, const Bytes& packet) {
+    EXPECT_EQ(gate.push(packet), GST_FLOW_OK);
+    return gate.units().size();
+  }
+  static std::string gate(const KeyFile& key) { return "lfrtpgate key-file=" + key.path(); }
+
+  const KeyFile key_{kSecret}, other_{kSecret + "!"};
+  RtpElement seal_{("lfrtpseal key-file=" + key_.path()).c_str(), kRtpAnswerCaps};
+  RtpElement gate_{gate(key_).c_str(), kRtpAnswerCaps};
+};
+
+TEST_F(LfRtpGateTest, PassesWhatIsSealedWithItsKey) {
+  EXPECT_THAT(seal_.caps(), HasSubstr("application/x-srtp, "));
+  for (uint16_t i = 0; i < 20; i++) {
+    const Bytes packet = rtp_packet(i, 10 * i), on_the_way = sealed(packet);
+    EXPECT_EQ(on_the_way.size(), packet.size() + lf::rtp::kSealBytes);
+    if (i > 1) EXPECT_NE(Bytes(on_the_way.begin() + kHeader, on_the_way.begin() + packet.size()), payload_of(packet));
+    gate_.push(on_the_way, i * GST_MSECOND);
+    const std::vector<RtpPacket> opened = gate_.packets();
+    ASSERT_EQ(opened.size(), 1u);
+    EXPECT_EQ(payload_of(opened[0].bytes), payload_of(packet));
+    EXPECT_EQ(opened[0].timestamp, 1u);
+    EXPECT_EQ(opened[0].time, i * GST_MSECOND);
+    EXPECT_TRUE(opened[0].marker);
+  }
+  EXPECT_THAT(gate_.caps(), HasSubstr("application/x-rtp, "));
+  EXPECT_EQ(stat(gate_.element(), "passed"), 20u);
+  EXPECT_EQ(stat(gate_.element(), "streams"), 1u);
+}
+
+TEST_F(LfRtpGateTest, ListsStayLists) {
+  GstBufferList* list = gst_buffer_list_new();
+  for (uint16_t i = 0; i < 5; i++) gst_buffer_list_add(list, to_buffer(rtp_packet(i, 100, i == 4)));
+  ASSERT_EQ(gst_pad_push_list(seal_.h()->srcpad, list), GST_FLOW_OK);
+  const std::vector<Bytes> out = seal_.units();
+  ASSERT_EQ(out.size(), 5u);
+  for (const Bytes& packet : out) EXPECT_EQ(passed(gate_, packet), 1u);
+}
+
+// Whoever starts late has not seen the sequence numbers go round.
+TEST_F(LfRtpGateTest, LetsInWhoeverHasSentForLong) {
+  Bytes latest;
+  std::vector<uint32_t> senders;
+  for (int i = 0; i < 70000; i++) {
+    latest = sealed(rtp_packet(static_cast<uint16_t>(i), 20, i % 100 == 99));
+    const uint32_t ssrc = GST_READ_UINT32_BE(latest.data() + 8);
+    if (senders.empty() || senders.back() != ssrc) senders.push_back(ssrc);
+  }
+  EXPECT_GE(senders.size(), 2u);
+  EXPECT_LE(senders.size(), 3u) << "a stream for 65536 packets, or for a minute";
+  EXPECT_EQ(passed(gate_, latest), 1u);
+}
+
+TEST_F(LfRtpGateTest, OthersHaveNoKey) {
+  RtpElement stranger(gate(other_).c_str(), kRtpAnswerCaps), requests(gate(key_).c_str(), kRtpRequestCaps);
+  for (uint16_t i = 0; i < 10; i++) {
+    const Bytes packet = sealed(rtp_packet(i, 100));
+    EXPECT_EQ(passed(stranger, packet), 0u);
+    EXPECT_EQ(passed(requests, packet), 0u) << "an answer is no request";
+    EXPECT_EQ(passed(gate_, rtp_packet(i, 100)), 0u) << "not sealed";
+  }
+  for (RtpElement* each : {&stranger, &requests}) {
+    EXPECT_EQ(stat(each->element(), "forged"), 10u);
+    EXPECT_EQ(stat(each->element(), "streams"), 0u);
+  }
+  EXPECT_EQ(stat(gate_.element(), "stale") + stat(gate_.element(), "forged"), 10u);
+  EXPECT_EQ(stat(gate_.element(), "passed"), 0u);
+}
+
+TEST_F(LfRtpGateTest, ReplayedPacketsPassOnce) {
+  std::vector<Bytes> sent;
+  for (uint16_t i = 0; i < 50; i++) sent.push_back(sealed(rtp_packet(i, 30)));
+  std::swap(sent[10], sent[40]);  // they may overtake each other
+  for (const Bytes& packet : sent) EXPECT_EQ(passed(gate_, packet), 1u);
+  for (const Bytes& packet : sent) EXPECT_EQ(passed(gate_, packet), 0u);
+  EXPECT_EQ(stat(gate_.element(), "replayed"), 50u);
+  EXPECT_EQ(passed(gate_, sealed(rtp_packet(50, 30))), 1u);
+}
+
+TEST_F(LfRtpGateTest, TruncatedAndDamagedPacketsAreDropped) {
+  const Bytes whole = sealed(rtp_packet(0, 40));
+  for (const bool known : {false, true}) {
+    if (known) EXPECT_EQ(passed(gate_, whole), 1u);
+    const Bytes packet = known ? sealed(rtp_packet(1, 40)) : whole;
+    const uint64_t before = stat(gate_.element(), "passed");
+    for (size_t size = 0; size < packet.size(); size++)
+      EXPECT_EQ(passed(gate_, Bytes(packet.begin(), packet.begin() + static_cast<ptrdiff_t>(size))), 0u) << size;
+    for (size_t bit = 0; bit < 8 * packet.size(); bit++) {
+      Bytes damaged = packet;
+      damaged[bit / 8] ^= static_cast<uint8_t>(1 << bit % 8);
+      EXPECT_EQ(passed(gate_, damaged), 0u) << "bit " << bit;
+    }
+    EXPECT_EQ(stat(gate_.element(), "passed"), before);
+    EXPECT_LE(stat(gate_.element(), "streams"), 1u) << "none for what is not sound";
+  }
+  uint64_t dropped = 0;
+  for (const char* fate : {"malformed", "stale", "replayed", "forged"}) dropped += stat(gate_.element(), fate);
+  EXPECT_EQ(dropped, 2 * 9 * whole.size());
+  EXPECT_GT(stat(gate_.element(), "malformed"), 2 * (kHeader + lf::rtp::kSealBytes) - 1);
+  EXPECT_EQ(passed(gate_, sealed(rtp_packet(2, 40))), 1u);
+}
+
+// A packet of plain SRTP with the key of that minute, as lib/rtp/spec.md has it.
+Bytes sealed_by_others(const std::string& path, uint32_t minute) {
+  const lf::rtp::SessionKey session = lf::rtp::RtpKey(path).session("X-LIGHTFIELD-ANSWER", {7, minute, 5});
+  GstElement* srtpenc = gst_element_factory_make("srtpenc", nullptr);
+  const BufferPtr key(gst_buffer_new_memdup(session.key.data(), session.key.size())),
+      mki(gst_buffer_new_memdup(session.mki.data(), session.mki.size()));
+  g_object_set(srtpenc, "key", key.get(), "mki", mki.get(), nullptr);
+  Bytes out;
+  HiddenElement hidden(srtpenc, "rtp_sink_0", "rtp_src_0", "application/x-rtp", [&](GstBuffer* packet) {
+    out = to_bytes(packet);
+    gst_buffer_unref(packet);
+    return GST_FLOW_OK;
+  });
+  hidden.push(to_buffer(rtp_packet(1, 50)));
+  return out;
+}
+
+TEST_F(LfRtpGateTest, WhatWasRecordedIsWorthNothingLater) {
+  const uint32_t now = lf::rtp::this_minute();
+  for (const uint32_t minute : {now - 100000, now - 3, now + 3, 0u, 0xffffffffu})
+    EXPECT_EQ(passed(gate_, sealed_by_others(key_.path(), minute)), 0u) << minute;
+  EXPECT_EQ(stat(gate_.element(), "stale"), 5u);
+  EXPECT_EQ(passed(gate_, sealed_by_others(key_.path(), lf::rtp::this_minute())), 1u);
+}
+
+TEST_F(LfRtpGateTest, NobodySeesTheKey) {
+  ElementPtr pipeline =
+      launch("appsrc name=in format=time caps=" + std::string("application/x-rtp,encoding-name=JPEG") +
+             " ! lfrtpseal name=s key-file=" + key_.path() + " ! lfrtpgate name=g key-file=" + key_.path() +
+             " ! fakesink sync=false async=false");
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const ElementPtr in(gst_bin_get_by_name(GST_BIN(pipeline.get()), "in")),
+      gate(gst_bin_get_by_name(GST_BIN(pipeline.get()), "g"));
+  GstFlowReturn flow = GST_FLOW_OK;
+  GstBuffer* packet = to_buffer(rtp_packet(0, 30));
+  g_signal_emit_by_name(in.get(), "push-buffer", packet, &flow);
+  gst_buffer_unref(packet);
+  for (int i = 0; i < 1000 && stat(gate.get(), "passed") == 0; i++) g_usleep(10000);
+  EXPECT_EQ(stat(gate.get(), "passed"), 1u);
+  g_autofree gchar* picture = gst_debug_bin_to_dot_data(GST_BIN(pipeline.get()), GST_DEBUG_GRAPH_SHOW_ALL);
+  EXPECT_THAT(picture, AllOf(HasSubstr(key_.path()), Not(HasSubstr(kSecret)), Not(HasSubstr("srtp-key")),
+                             Not(HasSubstr("srtpenc")), Not(HasSubstr("srtpdec"))));
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+}
+
+TEST_F(LfRtpGateTest, SaysWhatIsWrongWithAKey) {
+  const TempFile few(text("few"));
+  struct Case {
+    std::string element, words;
+  };
+  for (const Case& c : {Case{"lfrtpseal key-file=/nobody", "key-file: /nobody: the key can't be read"},
+                        Case{"lfrtpgate key-file=/nobody", "key-file: /nobody: the key can't be read"},
+                        Case{"lfrtpseal key-file=" + few.path(), "openssl rand -hex 32"},
+                        Case{"lfrtpgate peers=nobody.invalid", "peers: \"nobody.invalid\""}}) {
+    const ElementPtr pipeline = launch("appsrc ! application/x-rtp ! " + c.element + " ! fakesink");
+    EXPECT_THAT(run(pipeline.get()), HasSubstr(c.words));
+  }
+}
+
+TEST_F(LfRtpGateTest, WarnsOnce) {
+  GstBus* bus = gst_bus_new();
+  gst_element_set_bus(gate_.element(), bus);
+  for (uint16_t i = 0; i < 100; i++) passed(gate_, rtp_packet(i, 100));
+  int warnings = 0;
+  while (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING)) {
+    warnings++;
+    gst_message_unref(message);
+  }
+  EXPECT_EQ(warnings, 1);
+  gst_element_set_bus(gate_.element(), nullptr);
+  gst_object_unref(bus);
+}
+
+size_t passes_from(RtpElement& gate, const char* address) {
+  GstBuffer* buffer = to_buffer(rtp_packet(1, 30));
+  if (address) {
+    g_autoptr(GSocketAddress) socket = g_inet_socket_address_new_from_string(address, 7);
+    gst_buffer_add_net_address_meta(buffer, socket);
+  }
+  EXPECT_EQ(gst_harness_push(gate.h(), buffer), GST_FLOW_OK);
+  return gate.units().size();
+}
+
+TEST_F(LfRtpGateTest, WithoutAKeyAddressesCount) {
+  RtpElement peers("lfrtpgate peers=10.0.0.7,10.1.0.0/16", kRtpRequestCaps), none("lfrtpgate", kRtpRequestCaps);
+  EXPECT_EQ(passes_from(peers, "10.0.0.7"), 1u);
+  EXPECT_EQ(passes_from(peers, "::ffff:10.1.2.3"), 1u);
+  for (const char* stranger : {"10.0.0.8", "127.0.0.1", "::1"}) EXPECT_EQ(passes_from(peers, stranger), 0u);
+  EXPECT_EQ(passes_from(peers, nullptr), 0u);
+  EXPECT_EQ(stat(peers.element(), "strangers"), 4u);
+  EXPECT_EQ(passes_from(none, "10.0.0.7"), 0u);
+  EXPECT_EQ(passes_from(none, "127.0.0.1"), 1u);
+  EXPECT_EQ(passes_from(none, "127.0.0.2"), 0u);
+  EXPECT_EQ(passes_from(none, "127.0.0.1"), 1u);
+
+  // With a key anybody who has it, unless somebody is named.
+  RtpElement both((gate(key_) + " peers=10.0.0.7").c_str(), kRtpAnswerCaps);
+  EXPECT_EQ(passed(gate_, sealed(rtp_packet(0, 30))), 1u);
+  EXPECT_EQ(passed(both, sealed(rtp_packet(1, 30))), 0u);
+  EXPECT_EQ(stat(both.element(), "strangers"), 1u);
+}
+
+TEST_F(LfRtpGateTest, WithoutAKeyPacketsAreNotSealed) {
+  RtpElement open("lfrtpseal", kRtpAnswerCaps);
+  EXPECT_THAT(open.caps(), HasSubstr("application/x-rtp, "));
+  const Bytes packet = rtp_packet(3, 40);
+  open.push(packet);
+  EXPECT_EQ(open.units(), std::vector<Bytes>{packet});
+}
+
+TEST_F(LfRtpGateTest, StartsAnew) {
+  for (int i = 0; i < 3; i++) {
+    EXPECT_EQ(passed(gate_, sealed(rtp_packet(1, 30))), 1u);
+    for (RtpElement* each : {&seal_, &gate_})
+      for (const GstState state : {GST_STATE_NULL, GST_STATE_PLAYING})
+        ASSERT_EQ(gst_element_set_state(each->h()->element, state), GST_STATE_CHANGE_SUCCESS);
+    gst_harness_set_src_caps_str(seal_.h(), kRtpAnswerCaps);
+    gst_harness_set_src_caps_str(gate_.h(), kRtpAnswerCaps);
+  }
+}
+
+}  // namespace
+}  // namespace lf::test

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rtp/peers.h"
+
+#include <gio/gio.h>
+#include <gtest/gtest.h>
+
+#include "support/expect_error.h"
+
+namespace lf {
+namespace {
+
+Address address(const std::string& text) {
+  g_autoptr(GSocketAddress) socket = g_inet_socket_address_new_from_string(text.c_str(), 7);
+  return *address_of(socket);
+}
+
+TEST(Peers, AddressesHaveOneFormWhicheverSocketTheyComeBy) {
+  EXPECT_EQ(address("10.0.0.7"), address("::ffff:10.0.0.7"));
+  EXPECT_EQ(to_text(address("::ffff:10.0.0.7")), "10.0.0.7");
+  EXPECT_EQ(to_text(address("fd00::7")), "fd00::7");
+  EXPECT_FALSE(address_of(nullptr));
+  for (const char* here : {"127.0.0.1", "127.8.9.1", "::1", "::ffff:127.0.0.1"})
+    EXPECT_TRUE(is_loopback(address(here)));
+  for (const char* there : {"128.0.0.1", "10.0.0.1", "::2", "fe80::1"}) EXPECT_FALSE(is_loopback(address(there)));
+}
+
+TEST(Peers, AddressesAndNetworks) {
+  Peers peers("10.0.0.7,192.168.4.0/22,fd00::/33,[::1],localhost");
+  for (const char* in :
+       {"10.0.0.7", "::ffff:10.0.0.7", "192.168.4.0", "192.168.7.255", "fd00::1", "fd00:0:7fff::1", "::1", "127.0.0.1"})
+    EXPECT_TRUE(peers.admits(address(in))) << in;
+  for (const char* out : {"10.0.0.8", "192.168.8.0", "192.168.3.255", "fd00:0:8000::1", "fd01::1", "::2", "127.0.0.2"})
+    EXPECT_FALSE(peers.admits(address(out))) << out;
+  EXPECT_FALSE(peers.is_this_machine());
+}
+
+TEST(Peers, WithoutAnyTheFirstOnLoopback) {
+  Peers peers;
+  EXPECT_TRUE(peers.is_this_machine());
+  EXPECT_FALSE(peers.admits(address("10.0.0.1")));
+  EXPECT_FALSE(peers.admits(address("fe80::1")));
+  EXPECT_TRUE(peers.admits(address("127.0.0.1")));
+  EXPECT_FALSE(peers.admits(address("127.0.0.2")));
+  EXPECT_FALSE(peers.admits(address("::1")));
+  EXPECT_TRUE(peers.admits(address("127.0.0.1")));
+}
+
+TEST(Peers, WhoIsOfThisMachine) {
+  EXPECT_TRUE(Peers("localhost").is_this_machine());
+  EXPECT_TRUE(Peers("127.0.0.0/8,::1").is_this_machine());
+  for (const char* more : {"126.0.0.0/7", "::/0", "127.0.0.1,10.0.0.1", "::1,::2"})
+    EXPECT_FALSE(Peers(more).is_this_machine()) << more;
+}
+
+TEST(Peers, WhatIsNoneIsNamed) {
+  EXPECT_ERROR(Peers("10.0.0.1,nobody.invalid"), "\"nobody.invalid\": ");
+  EXPECT_ERROR(Peers("10.0.0.1/33"), "\"10.0.0.1/33\": ");
+  EXPECT_ERROR(Peers("localhost,,::1"), "\"\": must be a name, an address or a network");
+}
+
+}  // namespace
+}  // namespace lf

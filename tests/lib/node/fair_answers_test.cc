@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "node/fair_answers.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <optional>
+#include <thread>
+#include <vector>
+
+#include "base/worker_pool.h"
+#include "node/work_estimate.h"
+
+namespace lf {
+namespace {
+
+// A node with a clock of its own: time is the work that is done, and views ask while it passes.
+class Simulation {
+ public:
+  static constexpr uint64_t kTile = 1'000'000;  // a task takes a millisecond
+
+  struct Asked {
+    uint64_t at;  // in tiles
+    size_t tiles;
+    uint32_t view;
+  };
+  explicit Simulation(std::vector<Asked> to_come) : to_come_(std::move(to_come)) {
+    std::ranges::sort(to_come_, {}, &Asked::at);
+  }
+
+  // Until all is answered, or for so long.
+  void run(uint64_t end) {
+    while (tile() < end) {
+      let_come();
+      if (answers_.waiting() > 0)
+        answers_.work();
+      else if (next_ < to_come_.size())
+        time_ = std::max(time_, to_come_[next_].at * kTile);
+      else
+        return;
+    }
+  }
+
+  // How long answers of a view took, all but the slowest twentieth.
+  uint64_t p95(uint32_t view) const {
+    std::vector<uint64_t> delays;
+    for (const auto& [of, delay] : delays_)
+      if (of == view) delays.push_back(delay);
+    std::ranges::sort(delays);
+    return delays.empty() ? 0 : delays[(delays.size() * 95 - 1) / 100];
+  }
+  size_t answered(uint32_t view) const {
+    return static_cast<size_t>(std::ranges::count(delays_, view, &std::pair<uint32_t, uint64_t>::first));
+  }
+  uint64_t tile() const { return time_ / kTile; }
+  size_t dropped() const { return dropped_; }
+
+ private:
+  void let_come() {
+    while (next_ < to_come_.size() && to_come_[next_].at <= tile()) {
+      const Asked asked = to_come_[next_++];
+      bool dropped = false;
+      answers_.add(
+          asked.view, asked.tiles * kTile,
+          [this, asked](const ParallelFor& parallel) {
+            parallel(asked.tiles, [this](size_t) {
+              time_ += kTile;
+              let_come();
+            });
+            delays_.emplace_back(asked.view, tile() - asked.at);
+          },
+          &dropped);
+      dropped_ += dropped;
+    }
+  }
+
+  uint64_t time_ = kTile;
+  std::vector<Asked> to_come_;
+  size_t next_ = 0;
+  std::vector<std::pair<uint32_t, uint64_t>> delays_;
+  size_t dropped_ = 0;
+  FairAnswers answers_{serial_for, 1, [this] { return time_; }};
+};
+
+std::vector<Simulation::Asked> every(uint64_t interval, size_t tiles, uint32_t view, uint64_t until) {
+  std::vector<Simulation::Asked> asked;
+  for (uint64_t at = 3 + view; at < until; at += interval) asked.push_back({at, tiles, view});
+  return asked;
+}
+
+void append(std::vector<Simulation::Asked>& to, const std::vector<Simulation::Asked>& more) {
+  to.insert(to.end(), more.begin(), more.end());
+}
+
+constexpr uint64_t kEnd = 20'000;
+
+// One view asks for ten times as much as there is time for, in small requests or in large ones.
+TEST(FairAnswers, AGreedyViewDelaysNobody) {
+  for (const size_t own : {10, 30, 60}) {
+    Simulation alone(every(200, own, 1, kEnd));
+    alone.run(kEnd);
+    for (const size_t greedy : {5, 60, 1000}) {
+      std::vector<Simulation::Asked> asked = every(200, own, 1, kEnd);
+      append(asked, every(greedy / 10 + 1, greedy, 2, kEnd));
+      Simulation both(asked);
+      both.run(kEnd);
+      EXPECT_LE(static_cast<double>(both.p95(1)), 1.3 * static_cast<double>(alone.p95(1)))
+          << own << " beside " << greedy;
+      EXPECT_GE(both.answered(1) + 1, alone.answered(1));
+      EXPECT_GT(both.answered(2), 10u) << "what is left is the other view's";
+      EXPECT_GT(both.dropped(), 100u);
+    }
+  }
+}
+
+TEST(FairAnswers, ViewsThatAskForTooMuchShareAlike) {
+  std::vector<Simulation::Asked> asked;
+  for (const uint32_t view : {1, 2, 3}) append(asked, every(20 * view, 40 * view, view, kEnd));
+  Simulation three(asked);
+  three.run(kEnd);
+  const auto time_of = [&](uint32_t view) { return static_cast<double>(three.answered(view) * 40 * view); };
+  for (const uint32_t view : {1, 2, 3}) EXPECT_NEAR(time_of(view) / static_cast<double>(three.tile()), 1. / 3, 0.03);
+}
+
+// Who has asked for nothing for a while has no claim to all of the time afterwards.
+TEST(FairAnswers, SilenceIsNotSavedUp) {
+  std::vector<Simulation::Asked> asked = every(10, 40, 1, kEnd);
+  for (const Simulation::Asked& late : every(10, 40, 2, kEnd))
+    if (late.at > kEnd / 2) asked.push_back(late);
+  Simulation both(asked);
+  both.run(kEnd);
+  EXPECT_NEAR(static_cast<double>(both.answered(1)) * 40, 0.75 * kEnd, 0.03 * kEnd);
+}
+
+TEST(FairAnswers, TheNewestOfAViewStay) {
+  FairAnswers answers;
+  std::vector<int> done;
+  int dropped = 0;
+  for (int i = 0; i < 12; i++) {
+    bool one = false;
+    EXPECT_TRUE(answers.add(
+        1, 0, [&done, i](const ParallelFor&) { done.push_back(i); }, &one));
+    dropped += one;
+  }
+  EXPECT_EQ(dropped, 4);
+  EXPECT_EQ(answers.waiting(), FairAnswers::kMostWaiting);
+  while (answers.waiting() > 0) answers.work();
+  EXPECT_EQ(done, (std::vector<int>{4, 5, 6, 7, 8, 9, 10, 11}));
+}
+
+TEST(FairAnswers, EndsForWhoWaits) {
+  FairAnswers answers;
+  std::thread thread([&] {
+    while (answers.work()) {
+    }
+  });
+  std::atomic<int> done = 0;
+  for (int i = 0; i < 5; i++) answers.add(0, 0, [&](const ParallelFor&) { done++; });
+  answers.drain();
+  EXPECT_EQ(done, 5);
+  answers.stop();
+  thread.join();
+  EXPECT_FALSE(answers.add(0, 0, [](const ParallelFor&) {}));
+  answers.start();
+  EXPECT_TRUE(answers.add(0, 0, [](const ParallelFor&) {}));
+}
+
+// With threads: each task once, whoever goes first in between.
+TEST(FairAnswers, EachTaskIsDoneOnce) {
+  WorkerPool pool;
+  FairAnswers answers([&pool](size_t count, const std::function<void(size_t)>& task) { pool.run(3, count, task); }, 3);
+  std::vector<std::atomic<int>> first(2000), second(2000);
+  std::thread thread([&] {
+    while (answers.work()) {
+    }
+  });
+  for (int round = 0; round < 20; round++) {
+    for (auto* tasks : {&first, &second})
+      answers.add(tasks == &first ? 1 : 2, 0,
+                  [tasks](const ParallelFor& parallel) { parallel(tasks->size(), [=](size_t i) { (*tasks)[i]++; }); });
+    answers.drain();
+  }
+  answers.stop();
+  thread.join();
+  for (const auto& tasks : {std::ref(first), std::ref(second)})
+    for (const std::atomic<int>& count : tasks.get()) EXPECT_EQ(count, 20);
+}
+
+TEST(FairAnswers, WhatIsThrownCostsOneAnswer) {
+  FairAnswers answers;
+  bool done = false;
+  answers.add(1, 0, [](const ParallelFor& parallel) { parallel(3, [](size_t) { throw std::bad_alloc(); }); });
+  answers.add(1, 0, [&done](const ParallelFor&) { done = true; });
+  EXPECT_THROW(answers.work(), std::bad_alloc);
+  EXPECT_TRUE(answers.work());
+  EXPECT_TRUE(done);
+}
+
+TEST(WorkEstimate, FollowsWhatAnswersTake) {
+  WorkEstimate estimate;
+  EXPECT_EQ(estimate.nanoseconds(1e6), 0u) << "nothing is known";
+  estimate.done(1000, 5000);
+  EXPECT_EQ(estimate.nanoseconds(100), 500u);
+  for (int i = 0; i < 100; i++) estimate.done(1000, 20000);
+  EXPECT_NEAR(static_cast<double>(estimate.nanoseconds(100)), 2000, 10);
+  for (int i = 0; i < 100; i++) estimate.skipped();
+  EXPECT_LT(estimate.nanoseconds(100), 10u) << "one is tried again";
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "render/gl/sum_drawer.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+
+#include "lib/render/production.h"
+#include "lib/render/sum_arrays.h"
+
+namespace lf {
+namespace {
+
+using reference::Random;
+using test::Sum;
+
+// Any driver will do for its pictures. setup.sh installs one that computes on the CPU.
+gl::SumDrawer& card() {
+  static std::string why;
+  static const std::unique_ptr<gl::SumDrawer> drawer = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
+  if (!drawer) throw std::runtime_error("no OpenGL ES 3.1: " + why);
+  return *drawer;
+}
+
+Image checkerboard(Random&, int width, int height) {
+  Image image(PixelFamily::kRgb, width, height);
+  for (int y = 0; y < height; y++)
+    for (int x = 0; x < width; x++)
+      for (int c = 0; c < 3; c++) image.pixel(x, y)[c] = (x + y) % 2 ? 255 : 0;
+  return image;
+}
+
+struct Difference {
+  double level = 0, lost = 0;  // the largest of all samples and pixels, in levels of 255 and of weight 1
+  size_t mended = 0;
+};
+
+// Of the card's sums from the CPU's.
+Difference difference(const Rig& rig, const View& view, const std::vector<Image>& rgb, PixelFamily family,
+                      Resampling resampling) {
+  const Mesh mesh = build_mesh(rig);
+  const test::Production production(rig, mesh, view);
+  const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
+  std::vector<Source> sources = test::sources_of(rig, production.plan, images);
+  for (Source& source : sources) source.resampling = resampling;
+  const OwnerRuns& runs = production.owners.runs();
+  const SumRenderer cpu(production.plan, runs, sources, family, Coordinates::kExact);
+  const SumRenderer drawn(production.plan, runs, sources, family, Coordinates::kExact, &card());
+  EXPECT_TRUE(drawn.is_drawn()) << card().why_not();
+  const Rect whole = test::whole(view);
+  Sum a(family, whole), b(family, whole);
+  EXPECT_EQ(cpu.render_rows(0, view.height, a.planes), drawn.render_rows(0, view.height, b.planes));
+  Difference worst{.mended = card().mended()};
+  for (int c = 0; c < 3; c++)
+    for (size_t i = 0; i < a.memory[c].size(); i++)
+      worst.level = std::max(worst.level, std::abs(a.memory[c][i] - b.memory[c][i]) / 128.0);
+  for (size_t i = 0; i < a.lost.size(); i++)
+    worst.lost = std::max(worst.lost, std::abs(a.lost[i] - b.lost[i]) / double{kLostOne});
+  return worst;
+}
+
+TEST(SumDrawer, DrawsWhatTheCpuDoes) {
+  std::printf("%s\n", card().device().c_str());
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
+    for (const Resampling resampling : {Resampling::kBilinear, Resampling::kCatmullRom})
+      for (const bool map : {false, true})
+        for (const bool hard : {false, true}) {
+          Difference worst;
+          for (int trial = 0; trial < 4; trial++) {
+            Random random(trial);
+            const int side = 3 + trial, width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
+            const Rig rig = test::jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
+            View view = test::view_into(rig, side, width, height, random.small_rotation(0.2));
+            if (map)
+              view.focus.map = test::depths(random, view, trial == 1 ? 7 : FocalMap::kFinestStep, trial == 2);
+            const auto images = images_of(rig, random, hard ? checkerboard : reference::smooth_image);
+            const Difference one = difference(rig, view, images, family, resampling);
+            worst.level = std::max(worst.level, one.level);
+            worst.lost = std::max(worst.lost, one.lost);
+            worst.mended += one.mended;
+          }
+          std::printf("%s %-11s %s %-12s: levels %.3f, lost %.2g, %zu mended\n",
+                      family == PixelFamily::kI420 ? "I420" : "RGB ",
+                      resampling == Resampling::kBilinear ? "bilinear" : "Catmull-Rom", map ? "map  " : "plane",
+                      hard ? "checkerboard" : "smooth", worst.level, worst.lost, worst.mended);
+          EXPECT_LE(worst.level, hard ? 0.75 : 0.2);
+          EXPECT_LE(worst.lost, 1e-4);
+        }
+}
+
+// Samples right on the border of the images: (-0.5, y) is inside, and float can't tell.
+TEST(SumDrawer, LeavesWhatItCannotTellToTheCpu) {
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420}) {
+    Random random(1);
+    const Lens lens = Lens::pinhole(200, 79.5, 59.5);
+    Rig rig;
+    for (int i = 0; i < 4; i++)
+      rig.cameras.push_back(
+          reference::make_camera(i, 160, 120, lens, {Vec3(0.1 * (i % 2), 0.1 * (i / 2), 0), Quat(1, 0, 0, 0)}));
+    rig.topology = {Topology::Type::kGrid, 2, 2, {}};
+    View view;
+    view.width = 200;
+    view.height = 140;
+    view.pose = rig.cameras[0].pose;
+    view.lens = Lens::pinhole(200, 79.5 + 10.5, 59.5);  // column 10 shows the border
+    view.focus.plane = plane_through({0, 0, 2}, {0, 0, -1});
+    const Difference one = difference(rig, view, images_of(rig, random, reference::smooth_image), family,
+                                      Resampling::kBilinear);
+    EXPECT_LE(one.level, 0.2);
+    EXPECT_LE(one.lost, 1e-4);
+    EXPECT_GE(one.mended, 100u);
+  }
+}
+
+TEST(SumDrawer, IsLostForGoodAndTheCpuGoesOn) {
+  std::string why;
+  const auto drawer = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
+  ASSERT_TRUE(drawer) << why;
+  Random random(2);
+  const Rig rig = test::jittered_array(random, 3, 160, 120, -0.25);
+  const View view = test::view_into(rig, 3, 160, 120, random.small_rotation(0.2));
+  const test::Production production(rig, build_mesh(rig), view);
+  const auto images = images_of(rig, random, reference::smooth_image);
+  const std::vector<Source> sources = test::sources_of(rig, production.plan, images);
+  const auto render = [&](Sum& sum) {
+    const SumRenderer renderer(production.plan, production.owners.runs(), sources, PixelFamily::kRgb,
+                               Coordinates::kExact, drawer.get());
+    renderer.render_rows(0, view.height, sum.planes);
+    return renderer.is_drawn();
+  };
+  const Rect whole = test::whole(view);
+  Sum before(PixelFamily::kRgb, whole), after(PixelFamily::kRgb, whole), later(PixelFamily::kRgb, whole);
+  EXPECT_TRUE(render(before));
+  drawer->lose();
+  EXPECT_FALSE(render(after));
+  EXPECT_TRUE(drawer->is_lost());
+  EXPECT_FALSE(render(later));
+  for (size_t i = 0; i < before.memory[0].size(); i++)
+    ASSERT_NEAR(before.memory[0][i], after.memory[0][i], 128 / 5) << i;
+}
+
+TEST(SumDrawer, HardwareIsNeverTheCpu) {
+  std::string why;
+  const auto drawer = gl::SumDrawer::create(gl::Context::Drivers::kHardware, why);
+  if (drawer)
+    EXPECT_FALSE(drawer->is_software()) << drawer->device();
+  else
+    EXPECT_NE(why, "");
+}
+
+}  // namespace
+}  // namespace lf

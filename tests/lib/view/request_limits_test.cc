@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "view/request_limits.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace lf {
+namespace {
+
+constexpr uint64_t kSecond = 1'000'000'000;
+constexpr RequestCost kSmall{640, 480, 0, 2};
+
+TEST(RequestGate, HoldsCostsAgainstLimits) {
+  RequestGate gate;
+  const RequestLimits limits;
+  const auto check = [&](const RequestCost& cost, double extent = 0.5) {
+    return gate.check(1, cost, limits, extent, kSecond);
+  };
+  EXPECT_EQ(check(kSmall), RequestGate::kNone);
+  EXPECT_EQ(check({4096, 2304, 0, 16}), RequestGate::kNone);
+  EXPECT_EQ(check({4096, 2305, 0, 0}), RequestGate::kPixels);
+  EXPECT_EQ(check({65535, 65535, 0, 0}), RequestGate::kPixels);
+  EXPECT_EQ(check({640, 480, 0.5, 0}), RequestGate::kNone);
+  EXPECT_EQ(check({640, 480, 0.51, 0}), RequestGate::kAperture);
+  EXPECT_EQ(check({640, 480, 0.51, 0}, 0), RequestGate::kNone) << "the array is not known";
+  EXPECT_EQ(check({640, 480, 0, 17}), RequestGate::kTrials);
+}
+
+TEST(RequestGate, BoundsTheRateOfEachView) {
+  RequestGate gate;
+  RequestLimits limits;
+  limits.requests_per_second = 10;
+  const auto served = [&](uint64_t view, uint64_t from, int count, uint64_t interval) {
+    int served = 0;
+    for (int i = 0; i < count; i++)
+      served += gate.check(view, kSmall, limits, 0, from + static_cast<uint64_t>(i) * interval) == RequestGate::kNone;
+    return served;
+  };
+  EXPECT_EQ(served(1, kSecond, 100, 0), 10) << "a second's at once";
+  EXPECT_EQ(served(2, kSecond, 10, 0), 10) << "another view's are not fewer for that";
+  EXPECT_NEAR(served(1, 2 * kSecond, 1000, kSecond / 100), 110, 2) << "ten seconds of ten times as many";
+  EXPECT_EQ(served(3, kSecond, 500, kSecond / 9), 500);
+}
+
+TEST(RequestGate, BoundsTheViews) {
+  RequestGate gate;
+  RequestLimits limits;
+  limits.views = 4;
+  uint64_t now = kSecond;
+  const auto check = [&](uint64_t view) { return gate.check(view, kSmall, limits, 0, now); };
+  for (uint64_t view = 0; view < 4; view++) EXPECT_EQ(check(view), RequestGate::kNone);
+  for (uint64_t view = 4; view < 1000; view++) EXPECT_EQ(check(view), RequestGate::kViews);
+  EXPECT_EQ(check(2), RequestGate::kNone);
+  EXPECT_EQ(gate.views(), 4u);
+  now += RequestGate::kViewQuiet + 1;
+  EXPECT_EQ(check(2), RequestGate::kNone);
+  EXPECT_EQ(check(500), RequestGate::kNone) << "others have gone";
+}
+
+TEST(RequestGate, TellsWhatIsInTheWay) {
+  using testing::HasSubstr;
+  const RequestLimits limits;
+  EXPECT_THAT(refusal_text(RequestGate::kPixels, {16384, 16384, 0, 0}, limits, 0),
+              testing::AllOf(HasSubstr("16384x16384"), HasSubstr("9437184 of max-pixels")));
+  EXPECT_THAT(refusal_text(RequestGate::kAperture, {1, 1, 2.5, 0}, limits, 0.7),
+              testing::AllOf(HasSubstr("2.5 m"), HasSubstr("0.7 m"), HasSubstr("max-aperture")));
+  EXPECT_THAT(refusal_text(RequestGate::kRate, kSmall, limits, 0), HasSubstr("500 times a second"));
+}
+
+TEST(RequestLimits, AnArrayIsAsWideAsItsCamerasAreApart) {
+  Rig rig;
+  EXPECT_EQ(array_extent(rig), 0);
+  rig.cameras.resize(3);
+  rig.cameras[1].pose.position = {3, 0, 0};
+  rig.cameras[2].pose.position = {3, 4, 0};
+  EXPECT_DOUBLE_EQ(array_extent(rig), 5);
+}
+
+TEST(RequestLimits, WorkFollowsWhatIsAskedFor) {
+  EXPECT_GT(planned_work({640, 480, 0.1, 0}), 5 * planned_work({640, 480, 0, 0}));
+  EXPECT_GT(planned_work({640, 480, 0, 8}), planned_work({640, 480, 0, 0}));
+  EXPECT_DOUBLE_EQ(planned_work({1280, 960, 0, 0}), 4 * planned_work({640, 480, 0, 0}));
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// Who may see and steer the cameras of a host on a network with others: pipelines/ with keys and without.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/stat.h>
+
+#include <fstream>
+#include <thread>
+
+#include "network/hosts.h"
+#include "rig/rig_json.h"
+#include "support/run_program.h"
+#include "support/temp_dir.h"
+
+namespace lf::test {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr char kComplete[] = "complete=(boolean)true";
+constexpr char kAnybody[] = "anybody on this network can steer and see";
+
+class Keys : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (const std::string reason = Network::unavailable(); !reason.empty()) GTEST_SKIP() << reason;
+    network_ = std::make_unique<Network>(std::vector<std::string>{"cameras", "viewer", "stranger"});
+    const Outcome filmed = run_program(
+        "lf-scene", "--out '" + folder_.path() + "' --grid 2x2 --frames 1 --samples 1 --width 80 --height 60");
+    ASSERT_EQ(filmed.status, 0) << filmed.output;
+    Rig rig = load_rig(folder_ / "rig.json");
+    for (Camera& camera : rig.cameras) camera.source.clear();  // the first frame, a still, serves for ever
+    save_rig(rig, folder_ / "rig.json");
+    write_key("key", kSecret);
+    write_key("other-key", "another secret of thirty-two or more");
+  }
+  void write_key(const std::string& name, const std::string& secret) {
+    std::ofstream(folder_ / name) << secret << "\n";
+    chmod((folder_ / name).c_str(), 0600);
+  }
+  std::unique_ptr<Process> start(const std::string& host, std::vector<std::string> command) {
+    command.insert(command.begin(), {"env", "GST_PLUGIN_PATH=" LF_PLUGIN_DIR,
+                                     "GST_REGISTRY=" LF_PLUGIN_DIR "/test-registry.bin", "GST_DEBUG=srtp*:5"});
+    return network_->start(host, command);
+  }
+  // A script of pipelines/ with `key`, a file's name, if there is one.
+  std::unique_ptr<Process> run(const std::string& host, const std::string& script, const std::string& key,
+                               std::vector<std::string> options) {
+    options.insert(options.begin(), {LF_SOURCE_ROOT "/pipelines/" + script, "--rig", folder_ / "rig.json"});
+    if (!key.empty()) options.insert(options.end(), {"--key-file", folder_ / key});
+    return start(host, options);
+  }
+  std::unique_ptr<Process> start_cameras(const std::string& key, const std::vector<std::string>& more = {}) {
+    std::vector<std::string> options = {"--requests", "6000", "--answers", address("viewer") + ":6100"};
+    options.insert(options.end(), more.begin(), more.end());
+    return run("cameras", "camera-node.sh", key, options);
+  }
+  // Asks at `place`, HOST:PORT; says of each picture what it is.
+  std::unique_ptr<Process> start_viewer(const std::string& key, const std::string& place,
+                                        const std::string& host = "viewer", const std::string& port = "6100") {
+    return run(host, "viewer.sh", key,
+               {"--node", place + ":" + port, "--framerate", "15/1", "--set", "post-messages=true", "--sink",
+                "fakesink sync=false"});
+  }
+  std::string cameras() const { return address("cameras") + ":6000"; }
+  const std::string& address(const std::string& host) const { return network_->address(host); }
+
+  static constexpr char kSecret[] = "the secret of these two hosts and of nobody else";
+  TempDir folder_;
+  std::unique_ptr<Network> network_;
+};
+
+TEST_F(Keys, HostsWithTheSameKeySeeEachOther) {
+  const auto node = start_cameras("key"), viewer = start_viewer("key", cameras());
+  EXPECT_TRUE(viewer->wait_for(kComplete, 10)) << viewer->text() << node->text();
+  for (const Process* process : {node.get(), viewer.get()})
+    EXPECT_THAT(process->text(), AllOf(Not(HasSubstr(kSecret)), Not(HasSubstr(kAnybody)), Not(HasSubstr("dropped"))));
+  // Either may begin anew.
+  auto again = start_viewer("key", cameras(), "viewer", address("viewer") + ":6100");
+  EXPECT_TRUE(again->wait_for(kComplete, 10)) << again->text();
+}
+
+class OtherKeys : public Keys, public testing::WithParamInterface<std::pair<const char*, const char*>> {};
+
+TEST_P(OtherKeys, SeeNothing) {
+  const auto [of_cameras, of_viewer] = GetParam();
+  const auto node = start_cameras(of_cameras), viewer = start_viewer(of_viewer, cameras());
+  // A sealed request is no request for those without a key, who count it as what they can't read.
+  if (*of_cameras) {
+    EXPECT_TRUE(node->wait_for("Packets of " + address("viewer") + " are dropped")) << node->text();
+  } else {
+    EXPECT_TRUE(node->wait_for(kAnybody)) << node->text();
+  }
+  EXPECT_TRUE(viewer->wait_for("lightfield-view,", 20)) << viewer->text();
+  EXPECT_THAT(viewer->text(), Not(HasSubstr(kComplete)));
+}
+INSTANTIATE_TEST_SUITE_P(Each, OtherKeys,
+                         testing::Values(std::pair{"key", "other-key"}, std::pair{"key", ""}, std::pair{"", "key"}),
+                         [](const auto& info) { return std::to_string(info.index); });
+
+TEST_F(Keys, WithoutAnyTheHostThatAnswersGoToMaySteer) {
+  const auto node = start_cameras(""), viewer = start_viewer("", cameras());
+  EXPECT_TRUE(node->wait_for(kAnybody)) << node->text();
+  EXPECT_TRUE(viewer->wait_for(kComplete, 5)) << viewer->text() << node->text();
+  EXPECT_THAT(node->text(), Not(HasSubstr("dropped")));
+  const auto stranger = start_viewer("", cameras(), "stranger");
+  EXPECT_TRUE(
+      node->wait_for("Packets of " + address("stranger") + " are dropped: of an address that is not among peers"))
+      << node->text();
+  EXPECT_TRUE(viewer->wait_for(kComplete, 30)) << viewer->text();
+}
+
+TEST_F(Keys, PeersMaySteer) {
+  const auto refused = start_cameras("", {"--peers", "10.77.0.0/31," + address("stranger")}),
+             viewer = start_viewer("", cameras());
+  EXPECT_TRUE(refused->wait_for("Packets of " + address("viewer") + " are dropped")) << refused->text();
+  EXPECT_THAT(viewer->text(), Not(HasSubstr(kComplete)));
+  refused->signal(SIGKILL);
+  const auto node = start_cameras("", {"--peers", "10.77.0.2/31"});
+  EXPECT_TRUE(viewer->wait_for(kComplete, 3)) << viewer->text();
+}
+
+// Somebody in between who has no key sends requests on, and then once more, or cut short.
+class InBetween : public Keys, public testing::WithParamInterface<std::pair<const char*, const char*>> {};
+
+TEST_P(InBetween, ChangesNothing) {
+  const auto [again, words] = GetParam();
+  const std::string to = " ! udpsink sync=false async=false port=6000 host=" + address("cameras");
+  const auto between = start("stranger", {"sh", "-c",
+                                          "exec gst-launch-1.0 -q udpsrc port=7000 ! tee name=t  t. ! queue" + to +
+                                              "  t. ! queue min-threshold-buffers=2 ! " + again + to});
+  const auto node = start_cameras("key"), viewer = start_viewer("key", address("stranger") + ":7000");
+  EXPECT_TRUE(viewer->wait_for(kComplete, 10)) << viewer->text() << node->text();
+  EXPECT_TRUE(node->wait_for("Packets of " + address("stranger") + " are dropped: " + words)) << node->text();
+  EXPECT_TRUE(viewer->wait_for(kComplete, 20)) << viewer->text();
+  EXPECT_TRUE(between->is_running()) << between->text();
+}
+INSTANTIATE_TEST_SUITE_P(Each, InBetween,
+                         testing::Values(std::pair{"identity", "sent again"},
+                                         std::pair{"rndbuffersize min=30 max=31", "too short, or not sealed"},
+                                         std::pair{"rndbuffersize min=300 max=301", "sealed "}),
+                         [](const auto& info) { return std::to_string(info.index); });
+
+TEST_F(Keys, CompositorHostsAndTheirViewersShareOne) {
+  const auto node =
+      run("cameras", "camera-node.sh", "key", {"--requests", "6000", "--answers", address("stranger") + ":6100"});
+  const auto compositor =
+      run("stranger", "compositor-node.sh", "key",
+          {"--requests", "6200", "--node", cameras() + ":6100", "--view", "3:" + address("viewer") + ":6300"});
+  const std::string shown = folder_ / "shown";
+  const std::vector<std::string> options = {
+      "--compositor", address("stranger") + ":6200",
+      "--video",      "6300",
+      "--view",       "3",
+      "--sink",       "filesink buffer-mode=unbuffered sync=false async=false location=" + shown};
+  const auto viewer = run("viewer", "viewer.sh", "key", options);
+  EXPECT_TRUE(compositor->wait_for(kComplete, 10)) << compositor->text();
+  EXPECT_THAT(compositor->text(), AllOf(HasSubstr("view-id=(uint)3"), Not(HasSubstr(kAnybody))));
+  const auto pictures = [&] {
+    struct stat status {};
+    return stat(shown.c_str(), &status) == 0 && status.st_size > 0;
+  };
+  for (int i = 0; i < 1000 && !pictures(); i++) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_TRUE(pictures()) << viewer->text();
+  for (const Process* process : {node.get(), compositor.get(), viewer.get()})
+    EXPECT_THAT(process->text(), AllOf(Not(HasSubstr(kSecret)), Not(HasSubstr("are dropped"))));
+}
+
+// Of the sockets of a host, those of this port are bound to this address.
+TEST_F(Keys, AnswersComeInAtTheAddressGiven) {
+  const auto viewer = start_viewer("key", cameras(), "viewer", address("viewer") + ":6100");
+  const auto everywhere = start_viewer("key", cameras(), "stranger");
+  EXPECT_TRUE(viewer->wait_for("lightfield-view,")) << viewer->text();
+  EXPECT_TRUE(everywhere->wait_for("lightfield-view,")) << everywhere->text();
+  const auto sockets = start("viewer", {"sh", "-c", "cat /proc/net/udp /proc/net/udp6; echo end"}),
+             others = start("stranger", {"sh", "-c", "cat /proc/net/udp /proc/net/udp6; echo end"});
+  ASSERT_TRUE(sockets->wait_for("end"));
+  ASSERT_TRUE(others->wait_for("end"));
+  EXPECT_THAT(sockets->text(), AllOf(HasSubstr(" 02004D0A:17D4 "), Not(HasSubstr("00000000:17D4 "))));
+  EXPECT_THAT(others->text(), HasSubstr("00000000:17D4 "));
+}
+
+}  // namespace
+}  // namespace lf::test

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: LGPL-2.1-or-later
+"""Hosts on one Ethernet switch, each a network namespace, and programs on them."""
+
+import os
+import signal
+import subprocess
+import threading
+
+
+def _ip(*arguments):
+    subprocess.run(['ip', *arguments], check=True, capture_output=True, text=True)
+
+
+class Network:
+    """The first host has the address 10.78.0.3, the others follow; of what comes to each a share is lost. Gone with
+    close()."""
+
+    def __init__(self, hosts, loss):
+        self._prefix = f'soak{os.getpid()}-'
+        self._hosts = list(hosts)
+        _ip('netns', 'add', self._prefix + 'switch')
+        _ip('-n', self._prefix + 'switch', 'link', 'add', 'b0', 'type', 'bridge')
+        _ip('-n', self._prefix + 'switch', 'link', 'set', 'b0', 'up')
+        for number, host in enumerate(self._hosts):
+            space, port = self._prefix + host, f'p{number}'
+            _ip('netns', 'add', space)
+            _ip('-n', space, 'link', 'add', 'eth0', 'type', 'veth', 'peer', 'name', port, 'netns',
+                self._prefix + 'switch')
+            _ip('-n', self._prefix + 'switch', 'link', 'set', port, 'master', 'b0', 'up')
+            _ip('-n', space, 'addr', 'add', self.address(host) + '/24', 'dev', 'eth0')
+            _ip('-n', space, 'link', 'set', 'lo', 'up')
+            _ip('-n', space, 'link', 'set', 'eth0', 'up')
+            _ip('netns', 'exec', space, 'iptables', '-A', 'INPUT', '-i', 'eth0', '-m', 'statistic', '--mode', 'random',
+                '--probability', str(loss), '-j', 'DROP')
+
+    def address(self, host):
+        return f'10.78.0.{3 + self._hosts.index(host)}'
+
+    def start(self, name, host, command, **options):
+        return Program(name, ['ip', 'netns', 'exec', self._prefix + host, *command], **options)
+
+    def close(self):
+        for host in [*self._hosts, 'switch']:
+            subprocess.run(['ip', 'netns', 'del', self._prefix + host], capture_output=True)
+
+
+class Program:
+    """A program with its output in a log; `on_line` is called with each line, in a thread of its own."""
+
+    def __init__(self, name, command, log, environment=None, on_line=None):
+        self.name = name
+        self._on_line = on_line
+        self._log = open(log, 'ab')
+        self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                                         stderr=subprocess.STDOUT, start_new_session=True, env=environment)
+        self.pid = self._process.pid  # `ip netns exec` and the scripts become what they start
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self):
+        for line in self._process.stdout:
+            # Messages about pictures are many, and what they say is kept elsewhere.
+            if b'lightfield-view' not in line:
+                self._log.write(line)
+                self._log.flush()
+            if self._on_line:
+                self._on_line(line.decode(errors='replace'))
+
+    def is_running(self):
+        return self._process.poll() is None
+
+    def send(self, number):
+        if self.is_running():
+            os.killpg(self.pid, number)
+
+    def stop(self, seconds, number=signal.SIGINT):
+        """Asks it to end. Whether it did within so many seconds; if not it is killed."""
+        self.send(number)
+        try:
+            self._process.wait(seconds)
+            ended = True
+        except subprocess.TimeoutExpired:
+            self.send(signal.SIGKILL)
+            self._process.wait()
+            ended = False
+        self._reader.join(5)
+        self._log.close()
+        return ended

@@ -1,0 +1,340 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// <lightfield-viewer> as strangers use it: in pages of other sites, frames and frameworks, and from npm.
+import { execFile } from 'node:child_process';
+import { mkdir, readFile, rm, writeFile } from 'node:fs/promises';
+import { join } from 'node:path';
+import { promisify } from 'node:util';
+import { artefacts, compare, expect, launchBrowser, makeRig, newPage, openPage, patience, picture, rendered, runTests,
+  serve, setView, shown, source, stateOf, until, viewFile } from './harness.mjs';
+import { site } from './pages.mjs';
+
+const run = promisify(execFile);
+const folder = await makeRig('4x4');
+const rig = ['--rig', join(folder, 'rig.json'), '--connects', '100', '--focus-on', 'plane', '--origin', '*'];
+const browser = await launchBrowser(), size = { width: 640, height: 480 };
+
+const script = served => `<script type="module" src="${served.url}lightfield-viewer.js"></script>`;
+const page = body => `<!doctype html><html lang="en"><meta charset="utf-8"><title>mine</title><style>body { margin: 0 }</style>${body}`;
+// Frames that an element has shown since it is there.
+const frames = (page, id) => page.evaluate(
+  id => inside(document.getElementById(id)).video.getVideoPlaybackQuality().totalVideoFrames, id);
+const goesOn = async (page, id, what) => {
+  const before = await frames(page, id);
+  await until(async () => await frames(page, id) > before + 3, what);
+};
+
+// npm pack, npm install in an empty folder, and the page of the README as it is, but for the server's address.
+async function fromNpm() {
+  const fresh = join(artefacts, 'fresh');
+  await rm(fresh, { recursive: true, force: true });
+  await mkdir(fresh);
+  const { stdout } = await run('npm', ['pack', '--json', '--pack-destination', fresh], { cwd: join(source, 'web') });
+  const [{ filename, files }] = JSON.parse(stdout);
+  console.log(`# ${filename}: ${files.map(({ path }) => path).join(' ')}`);
+  expect(files.some(({ path }) => path === 'LICENSE'), 'it has its licence');
+  await writeFile(join(fresh, 'package.json'), '{ "private": true, "type": "module" }');
+  await run('npm', ['install', '--no-audit', '--no-fund', '--offline', join(fresh, filename)], { cwd: fresh });
+  const served = await serve(...rig);
+  const readme = await readFile(join(fresh, 'node_modules/lightfield-viewer/README.md'), 'utf8');
+  const [, html] = readme.match(/```html\n([\s\S]*?)```/), endpoint = 'http://127.0.0.1:8080/whep';
+  expect(html.includes(endpoint), 'the page names its server');
+  const mine = await site({ '/': html.replace(endpoint, `${served.url}whep`) }, fresh);
+  const stranger = await openPage(browser, mine.origin, size);
+  await shown(stranger, 10);
+  await until(async () => Math.abs((await stateOf(stranger)).yaw - 2) < 1e-6, 'its script sets the view');
+  await stranger.getByRole('slider').fill('0.9');
+  await until(async () => /^\d+\.\d\d m$/.test(await stranger.locator('output').textContent()), 'it tells the focus');
+  expect(!stranger.problems.length, stranger.problems.join('; '));
+  await stranger.screenshot({ path: join(artefacts, 'readme.png') });
+  await stranger.context().close();
+  // Where there is no DOM it can be imported; and what it is made of, it is for TypeScript, too.
+  await run('node', ['--input-type=module', '-e', 'import { LightfieldViewer } from "lightfield-viewer"; if (!LightfieldViewer) throw 1;'],
+    { cwd: fresh });
+  await writeFile(join(fresh, 'use.ts'), `import { LightfieldViewer, type LightfieldView } from 'lightfield-viewer';
+const viewer: LightfieldViewer = document.createElement('lightfield-viewer');
+viewer.addEventListener('view-change', ({ detail }) => { const by: 'person' | 'script' = detail.by; viewer.title = by; });
+viewer.addEventListener('error', event => { const after: number = event.detail.retryAfter; viewer.title = String(after); });
+viewer.addEventListener('click', event => viewer.focusAt(event.clientX, event.clientY));
+viewer.view = { yaw: 3 };
+viewer.view = 'yaw=3';
+const view: Promise<LightfieldView> = viewer.setView({ focusDistance: 2 });
+const blob: Promise<Blob> = viewer.toBlob({ type: 'image/jpeg' });
+export { view, blob };
+// @ts-expect-error there is no such eye
+viewer.eyes = 'three';
+// @ts-expect-error nor such a number of a view
+viewer.setView({ zoom: 2 });
+`);
+  await run('node', [join(artefacts, 'node_modules/typescript/bin/tsc'), '--noEmit', '--strict', '--module', 'nodenext',
+    '--target', 'es2022', '--lib', 'es2022,dom', 'use.ts'], { cwd: fresh }).catch(error => { throw new Error(error.stdout); });
+  await served.stop();
+  mine.close();
+}
+
+// Two elements, whose attributes change later, which are removed, added again and moved.
+async function twoOfThem() {
+  const served = await serve(...rig), { url } = served;
+  const mine = await site({ '/': page(`${script(served)}
+    <lightfield-viewer id="a" controls autoplay style="width: 320px; height: 240px" view="yaw=2"></lightfield-viewer>
+    <div id="there"></div>
+    <lightfield-viewer id="b" src="${url}whep" style="width: 320px; height: 240px"></lightfield-viewer>`) });
+  const two = await openPage(browser, `${mine.origin}#x=5&yaw=40&token=mine`, { width: 700, height: 700 });
+  await two.evaluate(() => {
+    globalThis.written = [];
+    new MutationObserver(list => written.push(...list.map(({ attributeName, target }) => `${target.id} ${attributeName}`)))
+      .observe(document, { attributes: true, subtree: true });
+  });
+  await two.waitForFunction(() => inside(a)?.flight.seen && a.loaded, null, { timeout: patience });
+  const view = id => two.evaluate(id => document.getElementById(id).view, id);
+  await until(async () => Math.abs((await view('a')).yaw - 2) < 1e-6, 'the attribute view says where to begin');
+  expect(await two.evaluate(() => b.paused && !b.connected && !b.loaded), 'without autoplay it waits');
+  expect(await served.metric('viewers') === 1, 'and asks for nothing');
+  await two.locator('#b').getByRole('button', { name: 'Watch' }).click();
+  await two.waitForFunction(() => b.loaded, null, { timeout: patience });
+  await two.evaluate(() => a.setView({ yaw: -1 }));
+  expect(Math.abs((await view('a')).yaw + 1) < 1e-6 && Math.abs((await view('b')).yaw) < 1e-6, 'each has a view of its own');
+  expect(!await two.locator('#b').getByRole('slider').count(), 'without controls there are none');
+  expect(await two.evaluate(() => location.hash) === '#x=5&yaw=40&token=mine', 'the page keeps its address');
+  expect(!(await two.evaluate(() => written)).length, `attributes are written: ${await two.evaluate(() => written)}`);
+
+  // Attributes that change later.
+  await two.evaluate(() => {
+    b.controls = true;
+    b.alt = 'A globe';
+    b.setAttribute('max-width', 160);
+    b.setAttribute('view', 'x=0.02 focus-distance=3');
+  });
+  // What is asked for: where the machine is busy the server may send less.
+  const asks = width => two.waitForFunction(width => b.connected && inside(b).stream.asked.width === width, width, { timeout: patience });
+  await asks(160);
+  await until(async () => Math.abs((await view('b')).x - 0.02) < 1e-6 && (await view('b')).focusDistance === 3, 'view goes there');
+  await two.getByRole('application', { name: 'A globe' }).waitFor();
+  expect(await two.locator('#b').getByRole('slider').count() === 1, 'controls come');
+  await two.evaluate(() => b.eyes = 'side');
+  await two.waitForFunction(() => b.connected && inside(b).twoEyes, null, { timeout: patience });
+  await asks(160);
+  await two.evaluate(() => {
+    b.eyes = null;
+    b.src = '/nowhere';
+  });
+  await until(async () => /refuses|reached/.test(await two.locator('#b').getByRole('status').textContent()), 'a wrong src is told');
+  await two.evaluate(url => {
+    b.src = `${url}whep`;
+  }, url);
+  await goesOn(two, 'b', 'a right one goes on');
+
+  // Moved it is not interrupted; removed and added again it is where it was.
+  const opened = await served.metric('viewers_total');
+  await two.evaluate(() => there.append(a));
+  await goesOn(two, 'a', 'moved, it goes on');
+  expect(await served.metric('viewers_total') === opened, 'with the same stream');
+  await two.evaluate(() => (globalThis.kept = a).remove());
+  await until(async () => await served.metric('viewers') === 1, 'removed, it leaves its seat');
+  await two.evaluate(() => document.body.append(kept));
+  await goesOn(two, 'a', 'added again, it goes on');
+  expect(Math.abs((await view('a')).yaw + 1) < 1e-6, 'where it was');
+  expect(!two.problems.length, two.problems.join('; '));
+  await two.context().close();
+  await served.stop();
+  mine.close();
+}
+
+// Everything is set again and again, as frameworks do that know no more than what a page should be like.
+async function rerendered() {
+  const served = await serve(...rig);
+  const mine = await site({ '/': page(`<div id="root"></div><script type="module">
+    const root = document.getElementById('root');
+    let element = null, times = 0;
+    globalThis.render = (props, key) => {
+      times++;
+      if (!element || element.key !== key) {
+        const made = Object.assign(document.createElement('lightfield-viewer'), { key });
+        element?.replaceWith(made) ?? root.append(made);
+        element = made;
+      }
+      for (const [name, value] of Object.entries(props)) name in element ? element[name] = value : element.setAttribute(name, value);
+      return times;
+    };
+    const props = () => ({ id: 'c', src: '${served.url}whep', controls: true, autoplay: true, view: { yaw: 1 }, alt: 'Mine',
+      maxWidth: 320, eyes: 'one', iceServers: null, style: 'width: 320px; height: 240px' });
+    render(props(), 1);  // before there is such an element
+    import('${served.url}lightfield-viewer.js');
+    globalThis.timer = setInterval(() => render(props(), 1), 20);
+    globalThis.anew = () => render(props(), 2);
+  </script>`) });
+  const react = await openPage(browser, mine.origin, size);
+  await react.waitForFunction(() => globalThis.c?.loaded, null, { timeout: patience });
+  const yaw = () => react.evaluate(() => c.view.yaw);
+  await until(async () => Math.abs(await yaw() - 1) < 1e-6, 'what was set before the element was defined counts');
+  await react.evaluate(() => c.setView({ yaw: -2 }));
+  await react.waitForTimeout(500);
+  expect(Math.abs(await yaw() + 2) < 1e-6, 'rendered anew, nobody is thrown back');
+  expect(await served.metric('viewers_total') === 1, 'nor is there another stream');
+  await react.evaluate(() => {
+    clearInterval(timer);
+    anew();
+  });
+  await react.waitForFunction(() => c.key === 2 && c.loaded, null, { timeout: patience });
+  await until(async () => await served.metric('viewers') === 1, 'the one before has left');
+  expect(!react.problems.length, react.problems.join('; '));
+  await react.context().close();
+  await served.stop();
+  mine.close();
+}
+
+// Two sites: the outer page scrolls, the inner one has the element.
+async function framed() {
+  const served = await serve(...rig);
+  const inner = await site({ '/': page(`${script(served)}
+    <lightfield-viewer id="viewer" src="${served.url}whep" controls autoplay></lightfield-viewer>`) });
+  const outer = await site({ '/': page(`<p>above</p><iframe src="${inner.origin}" width="640" height="480" title="viewer"></iframe>
+    <p style="height: 3000px">below</p>`) }, null, 'localhost');
+  const tab = await openPage(browser, outer.origin, { width: 700, height: 600 });
+  const frame = tab.frame({ url: `${inner.origin}/` });
+  await frame.waitForFunction(() => globalThis.viewer?.loaded, null, { timeout: patience });
+  expect(await tab.evaluate(() => { try { return frames[0].document, false; } catch { return true; } }), 'of another origin');
+  const fov = () => frame.evaluate(() => viewer.view.fov), home = await fov();
+  const scrolled = () => tab.evaluate(() => scrollY);
+  await tab.mouse.move(300, 250);
+  await tab.mouse.wheel(0, 100);
+  await until(async () => await scrolled() > 0, 'the wheel scrolls the page');
+  expect(Math.abs(await fov() / home - 1) < 1e-9, 'and does not zoom');
+  await tab.evaluate(() => scrollTo(0, 0));
+  await tab.keyboard.down('Control');
+  await tab.mouse.wheel(0, -300);
+  await tab.keyboard.up('Control');
+  await until(async () => await fov() < 0.95 * home, 'with ctrl it zooms');
+  expect(await scrolled() === 0, 'and scrolls nothing');
+  await tab.mouse.click(300, 250);
+  const before = await fov();
+  await tab.mouse.wheel(0, -300);
+  await until(async () => await fov() < 0.95 * before, 'after a click it zooms');
+  expect(await scrolled() === 0, 'and scrolls nothing');
+  expect(!tab.problems.length, tab.problems.join('; '));
+  await tab.context().close();
+  await served.stop();
+  for (const one of [inner, outer]) one.close();
+}
+
+// Scrolled away, or in a hidden tab, it leaves its seat; it comes back with its view.
+async function outOfSight() {
+  const served = await serve(...rig);
+  const mine = await site({ '/': page(`${script(served)}
+    <lightfield-viewer id="v" controls autoplay style="width: 320px; height: 240px"></lightfield-viewer><p style="height: 5000px">`) });
+  const long = await openPage(browser, mine.origin, size);
+  await shown(long, 5);
+  await setView(long, { yaw: 2 });
+  const hide = hidden => long.evaluate(hidden => {
+    Object.defineProperty(document, 'hidden', { configurable: true, get: () => hidden });
+    document.dispatchEvent(new Event('visibilitychange'));
+  }, hidden);
+  for (const [what, leave, come] of [['scrolled away', () => long.evaluate(() => scrollTo(0, 3000)), () => scrollTo(0, 0)],
+    ['in a hidden tab', () => hide(true), () => {
+      Object.defineProperty(document, 'hidden', { configurable: true, get: () => false });
+      document.dispatchEvent(new Event('visibilitychange'));
+    }]]) {
+    await leave();
+    await until(async () => await served.metric('viewers') === 0, `${what}, it leaves`);
+    const after = await long.evaluate(async come => {
+      const began = performance.now();
+      (0, eval)(`(${come})`)();
+      await new Promise(done => inside().video.requestVideoFrameCallback(done));
+      return performance.now() - began;
+    }, String(come));
+    console.log(`# ${what}: back after ${after.toFixed(0)} ms`);
+    await until(async () => Math.abs((await long.evaluate(() => v.view)).yaw - 2) < 1e-6, 'where it was');
+  }
+  await long.context().close();
+  await served.stop();
+  mine.close();
+}
+
+// What happens is told, by whom; what is shown can be had.
+async function eventsAndPictures() {
+  const served = await serve(...rig);
+  const mine = await site({ '/': page(`<script>
+    addEventListener('DOMContentLoaded', () => {
+      globalThis.told = [];
+      for (const name of ['first-frame', 'view-change', 'focus-change', 'connected', 'disconnected', 'error', 'statistics'])
+        v.addEventListener(name, ({ detail }) => told.push([name, detail]));
+    });</script>
+    <lightfield-viewer id="v" controls poster="data:image/svg+xml,<svg xmlns='http://www.w3.org/2000/svg' width='4' height='3'/>"
+      style="width: 640px; height: 480px"><b slot="error">My own words</b></lightfield-viewer>${script(served)}`) });
+  const tab = await openPage(browser, mine.origin, size);
+  const toldOf = name => tab.evaluate(name => told.filter(([told]) => told === name).map(([, detail]) => detail), name);
+  await tab.waitForFunction(() => globalThis.inside?.()?.root.querySelector('.poster img').complete);
+  expect(await tab.evaluate(() => inside().root.querySelector('.poster').checkVisibility() && v.paused), 'the poster is shown');
+  await tab.evaluate(() => v.toBlob()).then(() => expect(false, 'a picture of nothing'), () => {});
+  await tab.evaluate(() => v.play());
+  await shown(tab, 10);
+  expect(!await tab.evaluate(() => inside().root.querySelector('.poster').checkVisibility()), 'and goes');
+  expect(JSON.stringify(await toldOf('first-frame')) === '[{"width":640,"height":480}]', 'the first frame is told');
+  expect((await toldOf('connected')).length === 1, 'connected');
+  const view = await tab.evaluate(() => v.setView({ yaw: 2, focusDistance: 3 }));
+  expect(view.yaw === 2 && view.focusDistance === 3, `setView ends with the view: ${JSON.stringify(view)}`);
+  const last = (await toldOf('view-change')).at(-1);
+  expect(last.view.yaw === 2 && last.by === 'script', `of a script: ${JSON.stringify(last)}`);
+  expect((await toldOf('focus-change')).at(-1).focusDistance === 3, 'so does the focus');
+  for (const wrong of [{ zoom: 2 }, { yaw: NaN }, { yaw: '3' }])
+    await tab.evaluate(wrong => v.setView(wrong), wrong).then(() => expect(false, `${JSON.stringify(wrong)} is taken`), () => {});
+  await setView(tab, { yaw: 2 });
+  const state = await stateOf(tab), truth = await rendered(folder, state, size);
+  const blob = await tab.evaluate(async () => [...new Uint8Array(await (await v.toBlob()).arrayBuffer())]);
+  const { psnr } = await compare(tab, Buffer.from(blob), truth);
+  expect(psnr > 30, `toBlob is the picture: ${psnr}`);
+  await tab.evaluate(() => v.focusAt(415, 190));
+  await until(async () => {
+    const { focusDistance } = (await toldOf('focus-change')).at(-1);
+    return focusDistance > 1.9 && focusDistance < 2.5;
+  }, 'focusAt focuses on what is there');
+  await tab.mouse.move(320, 200);
+  await tab.mouse.down();
+  for (let x = 320; x <= 360; x += 10) await tab.mouse.move(x, 200);
+  await tab.mouse.up();
+  await until(async () => (await toldOf('view-change')).at(-1).by === 'person', 'a drag is a person’s');
+  await tab.evaluate(() => v.requestFullscreen());
+  await tab.waitForFunction(() => document.fullscreenElement === v);
+  await tab.evaluate(() => document.exitFullscreen());
+  await served.stop();
+  await until(async () => (await toldOf('error')).length, 'an error is told');
+  const error = (await toldOf('error'))[0];
+  expect((await toldOf('disconnected')).length === 1 && error.retryAfter > 0 && error.message, JSON.stringify(error));
+  expect(await tab.evaluate(() => v.querySelector('b').checkVisibility()), 'the slot error is for it');
+  expect(!await tab.evaluate(() => inside().root.querySelector('.why').checkVisibility()), 'instead of the element’s own');
+  await tab.context().close();
+  mine.close();
+}
+
+// A page that knows WHEP and nothing else; the path flies.
+async function barePlayer() {
+  const states = [-2, 2].map((yaw, i) => ({ ...viewFile({ x: 0, y: 0, z: 0, yaw, pitch: 0, roll: 0, fov: 30, 'focus-distance': 2 },
+    { width: 320, height: 240 }), name: `at_${i}`, time: i * 3 }));
+  const tour = join(folder, 'tour.json');
+  await writeFile(tour, JSON.stringify({ format: 'lightfield-views', version: 1, views: states }));
+  const served = await serve(...rig, '--path', `tour=${tour}`);
+  const html = await readFile(join(source, 'examples/whep.html'), 'utf8');
+  expect(html.trim().split('\n').length <= 30, 'it is short');
+  const mine = await site({ '/': html });
+  const bare = await newPage(browser, size);
+  await bare.addInitScript(() => globalThis.inside = () => ({ video: document.querySelector('video') }));
+  await bare.goto(`${mine.origin}?whep=${encodeURIComponent(`${served.url}whep?path=tour`)}`);
+  await shown(bare, 10);
+  const first = await picture(bare), { mean, deviation } = await compare(bare, first, first);
+  expect(mean > 20 && deviation > 10, `black: mean ${mean}, deviation ${deviation}`);
+  await until(async () => (await compare(bare, first, await picture(bare))).psnr < 30, 'the picture flies');
+  await bare.goto('about:blank');
+  await until(async () => await served.metric('viewers') === 0, 'it leaves');
+  await bare.context().close();
+  await served.stop();
+  mine.close();
+}
+
+await runTests([
+  ['npm pack, npm install, the page of the README, types', fromNpm],
+  ['two elements, changed, removed, added, moved', twoOfThem],
+  ['rendered again and again', rerendered],
+  ['in a frame of another origin, in a page that scrolls', framed],
+  ['out of sight', outOfSight],
+  ['events, pictures, poster and slots', eventsAndPictures],
+  ['a WHEP player that knows nothing of us', barePlayer],
+]);

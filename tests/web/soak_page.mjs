@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// A browser that stays for tests/soak.sh: its page is opened, moved about in and closed, again and again, until the
+// program is ended. Prints a line whenever a page has shown pictures, and one for what went wrong.
+import { launchBrowser, openPage } from './harness.mjs';
+
+const url = process.env.LF_SOAK_URL, stays = 1000 * Number(process.env.LF_SOAK_STAYS), away = 1000 * Number(process.env.LF_SOAK_AWAY);
+if (!url) process.exit(0);  // all that it needs is installed now
+const sleep = milliseconds => new Promise(done => setTimeout(done, milliseconds));
+process.on('SIGTERM', () => process.exit(0));
+const browser = await launchBrowser();
+browser.on('disconnected', () => process.exit(0));
+for (;;) {
+  try {
+    const page = await openPage(browser, url, { width: 320, height: 240 });
+    const frames = () => page.evaluate(
+      () => document.querySelector('lightfield-viewer')?.video.getVideoPlaybackQuality().totalVideoFrames ?? 0);
+    for (let time = 0; time < stays; time += 1000) {
+      await page.keyboard.press(['ArrowLeft', 'ArrowRight', '+', '-'][time / 1000 % 4]);
+      await sleep(1000);
+    }
+    console.log(`shown ${await frames()} problems ${page.problems.length} ${page.problems.join('; ')}`);
+    await page.context().close();
+  } catch (error) {
+    console.log(`failed: ${error.message.split('\n')[0]}`);
+  }
+  await sleep(away);
+}

@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// What the page says and does while there is no picture, and how it comes by one; and links.
+import { writeFile } from 'node:fs/promises';
+import { join } from 'node:path';
+import { expect, launchBrowser, makeRig, newPage, openPage, runTests, serve, setView, shown, source, stateOf, until }
+  from './harness.mjs';
+
+const { serversIn, serversInLinks } = await import(join(source, 'web/src/ice.js'));
+const folder = await makeRig('4x4');
+const rig = ['--rig', join(folder, 'rig.json'), '--connects', '100', '--focus-on', 'plane'];
+const browser = await launchBrowser(), size = { width: 640, height: 480 };
+const status = page => page.getByRole('status').textContent();
+const says = (page, words) => until(async () => words.test(await status(page)), `it says ${words}`);
+
+// What a server refuses with, in place of each answer to an offer until null is next. Returns the URLs that were asked.
+async function refusing(page, refusals) {
+  const asked = [];
+  await page.route('**/whep*', async route => {
+    asked.push(new URL(route.request().url()));
+    const refusal = refusals.length > 1 ? refusals.shift() : refusals[0];
+    if (!refusal) return route.continue();
+    const { after = 1, ...problem } = refusal;
+    await route.fulfill({ status: problem.status, contentType: 'application/problem+json',
+      headers: { 'Retry-After': String(after) }, body: JSON.stringify(problem) });
+  });
+  return asked;
+}
+
+async function filming() {
+  const served = await serve(...rig);
+  const page = await newPage(browser, size);
+  const film = progress => ({ title: 'the scene is being filmed', status: 503, reason: 'filming', progress });
+  const refusals = [film(0.1)];
+  await refusing(page, refusals);
+  await page.goto(served.url);
+  await says(page, /filmed for the first time: 10 %/);
+  const bar = page.getByRole('progressbar');
+  expect(Math.abs(await bar.evaluate(bar => bar.value) - 0.1) < 1e-9, 'there is a bar');
+  refusals.push(film(0.6));
+  await says(page, /60 %/);
+  refusals.push({ title: 'starting', status: 503, reason: 'starting' });
+  await says(page, /cameras are being opened/);
+  expect(!await bar.isVisible() && !await page.getByRole('button', { name: 'Try again' }).isVisible(), 'nothing to press');
+  refusals.push(null);
+  await shown(page, 5);
+  expect(!await page.getByRole('status').isVisible(), 'then there is a picture');
+  await page.context().close();
+  await served.stop();
+}
+
+// Who comes back with the ticket keeps the place.
+async function queue() {
+  const served = await serve(...rig);
+  const page = await newPage(browser, size);
+  const full = (place, waiting) => ({ title: 'too many viewers', status: 503, reason: 'full', place, waiting, ticket: 'abc' });
+  const refusals = [full(2, 3)];
+  const asked = await refusing(page, refusals);
+  await page.goto(served.url);
+  await says(page, /number 2 of 3/);
+  refusals.push(full(1, 4));
+  await says(page, /number 1 of 4/);
+  expect(asked.at(-1).searchParams.get('ticket') === 'abc', `the ticket is shown: ${asked.at(-1)}`);
+  expect(!asked[0].searchParams.has('ticket'), 'the first has none');
+  refusals.push(null);
+  await shown(page, 5);
+  // A seat has used it up.
+  const before = asked.length;
+  await page.setViewportSize({ width: 320, height: 240 });
+  await until(() => asked.length > before, 'another stream');
+  expect(!asked.at(-1).searchParams.has('ticket'), 'another stream has none');
+  await page.context().close();
+  await served.stop();
+}
+
+async function refusedForEver() {
+  const served = await serve(...rig);
+  const page = await newPage(browser, size);
+  const asked = await refusing(page, [{ title: 'this origin may not watch', status: 403, reason: 'origin' }]);
+  await page.goto(served.url);
+  await says(page, /may not show/);
+  expect(await page.getByRole('button', { name: 'Try again' }).textContent() === 'Try again', 'it waits for nothing');
+  await page.waitForTimeout(1500);
+  expect(asked.length === 1, 'and does not ask again');
+  await page.context().close();
+  await served.stop();
+}
+
+// The server is away and comes back: message, button, and the same view again.
+async function awayAndBack() {
+  let served = await serve(...rig);
+  const { port } = new URL(served.url);
+  const page = await openPage(browser, served.url, size);
+  await shown(page, 5);
+  await setView(page, { yaw: 2, 'focus-distance': 3 });
+  const told = page.evaluate(() => new Promise(done => {
+    const began = performance.now();
+    document.querySelector('lightfield-viewer').addEventListener('error', () => done(performance.now() - began), { once: true });
+  }));
+  await served.stop();
+  console.log(`# told ${(await told).toFixed(0)} ms after the server began to end`);
+  await says(page, /can't be reached/);
+  await page.getByRole('button', { name: /Try again \(in \d+ s\)/ }).waitFor();
+  served = await serve(...rig, '--port', port);
+  await until(async () => await served.metric('viewers') === 1, 'it comes back by itself');
+  await page.waitForFunction(() => document.querySelector('lightfield-viewer').connected);
+  await until(async () => {
+    const { view } = await page.evaluate(() => ({ view: document.querySelector('lightfield-viewer').view }));
+    return Math.abs(view.yaw - 2) < 1e-6 && view.focusDistance === 3;
+  }, 'with its view');
+  await until(async () => !await page.getByRole('status').isVisible(), 'the message goes');
+  await page.context().close();
+  await served.stop();
+}
+
+// Another link in an open tab; the token stays in the address, and in the tab where it was typed.
+async function linksAndTokens() {
+  const token = join(folder, 'token');
+  await writeFile(token, 'sesame');
+  const served = await serve(...rig, '--token-file', token);
+  const page = await openPage(browser, new URL('#token=sesame&yaw=1', served.url).href, size);
+  await shown(page, 5);
+  await until(async () => Math.abs((await stateOf(page)).yaw - 1) < 1e-6, 'the link sets the view');
+  await page.evaluate(() => location.hash = '#token=sesame&yaw=-2&x=0.01');
+  await until(async () => Math.abs((await stateOf(page)).yaw + 2) < 1e-6, 'so does another one');
+  await page.getByRole('button', { name: 'Share' }).press('Enter');
+  await until(() => /focus-distance=/.test(page.url()), 'the address is the link');
+  expect(new URL(page.url()).hash.includes('token=sesame'), `the token stays: ${page.url()}`);
+  await page.reload();
+  await shown(page, 5);
+  await until(async () => Math.abs((await stateOf(page)).yaw + 2) < 1e-6, 'opened again it is the same');
+  await page.context().close();
+
+  const typed = await openPage(browser, served.url, size);
+  await typed.getByLabel('Token').fill('sesame');
+  await typed.getByLabel('Token').press('Enter');
+  await shown(typed, 5);
+  await typed.setViewportSize({ width: 320, height: 240 });
+  await typed.waitForFunction(() => inside().stream.isOpen && inside().stream.asked.width === 320);
+  await typed.reload();
+  await shown(typed, 5);
+  await typed.getByRole('button', { name: 'Share' }).press('Enter');
+  await until(() => /focus-distance=/.test(typed.url()), 'the address is the link');
+  expect(!typed.url().includes('sesame'), 'a token that was typed is in no link');
+  await typed.context().close();
+  await served.stop();
+}
+
+// Servers that an attribute or the answer names. Those of the answer are used where there is no other way.
+async function iceServers() {
+  expect(JSON.stringify(serversIn(' stun:a.example  turn:me:se%3Acret@b.example:3478?transport=udp ')) ===
+    JSON.stringify([{ urls: 'stun:a.example' },
+      { urls: 'turn:b.example:3478?transport=udp', username: 'me', credential: 'se:cret' }]), 'attribute');
+  const links = serversInLinks('<stun:a.example>; rel="ice-server", <https://x.example>; rel=next, ' +
+    '<turn:b.example?transport=udp>; rel="ice-server"; username="a, \\"b\\""; credential="c;d"; credential-type="password"');
+  expect(JSON.stringify(links) === JSON.stringify([{ urls: 'stun:a.example' },
+    { urls: 'turn:b.example?transport=udp', username: 'a, "b"', credential: 'c;d' }]), `Link: ${JSON.stringify(links)}`);
+  expect(!serversInLinks(null).length && !serversIn(null).length, 'none');
+
+  const served = await serve(...rig);
+  const page = await newPage(browser, size, { before: () => {
+    globalThis.gathered = [];
+    globalThis.RTCPeerConnection = class extends RTCPeerConnection {
+      constructor(configuration) {
+        super({ ...configuration, iceServers: [] });
+        gathered.push(configuration.iceServers);
+      }
+    };
+  } });
+  let lost = 1;
+  await page.route('**/whep?*', async route => {
+    const response = await route.fetch();
+    const headers = { ...response.headers(), link: '<stun:a.example>; rel="ice-server"' };
+    let body = await response.text();
+    if (lost-- > 0) body = body.replace(/(a=candidate:\S+ 1 UDP \d+ 127\.0\.0\.1) \d+/gi, '$1 9');  // leads nowhere
+    await route.fulfill({ response, headers, body });
+  });
+  await page.goto(served.url);
+  await shown(page, 5);
+  const gathered = await page.evaluate(() => JSON.stringify(globalThis.gathered));
+  expect(gathered === '[[],[{"urls":"stun:a.example"}]]', `with the servers of the answer: ${gathered}`);
+  await page.evaluate(() => document.querySelector('lightfield-viewer').setAttribute('ice-servers', 'nonsense'));
+  await says(page, /nonsense is not/);
+  await page.evaluate(() => document.querySelector('lightfield-viewer').setAttribute('ice-servers', 'stun:b.example'));
+  await until(async () => !await page.getByRole('status').isVisible(), 'an attribute that is right');
+  expect(/b\.example/.test(await page.evaluate(() => JSON.stringify(globalThis.gathered.at(-1)))), 'is used');
+  await page.context().close();
+  await served.stop();
+}
+
+// Behind a reverse proxy, under a path of its own: nothing is asked for elsewhere.
+async function underAPath() {
+  const served = await serve(...rig);
+  const page = await newPage(browser, size), asked = [];
+  await page.route('http://proxy.test/**', async route => {
+    const url = new URL(route.request().url());
+    asked.push(url.pathname);
+    if (!url.pathname.startsWith('/light/field/')) return route.fulfill({ status: 404, body: 'not here' });
+    const response = await route.fetch({ url: new URL(url.pathname.slice('/light/field/'.length) + url.search, served.url).href,
+      headers: { ...route.request().headers(), host: new URL(served.url).host, origin: new URL(served.url).origin } });
+    const headers = response.headers();
+    if (headers.location) headers.location = headers.location.replace(/^\/(?=whep)/, '/light/field/');
+    await route.fulfill({ response, headers });
+  });
+  await page.goto('http://proxy.test/light/field/');
+  await shown(page, 5);
+  await page.keyboard.press('c');
+  await page.waitForFunction(() => inside().cameras.array);
+  await page.evaluate(() => document.querySelector('lightfield-viewer').pause());
+  await until(async () => await served.metric('viewers') === 0, 'its session is found');
+  expect(asked.every(path => path.startsWith('/light/field/')), `asked for ${asked}`);
+  await page.unrouteAll({ behavior: 'wait' });
+  await page.context().close();
+  await served.stop();
+}
+
+// A border gives way under the pointer, and springs back.
+async function elastic() {
+  const served = await serve(...rig);
+  const page = await openPage(browser, served.url, size);
+  await shown(page, 10);
+  const moved = () => page.evaluate(() => inside().elastic.box.style.transform);
+  await page.mouse.move(200, 200);
+  await page.mouse.down();
+  for (let x = 200; x <= 230; x += 2) await page.mouse.move(x, 200);
+  const some = await page.evaluate(() => inside().elastic.missing[0]);
+  expect(Math.abs(some) < 0.1, `inside, the view goes along: ${some} heights are missing`);
+  for (let x = 230; x <= 1400; x += 10) await page.mouse.move(x, 200);
+  await until(async () => /translate\(\d/.test(await moved()), 'the picture gives way');
+  await page.mouse.up();
+  expect(await moved() === '', 'and springs back');
+  // A drag that is let go while it moves goes on for a moment.
+  await page.keyboard.press('r');
+  await page.waitForTimeout(300);
+  await page.mouse.move(300, 200);
+  await page.mouse.down();
+  for (let x = 300; x <= 320; x += 2) await page.mouse.move(x, 200);
+  const held = (await setView(page, {}), await stateOf(page)).x;
+  for (let x = 320; x <= 340; x += 2) await page.mouse.move(x, 200);
+  await page.mouse.up();
+  expect(await page.evaluate(() => inside().controls.gliding !== undefined), 'it glides');
+  await until(() => page.evaluate(() => inside().controls.gliding === undefined), 'and rests');
+  await until(async () => (await stateOf(page)).x < held, 'on the way that it was on');
+  await page.context().close();
+  await served.stop();
+}
+
+await runTests([
+  ['while the scene is filmed', filming],
+  ['a place in the queue', queue],
+  ['refused for ever', refusedForEver],
+  ['a server that was away', awayAndBack],
+  ['links and tokens', linksAndTokens],
+  ['ICE servers', iceServers],
+  ['under a path of a proxy', underAPath],
+  ['borders and glides', elastic],
+]);

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+
+/** Where a virtual camera stands and looks: metres and degrees; x to the right, y down, z forward. */
+export interface LightfieldView {
+  x: number;
+  y: number;
+  z: number;
+  /** About y, then pitch about x, then roll about z. */
+  yaw: number;
+  pitch: number;
+  roll: number;
+  /** Vertical field of view. */
+  fov: number;
+  /** Metres to what is sharp, along the line of sight. */
+  focusDistance: number;
+}
+
+/** For one eye; for two beside each other; or for red-cyan glasses. */
+export type LightfieldEyes = 'one' | 'side' | 'anaglyph';
+
+/** What the server counts, told once a second; docs/web-interface.md of gst-lightfield has all of it. */
+export interface LightfieldStatistics {
+  pictures: number;
+  incomplete: number;
+  /** Share of the picture that cameras see, 0..1. */
+  coverage?: number;
+  /** Milliseconds from a request until its picture is composed. */
+  pictureMs: number;
+  /** Bits per second. */
+  bitRate: number;
+  frameRate: number;
+  sizeDivisor: number;
+  /** Share of packets, 0..1. */
+  loss: number;
+  roundTripMs: number;
+  [name: string]: unknown;
+}
+
+export interface LightfieldFailure {
+  /** For people, as the element shows it. */
+  message: string;
+  /** As the server or the browser says it. */
+  cause: string;
+  /** Of HTTP; missing where the server was not reached. */
+  status?: number;
+  /** For programs: "token", "full", "filming", "path", "origin", "rate", ... */
+  reason?: string;
+  /** Seconds until the element tries again by itself; Infinity: it does not. */
+  retryAfter: number;
+}
+
+export interface LightfieldViewerEventMap {
+  /** The first picture is on the screen; pixels. */
+  'first-frame': CustomEvent<{ width: number; height: number }>;
+  /** A picture of another view is on the screen. */
+  'view-change': CustomEvent<{ view: LightfieldView; by: 'person' | 'script' }>;
+  /** What is sharp in it is at another distance. */
+  'focus-change': CustomEvent<{ focusDistance: number }>;
+  error: CustomEvent<LightfieldFailure>;
+  connected: CustomEvent<null>;
+  disconnected: CustomEvent<{ reason: string }>;
+  statistics: CustomEvent<LightfieldStatistics>;
+}
+
+/** `<lightfield-viewer>`: a picture of a light field, and what flies it. */
+export class LightfieldViewer extends HTMLElement {
+  /** The server's WHEP endpoint; without it that of the server that this script came from. */
+  src: string | null;
+  /** Bearer token, where the server wants one. */
+  token: string | null;
+  /** URL of a picture that is shown until there is one. */
+  poster: string | null;
+  /** What the picture shows, for who can't see it. */
+  alt: string | null;
+  eyes: LightfieldEyes | null;
+  /** Metres between two eyes; null: 0.063. */
+  eyeDistance: number | null;
+  /** Name of a camera path that the server flies. */
+  path: string | null;
+  /** The bar, and flying by mouse, touch, keys and gamepad. */
+  controls: boolean;
+  /** Begins by itself as soon as it is in sight. */
+  autoplay: boolean;
+  /** Reads the view from the page's address, and writes it there where somebody shares it. */
+  share: boolean;
+  /** Most pixels of the picture's width to ask for. */
+  maxWidth: number | null;
+  /** STUN and TURN servers; null: those of the attribute, or that the server names. */
+  iceServers: RTCIceServer[] | null;
+  /** The view that is seen; null before there is one. Setting it to what it was set to before changes nothing. */
+  get view(): LightfieldView | null;
+  set view(view: Partial<LightfieldView> | string | null);
+  get focusDistance(): number | null;
+  set focusDistance(metres: number | null);
+  /** A picture has been shown. */
+  readonly loaded: boolean;
+  readonly connected: boolean;
+  readonly paused: boolean;
+  /** The latest; {} before there are any. */
+  readonly statistics: Partial<LightfieldStatistics>;
+
+  /** Numbers that are not given stay. Ends with the view when it is on the screen, or one that was set later. */
+  setView(view: Partial<LightfieldView>): Promise<LightfieldView>;
+  /** Back to where the flight began. */
+  goHome(): void;
+  /** Puts the focus on what is seen there, as a click does: a place in the window, as `event.clientX`. False: not connected. */
+  focusAt(clientX: number, clientY: number): boolean;
+  /** The picture that is shown. Rejected where there is none. */
+  toBlob(options?: { type?: string; quality?: number }): Promise<Blob>;
+  /** Begins, where there is no `autoplay`. */
+  play(): void;
+  /** Lets the seat on the server go; the picture stays. */
+  pause(): void;
+
+  addEventListener<K extends keyof LightfieldViewerEventMap>(type: K,
+    listener: (this: LightfieldViewer, event: LightfieldViewerEventMap[K]) => unknown,
+    options?: boolean | AddEventListenerOptions): void;
+  addEventListener<K extends Exclude<keyof HTMLElementEventMap, keyof LightfieldViewerEventMap>>(type: K,
+    listener: (this: LightfieldViewer, event: HTMLElementEventMap[K]) => unknown,
+    options?: boolean | AddEventListenerOptions): void;
+  addEventListener(type: string, listener: EventListenerOrEventListenerObject,
+    options?: boolean | AddEventListenerOptions): void;
+}
+
+declare global {
+  interface HTMLElementTagNameMap {
+    'lightfield-viewer': LightfieldViewer;
+  }
+}

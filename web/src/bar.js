@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The control bar: it goes away while nobody does anything, and comes back with the pointer, a finger or the keyboard.
+
+const kIdle = 3000;  // milliseconds
+
+export class Bar {
+  constructor(viewer, root) {
+    this.viewer = viewer;
+    this.bar = root.querySelector('.bar');
+    this.help = root.querySelector('.guide');
+    const { host } = viewer;
+    for (const name of ['pointermove', 'pointerdown', 'keydown', 'focusin', 'wheel'])
+      host.addEventListener(name, () => this.wake(), { passive: true });
+    // A ring around the picture is for who goes by keys.
+    host.addEventListener('keydown', () => viewer.stage.classList.add('keys'));
+    host.addEventListener('pointerdown', () => viewer.stage.classList.remove('keys'));
+    root.querySelector('button.help').addEventListener('click', () => this.toggleHelp());
+    this.help.querySelector('button').addEventListener('click', () => this.toggleHelp());
+    const full = root.querySelector('.full');
+    full.addEventListener('click', () => this.toggleFull());
+    host.addEventListener('keydown', event => event.key === 'Escape' && !this.help.hidden && this.toggleHelp());
+  }
+
+  wake() {
+    const { stage } = this.viewer;
+    stage.classList.remove('idle');
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => stage.classList.toggle('idle', this.help.hidden), kIdle);
+  }
+  rest() { clearTimeout(this.timer); }
+
+  toggleHelp() {
+    this.help.hidden = !this.help.hidden;
+    (this.help.hidden ? this.viewer.video : this.help.querySelector('button')).focus();
+    return !this.help.hidden;
+  }
+
+  toggleFull() {
+    const ended = document.fullscreenElement ? document.exitFullscreen() : this.viewer.host.requestFullscreen();
+    ended?.catch(error => this.viewer.say(`No full screen: ${error.message}`));
+  }
+}

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// WHEP and the data channel "control" of one viewer. Events: "open", "message" (detail: object), "lost" (detail: error).
+
+import { serversInLinks } from './ice.js';
+
+const kConnectTimeout = 15000;  // milliseconds
+const kDirect = 3000;           // milliseconds that it may take without ICE servers where the server has some
+const kGather = 1000;           // milliseconds that is waited for what ICE servers know
+const kRemembered = 256;        // requests
+
+// Made once: it is what takes long in a new connection.
+let certificate = null;
+const certificates = async () => [await (certificate ??= RTCPeerConnection.generateCertificate({ name: 'ECDSA', namedCurve: 'P-256' }))];
+
+// What a server refuses, or why it can't be reached (without `status`): `reason` and more as its problem says
+// (RFC 9457), `retryAfter` seconds, Infinity: never.
+export class Refusal extends Error {
+  constructor(message, fields = {}) {
+    super(message);
+    Object.assign(this, { retryAfter: 0 }, fields);
+  }
+  static async of(response) {
+    const text = (await response.text()).trim();
+    let problem = {};
+    try {
+      if (/\bjson\b/.test(response.headers.get('Content-Type'))) problem = JSON.parse(text);
+    } catch { /* a proxy's page */ }
+    const { status } = response, later = [429, 500, 502, 503, 504].includes(status);
+    const { reason, place, waiting, ticket, progress, title } = problem ?? {};
+    return new Refusal(title ?? (text.length < 200 && !text.startsWith('<') && text || `the server answers ${status}`),
+      { status, reason, place, waiting, ticket, progress,
+        retryAfter: later ? Number(response.headers.get('Retry-After')) || 5 : Infinity });
+  }
+}
+
+export class Connection extends EventTarget {
+  constructor(video) {
+    super();
+    this.video = video;
+    this.nextId = 1;
+    this.times = new Map();  // when the latest requests were sent, by id
+  }
+
+  // `wish`: what the endpoint's query asks for, as {width, height, ...}; `iceServers` to gather with.
+  async open(endpoint, token, wish, iceServers = []) {
+    this.token = token;
+    const made = await certificates();
+    if (this.closed) return;
+    const peer = this.peer = new RTCPeerConnection({ iceServers, certificates: made });
+    peer.addTransceiver('video', { direction: 'recvonly' });
+    this.channel = peer.createDataChannel('control');
+    this.channel.onopen = () => {
+      this.isOpen = true;
+      this.dispatchEvent(new CustomEvent('open'));
+    };
+    this.channel.onclose = () => this.lose();
+    this.channel.onmessage = event => this.take(event.data);
+    peer.ontrack = event => {
+      // Live is live: nothing is kept back for smoothness.
+      if ('jitterBufferTarget' in event.receiver) event.receiver.jitterBufferTarget = 0;
+      if ('playoutDelayHint' in event.receiver) event.receiver.playoutDelayHint = 0;
+      this.hasTrack = true;
+      this.video.srcObject = new MediaStream([event.track]);
+    };
+    peer.onconnectionstatechange = () => {
+      if (['failed', 'closed', 'disconnected'].includes(peer.connectionState)) this.lose();
+    };
+    await peer.setLocalDescription();
+    if (iceServers.length) await this.gathered();
+    if (this.closed) return;
+
+    const url = new URL(endpoint);
+    for (const [name, value] of Object.entries(wish)) url.searchParams.set(name, value);
+    const headers = { 'Content-Type': 'application/sdp', ...this.authorization };
+    const response = await fetch(url, { method: 'POST', headers, body: peer.localDescription.sdp });
+    if (response.status !== 201) throw await Refusal.of(response);
+    this.session = new URL(response.headers.get('Location'), response.url || url);
+    const text = await response.text();
+    if (this.closed) return this.leave();
+    await peer.setRemoteDescription({ type: 'answer', sdp: text });
+    // A way that needs no ICE servers is the usual one, and is not to wait for them.
+    this.iceServers = serversInLinks(response.headers.get('Link'));
+    const patience = this.iceServers.length && !iceServers.length ? kDirect : kConnectTimeout;
+    this.timer = setTimeout(() => this.channel.readyState !== 'open' && this.lose(), patience);
+    this.goodbye = () => this.leave();
+    addEventListener('pagehide', this.goodbye);
+  }
+
+  gathered() {
+    const { peer } = this;
+    return new Promise(done => {
+      setTimeout(done, kGather);
+      peer.addEventListener('icegatheringstatechange', () => peer.iceGatheringState === 'complete' && done());
+    });
+  }
+
+  get authorization() { return this.token ? { Authorization: `Bearer ${this.token}` } : {}; }
+
+  take(text) {
+    const message = JSON.parse(text);
+    this.dispatchEvent(new CustomEvent('message', { detail: message }));
+  }
+
+  request(request) {
+    if (this.channel?.readyState !== 'open') return 0;
+    const id = this.nextId++;
+    this.times.set(id, performance.now());
+    this.times.delete(id - kRemembered);
+    this.channel.send(JSON.stringify({ id, mid: null, request }));
+    return id;
+  }
+
+  lose() {
+    if (!this.closed) this.dispatchEvent(new CustomEvent('lost', { detail: new Refusal('the connection is lost') }));
+  }
+
+  leave() {
+    if (!this.session) return;
+    fetch(this.session, { method: 'DELETE', headers: this.authorization, keepalive: true }).catch(() => {});
+    this.session = null;
+  }
+
+  close() {
+    if (this.closed) return;
+    this.closed = true;
+    clearTimeout(this.timer);
+    if (this.goodbye) removeEventListener('pagehide', this.goodbye);
+    this.leave();
+    this.peer?.close();
+  }
+}

@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Mouse, pen, touch, wheel, keys and gamepad, made into the navigation events that GStreamer's windows send. The page
+// around scrolls as if nothing were here until somebody clicks: then the wheel and all touches are the viewer's.
+
+const kKeys = { ArrowLeft: 'Left', ArrowRight: 'Right', ArrowUp: 'Up', ArrowDown: 'Down', '+': 'plus', '=': 'plus',
+  '-': 'minus', '[': 'bracketleft', ']': 'bracketright' };
+const kLetters = 'wsadqer';
+const kWheelStep = 100;     // pixels of a wheel that are one step
+const kShift = 50;          // pixels of it with shift, which focuses, that are one step
+const kPinchStep = 1.1;     // ratio of finger distances that is one step
+const kStickDead = 0.15;
+const kStickHeights = 0.5;  // heights of the picture a second, of a stick pushed all the way
+const kStickSteps = 5;      // of the wheel, a second
+const kGlide = 70;          // milliseconds in which a drag that was let go loses most of its speed
+const kFast = 0.8, kSlow = 0.02;  // CSS pixels a millisecond: the most that it goes on with, and where it ends
+const kFresh = 100;         // milliseconds of a drag that say how fast it is
+const kUsed = 1000;         // milliseconds after which what changes is not a person's doing
+
+export class Controls {
+  constructor(viewer) {
+    this.viewer = viewer;
+    this.pointers = new Map();
+    this.left = 0;  // pixels to the left of the picture under the pointer
+    this.used = -Infinity;
+    const { video, host } = viewer;
+    video.addEventListener('pointerdown', event => this.flies && this.down(event));
+    video.addEventListener('pointermove', event => this.move(event));
+    video.addEventListener('pointerup', event => this.up(event));
+    video.addEventListener('pointercancel', event => this.cancel(event));
+    video.addEventListener('wheel', event => this.flies && this.turn(event), { passive: false });
+    video.addEventListener('dblclick', () => this.flies && this.viewer.flight.goHome());
+    video.addEventListener('contextmenu', event => this.flies && event.preventDefault());
+    host.addEventListener('keydown', event => this.flies && this.press(event));
+    this.pads = () => requestAnimationFrame(now => this.gamepad(now));
+  }
+  watch() { addEventListener('gamepadconnected', this.pads); }
+  rest() {
+    removeEventListener('gamepadconnected', this.pads);
+    this.settle();
+  }
+
+  // With `controls`, and where no path is flown.
+  get flies() { return this.viewer.host.hasAttribute('controls') && this.viewer.path === null; }
+  get isUsed() { return this.pointers.size > 0 || this.gliding !== undefined || performance.now() < this.used + kUsed; }
+  get isHeld() { return this.viewer.host.matches(':focus-within') || this.viewer.host.matches(':fullscreen'); }
+  navigate(event) {
+    this.used = performance.now();
+    return this.viewer.stream.connection?.request({ type: 'navigationEvent', event }) ?? 0;
+  }
+
+  modifiers(event) {
+    return [event.shiftKey && 'shift-mask', event.ctrlKey && 'control-mask'].filter(Boolean).join('+');
+  }
+  send(name, event, more = {}) {
+    const modifier_state = this.modifiers(event);
+    if (modifier_state) more = { ...more, modifier_state };
+    const { x, y } = this.viewer.picture.pixelAt(event);
+    const id = this.navigate({ event: name, x: x - this.left, y, ...more });
+    if (name === 'MouseMove' && this.pointers.size < 2) this.viewer.elastic.pulled(id, event);
+    return id;
+  }
+
+  down(event) {
+    const { viewer } = this;
+    this.settle();
+    viewer.video.focus({ preventScroll: true });
+    viewer.video.setPointerCapture(event.pointerId);
+    this.pointers.set(event.pointerId, event);
+    // Of two pictures side by side, that in which it begins.
+    const { eyeWidth } = viewer.picture;
+    if (this.pointers.size === 1) this.left = viewer.picture.pixelAt(event).x < eyeWidth ? 0 : eyeWidth;
+    if (this.pointers.size === 2) this.pinch = this.spread();
+    // Two fingers pan and pinch; the first is not let go, which would be a click.
+    this.send('MouseButtonPress', event, { button: this.pointers.size === 2 ? 2 : event.button + 1 });
+    viewer.elastic.begin(event);
+    event.preventDefault();
+  }
+
+  move(event) {
+    if (!this.pointers.has(event.pointerId)) return;
+    const before = this.pointers.get(event.pointerId);
+    this.pointers.set(event.pointerId, event);
+    if (this.pointers.size < 2) {
+      this.trail = [...(this.trail ?? [before]).filter(({ timeStamp }) => timeStamp > event.timeStamp - kFresh), event];
+      this.send('MouseMove', event);
+    } else if (event.pointerId === [...this.pointers.keys()].at(-1)) {
+      this.send('MouseMove', event);
+      const now = this.spread(), steps = Math.log(now / this.pinch) / Math.log(kPinchStep);
+      if (Math.abs(steps) < 0.2) return;
+      this.pinch = now;
+      this.send('MouseScroll', event, { delta_x: 0, delta_y: steps });
+    }
+  }
+
+  up(event) {
+    if (!this.pointers.delete(event.pointerId)) return;
+    const speed = this.speedAt(event.timeStamp), button = this.pointers.size === 1 ? 2 : event.button + 1;
+    this.trail = null;
+    const release = at => this.send('MouseButtonRelease', at, { button });
+    this.viewer.elastic.end();
+    if (this.pointers.size || !speed ||
+        matchMedia('(prefers-reduced-motion: reduce)').matches) return release(event);
+    this.glide(event, speed, release);
+  }
+  // The page scrolls instead: no click.
+  cancel(event) {
+    if (!this.pointers.has(event.pointerId)) return;
+    this.send('MouseButtonPress', event, { button: 2 });
+    this.trail = null;
+    this.up(event);
+  }
+  // CSS pixels a millisecond; null: it stands still.
+  speedAt(time) {
+    const trail = this.trail?.filter(({ timeStamp }) => timeStamp > time - kFresh);
+    if (!(trail?.length > 1)) return null;
+    const [x, y] = ['clientX', 'clientY'].map(name => (trail.at(-1)[name] - trail[0][name]) / kFresh);
+    const speed = Math.hypot(x, y), share = Math.min(1, kFast / speed);
+    return speed > kSlow ? { x: x * share, y: y * share } : null;
+  }
+
+  // A drag goes on for a moment, slower and slower.
+  glide(event, { x, y }, release) {
+    const { shiftKey, ctrlKey } = event, at = { clientX: event.clientX, clientY: event.clientY, shiftKey, ctrlKey };
+    this.release = () => release(at);
+    let before = performance.now();
+    const step = now => {
+      const time = Math.max(0, now - before), left = Math.exp(-time / kGlide);
+      before = now;
+      [at.clientX, at.clientY] = [at.clientX + x * time, at.clientY + y * time];
+      [x, y] = [x * left, y * left];
+      this.send('MouseMove', at);
+      if (Math.hypot(x, y) < kSlow) return this.settle();
+      this.gliding = requestAnimationFrame(step);
+    };
+    this.gliding = requestAnimationFrame(step);
+  }
+  settle() {
+    if (this.gliding === undefined) return;
+    cancelAnimationFrame(this.gliding);
+    this.gliding = undefined;
+    this.release();
+  }
+
+  spread() {
+    const [a, b] = [...this.pointers.values()];
+    return Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY) || 1;
+  }
+
+  // Pinches of touch pads come as a wheel with ctrl.
+  turn(event) {
+    if (!event.ctrlKey && !this.isHeld) return this.viewer.hint();
+    event.preventDefault();
+    const scale = event.deltaMode === WheelEvent.DOM_DELTA_PIXEL ? 1 : 33;
+    const steps = -(event.deltaY || event.deltaX) * scale;
+    const { x, y } = this.viewer.picture.pixelAt(event), scroll = { event: 'MouseScroll', x, y, delta_x: 0 };
+    if (event.shiftKey) return this.navigate({ ...scroll, delta_y: steps / kShift, modifier_state: 'control-mask' });
+    this.navigate({ ...scroll, delta_y: steps / kWheelStep });
+  }
+
+  press(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    // A slider, a list and a field have keys of their own.
+    const [at] = event.composedPath();
+    if (at.matches('select, input:not([type=range])') || (at.matches('input') && /^(Arrow|Home|End|Page)/.test(event.key))) return;
+    const { viewer } = this, own = {
+      '?': () => viewer.bar.toggleHelp(),
+      Home: () => viewer.flight.goHome(),
+      i: () => viewer.toggle('figures', viewer.panel),
+      f: () => viewer.flight.follow(!viewer.flight.follows),
+      m: () => viewer.statistics.monitored && viewer.toggle('quality', viewer.monitor),
+      c: () => viewer.toggle('cameras', viewer.cameras),
+    };
+    if (Object.hasOwn(own, event.key)) return own[event.key]();
+    const key = kKeys[event.key] ?? (kLetters.includes(event.key.toLowerCase()) ? event.key.toLowerCase() : null);
+    if (!key) return;
+    this.settle();
+    this.key(key, event);
+    event.preventDefault();
+  }
+  key(key, event = {}) {
+    const modifier_state = this.modifiers(event);
+    return this.navigate({ event: 'KeyPress', key, ...modifier_state && { modifier_state } });
+  }
+
+  // Left stick orbits, with a shoulder button pans; right stick zooms and focuses; the first button goes home. All in
+  // proportion.
+  gamepad(now, before = now) {
+    const pad = navigator.getGamepads().find(Boolean);
+    if (!pad || !this.viewer.host.isConnected) return;
+    requestAnimationFrame(next => this.gamepad(next, now));
+    if (!this.flies || !this.viewer.stream.isOpen) return;
+    const along = axis => {
+      const value = pad.axes[axis] ?? 0, beyond = Math.abs(value) - kStickDead;
+      return beyond > 0 ? Math.sign(value) * beyond / (1 - kStickDead) : 0;
+    };
+    const seconds = Math.min(now - before, 100) / 1000;
+    this.drag(along(0), along(1), seconds * kStickHeights, [4, 5].some(button => pad.buttons[button]?.pressed));
+    const steps = seconds * kStickSteps, scroll = { event: 'MouseScroll', x: 0, y: 0, delta_x: 0 };
+    if (along(3)) this.navigate({ ...scroll, delta_y: -along(3) * steps });
+    if (along(2)) this.navigate({ ...scroll, delta_y: along(2) * steps, modifier_state: 'control-mask' });
+    if (pad.buttons[0]?.pressed) this.key('r');
+  }
+
+  // As a mouse would that is held as long as the stick is.
+  drag(x, y, heights, pans) {
+    if (!x && !y) {
+      if (this.held) this.navigate({ event: 'MouseButtonRelease', ...this.held, button: 1 });
+      this.held = null;
+      return;
+    }
+    if (!this.held) {
+      this.held = { x: 0, y: 0 };
+      this.navigate({ event: 'MouseButtonPress', ...this.held, button: 1 });
+    }
+    const { videoHeight } = this.viewer.video;
+    this.held = { x: this.held.x + x * heights * videoHeight, y: this.held.y + y * heights * videoHeight };
+    this.navigate({ event: 'MouseMove', ...this.held, ...pans && { modifier_state: 'shift-mask' } });
+  }
+}

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Where the viewer's camera is: what is asked for, what the server says, and what is on the screen.
+
+import { isShown } from './figures.js';
+import { kFields, toScript } from './view.js';
+
+const kHomeward = 300;  // milliseconds that the way home takes
+const kTold = 0.005;    // of its distance: a change of focus that is worth an event
+
+const kHeard = 500;      // milliseconds in which the server says that it has a view
+const kNothing = -1;     // id of what was set by nothing: any picture shows it
+
+const isSame = (a, b) => kFields.every(name => a?.[name] === b?.[name]);
+
+export class Flight {
+  constructor(viewer) {
+    this.viewer = viewer;
+    this.forget();
+  }
+  // Another light field has another home.
+  forget() {
+    this.set = {};       // by scripts, attributes and links
+    this.state = null;   // of the view, as the server tells it
+    this.seen = null;    // that of the picture that is shown
+    this.home = null;
+    this.scene = null;   // {near, far}: metres
+    this.changes = [];   // [RTP timestamp, state] of pictures to come
+    this.asked = [];     // [id, done, failed, fields] of what setView() has set and no picture shows
+  }
+
+  // Another connection goes on where the one before was.
+  resume(first) {
+    this.changes = [];
+    const pending = Object.assign({}, ...this.asked.map(([, , , fields]) => fields));
+    const fields = { ...this.state ?? { ...first, ...this.set }, ...pending };
+    this.asked.push([0, () => {}, () => {}, fields]);
+    const id = this.send(fields);
+    // The server answers with the view, to this if to nothing else.
+    if ((this.follows || !id) && this.viewer.path === null) this.follow(this.follows);
+  }
+
+  // Ends with the view when a picture shows it, or one that was set later.
+  setView(fields) {
+    Object.assign(this.set, fields);
+    this.viewer.controls.settle();
+    const id = this.sendView(fields);
+    this.sent = performance.now();
+    if (!Object.keys(fields).length && this.seen) return Promise.resolve(toScript(this.seen));
+    return new Promise((done, failed) => this.asked.push([id, done, failed, fields]));
+  }
+  // All that has been asked for is in these fields.
+  send(fields) {
+    const id = this.sendView(fields);
+    for (const entry of this.asked) entry[0] = id || kNothing;
+    this.sent = performance.now();
+    return id;
+  }
+  refused(id, why) {
+    for (const entry of this.asked) if (entry[0] === id) entry[2](new RangeError(why));
+    this.asked = this.asked.filter(entry => entry[0] !== id);
+  }
+  // The message's id; 0 if there is no connection or nothing to set.
+  sendView(view) {
+    if (!Object.keys(view).length) return 0;
+    return this.viewer.stream.connection?.request(
+      { type: 'customUpstreamEvent', structureName: 'lf-view-request', structure: view }) ?? 0;
+  }
+
+  // What the server says the view is; the slider follows.
+  take(view, applied) {
+    this.state = view;
+    this.home ??= view;
+    // What was asked for while the server's camera was not there yet has met nobody.
+    if (!applied && this.asked.some(([id]) => id > 0) && performance.now() > this.sent + kHeard)
+      this.send(Object.assign({}, ...this.asked.map(([, , , fields]) => fields)));
+    this.changes.push([applied, view]);
+    const { viewer } = this, focus = view['focus-distance'], { near, far } = this.range;
+    if (viewer.root.activeElement !== viewer.slider) viewer.slider.value = Math.log(focus / near) / Math.log(far / near);
+    viewer.distance.textContent = `${focus < 1000 ? focus.toPrecision(3) : 'far'}${focus < 1000 ? ' m' : ''}`;
+    viewer.slider.setAttribute('aria-valuetext', `${focus.toPrecision(3)} metres`);
+  }
+
+  // With every frame that is shown.
+  show({ rtpTimestamp }) {
+    const before = this.seen;
+    let shown = 0;
+    while (this.changes.length) {
+      const [applied, state] = this.changes[0];
+      if (applied && rtpTimestamp !== undefined && !isShown(applied.rtpTimestamp, rtpTimestamp)) break;
+      this.seen = state;
+      shown = Math.max(shown, applied?.id ?? 0);
+      this.changes.shift();
+    }
+    if (this.seen && !isSame(this.seen, before)) this.tell(before);
+    const isDone = ([id]) => this.seen && id && id <= shown;
+    for (const entry of this.asked) if (isDone(entry)) entry[1](toScript(this.seen));
+    this.asked = this.asked.filter(entry => !isDone(entry));
+  }
+  tell(before) {
+    const view = toScript(this.seen);
+    this.viewer.tell('view-change', { view, by: this.viewer.controls.isUsed ? 'person' : 'script' });
+    const [now, then] = [this.seen['focus-distance'], this.told ?? before?.['focus-distance']];
+    if (Math.abs(now / then - 1) < kTold) return;
+    this.told = now;
+    this.viewer.tell('focus-change', { focusDistance: now });
+  }
+
+  // Metres, over which the slider goes: where the scene is and half as far again, or a decade to each side of where the
+  // flight began.
+  get range() {
+    const home = this.home?.['focus-distance'] ?? 1;
+    if (!this.scene) return { near: home / 10, far: home * 10 };
+    return { near: Math.min(this.scene.near, home) / 1.5, far: Math.max(this.scene.far, home) * 1.5 };
+  }
+  // `share` of the way from the nearest to the farthest, in equal ratios.
+  focusShare(share) {
+    const { near, far } = this.range;
+    if (this.home) this.sendView({ 'focus-distance': near * (far / near) ** share });
+  }
+
+  // Flown in a moment, so that one sees where it is; who wants no motion is there at once.
+  goHome() {
+    const from = this.state, to = this.home, began = performance.now(), { viewer } = this;
+    viewer.say('Back at the start');
+    viewer.controls.settle();
+    if (!from || !to || matchMedia('(prefers-reduced-motion: reduce)').matches) return viewer.controls.key('r');
+    const step = now => {
+      const t = (now - began) / kHomeward;
+      if (t >= 1 || !viewer.stream.isOpen) return viewer.controls.key('r');
+      const share = Math.max(0, t) ** 2 * (3 - 2 * t);
+      const between = (name, by = to[name] - from[name]) =>
+        from[name] + share * (['yaw', 'pitch', 'roll'].includes(name) ? by - 360 * Math.round(by / 360) : by);
+      this.sendView(Object.fromEntries(kFields.map(name => [name, between(name)])));
+      requestAnimationFrame(step);
+    };
+    requestAnimationFrame(step);
+  }
+
+  // Keeps in focus what was clicked last, as it moves.
+  get follows() { return this.viewer.follower.getAttribute('aria-pressed') === 'true'; }
+  follow(on) {
+    this.viewer.follower.setAttribute('aria-pressed', on);
+    return this.sendView({ 'focus-continuous': on ? 1 : 0 });
+  }
+
+  sweep(button) {
+    const on = button.getAttribute('aria-pressed') !== 'true', began = performance.now(), { viewer } = this;
+    button.setAttribute('aria-pressed', on);
+    const step = now => {
+      if (button.getAttribute('aria-pressed') !== 'true' || !viewer.host.isConnected) return;
+      viewer.slider.value = 0.5 + 0.5 * Math.sin((now - began) / 1000);
+      this.focusShare(Number(viewer.slider.value));
+      requestAnimationFrame(step);
+    };
+    if (on) requestAnimationFrame(step);
+  }
+}

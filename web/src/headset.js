@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// A WebXR headset: the head flies the view, and each eye gets its half of the picture. What the picture is late is made
+// up for: it is shown where it belongs, turned by how the head has turned since it was asked for.
+
+import { axesOf, dot } from './view.js';
+
+const kHeight = 960;  // pixels of an eye's picture; the server has limits of its own
+
+const kVertex = `#version 300 es
+in vec2 corner;
+out vec2 place;
+void main() {
+  place = corner;
+  gl_Position = vec4(corner, 0, 1);
+}`;
+
+// From a place on the display along the line of sight to the picture of the eye.
+const kFragment = `#version 300 es
+precision highp float;
+uniform sampler2D both;
+uniform mat3 picture_from_display;
+uniform vec2 half_size;  // of the picture, at distance 1
+uniform float side;
+in vec2 place;
+out vec4 colour;
+void main() {
+  vec3 line = picture_from_display * vec3(place, 1);
+  vec2 at = 0.5 + 0.5 * line.xy / line.z / half_size;
+  bool inside = line.z > 0.0 && all(equal(at, clamp(at, 0.0, 1.0)));
+  colour = inside ? vec4(texture(both, vec2((at.x + side) / 2.0, at.y)).rgb, 1) : vec4(0, 0, 0, 1);
+}`;
+
+export const headsets = async () => await navigator.xr?.isSessionSupported?.('immersive-vr').catch(() => false) ?? false;
+
+// Right, down and forward, as everywhere here, of a WebXR orientation, whose axes are right, up and back.
+function axesOfXr({ x, y, z, w }) {
+  [y, z] = [-y, -z];
+  return {
+    right: [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
+    down: [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
+    forward: [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
+  };
+}
+const combine = ({ right, down, forward }, [x, y, z]) =>
+  right.map((_, k) => x * right[k] + y * down[k] + z * forward[k]);
+const turned = (base, axes) =>
+  ({ right: combine(base, axes.right), down: combine(base, axes.down), forward: combine(base, axes.forward) });
+function anglesOf({ right, down, forward }) {
+  const degrees = 180 / Math.PI;
+  return { yaw: Math.atan2(forward[0], forward[2]) * degrees, pitch: Math.asin(-forward[1]) * degrees,
+    roll: Math.atan2(right[1], down[1]) * degrees };
+}
+// Tangents from the middle of the display to its borders.
+function tangents([sx, , , , , sy, , , px, py]) {
+  return { x: Math.max((1 + px) / sx, (1 - px) / sx), y: Math.max((1 + py) / sy, (1 - py) / sy) };
+}
+
+export class Headset {
+  // `ended` is called once, when the person takes it off.
+  constructor(viewer, ended) {
+    this.viewer = viewer;
+    this.ended = ended;
+  }
+
+  async start() {
+    this.base = this.viewer.flight.state;
+    if (!this.base) throw new Error('there is no picture yet');
+    const session = this.session = await navigator.xr.requestSession('immersive-vr');
+    session.addEventListener('end', () => {
+      this.session = null;
+      this.ended();
+    });
+    const canvas = document.createElement('canvas');
+    const gl = this.gl = canvas.getContext('webgl2', { xrCompatible: true });
+    session.updateRenderState({ baseLayer: new XRWebGLLayer(session, gl) });
+    this.space = await session.requestReferenceSpace('local');
+    this.prepare();
+    session.requestAnimationFrame((time, frame) => this.frame(frame));
+  }
+  stop() { return this.session?.end(); }
+
+  prepare() {
+    const { gl } = this, program = this.program = gl.createProgram();
+    for (const [type, text] of [[gl.VERTEX_SHADER, kVertex], [gl.FRAGMENT_SHADER, kFragment]]) {
+      const shader = gl.createShader(type);
+      gl.shaderSource(shader, text);
+      gl.compileShader(shader);
+      gl.attachShader(program, shader);
+    }
+    gl.linkProgram(program);
+    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
+    gl.useProgram(program);
+    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array([-1, -1, 3, -1, -1, 3]), gl.STATIC_DRAW);
+    const corner = gl.getAttribLocation(program, 'corner');
+    gl.enableVertexAttribArray(corner);
+    gl.vertexAttribPointer(corner, 2, gl.FLOAT, false, 0, 0);
+    gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
+    for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
+    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.LINEAR);
+  }
+
+  frame(frame) {
+    if (!this.session) return;
+    this.session.requestAnimationFrame((time, next) => this.frame(next));
+    const pose = frame.getViewerPose(this.space);
+    if (!pose || pose.views.length < 2) return;
+    this.fly(pose);
+    this.draw(pose);
+  }
+
+  // From where the flight was, as the head moves.
+  fly(pose) {
+    const base = axesOf(this.base), { position, orientation } = pose.transform;
+    const [dx, dy, dz] = combine(base, [position.x, -position.y, -position.z]);
+    const [left, right] = pose.views.map(view => view.transform.position);
+    const sides = pose.views.map(view => tangents(view.projectionMatrix));
+    const most = { x: Math.max(...sides.map(s => s.x)), y: Math.max(...sides.map(s => s.y)) };
+    if (!this.wish) {
+      const distance = Math.hypot(left.x - right.x, left.y - right.y, left.z - right.z);
+      this.wish = { height: kHeight, width: Math.round(kHeight * most.x / most.y / 16) * 16, 'eye-distance': distance };
+      this.viewer.stream.again();
+    }
+    this.viewer.flight.sendView({ x: this.base.x + dx, y: this.base.y + dy, z: this.base.z + dz,
+      ...anglesOf(turned(base, axesOfXr(orientation))), fov: 2 * Math.atan(most.y) * 180 / Math.PI });
+  }
+
+  draw(pose) {
+    const { gl, program } = this, { video } = this.viewer, layer = this.session.renderState.baseLayer;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, layer.framebuffer);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    const seen = this.viewer.flight.seen;
+    if (!seen || video.readyState < video.HAVE_CURRENT_DATA) return;
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB, gl.RGB, gl.UNSIGNED_BYTE, video);
+    const uniform = name => gl.getUniformLocation(program, name);
+    const height = Math.tan(seen.fov * Math.PI / 360), width = height * video.videoWidth / 2 / video.videoHeight;
+    const then = axesOf(seen), base = axesOf(this.base);
+    for (const [side, view] of pose.views.slice(0, 2).entries()) {
+      const { x, y, width: w, height: h } = layer.getViewport(view);
+      gl.viewport(x, y, w, h);
+      const now = turned(base, axesOfXr(view.transform.orientation)), p = view.projectionMatrix;
+      // The line of sight of a place (u, v) is ((u + p[8]) / p[0], -(v + p[9]) / p[5], 1).
+      const rows = [then.right, then.down, then.forward].map(axis => {
+        const [a, b, c] = [dot(axis, now.right), dot(axis, now.down), dot(axis, now.forward)];
+        return [a / p[0], -b / p[5], c + a * p[8] / p[0] - b * p[9] / p[5]];
+      });
+      gl.uniformMatrix3fv(uniform('picture_from_display'), true, rows.flat());
+      gl.uniform2f(uniform('half_size'), width, height);
+      gl.uniform1f(uniform('side'), side);
+      gl.drawArrays(gl.TRIANGLES, 0, 3);
+    }
+  }
+}

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Where the picture is in the element, in CSS pixels from its left upper corner, and which pixel of the view is where.
+
+const kSame = 1.02;  // ratio of shapes that are the same
+
+export class Picture {
+  constructor(viewer) { this.viewer = viewer; }
+
+  // It keeps its shape; where the element's is the same but for a rounding, nothing is left free beside it.
+  fit() { this.viewer.stage.classList.toggle('fills', this.fills); }
+  get fills() { return Math.max(...this.scales) / Math.min(...this.scales) < kSame; }
+  get scales() {
+    const { clientWidth, clientHeight, videoHeight } = this.viewer.video;
+    return [clientWidth / (this.shownWidth || 1), clientHeight / (videoHeight || 1)];
+  }
+  get shownWidth() { return this.viewer.mode === 'side' ? this.viewer.video.videoWidth : this.eyeWidth; }
+  get box() {
+    const { viewer, shownWidth } = this, { clientWidth, clientHeight, videoHeight } = viewer.video;
+    const scale = ((this.fills ? Math.max : Math.min)(...this.scales) || 1) * (viewer.mode === 'anaglyph' ? viewer.anaglyph.zoom : 1);
+    const width = shownWidth * scale, height = videoHeight * scale;
+    return { x: (clientWidth - width) / 2, y: (clientHeight - height) / 2, width, height, scale };
+  }
+  // What each eye sees where: `offset` metres to the right of the view.
+  get eyes() {
+    const { box } = this;
+    if (this.viewer.mode !== 'side') return [{ box, offset: 0 }];
+    const width = box.width / 2;
+    return [-1, 1].map(side => ({ box: { ...box, width, x: box.x + (side > 0 ? width : 0) },
+      offset: side * this.viewer.eyeDistance / 2 }));
+  }
+  get eyeWidth() { return this.viewer.video.videoWidth / (this.viewer.twoEyes ? 2 : 1); }
+  // The pixel of the view under a pointer, and back.
+  pixelAt({ clientX, clientY }) {
+    const frame = this.viewer.stage.getBoundingClientRect(), { box } = this;
+    return { x: (clientX - frame.left - box.x) / box.scale, y: (clientY - frame.top - box.y) / box.scale };
+  }
+  placeOf({ x, y }) {
+    const { box } = this;
+    return { x: box.x + x * box.scale, y: box.y + y * box.scale };
+  }
+
+  // What is shown, as a file.
+  toBlob(type, quality) {
+    const { viewer } = this, { video } = viewer;
+    if (!video.videoWidth) return Promise.reject(new DOMException('there is no picture yet', 'InvalidStateError'));
+    const canvas = document.createElement('canvas');
+    Object.assign(canvas, { width: viewer.mode === 'side' ? video.videoWidth : this.eyeWidth, height: video.videoHeight });
+    canvas.getContext('2d').drawImage(viewer.mode === 'anaglyph' ? viewer.anaglyph.canvas : video, 0, 0);
+    return new Promise((done, failed) => canvas.toBlob(
+      blob => blob ? done(blob) : failed(new DOMException(`no ${type}`, 'EncodingError')), type, quality));
+  }
+}

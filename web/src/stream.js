@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The viewer's stream: begun, lost and begun again, waiting in the queue, and let go while nobody sees it.
+
+import { Connection, Refusal } from './connection.js';
+import { serversIn } from './ice.js';
+
+const kLongest = 10;  // seconds from one try to the next
+
+export class Stream {
+  constructor(viewer) {
+    this.viewer = viewer;
+    this.connection = null;
+    this.wanted = false;  // by the page or the person who watches
+    this.seen = true;     // by somebody
+    this.online = () => this.timer && this.again();
+  }
+  watch() { addEventListener('online', this.online); }
+  rest() { removeEventListener('online', this.online); }
+
+  // Where to: what `src` names, or the server of this file.
+  get endpoint() { return new URL(this.viewer.given('src') ?? new URL('../whep', import.meta.url), document.baseURI); }
+  get isOpen() { return this.connection?.isOpen ?? false; }
+
+  begin() {
+    this.wanted = true;
+    if (this.seen && !this.connection && !this.timer) this.connect();
+  }
+  end() {
+    this.wanted = false;
+    this.disconnect('ended');
+  }
+  again() {
+    if (!this.wanted) return;
+    this.disconnect('again');
+    if (this.seen) this.connect();
+  }
+  // A seat that nobody looks at is another's. The picture stays.
+  see(seen) {
+    if (seen === this.seen) return;
+    this.seen = seen;
+    if (!seen) this.viewer.notice.keep();
+    if (!seen) this.disconnect('out of sight');
+    else if (this.wanted) this.connect();
+  }
+
+  async connect() {
+    clearTimeout(this.timer);
+    this.timer = null;
+    const { viewer } = this, connection = this.connection = new Connection(viewer.video);
+    connection.addEventListener('message', event => viewer.take(event.detail));
+    connection.addEventListener('lost', event => this.lost(connection, event.detail));
+    connection.addEventListener('open', () => {
+      this.retry = 0;
+      this.ticket = null;
+      viewer.opened();
+      viewer.tell('connected');
+    });
+    viewer.notice.connecting();
+    this.asked = viewer.size;
+    try {
+      const own = viewer.iceServers ?? serversIn(viewer.given('ice-servers'));
+      const ticket = this.ticket && { ticket: this.ticket };
+      await connection.open(this.endpoint, viewer.token.value, { ...viewer.wish, ...ticket }, own.length ? own : this.iceServers ?? []);
+    } catch (error) {
+      this.lost(connection, error instanceof Refusal ? error : this.unreachable(error));
+    }
+  }
+  // fetch() tells nothing about why.
+  unreachable(error) {
+    return new Refusal(error.message, error.name === 'TypeError' && /ice-servers|Invalid URL/.test(error.message) ?
+      { retryAfter: Infinity, reason: 'attribute' } : {});
+  }
+
+  disconnect(reason) {
+    clearTimeout(this.timer);
+    this.timer = null;
+    const { connection } = this;
+    this.connection = null;
+    if (!connection) return;
+    connection.close();
+    this.viewer.notice.rest();
+    if (reason && connection.isOpen) this.viewer.tell('disconnected', { reason });
+  }
+
+  // Tries again after a while that grows, unless it is no use. Who waits in the queue comes when it is told to.
+  lost(connection, error) {
+    if (this.connection !== connection) return;
+    // The servers that the answer named are for where nothing else leads there.
+    const servers = !connection.isOpen && connection.iceServers?.length && !this.iceServers;
+    if (servers) this.iceServers = connection.iceServers;
+    this.ticket = error.ticket ?? (error.reason === 'full' ? null : this.ticket);
+    this.retry = error.status === 503 || servers ? 0 : Math.min((this.retry || 0.5) * 2, kLongest);
+    const seconds = Math.max(this.retry, error.retryAfter);
+    this.viewer.notice.lost(error, seconds);
+    const was = connection.isOpen;
+    this.disconnect();
+    const { status, reason, message } = error, words = this.viewer.notice.why.textContent;
+    if (was) this.viewer.tell('disconnected', { reason: words });
+    this.viewer.tell('error', { message: words, cause: message, status, reason, retryAfter: seconds });
+    if (seconds !== Infinity) this.timer = setTimeout(() => this.connect(), 1000 * seconds);
+  }
+}

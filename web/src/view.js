@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The numbers of a view, as links and attributes carry them, the server tells them and scripts say them, and where a view
+// sees what.
+
+export const kFields = ['x', 'y', 'z', 'yaw', 'pitch', 'roll', 'fov', 'focus-distance'];
+const kInScripts = { 'focus-distance': 'focusDistance' };
+
+// "x=0.1&yaw=5" or "x=0.1 yaw=5" to {x: 0.1, yaw: 5}; what is no number of a view is left out.
+export function viewOf(text) {
+  const view = {};
+  for (const [, name, value] of (text ?? '').matchAll(/([a-z-]+)=([^\s&;,]+)/g))
+    if (kFields.includes(name) && Number.isFinite(Number(value))) view[name] = Number(value);
+  return view;
+}
+
+// To the names that scripts use, and back. Throws TypeError for what is no number of a view.
+export function toScript(view) {
+  return Object.fromEntries(kFields.filter(name => name in view).map(name => [kInScripts[name] ?? name, view[name]]));
+}
+export function fromScript(view) {
+  const fields = {};
+  for (const [name, value] of Object.entries(view ?? {})) {
+    const field = kFields.find(known => name === known || name === kInScripts[known]);
+    if (!field || !Number.isFinite(value)) throw new TypeError(`${name}: ${value} is no number of a view`);
+    fields[field] = value;
+  }
+  return fields;
+}
+
+// The view's axes in the world: yaw about y (down), then pitch about x (right), then roll about z (forward).
+export function axesOf({ yaw, pitch, roll }) {
+  const turn = degrees => [Math.cos(degrees * Math.PI / 180), Math.sin(degrees * Math.PI / 180)];
+  const [[cy, sy], [cp, sp], [cr, sr]] = [turn(yaw), turn(pitch), turn(roll)];
+  return {
+    right: [cy * cr + sy * sp * sr, cp * sr, -sy * cr + cy * sp * sr],
+    down: [-cy * sr + sy * sp * cr, cp * cr, sy * sr + cy * sp * cr],
+    forward: [sy * cp, -sp, cy * cp],
+  };
+}
+
+export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+
+// A point of the world in the view's own axes, its eye `eyeOffset` metres to the right of the view's.
+export function inView(view, axes, point, eyeOffset = 0) {
+  const relative = [point[0] - view.x, point[1] - view.y, point[2] - view.z];
+  return [dot(axes.right, relative) - eyeOffset, dot(axes.down, relative), dot(axes.forward, relative)];
+}

@@ -1,0 +1,306 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// The inside of the element: what it is made of, and how these parts know of each other.
+
+import { Bar } from './bar.js';
+import { Cameras } from './cameras.js';
+import { Controls } from './controls.js';
+import { Elastic } from './elastic.js';
+import { Figures } from './figures.js';
+import { Flight } from './flight.js';
+import { Headset, headsets } from './headset.js';
+import { markup } from './markup.js';
+import { Monitor } from './monitor.js';
+import { Notice } from './notice.js';
+import { Picture } from './picture.js';
+import { Share } from './share.js';
+import { Sight } from './sight.js';
+import { Anaglyph, kModes } from './stereo.js';
+import { Stream } from './stream.js';
+import { style } from './style.js';
+import { Token } from './token.js';
+import { viewOf } from './view.js';
+import { Vignette } from './vignette.js';
+
+const kEyeDistance = 0.063;  // metres
+const kRest = 400;           // milliseconds without another size until the view takes it
+const kHint = 1500;          // milliseconds that a hint is there
+const kAlt = 'Live picture of the light field, flown by a virtual camera';
+
+let sheet = null;  // of all elements; not a <style>, which strict pages forbid
+
+export class Viewer {
+  constructor(host, root) {
+    this.host = host;
+    this.root = root;
+    root.innerHTML = markup;
+    if (!sheet) (sheet = new CSSStyleSheet()).replaceSync(style);
+    root.adoptedStyleSheets = [sheet];
+    const find = selector => root.querySelector(selector), click = (name, does) => find(name).addEventListener('click', does);
+    this.stage = find('.stage');
+    this.video = find('video');
+    this.status = find('.status');
+    this.slider = find('input[type=range]');
+    this.distance = find('.distance');
+    this.vignette = new Vignette(this, find('.vignette'));
+    this.follower = find('.follow');
+    this.choice = find('select');
+    this.startButton = find('.start');
+    this.statistics = {};  // the latest
+    this.mode = 'one';     // of kModes
+    this.asked = null;     // what attributes and links say, as it was when the stream began
+    this.picture = new Picture(this);
+    this.stream = new Stream(this);
+    this.flight = new Flight(this);
+    this.elastic = new Elastic(this, find('.picture'));
+    this.notice = new Notice(this, root);
+    this.bar = new Bar(this, root);
+    this.panel = new Figures(this, find('pre.figures'));
+    this.cameras = new Cameras(this, find('canvas.cameras'), find('pre.makers'));
+    this.monitor = new Monitor(this, find('.monitor'));
+    this.controls = new Controls(this);
+    this.share = new Share(this, find('.share'));
+    this.token = new Token(this);
+    this.anaglyph = new Anaglyph(find('canvas.anaglyph'), this.video);
+    this.sight = new Sight(host, seen => this.stream.see(seen || this.mode === 'headset'));
+    this.stream.seen = false;
+    this.resizes = new ResizeObserver(() => this.resized());
+    this.video.addEventListener('resize', () => this.picture.fit());
+    this.slider.addEventListener('input', () => this.flight.focusShare(Number(this.slider.value)));
+    this.choice.addEventListener('change', () => this.show(this.choice.value));
+    click('.sweep', event => this.flight.sweep(event.currentTarget));
+    click('.follow', () => this.flight.follow(!this.flight.follows));
+    click('.home', () => this.flight.goHome());
+    click('button.figures', () => this.toggle('figures', this.panel));
+    click('button.cameras', () => this.toggle('cameras', this.cameras));
+    click('button.quality', () => this.toggle('quality', this.monitor));
+    click('.start', () => this.play());
+    headsets().then(there => this.choice.querySelector('[value=headset]').hidden = !there);
+    this.frames();
+  }
+
+  // On a page, and off it. Who is moved within it keeps the stream.
+  attach() {
+    this.render();
+    this.bar.wake();
+    this.sight.watch();
+    this.share.watch();
+    this.controls.watch();
+    this.stream.watch();
+    this.resizes.observe(this.host);
+    if (this.stream.connection) return void this.video.play()?.catch(() => {});
+    this.settle();
+    if (this.host.hasAttribute('autoplay')) this.play();
+    if (this.host.autofocus && (document.activeElement ?? document.body) === document.body) this.video.focus();
+  }
+  detach() {
+    this.sight.rest();
+    this.share.rest();
+    this.controls.rest();
+    this.stream.rest();
+    this.bar.rest();
+    this.resizes.disconnect();
+    queueMicrotask(() => {
+      if (this.host.isConnected) return;
+      this.stream.end();
+      this.notice.rest();
+      this.stream.seen = false;
+    });
+  }
+
+  get started() { return this.stream.wanted; }
+  play() {
+    this.stream.begin();
+    this.render();
+  }
+  pause() {
+    this.notice.keep();
+    this.stream.end();
+    this.notice.hide();
+    this.render();
+  }
+
+  // What attributes say that need no other stream.
+  render() {
+    const { host, video } = this, flies = this.controls.flies;
+    video.ariaLabel = host.getAttribute('alt') ?? kAlt;
+    // Keys are the viewer's own, not a screen reader's.
+    for (const [name, value] of [['tabindex', '0'], ['role', 'application'], ['aria-describedby', 'description']])
+      flies ? video.setAttribute(name, value) : video.removeAttribute(name);
+    for (const part of [this.bar.bar, this.root.querySelector('slot[name=controls]')]) part.hidden = !flies;
+    this.startButton.hidden = this.started;
+    this.stage.classList.toggle('begins', !this.started);
+    const poster = this.root.querySelector('.poster img'), url = host.getAttribute('poster');
+    poster.hidden = !url;
+    if (url && poster.getAttribute('src') !== url) poster.src = url;
+    this.share.button.hidden = !this.share.on;
+    this.root.querySelector('.full').hidden = !document.fullscreenEnabled && !video.webkitEnterFullscreen;
+  }
+
+  // Attributes and links have changed: another stream where it takes one.
+  settle() {
+    const before = this.asked ?? {};
+    const names = ['src', 'token', 'path', 'eye-distance', 'max-width', 'ice-servers', 'eyes'];
+    this.asked = Object.fromEntries(names.map(name => [name, this.given(name)]));
+    const changed = name => this.asked[name] !== before[name];
+    if (changed('eyes')) {
+      const { eyes } = this.asked;
+      this.mode = Object.hasOwn(kModes, eyes ?? '') && eyes !== 'headset' ? eyes : 'one';
+      this.showMode();
+    }
+    if (before.src !== undefined && (changed('src') || changed('path'))) {
+      this.flight.forget();
+      this.loaded = false;
+      this.vignette.forget();
+      Object.assign(this.stream, { iceServers: null, ticket: null, retry: 0 });
+      this.cameras.array = this.cameras.known = this.monitor.array = null;
+    }
+    if (changed('token')) this.token.typed = null;
+    this.render();
+    if (names.some(changed)) this.stream.again();
+  }
+  // Once for all attributes that are changed together.
+  settleSoon() {
+    this.soon ??= Promise.resolve().then(() => {
+      this.soon = null;
+      if (this.host.isConnected) this.settle();
+    });
+  }
+
+  // The attribute, or with `share` the page's address.
+  given(name) { return this.host.getAttribute(name) ?? this.share.words.get(name); }
+  get path() { return this.given('path'); }
+  // Pixels to ask for: what the element has, in even numbers; of each eye.
+  get size() {
+    const { width, height } = this.host.getBoundingClientRect(), most = Number(this.given('max-width')) || Infinity;
+    const wide = (width || 640) / (this.mode === 'side' ? 2 : 1);
+    const scale = Math.min(devicePixelRatio || 1, 2, most / wide);
+    const side = length => Math.max(64, Math.round(length * scale / 2) * 2);
+    return { width: side(wide), height: side(height || 480) };
+  }
+  get eyeDistance() { return Number(this.given('eye-distance')) || kEyeDistance; }
+  // What the server is asked for.
+  get wish() {
+    const path = this.path && { path: this.path };
+    if (this.mode === 'one') return { ...this.size, ...path };
+    return { ...this.headset?.wish ?? { ...this.size, 'eye-distance': this.eyeDistance }, ...path };
+  }
+
+  // A stream keeps its size: one of another size is another stream. Waits until the window rests.
+  resized() {
+    this.picture.fit();
+    clearTimeout(this.resting);
+    this.resting = setTimeout(() => {
+      const { width, height } = this.size, { asked } = this.stream;
+      if (!asked || !this.stream.connection || (width === asked.width && height === asked.height)) return;
+      if (this.mode === 'headset' || this.path !== null) return;
+      this.notice.keep();
+      this.stream.again();
+    }, kRest);
+  }
+
+  // One of kModes.
+  async show(mode) {
+    if (mode === this.mode) return;
+    const before = this.mode, headset = this.headset;
+    this.notice.keep();
+    this.mode = mode;
+    this.headset = null;
+    headset?.stop();
+    this.showMode();
+    if (mode !== 'headset') return this.stream.again();
+    const started = this.headset = new Headset(this, () => this.headset === started && this.show('one'));
+    try {
+      await started.start();
+    } catch (error) {
+      this.say(`no headset: ${error.message}`);
+      this.headset = null;
+      this.mode = before;
+      this.showMode();
+    }
+  }
+  showMode() {
+    this.choice.value = this.mode;
+    this.anaglyph.canvas.hidden = this.mode !== 'anaglyph';
+    this.picture.fit();
+  }
+
+  // A connection is open.
+  opened() {
+    this.twoEyes = this.mode !== 'one';
+    const focus = Number(this.host.getAttribute('focus'));
+    this.flight.resume({ ...viewOf(this.host.getAttribute('view')), ...focus > 0 && { 'focus-distance': focus },
+      ...this.share.view });
+  }
+
+  // A message of the server.
+  take(message) {
+    this.notice.answered();
+    if (message.type === 'ControlResponseMessage' && message.error) this.flight.refused(message.id, message.error);
+    if (message.type !== 'InfoMessage') return;
+    const { statistics, applied, view, pixel } = message.info;
+    if (pixel) this.cameras.take(pixel);
+    if (statistics) {
+      this.statistics = statistics;
+      this.know(statistics);
+      this.panel.update();
+      this.tell('statistics', statistics);
+    }
+    if (view) this.flight.take(view, applied);
+    if (view && applied) this.elastic.applied(applied.id, view);
+    if (applied) this.panel.applied(applied);
+  }
+  // What can be seen changes what is shown around the picture.
+  know({ coverage, focus, monitored }) {
+    this.root.querySelector('button.quality').hidden = !monitored;
+    if (focus?.far > focus?.near) this.flight.scene = focus;
+    this.vignette.know(coverage);
+  }
+
+  // Every frame that is shown.
+  frames() {
+    this.video.requestVideoFrameCallback?.((now, frame) => {
+      this.frames();
+      if (!this.stream.connection?.hasTrack) return;  // the last of the stream before
+      this.flight.show(frame);
+      this.notice.shown();
+      this.panel.frame(now, frame);
+      this.vignette.draw(now);
+      this.anaglyph.draw(this.flight.seen, this.eyeDistance);
+      this.cameras.draw(now, this.flight.seen);
+      // What is seen is known by then, too.
+      if (!this.loaded && (this.flight.seen || this.path !== null)) {
+        this.loaded = true;
+        this.tell('first-frame', { width: this.picture.eyeWidth, height: this.video.videoHeight });
+      }
+    });
+  }
+
+  // The answer goes to the cameras' overlay.
+  askAbout({ x, y }) {
+    return this.stream.connection?.request(
+      { type: 'customUpstreamEvent', structureName: 'lf-pixel', structure: { x: Math.round(x), y: Math.round(y) } });
+  }
+  // As a click there does.
+  focusAt(clientX, clientY) {
+    const { x, y } = this.picture.pixelAt({ clientX, clientY }), at = { x: x % this.picture.eyeWidth, y, button: 1 };
+    const send = event => this.stream.connection?.request({ type: 'navigationEvent', event: { event, ...at } });
+    return Boolean(send('MouseButtonPress') && send('MouseButtonRelease'));
+  }
+
+  // To the page around.
+  tell(name, detail) { this.host.dispatchEvent(new CustomEvent(name, { detail })); }
+  // To who can't see it.
+  say(text) { this.root.querySelector('.said').textContent = text; }
+  // The wheel has been turned over it, and the page has scrolled.
+  hint() {
+    const box = this.root.querySelector('.hint');
+    box.textContent = 'Click, or hold Ctrl, to zoom';
+    box.classList.add('on');
+    clearTimeout(this.hinting);
+    this.hinting = setTimeout(() => box.classList.remove('on'), kHint);
+  }
+
+  async toggle(name, layer) {
+    this.root.querySelector(`button.${name}`).setAttribute('aria-pressed', await layer.toggle());
+  }
+}
