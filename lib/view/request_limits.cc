@@ -47,12 +47,14 @@ RequestGate::Refusal RequestGate::check(uint64_t view, const RequestCost& cost, 
     std::erase_if(views_, [now](const auto& entry) { return now > entry.second.last + kViewQuiet; });
     if (views_.size() >= limits.views) return kViews;
   }
-  const auto most = static_cast<double>(limits.requests_per_second);
-  View& state = known != views_.end() ? known->second : views_.emplace(view, View{now, most}).first->second;
-  if (now > state.last) state.left = std::min(most, state.left + static_cast<double>(now - state.last) * 1e-9 * most);
+  View& state = known != views_.end() ? known->second : views_.emplace(view, View{now}).first->second;
+  if (now > state.last) state.spare = std::min(1.0, state.spare + static_cast<double>(now - state.last) * 1e-9);
   state.last = std::max(state.last, now);
-  if (limits.requests_per_second > 0 && state.left < 1) return kRate;
-  state.left -= 1;
+  if (limits.requests_per_second > 0) {
+    const double share = 1.0 / limits.requests_per_second;
+    if (state.spare < share * (1 - 1e-9)) return kRate;
+    state.spare -= share;
+  }
   return check_cost(cost, limits, extent);
 }
 

@@ -59,7 +59,7 @@ class RequestGate {
  private:
   struct View {
     uint64_t last = 0;  // request
-    double left = 0;    // requests that may come at once
+    double spare = 1;   // seconds: the part of the latest one that its requests have left over; each takes its share
   };
   std::map<uint64_t, View> views_;
 };

@@ -8,7 +8,7 @@
 
 LF_FUZZ_TARGET(control)(const uint8_t* data, size_t size) {
   using namespace lf;
-  const auto message = serve::parse_control_message({reinterpret_cast<const char*>(data), size});
+  const auto message = serve::parse_control_message({reinterpret_cast<const char*>(data), size}, 0.5);
   fuzz::require(!message.event || message.error.empty());
   fuzz::require(!message.event || message.id);
   if (!message.event) return 0;

@@ -82,5 +82,16 @@ TEST(RequestLimits, WorkFollowsWhatIsAskedFor) {
   EXPECT_DOUBLE_EQ(planned_work({1280, 960, 0, 0}), 4 * planned_work({640, 480, 0, 0}));
 }
 
+// A view is only held to a rate once it is known to be live.
+TEST(RequestGate, HoldsAViewToARateFromWhenItHasOne) {
+  RequestGate gate;
+  RequestLimits limits;
+  limits.requests_per_second = 0;
+  for (int i = 0; i < 1000; i++) ASSERT_EQ(gate.check(1, {}, limits, 0, 5), RequestGate::kNone);
+  limits.requests_per_second = 10;
+  for (int i = 0; i < 10; i++) EXPECT_EQ(gate.check(1, {}, limits, 0, 5), RequestGate::kNone) << i;
+  EXPECT_EQ(gate.check(1, {}, limits, 0, 5), RequestGate::kRate);
+}
+
 }  // namespace
 }  // namespace lf
