@@ -105,10 +105,7 @@ static Taken take_fragments(LfCompositor* self, NodeInput& node, GstBuffer* buff
   if (answer->view_id != state.current->view_id) return Taken::kDone;
   // Sequence numbers wrap: the sign of the difference tells the order.
   const auto ahead = static_cast<int32_t>(answer->sequence - state.current->sequence);
-  const uint64_t rig = state.assembly.rig_hash();
-  if (ahead >= 0 && rig != 0 && answer->rig_hash != rig && self->state->live) {
-    refuse_rig(self, *answer);
-  } else if (is_stray(self, *answer, ahead)) {
+  if (is_stray(self, *answer, ahead)) {
     state.stats.count(CompositorStats::kStrayAnswers);
   } else if (ahead > 0) {
     return Taken::kAhead;

@@ -40,7 +40,7 @@ TEST_F(CompositorLimitsTest, AForgedAnswerCostsAtMostOnePicture) {
   EXPECT_THAT(announced(), IsEmpty());
 }
 
-TEST_F(CompositorLimitsTest, AnotherRigsAnswerIsLookedAtNoFurther) {
+TEST_F(CompositorLimitsTest, AnotherRigsAnswerCostsAtMostOnePicture) {
   begin();
   EXPECT_TRUE(is_complete());
   for (const uint32_t ahead : {0u, 3u}) {
@@ -48,7 +48,9 @@ TEST_F(CompositorLimitsTest, AnotherRigsAnswerIsLookedAtNoFurther) {
     wire::Answer forged = answer_of(next, {0, 1}, 30);
     forged.rig_hash ^= 1;
     push(0, forged);
-    for (int i = 0; i < 5; i++) EXPECT_TRUE(is_complete()) << ahead << " " << i;
+    int broken = 0;
+    for (int i = 0; i < 5; i++) broken += !is_complete();
+    EXPECT_LE(broken, 1) << ahead;
   }
   EXPECT_EQ(stat(element_.get(), "rig-mismatches"), 2u);
 }

@@ -132,6 +132,7 @@ TEST(RtpLfPay, IsALink) {
 
 TEST(RtpLfPay, PacesBursts) {
   RtpElement pay("rtplfpay max-bitrate=8000000", kAnswerCaps);
+  gst_harness_use_testclock(pay.h());
   GstTestClock* clock = gst_harness_get_testclock(pay.h());
   gst_harness_play(pay.h());
   const Bytes unit = rtp::answer(1, 390, 390, 95);
@@ -157,6 +158,7 @@ TEST(RtpLfPay, PacesBursts) {
 TEST(RtpLfPay, FlushesAndStopsWhilePacing) {
   for (const bool stop : {false, true}) {
     RtpElement pay("rtplfpay max-bitrate=8000", kAnswerCaps);
+    gst_harness_use_testclock(pay.h());
     GstTestClock* clock = gst_harness_get_testclock(pay.h());
     gst_harness_play(pay.h());
     std::thread pushing([&] { EXPECT_EQ(pay.push(rtp::answer(1, 390, 390, 95)), GST_FLOW_FLUSHING); });

@@ -75,11 +75,13 @@ class Keys : public testing::Test {
 };
 
 TEST_F(Keys, HostsWithTheSameKeySeeEachOther) {
-  const auto node = start_cameras("key"), viewer = start_viewer("key", cameras());
+  const auto node = start_cameras("key");
+  auto viewer = start_viewer("key", cameras());
   EXPECT_TRUE(viewer->wait_for(kComplete, 10)) << viewer->text() << node->text();
   for (const Process* process : {node.get(), viewer.get()})
     EXPECT_THAT(process->text(), AllOf(Not(HasSubstr(kSecret)), Not(HasSubstr(kAnybody)), Not(HasSubstr("dropped"))));
   // Either may begin anew.
+  viewer.reset();
   auto again = start_viewer("key", cameras(), "viewer", address("viewer") + ":6100");
   EXPECT_TRUE(again->wait_for(kComplete, 10)) << again->text();
 }
