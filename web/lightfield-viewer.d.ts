@@ -82,7 +82,7 @@ export class LightfieldViewer extends HTMLElement {
   /** Begins by itself as soon as it is in sight. */
   autoplay: boolean;
   /** Reads the view from the page's address, and writes it there where somebody shares it. */
-  share: boolean;
+  shares: boolean;
   /** Most pixels of the picture's width to ask for. */
   maxWidth: number | null;
   /** STUN and TURN servers; null: those of the attribute, or that the server names. */
@@ -98,11 +98,19 @@ export class LightfieldViewer extends HTMLElement {
   readonly paused: boolean;
   /** The latest; {} before there are any. */
   readonly statistics: Partial<LightfieldStatistics>;
+  /** Of the stream, for who looks into it; null without one. */
+  readonly connection: { readonly peer: RTCPeerConnection; readonly channel: RTCDataChannel } | null;
+  /** The element that says what is in the way; hidden where nothing is. */
+  readonly status: HTMLElement;
 
   /** Numbers that are not given stay. Ends with the view when it is on the screen, or one that was set later. */
   setView(view: Partial<LightfieldView>): Promise<LightfieldView>;
   /** Back to where the flight began. */
   goHome(): void;
+  /** Lets go of the stream and asks for another one, where it was. */
+  reconnect(): void;
+  /** Puts the view into the page's address, and copies that where it is allowed. */
+  share(): Promise<void>;
   /** Puts the focus on what is seen there, as a click does: a place in the window, as `event.clientX`. False: not connected. */
   focusAt(clientX: number, clientY: number): boolean;
   /** The picture that is shown. Rejected where there is none. */

@@ -9,7 +9,7 @@ import { Viewer } from './src/viewer.js';
 
 // Attributes that properties of the same meaning reflect.
 const kTexts = { src: 'src', token: 'token', poster: 'poster', alt: 'alt', eyes: 'eyes', path: 'path' };
-const kSwitches = { controls: 'controls', autoplay: 'autoplay', share: 'share' };
+const kSwitches = { controls: 'controls', autoplay: 'autoplay', shares: 'share' };
 const kNumbers = { eyeDistance: 'eye-distance', maxWidth: 'max-width' };
 const kOwn = ['view', 'focusDistance', 'iceServers'];
 
@@ -74,6 +74,10 @@ export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
   get connected() { return this[inside].stream.isOpen; }
   get paused() { return !this[inside].started; }
   get statistics() { return this[inside].statistics; }
+  // For who looks into it: the RTCPeerConnection `peer` and its data channel `channel`, null without; the element that
+  // says what is in the way, hidden where nothing is.
+  get connection() { return this[inside].stream.connection ?? null; }
+  get status() { return this[inside].notice.box; }
 
   async setView(view) { return this[inside].flight.setView(fromScript(view)); }
   goHome() { this[inside].flight.goHome(); }
@@ -81,6 +85,10 @@ export class LightfieldViewer extends (globalThis.HTMLElement ?? class {}) {
   toBlob({ type = 'image/png', quality } = {}) { return this[inside].picture.toBlob(type, quality); }
   play() { this[inside].play(); }
   pause() { this[inside].pause(); }
+  // Lets go of the stream and asks for another one, where it was.
+  reconnect() { this[inside].stream.again(); }
+  // What the button does: the view is in the page's address, and copied where that is allowed.
+  share() { return this[inside].share.share(); }
   // Telephones that have it for videos alone get that.
   async requestFullscreen(options) {
     if (super.requestFullscreen && document.fullscreenEnabled) return super.requestFullscreen(options);

@@ -423,7 +423,7 @@ async function toldInWords() {
 }
 
 async function fourViewers() {
-  const served = await serve(...rig);
+  const served = await serve(...rig, '--address-views', '4');
   const small = { width: 320, height: 240 };
   const pages = await Promise.all([0, 1, 2, 3].map(() => openPage(browser, served.url, small)));
   await Promise.all(pages.map(page => shown(page, 10)));
