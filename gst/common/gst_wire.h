@@ -11,8 +11,8 @@
 #include <gst/gst.h>
 
 #include "base/byte_buffer.h"
-#include "base/schedule.h"
 #include "base/peak_need.h"
+#include "base/schedule.h"
 #include "wire/answer_parser.h"
 #include "wire/command_codec.h"
 #include "wire/request_codec.h"

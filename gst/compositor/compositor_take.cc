@@ -165,8 +165,7 @@ void lf_compositor_take_answers(LfCompositor* self, GstAggregatorPad* pad) {
       continue;
     }
     node.head = taken == Taken::kLast ? NodeInput::Head::kDone : NodeInput::Head::kAhead;
-    const bool aside =
-        taken == Taken::kAhead && self->state->live && node.ahead.has_room(gst_buffer_get_size(buffer));
+    const bool aside = taken == Taken::kAhead && self->state->live && node.ahead.has_room(gst_buffer_get_size(buffer));
     node.seen = aside ? nullptr : buffer;
     if (!aside) return;
     if (GstBuffer* popped = gst_aggregator_pad_pop_buffer(pad)) node.ahead.keep(sequence_of(popped), popped);

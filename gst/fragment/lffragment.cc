@@ -347,7 +347,8 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
       object_class, PROP_STATS,
       g_param_spec_boxed(
           "stats", "Statistics",
-          "Counts of requests, answers, of these skipped (too late to be shown) and drawn by OpenGL, requests refused for "
+          "Counts of requests, answers, of these skipped (too late to be shown) and drawn by OpenGL, requests refused "
+          "for "
           "one of the limits "
           "(refused, and of these refused-pixels, -aperture, -trials, -rate, -views), fragments, bytes, frames that "
           "were missing (of these stale: farther than "

@@ -92,16 +92,16 @@ struct _LfFragment {
   GstElement parent;
   gchar* rig_path;
   guint node_id;
-  lf::CodecChoice codec;      // under the object lock
-  guint threads;              // under the object lock
-  gint strip_pixels;          // under the object lock
-  gboolean post_messages;     // under the object lock
-  lf::Access access;          // under the object lock
-  lf::Resampling resampling;  // under the object lock
+  lf::CodecChoice codec;        // under the object lock
+  guint threads;                // under the object lock
+  gint strip_pixels;            // under the object lock
+  gboolean post_messages;       // under the object lock
+  lf::Access access;            // under the object lock
+  lf::Resampling resampling;    // under the object lock
   lf::RendererChoice renderer;  // under the object lock
   lf::Card* card;
-  GstClockTime max_skew;      // under the object lock
-  GstClockTime max_delay;     // under the object lock
+  GstClockTime max_skew;   // under the object lock
+  GstClockTime max_delay;  // under the object lock
   std::shared_ptr<lf::WorkerPool>* workers;
   lf::RequestGuard* guard;
   lf::FragmentNode* node;
@@ -115,7 +115,8 @@ struct _LfFragment {
 };
 
 // The properties that say how answers are made (fragment_choices.cc): codec, threads, max-skew, strip-pixels,
-// post-messages, access, resampling, max-delay, renderer, in the order of their ids; and behind them the limits of RequestGuard.
+// post-messages, access, resampling, max-delay, renderer, in the order of their ids; and behind them the limits of
+// RequestGuard.
 inline constexpr guint kNumOwnFragmentChoices = 9;
 inline constexpr guint kNumFragmentChoices = kNumOwnFragmentChoices + lf::RequestGuard::kNumProperties;
 void lf_fragment_install_choices(GObjectClass* klass, guint first_id);

@@ -22,8 +22,8 @@ std::string to_text(const Address& address);
 class Peers {
  public:
   Peers() = default;
-  // Names, addresses and networks with commas between ("viewer,10.0.0.7,[fd00::7],fd00::/64"); nobody from "". Asks the network
-  // about names. Throws Error about what is neither or is not known.
+  // Names, addresses and networks with commas between ("viewer,10.0.0.7,[fd00::7],fd00::/64"); nobody from "". Asks the
+  // network about names. Throws Error about what is neither or is not known.
   explicit Peers(const std::string& text);
 
   bool admits(const Address& address);

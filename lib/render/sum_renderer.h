@@ -47,7 +47,8 @@ inline constexpr double kGridError = 1.0 / 512;  // pixels of the camera's image
 class SumRenderer {
  public:
   // Everything must outlive this. Sources: one family, images of their cameras' sizes (else Error), no camera twice.
-  // `card`: draws the sum here and now, where there is one and it can; else the CPU does, row by row, as it is asked for.
+  // `card`: draws the sum here and now, where there is one and it can; else the CPU does, row by row, as it is asked
+  // for.
   SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources, PixelFamily family,
               Coordinates coordinates = Coordinates::kGrid, gl::SumDrawer* card = nullptr);
   ~SumRenderer();

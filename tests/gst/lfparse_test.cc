@@ -326,8 +326,8 @@ TEST(LfTypeFind, TellsTheKinds) {
 
 TEST(LfTypeFind, KnowsARigWhereverItsFormatIs) {
   const auto type_of = [](const std::string& text) -> std::string {
-    const CapsPtr caps(gst_type_find_helper_for_data(nullptr, reinterpret_cast<const guint8*>(text.data()), text.size(),
-                                                     nullptr));
+    const CapsPtr caps(
+        gst_type_find_helper_for_data(nullptr, reinterpret_cast<const guint8*>(text.data()), text.size(), nullptr));
     return caps ? gst_structure_get_name(gst_caps_get_structure(caps.get(), 0)) : "none";
   };
   const std::string rig = "application/x-lightfield-rig", name = "\"format\": \"lightfield-rig\"";

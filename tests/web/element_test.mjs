@@ -10,7 +10,7 @@ import { site } from './pages.mjs';
 
 const run = promisify(execFile);
 const folder = await makeRig('4x4');
-const rig = ['--rig', join(folder, 'rig.json'), '--connects', '100', '--focus-on', 'plane', '--origin', '*'];
+const rig = ['--rig', join(folder, 'rig.json'), '--connects', '100', '--address-views', '8', '--focus-on', 'plane', '--origin', '*'];
 const browser = await launchBrowser(), size = { width: 640, height: 480 };
 
 const script = served => `<script type="module" src="${served.url}lightfield-viewer.js"></script>`;

@@ -63,7 +63,8 @@ void mend_pixel(const simd::SumTask& task, int x, int y, uint16_t* out) {
     const plain::Sampler at(part.position, image.width, image.height, part.slot->resampling);
     const int offset[3] = {rgb ? image.layout.r : 0, image.layout.g, image.layout.b};
     for (int c = 0; c < (rgb ? 3 : 1); c++)
-      sum[c] += part.weight * at.sample(image.plane[0] + offset[c], image.stride[0], rgb ? image.layout.pixel_stride : 1);
+      sum[c] +=
+          part.weight * at.sample(image.plane[0] + offset[c], image.stride[0], rgb ? image.layout.pixel_stride : 1);
   }
   for (int c = 0; c < (rgb ? 3 : 1); c++) *out++ = bits(sum[c]);
   *out = static_cast<uint16_t>(std::lrint(lost * kLostOne));

@@ -98,10 +98,10 @@ class Program {
     glDeleteShader(fragment);
     if (!name_) return false;
     glUseProgram(name_);
-    for (const auto& [name, unit] : {std::pair("owners", kOwners), std::pair("tables", kTables),
-                                     std::pair("levels", kLevels), std::pair("rays", kRays),
-                                     std::pair("centre_rays", kCentreRays), std::pair("images", kImages),
-                                     std::pair("chroma_images", kChromaImages), std::pair("luma_seen", kLumaSeen)})
+    for (const auto& [name, unit] :
+         {std::pair("owners", kOwners), std::pair("tables", kTables), std::pair("levels", kLevels),
+          std::pair("rays", kRays), std::pair("centre_rays", kCentreRays), std::pair("images", kImages),
+          std::pair("chroma_images", kChromaImages), std::pair("luma_seen", kLumaSeen)})
       set(name, unit);
     return true;
   }
@@ -386,8 +386,7 @@ bool SumDrawer::draw(const simd::SumTask& task, std::span<const Source> sources,
   return true;
 }
 
-bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect,
-                         DrawnSum& out) {
+bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out) {
   Objects& o = *objects_;
   const ViewPlan& plan = *task.plan;
   const bool rgb = task.family == PixelFamily::kRgb;
@@ -445,7 +444,8 @@ bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sour
     attach(GL_COLOR_ATTACHMENT1, o.luma_seen, GL_R8UI, w, h);
   const GLenum both[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
   glDrawBuffers(rgb ? 1 : 2, both);
-  if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE) return refuse("16-bit targets can't be drawn to");
+  if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
+    return refuse("16-bit targets can't be drawn to");
   if (!draw(rgb ? o.rgb : o.luma, rgb ? SumProgram::kRgb : SumProgram::kLuma, w, h)) return false;
   glReadPixels(0, 0, w, h, rgb ? GL_RGBA_INTEGER : GL_RG_INTEGER, GL_UNSIGNED_SHORT, out.pixels.data());
   if (!rgb) {

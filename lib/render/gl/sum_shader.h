@@ -24,16 +24,16 @@ enum FaceTexel {
   kFaceTexels = kFaceEdge + 3
 };
 enum SlotTexel {
-  kSlotFrom,       // ProjectionTerms::from; w: x of the anchor
-  kSlotAlong,      // and along; w: y of the anchor
-  kSlotDown,       // and down; w: SlotFlags
-  kSlotPerFrom,    // ProjectionTerms::per_from; w: the level that inverse distances are counted from
-  kSlotPerAlong,   // w: ViewPlan::eye_distance()
-  kSlotPerDown,    // w: the inverse distance of that level
-  kSlotLens,       // fx, fy, cx, cy
-  kSlotDistortion, // k1, k2, p1, p2
-  kSlotImage,      // the largest squared radius; width, height of the image in pixels; its layer
-  kSlotOrder,      // RGB: which byte of a pixel is red, green, blue
+  kSlotFrom,        // ProjectionTerms::from; w: x of the anchor
+  kSlotAlong,       // and along; w: y of the anchor
+  kSlotDown,        // and down; w: SlotFlags
+  kSlotPerFrom,     // ProjectionTerms::per_from; w: the level that inverse distances are counted from
+  kSlotPerAlong,    // w: ViewPlan::eye_distance()
+  kSlotPerDown,     // w: the inverse distance of that level
+  kSlotLens,        // fx, fy, cx, cy
+  kSlotDistortion,  // k1, k2, p1, p2
+  kSlotImage,       // the largest squared radius; width, height of the image in pixels; its layer
+  kSlotOrder,       // RGB: which byte of a pixel is red, green, blue
   kSlotTexels
 };
 enum SlotFlags { kHasImage = 1, kIsDistorted = 2, kIsCubic = 4 };

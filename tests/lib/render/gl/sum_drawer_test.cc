@@ -72,8 +72,7 @@ TEST(SumDrawer, DrawsWhatTheCpuDoes) {
             const int side = 3 + trial, width = trial % 2 ? 157 : 320, height = trial % 2 ? 121 : 240;
             const Rig rig = test::jittered_array(random, side, width, height, trial % 3 == 0 ? 0 : -0.25);
             View view = test::view_into(rig, side, width, height, random.small_rotation(0.2));
-            if (map)
-              view.focus.map = test::depths(random, view, trial == 1 ? 7 : FocalMap::kFinestStep, trial == 2);
+            if (map) view.focus.map = test::depths(random, view, trial == 1 ? 7 : FocalMap::kFinestStep, trial == 2);
             const auto images = images_of(rig, random, hard ? checkerboard : reference::smooth_image);
             const Difference one = difference(rig, view, images, family, resampling);
             worst.level = std::max(worst.level, one.level);
@@ -105,8 +104,8 @@ TEST(SumDrawer, LeavesWhatItCannotTellToTheCpu) {
     view.pose = rig.cameras[0].pose;
     view.lens = Lens::pinhole(200, 79.5 + 10.5, 59.5);  // column 10 shows the border
     view.focus.plane = plane_through({0, 0, 2}, {0, 0, -1});
-    const Difference one = difference(rig, view, images_of(rig, random, reference::smooth_image), family,
-                                      Resampling::kBilinear);
+    const Difference one =
+        difference(rig, view, images_of(rig, random, reference::smooth_image), family, Resampling::kBilinear);
     EXPECT_LE(one.level, 0.2);
     EXPECT_LE(one.lost, 1e-4);
     EXPECT_GE(one.mended, 100u);
