@@ -122,6 +122,8 @@ vec4 cubic_weights(float t) {
   return vec4(-near / 2.0, 1.0 - t + near - far / 2.0, t + far - near / 2.0, -far / 2.0);
 }
 
+vec4 texel(highp sampler2DArray from, int layer, ivec2 at) { return texelFetch(from, ivec3(at, layer), 0); }
+
 // 0..1; beyond the outer pixels' centres they go on.
 vec4 sampled(highp sampler2DArray from, int layer, ivec2 size, vec2 position, bool cubic) {
   vec2 at = clamp(position, vec2(0.0), vec2(size - 1));
@@ -131,11 +133,11 @@ vec4 sampled(highp sampler2DArray from, int layer, ivec2 size, vec2 position, bo
     vec4 across = cubic_weights(part.x), down = cubic_weights(part.y), sum = vec4(0.0);
     for (int j = 0; j < 4; j++)
       for (int i = 0; i < 4; i++)
-        sum += down[j] * across[i] * texelFetch(from, ivec3(clamp(first + ivec2(i, j) - 1, ivec2(0), size - 1), layer), 0);
+        sum += down[j] * across[i] * texel(from, layer, clamp(first + ivec2(i, j) - 1, ivec2(0), size - 1));
     return clamp(sum, 0.0, 1.0);
   }
-  vec4 upper = mix(texelFetch(from, ivec3(first, layer), 0), texelFetch(from, ivec3(second.x, first.y, layer), 0), part.x);
-  vec4 lower = mix(texelFetch(from, ivec3(first.x, second.y, layer), 0), texelFetch(from, ivec3(second, layer), 0), part.x);
+  vec4 upper = mix(texel(from, layer, first), texel(from, layer, ivec2(second.x, first.y)), part.x);
+  vec4 lower = mix(texel(from, layer, ivec2(first.x, second.y)), texel(from, layer, second), part.x);
   return mix(upper, lower, part.y);
 }
 
@@ -216,7 +218,8 @@ void add(Weights weights, vec3 w, Place centre, float level) {
       continue;
     }
     vec4 image = table(first_slot + slot * SLOT_TEXELS + SLOT_IMAGE);
-    vec4 colour = sampled(chroma_images, int(image.w), (ivec2(image.yz) + 1) / 2, (position - 0.5) / 2.0, is_cubic(slot));
+    ivec2 chroma_size = (ivec2(image.yz) + 1) / 2;
+    vec4 colour = sampled(chroma_images, int(image.w), chroma_size, (position - 0.5) / 2.0, is_cubic(slot));
     sum += w[k] * (255.0 * colour.rg - 128.0);
   }
 }
@@ -224,7 +227,9 @@ void add(Weights weights, vec3 w, Place centre, float level) {
 void main() {
   ivec2 here = ivec2(gl_FragCoord.xy);
   ivec2 first = 2 * here, last = min(first + 1, size - 1); // at the view's end there is no other
-  Place centre = Place(vec2(first + last) / 2.0 + vec2(origin), has_rays ? texelFetch(centre_rays, here, 0).xy : vec2(0.0));
+  Place centre;
+  centre.pixel = vec2(first + last) / 2.0 + vec2(origin);
+  centre.at = has_rays ? texelFetch(centre_rays, here, 0).xy : vec2(0.0);
   float level = has_map ? level_at(vec2(first + origin) + 0.5) : 0.0;
   float pixels = 0.0;
   int owner = 0;
