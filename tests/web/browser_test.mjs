@@ -267,7 +267,10 @@ async function headset() {
     const { flight: { seen }, video } = inside();
     return video.videoWidth > video.videoHeight * 1.5 && Math.abs(seen?.yaw + 0.05 * 180 / Math.PI) < 1e-3;
   }, null, { timeout: patience });
-  await new Promise(done => setTimeout(done, 1000));  // the encoder makes it sharp
+  await page.evaluate(async () => {  // the encoder makes it sharp
+    const { video } = inside();
+    for (let i = 0; i < 30; i++) await new Promise(done => video.requestVideoFrameCallback(done));
+  });
   const state = await stateOf(page);
   // WebXR's y is up and its z back.
   for (const [name, by] of [['x', 0.01], ['y', -0.02], ['z', 0.03]])
