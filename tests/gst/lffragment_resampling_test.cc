@@ -27,6 +27,17 @@ class LfFragmentResamplingTest : public LfFragmentTest {
     }
   }
 
+  void start_with_images() {
+    start(4);
+    set("codec", "raw16");
+    for (size_t i = 0; i < cameras_.size(); i++) {
+      GstBuffer* frame = to_buffer(images_[i].data());
+      GST_BUFFER_PTS(frame) = 0;
+      GST_BUFFER_DURATION(frame) = kFrame;
+      ASSERT_EQ(gst_harness_push(cameras_[i].get(), frame), GST_FLOW_OK);
+    }
+  }
+
   // What the library makes of these images.
   Image rendered(const ViewRequest& asked, Resampling resampling) const {
     const Rect whole{0, 0, ArrayFixture::kWidth, ArrayFixture::kHeight};
@@ -58,14 +69,7 @@ class LfFragmentResamplingTest : public LfFragmentTest {
 };
 
 TEST_F(LfFragmentResamplingTest, ThePictureIsTheLibrarysWhateverIsChosen) {
-  start(4);
-  set("codec", "raw16");
-  for (size_t i = 0; i < cameras_.size(); i++) {
-    GstBuffer* frame = to_buffer(images_[i].data());
-    GST_BUFFER_PTS(frame) = 0;
-    GST_BUFFER_DURATION(frame) = kFrame;
-    ASSERT_EQ(gst_harness_push(cameras_[i].get(), frame), GST_FLOW_OK);
-  }
+  start_with_images();
   const ViewRequest asked = array_.request(0, 0);
   const std::map<std::string, Resampling> choices{{"bilinear", Resampling::kBilinear},
                                                   {"sharpened", Resampling::kSharpened},
@@ -87,14 +91,7 @@ TEST_F(LfFragmentResamplingTest, ThePictureIsTheLibrarysWhateverIsChosen) {
 
 // What is coarser than the images is sampled as they are.
 TEST_F(LfFragmentResamplingTest, CoarseViewsAreNotSharpened) {
-  start(4);
-  set("codec", "raw16");
-  for (size_t i = 0; i < cameras_.size(); i++) {
-    GstBuffer* frame = to_buffer(images_[i].data());
-    GST_BUFFER_PTS(frame) = 0;
-    GST_BUFFER_DURATION(frame) = kFrame;
-    ASSERT_EQ(gst_harness_push(cameras_[i].get(), frame), GST_FLOW_OK);
-  }
+  start_with_images();
   ViewRequest asked = array_.request(0, 0);
   for (const double scale : {1.0, 0.5}) {
     const Lens& lens = array_.rig().cameras[0].lens;
@@ -111,14 +108,7 @@ TEST_F(LfFragmentResamplingTest, CoarseViewsAreNotSharpened) {
 
 // Switched while requests come: nothing is lost on the way.
 TEST_F(LfFragmentResamplingTest, TheRendererChangesNoPixelByMoreThanOneLevel) {
-  start(4);
-  set("codec", "raw16");
-  for (size_t i = 0; i < cameras_.size(); i++) {
-    GstBuffer* frame = to_buffer(images_[i].data());
-    GST_BUFFER_PTS(frame) = 0;
-    GST_BUFFER_DURATION(frame) = kFrame;
-    ASSERT_EQ(gst_harness_push(cameras_[i].get(), frame), GST_FLOW_OK);
-  }
+  start_with_images();
   ViewRequest asked = array_.request(0, 0);
   for (const char* renderer : {"gl", "cpu", "gl"}) {
     set("renderer", renderer);
