@@ -13,7 +13,8 @@ for (;;) {
   try {
     const page = await openPage(browser, url, { width: 320, height: 240 });
     const frames = () => page.evaluate(
-      () => document.querySelector('lightfield-viewer')?.video.getVideoPlaybackQuality().totalVideoFrames ?? 0);
+      () => document.querySelector('lightfield-viewer')?.shadowRoot?.querySelector('video')
+        .getVideoPlaybackQuality().totalVideoFrames ?? 0);
     for (let time = 0; time < stays; time += 1000) {
       await page.keyboard.press(['ArrowLeft', 'ArrowRight', '+', '-'][time / 1000 % 4]);
       await sleep(1000);
