@@ -203,7 +203,8 @@ void Viewer::requested(GstBuffer* buffer, GstClockTime time) {
   std::optional<uint64_t> applied;
   {
     const std::lock_guard lock(mutex_);
-    if (change_ && change_->time <= time) {
+    // A request's time is that of the captures it asks for; it left when these were old enough.
+    if (change_ && change_->time <= time + settings_.eye.capture_delay) {
       applied = change_->id;
       change_.reset();
     }
