@@ -64,6 +64,11 @@ class RequestStream {
   std::vector<uint8_t> command_for(const ViewRequest& request, const std::shared_ptr<const Rig>& rig);
   // The slot is used: on to the next one. Returns the request's sequence number.
   uint32_t advance(const RequestSlot& slot);
+  // Which slot is next, and on to the one after that, if it still is: a slot that makes no request.
+  uint64_t turn() const { return index_; }
+  void pass(uint64_t turn) {
+    if (index_ == turn) index_++;
+  }
   // Of one more request in the slot that was used last.
   uint32_t number() { return sequence_++; }
 

@@ -158,7 +158,7 @@ static bool complete_request(LfViewRequest* self, lf::ViewRequest& request) {
 
 GstFlowReturn lf_view_request_relay(LfViewRequest* self, GstBuffer** out) {
   while (true) {
-    GstBuffer* buffer = nullptr;
+    g_autoptr(GstBuffer) buffer = nullptr;
     const GstFlowReturn flow = self->relay->pop(&buffer);
     if (flow != GST_FLOW_OK) return flow;
     lf::ObjectLock lock(self);
@@ -176,16 +176,14 @@ GstFlowReturn lf_view_request_relay(LfViewRequest* self, GstBuffer** out) {
         drop_command(self);
       else
         GST_WARNING_OBJECT(self, "dropped a view request: %s", reason.c_str());
-      gst_buffer_unref(buffer);
       continue;
     }
     lf::ViewRequest request = std::get<lf::ViewRequest>(*any);
     if (!complete_request(self, request)) {
-      *out = buffer;
+      *out = g_steal_pointer(&buffer);
     } else {
       *out = lf::encode_request_buffer(request);
       gst_buffer_copy_into(*out, buffer, GST_BUFFER_COPY_TIMESTAMPS, 0, -1);
-      gst_buffer_unref(buffer);
     }
     lf_view_request_send_more(self, request, rig, *out);
     return GST_FLOW_OK;

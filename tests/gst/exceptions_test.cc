@@ -258,6 +258,41 @@ TEST_F(Exceptions, WhereRequestsAreMade) {
       [&](GstElement* element) { set_rig(element); });
 }
 
+// What is thrown while a request is made costs that request, and the next ones leave.
+TEST_F(Exceptions, ARequestAndNoMore) {
+  constexpr int kRequests = 4;
+  struct Passed {
+    std::atomic<int> places, requests;
+  } passed;
+  const auto pass = [](GstPad*, GstPadProbeInfo*, gpointer data) {
+    Passed* passed = static_cast<Passed*>(data);
+    if (passed->requests++ == 0) left = passed->places.load();
+    return GST_PAD_PROBE_OK;
+  };
+  each_place("lfviewrequest", [&](GstElement* element) {
+    passed.places = left.exchange(-1);
+    passed.requests = 0;
+    set_rig(element);
+    g_object_set(element, "num-buffers", kRequests, nullptr);
+    GstPad* src = gst_element_get_static_pad(element, "src");
+    gst_pad_add_probe(src, GST_PAD_PROBE_TYPE_BUFFER, pass, &passed, nullptr);
+    gst_object_unref(src);
+    HarnessPtr harness(gst_harness_new_with_element(element, nullptr, "src"));
+    gst_harness_play(harness.get());
+    for (bool ended = false; !ended;) {
+      GstEvent* event = gst_harness_pull_event(harness.get());
+      ASSERT_TRUE(event);
+      ended = GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+      gst_event_unref(event);
+    }
+    const int rest = left.exchange(-1);
+    EXPECT_EQ(passed.requests, kRequests);
+    harness.reset();
+    left = rest;
+  });
+  EXPECT_GE(places_, 5);
+}
+
 // Who is told: an error says what it was.
 TEST_F(Exceptions, AnErrorSaysSo) {
   const ElementPtr element(GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make("lffragment", nullptr))));
