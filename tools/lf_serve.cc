@@ -66,7 +66,7 @@ std::pair<std::string, std::string> parse_path(const std::string& text) {
   const size_t equals = text.find('=');
   if (equals == text.npos || equals == 0) throw lf::Error("--path " + text + ": must be NAME=FILE");
   const std::string file = text.substr(equals + 1);
-  const lf::View& view = lf::load_views(file).front().view;
+  const lf::View view = lf::load_views(file).front().view;
   if (view.width % 2 || view.height % 2) throw lf::Error(file + ": video needs views of even width and height");
   return {text.substr(0, equals), file};
 }
