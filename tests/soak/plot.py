@@ -21,19 +21,23 @@ def ticks(most):
 
 
 class Svg:
-    def __init__(self, title, panels, seconds):
+    def __init__(self, title, panels, seconds, bands):
+        """`bands`, behind all panels: (begin, end, colour)."""
         self.seconds = seconds
         self.height = TOP + panels * (PANEL + GAP) + 10
         self.parts = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {self.height}" '
                       f'font-family="sans-serif" font-size="11"><rect width="100%" height="100%" fill="white"/>'
                       f'<text x="{LEFT}" y="20" font-size="14">{escape(title)}</text>']
         self.top = TOP
+        drawn = ''.join(f'<path d="M{self.x(begin):.1f} 0H{self.x(end):.1f}V{PANEL}H{self.x(begin):.1f}" fill="{colour}"/>'
+                        for begin, end, colour in bands)
+        self.parts.append(f'<defs><g id="bands">{drawn}</g></defs>')
 
     def x(self, seconds):
         return LEFT + (WIDTH - LEFT - RIGHT) * seconds / self.seconds
 
-    def panel(self, title, series, bands, most=None):
-        """`series`: name to points (seconds, value); `bands`: (begin, end, colour)."""
+    def panel(self, title, series, most=None):
+        """`series`: name to points (seconds, value)."""
         top, bottom = self.top, self.top + PANEL
         lines = ticks(most or max((y for points in series.values() for _, y in points), default=1))
         if most:
@@ -41,9 +45,7 @@ class Svg:
 
         def y_of(value):
             return bottom - PANEL * value / lines[-1]
-        for begin, end, colour in bands:
-            self.parts.append(f'<rect x="{self.x(begin):.1f}" y="{top}" width="{self.x(end) - self.x(begin):.1f}" '
-                              f'height="{PANEL}" fill="{colour}"/>')
+        self.parts.append(f'<use href="#bands" y="{top}"/>')
         for value in lines:
             self.parts.append(f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y_of(value):.1f}" y2="{y_of(value):.1f}" '
                               f'stroke="#ddd"/><text x="{LEFT - 6}" y="{y_of(value) + 4:.1f}" text-anchor="end">'
@@ -99,15 +101,15 @@ def draw(run, path):
             series[s.program].append((s.time, getattr(s, what)))
         return {name: peaks(points, seconds) for name, points in series.items()}
     svg = Svg(f'{len(laws.stays(run))} visits of three viewers, {len(laws.troubled(run))} kills of nodes and losses of '
-              f'cameras (red; grey: warm-up)', 6, seconds)
-    svg.panel('Memory, MiB (PSS)', of_programs('memory'), bands)
-    svg.panel('Descriptors', of_programs('descriptors'), bands)
-    svg.panel('Threads', of_programs('threads'), bands)
+              f'cameras (red; grey: warm-up)', 6, seconds, bands)
+    svg.panel('Memory, MiB (PSS)', of_programs('memory'))
+    svg.panel('Descriptors', of_programs('descriptors'))
+    svg.panel('Threads', of_programs('threads'))
     svg.panel('Request to picture, p50, ms', of_buckets(watch.pictures, seconds, lambda some: percentile(
-        [p.latency for p in some], 50)), bands)
+        [p.latency for p in some], 50)))
     svg.panel('Request to picture, p99, ms', of_buckets(watch.pictures, seconds, lambda some: percentile(
-        [p.latency for p in some], 99)), bands)
+        [p.latency for p in some], 99)))
     svg.panel('Complete pictures, %', of_buckets(watch.pictures, seconds, lambda some: 100 * sum(
-        p.complete for p in some) / len(some)), bands, most=100)
+        p.complete for p in some) / len(some)), most=100)
     with open(path, 'w', encoding='utf-8') as file:
         file.write(svg.text())
