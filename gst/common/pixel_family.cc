@@ -26,4 +26,8 @@ void set_system_colorimetry(GstVideoInfo& info) {
   info.chroma_site = GST_VIDEO_CHROMA_SITE_JPEG;
 }
 
+bool has_video_levels(const GstVideoInfo& info) {
+  return family_of(info) == PixelFamily::kI420 && info.colorimetry.range == GST_VIDEO_COLOR_RANGE_16_235;
+}
+
 }  // namespace lf

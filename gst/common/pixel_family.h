@@ -13,5 +13,7 @@ PixelFamily family_of(const GstVideoInfo& info);
 RgbLayout rgb_layout(const GstVideoInfo& info);
 // Sets what I420 means inside the system: full-range BT.601, centred chroma.
 void set_system_colorimetry(GstVideoInfo& info);
+// Whether it is YCbCr with the head and foot room of video, in place of what I420 means inside the system.
+bool has_video_levels(const GstVideoInfo& info);
 
 }  // namespace lf

@@ -134,7 +134,8 @@ static GstBuffer* make_video(LfCompositor* self, const lf::Background& backgroun
   const Planes planes(frame);
   const lf::RgbLayout layout =
       lf::family_of(state.info) == lf::PixelFamily::kRgb ? lf::rgb_layout(state.info) : lf::RgbLayout{};
-  state.assembly.picture().resolve(background, layout, planes.data, planes.stride);
+  const lf::Levels levels = lf::has_video_levels(state.info) ? lf::kVideoLevels : lf::kFullLevels;
+  state.assembly.picture().resolve(background, layout, planes.data, planes.stride, levels);
   if (!lf_compositor_is_complete(self)) conceal(self, planes);
   gst_video_frame_unmap(&frame);
   return out;

@@ -69,7 +69,7 @@ void lf_compositor_record_skipped(LfCompositor* self, const lf::QosWatch::Late& 
 // How much of the view cameras can see. A view that moves is looked at now and then, or for each picture's message.
 static double coverage(LfCompositor* self, bool exact) {
   constexpr int kRows = 12;
-  constexpr int64_t kInterval = G_USEC_PER_SEC / 10;
+  constexpr int64_t kInterval = G_USEC_PER_SEC / 2;
   auto& state = *self->state;
   auto& known = state.coverage;
   if (!state.rig) return -1;

@@ -7,13 +7,12 @@
 namespace lf {
 
 GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height) {
-  const auto candidates = [](const char* formats) {
-    g_autofree gchar* text = g_strdup_printf("video/x-raw, format=(string)%s", formats);
-    return gst_caps_from_string(text);
-  };
-  GstCaps* wanted = family == PixelFamily::kI420  ? candidates("{ I420, NV12 }")
-                    : family == PixelFamily::kRgb ? candidates("{ " LF_RGB_FORMATS " }")
-                                                  : candidates("{ " LF_RGB_FORMATS ", I420, NV12 }");
+  constexpr char kRgb[] = "video/x-raw, format=(string){ " LF_RGB_FORMATS " }";
+  // The cameras' range first, then video's, for those who ask for that.
+  constexpr char kYCbCr[] = "video/x-raw, format=(string){ I420, NV12 }, colorimetry=(string){ 1:4:0:0, bt601 }";
+  GstCaps* wanted = gst_caps_new_empty();
+  if (family != PixelFamily::kI420) gst_caps_append(wanted, gst_caps_from_string(kRgb));
+  if (family != PixelFamily::kRgb) gst_caps_append(wanted, gst_caps_from_string(kYCbCr));
   GstCaps* sink_caps = gst_pad_get_current_caps(request);
   gint rate_n = 0, rate_d = 1;
   if (sink_caps) {
@@ -32,7 +31,10 @@ GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily fa
   GstVideoInfo info;
   if (gst_video_info_from_caps(&info, chosen)) {
     gst_caps_unref(chosen);
+    const GstVideoColorimetry asked_for = info.colorimetry;
+    const bool has_headroom = has_video_levels(info);
     set_system_colorimetry(info);
+    if (has_headroom) info.colorimetry = asked_for;
     chosen = gst_video_info_to_caps(&info);
   }
   return chosen;

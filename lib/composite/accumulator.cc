@@ -165,8 +165,8 @@ void Accumulator::set_uncovered(const OwnerMap& whole_view) {
 }
 
 void Accumulator::resolve(const Background& background, const RgbLayout& layout, uint8_t* const plane[3],
-                          const ptrdiff_t stride[3]) const {
-  lf::resolve(whole(), uncovered_.empty() ? nullptr : uncovered_.data(), background, layout, plane, stride);
+                          const ptrdiff_t stride[3], const Levels& levels) const {
+  lf::resolve(whole(), uncovered_.empty() ? nullptr : uncovered_.data(), background, layout, plane, stride, levels);
 }
 
 void Accumulator::conceal(const ImageView& before, uint8_t* const plane[3], const ptrdiff_t stride[3]) const {

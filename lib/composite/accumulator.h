@@ -40,7 +40,7 @@ class Accumulator {
 
   // The finished picture, see resolve().
   void resolve(const Background& background, const RgbLayout& layout, uint8_t* const plane[3],
-               const ptrdiff_t stride[3]) const;
+               const ptrdiff_t stride[3], const Levels& levels = kFullLevels) const;
   Image resolve(const Background& background = {}) const;
   // Per pixel, 0..1: how much of its weight was not lost, to 1e-4; 0 where no face owns it, as set_uncovered() says.
   std::vector<float> coverage() const;

@@ -32,23 +32,28 @@ YCbCr to_ycbcr(const Background& b) {
           0.5f * b.r - 0.418688f * b.g - 0.081312f * b.b};
 }
 
-// Which rows need more than rounding.
+// Rows are made in parts of so many pixels: few parts of a view that is not covered whole need more than rounding.
+constexpr int kPart = 128;
+constexpr int kChromaPart = kPart / 2;
+
+// Which parts of rows need more than rounding.
 class Weights {
  public:
   Weights(const ConstSumPlanes& sum, const uint8_t* uncovered)
       : sum_(sum), uncovered_(uncovered), width_(sum.rect.width()) {}
 
-  const uint16_t* lost(int y) const { return sum_.lost ? sum_.lost + y * sum_.lost_stride : nullptr; }
-  // The factors for the sums of row y, 0 where the background shows; false if the row is its sum as it is.
-  bool scales(int y, float* scale) const {
-    const uint8_t* uncovered = uncovered_ ? uncovered_ + static_cast<size_t>(y) * width_ : nullptr;
-    const bool some_lost = lost(y) && any_set(lost(y), width_), some_hidden = uncovered && any_set(uncovered, width_);
+  const uint16_t* lost(int x, int y) const { return sum_.lost ? sum_.lost + y * sum_.lost_stride + x : nullptr; }
+  // The factors for the sums of `n` pixels from x of row y on, 0 where the background shows; false if these are their
+  // sums as they are.
+  bool scales(int x, int y, int n, float* scale) const {
+    const uint8_t* uncovered = uncovered_ ? uncovered_ + static_cast<size_t>(y) * width_ + x : nullptr;
+    const bool some_lost = sum_.lost && any_set(lost(x, y), n), some_hidden = uncovered && any_set(uncovered, n);
     if (!some_lost && !some_hidden) return false;
     if (some_lost)
-      make_scales(scale, lost(y), width_);
+      make_scales(scale, lost(x, y), n);
     else
-      std::fill_n(scale, width_, 1 / kOneLevel);
-    if (some_hidden) hide(scale, uncovered, width_);
+      std::fill_n(scale, n, 1 / kOneLevel);
+    if (some_hidden) hide(scale, uncovered, n);
     return true;
   }
 
@@ -74,20 +79,21 @@ void resolve_rgb(const ConstSumPlanes& sum, const Weights& weights, const Backgr
   const int w = sum.rect.width();
   const float back[3] = {static_cast<float>(background.r), static_cast<float>(background.g),
                          static_cast<float>(background.b)};
-  std::vector<float> scale(w);
-  std::vector<uint8_t> rows(3 * static_cast<size_t>(w));
-  uint8_t* const row[3] = {&rows[0], &rows[w], &rows[2 * static_cast<size_t>(w)]};
-  for (int y = 0; y < sum.rect.height(); y++) {
-    const int16_t* const in[3] = {sum.plane[0] + y * sum.stride[0], sum.plane[1] + y * sum.stride[1],
-                                  sum.plane[2] + y * sum.stride[2]};
-    uint8_t* const out = plane + y * stride;
-    if (!weights.scales(y, scale.data())) {
-      round_rgb_row(out, layout, in[0], in[1], in[2], w);
-      continue;
+  float scale[kPart];
+  uint8_t row[3][kPart];
+  for (int y = 0; y < sum.rect.height(); y++)
+    for (int x = 0; x < w; x += kPart) {
+      const int n = std::min(kPart, w - x);
+      const int16_t* const in[3] = {sum.plane[0] + y * sum.stride[0] + x, sum.plane[1] + y * sum.stride[1] + x,
+                                    sum.plane[2] + y * sum.stride[2] + x};
+      uint8_t* const out = plane + y * stride + static_cast<ptrdiff_t>(x) * layout.pixel_stride;
+      if (!weights.scales(x, y, n, scale)) {
+        round_rgb_row(out, layout, in[0], in[1], in[2], n);
+        continue;
+      }
+      for (int c = 0; c < 3; c++) scale_row(row[c], in[c], scale, back[c], kFullLevels, n);
+      interleave(out, layout, row[0], row[1], row[2], n);
     }
-    for (int c = 0; c < 3; c++) scale_row(row[c], in[c], scale.data(), back[c], w);
-    interleave(out, layout, row[0], row[1], row[2], w);
-  }
 }
 
 void interleave(uint8_t* __restrict out, const uint8_t* __restrict cb, const uint8_t* __restrict cr, int n) {
@@ -97,57 +103,74 @@ void interleave(uint8_t* __restrict out, const uint8_t* __restrict cb, const uin
   }
 }
 
-void resolve_i420(const ConstSumPlanes& sum, const Weights& weights, const Background& background,
-                  uint8_t* const plane[3], const ptrdiff_t stride[3]) {
-  const int w = sum.rect.width(), h = sum.rect.height(), cw = chroma_size(w);
-  const YCbCr back = to_ycbcr(background);
-  std::vector<float> scale(w), share(cw), chroma_scale(cw);
-  std::vector<int32_t> lost(cw), hidden(cw);  // sums over the pixels of a chroma sample
-  const bool interleaved = chroma_step(plane) == 2;
-  std::vector<uint8_t> rows_of_chroma(interleaved ? 2 * static_cast<size_t>(cw) : 0);
-  for (int cy = 0; cy < chroma_size(h); cy++) {
-    const int rows = std::min(2, h - 2 * cy);
-    std::ranges::fill(lost, 0);
-    std::ranges::fill(hidden, 0);
-    bool plain = true;
-    for (int y = 2 * cy; y < 2 * cy + rows; y++) {
-      const int16_t* const in = sum.plane[0] + y * sum.stride[0];
-      uint8_t* const out = plane[0] + y * stride[0];
-      if (!weights.scales(y, scale.data())) {
-        round_row(out, in, w);
-        continue;
-      }
-      plain = false;
-      scale_row(out, in, scale.data(), back.y, w);
-      add_pairs(lost.data(), hidden.data(), weights.lost(y), scale.data(), w);
-    }
-    // Lost weight is the mean over the sample's pixels; the background takes the share of those that show it.
-    if (!plain) {
-      const int pairs = w / 2;
-      const auto pixels = static_cast<float>(rows);
-      make_chroma_scales(chroma_scale.data(), share.data(), lost.data(), hidden.data(), 2 * pixels, pairs);
-      if (cw > pairs) make_chroma_scales(&chroma_scale[pairs], &share[pairs], &lost[pairs], &hidden[pairs], pixels, 1);
-    }
-    for (int c = 1; c < 3; c++) {
-      const int16_t* const in = sum.plane[c] + cy * sum.stride[c];
-      uint8_t* const out = interleaved ? &rows_of_chroma[c == 1 ? 0 : cw] : plane[c] + cy * stride[c];
-      if (plain) {
-        round_chroma_row(out, in, cw, 128);
-        continue;
-      }
-      scale_chroma_row(out, in, chroma_scale.data(), share.data(), c == 1 ? back.cb : back.cr, cw);
-    }
-    if (interleaved) interleave(plane[1] + cy * stride[1], rows_of_chroma.data(), &rows_of_chroma[cw], cw);
+// The planes of a picture in kI420, and how sums become them.
+struct Planar {
+  const ConstSumPlanes& sum;
+  const Weights& weights;
+  YCbCr back;
+  Levels levels;
+  uint8_t* const* plane;
+  const ptrdiff_t* stride;
+
+  void round_luma(uint8_t* out, const int16_t* in, int n) const {
+    levels == kFullLevels ? round_row(out, in, n) : write_row(out, in, levels, n);
   }
+  void round_chroma(uint8_t* out, const int16_t* in, int n) const {
+    levels == kFullLevels ? round_chroma_row(out, in, n, 128) : write_chroma_row(out, in, levels, n);
+  }
+};
+
+// `w` pixels (at most kPart, even but at the picture's end) of the one or two rows that have the chroma row cy, from x
+// on.
+void resolve_part(const Planar& to, int x, int w, int cy, int rows) {
+  const int cw = chroma_size(w), cx = x / 2;
+  float scale[kPart], share[kChromaPart], chroma_scale[kChromaPart];
+  int32_t lost[kChromaPart] = {}, hidden[kChromaPart] = {};  // sums over the pixels of a chroma sample
+  bool plain = true;
+  for (int y = 2 * cy; y < 2 * cy + rows; y++) {
+    const int16_t* const in = to.sum.plane[0] + y * to.sum.stride[0] + x;
+    uint8_t* const out = to.plane[0] + y * to.stride[0] + x;
+    if (!to.weights.scales(x, y, w, scale)) {
+      to.round_luma(out, in, w);
+      continue;
+    }
+    plain = false;
+    scale_row(out, in, scale, to.back.y, to.levels, w);
+    add_pairs(lost, hidden, to.weights.lost(x, y), scale, w);
+  }
+  // Lost weight is the mean over the sample's pixels; the background takes the share of those that show it.
+  if (!plain) {
+    const int pairs = w / 2;
+    const auto pixels = static_cast<float>(rows);
+    make_chroma_scales(chroma_scale, share, lost, hidden, 2 * pixels, pairs);
+    if (cw > pairs) make_chroma_scales(&chroma_scale[pairs], &share[pairs], &lost[pairs], &hidden[pairs], pixels, 1);
+  }
+  const bool interleaved = chroma_step(to.plane) == 2;
+  uint8_t rows_of_chroma[2][kChromaPart];
+  for (int c = 1; c < 3; c++) {
+    const int16_t* const in = to.sum.plane[c] + cy * to.sum.stride[c] + cx;
+    uint8_t* const out = interleaved ? rows_of_chroma[c - 1] : to.plane[c] + cy * to.stride[c] + cx;
+    if (plain)
+      to.round_chroma(out, in, cw);
+    else
+      scale_chroma_row(out, in, chroma_scale, share, c == 1 ? to.back.cb : to.back.cr, to.levels, cw);
+  }
+  if (interleaved) interleave(to.plane[1] + cy * to.stride[1] + 2 * cx, rows_of_chroma[0], rows_of_chroma[1], cw);
+}
+
+void resolve_i420(const Planar& to) {
+  const int w = to.sum.rect.width(), h = to.sum.rect.height();
+  for (int cy = 0; cy < chroma_size(h); cy++)
+    for (int x = 0; x < w; x += kPart) resolve_part(to, x, std::min(kPart, w - x), cy, std::min(2, h - 2 * cy));
 }
 
 }  // namespace
 
 void resolve(const ConstSumPlanes& sum, const uint8_t* uncovered, const Background& background, const RgbLayout& layout,
-             uint8_t* const plane[3], const ptrdiff_t stride[3]) {
+             uint8_t* const plane[3], const ptrdiff_t stride[3], const Levels& levels) {
   const Weights weights(sum, uncovered);
   if (sum.family == PixelFamily::kRgb) resolve_rgb(sum, weights, background, layout, plane[0], stride[0]);
-  if (sum.family == PixelFamily::kI420) resolve_i420(sum, weights, background, plane, stride);
+  if (sum.family == PixelFamily::kI420) resolve_i420({sum, weights, to_ycbcr(background), levels, plane, stride});
 }
 
 namespace {

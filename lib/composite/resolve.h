@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "composite/levels.h"
 #include "image/image.h"
 #include "render/sum_planes.h"
 
@@ -19,12 +20,12 @@ struct Background {
 //
 // `sum`: of the whole view (rect.x0 = rect.y0 = 0). `uncovered`: a byte per pixel without padding, not 0 where the
 // background shows too; null: nowhere. Into packed planes as in ImageView: kRgb in `layout` (a fourth byte is set to
-// 255: opaque), or kI420 with the 128 offset, whose chroma is interleaved (NV12) where plane[2] is plane[1] + 1.
-// Rounded to the nearest level, halves up. Chroma loses the mean of the
-// lost weight of its up to four pixels; the background takes the share of those of them that show it. A pixel with less
-// than 3/255 of its weight left shows the background: sums of 8-bit fragments leave it no colour.
+// 255: opaque), or kI420 as `levels` has it, whose chroma is interleaved (NV12) where plane[2] is plane[1] + 1.
+// Rounded to the nearest level, halves up (with less than full levels: but for sums within 1/128 of a half). Chroma
+// loses the mean of the lost weight of its up to four pixels; the background takes the share of those of them that show
+// it. A pixel with less than 3/255 of its weight left shows the background: sums of 8-bit fragments leave it no colour.
 void resolve(const ConstSumPlanes& sum, const uint8_t* uncovered, const Background& background, const RgbLayout& layout,
-             uint8_t* const plane[3], const ptrdiff_t stride[3]);
+             uint8_t* const plane[3], const ptrdiff_t stride[3], const Levels& levels = kFullLevels);
 
 // Bytes from one chroma sample to the next in such planes, the same rows' samples of Cb and Cr.
 template <typename Byte>

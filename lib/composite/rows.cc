@@ -90,8 +90,20 @@ HWY_INLINE auto to_bytes(D d, V v) {
   return hn::DemoteTo(hn::Rebind<uint8_t, D>(), hn::ConvertTo(hn::Rebind<int32_t, D>(), level));
 }
 
+// The factor is less than 1.
+void written(uint8_t* HWY_RESTRICT out, const int16_t* HWY_RESTRICT sum, float factor, float offset, int n) {
+  const auto fixed = static_cast<int16_t>(factor * 32768 + 0.5f);
+  const auto added = static_cast<int16_t>(offset * (1 << kSumFractionBits) + (1 << (kSumFractionBits - 1)));
+  for_lanes<int16_t>(n, [&](auto d, int i) HWY_ATTR {
+    const auto level =
+        hn::SaturatedAdd(hn::MulFixedPoint15(hn::LoadU(d, sum + i), hn::Set(d, fixed)), hn::Set(d, added));
+    const hn::Rebind<uint8_t, decltype(d)> d8;
+    hn::StoreU(hn::DemoteTo(d8, hn::ShiftRight<kSumFractionBits>(level)), d8, out + i);
+  });
+}
+
 void scaled(uint8_t* HWY_RESTRICT out, const int16_t* HWY_RESTRICT sum, const float* HWY_RESTRICT scale,
-            float background, int n) {
+            float background, float gain, float offset, int n) {
   for_lanes<float>(n, [&](auto d, int i) HWY_ATTR {
     const hn::Rebind<int32_t, decltype(d)> d32;
     const hn::Rebind<int16_t, decltype(d)> d16;
@@ -99,7 +111,8 @@ void scaled(uint8_t* HWY_RESTRICT out, const int16_t* HWY_RESTRICT sum, const fl
     const auto s = hn::LoadU(d, scale + i);
     const auto value = hn::Mul(hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d16, sum + i))), s);
     const auto shown = hn::IfThenElse(hn::Eq(s, hn::Zero(d)), hn::Set(d, background), value);
-    hn::StoreU(to_bytes(d, shown), d8, out + i);
+    const auto level = hn::Add(hn::Mul(shown, hn::Set(d, gain)), hn::Set(d, offset));
+    hn::StoreU(to_bytes(d, level), d8, out + i);
   });
 }
 
@@ -130,7 +143,7 @@ void chroma_scales_of(float* HWY_RESTRICT scale, float* HWY_RESTRICT share, cons
 }
 
 void scaled_chroma(uint8_t* HWY_RESTRICT out, const int16_t* HWY_RESTRICT sum, const float* HWY_RESTRICT scale,
-                   const float* HWY_RESTRICT share, float background, int n) {
+                   const float* HWY_RESTRICT share, float background, float gain, int n) {
   for_lanes<float>(n, [&](auto d, int i) HWY_ATTR {
     const hn::Rebind<int32_t, decltype(d)> d32;
     const hn::Rebind<int16_t, decltype(d)> d16;
@@ -139,9 +152,9 @@ void scaled_chroma(uint8_t* HWY_RESTRICT out, const int16_t* HWY_RESTRICT sum, c
     const auto colour =
         hn::Min(hn::Max(hn::Mul(value, hn::LoadU(d, scale + i)), hn::Set(d, -128.f)), hn::Set(d, 127.f));
     const auto back = hn::LoadU(d, share + i);
-    const auto shown = hn::Add(hn::Add(hn::Set(d, 128), hn::Mul(colour, hn::Sub(hn::Set(d, 1), back))),
-                               hn::Mul(hn::Set(d, background), back));
-    hn::StoreU(to_bytes(d, shown), d8, out + i);
+    const auto shown = hn::Add(hn::Mul(colour, hn::Sub(hn::Set(d, 1), back)), hn::Mul(hn::Set(d, background), back));
+    const auto level = hn::Add(hn::Set(d, 128), hn::Mul(shown, hn::Set(d, gain)));
+    hn::StoreU(to_bytes(d, level), d8, out + i);
   });
 }
 
@@ -170,14 +183,21 @@ void add_sum_row(int16_t* sum, const int16_t* in, int n) { HWY_DYNAMIC_DISPATCH(
 void add_sum_row(uint16_t* lost, const uint16_t* in, int n) { HWY_DYNAMIC_DISPATCH(add_lost_sums)(lost, in, n); }
 
 HWY_EXPORT(scales_of);
+HWY_EXPORT(written);
 HWY_EXPORT(scaled);
 HWY_EXPORT(pairs_of);
 HWY_EXPORT(chroma_scales_of);
 HWY_EXPORT(scaled_chroma);
 
 void make_scales(float* scale, const uint16_t* lost, int n) { HWY_DYNAMIC_DISPATCH(scales_of)(scale, lost, n); }
-void scale_row(uint8_t* out, const int16_t* sum, const float* scale, float background, int n) {
-  HWY_DYNAMIC_DISPATCH(scaled)(out, sum, scale, background, n);
+void write_row(uint8_t* out, const int16_t* sum, const Levels& levels, int n) {
+  HWY_DYNAMIC_DISPATCH(written)(out, sum, levels.gain, levels.offset, n);
+}
+void write_chroma_row(uint8_t* out, const int16_t* sum, const Levels& levels, int n) {
+  HWY_DYNAMIC_DISPATCH(written)(out, sum, levels.chroma_gain, 128, n);
+}
+void scale_row(uint8_t* out, const int16_t* sum, const float* scale, float background, const Levels& levels, int n) {
+  HWY_DYNAMIC_DISPATCH(scaled)(out, sum, scale, background, levels.gain, levels.offset, n);
 }
 
 void add_pairs(int32_t* lost, int32_t* hidden, const uint16_t* row_lost, const float* row_scale, int w) {
@@ -187,8 +207,8 @@ void make_chroma_scales(float* scale, float* share, const int32_t* lost, const i
   HWY_DYNAMIC_DISPATCH(chroma_scales_of)(scale, share, lost, hidden, pixels, n);
 }
 void scale_chroma_row(uint8_t* out, const int16_t* sum, const float* scale, const float* share, float background,
-                      int n) {
-  HWY_DYNAMIC_DISPATCH(scaled_chroma)(out, sum, scale, share, background, n);
+                      const Levels& levels, int n) {
+  HWY_DYNAMIC_DISPATCH(scaled_chroma)(out, sum, scale, share, background, levels.chroma_gain, n);
 }
 
 }  // namespace lf

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "composite/levels.h"
 #include "render/sum_planes.h"
 
 namespace lf {
@@ -30,17 +31,22 @@ inline constexpr int kLeastWeight = (3 * kLostOne + 254) / 255;
 // What a pixel becomes is sum * scale, in levels; 0 where too much was lost.
 void make_scales(float* scale, const uint16_t* lost, int n);
 
-// sum * scale, or `background` where scale is 0, to the nearest of 0..255, halves up: exact in float wherever the
-// result is not cut off, up to the rounding of the scale itself (2^-23 of the value).
-void scale_row(uint8_t* out, const int16_t* sum, const float* scale, float background, int n);
+// Sums that need no scaling, as `levels` has it, whose gains are less than 1: to the nearest level, but for sums within
+// 1/128 of the middle between two.
+void write_row(uint8_t* out, const int16_t* sum, const Levels& levels, int n);
+void write_chroma_row(uint8_t* out, const int16_t* sum, const Levels& levels, int n);
+
+// sum * scale, or `background` where scale is 0, as `levels` has it, to the nearest of 0..255, halves up: exact in
+// float wherever the result is not cut off, up to the rounding of the scale itself (2^-23 of the value).
+void scale_row(uint8_t* out, const int16_t* sum, const float* scale, float background, const Levels& levels, int n);
 
 // For chroma, which has one sample for up to four pixels. First, for each of its rows of `w` pixels: adds up the lost
 // weight (none if null) and the pixels whose scale is 0 of each sample, chroma_size(w) values.
 void add_pairs(int32_t* lost, int32_t* hidden, const uint16_t* row_lost, const float* row_scale, int w);
 // Makes of these sums, over `pixels` pixels, each sample's factor and the share of the background in it.
 void make_chroma_scales(float* scale, float* share, const int32_t* lost, const int32_t* hidden, float pixels, int n);
-// 128 + sum * scale * (1 - share) + background * share; sum * scale is cut off at -128 and 127.
+// sum * scale * (1 - share) + background * share, as `levels` has it; sum * scale is cut off at -128 and 127.
 void scale_chroma_row(uint8_t* out, const int16_t* sum, const float* scale, const float* share, float background,
-                      int n);
+                      const Levels& levels, int n);
 
 }  // namespace lf

@@ -191,12 +191,13 @@ std::vector<uint8_t> encode_request(const ViewRequest& request) {
   const FocalMap* const map = view.focus.map.get();
   std::vector<uint8_t> deflated, mean;
   const GainRequest& gains = request.gains;
+  const auto packed = request.quality > 0 ? deflate_all : store_all;
   if (!gains.mean.empty()) {
-    mean = deflate_all(gains.mean);
+    mean = packed(gains.mean);
     size += 4 + 4 + mean.size();
   }
   if (map) {
-    deflated = deflate_all(map->levels);
+    deflated = packed(map->levels);
     size += 6 * 8 + 2 + 3 * request.trials.size() + 4 + deflated.size();
   }
   size += blending_bytes(view.blending.kind);

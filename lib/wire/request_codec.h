@@ -14,7 +14,8 @@ namespace lf::wire {
 
 // application/x-lightfield-request, see spec.md. Stateless; every length and number is checked before it is used.
 
-// Throws Error naming the field if decode_request() would not take it back.
+// Throws Error naming the field if decode_request() would not take it back. Focal maps are deflated unless the quality
+// is 0: who wants pixels uncompressed is one to whom bytes cost less than time, as where all is in one process.
 std::vector<uint8_t> encode_request(const ViewRequest& request);
 // Nothing for bytes that are not exactly one valid request; `reason` (may be null) then says why, naming the field.
 std::optional<ViewRequest> decode_request(std::span<const uint8_t> bytes, std::string* reason = nullptr);

@@ -155,6 +155,36 @@ TEST_F(LfCompositorDownstreamTest, Nv12IsI420InAnotherLayout) {
   EXPECT_NE(std::ranges::min(pictures[0]), std::ranges::max(pictures[0]));
 }
 
+// Of the same sums, within what rounding makes of both.
+TEST_F(LfCompositorDownstreamTest, VideoHasTheRangeThatIsAskedFor) {
+  std::vector<uint8_t> pictures[2];
+  for (const bool video : {false, true}) {
+    nodes_.clear();
+    start(1, {{"background", "0xff4080c0"}},
+          video ? "video/x-raw,format=I420,colorimetry=bt601; video/x-raw" : "video/x-raw");
+    ViewRequest asked = array_.request(0, 0);
+    asked.view.pose.position.x += 0.03;  // not all of it is seen
+    request(asked);
+    wire::Answer answer = answer_of(asked, {0, 1, 2}, 200, PixelFamily::kI420);
+    for (Fragment& fragment : answer.fragments)
+      for (size_t i = 0; i < fragment.pixels.size(); i++) fragment.pixels[i] ^= static_cast<uint8_t>(i * 5 % 16);
+    push(0, answer);
+    const BufferPtr picture(gst_harness_pull(harness_.get()));
+    const CapsPtr caps(gst_pad_get_current_caps(harness_->sinkpad));
+    GstVideoInfo info;
+    ASSERT_TRUE(gst_video_info_from_caps(&info, caps.get()));
+    EXPECT_EQ(info.colorimetry.range, video ? GST_VIDEO_COLOR_RANGE_16_235 : GST_VIDEO_COLOR_RANGE_0_255);
+    EXPECT_EQ(info.colorimetry.matrix, GST_VIDEO_COLOR_MATRIX_BT601);
+    pictures[video] = planar(picture.get(), info);
+  }
+  const size_t luma = pictures[0].size() / 3 * 2;
+  ASSERT_EQ(pictures[0].size(), pictures[1].size());
+  for (size_t i = 0; i < pictures[0].size(); i++) {
+    const int full = pictures[0][i];
+    ASSERT_NEAR(pictures[1][i], i < luma ? 16 + full * 219 / 255. : 128 + (full - 128) * 224 / 255., 0.95) << i;
+  }
+}
+
 TEST_F(LfCompositorDownstreamTest, WhoTakesBothGetsPlanes) {
   start(1, {}, "video/x-raw,format={ NV12, I420 }");
   EXPECT_NE(picture(0, PixelFamily::kI420), nullptr);

@@ -55,7 +55,7 @@ async function sample(served) {
   return { processor: await processorTime(served.pid), time: Date.now(),
     pictures: await metric('pictures_total'), incomplete: await metric('incomplete_pictures_total'),
     camera: await metric('camera_bytes_total'), video: await metric('video_bytes_total'),
-    resident: await metric('resident_bytes') };
+    resident: await metric('resident_bytes'), shed: await metric('shed_step') };
 }
 
 async function viewers(folder, count, size, begin, ...options) {
@@ -69,6 +69,7 @@ async function viewers(folder, count, size, begin, ...options) {
   console.log(`# ${count} ${begin.name} of ${size.width}x${size.height}: ` +
     `${rates.map(rate => rate.toFixed(1)).join(' ')} frames/s, server: ` +
     `${((b.processor - a.processor) / time * 100).toFixed(0)} % of a processor, ` +
+    `${((b.processor - a.processor) / pictures * 1000).toFixed(1)} ms of it a picture (shedding step ${b.shed}), ` +
     `${(b.resident / 2 ** 20).toFixed(0)} MiB, ${row.bytes.toFixed(0)} bytes of answers a picture, ` +
     `${((b.video - a.video) * 8e-6 / time).toFixed(1)} Mbit/s of video, ` +
     `${b.incomplete - a.incomplete} of ${pictures} pictures incomplete`);
@@ -186,7 +187,8 @@ async function firstPicture(folder) {
   await served.stop();
 }
 
-const film = await makeFilm('8x8'), vga = { width: 640, height: 480 }, small = { width: 320, height: 240 };
+const film = await makeFilm('8x8'), vga = { width: 640, height: 480 }, small = { width: 320, height: 240 },
+  hd = { width: 1280, height: 720 };
 await runTests([
   ['motion to photon', () => motion(film)],
   ['first picture', () => firstPicture(film)],
@@ -195,5 +197,7 @@ await runTests([
   ['8 browsers', () => viewers(film, 8, small, browsers)],
   ['4 receivers', () => viewers(film, 4, vga, receivers)],
   ['8 receivers', () => viewers(film, 8, small, receivers)],
+  ['4 receivers of 1280x720', () => viewers(film, 4, hd, receivers)],
+  ['8 receivers of 640x480', () => viewers(film, 8, vga, receivers)],
   ['bytes over cameras', growth],
 ]);

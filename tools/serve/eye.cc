@@ -65,7 +65,10 @@ Eye::Eye(GstElement* pipeline, int index, LightField& field, const EyeSettings& 
   gst_util_set_object_arg(G_OBJECT(compositor_), "focus", index > 0 ? "plane" : settings.focus_on.mode.c_str());
   if (!settings.focus_on.gains.empty())
     gst_util_set_object_arg(G_OBJECT(compositor_), "gains", settings.focus_on.gains.c_str());
-  if (field.is_local()) g_object_set(compositor_, "latency", kLocalPatience, nullptr);
+  if (field.is_local()) {
+    g_object_set(compositor_, "latency", kLocalPatience, nullptr);
+    g_object_set(view_, "quality", 0u, nullptr);  // requests don't leave the process, and need not be small
+  }
   if (settings.focus > 0) g_object_set(view_, "focus-distance", settings.focus, nullptr);
   if (index > 0) {
     told_ = GST_APP_SRC(find("told"));

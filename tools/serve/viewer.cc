@@ -9,6 +9,7 @@
 #include "focus/carry_over.h"
 #include "launch.h"
 #include "log.h"
+#include "turn.h"
 
 namespace lf::serve {
 namespace {
@@ -96,10 +97,20 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   watch_ = gst_bus_add_watch(bus, bus_message, this);
   gst_object_unref(bus);
   gst_pipeline_use_clock(GST_PIPELINE(pipeline_), field.clock());
+  take_turn();
   gst_element_set_state(video_, GST_STATE_READY);
   gst_element_set_locked_state(video_, TRUE);
   gst_element_set_state(pipeline_, GST_STATE_PLAYING);
   peer_->negotiate();
+}
+
+// Requests leave at multiples of the frame's duration in running time.
+void Viewer::take_turn() {
+  const GstClockTime period = GST_SECOND / static_cast<uint64_t>(settings_.eye.framerate);
+  const GstClockTime now = gst_clock_get_time(field_.clock());
+  const auto turn = static_cast<GstClockTime>(turn_of(settings_.eye.view) * static_cast<double>(period));
+  gst_element_set_start_time(pipeline_, GST_CLOCK_TIME_NONE);  // the base time stays
+  gst_element_set_base_time(pipeline_, now - (now - turn) % period);
 }
 
 void Viewer::begin_video() {

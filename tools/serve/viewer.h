@@ -76,6 +76,7 @@ class Viewer {
   static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
   void control(const std::string& text);
   void obey(const std::string& text);
+  void take_turn();
   void begin_video();
   void join_eyes();
   void watch_pace();

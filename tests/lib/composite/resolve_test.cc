@@ -60,8 +60,8 @@ TEST(Resolve, InterleavedChromaIsThatOfPlanes) {
       lost[i] = i % w > 2 && i > pixels / 2 ? static_cast<uint16_t>((i * 331) % 32768) : 0;
       uncovered[i] = i > pixels / 2 && i % 5 == 0;
     }
-    const ConstSumPlanes sums = packed_sums<const int16_t, const uint16_t>(PixelFamily::kI420, {0, 0, w, h},
-                                                                           samples.data(), lost.data());
+    const ConstSumPlanes sums =
+        packed_sums<const int16_t, const uint16_t>(PixelFamily::kI420, {0, 0, w, h}, samples.data(), lost.data());
     std::vector<uint8_t> planar(pixels + 2 * cw * ch);
     uint8_t* const planes[3] = {planar.data(), &planar[pixels], &planar[pixels + cw * ch]};
     const ptrdiff_t strides[3] = {w, static_cast<ptrdiff_t>(cw), static_cast<ptrdiff_t>(cw)};
@@ -78,6 +78,72 @@ TEST(Resolve, InterleavedChromaIsThatOfPlanes) {
         ASSERT_EQ(chroma[y * wide + 2 * x + 1], planes[2][y * cw + x]);
       }
       for (size_t x = 2 * cw; x < wide; x++) ASSERT_EQ(chroma[y * wide + x], 77) << "beyond the picture";
+    }
+  }
+}
+
+// A picture in kI420 of w x h pixels: rows that are whole, rows that lost some weight in places, uncovered pixels.
+struct Patchy {
+  Patchy(int w, int h) : w(w), h(h), samples(packed_size(PixelFamily::kI420, w, h)), lost(w * h), uncovered(w * h) {
+    for (size_t i = 0; i < samples.size(); i++) samples[i] = static_cast<int16_t>((i * 7919) % 16000);
+    for (size_t i = static_cast<size_t>(w) * h; i < samples.size(); i++) samples[i] -= 8000;
+    for (int i = 0; i < w * h; i++) {
+      lost[i] = i % w / 40 == 3 || i / w % 7 == 6 ? static_cast<uint16_t>((i * 331) % 16000) : 0;
+      uncovered[i] = i / w % 5 == 1 && i % w > w / 2 && i % 3 == 0;
+    }
+  }
+  std::vector<uint8_t> picture(const Levels& levels) const {
+    const size_t luma = static_cast<size_t>(w) * h;
+    const int cw = chroma_size(w), ch = chroma_size(h);
+    std::vector<uint8_t> out(samples.size());
+    uint8_t* const plane[3] = {out.data(), &out[luma], &out[luma + static_cast<size_t>(cw) * ch]};
+    const ptrdiff_t stride[3] = {w, cw, cw};
+    resolve(sums(), uncovered.data(), {200, 30, 90}, {}, plane, stride, levels);
+    return out;
+  }
+  ConstSumPlanes sums() const {
+    return packed_sums<const int16_t, const uint16_t>(PixelFamily::kI420, {0, 0, w, h}, samples.data(), lost.data());
+  }
+  int w, h;
+  std::vector<int16_t> samples;
+  std::vector<uint16_t> lost;
+  std::vector<uint8_t> uncovered;
+};
+
+TEST(Resolve, VideoLevelsAreTheOthersWithHeadroom) {
+  for (const auto& [w, h] : {std::pair{301, 15}, {128, 8}, {2, 2}, {1, 1}}) {
+    const Patchy patchy(w, h);
+    const std::vector<uint8_t> full = patchy.picture(kFullLevels), video = patchy.picture(kVideoLevels);
+    for (size_t i = 0; i < full.size(); i++) {
+      const bool is_luma = i < static_cast<size_t>(w) * h;
+      const double expected = is_luma ? 16 + full[i] * 219 / 255. : 128 + (full[i] - 128) * 224 / 255.;
+      ASSERT_NEAR(video[i], expected, 0.95) << w << "x" << h << ": " << i;  // both are rounded
+      const bool is_plain = is_luma && patchy.lost[i] == 0 && !patchy.uncovered[i];
+      if (is_plain) {
+        ASSERT_NEAR(video[i], 16 + patchy.samples[i] / 128. * 219 / 255, 0.51) << i;
+      }
+    }
+  }
+}
+
+// Whatever the pixels beside them need: with headroom but for sums that are halves.
+TEST(Resolve, ColumnsAreWhatTheyAreAlone) {
+  const Patchy all(300, 14);
+  for (const Levels& levels : {kFullLevels, kVideoLevels}) {
+    const std::vector<uint8_t> whole = all.picture(levels);
+    for (const int x : {0, 64, 128, 200, 298}) {
+      Patchy some(std::min(100, 300 - x), 14);
+      for (int y = 0; y < 14; y++)
+        for (int i = 0; i < some.w; i++) {
+          some.samples[y * some.w + i] = all.samples[y * 300 + x + i];
+          some.lost[y * some.w + i] = all.lost[y * 300 + x + i];
+          some.uncovered[y * some.w + i] = all.uncovered[y * 300 + x + i];
+        }
+      const std::vector<uint8_t> part = some.picture(levels);
+      for (int y = 0; y < 14; y++)
+        for (int i = 0; i < some.w; i++)
+          ASSERT_NEAR(part[y * some.w + i], whole[y * 300 + x + i], levels == kFullLevels ? 0 : 1)
+              << x + i << ", " << y;
     }
   }
 }

@@ -124,6 +124,21 @@ TEST(RequestCodec, FocalMapsRoundTrip) {
   }
 }
 
+TEST(RequestCodec, MapsAreSmallUnlessBytesCostNothing) {
+  ViewRequest request = golden_request();
+  auto map = std::make_shared<FocalMap>(FocalMap::for_view(request.view.width, request.view.height));
+  map->from = {{0, 0, -1}, 2.5};
+  map->nearest = 1;
+  map->levels.assign(static_cast<size_t>(map->columns) * map->rows, 77);
+  request.view.focus.map = map;
+  for (const uint8_t quality : {0, 1, 90}) {
+    request.quality = quality;
+    const std::vector<uint8_t> bytes = encode_request(request);
+    EXPECT_EQ(bytes.size() > map->levels.size(), quality == 0) << bytes.size() << " of quality " << int{quality};
+    EXPECT_EQ(decode_request(bytes), request);
+  }
+}
+
 TEST(RequestCodec, AWrongFocalMapIsRefused) {
   std::mt19937 random(3);
   const ViewRequest good = focused_request(random);
