@@ -161,7 +161,9 @@ void FocusControl::compare_with_plane(const SurfaceChoice& choice, std::span<con
   const double disagreement = is_sweep ? choice.least_energy : choice.energy[0];
   agrees_ = disagreement < (agrees_ ? kHidden : kShown) * of_plane && of_plane - disagreement > kWorthShowing;
   const double of_lost = std::min(kMovedLight / moved_by_blur(request.view), 1 / kSmallestLost);
-  const double of_surface = disagreement + of_lost * moved_light(moments, is_sweep ? choice.chosen : surface, plane);
+  doubt(request, choice, moments, plane);
+  const double of_surface = disagreement + doubt_ * of_plane +
+                            of_lost * moved_light(moments, is_sweep ? choice.chosen : surface, plane);
   constexpr double kClearly = 0.3, kWorthClearly = 20;
   const bool is_clear = of_surface < kClearly * of_plane && of_plane - of_surface > kWorthClearly;
   if (is_sweep) {
@@ -208,6 +210,7 @@ void FocusControl::take(const ViewRequest& request, std::span<const Moments> mom
   if (choice.cost.empty() || !std::isfinite(choice.cost[0])) return;
   state_.deviation = choice.cost[0];
   votes_.add(chosen, choice);
+  remember_planes(request, moments);
   compare_with_plane(choice, moments, request);
   count_planes(choice, request.trials);
   if (stage_ == Stage::kSearch) return;

@@ -10,6 +10,7 @@
 #include "focus/carry_over.h"
 #include "focus/focus_array.h"
 #include "focus/moments.h"
+#include "focus/other_depths.h"
 #include "focus/surface_choice.h"
 #include "view/view_request.h"
 
@@ -113,6 +114,8 @@ class FocusControl {
   void take(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array, FocalMap& map);
   void compare_with_plane(const SurfaceChoice& choice, std::span<const Moments> moments, const ViewRequest& request);
   double moved_by_blur(const View& view) const;
+  void remember_planes(const ViewRequest& request, std::span<const Moments> moments);
+  void doubt(const ViewRequest& request, const SurfaceChoice& choice, std::span<const Moments> moments, size_t plane);
   void judge(const SurfaceChoice& choice, const ViewRequest& request, FocalMap& map);
   bool is_worthwhile(const SurfaceChoice& choice, double enough);
   bool is_another_scene();
@@ -147,7 +150,9 @@ class FocusControl {
   DepthVotes votes_;
   std::optional<DepthRange> range_;       // of all maps, where the range follows the scene
   std::vector<double> plane_deviations_;  // of the best plane of each of the latest rounds
-  bool agrees_ = false;      // the cameras, clearly better through the surface than through the viewer's plane
+  bool agrees_ = false;  // the cameras, clearly better through the surface than through the viewer's plane
+  OtherDepths others_;
+  double doubt_ = 0;         // what other depths add to the surface's squared deviation, of the plane's
   bool was_better_ = false;  // the surface, when the plane was measured last
   double rested_ = 0;        // deviation before the rest
   double gained_before_ = 0, usual_gain_ = 0;  // see is_worthwhile()
