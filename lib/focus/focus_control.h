@@ -47,6 +47,9 @@ class FocusControl {
   // this part of a quarter of the picture had gone: its squared error is what it lost over its part.
   static constexpr double kMovedLight = 5;
   static constexpr double kSmallestLost = 0.01;
+  // Nor is it shown where it would have more of the plane's squared error if another depth, as plausible, were the
+  // truth.
+  static constexpr double kDoubtful = 0.7;
   // A rest begins when kQuietRounds did not get better by this; then fewer and fewer requests have trials. It ends when
   // a round gains that much more than kMoreAtRest times what it did before the rest.
   static constexpr unsigned kQuietRounds = 6;
