@@ -161,18 +161,20 @@ void FocusControl::compare_with_plane(const SurfaceChoice& choice, std::span<con
   const double disagreement = is_sweep ? choice.least_energy : choice.energy[0];
   agrees_ = disagreement < (agrees_ ? kHidden : kShown) * of_plane && of_plane - disagreement > kWorthShowing;
   const double of_lost = std::min(kMovedLight / moved_by_blur(request.view), 1 / kSmallestLost);
+  doubt(request, choice, moments, plane);
+  const bool is_doubtful = disagreement + doubt_ * of_plane > kDoubtful * of_plane;
   const double of_surface = disagreement + of_lost * moved_light(moments, is_sweep ? choice.chosen : surface, plane);
   constexpr double kClearly = 0.3, kWorthClearly = 20;
-  const bool is_clear = of_surface < kClearly * of_plane && of_plane - of_surface > kWorthClearly;
+  const bool is_clear = !is_doubtful && of_surface < kClearly * of_plane && of_plane - of_surface > kWorthClearly;
   if (is_sweep) {
     if (sweeps_.empty() && is_clear) state_.on_plane = false;
   } else if (state_.on_plane) {
     // One plane for all nodes is no matter of luck. Once may be: what the eye moves past comes and goes.
     const double worth = state_.flat ? 0 : kWorthShowing;
-    const bool is_better = of_surface < kShown * of_plane && of_plane - of_surface > worth;
+    const bool is_better = !is_doubtful && of_surface < kShown * of_plane && of_plane - of_surface > worth;
     if (is_better && (is_clear || was_better_)) state_.on_plane = false;
     was_better_ = is_better;
-  } else if (of_surface > kHidden * of_plane) {
+  } else if (is_doubtful || of_surface > kHidden * of_plane) {
     state_.on_plane = true;
   }
 }
@@ -208,6 +210,7 @@ void FocusControl::take(const ViewRequest& request, std::span<const Moments> mom
   if (choice.cost.empty() || !std::isfinite(choice.cost[0])) return;
   state_.deviation = choice.cost[0];
   votes_.add(chosen, choice);
+  remember_planes(request, moments);
   compare_with_plane(choice, moments, request);
   count_planes(choice, request.trials);
   if (stage_ == Stage::kSearch) return;

@@ -10,6 +10,7 @@
 #include "focus/carry_over.h"
 #include "focus/focus_array.h"
 #include "focus/moments.h"
+#include "focus/other_depths.h"
 #include "focus/surface_choice.h"
 #include "view/view_request.h"
 
@@ -46,6 +47,9 @@ class FocusControl {
   // this part of a quarter of the picture had gone: its squared error is what it lost over its part.
   static constexpr double kMovedLight = 5;
   static constexpr double kSmallestLost = 0.01;
+  // Nor is it shown where it would have more of the plane's squared error if another depth, as plausible, were the
+  // truth.
+  static constexpr double kDoubtful = 0.7;
   // A rest begins when kQuietRounds did not get better by this; then fewer and fewer requests have trials. It ends when
   // a round gains that much more than kMoreAtRest times what it did before the rest.
   static constexpr unsigned kQuietRounds = 6;
@@ -113,6 +117,8 @@ class FocusControl {
   void take(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array, FocalMap& map);
   void compare_with_plane(const SurfaceChoice& choice, std::span<const Moments> moments, const ViewRequest& request);
   double moved_by_blur(const View& view) const;
+  void remember_planes(const ViewRequest& request, std::span<const Moments> moments);
+  void doubt(const ViewRequest& request, const SurfaceChoice& choice, std::span<const Moments> moments, size_t plane);
   void judge(const SurfaceChoice& choice, const ViewRequest& request, FocalMap& map);
   bool is_worthwhile(const SurfaceChoice& choice, double enough);
   bool is_another_scene();
@@ -147,7 +153,9 @@ class FocusControl {
   DepthVotes votes_;
   std::optional<DepthRange> range_;       // of all maps, where the range follows the scene
   std::vector<double> plane_deviations_;  // of the best plane of each of the latest rounds
-  bool agrees_ = false;      // the cameras, clearly better through the surface than through the viewer's plane
+  bool agrees_ = false;  // the cameras, clearly better through the surface than through the viewer's plane
+  OtherDepths others_;
+  double doubt_ = 0;         // what other depths add to the surface's squared deviation, of the plane's
   bool was_better_ = false;  // the surface, when the plane was measured last
   double rested_ = 0;        // deviation before the rest
   double gained_before_ = 0, usual_gain_ = 0;  // see is_worthwhile()

@@ -70,6 +70,8 @@ void FocusControl::begin(const ViewRequest& request, const FocusArray& array, Vi
       plane_map(request.view, array.from(), range.nearest, range.farthest, step_for(request.view, array)));
   votes_ = DepthVotes(most_reach_, kSmallest * array.spacing() * request.view.lens.fx() / map->step);
   view.focus.map = map;
+  // What is in focus moves by a node's side from one to the next.
+  others_ = OtherDepths(spacing_ > 0 ? map->step / (spacing_ * view.lens.fx()) : range.nearest / kPlanes);
   settling_ = kSettling;
   if (is_automatic())
     search(*map);
@@ -88,6 +90,7 @@ void FocusControl::search(const FocalMap& map) {
   stage_ = Stage::kSearch;
   waited_ = 0;
   votes_.clear();
+  others_.clear();
   const double pixels = disparity_ > 0 ? disparity_ : kMostSweeps * kPlanes * kSearchStep / reach_;
   std::vector<int16_t> levels;
   for (double at = map.farthest * pixels; at <= map.nearest * pixels; at += std::max(kSearchStep, kSearchPart * at))

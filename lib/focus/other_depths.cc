@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/other_depths.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace lf {
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr int kAllWeight = Moments::kWeightOne * 15 / 16;
+
+// Of a node that all weight sees.
+float luma_at(const Moments& moments, size_t node) {
+  constexpr float kLuma = static_cast<float>(Moments::kWeightOne) / Moments::kLumaOne;
+  return kLuma * static_cast<float>(moments.luma[node]) / static_cast<float>(moments.weight[node]);
+}
+
+float squared(float value) { return value * value; }
+
+// How plausible `other` is beside `cost`, at most 1: deviations of cameras that look at the same thing have long tails,
+// beside silhouettes above all, and a level of luma is noise.
+float plausible(float other, float cost) {
+  const float part = (squared(cost) + 1) / (squared(other) + 1);
+  return part < 1 ? part * std::sqrt(part) : 1;
+}
+
+}  // namespace
+
+bool OtherDepths::is_from(const View& view) const {
+  return view.pose == view_.pose && view.lens == view_.lens && view.width == view_.width &&
+         view.height == view_.height && view.focus.map->levels.size() == nodes_.size();
+}
+
+void OtherDepths::add(const View& view, std::span<const std::vector<uint8_t>> levels, std::span<const Moments> moments,
+                      const Sweep& of) {
+  const FocalMap& map = *view.focus.map;
+  const size_t count = levels.size();
+  if (!is_from(view)) {
+    view_ = view;
+    view_.focus.map = nullptr;
+    nodes_.assign(map.levels.size(), {{0, kInfinity, 0}, {0, kInfinity, 0}, NAN});
+  }
+  const std::vector<std::vector<float>> costs = trial_costs(moments.first(count), 1);
+  const auto apart = static_cast<float>(apart_);
+  std::vector<Depth> depths(count + 2);
+  for (size_t i = 0; i < nodes_.size(); i++) {
+    Node& node = nodes_[i];
+    if (moments[of.plane].weight[i] >= kAllWeight) node.on_plane = luma_at(moments[of.plane], i);
+    size_t n = 0;
+    depths[n++] = node.best;
+    depths[n++] = node.other;
+    for (size_t t = of.first; t < count; t++)
+      if (costs[t][i] < kInfinity && moments[t].weight[i] >= kAllWeight)
+        depths[n++] = {static_cast<float>(map.inverse_of(levels[t][i])), costs[t][i], luma_at(moments[t], i)};
+    for (size_t k = 0; k < n; k++)
+      if (depths[k].cost < node.best.cost) node.best = depths[k];
+    Depth other{0, kInfinity, 0};
+    for (size_t k = 0; k < n; k++)
+      if (depths[k].cost < other.cost && std::abs(depths[k].inverse - node.best.inverse) > apart) other = depths[k];
+    node.other = other;
+  }
+}
+
+OtherDepths::Errors OtherDepths::errors(const View& view, std::span<const uint8_t> levels, const Moments& surface,
+                                        const Moments& plane) const {
+  Errors errors;
+  if (nodes_.empty() || !is_from(view)) return errors;
+  // Brightness that has been matched since then changes luma by so much; what is another thing by more.
+  constexpr float kChanged = 0.125f, kNoise = 2;
+  const std::array<Moments, 2> both{surface, plane};
+  const std::vector<std::vector<float>> costs = trial_costs(both, 1);
+  const auto apart = static_cast<float>(apart_);
+  size_t known = 0;
+  for (size_t i = 0; i < nodes_.size(); i++) {
+    const Node& node = nodes_[i];
+    if (!(costs[0][i] < kInfinity) || surface.weight[i] < kAllWeight || plane.weight[i] < kAllWeight) continue;
+    const float through = luma_at(surface, i), on_plane = luma_at(plane, i);
+    if (!(std::abs(on_plane - node.on_plane) < kChanged * node.on_plane + kNoise)) continue;
+    const auto inverse = static_cast<float>(view.focus.map->inverse_of(levels[i]));
+    const bool is_best = std::abs(node.best.inverse - inverse) > apart;
+    const Depth& other = is_best ? node.best : node.other;
+    float part = 0;
+    if (other.cost < kInfinity && std::abs(other.inverse - inverse) > apart) part = plausible(other.cost, costs[0][i]);
+    const float brighter = node.on_plane > kNoise ? on_plane / node.on_plane : 1, luma = brighter * other.luma;
+    const float of_surface = squared(surface.deviation(i)), of_plane = squared(plane.deviation(i));
+    errors.surface += part * squared(through - luma) + (1 - part) * of_surface;
+    errors.plane += part * squared(on_plane - luma) + (1 - part) * of_plane;
+    errors.surface_disagrees += of_surface;
+    errors.plane_disagrees += of_plane;
+    known++;
+  }
+  errors.known = static_cast<double>(known) / static_cast<double>(nodes_.size());
+  if (known == 0) return errors;
+  for (double* sum : {&errors.surface, &errors.plane, &errors.surface_disagrees, &errors.plane_disagrees})
+    *sum /= static_cast<double>(known);
+  return errors;
+}
+
+}  // namespace lf

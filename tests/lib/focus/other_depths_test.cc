@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/other_depths.h"
+
+#include <cmath>
+#include <memory>
+
+#include <gtest/gtest.h>
+
+namespace lf {
+namespace {
+
+constexpr int kColumns = 12, kRows = 8, kNodes = kColumns * kRows;
+constexpr double kApart = 0.1;  // 1/m: 25.5 levels of a range of 1/m
+
+View view_of(double x = 0) {
+  View view;
+  view.width = kColumns * FocalMap::kFinestStep;
+  view.height = kRows * FocalMap::kFinestStep;
+  view.lens = Lens::from_fov_y(40, view.width, view.height);
+  view.pose.position = {x, 0, 0};
+  FocalMap map = FocalMap::for_view(view.width, view.height);
+  map.from = {{0, 0, 1}, 0};
+  map.nearest = 1;
+  map.levels.assign(kNodes, 0);
+  view.focus.map = std::make_shared<FocalMap>(map);
+  return view;
+}
+
+// Two cameras of half of the weight that see `luma` - `apart` and + `apart` at all nodes.
+Moments seen(int luma, int apart, int weight = Moments::kWeightOne) {
+  Moments sum, camera;
+  sum.reset(kColumns, kRows);
+  for (const int value : {luma - apart, luma + apart}) {
+    camera.reset(kColumns, kRows);
+    const auto half = static_cast<uint16_t>(weight / 2);
+    camera.weight.assign(kNodes, half);
+    camera.luma.assign(kNodes, Moments::luma_of(half, value));
+    camera.square.assign(kNodes, Moments::square_of(camera.luma[0], value));
+    sum.add(camera);
+  }
+  return sum;
+}
+
+std::vector<uint8_t> at(uint8_t level) { return std::vector<uint8_t>(kNodes, level); }
+
+struct Plane {
+  uint8_t level;
+  Moments moments;
+};
+
+OtherDepths searched(const std::vector<Plane>& planes, const View& view = view_of()) {
+  std::vector<std::vector<uint8_t>> levels{at(0), at(0)};
+  std::vector<Moments> moments{seen(100, 30), seen(100, 30)};  // the surface, the viewer's plane
+  for (const Plane& plane : planes) {
+    levels.push_back(at(plane.level));
+    moments.push_back(plane.moments);
+  }
+  OtherDepths others(kApart);
+  others.add(view, levels, moments, {1, 2});
+  return others;
+}
+
+OtherDepths::Errors errors_of(const OtherDepths& others, const View& view = view_of()) {
+  return others.errors(view, at(100), seen(120, 2), seen(100, 30));
+}
+
+TEST(OtherDepths, NothingElseFits) {
+  const OtherDepths::Errors errors =
+      errors_of(searched({{10, seen(90, 40)}, {100, seen(120, 2)}, {200, seen(60, 50)}}));
+  EXPECT_EQ(errors.known, 1);
+  EXPECT_NEAR(errors.surface_disagrees, 4, 2);
+  EXPECT_NEAR(errors.plane_disagrees, 900, 20);
+  EXPECT_LT(errors.surface, 0.1 * errors.plane);
+}
+
+TEST(OtherDepths, WhatFitsAsWellMayBeRight) {
+  const OtherDepths::Errors errors = errors_of(searched({{10, seen(90, 40)}, {100, seen(120, 2)}, {200, seen(70, 2)}}));
+  EXPECT_NEAR(errors.surface, 50 * 50, 200) << "it is 120 where 70 may be right";
+  EXPECT_NEAR(errors.plane, 30 * 30, 100) << "the plane shows 100 there";
+}
+
+TEST(OtherDepths, DepthsBesideTheSurfaceAreTheSurface) {
+  const OtherDepths::Errors errors = errors_of(searched({{10, seen(90, 40)}, {100, seen(120, 2)}, {120, seen(70, 2)}}));
+  EXPECT_LT(errors.surface, 10);
+}
+
+TEST(OtherDepths, WhatLooksTheSameDoesNoHarm) {
+  const OtherDepths::Errors errors = errors_of(searched({{100, seen(120, 2)}, {200, seen(120, 2)}}));
+  EXPECT_LT(errors.surface, 10);
+  EXPECT_GT(errors.plane, 300);
+}
+
+TEST(OtherDepths, FewerCamerasAlwaysAgreeBetter) {
+  const Moments half = seen(70, 0, Moments::kWeightOne / 2 + 1000);
+  const OtherDepths::Errors errors = errors_of(searched({{100, seen(120, 2)}, {200, half}}));
+  EXPECT_LT(errors.surface, 10);
+}
+
+TEST(OtherDepths, OrderOfPlanesDoesNotMatter) {
+  const OtherDepths::Errors errors =
+      errors_of(searched({{100, seen(120, 4)}, {200, seen(70, 2)}, {110, seen(120, 1)}}));
+  EXPECT_GT(errors.surface, 1000);
+  OtherDepths later = searched({{200, seen(70, 2)}, {190, seen(71, 3)}});
+  const std::vector<std::vector<uint8_t>> levels{at(0), at(0), at(100), at(180)};
+  const std::vector<Moments> moments{seen(100, 30), seen(100, 30), seen(120, 1), seen(72, 9)};
+  later.add(view_of(), levels, moments, {1, 2});
+  EXPECT_GT(errors_of(later).surface, 1000) << "what the request before found is kept";
+}
+
+TEST(OtherDepths, NothingIsKnownFromElsewhereOrOfAnotherScene) {
+  OtherDepths others = searched({{100, seen(120, 2)}, {200, seen(70, 2)}});
+  EXPECT_EQ(errors_of(others, view_of(0.1)).known, 0);
+  EXPECT_EQ(others.errors(view_of(), at(100), seen(120, 2), seen(150, 30)).known, 0) << "the plane showed 100";
+  EXPECT_EQ(others.errors(view_of(), at(100), seen(120, 2), seen(107, 30)).known, 1) << "cameras were matched";
+  others.clear();
+  EXPECT_EQ(errors_of(others).known, 0);
+}
+
+TEST(OtherDepths, MatchedBrightnessIsThatOfOtherDepthsAsWell) {
+  const OtherDepths others = searched({{200, seen(100, 2)}});
+  const OtherDepths::Errors errors = others.errors(view_of(), at(100), seen(110, 2), seen(110, 30));
+  EXPECT_LT(errors.surface, 10);
+}
+
+}  // namespace
+}  // namespace lf
