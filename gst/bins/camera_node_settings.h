@@ -5,6 +5,8 @@
 
 #include <string>
 
+#include "common/properties.h"
+
 namespace lf {
 
 // lfcameranode's properties, but for those that are its lffragment's.
@@ -20,11 +22,7 @@ struct CameraNodeSettings {
   bool retry = true;
   bool operator==(const CameraNodeSettings&) const = default;
 
-  enum Property { kRig, kCameras, kFramerate, kIsLive, kLoop, kNode, kDecode, kLatency, kRetry, kNumProperties };
-  // As properties first_id, first_id + 1, ... of the class.
-  static void install(GObjectClass* klass, guint first_id);
-  void set(Property property, const GValue* value);
-  void get(Property property, GValue* value) const;
+  static PropertyTable<CameraNodeSettings>& properties();
 };
 
 }  // namespace lf

@@ -31,9 +31,10 @@
 
 #include "base/error.h"
 #include "bins/lfcameranode_private.h"
+#include "bins/property_copy.h"
 #include "camsrc/lfcamsrc.h"
 #include "common/common.h"
-#include "fragment/lffragment_private.h"
+#include "fragment/lffragment.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_camera_node_debug);
 #define GST_CAT_DEFAULT lf_camera_node_debug
@@ -42,12 +43,7 @@ namespace {
 
 using Settings = lf::CameraNodeSettings;
 
-enum {
-  kPropFirstSetting = 1,
-  kPropRig = kPropFirstSetting + Settings::kRig,
-  kPropChoices = kPropFirstSetting + Settings::kNumProperties,  // and more: see lf_fragment_install_choices()
-  kPropStats = kPropChoices + kNumFragmentChoices,
-};
+enum { PROP_0, PROP_STATS, PROP_FIRST_SETTING };
 
 }  // namespace
 
@@ -210,29 +206,26 @@ static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, Gst
   return result;
 }
 
-// How lffragment answers is its own property under the same name.
-static bool is_of_fragment(guint id) { return id >= kPropChoices && id <= kPropStats; }
-
 static void lf_camera_node_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfCameraNode* self = LF_CAMERA_NODE(object);
-  if (is_of_fragment(id)) {
+  if (lf::is_copy(pspec)) {
     if (self->fragment) g_object_set_property(G_OBJECT(self->fragment), pspec->name, value);
     return;
   }
-  if (id == kPropRig) return lf_camera_node_set_rig(self, g_value_get_string(value));
+  if (lf::is_named(pspec, "rig")) return lf_camera_node_set_rig(self, g_value_get_string(value));
   lf::ObjectLock lock(self);
-  self->settings->set(static_cast<Settings::Property>(id - kPropFirstSetting), value);
+  Settings::properties().set(*self->settings, id, value);
   lock.unlock();
 }
 
 static void lf_camera_node_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
   LfCameraNode* self = LF_CAMERA_NODE(object);
-  if (id == kPropStats) return g_value_take_boxed(value, lf_camera_node_stats(self));
-  if (is_of_fragment(id)) {
+  if (id == PROP_STATS) return g_value_take_boxed(value, lf_camera_node_stats(self));
+  if (lf::is_copy(pspec)) {
     if (self->fragment) g_object_get_property(G_OBJECT(self->fragment), pspec->name, value);
     return;
   }
-  current_settings(self).get(static_cast<Settings::Property>(id - kPropFirstSetting), value);
+  Settings::properties().get(current_settings(self), id, value);
 }
 
 static void lf_camera_node_finalize(GObject* object) {
@@ -293,10 +286,11 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
   object_class->get_property = lf::callback<lf_camera_node_get_property>;
   object_class->finalize = lf_camera_node_finalize;
 
-  Settings::install(object_class, kPropFirstSetting);
-  lf_fragment_install_choices(object_class, kPropChoices);
+  const guint next_id = Settings::properties().install(object_class, PROP_FIRST_SETTING);
+  // How lffragment answers is its own property under the same name.
+  lf::install_copies(object_class, next_id, LF_TYPE_FRAGMENT, {"rig", "node", "stats"});
   g_object_class_install_property(
-      object_class, kPropStats,
+      object_class, PROP_STATS,
       g_param_spec_boxed(
           "stats", "Statistics",
           "What lffragment counts, see there, and of each of the cameras: state (opening, running, ended "

@@ -20,10 +20,10 @@
  *
  * ## Example launch line
  * |[
- * gst-launch-1.0 lfnodesink rig=rig.json cameras=0-31 node=0 listen=6000 answers=viewer:6100
+ * gst-launch-1.0 lfnodesink rig=rig.json cameras=0-31 node=0 listen=6000 answers=VIEWER:6100
  * ]|
  * |[
- * gst-launch-1.0 lfnodesink rig=rig.json cameras=0-31 listen=6000 answers=viewer:6100 key-file=lightfield.key
+ * gst-launch-1.0 lfnodesink rig=rig.json cameras=0-31 listen=6000 answers=VIEWER:6100 key-file=lightfield.key
  * ]| Nobody without the key sees or steers.
  */
 

@@ -42,7 +42,7 @@
  *   v.src_0 ! queue ! videoconvert ! autovideosink
  * ]| Two viewers, each with a window.
  * |[
- * gst-launch-1.0 lfviewsrc rig=rig.json nodes=camhost0:6000:6100,camhost1:6000:6101 ! videoconvert ! autovideosink
+ * gst-launch-1.0 lfviewsrc rig=rig.json nodes=CAMHOST0:6000:6100,CAMHOST1:6000:6101 ! videoconvert ! autovideosink
  * ]| The cameras of two other hosts.
  */
 

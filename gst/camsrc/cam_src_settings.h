@@ -5,6 +5,8 @@
 
 #include <string>
 
+#include "common/properties.h"
+
 namespace lf {
 
 // lfcamsrc's properties.
@@ -20,11 +22,7 @@ struct CamSrcSettings {
   bool retry = false;
   bool operator==(const CamSrcSettings&) const = default;
 
-  enum Property { kRig, kCamera, kFramerate, kIsLive, kLoop, kNumFrames, kDecode, kLatency, kRetry, kNumProperties };
-  // As properties first_id, first_id + 1, ... of the class.
-  static void install(GObjectClass* klass, guint first_id);
-  void set(Property property, const GValue* value);
-  void get(Property property, GValue* value) const;
+  static PropertyTable<CamSrcSettings>& properties();
 };
 
 }  // namespace lf

@@ -53,10 +53,7 @@ namespace {
 
 using Settings = lf::CamSrcSettings;
 
-enum {
-  kPropFirstSetting = 1,
-  kPropStats = kPropFirstSetting + Settings::kNumProperties,
-};
+enum { PROP_0, PROP_STATS, PROP_FIRST_SETTING };
 
 }  // namespace
 
@@ -263,17 +260,17 @@ static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
 static void lf_cam_src_set_property(GObject* object, guint id, const GValue* value, GParamSpec*) {
   LfCamSrc* self = LF_CAM_SRC(object);
   lf::ObjectLock lock(self);
-  self->settings->set(static_cast<Settings::Property>(id - kPropFirstSetting), value);
+  Settings::properties().set(*self->settings, id, value);
   lock.unlock();
 }
 
 static void lf_cam_src_get_property(GObject* object, guint id, GValue* value, GParamSpec*) {
   LfCamSrc* self = LF_CAM_SRC(object);
-  if (id == kPropStats) {
+  if (id == PROP_STATS) {
     return g_value_take_boxed(value, lf_cam_src_stats(self, "application/x-lightfield-camera-stats"));
   }
   lf::ObjectLock lock(self);
-  self->settings->get(static_cast<Settings::Property>(id - kPropFirstSetting), value);
+  Settings::properties().get(*self->settings, id, value);
   lock.unlock();
 }
 
@@ -294,9 +291,9 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   object_class->get_property = lf::callback<lf_cam_src_get_property>;
   object_class->finalize = lf_cam_src_finalize;
 
-  Settings::install(object_class, kPropFirstSetting);
+  Settings::properties().install(object_class, PROP_FIRST_SETTING);
   g_object_class_install_property(
-      object_class, kPropStats,
+      object_class, PROP_STATS,
       g_param_spec_boxed(
           "stats", "Statistics",
           "state (stopped, opening, running, ended or lost), reason of the latest loss, losses, retries, "

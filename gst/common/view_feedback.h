@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "focus/focus_control.h"
+#include "focus/view_focus.h"
 #include "rig/mesh.h"
 #include "view/view_request.h"
 
@@ -22,13 +22,6 @@
 #define LF_FOCUS_QUERY "lightfield-finds-focus"
 
 namespace lf {
-
-// On which focal surface the next request of a view is focused, and what is tried for it.
-struct FoundFocus {
-  guint sequence = 0;  // the number of the request that it was found from
-  FocusControl::Plan plan;
-  GainRequest gains;  // of the next request
-};
 
 struct ViewFeedback {
   guint view_id = 0;

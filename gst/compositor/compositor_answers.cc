@@ -2,7 +2,6 @@
 #include <algorithm>
 
 #include "base/error.h"
-#include "compositor/compositor_answer_pads.h"
 #include "compositor/lfcompositor_private.h"
 
 GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
@@ -15,44 +14,49 @@ GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
 
 using lf::CompositorStats;
 
-namespace {
-
-void take_new_rig(LfCompositor* self) {
+void lf_compositor_use_rig(LfCompositor* self, std::shared_ptr<const lf::Rig> rig) {
   auto& state = *self->state;
-  GST_OBJECT_LOCK(self);
-  const std::unique_ptr<std::shared_ptr<const lf::Rig>> rig(std::exchange(self->new_rig, nullptr));
-  GST_OBJECT_UNLOCK(self);
-  if (!rig) return;
   // What refers to the rig that was used before goes with it.
-  state.focus_array.reset();
-  state.rig = *rig;
-  state.assembly.set_rig(*rig);
-  state.extent = *rig ? lf::array_extent(**rig) : 0;
-  state.coverage = {};
+  state.rig = rig;
+  state.focus.set_rig(rig);
+  state.assembly.set_rig(rig);
+  state.extent = rig ? lf::array_extent(*rig) : 0;
+  state.coverage.clear();
   state.warned_rig = false;
-  if (!*rig) return;
-  lf_compositor_use_rig_for_health(self, (*rig)->hash());
-  if (!self->partial) state.health.expect((*rig)->cameras.size());
 }
 
-}  // namespace
+static void use_rig_for_health(LfCompositor* self, uint64_t hash) {
+  if (self->state->health.use_rig(hash)) lf_compositor_announce_out_of_service(self);
+}
 
-guint lf_compositor_view_id(LfCompositor* self) {
-  GST_OBJECT_LOCK(self);
-  const guint view_id = self->view_id;
-  GST_OBJECT_UNLOCK(self);
-  return view_id;
+static void take_new_rig(LfCompositor* self) {
+  auto& state = *self->state;
+  lf::ObjectLock lock(self);
+  const std::unique_ptr<std::shared_ptr<const lf::Rig>> rig(std::exchange(self->new_rig, nullptr));
+  lock.unlock();
+  if (!rig) return;
+  lf_compositor_use_rig(self, *rig);
+  if (!state.settings.partial) state.health.expect(*rig ? (*rig)->cameras.size() : 0);
+  if (*rig) use_rig_for_health(self, (*rig)->hash());
 }
 
 void lf_compositor_forget_request(LfCompositor* self) {
   self->state->assembly.release();
   self->state->current.reset();
-  for (GstAggregatorPad* pad : AnswerPads(self)) {
-    NodeInput& node = lf_compositor_node_of(pad);
-    node.head = NodeInput::Head::kUnseen;
-    node.seen = nullptr;
-    node.parts.clear();
-  }
+  for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->forget();
+}
+
+void lf_compositor_drop_request(LfCompositor* self) {
+  for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->drop_answer();
+  lf_compositor_forget_request(self);
+  gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request));
+}
+
+// Where the next request's number is one before the last one's, what waits for later ones is thrown away.
+static void note_sequence(LfCompositor* self, uint32_t sequence) {
+  if (!self->state->past.begin(sequence)) return;
+  GST_INFO_OBJECT(self, "requests go on at %u: their viewer has begun anew", sequence);
+  for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->forget_later();
 }
 
 // Makes the first own request on the request pad the current one; it stays on the pad until it is answered, so that
@@ -69,16 +73,17 @@ static bool find_request(LfCompositor* self, guint view_id) {
     if (request && request->view_id == view_id) {
       try {
         lf_compositor_forget_request(self);
-        lf_compositor_forget_moments(self);
+        state.focus.begin();
         state.assembly.begin(*request);
-        lf_compositor_note_sequence(self, request->sequence);
-        lf_compositor_use_rig_for_health(self, state.assembly.rig_hash());
+        note_sequence(self, request->sequence);
+        use_rig_for_health(self, state.assembly.rig_hash());
         lf_compositor_refresh_latency(self);
         state.current = std::move(request);
-        state.current_bytes = 0;
+        state.bytes = 0;
         state.adding = 0;
         // Nothing can come of trials that it does not have: the next request's are on their way at once.
-        if (!self->partial && !state.current->probe && !state.current->view.focus.map) lf_compositor_find_focus(self);
+        if (!state.settings.partial && !state.current->probe && !state.current->view.focus.map)
+          lf_compositor_find_focus(self);
         return true;
       } catch (const lf::Error& error) {
         reason = error.what();
@@ -94,15 +99,9 @@ static bool find_request(LfCompositor* self, guint view_id) {
   return false;
 }
 
-static bool is_awaited(LfCompositor* self, GstAggregatorPad* pad, bool live) {
-  const NodeInput& node = lf_compositor_node_of(pad);
-  if (node.answered() || gst_aggregator_pad_is_eos(pad)) return false;
-  return !live || self->max_missed == 0 || node.missed <= self->max_missed;
-}
-
 static GstFlowReturn compose(LfCompositor* self) {
   if (self->state->request_flushed.exchange(false)) lf_compositor_forget_request(self);
-  const guint view_id = lf_compositor_view_id(self);
+  const guint view_id = self->state->settings.view_id;
   bool found = find_request(self, view_id);
   while (found) {
     const std::optional<lf::QosWatch::Late> late = lf_compositor_is_too_late(self);
@@ -113,24 +112,19 @@ static GstFlowReturn compose(LfCompositor* self) {
   if (!found)
     return gst_aggregator_pad_is_eos(GST_AGGREGATOR_PAD(self->request)) ? GST_FLOW_EOS : GST_AGGREGATOR_FLOW_NEED_DATA;
   const bool live = self->state->live = lf_compositor_is_live(self);
-  const AnswerPads pads(self);
-  for (GstAggregatorPad* pad : pads) lf_compositor_take_answers(self, pad);
-  const bool all_answered =
-      std::ranges::none_of(pads, [&](GstAggregatorPad* pad) { return is_awaited(self, pad, live); });
+  const lf::NodeInputs nodes(self->request);
+  for (lf::NodeInput* node : nodes) lf_compositor_take_answers(self, *node);
+  const bool all_answered = std::ranges::none_of(
+      nodes, [&](lf::NodeInput* node) { return node->is_awaited(live, self->state->settings.max_missed); });
   const GstClockTime due = lf_compositor_deadline(self);
   const bool late = GST_CLOCK_TIME_IS_VALID(due) && lf_compositor_clock_time(self) >= due;
-  return all_answered || late ? lf_compositor_finish_request(self, pads) : GST_AGGREGATOR_FLOW_NEED_DATA;
+  return all_answered || late ? lf_compositor_finish_request(self, nodes) : GST_AGGREGATOR_FLOW_NEED_DATA;
 }
 
 // What was thrown costs the request at the head its picture, and nothing else.
 static GstFlowReturn abandon_request(LfCompositor* self) {
   self->state->stats.count(CompositorStats::kFailedPictures);
-  for (GstAggregatorPad* pad : AnswerPads(self)) {
-    NodeInput& node = lf_compositor_node_of(pad);
-    if (node.head == NodeInput::Head::kDone && node.seen && !node.flushed) drop_head(pad, node);
-  }
-  lf_compositor_forget_request(self);
-  gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request));
+  lf_compositor_drop_request(self);
   return GST_FLOW_OK;
 }
 
@@ -138,9 +132,7 @@ static GstFlowReturn abandon_request(LfCompositor* self) {
 // the same tee.
 static GstFlowReturn drop_all(LfCompositor* self) {
   lf_compositor_forget_request(self);
-  for (GstAggregatorPad* pad : AnswerPads(self))
-    while (gst_aggregator_pad_drop_buffer(pad)) {
-    }
+  for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->drop_all();
   while (gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request))) {
   }
   return GST_AGGREGATOR_FLOW_NEED_DATA;
@@ -150,6 +142,7 @@ GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   auto& state = *self->state;
   if (state.over) return drop_all(self);
+  state.settings = lf_compositor_settings(self);
   GstFlowReturn flow = GST_FLOW_ERROR;
   try {
     flow = compose(self);
@@ -163,7 +156,7 @@ GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
     case GST_FLOW_FLUSHING: return GST_AGGREGATOR_FLOW_NEED_DATA;  // who stops or seeks it says so itself
     default: break;
   }
-  if (!state.negotiated) return flow;  // the base class begins a stream to end it
+  if (!state.output.has_begun()) return flow;  // the base class begins a stream to end it
   GST_INFO_OBJECT(self, "the output has ended: %s", gst_flow_get_name(flow));
   state.over = true;
   gst_pad_push_event(GST_AGGREGATOR_SRC_PAD(self), gst_event_new_eos());
@@ -180,12 +173,9 @@ GstClockTime lf_compositor_next_time(GstAggregator* agg) {
   gst_buffer_unref(request);
   if (!self->state->current) return 0;
   bool awaited = false;
-  for (GstAggregatorPad* pad : AnswerPads(self)) {
-    GstBuffer* head = gst_aggregator_pad_peek_buffer(pad);
-    if (head) gst_buffer_unref(head);
-    const NodeInput& node = lf_compositor_node_of(pad);
-    if (head && head != node.seen && node.head != NodeInput::Head::kDone) return 0;
-    awaited = awaited || is_awaited(self, pad, true);
+  for (lf::NodeInput* node : lf::NodeInputs(self->request)) {
+    if (node->has_news()) return 0;
+    awaited = awaited || node->is_awaited(true, self->state->settings.max_missed);
   }
   return awaited ? time : 0;
 }

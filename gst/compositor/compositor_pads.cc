@@ -16,19 +16,9 @@ GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
     "src", GST_PAD_SRC, GST_PAD_ALWAYS,
     GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_RGB_FORMATS ", I420, NV12 }") "; " LF_ANSWER_CAPS));
 
-// The node's data goes with its pad.
-GQuark node_quark() {
-  static const GQuark quark = g_quark_from_static_string("lf-compositor-node");
-  return quark;
-}
-
 GstAggregatorClass* parent_class() { return GST_AGGREGATOR_CLASS(g_type_class_peek(GST_TYPE_AGGREGATOR)); }
 
 }  // namespace
-
-NodeInput& lf_compositor_node_of(GstAggregatorPad* pad) {
-  return *static_cast<NodeInput*>(g_object_get_qdata(G_OBJECT(pad), node_quark()));
-}
 
 // Whether all that comes in follows a seek of the requests: answers out of a file or a socket don't.
 static bool is_seekable(LfCompositor* self) {
@@ -129,12 +119,15 @@ static gboolean lf_compositor_sink_event(GstAggregator* agg, GstAggregatorPad* p
     gst_event_unref(event);  // said by the requests, behind the last picture
     return TRUE;
   }
-  if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP && of_requests) self->state->qos.clear();
-  if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP)
-    (of_requests ? self->state->request_flushed : lf_compositor_node_of(pad).flushed) = true;
+  if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP && of_requests) {
+    self->state->qos.clear();
+    self->state->request_flushed = true;
+  } else if (GST_EVENT_TYPE(event) == GST_EVENT_FLUSH_STOP) {
+    lf::NodeInput::of(pad).flushed();
+  }
   const gboolean ok = parent_class()->sink_event(agg, pad, event);
   // Before the first picture the source pad has no segment to end yet.
-  if (ended && self->state->negotiated) {
+  if (ended && self->state->output.has_begun()) {
     GstEvent* eos = gst_event_new_eos();
     gst_event_set_seqnum(eos, seqnum);
     gst_pad_push_event(GST_AGGREGATOR_SRC_PAD(agg), eos);
@@ -147,22 +140,17 @@ static gboolean lf_compositor_sink_query(GstAggregator* agg, GstAggregatorPad* p
   LfCompositor* self = LF_COMPOSITOR(agg);
   if (lf::is_in_process_query(query)) return TRUE;
   if (guint view_id; lf::is_focus_query(query, &view_id)) {
-    if (view_id != lf_compositor_view_id(self) || !lf_compositor_finds_focus(self)) return FALSE;
-    lf::set_focus_waits(query, self->state->pushing);
+    const lf::CompositorSettings settings = lf_compositor_settings(self);
+    if (view_id != settings.view_id || settings.view_focus().mode == lf::FocusMode::kPlane) return FALSE;
+    lf::set_focus_waits(query, self->state->output.is_pushing());
     return TRUE;
   }
   return parent_class()->sink_query(agg, pad, query);
 }
 
-constexpr int64_t kPatience = 5 * G_USEC_PER_SEC;  // for a view of which nothing is heard
-
 // Most often a view-id that was forgotten.
 static void note_other_view(LfCompositor* self, uint32_t other) {
-  auto& talk = self->state->talk;
-  const int64_t now = g_get_monotonic_time();
-  if (talk.others_since == 0) talk.others_since = now;
-  if (talk.asked || now < talk.others_since + kPatience) return;
-  talk.asked = true;  // said once
+  if (!self->state->silence.others_asked(g_get_monotonic_time())) return;
   GST_ELEMENT_WARNING(
       self, STREAM, FAILED,
       ("Nobody asks for view %u, of this compositor, but for view %u and perhaps others: is view-id right?",
@@ -182,7 +170,7 @@ static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo*
     note_other_view(self, peek->head.view_id);
     return GST_PAD_PROBE_DROP;
   }
-  self->state->talk.asked = true;
+  self->state->silence.asked();
   if (peek->type == lf::wire::kWarpCommandType || peek->type == lf::wire::kPixelCommandType)
     return GST_PAD_PROBE_DROP;  // for cameras
   if (!self->guard->admits(GST_ELEMENT(self), mapped.bytes(), self->state->extent, self->state->live))
@@ -205,7 +193,7 @@ static GstPadProbeReturn lf_compositor_answer_arrives(GstPad*, GstPadProbeInfo* 
   GstBuffer* answer = GST_PAD_PROBE_INFO_BUFFER(info);
   const std::optional<uint32_t> view_id = lf::peek_answer_view(answer);
   if (view_id && *view_id != lf_compositor_view_id(LF_COMPOSITOR(data))) return GST_PAD_PROBE_DROP;
-  LF_COMPOSITOR(data)->state->talk.answered = true;
+  LF_COMPOSITOR(data)->state->silence.answered();
   if (!GST_BUFFER_PTS_IS_VALID(answer) && !GST_BUFFER_DTS_IS_VALID(answer)) info->data = give_duration(answer);
   return GST_PAD_PROBE_OK;
 }
@@ -228,8 +216,7 @@ static GstAggregatorPad* lf_compositor_create_pad(GstAggregator* agg, GstPadTemp
   }
   gpointer pad =
       g_object_new(GST_TYPE_AGGREGATOR_PAD, "name", pad_name, "direction", GST_PAD_SINK, "template", templ, nullptr);
-  g_object_set_qdata_full(G_OBJECT(pad), node_quark(), new NodeInput,
-                          [](gpointer data) { delete static_cast<NodeInput*>(data); });
+  lf::NodeInput::attach(GST_AGGREGATOR_PAD(pad));
   lf::accept_unit_caps(GST_PAD(pad));
   gst_pad_add_probe(GST_PAD(pad), GST_PAD_PROBE_TYPE_BUFFER, lf::callback<lf_compositor_answer_arrives>, agg, nullptr);
   return GST_AGGREGATOR_PAD(pad);

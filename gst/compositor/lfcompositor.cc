@@ -60,7 +60,7 @@
 
 #include <utility>
 
-#include "compositor/compositor_answer_pads.h"
+#include "base/error.h"
 #include "compositor/lfcompositor_private.h"
 
 GST_DEBUG_CATEGORY(lf_compositor_debug);
@@ -80,51 +80,44 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfcompositor, "lfcompositor", GST_RANK_NON
 // So that pictures from the beginning on are the same each time.
 static void forget_history(LfCompositor* self) {
   auto& state = *self->state;
-  lf_compositor_forget_moments(self);
-  lf_compositor_reset_monitor(self);
-  state.focus_settings = {};
-  state.focus = lf::FocusControl();
-  state.focus_array.reset();
-  state.mean_turns = {};
-  state.unheard = 0;
+  state.focus.clear();
+  state.turns.clear();
 }
 
 static void forget_early_answers(LfCompositor* self) {
-  self->state->last_sequence.reset();
-  for (GstAggregatorPad* pad : AnswerPads(self)) lf_compositor_node_of(pad).ahead.clear();
+  self->state->past.clear();
+  for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->forget_later();
+}
+
+// Null without a rig. Throws Error if it can't be read.
+static std::shared_ptr<const lf::Rig> load_rig(const lf::CompositorSettings& settings) {
+  if (!settings.rig.empty()) return lf::shared_rig(settings.rig);
+  if (settings.partial)
+    throw lf::Error("A compositor inside a tree must know what is missing: set the property \"rig\".");
+  return nullptr;
 }
 
 static gboolean lf_compositor_start(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   auto& state = *self->state;
-  if (!lf_compositor_load_rig(self, &state.rig)) return FALSE;
+  const lf::CompositorSettings& settings = state.settings = lf_compositor_settings(self);
+  try {
+    lf_compositor_use_rig(self, load_rig(settings));
+  } catch (const lf::Error& error) {
+    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
+    return FALSE;
+  }
   GST_OBJECT_LOCK(self);
   delete std::exchange(self->new_rig, nullptr);  // of the run before; `rig` may have been set again since
   GST_OBJECT_UNLOCK(self);
-  if (self->partial && !state.rig) {
-    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS,
-                      ("A compositor inside a tree must know what is missing: set the property \"rig\"."), (nullptr));
-    return FALSE;
-  }
-  state.assembly.set_rig(state.rig);
-  state.extent = state.rig ? lf::array_extent(*state.rig) : 0;
-  state.health_rig = state.last_rig = 0;
-  lf_compositor_reset_health(self);
+  state.health = lf::CameraHealth(settings.max_missed);
+  if (state.rig && !settings.partial) state.health.expect(state.rig->cameras.size());
   state.current.reset();
   state.request_flushed = state.over = false;
-  state.coverage = {};
   state.latency_asked_at = 0;
-  state.talk.others_since = state.talk.asked_since = 0;
-  state.talk.asked = state.talk.answered = state.talk.warned = false;
-  state.segment = {};
-  state.info = {};
-  state.negotiated = false;
-  state.wanted = {};
-  state.agreed = false;
-  state.warned_rig = false;
+  state.silence.clear();
+  state.output.start(settings.partial, self->request);
   state.past.clear();
-  state.skipped.clear();
-  state.last_sequence.reset();
   state.qos.clear();
   forget_history(self);
   state.stats.reset();
@@ -137,7 +130,7 @@ static GstFlowReturn lf_compositor_flush(GstAggregator* agg) {
   lf_compositor_forget_request(self);
   forget_early_answers(self);
   self->state->over = false;
-  self->state->segment = {};  // whatever it is, it has to be sent again
+  self->state->output.flush();
   forget_history(self);
   return GST_FLOW_OK;
 }
@@ -146,8 +139,7 @@ static gboolean lf_compositor_stop(GstAggregator* agg) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   lf_compositor_forget_request(self);
   forget_early_answers(self);
-  gst_clear_buffer(&self->state->last_picture);
-  self->state->pool.clear();
+  self->state->output.stop();
   return TRUE;
 }
 
@@ -156,8 +148,27 @@ static void lf_compositor_finalize(GObject* object) {
   delete self->state;
   delete self->guard;
   delete self->new_rig;
-  g_free(self->rig_path);
+  delete self->settings;
   G_OBJECT_CLASS(lf_compositor_parent_class)->finalize(object);
+}
+
+static lf::PictureOutput& output_of(GstAggregator* agg) { return LF_COMPOSITOR(agg)->state->output; }
+
+static gboolean lf_compositor_negotiate(GstAggregator* agg) {
+  output_of(agg).negotiate();
+  return TRUE;
+}
+
+static GstFlowReturn lf_compositor_update_src_caps(GstAggregator* agg, GstCaps* downstream, GstCaps** caps) {
+  return output_of(agg).update_src_caps(downstream, caps);
+}
+
+static gboolean lf_compositor_negotiated_src_caps(GstAggregator* agg, GstCaps* caps) {
+  return output_of(agg).negotiated_src_caps(caps);
+}
+
+static gboolean lf_compositor_decide_allocation(GstAggregator* agg, GstQuery* query) {
+  return output_of(agg).decide_allocation(query);
 }
 
 static void lf_compositor_class_init(LfCompositorClass* klass) {
@@ -180,10 +191,9 @@ static void lf_compositor_class_init(LfCompositorClass* klass) {
 }
 
 static void lf_compositor_init(LfCompositor* self) {
-  self->state = new _LfCompositor::State;
+  self->settings = new lf::CompositorSettings;
+  self->state = new _LfCompositor::State(GST_AGGREGATOR(self));
   self->guard = new lf::RequestGuard;
-  self->gains = TRUE;
-  self->trial_interval = 1;
   lf_compositor_add_request_pad(self);
   g_object_set(self, "latency", kDefaultLatency, nullptr);
 }

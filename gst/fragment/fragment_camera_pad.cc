@@ -62,8 +62,9 @@ bool lf_fragment_assign_camera(LfFragment* self, LfFragmentPad* pad) {
   const guint number = static_cast<guint>(g_ascii_strtoull(GST_PAD_NAME(pad) + strlen("sink_"), nullptr, 10));
   const guint id = pad->camera >= 0 ? static_cast<guint>(pad->camera) : input.from_stream.value_or(number);
   if (!rig->index_of_id(id)) {
-    g_autofree gchar* path = lf_fragment_rig_path(self);
-    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("Pad %s: the rig %s has no camera %u.", GST_PAD_NAME(pad), path, id),
+    const std::string path = lf_fragment_settings(self).rig;
+    GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS,
+                      ("Pad %s: the rig %s has no camera %u.", GST_PAD_NAME(pad), path.c_str(), id),
                       ("%zu cameras in the rig", rig->cameras.size()));
     return false;
   }
@@ -81,10 +82,10 @@ bool lf_fragment_assign_camera(LfFragment* self, LfFragmentPad* pad) {
 static bool lf_fragment_check_size(LfFragment* self, LfFragmentPad* pad, int width, int height) {
   const auto camera = self->node->inputs().camera(*pad->input->id);
   if (!camera || (width == camera->width && height == camera->height)) return true;
-  g_autofree gchar* path = lf_fragment_rig_path(self);
+  const std::string path = lf_fragment_settings(self).rig;
   GST_ELEMENT_ERROR(self, STREAM, FORMAT,
                     ("Pad %s: the video of camera %u has %dx%d pixels, the rig %s says %dx%d.", GST_PAD_NAME(pad),
-                     camera->id, width, height, path, camera->width, camera->height),
+                     camera->id, width, height, path.c_str(), camera->width, camera->height),
                     (nullptr));
   return false;
 }

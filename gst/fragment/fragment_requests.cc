@@ -26,9 +26,7 @@ struct Job {
 };
 
 guint threads_of(LfFragment* self) {
-  GST_OBJECT_LOCK(self);
-  const guint threads = self->threads;
-  GST_OBJECT_UNLOCK(self);
+  const guint threads = lf_fragment_settings(self).threads;
   return threads > 0 ? threads : g_get_num_processors();
 }
 
@@ -127,15 +125,12 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
   PadPair* pair = lf_fragment_pad_pair_of(pad);
   const lf::RequestHeader& head = lf::wire::head_of(job.request);
   lf::FragmentNode::Options options;
-  GST_OBJECT_LOCK(self);
-  options.codec = self->codec;
-  options.strip_pixels = self->strip_pixels;
-  options.max_skew = self->max_skew;
-  options.resampling = self->resampling;
-  const bool on_card = self->renderer == lf::RendererChoice::kGl;
-  const bool post = self->post_messages;
-  GST_OBJECT_UNLOCK(self);
-  if (on_card) {
+  const lf::FragmentSettings settings = lf_fragment_settings(self);
+  options.codec = settings.codec;
+  options.strip_pixels = settings.strip_pixels;
+  options.max_skew = settings.max_skew;
+  options.resampling = settings.resampling;
+  if (settings.renderer == lf::RendererChoice::kGl) {
     std::string news;
     options.card = self->card->open(news);
     if (!news.empty()) GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND, ("%s.", news.c_str()), (nullptr));
@@ -159,7 +154,7 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
   GstBuffer* out = lf::wrap_answer(std::move(reply.bytes), pair->memory);
   self->node->stats().answers++;
   self->node->stats().fragments += reply.fragments;
-  if (post) lf_fragment_post_answer(self, job, reply, gst_buffer_get_size(out));
+  if (settings.post_messages) lf_fragment_post_answer(self, job, reply, gst_buffer_get_size(out));
   GST_LOG_OBJECT(pad, "view %u, request %u: %zu fragments, %" G_GSIZE_FORMAT " bytes", head.view_id, head.sequence,
                  reply.fragments, gst_buffer_get_size(out));
   return lf_fragment_push(self, src, out, job);
@@ -203,9 +198,7 @@ static void lf_fragment_answer_loop(gpointer data) {
 // What is not for cameras of this kind, or asks for too much, is not even decoded.
 static bool lf_fragment_is_to_be_answered(LfFragment* self, PadPair* pair, std::span<const uint8_t> request) {
   const std::optional<lf::wire::RequestPeek> peek = lf::wire::peek_request(request);
-  GST_OBJECT_LOCK(self);
-  const lf::Access access = self->access;
-  GST_OBJECT_UNLOCK(self);
+  const lf::Access access = lf_fragment_settings(self).access;
   if (peek && lf::wire::access_of_type(peek->type).value_or(access) != access) return false;
   return self->guard->admits(GST_ELEMENT(self), request, self->node->inputs().array()->extent, pair->live,
                              pair->number);
@@ -214,9 +207,7 @@ static bool lf_fragment_is_to_be_answered(LfFragment* self, PadPair* pair, std::
 // Hands the request over to the answer pad's thread.
 static GstFlowReturn lf_fragment_answer_later(LfFragment* self, GstPad* pad, GstPad* src, Job job) {
   PadPair* pair = lf_fragment_pad_pair_of(pad);
-  GST_OBJECT_LOCK(self);
-  const GstClockTime max_delay = self->max_delay;
-  GST_OBJECT_UNLOCK(self);
+  const GstClockTime max_delay = lf_fragment_settings(self).max_delay;
   if (max_delay > 0) job.due = lf::now_ns() + max_delay;
   const uint32_t view_id = lf::wire::head_of(job.request).view_id;
   bool dropped = false;

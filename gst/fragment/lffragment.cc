@@ -52,6 +52,8 @@ GST_DEBUG_CATEGORY(lf_fragment_debug);
 
 namespace {
 
+using Settings = lf::FragmentSettings;
+
 GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink_%u", GST_PAD_SINK, GST_PAD_REQUEST,
                             GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("{ " LF_CAMERA_FORMATS " }") "; image/jpeg"));
@@ -116,99 +118,48 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lffragment, "lffragment", GST_RANK_NONE, L
                                       GST_DEBUG_CATEGORY_INIT(lf_fragment_debug, "lffragment", 0,
                                                               "random access camera"))
 
-enum {
-  PROP_0,
-  PROP_RIG,
-  PROP_NODE,
-  PROP_CODEC,
-  PROP_THREADS,
-  PROP_MAX_SKEW,
-  PROP_STRIP_PIXELS,
-  PROP_POST_MESSAGES,
-  PROP_ACCESS,
-  PROP_RESAMPLING,
-  PROP_MAX_DELAY,
-  PROP_RENDERER,
-  PROP_FIRST_LIMIT,
-  PROP_STATS = PROP_FIRST_LIMIT + lf::RequestGuard::kNumProperties
-};
+enum { PROP_0, PROP_STATS, PROP_FIRST_LIMIT, PROP_FIRST_SETTING = PROP_FIRST_LIMIT + lf::RequestGuard::kNumProperties };
 
-gchar* lf_fragment_rig_path(LfFragment* self) {
-  GST_OBJECT_LOCK(self);
-  gchar* path = g_strdup(self->rig_path);
-  GST_OBJECT_UNLOCK(self);
-  return path;
+lf::FragmentSettings lf_fragment_settings(LfFragment* self) {
+  const lf::ObjectLock lock(self);
+  return *self->settings;
 }
 
-// While the element runs the file is read at once, and serves from the next request on.
-static void lf_fragment_set_rig(LfFragment* self, const GValue* value) {
-  if (lf::is_running(GST_ELEMENT(self))) {
-    const std::shared_ptr<const lf::Rig> rig = lf::reload_rig(GST_ELEMENT(self), g_value_get_string(value));
-    if (!rig) return;
-    const std::string problem = self->node->inputs().set_rig(rig);
-    if (!problem.empty())
-      GST_ELEMENT_WARNING(
-          self, RESOURCE, SETTINGS,
-          ("%s: %s, of which this node has the video: it is left out.", g_value_get_string(value), problem.c_str()),
-          (nullptr));
-  }
-  GST_OBJECT_LOCK(self);
-  g_free(self->rig_path);
-  self->rig_path = g_value_dup_string(value);
-  GST_OBJECT_UNLOCK(self);
+// While the element runs the file is read at once, and serves from the next request on. False if it can't be.
+static bool lf_fragment_reload_rig(LfFragment* self, const gchar* path) {
+  const std::shared_ptr<const lf::Rig> rig = lf::reload_rig(GST_ELEMENT(self), path);
+  if (!rig) return false;
+  const std::string problem = self->node->inputs().set_rig(rig);
+  if (!problem.empty())
+    GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
+                        ("%s: %s, of which this node has the video: it is left out.", path, problem.c_str()),
+                        (nullptr));
+  return true;
 }
 
-static bool is_limit(guint id) { return id >= PROP_FIRST_LIMIT && id < PROP_STATS; }
+static bool is_limit(guint id) { return id >= PROP_FIRST_LIMIT && id < PROP_FIRST_SETTING; }
 static lf::RequestGuard::Property limit_of(guint id) {
   return static_cast<lf::RequestGuard::Property>(id - PROP_FIRST_LIMIT);
 }
 
 static void lf_fragment_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfFragment* self = LF_FRAGMENT(object);
-  if (id == PROP_RIG) return lf_fragment_set_rig(self, value);
   if (is_limit(id)) return self->guard->set(limit_of(id), value);
-  GST_OBJECT_LOCK(self);
-  switch (id) {
-    case PROP_NODE: self->node_id = g_value_get_uint(value); break;
-    case PROP_THREADS: self->threads = g_value_get_uint(value); break;
-    case PROP_STRIP_PIXELS: self->strip_pixels = g_value_get_int(value); break;
-    case PROP_POST_MESSAGES: self->post_messages = g_value_get_boolean(value); break;
-    case PROP_ACCESS: self->access = static_cast<lf::Access>(g_value_get_enum(value)); break;
-    case PROP_RENDERER: self->renderer = static_cast<lf::RendererChoice>(g_value_get_enum(value)); break;
-    case PROP_RESAMPLING: self->resampling = static_cast<lf::Resampling>(g_value_get_enum(value)); break;
-    case PROP_MAX_SKEW: self->max_skew = g_value_get_uint64(value); break;
-    case PROP_MAX_DELAY: self->max_delay = g_value_get_uint64(value); break;
-    case PROP_CODEC: self->codec = static_cast<lf::CodecChoice>(g_value_get_enum(value)); break;
-    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
-  }
-  GST_OBJECT_UNLOCK(self);
+  if (lf::is_named(pspec, "rig") && lf::is_running(GST_ELEMENT(self)) &&
+      !lf_fragment_reload_rig(self, g_value_get_string(value)))
+    return;
+  lf::ObjectLock lock(self);
+  Settings::properties().set(*self->settings, id, value);
+  lock.unlock();
 }
 
-static void lf_fragment_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
+static void lf_fragment_get_property(GObject* object, guint id, GValue* value, GParamSpec*) {
   LfFragment* self = LF_FRAGMENT(object);
   if (is_limit(id)) return self->guard->get(limit_of(id), value);
-  lf::ObjectLock lock(self);
-  switch (id) {
-    case PROP_RIG: g_value_set_string(value, self->rig_path); break;
-    case PROP_NODE: g_value_set_uint(value, self->node_id); break;
-    case PROP_THREADS: g_value_set_uint(value, self->threads); break;
-    case PROP_STRIP_PIXELS: g_value_set_int(value, self->strip_pixels); break;
-    case PROP_POST_MESSAGES: g_value_set_boolean(value, self->post_messages); break;
-    case PROP_ACCESS: g_value_set_enum(value, static_cast<gint>(self->access)); break;
-    case PROP_RENDERER: g_value_set_enum(value, static_cast<gint>(self->renderer)); break;
-    case PROP_RESAMPLING: g_value_set_enum(value, static_cast<gint>(self->resampling)); break;
-    case PROP_MAX_SKEW: g_value_set_uint64(value, self->max_skew); break;
-    case PROP_MAX_DELAY: g_value_set_uint64(value, self->max_delay); break;
-    case PROP_CODEC: g_value_set_enum(value, static_cast<gint>(self->codec)); break;
-    case PROP_STATS: {
-      GstStructure* stats = self->node->stats().structure();
-      self->guard->add_stats(stats);
-      g_value_take_boxed(value, stats);
-      break;
-    }
-    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
-  }
-  lock.unlock();
+  if (id != PROP_STATS) return Settings::properties().get(lf_fragment_settings(self), id, value);
+  GstStructure* stats = self->node->stats().structure();
+  self->guard->add_stats(stats);
+  g_value_take_boxed(value, stats);
 }
 
 static guint number_of(const gchar* name, const gchar* prefix, guint* next) {
@@ -264,17 +215,18 @@ static gboolean lf_fragment_assign_named_camera(GstElement* element, GstPad* pad
 }
 
 static bool lf_fragment_start(LfFragment* self) {
-  if (!self->rig_path) {
+  const Settings settings = lf_fragment_settings(self);
+  if (settings.rig.empty()) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("No rig file given: set the property \"rig\"."), (nullptr));
     return false;
   }
   try {
-    self->node->inputs().set_rig(lf::shared_rig(self->rig_path));
+    self->node->inputs().set_rig(lf::shared_rig(settings.rig));
   } catch (const lf::Error& error) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
     return false;
   }
-  self->node->set_node_id(self->node_id);
+  self->node->set_node_id(settings.node);
   self->node->inputs().forget_family();
   self->guard->clear();
   GST_OBJECT_LOCK(self);
@@ -317,7 +269,7 @@ static void lf_fragment_finalize(GObject* object) {
   delete self->guard;
   delete self->card;
   delete self->workers;
-  g_free(self->rig_path);
+  delete self->settings;
   G_OBJECT_CLASS(lf_fragment_parent_class)->finalize(object);
 }
 
@@ -331,26 +283,15 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
   element_class->request_new_pad = lf::callback<lf_fragment_request_new_pad>;
   element_class->release_pad = lf::callback<lf_fragment_release_pad>;
 
-  g_object_class_install_property(
-      object_class, PROP_RIG,
-      g_param_spec_string("rig", "Rig",
-                          "Rig file (rig.json) of the whole array; required. Set while running, it is read again and "
-                          "serves from the next request on; cameras keep their pads by id",
-                          nullptr,
-                          GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
-  g_object_class_install_property(
-      object_class, PROP_NODE,
-      g_param_spec_uint("node", "Node", "Number of this node, carried in its answers", 0, G_MAXUINT, 0,
-                        GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
-  lf_fragment_install_choices(object_class, PROP_CODEC);
+  Settings::properties().install(object_class, PROP_FIRST_SETTING);
+  lf::RequestGuard::install(object_class, PROP_FIRST_LIMIT);
   g_object_class_install_property(
       object_class, PROP_STATS,
       g_param_spec_boxed(
           "stats", "Statistics",
           "Counts of requests, answers, of these skipped (too late to be shown) and drawn by OpenGL, requests refused "
-          "for "
-          "one of the limits "
-          "(refused, and of these refused-pixels, -aperture, -trials, -rate, -views), fragments, bytes, frames that "
+          "for one of the limits (refused, and of these refused-pixels, -aperture, -trials, -rate, -views), fragments, "
+          "bytes, frames that "
           "were missing (of these stale: farther than "
           "max-skew) and frames that were damaged; the largest skew of a frame; what waiting for frames, decoding, "
           "rendering and encoding took: the latest answer's time and p50, p95, p99 over the latest 1024, and of all of "
@@ -366,18 +307,16 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
       element_class, "Light field random access camera", "Filter/Video",
       "Answers view requests with the fragments that its cameras contribute to the requested view",
       "gst-lightfield developers");
-  gst_type_mark_as_plugin_api(LF_TYPE_FRAGMENT_PAD, GstPluginAPIFlags(0));
+  for (const GType type : {LF_TYPE_FRAGMENT_PAD, LF_TYPE_FRAGMENT_RENDERER, LF_TYPE_FRAGMENT_RESAMPLING,
+                           LF_TYPE_FRAGMENT_CODEC, LF_TYPE_ACCESS})
+    gst_type_mark_as_plugin_api(type, GstPluginAPIFlags(0));
 }
 
 static void lf_fragment_init(LfFragment* self) {
   g_mutex_init(&self->seek_lock);
   self->node = new lf::FragmentNode;
   self->guard = new lf::RequestGuard;
-  self->strip_pixels = lf::wire::kStripPixels;
-  self->max_skew = 500 * GST_MSECOND;
-  self->max_delay = 500 * GST_MSECOND;
-  self->resampling = lf::Resampling::kSharpened;
-  self->renderer = lf::RendererChoice::kCpu;
+  self->settings = new Settings;
   self->card = new lf::Card();
   self->pairs = new std::set<PadPair*>;
   self->workers = new std::shared_ptr<lf::WorkerPool>(lf::WorkerPool::shared());

@@ -8,21 +8,19 @@
 #include <set>
 
 #include "base/worker_pool.h"
-#include "common/access.h"
 #include "common/gst_wire.h"
 #include "common/qos_watch.h"
 #include "common/request_guard.h"
 #include "fragment/camera_image.h"
-#include "fragment/card.h"
 #include "fragment/fragment_node.h"
+#include "fragment/fragment_settings.h"
 #include "fragment/lffragment.h"
 #include "node/arrival_watch.h"
 #include "node/fair_answers.h"
 #include "node/work_estimate.h"
 
 // What the files of lffragment share: lffragment.cc (the element), fragment_camera_pad.cc (camera video in),
-// fragment_pad_pair.cc (a requester's pads), fragment_requests.cc (requests in, answers out) and fragment_choices.cc
-// (how answers are made).
+// fragment_pad_pair.cc (a requester's pads) and fragment_requests.cc (requests in, answers out).
 
 struct _LfFragmentPad {
   GstPad parent;
@@ -90,18 +88,8 @@ struct PadPair {
 
 struct _LfFragment {
   GstElement parent;
-  gchar* rig_path;
-  guint node_id;
-  lf::CodecChoice codec;        // under the object lock
-  guint threads;                // under the object lock
-  gint strip_pixels;            // under the object lock
-  gboolean post_messages;       // under the object lock
-  lf::Access access;            // under the object lock
-  lf::Resampling resampling;    // under the object lock
-  lf::RendererChoice renderer;  // under the object lock
+  lf::FragmentSettings* settings;  // under the object lock
   lf::Card* card;
-  GstClockTime max_skew;   // under the object lock
-  GstClockTime max_delay;  // under the object lock
   std::shared_ptr<lf::WorkerPool>* workers;
   lf::RequestGuard* guard;
   lf::FragmentNode* node;
@@ -114,12 +102,8 @@ struct _LfFragment {
   guint32 seek_seqnum;  // of the latest seek of the cameras; under that
 };
 
-// The properties that say how answers are made (fragment_choices.cc): codec, threads, max-skew, strip-pixels,
-// post-messages, access, resampling, max-delay, renderer, in the order of their ids; and behind them the limits of
-// RequestGuard.
-inline constexpr guint kNumOwnFragmentChoices = 9;
-inline constexpr guint kNumFragmentChoices = kNumOwnFragmentChoices + lf::RequestGuard::kNumProperties;
-void lf_fragment_install_choices(GObjectClass* klass, guint first_id);
+// A copy of the properties, as they are now.
+lf::FragmentSettings lf_fragment_settings(LfFragment* self);
 
 // Whether what comes to this sink pad comes in real time; if so, after which latency at the latest.
 bool lf_fragment_upstream_is_live(GstPad* sink, GstClockTime* latency = nullptr);
@@ -150,5 +134,3 @@ PadPtr lf_fragment_other_pad(GstPad* pad);
 GstFlowReturn lf_fragment_request_chain(GstPad* pad, GstObject* parent, GstBuffer* buffer);
 // Takes both pads away; an answer that is being made ends at once.
 void lf_fragment_pair_release(LfFragment* self, GstPad* request);
-// The rig file, for messages; to be freed.
-gchar* lf_fragment_rig_path(LfFragment* self);

@@ -18,7 +18,7 @@
  * ]|
  * ## Take a node's answers from TCP
  * |[
- * gst-launch-1.0 tcpclientsrc host=node1 port=5000 ! lfparse ! filesink location=answers.lfa
+ * gst-launch-1.0 tcpclientsrc host=CAMHOST port=5000 ! lfparse ! filesink location=answers.lfa
  * ]|
  */
 #include "parse/lfparse.h"

@@ -17,7 +17,7 @@
  * ## Pictures under a key
  * |[
  * gst-launch-1.0 videotestsrc is-live=true ! jpegenc ! rtpjpegpay ! lfrtpseal key-file=lightfield.key ! \
- *   udpsink host=viewer port=6300
+ *   udpsink host=VIEWER port=6300
  * ]|
  */
 #include "rtp/lfrtpseal.h"

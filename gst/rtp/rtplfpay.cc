@@ -19,10 +19,10 @@
  *
  * ## Answers of a node
  * |[
- * gst-launch-1.0 udpsrc port=5000
- * caps="application/x-rtp,media=application,clock-rate=90000,encoding-name=X-LIGHTFIELD-REQUEST" \
+ * gst-launch-1.0 udpsrc port=5000 \
+ *   caps="application/x-rtp,media=application,clock-rate=90000,encoding-name=X-LIGHTFIELD-REQUEST" \
  *   ! rtplfdepay ! n.request  lfcameranode name=n rig=rig.json is-live=true ! queue ! rtplfpay max-bitrate=400000000 \
- *   ! udpsink host=compositor port=5001 sync=false
+ *   ! udpsink host=COMPOSITOR port=5001 sync=false
  * ]|
  */
 #include "rtp/rtplfpay.h"

@@ -31,20 +31,19 @@ static void set_rig(LfViewRequest* self, const lf::ViewRequestSettings& changed,
   if (self->stream->rig_hash() != before) self->out_of_service->clear();
 }
 
-static void set_setting(LfViewRequest* self, lf::ViewRequestSettings::Property property, const GValue* value) {
-  const bool is_rig = property == lf::ViewRequestSettings::kRig;
+static void set_setting(LfViewRequest* self, guint id, const GValue* value, const GParamSpec* pspec) {
+  const bool is_rig = lf::is_named(pspec, "rig");
   const gchar* path = is_rig ? g_value_get_string(value) : nullptr;
   std::shared_ptr<const lf::Rig> rig;
   if (path && lf::is_running(GST_ELEMENT(self)) && !(rig = lf::reload_rig(GST_ELEMENT(self), path))) return;
   std::string problem;
   lf::ObjectLock lock(self);
   lf::ViewRequestSettings changed = *self->settings;
-  changed.set(property, value);
+  lf::ViewRequestSettings::properties().set(changed, id, value);
   try {
     if (self->stream && is_rig && (rig || !path)) set_rig(self, changed, rig);
-    if (self->stream && property == lf::ViewRequestSettings::kOutOfService)
-      self->stream->set_out_of_service(changed.out_of_service);
-    if (self->stream && (is_rig || property == lf::ViewRequestSettings::kKeepVisible))
+    if (self->stream && lf::is_named(pspec, "out-of-service")) self->stream->set_out_of_service(changed.out_of_service);
+    if (self->stream && (is_rig || lf::is_named(pspec, "keep-visible")))
       self->control->keep_visible(lf_view_request_visible_share(changed, self->stream->rig()));
     *self->settings = changed;
     self->focus_feedback->follow(changed.focus_continuous);
@@ -68,7 +67,7 @@ static void lf_view_request_set_property(GObject* object, guint id, const GValue
     self->num_buffers = g_value_get_int(value);
     GST_OBJECT_UNLOCK(self);
   } else if (id >= PROP_FIRST_SETTING) {
-    set_setting(self, static_cast<lf::ViewRequestSettings::Property>(id - PROP_FIRST_SETTING), value);
+    set_setting(self, id, value, pspec);
   } else if (id >= PROP_FIRST_FIELD) {
     lf::ObjectLock lock(self);
     self->control->set(static_cast<int>(id) - PROP_FIRST_FIELD, g_value_get_double(value));
@@ -86,7 +85,7 @@ static void lf_view_request_get_property(GObject* object, guint id, GValue* valu
   if (id == PROP_NUM_BUFFERS)
     g_value_set_int(value, self->num_buffers);
   else if (id >= PROP_FIRST_SETTING)
-    self->settings->get(static_cast<lf::ViewRequestSettings::Property>(id - PROP_FIRST_SETTING), value);
+    lf::ViewRequestSettings::properties().get(*self->settings, id, value);
   else if (id >= PROP_FIRST_FIELD)
     g_value_set_double(value, self->control->values()[id - PROP_FIRST_FIELD]);
   else
@@ -104,7 +103,7 @@ void lf_view_request_install_properties(GObjectClass* klass) {
         GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING | GST_PARAM_CONTROLLABLE));
     g_object_class_install_property(klass, PROP_FIRST_FIELD + i, spec);
   }
-  lf::ViewRequestSettings::install(klass, PROP_FIRST_SETTING);
+  lf::ViewRequestSettings::properties().install(klass, PROP_FIRST_SETTING);
   g_object_class_override_property(klass, PROP_NUM_BUFFERS, "num-buffers");
   g_object_class_install_property(
       klass, PROP_IS_LIVE,

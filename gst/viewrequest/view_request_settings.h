@@ -6,6 +6,7 @@
 #include <string>
 
 #include "common/access.h"
+#include "common/properties.h"
 
 namespace lf {
 
@@ -26,31 +27,7 @@ struct ViewRequestSettings {
   double eye_offset = 0;  // metres
   bool focus_continuous = false;
 
-  enum Property {
-    kLocation,
-    kRig,
-    kViewId,
-    kWidth,
-    kHeight,
-    kFramerate,
-    kCaptureDelay,
-    kNavigation,
-    kKeepVisible,
-    kQuality,
-    kOutOfService,
-    kLoop,
-    kNavigationFrom,
-    kAccess,
-    kEager,
-    kEyeOffset,
-    kFocusContinuous,
-    kNearestCameras,
-    kNumProperties
-  };
-  // As properties first_id, first_id + 1, ... of the class.
-  static void install(GObjectClass* klass, guint first_id);
-  void set(Property property, const GValue* value);
-  void get(Property property, GValue* value) const;
+  static PropertyTable<ViewRequestSettings>& properties();
 };
 
 }  // namespace lf

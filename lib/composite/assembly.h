@@ -67,6 +67,8 @@ class Assembly {
   // Cameras of which something should have come and did not, or damaged; known after finish() and with a rig alone,
   // else 0.
   unsigned missing() const { return missing_; }
+  // Nothing is missing or damaged, as far as is known by then.
+  bool complete() const { return missing_ == 0 && damaged_ == 0; }
   // Cameras that the answers so far speak for and that have pictures.
   const CameraRanges& seeing() const { return seeing_; }
   // All cameras that the answers so far speak for, with pictures or without.

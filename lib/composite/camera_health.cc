@@ -2,15 +2,33 @@
 #include "composite/camera_health.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace lf {
 
 void CameraHealth::expect(size_t count) {
+  expected_ = count;
   cameras_.resize(std::max(cameras_.size(), count));
   for (size_t i = 0; i < count; i++) cameras_[i].known = true;
 }
 
-bool CameraHealth::picture(const CameraRanges& seeing) {
+bool CameraHealth::use_rig(uint64_t hash) {
+  if (hash == 0 || hash == rig_) return false;
+  if (std::exchange(rig_, hash) == 0) return false;
+  const bool any = !out_.empty();
+  cameras_.clear();
+  out_.clear();
+  seen_late_ = {};
+  expect(expected_);
+  return any;
+}
+
+void CameraHealth::seen_late(uint64_t rig, const CameraRanges& seeing) {
+  if (rig_ == 0 || rig == rig_) seen_late_.add(seeing);
+}
+
+bool CameraHealth::picture(CameraRanges seeing) {
+  seeing.add(std::exchange(seen_late_, {}));
   if (max_missed_ == 0 || seeing.empty()) return false;
   cameras_.resize(std::max(cameras_.size(), size_t{seeing.ranges().back().last} + 1));
   bool changed = false;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "rig/camera_ranges.h"
@@ -19,9 +20,16 @@ class CameraHealth {
 
   // Cameras 0 to count - 1 are there; those that never answer are missing, too. Others are known once they answer.
   void expect(size_t count);
+  // The hash of the rig whose cameras they are, 0: not known, which changes nothing. Cameras are known by their index,
+  // which in another rig may be another camera's or nobody's: with another rig than before all that was known is
+  // forgotten. True if out_of_service() is another now.
+  bool use_rig(uint64_t hash);
+  // Cameras whose answers were in time, but after their picture was made: they count for the next one. Those of another
+  // rig do not.
+  void seen_late(uint64_t rig, const CameraRanges& seeing);
   // One more picture, of which `seeing` answered in time with pictures of theirs. A picture of none counts for
   // nothing: then it is not the cameras that are out of order. True if out_of_service() is another now.
-  bool picture(const CameraRanges& seeing);
+  bool picture(CameraRanges seeing);
 
   const CameraSet& out_of_service() const { return out_; }
 
@@ -31,6 +39,9 @@ class CameraHealth {
     unsigned missed = 0, seen = 0;  // in a row
   };
   unsigned max_missed_;
+  uint64_t rig_ = 0;
+  size_t expected_ = 0;
+  CameraRanges seen_late_;
   std::vector<Camera> cameras_;
   CameraSet out_;
 };

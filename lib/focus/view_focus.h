@@ -11,6 +11,13 @@
 
 namespace lf {
 
+// On which focal surface the next request of a view is focused, and what is tried for it.
+struct FoundFocus {
+  uint32_t sequence = 0;  // the number of the request that it was found from
+  FocusControl::Plan plan;
+  GainRequest gains;  // of the next request
+};
+
 // Gives a request the surface of a plan, which was made for another request of its view, as its own view has it. The
 // request has no map, and has the trials and gains already that it is to have.
 void apply_plan(const FocusControl::Plan& plan, ViewRequest& request);

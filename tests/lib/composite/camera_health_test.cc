@@ -55,5 +55,36 @@ TEST(CameraHealth, NoneIsTakenOutUnlessAsked) {
   for (int i = 0; i < 100; i++) EXPECT_FALSE(health.picture(kSome));
 }
 
+TEST(CameraHealth, AnAnswerInTimeButAfterItsPictureCountsForTheNext) {
+  CameraHealth health(1);
+  health.picture(kAll);
+  for (int i = 0; i < 10; i++) {
+    health.seen_late(0, CameraRanges(CameraSet{1}));
+    EXPECT_FALSE(health.picture(kSome)) << i;
+  }
+  health.picture(kSome);
+  EXPECT_TRUE(health.picture(kSome)) << "it counts once";
+}
+
+TEST(CameraHealth, AnotherRigHasOtherCameras) {
+  CameraHealth health(1);
+  health.expect(4);
+  EXPECT_FALSE(health.use_rig(7)) << "the first";
+  for (int i = 0; i < 3; i++) health.picture(kSome);
+  EXPECT_EQ(health.out_of_service(), CameraSet{1});
+  EXPECT_FALSE(health.use_rig(0)) << "not known";
+  EXPECT_FALSE(health.use_rig(7));
+  EXPECT_EQ(health.out_of_service(), CameraSet{1});
+  EXPECT_TRUE(health.use_rig(8));
+  EXPECT_TRUE(health.out_of_service().empty());
+  EXPECT_FALSE(health.picture(kSome));
+  EXPECT_TRUE(health.picture(kSome)) << "those that are expected are missed from the beginning";
+  EXPECT_TRUE(health.use_rig(9));
+  EXPECT_FALSE(health.use_rig(10)) << "nobody was out";
+  health.seen_late(9, CameraRanges(CameraSet{1}));
+  EXPECT_FALSE(health.picture(kSome));
+  EXPECT_TRUE(health.picture(kSome)) << "what another rig's camera saw says nothing";
+}
+
 }  // namespace
 }  // namespace lf

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <string>
+#include <tuple>
+#include <type_traits>
+#include <vector>
+
+// Properties of an element are the fields of a plain struct, its settings: a row for each in one table says the field,
+// the name, the texts and the range. A field's initial value is the property's default. The settings have no lock of
+// their own: the element's object lock is held while a property is set or read.
+namespace lf {
+
+// When a property may be set: before the element runs, or at any time.
+inline constexpr auto kWhileReady = GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY);
+inline constexpr auto kWhilePlaying =
+    GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING);
+
+template <typename Settings>
+struct Property {
+  GParamSpec* spec;
+  void (*set)(Settings& settings, const GValue* value);
+  void (*get)(const Settings& settings, GValue* value);
+};
+
+inline void set_field(std::string& field, const GValue* value) {
+  const gchar* text = g_value_get_string(value);
+  field = text ? text : "";
+}
+inline void set_field(bool& field, const GValue* value) { field = g_value_get_boolean(value); }
+inline void set_field(gint& field, const GValue* value) { field = g_value_get_int(value); }
+inline void set_field(guint& field, const GValue* value) { field = g_value_get_uint(value); }
+inline void set_field(gint64& field, const GValue* value) { field = g_value_get_int64(value); }
+inline void set_field(guint64& field, const GValue* value) { field = g_value_get_uint64(value); }
+inline void set_field(double& field, const GValue* value) { field = g_value_get_double(value); }
+template <typename Enum>
+requires std::is_enum_v<Enum>
+void set_field(Enum& field, const GValue* value) { field = static_cast<Enum>(g_value_get_enum(value)); }
+
+// A text that is empty is one that is not set.
+inline void get_field(const std::string& field, GValue* value) {
+  g_value_set_string(value, field.empty() ? nullptr : field.c_str());
+}
+inline void get_field(bool field, GValue* value) { g_value_set_boolean(value, field); }
+inline void get_field(gint field, GValue* value) { g_value_set_int(value, field); }
+inline void get_field(guint field, GValue* value) { g_value_set_uint(value, field); }
+inline void get_field(gint64 field, GValue* value) { g_value_set_int64(value, field); }
+inline void get_field(guint64 field, GValue* value) { g_value_set_uint64(value, field); }
+inline void get_field(double field, GValue* value) { g_value_set_double(value, field); }
+template <typename Enum>
+requires std::is_enum_v<Enum>
+void get_field(Enum field, GValue* value) { g_value_set_enum(value, static_cast<gint>(field)); }
+
+// `range`: the least and the most of a number, the GType of an enum, nothing of a truth value; "" of a text that is
+// read as "" where it is not set, in place of null.
+template <auto field, typename Settings, typename Field, typename... Range>
+Property<Settings> make_property(Field Settings::*, GParamFlags flags, const char* name, const char* nick,
+                                 const char* blurb, Range... range) {
+  const Field initial = Settings{}.*field;
+  GParamSpec* spec = nullptr;
+  if constexpr (std::is_same_v<Field, std::string>)
+    spec = g_param_spec_string(name, nick, blurb, std::get<0>(std::tuple<Range..., const char*>(range..., nullptr)),
+                               flags);
+  else if constexpr (std::is_same_v<Field, bool>)
+    spec = g_param_spec_boolean(name, nick, blurb, initial, flags);
+  else if constexpr (std::is_enum_v<Field>)
+    spec = g_param_spec_enum(name, nick, blurb, range..., static_cast<gint>(initial), flags);
+  else if constexpr (std::is_same_v<Field, gint>)
+    spec = g_param_spec_int(name, nick, blurb, range..., initial, flags);
+  else if constexpr (std::is_same_v<Field, guint>)
+    spec = g_param_spec_uint(name, nick, blurb, range..., initial, flags);
+  else if constexpr (std::is_same_v<Field, gint64>)
+    spec = g_param_spec_int64(name, nick, blurb, range..., initial, flags);
+  else if constexpr (std::is_same_v<Field, guint64>)
+    spec = g_param_spec_uint64(name, nick, blurb, range..., initial, flags);
+  else
+    spec = g_param_spec_double(name, nick, blurb, range..., initial, flags);
+  return {spec, [](Settings& settings, const GValue* value) { set_field(settings.*field, value); },
+          [](const Settings& settings, GValue* value) {
+            get_field(settings.*field, value);
+            if constexpr (std::is_same_v<Field, std::string> && sizeof...(range) > 0)
+              if ((settings.*field).empty()) g_value_set_static_string(value, "");
+          }};
+}
+template <auto field, typename... Range>
+auto property(GParamFlags flags, const char* name, const char* nick, const char* blurb, Range... range) {
+  return make_property<field>(field, flags, name, nick, blurb, range...);
+}
+
+// A fraction, `numerator` / `denominator`, of at least `least_n` / `least_d`.
+template <auto numerator, auto denominator, typename Settings>
+Property<Settings> make_fraction(gint Settings::*, GParamFlags flags, const char* name, const char* nick,
+                                 const char* blurb, gint least_n, gint least_d) {
+  const Settings initial;
+  return {gst_param_spec_fraction(name, nick, blurb, least_n, least_d, G_MAXINT, 1, initial.*numerator,
+                                  initial.*denominator, flags),
+          [](Settings& settings, const GValue* value) {
+            settings.*numerator = gst_value_get_fraction_numerator(value);
+            settings.*denominator = gst_value_get_fraction_denominator(value);
+          },
+          [](const Settings& settings, GValue* value) {
+            gst_value_set_fraction(value, settings.*numerator, settings.*denominator);
+          }};
+}
+template <auto numerator, auto denominator>
+auto fraction_property(GParamFlags flags, const char* name, const char* nick, const char* blurb, gint least_n,
+                       gint least_d) {
+  return make_fraction<numerator, denominator>(numerator, flags, name, nick, blurb, least_n, least_d);
+}
+
+// The rows of one class. Unchanging once they are installed, and then to be used by any thread.
+template <typename Settings>
+class PropertyTable {
+ public:
+  PropertyTable(std::initializer_list<Property<Settings>> rows) : rows_(rows) {}
+
+  // As properties first_id, first_id + 1, ... of the class, in the order of the table. Returns the next id.
+  guint install(GObjectClass* klass, guint first_id) {
+    first_id_ = first_id;
+    for (const Property<Settings>& row : rows_) g_object_class_install_property(klass, first_id++, row.spec);
+    return first_id;
+  }
+  void set(Settings& settings, guint id, const GValue* value) const { rows_[id - first_id_].set(settings, value); }
+  void get(const Settings& settings, guint id, GValue* value) const { rows_[id - first_id_].get(settings, value); }
+
+ private:
+  std::vector<Property<Settings>> rows_;
+  guint first_id_ = 0;
+};
+
+inline bool is_named(const GParamSpec* spec, const char* name) { return g_str_equal(spec->name, name); }
+
+}  // namespace lf

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "compositor/node_input.h"
+
+#include <memory>
+
+#include "common/guard.h"
+
+namespace lf {
+namespace {
+
+GQuark node_quark() {
+  static const GQuark quark = g_quark_from_static_string("lf-compositor-node");
+  return quark;
+}
+
+// Of a unit that is ahead: all units of an answer stream have it in the same place.
+uint32_t sequence_of(GstBuffer* unit) {
+  constexpr gsize kAt = 16;
+  guint8 bytes[4] = {};
+  gst_buffer_extract(unit, kAt, bytes, sizeof bytes);
+  return GST_READ_UINT32_BE(bytes);
+}
+
+}  // namespace
+
+void NodeInput::attach(GstAggregatorPad* pad) {
+  g_object_set_qdata_full(G_OBJECT(pad), node_quark(), new NodeInput(pad),
+                          [](gpointer data) { delete static_cast<NodeInput*>(data); });
+}
+
+NodeInput& NodeInput::of(GstAggregatorPad* pad) {
+  return *static_cast<NodeInput*>(g_object_get_qdata(G_OBJECT(pad), node_quark()));
+}
+
+// What came before this request had its turn. True if that was all of the answer.
+bool NodeInput::take_early(uint32_t sequence, const std::function<Taken(GstBuffer*)>& take_unit) {
+  if (ahead_.size() == 0) return false;
+  bool whole = false;
+  for (GstBuffer* buffer : ahead_.take(sequence)) {
+    const std::unique_ptr<GstBuffer, decltype([](GstBuffer* b) { gst_buffer_unref(b); })> owned(buffer);
+    whole = whole || take_unit(buffer) == Taken::kLast;
+  }
+  return whole;
+}
+
+void NodeInput::take(uint32_t sequence, bool live, const std::function<Taken(GstBuffer*)>& take_unit) {
+  if (flushed_.exchange(false)) {
+    seen_ = nullptr;
+    ahead_.clear();
+    if (head_ != Head::kDone) head_ = Head::kUnseen;
+  }
+  if (head_ == Head::kDone) return;
+  if (take_early(sequence, take_unit)) {
+    head_ = Head::kDone;
+    return;
+  }
+  while (GstBuffer* buffer = gst_aggregator_pad_peek_buffer(pad_)) {
+    gst_buffer_unref(buffer);  // the pad keeps it
+    if (buffer == seen_) return;
+    const Taken taken = take_unit(buffer);
+    if (taken == Taken::kDone) {
+      gst_aggregator_pad_drop_buffer(pad_);
+      continue;
+    }
+    head_ = taken == Taken::kLast ? Head::kDone : Head::kAhead;
+    const bool aside = taken == Taken::kAhead && live && ahead_.has_room(gst_buffer_get_size(buffer));
+    seen_ = aside ? nullptr : buffer;
+    if (!aside) return;
+    if (GstBuffer* popped = gst_aggregator_pad_pop_buffer(pad_)) ahead_.keep(sequence_of(popped), popped);
+  }
+}
+
+NodeInput::Taken NodeInput::part_added(bool last_of_node) {
+  if (!parts_.complete()) return Taken::kDone;
+  if (last_of_node) return Taken::kLast;
+  parts_.clear();  // another answer follows
+  return Taken::kDone;
+}
+
+bool NodeInput::is_awaited(bool live, unsigned max_missed) const {
+  if (head_ != Head::kUnseen || gst_aggregator_pad_is_eos(pad_)) return false;
+  return !live || max_missed == 0 || missed_ <= max_missed;
+}
+
+bool NodeInput::has_news() const {
+  GstBuffer* head = gst_aggregator_pad_peek_buffer(pad_);
+  if (head) gst_buffer_unref(head);
+  return head && head != seen_ && head_ != Head::kDone;
+}
+
+void NodeInput::close(bool counts) {
+  const bool took_part = head_ == Head::kDone;
+  missed_ = took_part || gst_aggregator_pad_is_eos(pad_) ? 0 : missed_ + counts;
+  if (!took_part) return;
+  drop_answer();
+  head_ = Head::kUnseen;
+}
+
+void NodeInput::drop_answer() {
+  if (head_ != Head::kDone || !seen_ || flushed_) return;
+  head_ = Head::kUnseen;
+  seen_ = nullptr;
+  gst_aggregator_pad_drop_buffer(pad_);
+}
+
+void NodeInput::forget() {
+  head_ = Head::kUnseen;
+  seen_ = nullptr;
+  parts_.clear();
+}
+
+void NodeInput::drop_all() {
+  while (gst_aggregator_pad_drop_buffer(pad_)) {
+  }
+}
+
+NodeInputs::NodeInputs(GstPad* request) {
+  GstElement* element = GST_ELEMENT(GST_PAD_PARENT(request));
+  lf::ObjectLock lock(element);
+  for (GList* item = element->sinkpads; item; item = item->next)
+    if (item->data != request) pads_.push_back(GST_AGGREGATOR_PAD(gst_object_ref(item->data)));
+  lock.unlock();
+  for (GstAggregatorPad* pad : pads_) nodes_.push_back(&NodeInput::of(pad));
+}
+
+NodeInputs::~NodeInputs() {
+  for (GstAggregatorPad* pad : pads_) gst_object_unref(pad);
+}
+
+}  // namespace lf

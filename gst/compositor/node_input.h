@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <vector>
+
+#include <gst/base/gstaggregator.h>
+
+#include "compositor/ahead_answers.h"
+#include "wire/answer_parts.h"
+
+namespace lf {
+
+// The node behind an answer pad of lfcompositor: how much of its answer to the current request has come, and what came
+// of later ones. The last part of an answer stays on its pad until the picture is done, so that GstAggregator finds a
+// buffer on every pad when every node has answered. Streaming thread, but for flushed().
+class NodeInput {
+ public:
+  // Makes the pad's, which goes with it.
+  static void attach(GstAggregatorPad* pad);
+  static NodeInput& of(GstAggregatorPad* pad);
+
+  // What a unit was, for whoever it was given to.
+  enum class Taken {
+    kDone,   // there is no more to it
+    kLast,   // the same, and the node's answer to the current request is whole
+    kAhead,  // it is of a later request
+  };
+  // Gives what has come to `take_unit`, unit by unit, up to the last of the answer to the request of this number.
+  // `live`: answers to later requests are kept aside, so that they stand in nobody's way.
+  void take(uint32_t sequence, bool live, const std::function<Taken(GstBuffer*)>& take_unit);
+  // For `take_unit`: false if this part of the node's answer has been there.
+  bool add_part(const wire::AnswerPart& part) { return parts_.add(part); }
+  // What the answer is, now that this part has been added.
+  Taken part_added(bool last_of_node);
+  // A late answer was there in time all the same.
+  void was_in_time() { missed_ = 0; }
+
+  // Whether the current request's picture waits for this node. `max_missed`: live, not for one that has missed more
+  // pictures in a row; 0: for all.
+  bool is_awaited(bool live, unsigned max_missed) const;
+  // Whether something is on the pad that has not been looked at.
+  bool has_news() const;
+
+  // The picture of the current request is done. `counts`: that says something of the node.
+  void close(bool counts);
+  // The current request gets no picture: what is there of the answer is dropped.
+  void drop_answer();
+  // The current request is forgotten, and what is on the pad will be looked at again.
+  void forget();
+  void forget_later() { ahead_.clear(); }
+  void drop_all();
+  // Its own stream has been flushed: what is on the pad is not what it was. Any thread.
+  void flushed() { flushed_ = true; }
+
+ private:
+  explicit NodeInput(GstAggregatorPad* pad) : pad_(pad) {}
+  bool take_early(uint32_t sequence, const std::function<Taken(GstBuffer*)>& take_unit);
+
+  enum class Head {
+    kUnseen,  // nothing there, or something that has not been looked at
+    kDone,    // the last part of the node's answer
+    kAhead,   // an answer to a later request: the node skipped this one
+  };
+  GstAggregatorPad* const pad_;
+  Head head_ = Head::kUnseen;
+  GstBuffer* seen_ = nullptr;  // the buffer that head_ is about; not owned
+  wire::AnswerParts parts_;    // that have been added
+  AheadAnswers ahead_;         // live: of later requests
+  unsigned missed_ = 0;        // pictures in a row that had to do without this node
+  std::atomic<bool> flushed_ = false;
+};
+
+// The nodes of an lfcompositor whose request pad this is, as they are now: kept, while this lives.
+class NodeInputs {
+ public:
+  explicit NodeInputs(GstPad* request);
+  ~NodeInputs();
+  NodeInputs(const NodeInputs&) = delete;
+  NodeInputs& operator=(const NodeInputs&) = delete;
+  auto begin() const { return nodes_.begin(); }
+  auto end() const { return nodes_.end(); }
+
+ private:
+  std::vector<GstAggregatorPad*> pads_;
+  std::vector<NodeInput*> nodes_;
+};
+
+}  // namespace lf

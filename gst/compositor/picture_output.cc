@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "compositor/picture_output.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "base/error.h"
+#include "common/common.h"
+#include "common/pixel_family.h"
+#include "compositor/output_caps.h"
+
+namespace lf {
+namespace {
+
+GstFlowReturn no_memory(GstAggregator* element) {
+  GST_ELEMENT_ERROR(element, RESOURCE, NO_SPACE_LEFT, ("No memory for a picture."), (nullptr));
+  return GST_FLOW_ERROR;
+}
+
+}  // namespace
+
+void PictureOutput::start(bool partial, GstPad* request) {
+  partial_ = partial;
+  request_ = request;
+  segment_ = {};
+  info_ = {};
+  negotiated_ = agreed_ = false;
+  family_ = PixelFamily::kNone;
+  width_ = height_ = 0;
+  last_rig_ = 0;
+}
+
+void PictureOutput::stop() {
+  gst_clear_buffer(&last_picture_);
+  pool_.clear();
+}
+
+// What the base class asks of its own accord, when downstream has changed, is answered when the next picture is made:
+// that downstream takes none ends this view, not the stream of requests, which others share.
+void PictureOutput::negotiate() {
+  // Before the first request there is nothing to agree on, which the base class would warn of (1.22).
+  agreed_ = width_ > 0 && GST_AGGREGATOR_CLASS(g_type_class_peek(GST_TYPE_AGGREGATOR))->negotiate(element_);
+}
+
+GstFlowReturn PictureOutput::update_src_caps(GstCaps* downstream, GstCaps** caps) {
+  *caps =
+      partial_ ? unit_caps(LF_ANSWER_MEDIA_TYPE) : choose_output_caps(downstream, request_, family_, width_, height_);
+  return *caps ? GST_FLOW_OK : GST_FLOW_NOT_NEGOTIATED;
+}
+
+bool PictureOutput::negotiated_src_caps(GstCaps* caps) {
+  GstVideoInfo info = {};
+  if (!partial_ && !gst_video_info_from_caps(&info, caps)) return false;
+  if (!negotiated_ || !gst_video_info_is_equal(&info, &info_)) gst_clear_buffer(&last_picture_);
+  info_ = info;
+  negotiated_ = true;
+  return true;
+}
+
+bool PictureOutput::decide_allocation(GstQuery* query) {
+  if (!partial_) return pool_.decide(query);
+  while (gst_query_get_n_allocation_pools(query) > 0) gst_query_remove_nth_allocation_pool(query, 0);
+  return true;  // answers have memory of their own
+}
+
+// Has the base class agree with downstream on caps and memory for pictures like this.
+GstFlowReturn PictureOutput::agree_on(PixelFamily family, int width, int height) {
+  family_ = family;
+  width_ = width;
+  height_ = height;
+  gst_aggregator_negotiate(element_);
+  if (agreed_) return GST_FLOW_OK;
+  if (GST_PAD_IS_FLUSHING(GST_AGGREGATOR_SRC_PAD(element_))) return GST_FLOW_FLUSHING;
+  if (partial_) {
+    GST_ELEMENT_ERROR(element_, STREAM, FORMAT, ("Downstream takes no answers."), (nullptr));
+    return GST_FLOW_NOT_NEGOTIATED;
+  }
+  const char* name = family == PixelFamily::kI420 ? "I420" : "RGB";
+  GST_ELEMENT_ERROR(
+      element_, STREAM, FORMAT,
+      ("Downstream takes no %s video of %dx%d pixels: put a videoconvert behind lfcompositor.", name, width, height),
+      (nullptr));
+  return GST_FLOW_NOT_NEGOTIATED;
+}
+
+GstFlowReturn PictureOutput::agree_on_picture(PixelFamily family, int width, int height) {
+  const bool same =
+      info_.width == width && info_.height == height && (family == PixelFamily::kNone || family_of(info_) == family);
+  return same && agreed_ ? GST_FLOW_OK : agree_on(family, width, height);
+}
+
+// Where a picture's colours are: R, G and B in one plane, or Y, Cb and Cr.
+struct PictureOutput::Planes {
+  explicit Planes(const GstVideoFrame& frame) {
+    const guint count = family_of(frame.info) == PixelFamily::kRgb ? 1 : 3;
+    for (guint i = 0; i < count; i++) {
+      data[i] = static_cast<uint8_t*>(count == 1 ? GST_VIDEO_FRAME_PLANE_DATA(&frame, 0)
+                                                 : GST_VIDEO_FRAME_COMP_DATA(&frame, i));
+      stride[i] = count == 1 ? GST_VIDEO_FRAME_PLANE_STRIDE(&frame, 0) : GST_VIDEO_FRAME_COMP_STRIDE(&frame, i);
+    }
+  }
+  uint8_t* data[3] = {};
+  ptrdiff_t stride[3] = {};
+};
+
+// What is wholly lost is taken from the picture before, if not part of the picture is made with another rig than that.
+void PictureOutput::conceal(const Assembly& assembly, const Planes& picture) {
+  if (assembly.fragments() > 0 && assembly.rig_hash() != last_rig_) return;
+  GstVideoFrame before;
+  if (!last_picture_ || !gst_video_frame_map(&before, &info_, last_picture_, GST_MAP_READ)) return;
+  ImageView view;
+  view.family = family_of(info_);
+  view.width = info_.width;
+  view.height = info_.height;
+  if (view.family == PixelFamily::kRgb) view.layout = rgb_layout(info_);
+  const Planes planes(before);
+  std::ranges::copy(planes.data, view.plane);
+  std::ranges::copy(planes.stride, view.stride);
+  assembly.picture().conceal(view, picture.data, picture.stride);
+  gst_video_frame_unmap(&before);
+}
+
+GstBuffer* PictureOutput::make_picture(Assembly& assembly, const View& view, const Background& background,
+                                       GstFlowReturn* flow) {
+  *flow = agree_on_picture(assembly.family(), view.width, view.height);
+  if (*flow != GST_FLOW_OK) return nullptr;
+  // It would show the picture before, and the work would make a machine that is too slow slower still.
+  if (last_picture_ && assembly.all_is_missing()) return gst_buffer_copy(last_picture_);
+  assembly.finish(family_of(info_), background != Background{});
+
+  GstBufferPool* pool = gst_aggregator_get_buffer_pool(element_);
+  GstBuffer* out = pool_.take(pool);
+  gst_clear_object(&pool);
+  GstVideoFrame frame;
+  if (!out || !gst_video_frame_map(&frame, &info_, out, GST_MAP_WRITE)) {
+    if (out) gst_buffer_unref(out);
+    *flow = GST_PAD_IS_FLUSHING(GST_AGGREGATOR_SRC_PAD(element_)) ? GST_FLOW_FLUSHING : no_memory(element_);
+    return nullptr;
+  }
+  const Planes planes(frame);
+  const RgbLayout layout = family_of(info_) == PixelFamily::kRgb ? rgb_layout(info_) : RgbLayout{};
+  const Levels levels = has_video_levels(info_) ? kVideoLevels : kFullLevels;
+  assembly.picture().resolve(background, layout, planes.data, planes.stride, levels);
+  if (!assembly.complete()) conceal(assembly, planes);
+  gst_video_frame_unmap(&frame);
+  return out;
+}
+
+GstFlowReturn PictureOutput::agree_on_answers(const View& view) {
+  if (agreed_) return GST_FLOW_OK;
+  const GstFlowReturn flow = agree_on(PixelFamily::kNone, view.width, view.height);
+  if (flow == GST_FLOW_OK) root_is_near_ = compositor_is_near(GST_AGGREGATOR_SRC_PAD(element_));
+  return flow;
+}
+
+GstBuffer* PictureOutput::make_answer(Assembly& assembly, const ViewRequest& request, guint node, CodecChoice codec,
+                                      GstFlowReturn* flow) {
+  *flow = agree_on_answers(request.view);
+  if (*flow != GST_FLOW_OK) return nullptr;
+  assembly.finish_partial();
+  wire::AnswerHeader header;
+  header.view_id = request.view_id;
+  header.sequence = request.sequence;
+  header.view_width = request.view.width;
+  header.view_height = request.view.height;
+  header.family = assembly.family();
+  header.target_time = request.target_time;
+  header.actual_time = assembly.actual_time();
+  header.rig_hash = assembly.rig_hash();
+  header.node = node;
+  header.cameras = header.blind = assembly.cameras();
+  header.blind.remove(assembly.seeing());
+  const CodedAs form = choose_codec(codec, root_is_near_, request.quality);
+  try {
+    return wrap_answer(partial_answer(header, assembly.picture(), form, memory_->take()), memory_);
+  } catch (const Error& error) {
+    GST_ELEMENT_ERROR(element_, STREAM, ENCODE, ("View %u: %s.", request.view_id, error.what()), (nullptr));
+    *flow = GST_FLOW_ERROR;
+    return nullptr;
+  }
+}
+
+PictureOutput::Shown PictureOutput::replace_incomplete(const Assembly& assembly, LfCompositorIncomplete incomplete,
+                                                       GstBuffer** picture) {
+  const bool whole = partial_ || assembly.complete();
+  if (!whole && incomplete == LF_COMPOSITOR_INCOMPLETE_REPEAT && last_picture_) {
+    gst_buffer_unref(std::exchange(*picture, gst_buffer_copy(last_picture_)));
+    return Shown::kRepeated;
+  }
+  if (!whole && incomplete == LF_COMPOSITOR_INCOMPLETE_DROP) {
+    gst_clear_buffer(picture);
+    return Shown::kDropped;
+  }
+  if (assembly.fragments() > 0) last_rig_ = assembly.rig_hash();
+  return Shown::kPicture;
+}
+
+void PictureOutput::follow_segment(const GstSegment& requests) {
+  if (requests.format != GST_FORMAT_TIME || gst_segment_is_equal(&requests, &segment_)) return;
+  segment_ = requests;
+  gst_aggregator_update_segment(element_, &requests);
+}
+
+GstFlowReturn PictureOutput::push(GstBuffer* picture, GstClockTime pts, bool keep) {
+  if (GST_CLOCK_TIME_IS_VALID(pts)) {
+    GST_OBJECT_LOCK(element_);
+    GST_AGGREGATOR_PAD(GST_AGGREGATOR_SRC_PAD(element_))->segment.position = pts;
+    GST_OBJECT_UNLOCK(element_);
+  }
+  if (keep) gst_buffer_replace(&last_picture_, picture);
+  pushing_ = true;
+  const GstFlowReturn flow = gst_aggregator_finish_buffer(element_, picture);
+  pushing_ = false;
+  return flow;
+}
+
+}  // namespace lf

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <atomic>
+#include <memory>
+
+#include <gst/base/gstaggregator.h>
+#include <gst/video/video.h>
+
+#include "common/gst_wire.h"
+#include "composite/assembly.h"
+#include "compositor/lfcompositor.h"
+#include "compositor/picture_pool.h"
+#include "node/answer_form.h"
+
+namespace lf {
+
+// What leaves an lfcompositor: pictures, or partial answers, in caps and memory that downstream agrees on, and the
+// picture before, which may stand in for an incomplete one. Posts errors of its element. Streaming thread, but for
+// is_pushing() and has_begun().
+class PictureOutput {
+ public:
+  explicit PictureOutput(GstAggregator* element) : element_(element) {}
+  ~PictureOutput() { gst_clear_buffer(&last_picture_); }
+  PictureOutput(const PictureOutput&) = delete;
+  PictureOutput& operator=(const PictureOutput&) = delete;
+
+  // `partial`: answers leave, not pictures. `request`: the pad that has the frame rate.
+  void start(bool partial, GstPad* request);
+  void stop();
+  // The segment has to be sent again, whatever it is.
+  void flush() { segment_ = {}; }
+
+  // For the functions of GstAggregatorClass of these names.
+  void negotiate();
+  GstFlowReturn update_src_caps(GstCaps* downstream, GstCaps** caps);
+  bool negotiated_src_caps(GstCaps* caps);
+  bool decide_allocation(GstQuery* query);
+
+  // The picture of what was added for a request of this view. Null if there is none; *flow then says why.
+  GstBuffer* make_picture(Assembly& assembly, const View& view, const Background& background, GstFlowReturn* flow);
+  // The same as the answer of one node.
+  GstBuffer* make_answer(Assembly& assembly, const ViewRequest& request, guint node, CodecChoice codec,
+                         GstFlowReturn* flow);
+  // What is put out in place of a picture, as `incomplete` says: that picture, the one before again (kRepeated) or
+  // nothing (kDropped). Takes the picture.
+  enum class Shown { kPicture, kRepeated, kDropped };
+  Shown replace_incomplete(const Assembly& assembly, LfCompositorIncomplete incomplete, GstBuffer** picture);
+
+  // Pictures have the stamps of their requests, in the requests' segment.
+  void follow_segment(const GstSegment& requests);
+  // Takes the buffer, which is at this time of the segment. `keep`: it may stand in for later ones.
+  GstFlowReturn push(GstBuffer* picture, GstClockTime pts, bool keep);
+  bool is_pushing() const { return pushing_; }  // downstream may take its time
+  bool has_begun() const { return negotiated_; }
+
+ private:
+  GstFlowReturn agree_on(PixelFamily family, int width, int height);
+  GstFlowReturn agree_on_picture(PixelFamily family, int width, int height);
+  GstFlowReturn agree_on_answers(const View& view);
+  struct Planes;
+  void conceal(const Assembly& assembly, const Planes& picture);
+
+  GstAggregator* const element_;
+  GstPad* request_ = nullptr;
+  bool partial_ = false;
+  GstSegment segment_{};                  // of the output: that of the requests
+  GstVideoInfo info_{};                   // negotiated
+  std::atomic<bool> negotiated_ = false;  // since the start
+  // What the next picture is like, no width: not known yet. Whether downstream takes it, as it is now.
+  PixelFamily family_ = PixelFamily::kNone;
+  int width_ = 0, height_ = 0;
+  bool agreed_ = false;
+  PicturePool pool_;
+  std::shared_ptr<AnswerMemory> memory_ = std::make_shared<AnswerMemory>();  // of partial answers
+  bool root_is_near_ = false;          // the compositor that these go to is in this process
+  GstBuffer* last_picture_ = nullptr;  // what an incomplete picture may be replaced or mended with
+  uint64_t last_rig_ = 0;              // hash of the rig that it was made with, 0: not known
+  std::atomic<bool> pushing_ = false;
+};
+
+}  // namespace lf

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "fragment/fragment_settings.h"
+
+#include "fragment/lffragment.h"
+
+GType lf_fragment_codec_get_type(void) {
+  static const GType type = [] {
+    static const GEnumValue values[] = {
+        {static_cast<gint>(lf::CodecChoice::kAuto),
+         "Uncompressed to a compositor in this process, else JPEG of the quality that the request asks for", "auto"},
+        {static_cast<gint>(lf::CodecChoice::kRaw), "8 bits a value", "raw"},
+        {static_cast<gint>(lf::CodecChoice::kRaw16), "16 bits a value: sums are rounded in the picture alone", "raw16"},
+        {static_cast<gint>(lf::CodecChoice::kJpeg),
+         "JPEG of the quality that the request asks for, raw where that is 0", "jpeg"},
+        {0, nullptr, nullptr}};
+    return g_enum_register_static("LfFragmentCodec", values);
+  }();
+  return type;
+}
+
+GType lf_fragment_resampling_get_type(void) {
+  static const GType type = [] {
+    static const GEnumValue values[] = {
+        {static_cast<gint>(lf::Resampling::kBilinear), "Bilinear", "bilinear"},
+        {static_cast<gint>(lf::Resampling::kSharpened), "Bilinear, of images sharpened before", "sharpened"},
+        {static_cast<gint>(lf::Resampling::kCatmullRom), "Catmull-Rom, of the 4x4 pixels around", "catmull-rom"},
+        {0, nullptr, nullptr}};
+    return g_enum_register_static("LfFragmentResampling", values);
+  }();
+  return type;
+}
+
+GType lf_fragment_renderer_get_type(void) {
+  static const GType type = [] {
+    static const GEnumValue values[] = {
+        {static_cast<gint>(lf::RendererChoice::kCpu), "The CPU, with the widest vectors that it has", "cpu"},
+        {static_cast<gint>(lf::RendererChoice::kGl),
+         "OpenGL ES 3.1 without a window, where there is a driver for it; else the CPU", "gl"},
+        {0, nullptr, nullptr}};
+    return g_enum_register_static("LfFragmentRenderer", values);
+  }();
+  return type;
+}
+
+namespace lf {
+
+PropertyTable<FragmentSettings>& FragmentSettings::properties() {
+  using S = FragmentSettings;
+  static PropertyTable<S> table = {
+      property<&S::rig>(kWhilePlaying, "rig", "Rig",
+                        "Rig file (rig.json) of the whole array; required. Set while running, it is read again and "
+                        "serves from the next request on; cameras keep their pads by id"),
+      property<&S::node>(kWhileReady, "node", "Node", "Number of this node, carried in its answers", 0, G_MAXUINT),
+      property<&S::codec>(kWhilePlaying, "codec", "Codec", "How pixels travel in the answers", LF_TYPE_FRAGMENT_CODEC),
+      property<&S::threads>(kWhilePlaying, "threads", "Threads",
+                            "Threads that work on an answer at most, out of those that all lffragments of the process "
+                            "share (0: as many as there are processors)",
+                            0, 256),
+      property<&S::max_skew>(kWhilePlaying, "max-skew", "Largest skew",
+                             "Live: how far, in nanoseconds, a frame may be from the capture time asked for; a camera "
+                             "with no frame as near counts as blind, and others make up for it (0: any)",
+                             0, G_MAXINT64),
+      property<&S::strip_pixels>(kWhilePlaying, "strip-pixels", "Pixels of a strip",
+                                 "How many pixels the fragments have, about, that a sum in 8 bits or JPEG is cut into: "
+                                 "with fewer, a lost packet loses less (16 rows are the least)",
+                                 1, 1 << 28),
+      property<&S::post_messages>(kWhilePlaying, "post-messages", "Post messages",
+                                  "Post an element message \"lightfield-answer\" for every answer"),
+      property<&S::access>(kWhilePlaying, "access", "Access",
+                           "What the cameras know, and so what is answered: view requests, or the commands that "
+                           "lfviewrequest sends with the same setting. Pixels need an lfcompositor with a rig",
+                           LF_TYPE_ACCESS),
+      property<&S::resampling>(kWhilePlaying, "resampling", "Resampling",
+                               "How cameras' images are sampled: sharpening makes up for what bilinear samples lose, "
+                               "which is what is left of the error where the focus is right; Catmull-Rom loses less "
+                               "and takes longer. With access=pixels the compositor samples",
+                               LF_TYPE_FRAGMENT_RESAMPLING),
+      property<&S::max_delay>(kWhilePlaying, "max-delay", "Largest delay",
+                              "Live: how long, in nanoseconds, after a request has come its answer can be of use; one "
+                              "that would come later, by what such answers have taken, is not begun (0: any time)",
+                              0, G_MAXINT64),
+      property<&S::renderer>(kWhilePlaying, "renderer", "Renderer",
+                             "What draws the sums: both give the same picture to 1 of 255. Trials, and views that are "
+                             "not blended by the array's mesh, are the CPU's in any case",
+                             LF_TYPE_FRAGMENT_RENDERER),
+  };
+  return table;
+}
+
+}  // namespace lf

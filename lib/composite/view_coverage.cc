@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "composite/view_coverage.h"
+
+#include "render/contribution_map.h"
+
+namespace lf {
+
+double ViewCoverage::share(const Rig& rig, const ViewRequest& request, bool exact, int64_t now) {
+  const bool known = share_ >= 0;
+  const bool same = known && view_ == request.view && out_of_service_ == request.out_of_service;
+  if (same || (known && !exact && now < known_at_ + kInterval)) return share_;
+  const Mesh& mesh = mesh_.get(rig, request.out_of_service);
+  share_ = mean_coverage(rig, ViewPlan(rig, mesh, request.view), kRows);
+  view_ = request.view;
+  out_of_service_ = request.out_of_service;
+  known_at_ = now;
+  return share_;
+}
+
+}  // namespace lf
