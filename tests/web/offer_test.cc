@@ -52,6 +52,19 @@ TEST(Offer, AnswersNameTheProfile) {
   gst_sdp_message_free(answer);
 }
 
+TEST(Offer, KnowsTheNumberOfThePlayoutDelay) {
+  const std::string line = "a=extmap:5 http://www.webrtc.org/experiments/rtp-hdrext/playout-delay\r\n";
+  const auto number = [&](const std::string& other) {
+    const auto offer = parse_offer(with(browser_offer(), line, other), true, true, "", nullptr);
+    return offer ? static_cast<int>(offer->playout_delay) : -1;
+  };
+  EXPECT_EQ(number(line), 5);
+  EXPECT_EQ(number(with(line, ":5 ", ":14/recvonly ")), 14);
+  EXPECT_EQ(number(""), 0);
+  for (const char* wrong : {":0 ", ":15 ", ":16 ", ":-1 ", ":5x ", ":x ", ":4294967301 ", ":5  ", ": "})
+    EXPECT_EQ(number(with(line, ":5 ", wrong)), 0) << wrong;
+}
+
 TEST(Offer, FallsBackToVp8) {
   for (const std::string& text : {browser_offer(), with(browser_offer(), "H264", "H265")}) {
     const auto offer = parse_offer(text, text.find("H265") != text.npos, true, "", nullptr);

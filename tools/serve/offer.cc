@@ -4,6 +4,8 @@
 #include <charconv>
 #include <string_view>
 
+#include "playout_delay.h"
+
 namespace lf::serve {
 namespace {
 
@@ -68,6 +70,19 @@ bool find_codec(const GstSDPMedia* media, VideoCodec codec, Offer& offer) {
     return true;
   }
   return false;
+}
+
+// The offer's number of a header extension, as far as one byte has it: "3 URI", "3/recvonly URI" (RFC 8285).
+guint find_extension(const GstSDPMedia* media, std::string_view uri) {
+  for (guint i = 0; const gchar* value = gst_sdp_media_get_attribute_val_n(media, "extmap", i); i++) {
+    const std::string_view text = value;
+    guint number = 0;
+    const char* end = std::from_chars(text.data(), text.data() + text.size(), number).ptr;
+    const size_t space = text.find(' ');
+    if (number < 1 || number > 14 || space == text.npos || (*end != ' ' && *end != '/')) continue;
+    if (text.substr(space + 1) == uri) return number;
+  }
+  return 0;
 }
 
 // Of H.264 as it is sent here. Streams may be of any level up to the one named (RFC 6184): webrtcbin would decline an
@@ -163,6 +178,7 @@ std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, c
     return fail("the offer does not receive video");
   if (!(h264 && find_codec(video, VideoCodec::kH264, offer)) && !(vp8 && find_codec(video, VideoCodec::kVp8, offer)))
     return fail("the offer has no codec that is spoken here (H.264 constrained baseline in mode 1, VP8)");
+  offer.playout_delay = find_extension(video, kPlayoutDelayUri);
   if (offer.codec == VideoCodec::kH264) set_parameters(video, offer.payload_type, offer.profile);
   return offer;
 }

@@ -27,6 +27,7 @@ struct Offer {
   VideoCodec codec;
   guint payload_type;   // the offer's own number for the codec
   std::string profile;  // kH264: profile-level-id
+  guint playout_delay;  // the offer's own number for the RTP header extension; 0: it is not offered
 };
 
 // `h264`, `vp8`: what can be encoded here; H.264 goes first. Candidates are taken out, so that nobody has packets sent
