@@ -5,6 +5,7 @@
 
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 
 namespace lf::serve {
@@ -31,9 +32,9 @@ struct Offer {
 };
 
 // `h264`, `vp8`: what can be encoded here; H.264 goes first. Candidates are taken out, so that nobody has packets sent
-// to whom they like, but for those of the address `client`: a viewer is found where its own packets come from. Nothing
-// for an offer that can't be answered, and the reason.
-std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, const std::string& client,
+// to whom they like, but for those of the addresses `known`: the viewer's own, and relays that it may use. Nothing for
+// an offer that can't be answered, and the reason.
+std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, const std::set<std::string>& known,
                                  std::string* reason);
 
 // Gives the chosen codec the profile and level of the offer in the answer, where browsers look for it; webrtcbin leaves
