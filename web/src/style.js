@@ -42,6 +42,7 @@ export const style = `
     transition: opacity .25s, translate .25s; }
   .idle .bar:not(:focus-within) { opacity: 0; translate: 0 30%; pointer-events: none; }
   .waiting .bar, .waiting ::slotted([slot=controls]), .begins .bar { display: none; }
+  .stage:has(.guide:not([hidden])) .bar { visibility: hidden; }
   .hint { position: absolute; left: 50%; top: 50%; translate: -50% -50%; padding: 8px 14px; border-radius: 8px; z-index: 2;
     background: var(--panel); opacity: 0; transition: opacity .25s; pointer-events: none; white-space: nowrap; }
   .hint.on { opacity: 1; }
