@@ -89,10 +89,11 @@ export const style = `
   kbd { font: 12px ui-monospace, monospace; border: 1px solid var(--line); border-radius: 4px; padding: 1px 5px; }
   @container (max-width: 1100px) {
     .bar { gap: 5px; padding: 6px 8px calc(6px + env(safe-area-inset-bottom)); }
-    .bar button, .bar select { padding: 4px 5px; min-height: 44px; font-size: 12px; }
+    .bar button, .bar select { padding: 4px 3px; min-height: 44px; font-size: 12px; }
     .bar button { flex-direction: column; gap: 0; }
     .bar select { width: 86px; }
     label { flex-basis: 120px; gap: 5px; }
+    input[type=range] { min-width: 54px; }
   }
   @container (max-width: 720px) {
     .bar { display: grid; grid-template-columns: repeat(5, 1fr); }
