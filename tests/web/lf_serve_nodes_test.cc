@@ -89,9 +89,11 @@ TEST_F(LfServeNodes, AreNamedWhenTheyDoNotAnswer) {
   EXPECT_THAT(served.said(), Not(HasSubstr(name + " does not answer")));
   stop_host();
   EXPECT_TRUE(becomes([&] { return served.metric(metric) == "1"; }));
-  EXPECT_TRUE(becomes([&] { return served.said().find("cameras: " + name + " does not answer\n") != std::string::npos; }));
+  EXPECT_TRUE(
+      becomes([&] { return served.said().find("cameras: " + name + " does not answer\n") != std::string::npos; }));
   start_host(served.rig(), key_);
-  EXPECT_TRUE(becomes([&] { return served.said().find("cameras: " + name + " answers again\n") != std::string::npos; }));
+  EXPECT_TRUE(
+      becomes([&] { return served.said().find("cameras: " + name + " answers again\n") != std::string::npos; }));
   EXPECT_EQ(served.metric(metric), "0");
 }
 
