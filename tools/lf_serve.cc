@@ -107,6 +107,7 @@ void check_options(Options& options) {
   options.server.proxies.insert(options.proxies.begin(), options.proxies.end());
   options.server.whep.ice = IceServers(
       options.ice_servers, options.ice_credentials.empty() ? "" : lf::read_text_file(options.ice_credentials));
+  options.server.whep.relays = options.server.whep.ice.relays();
   // Video comes from the address that is listened at alone, or from all of the machine's.
   const std::string& address = options.media.empty() ? options.server.address : options.media;
   const bool any = address == "any" || address == "0.0.0.0" || address == "::";

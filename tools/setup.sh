@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
 # Installs the Debian 12 packages that gst-lightfield needs, configures and builds it in build/.
 # Asks nothing, and says nothing when nothing is to do. TARGETs (of ninja) are built in place of everything. With --tests
-# it installs, too, what only running the tests needs: a browser, tshark, Janus, pictures for calibration.
+# it installs, too, what only running the tests needs: a browser, tshark, Janus, coturn, nginx, pictures for calibration.
 set -euo pipefail
 
 for_tests=false
@@ -33,11 +33,12 @@ packages=(
 )
 
 if $for_tests; then
-  packages+=(tshark janus opencv-doc iptables)
+  packages+=(tshark janus coturn opencv-doc iptables)
   # These come from elsewhere, too.
   command -v chromium chromium-browser google-chrome >/dev/null || packages+=(chromium)
   command -v node >/dev/null || packages+=(nodejs)
   command -v npm >/dev/null || packages+=(npm)
+  command -v nginx /usr/sbin/nginx >/dev/null || packages+=(nginx-light)
 fi
 
 missing_packages() {
@@ -68,10 +69,12 @@ install_packages() {
     exit 1
   fi
   rm "$log"
-  # Debian starts a Janus that nobody asked for: the tests have one of their own.
-  if [[ " ${missing[*]} " == *" janus "* && -d /run/systemd/system ]]; then
-    "${as_root[@]}" systemctl --quiet disable --now janus
-  fi
+  # Debian starts servers that nobody asked for: the tests have their own.
+  local package
+  for package in "${missing[@]}"; do
+    [[ $package =~ ^(janus|coturn|nginx)(-light)?$ && -d /run/systemd/system ]] || continue
+    "${as_root[@]}" systemctl --quiet disable --now "${BASH_REMATCH[1]}"
+  done
 }
 
 configure() {

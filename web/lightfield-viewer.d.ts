@@ -33,6 +33,8 @@ export interface LightfieldStatistics {
   /** Share of packets, 0..1. */
   loss: number;
   roundTripMs: number;
+  /** Hosts with cameras, where these are not the server's own; `silent` counts from 0. */
+  nodes?: { count: number; silent: number[] };
   [name: string]: unknown;
 }
 
@@ -128,10 +130,37 @@ export class LightfieldViewer extends HTMLElement {
     options?: boolean | AddEventListenerOptions): void;
   addEventListener(type: string, listener: EventListenerOrEventListenerObject,
     options?: boolean | AddEventListenerOptions): void;
+  removeEventListener<K extends keyof LightfieldViewerEventMap>(type: K,
+    listener: (this: LightfieldViewer, event: LightfieldViewerEventMap[K]) => unknown,
+    options?: boolean | EventListenerOptions): void;
+  removeEventListener<K extends Exclude<keyof HTMLElementEventMap, keyof LightfieldViewerEventMap>>(type: K,
+    listener: (this: LightfieldViewer, event: HTMLElementEventMap[K]) => unknown,
+    options?: boolean | EventListenerOptions): void;
+  removeEventListener(type: string, listener: EventListenerOrEventListenerObject,
+    options?: boolean | EventListenerOptions): void;
 }
 
 declare global {
   interface HTMLElementTagNameMap {
     'lightfield-viewer': LightfieldViewer;
+  }
+}
+
+/** What JSX sets: properties, and listeners by the events' own names, as `onview-change`. */
+export type LightfieldViewerProps = Partial<Pick<LightfieldViewer, 'src' | 'token' | 'poster' | 'alt' | 'eyes' | 'eyeDistance' |
+  'path' | 'controls' | 'autoplay' | 'shares' | 'maxWidth' | 'iceServers' | 'focusDistance'>> & {
+  view?: Partial<LightfieldView> | string | null;
+} & {
+  [Name in keyof LightfieldViewerEventMap as `on${Name}`]?: (event: LightfieldViewerEventMap[Name]) => void;
+};
+
+// Of React 19 and later. Where it is not installed there is no such module, and no harm.
+// @ts-ignore
+declare module 'react' {
+  namespace JSX {
+    interface IntrinsicElements {
+      // @ts-ignore
+      'lightfield-viewer': LightfieldViewerProps & Omit<DetailedHTMLProps<HTMLAttributes<LightfieldViewer>, LightfieldViewer>, 'onError'>;
+    }
   }
 }

@@ -11,7 +11,7 @@ LF_FUZZ_TARGET(offer)(const uint8_t* data, size_t size) {
   using namespace lf;
   std::string reason;
   const auto offer =
-      serve::parse_offer(std::string(reinterpret_cast<const char*>(data), size), true, true, "127.0.0.1", &reason);
+      serve::parse_offer(std::string(reinterpret_cast<const char*>(data), size), true, true, {"127.0.0.1"}, &reason);
   fuzz::require(offer || !reason.empty());
   if (!offer) return 0;
   fuzz::require(offer->payload_type <= 127);

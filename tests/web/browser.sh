@@ -11,7 +11,8 @@ skip() {
   printf '1..1\nok 1 - %s # SKIP\n' "$*"  # the name is what reports show
   exit
 }
-[[ -z $needed ]] || command -v "$needed" >/dev/null || skip "no $needed (Debian: $needed)"
+PATH=$PATH:/usr/sbin:/sbin  # of servers
+[[ -z $needed ]] || command -v "$needed" >/dev/null || skip "no $needed (tools/setup.sh --tests)"
 chromium=$(command -v chromium || command -v chromium-browser || command -v google-chrome) ||
   skip "no Chromium (Debian: chromium)"
 command -v node >/dev/null || skip "no Node.js (Debian: nodejs)"

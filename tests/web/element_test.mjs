@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // <lightfield-viewer> as strangers use it: in pages of other sites, frames and frameworks, and from npm.
 import { execFile } from 'node:child_process';
-import { mkdir, readFile, rm, writeFile } from 'node:fs/promises';
+import { readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { promisify } from 'node:util';
-import { artefacts, compare, expect, launchBrowser, makeRig, newPage, openPage, patience, picture, rendered, runTests,
+import { artefacts, compare, expect, launchBrowser, makeFolder, makeRig, newPage, openPage, patience, picture, rendered, runTests,
   serve, setView, shown, source, stateOf, until, viewFile } from './harness.mjs';
 import { site } from './pages.mjs';
 
@@ -25,9 +25,7 @@ const goesOn = async (page, id, what) => {
 
 // npm pack, npm install in an empty folder, and the page of the README as it is, but for the server's address.
 async function fromNpm() {
-  const fresh = join(artefacts, 'fresh');
-  await rm(fresh, { recursive: true, force: true });
-  await mkdir(fresh);
+  const fresh = await makeFolder();
   const { stdout } = await run('npm', ['pack', '--json', '--pack-destination', fresh], { cwd: join(source, 'web') });
   const [{ filename, files }] = JSON.parse(stdout);
   console.log(`# ${filename}: ${files.map(({ path }) => path).join(' ')}`);

@@ -86,8 +86,8 @@ async function growth() {
     console.log(`# ${grid} cameras: ${bytes.toFixed(0)} bytes a picture, ratio ${(bytes / least).toFixed(2)}`);
 }
 
-// Movements at any moment between two pictures, one at a time. `decoded`: the frame that shows it leaves the decoder;
-// `painted`: the browser says it is on the screen.
+// Movements at any moment between two pictures, one at a time. `received`: the last packet of the picture that shows it is
+// there; `decoded`: the frame leaves the decoder; `painted`: the browser says it is on the screen.
 async function motion(folder, loss = 0) {
   const served = await serve('--rig', join(folder, 'rig.json'));
   const page = await newPage(browser, { width: 640, height: 480 });
@@ -117,7 +117,7 @@ async function motion(folder, loss = 0) {
     })();
     let painted = [];
     const paint = (now, frame) => {
-      painted = [...painted.slice(-8), { time: now, rtp: frame.rtpTimestamp }];
+      painted = [...painted.slice(-8), { time: now, rtp: frame.rtpTimestamp, received: frame.receiveTime }];
       viewer.video.requestVideoFrameCallback(paint);
     };
     viewer.video.requestVideoFrameCallback(paint);
@@ -131,17 +131,17 @@ async function motion(folder, loss = 0) {
       const first = async list => {
         for (;;) {
           const found = list().find(({ rtp }) => shows(stamp, rtp));
-          if (found) return found.time - began;
+          if (found) return found;
           await new Promise(done => setTimeout(done, 1));
         }
       };
-      rows.push({ asked: time - began, decoded: stamps ? await first(() => latest) : NaN,
-        painted: await first(() => painted) });
+      const frame = stamps ? await first(() => latest) : { time: NaN }, seen = await first(() => painted);
+      rows.push({ asked: time - began, received: seen.received - began, decoded: frame.time - began, painted: seen.time - began });
     }
     return rows.map(row => ({ ...row, picture: viewer.statistics.pictureMs }));
   }, Number(process.env.LF_MOVEMENTS ?? 100));
   for (const [name, what] of [['asked', 'until it is in a request'], ['picture', 'from request to picture (median)'],
-    ['decoded', 'until a decoded frame shows it'], ['painted', 'until that is painted']]) {
+    ['received', 'until its last packet is there'], ['decoded', 'until a decoded frame shows it'], ['painted', 'until that is painted']]) {
     const sorted = times.map(row => row[name]).sort((a, b) => a - b);
     const at = p => sorted[Math.ceil(p * sorted.length) - 1];
     console.log(`# motion to photon${loss ? `, ${loss * 100} % lost` : ''}, ${what}: p50 ${at(0.5)?.toFixed(1)} ms, ` +

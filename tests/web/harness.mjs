@@ -57,7 +57,8 @@ export async function until(condition, what) {
   }
 }
 
-async function makeFolder() {
+// Empty, outside of everything, gone at the end.
+export async function makeFolder() {
   const folder = await mkdtemp(join(tmpdir(), 'lf_web_'));
   process.on('exit', () => spawn('rm', ['-rf', folder], { detached: true }));
   return folder;
@@ -116,7 +117,7 @@ const launchOptions = {
     '--enable-unsafe-swiftshader',  // WebGL
     ...(process.getuid() === 0 ? ['--no-sandbox'] : [])],
 };
-export const launchBrowser = () => chromium.launch(launchOptions);
+export const launchBrowser = (...args) => chromium.launch({ ...launchOptions, args: [...launchOptions.args, ...args] });
 export const launchBrowserServer = () => chromium.launchServer(launchOptions);
 export const connectBrowser = server => chromium.connect(server.wsEndpoint());
 

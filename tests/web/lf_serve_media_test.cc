@@ -55,6 +55,24 @@ TEST_F(LfServeMedia, TheCodecIsTheOffers) {
   EXPECT_EQ(served.metric("viewers"), "2");
 }
 
+// Receivers that know how to say it are told to keep no picture back; others get packets without.
+TEST_F(LfServeMedia, PicturesAreToBeShownAtOnce) {
+  Served served;
+  for (const bool vp8 : {false, true}) {
+    WhepClient::Options knows;
+    knows.vp8 = vp8;
+    knows.playout_delay = true;
+    const auto first = watch(served, knows);
+    EXPECT_THAT(first->answer(), HasSubstr("a=extmap:7 http://www.webrtc.org/experiments/rtp-hdrext/playout-delay"));
+    EXPECT_TRUE(goes_on(*first));
+    EXPECT_GE(first->undelayed(), first->pictures());
+  }
+  const auto other = watch(served);
+  EXPECT_THAT(other->answer(), Not(HasSubstr("extmap")));
+  EXPECT_TRUE(goes_on(*other));
+  EXPECT_EQ(other->undelayed(), 0u);
+}
+
 TEST_F(LfServeMedia, WhoVanishesIsForgottenAndOthersGoOn) {
   Served served;
   const auto stays = watch(served), gone = watch(served);

@@ -78,6 +78,25 @@ TEST_F(LfServeNodes, ServeThoseWhoHaveTheirKey) {
   EXPECT_THAT(served.said(), Not(HasSubstr("CRITICAL")));
 }
 
+// Who it is that does not answer, and that it does again.
+TEST_F(LfServeNodes, AreNamedWhenTheyDoNotAnswer) {
+  Served served(options(key_));
+  ASSERT_NE(served.url(), "") << served.said();
+  const std::string name = "127.0.0.1:" + std::to_string(there_), metric = "node_silent{node=\"" + name + "\"}";
+  start_host(served.rig(), key_);
+  const WhepClient client({.url = served.url()});
+  EXPECT_TRUE(becomes([&] { return camera_bytes(served) > 0 && served.metric(metric) == "0"; }));
+  EXPECT_THAT(served.said(), Not(HasSubstr(name + " does not answer")));
+  stop_host();
+  EXPECT_TRUE(becomes([&] { return served.metric(metric) == "1"; }));
+  EXPECT_TRUE(
+      becomes([&] { return served.said().find("cameras: " + name + " does not answer\n") != std::string::npos; }));
+  start_host(served.rig(), key_);
+  EXPECT_TRUE(
+      becomes([&] { return served.said().find("cameras: " + name + " answers again\n") != std::string::npos; }));
+  EXPECT_EQ(served.metric(metric), "0");
+}
+
 TEST_F(LfServeNodes, SayWhatIsWrongWithAKey) {
   const Served served({"--nodes", "127.0.0.1:6000:6100", "--key-file", "/nowhere/key"});
   EXPECT_EQ(served.url(), "");

@@ -17,11 +17,11 @@ using test::with;
 
 std::string refused(const std::string& text, bool h264 = true, bool vp8 = true) {
   std::string reason;
-  return parse_offer(text, h264, vp8, "", &reason) ? "" : reason;
+  return parse_offer(text, h264, vp8, {}, &reason) ? "" : reason;
 }
 
 TEST(Offer, TakesTheBrowsersOwnNumberForH264) {
-  const auto offer = parse_offer(browser_offer(), true, true, "", nullptr);
+  const auto offer = parse_offer(browser_offer(), true, true, {}, nullptr);
   ASSERT_TRUE(offer);
   EXPECT_EQ(offer->codec, VideoCodec::kH264);
   EXPECT_EQ(offer->payload_type, 108u) << "constrained baseline, mode 1";
@@ -30,7 +30,7 @@ TEST(Offer, TakesTheBrowsersOwnNumberForH264) {
 
 // Or webrtcbin declines the video of who does not say that levels may differ.
 TEST(Offer, LetsLevelsDiffer) {
-  const auto offer = parse_offer(with(browser_offer(), "level-asymmetry-allowed=1;", ""), true, true, "", nullptr);
+  const auto offer = parse_offer(with(browser_offer(), "level-asymmetry-allowed=1;", ""), true, true, {}, nullptr);
   ASSERT_TRUE(offer);
   g_autofree gchar* text = gst_sdp_message_as_text(offer->sdp.get());
   EXPECT_TRUE(strstr(text, "a=fmtp:108 level-asymmetry-allowed=1;packetization-mode=1;profile-level-id=42e01f\r\n"))
@@ -40,7 +40,7 @@ TEST(Offer, LetsLevelsDiffer) {
 }
 
 TEST(Offer, AnswersNameTheProfile) {
-  const auto offer = parse_offer(browser_offer(), true, true, "", nullptr);
+  const auto offer = parse_offer(browser_offer(), true, true, {}, nullptr);
   ASSERT_TRUE(offer);
   GstSDPMessage* answer = nullptr;
   const std::string bare = "v=0\r\no=- 1 0 IN IP4 0.0.0.0\r\ns=-\r\nt=0 0\r\nm=video 9 UDP/TLS/RTP/SAVPF 108\r\n";
@@ -52,9 +52,22 @@ TEST(Offer, AnswersNameTheProfile) {
   gst_sdp_message_free(answer);
 }
 
+TEST(Offer, KnowsTheNumberOfThePlayoutDelay) {
+  const std::string line = "a=extmap:5 http://www.webrtc.org/experiments/rtp-hdrext/playout-delay\r\n";
+  const auto number = [&](const std::string& other) {
+    const auto offer = parse_offer(with(browser_offer(), line, other), true, true, {}, nullptr);
+    return offer ? static_cast<int>(offer->playout_delay) : -1;
+  };
+  EXPECT_EQ(number(line), 5);
+  EXPECT_EQ(number(with(line, ":5 ", ":14/recvonly ")), 14);
+  EXPECT_EQ(number(""), 0);
+  for (const char* wrong : {":0 ", ":15 ", ":16 ", ":-1 ", ":5x ", ":x ", ":4294967301 ", ":5  ", ": "})
+    EXPECT_EQ(number(with(line, ":5 ", wrong)), 0) << wrong;
+}
+
 TEST(Offer, FallsBackToVp8) {
   for (const std::string& text : {browser_offer(), with(browser_offer(), "H264", "H265")}) {
-    const auto offer = parse_offer(text, text.find("H265") != text.npos, true, "", nullptr);
+    const auto offer = parse_offer(text, text.find("H265") != text.npos, true, {}, nullptr);
     ASSERT_TRUE(offer);
     EXPECT_EQ(offer->codec, VideoCodec::kVp8);
     EXPECT_EQ(offer->payload_type, 96u);
@@ -62,7 +75,7 @@ TEST(Offer, FallsBackToVp8) {
   EXPECT_NE(refused(browser_offer(), false, false), "");
 }
 
-TEST(Offer, HasNoCandidatesButThoseOfItsClient) {
+TEST(Offer, HasNoCandidatesButThoseOfKnownAddresses) {
   const std::string own = "a=candidate:1 1 udp 2122260223 192.0.2.7 50000 typ host\r\n",
                     others =
                         "a=candidate:2 1 udp 2122260223 10.0.0.1 22 typ host\r\n"
@@ -72,8 +85,8 @@ TEST(Offer, HasNoCandidatesButThoseOfItsClient) {
   std::string many;
   for (int i = 0; i < 100; i++) many += own;
   const std::string text = with(browser_offer(), "a=recvonly\r\n", "a=recvonly\r\n" + others + many);
-  const auto candidates = [&](const std::string& client) {
-    const auto offer = parse_offer(text, true, true, client, nullptr);
+  const auto candidates = [&](const std::set<std::string>& known) {
+    const auto offer = parse_offer(text, true, true, known, nullptr);
     EXPECT_TRUE(offer);
     std::vector<std::string> found;
     const GstSDPMedia* media = gst_sdp_message_get_media(offer->sdp.get(), 0);
@@ -81,9 +94,9 @@ TEST(Offer, HasNoCandidatesButThoseOfItsClient) {
       found.push_back(value);
     return found;
   };
-  EXPECT_TRUE(candidates("").empty());
-  EXPECT_TRUE(candidates("192.0.2.8").empty());
-  const auto kept = candidates("192.0.2.7");
+  EXPECT_TRUE(candidates({}).empty());
+  EXPECT_TRUE(candidates({"192.0.2.8", ""}).empty());
+  const auto kept = candidates({"192.0.2.7", "192.0.2.8"});
   EXPECT_EQ(kept.size(), Offer::kMaxCandidates);
   for (const std::string& candidate : kept) EXPECT_EQ("a=candidate:" + candidate + "\r\n", own);
 }

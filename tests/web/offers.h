@@ -25,6 +25,8 @@ inline std::string browser_offer() {
          "a=mid:0\r\n"
          "a=recvonly\r\n"
          "a=rtcp-mux\r\n"
+         "a=extmap:1 urn:ietf:params:rtp-hdrext:toffset\r\n"
+         "a=extmap:5 http://www.webrtc.org/experiments/rtp-hdrext/playout-delay\r\n"
          "a=rtpmap:96 VP8/90000\r\n"
          "a=rtpmap:97 rtx/90000\r\n"
          "a=fmtp:97 apt=96\r\n"

@@ -53,6 +53,19 @@ TEST(IceServers, StunAndTurnWithAPassword) {
   EXPECT_EQ(servers.for_webrtcbin(0), expected);
 }
 
+TEST(IceServers, RelaysAreTheAddressesOfTurnServers) {
+  const IceServers servers({"stun:192.0.2.1", "turn:192.0.2.2:443?transport=tcp", "turn:[2001:db8::1]",
+                            "turn:localhost", "turn:[nowhere"},
+                           "me word");
+  testing::internal::CaptureStdout();
+  const std::set<std::string> found = servers.relays();
+  EXPECT_NE(testing::internal::GetCapturedStdout().find("turn:[nowhere: "), std::string::npos);
+  EXPECT_TRUE(found.contains("192.0.2.2"));
+  EXPECT_TRUE(found.contains("2001:db8::1"));
+  EXPECT_TRUE(found.contains("127.0.0.1") || found.contains("::1"));
+  EXPECT_FALSE(found.contains("192.0.2.1"));
+}
+
 // The password is the HMAC-SHA1 of the time, as `openssl dgst -sha1 -hmac secret -binary | base64` makes it.
 TEST(IceServers, ASecretMakesPasswordsThatEnd) {
   const IceServers servers({"turn:turn.example.org"}, "secret\n");

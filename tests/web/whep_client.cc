@@ -2,9 +2,11 @@
 #include "web/whep_client.h"
 
 #define GST_USE_UNSTABLE_API
+#include <gst/rtp/gstrtpbuffer.h>
 #include <gst/webrtc/webrtc.h>
 #include <libsoup/soup.h>
 
+#include <cstring>
 #include <stdexcept>
 
 namespace lf::test {
@@ -82,6 +84,9 @@ WhepClient::WhepClient(const Options& options) : options_(options), loss_(option
       options.vp8 ? "application/x-rtp,media=video,encoding-name=VP8,payload=96,clock-rate=90000"
                   : "application/x-rtp,media=video,encoding-name=H264,payload=108,clock-rate=90000,"
                     "packetization-mode=(string)1,profile-level-id=(string)42e01f");
+  if (options.playout_delay)
+    gst_caps_set_simple(caps, ("extmap-" + std::to_string(kPlayoutDelay)).c_str(), G_TYPE_STRING,
+                        "http://www.webrtc.org/experiments/rtp-hdrext/playout-delay", nullptr);
   GstWebRTCRTPTransceiver* transceiver = nullptr;
   g_signal_emit_by_name(webrtc_, "add-transceiver", GST_WEBRTC_RTP_TRANSCEIVER_DIRECTION_RECVONLY, caps, &transceiver);
   gst_caps_unref(caps);
@@ -195,6 +200,15 @@ GstPadProbeReturn WhepClient::packet(GstPad*, GstPadProbeInfo* info, gpointer da
   if (self->sequence_ >= 0) self->gaps_ += static_cast<uint16_t>(sequence - self->sequence_ - 1);
   self->sequence_ = sequence;
   if (header[1] & 0x80) self->pictures_++;
+  GstRTPBuffer rtp = GST_RTP_BUFFER_INIT;
+  gpointer delay = nullptr;
+  guint size = 0;
+  if (!gst_rtp_buffer_map(buffer, GST_MAP_READ, &rtp)) return GST_PAD_PROBE_OK;
+  constexpr guint8 kNone[3] = {};
+  if (gst_rtp_buffer_get_extension_onebyte_header(&rtp, kPlayoutDelay, 0, &delay, &size) && size == sizeof kNone &&
+      std::memcmp(delay, kNone, size) == 0)
+    self->undelayed_++;
+  gst_rtp_buffer_unmap(&rtp);
   return GST_PAD_PROBE_OK;
 }
 

@@ -17,10 +17,12 @@ namespace lf::test {
 // are std::runtime_error. Functions are for one thread.
 class WhepClient {
  public:
+  static constexpr uint8_t kPlayoutDelay = 7;
   struct Options {
     std::string url;  // of the server, "http://127.0.0.1:8080/"
     int width = 640, height = 480;
     bool vp8 = false;                // offers that alone, else H.264
+    bool playout_delay = false;      // offers this RTP header extension, under kPlayoutDelay
     double loss = 0;                 // of the packets that come
     std::string first_message = {};  // on the data channel, as soon as it is open; "": none
   };
@@ -34,8 +36,9 @@ class WhepClient {
   const std::string& answer() const { return answer_; }
   uint64_t pictures() const { return pictures_; }  // whose last packet has come
   uint64_t bytes() const { return bytes_; }
-  uint64_t lost() const { return lost_; }  // packets, by Options::loss
-  uint64_t gaps() const { return gaps_; }  // packets that did not come in the end
+  uint64_t lost() const { return lost_; }            // packets, by Options::loss
+  uint64_t undelayed() const { return undelayed_; }  // packets whose playout delay is 0 to 0
+  uint64_t gaps() const { return gaps_; }            // packets that did not come in the end
   void set_loss(double loss) { loss_ = loss; }
   // Says nothing more, not even goodbye, as a browser that was stopped.
   void vanish() { vanished_ = true; }
@@ -60,7 +63,7 @@ class WhepClient {
   GstElement *pipeline_ = nullptr, *webrtc_ = nullptr, *dtls_ = nullptr;
   GstWebRTCDataChannel *channel_ = nullptr, *other_ = nullptr;
   std::string answer_, session_;
-  std::atomic<uint64_t> pictures_ = 0, bytes_ = 0, lost_ = 0, gaps_ = 0;
+  std::atomic<uint64_t> pictures_ = 0, bytes_ = 0, lost_ = 0, gaps_ = 0, undelayed_ = 0;
   std::atomic<double> loss_;
   std::atomic<bool> vanished_ = false;
   int sequence_ = -1;  // of the packet before

@@ -3,6 +3,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -245,6 +246,14 @@ std::string HttpServer::metrics() const {
   put("shed_step", "gauge", "What is left away for want of processors: 0 nothing, 1 and 2 trials, 3 rate, 4 size.",
       sessions_->shedding().step());
   put("waiting", "gauge", "Tickets in the queue for seats.", sessions_->seats().waiting());
+  if (!field_->is_local()) {
+    const std::vector<size_t> silent = field_->silent_nodes();
+    out << "# HELP lightfield_node_silent Hosts with cameras that are asked and do not answer.\n"
+           "# TYPE lightfield_node_silent gauge\n";
+    for (size_t node = 0; node < field_->nodes(); node++)
+      out << "lightfield_node_silent{node=\"" << field_->node_name(node) << "\"} " << std::ranges::count(silent, node)
+          << '\n';
+  }
   out << refusals_.metrics();
   if (limits_.monitor > 0) out << to_metrics(sessions_->monitor(), field_->array().names());
   return out.str();

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "base/error.h"
+#include "log.h"
 
 namespace lf::serve {
 namespace {
@@ -87,6 +88,26 @@ std::string IceServers::links(int64_t now) const {
       links += "; username=\"" + user + "\"; credential=\"" + password + "\"; credential-type=\"password\"";
   }
   return links;
+}
+
+std::set<std::string> IceServers::relays() const {
+  std::set<std::string> addresses;
+  for (const auto& [scheme, host, query] : servers_) {
+    if (scheme == "stun") continue;
+    g_autoptr(GError) error = nullptr;
+    g_autoptr(GSocketConnectable) place = g_network_address_parse(host.c_str(), 3478, &error);
+    GList* found =
+        place ? g_resolver_lookup_by_name(g_resolver_get_default(),
+                                          g_network_address_get_hostname(G_NETWORK_ADDRESS(place)), nullptr, &error)
+              : nullptr;
+    if (error) say("--ice-server " + scheme + ":" + host + query + ": " + error->message);
+    for (GList* address = found; address; address = address->next) {
+      g_autofree gchar* text = g_inet_address_to_string(G_INET_ADDRESS(address->data));
+      addresses.insert(text);
+    }
+    g_resolver_free_addresses(found);
+  }
+  return addresses;
 }
 
 std::vector<std::string> IceServers::for_webrtcbin(int64_t now) const {

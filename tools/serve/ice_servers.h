@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,9 @@ class IceServers {
   std::string links(int64_t now) const;
   // As webrtcbin takes them: "stun://HOST:PORT", "turn://USER:PASSWORD@HOST:PORT?transport=udp".
   std::vector<std::string> for_webrtcbin(int64_t now) const;
+  // Addresses of the TURN servers, as text: packets that they pass on come from there. Blocks while names are looked
+  // up; who is not found is said in the log.
+  std::set<std::string> relays() const;
 
  private:
   struct Server {

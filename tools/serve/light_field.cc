@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "light_field.h"
 
+#include <algorithm>
 #include <optional>
 #include <sstream>
 
@@ -69,7 +70,10 @@ LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& n
     for (size_t i = 0; i < nodes.size(); i++) set_up_host(pipeline_, i, nodes[i], key_file);
   }
   for (size_t i = 0; i < std::max<size_t>(nodes.size(), 1); i++) {
-    answers_.push_back(std::make_unique<Answers>(Answers{this, i}));
+    answers_.push_back(std::make_unique<Answers>());
+    answers_[i]->field = this;
+    answers_[i]->node = i;
+    if (!local_) answers_[i]->name = nodes[i].host + ":" + std::to_string(nodes[i].request_port);
     GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline_), ("answers" + std::to_string(i)).c_str());
     GstAppSinkCallbacks callbacks = {};
     callbacks.new_sample = take_answer;
@@ -135,7 +139,18 @@ void LightField::leave(uint32_t view) {
   views_.erase(view);
 }
 
+std::vector<size_t> LightField::silent_nodes() const {
+  const int64_t now = g_get_monotonic_time();
+  std::vector<size_t> silent;
+  if (local_ || now - asked_ > kSilence) return silent;
+  for (const auto& answers : answers_)
+    if (now - std::max<int64_t>(answers->heard, asked_since_) > kSilence) silent.push_back(answers->node);
+  return silent;
+}
+
 void LightField::request(GstBuffer* request) {
+  const int64_t now = g_get_monotonic_time();
+  if (now - asked_.exchange(now) > kSilence) asked_since_ = now;
   // Stamps are those of the viewer's pipeline and mean nothing here.
   GstBuffer* buffer = gst_buffer_copy(request);
   GST_BUFFER_PTS(buffer) = GST_CLOCK_TIME_NONE;
@@ -143,14 +158,16 @@ void LightField::request(GstBuffer* request) {
 }
 
 GstFlowReturn LightField::take_answer(GstAppSink* sink, gpointer data) {
-  const auto& [self, node] = *static_cast<Answers*>(data);
+  Answers* answers = static_cast<Answers*>(data);
+  LightField* self = answers->field;
+  answers->heard = g_get_monotonic_time();
   GstSample* sample = gst_app_sink_pull_sample(sink);
   if (!sample) return GST_FLOW_OK;
   GstBuffer* buffer = gst_sample_get_buffer(sample);
   if (const auto view = buffer ? view_of(buffer) : std::nullopt) {
     self->bytes_ += gst_buffer_get_size(buffer);
     const std::lock_guard lock(self->mutex_);
-    if (const auto found = self->views_.find(*view); found != self->views_.end()) found->second(node, buffer);
+    if (const auto found = self->views_.find(*view); found != self->views_.end()) found->second(answers->node, buffer);
   }
   gst_sample_unref(sample);
   return GST_FLOW_OK;

@@ -22,6 +22,8 @@ namespace lf::serve {
 // view. Nobody is waited for: where one side is behind, its oldest are dropped. All functions are thread-safe.
 class LightField {
  public:
+  static constexpr int64_t kSilence = 2000000;  // microseconds
+
   // Called for each answer of the view, in a streaming thread; must not wait. The buffer is the caller's.
   using OnAnswer = std::function<void(size_t node, GstBuffer* answer)>;
 
@@ -47,11 +49,17 @@ class LightField {
   void request(GstBuffer* request);  // takes a reference
 
   uint64_t answer_bytes() const { return bytes_; }
+  // Numbers of the hosts that are asked and have not answered for kSilence, as they were named.
+  std::vector<size_t> silent_nodes() const;
+  // "HOST:PORT" of a host.
+  const std::string& node_name(size_t node) const { return answers_[node]->name; }
 
  private:
   struct Answers {
-    LightField* field;
-    size_t node;
+    LightField* field = nullptr;
+    size_t node = 0;
+    std::string name;
+    std::atomic<int64_t> heard = 0;  // g_get_monotonic_time() of the last
   };
   static GstFlowReturn take_answer(GstAppSink* sink, gpointer data);
   static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
@@ -68,6 +76,7 @@ class LightField {
   std::mutex mutex_;
   std::map<uint32_t, OnAnswer> views_;
   std::atomic<uint64_t> bytes_ = 0;
+  std::atomic<int64_t> asked_ = 0, asked_since_ = 0;  // the last request, and the first since there was a pause
 };
 
 }  // namespace lf::serve

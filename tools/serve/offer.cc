@@ -4,6 +4,8 @@
 #include <charconv>
 #include <string_view>
 
+#include "playout_delay.h"
+
 namespace lf::serve {
 namespace {
 
@@ -70,6 +72,19 @@ bool find_codec(const GstSDPMedia* media, VideoCodec codec, Offer& offer) {
   return false;
 }
 
+// The offer's number of a header extension, as far as one byte has it: "3 URI", "3/recvonly URI" (RFC 8285).
+guint find_extension(const GstSDPMedia* media, std::string_view uri) {
+  for (guint i = 0; const gchar* value = gst_sdp_media_get_attribute_val_n(media, "extmap", i); i++) {
+    const std::string_view text = value;
+    guint number = 0;
+    const char* end = std::from_chars(text.data(), text.data() + text.size(), number).ptr;
+    const size_t space = text.find(' ');
+    if (number < 1 || number > 14 || space == text.npos || (*end != ' ' && *end != '/')) continue;
+    if (text.substr(space + 1) == uri) return number;
+  }
+  return 0;
+}
+
 // Of H.264 as it is sent here. Streams may be of any level up to the one named (RFC 6184): webrtcbin would decline an
 // offer that does not name just the stream's own.
 void set_parameters(const GstSDPMedia* media, guint payload_type, const std::string& profile) {
@@ -88,25 +103,25 @@ bool has(const GstSDPMessage* sdp, const GstSDPMedia* media, const char* attribu
   return gst_sdp_media_get_attribute_val(media, attribute) || gst_sdp_message_get_attribute_val(sdp, attribute);
 }
 
-// "candidate:1 1 udp 2122260223 192.0.2.1 50000 typ host": of this address, and for UDP.
-bool is_of(std::string_view candidate, const std::string& address) {
+// "candidate:1 1 udp 2122260223 192.0.2.1 50000 typ host": of one of these addresses, and for UDP.
+bool is_of(std::string_view candidate, const std::set<std::string>& addresses) {
   std::string_view fields[5];
   for (std::string_view& field : fields) {
     const size_t space = candidate.find(' ');
     field = candidate.substr(0, space);
     candidate.remove_prefix(space == candidate.npos ? candidate.size() : space + 1);
   }
-  return !address.empty() && fields[4] == address && fields[2].size() == 3 &&
+  return addresses.contains(std::string(fields[4])) && fields[2].size() == 3 &&
          g_ascii_strncasecmp(fields[2].data(), "udp", 3) == 0;
 }
 
-void strip_candidates(const GstSDPMedia* media, const std::string& client) {
+void strip_candidates(const GstSDPMedia* media, const std::set<std::string>& known) {
   GstSDPMedia* writable = const_cast<GstSDPMedia*>(media);  // the message is ours
   size_t kept = 0;
   for (guint i = 0; i < gst_sdp_media_attributes_len(media);) {
     const GstSDPAttribute* attribute = gst_sdp_media_get_attribute(media, i);
     const bool candidate = g_ascii_strcasecmp(attribute->key, "candidate") == 0;
-    if (candidate && (kept >= Offer::kMaxCandidates || !is_of(attribute->value ? attribute->value : "", client))) {
+    if (candidate && (kept >= Offer::kMaxCandidates || !is_of(attribute->value ? attribute->value : "", known))) {
       gst_sdp_media_remove_attribute(writable, i);
       continue;
     }
@@ -127,7 +142,7 @@ std::string problem_of(const GstSDPMessage* sdp, const GstSDPMedia* media, const
 
 const char* to_string(VideoCodec codec) { return codec == VideoCodec::kH264 ? "H264" : "VP8"; }
 
-std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, const std::string& client,
+std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, const std::set<std::string>& known,
                                  std::string* reason) {
   const auto fail = [reason](const std::string& why) {
     if (reason) *reason = why;
@@ -156,13 +171,14 @@ std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, c
     if (kind == "application" && application) return fail("the offer has more than one data channel association");
     if (kind == "video") video = m;
     application = application || kind == "application";
-    strip_candidates(m, client);
+    strip_candidates(m, known);
   }
   if (!video) return fail("the offer has no video");
   if (gst_sdp_media_get_attribute_val(video, "sendonly") || gst_sdp_media_get_attribute_val(video, "inactive"))
     return fail("the offer does not receive video");
   if (!(h264 && find_codec(video, VideoCodec::kH264, offer)) && !(vp8 && find_codec(video, VideoCodec::kVp8, offer)))
     return fail("the offer has no codec that is spoken here (H.264 constrained baseline in mode 1, VP8)");
+  offer.playout_delay = find_extension(video, kPlayoutDelayUri);
   if (offer.codec == VideoCodec::kH264) set_parameters(video, offer.payload_type, offer.profile);
   return offer;
 }

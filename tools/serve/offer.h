@@ -5,6 +5,7 @@
 
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 
 namespace lf::serve {
@@ -27,12 +28,13 @@ struct Offer {
   VideoCodec codec;
   guint payload_type;   // the offer's own number for the codec
   std::string profile;  // kH264: profile-level-id
+  guint playout_delay;  // the offer's own number for the RTP header extension; 0: it is not offered
 };
 
 // `h264`, `vp8`: what can be encoded here; H.264 goes first. Candidates are taken out, so that nobody has packets sent
-// to whom they like, but for those of the address `client`: a viewer is found where its own packets come from. Nothing
-// for an offer that can't be answered, and the reason.
-std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, const std::string& client,
+// to whom they like, but for those of the addresses `known`: the viewer's own, and relays that it may use. Nothing for
+// an offer that can't be answered, and the reason.
+std::optional<Offer> parse_offer(const std::string& text, bool h264, bool vp8, const std::set<std::string>& known,
                                  std::string* reason);
 
 // Gives the chosen codec the profile and level of the offer in the answer, where browsers look for it; webrtcbin leaves

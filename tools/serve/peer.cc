@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "launch.h"
+#include "playout_delay.h"
 
 namespace lf::serve {
 namespace {
@@ -186,6 +187,9 @@ void Peer::announce() {
                           "encoding-name", G_TYPE_STRING, to_string(offer_.codec), "payload", G_TYPE_INT,
                           static_cast<gint>(offer_.payload_type), "ssrc", G_TYPE_UINT, ssrc_, nullptr);
   if (offer_.codec == VideoCodec::kH264) gst_caps_set_simple(caps, "packetization-mode", G_TYPE_STRING, "1", nullptr);
+  if (offer_.playout_delay > 0)
+    gst_caps_set_simple(caps, ("extmap-" + std::to_string(offer_.playout_delay)).c_str(), G_TYPE_STRING,
+                        kPlayoutDelayUri, nullptr);
   GstPad* sink = gst_element_get_static_pad(webrtc_, "sink_0");
   gst_pad_send_event(sink, gst_event_new_stream_start("video"));
   gst_pad_send_event(sink, gst_event_new_caps(caps));

@@ -128,6 +128,7 @@ void Sessions::tick() {
   const int64_t now = g_get_monotonic_time();
   const bool report = ++ticks_ % kTicksPerReport == 0;
   if (report) shed();
+  if (report) watch_nodes();
   for (auto i = viewers_.begin(); i != viewers_.end();) {
     const auto& [name, session] = *i++;
     if (session.viewer->silence(now) > (session.viewer->connected() ? Limits::kSilence : Limits::kConnect))
@@ -165,6 +166,18 @@ void Sessions::watch_cameras() {
   }
   MonitorReport report = watching->second.viewer->monitor();
   if (report.turns >= std::min<uint64_t>(monitor_.turns, report.cameras.size())) monitor_ = std::move(report);
+}
+
+// Said once, and once more when they are back. Without viewers nobody is asked.
+void Sessions::watch_nodes() {
+  const std::vector<size_t> silent = field_.silent_nodes();
+  const auto tell = [this](const std::vector<size_t>& some, const std::vector<size_t>& others, const char* what) {
+    for (const size_t node : some)
+      if (!std::ranges::binary_search(others, node)) say("cameras: " + field_.node_name(node) + what);
+  };
+  tell(silent, silent_nodes_, " does not answer");
+  if (!viewers_.empty()) tell(silent_nodes_, silent, " answers again");
+  silent_nodes_ = silent;
 }
 
 Viewer::Figures Sessions::figures() const {

@@ -51,6 +51,7 @@ class Sessions {
   void close_soon(const std::string& name, const std::string& why);
   void tick();
   void watch_cameras();
+  void watch_nodes();
   void shed();
 
   LightField& field_;
@@ -60,6 +61,7 @@ class Sessions {
   Viewer::Figures gone_;
   std::string watching_;  // the viewer whose requests the cameras are watched by
   MonitorReport monitor_;
+  std::vector<size_t> silent_nodes_;  // that have been said
   ProcessorLoad load_;
   Shedding shedding_;
   double busy_ = 0;

@@ -9,6 +9,7 @@
 #include "focus/carry_over.h"
 #include "launch.h"
 #include "log.h"
+#include "playout_delay.h"
 #include "turn.h"
 
 namespace lf::serve {
@@ -69,6 +70,7 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
 
   const uint32_t ssrc = std::max<uint32_t>(g_random_int(), 1);
   GstElement* payloader = find("payloader");
+  if (offer.playout_delay > 0) add_playout_delay(payloader, offer.playout_delay);
   g_object_set(payloader, "ssrc", ssrc, nullptr);
   GstPad* out = gst_element_get_static_pad(payloader, "src");
   gst_pad_add_probe(

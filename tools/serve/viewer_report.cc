@@ -91,6 +91,7 @@ void Viewer::report(const LinkReport& link) {
     focus["far"] = std::min(far, kFarthest * near);
   }
   info["focus"] = std::move(focus);
+  if (!field_.is_local()) info["nodes"] = {{"count", field_.nodes()}, {"silent", field_.silent_nodes()}};
   info["monitored"] = settings_.monitored;
   if (const auto view = eyes_[0]->asked()) info["coverage"] = field_.array().coverage(*view);
   json message = {{"statistics", std::move(info)}};

@@ -93,9 +93,12 @@ void Whep::endpoint(SoupServerMessage* message, const Client& client, GHashTable
   gsize size = 0;
   const char* data = static_cast<const char*>(g_bytes_get_data(bytes, &size));
   std::string reason;
-  // Behind address translation packets must be sent to where a viewer's come from, before they can come.
+  // Behind address translation packets must be sent to where a viewer's come from, or its relay's, before they can
+  // come.
+  std::set<std::string> known = options_.relays;
+  if (!options_.ice.empty()) known.insert(client.address);
   auto offer = parse_offer(std::string(data ? data : "", size), can_encode(VideoCodec::kH264),
-                           can_encode(VideoCodec::kVp8), options_.ice.empty() ? "" : client.address, &reason);
+                           can_encode(VideoCodec::kVp8), known, &reason);
   if (!offer) return refuse_offer(message, client, reason);
   if (seat(message, client, *wish, value_of(query, "ticket"), sessions))
     open(message, client, std::move(*offer), *wish, sessions);

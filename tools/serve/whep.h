@@ -4,6 +4,7 @@
 #include <libsoup/soup.h>
 
 #include <map>
+#include <set>
 #include <string>
 
 #include "http_reply.h"
@@ -20,7 +21,8 @@ class Whep {
   struct Options {
     std::map<std::string, std::string> paths;  // views.json files that viewers may have flown, by name
     IceServers ice;
-    std::string media_address;  // the only one that video comes from, or ""
+    std::set<std::string> relays;  // of these
+    std::string media_address;     // the only one that video comes from, or ""
   };
   struct Client {
     std::string address;  // as text

@@ -2,12 +2,14 @@
 // The control bar: it goes away while nobody does anything, and comes back with the pointer, a finger or the keyboard.
 
 const kIdle = 3000;  // milliseconds
+const kHint = 1500;  // milliseconds that a hint is there
 
 export class Bar {
   constructor(viewer, root) {
     this.viewer = viewer;
     this.bar = root.querySelector('.bar');
     this.help = root.querySelector('.guide');
+    this.hintBox = root.querySelector('.hint');
     const { host } = viewer;
     for (const name of ['pointermove', 'pointerdown', 'keydown', 'focusin', 'wheel'])
       host.addEventListener(name, () => this.wake(), { passive: true });
@@ -33,6 +35,14 @@ export class Bar {
     this.help.hidden = !this.help.hidden;
     (this.help.hidden ? this.viewer.video : this.help.querySelector('button')).focus();
     return !this.help.hidden;
+  }
+
+  // The wheel has been turned over it, and the page has scrolled.
+  hint() {
+    this.hintBox.textContent = 'Click, or hold Ctrl, to zoom';
+    this.hintBox.classList.add('on');
+    clearTimeout(this.hinting);
+    this.hinting = setTimeout(() => this.hintBox.classList.remove('on'), kHint);
   }
 
   toggleFull() {

@@ -148,7 +148,7 @@ export class Controls {
 
   // Pinches of touch pads come as a wheel with ctrl.
   turn(event) {
-    if (!event.ctrlKey && !this.isHeld) return this.viewer.hint();
+    if (!event.ctrlKey && !this.isHeld) return this.viewer.bar.hint();
     event.preventDefault();
     const scale = event.deltaMode === WheelEvent.DOM_DELTA_PIXEL ? 1 : 33;
     const steps = -(event.deltaY || event.deltaX) * scale;

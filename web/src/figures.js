@@ -72,7 +72,7 @@ const megabits = rate => `${(rate / 1e6).toFixed(1)} Mbit/s`;
 
 // What the server does without, for the sake of whom.
 function shed({ what, why, rate, size }) {
-  const parts = [what && 'trials of the focus', rate > 1 && `all but each ${rate}. picture`, size > 1 && `all but 1/${size} of the size`];
+  const parts = [what && 'trials of the focus', rate > 1 && `${rate - 1} of ${rate} pictures`, size > 1 && `all but 1/${size} of the size`];
   return `${parts.filter(Boolean).join(', ')}: too much for the ${why}`;
 }
 

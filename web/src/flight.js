@@ -87,7 +87,7 @@ export class Flight {
     while (this.changes.length) {
       const [applied, state] = this.changes[0];
       if (applied && rtpTimestamp !== undefined && !isShown(applied.rtpTimestamp, rtpTimestamp)) break;
-      this.seen = state;
+      if (!isSame(state, this.seen)) this.seen = state;
       shown = Math.max(shown, applied?.id ?? 0);
       this.changes.shift();
     }

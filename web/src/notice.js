@@ -21,6 +21,13 @@ const kWords = {
     'There are too many viewers. You come in as soon as somebody leaves.',
 };
 
+// "Camera hosts 1 and 3 of 4 do not answer."
+function silence({ count, silent } = {}) {
+  if (!silent?.length) return '';
+  const names = silent.map(node => node + 1), last = names.pop();
+  return `Camera host${names.length ? `s ${names.join(', ')} and` : ''} ${last} of ${count} ${names.length ? 'do' : 'does'} not answer.`;
+}
+
 export class Notice {
   constructor(viewer, root) {
     this.viewer = viewer;
@@ -30,6 +37,7 @@ export class Notice {
     this.progress = root.querySelector('progress');
     this.form = root.querySelector('form');
     this.field = this.form.querySelector('input');
+    this.silence = '';  // what has been said of hosts that are silent
     this.last = root.querySelector('canvas.last');
     this.poster = root.querySelector('.poster');
     this.again.addEventListener('click', () => this.viewer.stream.again());
@@ -47,6 +55,7 @@ export class Notice {
     this.timer = setInterval(() => this.look(), kLookEvery);
   }
   rest() {
+    this.dark = false;
     clearInterval(this.timer);
     clearInterval(this.countdown);
     clearTimeout(this.soon);
@@ -64,6 +73,7 @@ export class Notice {
   shown() {
     this.frame = performance.now();
     clearTimeout(this.soon);
+    if (this.dark) return;
     if (!this.viewer.stage.classList.contains('waiting') && this.box.hidden) return;
     this.hide();
     this.last.hidden = this.poster.hidden = true;
@@ -80,6 +90,15 @@ export class Notice {
 
   // A message of the server is there.
   answered() { this.heard = performance.now(); }
+  // Of the hosts with cameras, where these are on others. The picture is without those that are silent.
+  know(nodes) {
+    const words = silence(nodes), dark = words && nodes.silent.length === nodes.count;
+    if (words !== this.silence) this.viewer.say(words || 'All camera hosts answer.');
+    if (dark) this.show(words);
+    else if (this.dark) this.hide();
+    this.silence = words;
+    this.dark = dark;
+  }
 
   // `error`: a Refusal. `seconds` until another try; Infinity: none.
   lost(error, seconds) {

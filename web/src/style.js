@@ -42,6 +42,7 @@ export const style = `
     transition: opacity .25s, translate .25s; }
   .idle .bar:not(:focus-within) { opacity: 0; translate: 0 30%; pointer-events: none; }
   .waiting .bar, .waiting ::slotted([slot=controls]), .begins .bar { display: none; }
+  .stage:has(.guide:not([hidden])) .bar { visibility: hidden; }
   .hint { position: absolute; left: 50%; top: 50%; translate: -50% -50%; padding: 8px 14px; border-radius: 8px; z-index: 2;
     background: var(--panel); opacity: 0; transition: opacity .25s; pointer-events: none; white-space: nowrap; }
   .hint.on { opacity: 1; }
@@ -88,10 +89,11 @@ export const style = `
   kbd { font: 12px ui-monospace, monospace; border: 1px solid var(--line); border-radius: 4px; padding: 1px 5px; }
   @container (max-width: 1100px) {
     .bar { gap: 5px; padding: 6px 8px calc(6px + env(safe-area-inset-bottom)); }
-    .bar button, .bar select { padding: 4px 5px; min-height: 44px; font-size: 12px; }
+    .bar button, .bar select { padding: 4px 3px; min-height: 44px; font-size: 12px; }
     .bar button { flex-direction: column; gap: 0; }
     .bar select { width: 86px; }
     label { flex-basis: 120px; gap: 5px; }
+    input[type=range] { min-width: 54px; }
   }
   @container (max-width: 720px) {
     .bar { display: grid; grid-template-columns: repeat(5, 1fr); }

@@ -23,7 +23,6 @@ import { Vignette } from './vignette.js';
 
 const kEyeDistance = 0.063;  // metres
 const kRest = 400;           // milliseconds without another size until the view takes it
-const kHint = 1500;          // milliseconds that a hint is there
 const kAlt = 'Live picture of the light field, flown by a virtual camera';
 
 let sheet = null;  // of all elements; not a <style>, which strict pages forbid
@@ -250,7 +249,8 @@ export class Viewer {
     if (applied) this.panel.applied(applied);
   }
   // What can be seen changes what is shown around the picture.
-  know({ coverage, focus, monitored }) {
+  know({ coverage, focus, monitored, nodes }) {
+    this.notice.know(nodes);
     this.root.querySelector('button.quality').hidden = !monitored;
     if (focus?.far > focus?.near) this.flight.scene = focus;
     this.vignette.know(coverage);
@@ -291,14 +291,6 @@ export class Viewer {
   tell(name, detail) { this.host.dispatchEvent(new CustomEvent(name, { detail })); }
   // To who can't see it.
   say(text) { this.root.querySelector('.said').textContent = text; }
-  // The wheel has been turned over it, and the page has scrolled.
-  hint() {
-    const box = this.root.querySelector('.hint');
-    box.textContent = 'Click, or hold Ctrl, to zoom';
-    box.classList.add('on');
-    clearTimeout(this.hinting);
-    this.hinting = setTimeout(() => box.classList.remove('on'), kHint);
-  }
 
   async toggle(name, layer) {
     this.root.querySelector(`button.${name}`).setAttribute('aria-pressed', await layer.toggle());

@@ -3,6 +3,8 @@
 // picture itself says, while the server says that something is missing or the view moves.
 
 const kEvery = 60;    // milliseconds
+const kResting = 500; // milliseconds, of a view that does not move
+const kWhole = 0.998; // of the picture: so much is covered where nothing is missing
 const kMoving = 1200; // milliseconds after the view has moved until the server's word on it is sure to be there
 const kSides = 128;   // pixels a side of what is looked at
 const kDark = 10;     // of 255: nothing is there
@@ -16,15 +18,12 @@ export class Vignette {
     this.forget();
   }
   forget() {
-    this.full = 0;        // the most that was ever covered, 0..1
     this.missing = false;
     this.next = this.moved = 0;
   }
 
   know(coverage) {
-    if (coverage === undefined) return;
-    this.full = Math.max(this.full, coverage);
-    this.missing = coverage < this.full - 0.002;
+    if (coverage !== undefined) this.missing = coverage < kWhole;
   }
 
   // With every frame.
@@ -32,9 +31,9 @@ export class Vignette {
     const { seen } = this.viewer.flight;
     if (seen !== this.seen) this.moved = now;
     this.seen = seen;
-    const looks = this.missing || now < this.moved + kMoving;
+    const moves = now < this.moved + kMoving, looks = this.missing || moves;
     if (now < this.next || (!looks && !this.shown)) return;
-    this.next = now + kEvery;
+    this.next = now + (moves ? kEvery : kResting);
     this.show(looks && this.viewer.mode !== 'side' ? this.look() : [0, 0, 0, 0]);
   }
 
