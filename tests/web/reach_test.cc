@@ -54,9 +54,9 @@ TEST(IceServers, StunAndTurnWithAPassword) {
 }
 
 TEST(IceServers, RelaysAreTheAddressesOfTurnServers) {
-  const IceServers servers({"stun:192.0.2.1", "turn:192.0.2.2:443?transport=tcp", "turn:[2001:db8::1]",
-                            "turn:localhost", "turn:[nowhere"},
-                           "me word");
+  const IceServers servers(
+      {"stun:192.0.2.1", "turn:192.0.2.2:443?transport=tcp", "turn:[2001:db8::1]", "turn:localhost", "turn:[nowhere"},
+      "me word");
   testing::internal::CaptureStdout();
   const std::set<std::string> found = servers.relays();
   EXPECT_NE(testing::internal::GetCapturedStdout().find("turn:[nowhere: "), std::string::npos);
