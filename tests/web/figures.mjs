@@ -41,11 +41,12 @@ async function browsers(served, count, size) {
 async function receivers(served, count, { width, height }) {
   const child = spawn(join(process.env.LF_TOOLS_DIR, '../tests/watch'),
     [served.url, count, width, height, seconds], { stdio: ['ignore', 'pipe', 'inherit'] });
+  const ended = once(child, 'exit');
   const lines = createInterface({ input: child.stdout })[Symbol.asyncIterator]();
   await lines.next();
   return async () => {
     const { value } = await lines.next();
-    await once(child, 'exit');
+    await ended;
     return JSON.parse(value).rates;
   };
 }
