@@ -70,7 +70,9 @@ TEST_F(LfRtpGateTest, PassesWhatIsSealedWithItsKey) {
   for (uint16_t i = 0; i < 20; i++) {
     const Bytes packet = rtp_packet(i, 10 * i), on_the_way = sealed(packet);
     EXPECT_EQ(on_the_way.size(), packet.size() + lf::rtp::kSealBytes);
-    if (i > 1) EXPECT_NE(Bytes(on_the_way.begin() + kHeader, on_the_way.begin() + packet.size()), payload_of(packet));
+    if (i > 1) {
+      EXPECT_NE(Bytes(on_the_way.begin() + kHeader, on_the_way.begin() + packet.size()), payload_of(packet));
+    }
     gate_.push(on_the_way, i * GST_MSECOND);
     const std::vector<RtpPacket> opened = gate_.packets();
     ASSERT_EQ(opened.size(), 1u);
@@ -136,7 +138,9 @@ TEST_F(LfRtpGateTest, ReplayedPacketsPassOnce) {
 TEST_F(LfRtpGateTest, TruncatedAndDamagedPacketsAreDropped) {
   const Bytes whole = sealed(rtp_packet(0, 40));
   for (const bool known : {false, true}) {
-    if (known) EXPECT_EQ(passed(gate_, whole), 1u);
+    if (known) {
+      EXPECT_EQ(passed(gate_, whole), 1u);
+    }
     const Bytes packet = known ? sealed(rtp_packet(1, 40)) : whole;
     const uint64_t before = stat(gate_.element(), "passed");
     for (size_t size = 0; size < packet.size(); size++)

@@ -117,8 +117,9 @@ TEST(RtpLfDepay, WhatIsNoRtpIsCountedWithoutAWord) {
 }
 
 TEST(RtpLfDepay, MalformedHeaderExtensionsDoNotHangIt) {
-  RtpElement depay("rtplfdepay",
-                   (std::string(kRtpAnswerCaps) + ", extmap-1=(string)urn:ietf:params:rtp-hdrext:ntp-64").c_str());
+  std::string caps = kRtpAnswerCaps;
+  caps += ", extmap-1=(string)urn:ietf:params:rtp-hdrext:ntp-64";
+  RtpElement depay("rtplfdepay", caps.c_str());
   const Bytes unit = rtp::answer(1, 20, 20, 0);
   const Bytes packet = rtp_packets({unit})[0];
   const Bytes extensions[] = {{0xbe, 0xde, 0, 1, 0x1f, 0, 0, 0},
