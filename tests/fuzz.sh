@@ -37,5 +37,6 @@ if [[ $runs == keep ]]; then
   exit
 fi
 export UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
+export LSAN_OPTIONS="suppressions=$PWD/tests/sanitize/lsan.supp:print_suppressions=0" # GLib's own tables
 exec "$build/tests/fuzz/fuzz-$target" -runs="$runs" -max_len=8192 -rss_limit_mb=2048 -timeout=10 -print_final_stats=1 \
   -artifact_prefix="$build/found/$target-" "$@" "$build/corpus/$target" "$build/seeds/$target" "$kept"
