@@ -4,6 +4,7 @@
 #include <string>
 
 #include "common/common.h"
+#include "wire/bytes.h"
 
 struct _LfViewSplit {
   GstElement parent;
@@ -24,7 +25,7 @@ static std::string pad_name(guint view_id) { return "src_" + std::to_string(view
 static GstPad* pad_of(LfViewSplit* self, GstBuffer* unit) {
   guint8 bytes[4];
   if (gst_buffer_extract(unit, 12, bytes, sizeof bytes) != sizeof bytes) return nullptr;
-  return gst_element_get_static_pad(GST_ELEMENT(self), pad_name(GST_READ_UINT32_BE(bytes)).c_str());
+  return gst_element_get_static_pad(GST_ELEMENT(self), pad_name(lf::wire::Reader(bytes).get<uint32_t>()).c_str());
 }
 
 static GstFlowReturn lf_view_split_chain(GstPad*, GstObject* parent, GstBuffer* buffer) {

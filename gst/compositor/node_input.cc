@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "common/guard.h"
+#include "wire/bytes.h"
 
 namespace lf {
 namespace {
@@ -18,7 +19,7 @@ uint32_t sequence_of(GstBuffer* unit) {
   constexpr gsize kAt = 16;
   guint8 bytes[4] = {};
   gst_buffer_extract(unit, kAt, bytes, sizeof bytes);
-  return GST_READ_UINT32_BE(bytes);
+  return wire::Reader(bytes).get<uint32_t>();
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include <gst/gst.h>
 
 #include "base/error.h"
+#include "wire/bytes.h"
 
 namespace lf::rtp {
 namespace {
@@ -46,10 +47,10 @@ RtpKey::~RtpKey() { forget(secret_.data(), secret_.size()); }
 
 SessionKey RtpKey::session(std::string_view purpose, const KeyName& name) const {
   SessionKey session;
-  GST_WRITE_UINT32_BE(&session.mki[0], name.minute);
-  GST_WRITE_UINT32_BE(&session.mki[4], name.nonce);
+  wire::store(&session.mki[0], name.minute);
+  wire::store(&session.mki[4], name.nonce);
   std::array<uint8_t, 12> fields;
-  GST_WRITE_UINT32_BE(&fields[0], name.ssrc);
+  wire::store(&fields[0], name.ssrc);
   std::copy_n(session.mki.begin(), 8, fields.begin() + 4);
   GHmac* hmac = g_hmac_new(G_CHECKSUM_SHA512, reinterpret_cast<const guchar*>(secret_.data()), secret_.size());
   g_hmac_update(hmac, reinterpret_cast<const guchar*>(kLabel), sizeof kLabel);  // with the zero at its end
@@ -68,7 +69,9 @@ SessionKey RtpKey::session(std::string_view purpose, const KeyName& name) const 
 uint32_t this_minute() { return static_cast<uint32_t>(g_get_real_time() / G_USEC_PER_SEC / 60); }
 
 KeyName name_of(uint32_t ssrc, std::span<const uint8_t, kMkiBytes> mki) {
-  return {ssrc, GST_READ_UINT32_BE(&mki[0]), GST_READ_UINT32_BE(&mki[4])};
+  wire::Reader reader(mki);
+  const auto minute = reader.get<uint32_t>(), nonce = reader.get<uint32_t>();
+  return {ssrc, minute, nonce};
 }
 
 }  // namespace lf::rtp

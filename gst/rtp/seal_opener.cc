@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "wire/bytes.h"
 
 namespace lf::rtp {
 namespace {
@@ -38,10 +39,11 @@ std::optional<Header> read_header(GstBuffer* packet) {
   if (bytes[0] & 0x10) {  // with an extension
     guint8 extension[4];
     if (gst_buffer_extract(packet, header, extension, sizeof extension) != sizeof extension) return std::nullopt;
-    header += sizeof extension + 4u * GST_READ_UINT16_BE(extension + 2);
+    header += sizeof extension + 4u * wire::Reader(std::span(extension).subspan(2)).get<uint16_t>();
   }
   if (size < header + kSealBytes) return std::nullopt;
-  Header found{GST_READ_UINT32_BE(bytes + 8), GST_READ_UINT16_BE(bytes + 2), {}};
+  const std::span<const uint8_t> fields = bytes;
+  Header found{wire::Reader(fields.subspan(8)).get<uint32_t>(), wire::Reader(fields.subspan(2)).get<uint16_t>(), {}};
   gst_buffer_extract(packet, size - kSealBytes, found.mki.data(), found.mki.size());
   return found;
 }

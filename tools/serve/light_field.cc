@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "launch.h"
 #include "log.h"
+#include "wire/bytes.h"
 
 namespace lf::serve {
 namespace {
@@ -20,7 +21,7 @@ constexpr int kReceiveBuffer = 8388608;  // a burst of answers
 std::optional<uint32_t> view_of(GstBuffer* unit) {
   guint8 bytes[4];
   if (gst_buffer_extract(unit, 12, bytes, sizeof bytes) != sizeof bytes) return std::nullopt;
-  return GST_READ_UINT32_BE(bytes);
+  return wire::Reader(bytes).get<uint32_t>();
 }
 
 std::string launch_line(const std::vector<NodeAddress>& nodes, const std::string& resampling) {
