@@ -47,7 +47,8 @@ else
   # gst-launch-1.0 gets the sanitizer from outside. Leaks there are the leaks tracer's to find.
   runtime=$(g++ -print-file-name=libasan.so):$(g++ -print-file-name=libstdc++.so)
   export LF_LAUNCH_ENV="LD_PRELOAD=$runtime ASAN_OPTIONS=detect_leaks=0"
-  what=(--no-suite slow) log=testlog
+  # Documents are looked at by programs that can't load a sanitized plugin.
+  what=(--no-suite slow --no-suite documents) log=testlog
 fi
 status=0
 meson test -C "$build" --timeout-multiplier 10 --print-errorlogs "${what[@]}" "$@" || status=$?
