@@ -32,6 +32,17 @@ class LfCompositorDownstreamTest : public LfCompositorTest {
     return BufferPtr(gst_harness_pull(harness_.get()));
   }
 
+  // A view that cameras do not see to its edges, and what a node has of it, with some texture.
+  void ask_and_answer() {
+    ViewRequest asked = array_.request(0, 0);
+    asked.view.pose.position.x += 0.03;
+    request(asked);
+    wire::Answer answer = answer_of(asked, {0, 1, 2}, 200, PixelFamily::kI420);
+    for (Fragment& fragment : answer.fragments)
+      for (size_t i = 0; i < fragment.pixels.size(); i++) fragment.pixels[i] ^= static_cast<uint8_t>(i * 5 % 16);
+    push(0, answer);
+  }
+
   static GstPadProbeReturn on_query(GstPad*, GstPadProbeInfo* info, gpointer data) {
     auto* self = static_cast<LfCompositorDownstreamTest*>(data);
     GstQuery* query = GST_PAD_PROBE_INFO_QUERY(info);
@@ -135,13 +146,7 @@ TEST_F(LfCompositorDownstreamTest, Nv12IsI420InAnotherLayout) {
   for (const bool nv12 : {false, true}) {
     nodes_.clear();
     start(1, {{"background", "0xff4080c0"}}, nv12 ? "video/x-raw,format=NV12" : "video/x-raw,format=I420");
-    ViewRequest asked = array_.request(0, 0);
-    asked.view.pose.position.x += 0.03;  // not all of it is seen
-    request(asked);
-    wire::Answer answer = answer_of(asked, {0, 1, 2}, 200, PixelFamily::kI420);
-    for (Fragment& fragment : answer.fragments)
-      for (size_t i = 0; i < fragment.pixels.size(); i++) fragment.pixels[i] ^= static_cast<uint8_t>(i * 5 % 16);
-    push(0, answer);
+    ask_and_answer();
     const BufferPtr picture(gst_harness_pull(harness_.get()));
     EXPECT_EQ(output_format(), nv12 ? "NV12" : "I420");
     const CapsPtr caps(gst_pad_get_current_caps(harness_->sinkpad));
@@ -162,13 +167,7 @@ TEST_F(LfCompositorDownstreamTest, VideoHasTheRangeThatIsAskedFor) {
     nodes_.clear();
     start(1, {{"background", "0xff4080c0"}},
           video ? "video/x-raw,format=I420,colorimetry=bt601; video/x-raw" : "video/x-raw");
-    ViewRequest asked = array_.request(0, 0);
-    asked.view.pose.position.x += 0.03;  // not all of it is seen
-    request(asked);
-    wire::Answer answer = answer_of(asked, {0, 1, 2}, 200, PixelFamily::kI420);
-    for (Fragment& fragment : answer.fragments)
-      for (size_t i = 0; i < fragment.pixels.size(); i++) fragment.pixels[i] ^= static_cast<uint8_t>(i * 5 % 16);
-    push(0, answer);
+    ask_and_answer();
     const BufferPtr picture(gst_harness_pull(harness_.get()));
     const CapsPtr caps(gst_pad_get_current_caps(harness_->sinkpad));
     GstVideoInfo info;

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <memory>
 
 #include "gst/camera_files.h"
@@ -20,15 +19,6 @@ namespace {
 
 using testing::HasSubstr;
 using testing::Not;
-
-bool becomes(const std::function<bool()>& condition) {
-  constexpr int kPatience = 60;  // seconds; machines are busy
-  for (int i = 0; i < 20 * kPatience; i++) {
-    if (condition()) return true;
-    g_usleep(50000);
-  }
-  return false;
-}
 
 class LfServeCameras : public testing::Test {
  protected:

@@ -5,7 +5,6 @@
 #include <libsoup/soup.h>
 
 #include <algorithm>
-#include <functional>
 #include <memory>
 
 #include "web/offers.h"
@@ -17,16 +16,6 @@ namespace {
 
 using testing::HasSubstr;
 using testing::Not;
-
-constexpr int kPatience = 60;  // seconds; machines are busy
-
-bool becomes(const std::function<bool()>& condition, int seconds = kPatience) {
-  for (int i = 0; i < 20 * seconds; i++) {
-    if (condition()) return true;
-    g_usleep(50000);
-  }
-  return false;
-}
 
 class LfServeMedia : public testing::Test {
  protected:

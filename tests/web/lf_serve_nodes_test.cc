@@ -25,15 +25,6 @@ class KeyFile : public TempFile {
   }
 };
 
-bool becomes(const std::function<bool()>& condition) {
-  constexpr int kPatience = 60;  // seconds; machines are busy
-  for (int i = 0; i < 20 * kPatience; i++) {
-    if (condition()) return true;
-    g_usleep(50000);
-  }
-  return false;
-}
-
 class LfServeNodes : public testing::Test {
  protected:
   void start_host(const std::string& rig, const KeyFile& key) {

@@ -16,6 +16,15 @@
 
 namespace lf::test {
 
+// Whether it comes to be so. `seconds`: of patience, because machines are busy.
+inline bool becomes(const std::function<bool()>& condition, int seconds = 60) {
+  for (int i = 0; i < 20 * seconds; i++) {
+    if (condition()) return true;
+    g_usleep(50000);
+  }
+  return false;
+}
+
 // A running lf-serve with a 2x2 array of small stills, at any free port.
 class Served {
  public:
