@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "gst/gst_test.h"
+#include "gst/sanitizer.h"
 #include "image/image.h"
 #include "pipelines/gst_launch.h"
 #include "quality/quality.h"
@@ -113,13 +114,13 @@ TEST_F(FocusedArray, IsSharpByDefault) {
   EXPECT_GT(psnr(sharp.back()), psnr(bilinear.back()) + 0.2);
 }
 
-// Live, 15 pictures a second: the one that is asked for 0.27 s after the first.
+// Live, 15 pictures a second: the one that is asked for 0.27 s after the first, or the last where a sanitizer is too slow.
 TEST_F(FocusedArray, IsSharpAtOnce) {
   const std::vector<Image> plane = pictures("plane", "focus=plane", node("n", "0-15", "c.sink_0"));
   const std::vector<Image> live =
       pictures("live", "latency=2000000000", node("n", "0-15", "c.sink_0", "is-live=true max-skew=0"), "is-live=true");
   for (int i = 0; i < 6; i++) std::printf("%.2f s: %.1f dB\n", i / 15.0, psnr(live[i]));
-  EXPECT_GT(psnr(live[4]), psnr(plane.back()) + 3);
+  EXPECT_GT(psnr(kFallsBehind ? live.back() : live[4]), psnr(plane.back()) + 3);
 }
 
 // Who does not know the array stays on the plane, unless a surface is asked for by name.

@@ -10,6 +10,7 @@
 
 #include "geometry/pose.h"
 #include "gst/gst_test.h"
+#include "gst/sanitizer.h"
 #include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
@@ -55,8 +56,9 @@ class MonitoredArray : public testing::Test {
   // Runs until all cameras have had a few turns.
   void watch(const std::string& nodes, const std::string& compositor = "", const std::string& viewer = "") {
     constexpr uint64_t kTurns = 75;
+    const std::string rate = kFallsBehind ? "10/1" : "100/1";  // who falls behind asks for no probes
     const ElementPtr pipeline = launch(
-        "lfviewrequest name=v is-live=true framerate=100/1 width=64 height=48 focus-distance=2.2" + rig() + " " +
+        "lfviewrequest name=v is-live=true framerate=" + rate + " width=64 height=48 focus-distance=2.2" + rig() + " " +
         viewer + " ! tee name=r  r. ! queue ! c.request  lfcompositor name=c latency=2000000000 monitor-interval=1" +
         rig() + " " + compositor + " ! fakesink sync=false" + nodes);
     ASSERT_TRUE(pipeline);

@@ -9,6 +9,7 @@
 #include <thread>
 #include <vector>
 
+#include "gst/sanitizer.h"
 #include "image/image.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
@@ -17,7 +18,7 @@
 namespace lf::test {
 
 // Whether it comes to be so. `seconds`: of patience, because machines are busy.
-inline bool becomes(const std::function<bool()>& condition, int seconds = 60) {
+inline bool becomes(const std::function<bool()>& condition, int seconds = kFallsBehind ? 240 : 60) {
   for (int i = 0; i < 20 * seconds; i++) {
     if (condition()) return true;
     g_usleep(50000);

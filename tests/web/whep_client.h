@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "gst/sanitizer.h"
+
 typedef struct _GstWebRTCDataChannel GstWebRTCDataChannel;
 
 namespace lf::test {
@@ -20,7 +22,7 @@ class WhepClient {
   static constexpr uint8_t kPlayoutDelay = 7;
   struct Options {
     std::string url;  // of the server, "http://127.0.0.1:8080/"
-    int width = 640, height = 480;
+    int width = kFallsBehind ? 160 : 640, height = kFallsBehind ? 120 : 480;
     bool vp8 = false;                // offers that alone, else H.264
     bool playout_delay = false;      // offers this RTP header extension, under kPlayoutDelay
     double loss = 0;                 // of the packets that come
@@ -52,6 +54,8 @@ class WhepClient {
   std::vector<std::string> messages() const;
 
  private:
+  WhepClient(GstElement* pipeline, const Options& options);
+
   static void pad_added(GstElement* webrtc, GstPad* pad, gpointer data);
   static void transport_added(GstBin* bin, GstBin* parent, GstElement* element, gpointer data);
   static GstPadProbeReturn arrives(GstPad* pad, GstPadProbeInfo* info, gpointer data);
