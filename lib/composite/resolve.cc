@@ -43,21 +43,26 @@ class Weights {
       : sum_(sum), uncovered_(uncovered), width_(sum.rect.width()) {}
 
   const uint16_t* lost(int x, int y) const { return sum_.lost ? sum_.lost + y * sum_.lost_stride + x : nullptr; }
+  // Whether row y is its sums as they are.
+  bool rounds_only(int y) const {
+    return !(sum_.lost && any_set(lost(0, y), width_)) && !(uncovered_ && any_set(hidden(0, y), width_));
+  }
   // The factors for the sums of `n` pixels from x of row y on, 0 where the background shows; false if these are their
   // sums as they are.
   bool scales(int x, int y, int n, float* scale) const {
-    const uint8_t* uncovered = uncovered_ ? uncovered_ + static_cast<size_t>(y) * width_ + x : nullptr;
-    const bool some_lost = sum_.lost && any_set(lost(x, y), n), some_hidden = uncovered && any_set(uncovered, n);
+    const bool some_lost = sum_.lost && any_set(lost(x, y), n), some_hidden = uncovered_ && any_set(hidden(x, y), n);
     if (!some_lost && !some_hidden) return false;
     if (some_lost)
       make_scales(scale, lost(x, y), n);
     else
       std::fill_n(scale, n, 1 / kOneLevel);
-    if (some_hidden) hide(scale, uncovered, n);
+    if (some_hidden) hide(scale, hidden(x, y), n);
     return true;
   }
 
  private:
+  const uint8_t* hidden(int x, int y) const { return uncovered_ + static_cast<size_t>(y) * width_ + x; }
+
   const ConstSumPlanes& sum_;
   const uint8_t* uncovered_;
   int width_;
@@ -120,6 +125,24 @@ struct Planar {
   }
 };
 
+// The one or two rows that have the chroma row cy, where these are their sums as they are.
+void resolve_whole(const Planar& to, int cy, int rows) {
+  const int w = to.sum.rect.width(), cw = chroma_size(w);
+  for (int y = 2 * cy; y < 2 * cy + rows; y++)
+    to.round_luma(to.plane[0] + y * to.stride[0], to.sum.plane[0] + y * to.sum.stride[0], w);
+  const int16_t* const in[2] = {to.sum.plane[1] + cy * to.sum.stride[1], to.sum.plane[2] + cy * to.sum.stride[2]};
+  if (chroma_step(to.plane) == 1) {
+    for (int c = 1; c < 3; c++) to.round_chroma(to.plane[c] + cy * to.stride[c], in[c - 1], cw);
+    return;
+  }
+  uint8_t row[2][kChromaPart];
+  for (int cx = 0; cx < cw; cx += kChromaPart) {
+    const int n = std::min(kChromaPart, cw - cx);
+    for (int c = 0; c < 2; c++) to.round_chroma(row[c], in[c] + cx, n);
+    interleave(to.plane[1] + cy * to.stride[1] + 2 * cx, row[0], row[1], n);
+  }
+}
+
 // `w` pixels (at most kPart, even but at the picture's end) of the one or two rows that have the chroma row cy, from x
 // on.
 void resolve_part(const Planar& to, int x, int w, int cy, int rows) {
@@ -160,8 +183,13 @@ void resolve_part(const Planar& to, int x, int w, int cy, int rows) {
 
 void resolve_i420(const Planar& to) {
   const int w = to.sum.rect.width(), h = to.sum.rect.height();
-  for (int cy = 0; cy < chroma_size(h); cy++)
-    for (int x = 0; x < w; x += kPart) resolve_part(to, x, std::min(kPart, w - x), cy, std::min(2, h - 2 * cy));
+  for (int cy = 0; cy < chroma_size(h); cy++) {
+    const int rows = std::min(2, h - 2 * cy);
+    if (to.weights.rounds_only(2 * cy) && to.weights.rounds_only(2 * cy + rows - 1))
+      resolve_whole(to, cy, rows);
+    else
+      for (int x = 0; x < w; x += kPart) resolve_part(to, x, std::min(kPart, w - x), cy, rows);
+  }
 }
 
 }  // namespace
