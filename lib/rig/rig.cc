@@ -9,6 +9,7 @@
 #include <unordered_map>
 
 #include "base/error.h"
+#include "rig/bin_description.h"
 
 namespace lf {
 
@@ -104,7 +105,7 @@ void relocate(Rig& rig, const std::string& directory) {
   };
   for (Camera& camera : rig.cameras) {
     rewrite(camera.image);
-    rewrite(camera.source);
+    if (!is_bin_description(camera.source)) rewrite(camera.source);
   }
   rig.directory = directory;
 }
