@@ -26,6 +26,8 @@
  * (#element-lfrtpseal); without, answers are taken from the addresses of `nodes` and requests from those of
  * `peers`, and whoever is on the network in between can do both.
  *
+ * As a URI, lf:///path/of/rig.json, cameras whose sources describe elements are refused: a player may be given any URI.
+ *
  * With `nodes` the pipeline runs by the machine's realtime clock, which those hosts have to share (chrony, PTP), unless
  * something else in it gives a clock.
  *
@@ -55,6 +57,7 @@
 #include "bins/lfviewsrc_private.h"
 #include "bins/rtp_link.h"
 #include "common/common.h"
+#include "rig/bin_description.h"
 
 GST_DEBUG_CATEGORY(lf_view_src_debug);
 #define GST_CAT_DEFAULT lf_view_src_debug
@@ -123,6 +126,21 @@ static void change_hosts(LfViewSrc* self, const LfViewSrcHosts& hosts) {
   lf_view_src_set_node(self);
 }
 
+// Players open URIs from anywhere, and elements may run any program.
+static void refuse_described_sources(const lf::Rig& rig, const std::string& path) {
+  for (const lf::Camera& camera : rig.cameras)
+    if (lf::is_bin_description(camera.source))
+      throw lf::Error(path + ": camera " + std::to_string(camera.id) +
+                      ": its source describes elements, which no URI opens: set the property rig in place of a URI");
+}
+
+static bool is_by_uri(LfViewSrc* self) {
+  lf::ObjectLock lock(self);
+  const bool by_uri = self->by_uri;
+  lock.unlock();
+  return by_uri;
+}
+
 // Before READY and before PAUSED. False after posting the reason.
 static bool prepare(LfViewSrc* self) {
   const std::lock_guard lock(self->inside->mutex);
@@ -130,7 +148,8 @@ static bool prepare(LfViewSrc* self) {
   const LfViewSrcHosts hosts = lf_view_src_hosts(self);
   try {
     if (rig.empty()) throw lf::Error("rig: not set");
-    lf::shared_rig(rig);
+    const std::shared_ptr<const lf::Rig> read = lf::shared_rig(rig);
+    if (is_by_uri(self) && hosts.nodes.empty()) refuse_described_sources(*read, rig);
     if (hosts.any() && !lf_view_src_is_live(self))
       throw lf::Error("nodes, listen: what is on other hosts is live, is-live must be true");
     if (!self->view) throw lf::Error("elements lfviewrequest and lfcompositor are not installed");

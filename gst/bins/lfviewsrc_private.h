@@ -32,6 +32,7 @@ struct _LfViewSrc {
   GstBin parent;
   // Under the object lock.
   gchar* rig;
+  gboolean by_uri;  // it was named by a URI, which may come from anywhere
   LfViewSrcHosts* hosts;
   gboolean is_live;
 

@@ -52,7 +52,7 @@ void lf_view_src_set_node(LfViewSrc* self) {
 }
 
 // While it runs a node may have other cameras, and not take the rig: then nobody does.
-static void lf_view_src_set_rig(LfViewSrc* self, const gchar* path) {
+static void lf_view_src_set_rig(LfViewSrc* self, const gchar* path, gboolean by_uri) {
   const std::lock_guard lock(self->inside->mutex);
   if (GstElement* node = find_node(self)) {
     g_object_set(node, "rig", path, nullptr);
@@ -68,6 +68,7 @@ static void lf_view_src_set_rig(LfViewSrc* self, const gchar* path) {
   GST_OBJECT_LOCK(self);
   g_free(self->rig);
   self->rig = g_strdup(path);
+  self->by_uri = by_uri;
   GST_OBJECT_UNLOCK(self);
 }
 
@@ -103,7 +104,7 @@ static GstElement* owner_of(LfViewSrc* self, GParamSpec* copy) {
 static void lf_view_src_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfViewSrc* self = LF_VIEW_SRC(object);
   switch (id) {
-    case PROP_RIG: return lf_view_src_set_rig(self, g_value_get_string(value));
+    case PROP_RIG: return lf_view_src_set_rig(self, g_value_get_string(value), false);
     case PROP_IS_LIVE: return lf_view_src_set_live(self, g_value_get_boolean(value));
     case PROP_NODES:
     case PROP_LISTEN:
@@ -167,7 +168,7 @@ static gboolean lf_view_src_set_uri(GstURIHandler* handler, const gchar* uri, GE
     g_set_error(error, GST_URI_ERROR, GST_URI_ERROR_BAD_URI, "%s: must be lf:///path/of/rig.json", uri);
     return FALSE;
   }
-  g_object_set(handler, "rig", path, nullptr);
+  lf_view_src_set_rig(LF_VIEW_SRC(handler), path, true);
   return TRUE;
 }
 

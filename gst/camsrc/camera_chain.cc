@@ -5,6 +5,8 @@
 
 #include <cstring>
 
+#include "camsrc/camera_controls.h"
+#include "camsrc/described_source.h"
 #include "camsrc/lfscenesrc.h"
 #include "common/common.h"
 
@@ -223,13 +225,30 @@ GstCaps* device_caps(const Camera& camera, const ChainOptions& options) {
   return caps;
 }
 
-void add_device(GstBin* bin, const std::string& uri, const Camera& camera, const ChainOptions& options,
-                GstElement* convert) {
+GstElement* add_device(GstBin* bin, const std::string& uri, const Camera& camera, const ChainOptions& options,
+                       GstElement* convert) {
   g_autoptr(GError) error = nullptr;
   GstElement* device = gst_element_make_from_uri(GST_URI_SRC, uri.c_str(), nullptr, &error);
-  if (!device) throw Error(uri + ": " + error->message);
+  if (!device) throw Error(error->message);
   gst_bin_add(bin, device);
   append(append(device, add_capsfilter(bin, device_caps(camera, options))), add_decodebin(bin, "decodebin", convert));
+  return device;
+}
+
+// What elements are asked for: raw video and JPEG of the rig's size. Parsers and depayloaders may not know the size of
+// what is coded until it is decoded.
+GstCaps* bin_caps(const Camera& camera, const ChainOptions& options) {
+  GstCaps* caps = device_caps(camera, options);
+  gst_caps_append(caps, gst_caps_from_string("image/jpeg; video/x-h264; video/x-h265; video/mpeg; video/x-vp8"));
+  return caps;
+}
+
+GstElement* add_described(GstBin* bin, const std::string& line, const Camera& camera, const ChainOptions& options,
+                          GstElement* convert) {
+  GstElement* described = make_described_source(line);
+  gst_bin_add(bin, described);
+  append(append(described, add_capsfilter(bin, bin_caps(camera, options))), add_decodebin(bin, "decodebin", convert));
+  return described;
 }
 
 void add_matroska_reader(GstBin* bin, const std::string& path, GstElement* convert) {
@@ -290,7 +309,8 @@ void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, c
       return;
     }
     case Kind::kMatroska: add_matroska_reader(bin, source.location, convert); break;
-    case Kind::kDevice: add_device(bin, source.location, camera, options, convert); break;
+    case Kind::kDevice: chain->device = add_device(bin, source.location, camera, options, convert); break;
+    case Kind::kBin: chain->device = add_described(bin, source.location, camera, options, convert); break;
     case Kind::kUri: chain->sender = add_uri_decoder(bin, source.location, options, convert); break;
     case Kind::kScene: append(add_scene(bin, camera, fps_n, fps_d, options.live), convert); break;
   }
@@ -319,6 +339,7 @@ CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Ca
   chain.decoded = borrow_pad(chain.tail.front(), "sink");
   chain.frames = borrow_pad(chain.tail.back(), "src");
   add_reader(bin, source, camera, options, fps_n, fps_d, chain.tail.front(), &chain);
+  if (chain.device) apply_controls(chain.device, options.controls);
   const bool has_rate = source.kind == Kind::kMatroska || source.kind == Kind::kUri;
   if (has_rate && !own_rate) append_to_tail(add(bin, "videorate"));
   if (source.kind == Kind::kStill || (has_rate && !own_rate))

@@ -5,10 +5,16 @@
  * @title: lfcamsrc
  * @short_description: one camera of a rig as a source of video
  *
- * Gives the camera's `source` (a video file, an image sequence `dir/frame_%04d.jpg` counted from 0 or 1, or any other
- * GStreamer URI), else its `image` (a still), else the built-in scene, seen with the camera's pose and lens. Formats
- * stay as decoded wherever they are of the RGB family or I420. Frames have the size that the rig gives the camera;
- * anything else is an error. With `decode=false` JPEG video comes as it is.
+ * Gives the camera's `source` (a video file, an image sequence `dir/frame_%04d.jpg` counted from 0 or 1, any other
+ * GStreamer URI, or elements as gst-launch-1.0 reads them, `libcamerasrc camera-name=a ! video/x-raw,width=640`), else
+ * its `image` (a still), else the built-in scene, seen with the camera's pose and lens. Formats stay as decoded
+ * wherever they are of the RGB family or I420. Frames have the size that the rig gives the camera; anything else is an
+ * error. With `decode=false` JPEG video comes as it is.
+ *
+ * Elements are asked for the size in the rig, and for `framerate` if it is given. They may be anything, programs that
+ * run others, too: rig files with such sources must be the user's own, and nobody else's to write.
+ *
+ * Devices and elements are set to the camera's `controls`.
  *
  * The stream carries the sticky event `lightfield-camera` (which camera of which rig) and each frame a
  * #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture` with its true capture time: clock time where frames
@@ -195,7 +201,9 @@ static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStat
 static std::string describe(const std::string& place, const std::string& wanted, const GError* error,
                             const gchar* debug) {
   if (wanted.empty() || !debug || !strstr(debug, "not-negotiated")) return place + ": " + error->message;
-  return place + ": it gives no pictures of " + wanted + "; v4l2-ctl --list-formats-ext lists what a V4L2 device has";
+  const bool v4l2 = place.find("v4l2") != std::string::npos;
+  return place + ": it gives no pictures of " + wanted +
+         (v4l2 ? "; v4l2-ctl --list-formats-ext lists what a V4L2 device has" : "");
 }
 
 // Errors of the children know nothing of cameras: says whose they are. Of a camera that may be lost that is all that is
@@ -267,7 +275,9 @@ static void lf_cam_src_set_property(GObject* object, guint id, const GValue* val
 static void lf_cam_src_get_property(GObject* object, guint id, GValue* value, GParamSpec*) {
   LfCamSrc* self = LF_CAM_SRC(object);
   if (id == PROP_STATS) {
-    return g_value_take_boxed(value, lf_cam_src_stats(self, "application/x-lightfield-camera-stats"));
+    GstStructure* stats = lf_cam_src_stats(self, "application/x-lightfield-camera-stats");
+    lf_cam_src_add_controls(self, stats);
+    return g_value_take_boxed(value, stats);
   }
   lf::ObjectLock lock(self);
   Settings::properties().get(*self->settings, id, value);
@@ -298,7 +308,9 @@ static void lf_cam_src_class_init(LfCamSrcClass* klass) {
           "stats", "Statistics",
           "state (stopped, opening, running, ended or lost), reason of the latest loss, losses, retries, "
           "dropped: frames left undecoded because this machine can't decode all, and capture-time: how it is known "
-          "(source: as its source stamps frames; of RTSP sender-reports, or arrival as long as there are none)",
+          "(source: as its source stamps frames; of RTSP sender-reports, or arrival as long as there are none); "
+          "controls: what the camera has of them and of those in the rig (a number, auto, or FALSE: not taken), and "
+          "control-values: their numbers now",
           GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
