@@ -21,6 +21,7 @@
 #include "serve/film.h"
 #include "serve/http_server.h"
 #include "serve/launch.h"
+#include "serve/rig_reload.h"
 #include "view/views_json.h"
 
 namespace {
@@ -35,6 +36,7 @@ struct Options {
   std::vector<lf::NodeAddress> node_addresses;
   ServerOptions server;
   Limits limits;
+  bool watch = false;  // the rig file
 };
 
 // Making a key takes up to a second; the first viewer should not wait for it.
@@ -95,6 +97,7 @@ gboolean quit(gpointer loop) {
 void check_options(Options& options) {
   if (!options.nodes.empty() && options.rig.empty())
     throw lf::Error("--nodes: needs --rig, which says where cameras are");
+  if (options.watch && options.rig.empty()) throw lf::Error("--watch: needs --rig, the file to watch");
   if (!options.token_file.empty()) {
     std::string text = lf::read_text_file(options.token_file);
     while (!text.empty() && g_ascii_isspace(text.back())) text.pop_back();
@@ -120,6 +123,7 @@ class Program {
   explicit Program(const Options& options)
       : options_(options), loop_(g_main_loop_new(nullptr, FALSE)), server_(options.server, options.limits) {}
   ~Program() {
+    watch_.reset();
     if (opens_.joinable()) opens_.join();
     if (sessions_) sessions_->close_all("the server ends");  // while there is a server to tell it
     server_.stop();
@@ -192,6 +196,7 @@ class Program {
   void serve() {
     sessions_ = std::make_unique<Sessions>(*field_, options_.limits);
     server_.serve(*field_, *sessions_);
+    if (options_.watch) watch_ = std::make_unique<RigReload>(*field_, *sessions_);
     std::printf("serving %s at %s\n", options_.rig.c_str(), server_.url().c_str());
   }
 
@@ -202,6 +207,7 @@ class Program {
   std::thread opens_;
   std::unique_ptr<LightField> field_;
   std::unique_ptr<Sessions> sessions_;
+  std::unique_ptr<RigReload> watch_;
   guint timer_ = 0;
   std::string failure_;
 };
@@ -225,6 +231,8 @@ int main(int argc, char** argv) {
   cli::App app("Serves a page in which everybody flies their own virtual camera, and the same streams over WHEP.",
                "lf-serve");
   app.add_option("--rig", o.rig, "the cameras; without it the built-in scene, filmed once")->type_name("RIG.json");
+  app.add_flag("--watch", o.watch,
+               "read the rig file again whenever it changes, after a calibration say: viewers go on with the new one");
   app.add_option("--nodes", o.nodes,
                  "hosts that the cameras are on: HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,... (camera-node.sh)");
   app.add_option("--key-file", o.key_file, "of --nodes: the secret that they share, 32 or more random characters");
