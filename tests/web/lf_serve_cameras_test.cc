@@ -95,7 +95,8 @@ TEST_F(LfServeCameras, AServerOfACameraMayStopAndStartAgain) {
 
 // A calibration has been finished, then somebody has plugged in other cameras: nobody has to come again.
 TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
-  Served served({"--watch"});
+  const std::vector<std::string> options = {"--watch"};
+  Served served(options);
   ASSERT_NE(served.url(), "") << served.said();
   const WhepClient client({.url = served.url()});
   const auto told = [&] {
