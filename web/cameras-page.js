@@ -75,7 +75,9 @@ function show(state, picture) {
     mosaic.replaceChildren();
     tiles.clear();
     for (const camera of state.cameras) tiles.set(camera.id, tileOf(camera, state.tile));
-    mosaic.style.gridTemplateColumns = `repeat(${state.columns}, minmax(0, ${width * 2}px))`;
+    // As large as leaves all of them, with their two lines of words, in the window.
+    const fits = `((100vh - 70px) / ${state.rows} - 46px) * ${width / height}`;
+    mosaic.style.gridTemplateColumns = `repeat(${state.columns}, minmax(0, max(64px, min(${width * 2}px, ${fits}))))`;
   }
   swaps = state.swaps === true;
   for (const { id, column, row, rate, problem, lit } of state.cameras) {

@@ -156,11 +156,17 @@ Exam examine(std::shared_ptr<const Rig> rig, const std::string& path, const Exam
     return std::all_of(cameras.cameras().begin(), cameras.cameras().end(),
                        [&](CameraIndex i) { return cameras.frames(i) > 0 || !cameras.problem(i).empty(); });
   });
-  cameras.wait(kSettle);
+  const double settled = cameras.now() + kSettle;
+  const auto progress = [&] {
+    const double left = settled + options.seconds - cameras.now();
+    if (options.on_progress) options.on_progress(1 - left / (kSettle + options.seconds));
+    return false;
+  };
+  cameras.wait(kSettle, progress);
   std::vector<uint64_t> bytes;
   for (const CameraIndex i : cameras.cameras()) bytes.push_back(cameras.source_bytes(i));
   const double begin = cameras.now();
-  cameras.wait(options.seconds);
+  cameras.wait(options.seconds, progress);
   const double duration = cameras.now() - begin;
   for (CameraExam& camera : exam.cameras) {
     Attachment attachment = std::move(camera.attachment);

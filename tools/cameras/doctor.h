@@ -52,6 +52,7 @@ struct ExamOptions {
   double patience = 10;                                            // seconds until they do
   int fps = 0;                                                     // to ask of devices; 0: as they have it
   std::function<void(const std::vector<LinkLoad>&)> on_plan = {};  // told what links will carry, before cameras open
+  std::function<void(double)> on_progress = {};  // how much of the watching is done, 0..1; on the caller's thread
 };
 
 // Opens every camera of the rig that was read from `path`, side by side, and watches them. Throws Error where

@@ -9,6 +9,7 @@
 
 #include "cameras/commands.h"
 #include "cameras/doctor.h"
+#include "progress.h"
 #include "rig/rig_json.h"
 
 namespace {
@@ -27,9 +28,13 @@ int run(Options options) {
       std::fputs(lf::cameras::links_of(planned, "as planned").c_str(), stdout);
       std::fflush(stdout);
     };
-    std::fprintf(stderr, "opening %zu cameras for %.0f s or more\n", rig->cameras.size(), options.exam.seconds + 1);
+    options.exam.on_progress = [bar = std::make_shared<Progress>("watching", 100), shown = 0](double part) mutable {
+      for (; shown < 100 * part && shown < 100; shown++) bar->step();
+    };
+    std::fprintf(stderr, "opening %zu cameras\n", rig->cameras.size());
   }
   const lf::cameras::Exam exam = lf::cameras::examine(rig, options.rig, options.exam);
+  options.exam.on_progress = {};  // the bar goes before the page comes
   std::fputs((options.json ? json_of(*rig, exam) + "\n" : page_of(*rig, exam)).c_str(), stdout);
   return exam.errors() > 0 ? 1 : 0;
 }
