@@ -21,10 +21,10 @@ TEST(BinDescription, TellsElementsFromUrisAndFiles) {
 
 TEST(BinDescription, ElementsStayAsTheyAreWhereFilesMove) {
   Rig rig = make_grid_rig({1, 2, 0.1, 60, 8, 6});
-  rig.directory = "a";
+  rig.directory = "/nowhere/a";
   rig.cameras[0].source = "film.mkv";
   rig.cameras[1].source = "filesrc location=film.mkv ! matroskademux";
-  relocate(rig, "");
+  relocate(rig, "/nowhere");
   EXPECT_EQ(rig.cameras[0].source, "a/film.mkv");
   EXPECT_EQ(rig.cameras[1].source, "filesrc location=film.mkv ! matroskademux");
 }
