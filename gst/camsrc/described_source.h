@@ -7,8 +7,9 @@
 
 namespace lf {
 
-// The elements that a rig describes (rig/bin_description.h), as a bin with one source pad, "src", which is not linked;
-// floating. Caps may stand at the end of the line, too. Throws Error that says what is wrong with it.
+// The elements that a rig describes (rig/bin_description.h), as a bin with one source pad, "src", of the last of them;
+// floating. The line may end with caps, or with an element whose pads come by and by. Throws Error that says what is
+// wrong with it.
 GstElement* make_described_source(const std::string& line);
 
 }  // namespace lf

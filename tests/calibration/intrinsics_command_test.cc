@@ -47,7 +47,7 @@ TEST(IntrinsicsCommand, AVideoInWhichTheBoardStandsStillNowAndThen) {
   // The same as a camera of a rig, which says how it is to be opened.
   setenv("GST_PLUGIN_PATH", (std::filesystem::path(LF_TOOLS_DIR) / "../gst").c_str(), 0);
   Rig rig = make_grid_rig({1, 2, 0.1, 60, 640, 480});
-  rig.cameras[1].source = "filesrc location=\"" + location + "/board.avi\" ! avidemux";
+  rig.cameras[1].source = "filesrc location=\"" + location + "/board.avi\" ! avidemux ! jpegdec";
   save_rig(rig, dir / "rig.json");
   const Outcome by_rig = run_program(
       "lf-calibrate", "intrinsics --rig rig.json --camera 1 --board 8x6 --views 8 --out rig.json", location);
