@@ -87,7 +87,7 @@ class Renderer {
     return gains;
   }
   const Mesh& mesh() const { return mesh_; }
-  const std::map<CameraIndex, float>& gains() { return matcher_.gains_for(0, {}).measured(); }
+  const std::map<CameraIndex, BrightnessRatio>& gains() { return matcher_.gains_for(0, {}).measured(); }
 
  private:
   // What the cameras, asked by this request, have in common.
