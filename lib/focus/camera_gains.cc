@@ -16,10 +16,11 @@
 
 namespace lf {
 
-// What it seems to differ by is shine and error, normally distributed, or a gain, any of those that there may be.
+// How likely a camera is as bright as it should be. What it seems to differ by is shine and error, normally
+// distributed, or a gain, any of those that there may be.
 float CameraGains::usual(CameraIndex camera) const {
   const auto found = measured_.find(camera);
-  if (found == measured_.end()) return kUsual;
+  if (found == measured_.end()) return 1;
   const auto [x, error] = found->second;
   const float variance = kShine * kShine + error * error;
   const float even = 1 / std::log(kMost / kLeast);
@@ -28,7 +29,10 @@ float CameraGains::usual(CameraIndex camera) const {
 }
 
 float CameraGains::trust(CameraIndex camera) const {
-  return measured_.contains(camera) ? std::max(usual(camera), kLeastTrust) : kLeastTrust;
+  const auto found = measured_.find(camera);
+  if (found == measured_.end()) return kUnknownTrust;
+  const float off = found->second.log / kAround;
+  return std::exp(-off * off / 2);
 }
 
 float CameraGains::likely(CameraIndex camera) const {
@@ -46,7 +50,7 @@ void CameraGains::take(const std::map<CameraIndex, BrightnessRatio>& ratios) {
 
 namespace {
 
-constexpr int kLeastWeight = static_cast<int>(Moments::kWeightOne * CameraGains::kLeastTrust / 6);
+constexpr int kLeastWeight = static_cast<int>(Moments::kWeightOne * CameraGains::kUnknownTrust / 6);
 constexpr float kDarkest = 16, kBrightest = 240;             // luma
 constexpr float kMostDeviation = 0.25f, kMostChange = 0.5f;  // of the mean
 
@@ -205,8 +209,7 @@ WideLuma::Seen WideLuma::see(std::span<const Source> sources, const CameraGains&
   for (const Camera& camera : result.cameras) {
     const float total = std::accumulate(camera.weight.begin(), camera.weight.end(), 0.f);
     const float trust = gains.trust(camera.camera);
-    result.gains.add(gains.likely(camera.camera),
-                     gains.usual(camera.camera) * total / static_cast<float>(camera.weight.size()));
+    result.gains.add(gains.likely(camera.camera), trust * total / static_cast<float>(camera.weight.size()));
     for (size_t i = 0; i < camera.weight.size(); i++) {
       const float weight = trust * camera.weight[i];
       if (weight == 0) continue;

@@ -34,25 +34,27 @@ class CameraGains {
   static constexpr float kLeast = 0.5f, kMost = 2;  // what differs by more is another fault than exposure
   static constexpr float kShine = 0.007f;           // standard deviation of the logarithm: it is up to 0.02
   static constexpr float kUsual = 0.9f;             // part of the cameras that are as bright as they should be
-  // Of cameras that are known to be off, or of which nothing is known, beside those that can be trusted.
-  static constexpr float kLeastTrust = 0.125f;
+  // What most cameras agree on is looked for among those that differ from it by about this (logarithm): mean by mean it
+  // moves to where most are (Fukunaga and Hostetler 1975: mean shift).
+  static constexpr float kAround = 0.03f;
+  static constexpr float kUnknownTrust = 0.125f;  // of a camera of which nothing is known, beside those that are right
   // The first mean is that of cameras which all count alike: it takes those that are right along with those that are
-  // wrong, and tells only who is who. Images are divided by what the second one says.
-  static constexpr unsigned kMeans = 2;
+  // wrong. Images are divided by what this one says.
+  static constexpr unsigned kMeans = 3;
 
   // What images are divided by: 1 for a camera of which nothing is known.
   float of(CameraIndex camera) const { return means_ < kMeans ? 1 : likely(camera); }
   // What is known of it already, for the next mean.
   float likely(CameraIndex camera) const;
-  // How likely the camera is as bright as it should be.
-  float usual(CameraIndex camera) const;
-  // What it counts in what all have in common: that, but not less than kLeastTrust, and as much where nothing is known.
+  // What the camera counts in what all have in common, 0 to 1: less the farther it is off.
   float trust(CameraIndex camera) const;
   // A mean has come, and some cameras, divided by likely(), were compared with it.
   void take(const std::map<CameraIndex, BrightnessRatio>& ratios);
   const std::map<CameraIndex, BrightnessRatio>& measured() const { return measured_; }
 
  private:
+  float usual(CameraIndex camera) const;
+
   std::map<CameraIndex, BrightnessRatio> measured_;  // beside the mean, not divided by anything
   unsigned means_ = 0;
 };

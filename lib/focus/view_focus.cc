@@ -45,8 +45,7 @@ void ViewFocus::apply(ViewRequest& request) {
 void ViewFocus::take(const ViewRequest& request, const Answers& answers, const FocusArray& array) {
   control_.keep_up(answers.complete);
   plan_ = control_.next(request, answers.moments, array);
-  // Through a surface that is anywhere cameras differ for other reasons.
-  gains_ = next_gains(turns_, match_gains_ && control_.state().sure, !plan_->trials.empty(), answers.brightness,
+  gains_ = next_gains(turns_, match_gains_ && control_.state().mixed, !plan_->trials.empty(), answers.brightness,
                       answers.gains, request.sequence);
 }
 

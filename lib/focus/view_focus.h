@@ -32,7 +32,7 @@ GainRequest next_gains(MeanTurns& turns, bool use, bool has_trials, const Moment
 // for what came of the one before. A plain value without locks.
 class ViewFocus {
  public:
-  // `match_gains`: whether cameras' brightness is matched once there is a surface.
+  // `match_gains`: whether cameras' brightness is matched where several make the picture.
   explicit ViewFocus(const FocusControl::Settings& settings = {}, bool match_gains = false)
       : settings_(settings), match_gains_(match_gains), control_(settings) {}
 

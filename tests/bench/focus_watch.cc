@@ -135,7 +135,7 @@ Watched watch(const Situation& s, const std::vector<int>& pictures) {
       }
     }
     const std::vector<Moments> moments = array.moments(request);
-    gains = {.use = control.state().sure};
+    gains = {.use = control.state().mixed};
     if (gains.use && request.view.focus.map) array.ask_mean(request, gains);
     plan = control.next(request, moments, from);
   }

@@ -17,10 +17,10 @@ namespace {
 
 using Ratios = std::map<CameraIndex, BrightnessRatio>;
 
-// Gains after two means that find the camera `gain` times as bright as the others.
+// Gains after as many means as are needed, which find the camera `gain` times as bright as the others.
 CameraGains measured(float gain, float error = 0.002f) {
   CameraGains gains;
-  for (int i = 0; i < 2; i++) gains.take(Ratios{{1, {std::log(gain / gains.likely(1)), error}}});
+  for (unsigned i = 0; i < CameraGains::kMeans; i++) gains.take({{1, {std::log(gain / gains.likely(1)), error}}});
   return gains;
 }
 
@@ -35,16 +35,17 @@ TEST(CameraGains, GoToWhatIsMeasured) {
   EXPECT_EQ(gains.measured().size(), 1u);
 }
 
-TEST(CameraGains, TheFirstMeanOnlyTellsWhomToTrust) {
+TEST(CameraGains, TheFirstMeansOnlyTellWhomToTrust) {
   CameraGains gains;
   EXPECT_EQ(gains.trust(1), gains.trust(2)) << "nothing is known";
-  const Ratios first{{1, {std::log(1.1f), 0.002f}}, {2, {std::log(0.99f), 0.002f}}};
-  gains.take(first);
+  gains.take({{1, {std::log(1.1f), 0.002f}}, {2, {std::log(0.99f), 0.002f}}});
   EXPECT_EQ(gains.of(1), 1);
   EXPECT_NEAR(gains.likely(1), 1.1, 0.001);
   EXPECT_GT(gains.trust(2), 0.9);
-  EXPECT_EQ(gains.trust(1), CameraGains::kLeastTrust);
-  EXPECT_EQ(gains.trust(3), CameraGains::kLeastTrust) << "was not seen";
+  EXPECT_LT(gains.trust(1), 0.01);
+  EXPECT_EQ(gains.trust(3), CameraGains::kUnknownTrust) << "was not seen";
+  gains.take({{2, {0, 0.002f}}});
+  EXPECT_EQ(gains.of(1), 1);
   gains.take({});
   EXPECT_EQ(gains.of(1), 1) << "a mean that nobody could be compared with";
   gains.take({{2, {0, 0.002f}}});
@@ -54,11 +55,11 @@ TEST(CameraGains, TheFirstMeanOnlyTellsWhomToTrust) {
 TEST(CameraGains, WhatMayBeShineIsLeftAlone) {
   for (const float gain : {1.005f, 1.01f, 1.014f}) {
     EXPECT_NEAR(measured(gain).of(1), 1, 0.001) << gain;
-    EXPECT_GT(measured(gain).trust(1), 0.9) << gain;
+    EXPECT_GT(measured(gain).trust(1), 0.85) << gain;
   }
   for (const float gain : {1.04f, 1.1f, 1.5f}) {
     EXPECT_NEAR(measured(gain).of(1), gain, 0.001) << gain;
-    EXPECT_LT(measured(gain).trust(1), 0.2) << gain;
+    EXPECT_LT(measured(gain).trust(1), 0.5) << gain;
   }
   float before = 1;
   for (float gain = 1; gain < 1.1f; gain += 0.002f) {
@@ -179,7 +180,7 @@ TEST(WideLuma, ManyCamerasAreCompared) {
   EXPECT_EQ(seen.gains.mean(), 1);
   const Moments& m = seen.moments;
   const size_t middle = 7 * 20 + 10;
-  EXPECT_GT(m.weight[middle], 0.5 * CameraGains::kLeastTrust * Moments::kWeightOne) << "nobody is known yet";
+  EXPECT_GT(m.weight[middle], 0.5 * CameraGains::kUnknownTrust * Moments::kWeightOne) << "nobody is known yet";
   const double mean = static_cast<double>(m.luma[middle]) / Moments::kLumaOne * Moments::kWeightOne / m.weight[middle];
   for (const WideLuma::Camera& camera : seen.cameras) EXPECT_NEAR(camera.luma[middle], mean, 2);
   // Gaussians around where the line of sight goes through the array: the eye is in its plane.
@@ -205,11 +206,33 @@ TEST(WideLuma, FindsWhoIsBrighter) {
       if (const std::optional<BrightnessRatio> ratio = WideLuma::ratio(camera, mean)) ratios[camera.camera] = *ratio;
     gains.take(ratios);
     for (const CameraIndex other : {1, 5}) EXPECT_NEAR(gains.of(other), 1, 0.0005) << "never takes them along";
-    if (round > 0) {
+    if (round + 1 >= static_cast<int>(CameraGains::kMeans)) {
       EXPECT_NEAR(gains.of(kBright), 1.1, 0.01);
     }
   }
   EXPECT_NEAR(wide.luma.see(sources, gains).gains.mean(), 1, 0.002) << "they do not wander off together";
+}
+
+// Half of what is seen has a camera in it that is too dark: its neighbours seem too bright until the mean has moved to
+// where most are.
+TEST(WideLuma, TheMeanMovesToWhereMostCamerasAre) {
+  Wide wide;
+  for (Image& image : wide.walls.images) std::ranges::fill(image.data(), 120);
+  ByteBuffer memory[3];
+  std::vector<Source> sources = wide.walls.sources();
+  for (const CameraIndex dark : {1, 4, 7})
+    sources[dark].image = divide_by_gain(sources[dark].image, {0, 0, 160, 120}, 1.1f, memory[dark / 3]);
+  CameraGains gains;
+  for (int round = 0; round < 6; round++) {
+    const WideLuma::Seen seen = wide.luma.see(sources, gains);
+    const std::vector<uint8_t> mean = mean_luma(seen.moments, seen.gains);
+    Ratios ratios;
+    for (const WideLuma::Camera& camera : seen.cameras)
+      if (const std::optional<BrightnessRatio> ratio = WideLuma::ratio(camera, mean)) ratios[camera.camera] = *ratio;
+    gains.take(ratios);
+  }
+  EXPECT_NEAR(gains.of(4), 1 / 1.1, 0.01);
+  for (const CameraIndex other : {3, 5}) EXPECT_NEAR(gains.of(other), 1, 0.002);
 }
 
 TEST(WideLuma, PartsOfAnArrayAddUpToTheWhole) {
