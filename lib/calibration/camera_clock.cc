@@ -38,9 +38,8 @@ using Eigen::Vector2d;
 constexpr double kStep = 1.0 / 30;    // seconds between samples of a velocity
 constexpr double kFast = 3;           // times the median speed: more counts as that
 constexpr size_t kLeastSamples = 20;  // that two cameras have in common
-constexpr double kLeastShare = 0.25;  // of those that they have in common at best
 constexpr double kCorrelated = 0.5;   // of at most 2
-constexpr double kFarther = 0.01;     // of correlation, a second: what is nearer is likelier
+constexpr double kBest = 1e-4;        // of a variance, that is left where two motions are alike
 
 // Velocities of what is brightest, at multiples of kStep by the camera's clock.
 struct Motion {
@@ -82,8 +81,9 @@ Motion motion_of(const std::vector<LightPath>& paths, double frame_time, size_t 
   return motion;
 }
 
-// The sum of the squares of both canonical correlations, where b's stamps are `lag` steps behind a's; and of how many.
-std::pair<double, size_t> correlation(const Motion& a, const Motion& b, int64_t lag) {
+// How much likelier it is that both saw one motion than that they did not, where b's stamps are `lag` steps behind a's:
+// the logarithm, from the canonical correlations; 0 where these are weak.
+double likelihood(const Motion& a, const Motion& b, int64_t lag) {
   Matrix2d aa = Matrix2d::Zero(), bb = aa, ab = aa;
   size_t n = 0;
   const int64_t shift = a.first - b.first - lag;
@@ -95,8 +95,11 @@ std::pair<double, size_t> correlation(const Motion& a, const Motion& b, int64_t 
     aa += u * u.transpose(), bb += v * v.transpose(), ab += u * v.transpose();
     n++;
   }
-  if (n < kLeastSamples || !(aa.determinant() > 0) || !(bb.determinant() > 0)) return {0, n};
-  return {(aa.inverse() * ab * bb.inverse() * ab.transpose()).trace(), n};
+  if (n < kLeastSamples || !(aa.determinant() > 0) || !(bb.determinant() > 0)) return 0;
+  const Matrix2d squares = aa.inverse() * ab * bb.inverse() * ab.transpose();
+  if (squares.trace() < kCorrelated) return 0;
+  const double left = (Matrix2d::Identity() - squares).determinant();
+  return -0.5 * static_cast<double>(n) * std::log(std::max(left, kBest));
 }
 
 }  // namespace
@@ -113,26 +116,16 @@ size_t coarse_clocks(const std::vector<std::vector<LightPath>>& paths, const std
   const auto furthest = static_cast<int64_t>(std::lround(reach / kStep));
   for (size_t i = 0; i < paths.size(); i++) {
     if (i == reference || motions[i].count == 0) continue;
-    std::vector<std::pair<double, size_t>> scores;
-    size_t enough = 0;
-    for (int64_t lag = -furthest; lag <= furthest; lag++) {
-      scores.push_back(correlation(*most, motions[i], lag));
-      enough = std::max(enough, static_cast<size_t>(kLeastShare * static_cast<double>(scores.back().second)));
-    }
-    double best = 0;
-    int64_t at = 0;
-    for (int64_t lag = -furthest; lag <= furthest; lag++) {
-      const auto [score, n] = scores[lag + furthest];
-      const double worth = score - kFarther * std::abs(static_cast<double>(lag)) * kStep;
-      if (n >= enough && score > kCorrelated && worth > best) best = worth, at = lag;
-    }
-    if (best == 0) continue;
+    std::vector<double> scores;
+    for (int64_t lag = -furthest; lag <= furthest; lag++) scores.push_back(likelihood(*most, motions[i], lag));
+    const int64_t at = std::max_element(scores.begin(), scores.end()) - scores.begin() - furthest;
+    const double best = scores[at + furthest];
+    if (!(best > 0)) continue;
     clocks[i].known = true;
     double fine = 0;  // the parabola through three
     if (std::abs(at) < furthest) {
-      const double before = scores[at - 1 + furthest].first, here = scores[at + furthest].first,
-                   next = scores[at + 1 + furthest].first;
-      if (const double bend = before - 2 * here + next; bend < 0)
+      const double before = scores[at - 1 + furthest], next = scores[at + 1 + furthest];
+      if (const double bend = before - 2 * best + next; bend < 0)
         fine = std::clamp((before - next) / (2 * bend), -0.5, 0.5);
     }
     clocks[i].offset = (static_cast<double>(at) + fine) * kStep;
@@ -228,8 +221,8 @@ void find_steps(const std::vector<ClockSample>& samples, size_t from, size_t to,
 
 }  // namespace
 
-void improve_clock(CameraClock& clock, std::vector<ClockSample> samples, double frame_time) {
-  if (samples.size() < kLeastSide) return;
+double improve_clock(CameraClock& clock, std::vector<ClockSample> samples, double frame_time, double shown) {
+  if (samples.size() < kLeastSide) return 0;
   std::sort(samples.begin(), samples.end(), [](const auto& a, const auto& b) { return a.stamp < b.stamp; });
   clock.known = true;
   // What is there already is taken off, and found again with the rest.
@@ -247,10 +240,11 @@ void improve_clock(CameraClock& clock, std::vector<ClockSample> samples, double 
   Line line = fit_line(samples, middle, scale, true);
   if (std::abs(line.slope) < kDriftSigmas * std::sqrt(line.slope_variance))
     line = fit_line(samples, middle, scale, false);
-  clock.offset += line.value;
+  clock.offset += line.value / shown;
   clock.drift = line.slope;
   clock.middle = middle;
-  clock.sigma = std::sqrt(line.variance);
+  clock.sigma = std::sqrt(line.variance / shown);
+  return line.value / shown;
 }
 
 }  // namespace lf

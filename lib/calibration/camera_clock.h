@@ -41,7 +41,9 @@ struct ClockSample {
   double sigma = 0;    // seconds
 };
 // Improves a clock by all samples of its camera: robust, with steps of whole frames where the samples call for it, and
-// a drift where it is far beyond its error. What it changes should be below a few frames.
-void improve_clock(CameraClock& clock, std::vector<ClockSample> samples, double frame_time);
+// a drift where it is far beyond its error. What it changes should be below a few frames. `shown`: the share of a wrong
+// offset that the samples show, where the rest is hidden by what was adjusted to them. Returns what it added to the
+// offset.
+double improve_clock(CameraClock& clock, std::vector<ClockSample> samples, double frame_time, double shown);
 
 }  // namespace lf

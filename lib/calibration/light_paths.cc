@@ -116,6 +116,8 @@ std::optional<PathPlace> place_at(const LightPath& path, double time, double fra
     variance += value * value * p[i].sight.sigma * p[i].sight.sigma;
   }
   place.sigma = std::sqrt(variance);
+  const bool later = time - p[k].time > p[k + 1].time - time;
+  place.brightness = p[later ? k + 1 : k].sight.brightness;
   return place;
 }
 

@@ -25,8 +25,9 @@ std::vector<LightPath> link_light_paths(const LightSights::Camera& camera);
 // Where a path is between its points: the cubic through the four around.
 struct PathPlace {
   Vec2 pixel{0, 0};
-  Vec2 velocity{0, 0};  // pixels a second
-  double sigma = 0;     // of the place, from those of the points
+  Vec2 velocity{0, 0};    // pixels a second
+  double sigma = 0;       // of the place, from those of the points
+  double brightness = 0;  // of the nearest point
 };
 // Nothing outside of the path, and in gaps of more than kMostMissed frames.
 std::optional<PathPlace> place_at(const LightPath& path, double time, double frame_time);
