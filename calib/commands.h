@@ -7,3 +7,4 @@
 // What goes wrong is thrown as lf::Error.
 void add_intrinsics_command(cli::App& app);
 void add_solve_command(cli::App& app);
+void add_track_command(cli::App& app);

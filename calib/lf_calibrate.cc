@@ -58,5 +58,6 @@ int main(int argc, char** argv) {
   add_features_command(app);
   add_intrinsics_command(app);
   add_solve_command(app);
+  add_track_command(app);
   return cli::run_tool(app, argc, argv, [] {});
 }

@@ -16,6 +16,7 @@
 #include "base/error.h"
 #include "command_line.h"
 #include "image/image.h"
+#include "lf_scene_lights.h"
 #include "mjpeg_writer.h"
 #include "progress.h"
 #include "rig/rig_json.h"
@@ -147,6 +148,7 @@ void run_jobs(const std::vector<Job>& jobs, int threads, Progress& progress) {
 }
 
 void film(const Options& options) {
+  if (options.out.empty()) throw lf::Error("--out is required (see --help)");
   const lf::Rig rig = rig_of(options);
   const FrameRate rate = rate_of(options.framerate);
   std::set<std::string> camera_names, view_names;
@@ -190,7 +192,7 @@ int main(int argc, char** argv) {
   Options o;
   cli::App app("Films the built-in scene: DIR/rig.json and a file per camera, in DIR/truth the ground truth of views.",
                "lf-scene");
-  app.add_option("--out", o.out, "folder to write to")->required()->type_name("DIR");
+  app.add_option("--out", o.out, "folder to write to; required")->type_name("DIR");
   cli::Option* rig = app.add_option("--rig", o.rig, "film with the cameras of this rig")->type_name("RIG.json");
   app.add_option("--grid", o.grid, "film with the scene's own array")
       ->type_name("RxC")
@@ -209,6 +211,10 @@ int main(int argc, char** argv) {
       ->capture_default_str()
       ->check(cli::Range(1, 16));
   app.add_option("--threads", o.threads)->capture_default_str()->check(cli::Range(1, 256));
+  app.require_subcommand(0, 1);
+  const cli::App* lights = add_lights_command(app);
   gst_init(nullptr, nullptr);
-  return cli::run_tool(app, argc, argv, [&] { film(o); });
+  return cli::run_tool(app, argc, argv, [&] {
+    if (!*lights) film(o);
+  });
 }

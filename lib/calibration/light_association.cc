@@ -52,6 +52,16 @@ std::vector<const LightCandidate*> brightest(const LightCandidates& list, uint32
   return own;
 }
 
+// Observations count by their sigmas over the usual one, so that residuals stay pixels.
+LightAssociation weighted(LightAssociation result) {
+  std::vector<double> sigmas;
+  for (const Observation& o : result.tracks.observations) sigmas.push_back(o.sigma);
+  if (sigmas.empty()) return result;
+  const double usual = median(std::move(sigmas));
+  for (Observation& o : result.tracks.observations) o.sigma = std::clamp(o.sigma / usual, 0.5, 10.0);
+  return result;
+}
+
 Vector2d eigen(const Vec2& v) { return {v.x, v.y}; }
 
 }  // namespace
@@ -87,7 +97,7 @@ LightAssociation associate_by_brightness(const Tracks& cameras, const std::vecto
     for (uint32_t j = 0; j < candidates.size(); j++)
       for (uint32_t i = 0; i < num_cameras; i++)
         for (const LightCandidate* c : brightest(candidates[j], i, 1)) add(result, *c, j, 0);
-    return result;
+    return weighted(std::move(result));
   }
   for (uint32_t i = 0; i < num_cameras; i++) {
     // How the middle moves in this camera's picture where it moves in the reference's.
@@ -121,7 +131,7 @@ LightAssociation associate_by_brightness(const Tracks& cameras, const std::vecto
       add(result, *p.here[1], p.position, 1 - first);
     }
   }
-  return result;
+  return weighted(std::move(result));
 }
 
 namespace {
@@ -243,7 +253,7 @@ LightAssociation associate_by_geometry(const Tracks& cameras, const std::vector<
     for (const LightCandidate& c : candidates[j])
       result.reflections[c.camera] += states[c.camera].used && none.count({c.camera, c.path});
   }
-  return result;
+  return weighted(std::move(result));
 }
 
 }  // namespace lf

@@ -58,7 +58,6 @@ struct LightDetector::Blob {
   double flux = 0;   // of the image
   double sigma = 0;  // of the centre if the noise were white
   int label = 0;
-  bool clipped = false;
 
   // The image of its own flux and shape.
   double light(int x, int y) const {
@@ -123,10 +122,7 @@ std::vector<Sight> LightDetector::look(const uint8_t* grey, ptrdiff_t stride) {
     if (sights.size() == kMostSights) break;
     sights.push_back({{blob.centre.x(), blob.centre.y()}, std::hypot(blob.sigma * excess, kSystematic), blob.flux});
   }
-  if (!sights.empty()) {
-    record_.lit++;
-    record_.saturated += blobs[0].clipped;
-  }
+  record_.lit += !sights.empty();
   learn(grey, stride);
   return sights;
 }
@@ -215,8 +211,6 @@ bool LightDetector::refine(Blob& blob, const std::vector<Blob>& others, const ui
   // An image that leans to one side is that of two lights, or of one and its reflection.
   const double lean = kLean * (m.skew / m.weight).norm();
   if (lean > kLeans * std::hypot(blob.sigma, kSystematic)) blob.sigma = std::hypot(blob.sigma, lean);
-  const int x = static_cast<int>(blob.centre.x() + 0.5), y = static_cast<int>(blob.centre.y() + 0.5);
-  blob.clipped = !noisy(x, y);
   // The weight halves the sum of a normal distribution of its own size.
   blob.flux = 2 * m.weight;
   return true;

@@ -20,7 +20,6 @@ struct LightRecord {
   size_t frames = 0;
   size_t lit = 0;         // that show a light
   size_t busy = 0;        // of which so much is brighter than the background that no light can be told
-  size_t saturated = 0;   // whose brightest light is clipped
   double noise = 0;       // of a sample, one sigma, of 255
   double background = 0;  // mean, of 255
   double brightest = 0;   // sample of all, of 255

@@ -15,6 +15,8 @@ constexpr double kTurn = 0.6;         // of the way from frame to frame: what a 
 constexpr double kBrightness = 12;    // pixels that a brightness e times as large counts as
 constexpr double kStill = 4;          // pixels across that no moved light stays within
 constexpr size_t kLeastPoints = 4;
+constexpr size_t kLeastEven = 20;  // frames that show a rhythm
+constexpr double kJitter = 0.15;   // of the time of a frame
 
 struct Open {
   LightPath path;
@@ -53,6 +55,27 @@ double frame_time_of(const LightSights::Camera& camera) {
   return steps.empty() ? 0 : median(std::move(steps));
 }
 
+std::vector<double> evened_stamps(const LightSights::Camera& camera) {
+  std::vector<double> stamps;
+  for (const LightSights::Frame& frame : camera.frames) stamps.push_back(frame.time);
+  const double step = frame_time_of(camera);
+  if (stamps.size() < kLeastEven || !(step > 0)) return stamps;
+  // Which beat each frame is of: counted from frame to frame, so that no error of the step adds up.
+  std::vector<double> beats{0};
+  for (size_t i = 1; i < stamps.size(); i++)
+    beats.push_back(beats.back() + std::max(1.0, std::round((stamps[i] - stamps[i - 1]) / step)));
+  double n = 0, x = 0, y = 0, xx = 0, xy = 0;
+  for (size_t i = 0; i < stamps.size(); i++)
+    n++, x += beats[i], y += stamps[i], xx += beats[i] * beats[i], xy += beats[i] * stamps[i];
+  const double slope = (n * xy - x * y) / (n * xx - x * x), start = (y - slope * x) / n;
+  std::vector<double> even;
+  for (size_t i = 0; i < stamps.size(); i++) {
+    even.push_back(start + slope * beats[i]);
+    if (std::abs(even.back() - stamps[i]) > kJitter * step) return stamps;
+  }
+  return even;
+}
+
 std::vector<LightPath> link_light_paths(const LightSights::Camera& camera) {
   std::vector<LightPath> paths;
   std::vector<Open> open;
@@ -61,7 +84,9 @@ std::vector<LightPath> link_light_paths(const LightSights::Camera& camera) {
     double cost;
     size_t path, sight;
   };
-  for (const LightSights::Frame& frame : camera.frames) {
+  const std::vector<double> stamps = evened_stamps(camera);
+  for (size_t n = 0; n < camera.frames.size(); n++) {
+    const LightSights::Frame frame{stamps[n], camera.frames[n].sights};
     std::erase_if(open, [&](Open& o) {
       if (frame.time - o.path.points.back().time <= gap) return false;
       close(o, paths);

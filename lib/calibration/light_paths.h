@@ -19,7 +19,7 @@ struct LightPath {
   bool still = false;         // a lamp, or what has only been switched on: no light that is moved
 };
 
-// All of them in one camera's frames. Sights that nothing continues are left out.
+// All of them in one camera's frames, at evened_stamps(). Sights that nothing continues are left out.
 std::vector<LightPath> link_light_paths(const LightSights::Camera& camera);
 
 // Where a path is between its points: the cubic through the four around.
@@ -33,6 +33,11 @@ struct PathPlace {
 std::optional<PathPlace> place_at(const LightPath& path, double time, double frame_time);
 
 inline constexpr int kMostMissed = 2;
+
+// The frames' stamps as an even rhythm has them, frames missing here and there, where they are that but for a jitter:
+// files round stamps to a millisecond, in which a light goes half a millimetre; and drivers stamp what has arrived. As
+// they are where there is no such rhythm.
+std::vector<double> evened_stamps(const LightSights::Camera& camera);
 
 // Seconds from frame to frame, the median; 0 where there are fewer than two.
 double frame_time_of(const LightSights::Camera& camera);

@@ -26,6 +26,8 @@ constexpr size_t kEnough = 12000;       // observations that clocks are read off
 constexpr double kFirstReach = 8;       // pixels: a frame of time between cameras at first
 constexpr double kReach = 1.5;          // pixels, or
 constexpr double kReachSigmas = 6;      // of what is left of errors
+constexpr double kDrift = 2e-5;         // seconds a second: a millisecond in 50 s
+constexpr double kLate = 0.1;           // seconds
 constexpr double kSlow = 5;             // pixels a second: no clock is read off a light that rests
 
 // How much of a wrong offset in time a camera's pose and lens hide once they are adjusted to it: it moves all places
@@ -65,6 +67,7 @@ class LightSolver {
   }
 
   LightSolution run() {
+    result_.reach = options_.reach;
     step("clocks: a first guess");
     const size_t reference = coarse_clocks(paths_, frame_times_, cameras_.bar ? 2 : 1, options_.reach, result_.clocks);
     choose_instants(reference);
@@ -135,7 +138,7 @@ class LightSolver {
     o.robust = 2;
     o.max_iterations = 10;
     o.tolerance = 1e-5;
-    o.sigma = std::max(0.05, robust_sigma(residual_lengths(scene_, observations)));
+    o.sigma = std::max(0.01, robust_sigma(residual_lengths(scene_, observations)));
     adjust(scene_, observations, Inliers(observations.size(), true), o);
 
     std::vector<std::vector<ClockSample>> samples(paths_.size());
@@ -154,7 +157,7 @@ class LightSolver {
       if (speed < kSlow) continue;
       hidden[seen.camera].add(camera, target.point(seen.light), velocity);
       samples[seen.camera].push_back({result_.clocks[seen.camera].stamp_of(result_.instants[seen.position]),
-                                      -glm::dot(*e, velocity) / (speed * speed), seen.sigma / speed});
+                                      -glm::dot(*e, velocity) / (speed * speed), now.made_of[i].place.sigma / speed});
     }
     left_ = robust_sigma(std::move(left));
     double used = 0, moved = 0;
@@ -211,6 +214,57 @@ class LightSolver {
 
 LightSolution solve_lights(const LightSights& sights, const LightSolveOptions& options) {
   return LightSolver(sights, options).run();
+}
+
+std::vector<Finding> diagnose_clocks(const LightSolution& solution) {
+  using Severity = Finding::Severity;
+  std::vector<Finding> findings;
+  char text[512];
+  const auto add = [&](Severity severity, const char* code, auto... args) {
+    std::snprintf(text, sizeof text, args...);
+    findings.push_back({severity, code, text});
+  };
+  for (size_t i = 0; i < solution.clocks.size(); i++) {
+    const CameraClock& clock = solution.clocks[i];
+    const unsigned id = solution.tracks.cameras[i].id;
+    if (!clock.known) {
+      add(Severity::kError, "unknown-clock",
+          "camera %u: its light moves as in no other camera within %.0f s of its stamps: is it of another recording?",
+          id, solution.reach);
+      continue;
+    }
+    for (const CameraClock::Step& step : clock.steps)
+      add(Severity::kWarning, "dropped-frames",
+          step.frames > 0 ? "camera %u lost %d frame%s at %.2f s, and its stamps do not show it"
+                          : "camera %u has %d frame%s too many at %.2f s by its stamps",
+          id, std::abs(step.frames), std::abs(step.frames) == 1 ? "" : "s", step.stamp);
+    if (std::abs(clock.drift) > kDrift)
+      add(Severity::kWarning, "clock-drift",
+          "camera %u: its clock is %s by %.0f millionths, so that its offset does not last: give all cameras one clock",
+          id, clock.drift < 0 ? "fast" : "slow", std::abs(clock.drift) * 1e6);
+    if (std::abs(clock.offset) > kLate)
+      add(Severity::kWarning, "late-camera",
+          "camera %u: its stamps are %.1f ms %s: more than frames that run freely differ by. Did all recordings begin "
+          "with "
+          "one clock?",
+          id, 1e3 * std::abs(clock.offset), clock.offset > 0 ? "early" : "late");
+  }
+  return findings;
+}
+
+void add_clocks(const LightSolution& solution, nlohmann::ordered_json& report) {
+  for (size_t i = 0; i < solution.clocks.size(); i++) {
+    const CameraClock& clock = solution.clocks[i];
+    auto& camera = report["cameras"][i];
+    camera["reflections"] = solution.reflections[i];
+    if (!clock.known) continue;
+    camera["time_offset_ms"] = 1e3 * clock.offset;
+    camera["time_offset_sigma_ms"] = 1e3 * clock.sigma;
+    camera["clock_drift_ppm"] = 1e6 * clock.drift;
+    camera["dropped_frames"] = nlohmann::ordered_json::array();
+    for (const CameraClock::Step& step : clock.steps)
+      camera["dropped_frames"].push_back({{"stamp", step.stamp}, {"frames", step.frames}});
+  }
 }
 
 }  // namespace lf

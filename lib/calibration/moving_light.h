@@ -16,6 +16,7 @@ struct LightSolution {
   Solution solution;                // of these tracks
   std::vector<CameraClock> clocks;  // one a camera; the median of the known offsets is 0
   std::vector<size_t> reflections;  // of each camera: what was left out
+  double reach = 0;                 // seconds that clocks were looked for in
 };
 
 struct LightSolveOptions {
@@ -29,9 +30,10 @@ struct LightSolveOptions {
 LightSolution solve_lights(const LightSights& sights, const LightSolveOptions& options);
 
 // What a person must know about clocks and sights, beside what diagnose() says of the solution.
-std::vector<Finding> diagnose_clocks(const LightSolution& solution, const LightSights& sights);
+std::vector<Finding> diagnose_clocks(const LightSolution& solution);
 
-// "time_offset_ms", its sigma and the rest of it in the cameras of a calibration_report().
+// Into the cameras of a calibration_report(): "time_offset_ms", "time_offset_sigma_ms", "clock_drift_ppm",
+// "dropped_frames" ({"stamp", "frames"} each), where the clock is known, and "reflections", how many were left out.
 void add_clocks(const LightSolution& solution, nlohmann::ordered_json& report);
 
 }  // namespace lf
