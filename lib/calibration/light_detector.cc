@@ -100,7 +100,10 @@ std::vector<Sight> LightDetector::look(const uint8_t* grey, ptrdiff_t stride) {
     return static_cast<double>(*nth);
   };
   // Above the background, since much of what is below is clipped at black. Compression leaves few large ones.
-  const double noise = std::max({kLeastNoise, quantile(0.8413), quantile(0.9772) / 2});
+  // Nor is noise what a large bright thing adds to them.
+  const double small = quantile(0.6915);
+  const double noise =
+      std::max(kLeastNoise, std::min(std::max(quantile(0.8413), quantile(0.9772) / 2), 4 * small + 1.5));
   record_.noise += (noise - record_.noise) / static_cast<double>(std::min<size_t>(record_.frames - 1, 30));
 
   std::vector<Blob> blobs = find_blobs(std::max(kLeastAbove, kAbove * static_cast<float>(record_.noise)));
@@ -172,7 +175,8 @@ std::vector<LightDetector::Blob> LightDetector::find_blobs(float threshold) {
 bool LightDetector::refine(Blob& blob, const std::vector<Blob>& others, const uint8_t* grey, ptrdiff_t stride) {
   const double faint = std::pow(kAbove * record_.noise, 2);
   const auto value = [&](int x, int y) {
-    double d = at(x, y);
+    // What a light has left, since it is in the background yet, must not push its neighbours away.
+    double d = std::max(static_cast<double>(at(x, y)), -4 * record_.noise);
     for (const Blob& other : others) d -= other.light(x, y);
     // Cameras encode about the square root of light: on top of a bright light the background is next to nothing.
     const double b = background_[static_cast<size_t>(y) * width_ + x], over = std::max(0.0, d);
@@ -274,7 +278,7 @@ void LightDetector::watch_noise(const std::vector<Blob>& blobs) {
       const double expected = record_.noise * record_.noise * m.by_noise.trace();
       if (!(expected > 0)) continue;
       white_ += 1;
-      correlated_ += std::min(25.0, m.mean.squaredNorm() / expected);
+      correlated_ += std::min(6.0, m.mean.squaredNorm() / expected);
     }
 }
 

@@ -12,9 +12,9 @@
 namespace lf {
 namespace {
 
-constexpr double kBlack = 4, kBlackBrightest = 24;  // of 255: a picture that shows nothing at all
-constexpr double kBright = 50;                      // of 255: a room that is not dark
-constexpr double kMostBusy = 0.2;                   // share of the pictures
+constexpr double kBlack = 20, kBlackBrightest = 40;  // of 255: a picture that shows nothing; video's black may be 16
+constexpr double kBright = 50;                       // of 255: a room that is not dark
+constexpr double kMostBusy = 0.2;                    // share of the pictures
 constexpr double kLeastCoverage = 0.5;
 constexpr double kShorter = 0.9;  // of the longest recording
 constexpr int kColumns = 4, kRows = 3;

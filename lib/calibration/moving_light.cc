@@ -24,9 +24,10 @@ constexpr int kMostRounds = 12;         // of clocks and geometry in turn
 constexpr double kSettled = 5e-5;       // seconds
 constexpr size_t kEnough = 12000;       // observations that clocks are read off in a round
 constexpr double kFirstReach = 8;       // pixels: a frame of time between cameras at first
+constexpr double kNearer = 0.7;         // from round to round
 constexpr double kReach = 1.5;          // pixels, or
 constexpr double kReachSigmas = 6;      // of what is left of errors
-constexpr double kDrift = 2e-5;         // seconds a second: a millisecond in 50 s
+constexpr double kDrifted = 2e-3;       // seconds, from the beginning to the end
 constexpr double kLate = 0.1;           // seconds
 constexpr double kSlow = 5;             // pixels a second: no clock is read off a light that rests
 
@@ -78,9 +79,12 @@ class LightSolver {
     scene_ = begun.scene;
     model_ = begun.model;
     double moved = 1;
-    for (int round = 0; round < kMostRounds && moved > kSettled; round++) {
+    double first_reach = kFirstReach;
+    for (int round = 0; round < kMostRounds && (moved > kSettled || first_reach > reach()); round++) {
       step("clocks: round " + std::to_string(round + 1));
-      moved = read_clocks(round == 0 ? kFirstReach : reach());
+      moved = read_clocks(std::max(reach(), first_reach));
+      // Slowly: of a camera that is still late what moves fast would be left out, and it would never be found late.
+      first_reach *= kNearer;
     }
     centre_clocks();
     candidates_ = candidates_at(paths_, frame_times_, result_.clocks, result_.instants);
@@ -238,7 +242,7 @@ std::vector<Finding> diagnose_clocks(const LightSolution& solution) {
           step.frames > 0 ? "camera %u lost %d frame%s at %.2f s, and its stamps do not show it"
                           : "camera %u has %d frame%s too many at %.2f s by its stamps",
           id, std::abs(step.frames), std::abs(step.frames) == 1 ? "" : "s", step.stamp);
-    if (std::abs(clock.drift) > kDrift)
+    if (std::abs(clock.drift) * solution.seconds() > kDrifted)
       add(Severity::kWarning, "clock-drift",
           "camera %u: its clock is %s by %.0f millionths, so that its offset does not last: give all cameras one clock",
           id, clock.drift < 0 ? "fast" : "slow", std::abs(clock.drift) * 1e6);

@@ -17,6 +17,8 @@ struct LightSolution {
   std::vector<CameraClock> clocks;  // one a camera; the median of the known offsets is 0
   std::vector<size_t> reflections;  // of each camera: what was left out
   double reach = 0;                 // seconds that clocks were looked for in
+
+  double seconds() const { return instants.empty() ? 0 : instants.back() - instants.front(); }
 };
 
 struct LightSolveOptions {
