@@ -16,8 +16,7 @@
 namespace lf {
 namespace {
 
-using Eigen::Matrix2d;
-using Eigen::Vector2d;
+using Eigen::Matrix2d, Eigen::Vector2d;
 
 constexpr double kLeastNoise = 0.4;        // of 255: samples are whole numbers
 constexpr float kAbove = 5;                // sigmas over the background where an image begins
@@ -33,8 +32,7 @@ constexpr double kSettled = 2e-3;          // pixels
 constexpr double kWhole = 2.2;             // sigmas of an image that are in the picture on all sides
 constexpr double kLean = 0.5, kLeans = 4;  // of the third moment, that the centre is off by; sigmas that are no chance
 constexpr double kWander = 3;              // sigmas that the middle may move from where it was first
-constexpr double kSystematic =
-    0.01;  // pixels: of pixels' own errors and of images that are not what they are taken for
+constexpr double kSystematic = 0.007;      // pixels: of images that are not what they are taken for
 constexpr double kParting = 0.5, kParted = 0.02;  // of what parting moved a light by, and pixels at least
 constexpr double kSkirts = 5;                     // sigmas of an image that are not background
 constexpr int kProbes = 3;                        // places without light, for each light, that the noise is watched at

