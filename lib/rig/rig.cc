@@ -79,6 +79,10 @@ std::optional<CameraIndex> Rig::index_of_id(uint32_t id) const {
   return std::nullopt;
 }
 
+bool Rig::has_colour() const {
+  return std::ranges::any_of(cameras, [](const Camera& camera) { return camera.colour.has_value(); });
+}
+
 std::string Rig::resolve(const std::string& path) const {
   if (path.empty() || directory.empty() || is_uri(path)) return path;
   return (std::filesystem::path(directory) / path).string();  // an absolute `path` replaces `directory`
