@@ -29,8 +29,8 @@ void lf_compositor_announce_out_of_service(LfCompositor* self) {
 
 void lf_compositor_find_focus(LfCompositor* self) {
   auto& state = *self->state;
-  std::optional<lf::FoundFocus> found =
-      state.focus.next(*state.current, state.settings.view_focus(), state.settings.gains);
+  std::optional<lf::FoundFocus> found = state.focus.next(
+      *state.current, state.settings.view_focus(), state.settings.match_gains(state.rig && state.rig->has_colour()));
   if (!found) return;
   state.stats.set_focus(state.focus.state(), state.focus.bytes());
   state.focus.heard(tell(self, {.view_id = state.current->view_id, .focus = std::move(found)}));

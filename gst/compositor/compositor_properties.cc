@@ -94,4 +94,5 @@ void lf_compositor_install_properties(GObjectClass* klass) {
           GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_INCOMPLETE, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_FOCUS, GstPluginAPIFlags(0));
+  gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_GAINS, GstPluginAPIFlags(0));
 }

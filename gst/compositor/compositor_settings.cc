@@ -30,6 +30,18 @@ GType lf_compositor_focus_get_type(void) {
   return type;
 }
 
+GType lf_compositor_gains_get_type(void) {
+  static const GType type = [] {
+    static const GEnumValue values[] = {
+        {LF_COMPOSITOR_GAINS_FALSE, "Cameras' images are shown as bright as they come", "false"},
+        {LF_COMPOSITOR_GAINS_TRUE, "Cameras match their brightness, behind what the rig says of their colours", "true"},
+        {LF_COMPOSITOR_GAINS_AUTO, "They do until the rig says how their colours are to be corrected", "auto"},
+        {0, nullptr, nullptr}};
+    return g_enum_register_static("LfCompositorGains", values);
+  }();
+  return type;
+}
+
 namespace lf {
 
 FocusControl::Settings CompositorSettings::view_focus() const {
@@ -90,7 +102,8 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
                                    1, G_MAXUINT16),
       property<&S::gains>(kWhilePlaying, "gains", "Gains",
                           "Let cameras match their brightness to that of the others; with focus surface or auto. The "
-                          "lffragments' stats have each camera's gain"),
+                          "lffragments' stats have each camera's gain",
+                          LF_TYPE_COMPOSITOR_GAINS),
   };
   return table;
 }

@@ -31,6 +31,7 @@ std::string CameraInputs::set_rig(std::shared_ptr<const Rig> rig) {
   auto array = std::make_shared<Array>();
   array->rig_hash = rig->hash();
   array->extent = array_extent(*rig);
+  array->colours = std::make_shared<const CameraColours>(*rig);
   array->rig = std::move(rig);
   array_ = std::move(array);
   rearrange();

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "fragment/camera_frames.h"
+#include "rig/camera_colours.h"
 #include "rig/rig.h"
 
 namespace lf {
@@ -23,6 +24,7 @@ class CameraInputs {
   // As one request sees them.
   struct Array {
     std::shared_ptr<const Rig> rig;
+    std::shared_ptr<const CameraColours> colours;  // of its cameras
     uint64_t rig_hash = 0;
     double extent = 0;  // see array_extent()
     std::map<CameraIndex, Frames> cameras;

@@ -197,7 +197,9 @@ FragmentNode::Reply FragmentNode::render(const RequestHeader& request, const Mak
 
   std::span<const Source> images;
   if (!nothing) images = sources.sources();
-  AnswerMaker::Units units = requester.maker.make(*task, header, images, options, std::move(memory));
+  AnswerMaker::Options how = options;
+  how.colours = array.colours.get();
+  AnswerMaker::Units units = requester.maker.make(*task, header, images, how, std::move(memory));
   if (units.gains) stats_.set_gains(images, *units.gains);
   const NodeStats::Stages stages = {.wait = waited + (found - planned),
                                     .decode = decoded - found,

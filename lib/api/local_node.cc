@@ -66,6 +66,7 @@ AnswerMaker::Units LocalNode::answer(const ViewRequest& request, const std::vect
   AnswerMaker::Options options;
   options.resampling = to_resampling(resampling);
   options.in_process = in_process;
+  options.colours = &colours_;
   // Where no JPEG is asked for the picture is as if all cameras were on one node.
   if (request.quality == 0) options.codec = CodecChoice::kRaw16;
   options.parallel = [this](size_t count, const std::function<void(size_t)>& task) {
