@@ -100,10 +100,11 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
                                    "At most one of so many requests has trials, by which a focal surface is found: "
                                    "more where time is short and the surface may follow the scene more slowly",
                                    1, G_MAXUINT16),
-      property<&S::gains>(kWhilePlaying, "gains", "Gains",
-                          "Let cameras match their brightness to that of the others; with focus surface or auto. The "
-                          "lffragments' stats have each camera's gain",
-                          LF_TYPE_COMPOSITOR_GAINS),
+      property<&S::gains>(
+          kWhilePlaying, "gains", "Gains",
+          "Let cameras match their brightness to that of the others; with focus surface or auto. auto: as long as "
+          "`rig` does not say how their colours are to be corrected. The lffragments' stats have each camera's gain",
+          LF_TYPE_COMPOSITOR_GAINS),
   };
   return table;
 }
