@@ -48,7 +48,7 @@ struct Lens {
 // the lens's principal point:
 //   light = ((v - black) / 255) ^ gamma,  level = 255 (matrix light / (1 + k1 r^2 + k2 r^4)) ^ (1 / 2.2)
 // but for levels below 30, where powers are straight lines. See docs/design.md, "Colours".
-struct Colour {
+struct CameraColour {
   Vec3 black = {};  // of R, G, B: -64 to 64
   double gamma = 2.2;
   std::array<double, 9> matrix = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // row by row
@@ -64,7 +64,7 @@ struct Camera {
   Pose world_from_camera = {};
   std::string image = {},
               source = {};  // a still and a stream, relative to the rig's file, for those who open them; may be empty
-  std::optional<Colour> colour = {};  // as it was measured; nothing: taken as it comes
+  std::optional<CameraColour> colour = {};  // as it was measured; nothing: taken as it comes
 };
 
 // The triangles whose corners are cameras: a line of sight takes its colour from the corners of the triangle that it

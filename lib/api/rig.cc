@@ -97,9 +97,9 @@ Camera Rig::camera(size_t index) const {
   if (index >= size())
     throw Error("camera " + std::to_string(index) + " is not one of the " + std::to_string(size()) + " cameras");
   const lf::Camera& camera = data_->rig->cameras[index];
-  std::optional<Colour> colour;
+  std::optional<CameraColour> colour;
   if (const auto& of = camera.colour)
-    colour = Colour{{of->black.x, of->black.y, of->black.z}, of->gamma, of->matrix, of->vignetting};
+    colour = CameraColour{{of->black.x, of->black.y, of->black.z}, of->gamma, of->matrix, of->vignetting};
   return {camera.id,
           camera.name,
           camera.width,
