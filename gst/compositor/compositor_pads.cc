@@ -171,7 +171,7 @@ static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo*
     return GST_PAD_PROBE_DROP;
   }
   self->state->silence.asked();
-  if (peek->type == lf::wire::kWarpCommandType || peek->type == lf::wire::kPixelCommandType)
+  if (lf::wire::access_of_type(peek->type).value_or(lf::Access::kSelf) != lf::Access::kSelf)
     return GST_PAD_PROBE_DROP;  // for cameras
   if (!self->guard->admits(GST_ELEMENT(self), mapped.bytes(), self->state->extent, self->state->live))
     return GST_PAD_PROBE_DROP;

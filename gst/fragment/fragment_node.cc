@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "base/schedule.h"
+#include "node/camera_access.h"
 #include "wire/answer_writer.h"
 
 namespace lf {
@@ -60,12 +61,7 @@ void FragmentNode::cancel(Requester& requester, bool cancelled) {
 
 FragmentNode::MakeTask FragmentNode::task_maker(const wire::AnyRequest& request, const Array& array,
                                                 Requester& requester) const {
-  return [&](std::span<const CameraIndex> own) {
-    if (const auto* view = std::get_if<ViewRequest>(&request))
-      return make_task(*array.rig, requester.mesh.get(*array.rig, view->out_of_service), *view, own);
-    if (const auto* warp = std::get_if<wire::WarpCommand>(&request)) return make_task(*array.rig, *warp, own);
-    return make_task(*array.rig, std::get<wire::PixelCommand>(request), own);
-  };
+  return [&](std::span<const CameraIndex> own) { return make_task(*array.rig, requester.mesh, request, own); };
 }
 
 wire::AnswerHeader FragmentNode::header_of(const wire::AnyRequest& any) const {

@@ -22,7 +22,7 @@ CameraSet parse_out_of_service(const Rig* rig, const std::string& list) {
 }  // namespace
 
 RequestStream::RequestStream(const ViewRequestSettings& settings)
-    : access_(settings.access), schedule_(settings.fps_n, settings.fps_d), loop_(settings.loop) {
+    : access_(CameraAccess::of(settings.access)), schedule_(settings.fps_n, settings.fps_d), loop_(settings.loop) {
   set_rig(settings.rig.empty() ? nullptr : shared_rig(settings.rig), settings.out_of_service);
   if (rig_) default_viewpoint_ = lf::default_viewpoint(*rig_);
   if (!settings.location.empty()) playback_.emplace(load_views(settings.location), schedule_, settings.loop);
@@ -34,8 +34,7 @@ GstClockTime RequestStream::end() const {
 }
 
 void RequestStream::set_rig(std::shared_ptr<const Rig> rig, const std::string& out_of_service) {
-  if (access_ != Access::kSelf && !rig)
-    throw Error("access: needs the property rig, from which commands for the cameras are made");
+  if (access_ && !rig) throw Error("access: needs the property rig, from which commands for the cameras are made");
   out_of_service_ = parse_out_of_service(rig.get(), out_of_service);
   rig_ = std::move(rig);
   rig_hash_ = rig_ ? rig_->hash() : 0;
@@ -90,12 +89,10 @@ RequestSlot RequestStream::ahead_of_turn(const RequestSlot& slot, GstClockTime n
 }
 
 std::vector<uint8_t> RequestStream::command_for(const ViewRequest& request, const std::shared_ptr<const Rig>& rig) {
-  if (access_ == Access::kSelf) return {};
+  if (!access_) return {};
   if (request.rig_hash != 0 && request.rig_hash != rig->hash()) throw Error("rig: the request is for another one");
   if (std::exchange(mesh_rig_, rig) != rig) mesh_.clear();
-  const Mesh& mesh = mesh_.get(*rig, request.out_of_service);
-  if (access_ == Access::kWarp) return wire::encode_command(warp_command(*rig, mesh, request));
-  return wire::encode_command(pixel_command(*rig, mesh, request));
+  return wire::encode_any_request(access_->command(*rig, mesh_.get(*rig, request.out_of_service), request));
 }
 
 uint32_t RequestStream::advance(const RequestSlot& slot) {

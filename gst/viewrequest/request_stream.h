@@ -10,6 +10,7 @@
 
 #include "base/schedule.h"
 #include "common/access.h"
+#include "node/camera_access.h"
 #include "rig/mesh.h"
 #include "view/navigator.h"
 #include "view/views_json.h"
@@ -32,7 +33,8 @@ class RequestStream {
   explicit RequestStream(const ViewRequestSettings& settings);
 
   const Schedule& schedule() const { return schedule_; }
-  bool makes_commands() const { return access_ != Access::kSelf; }
+  // How the view's cameras have to be told of their parts; null: they find out themselves.
+  const CameraAccess* access() const { return access_; }
   const std::shared_ptr<const Rig>& rig() const { return rig_; }  // may be null
   uint64_t rig_hash() const { return rig_hash_; }
   const CameraSet& out_of_service() const { return out_of_service_; }
@@ -74,7 +76,7 @@ class RequestStream {
 
  private:
   std::shared_ptr<const Rig> rig_;
-  Access access_;
+  const CameraAccess* const access_;
   MeshCache mesh_;
   std::shared_ptr<const Rig> mesh_rig_;  // of mesh_
   uint64_t rig_hash_ = 0;

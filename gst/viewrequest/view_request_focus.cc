@@ -18,7 +18,7 @@ gboolean lf_view_request_focus_at(LfViewRequest* self, gdouble x, gdouble y) {
   if (!std::isfinite(x) || !std::isfinite(y)) return FALSE;
   GST_OBJECT_LOCK(self);
   // Cameras that are told where to look (access) try nothing.
-  const bool can = self->stream && !self->stream->from_file() && !self->stream->makes_commands();
+  const bool can = self->stream && !self->stream->from_file() && !self->stream->access();
   const lf::View view = can ? lf_view_request_view(self) : lf::View();
   GST_OBJECT_UNLOCK(self);
   if (!can) return FALSE;
@@ -44,7 +44,7 @@ GstFlowReturn lf_view_request_wait_for_focus(LfViewRequest* self) {
     GST_OBJECT_LOCK(self);
     const guint view_id = self->settings->view_id;
     GST_OBJECT_UNLOCK(self);
-    self->awaits_focus = !self->stream->makes_commands() && lf::is_focus_found(GST_BASE_SRC_PAD(self), view_id);
+    self->awaits_focus = !self->stream->access() && lf::is_focus_found(GST_BASE_SRC_PAD(self), view_id);
     self->asked_for_focus = true;
   }
   if (!self->awaits_focus || !self->has_sent) return GST_FLOW_OK;

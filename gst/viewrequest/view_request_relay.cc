@@ -124,7 +124,7 @@ void lf_view_request_install_relay(GstElementClass* klass) {
 // Made for a mesh that may be another one here.
 static void drop_command(LfViewRequest* self) {
   GST_LOG_OBJECT(self, "dropped a command");
-  if (!self->warned_commands && !self->stream->makes_commands())
+  if (!self->warned_commands && !self->stream->access())
     GST_ELEMENT_WARNING(self, STREAM, FAILED,
                         ("Commands for cameras end here: set the property \"access\" of this relay, in place of the "
                          "viewer's."),
@@ -142,18 +142,19 @@ bool lf_view_request_keep_focus(LfViewRequest* self, guint view_id, lf::FoundFoc
 static bool complete_request(LfViewRequest* self, lf::ViewRequest& request) {
   lf::ObjectLock lock(self);
   const lf::CameraSet own = self->stream->out_of_service();
-  const lf::Access access = self->settings->access;
   lock.unlock();
   lf::CameraSet all;
   std::ranges::set_union(request.out_of_service, own, std::back_inserter(all));
   all = self->out_of_service->with_announced(request.view_id, all);
   bool changed = std::exchange(request.out_of_service, all) != all;
-  if (access == lf::Access::kWarp) changed |= std::exchange(request.view.blending, {}) != lf::Blending{};
-  if (access == lf::Access::kSelf) return self->relayed_focus->apply(request) || changed;
+  const lf::CameraAccess* access = self->stream->access();
+  if (!access) return self->relayed_focus->apply(request) || changed;
+  const lf::Blending asked = request.view.blending;
+  request.view.blending = access->blending(asked);
   // Cameras that are told where to look try no depths.
   request.trials.clear();
   request.gains = {};
-  return std::exchange(request.view.focus.map, nullptr) || changed;
+  return std::exchange(request.view.focus.map, nullptr) || request.view.blending != asked || changed;
 }
 
 GstFlowReturn lf_view_request_relay(LfViewRequest* self, GstBuffer** out) {

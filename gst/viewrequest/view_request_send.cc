@@ -55,7 +55,7 @@ void lf_view_request_send_more(LfViewRequest* self, const lf::ViewRequest& reque
     gst_queue_array_push_tail(self->to_send, buffer);
   };
   send(command_of(self, request, rig));
-  if (!self->stream->makes_commands() && !lf_view_request_is_relay(self))
+  if (!self->stream->access() && !lf_view_request_is_relay(self))
     if (std::optional<lf::ViewRequest> sweep = self->focus_feedback->next_sweep(request, rig.get())) {
       sweep->sequence = self->stream->number();
       self->focus_feedback->sweep_sent(sweep->sequence);

@@ -9,10 +9,12 @@
 GST_DEBUG_CATEGORY_EXTERN(lf_view_request_debug);
 #define GST_CAT_DEFAULT lf_view_request_debug
 
-// Of views of a file, too. Cameras that are told triangles know no other weights.
+// Of views of a file, too.
 static lf::Blending current_blending(LfViewRequest* self) {
-  if (self->settings->access == lf::Access::kWarp) return {};
-  return lf::blending_of(self->control->viewpoint().aperture, static_cast<int>(self->settings->nearest_cameras));
+  const lf::Blending asked =
+      lf::blending_of(self->control->viewpoint().aperture, static_cast<int>(self->settings->nearest_cameras));
+  const lf::CameraAccess* access = self->stream->access();
+  return access ? access->blending(asked) : asked;
 }
 
 GstClockTime lf_view_request_capture_delay(LfViewRequest* self) {
@@ -138,7 +140,7 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   lock.unlock();
 
   // Cameras that are told where to look try no depths: their pictures are of the viewer's plane.
-  if (!self->stream->makes_commands()) self->focus_feedback->apply(request);
+  if (!self->stream->access()) self->focus_feedback->apply(request);
   self->has_sent = true;
   self->last_sequence = request.sequence;
   *out = lf::encode_request_buffer(request);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // In any view of any rig, the hard cases of numerical stability included, cameras that are told do what those do that
 // find out: to the last bit. Bound: 0.
-#include "node/commands.h"
+#include "node/camera_access.h"
 
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@ using reference::Random;
 ViewPlan told_plan(const Rig& rig, const Mesh& mesh, const View& view) {
   ViewRequest request;
   request.view = view;
-  const auto bytes = wire::encode_command(warp_command(rig, mesh, request));
+  const auto bytes = wire::encode_any_request(CameraAccess::of(Access::kWarp)->command(rig, mesh, request));
   return {wire::decode_warp_command(bytes).value().warp, rig.cameras.size()};
 }
 

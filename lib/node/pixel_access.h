@@ -3,9 +3,12 @@
 
 #include <span>
 
-#include "node/answer_renderer.h"
+#include "node/camera_access.h"
 
 namespace lf {
+
+// Cameras that only have pixels to give: each is told a rectangle of its image, and the compositor warps.
+const CameraAccess& pixel_access();
 
 // Which pixels of a camera's image are asked for.
 struct PixelSource {

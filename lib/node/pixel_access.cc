@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "node/pixel_answer.h"
+#include "node/pixel_access.h"
 
+#include <algorithm>
+#include <string>
+
+#include "base/error.h"
 #include "base/schedule.h"
+#include "render/camera_projection.h"
 #include "render/sum_planes.h"
 #include "wire/fragment_codec.h"
 #include "wire/strips.h"
@@ -59,7 +64,60 @@ wire::AnswerFragment cut(const PixelSource& from, const Rect& rect, ByteBuffer& 
   return fragment;
 }
 
+class PixelTask : public AnswerTask {
+ public:
+  PixelTask(const Rig& rig, const wire::PixelCommand& command, std::span<const CameraIndex> own)
+      : quality_(command.quality) {
+    for (const wire::PixelCommand::Region& region : command.regions) {
+      if (!std::ranges::binary_search(own, region.camera)) continue;
+      const Camera& camera = rig.cameras[region.camera];
+      if (intersect(region.rect, {0, 0, camera.width, camera.height}) != region.rect)
+        throw Error("camera " + std::to_string(camera.id) + ": pixels outside of its image are asked for");
+      cameras_.push_back(region.camera);
+      regions_.push_back(region.rect);
+    }
+  }
+
+  const std::vector<CameraIndex>& cameras() const override { return cameras_; }
+  Rect region(CameraIndex camera) const override {
+    return regions_[static_cast<size_t>(std::ranges::lower_bound(cameras_, camera) - cameras_.begin())];
+  }
+  RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Options& options,
+                        ByteBuffer memory, const ParallelFor& parallel) const override {
+    std::vector<PixelSource> pixels;
+    for (const Source& source : sources)
+      if (source.image.family != PixelFamily::kNone) pixels.push_back({source, region(source.camera)});
+    const CodedAs form = choose_codec(options.codec, options.in_process, quality_);
+    return pixel_answer(header, pixels, form.quality, options.strip_pixels, std::move(memory), parallel);
+  }
+
+ private:
+  const int quality_;
+  std::vector<CameraIndex> cameras_;
+  std::vector<Rect> regions_;  // of these
+};
+
+class PixelAccess : public CameraAccess {
+ public:
+  wire::AnyRequest command(const Rig& rig, const Mesh& mesh, const ViewRequest& request) const override {
+    const ViewPlan plan(rig, mesh, request.view);
+    wire::PixelCommand command{request, request.view.width, request.view.height, {}};
+    for (const CameraIndex camera : plan.contributors())
+      command.regions.push_back({camera, needed_pixels(plan, camera, rig.cameras[camera])});
+    return command;
+  }
+  std::unique_ptr<AnswerTask> task(const Rig& rig, const wire::AnyRequest& command,
+                                   std::span<const CameraIndex> own) const override {
+    return std::make_unique<PixelTask>(rig, std::get<wire::PixelCommand>(command), own);
+  }
+};
+
 }  // namespace
+
+const CameraAccess& pixel_access() {
+  static const PixelAccess access;
+  return access;
+}
 
 RenderedAnswer pixel_answer(const wire::AnswerHeader& header, std::span<const PixelSource> sources, int quality,
                             int strip_pixels, ByteBuffer memory, const ParallelFor& parallel) {

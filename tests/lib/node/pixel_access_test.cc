@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "node/pixel_answer.h"
+#include "node/pixel_access.h"
 
 #include <gtest/gtest.h>
 
