@@ -10,7 +10,7 @@ enum {
   PROP_0,
   PROP_STATS,
   PROP_FIRST_LIMIT,
-  PROP_FIRST_SETTING = PROP_FIRST_LIMIT + lf::RequestGuard::kMaxViews  // it has one view
+  PROP_FIRST_SETTING = PROP_FIRST_LIMIT + lf::RequestGuard::kNumProperties
 };
 
 Settings lf_compositor_settings(LfCompositor* self) {
@@ -42,14 +42,9 @@ static bool lf_compositor_may_be_partial(LfCompositor* self, gboolean partial) {
   return false;
 }
 
-static bool is_limit(guint id) { return id >= PROP_FIRST_LIMIT && id < PROP_FIRST_SETTING; }
-static lf::RequestGuard::Property limit_of(guint id) {
-  return static_cast<lf::RequestGuard::Property>(id - PROP_FIRST_LIMIT);
-}
-
 static void lf_compositor_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfCompositor* self = LF_COMPOSITOR(object);
-  if (is_limit(id)) return self->guard->set(limit_of(id), value);
+  if (self->guard->set(id, value)) return;
   if (lf::is_running(GST_ELEMENT(self))) {
     if (lf::is_named(pspec, "rig") && !lf_compositor_reload_rig(self, g_value_get_string(value))) return;
     if (lf::is_named(pspec, "partial") && !lf_compositor_may_be_partial(self, g_value_get_boolean(value))) return;
@@ -61,18 +56,20 @@ static void lf_compositor_set_property(GObject* object, guint id, const GValue* 
 
 static void lf_compositor_get_property(GObject* object, guint id, GValue* value, GParamSpec*) {
   LfCompositor* self = LF_COMPOSITOR(object);
-  if (is_limit(id)) return self->guard->get(limit_of(id), value);
+  if (self->guard->get(id, value)) return;
   if (id != PROP_STATS) return Settings::properties().get(lf_compositor_settings(self), id, value);
   GstStructure* stats = self->state->stats.structure();
   self->guard->add_stats(stats);
   g_value_take_boxed(value, stats);
 }
 
+lf::RequestGuard* lf_compositor_guard_new() { return new lf::RequestGuard(PROP_FIRST_LIMIT); }
+
 void lf_compositor_install_properties(GObjectClass* klass) {
   klass->set_property = lf::callback<lf_compositor_set_property>;
   klass->get_property = lf::callback<lf_compositor_get_property>;
   Settings::properties().install(klass, PROP_FIRST_SETTING);
-  lf::RequestGuard::install(klass, PROP_FIRST_LIMIT, false);
+  lf::RequestGuard::install(klass, PROP_FIRST_LIMIT, false);  // it has one view
   g_object_class_install_property(
       klass, PROP_STATS,
       g_param_spec_boxed(

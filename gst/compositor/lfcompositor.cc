@@ -193,7 +193,7 @@ static void lf_compositor_class_init(LfCompositorClass* klass) {
 static void lf_compositor_init(LfCompositor* self) {
   self->settings = new lf::CompositorSettings;
   self->state = new _LfCompositor::State(GST_AGGREGATOR(self));
-  self->guard = new lf::RequestGuard;
+  self->guard = lf_compositor_guard_new();
   lf_compositor_add_request_pad(self);
   g_object_set(self, "latency", kDefaultLatency, nullptr);
 }

@@ -69,6 +69,7 @@ struct _LfCompositor {
 
 // compositor_properties.cc
 void lf_compositor_install_properties(GObjectClass* klass);
+lf::RequestGuard* lf_compositor_guard_new();
 // A copy, as they are now.
 lf::CompositorSettings lf_compositor_settings(LfCompositor* self);
 guint lf_compositor_view_id(LfCompositor* self);

@@ -196,14 +196,9 @@ static GstStateChangeReturn lf_rtp_depay_change_state(GstElement* element, GstSt
   return result;
 }
 
-static bool is_limit(guint id) { return id >= PROP_FIRST_LIMIT && id < PROP_STATS; }
-static lf::RequestGuard::Property limit_of(guint id) {
-  return static_cast<lf::RequestGuard::Property>(id - PROP_FIRST_LIMIT);
-}
-
 static void lf_rtp_depay_set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
   LfRtpDepay* self = LF_RTP_DEPAY(object);
-  if (is_limit(id)) return self->guard->set(limit_of(id), value);
+  if (self->guard->set(id, value)) return;
   switch (id) {
     case PROP_MAX_PENDING_BYTES:
       GST_OBJECT_LOCK(self);
@@ -216,7 +211,7 @@ static void lf_rtp_depay_set_property(GObject* object, guint id, const GValue* v
 
 static void lf_rtp_depay_get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
   LfRtpDepay* self = LF_RTP_DEPAY(object);
-  if (is_limit(id)) return self->guard->get(limit_of(id), value);
+  if (self->guard->get(id, value)) return;
   switch (id) {
     case PROP_MAX_PENDING_BYTES:
       GST_OBJECT_LOCK(self);
@@ -294,7 +289,7 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
 
 static void lf_rtp_depay_init(LfRtpDepay* self) {
   self->max_pending_bytes = kDefaultMaxPendingBytes;
-  self->guard = new lf::RequestGuard;
+  self->guard = new lf::RequestGuard(PROP_FIRST_LIMIT);
   // max-reorder: the base class drops what was overtaken; our own window knows duplicates. auto-header-extension:
   // GStreamer 1.22.0 never comes back from a malformed header extension.
   g_object_set(self, "max-reorder", 0, "auto-header-extension", FALSE, nullptr);

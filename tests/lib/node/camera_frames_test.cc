@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // The one place where streaming threads meet: also run under ThreadSanitizer (tests/sanitize.sh thread).
-#include "fragment/camera_frames.h"
+#include "node/camera_frames.h"
 
 #include <gtest/gtest.h>
 
@@ -13,6 +13,7 @@ namespace lf {
 namespace {
 
 using Mode = CameraFrames::Mode;
+using Pushed = CameraFrames::Pushed;
 
 CameraFrame frame(uint64_t time) {
   CameraFrame frame;
@@ -22,7 +23,7 @@ CameraFrame frame(uint64_t time) {
 
 TEST(CameraFrames, TakesNothingWhileStopped) {
   CameraFrames frames;
-  EXPECT_EQ(frames.push(frame(0)), GST_FLOW_FLUSHING);
+  EXPECT_EQ(frames.push(frame(0)), Pushed::kStopped);
   EXPECT_FALSE(frames.find(0, true));
 }
 
@@ -32,7 +33,7 @@ TEST(CameraFrames, RequestsAndFramesOfAFileMeetOneByOne) {
   frames.start_stream(false);
   constexpr uint64_t kCount = 5000;
   std::thread camera([&] {
-    for (uint64_t t = 0; t < kCount; t++) ASSERT_EQ(frames.push(frame(t * 10)), GST_FLOW_OK);
+    for (uint64_t t = 0; t < kCount; t++) ASSERT_EQ(frames.push(frame(t * 10)), Pushed::kTaken);
     frames.end_stream();
   });
   for (uint64_t t = 0; t < kCount; t++) {
@@ -51,7 +52,7 @@ TEST(CameraFrames, ACameraNobodyLooksAtKeepsUp) {
   frames.start_stream(false);
   std::atomic<uint64_t> pushed{0};
   std::thread camera([&] {
-    for (uint64_t t = 0; t < 100; t++, pushed++) ASSERT_EQ(frames.push(frame(t)), GST_FLOW_OK);
+    for (uint64_t t = 0; t < 100; t++, pushed++) ASSERT_EQ(frames.push(frame(t)), Pushed::kTaken);
   });
   for (uint64_t t = 0; t < 100; t++) frames.advance(t);
   camera.join();
@@ -72,7 +73,7 @@ TEST(CameraFrames, AfterALossThereIsNothingBeyondTheLastFrame) {
     CameraFrames frames;
     frames.set_mode(Mode::kRunning);
     frames.start_stream(live);
-    for (const uint64_t time : {0, 10}) EXPECT_EQ(frames.push(frame(time)), GST_FLOW_OK);
+    for (const uint64_t time : {0, 10}) EXPECT_EQ(frames.push(frame(time)), Pushed::kTaken);
     frames.lose_stream();
     EXPECT_EQ(frames.find(19, true)->time, 10u) << "its own time";
     EXPECT_FALSE(frames.find(20, true)) << "and nobody waits";
@@ -80,7 +81,7 @@ TEST(CameraFrames, AfterALossThereIsNothingBeyondTheLastFrame) {
     frames.end_stream();
     EXPECT_FALSE(frames.find(30, true)) << "no end makes it stand for ever";
     frames.start_stream(live);
-    EXPECT_EQ(frames.push(frame(40)), GST_FLOW_OK);
+    EXPECT_EQ(frames.push(frame(40)), Pushed::kTaken);
     EXPECT_EQ(frames.find(40, true)->time, 40u);
   }
 }
@@ -106,7 +107,7 @@ TEST(CameraFrames, LiveFramesAreKeptForAsLongAsRequestsLookBack) {
   frames.start_stream(true);
   constexpr uint64_t kPeriod = 33'000'000, kBack = 500'000'000;
   for (uint64_t k = 0; k < 300; k++) {
-    ASSERT_EQ(frames.push(frame(k * kPeriod)), GST_FLOW_OK);
+    ASSERT_EQ(frames.push(frame(k * kPeriod)), Pushed::kTaken);
     if (k * kPeriod < kBack) continue;
     const uint64_t wanted = k * kPeriod - kBack;
     const std::optional<CameraFrame> found = frames.find(wanted, false);
@@ -134,7 +135,7 @@ TEST(CameraFrames, StoppingWakesBothSides) {
     frames.start_stream(false);
     std::thread camera([&] {
       uint64_t t = 0;
-      while (frames.push(frame(t)) == GST_FLOW_OK) t++;
+      while (frames.push(frame(t)) == Pushed::kTaken) t++;
     });
     std::thread requester([&] { frames.find(1'000'000'000'000, true); });
     std::thread stopper([&] { frames.set_mode(Mode::kStopped); });
@@ -148,20 +149,26 @@ TEST(CameraFrames, FinishingTellsTheCameraEos) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);
   frames.start_stream(false);
-  std::atomic<GstFlowReturn> last{GST_FLOW_OK};
+  std::atomic<Pushed> last{Pushed::kTaken};
   std::thread camera([&] {
-    for (uint64_t t = 0; last == GST_FLOW_OK; t++) last = frames.push(frame(t));
+    for (uint64_t t = 0; last == Pushed::kTaken; t++) last = frames.push(frame(t));
   });
   frames.set_mode(Mode::kFinished);
   camera.join();
-  EXPECT_EQ(last, GST_FLOW_EOS);
+  EXPECT_EQ(last, Pushed::kEnded);
 }
 
 // Frames are told apart, never opened.
-std::shared_ptr<JpegFrame> jpeg(int id) { return {std::shared_ptr<void>(), reinterpret_cast<JpegFrame*>(0x1000 + id)}; }
-CameraFrame compressed(uint64_t time, int id) {
+struct Compressed : CameraPicture {
+  int width() const override { return 8; }
+  int height() const override { return 8; }
+  bool is_compressed() const override { return true; }
+  bool takes_work(PixelFamily) const override { return true; }
+  std::shared_ptr<const ImageView> view(PixelFamily, const Rect&) override { return nullptr; }
+};
+CameraFrame compressed(uint64_t time, const std::shared_ptr<CameraPicture>& picture) {
   CameraFrame f = frame(time);
-  f.jpeg = jpeg(id);
+  f.picture = picture;
   return f;
 }
 
@@ -170,20 +177,22 @@ TEST(CameraFrames, TheFrameBeforeADamagedOneServes) {
     CameraFrames frames;
     frames.set_mode(Mode::kRunning);
     frames.start_stream(live);
-    frames.push(compressed(0, 1));
-    frames.push(compressed(10, 2));
-    EXPECT_EQ(frames.find(10, true)->jpeg, jpeg(2));
-    ASSERT_EQ(frames.push_damaged(20), GST_FLOW_OK);
+    const auto one = std::make_shared<Compressed>(), two = std::make_shared<Compressed>(),
+               three = std::make_shared<Compressed>();
+    frames.push(compressed(0, one));
+    frames.push(compressed(10, two));
+    EXPECT_EQ(frames.find(10, true)->picture, two);
+    ASSERT_EQ(frames.push_damaged(20), Pushed::kTaken);
     const std::optional<CameraFrame> found = frames.find(20, true);
-    EXPECT_EQ(found->jpeg, jpeg(2));
+    EXPECT_EQ(found->picture, two);
     EXPECT_EQ(found->time, 10u) << "it is of another time, and says so";
-    ASSERT_EQ(frames.push(compressed(30, 3)), GST_FLOW_OK);
-    EXPECT_EQ(frames.find(30, true)->jpeg, jpeg(3));
+    ASSERT_EQ(frames.push(compressed(30, three)), Pushed::kTaken);
+    EXPECT_EQ(frames.find(30, true)->picture, three);
     bool first = false;
-    EXPECT_EQ(frames.replace_damaged(jpeg(3), &first)->jpeg, jpeg(2));
+    EXPECT_EQ(frames.replace_damaged(three.get(), &first)->picture, two);
     EXPECT_TRUE(first);
-    EXPECT_EQ(frames.find(30, true)->jpeg, jpeg(2)) << "for all who ask from now on";
-    EXPECT_EQ(frames.replace_damaged(jpeg(3), &first)->jpeg, jpeg(2)) << "one that still had it";
+    EXPECT_EQ(frames.find(30, true)->picture, two) << "for all who ask from now on";
+    EXPECT_EQ(frames.replace_damaged(three.get(), &first)->picture, two) << "one that still had it";
     EXPECT_FALSE(first);
   }
 }
@@ -192,9 +201,10 @@ TEST(CameraFrames, WithoutAFrameBeforeItADamagedOneIsNone) {
   CameraFrames frames;
   frames.set_mode(Mode::kRunning);
   frames.start_stream(true);
-  frames.push(compressed(0, 1));
-  EXPECT_FALSE(frames.replace_damaged(jpeg(1)));
-  EXPECT_FALSE(frames.find(0, true)->jpeg);
+  const auto picture = std::make_shared<Compressed>();
+  frames.push(compressed(0, picture));
+  EXPECT_FALSE(frames.replace_damaged(picture.get()));
+  EXPECT_FALSE(frames.find(0, true)->picture);
 }
 
 TEST(CameraFrames, AFlushForgetsWhatIsHeldAndItsEnd) {
@@ -204,10 +214,10 @@ TEST(CameraFrames, AFlushForgetsWhatIsHeldAndItsEnd) {
   frames.push(frame(3));
   frames.end_stream();
   frames.set_flushing(true);
-  EXPECT_EQ(frames.push(frame(4)), GST_FLOW_FLUSHING);
+  EXPECT_EQ(frames.push(frame(4)), Pushed::kStopped);
   frames.set_flushing(false);
   EXPECT_EQ(frames.held(), 0u);
-  EXPECT_EQ(frames.push(frame(9)), GST_FLOW_OK);
+  EXPECT_EQ(frames.push(frame(9)), Pushed::kTaken);
   EXPECT_EQ(frames.find(9, true)->time, 9u);
 }
 

@@ -7,12 +7,12 @@
 #include <vector>
 
 #include "base/worker_pool.h"
-#include "fragment/camera_image.h"
+#include "node/camera_picture.h"
 #include "render/sum_renderer.h"
 
 namespace lf {
 
-// The frames that one request is answered from, held, mapped and decoded where the request looks.
+// The frames that one request is answered from, held, and decoded where the request looks.
 class FrameSources {
  public:
   // `region`: what is needed of a camera's image.
@@ -23,9 +23,8 @@ class FrameSources {
 
   // What serves in place of a damaged frame, if anything does.
   using Replace = std::function<std::optional<CameraFrame>(CameraIndex camera, const CameraFrame& damaged)>;
-  // Call once after the last add(): decodes what the view needs of compressed frames into `family` (of the node), and
-  // converts frames of the other one, which came before it was chosen.
-  // `replace` is called from the threads of `parallel`.
+  // Call once after the last add(): makes images of `family` (of the node), of compressed frames of what the view
+  // needs. `replace` is called from the threads of `parallel`.
   void decode(PixelFamily family, const Replace& replace, const ParallelFor& parallel);
 
   // Those whose frame is gone or damaged have no image.
@@ -36,17 +35,13 @@ class FrameSources {
   PixelFamily family() const;
 
  private:
-  bool decode_one(size_t i, PixelFamily family);
-  void convert_one(size_t i, PixelFamily family);
-  void map(size_t i);
+  void decode_one(size_t i, PixelFamily family, const Replace& replace);
 
   const Rig& rig_;
   const std::function<Rect(CameraIndex)> region_;
   std::vector<Source> sources_;
   std::vector<CameraFrame> frames_;
-  std::vector<std::unique_ptr<MappedFrame>> mapped_;  // null for JPEG
-  std::vector<Image> converted_;                      // of JPEG frames in a node of RGB
-  std::vector<size_t> pending_;                       // of which decode() has to make an image
+  std::vector<std::shared_ptr<const ImageView>> views_;
 };
 
 }  // namespace lf

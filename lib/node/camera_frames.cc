@@ -1,14 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "fragment/camera_frames.h"
+#include "node/camera_frames.h"
 
 #include <algorithm>
 
 namespace lf {
-
-bool CameraFrame::fits(const Camera& camera) const {
-  if (jpeg) return jpeg->width() == camera.width && jpeg->height() == camera.height;
-  return buffer && info.width == camera.width && info.height == camera.height;
-}
 
 void CameraFrames::set_mode(Mode mode) {
   std::lock_guard lock(mutex_);
@@ -32,7 +27,8 @@ void CameraFrames::note_arrival(int64_t late) {
 
 void CameraFrames::drop_oldest() {
   if (!frames_.front().used) dropped_++;
-  if (frames_.front().frame.jpeg) before_ = std::move(frames_.front().frame);
+  const CameraPicture* picture = frames_.front().frame.picture.get();
+  if (picture && picture->is_compressed()) before_ = std::move(frames_.front().frame);
   frames_.pop_front();
 }
 
@@ -53,12 +49,12 @@ void CameraFrames::advance(uint64_t time) {
   changed_.notify_all();
 }
 
-GstFlowReturn CameraFrames::push(CameraFrame frame) {
+CameraFrames::Pushed CameraFrames::push(CameraFrame frame) {
   const uint64_t time = frame.time;
   return push_at(time, std::move(frame));
 }
 
-GstFlowReturn CameraFrames::push_damaged(uint64_t time) { return push_at(time, std::nullopt); }
+CameraFrames::Pushed CameraFrames::push_damaged(uint64_t time) { return push_at(time, std::nullopt); }
 
 // The frame before the earliest time looked for is kept too: it may be the nearest.
 bool CameraFrames::has_too_many() const {
@@ -66,15 +62,15 @@ bool CameraFrames::has_too_many() const {
   return frames_.size() > kMostLiveFrames || frames_.back().time - frames_[1].time >= reach_;
 }
 
-GstFlowReturn CameraFrames::push_at(uint64_t time, std::optional<CameraFrame> frame) {
+CameraFrames::Pushed CameraFrames::push_at(uint64_t time, std::optional<CameraFrame> frame) {
   std::unique_lock lock(mutex_);
   if (!live_)
     changed_.wait(lock, [this] {
       drop_passed();
       return mode_ == Mode::kStopped || flushing_ || mode_ == Mode::kFinished || frames_.size() < kFileFrames;
     });
-  if (mode_ == Mode::kStopped || flushing_) return GST_FLOW_FLUSHING;
-  if (mode_ == Mode::kFinished) return GST_FLOW_EOS;
+  if (mode_ == Mode::kStopped || flushing_) return Pushed::kStopped;
+  if (mode_ == Mode::kFinished) return Pushed::kEnded;
   // Time may jump back (a stream started again without a flush): what is held is then of another time line.
   if (!frames_.empty() && frames_.back().time > time) earliest_ = INT64_MAX;
   while (!frames_.empty() && frames_.back().time > time) drop_oldest();
@@ -85,17 +81,17 @@ GstFlowReturn CameraFrames::push_at(uint64_t time, std::optional<CameraFrame> fr
   frames_.push_back({time, std::move(*frame)});
   while (has_too_many()) drop_oldest();
   changed_.notify_all();
-  return GST_FLOW_OK;
+  return Pushed::kTaken;
 }
 
-std::optional<CameraFrame> CameraFrames::replace_damaged(const std::shared_ptr<JpegFrame>& damaged, bool* first) {
+std::optional<CameraFrame> CameraFrames::replace_damaged(const CameraPicture* damaged, bool* first) {
   std::lock_guard lock(mutex_);
-  bool known = before_.jpeg == damaged;
+  bool known = before_.picture.get() == damaged;
   if (known) before_ = {};
   CameraFrame serves = before_;
   std::optional<CameraFrame> result;
   for (Held& held : frames_) {
-    if (held.frame.jpeg == damaged) {
+    if (held.frame.picture.get() == damaged) {
       held.frame = serves;
       known = true;
       result = serves;
@@ -105,7 +101,7 @@ std::optional<CameraFrame> CameraFrames::replace_damaged(const std::shared_ptr<J
   }
   if (first) *first = known;
   if (!result) result = before_;  // it is no longer held: what was before it is the best there is
-  if (!result->jpeg) return std::nullopt;
+  if (!result->picture) return std::nullopt;
   return result;
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Also run under ThreadSanitizer (tests/sanitize.sh thread).
-#include "fragment/camera_inputs.h"
+#include "node/camera_inputs.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "fragment/card.h"
+#include "node/card.h"
 
 namespace lf {
 

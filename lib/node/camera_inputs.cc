@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "fragment/camera_inputs.h"
+#include "node/camera_inputs.h"
 
 #include <algorithm>
 

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "fragment/camera_frames.h"
+#include "node/camera_frames.h"
 #include "rig/rig.h"
 
 namespace lf {

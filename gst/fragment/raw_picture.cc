@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "fragment/camera_image.h"
+#include "fragment/raw_picture.h"
 
 #include <cstring>
 
@@ -89,11 +89,11 @@ static void lay_out_planar(const GstVideoFrame& in, GstVideoFrame& out) {
   }
 }
 
-CameraFrame FrameConverter::run(const Step& step, GstBuffer* buffer) {
-  CameraFrame result{share(gst_buffer_new_allocate(nullptr, step.to.size, nullptr)), step.to};
+std::shared_ptr<GstBuffer> FrameConverter::run(const Step& step, GstBuffer* buffer) {
+  std::shared_ptr<GstBuffer> result = share(gst_buffer_new_allocate(nullptr, step.to.size, nullptr));
   GstVideoFrame in, out;
-  if (!gst_video_frame_map(&in, const_cast<GstVideoInfo*>(&step.from), buffer, GST_MAP_READ)) return {};
-  if (gst_video_frame_map(&out, const_cast<GstVideoInfo*>(&step.to), result.buffer.get(), GST_MAP_WRITE)) {
+  if (!gst_video_frame_map(&in, const_cast<GstVideoInfo*>(&step.from), buffer, GST_MAP_READ)) return nullptr;
+  if (gst_video_frame_map(&out, const_cast<GstVideoInfo*>(&step.to), result.get(), GST_MAP_WRITE)) {
     if (step.converter)
       gst_video_converter_frame(step.converter.get(), &in, &out);
     else
@@ -104,41 +104,57 @@ CameraFrame FrameConverter::run(const Step& step, GstBuffer* buffer) {
   return result;
 }
 
-CameraFrame FrameConverter::convert(GstBuffer* buffer, bool keep_original) const {
-  const CameraFrame original{share(buffer), input_};
-  CameraFrame frame = original;
+std::shared_ptr<RawPicture> FrameConverter::convert(GstBuffer* buffer, bool keep_original) const {
+  const std::shared_ptr<GstBuffer> original = share(buffer);
+  std::shared_ptr<GstBuffer> converted = original;
   for (const Step& step : steps_)
-    if (frame.buffer) frame = run(step, frame.buffer.get());
-  if (keep_original && !steps_.empty()) frame.original = std::make_shared<const CameraFrame>(original);
-  return frame;
+    if (converted) converted = run(step, converted.get());
+  if (!converted) return nullptr;
+  if (steps_.empty()) return std::make_shared<RawPicture>(original, input_);
+  return std::make_shared<RawPicture>(converted, steps_.back().to,
+                                      keep_original ? std::make_shared<RawPicture>(original, input_) : nullptr);
 }
 
-CameraFrame in_family(const CameraFrame& frame, PixelFamily family) {
-  if (family_of(frame.info) == family) return frame;
-  const CameraFrame& from = frame.original ? *frame.original : frame;
-  CameraFrame converted = FrameConverter(from.info, family).convert(gst_buffer_ref(from.buffer.get()));
-  converted.time = frame.time;
-  return converted;
-}
+namespace {
 
-MappedFrame::MappedFrame(const CameraFrame& frame)
-    : ok_(gst_video_frame_map(&frame_, const_cast<GstVideoInfo*>(&frame.info), frame.buffer.get(), GST_MAP_READ)) {}
-
-MappedFrame::~MappedFrame() {
-  if (ok_) gst_video_frame_unmap(&frame_);
-}
-
-ImageView MappedFrame::view() const {
-  ImageView view;
-  view.family = family_of(frame_.info);
-  view.width = GST_VIDEO_FRAME_WIDTH(&frame_);
-  view.height = GST_VIDEO_FRAME_HEIGHT(&frame_);
-  if (view.family == PixelFamily::kRgb) view.layout = rgb_layout(frame_.info);
-  for (unsigned i = 0; i < GST_VIDEO_FRAME_N_PLANES(&frame_); i++) {
-    view.plane[i] = static_cast<const uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&frame_, i));
-    view.stride[i] = GST_VIDEO_FRAME_PLANE_STRIDE(&frame_, i);
+// A buffer mapped for reading as long as this lives.
+struct MappedFrame {
+  MappedFrame(const std::shared_ptr<GstBuffer>& buffer, const GstVideoInfo& info)
+      : buffer(buffer), ok(gst_video_frame_map(&frame, const_cast<GstVideoInfo*>(&info), buffer.get(), GST_MAP_READ)) {
+    if (!ok) return;
+    view.family = family_of(info);
+    view.width = GST_VIDEO_FRAME_WIDTH(&frame);
+    view.height = GST_VIDEO_FRAME_HEIGHT(&frame);
+    if (view.family == PixelFamily::kRgb) view.layout = rgb_layout(info);
+    for (unsigned i = 0; i < GST_VIDEO_FRAME_N_PLANES(&frame); i++) {
+      view.plane[i] = static_cast<const uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&frame, i));
+      view.stride[i] = GST_VIDEO_FRAME_PLANE_STRIDE(&frame, i);
+    }
   }
-  return view;
+  ~MappedFrame() {
+    if (ok) gst_video_frame_unmap(&frame);
+  }
+  MappedFrame(const MappedFrame&) = delete;
+  MappedFrame& operator=(const MappedFrame&) = delete;
+
+  const std::shared_ptr<GstBuffer> buffer;
+  GstVideoFrame frame;
+  const bool ok;
+  ImageView view;
+};
+
+}  // namespace
+
+std::shared_ptr<const ImageView> RawPicture::view(PixelFamily family, const Rect&) {
+  if (!takes_work(family)) return map();
+  const RawPicture& from = original_ ? *original_ : *this;
+  const auto converted = FrameConverter(from.info_, family).convert(gst_buffer_ref(from.buffer_.get()));
+  return converted ? converted->map() : nullptr;
+}
+
+std::shared_ptr<const ImageView> RawPicture::map() const {
+  const auto mapped = std::make_shared<const MappedFrame>(buffer_, info_);
+  return mapped->ok ? std::shared_ptr<const ImageView>(mapped, &mapped->view) : nullptr;
 }
 
 }  // namespace lf

@@ -6,8 +6,9 @@
 #include <map>
 #include <mutex>
 #include <span>
-
-#include <gst/gst.h>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "base/percentiles.h"
 #include "focus/camera_gains.h"
@@ -15,7 +16,7 @@
 
 namespace lf {
 
-// What lffragment has done and how long its stages took. Thread-safe.
+// What a node has done and how long its stages took. Thread-safe.
 struct NodeStats {
   std::atomic<uint64_t> requests{0}, bad_requests{0}, rig_mismatches{0}, answers{0}, drawn{0}, fragments{0}, bytes{0},
       skipped{0}, superseded{0}, missing_frames{0}, stale_frames{0}, damaged_frames{0};
@@ -31,8 +32,10 @@ struct NodeStats {
   void add(const Stages& stages);
   // What the cameras of a request were divided by.
   void set_gains(std::span<const Source> cameras, const CameraGains& gains);
-  // The `stats` property; owned by the caller.
-  GstStructure* structure() const;
+  // All numbers by name; stages as the latest answer's and as percentiles of the latest ones, nanoseconds.
+  std::vector<std::pair<std::string, uint64_t>> all() const;
+  // By the camera's id, for those that images were divided by.
+  std::map<uint32_t, float> gains() const;
 
  private:
   mutable std::mutex mutex_;

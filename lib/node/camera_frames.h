@@ -9,27 +9,10 @@
 #include <mutex>
 #include <optional>
 
-#include <gst/video/video.h>
-
-#include "jpeg/jpeg_frame.h"
-#include "rig/rig.h"
+#include "node/camera_picture.h"
 #include "view/view_request.h"
 
 namespace lf {
-
-// A camera image in the node's pixel family (its own where that was not chosen yet), ready to be mapped and rendered
-// from; or one as compressed as it came, decoded where a view looks.
-struct CameraFrame {
-  std::shared_ptr<GstBuffer> buffer;
-  GstVideoInfo info;
-  std::shared_ptr<const CameraFrame> original;  // as it came, if it is converted and may have to be to the other family
-  std::shared_ptr<JpegFrame> jpeg;              // in place of buffer and info
-  uint64_t behind = 0;                          // how much later it came than frames of this stream can, nanoseconds
-  uint64_t time = 0;  // capture time, nanoseconds: clock time of live cameras, running time of others
-
-  // Whether it is a picture of the size that the rig has the camera in.
-  bool fits(const Camera& camera) const;
-};
 
 // The latest frames of one camera. Thread-safe.
 //
@@ -49,10 +32,15 @@ class CameraFrames {
   void set_mode(Mode mode);
 
   void start_stream(bool live);
-  // Hands over a frame. GST_FLOW_FLUSHING while flushing, GST_FLOW_EOS when no request will come any more.
-  GstFlowReturn push(CameraFrame frame);
+  enum class Pushed {
+    kTaken,
+    kStopped,  // or flushing
+    kEnded,    // no request will come any more
+  };
+  // Hands over a frame.
+  Pushed push(CameraFrame frame);
   // The same for a frame that is damaged: the one before it serves in its place, too.
-  GstFlowReturn push_damaged(uint64_t time);
+  Pushed push_damaged(uint64_t time);
   // The next frame to be handed over comes so much later than it was taken, nanoseconds.
   void note_arrival(int64_t late);
   void end_stream();   // EOS: the last frame stands for all times after it
@@ -71,7 +59,7 @@ class CameraFrames {
 
   // A frame from find() turned out to be damaged where a request looks: the one before it serves from now on. True in
   // *first (may be null) to the first that says so.
-  std::optional<CameraFrame> replace_damaged(const std::shared_ptr<JpegFrame>& damaged, bool* first = nullptr);
+  std::optional<CameraFrame> replace_damaged(const CameraPicture* damaged, bool* first = nullptr);
 
   std::optional<CameraFrame> newest() const;
   bool is_live() const;
@@ -88,7 +76,7 @@ class CameraFrames {
   void look_back(uint64_t time);                             // locked
   bool has_too_many() const;                                 // locked
 
-  GstFlowReturn push_at(uint64_t time, std::optional<CameraFrame> frame);
+  Pushed push_at(uint64_t time, std::optional<CameraFrame> frame);
 
   struct Held {
     uint64_t time;      // of the frame, or of the damaged one in whose place it serves

@@ -9,10 +9,10 @@
 
 namespace lf {
 
-// What renders the sums of an lffragment.
+// What renders the sums of a node.
 enum class RendererChoice { kCpu, kGl };
 
-// The graphics card of an lffragment with renderer=gl: opened when there is something to draw, as that takes tens to
+// The graphics card of a node that is to use one: opened when there is something to draw, as that takes tens to
 // hundreds of milliseconds; and left alone for good once it can't be opened or is lost. Thread-safe.
 class Card {
  public:

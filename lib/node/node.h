@@ -9,10 +9,10 @@
 
 #include "base/byte_buffer.h"
 #include "base/worker_pool.h"
-#include "fragment/camera_inputs.h"
-#include "fragment/frame_sources.h"
-#include "fragment/node_stats.h"
 #include "node/answer_maker.h"
+#include "node/camera_inputs.h"
+#include "node/frame_sources.h"
+#include "node/node_stats.h"
 #include "node/skew_watch.h"
 #include "rig/mesh.h"
 #include "wire/answer.h"
@@ -20,9 +20,8 @@
 
 namespace lf {
 
-// The inside of lffragment without its pads: the cameras of a node and the answering of requests. answer() may run in
-// several threads, one per requester.
-class FragmentNode {
+// The cameras of a node, and the answering of requests. answer() may run in several threads, one per requester.
+class Node {
  public:
   NodeStats& stats() { return stats_; }
   CameraInputs& inputs() { return inputs_; }
@@ -34,7 +33,6 @@ class FragmentNode {
     MeshCache mesh;
     SkewWatch watch;
     AnswerMaker maker;
-    uint64_t used = 0;           // when its user used it last
     uint64_t warned_of = 0;      // hash of another rig that a person has been told of
     uint64_t warned_behind = 0;  // when one was told that frames come late, now_ns()
     // Nothing is waited for, see cancel(); some may have it in common.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "fragment/fragment_node.h"
+#include "node/node.h"
 
 #include <algorithm>
 #include <tuple>
@@ -30,8 +30,8 @@ std::string milliseconds(uint64_t ns) { return std::to_string(ns / 1'000'000) + 
 
 }  // namespace
 
-std::string FragmentNode::skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report,
-                                       Requester& requester) const {
+std::string Node::skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report,
+                               Requester& requester) const {
   if (!report) return "";
   const bool is_behind = report->is_late && report->behind > report->period;
   if (is_behind) {
@@ -54,17 +54,16 @@ std::string FragmentNode::skew_warning(const Rig& rig, const std::optional<SkewW
               : "new: is the clock that of all machines?");
 }
 
-void FragmentNode::cancel(Requester& requester, bool cancelled) {
+void Node::cancel(Requester& requester, bool cancelled) {
   *requester.cancelled = cancelled;
   inputs_.wake();
 }
 
-FragmentNode::MakeTask FragmentNode::task_maker(const wire::AnyRequest& request, const Array& array,
-                                                Requester& requester) const {
+Node::MakeTask Node::task_maker(const wire::AnyRequest& request, const Array& array, Requester& requester) const {
   return [&](std::span<const CameraIndex> own) { return make_task(*array.rig, requester.mesh, request, own); };
 }
 
-wire::AnswerHeader FragmentNode::header_of(const wire::AnyRequest& any) const {
+wire::AnswerHeader Node::header_of(const wire::AnyRequest& any) const {
   const RequestHeader& request = wire::head_of(any);
   wire::AnswerHeader header;
   header.view_id = request.view_id;
@@ -75,7 +74,7 @@ wire::AnswerHeader FragmentNode::header_of(const wire::AnyRequest& any) const {
   return header;
 }
 
-FragmentNode::Reply FragmentNode::skip(const wire::AnyRequest& request) {
+Node::Reply Node::skip(const wire::AnyRequest& request) {
   stats_.requests++;
   stats_.skipped++;
   wire::AnswerHeader header = header_of(request);
@@ -83,8 +82,7 @@ FragmentNode::Reply FragmentNode::skip(const wire::AnyRequest& request) {
   return {.brightness = {}, .moments = {}, .bytes = wire::AnswerWriter(header, 0).finish()};
 }
 
-FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester& requester, const Options& options,
-                                         ByteBuffer memory) {
+Node::Reply Node::answer(const wire::AnyRequest& any, Requester& requester, const Options& options, ByteBuffer memory) {
   stats_.requests++;
   const RequestHeader& request = wire::head_of(any);
   wire::AnswerHeader header = header_of(any);
@@ -118,9 +116,9 @@ FragmentNode::Reply FragmentNode::answer(const wire::AnyRequest& any, Requester&
       .brightness = {}, .moments = {}, .bytes = wire::AnswerWriter(header, 0).finish(), .warning = std::move(warning)};
 }
 
-FragmentNode::Reply FragmentNode::render(const RequestHeader& request, const MakeTask& make_task, const Array& array,
-                                         Requester& requester, const Options& options, wire::AnswerHeader header,
-                                         ByteBuffer memory, uint64_t waited) {
+Node::Reply Node::render(const RequestHeader& request, const MakeTask& make_task, const Array& array,
+                         Requester& requester, const Options& options, wire::AnswerHeader header, ByteBuffer memory,
+                         uint64_t waited) {
   const uint64_t begun = now_ns();
   std::vector<CameraIndex> own;
   for (const auto& [camera, frames] : array.cameras) {
@@ -160,7 +158,7 @@ FragmentNode::Reply FragmentNode::render(const RequestHeader& request, const Mak
       family,
       [&](CameraIndex camera, const CameraFrame& damaged) {
         bool first = false;
-        auto before = array.cameras.at(camera)->replace_damaged(damaged.jpeg, &first);
+        auto before = array.cameras.at(camera)->replace_damaged(damaged.picture.get(), &first);
         if (first) stats_.damaged_frames++;
         if (before && !before->fits(array.rig->cameras[camera])) before.reset();
         return before;
