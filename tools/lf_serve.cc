@@ -2,8 +2,6 @@
 // lf-serve: anybody with a browser flies through the light field.
 #include <glib-unix.h>
 #include <gst/gst.h>
-#include <malloc.h>
-#include <sys/resource.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -17,7 +15,7 @@
 #include "base/host_list.h"
 #include "base/json_value.h"
 #include "command_line.h"
-#include "serve/encoder.h"
+#include "serve/environment.h"
 #include "serve/film.h"
 #include "serve/http_server.h"
 #include "serve/launch.h"
@@ -37,30 +35,6 @@ struct Options {
   Limits limits;
 };
 
-// Making a key takes up to a second; the first viewer should not wait for it.
-void make_dtls_key() {
-  GstElement* decoder = gst_element_factory_make("dtlsdec", nullptr);
-  if (!decoder) throw lf::Error("element dtlsdec is not installed (gstreamer1.0-plugins-bad)");
-  g_autofree gchar* pem = nullptr;
-  g_object_get(decoder, "pem", &pem, nullptr);
-  gst_object_unref(decoder);
-}
-
-void check_elements() {
-  const std::pair<const char*, const char*> needed[] = {{"lfviewrequest", "gst-lightfield: see GST_PLUGIN_PATH"},
-                                                        {"webrtcbin", "gstreamer1.0-plugins-bad"},
-                                                        {"nicesrc", "gstreamer1.0-nice"},
-                                                        {"rtph264pay", "gstreamer1.0-plugins-good"},
-                                                        {"srtpenc", "gstreamer1.0-plugins-bad"}};
-  for (const auto& [element, package] : needed) {
-    GstElementFactory* factory = gst_element_factory_find(element);
-    if (!factory) throw lf::Error(std::string("element ") + element + " is not installed (" + package + ")");
-    gst_object_unref(factory);
-  }
-  if (!can_encode(VideoCodec::kH264) && !can_encode(VideoCodec::kVp8))
-    throw lf::Error("no encoder is installed for H.264 (gstreamer1.0-plugins-ugly) or VP8 (gstreamer1.0-plugins-good)");
-}
-
 // "NAME=FILE".
 std::pair<std::string, std::string> parse_path(const std::string& text) {
   const size_t equals = text.find('=');
@@ -77,14 +51,6 @@ std::vector<lf::NodeAddress> nodes_of(const std::string& text) {
   } catch (const lf::Error& error) {
     throw lf::Error(std::string("--nodes ") + error.what());
   }
-}
-
-// A viewer takes about ten files, a camera two: the usual 1024 are soon used up.
-void raise_file_limit() {
-  rlimit limit{};
-  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
-  limit.rlim_cur = std::min<rlim_t>(limit.rlim_max, 65536);
-  setrlimit(RLIMIT_NOFILE, &limit);
 }
 
 gboolean quit(gpointer loop) {
@@ -209,18 +175,15 @@ class Program {
 void serve(Options& options) {
   check_options(options);
   options.node_addresses = nodes_of(options.nodes);
-  check_elements();
-  make_dtls_key();
+  prepare_elements();
   Program(options).run();
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  // Viewers come and go with all their threads: with an arena each, memory would be torn to pieces.
-  mallopt(M_ARENA_MAX, 2);
+  prepare_process();
   setlinebuf(stdout);
-  raise_file_limit();
   Options o;
   cli::App app("Serves a page in which everybody flies their own virtual camera, and the same streams over WHEP.",
                "lf-serve");
