@@ -46,8 +46,6 @@
  * ]| The cameras of two other hosts.
  */
 
-#include "bins/lfviewsrc.h"
-
 #include <memory>
 #include <string>
 
@@ -199,8 +197,7 @@ static void lf_view_src_finalize(GObject* object) {
   LfViewSrc* self = LF_VIEW_SRC(object);
   gst_clear_object(&self->inside->realtime);
   delete self->inside;
-  g_free(self->rig);
-  delete self->hosts;
+  delete self->settings;
   G_OBJECT_CLASS(lf_view_src_parent_class)->finalize(object);
 }
 
@@ -223,9 +220,8 @@ static void lf_view_src_class_init(LfViewSrcClass* klass) {
 }
 
 static void lf_view_src_init(LfViewSrc* self) {
-  self->is_live = TRUE;
   self->inside = new _LfViewSrc::Inside;
-  self->hosts = new LfViewSrcHosts;
+  self->settings = new LfViewSrcSettings;
   // Requests to hosts leave by a sink, which is none of the pipeline's.
   gst_bin_set_suppressed_flags(GST_BIN(self), GST_ELEMENT_FLAG_SINK);
   try {

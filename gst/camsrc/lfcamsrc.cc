@@ -49,13 +49,7 @@
 GST_DEBUG_CATEGORY(lf_cam_src_debug);
 #define GST_CAT_DEFAULT lf_cam_src_debug
 
-namespace {
-
 using Settings = lf::CamSrcSettings;
-
-enum { PROP_0, PROP_STATS, PROP_FIRST_SETTING };
-
-}  // namespace
 
 G_DEFINE_TYPE_WITH_CODE(LfCamSrc, lf_cam_src, GST_TYPE_BIN,
                         GST_DEBUG_CATEGORY_INIT(lf_cam_src_debug, "lfcamsrc", 0, "one camera of a rig as a source"))
@@ -257,21 +251,9 @@ static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
 
 // --- GObject --------------------------------------------------------------------------------------------------------
 
-static void lf_cam_src_set_property(GObject* object, guint id, const GValue* value, GParamSpec*) {
-  LfCamSrc* self = LF_CAM_SRC(object);
-  lf::ObjectLock lock(self);
-  Settings::properties().set(*self->settings, id, value);
-  lock.unlock();
-}
-
-static void lf_cam_src_get_property(GObject* object, guint id, GValue* value, GParamSpec*) {
-  LfCamSrc* self = LF_CAM_SRC(object);
-  if (id == PROP_STATS) {
-    return g_value_take_boxed(value, lf_cam_src_stats(self, "application/x-lightfield-camera-stats"));
-  }
-  lf::ObjectLock lock(self);
-  Settings::properties().get(*self->settings, id, value);
-  lock.unlock();
+static Settings& settings_of(LfCamSrc* self) { return *self->settings; }
+static GstStructure* stats_of(LfCamSrc* self) {
+  return lf_cam_src_stats(self, "application/x-lightfield-camera-stats");
 }
 
 static void lf_cam_src_finalize(GObject* object) {
@@ -287,19 +269,13 @@ static void lf_cam_src_finalize(GObject* object) {
 
 static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = lf::callback<lf_cam_src_set_property>;
-  object_class->get_property = lf::callback<lf_cam_src_get_property>;
   object_class->finalize = lf_cam_src_finalize;
 
-  Settings::properties().install(object_class, PROP_FIRST_SETTING);
-  g_object_class_install_property(
-      object_class, PROP_STATS,
-      g_param_spec_boxed(
-          "stats", "Statistics",
-          "state (stopped, opening, running, ended or lost), reason of the latest loss, losses, retries, "
-          "dropped: frames left undecoded because this machine can't decode all, and capture-time: how it is known "
-          "(source: as its source stamps frames; of RTSP sender-reports, or arrival as long as there are none)",
-          GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+  lf::Properties<settings_of, stats_of>::install(
+      object_class,
+      "state (stopped, opening, running, ended or lost), reason of the latest loss, losses, retries, "
+      "dropped: frames left undecoded because this machine can't decode all, and capture-time: how it is known "
+      "(source: as its source stamps frames; of RTSP sender-reports, or arrival as long as there are none)");
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_cam_src_change_state>;

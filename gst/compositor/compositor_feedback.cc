@@ -4,9 +4,6 @@
 #include "common/view_feedback.h"
 #include "compositor/lfcompositor_private.h"
 
-GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
-#define GST_CAT_DEFAULT lf_compositor_debug
-
 static bool tell(LfCompositor* self, const lf::ViewFeedback& feedback) {
   return gst_pad_push_event(self->request, lf::view_feedback_event(feedback));
 }

@@ -3,9 +3,6 @@
 #include "common/view_feedback.h"
 #include "compositor/lfcompositor_private.h"
 
-GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
-#define GST_CAT_DEFAULT lf_compositor_debug
-
 namespace {
 
 GstStaticPadTemplate sink_template =

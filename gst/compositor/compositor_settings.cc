@@ -4,29 +4,22 @@
 #include "fragment/lffragment.h"
 
 GType lf_compositor_incomplete_get_type(void) {
-  static const GType type = [] {
-    static const GEnumValue values[] = {
-        {LF_COMPOSITOR_INCOMPLETE_CONCEAL,
-         "Show what there is; with `rig`, the other cameras make up for what is missing, and the picture before where "
-         "nothing is left",
-         "conceal"},
-        {LF_COMPOSITOR_INCOMPLETE_REPEAT, "Show the picture before again; conceal before the first", "repeat"},
-        {LF_COMPOSITOR_INCOMPLETE_DROP, "Show nothing", "drop"},
-        {0, nullptr, nullptr}};
-    return g_enum_register_static("LfCompositorIncomplete", values);
-  }();
+  static const GType type = lf::register_enum<LfCompositorIncomplete>(
+      "LfCompositorIncomplete",
+      {{LF_COMPOSITOR_INCOMPLETE_CONCEAL,
+        "Show what there is; with `rig`, the other cameras make up for what is missing, and the picture before where "
+        "nothing is left",
+        "conceal"},
+       {LF_COMPOSITOR_INCOMPLETE_REPEAT, "Show the picture before again; conceal before the first", "repeat"},
+       {LF_COMPOSITOR_INCOMPLETE_DROP, "Show nothing", "drop"}});
   return type;
 }
 
 GType lf_compositor_focus_get_type(void) {
-  static const GType type = [] {
-    static const GEnumValue values[] = {
-        {static_cast<gint>(lf::FocusMode::kPlane), "The viewer's focal plane", "plane"},
-        {static_cast<gint>(lf::FocusMode::kSurface), "Every pixel on its own: trials with every request", "surface"},
-        {static_cast<gint>(lf::FocusMode::kAuto), "The same with as many trials as the scene needs", "auto"},
-        {0, nullptr, nullptr}};
-    return g_enum_register_static("LfCompositorFocus", values);
-  }();
+  static const GType type = lf::register_enum<lf::FocusMode>(
+      "LfCompositorFocus", {{lf::FocusMode::kPlane, "The viewer's focal plane", "plane"},
+                            {lf::FocusMode::kSurface, "Every pixel on its own: trials with every request", "surface"},
+                            {lf::FocusMode::kAuto, "The same with as many trials as the scene needs", "auto"}});
   return type;
 }
 

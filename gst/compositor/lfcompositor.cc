@@ -64,7 +64,6 @@
 #include "compositor/lfcompositor_private.h"
 
 GST_DEBUG_CATEGORY(lf_compositor_debug);
-#define GST_CAT_DEFAULT lf_compositor_debug
 
 namespace {
 

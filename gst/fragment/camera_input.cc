@@ -8,9 +8,6 @@
 #include "common/gst_wire.h"
 #include "fragment/lffragment_private.h"
 
-GST_DEBUG_CATEGORY_EXTERN(lf_fragment_debug);
-#define GST_CAT_DEFAULT lf_fragment_debug
-
 namespace lf {
 namespace {
 
@@ -35,7 +32,8 @@ bool CameraInput::assign() {
   const std::shared_ptr<const Rig> rig = node_.inputs().array()->rig;
   if (!rig) return false;  // the state change has failed with an error already
   const guint number = static_cast<guint>(g_ascii_strtoull(GST_PAD_NAME(pad_) + strlen("sink_"), nullptr, 10));
-  const guint id = pad_->camera >= 0 ? static_cast<guint>(pad_->camera) : from_stream_.value_or(number);
+  const guint id =
+      pad_->settings.camera >= 0 ? static_cast<guint>(pad_->settings.camera) : from_stream_.value_or(number);
   if (!rig->index_of_id(id)) {
     const std::string path = lf_fragment_settings(element_).rig;
     GST_ELEMENT_ERROR(element_, RESOURCE, SETTINGS,
@@ -77,10 +75,10 @@ bool CameraInput::set_caps(GstCaps* caps) {
   return true;
 }
 
-void CameraInput::start_stream(bool live, GstClockTime latency) {
-  live_ = live;
-  latency_ = latency;
-  frames_->start_stream(live);
+void CameraInput::start_stream(std::optional<GstClockTime> latency) {
+  live_ = latency.has_value();
+  latency_ = latency.value_or(0);
+  frames_->start_stream(live_);
 }
 
 // Only at the first frame of a format: which camera it is comes after the caps.

@@ -38,7 +38,8 @@ class CameraInput {
   // Frames are ready before their time.
   void note_paced() { frames_->note_arrival(static_cast<int64_t>(latency_)); }
   bool set_caps(GstCaps* caps);
-  void start_stream(bool live, GstClockTime latency);
+  // `latency`: nothing where it does not come in real time.
+  void start_stream(std::optional<GstClockTime> latency);
   // Takes a buffer, which was captured at the time that its stamps in `segment` say (null: none came).
   GstFlowReturn take(GstBuffer* buffer, const GstSegment* segment);
   // Forgets frames, format and camera. While the streaming thread is out.

@@ -1,28 +1,16 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "fragment/lffragment_private.h"
 
-GST_DEBUG_CATEGORY_EXTERN(lf_fragment_debug);
-#define GST_CAT_DEFAULT lf_fragment_debug
-
 G_DEFINE_FINAL_TYPE(LfFragmentPad, lf_fragment_pad, GST_TYPE_PAD)
 
-enum { PAD_PROP_0, PAD_PROP_CAMERA };
-
-static void lf_fragment_pad_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
-  LfFragmentPad* pad = LF_FRAGMENT_PAD(object);
-  if (id == PAD_PROP_CAMERA)
-    pad->camera = g_value_get_int(value);
-  else
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
+lf::PropertyTable<LfFragmentPadSettings>& LfFragmentPadSettings::properties() {
+  static lf::PropertyTable<LfFragmentPadSettings> table = {lf::property<&LfFragmentPadSettings::camera>(
+      lf::kWhileReady, "camera", "Camera",
+      "Id of this pad's camera in the rig (-1: as the stream of lfcamsrc says, else the pad's number)", -1, G_MAXINT)};
+  return table;
 }
 
-static void lf_fragment_pad_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
-  LfFragmentPad* pad = LF_FRAGMENT_PAD(object);
-  if (id == PAD_PROP_CAMERA)
-    g_value_set_int(value, pad->camera);
-  else
-    G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
-}
+static LfFragmentPadSettings& settings_of(LfFragmentPad* pad) { return pad->settings; }
 
 static void lf_fragment_pad_finalize(GObject* object) {
   delete LF_FRAGMENT_PAD(object)->input;
@@ -31,18 +19,11 @@ static void lf_fragment_pad_finalize(GObject* object) {
 
 static void lf_fragment_pad_class_init(LfFragmentPadClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = lf::callback<lf_fragment_pad_set_property>;
-  object_class->get_property = lf::callback<lf_fragment_pad_get_property>;
   object_class->finalize = lf_fragment_pad_finalize;
-  g_object_class_install_property(
-      object_class, PAD_PROP_CAMERA,
-      g_param_spec_int("camera", "Camera",
-                       "Id of this pad's camera in the rig (-1: as the stream of lfcamsrc says, else the pad's number)",
-                       -1, G_MAXINT, -1,
-                       GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
+  lf::Properties<settings_of>::install(object_class);
 }
 
-static void lf_fragment_pad_init(LfFragmentPad* pad) { pad->camera = -1; }
+static void lf_fragment_pad_init(LfFragmentPad* pad) { pad->settings = {}; }
 
 static gboolean lf_fragment_camera_event(GstPad* pad, GstObject* parent, GstEvent* event) {
   lf::CameraInputs& inputs = LF_FRAGMENT(parent)->state->node.inputs();
@@ -64,12 +45,7 @@ static gboolean lf_fragment_camera_event(GstPad* pad, GstObject* parent, GstEven
       ok = input.set_caps(caps);
       break;
     }
-    case GST_EVENT_SEGMENT: {
-      GstClockTime latency = 0;
-      const bool live = lf_fragment_upstream_is_live(pad, &latency);
-      input.start_stream(live, latency);
-      break;
-    }
+    case GST_EVENT_SEGMENT: input.start_stream(lf::live_latency(pad)); break;
     case GST_EVENT_CUSTOM_DOWNSTREAM:
       if (!gst_event_has_name(event, LF_CAMERA_LOST)) break;
       inputs.give_up(input.frames());
@@ -94,8 +70,7 @@ static gboolean lf_fragment_propose_allocation(GstPad* pad, GstQuery* query) {
   GstVideoInfo info;
   if (caps && gst_structure_has_name(gst_caps_get_structure(caps, 0), "video/x-raw") &&
       gst_video_info_from_caps(&info, caps)) {
-    const size_t kept =
-        lf_fragment_upstream_is_live(pad) ? lf::CameraFrames::kLiveFrames : lf::CameraFrames::kFileFrames;
+    const size_t kept = lf::live_latency(pad) ? lf::CameraFrames::kLiveFrames : lf::CameraFrames::kFileFrames;
     gst_query_add_allocation_pool(query, nullptr, static_cast<guint>(info.size), static_cast<guint>(kept + 1), 0);
   }
   gst_query_add_allocation_meta(query, GST_VIDEO_META_API_TYPE, nullptr);

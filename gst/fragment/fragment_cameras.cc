@@ -5,17 +5,6 @@
 #include "common/common.h"
 #include "fragment/lffragment_private.h"
 
-GST_DEBUG_CATEGORY_EXTERN(lf_fragment_debug);
-#define GST_CAT_DEFAULT lf_fragment_debug
-
-bool lf_fragment_upstream_is_live(GstPad* sink, GstClockTime* latency) {
-  GstQuery* query = gst_query_new_latency();
-  gboolean live = FALSE;
-  if (gst_pad_peer_query(sink, query)) gst_query_parse_latency(query, &live, latency, nullptr);
-  gst_query_unref(query);
-  return live;
-}
-
 std::vector<lf::PadPtr> lf_fragment_camera_pads(LfFragment* self) {
   std::vector<lf::PadPtr> pads;
   const lf::ObjectLock lock(self);

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "fragment/lffragment_private.h"
 
-GST_DEBUG_CATEGORY_EXTERN(lf_fragment_debug);
-#define GST_CAT_DEFAULT lf_fragment_debug
-
 using lf::PadPtr;
 using lf::Requester;
 
@@ -52,7 +49,7 @@ static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEve
       break;
     }
     case GST_EVENT_SEGMENT:
-      requester.place.begin(lf_fragment_upstream_is_live(pad));
+      requester.place.begin(lf::live_latency(pad).has_value());
       requester.compositor.note_change();
       break;
     case GST_EVENT_EOS:

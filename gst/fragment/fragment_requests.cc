@@ -7,9 +7,6 @@
 #include "fragment/lffragment_private.h"
 #include "wire/request_codec.h"
 
-GST_DEBUG_CATEGORY_EXTERN(lf_fragment_debug);
-#define GST_CAT_DEFAULT lf_fragment_debug
-
 namespace {
 
 // A request that is to be answered, and what is known of it when it comes.
@@ -84,7 +81,7 @@ static void lf_fragment_post_answer(LfFragment* self, const Job& job, const lf::
           GST_OBJECT(self),
           gst_structure_new("lightfield-answer", "view-id", G_TYPE_UINT, head.view_id, "sequence", G_TYPE_UINT,
                             head.sequence, "pts", G_TYPE_UINT64, job.pts, "fragments", G_TYPE_UINT,
-                            static_cast<guint>(reply.fragments), "bytes", G_TYPE_UINT64, bytes, "wait-ns",
+                            static_cast<guint>(reply.answer.fragments), "bytes", G_TYPE_UINT64, bytes, "wait-ns",
                             G_TYPE_UINT64, s.wait, "decode-ns", G_TYPE_UINT64, s.decode, "render-ns", G_TYPE_UINT64,
                             s.render, "encode-ns", G_TYPE_UINT64, s.encode, nullptr)));
 }
@@ -133,12 +130,12 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
     const GstFlowReturn flow = lf_fragment_push(self, src, lf::wrap_bytes(std::move(*before)), job);
     if (flow != GST_FLOW_OK) return flow;
   }
-  GstBuffer* out = lf::wrap_answer(std::move(reply.bytes), requester.memory);
+  GstBuffer* out = lf::wrap_answer(std::move(reply.answer.bytes), requester.memory);
   node.stats().answers++;
-  node.stats().fragments += reply.fragments;
+  node.stats().fragments += reply.answer.fragments;
   if (settings.post_messages) lf_fragment_post_answer(self, job, reply, gst_buffer_get_size(out));
   GST_LOG_OBJECT(pad, "view %u, request %u: %zu fragments, %" G_GSIZE_FORMAT " bytes", head.view_id, head.sequence,
-                 reply.fragments, gst_buffer_get_size(out));
+                 reply.answer.fragments, gst_buffer_get_size(out));
   return lf_fragment_push(self, src, out, job);
 }
 

@@ -48,7 +48,6 @@
 #include "fragment/lffragment_private.h"
 
 GST_DEBUG_CATEGORY(lf_fragment_debug);
-#define GST_CAT_DEFAULT lf_fragment_debug
 
 namespace {
 
@@ -166,7 +165,7 @@ static bool lf_fragment_start(LfFragment* self) {
   // A camera that the application names counts from the start on: its weight is lost in a sum until it has a frame.
   for (const lf::PadPtr& pad : lf_fragment_camera_pads(self)) {
     LfFragmentPad* camera_pad = LF_FRAGMENT_PAD(pad.get());
-    if (camera_pad->camera < 0 || camera_pad->input->assign()) continue;
+    if (camera_pad->settings.camera < 0 || camera_pad->input->assign()) continue;
     lf_fragment_set_mode(self, lf::CameraFrames::Mode::kStopped);
     return false;
   }

@@ -15,13 +15,22 @@
 #include "fragment/requester.h"
 #include "node/card.h"
 
+GST_DEBUG_CATEGORY_EXTERN(lf_fragment_debug);
+#define GST_CAT_DEFAULT lf_fragment_debug
+
 // What the files of lffragment share: lffragment.cc (the element), fragment_properties.cc, fragment_camera_pad.cc
 // (camera pads), fragment_cameras.cc (all cameras together), fragment_pad_pair.cc (a requester's pads) and
 // fragment_requests.cc (requests in, answers out).
 
+// Properties of a camera pad.
+struct LfFragmentPadSettings {
+  gint camera = -1;  // id in the rig, -1: told by the stream, else the pad's number
+  static lf::PropertyTable<LfFragmentPadSettings>& properties();
+};
+
 struct _LfFragmentPad {
   GstPad parent;
-  gint camera;  // id in the rig, -1: told by the stream, else the pad's number
+  LfFragmentPadSettings settings;
   lf::CameraInput* input;
 };
 
@@ -53,8 +62,6 @@ _LfFragment::State* lf_fragment_state_new();
 lf::FragmentSettings lf_fragment_settings(LfFragment* self);
 
 // fragment_cameras.cc
-// Whether what comes to this sink pad comes in real time; if so, after which latency at the latest.
-bool lf_fragment_upstream_is_live(GstPad* sink, GstClockTime* latency = nullptr);
 // The camera pads, held.
 std::vector<lf::PadPtr> lf_fragment_camera_pads(LfFragment* self);
 // Stops, starts or finishes all cameras.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <utility>
 
 #include <gst/gst.h>
 
@@ -16,9 +17,19 @@ class RequestPlace {
   bool is_live() const { return live_; }
   // A request for this time came in this segment. Whether cameras that are read from files have to follow: after a
   // flush, and where a new segment goes back.
-  bool moves(const GstSegment& segment, uint64_t time);
+  bool moves(const GstSegment& segment, uint64_t time) {
+    const bool back = !gst_segment_is_equal(&segment, &segment_) && time < last_time_;
+    const bool moved = std::exchange(flushed_, false) || back;
+    gst_segment_copy_into(&segment, &segment_);
+    last_time_ = time;
+    return moved && !live_;
+  }
   void flush() { flushed_ = true; }
-  void clear();
+  void clear() {
+    segment_ = {};
+    last_time_ = 0;
+    flushed_ = false;
+  }
 
  private:
   std::atomic<bool> live_ = false;

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "node/camera_access.h"
 
-#include "node/pixel_access.h"
-#include "node/warp_access.h"
-
 namespace lf {
 
 const CameraAccess* CameraAccess::of(Access access) {

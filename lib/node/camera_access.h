@@ -28,6 +28,12 @@ class CameraAccess {
                                            std::span<const CameraIndex> own) const = 0;
 };
 
+// Cameras that know their lens alone: each is told triangles, and the matrix of the focal plane, and gives its part of
+// the sum.
+const CameraAccess& warp_access();
+// Cameras that only have pixels to give: each is told a rectangle of its image, and the compositor warps.
+const CameraAccess& pixel_access();
+
 // A request of any kind: `own` are indices of the node's cameras, ascending. `rig` must outlive the task; for commands
 // only the lenses and sizes of `own` are looked at. Throws Error for what does not fit the rig.
 std::unique_ptr<AnswerTask> make_task(const Rig& rig, MeshCache& mesh, const wire::AnyRequest& request,

@@ -26,7 +26,6 @@ void CameraFrames::note_arrival(int64_t late) {
 }
 
 void CameraFrames::drop_oldest() {
-  if (!frames_.front().used) dropped_++;
   const CameraPicture* picture = frames_.front().frame.picture.get();
   if (picture && picture->is_compressed()) before_ = std::move(frames_.front().frame);
   frames_.pop_front();
@@ -134,7 +133,6 @@ void CameraFrames::clear() {
   started_ = live_ = ended_ = lost_ = flushing_ = false;
   wanted_ = reach_ = last_period_ = behind_ = 0;
   earliest_ = INT64_MAX;
-  dropped_ = 0;
 }
 
 bool CameraFrames::must_wait(uint64_t time, bool wait_for_first) const {
@@ -176,7 +174,6 @@ std::optional<CameraFrame> CameraFrames::find(uint64_t time, bool wait_for_first
     best = std::min_element(frames_.begin(), frames_.end(), [time](const Held& a, const Held& b) {
       return time_between(a.time, time) < time_between(b.time, time);
     });
-  best->used = true;
   return best->frame;
 }
 
@@ -198,11 +195,6 @@ uint64_t CameraFrames::period() const {
 size_t CameraFrames::held() const {
   std::lock_guard lock(mutex_);
   return frames_.size();
-}
-
-uint64_t CameraFrames::dropped() const {
-  std::lock_guard lock(mutex_);
-  return dropped_;
 }
 
 }  // namespace lf

@@ -65,7 +65,6 @@ class CameraFrames {
   bool is_live() const;
   uint64_t period() const;  // nanoseconds between the frames held, on average; 0 where there are fewer than two
   size_t held() const;
-  uint64_t dropped() const;  // frames that no request was answered with
 
  private:
   bool must_wait(uint64_t time, bool wait_for_first) const;  // locked
@@ -81,7 +80,6 @@ class CameraFrames {
   struct Held {
     uint64_t time;      // of the frame, or of the damaged one in whose place it serves
     CameraFrame frame;  // without a picture where there was none to serve
-    bool used = false;
   };
   mutable std::mutex mutex_;
   std::condition_variable changed_;
@@ -94,7 +92,6 @@ class CameraFrames {
   int64_t earliest_ = INT64_MAX;  // arrival after capture, of this stream
   uint64_t behind_ = 0;
   uint64_t last_period_ = 0;  // between the newest frame and the one before it
-  uint64_t dropped_ = 0;
 };
 
 }  // namespace lf

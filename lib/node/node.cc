@@ -2,7 +2,6 @@
 #include "node/node.h"
 
 #include <algorithm>
-#include <tuple>
 
 #include "base/error.h"
 #include "base/schedule.h"
@@ -24,6 +23,14 @@ uint64_t wanted_of(const RequestHeader& request, const CameraFrames& frames, uin
 
 uint64_t time_of(const RequestHeader& request, const CameraFrames& frames, uint64_t time, uint64_t base_time) {
   return convert_time(time, frames.is_live(), request.absolute_time, base_time);
+}
+
+// An answer without fragments.
+Node::Reply empty_reply(const wire::AnswerHeader& header, std::string warning = "") {
+  Node::Reply reply;
+  reply.answer.bytes = wire::AnswerWriter(header, 0).finish();
+  reply.warning = std::move(warning);
+  return reply;
 }
 
 std::string milliseconds(uint64_t ns) { return std::to_string(ns / 1'000'000) + " ms"; }
@@ -59,17 +66,8 @@ void Node::cancel(Requester& requester, bool cancelled) {
   inputs_.wake();
 }
 
-Node::MakeTask Node::task_maker(const wire::AnyRequest& request, const Array& array, Requester& requester) const {
-  return [&](std::span<const CameraIndex> own) { return make_task(*array.rig, requester.mesh, request, own); };
-}
-
-wire::AnswerHeader Node::header_of(const wire::AnyRequest& any) const {
-  const RequestHeader& request = wire::head_of(any);
-  wire::AnswerHeader header;
-  header.view_id = request.view_id;
-  header.sequence = request.sequence;
-  std::tie(header.view_width, header.view_height) = wire::view_size(any);
-  header.target_time = request.target_time;
+wire::AnswerHeader Node::header_of(const wire::AnyRequest& request, const Array& array) const {
+  wire::AnswerHeader header = wire::answer_to(wire::head_of(request), wire::view_size(request), array.rig_hash);
   header.node = node_id_;
   return header;
 }
@@ -77,19 +75,16 @@ wire::AnswerHeader Node::header_of(const wire::AnyRequest& any) const {
 Node::Reply Node::skip(const wire::AnyRequest& request) {
   stats_.requests++;
   stats_.skipped++;
-  wire::AnswerHeader header = header_of(request);
-  header.rig_hash = inputs_.array()->rig_hash;
-  return {.brightness = {}, .moments = {}, .bytes = wire::AnswerWriter(header, 0).finish()};
+  return empty_reply(header_of(request, *inputs_.array()));
 }
 
 Node::Reply Node::answer(const wire::AnyRequest& any, Requester& requester, const Options& options, ByteBuffer memory) {
   stats_.requests++;
   const RequestHeader& request = wire::head_of(any);
-  wire::AnswerHeader header = header_of(any);
   const uint64_t arrived = now_ns();
   const auto array = options.live ? inputs_.array() : inputs_.wait_for_all(*requester.cancelled);
   const uint64_t waited = now_ns() - arrived;
-  header.rig_hash = array->rig_hash;
+  const wire::AnswerHeader header = header_of(any, *array);
   if (requester.rig != array->rig) {
     requester.rig = array->rig;
     requester.mesh.clear();
@@ -105,27 +100,25 @@ Node::Reply Node::answer(const wire::AnyRequest& any, Requester& requester, cons
     requester.warned_of = request.rig_hash;
   } else {
     try {
-      return render(request, task_maker(any, *array, requester), *array, requester, options, header, std::move(memory),
-                    waited);
+      return render(any, *array, requester, options, header, std::move(memory), waited);
     } catch (const Error& error) {
       warning = error.what();
       stats_.bad_requests++;
     }
   }
-  return {
-      .brightness = {}, .moments = {}, .bytes = wire::AnswerWriter(header, 0).finish(), .warning = std::move(warning)};
+  return empty_reply(header, std::move(warning));
 }
 
-Node::Reply Node::render(const RequestHeader& request, const MakeTask& make_task, const Array& array,
-                         Requester& requester, const Options& options, wire::AnswerHeader header, ByteBuffer memory,
-                         uint64_t waited) {
+Node::Reply Node::render(const wire::AnyRequest& any, const Array& array, Requester& requester, const Options& options,
+                         wire::AnswerHeader header, ByteBuffer memory, uint64_t waited) {
+  const RequestHeader& request = wire::head_of(any);
   const uint64_t begun = now_ns();
   std::vector<CameraIndex> own;
   for (const auto& [camera, frames] : array.cameras) {
     own.push_back(camera);
     frames->advance(wanted_of(request, *frames, options.base_time));
   }
-  const std::unique_ptr<const AnswerTask> task = make_task(own);
+  const std::unique_ptr<const AnswerTask> task = make_task(*array.rig, requester.mesh, any, own);
   const uint64_t planned = now_ns();
   FrameSources sources(*array.rig, [&task](CameraIndex camera) { return task->region(camera); });
   std::vector<SkewWatch::Frame> skews;
@@ -191,21 +184,17 @@ Node::Reply Node::render(const RequestHeader& request, const MakeTask& make_task
 
   std::span<const Source> images;
   if (!nothing) images = sources.sources();
-  AnswerMaker::Units units = requester.maker.make(*task, header, images, options, std::move(memory));
-  if (units.gains) stats_.set_gains(images, *units.gains);
-  const NodeStats::Stages stages = {.wait = waited + (found - planned),
-                                    .decode = decoded - found,
-                                    .render = planned - begun + units.before_ns + units.answer.render_ns,
-                                    .encode = units.answer.encode_ns};
-  stats_.add(stages);
-  if (units.answer.drawn) stats_.drawn++;
+  Reply reply{requester.maker.make(*task, header, images, options, std::move(memory)), {}, {}};
+  if (reply.gains) stats_.set_gains(images, *reply.gains);
+  reply.stages = {.wait = waited + (found - planned),
+                  .decode = decoded - found,
+                  .render = planned - begun + reply.before_ns + reply.answer.render_ns,
+                  .encode = reply.answer.encode_ns};
+  stats_.add(reply.stages);
+  if (reply.answer.drawn) stats_.drawn++;
   if (worst_skew > stats_.max_skew_ns) stats_.max_skew_ns = worst_skew;
-  return {.brightness = std::move(units.brightness),
-          .moments = std::move(units.moments),
-          .bytes = std::move(units.answer.bytes),
-          .fragments = units.answer.fragments,
-          .stages = stages,
-          .warning = skew_warning(*array.rig, requester.watch.see(skews), requester)};
+  reply.warning = skew_warning(*array.rig, requester.watch.see(skews), requester);
+  return reply;
 }
 
 }  // namespace lf

@@ -46,10 +46,7 @@ class Node {
     uint64_t base_time = 0;  // of the pipeline: clock time of running time 0
     uint64_t max_skew = 0;   // of a live camera's frame; what is farther from the target is none; 0: any
   };
-  struct Reply {
-    ByteBuffer brightness, moments;  // go before the answer; empty: nothing does
-    ByteBuffer bytes;                // the answer, always whole
-    size_t fragments = 0;
+  struct Reply : AnswerMaker::Units {
     NodeStats::Stages stages;
     std::string warning;  // for the user, where something is wrong
   };
@@ -62,12 +59,9 @@ class Node {
 
  private:
   using Array = CameraInputs::Array;
-  wire::AnswerHeader header_of(const wire::AnyRequest& request) const;
-  // What the request comes to, given the node's cameras.
-  using MakeTask = std::function<std::unique_ptr<AnswerTask>(std::span<const CameraIndex> own)>;
-  MakeTask task_maker(const wire::AnyRequest& request, const Array& array, Requester& requester) const;
-  Reply render(const RequestHeader& request, const MakeTask& make_task, const Array& array, Requester& requester,
-               const Options& options, wire::AnswerHeader header, ByteBuffer memory, uint64_t waited);
+  wire::AnswerHeader header_of(const wire::AnyRequest& request, const Array& array) const;
+  Reply render(const wire::AnyRequest& request, const Array& array, Requester& requester, const Options& options,
+               wire::AnswerHeader header, ByteBuffer memory, uint64_t waited);
   std::string skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report, Requester& requester) const;
 
   NodeStats stats_;

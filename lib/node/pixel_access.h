@@ -7,9 +7,6 @@
 
 namespace lf {
 
-// Cameras that only have pixels to give: each is told a rectangle of its image, and the compositor warps.
-const CameraAccess& pixel_access();
-
 // Which pixels of a camera's image are asked for.
 struct PixelSource {
   Source source;  // with an image

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "node/warp_access.h"
-
+#include "node/camera_access.h"
 #include "render/camera_projection.h"
 
 namespace lf {

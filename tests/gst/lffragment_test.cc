@@ -6,7 +6,7 @@
 #include "gst/fragment_fixture.h"
 #include "node/camera_access.h"
 #include "support/seeing.h"
-#include "wire/answer_codec.h"
+#include "support/answer_codec.h"
 #include "wire/answer_parser.h"
 #include "wire/command_codec.h"
 #include "wire/request_codec.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "node/delay_notice.h"
+#include "node/arrival_watch.h"
 
 #include <gtest/gtest.h>
 

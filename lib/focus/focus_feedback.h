@@ -4,21 +4,24 @@
 #include <chrono>
 #include <condition_variable>
 #include <deque>
+#include <map>
 #include <mutex>
 #include <optional>
 
-#include "common/view_feedback.h"
+#include "focus/view_focus.h"
 #include "rig/rig.h"
+#include "view/view_request.h"
 
 namespace lf {
 
-// What a compositor says of the focal surface of lfviewrequest's view, on its way into the next request. Thread-safe.
+// What a compositor says of the focal surface of a view, on its way into the view's next request. Thread-safe.
 class FocusFeedback {
  public:
   // Takes note of news of this view.
   void announce(FoundFocus news);
-  // Waits until there are news from this request or a later one. False if that takes too long, or while unlocked.
-  bool wait_for(uint32_t sequence, std::chrono::milliseconds longest);
+  // Waits until there are news from this request or a later one.
+  enum class Waited { kCame, kTooLong, kUnlocked };
+  Waited wait_for(uint32_t sequence, std::chrono::milliseconds longest);
   // Gives the request the surface as its view has it, and trials and gains, which are for one request only.
   void apply(ViewRequest& request);
   // What is to be asked for beside such a request to find the focus that is looked for: a small view around the place.
@@ -59,6 +62,21 @@ class FocusFeedback {
   std::optional<double> latest_;  // that was found at the place
   double now_ = 0;                // of the latest request
   bool unlocked_ = false;
+};
+
+// Focal surfaces of views whose viewers can't be told of them: requests get them as they pass. Thread-safe.
+class RelayedFocus {
+ public:
+  void announce(uint32_t view_id, FoundFocus focus);
+  // Gives the request the surface and the trials of its view, if it has no surface of its own. Whether it did.
+  bool apply(ViewRequest& request);
+  void clear();
+
+ private:
+  static constexpr size_t kMostViews = 64;  // then the lowest id is forgotten
+  FocusFeedback& view(uint32_t id);
+  std::mutex mutex_;
+  std::map<uint32_t, FocusFeedback> views_;
 };
 
 }  // namespace lf

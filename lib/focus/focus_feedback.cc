@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "viewrequest/focus_feedback.h"
+#include "focus/focus_feedback.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,6 @@
 
 #include "focus/autofocus.h"
 #include "focus/focus_array.h"
-#include "focus/view_focus.h"
 
 namespace lf {
 namespace {
@@ -79,12 +78,13 @@ std::optional<double> FocusFeedback::take_found() {
   return std::exchange(found_, std::nullopt);
 }
 
-bool FocusFeedback::wait_for(uint32_t sequence, std::chrono::milliseconds longest) {
+FocusFeedback::Waited FocusFeedback::wait_for(uint32_t sequence, std::chrono::milliseconds longest) {
   std::unique_lock lock(mutex_);
   // Sequence numbers wrap: the sign of the difference tells the order.
   const auto is_there = [&] { return news_ && static_cast<int32_t>(news_->sequence - sequence) >= 0; };
   changed_.wait_for(lock, longest, [&] { return unlocked_ || is_there(); });
-  return !unlocked_ && is_there();
+  if (unlocked_) return Waited::kUnlocked;
+  return is_there() ? Waited::kCame : Waited::kTooLong;
 }
 
 std::optional<ViewRequest> FocusFeedback::next_sweep(const ViewRequest& request, const Rig* rig) {
@@ -143,6 +143,34 @@ void FocusFeedback::clear() {
   swept_.clear();
   found_.reset();
   latest_.reset();
+}
+
+FocusFeedback& RelayedFocus::view(uint32_t id) {
+  if (!views_.contains(id) && views_.size() >= kMostViews) views_.erase(views_.begin());
+  return views_[id];
+}
+
+void RelayedFocus::announce(uint32_t view_id, FoundFocus focus) {
+  const std::lock_guard lock(mutex_);
+  view(view_id).announce(std::move(focus));
+}
+
+bool RelayedFocus::apply(ViewRequest& request) {
+  const std::lock_guard lock(mutex_);
+  if (request.probe) {
+    if (!request.trials.empty()) view(request.view_id).sweep_sent(request.sequence);
+    return false;
+  }
+  const auto found = views_.find(request.view_id);
+  if (found == views_.end() || request.view.focus.map) return false;
+  const Plane asked = request.view.focus.plane;
+  found->second.apply(request);
+  return request.view.focus.map || request.view.focus.plane != asked;
+}
+
+void RelayedFocus::clear() {
+  const std::lock_guard lock(mutex_);
+  views_.clear();
 }
 
 }  // namespace lf

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "wire/answer_codec.h"
+#include "support/answer_codec.h"
 
 #include <gtest/gtest.h>
 

@@ -1,21 +1,32 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "wire/answer_codec.h"
+#pragma once
 
 #include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
 
 #include "render/sum_planes.h"
 #include "wire/answer_parser.h"
 #include "wire/fragment_codec.h"
 #include "wire/payload.h"
 
+// Answers as vectors of uncompressed fragments, for those whom a copy does not hurt.
 namespace lf::wire {
-namespace {
 
-void append_rows(std::vector<uint8_t>& out, const uint8_t* plane, ptrdiff_t stride, int width, int height) {
+// A whole answer with its fragments uncompressed, 8 bits a value.
+struct Answer : AnswerHeader {
+  std::vector<Fragment> fragments;
+  bool operator==(const Answer&) const = default;
+};
+
+inline void append_rows(std::vector<uint8_t>& out, const uint8_t* plane, ptrdiff_t stride, int width, int height) {
   for (int y = 0; y < height; y++, plane += stride) out.insert(out.end(), plane, plane + width);
 }
 
-Fragment to_fragment(const FragmentHeader& header, const FragmentPlanes& planes) {
+inline Fragment to_fragment(const FragmentHeader& header, const FragmentPlanes& planes) {
   const int w = header.rect.width(), h = header.rect.height();
   Fragment out{header.family, header.rect, {}, {}};
   if (header.family == PixelFamily::kRgb) {
@@ -29,14 +40,16 @@ Fragment to_fragment(const FragmentHeader& header, const FragmentPlanes& planes)
   return out;
 }
 
-}  // namespace
-
-std::vector<uint8_t> encode_answer(const Answer& answer) {
+// Raw. Throws Error naming the field if decode_answer() would not take it back (sizes, rectangles, planes, limits).
+inline std::vector<uint8_t> encode_answer(const Answer& answer) {
   const ByteBuffer bytes = FragmentEncoder().encode(answer, answer.fragments, 0);
   return {bytes.begin(), bytes.end()};
 }
 
-std::optional<Answer> decode_answer(std::span<const uint8_t> bytes, std::string* reason) {
+// Nothing for bytes that are not exactly one valid answer, whole, with sound payloads; `reason` (may be null) then says
+// why, naming the field. Fragments come out with rectangles inside the view and planes of exactly their sizes, whatever
+// their codec: 16-bit sums are rounded (halves up) and saturated to 8 bits.
+inline std::optional<Answer> decode_answer(std::span<const uint8_t> bytes, std::string* reason = nullptr) {
   const std::optional<AnswerView> view = parse_answer(bytes, reason);
   if (!view) return std::nullopt;
   if (!view->part.whole()) {
