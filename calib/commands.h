@@ -5,5 +5,7 @@
 
 // The large steps of lf-calibrate, NAME_command.cc: each adds its subcommand with options and a callback that runs it.
 // What goes wrong is thrown as lf::Error.
+void add_colour_command(cli::App& app);
 void add_intrinsics_command(cli::App& app);
 void add_solve_command(cli::App& app);
+void add_track_command(cli::App& app);

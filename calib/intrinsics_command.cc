@@ -18,6 +18,7 @@
 #include "calibration/intrinsics.h"
 #include "commands.h"
 #include "image/image.h"
+#include "rig/bin_description.h"
 #include "rig/rig_json.h"
 
 namespace {
@@ -33,14 +34,35 @@ struct Options {
   int views = 20;
 };
 
-// The frames of a GStreamer URI (file:///..., v4l2:///dev/video0, rtsp://...) as RGB images until `use` returns false
-// or the video ends. A live camera's frames that come while one is looked at are left out. Throws Error where there is
-// no video.
-void for_each_frame(const std::string& uri, const std::function<bool(const lf::Image&)>& use) {
+// What frames come from: the elements that give them, and what messages call it.
+struct Video {
+  std::string elements, name;
+  bool waits = false;  // for who takes its frames; else those that come while one is looked at are left out
+};
+
+// Of a GStreamer URI (file:///..., v4l2:///dev/video0, rtsp://...).
+Video video_of(const std::string& uri) {
   if (uri.find('"') != std::string::npos) throw lf::Error(uri + ": has a quotation mark");
-  const bool file = uri.starts_with("file:");
-  const std::string pipeline = "uridecodebin uri=\"" + uri + "\" ! videoconvert ! video/x-raw,format=BGR ! appsink " +
-                               (file ? "sync=false" : "max-buffers=1 drop=true");
+  return {"uridecodebin uri=\"" + uri + "\"", uri, uri.starts_with("file:")};
+}
+
+// Of a rig's camera, opened as the light field opens it: in its size, with its controls.
+Video video_of(const std::string& rig, uint32_t camera) {
+  if (rig.find('"') != std::string::npos) throw lf::Error(rig + ": has a quotation mark");
+  const lf::Rig read = lf::load_rig(rig);
+  const auto index = read.index_of_id(camera);
+  if (!index) throw lf::Error(rig + ": has no camera " + std::to_string(camera));
+  const std::string& source = read.cameras[*index].source;
+  const std::string name = rig + ": camera " + std::to_string(camera);
+  if (source.empty()) throw lf::Error(name + ": has no source; name images or a video of the board");
+  const bool file = !lf::is_bin_description(source) && (!lf::is_uri(source) || source.starts_with("file:"));
+  return {"lfcamsrc rig=\"" + rig + "\" camera=" + std::to_string(camera), name, file};
+}
+
+// The frames as RGB images until `use` returns false or the video ends. Throws Error where there is no video.
+void for_each_frame(const Video& video_source, const std::function<bool(const lf::Image&)>& use) {
+  const std::string pipeline = video_source.elements + " ! videoconvert ! video/x-raw,format=BGR ! appsink " +
+                               (video_source.waits ? "sync=false" : "max-buffers=1 drop=true");
   cv::VideoCapture video(pipeline, cv::CAP_GSTREAMER);
   cv::Mat bgr;
   bool any = false;
@@ -51,7 +73,7 @@ void for_each_frame(const std::string& uri, const std::function<bool(const lf::I
     cv::cvtColor(bgr, rgb, cv::COLOR_BGR2RGB);
     if (!use(image)) return;
   }
-  if (!any) throw lf::Error(uri + ": no video could be had from it");
+  if (!any) throw lf::Error(video_source.name + ": no video could be had from it");
 }
 
 lf::Checkerboard parse_board(const Options& options) {
@@ -88,30 +110,33 @@ void check_size(Images& found, const lf::Image& image, const std::string& name) 
 }
 
 // Of a video or a live camera, views of a board that stands still for a moment, again and again.
-void watch(const Options& options, const lf::Checkerboard& board, const std::string& uri, Images& found) {
+void watch(const Options& options, const lf::Checkerboard& board, const Video& video, Images& found) {
   std::optional<lf::ViewChooser> chooser;
   int kept = 0, frame = 0;
-  for_each_frame(uri, [&](const lf::Image& image) {
-    check_size(found, image, uri);
+  for_each_frame(video, [&](const lf::Image& image) {
+    check_size(found, image, video.name);
     if (!chooser) chooser.emplace(image.width());
     auto view = find_board(options, board, image);
     if (view && chooser->take(*view)) {
-      view->name = uri + " frame " + std::to_string(frame);
+      view->name = video.name + " frame " + std::to_string(frame);
       found.views.push_back(std::move(*view));
       std::fprintf(stderr, "view %d of %d\n", ++kept, options.views);
     }
     frame++;
     return kept < options.views;
   });
-  if (kept == 0) found.without_board.push_back(uri);
+  if (kept == 0) found.without_board.push_back(video.name);
 }
 
 Images find_boards(const Options& options, const lf::Checkerboard& board) {
   Images found;
   if (!options.charuco.empty()) lf::check_charuco_board({board, options.charuco, options.marker});
+  if (options.images.empty() && options.rig.empty())
+    throw lf::Error("needs images or videos of the board, or --rig, whose camera is watched");
+  if (options.images.empty()) watch(options, board, video_of(options.rig, options.camera), found);
   for (const std::string& path : options.images) {
     if (path.find("://") != std::string::npos) {
-      watch(options, board, path, found);
+      watch(options, board, video_of(path), found);
       continue;
     }
     const lf::Image image = lf::load_image(path);
@@ -214,9 +239,10 @@ void add_intrinsics_command(cli::App& app) {
   const auto o = std::make_shared<Options>();
   cli::App* command =
       app.add_subcommand("intrinsics", "One camera's lens and its covariance from images of a checkerboard");
-  command
-      ->add_option("IMAGES", o->images, "Images of the board, at all distances, tilted to all sides; or URIs of videos")
-      ->required();
+  command->add_option(
+      "IMAGES", o->images,
+      "Images of the board, at all distances, tilted to all sides; or URIs of videos; none: what the camera "
+      "of --rig sees now, opened as the light field opens it");
   command->add_option("--views", o->views, "To keep of each video: a live camera is watched until then")
       ->capture_default_str()
       ->check(cli::Range(3, 1000));

@@ -10,6 +10,7 @@
 #include "base/error.h"
 #include "base/json_value.h"
 #include "calibration/diagnosis.h"
+#include "calibration/moving_light.h"
 #include "calibration/report.h"
 #include "calibration/tracks.h"
 #include "commands.h"
@@ -64,6 +65,20 @@ void print_summary(const json& report) {
     std::printf("%s: %s\n", finding["severity"].get<std::string>().c_str(), finding["text"].get<std::string>().c_str());
 }
 
+// Of cameras with clocks of their own.
+void print_clocks(const lf::LightSolution& lights) {
+  double least = 0, most = 0, sigma = 0;
+  size_t reflections = 0;
+  for (size_t i = 0; i < lights.clocks.size(); i++) {
+    if (!lights.clocks[i].known) continue;
+    least = std::min(least, lights.clocks[i].offset), most = std::max(most, lights.clocks[i].offset);
+    sigma = std::max(sigma, lights.clocks[i].sigma);
+    reflections += lights.reflections[i];
+  }
+  std::printf("clocks      offsets %+.2f to %+.2f ms, each +-%.2f ms at most\n", 1e3 * least, 1e3 * most, 1e3 * sigma);
+  if (reflections > 0) std::printf("reflections %zu sights left out\n", reflections);
+}
+
 void solve(const Options& o) {
   lf::SolveOptions options;
   options.distortion = distortion_of(o.distortion);
@@ -71,28 +86,52 @@ void solve(const Options& o) {
   lf::PlacementOptions placement_options = o.placement;
   if (!o.distance.empty()) placement_options.distance = parse_distance(o.distance);
   lf::Tracks tracks;
+  std::optional<lf::LightSights> sights;
   json original = json::object();
   if (std::filesystem::is_directory(o.tracks)) {
     lf::MultiCamSelfCal input = lf::load_multicamselfcal(o.tracks, o.first_pixel);
     tracks = std::move(input.tracks);
     options.prior = std::move(input.lenses);
   } else {
-    tracks = lf::load_tracks(o.tracks);
+    const std::string text = lf::read_text_file(o.tracks);
+    sights = lf::parse_light_sights(text, o.tracks);
+    if (!sights) tracks = lf::parse_tracks(text, o.tracks);
   }
   if (!o.prior.empty()) original = load_prior(o.prior, options);
-  const lf::Solution solution = lf::solve_tracks(tracks, options);
+  std::optional<lf::LightSolution> lights;
+  if (sights) {
+    lights = lf::solve_lights(*sights, {options});
+    tracks = lights->tracks;
+  }
+  const lf::Solution solution = lights ? std::move(lights->solution) : lf::solve_tracks(tracks, options);
   const lf::Placement placement = lf::place_solution(solution, tracks, options, placement_options);
-  const auto report = calibration_report(solution, tracks, placement, diagnose(solution, tracks, options, placement));
+  std::vector<lf::Finding> findings = diagnose(solution, tracks, options, placement);
+  if (lights)
+    for (lf::Finding& finding : lf::diagnose_clocks(*lights)) findings.push_back(std::move(finding));
+  auto report = calibration_report(solution, tracks, placement, findings);
+  if (lights) lf::add_clocks(*lights, report);
   original = lf::rig_record(solution, tracks, placement, std::move(original), "lf-calibrate solve");
   lf::Rig rig = lf::make_rig(solution, tracks, options, placement);
+  if (lights)
+    for (size_t i = 0; i < tracks.cameras.size(); i++)
+      if (const auto index = rig.index_of_id(tracks.cameras[i].id); index && lights->clocks[i].known)
+        rig.cameras[*index].time_offset = lights->clocks[i].offset;
   lf::relocate(rig, std::filesystem::path(o.out).parent_path().string());
   lf::save_rig(rig, o.out, &original);
   if (!o.json.empty()) lf::write_text_file(report.dump(1) + "\n", o.json);
   print_summary(json::parse(report.dump()));
-  std::printf("%s: %zu of %zu cameras\n", o.out.c_str(),
-              static_cast<size_t>(std::count_if(solution.scene.cameras.begin(), solution.scene.cameras.end(),
-                                                [](const auto& c) { return c.used; })),
-              tracks.cameras.size());
+  if (lights) print_clocks(*lights);
+  std::string missing;
+  size_t found = 0;
+  for (size_t i = 0; i < tracks.cameras.size(); i++) {
+    found += solution.scene.cameras[i].used;
+    if (!solution.scene.cameras[i].used)
+      missing += (missing.empty() ? "" : ", ") + std::to_string(tracks.cameras[i].id);
+  }
+  std::printf("%s: %zu of %zu cameras\n", o.out.c_str(), found, tracks.cameras.size());
+  if (!missing.empty())
+    throw lf::Error(std::to_string(tracks.cameras.size() - found) + " of " + std::to_string(tracks.cameras.size()) +
+                    " cameras are missing in " + o.out + " (" + missing + "): the findings say why");
 }
 
 }  // namespace
@@ -100,7 +139,8 @@ void solve(const Options& o) {
 void add_solve_command(cli::App& app) {
   const auto o = std::make_shared<Options>();
   cli::App* command = app.add_subcommand("solve", "Positions, orientations and lenses from tracks of a moving light");
-  command->add_option("--tracks", o->tracks, "Tracks (JSON), or a folder of MultiCamSelfCal's files")
+  command
+      ->add_option("--tracks", o->tracks, "Tracks (JSON) of track or features, or a folder of MultiCamSelfCal's files")
       ->required()
       ->check(cli::ExistingPath)
       ->type_name("FILE|DIR");

@@ -2,19 +2,20 @@
 #include <gst/gst.h>
 
 #include "bins/lfcameranode.h"
-#include "bins/lfnodesink.h"
-#include "bins/lfviewsrc.h"
 #include "camsrc/lfcamsrc.h"
 #include "compositor/lfcompositor.h"
 #include "config.h"
 #include "fragment/lffragment.h"
-#include "parse/lfparse.h"
 #include "parse/lftypefind.h"
-#include "rtp/lfrtpgate.h"
-#include "rtp/lfrtpseal.h"
-#include "rtp/rtplfdepay.h"
 #include "rtp/rtplfpay.h"
 #include "viewrequest/lfviewrequest.h"
+
+GST_ELEMENT_REGISTER_DECLARE(lfnodesink)
+GST_ELEMENT_REGISTER_DECLARE(lfparse)
+GST_ELEMENT_REGISTER_DECLARE(lfrtpgate)
+GST_ELEMENT_REGISTER_DECLARE(lfrtpseal)
+GST_ELEMENT_REGISTER_DECLARE(lfviewsrc)
+GST_ELEMENT_REGISTER_DECLARE(rtplfdepay)
 
 static gboolean plugin_init(GstPlugin* plugin) {
   gboolean ok = TRUE;

@@ -96,11 +96,9 @@ class Link {
     std::vector<lf::Source> sources;
     for (const lf::CameraIndex i : task->cameras())
       sources.push_back({i, &array_.rig->cameras[i], array_.i420[i].view()});
-    lf::wire::AnswerHeader header;
-    header.view_width = request_.view.width;
-    header.view_height = request_.view.height;
+    const lf::View& view = request_.view;
+    lf::wire::AnswerHeader header = lf::wire::answer_to(request_, {view.width, view.height}, request_.rig_hash);
     header.family = lf::PixelFamily::kI420;
-    header.rig_hash = request_.rig_hash;
     header.cameras = lf::CameraRanges(array_.cameras);
     bytes_ = task->render(header, sources, manner_, std::move(bytes_)).bytes;
     const auto answer = lf::wire::parse_answer(bytes_);

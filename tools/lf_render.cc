@@ -17,6 +17,7 @@
 #include "command_line.h"
 #include "composite/still.h"
 #include "focus/view_focus.h"
+#include "image/correction.h"
 #include "image/image.h"
 #include "progress.h"
 #include "quality/camera_monitor.h"
@@ -34,7 +35,7 @@ struct Options {
   int every = 1;
   double distance = 0;  // of the focal plane, where the views don't say
   bool i420 = false, leave_one_out = false;
-  std::string focus = "surface", resampling = "sharpened";
+  std::string focus = "surface", resampling = "sharpened", gains = "auto";
   double aperture = 0;  // metres
   int nearest_cameras = 0;
   lf::FocusControl::Settings surface{.mode = lf::FocusMode::kSurface};
@@ -82,8 +83,17 @@ class Renderer {
   Renderer(const lf::Rig& rig, const Options& options)
       : rig_(rig), options_(options), images_(rig, options.i420 ? lf::PixelFamily::kI420 : lf::PixelFamily::kRgb) {}
 
+  // Cameras that are compared with each other are left as bright as they are.
   lf::View focused(const lf::Mesh& mesh, const lf::View& view) {
-    return options_.focus == "plane" ? view : lf::focus_still(rig_, mesh, view, image_of_, options_.surface);
+    gains_ = {};
+    if (options_.focus == "plane") return view;
+    const bool match =
+        !options_.leave_one_out && (options_.gains == "true" || (options_.gains == "auto" && !rig_.has_colour()));
+    lf::CameraGains gains;
+    const lf::View focused = lf::focus_still(rig_, mesh, view, image_of_, options_.surface,
+                                             match ? lf::kMatchedRounds : lf::kSettledRounds, match ? &gains : nullptr);
+    gains_ = gains;
+    return focused;
   }
   // Focused, too.
   Rendered render(const std::string& name, const lf::Mesh& mesh, const lf::View& view) {
@@ -116,14 +126,21 @@ class Renderer {
     const Clock::time_point start = Clock::now();
     const lf::Image& image = images_.get(camera);
     reading_ += ms_since(start);
-    return image;
+    const float gain = gains_.of(camera);
+    if (std::abs(gain - 1) < lf::kLeastGain) return image;
+    matched_ = image;
+    lf::ByteBuffer memory;
+    lf::divide_by_gain(image.view(), {0, 0, image.width(), image.height()}, gain, memory);
+    std::ranges::copy(memory, matched_.data().begin());
+    return matched_;
   }
 
   const lf::Rig& rig_;
   const Options& options_;
   lf::StillImages images_;
-  lf::Image rgb_;
-  double reading_ = 0;  // ms, for the view being rendered
+  lf::Image rgb_, matched_;
+  lf::CameraGains gains_;  // of the view being rendered, that images are divided by
+  double reading_ = 0;     // ms, for the view being rendered
   const lf::CameraImages image_of_ = [this](lf::CameraIndex camera) -> const lf::Image& { return read(camera); };
 };
 
@@ -277,6 +294,10 @@ int main(int argc, char** argv) {
   app.add_option("--resampling", options.resampling, "How images are sampled, as of lffragment")
       ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened", "catmull-rom"}));
+  app.add_option("--gains", options.gains,
+                 "Whether cameras match their brightness on a surface (auto: until the rig has their colours)")
+      ->capture_default_str()
+      ->check(cli::IsMember({"auto", "true", "false"}));
   app.add_flag("--i420", options.i420, "Render in YCbCr 4:2:0 as video sources would");
   return cli::run_tool(app, argc, argv, [&] {
     if (options.views.empty() && !options.leave_one_out) throw lf::Error("give --views or --leave-one-out");

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-// lf-rig: makes, describes, checks, cuts and converts rig files.
+// lf-rig: makes, describes, checks, cuts and converts rig files. What opens cameras is in cameras/NAME_command.cc.
+#include <algorithm>
 #include <charconv>
 #include <cstdio>
 #include <filesystem>
@@ -10,7 +11,10 @@
 
 #include "base/error.h"
 #include "base/json_value.h"
+#include "cameras/commands.h"
 #include "command_line.h"
+#include "rig/array_shapes.h"
+#include "rig/camera_controls.h"
 #include "rig/exchange.h"
 #include "rig/rig.h"
 #include "rig/rig_json.h"
@@ -23,6 +27,8 @@ using lf::Rig;
 
 struct Arguments {
   std::string grid;
+  int line = 0, arc = 0, ring = 0;
+  double radius = 0;
   lf::GridRigOptions new_rig;
   bool devices = false;
   std::string rig, other, out, cameras;
@@ -57,17 +63,35 @@ void assign_devices(Rig& rig) {
   if (devices.empty()) throw lf::Error("--devices: no camera is plugged in that GStreamer knows");
   for (size_t i = 0; i < devices.size(); i++) {
     const bool used = i < rig.cameras.size();
-    if (used) rig.cameras[i].source = devices[i].uri;
-    std::printf("%s: %s (%s)\n", used ? rig.cameras[i].name.c_str() : "not used", devices[i].uri.c_str(),
-                devices[i].name.c_str());
+    if (used) rig.cameras[i].source = devices[i].source;
+    std::printf("%s: %s (%s)%s\n", used ? rig.cameras[i].name.c_str() : "not used", devices[i].source.c_str(),
+                devices[i].name.c_str(),
+                devices[i].stable ? "" : ", a name that may be another camera's after a restart");
   }
   if (devices.size() < rig.cameras.size())
     std::printf("warning: %zu cameras are left without a device\n", rig.cameras.size() - devices.size());
 }
 
+Rig make_rig(Arguments& arguments) {
+  lf::GridRigOptions& grid = arguments.new_rig;
+  if (arguments.radius != 0 && !arguments.arc && !arguments.ring) throw lf::Error("--radius: of --arc or --ring");
+  if (arguments.arc)
+    return lf::make_arc_rig({arguments.arc, grid.pitch, arguments.radius, grid.fov_y_deg, grid.width, grid.height});
+  if (arguments.ring) {
+    if (grid.pitch != 0) throw lf::Error("--pitch: a ring has --radius");
+    return lf::make_ring_rig({arguments.ring, arguments.radius, grid.fov_y_deg, grid.width, grid.height});
+  }
+  if (arguments.line) {
+    grid.rows = 1;
+    grid.columns = arguments.line;
+  } else {
+    parse_grid(arguments.grid, grid.rows, grid.columns);
+  }
+  return lf::make_grid_rig(grid);
+}
+
 int run_new(Arguments& arguments) {
-  parse_grid(arguments.grid, arguments.new_rig.rows, arguments.new_rig.columns);
-  Rig rig = lf::make_grid_rig(arguments.new_rig);
+  Rig rig = make_rig(arguments);
   if (arguments.devices) assign_devices(rig);
   save(rig, arguments.out);
   return 0;
@@ -97,6 +121,7 @@ int run_info(const Arguments& arguments) {
 
 int run_check(const Arguments& arguments) {
   int errors = 0, warnings = 0;
+  lf::load_controls(arguments.rig);
   for (const lf::RigFinding& finding : lf::check_rig(lf::load_rig(arguments.rig))) {
     const bool is_error = finding.severity == lf::RigFinding::Severity::kError;
     (is_error ? errors : warnings)++;
@@ -180,6 +205,11 @@ void add_formats(cli::App& app, Arguments& arguments) {
     command->add_option("--unit", arguments.stanford.unit, "Metres in one unit of the names")->capture_default_str();
 }
 
+bool converts() {
+  return std::any_of(std::begin(formats), std::end(formats),
+                     [](const Format& format) { return *format.import || *format.export_; });
+}
+
 // By the format whose subcommand is on the command line.
 int run_conversion(Arguments& arguments) {
   for (const Format& format : formats) {
@@ -199,16 +229,27 @@ int run_conversion(Arguments& arguments) {
 
 int main(int argc, char** argv) {
   Arguments arguments;
-  cli::App app("Makes, describes, checks, cuts and converts rig files", "lf-rig");
+  cli::App app("Makes, describes, checks, cuts and converts rig files, and opens their cameras", "lf-rig");
   app.require_subcommand(1);
 
-  cli::App* make = app.add_subcommand("new", "A first rig for cameras mounted as a grid");
-  make->add_option("--grid", arguments.grid, "Rows x columns, row 0 at the top")->required()->type_name("RxC");
-  make->add_option("--pitch", arguments.new_rig.pitch, "Between neighbours, metres")->required();
+  cli::App* make = app.add_subcommand("new", "A first rig for cameras that have just been mounted");
+  cli::App* shape = make->add_option_group("shape");
+  shape->add_option("--grid", arguments.grid, "Rows x columns, row 0 at the top")->type_name("RxC");
+  shape->add_option("--line", arguments.line, "So many cameras in a row, from left to right")
+      ->check(cli::PositiveNumber);
+  shape->add_option("--arc", arguments.arc, "So many on an arc, from left to right, that look at its centre")
+      ->check(cli::PositiveNumber);
+  shape->add_option("--ring", arguments.ring, "So many on a circle that all look forward, clockwise from the top")
+      ->check(cli::PositiveNumber);
+  shape->require_option(1);
+  make->add_option("--pitch", arguments.new_rig.pitch, "Between neighbours, metres");
+  make->add_option("--radius", arguments.radius, "Of the arc or ring, metres");
   make->add_option("--fov", arguments.new_rig.fov_y_deg, "Vertical field of view, degrees")->required();
   make->add_option("--width", arguments.new_rig.width, "Pixels")->capture_default_str();
   make->add_option("--height", arguments.new_rig.height, "Pixels")->capture_default_str();
-  make->add_flag("--devices", arguments.devices, "Plugged-in cameras become the sources, in order");
+  make->add_flag("--devices", arguments.devices,
+                 "Plugged-in cameras become the sources, in the order of their ports: v4l2, libcamera, Aravis, "
+                 "whatever GStreamer knows");
   make->add_option("--out", arguments.out, "Rig file to write")->required();
 
   cli::App* info = app.add_subcommand("info", "Describes a rig");
@@ -228,6 +269,10 @@ int main(int argc, char** argv) {
   add_formats(app, arguments);
 
   int status = 0;
+  add_doctor_command(app, status);
+  add_identify_command(app);
+  add_lock_command(app, status);
+  add_snapshot_command(app, status);
   const int failed = cli::run_tool(app, argc, argv, [&] {
     if (*make) {
       status = run_new(arguments);
@@ -237,7 +282,7 @@ int main(int argc, char** argv) {
       status = run_check(arguments);
     } else if (*subset) {
       status = run_subset(arguments);
-    } else {
+    } else if (converts()) {
       status = run_conversion(arguments);
     }
   });

@@ -16,10 +16,13 @@
 #include "base/error.h"
 #include "command_line.h"
 #include "image/image.h"
+#include "lf_scene_chart.h"
+#include "lf_scene_lights.h"
 #include "mjpeg_writer.h"
 #include "progress.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
+#include "scene_faults.h"
 #include "view/views_json.h"
 
 namespace {
@@ -30,6 +33,7 @@ struct Options {
   std::string out, rig, grid = "8x8", framerate = "15", format = "mjpeg", truth;
   int width = 320, height = 240, frames = 60, quality = 90, samples = 2;
   int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  FaultOptions faults;
 };
 
 lf::Rig rig_of(const Options& options) {
@@ -80,11 +84,14 @@ std::string frame_name(const std::string& camera, int frame) {
 using Step = std::function<void()>;
 using Job = std::function<void(const Step& step)>;
 
-Job film_job(const Options& options, const lf::Camera& camera, FrameRate rate) {
+Job film_job(const Options& options, const lf::Rig& rig, size_t index, const std::vector<lf::ColourFault>& faults,
+             FrameRate rate) {
+  const lf::Camera& camera = rig.cameras[index];
   const lf::SceneCamera lens{camera.width, camera.height, camera.lens, camera.pose};
-  const auto frame = [=, offset = camera.time_offset, samples = options.samples](int n) {
+  const auto frame = [=, &rig, &faults, offset = camera.time_offset, samples = options.samples](int n) {
     // A stamp is short of the true capture time by the camera's offset.
-    return lf::render_scene(lens, static_cast<double>(n) * rate.denominator / rate.numerator + offset, samples);
+    const double time = static_cast<double>(n) * rate.denominator / rate.numerator + offset;
+    return filmed(lf::render_scene(lens, time, samples), faults, rig, index, n);
   };
   const fs::path folder = options.out;
   const std::string name = camera.name;
@@ -147,6 +154,7 @@ void run_jobs(const std::vector<Job>& jobs, int threads, Progress& progress) {
 }
 
 void film(const Options& options) {
+  if (options.out.empty()) throw lf::Error("--out is required (see --help)");
   const lf::Rig rig = rig_of(options);
   const FrameRate rate = rate_of(options.framerate);
   std::set<std::string> camera_names, view_names;
@@ -168,7 +176,8 @@ void film(const Options& options) {
   }
 
   std::vector<Job> jobs;
-  for (const lf::Camera& camera : rig.cameras) jobs.push_back(film_job(options, camera, rate));
+  const std::vector<lf::ColourFault> faults = options.faults.faults(rig);
+  for (size_t i = 0; i < rig.cameras.size(); i++) jobs.push_back(film_job(options, rig, i, faults, rate));
   for (const lf::NamedView& view : views) jobs.push_back(truth_job(options, view));
   Progress progress("filming", rig.cameras.size() * static_cast<size_t>(options.frames) + views.size());
   run_jobs(jobs, options.threads, progress);
@@ -179,6 +188,7 @@ void film(const Options& options) {
     camera.source = camera.name + (png ? "_%04d.png" : ".mkv");
     camera.image = png ? frame_name(camera.name, 0) : camera.name + ".png";
   }
+  write_faults(rig, faults, options.out);
   lf::save_rig(filmed, rig_path.string());
   std::printf("%zu cameras, %d frames at %s/s, %zu ground truth views: %s\n", rig.cameras.size(), options.frames,
               options.framerate.c_str(), views.size(), rig_path.c_str());
@@ -190,7 +200,7 @@ int main(int argc, char** argv) {
   Options o;
   cli::App app("Films the built-in scene: DIR/rig.json and a file per camera, in DIR/truth the ground truth of views.",
                "lf-scene");
-  app.add_option("--out", o.out, "folder to write to")->required()->type_name("DIR");
+  app.add_option("--out", o.out, "folder to write to; required")->type_name("DIR");
   cli::Option* rig = app.add_option("--rig", o.rig, "film with the cameras of this rig")->type_name("RIG.json");
   app.add_option("--grid", o.grid, "film with the scene's own array")
       ->type_name("RxC")
@@ -209,6 +219,11 @@ int main(int argc, char** argv) {
       ->capture_default_str()
       ->check(cli::Range(1, 16));
   app.add_option("--threads", o.threads)->capture_default_str()->check(cli::Range(1, 256));
+  o.faults.add_to(app);
+  app.require_subcommand(0, 1);
+  const cli::App *chart = add_chart_command(app), *lights = add_lights_command(app);
   gst_init(nullptr, nullptr);
-  return cli::run_tool(app, argc, argv, [&] { film(o); });
+  return cli::run_tool(app, argc, argv, [&] {
+    if (!*chart && !*lights) film(o);
+  });
 }

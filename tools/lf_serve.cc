@@ -2,8 +2,6 @@
 // lf-serve: anybody with a browser flies through the light field.
 #include <glib-unix.h>
 #include <gst/gst.h>
-#include <malloc.h>
-#include <sys/resource.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -17,10 +15,11 @@
 #include "base/host_list.h"
 #include "base/json_value.h"
 #include "command_line.h"
-#include "serve/encoder.h"
+#include "serve/environment.h"
 #include "serve/film.h"
 #include "serve/http_server.h"
 #include "serve/launch.h"
+#include "serve/rig_reload.h"
 #include "view/views_json.h"
 
 namespace {
@@ -35,31 +34,8 @@ struct Options {
   std::vector<lf::NodeAddress> node_addresses;
   ServerOptions server;
   Limits limits;
+  bool watch = false;  // the rig file
 };
-
-// Making a key takes up to a second; the first viewer should not wait for it.
-void make_dtls_key() {
-  GstElement* decoder = gst_element_factory_make("dtlsdec", nullptr);
-  if (!decoder) throw lf::Error("element dtlsdec is not installed (gstreamer1.0-plugins-bad)");
-  g_autofree gchar* pem = nullptr;
-  g_object_get(decoder, "pem", &pem, nullptr);
-  gst_object_unref(decoder);
-}
-
-void check_elements() {
-  const std::pair<const char*, const char*> needed[] = {{"lfviewrequest", "gst-lightfield: see GST_PLUGIN_PATH"},
-                                                        {"webrtcbin", "gstreamer1.0-plugins-bad"},
-                                                        {"nicesrc", "gstreamer1.0-nice"},
-                                                        {"rtph264pay", "gstreamer1.0-plugins-good"},
-                                                        {"srtpenc", "gstreamer1.0-plugins-bad"}};
-  for (const auto& [element, package] : needed) {
-    GstElementFactory* factory = gst_element_factory_find(element);
-    if (!factory) throw lf::Error(std::string("element ") + element + " is not installed (" + package + ")");
-    gst_object_unref(factory);
-  }
-  if (!can_encode(VideoCodec::kH264) && !can_encode(VideoCodec::kVp8))
-    throw lf::Error("no encoder is installed for H.264 (gstreamer1.0-plugins-ugly) or VP8 (gstreamer1.0-plugins-good)");
-}
 
 // "NAME=FILE".
 std::pair<std::string, std::string> parse_path(const std::string& text) {
@@ -79,14 +55,6 @@ std::vector<lf::NodeAddress> nodes_of(const std::string& text) {
   }
 }
 
-// A viewer takes about ten files, a camera two: the usual 1024 are soon used up.
-void raise_file_limit() {
-  rlimit limit{};
-  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
-  limit.rlim_cur = std::min<rlim_t>(limit.rlim_max, 65536);
-  setrlimit(RLIMIT_NOFILE, &limit);
-}
-
 gboolean quit(gpointer loop) {
   g_main_loop_quit(static_cast<GMainLoop*>(loop));
   return G_SOURCE_CONTINUE;
@@ -95,6 +63,7 @@ gboolean quit(gpointer loop) {
 void check_options(Options& options) {
   if (!options.nodes.empty() && options.rig.empty())
     throw lf::Error("--nodes: needs --rig, which says where cameras are");
+  if (options.watch && options.rig.empty()) throw lf::Error("--watch: needs --rig, the file to watch");
   if (!options.token_file.empty()) {
     std::string text = lf::read_text_file(options.token_file);
     while (!text.empty() && g_ascii_isspace(text.back())) text.pop_back();
@@ -120,6 +89,7 @@ class Program {
   explicit Program(const Options& options)
       : options_(options), loop_(g_main_loop_new(nullptr, FALSE)), server_(options.server, options.limits) {}
   ~Program() {
+    watch_.reset();
     if (opens_.joinable()) opens_.join();
     if (sessions_) sessions_->close_all("the server ends");  // while there is a server to tell it
     server_.stop();
@@ -192,6 +162,7 @@ class Program {
   void serve() {
     sessions_ = std::make_unique<Sessions>(*field_, options_.limits);
     server_.serve(*field_, *sessions_);
+    if (options_.watch) watch_ = std::make_unique<RigReload>(*field_, *sessions_);
     std::printf("serving %s at %s\n", options_.rig.c_str(), server_.url().c_str());
   }
 
@@ -202,6 +173,7 @@ class Program {
   std::thread opens_;
   std::unique_ptr<LightField> field_;
   std::unique_ptr<Sessions> sessions_;
+  std::unique_ptr<RigReload> watch_;
   guint timer_ = 0;
   std::string failure_;
 };
@@ -209,22 +181,21 @@ class Program {
 void serve(Options& options) {
   check_options(options);
   options.node_addresses = nodes_of(options.nodes);
-  check_elements();
-  make_dtls_key();
+  prepare_elements();
   Program(options).run();
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  // Viewers come and go with all their threads: with an arena each, memory would be torn to pieces.
-  mallopt(M_ARENA_MAX, 2);
+  prepare_process();
   setlinebuf(stdout);
-  raise_file_limit();
   Options o;
   cli::App app("Serves a page in which everybody flies their own virtual camera, and the same streams over WHEP.",
                "lf-serve");
   app.add_option("--rig", o.rig, "the cameras; without it the built-in scene, filmed once")->type_name("RIG.json");
+  app.add_flag("--watch", o.watch,
+               "read the rig file again whenever it changes, after a calibration say: viewers go on with the new one");
   app.add_option("--nodes", o.nodes,
                  "hosts that the cameras are on: HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,... (camera-node.sh)");
   app.add_option("--key-file", o.key_file, "of --nodes: the secret that they share, 32 or more random characters");
@@ -278,7 +249,7 @@ int main(int argc, char** argv) {
                  "nearest that the surface can be, metres from the array (default: as the scene asks)")
       ->check(cli::PositiveNumber);
   app.add_option("--focus-far", o.limits.focus_on.far, "farthest")->check(cli::PositiveNumber);
-  app.add_option("--gains", o.limits.focus_on.gains, "true: cameras match their brightness to the others'")
+  app.add_option("--gains", o.limits.focus_on.gains, "whether cameras match their brightness (default: until the rig has their colours)")
       ->check(cli::IsMember({"true", "false"}));
   app.add_option("--resampling", o.resampling, "how cameras' images are sampled (of --nodes: see lfcameranode)")
       ->capture_default_str()

@@ -39,13 +39,7 @@
 GST_DEBUG_CATEGORY_STATIC(lf_camera_node_debug);
 #define GST_CAT_DEFAULT lf_camera_node_debug
 
-namespace {
-
 using Settings = lf::CameraNodeSettings;
-
-enum { PROP_0, PROP_STATS, PROP_FIRST_SETTING };
-
-}  // namespace
 
 G_DEFINE_TYPE_WITH_CODE(LfCameraNode, lf_camera_node, GST_TYPE_BIN,
                         GST_DEBUG_CATEGORY_INIT(lf_camera_node_debug, "lfcameranode", 0, "cameras of a rig as a node"))
@@ -61,12 +55,9 @@ static GstStaticPadTemplate more_request_template =
 static GstStaticPadTemplate more_src_template =
     GST_STATIC_PAD_TEMPLATE("src_%u", GST_PAD_SRC, GST_PAD_SOMETIMES, GST_STATIC_CAPS(LF_ANSWER_CAPS));
 
-static Settings current_settings(LfCameraNode* self) {
-  lf::ObjectLock lock(self);
-  Settings settings = *self->settings;
-  lock.unlock();
-  return settings;
-}
+static Settings& settings_of(LfCameraNode* self) { return *self->settings; }
+using Properties = lf::Properties<settings_of, lf_camera_node_stats>;
+static Settings current_settings(LfCameraNode* self) { return Properties::now(self); }
 
 static void remove_cameras(LfCameraNode* self) {
   GST_OBJECT_LOCK(self);
@@ -213,19 +204,16 @@ static void lf_camera_node_set_property(GObject* object, guint id, const GValue*
     return;
   }
   if (lf::is_named(pspec, "rig")) return lf_camera_node_set_rig(self, g_value_get_string(value));
-  lf::ObjectLock lock(self);
-  Settings::properties().set(*self->settings, id, value);
-  lock.unlock();
+  Properties::set(object, id, value, pspec);
 }
 
 static void lf_camera_node_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
   LfCameraNode* self = LF_CAMERA_NODE(object);
-  if (id == PROP_STATS) return g_value_take_boxed(value, lf_camera_node_stats(self));
   if (lf::is_copy(pspec)) {
     if (self->fragment) g_object_get_property(G_OBJECT(self->fragment), pspec->name, value);
     return;
   }
-  Settings::properties().get(current_settings(self), id, value);
+  Properties::get(object, id, value, pspec);
 }
 
 static void lf_camera_node_finalize(GObject* object) {
@@ -282,20 +270,16 @@ static void lf_camera_node_release_pad(GstElement* element, GstPad* pad) {
 
 static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = lf::callback<lf_camera_node_set_property>;
-  object_class->get_property = lf::callback<lf_camera_node_get_property>;
   object_class->finalize = lf_camera_node_finalize;
 
-  const guint next_id = Settings::properties().install(object_class, PROP_FIRST_SETTING);
+  const guint next_id = Properties::install(
+      object_class,
+      "What lffragment counts, see there, and of each of the cameras: state (opening, running, ended "
+      "or lost), reason of the latest loss, losses, retries, dropped frames, capture-time");
+  object_class->set_property = lf::callback<lf_camera_node_set_property>;
+  object_class->get_property = lf::callback<lf_camera_node_get_property>;
   // How lffragment answers is its own property under the same name.
   lf::install_copies(object_class, next_id, LF_TYPE_FRAGMENT, {"rig", "node", "stats"});
-  g_object_class_install_property(
-      object_class, PROP_STATS,
-      g_param_spec_boxed(
-          "stats", "Statistics",
-          "What lffragment counts, see there, and of each of the cameras: state (opening, running, ended "
-          "or lost), reason of the latest loss, losses, retries, dropped frames, capture-time",
-          GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_camera_node_change_state>;

@@ -13,8 +13,8 @@
 
 struct _LfCameraNode {
   GstBin parent;
-  GstElement* fragment;              // borrowed from the bin's children; null where lffragment is not installed
-  lf::CameraNodeSettings* settings;  // under the object lock
+  GstElement* fragment;                 // borrowed from the bin's children; null where lffragment is not installed
+  lf::CameraNodeSettings* settings;     // under the object lock
   lf::CameraNodeSettings* opened;       // what the children were made for
   std::shared_ptr<const lf::Rig>* rig;  // the same
   std::vector<GstElement*>* cameras;    // borrowed from the bin's children; under the object lock

@@ -27,7 +27,7 @@
  * ]| Nobody without the key sees or steers.
  */
 
-#include "bins/lfnodesink.h"
+#include <gst/gst.h>
 
 #include <string>
 #include <vector>
@@ -37,7 +37,7 @@
 #include "bins/lfcameranode.h"
 #include "bins/property_copy.h"
 #include "bins/rtp_link.h"
-#include "common/guard.h"
+#include "common/properties.h"
 #include "common/requested_pads.h"
 #include "rtp/rtplfpay.h"
 
@@ -46,13 +46,31 @@ GST_DEBUG_CATEGORY_STATIC(lf_node_sink_debug);
 
 namespace {
 
-enum { PROP_0, PROP_LISTEN, PROP_ANSWERS, PROP_KEY_FILE, PROP_PEERS, PROP_STATS, PROP_FIRST_COPY };
-
 // The network side as properties say it.
-struct Settings {
+struct Settings : lf::Admission {
   std::string listen, answers;
-  lf::Admission admission;
   bool operator==(const Settings&) const = default;
+
+  static lf::PropertyTable<Settings>& properties() {
+    using S = Settings;
+    static lf::PropertyTable<S> table = {
+        lf::property<&S::listen>(
+            lf::kWhileReady, "listen", "Listen",
+            "UDP port that view requests come in at, ADDRESS:PORT of this machine, or GROUP:PORT of a multicast group; "
+            "one for each host that asks, with commas between; required"),
+        lf::property<&S::answers>(lf::kWhileReady, "answers", "Answers",
+                                  "HOST:PORT where the answers go to, for each item of listen; required"),
+        lf::inherited_property<S, &S::key_file>(
+            lf::kWhileReady, "key-file", "Key file",
+            "File with the secret that all hosts share, 32 or more random characters (none: whoever is on the network "
+            "can see and steer)"),
+        lf::inherited_property<S, &S::peers>(
+            lf::kWhileReady, "peers", "Peers",
+            "Names, addresses and networks (10.0.0.0/24) that requests are taken from, with commas between (none: with "
+            "a key-file all that have it; else the hosts of answers and this machine)"),
+    };
+    return table;
+  }
 };
 
 constexpr gint kStripPixels = 5120;  // 16 rows of 320: about a packet, so that a lost one loses no more
@@ -65,6 +83,9 @@ struct Links {
 };
 
 }  // namespace
+
+#define LF_TYPE_NODE_SINK (lf_node_sink_get_type())
+G_DECLARE_FINAL_TYPE(LfNodeSink, lf_node_sink, LF, NODE_SINK, GstBin)
 
 struct _LfNodeSink {
   GstBin parent;
@@ -136,14 +157,11 @@ static void add_requester(LfNodeSink* self, size_t index, const lf::HostPort& fr
   if (!linked) throw lf::Error("the cameras can't be linked with the network");
 }
 
-static Settings current_settings(LfNodeSink* self) {
-  const lf::ObjectLock lock(self);
-  return *self->settings;
-}
-
 // Before READY and before PAUSED. False after posting the reason.
 static bool prepare(LfNodeSink* self) {
-  const Settings settings = current_settings(self);
+  lf::ObjectLock lock(self);
+  const Settings settings = *self->settings;
+  lock.unlock();
   Links& links = *self->links;
   if (links.pads && links.settings == settings) return true;
   remove_links(self);
@@ -157,7 +175,7 @@ static bool prepare(LfNodeSink* self) {
     for (const lf::HostPort& place : to)
       if (place.host.empty()) throw lf::Error("answers: " + std::to_string(place.port) + ": must be HOST:PORT");
     links.pads = std::make_unique<lf::RequestedPads>();
-    for (size_t i = 0; i < from.size(); i++) add_requester(self, i, from[i], to[i], settings.admission);
+    for (size_t i = 0; i < from.size(); i++) add_requester(self, i, from[i], to[i], settings);
     links.settings = settings;
     return true;
   } catch (const std::exception& error) {
@@ -171,7 +189,7 @@ static GstStateChangeReturn lf_node_sink_change_state(GstElement* element, GstSt
   const bool starts = transition == GST_STATE_CHANGE_NULL_TO_READY || transition == GST_STATE_CHANGE_READY_TO_PAUSED;
   if (starts && !prepare(LF_NODE_SINK(element))) return GST_STATE_CHANGE_FAILURE;
   if (transition == GST_STATE_CHANGE_READY_TO_PAUSED)
-    lf::warn_without_key(element, LF_NODE_SINK(element)->links->settings.admission);
+    lf::warn_without_key(element, LF_NODE_SINK(element)->links->settings);
   return GST_ELEMENT_CLASS(lf_node_sink_parent_class)->change_state(element, transition);
 }
 
@@ -195,29 +213,6 @@ static void set_all_payloaders(LfNodeSink* self, const char* name, const GValue*
   gst_iterator_free(all);
 }
 
-static std::string* text_of(Settings& settings, guint id) {
-  switch (id) {
-    case PROP_LISTEN: return &settings.listen;
-    case PROP_ANSWERS: return &settings.answers;
-    case PROP_KEY_FILE: return &settings.admission.key_file;
-    case PROP_PEERS: return &settings.admission.peers;
-    default: return nullptr;
-  }
-}
-
-static void lf_node_sink_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
-  LfNodeSink* self = LF_NODE_SINK(object);
-  if (id >= PROP_FIRST_COPY) {
-    GstElement* owner = owner_of(self, pspec);
-    if (owner) g_object_set_property(G_OBJECT(owner), pspec->name, value);
-    if (owner && owner == self->pay) set_all_payloaders(self, pspec->name, value);
-    return;
-  }
-  const gchar* text = g_value_get_string(value);
-  const lf::ObjectLock lock(self);
-  if (std::string* field = text_of(*self->settings, id)) *field = text ? text : "";
-}
-
 // What lfcameranode counts, and of each requester what its lfrtpgate does.
 static GstStructure* make_stats(LfNodeSink* self) {
   GstStructure* stats = nullptr;
@@ -236,16 +231,21 @@ static GstStructure* make_stats(LfNodeSink* self) {
   return stats;
 }
 
-static void lf_node_sink_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
+static Settings& settings_of(LfNodeSink* self) { return *self->settings; }
+using Properties = lf::Properties<settings_of, make_stats>;
+
+static void lf_node_sink_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfNodeSink* self = LF_NODE_SINK(object);
-  if (id >= PROP_FIRST_COPY) {
-    if (GstElement* owner = owner_of(self, pspec)) g_object_get_property(G_OBJECT(owner), pspec->name, value);
-    return;
-  }
-  if (id == PROP_STATS) return g_value_take_boxed(value, make_stats(self));
-  Settings settings = current_settings(self);
-  if (const std::string* text = text_of(settings, id))
-    g_value_set_string(value, text->empty() ? nullptr : text->c_str());
+  if (!lf::is_copy(pspec)) return Properties::set(object, id, value, pspec);
+  GstElement* owner = owner_of(self, pspec);
+  if (owner) g_object_set_property(G_OBJECT(owner), pspec->name, value);
+  if (owner && owner == self->pay) set_all_payloaders(self, pspec->name, value);
+}
+
+static void lf_node_sink_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
+  if (!lf::is_copy(pspec)) return Properties::get(object, id, value, pspec);
+  if (GstElement* owner = owner_of(LF_NODE_SINK(object), pspec))
+    g_object_get_property(G_OBJECT(owner), pspec->name, value);
 }
 
 static void lf_node_sink_dispose(GObject* object) {
@@ -265,44 +265,15 @@ static void lf_node_sink_finalize(GObject* object) {
 
 static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = lf::callback<lf_node_sink_set_property>;
-  object_class->get_property = lf::callback<lf_node_sink_get_property>;
   object_class->dispose = lf_node_sink_dispose;
   object_class->finalize = lf_node_sink_finalize;
-  constexpr auto kFlags = GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY);
-  g_object_class_install_property(
-      object_class, PROP_LISTEN,
-      g_param_spec_string(
-          "listen", "Listen",
-          "UDP port that view requests come in at, ADDRESS:PORT of this machine, or GROUP:PORT of a multicast group; "
-          "one for each host that asks, with commas between; required",
-          nullptr, kFlags));
-  g_object_class_install_property(
-      object_class, PROP_ANSWERS,
-      g_param_spec_string("answers", "Answers", "HOST:PORT where the answers go to, for each item of listen; required",
-                          nullptr, kFlags));
-  g_object_class_install_property(
-      object_class, PROP_KEY_FILE,
-      g_param_spec_string(
-          "key-file", "Key file",
-          "File with the secret that all hosts share, 32 or more random characters (none: whoever is on "
-          "the network can see and steer)",
-          nullptr, kFlags));
-  g_object_class_install_property(
-      object_class, PROP_PEERS,
-      g_param_spec_string(
-          "peers", "Peers",
-          "Names, addresses and networks (10.0.0.0/24) that requests are taken from, with commas between "
-          "(none: with a key-file all that have it; else the hosts of answers and this machine)",
-          nullptr, kFlags));
-  g_object_class_install_property(
-      object_class, PROP_STATS,
-      g_param_spec_boxed(
-          "stats", "Statistics",
-          "Those of lfcameranode, and in requests of each requester (requests0, requests1, ...) what its "
-          "lfrtpgate counts: packets that passed and those that were dropped, by reason",
-          GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
-  const guint next = lf::install_copies(object_class, PROP_FIRST_COPY, LF_TYPE_CAMERA_NODE, {"is-live", "stats"});
+  const guint first_copy = Properties::install(
+      object_class,
+      "Those of lfcameranode, and in requests of each requester (requests0, requests1, ...) what its "
+      "lfrtpgate counts: packets that passed and those that were dropped, by reason");
+  object_class->set_property = lf::callback<lf_node_sink_set_property>;
+  object_class->get_property = lf::callback<lf_node_sink_get_property>;
+  const guint next = lf::install_copies(object_class, first_copy, LF_TYPE_CAMERA_NODE, {"is-live", "stats"});
   lf::install_copies(object_class, next, LF_TYPE_RTP_PAY, {"stats"}, {"mtu"});
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);

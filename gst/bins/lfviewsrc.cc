@@ -26,6 +26,8 @@
  * (#element-lfrtpseal); without, answers are taken from the addresses of `nodes` and requests from those of
  * `peers`, and whoever is on the network in between can do both.
  *
+ * As a URI, lf:///path/of/rig.json, cameras whose sources describe elements are refused: a player may be given any URI.
+ *
  * With `nodes` the pipeline runs by the machine's realtime clock, which those hosts have to share (chrony, PTP), unless
  * something else in it gives a clock.
  *
@@ -46,8 +48,6 @@
  * ]| The cameras of two other hosts.
  */
 
-#include "bins/lfviewsrc.h"
-
 #include <memory>
 #include <string>
 
@@ -55,6 +55,7 @@
 #include "bins/lfviewsrc_private.h"
 #include "bins/rtp_link.h"
 #include "common/common.h"
+#include "rig/bin_description.h"
 
 GST_DEBUG_CATEGORY(lf_view_src_debug);
 #define GST_CAT_DEFAULT lf_view_src_debug
@@ -123,6 +124,19 @@ static void change_hosts(LfViewSrc* self, const LfViewSrcHosts& hosts) {
   lf_view_src_set_node(self);
 }
 
+// Players open URIs from anywhere, and elements may run any program.
+static void refuse_described_sources(const lf::Rig& rig, const std::string& path) {
+  for (const lf::Camera& camera : rig.cameras)
+    if (lf::is_bin_description(camera.source))
+      throw lf::Error(path + ": camera " + std::to_string(camera.id) +
+                      ": its source describes elements, which no URI opens: set the property rig in place of a URI");
+}
+
+static bool is_by_uri(LfViewSrc* self) {
+  const lf::ObjectLock lock(self);
+  return self->by_uri;
+}
+
 // Before READY and before PAUSED. False after posting the reason.
 static bool prepare(LfViewSrc* self) {
   const std::lock_guard lock(self->inside->mutex);
@@ -130,7 +144,8 @@ static bool prepare(LfViewSrc* self) {
   const LfViewSrcHosts hosts = lf_view_src_hosts(self);
   try {
     if (rig.empty()) throw lf::Error("rig: not set");
-    lf::shared_rig(rig);
+    const std::shared_ptr<const lf::Rig> read = lf::shared_rig(rig);
+    if (is_by_uri(self) && hosts.nodes.empty()) refuse_described_sources(*read, rig);
     if (hosts.any() && !lf_view_src_is_live(self))
       throw lf::Error("nodes, listen: what is on other hosts is live, is-live must be true");
     if (!self->view) throw lf::Error("elements lfviewrequest and lfcompositor are not installed");
@@ -199,8 +214,7 @@ static void lf_view_src_finalize(GObject* object) {
   LfViewSrc* self = LF_VIEW_SRC(object);
   gst_clear_object(&self->inside->realtime);
   delete self->inside;
-  g_free(self->rig);
-  delete self->hosts;
+  delete self->settings;
   G_OBJECT_CLASS(lf_view_src_parent_class)->finalize(object);
 }
 
@@ -223,9 +237,8 @@ static void lf_view_src_class_init(LfViewSrcClass* klass) {
 }
 
 static void lf_view_src_init(LfViewSrc* self) {
-  self->is_live = TRUE;
   self->inside = new _LfViewSrc::Inside;
-  self->hosts = new LfViewSrcHosts;
+  self->settings = new LfViewSrcSettings;
   // Requests to hosts leave by a sink, which is none of the pipeline's.
   gst_bin_set_suppressed_flags(GST_BIN(self), GST_ELEMENT_FLAG_SINK);
   try {

@@ -1,15 +1,20 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <gst/gst.h>
+
 #include <map>
 #include <memory>
 #include <mutex>
 #include <set>
 #include <string>
 
-#include "bins/lfviewsrc.h"
 #include "bins/viewer_cameras.h"
 #include "bins/viewer_requests.h"
+#include "common/properties.h"
+
+#define LF_TYPE_VIEW_SRC (lf_view_src_get_type())
+G_DECLARE_FINAL_TYPE(LfViewSrc, lf_view_src, LF, VIEW_SRC, GstBin)
 
 // What the files of lfviewsrc share: lfviewsrc.cc (the element), view_src_properties.cc (properties, URIs, actions) and
 // view_src_viewers.cc (viewers that come and go, and their pads).
@@ -28,12 +33,19 @@ struct LfViewSrcHosts {
   bool any() const { return !nodes.empty() || !listen.empty(); }
 };
 
+// Its properties, but for those of its parts.
+struct LfViewSrcSettings : LfViewSrcHosts {
+  std::string rig;
+  bool is_live = true;
+
+  static lf::PropertyTable<LfViewSrcSettings>& properties();
+};
+
 struct _LfViewSrc {
   GstBin parent;
   // Under the object lock.
-  gchar* rig;
-  LfViewSrcHosts* hosts;
-  gboolean is_live;
+  LfViewSrcSettings* settings;
+  bool by_uri;  // the rig was named by a URI, which may come from anywhere
 
   GstElement *view, *compositor;  // of `src`: children; null where the elements are not installed
   // What is inside, under its own lock, which is taken before any other: bins tell applications of children.

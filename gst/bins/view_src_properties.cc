@@ -5,14 +5,11 @@
 
 #include "bins/lfviewsrc_private.h"
 #include "bins/property_copy.h"
-#include "common/guard.h"
 #include "compositor/lfcompositor.h"
 #include "viewrequest/lfviewrequest.h"
 #include "viewrequest/view_control.h"
 
 namespace {
-
-enum { PROP_0, PROP_RIG, PROP_NODES, PROP_LISTEN, PROP_KEY_FILE, PROP_PEERS, PROP_IS_LIVE, PROP_FIRST_COPY };
 
 // Of one viewer and no other.
 constexpr std::array kOwnProperties = {"location", "loop", "eye-offset", "num-buffers"};
@@ -24,22 +21,12 @@ bool is_own(const char* name) {
 
 }  // namespace
 
-std::string lf_view_src_rig(LfViewSrc* self) {
-  const lf::ObjectLock lock(self);
-  return self->rig ? self->rig : "";
-}
+static LfViewSrcSettings& settings_of(LfViewSrc* self) { return *self->settings; }
+using Properties = lf::Properties<settings_of>;
 
-LfViewSrcHosts lf_view_src_hosts(LfViewSrc* self) {
-  const lf::ObjectLock lock(self);
-  return *self->hosts;
-}
-
-bool lf_view_src_is_live(LfViewSrc* self) {
-  GST_OBJECT_LOCK(self);
-  const bool live = self->is_live;
-  GST_OBJECT_UNLOCK(self);
-  return live;
-}
+std::string lf_view_src_rig(LfViewSrc* self) { return Properties::now(self).rig; }
+LfViewSrcHosts lf_view_src_hosts(LfViewSrc* self) { return Properties::now(self); }
+bool lf_view_src_is_live(LfViewSrc* self) { return Properties::now(self).is_live; }
 
 static GstElement* find_node(LfViewSrc* self) { return gst_bin_get_by_name(GST_BIN(self), "node"); }
 
@@ -51,49 +38,30 @@ void lf_view_src_set_node(LfViewSrc* self) {
   gst_object_unref(node);
 }
 
-// While it runs a node may have other cameras, and not take the rig: then nobody does.
-static void lf_view_src_set_rig(LfViewSrc* self, const gchar* path) {
-  const std::lock_guard lock(self->inside->mutex);
+static void set_by_uri(LfViewSrc* self, bool by_uri) {
+  const lf::ObjectLock lock(self);
+  self->by_uri = by_uri;
+}
+
+// While it runs a node may have other cameras, and not take the rig: then nobody does. False if so.
+static bool give_rig(LfViewSrc* self, const gchar* path) {
   if (GstElement* node = find_node(self)) {
     g_object_set(node, "rig", path, nullptr);
     g_autofree gchar* taken = nullptr;
     g_object_get(node, "rig", &taken, nullptr);
     gst_object_unref(node);
-    if (g_strcmp0(taken, path) != 0) return;
+    if (g_strcmp0(taken, path) != 0) return false;
   }
   for (auto& [name, viewer] : self->inside->viewers) {
     g_object_set(viewer->chain.view(), "rig", path, nullptr);
     g_object_set(viewer->chain.compositor(), "rig", path, nullptr);
   }
-  GST_OBJECT_LOCK(self);
-  g_free(self->rig);
-  self->rig = g_strdup(path);
-  GST_OBJECT_UNLOCK(self);
+  return true;
 }
 
-static void lf_view_src_set_live(LfViewSrc* self, gboolean live) {
-  const std::lock_guard lock(self->inside->mutex);
-  GST_OBJECT_LOCK(self);
-  self->is_live = live;
-  GST_OBJECT_UNLOCK(self);
+static void give_live(LfViewSrc* self, gboolean live) {
   for (auto& [name, viewer] : self->inside->viewers) viewer->chain.set_live(live);
   lf_view_src_set_node(self);
-}
-
-// Null for a property that is none of them.
-static std::string* text_of(LfViewSrcHosts& hosts, guint id) {
-  switch (id) {
-    case PROP_NODES: return &hosts.nodes;
-    case PROP_LISTEN: return &hosts.listen;
-    case PROP_KEY_FILE: return &hosts.key_file;
-    case PROP_PEERS: return &hosts.peers;
-    default: return nullptr;
-  }
-}
-
-static void set_text(LfViewSrc* self, guint id, const gchar* text) {
-  const lf::ObjectLock lock(self);
-  if (std::string* field = text_of(*self->hosts, id)) *field = text ? text : "";
 }
 
 static GstElement* owner_of(LfViewSrc* self, GParamSpec* copy) {
@@ -102,34 +70,21 @@ static GstElement* owner_of(LfViewSrc* self, GParamSpec* copy) {
 
 static void lf_view_src_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfViewSrc* self = LF_VIEW_SRC(object);
-  switch (id) {
-    case PROP_RIG: return lf_view_src_set_rig(self, g_value_get_string(value));
-    case PROP_IS_LIVE: return lf_view_src_set_live(self, g_value_get_boolean(value));
-    case PROP_NODES:
-    case PROP_LISTEN:
-    case PROP_KEY_FILE:
-    case PROP_PEERS: return set_text(self, id, g_value_get_string(value));
-    default:
-      if (GstElement* owner = owner_of(self, pspec)) g_object_set_property(G_OBJECT(owner), pspec->name, value);
+  if (lf::is_copy(pspec)) {
+    if (GstElement* owner = owner_of(self, pspec)) g_object_set_property(G_OBJECT(owner), pspec->name, value);
+    return;
   }
+  const std::lock_guard lock(self->inside->mutex);
+  if (lf::is_named(pspec, "rig") && !give_rig(self, g_value_get_string(value))) return;
+  Properties::set(object, id, value, pspec);
+  if (lf::is_named(pspec, "rig")) set_by_uri(self, false);
+  if (lf::is_named(pspec, "is-live")) give_live(self, g_value_get_boolean(value));
 }
 
 static void lf_view_src_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
-  LfViewSrc* self = LF_VIEW_SRC(object);
-  if (id >= PROP_FIRST_COPY) {
-    if (GstElement* owner = owner_of(self, pspec)) g_object_get_property(G_OBJECT(owner), pspec->name, value);
-    return;
-  }
-  LfViewSrcHosts hosts = lf_view_src_hosts(self);
-  if (const std::string* text = text_of(hosts, id))
-    return g_value_set_string(value, text->empty() ? nullptr : text->c_str());
-  GST_OBJECT_LOCK(self);
-  switch (id) {
-    case PROP_RIG: g_value_set_string(value, self->rig); break;
-    case PROP_IS_LIVE: g_value_set_boolean(value, self->is_live); break;
-    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
-  }
-  GST_OBJECT_UNLOCK(self);
+  if (!lf::is_copy(pspec)) return Properties::get(object, id, value, pspec);
+  if (GstElement* owner = owner_of(LF_VIEW_SRC(object), pspec))
+    g_object_get_property(G_OBJECT(owner), pspec->name, value);
 }
 
 void lf_view_src_copy_settings(LfViewSrc* self, const lf::ViewerChain& to) {
@@ -167,7 +122,9 @@ static gboolean lf_view_src_set_uri(GstURIHandler* handler, const gchar* uri, GE
     g_set_error(error, GST_URI_ERROR, GST_URI_ERROR_BAD_URI, "%s: must be lf:///path/of/rig.json", uri);
     return FALSE;
   }
+  const std::lock_guard lock(LF_VIEW_SRC(handler)->inside->mutex);
   g_object_set(handler, "rig", path, nullptr);
+  set_by_uri(LF_VIEW_SRC(handler), true);
   return TRUE;
 }
 
@@ -219,53 +176,43 @@ void lf_view_src_install_actions(GObjectClass* klass) {
                              2, G_TYPE_DOUBLE, G_TYPE_DOUBLE);
 }
 
-void lf_view_src_install_properties(GObjectClass* klass) {
-  klass->set_property = lf::callback<lf_view_src_set_property>;
-  klass->get_property = lf::callback<lf_view_src_get_property>;
-  constexpr int kBoth = G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS;
-  constexpr auto kReady = GParamFlags(kBoth | GST_PARAM_MUTABLE_READY);
-  g_object_class_install_property(
-      klass, PROP_RIG,
-      g_param_spec_string("rig", "Rig",
-                          "Rig file (rig.json) of the array; required. Set while running, it is read again and serves "
-                          "from the next request on, if it has the same cameras with the same sources",
-                          nullptr, GParamFlags(kBoth | GST_PARAM_MUTABLE_PLAYING)));
-  g_object_class_install_property(
-      klass, PROP_NODES,
-      g_param_spec_string(
-          "nodes", "Nodes",
+lf::PropertyTable<LfViewSrcSettings>& LfViewSrcSettings::properties() {
+  using S = LfViewSrcSettings;
+  static lf::PropertyTable<S> table = {
+      lf::property<&S::rig>(
+          lf::kWhilePlaying, "rig", "Rig",
+          "Rig file (rig.json) of the array; required. Set while running, it is read again and serves from the next "
+          "request on, if it has the same cameras with the same sources"),
+      lf::inherited_property<S, &S::nodes>(
+          lf::kWhileReady, "nodes", "Nodes",
           "Hosts that the cameras are on (lfnodesink): HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,..., with the ports "
           "for requests there and for answers here, and the address of this machine that those come in at (none: any). "
-          "They are live (empty: all cameras are on this machine)",
-          nullptr, kReady));
-  g_object_class_install_property(
-      klass, PROP_LISTEN,
-      g_param_spec_string(
-          "listen", "Listen",
-          "UDP port, ADDRESS:PORT of this machine or GROUP:PORT of a multicast group where viewers on "
-          "other hosts ask for views, which are shown in place of views of its own: view 0 by src, view "
-          "1 by src_0, and so on (none: viewers are here)",
-          nullptr, kReady));
-  g_object_class_install_property(
-      klass, PROP_KEY_FILE,
-      g_param_spec_string(
-          "key-file", "Key file",
-          "With nodes or listen: file with the secret that all hosts share, 32 or more random characters "
-          "(none: whoever is on the network can see and steer)",
-          nullptr, kReady));
-  g_object_class_install_property(
-      klass, PROP_PEERS,
-      g_param_spec_string("peers", "Peers",
-                          "With listen: names, addresses and networks (10.0.0.0/24) that requests are taken from, with "
-                          "commas between (none: with a key-file all that have it; else the first address of this "
-                          "machine that asks)",
-                          nullptr, kReady));
-  g_object_class_install_property(klass, PROP_IS_LIVE,
-                                  g_param_spec_boolean("is-live", "Is live",
-                                                       "Pictures come in time with the clock, of frames that live "
-                                                       "cameras make, in place of as fast as they are taken",
-                                                       TRUE, kReady));
-  const guint next = lf::install_copies(klass, PROP_FIRST_COPY, LF_TYPE_VIEW_REQUEST,
+          "They are live (empty: all cameras are on this machine)"),
+      lf::inherited_property<S, &S::listen>(
+          lf::kWhileReady, "listen", "Listen",
+          "UDP port, ADDRESS:PORT of this machine or GROUP:PORT of a multicast group where viewers on other hosts ask "
+          "for views, which are shown in place of views of its own: view 0 by src, view 1 by src_0, and so on (none: "
+          "viewers are here)"),
+      lf::inherited_property<S, &S::key_file>(
+          lf::kWhileReady, "key-file", "Key file",
+          "With nodes or listen: file with the secret that all hosts share, 32 or more random characters (none: "
+          "whoever is on the network can see and steer)"),
+      lf::inherited_property<S, &S::peers>(
+          lf::kWhileReady, "peers", "Peers",
+          "With listen: names, addresses and networks (10.0.0.0/24) that requests are taken from, with commas between "
+          "(none: with a key-file all that have it; else the first address of this machine that asks)"),
+      lf::property<&S::is_live>(lf::kWhileReady, "is-live", "Is live",
+                                "Pictures come in time with the clock, of frames that live cameras make, in place of "
+                                "as fast as they are taken"),
+  };
+  return table;
+}
+
+void lf_view_src_install_properties(GObjectClass* klass) {
+  const guint first_copy = Properties::install(klass);
+  klass->set_property = lf::callback<lf_view_src_set_property>;
+  klass->get_property = lf::callback<lf_view_src_get_property>;
+  const guint next = lf::install_copies(klass, first_copy, LF_TYPE_VIEW_REQUEST,
                                         {"rig", "view-id", "is-live", "navigation-from", "access"}, {"num-buffers"});
   lf::install_copies(klass, next, LF_TYPE_COMPOSITOR, {"rig", "view-id"}, {"latency"});
 }

@@ -18,9 +18,12 @@ std::shared_ptr<const lf::Rig> open_rig(const std::string& path) {
 }
 
 // The errors say which camera of which rig they are about.
-lf::CameraSource find_source(const lf::Rig& rig, const lf::Camera& camera, const std::string& place) {
+lf::CameraSource find_source(const lf::Rig& rig, const std::string& path, const lf::Camera& camera,
+                             const std::string& place) {
   try {
-    return lf::find_camera_source(rig, camera);
+    const lf::CameraSource source = lf::find_camera_source(rig, camera);
+    if (source.kind == Kind::kBin) lf::require_own_file(path);
+    return source;
   } catch (const lf::MissingFile& error) {
     throw lf::MissingFile(place + ": " + error.what());
   } catch (const lf::Error& error) {
@@ -54,24 +57,46 @@ lf::StreamListener listener_of(LfCamSrc* self, guint serial) {
           .on_overload = [self](GstClockTimeDiff late) { lf_cam_src_tell_overload(self, late); }};
 }
 
+lf::Controls controls_of(const lf::CamSrcSettings& settings, const lf::Camera& camera) {
+  const auto all = lf::load_controls(settings.rig);
+  const auto own = all.find(camera.id);
+  return own == all.end() ? lf::Controls{} : own->second;
+}
+
+// The errors say where, as those of find_source() do.
+lf::CameraChain build_chain(LfCamSrc* self, const lf::CameraSource& source, const lf::Camera& camera,
+                            const lf::ChainOptions& options, const std::string& place) {
+  try {
+    return lf::build_camera_chain(GST_BIN(self), source, camera, options);
+  } catch (const lf::MissingElement&) {
+    throw;
+  } catch (const lf::Error& error) {
+    throw lf::Error(place + ": " + error.what());
+  }
+}
+
 void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std::shared_ptr<const lf::Rig>& rig,
                   lf::CameraIndex index) {
   const lf::Camera& camera = rig->cameras[index];
   std::string place = place_of(settings, camera);
-  const lf::CameraSource source = find_source(*rig, camera, place);
+  const lf::CameraSource source = find_source(*rig, settings.rig, camera, place);
   if (!source.location.empty()) place += ": " + source.location;
   const bool file = is_file(source);
-  const bool network = source.kind == Kind::kDevice || (source.kind == Kind::kUri && !file);
+  const bool device = source.kind == Kind::kDevice || source.kind == Kind::kBin;
+  const bool network = device || (source.kind == Kind::kUri && !file);
   // Of what comes over HTTP it is known when it has come.
   self->live = self->live || (network && !g_str_has_prefix(source.location.c_str(), "http"));
 
-  const lf::CameraChain chain = lf::build_camera_chain(GST_BIN(self), source, camera,
-                                                       {.fps_n = settings.fps_n,
-                                                        .fps_d = settings.fps_d,
-                                                        .live = settings.is_live,
-                                                        .loop = settings.loop,
-                                                        .decode = settings.decode,
-                                                        .latency = settings.latency});
+  const lf::Controls controls = controls_of(settings, camera);
+  const lf::CameraChain chain = build_chain(self, source, camera,
+                                            {.fps_n = settings.fps_n,
+                                             .fps_d = settings.fps_d,
+                                             .live = settings.is_live,
+                                             .loop = settings.loop,
+                                             .decode = settings.decode,
+                                             .controls = controls,
+                                             .latency = settings.latency},
+                                            place);
   const bool may_be_lost = lf_cam_src_may_be_lost(self);
   const bool catches_up = self->service->report().retries > 0 && file && settings.is_live;
   const bool paced = settings.is_live && !network && !catches_up;
@@ -97,12 +122,12 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
   if (settings.is_live) stream->set_live();
   gst_ghost_pad_set_target(GST_GHOST_PAD(self->src), chain.out);
   std::string wanted;
-  if (source.kind == Kind::kDevice) {
+  if (device) {
     wanted = std::to_string(camera.width) + "x" + std::to_string(camera.height);
     if (settings.fps_n > 0)
       wanted += " at " + std::to_string(settings.fps_n) + "/" + std::to_string(settings.fps_d) + " frames/s";
   }
-  auto* run = new CamSrcRun{settings, rig, chain, stream, wanted};
+  auto* run = new CamSrcRun{settings, rig, controls, chain, stream, wanted};
   GST_OBJECT_LOCK(self);
   self->run = run;
   GST_OBJECT_UNLOCK(self);

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "base/schedule.h"
+#include "camsrc/camera_controls.h"
 #include "camsrc/camera_states.h"
 #include "camsrc/lfcamsrc_private.h"
 #include "common/common.h"
@@ -37,6 +38,23 @@ static bool lf_cam_src_retries(LfCamSrc* self) {
 }
 
 void lf_cam_src_set_expendable(LfCamSrc* self) { g_atomic_int_set(&self->expendable, TRUE); }
+
+void lf_cam_src_add_controls(LfCamSrc* self, GstStructure* stats) {
+  lf::ObjectLock lock(self);
+  GstElement* device = self->run ? self->run->chain.device : nullptr;
+  if (device) gst_object_ref(device);
+  const lf::Controls wanted = self->run ? self->run->controls : lf::Controls{};
+  lock.unlock();
+  GstStructure* controls = device ? lf::read_controls(device, wanted) : gst_structure_new_empty("controls");
+  GstStructure* values = device ? lf::read_control_values(device, wanted) : gst_structure_new_empty("controls");
+  if (!device)
+    for (const auto& [name, value] : wanted) gst_structure_set(controls, name.c_str(), G_TYPE_BOOLEAN, FALSE, nullptr);
+  gst_structure_set(stats, "controls", GST_TYPE_STRUCTURE, controls, "control-values", GST_TYPE_STRUCTURE, values,
+                    nullptr);
+  gst_structure_free(controls);
+  gst_structure_free(values);
+  if (device) gst_object_unref(device);
+}
 
 GstStructure* lf_cam_src_stats(LfCamSrc* self, const char* name) {
   const lf::CameraService::Report report = self->service->report();

@@ -5,6 +5,9 @@
 
 #include <cstring>
 
+#include "camsrc/camera_controls.h"
+#include "camsrc/chain_links.h"
+#include "camsrc/described_source.h"
 #include "camsrc/lfscenesrc.h"
 #include "common/common.h"
 
@@ -16,34 +19,6 @@ using Codec = CameraSource::Codec;
 
 // Files are read in few large pieces: a still is one.
 constexpr guint kBlockSize = 1 << 20;
-
-GstElement* add(GstBin* bin, const char* factory, const char* name = nullptr) {
-  GstElement* element = gst_element_factory_make(factory, name);
-  if (!element) throw MissingElement(factory);
-  gst_bin_add(bin, element);
-  return element;
-}
-
-// The pad without the reference: it stays as long as its element.
-GstPad* borrow_pad(GstElement* element, const char* name) {
-  GstPad* pad = gst_element_get_static_pad(element, name);
-  gst_object_unref(pad);
-  return pad;
-}
-
-// Appends `next` to the chain that ends in `tail`. The elements of a chain fit by construction, so nothing is checked.
-GstElement* append(GstElement* tail, GstElement* next) {
-  if (tail) gst_element_link_pads_full(tail, "src", next, "sink", GST_PAD_LINK_CHECK_NOTHING);
-  return next;
-}
-
-GstElement* add_decoder(GstBin* bin, Codec codec) {
-  if (codec == Codec::kPng) return add(bin, "pngdec");
-  GstElement* decoder = add(bin, "jpegdec");
-  gst_util_set_object_arg(G_OBJECT(decoder), "idct-method", "islow");  // the default's errors cost PSNR, not time
-  g_object_set(decoder, "qos", FALSE, nullptr);                        // no frame is skipped for being late
-  return decoder;
-}
 
 GstElement* add_capsfilter(GstBin* bin, GstCaps* caps) {
   GstElement* filter = add(bin, "capsfilter");
@@ -62,91 +37,6 @@ GstCaps* camera_caps(const Camera& camera) {
   GstCaps* caps = gst_caps_from_string("video/x-raw, format = (string) { " LF_RGB_FORMATS ", I420 }");
   gst_caps_set_simple(caps, "width", G_TYPE_INT, camera.width, "height", G_TYPE_INT, camera.height, nullptr);
   return caps;
-}
-
-// Links a pad that has just appeared with the sink pad of `next`, if that is still free. Unchecked, so that a picture
-// of the wrong size comes as far as to be named.
-void link_new_pad(GstPad* pad, GstElement* next) {
-  GstPad* sink = borrow_pad(next, "sink");
-  if (!gst_pad_is_linked(sink)) gst_pad_link_full(pad, sink, GST_PAD_LINK_CHECK_NOTHING);
-}
-
-bool is_media(GstPad* pad, const char* prefix) {
-  GstCaps* caps = gst_pad_query_caps(pad, nullptr);
-  const bool yes = !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
-                   g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps, 0)), prefix);
-  gst_caps_unref(caps);
-  return yes;
-}
-
-// The identities around what makes raw video, where JPEG goes past it: named so, because pads that appear later find
-// nothing but the first of them.
-constexpr const char* kBeforeConvert = "before-convert";
-constexpr const char* kAfterConvert = "after-convert";
-
-bool may_bypass(GstElement* head) { return g_strcmp0(GST_OBJECT_NAME(head), kBeforeConvert) == 0; }
-
-// Links the first identity with the last: the video is JPEG and stays it. Before data flows.
-void bypass(GstElement* before) {
-  GstObject* bin = gst_element_get_parent(before);
-  if (!bin) return;  // being taken apart
-  GstElement* after = gst_bin_get_by_name(GST_BIN(bin), kAfterConvert);
-  GstPad* src = borrow_pad(before, "src");
-  GstPad* sink = borrow_pad(after, "sink");
-  for (GstPad* pad : {src, sink}) {
-    GstPad* peer = gst_pad_get_peer(pad);
-    if (!peer) continue;
-    if (pad == src)
-      gst_pad_unlink(pad, peer);
-    else
-      gst_pad_unlink(peer, pad);
-    gst_object_unref(peer);
-  }
-  gst_pad_link_full(src, sink, GST_PAD_LINK_CHECK_NOTHING);
-  gst_object_unref(after);
-  gst_object_unref(bin);
-}
-
-void on_decoded_pad(GstElement* /*decoder*/, GstPad* pad, gpointer head) {
-  GstPad* sink = borrow_pad(GST_ELEMENT(head), "sink");
-  const bool jpeg = may_bypass(GST_ELEMENT(head)) && is_media(pad, "image/jpeg") && !gst_pad_is_linked(sink);
-  if (jpeg) bypass(GST_ELEMENT(head));
-  if (jpeg || is_media(pad, "video/x-raw")) link_new_pad(pad, GST_ELEMENT(head));
-}
-
-// The first video track of a Matroska file. MJPEG goes through jpegdec on the demuxer's own thread, or stays as it is;
-// what else there is goes through decodebin, which brings queues and threads.
-void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer convert) {
-  if (may_bypass(GST_ELEMENT(convert)) && is_media(pad, "image/jpeg")) return on_decoded_pad(demuxer, pad, convert);
-  GstPad* sink = borrow_pad(GST_ELEMENT(convert), "sink");
-  if (gst_pad_is_linked(sink) || !(is_media(pad, "video/") || is_media(pad, "image/"))) return;
-  if (is_media(pad, "video/x-raw")) return link_new_pad(pad, GST_ELEMENT(convert));
-
-  GstObject* bin = gst_element_get_parent(demuxer);
-  if (!bin) return;  // being taken apart
-  GstElement* decoder = nullptr;
-  try {
-    if (is_media(pad, "image/jpeg")) {
-      decoder = add_decoder(GST_BIN(bin), Codec::kJpeg);
-      append(decoder, GST_ELEMENT(convert));
-    } else {
-      decoder = add(GST_BIN(bin), "decodebin");
-      g_signal_connect(decoder, "pad-added", G_CALLBACK(lf::callback<on_decoded_pad>), convert);
-    }
-    gst_element_sync_state_with_parent(decoder);
-    link_new_pad(pad, decoder);
-  } catch (const MissingElement& missing) {
-    GST_ELEMENT_ERROR(demuxer, CORE, MISSING_PLUGIN, ("element %s is not installed", missing.what()), (nullptr));
-  }
-  gst_object_unref(bin);
-}
-
-void on_no_more_pads(GstElement* element, gpointer /*unused*/) {
-  bool linked = false;
-  GST_OBJECT_LOCK(element);
-  for (GList* pad = element->srcpads; pad; pad = pad->next) linked |= GST_PAD_IS_LINKED(GST_PAD(pad->data));
-  GST_OBJECT_UNLOCK(element);
-  if (!linked) GST_ELEMENT_ERROR(element, STREAM, WRONG_TYPE, ("no video in it"), (nullptr));
 }
 
 GstElement* add_file_reader(GstBin* bin, const std::string& path) {
@@ -223,13 +113,30 @@ GstCaps* device_caps(const Camera& camera, const ChainOptions& options) {
   return caps;
 }
 
-void add_device(GstBin* bin, const std::string& uri, const Camera& camera, const ChainOptions& options,
-                GstElement* convert) {
+GstElement* add_device(GstBin* bin, const std::string& uri, const Camera& camera, const ChainOptions& options,
+                       GstElement* convert) {
   g_autoptr(GError) error = nullptr;
   GstElement* device = gst_element_make_from_uri(GST_URI_SRC, uri.c_str(), nullptr, &error);
-  if (!device) throw Error(uri + ": " + error->message);
+  if (!device) throw Error(error->message);
   gst_bin_add(bin, device);
   append(append(device, add_capsfilter(bin, device_caps(camera, options))), add_decodebin(bin, "decodebin", convert));
+  return device;
+}
+
+// What elements are asked for: raw video and JPEG of the rig's size. Parsers and depayloaders may not know the size of
+// what is coded until it is decoded.
+GstCaps* bin_caps(const Camera& camera, const ChainOptions& options) {
+  GstCaps* caps = device_caps(camera, options);
+  gst_caps_append(caps, gst_caps_from_string("image/jpeg; video/x-h264; video/x-h265; video/mpeg; video/x-vp8"));
+  return caps;
+}
+
+GstElement* add_described(GstBin* bin, const std::string& line, const Camera& camera, const ChainOptions& options,
+                          GstElement* convert) {
+  GstElement* described = make_described_source(line);
+  gst_bin_add(bin, described);
+  append(append(described, add_capsfilter(bin, bin_caps(camera, options))), add_decodebin(bin, "decodebin", convert));
+  return described;
 }
 
 void add_matroska_reader(GstBin* bin, const std::string& path, GstElement* convert) {
@@ -290,7 +197,8 @@ void add_reader(GstBin* bin, const CameraSource& source, const Camera& camera, c
       return;
     }
     case Kind::kMatroska: add_matroska_reader(bin, source.location, convert); break;
-    case Kind::kDevice: add_device(bin, source.location, camera, options, convert); break;
+    case Kind::kDevice: chain->device = add_device(bin, source.location, camera, options, convert); break;
+    case Kind::kBin: chain->device = add_described(bin, source.location, camera, options, convert); break;
     case Kind::kUri: chain->sender = add_uri_decoder(bin, source.location, options, convert); break;
     case Kind::kScene: append(add_scene(bin, camera, fps_n, fps_d, options.live), convert); break;
   }
@@ -319,6 +227,7 @@ CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Ca
   chain.decoded = borrow_pad(chain.tail.front(), "sink");
   chain.frames = borrow_pad(chain.tail.back(), "src");
   add_reader(bin, source, camera, options, fps_n, fps_d, chain.tail.front(), &chain);
+  if (chain.device) apply_controls(chain.device, options.controls);
   const bool has_rate = source.kind == Kind::kMatroska || source.kind == Kind::kUri;
   if (has_rate && !own_rate) append_to_tail(add(bin, "videorate"));
   if (source.kind == Kind::kStill || (has_rate && !own_rate))

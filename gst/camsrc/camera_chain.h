@@ -8,6 +8,7 @@
 
 #include "camsrc/camera_source.h"
 #include "camsrc/sender_clock.h"
+#include "rig/camera_controls.h"
 #include "rig/rig.h"
 
 namespace lf {
@@ -18,6 +19,7 @@ struct ChainOptions {
   bool live = false;         // each at its time on the clock
   bool loop = false;         // image sequences begin again by themselves; other files are up to the caller
   bool decode = true;        // JPEG video too; stills always
+  Controls controls = {};    // of devices and elements
   guint latency = 200;       // of network sources, milliseconds: how long packets are waited for and put in order
 };
 
@@ -33,6 +35,7 @@ struct CameraChain {
   GstPad* frames = nullptr;             // source pad: one buffer for each frame the camera took
   GstPad* out = nullptr;                // source pad
   GstElement* sequence = nullptr;       // multifilesrc, of an image sequence
+  GstElement* device = nullptr;         // of kDevice and kBin: what may have controls
   std::shared_ptr<SenderClock> sender;  // of a network camera that may tell its time; else null
   // The elements from `decoded` to `out`. Decoders are linked with them by and by, so that GstBin does not know that
   // these are to be started first.
@@ -46,7 +49,8 @@ class MissingElement : public Error {
 };
 
 // Puts the chain of `camera` into `bin`, in state NULL. It has one streaming thread for each camera wherever the kind
-// of source is known in advance (all but kDevice, kUri and stills of an unknown type). Throws MissingElement.
+// of source is known in advance (all but kDevice, kBin, kUri and stills of an unknown type). Throws MissingElement, and
+// Error for a source that no elements can be made of.
 CameraChain build_camera_chain(GstBin* bin, const CameraSource& source, const Camera& camera,
                                const ChainOptions& options);
 

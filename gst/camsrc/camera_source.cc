@@ -2,6 +2,8 @@
 #include "camsrc/camera_source.h"
 
 #include <gst/gst.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <array>
 #include <cctype>
@@ -9,6 +11,8 @@
 #include <fstream>
 #include <optional>
 #include <string_view>
+
+#include "rig/bin_description.h"
 
 namespace lf {
 namespace {
@@ -112,12 +116,22 @@ bool gives_pictures(const std::string& uri) {
 
 }  // namespace
 
+void require_own_file(const std::string& path) {
+  struct stat status;
+  if (stat(path.c_str(), &status) != 0) throw MissingFile(path + ": no such file");
+  if ((status.st_uid == geteuid() || status.st_uid == 0) && !(status.st_mode & S_IWOTH)) return;
+  throw Error(path +
+              " is written by others, and a source that describes elements may run any program: only rig files "
+              "of your own may have one (make it yours with chown and chmod o-w, or copy it)");
+}
+
 CameraSource find_camera_source(const Rig& rig, const Camera& camera) {
   using Kind = CameraSource::Kind;
   if (camera.source.empty() && camera.image.empty()) return {};
 
   const bool still = camera.source.empty();
   const std::string& text = still ? camera.image : camera.source;
+  if (!still && is_bin_description(text)) return {.kind = Kind::kBin, .location = text};
   std::string path = rig.resolve(text);
   if (gst_uri_is_valid(path.c_str())) {
     if (!gst_uri_has_protocol(path.c_str(), "file"))

@@ -22,15 +22,20 @@ struct CameraSource {
     kSequence,  // numbered pictures: `location` is a printf pattern with one %d, `first` the first number
     kMatroska,  // a Matroska file
     kDevice,    // a URI whose source gives pictures itself, of the sizes and rates it has (v4l2:///dev/video0)
+    kBin,       // elements: `location` is a line as gst-launch-1.0 reads it, with one source pad left open
     kUri,       // anything else GStreamer plays: `location` is a URI
   };
   enum class Codec { kOther, kPng, kJpeg };  // of the pictures of kStill and kSequence
 
   Kind kind = Kind::kScene;
   Codec codec = Codec::kOther;
-  std::string location;  // a local path but for kDevice and kUri
+  std::string location;  // a local path but for kDevice, kBin and kUri
   int first = 0;
 };
+
+// Throws Error where somebody else than this user and root can write the file: a rig that describes elements may run
+// any program.
+void require_own_file(const std::string& path);
 
 // The camera's `source` if the rig gives one, else its `image`, else the built-in scene. Looks at the first bytes of
 // local files, not at their names. Throws MissingFile, and Error for a pattern that is not one.

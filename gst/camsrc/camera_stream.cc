@@ -27,16 +27,6 @@ GstPadProbeReturn refuse(GstPadProbeInfo* info, GstFlowReturn reason) {
   return GST_PAD_PROBE_HANDLED;
 }
 
-// Of what comes to this sink pad: by how much it may be late; nothing where it does not come as it is taken.
-std::optional<GstClockTime> live_latency(GstPad* sink) {
-  GstQuery* query = gst_query_new_latency();
-  gboolean live = FALSE;
-  GstClockTime latency = 0;
-  if (gst_pad_peer_query(sink, query)) gst_query_parse_latency(query, &live, &latency, nullptr);
-  gst_query_unref(query);
-  return live ? std::optional(latency) : std::nullopt;
-}
-
 // For an end of a segment that nobody asked for. Takes and gives a reference.
 GstEvent* as_end(GstEvent* event) {
   GstEvent* end = gst_event_new_eos();
@@ -117,90 +107,6 @@ void CameraStream::check_size_of_jpeg(GstBuffer* buffer) {
 void CameraStream::stop() {
   stopping_ = true;
   std::lock_guard wait_for_seek(seeking_);
-}
-
-// Behind the end of a segment the stream goes on without a flush. Only behind EOS, which ends what has begun without a
-// seek, there has to be one.
-void CameraStream::seek_to_start(guint32 seqnum, bool flush) {
-  std::lock_guard lock(seeking_);
-  if (stopping_ || loop_seqnum_ != seqnum) return;
-  const int flags = GST_SEEK_FLAG_SEGMENT | (flush ? GST_SEEK_FLAG_FLUSH : 0);
-  GstEvent* seek =
-      gst_event_new_seek(1.0, GST_FORMAT_TIME, GstSeekFlags(flags), GST_SEEK_TYPE_SET, 0, GST_SEEK_TYPE_NONE, -1);
-  gst_event_set_seqnum(seek, seqnum);
-  if (!gst_pad_push_event(chain_.decoded, seek))
-    fail(GST_STREAM_ERROR_FAILED, "can't begin again: there is no seeking in it");
-}
-
-// At the end of the file, or of a segment: true if it is to begin again.
-bool CameraStream::begin_again(bool flush) {
-  // Nobody wants more frames, or the file has none: no reason to turn round and round.
-  if (!options_.seek_to_loop || !is_cut_off_ || failed_ || round_frames_ == 0) return false;
-  if (live_latency(chain_.decoded)) return false;  // no beginning to seek back to
-
-  round_start_ = stream_end_;
-  film_start_ = film_end_;
-  round_frames_ = 0;
-  loop_seqnum_ = gst_util_seqnum_next();
-
-  // On another thread: a seek waits until this one has let go.
-  struct Task {
-    std::shared_ptr<CameraStream> stream;
-    guint32 seqnum;
-    bool flush;
-    GstPad* pad;  // so that it is still there, if not in use any more
-  };
-  gst_element_call_async(
-      owner_,
-      [](GstElement* owner, gpointer data) {
-        const auto* task = static_cast<Task*>(data);
-        guarded(owner, 0, [task] { return task->stream->seek_to_start(task->seqnum, task->flush), 0; });
-      },
-      new Task{shared_from_this(), loop_seqnum_, flush, GST_PAD(gst_object_ref(chain_.decoded))},
-      [](gpointer data) {
-        auto* task = static_cast<Task*>(data);
-        gst_object_unref(task->pad);
-        delete task;
-      });
-  return true;
-}
-
-// The same segment, `round_start_` later: running time goes on where the last round ended. Takes and gives a reference.
-GstEvent* CameraStream::later_segment(GstEvent* event) const {
-  GstSegment segment;
-  gst_event_copy_segment(event, &segment);
-  segment.base = round_start_;
-  segment.flags = GstSegmentFlags(segment.flags & ~GST_SEGMENT_FLAG_RESET);
-  GstEvent* later = gst_event_new_segment(&segment);
-  gst_event_set_seqnum(later, gst_event_get_seqnum(event));
-  gst_event_unref(event);
-  return later;
-}
-
-// Files of a sequence are stretches of bytes to GStreamer until a decoder gives them times. Takes and gives a
-// reference.
-GstEvent* CameraStream::time_segment(GstEvent* event) {
-  const GstSegment* segment = nullptr;
-  gst_event_parse_segment(event, &segment);
-  counts_time_ = segment->format != GST_FORMAT_TIME && fps_n_ > 0;
-  if (!counts_time_) return event;
-  GstSegment time;
-  gst_segment_init(&time, GST_FORMAT_TIME);
-  GstEvent* timed = gst_event_new_segment(&time);
-  gst_event_set_seqnum(timed, gst_event_get_seqnum(event));
-  gst_event_unref(event);
-  return timed;
-}
-
-GstBuffer* CameraStream::stamp(GstBuffer* buffer) const {
-  buffer = gst_buffer_make_writable(buffer);
-  const auto time = [this](guint64 n) {
-    return gst_util_uint64_scale(n, GST_SECOND * static_cast<guint64>(fps_d_), static_cast<guint64>(fps_n_));
-  };
-  GST_BUFFER_PTS(buffer) = time(pictures_);
-  GST_BUFFER_DTS(buffer) = GST_CLOCK_TIME_NONE;
-  GST_BUFFER_DURATION(buffer) = time(pictures_ + 1) - time(pictures_);
-  return buffer;
 }
 
 GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* info) {

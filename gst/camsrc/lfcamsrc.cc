@@ -5,10 +5,16 @@
  * @title: lfcamsrc
  * @short_description: one camera of a rig as a source of video
  *
- * Gives the camera's `source` (a video file, an image sequence `dir/frame_%04d.jpg` counted from 0 or 1, or any other
- * GStreamer URI), else its `image` (a still), else the built-in scene, seen with the camera's pose and lens. Formats
- * stay as decoded wherever they are of the RGB family or I420. Frames have the size that the rig gives the camera;
- * anything else is an error. With `decode=false` JPEG video comes as it is.
+ * Gives the camera's `source` (a video file, an image sequence `dir/frame_%04d.jpg` counted from 0 or 1, any other
+ * GStreamer URI, or elements as gst-launch-1.0 reads them, `libcamerasrc camera-name=a ! video/x-raw,width=640`), else
+ * its `image` (a still), else the built-in scene, seen with the camera's pose and lens. Formats stay as decoded
+ * wherever they are of the RGB family or I420. Frames have the size that the rig gives the camera; anything else is an
+ * error. With `decode=false` JPEG video comes as it is.
+ *
+ * Elements are asked for the size in the rig, and for `framerate` if it is given. They may be anything, programs that
+ * run others, too: rig files with such sources must be the user's own, and nobody else's to write.
+ *
+ * Devices and elements are set to the camera's `controls`.
  *
  * The stream carries the sticky event `lightfield-camera` (which camera of which rig) and each frame a
  * #GstReferenceTimestampMeta of `timestamp/x-lightfield-capture` with its true capture time: clock time where frames
@@ -49,13 +55,7 @@
 GST_DEBUG_CATEGORY(lf_cam_src_debug);
 #define GST_CAT_DEFAULT lf_cam_src_debug
 
-namespace {
-
 using Settings = lf::CamSrcSettings;
-
-enum { PROP_0, PROP_STATS, PROP_FIRST_SETTING };
-
-}  // namespace
 
 G_DEFINE_TYPE_WITH_CODE(LfCamSrc, lf_cam_src, GST_TYPE_BIN,
                         GST_DEBUG_CATEGORY_INIT(lf_cam_src_debug, "lfcamsrc", 0, "one camera of a rig as a source"))
@@ -195,7 +195,9 @@ static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStat
 static std::string describe(const std::string& place, const std::string& wanted, const GError* error,
                             const gchar* debug) {
   if (wanted.empty() || !debug || !strstr(debug, "not-negotiated")) return place + ": " + error->message;
-  return place + ": it gives no pictures of " + wanted + "; v4l2-ctl --list-formats-ext lists what a V4L2 device has";
+  const bool v4l2 = place.find("v4l2") != std::string::npos;
+  return place + ": it gives no pictures of " + wanted +
+         (v4l2 ? "; v4l2-ctl --list-formats-ext lists what a V4L2 device has" : "");
 }
 
 // Errors of the children know nothing of cameras: says whose they are. Of a camera that may be lost that is all that is
@@ -257,21 +259,11 @@ static gboolean lf_cam_src_send_event(GstElement* element, GstEvent* event) {
 
 // --- GObject --------------------------------------------------------------------------------------------------------
 
-static void lf_cam_src_set_property(GObject* object, guint id, const GValue* value, GParamSpec*) {
-  LfCamSrc* self = LF_CAM_SRC(object);
-  lf::ObjectLock lock(self);
-  Settings::properties().set(*self->settings, id, value);
-  lock.unlock();
-}
-
-static void lf_cam_src_get_property(GObject* object, guint id, GValue* value, GParamSpec*) {
-  LfCamSrc* self = LF_CAM_SRC(object);
-  if (id == PROP_STATS) {
-    return g_value_take_boxed(value, lf_cam_src_stats(self, "application/x-lightfield-camera-stats"));
-  }
-  lf::ObjectLock lock(self);
-  Settings::properties().get(*self->settings, id, value);
-  lock.unlock();
+static Settings& settings_of(LfCamSrc* self) { return *self->settings; }
+static GstStructure* stats_of(LfCamSrc* self) {
+  GstStructure* stats = lf_cam_src_stats(self, "application/x-lightfield-camera-stats");
+  lf_cam_src_add_controls(self, stats);
+  return stats;
 }
 
 static void lf_cam_src_finalize(GObject* object) {
@@ -287,19 +279,15 @@ static void lf_cam_src_finalize(GObject* object) {
 
 static void lf_cam_src_class_init(LfCamSrcClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = lf::callback<lf_cam_src_set_property>;
-  object_class->get_property = lf::callback<lf_cam_src_get_property>;
   object_class->finalize = lf_cam_src_finalize;
 
-  Settings::properties().install(object_class, PROP_FIRST_SETTING);
-  g_object_class_install_property(
-      object_class, PROP_STATS,
-      g_param_spec_boxed(
-          "stats", "Statistics",
-          "state (stopped, opening, running, ended or lost), reason of the latest loss, losses, retries, "
-          "dropped: frames left undecoded because this machine can't decode all, and capture-time: how it is known "
-          "(source: as its source stamps frames; of RTSP sender-reports, or arrival as long as there are none)",
-          GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+  lf::Properties<settings_of, stats_of>::install(
+      object_class,
+      "state (stopped, opening, running, ended or lost), reason of the latest loss, losses, retries, "
+      "dropped: frames left undecoded because this machine can't decode all, and capture-time: how it is known "
+      "(source: as its source stamps frames; of RTSP sender-reports, or arrival as long as there are none); "
+      "controls: what the camera has of them and of those in the rig (a number, auto, or FALSE: not taken), and "
+      "control-values: their numbers now");
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_cam_src_change_state>;

@@ -19,6 +19,7 @@
 struct CamSrcRun {
   lf::CamSrcSettings settings;
   std::shared_ptr<const lf::Rig> rig;  // kept, so that the next camera finds it read already
+  lf::Controls controls;               // that it is to have
   lf::CameraChain chain;
   std::shared_ptr<lf::CameraStream> stream;
   std::string wanted;  // of a device, in words
@@ -54,6 +55,8 @@ struct CamSrcFailure {
 // Children for the current settings, in state NULL; without them `failure` says why. False where no camera is at fault:
 // the rig can't be read, or does not have it.
 bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure);
+// Puts into `stats` what the camera's controls are, which asks its device: not for every frame.
+void lf_cam_src_add_controls(LfCamSrc* self, GstStructure* stats);
 // Stops and removes the children.
 void lf_cam_src_close(LfCamSrc* self);
 // Starts the elements that decoders are linked with by and by: GstBin would start what is not linked yet in any order,

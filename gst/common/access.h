@@ -3,7 +3,7 @@
 
 #include <glib-object.h>
 
-#include "node/commands.h"
+#include "wire/commands.h"
 
 // Property "access" of who asks cameras and of who answers for them: lf::Access.
 #define LF_TYPE_ACCESS (lf_access_get_type())

@@ -79,6 +79,15 @@ bool is_reverse_seek(GstEvent* event) {
   return rate <= 0;
 }
 
+std::optional<GstClockTime> live_latency(GstPad* sink) {
+  GstQuery* query = gst_query_new_latency();
+  gboolean live = FALSE;
+  GstClockTime latency = 0;
+  if (gst_pad_peer_query(sink, query)) gst_query_parse_latency(query, &live, &latency, nullptr);
+  gst_query_unref(query);
+  return live ? std::optional(latency) : std::nullopt;
+}
+
 bool is_in_process_query(GstQuery* query) {
   const GstStructure* structure = GST_QUERY_TYPE(query) == GST_QUERY_CUSTOM ? gst_query_get_structure(query) : nullptr;
   return structure && gst_structure_has_name(structure, LF_IN_PROCESS_QUERY);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include <gst/gst.h>
@@ -52,6 +53,9 @@ bool is_reverse_seek(GstEvent* event);
 GstCaps* unit_caps(const gchar* media_type);
 // Caps that leave `parsed` away are taken, too: who makes them has no reason to think of it.
 void accept_unit_caps(GstPad* sink);
+
+// By how much what comes to this sink pad may be late; nothing where it does not come in real time.
+std::optional<GstClockTime> live_latency(GstPad* sink);
 
 bool is_in_process_query(GstQuery* query);
 // Whether answers pushed on this pad stay in this process up to the compositor.

@@ -6,7 +6,10 @@
 #include <string>
 #include <tuple>
 #include <type_traits>
+#include <utility>
 #include <vector>
+
+#include "common/guard.h"
 
 // Properties of an element are the fields of a plain struct, its settings: a row for each in one table says the field,
 // the name, the texts and the range. A field's initial value is the property's default. The settings have no lock of
@@ -84,6 +87,13 @@ Property<Settings> make_property(Field Settings::*, GParamFlags flags, const cha
               if ((settings.*field).empty()) g_value_set_static_string(value, "");
           }};
 }
+// `S`: the settings, where the field is of a base of theirs.
+template <typename S, auto field, typename... Range>
+Property<S> inherited_property(GParamFlags flags, const char* name, const char* nick, const char* blurb,
+                               Range... range) {
+  std::remove_reference_t<decltype(std::declval<S>().*field)> S::*own = field;
+  return make_property<field>(own, flags, name, nick, blurb, range...);
+}
 template <auto field, typename... Range>
 auto property(GParamFlags flags, const char* name, const char* nick, const char* blurb, Range... range) {
   return make_property<field>(field, flags, name, nick, blurb, range...);
@@ -129,6 +139,57 @@ class PropertyTable {
   std::vector<Property<Settings>> rows_;
   guint first_id_ = 0;
 };
+
+// What a class has for properties: settings, and `stats` if stats_of makes them of an element (GstStructure, given
+// away). settings_of gives an element's settings.
+template <auto settings_of, auto stats_of = nullptr>
+struct Properties;
+template <typename Settings, typename Element, Settings& (*settings_of)(Element*), auto stats_of>
+struct Properties<settings_of, stats_of> {
+  static constexpr guint kStats = 1, kFirstSetting = 2;
+
+  static void set(GObject* object, guint id, const GValue* value, GParamSpec*) {
+    const ObjectLock lock(object);
+    Settings::properties().set(settings_of(reinterpret_cast<Element*>(object)), id, value);
+  }
+  static void get(GObject* object, guint id, GValue* value, GParamSpec*) {
+    Element* self = reinterpret_cast<Element*>(object);
+    if constexpr (!std::is_null_pointer_v<decltype(stats_of)>)
+      if (id == kStats) return g_value_take_boxed(value, stats_of(self));
+    const ObjectLock lock(object);
+    Settings::properties().get(settings_of(self), id, value);
+  }
+  // A copy of the settings, as they are now.
+  static Settings now(Element* self) {
+    const ObjectLock lock(self);
+    return settings_of(self);
+  }
+  // `stats`: what they tell. The class may have functions of its own in place of set() and get(), which call them.
+  // Returns the next id.
+  static guint install(GObjectClass* klass, const char* stats = nullptr) {
+    klass->set_property = callback<set>;
+    klass->get_property = callback<get>;
+    if (stats)
+      g_object_class_install_property(klass, kStats,
+                                      g_param_spec_boxed("stats", "Statistics", stats, GST_TYPE_STRUCTURE,
+                                                         GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+    return Settings::properties().install(klass, kFirstSetting);
+  }
+};
+
+// Registers an enum for properties; each value with a text that explains it, and its name.
+template <typename Enum>
+struct EnumRow {
+  Enum value;
+  const char *text, *name;
+};
+template <typename Enum>
+GType register_enum(const char* type_name, std::initializer_list<EnumRow<Enum>> rows) {
+  auto* values = new std::vector<GEnumValue>;  // for ever
+  for (const EnumRow<Enum>& row : rows) values->push_back({static_cast<gint>(row.value), row.text, row.name});
+  values->push_back({0, nullptr, nullptr});
+  return g_enum_register_static(type_name, values->data());
+}
 
 inline bool is_named(const GParamSpec* spec, const char* name) { return g_str_equal(spec->name, name); }
 

@@ -39,27 +39,27 @@ void RequestGuard::install(GObjectClass* klass, guint first_id, bool views) {
                                        1, 65536, kDefault.views, kFlags));
 }
 
-void RequestGuard::set(Property property, const GValue* value) {
+bool RequestGuard::set(guint id, const GValue* value) {
   const std::lock_guard lock(mutex_);
-  switch (property) {
-    case kMaxPixels: limits_.pixels = g_value_get_uint64(value); break;
-    case kMaxAperture: limits_.aperture = g_value_get_double(value); break;
-    case kMaxTrials: limits_.trials = g_value_get_uint(value); break;
-    case kMaxRate: limits_.requests_per_second = g_value_get_uint(value); break;
-    case kMaxViews: limits_.views = g_value_get_uint(value); break;
-    case kNumProperties: break;
+  switch (id - first_id_) {
+    case kMaxPixels: limits_.pixels = g_value_get_uint64(value); return true;
+    case kMaxAperture: limits_.aperture = g_value_get_double(value); return true;
+    case kMaxTrials: limits_.trials = g_value_get_uint(value); return true;
+    case kMaxRate: limits_.requests_per_second = g_value_get_uint(value); return true;
+    case kMaxViews: limits_.views = g_value_get_uint(value); return true;
+    default: return false;
   }
 }
 
-void RequestGuard::get(Property property, GValue* value) const {
+bool RequestGuard::get(guint id, GValue* value) const {
   const std::lock_guard lock(mutex_);
-  switch (property) {
-    case kMaxPixels: g_value_set_uint64(value, limits_.pixels); break;
-    case kMaxAperture: g_value_set_double(value, limits_.aperture); break;
-    case kMaxTrials: g_value_set_uint(value, limits_.trials); break;
-    case kMaxRate: g_value_set_uint(value, limits_.requests_per_second); break;
-    case kMaxViews: g_value_set_uint(value, limits_.views); break;
-    case kNumProperties: break;
+  switch (id - first_id_) {
+    case kMaxPixels: g_value_set_uint64(value, limits_.pixels); return true;
+    case kMaxAperture: g_value_set_double(value, limits_.aperture); return true;
+    case kMaxTrials: g_value_set_uint(value, limits_.trials); return true;
+    case kMaxRate: g_value_set_uint(value, limits_.requests_per_second); return true;
+    case kMaxViews: g_value_set_uint(value, limits_.views); return true;
+    default: return false;
   }
 }
 

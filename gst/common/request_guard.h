@@ -33,8 +33,11 @@ class RequestGuard {
   enum Property { kMaxPixels, kMaxAperture, kMaxTrials, kMaxRate, kMaxViews, kNumProperties };
   // As properties first_id, first_id + 1, ... of the class; the last one with `views` alone.
   static void install(GObjectClass* klass, guint first_id, bool views = true);
-  void set(Property property, const GValue* value);
-  void get(Property property, GValue* value) const;
+  // `first_id`: as install() was told.
+  explicit RequestGuard(guint first_id) : first_id_(first_id) {}
+  // False if the property of this id is another one.
+  bool set(guint id, const GValue* value);
+  bool get(guint id, GValue* value) const;
 
   // Whether a request is to be served. `requester` tells views of the same number apart that different senders ask for.
   // `extent`: of the array, metres, 0: not known. `paced`: requests come in real time, so that there may be too many.
@@ -51,6 +54,7 @@ class RequestGuard {
   void add_stats(GstStructure* stats) const;
 
  private:
+  const guint first_id_;
   mutable std::mutex mutex_;
   RequestLimits limits_;
   RequestGate gate_;

@@ -4,9 +4,6 @@
 #include "base/error.h"
 #include "compositor/lfcompositor_private.h"
 
-GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
-#define GST_CAT_DEFAULT lf_compositor_debug
-
 // GstAggregator calls aggregate() when every pad has a buffer, which is when every node has answered: the last part of
 // a node's answer stays on its pad until the picture is done. Live, that would leave all the work for the end and wait
 // in vain for nodes that are gone: there lf_compositor_next_time() names the past as the next deadline whenever there

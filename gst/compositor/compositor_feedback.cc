@@ -4,9 +4,6 @@
 #include "common/view_feedback.h"
 #include "compositor/lfcompositor_private.h"
 
-GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
-#define GST_CAT_DEFAULT lf_compositor_debug
-
 static bool tell(LfCompositor* self, const lf::ViewFeedback& feedback) {
   return gst_pad_push_event(self->request, lf::view_feedback_event(feedback));
 }
@@ -29,8 +26,8 @@ void lf_compositor_announce_out_of_service(LfCompositor* self) {
 
 void lf_compositor_find_focus(LfCompositor* self) {
   auto& state = *self->state;
-  std::optional<lf::FoundFocus> found =
-      state.focus.next(*state.current, state.settings.view_focus(), state.settings.gains);
+  std::optional<lf::FoundFocus> found = state.focus.next(
+      *state.current, state.settings.view_focus(), state.settings.match_gains(state.rig && state.rig->has_colour()));
   if (!found) return;
   state.stats.set_focus(state.focus.state(), state.focus.bytes());
   state.focus.heard(tell(self, {.view_id = state.current->view_id, .focus = std::move(found)}));

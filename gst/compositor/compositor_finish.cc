@@ -5,9 +5,6 @@
 
 #include "compositor/lfcompositor_private.h"
 
-GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
-#define GST_CAT_DEFAULT lf_compositor_debug
-
 // Live, a view that is asked for and that no node ever answers.
 static void note_silence(LfCompositor* self) {
   if (!lf_compositor_is_live(self) || !self->state->silence.composed(g_get_monotonic_time())) return;

@@ -3,9 +3,6 @@
 #include "common/view_feedback.h"
 #include "compositor/lfcompositor_private.h"
 
-GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
-#define GST_CAT_DEFAULT lf_compositor_debug
-
 namespace {
 
 GstStaticPadTemplate sink_template =
@@ -171,7 +168,7 @@ static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo*
     return GST_PAD_PROBE_DROP;
   }
   self->state->silence.asked();
-  if (peek->type == lf::wire::kWarpCommandType || peek->type == lf::wire::kPixelCommandType)
+  if (lf::wire::access_of_type(peek->type).value_or(lf::Access::kSelf) != lf::Access::kSelf)
     return GST_PAD_PROBE_DROP;  // for cameras
   if (!self->guard->admits(GST_ELEMENT(self), mapped.bytes(), self->state->extent, self->state->live))
     return GST_PAD_PROBE_DROP;

@@ -1,22 +1,21 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "compositor/lfcompositor_private.h"
 
-GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
-#define GST_CAT_DEFAULT lf_compositor_debug
-
 using Settings = lf::CompositorSettings;
 
-enum {
-  PROP_0,
-  PROP_STATS,
-  PROP_FIRST_LIMIT,
-  PROP_FIRST_SETTING = PROP_FIRST_LIMIT + lf::RequestGuard::kMaxViews  // it has one view
-};
+static constexpr guint kFirstLimit = 100;  // the id of the first property that is RequestGuard's
 
-Settings lf_compositor_settings(LfCompositor* self) {
-  const lf::ObjectLock lock(self);
-  return *self->settings;
+static Settings& settings_of(LfCompositor* self) { return *self->settings; }
+
+static GstStructure* stats_of(LfCompositor* self) {
+  GstStructure* stats = self->state->stats.structure();
+  self->guard->add_stats(stats);
+  return stats;
 }
+
+using Properties = lf::Properties<settings_of, stats_of>;
+
+Settings lf_compositor_settings(LfCompositor* self) { return Properties::now(self); }
 
 guint lf_compositor_view_id(LfCompositor* self) {
   const lf::ObjectLock lock(self);
@@ -42,56 +41,43 @@ static bool lf_compositor_may_be_partial(LfCompositor* self, gboolean partial) {
   return false;
 }
 
-static bool is_limit(guint id) { return id >= PROP_FIRST_LIMIT && id < PROP_FIRST_SETTING; }
-static lf::RequestGuard::Property limit_of(guint id) {
-  return static_cast<lf::RequestGuard::Property>(id - PROP_FIRST_LIMIT);
-}
-
 static void lf_compositor_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfCompositor* self = LF_COMPOSITOR(object);
-  if (is_limit(id)) return self->guard->set(limit_of(id), value);
+  if (self->guard->set(id, value)) return;
   if (lf::is_running(GST_ELEMENT(self))) {
     if (lf::is_named(pspec, "rig") && !lf_compositor_reload_rig(self, g_value_get_string(value))) return;
     if (lf::is_named(pspec, "partial") && !lf_compositor_may_be_partial(self, g_value_get_boolean(value))) return;
   }
-  lf::ObjectLock lock(self);
-  Settings::properties().set(*self->settings, id, value);
-  lock.unlock();
+  Properties::set(object, id, value, pspec);
 }
 
-static void lf_compositor_get_property(GObject* object, guint id, GValue* value, GParamSpec*) {
-  LfCompositor* self = LF_COMPOSITOR(object);
-  if (is_limit(id)) return self->guard->get(limit_of(id), value);
-  if (id != PROP_STATS) return Settings::properties().get(lf_compositor_settings(self), id, value);
-  GstStructure* stats = self->state->stats.structure();
-  self->guard->add_stats(stats);
-  g_value_take_boxed(value, stats);
+static void lf_compositor_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
+  if (!LF_COMPOSITOR(object)->guard->get(id, value)) Properties::get(object, id, value, pspec);
 }
+
+lf::RequestGuard* lf_compositor_guard_new() { return new lf::RequestGuard(kFirstLimit); }
 
 void lf_compositor_install_properties(GObjectClass* klass) {
+  Properties::install(
+      klass,
+      "Counts of pictures (complete, incomplete, unseen: no camera sees anything of the view, repeated, dropped), "
+      "requests skipped (too late to be shown, as QoS events say), requests refused for one of the limits "
+      "(refused, "
+      "and of these refused-pixels, -aperture, -trials, -rate, -views), "
+      "coverage (share of the latest view that cameras can see; with `rig`), fragments (missing, damaged), late, "
+      "repeated, stray (to requests that nobody has asked) and bad answers, pictures that failed (no memory), "
+      "bytes, cameras out of service; the largest skew; of a focal surface: rounds of "
+      "trials, their bytes, how far cameras disagree (residual, 255ths) and by how much the last round lessened "
+      "it (gained), requests from one with trials to the next (interval), whether one plane is enough (flat); of "
+      "the monitor: "
+      "turns of cameras, their bytes, for each camera the PSNR, gain and shift (pixels of the small view) of its "
+      "prediction, and suspects with their fault (colour, direction, picture); "
+      "latency per stage (p50, p95, "
+      "p99 over the latest 1024 pictures, nanoseconds)");
+  lf::RequestGuard::install(klass, kFirstLimit, false);  // it has one view
   klass->set_property = lf::callback<lf_compositor_set_property>;
   klass->get_property = lf::callback<lf_compositor_get_property>;
-  Settings::properties().install(klass, PROP_FIRST_SETTING);
-  lf::RequestGuard::install(klass, PROP_FIRST_LIMIT, false);
-  g_object_class_install_property(
-      klass, PROP_STATS,
-      g_param_spec_boxed(
-          "stats", "Statistics",
-          "Counts of pictures (complete, incomplete, unseen: no camera sees anything of the view, repeated, dropped), "
-          "requests skipped (too late to be shown, as QoS events say), requests refused for one of the limits "
-          "(refused, "
-          "and of these refused-pixels, -aperture, -trials, -rate, -views), "
-          "coverage (share of the latest view that cameras can see; with `rig`), fragments (missing, damaged), late, "
-          "repeated, stray (to requests that nobody has asked) and bad answers, pictures that failed (no memory), "
-          "bytes, cameras out of service; the largest skew; of a focal surface: rounds of "
-          "trials, their bytes, how far cameras disagree (residual, 255ths) and by how much the last round lessened "
-          "it (gained), requests from one with trials to the next (interval), whether one plane is enough (flat); of "
-          "the monitor: "
-          "turns of cameras, their bytes, for each camera the PSNR, gain and shift (pixels of the small view) of its "
-          "prediction, and suspects with their fault (colour, direction, picture); "
-          "latency per stage (p50, p95, "
-          "p99 over the latest 1024 pictures, nanoseconds)",
-          GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
   gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_INCOMPLETE, GstPluginAPIFlags(0));
   gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_FOCUS, GstPluginAPIFlags(0));
+  gst_type_mark_as_plugin_api(LF_TYPE_COMPOSITOR_GAINS, GstPluginAPIFlags(0));
 }

@@ -4,28 +4,33 @@
 #include "fragment/lffragment.h"
 
 GType lf_compositor_incomplete_get_type(void) {
-  static const GType type = [] {
-    static const GEnumValue values[] = {
-        {LF_COMPOSITOR_INCOMPLETE_CONCEAL,
-         "Show what there is; with `rig`, the other cameras make up for what is missing, and the picture before where "
-         "nothing is left",
-         "conceal"},
-        {LF_COMPOSITOR_INCOMPLETE_REPEAT, "Show the picture before again; conceal before the first", "repeat"},
-        {LF_COMPOSITOR_INCOMPLETE_DROP, "Show nothing", "drop"},
-        {0, nullptr, nullptr}};
-    return g_enum_register_static("LfCompositorIncomplete", values);
-  }();
+  static const GType type = lf::register_enum<LfCompositorIncomplete>(
+      "LfCompositorIncomplete",
+      {{LF_COMPOSITOR_INCOMPLETE_CONCEAL,
+        "Show what there is; with `rig`, the other cameras make up for what is missing, and the picture before where "
+        "nothing is left",
+        "conceal"},
+       {LF_COMPOSITOR_INCOMPLETE_REPEAT, "Show the picture before again; conceal before the first", "repeat"},
+       {LF_COMPOSITOR_INCOMPLETE_DROP, "Show nothing", "drop"}});
   return type;
 }
 
 GType lf_compositor_focus_get_type(void) {
+  static const GType type = lf::register_enum<lf::FocusMode>(
+      "LfCompositorFocus", {{lf::FocusMode::kPlane, "The viewer's focal plane", "plane"},
+                            {lf::FocusMode::kSurface, "Every pixel on its own: trials with every request", "surface"},
+                            {lf::FocusMode::kAuto, "The same with as many trials as the scene needs", "auto"}});
+  return type;
+}
+
+GType lf_compositor_gains_get_type(void) {
   static const GType type = [] {
     static const GEnumValue values[] = {
-        {static_cast<gint>(lf::FocusMode::kPlane), "The viewer's focal plane", "plane"},
-        {static_cast<gint>(lf::FocusMode::kSurface), "Every pixel on its own: trials with every request", "surface"},
-        {static_cast<gint>(lf::FocusMode::kAuto), "The same with as many trials as the scene needs", "auto"},
+        {LF_COMPOSITOR_GAINS_FALSE, "Cameras' images are shown as bright as they come", "false"},
+        {LF_COMPOSITOR_GAINS_TRUE, "Cameras match their brightness, behind what the rig says of their colours", "true"},
+        {LF_COMPOSITOR_GAINS_AUTO, "They do until the rig says how their colours are to be corrected", "auto"},
         {0, nullptr, nullptr}};
-    return g_enum_register_static("LfCompositorFocus", values);
+    return g_enum_register_static("LfCompositorGains", values);
   }();
   return type;
 }
@@ -88,9 +93,11 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
                                    "At most one of so many requests has trials, by which a focal surface is found: "
                                    "more where time is short and the surface may follow the scene more slowly",
                                    1, G_MAXUINT16),
-      property<&S::gains>(kWhilePlaying, "gains", "Gains",
-                          "Let cameras match their brightness to that of the others; with focus surface or auto. The "
-                          "lffragments' stats have each camera's gain"),
+      property<&S::gains>(
+          kWhilePlaying, "gains", "Gains",
+          "Let cameras match their brightness to that of the others; with focus surface or auto. auto: as long as "
+          "`rig` does not say how their colours are to be corrected. The lffragments' stats have each camera's gain",
+          LF_TYPE_COMPOSITOR_GAINS),
   };
   return table;
 }

@@ -27,11 +27,16 @@ struct CompositorSettings {
   double focus_near = 0, focus_far = 0;  // metres
   guint monitor_interval = 0;
   guint trial_interval = 1;
-  bool gains = true;
+  LfCompositorGains gains = LF_COMPOSITOR_GAINS_AUTO;
 
   // What a view is focused on: `auto` is for arrays that are known, and a compositor inside a tree leaves it to the
   // root.
   FocusControl::Settings view_focus() const;
+
+  // Whether cameras match their brightness. `has_colour`: the rig in use says how their colours are to be corrected.
+  bool match_gains(bool has_colour) const {
+    return gains == LF_COMPOSITOR_GAINS_TRUE || (gains == LF_COMPOSITOR_GAINS_AUTO && !has_colour);
+  }
 
   static PropertyTable<CompositorSettings>& properties();
 };

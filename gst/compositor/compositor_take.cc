@@ -5,9 +5,6 @@
 
 #include "compositor/lfcompositor_private.h"
 
-GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
-#define GST_CAT_DEFAULT lf_compositor_debug
-
 using lf::CompositorStats;
 using Taken = lf::NodeInput::Taken;
 

@@ -64,7 +64,6 @@
 #include "compositor/lfcompositor_private.h"
 
 GST_DEBUG_CATEGORY(lf_compositor_debug);
-#define GST_CAT_DEFAULT lf_compositor_debug
 
 namespace {
 
@@ -193,7 +192,7 @@ static void lf_compositor_class_init(LfCompositorClass* klass) {
 static void lf_compositor_init(LfCompositor* self) {
   self->settings = new lf::CompositorSettings;
   self->state = new _LfCompositor::State(GST_AGGREGATOR(self));
-  self->guard = new lf::RequestGuard;
+  self->guard = lf_compositor_guard_new();
   lf_compositor_add_request_pad(self);
   g_object_set(self, "latency", kDefaultLatency, nullptr);
 }

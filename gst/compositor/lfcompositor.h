@@ -21,6 +21,15 @@ GType lf_compositor_incomplete_get_type(void);
 #define LF_TYPE_COMPOSITOR_FOCUS (lf_compositor_focus_get_type())
 GType lf_compositor_focus_get_type(void);
 
+// Property "gains": whether cameras match their brightness. A truth value sets it, too.
+typedef enum {
+  LF_COMPOSITOR_GAINS_FALSE = 0,
+  LF_COMPOSITOR_GAINS_TRUE = 1,
+  LF_COMPOSITOR_GAINS_AUTO,
+} LfCompositorGains;
+#define LF_TYPE_COMPOSITOR_GAINS (lf_compositor_gains_get_type())
+GType lf_compositor_gains_get_type(void);
+
 GST_ELEMENT_REGISTER_DECLARE(lfcompositor);
 
 G_END_DECLS

@@ -22,6 +22,9 @@
 #include "compositor/picture_output.h"
 #include "quality/camera_turns.h"
 
+GST_DEBUG_CATEGORY_EXTERN(lf_compositor_debug);
+#define GST_CAT_DEFAULT lf_compositor_debug
+
 // What the files of lfcompositor share: lfcompositor.cc (the element), compositor_properties.cc, compositor_answers.cc
 // (requests in, and when they are answered), compositor_take.cc (answers in), compositor_finish.cc (how a request
 // ends), compositor_feedback.cc (what its viewer is told), compositor_record.cc (what is said of a picture),
@@ -69,6 +72,7 @@ struct _LfCompositor {
 
 // compositor_properties.cc
 void lf_compositor_install_properties(GObjectClass* klass);
+lf::RequestGuard* lf_compositor_guard_new();
 // A copy, as they are now.
 lf::CompositorSettings lf_compositor_settings(LfCompositor* self);
 guint lf_compositor_view_id(LfCompositor* self);

@@ -158,15 +158,10 @@ GstBuffer* PictureOutput::make_answer(Assembly& assembly, const ViewRequest& req
   *flow = agree_on_answers(request.view);
   if (*flow != GST_FLOW_OK) return nullptr;
   assembly.finish_partial();
-  wire::AnswerHeader header;
-  header.view_id = request.view_id;
-  header.sequence = request.sequence;
-  header.view_width = request.view.width;
-  header.view_height = request.view.height;
+  const View& view = request.view;
+  wire::AnswerHeader header = wire::answer_to(request, {view.width, view.height}, assembly.rig_hash());
   header.family = assembly.family();
-  header.target_time = request.target_time;
   header.actual_time = assembly.actual_time();
-  header.rig_hash = assembly.rig_hash();
   header.node = node;
   header.cameras = header.blind = assembly.cameras();
   header.blind.remove(assembly.seeing());

@@ -1,17 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "common/common.h"
-#include "common/gst_wire.h"
 #include "fragment/lffragment_private.h"
 
-GST_DEBUG_CATEGORY_EXTERN(lf_fragment_debug);
-#define GST_CAT_DEFAULT lf_fragment_debug
+using lf::PadPtr;
+using lf::Requester;
 
-PadPair* lf_fragment_pad_pair_of(GstPad* pad) { return static_cast<PadPair*>(gst_pad_get_element_private(pad)); }
-
-PadPtr lf_fragment_other_pad(GstPad* pad) {
-  PadPair* pair = lf_fragment_pad_pair_of(pad);
-  return GST_PAD_IS_SRC(pad) ? pair->request.get() : pair->src.get();
-}
+static PadPtr lf_fragment_other_pad(GstPad* pad) { return Requester::of(pad).pads.other(pad); }
 
 static gboolean lf_fragment_pair_event(GstPad* pad, GstEvent* event) {
   const PadPtr other = lf_fragment_other_pad(pad);
@@ -27,58 +20,56 @@ static gboolean lf_fragment_pair_query(GstPad* pad, GstQuery* query) {
 
 // The cameras end with the last requester.
 static void lf_fragment_finish_if_all_ended(LfFragment* self) {
-  GST_OBJECT_LOCK(self);
-  bool any = false, all = self->mode == lf::CameraFrames::Mode::kRunning;
-  for (PadPair* pair : *self->pairs) {
-    any = any || pair->ended;
-    all = all && (pair->ended || !gst_pad_is_linked(pair->request.get().get()));
+  lf::ObjectLock lock(self);
+  bool any = false, all = self->state->mode == lf::CameraFrames::Mode::kRunning;
+  for (Requester* requester : self->state->requesters) {
+    any = any || requester->ended;
+    all = all && (requester->ended || !gst_pad_is_linked(requester->pads.request().get()));
   }
-  GST_OBJECT_UNLOCK(self);
+  lock.unlock();
   if (any && all) lf_fragment_set_mode(self, lf::CameraFrames::Mode::kFinished);
 }
 
-static void lf_fragment_pair_ended(LfFragment* self, PadPair* pair) {
-  GST_OBJECT_LOCK(self);
-  pair->ended = true;
-  GST_OBJECT_UNLOCK(self);
-  lf_fragment_finish_if_all_ended(self);
+static void lf_fragment_set_ended(LfFragment* self, Requester& requester, bool ended) {
+  const lf::ObjectLock lock(self);
+  requester.ended = ended;
 }
 
 static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEvent* event) {
   LfFragment* self = LF_FRAGMENT(parent);
-  PadPair* pair = lf_fragment_pad_pair_of(pad);
-  if (gst_event_type_get_flags(GST_EVENT_TYPE(event)) & GST_EVENT_TYPE_SERIALIZED) pair->live_answers.drain();
+  Requester& requester = Requester::of(pad);
+  if (gst_event_type_get_flags(GST_EVENT_TYPE(event)) & GST_EVENT_TYPE_SERIALIZED) requester.live_answers.drain();
   switch (GST_EVENT_TYPE(event)) {
     case GST_EVENT_CAPS: {
       GstCaps* caps = lf::unit_caps(LF_ANSWER_MEDIA_TYPE);
       gst_event_unref(event);
       event = gst_event_new_caps(caps);
       gst_caps_unref(caps);
-      pair->downstream_is_new = true;
+      requester.compositor.note_change();
       break;
     }
     case GST_EVENT_SEGMENT:
-      pair->live = lf_fragment_upstream_is_live(pad);
-      pair->downstream_is_new = true;
+      requester.place.begin(lf::live_latency(pad).has_value());
+      requester.compositor.note_change();
       break;
-    case GST_EVENT_EOS: lf_fragment_pair_ended(self, pair); break;
+    case GST_EVENT_EOS:
+      lf_fragment_set_ended(self, requester, true);
+      lf_fragment_finish_if_all_ended(self);
+      break;
     // First downstream, so that nobody gets an answer for which nothing was waited.
     case GST_EVENT_FLUSH_START: {
       const gboolean ok = lf_fragment_pair_event(pad, event);
-      pair->live_answers.clear();
-      self->node->cancel(pair->requester, true);
+      requester.live_answers.begin_flush();
+      self->state->node.cancel(requester.kept, true);
       return ok;
     }
     case GST_EVENT_FLUSH_STOP:
-      GST_OBJECT_LOCK(self);
-      pair->ended = false;
-      GST_OBJECT_UNLOCK(self);
-      pair->flushed = true;
-      pair->qos.clear();
-      pair->requester.maker.clear();
-      pair->view_requesters.clear();
-      pair->live_flow = GST_FLOW_OK;
-      self->node->cancel(pair->requester, false);
+      lf_fragment_set_ended(self, requester, false);
+      requester.place.flush();
+      requester.qos.clear();
+      requester.kept.maker.clear();
+      requester.live_answers.end_flush();
+      self->state->node.cancel(requester.kept, false);
       break;
     default: break;
   }
@@ -88,9 +79,9 @@ static gboolean lf_fragment_request_event(GstPad* pad, GstObject* parent, GstEve
 // Everything from downstream (QoS, navigation, latency) concerns the requester, never the cameras: what they take
 // belongs to the capture, not to the request path.
 static gboolean lf_fragment_src_event(GstPad* pad, GstObject*, GstEvent* event) {
-  PadPair* pair = lf_fragment_pad_pair_of(pad);
-  if (GST_EVENT_TYPE(event) == GST_EVENT_RECONFIGURE) pair->downstream_is_new = true;
-  if (GST_EVENT_TYPE(event) == GST_EVENT_QOS) pair->qos.see(event, pair->live);
+  Requester& requester = Requester::of(pad);
+  if (GST_EVENT_TYPE(event) == GST_EVENT_RECONFIGURE) requester.compositor.note_change();
+  if (GST_EVENT_TYPE(event) == GST_EVENT_QOS) requester.qos.see(event, requester.place.is_live());
   return lf_fragment_pair_event(pad, event);
 }
 
@@ -108,19 +99,12 @@ static gboolean lf_fragment_request_query(GstPad* pad, GstObject* parent, GstQue
   }
 }
 
-// Live, a thread of the answer pad's answers; it begins with the first request.
 static gboolean lf_fragment_src_activate(GstPad* pad, GstObject*, GstPadMode mode, gboolean active) {
   if (mode != GST_PAD_MODE_PUSH) return FALSE;
-  PadPair* pair = lf_fragment_pad_pair_of(pad);
-  if (active) {
-    pair->live_flow = GST_FLOW_OK;
-    pair->live_answers.start();
-    return TRUE;
-  }
-  pair->live_answers.stop();
-  const gboolean stopped = gst_pad_stop_task(pad);
-  pair->view_requesters.clear();
-  return stopped;
+  lf::LiveAnswers& answers = Requester::of(pad).live_answers;
+  if (!active) return answers.stop(pad);
+  answers.start();
+  return TRUE;
 }
 
 static GstIterator* lf_fragment_internal_links(GstPad* pad, GstObject*) {
@@ -139,7 +123,11 @@ GstPad* lf_fragment_pair_new(LfFragment* self, GstPadTemplate* request_template,
   static const GQuark quark = g_quark_from_static_string("lf-fragment-pair");
   GstPad* request = gst_pad_new_from_template(request_template, request_name);
   GstPad* src = gst_pad_new_from_template(src_template, src_name);
-  const auto pair = std::make_shared<PadPair>(self, request, src);
+  lf::ObjectLock lock(self);
+  const auto requester =
+      std::make_shared<Requester>(request, src, self->state->next_requester++, lf_fragment_workers(self));
+  self->state->requesters.insert(requester.get());
+  lock.unlock();
   lf::accept_unit_caps(request);
   gst_pad_set_chain_function(request, lf::callback<lf_fragment_request_chain>);
   gst_pad_set_event_function(request, lf::callback<lf_fragment_request_event>);
@@ -149,14 +137,10 @@ GstPad* lf_fragment_pair_new(LfFragment* self, GstPadTemplate* request_template,
   gst_pad_set_query_function(src, lf::callback<lf_fragment_src_query>);
   for (GstPad* pad : {src, request}) {
     gst_pad_set_iterate_internal_links_function(pad, lf::callback<lf_fragment_internal_links>);
-    gst_pad_set_element_private(pad, pair.get());
-    g_object_set_qdata_full(G_OBJECT(pad), quark, new std::shared_ptr<PadPair>(pair),
-                            [](gpointer data) { delete static_cast<std::shared_ptr<PadPair>*>(data); });
+    gst_pad_set_element_private(pad, requester.get());
+    g_object_set_qdata_full(G_OBJECT(pad), quark, new std::shared_ptr<Requester>(requester),
+                            [](gpointer data) { delete static_cast<std::shared_ptr<Requester>*>(data); });
   }
-  lf::ObjectLock lock(self);
-  self->pairs->insert(pair.get());
-  pair->number = self->next_pair_number++;
-  lock.unlock();
   for (GstPad* pad : {src, request}) {
     if (lf::is_running(GST_ELEMENT(self))) gst_pad_set_active(pad, TRUE);
     gst_element_add_pad(GST_ELEMENT(self), pad);
@@ -165,16 +149,25 @@ GstPad* lf_fragment_pair_new(LfFragment* self, GstPadTemplate* request_template,
 }
 
 void lf_fragment_pair_release(LfFragment* self, GstPad* request) {
-  PadPair* pair = lf_fragment_pad_pair_of(request);
-  const PadPtr src = lf_fragment_other_pad(request);
+  Requester& requester = Requester::of(request);
+  const PadPtr src = requester.pads.src();
   GST_OBJECT_LOCK(self);
-  self->pairs->erase(pair);
+  self->state->requesters.erase(&requester);
   GST_OBJECT_UNLOCK(self);
   gst_pad_set_active(src.get(), FALSE);  // an answer made without waiting goes nowhere
-  self->node->cancel(pair->requester, true);
+  self->state->node.cancel(requester.kept, true);
   gst_pad_set_active(request, FALSE);
-  self->guard->forget(pair->number);
+  self->state->guard.forget(requester.number);
   gst_element_remove_pad(GST_ELEMENT(self), src.get());
   gst_element_remove_pad(GST_ELEMENT(self), request);
   lf_fragment_finish_if_all_ended(self);
+}
+
+void lf_fragment_trim_memory(LfFragment* self) {
+  constexpr gint64 kInterval = 10 * G_USEC_PER_SEC;
+  const gint64 now = g_get_monotonic_time();
+  const lf::ObjectLock lock(self);
+  if (now < self->state->trimmed_at + kInterval) return;
+  self->state->trimmed_at = now;
+  for (Requester* requester : self->state->requesters) requester->memory->trim();
 }

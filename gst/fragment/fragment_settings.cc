@@ -4,41 +4,29 @@
 #include "fragment/lffragment.h"
 
 GType lf_fragment_codec_get_type(void) {
-  static const GType type = [] {
-    static const GEnumValue values[] = {
-        {static_cast<gint>(lf::CodecChoice::kAuto),
-         "Uncompressed to a compositor in this process, else JPEG of the quality that the request asks for", "auto"},
-        {static_cast<gint>(lf::CodecChoice::kRaw), "8 bits a value", "raw"},
-        {static_cast<gint>(lf::CodecChoice::kRaw16), "16 bits a value: sums are rounded in the picture alone", "raw16"},
-        {static_cast<gint>(lf::CodecChoice::kJpeg),
-         "JPEG of the quality that the request asks for, raw where that is 0", "jpeg"},
-        {0, nullptr, nullptr}};
-    return g_enum_register_static("LfFragmentCodec", values);
-  }();
+  static const GType type = lf::register_enum<lf::CodecChoice>(
+      "LfFragmentCodec",
+      {{lf::CodecChoice::kAuto,
+        "Uncompressed to a compositor in this process, else JPEG of the quality that the request asks for", "auto"},
+       {lf::CodecChoice::kRaw, "8 bits a value", "raw"},
+       {lf::CodecChoice::kRaw16, "16 bits a value: sums are rounded in the picture alone", "raw16"},
+       {lf::CodecChoice::kJpeg, "JPEG of the quality that the request asks for, raw where that is 0", "jpeg"}});
   return type;
 }
 
 GType lf_fragment_resampling_get_type(void) {
-  static const GType type = [] {
-    static const GEnumValue values[] = {
-        {static_cast<gint>(lf::Resampling::kBilinear), "Bilinear", "bilinear"},
-        {static_cast<gint>(lf::Resampling::kSharpened), "Bilinear, of images sharpened before", "sharpened"},
-        {static_cast<gint>(lf::Resampling::kCatmullRom), "Catmull-Rom, of the 4x4 pixels around", "catmull-rom"},
-        {0, nullptr, nullptr}};
-    return g_enum_register_static("LfFragmentResampling", values);
-  }();
+  static const GType type = lf::register_enum<lf::Resampling>(
+      "LfFragmentResampling", {{lf::Resampling::kBilinear, "Bilinear", "bilinear"},
+                               {lf::Resampling::kSharpened, "Bilinear, of images sharpened before", "sharpened"},
+                               {lf::Resampling::kCatmullRom, "Catmull-Rom, of the 4x4 pixels around", "catmull-rom"}});
   return type;
 }
 
 GType lf_fragment_renderer_get_type(void) {
-  static const GType type = [] {
-    static const GEnumValue values[] = {
-        {static_cast<gint>(lf::RendererChoice::kCpu), "The CPU, with the widest vectors that it has", "cpu"},
-        {static_cast<gint>(lf::RendererChoice::kGl),
-         "OpenGL ES 3.1 without a window, where there is a driver for it; else the CPU", "gl"},
-        {0, nullptr, nullptr}};
-    return g_enum_register_static("LfFragmentRenderer", values);
-  }();
+  static const GType type = lf::register_enum<lf::RendererChoice>(
+      "LfFragmentRenderer", {{lf::RendererChoice::kCpu, "The CPU, with the widest vectors that it has", "cpu"},
+                             {lf::RendererChoice::kGl,
+                              "OpenGL ES 3.1 without a window, where there is a driver for it; else the CPU", "gl"}});
   return type;
 }
 

@@ -7,8 +7,8 @@
 
 #include "common/access.h"
 #include "common/properties.h"
-#include "fragment/card.h"
 #include "node/answer_form.h"
+#include "node/card.h"
 #include "wire/strips.h"
 
 namespace lf {

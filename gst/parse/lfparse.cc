@@ -21,12 +21,14 @@
  * gst-launch-1.0 tcpclientsrc host=CAMHOST port=5000 ! lfparse ! filesink location=answers.lfa
  * ]|
  */
-#include "parse/lfparse.h"
+#include <gst/base/gstbaseparse.h>
+#include <gst/gst.h>
 
 #include <optional>
 #include <span>
 
 #include "common/common.h"
+#include "common/properties.h"
 #include "wire/limits.h"
 #include "wire/request_codec.h"
 #include "wire/unit.h"
@@ -37,7 +39,25 @@ GST_DEBUG_CATEGORY_STATIC(lf_parse_debug);
 using lf::wire::UnitHeader;
 using lf::wire::UnitKind;
 
-enum { PROP_0, PROP_MAX_UNIT_SIZE, PROP_STATS };
+namespace {
+
+struct Settings {
+  guint max_unit_size = lf::wire::kUsualAnswerBytes;
+
+  static lf::PropertyTable<Settings>& properties() {
+    static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_unit_size>(
+        lf::kWhilePlaying, "max-unit-size", "Maximum unit size",
+        "Bytes that a unit may have at most; larger ones are skipped as damaged (requests are limited to 1 MiB by the "
+        "format)",
+        guint{lf::wire::kUnitHeaderBytes}, guint{lf::wire::kMaxAnswerBytes})};
+    return table;
+  }
+};
+
+}  // namespace
+
+#define LF_TYPE_PARSE (lf_parse_get_type())
+G_DECLARE_FINAL_TYPE(LfParse, lf_parse, LF, PARSE, GstBaseParse)
 
 struct _LfParse {
   GstBaseParse parent;
@@ -48,7 +68,7 @@ struct _LfParse {
   gboolean in_garbage;
 
   // Object lock.
-  guint max_unit_size;
+  Settings settings;
   guint64 units, skipped_bytes, gaps;
 };
 
@@ -96,7 +116,7 @@ static std::optional<UnitHeader> unit_at(LfParse* self, std::span<const uint8_t>
   if (!header) return std::nullopt;
   if (self->kind_known && header->kind != self->kind) return std::nullopt;
   GST_OBJECT_LOCK(self);
-  const guint max_size = self->max_unit_size;
+  const guint max_size = self->settings.max_unit_size;
   GST_OBJECT_UNLOCK(self);
   if (header->size > max_size) {
     GST_WARNING_OBJECT(self, "a unit of %" G_GSIZE_FORMAT " bytes is larger than max-unit-size", header->size);
@@ -169,56 +189,20 @@ static GstFlowReturn lf_parse_handle_frame(GstBaseParse* base, GstBaseParseFrame
   return lf::guarded_buffer(base, [=] { return take_bytes(LF_PARSE(base), frame, skip_size); });
 }
 
-static void lf_parse_set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
-  LfParse* self = LF_PARSE(object);
-  switch (id) {
-    case PROP_MAX_UNIT_SIZE:
-      GST_OBJECT_LOCK(self);
-      self->max_unit_size = g_value_get_uint(value);
-      GST_OBJECT_UNLOCK(self);
-      break;
-    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-  }
-}
+static Settings& settings_of(LfParse* self) { return self->settings; }
 
-static void lf_parse_get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
-  LfParse* self = LF_PARSE(object);
-  switch (id) {
-    case PROP_MAX_UNIT_SIZE:
-      GST_OBJECT_LOCK(self);
-      g_value_set_uint(value, self->max_unit_size);
-      GST_OBJECT_UNLOCK(self);
-      break;
-    case PROP_STATS:
-      GST_OBJECT_LOCK(self);
-      g_value_take_boxed(
-          value, gst_structure_new("lfparse-stats", "units", G_TYPE_UINT64, self->units, "skipped-bytes", G_TYPE_UINT64,
-                                   self->skipped_bytes, "gaps", G_TYPE_UINT64, self->gaps, nullptr));
-      GST_OBJECT_UNLOCK(self);
-      break;
-    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-  }
+static GstStructure* stats_of(LfParse* self) {
+  const lf::ObjectLock lock(self);
+  return gst_structure_new("lfparse-stats", "units", G_TYPE_UINT64, self->units, "skipped-bytes", G_TYPE_UINT64,
+                           self->skipped_bytes, "gaps", G_TYPE_UINT64, self->gaps, nullptr);
 }
 
 static void lf_parse_class_init(LfParseClass* klass) {
   GST_DEBUG_CATEGORY_INIT(lf_parse_debug, "lfparse", 0, "light field stream parser");
-  GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = lf::callback<lf_parse_set_property>;
-  object_class->get_property = lf::callback<lf_parse_get_property>;
-  g_object_class_install_property(
-      object_class, PROP_MAX_UNIT_SIZE,
-      g_param_spec_uint(
-          "max-unit-size", "Maximum unit size",
-          "Bytes that a unit may have at most; larger ones are skipped as damaged (requests are limited "
-          "to 1 MiB by the format)",
-          lf::wire::kUnitHeaderBytes, lf::wire::kMaxAnswerBytes, lf::wire::kUsualAnswerBytes,
-          static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
-  g_object_class_install_property(
-      object_class, PROP_STATS,
-      g_param_spec_boxed("stats", "Statistics",
-                         "What happened since the stream began (all uint64): units (passed on), skipped-bytes (that "
-                         "were no unit of this stream), gaps (stretches of such bytes)",
-                         GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+  lf::Properties<settings_of, stats_of>::install(
+      G_OBJECT_CLASS(klass),
+      "What happened since the stream began (all uint64): units (passed on), skipped-bytes (that were no unit of this "
+      "stream), gaps (stretches of such bytes)");
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   gst_element_class_add_static_pad_template(element_class, &sink_template);
@@ -235,7 +219,7 @@ static void lf_parse_class_init(LfParseClass* klass) {
 }
 
 static void lf_parse_init(LfParse* self) {
-  self->max_unit_size = lf::wire::kUsualAnswerBytes;
+  self->settings = {};
   // Times come with the buffers or from the requests; none is to be made up from byte positions.
   gst_base_parse_set_infer_ts(GST_BASE_PARSE(self), FALSE);
   gst_base_parse_set_pts_interpolation(GST_BASE_PARSE(self), FALSE);

@@ -21,7 +21,7 @@
  *   lfrtpgate key-file=lightfield.key ! rtpjpegdepay ! jpegdec ! videoconvert ! autovideosink
  * ]|
  */
-#include "rtp/lfrtpgate.h"
+#include <gst/gst.h>
 
 #include <gst/net/gstnetaddressmeta.h>
 
@@ -31,7 +31,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "common/guard.h"
+#include "common/properties.h"
 #include "rtp/peers.h"
 #include "rtp/rtp_key.h"
 #include "rtp/seal_opener.h"
@@ -43,7 +43,22 @@ namespace {
 
 using lf::rtp::SealOpener;
 
-enum { PROP_0, PROP_KEY_FILE, PROP_PEERS, PROP_STATS };
+struct Settings {
+  std::string key_file, peers;
+
+  static lf::PropertyTable<Settings>& properties() {
+    static lf::PropertyTable<Settings> table = {
+        lf::property<&Settings::key_file>(lf::kWhileReady, "key-file", "Key file",
+                                          "File with the secret that all hosts share: 32 or more random characters "
+                                          "(none: packets are not sealed)"),
+        lf::property<&Settings::peers>(
+            lf::kWhileReady, "peers", "Peers",
+            "Names, addresses and networks (10.0.0.0/24) that packets may come from, with commas between (none: of "
+            "those who have the key, or, without a key, of the first address of loopback)"),
+    };
+    return table;
+  }
+};
 
 // What becomes of a packet.
 enum Fate { kPassed, kMalformed, kStale, kReplayed, kForged, kStrangers, kNumFates };
@@ -61,12 +76,15 @@ constexpr gint64 kBetweenWarnings = 10 * G_USEC_PER_SEC;
 
 }  // namespace
 
+#define LF_TYPE_RTP_GATE (lf_rtp_gate_get_type())
+G_DECLARE_FINAL_TYPE(LfRtpGate, lf_rtp_gate, LF, RTP_GATE, GstElement)
+
 struct _LfRtpGate {
   GstElement parent;
   GstPad *sink, *src;
 
   // Object lock.
-  gchar *key_file, *peer_text;
+  Settings* settings;
   guint64 counts[kNumFates];
   guint64 streams;
 
@@ -157,7 +175,7 @@ static gboolean lf_rtp_gate_event(GstPad* pad, GstObject* parent, GstEvent* even
 // False after posting the reason.
 static bool prepare(LfRtpGate* self) {
   lf::ObjectLock lock(self);
-  const std::string path = self->key_file ? self->key_file : "", peers = self->peer_text ? self->peer_text : "";
+  const std::string path = self->settings->key_file, peers = self->settings->peers;
   std::fill_n(self->counts, guint{kNumFates}, 0);
   self->streams = 0;
   lock.unlock();
@@ -198,70 +216,34 @@ static GstStateChangeReturn lf_rtp_gate_change_state(GstElement* element, GstSta
   return result;
 }
 
-static void lf_rtp_gate_set_property(GObject* object, guint id, const GValue* value, GParamSpec*) {
-  LfRtpGate* self = LF_RTP_GATE(object);
-  GST_OBJECT_LOCK(self);
-  gchar** text = id == PROP_KEY_FILE ? &self->key_file : &self->peer_text;
-  g_free(*text);
-  *text = g_value_dup_string(value);
-  GST_OBJECT_UNLOCK(self);
-}
+static Settings& settings_of(LfRtpGate* self) { return *self->settings; }
 
-static void lf_rtp_gate_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
-  LfRtpGate* self = LF_RTP_GATE(object);
-  GST_OBJECT_LOCK(self);
-  switch (id) {
-    case PROP_KEY_FILE: g_value_set_string(value, self->key_file); break;
-    case PROP_PEERS: g_value_set_string(value, self->peer_text); break;
-    case PROP_STATS: {
-      GstStructure* stats =
-          gst_structure_new("application/x-lightfield-gate-stats", "streams", G_TYPE_UINT64, self->streams, nullptr);
-      for (guint fate = 0; fate < kNumFates; fate++)
-        gst_structure_set(stats, kFateNames[fate], G_TYPE_UINT64, self->counts[fate], nullptr);
-      g_value_take_boxed(value, stats);
-      break;
-    }
-    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
-  }
-  GST_OBJECT_UNLOCK(self);
+static GstStructure* stats_of(LfRtpGate* self) {
+  const lf::ObjectLock lock(self);
+  GstStructure* stats =
+      gst_structure_new("application/x-lightfield-gate-stats", "streams", G_TYPE_UINT64, self->streams, nullptr);
+  for (guint fate = 0; fate < kNumFates; fate++)
+    gst_structure_set(stats, kFateNames[fate], G_TYPE_UINT64, self->counts[fate], nullptr);
+  return stats;
 }
 
 static void lf_rtp_gate_finalize(GObject* object) {
   LfRtpGate* self = LF_RTP_GATE(object);
   forget(self);
   delete self->key;
-  g_free(self->key_file);
-  g_free(self->peer_text);
+  delete self->settings;
   G_OBJECT_CLASS(lf_rtp_gate_parent_class)->finalize(object);
 }
 
 static void lf_rtp_gate_class_init(LfRtpGateClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = lf::callback<lf_rtp_gate_set_property>;
-  object_class->get_property = lf::callback<lf_rtp_gate_get_property>;
   object_class->finalize = lf_rtp_gate_finalize;
-  constexpr auto kFlags = GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY);
-  g_object_class_install_property(
-      object_class, PROP_KEY_FILE,
-      g_param_spec_string("key-file", "Key file",
-                          "File with the secret that all hosts share: 32 or more random characters (none: packets are "
-                          "not sealed)",
-                          nullptr, kFlags));
-  g_object_class_install_property(
-      object_class, PROP_PEERS,
-      g_param_spec_string("peers", "Peers",
-                          "Names, addresses and networks (10.0.0.0/24) that packets may come from, with commas between "
-                          "(none: of those who have the key, or, without a key, of the first address of loopback)",
-                          nullptr, kFlags));
-  g_object_class_install_property(
-      object_class, PROP_STATS,
-      g_param_spec_boxed(
-          "stats", "Statistics",
-          "Packets since the start (all uint64): passed; dropped: malformed (too short, or no RTP that is "
-          "sealed), stale (sealed more than a minute ago or ahead), replayed (have come before), forged "
-          "(without the key, or damaged), strangers (of other addresses than peers). And streams: "
-          "senders of the latest minutes who have the key",
-          GST_TYPE_STRUCTURE, GParamFlags(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+  lf::Properties<settings_of, stats_of>::install(
+      object_class,
+      "Packets since the start (all uint64): passed; dropped: malformed (too short, or no RTP that is "
+      "sealed), stale (sealed more than a minute ago or ahead), replayed (have come before), forged "
+      "(without the key, or damaged), strangers (of other addresses than peers). And streams: "
+      "senders of the latest minutes who have the key");
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_rtp_gate_change_state>;
   gst_element_class_add_static_pad_template(element_class, &sink_template);
@@ -272,6 +254,7 @@ static void lf_rtp_gate_class_init(LfRtpGateClass* klass) {
 }
 
 static void lf_rtp_gate_init(LfRtpGate* self) {
+  self->settings = new Settings;
   self->key = new std::shared_ptr<const lf::rtp::RtpKey>;
   self->sink = gst_pad_new_from_static_template(&sink_template, "sink");
   gst_pad_set_chain_function(self->sink, lf::callback<lf_rtp_gate_chain>);

@@ -20,7 +20,7 @@
  *   udpsink host=VIEWER port=6300
  * ]|
  */
-#include "rtp/lfrtpseal.h"
+#include <gst/gst.h>
 
 #include <gst/rtp/gstrtpbuffer.h>
 
@@ -30,7 +30,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "common/guard.h"
+#include "common/properties.h"
 #include "rtp/hidden_element.h"
 #include "rtp/rtp_key.h"
 
@@ -39,7 +39,16 @@ GST_DEBUG_CATEGORY_STATIC(lf_rtp_seal_debug);
 
 namespace {
 
-enum { PROP_0, PROP_KEY_FILE };
+struct Settings {
+  std::string key_file;
+
+  static lf::PropertyTable<Settings>& properties() {
+    static lf::PropertyTable<Settings> table = {lf::property<&Settings::key_file>(
+        lf::kWhileReady, "key-file", "Key file",
+        "File with the secret that all hosts share: 32 or more random characters (none: packets pass as they are)")};
+    return table;
+  }
+};
 
 constexpr guint kPacketsOfStream = 1 << 16;       // or a receiver that comes later would not know which round this is
 constexpr guint kPacketsWithoutMarker = 1 << 12;  // that a new minute waits for the end of a frame
@@ -53,10 +62,13 @@ struct Stream {
 
 }  // namespace
 
+#define LF_TYPE_RTP_SEAL (lf_rtp_seal_get_type())
+G_DECLARE_FINAL_TYPE(LfRtpSeal, lf_rtp_seal, LF, RTP_SEAL, GstElement)
+
 struct _LfRtpSeal {
   GstElement parent;
   GstPad *sink, *src;
-  gchar* key_file;  // under the object lock
+  Settings* settings;  // under the object lock
 
   lf::rtp::RtpKey* key;  // from PAUSED on; null without a file
   // Streaming thread.
@@ -178,11 +190,12 @@ static gboolean lf_rtp_seal_event(GstPad* pad, GstObject* parent, GstEvent* even
   return done;
 }
 
+static Settings& settings_of(LfRtpSeal* self) { return *self->settings; }
+using Properties = lf::Properties<settings_of>;
+
 // False after posting the reason.
 static bool read_key(LfRtpSeal* self) {
-  lf::ObjectLock lock(self);
-  const std::string path = self->key_file ? self->key_file : "";
-  lock.unlock();
+  const std::string path = Properties::now(self).key_file;
   delete std::exchange(self->key, nullptr);
   if (path.empty()) return true;
   try {
@@ -208,40 +221,19 @@ static GstStateChangeReturn lf_rtp_seal_change_state(GstElement* element, GstSta
   return result;
 }
 
-static void lf_rtp_seal_set_property(GObject* object, guint, const GValue* value, GParamSpec*) {
-  LfRtpSeal* self = LF_RTP_SEAL(object);
-  GST_OBJECT_LOCK(self);
-  g_free(self->key_file);
-  self->key_file = g_value_dup_string(value);
-  GST_OBJECT_UNLOCK(self);
-}
-
-static void lf_rtp_seal_get_property(GObject* object, guint, GValue* value, GParamSpec*) {
-  GST_OBJECT_LOCK(object);
-  g_value_set_string(value, LF_RTP_SEAL(object)->key_file);
-  GST_OBJECT_UNLOCK(object);
-}
-
 static void lf_rtp_seal_finalize(GObject* object) {
   LfRtpSeal* self = LF_RTP_SEAL(object);
   delete self->key;
   delete self->purpose;
   delete self->stream;
-  g_free(self->key_file);
+  delete self->settings;
   G_OBJECT_CLASS(lf_rtp_seal_parent_class)->finalize(object);
 }
 
 static void lf_rtp_seal_class_init(LfRtpSealClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = lf::callback<lf_rtp_seal_set_property>;
-  object_class->get_property = lf::callback<lf_rtp_seal_get_property>;
   object_class->finalize = lf_rtp_seal_finalize;
-  g_object_class_install_property(
-      object_class, PROP_KEY_FILE,
-      g_param_spec_string("key-file", "Key file",
-                          "File with the secret that all hosts share: 32 or more random characters (none: packets pass "
-                          "as they are)",
-                          nullptr, GParamFlags(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_READY)));
+  Properties::install(object_class);
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_rtp_seal_change_state>;
   gst_element_class_add_static_pad_template(element_class, &sink_template);
@@ -252,6 +244,7 @@ static void lf_rtp_seal_class_init(LfRtpSealClass* klass) {
 }
 
 static void lf_rtp_seal_init(LfRtpSeal* self) {
+  self->settings = new Settings;
   self->purpose = new std::string;
   self->stream = new Stream;
   self->between_frames = TRUE;

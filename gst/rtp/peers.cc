@@ -87,9 +87,4 @@ bool Peers::admits(const Address& address) {
   return std::ranges::any_of(ranges_, [&](const Range& r) { return is_within(address, r.first, r.bits); });
 }
 
-bool Peers::is_this_machine() const {
-  return std::ranges::all_of(
-      ranges_, [](const Range& r) { return is_loopback(r.first) && r.bits >= (is_ipv4(r.first) ? 96 + 8 : 128); });
-}
-
 }  // namespace lf

@@ -27,8 +27,6 @@ class Peers {
   explicit Peers(const std::string& text);
 
   bool admits(const Address& address);
-  // Nobody is named from whom a packet could come over a network.
-  bool is_this_machine() const;
 
  private:
   struct Range {

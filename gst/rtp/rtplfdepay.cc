@@ -19,11 +19,13 @@
  *   ! rtplfdepay ! filesink location=answers.lfa
  * ]|
  */
-#include "rtp/rtplfdepay.h"
+#include <gst/gst.h>
+#include <gst/rtp/gstrtpbasedepayload.h>
 
 #include <gst/rtp/gstrtpbuffer.h>
 
 #include "common/gst_wire.h"
+#include "common/properties.h"
 #include "common/request_guard.h"
 #include "rtp/depacketizer.h"
 #include "rtp/rtp_caps.h"
@@ -31,12 +33,26 @@
 GST_DEBUG_CATEGORY_STATIC(lf_rtp_depay_debug);
 #define GST_CAT_DEFAULT lf_rtp_depay_debug
 
-enum {
-  PROP_0,
-  PROP_MAX_PENDING_BYTES,
-  PROP_FIRST_LIMIT,
-  PROP_STATS = PROP_FIRST_LIMIT + lf::RequestGuard::kNumProperties
+namespace {
+
+struct Settings {
+  guint64 max_pending_bytes = lf::rtp::Reassembly::Limits().bytes;
+
+  static lf::PropertyTable<Settings>& properties() {
+    static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_pending_bytes>(
+        lf::kWhilePlaying, "max-pending-bytes", "Maximum pending bytes",
+        "Bytes of units kept at most while some of their packets are missing; larger units are dropped",
+        guint64{1 << 16}, guint64{lf::wire::kMaxAnswerBytes})};
+    return table;
+  }
 };
+
+constexpr guint kFirstLimit = 100;  // the id of the first property that is RequestGuard's
+
+}  // namespace
+
+#define LF_TYPE_RTP_DEPAY (lf_rtp_depay_get_type())
+G_DECLARE_FINAL_TYPE(LfRtpDepay, lf_rtp_depay, LF, RTP_DEPAY, GstRTPBaseDepayload)
 
 struct _LfRtpDepay {
   GstRTPBaseDepayload parent;
@@ -47,12 +63,10 @@ struct _LfRtpDepay {
   lf::RequestGuard* guard;
 
   // Object lock.
-  guint64 max_pending_bytes;
+  Settings settings;
   lf::rtp::Depacketizer::Stats stats;
   guint64 bad_rtp;
 };
-
-static constexpr guint64 kDefaultMaxPendingBytes = lf::rtp::Reassembly::Limits().bytes;
 
 static GstStaticPadTemplate sink_template =
     GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_RTP_CAPS));
@@ -133,7 +147,7 @@ static GstPadProbeReturn lf_rtp_depay_query(GstPad*, GstPadProbeInfo* info, gpoi
 static void lf_rtp_depay_packet(LfRtpDepay* self, GstRTPBuffer* rtp) {
   GstRTPBaseDepayload* base = GST_RTP_BASE_DEPAYLOAD(self);
   GST_OBJECT_LOCK(self);
-  self->depacketizer->set_limits({.bytes = self->max_pending_bytes});
+  self->depacketizer->set_limits({.bytes = self->settings.max_pending_bytes});
   GST_OBJECT_UNLOCK(self);
 
   const auto* payload = static_cast<const uint8_t*>(gst_rtp_buffer_get_payload(rtp));
@@ -196,50 +210,31 @@ static GstStateChangeReturn lf_rtp_depay_change_state(GstElement* element, GstSt
   return result;
 }
 
-static bool is_limit(guint id) { return id >= PROP_FIRST_LIMIT && id < PROP_STATS; }
-static lf::RequestGuard::Property limit_of(guint id) {
-  return static_cast<lf::RequestGuard::Property>(id - PROP_FIRST_LIMIT);
+static Settings& settings_of(LfRtpDepay* self) { return self->settings; }
+
+static GstStructure* stats_of(LfRtpDepay* self) {
+  GstStructure* stats = lf::base_stats(G_OBJECT(self), lf_rtp_depay_parent_class);
+  lf::ObjectLock lock(self);
+  const lf::rtp::Depacketizer::Stats s = self->stats;
+  gst_structure_set(stats, "packets", G_TYPE_UINT64, s.packets, "bytes", G_TYPE_UINT64, s.bytes, "units", G_TYPE_UINT64,
+                    s.units, "chunks", G_TYPE_UINT64, s.chunks, "repeated", G_TYPE_UINT64, s.repeated, "lost",
+                    G_TYPE_UINT64, s.lost, "duplicates", G_TYPE_UINT64, s.duplicates, "bad-rtp", G_TYPE_UINT64,
+                    self->bad_rtp, "bad-packets", G_TYPE_UINT64, s.bad_packets, "bad-chunks", G_TYPE_UINT64,
+                    s.bad_chunks, "bad-units", G_TYPE_UINT64, s.bad_units, "incomplete-units", G_TYPE_UINT64,
+                    s.incomplete_units, "superseded", G_TYPE_UINT64, s.superseded, nullptr);
+  lock.unlock();
+  self->guard->add_stats(stats);
+  return stats;
 }
 
+using Properties = lf::Properties<settings_of, stats_of>;
+
 static void lf_rtp_depay_set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
-  LfRtpDepay* self = LF_RTP_DEPAY(object);
-  if (is_limit(id)) return self->guard->set(limit_of(id), value);
-  switch (id) {
-    case PROP_MAX_PENDING_BYTES:
-      GST_OBJECT_LOCK(self);
-      self->max_pending_bytes = g_value_get_uint64(value);
-      GST_OBJECT_UNLOCK(self);
-      break;
-    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-  }
+  if (!LF_RTP_DEPAY(object)->guard->set(id, value)) Properties::set(object, id, value, spec);
 }
 
 static void lf_rtp_depay_get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
-  LfRtpDepay* self = LF_RTP_DEPAY(object);
-  if (is_limit(id)) return self->guard->get(limit_of(id), value);
-  switch (id) {
-    case PROP_MAX_PENDING_BYTES:
-      GST_OBJECT_LOCK(self);
-      g_value_set_uint64(value, self->max_pending_bytes);
-      GST_OBJECT_UNLOCK(self);
-      break;
-    case PROP_STATS: {
-      GstStructure* stats = lf::base_stats(object, lf_rtp_depay_parent_class);
-      GST_OBJECT_LOCK(self);
-      const lf::rtp::Depacketizer::Stats s = self->stats;
-      gst_structure_set(stats, "packets", G_TYPE_UINT64, s.packets, "bytes", G_TYPE_UINT64, s.bytes, "units",
-                        G_TYPE_UINT64, s.units, "chunks", G_TYPE_UINT64, s.chunks, "repeated", G_TYPE_UINT64,
-                        s.repeated, "lost", G_TYPE_UINT64, s.lost, "duplicates", G_TYPE_UINT64, s.duplicates, "bad-rtp",
-                        G_TYPE_UINT64, self->bad_rtp, "bad-packets", G_TYPE_UINT64, s.bad_packets, "bad-chunks",
-                        G_TYPE_UINT64, s.bad_chunks, "bad-units", G_TYPE_UINT64, s.bad_units, "incomplete-units",
-                        G_TYPE_UINT64, s.incomplete_units, "superseded", G_TYPE_UINT64, s.superseded, nullptr);
-      GST_OBJECT_UNLOCK(self);
-      self->guard->add_stats(stats);
-      g_value_take_boxed(value, stats);
-      break;
-    }
-    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-  }
+  if (!LF_RTP_DEPAY(object)->guard->get(id, value)) Properties::get(object, id, value, spec);
 }
 
 static void lf_rtp_depay_finalize(GObject* object) {
@@ -251,31 +246,19 @@ static void lf_rtp_depay_finalize(GObject* object) {
 static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
   GST_DEBUG_CATEGORY_INIT(lf_rtp_depay_debug, "rtplfdepay", 0, "light field RTP depayloader");
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
+  object_class->finalize = lf_rtp_depay_finalize;
+  Properties::install(
+      object_class,
+      "Those of every RTP depayloader and, since the start (all uint64): packets (that came), bytes (of their "
+      "payloads), units (passed on), chunks (packets with a piece of a unit), repeated (requests that were known "
+      "already), lost (packets missing in a sender's sequence); dropped: duplicates (packets), bad-rtp (no RTP), "
+      "bad-packets (no payload of ours), bad-chunks (that contradict others, or of too large a unit), bad-units (not "
+      "sound), incomplete-units (given up with chunks missing), superseded (requests with more than two newer ones "
+      "behind them in their packet), refused (for one of the limits, and of these refused-pixels, -aperture, -trials, "
+      "-rate, -views)");
+  lf::RequestGuard::install(object_class, kFirstLimit);
   object_class->set_property = lf::callback<lf_rtp_depay_set_property>;
   object_class->get_property = lf::callback<lf_rtp_depay_get_property>;
-  object_class->finalize = lf_rtp_depay_finalize;
-  g_object_class_install_property(
-      object_class, PROP_MAX_PENDING_BYTES,
-      g_param_spec_uint64(
-          "max-pending-bytes", "Maximum pending bytes",
-          "Bytes of units kept at most while some of their packets are missing; larger units are dropped", 1 << 16,
-          lf::wire::kMaxAnswerBytes, kDefaultMaxPendingBytes,
-          static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
-  lf::RequestGuard::install(object_class, PROP_FIRST_LIMIT);
-  g_object_class_install_property(
-      object_class, PROP_STATS,
-      g_param_spec_boxed(
-          "stats", "Statistics",
-          "Those of every RTP depayloader and, since the start (all uint64): packets (that came), bytes (of their "
-          "payloads), units (passed on), chunks (packets with a piece of a unit), repeated (requests that were known "
-          "already), lost (packets missing in a sender's sequence); dropped: duplicates (packets), bad-rtp (no RTP), "
-          "bad-packets (no payload of ours), bad-chunks (that contradict others, or of too large a unit), bad-units "
-          "(not "
-          "sound), incomplete-units (given up with chunks missing), superseded (requests with more than two newer ones "
-          "behind "
-          "them in their packet), refused (for one of the limits, and of these refused-pixels, -aperture, "
-          "-trials, -rate, -views)",
-          GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_rtp_depay_change_state>;
@@ -293,8 +276,8 @@ static void lf_rtp_depay_class_init(LfRtpDepayClass* klass) {
 }
 
 static void lf_rtp_depay_init(LfRtpDepay* self) {
-  self->max_pending_bytes = kDefaultMaxPendingBytes;
-  self->guard = new lf::RequestGuard;
+  self->settings = {};
+  self->guard = new lf::RequestGuard(kFirstLimit);
   // max-reorder: the base class drops what was overtaken; our own window knows duplicates. auto-header-extension:
   // GStreamer 1.22.0 never comes back from a malformed header extension.
   g_object_set(self, "max-reorder", 0, "auto-header-extension", FALSE, nullptr);

@@ -32,6 +32,7 @@
 #include <memory>
 
 #include "common/gst_wire.h"
+#include "common/properties.h"
 #include "rtp/pacer.h"
 #include "rtp/packetizer.h"
 #include "rtp/rtp_caps.h"
@@ -39,10 +40,23 @@
 GST_DEBUG_CATEGORY_STATIC(lf_rtp_pay_debug);
 #define GST_CAT_DEFAULT lf_rtp_pay_debug
 
-enum { PROP_0, PROP_MAX_BITRATE, PROP_STATS };
+namespace {
 
-// What a port of a switch takes: answers of several nodes meet there.
-static constexpr guint64 kDefaultMaxBitrate = 1'000'000'000;
+struct Settings {
+  guint64 max_bitrate = 1'000'000'000;  // what a port of a switch takes: answers of several nodes meet there
+
+  static lf::PropertyTable<Settings>& properties() {
+    static lf::PropertyTable<Settings> table = {lf::property<&Settings::max_bitrate>(
+        lf::kWhilePlaying, "max-bitrate", "Maximum bitrate",
+        "Bits per second at which the packets of an answer leave at most: some of what the link can do (0: all at "
+        "once)",
+        guint64{0}, G_MAXUINT64)};
+    return table;
+  }
+};
+
+}  // namespace
+
 // Packets that leave together when they are paced.
 static constexpr guint kPacketsAtOnce = 8;
 
@@ -54,7 +68,7 @@ struct _LfRtpPay {
   lf::rtp::Pacer* pacer;
 
   // Object lock.
-  guint64 max_bitrate;
+  Settings settings;
   gboolean flushing;
   GstClockID wait;
   lf::rtp::Packetizer::Stats stats;
@@ -164,7 +178,7 @@ static GstFlowReturn lf_rtp_pay_unit(LfRtpPay* self, GstBuffer* buffer) {
     return GST_FLOW_ERROR;
   }
   GST_OBJECT_LOCK(self);
-  const guint64 max_bitrate = self->max_bitrate;
+  const guint64 max_bitrate = self->settings.max_bitrate;
   GST_OBJECT_UNLOCK(self);
 
   GstFlowReturn flow = GST_FLOW_OK;
@@ -239,39 +253,16 @@ static GstStateChangeReturn lf_rtp_pay_change_state(GstElement* element, GstStat
   return result;
 }
 
-static void lf_rtp_pay_set_property(GObject* object, guint id, const GValue* value, GParamSpec* spec) {
-  LfRtpPay* self = LF_RTP_PAY(object);
-  switch (id) {
-    case PROP_MAX_BITRATE:
-      GST_OBJECT_LOCK(self);
-      self->max_bitrate = g_value_get_uint64(value);
-      GST_OBJECT_UNLOCK(self);
-      break;
-    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-  }
-}
+static Settings& settings_of(LfRtpPay* self) { return self->settings; }
 
-static void lf_rtp_pay_get_property(GObject* object, guint id, GValue* value, GParamSpec* spec) {
-  LfRtpPay* self = LF_RTP_PAY(object);
-  switch (id) {
-    case PROP_MAX_BITRATE:
-      GST_OBJECT_LOCK(self);
-      g_value_set_uint64(value, self->max_bitrate);
-      GST_OBJECT_UNLOCK(self);
-      break;
-    case PROP_STATS: {
-      GstStructure* stats = lf::base_stats(object, lf_rtp_pay_parent_class);
-      GST_OBJECT_LOCK(self);
-      gst_structure_set(stats, "units", G_TYPE_UINT64, self->stats.units, "packets", G_TYPE_UINT64, self->packets,
-                        "parts", G_TYPE_UINT64, self->stats.parts, "chunks", G_TYPE_UINT64, self->stats.chunks, "tiles",
-                        G_TYPE_UINT64, self->stats.tiles, "bytes", G_TYPE_UINT64, self->bytes, "dropped", G_TYPE_UINT64,
-                        self->dropped, nullptr);
-      GST_OBJECT_UNLOCK(self);
-      g_value_take_boxed(value, stats);
-      break;
-    }
-    default: G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, spec);
-  }
+static GstStructure* stats_of(LfRtpPay* self) {
+  GstStructure* stats = lf::base_stats(G_OBJECT(self), lf_rtp_pay_parent_class);
+  const lf::ObjectLock lock(self);
+  gst_structure_set(stats, "units", G_TYPE_UINT64, self->stats.units, "packets", G_TYPE_UINT64, self->packets, "parts",
+                    G_TYPE_UINT64, self->stats.parts, "chunks", G_TYPE_UINT64, self->stats.chunks, "tiles",
+                    G_TYPE_UINT64, self->stats.tiles, "bytes", G_TYPE_UINT64, self->bytes, "dropped", G_TYPE_UINT64,
+                    self->dropped, nullptr);
+  return stats;
 }
 
 static void lf_rtp_pay_finalize(GObject* object) {
@@ -284,25 +275,12 @@ static void lf_rtp_pay_finalize(GObject* object) {
 static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
   GST_DEBUG_CATEGORY_INIT(lf_rtp_pay_debug, "rtplfpay", 0, "light field RTP payloader");
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
-  object_class->set_property = lf::callback<lf_rtp_pay_set_property>;
-  object_class->get_property = lf::callback<lf_rtp_pay_get_property>;
   object_class->finalize = lf_rtp_pay_finalize;
-  g_object_class_install_property(
-      object_class, PROP_MAX_BITRATE,
-      g_param_spec_uint64(
-          "max-bitrate", "Maximum bitrate",
-          "Bits per second at which the packets of an answer leave at most: some of what the link can do (0: all at "
-          "once)",
-          0, G_MAXUINT64, kDefaultMaxBitrate,
-          static_cast<GParamFlags>(G_PARAM_READWRITE | G_PARAM_STATIC_STRINGS | GST_PARAM_MUTABLE_PLAYING)));
-  g_object_class_install_property(
-      object_class, PROP_STATS,
-      g_param_spec_boxed(
-          "stats", "Statistics",
-          "Those of every RTP payloader and, since the start (all uint64): units (taken), packets, parts "
-          "(packets with whole units), chunks (packets with a piece of a unit), tiles (pieces of raw "
-          "fragments), bytes (of RTP packets), dropped (units that were not sound)",
-          GST_TYPE_STRUCTURE, static_cast<GParamFlags>(G_PARAM_READABLE | G_PARAM_STATIC_STRINGS)));
+  lf::Properties<settings_of, stats_of>::install(
+      object_class,
+      "Those of every RTP payloader and, since the start (all uint64): units (taken), packets, parts "
+      "(packets with whole units), chunks (packets with a piece of a unit), tiles (pieces of raw "
+      "fragments), bytes (of RTP packets), dropped (units that were not sound)");
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_rtp_pay_change_state>;
@@ -320,7 +298,7 @@ static void lf_rtp_pay_class_init(LfRtpPayClass* klass) {
 }
 
 static void lf_rtp_pay_init(LfRtpPay* self) {
-  self->max_bitrate = kDefaultMaxBitrate;
+  self->settings = {};
   self->pacer = new lf::rtp::Pacer;
   lf::accept_unit_caps(GST_RTP_BASE_PAYLOAD_SINKPAD(self));
 }

@@ -78,16 +78,11 @@
 
 #include <memory>
 #include <utility>
-#include <vector>
 
 #include "base/error.h"
-#include "common/gst_wire.h"
-#include "common/hold_event.h"
-#include "common/view_feedback.h"
 #include "viewrequest/lfviewrequest_private.h"
 
 GST_DEBUG_CATEGORY(lf_view_request_debug);
-#define GST_CAT_DEFAULT lf_view_request_debug
 
 static GstStaticPadTemplate src_template = GST_STATIC_PAD_TEMPLATE(
     "src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(LF_REQUEST_CAPS ", framerate = (fraction) [ 0/1, max ]"));
@@ -97,78 +92,12 @@ GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfviewrequest, "lfviewrequest", GST_RANK_N
                                       GST_DEBUG_CATEGORY_INIT(lf_view_request_debug, "lfviewrequest", 0,
                                                               "source of view requests"))
 
-// The same seek comes more than once: through the compositor's request pad and, by way of the nodes, through its answer
-// pads; and from every compositor behind a tee.
-static bool lf_view_request_has_sought(LfViewRequest* self, GstEvent* event) {
-  GST_OBJECT_LOCK(self);
-  const bool again = std::exchange(self->seek_seqnum, gst_event_get_seqnum(event)) == gst_event_get_seqnum(event);
-  GST_OBJECT_UNLOCK(self);
-  return again;
-}
-
-// Every viewer behind the node's tee and funnel hears of it.
-static gboolean lf_view_request_take_delay(LfViewRequest* self, GstEvent* event, GstClockTime delay) {
-  if (lf_view_request_is_relay(self)) return lf_view_request_push_upstream(self, gst_event_ref(event));
-  GST_OBJECT_LOCK(self);
-  const bool follows = !GST_CLOCK_TIME_IS_VALID(self->settings->capture_delay);
-  GST_OBJECT_UNLOCK(self);
-  if (!follows || !gst_base_src_is_live(GST_BASE_SRC(self))) return TRUE;
-  if (!self->auto_delay->take(delay, gst_util_get_timestamp())) return TRUE;
-  GST_INFO_OBJECT(self, "capture delay: %" GST_TIME_FORMAT, GST_TIME_ARGS(self->auto_delay->delay()));
-  gst_element_post_message(GST_ELEMENT(self), gst_message_new_latency(GST_OBJECT(self)));
-  return TRUE;
-}
-
-static gboolean lf_view_request_hold(LfViewRequest* self, GstEvent* event, bool held) {
-  if (lf_view_request_is_relay(self)) return lf_view_request_push_upstream(self, gst_event_ref(event));
-  const guint32 seqnum = gst_event_get_seqnum(event);
-  GST_OBJECT_LOCK(self);
-  if (held) self->held_for = seqnum;
-  if (!held && self->held_for == seqnum) self->held_for = GST_SEQNUM_INVALID;
-  g_cond_broadcast(&self->held_changed);
-  GST_OBJECT_UNLOCK(self);
-  return TRUE;
-}
-
-// Cameras out of service are named here for every view; all else is for whoever makes the view's requests, if it can be
-// reached, and a surface for which nobody can is kept here. False if nobody takes any of it.
-static gboolean lf_view_request_take_feedback(LfViewRequest* self, GstEvent* event, lf::ViewFeedback feedback) {
-  const bool for_all = feedback.out_of_service.has_value();
-  if (for_all) self->out_of_service->announce(feedback.view_id, std::move(*feedback.out_of_service));
-  if (!feedback.focus && feedback.extra_requests.empty()) return for_all;
-  if (lf_view_request_is_relay(self)) {
-    const bool passed = lf_view_request_push_upstream(self, gst_event_ref(event));
-    const bool kept =
-        !passed && feedback.focus && lf_view_request_keep_focus(self, feedback.view_id, std::move(*feedback.focus));
-    return passed || kept || for_all;
-  }
-  lf::ObjectLock lock(self);
-  if (feedback.view_id != self->settings->view_id) return for_all;
-  bool taken = for_all || !feedback.extra_requests.empty();
-  if (!feedback.extra_requests.empty()) *self->extra = std::move(feedback.extra_requests);
-  lock.unlock();
-  if (feedback.focus) taken |= lf_view_request_take_focus(self, std::move(*feedback.focus));
-  return taken;
-}
-
-static gboolean lf_view_request_event(GstBaseSrc* base, GstEvent* event) {
-  LfViewRequest* self = LF_VIEW_REQUEST(base);
-  if (lf::is_reverse_seek(event)) return FALSE;
-  if (GST_EVENT_TYPE(event) == GST_EVENT_SEEK && lf_view_request_has_sought(self, event)) return TRUE;
-  if (bool held = false; lf::parse_hold(event, &held)) return lf_view_request_hold(self, event, held);
-  if (GstClockTime delay; lf::parse_capture_delay(event, &delay)) return lf_view_request_take_delay(self, event, delay);
-  if (std::optional<lf::ViewFeedback> feedback = lf::parse_view_feedback(event))
-    return lf_view_request_take_feedback(self, event, std::move(*feedback));
-  if (!lf_view_request_is_steering(event)) return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->event(base, event);
-  if (lf_view_request_is_relay(self)) return lf_view_request_push_upstream(self, gst_event_ref(event));
-  return lf_view_request_steer(self, event);
-}
-
 static GstCaps* lf_view_request_get_caps(GstBaseSrc* base, GstCaps* filter) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GST_OBJECT_LOCK(self);
-  GstCaps* caps = gst_caps_new_simple(LF_REQUEST_MEDIA_TYPE, "parsed", G_TYPE_BOOLEAN, TRUE, "framerate",
-                                      GST_TYPE_FRACTION, self->settings->fps_n, self->settings->fps_d, nullptr);
+  GstCaps* caps =
+      gst_caps_new_simple(LF_REQUEST_MEDIA_TYPE, "parsed", G_TYPE_BOOLEAN, TRUE, "framerate", GST_TYPE_FRACTION,
+                          self->state->settings.fps_n, self->state->settings.fps_d, nullptr);
   GST_OBJECT_UNLOCK(self);
   if (!filter) return caps;
   GstCaps* filtered = gst_caps_intersect_full(filter, caps, GST_CAPS_INTERSECT_FIRST);
@@ -178,34 +107,35 @@ static GstCaps* lf_view_request_get_caps(GstBaseSrc* base, GstCaps* filter) {
 
 // The caps of what is relayed are known when it comes.
 static gboolean lf_view_request_negotiate(GstBaseSrc* base) {
-  return lf_view_request_is_relay(LF_VIEW_REQUEST(base)) ||
+  return LF_VIEW_REQUEST(base)->state->relay.is_on() ||
          GST_BASE_SRC_CLASS(lf_view_request_parent_class)->negotiate(base);
 }
 
 static gboolean lf_view_request_stop(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
-  self->navigation_tap->detach();
-  GST_OBJECT_LOCK(self);
-  delete self->stream;
-  self->stream = nullptr;
-  self->extra->clear();
-  self->held_for = GST_SEQNUM_INVALID;
-  GST_OBJECT_UNLOCK(self);
-  gst_queue_array_clear(self->to_send);
-  self->warned_commands = self->asked_for_focus = self->has_sent = false;
-  self->seek_seqnum = GST_SEQNUM_INVALID;
-  self->focus_feedback->clear();
-  self->auto_delay->clear();
-  self->relay->clear();
-  self->relayed_focus->clear();
-  self->out_of_service->clear();
+  auto& state = *self->state;
+  state.navigation_tap.detach();
+  lf::ObjectLock lock(self);
+  state.stream.reset();
+  lock.unlock();
+  state.turn.forget_seek();
+  state.sought.clear();
+  state.outbox.clear();
+  state.focus_wait.clear();
+  state.warned_commands = false;
+  state.extra.clear();
+  state.focus.clear();
+  state.auto_delay.clear();
+  state.relay.clear();
+  state.relayed_focus.clear();
+  state.out_of_service.clear();
   return TRUE;
 }
 
 static gboolean lf_view_request_start(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   lf::ObjectLock lock(self);
-  const lf::ViewRequestSettings settings = *self->settings;
+  const lf::ViewRequestSettings settings = self->state->settings;
   lock.unlock();
 
   std::unique_ptr<lf::RequestStream> stream;
@@ -222,16 +152,16 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
     return FALSE;
   }
-  base->segment.duration = stream->end();
+  base->segment.duration = stream->schedule.end().value_or(GST_CLOCK_TIME_NONE);
   GST_OBJECT_LOCK(self);
-  self->requests_left = self->num_buffers;
+  self->state->requests_left = settings.num_buffers;
   GST_OBJECT_UNLOCK(self);
   GST_INFO_OBJECT(self, "view %u at %d/%d frames/s, %s", settings.view_id, settings.fps_n, settings.fps_d,
                   stream->from_file() ? settings.location.c_str() : "from properties");
   lf_view_request_change_view(self, [&](lf::ViewControl& control) {
     // GstBaseSrc does not stop what it could not seek to its beginning.
-    delete std::exchange(self->stream, stream.release());
-    control.begin(home ? *home : self->stream->default_viewpoint());
+    self->state->stream = std::move(stream);
+    control.begin(home ? *home : self->state->stream->default_viewpoint());
     control.keep_visible(share);
     return true;
   });
@@ -239,7 +169,7 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
     if (lf_view_request_is_steering(event)) lf_view_request_steer(LF_VIEW_REQUEST(element), event);
   };
   if (!settings.navigation_from.empty() &&
-      !self->navigation_tap->attach(GST_ELEMENT(self), settings.navigation_from, navigated)) {
+      !self->state->navigation_tap.attach(GST_ELEMENT(self), settings.navigation_from, navigated)) {
     GST_ELEMENT_ERROR(
         self, RESOURCE, SETTINGS,
         ("navigation-from: the pipeline has no element \"%s\" with a source pad.", settings.navigation_from.c_str()),
@@ -253,17 +183,17 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
 static gboolean lf_view_request_is_seekable(GstBaseSrc* base) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GST_OBJECT_LOCK(self);
-  const bool loop = self->settings->loop;
+  const bool loop = self->state->settings.loop;
   GST_OBJECT_UNLOCK(self);
-  return !loop && !gst_base_src_is_live(base) && !lf_view_request_is_relay(self);
+  return !loop && !gst_base_src_is_live(base) && !self->state->relay.is_on();
 }
 
 static gboolean lf_view_request_do_seek(GstBaseSrc* base, GstSegment* segment) {
   LfViewRequest* self = LF_VIEW_REQUEST(base);
-  gst_queue_array_clear(self->to_send);
-  self->has_sent = false;  // what is on its way is flushed: no surface comes of it
-  self->focus_feedback->clear();
-  if (!gst_base_src_is_live(base)) self->stream->seek(segment->position);
+  self->state->outbox.clear();
+  self->state->focus_wait.flush();
+  self->state->focus.clear();
+  if (!gst_base_src_is_live(base)) self->state->stream->schedule.seek(segment->position);
   return TRUE;
 }
 
@@ -272,11 +202,11 @@ static gboolean lf_view_request_query(GstBaseSrc* base, GstQuery* query) {
     return GST_BASE_SRC_CLASS(lf_view_request_parent_class)->query(base, query);
   LfViewRequest* self = LF_VIEW_REQUEST(base);
   GST_OBJECT_LOCK(self);
-  const GstClockTime period = lf::Schedule(self->settings->fps_n, self->settings->fps_d).period();
+  const GstClockTime period = lf::Schedule(self->state->settings.fps_n, self->state->settings.fps_d).period();
   GST_OBJECT_UNLOCK(self);
-  if (lf_view_request_is_relay(self)) {
+  if (self->state->relay.is_on()) {
     gboolean live = FALSE;
-    if (lf_view_request_relayed_latency(self, query)) gst_query_parse_latency(query, &live, nullptr, nullptr);
+    if (self->state->relay.query_upstream(query)) gst_query_parse_latency(query, &live, nullptr, nullptr);
     // Of requests that come from a file no more is known than that they leave when they come.
     if (!live) gst_query_set_latency(query, TRUE, 0, period);
     return TRUE;
@@ -288,20 +218,7 @@ static gboolean lf_view_request_query(GstBaseSrc* base, GstQuery* query) {
 }
 
 static void lf_view_request_finalize(GObject* object) {
-  LfViewRequest* self = LF_VIEW_REQUEST(object);
-  g_cond_clear(&self->held_changed);
-  delete self->navigation_tap;
-  delete self->stream;
-  delete self->relay;
-  delete self->relayed_focus;
-  gst_queue_array_free(self->to_send);
-  delete self->extra;
-  delete self->focus_feedback;
-  delete self->auto_delay;
-  delete self->out_of_service;
-  gst_clear_caps(&self->relayed_caps);
-  delete self->settings;
-  delete self->control;
+  delete LF_VIEW_REQUEST(object)->state;
   G_OBJECT_CLASS(lf_view_request_parent_class)->finalize(object);
 }
 
@@ -329,25 +246,13 @@ static void lf_view_request_class_init(LfViewRequestClass* klass) {
   base_class->is_seekable = lf::callback<lf_view_request_is_seekable>;
   base_class->do_seek = lf::callback<lf_view_request_do_seek>;
   base_class->query = lf::callback<lf_view_request_query>;
-  base_class->event = lf::callback<lf_view_request_event>;
+  lf_view_request_install_events(base_class);
   base_class->unlock = lf::callback<lf_view_request_unlock>;
   base_class->unlock_stop = lf::callback<lf_view_request_unlock_stop>;
   GST_PUSH_SRC_CLASS(klass)->create = lf_view_request_create;
 }
 
 static void lf_view_request_init(LfViewRequest* self) {
-  self->settings = new lf::ViewRequestSettings;
-  self->control = new lf::ViewControl;
-  g_cond_init(&self->held_changed);
-  self->navigation_tap = new lf::NavigationTap;
-  self->relay = new lf::RequestRelay;
-  self->relayed_focus = new lf::RelayedFocus;
-  self->to_send = gst_queue_array_new(4);
-  gst_queue_array_set_clear_func(self->to_send, reinterpret_cast<GDestroyNotify>(gst_buffer_unref));
-  self->extra = new std::vector<lf::ViewRequest>;
-  self->focus_feedback = new lf::FocusFeedback;
-  self->auto_delay = new lf::AutoCaptureDelay;
-  self->num_buffers = -1;
-  self->out_of_service = new lf::OutOfService;
+  self->state = new _LfViewRequest::State(GST_BASE_SRC_PAD(self));
   gst_base_src_set_format(GST_BASE_SRC(self), GST_FORMAT_TIME);
 }

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "viewrequest/request_stream.h"
 
-#include <algorithm>
 #include <utility>
 
 #include "base/error.h"
 #include "common/common.h"
-#include "view/views_json.h"
 #include "wire/command_codec.h"
 
 namespace lf {
@@ -19,23 +17,22 @@ CameraSet parse_out_of_service(const Rig* rig, const std::string& list) {
   return parse_camera_list(*rig, list);
 }
 
+RequestSchedule schedule_of(const ViewRequestSettings& settings) {
+  const Schedule frames(settings.fps_n, settings.fps_d);
+  if (settings.location.empty()) return RequestSchedule(frames);
+  return {frames, load_views(settings.location), settings.loop};
+}
+
 }  // namespace
 
 RequestStream::RequestStream(const ViewRequestSettings& settings)
-    : access_(settings.access), schedule_(settings.fps_n, settings.fps_d), loop_(settings.loop) {
+    : schedule(schedule_of(settings)), access_(CameraAccess::of(settings.access)) {
   set_rig(settings.rig.empty() ? nullptr : shared_rig(settings.rig), settings.out_of_service);
   if (rig_) default_viewpoint_ = lf::default_viewpoint(*rig_);
-  if (!settings.location.empty()) playback_.emplace(load_views(settings.location), schedule_, settings.loop);
-}
-
-GstClockTime RequestStream::end() const {
-  if (!playback_ || loop_) return GST_CLOCK_TIME_NONE;
-  return playback_->item(0)->time + playback_->duration();
 }
 
 void RequestStream::set_rig(std::shared_ptr<const Rig> rig, const std::string& out_of_service) {
-  if (access_ != Access::kSelf && !rig)
-    throw Error("access: needs the property rig, from which commands for the cameras are made");
+  if (access_ && !rig) throw Error("access: needs the property rig, from which commands for the cameras are made");
   out_of_service_ = parse_out_of_service(rig.get(), out_of_service);
   rig_ = std::move(rig);
   rig_hash_ = rig_ ? rig_->hash() : 0;
@@ -49,59 +46,11 @@ void RequestStream::set_out_of_service(const std::string& list) {
   out_of_service_ = parse_out_of_service(rig_.get(), list);
 }
 
-void RequestStream::seek(GstClockTime running_time) {
-  index_ = playback_ ? playback_->first_at(running_time) : schedule_.first_from(running_time);
-}
-
-std::optional<RequestSlot> RequestStream::next() const {
-  if (!playback_) {
-    const GstClockTime begin = schedule_.instant(index_);
-    return RequestSlot{begin, schedule_.instant(index_ + 1) - begin, begin};
-  }
-  const auto item = playback_->item(index_);
-  if (!item) return std::nullopt;
-  return RequestSlot{item->time, item->duration, item->target_time, item->view};
-}
-
-std::optional<RequestSlot> RequestStream::next_live(GstClockTime now, GstClockTime base_time,
-                                                    GstClockTime capture_delay) const {
-  std::optional<RequestSlot> slot = next();
-  if (!slot) return std::nullopt;
-  if (playback_ && playback_->has_times()) {
-    slot->target_time = schedule_.instant(schedule_.index_at(base_time + slot->pts));
-    return slot;
-  }
-  // The newest instant that is old enough, but none twice and none before the stream begins.
-  const GstClockTime earliest = base_time + (last_pts_ ? *last_pts_ + 1 : 0);
-  const uint64_t k = std::max(schedule_.index_at(now - std::min(now, capture_delay)), schedule_.first_from(earliest));
-  slot->target_time = schedule_.instant(k);
-  slot->pts = slot->target_time - base_time;
-  slot->duration = schedule_.instant(k + 1) - slot->target_time;
-  return slot;
-}
-
-RequestSlot RequestStream::ahead_of_turn(const RequestSlot& slot, GstClockTime now, GstClockTime base_time,
-                                         GstClockTime capture_delay) const {
-  const GstClockTime old_enough = now - std::min(now, capture_delay);
-  RequestSlot early = slot;
-  early.pts = old_enough - std::min(old_enough, base_time);
-  early.target_time = schedule_.instant(schedule_.index_at(old_enough));
-  return early;
-}
-
 std::vector<uint8_t> RequestStream::command_for(const ViewRequest& request, const std::shared_ptr<const Rig>& rig) {
-  if (access_ == Access::kSelf) return {};
+  if (!access_) return {};
   if (request.rig_hash != 0 && request.rig_hash != rig->hash()) throw Error("rig: the request is for another one");
   if (std::exchange(mesh_rig_, rig) != rig) mesh_.clear();
-  const Mesh& mesh = mesh_.get(*rig, request.out_of_service);
-  if (access_ == Access::kWarp) return wire::encode_command(warp_command(*rig, mesh, request));
-  return wire::encode_command(pixel_command(*rig, mesh, request));
-}
-
-uint32_t RequestStream::advance(const RequestSlot& slot) {
-  last_pts_ = slot.pts;
-  index_++;
-  return sequence_++;
+  return wire::encode_any_request(access_->command(*rig, mesh_.get(*rig, request.out_of_service), request));
 }
 
 }  // namespace lf

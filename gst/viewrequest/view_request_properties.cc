@@ -6,9 +6,6 @@
 #include "base/error.h"
 #include "viewrequest/lfviewrequest_private.h"
 
-GST_DEBUG_CATEGORY_EXTERN(lf_view_request_debug);
-#define GST_CAT_DEFAULT lf_view_request_debug
-
 enum {
   PROP_0,
   PROP_IS_LIVE,
@@ -26,9 +23,9 @@ std::shared_ptr<const lf::VisibleShare> lf_view_request_visible_share(const lf::
 // While the element runs a rig is read at once. Cameras that were announced as out of service are those of the rig
 // before: whoever notices that one is missing says so again.
 static void set_rig(LfViewRequest* self, const lf::ViewRequestSettings& changed, std::shared_ptr<const lf::Rig> rig) {
-  const uint64_t before = self->stream->rig_hash();
-  self->stream->set_rig(std::move(rig), changed.out_of_service);
-  if (self->stream->rig_hash() != before) self->out_of_service->clear();
+  const uint64_t before = self->state->stream->rig_hash();
+  self->state->stream->set_rig(std::move(rig), changed.out_of_service);
+  if (self->state->stream->rig_hash() != before) self->state->out_of_service.clear();
 }
 
 static void set_setting(LfViewRequest* self, guint id, const GValue* value, const GParamSpec* pspec) {
@@ -38,15 +35,16 @@ static void set_setting(LfViewRequest* self, guint id, const GValue* value, cons
   if (path && lf::is_running(GST_ELEMENT(self)) && !(rig = lf::reload_rig(GST_ELEMENT(self), path))) return;
   std::string problem;
   lf::ObjectLock lock(self);
-  lf::ViewRequestSettings changed = *self->settings;
+  lf::ViewRequestSettings changed = self->state->settings;
   lf::ViewRequestSettings::properties().set(changed, id, value);
   try {
-    if (self->stream && is_rig && (rig || !path)) set_rig(self, changed, rig);
-    if (self->stream && lf::is_named(pspec, "out-of-service")) self->stream->set_out_of_service(changed.out_of_service);
-    if (self->stream && (is_rig || lf::is_named(pspec, "keep-visible")))
-      self->control->keep_visible(lf_view_request_visible_share(changed, self->stream->rig()));
-    *self->settings = changed;
-    self->focus_feedback->follow(changed.focus_continuous);
+    if (self->state->stream && is_rig && (rig || !path)) set_rig(self, changed, rig);
+    if (self->state->stream && lf::is_named(pspec, "out-of-service"))
+      self->state->stream->set_out_of_service(changed.out_of_service);
+    if (self->state->stream && (is_rig || lf::is_named(pspec, "keep-visible")))
+      self->state->control.keep_visible(lf_view_request_visible_share(changed, self->state->stream->rig()));
+    self->state->settings = changed;
+    self->state->focus.follow(changed.focus_continuous);
   } catch (const lf::Error& error) {
     problem = error.what();
   }
@@ -64,14 +62,14 @@ static void lf_view_request_set_property(GObject* object, guint id, const GValue
     gst_base_src_set_live(GST_BASE_SRC(self), g_value_get_boolean(value));
   } else if (id == PROP_NUM_BUFFERS) {
     GST_OBJECT_LOCK(self);
-    self->num_buffers = g_value_get_int(value);
+    self->state->settings.num_buffers = g_value_get_int(value);
     GST_OBJECT_UNLOCK(self);
   } else if (id >= PROP_FIRST_SETTING) {
     set_setting(self, id, value, pspec);
   } else if (id >= PROP_FIRST_FIELD) {
     lf::ObjectLock lock(self);
-    self->control->set(static_cast<int>(id) - PROP_FIRST_FIELD, g_value_get_double(value));
-    lf_view_request_note_change(self);
+    self->state->control.set(static_cast<int>(id) - PROP_FIRST_FIELD, g_value_get_double(value));
+    self->state->turn.note_change();
     lock.unlock();
   } else {
     G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
@@ -83,11 +81,11 @@ static void lf_view_request_get_property(GObject* object, guint id, GValue* valu
   if (id == PROP_IS_LIVE) return g_value_set_boolean(value, gst_base_src_is_live(GST_BASE_SRC(self)));
   lf::ObjectLock lock(self);
   if (id == PROP_NUM_BUFFERS)
-    g_value_set_int(value, self->num_buffers);
+    g_value_set_int(value, self->state->settings.num_buffers);
   else if (id >= PROP_FIRST_SETTING)
-    lf::ViewRequestSettings::properties().get(*self->settings, id, value);
+    lf::ViewRequestSettings::properties().get(self->state->settings, id, value);
   else if (id >= PROP_FIRST_FIELD)
-    g_value_set_double(value, self->control->values()[id - PROP_FIRST_FIELD]);
+    g_value_set_double(value, self->state->control.values()[id - PROP_FIRST_FIELD]);
   else
     G_OBJECT_WARN_INVALID_PROPERTY_ID(object, id, pspec);
   lock.unlock();

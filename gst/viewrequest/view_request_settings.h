@@ -26,6 +26,8 @@ struct ViewRequestSettings {
   Access access = Access::kSelf;
   double eye_offset = 0;  // metres
   bool focus_continuous = false;
+  // The property of GstBaseSrc, which would count what goes along with requests, too. -1: no end.
+  gint num_buffers = -1;
 
   static PropertyTable<ViewRequestSettings>& properties();
 };

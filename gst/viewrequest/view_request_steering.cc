@@ -1,25 +1,21 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include <cmath>
 #include <optional>
 
 #include "viewrequest/lfviewrequest_private.h"
 
 lf::View lf_view_request_view(LfViewRequest* self) {
-  const int width = self->settings->width, height = self->settings->height;
-  return lf::make_view(self->control->viewpoint(), width ? width : self->stream->default_width(),
-                       height ? height : self->stream->default_height());
-}
-
-void lf_view_request_note_change(LfViewRequest* self) {
-  self->changed = true;
-  if (self->waits_for_change && self->clock_id) gst_clock_id_unschedule(self->clock_id);
+  const int width = self->state->settings.width, height = self->state->settings.height;
+  return lf::make_view(self->state->control.viewpoint(), width ? width : self->state->stream->default_width(),
+                       height ? height : self->state->stream->default_height());
 }
 
 gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gboolean(lf::ViewControl&)>& change) {
   lf::ObjectLock lock(self);
-  const lf::ViewValues before = self->control->values();
-  const gboolean done = change(*self->control);
-  const lf::ViewValues after = self->control->values();
-  if (before != after) lf_view_request_note_change(self);
+  const lf::ViewValues before = self->state->control.values();
+  const gboolean done = change(self->state->control);
+  const lf::ViewValues after = self->state->control.values();
+  if (before != after) self->state->turn.note_change();
   lock.unlock();
   for (int i = 0; i < lf::kNumViewFields; i++)
     if (before[i] != after[i]) g_object_notify(G_OBJECT(self), lf::kViewFields[i].name);
@@ -28,15 +24,35 @@ gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gb
 
 static gboolean lf_view_request_set_view(LfViewRequest* self, const GstStructure* structure) {
   return structure && lf_view_request_change_view(self, [&](lf::ViewControl& control) -> gboolean {
-           return !(self->stream && self->stream->from_file()) && control.set_view(structure);
+           return !(self->state->stream && self->state->stream->from_file()) && control.set_view(structure);
          });
 }
 
-static guint view_id_of(LfViewRequest* self) {
+guint lf_view_request_view_id(LfViewRequest* self) {
+  const lf::ObjectLock lock(self);
+  return self->state->settings.view_id;
+}
+
+void lf_view_request_set_focus_distance(LfViewRequest* self, double distance) {
+  lf_view_request_change_view(self, [distance](lf::ViewControl& control) {
+    control.set(lf::kFieldFocus, distance);
+    return TRUE;
+  });
+}
+
+static gboolean lf_view_request_focus_at(LfViewRequest* self, gdouble x, gdouble y) {
+  if (!std::isfinite(x) || !std::isfinite(y)) return FALSE;
   GST_OBJECT_LOCK(self);
-  const guint view_id = self->settings->view_id;
+  // Cameras that are told where to look (access) try nothing.
+  const bool can = self->state->stream && !self->state->stream->from_file() && !self->state->stream->access();
+  const lf::View view = can ? lf_view_request_view(self) : lf::View();
   GST_OBJECT_UNLOCK(self);
-  return view_id;
+  if (!can) return FALSE;
+  const lf::Vec2 place((x + 0.5) / view.width, (y + 0.5) / view.height);
+  if (place.x < 0 || place.x > 1 || place.y < 0 || place.y > 1) return FALSE;
+  if (const std::optional<double> distance = self->state->focus.focus_at(place))
+    lf_view_request_set_focus_distance(self, *distance);
+  return TRUE;
 }
 
 static bool is_navigation(GstEvent* event) { return GST_EVENT_TYPE(event) == GST_EVENT_NAVIGATION; }
@@ -60,16 +76,16 @@ bool lf_view_request_is_steering(GstEvent* event) { return is_navigation(event) 
 gboolean lf_view_request_steer(LfViewRequest* self, GstEvent* event) {
   std::optional<lf::Vec2> click;
   const gboolean done = lf_view_request_change_view(self, [&](lf::ViewControl& control) {
-    if (!self->stream || self->stream->from_file()) return FALSE;
-    if (!lf::is_for_view(event, self->settings->view_id)) return FALSE;
+    if (!self->state->stream || self->state->stream->from_file()) return FALSE;
+    if (!lf::is_for_view(event, self->state->settings.view_id)) return FALSE;
     if (is_view(event)) return gboolean(control.set_view(gst_event_get_structure(event)));
     const lf::View view = lf_view_request_view(self);
-    const bool changed = self->settings->navigation && control.navigate(event, view.width, view.height);
+    const bool changed = self->state->settings.navigation && control.navigate(event, view.width, view.height);
     click = control.take_click();
     return gboolean(changed);
   });
   if (click) lf_view_request_focus_at(self, click->x, click->y);
-  const bool own = is_view(event) && lf::is_for_view(event, view_id_of(self));
+  const bool own = is_view(event) && lf::is_for_view(event, lf_view_request_view_id(self));
   return (own && follow(self, gst_event_get_structure(event))) || done;
 }
 

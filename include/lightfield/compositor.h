@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,8 +19,8 @@ struct RequestOptions {
   // With kAuto: where surfaces may be, metres from the array. Where either is 0 the range follows the scene.
   double nearest = 0, farthest = 0;
   // With kAuto: cameras that are brighter or darker than the others are made as bright, by what they see of the
-  // surface.
-  bool match_brightness = true;
+  // surface. Nothing: only where the rig has no camera's colours.
+  std::optional<bool> match_brightness = {};
   // How answers' pixels travel: 1 to 100: JPEG of this quality; 0: 16 bits a value, by which the picture is, to the
   // bit, that of a Renderer with all cameras, and large.
   int quality = 90;

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include <lightfield/image.h>
@@ -16,8 +17,8 @@ struct RenderOptions {
   // With kAuto: where surfaces may be, metres from the array. Where either is 0 the range follows the scene.
   double nearest = 0, farthest = 0;
   // With kAuto: cameras that are brighter or darker than the others are made as bright, by what they see of the
-  // surface.
-  bool match_brightness = true;
+  // surface. Nothing: only where the rig has no camera's colours.
+  std::optional<bool> match_brightness = {};
   Resampling resampling = Resampling::kSharpened;  // how cameras' images are sampled
   Colour background = {};                          // is shown where no camera sees anything
 };

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -42,6 +43,18 @@ struct Lens {
   double k1 = 0, k2 = 0, p1 = 0, p2 = 0;  // distortion
 };
 
+// How a camera's colours differ from those that all of an array are to have, for pictures to be made without the
+// difference. With v a colour of the camera, 0 to 255 in each channel, and r = 1 half a diagonal of the image away from
+// the lens's principal point:
+//   light = ((v - black) / 255) ^ gamma,  level = 255 (matrix light / (1 + k1 r^2 + k2 r^4)) ^ (1 / 2.2)
+// but for levels below 30, where powers are straight lines. See docs/design.md, "Colours".
+struct CameraColour {
+  Vec3 black = {};  // of R, G, B: -64 to 64
+  double gamma = 2.2;
+  std::array<double, 9> matrix = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // row by row
+  std::array<double, 2> vignetting = {0, 0};                   // k1, k2
+};
+
 // One camera of an array.
 struct Camera {
   uint32_t id = 0;  // for people; unique in the rig
@@ -51,6 +64,7 @@ struct Camera {
   Pose world_from_camera = {};
   std::string image = {},
               source = {};  // a still and a stream, relative to the rig's file, for those who open them; may be empty
+  std::optional<CameraColour> colour = {};  // as it was measured; nothing: taken as it comes
 };
 
 // The triangles whose corners are cameras: a line of sight takes its colour from the corners of the triangle that it

@@ -55,7 +55,8 @@ std::unique_ptr<const AnswerTask> LocalNode::plan(const ViewRequest& request) {
 AnswerMaker::Units LocalNode::answer(const ViewRequest& request, const std::vector<lightfield::ImageView>& frames,
                                      lightfield::Resampling resampling, bool in_process, ByteBuffer memory) {
   check_count(frames.size(), cameras_.size());
-  wire::AnswerHeader header;
+  wire::AnswerHeader header = wire::answer_to(request, {request.view.width, request.view.height}, rig_hash_);
+  header.actual_time = request.target_time;
   header.family = family_of(frames);
   std::vector<ImageView> images;
   CameraSet blind;
@@ -66,6 +67,7 @@ AnswerMaker::Units LocalNode::answer(const ViewRequest& request, const std::vect
   AnswerMaker::Options options;
   options.resampling = to_resampling(resampling);
   options.in_process = in_process;
+  options.colours = &colours_;
   // Where no JPEG is asked for the picture is as if all cameras were on one node.
   if (request.quality == 0) options.codec = CodecChoice::kRaw16;
   options.parallel = [this](size_t count, const std::function<void(size_t)>& task) {
@@ -73,12 +75,6 @@ AnswerMaker::Units LocalNode::answer(const ViewRequest& request, const std::vect
   };
   const std::unique_ptr<const AnswerTask> task = plan(request);
 
-  header.view_id = request.view_id;
-  header.sequence = request.sequence;
-  header.view_width = request.view.width;
-  header.view_height = request.view.height;
-  header.target_time = header.actual_time = request.target_time;
-  header.rig_hash = rig_hash_;
   header.cameras = CameraRanges(own_);
   header.blind = CameraRanges(blind);
   std::vector<Source> sources;

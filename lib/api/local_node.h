@@ -38,6 +38,7 @@ class LocalNode {
   std::vector<size_t> frame_of_;  // for each of own_ its place in cameras_
   const unsigned threads_;
   const std::shared_ptr<WorkerPool> workers_ = WorkerPool::shared();
+  const CameraColours colours_{*rig_};
   MeshCache mesh_;
   AnswerMaker maker_;
 };

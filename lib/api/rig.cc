@@ -30,6 +30,11 @@ lf::Camera to_camera(const Camera& camera) {
   out.pose = lf::api::to_pose(camera.world_from_camera);
   out.image = camera.image;
   out.source = camera.source;
+  if (camera.colour) {
+    const Vec3& black = camera.colour->black;
+    out.colour = lf::ColourModel{
+        {black.x, black.y, black.z}, camera.colour->gamma, camera.colour->matrix, camera.colour->vignetting};
+  }
   return out;
 }
 
@@ -92,6 +97,9 @@ Camera Rig::camera(size_t index) const {
   if (index >= size())
     throw Error("camera " + std::to_string(index) + " is not one of the " + std::to_string(size()) + " cameras");
   const lf::Camera& camera = data_->rig->cameras[index];
+  std::optional<CameraColour> colour;
+  if (const auto& of = camera.colour)
+    colour = CameraColour{{of->black.x, of->black.y, of->black.z}, of->gamma, of->matrix, of->vignetting};
   return {camera.id,
           camera.name,
           camera.width,
@@ -99,7 +107,8 @@ Camera Rig::camera(size_t index) const {
           lf::api::from_lens(camera.lens),
           lf::api::from_pose(camera.pose),
           camera.image,
-          camera.source};
+          camera.source,
+          colour};
 }
 
 std::string Rig::json() const { return json_of(*data_, *data_->rig); }

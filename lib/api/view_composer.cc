@@ -49,8 +49,8 @@ const ViewRequest& ViewComposer::begin(const lightfield::View& view, const light
   request.rig_hash = rig_hash_;
   request.out_of_service = to_camera_set(options.out_of_service, rig_->cameras.size());
   const FocusControl::Settings settings = to_settings(options.focus, options.nearest, options.farthest);
-  if (settings != focus_.settings() || options.match_brightness != focus_.matches_gains())
-    focus_ = ViewFocus(settings, options.match_brightness);
+  const bool match = options.match_brightness.value_or(!rig_->has_colour());
+  if (settings != focus_.settings() || match != focus_.matches_gains()) focus_ = ViewFocus(settings, match);
   if (settings.mode != FocusMode::kPlane) focus_.apply(request);
 
   current_.reset();

@@ -72,8 +72,7 @@ std::optional<FoundFocus> FocusFinder::next(const ViewRequest& shown, const Focu
     if (!on_plane) request.view.focus.map = nullptr;
   }
   FoundFocus found{.sequence = request.sequence, .plan = control_.next(request, answers_.moments, *array_)};
-  // Through a surface that is anywhere cameras differ for other reasons.
-  found.gains = next_gains(mean_turns_, match_gains && !on_plane && control_.state().sure, !found.plan.trials.empty(),
+  found.gains = next_gains(mean_turns_, match_gains && !on_plane && control_.state().mixed, !found.plan.trials.empty(),
                            answers_.brightness, answers_.gains, request.sequence);
   return found;
 }

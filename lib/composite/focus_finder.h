@@ -42,8 +42,8 @@ class FocusFinder {
   // How the request before next() went: whether its picture was complete in time. At most one in `interval` is to have
   // trials.
   void keep_pace(bool complete, unsigned interval);
-  // What the next request is to have; nothing where there is nothing to say. `match_gains`: of cameras, once there is a
-  // surface.
+  // What the next request is to have; nothing where there is nothing to say. `match_gains`: of cameras, where several
+  // make the picture.
   std::optional<FoundFocus> next(const ViewRequest& request, const FocusControl::Settings& settings, bool match_gains);
   // Whether anybody has taken that. Where nobody does, as where requests come from a file, it is looked for again now
   // and then.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <numeric>
 #include <optional>
 
@@ -15,25 +16,41 @@
 
 namespace lf {
 
-float CameraGains::log_of(CameraIndex camera) const {
+// How likely a camera is as bright as it should be. What it seems to differ by is shine and error, normally
+// distributed, or a gain, any of those that there may be.
+float CameraGains::usual(CameraIndex camera) const {
   const auto found = measured_.find(camera);
-  return found == measured_.end() ? 0 : std::log(found->second);
+  if (found == measured_.end()) return 1;
+  const auto [x, error] = found->second;
+  const float variance = kShine * kShine + error * error;
+  const float even = 1 / std::log(kMost / kLeast);
+  const float normal = std::exp(-x * x / (2 * variance)) / std::sqrt(2 * std::numbers::pi_v<float> * variance);
+  return kUsual * normal / (kUsual * normal + (1 - kUsual) * even);
 }
 
 float CameraGains::trust(CameraIndex camera) const {
-  const float x = log_of(camera);
-  return kShine * kShine / (x * x + kShine * kShine);
+  const auto found = measured_.find(camera);
+  if (found == measured_.end()) return kUnknownTrust;
+  const float off = found->second.log / kAround;
+  return std::exp(-off * off / 2);
 }
 
-float CameraGains::of(CameraIndex camera) const { return std::exp((1 - trust(camera)) * log_of(camera)); }
+float CameraGains::likely(CameraIndex camera) const {
+  const auto found = measured_.find(camera);
+  return found == measured_.end() ? 1 : std::exp((1 - usual(camera)) * found->second.log);
+}
 
-void CameraGains::update(CameraIndex camera, float ratio) {
-  measured_[camera] = std::clamp(ratio * of(camera), kLeast, kMost);
+void CameraGains::take(const std::map<CameraIndex, BrightnessRatio>& ratios) {
+  if (ratios.empty()) return;
+  for (const auto& [camera, ratio] : ratios)
+    measured_[camera] = {std::clamp(ratio.log + std::log(likely(camera)), std::log(kLeast), std::log(kMost)),
+                         ratio.error};
+  means_ = std::min(means_ + 1, kMeans);
 }
 
 namespace {
 
-constexpr int kLeastWeight = Moments::kWeightOne / 6;
+constexpr int kLeastWeight = static_cast<int>(Moments::kWeightOne * CameraGains::kUnknownTrust / 6);
 constexpr float kDarkest = 16, kBrightest = 240;             // luma
 constexpr float kMostDeviation = 0.25f, kMostChange = 0.5f;  // of the mean
 
@@ -83,6 +100,9 @@ constexpr size_t kLeastNodes = 24;
 // mean is that of cameras on one side of theirs: how surfaces shine changes along an array (by 2 % a camera in one
 // scene), and that is no gain.
 constexpr float kNear = WideLuma::kPeak * 0.4578f;
+// Nodes are no samples of their own, because a whole thing is in focus or not: they tell as much as so many.
+constexpr float kThings = 4;
+constexpr float kRounded = 0.4f;                       // standard deviation of a quotient of rounded luma, levels
 constexpr int kDarkestSeen = 8, kBrightestSeen = 250;  // luma
 
 double median_edge(const Rig& rig, const Mesh& mesh) {
@@ -182,16 +202,16 @@ WideLuma::Seen WideLuma::see(std::span<const Source> sources, const CameraGains&
     if (source.image.family != PixelFamily::kNone && std::ranges::binary_search(cameras_, source.camera))
       seeing.push_back(&source);
   result.cameras.resize(seeing.size());
-  parallel(seeing.size(), [&](size_t i) { result.cameras[i] = see(*seeing[i], gains.of(seeing[i]->camera)); });
+  parallel(seeing.size(), [&](size_t i) { result.cameras[i] = see(*seeing[i], gains.likely(seeing[i]->camera)); });
   const auto add = [](uint16_t& sum, float value) {
     sum = static_cast<uint16_t>(std::min(sum + static_cast<int>(value + 0.5f), 65535));
   };
   for (const Camera& camera : result.cameras) {
     const float total = std::accumulate(camera.weight.begin(), camera.weight.end(), 0.f);
-    result.gains.add(gains.of(camera.camera),
-                     gains.trust(camera.camera) * total / static_cast<float>(camera.weight.size()));
+    const float trust = gains.trust(camera.camera);
+    result.gains.add(gains.likely(camera.camera), trust * total / static_cast<float>(camera.weight.size()));
     for (size_t i = 0; i < camera.weight.size(); i++) {
-      const float weight = camera.weight[i];
+      const float weight = trust * camera.weight[i];
       if (weight == 0) continue;
       const auto luma = static_cast<float>(camera.luma[i]);
       add(result.moments.weight[i], weight * Moments::kWeightOne);
@@ -202,14 +222,21 @@ WideLuma::Seen WideLuma::see(std::span<const Source> sources, const CameraGains&
   return result;
 }
 
-std::optional<float> WideLuma::ratio(const Camera& seen, std::span<const uint8_t> mean) {
+std::optional<BrightnessRatio> WideLuma::ratio(const Camera& seen, std::span<const uint8_t> mean) {
   if (mean.size() != seen.luma.size()) return std::nullopt;
   std::vector<float> ratios;
+  float dark = 0;  // how much of a logarithm a level is
   for (size_t i = 0; i < mean.size(); i++)
-    if (mean[i] != 0 && seen.weight[i] > kNear && seen.luma[i] >= kDarkestSeen && seen.luma[i] <= kBrightestSeen)
-      ratios.push_back(static_cast<float>(seen.luma[i]) / static_cast<float>(mean[i]));
+    if (mean[i] != 0 && seen.weight[i] > kNear && seen.luma[i] >= kDarkestSeen && seen.luma[i] <= kBrightestSeen) {
+      ratios.push_back(std::log(static_cast<float>(seen.luma[i]) / static_cast<float>(mean[i])));
+      dark += 1 / static_cast<float>(mean[i]);
+    }
   if (ratios.size() < kLeastNodes) return std::nullopt;
-  return median(std::move(ratios));
+  std::ranges::sort(ratios);
+  const size_t n = ratios.size();
+  const float deviation = (ratios[3 * n / 4] - ratios[n / 4]) / 1.35f;  // if they were normal
+  const float differs = deviation / std::sqrt(kThings), rounded = kRounded * dark / static_cast<float>(n);
+  return BrightnessRatio{ratios[n / 2], std::hypot(differs, rounded)};
 }
 
 }  // namespace lf

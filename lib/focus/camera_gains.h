@@ -18,25 +18,45 @@
 
 namespace lf {
 
+// How many times as bright a camera is as what it was compared with, as a logarithm, and how uncertain that is
+// (standard deviation).
+struct BrightnessRatio {
+  float log = 0, error = 0;
+};
+
 // What the images of some cameras are divided by so that all of an array are equally bright. Surfaces shine, so that
-// cameras of the same exposure seem to differ by a few percent, too: the nearer to 1 a measured gain is, the less is
-// made of it. A plain value without locks.
+// cameras of the same exposure seem to differ by a few percent, too, and what is noisy, or not in focus, cannot be
+// compared exactly. So a camera is either as bright as it should be, and seems to differ by what shine and error make
+// of that, or its exposure is another one, and it may differ by anything: the more likely the former (Bayes), the less
+// is made of a measured gain. A plain value without locks.
 class CameraGains {
  public:
   static constexpr float kLeast = 0.5f, kMost = 2;  // what differs by more is another fault than exposure
-  static constexpr float kShine = 0.02f;            // logarithm of a gain that is as likely shine as exposure
+  static constexpr float kShine = 0.007f;           // standard deviation of the logarithm: it is up to 0.02
+  static constexpr float kUsual = 0.9f;             // part of the cameras that are as bright as they should be
+  // What most cameras agree on is looked for among those that differ from it by about this (logarithm): mean by mean it
+  // moves to where most are (Fukunaga and Hostetler 1975: mean shift).
+  static constexpr float kAround = 0.03f;
+  static constexpr float kUnknownTrust = 0.125f;  // of a camera of which nothing is known, beside those that are right
+  // The first mean is that of cameras which all count alike: it takes those that are right along with those that are
+  // wrong. Images are divided by what this one says.
+  static constexpr unsigned kMeans = 3;
 
-  float of(CameraIndex camera) const;  // 1 for a camera of which nothing is known
-  // How likely the camera is as bright as it should be, 0..1: in what all have in common such cameras count.
+  // What images are divided by: 1 for a camera of which nothing is known.
+  float of(CameraIndex camera) const { return means_ < kMeans ? 1 : likely(camera); }
+  // What is known of it already, for the next mean.
+  float likely(CameraIndex camera) const;
+  // What the camera counts in what all have in common, 0 to 1: less the farther it is off.
   float trust(CameraIndex camera) const;
-  // The camera, divided by its gain, is `ratio` times as bright as the others are by theirs.
-  void update(CameraIndex camera, float ratio);
-  const std::map<CameraIndex, float>& measured() const { return measured_; }
+  // A mean has come, and some cameras, divided by likely(), were compared with it.
+  void take(const std::map<CameraIndex, BrightnessRatio>& ratios);
+  const std::map<CameraIndex, BrightnessRatio>& measured() const { return measured_; }
 
  private:
-  float log_of(CameraIndex camera) const;
+  float usual(CameraIndex camera) const;
 
-  std::map<CameraIndex, float> measured_;
+  std::map<CameraIndex, BrightnessRatio> measured_;  // beside the mean, not divided by anything
+  unsigned means_ = 0;
 };
 
 // Gains of cameras, added up with the weight that each has in a mean of luma, less for those that are hardly as bright
@@ -108,13 +128,13 @@ class WideLuma {
   // What they saw, to be kept until there is a mean to compare with.
   struct Camera {
     CameraIndex camera = 0;
-    std::vector<uint8_t> luma;  // divided by its gain, a value for each node
+    std::vector<uint8_t> luma;  // divided by its likely gain, a value for each node
     std::vector<float> weight;  // 0 where the camera sees nothing
   };
   struct Seen {
     std::vector<Camera> cameras;
-    Moments moments;  // of all cameras together
-    GainSum gains;
+    Moments moments;  // of all cameras together, each weighted by its trust
+    GainSum gains;    // likely ones
   };
   // `sources`: of cameras() and maybe others. The result does not depend on `parallel`. Throws Error for an image that
   // is not of its camera's size.
@@ -122,7 +142,7 @@ class WideLuma {
 
   // How many times as bright as the mean a camera is, divided by its gain: the median over the nodes, nothing where
   // these are too few. `mean`: see mean_luma().
-  static std::optional<float> ratio(const Camera& seen, std::span<const uint8_t> mean);
+  static std::optional<BrightnessRatio> ratio(const Camera& seen, std::span<const uint8_t> mean);
 
  private:
   Camera see(const Source& source, float gain) const;

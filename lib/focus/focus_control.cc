@@ -159,7 +159,6 @@ void FocusControl::compare_with_plane(const SurfaceChoice& choice, std::span<con
   const bool is_sweep = trials.size() >= kSweep;
   const std::vector<uint8_t> surface(choice.chosen.size(), 0);
   const double disagreement = is_sweep ? choice.least_energy : choice.energy[0];
-  agrees_ = disagreement < (agrees_ ? kHidden : kShown) * of_plane && of_plane - disagreement > kWorthShowing;
   const double of_lost = std::min(kMovedLight / moved_by_blur(request.view), 1 / kSmallestLost);
   doubt(request, choice, moments, plane);
   const bool is_doubtful = disagreement + doubt_ * of_plane > kDoubtful * of_plane;
@@ -272,8 +271,7 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
   // Where one camera makes nearly all of the picture every surface seems to fit, and only displaces what it sees.
   const bool little = mean_of(array.evidence(plan.view, request.out_of_service)) < kEnoughEvidence;
   plan.on_plane = state_.on_plane || state_.flat || little;
-  // Cameras of other brightness seem to lose light: they are matched before that counts.
-  state_.sure = !little && stage_ == Stage::kBetter && (agrees_ || !state_.on_plane || state_.flat);
+  state_.mixed = !little;
   if (state_.flat && !state_.on_plane && !little)
     plan.plane = Plane{next.from.normal, next.from.d - 1 / next.inverse_of(next.levels.front())};
   return plan;

@@ -93,7 +93,7 @@ class FocusControl {
     unsigned interval = 1;     // requests from one with trials to the next
     unsigned trials = 0;       // of the next request that has any
     bool flat = false;         // one plane is enough
-    bool sure = false;         // the surface is about where the scene is
+    bool mixed = false;        // several cameras make the picture: their brightness should match
     bool on_plane = true;      // a plane is shown, the viewer's or that one
     double deviation = 0;      // how far cameras disagree through the surface, levels of luma, mean over the nodes
     double bought = 0;         // by how much that is less than through the best plane tried lately
@@ -153,7 +153,6 @@ class FocusControl {
   DepthVotes votes_;
   std::optional<DepthRange> range_;       // of all maps, where the range follows the scene
   std::vector<double> plane_deviations_;  // of the best plane of each of the latest rounds
-  bool agrees_ = false;  // the cameras, clearly better through the surface than through the viewer's plane
   OtherDepths others_;
   double doubt_ = 0;         // what other depths add to the surface's squared deviation, of the plane's
   bool was_better_ = false;  // the surface, when the plane was measured last

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "focus/view_focus.h"
 
+#include <cmath>
 #include <map>
 #include <numeric>
 #include <utility>
 
 #include "focus/carry_over.h"
 #include "focus/trial_renderer.h"
+#include "image/correction.h"
 
 namespace lf {
 
@@ -45,18 +47,81 @@ void ViewFocus::apply(ViewRequest& request) {
 void ViewFocus::take(const ViewRequest& request, const Answers& answers, const FocusArray& array) {
   control_.keep_up(answers.complete);
   plan_ = control_.next(request, answers.moments, array);
-  // Through a surface that is anywhere cameras differ for other reasons.
-  gains_ = next_gains(turns_, match_gains_ && control_.state().sure, !plan_->trials.empty(), answers.brightness,
+  gains_ = next_gains(turns_, match_gains_ && control_.state().mixed, !plan_->trials.empty(), answers.brightness,
                       answers.gains, request.sequence);
 }
 
+namespace {
+
+// An array's images for one view, each asked for once, and how bright its cameras are.
+class StillArray {
+ public:
+  StillArray(const Rig& rig, const Mesh& mesh, const CameraImages& images, CameraGains* gains)
+      : rig_(rig), mesh_(mesh), images_(images), gains_(gains) {
+    all_.resize(rig.cameras.size());
+    std::iota(all_.begin(), all_.end(), 0);
+  }
+
+  // What the request's trials come to.
+  std::vector<Moments> moments(const ViewRequest& request) {
+    std::vector<Moments> sums(request.trials.size());
+    if (sums.empty()) return sums;
+    std::vector<std::vector<uint8_t>> levels;
+    for (const Trial& trial : request.trials) levels.push_back(trial_levels(request.view, trial));
+    for (Moments& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
+    const RenderJob job(rig_, mesh_, trial_view(request.view), all_);
+    std::vector<Source> sources = sources_of(job.cameras());
+    std::vector<ByteBuffer> divided(sources.size());
+    for (size_t i = 0; i < sources.size() && gains_ && request.gains.use; i++) {
+      const float gain = gains_->of(sources[i].camera);
+      if (std::abs(gain - 1) < kLeastGain) continue;
+      ImageView& image = sources[i].image;
+      image = divide_by_gain(image, {0, 0, image.width, image.height}, gain, divided[i]);
+    }
+    add_moments(job, sources, levels, sums);
+    return sums;
+  }
+
+  // Learns from the mean that the request brings, and adds to the one that it asks for.
+  void compare(const ViewRequest& request, ViewFocus::Answers& answers) {
+    if (!gains_) return;
+    if (!request.gains.mean.empty())
+      for (const WideLuma::Camera& camera : std::exchange(seen_, {}))
+        if (const auto ratio = WideLuma::ratio(camera, request.gains.mean)) gains_->update(camera.camera, *ratio);
+    if (!request.gains.ask) return;
+    const WideLuma wide(rig_, mesh_, mean_view(request.view), all_);
+    WideLuma::Seen seen = wide.see(sources_of(wide.cameras()), *gains_);
+    answers.brightness = std::move(seen.moments);
+    answers.gains = seen.gains;
+    seen_ = std::move(seen.cameras);
+  }
+
+ private:
+  std::vector<Source> sources_of(const std::vector<CameraIndex>& cameras) {
+    std::vector<Source> sources;
+    for (const CameraIndex camera : cameras) {
+      if (!kept_.contains(camera)) kept_[camera] = images_(camera);
+      sources.push_back({camera, &rig_.cameras[camera], kept_[camera].view()});
+    }
+    return sources;
+  }
+
+  const Rig& rig_;
+  const Mesh& mesh_;
+  const CameraImages& images_;
+  CameraGains* const gains_;
+  std::vector<CameraIndex> all_;
+  std::map<CameraIndex, Image> kept_;  // an image given is only good until the next one
+  std::vector<WideLuma::Camera> seen_;
+};
+
+}  // namespace
+
 View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
-                 const FocusControl::Settings& settings, int rounds) {
-  std::vector<CameraIndex> all(rig.cameras.size());
-  std::iota(all.begin(), all.end(), 0);
+                 const FocusControl::Settings& settings, int rounds, CameraGains* gains) {
   const FocusArray array(rig, mesh);
-  std::map<CameraIndex, Image> kept;  // an image given is only good until the next one
-  ViewFocus focus(settings);
+  StillArray still(rig, mesh, images, gains);
+  ViewFocus focus(settings, gains != nullptr);
   const auto next_request = [&] {
     ViewRequest request;
     request.view = view;
@@ -67,20 +132,8 @@ View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const Camer
   for (int round = 0; round <= rounds; round++) {
     const ViewRequest request = next_request();
     ViewFocus::Answers answers;
-    std::vector<Moments>& sums = answers.moments;
-    sums.resize(request.trials.size());
-    if (!sums.empty()) {
-      std::vector<std::vector<uint8_t>> levels;
-      for (const Trial& trial : request.trials) levels.push_back(trial_levels(request.view, trial));
-      for (Moments& sum : sums) sum.reset(request.view.focus.map->columns, request.view.focus.map->rows);
-      const RenderJob job(rig, mesh, trial_view(request.view), all);
-      std::vector<Source> sources;
-      for (const CameraIndex camera : job.cameras()) {
-        if (!kept.contains(camera)) kept[camera] = images(camera);
-        sources.push_back({camera, &rig.cameras[camera], kept[camera].view()});
-      }
-      add_moments(job, sources, levels, sums);
-    }
+    still.compare(request, answers);
+    answers.moments = still.moments(request);
     focus.take(request, answers, array);
   }
   return shown_view(next_request());

@@ -32,7 +32,7 @@ GainRequest next_gains(MeanTurns& turns, bool use, bool has_trials, const Moment
 // for what came of the one before. A plain value without locks.
 class ViewFocus {
  public:
-  // `match_gains`: whether cameras' brightness is matched once there is a surface.
+  // `match_gains`: whether cameras' brightness is matched where several make the picture.
   explicit ViewFocus(const FocusControl::Settings& settings = {}, bool match_gains = false)
       : settings_(settings), match_gains_(match_gains), control_(settings) {}
 
@@ -61,11 +61,14 @@ class ViewFocus {
 
 // The rounds after which a focal surface has settled, from the viewer's plane on.
 inline constexpr int kSettledRounds = 12;
+// And after which cameras have matched their brightness on it, too.
+inline constexpr int kMatchedRounds = 24;
 
 // The view with the focal surface that `rounds` rounds of trials find, for an array that stands still: all that nodes
 // and a compositor do, in one go. Asks `images` for cameras that contribute, which must be of the rig's sizes. The view
-// must be valid.
+// must be valid. `gains`: cameras match their brightness, as nodes do, and it becomes what the images of the view are
+// to be divided by; null: they do not.
 View focus_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
-                 const FocusControl::Settings& settings, int rounds = kSettledRounds);
+                 const FocusControl::Settings& settings, int rounds = kSettledRounds, CameraGains* gains = nullptr);
 
 }  // namespace lf

@@ -14,12 +14,29 @@ AnswerMaker::Units AnswerMaker::make(const AnswerTask& task, const wire::AnswerH
   const uint64_t begun = now_ns();
   Units units;
   std::vector<Source> sources(images.begin(), images.end());
+  correct(task, options, sources);
   if (task.gains()) match_gains(task, header, options, sources, units);
   units.moments = task.moments(header, sources, options, options.parallel);
   units.before_ns = now_ns() - begun;
   resample(task, options, sources);
   units.answer = task.render(header, sources, options, std::move(memory), options.parallel);
   return units;
+}
+
+// The same images, what the task needs of them in the colours that they are to have.
+void AnswerMaker::correct(const AnswerTask& task, const Options& options, std::vector<Source>& images) {
+  if (!options.colours || !options.colours->any()) return;
+  corrected_.resize(std::max(corrected_.size(), images.size()));
+  // Cameras that are asked how bright they are are looked at where they are not drawn, too.
+  const bool compares = task.gains() && task.gains()->ask;
+  options.parallel(images.size(), [&](size_t i) {
+    Source& source = images[i];
+    if (source.image.family == PixelFamily::kNone) return;
+    const ColourCorrection* const correction = options.colours->of(source.camera, source.image.family);
+    if (!correction) return;
+    const Rect rect = compares ? task.region(source.camera) : task.drawn(source.camera);
+    if (!rect.empty()) source.image = correction->apply(source.image, rect, corrected_[i]);
+  });
 }
 
 void AnswerMaker::match_gains(const AnswerTask& task, const wire::AnswerHeader& header, const Options& options,

@@ -9,16 +9,19 @@
 #include "image/image.h"
 #include "node/answer_task.h"
 #include "node/gain_matcher.h"
+#include "rig/camera_colours.h"
 
 namespace lf {
 
-// Makes a node's answers from its cameras' images: matches their brightness, has them tried and sampled, and renders.
+// Makes a node's answers from its cameras' images: corrects their colours, matches their brightness, has them tried and
+// sampled, and renders.
 // It keeps what it learns of one requester's views, and memory. Not thread-safe.
 class AnswerMaker {
  public:
   struct Options : AnswerTask::Options {
     Resampling resampling = Resampling::kBilinear;
     ParallelFor parallel = serial_for;
+    const CameraColours* colours = nullptr;  // of the task's rig; null: colours are taken as they come
   };
   // The units that an answer comes to.
   struct Units {
@@ -36,12 +39,13 @@ class AnswerMaker {
   void begin_like(const AnswerMaker& other) { gains_.begin_like(other.gains_); }
 
  private:
+  void correct(const AnswerTask& task, const Options& options, std::vector<Source>& images);
   void match_gains(const AnswerTask& task, const wire::AnswerHeader& header, const Options& options,
                    std::vector<Source>& images, Units& units);
   void resample(const AnswerTask& task, const Options& options, std::vector<Source>& images);
 
   GainMatcher gains_;
-  std::vector<ByteBuffer> sharpened_;  // memory of sharpened images
+  std::vector<ByteBuffer> corrected_, sharpened_;  // memory of images
 };
 
 }  // namespace lf

@@ -7,21 +7,16 @@
 
 #include "base/error.h"
 #include "focus/trial_renderer.h"
-#include "node/pixel_answer.h"
 #include "render/camera_projection.h"
 #include "wire/moments_codec.h"
 
 namespace lf {
 namespace {
 
-class WarpTask : public AnswerTask {
+class ViewTask : public SumTask {
  public:
-  WarpTask(const Rig& rig, ViewPlan plan, int quality, std::span<const CameraIndex> own)
-      : rig_(rig), job_(std::move(plan), own), quality_(quality) {}
-  WarpTask(const Rig& rig, const Mesh& mesh, const ViewRequest& request, std::span<const CameraIndex> own)
-      : WarpTask(rig, ViewPlan(rig, mesh, shown_view(request)), request.quality, own) {
-    is_told_ = false;
-    gains_ = request.gains;
+  ViewTask(const Rig& rig, const Mesh& mesh, const ViewRequest& request, std::span<const CameraIndex> own)
+      : SumTask(rig, ViewPlan(rig, mesh, shown_view(request)), request.quality, own), gains_(request.gains) {
     if (gains_.ask) compare(rig, mesh, request, own);
     if (request.trials.empty()) return;
     trial_job_.emplace(rig, mesh, trial_view(request.view), own);
@@ -40,24 +35,17 @@ class WarpTask : public AnswerTask {
     if (trials_.empty() || trial_job_->plan().camera_rect(camera).empty()) return colour;
     return unite(colour, needed_pixels(trial_job_->plan(), camera, rig_.cameras[camera], trials_));
   }
-  Rect answer_region(CameraIndex camera) const override {
-    return needed_pixels(job_.plan(), camera, rig_.cameras[camera]);
-  }
+  Rect answer_region(CameraIndex camera) const override { return SumTask::region(camera); }
   bool shows_detail(CameraIndex camera) const override {
-    const View& view = job_.plan().view();
-    if (is_told_) return !is_coarse(view.lens, rig_.cameras[camera].lens);  // commands don't say where the view is from
-    return lf::shows_detail(view, rig_.cameras[camera]);
+    return lf::shows_detail(job_.plan().view(), rig_.cameras[camera]);
   }
   RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Options& options,
                         ByteBuffer memory, const ParallelFor& parallel) const override {
-    AnswerForm form = choose_form(job_.plan().view(), options.codec, options.in_process, quality_);
-    form.strip_pixels = options.strip_pixels;
-    form.card = options.card;
-    if (!wide_) return render_answer(header, job_, sources, form, std::move(memory), parallel);
+    if (!wide_) return SumTask::render(header, sources, options, std::move(memory), parallel);
     std::vector<Source> in_view;
     std::ranges::copy_if(sources, std::back_inserter(in_view),
                          [this](const Source& source) { return is_in_view(source.camera); });
-    return render_answer(header, job_, in_view, form, std::move(memory), parallel);
+    return SumTask::render(header, in_view, options, std::move(memory), parallel);
   }
   ByteBuffer moments(const wire::AnswerHeader& header, std::span<const Source> sources, const Options& options,
                      const ParallelFor& parallel) const override {
@@ -89,65 +77,28 @@ class WarpTask : public AnswerTask {
     std::ranges::set_union(job_.cameras(), wide_->cameras(), std::back_inserter(cameras_));
   }
 
-  const Rig& rig_;
-  const RenderJob job_;
-  bool is_told_ = true;  // what to do, by a command
-  GainRequest gains_;
+  const GainRequest gains_;
   std::optional<WideLuma> wide_;              // that it asks for
   std::vector<CameraIndex> cameras_;          // of both
   std::optional<RenderJob> trial_job_;        // with trials
   std::vector<std::vector<uint8_t>> trials_;  // their levels
-  const int quality_;
-};
-
-class PixelTask : public AnswerTask {
- public:
-  PixelTask(const Rig& rig, const wire::PixelCommand& command, std::span<const CameraIndex> own)
-      : quality_(command.quality) {
-    for (const wire::PixelCommand::Region& region : command.regions) {
-      if (!std::ranges::binary_search(own, region.camera)) continue;
-      const Camera& camera = rig.cameras[region.camera];
-      if (intersect(region.rect, {0, 0, camera.width, camera.height}) != region.rect)
-        throw Error("camera " + std::to_string(camera.id) + ": pixels outside of its image are asked for");
-      cameras_.push_back(region.camera);
-      regions_.push_back(region.rect);
-    }
-  }
-
-  const std::vector<CameraIndex>& cameras() const override { return cameras_; }
-  Rect region(CameraIndex camera) const override {
-    return regions_[static_cast<size_t>(std::ranges::lower_bound(cameras_, camera) - cameras_.begin())];
-  }
-  RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Options& options,
-                        ByteBuffer memory, const ParallelFor& parallel) const override {
-    std::vector<PixelSource> pixels;
-    for (const Source& source : sources)
-      if (source.image.family != PixelFamily::kNone) pixels.push_back({source, region(source.camera)});
-    const CodedAs form = choose_codec(options.codec, options.in_process, quality_);
-    return pixel_answer(header, pixels, form.quality, options.strip_pixels, std::move(memory), parallel);
-  }
-
- private:
-  const int quality_;
-  std::vector<CameraIndex> cameras_;
-  std::vector<Rect> regions_;  // of these
 };
 
 }  // namespace
 
+Rect SumTask::region(CameraIndex camera) const { return needed_pixels(job_.plan(), camera, rig_.cameras[camera]); }
+
+RenderedAnswer SumTask::render(const wire::AnswerHeader& header, std::span<const Source> sources,
+                               const Options& options, ByteBuffer memory, const ParallelFor& parallel) const {
+  AnswerForm form = choose_form(job_.plan().view(), options.codec, options.in_process, quality_);
+  form.strip_pixels = options.strip_pixels;
+  form.card = options.card;
+  return render_answer(header, job_, sources, form, std::move(memory), parallel);
+}
+
 std::unique_ptr<AnswerTask> make_task(const Rig& rig, const Mesh& mesh, const ViewRequest& request,
                                       std::span<const CameraIndex> own) {
-  return std::make_unique<WarpTask>(rig, mesh, request, own);
-}
-
-std::unique_ptr<AnswerTask> make_task(const Rig& rig, const wire::WarpCommand& command,
-                                      std::span<const CameraIndex> own) {
-  return std::make_unique<WarpTask>(rig, ViewPlan(command.warp, rig.cameras.size()), command.quality, own);
-}
-
-std::unique_ptr<AnswerTask> make_task(const Rig& rig, const wire::PixelCommand& command,
-                                      std::span<const CameraIndex> own) {
-  return std::make_unique<PixelTask>(rig, command, own);
+  return std::make_unique<ViewTask>(rig, mesh, request, own);
 }
 
 }  // namespace lf

@@ -9,7 +9,7 @@
 #include "node/answer_form.h"
 #include "node/answer_renderer.h"
 #include "rig/mesh.h"
-#include "wire/commands.h"
+#include "view/view_request.h"
 
 namespace lf {
 
@@ -57,13 +57,27 @@ class AnswerTask {
   }
 };
 
-// `own`: indices of the node's cameras, ascending. `rig` must outlive the task; for commands only the lenses and sizes
-// of `own` are looked at. Throws Error for what does not fit the rig.
+// The sum of what a node's cameras give for a view.
+class SumTask : public AnswerTask {
+ public:
+  SumTask(const Rig& rig, ViewPlan plan, int quality, std::span<const CameraIndex> own)
+      : rig_(rig), job_(std::move(plan), own), quality_(quality) {}
+  const std::vector<CameraIndex>& cameras() const override { return job_.cameras(); }
+  Rect region(CameraIndex camera) const override;
+  RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources, const Options& options,
+                        ByteBuffer memory = {}, const ParallelFor& parallel = serial_for) const override;
+
+ protected:
+  const Rig& rig_;
+  const RenderJob job_;
+
+ private:
+  const int quality_;  // of JPEG
+};
+
+// A view request: its sum, and the moments and the brightness that it asks for. `own`: indices of the node's cameras,
+// ascending. `rig` must outlive the task. Throws Error for what does not fit the rig.
 std::unique_ptr<AnswerTask> make_task(const Rig& rig, const Mesh& mesh, const ViewRequest& request,
-                                      std::span<const CameraIndex> own);
-std::unique_ptr<AnswerTask> make_task(const Rig& rig, const wire::WarpCommand& command,
-                                      std::span<const CameraIndex> own);
-std::unique_ptr<AnswerTask> make_task(const Rig& rig, const wire::PixelCommand& command,
                                       std::span<const CameraIndex> own);
 
 }  // namespace lf

@@ -72,7 +72,10 @@ void CameraMonitor::look_again(CameraIndex camera) {
 }
 
 CameraMonitor::Figures CameraMonitor::figures_of(const PredictionError& error) {
-  return {error.psnr_db, error.gain, error.shift.x, error.shift.y};
+  // A prediction without any error has no PSNR that could be compared, but is as good a figure as any.
+  constexpr double kMostDb = 60;  // of pictures that differ by their rounding alone
+  const double psnr = error.psnr_db > kMostDb ? kMostDb : error.psnr_db;
+  return {psnr, error.gain, error.shift.x, error.shift.y};
 }
 
 std::optional<CameraMonitor::Usual> CameraMonitor::usual() const {

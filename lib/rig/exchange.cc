@@ -2,9 +2,11 @@
 #include "rig/exchange.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <limits>
 
 #include "base/error.h"
+#include "base/json_value.h"
 
 namespace lf {
 RigExport describe_export(const Rig& rig, const Rig& written, const FormatCapacity& capacity) {
@@ -68,6 +70,16 @@ double max_reprojection_error(const Rig& a, const Rig& b, double distance) {
     }
   }
   return worst;
+}
+
+RigExport export_text(const Rig& rig, const std::string& path, std::string (*text_of)(const Rig&),
+                      Rig (*parse)(const std::string& text, const std::string& path)) {
+  Rig moved = rig;
+  relocate(moved, std::filesystem::path(path).parent_path().string());
+  const std::string text = text_of(moved);
+  const RigExport result = describe_export(rig, parse(text, path), {.ids = false});
+  write_text_file(text, path);
+  return result;
 }
 
 }  // namespace lf

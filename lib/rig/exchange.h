@@ -34,6 +34,10 @@ struct FormatCapacity {
 
 // `written` is what a reader has of `rig`; the error is at the rig's own extent and far away.
 RigExport describe_export(const Rig& rig, const Rig& written, const FormatCapacity& capacity);
+// Writes the file of a format of one text, without ids and with images beside it: as `text_of` makes it, and `parse`
+// reads it back, with the path for errors.
+RigExport export_text(const Rig& rig, const std::string& path, std::string (*text_of)(const Rig&),
+                      Rig (*parse)(const std::string& text, const std::string& path));
 
 // "Camera ID: what": for lenses and names that a format can't hold.
 [[noreturn]] void refuse_camera(const Camera& camera, const std::string& what);

@@ -134,13 +134,6 @@ std::string text_of(const Rig& rig) {
 
 RigImport import_nerf(const std::string& path) { return {parse(read_text_file(path), path), {}}; }
 
-RigExport export_nerf(const Rig& rig, const std::string& path) {
-  Rig moved = rig;
-  relocate(moved, fs::path(path).parent_path().string());
-  const std::string text = text_of(moved);
-  const RigExport result = describe_export(rig, parse(text, path), {.ids = false});
-  write_text_file(text, path);
-  return result;
-}
+RigExport export_nerf(const Rig& rig, const std::string& path) { return export_text(rig, path, text_of, parse); }
 
 }  // namespace lf

@@ -9,6 +9,7 @@
 #include <unordered_map>
 
 #include "base/error.h"
+#include "rig/bin_description.h"
 
 namespace lf {
 
@@ -79,6 +80,10 @@ std::optional<CameraIndex> Rig::index_of_id(uint32_t id) const {
   return std::nullopt;
 }
 
+bool Rig::has_colour() const {
+  return std::ranges::any_of(cameras, [](const Camera& camera) { return camera.colour.has_value(); });
+}
+
 std::string Rig::resolve(const std::string& path) const {
   if (path.empty() || directory.empty() || is_uri(path)) return path;
   return (std::filesystem::path(directory) / path).string();  // an absolute `path` replaces `directory`
@@ -104,7 +109,7 @@ void relocate(Rig& rig, const std::string& directory) {
   };
   for (Camera& camera : rig.cameras) {
     rewrite(camera.image);
-    rewrite(camera.source);
+    if (!is_bin_description(camera.source)) rewrite(camera.source);
   }
   rig.directory = directory;
 }

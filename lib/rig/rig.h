@@ -9,6 +9,7 @@
 
 #include "geometry/lens.h"
 #include "geometry/pose.h"
+#include "image/colour_model.h"
 
 namespace lf {
 
@@ -27,6 +28,10 @@ struct Camera {
   std::string image;       // a still, relative to the rig file; may be empty
   std::string source;      // any GStreamer URI or path relative to the rig file; may be empty
   double time_offset = 0;  // seconds; true capture time = stamp + offset
+  // As they were measured; nothing: its colours are taken as they come.
+  std::optional<ColourModel> colour;
+
+  Vec2 principal_point() const { return {lens.cx(), lens.cy()}; }
 };
 
 struct Topology {
@@ -42,9 +47,12 @@ struct Rig {
   Topology topology;
   std::string directory;  // where the rig file is, "" without one; relative paths start here
 
-  // 64-bit FNV-1a over what the picture depends on: sizes, lenses, poses, topology. Never 0.
+  // 64-bit FNV-1a over what a view's weights depend on: sizes, lenses, poses, topology. Never 0. Colours are no part of
+  // it: nodes correct their own cameras', and what they answer fits together.
   uint64_t hash() const;
   std::optional<CameraIndex> index_of_id(uint32_t id) const;
+  // Whether the colours of any of its cameras were measured.
+  bool has_colour() const;
   // `path` as found in `image` or `source`: absolute paths and URIs stay as they are.
   std::string resolve(const std::string& path) const;
 };

@@ -22,6 +22,24 @@ using nlohmann::ordered_json;
 constexpr char kFormat[] = "lightfield-rig";
 constexpr int kVersion = 1;
 
+// Members that are not there are as they are in a camera without faults.
+ColourModel parse_colour(const JsonValue& value, const Camera& camera) {
+  ColourModel colour;
+  if (const auto black = value.find("black")) colour.black = black->vec3();
+  if (const auto gamma = value.find("gamma")) colour.gamma = gamma->number();
+  const auto read = [&value](const char* key, auto& numbers) {
+    const auto member = value.find(key);
+    if (!member) return;
+    const std::vector<JsonValue> values = member->elements(numbers.size());
+    for (size_t i = 0; i < numbers.size(); i++) numbers[i] = values[i].number();
+  };
+  read("matrix", colour.matrix);
+  read("vignetting", colour.vignetting);
+  const VignettingField field(camera.width, camera.height, camera.principal_point());
+  if (const auto fault = fault_of(colour, field.most())) value.fail_inside(*fault);
+  return colour;
+}
+
 Camera parse_camera(const JsonValue& value) {
   Camera camera;
   camera.id = static_cast<uint32_t>(value.at("id").integer(0, UINT32_MAX));
@@ -34,6 +52,7 @@ Camera parse_camera(const JsonValue& value) {
   if (const auto image = value.find("image")) camera.image = image->text();
   if (const auto source = value.find("source")) camera.source = source->text();
   if (const auto offset = value.find("time_offset")) camera.time_offset = offset->number();
+  if (const auto colour = value.find("colour")) camera.colour = parse_colour(*colour, camera);
   return camera;
 }
 
@@ -88,6 +107,14 @@ Rig rig_from_json(const json& root, const std::string& name) {
   return rig;
 }
 
+ordered_json to_json(const ColourModel& colour) {
+  const Vec3& black = colour.black;
+  return {{"black", {black.x, black.y, black.z}},
+          {"gamma", colour.gamma},
+          {"matrix", colour.matrix},
+          {"vignetting", colour.vignetting}};
+}
+
 ordered_json to_json(const Camera& camera) {
   const Vec3& p = camera.pose.position;
   const Quat& q = camera.pose.orientation;
@@ -98,6 +125,7 @@ ordered_json to_json(const Camera& camera) {
   if (!camera.image.empty()) value["image"] = camera.image;
   if (!camera.source.empty()) value["source"] = camera.source;
   if (camera.time_offset != 0) value["time_offset"] = camera.time_offset;
+  if (camera.colour) value["colour"] = to_json(*camera.colour);
   return value;
 }
 
@@ -146,8 +174,11 @@ std::string rig_to_json(const Rig& rig, const json* original) {
     if (const auto kept = original_cameras.find(rig.cameras[i].id); kept != original_cameras.end())
       keep_unknown(*kept->second,
                    {"id", "name", "width", "height", "model", "params", "position", "orientation", "image", "source",
-                    "time_offset"},
+                    "time_offset", "colour"},
                    camera);
+    if (const auto kept = original_cameras.find(rig.cameras[i].id);
+        rig.cameras[i].colour && kept != original_cameras.end() && kept->second->contains("colour"))
+      keep_unknown((*kept->second)["colour"], {"black", "gamma", "matrix", "vignetting"}, camera["colour"]);
     text += "  " + camera.dump() + (i + 1 < rig.cameras.size() ? ",\n" : "\n");
   }
   ordered_json topology = to_json(rig.topology);

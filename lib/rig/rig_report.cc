@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "base/number_text.h"
 #include "image/image.h"
+#include "rig/bin_description.h"
 #include "rig/mesh.h"
 
 namespace lf {
@@ -109,8 +110,9 @@ void check_mesh(const Rig& rig, std::vector<RigFinding>& findings) {
         std::to_string(face.camera[0]) + ", " + std::to_string(face.camera[1]) + ", " + std::to_string(face.camera[2]);
   }
   if (triangles == 0)
-    findings.push_back({Severity::kError, "topology: the mesh of " + std::to_string(rig.cameras.size()) +
-                                              (rig.cameras.size() == 1 ? " camera" : " cameras") + " has no triangle"});
+    findings.push_back({Severity::kWarning, "topology: the mesh of " + std::to_string(rig.cameras.size()) +
+                                                (rig.cameras.size() == 1 ? " camera" : " cameras") +
+                                                " has no triangle: views blend along a line alone"});
   if (slivers > 0)
     findings.push_back({Severity::kWarning, "topology: " + std::to_string(slivers) + " of " +
                                                 std::to_string(triangles) +
@@ -132,7 +134,7 @@ void check_files(const Rig& rig, size_t index, std::vector<RigFinding>& findings
     }
   }
   // A sequence (film_%03d.png) is known by its folder alone.
-  if (!camera.source.empty() && !is_uri(camera.source)) {
+  if (!camera.source.empty() && !is_uri(camera.source) && !is_bin_description(camera.source)) {
     fs::path file = rig.resolve(camera.source);
     if (camera.source.find('%') != std::string::npos) file = file.has_parent_path() ? file.parent_path() : ".";
     if (!fs::exists(file)) findings.push_back({Severity::kError, place + ".source: " + file.string() + " is missing"});

@@ -25,7 +25,7 @@ struct RigFinding {
   std::string text;  // names the place: "cameras[3].image: ..."
 };
 // What is wrong with a rig that could be loaded. Errors: an image that is missing, can't be read or has another size
-// than its camera; a source that is a file and is missing; a mesh without a triangle. Warnings: cameras without a
+// than its camera; a source that is a file and is missing. Warnings: a mesh without a triangle, cameras without a
 // picture, equal names, several cameras at one place, slivers in the mesh. Reads every image.
 std::vector<RigFinding> check_rig(const Rig& rig);
 

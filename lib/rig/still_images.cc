@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "base/number_text.h"
+#include "image/colour_correction.h"
 #include "image/image.h"
 
 namespace lf {
@@ -33,6 +34,7 @@ const Image& StillImages::get(CameraIndex camera) {
     throw Error(name + path + ": has " + size_text(image.width(), image.height()) + " pixels, the rig says " +
                 size_text(rig_camera.width, rig_camera.height));
   if (family_ == PixelFamily::kI420) image = to_i420(image);
+  if (rig_camera.colour) image = corrected(image, *rig_camera.colour, rig_camera.principal_point());
 
   used_ += image.data().size();
   kept_.push_front({camera, std::move(image)});

@@ -16,7 +16,8 @@ using CameraImages = std::function<const Image&(CameraIndex)>;
 // Whether every camera names a still.
 bool has_images(const Rig& rig);
 
-// The `image` files of a rig's cameras, read when first asked for and kept as long as there is room. Not thread-safe.
+// The `image` files of a rig's cameras, in the colours that their `colour` corrects them to, read when first asked for
+// and kept as long as there is room. Not thread-safe.
 class StillImages {
  public:
   static constexpr size_t kDefaultRoom = size_t{1} << 30;  // bytes

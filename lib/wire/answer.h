@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "render/sum_planes.h"
@@ -30,6 +31,16 @@ struct AnswerHeader {
   bool operator==(const AnswerHeader&) const = default;
 };
 
+// The beginning of an answer: to which request, for a view of how many pixels, of which rig.
+inline AnswerHeader answer_to(const RequestHeader& request, std::pair<int, int> view_size, uint64_t rig_hash) {
+  return {.view_id = request.view_id,
+          .sequence = request.sequence,
+          .view_width = view_size.first,
+          .view_height = view_size.second,
+          .target_time = request.target_time,
+          .rig_hash = rig_hash};
+}
+
 // Which of an answer's fragments are in a unit: `count` of `total` from number `first` on.
 struct AnswerPart {
   uint32_t first = 0, count = 0, total = 0;
@@ -41,12 +52,6 @@ struct AnswerPart {
 struct AnswerPartHeader : AnswerHeader {
   AnswerPart part;
   bool operator==(const AnswerPartHeader&) const = default;
-};
-
-// A whole answer with its fragments uncompressed, 8 bits a value.
-struct Answer : AnswerHeader {
-  std::vector<Fragment> fragments;
-  bool operator==(const Answer&) const = default;
 };
 
 enum class Codec : uint8_t {

@@ -53,9 +53,6 @@ class AnswerWriter {
   // The unit has some of an answer's `total` fragments, from number `first` on; unless this is called it has all.
   void set_part(uint32_t first, uint32_t total);
 
-  // Known when all frames have been looked at.
-  void set_actual_time(uint64_t time) { header_.actual_time = time; }
-
   size_t fragments() const { return fragments_; }
   // The whole unit. The writer is empty then.
   ByteBuffer finish();

@@ -182,6 +182,12 @@ std::optional<Access> access_of_type(uint8_t type) {
   }
 }
 
+std::vector<uint8_t> encode_any_request(const AnyRequest& request) {
+  if (const auto* view = std::get_if<ViewRequest>(&request)) return encode_request(*view);
+  if (const auto* warp = std::get_if<WarpCommand>(&request)) return encode_command(*warp);
+  return encode_command(std::get<PixelCommand>(request));
+}
+
 std::optional<AnyRequest> decode_any_request(std::span<const uint8_t> bytes, std::string* reason) {
   const std::optional<UnitHeader> unit = peek_unit(bytes);
   if (unit && unit->type == kWarpCommandType) return decode_warp_command(bytes, reason);

@@ -24,6 +24,7 @@ std::optional<PixelCommand> decode_pixel_command(std::span<const uint8_t> bytes,
 // Whom a unit of the request stream is for, by its type; nothing for types that are not known.
 std::optional<Access> access_of_type(uint8_t type);
 // A request of any kind.
+std::vector<uint8_t> encode_any_request(const AnyRequest& request);
 std::optional<AnyRequest> decode_any_request(std::span<const uint8_t> bytes, std::string* reason = nullptr);
 
 }  // namespace lf::wire

@@ -106,5 +106,19 @@ TEST(ApiImage, IsBlack) {
   EXPECT_API_ERROR(make_image(PixelFormat::kRgb, 5, 0), "height");
 }
 
+TEST(ApiRig, KeepsHowColoursAreCorrected) {
+  Camera camera{.width = 64, .height = 48, .lens = {50, 50, 31.5, 23.5}};
+  camera.colour = CameraColour{.black = {1, 2, 3}, .gamma = 2, .vignetting = {-0.2, 0.01}};
+  const Rig rig({camera});
+  const Rig again = parse_rig(rig.json());
+  ASSERT_TRUE(again.camera(0).colour);
+  EXPECT_EQ(again.camera(0).colour->black.z, 3);
+  EXPECT_EQ(again.camera(0).colour->gamma, 2);
+  EXPECT_EQ(again.camera(0).colour->matrix, CameraColour().matrix);
+  EXPECT_EQ(again.camera(0).colour->vignetting[0], -0.2);
+  camera.colour->gamma = 9;
+  EXPECT_API_ERROR(Rig({camera}), "cameras[0].colour.gamma: must be 0.5 to 5");
+}
+
 }  // namespace
 }  // namespace lightfield

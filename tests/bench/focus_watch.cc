@@ -40,7 +40,8 @@ class Array {
     std::vector<Source> sources = sources_of(job.cameras());
     if (gains && gains->use) sources = match(sources, *gains);
     for (size_t i = 0; i < sources.size(); i++)
-      sources[i].image = sharpen(sources[i].image, whole(sources[i].camera), sharp_[i]);
+      if (shows_detail(view, *sources[i].rig_camera))
+        sources[i].image = sharpen(sources[i].image, whole(sources[i].camera), sharp_[i]);
     const SumRenderer renderer(job.plan(), job.runs(), sources, PixelFamily::kRgb);
     return {bench::picture_of_sums(renderer, view.width, view.height).image,
             view_coverage(s_.rig, job.plan(), job.owners())};
@@ -134,7 +135,7 @@ Watched watch(const Situation& s, const std::vector<int>& pictures) {
       }
     }
     const std::vector<Moments> moments = array.moments(request);
-    gains = {.use = control.state().sure};
+    gains = {.use = control.state().mixed};
     if (gains.use && request.view.focus.map) array.ask_mean(request, gains);
     plan = control.next(request, moments, from);
   }

@@ -43,6 +43,18 @@ TEST(IntrinsicsCommand, AVideoInWhichTheBoardStandsStillNowAndThen) {
   const Lens found = load_rig(dir / "lens.json").cameras.at(0).lens;
   EXPECT_NEAR(found.fx(), 420, 2);
   EXPECT_NEAR(found.cx(), 319.5, 2);
+
+  // The same as a camera of a rig, which says how it is to be opened.
+  setenv("GST_PLUGIN_PATH", (std::filesystem::path(LF_TOOLS_DIR) / "../gst").c_str(), 0);
+  Rig rig = make_grid_rig({1, 2, 0.1, 60, 640, 480});
+  rig.cameras[1].source = "filesrc location=\"" + location + "/board.avi\" ! avidemux ! jpegdec";
+  save_rig(rig, dir / "rig.json");
+  const Outcome by_rig = run_program(
+      "lf-calibrate", "intrinsics --rig rig.json --camera 1 --board 8x6 --views 8 --out rig.json", location);
+  ASSERT_EQ(by_rig.status, 0) << by_rig.output;
+  EXPECT_THAT(by_rig.output, HasSubstr("rig.json: camera 1 frame "));
+  EXPECT_NEAR(load_rig(dir / "rig.json").cameras[1].lens.fx(), 420, 4);
+  EXPECT_EQ(load_rig(dir / "rig.json").cameras[0].lens, rig.cameras[0].lens);
 }
 
 TEST(IntrinsicsCommand, MistakesLeaveNoRig) {
@@ -57,6 +69,10 @@ TEST(IntrinsicsCommand, MistakesLeaveNoRig) {
   expect_failure("grey.png --board 8x6", "no image shows the board of 8x6 inner corners");
   expect_failure("grey.png --board 8", "must be inner corners");
   expect_failure("grey.png --board 8x6 --charuco 5X5", "no dictionary of markers 5X5");
+  save_rig(make_grid_rig({1, 1, 0.1, 60, 64, 48}), dir / "rig.json");
+  expect_failure("--board 8x6", "needs images or videos of the board, or --rig");
+  expect_failure("--rig rig.json --board 8x6", "rig.json: camera 0: has no source");
+  expect_failure("--rig rig.json --camera 3 --board 8x6", "rig.json: has no camera 3");
   expect_failure("file:///nothing/here.avi --board 8x6", "file:///nothing/here.avi: no video could be had from it");
 }
 

@@ -7,8 +7,9 @@
 #include "common/common.h"
 #include "fuzz/fuzz.h"
 #include "fuzz/gst_start.h"
-#include "parse/lfparse.h"
 #include "wire/unit.h"
+
+GST_ELEMENT_REGISTER_DECLARE(lfparse)
 
 using lf::fuzz::require;
 

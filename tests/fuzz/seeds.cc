@@ -3,7 +3,7 @@
 
 #include "base/json_value.h"
 #include "lib/rtp/rtp_test.h"
-#include "node/commands.h"
+#include "node/camera_access.h"
 #include "rig/exchange.h"
 #include "rig/rig_json.h"
 #include "scene/scene.h"
@@ -116,8 +116,8 @@ std::map<std::string, std::vector<Bytes>> seeds() {
   asked.view.lens = Lens::from_fov_y(40, 64, 64);
   asked.view.focus.plane = focal_plane_at(asked.view.pose, 2);
   const Rig rig = scene_rig(2, 2, 64, 48);
-  all["request"].push_back(wire::encode_command(warp_command(rig, build_mesh(rig), asked)));
-  all["request"].push_back(wire::encode_command(pixel_command(rig, build_mesh(rig), asked)));
+  for (const Access access : {Access::kWarp, Access::kPixels})
+    all["request"].push_back(wire::encode_any_request(CameraAccess::of(access)->command(rig, build_mesh(rig), asked)));
   FocalMap map = FocalMap::for_view(64, 64);
   map.from = {{0, 0, 1}, 0};
   map.farthest = 0.1;

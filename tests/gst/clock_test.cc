@@ -11,7 +11,7 @@
 #include "base/schedule.h"
 #include "gst/array_fixture.h"
 #include "gst/gst_test.h"
-#include "wire/answer_codec.h"
+#include "support/answer_codec.h"
 
 namespace lf::test {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "gst/array_fixture.h"
 #include "support/node_answer.h"
-#include "wire/answer_codec.h"
+#include "support/answer_codec.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {

@@ -12,7 +12,7 @@
 #include <new>
 
 #include "gst/array_fixture.h"
-#include "wire/answer_codec.h"
+#include "support/answer_codec.h"
 #include "wire/request_codec.h"
 
 namespace {

@@ -10,7 +10,7 @@
 
 #include "gst/array_fixture.h"
 #include "support/add_answer.h"
-#include "wire/answer_codec.h"
+#include "support/answer_codec.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {

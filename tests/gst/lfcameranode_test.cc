@@ -11,7 +11,7 @@
 #include "gst/gst_test.h"
 #include "gst/other_rig.h"
 #include "support/seeing.h"
-#include "wire/answer_codec.h"
+#include "support/answer_codec.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include <gmock/gmock.h>
 #include <gst/gst.h>
 #include <gst/video/video.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <filesystem>
 #include <ostream>
 #include <string>
 
@@ -171,6 +173,69 @@ TEST_P(CamSrcSourceTest, LiveFramesComeAtTheirTime) {
   for (const Frame& frame : camera.frames)
     EXPECT_NEAR(frame.capture_time, base_time + frame.running_time, kPeriod + GST_MSECOND)
         << "clock time, of the frame that is shown";
+}
+
+// --- Elements --------------------------------------------------------------------------------------------------------
+
+class CamSrcElementsTest : public CamSrcTest {
+ protected:
+  static std::string rig_of(const std::string& source) {
+    return rig_with([&](Camera& camera) { camera.source = source; });
+  }
+};
+
+TEST_F(CamSrcElementsTest, AreReadAsGstLaunchDoes) {
+  for (const char* source :
+       {"videotestsrc pattern=white", "videotestsrc pattern=white ! video/x-raw,framerate=30/1",
+        "videotestsrc pattern=white ! video/x-raw , width=64 ", "videotestsrc pattern=white ! jpegenc",
+        "videotestsrc pattern=white is-live=true ! queue"}) {
+    CameraPipeline camera("num-frames=3 rig=" + rig_of(source));
+    ASSERT_EQ(camera.play(), "EOS") << source;
+    EXPECT_EQ(camera.info.width, CameraFiles::kWidth) << "the rig's size is asked for";
+    ASSERT_EQ(camera.frames.size(), 3u) << source;
+    EXPECT_GE(camera.frames[0].level, 230) << source;
+  }
+}
+
+TEST_F(CamSrcElementsTest, MayDecodeByAndBy) {
+  const std::string file = "filesrc location=\"" + files->path("mjpeg.avi") + "\" ! ";
+  for (const char* rest : {"decodebin", "avidemux", "avidemux ! jpegdec", "avidemux ! image/jpeg"}) {
+    CameraPipeline camera("rig=" + rig_of(file + rest));
+    ASSERT_EQ(camera.play(), "EOS") << rest;
+    EXPECT_EQ(camera.frames.size(), static_cast<size_t>(kFrames)) << rest;
+  }
+}
+
+TEST_F(CamSrcElementsTest, AreLiveWhereTheirSourceIs) {
+  CameraPipeline camera("num-frames=2 rig=" + rig_of("videotestsrc is-live=true ! identity"));
+  EXPECT_EQ(camera.set_state(GST_STATE_PAUSED), GST_STATE_CHANGE_NO_PREROLL);
+  EXPECT_EQ(camera.play(), "EOS");
+}
+
+TEST_F(CamSrcElementsTest, ErrorsNameThePlace) {
+  const std::pair<const char*, const char*> cases[] = {
+      {"nosuchelement property=1", "no element \"nosuchelement\""},
+      {"videotestsrc none=1", "no property \"none\""},
+      {"videotestsrc ! ! identity", "syntax error"},
+      {"videotestsrc ! fakesink", "could not link"},
+      {"identity ! identity", "there is no source in it"},
+      {"videotestsrc ! video/x-raw,width=32", "it gives no pictures of 64x48"},
+  };
+  for (const auto& [source, text] : cases) {
+    const std::string error = CameraPipeline("rig=" + rig_of(source)).play();
+    EXPECT_THAT(error, ::testing::AllOf(::testing::HasSubstr("camera 0 (cam_0): "), ::testing::HasSubstr(text)));
+  }
+}
+
+TEST_F(CamSrcElementsTest, AreOnlyTakenFromFilesOfOnesOwn) {
+  const std::string path = rig_of("videotestsrc num-buffers=3 ! identity");
+  std::filesystem::permissions(path, std::filesystem::perms::others_write, std::filesystem::perm_options::add);
+  EXPECT_THAT(CameraPipeline("rig=" + path).play(), ::testing::HasSubstr("is written by others"));
+  std::filesystem::permissions(path, std::filesystem::perms::others_write, std::filesystem::perm_options::remove);
+  EXPECT_EQ(CameraPipeline("rig=" + path).play(), "EOS");
+  const std::string no_elements = rig_of("mjpeg.mkv");
+  std::filesystem::permissions(no_elements, std::filesystem::perms::others_write, std::filesystem::perm_options::add);
+  EXPECT_EQ(CameraPipeline("rig=" + no_elements).play(), "EOS");
 }
 
 }  // namespace

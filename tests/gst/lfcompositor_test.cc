@@ -4,8 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "gst/compositor_fixture.h"
-#include "node/commands.h"
-#include "node/pixel_answer.h"
+#include "node/pixel_access.h"
 #include "wire/answer_parser.h"
 #include "wire/command_codec.h"
 #include "wire/fragment_codec.h"
@@ -164,12 +163,13 @@ TEST_F(LfCompositorTest, PixelsOfCamerasAreRenderedHere) {
     sources.push_back(
         {{camera, &array_.rig().cameras[camera], image.view()}, {0, 0, ArrayFixture::kWidth, ArrayFixture::kHeight}});
   const ByteBuffer pixels = pixel_answer(answer_of(asked, all), sources, 0).bytes;
-  const wire::PixelCommand command = pixel_command(array_.rig(), build_mesh(array_.rig()), asked);
+  const wire::AnyRequest command = pixel_access().command(array_.rig(), build_mesh(array_.rig()), asked);
   for (const bool with_rig : {true, false}) {
     nodes_.clear();
     with_rig ? start(1, {{"rig", array_.rig_path()}}) : start(1);
     request(asked);
-    ASSERT_EQ(gst_harness_push(harness_.get(), to_buffer(wire::encode_command(command))), GST_FLOW_OK);  // for cameras
+    ASSERT_EQ(gst_harness_push(harness_.get(), to_buffer(wire::encode_any_request(command))),
+              GST_FLOW_OK);  // for cameras
     ASSERT_EQ(gst_harness_push(nodes_[0].get(), to_buffer({pixels.begin(), pixels.end()})), GST_FLOW_OK);
     const std::vector<uint8_t> picture = pull();
     EXPECT_EQ(range(picture), with_rig ? std::pair(200, 200) : std::pair(0, 0));

@@ -12,7 +12,7 @@
 #include "image/image.h"
 #include "support/add_answer.h"
 #include "support/seeing.h"
-#include "wire/answer_codec.h"
+#include "support/answer_codec.h"
 
 namespace lf::test {
 namespace {

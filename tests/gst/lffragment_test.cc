@@ -4,9 +4,9 @@
 
 #include "../gst/common/common.h"
 #include "gst/fragment_fixture.h"
-#include "node/commands.h"
+#include "node/camera_access.h"
 #include "support/seeing.h"
-#include "wire/answer_codec.h"
+#include "support/answer_codec.h"
 #include "wire/answer_parser.h"
 #include "wire/command_codec.h"
 #include "wire/request_codec.h"
@@ -58,8 +58,8 @@ TEST_F(LfFragmentTest, AnswersWhatItsAccessIsFor) {
   };
   const auto push_all = [&] {
     push(wire::encode_request(asked));
-    push(wire::encode_command(warp_command(array_.rig(), mesh, asked)));
-    push(wire::encode_command(pixel_command(array_.rig(), mesh, asked)));
+    for (const Access access : {Access::kWarp, Access::kPixels})
+      push(wire::encode_any_request(CameraAccess::of(access)->command(array_.rig(), mesh, asked)));
   };
   const auto pull_bytes = [&] {
     const BufferPtr buffer(gst_harness_pull(harness_.get()));

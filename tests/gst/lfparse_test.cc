@@ -6,7 +6,7 @@
 #include <random>
 
 #include "gst/gst_test.h"
-#include "wire/answer_codec.h"
+#include "support/answer_codec.h"
 #include "wire/request_codec.h"
 #include "wire/unit.h"
 

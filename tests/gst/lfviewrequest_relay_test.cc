@@ -3,7 +3,7 @@
 
 #include "common/view_feedback.h"
 #include "gst/view_request_source.h"
-#include "node/commands.h"
+#include "node/camera_access.h"
 #include "wire/command_codec.h"
 
 namespace lf::test {
@@ -115,14 +115,15 @@ TEST_F(LfViewRequestRelay, MakesTheCommandsItself) {
   ViewRequest asked = request(1, 0);
   asked.view = make_view(default_viewpoint(rig), 32, 24);
   push(asked);
-  ASSERT_EQ(
-      gst_harness_push(harness_.get(), to_buffer(wire::encode_command(warp_command(rig, build_mesh(rig), asked)))),
-      GST_FLOW_OK);
+  const auto of_viewer =
+      wire::encode_any_request(CameraAccess::of(Access::kWarp)->command(rig, build_mesh(rig), asked));
+  ASSERT_EQ(gst_harness_push(harness_.get(), to_buffer(of_viewer)), GST_FLOW_OK);
   asked.out_of_service = {5};
   EXPECT_EQ(pull(), asked);
   const BufferPtr command(gst_harness_pull(harness_.get()));
   ASSERT_TRUE(command);
-  EXPECT_EQ(wire::decode_pixel_command(to_bytes(command.get())), pixel_command(rig, build_mesh(rig, {5}), asked));
+  EXPECT_EQ(wire::decode_any_request(to_bytes(command.get())),
+            CameraAccess::of(Access::kPixels)->command(rig, build_mesh(rig, {5}), asked));
   asked.sequence++;
   push(asked);
   EXPECT_EQ(pull(), asked) << "the viewer's command has ended";

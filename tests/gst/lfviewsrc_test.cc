@@ -216,5 +216,27 @@ TEST_F(LfViewSrcTest, AUriNamesTheRig) {
   g_clear_error(&error);
 }
 
+// A player may be given a URI by anybody, and elements may run any program.
+TEST_F(LfViewSrcTest, AUriOpensNoElementsThatARigDescribes) {
+  const OtherRig described(array_.rig(), [](Rig& rig) { rig.cameras[1].source = "videotestsrc ! identity"; });
+  const ElementPtr bin(gst_element_make_from_uri(GST_URI_SRC, ("lf://" + described.path()).c_str(), nullptr, nullptr));
+  gst_object_ref_sink(bin.get());
+  GstBus* bus = gst_bus_new();
+  gst_element_set_bus(bin.get(), bus);
+  EXPECT_EQ(gst_element_set_state(bin.get(), GST_STATE_READY), GST_STATE_CHANGE_FAILURE);
+  GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR);
+  ASSERT_TRUE(message);
+  g_autoptr(GError) error = nullptr;
+  gst_message_parse_error(message, &error, nullptr);
+  gst_message_unref(message);
+  EXPECT_THAT(error->message, HasSubstr("camera 1: its source describes elements, which no URI opens"));
+  gst_element_set_state(bin.get(), GST_STATE_NULL);
+  g_object_set(bin.get(), "rig", described.path().c_str(), nullptr);
+  EXPECT_EQ(gst_element_set_state(bin.get(), GST_STATE_READY), GST_STATE_CHANGE_SUCCESS);
+  gst_element_set_state(bin.get(), GST_STATE_NULL);
+  gst_element_set_bus(bin.get(), nullptr);
+  gst_object_unref(bus);
+}
+
 }  // namespace
 }  // namespace lf::test

@@ -31,25 +31,16 @@ TEST(Peers, AddressesAndNetworks) {
     EXPECT_TRUE(peers.admits(address(in))) << in;
   for (const char* out : {"10.0.0.8", "192.168.8.0", "192.168.3.255", "fd00:0:8000::1", "fd01::1", "::2", "127.0.0.2"})
     EXPECT_FALSE(peers.admits(address(out))) << out;
-  EXPECT_FALSE(peers.is_this_machine());
 }
 
 TEST(Peers, WithoutAnyTheFirstOnLoopback) {
   Peers peers;
-  EXPECT_TRUE(peers.is_this_machine());
   EXPECT_FALSE(peers.admits(address("10.0.0.1")));
   EXPECT_FALSE(peers.admits(address("fe80::1")));
   EXPECT_TRUE(peers.admits(address("127.0.0.1")));
   EXPECT_FALSE(peers.admits(address("127.0.0.2")));
   EXPECT_FALSE(peers.admits(address("::1")));
   EXPECT_TRUE(peers.admits(address("127.0.0.1")));
-}
-
-TEST(Peers, WhoIsOfThisMachine) {
-  EXPECT_TRUE(Peers("localhost").is_this_machine());
-  EXPECT_TRUE(Peers("127.0.0.0/8,::1").is_this_machine());
-  for (const char* more : {"126.0.0.0/7", "::/0", "127.0.0.1,10.0.0.1", "::1,::2"})
-    EXPECT_FALSE(Peers(more).is_this_machine()) << more;
 }
 
 TEST(Peers, WhatIsNoneIsNamed) {

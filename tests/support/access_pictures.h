@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "composite/assembly.h"
 #include "node/answer_task.h"
-#include "node/commands.h"
+#include "node/camera_access.h"
 #include "wire/answer_parser.h"
 #include "wire/command_codec.h"
 
@@ -36,12 +36,9 @@ class AccessPictures {
   std::unique_ptr<AnswerTask> task(Access access, std::span<const CameraIndex> own) const {
     const Mesh mesh = build_mesh(*rig_, request_.out_of_service);
     if (access == Access::kSelf) return make_task(*rig_, mesh, request_, own);
-    const std::vector<uint8_t> bytes = access == Access::kWarp
-                                           ? wire::encode_command(warp_command(*rig_, mesh, request_))
-                                           : wire::encode_command(pixel_command(*rig_, mesh, request_));
-    const wire::AnyRequest command = wire::decode_any_request(bytes).value();
-    if (const auto* warp = std::get_if<wire::WarpCommand>(&command)) return make_task(told_, *warp, own);
-    return make_task(told_, std::get<wire::PixelCommand>(command), own);
+    const CameraAccess& told = *CameraAccess::of(access);
+    const auto bytes = wire::encode_any_request(told.command(*rig_, mesh, request_));
+    return told.task(told_, wire::decode_any_request(bytes).value(), own);
   }
 
   ByteBuffer answer(Access access, const std::vector<CameraIndex>& own, const AnswerTask::Options& options) const {

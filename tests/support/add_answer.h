@@ -2,7 +2,7 @@
 #pragma once
 
 #include "composite/assembly.h"
-#include "wire/answer_codec.h"
+#include "support/answer_codec.h"
 #include "wire/answer_parser.h"
 
 namespace lf {

@@ -6,7 +6,7 @@
 #include "node/answer_renderer.h"
 #include "rig/mesh.h"
 #include "view/view_request.h"
-#include "wire/answer_codec.h"
+#include "support/answer_codec.h"
 
 namespace lf::test {
 

@@ -8,9 +8,11 @@
 #include <fstream>
 #include <memory>
 
+#include "base/json_value.h"
 #include "gst/camera_files.h"
 #include "gst/rtsp_server.h"
 #include "pipelines/gst_launch.h"
+#include "support/run_program.h"
 #include "web/served.h"
 #include "web/whep_client.h"
 
@@ -89,6 +91,47 @@ TEST_F(LfServeCameras, AServerOfACameraMayStopAndStartAgain) {
   EXPECT_TRUE(says(served, "camera2 is back")) << served.said();
   EXPECT_TRUE(goes_on(client));
   expect_one_viewer_up_to_a_good_end(served);
+}
+
+// A calibration has been finished, then somebody has plugged in other cameras: nobody has to come again.
+TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
+  const std::vector<std::string> options = {"--watch"};
+  Served served(options);
+  ASSERT_NE(served.url(), "") << served.said();
+  const WhepClient client({.url = served.url()});
+  const auto told = [&] {
+    const std::vector<std::string> messages = client.messages();
+    return std::count_if(messages.begin(), messages.end(),
+                         [](const std::string& text) { return text.find("\"rig\"") != std::string::npos; });
+  };
+  EXPECT_TRUE(goes_on(client));
+  Rig rig = load_rig(served.rig());
+  rig.cameras[0].pose.position.x += 0.01;
+  save_rig(rig, served.rig());
+  EXPECT_TRUE(becomes([&] { return told() == 1; })) << served.said();
+  EXPECT_TRUE(goes_on(client));
+
+  write_text_file("{ not yet", served.rig());
+  EXPECT_TRUE(says(served, "the rig stays as it was: ")) << served.said();
+  EXPECT_TRUE(goes_on(client));
+
+  for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
+  save_rig(rig, served.rig());
+  EXPECT_TRUE(says(served, "the rig has other cameras: opening them")) << served.said();
+  EXPECT_TRUE(becomes([&] { return told() == 2; })) << served.said();
+  EXPECT_TRUE(goes_on(client)) << served.said();
+
+  for (Camera& camera : rig.cameras) camera.source = files_.path("nowhere.mkv");
+  save_rig(rig, served.rig());
+  EXPECT_TRUE(says(served, "no pictures until the rig changes again")) << served.said();
+  for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
+  save_rig(rig, served.rig());
+  EXPECT_TRUE(goes_on(client)) << served.said();
+  expect_one_viewer_up_to_a_good_end(served);
+}
+
+TEST_F(LfServeCameras, WatchingNeedsAFile) {
+  EXPECT_THAT(run_program("lf-serve", "--watch").output, HasSubstr("--watch: needs --rig"));
 }
 
 }  // namespace

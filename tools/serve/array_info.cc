@@ -2,6 +2,7 @@
 #include "array_info.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "render/contribution_map.h"
@@ -35,6 +36,12 @@ ArrayInfo::ArrayInfo(const std::string& rig) : rig_(load_rig(rig)), mesh_(build_
                          {"right", numbers(front.right())},
                          {"down", numbers(front.down())}}
               .dump();
+}
+
+std::string ArrayInfo::hash() const {
+  char text[17];
+  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(rig_.hash()));
+  return text;
 }
 
 nlohmann::json ArrayInfo::pixel(const View& view, int x, int y) const {

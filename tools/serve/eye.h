@@ -48,6 +48,10 @@ class Eye {
   void ask(ViewRequest request, GstClockTime running_time);
   // Of the pictures from the next request on, pixels, even; those of a path have their own.
   void set_size(int width, int height) { g_object_set(view_, "width", width, "height", height, nullptr); }
+  // The rig file is read again.
+  void set_rig(const std::string& rig) const {
+    for (GstElement* element : {view_, compositor_}) g_object_set(element, "rig", rig.c_str(), nullptr);
+  }
   // Watches the cameras, see lfcompositor's property "monitor-interval".
   void set_monitor(int interval) { g_object_set(compositor_, "monitor-interval", interval, nullptr); }
   // Looks for the focus by one of so many requests, see lfcompositor's property "trial-interval".

@@ -131,7 +131,8 @@ void HttpServer::handle(SoupServerMessage* message, const std::string& path, GHa
   const Whep::Client client = client_of(message);
   if (!access_.allows_host(header(message, "Host"))) return refusals_.answer(message, client.address, refusal::kHost);
   const bool whep = path == kWhep || path.starts_with(std::string(kWhep) + "/");
-  const bool data = path == "/array.json" || path == "/monitor.json" || path == "/metrics";
+  const bool data = path == "/array.json" || path == "/monitor.json" || path == "/metrics" || path == "/mosaic.json" ||
+                    path == "/mosaic.jpg";
   if (!whep && !data) {
     if (method == "GET" || method == "HEAD") return page(message, path);
     set_header(message, "Allow", "GET, HEAD");
@@ -158,13 +159,24 @@ void HttpServer::wait(SoupServerMessage* message, const Whep::Client& client) {
 
 void HttpServer::serve(SoupServerMessage* message, const Whep::Client& client, const std::string& path,
                        GHashTable* query) {
-  if (path == "/array.json") return respond(message, SOUP_STATUS_OK, "application/json", field_->array().json());
+  if (path == "/array.json") return respond(message, SOUP_STATUS_OK, "application/json", field_->array()->json());
   if (path == "/monitor.json")
     return respond(message, SOUP_STATUS_OK, "application/json",
-                   to_json(sessions_->monitor(), field_->array().names()).dump());
+                   to_json(sessions_->monitor(), field_->array()->names()).dump());
+  if (path.starts_with("/mosaic.")) return mosaic(message, path.ends_with(".jpg"));
   if (path == "/metrics") return respond(message, SOUP_STATUS_OK, "text/plain; version=0.0.4", metrics());
   if (path == kWhep) return whep_.endpoint(message, client, query, *sessions_);
   whep_.session(message, path.substr(kWhep.size() + 1), *sessions_);
+}
+
+void HttpServer::mosaic(SoupServerMessage* message, bool picture) {
+  try {
+    if (!picture) return respond(message, SOUP_STATUS_OK, "application/json", field_->mosaic_state());
+    const std::vector<uint8_t> jpeg = field_->mosaic_jpeg();
+    respond(message, SOUP_STATUS_OK, "image/jpeg", std::string(jpeg.begin(), jpeg.end()));
+  } catch (const Error& error) {
+    respond(message, SOUP_STATUS_NOT_FOUND, "text/plain", std::string(error.what()) + "\n");
+  }
 }
 
 // Origin and token, and the headers that let a page of an allowed origin read the response.
@@ -255,7 +267,7 @@ std::string HttpServer::metrics() const {
           << '\n';
   }
   out << refusals_.metrics();
-  if (limits_.monitor > 0) out << to_metrics(sessions_->monitor(), field_->array().names());
+  if (limits_.monitor > 0) out << to_metrics(sessions_->monitor(), field_->array()->names());
   return out.str();
 }
 

@@ -51,6 +51,7 @@ class HttpServer {
   void handle(SoupServerMessage* message, const std::string& path, GHashTable* query);
   void serve(SoupServerMessage* message, const Whep::Client& client, const std::string& path, GHashTable* query);
   void page(SoupServerMessage* message, const std::string& path);
+  void mosaic(SoupServerMessage* message, bool picture);
   void wait(SoupServerMessage* message, const Whep::Client& client);
   Whep::Client client_of(SoupServerMessage* message) const;
   std::string metrics() const;

@@ -2,6 +2,7 @@
 #include "light_field.h"
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
 
@@ -23,6 +24,8 @@ std::optional<uint32_t> view_of(GstBuffer* unit) {
   if (gst_buffer_extract(unit, 12, bytes, sizeof bytes) != sizeof bytes) return std::nullopt;
   return wire::Reader(bytes).get<uint32_t>();
 }
+
+double now() { return static_cast<double>(g_get_monotonic_time()) * 1e-6; }
 
 std::string launch_line(const std::vector<NodeAddress>& nodes, const std::string& resampling) {
   constexpr char kSink[] = "appsink sync=false async=false enable-last-sample=false name=answers";
@@ -56,12 +59,17 @@ void set_up_host(GstElement* pipeline, size_t index, const NodeAddress& node, co
 
 LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& key_file,
                        const std::string& resampling, int max_views)
-    : rig_(rig), array_(rig), local_(nodes.empty()) {
+    : rig_(rig), local_(nodes.empty()) {
+  array_ = std::make_shared<const ArrayInfo>(rig);
+  mosaic_ = std::make_shared<cameras::Mosaic>(array_->rig());
   pipeline_ = launch_pipeline(launch_line(nodes, resampling));
   requests_ = GST_APP_SRC(gst_bin_get_by_name(GST_BIN(pipeline_), "requests"));
   gst_app_src_set_max_buffers(requests_, static_cast<guint64>(2 * max_views + 2));
   if (nodes.empty()) {
     set_in(pipeline_, "cameras", "rig", rig.c_str());
+    GstElement* node = gst_bin_get_by_name(GST_BIN(pipeline_), "cameras");
+    g_signal_connect(node, "element-added", G_CALLBACK(camera_added), this);
+    gst_object_unref(node);
   } else {
     GstElement* hosts = gst_bin_get_by_name(GST_BIN(pipeline_), "hosts");
     for (const NodeAddress& node : nodes)
@@ -113,10 +121,64 @@ void LightField::start(std::function<void(const std::string&)> on_error) {
     throw Error(text);
   }
   on_error_ = std::move(on_error);
+  gst_bus_set_sync_handler(bus, bus_sync, this, nullptr);
   watch_ = gst_bus_add_watch(bus, bus_message, this);
   gst_object_unref(bus);
   if (result == GST_STATE_CHANGE_FAILURE || result == GST_STATE_CHANGE_ASYNC)
     throw Error(rig_ + ": the cameras do not start");
+}
+
+std::shared_ptr<const ArrayInfo> LightField::array() const {
+  const std::lock_guard lock(mutex_);
+  return array_;
+}
+
+bool LightField::has_cameras_of(const ArrayInfo& array) const {
+  if (!local_) return true;
+  const std::shared_ptr<const ArrayInfo> now = this->array();
+  const auto same = [](const Camera& a, const Camera& b) {
+    return a.id == b.id && a.source == b.source && a.image == b.image && a.width == b.width && a.height == b.height;
+  };
+  const std::lock_guard lock(mutex_);
+  return problem_.empty() && std::ranges::equal(now->rig().cameras, array.rig().cameras, same);
+}
+
+void LightField::take_rig(std::shared_ptr<const ArrayInfo> array) {
+  if (local_) set_in(pipeline_, "cameras", "rig", rig_.c_str());
+  const std::lock_guard lock(mutex_);
+  if (array->rig().cameras.size() != array_->rig().cameras.size() || array->hash() != array_->hash())
+    mosaic_ = std::make_shared<cameras::Mosaic>(array->rig());
+  array_ = std::move(array);
+}
+
+void LightField::restart(std::shared_ptr<const ArrayInfo> array) {
+  restarting_ = true;
+  {
+    const std::lock_guard lock(mutex_);
+    problem_.clear();
+  }
+  gst_element_set_state(pipeline_, GST_STATE_NULL);
+  take_rig(std::move(array));
+  gst_element_set_state(pipeline_, GST_STATE_PLAYING);
+  const GstStateChangeReturn result = gst_element_get_state(pipeline_, nullptr, nullptr, 60 * GST_SECOND);
+  std::unique_lock lock(mutex_);
+  if ((result == GST_STATE_CHANGE_FAILURE || result == GST_STATE_CHANGE_ASYNC) && problem_.empty())
+    problem_ = rig_ + ": the cameras do not start";
+  const std::string problem = problem_;
+  lock.unlock();
+  if (!problem.empty()) gst_element_set_state(pipeline_, GST_STATE_NULL);
+  restarting_ = false;
+  if (!problem.empty()) throw Error(problem);
+}
+
+// What goes wrong in a restart is told by that.
+GstBusSyncReply LightField::bus_sync(GstBus*, GstMessage* message, gpointer data) {
+  LightField* self = static_cast<LightField*>(data);
+  if (GST_MESSAGE_TYPE(message) != GST_MESSAGE_ERROR || !self->restarting_) return GST_BUS_PASS;
+  const std::lock_guard lock(self->mutex_);
+  self->problem_ = text_of(message);
+  gst_message_unref(message);
+  return GST_BUS_DROP;
 }
 
 gboolean LightField::bus_message(GstBus*, GstMessage* message, gpointer data) {
@@ -128,6 +190,60 @@ gboolean LightField::bus_message(GstBus*, GstMessage* message, gpointer data) {
   else if (gst_message_has_name(message, "lightfield-camera-found"))
     say(std::string("cameras: ") + GST_OBJECT_NAME(GST_MESSAGE_SRC(message)) + " is back");
   return G_SOURCE_CONTINUE;
+}
+
+// The node's cameras are made when it starts, and again with every restart.
+void LightField::camera_added(GstBin*, GstElement* child, gpointer data) {
+  GstElementFactory* factory = gst_element_get_factory(child);
+  if (!factory || !g_str_equal(GST_OBJECT_NAME(factory), "lfcamsrc")) return;
+  struct Tap {
+    LightField* field;
+    GstElement* camera;  // outlives its pad
+  };
+  GstPad* pad = gst_element_get_static_pad(child, "src");
+  gst_pad_add_probe(
+      pad, GST_PAD_PROBE_TYPE_BUFFER,
+      [](GstPad* pad, GstPadProbeInfo* info, gpointer data) {
+        const auto* tap = static_cast<Tap*>(data);
+        guint id = 0;
+        g_object_get(tap->camera, "camera", &id, nullptr);
+        GstCaps* caps = gst_pad_get_current_caps(pad);
+        if (caps) tap->field->mosaic()->see(id, GST_PAD_PROBE_INFO_BUFFER(info), caps, now());
+        gst_clear_caps(&caps);
+        return GST_PAD_PROBE_OK;
+      },
+      new Tap{static_cast<LightField*>(data), child}, [](gpointer tap) { delete static_cast<Tap*>(tap); });
+  gst_object_unref(pad);
+}
+
+std::shared_ptr<cameras::Mosaic> LightField::mosaic() const {
+  const std::lock_guard lock(mutex_);
+  return mosaic_;
+}
+
+std::vector<uint8_t> LightField::mosaic_jpeg() {
+  if (!local_) throw Error("the cameras are on other hosts");
+  return mosaic()->jpeg(now());
+}
+
+std::string LightField::mosaic_state() {
+  if (!local_) throw Error("the cameras are on other hosts");
+  return mosaic()->state(now(), [this](uint32_t camera) { return problem_of(camera); }).dump();
+}
+
+// Why the camera was lost; "" where nothing is known.
+std::string LightField::problem_of(uint32_t camera) const {
+  GstElement* node = gst_bin_get_by_name(GST_BIN(pipeline_), "cameras");
+  GstElement* one = gst_bin_get_by_name(GST_BIN(node), ("camera" + std::to_string(camera)).c_str());
+  gst_object_unref(node);
+  if (!one) return "";
+  GstStructure* stats = nullptr;
+  g_object_get(one, "stats", &stats, nullptr);
+  gst_object_unref(one);
+  const char* reason = stats ? gst_structure_get_string(stats, "reason") : nullptr;
+  const std::string text = reason ? reason : "";
+  if (stats) gst_structure_free(stats);
+  return text;
 }
 
 void LightField::join(uint32_t view, OnAnswer on_answer) {

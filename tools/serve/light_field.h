@@ -15,6 +15,7 @@
 
 #include "array_info.h"
 #include "base/host_list.h"
+#include "cameras/mosaic.h"
 
 namespace lf::serve {
 
@@ -37,12 +38,25 @@ class LightField {
   // Blocks until the cameras run. Throws Error. `on_error` is called on the main thread, when they have failed later.
   void start(std::function<void(const std::string&)> on_error);
 
+  // The rig file has been read again as `array`. Whether its cameras are those that are open, with the same sources.
+  bool has_cameras_of(const ArrayInfo& array) const;
+  // The same cameras go on with it, at once.
+  void take_rig(std::shared_ptr<const ArrayInfo> array);
+  // Other cameras are opened, those there were are closed: blocks until they run. Not on the main thread. Throws Error;
+  // then there are none.
+  void restart(std::shared_ptr<const ArrayInfo> array);
+
   // Pipelines of viewers run under the clock of the cameras.
   GstClock* clock() const { return clock_; }
   const std::string& rig() const { return rig_; }
-  const ArrayInfo& array() const { return array_; }
+  std::shared_ptr<const ArrayInfo> array() const;
   size_t nodes() const { return answers_.size(); }
   bool is_local() const { return local_; }  // no other hosts
+
+  // Of the cameras in this process, small (cameras/mosaic.h): a JPEG file, and what it shows, as JSON. Throw Error
+  // where the cameras are on other hosts.
+  std::vector<uint8_t> mosaic_jpeg();
+  std::string mosaic_state();
 
   void join(uint32_t view, OnAnswer on_answer);
   void leave(uint32_t view);         // when it returns, on_answer is not called any more
@@ -62,10 +76,15 @@ class LightField {
     std::atomic<int64_t> heard = 0;  // g_get_monotonic_time() of the last
   };
   static GstFlowReturn take_answer(GstAppSink* sink, gpointer data);
+  static void camera_added(GstBin* node, GstElement* child, gpointer self);
+  std::shared_ptr<cameras::Mosaic> mosaic() const;
+  std::string problem_of(uint32_t camera) const;
+  static GstBusSyncReply bus_sync(GstBus* bus, GstMessage* message, gpointer data);
   static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
 
   std::string rig_;
-  ArrayInfo array_;
+  std::shared_ptr<const ArrayInfo> array_;  // under the mutex, as is what follows
+  std::shared_ptr<cameras::Mosaic> mosaic_;
   bool local_;
   GstElement* pipeline_ = nullptr;
   GstAppSrc* requests_ = nullptr;
@@ -73,7 +92,9 @@ class LightField {
   std::vector<std::unique_ptr<Answers>> answers_;
   guint watch_ = 0;
   std::function<void(const std::string&)> on_error_;
-  std::mutex mutex_;
+  std::atomic<bool> restarting_ = false;
+  mutable std::mutex mutex_;
+  std::string problem_;  // why the latest restart failed
   std::map<uint32_t, OnAnswer> views_;
   std::atomic<uint64_t> bytes_ = 0;
   std::atomic<int64_t> asked_ = 0, asked_since_ = 0;  // the last request, and the first since there was a pause

@@ -8,6 +8,7 @@
 
 #include "launch.h"
 #include "playout_delay.h"
+#include "reception.h"
 
 namespace lf::serve {
 namespace {
@@ -37,30 +38,6 @@ void connect(gpointer object, const char* signal, Handler* handler, const Weak& 
       [](gpointer data, GClosure*) { delete static_cast<Weak*>(data); }, GConnectFlags(0));
 }
 std::shared_ptr<Peer> peer_of(gpointer data) { return static_cast<Weak*>(data)->lock(); }
-
-struct Received {
-  std::vector<ReceptionReport> reports;
-  double round_trip = 0;
-};
-
-gboolean read_stats(GQuark, const GValue* value, gpointer data) {
-  Received& received = *static_cast<Received*>(data);
-  if (!GST_VALUE_HOLDS_STRUCTURE(value)) return TRUE;
-  const GstStructure* s = gst_value_get_structure(value);
-  GstWebRTCStatsType type;
-  GstStructure* source = nullptr;
-  if (!gst_structure_get(s, "type", GST_TYPE_WEBRTC_STATS_TYPE, &type, nullptr) ||
-      type != GST_WEBRTC_STATS_REMOTE_INBOUND_RTP ||
-      !gst_structure_get(s, "gst-rtpsource-stats", GST_TYPE_STRUCTURE, &source, nullptr))
-    return TRUE;
-  ReceptionReport report;
-  if (gst_structure_get(source, "rb-ssrc", G_TYPE_UINT, &report.ssrc, "rb-exthighestseq", G_TYPE_UINT, &report.highest,
-                        "rb-packetslost", G_TYPE_INT, &report.lost, nullptr))
-    received.reports.push_back(report);
-  gst_structure_free(source);
-  gst_structure_get_double(s, "round-trip-time", &received.round_trip);
-  return TRUE;
-}
 
 }  // namespace
 
@@ -297,9 +274,7 @@ void Peer::say_goodbye() {
 void Peer::ask_for_report() {
   g_signal_emit_by_name(webrtc_, "get-stats", nullptr, promise([weak = weak_from_this()](const GstStructure* stats) {
                           if (!stats) return;
-                          Received received;
-                          gst_structure_foreach(stats, read_stats, &received);
-                          on_main_thread([weak, received = std::move(received)] {
+                          on_main_thread([weak, received = read_reception(stats)] {
                             const auto peer = weak.lock();
                             if (!peer) return;
                             const double loss = peer->loss_.update(received.reports);

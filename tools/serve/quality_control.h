@@ -15,9 +15,9 @@ class QualityControl {
   static constexpr double kFall = 0.75, kRise = 1.08;
   // Below, H.264 shows blocks where anything moves. To come back takes a little more, or steps would follow steps.
   static constexpr double kLeastBitsPerPixel = 0.05, kBack = 1.25;
-  // Browsers take H.264's key frame although the packets before it, which tell the new size, are lost, decode it as of the old
-  // size, and notice nothing. So the key frame of a new size is followed by one a second, for this long, where packets are
-  // lost.
+  // Browsers take H.264's key frame although the packets before it, which tell the new size, are lost, decode it as of
+  // the old size, and notice nothing. So the key frame of a new size is followed by one a second, for this long, where
+  // packets are lost.
   static constexpr int kRepeats = 5;
 
   // `pixels_per_second`: of the video at its best.

@@ -58,6 +58,16 @@ void Sessions::close_all(const std::string& why) {
   while (!viewers_.empty()) close(std::string(viewers_.begin()->first), why);
 }
 
+double Sessions::max_aperture() const {
+  return limits_.max_aperture > 0 ? limits_.max_aperture : field_.array()->size();
+}
+
+// What was found of the cameras before is not true of the new rig.
+void Sessions::take_rig() {
+  monitor_ = {};
+  for (const auto& [name, session] : viewers_) session.viewer->take_rig(max_aperture());
+}
+
 Seats::Answer Sessions::ask(const std::string& address, const Wish& wish, const std::string& ticket) {
   const Seats::Answer answer = seats_.ask(address, wish.views(), ticket, random_name(), g_get_monotonic_time());
   for (const std::string& name : answer.leave) close(name, "it did not connect, and its seat goes to another");
@@ -79,7 +89,7 @@ std::string Sessions::open(const std::string& address, Offer offer, const Wish& 
   settings.most_bit_rate = best_bit_rate(wish.width * wish.views(), wish.height, limits_);
   settings.least_bit_rate = std::min(settings.least_bit_rate, settings.most_bit_rate);
   settings.messages_per_second = limits_.messages_per_second;
-  settings.max_aperture = limits_.max_aperture > 0 ? limits_.max_aperture : field_.array().size();
+  settings.max_aperture = max_aperture();
   settings.monitored = limits_.monitor > 0;
   settings.route = std::move(route);
   const std::string name = random_name(), codec = to_string(offer.codec);

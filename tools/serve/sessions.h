@@ -34,6 +34,8 @@ class Sessions {
   bool close(const std::string& name, const std::string& why);
 
   void close_all(const std::string& why);
+  // The light field has another rig.
+  void take_rig();
 
   // What is known of the cameras, from whichever viewer watches them.
   const MonitorReport& monitor() const { return monitor_; }
@@ -48,6 +50,7 @@ class Sessions {
     uint32_t view;
     OnAnswer on_answer;  // until it was called
   };
+  double max_aperture() const;
   void close_soon(const std::string& name, const std::string& why);
   void tick();
   void watch_cameras();

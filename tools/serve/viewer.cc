@@ -36,6 +36,7 @@ std::string launch_line(const Offer& offer, size_t nodes, const ViewerSettings& 
 Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, Callbacks callbacks)
     : field_(field),
       settings_(settings),
+      max_aperture_(settings.max_aperture),
       callbacks_(std::move(callbacks)),
       began_(g_get_monotonic_time()),
       pace_(field.is_local() ? kMostLocal : kMostRemote),
@@ -247,7 +248,7 @@ void Viewer::control(const std::string& text) {
 }
 
 void Viewer::obey(const std::string& text) {
-  ControlMessage message = parse_control_message(text, settings_.max_aperture);
+  ControlMessage message = parse_control_message(text, max_aperture_);
   if (!message.error.empty()) refused_messages_++;
   if (message.pixel) tell_pixel(*message.pixel);
   // Noted before, because a request that has the change may leave at once.
@@ -269,6 +270,12 @@ void Viewer::obey(const std::string& text) {
 void Viewer::tick(double busy) {
   busy_ = busy;
   if (connected()) peer_->ask_for_report();
+}
+
+void Viewer::take_rig(double max_aperture) {
+  max_aperture_ = max_aperture;
+  for (const auto& eye : eyes_) eye->set_rig(field_.rig());
+  if (connected()) peer_->send(info_message(json{{"rig", field_.array()->hash()}}));
 }
 
 void Viewer::shed(const Shedding& shedding) {

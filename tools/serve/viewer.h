@@ -54,6 +54,8 @@ class Viewer {
 
   // Once a second: looks after the bit rate, and tells the page how things are. `busy`: of the processors, 0 to 1.
   void tick(double busy);
+  // The rig file has changed: reads it again, and tells the page. Metres.
+  void take_rig(double max_aperture);
   // Leaves away what it says.
   void shed(const Shedding& shedding);
   // See Pace, since the last call.
@@ -96,6 +98,7 @@ class Viewer {
 
   LightField& field_;
   ViewerSettings settings_;
+  std::atomic<double> max_aperture_;  // metres
   Callbacks callbacks_;
   GstElement *pipeline_ = nullptr, *video_ = nullptr, *encoder_ = nullptr;  // `video_`: all but the webrtcbin
   std::vector<std::unique_ptr<Eye>> eyes_;

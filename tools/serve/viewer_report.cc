@@ -25,7 +25,7 @@ void Viewer::tell_pixel(const ControlMessage::Pixel& pixel) {
   const bool right = eyes_.size() > 1 && view && pixel.x >= view->width;
   if (right) view = eyes_[1]->asked();
   if (!view) return;
-  nlohmann::json cameras = field_.array().pixel(*view, pixel.x - (right ? view->width : 0), pixel.y);
+  nlohmann::json cameras = field_.array()->pixel(*view, pixel.x - (right ? view->width : 0), pixel.y);
   peer_->send(info_message(json{{"pixel", {{"x", pixel.x}, {"y", pixel.y}, {"cameras", std::move(cameras)}}}}));
 }
 
@@ -93,7 +93,7 @@ void Viewer::report(const LinkReport& link) {
   info["focus"] = std::move(focus);
   if (!field_.is_local()) info["nodes"] = {{"count", field_.nodes()}, {"silent", field_.silent_nodes()}};
   info["monitored"] = settings_.monitored;
-  if (const auto view = eyes_[0]->asked()) info["coverage"] = field_.array().coverage(*view);
+  if (const auto view = eyes_[0]->asked()) info["coverage"] = field_.array()->coverage(*view);
   json message = {{"statistics", std::move(info)}};
   if (settings_.eye.path.empty()) message["view"] = eyes_[0]->numbers();
   peer_->send(info_message(message));

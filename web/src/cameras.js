@@ -23,15 +23,25 @@ export class Cameras {
 
   async toggle() {
     this.canvas.hidden = this.words.hidden = this.shown;
-    if (!this.shown || this.array) return this.shown;
+    if (this.shown && !this.array) await this.fetch();
+    return this.shown;
+  }
+
+  async fetch() {
     try {
       const response = await fetch(new URL('array.json', this.viewer.stream.endpoint),
         { headers: this.viewer.token.authorization });
       this.array = await response.json();
+      this.known = null;
     } catch (error) {
       this.words.textContent = `the cameras are not known: ${error.message}`;
     }
-    return this.shown;
+  }
+
+  // The rig is another one.
+  async forget() {
+    this.array = null;
+    if (this.shown) await this.fetch();
   }
 
   // The answer to ask().

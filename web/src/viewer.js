@@ -236,7 +236,12 @@ export class Viewer {
     this.notice.answered();
     if (message.type === 'ControlResponseMessage' && message.error) this.flight.refused(message.id, message.error);
     if (message.type !== 'InfoMessage') return;
-    const { statistics, applied, view, pixel } = message.info;
+    const { statistics, applied, view, pixel, rig } = message.info;
+    if (rig) {
+      this.cameras.forget();
+      this.monitor.array = null;
+      this.tell('rig', { hash: rig });
+    }
     if (pixel) this.cameras.take(pixel);
     if (statistics) {
       this.statistics = statistics;

@@ -13,7 +13,7 @@
 #include "bench/render/scene.h"
 #include "composite/assembly.h"
 #include "node/answer_task.h"
-#include "node/commands.h"
+#include "node/camera_access.h"
 #include "reference/exact_quality.h"
 #include "wire/answer_parser.h"
 #include "wire/command_codec.h"
@@ -42,21 +42,13 @@ class Round {
 
   void ask() {
     asked_ = wire::encode_request(request_);
-    if (kind_.access == Access::kWarp)
-      command_ = wire::encode_command(warp_command(*rig_, scene_.mesh(), request_));
-    else if (kind_.access == Access::kPixels)
-      command_ = wire::encode_command(pixel_command(*rig_, scene_.mesh(), request_));
+    if (const CameraAccess* told = CameraAccess::of(kind_.access))
+      command_ = wire::encode_any_request(told->command(*rig_, scene_.mesh(), request_));
   }
 
   void answer() {
     const auto request = wire::decode_any_request(command_.empty() ? asked_ : command_).value();
-    std::unique_ptr<AnswerTask> task;
-    if (const auto* view = std::get_if<ViewRequest>(&request))
-      task = make_task(*rig_, scene_.mesh(), *view, scene_.cameras());
-    else if (const auto* warp = std::get_if<wire::WarpCommand>(&request))
-      task = make_task(*rig_, *warp, scene_.cameras());
-    else
-      task = make_task(*rig_, std::get<wire::PixelCommand>(request), scene_.cameras());
+    const std::unique_ptr<AnswerTask> task = make_task(*rig_, mesh_, request, scene_.cameras());
     sources_.clear();
     for (const CameraIndex camera : task->cameras())
       sources_.push_back({camera, &rig_->cameras[camera], scene_.image(camera, Pixels::kI420)});
@@ -88,6 +80,7 @@ class Round {
   std::vector<uint8_t> asked_, command_;
   std::vector<Source> sources_;
   ByteBuffer answer_;
+  MeshCache mesh_;
   Assembly assembly_;
   Image picture_;
 };

@@ -115,7 +115,7 @@ void still(const Arguments& a, const Case& c) {
     table.add(name, options, r);
     if (!r.gains.empty()) {
       std::printf("gains:");
-      for (const auto& [camera, g] : r.gains) std::printf(" %u %.3f", c.rig.cameras[camera].id, g);
+      for (const auto& [camera, g] : r.gains) std::printf(" %u %.3f", c.rig.cameras[camera].id, std::exp(g.log));
       std::printf("\n");
     }
     if (a.out.empty()) continue;

@@ -77,17 +77,17 @@ class Renderer {
     return sums;
   }
 
-  // After its trials: what the request asks of the cameras' brightness, for the next one to bring back. `sure`: see
+  // After its trials: what the request asks of the cameras' brightness, for the next one to bring back. `mixed`: see
   // FocusControl::State.
-  GainRequest gains_after(const ViewRequest& request, size_t number, bool sure, Picture& cost) {
-    GainRequest gains{.use = matched_ && sure};
+  GainRequest gains_after(const ViewRequest& request, size_t number, bool mixed, Picture& cost) {
+    GainRequest gains{.use = matched_ && mixed};
     if (!gains.use || !mean_turns_.next(!request.trials.empty(), true)) return gains;
     gains.mean = mean(request, number, cost);
     gains.mean_of = request.sequence;
     return gains;
   }
   const Mesh& mesh() const { return mesh_; }
-  const std::map<CameraIndex, float>& gains() { return matcher_.gains_for(0, {}).measured(); }
+  const std::map<CameraIndex, BrightnessRatio>& gains() { return matcher_.gains_for(0, {}).measured(); }
 
  private:
   // What the cameras, asked by this request, have in common.
@@ -252,7 +252,7 @@ StillResult measure_still(const Case& c, size_t view, const Options& options) {
     picture.quality = compare(picture.image, truth, picture.coverage);
     if (round == options.rounds) time_again(renderer, shown_view(request), view, request.gains, picture);
     const std::vector<Moments> moments = renderer.moments(request, view, picture);
-    request.gains = renderer.gains_after(request, view, control.state().sure, picture);
+    request.gains = renderer.gains_after(request, view, control.state().mixed, picture);
     const uint64_t begun = now_ns();
     const FocusControl::Plan plan = control.next(request, moments, array);
     picture.trial_ms += milliseconds(now_ns() - begun);
@@ -275,7 +275,7 @@ RestResult measure_rest(const Case& c, size_t view, const Options& options, int 
   request.view = on_plane(c, view, from, start_of(options, map_of(options.range), options.planes));
   const auto next = [&](Picture& cost) {
     const std::vector<Moments> moments = renderer.moments(request, view, cost);
-    request.gains = renderer.gains_after(request, view, control.state().sure, cost);
+    request.gains = renderer.gains_after(request, view, control.state().mixed, cost);
     request.sequence++;
     take(control.next(request, moments, array), request);
   };
@@ -349,7 +349,7 @@ std::vector<Frame> measure_film(const Case& c, const Options& options, const std
     Picture cost;
     frames[i].surface_db = psnr(renderer.picture(shown_view(request), i, request.gains));
     plan = control.next(request, renderer.moments(request, i, cost), array);
-    gains = renderer.gains_after(request, i, control.state().sure, cost);
+    gains = renderer.gains_after(request, i, control.state().mixed, cost);
     progress();
   }
   const auto best = std::ranges::max_element(

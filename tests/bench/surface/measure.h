@@ -9,6 +9,7 @@
 #include "bench/surface/cases.h"
 #include "bench/surface/picture.h"
 #include "bench/surface/planes.h"
+#include "focus/camera_gains.h"
 #include "focus/focus_control.h"
 #include "image/image.h"
 
@@ -39,7 +40,7 @@ struct StillResult {
   double start = 0;             // of the viewer's plane
   FocusControl::State state;
   std::shared_ptr<const FocalMap> map;
-  std::map<CameraIndex, float> gains;  // of the cameras in view, at last
+  std::map<CameraIndex, BrightnessRatio> gains;  // of the cameras in view, at last
 };
 StillResult measure_still(const Case& c, size_t view, const Options& options);
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -14,41 +15,70 @@
 namespace lf {
 namespace {
 
+using Ratios = std::map<CameraIndex, BrightnessRatio>;
+
+// Gains after as many means as are needed, which find the camera `gain` times as bright as the others.
+CameraGains measured(float gain, float error = 0.002f) {
+  CameraGains gains;
+  for (unsigned i = 0; i < CameraGains::kMeans; i++) gains.take({{1, {std::log(gain / gains.likely(1)), error}}});
+  return gains;
+}
+
 TEST(CameraGains, GoToWhatIsMeasured) {
   CameraGains gains;
   EXPECT_EQ(gains.of(3), 1);
-  gains.update(3, 1.2f);
-  for (int i = 0; i < 5; i++) gains.update(3, 1.1f / gains.of(3));
-  EXPECT_NEAR(gains.measured().at(3), 1.1, 0.001);
-  EXPECT_NEAR(gains.of(3), 1.1, 0.005);
+  gains.take({{3, {std::log(1.2f), 0}}});
+  for (int i = 0; i < 5; i++) gains.take({{3, {std::log(1.1f / gains.likely(3)), 0}}});
+  EXPECT_NEAR(gains.measured().at(3).log, std::log(1.1), 1e-4);
+  EXPECT_NEAR(gains.of(3), 1.1, 0.001);
   EXPECT_EQ(gains.of(4), 1);
   EXPECT_EQ(gains.measured().size(), 1u);
 }
 
-TEST(CameraGains, LittleIsMadeOfWhatMayBeShine) {
+TEST(CameraGains, TheFirstMeansOnlyTellWhomToTrust) {
   CameraGains gains;
-  EXPECT_EQ(gains.trust(1), 1);
-  float before = 1;
-  for (const float gain : {1.005f, 1.01f, 1.02f, 1.05f, 1.1f, 1.5f}) {
-    gains.update(1, gain / gains.of(1));
-    gains.update(2, 1 / gain / gains.of(2));
-    EXPECT_NEAR(gains.of(1) * gains.of(2), 1, 1e-5) << "too bright as too dark";
-    const double x = std::log(gain), shine = CameraGains::kShine;
-    EXPECT_NEAR(gains.trust(1), 1 / (1 + x * x / (shine * shine)), 1e-4);
-    EXPECT_NEAR(std::log(gains.of(1)), (1 - gains.trust(1)) * x, 1e-5);
-    EXPECT_GT(gains.of(1), before);
-    before = gains.of(1);
+  EXPECT_EQ(gains.trust(1), gains.trust(2)) << "nothing is known";
+  gains.take({{1, {std::log(1.1f), 0.002f}}, {2, {std::log(0.99f), 0.002f}}});
+  EXPECT_EQ(gains.of(1), 1);
+  EXPECT_NEAR(gains.likely(1), 1.1, 0.001);
+  EXPECT_GT(gains.trust(2), 0.9);
+  EXPECT_LT(gains.trust(1), 0.01);
+  EXPECT_EQ(gains.trust(3), CameraGains::kUnknownTrust) << "was not seen";
+  gains.take({{2, {0, 0.002f}}});
+  EXPECT_EQ(gains.of(1), 1);
+  gains.take({});
+  EXPECT_EQ(gains.of(1), 1) << "a mean that nobody could be compared with";
+  gains.take({{2, {0, 0.002f}}});
+  EXPECT_NEAR(gains.of(1), 1.1, 0.001);
+}
+
+TEST(CameraGains, WhatMayBeShineIsLeftAlone) {
+  for (const float gain : {1.005f, 1.01f, 1.014f}) {
+    EXPECT_NEAR(measured(gain).of(1), 1, 0.001) << gain;
+    EXPECT_GT(measured(gain).trust(1), 0.85) << gain;
   }
+  for (const float gain : {1.04f, 1.1f, 1.5f}) {
+    EXPECT_NEAR(measured(gain).of(1), gain, 0.001) << gain;
+    EXPECT_LT(measured(gain).trust(1), 0.5) << gain;
+  }
+  float before = 1;
+  for (float gain = 1; gain < 1.1f; gain += 0.002f) {
+    EXPECT_GE(measured(gain).of(1), before) << gain;
+    before = measured(gain).of(1);
+    EXPECT_NEAR(measured(gain).of(1) * measured(1 / gain).of(1), 1, 1e-5) << "too bright as too dark";
+  }
+}
+
+TEST(CameraGains, SoIsWhatIsUncertain) {
+  EXPECT_NEAR(measured(1.04f, 0.02f).of(1), 1, 0.003);
+  EXPECT_NEAR(measured(1.1f, 0.02f).of(1), 1.1, 0.001);
 }
 
 TEST(CameraGains, StayInRange) {
   CameraGains gains;
-  for (int i = 0; i < 9; i++) {
-    gains.update(1, 10);
-    gains.update(2, 0.01f);
-  }
-  EXPECT_EQ(gains.measured().at(1), CameraGains::kMost);
-  EXPECT_EQ(gains.measured().at(2), CameraGains::kLeast);
+  for (int i = 0; i < 9; i++) gains.take({{1, {std::log(10.f), 0}}, {2, {std::log(0.01f), 0}}});
+  EXPECT_NEAR(gains.of(1), CameraGains::kMost, 1e-4);
+  EXPECT_NEAR(gains.of(2), CameraGains::kLeast, 1e-4);
 }
 
 // Of n cameras that see luma v everywhere, of weight w.
@@ -72,7 +102,7 @@ TEST(MeanLuma, IsTheMeanButAtTheBorder) {
 
 TEST(MeanLuma, OnlyWhereItIsWellDefined) {
   const auto middle = [](const Moments& moments) { return mean_luma(moments, {})[4]; };
-  EXPECT_EQ(middle(grey(3, 3, 0.1, 100)), 0) << "few cameras";
+  EXPECT_EQ(middle(grey(3, 3, 0.02, 100)), 0) << "few cameras";
   EXPECT_EQ(middle(grey(3, 3, 0.7, 5)), 0) << "black";
   EXPECT_EQ(middle(grey(3, 3, 0.7, 252)), 0) << "white";
   Moments moments = grey(3, 3, 0.7, 100);
@@ -150,7 +180,7 @@ TEST(WideLuma, ManyCamerasAreCompared) {
   EXPECT_EQ(seen.gains.mean(), 1);
   const Moments& m = seen.moments;
   const size_t middle = 7 * 20 + 10;
-  EXPECT_GT(m.weight[middle], 0.5 * Moments::kWeightOne);
+  EXPECT_GT(m.weight[middle], 0.5 * CameraGains::kUnknownTrust * Moments::kWeightOne) << "nobody is known yet";
   const double mean = static_cast<double>(m.luma[middle]) / Moments::kLumaOne * Moments::kWeightOne / m.weight[middle];
   for (const WideLuma::Camera& camera : seen.cameras) EXPECT_NEAR(camera.luma[middle], mean, 2);
   // Gaussians around where the line of sight goes through the array: the eye is in its plane.
@@ -171,12 +201,38 @@ TEST(WideLuma, FindsWhoIsBrighter) {
   for (int round = 0; round < 6; round++) {
     const WideLuma::Seen seen = wide.luma.see(sources, gains);
     const std::vector<uint8_t> mean = mean_luma(seen.moments, seen.gains);
+    Ratios ratios;
     for (const WideLuma::Camera& camera : seen.cameras)
-      if (const std::optional<float> ratio = WideLuma::ratio(camera, mean)) gains.update(camera.camera, *ratio);
+      if (const std::optional<BrightnessRatio> ratio = WideLuma::ratio(camera, mean)) ratios[camera.camera] = *ratio;
+    gains.take(ratios);
+    for (const CameraIndex other : {1, 5}) EXPECT_NEAR(gains.of(other), 1, 0.0005) << "never takes them along";
+    if (round + 1 >= static_cast<int>(CameraGains::kMeans)) {
+      EXPECT_NEAR(gains.of(kBright), 1.1, 0.01);
+    }
   }
-  EXPECT_NEAR(gains.of(kBright), 1.1, 0.01) << "and does not take the others along";
-  for (const CameraIndex other : {1, 5}) EXPECT_NEAR(gains.of(other), 1, 0.002);
   EXPECT_NEAR(wide.luma.see(sources, gains).gains.mean(), 1, 0.002) << "they do not wander off together";
+}
+
+// Half of what is seen has a camera in it that is too dark: its neighbours seem too bright until the mean has moved to
+// where most are.
+TEST(WideLuma, TheMeanMovesToWhereMostCamerasAre) {
+  Wide wide;
+  for (Image& image : wide.walls.images) std::ranges::fill(image.data(), 120);
+  ByteBuffer memory[3];
+  std::vector<Source> sources = wide.walls.sources();
+  for (const CameraIndex dark : {1, 4, 7})
+    sources[dark].image = divide_by_gain(sources[dark].image, {0, 0, 160, 120}, 1.1f, memory[dark / 3]);
+  CameraGains gains;
+  for (int round = 0; round < 6; round++) {
+    const WideLuma::Seen seen = wide.luma.see(sources, gains);
+    const std::vector<uint8_t> mean = mean_luma(seen.moments, seen.gains);
+    Ratios ratios;
+    for (const WideLuma::Camera& camera : seen.cameras)
+      if (const std::optional<BrightnessRatio> ratio = WideLuma::ratio(camera, mean)) ratios[camera.camera] = *ratio;
+    gains.take(ratios);
+  }
+  EXPECT_NEAR(gains.of(4), 1 / 1.1, 0.01);
+  for (const CameraIndex other : {3, 5}) EXPECT_NEAR(gains.of(other), 1, 0.002);
 }
 
 TEST(WideLuma, PartsOfAnArrayAddUpToTheWhole) {
@@ -191,6 +247,21 @@ TEST(WideLuma, PartsOfAnArrayAddUpToTheWhole) {
   EXPECT_EQ(sum.moments.luma, whole.moments.luma);
   EXPECT_EQ(sum.moments.square, whole.moments.square);
   EXPECT_EQ(sum.gains, whole.gains);
+}
+
+TEST(WideLuma, WhatDiffersFromNodeToNodeIsUncertain) {
+  WideLuma::Camera seen{0, std::vector<uint8_t>(100, 110), std::vector<float>(100, WideLuma::kPeak)};
+  const std::vector<uint8_t> mean(100, 100);
+  const std::optional<BrightnessRatio> alike = WideLuma::ratio(seen, mean);
+  ASSERT_TRUE(alike.has_value());
+  EXPECT_NEAR(alike->log, std::log(1.1), 1e-6);
+  EXPECT_LT(alike->error, 0.005) << "of rounding";
+  EXPECT_GT(alike->error, 0.002);
+  for (size_t i = 0; i < 100; i++) seen.luma[i] = i % 4 == 0 ? 90 : i % 4 == 1 ? 130 : 110;
+  const std::optional<BrightnessRatio> differing = WideLuma::ratio(seen, mean);
+  ASSERT_TRUE(differing.has_value());
+  EXPECT_NEAR(differing->log, alike->log, 1e-6);
+  EXPECT_GT(differing->error, 10 * alike->error);
 }
 
 TEST(WideLuma, AMeanThatTellsNothingIsLeftAlone) {

@@ -48,6 +48,35 @@ TEST_F(AnswerMakerTest, SharpensWhereThatIsAsked) {
   EXPECT_EQ(make(sources).answer.bytes, sharp);
 }
 
+TEST_F(AnswerMakerTest, AllThatIsMadeOfImagesIsMadeOfCorrectedOnes) {
+  Rig rig = walls_.rig;
+  for (size_t i = 0; i < rig.cameras.size(); i += 2)
+    rig.cameras[i].colour = ColourModel{.black = {3, 4, 5}, .gamma = 2, .matrix = {1.1, 0, 0, 0, 1, 0, 0, 0, 0.9}};
+  std::vector<Image> images;
+  for (size_t i = 0; i < rig.cameras.size(); i++) {
+    const Camera& camera = rig.cameras[i];
+    images.push_back(camera.colour ? corrected(walls_.images[i], *camera.colour, camera.principal_point())
+                                   : walls_.images[i]);
+  }
+  std::vector<Source> sources = walls_.sources();
+  for (size_t i = 0; i < sources.size(); i++) sources[i].image = images[i].view();
+  request_.trials = {{Trial::Kind::kPlane, 60}};
+  request_.gains = {.use = true, .ask = true};
+  const AnswerMaker::Units want = make(sources), plain = make(walls_.sources());
+  const CameraColours colours(rig);
+  options_.colours = &colours;
+  const AnswerMaker::Units units = make(walls_.sources());
+  EXPECT_EQ(units.answer.bytes, want.answer.bytes);
+  EXPECT_EQ(units.moments, want.moments);
+  EXPECT_EQ(units.brightness, want.brightness);
+  EXPECT_NE(units.answer.bytes, plain.answer.bytes);
+  // A rig without colours costs nothing.
+  const CameraColours none(walls_.rig);
+  EXPECT_FALSE(none.any());
+  options_.colours = &none;
+  EXPECT_EQ(make(walls_.sources()).answer.bytes, plain.answer.bytes);
+}
+
 TEST_F(AnswerMakerTest, TrialsAndBrightnessGoBeforeTheAnswer) {
   AnswerMaker::Units units = make(walls_.sources());
   EXPECT_TRUE(units.moments.empty());
@@ -61,10 +90,10 @@ TEST_F(AnswerMakerTest, TrialsAndBrightnessGoBeforeTheAnswer) {
   ASSERT_NE(units.gains, nullptr);
   EXPECT_EQ(units.gains->of(4), 1);
 
-  // The mean says that all cameras are too bright, and so their images are divided.
+  // The means say that all cameras are too bright, and so their images are divided once there are enough.
   const ByteBuffer before = std::move(units.answer.bytes);
-  request_.gains = {.use = true};
   request_.gains.mean.assign(20 * 15, 100);
+  for (unsigned i = 1; i < CameraGains::kMeans; i++) EXPECT_EQ(make(walls_.sources()).answer.bytes, before);
   units = make(walls_.sources());
   EXPECT_NE(units.gains->of(4), 1);
   EXPECT_NE(units.answer.bytes, before);

@@ -120,10 +120,11 @@ TEST_P(AnswerTaskTest, DistortedViewsAreTheSame) {
 
 TEST_P(AnswerTaskTest, RefusesWhatDoesNotFitTheRig) {
   wire::PixelCommand pixels{request_, 10, 10, {{3, {60, 0, 82, 10}}}};
-  EXPECT_ERROR(make_task(rig_, pixels, all_), "camera 3: pixels outside of its image are asked for");
-  EXPECT_TRUE(make_task(rig_, pixels, {all_.data(), 2})->cameras().empty()) << "another node's";
-  const wire::WarpCommand warp = warp_command(rig_, build_mesh(rig_), request_);
-  EXPECT_ERROR(make_task(sub_rig(rig_, {0, 1, 2}), warp, {all_.data(), 3}), "is not one of the 3 of the rig");
+  MeshCache mesh;
+  EXPECT_ERROR(make_task(rig_, mesh, pixels, all_), "camera 3: pixels outside of its image are asked for");
+  EXPECT_TRUE(make_task(rig_, mesh, pixels, {all_.data(), 2})->cameras().empty()) << "another node's";
+  const wire::AnyRequest warp = CameraAccess::of(Access::kWarp)->command(rig_, build_mesh(rig_), request_);
+  EXPECT_ERROR(make_task(sub_rig(rig_, {0, 1, 2}), mesh, warp, {all_.data(), 3}), "is not one of the 3 of the rig");
 }
 
 INSTANTIATE_TEST_SUITE_P(Families, AnswerTaskTest, testing::Values(PixelFamily::kRgb, PixelFamily::kI420));

@@ -69,5 +69,19 @@ TEST_F(CameraTurnsTest, AnotherRigIsWatchedFromTheBeginning) {
   EXPECT_EQ(turns_.monitor()->turns(), 0u);
 }
 
+// The scene is known to the last bit here, so that all other cameras are predicted without any error.
+TEST_F(CameraTurnsTest, ADarkerCameraComesToBeSuspected) {
+  constexpr CameraIndex kDark = 4;
+  Came latest = Came::kTurn;
+  for (size_t i = 0; i < 4 * rig_.cameras.size() && latest != Came::kOtherSuspects; i++) {
+    const auto probe = turns_.next(rig_, shown_, 1);
+    ASSERT_TRUE(probe);
+    latest = turn(*probe, probe->camera == kDark ? 0.8 : 1);
+  }
+  EXPECT_EQ(latest, Came::kOtherSuspects);
+  EXPECT_EQ(turns_.monitor()->suspects(),
+            std::vector<CameraMonitor::Suspect>({{kDark, CameraMonitor::Fault::kColour}}));
+}
+
 }  // namespace
 }  // namespace lf

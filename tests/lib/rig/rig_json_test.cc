@@ -27,9 +27,14 @@ json good_rig() {
                               {"position", {id / 3.0, 0, 1e6 / 7}},
                               {"orientation", {1, 0, 0, 0}},
                               {"image", "cam.png"},
-                              {"colour", {{"gamma", {1, 1, id}}}}});
+                              {"sticker", {{"numbers", {1, 1, id}}}}});
   rig["cameras"][1]["source"] = "v4l2:///dev/video0";
   rig["cameras"][1]["time_offset"] = -0.0125;
+  rig["cameras"][1]["colour"] = {{"black", {4, 5.5, -1}},
+                                 {"gamma", 2.25},
+                                 {"matrix", {1.1, 0, 0, 0.01, 1, -0.02, 0, 0, 0.9}},
+                                 {"vignetting", {-0.3, 0.05}},
+                                 {"chart", "kept"}};
   return rig;
 }
 
@@ -49,7 +54,12 @@ TEST(RigJson, ReadsEveryMember) {
   EXPECT_EQ(camera.image, "cam.png");
   EXPECT_EQ(camera.source, "v4l2:///dev/video0");
   EXPECT_EQ(camera.time_offset, -0.0125);
+  EXPECT_EQ(camera.colour, (ColourModel{.black = {4, 5.5, -1},
+                                        .gamma = 2.25,
+                                        .matrix = {1.1, 0, 0, 0.01, 1, -0.02, 0, 0, 0.9},
+                                        .vignetting = {-0.3, 0.05}}));
   EXPECT_EQ(rig.cameras[0].source, "");
+  EXPECT_EQ(rig.cameras[0].colour, std::nullopt);
   EXPECT_EQ(rig.topology.rows, 2);
   EXPECT_EQ(rig.topology.columns, 2);
 }
@@ -113,10 +123,28 @@ TEST(RigJson, KeepsUnknownKeysByCameraId) {
   EXPECT_FALSE(saved["topology"].contains("rows")) << "known keys are the rig's alone";
   ASSERT_EQ(saved["cameras"].size(), 2u);
   EXPECT_EQ(saved["cameras"][0]["id"], 7);
-  EXPECT_EQ(saved["cameras"][0]["colour"], original["cameras"][2]["colour"]);
-  EXPECT_EQ(saved["cameras"][1]["colour"], original["cameras"][1]["colour"]);
+  EXPECT_EQ(saved["cameras"][0]["sticker"], original["cameras"][2]["sticker"]);
+  EXPECT_EQ(saved["cameras"][1]["sticker"], original["cameras"][1]["sticker"]);
   EXPECT_EQ(saved["cameras"][0]["width"], 99);
   EXPECT_FALSE(saved["cameras"][0].contains("image"));
+}
+
+TEST(RigJson, KeepsWhatItDoesNotKnowOfAColourWhileThereIsOne) {
+  const json original = good_rig();
+  Rig rig = parse(original);
+  EXPECT_EQ(json::parse(rig_to_json(rig, &original))["cameras"][1]["colour"], original["cameras"][1]["colour"]);
+  rig.cameras[1].colour.reset();
+  EXPECT_FALSE(json::parse(rig_to_json(rig, &original))["cameras"][1].contains("colour"));
+}
+
+TEST(RigJson, ColourHasDefaultsAndIsNoPartOfTheHash) {
+  json file = good_rig();
+  const uint64_t hash = parse(file).hash();
+  file["cameras"][0]["colour"] = json::object();
+  EXPECT_EQ(parse(file).cameras[0].colour, ColourModel());
+  EXPECT_TRUE(parse(file).has_colour());
+  file["cameras"][0]["colour"] = {{"gamma", 2}};
+  EXPECT_EQ(parse(file).hash(), hash);
 }
 
 TEST(RigJson, ErrorsNameThePlace) {
@@ -197,6 +225,15 @@ TEST(RigJson, ErrorsNameTheCameraAndItsMember) {
       {R"({"image": 5})", "cameras[3].image: must be a string, is number"},
       {R"({"source": []})", "cameras[3].source: must be a string, is array"},
       {R"({"time_offset": "late"})", "cameras[3].time_offset: must be a finite number, is string"},
+      {R"({"colour": 1})", "cameras[3].colour: must be an object, is number"},
+      {R"({"colour": {"black": [1, 2]}})", "cameras[3].colour.black: must have 3 elements, has 2"},
+      {R"({"colour": {"black": [1, 2, 65]}})", "cameras[3].colour.black[2]: must be -64 to 64"},
+      {R"({"colour": {"gamma": 0}})", "cameras[3].colour.gamma: must be 0.5 to 5"},
+      {R"({"colour": {"gamma": [2, 2, 2]}})", "cameras[3].colour.gamma: must be a finite number, is array"},
+      {R"({"colour": {"matrix": [1, 0, 0]}})", "cameras[3].colour.matrix: must have 9 elements, has 3"},
+      {R"({"colour": {"matrix": [1, 0, 0, 0, 1, 0, 0, 0, 5]}})", "cameras[3].colour.matrix[8]: must be -4 to 4"},
+      {R"({"colour": {"matrix": [1, 0, 0, 0, 1, 0, 0, 0, 0]}})", "cameras[3].colour.matrix: must keep colours apart"},
+      {R"({"colour": {"vignetting": [-1, 0]}})", "cameras[3].colour.vignetting: must leave 0.25 to 2.5 of the light"},
   };
   for (const auto& c : cases) {
     json file = good_rig();

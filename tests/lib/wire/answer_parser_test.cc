@@ -7,7 +7,7 @@
 
 #include "lib/wire/answers.h"
 #include "lib/wire/wire_test.h"
-#include "wire/answer_codec.h"
+#include "support/answer_codec.h"
 #include "wire/answer_writer.h"
 #include "wire/fragment_codec.h"
 #include "wire/payload.h"

@@ -5,7 +5,7 @@
 
 #include "lib/wire/answers.h"
 #include "support/expect_error.h"
-#include "wire/answer_codec.h"
+#include "support/answer_codec.h"
 #include "wire/answer_parser.h"
 #include "wire/payload.h"
 

@@ -1,0 +1,275 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-calibrate colour: the colours of an array's cameras, from a chart that all are shown or from what they have in
+// common.
+#include <algorithm>
+#include <atomic>
+#include <cstdio>
+#include <exception>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+#include <opencv2/core/utils/logger.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+
+#include "base/error.h"
+#include "base/json_value.h"
+#include "base/number_text.h"
+#include "calibration/colour_checker_finder.h"
+#include "calibration/colour_solve.h"
+#include "calibration/colour_views.h"
+#include "commands.h"
+#include "image/colour_checker.h"
+#include "image/image.h"
+#include "progress.h"
+#include "rig/rig_json.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+struct Options {
+  std::string rig, recording, from = "auto", out, json;
+  int frames = 24;
+};
+
+// Views are compared in so many frames: more of the same scene tell little more.
+constexpr size_t kViewFrames = 3;
+
+// The name of image `n` of a sequence such as left_%04d.png; "" where it is no such name.
+std::string name_of_frame(const std::string& pattern, size_t n) {
+  const size_t begin = pattern.find('%'), end = pattern.find('d', begin);
+  if (begin == std::string::npos || end == std::string::npos || end - begin > 4) return "";
+  const std::string digits = pattern.substr(begin + 1, end - begin - 1);
+  if (digits.find_first_not_of("0123456789") != std::string::npos) return "";
+  std::string number = std::to_string(n);
+  const size_t width = digits.empty() ? 0 : std::stoul(digits);
+  if (number.size() < width) number.insert(0, width - number.size(), digits[0] == '0' ? '0' : ' ');
+  return pattern.substr(0, begin) + number + pattern.substr(end + 1);
+}
+
+// A camera's frames, at most `most`, in time order: those of its source, or its still.
+std::vector<lf::Image> frames_of(const lf::Rig& rig, const lf::Camera& camera, size_t most) {
+  std::vector<lf::Image> frames;
+  const std::string source = rig.resolve(camera.source);
+  if (source.find('%') != std::string::npos && !lf::is_uri(source)) {
+    for (size_t n = 0; frames.size() < most; n++) {
+      const std::string path = name_of_frame(source, n);
+      if (!fs::exists(path)) break;
+      frames.push_back(lf::load_image(path));
+    }
+  } else if (!source.empty()) {
+    const std::string uri = lf::is_uri(source) ? source : "file://" + fs::absolute(source).string();
+    if (uri.find('"') != std::string::npos) throw lf::Error(uri + ": has a quotation mark");
+    cv::VideoCapture video("uridecodebin uri=\"" + uri + "\" ! videoconvert ! video/x-raw,format=BGR ! appsink " +
+                               (uri.starts_with("file:") ? "sync=false" : "max-buffers=1 drop=true"),
+                           cv::CAP_GSTREAMER);
+    cv::Mat bgr;
+    while (frames.size() < most && video.isOpened() && video.read(bgr)) {
+      lf::Image& image = frames.emplace_back(lf::PixelFamily::kRgb, bgr.cols, bgr.rows);
+      cv::Mat rgb(bgr.rows, bgr.cols, CV_8UC3, image.data().data());
+      cv::cvtColor(bgr, rgb, cv::COLOR_BGR2RGB);
+    }
+  }
+  if (frames.empty() && !camera.image.empty()) frames.push_back(lf::load_image(rig.resolve(camera.image)));
+  for (const lf::Image& frame : frames)
+    if (frame.width() != camera.width || frame.height() != camera.height)
+      throw lf::Error("camera " + std::to_string(camera.id) + ": its recording has " +
+                      lf::size_text(frame.width(), frame.height()) + " pixels, the rig says " +
+                      lf::size_text(camera.width, camera.height) +
+                      ": record with the size that the rig is calibrated for");
+  return frames;
+}
+
+struct Recording {
+  lf::ColourSamples chart;                    // patches: 24 for each frame
+  std::vector<std::vector<lf::Image>> views;  // by frame, of each camera
+  size_t charts = 0;                          // that were found
+  std::vector<std::string> without;           // cameras without a frame
+};
+
+// Reads the cameras side by side and looks for the chart in each frame; frames for views are kept.
+Recording read(const lf::Rig& rig, const lf::Rig& recorded, const Options& options) {
+  Recording out;
+  const size_t n = rig.cameras.size();
+  out.chart.cameras = n;
+  out.chart.chart_columns = lf::checker::kColumns;
+  out.chart.chart_rows = lf::checker::kRows;
+  out.views.assign(kViewFrames, std::vector<lf::Image>(n));
+  std::vector<std::vector<lf::ColourSample>> found(n);
+  std::vector<size_t> charts(n), lengths(n);
+  std::atomic<size_t> next = 0;
+  std::mutex mutex;
+  std::exception_ptr error;
+  Progress progress("reading", n);
+  const auto work = [&] {
+    for (size_t i; (i = next++) < n;) try {
+        const auto index = recorded.index_of_id(rig.cameras[i].id);
+        std::vector<lf::Image> frames;
+        if (index) {
+          lf::Camera camera = rig.cameras[i];
+          camera.source = recorded.cameras[*index].source;
+          camera.image = recorded.cameras[*index].image;
+          frames = frames_of(recorded, camera, static_cast<size_t>(options.frames));
+        }
+        lengths[i] = frames.size();
+        for (size_t k = 0; k < frames.size(); k++) {
+          if (options.from != "views") {
+            const auto samples = lf::find_colour_checker(frames[k], static_cast<lf::CameraIndex>(i),
+                                                         static_cast<uint32_t>(k * lf::checker::kPatches));
+            charts[i] += !samples.empty();
+            found[i].insert(found[i].end(), samples.begin(), samples.end());
+          }
+          if (k < kViewFrames) out.views[k][i] = std::move(frames[k]);
+        }
+        const std::lock_guard lock(mutex);
+        progress.step();
+      } catch (...) {
+        const std::lock_guard lock(mutex);
+        if (!error) error = std::current_exception();
+        next = n;
+      }
+  };
+  std::vector<std::thread> pool;
+  for (unsigned i = 1; i < std::max(1u, std::thread::hardware_concurrency()); i++) pool.emplace_back(work);
+  work();
+  for (std::thread& thread : pool) thread.join();
+  if (error) std::rethrow_exception(error);
+  progress.finish();
+  for (size_t i = 0; i < n; i++) {
+    out.chart.all.insert(out.chart.all.end(), found[i].begin(), found[i].end());
+    out.charts += charts[i];
+    out.chart.patches = std::max(out.chart.patches, static_cast<uint32_t>(lengths[i] * lf::checker::kPatches));
+    if (lengths[i] == 0) out.without.push_back(std::to_string(rig.cameras[i].id));
+  }
+  if (out.without.size() == n)
+    throw lf::Error((options.recording.empty() ? options.rig : options.recording) +
+                    ": no camera has a picture: give --recording the rig file of a recording, whose cameras have a "
+                    "source or an image");
+  return out;
+}
+
+// Of places that the cameras have in common in the first frames.
+lf::ColourSamples compare_views(const lf::Rig& rig, const Recording& recording) {
+  lf::ColourSamples all;
+  all.cameras = rig.cameras.size();
+  for (const std::vector<lf::Image>& frame : recording.views) {
+    if (std::ranges::all_of(frame, [](const lf::Image& image) { return image.width() == 0; })) continue;
+    lf::ColourSamples samples = lf::sample_views(rig, frame);
+    for (lf::ColourSample& sample : samples.all) {
+      sample.patch += all.patches;
+      all.all.push_back(sample);
+    }
+    all.patches += samples.patches;
+  }
+  return all;
+}
+
+ordered_json to_json(const lf::ColourDifferences& d) {
+  return {{"median", d.median}, {"p95", d.p95}, {"rms", d.rms}, {"pairs", d.pairs}};
+}
+
+const char* severity_of(const lf::Finding& finding) {
+  using Severity = lf::Finding::Severity;
+  return finding.severity == Severity::kError ? "error" : finding.severity == Severity::kWarning ? "warning" : "note";
+}
+
+ordered_json report(const lf::Rig& rig, const lf::ColourSolution& solution, const std::string& from) {
+  ordered_json trials = ordered_json::array(), cameras = ordered_json::array(), findings = ordered_json::array();
+  for (const auto& trial : solution.trials)
+    trials.push_back({{"terms", trial.terms.name()}, {"held_out", to_json(trial.held_out)}});
+  for (size_t i = 0; i < rig.cameras.size(); i++) {
+    const lf::ColourSolution::Camera& camera = solution.cameras[i];
+    cameras.push_back({{"id", rig.cameras[i].id},
+                       {"corrected", solution.models[i].has_value()},
+                       {"samples", camera.samples},
+                       {"clipped", camera.clipped},
+                       {"gain", camera.gain},
+                       {"rms", camera.rms},
+                       {"stuck", camera.is_stuck}});
+  }
+  for (const lf::Finding& finding : solution.findings)
+    findings.push_back({{"severity", severity_of(finding)}, {"code", finding.code}, {"text", finding.text}});
+  return {{"format", "lightfield-colour-report"},
+          {"version", 1},
+          {"from", from},
+          {"terms", solution.terms.name()},
+          {"before", to_json(solution.before)},
+          {"after", to_json(solution.after)},
+          {"trials", trials},
+          {"findings", findings},
+          {"cameras", cameras}};
+}
+
+void print(const lf::Rig& rig, const lf::ColourSolution& solution, const std::string& from) {
+  std::printf("%-62s %8s %8s\n", ("held-out differences of cameras, of 255 (" + from + ")").c_str(), "median", "95 %");
+  std::printf("%-62s %8.2f %8.2f\n", "as they are", solution.before.median, solution.before.p95);
+  for (const auto& trial : solution.trials)
+    std::printf("%-62s %8.2f %8.2f%s\n", trial.terms.name().c_str(), trial.held_out.median, trial.held_out.p95,
+                trial.terms == solution.terms ? "  <- chosen" : "");
+  for (const lf::Finding& finding : solution.findings)
+    std::printf("%s: %s\n", severity_of(finding), finding.text.c_str());
+  std::printf("%zu of %zu cameras corrected\n",
+              static_cast<size_t>(std::ranges::count_if(solution.models, [](const auto& m) { return m.has_value(); })),
+              rig.cameras.size());
+}
+
+void measure(const Options& options) {
+  // It warns of what does not matter: how long a recording is.
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_ERROR);
+  nlohmann::json original = lf::parse_json(lf::read_text_file(options.rig), options.rig);
+  lf::Rig rig = lf::load_rig(options.rig);
+  const lf::Rig recorded = options.recording.empty() ? rig : lf::load_rig(options.recording);
+  const Recording recording = read(rig, recorded, options);
+  for (const std::string& id : recording.without)
+    std::printf("warning: camera %s: the recording has no picture of it\n", id.c_str());
+  if (options.from == "chart" && recording.charts == 0)
+    throw lf::Error(
+        "no chart is found in any picture: show the cameras one of 24 colours (ColorChecker), a third of the "
+        "picture wide or more, in even light without shine, at a dozen places; or compare their views: --from views");
+  // A few charts that were seen by chance are no recording of one.
+  const bool from_chart = options.from == "chart" || (options.from == "auto" && recording.charts >= rig.cameras.size());
+  lf::ColourSolveOptions how;
+  how.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
+  if (!from_chart) how.progress("comparing views");
+  const std::string from = from_chart ? std::to_string(recording.charts) + " charts" : "overlapping views";
+  const lf::ColourSolution solution =
+      lf::solve_colours(rig, from_chart ? recording.chart : compare_views(rig, recording), how);
+  print(rig, solution, from);
+  for (size_t i = 0; i < rig.cameras.size(); i++) rig.cameras[i].colour = solution.models[i];
+  lf::relocate(rig, fs::path(options.out).parent_path().string());
+  lf::save_rig(rig, options.out, &original);
+  if (!options.json.empty()) lf::write_text_file(report(rig, solution, from).dump(1) + "\n", options.json);
+}
+
+}  // namespace
+
+void add_colour_command(cli::App& app) {
+  const auto o = std::make_shared<Options>();
+  cli::App* command = app.add_subcommand(
+      "colour", "Black level, gain, colour matrix, gamma and vignetting of all cameras, so that they agree");
+  command->add_option("RIG", o->rig, "Rig file")->required()->type_name("RIG");
+  command
+      ->add_option("--recording", o->recording,
+                   "Rig file with the cameras' recordings of a colour chart, or stills, as source or image (default: "
+                   "those of RIG)")
+      ->type_name("RIG");
+  command
+      ->add_option("--from", o->from,
+                   "What is compared: a chart of 24 colours, views of the scene through the "
+                   "calibrated geometry, or the chart where there is one")
+      ->capture_default_str()
+      ->check(cli::IsMember({"auto", "chart", "views"}));
+  command->add_option("--frames", o->frames, "Of each recording, from its beginning on, at most")
+      ->capture_default_str()
+      ->check(cli::Range(1, 10000));
+  command->add_option("--out", o->out, "Rig file to write; may be RIG")->required()->type_name("RIG");
+  command->add_option("--json", o->json, "Report to write")->type_name("FILE");
+  command->callback([o] { measure(*o); });
+}

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "grey_video.h"
+
+#include <gst/app/gstappsink.h>
+#include <gst/video/video.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "base/error.h"
+
+namespace {
+
+using Element = std::unique_ptr<GstElement, decltype(&gst_object_unref)>;
+
+// What went wrong, of the pipeline's own messages.
+std::string reason_of(GstElement* pipeline) {
+  std::string reason = "no video could be had from it";
+  GstBus* bus = gst_element_get_bus(pipeline);
+  if (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR)) {
+    GError* error = nullptr;
+    gst_message_parse_error(message, &error, nullptr);
+    reason = error->message;
+    g_error_free(error);
+    gst_message_unref(message);
+  }
+  gst_object_unref(bus);
+  return reason;
+}
+
+// jpegdec is quick by default, at the cost of errors that show in places of a hundredth of a pixel.
+void decode_exactly(GstBin*, GstBin*, GstElement* element, gpointer) {
+  if (g_object_class_find_property(G_OBJECT_GET_CLASS(element), "idct-method"))
+    gst_util_set_object_arg(G_OBJECT(element), "idct-method", "islow");
+}
+
+class Pipeline {
+ public:
+  // Formats whose first plane is brightness, as it was stored: its range is not stretched.
+  explicit Pipeline(const std::string& place) : place_(place) {
+    GError* error = nullptr;
+    gchar* uri =
+        gst_uri_is_valid(place.c_str()) ? g_strdup(place.c_str()) : gst_filename_to_uri(place.c_str(), nullptr);
+    GstElement* made = gst_parse_launch(
+        "uridecodebin name=source ! videoconvert ! video/x-raw,format=GRAY8 ! appsink name=sink sync=false "
+        "max-buffers=4",
+        &error);
+    if (error || !uri) {
+      const std::string reason = error ? error->message : "is no path";
+      g_clear_error(&error);
+      g_free(uri);
+      if (made) gst_object_unref(made);
+      throw lf::Error(place + ": " + reason);
+    }
+    pipeline_.reset(made);
+    const Element source(gst_bin_get_by_name(GST_BIN(made), "source"), gst_object_unref);
+    g_object_set(source.get(), "uri", uri, nullptr);
+    g_signal_connect(source.get(), "deep-element-added", G_CALLBACK(decode_exactly), nullptr);
+    g_free(uri);
+    sink_.reset(gst_bin_get_by_name(GST_BIN(made), "sink"));
+    if (gst_element_set_state(made, GST_STATE_PLAYING) == GST_STATE_CHANGE_FAILURE)
+      throw lf::Error(place + ": " + reason_of(made));
+  }
+  ~Pipeline() {
+    if (pipeline_) gst_element_set_state(pipeline_.get(), GST_STATE_NULL);
+  }
+
+  // False at the end. An error ends a stream, too: what came before it is good.
+  bool next(const std::function<bool(const GreyPicture&)>& use) {
+    GstSample* sample = nullptr;
+    while (!sample) {
+      sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink_.get()), 100 * GST_MSECOND);
+      if (sample) break;
+      if (gst_app_sink_is_eos(GST_APP_SINK(sink_.get()))) return ended();
+      GstBus* bus = gst_element_get_bus(pipeline_.get());
+      GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR);
+      if (message) gst_bus_post(bus, message);  // for reason_of()
+      gst_object_unref(bus);
+      if (message) return ended();
+    }
+    const std::unique_ptr<GstSample, decltype(&gst_sample_unref)> owner(sample, gst_sample_unref);
+    GstVideoInfo info;
+    GstVideoFrame frame;
+    GstBuffer* buffer = gst_sample_get_buffer(sample);
+    if (!gst_video_info_from_caps(&info, gst_sample_get_caps(sample)) ||
+        !gst_video_frame_map(&frame, &info, buffer, GST_MAP_READ))
+      throw lf::Error(place_ + ": a picture can't be read");
+    const GstClockTime time =
+        gst_segment_to_stream_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
+    bool more = true;
+    if (GST_CLOCK_TIME_IS_VALID(time)) {
+      gint64 length = 0;
+      if (!gst_element_query_duration(pipeline_.get(), GST_FORMAT_TIME, &length)) length = 0;
+      any_ = true;
+      more =
+          use({static_cast<const uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&frame, 0)),
+               GST_VIDEO_FRAME_PLANE_STRIDE(&frame, 0), info.width, info.height, static_cast<double>(time) / GST_SECOND,
+               length > 0 ? std::min(1.0, static_cast<double>(time) / static_cast<double>(length)) : 0});
+    }
+    gst_video_frame_unmap(&frame);
+    return more;
+  }
+
+ private:
+  bool ended() {
+    if (!any_) throw lf::Error(place_ + ": " + reason_of(pipeline_.get()));
+    return false;
+  }
+
+  const std::string place_;
+  Element pipeline_{nullptr, gst_object_unref}, sink_{nullptr, gst_object_unref};
+  bool any_ = false;
+};
+
+}  // namespace
+
+void for_each_picture(const std::string& path_or_uri, const std::function<bool(const GreyPicture&)>& use) {
+  Pipeline pipeline(path_or_uri);
+  while (pipeline.next(use)) {
+  }
+}

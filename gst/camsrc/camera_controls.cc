@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "camsrc/camera_controls.h"
+
+#include <gst/video/colorbalance.h>
+
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <vector>
+
+#include "camsrc/v4l2_controls.h"
+
+namespace lf {
+namespace {
+
+// Properties by which elements take a control, and the switch that leaves it to the camera.
+struct Properties {
+  const char* name;
+  const char* value;
+  double unit;  // of the property in one of ours
+  const char* automatic;
+  const char *on, *off;
+};
+
+constexpr Properties kProperties[] = {
+    {"exposure", "exposure", 1e6, "exposure-auto", "continuous", "off"},  // aravissrc
+    {"gain", "gain", 1, "gain-auto", "continuous", "off"},
+    {"exposure", "exposure-time", 1e6, "exposure-time-mode", "auto", "manual"},  // libcamerasrc
+    {"exposure", "exposure-time", 1e6, "ae-enable", "true", "false"},
+    {"gain", "analogue-gain", 1, "analogue-gain-mode", "auto", "manual"},
+    {"gain", "analogue-gain", 1, "ae-enable", "true", "false"},
+    {"white_balance", "colour-temperature", 1, "awb-enable", "true", "false"},
+    {"focus", "lens-position", 1, "af-mode", "continuous", "manual"},
+};
+
+constexpr const char* kKnownNames[] = {"exposure", "gain", "white_balance", "focus", "mains_frequency"};
+
+struct State {
+  bool known = false, automatic = false;
+  std::optional<double> value;
+};
+
+GParamSpec* find_property(GstElement* element, const char* name) {
+  GParamSpec* spec = g_object_class_find_property(G_OBJECT_GET_CLASS(element), name);
+  return spec && (spec->flags & G_PARAM_READWRITE) == G_PARAM_READWRITE ? spec : nullptr;
+}
+
+std::optional<double> get_number(GstElement* element, const char* name) {
+  GValue value = G_VALUE_INIT, number = G_VALUE_INIT;
+  g_object_get_property(G_OBJECT(element), name, &value);
+  g_value_init(&number, G_TYPE_DOUBLE);
+  std::optional<double> result;
+  if (g_value_transform(&value, &number)) result = g_value_get_double(&number);
+  g_value_unset(&value);
+  g_value_unset(&number);
+  return result;
+}
+
+void set_number(GstElement* element, GParamSpec* spec, double number) {
+  GValue from = G_VALUE_INIT, to = G_VALUE_INIT;
+  const bool whole = !G_IS_PARAM_SPEC_DOUBLE(spec) && !G_IS_PARAM_SPEC_FLOAT(spec);
+  g_value_init(&from, whole ? G_TYPE_INT64 : G_TYPE_DOUBLE);
+  if (whole)
+    g_value_set_int64(&from, std::llround(number));
+  else
+    g_value_set_double(&from, number);
+  g_value_init(&to, spec->value_type);
+  if (g_value_transform(&from, &to)) {
+    g_param_value_validate(spec, &to);
+    g_object_set_property(G_OBJECT(element), spec->name, &to);
+  }
+  g_value_unset(&from);
+  g_value_unset(&to);
+}
+
+// As gst_util_set_object_arg() takes it.
+std::string get_text(GstElement* element, const char* name) {
+  GValue value = G_VALUE_INIT;
+  g_object_get_property(G_OBJECT(element), name, &value);
+  g_autofree gchar* text = gst_value_serialize(&value);
+  g_value_unset(&value);
+  return text ? text : "";
+}
+
+const Properties* find_properties(GstElement* element, const std::string& name) {
+  for (const Properties& p : kProperties)
+    if (name == p.name && find_property(element, p.value) && find_property(element, p.automatic)) return &p;
+  return nullptr;
+}
+
+// Calls `use` for the channel with this label, whatever its case; false without one.
+bool with_channel(GstElement* element, const std::string& name,
+                  const std::function<void(GstColorBalance*, GstColorBalanceChannel*)>& use) {
+  if (!GST_IS_COLOR_BALANCE(element)) return false;
+  GstColorBalance* balance = GST_COLOR_BALANCE(element);
+  for (const GList* item = gst_color_balance_list_channels(balance); item; item = item->next) {
+    auto* channel = static_cast<GstColorBalanceChannel*>(item->data);
+    if (g_ascii_strcasecmp(channel->label, name.c_str()) != 0) continue;
+    use(balance, channel);
+    return true;
+  }
+  return false;
+}
+
+// An element's control, if it is one, by its properties. False without.
+bool apply_by_property(GstElement* element, const std::string& name, std::optional<double> value) {
+  if (const Properties* p = find_properties(element, name)) {
+    gst_util_set_object_arg(G_OBJECT(element), p->automatic, value ? p->off : p->on);
+    if (value) set_number(element, find_property(element, p->value), *value * p->unit);
+    return true;
+  }
+  GParamSpec* spec = find_property(element, name.c_str());
+  if (!spec || !value || !g_value_type_transformable(G_TYPE_DOUBLE, spec->value_type)) return false;
+  set_number(element, spec, *value);
+  return true;
+}
+
+void apply(GstElement* element, const Controls& controls) {
+  if (GParamSpec* extra = find_property(element, "extra-controls"); extra && extra->value_type == GST_TYPE_STRUCTURE) {
+    GstStructure* all = v4l2_extra_controls(controls);
+    GstStructure* described = nullptr;  // by the rig's own line of elements
+    g_object_get(element, "extra-controls", &described, nullptr);
+    if (described) {
+      gst_structure_foreach(
+          described,
+          [](GQuark field, const GValue* value, gpointer to) -> gboolean {
+            if (!gst_structure_has_field(static_cast<GstStructure*>(to), g_quark_to_string(field)))
+              gst_structure_id_set_value(static_cast<GstStructure*>(to), field, value);
+            return TRUE;
+          },
+          all);
+      gst_structure_free(described);
+    }
+    g_object_set(element, "extra-controls", all, nullptr);
+    gst_structure_free(all);
+    return;
+  }
+  for (const auto& [name, value] : controls) {
+    if (apply_by_property(element, name, value) || !value) continue;
+    with_channel(element, name, [&, number = *value](GstColorBalance* balance, GstColorBalanceChannel* channel) {
+      gst_color_balance_set_value(balance, channel, static_cast<gint>(std::lround(number)));
+    });
+  }
+}
+
+State read(GstElement* element, const std::string& name) {
+  if (find_property(element, "extra-controls")) {
+    GParamSpec* handle = g_object_class_find_property(G_OBJECT_GET_CLASS(element), "device-fd");
+    const auto number = handle ? get_number(element, "device-fd") : std::nullopt;
+    if (!number || *number < 0) return {};
+    const auto control = read_v4l2_control(name, v4l2_reader(static_cast<int>(*number)));
+    if (control) return {true, control->automatic, control->value};
+  } else if (const Properties* p = find_properties(element, name)) {
+    const auto value = get_number(element, p->value);
+    return {true, get_text(element, p->automatic) != p->off,
+            value ? std::optional<double>(*value / p->unit) : std::nullopt};
+  } else if (GParamSpec* spec = find_property(element, name.c_str());
+             spec && g_value_type_transformable(spec->value_type, G_TYPE_DOUBLE)) {
+    return {true, false, get_number(element, name.c_str())};
+  }
+  State state;
+  with_channel(element, name, [&](GstColorBalance* balance, GstColorBalanceChannel* channel) {
+    state = {true, false, gst_color_balance_get_value(balance, channel)};
+  });
+  return state;
+}
+
+// The element and, of a bin, all inside.
+std::vector<GstElement*> elements_of(GstElement* source) {
+  std::vector<GstElement*> all;
+  if (!GST_IS_BIN(source)) return {GST_ELEMENT(gst_object_ref(source))};
+  GstIterator* children = gst_bin_iterate_recurse(GST_BIN(source));
+  const auto take = [](const GValue* value, gpointer to) {
+    static_cast<std::vector<GstElement*>*>(to)->push_back(GST_ELEMENT(g_value_dup_object(value)));
+  };
+  while (gst_iterator_foreach(children, take, &all) == GST_ITERATOR_RESYNC) {
+    for (GstElement* element : all) gst_object_unref(element);
+    all.clear();
+    gst_iterator_resync(children);
+  }
+  gst_iterator_free(children);
+  return all;
+}
+
+State read_any(const std::vector<GstElement*>& elements, const std::string& name) {
+  for (GstElement* element : elements)
+    if (const State state = read(element, name); state.known) return state;
+  return {};
+}
+
+template <typename Put>
+GstStructure* read_all(GstElement* source, const Controls& wanted, Put put) {
+  GstStructure* result = gst_structure_new_empty("controls");
+  const std::vector<GstElement*> elements = elements_of(source);
+  for (const char* name : kKnownNames)
+    if (const State state = read_any(elements, name); state.known) put(result, name, state);
+  for (const auto& [name, value] : wanted)
+    if (!gst_structure_has_field(result, name.c_str())) put(result, name.c_str(), read_any(elements, name));
+  for (GstElement* element : elements) gst_object_unref(element);
+  return result;
+}
+
+}  // namespace
+
+void apply_controls(GstElement* source, const Controls& controls) {
+  if (controls.empty()) return;
+  for (GstElement* element : elements_of(source)) {
+    apply(element, controls);
+    gst_object_unref(element);
+  }
+}
+
+GstStructure* read_controls(GstElement* source, const Controls& wanted) {
+  return read_all(source, wanted, [](GstStructure* to, const char* name, const State& state) {
+    if (state.automatic)
+      gst_structure_set(to, name, G_TYPE_STRING, "auto", nullptr);
+    else if (state.value)
+      gst_structure_set(to, name, G_TYPE_DOUBLE, *state.value, nullptr);
+    else
+      gst_structure_set(to, name, G_TYPE_BOOLEAN, FALSE, nullptr);
+  });
+}
+
+GstStructure* read_control_values(GstElement* source, const Controls& wanted) {
+  return read_all(source, wanted, [](GstStructure* to, const char* name, const State& state) {
+    if (state.value) gst_structure_set(to, name, G_TYPE_DOUBLE, *state.value, nullptr);
+  });
+}
+
+}  // namespace lf

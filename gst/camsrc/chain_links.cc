@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "camsrc/chain_links.h"
+
+#include "camsrc/camera_chain.h"
+#include "common/common.h"
+
+namespace lf {
+
+GstElement* add(GstBin* bin, const char* factory, const char* name) {
+  GstElement* element = gst_element_factory_make(factory, name);
+  if (!element) throw MissingElement(factory);
+  gst_bin_add(bin, element);
+  return element;
+}
+
+GstPad* borrow_pad(GstElement* element, const char* name) {
+  GstPad* pad = gst_element_get_static_pad(element, name);
+  gst_object_unref(pad);
+  return pad;
+}
+
+GstElement* append(GstElement* tail, GstElement* next) {
+  if (tail) gst_element_link_pads_full(tail, "src", next, "sink", GST_PAD_LINK_CHECK_NOTHING);
+  return next;
+}
+
+GstElement* add_decoder(GstBin* bin, CameraSource::Codec codec) {
+  if (codec == CameraSource::Codec::kPng) return add(bin, "pngdec");
+  GstElement* decoder = add(bin, "jpegdec");
+  gst_util_set_object_arg(G_OBJECT(decoder), "idct-method", "islow");  // the default's errors cost PSNR, not time
+  g_object_set(decoder, "qos", FALSE, nullptr);                        // no frame is skipped for being late
+  return decoder;
+}
+
+namespace {
+
+// Links a pad that has just appeared with the sink pad of `next`, if that is still free. Unchecked, so that a picture
+// of the wrong size comes as far as to be named.
+void link_new_pad(GstPad* pad, GstElement* next) {
+  GstPad* sink = borrow_pad(next, "sink");
+  if (!gst_pad_is_linked(sink)) gst_pad_link_full(pad, sink, GST_PAD_LINK_CHECK_NOTHING);
+}
+
+bool is_media(GstPad* pad, const char* prefix) {
+  GstCaps* caps = gst_pad_query_caps(pad, nullptr);
+  const bool yes = !gst_caps_is_empty(caps) && !gst_caps_is_any(caps) &&
+                   g_str_has_prefix(gst_structure_get_name(gst_caps_get_structure(caps, 0)), prefix);
+  gst_caps_unref(caps);
+  return yes;
+}
+
+}  // namespace
+
+bool may_bypass(GstElement* head) { return g_strcmp0(GST_OBJECT_NAME(head), kBeforeConvert) == 0; }
+
+void bypass(GstElement* before) {
+  GstObject* bin = gst_element_get_parent(before);
+  if (!bin) return;  // being taken apart
+  GstElement* after = gst_bin_get_by_name(GST_BIN(bin), kAfterConvert);
+  GstPad* src = borrow_pad(before, "src");
+  GstPad* sink = borrow_pad(after, "sink");
+  for (GstPad* pad : {src, sink}) {
+    GstPad* peer = gst_pad_get_peer(pad);
+    if (!peer) continue;
+    if (pad == src)
+      gst_pad_unlink(pad, peer);
+    else
+      gst_pad_unlink(peer, pad);
+    gst_object_unref(peer);
+  }
+  gst_pad_link_full(src, sink, GST_PAD_LINK_CHECK_NOTHING);
+  gst_object_unref(after);
+  gst_object_unref(bin);
+}
+
+void on_decoded_pad(GstElement* /*decoder*/, GstPad* pad, gpointer head) {
+  GstPad* sink = borrow_pad(GST_ELEMENT(head), "sink");
+  const bool jpeg = may_bypass(GST_ELEMENT(head)) && is_media(pad, "image/jpeg") && !gst_pad_is_linked(sink);
+  if (jpeg) bypass(GST_ELEMENT(head));
+  if (jpeg || is_media(pad, "video/x-raw")) link_new_pad(pad, GST_ELEMENT(head));
+}
+
+void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer head) {
+  if (may_bypass(GST_ELEMENT(head)) && is_media(pad, "image/jpeg")) return on_decoded_pad(demuxer, pad, head);
+  GstPad* sink = borrow_pad(GST_ELEMENT(head), "sink");
+  if (gst_pad_is_linked(sink) || !(is_media(pad, "video/") || is_media(pad, "image/"))) return;
+  if (is_media(pad, "video/x-raw")) return link_new_pad(pad, GST_ELEMENT(head));
+
+  GstObject* bin = gst_element_get_parent(demuxer);
+  if (!bin) return;  // being taken apart
+  GstElement* decoder = nullptr;
+  try {
+    if (is_media(pad, "image/jpeg")) {
+      decoder = add_decoder(GST_BIN(bin), CameraSource::Codec::kJpeg);
+      append(decoder, GST_ELEMENT(head));
+    } else {
+      decoder = add(GST_BIN(bin), "decodebin");
+      g_signal_connect(decoder, "pad-added", G_CALLBACK(lf::callback<on_decoded_pad>), head);
+    }
+    gst_element_sync_state_with_parent(decoder);
+    link_new_pad(pad, decoder);
+  } catch (const MissingElement& missing) {
+    GST_ELEMENT_ERROR(demuxer, CORE, MISSING_PLUGIN, ("element %s is not installed", missing.what()), (nullptr));
+  }
+  gst_object_unref(bin);
+}
+
+void on_no_more_pads(GstElement* element, gpointer /*unused*/) {
+  bool linked = false;
+  GST_OBJECT_LOCK(element);
+  for (GList* pad = element->srcpads; pad; pad = pad->next) linked |= GST_PAD_IS_LINKED(GST_PAD(pad->data));
+  GST_OBJECT_UNLOCK(element);
+  if (!linked) GST_ELEMENT_ERROR(element, STREAM, WRONG_TYPE, ("no video in it"), (nullptr));
+}
+
+}  // namespace lf

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include "camsrc/camera_source.h"
+
+// What the elements of a camera's chain are linked by, those whose pads appear by and by among them.
+namespace lf {
+
+// Throws MissingElement.
+GstElement* add(GstBin* bin, const char* factory, const char* name = nullptr);
+GstElement* add_decoder(GstBin* bin, CameraSource::Codec codec);  // of pictures
+// The pad without the reference: it stays as long as its element.
+GstPad* borrow_pad(GstElement* element, const char* name);
+// Appends `next` to the chain that ends in `tail`. The elements of a chain fit by construction, so nothing is checked.
+GstElement* append(GstElement* tail, GstElement* next);
+
+// The identities around what makes raw video, where JPEG goes past it: named so, because pads that appear later find
+// nothing but the first of them.
+inline constexpr const char* kBeforeConvert = "before-convert";
+inline constexpr const char* kAfterConvert = "after-convert";
+bool may_bypass(GstElement* head);
+// Links the first identity with the last: the video is JPEG and stays it. Before data flows.
+void bypass(GstElement* before);
+
+// Handlers of signals: link the first video with `head`, the sink of the chain. Of a decoder;
+void on_decoded_pad(GstElement* decoder, GstPad* pad, gpointer head);
+// of a Matroska file: MJPEG goes through jpegdec on the demuxer's own thread, or stays as it is; what else there is
+// goes through decodebin, which brings queues and threads.
+void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer head);
+// Posts an error if there was no video.
+void on_no_more_pads(GstElement* element, gpointer unused);
+
+}  // namespace lf

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "fragment/lffragment.h"
+#include "fragment/raw_picture.h"
+#include "node/arrival_watch.h"
+#include "node/camera_frames.h"
+#include "node/node.h"
+
+namespace lf {
+
+// What comes to one camera pad of lffragment: which camera it is of, and its frames on their way into the node. Posts
+// errors of its element. The pad's streaming thread, but for what says any.
+class CameraInput {
+ public:
+  // `element`: whose pad that is. Both outlive this.
+  CameraInput(LfFragment* element, LfFragmentPad* pad, Node& node) : element_(element), pad_(pad), node_(node) {}
+
+  // Any thread.
+  const std::shared_ptr<CameraFrames>& frames() const { return frames_; }
+  bool is_live() const { return live_; }
+  // How old a capture has to be for its frame to be there at clock time `now`; 0: not known.
+  uint64_t needed_delay(uint64_t now) const { return arrivals_.needed(frames_->period(), now); }
+  // The rig's camera that this is; null: not known yet.
+  std::shared_ptr<const Camera> camera() const;
+
+  // Finds out which camera this is: as the pad's property says, else the stream, else the pad's number. Posts an error
+  // and returns false if there is none such or another pad has it.
+  bool assign();
+  // The stream says which camera it is of: its index in the rig.
+  void name(CameraIndex camera);
+  // Frames are ready before their time.
+  void note_paced() { frames_->note_arrival(static_cast<int64_t>(latency_)); }
+  bool set_caps(GstCaps* caps);
+  // `latency`: nothing where it does not come in real time.
+  void start_stream(std::optional<GstClockTime> latency);
+  // Takes a buffer, which was captured at the time that its stamps in `segment` say (null: none came).
+  GstFlowReturn take(GstBuffer* buffer, const GstSegment* segment);
+  // Forgets frames, format and camera. While the streaming thread is out.
+  void reset();
+
+ private:
+  struct Format {
+    bool jpeg = false;  // frames are kept as they come
+    GstVideoInfo info{};
+  };
+  void take_format(const Format& format);
+  bool check_size(int width, int height);
+  uint64_t capture_time(GstBuffer* buffer, const GstSegment* segment) const;
+  void note_arrival(uint64_t captured);
+  GstBuffer* spare_pool(GstBuffer* buffer) const;
+  GstFlowReturn take_raw(GstBuffer* buffer, uint64_t time);
+  GstFlowReturn take_jpeg(GstBuffer* buffer, uint64_t time);
+
+  LfFragment* const element_;
+  LfFragmentPad* const pad_;
+  Node& node_;
+  const std::shared_ptr<CameraFrames> frames_ = std::make_shared<CameraFrames>();
+  std::atomic<int64_t> id_ = -1;      // of the camera, once it is known
+  std::optional<guint> from_stream_;  // the id that the stream says
+  std::atomic<bool> live_ = false;    // known from the segment on
+  ArrivalWatch arrivals_;             // while live
+  GstClockTime latency_ = 0;          // the same
+  std::optional<Format> next_;        // from the caps, until the next frame
+  std::optional<Format> format_;
+  std::unique_ptr<FrameConverter> converter_;
+  std::optional<std::pair<int, int>> jpeg_size_;
+  bool warned_damaged_ = false;  // a person has been told
+};
+
+}  // namespace lf

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "fragment/live_answers.h"
+
+#include "common/guard.h"
+
+namespace lf {
+
+GstFlowReturn LiveAnswers::add(GstPad* src, uint32_t view_id, uint64_t work, Answer answer, bool* dropped) {
+  const auto make = [this, src, view_id, answer = std::move(answer)](const ParallelFor& parallel) {
+    flow_ = guarded_buffer(src, [&] { return answer(views_.of(view_id), parallel); });
+  };
+  if (!fair_.add(view_id, work, make, dropped)) return GST_FLOW_FLUSHING;
+  return flow_;
+}
+
+void LiveAnswers::work(GstPad* src) {
+  if (!fair_.work()) gst_pad_pause_task(src);
+}
+
+void LiveAnswers::start() {
+  flow_ = GST_FLOW_OK;
+  fair_.start();
+}
+
+bool LiveAnswers::stop(GstPad* src) {
+  fair_.stop();
+  const bool stopped = gst_pad_stop_task(src);
+  views_.clear();
+  return stopped;
+}
+
+void LiveAnswers::end_flush() {
+  views_.clear();
+  flow_ = GST_FLOW_OK;
+}
+
+}  // namespace lf

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "fragment/raw_picture.h"
+
+#include <cstring>
+
+namespace lf {
+namespace {
+
+std::shared_ptr<GstBuffer> share(GstBuffer* buffer) { return {buffer, gst_buffer_unref}; }
+
+bool is_system_i420(const GstVideoInfo& info) {
+  // Unknown siting of full-range BT.601 is JPEG's.
+  const bool centred =
+      info.chroma_site == GST_VIDEO_CHROMA_SITE_NONE || info.chroma_site == GST_VIDEO_CHROMA_SITE_UNKNOWN;
+  return GST_VIDEO_INFO_FORMAT(&info) == GST_VIDEO_FORMAT_I420 &&
+         info.colorimetry.range == GST_VIDEO_COLOR_RANGE_0_255 &&
+         info.colorimetry.matrix == GST_VIDEO_COLOR_MATRIX_BT601 && centred;
+}
+
+}  // namespace
+
+FrameConverter::FrameConverter(const GstVideoInfo& input, PixelFamily family) : input_(input), family_(family) {
+  if (family == PixelFamily::kRgb ? family_of(input) == family : is_system_i420(input)) return;
+  if (family == PixelFamily::kI420 && family_of(input) == PixelFamily::kI420) {
+    if (GST_VIDEO_INFO_FORMAT(&input) != GST_VIDEO_FORMAT_I420) add_planar_step(input);
+    const GstVideoInfo planar = steps_.empty() ? input : steps_.back().to;
+    if (is_system_i420(planar)) return;
+    // From I420 to I420 GstVideoConverter 1.22 copies and leaves range and siting as they are: go through RGB.
+    add_step(planar, GST_VIDEO_FORMAT_RGB);
+    add_step(steps_.back().to, GST_VIDEO_FORMAT_I420);
+  } else {
+    add_step(input, family == PixelFamily::kRgb ? GST_VIDEO_FORMAT_RGB : GST_VIDEO_FORMAT_I420);
+  }
+}
+
+void FrameConverter::add_step(const GstVideoInfo& from, GstVideoFormat format) {
+  GstVideoInfo to;
+  gst_video_info_set_format(&to, format, static_cast<guint>(from.width), static_cast<guint>(from.height));
+  to.fps_n = from.fps_n;
+  to.fps_d = from.fps_d;
+  set_system_colorimetry(to);
+  GstVideoInfo in = from, out = to;
+  steps_.push_back({from, to, {gst_video_converter_new(&in, &out, nullptr), gst_video_converter_free}});
+}
+
+// GstVideoConverter would sample chroma anew.
+void FrameConverter::add_planar_step(const GstVideoInfo& from) {
+  GstVideoInfo to;
+  gst_video_info_set_format(&to, GST_VIDEO_FORMAT_I420, static_cast<guint>(from.width),
+                            static_cast<guint>(from.height));
+  to.fps_n = from.fps_n;
+  to.fps_d = from.fps_d;
+  to.colorimetry = from.colorimetry;
+  to.chroma_site = from.chroma_site;
+  if (GST_VIDEO_INFO_FORMAT(&from) == GST_VIDEO_FORMAT_GRAY8) {  // has no chroma for these to matter
+    const GstVideoColorRange range = from.colorimetry.range;
+    set_system_colorimetry(to);
+    if (range == GST_VIDEO_COLOR_RANGE_16_235) to.colorimetry.range = range;
+  }
+  steps_.push_back({from, to, {nullptr, gst_video_converter_free}});
+}
+
+static void copy_rows(const uint8_t* from, gint from_stride, uint8_t* to, gint to_stride, int width, int height) {
+  for (int y = 0; y < height; y++) std::memcpy(to + y * to_stride, from + y * from_stride, static_cast<size_t>(width));
+}
+
+// NV12 or GRAY8 as I420.
+static void lay_out_planar(const GstVideoFrame& in, GstVideoFrame& out) {
+  const auto plane = [](const GstVideoFrame& frame, guint i) {
+    return static_cast<uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&frame, i));
+  };
+  const auto stride = [](const GstVideoFrame& frame, guint i) { return GST_VIDEO_FRAME_PLANE_STRIDE(&frame, i); };
+  copy_rows(plane(in, 0), stride(in, 0), plane(out, 0), stride(out, 0), in.info.width, in.info.height);
+  const int width = GST_VIDEO_FRAME_COMP_WIDTH(&out, 1), height = GST_VIDEO_FRAME_COMP_HEIGHT(&out, 1);
+  const bool grey = GST_VIDEO_FRAME_FORMAT(&in) == GST_VIDEO_FORMAT_GRAY8;
+  for (int y = 0; y < height; y++) {
+    uint8_t* u = plane(out, 1) + y * stride(out, 1);
+    uint8_t* v = plane(out, 2) + y * stride(out, 2);
+    if (grey) {
+      std::memset(u, 128, static_cast<size_t>(width));
+      std::memset(v, 128, static_cast<size_t>(width));
+      continue;
+    }
+    const uint8_t* uv = plane(in, 1) + y * stride(in, 1);
+    for (int x = 0; x < width; x++) {
+      u[x] = uv[2 * x];
+      v[x] = uv[2 * x + 1];
+    }
+  }
+}
+
+std::shared_ptr<GstBuffer> FrameConverter::run(const Step& step, GstBuffer* buffer) {
+  std::shared_ptr<GstBuffer> result = share(gst_buffer_new_allocate(nullptr, step.to.size, nullptr));
+  GstVideoFrame in, out;
+  if (!gst_video_frame_map(&in, const_cast<GstVideoInfo*>(&step.from), buffer, GST_MAP_READ)) return nullptr;
+  if (gst_video_frame_map(&out, const_cast<GstVideoInfo*>(&step.to), result.get(), GST_MAP_WRITE)) {
+    if (step.converter)
+      gst_video_converter_frame(step.converter.get(), &in, &out);
+    else
+      lay_out_planar(in, out);
+    gst_video_frame_unmap(&out);
+  }
+  gst_video_frame_unmap(&in);
+  return result;
+}
+
+std::shared_ptr<RawPicture> FrameConverter::convert(GstBuffer* buffer, bool keep_original) const {
+  const std::shared_ptr<GstBuffer> original = share(buffer);
+  std::shared_ptr<GstBuffer> converted = original;
+  for (const Step& step : steps_)
+    if (converted) converted = run(step, converted.get());
+  if (!converted) return nullptr;
+  if (steps_.empty()) return std::make_shared<RawPicture>(original, input_);
+  return std::make_shared<RawPicture>(converted, steps_.back().to,
+                                      keep_original ? std::make_shared<RawPicture>(original, input_) : nullptr);
+}
+
+namespace {
+
+// A buffer mapped for reading as long as this lives.
+struct MappedFrame {
+  MappedFrame(const std::shared_ptr<GstBuffer>& buffer, const GstVideoInfo& info)
+      : buffer(buffer), ok(gst_video_frame_map(&frame, const_cast<GstVideoInfo*>(&info), buffer.get(), GST_MAP_READ)) {
+    if (!ok) return;
+    view.family = family_of(info);
+    view.width = GST_VIDEO_FRAME_WIDTH(&frame);
+    view.height = GST_VIDEO_FRAME_HEIGHT(&frame);
+    if (view.family == PixelFamily::kRgb) view.layout = rgb_layout(info);
+    for (unsigned i = 0; i < GST_VIDEO_FRAME_N_PLANES(&frame); i++) {
+      view.plane[i] = static_cast<const uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&frame, i));
+      view.stride[i] = GST_VIDEO_FRAME_PLANE_STRIDE(&frame, i);
+    }
+  }
+  ~MappedFrame() {
+    if (ok) gst_video_frame_unmap(&frame);
+  }
+  MappedFrame(const MappedFrame&) = delete;
+  MappedFrame& operator=(const MappedFrame&) = delete;
+
+  const std::shared_ptr<GstBuffer> buffer;
+  GstVideoFrame frame;
+  const bool ok;
+  ImageView view;
+};
+
+}  // namespace
+
+std::shared_ptr<const ImageView> RawPicture::view(PixelFamily family, const Rect&) {
+  if (!takes_work(family)) return map();
+  const RawPicture& from = original_ ? *original_ : *this;
+  const auto converted = FrameConverter(from.info_, family).convert(gst_buffer_ref(from.buffer_.get()));
+  return converted ? converted->map() : nullptr;
+}
+
+std::shared_ptr<const ImageView> RawPicture::map() const {
+  const auto mapped = std::make_shared<const MappedFrame>(buffer_, info_);
+  return mapped->ok ? std::shared_ptr<const ImageView>(mapped, &mapped->view) : nullptr;
+}
+
+}  // namespace lf

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include <gst/video/video.h>
+
+#include "common/pixel_family.h"
+#include "node/camera_picture.h"
+
+namespace lf {
+
+// A picture of raw video, in the node's pixel family, or in its own where that was not chosen yet.
+class RawPicture : public CameraPicture {
+ public:
+  // `original`: as it came, if it is converted and may have to be to the other family.
+  RawPicture(std::shared_ptr<GstBuffer> buffer, const GstVideoInfo& info, std::shared_ptr<RawPicture> original = {})
+      : buffer_(std::move(buffer)), info_(info), original_(std::move(original)) {}
+  int width() const override { return info_.width; }
+  int height() const override { return info_.height; }
+  bool takes_work(PixelFamily family) const override { return family_of(info_) != family; }
+  // The same to the bit whether it was converted to the other family before or not.
+  std::shared_ptr<const ImageView> view(PixelFamily family, const Rect& region) override;
+
+ private:
+  std::shared_ptr<const ImageView> map() const;
+
+  const std::shared_ptr<GstBuffer> buffer_;
+  const GstVideoInfo info_;
+  const std::shared_ptr<RawPicture> original_;
+};
+
+// Turns the frames of one stream into the node's family: nothing to do for RGB in any order and for full-range BT.601
+// I420 with centred chroma; NV12 and GRAY8 are laid out as I420, to the bit; everything else (limited range, other
+// matrix or siting, the other family) is converted.
+class FrameConverter {
+ public:
+  FrameConverter(const GstVideoInfo& input, PixelFamily family);
+
+  PixelFamily family() const { return family_; }
+  // Takes ownership of `buffer`. Null if it can't be mapped. `keep_original`: so that the other family can be had of it
+  // as well as of the buffer.
+  std::shared_ptr<RawPicture> convert(GstBuffer* buffer, bool keep_original = false) const;
+
+ private:
+  struct Step {
+    GstVideoInfo from, to;
+    std::unique_ptr<GstVideoConverter, void (*)(GstVideoConverter*)> converter;  // null: another layout alone
+  };
+  static std::shared_ptr<GstBuffer> run(const Step& step, GstBuffer* buffer);
+  void add_step(const GstVideoInfo& from, GstVideoFormat format);
+  void add_planar_step(const GstVideoInfo& from);
+
+  GstVideoInfo input_;
+  PixelFamily family_;
+  std::vector<Step> steps_;  // none: frames are taken as they are
+};
+
+}  // namespace lf

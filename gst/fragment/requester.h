@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <atomic>
+#include <memory>
+
+#include "common/common.h"
+#include "common/gst_wire.h"
+#include "common/qos_watch.h"
+#include "fragment/live_answers.h"
+#include "fragment/request_place.h"
+#include "node/arrival_watch.h"
+#include "node/node.h"
+#include "node/work_estimate.h"
+
+namespace lf {
+
+struct UnrefPad {
+  void operator()(GstPad* pad) const { gst_object_unref(pad); }
+};
+using PadPtr = std::unique_ptr<GstPad, UnrefPad>;
+
+// A request pad and the answer pad that it pairs with, for whoever comes through one of them, while both may be
+// released.
+class PadPair {
+ public:
+  PadPair(GstPad* request, GstPad* src) {
+    g_weak_ref_init(&request_, request);
+    g_weak_ref_init(&src_, src);
+  }
+  ~PadPair() {
+    g_weak_ref_clear(&request_);
+    g_weak_ref_clear(&src_);
+  }
+  PadPair(const PadPair&) = delete;
+  PadPair& operator=(const PadPair&) = delete;
+  // Null once it is gone.
+  PadPtr request() { return PadPtr(static_cast<GstPad*>(g_weak_ref_get(&request_))); }
+  PadPtr src() { return PadPtr(static_cast<GstPad*>(g_weak_ref_get(&src_))); }
+  PadPtr other(GstPad* pad) { return GST_PAD_IS_SRC(pad) ? request() : src(); }
+
+ private:
+  GWeakRef request_, src_;
+};
+
+// Whether answers on a pad stay in this process up to the compositor: asked once, and when downstream has changed.
+// Streaming thread, but for note_change().
+class CompositorSide {
+ public:
+  void note_change() { is_new_ = true; }
+  bool is_near(GstPad* src) {
+    if (is_new_.exchange(false)) {
+      near_ = compositor_is_near(src);
+      GST_INFO_OBJECT(src, "the compositor is %s", near_ ? "in this process" : "behind a link");
+    }
+    return near_;
+  }
+
+ private:
+  std::atomic<bool> is_new_ = true;
+  bool near_ = false;
+};
+
+// One requester of lffragment. Belongs to both of its pads.
+struct Requester {
+  // `number`: its own in the element. `parallel`: does the tasks of its live answers.
+  Requester(GstPad* request, GstPad* src, uint32_t number, ParallelFor parallel)
+      : pads(request, src), number(number), live_answers(std::move(parallel), kept.cancelled) {}
+  static Requester& of(GstPad* pad) { return *static_cast<Requester*>(gst_pad_get_element_private(pad)); }
+
+  PadPair pads;
+  const uint32_t number;
+  RequestPlace place;
+  CompositorSide compositor;
+  QosWatch qos;           // any thread
+  WorkEstimate estimate;  // of its answers
+  DelayNotice delay;      // streaming thread
+  Node::Requester kept;   // of requests that are not live, and `cancelled` of all
+  LiveAnswers live_answers;
+  std::shared_ptr<AnswerMemory> memory = std::make_shared<AnswerMemory>();
+  bool ended = false;  // has sent EOS; under the object lock of the element
+};
+
+}  // namespace lf

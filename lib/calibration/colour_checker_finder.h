@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "calibration/colour_samples.h"
+
+namespace lf {
+
+// Samples of the 24 patches of a colour chart (image/colour_checker.h) that OpenCV's mcc module finds in an RGB image,
+// in any orientation: patches `first_patch` to first_patch + 23, those of them that are in the image. Empty where there
+// is no chart, or one that is smaller than 60 pixels.
+std::vector<ColourSample> find_colour_checker(const Image& rgb, CameraIndex camera, uint32_t first_patch);
+
+}  // namespace lf

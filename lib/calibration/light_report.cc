@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "calibration/light_report.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+
+#include "base/percentiles.h"
+#include "calibration/light_paths.h"
+
+namespace lf {
+namespace {
+
+constexpr double kBlack = 20, kBlackBrightest = 40;  // of 255: a picture that shows nothing; video's black may be 16
+constexpr double kBright = 50;                       // of 255: a room that is not dark
+constexpr double kMostBusy = 0.2;                    // share of the pictures
+constexpr double kLeastCoverage = 0.5;
+constexpr double kShorter = 0.9;  // of the longest recording
+constexpr int kColumns = 4, kRows = 3;
+
+template <class... Args>
+std::string text(const char* format, Args... args) {
+  char buffer[512];
+  std::snprintf(buffer, sizeof buffer, format, args...);
+  return buffer;
+}
+
+double seconds_of(const LightSights::Camera& camera) {
+  if (camera.frames.size() < 2) return 0;
+  return camera.frames.back().time - camera.frames.front().time;
+}
+
+// Where in the picture nothing came, in words.
+std::string missing_places(const std::array<bool, kColumns * kRows>& seen) {
+  static constexpr const char* kAcross[] = {"left", "left", "right", "right"};
+  static constexpr const char* kDown[] = {"upper", "middle", "lower"};
+  std::vector<std::string> names;
+  for (int i = 0; i < kColumns * kRows; i++) {
+    const std::string name = std::string(kDown[i / kColumns]) + " " + kAcross[i % kColumns];
+    if (!seen[i] && std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+  }
+  std::string all;
+  for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
+  return all;
+}
+
+std::optional<std::string> trouble_of(const LightSights::Camera& camera, const LightRecord& record, bool moves) {
+  const auto frames = static_cast<double>(std::max<size_t>(1, record.frames));
+  if (record.frames < 3) return "has no more than " + std::to_string(record.frames) + " pictures";
+  if (record.background < kBlack && record.brightest < kBlackBrightest && record.lit == 0)
+    return "is black from beginning to end: is there a cap on the lens, or is the exposure far too short?";
+  if (static_cast<double>(record.busy) > kMostBusy * frames)
+    return text(
+        "is full of changes in %.0f %% of its pictures, where a light can't be told from the rest: darken the room, "
+        "lock the exposure, and keep people and screens out of the picture",
+        100 * static_cast<double>(record.busy) / frames);
+  if (record.lit == 0)
+    return record.background > kBright
+               ? text(
+                     "shows no light: the room is not dark (%.0f of 255 on average). Draw the curtains, or expose less",
+                     record.background)
+               : std::string("shows no light: is it on, in the picture, and bright enough to be seen in the dark?");
+  if (!moves)
+    return camera.frames.size() < 10 ? "is too short for a light to be followed"
+                                     : "shows only lights that stand still, or none for longer than a moment";
+  return std::nullopt;
+}
+
+}  // namespace
+
+LightSummary summarize_lights(const LightSights::Camera& camera, const LightRecord& record) {
+  LightSummary summary;
+  summary.seconds = seconds_of(camera);
+  summary.lit = static_cast<double>(record.lit) / static_cast<double>(std::max<size_t>(1, record.frames));
+  std::array<bool, kColumns * kRows> seen{};
+  std::vector<double> sigmas;
+  bool moves = false;
+  for (const LightPath& path : link_light_paths(camera)) {
+    if (path.still) continue;
+    moves = true;
+    for (const LightPath::Point& point : path.points) {
+      const int column = static_cast<int>((point.sight.pixel.x + 0.5) * kColumns / camera.width);
+      const int row = static_cast<int>((point.sight.pixel.y + 0.5) * kRows / camera.height);
+      seen[std::clamp(row, 0, kRows - 1) * kColumns + std::clamp(column, 0, kColumns - 1)] = true;
+    }
+  }
+  for (const LightSights::Frame& frame : camera.frames)
+    if (!frame.sights.empty()) sigmas.push_back(frame.sights[0].sigma);
+  if (!sigmas.empty()) summary.sigma = median(std::move(sigmas));
+  summary.coverage = static_cast<double>(std::count(seen.begin(), seen.end(), true)) / (kColumns * kRows);
+  summary.trouble = trouble_of(camera, record, moves);
+  if (summary.trouble) return summary;
+  if (summary.coverage < kLeastCoverage)
+    summary.remarks.push_back(text("the light came to %.0f %% of its picture: move it to the %s, too",
+                                   100 * summary.coverage, missing_places(seen).c_str()));
+  if (record.background > kBright)
+    summary.remarks.push_back(
+        text("the room is not dark (%.0f of 255 on average): weak lights are missed", record.background));
+  return summary;
+}
+
+std::vector<Finding> compare_recordings(const LightSights& sights) {
+  std::vector<Finding> findings;
+  double longest = 0;
+  for (const LightSights::Camera& camera : sights.cameras) longest = std::max(longest, seconds_of(camera));
+  for (const LightSights::Camera& camera : sights.cameras) {
+    const double seconds = seconds_of(camera);
+    if (seconds > 0 && seconds < kShorter * longest)
+      findings.push_back({Finding::Severity::kNote, "short-recording",
+                          text("camera %u has %.1f s of the %.1f s that others have: what is missing is not used",
+                               camera.id, seconds, longest)});
+  }
+  return findings;
+}
+
+}  // namespace lf

@@ -1,0 +1,274 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "calibration/moving_light.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "base/percentiles.h"
+#include "calibration/light_association.h"
+#include "calibration/noise.h"
+#include "calibration/triangulation.h"
+
+namespace lf {
+namespace {
+
+constexpr size_t kMostInstants = 400;   // more tell little more
+constexpr size_t kFirstInstants = 120;  // for a first layout
+constexpr int kMostRounds = 12;         // of clocks and geometry in turn
+constexpr double kSettled = 5e-5;       // seconds
+constexpr size_t kEnough = 12000;       // observations that clocks are read off in a round
+constexpr double kFirstReach = 8;       // pixels: a frame of time between cameras at first
+constexpr double kNearer = 0.7;         // from round to round
+constexpr double kReach = 1.5;          // pixels, or
+constexpr double kReachSigmas = 6;      // of what is left of errors
+constexpr double kDrifted = 2e-3;       // seconds, from the beginning to the end
+constexpr double kLate = 0.1;           // seconds
+constexpr double kSlow = 5;             // pixels a second: no clock is read off a light that rests
+
+// How much of a wrong offset in time a camera's pose and lens hide once they are adjusted to it: it moves all places
+// along their velocities, which these parameters' steps can do in part.
+class HiddenTime {
+ public:
+  void add(const CameraState& camera, const Vec3& point, const Vec2& velocity) {
+    const Vec3 at = camera.pose().camera_from_world(point);
+    const double u = at.x / at.z, v = at.y / at.z, f = camera.lens_terms()[kF];
+    Eigen::Matrix<double, 2, kSteps> steps;  // of position, orientation, principal point, focal length
+    steps << f / at.z, 0, -f * u / at.z, f * u * v, -f * (1 + u * u), f * v, 1, 0, u,  //
+        0, f / at.z, -f * v / at.z, f * (1 + v * v), -f * u * v, -f * u, 0, 1, v;
+    const Eigen::Vector2d along(velocity.x, velocity.y);
+    square_ += steps.transpose() * steps, product_ += steps.transpose() * along, all_ += along.squaredNorm();
+  }
+  double shown() const {
+    if (!(all_ > 0)) return 1;
+    return std::clamp(1 - product_.dot(square_.ldlt().solve(product_)) / all_, 0.2, 1.0);
+  }
+
+ private:
+  static constexpr int kSteps = 9;
+  Eigen::Matrix<double, kSteps, kSteps> square_ = 1e-9 * Eigen::Matrix<double, kSteps, kSteps>::Identity();
+  Eigen::Matrix<double, kSteps, 1> product_ = Eigen::Matrix<double, kSteps, 1>::Zero();
+  double all_ = 0;
+};
+
+class LightSolver {
+ public:
+  LightSolver(const LightSights& sights, const LightSolveOptions& options) : options_(options) {
+    cameras_.bar = sights.bar;
+    for (const LightSights::Camera& camera : sights.cameras) {
+      cameras_.cameras.push_back({camera.id, camera.width, camera.height});
+      frame_times_.push_back(frame_time_of(camera));
+      paths_.push_back(link_light_paths(camera));
+    }
+  }
+
+  LightSolution run() {
+    result_.reach = options_.reach;
+    step("clocks: a first guess");
+    const size_t reference = coarse_clocks(paths_, frame_times_, cameras_.bar ? 2 : 1, options_.reach, result_.clocks);
+    choose_instants(reference);
+    candidates_ = candidates_at(paths_, frame_times_, result_.clocks, result_.instants);
+    Tracks first = associate_by_brightness(cameras_, candidates_, reference).tracks;
+    thin_out(first);
+    const Solution begun = solve_tracks(first, options_.solve);
+    scene_ = begun.scene;
+    model_ = begun.model;
+    double moved = 1;
+    double first_reach = kFirstReach;
+    for (int round = 0; round < kMostRounds && (moved > kSettled || first_reach > reach()); round++) {
+      step("clocks: round " + std::to_string(round + 1));
+      moved = read_clocks(std::max(reach(), first_reach));
+      // Slowly: of a camera that is still late what moves fast would be left out, and it would never be found late.
+      first_reach *= kNearer;
+    }
+    centre_clocks();
+    candidates_ = candidates_at(paths_, frame_times_, result_.clocks, result_.instants);
+    LightAssociation last = associate_by_geometry(cameras_, candidates_, scene_.cameras, reach());
+    keep_lost_cameras(last.tracks, reference);
+    result_.reflections = std::move(last.reflections);
+    result_.tracks = std::move(last.tracks);
+    result_.solution = solve_tracks(result_.tracks, options_.solve);
+    return std::move(result_);
+  }
+
+ private:
+  void step(const std::string& what) {
+    if (options_.solve.progress) options_.solve.progress(what);
+  }
+  double reach() const { return std::max(kReach, kReachSigmas * left_); }
+
+  // No closer than the slowest camera's frames, so that each has a say of its own.
+  void choose_instants(size_t reference) {
+    double spacing = 0, from = std::numeric_limits<double>::infinity(), to = -from;
+    for (size_t i = 0; i < paths_.size(); i++) {
+      if (!result_.clocks[i].known) continue;
+      spacing = std::max(spacing, frame_times_[i]);
+      for (const LightPath& path : paths_[i]) {
+        from = std::min(from, result_.clocks[i].true_time(path.points.front().time));
+        to = std::max(to, result_.clocks[i].true_time(path.points.back().time));
+      }
+    }
+    if (!(to > from) || !(spacing > 0) || !result_.clocks[reference].known)
+      throw Error("no camera sees a light that moves");
+    spacing = std::max(spacing, (to - from) / kMostInstants);
+    for (double time = from; time <= to; time += spacing) result_.instants.push_back(time);
+  }
+
+  static void thin_out(Tracks& tracks) {
+    const size_t n = (tracks.num_positions + kFirstInstants - 1) / kFirstInstants;
+    if (n > 1) std::erase_if(tracks.observations, [&](const Observation& o) { return o.position % n != 0; });
+  }
+
+  // The geometry adjusted to what the clocks make of the sights, then the clocks to the geometry. Returns how far that
+  // moved one at most, seconds.
+  double read_clocks(double reach) {
+    candidates_ = candidates_at(paths_, frame_times_, result_.clocks, result_.instants);
+    size_t all = 0;
+    for (const LightCandidates& list : candidates_) all += list.size();
+    if (const size_t n = all / kEnough; n > 1)
+      for (size_t j = 0; j < candidates_.size(); j++)
+        if (j % n != 0) candidates_[j].clear();
+    const LightAssociation now = associate_by_geometry(cameras_, candidates_, scene_.cameras, reach);
+    const auto& observations = now.tracks.observations;
+    if (observations.empty()) throw Error("the cameras agree on no place of the light");
+    scene_.targets.assign(now.tracks.num_positions, {});
+    triangulate_targets(scene_, now.tracks, reach);
+    AdjustmentOptions o = model_;
+    o.robust = 2;
+    o.max_iterations = 10;
+    o.tolerance = 1e-5;
+    o.sigma = std::max(0.01, robust_sigma(residual_lengths(scene_, observations)));
+    adjust(scene_, observations, Inliers(observations.size(), true), o);
+
+    std::vector<std::vector<ClockSample>> samples(paths_.size());
+    std::vector<HiddenTime> hidden(paths_.size());
+    std::vector<double> left;
+    for (size_t i = 0; i < observations.size(); i++) {
+      const Observation& seen = observations[i];
+      const CameraState& camera = scene_.cameras[seen.camera];
+      const TargetState& target = scene_.targets[seen.position];
+      if (!camera.used || !target.has(seen.light)) continue;
+      const auto e = residual(camera, target, seen);
+      if (!e) continue;
+      left.push_back(glm::length(*e));
+      const Vec2 velocity = now.made_of[i].place.velocity;
+      const double speed = glm::length(velocity);
+      if (speed < kSlow) continue;
+      hidden[seen.camera].add(camera, target.point(seen.light), velocity);
+      samples[seen.camera].push_back({result_.clocks[seen.camera].stamp_of(result_.instants[seen.position]),
+                                      -glm::dot(*e, velocity) / (speed * speed), now.made_of[i].place.sigma / speed});
+    }
+    left_ = robust_sigma(std::move(left));
+    double used = 0, moved = 0;
+    for (const auto& list : samples) used += !list.empty();
+    std::vector<double> moves;
+    for (size_t i = 0; i < samples.size(); i++)
+      if (!samples[i].empty())
+        // Of a camera's error, the places of the light take its share.
+        moves.push_back(improve_clock(result_.clocks[i], std::move(samples[i]), frame_times_[i],
+                                      hidden[i].shown() * (1 - 1 / std::max(2.0, used))));
+    if (moves.empty()) return 0;
+    // That all clocks are late alike, or fast, would be no other than that the light is.
+    const double middle = median(moves);
+    for (const double move : moves) moved = std::max(moved, std::abs(move - middle));
+    std::vector<double> drifts;
+    for (const CameraClock& clock : result_.clocks)
+      if (clock.known) drifts.push_back(clock.drift);
+    const double common = median(std::move(drifts));
+    for (CameraClock& clock : result_.clocks)
+      if (clock.known) clock.drift -= common;
+    return moved;
+  }
+
+  // Nothing tells when the whole was: most cameras keep the time that they have.
+  void centre_clocks() {
+    std::vector<double> offsets;
+    for (const CameraClock& clock : result_.clocks)
+      if (clock.known) offsets.push_back(clock.offset);
+    const double middle = median(std::move(offsets));
+    for (CameraClock& clock : result_.clocks)
+      if (clock.known) clock.offset -= middle;
+    for (double& instant : result_.instants) instant -= middle;
+  }
+
+  // Cameras that the first layout had no place for have another chance, and are named otherwise.
+  void keep_lost_cameras(Tracks& tracks, size_t reference) {
+    const LightAssociation all = associate_by_brightness(cameras_, candidates_, reference);
+    for (const Observation& o : all.tracks.observations)
+      if (!scene_.cameras[o.camera].used) tracks.observations.push_back(o);
+  }
+
+  const LightSolveOptions& options_;
+  Tracks cameras_;  // nothing but these
+  std::vector<double> frame_times_;
+  std::vector<std::vector<LightPath>> paths_;
+  std::vector<LightCandidates> candidates_;
+  Reconstruction scene_;
+  AdjustmentOptions model_;
+  double left_ = 1;  // sigma of residuals, pixels
+  LightSolution result_;
+};
+
+}  // namespace
+
+LightSolution solve_lights(const LightSights& sights, const LightSolveOptions& options) {
+  return LightSolver(sights, options).run();
+}
+
+std::vector<Finding> diagnose_clocks(const LightSolution& solution) {
+  using Severity = Finding::Severity;
+  std::vector<Finding> findings;
+  char text[512];
+  const auto add = [&](Severity severity, const char* code, auto... args) {
+    std::snprintf(text, sizeof text, args...);
+    findings.push_back({severity, code, text});
+  };
+  for (size_t i = 0; i < solution.clocks.size(); i++) {
+    const CameraClock& clock = solution.clocks[i];
+    const unsigned id = solution.tracks.cameras[i].id;
+    if (!clock.known) {
+      add(Severity::kError, "unknown-clock",
+          "camera %u: its light moves as in no other camera within %.0f s of its stamps: is it of another recording?",
+          id, solution.reach);
+      continue;
+    }
+    for (const CameraClock::Step& step : clock.steps)
+      add(Severity::kWarning, "dropped-frames",
+          step.frames > 0 ? "camera %u lost %d frame%s at %.2f s, and its stamps do not show it"
+                          : "camera %u has %d frame%s too many at %.2f s by its stamps",
+          id, std::abs(step.frames), std::abs(step.frames) == 1 ? "" : "s", step.stamp);
+    if (std::abs(clock.drift) * solution.seconds() > kDrifted)
+      add(Severity::kWarning, "clock-drift",
+          "camera %u: its clock is %s by %.0f millionths, so that its offset does not last: give all cameras one clock",
+          id, clock.drift < 0 ? "fast" : "slow", std::abs(clock.drift) * 1e6);
+    if (std::abs(clock.offset) > kLate)
+      add(Severity::kWarning, "late-camera",
+          "camera %u: its stamps are %.1f ms %s: more than frames that run freely differ by. Did all recordings begin "
+          "with "
+          "one clock?",
+          id, 1e3 * std::abs(clock.offset), clock.offset > 0 ? "early" : "late");
+  }
+  return findings;
+}
+
+void add_clocks(const LightSolution& solution, nlohmann::ordered_json& report) {
+  for (size_t i = 0; i < solution.clocks.size(); i++) {
+    const CameraClock& clock = solution.clocks[i];
+    auto& camera = report["cameras"][i];
+    camera["reflections"] = solution.reflections[i];
+    if (!clock.known) continue;
+    camera["time_offset_ms"] = 1e3 * clock.offset;
+    camera["time_offset_sigma_ms"] = 1e3 * clock.sigma;
+    camera["clock_drift_ppm"] = 1e6 * clock.drift;
+    camera["dropped_frames"] = nlohmann::ordered_json::array();
+    for (const CameraClock::Step& step : clock.steps)
+      camera["dropped_frames"].push_back({{"stamp", step.stamp}, {"frames", step.frames}});
+  }
+}
+
+}  // namespace lf

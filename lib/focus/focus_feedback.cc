@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/focus_feedback.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "focus/autofocus.h"
+#include "focus/focus_array.h"
+
+namespace lf {
+namespace {
+
+constexpr uint32_t kPatience = 30;  // requests until the answer to a sweep is thought to be lost
+constexpr int kMostLost = 3;        // sweeps, until a search is given up
+constexpr uint32_t kRest = 8;       // requests from one sweep to the next, of a place that is followed
+constexpr size_t kMostSwept = 8;
+constexpr double kSame = 0.02;  // of a distance: a smaller change is none
+
+}  // namespace
+
+void FocusFeedback::announce(FoundFocus news) {
+  const std::lock_guard lock(mutex_);
+  if (std::ranges::find(swept_, news.sequence) != swept_.end()) {
+    if (search_ && search_->asked == news.sequence) see_sweep(news);
+  } else {
+    news_ = std::move(news);
+    if (follows_ && news_->plan.view.focus.map)
+      if (const auto distance = focus_distance_at(news_->plan.view, pixel_of(news_->plan.view))) find(*distance);
+  }
+  changed_.notify_all();
+}
+
+Vec2 FocusFeedback::pixel_of(const View& view) const {
+  return {place_.x * view.width - 0.5, place_.y * view.height - 0.5};
+}
+
+void FocusFeedback::find(double distance) {
+  latest_ = distance;
+  if (!follows_ || !(std::abs(distance / now_ - 1) < kSame)) found_ = distance;
+}
+
+void FocusFeedback::see_sweep(const FoundFocus& news) {
+  const View& view = news.plan.view;
+  const Vec2 middle((view.width - 1) / 2.0, (view.height - 1) / 2.0);
+  const std::optional<double> distance = view.focus.map ? focus_distance_at(view, middle) : std::nullopt;
+  const std::optional<double> around = search_->found;
+  search_->asked.reset();
+  if (distance && !around) {
+    search_->found = distance;
+  } else if (distance && (!follows_ || is_inside_sweep(*distance, *around))) {
+    find(*distance);
+    search_.reset();
+  } else if (follows_ && around) {
+    search_->found.reset();  // it has left what was swept: all over again
+  } else {
+    search_.reset();
+  }
+}
+
+std::optional<double> FocusFeedback::focus_at(const Vec2& place) {
+  const std::lock_guard lock(mutex_);
+  place_ = place;
+  latest_.reset();
+  if (news_ && news_->plan.view.focus.map) return focus_distance_at(news_->plan.view, pixel_of(news_->plan.view));
+  search_ = Search{};
+  return std::nullopt;
+}
+
+void FocusFeedback::follow(bool follows) {
+  const std::lock_guard lock(mutex_);
+  follows_ = follows;
+  latest_.reset();
+}
+
+std::optional<double> FocusFeedback::take_found() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(found_, std::nullopt);
+}
+
+FocusFeedback::Waited FocusFeedback::wait_for(uint32_t sequence, std::chrono::milliseconds longest) {
+  std::unique_lock lock(mutex_);
+  // Sequence numbers wrap: the sign of the difference tells the order.
+  const auto is_there = [&] { return news_ && static_cast<int32_t>(news_->sequence - sequence) >= 0; };
+  changed_.wait_for(lock, longest, [&] { return unlocked_ || is_there(); });
+  if (unlocked_) return Waited::kUnlocked;
+  return is_there() ? Waited::kCame : Waited::kTooLong;
+}
+
+std::optional<ViewRequest> FocusFeedback::next_sweep(const ViewRequest& request, const Rig* rig) {
+  const std::lock_guard lock(mutex_);
+  requests_++;
+  if (request.view.focus.map) return std::nullopt;
+  if (!search_ && follows_ && requests_ >= kRest) search_ = Search{latest_, {}, 0};
+  if (search_ && search_->asked && requests_ > kPatience) {
+    search_->asked.reset();
+    if (++search_->lost >= kMostLost) search_.reset();
+  }
+  if (!search_ || search_->asked) return std::nullopt;
+  requests_ = 0;
+  ViewRequest sweep = request;
+  sweep.gains = {};
+  sweep.probe = true;
+  sweep.view = view_around(request.view, pixel_of(request.view));
+  const Plane from = rig ? array_plane(*rig) : plane_through(sweep.view.pose.position, sweep.view.pose.forward());
+  add_focus_sweep(sweep, from, search_->found, rig ? sweep_reach(*rig, sweep.view) : 0);
+  return sweep;
+}
+
+void FocusFeedback::sweep_sent(uint32_t sequence) {
+  const std::lock_guard lock(mutex_);
+  if (search_) search_->asked = sequence;
+  swept_.push_back(sequence);
+  if (swept_.size() > kMostSwept) swept_.pop_front();
+}
+
+void FocusFeedback::apply(ViewRequest& request) {
+  FocusControl::Plan plan;
+  {
+    const std::lock_guard lock(mutex_);
+    const View& view = request.view;
+    now_ =
+        -view.focus.plane.signed_distance(view.pose.position) / glm::dot(view.focus.plane.normal, view.pose.forward());
+    if (!news_ || !news_->plan.view.focus.map) return;
+    search_.reset();
+    request.trials = std::exchange(news_->plan.trials, {});
+    request.gains = std::exchange(news_->gains, {.use = news_->gains.use});
+    plan = news_->plan;
+  }
+  apply_plan(plan, request);
+}
+
+void FocusFeedback::set_unlocked(bool unlocked) {
+  const std::lock_guard lock(mutex_);
+  unlocked_ = unlocked;
+  changed_.notify_all();
+}
+
+void FocusFeedback::clear() {
+  const std::lock_guard lock(mutex_);
+  news_.reset();
+  search_.reset();
+  swept_.clear();
+  found_.reset();
+  latest_.reset();
+}
+
+FocusFeedback& RelayedFocus::view(uint32_t id) {
+  if (!views_.contains(id) && views_.size() >= kMostViews) views_.erase(views_.begin());
+  return views_[id];
+}
+
+void RelayedFocus::announce(uint32_t view_id, FoundFocus focus) {
+  const std::lock_guard lock(mutex_);
+  view(view_id).announce(std::move(focus));
+}
+
+bool RelayedFocus::apply(ViewRequest& request) {
+  const std::lock_guard lock(mutex_);
+  if (request.probe) {
+    if (!request.trials.empty()) view(request.view_id).sweep_sent(request.sequence);
+    return false;
+  }
+  const auto found = views_.find(request.view_id);
+  if (found == views_.end() || request.view.focus.map) return false;
+  const Plane asked = request.view.focus.plane;
+  found->second.apply(request);
+  return request.view.focus.map || request.view.focus.plane != asked;
+}
+
+void RelayedFocus::clear() {
+  const std::lock_guard lock(mutex_);
+  views_.clear();
+}
+
+}  // namespace lf

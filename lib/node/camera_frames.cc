@@ -1,0 +1,200 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "node/camera_frames.h"
+
+#include <algorithm>
+
+namespace lf {
+
+void CameraFrames::set_mode(Mode mode) {
+  std::lock_guard lock(mutex_);
+  mode_ = mode;
+  changed_.notify_all();
+}
+
+void CameraFrames::start_stream(bool live) {
+  std::lock_guard lock(mutex_);
+  started_ = true;
+  live_ = live;
+  ended_ = lost_ = false;
+  changed_.notify_all();
+}
+
+void CameraFrames::note_arrival(int64_t late) {
+  std::lock_guard lock(mutex_);
+  earliest_ = std::min(earliest_, late);
+  behind_ = static_cast<uint64_t>(late - earliest_);
+}
+
+void CameraFrames::drop_oldest() {
+  const CameraPicture* picture = frames_.front().frame.picture.get();
+  if (picture && picture->is_compressed()) before_ = std::move(frames_.front().frame);
+  frames_.pop_front();
+}
+
+// A frame is passed when the one after it is not later than what is wanted.
+void CameraFrames::drop_passed() {
+  while (frames_.size() > 1 && frames_[1].time <= wanted_) drop_oldest();
+}
+
+// "The newest" must not make a file run through: there it is the frame that stands now.
+void CameraFrames::want(uint64_t time) {
+  if (time != kNoTime) wanted_ = time;
+  if (!live_) drop_passed();
+}
+
+void CameraFrames::advance(uint64_t time) {
+  std::lock_guard lock(mutex_);
+  want(time);
+  changed_.notify_all();
+}
+
+CameraFrames::Pushed CameraFrames::push(CameraFrame frame) {
+  const uint64_t time = frame.time;
+  return push_at(time, std::move(frame));
+}
+
+CameraFrames::Pushed CameraFrames::push_damaged(uint64_t time) { return push_at(time, std::nullopt); }
+
+// The frame before the earliest time looked for is kept too: it may be the nearest.
+bool CameraFrames::has_too_many() const {
+  if (frames_.size() <= kLiveFrames) return false;
+  return frames_.size() > kMostLiveFrames || frames_.back().time - frames_[1].time >= reach_;
+}
+
+CameraFrames::Pushed CameraFrames::push_at(uint64_t time, std::optional<CameraFrame> frame) {
+  std::unique_lock lock(mutex_);
+  if (!live_)
+    changed_.wait(lock, [this] {
+      drop_passed();
+      return mode_ == Mode::kStopped || flushing_ || mode_ == Mode::kFinished || frames_.size() < kFileFrames;
+    });
+  if (mode_ == Mode::kStopped || flushing_) return Pushed::kStopped;
+  if (mode_ == Mode::kFinished) return Pushed::kEnded;
+  // Time may jump back (a stream started again without a flush): what is held is then of another time line.
+  if (!frames_.empty() && frames_.back().time > time) earliest_ = INT64_MAX;
+  while (!frames_.empty() && frames_.back().time > time) drop_oldest();
+  if (!frames_.empty()) last_period_ = time - frames_.back().time;
+  lost_ = false;
+  if (!frame) frame = frames_.empty() ? before_ : frames_.back().frame;
+  frame->behind = behind_;
+  frames_.push_back({time, std::move(*frame)});
+  while (has_too_many()) drop_oldest();
+  changed_.notify_all();
+  return Pushed::kTaken;
+}
+
+std::optional<CameraFrame> CameraFrames::replace_damaged(const CameraPicture* damaged, bool* first) {
+  std::lock_guard lock(mutex_);
+  bool known = before_.picture.get() == damaged;
+  if (known) before_ = {};
+  CameraFrame serves = before_;
+  std::optional<CameraFrame> result;
+  for (Held& held : frames_) {
+    if (held.frame.picture.get() == damaged) {
+      held.frame = serves;
+      known = true;
+      result = serves;
+    } else if (!result) {
+      serves = held.frame;
+    }
+  }
+  if (first) *first = known;
+  if (!result) result = before_;  // it is no longer held: what was before it is the best there is
+  if (!result->picture) return std::nullopt;
+  return result;
+}
+
+void CameraFrames::end_stream() {
+  std::lock_guard lock(mutex_);
+  ended_ = true;
+  changed_.notify_all();
+}
+
+void CameraFrames::lose_stream() {
+  std::lock_guard lock(mutex_);
+  lost_ = true;
+  changed_.notify_all();
+}
+
+void CameraFrames::set_flushing(bool flushing) {
+  std::lock_guard lock(mutex_);
+  flushing_ = flushing;
+  frames_.clear();
+  before_ = {};
+  ended_ = lost_ = false;
+  wanted_ = 0;  // what comes may be from before
+  changed_.notify_all();
+}
+
+void CameraFrames::clear() {
+  std::lock_guard lock(mutex_);
+  frames_.clear();
+  before_ = {};
+  started_ = live_ = ended_ = lost_ = flushing_ = false;
+  wanted_ = reach_ = last_period_ = behind_ = 0;
+  earliest_ = INT64_MAX;
+}
+
+bool CameraFrames::must_wait(uint64_t time, bool wait_for_first) const {
+  if (flushing_) return !live_;
+  if (ended_ || lost_) return false;
+  if (live_ || !started_) return frames_.empty() && wait_for_first;
+  return frames_.empty() || (time != kNoTime && frames_.back().time < time);
+}
+
+// As much later than the newest frame as the frame after it would have been.
+bool CameraFrames::is_beyond_last(uint64_t time) const {
+  return time == kNoTime || time >= frames_.back().time + std::max<uint64_t>(last_period_, 1);
+}
+
+// Several viewers may look back differently far: the farthest counts, and is forgotten by and by.
+void CameraFrames::look_back(uint64_t time) {
+  const uint64_t newest = frames_.back().time;
+  const uint64_t reach = time < newest ? newest - time : 0;
+  reach_ = std::max(reach > kLongestReach ? 0 : reach, reach_ - reach_ / 64);
+}
+
+void CameraFrames::wake() {
+  std::lock_guard lock(mutex_);
+  changed_.notify_all();
+}
+
+std::optional<CameraFrame> CameraFrames::find(uint64_t time, bool wait_for_first, const std::atomic<bool>* cancelled) {
+  std::unique_lock lock(mutex_);
+  want(time);
+  changed_.notify_all();
+  changed_.wait(lock, [&] {
+    if (!live_) drop_passed();
+    return mode_ == Mode::kStopped || (cancelled && *cancelled) || !must_wait(time, wait_for_first);
+  });
+  if (mode_ == Mode::kStopped || frames_.empty() || (lost_ && is_beyond_last(time))) return std::nullopt;
+  look_back(time);
+  auto best = frames_.end() - 1;
+  if (time != kNoTime)
+    best = std::min_element(frames_.begin(), frames_.end(), [time](const Held& a, const Held& b) {
+      return time_between(a.time, time) < time_between(b.time, time);
+    });
+  return best->frame;
+}
+
+std::optional<CameraFrame> CameraFrames::newest() const {
+  std::lock_guard lock(mutex_);
+  return frames_.empty() ? std::nullopt : std::optional(frames_.back().frame);
+}
+
+bool CameraFrames::is_live() const {
+  std::lock_guard lock(mutex_);
+  return live_;
+}
+
+uint64_t CameraFrames::period() const {
+  std::lock_guard lock(mutex_);
+  return frames_.size() < 2 ? 0 : (frames_.back().time - frames_.front().time) / (frames_.size() - 1);
+}
+
+size_t CameraFrames::held() const {
+  std::lock_guard lock(mutex_);
+  return frames_.size();
+}
+
+}  // namespace lf

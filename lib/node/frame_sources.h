@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "base/worker_pool.h"
+#include "node/camera_picture.h"
+#include "render/sum_renderer.h"
+
+namespace lf {
+
+// The frames that one request is answered from, held, and decoded where the request looks.
+class FrameSources {
+ public:
+  // `region`: what is needed of a camera's image.
+  FrameSources(const Rig& rig, std::function<Rect(CameraIndex)> region) : rig_(rig), region_(std::move(region)) {}
+
+  // Null: the camera has no frame.
+  void add(CameraIndex camera, std::optional<CameraFrame> frame);
+
+  // What serves in place of a damaged frame, if anything does.
+  using Replace = std::function<std::optional<CameraFrame>(CameraIndex camera, const CameraFrame& damaged)>;
+  // Call once after the last add(): makes images of `family` (of the node), of compressed frames of what the view
+  // needs. `replace` is called from the threads of `parallel`.
+  void decode(PixelFamily family, const Replace& replace, const ParallelFor& parallel);
+
+  // Those whose frame is gone or damaged have no image.
+  const std::vector<Source>& sources() const { return sources_; }
+  // Capture time of a source's frame; sources()[i] has an image.
+  uint64_t time(size_t i) const { return frames_[i].time; }
+  // Of the images; kNone without any.
+  PixelFamily family() const;
+
+ private:
+  void decode_one(size_t i, PixelFamily family, const Replace& replace);
+
+  const Rig& rig_;
+  const std::function<Rect(CameraIndex)> region_;
+  std::vector<Source> sources_;
+  std::vector<CameraFrame> frames_;
+  std::vector<std::shared_ptr<const ImageView>> views_;
+};
+
+}  // namespace lf

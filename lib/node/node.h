@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/byte_buffer.h"
+#include "base/worker_pool.h"
+#include "node/answer_maker.h"
+#include "node/camera_inputs.h"
+#include "node/frame_sources.h"
+#include "node/node_stats.h"
+#include "node/skew_watch.h"
+#include "rig/mesh.h"
+#include "wire/answer.h"
+#include "wire/commands.h"
+
+namespace lf {
+
+// The cameras of a node, and the answering of requests. answer() may run in several threads, one per requester.
+class Node {
+ public:
+  NodeStats& stats() { return stats_; }
+  CameraInputs& inputs() { return inputs_; }
+  void set_node_id(uint32_t id) { node_id_ = id; }  // while stopped
+
+  // What is kept of one requester.
+  struct Requester {
+    std::shared_ptr<const Rig> rig;  // that the rest is about
+    MeshCache mesh;
+    SkewWatch watch;
+    AnswerMaker maker;
+    uint64_t warned_of = 0;      // hash of another rig that a person has been told of
+    uint64_t warned_behind = 0;  // when one was told that frames come late, now_ns()
+    // Nothing is waited for, see cancel(); some may have it in common.
+    std::shared_ptr<std::atomic<bool>> cancelled = std::make_shared<std::atomic<bool>>(false);
+  };
+  // From any thread: an answer being made for this requester waits for nothing any more.
+  void cancel(Requester& requester, bool cancelled);
+  // How requests are to be answered.
+  struct Options : AnswerMaker::Options {
+    bool live = false;       // the request is: nothing is waited for
+    uint64_t base_time = 0;  // of the pipeline: clock time of running time 0
+    uint64_t max_skew = 0;   // of a live camera's frame; what is farther from the target is none; 0: any
+  };
+  struct Reply : AnswerMaker::Units {
+    NodeStats::Stages stages;
+    std::string warning;  // for the user, where something is wrong
+  };
+  // Waits for the frames that belong to the request's time (see CameraFrames::find) and renders. Never throws; a
+  // request that can't be served (another rig's) gets an answer without fragments. `memory` is recycled.
+  Reply answer(const wire::AnyRequest& request, Requester& requester, const Options& options, ByteBuffer memory);
+
+  // An answer without fragments, at once: nobody needs the picture.
+  Reply skip(const wire::AnyRequest& request);
+
+ private:
+  using Array = CameraInputs::Array;
+  wire::AnswerHeader header_of(const wire::AnyRequest& request, const Array& array) const;
+  Reply render(const wire::AnyRequest& request, const Array& array, Requester& requester, const Options& options,
+               wire::AnswerHeader header, ByteBuffer memory, uint64_t waited);
+  std::string skew_warning(const Rig& rig, const std::optional<SkewWatch::Report>& report, Requester& requester) const;
+
+  NodeStats stats_;
+  CameraInputs inputs_;
+  uint32_t node_id_ = 0;
+};
+
+}  // namespace lf

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "base/schedule.h"
+#include "view/views_json.h"
+
+namespace lf {
+
+// The running time that a request is stamped with, how long it stands and what it asks for, nanoseconds. `view` is null
+// where it is not from a file.
+struct RequestSlot {
+  uint64_t pts, duration;
+  uint64_t target_time;
+  const View* view = nullptr;
+};
+
+// Which request of a viewer is next. Times in nanoseconds. Not thread-safe.
+class RequestSchedule {
+ public:
+  // A request each frame, for ever.
+  explicit RequestSchedule(const Schedule& schedule) : schedule_(schedule) {}
+  // A request for each view of a file.
+  RequestSchedule(const Schedule& schedule, std::vector<NamedView> views, bool loop)
+      : schedule_(schedule), playback_(std::in_place, std::move(views), schedule, loop), loop_(loop) {}
+
+  bool from_file() const { return playback_.has_value(); }
+  std::optional<uint64_t> end() const;  // running time; nothing: never
+
+  void seek(uint64_t running_time);  // not live
+  // The next request; nothing after the end.
+  std::optional<RequestSlot> next() const;
+  // The same of a live stream at clock time `now`. It is stamped with the running time of its capture and leaves
+  // `capture_delay` later, at clock time base_time + pts + capture_delay.
+  std::optional<RequestSlot> next_live(uint64_t now, uint64_t base_time, uint64_t capture_delay) const;
+  // That one, leaving at clock time `now`, before its turn: for the newest capture that is old enough. As that has
+  // been asked for before, it is stamped with the time that would be just old enough.
+  RequestSlot ahead_of_turn(const RequestSlot& slot, uint64_t now, uint64_t base_time, uint64_t capture_delay) const;
+  // The slot is used: on to the next one.
+  void advance(const RequestSlot& slot);
+  // Which slot is next, and on to the one after that, if it still is: a slot that makes no request.
+  uint64_t turn() const { return index_; }
+  void pass(uint64_t turn) { index_ += index_ == turn; }
+
+ private:
+  Schedule schedule_;
+  std::optional<ViewPlayback> playback_;
+  bool loop_ = false;
+  uint64_t index_ = 0;  // of the next view of the file, or of the next frame
+  std::optional<uint64_t> last_pts_;
+};
+
+}  // namespace lf

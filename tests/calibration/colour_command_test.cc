@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-calibrate colour as people run it, on recordings of lf-scene.
+#include <cmath>
+#include <filesystem>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "base/json_value.h"
+#include "rig/rig_json.h"
+#include "scene/scene.h"
+#include "support/run_program.h"
+#include "support/temp_dir.h"
+
+namespace lf {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+class ColourCommand : public testing::Test {
+ protected:
+  Outcome scene(const std::string& arguments) { return run_program("../tools/lf-scene", arguments, dir_.path()); }
+  Outcome colour(const std::string& arguments) {
+    return run_program("lf-calibrate", "colour " + arguments, dir_.path());
+  }
+  nlohmann::json json(const std::string& name) const { return parse_json(read_text_file(dir_ / name), name); }
+
+  const TempDir dir_;
+};
+
+TEST_F(ColourCommand, AChartIsFilmedMeasuredAndCorrected) {
+  save_rig(scene_rig(2, 2, 320, 240), dir_ / "rig.json");
+  const Outcome filmed = scene("chart --rig rig.json --out chart --places 10 --faults 3 --stuck 1");
+  ASSERT_EQ(filmed.status, 0) << filmed.output;
+  const Outcome outcome = colour("rig.json --recording chart/rig.json --out out.json --json report.json");
+  ASSERT_EQ(outcome.status, 0) << outcome.output;
+  EXPECT_THAT(outcome.output, AllOf(HasSubstr("as they are"), HasSubstr("<- chosen"), HasSubstr("4 of 4 cameras")));
+  EXPECT_THAT(outcome.output, HasSubstr("camera 1 (cam_00_01): its exposure is stuck: it takes"));
+  const nlohmann::json report = json("report.json");
+  EXPECT_EQ(report["format"], "lightfield-colour-report");
+  EXPECT_THAT(report["from"].get<std::string>(), HasSubstr("charts"));
+  EXPECT_GT(report["before"]["p95"].get<double>(), 8);
+  EXPECT_LE(report["after"]["median"].get<double>(), 1) << outcome.output;
+  EXPECT_LE(report["after"]["p95"].get<double>(), 3) << outcome.output;
+  for (size_t i = 0; i < 4; i++) EXPECT_EQ(report["cameras"][i]["stuck"], i == 1);
+
+  const Rig rig = load_rig(dir_ / "out.json");
+  const nlohmann::json truth = json("chart/colours.json");
+  for (size_t i = 0; i < 4; i++) {
+    ASSERT_TRUE(rig.cameras[i].colour);
+    EXPECT_EQ(rig.cameras[i].image, "") << "the recording is not what the rig shows";
+    if (i == 1) continue;
+    // Half a diagonal from the middle.
+    const double k1 = truth["cameras"][i]["vignetting"][0], k2 = truth["cameras"][i]["vignetting"][1];
+    const double lost = std::pow(1 + k1 + k2, -1 / truth["cameras"][i]["gamma"].get<double>());
+    EXPECT_NEAR(level_factor(light_share(*rig.cameras[i].colour, 1)) / lost, 1, 0.03) << "camera " << i;
+  }
+}
+
+TEST_F(ColourCommand, TheSceneItselfWillDo) {
+  ASSERT_EQ(scene("--out film --grid 3x3 --width 240 --height 180 --frames 1 --format png --faults 5").status, 0);
+  const Outcome outcome = colour("film/rig.json --out film/rig.json --json report.json");
+  ASSERT_EQ(outcome.status, 0) << outcome.output;
+  const nlohmann::json report = json("report.json");
+  EXPECT_EQ(report["from"], "overlapping views") << "no chart is there";
+  EXPECT_GT(report["before"]["median"].get<double>(), 4);
+  EXPECT_LE(report["after"]["median"].get<double>(), 1) << outcome.output;
+  EXPECT_LE(report["after"]["p95"].get<double>(), 3) << outcome.output;
+  EXPECT_TRUE(load_rig(dir_ / "film/rig.json").has_colour());
+  // Measured again the same comes out: a rig's own colours are not corrected twice.
+  const Rig before = load_rig(dir_ / "film/rig.json");
+  ASSERT_EQ(colour("film/rig.json --out again.json").status, 0);
+  const Rig again = load_rig(dir_ / "again.json");
+  for (size_t i = 0; i < 9; i++)
+    for (const Vec3& level : {Vec3(60, 80, 100), Vec3(200, 150, 120)})
+      EXPECT_LE(glm::length(corrected(*again.cameras[i].colour, level) - corrected(*before.cameras[i].colour, level)),
+                0.01);
+}
+
+TEST_F(ColourCommand, WhatIsWrongIsSaidWithWhatToDo) {
+  save_rig(scene_rig(2, 2, 160, 120), dir_ / "rig.json");
+  Outcome outcome = colour("rig.json --out out.json");
+  EXPECT_NE(outcome.status, 0);
+  EXPECT_THAT(outcome.output, HasSubstr("rig.json: no camera has a picture: give --recording"));
+
+  ASSERT_EQ(scene("--out film --grid 2x2 --width 160 --height 120 --frames 1 --format png").status, 0);
+  outcome = colour("film/rig.json --from chart --out out.json");
+  EXPECT_NE(outcome.status, 0);
+  EXPECT_THAT(outcome.output, HasSubstr("no chart is found in any picture: show the cameras one of 24 colours"));
+
+  save_rig(scene_rig(2, 2, 320, 240), dir_ / "large.json");
+  outcome = colour("large.json --recording film/rig.json --out out.json");
+  EXPECT_NE(outcome.status, 0);
+  EXPECT_THAT(outcome.output, HasSubstr("its recording has 160x120 pixels, the rig says 320x240"));
+
+  // One camera of the recording is missing, another is black.
+  Rig film = load_rig(dir_ / "film/rig.json");
+  film.cameras[2].source = film.cameras[2].image = "";
+  save_image(Image(PixelFamily::kRgb, 160, 120), dir_ / "film/black.png");
+  film.cameras[3].source = film.cameras[3].image = "black.png";
+  save_rig(film, dir_ / "film/part.json");
+  outcome = colour("film/rig.json --recording film/part.json --from views --out out.json");
+  EXPECT_THAT(outcome.output, HasSubstr("camera 2: the recording has no picture of it"));
+  EXPECT_NE(outcome.status, 0) << "two cameras are too few for places that three see";
+  EXPECT_FALSE(std::filesystem::exists(dir_ / "out.json"));
+}
+
+TEST_F(ColourCommand, HelpNamesWhatThereIs) {
+  const Outcome help = colour("--help");
+  EXPECT_EQ(help.status, 0);
+  EXPECT_THAT(help.output, AllOf(HasSubstr("--recording"), HasSubstr("--from"), HasSubstr("--frames")));
+}
+
+}  // namespace
+}  // namespace lf

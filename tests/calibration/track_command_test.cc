@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-calibrate track and solve, from rendered recordings to a rig.
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "base/json_value.h"
+#include "calibration/adjustment.h"
+#include "calibration/light_sights.h"
+#include "calibration/simulator.h"
+#include "rig/rig_json.h"
+#include "support/run_program.h"
+#include "support/temp_dir.h"
+
+namespace lf {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+// Five cameras in a cross, each with a time of its own.
+Rig array() {
+  sim::ArrayOptions options;
+  options.rows = options.columns = 3;
+  options.k1 = -0.1, options.k2 = 0, options.k2_spread = 0;
+  Rig rig = sub_rig(sim::make_array(options, 8), {0, 2, 4, 6, 8});
+  const double offsets[] = {0.02, -0.015, 0, 0.031, -0.024};
+  for (size_t i = 0; i < 5; i++) rig.cameras[i].time_offset = offsets[i];
+  return rig;
+}
+
+// Records with lf-scene lights into the folder "rec" of `dir`.
+void record(const TempDir& dir, const Rig& rig, const std::string& options) {
+  save_rig(rig, dir / "true.json");
+  const Outcome filmed = run_program("../tools/lf-scene", "lights --rig true.json --out rec " + options, dir.path());
+  ASSERT_EQ(filmed.status, 0) << filmed.output;
+}
+
+TEST(TrackCommand, FromRecordingsOfABarToARig) {
+  const TempDir dir;
+  const Rig truth = array();
+  record(dir, truth, "--framerate 30,15 --seconds 7,6 --noise 3 --exposure 0.012 --reflection 0.3");
+  const Outcome tracked =
+      run_program("lf-calibrate", "track true.json --recordings rec --bar --out tracks.json", dir.path());
+  ASSERT_EQ(tracked.status, 0) << tracked.output;
+  EXPECT_THAT(tracked.output, HasSubstr("tracks.json: 5 of 5 cameras"));
+  EXPECT_THAT(tracked.output, HasSubstr("camera 2 has 5.9 s of the 7.0 s that others have"));
+
+  // Against the truth that lf-scene wrote: a light where one is, as good as it says.
+  const auto found = parse_light_sights(read_text_file(dir / "tracks.json"), "tracks.json");
+  const auto expected = parse_light_sights(read_text_file(dir / "rec/lights.json"), "lights.json");
+  ASSERT_TRUE(found && expected);
+  double squared = 0, count = 0, lights = 0;
+  for (size_t i = 0; i < 5; i++) {
+    ASSERT_EQ(found->cameras[i].frames.size(), expected->cameras[i].frames.size());
+    for (size_t n = 15; n < found->cameras[i].frames.size(); n++)
+      for (const Sight& light : expected->cameras[i].frames[n].sights) {
+        double nearest = 1;
+        for (const Sight& sight : found->cameras[i].frames[n].sights)
+          nearest = std::min(nearest, glm::length(sight.pixel - light.pixel));
+        lights++;
+        if (nearest < 1) squared += nearest * nearest, count++;
+      }
+  }
+  EXPECT_GT(count, 0.95 * lights);
+  EXPECT_LE(std::sqrt(squared / count / 2), 0.1);  // pixels, x and y each
+
+  const Outcome solved =
+      run_program("lf-calibrate", "solve --tracks tracks.json --bar 0.3 --out rig.json --json report.json", dir.path());
+  ASSERT_EQ(solved.status, 0) << solved.output;
+  EXPECT_THAT(solved.output, HasSubstr("clocks      offsets"));
+  EXPECT_THAT(solved.output, HasSubstr("rig.json: 5 of 5 cameras"));
+  const Rig rig = load_rig(dir / "rig.json");
+  std::vector<Pose> a, b;
+  double mean = 0, squares = 0;
+  for (size_t i = 0; i < 5; i++) {
+    a.push_back(rig.cameras[i].pose), b.push_back(truth.cameras[i].pose);
+    const double e = rig.cameras[i].time_offset - truth.cameras[i].time_offset;
+    mean += e / 5, squares += e * e / 5;
+    EXPECT_NEAR(rig.cameras[i].lens.fx(), truth.cameras[i].lens.fx(), 0.02 * truth.cameras[i].lens.fx());
+  }
+  EXPECT_LE(std::sqrt(squares - mean * mean), 5e-4);  // seconds
+  const Similarity s = align(a, b);
+  EXPECT_NEAR(s.scale, 1, 0.01);
+  for (size_t i = 0; i < 5; i++) EXPECT_LE(glm::length(s(a[i]).position - b[i].position), 1e-3);
+  const nlohmann::json report = parse_json(read_text_file(dir / "report.json"), "report.json");
+  EXPECT_TRUE(report["cameras"][0]["time_offset_ms"].is_number());
+  EXPECT_GT(report["cameras"][2]["reflections"].get<int>(), 20);
+}
+
+void make_video(const std::string& path, const std::string& source) {
+  const std::string line = "gst-launch-1.0 -q " + source +
+                           " ! video/x-raw,width=320,height=240,framerate=15/1 ! jpegenc ! matroskamux ! filesink "
+                           "location='" +
+                           path + "'";
+  ASSERT_EQ(std::system(line.c_str()), 0) << line;
+}
+
+TEST(TrackCommand, RecordingsThatAreOfNoUseAreNamed) {
+  const TempDir dir;
+  const Rig truth = array();
+  record(dir, truth, "--framerate 15 --seconds 3 --bar 0");
+  const auto name = [&](int i) { return dir / "rec/" + truth.cameras[static_cast<size_t>(i)].name + ".mkv"; };
+  make_video(name(1), "videotestsrc num-buffers=45 pattern=black");
+  make_video(name(3), "videotestsrc num-buffers=45 pattern=snow");
+  const Outcome one = run_program("lf-calibrate", "track true.json --recordings rec --out tracks.json", dir.path());
+  EXPECT_EQ(one.status, 1) << one.output;
+  const auto who = [&](int i) { return "camera " + std::to_string(truth.cameras[static_cast<size_t>(i)].id) + " ("; };
+  EXPECT_THAT(one.output, HasSubstr(who(1)));
+  EXPECT_THAT(one.output, HasSubstr(") is black from beginning to end: is there a cap on the lens"));
+  EXPECT_THAT(one.output, HasSubstr("the room is not dark"));
+  EXPECT_THAT(one.output, HasSubstr("2 of 5 cameras did not see the light move; tracks.json has the others"));
+  EXPECT_TRUE(std::filesystem::exists(dir / "tracks.json"));
+
+  // No light at all; nothing in the file; no file; two files.
+  std::filesystem::remove(dir / "tracks.json");
+  make_video(name(0), "videotestsrc num-buffers=45 pattern=solid-color foreground-color=0xff404040");
+  dir.write("rec/" + truth.cameras[2].name + ".mkv", "this is no video");
+  std::filesystem::remove(name(3));
+  dir.write("rec/" + truth.cameras[4].name + ".mp4", "one too many");
+  const Outcome none = run_program("lf-calibrate", "track true.json --recordings rec --out tracks.json", dir.path());
+  EXPECT_EQ(none.status, 1) << none.output;
+  EXPECT_THAT(none.output, HasSubstr("shows no light: "));
+  EXPECT_THAT(none.output, HasSubstr("has no recording " + truth.cameras[3].name + ".*"));
+  EXPECT_THAT(none.output, HasSubstr("are both of one camera"));
+  EXPECT_THAT(none.output, HasSubstr("fewer than two cameras saw a moving light: nothing is written"));
+  EXPECT_FALSE(std::filesystem::exists(dir / "tracks.json"));
+}
+
+TEST(TrackCommand, MistakesOnTheCommandLine) {
+  const TempDir dir;
+  save_rig(array(), dir / "rig.json");
+  const Outcome live = run_program("lf-calibrate", "track rig.json --out t.json --recordings nowhere", dir.path());
+  EXPECT_EQ(live.status, 1);
+  EXPECT_THAT(live.output, HasSubstr("nowhere: is no folder"));
+  const Outcome none = run_program("lf-calibrate", "track rig.json --out t.json", dir.path());
+  EXPECT_EQ(none.status, 1);
+  EXPECT_THAT(none.output, HasSubstr("the rig names no source of it: give --recordings, a folder with cam_"));
+}
+
+}  // namespace
+}  // namespace lf

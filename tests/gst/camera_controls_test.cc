@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "../gst/camsrc/camera_controls.h"
+
+#include <gst/gst.h>
+#include <gtest/gtest.h>
+#include <linux/videodev2.h>
+
+#include <map>
+
+#include "../gst/camsrc/v4l2_controls.h"
+#include "gst/gst_test.h"
+
+namespace lf::test {
+namespace {
+
+std::string text_of(GstStructure* structure) {
+  g_autofree gchar* text = gst_structure_to_string(structure);
+  gst_structure_free(structure);
+  return text;
+}
+
+TEST(V4l2Controls, AreNamedAsOldAndNewKernelsDoSwitchesFirst) {
+  EXPECT_EQ(text_of(v4l2_extra_controls(
+                {{"exposure", 0.0123}, {"white_balance", std::nullopt}, {"mains_frequency", 50}, {"sharpness", 3.4}})),
+            "controls, auto_exposure=(int)1, exposure_auto=(int)1, white_balance_automatic=(int)1, "
+            "white_balance_temperature_auto=(int)1, exposure_time_absolute=(int)123, exposure_absolute=(int)123, "
+            "power_line_frequency=(int)1, sharpness=(int)3;");
+  EXPECT_EQ(text_of(v4l2_extra_controls({{"exposure", std::nullopt}, {"mains_frequency", 60}})),
+            "controls, auto_exposure=(int)3, exposure_auto=(int)3, power_line_frequency=(int)2;");
+}
+
+TEST(V4l2Controls, AreReadInOurUnits) {
+  std::map<uint32_t, int32_t> device = {{V4L2_CID_EXPOSURE_ABSOLUTE, 157},
+                                        {V4L2_CID_EXPOSURE_AUTO, V4L2_EXPOSURE_APERTURE_PRIORITY},
+                                        {V4L2_CID_GAIN, 12},
+                                        {V4L2_CID_POWER_LINE_FREQUENCY, V4L2_CID_POWER_LINE_FREQUENCY_60HZ}};
+  const ReadV4l2 read = [&](uint32_t id) {
+    const auto found = device.find(id);
+    return found == device.end() ? std::nullopt : std::optional(found->second);
+  };
+  const auto exposure = read_v4l2_control("exposure", read);
+  ASSERT_TRUE(exposure);
+  EXPECT_TRUE(exposure->automatic);
+  EXPECT_DOUBLE_EQ(*exposure->value, 0.0157);
+  device[V4L2_CID_EXPOSURE_AUTO] = V4L2_EXPOSURE_MANUAL;
+  EXPECT_FALSE(read_v4l2_control("exposure", read)->automatic);
+  EXPECT_EQ(read_v4l2_control("gain", read)->value, 12);
+  EXPECT_FALSE(read_v4l2_control("gain", read)->automatic) << "this device has no switch for it";
+  EXPECT_EQ(read_v4l2_control("mains_frequency", read)->value, 60);
+  EXPECT_FALSE(read_v4l2_control("focus", read)) << "it has none";
+  EXPECT_FALSE(read_v4l2_control("sharpness", read)) << "not one of those with a unit";
+}
+
+TEST(CameraControls, GoToPropertiesOfAllInside) {
+  const ElementPtr bin(gst_parse_bin_from_description("videotestsrc ! videobalance ! identity", TRUE, nullptr));
+  gst_object_ref_sink(bin.get());
+  const Controls wanted = {{"brightness", 0.25}, {"sleep-time", 70.2}, {"exposure", 0.1}, {"nothing", 3}};
+  apply_controls(bin.get(), wanted);
+  GstStructure* controls = read_controls(bin.get(), wanted);
+  GstStructure* values = read_control_values(bin.get(), wanted);
+  double number = 0;
+  EXPECT_TRUE(gst_structure_get_double(controls, "sleep-time", &number));
+  EXPECT_EQ(number, 70);
+  EXPECT_TRUE(gst_structure_get_double(values, "brightness", &number));
+  EXPECT_EQ(number, 0.25);
+  gboolean taken = TRUE;
+  for (const char* name : {"exposure", "nothing"}) {
+    EXPECT_TRUE(gst_structure_get_boolean(controls, name, &taken) && !taken) << name;
+    EXPECT_FALSE(gst_structure_has_field(values, name));
+  }
+  gst_structure_free(controls);
+  gst_structure_free(values);
+}
+
+// Only the rig's own line may say what its controls do not.
+TEST(CameraControls, LeaveWhatALineOfElementsSays) {
+  const ElementPtr source(gst_element_factory_make("v4l2src", nullptr));
+  if (!source) GTEST_SKIP() << "v4l2src is not installed";
+  gst_object_ref_sink(source.get());
+  GstStructure* own = gst_structure_from_string("c,contrast=7,gain=1", nullptr);
+  g_object_set(source.get(), "extra-controls", own, nullptr);
+  gst_structure_free(own);
+  apply_controls(source.get(), {{"gain", 5}});
+  GstStructure* all = nullptr;
+  g_object_get(source.get(), "extra-controls", &all, nullptr);
+  int contrast = 0, gain = 0;
+  EXPECT_TRUE(gst_structure_get_int(all, "contrast", &contrast) && gst_structure_get_int(all, "gain", &gain));
+  EXPECT_EQ(contrast, 7);
+  EXPECT_EQ(gain, 5);
+  gst_structure_free(all);
+}
+
+}  // namespace
+}  // namespace lf::test

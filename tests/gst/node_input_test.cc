@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "compositor/node_input.h"
+
+#include <gtest/gtest.h>
+
+#include "gst/aggregator_fixture.h"
+
+namespace lf::test {
+namespace {
+
+using Taken = NodeInput::Taken;
+
+// The units of this test are of 24 bytes: the number of their request where answers have it, which part they are, and
+// of how many.
+class NodeInputTest : public testing::Test {
+ protected:
+  NodeInputTest() {
+    g_object_set(element_, "latency", 10 * GST_SECOND, nullptr);  // as many buffers wait on a pad, not one alone
+    // As long as this one has no buffer GstAggregator does nothing.
+    gst_object_unref(gst_element_request_pad_simple(element_, "sink_%u"));
+    harness_.reset(gst_harness_new_with_element(element_, "sink_%u", nullptr));
+    gst_harness_set_src_caps_str(harness_.get(), "answers");
+    pad_ = GST_AGGREGATOR_PAD(gst_pad_get_peer(harness_->srcpad));
+    NodeInput::attach(pad_);
+  }
+  ~NodeInputTest() override {
+    gst_object_unref(pad_);
+    harness_.reset();
+    gst_object_unref(element_);
+  }
+  NodeInput& node() { return NodeInput::of(pad_); }
+  void come(uint8_t sequence, uint8_t part = 0, uint8_t parts = 1) {
+    std::vector<uint8_t> bytes(24);
+    bytes[19] = sequence;
+    bytes[20] = part;
+    bytes[21] = parts;
+    GstBuffer* unit = to_buffer(bytes);
+    GST_BUFFER_PTS(unit) = 0;
+    ASSERT_EQ(gst_harness_push(harness_.get(), unit), GST_FLOW_OK);
+    // Caps and segment wait in the same queue in front of the first buffer, until GstAggregator's thread takes them.
+    for (int i = 0; i < 5000 && !has_buffer(); i++) g_usleep(1000);
+    ASSERT_TRUE(has_buffer());
+  }
+  // What is given to the current request, by its parts.
+  std::vector<int> take(uint8_t sequence, bool live = false) {
+    std::vector<int> parts;
+    node().take(sequence, live, [&](GstBuffer* unit) {
+      const std::vector<uint8_t> bytes = to_bytes(unit);
+      if (bytes[19] > sequence) return Taken::kAhead;
+      if (bytes[19] < sequence) return Taken::kDone;
+      parts.push_back(bytes[20]);
+      return node().add_part({.first = bytes[20], .count = 1, .total = bytes[21]}) ? node().part_added(true)
+                                                                                   : Taken::kDone;
+    });
+    return parts;
+  }
+  bool has_buffer() { return gst_aggregator_pad_has_buffer(pad_); }
+
+  Hooks hooks_;
+  GstElement* element_ = GST_ELEMENT(gst_object_ref_sink(new_hooked_aggregator(&hooks_)));
+  HarnessPtr harness_;
+  GstAggregatorPad* pad_ = nullptr;
+};
+
+TEST_F(NodeInputTest, TheLastPartStaysOnItsPadUntilThePictureIsDone) {
+  come(1, 0, 2);
+  EXPECT_TRUE(node().has_news());
+  EXPECT_EQ(take(1), std::vector({0}));
+  EXPECT_TRUE(node().is_awaited(false, 0));
+  EXPECT_FALSE(has_buffer());
+  come(1, 1, 2);
+  EXPECT_EQ(take(1), std::vector({1}));
+  EXPECT_FALSE(node().is_awaited(false, 0));
+  EXPECT_TRUE(has_buffer()) << "GstAggregator sees that the node has answered";
+  EXPECT_FALSE(node().has_news());
+  EXPECT_EQ(take(1), std::vector<int>());
+  node().close(true);
+  EXPECT_FALSE(has_buffer());
+  EXPECT_TRUE(node().is_awaited(false, 0)) << "the next request's answer";
+}
+
+TEST_F(NodeInputTest, AnAnswerToALaterRequestWaitsOnThePad) {
+  come(3);
+  EXPECT_EQ(take(1), std::vector<int>());
+  EXPECT_FALSE(node().is_awaited(false, 0)) << "the node has skipped this request";
+  EXPECT_FALSE(node().has_news());
+  node().close(true);
+  node().forget();
+  EXPECT_EQ(take(3), std::vector({0}));
+}
+
+TEST_F(NodeInputTest, LiveItIsKeptAside) {
+  come(3);
+  come(1);
+  EXPECT_EQ(take(1, true), std::vector({0})) << "what came behind it is not held up";
+  node().close(true);
+  EXPECT_FALSE(has_buffer());
+  node().forget();
+  EXPECT_EQ(take(2, true), std::vector<int>());
+  node().forget();
+  EXPECT_EQ(take(3, true), std::vector({0}));
+  EXPECT_FALSE(node().is_awaited(true, 0));
+}
+
+TEST_F(NodeInputTest, WhoHasMissedPicturesIsNotWaitedForLive) {
+  for (int i = 0; i < 3; i++) {
+    EXPECT_TRUE(node().is_awaited(true, 2)) << i;
+    node().close(true);
+  }
+  EXPECT_FALSE(node().is_awaited(true, 2));
+  EXPECT_TRUE(node().is_awaited(true, 0)) << "for ever";
+  EXPECT_TRUE(node().is_awaited(false, 2)) << "from files";
+  node().was_in_time();
+  EXPECT_TRUE(node().is_awaited(true, 2));
+  for (int i = 0; i < 3; i++) node().close(false);
+  EXPECT_TRUE(node().is_awaited(true, 2)) << "pictures that say nothing of the node";
+}
+
+TEST_F(NodeInputTest, WhatCameBeforeAFlushIsNotSeenAgain) {
+  come(3);
+  EXPECT_EQ(take(1, true), std::vector<int>());
+  node().flushed();
+  EXPECT_EQ(take(3, true), std::vector<int>());
+  come(3);
+  EXPECT_EQ(take(3, true), std::vector({0}));
+}
+
+TEST_F(NodeInputTest, ARequestWithoutAPictureLeavesNothingBehind) {
+  come(1);
+  EXPECT_EQ(take(1), std::vector({0}));
+  node().drop_answer();
+  EXPECT_FALSE(has_buffer());
+  node().forget();
+  come(2);
+  EXPECT_EQ(take(2), std::vector({0}));
+}
+
+TEST_F(NodeInputTest, ARepeatedPartIsNotAnotherOne) {
+  come(1, 0, 2);
+  come(1, 0, 2);
+  EXPECT_EQ(take(1), std::vector({0, 0}));
+  EXPECT_TRUE(node().is_awaited(false, 0)) << "the other part has not come";
+}
+
+}  // namespace
+}  // namespace lf::test

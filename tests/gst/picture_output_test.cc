@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "compositor/picture_output.h"
+
+#include <gtest/gtest.h>
+
+#include <semaphore>
+
+#include "common/common.h"
+#include "gst/aggregator_fixture.h"
+#include "scene/scene.h"
+#include "support/node_answer.h"
+#include "view/navigator.h"
+
+namespace lf::test {
+namespace {
+
+using Shown = PictureOutput::Shown;
+
+class PictureOutputTest : public testing::Test {
+ protected:
+  PictureOutputTest() {
+    hooks_.aggregate = [this] {
+      turn_();
+      done_.release();
+    };
+    hooks_.negotiate = [this] { output_->negotiate(); };
+    hooks_.update_caps = [this](GstCaps* downstream, GstCaps** caps) {
+      return output_->update_src_caps(downstream, caps);
+    };
+    hooks_.negotiated = [this](GstCaps* caps) { return output_->negotiated_src_caps(caps); };
+    hooks_.allocation = [this](GstQuery* query) { return output_->decide_allocation(query); };
+    element_ = GST_ELEMENT(gst_object_ref_sink(new_hooked_aggregator(&hooks_)));
+    output_.emplace(GST_AGGREGATOR(element_));
+    request_pad_ = gst_pad_new("request", GST_PAD_SINK);
+    request_.view = make_view(default_viewpoint(rig_), 32, 16);
+    assembly_.set_rig(std::make_shared<const Rig>(rig_));
+  }
+  ~PictureOutputTest() override {
+    output_->stop();
+    harness_.reset();
+    output_.reset();
+    gst_object_unref(element_);
+    gst_object_unref(request_pad_);
+  }
+  void begin(bool partial, const char* sink_caps) {
+    output_->start(partial, request_pad_);
+    harness_.reset(gst_harness_new_with_element(element_, "sink_%u", "src"));
+    gst_harness_set_sink_caps_str(harness_.get(), sink_caps);
+    gst_harness_set_src_caps_str(harness_.get(), "requests");
+    GstSegment segment;
+    gst_segment_init(&segment, GST_FORMAT_TIME);
+    in_stream([&] { output_->follow_segment(segment); });
+  }
+  // GstAggregator's thread holds its lock while it waits: who would negotiate or push in another thread waits for ever.
+  void in_stream(std::function<void()> turn) {
+    turn_ = std::move(turn);
+    ASSERT_EQ(gst_harness_push(harness_.get(), gst_buffer_new()), GST_FLOW_OK);
+    done_.acquire();
+  }
+  // The answers of these cameras, in one colour.
+  void answer(const std::vector<CameraIndex>& cameras, uint8_t grey) {
+    assembly_.begin(request_);
+    if (cameras.empty()) return;
+    Image image(PixelFamily::kRgb, rig_.cameras[0].width, rig_.cameras[0].height);
+    std::ranges::fill(image.data(), grey);
+    const ByteBuffer bytes = node_answer_bytes(rig_, request_, cameras, image);
+    ASSERT_EQ(assembly_.add(*wire::parse_answer(bytes)), Assembly::Verdict::kAdded);
+  }
+  // The picture of what was added; null, and `flow_` says why, if there is none.
+  GstBuffer* make() {
+    GstBuffer* picture = nullptr;
+    in_stream([&] { picture = output_->make_picture(assembly_, request_.view, {}, &flow_); });
+    return picture;
+  }
+  GstFlowReturn push(GstBuffer* picture, GstClockTime pts = 0) {
+    GST_BUFFER_PTS(picture) = pts;
+    GstFlowReturn flow = GST_FLOW_ERROR;
+    in_stream([&] { flow = output_->push(picture, pts, true); });
+    return flow;
+  }
+  // The red of the pixel in the middle.
+  static int middle(GstBuffer* picture) { return to_bytes(picture)[3 * (8 * 32 + 16)]; }
+
+  std::function<void()> turn_ = [] {};
+  std::binary_semaphore done_{0};
+  Hooks hooks_;
+  GstElement* element_ = nullptr;
+  GstPad* request_pad_ = nullptr;
+  std::optional<PictureOutput> output_;
+  HarnessPtr harness_;
+  const Rig rig_ = scene_rig(2, 2, 32, 24);
+  ViewRequest request_;
+  Assembly assembly_;
+  GstFlowReturn flow_ = GST_FLOW_OK;
+};
+
+TEST_F(PictureOutputTest, PicturesLeaveInCapsThatDownstreamTakes) {
+  begin(false, "video/x-raw, format=BGR");
+  EXPECT_FALSE(output_->has_begun());
+  answer({0, 1, 2, 3}, 100);
+  GstBuffer* picture = make();
+  ASSERT_TRUE(picture);
+  EXPECT_TRUE(output_->has_begun());
+  EXPECT_EQ(push(picture, GST_SECOND), GST_FLOW_OK);
+  const BufferPtr out(gst_harness_pull(harness_.get()));
+  ASSERT_TRUE(out);
+  EXPECT_EQ(GST_BUFFER_PTS(out.get()), GST_SECOND);
+  EXPECT_EQ(middle(out.get()), 100);
+  EXPECT_NE(caps_of(harness_->sinkpad).find("format=(string)BGR, width=(int)32, height=(int)16"), std::string::npos)
+      << caps_of(harness_->sinkpad);
+}
+
+TEST_F(PictureOutputTest, AnotherSizeIsAgreedOnAnew) {
+  begin(false, "video/x-raw, format=RGB");
+  answer({0, 1, 2, 3}, 100);
+  ASSERT_EQ(push(make()), GST_FLOW_OK);
+  request_.view = make_view(default_viewpoint(rig_), 48, 16);
+  answer({0, 1, 2, 3}, 100);
+  ASSERT_EQ(push(make(), GST_SECOND), GST_FLOW_OK);
+  const BufferPtr small(gst_harness_pull(harness_.get())), wide(gst_harness_pull(harness_.get()));
+  EXPECT_EQ(gst_buffer_get_size(small.get()), 32u * 16 * 3);
+  EXPECT_EQ(gst_buffer_get_size(wide.get()), 48u * 16 * 3);
+}
+
+TEST_F(PictureOutputTest, WhoTakesNoSuchVideoIsTold) {
+  begin(false, "video/x-raw, format=NV12");
+  GstBus* bus = gst_bus_new();
+  gst_element_set_bus(element_, bus);
+  answer({0, 1, 2, 3}, 100);
+  EXPECT_FALSE(make());
+  EXPECT_EQ(flow_, GST_FLOW_NOT_NEGOTIATED);
+  GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR);
+  ASSERT_TRUE(message);
+  g_autoptr(GError) error = nullptr;
+  gst_message_parse_error(message, &error, nullptr);
+  EXPECT_STREQ(error->message,
+               "Downstream takes no RGB video of 32x16 pixels: put a videoconvert behind lfcompositor.");
+  gst_message_unref(message);
+  gst_element_set_bus(element_, nullptr);
+  gst_object_unref(bus);
+}
+
+TEST_F(PictureOutputTest, ThePictureBeforeStandsInForAnIncompleteOne) {
+  begin(false, "video/x-raw, format=RGB");
+  answer({0, 1, 2, 3}, 100);
+  GstBuffer* whole = make();
+  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_REPEAT, &whole), Shown::kPicture);
+  ASSERT_EQ(push(whole), GST_FLOW_OK);
+
+  answer({0}, 200);
+  GstBuffer* part = make();
+  ASSERT_FALSE(assembly_.complete());
+  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_CONCEAL, &part), Shown::kPicture);
+  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_REPEAT, &part), Shown::kRepeated);
+  EXPECT_EQ(middle(part), 100);
+  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_DROP, &part), Shown::kDropped);
+  EXPECT_FALSE(part);
+}
+
+TEST_F(PictureOutputTest, WithoutAnyAnswerThePictureBeforeIsShown) {
+  begin(false, "video/x-raw, format=RGB");
+  answer({}, 0);
+  const BufferPtr dark(make());
+  EXPECT_EQ(middle(dark.get()), 0) << "there is none before";
+  answer({0, 1, 2, 3}, 100);
+  ASSERT_EQ(push(make()), GST_FLOW_OK);
+  answer({}, 0);
+  const BufferPtr again(make());
+  EXPECT_EQ(middle(again.get()), 100);
+}
+
+TEST_F(PictureOutputTest, PartialAnswersSpeakForTheCamerasThatCame) {
+  begin(true, LF_ANSWER_CAPS);
+  answer({0, 3}, 100);
+  GstBuffer* made = nullptr;
+  in_stream([&] { made = output_->make_answer(assembly_, request_, 7, CodecChoice::kAuto, &flow_); });
+  ASSERT_TRUE(made) << flow_;
+  ASSERT_EQ(push(made), GST_FLOW_OK);
+  const BufferPtr out(gst_harness_pull(harness_.get()));
+  const std::vector<uint8_t> bytes = to_bytes(out.get());
+  const auto parsed = wire::parse_answer(bytes);
+  ASSERT_TRUE(parsed);
+  EXPECT_EQ(parsed->node, 7u);
+  EXPECT_EQ(parsed->cameras, CameraRanges(CameraSet{0, 3}));
+}
+
+}  // namespace
+}  // namespace lf::test

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "calibration/colour_checker_finder.h"
+
+#include <gtest/gtest.h>
+
+#include "image/colour_checker.h"
+#include "scene/colour_chart.h"
+#include "scene/colour_faults.h"
+
+namespace lf {
+namespace {
+
+// The chart's patches in order are told apart by their middles in the image.
+TEST(ColourCheckerFinder, FindsEveryPatchWhereItIs) {
+  const Rig rig = scene_rig(3, 3, 640, 480);
+  size_t found = 0;
+  for (const ChartPose& chart : chart_poses(rig, 4))
+    for (const size_t i : {0u, 4u, 8u}) {
+      const Camera& camera = rig.cameras[i];
+      const Image image = render_chart({camera.width, camera.height, camera.lens, camera.pose}, chart);
+      const std::vector<ColourSample> samples = find_colour_checker(image, static_cast<CameraIndex>(i), 48);
+      found += !samples.empty();
+      for (const ColourSample& sample : samples) {
+        EXPECT_EQ(sample.camera, i);
+        ASSERT_GE(sample.patch, 48u);
+        ASSERT_LT(sample.patch, 72u);
+        const Vec2 at =
+            (checker::middle(static_cast<int>(sample.patch) - 48) - Vec2(checker::kWidth, checker::kHeight) / 2.0) *
+            (chart.width / checker::kWidth);
+        const auto pixel =
+            camera.lens.project(camera.pose.camera_from_world(chart.world_from_chart.world_from_camera(Vec3(at, 0))));
+        ASSERT_TRUE(pixel);
+        EXPECT_LE(glm::length(*pixel - sample.place), 6) << "patch " << sample.patch - 48;
+      }
+    }
+  EXPECT_GE(found, 9u) << "of 12";
+}
+
+TEST(ColourCheckerFinder, FindsItInNoiseAndSmallImages) {
+  const Rig rig = scene_rig(1, 1, 320, 240);
+  const Camera& camera = rig.cameras[0];
+  const ChartPose chart = chart_poses(rig, 1)[0];
+  const Image image = render_chart({camera.width, camera.height, camera.lens, camera.pose}, chart);
+  ColourFault fault = random_faults(1, 1)[0];
+  const std::vector<ColourSample> samples =
+      find_colour_checker(with_fault(image, fault, camera.principal_point(), 1), 0, 0);
+  ASSERT_EQ(samples.size(), 24u);
+  for (size_t i = 19; i < 24; i++) EXPECT_LT(samples[i].level.y + 10, samples[i - 1].level.y) << "greys get darker";
+}
+
+TEST(ColourCheckerFinder, WhereThereIsNoneNothingIsFound) {
+  EXPECT_TRUE(find_colour_checker(Image(PixelFamily::kRgb, 320, 240), 0, 0).empty());
+  const Rig rig = scene_rig(1, 1, 320, 240);
+  const Camera& camera = rig.cameras[0];
+  EXPECT_TRUE(find_colour_checker(render_scene({320, 240, camera.lens, camera.pose}, 0), 0, 0).empty());
+}
+
+TEST(SampleQuad, IsTheMeanOfWhatIsInside) {
+  Image image(PixelFamily::kRgb, 40, 30);
+  for (int y = 0; y < 30; y++)
+    for (int x = 0; x < 40; x++) {
+      const bool in = x >= 10 && x <= 20 && y >= 5 && y <= 15;
+      image.pixel(x, y)[0] = in ? static_cast<uint8_t>(100 + x % 2) : 9;
+      image.pixel(x, y)[1] = in ? 60 : 9;
+      image.pixel(x, y)[2] = in && x == 12 ? 255 : 100;
+    }
+  const auto sample = sample_quad(image, {Vec2(10, 5), Vec2(20, 5), Vec2(20, 15), Vec2(10, 15)});
+  ASSERT_TRUE(sample);
+  EXPECT_NEAR(sample->level.x, 100.5, 0.1);
+  EXPECT_NEAR(sample->level.y, 60, 1e-9);
+  EXPECT_EQ(sample->place, Vec2(15, 10));
+  EXPECT_EQ(sample->usable, (std::array<bool, 3>{true, true, false})) << "a row of blue is clipped";
+  EXPECT_FALSE(sample_quad(image, {Vec2(-1, 5), Vec2(20, 5), Vec2(20, 15), Vec2(10, 15)})) << "outside";
+  EXPECT_FALSE(sample_quad(image, {Vec2(3, 5), Vec2(4, 5), Vec2(4, 6), Vec2(3, 6)})) << "four pixels";
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "calibration/moving_light.h"
+
+#include <cmath>
+#include <random>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "calibration/simulator.h"
+#include "scene/lights.h"
+#include "support/expect_error.h"
+
+namespace lf {
+namespace {
+
+constexpr double kNoise = 0.03;  // pixels
+
+struct Recorded {
+  Rig truth;
+  LightsOptions lights;
+  LightSights sights;
+};
+
+struct Recording {
+  double bar = 0.3, reflection = 0;
+  bool dropped = false;  // camera 4 loses a frame amid its recording
+  double late = 0;       // camera 2, seconds
+  double seconds = 8;
+};
+
+// Nine cameras of 30 and 15 frames a second in turn, none with the others' time, some with a shorter recording.
+Recorded record(const Recording& how) {
+  sim::ArrayOptions array;
+  array.rows = array.columns = 3;
+  Recorded r{sim::make_array(array, 5), {}, {}};
+  r.lights.bar = how.bar, r.lights.reflection = how.reflection;
+  r.sights.bar = how.bar > 0;
+  const LightsPath path(r.truth, r.lights);
+  std::mt19937_64 random(3);
+  std::normal_distribution<double> normal(0, kNoise);
+  std::uniform_real_distribution<double> uniform(-0.033, 0.033);
+  for (size_t i = 0; i < r.truth.cameras.size(); i++) {
+    Camera& camera = r.truth.cameras[i];
+    camera.time_offset = uniform(random) + (i == 2 ? how.late : 0);
+    const LightsCamera lights(path, {camera.width, camera.height, camera.lens, camera.pose});
+    LightSights::Camera& seen = r.sights.cameras.emplace_back();
+    seen = {camera.id, camera.width, camera.height, {}};
+    const double rate = i % 2 ? 15 : 30;
+    const auto frames = static_cast<int>((how.seconds - 0.5 * static_cast<double>(i % 3)) * rate);
+    for (int n = 0; n < frames; n++) {
+      const double stamp = n / rate, lost = how.dropped && i == 4 && n >= frames / 2 ? 1 / rate : 0;
+      LightSights::Frame& frame = seen.frames.emplace_back();
+      frame.time = std::round(stamp * 1000) / 1000;  // as Matroska has it
+      const auto places = lights.places(stamp + camera.time_offset + lost);
+      for (size_t k = 0; k < places.size(); k++)
+        if (places[k])
+          frame.sights.push_back({*places[k] + Vec2(normal(random), normal(random)), kNoise,
+                                  k < static_cast<size_t>(path.num_lights()) ? 1000.0 : 300.0});
+    }
+  }
+  return r;
+}
+
+// The root of the mean squared difference of the offsets, of which the mean is not known.
+double offset_error(const Recorded& r, const LightSolution& solution) {
+  double sum = 0, squares = 0;
+  const auto n = static_cast<double>(solution.clocks.size());
+  for (size_t i = 0; i < solution.clocks.size(); i++) {
+    const double e = solution.clocks[i].offset - r.truth.cameras[i].time_offset;
+    sum += e, squares += e * e;
+  }
+  return std::sqrt(std::max(0.0, squares / n - sum * sum / (n * n)));
+}
+
+double position_error(const Recorded& r, const LightSolution& solution) {
+  std::vector<Pose> found, expected;
+  for (size_t i = 0; i < r.truth.cameras.size(); i++) {
+    EXPECT_TRUE(solution.solution.scene.cameras[i].used) << i;
+    found.push_back(solution.solution.scene.cameras[i].pose()), expected.push_back(r.truth.cameras[i].pose);
+  }
+  const Similarity s = align(found, expected);
+  double sum = 0;
+  for (size_t i = 0; i < found.size(); i++) {
+    const Vec3 e = s(found[i]).position - expected[i].position;
+    sum += glm::dot(e, e);
+  }
+  return std::sqrt(sum / static_cast<double>(found.size()));
+}
+
+// Observations that are no light's image at their instant, to a pixel.
+size_t mistaken(const Recorded& r, const LightSolution& solution) {
+  const LightsPath path(r.truth, r.lights);
+  double shift = 0;  // between the clock of the truth and that of the solution
+  for (size_t i = 0; i < solution.clocks.size(); i++)
+    shift += (r.truth.cameras[i].time_offset - solution.clocks[i].offset) / static_cast<double>(solution.clocks.size());
+  size_t wrong = 0;
+  for (const Observation& o : solution.tracks.observations) {
+    const Camera& camera = r.truth.cameras[o.camera];
+    bool light = false;
+    for (const Vec3& at : path.lights(solution.instants[o.position] + shift))
+      if (const auto pixel = camera.lens.project(camera.pose.camera_from_world(at)))
+        light |= glm::length(*pixel - o.pixel) < 1;
+    wrong += !light;
+  }
+  return wrong;
+}
+
+TEST(MovingLight, CamerasWithoutACommonClock) {
+  const Recorded r = record({});
+  const LightSolution solution = solve_lights(r.sights, {});
+  EXPECT_LE(offset_error(r, solution), 1e-4);  // seconds
+  EXPECT_LE(position_error(r, solution), 5e-4);
+  EXPECT_EQ(mistaken(r, solution), 0u);
+  EXPECT_GT(solution.tracks.observations.size(), 1500u);
+  for (const CameraClock& clock : solution.clocks) {
+    EXPECT_TRUE(clock.known);
+    EXPECT_TRUE(clock.steps.empty());
+    EXPECT_LT(clock.sigma, 1e-4);
+  }
+  EXPECT_TRUE(diagnose_clocks(solution).empty());
+  nlohmann::ordered_json report = {{"cameras", nlohmann::ordered_json::array()}};
+  add_clocks(solution, report);
+  EXPECT_EQ(report["cameras"].size(), 9u);
+  EXPECT_NEAR(report["cameras"][3]["time_offset_ms"].get<double>(), 1e3 * solution.clocks[3].offset, 1e-9);
+}
+
+TEST(MovingLight, ReflectionsNeverWin) {
+  Recording how;
+  how.reflection = 0.5;
+  const Recorded r = record(how);
+  const LightSolution solution = solve_lights(r.sights, {});
+  EXPECT_EQ(mistaken(r, solution), 0u);
+  EXPECT_LE(offset_error(r, solution), 2e-4);
+  EXPECT_LE(position_error(r, solution), 5e-4);
+  for (const size_t reflections : solution.reflections) EXPECT_GT(reflections, 50u);
+}
+
+TEST(MovingLight, AFrameThatWasDroppedIsFound) {
+  Recording how;
+  how.dropped = true;
+  const Recorded r = record(how);
+  const LightSolution solution = solve_lights(r.sights, {});
+  EXPECT_LE(offset_error(r, solution), 2e-4);
+  ASSERT_EQ(solution.clocks[4].steps.size(), 1u);
+  EXPECT_EQ(solution.clocks[4].steps[0].frames, 1);
+  EXPECT_NEAR(solution.clocks[4].steps[0].stamp, 3.75, 0.15);
+  const auto findings = diagnose_clocks(solution);
+  ASSERT_EQ(findings.size(), 1u);
+  EXPECT_EQ(findings[0].code, "dropped-frames");
+  EXPECT_THAT(findings[0].text, testing::HasSubstr("camera 4 lost 1 frame at 3."));
+}
+
+TEST(MovingLight, ARecordingThatBeganLater) {
+  Recording how;
+  how.late = 1.3;
+  const Recorded r = record(how);
+  const LightSolution solution = solve_lights(r.sights, {});
+  EXPECT_LE(offset_error(r, solution), 2e-4);
+  const auto findings = diagnose_clocks(solution);
+  ASSERT_EQ(findings.size(), 1u);
+  EXPECT_EQ(findings[0].code, "late-camera");
+}
+
+// Clocks are a bar's to tell: of one light a camera's pose hides too much of its time.
+TEST(MovingLight, ReflectionsOfOneLightNeverWin) {
+  Recording how;
+  how.bar = 0;
+  how.reflection = 0.5;
+  const Recorded r = record(how);
+  LightSolveOptions options;
+  sim::measure_lenses(r.truth, {}, 4, options.solve);
+  const LightSolution solution = solve_lights(r.sights, options);
+  EXPECT_EQ(mistaken(r, solution), 0u);
+}
+
+TEST(MovingLight, NothingThatMovesIsSaid) {
+  Recorded r = record({});
+  for (LightSights::Camera& camera : r.sights.cameras)
+    for (LightSights::Frame& frame : camera.frames) frame.sights.clear();
+  EXPECT_ERROR(solve_lights(r.sights, {}), "no camera sees a light that moves");
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "focus/focus_feedback.h"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "lib/focus/array_of_walls.h"
+
+namespace lf {
+namespace {
+
+using Waited = FocusFeedback::Waited;
+constexpr std::chrono::milliseconds kShort{5};
+
+class FocusFeedbackTest : public testing::Test {
+ protected:
+  ViewRequest request() const {
+    ViewRequest request;
+    request.view_id = 3;
+    request.view = walls_.view(0);
+    request.view.focus.map = nullptr;
+    return request;
+  }
+  // A surface at 2 metres everywhere.
+  FoundFocus found(uint32_t sequence) const {
+    FoundFocus focus{.sequence = sequence, .plan = {.view = walls_.view(0)}, .gains = {}};
+    FocalMap map = FocalMap::for_view(focus.plan.view.width, focus.plan.view.height);
+    map.from = plane_through(focus.plan.view.pose.position, focus.plan.view.pose.forward());
+    map.farthest = map.nearest = 0.5;
+    map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 0);
+    focus.plan.view.focus.map = std::make_shared<const FocalMap>(map);
+    focus.plan.trials = {{Trial::Kind::kPlane, 3}};
+    return focus;
+  }
+
+  test::ArrayOfWalls walls_;
+  FocusFeedback feedback_;
+};
+
+TEST_F(FocusFeedbackTest, TheNextRequestHasTheSurfaceAndTheTrialsOnce) {
+  ViewRequest next = request();
+  feedback_.apply(next);
+  EXPECT_FALSE(next.view.focus.map) << "nothing is known yet";
+  feedback_.announce(found(1));
+  feedback_.apply(next);
+  EXPECT_TRUE(next.view.focus.map);
+  EXPECT_EQ(next.trials.size(), 1u);
+  next = request();
+  feedback_.apply(next);
+  EXPECT_TRUE(next.view.focus.map);
+  EXPECT_TRUE(next.trials.empty());
+  feedback_.clear();
+  next = request();
+  feedback_.apply(next);
+  EXPECT_FALSE(next.view.focus.map);
+}
+
+TEST_F(FocusFeedbackTest, NewsOfARequestAreWaitedFor) {
+  EXPECT_EQ(feedback_.wait_for(0xffffffff, kShort), Waited::kTooLong);
+  std::thread compositor([&] { feedback_.announce(found(1)); });
+  EXPECT_EQ(feedback_.wait_for(0xffffffff, std::chrono::minutes(1)), Waited::kCame) << "numbers wrap: 1 is later";
+  compositor.join();
+  EXPECT_EQ(feedback_.wait_for(2, kShort), Waited::kTooLong);
+  feedback_.set_unlocked(true);
+  EXPECT_EQ(feedback_.wait_for(1, kShort), Waited::kUnlocked);
+}
+
+TEST_F(FocusFeedbackTest, APlaceIsInFocusAtOnceWhereThereIsASurface) {
+  feedback_.announce(found(1));
+  const std::optional<double> distance = feedback_.focus_at({0.5, 0.5});
+  ASSERT_TRUE(distance);
+  EXPECT_NEAR(*distance, 2, 1e-3);
+  EXPECT_FALSE(feedback_.next_sweep(request(), &walls_.rig)) << "nothing is to be looked for";
+}
+
+TEST_F(FocusFeedbackTest, WithoutASurfaceSweepsLookForThePlace) {
+  EXPECT_FALSE(feedback_.next_sweep(request(), &walls_.rig));
+  EXPECT_FALSE(feedback_.focus_at({0.25, 0.5}));
+  for (uint32_t stage = 0; stage < 2; stage++) {
+    const std::optional<ViewRequest> sweep = feedback_.next_sweep(request(), &walls_.rig);
+    ASSERT_TRUE(sweep) << stage;
+    EXPECT_TRUE(sweep->probe);
+    EXPECT_FALSE(sweep->trials.empty());
+    EXPECT_LT(sweep->view.width, request().view.width);
+    feedback_.sweep_sent(10 + stage);
+    EXPECT_FALSE(feedback_.next_sweep(request(), &walls_.rig)) << "one at a time";
+    EXPECT_FALSE(feedback_.take_found());
+    feedback_.announce(found(10 + stage));
+  }
+  const std::optional<double> distance = feedback_.take_found();
+  ASSERT_TRUE(distance);
+  EXPECT_NEAR(*distance, 2, 1e-3);
+  EXPECT_FALSE(feedback_.take_found()) << "once";
+}
+
+TEST_F(FocusFeedbackTest, SweepsThatAreLostEndTheSearch) {
+  feedback_.focus_at({0.5, 0.5});
+  int sweeps = 0;
+  for (int i = 0; i < 1000; i++)
+    if (feedback_.next_sweep(request(), &walls_.rig)) feedback_.sweep_sent(static_cast<uint32_t>(++sweeps));
+  EXPECT_EQ(sweeps, 3);
+}
+
+TEST_F(FocusFeedbackTest, ARelayGivesSurfacesToRequestsThatHaveNone) {
+  RelayedFocus relayed;
+  ViewRequest passing = request();
+  EXPECT_FALSE(relayed.apply(passing));
+  relayed.announce(3, found(1));
+  EXPECT_TRUE(relayed.apply(passing));
+  EXPECT_TRUE(passing.view.focus.map);
+  EXPECT_FALSE(relayed.apply(passing)) << "it has one of its own";
+  ViewRequest probe = request();
+  probe.probe = true;
+  EXPECT_FALSE(relayed.apply(probe));
+  ViewRequest other = request();
+  other.view_id = 4;
+  EXPECT_FALSE(relayed.apply(other)) << "another viewer's";
+  relayed.clear();
+  passing = request();
+  EXPECT_FALSE(relayed.apply(passing));
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rig/array_shapes.h"
+
+#include <gtest/gtest.h>
+
+#include "rig/mesh.h"
+#include "rig/rig_json.h"
+#include "support/expect_error.h"
+
+namespace lf {
+namespace {
+
+double apart(const Rig& rig, size_t a, size_t b) {
+  return glm::length(rig.cameras[a].pose.position - rig.cameras[b].pose.position);
+}
+
+TEST(ArcRig, StandsAroundItsCentreAndLooksAtIt) {
+  const Rig rig = make_arc_rig({.cameras = 9, .pitch = 0.06, .radius = 1.5, .fov_y_deg = 50});
+  ASSERT_EQ(rig.cameras.size(), 9u);
+  const Vec3 centre(0, 0, 1.5);
+  for (size_t i = 0; i < 9; i++) {
+    const Pose& pose = rig.cameras[i].pose;
+    EXPECT_NEAR(glm::length(pose.position - centre), 1.5, 1e-12);
+    EXPECT_NEAR(glm::length(pose.forward() - (centre - pose.position) / 1.5), 0, 1e-12) << "looks at the centre";
+    EXPECT_NEAR(glm::length(pose.down() - Vec3(0, 1, 0)), 0, 1e-12) << "upright";
+    if (i > 0) EXPECT_NEAR(apart(rig, i - 1, i), 0.06, 1e-12);
+    if (i > 0) EXPECT_GT(pose.position.x, rig.cameras[i - 1].pose.position.x) << "from the left";
+  }
+  EXPECT_NEAR(glm::length(rig.cameras[4].pose.position), 0, 1e-12);
+  EXPECT_EQ(rig.cameras[3].name, "cam_03");
+  EXPECT_EQ(build_mesh(rig).faces.size(), 8u) << "a strip between neighbours";
+  EXPECT_EQ(parse_rig(rig_to_json(rig), "arc").hash(), rig.hash());
+}
+
+TEST(ArcRig, RefusesNonsense) {
+  EXPECT_ERROR(make_arc_rig({.cameras = 4, .pitch = 0, .radius = 1, .fov_y_deg = 50}), "pitch: must be positive");
+  EXPECT_ERROR(make_arc_rig({.cameras = 4, .pitch = 1, .radius = -1, .fov_y_deg = 50}), "radius: must be positive");
+  EXPECT_ERROR(make_arc_rig({.cameras = 4, .pitch = 1, .radius = 1, .fov_y_deg = 50}), "half the circle");
+  EXPECT_ERROR(make_arc_rig({.cameras = 2, .pitch = 3, .radius = 1, .fov_y_deg = 50}), "half the circle");
+  EXPECT_ERROR(make_arc_rig({.cameras = 0, .pitch = 1, .radius = 1, .fov_y_deg = 50}), "columns: must be 1 to");
+  EXPECT_ERROR(make_arc_rig({.cameras = 3, .pitch = 0.1, .radius = 1, .fov_y_deg = 0}), "fov_y: must be between");
+}
+
+TEST(RingRig, IsACircleThatLooksForward) {
+  const Rig rig = make_ring_rig({.cameras = 8, .radius = 0.2, .fov_y_deg = 60});
+  ASSERT_EQ(rig.cameras.size(), 8u);
+  for (const Camera& camera : rig.cameras) {
+    EXPECT_NEAR(glm::length(camera.pose.position), 0.2, 1e-12);
+    EXPECT_NEAR(glm::length(camera.pose.forward() - Vec3(0, 0, 1)), 0, 1e-12);
+  }
+  EXPECT_NEAR(glm::length(rig.cameras[0].pose.position - Vec3(0, -0.2, 0)), 0, 1e-12) << "y is down";
+  EXPECT_NEAR(glm::length(rig.cameras[2].pose.position - Vec3(0.2, 0, 0)), 0, 1e-12);
+  EXPECT_EQ(build_mesh(rig).faces.size(), 6u) << "the triangles of an octagon";
+  EXPECT_ERROR(make_ring_rig({.cameras = 2, .radius = 0.2, .fov_y_deg = 60}), "at least 3 cameras");
+  EXPECT_ERROR(make_ring_rig({.cameras = 5, .radius = 0, .fov_y_deg = 60}), "radius: must be positive");
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-rig's commands that open cameras, on simulated ones: elements, files and RTSP servers.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "base/json_value.h"
+#include "gst/rtsp_server.h"
+#include "image/image.h"
+#include "rig/rig_json.h"
+#include "support/run_program.h"
+#include "support/temp_dir.h"
+
+namespace lf {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+// Runs lf-rig where it finds the plugin of this build.
+Outcome lf_rig(const std::string& arguments, const TempDir& dir) {
+  g_setenv("GST_PLUGIN_PATH", LF_PLUGIN_DIR, FALSE);
+  return run_program("lf-rig", arguments, dir.path());
+}
+
+// A rig of one row, whose sources are given.
+void write_rig(const TempDir& dir, const std::vector<std::string>& sources) {
+  Rig rig = make_grid_rig({1, static_cast<int>(sources.size()), 0.1, 60, 64, 48});
+  for (size_t i = 0; i < sources.size(); i++) rig.cameras[i].source = sources[i];
+  save_rig(rig, dir / "rig.json");
+}
+
+const std::string kGood = "videotestsrc is-live=true pattern=smpte ! video/x-raw,framerate=15/1";
+
+TEST(LfRigNew, MakesLinesArcsAndRings) {
+  const TempDir dir;
+  const std::string rest = " --fov 60 --out rig.json";
+  ASSERT_EQ(lf_rig("new --line 5 --pitch 0.1" + rest, dir).status, 0);
+  EXPECT_EQ(load_rig(dir / "rig.json").topology.columns, 5);
+  ASSERT_EQ(lf_rig("new --arc 5 --pitch 0.1 --radius 2" + rest, dir).status, 0);
+  EXPECT_NEAR(glm::length(load_rig(dir / "rig.json").cameras[0].pose.position - Vec3(0, 0, 2)), 2, 1e-9);
+  EXPECT_EQ(lf_rig("check rig.json", dir).status, 0);
+  ASSERT_EQ(lf_rig("new --ring 6 --radius 0.2" + rest, dir).status, 0);
+  EXPECT_EQ(load_rig(dir / "rig.json").cameras.size(), 6u);
+  EXPECT_EQ(lf_rig("check rig.json", dir).status, 0);
+  EXPECT_THAT(lf_rig("new --ring 6 --radius 0.2 --pitch 1" + rest, dir).output, HasSubstr("--pitch"));
+  EXPECT_THAT(lf_rig("new --grid 2x2 --pitch 0.1 --radius 1" + rest, dir).output, HasSubstr("--radius"));
+  EXPECT_NE(lf_rig("new --grid 2x2 --line 3 --pitch 0.1" + rest, dir).status, 0);
+  EXPECT_NE(lf_rig("new --pitch 0.1" + rest, dir).status, 0);
+}
+
+TEST(LfRigDoctor, SaysWhatGoodCamerasDeliver) {
+  const TempDir dir;
+  write_rig(dir, {kGood, kGood});
+  const Outcome outcome = lf_rig("doctor rig.json --seconds 2 --json", dir);
+  EXPECT_EQ(outcome.status, 0) << outcome.output;
+  const auto report = nlohmann::json::parse(outcome.output);
+  ASSERT_EQ(report["cameras"].size(), 2u);
+  for (const auto& camera : report["cameras"]) {
+    EXPECT_EQ(camera["problem"], "");
+    EXPECT_NEAR(camera["frames_per_second"], 15, 0.5);
+    EXPECT_EQ(camera["width"], 64);
+    EXPECT_GT(camera["brightness"], 50);
+    EXPECT_GT(camera["bytes_per_second"], 0);
+    EXPECT_FALSE(camera["format"].get<std::string>().empty());
+  }
+  const Outcome page = lf_rig("doctor rig.json --seconds 1", dir);
+  EXPECT_THAT(page.output, AllOf(HasSubstr("0 (cam_00_00)"), HasSubstr("2 cameras, 0 errors")));
+}
+
+TEST(LfRigDoctor, NamesEachTroubleAndItsCamera) {
+  const TempDir dir;
+  write_rig(dir, {kGood, "videotestsrc is-live=true pattern=black ! video/x-raw,framerate=15/1",
+                  "videotestsrc is-live=true ! video/x-raw,width=32,height=24", "v4l2:///dev/video-none", "none.mkv",
+                  "nosuchelement ! queue", "rtsp://127.0.0.1:1/none", "rtsp://127.0.0.1:1/none"});
+  const Outcome outcome = lf_rig("doctor rig.json --seconds 1", dir);
+  EXPECT_EQ(outcome.status, 1);
+  for (const char* text :
+       {"error: camera 1 (cam_00_01): is black", "error: camera 2 (cam_00_02): ", "it gives no pictures of 64x48",
+        "error: camera 3 (cam_00_03): ", "error: camera 4 (cam_00_04): ", "none.mkv: no such file",
+        "error: camera 5 (cam_00_05): ", "nosuchelement",
+        "error: camera 6 (cam_00_06): ", "error: camera 7 (cam_00_07): has the device of camera 6"})
+    EXPECT_THAT(outcome.output, HasSubstr(text));
+  EXPECT_THAT(outcome.output, Not(HasSubstr("camera 0 (cam_00_00): "))) << "who does well is left alone";
+}
+
+TEST(LfRigDoctor, KnowsNetworkCameras) {
+  if (test::kRtspServerMissing) GTEST_SKIP() << test::kRtspServerMissing;
+  gst_init(nullptr, nullptr);
+  const TempDir dir;
+  {
+    const test::RtspServer server;
+    write_rig(dir, {server.uri("/jpeg")});
+    const Outcome outcome = lf_rig("doctor rig.json --seconds 2 --json", dir);
+    const auto report = nlohmann::json::parse(outcome.output);
+    const auto& camera = report["cameras"][0];
+    EXPECT_EQ(camera["format"], "JPEG by RTP");
+    EXPECT_GT(camera["frames"], 10);
+    EXPECT_GT(camera["bytes_per_second"], 0);
+    EXPECT_EQ(report["links"]["measured"][0]["link"], "network lo");
+  }
+  test::RtspServer::clean_up();
+}
+
+TEST(LfRigSnapshot, SavesAStillOfEachCameraThatWorks) {
+  const TempDir dir;
+  write_rig(dir, {"videotestsrc is-live=true pattern=red ! video/x-raw,framerate=30/1",
+                  "videotestsrc is-live=true pattern=blue ! video/x-raw,framerate=30/1 ! jpegenc", "none.mkv"});
+  const Outcome outcome = lf_rig("snapshot rig.json --out stills --after 0.3", dir);
+  EXPECT_EQ(outcome.status, 1) << "one is missing";
+  EXPECT_THAT(outcome.output, AllOf(HasSubstr("camera 2 (cam_00_02): "), HasSubstr("2 stills of one instant")));
+  const Rig rig = load_rig(dir / "stills/rig.json");
+  EXPECT_EQ(rig.cameras[0].image, "cam_00_00.png");
+  EXPECT_EQ(rig.cameras[2].image, "");
+  EXPECT_EQ(rig.cameras[2].source, "../none.mkv");
+  const Image red = load_image(dir / "stills/cam_00_00.png"), blue = load_image(dir / "stills/cam_00_01.png");
+  EXPECT_EQ(red.width(), 64);
+  EXPECT_GT(red.pixel(32, 24)[0], 200);
+  EXPECT_LT(red.pixel(32, 24)[2], 60);
+  EXPECT_GT(blue.pixel(32, 24)[2], 200);
+
+  const Outcome one = lf_rig("snapshot rig.json --cameras 0 --out one --after 0", dir);
+  EXPECT_EQ(one.status, 0) << one.output;
+  EXPECT_TRUE(std::filesystem::exists(dir / "one/cam_00_00.png"));
+}
+
+// Frames that tell their time by their brightness: all stills must be of one instant.
+TEST(LfRigSnapshot, TakesTheFramesNearestToOneInstant) {
+  const TempDir dir;
+  write_rig(dir, std::vector<std::string>(3, "videotestsrc is-live=true ! video/x-raw,framerate=20/1"));
+  const Outcome outcome = lf_rig("snapshot rig.json --out stills --after 0.2", dir);
+  ASSERT_EQ(outcome.status, 0) << outcome.output;
+  std::vector<double> offsets;
+  for (size_t at = outcome.output.find(".png, "); at != std::string::npos; at = outcome.output.find(".png, ", at + 1))
+    offsets.push_back(std::stod(outcome.output.substr(at + 6)));
+  ASSERT_EQ(offsets.size(), 3u) << outcome.output;
+  for (const double offset : offsets) EXPECT_LE(std::abs(offset), 25.1) << "half the time between frames, ms";
+}
+
+TEST(LfRigLock, NeedsACameraThatTells) {
+  const TempDir dir;
+  write_rig(dir, {kGood});
+  EXPECT_THAT(lf_rig("lock rig.json --settle 0.2", dir).output,
+              HasSubstr("camera 0 (cam_00_00): its source tells no exposure, gain, white balance or focus"));
+  EXPECT_THAT(lf_rig("lock rig.json --camera 4", dir).output, HasSubstr("rig.json: has no camera 4"));
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// Which camera is where: the pages of lf-rig identify and of lf-serve, in headless Chromium. A camera that blinks stands
+// for one that somebody waves at.
+import { execFile, spawn } from 'node:child_process';
+import { once } from 'node:events';
+import { readFile, writeFile } from 'node:fs/promises';
+import { join } from 'node:path';
+import { createInterface } from 'node:readline';
+import { promisify } from 'node:util';
+import { artefacts, expect, launchBrowser, makeFolder, patience, runTests, serve, until } from './harness.mjs';
+
+const tool = join(process.env.LF_TOOLS_DIR, 'lf-rig');
+const folder = await makeFolder(), file = join(folder, 'rig.json');
+const browser = await launchBrowser();
+const kQuiet = 'videotestsrc is-live=true pattern=smpte ! video/x-raw,framerate=5/1';
+const kWaved = 'videotestsrc is-live=true pattern=blink ! video/x-raw,framerate=5/1';
+
+async function makeRig() {
+  await promisify(execFile)(tool, ['new', '--grid', '2x2', '--pitch', '0.1', '--fov', '60', '--width', '64', '--height',
+    '48', '--out', file]);
+  const rig = JSON.parse(await readFile(file, 'utf8'));
+  [kQuiet, kWaved, kQuiet, 'nosuchelement property=1'].forEach((source, i) => { rig.cameras[i].source = source; });
+  await writeFile(file, JSON.stringify(rig));
+}
+
+// Of the cameras in the file, the place of the one that is waved at.
+const wavedAt = async () =>
+  JSON.parse(await readFile(file, 'utf8')).cameras.findIndex(({ source }) => source.includes('blink'));
+
+async function identify() {
+  const child = spawn(tool, ['identify', file, '--port', '0'], { stdio: ['ignore', 'pipe', 'inherit'] });
+  process.on('exit', () => child.kill('SIGKILL'));
+  const url = await new Promise((resolve, reject) => {
+    createInterface({ input: child.stdout }).on('line', line => {
+      const match = line.match(/cameras at (http\S+\/)/);
+      if (match) resolve(match[1]);
+    });
+    child.on('exit', () => reject(new Error('lf-rig identify ended')));
+  });
+  const stop = async () => {
+    child.removeAllListeners('exit');
+    const ended = once(child, 'exit');
+    child.kill('SIGTERM');
+    const [status] = await ended;
+    expect(status === 0, `exit status ${status}`);
+  };
+  return { url, stop };
+}
+
+async function open(url) {
+  const page = await browser.newPage({ viewport: { width: 800, height: 600 } });
+  page.problems = [];
+  page.on('pageerror', error => page.problems.push(error.message));
+  await page.goto(url);
+  await page.locator('.tile').nth(3).waitFor({ timeout: patience });
+  return page;
+}
+const lit = page => page.evaluate(() => [...document.querySelectorAll('.tile.lit')].map(tile => Number(tile.dataset.id)));
+
+async function lightsUpAndSwaps() {
+  await makeRig();
+  const program = await identify(), page = await open(program.url);
+  await until(async () => (await lit(page)).join() === '1', 'the camera that is waved at lights up, alone');
+  const ill = page.locator('.tile.ill');
+  await until(async () => await ill.count() === 1, 'one is ill');
+  await until(async () => (await ill.textContent()).includes('nosuchelement'), 'the page says why');
+  expect((await page.locator('[data-id="0"]').textContent()).includes('cam_00_00'), 'names');
+  await until(async () => /[45]\.\d frames\/s/.test(await page.locator('[data-id="0"]').textContent()), 'rates');
+  const coloured = await page.evaluate(() => {
+    const canvas = document.querySelector('[data-id="0"] canvas');
+    const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+    return data.some((value, i) => i % 4 === 0 && Math.abs(value - data[i + 2]) > 100);
+  });
+  expect(coloured, 'the bars are seen');
+  await page.screenshot({ path: join(artefacts, 'identify.png') });
+
+  await page.locator('[data-id="1"]').dragTo(page.locator('[data-id="2"]'));
+  await until(async () => await wavedAt() === 2, 'the rig file has it where it was dragged to');
+  await until(async () => (await lit(page)).join() === '2', 'and there it lights up');
+  for (const id of [2, 0]) {
+    await page.locator(`[data-id="${id}"]`).focus();
+    await page.keyboard.press('Enter');
+  }
+  await until(async () => await wavedAt() === 0, 'keys do it, too');
+  const rig = JSON.parse(await readFile(file, 'utf8'));
+  expect(rig.cameras.map(({ id, name }) => `${id} ${name}`).join() ===
+    '0 cam_00_00,1 cam_00_01,2 cam_01_00,3 cam_01_01', 'places keep their names');
+  expect(!page.problems.length, page.problems.join('; '));
+  await page.close();
+  await program.stop();
+}
+
+async function isOnlyForThisMachinesPage() {
+  await makeRig();
+  const program = await identify(), before = await readFile(file, 'utf8');
+  const swap = headers =>
+    fetch(new URL('swap', program.url), { method: 'POST', headers, body: JSON.stringify({ a: 0, b: 1 }) });
+  const json = { 'Content-Type': 'application/json' };
+  expect((await swap({ ...json, Origin: 'https://example.org' })).status === 403, 'another site');
+  expect((await swap({ 'Content-Type': 'text/plain' })).status === 415, 'a form');
+  for (const body of ['{', '{}', '{"a":0}', '{"a":-1,"b":1}', '{"a":0,"b":"1"}', '[]'])
+    expect((await fetch(new URL('swap', program.url), { method: 'POST', headers: json, body })).status === 400, body);
+  const unknown = await fetch(new URL('swap', program.url),
+    { method: 'POST', headers: json, body: '{"a":0,"b":77}' });
+  expect(unknown.status === 409 && (await unknown.json()).problem.includes('no such camera'), 'an id of no camera');
+  expect((await fetch(new URL('nothing', program.url))).status === 404, 'nothing else');
+  expect(await readFile(file, 'utf8') === before, 'the rig file is as it was');
+  expect((await swap(json)).status === 200 && await wavedAt() === 0, 'its own');
+  await program.stop();
+}
+
+async function servedBesideTheLightField() {
+  await makeRig();
+  const served = await serve('--rig', file), page = await open(new URL('cameras.html', served.url).href);
+  await until(async () => (await lit(page)).join() === '1', 'the camera that is waved at lights up');
+  await until(async () => (await page.locator('.tile.ill').textContent()).includes('nosuchelement'), 'who is ill');
+  expect(await page.locator('[data-id="0"]').getAttribute('draggable') === 'false', 'nothing is changed from here');
+  expect((await fetch(new URL('swap', served.url), { method: 'POST', body: '{"a":0,"b":1}' })).status === 405, 'no swap');
+  expect(!page.problems.length, page.problems.join('; '));
+  await page.close();
+  await served.stop();
+}
+
+await runTests([
+  ['the camera that is waved at lights up, and goes where it is dragged', lightsUpAndSwaps],
+  ['only the page itself may change the rig', isOnlyForThisMachinesPage],
+  ['lf-serve has the same view', servedBesideTheLightField],
+]);

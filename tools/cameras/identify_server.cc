@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "cameras/identify_server.h"
+
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "base/error.h"
+#include "serve/http_reply.h"
+
+namespace lf::cameras {
+namespace {
+
+using lf::serve::header;
+using lf::serve::respond;
+using lf::serve::set_header;
+
+constexpr goffset kLongestBody = 1000;
+
+void respond_json(SoupServerMessage* message, guint status, const nlohmann::json& json) {
+  respond(message, status, "application/json", json.dump());
+}
+
+}  // namespace
+
+IdentifyServer::IdentifyServer(int port, Source source)
+    : source_(std::move(source)), access_("", {}, {}), server_(soup_server_new("server-header", "lf-rig", nullptr)) {
+  soup_server_add_handler(
+      server_, nullptr,
+      [](SoupServer*, SoupServerMessage* message, const char* path, GHashTable*, gpointer self) {
+        static_cast<IdentifyServer*>(self)->handle(message, path);
+      },
+      this, nullptr);
+  g_autoptr(GError) error = nullptr;
+  if (!soup_server_listen_local(server_, static_cast<guint>(port), SOUP_SERVER_LISTEN_IPV4_ONLY, &error)) {
+    g_object_unref(server_);
+    throw Error("port " + std::to_string(port) + ": " + error->message);
+  }
+}
+
+IdentifyServer::~IdentifyServer() {
+  soup_server_disconnect(server_);
+  g_object_unref(server_);
+}
+
+std::string IdentifyServer::url() const {
+  GSList* uris = soup_server_get_uris(server_);
+  const std::string url =
+      "http://127.0.0.1:" + std::to_string(uris ? g_uri_get_port(static_cast<GUri*>(uris->data)) : 0) + "/";
+  g_slist_free_full(uris, reinterpret_cast<GDestroyNotify>(g_uri_unref));
+  return url;
+}
+
+// Pages of other sites that this machine's browser shows must neither see the cameras nor write the rig.
+void IdentifyServer::handle(SoupServerMessage* message, const std::string& path) {
+  set_header(message, "Cache-Control", "no-store");
+  set_header(message, "X-Content-Type-Options", "nosniff");
+  const char* host = header(message, "Host");
+  if (!access_.allows_host(host) || !access_.allows_origin(header(message, "Origin"), host))
+    return respond(message, SOUP_STATUS_FORBIDDEN, "text/plain", "not for other pages\n");
+  const std::string method = soup_server_message_get_method(message);
+  if (path == "/swap" && method == "POST") return swap(message);
+  if (method != "GET" && method != "HEAD")
+    return respond(message, SOUP_STATUS_METHOD_NOT_ALLOWED, "text/plain", "GET only\n");
+  if (path == "/mosaic.json") return respond(message, SOUP_STATUS_OK, "application/json", source_.state());
+  if (path == "/mosaic.jpg") {
+    try {
+      const std::vector<uint8_t> jpeg = source_.jpeg();
+      return respond(message, SOUP_STATUS_OK, "image/jpeg", std::string(jpeg.begin(), jpeg.end()));
+    } catch (const Error& error) {
+      return respond(message, SOUP_STATUS_INTERNAL_SERVER_ERROR, "text/plain", std::string(error.what()) + "\n");
+    }
+  }
+  const std::string name = "/lightfield" + (path == "/" ? "/cameras.html" : path);
+  g_autoptr(GBytes) bytes = g_resources_lookup_data(name.c_str(), G_RESOURCE_LOOKUP_FLAGS_NONE, nullptr);
+  if (!bytes) return respond(message, SOUP_STATUS_NOT_FOUND, "text/plain", "not here\n");
+  set_header(message, "Content-Security-Policy", "default-src 'self'; frame-ancestors 'none'; base-uri 'none'");
+  gsize size = 0;
+  const char* data = static_cast<const char*>(g_bytes_get_data(bytes, &size));
+  const char* type = path.ends_with(".js")    ? "text/javascript; charset=utf-8"
+                     : path.ends_with(".css") ? "text/css; charset=utf-8"
+                                              : "text/html; charset=utf-8";
+  respond(message, SOUP_STATUS_OK, type, std::string(data, size));
+}
+
+// Of JSON alone, which other sites' pages can't send without being asked for their origin.
+void IdentifyServer::swap(SoupServerMessage* message) {
+  const char* type = header(message, "Content-Type");
+  SoupMessageBody* body = soup_server_message_get_request_body(message);
+  if (!type || !std::string(type).starts_with("application/json") || body->length > kLongestBody)
+    return respond_json(message, SOUP_STATUS_UNSUPPORTED_MEDIA_TYPE, {{"problem", "must be application/json"}});
+  const auto json = nlohmann::json::parse(body->data, body->data + body->length, nullptr, false);
+  const auto id = [&](const char* key) -> std::optional<uint32_t> {
+    if (!json.is_object() || !json.contains(key) || !json[key].is_number_unsigned() || json[key] > UINT32_MAX)
+      return std::nullopt;
+    return json[key].get<uint32_t>();
+  };
+  const auto a = id("a"), b = id("b");
+  if (!a || !b) return respond_json(message, SOUP_STATUS_BAD_REQUEST, {{"problem", "a and b must be ids of cameras"}});
+  const std::string problem = source_.swap(*a, *b);
+  respond_json(message, problem.empty() ? SOUP_STATUS_OK : SOUP_STATUS_CONFLICT, {{"problem", problem}});
+}
+
+}  // namespace lf::cameras

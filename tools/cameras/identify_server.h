@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <libsoup/soup.h>
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "serve/access.h"
+
+namespace lf::cameras {
+
+// A page on this machine alone that shows a mosaic of cameras, and swaps two of them. On the thread of the default main
+// context.
+class IdentifyServer {
+ public:
+  struct Source {
+    std::function<std::vector<uint8_t>()> jpeg;               // of the mosaic; may throw Error
+    std::function<std::string()> state;                       // JSON, see Mosaic
+    std::function<std::string(uint32_t a, uint32_t b)> swap;  // cameras by id; why not, "" where it is done
+  };
+  // At this port, 0: any. Throws Error.
+  IdentifyServer(int port, Source source);
+  ~IdentifyServer();
+  IdentifyServer(const IdentifyServer&) = delete;
+
+  std::string url() const;
+
+ private:
+  void handle(SoupServerMessage* message, const std::string& path);
+  void swap(SoupServerMessage* message);
+
+  Source source_;
+  lf::serve::Access access_;
+  SoupServer* server_;
+};
+
+}  // namespace lf::cameras

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "cameras/lock.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <mutex>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "cameras/frame_picture.h"
+#include "cameras/rig_cameras.h"
+#include "cameras/temporary_rig.h"
+#include "rig/camera_controls.h"
+#include "rig/rig_json.h"
+
+namespace lf::cameras {
+namespace {
+
+constexpr std::array kAutomatic = {"exposure", "gain", "white_balance", "focus"};
+// How another value for trial is made of a control's value; brightness or colour should follow.
+const std::map<std::string, double> kTrialFactors = {{"exposure", 0.5}, {"gain", 0.5}, {"white_balance", 0.6}};
+constexpr double kResponse = 0.03;  // change of brightness or colour, parts of 1: noise and lamps move them less
+constexpr double kDark = 2;         // brightness, of 255, in which nothing can be told
+
+// The rig with the same controls for all cameras.
+nlohmann::json with_controls(const Rig& rig, const Controls& controls) {
+  nlohmann::json json = nlohmann::json::parse(rig_to_json(rig));
+  std::map<uint32_t, Controls> all;
+  for (const Camera& camera : rig.cameras) all[camera.id] = controls;
+  put_controls(all, json);
+  return json;
+}
+
+struct Colour {
+  std::array<double, 3> mean = {NAN, NAN, NAN};  // of red, green and blue, 0..255
+  std::string problem;
+  double brightness() const { return 0.299 * mean[0] + 0.587 * mean[1] + 0.114 * mean[2]; }
+};
+
+Colour colour_of(GstSample* sample) {
+  const Image rgb = rgb_of(sample);
+  std::array<uint64_t, 3> sum = {};
+  for (size_t i = 0; i < rgb.data().size(); i++) sum[i % 3] += rgb.data()[i];
+  Colour colour;
+  for (size_t i = 0; i < 3; i++)
+    colour.mean[i] = 3.0 * static_cast<double>(sum[i]) / static_cast<double>(rgb.data().size());
+  return colour;
+}
+
+// Of each camera the colour of its last picture after settling.
+std::vector<Colour> look(const Rig& rig, const Controls& controls, const LockOptions& options) {
+  const TemporaryRig file(rig, with_controls(rig, controls));
+  std::vector<GstSample*> latest(rig.cameras.size());
+  std::mutex mutex;
+  std::vector<Colour> colours(rig.cameras.size());
+  {
+    RigCameras cameras(file.rig(), file.path(), {.decode = false}, [&](const CameraFrame& frame) {
+      const std::lock_guard lock(mutex);
+      if (latest[frame.camera]) gst_sample_unref(latest[frame.camera]);
+      latest[frame.camera] = gst_sample_ref(frame.sample);
+    });
+    cameras.start();
+    cameras.wait(options.patience, [&] {
+      return std::all_of(cameras.cameras().begin(), cameras.cameras().end(),
+                         [&](CameraIndex i) { return cameras.frames(i) > 0 || !cameras.problem(i).empty(); });
+    });
+    cameras.wait(options.settle);
+    cameras.stop();
+    for (const CameraIndex i : cameras.cameras()) colours[i].problem = cameras.problem(i);
+  }
+  for (size_t i = 0; i < latest.size(); i++) {
+    if (!latest[i]) continue;
+    try {
+      const std::string problem = colours[i].problem;
+      colours[i] = colour_of(latest[i]);
+      colours[i].problem = problem;
+    } catch (const Error& error) {
+      colours[i].problem = error.what();
+    }
+    gst_sample_unref(latest[i]);
+  }
+  return colours;
+}
+
+bool responds(const std::string& control, const Colour& usual, const Colour& changed) {
+  if (control == "white_balance")
+    return std::abs(std::log((changed.mean[0] / changed.mean[2]) / (usual.mean[0] / usual.mean[2]))) > kResponse;
+  return std::abs(changed.brightness() / usual.brightness() - 1) > kResponse;
+}
+
+}  // namespace
+
+double without_flicker(double exposure, double mains) {
+  const double half_wave = 0.5 / mains;
+  return exposure < half_wave ? exposure : std::floor(exposure / half_wave + 1e-6) * half_wave;
+}
+
+ControlValues choose_controls(const Rig& rig, const LockOptions& options) {
+  Rig one = sub_rig(rig, {options.reference});
+  const std::string name = "camera " + name_of(one.cameras[0]);
+  Controls automatic;
+  for (const char* control : kAutomatic) automatic[control] = std::nullopt;
+  const TemporaryRig file(one, with_controls(one, automatic));
+  RigCameras cameras(file.rig(), file.path(), {.decode = false}, {});
+  cameras.start();
+  cameras.wait(options.patience, [&] { return cameras.frames(0) > 0 || !cameras.problem(0).empty(); });
+  cameras.wait(options.settle);
+  if (cameras.frames(0) == 0) throw Error(cameras.problem(0).empty() ? name + " gives no frames" : cameras.problem(0));
+  ControlValues values;
+  GstStructure* stats = cameras.stats(0);
+  if (const GValue* all = gst_structure_get_value(stats, "control-values"))
+    for (const char* control : kAutomatic) {
+      double value = 0;
+      if (gst_structure_get_double(gst_value_get_structure(all), control, &value)) values[control] = value;
+    }
+  gst_structure_free(stats);
+  cameras.stop();
+  if (values.empty())
+    throw Error(name +
+                ": its source tells no exposure, gain, white balance or focus: network cameras are set in their own "
+                "web page, all alike");
+  if (options.mains && values.contains("exposure"))
+    values["exposure"] = without_flicker(values["exposure"], *options.mains);
+  return values;
+}
+
+std::vector<StuckControl> find_stuck_controls(const Rig& rig, const ControlValues& controls, const LockOptions& options,
+                                              const std::function<void(const std::string&)>& on_step) {
+  std::vector<StuckControl> stuck;
+  if (on_step) on_step("pictures with the controls as they are in the rig");
+  const Controls all(controls.begin(), controls.end());
+  const std::vector<Colour> usual = look(rig, all, options);
+  std::vector<bool> works(rig.cameras.size(), true);
+  for (CameraIndex i = 0; i < usual.size(); i++) {
+    works[i] = !std::isnan(usual[i].mean[0]) && usual[i].brightness() > kDark;
+    if (works[i]) continue;
+    const bool dark = usual[i].problem.empty() && !std::isnan(usual[i].mean[0]);
+    stuck.push_back({i, "", dark ? "its picture is black: nothing can be told of its controls" : usual[i].problem});
+  }
+  for (const auto& [control, value] : controls) {
+    const auto factor = kTrialFactors.find(control);
+    if (factor == kTrialFactors.end() || value == 0) continue;
+    Controls other = all;
+    other[control] = value * factor->second;
+    if (on_step) on_step("pictures with another " + control);
+    const std::vector<Colour> changed = look(rig, other, options);
+    for (CameraIndex i = 0; i < changed.size(); i++)
+      if (works[i] && !std::isnan(changed[i].mean[0]) && !responds(control, usual[i], changed[i]))
+        stuck.push_back({i, control, "the picture stays the same"});
+  }
+  return stuck;
+}
+
+}  // namespace lf::cameras

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rig/rig.h"
+
+namespace lf::cameras {
+
+using ControlValues = std::map<std::string, double>;
+
+struct LockOptions {
+  CameraIndex reference = 0;
+  double settle = 4;            // seconds that automatic controls get, and pictures after a change
+  double patience = 10;         // seconds until cameras give frames
+  std::optional<double> mains;  // hertz: exposures become whole half-waves of it, against flicker
+};
+
+// Opens the reference camera with its controls left to itself, and returns what it has chosen: exposure, gain, white
+// balance, focus, as far as its source has them. Throws Error where the camera does not work, or tells nothing.
+ControlValues choose_controls(const Rig& rig, const LockOptions& options);
+
+// An exposure (seconds) as a whole number of half-waves of mains, if it has room for one.
+double without_flicker(double exposure, double mains);
+
+// A camera whose control changes nothing in its picture.
+struct StuckControl {
+  CameraIndex camera = 0;
+  std::string control;
+  std::string why;  // "the picture stays the same", "its source does not take it", or why the camera does not work
+};
+// Opens all cameras with `controls`, and once more for each of them with another value, and compares pictures:
+// exposure and gain by brightness, white balance by colour. Focus is not judged. `on_step` is told what is tried.
+std::vector<StuckControl> find_stuck_controls(const Rig& rig, const ControlValues& controls, const LockOptions& options,
+                                              const std::function<void(const std::string&)>& on_step = {});
+
+}  // namespace lf::cameras

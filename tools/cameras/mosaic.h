@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <functional>
+#include <mutex>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "image/image.h"
+#include "quality/wave_finder.h"
+#include "rig/rig.h"
+
+namespace lf::cameras {
+
+// Small live pictures of all cameras of a rig, side by side as the cameras stand, and who of them has a hand held
+// before it. Pictures are made while somebody looks. Thread-safe.
+class Mosaic {
+ public:
+  explicit Mosaic(const Rig& rig);
+
+  // A frame of the camera with this id in the rig, raw or JPEG; at `now`, seconds of a clock that never goes back. Of
+  // ids that are not in the rig nothing becomes.
+  void see(uint32_t id, GstBuffer* buffer, GstCaps* caps, double now);
+  // The devices of two cameras have been swapped.
+  void swap(uint32_t a, uint32_t b);
+
+  // A JPEG file of all tiles, in rows. Throws Error.
+  std::vector<uint8_t> jpeg(double now);
+  // {"columns": 8, "rows": 8, "tile": [160, 120], "cameras": [{"id": 0, "name": "cam_00_00", "column": 0, "row": 0,
+  // "rate": 29.9, "problem": "", "lit": false}, ...]}: `problem` says why a camera gives no frames.
+  nlohmann::json state(double now, const std::function<std::string(uint32_t id)>& problem) const;
+
+ private:
+  struct Tile {
+    std::string name;
+    uint32_t id = 0;
+    int column = 0, row = 0;
+    Image small;
+    double looked = -1e9, came = -1e9, rate = 0;
+  };
+  Tile* find(uint32_t id);
+  int columns_ = 1, rows_ = 1, width_ = 160, height_ = 120;
+  mutable std::mutex mutex_;
+  std::vector<Tile> tiles_;
+  WaveFinder waves_;
+  double watched_ = -1e9;
+};
+
+}  // namespace lf::cameras

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <gst/gst.h>
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "rig/rig.h"
+
+namespace lf::cameras {
+
+// A frame of a camera, in the thread that brings it.
+struct CameraFrame {
+  CameraIndex camera = 0;
+  GstSample* sample = nullptr;  // borrowed; RGB of any order, I420 or JPEG, of the size in the rig
+  double taken = 0;             // seconds of clock time; capture time as the light field takes it
+  double came = 0;              // the same clock
+};
+
+// The cameras of a rig, each opened as the light field opens it (lfcamsrc), side by side under one clock. One that
+// fails leaves the others alone, and is opened again.
+class RigCameras {
+ public:
+  struct Options {
+    std::vector<CameraIndex> cameras;  // which; empty: all
+    bool decode = true;                // else JPEG comes as it is
+    int fps = 0;                       // asked of devices, frames per second; 0: as they have it
+  };
+  using OnFrame = std::function<void(const CameraFrame&)>;
+
+  // `rig` has been read from `path`. Throws Error where an element is not installed.
+  RigCameras(std::shared_ptr<const Rig> rig, const std::string& path, Options options, OnFrame on_frame);
+  ~RigCameras();
+  RigCameras(const RigCameras&) = delete;
+
+  // Does not wait for the cameras.
+  void start();
+  // Waits so long, or until `done`. To be called from one thread; what has failed is known afterwards.
+  void wait(double seconds, const std::function<bool()>& done = {});
+  // No frame comes any more.
+  void stop();
+
+  const std::vector<CameraIndex>& cameras() const { return options_.cameras; }
+  double now() const;                             // seconds, by the clock of the frames
+  uint64_t frames(CameraIndex camera) const;      // that have come
+  std::string problem(CameraIndex camera) const;  // why it does not work, or did not for a while; "": it works
+  GstStructure* stats(CameraIndex camera) const;  // of its lfcamsrc; owned by the caller
+  // What comes from its source: "JPEG", "YUY2", "H264 by RTP"; "" before the first frame, and of files and the scene.
+  std::string format(CameraIndex camera) const;
+  uint64_t source_bytes(CameraIndex camera) const;  // that its source has given
+
+ private:
+  struct One;
+  static void on_child(GstBin* pipeline, GstBin* parent, GstElement* child, gpointer one);
+  void read_messages(GstClockTime timeout);
+
+  std::shared_ptr<const Rig> rig_;
+  Options options_;
+  OnFrame on_frame_;
+  GstElement* pipeline_ = nullptr;
+  GstClock* clock_ = nullptr;
+  std::vector<std::unique_ptr<One>> all_;  // by index in the rig; null where not asked for
+};
+
+// "3 (cam_00_03)".
+std::string name_of(const Camera& camera);
+
+}  // namespace lf::cameras

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "rig_reload.h"
+
+#include <string>
+#include <utility>
+
+#include "base/error.h"
+#include "launch.h"
+#include "log.h"
+
+namespace lf::serve {
+
+RigReload::RigReload(LightField& field, Sessions& sessions)
+    : field_(field), sessions_(sessions), watch_(field.rig(), [this] { changed(); }) {}
+
+RigReload::~RigReload() {
+  alive_.reset();
+  if (opens_.joinable()) opens_.join();
+}
+
+void RigReload::changed() {
+  if (is_opening_) {
+    changed_again_ = true;
+    return;
+  }
+  std::shared_ptr<const ArrayInfo> array;
+  try {
+    array = std::make_shared<const ArrayInfo>(field_.rig());
+  } catch (const Error& error) {
+    return say(std::string("the rig stays as it was: ") + error.what());
+  }
+  if (!field_.has_cameras_of(*array)) return open(std::move(array));
+  if (field_.array()->hash() == array->hash()) return;
+  field_.take_rig(std::move(array));
+  tell();
+}
+
+void RigReload::open(std::shared_ptr<const ArrayInfo> array) {
+  say("the rig has other cameras: opening them");
+  is_opening_ = true;
+  if (opens_.joinable()) opens_.join();
+  opens_ = std::thread([this, array, alive = std::weak_ptr(alive_)] {
+    std::string problem;
+    try {
+      field_.restart(array);
+    } catch (const Error& error) {
+      problem = error.what();
+    }
+    on_main_thread([this, problem, alive] {
+      if (!alive.lock()) return;
+      is_opening_ = false;
+      if (!problem.empty()) say("no pictures until the rig changes again: " + problem);
+      tell();
+      if (std::exchange(changed_again_, false)) changed();
+    });
+  });
+}
+
+void RigReload::tell() {
+  sessions_.take_rig();
+  say("the rig is " + field_.rig() + " as it is now, " + field_.array()->hash() + ", for " +
+      std::to_string(sessions_.size()) + " viewers");
+}
+
+}  // namespace lf::serve

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// All cameras live, side by side as they stand, with names and health. The one that a hand is held before lights up. Where
+// the server lets it (lf-rig identify), a camera that is dragged onto another changes places with it; so do two that are
+// chosen one after the other, by clicks or keys.
+
+const kEvery = 200;        // milliseconds
+const kPatience = 5000;    // after which a request is given up
+const mosaic = document.getElementById('mosaic'), told = document.getElementById('told');
+const asks = document.getElementById('asks');
+const tiles = new Map();   // by the cameras' ids
+let token = '', swaps = false, chosen = null;
+
+const ask = async (name, options = {}) => {
+  const headers = { ...options.headers, ...token && { Authorization: `Bearer ${token}` } };
+  const response = await fetch(name, { ...options, headers, signal: AbortSignal.timeout(kPatience) });
+  if (response.status === 401) asks.hidden = false;
+  if (!response.ok) throw new Error((await response.text()).trim() || response.statusText);
+  asks.hidden = true;
+  return response;
+};
+asks.addEventListener('submit', event => {
+  event.preventDefault();
+  token = asks.querySelector('input').value;
+});
+
+function tileOf({ id, name, column, row }, [width, height]) {
+  const tile = document.createElement('button');
+  tile.className = 'tile';
+  tile.type = 'button';
+  tile.dataset.id = id;
+  tile.style.gridColumn = column + 1;
+  tile.style.gridRow = row + 1;
+  const canvas = Object.assign(document.createElement('canvas'), { width, height });
+  const words = ['name', 'health'].map(kind => Object.assign(document.createElement('span'), { className: kind }));
+  words[0].textContent = name || `camera ${id}`;
+  tile.append(canvas, ...words);
+  tile.addEventListener('click', () => choose(id));
+  tile.addEventListener('dragstart', event => event.dataTransfer.setData('text/plain', String(id)));
+  tile.addEventListener('dragover', event => {
+    if (!swaps) return;
+    event.preventDefault();
+    tile.classList.add('over');
+  });
+  for (const end of ['dragleave', 'drop']) tile.addEventListener(end, () => tile.classList.remove('over'));
+  tile.addEventListener('drop', event => {
+    event.preventDefault();
+    swap(Number(event.dataTransfer.getData('text/plain')), id);
+  });
+  mosaic.append(tile);
+  return tile;
+}
+
+function choose(id) {
+  if (!swaps) return;
+  const first = chosen;
+  chosen = first === null ? id : null;
+  for (const [other, tile] of tiles) tile.classList.toggle('chosen', other === chosen);
+  if (first !== null && first !== id) swap(first, id);
+}
+
+async function swap(a, b) {
+  if (a === b || !tiles.has(a) || !tiles.has(b)) return;
+  const name = id => tiles.get(id).querySelector('.name').textContent;
+  try {
+    await ask('swap', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify({ a, b }) });
+    told.textContent = `The cameras at ${name(a)} and ${name(b)} have changed places, and the rig file has them so.`;
+  } catch (error) {
+    told.textContent = `They stay where they are: ${error.message}`;
+  }
+}
+
+function show(state, picture) {
+  const [width, height] = state.tile;
+  if (tiles.size !== state.cameras.length || state.cameras.some(({ id }) => !tiles.has(id))) {
+    mosaic.replaceChildren();
+    tiles.clear();
+    for (const camera of state.cameras) tiles.set(camera.id, tileOf(camera, state.tile));
+    // As large as leaves all of them, with their two lines of words, in the window.
+    const fits = `((100vh - 70px) / ${state.rows} - 46px) * ${width / height}`;
+    mosaic.style.gridTemplateColumns = `repeat(${state.columns}, minmax(0, max(64px, min(${width * 2}px, ${fits}))))`;
+  }
+  swaps = state.swaps === true;
+  for (const { id, column, row, rate, problem, lit } of state.cameras) {
+    const tile = tiles.get(id);
+    tile.draggable = swaps;
+    tile.classList.toggle('lit', lit);
+    tile.classList.toggle('ill', problem !== '');
+    const health = tile.querySelector('.health'), words = problem || `${rate.toFixed(1)} frames/s`;
+    if (health.textContent !== words) health.textContent = words;
+    tile.querySelector('canvas').getContext('2d')
+      .drawImage(picture, column * width, row * height, width, height, 0, 0, width, height);
+  }
+}
+
+async function turn() {
+  try {
+    const [state, jpeg] = await Promise.all([
+      ask('mosaic.json').then(response => response.json()), ask('mosaic.jpg').then(response => response.blob())]);
+    show(state, await createImageBitmap(jpeg));
+    if (told.dataset.failed) told.textContent = 'Hold a hand before a camera: it lights up.';
+    delete told.dataset.failed;
+  } catch (error) {
+    told.textContent = asks.hidden ? `Nothing comes from the cameras: ${error.message}` : 'The server asks for a token.';
+    told.dataset.failed = 'yes';
+  }
+  setTimeout(turn, kEvery);
+}
+turn();
