@@ -222,6 +222,13 @@ WideLuma::Seen WideLuma::see(std::span<const Source> sources, const CameraGains&
   return result;
 }
 
+std::map<CameraIndex, BrightnessRatio> WideLuma::ratios(std::span<const Camera> seen, std::span<const uint8_t> mean) {
+  std::map<CameraIndex, BrightnessRatio> ratios;
+  for (const Camera& camera : seen)
+    if (const std::optional<BrightnessRatio> one = ratio(camera, mean)) ratios[camera.camera] = *one;
+  return ratios;
+}
+
 std::optional<BrightnessRatio> WideLuma::ratio(const Camera& seen, std::span<const uint8_t> mean) {
   if (mean.size() != seen.luma.size()) return std::nullopt;
   std::vector<float> ratios;

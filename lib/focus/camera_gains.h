@@ -143,6 +143,8 @@ class WideLuma {
   // How many times as bright as the mean a camera is, divided by its gain: the median over the nodes, nothing where
   // these are too few. `mean`: see mean_luma().
   static std::optional<BrightnessRatio> ratio(const Camera& seen, std::span<const uint8_t> mean);
+  // The same of several cameras; those that can't be compared are left out.
+  static std::map<CameraIndex, BrightnessRatio> ratios(std::span<const Camera> seen, std::span<const uint8_t> mean);
 
  private:
   Camera see(const Source& source, float gain) const;

@@ -85,9 +85,8 @@ class StillArray {
   // Learns from the mean that the request brings, and adds to the one that it asks for.
   void compare(const ViewRequest& request, ViewFocus::Answers& answers) {
     if (!gains_) return;
-    if (!request.gains.mean.empty())
-      for (const WideLuma::Camera& camera : std::exchange(seen_, {}))
-        if (const auto ratio = WideLuma::ratio(camera, request.gains.mean)) gains_->update(camera.camera, *ratio);
+    if (!request.gains.mean.empty() && !seen_.empty())
+      gains_->take(WideLuma::ratios(std::exchange(seen_, {}), request.gains.mean));
     if (!request.gains.ask) return;
     const WideLuma wide(rig_, mesh_, mean_view(request.view), all_);
     WideLuma::Seen seen = wide.see(sources_of(wide.cameras()), *gains_);

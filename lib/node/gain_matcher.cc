@@ -21,11 +21,7 @@ GainMatcher::View& GainMatcher::view_of(uint32_t view_id) {
 const CameraGains& GainMatcher::gains_for(uint32_t view_id, const GainRequest& request) {
   View& view = view_of(view_id);
   if (request.mean.empty() || view.seen.empty() || request.mean_of != view.sequence) return view.gains;
-  std::map<CameraIndex, BrightnessRatio> ratios;
-  for (const WideLuma::Camera& camera : view.seen)
-    if (const std::optional<BrightnessRatio> ratio = WideLuma::ratio(camera, request.mean))
-      ratios[camera.camera] = *ratio;
-  view.gains.take(ratios);
+  view.gains.take(WideLuma::ratios(view.seen, request.mean));
   view.seen.clear();
   latest_ = view.gains;
   return view.gains;
