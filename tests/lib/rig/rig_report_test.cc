@@ -80,10 +80,10 @@ TEST_F(CheckRig, WarnsOfSlivers) {
 
 TEST_F(CheckRig, WarnsOfAMeshWithoutATriangle) {
   for (const std::vector<CameraIndex>& some : {std::vector<CameraIndex>{0}, {0, 1}})
-    EXPECT_THAT(check(sub_rig(rig_, some)),
-                ElementsAre("warning: topology: the mesh of " + std::to_string(some.size()) +
-                            (some.size() == 1 ? " camera" : " cameras") +
-                            " has no triangle: views blend along a line alone"));
+    EXPECT_THAT(
+        check(sub_rig(rig_, some)),
+        ElementsAre("warning: topology: the mesh of " + std::to_string(some.size()) +
+                    (some.size() == 1 ? " camera" : " cameras") + " has no triangle: views blend along a line alone"));
 }
 
 TEST(Summary, MeasuresTheArray) {
