@@ -45,10 +45,10 @@ TEST(ApiRig, KeepsWhatItIsGiven) {
 TEST(ApiRig, FilesKeepWhatIsNotKnown) {
   const TempDir dir;
   std::string text = Rig(four_cameras()).json();
-  text.replace(text.find("\"id\":11"), 7, "\"colour\":\"red\",\"id\":11");
+  text.replace(text.find("\"id\":11"), 7, "\"sticker\":\"red\",\"id\":11");
   dir.write("rig.json", text);
   save_rig(load_rig(dir / "rig.json"), dir / "copy.json");
-  EXPECT_NE(lf::read_text_file(dir / "copy.json").find("\"colour\":\"red\""), std::string::npos);
+  EXPECT_NE(lf::read_text_file(dir / "copy.json").find("\"sticker\":\"red\""), std::string::npos);
   EXPECT_EQ(load_rig(dir / "copy.json").hash(), Rig(four_cameras()).hash());
 }
 
