@@ -47,9 +47,15 @@ if [[ $sanitizers == thread ]]; then
   TSAN_OPTIONS+=":log_path=$build/reports"
   what=(--suite threads --wrapper "${with[*]}") log=testlog-setarch # named after the wrapper
 else
-  # gst-launch-1.0 gets the sanitizer from outside. Leaks there are the leaks tracer's to find.
+  # GStreamer's own programs get the sanitizer from outside. Leaks there are the leaks tracer's to find.
   runtime=$(g++ -print-file-name=libasan.so):$(g++ -print-file-name=libstdc++.so)
-  export LF_LAUNCH_ENV="LD_PRELOAD=$runtime ASAN_OPTIONS=detect_leaks=0"
+  mkdir -p "$build/launchers"
+  for program in gst-launch-1.0 gst-play-1.0; do
+    printf '#!/bin/sh\nLD_PRELOAD=%s ASAN_OPTIONS=detect_leaks=0 exec %s "$@"\n' "$runtime" "$(command -v $program)" \
+      >"$build/launchers/$program"
+    chmod +x "$build/launchers/$program"
+  done
+  PATH=$build/launchers:$PATH
   # Documents are looked at by programs that can't load a sanitized plugin.
   what=(--no-suite slow --no-suite documents) log=testlog
 fi

@@ -249,7 +249,8 @@ int main(int argc, char** argv) {
                  "nearest that the surface can be, metres from the array (default: as the scene asks)")
       ->check(cli::PositiveNumber);
   app.add_option("--focus-far", o.limits.focus_on.far, "farthest")->check(cli::PositiveNumber);
-  app.add_option("--gains", o.limits.focus_on.gains, "whether cameras match their brightness (default: until the rig has their colours)")
+  app.add_option("--gains", o.limits.focus_on.gains,
+                 "whether cameras match their brightness (default: until the rig has their colours)")
       ->check(cli::IsMember({"true", "false"}));
   app.add_option("--resampling", o.resampling, "how cameras' images are sampled (of --nodes: see lfcameranode)")
       ->capture_default_str()

@@ -12,7 +12,7 @@ LF_FUZZ_TARGET(control)(const uint8_t* data, size_t size) {
   fuzz::require(!message.event || message.error.empty());
   fuzz::require(!message.event || message.id);
   if (!message.event) return 0;
-  fuzz::require(GST_EVENT_IS_UPSTREAM(message.event.get()));
+  fuzz::require(gst_event_type_get_flags(GST_EVENT_TYPE(message.event.get())) & GST_EVENT_TYPE_UPSTREAM);
   const GstStructure* structure = gst_event_get_structure(message.event.get());
   for (int i = 0; i < gst_structure_n_fields(structure); i++) {
     const GValue* value = gst_structure_get_value(structure, gst_structure_nth_field_name(structure, i));

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "gst/array_fixture.h"
-#include "support/node_answer.h"
 #include "support/answer_codec.h"
+#include "support/node_answer.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {

@@ -10,8 +10,8 @@
 #include "gst/camera_files.h"
 #include "gst/gst_test.h"
 #include "gst/other_rig.h"
-#include "support/seeing.h"
 #include "support/answer_codec.h"
+#include "support/seeing.h"
 #include "wire/request_codec.h"
 
 namespace lf::test {
@@ -233,9 +233,8 @@ TEST_F(LfCameraNodeTest, JpegCamerasStartAndStop) {
 
 TEST_F(LfCameraNodeTest, ErrorsNameThePlace) {
   const CameraFiles files;
-  const std::string missing = files.save("m.json", 2, [](Camera& camera) {
-    camera.source = "nowhere_" + std::to_string(camera.id) + ".mkv";
-  });
+  const std::string missing =
+      files.save("m.json", 2, [](Camera& camera) { camera.source = "nowhere_" + std::to_string(camera.id) + ".mkv"; });
   struct Case {
     std::string properties;
     std::vector<std::string> words;

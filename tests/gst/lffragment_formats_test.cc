@@ -11,8 +11,8 @@
 #include "gst/fragment_fixture.h"
 #include "image/image.h"
 #include "support/add_answer.h"
-#include "support/seeing.h"
 #include "support/answer_codec.h"
+#include "support/seeing.h"
 
 namespace lf::test {
 namespace {

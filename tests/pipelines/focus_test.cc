@@ -114,7 +114,8 @@ TEST_F(FocusedArray, IsSharpByDefault) {
   EXPECT_GT(psnr(sharp.back()), psnr(bilinear.back()) + 0.2);
 }
 
-// Live, 15 pictures a second: the one that is asked for 0.27 s after the first, or the last where a sanitizer is too slow.
+// Live, 15 pictures a second: the one that is asked for 0.27 s after the first, or the last where a sanitizer is too
+// slow.
 TEST_F(FocusedArray, IsSharpAtOnce) {
   const std::vector<Image> plane = pictures("plane", "focus=plane", node("n", "0-15", "c.sink_0"));
   const std::vector<Image> live =
@@ -166,8 +167,8 @@ TEST_F(FocusedArray, CamerasOnTheirOwnFindTheSameSurface) {
   }
 }
 
-// With gains the pictures come near to those of a well-exposed array, the same from one process as from two nodes and from
-// six in a tree.
+// With gains the pictures come near to those of a well-exposed array, the same from one process as from two nodes and
+// from six in a tree.
 TEST_F(FocusedArray, CamerasMatchTheirBrightness) {
   const std::string surface = "focus=surface focus-near=1 focus-far=6", one = node("n", "0-15", "c.sink_0");
   const std::vector<Image> clean = pictures("clean", surface, one);
@@ -191,14 +192,12 @@ class LiveViewer {
   LiveViewer(const std::string& rig, const std::string& focus)
       : pipeline_(launch("lfviewrequest name=v is-live=true framerate=20/1 focus-distance=1.3 rig=" + rig +
                          " ! tee name=r  r. ! queue ! n.request  lfcameranode name=n max-skew=0 rig=" + rig +
-                         " ! c.sink_0  r. ! queue ! c.request  lfcompositor name=c latency=2000000000 rig=" + rig + " " +
-                         focus + " ! fakesink name=s sync=false")) {
+                         " ! c.sink_0  r. ! queue ! c.request  lfcompositor name=c latency=2000000000 rig=" + rig +
+                         " " + focus + " ! fakesink name=s sync=false")) {
     gst_element_set_state(pipeline_.get(), GST_STATE_PLAYING);
   }
   ~LiveViewer() { gst_element_set_state(pipeline_.get(), GST_STATE_NULL); }
-  ElementPtr element(const char* name) const {
-    return ElementPtr(gst_bin_get_by_name(GST_BIN(pipeline_.get()), name));
-  }
+  ElementPtr element(const char* name) const { return ElementPtr(gst_bin_get_by_name(GST_BIN(pipeline_.get()), name)); }
   double focus_distance() const {
     double distance = 0;
     g_object_get(element("v").get(), "focus-distance", &distance, nullptr);
@@ -206,7 +205,8 @@ class LiveViewer {
   }
   void click(double x, double y) const {
     const ElementPtr sink = element("s");
-    gst_element_send_event(sink.get(), gst_navigation_event_new_mouse_button_press(1, x, y, GST_NAVIGATION_MODIFIER_NONE));
+    gst_element_send_event(sink.get(),
+                           gst_navigation_event_new_mouse_button_press(1, x, y, GST_NAVIGATION_MODIFIER_NONE));
     gst_element_send_event(sink.get(),
                            gst_navigation_event_new_mouse_button_release(1, x, y, GST_NAVIGATION_MODIFIER_NONE));
   }

@@ -4,15 +4,12 @@
 #include <sys/wait.h>
 
 #include <cstdio>
-#include <cstdlib>
 #include <stdexcept>
 
 namespace lf::test {
 
 Launched gst_launch(const std::string& line, const std::string& options, const std::string& environment, int seconds) {
-  const char* everywhere = std::getenv("LF_LAUNCH_ENV");  // a sanitizer's, see tests/sanitize.sh
-  const std::string command = std::string(everywhere ? everywhere : "") +
-                              " GST_PLUGIN_PATH=" LF_PLUGIN_DIR " GST_REGISTRY=" LF_PLUGIN_DIR "/test-registry.bin " +
+  const std::string command = "GST_PLUGIN_PATH=" LF_PLUGIN_DIR " GST_REGISTRY=" LF_PLUGIN_DIR "/test-registry.bin " +
                               environment + " timeout -k 5 " + std::to_string(seconds) + " gst-launch-1.0 " + options +
                               " " + line + " 2>&1 </dev/null";
   FILE* pipe = popen(command.c_str(), "r");

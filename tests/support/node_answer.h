@@ -5,8 +5,8 @@
 
 #include "node/answer_renderer.h"
 #include "rig/mesh.h"
-#include "view/view_request.h"
 #include "support/answer_codec.h"
+#include "view/view_request.h"
 
 namespace lf::test {
 

@@ -110,7 +110,7 @@ TEST_F(LfServeMedia, ASurfaceIsLookedForUnasked) {
 TEST_F(LfServeMedia, WhereTheNetworkTakesLessThereIsLessAndLaterMore) {
   Served served({"--bitrate", "480000"});
   const auto client = watch(served, {.width = 480, .height = 360});  // as small as has half a size
-  client->send("{}");  // opens the channel
+  client->send("{}");                                                // opens the channel
   EXPECT_TRUE(becomes([&] { return told(*client, "frameRate") == 30; }));
   client->set_loss(0.3);
   EXPECT_TRUE(becomes([&] { return told(*client, "frameRate") == 15; }));
@@ -119,7 +119,9 @@ TEST_F(LfServeMedia, WhereTheNetworkTakesLessThereIsLessAndLaterMore) {
   client->set_loss(0);
   EXPECT_TRUE(goes_on(*client)) << "in another size";
   EXPECT_TRUE(becomes([&] { return told(*client, "sizeDivisor") == 1; }));
-  if (!kFallsBehind) EXPECT_TRUE(becomes([&] { return told(*client, "frameRate") == 30; }));
+  if (!kFallsBehind) {
+    EXPECT_TRUE(becomes([&] { return told(*client, "frameRate") == 30; }));
+  }
   EXPECT_TRUE(goes_on(*client));
   EXPECT_EQ(served.stop(), 0);
 }

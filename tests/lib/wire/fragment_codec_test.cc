@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "lib/wire/answers.h"
-#include "support/expect_error.h"
 #include "support/answer_codec.h"
+#include "support/expect_error.h"
 #include "wire/answer_parser.h"
 #include "wire/payload.h"
 
