@@ -66,7 +66,7 @@ TEST(ApiNodeCompositor, PicturesAreTheRenderersToTheBit) {
         ASSERT_EQ(picture.pixels, renderer.render(array.view, array.images, {.focus = focus}).pixels)
             << "picture " << i << " with focus " << static_cast<int>(focus);
       }
-      EXPECT_EQ(most_parts, focus == Focus::kAuto ? 6u : 3u) << "surfaces are tried";
+      EXPECT_EQ(most_parts, focus == Focus::kAuto ? 9u : 3u) << "surfaces are tried, and brightness is compared";
     }
 }
 
