@@ -67,7 +67,7 @@ bool CameraInput::check_size(int width, int height) {
 }
 
 bool CameraInput::set_caps(GstCaps* caps) {
-  Format format{.jpeg = gst_structure_has_name(gst_caps_get_structure(caps, 0), "image/jpeg")};
+  Format format{.jpeg = gst_structure_has_name(gst_caps_get_structure(caps, 0), "image/jpeg") != FALSE};
   next_.reset();
   if (!format.jpeg && !gst_video_info_from_caps(&format.info, caps)) return false;
   next_ = format;

@@ -23,8 +23,9 @@ TEST(ArcRig, StandsAroundItsCentreAndLooksAtIt) {
     EXPECT_NEAR(glm::length(pose.position - centre), 1.5, 1e-12);
     EXPECT_NEAR(glm::length(pose.forward() - (centre - pose.position) / 1.5), 0, 1e-12) << "looks at the centre";
     EXPECT_NEAR(glm::length(pose.down() - Vec3(0, 1, 0)), 0, 1e-12) << "upright";
-    if (i > 0) EXPECT_NEAR(apart(rig, i - 1, i), 0.06, 1e-12);
-    if (i > 0) EXPECT_GT(pose.position.x, rig.cameras[i - 1].pose.position.x) << "from the left";
+    if (i == 0) continue;
+    EXPECT_NEAR(apart(rig, i - 1, i), 0.06, 1e-12);
+    EXPECT_GT(pose.position.x, rig.cameras[i - 1].pose.position.x) << "from the left";
   }
   EXPECT_NEAR(glm::length(rig.cameras[4].pose.position), 0, 1e-12);
   EXPECT_EQ(rig.cameras[3].name, "cam_03");
