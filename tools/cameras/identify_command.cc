@@ -67,7 +67,7 @@ class Identify {
                                  },
                                  &cameras_)};
     cameras_.start();
-    std::printf("%zu cameras at %s: hold a hand before one, drag it to where it stands; ends with ctrl-C\n",
+    std::printf("%zu cameras at %s\nHold a hand before one, drag it to where it stands; ctrl-C ends it.\n",
                 rig_.cameras.size(), server_.url().c_str());
     std::fflush(stdout);
     g_main_loop_run(loop);
