@@ -139,9 +139,9 @@ GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
   LfCompositor* self = LF_COMPOSITOR(agg);
   auto& state = *self->state;
   if (state.over) return drop_all(self);
-  state.settings = lf_compositor_settings(self);
   GstFlowReturn flow = GST_FLOW_ERROR;
   try {
+    state.settings = lf_compositor_settings(self);
     flow = compose(self);
   } catch (...) {
     lf::warn_of_current_exception(self);

@@ -176,7 +176,7 @@ static void lf_compositor_class_init(LfCompositorClass* klass) {
   aggregator_class->start = lf::callback<lf_compositor_start>;
   aggregator_class->stop = lf::callback<lf_compositor_stop>;
   aggregator_class->flush = lf::callback<lf_compositor_flush>;
-  aggregator_class->aggregate = lf_compositor_aggregate;
+  aggregator_class->aggregate = lf::callback<lf_compositor_aggregate>;
   aggregator_class->negotiate = lf::callback<lf_compositor_negotiate>;
   aggregator_class->update_src_caps = lf::callback<lf_compositor_update_src_caps>;
   aggregator_class->negotiated_src_caps = lf::callback<lf_compositor_negotiated_src_caps>;
