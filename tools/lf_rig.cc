@@ -13,6 +13,7 @@
 #include "base/json_value.h"
 #include "cameras/commands.h"
 #include "command_line.h"
+#include "render/stanford_focus.h"
 #include "rig/array_shapes.h"
 #include "rig/camera_controls.h"
 #include "rig/exchange.h"
@@ -34,7 +35,7 @@ struct Arguments {
   std::string rig, other, out, cameras;
   int every = 0;
   lf::ColmapImportOptions colmap;
-  lf::StanfordOptions stanford;
+  lf::StanfordOptions stanford{.focus_distance = -1};  // not known
 };
 
 void parse_grid(const std::string& text, int& rows, int& columns) {
@@ -175,7 +176,7 @@ Format formats[] = {
      [](const Arguments& a) { return lf::import_opencv_yaml(a.other); },
      [](const Rig& rig, const Arguments& a) { return lf::export_opencv_yaml(rig, a.other); }},
     {"stanford", "DIR", "images named as in the Stanford light field archive (out_00_01_Y_X_.png)",
-     [](const Arguments& a) { return lf::import_stanford(a.other, a.stanford); },
+     [](const Arguments& a) { return lf::import_stanford_pictures(a.other, a.stanford); },
      [](const Rig& rig, const Arguments& a) { return lf::export_stanford(rig, a.other, a.stanford.unit); }},
 };
 
@@ -198,9 +199,12 @@ void add_formats(cli::App& app, Arguments& arguments) {
                    "The image files are the undistorted ones: pinhole lenses, the size of each file");
   colmap->add_option("--grid", arguments.grid, "The cameras, ordered by name, are a grid")->type_name("RxC");
   cli::App* stanford = import->get_subcommand("stanford");
-  stanford->add_option("--f", arguments.stanford.f, "Focal length, pixels")->required();
-  stanford->add_option("--focus-distance", arguments.stanford.focus_distance,
-                       "Where points stand still, metres (default: far away)");
+  stanford->add_option("--f", arguments.stanford.f, "Focal length, pixels (default: 50 degrees across)")
+      ->check(cli::PositiveNumber);
+  stanford
+      ->add_option("--focus-distance", arguments.stanford.focus_distance,
+                   "Where points stand still, metres; 0: far away (default: from the pictures)")
+      ->check(cli::NonNegativeNumber);
   for (cli::App* command : {stanford, exports->get_subcommand("stanford")})
     command->add_option("--unit", arguments.stanford.unit, "Metres in one unit of the names")->capture_default_str();
 }

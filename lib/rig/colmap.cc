@@ -111,7 +111,7 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
       if (!options.undistorted && (camera.width != from.width || camera.height != from.height))
         throw Error(camera.image + ": is " + size_text(camera.width, camera.height) + ", its camera " +
                     std::to_string(image.camera_id) + " in cameras.txt " + size_text(from.width, from.height) +
-                    "; is it an undistorted image?");
+                    "; is it an undistorted image (lf-rig import colmap --undistorted)?");
       camera.image = fs::proximate(camera.image).string();
     }
     try {

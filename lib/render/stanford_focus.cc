@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "render/stanford_focus.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "base/error.h"
+#include "base/number_text.h"
+#include "render/focus_range.h"
+#include "rig/still_images.h"
+
+namespace lf {
+namespace {
+
+constexpr double kAcross = 50;        // degrees: of a usual lens
+constexpr double kSweep = 0.1;        // of the image's width, to both sides, between neighbours
+constexpr double kStandsStill = 0.5;  // pixels between neighbours
+constexpr double kDeep = 3;           // the farthest things over the nearest
+
+double neighbour_distance(const Rig& rig) {
+  std::vector<double> nearest;
+  for (const Camera& a : rig.cameras) {
+    double least = std::numeric_limits<double>::infinity();
+    for (const Camera& b : rig.cameras)
+      if (const double d = glm::length(a.pose.position - b.pose.position); d > 0) least = std::min(least, d);
+    nearest.push_back(least);
+  }
+  std::nth_element(nearest.begin(), nearest.begin() + static_cast<ptrdiff_t>(nearest.size() / 2), nearest.end());
+  return nearest[nearest.size() / 2];
+}
+
+double rounded(double value) {
+  const double unit = std::pow(10, std::floor(std::log10(value)) - 2);
+  return std::round(value / unit) * unit;
+}
+
+// The rig of such names with images that are shifted by so many pixels for each metre of the camera's way.
+Rig with_lenses(Rig rig, double f, double shift) {
+  Vec3 middle(0, 0, 0);
+  for (const Camera& camera : rig.cameras) middle += camera.pose.position / static_cast<double>(rig.cameras.size());
+  for (Camera& camera : rig.cameras) {
+    const Vec3 way = (camera.pose.position - middle) * shift;
+    camera.lens = Lens::pinhole(f, (camera.width - 1) / 2.0 + way.x, (camera.height - 1) / 2.0 + way.y);
+  }
+  return rig;
+}
+
+// 0: points far away stand still. Nothing where images have too little in them.
+std::optional<double> focus_distance_of(const Rig& rig, double f) {
+  const double baseline = neighbour_distance(rig);
+  if (!std::isfinite(baseline)) return std::nullopt;
+  // A sweep has only distances before the cameras: shifted as if they met near, so that all that there may be is there.
+  const double shift = kSweep * rig.cameras[0].width / baseline;
+  const Rig swept = with_lenses(rig, f, shift);
+  StillImages images(swept);
+  const auto range = estimate_focus_range(swept, [&](CameraIndex i) -> const Image& { return images.get(i); });
+  if (!range) return std::nullopt;
+  const double most = f / range->near - shift, least = f / range->far - shift;
+  if (least * baseline > -kStandsStill) return 0;
+  // 1 / far, where 1 / near is so many times as much.
+  const double inverse_far = std::max(most - least, -least) / f / (kDeep - 1);
+  return 1 / (inverse_far - least / f);
+}
+
+}  // namespace
+
+RigImport import_stanford_pictures(const std::string& directory, StanfordOptions options) {
+  const bool knows_f = options.f > 0, knows_focus = options.focus_distance >= 0;
+  if (knows_f && knows_focus) return import_stanford(directory, options);
+  std::vector<std::string> notes;
+  const Rig rig = import_stanford(directory, {1, 0, options.unit}).rig;
+  if (!knows_f) {
+    options.f = rounded(rig.cameras[0].width / 2.0 / std::tan(kAcross / 2 * M_PI / 180));
+    notes.push_back("no focal length was given, and such pictures do not tell it: taken to be " +
+                    number_text(options.f) + " px, 50 degrees across (--f). Depths are off by as much as it is");
+  }
+  if (!knows_focus) {
+    const auto focus = focus_distance_of(rig, options.f);
+    options.focus_distance = focus && *focus > 0 ? rounded(*focus) : 0;
+    notes.push_back(
+        !focus ? "the pictures have too little in them for a focus distance: taken for unshifted ones "
+                 "(--focus-distance)"
+        : *focus > 0
+            ? "focus distance " + number_text(options.focus_distance) +
+                  " m, from the pictures, whose farthest things are taken to be three times as far away as the "
+                  "nearest (--focus-distance)"
+            : "the pictures are unshifted ones: nothing in them goes against the cameras' motion "
+              "(--focus-distance)");
+  }
+  RigImport result = import_stanford(directory, options);
+  if (!knows_focus) std::erase(result.notes, "no focus distance was given: images are taken for unshifted ones");
+  result.notes.insert(result.notes.begin(), notes.begin(), notes.end());
+  return result;
+}
+
+}  // namespace lf

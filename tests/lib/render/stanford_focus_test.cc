@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "render/stanford_focus.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "scene/scene.h"
+#include "support/temp_dir.h"
+
+namespace lf {
+namespace {
+
+// The built-in scene, 1.2 to 6 m away, with its images shifted so that points at `focus` metres stand still.
+StanfordOptions export_scene(const TempDir& dir, double focus) {
+  Rig rig = make_grid_rig({3, 3, 0.06, 40, 320, 240});
+  const double f = rig.cameras[0].lens.fx();
+  Vec3 middle(0, 0, 0);
+  for (const Camera& camera : rig.cameras) middle += camera.pose.position / 9.0;
+  for (Camera& camera : rig.cameras) {
+    camera.pose.position -= middle;
+    const Vec3 shift = focus > 0 ? camera.pose.position * (f / focus) : Vec3(0);
+    camera.lens = Lens::pinhole(f, 159.5 + shift.x, 119.5 + shift.y);
+    camera.image = "camera_" + std::to_string(camera.id) + ".png";
+    save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0, 1), dir / camera.image);
+  }
+  rig.directory = dir.path();
+  export_stanford(rig, dir / "named");
+  return {.f = f, .focus_distance = focus};
+}
+
+TEST(StanfordFocus, IsFoundInThePictures) {
+  const TempDir dir;
+  const StanfordOptions truth = export_scene(dir, 2.2);
+  const RigImport found = import_stanford_pictures(dir / "named", {.f = truth.f, .focus_distance = -1});
+  // Where points stand still depends on how deep the scene is taken to be, but the pictures' own shift does not.
+  const Camera &a = found.rig.cameras[0], &b = found.rig.cameras[1];
+  const double shift = (b.lens.cx() - a.lens.cx()) / (b.pose.position.x - a.pose.position.x);
+  EXPECT_GT(shift, 0.5 * truth.f / truth.focus_distance);
+  EXPECT_LT(shift, 2 * truth.f / truth.focus_distance);
+  ASSERT_EQ(found.notes.size(), 1u);
+  EXPECT_THAT(found.notes[0], testing::HasSubstr("from the pictures"));
+}
+
+TEST(StanfordFocus, PicturesThatAreNotShiftedStayAsTheyAre) {
+  const TempDir dir;
+  export_scene(dir, 0);
+  const RigImport found = import_stanford_pictures(dir / "named", {.focus_distance = -1});
+  EXPECT_EQ(found.rig.cameras[0].lens.cx(), 159.5);
+  EXPECT_NEAR(found.rig.cameras[0].lens.fx(), 343, 1);
+  ASSERT_EQ(found.notes.size(), 2u);
+  EXPECT_THAT(found.notes[0], testing::HasSubstr("--f"));
+  EXPECT_THAT(found.notes[1], testing::HasSubstr("unshifted"));
+}
+
+TEST(StanfordFocus, WhatIsGivenIsTaken) {
+  const TempDir dir;
+  const StanfordOptions truth = export_scene(dir, 3);
+  const Camera found = import_stanford_pictures(dir / "named", truth).rig.cameras[2];
+  EXPECT_EQ(found.lens, import_stanford(dir / "named", truth).rig.cameras[2].lens);
+}
+
+}  // namespace
+}  // namespace lf
