@@ -20,15 +20,16 @@ void CameraState::set_pose(const Pose& pose) {
 
 Lens CameraState::lens() const {
   const double* t = lens_terms();
-  if (aspect == 1 && p1 == 0 && p2 == 0) return Lens(LensModel::kRadial, {t[kF], t[kCx], t[kCy], t[kK1], t[kK2]});
-  return Lens(LensModel::kOpenCv, {t[kF], t[kF] * aspect, t[kCx], t[kCy], t[kK1], t[kK2], p1, p2});
+  if (aspect == 1 && t[kP1] == 0 && t[kP2] == 0)
+    return Lens(LensModel::kRadial, {t[kF], t[kCx], t[kCy], t[kK1], t[kK2]});
+  return Lens(LensModel::kOpenCv, {t[kF], t[kF] * aspect, t[kCx], t[kCy], t[kK1], t[kK2], t[kP1], t[kP2]});
 }
 
 void CameraState::set_lens(const Lens& lens) {
   aspect = lens.fy() / lens.fx();
-  p1 = lens.p1(), p2 = lens.p2();
   double* t = lens_terms();
   t[kF] = lens.fx(), t[kCx] = lens.cx(), t[kCy] = lens.cy(), t[kK1] = lens.k1(), t[kK2] = lens.k2();
+  t[kP1] = lens.p1(), t[kP2] = lens.p2();
 }
 
 Vec3 TargetState::point(uint32_t which) const {
@@ -47,7 +48,7 @@ bool Reconstruction::measured(int term) const {
 std::optional<Vec2> residual(const CameraState& camera, const TargetState& target, const Observation& observation) {
   const Vec3 point = target.point(observation.light);
   double pixel[2];
-  if (!projection::project(camera.v.data(), camera.aspect, camera.p1, camera.p2, &point.x, pixel)) return std::nullopt;
+  if (!projection::project(camera.v.data(), camera.aspect, &point.x, pixel)) return std::nullopt;
   return Vec2(pixel[0], pixel[1]) - observation.pixel;
 }
 
@@ -123,7 +124,7 @@ bool all_measured(const Reconstruction& scene, size_t camera) {
 }  // namespace
 
 AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& observations, const Inliers& use,
-                         const AdjustmentOptions& options) {
+                         const AdjustmentOptions& options, ClockAdjustment* clocks) {
   CameraManifold camera_manifold(options.free, options.free_poses);
   ceres::ProductManifold<ceres::EuclideanManifold<3>, ceres::SphereManifold<3>> bar_manifold;
   const std::unique_ptr<ceres::LossFunction> loss = make_loss(options);
@@ -134,12 +135,24 @@ AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& 
     CameraState& camera = scene.cameras[o.camera];
     TargetState& target = scene.targets[o.position];
     if (!use[i] || !camera.used || !target.has(o.light) || !residual(camera, target, o)) continue;
-    ceres::CostFunction* cost;
-    if (target.kind == TargetState::Kind::kBar)
-      cost = new ReprojectionCost<true>(camera, o, options.sigma);
-    else
-      cost = new ReprojectionCost<false>(camera, o, options.sigma);
-    problem.AddResidualBlock(cost, loss.get(), camera.v.data(), target.v.data());
+    const bool bar = target.kind == TargetState::Kind::kBar;
+    if (clocks) {
+      ClockAdjustment::Camera& clock = clocks->cameras[o.camera];
+      const auto by = clock.by(clocks->stamp[i]);
+      ceres::CostFunction* cost;
+      if (bar)
+        cost = new ClockedCost<true>(camera, o, options.sigma, clocks->velocity[i], by);
+      else
+        cost = new ClockedCost<false>(camera, o, options.sigma, clocks->velocity[i], by);
+      problem.AddResidualBlock(cost, loss.get(), camera.v.data(), target.v.data(), clock.terms.data());
+    } else {
+      ceres::CostFunction* cost;
+      if (bar)
+        cost = new ReprojectionCost<true>(camera, o, options.sigma);
+      else
+        cost = new ReprojectionCost<false>(camera, o, options.sigma);
+      problem.AddResidualBlock(cost, loss.get(), camera.v.data(), target.v.data());
+    }
     camera_used[o.camera] = target_used[o.position] = true;
   }
   Blocks blocks;
@@ -186,6 +199,11 @@ AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& 
     batch_manifold = std::make_unique<ceres::SubsetManifold>(kNumLensTerms, fixed);
     problem.SetManifold(scene.batch_mean.data(), batch_manifold.get());
   }
+  for (size_t i = 0; clocks && i < scene.cameras.size(); i++)
+    if (camera_used[i])
+      problem.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<ClockPriorCost, kNumClockTerms, kNumClockTerms>(new ClockPriorCost), nullptr,
+          clocks->cameras[i].terms.data());
   bool has_bar = false;
   for (size_t i = 0; i < scene.targets.size(); i++) {
     if (!target_used[i]) continue;
@@ -217,6 +235,8 @@ AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& 
   for (double* block : blocks.cameras) ordering->AddElementToGroup(block, cameras_first ? 0 : 1);
   for (double* block : blocks.targets) ordering->AddElementToGroup(block, cameras_first ? 1 : 0);
   if (free_metres) ordering->AddElementToGroup(&scene.metres, 1);
+  for (size_t i = 0; clocks && i < scene.cameras.size(); i++)
+    if (camera_used[i]) ordering->AddElementToGroup(clocks->cameras[i].terms.data(), 1);
   if (has_batch) ordering->AddElementToGroup(scene.batch_mean.data(), 1);
   solver.linear_solver_ordering.reset(ordering);
   ceres::Solver::Summary summary;

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -12,16 +13,16 @@
 
 namespace lf {
 
-// The lens parameters that calibration can set, in this order everywhere. The rest (fy/fx, p1, p2) stays as given.
-enum LensTerm { kF, kCx, kCy, kK1, kK2, kNumLensTerms };
+// The lens parameters that calibration can set, in this order everywhere. The rest (fy/fx) stays as given.
+enum LensTerm { kF, kCx, kCy, kK1, kK2, kP1, kP2, kNumLensTerms };
 // Their names in covariances.
-inline constexpr const char* kLensTermNames[kNumLensTerms] = {"f", "cx", "cy", "k1", "k2"};
+inline constexpr const char* kLensTermNames[kNumLensTerms] = {"f", "cx", "cy", "k1", "k2", "p1", "p2"};
 
 // One camera while it is being measured: a flat block of parameters, world_from_camera, then the lens.
 struct CameraState {
-  static constexpr int kSize = 12;
-  std::array<double, kSize> v{1, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0};  // w x y z, position, f cx cy k1 k2
-  double aspect = 1, p1 = 0, p2 = 0;                                // fy / fx and tangential terms: never changed
+  static constexpr int kSize = 7 + kNumLensTerms;
+  std::array<double, kSize> v{1, 0, 0, 0, 0, 0, 0, 1};  // w x y z, position, f cx cy k1 k2 p1 p2
+  double aspect = 1;                                    // fy / fx: never changed
   int width = 0, height = 0;
   bool used = false;  // takes part: the camera sees enough of what others see
 
@@ -106,9 +107,24 @@ struct AdjustmentSummary {
 // Whether an observation takes part, one a observation.
 using Inliers = std::vector<char>;
 
-// Bundle adjustment over the observations with use[i] of cameras that are used and targets that have that light.
+// Clocks that are adjusted with the scene: an observation whose clock is late shows its light where it was then.
+struct ClockAdjustment {
+  // Of one camera, in seconds that are to be added to its clock: `terms` are an offset, a drift (seconds a second,
+  // about the stamp `middle`), and what comes on top from the stamp `step_at` on, where that is finite.
+  struct Camera {
+    std::array<double, 3> terms{};
+    double middle = 0, step_at = std::numeric_limits<double>::infinity();
+    std::array<double, 3> by(double stamp) const { return {1, stamp - middle, stamp >= step_at ? 1.0 : 0.0}; }
+  };
+  std::vector<Camera> cameras;
+  std::vector<Vec2> velocity;  // of each observation: pixels a second
+  std::vector<double> stamp;   // of each observation: seconds
+};
+
+// Bundle adjustment over the observations with use[i] of cameras that are used and targets that have that light. With
+// `clocks` these are free, too: what they have in common, nothing tells but weak priors.
 AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& observations, const Inliers& use,
-                         const AdjustmentOptions& options);
+                         const AdjustmentOptions& options, ClockAdjustment* clocks = nullptr);
 
 // Pixels from where `target` should appear in `camera`; nothing behind it.
 std::optional<Vec2> residual(const CameraState& camera, const TargetState& target, const Observation& observation);

@@ -139,6 +139,7 @@ constexpr int kRounds = 5;
 constexpr double kRobust = 3;    // sigmas where a sample counts less
 constexpr double kWhole = 0.25;  // of a frame, that a step may differ from whole ones
 constexpr double kGain = 60;     // of the sum of squared errors in sigmas, that a step or a drift is worth
+constexpr double kHint = 25;     // the same, of a step that is worth a try
 constexpr double kDriftSigmas = 6;
 constexpr size_t kLeastSide = 8;  // samples on both sides of a step
 
@@ -188,30 +189,37 @@ double scale_of(const std::vector<ClockSample>& samples) {
   return std::max(1.0, 1.4826 * median(std::move(errors)));
 }
 
-// Splits samples [from, to) where that is worth most, then both sides.
-void find_steps(const std::vector<ClockSample>& samples, size_t from, size_t to, double scale, double frame_time,
-                std::vector<CameraClock::Step>& steps) {
-  if (to - from < 2 * kLeastSide) return;
-  const auto value_of = [&](size_t a, size_t b) {
-    std::vector<double> values;
-    for (size_t i = a; i < b; i++) values.push_back(samples[i].seconds);
-    return median(std::move(values));
-  };
+double value_of(const std::vector<ClockSample>& samples, size_t from, size_t to) {
+  std::vector<double> values;
+  for (size_t i = from; i < to; i++) values.push_back(samples[i].seconds);
+  return median(std::move(values));
+}
+
+// The index that splits samples [from, to) where that is worth most, `least` at least; 0: nowhere.
+size_t best_split(const std::vector<ClockSample>& samples, size_t from, size_t to, double scale, double least) {
+  if (to - from < 2 * kLeastSide) return 0;
   const auto cost = [&](size_t a, size_t b) {
-    const double value = value_of(a, b);
+    const double value = value_of(samples, a, b);
     double sum = 0;
     for (size_t i = a; i < b; i++) sum += error_of(samples[i], value, scale);
     return sum;
   };
   const double whole = cost(from, to);
-  double best = kGain;
+  double best = least;
   size_t at = 0;
   for (size_t i = from + kLeastSide; i + kLeastSide <= to; i++) {
     const double gain = whole - cost(from, i) - cost(i, to);
     if (gain > best) best = gain, at = i;
   }
+  return at;
+}
+
+// Splits samples [from, to) where that is worth most, then both sides.
+void find_steps(const std::vector<ClockSample>& samples, size_t from, size_t to, double scale, double frame_time,
+                std::vector<CameraClock::Step>& steps) {
+  const size_t at = best_split(samples, from, to, scale, kGain);
   if (at == 0) return;
-  const double seconds = value_of(at, to) - value_of(from, at);
+  const double seconds = value_of(samples, at, to) - value_of(samples, from, at);
   const double frames = std::round(seconds / frame_time);
   find_steps(samples, from, at, scale, frame_time, steps);
   if (frames != 0 && std::abs(seconds / frame_time - frames) < kWhole)
@@ -238,13 +246,21 @@ double improve_clock(CameraClock& clock, std::vector<ClockSample> samples, doubl
   for (ClockSample& s : samples) s.seconds -= late(clock.steps, s.stamp);
   const double middle = (samples.front().stamp + samples.back().stamp) / 2;
   Line line = fit_line(samples, middle, scale, true);
-  if (std::abs(line.slope) < kDriftSigmas * std::sqrt(line.slope_variance))
+  if (std::abs(line.slope) < kDriftSigmas * std::sqrt(line.slope_variance / shown))
     line = fit_line(samples, middle, scale, false);
-  clock.offset += line.value / shown;
+  clock.offset += line.value;
   clock.drift = line.slope;
   clock.middle = middle;
   clock.sigma = std::sqrt(line.variance / shown);
-  return line.value / shown;
+  return line.value;
+}
+
+std::optional<double> suspected_step(std::vector<ClockSample> samples) {
+  if (samples.size() < 2 * kLeastSide) return std::nullopt;
+  std::sort(samples.begin(), samples.end(), [](const auto& a, const auto& b) { return a.stamp < b.stamp; });
+  const size_t at = best_split(samples, 0, samples.size(), scale_of(samples), kHint);
+  if (at == 0) return std::nullopt;
+  return (samples[at - 1].stamp + samples[at].stamp) / 2;
 }
 
 }  // namespace lf

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "calibration/light_paths.h"
@@ -42,8 +43,12 @@ struct ClockSample {
 };
 // Improves a clock by all samples of its camera: robust, with steps of whole frames where the samples call for it, and
 // a drift where it is far beyond its error. What it changes should be below a few frames. `shown`: the share of a wrong
-// offset that the samples show, where the rest is hidden by what was adjusted to them. Returns what it added to the
+// offset that no other parameter of the camera could make up for; it tells the errors. Returns what it added to the
 // offset.
 double improve_clock(CameraClock& clock, std::vector<ClockSample> samples, double frame_time, double shown);
+
+// The stamp at which frames seem to have been lost, by less than improve_clock() wants: how many, an adjustment with
+// that step tells. Nothing where no stamp stands out.
+std::optional<double> suspected_step(std::vector<ClockSample> samples);
 
 }  // namespace lf

@@ -24,28 +24,41 @@ inline void rotate_to_camera(const double* q, const double* x, double* v) {
 }
 
 // A point in the camera's axes to a pixel, by the lens terms of a CameraState's block; false behind the camera. The
-// lens is that of geometry/lens.h.
-template <class T>
-bool project_in_camera(const T* x, const T* lens, double aspect, double p1, double p2, T* pixel) {
-  if (!(x[2] > T(1e-9))) return false;
-  const T u = x[0] / x[2], v = x[1] / x[2], r2 = u * u + v * v;
-  const T radial = T(1) + r2 * (lens[3] + r2 * lens[4]);
-  T du = u * radial, dv = v * radial;
-  if (p1 != 0 || p2 != 0) {
-    du += T(2 * p1) * u * v + T(p2) * (r2 + T(2) * u * u);
-    dv += T(p1) * (r2 + T(2) * v * v) + T(2 * p2) * u * v;
-  }
-  pixel[0] = lens[0] * du + lens[1];
-  pixel[1] = lens[0] * T(aspect) * dv + lens[2];
+// lens is that of geometry/lens.h. Where they are asked for, the derivatives by the point and by the terms, too.
+struct PixelSlopes {
+  Eigen::Matrix<double, 2, 3> by_point;
+  Eigen::Matrix<double, 2, kNumLensTerms> by_lens;
+};
+inline bool project_in_camera(const double* x, const double* lens, double aspect, double* pixel,
+                              PixelSlopes* slopes = nullptr) {
+  if (!(x[2] > 1e-9)) return false;
+  const double f = lens[kF], g = f * aspect, k1 = lens[kK1], k2 = lens[kK2], p1 = lens[kP1], p2 = lens[kP2];
+  const double u = x[0] / x[2], v = x[1] / x[2], uu = u * u, uv = u * v, vv = v * v, r2 = uu + vv;
+  const double radial = 1 + r2 * (k1 + r2 * k2);
+  const double du = u * radial + 2 * p1 * uv + p2 * (r2 + 2 * uu);
+  const double dv = v * radial + p1 * (r2 + 2 * vv) + 2 * p2 * uv;
+  pixel[0] = f * du + lens[kCx];
+  pixel[1] = g * dv + lens[kCy];
+  if (!slopes) return true;
+  const double bend = 2 * (k1 + 2 * k2 * r2);  // of the radial factor, twice
+  const double across = uv * bend + 2 * (p1 * u + p2 * v);
+  const double uu_slope = radial + uu * bend + 2 * p1 * v + 6 * p2 * u;
+  const double vv_slope = radial + vv * bend + 6 * p1 * v + 2 * p2 * u;
+  Eigen::Matrix<double, 2, 3> by_ray;
+  by_ray << uu_slope, across, -(u * uu_slope + v * across), across, vv_slope, -(u * across + v * vv_slope);
+  slopes->by_point.row(0) = f / x[2] * by_ray.row(0);
+  slopes->by_point.row(1) = g / x[2] * by_ray.row(1);
+  slopes->by_lens << du, 1, 0, f * u * r2, f * u * r2 * r2, f * 2 * uv, f * (r2 + 2 * uu),  //
+      aspect * dv, 0, 1, g * v * r2, g * v * r2 * r2, g * (r2 + 2 * vv), g * 2 * uv;
   return true;
 }
 
 // A point of the world to a pixel of a CameraState's block; false behind the camera.
-inline bool project(const double* camera, double aspect, double p1, double p2, const double* point, double* pixel) {
+inline bool project(const double* camera, double aspect, const double* point, double* pixel) {
   const double from_centre[3] = {point[0] - camera[4], point[1] - camera[5], point[2] - camera[6]};
   double x[3];
   rotate_to_camera(camera, from_centre, x);
-  return project_in_camera(x, camera + 7, aspect, p1, p2, pixel);
+  return project_in_camera(x, camera + 7, aspect, pixel);
 }
 
 // The end of a bar of unit length: light 0 at -1/2, light 1 at +1/2.
@@ -110,8 +123,7 @@ class CameraManifold : public ceres::Manifold {
   int lens_[kNumLensTerms];
 };
 
-// An observation of a point or of one end of a bar, in sigmas. Only the lens is differentiated automatically: the rest
-// is a rotation, and three times as fast by hand.
+// An observation of a point or of one end of a bar, in sigmas. Differentiated by hand: it is what adjustments do most.
 template <bool kBar>
 class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, kBar ? 6 : 3> {
  public:
@@ -131,29 +143,20 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, 
     const Eigen::Vector3d from_centre(point[0] - state[4], point[1] - state[5], point[2] - state[6]);
     Eigen::Vector3d in_camera;
     projection::rotate_to_camera(state, from_centre.data(), in_camera.data());
-    if (!jacobians) {
-      if (!projection::project_in_camera(in_camera.data(), state + 7, camera_.aspect, camera_.p1, camera_.p2, pixel))
-        return false;
-    } else {
-      using Jet = ceres::Jet<double, 3 + kNumLensTerms>;
-      Jet x[3], lens[kNumLensTerms], projected[2];
-      for (int i = 0; i < 3; i++) x[i] = Jet(in_camera[i], i);
-      for (int i = 0; i < kNumLensTerms; i++) lens[i] = Jet(state[7 + i], 3 + i);
-      if (!projection::project_in_camera(x, lens, camera_.aspect, camera_.p1, camera_.p2, projected)) return false;
-      for (int r = 0; r < 2; r++) pixel[r] = projected[r].a;
-      differentiate(state, from_centre, projected, jacobians);
-    }
+    projection::PixelSlopes slopes;
+    if (!projection::project_in_camera(in_camera.data(), state + 7, camera_.aspect, pixel,
+                                       jacobians ? &slopes : nullptr))
+      return false;
+    if (jacobians) differentiate(state, from_centre, slopes, jacobians);
     error[0] = (pixel[0] - pixel_.x) * weight_;
     error[1] = (pixel[1] - pixel_.y) * weight_;
     return true;
   }
 
  private:
-  template <class Jet>
-  void differentiate(const double* state, const Eigen::Vector3d& from_centre, const Jet* projected,
+  void differentiate(const double* state, const Eigen::Vector3d& from_centre, const projection::PixelSlopes& slopes,
                      double** jacobians) const {
-    Eigen::Matrix<double, 2, 3> by_camera_axes;
-    for (int r = 0; r < 2; r++) by_camera_axes.row(r) = weight_ * projected[r].v.template head<3>().transpose();
+    const Eigen::Matrix<double, 2, 3> by_camera_axes = weight_ * slopes.by_point;
     const Eigen::Matrix3d world_from_camera =
         Eigen::Quaterniond(state[0], state[1], state[2], state[3]).toRotationMatrix();
     const Eigen::Matrix<double, 2, 3> by_point = by_camera_axes * world_from_camera.transpose();
@@ -165,8 +168,7 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, 
       for (int r = 0; r < 2; r++) by_turn.row(r) = by_point.row(r).cross(from_centre);
       j.leftCols<4>() = 4 * by_turn * CameraManifold::quaternion_steps(state).transpose();
       j.middleCols<3>(4) = -by_point;
-      for (int r = 0; r < 2; r++)
-        j.row(r).tail<kNumLensTerms>() = weight_ * projected[r].v.template tail<kNumLensTerms>();
+      j.rightCols<kNumLensTerms>() = weight_ * slopes.by_lens;
     }
     if (jacobians[1]) {
       Eigen::Map<Eigen::Matrix<double, 2, kBar ? 6 : 3, Eigen::RowMajor>> j(jacobians[1]);
@@ -179,6 +181,44 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, 
   Vec2 pixel_;
   uint32_t light_;
   double weight_;
+};
+
+// The same, where the light moves and the camera's clock is not known: for each second that is added to the clock the
+// picture that belongs to an instant is an earlier one, and the light is by `velocity` less far.
+inline constexpr int kNumClockTerms = 3;
+template <bool kBar>
+class ClockedCost : public ceres::SizedCostFunction<2, CameraState::kSize, kBar ? 6 : 3, kNumClockTerms> {
+ public:
+  ClockedCost(const CameraState& camera, const Observation& observation, double sigma, const Vec2& velocity,
+              const std::array<double, kNumClockTerms>& by)
+      : still_(camera, observation, sigma) {
+    const double weight = 1 / (sigma * observation.sigma);
+    for (int k = 0; k < kNumClockTerms; k++) by_terms_(0, k) = weight * velocity.x * by[k];
+    for (int k = 0; k < kNumClockTerms; k++) by_terms_(1, k) = weight * velocity.y * by[k];
+  }
+  bool Evaluate(const double* const* blocks, double* error, double** jacobians) const override {
+    if (!still_.Evaluate(blocks, error, jacobians)) return false;
+    Eigen::Map<Eigen::Vector2d>(error) += by_terms_ * Eigen::Map<const Eigen::Vector3d>(blocks[2]);
+    if (jacobians && jacobians[2]) {
+      Eigen::Map<Eigen::Matrix<double, 2, kNumClockTerms, Eigen::RowMajor>> by_clock(jacobians[2]);
+      by_clock = by_terms_;
+    }
+    return true;
+  }
+
+ private:
+  ReprojectionCost<kBar> still_;
+  Eigen::Matrix<double, 2, kNumClockTerms> by_terms_;
+};
+
+// Weak: what all clocks have in common, and a step that no observation is behind, stay where they are.
+struct ClockPriorCost {
+  template <class T>
+  bool operator()(const T* terms, T* error) const {
+    constexpr double kSigmas[kNumClockTerms] = {0.1, 3e-4, 0.2};  // seconds, seconds a second, seconds
+    for (int k = 0; k < kNumClockTerms; k++) error[k] = terms[k] / kSigmas[k];
+    return true;
+  }
 };
 
 struct LensPriorCost {

@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "calibration/initial_layout.h"
+#include "calibration/moving_scene.h"
 #include "calibration/triangulation.h"
 
 namespace lf {
@@ -24,6 +25,8 @@ constexpr int kMostFrames = 5;                   // that a camera may be late or
 constexpr double kContradiction = 4;             // sigmas of a batch's mean
 constexpr double kAgreement = 1.2;               // of halves of the tracks: below, it may be chance
 constexpr double kClosest = 1e-3, kWidest = 10;  // metres between neighbours
+constexpr double kMoved = 0.04;                  // share of the tracks: fewer are mistakes
+constexpr size_t kMostNamed = 12;                // cameras in the wrong order, one circle after the other
 
 template <class... Args>
 std::string text(const char* format, Args... args) {
@@ -49,6 +52,7 @@ class Diagnosis {
     judge_poses();
     judge_modes();
     judge_halves();
+    judge_motion();
     judge_scale();
     return std::move(findings_);
   }
@@ -70,7 +74,8 @@ class Diagnosis {
     for (const uint32_t index : list) outliers += !solution_.inliers[index];
     const double share = static_cast<double>(outliers) / static_cast<double>(list.size());
     const bool found = scene().cameras[i].used;
-    if (found && share <= kManyOutliers) return;
+    const double noise = i < solution_.camera_noise.size() ? solution_.camera_noise[i] : 1;
+    if (found && share <= kManyOutliers && noise <= 1) return;
     if (const int frames = frames_late(i); frames != 0) {
       add(Severity::kError, "late-camera",
           text("camera %u is %d frame%s %s: its tracks fit the others' when they are moved by that", id(i),
@@ -79,9 +84,13 @@ class Diagnosis {
     }
     if (!found)
       add(Severity::kError, "camera-not-found",
-          text("camera %u fits nowhere (%zu observations): it is not in the rig. Is it another camera's id, a moved "
-               "camera, or another lens than in the prior rig?",
-               id(i), list.size()));
+          text("camera %u fits nowhere (%zu observations): it is not in the rig. %s", id(i), list.size(),
+               options_.prior ? "Is it another camera's id, a moved camera, or another lens than in the prior rig?"
+                              : "Is it another camera's recording, or a camera that was moved?"));
+    else if (share <= kManyOutliers)
+      add(Severity::kWarning, "noisy-camera",
+          text("camera %u errs %.1f times as much as the others: is it out of focus, or was it touched?", id(i),
+               noise));
     else if (share > 2 * typical_outliers())
       add(Severity::kWarning, "many-outliers",
           text("camera %u: %.0f %% of its observations do not fit", id(i), share * 100));
@@ -149,30 +158,56 @@ class Diagnosis {
             names);
   }
 
-  // Two cameras of which each is where the prior rig has the other.
+  // Cameras at places that the prior rig has others for: who goes round in one circle is one finding.
   void find_swaps() {
-    if (!options_.prior) return;
-    std::vector<Vec3> at(tracks_.cameras.size()), nominal(at.size());
-    std::vector<Pose> poses;
-    for (size_t i = 0; i < at.size(); i++) {
-      nominal[i] = options_.prior->cameras[*options_.prior->index_of_id(tracks_.cameras[i].id)].pose.position;
-      at[i] = placement_.world_from_scene(scene().cameras[i].pose()).position;
+    std::map<unsigned, unsigned> at;  // the place of each camera that is not at its own
+    for (size_t i = 0; i < placement_.stands_at.size(); i++)
+      if (scene().cameras[i].used && placement_.stands_at[i] != id(i)) at[id(i)] = placement_.stands_at[i];
+    if (at.size() > kMostNamed) {
+      std::string all;
+      for (const auto& [camera, place] : at) all += text("%s%u at %u", all.empty() ? "" : ", ", camera, place);
+      add(Severity::kError, "swapped-cameras",
+          text("%zu cameras are not where the prior rig has them; the rig that is written has them in the order of "
+               "their places%s. Each with the place that it stands at: ",
+               at.size(), 4 * at.size() > 3 * scene().cameras.size() ? " (or are they mounted upside down?)" : "") +
+              all);
+      return;
     }
-    for (size_t a = 0; a < at.size(); a++)
-      for (size_t b = 0; b < a; b++) {
-        if (!scene().cameras[a].used || !scene().cameras[b].used) continue;
-        const double apart = glm::length(nominal[a] - nominal[b]) / 3;
-        if (apart > 0 && glm::length(at[a] - nominal[b]) < apart && glm::length(at[b] - nominal[a]) < apart)
-          add(Severity::kError, "swapped-cameras",
-              text("cameras %u and %u are where the prior rig has each other: their ids are swapped", id(b), id(a)));
+    while (!at.empty()) {
+      const unsigned first = at.begin()->first;
+      std::vector<unsigned> circle;
+      for (auto next = at.find(first); next != at.end(); next = at.find(circle.back())) {
+        if (circle.empty()) circle.push_back(first);
+        circle.push_back(next->second);
+        at.erase(next);
       }
+      if (circle.size() == 3 && circle[2] == first) {
+        add(Severity::kError, "swapped-cameras",
+            text("cameras %u and %u are where the prior rig has each other: their ids, or their cables, are swapped. "
+                 "The rig that is written has them in the order of their places",
+                 circle[0], circle[1]));
+        continue;
+      }
+      std::string names;
+      for (size_t k = 0; k + 1 < circle.size(); k++)
+        names += text("%s%u at %u", k ? ", " : "", circle[k], circle[k + 1]);
+      add(Severity::kError, "swapped-cameras",
+          "cameras stand at others' places in the prior rig: " + names +
+              ". The rig that is written has them in the order of their places");
+    }
   }
 
   // A parameter that is no better known than before is not calibrated, in any camera or in all of them alike.
   void judge_lenses() {
-    static constexpr const char* kCodes[] = {"unknown-focal-length", "unknown-principal-point",
-                                             "unknown-principal-point", "unknown-k1", "unknown-k2"};
-    static constexpr const char* kNames[] = {"focal length", "principal point (x)", "principal point (y)", "k1", "k2"};
+    static constexpr const char* kCodes[] = {"unknown-focal-length",
+                                             "unknown-principal-point",
+                                             "unknown-principal-point",
+                                             "unknown-k1",
+                                             "unknown-k2",
+                                             "unknown-p1",
+                                             "unknown-p2"};
+    static constexpr const char* kNames[] = {
+        "focal length", "principal point (x)", "principal point (y)", "k1", "k2", "p1", "p2"};
     const Uncertainty& u = solution_.uncertainty;
     const int terms = static_cast<int>(u.lens_terms.size());
     std::vector<size_t> used;
@@ -256,6 +291,22 @@ class Diagnosis {
                "tracks "
                "have in common errs, too. All uncertainties are enlarged by that",
                solution_.disagreement, solution_.sigma));
+  }
+
+  // Tracks of a light move by nature; those of features must not.
+  void judge_motion() {
+    if (tracks_.ordered) return;
+    const MovingScene motion = find_motion(solution_, tracks_);
+    if (motion.share < kMoved) return;
+    const bool harms = motion.taken_in > kMoved / 2;
+    add(harms ? Severity::kWarning : Severity::kNote, "moving-scene",
+        text("the scene moved while it was filmed: %.0f %% of the tracks shift from camera to camera, by %.2g px, as "
+             "things do that move between pictures of different times. ",
+             100 * motion.share, motion.shift_px) +
+            (harms ? text("%.0f %% of what the cameras were placed by does, and pulls them along: take pictures of one "
+                          "instant (lf-rig snapshot says how far they are apart), or of what stands still",
+                          100 * motion.taken_in)
+                   : std::string("They are left out, and do no harm")));
   }
 
   void judge_scale() {

@@ -124,7 +124,7 @@ size_t choose(Reconstruction& scene, const Tracks& tracks, const std::vector<Can
 }  // namespace
 
 void apply_model(const DistortionModel& model, AdjustmentOptions& options) {
-  options.free = {true, true, true, model.terms >= 1, model.terms >= 2};
+  options.free = {true, true, true, model.terms >= 1, model.terms >= 2, model.tangential, model.tangential};
   options.shared[kK1] = options.shared[kK2] = model.shared;
 }
 
@@ -138,6 +138,21 @@ ModelChoice choose_distortion(Reconstruction& scene, const Tracks& tracks, const
   ModelChoice choice;
   choice.model = kModels[choose(scene, tracks, candidates, Start::kPrevious, num_observations, choice.trials)];
   return choice;
+}
+
+bool choose_tangential(Reconstruction& scene, const Tracks& tracks, const DistortionModel& model,
+                       const AdjustmentOptions& options, size_t num_observations, std::vector<ModelTrial>& trials) {
+  DistortionModel more = model;
+  more.tangential = true;
+  std::vector<Candidate> candidates = {{model.name(), options}, {more.name(), options}};
+  apply_model(more, candidates[1].options);
+  std::vector<ModelTrial> tried;
+  const size_t chosen = choose(scene, tracks, candidates, Start::kScene, num_observations, tried);
+  // The first is in the table already, where others were tried.
+  if (!trials.empty() && chosen > 0)
+    for (ModelTrial& trial : trials) trial.chosen = false;
+  trials.insert(trials.end(), tried.begin() + (trials.empty() ? 0 : 1), tried.end());
+  return chosen > 0;
 }
 
 void choose_alike(Reconstruction& scene, const Tracks& tracks, AdjustmentOptions& options,

@@ -18,18 +18,20 @@
 namespace lf {
 namespace {
 
-constexpr size_t kMostInstants = 400;   // more tell little more
-constexpr size_t kFirstInstants = 120;  // for a first layout
-constexpr int kMostRounds = 12;         // of clocks and geometry in turn
-constexpr double kSettled = 5e-5;       // seconds
-constexpr size_t kEnough = 12000;       // observations that clocks are read off in a round
-constexpr double kFirstReach = 8;       // pixels: a frame of time between cameras at first
-constexpr double kNearer = 0.7;         // from round to round
-constexpr double kReach = 1.5;          // pixels, or
-constexpr double kReachSigmas = 6;      // of what is left of errors
-constexpr double kDrifted = 2e-3;       // seconds, from the beginning to the end
-constexpr double kLate = 0.1;           // seconds
-constexpr double kSlow = 5;             // pixels a second: no clock is read off a light that rests
+constexpr size_t kMostInstants = 400;    // more tell little more
+constexpr size_t kFirstInstants = 120;   // for a first layout
+constexpr int kMostRounds = 16;          // of clocks and geometry in turn
+constexpr double kSettled = 5e-5;        // seconds
+constexpr double kNearlySettled = 3e-3;  // seconds: what is off by more is no step yet
+constexpr double kWhole = 0.25;          // of a frame, that a step may differ from whole ones
+constexpr size_t kEnough = 12000;        // observations that clocks are read off in a round
+constexpr double kFirstReach = 8;        // pixels: a frame of time between cameras at first
+constexpr double kNearer = 0.7;          // from round to round
+constexpr double kReach = 1.5;           // pixels, or
+constexpr double kReachSigmas = 6;       // of what is left of errors
+constexpr double kDrifted = 2e-3;        // seconds, from the beginning to the end
+constexpr double kLate = 0.1;            // seconds
+constexpr double kSlow = 5;              // pixels a second: no clock is read off a light that rests
 
 // How much of a wrong offset in time a camera's pose and lens hide once they are adjusted to it: it moves all places
 // along their velocities, which these parameters' steps can do in part.
@@ -143,35 +145,39 @@ class LightSolver {
     o.max_iterations = 10;
     o.tolerance = 1e-5;
     o.sigma = std::max(0.01, robust_sigma(residual_lengths(scene_, observations)));
-    adjust(scene_, observations, Inliers(observations.size(), true), o);
-
-    std::vector<std::vector<ClockSample>> samples(paths_.size());
-    std::vector<HiddenTime> hidden(paths_.size());
-    std::vector<double> left;
+    // Clocks and cameras at once: one after the other, a camera's pose hides most of what its clock is off by.
+    ClockAdjustment clocks;
+    clocks.cameras.resize(paths_.size());
     for (size_t i = 0; i < observations.size(); i++) {
       const Observation& seen = observations[i];
-      const CameraState& camera = scene_.cameras[seen.camera];
-      const TargetState& target = scene_.targets[seen.position];
-      if (!camera.used || !target.has(seen.light)) continue;
-      const auto e = residual(camera, target, seen);
-      if (!e) continue;
-      left.push_back(glm::length(*e));
-      const Vec2 velocity = now.made_of[i].place.velocity;
-      const double speed = glm::length(velocity);
-      if (speed < kSlow) continue;
-      hidden[seen.camera].add(camera, target.point(seen.light), velocity);
-      samples[seen.camera].push_back({result_.clocks[seen.camera].stamp_of(result_.instants[seen.position]),
-                                      -glm::dot(*e, velocity) / (speed * speed), now.made_of[i].place.sigma / speed});
+      clocks.velocity.push_back(now.made_of[i].place.velocity);
+      clocks.stamp.push_back(result_.clocks[seen.camera].stamp_of(result_.instants[seen.position]));
     }
-    left_ = robust_sigma(std::move(left));
-    double used = 0, moved = 0;
-    for (const auto& list : samples) used += !list.empty();
+    for (size_t i = 0; i < paths_.size(); i++) clocks.cameras[i].middle = middle_of(clocks.stamp, observations, i);
+    adjust(scene_, observations, Inliers(observations.size(), true), o, &clocks);
+    Samples read = samples_of(now, clocks);
+    left_ = robust_sigma(std::move(read.left));
+    // A pose hides a part of a step, too: where there may be one, how large it is comes out with all else.
+    if (settled_) {
+      ClockAdjustment stepped = clocks;
+      bool any = false;
+      for (size_t i = 0; i < paths_.size(); i++)
+        if (const auto at = suspected_step(read.of_camera[i])) stepped.cameras[i].step_at = *at, any = true;
+      if (any) {
+        adjust(scene_, observations, Inliers(observations.size(), true), o, &stepped);
+        bool new_step = false;
+        for (size_t i = 0; i < paths_.size(); i++) new_step |= add_step(i, stepped.cameras[i]);
+        // What was adjusted to a step that is none goes on from there in the next round.
+        if (new_step) return 1;
+        read = samples_of(now, stepped);
+      }
+    }
+    double moved = 0;
     std::vector<double> moves;
-    for (size_t i = 0; i < samples.size(); i++)
-      if (!samples[i].empty())
-        // Of a camera's error, the places of the light take its share.
-        moves.push_back(improve_clock(result_.clocks[i], std::move(samples[i]), frame_times_[i],
-                                      hidden[i].shown() * (1 - 1 / std::max(2.0, used))));
+    for (size_t i = 0; i < read.of_camera.size(); i++)
+      if (!read.of_camera[i].empty())
+        moves.push_back(
+            improve_clock(result_.clocks[i], std::move(read.of_camera[i]), frame_times_[i], read.hidden[i].shown()));
     if (moves.empty()) return 0;
     // That all clocks are late alike, or fast, would be no other than that the light is.
     const double middle = median(moves);
@@ -182,7 +188,55 @@ class LightSolver {
     const double common = median(std::move(drifts));
     for (CameraClock& clock : result_.clocks)
       if (clock.known) clock.drift -= common;
+    settled_ = moved < kNearlySettled;
     return moved;
+  }
+
+  // What each camera's clock is off by at each place of the light, after an adjustment.
+  struct Samples {
+    std::vector<std::vector<ClockSample>> of_camera;
+    std::vector<HiddenTime> hidden;
+    std::vector<double> left;  // lengths of what is left of errors
+  };
+  Samples samples_of(const LightAssociation& now, const ClockAdjustment& clocks) const {
+    Samples read{std::vector<std::vector<ClockSample>>(paths_.size()), std::vector<HiddenTime>(paths_.size()), {}};
+    for (size_t i = 0; i < now.tracks.observations.size(); i++) {
+      const Observation& seen = now.tracks.observations[i];
+      const CameraState& camera = scene_.cameras[seen.camera];
+      const TargetState& target = scene_.targets[seen.position];
+      if (!camera.used || !target.has(seen.light)) continue;
+      const auto e = residual(camera, target, seen);
+      if (!e) continue;
+      const Vec2 velocity = clocks.velocity[i];
+      double late = 0;
+      const auto by = clocks.cameras[seen.camera].by(clocks.stamp[i]);
+      for (size_t k = 0; k < by.size(); k++) late += by[k] * clocks.cameras[seen.camera].terms[k];
+      read.left.push_back(glm::length(*e + velocity * late));
+      const double speed = glm::length(velocity);
+      if (speed < kSlow) continue;
+      read.hidden[seen.camera].add(camera, target.point(seen.light), velocity);
+      read.of_camera[seen.camera].push_back(
+          {clocks.stamp[i], -glm::dot(*e, velocity) / (speed * speed), now.made_of[i].place.sigma / speed});
+    }
+    return read;
+  }
+
+  static double middle_of(const std::vector<double>& stamps, const std::vector<Observation>& observations, size_t i) {
+    double from = std::numeric_limits<double>::infinity(), to = -from;
+    for (size_t k = 0; k < stamps.size(); k++)
+      if (observations[k].camera == i) from = std::min(from, stamps[k]), to = std::max(to, stamps[k]);
+    return from <= to ? (from + to) / 2 : 0;
+  }
+
+  // Frames that were lost, where the step that was adjusted is of whole ones.
+  bool add_step(size_t i, const ClockAdjustment::Camera& camera) {
+    if (!std::isfinite(camera.step_at) || !(frame_times_[i] > 0)) return false;
+    const double frames = std::round(camera.terms[2] / frame_times_[i]);
+    if (frames == 0 || std::abs(camera.terms[2] / frame_times_[i] - frames) > kWhole) return false;
+    std::vector<CameraClock::Step>& steps = result_.clocks[i].steps;
+    steps.push_back({camera.step_at, frames * frame_times_[i], static_cast<int>(frames)});
+    std::sort(steps.begin(), steps.end(), [](const auto& a, const auto& b) { return a.stamp < b.stamp; });
+    return true;
   }
 
   // Nothing tells when the whole was: most cameras keep the time that they have.
@@ -210,7 +264,8 @@ class LightSolver {
   std::vector<LightCandidates> candidates_;
   Reconstruction scene_;
   AdjustmentOptions model_;
-  double left_ = 1;  // sigma of residuals, pixels
+  double left_ = 1;       // sigma of residuals, pixels
+  bool settled_ = false;  // clocks are about right
   LightSolution result_;
 };
 

@@ -6,6 +6,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "base/percentiles.h"
 #include "calibration/adjustment.h"
 #include "calibration/triangulation.h"
 #include "calibration/uncertainty.h"
@@ -78,6 +79,27 @@ double inlier_sigma(const Reconstruction& scene, const std::vector<Observation>&
                                           u.prior_covariance(lens, lens));
   }
   return std::sqrt(sum / std::max(1.0, count - parameters) / kKept);
+}
+
+std::vector<double> noise_of_cameras(const Reconstruction& scene, const std::vector<Observation>& observations) {
+  constexpr size_t kEnough = 30;  // observations
+  constexpr double kMore = 2, kMost = 4;
+  const std::vector<double> lengths = residual_lengths(scene, observations);
+  std::vector<std::vector<double>> of_camera(scene.cameras.size());
+  for (size_t i = 0; i < lengths.size(); i++)
+    if (lengths[i] >= 0) of_camera[observations[i].camera].push_back(lengths[i]);
+  std::vector<double> sigmas(scene.cameras.size(), 0), known;
+  for (size_t i = 0; i < sigmas.size(); i++) {
+    if (of_camera[i].size() < kEnough) continue;
+    sigmas[i] = robust_sigma(std::move(of_camera[i]));
+    known.push_back(sigmas[i]);
+  }
+  std::vector<double> noise(scene.cameras.size(), 1);
+  if (known.empty()) return noise;
+  const double usual = median(std::move(known));
+  for (size_t i = 0; i < noise.size(); i++)
+    if (usual > 0 && sigmas[i] > kMore * usual) noise[i] = std::min(kMost, sigmas[i] / usual);
+  return noise;
 }
 
 void settle_doubtful_targets(Reconstruction& scene, const Tracks& tracks, double weight, double sigma,

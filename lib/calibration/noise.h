@@ -28,6 +28,10 @@ double inlier_sigma(const Reconstruction& scene, const std::vector<Observation>&
                     const std::vector<double>& lengths, const Inliers& inliers, const AdjustmentOptions& model,
                     const Uncertainty& uncertainty);
 
+// How many times as much as most cameras each one errs, from its residuals over the observations' sigmas: 1 where that
+// is less than twice as much, or where it has too few of them; 4 at most, since what is farther off is wrong.
+std::vector<double> noise_of_cameras(const Reconstruction& scene, const std::vector<Observation>& observations);
+
 // Places targets that fewer than three good sights hold amid all of their sights, so that what is reported of these is
 // fair, and counts those as inliers that are within kOutlier of `sigma` then. `weight`: the sigma that sights count
 // with.

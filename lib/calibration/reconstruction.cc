@@ -21,10 +21,10 @@ namespace {
 BatchPrior usual(int width, int height) {
   const double f = 1.1 * std::max(width, height);
   BatchPrior batch;
-  batch.mean = {f, (width - 1) / 2.0, (height - 1) / 2.0, 0, 0};
-  batch.width = {f, 0.05 * width, 0.05 * width, 0.5, 0.5};
-  batch.spread = {0.05 * f, 0.03 * width, 0.03 * width, 0.05, 0.1};
-  batch.tight = {1e-4 * f, 1e-4 * width, 1e-4 * width, 0.01, 0.02};
+  batch.mean = {f, (width - 1) / 2.0, (height - 1) / 2.0, 0, 0, 0, 0};
+  batch.width = {f, 0.05 * width, 0.05 * width, 0.5, 0.5, 0.01, 0.01};
+  batch.spread = {0.05 * f, 0.03 * width, 0.03 * width, 0.05, 0.1, 0.005, 0.005};
+  batch.tight = {1e-4 * f, 1e-4 * width, 1e-4 * width, 0.01, 0.02, 1e-4, 1e-4};
   return batch;
 }
 
@@ -55,7 +55,7 @@ std::optional<Eigen::Matrix<double, N, N, Eigen::RowMajor>> root_information(
 
 // Of the terms that the covariance has: what it says to be exact is held fast, of what it lacks nothing is known.
 std::optional<LensPrior> make_prior(const CameraState& camera, const CameraCovariance& covariance) {
-  const std::array<double, kNumLensTerms> least = {1e-6 * camera.lens_terms()[kF], 1e-4, 1e-4, 1e-7, 1e-7};
+  const std::array<double, kNumLensTerms> least = {1e-6 * camera.lens_terms()[kF], 1e-4, 1e-4, 1e-7, 1e-7, 1e-7, 1e-7};
   std::array<std::optional<size_t>, kNumLensTerms> index;
   for (int k = 0; k < kNumLensTerms; k++) index[k] = covariance.index_of(kLensTermNames[k]);
   if (!index[kF]) index[kF] = covariance.index_of("fx");

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/percentiles.h"
+#include "calibration/layout_alignment.h"
 #include "calibration/noise.h"
 
 namespace lf {
@@ -37,6 +38,21 @@ Similarity scaled(Similarity s, double factor) {
   return s;
 }
 
+// How well it is known which way all cameras look together, for centres that are known: radians, about one axis.
+double common_turn(const Solution& solution) {
+  const Uncertainty& u = solution.uncertainty;
+  const auto used = static_cast<double>(
+      std::count_if(u.camera_row.begin(), u.camera_row.end(), [](const int row) { return row >= 0; }));
+  double variance = 0;
+  for (int axis = 0; axis < 3 && used > 0; axis++) {
+    Eigen::VectorXd mean = Eigen::VectorXd::Zero(u.covariance.rows());
+    for (const int row : u.camera_row)
+      if (row >= 0) mean[row + axis] = 1 / used;
+    variance += mean.dot(u.covariance * mean) / 3;
+  }
+  return std::sqrt(std::max(0.0, variance));
+}
+
 }  // namespace
 
 double neighbour_distance(const std::vector<Pose>& poses) {
@@ -50,12 +66,13 @@ double neighbour_distance(const std::vector<Pose>& poses) {
 
 Placement place_solution(const Solution& solution, const Tracks& tracks, const SolveOptions& options,
                          const PlacementOptions& placement) {
-  std::vector<Pose> poses, nominal;
+  std::vector<Pose> poses;
+  std::vector<size_t> used, own;
   for (size_t i = 0; i < tracks.cameras.size(); i++) {
     if (!solution.scene.cameras[i].used) continue;
+    used.push_back(i);
     poses.push_back(solution.scene.cameras[i].pose());
-    if (options.prior)
-      nominal.push_back(options.prior->cameras[*options.prior->index_of_id(tracks.cameras[i].id)].pose);
+    if (options.prior) own.push_back(*options.prior->index_of_id(tracks.cameras[i].id));
   }
   Placement result;
   double scale = 0;
@@ -80,18 +97,18 @@ Placement place_solution(const Solution& solution, const Tracks& tracks, const S
     result.scale_from = "the pitch";
   }
   // A prior rig has a layout where its cameras are not all at one place.
+  std::vector<Pose> layout;
   double extent = 0;
-  for (const Pose& pose : nominal) extent = std::max(extent, glm::length(pose.position - nominal[0].position));
+  if (options.prior)
+    for (const Camera& camera : options.prior->cameras) layout.push_back(camera.pose);
+  for (const size_t i : own) extent = std::max(extent, glm::length(layout[i].position - layout[own[0]].position));
   if (extent > 0) {
-    if (scale > 0) {
-      std::vector<Pose> metric = poses;
-      for (Pose& pose : metric) pose.position *= scale;
-      result.world_from_scene = align(metric, nominal, true);
-      result.world_from_scene.scale = scale;
-    } else {
-      result.world_from_scene = align(poses, nominal);
-      result.scale_from = "the prior rig's layout";
-    }
+    const LayoutAlignment aligned =
+        align_to_layout(poses, layout, own, scale > 0 ? std::optional(scale) : std::nullopt, common_turn(solution));
+    result.world_from_scene = aligned.layout_from_scene;
+    if (!(scale > 0)) result.scale_from = "the prior rig's layout";
+    for (const Tracks::Camera& camera : tracks.cameras) result.stands_at.push_back(camera.id);
+    for (size_t k = 0; k < used.size(); k++) result.stands_at[used[k]] = options.prior->cameras[aligned.place[k]].id;
     return result;
   }
   result.world_from_scene = scaled(own_frame(poses), scale > 0 ? scale : 1 / neighbour_distance(poses));
@@ -117,12 +134,16 @@ Rig make_rig(const Solution& solution, const Tracks& tracks, const SolveOptions&
     camera.pose = placement.world_from_scene(state.pose());
     rig.cameras.push_back(camera);
   }
-  if (options.prior && used == options.prior->cameras.size()) {
-    // In the prior's order, which its topology counts in.
-    std::vector<Camera> ordered;
-    for (const Camera& camera : options.prior->cameras) ordered.push_back(rig.cameras[*rig.index_of_id(camera.id)]);
-    rig.cameras = std::move(ordered);
-    rig.topology = options.prior->topology;
+  if (options.prior) {
+    const auto place = [&](size_t i) {
+      return *options.prior->index_of_id(placement.stands_at.empty() ? tracks.cameras[i].id : placement.stands_at[i]);
+    };
+    std::vector<std::pair<size_t, Camera>> ordered;
+    for (size_t i = 0; i < tracks.cameras.size(); i++)
+      if (const auto index = rig.index_of_id(tracks.cameras[i].id)) ordered.emplace_back(place(i), rig.cameras[*index]);
+    std::sort(ordered.begin(), ordered.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    for (size_t i = 0; i < ordered.size(); i++) rig.cameras[i] = std::move(ordered[i].second);
+    if (used == options.prior->cameras.size()) rig.topology = options.prior->topology;
   }
   if (options.prior) rig.directory = options.prior->directory;
   return rig;
@@ -227,12 +248,15 @@ ordered_json calibration_report(const Solution& solution, const Tracks& tracks, 
   for (const Finding& f : findings)
     report["findings"].push_back({{"severity", name_of(f.severity)}, {"code", f.code}, {"text", f.text}});
   report["cameras"] = ordered_json::array();
-  for (size_t i = 0; i < tracks.cameras.size(); i++)
+  for (size_t i = 0; i < tracks.cameras.size(); i++) {
     report["cameras"].push_back({{"id", tracks.cameras[i].id},
                                  {"found", solution.scene.cameras[i].used},
                                  {"observations", given[i]},
                                  {"outliers", outliers[i]},
                                  {"rms_px", cameras[i].rms()}});
+    if (!placement.stands_at.empty() && placement.stands_at[i] != tracks.cameras[i].id)
+      report["cameras"].back()["stands_at"] = placement.stands_at[i];
+  }
   return report;
 }
 

@@ -28,11 +28,14 @@ struct PlacementOptions {
 struct Placement {
   Similarity world_from_scene;
   std::string scale_from;  // "the bar's length", "the pitch", ...; "" where nothing gives it: neighbours are 1 apart
+  // Of each camera of the tracks the id of the one of the prior rig whose place it stands at: its own, where their
+  // order is right. Empty without a layout.
+  std::vector<uint32_t> stands_at;
 };
 
 // Scale from what is given (the bar before the two cameras, the pitch, the prior rig's layout), frame from the prior
-// rig's layout; without one the origin is amid the cameras, z where they look, x to their right. Throws Error where a
-// camera is not there, or a distance is not positive.
+// rig's layout, centres and orientations (align_to_layout()); without one the origin is amid the cameras, z where they
+// look, x to their right. Throws Error where a camera is not there, or a distance is not positive.
 Placement place_solution(const Solution& solution, const Tracks& tracks, const SolveOptions& options,
                          const PlacementOptions& placement);
 
@@ -40,6 +43,7 @@ Placement place_solution(const Solution& solution, const Tracks& tracks, const S
 double neighbour_distance(const std::vector<Pose>& poses);
 
 // The cameras that were found, placed, as a rig: names, sources and topology are the prior rig's where there is one.
+// They come in the order of the places where they stand, which a topology counts in.
 Rig make_rig(const Solution& solution, const Tracks& tracks, const SolveOptions& options, const Placement& placement);
 
 // As the rig's "covariance" of camera `index` of the tracks (which must be used), in the rig's frame and scale.
@@ -57,7 +61,7 @@ struct Finding {
 // was found by a camera that was found; "expected_rms_px": what noise alone would leave; "observations": all given,
 // "unplaced": those of them without a residual; "outliers"; "inliers": {"mean_px", ...}; "model"; "models": trials;
 // "disagreement_of_halves" (where they were compared); "scale_from"; "findings"; "cameras": [{"id", "found",
-// "observations", "outliers", "rms_px"}]}.
+// "observations", "outliers", "rms_px", "stands_at": id (where it is another's place)}]}.
 nlohmann::ordered_json calibration_report(const Solution& solution, const Tracks& tracks, const Placement& placement,
                                           const std::vector<Finding>& findings);
 

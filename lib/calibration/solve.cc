@@ -52,10 +52,12 @@ class Solver {
     step("lenses");
     free_lenses();
     step("final adjustment");
-    if (tracks_.ordered)
+    if (tracks_.ordered) {
       finish();
-    else
+      if (weigh_cameras()) finish();
+    } else {
       weigh_tracks();
+    }
     use_known_poses();
     step("uncertainty");
     judge();
@@ -99,7 +101,7 @@ class Solver {
     };
     attempt(
         "disparities", [&] { return layout_from_disparities(scene(), tracks_) > 0 && used(); }, false);
-    if (options_.prior)
+    if (has_layout())
       attempt(
           "the prior rig's layout", [&] { return nominal_layout(); }, false);
     // Without lenses known, a few focal lengths (in widths of an image) are tried.
@@ -118,6 +120,14 @@ class Solver {
     }
     if (best_fit == 0) throw Error("no two cameras see the light in a way that fits together");
     scene() = std::move(best);
+  }
+
+  // A prior may have lenses alone.
+  bool has_layout() const {
+    if (!options_.prior) return false;
+    const std::vector<Camera>& cameras = options_.prior->cameras;
+    return std::any_of(cameras.begin(), cameras.end(),
+                       [&](const Camera& camera) { return camera.pose.position != cameras[0].pose.position; });
   }
 
   bool nominal_layout() {
@@ -176,12 +186,12 @@ class Solver {
       robust_shared_f(sample_, 1);
       robust(sample_, {true, true, true}, 1);
     }
+    // A part of the feature tracks says nothing for all: with errors that are alike, more would not be as telling.
+    const size_t num_observations = (tracks_.ordered ? tracks_ : sample_).observations.size();
     if (options_.distortion || scene().measured(kK1)) {
-      solution_.distortion = options_.distortion.value_or(DistortionModel{2, false});
+      solution_.distortion = options_.distortion.value_or(DistortionModel{2, false, scene().measured(kP1)});
     } else {
       step("distortion");
-      // A part of the feature tracks says nothing for all: with errors that are alike, more would not be as telling.
-      const size_t num_observations = (tracks_.ordered ? tracks_ : sample_).observations.size();
       ModelChoice choice = choose_distortion(scene(), sample_, solution_.model, num_observations);
       solution_.distortion = choice.model;
       solution_.trials = std::move(choice.trials);
@@ -190,18 +200,47 @@ class Solver {
     for (CameraState& camera : scene().cameras)
       for (int k = solution_.distortion.terms; k < 2; k++) camera.lens_terms()[kK1 + k] = 0;
     robust(sample_, solution_.model.free, 3, 8);
+    if (!options_.distortion && !solution_.distortion.tangential && solution_.distortion.terms > 0) {
+      solution_.distortion.tangential = choose_tangential(scene(), sample_, solution_.distortion, solution_.model,
+                                                          num_observations, solution_.trials);
+      apply_model(solution_.distortion, solution_.model);
+    }
+    before_ = count_used();
     try_left_out_cameras();
     triangulate_targets(scene(), tracks_, 4 * sigma_of(sample_));
     robust(tracks_, solution_.model.free, 2, 8);
   }
 
-  // Those that fitted nowhere, now that the lenses are known.
-  void try_left_out_cameras() {
-    for (size_t i = 0; i < scene().cameras.size(); i++)
-      for (int k = 0; k < kNumLensTerms; k++)
-        if (!scene().cameras[i].used && !scene().measured(i, k))
-          scene().cameras[i].lens_terms()[k] = scene().batch_mean[k];
-    resect_cameras(scene(), tracks_, kCoarse);
+  // Those that fitted nowhere, now that the lenses are known: with that of the batch, or a longer or shorter one. Each
+  // that is found may let others be. Returns whether one was.
+  bool try_left_out_cameras() {
+    bool any = false;
+    for (const double longer : {1.0, 0.8, 1.25, 0.64, 1.56}) {
+      for (int more = 1; more > 0;) {
+        bool left_out = false;
+        for (size_t i = 0; i < scene().cameras.size(); i++) {
+          CameraState& camera = scene().cameras[i];
+          if (camera.used) continue;
+          left_out = true;
+          for (int k = 0; k < kNumLensTerms; k++)
+            if (!scene().measured(i, k)) camera.lens_terms()[k] = (k == kF ? longer : 1) * scene().batch_mean[k];
+        }
+        if (!left_out) return any;
+        more = resect_cameras(scene(), tracks_, kCoarse);
+        if (more == 0) break;
+        any = true;
+        triangulate_targets(scene(), tracks_, kCoarse);
+        robust(tracks_, solution_.model.free, 2, 8);
+        drop_poor_cameras(scene(), tracks_.observations, std::max(2.0, 6 * sigma_now()));
+        if (count_used() <= before_) break;  // found again and again, and it never fits
+        before_ = count_used();
+      }
+      if (scene().measured(kF)) break;
+    }
+    return any;
+  }
+  std::ptrdiff_t count_used() {
+    return std::count_if(scene().cameras.begin(), scene().cameras.end(), [](const auto& c) { return c.used; });
   }
 
   // Least squares over what is no outlier, until that does not change.
@@ -228,6 +267,18 @@ class Solver {
     }
     solution_.inliers = inliers;
     solution_.model.sigma = o.sigma;
+  }
+
+  // A camera that is out of focus, or bent as no model has it, errs more than others: its sights count for less, and
+  // are no outliers for it. Returns whether there is one.
+  bool weigh_cameras() {
+    solution_.camera_noise = noise_of_cameras(scene(), tracks_.observations);
+    bool any = false;
+    for (Observation& o : tracks_.observations) {
+      const double noise = solution_.camera_noise[o.camera];
+      if (noise > 1) o.sigma *= noise, any = true;
+    }
+    return any;
   }
 
   bool may_be_alike() { return !tracks_.ordered && !scene().measured(kF) && !scene().measured(kCx); }
@@ -285,14 +336,16 @@ class Solver {
   Tracks tracks_;  // whose observations' sigmas are estimated
   const SolveOptions& options_;
   const Tracks sample_;
+  std::ptrdiff_t before_ = 0;  // cameras in use before others were tried
   Solution solution_;
 };
 
 }  // namespace
 
 std::string DistortionModel::name() const {
-  if (terms == 0) return "none";
-  return std::string(terms == 1 ? "k1" : "k1, k2") + (shared ? ", alike" : ", per camera");
+  if (terms == 0) return tangential ? "p1, p2, per camera" : "none";
+  return std::string(terms == 1 ? "k1" : "k1, k2") + (tangential ? (shared ? ", alike; p1, p2" : ", p1, p2") : "") +
+         (shared && !tangential ? ", alike" : ", per camera");
 }
 
 Solution solve_tracks(const Tracks& tracks, const SolveOptions& options) { return Solver(tracks, options).run(); }

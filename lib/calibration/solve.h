@@ -12,10 +12,11 @@
 
 namespace lf {
 
-// How many radial terms, and whether all cameras have the same.
+// How many radial terms, whether all cameras have the same, and whether p1 and p2 are free, too.
 struct DistortionModel {
-  int terms = 0;        // 0, 1: k1, 2: k1 and k2
-  bool shared = false;  // about the same in all cameras
+  int terms = 0;            // 0, 1: k1, 2: k1 and k2
+  bool shared = false;      // about the same in all cameras
+  bool tangential = false;  // each camera its own: lenses stand askew by chance
   bool operator==(const DistortionModel&) const = default;
   std::string name() const;
 };
@@ -36,11 +37,12 @@ struct SolveOptions {
 };
 
 struct Solution {
-  Reconstruction scene;     // in the scale and frame of the solver: see align()
-  Inliers inliers;          // one an observation
-  double sigma = 0;         // of the inliers' noise in x and in y, pixels, estimated
-  double expected_rms = 0;  // of the lengths of residuals if all were noise like their middle half, pixels
-  AdjustmentOptions model;  // which lens terms are free
+  Reconstruction scene;              // in the scale and frame of the solver: see align()
+  Inliers inliers;                   // one an observation
+  double sigma = 0;                  // of the inliers' noise in x and in y, pixels, estimated
+  std::vector<double> camera_noise;  // of a light's tracks: over that of most cameras, where a camera errs more; else 1
+  double expected_rms = 0;           // of the lengths of residuals if all were noise like their middle half, pixels
+  AdjustmentOptions model;           // which lens terms are free
   DistortionModel distortion;
   std::vector<ModelTrial> trials;          // empty where nothing was to be chosen
   std::string start;                       // how the first layout was found

@@ -113,11 +113,11 @@ void measure_lenses(const Rig& truth, const LensSigmas& sigmas, uint64_t seed, S
   options.prior = truth;
   const double sigma[] = {sigmas.f, sigmas.c, sigmas.c, sigmas.k1, sigmas.k2};
   CameraCovariance covariance{{"f", "cx", "cy", "k1", "k2"}, std::vector<double>(25, 0)};
-  for (int k = 0; k < kNumLensTerms; k++) covariance.matrix[k * 6] = sigma[k] * sigma[k];
+  for (int k = 0; k <= kK2; k++) covariance.matrix[k * 6] = sigma[k] * sigma[k];
   options.prior_covariances.assign(truth.cameras.size(), covariance);
   for (Camera& camera : options.prior->cameras) {
     auto params = camera.lens.params();
-    for (int k = 0; k < kNumLensTerms; k++) params[k] += normal(random, sigma[k]);
+    for (int k = 0; k <= kK2; k++) params[k] += normal(random, sigma[k]);
     camera.lens = Lens(LensModel::kRadial, params);
   }
 }

@@ -16,7 +16,7 @@ void expect_derivatives(const CameraState& camera, const std::array<double, 6>& 
   Observation observation;
   observation.light = light, observation.pixel = {100, 80};
   const ReprojectionCost<kBar> cost(camera, observation, 0.5);
-  const CameraManifold manifold({true, true, true, true, true}, true);
+  const CameraManifold manifold({true, true, true, true, true, true, true}, true);
   const auto error_at = [&](const CameraState& c, const std::array<double, 6>& t) {
     const double* blocks[] = {c.v.data(), t.data()};
     Eigen::Vector2d error;

@@ -3,6 +3,9 @@
 // not.
 #include "calibration/diagnosis.h"
 
+#include <cmath>
+#include <map>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -88,6 +91,37 @@ TEST_F(DiagnosisTest, OneLightDoesNotTellTheDepth) {
   truth_ = sim::make_array(array_, 1);
   watched_ = sim::watch(truth_, path_, 2);
   EXPECT_THAT(codes(), Contains("soft-depth"));
+}
+
+TEST_F(DiagnosisTest, AWrongOrderIsNamedAndOffered) {
+  options_.prior = sim::make_array({.rows = 4, .columns = 4, .position_jitter = 0, .pointing_jitter = 0}, 1);
+  placement_.bar_length = 0;  // the layout gives the scale: swapped cameras must not
+  // Three in a circle, and two that changed places: what is called 1 stands at 2, 2 at 7, 7 at 1; 12 at 15, 15 at 12.
+  const std::map<uint32_t, uint32_t> called{{2, 1}, {7, 2}, {1, 7}, {15, 12}, {12, 15}};
+  for (Tracks::Camera& camera : watched_.tracks.cameras)
+    if (const auto other = called.find(camera.id); other != called.end()) camera.id = other->second;
+  const Solution solution = solve_tracks(watched_.tracks, options_);
+  const Placement placement = place_solution(solution, watched_.tracks, options_, placement_);
+  std::string all;
+  for (const Finding& f : diagnose(solution, watched_.tracks, options_, placement)) all += f.text + "\n";
+  EXPECT_THAT(all, HasSubstr("1 at 2, 2 at 7, 7 at 1."));
+  EXPECT_THAT(all, HasSubstr("cameras 12 and 15 are where the prior rig has each other"));
+  const Rig rig = make_rig(solution, watched_.tracks, options_, placement);
+  std::vector<uint32_t> order;
+  for (const Camera& camera : rig.cameras) order.push_back(camera.id);
+  EXPECT_EQ(order, (std::vector<uint32_t>{0, 7, 1, 3, 4, 5, 6, 2, 8, 9, 10, 11, 15, 13, 14, 12}));
+  std::vector<Pose> poses;
+  for (const Camera& camera : rig.cameras) poses.push_back(camera.pose);
+  EXPECT_NEAR(neighbour_distance(poses), 0.06, 0.06 * 0.05);
+}
+
+TEST_F(DiagnosisTest, WithoutAPriorNoPriorIsSpokenOf) {
+  for (Observation& o : watched_.tracks.observations)
+    if (o.camera == 3) o.pixel = {std::fmod(o.pixel.y * 37, 320), std::fmod(o.pixel.x * 41, 240)};
+  std::string all;
+  for (const Finding& f : findings()) all += f.code + ": " + f.text + "\n";
+  EXPECT_THAT(all, HasSubstr("camera-not-found: camera 3 fits nowhere"));
+  EXPECT_THAT(all, Not(HasSubstr("prior")));
 }
 
 }  // namespace

@@ -2,6 +2,10 @@
 // How good solutions are is what tests/calibration/accuracy_test.cc and hard_cases_test.cc show.
 #include "calibration/solve.h"
 
+#include <cstdio>
+#include <random>
+#include <tuple>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -85,6 +89,84 @@ TEST_F(SolveTest, ErrorsNameThePlace) {
   Tracks alone = watched_.tracks;  // no light is seen by two cameras
   std::erase_if(alone.observations, [](const Observation& o) { return o.position % 9 != o.camera; });
   EXPECT_THAT(error_of(alone, {}), HasSubstr("no two cameras see the light"));
+}
+
+// Twenty cameras on a dome whose lenses stand askew, some of which see three tenths of the places, with lenses that
+// somebody measured without that, or with none.
+class PartialVisibility : public testing::TestWithParam<std::tuple<uint64_t, bool>> {
+ protected:
+  PartialVisibility() {
+    const uint64_t seed = std::get<0>(GetParam());
+    truth_ = sim::make_rig_around(sim::Around::kDome, 20, seed);
+    std::mt19937_64 random(seed);
+    std::normal_distribution<double> normal;
+    for (Camera& camera : truth_.cameras) {
+      const auto p = camera.lens.params();
+      camera.lens =
+          Lens(LensModel::kOpenCv, {p[0], p[0], p[1], p[2], p[3], p[4], 1e-2 * normal(random), 1e-2 * normal(random)});
+    }
+    sim::PathOptions path;
+    path.shape = sim::PathOptions::Shape::kBall, path.near = 0.8;
+    path.positions = 300, path.noise = 0.3, path.missed = 0.1, path.outliers = 0.03;
+    watched_ = sim::watch(truth_, path, seed + 1);
+    std::vector<Observation> seen;
+    Inliers good;
+    for (size_t i = 0; i < watched_.good.size(); i++) {
+      const Observation& o = watched_.tracks.observations[i];
+      if (o.camera % 4 == 0 && std::uniform_real_distribution<>()(random) > 0.3) continue;
+      seen.push_back(o), good.push_back(watched_.good[i]);
+    }
+    watched_.tracks.observations = std::move(seen), watched_.good = std::move(good);
+    if (!std::get<1>(GetParam())) return;
+    options_.prior = truth_;
+    for (Camera& camera : options_.prior->cameras) {
+      const auto p = camera.lens.params();
+      camera.lens = Lens(LensModel::kRadial, {p[0], p[2], p[3], p[4], p[5]});
+      camera.pose = {};
+    }
+  }
+  Rig truth_;
+  sim::Watched watched_;
+  SolveOptions options_;
+};
+
+TEST_P(PartialVisibility, AllAreFoundAndFewGoodSightsAreOutliers) {
+  const Solution solution = solve_tracks(watched_.tracks, options_);
+  size_t missing = 0;
+  for (const CameraState& camera : solution.scene.cameras) missing += !camera.used;
+  EXPECT_EQ(missing, 0u);
+  EXPECT_TRUE(solution.distortion.tangential) << solution.distortion.name();
+  std::vector<double> good(20), wrong(20);
+  for (size_t i = 0; i < solution.inliers.size(); i++) {
+    const uint32_t camera = watched_.tracks.observations[i].camera;
+    good[camera] += watched_.good[i], wrong[camera] += watched_.good[i] && !solution.inliers[i];
+  }
+  double worst = 0;
+  for (size_t i = 0; i < 20; i++) worst = std::max(worst, wrong[i] / std::max(1.0, good[i]));
+  std::printf("sigma %.3f px, %zu missing, at most %.1f %% of a camera's good sights are called outliers, %s\n",
+              solution.sigma, missing, 100 * worst, solution.distortion.name().c_str());
+  EXPECT_LE(worst, 0.05);
+  EXPECT_LE(solution.sigma, 0.36);
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, PartialVisibility, testing::Combine(testing::Values(1, 2), testing::Bool()));
+
+// One camera is out of focus: its sights are no outliers, and it is named.
+TEST_F(SolveTest, ACameraThatErrsMoreCountsForLess) {
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> normal(0, 0.6);
+  for (Observation& o : watched_.tracks.observations)
+    if (o.camera == 4) o.pixel += Vec2(normal(random), normal(random));
+  SolveOptions options;
+  sim::measure_lenses(truth_, {}, 3, options);
+  const Solution solution = solve_tracks(watched_.tracks, options);
+  EXPECT_NEAR(solution.camera_noise[4], 3, 0.8);
+  EXPECT_EQ(solution.camera_noise[3], 1);
+  size_t good = 0, wrong = 0;
+  for (size_t i = 0; i < solution.inliers.size(); i++)
+    if (watched_.tracks.observations[i].camera == 4 && watched_.good[i]) good++, wrong += !solution.inliers[i];
+  EXPECT_LT(wrong, good / 20);
+  EXPECT_NEAR(solution.sigma, 0.2, 0.03);
 }
 
 }  // namespace

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include "calibration/solve.h"
+
+namespace lf {
+
+// Whether things moved between the pictures that feature tracks are of.
+struct MovingScene {
+  double share = 0;     // of the tracks that five cameras see, those that moved
+  double taken_in = 0;  // of those that the solution relies on
+  double shift_px = 0;  // root of the mean square of what cameras see them off by
+};
+
+// What moves is seen the farther along its way the later a camera's picture was taken: residuals of a track are one
+// direction times one number a camera, and these numbers are the same for all tracks. They are the first eigenvector of
+// what the cameras' residuals have in common; a camera that is wrong by itself is no such number, and is left out.
+MovingScene find_motion(const Solution& solution, const Tracks& tracks);
+
+}  // namespace lf
