@@ -245,6 +245,7 @@ TEST_F(FocusedArray, StatsHaveTheGains) {
 TEST_F(FocusedArray, AClickFocusesOnWhatIsThere) {
   for (const char* focus : {"focus=plane", "focus=surface focus-near=1 focus-far=6"}) {
     SCOPED_TRACE(focus);
+    const bool on_plane = std::string(focus) == "focus=plane";
     const LiveViewer viewer(dir_ / "rig.json", focus);
     const auto rounds = [&] {
       GstStructure* stats = nullptr;
@@ -256,13 +257,13 @@ TEST_F(FocusedArray, AClickFocusesOnWhatIsThere) {
     };
     // Until all cameras have pictures, what a few of them agree on may be anything.
     ASSERT_TRUE(LiveViewer::comes_true([&] { return stat(viewer.element("c").get(), "complete") >= 3; }));
-    if (std::string(focus) != "focus=plane") {
+    if (!on_plane) {
       ASSERT_TRUE(LiveViewer::comes_true([&] { return rounds() >= 14; }));
     }
     for (const auto& [x, y, distance] : {std::tuple(20, 20, kSceneFar), {32, 85, kSceneNear}}) {
       viewer.click(x, y);
       const auto is_there = [&] {
-        if (kFallsBehind) viewer.click(x, y);  // the surface is still being found
+        if (kFallsBehind && !on_plane) viewer.click(x, y);  // the surface is still being found
         return std::abs(viewer.focus_distance() / distance - 1) < 0.15;
       };
       EXPECT_TRUE(LiveViewer::comes_true(is_there)) << viewer.focus_distance() << " m, not " << distance;
