@@ -56,6 +56,7 @@ int main(int argc, char** argv) {
                "lf-calibrate");
   app.require_subcommand(1);
   int status = 0;
+  add_all_command(app, status);
   add_check_command(app, status);
   add_colour_command(app);
   add_features_command(app);

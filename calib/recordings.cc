@@ -27,6 +27,20 @@ std::string recording_of(const std::string& folder, const lf::Rig& rig, const lf
   return found[0];
 }
 
+lf::Rig recorded_in(const std::string& folder, lf::Rig rig) {
+  static const std::set<std::string> kStills = {".png", ".jpg", ".jpeg"};
+  rig.directory = fs::absolute(folder).string();
+  for (lf::Camera& camera : rig.cameras) {
+    camera.source = camera.image = "";
+    for (const auto& entry : fs::directory_iterator(folder)) {
+      if (!entry.is_regular_file() || entry.path().stem() != camera.name || entry.path().extension() == ".json")
+        continue;
+      (kStills.contains(entry.path().extension()) ? camera.image : camera.source) = entry.path().filename().string();
+    }
+  }
+  return rig;
+}
+
 void check_folder(const std::string& folder) {
   if (!folder.empty() && !fs::is_directory(folder)) throw lf::Error(folder + ": is no folder");
 }
