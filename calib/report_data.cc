@@ -76,14 +76,14 @@ ReportData::Camera& ReportData::camera(const json& value) {
     found = cameras.end() - 1;
     found->id = id;
   }
-  if (value.contains("name")) found->name = value["name"];
+  if (value.contains("name")) found->name = value["name"].get<std::string>();
   return *found;
 }
 
 void ReportData::add_track(const json& report) {
   for (const json& value : report.at("cameras")) {
     Camera& one = camera(value);
-    one.trouble = value.at("trouble");
+    one.trouble = value.at("trouble").get<std::string>();
     one.remarks = value.at("remarks").get<std::vector<std::string>>();
   }
 }
@@ -94,8 +94,8 @@ void ReportData::add_solve(const json& report) {
   s.expected_px = report.at("expected_rms_px");
   s.observations = report.at("observations");
   s.outliers = report.at("outliers");
-  s.model = report.at("model");
-  s.scale_from = report.at("scale_from");
+  s.model = report.at("model").get<std::string>();
+  s.scale_from = report.at("scale_from").get<std::string>();
   for (const json& trial : report.at("models"))
     s.trials.push_back({trial.at("model"), trial.at("bic"), number(trial, "transfer_px"), trial.at("chosen")});
   s.near_m = report.at("lights").at("near_m"), s.far_m = report.at("lights").at("far_m");
@@ -131,19 +131,19 @@ void ReportData::add_colour(const json& report) {
   const auto row = [](const std::string& what, const json& differences, bool chosen) {
     return Colour::Row{what, differences.at("median"), differences.at("p95"), chosen};
   };
-  c.from = report.at("from");
+  c.from = report.at("from").get<std::string>();
   c.before = row("as they are", report.at("before"), false);
   c.after = row("corrected", report.at("after"), true);
   c.rows.push_back(c.before);
   for (const json& trial : report.at("trials"))
     c.rows.push_back(row(trial.at("terms"), trial.at("held_out"), trial.at("terms") == report.at("terms")));
   for (const json& value : report.at("cameras"))
-    camera(value).coloured = {value.at("corrected"), value.at("stuck"), value.at("gain"), value.at("rms"),
-                              value.at("clipped")};
+    camera(value).coloured = Camera::Coloured{value.at("corrected"), value.at("stuck"), value.at("gain"),
+                                              value.at("rms"), value.at("clipped")};
 }
 
 void ReportData::add_check(const json& report) {
-  check = {report.at("holds"), report.at("from"), number(report, "residual_px")};
+  check = Check{report.at("holds"), report.at("from"), number(report, "residual_px")};
   for (const json& value : report.at("cameras"))
-    camera(value).checked = {value.at("state"), number(value, "shift_px").value_or(0)};
+    camera(value).checked = Camera::Checked{value.at("state"), number(value, "shift_px").value_or(0)};
 }

@@ -18,9 +18,11 @@ std::string text(const char* format, Args... args) {
 }
 
 std::string svg(double width, double height, const std::string& label, const std::string& inside,
-                double least_width = 0) {
+                double least_width = 0, double most_width = 0) {
+  const std::string bounds =
+      least_width > 0 ? text(" style=\"min-width:%.0fpx;max-width:%.0fpx\"", least_width, most_width) : "";
   return text("<svg viewBox=\"0 0 %.0f %.0f\" role=\"img\"", width, height) + " aria-label=\"" + escaped(label) + "\"" +
-         (least_width > 0 ? text(" style=\"min-width:%.0fpx\"", least_width) : "") + ">" + inside + "</svg>";
+         bounds + ">" + inside + "</svg>";
 }
 
 std::string label(double x, double y, const std::string& what, const char* anchor = "middle", const char* kind = "") {
@@ -134,7 +136,7 @@ std::string camera_chart(const CameraChart& chart) {
   for (const auto& [value, name] : chart.lines)
     out += line(left, axis.at(value), width - 8, axis.at(value), "mark") +
            label(width - 8, axis.at(value) - 5, name, "end", "mark-text");
-  return svg(width, 214, chart.label, out, std::min(width, 0.9 * width + 60));
+  return svg(width, 214, chart.label, out, 0.7 * width, 1.3 * width);
 }
 
 std::string array_map(const ReportData& data, const ReportVerdict& verdict, bool from_above) {

@@ -62,7 +62,7 @@ export interface LightfieldViewerEventMap {
   connected: CustomEvent<null>;
   disconnected: CustomEvent<{ reason: string }>;
   statistics: CustomEvent<LightfieldStatistics>;
-  /** The server has another rig, after a calibration say; `hash` names it as array.json does. The view stays. */
+  /** The server has another rig, after a calibration say; `hash` tells it from others. The view stays. */
   rig: CustomEvent<{ hash: string }>;
 }
 
