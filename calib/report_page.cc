@@ -174,7 +174,7 @@ class Page {
     card("Of each camera", plots::camera_chart(bars));
     const double enlarged = plots::residual_enlargement(data_);
     card("Over the picture, all cameras", plots::residual_field(data_, 4 * enlarged),
-         "Means, " + short_number(4 * enlarged) + " times as long; darker is larger.");
+         "Means, " + short_number(4 * enlarged) + " times as long; the bluer the larger.");
     std::string tiles = "<div class=\"tiles\">";
     for (size_t i = 0; i < data_.cameras.size(); i++) {
       const ReportData::Camera& camera = data_.cameras[i];

@@ -185,7 +185,7 @@ std::string array_map(const ReportData& data, const ReportVerdict& verdict, bool
            text("<ellipse cx=\"%.1f\" cy=\"%.1f\" rx=\"%.2f\" ry=\"%.2f\" transform=\"rotate(%.1f %.1f %.1f)\"/>", x, y,
                 k * std::sqrt(std::max(0.0, mean + apart)), k * std::sqrt(std::max(0.0, mean - apart)), turn, x, y) +
            text("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"2.5\"/></g>", x, y);
-    if (!from_above && usual * scale > 26) out += label(x, y - 6, std::to_string(camera.id), "middle", "dim");
+    if (!from_above && usual * scale > 26) out += label(x, y - 10, std::to_string(camera.id), "middle", "dim");
   }
   const double bar = round_down(0.3 * wide);
   out += line(8, height - 8, 8 + bar * scale, height - 8, "mark");

@@ -58,10 +58,11 @@ svg { display: block; width: 100%; height: auto; }
 svg text { font: 12px system-ui, sans-serif; fill: var(--fg); }
 svg .dim { fill: var(--dim); }
 svg .bad-text { fill: var(--bad); font-weight: 700; }
+svg .mark-text, svg .line-text { paint-order: stroke; stroke: var(--card); stroke-width: 4px; stroke-linejoin: round; }
 svg .mark-text { fill: var(--dim); }
 svg .line-text { fill: var(--accent); }
 svg path { fill: none; }
-.grid-line, svg .grid { stroke: var(--line); }
+svg .grid { stroke: var(--line); }
 svg .zero { stroke: var(--dim); }
 svg .mark { stroke: var(--dim); stroke-dasharray: 4 3; }
 svg .whisker { stroke: var(--dim); stroke-width: 1.5; }

@@ -65,8 +65,15 @@ class CameraJudge {
   }
 
  private:
-  void say(Grade grade, const std::string& what) {
+  // Reasons stand beside the camera's name.
+  void say(Grade grade, std::string what) {
     verdict_.grade = std::max(verdict_.grade, grade);
+    const std::string name = "camera " + std::to_string(camera_.id);
+    if (what.starts_with(name)) {
+      what = what.substr(name.size());
+      if (what.starts_with(" (") && what.find(')') != std::string::npos) what = what.substr(what.find(')') + 1);
+      what = what.substr(std::min(what.find_first_not_of(": "), what.size()));
+    }
     for (const auto& [other, before] : said_)
       if (before == what) return;
     said_.emplace_back(grade, what);
@@ -93,11 +100,11 @@ class CameraJudge {
   }
 
   void colour(const ReportData::Camera::Coloured& coloured) {
-    if (coloured.stuck)
+    if (coloured.stuck && verdict_.grade != Grade::kBad)
       say(Grade::kBad, text("its exposure is stuck: %.0f %% as bright as most others", 100 * coloured.gain));
-    else if (!coloured.corrected)
+    else if (!coloured.stuck && !coloured.corrected)
       say(Grade::kFair, "its colours are not corrected: too little was seen of the chart, or in common with others");
-    else if (coloured.rms > kColourOff && coloured.rms > kColourLarge * usual_.colour)
+    else if (!coloured.stuck && coloured.rms > kColourOff && coloured.rms > kColourLarge * usual_.colour)
       say(Grade::kFair, text("its colours stay %.1f of 255 off the others'", coloured.rms));
   }
 
@@ -138,9 +145,11 @@ const char* name_of(Grade grade) { return grade == Grade::kGood ? "good" : grade
 ReportVerdict judge(const ReportData& data) {
   ReportVerdict verdict;
   const Usual usual = usual_of(data);
-  std::set<std::string> said;
-  for (const ReportData::Camera& camera : data.cameras)
+  std::set<std::string> said, of_cameras;
+  for (const ReportData::Camera& camera : data.cameras) {
     verdict.cameras.push_back(CameraJudge(data, camera, usual).run());
+    for (const ReportData::Finding& finding : data.findings_of(camera.id)) of_cameras.insert(finding.text);
+  }
   const auto add = [&](const std::string& what) {
     if (verdict.next.size() < kMostNext && said.insert(what).second) verdict.next.push_back(what);
   };
@@ -149,7 +158,7 @@ ReportVerdict judge(const ReportData& data) {
       if (verdict.cameras[i].grade != grade) continue;
       verdict.grade = std::max(verdict.grade, grade);
       const std::string& reason = verdict.cameras[i].reasons.front();
-      add(reason.starts_with("camera") ? reason : "camera " + data.cameras[i].title() + ": " + reason);
+      add("camera " + data.cameras[i].title() + ": " + reason);
     }
   };
   add_cameras(Grade::kBad);
@@ -157,7 +166,7 @@ ReportVerdict judge(const ReportData& data) {
   for (const char* severity : {"error", "warning"})
     for (const ReportData::Finding& finding : data.findings) {
       // That there was nothing to correct is no fault.
-      if (finding.severity != severity || finding.code == "no-gain") continue;
+      if (finding.severity != severity || finding.code == "no-gain" || of_cameras.contains(finding.text)) continue;
       verdict.grade = std::max(verdict.grade, finding.severity == "error" ? Grade::kBad : Grade::kFair);
       add(finding.text);
     }
