@@ -16,8 +16,10 @@ using Severity = Finding::Severity;
 using State = RigCheck::State;
 
 constexpr double kDegrees = 180 / M_PI;
-constexpr double kScaleOff = 0.01;  // of 1
-constexpr double kWorthSaying = 3;  // sigmas
+constexpr double kScaleOff = 0.01;   // of 1
+constexpr double kWorthSaying = 3;   // sigmas
+constexpr double kLeastTurn = 3e-4;  // radians
+constexpr double kLeastMove = 3e-4;  // metres
 
 template <class... Args>
 std::string text(const char* format, Args... args) {
@@ -27,12 +29,13 @@ std::string text(const char* format, Args... args) {
 }
 
 // "turned by 0.42 degrees (up 0.40, left 0.12)": the parts that are more than chance, the largest first.
-std::string parts(const Vec3& value, const Vec3& sigma, double unit, const char* const names[3][2]) {
+// What is below `least` a rig may be off by all the time.
+std::string parts(const Vec3& value, const Vec3& sigma, double least, double unit, const char* const names[3][2]) {
   std::array<int, 3> order = {0, 1, 2};
   std::ranges::sort(order, [&](int a, int b) { return std::abs(value[a]) > std::abs(value[b]); });
   std::string all;
   for (const int k : order)
-    if (std::abs(value[k]) > kWorthSaying * sigma[k] && std::abs(value[k]) > 0.1 * glm::length(value))
+    if (std::abs(value[k]) > std::max(least, kWorthSaying * sigma[k]) && std::abs(value[k]) > 0.1 * glm::length(value))
       all += (all.empty() ? "" : ", ") + text("%.2f %s", std::abs(value[k]) * unit, names[k][value[k] > 0]);
   return all;
 }
@@ -43,11 +46,11 @@ std::string motion_of(const RigCheck::Camera& camera) {
       {"down", "up"}, {"to the left", "to the right"}, {"anticlockwise", "clockwise"}};
   static constexpr const char* kMoves[3][2] = {{"to the left", "to the right"}, {"up", "down"}, {"back", "forward"}};
   std::string all;
-  if (const std::string turn = parts(camera.turn, camera.turn_sigma, kDegrees, kTurns); !turn.empty())
+  if (const std::string turn = parts(camera.turn, camera.turn_sigma, kLeastTurn, kDegrees, kTurns); !turn.empty())
     all = "turned by " + turn + " (degrees)";
-  if (const std::string move = parts(camera.move, camera.move_sigma, 1e3, kMoves); !move.empty())
+  if (const std::string move = parts(camera.move, camera.move_sigma, kLeastMove, 1e3, kMoves); !move.empty())
     all += (all.empty() ? "" : ", ") + ("moved by " + move + " (mm)");
-  return all;
+  return all.empty() ? "" : ": " + all;
 }
 
 const char* name_of(State state) {
@@ -82,7 +85,7 @@ std::vector<Finding> diagnose_check(const Rig& rig, const RigCheck& check, doubl
       const std::string who = name_of(rig, camera.id);
       if (camera.state == State::kMoved)
         findings.push_back({Severity::kError, "moved-camera",
-                            text("%s has moved, its picture by %.1f pixels: %s. Put it back, or calibrate anew",
+                            text("%s has moved, its picture by %.1f pixels%s. Put it back, or calibrate anew",
                                  who.c_str(), camera.shift_px, motion_of(camera).c_str())});
       if (camera.state == State::kLens)
         findings.push_back(
