@@ -25,5 +25,6 @@ struct LightRecordings {
 };
 
 // Looks through the recordings in `folder` (recording_of()), `threads` at a time, with a progress bar. gst_init() must
-// have been called. Throws lf::Error where fewer than two show a moving light.
+// have been called. Throws lf::Error where there is no such folder; recordings that are of no use are said in
+// `cameras`.
 LightRecordings watch_lights(const lf::Rig& rig, const std::string& folder, bool bar, int threads);

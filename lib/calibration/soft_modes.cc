@@ -180,9 +180,9 @@ class Modes {
     }
     const double mm = 1e3 * scale_ * std::sqrt(place), degrees = kDegrees * std::sqrt(turn);
     add("places", mm, "mm", 1e3 * scale_ * kSoftPlace * neighbours_,
-        text("Where each camera stands, in the array: known to %.2g mm, with all of the above", mm));
+        text("Where each camera stands, in the array: known to %.2g mm, all of these together", mm));
     add("directions", degrees, "degrees", kSoftTurn,
-        text("Where each camera looks: known to %.2g degrees, with all of the above", degrees));
+        text("Where each camera looks: known to %.2g degrees, all of these together", degrees));
   }
 
   const Reconstruction& scene_;

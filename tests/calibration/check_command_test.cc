@@ -115,7 +115,7 @@ TEST_F(CheckCommand, WhereNothingCanBeToldItSaysWhatToDo) {
   } cases[] = {
       {"rig.json --tracks dark.json", "no three cameras see the light where this rig lets them"},
       {"other.json --tracks tracks.json", "camera 3 of the recording is not in the rig"},
-      {"rig.json --recordings empty", "fewer than two cameras saw a moving light"},
+      {"rig.json --recordings empty", "fewer than three cameras saw a moving light"},
       {"rig.json --recordings nowhere", "nowhere: is no folder"},
       {"rig.json --tracks rig.json", "rig.json"},
       {"rig.json --monitor early.json", "has looked at no camera yet: start lf-serve with --monitor 30"},
