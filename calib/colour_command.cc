@@ -27,6 +27,7 @@
 #include "image/colour_checker.h"
 #include "image/image.h"
 #include "progress.h"
+#include "recordings.h"
 #include "rig/rig_json.h"
 
 namespace {
@@ -150,8 +151,8 @@ Recording read(const lf::Rig& rig, const lf::Rig& recorded, const Options& optio
   }
   if (out.without.size() == n)
     throw lf::Error((options.recording.empty() ? options.rig : options.recording) +
-                    ": no camera has a picture: give --recording the rig file of a recording, whose cameras have a "
-                    "source or an image");
+                    ": no camera has a picture: give --recording a folder with NAME.* of each camera, or the rig file "
+                    "of a recording, whose cameras have a source or an image");
   return out;
 }
 
@@ -225,7 +226,9 @@ void measure(const Options& options) {
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_ERROR);
   nlohmann::json original = lf::parse_json(lf::read_text_file(options.rig), options.rig);
   lf::Rig rig = lf::load_rig(options.rig);
-  const lf::Rig recorded = options.recording.empty() ? rig : lf::load_rig(options.recording);
+  const lf::Rig recorded = options.recording.empty()             ? rig
+                           : fs::is_directory(options.recording) ? recorded_in(options.recording, rig)
+                                                                 : lf::load_rig(options.recording);
   const Recording recording = read(rig, recorded, options);
   for (const std::string& id : recording.without)
     std::printf("warning: camera %s: the recording has no picture of it\n", id.c_str());
@@ -257,9 +260,9 @@ void add_colour_command(cli::App& app) {
   command->add_option("RIG", o->rig, "Rig file")->required()->type_name("RIG");
   command
       ->add_option("--recording", o->recording,
-                   "Rig file with the cameras' recordings of a colour chart, or stills, as source or image (default: "
-                   "those of RIG)")
-      ->type_name("RIG");
+                   "Folder with NAME.* of each camera, recordings of a colour chart, or stills; or a rig file that has "
+                   "them as source or image (default: those of RIG)")
+      ->type_name("DIR|RIG");
   command
       ->add_option("--from", o->from,
                    "What is compared: a chart of 24 colours, views of the scene through the "

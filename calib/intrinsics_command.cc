@@ -73,7 +73,10 @@ void for_each_frame(const Video& video_source, const std::function<bool(const lf
     cv::cvtColor(bgr, rgb, cv::COLOR_BGR2RGB);
     if (!use(image)) return;
   }
-  if (!any) throw lf::Error(video_source.name + ": no video could be had from it");
+  if (!any)
+    throw lf::Error(
+        video_source.name + ": no video could be had from it" +
+        (video_source.waits ? "" : ": is it plugged in, and does no other program have it? lf-rig doctor looks"));
 }
 
 lf::Checkerboard parse_board(const Options& options) {
@@ -226,7 +229,10 @@ void calibrate(const Options& options) {
   how.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
   how.progress("looking for the board");
   const Images images = find_boards(options, board);
-  if (images.views.empty()) throw lf::Error("no image shows the board of " + options.board + " inner corners");
+  if (images.views.empty())
+    throw lf::Error("no image shows the board of " + options.board +
+                    " inner corners: is that the board (--board counts corners between squares, not squares), whole in "
+                    "the picture, flat and in even light?");
   const IntrinsicsResult result = lf::calibrate_intrinsics(images.views, board, images.width, images.height, how);
   print(result, images);
   save(options, result, images);

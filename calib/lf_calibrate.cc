@@ -55,10 +55,15 @@ int main(int argc, char** argv) {
   cli::App app("Measures the cameras of an array: lenses, positions, orientations, each with its uncertainty",
                "lf-calibrate");
   app.require_subcommand(1);
+  int status = 0;
+  add_all_command(app, status);
+  add_check_command(app, status);
   add_colour_command(app);
   add_features_command(app);
   add_intrinsics_command(app);
+  add_report_command(app);
   add_solve_command(app);
   add_track_command(app);
-  return cli::run_tool(app, argc, argv, [] {});
+  const int failed = cli::run_tool(app, argc, argv, [] {});
+  return failed ? failed : status;
 }

@@ -12,9 +12,11 @@
 #include "calibration/diagnosis.h"
 #include "calibration/moving_light.h"
 #include "calibration/report.h"
+#include "calibration/report_details.h"
 #include "calibration/tracks.h"
 #include "commands.h"
 #include "rig/rig_json.h"
+#include "solve_progress.h"
 
 namespace {
 
@@ -82,7 +84,7 @@ void print_clocks(const lf::LightSolution& lights) {
 void solve(const Options& o) {
   lf::SolveOptions options;
   options.distortion = distortion_of(o.distortion);
-  options.progress = [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); };
+  SolveProgress progress("solving", options);
   lf::PlacementOptions placement_options = o.placement;
   if (!o.distance.empty()) placement_options.distance = parse_distance(o.distance);
   lf::Tracks tracks;
@@ -116,6 +118,8 @@ void solve(const Options& o) {
     for (size_t i = 0; i < tracks.cameras.size(); i++)
       if (const auto index = rig.index_of_id(tracks.cameras[i].id); index && lights->clocks[i].known)
         rig.cameras[*index].time_offset = lights->clocks[i].offset;
+  lf::add_details(solution, tracks, placement, rig, report);
+  progress.finish();
   lf::relocate(rig, std::filesystem::path(o.out).parent_path().string());
   lf::save_rig(rig, o.out, &original);
   if (!o.json.empty()) lf::write_text_file(report.dump(1) + "\n", o.json);

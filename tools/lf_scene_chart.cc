@@ -37,7 +37,8 @@ void record(const Options& options) {
   Progress progress("filming", rig.cameras.size());
   for (size_t i = 0; i < rig.cameras.size(); i++, progress.step()) {
     lf::Camera& camera = rig.cameras[i];
-    const std::string name = "camera-" + std::to_string(camera.id) + ".mkv";
+    const bool fits = !camera.name.empty() && camera.name.find('/') == std::string::npos;
+    const std::string name = (fits ? camera.name : "camera-" + std::to_string(camera.id)) + ".mkv";
     std::vector<lf::Image> frames(charts.size());
     lf::WorkerPool::shared()->run(8, charts.size(), [&](size_t n) {
       const lf::Image image = lf::render_chart({camera.width, camera.height, camera.lens, camera.pose}, charts[n]);

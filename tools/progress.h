@@ -3,6 +3,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <string>
@@ -17,8 +18,11 @@ class Progress {
 
   void step() {
     done_++;
-    if (total_ == 0) return;
-    const int percent = static_cast<int>(100 * done_ / total_);
+    if (total_ > 0) reach(static_cast<double>(done_) / static_cast<double>(total_));
+  }
+  // `share`: of 1; what comes before a later one is not shown again. `doing`: in words, what is done now.
+  void reach(double share, const std::string& doing = "") {
+    const int percent = std::max(shown_, static_cast<int>(100 * std::clamp(share, 0.0, 1.0)));
     if (!visible_) {
       const auto now = std::chrono::steady_clock::now();
       if (now - last_line_ < std::chrono::seconds(10)) return;
@@ -26,11 +30,12 @@ class Progress {
       std::fprintf(stderr, "%s: %d %%\n", what_.c_str(), percent);
       return;
     }
-    if (percent == shown_) return;
+    if (percent == shown_ && doing == doing_) return;
     shown_ = percent;
+    doing_ = doing;
     const int filled = percent * kWidth / 100;
-    std::fprintf(stderr, "\r%s [%s%s] %3d %%", what_.c_str(), std::string(filled, '#').c_str(),
-                 std::string(kWidth - filled, '.').c_str(), percent);
+    std::fprintf(stderr, "\r%s [%s%s] %3d %%%s%s\033[K", what_.c_str(), std::string(filled, '#').c_str(),
+                 std::string(kWidth - filled, '.').c_str(), percent, doing.empty() ? "" : "  ", doing.c_str());
     std::fflush(stderr);
   }
   // Clears the line.
@@ -41,7 +46,7 @@ class Progress {
 
  private:
   static constexpr int kWidth = 40;
-  std::string what_;
+  std::string what_, doing_;
   size_t total_, done_ = 0;
   int shown_ = -1;
   bool visible_;

@@ -62,6 +62,8 @@ export interface LightfieldViewerEventMap {
   connected: CustomEvent<null>;
   disconnected: CustomEvent<{ reason: string }>;
   statistics: CustomEvent<LightfieldStatistics>;
+  /** The server has another rig, after a calibration say; `hash` tells it from others. The view stays. */
+  rig: CustomEvent<{ hash: string }>;
 }
 
 /** `<lightfield-viewer>`: a picture of a light field, and what flies it. */

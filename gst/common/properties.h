@@ -177,7 +177,7 @@ struct Properties<settings_of, stats_of> {
   }
 };
 
-// Registers an enum for properties; each value with a text that explains it, and its name.
+// Registers an enum for properties, once; each value with a text that explains it, and its name.
 template <typename Enum>
 struct EnumRow {
   Enum value;
@@ -185,10 +185,10 @@ struct EnumRow {
 };
 template <typename Enum>
 GType register_enum(const char* type_name, std::initializer_list<EnumRow<Enum>> rows) {
-  auto* values = new std::vector<GEnumValue>;  // for ever
-  for (const EnumRow<Enum>& row : rows) values->push_back({static_cast<gint>(row.value), row.text, row.name});
-  values->push_back({0, nullptr, nullptr});
-  return g_enum_register_static(type_name, values->data());
+  static auto& values = *new std::vector<GEnumValue>;  // for ever, and known to be in use
+  for (const EnumRow<Enum>& row : rows) values.push_back({static_cast<gint>(row.value), row.text, row.name});
+  values.push_back({0, nullptr, nullptr});
+  return g_enum_register_static(type_name, values.data());
 }
 
 inline bool is_named(const GParamSpec* spec, const char* name) { return g_str_equal(spec->name, name); }

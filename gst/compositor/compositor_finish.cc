@@ -74,6 +74,11 @@ GstFlowReturn lf_compositor_finish_request(LfCompositor* self, const lf::NodeInp
   state.focus.keep_pace(state.assembly.complete(), state.settings.trial_interval);
   // Before the picture is made: the next request may wait for it.
   if (!partial && state.current->view.focus.map) lf_compositor_find_focus(self);
+  if (!partial && state.current->rehearsal) {
+    close_request(self, nodes, due);
+    gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request));
+    return GST_FLOW_OK;
+  }
   GstFlowReturn flow = GST_FLOW_OK;
   GstBuffer* out = make_output(self, &flow);
   if (!out) return flow;
@@ -109,7 +114,7 @@ GstFlowReturn lf_compositor_finish_request(LfCompositor* self, const lf::NodeInp
 
 std::optional<lf::QosWatch::Late> lf_compositor_is_too_late(LfCompositor* self) {
   auto& state = *self->state;
-  if (state.current->probe) return std::nullopt;
+  if (state.current->probe || state.current->rehearsal) return std::nullopt;
   GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
   if (!request) return std::nullopt;
   const GstClockTime time = lf_compositor_running_time(self, request);

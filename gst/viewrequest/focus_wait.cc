@@ -25,4 +25,11 @@ GstFlowReturn FocusWait::wait(guint view_id) {
   return GST_FLOW_OK;
 }
 
+bool FocusWait::rehearses() {
+  constexpr unsigned kMost = 8;  // a search, and rounds that better what it found
+  rehearses_ = awaits_.value_or(false) && rehearsals_ < kMost && (rehearsals_ == 0 || feedback_.has_trials());
+  rehearsals_ = rehearses_ ? rehearsals_ + 1 : kMost;
+  return rehearses_;
+}
+
 }  // namespace lf

@@ -18,16 +18,21 @@ class FocusWait {
 
   // Waits for what comes of the request that was sent last. GST_FLOW_FLUSHING while the feedback is unlocked.
   GstFlowReturn wait(guint view_id);
+  // Whether the next request is a rehearsal, so that the stream's first picture is in focus already. After wait().
+  bool rehearses();
+  bool is_rehearsing() const { return rehearses_; }
   void sent(uint32_t sequence) { last_ = sequence; }
-  // What is on its way is flushed: nothing comes of it.
-  void flush() { last_.reset(); }
-  void clear() { last_.reset(), awaits_.reset(); }
+  // What is on its way is flushed: nothing comes of it, and what comes next is a first picture.
+  void flush() { last_.reset(), rehearsals_ = 0, rehearses_ = false; }
+  void clear() { flush(), awaits_.reset(); }
 
  private:
   FocusFeedback& feedback_;
   GstPad* const src_;
   std::optional<bool> awaits_;    // whether somebody finds the focus, once it has been asked
   std::optional<uint32_t> last_;  // number of the latest request
+  unsigned rehearsals_ = 0;       // before the first picture
+  bool rehearses_ = false;        // the latest request
 };
 
 }  // namespace lf

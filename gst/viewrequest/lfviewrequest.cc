@@ -47,7 +47,9 @@
  *
  * Upstream events that carry a field "lf-view-id" (uint) are for the view of that id alone.
  *
- * Not live, requests leave as fast as they are taken and ask for the stream time of their frame. While an lfcompositor
+ * Not live, requests leave as fast as they are taken and ask for the stream time of their frame. Where an lfcompositor
+ * finds the focus, up to eight rehearsals leave before the first one, and before the first one behind a seek: requests
+ * for the same moment of which no picture is made, so that the first picture is in focus. While an lfcompositor
  * has them sought (upstream event "lightfield-hold") none leaves, so that viewers in one funnel flush first and go on
  * together. Live, they leave at
  * the instants of the capture schedule (multiples of the frame time on the pipeline's clock) plus `capture-delay`, and

@@ -66,6 +66,7 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   const bool live = gst_base_src_is_live(GST_BASE_SRC(self));
   std::optional<lf::RequestSlot> turn;
   lf::RequestSlot slot{};
+  bool rehearsal = false;
   if (live) {
     const GstFlowReturn flow = wait_live(self, &turn, &slot);
     if (flow != GST_FLOW_OK) return flow;
@@ -74,6 +75,7 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
     if (flow == GST_FLOW_OK && !self->state->stream->access())
       flow = self->state->focus_wait.wait(lf_view_request_view_id(self));
     if (flow != GST_FLOW_OK) return flow;
+    rehearsal = self->state->focus_wait.rehearses();
     turn = self->state->stream->schedule.next();
     if (!turn) return GST_FLOW_EOS;
     slot = *turn;
@@ -83,7 +85,8 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   lf::ViewRequest request;
   request.target_time = slot.target_time;
   request.absolute_time = live;
-  self->state->stream->schedule.advance(*turn);
+  request.rehearsal = rehearsal;
+  if (!rehearsal) self->state->stream->schedule.advance(*turn);
   request.sequence = self->state->stream->next_number++;
   lf::ObjectLock lock(self);
   request.rig_hash = self->state->stream->rig_hash();
@@ -105,7 +108,7 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   GST_BUFFER_DURATION(*out) = slot.duration;
   GST_LOG_OBJECT(self, "request %u of view %u for %" GST_TIME_FORMAT, request.sequence, request.view_id,
                  GST_TIME_ARGS(request.target_time));
-  lf_view_request_send_more(self, request, rig, *out);
+  if (!rehearsal) lf_view_request_send_more(self, request, rig, *out);
   return GST_FLOW_OK;
 }
 
@@ -114,7 +117,7 @@ static GstFlowReturn make_buffer(LfViewRequest* self, GstBuffer** out) {
   if ((*out = self->state->outbox.take())) return GST_FLOW_OK;
   if (left == 0) return GST_FLOW_EOS;
   const GstFlowReturn flow = self->state->relay.is_on() ? lf_view_request_relay(self, out) : make_request(self, out);
-  if (flow == GST_FLOW_OK && left > 0) left--;
+  if (flow == GST_FLOW_OK && left > 0 && !self->state->focus_wait.is_rehearsing()) left--;
   return flow;
 }
 

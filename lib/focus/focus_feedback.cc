@@ -87,6 +87,11 @@ FocusFeedback::Waited FocusFeedback::wait_for(uint32_t sequence, std::chrono::mi
   return is_there() ? Waited::kCame : Waited::kTooLong;
 }
 
+bool FocusFeedback::has_trials() {
+  const std::lock_guard lock(mutex_);
+  return news_ && !news_->plan.trials.empty();
+}
+
 std::optional<ViewRequest> FocusFeedback::next_sweep(const ViewRequest& request, const Rig* rig) {
   const std::lock_guard lock(mutex_);
   requests_++;

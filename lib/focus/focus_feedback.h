@@ -24,6 +24,8 @@ class FocusFeedback {
   Waited wait_for(uint32_t sequence, std::chrono::milliseconds longest);
   // Gives the request the surface as its view has it, and trials and gains, which are for one request only.
   void apply(ViewRequest& request);
+  // Whether such a request would have trials.
+  bool has_trials();
   // What is to be asked for beside such a request to find the focus that is looked for: a small view around the place.
   // Its number is told once it has one. `rig`: that the view is of; may be null.
   std::optional<ViewRequest> next_sweep(const ViewRequest& request, const Rig* rig);

@@ -2,6 +2,7 @@
 #include "node/camera_frames.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace lf {
 
@@ -91,9 +92,11 @@ std::optional<CameraFrame> CameraFrames::replace_damaged(const CameraPicture* da
   std::optional<CameraFrame> result;
   for (Held& held : frames_) {
     if (held.frame.picture.get() == damaged) {
-      held.frame = serves;
+      held.damaged = std::exchange(held.frame, serves).picture;
       known = true;
       result = serves;
+    } else if (held.damaged && held.damaged.get() == damaged) {
+      result = held.frame;
     } else if (!result) {
       serves = held.frame;
     }

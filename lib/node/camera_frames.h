@@ -78,8 +78,9 @@ class CameraFrames {
   Pushed push_at(uint64_t time, std::optional<CameraFrame> frame);
 
   struct Held {
-    uint64_t time;      // of the frame, or of the damaged one in whose place it serves
-    CameraFrame frame;  // without a picture where there was none to serve
+    uint64_t time;                                // of the frame, or of the damaged one in whose place it serves
+    CameraFrame frame;                            // without a picture where there was none to serve
+    std::shared_ptr<CameraPicture> damaged = {};  // in whose place that serves: others may still have it
   };
   mutable std::mutex mutex_;
   std::condition_variable changed_;

@@ -41,6 +41,7 @@ struct RequestHeader {
   uint64_t target_time = 0;    // nanoseconds; capture time wanted, or kNoTime: the newest frame there is
   bool absolute_time = false;  // target_time is clock time (live), else running time from 0 (files)
   bool probe = false;          // its picture is measured, not shown
+  bool rehearsal = false;      // no picture is made: only what comes of its trials counts
   uint8_t quality = 0;         // of fragment payloads: 0 raw; 1..100 allow JPEG of this quality
   uint64_t rig_hash = 0;       // of the rig the view was made for; 0: any
   bool operator==(const RequestHeader&) const = default;

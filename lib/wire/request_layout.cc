@@ -18,7 +18,8 @@ void check_request_head(const RequestHeader& head) {
 }
 
 void put_request_head(Writer& out, uint8_t type, const RequestHeader& head, int width, int height, size_t size) {
-  const int flags = (head.absolute_time ? kAbsoluteTime : 0) | (head.probe ? kProbe : 0);
+  const int flags =
+      (head.absolute_time ? kAbsoluteTime : 0) | (head.probe ? kProbe : 0) | (head.rehearsal ? kRehearsal : 0);
   put_unit_header(out, UnitKind::kRequest, type, static_cast<uint16_t>(flags), size);
   out.put(head.view_id);
   out.put(head.sequence);
@@ -32,6 +33,7 @@ void put_request_head(Writer& out, uint8_t type, const RequestHeader& head, int 
 std::pair<int, int> get_request_head(Reader& in, uint16_t flags, RequestHeader& head) {
   head.absolute_time = flags & kAbsoluteTime;
   head.probe = flags & kProbe;
+  head.rehearsal = flags & kRehearsal;
   head.view_id = in.get<uint32_t>();
   head.sequence = in.get<uint32_t>();
   head.target_time = in.get<uint64_t>();
@@ -44,7 +46,7 @@ std::pair<int, int> get_request_head(Reader& in, uint16_t flags, RequestHeader& 
 Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHeader& head, int& width, int& height) {
   std::string reason;
   const std::optional<UnitHeader> unit =
-      check_unit_header(bytes, UnitKind::kRequest, type, kAbsoluteTime | kProbe, reason);
+      check_unit_header(bytes, UnitKind::kRequest, type, kAbsoluteTime | kProbe | kRehearsal, reason);
   if (!unit || !check_unit_size(bytes, *unit, reason)) throw Error(reason);
   Reader in(bytes.subspan(kUnitHeaderBytes));
   std::tie(width, height) = get_request_head(in, unit->flags, head);

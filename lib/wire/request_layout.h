@@ -13,8 +13,8 @@
 // What the units of a request stream have in common; see spec.md.
 namespace lf::wire {
 
-inline constexpr uint16_t kAbsoluteTime = 1, kProbe = 2;            // flags of the unit
-inline constexpr size_t kRequestHeadBytes = kUnitHeaderBytes + 29;  // up to the quality
+inline constexpr uint16_t kAbsoluteTime = 1, kProbe = 2, kRehearsal = 4;  // flags of the unit
+inline constexpr size_t kRequestHeadBytes = kUnitHeaderBytes + 29;        // up to the quality
 
 // Throws Error naming the field. The size of the view is checked with the rest of it.
 void check_request_head(const RequestHeader& head);

@@ -59,7 +59,7 @@ class Lockstep {
   static GstPadProbeReturn on_request(GstPad*, GstPadProbeInfo* info, gpointer data) {
     auto* self = static_cast<Lockstep*>(data);
     const auto request = wire::decode_request(to_bytes(GST_PAD_PROBE_INFO_BUFFER(info)));
-    if (!request) return GST_PAD_PROBE_OK;
+    if (!request || request->rehearsal) return GST_PAD_PROBE_OK;  // of a rehearsal comes no picture
     std::unique_lock lock(self->mutex_);
     if (request->probe) {  // leaves right behind its request
       self->sweeps_awaited_.insert(request->sequence);

@@ -112,7 +112,8 @@ TEST(LfRigSnapshot, SavesAStillOfEachCameraThatWorks) {
                   "videotestsrc is-live=true pattern=blue ! video/x-raw,framerate=30/1 ! jpegenc", "none.mkv"});
   const Outcome outcome = lf_rig("snapshot rig.json --out stills --after 0.3", dir);
   EXPECT_EQ(outcome.status, 1) << "one is missing";
-  EXPECT_THAT(outcome.output, AllOf(HasSubstr("camera 2 (cam_00_02): "), HasSubstr("2 stills of one instant")));
+  EXPECT_THAT(outcome.output, AllOf(HasSubstr("camera 2 (cam_00_02): "), HasSubstr("2 stills of one instant"),
+                                    HasSubstr("nothing is there under this name: plug it in")));
   const Rig rig = load_rig(dir / "stills/rig.json");
   EXPECT_EQ(rig.cameras[0].image, "cam_00_00.png");
   EXPECT_EQ(rig.cameras[2].image, "");

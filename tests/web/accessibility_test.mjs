@@ -42,6 +42,10 @@ async function overlays(colorScheme) {
       await page.keyboard.press(key);
       await page.waitForTimeout(300);
       await check(page, name(what));
+      if (what === 'help') {
+        const link = await page.getByRole('link', { name: 'All cameras, live' }).getAttribute('href');
+        expect(link === new URL('cameras.html', served.url).href, `a link to all cameras: ${link}`);
+      }
       await page.keyboard.press(key);
     }
     await page.evaluate(() => document.querySelector('lightfield-viewer').pause());

@@ -111,6 +111,12 @@ TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
   EXPECT_TRUE(becomes([&] { return told() == 1; })) << served.said();
   EXPECT_TRUE(goes_on(client));
 
+  // Colours, too, which no weight depends on.
+  rig.cameras[1].colour = ColourModel{.black = {1, 2, 3}};
+  save_rig(rig, served.rig());
+  EXPECT_TRUE(becomes([&] { return told() == 2; })) << served.said();
+  EXPECT_TRUE(goes_on(client));
+
   write_text_file("{ not yet", served.rig());
   EXPECT_TRUE(says(served, "the rig stays as it was: ")) << served.said();
   EXPECT_TRUE(goes_on(client));
@@ -118,7 +124,7 @@ TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
   for (Camera& camera : rig.cameras) camera.source = files_.path("mjpeg.mkv");
   save_rig(rig, served.rig());
   EXPECT_TRUE(says(served, "the rig has other cameras: opening them")) << served.said();
-  EXPECT_TRUE(becomes([&] { return told() == 2; })) << served.said();
+  EXPECT_TRUE(becomes([&] { return told() == 3; })) << served.said();
   EXPECT_TRUE(goes_on(client)) << served.said();
 
   for (Camera& camera : rig.cameras) camera.source = files_.path("nowhere.mkv");

@@ -67,6 +67,9 @@ std::vector<LinkLoad> measured_loads(const Rig& rig, const std::vector<CameraExa
 // What is wrong, and what helps. doctor_findings.cc
 std::vector<Finding> find_trouble(const Rig& rig, const Exam& exam);
 
+// What helps where a camera does not work and that is why, in the light field's words or those of its source.
+std::string remedy_of(const std::string& problem);
+
 // A line for each link. `when`: "as planned" or "measured". doctor_page.cc, as what follows
 std::string links_of(const std::vector<LinkLoad>& loads, const char* when);
 // A page for people, without what was planned: healthy cameras of a large array are one line.

@@ -22,6 +22,8 @@ std::string text(const char* format, Args... args) {
   return buffer;
 }
 
+bool contains(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
+
 class Findings {
  public:
   explicit Findings(const Rig& rig) : rig_(rig) {}
@@ -43,8 +45,6 @@ class Findings {
   std::vector<Finding> all_;
 };
 
-bool contains(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
-
 // The light field's own words, without the camera's name before them.
 std::string without_place(const Rig& rig, const CameraExam& exam) {
   const std::string name = "camera " + name_of(rig.cameras[exam.camera]) + ": ";
@@ -53,25 +53,7 @@ std::string without_place(const Rig& rig, const CameraExam& exam) {
 }
 
 void look_at_failure(const Rig& rig, const CameraExam& exam, Findings& findings) {
-  const std::string& problem = exam.problem;
-  std::string remedy = "see whether it is plugged in and switched on, and whether its source in the rig is right";
-  if (contains(problem, "the rig says"))
-    remedy =
-        "write the true width and height into the rig (lens and poses then need another calibration), or set the "
-        "camera to the rig's";
-  else if (contains(problem, "gives no pictures of"))
-    remedy = "choose a size that the camera has, and write it into the rig";
-  else if (contains(problem, "busy") || contains(problem, "in use"))
-    remedy = "another program has it: close that one (fuser -v /dev/video* names it)";
-  else if (contains(problem, "no such file") || contains(problem, "Cannot identify") || contains(problem, "not found"))
-    remedy = "nothing is there under this name: plug it in, or lf-rig new --devices lists what is";
-  else if (contains(problem, "nauthorized") || contains(problem, "401"))
-    remedy = "it wants a user and a password: rtsp://USER:PASSWORD@HOST/...";
-  else if (contains(problem, "connect") || contains(problem, "resolve"))
-    remedy = "nobody answers at this address: see whether the camera is on and in this network (ping its host)";
-  else if (contains(problem, "is not installed") || contains(problem, "no element"))
-    remedy = "install the GStreamer plugin that has the element";
-  findings.error(exam, without_place(rig, exam), remedy);
+  findings.error(exam, without_place(rig, exam), remedy_of(exam.problem));
 }
 
 void look_at_frames(const CameraExam& exam, double usual_rate, Findings& findings) {
@@ -179,6 +161,24 @@ bool brightness_moves(const CameraExam& exam) {
 }
 
 }  // namespace
+
+std::string remedy_of(const std::string& problem) {
+  if (contains(problem, "the rig says"))
+    return "write the true width and height into the rig (lens and poses then need another calibration), or set the "
+           "camera to the rig's";
+  if (contains(problem, "gives no pictures of")) return "choose a size that the camera has, and write it into the rig";
+  if (contains(problem, "busy") || contains(problem, "in use"))
+    return "another program has it: close that one (fuser -v /dev/video* names it)";
+  if (contains(problem, "no such file") || contains(problem, "Cannot identify") || contains(problem, "not found"))
+    return "nothing is there under this name: plug it in, or lf-rig new --devices lists what is";
+  if (contains(problem, "nauthorized") || contains(problem, "401"))
+    return "it wants a user and a password: rtsp://USER:PASSWORD@HOST/...";
+  if (contains(problem, "connect") || contains(problem, "resolve"))
+    return "nobody answers at this address: see whether the camera is on and in this network (ping its host)";
+  if (contains(problem, "is not installed") || contains(problem, "no element"))
+    return "install the GStreamer plugin that has the element";
+  return "see whether it is plugged in and switched on, and whether its source in the rig is right";
+}
 
 std::vector<Finding> find_trouble(const Rig& rig, const Exam& exam) {
   Findings findings(rig);

@@ -8,6 +8,7 @@
 #include <csignal>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,10 +17,12 @@
 #include "base/error.h"
 #include "base/json_value.h"
 #include "cameras/commands.h"
+#include "cameras/doctor.h"
 #include "cameras/identify_server.h"
 #include "cameras/mosaic.h"
 #include "cameras/rig_cameras.h"
 #include "cameras/temporary_rig.h"
+#include "progress.h"
 #include "rig/rig_json.h"
 #include "rig/swap_devices.h"
 
@@ -61,22 +64,38 @@ class Identify {
     const guint sources[] = {g_unix_signal_add(SIGINT, quit, loop), g_unix_signal_add(SIGTERM, quit, loop),
                              g_timeout_add(
                                  200,
-                                 [](gpointer cameras) -> gboolean {
-                                   static_cast<RigCameras*>(cameras)->wait(0);
+                                 [](gpointer identify) -> gboolean {
+                                   static_cast<Identify*>(identify)->look();
                                    return G_SOURCE_CONTINUE;
                                  },
-                                 &cameras_)};
+                                 this)};
     cameras_.start();
     std::printf("%zu cameras at %s\nHold a hand before one, drag it to where it stands; ctrl-C ends it.\n",
                 rig_.cameras.size(), server_.url().c_str());
     std::fflush(stdout);
+    opening_.emplace("opening cameras", rig_.cameras.size());
     g_main_loop_run(loop);
+    opening_.reset();
     for (const guint source : sources) g_source_remove(source);
     g_main_loop_unref(loop);
     cameras_.stop();
   }
 
  private:
+  void look() {
+    cameras_.wait(0);
+    if (!opening_) return;
+    size_t settled = 0;
+    for (const lf::CameraIndex i : cameras_.cameras())
+      settled += cameras_.frames(i) > 0 || !cameras_.problem(i).empty();
+    opening_->reach(static_cast<double>(settled) / static_cast<double>(rig_.cameras.size()));
+    if (settled < rig_.cameras.size()) return;
+    opening_.reset();
+    for (const lf::CameraIndex i : cameras_.cameras())
+      if (const std::string problem = cameras_.problem(i); !problem.empty())
+        std::fprintf(stderr, "warning: %s: %s\n", problem.c_str(), remedy_of(problem).c_str());
+  }
+
   std::string state() {
     nlohmann::json state = mosaic_.state(cameras_.now(), [this](uint32_t id) {
       const lf::CameraIndex place = *rig_.index_of_id(id);
@@ -115,6 +134,7 @@ class Identify {
   std::vector<std::atomic<lf::CameraIndex>> place_of_;  // in the rig file, of each camera that is open
   RigCameras cameras_;
   IdentifyServer server_;
+  std::optional<Progress> opening_;  // until all cameras have given a frame, or have failed
 };
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "cameras/doctor.h"
 #include "cameras/frame_picture.h"
 #include "cameras/rig_cameras.h"
 #include "cameras/temporary_rig.h"
@@ -106,7 +107,8 @@ ControlValues choose_controls(const Rig& rig, const LockOptions& options) {
   cameras.start();
   cameras.wait(options.patience, [&] { return cameras.frames(0) > 0 || !cameras.problem(0).empty(); });
   cameras.wait(options.settle);
-  if (cameras.frames(0) == 0) throw Error(cameras.problem(0).empty() ? name + " gives no frames" : cameras.problem(0));
+  if (cameras.frames(0) == 0)
+    throw CameraFailure(cameras.problem(0).empty() ? name + " gives no frames" : cameras.problem(0));
   ControlValues values;
   GstStructure* stats = cameras.stats(0);
   if (const GValue* all = gst_structure_get_value(stats, "control-values"))
@@ -136,7 +138,9 @@ std::vector<StuckControl> find_stuck_controls(const Rig& rig, const ControlValue
     works[i] = !std::isnan(usual[i].mean[0]) && usual[i].brightness() > kDark;
     if (works[i]) continue;
     const bool dark = usual[i].problem.empty() && !std::isnan(usual[i].mean[0]);
-    stuck.push_back({i, "", dark ? "its picture is black: nothing can be told of its controls" : usual[i].problem});
+    stuck.push_back({i, "",
+                     dark ? "its picture is black: nothing can be told of its controls"
+                          : usual[i].problem + ": " + remedy_of(usual[i].problem)});
   }
   for (const auto& [control, value] : controls) {
     const auto factor = kTrialFactors.find(control);

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
 #include "rig/rig.h"
 
 namespace lf::cameras {
@@ -21,8 +22,14 @@ struct LockOptions {
   std::optional<double> mains;  // hertz: exposures become whole half-waves of it, against flicker
 };
 
+// A camera that does not work, in the light field's words.
+struct CameraFailure : Error {
+  using Error::Error;
+};
+
 // Opens the reference camera with its controls left to itself, and returns what it has chosen: exposure, gain, white
-// balance, focus, as far as its source has them. Throws Error where the camera does not work, or tells nothing.
+// balance, focus, as far as its source has them. Throws CameraFailure where the
+// camera does not work, Error where it tells nothing.
 ControlValues choose_controls(const Rig& rig, const LockOptions& options);
 
 // An exposure (seconds) as a whole number of half-waves of mains, if it has room for one.

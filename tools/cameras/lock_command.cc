@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include <nlohmann/json.hpp>
@@ -13,10 +14,12 @@
 #include "base/error.h"
 #include "base/json_value.h"
 #include "cameras/commands.h"
+#include "cameras/doctor.h"
 #include "cameras/lock.h"
 #include "cameras/rig_cameras.h"
 #include "rig/camera_controls.h"
 #include "rig/rig_json.h"
+#include "timed_progress.h"
 
 namespace {
 
@@ -36,8 +39,17 @@ int run(Options options) {
   if (!reference) throw lf::Error(options.rig + ": has no camera " + std::to_string(options.camera));
   options.lock.reference = *reference;
   if (options.mains > 0) options.lock.mains = options.mains;
-  std::fprintf(stderr, "camera %s looks around\n", lf::cameras::name_of(rig.cameras[*reference]).c_str());
-  const lf::cameras::ControlValues values = lf::cameras::choose_controls(rig, options.lock);
+  // Cameras take a second to open, about.
+  const double look = options.lock.settle + 1;
+  std::optional<TimedProgress> progress;
+  progress.emplace("camera " + lf::cameras::name_of(rig.cameras[*reference]) + " looks around", look);
+  lf::cameras::ControlValues values;
+  try {
+    values = lf::cameras::choose_controls(rig, options.lock);
+  } catch (const lf::cameras::CameraFailure& failure) {
+    throw lf::Error(std::string(failure.what()) + ": " + lf::cameras::remedy_of(failure.what()));
+  }
+  progress.reset();
   std::map<uint32_t, lf::Controls> controls = lf::parse_controls(original, options.rig);
   for (const lf::Camera& camera : rig.cameras) {
     for (const auto& [name, value] : values) controls[camera.id][name] = value;
@@ -47,8 +59,11 @@ int run(Options options) {
   for (const auto& [name, value] : values) std::printf("%s: %.6g\n", name.c_str(), value);
   std::vector<lf::cameras::StuckControl> stuck;
   if (!options.no_check)
-    stuck = lf::cameras::find_stuck_controls(
-        rig, values, options.lock, [](const std::string& step) { std::fprintf(stderr, "%s\n", step.c_str()); });
+    stuck = lf::cameras::find_stuck_controls(rig, values, options.lock, [&](const std::string& step) {
+      progress.reset();
+      progress.emplace(step, look);
+    });
+  progress.reset();
   for (const lf::cameras::StuckControl& one : stuck)
     std::printf("warning: camera %s: %s%s\n", lf::cameras::name_of(rig.cameras[one.camera]).c_str(),
                 one.control.empty() ? "" : (one.control + " does not respond: ").c_str(), one.why.c_str());

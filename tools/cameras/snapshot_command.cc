@@ -13,9 +13,11 @@
 #include "base/error.h"
 #include "base/json_value.h"
 #include "cameras/commands.h"
+#include "cameras/doctor.h"
 #include "cameras/rig_cameras.h"
 #include "cameras/snapshot.h"
 #include "rig/rig_json.h"
+#include "timed_progress.h"
 
 namespace {
 
@@ -41,8 +43,13 @@ int run(Options options) {
   gst_init(nullptr, nullptr);
   const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(options.rig));
   options.snapshot.cameras = lf::parse_camera_list(*rig, options.cameras);
-  std::fprintf(stderr, "opening %zu cameras\n", options.snapshot.cameras.size());
-  const std::vector<lf::cameras::Still> stills = lf::cameras::take_snapshot(rig, options.rig, options.snapshot);
+  std::vector<lf::cameras::Still> stills;
+  {
+    // Beside the seconds that they run, one to open them.
+    const TimedProgress progress("opening " + std::to_string(options.snapshot.cameras.size()) + " cameras",
+                                 options.snapshot.warm_up + 1);
+    stills = lf::cameras::take_snapshot(rig, options.rig, options.snapshot);
+  }
   std::error_code error;
   fs::create_directories(options.out, error);
   if (error) throw lf::Error(options.out + ": can't be made: " + error.message());
@@ -54,7 +61,8 @@ int run(Options options) {
     lf::Camera& camera = result.cameras[still.camera];
     if (still.rgb.data().empty()) {
       missing++;
-      std::printf("camera %s: %s\n", lf::cameras::name_of(camera).c_str(), still.problem.c_str());
+      std::printf("camera %s: %s: %s\n", lf::cameras::name_of(camera).c_str(), still.problem.c_str(),
+                  lf::cameras::remedy_of(still.problem).c_str());
       continue;
     }
     camera.image = file_name(*rig, camera);

@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "launch.h"
 #include "log.h"
+#include "rig/rig_json.h"
 
 namespace lf::serve {
 
@@ -30,7 +31,8 @@ void RigReload::changed() {
     return say(std::string("the rig stays as it was: ") + error.what());
   }
   if (!field_.has_cameras_of(*array)) return open(std::move(array));
-  if (field_.array()->hash() == array->hash()) return;
+  // Colours and time offsets are no part of the hash.
+  if (rig_to_json(field_.array()->rig()) == rig_to_json(array->rig())) return;
   field_.take_rig(std::move(array));
   tell();
 }

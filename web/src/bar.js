@@ -34,6 +34,7 @@ export class Bar {
   toggleHelp() {
     this.help.hidden = !this.help.hidden;
     (this.help.hidden ? this.viewer.video : this.help.querySelector('button')).focus();
+    this.help.querySelector('a').href = new URL('cameras.html', this.viewer.stream.endpoint);
     return !this.help.hidden;
   }
 

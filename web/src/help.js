@@ -22,4 +22,5 @@ const kKeys = [['← ↑ ↓ →', 'look around'], ['w a s d q e', 'fly'], ['+ �
 
 export const help = `<header><h2>How to fly</h2><button>Close</button></header>
   <ul>${kGestures.map(([paths, gesture, does]) => `<li>${draw(paths)}<span><b>${gesture}</b> ${does}</span></li>`).join('')}</ul>
-  <dl>${kKeys.map(([key, does]) => `<div><dt>${key.split(' ').map(k => `<kbd>${k}</kbd>`).join(' ')}</dt><dd>${does}</dd></div>`).join('')}</dl>`;
+  <dl>${kKeys.map(([key, does]) => `<div><dt>${key.split(' ').map(k => `<kbd>${k}</kbd>`).join(' ')}</dt><dd>${does}</dd></div>`).join('')}</dl>
+  <a target="_blank" rel="noopener">All cameras, live</a>`;

@@ -76,6 +76,7 @@ export const style = `
   .guide > div { padding: 12px 20px 16px; margin: 12px; border-radius: 10px; background: var(--panel);
     width: min(700px, 100cqw - 24px); box-sizing: border-box; display: grid; gap: 10px; justify-items: start; }
   .guide header { display: flex; justify-content: space-between; align-items: center; width: 100%; }
+  .guide a { color: inherit; }
   .guide h2 { margin: 0; font-size: 18px; }
   .guide ul, .guide dl { margin: 0; padding: 0; list-style: none; display: grid; gap: 6px 18px;
     grid-template-columns: repeat(auto-fit, minmax(min(100%, 260px), 1fr)); width: 100%; }

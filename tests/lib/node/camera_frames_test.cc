@@ -188,10 +188,14 @@ TEST(CameraFrames, TheFrameBeforeADamagedOneServes) {
     ASSERT_EQ(frames.push(compressed(30, three)), Pushed::kTaken);
     EXPECT_EQ(frames.find(30, true)->picture, three);
     bool first = false;
-    EXPECT_EQ(frames.replace_damaged(three.get(), &first)->picture, two);
+    const auto replaced = frames.replace_damaged(three.get(), &first);
+    ASSERT_TRUE(replaced);
+    EXPECT_EQ(replaced->picture, two);
     EXPECT_TRUE(first);
     EXPECT_EQ(frames.find(30, true)->picture, two) << "for all who ask from now on";
-    EXPECT_EQ(frames.replace_damaged(three.get(), &first)->picture, two) << "one that still had it";
+    const auto again = frames.replace_damaged(three.get(), &first);
+    ASSERT_TRUE(again);
+    EXPECT_EQ(again->picture, two) << "one that still had it";
     EXPECT_FALSE(first);
   }
 }

@@ -46,6 +46,7 @@ ViewRequest random_request(std::mt19937& random) {
   r.target_time = random() % 3 ? (uint64_t{random()} << 32) | random() : kNoTime;
   r.absolute_time = random() % 2;
   r.probe = random() % 2;
+  r.rehearsal = random() % 2;
   r.quality = random() % 101;
   r.rig_hash = (uint64_t{random()} << 32) | random();
   r.view.width = 1 + random() % kMaxViewSize;

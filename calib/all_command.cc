@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-calibrate all: recordings of an afternoon become a calibrated rig and a report, one step after the other.
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "base/json_value.h"
+#include "base/number_text.h"
+#include "commands.h"
+#include "recordings.h"
+#include "report_data.h"
+#include "report_page.h"
+#include "report_verdict.h"
+#include "rig/rig_json.h"
+#include "steps.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+struct Options {
+  std::string rig, lights, boards, colour, out, board, charuco;
+  double bar = 0;
+};
+
+class Afternoon {
+ public:
+  explicit Afternoon(const Options& o)
+      : o_(o),
+        out_(o.out.empty() ? (fs::path(o.rig).parent_path() / "calibrated.json").string() : o.out),
+        folder_(fs::path(out_).replace_extension().string()),
+        steps_(folder_) {
+    if (fs::exists(out_) && fs::equivalent(o.rig, out_))
+      throw lf::Error(out_ + ": is the rig that the calibration begins with: give another file as --out");
+    check_folder(o.lights);
+    check_folder(o.boards);
+    if (!o.boards.empty() && o.board.empty())
+      throw lf::Error("--boards: give --board, the inner corners of the board, as 9x6");
+  }
+
+  int run() {
+    std::optional<std::string> rig = geometry();
+    if (rig && !o_.colour.empty()) rig = colour(*rig);
+    if (rig) publish(*rig);
+    return report(rig.has_value());
+  }
+
+ private:
+  std::string file(const char* name) const { return folder_ + "/" + name; }
+
+  // The lenses that boards tell, in a rig file; the rig itself where there are none.
+  std::string lenses() {
+    if (o_.boards.empty()) return o_.rig;
+    const lf::Rig rig = lf::load_rig(o_.rig);
+    json text = lf::parse_json(lf::read_text_file(o_.rig), o_.rig);
+    size_t measured = 0;
+    for (size_t i = 0; i < rig.cameras.size(); i++) {
+      const lf::Camera& camera = rig.cameras[i];
+      const std::vector<std::string> pictures = boards_of(camera);
+      if (pictures.empty()) {
+        std::printf(
+            "boards      camera %u (%s): %s has neither %s.* nor pictures in %s/: its lens is left to the lights\n",
+            camera.id, camera.name.c_str(), o_.boards.c_str(), camera.name.c_str(), camera.name.c_str());
+        continue;
+      }
+      const std::string name = "boards-" + std::to_string(camera.id), out = folder_ + "/" + name + ".json";
+      std::vector<std::string> words = {"intrinsics"};
+      std::vector<std::string> inputs = {o_.rig};
+      for (const std::string& picture : pictures) {
+        words.push_back(picture);
+        inputs.push_back(picture.starts_with("file://") ? picture.substr(7) : picture);
+      }
+      for (const std::string& word : {std::string("--rig"), o_.rig, std::string("--camera"), std::to_string(camera.id),
+                                      std::string("--board"), o_.board, std::string("--out"), out})
+        words.push_back(word);
+      if (!o_.charuco.empty()) words.insert(words.end(), {"--charuco", o_.charuco});
+      if (!steps_.run({name, words, inputs, {out}})) continue;
+      const json found = lf::parse_json(lf::read_text_file(out), out);
+      for (const char* key : {"model", "params", "covariance"}) text["cameras"][i][key] = found["cameras"][i][key];
+      measured++;
+    }
+    if (measured == 0) return o_.rig;
+    lf::Rig with_lenses = lf::parse_rig(text.dump(), o_.rig);
+    with_lenses.directory = rig.directory;
+    lf::relocate(with_lenses, folder_);
+    write_if_other(with_lenses, file("lenses.json"), text);
+    return file("lenses.json");
+  }
+
+  // A folder NAME of pictures, or a video NAME.*.
+  std::vector<std::string> boards_of(const lf::Camera& camera) const {
+    std::vector<std::string> found;
+    const fs::path folder = fs::path(o_.boards) / camera.name;
+    if (fs::is_directory(folder)) {
+      for (const auto& entry : fs::directory_iterator(folder))
+        if (entry.is_regular_file()) found.push_back(entry.path().string());
+      std::ranges::sort(found);
+      return found;
+    }
+    for (const auto& entry : fs::directory_iterator(o_.boards))
+      if (entry.is_regular_file() && entry.path().stem() == camera.name)
+        found.push_back("file://" + fs::absolute(entry.path()).string());
+    return found;
+  }
+
+  std::optional<std::string> geometry() {
+    const std::string prior = lenses();
+    std::vector<std::string> track = {
+        "track", o_.rig, "--recordings", o_.lights, "--out", file("tracks.json"), "--json", file("track.json")};
+    if (o_.bar > 0) track.push_back("--bar");
+    if (!steps_.run({"track", track, {o_.rig, o_.lights}, {file("tracks.json"), file("track.json")}}))
+      return std::nullopt;
+    std::vector<std::string> solve = {
+        "solve",  "--tracks",        file("tracks.json"), "--prior", prior, "--out", file("geometry.json"),
+        "--json", file("solve.json")};
+    if (o_.bar > 0) solve.insert(solve.end(), {"--bar", lf::number_text(o_.bar)});
+    if (!steps_.run({"solve", solve, {file("tracks.json"), prior}, {file("geometry.json"), file("solve.json")}}))
+      return std::nullopt;
+    return file("geometry.json");
+  }
+
+  // What is without is still better than nothing.
+  std::string colour(const std::string& rig) {
+    const std::string coloured = file("coloured.json");
+    const bool done =
+        steps_.run({"colour",
+                    {"colour", rig, "--recording", o_.colour, "--out", coloured, "--json", file("colour.json")},
+                    {rig, o_.colour},
+                    {coloured, file("colour.json")}});
+    colour_failed_ = !done;
+    return done ? coloured : rig;
+  }
+
+  // A rig file that says the same is left as it is: whoever watches it need not read it again.
+  static void write_if_other(const lf::Rig& rig, const std::string& path, const json& text) {
+    const std::string beside = path + ".new";
+    lf::save_rig(rig, beside, &text);
+    if (fs::exists(path) && lf::read_text_file(path) == lf::read_text_file(beside))
+      fs::remove(beside);
+    else
+      fs::rename(beside, path);
+  }
+
+  void publish(const std::string& path) {
+    lf::Rig rig = lf::load_rig(path);
+    const json text = lf::parse_json(lf::read_text_file(path), path);
+    lf::relocate(rig, fs::path(out_).parent_path().string());
+    write_if_other(rig, out_, text);
+  }
+
+  int report(bool has_rig) {
+    ReportData data;
+    std::vector<const char*> reports = {"track.json"};
+    if (has_rig) reports.push_back("solve.json");
+    if (has_rig && !o_.colour.empty() && !colour_failed_) reports.push_back("colour.json");
+    for (const char* name : reports)
+      if (fs::exists(file(name))) data.add(lf::parse_json(lf::read_text_file(file(name)), file(name)), file(name));
+    if (!has_rig) data.findings.push_back({"error", "no-rig", "no rig came of it: the steps' messages say why"});
+    if (colour_failed_)
+      data.findings.push_back(
+          {"warning", "no-colour", "colours are not measured: " + file("colour.log") + " says why"});
+    const ReportVerdict verdict = judge(data);
+    const std::string page = file("report.html");
+    lf::write_text_file(report_page(data, verdict, fs::path(out_).filename().string()), page);
+    std::printf("\n%s\n", verdict.headline.c_str());
+    for (const std::string& step : verdict.next) std::printf("- %s\n", step.c_str());
+    if (has_rig) std::printf("rig         %s\n", out_.c_str());
+    std::printf("report      %s\n", fs::absolute(page).string().c_str());
+    return has_rig && verdict.grade != ReportVerdict::Grade::kBad ? 0 : 1;
+  }
+
+  const Options& o_;
+  const std::string out_, folder_;
+  Steps steps_;
+  bool colour_failed_ = false;
+};
+
+}  // namespace
+
+void add_all_command(cli::App& app, int& status) {
+  const auto o = std::make_shared<Options>();
+  cli::App* command = app.add_subcommand(
+      "all",
+      "The afternoon in one command: lenses, lights, cameras, colours and a report, of recordings. What is done and "
+      "whose inputs have not changed is not done again. Exit status 0: all cameras are fit for use");
+  command->add_option("RIG", o->rig, "Rig file, nominal (lf-rig new); is left as it is")->required();
+  command->add_option("--lights", o->lights, "Folder with NAME.* of each camera: a light moved through the dark")
+      ->required()
+      ->type_name("DIR");
+  command->add_option("--bar", o->bar, "Two lights were moved, so many metres apart: gives the scale")
+      ->check(cli::PositiveNumber);
+  command
+      ->add_option("--boards", o->boards,
+                   "Folder with NAME.*, videos of a checkerboard, or pictures of it in NAME/, of each camera or some")
+      ->type_name("DIR");
+  command->add_option("--board", o->board, "Inner corners of the board along x and y")->type_name("CxR");
+  command->add_option("--charuco", o->charuco, "The board has markers of this dictionary")->type_name("5X5_100");
+  command
+      ->add_option("--colour", o->colour,
+                   "Folder with NAME.* of each camera, or a rig file whose cameras have them: a colour chart, or any "
+                   "scene that they all see")
+      ->type_name("DIR|RIG");
+  command
+      ->add_option("--out", o->out,
+                   "Rig file to write (default: calibrated.json beside RIG); the folder of that "
+                   "name without its ending has the report and all steps")
+      ->type_name("RIG");
+  command->callback([o, &status] { status = Afternoon(*o).run(); });
+}

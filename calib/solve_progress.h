@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <map>
+#include <string>
+
+#include "calibration/solve.h"
+#include "progress.h"
+
+// A progress bar for the steps of a solution, of tracks or of lights with clocks of their own; where standard error is
+// no terminal, a line for each step. Lives as long as the solver may call `options.progress`.
+class SolveProgress {
+ public:
+  SolveProgress(const std::string& what, lf::SolveOptions& options) : bar_(what, 100) {
+    options.progress = [this](const std::string& step) { reach(step); };
+  }
+
+  void finish() { bar_.finish(); }
+
+ private:
+  void reach(const std::string& step) {
+    if (!isatty(STDERR_FILENO)) {
+      std::fprintf(stderr, "%s\n", step.c_str());
+      return;
+    }
+    // Lights are solved twice, roughly and well, with rounds for their clocks in between: 12 of these at most.
+    if (step.starts_with("clocks")) {
+      has_clocks_ = true;
+      if (step.starts_with("clocks: round")) between_ = std::min(65.0, std::max(between_, 30.0) + 3);
+    }
+    static const std::map<std::string, double> kShares = {
+        {"lenses", 0.15}, {"distortion", 0.3}, {"final adjustment", 0.7}, {"uncertainty", 0.9}};
+    const auto share = kShares.find(step);
+    const double in_turn = share == kShares.end() ? 0 : share->second;
+    const double from = !has_clocks_ || between_ == 0 ? 0 : between_;
+    const double to = !has_clocks_ ? 100 : between_ == 0 ? 30 : 100;
+    const bool is_round = step.starts_with("clocks");
+    bar_.reach(is_round ? between_ / 100 : (from + in_turn * (to - from)) / 100, step);
+  }
+
+  Progress bar_;
+  bool has_clocks_ = false;
+  double between_ = 0;  // percent: where the second solution begins
+};

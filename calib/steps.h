@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#pragma once
+
+#include <string>
+#include <vector>
+
+// The steps of an afternoon, each a command of lf-calibrate that runs by itself. What a step was made of is kept beside
+// what it wrote: as long as that is the same, and its files are there, it is not done again.
+class Steps {
+ public:
+  // `folder`: for steps.json and the steps' own words, STEP.log. Throws lf::Error where it can't be made.
+  explicit Steps(const std::string& folder);
+
+  struct Step {
+    std::string name;                    // what people read, and of the log
+    std::vector<std::string> arguments;  // of lf-calibrate
+    std::vector<std::string> inputs;     // files and folders that it reads, all that is in these
+    std::vector<std::string> outputs;    // files; the first is what the step is for
+  };
+  // Runs the step unless there is nothing to do, and prints a line of what came of it. False where it failed and left
+  // nothing to go on with: its error is on standard error then.
+  bool run(const Step& step);
+
+ private:
+  std::string folder_;
+};

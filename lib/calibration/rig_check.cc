@@ -1,0 +1,274 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "calibration/rig_check.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <Eigen/LU>
+
+#include "base/error.h"
+#include "base/number_text.h"
+#include "base/percentiles.h"
+#include "calibration/noise.h"
+#include "calibration/triangulation.h"
+
+namespace lf {
+namespace {
+
+constexpr double kReach = 6;           // pixels within which sights agree on a place
+constexpr size_t kFewestSights = 12;   // by which a pose is placed: 24 numbers for 6
+constexpr double kStandsOut = 4;       // times what other cameras have moved by
+constexpr double kCertain = 5;         // sigmas
+constexpr double kLeastFocal = 2e-3;   // of 1
+constexpr double kBetterByLens = 0.8;  // of what is left without
+constexpr int kMostRounds = 8, kSteps = 25;
+constexpr int kPose = 6, kWithFocal = 7;
+
+// Where a camera sees the light that the others place.
+struct Sighting {
+  Vec3 at;  // in the camera's coordinates, as the rig has it
+  Vec2 pixel;
+};
+
+using Change = Eigen::Matrix<double, kWithFocal, 1>;  // move, turn, focal length of 1
+
+std::optional<Vec2> projected(const Camera& camera, const Vec3& at, const Change& change) {
+  const Vec3 turn(change[3], change[4], change[5]);
+  const double angle = glm::length(turn);
+  const Quat rotation = angle > 0 ? glm::angleAxis(angle, turn / angle) : Quat(1, 0, 0, 0);
+  const auto pixel = camera.lens.project(glm::conjugate(rotation) * (at - Vec3(change[0], change[1], change[2])));
+  if (!pixel) return std::nullopt;
+  const Vec2 centre = camera.principal_point();
+  return centre + (1 + change[6]) * (*pixel - centre);
+}
+
+struct Fit {
+  Change change = Change::Zero();
+  Change sigma = Change::Zero();
+  double left = 0;  // median of the residuals, pixels
+};
+
+double median_residual(const Camera& camera, const std::vector<Sighting>& sightings, const Change& change) {
+  std::vector<double> lengths;
+  for (const Sighting& s : sightings) {
+    const auto pixel = projected(camera, s.at, change);
+    lengths.push_back(pixel ? glm::length(*pixel - s.pixel) : 1e3);
+  }
+  return median(std::move(lengths));
+}
+
+// The pose, and with `terms` = kWithFocal the focal length, under which the camera sees what it did: Gauss and Newton,
+// sights that are far off counting less (Cauchy), on a scale that follows what is left.
+Fit fit_change(const Camera& camera, const std::vector<Sighting>& sightings, int terms) {
+  Fit fit;
+  using Information = Eigen::Matrix<double, kWithFocal, kWithFocal>;
+  Information information;
+  for (int step = 0; step < kSteps; step++) {
+    const double scale = std::max(0.02, 2 * median_residual(camera, sightings, fit.change));
+    information = 1e-9 * Information::Identity();
+    Change gradient = Change::Zero();
+    for (const Sighting& s : sightings) {
+      const auto now = projected(camera, s.at, fit.change);
+      if (!now) continue;
+      Eigen::Matrix<double, 2, kWithFocal> by = Eigen::Matrix<double, 2, kWithFocal>::Zero();
+      bool known = true;
+      for (int k = 0; k < terms; k++) {
+        constexpr double kTiny = 1e-6;
+        Change there = fit.change;
+        there[k] += kTiny;
+        const auto moved = projected(camera, s.at, there);
+        if (!(known = known && moved)) break;
+        by.col(k) << (moved->x - now->x) / kTiny, (moved->y - now->y) / kTiny;
+      }
+      if (!known) continue;
+      const Eigen::Vector2d e(s.pixel.x - now->x, s.pixel.y - now->y);
+      const double weight = 1 / (1 + e.squaredNorm() / (scale * scale));
+      information += weight * by.transpose() * by;
+      gradient += weight * by.transpose() * e;
+    }
+    const Change moved = information.ldlt().solve(gradient);
+    if (!moved.allFinite()) break;
+    fit.change += moved;
+    if (moved.norm() < 1e-10) break;
+  }
+  fit.left = median_residual(camera, sightings, fit.change);
+  // Of normal errors in x and y the median length is 1.1774 sigmas.
+  fit.sigma = information.inverse().diagonal().cwiseMax(0).cwiseSqrt() * (fit.left / 1.1774);
+  for (int k = terms; k < kWithFocal; k++) fit.sigma[k] = 0;
+  return fit;
+}
+
+class Checker {
+ public:
+  Checker(const Rig& rig, const Tracks& tracks) : tracks_(tracks) {
+    lights_ = tracks.bar ? 2 : 1;
+    lists_.resize(tracks.num_positions * lights_);
+    for (uint32_t i = 0; i < tracks.observations.size(); i++) {
+      const Observation& o = tracks.observations[i];
+      lists_[o.position * lights_ + o.light].push_back(i);
+    }
+    for (const Tracks::Camera& seen : tracks.cameras) {
+      const auto index = rig.index_of_id(seen.id);
+      if (!index) throw Error("camera " + std::to_string(seen.id) + " of the recording is not in the rig");
+      Camera camera = rig.cameras[*index];
+      if (camera.width != seen.width || camera.height != seen.height)
+        throw Error("camera " + std::to_string(seen.id) + " has " + size_text(seen.width, seen.height) +
+                    " pixels in the recording, " + size_text(camera.width, camera.height) +
+                    " in the rig: record with the size that the rig is calibrated for");
+      // Relative to the first: nothing is lost far from the origin.
+      camera.pose.position -= rig.cameras[0].pose.position;
+      CameraState state;
+      state.set_pose(camera.pose);
+      state.set_lens(camera.lens);
+      state.width = camera.width, state.height = camera.height;
+      state.used = true;
+      cameras_.push_back(camera);
+      states_.push_back(state);
+    }
+  }
+
+  RigCheck run() {
+    for (int round = 0; round < kMostRounds; round++) {
+      place_lights();
+      for (size_t i = 0; i < cameras_.size(); i++) judge(i);
+      if (!leave_out_the_worst()) break;
+    }
+    return finish();
+  }
+
+ private:
+  void place_lights() {
+    points_.assign(lists_.size(), std::nullopt);
+    for (size_t j = 0; j < lists_.size(); j++) {
+      // Two cameras always agree on something, nearly: it takes a third to tell.
+      if (const auto found = triangulate(states_, tracks_, lists_[j], kReach); found && found->agreement > 2)
+        points_[j] = found->point;
+    }
+    sightings_.assign(cameras_.size(), {});
+    for (size_t j = 0; j < lists_.size(); j++)
+      for (const uint32_t index : lists_[j]) {
+        const Observation& o = tracks_.observations[index];
+        if (points_[j])
+          sightings_[o.camera].push_back({cameras_[o.camera].pose.camera_from_world(*points_[j]), o.pixel});
+      }
+    if (std::ranges::none_of(points_, [](const auto& point) { return point.has_value(); }))
+      throw Error(
+          "no three cameras see the light where this rig lets them: is it the rig of these cameras, and are their "
+          "names those of the recordings?");
+  }
+
+  void judge(size_t i) {
+    RigCheck::Camera& result = result_[i];
+    result = {};
+    result.id = cameras_[i].id;
+    const std::vector<Sighting>& seen = sightings_[i];
+    result.sights = seen.size();
+    if (seen.size() < kFewestSights) return;
+    result.state = RigCheck::State::kHolds;
+    result.residual_px = median_residual(cameras_[i], seen, Change::Zero());
+    Fit fit = fit_change(cameras_[i], seen, kPose);
+    const Fit with_focal = fit_change(cameras_[i], seen, kWithFocal);
+    const double focal = std::abs(with_focal.change[6]);
+    const bool lens =
+        with_focal.left < kBetterByLens * fit.left && focal > kLeastFocal && focal > kCertain * with_focal.sigma[6];
+    if (lens) fit = with_focal, result.focal_change = fit.change[6];
+    std::vector<double> shifts;
+    for (const Sighting& s : seen) {
+      const auto then = projected(cameras_[i], s.at, Change::Zero()), now = projected(cameras_[i], s.at, fit.change);
+      if (then && now) shifts.push_back(glm::length(*now - *then));
+    }
+    if (!shifts.empty()) result.shift_px = median(std::move(shifts));
+    result.noise_px = fit.left;
+    for (int k = 0; k < 3; k++) {
+      result.move[k] = fit.change[k], result.move_sigma[k] = fit.sigma[k];
+      result.turn[k] = fit.change[3 + k], result.turn_sigma[k] = fit.sigma[3 + k];
+    }
+  }
+
+  double usual_shift() const {
+    std::vector<double> shifts;
+    for (size_t i = 0; i < cameras_.size(); i++)
+      if (states_[i].used && result_[i].state != RigCheck::State::kUnknown) shifts.push_back(result_[i].shift_px);
+    return shifts.empty() ? 0 : median(std::move(shifts));
+  }
+  double bound() const { return std::max(kLeastShift, kStandsOut * usual_shift()); }
+
+  // Of the cameras that place the lights those that are farthest off are asked no more: they pull at all others'. One
+  // that was left out for another's sake is asked again.
+  bool leave_out_the_worst() {
+    const double most = bound();
+    double worst = 0;
+    size_t used = 0;
+    bool changed = false;
+    for (size_t i = 0; i < cameras_.size(); i++) {
+      if (!states_[i].used && result_[i].shift_px <= most) states_[i].used = changed = true;
+      used += states_[i].used;
+      if (states_[i].used) worst = std::max(worst, result_[i].shift_px);
+    }
+    if (worst <= most) return changed;
+    for (size_t i = 0; i < cameras_.size() && used > 3; i++)
+      if (states_[i].used && result_[i].shift_px > std::max(most, worst / 2))
+        states_[i].used = false, used--, changed = true;
+    return changed;
+  }
+
+  RigCheck finish() {
+    RigCheck check;
+    const double most = bound();
+    std::vector<double> residuals;
+    size_t known = 0, off = 0;
+    for (size_t i = 0; i < cameras_.size(); i++) {
+      RigCheck::Camera& camera = result_[i];
+      if (camera.state == RigCheck::State::kUnknown) continue;
+      known++;
+      if (camera.shift_px > most) {
+        camera.state = camera.focal_change != 0 ? RigCheck::State::kLens : RigCheck::State::kMoved;
+        off++;
+      } else {
+        residuals.push_back(camera.residual_px);
+      }
+    }
+    check.is_lost = known < 3 || 2 * off >= known;
+    check.shift_px = usual_shift();
+    check.lights = static_cast<size_t>(std::ranges::count_if(points_, [](const auto& p) { return p.has_value(); }));
+    if (!residuals.empty()) check.residual_px = median(std::move(residuals));
+    measure_bar(check);
+    check.cameras = std::move(result_);
+    return check;
+  }
+
+  void measure_bar(RigCheck& check) const {
+    if (lights_ < 2) return;
+    std::vector<double> lengths;
+    for (size_t j = 0; j + 1 < points_.size(); j += 2)
+      if (points_[j] && points_[j + 1]) lengths.push_back(glm::length(*points_[j] - *points_[j + 1]));
+    if (lengths.empty()) return;
+    check.bar = median(lengths);
+    for (double& length : lengths) length = std::abs(length - *check.bar);
+    check.bar_spread = 1.4826 * median(std::move(lengths));
+  }
+
+  const Tracks& tracks_;
+  size_t lights_ = 1;
+  std::vector<std::vector<uint32_t>> lists_;  // observations of each light at each position
+  std::vector<Camera> cameras_;
+  std::vector<CameraState> states_;  // `used`: takes part in placing the lights
+  std::vector<std::optional<Vec3>> points_;
+  std::vector<std::vector<Sighting>> sightings_;
+  std::vector<RigCheck::Camera> result_ = std::vector<RigCheck::Camera>(tracks_.cameras.size());
+};
+
+}  // namespace
+
+bool RigCheck::holds() const {
+  return !is_lost && shift_px <= kLeastShift && std::ranges::all_of(cameras, [](const Camera& camera) {
+    return camera.state == State::kHolds || camera.state == State::kUnknown;
+  });
+}
+
+RigCheck check_calibration(const Rig& rig, const Tracks& tracks) { return Checker(rig, tracks).run(); }
+
+}  // namespace lf

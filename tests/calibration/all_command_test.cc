@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-calibrate all: from recordings to a rig and a report, and what it says of recordings that are of no use.
+#include <filesystem>
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/json_value.h"
+#include "rig/rig_json.h"
+#include "scene/scene.h"
+#include "support/run_program.h"
+#include "support/temp_dir.h"
+
+namespace lf {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+namespace fs = std::filesystem;
+
+// Recordings that all tests begin with: four cameras, a bar, a chart.
+class AllCommand : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    material_ = std::make_unique<TempDir>();
+    save_rig(scene_rig(2, 2, 240, 180), *material_ / "rig.json");
+    for (const char* arguments : {"lights --rig rig.json --out lights --framerate 15 --seconds 6",
+                                  "chart --rig rig.json --out chart --places 8 --faults 3"}) {
+      const Outcome filmed = run_program("../tools/lf-scene", arguments, material_->path());
+      ASSERT_EQ(filmed.status, 0) << filmed.output;
+    }
+  }
+  static void TearDownTestSuite() { material_.reset(); }
+
+  AllCommand() {
+    fs::copy(material_->path(), dir_.path(), fs::copy_options::recursive);
+    const Rig rig = load_rig(dir_ / "rig.json");
+    for (const Camera& camera : rig.cameras) names_.push_back(camera.name);
+  }
+  Outcome all(const std::string& arguments) {
+    return run_program("lf-calibrate", "all rig.json " + arguments, dir_.path());
+  }
+  std::string light(int camera) const { return dir_ / "lights/" + names_[static_cast<size_t>(camera)] + ".mkv"; }
+
+  static std::unique_ptr<TempDir> material_;
+  const TempDir dir_;
+  std::vector<std::string> names_;
+};
+std::unique_ptr<TempDir> AllCommand::material_;
+
+TEST_F(AllCommand, TheAfternoonAndOnlyWhatChangedIsDoneAgain) {
+  const std::string arguments = "--lights lights --bar 0.3 --colour chart --out field.json";
+  const Outcome first = all(arguments);
+  ASSERT_EQ(first.status, 0) << first.output;
+  EXPECT_THAT(first.output, AllOf(HasSubstr("tracks.json: 4 of 4 cameras"), HasSubstr("geometry.json: 4 of 4 cameras"),
+                                  HasSubstr("4 of 4 cameras corrected"), HasSubstr("report      "),
+                                  HasSubstr("field/report.html"), Not(HasSubstr("as before"))));
+  const Rig rig = load_rig(dir_ / "field.json");
+  EXPECT_EQ(rig.cameras.size(), 4u);
+  EXPECT_TRUE(rig.has_colour());
+  EXPECT_THAT(read_text_file(dir_ / "field/report.html"), AllOf(HasSubstr("Colours"), HasSubstr("Residuals")));
+  EXPECT_EQ(read_text_file(dir_ / "rig.json"), read_text_file(*material_ / "rig.json"));
+
+  const auto written = fs::last_write_time(dir_ / "field.json");
+  const Outcome again = all(arguments);
+  EXPECT_EQ(again.status, 0) << again.output;
+  EXPECT_THAT(again.output, AllOf(HasSubstr("track       as before: "), HasSubstr("solve       as before: "),
+                                  HasSubstr("colour      as before: ")));
+  EXPECT_EQ(fs::last_write_time(dir_ / "field.json"), written) << "whoever watches it need not read it again";
+
+  // Another chart: the colours alone.
+  fs::last_write_time(dir_ / "chart/rig.json", fs::file_time_type::clock::now());
+  const Outcome other = all(arguments);
+  EXPECT_THAT(other.output, AllOf(HasSubstr("track       as before: "), HasSubstr("solve       as before: "),
+                                  Not(HasSubstr("colour      as before: "))));
+  // What a step wrote is gone.
+  fs::remove(dir_ / "field/geometry.json");
+  EXPECT_THAT(all(arguments).output,
+              AllOf(HasSubstr("track       as before: "), Not(HasSubstr("solve       as before: "))));
+}
+
+void make_video(const std::string& path, const std::string& source) {
+  const std::string line = "gst-launch-1.0 -q " + source +
+                           " ! video/x-raw,width=240,height=180,framerate=15/1 ! jpegenc ! matroskamux ! filesink "
+                           "location='" +
+                           path + "'";
+  ASSERT_EQ(std::system(line.c_str()), 0) << line;
+}
+
+TEST_F(AllCommand, WhatIsWrongIsSaidWithWhatToDo) {
+  const auto all_lights = [&](const std::string& source) {
+    for (int i = 0; i < 4; i++) make_video(light(i), source);
+  };
+  const struct {
+    const char* what;
+    std::function<void()> spoil;
+    const char* arguments;
+    int status;
+    std::vector<const char*> said;
+  } cases[] = {
+      {"one camera is black",
+       [&] { make_video(light(1), "videotestsrc num-buffers=60 pattern=black"); },
+       "--lights lights --bar 0.3",
+       1,
+       {"3 of 4 cameras", "(not all is well)", "1 camera of 4 needs you", "is there a cap on the lens", "report.html"}},
+      {"no light",
+       [&] { all_lights("videotestsrc num-buffers=30 pattern=solid-color foreground-color=0xff202020"); },
+       "--lights lights",
+       1,
+       {"fewer than two cameras saw a moving light", "is it on, in the picture, and bright enough", "report.html"}},
+      {"a room that is not dark",
+       [&] { all_lights("videotestsrc num-buffers=30 pattern=solid-color foreground-color=0xff909090"); },
+       "--lights lights",
+       1,
+       {"the room is not dark", "Draw the curtains"}},
+      {"another rig's recordings",
+       [&] { fs::rename(light(2), dir_ / "lights/other.mkv"); },
+       "--lights lights --bar 0.3",
+       1,
+       {"has no recording cam_01_00.*"}},
+      {"no folder", [] {}, "--lights nowhere", 1, {"nowhere: is no folder"}},
+      {"a board without its size", [] {}, "--lights lights --boards chart", 1, {"--boards: give --board"}},
+      {"the wrong board",
+       [] {},
+       "--lights lights --bar 0.3 --boards chart --board 9x6",
+       0,
+       {"no image shows the board of 9x6 inner corners: is that the board", "boards-0    failed"}},
+      {"no chart", [] {}, "--lights lights --bar 0.3 --colour nowhere", 0, {"colours are not measured"}},
+      {"onto itself", [] {}, "--lights lights --out rig.json", 1, {"give another file as --out"}},
+  };
+  for (const auto& c : cases) {
+    SCOPED_TRACE(c.what);
+    fs::remove_all(dir_ / "lights");
+    fs::copy(*material_ / "lights", dir_ / "lights", fs::copy_options::recursive);
+    c.spoil();
+    const Outcome outcome = all(c.arguments);
+    EXPECT_EQ(outcome.status, c.status) << outcome.output;
+    for (const char* said : c.said) EXPECT_THAT(outcome.output, HasSubstr(said));
+    if (HasFailure()) return;
+  }
+}
+
+}  // namespace
+}  // namespace lf

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "calibration/rig_check.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "calibration/simulator.h"
+#include "support/expect_error.h"
+
+namespace lf {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr double kDegree = M_PI / 180;
+
+Rig array() {
+  sim::ArrayOptions options;
+  options.rows = options.columns = 3;
+  return sim::make_array(options, 3);
+}
+
+Tracks film(const Rig& rig, double noise = 0.05) {
+  sim::PathOptions path;
+  path.bar = 0.3, path.noise = noise, path.missed = 0.1, path.outliers = 0.05;
+  return sim::watch(rig, path, 7).tracks;
+}
+
+// By angles about its own axes, and a shift along them.
+void disturb(Camera& camera, const Vec3& degrees, const Vec3& metres) {
+  camera.pose.position += camera.pose.rotation() * metres;
+  for (int k = 0; k < 3; k++) {
+    Vec3 axis(0, 0, 0);
+    axis[k] = 1;
+    camera.pose.orientation = camera.pose.orientation * glm::angleAxis(degrees[k] * kDegree, axis);
+  }
+}
+
+std::vector<uint32_t> moved(const RigCheck& check) {
+  std::vector<uint32_t> ids;
+  for (const RigCheck::Camera& camera : check.cameras)
+    if (camera.state != RigCheck::State::kHolds) ids.push_back(camera.id);
+  return ids;
+}
+
+TEST(RigCheck, ARigThatIsAsItWasHolds) {
+  const Rig rig = array();
+  const RigCheck check = check_calibration(rig, film(rig));
+  EXPECT_TRUE(check.holds());
+  EXPECT_TRUE(diagnose_check(rig, check, 0.3).empty());
+  EXPECT_GT(check.lights, 150u);
+  EXPECT_LT(check.residual_px, 0.1);
+  ASSERT_TRUE(check.bar);
+  EXPECT_NEAR(*check.bar, 0.3, 0.002);
+  EXPECT_TRUE(check_report(rig, check, {})["holds"].get<bool>());
+}
+
+// What became of one camera, and what has to be said of it.
+struct Case {
+  const char* what;
+  Vec3 degrees, metres;
+  std::vector<const char*> said;
+};
+
+TEST(RigCheck, WhoMovedAndByHowMuch) {
+  const Case cases[] = {
+      {"panned", {0, 0.2, 0}, {0, 0, 0}, {"turned by 0.2", "to the right (degrees)"}},
+      {"tilted", {0.5, 0, 0}, {0, 0, 0}, {"turned by 0.5", "up"}},
+      {"rolled", {0, 0, -1}, {0, 0, 0}, {"anticlockwise"}},
+      {"pushed aside", {0, 0, 0}, {-0.004, 0, 0}, {"moved by", "to the left"}},
+      {"knocked over", {3, -6, 2}, {0.01, 0.02, 0}, {"to the left", "moved by", "down"}},
+  };
+  const Rig rig = array();
+  for (const Case& c : cases) {
+    SCOPED_TRACE(c.what);
+    Rig now = rig;
+    disturb(now.cameras[4], c.degrees, c.metres);
+    const RigCheck check = check_calibration(rig, film(now));
+    EXPECT_FALSE(check.holds());
+    EXPECT_EQ(moved(check), std::vector<uint32_t>{4});
+    const RigCheck::Camera& camera = check.cameras[4];
+    for (int k = 0; k < 3; k++) {
+      // As far apart as both say: the rotations of `disturb` follow each other.
+      EXPECT_NEAR(camera.turn[k] / kDegree, c.degrees[k],
+                  0.05 + 5 * camera.turn_sigma[k] / kDegree + 0.04 * glm::length(c.degrees))
+          << k;
+      EXPECT_NEAR(camera.move[k], c.metres[k], 1e-3 + 5 * camera.move_sigma[k]) << k;
+    }
+    const auto findings = diagnose_check(rig, check, 0.3);
+    ASSERT_EQ(findings.size(), 1u);
+    EXPECT_EQ(findings[0].code, "moved-camera");
+    EXPECT_THAT(findings[0].text, HasSubstr("camera 4 (" + rig.cameras[4].name + ") has moved, its picture by"));
+    for (const char* part : c.said) EXPECT_THAT(findings[0].text, HasSubstr(part));
+  }
+}
+
+TEST(RigCheck, SeveralThatMoved) {
+  const Rig rig = array();
+  Rig now = rig;
+  disturb(now.cameras[0], {0, 0.1, 0}, {0, 0, 0});
+  disturb(now.cameras[5], {1, 0, 0}, {0, 0, 0});
+  disturb(now.cameras[7], {0, 0, 0}, {0, 0.01, 0});
+  EXPECT_EQ(moved(check_calibration(rig, film(now))), (std::vector<uint32_t>{0, 5, 7}));
+}
+
+TEST(RigCheck, AFocusThatWasTurned) {
+  const Rig rig = array();
+  Rig now = rig;
+  const Lens lens = rig.cameras[2].lens;
+  now.cameras[2].lens = Lens(LensModel::kRadial, {lens.fx() * 1.02, lens.cx(), lens.cy(), lens.k1(), lens.k2()});
+  const RigCheck check = check_calibration(rig, film(now));
+  EXPECT_EQ(moved(check), std::vector<uint32_t>{2});
+  EXPECT_EQ(check.cameras[2].state, RigCheck::State::kLens);
+  EXPECT_NEAR(check.cameras[2].focal_change, 0.02, 0.003);
+  const auto findings = diagnose_check(rig, check, 0);
+  ASSERT_EQ(findings.size(), 1u);
+  EXPECT_THAT(findings[0].text, HasSubstr("focal length has changed by +2."));
+}
+
+TEST(RigCheck, WhatNobodySawIsNotSaidToHold) {
+  const Rig rig = array();
+  Tracks tracks = film(rig);
+  std::erase_if(tracks.observations, [](const Observation& o) { return o.camera == 6; });
+  const RigCheck check = check_calibration(rig, tracks);
+  EXPECT_EQ(check.cameras[6].state, RigCheck::State::kUnknown);
+  const auto findings = diagnose_check(rig, check, 0.25);
+  ASSERT_EQ(findings.size(), 2u);
+  EXPECT_EQ(findings[0].code, "unseen-camera");
+  EXPECT_EQ(findings[1].code, "wrong-scale") << "the bar is 0.3 m long";
+}
+
+TEST(RigCheck, ABentRigIsLost) {
+  const Rig rig = array();
+  Rig now = rig;
+  for (size_t i = 0; i < 9; i++) disturb(now.cameras[i], {0.3 * (i % 2 ? 1 : -1), 0.4 * (i % 3) - 0.4, 0}, {0, 0, 0});
+  const RigCheck check = check_calibration(rig, film(now));
+  EXPECT_FALSE(check.holds());
+  const auto findings = diagnose_check(rig, check, 0);
+  ASSERT_FALSE(findings.empty());
+  EXPECT_THAT(findings[0].text, HasSubstr("anew"));
+}
+
+TEST(RigCheck, MistakesAreNamed) {
+  const Rig rig = array();
+  Tracks tracks = film(rig);
+  tracks.cameras[3].id = 77;
+  EXPECT_ERROR(check_calibration(rig, tracks), "camera 77 of the recording is not in the rig");
+  tracks = film(rig);
+  tracks.cameras[3].width = 640;
+  EXPECT_ERROR(check_calibration(rig, tracks), "camera 3 has 640x240 pixels in the recording, 320x240 in the rig");
+  tracks = film(rig);
+  tracks.observations.clear();
+  EXPECT_ERROR(check_calibration(rig, tracks), "no three cameras see the light");
+}
+
+}  // namespace
+}  // namespace lf
