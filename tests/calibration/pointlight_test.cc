@@ -43,10 +43,12 @@ TEST_F(Pointlight, WithoutDistortion) { EXPECT_LE(solve(DistortionModel{0, false
 
 TEST_F(Pointlight, WithTwoTerms) { EXPECT_LE(solve(DistortionModel{2, false})["mean_px"], 0.48); }
 
-TEST_F(Pointlight, TheTracksCallForTwoTerms) {
+// Of observations held out, k1 and k2 foretell 0.380 px, with p1 and p2 0.338.
+TEST_F(Pointlight, TheTracksCallForFourTerms) {
   const auto report = solve(std::nullopt);
-  EXPECT_EQ(report["model"], "k1, k2, per camera");
-  EXPECT_LE(report["mean_px"], 0.48);
+  EXPECT_EQ(report["model"], "k1, k2, p1, p2, per camera");
+  EXPECT_LE(report["mean_px"], 0.46);
+  EXPECT_LE(report["median_px"], 0.19);
 }
 
 }  // namespace
