@@ -138,8 +138,9 @@ TEST(Colmap, SizesOfImageFilesMustAgree) {
   EXPECT_EQ(import_colmap(dir.path()).rig.cameras[0].image, std::filesystem::proximate(dir / "images/a.png"));
   EXPECT_TRUE(import_colmap(dir.path()).notes.empty());
   save_image(Image(PixelFamily::kRgb, 8, 2), dir / "images/a.png");
-  EXPECT_ERROR(import_colmap(dir.path()),
-               dir / "images/a.png" + ": is 8x2, its camera 1 in cameras.txt 4x3; is it an undistorted image?");
+  EXPECT_ERROR(import_colmap(dir.path()), dir / "images/a.png" +
+                                              ": is 8x2, its camera 1 in cameras.txt 4x3; is it an undistorted image "
+                                              "(lf-rig import colmap --undistorted)?");
   dir.write("images/a.png", "not a picture");
   EXPECT_ERROR(import_colmap(dir.path()), dir / "images/a.png");
   EXPECT_ERROR(import_colmap(dir.path(), {dir / "nowhere"}), "nowhere: can't be read");
