@@ -174,7 +174,7 @@ TEST(CommandCodec, NamesTheFieldThatIsWrong) {
     uint64_t value;
     const char* reason;
   } warp_rows[] = {
-      {6, 2, 4, "flags: unknown bits 4"},
+      {6, 2, 8, "flags: unknown bits 8"},
       {36, 2, 0, "width: must be 1 to 16384 pixels, is 0"},
       {40, 1, 101, "quality: must be 0 to 100, is 101"},
       {41, 1, 9, "lens model: 9 is unknown"},

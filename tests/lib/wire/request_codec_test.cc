@@ -285,7 +285,7 @@ TEST(RequestCodec, NamesTheFieldThatIsWrong) {
       {4, 1, 2, "version: 2 is not supported, only 1"},
       {4, 1, 0, "version: 0 is not supported, only 1"},
       {5, 1, 2, "type: 2 is not supported in request units"},
-      {6, 2, 6, "flags: unknown bits 4"},
+      {6, 2, 10, "flags: unknown bits 8"},
       {8, 4, 171, "length: the unit says 171 bytes, there are 172"},
       {8, 4, 0, "length: 0 bytes, must be 12 to 1048576"},
       {8, 4, 0xffffffff, "length: 4294967295 bytes, must be 12 to 1048576"},
