@@ -13,11 +13,11 @@
 #include <string>
 #include <vector>
 
+#include <ceres/ceres.h>
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/LU>
 #include <Eigen/SVD>
-#include <ceres/ceres.h>
 
 #include "base/vec.h"
 

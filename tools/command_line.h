@@ -12,8 +12,8 @@ class Option;
 class Validator;
 }  // namespace CLI
 
-// The part of CLI11 that our programs use, under its names and compiled once: CLI11 is all headers, and each main() that
-// includes it costs several seconds of compiling. Nothing here is safe for several threads.
+// The part of CLI11 that our programs use, under its names and compiled once: CLI11 is all headers, and each main()
+// that includes it costs several seconds of compiling. Nothing here is safe for several threads.
 namespace cli {
 
 // What a value must be.

@@ -172,7 +172,8 @@ static GstPadProbeReturn lf_compositor_request_arrives(GstPad*, GstPadProbeInfo*
     return GST_PAD_PROBE_DROP;  // for cameras
   if (!self->guard->admits(GST_ELEMENT(self), mapped.bytes(), self->state->extent, self->state->live))
     return GST_PAD_PROBE_DROP;
-  if (!peek->head.probe && !peek->head.rehearsal) self->state->stats.request_arrived(peek->head.sequence, g_get_monotonic_time());
+  if (!peek->head.probe && !peek->head.rehearsal)
+    self->state->stats.request_arrived(peek->head.sequence, g_get_monotonic_time());
   return GST_PAD_PROBE_OK;
 }
 

@@ -14,8 +14,8 @@ namespace {
 constexpr double kNearestMeant = 0.3;  // of the focus distance
 constexpr double kAround = 1.5;        // the second stage: by which factor nearer and farther
 constexpr int kPlanes = static_cast<int>(kMaxTrials) - 1;
-constexpr double kFarFocus = 3;        // so much farther than it reaches, a focus says nothing of what is near
-constexpr double kInside = 0.9;        // of that factor
+constexpr double kFarFocus = 3;  // so much farther than it reaches, a focus says nothing of what is near
+constexpr double kInside = 0.9;  // of that factor
 constexpr double kFarthestApart = FocalMap::kFinestStep / 2.0;  // pixels
 
 }  // namespace

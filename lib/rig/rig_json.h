@@ -9,8 +9,8 @@
 
 namespace lf {
 
-// rig.json ("format": "lightfield-rig", "version": 1), see docs/guide-cameras.md. Every error names the file and the place in it:
-// "FILE: cameras[3].params[0]: must be a finite number".
+// rig.json ("format": "lightfield-rig", "version": 1), see docs/guide-cameras.md. Every error names the file and the
+// place in it: "FILE: cameras[3].params[0]: must be a finite number".
 
 // Throws Error. Sets Rig::directory to the file's folder.
 Rig load_rig(const std::string& path);

@@ -127,8 +127,7 @@ BENCHMARK(TrialPlan);
 void TrialLevels(benchmark::State& state) {
   const Scene scene(PixelFamily::kRgb);
   for (auto _ : state)
-    for (const Trial& trial : trials_of_round(0))
-      benchmark::DoNotOptimize(trial_levels(scene.focused, trial));
+    for (const Trial& trial : trials_of_round(0)) benchmark::DoNotOptimize(trial_levels(scene.focused, trial));
   count(state);
 }
 BENCHMARK(TrialLevels);

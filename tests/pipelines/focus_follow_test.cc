@@ -93,10 +93,10 @@ class FollowedPlace : public testing::TestWithParam<const char*> {
 TEST_P(FollowedPlace, IsInFocusAsItMoves) {
   save_rig(scene_rig(2, 2, 120, 90), dir_ / "rig.json");
   const std::string rig = " rig=" + dir_ / "rig.json", small = " ! queue max-size-buffers=1 ! ";
-  const ElementPtr pipeline =
-      launch("lfviewrequest name=v focus-continuous=true focus-distance=30 x=0 y=0 fov=33.4 framerate=8/1 num-buffers=58" + rig +
-             " ! tee name=r  r." + small + "n.request  lfcameranode name=n" + rig + small + "c.sink_0  r." + small +
-             "c.request  lfcompositor name=c" + rig + " " + GetParam() + " ! fakesink name=s sync=false");
+  const ElementPtr pipeline = launch(
+      "lfviewrequest name=v focus-continuous=true focus-distance=30 x=0 y=0 fov=33.4 framerate=8/1 num-buffers=58" +
+      rig + " ! tee name=r  r." + small + "n.request  lfcameranode name=n" + rig + small + "c.sink_0  r." + small +
+      "c.request  lfcompositor name=c" + rig + " " + GetParam() + " ! fakesink name=s sync=false");
   ASSERT_TRUE(pipeline);
   const ElementPtr viewer(gst_bin_get_by_name(GST_BIN(pipeline.get()), "v"));
   const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));

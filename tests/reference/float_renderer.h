@@ -19,8 +19,8 @@ struct FloatFragment {
   std::vector<float> valid, lost;  // weights 0..1 per pixel of `rect`, row-major
 };
 
-// `camera` is `rig_camera`'s index in the rig of the plan, `image` of its size (else Error); `owners` cover the camera's
-// rectangle, chroma-aligned for kI420. Nothing if the camera has no weight anywhere in the view.
+// `camera` is `rig_camera`'s index in the rig of the plan, `image` of its size (else Error); `owners` cover the
+// camera's rectangle, chroma-aligned for kI420. Nothing if the camera has no weight anywhere in the view.
 std::optional<FloatFragment> render_float(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
                                           const Camera& rig_camera, const ImageView& image,
                                           Resampling resampling = Resampling::kBilinear);

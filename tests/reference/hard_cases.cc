@@ -197,18 +197,21 @@ std::vector<HardCase> hard_cases() {
       },
       {.least_owned = 0});
   add("focal map: steps of depth", [](Random& r) {
-    return turned_with_map(array(), view_at({0.1, 0.1, -0.6}), 0.2, 2, [&](int) { return r.integer(0, 255); }, r);
+    return turned_with_map(
+        array(), view_at({0.1, 0.1, -0.6}), 0.2, 2, [&](int) { return r.integer(0, 255); }, r);
   });
   add("focal map: slopes up to infinity", [](Random& r) {
-    return turned_with_map(array(), view_at({0.1, 0.1, r.uniform(-0.6, 0)}), 0, 1, [](int i) { return i * 7 % 256; },
-                           r);
+    return turned_with_map(
+        array(), view_at({0.1, 0.1, r.uniform(-0.6, 0)}), 0, 1, [](int i) { return i * 7 % 256; }, r);
   });
   add("focal map: one plane", [](Random& r) {
     const int level = r.integer(1, 255);
-    return turned_with_map(array(), view_at({0.1, 0.1, -0.6}), 0.1, 1, [=](int) { return level; }, r);
+    return turned_with_map(
+        array(), view_at({0.1, 0.1, -0.6}), 0.1, 1, [=](int) { return level; }, r);
   });
   add("focal map: parts behind the eye", [](Random& r) {
-    return turned_with_map(array(), view_at({0.1, 0.1, 0.6}), 0.5, 4, [](int i) { return i % 12 < 6 ? 0 : 255; }, r);
+    return turned_with_map(
+        array(), view_at({0.1, 0.1, 0.6}), 0.5, 4, [](int i) { return i % 12 < 6 ? 0 : 255; }, r);
   });
   add("triangles straddle the eye's plane", [](Random& r) {
     const Rig rig = triangles({{-1, -1, -1}, {1, -1, 1}, {1, 1, 1.2}, {-1, 1, -0.8}}, {{0, 1, 2}, {0, 2, 3}});

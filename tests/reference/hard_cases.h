@@ -7,8 +7,8 @@
 
 #include "reference/generators.h"
 
-// The hard cases of numerical stability: one list for the tests that hold the bounds and for `bench-render numerics`, which
-// prints what is left of them.
+// The hard cases of numerical stability: one list for the tests that hold the bounds and for `bench-render numerics`,
+// which prints what is left of them.
 namespace lf::reference {
 
 struct HardCase {

@@ -21,8 +21,10 @@ int main(int argc, char** argv) {
     std::vector<std::unique_ptr<lf::test::WhepClient>> viewers;
     for (int i = 0; i < std::atoi(argv[2]); i++) {
       viewers.push_back(std::make_unique<lf::test::WhepClient>(options));
-      viewers.back()->send("{\"id\":1,\"request\":{\"type\":\"customUpstreamEvent\",\"structureName\":"
-                           "\"lf-view-request\",\"structure\":{\"yaw\":" + std::to_string(i % 8 - 4) + "}}}");
+      viewers.back()->send(
+          "{\"id\":1,\"request\":{\"type\":\"customUpstreamEvent\",\"structureName\":"
+          "\"lf-view-request\",\"structure\":{\"yaw\":" +
+          std::to_string(i % 8 - 4) + "}}}");
     }
     std::vector<uint64_t> before;
     uint64_t bytes = 0;

@@ -4,7 +4,6 @@
 #include <string>
 #include <vector>
 
-#include "command_line.h"
 #include "base/error.h"
 #include "base/json_value.h"
 #include "bench/render/acceptance.h"
@@ -14,6 +13,7 @@
 #include "bench/render/once.h"
 #include "bench/render/plan.h"
 #include "bench/render/plots.h"
+#include "command_line.h"
 #include "progress.h"
 
 namespace {

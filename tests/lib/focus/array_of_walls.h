@@ -11,8 +11,8 @@
 
 namespace lf::test {
 
-// 3 x 3 cameras before a textured wall at 3 m and, in its right half (x > 0), one at 1.5 m; the texture is smooth enough
-// for what is sampled not to matter. Or that many times nearer.
+// 3 x 3 cameras before a textured wall at 3 m and, in its right half (x > 0), one at 1.5 m; the texture is smooth
+// enough for what is sampled not to matter. Or that many times nearer.
 struct ArrayOfWalls {
   explicit ArrayOfWalls(bool flat = false, double times_nearer = 1)
       : is_flat(flat), nearer(times_nearer), rig(scene_rig(3, 3, 160, 120)), mesh(build_mesh(rig)) {

@@ -89,7 +89,11 @@ TEST(Autofocus, ReachesAsNearAsPlanesAreCloseEnough) {
 }
 
 TEST(Autofocus, ASmallViewSeesTheSame) {
-  View view{.width = 160, .height = 120, .lens = Lens(LensModel::kRadial, {200, 79.5, 59.5, -0.1, 0.01}), .pose = {}, .focus = {}};
+  View view{.width = 160,
+            .height = 120,
+            .lens = Lens(LensModel::kRadial, {200, 79.5, 59.5, -0.1, 0.01}),
+            .pose = {},
+            .focus = {}};
   const View around = view_around(view, {20, 100});
   EXPECT_EQ(around.width, kSweptPixels);
   const Vec2 a = *view.lens.unproject({20, 100}), b = *around.lens.unproject({31.5, 31.5});

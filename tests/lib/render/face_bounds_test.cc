@@ -73,7 +73,8 @@ TEST(RegionBounds, OverflowsBoundNothing) {
   const Rays rays(lens, kWidth, kHeight);
   const RegionBounds bounds(rays, lens, kWidth, kHeight);
   constexpr double kInf = std::numeric_limits<double>::infinity();
-  for (const Vec3& h : {Vec3(1e308, 1e308, -1e308) * 10.0, Vec3(kInf, 0, -1), Vec3(NAN, 0, 1), Vec3(0, 1e308, 1.7e308)}) {
+  for (const Vec3& h :
+       {Vec3(1e308, 1e308, -1e308) * 10.0, Vec3(kInf, 0, -1), Vec3(NAN, 0, 1), Vec3(0, 1e308, 1.7e308)}) {
     const std::vector<Vec3> half_planes{{1, 0, 0.2}, h};
     EXPECT_EQ(bounds.bound(half_planes), (Rect{0, 0, kWidth, kHeight}));
   }

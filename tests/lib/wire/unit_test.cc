@@ -54,9 +54,8 @@ TEST(Unit, DistanceToMagic) {
     const char* hex;
     size_t more, last;  // to pass over if more bytes come, if none do
   } rows[] = {
-      {"00", 1, 1},           {"8f", 1, 1},           {"8f4c", 2, 2},         {"00008f", 2, 3},
-      {"00008f4c", 2, 4},     {"00008f4c46", 2, 2},   {"8f4c468f4c46", 3, 3}, {"8f8f4c", 1, 3},
-      {"8f4c8f8f4c46", 3, 3}, {"000000000000", 6, 6},
+      {"00", 1, 1},         {"8f", 1, 1},           {"8f4c", 2, 2},   {"00008f", 2, 3},       {"00008f4c", 2, 4},
+      {"00008f4c46", 2, 2}, {"8f4c468f4c46", 3, 3}, {"8f8f4c", 1, 3}, {"8f4c8f8f4c46", 3, 3}, {"000000000000", 6, 6},
   };
   for (const auto& row : rows) {
     EXPECT_EQ(distance_to_magic(from_hex(row.hex), true), row.more) << row.hex;
