@@ -6,6 +6,7 @@
 
 #include <cstring>
 
+#include "goodbye.h"
 #include "launch.h"
 #include "playout_delay.h"
 #include "reception.h"
@@ -262,6 +263,13 @@ void Peer::say_goodbye() {
     dtls = connected_ ? dtls_ : nullptr;
   }
   if (!dtls) return;
+  const auto goodbye = std::make_shared<Goodbye>();
+  g_autoptr(GstPad) src = gst_element_get_static_pad(dtls, "src");
+  const gulong probe =
+      !src
+          ? 0
+          : gst_pad_add_probe(src, GST_PAD_PROBE_TYPE_BUFFER, Goodbye::on_packet, new std::shared_ptr<Goodbye>(goodbye),
+                              [](gpointer data) { delete static_cast<std::shared_ptr<Goodbye>*>(data); });
   gst_element_foreach_sink_pad(
       dtls,
       [](GstElement*, GstPad* pad, gpointer) -> gboolean {
@@ -269,6 +277,9 @@ void Peer::say_goodbye() {
         return TRUE;
       },
       nullptr);
+  if (probe == 0) return;
+  goodbye->wait();
+  gst_pad_remove_probe(src, probe);
 }
 
 void Peer::ask_for_report() {
