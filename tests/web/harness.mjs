@@ -18,11 +18,32 @@ process.setMaxListeners(0);  // each program has one, for the end
 
 export const source = process.env.LF_SOURCE_ROOT;
 
-// A program in the background, ended with the tests at the latest.
+// A program in the background, ended with the tests at the latest. What it says is shown where a test fails.
 export function start(program, ...args) {
-  const child = spawn(program, args, { stdio: 'ignore' });
+  const child = spawn(program, args, { stdio: ['ignore', 'pipe', 'pipe'] });
   process.on('exit', () => child.kill('SIGKILL'));
+  listen(program, child);
   return child;
+}
+
+const heard = [];  // what each program said
+
+// Keeps the lines of a program for the report of a failure, and hands each to `take`.
+function listen(program, child, take = () => {}) {
+  const lines = [];
+  heard.push({ program, lines });
+  for (const stream of [child.stdout, child.stderr])
+    createInterface({ input: stream }).on('line', line => {
+      lines.push(line);
+      if (lines.length > 40) lines.shift();
+      take(line);
+    });
+}
+
+// Why a test failed. On stderr, which is what `meson test --print-errorlogs` shows of a TAP test.
+function report(error) {
+  const said = heard.flatMap(({ program, lines }) => [`${program} said at last:`, ...lines.splice(0)]);
+  console.error([String(error.stack ?? error), ...said].join('\n').replace(/^/gm, '# '));
 }
 
 // Runs the tests one after the other, in the order they are in.
@@ -38,7 +59,7 @@ export async function runTests(tests) {
     } catch (error) {
       failed++;
       console.log(`not ok ${i + 1} - ${name}`);
-      console.log(String(error.stack ?? error).replace(/^/gm, '# '));
+      report(error);
     }
     console.log(`# ${name}: ${((Date.now() - began) / 1000).toFixed(1)} s`);
   }
@@ -88,12 +109,11 @@ export async function serve(...options) {
   process.on('exit', () => child.kill('SIGKILL'));  // of a test that failed
   const served = { said: '', pid: child.pid };
   const url = new Promise((resolve, reject) => {
-    for (const stream of [child.stdout, child.stderr])
-      createInterface({ input: stream }).on('line', line => {
-        served.said += line + '\n';
-        const match = line.match(/^serving .* at (http\S+)/);
-        if (match) resolve(match[1]);
-      });
+    listen('lf-serve', child, line => {
+      served.said += line + '\n';
+      const match = line.match(/^serving .* at (http\S+)/);
+      if (match) resolve(match[1]);
+    });
     child.on('exit', () => reject(new Error(`lf-serve ended:\n${served.said}`)));
   });
   served.url = await url;

@@ -8,7 +8,6 @@ import { expect, launchBrowser, makeRig, newPage, runTests, serve, shown, start,
 
 const run = promisify(execFile);
 const kTurn = '10.77.0.2', kRelayed = '20000:20063';  // an address beside the browser's and the server's, and ports there
-const folder = await makeRig('4x4'), browser = await launchBrowser();
 
 const iptables = (...words) => run('iptables', words);
 // UDP comes to the ICE server alone: what passes otherwise is between ports that it relays for, at one end or at both.
@@ -19,7 +18,9 @@ async function onlyByTurn(...between) {
   await iptables('-A', 'INPUT', '-p', 'udp', '-j', 'DROP');
 }
 
+// Before the browser starts: it drops what it is loading where an address comes.
 await run('ip', ['addr', 'add', `${kTurn}/24`, 'dev', 'host']);
+const folder = await makeRig('4x4'), browser = await launchBrowser();
 const common = ['-n', '--listening-ip', kTurn, '--relay-ip', kTurn, '--min-port', '20000', '--max-port', '20063', '--realm', 'example.org',
   '--no-tls', '--no-dtls', '--no-cli', '--log-file', 'stdout', '--pidfile', join(folder, 'turn.pid')];
 
