@@ -139,7 +139,7 @@ View mean_view(const View& view) {
 }
 
 WideLuma::WideLuma(const Rig& rig, const Mesh& mesh, const View& view, std::span<const CameraIndex> own)
-    : plan_(rig, mesh, view) {
+    : plan_(rig, mesh, view), most_decide_(mesh.faces.size() != 1 || mesh.faces[0].corners() > 2) {
   const Plane& plane = view.focus.map->from;
   const double pitch = median_edge(rig, mesh);
   const Vec3 aside = std::abs(plane.normal.x) < 0.8 ? Vec3(1, 0, 0) : Vec3(0, 1, 0);
@@ -208,7 +208,7 @@ WideLuma::Seen WideLuma::see(std::span<const Source> sources, const CameraGains&
   };
   for (const Camera& camera : result.cameras) {
     const float total = std::accumulate(camera.weight.begin(), camera.weight.end(), 0.f);
-    const float trust = gains.trust(camera.camera);
+    const float trust = most_decide_ ? gains.trust(camera.camera) : 1;
     result.gains.add(gains.likely(camera.camera), trust * total / static_cast<float>(camera.weight.size()));
     for (size_t i = 0; i < camera.weight.size(); i++) {
       const float weight = trust * camera.weight[i];

@@ -235,6 +235,34 @@ TEST(WideLuma, TheMeanMovesToWhereMostCamerasAre) {
   for (const CameraIndex other : {3, 5}) EXPECT_NEAR(gains.of(other), 1, 0.002);
 }
 
+// One of the two differs, and nobody can say which: following either would make the picture as wrong as it is.
+TEST(WideLuma, TwoCamerasMeetHalfWay) {
+  const Wide wide;
+  Rig rig = wide.walls.rig;
+  rig.cameras = {rig.cameras[4], rig.cameras[5]};
+  rig.topology = {};
+  const std::vector<CameraIndex> own{0, 1};
+  const WideLuma luma(rig, build_mesh(rig), wide.view, own);
+  for (const CameraIndex bright : own) {
+    const Image grey = [] {
+      Image image(PixelFamily::kRgb, 160, 120);
+      std::ranges::fill(image.data(), 120);
+      return image;
+    }();
+    ByteBuffer memory;
+    std::vector<Source> sources{{0, rig.cameras.data(), grey.view()}, {1, &rig.cameras[1], grey.view()}};
+    sources[bright].image = divide_by_gain(sources[bright].image, {0, 0, 160, 120}, 1 / 1.1f, memory);
+    CameraGains gains;
+    for (int round = 0; round < 30; round++) {
+      const WideLuma::Seen seen = luma.see(sources, gains);
+      gains.take(WideLuma::ratios(seen.cameras, mean_luma(seen.moments, seen.gains)));
+    }
+    const float other = gains.of(1 - bright);
+    EXPECT_NEAR(gains.of(bright) / other, 1.1, 0.01);
+    EXPECT_NEAR(gains.of(bright) * other, 1, 0.03) << "nearer to the one that the eye is nearer to";
+  }
+}
+
 TEST(WideLuma, PartsOfAnArrayAddUpToTheWhole) {
   const Wide wide;
   const WideLuma::Seen whole = wide.luma.see(wide.walls.sources(), {});
