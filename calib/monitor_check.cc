@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "monitor_check.h"
+#include "base/number_text.h"
 
 #include <libsoup/soup.h>
 
 #include <cmath>
-#include <cstdio>
 
 #include <nlohmann/json.hpp>
 
@@ -14,6 +14,7 @@
 
 namespace {
 
+using lf::format_text;
 using nlohmann::json;
 
 constexpr guint kPatience = 10;  // seconds
@@ -44,29 +45,22 @@ std::string fetch(std::string address, const std::string& token_file) {
   return {data, size};
 }
 
-template <class... Args>
-std::string text(const char* format, Args... args) {
-  char buffer[512];
-  std::snprintf(buffer, sizeof buffer, format, args...);
-  return buffer;
-}
-
 // What is wrong with a camera, and what to do; its state goes into `judged`.
 std::string judge(const lf::Camera& camera, const std::string& fault, json& judged) {
   const std::string who = "camera " + std::to_string(camera.id) + " (" + camera.name + ")";
   if (fault == "direction") {
     judged["state"] = "moved";
     const double shift = judged["shift_px"];
-    return text(
+    return format_text(
         "%s looks elsewhere than the rig says: its picture is off by %.0f pixels or so, about %.1f degrees. Put "
         "it back, or calibrate anew",
         who.c_str(), shift, std::atan(shift / camera.lens.fx()) * 180 / M_PI);
   }
   if (fault == "colour") {
     judged["state"] = "colour";
-    return text("%s is %.0f %% %s than the others: lock its exposure (lf-rig lock), or run lf-calibrate colour",
-                who.c_str(), 100 * std::abs(judged["gain"].get<double>() - 1),
-                judged["gain"] > 1 ? "brighter" : "darker");
+    return format_text("%s is %.0f %% %s than the others: lock its exposure (lf-rig lock), or run lf-calibrate colour",
+                       who.c_str(), 100 * std::abs(judged["gain"].get<double>() - 1),
+                       judged["gain"] > 1 ? "brighter" : "darker");
   }
   judged["state"] = "picture";
   return who + " shows another picture than the others foretell: is it out of focus, dirty or covered?";

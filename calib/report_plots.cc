@@ -1,37 +1,32 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "report_plots.h"
+#include "base/number_text.h"
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "base/percentiles.h"
 
 namespace plots {
 namespace {
 
-template <class... Args>
-std::string text(const char* format, Args... args) {
-  char buffer[1024];
-  std::snprintf(buffer, sizeof buffer, format, args...);
-  return buffer;
-}
+using lf::format_text;
 
 std::string svg(double width, double height, const std::string& label, const std::string& inside,
                 double least_width = 0, double most_width = 0) {
   const std::string bounds =
-      least_width > 0 ? text(" style=\"min-width:%.0fpx;max-width:%.0fpx\"", least_width, most_width) : "";
-  return text("<svg viewBox=\"0 0 %.0f %.0f\" role=\"img\"", width, height) + " aria-label=\"" + escaped(label) + "\"" +
-         bounds + ">" + inside + "</svg>";
+      least_width > 0 ? format_text(" style=\"min-width:%.0fpx;max-width:%.0fpx\"", least_width, most_width) : "";
+  return format_text("<svg viewBox=\"0 0 %.0f %.0f\" role=\"img\"", width, height) + " aria-label=\"" + escaped(label) +
+         "\"" + bounds + ">" + inside + "</svg>";
 }
 
 std::string label(double x, double y, const std::string& what, const char* anchor = "middle", const char* kind = "") {
-  return text("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\" class=\"%s\">", x, y, anchor, kind) + escaped(what) +
-         "</text>";
+  return format_text("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\" class=\"%s\">", x, y, anchor, kind) +
+         escaped(what) + "</text>";
 }
 
 std::string line(double x0, double y0, double x1, double y1, const char* kind) {
-  return text("<path d=\"M%.1f %.1fL%.1f %.1f\" class=\"%s\"/>", x0, y0, x1, y1, kind);
+  return format_text("<path d=\"M%.1f %.1fL%.1f %.1f\" class=\"%s\"/>", x0, y0, x1, y1, kind);
 }
 
 // Steps of 1, 2 or 5 times a power of ten, some `count` of them to `most`.
@@ -84,11 +79,11 @@ std::string escaped(const std::string& text) {
 std::string short_number(double value) {
   const double size = std::abs(value);
   if (size == 0) return "0";
-  if (size >= 99.95) return text("%.0f", value);
-  if (size < 1e-4) return text("%.1e", value);
+  if (size >= 99.95) return format_text("%.0f", value);
+  if (size < 1e-4) return format_text("%.1e", value);
   // %g, without its trailing powers for what is small.
   const int decimals = std::max(0, 2 - static_cast<int>(std::floor(std::log10(size))));
-  std::string out = text("%.*f", decimals, value);
+  std::string out = format_text("%.*f", decimals, value);
   if (out.find('.') != std::string::npos) {
     while (out.back() == '0') out.pop_back();
     if (out.back() == '.') out.pop_back();
@@ -127,10 +122,10 @@ std::string camera_chart(const CameraChart& chart) {
     if (bar.sigma > 0)
       out += line(x, axis.at(*bar.height - 2 * bar.sigma), x, axis.at(*bar.height + 2 * bar.sigma), "whisker");
     if (chart.dots)
-      out += text("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\"/>", x, y);
+      out += format_text("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\"/>", x, y);
     else
-      out += text("<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" rx=\"1.5\"/>", x - 0.36 * pitch, y,
-                  0.72 * pitch, std::max(1.0, axis.at(0) - y));
+      out += format_text("<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" rx=\"1.5\"/>", x - 0.36 * pitch, y,
+                         0.72 * pitch, std::max(1.0, axis.at(0) - y));
     out += "</g>";
   }
   for (const auto& [value, name] : chart.lines)
@@ -179,12 +174,13 @@ std::string array_map(const ReportData& data, const ReportVerdict& verdict, bool
     const double turn = 0.5 * std::atan2(2 * b, a - c) * 180 / M_PI, k = 2.7955 * enlarged * scale;
     out += "<g class=\"" + std::string(name_of(verdict.cameras[i].grade)) + "\"><title>" +
            escaped("camera " + camera.title() + ": " +
-                   text("%.4f, %.4f, %.4f m; within %.2f mm with 95 %%", p[0], p[1], p[2],
-                        1e3 * camera.ellipsoid().value_or(0))) +
+                   format_text("%.4f, %.4f, %.4f m; within %.2f mm with 95 %%", p[0], p[1], p[2],
+                               1e3 * camera.ellipsoid().value_or(0))) +
            "</title>" +
-           text("<ellipse cx=\"%.1f\" cy=\"%.1f\" rx=\"%.2f\" ry=\"%.2f\" transform=\"rotate(%.1f %.1f %.1f)\"/>", x, y,
-                k * std::sqrt(std::max(0.0, mean + apart)), k * std::sqrt(std::max(0.0, mean - apart)), turn, x, y) +
-           text("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"2.5\"/></g>", x, y);
+           format_text(
+               "<ellipse cx=\"%.1f\" cy=\"%.1f\" rx=\"%.2f\" ry=\"%.2f\" transform=\"rotate(%.1f %.1f %.1f)\"/>", x, y,
+               k * std::sqrt(std::max(0.0, mean + apart)), k * std::sqrt(std::max(0.0, mean - apart)), turn, x, y) +
+           format_text("<circle cx=\"%.1f\" cy=\"%.1f\" r=\"2.5\"/></g>", x, y);
     if (!from_above && usual * scale > 26) out += label(x, y - 10, std::to_string(camera.id), "middle", "dim");
   }
   const double bar = round_down(0.3 * wide);
@@ -211,18 +207,19 @@ std::string camera_tile(const ReportData::Camera& camera, int columns, int rows,
   const double w = 160, scale = w / std::max(1, camera.width), h = camera.height * scale;
   double most = 1;
   for (const double count : camera.solved->coverage) most = std::max(most, count);
-  std::string out = text("<rect width=\"%.0f\" height=\"%.1f\" class=\"paper\"/>", w, h);
+  std::string out = format_text("<rect width=\"%.0f\" height=\"%.1f\" class=\"paper\"/>", w, h);
   for (int i = 0; i < columns * rows; i++) {
     const double count = camera.solved->coverage[static_cast<size_t>(i)];
     if (count > 0)
-      out += text("<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" class=\"seen\" fill-opacity=\"%.2f\"/>",
-                  i % columns * w / columns, i / columns * h / rows, w / columns, h / rows,
-                  0.15 + 0.5 * std::sqrt(count / most));
+      out += format_text(
+          "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" class=\"seen\" fill-opacity=\"%.2f\"/>",
+          i % columns * w / columns, i / columns * h / rows, w / columns, h / rows,
+          0.15 + 0.5 * std::sqrt(count / most));
   }
   std::string path;
   for (const auto& [x, y, dx, dy] : camera.solved->residuals) {
     const double x0 = (x + 0.5) * scale, y0 = (y + 0.5) * scale;
-    path += text("M%.1f %.1fl%.1f %.1f", x0, y0, dx * enlarged * scale, dy * enlarged * scale);
+    path += format_text("M%.1f %.1fl%.1f %.1f", x0, y0, dx * enlarged * scale, dy * enlarged * scale);
   }
   return svg(w, h, "camera " + camera.title(), out + "<path d=\"" + path + "\" class=\"residual\"/>");
 }
@@ -244,7 +241,7 @@ std::string residual_field(const ReportData& data, double enlarged) {
       part.dx += dx / camera.width, part.dy += dy / camera.width, part.squares += dx * dx + dy * dy, part.count++;
     }
   }
-  std::string out = text("<rect width=\"%.0f\" height=\"%.0f\" class=\"paper\"/>", w, h);
+  std::string out = format_text("<rect width=\"%.0f\" height=\"%.0f\" class=\"paper\"/>", w, h);
   double most = 1e-9;
   for (const Part& part : parts)
     if (part.count >= 3) most = std::max(most, std::sqrt(part.squares / part.count));
@@ -253,11 +250,12 @@ std::string residual_field(const ReportData& data, double enlarged) {
     if (part.count < 3) continue;
     const double x = (i % kColumns) * w / kColumns, y = (i / kColumns) * h / kRows,
                  rms = std::sqrt(part.squares / part.count);
-    out += "<g><title>" + text("%.0f residuals, %.3f px rms", part.count, rms) + "</title>" +
-           text("<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" class=\"seen\" fill-opacity=\"%.2f\"/>", x,
-                y, w / kColumns, h / kRows, 0.08 + 0.6 * rms / most) +
-           text("<path d=\"M%.1f %.1fl%.1f %.1f\" class=\"arrow\"/></g>", x + w / kColumns / 2, y + h / kRows / 2,
-                part.dx / part.count * enlarged * w, part.dy / part.count * enlarged * w);
+    out +=
+        "<g><title>" + format_text("%.0f residuals, %.3f px rms", part.count, rms) + "</title>" +
+        format_text("<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" class=\"seen\" fill-opacity=\"%.2f\"/>",
+                    x, y, w / kColumns, h / kRows, 0.08 + 0.6 * rms / most) +
+        format_text("<path d=\"M%.1f %.1fl%.1f %.1f\" class=\"arrow\"/></g>", x + w / kColumns / 2, y + h / kRows / 2,
+                    part.dx / part.count * enlarged * w, part.dy / part.count * enlarged * w);
   }
   return svg(w, h, "Mean residuals over the picture", out);
 }
@@ -270,15 +268,15 @@ std::string projection_chart(const ReportData::Solve& solve) {
   const double near = std::log(solve.projection.front().depth_m), far = std::log(solve.projection.back().depth_m);
   const auto across = [&](double depth) { return left + (std::log(depth) - near) / (far - near) * (right - left); };
   const double from = across(solve.near_m), to = across(solve.far_m);
-  std::string out = text("<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" class=\"band\"/>", from, axis.top,
-                         to - from, axis.bottom - axis.top) +
+  std::string out = format_text("<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" class=\"band\"/>", from,
+                                axis.top, to - from, axis.bottom - axis.top) +
                     label((from + to) / 2, axis.top - 8, "where lights were", "middle", "dim") +
                     axis.draw(left, right, "px");
   std::string middle, worst;
   for (const auto& depth : solve.projection) {
     const char move = middle.empty() ? 'M' : 'L';
-    middle += text("%c%.1f %.1f", move, across(depth.depth_m), axis.at(depth.median_px));
-    worst += text("%c%.1f %.1f", move, across(depth.depth_m), axis.at(depth.worst_px));
+    middle += format_text("%c%.1f %.1f", move, across(depth.depth_m), axis.at(depth.median_px));
+    worst += format_text("%c%.1f %.1f", move, across(depth.depth_m), axis.at(depth.worst_px));
   }
   out += "<path d=\"" + worst + "\" class=\"curve second\"/><path d=\"" + middle + "\" class=\"curve\"/>";
   double last = -100;
@@ -299,7 +297,7 @@ std::string projection_chart(const ReportData::Solve& solve) {
 std::string share_bar(double share, bool soft) {
   const double length = 100 * std::min(1.0, share / 2);
   return "<span class=\"share\"><span class=\"" + std::string(soft ? "fair" : "good") +
-         text("\" style=\"width:%.0f%%\"></span></span>", std::max(1.0, length));
+         format_text("\" style=\"width:%.0f%%\"></span></span>", std::max(1.0, length));
 }
 
 }  // namespace plots

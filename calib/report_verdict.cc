@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "report_verdict.h"
+#include "base/number_text.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <set>
 
 #include "base/percentiles.h"
 
 namespace {
 
+using lf::format_text;
 using Grade = ReportVerdict::Grade;
 
 constexpr double kLeastCoverage = 0.5;              // share of a picture
@@ -18,13 +19,6 @@ constexpr double kManyOutliers = 0.2;               // share of a camera's obser
 constexpr double kLargeEllipsoid = 3;               // times the median camera's
 constexpr double kColourOff = 2, kColourLarge = 2;  // levels of 255; times the median camera's
 constexpr size_t kMostNext = 8;
-
-template <class... Args>
-std::string text(const char* format, Args... args) {
-  char buffer[512];
-  std::snprintf(buffer, sizeof buffer, format, args...);
-  return buffer;
-}
 
 struct Usual {
   double rms = 0, ellipsoid = 0, colour = 0;  // medians of all cameras
@@ -85,33 +79,34 @@ class CameraJudge {
       return;
     }
     if (solved.rms_px > kSmall && solved.rms_px > kLargeResidual * usual_.rms)
-      say(Grade::kFair, text("residuals of %.2f px, %.1f times most others': did it move, or is its focus automatic?",
-                             solved.rms_px, solved.rms_px / usual_.rms));
-    if (solved.outliers > kManyOutliers * solved.observations)
       say(Grade::kFair,
-          text("%.0f %% of what it saw does not fit", 100 * solved.outliers / std::max(1.0, solved.observations)));
+          format_text("residuals of %.2f px, %.1f times most others': did it move, or is its focus automatic?",
+                      solved.rms_px, solved.rms_px / usual_.rms));
+    if (solved.outliers > kManyOutliers * solved.observations)
+      say(Grade::kFair, format_text("%.0f %% of what it saw does not fit",
+                                    100 * solved.outliers / std::max(1.0, solved.observations)));
     if (const auto covered = camera_.covered(); covered && *covered < kLeastCoverage)
       say(Grade::kFair,
-          text("the light came to %.0f %% of its picture: its lens is guessed in the rest", 100 * *covered));
+          format_text("the light came to %.0f %% of its picture: its lens is guessed in the rest", 100 * *covered));
     if (const auto size = camera_.ellipsoid();
         size && *size > kLargeEllipsoid * usual_.ellipsoid && usual_.ellipsoid > 0)
-      say(Grade::kFair,
-          text("its place is known to %.1f mm, that of most others to %.1f", 1e3 * *size, 1e3 * usual_.ellipsoid));
+      say(Grade::kFair, format_text("its place is known to %.1f mm, that of most others to %.1f", 1e3 * *size,
+                                    1e3 * usual_.ellipsoid));
   }
 
   void colour(const ReportData::Camera::Coloured& coloured) {
     if (coloured.stuck && verdict_.grade != Grade::kBad)
-      say(Grade::kBad, text("its exposure is stuck: %.0f %% as bright as most others", 100 * coloured.gain));
+      say(Grade::kBad, format_text("its exposure is stuck: %.0f %% as bright as most others", 100 * coloured.gain));
     else if (!coloured.stuck && !coloured.corrected)
       say(Grade::kFair, "its colours are not corrected: too little was seen of the chart, or in common with others");
     else if (!coloured.stuck && coloured.rms > kColourOff && coloured.rms > kColourLarge * usual_.colour)
-      say(Grade::kFair, text("its colours stay %.1f of 255 off the others'", coloured.rms));
+      say(Grade::kFair, format_text("its colours stay %.1f of 255 off the others'", coloured.rms));
   }
 
   void check(const ReportData::Camera::Checked& checked) {
     if (verdict_.grade == Grade::kBad || checked.state == "holds") return;
     if (checked.state == "moved" || checked.state == "lens")
-      say(Grade::kBad, text("its picture has moved by %.1f pixels since", checked.shift_px));
+      say(Grade::kBad, format_text("its picture has moved by %.1f pixels since", checked.shift_px));
     else if (checked.state == "unknown" && said_.empty())
       say(Grade::kFair, "nothing tells whether it still is where it was");
   }

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <charconv>
+#include <cstdarg>
+#include <cstdio>
 #include <string>
 
 namespace lf {
@@ -14,5 +16,18 @@ inline std::string number_text(double value) {
 
 // "640x480".
 inline std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
+// What printf would print.
+[[gnu::format(printf, 1, 2)]] inline std::string format_text(const char* format, ...) {
+  std::string text;
+  for (int i = 0; i < 2; i++) {  // how long it is, then the text
+    va_list arguments;
+    va_start(arguments, format);
+    const int length = std::vsnprintf(text.data(), i == 0 ? 0 : text.size() + 1, format, arguments);
+    va_end(arguments);
+    text.resize(length < 0 ? 0 : static_cast<size_t>(length));
+  }
+  return text;
+}
 
 }  // namespace lf

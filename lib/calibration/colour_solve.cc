@@ -3,10 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numeric>
 
 #include "base/error.h"
+#include "base/number_text.h"
 #include "base/percentiles.h"
 
 namespace lf {
@@ -21,11 +21,7 @@ std::string name_of(const Camera& camera) {
   return "camera " + std::to_string(camera.id) + (camera.name.empty() ? "" : " (" + camera.name + ")");
 }
 
-std::string number(double value, int digits) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.*f", digits, value);
-  return text;
-}
+std::string number(double value, int digits) { return format_text("%.*f", digits, value); }
 
 // The same patches on every machine: every fourth, but not in step with the rows of a chart.
 bool is_held_out(uint32_t patch) { return (patch * 2654435761u >> 16) % 4 == 0; }

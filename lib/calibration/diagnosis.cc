@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "calibration/diagnosis.h"
+#include "base/number_text.h"
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 #include <numeric>
 
@@ -27,13 +27,6 @@ constexpr double kAgreement = 1.2;               // of halves of the tracks: bel
 constexpr double kClosest = 1e-3, kWidest = 10;  // metres between neighbours
 constexpr double kMoved = 0.04;                  // share of the tracks: fewer are mistakes
 constexpr size_t kMostNamed = 12;                // cameras in the wrong order, one circle after the other
-
-template <class... Args>
-std::string text(const char* format, Args... args) {
-  char buffer[512];
-  std::snprintf(buffer, sizeof buffer, format, args...);
-  return buffer;
-}
 
 class Diagnosis {
  public:
@@ -67,7 +60,7 @@ class Diagnosis {
   void judge_camera(size_t i) {
     const auto& list = by_camera_[i];
     if (list.empty()) {
-      add(Severity::kError, "dead-camera", text("camera %u never saw the light: it is not in the rig", id(i)));
+      add(Severity::kError, "dead-camera", format_text("camera %u never saw the light: it is not in the rig", id(i)));
       return;
     }
     size_t outliers = 0;
@@ -78,22 +71,23 @@ class Diagnosis {
     if (found && share <= kManyOutliers && noise <= 1) return;
     if (const int frames = frames_late(i); frames != 0) {
       add(Severity::kError, "late-camera",
-          text("camera %u is %d frame%s %s: its tracks fit the others' when they are moved by that", id(i),
-               std::abs(frames), std::abs(frames) == 1 ? "" : "s", frames > 0 ? "late" : "early"));
+          format_text("camera %u is %d frame%s %s: its tracks fit the others' when they are moved by that", id(i),
+                      std::abs(frames), std::abs(frames) == 1 ? "" : "s", frames > 0 ? "late" : "early"));
       return;
     }
     if (!found)
       add(Severity::kError, "camera-not-found",
-          text("camera %u fits nowhere (%zu observations): it is not in the rig. %s", id(i), list.size(),
-               options_.prior ? "Is it another camera's id, a moved camera, or another lens than in the prior rig?"
-                              : "Is it another camera's recording, or a camera that was moved?"));
+          format_text("camera %u fits nowhere (%zu observations): it is not in the rig. %s", id(i), list.size(),
+                      options_.prior
+                          ? "Is it another camera's id, a moved camera, or another lens than in the prior rig?"
+                          : "Is it another camera's recording, or a camera that was moved?"));
     else if (share <= kManyOutliers)
       add(Severity::kWarning, "noisy-camera",
-          text("camera %u errs %.1f times as much as the others: is it out of focus, or was it touched?", id(i),
-               noise));
+          format_text("camera %u errs %.1f times as much as the others: is it out of focus, or was it touched?", id(i),
+                      noise));
     else if (share > 2 * typical_outliers())
       add(Severity::kWarning, "many-outliers",
-          text("camera %u: %.0f %% of its observations do not fit", id(i), share * 100));
+          format_text("camera %u: %.0f %% of its observations do not fit", id(i), share * 100));
   }
 
   double typical_outliers() const {
@@ -165,11 +159,12 @@ class Diagnosis {
       if (scene().cameras[i].used && placement_.stands_at[i] != id(i)) at[id(i)] = placement_.stands_at[i];
     if (at.size() > kMostNamed) {
       std::string all;
-      for (const auto& [camera, place] : at) all += text("%s%u at %u", all.empty() ? "" : ", ", camera, place);
+      for (const auto& [camera, place] : at) all += format_text("%s%u at %u", all.empty() ? "" : ", ", camera, place);
       add(Severity::kError, "swapped-cameras",
-          text("%zu cameras are not where the prior rig has them; the rig that is written has them in the order of "
-               "their places%s. Each with the place that it stands at: ",
-               at.size(), 4 * at.size() > 3 * scene().cameras.size() ? " (or are they mounted upside down?)" : "") +
+          format_text(
+              "%zu cameras are not where the prior rig has them; the rig that is written has them in the order of "
+              "their places%s. Each with the place that it stands at: ",
+              at.size(), 4 * at.size() > 3 * scene().cameras.size() ? " (or are they mounted upside down?)" : "") +
               all);
       return;
     }
@@ -183,14 +178,15 @@ class Diagnosis {
       }
       if (circle.size() == 3 && circle[2] == first) {
         add(Severity::kError, "swapped-cameras",
-            text("cameras %u and %u are where the prior rig has each other: their ids, or their cables, are swapped. "
-                 "The rig that is written has them in the order of their places",
-                 circle[0], circle[1]));
+            format_text(
+                "cameras %u and %u are where the prior rig has each other: their ids, or their cables, are swapped. "
+                "The rig that is written has them in the order of their places",
+                circle[0], circle[1]));
         continue;
       }
       std::string names;
       for (size_t k = 0; k + 1 < circle.size(); k++)
-        names += text("%s%u at %u", k ? ", " : "", circle[k], circle[k + 1]);
+        names += format_text("%s%u at %u", k ? ", " : "", circle[k], circle[k + 1]);
       add(Severity::kError, "swapped-cameras",
           "cameras stand at others' places in the prior rig: " + names +
               ". The rig that is written has them in the order of their places");
@@ -231,27 +227,27 @@ class Diagnosis {
       }
       const double after = u.sigma_of(mean), before = std::sqrt(mean_before.dot(u.prior_covariance * mean_before));
       const double f = scene().cameras[used[0]].lens_terms()[kF];
-      const std::string size = k == kF ? text("+-%.2g %%", after / f * 100) : text("+-%.2g", after);
+      const std::string size = k == kF ? format_text("+-%.2g %%", after / f * 100) : format_text("+-%.2g", after);
       if (after > kNothingLearnt * before)
         add(scene().measured(k) ? Severity::kWarning : Severity::kError, kCodes[k],
-            text("%s, common to all cameras: %s, as before: these tracks tell nothing of it%s", kNames[k], size.c_str(),
-                 k <= kCy && !tracks_.bar ? "; use a bar with two lights" : ""));
+            format_text("%s, common to all cameras: %s, as before: these tracks tell nothing of it%s", kNames[k],
+                        size.c_str(), k <= kCy && !tracks_.bar ? "; use a bar with two lights" : ""));
       else if (alone > 0)
         add(Severity::kNote, kCodes[k],
-            text("%s: no better known than before in %zu of %zu cameras", kNames[k], alone, used.size()));
+            format_text("%s: no better known than before in %zu of %zu cameras", kNames[k], alone, used.size()));
       const double surprise = std::sqrt(std::max(before * before - after * after, 1e-30));
       if (scene().measured(k) && std::abs(offset) > kContradiction * surprise &&
           std::abs(offset) > kContradiction * after)
         add(Severity::kError, "prior-contradicted",
-            text("%s: the tracks say %+.3g more than the prior rig on average, %.0f times what it allows", kNames[k],
-                 offset, std::abs(offset) / surprise));
+            format_text("%s: the tracks say %+.3g more than the prior rig on average, %.0f times what it allows",
+                        kNames[k], offset, std::abs(offset) / surprise));
     }
   }
 
   void judge_poses() {
     for (const size_t i : solution_.contradicted_poses)
       add(Severity::kError, "prior-contradicted",
-          text("camera %u is not where the prior rig's covariance allows: that was not used", id(i)));
+          format_text("camera %u is not where the prior rig's covariance allows: that was not used", id(i)));
   }
 
   void judge_modes() {
@@ -273,24 +269,27 @@ class Diagnosis {
                                    : "use a bar with two lights, or measure the lenses first";
     if (!(depth < kSoftDepth))
       add(Severity::kWarning, "soft-depth",
-          text("depth scale +-%.2g %%, with the focal lengths: %s", depth * 100, cure));
+          format_text("depth scale +-%.2g %%, with the focal lengths: %s", depth * 100, cure));
     const double shift = std::sqrt(position / n) / pitch, turn = std::sqrt(rotation / n);
     if (!(shift < kSoftPosition))
       add(Severity::kError, "soft-positions",
-          text("positions +-%.2g of the distance of neighbours: the light must be moved nearer, and through a volume, "
-               "not along a plane or a line",
-               shift));
+          format_text(
+              "positions +-%.2g of the distance of neighbours: the light must be moved nearer, and through a volume, "
+              "not along a plane or a line",
+              shift));
     if (!(turn < kSoftRotation))
-      add(Severity::kWarning, "soft-rotations", text("orientations +-%.2g degrees: %s", turn * 180 / M_PI, cure));
+      add(Severity::kWarning, "soft-rotations",
+          format_text("orientations +-%.2g degrees: %s", turn * 180 / M_PI, cure));
   }
 
   void judge_halves() {
     if (solution_.disagreement > kAgreement)
       add(Severity::kNote, "halves-disagree",
-          text("two halves of the tracks disagree by %.1f times what independent errors of %.2g px would do: what "
-               "tracks "
-               "have in common errs, too. All uncertainties are enlarged by that",
-               solution_.disagreement, solution_.sigma));
+          format_text(
+              "two halves of the tracks disagree by %.1f times what independent errors of %.2g px would do: what "
+              "tracks "
+              "have in common errs, too. All uncertainties are enlarged by that",
+              solution_.disagreement, solution_.sigma));
   }
 
   // Tracks of a light move by nature; those of features must not.
@@ -300,12 +299,14 @@ class Diagnosis {
     if (motion.share < kMoved) return;
     const bool harms = motion.taken_in > kMoved / 2;
     add(harms ? Severity::kWarning : Severity::kNote, "moving-scene",
-        text("the scene moved while it was filmed: %.0f %% of the tracks shift from camera to camera, by %.2g px, as "
-             "things do that move between pictures of different times. ",
-             100 * motion.share, motion.shift_px) +
-            (harms ? text("%.0f %% of what the cameras were placed by does, and pulls them along: take pictures of one "
-                          "instant (lf-rig snapshot says how far they are apart), or of what stands still",
-                          100 * motion.taken_in)
+        format_text(
+            "the scene moved while it was filmed: %.0f %% of the tracks shift from camera to camera, by %.2g px, as "
+            "things do that move between pictures of different times. ",
+            100 * motion.share, motion.shift_px) +
+            (harms ? format_text(
+                         "%.0f %% of what the cameras were placed by does, and pulls them along: take pictures of one "
+                         "instant (lf-rig snapshot says how far they are apart), or of what stands still",
+                         100 * motion.taken_in)
                    : std::string("They are left out, and do no harm")));
   }
 
@@ -321,8 +322,8 @@ class Diagnosis {
     const double pitch = neighbour_distance(poses);
     if (pitch < kClosest || pitch > kWidest)
       add(Severity::kError, "odd-scale",
-          text("neighbouring cameras are %.3g m apart, from %s: millimetres for metres?", pitch,
-               placement_.scale_from.c_str()));
+          format_text("neighbouring cameras are %.3g m apart, from %s: millimetres for metres?", pitch,
+                      placement_.scale_from.c_str()));
   }
 
   static constexpr double kResection = 8;  // pixels

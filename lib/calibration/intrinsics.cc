@@ -3,9 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "base/error.h"
+#include "base/number_text.h"
 #include "base/percentiles.h"
 
 namespace lf {
@@ -52,11 +52,7 @@ std::vector<std::string> names_of(LensModel model) {
   return names;
 }
 
-std::string percent(double part) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.2g %%", 100 * part);
-  return text;
-}
+std::string percent(double part) { return format_text("%.2g %%", 100 * part); }
 
 }  // namespace
 

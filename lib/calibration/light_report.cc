@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "calibration/light_report.h"
+#include "base/number_text.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 
 #include "base/percentiles.h"
 #include "calibration/light_paths.h"
@@ -18,13 +18,6 @@ constexpr double kMostBusy = 0.2;                    // share of the pictures
 constexpr double kLeastCoverage = 0.5;
 constexpr double kShorter = 0.9;  // of the longest recording
 constexpr int kColumns = 4, kRows = 3;
-
-template <class... Args>
-std::string text(const char* format, Args... args) {
-  char buffer[512];
-  std::snprintf(buffer, sizeof buffer, format, args...);
-  return buffer;
-}
 
 double seconds_of(const LightSights::Camera& camera) {
   if (camera.frames.size() < 2) return 0;
@@ -51,13 +44,13 @@ std::optional<std::string> trouble_of(const LightSights::Camera& camera, const L
   if (record.background < kBlack && record.brightest < kBlackBrightest && record.lit == 0)
     return "is black from beginning to end: is there a cap on the lens, or is the exposure far too short?";
   if (static_cast<double>(record.busy) > kMostBusy * frames)
-    return text(
+    return format_text(
         "is full of changes in %.0f %% of its pictures, where a light can't be told from the rest: darken the room, "
         "lock the exposure, and keep people and screens out of the picture",
         100 * static_cast<double>(record.busy) / frames);
   if (record.lit == 0)
     return record.background > kBright
-               ? text(
+               ? format_text(
                      "shows no light: the room is not dark (%.0f of 255 on average). Draw the curtains, or expose less",
                      record.background)
                : std::string("shows no light: is it on, in the picture, and bright enough to be seen in the dark?");
@@ -92,11 +85,11 @@ LightSummary summarize_lights(const LightSights::Camera& camera, const LightReco
   summary.trouble = trouble_of(camera, record, moves);
   if (summary.trouble) return summary;
   if (summary.coverage < kLeastCoverage)
-    summary.remarks.push_back(text("the light came to %.0f %% of its picture: move it to the %s, too",
-                                   100 * summary.coverage, missing_places(seen).c_str()));
+    summary.remarks.push_back(format_text("the light came to %.0f %% of its picture: move it to the %s, too",
+                                          100 * summary.coverage, missing_places(seen).c_str()));
   if (record.background > kBright)
     summary.remarks.push_back(
-        text("the room is not dark (%.0f of 255 on average): weak lights are missed", record.background));
+        format_text("the room is not dark (%.0f of 255 on average): weak lights are missed", record.background));
   return summary;
 }
 
@@ -107,9 +100,10 @@ std::vector<Finding> compare_recordings(const LightSights& sights) {
   for (const LightSights::Camera& camera : sights.cameras) {
     const double seconds = seconds_of(camera);
     if (seconds > 0 && seconds < kShorter * longest)
-      findings.push_back({Finding::Severity::kNote, "short-recording",
-                          text("camera %u has %.1f s of the %.1f s that others have: what is missing is not used",
-                               camera.id, seconds, longest)});
+      findings.push_back(
+          {Finding::Severity::kNote, "short-recording",
+           format_text("camera %u has %.1f s of the %.1f s that others have: what is missing is not used", camera.id,
+                       seconds, longest)});
   }
   return findings;
 }

@@ -2,10 +2,10 @@
 // What a check of a rig says, in words and for programs.
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include <nlohmann/json.hpp>
 
+#include "base/number_text.h"
 #include "calibration/rig_check.h"
 
 namespace lf {
@@ -21,13 +21,6 @@ constexpr double kWorthSaying = 3;   // sigmas
 constexpr double kLeastTurn = 3e-4;  // radians
 constexpr double kLeastMove = 3e-4;  // metres
 
-template <class... Args>
-std::string text(const char* format, Args... args) {
-  char buffer[512];
-  std::snprintf(buffer, sizeof buffer, format, args...);
-  return buffer;
-}
-
 // "turned by 0.42 degrees (up 0.40, left 0.12)": the parts that are more than chance, the largest first.
 // What is below `least` a rig may be off by all the time.
 std::string parts(const Vec3& value, const Vec3& sigma, double least, double unit, const char* const names[3][2]) {
@@ -36,7 +29,7 @@ std::string parts(const Vec3& value, const Vec3& sigma, double least, double uni
   std::string all;
   for (const int k : order)
     if (std::abs(value[k]) > std::max(least, kWorthSaying * sigma[k]) && std::abs(value[k]) > 0.1 * glm::length(value))
-      all += (all.empty() ? "" : ", ") + text("%.2f %s", std::abs(value[k]) * unit, names[k][value[k] > 0]);
+      all += (all.empty() ? "" : ", ") + format_text("%.2f %s", std::abs(value[k]) * unit, names[k][value[k] > 0]);
   return all;
 }
 
@@ -85,32 +78,35 @@ std::vector<Finding> diagnose_check(const Rig& rig, const RigCheck& check, doubl
       const std::string who = name_of(rig, camera.id);
       if (camera.state == State::kMoved)
         findings.push_back({Severity::kError, "moved-camera",
-                            text("%s has moved, its picture by %.1f pixels%s. Put it back, or calibrate anew",
-                                 who.c_str(), camera.shift_px, motion_of(camera).c_str())});
+                            format_text("%s has moved, its picture by %.1f pixels%s. Put it back, or calibrate anew",
+                                        who.c_str(), camera.shift_px, motion_of(camera).c_str())});
       if (camera.state == State::kLens)
         findings.push_back(
             {Severity::kError, "changed-lens",
-             text("%s: its focal length has changed by %+.1f %%, its picture by %.1f pixels: has somebody turned focus "
-                  "or zoom, or is its focus automatic? Calibrate anew once it stays",
-                  who.c_str(), 100 * camera.focal_change, camera.shift_px)});
+             format_text(
+                 "%s: its focal length has changed by %+.1f %%, its picture by %.1f pixels: has somebody turned focus "
+                 "or zoom, or is its focus automatic? Calibrate anew once it stays",
+                 who.c_str(), 100 * camera.focal_change, camera.shift_px)});
     }
     if (check.shift_px > kLeastShift)
       findings.push_back(
           {Severity::kError, "rig-off",
-           text("all cameras are off by %.1f pixels or so, each otherwise: the rig was bent, or is not as good as it "
-                "says: calibrate anew",
-                check.shift_px)});
+           format_text(
+               "all cameras are off by %.1f pixels or so, each otherwise: the rig was bent, or is not as good as it "
+               "says: calibrate anew",
+               check.shift_px)});
   }
   for (const RigCheck::Camera& camera : check.cameras)
     if (camera.state == State::kUnknown)
-      findings.push_back({Severity::kWarning, "unseen-camera",
-                          text("%s saw the light at %zu places alone: nothing can be said of it. Move the light before "
-                               "it, too",
-                               name_of(rig, camera.id).c_str(), camera.sights)});
+      findings.push_back(
+          {Severity::kWarning, "unseen-camera",
+           format_text("%s saw the light at %zu places alone: nothing can be said of it. Move the light before "
+                       "it, too",
+                       name_of(rig, camera.id).c_str(), camera.sights)});
   if (check.bar && bar_length > 0 && std::abs(*check.bar / bar_length - 1) > kScaleOff)
     findings.push_back({Severity::kWarning, "wrong-scale",
-                        text("the bar measures %.1f mm by this rig, not %.1f: %s", 1e3 * *check.bar, 1e3 * bar_length,
-                             "the rig's scale is off, or the bar is another one")});
+                        format_text("the bar measures %.1f mm by this rig, not %.1f: %s", 1e3 * *check.bar,
+                                    1e3 * bar_length, "the rig's scale is off, or the bar is another one")});
   return findings;
 }
 

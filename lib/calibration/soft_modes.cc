@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "calibration/soft_modes.h"
+#include "base/number_text.h"
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include <Eigen/LU>
 
@@ -22,13 +22,6 @@ constexpr double kSoftPercent = 1;  // of depth, and of width beside height
 constexpr double kSoftTurn = 0.5;   // degrees
 constexpr double kSoftPlace = 0.1;  // of the distance of neighbours
 constexpr int kDepths = 12;
-
-template <class... Args>
-std::string text(const char* format, Args... args) {
-  char buffer[512];
-  std::snprintf(buffer, sizeof buffer, format, args...);
-  return buffer;
-}
 
 // The array's own axes, amid its cameras, in the solver's frame and scale.
 struct Frame {
@@ -103,9 +96,10 @@ class Modes {
     for (const size_t i : used_) w[u_.camera_row[i] + 6] = 1 / (n_ * scene_.cameras[i].lens_terms()[kF]);
     const double percent = 100 * u_.sigma_of(w);
     add("depth", percent, "%", kSoftPercent,
-        text("How deep the scene is: all focal lengths together are known to %.2g %%, and depths with them: what seems "
-             "to be 2 m away is so to %.2g cm",
-             percent, 2 * percent));
+        format_text(
+            "How deep the scene is: all focal lengths together are known to %.2g %%, and depths with them: what seems "
+            "to be 2 m away is so to %.2g cm",
+            percent, 2 * percent));
   }
 
   void gaze() {
@@ -116,7 +110,7 @@ class Modes {
       most = std::max(most, u_.sigma_of(w) * kDegrees);
     }
     add("gaze", most, "degrees", kSoftTurn,
-        text(
+        format_text(
             "Where all cameras look, together, beside the surface that they stand in: known to %.2g degrees. It shears "
             "the scene as a whole, and no picture shows it",
             most));
@@ -137,7 +131,7 @@ class Modes {
     }
     if (most > 0)
       add("toe-in", most, "degrees", kSoftTurn,
-          text("Whether cameras at the edges look inwards: known to %.2g degrees. It bends depths", most));
+          format_text("Whether cameras at the edges look inwards: known to %.2g degrees. It bends depths", most));
   }
 
   void bow() {
@@ -155,7 +149,7 @@ class Modes {
     for (size_t k = 0; k < used_.size(); k++) put(w, u_.camera_row[used_[k]] + 3, frame_.z, range * radii[k] / squares);
     const double mm = 1e3 * scale_ * u_.sigma_of(w);
     add("bow", mm, "mm", 1e3 * scale_ * kSoftPlace * neighbours_,
-        text("Whether the array bulges forward in its middle: known to %.2g mm", mm));
+        format_text("Whether the array bulges forward in its middle: known to %.2g mm", mm));
   }
 
   void proportions() {
@@ -169,7 +163,7 @@ class Modes {
     }
     const double percent = 100 * u_.sigma_of(w);
     add("proportions", percent, "%", kSoftPercent,
-        text("How wide the array is beside its height: known to %.2g %%", percent));
+        format_text("How wide the array is beside its height: known to %.2g %%", percent));
   }
 
   void each() {
@@ -180,9 +174,9 @@ class Modes {
     }
     const double mm = 1e3 * scale_ * std::sqrt(place), degrees = kDegrees * std::sqrt(turn);
     add("places", mm, "mm", 1e3 * scale_ * kSoftPlace * neighbours_,
-        text("Where each camera stands, in the array: known to %.2g mm, all of these together", mm));
+        format_text("Where each camera stands, in the array: known to %.2g mm, all of these together", mm));
     add("directions", degrees, "degrees", kSoftTurn,
-        text("Where each camera looks: known to %.2g degrees, all of these together", degrees));
+        format_text("Where each camera looks: known to %.2g degrees, all of these together", degrees));
   }
 
   const Reconstruction& scene_;

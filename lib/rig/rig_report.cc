@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <climits>
-#include <cstdio>
 #include <filesystem>
 #include <limits>
 #include <map>
@@ -23,11 +22,7 @@ using Severity = RigFinding::Severity;
 constexpr double kSliver = 0.02;     // height of a triangle over its longest side: an angle of about one degree
 constexpr double kSamePlace = 1e-9;  // of the baseline
 
-std::string short_text(double value) {
-  char text[40];
-  std::snprintf(text, sizeof(text), "%.6g", value);
-  return text;
-}
+std::string short_text(double value) { return format_text("%.6g", value); }
 
 std::string range_text(double least, double most) {
   const std::string a = short_text(least), b = short_text(most);

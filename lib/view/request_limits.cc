@@ -2,7 +2,8 @@
 #include "view/request_limits.h"
 
 #include <algorithm>
-#include <cstdio>
+
+#include "base/number_text.h"
 
 namespace lf {
 namespace {
@@ -15,11 +16,7 @@ RequestGate::Refusal check_cost(const RequestCost& cost, const RequestLimits& li
   return cost.trials > limits.trials ? RequestGate::kTrials : RequestGate::kNone;
 }
 
-std::string metres(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g m", value);
-  return text;
-}
+std::string metres(double value) { return format_text("%.4g m", value); }
 
 }  // namespace
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
-#include <cstdio>
 #include <map>
 
+#include "base/number_text.h"
 #include "cameras/doctor.h"
 #include "cameras/rig_cameras.h"
 
@@ -14,13 +14,6 @@ constexpr double kOtherRate = 0.02;         // off the array's
 constexpr double kUnevenStamps = 0.1;       // of the time between frames
 constexpr double kMovingBrightness = 0.03;  // while nothing but the scene may have moved
 constexpr double kBlack = 10, kWhite = 245;
-
-template <typename... Args>
-std::string text(const char* format, Args... args) {
-  char buffer[200];
-  std::snprintf(buffer, sizeof buffer, format, args...);
-  return buffer;
-}
 
 bool contains(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
 
@@ -74,19 +67,19 @@ void look_at_frames(const CameraExam& exam, double usual_rate, Findings& finding
       remedy =
           "a wired network, a packet delay where the camera has one, RTSP over TCP (rtspt://), or a lower bit rate";
     findings.warning(exam,
-                     text("%.0f %% of its frames are missing (%zu of %zu)", 100 * missing, times.missing,
-                          times.missing + times.frames),
+                     format_text("%.0f %% of its frames are missing (%zu of %zu)", 100 * missing, times.missing,
+                                 times.missing + times.frames),
                      remedy);
   }
   if (std::abs(times.rate() / usual_rate - 1) > kOtherRate)
-    findings.warning(exam, text("gives %.2f frames/s, most others %.2f", times.rate(), usual_rate),
+    findings.warning(exam, format_text("gives %.2f frames/s, most others %.2f", times.rate(), usual_rate),
                      "ask all for one rate (framerate= in their sources); webcams give fewer frames in the dark: more "
                      "light, or a set exposure (lf-rig lock)");
   if (times.backwards > 0)
-    findings.warning(exam, text("%zu frames have stamps that are not after the one before", times.backwards),
+    findings.warning(exam, format_text("%zu frames have stamps that are not after the one before", times.backwards),
                      "its clock is not to be trusted: restart the camera, and look for newer firmware");
   if (times.jitter > kUnevenStamps * times.period)
-    findings.warning(exam, text("its stamps are uneven by %.1f ms", 1e3 * times.jitter),
+    findings.warning(exam, format_text("its stamps are uneven by %.1f ms", 1e3 * times.jitter),
                      exam.stamps == "arrival"
                          ? "it tells no times of its own, so that the network's delays count: have "
                            "it send RTCP sender reports, with its clock set by NTP"
@@ -99,10 +92,10 @@ void look_at_frames(const CameraExam& exam, double usual_rate, Findings& finding
 
 void look_at_picture(const CameraExam& exam, Findings& findings) {
   if (exam.brightest < kBlack)
-    findings.error(exam, text("is black (brightness %.0f of 255)", exam.brightest),
+    findings.error(exam, format_text("is black (brightness %.0f of 255)", exam.brightest),
                    "take the lid off, or more exposure");
   else if (exam.darkest > kWhite)
-    findings.error(exam, text("is white (brightness %.0f of 255)", exam.darkest), "less exposure");
+    findings.error(exam, format_text("is white (brightness %.0f of 255)", exam.darkest), "less exposure");
 }
 
 void look_at_controls(const CameraExam& exam, bool brightness_moves, Findings& findings) {
@@ -113,10 +106,10 @@ void look_at_controls(const CameraExam& exam, bool brightness_moves, Findings& f
     findings.warning(exam, "automatic: " + automatic,
                      "lf-rig lock sets all cameras alike, so that none goes its own way");
   else if (brightness_moves)
-    findings.warning(
-        exam,
-        text("its brightness moves, %.0f to %.0f of 255: exposure may be automatic", exam.darkest, exam.brightest),
-        "lf-rig lock sets all cameras alike; lamps that flicker move it, too (controls: mains_frequency)");
+    findings.warning(exam,
+                     format_text("its brightness moves, %.0f to %.0f of 255: exposure may be automatic", exam.darkest,
+                                 exam.brightest),
+                     "lf-rig lock sets all cameras alike; lamps that flicker move it, too (controls: mains_frequency)");
   for (const std::string& name : exam.not_taken)
     findings.warning(exam, "its source does not take the control " + name,
                      "set it in the camera's own menu or web page, and take it out of the rig");

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
-#include <cstdio>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "base/number_text.h"
 #include "cameras/doctor.h"
 #include "cameras/rig_cameras.h"
 
@@ -15,23 +15,17 @@ using nlohmann::ordered_json;
 
 constexpr size_t kMostLines = 24;
 
-template <typename... Args>
-std::string text(const char* format, Args... args) {
-  char buffer[300];
-  std::snprintf(buffer, sizeof buffer, format, args...);
-  return buffer;
-}
-
 std::string size_of(const Camera& camera) { return std::to_string(camera.width) + "x" + std::to_string(camera.height); }
 
 std::string line_of(const Rig& rig, const CameraExam& exam) {
   const Camera& camera = rig.cameras[exam.camera];
-  std::string line = text("%-16s", name_of(camera).c_str());
+  std::string line = format_text("%-16s", name_of(camera).c_str());
   if (exam.times.frames < 3) return line + (exam.problem.empty() ? " no frames\n" : " does not work\n");
-  line += text(" %8.2f  %-12s %-9s %5zu %6.0f ms", exam.times.rate(), exam.format.empty() ? "-" : exam.format.c_str(),
-               size_of(camera).c_str(), exam.times.missing, 1e3 * exam.delay);
-  line += std::isnan(exam.phase) ? "         -" : text(" %+6.1f ms", 1e3 * exam.phase);
-  line += text(" %5.1f ms %6.0f", 1e3 * exam.times.jitter, exam.brightness);
+  line += format_text(" %8.2f  %-12s %-9s %5zu %6.0f ms", exam.times.rate(),
+                      exam.format.empty() ? "-" : exam.format.c_str(), size_of(camera).c_str(), exam.times.missing,
+                      1e3 * exam.delay);
+  line += std::isnan(exam.phase) ? "         -" : format_text(" %+6.1f ms", 1e3 * exam.phase);
+  line += format_text(" %5.1f ms %6.0f", 1e3 * exam.times.jitter, exam.brightness);
   return line + "\n";
 }
 
@@ -59,8 +53,8 @@ std::string groups_of(const Rig& rig, const Exam& exam, const std::set<std::stri
     group.longest = std::max(group.longest, camera.delay);
   }
   for (const auto& [what, group] : groups)
-    lines += text("%zu others: %s, %.2f to %.2f frames/s, delay up to %.0f ms\n", group.count, what.c_str(),
-                  group.least, group.most, 1e3 * group.longest);
+    lines += format_text("%zu others: %s, %.2f to %.2f frames/s, delay up to %.0f ms\n", group.count, what.c_str(),
+                         group.least, group.most, 1e3 * group.longest);
   return lines;
 }
 
@@ -81,9 +75,9 @@ ordered_json json_of(const std::vector<LinkLoad>& loads) {
 std::string links_of(const std::vector<LinkLoad>& loads, const char* when) {
   std::string lines;
   for (const LinkLoad& load : loads) {
-    lines += text("%s: %s: %zu camera%s, %.1f", load.link.name.c_str(), when, load.cameras.size(),
-                  load.cameras.size() == 1 ? "" : "s", load.needed / 1e6);
-    lines += load.link.capacity > 0 ? text(" of %.0f MB/s\n", load.link.capacity / 1e6) : " MB/s\n";
+    lines += format_text("%s: %s: %zu camera%s, %.1f", load.link.name.c_str(), when, load.cameras.size(),
+                         load.cameras.size() == 1 ? "" : "s", load.needed / 1e6);
+    lines += load.link.capacity > 0 ? format_text(" of %.0f MB/s\n", load.link.capacity / 1e6) : " MB/s\n";
   }
   return lines;
 }
@@ -97,14 +91,15 @@ std::string page_of(const Rig& rig, const Exam& exam) {
   else
     page += groups_of(rig, exam, troubled);
   if (exam.cameras.size() > 1 && exam.skew.spread > 0)
-    page += text("frames of one time lie up to %.1f ms apart; at 1 m/s things are %.0f mm off between cameras\n",
-                 1e3 * exam.skew.spread, 1e3 * exam.skew.spread);
+    page += format_text("frames of one time lie up to %.1f ms apart; at 1 m/s things are %.0f mm off between cameras\n",
+                        1e3 * exam.skew.spread, 1e3 * exam.skew.spread);
   for (const Finding& finding : exam.findings)
     page += std::string(finding.error ? "error: " : "warning: ") + finding.cameras + ": " + finding.what + "\n   " +
             finding.remedy + "\n";
   const size_t count = exam.cameras.size(), errors = static_cast<size_t>(exam.errors());
-  page += text("%zu camera%s, %zu error%s, %zu warning%s\n", count, count == 1 ? "" : "s", errors,
-               errors == 1 ? "" : "s", exam.findings.size() - errors, exam.findings.size() - errors == 1 ? "" : "s");
+  page +=
+      format_text("%zu camera%s, %zu error%s, %zu warning%s\n", count, count == 1 ? "" : "s", errors,
+                  errors == 1 ? "" : "s", exam.findings.size() - errors, exam.findings.size() - errors == 1 ? "" : "s");
   return page;
 }
 
