@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Viewers whom no packet reaches but by coturn, as lf-serve --ice-server names it. In a network of its own.
 import { execFile } from 'node:child_process';
+import { once } from 'node:events';
 import { writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { promisify } from 'node:util';
@@ -51,7 +52,9 @@ async function watched(ways, credentials, ...options) {
     await until(async () => await served.metric('viewers') === 0, 'it leaves');
   }
   await served.stop();
+  const ended = once(turn, 'exit');  // the next one listens where this one did
   turn.kill('SIGKILL');
+  await ended;
 }
 
 // Of a page that asks for nothing but relays.
