@@ -3,10 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <numbers>
 #include <numeric>
 #include <optional>
+#include <set>
 
 #include "base/percentiles.h"
 #include "focus/trial_levels.h"
@@ -99,7 +101,8 @@ constexpr size_t kLeastNodes = 24;
 // Cameras compare themselves where the line of sight goes through the array within 1.25 edges of them. Farther away the
 // mean is that of cameras on one side of theirs: how surfaces shine changes along an array (by 2 % a camera in one
 // scene), and that is no gain.
-constexpr float kNear = WideLuma::kPeak * 0.4578f;
+constexpr double kNear = 1.25;                            // edges
+constexpr float kNearWeight = WideLuma::kPeak * 0.4578f;  // there
 // Nodes are no samples of their own, because a whole thing is in focus or not: they tell as much as so many.
 constexpr float kThings = 4;
 constexpr float kRounded = 0.4f;                       // standard deviation of a quotient of rounded luma, levels
@@ -139,7 +142,7 @@ View mean_view(const View& view) {
 }
 
 WideLuma::WideLuma(const Rig& rig, const Mesh& mesh, const View& view, std::span<const CameraIndex> own)
-    : plan_(rig, mesh, view), most_decide_(mesh.faces.size() != 1 || mesh.faces[0].corners() > 2) {
+    : plan_(rig, mesh, view) {
   const Plane& plane = view.focus.map->from;
   const double pitch = median_edge(rig, mesh);
   const Vec3 aside = std::abs(plane.normal.x) < 0.8 ? Vec3(1, 0, 0) : Vec3(0, 1, 0);
@@ -166,11 +169,17 @@ WideLuma::WideLuma(const Rig& rig, const Mesh& mesh, const View& view, std::span
   for (std::vector<float>* of_rays : {&u_, &v_}) of_rays->resize(of_rays->size() + kTrialSpare);
   levels_.resize(u_.size());
   std::ranges::copy(view.focus.map->levels, levels_.begin());
-  for (const CameraIndex camera : own) {
+  const auto is_within = [&](CameraIndex camera, double edges) {
     const Vec2 at = on_plane(rig.cameras[camera].pose.position);
-    if (glm::all(glm::greaterThan(at, low - kWidest)) && glm::all(glm::lessThan(at, high + kWidest)))
-      cameras_.push_back(camera);
-  }
+    return glm::all(glm::greaterThan(at, low - edges)) && glm::all(glm::lessThan(at, high + edges));
+  };
+  std::ranges::copy_if(own, std::back_inserter(cameras_),
+                       [&](CameraIndex camera) { return is_within(camera, kWidest); });
+  std::set<CameraIndex> compared;
+  for (const MeshFace& face : mesh.faces)
+    for (int k = 0; k < face.corners(); k++)
+      if (is_within(face.camera[k], kNear)) compared.insert(face.camera[k]);
+  most_decide_ = compared.size() > 2;
 }
 
 WideLuma::Camera WideLuma::see(const Source& source, float gain) const {
@@ -234,7 +243,8 @@ std::optional<BrightnessRatio> WideLuma::ratio(const Camera& seen, std::span<con
   std::vector<float> ratios;
   float dark = 0;  // how much of a logarithm a level is
   for (size_t i = 0; i < mean.size(); i++)
-    if (mean[i] != 0 && seen.weight[i] > kNear && seen.luma[i] >= kDarkestSeen && seen.luma[i] <= kBrightestSeen) {
+    if (mean[i] != 0 && seen.weight[i] > kNearWeight && seen.luma[i] >= kDarkestSeen &&
+        seen.luma[i] <= kBrightestSeen) {
       ratios.push_back(std::log(static_cast<float>(seen.luma[i]) / static_cast<float>(mean[i])));
       dark += 1 / static_cast<float>(mean[i]);
     }

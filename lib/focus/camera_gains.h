@@ -150,7 +150,7 @@ class WideLuma {
   Camera see(const Source& source, float gain) const;
 
   ViewPlan plan_;
-  bool most_decide_;  // Of two cameras in service neither is most: what is right is half-way between them.
+  bool most_decide_ = false;  // Of two cameras that can be compared neither is most: half-way between them is right.
   std::vector<CameraIndex> cameras_;
   Vec3 across_, down_;           // along the plane, in units of the pitch
   std::vector<Vec2> crossings_;  // of the lines of sight with the plane, a value for each node

@@ -142,11 +142,13 @@ class FocusControl {
   double spacing_ = 0;     // metres between neighbouring cameras, 0: not known
   double disparity_ = 0;   // pixels for each 1/m, 0: not known
   Stage stage_ = Stage::kBetter;
-  std::deque<std::vector<Trial>> sweeps_;      // that the stage has still to send
-  Pose tried_from_;                            // where trials were last rested from
-  Pose tried_with_;                            // what came of trials last
-  bool moved_ = false;                         // the eye, since then
-  unsigned patience_ = 8;                      // requests from a search that finds nothing to the next
+  std::deque<std::vector<Trial>> sweeps_;  // that the stage has still to send
+  Pose tried_from_;                        // where trials were last rested from
+  Pose tried_with_;                        // what came of trials last
+  bool moved_ = false;                     // the eye, since then
+  // Requests from a search that finds nothing to the next, twice as many each time: the first few are too early where
+  // cameras are not equally bright, see MeanTurns.
+  unsigned patience_ = 1;
   unsigned waited_ = 0;                        // requests for the answers to a search, or for the next one
   unsigned rounds_to_doubt_ = 0, doubts_ = 4;  // until the range may be searched anew as something seems to come near
   double flat_inverse_ = 0;                    // where one plane is enough, 1/m
