@@ -40,7 +40,6 @@ class AnswerMaker {
 
  private:
   void correct(const AnswerTask& task, const Options& options, std::vector<Source>& images);
-  std::vector<Source> correct_and_resample(const AnswerTask& task, const Options& options, std::vector<Source>& images);
   void match_gains(const AnswerTask& task, const wire::AnswerHeader& header, const Options& options,
                    std::vector<Source>& images, Units& units);
   void resample(const AnswerTask& task, const Options& options, std::vector<Source>& images);

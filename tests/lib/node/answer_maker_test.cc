@@ -77,36 +77,6 @@ TEST_F(AnswerMakerTest, AllThatIsMadeOfImagesIsMadeOfCorrectedOnes) {
   EXPECT_EQ(make(walls_.sources()).answer.bytes, plain.answer.bytes);
 }
 
-// One pass over an image does what two do, whether somebody looks at what is between them or not.
-TEST_F(AnswerMakerTest, CorrectedAndSharpenedAtOnceIsTheSame) {
-  Rig rig = walls_.rig;
-  for (size_t i = 0; i < rig.cameras.size(); i += 2)
-    rig.cameras[i].colour = ColourModel{.black = {3, 4, 5}, .gamma = 2, .vignetting = {-0.2, -0.1}};
-  std::vector<Image> images;
-  for (size_t i = 0; i < rig.cameras.size(); i++) {
-    const Camera& camera = rig.cameras[i];
-    images.push_back(camera.colour ? corrected(walls_.images[i], *camera.colour, camera.principal_point())
-                                   : walls_.images[i]);
-  }
-  std::vector<Source> sources = walls_.sources();
-  for (size_t i = 0; i < sources.size(); i++) sources[i].image = images[i].view();
-  options_.resampling = Resampling::kSharpened;
-  const CameraColours colours(rig);
-  for (const bool tries : {false, true}) {
-    request_.trials.clear();
-    if (tries) request_.trials = {{Trial::Kind::kPlane, 60}, {Trial::Kind::kPlane, 90}};
-    options_.colours = nullptr;
-    const AnswerMaker::Units want = make(sources);
-    options_.colours = &colours;
-    // Twice: memory that is used again has old pixels in it.
-    for (int n = 0; n < 2; n++) {
-      const AnswerMaker::Units units = make(walls_.sources());
-      EXPECT_EQ(units.answer.bytes, want.answer.bytes) << tries;
-      EXPECT_EQ(units.moments, want.moments) << tries;
-    }
-  }
-}
-
 TEST_F(AnswerMakerTest, TrialsAndBrightnessGoBeforeTheAnswer) {
   AnswerMaker::Units units = make(walls_.sources());
   EXPECT_TRUE(units.moments.empty());
