@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <utility>
+#include <vector>
 
 namespace lf {
 
@@ -190,9 +191,15 @@ bool CameraFrames::is_live() const {
   return live_;
 }
 
+// The median is not that of a camera that was away.
 uint64_t CameraFrames::period() const {
   std::lock_guard lock(mutex_);
-  return frames_.size() < 2 ? 0 : (frames_.back().time - frames_.front().time) / (frames_.size() - 1);
+  if (frames_.size() < 2) return 0;
+  std::vector<uint64_t> between;
+  for (size_t i = 1; i < frames_.size(); i++) between.push_back(frames_[i].time - frames_[i - 1].time);
+  const auto middle = between.begin() + static_cast<ptrdiff_t>((between.size() - 1) / 2);
+  std::ranges::nth_element(between, middle);
+  return *middle;
 }
 
 size_t CameraFrames::held() const {

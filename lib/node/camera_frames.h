@@ -63,7 +63,8 @@ class CameraFrames {
 
   std::optional<CameraFrame> newest() const;
   bool is_live() const;
-  uint64_t period() const;  // nanoseconds between the frames held, on average; 0 where there are fewer than two
+  uint64_t period()
+      const;  // nanoseconds from one of the frames held to the next, median; 0 where there are fewer than two
   size_t held() const;
 
  private:

@@ -127,6 +127,20 @@ TEST(CameraFrames, LiveFramesAreKeptForAsLongAsRequestsLookBack) {
   EXPECT_EQ(frames.held(), CameraFrames::kLiveFrames);
 }
 
+// All viewers would wait for a camera whose frames seem to be seconds apart.
+TEST(CameraFrames, ThePeriodIsNotThatOfACameraThatWasAway) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(true);
+  constexpr uint64_t kPeriod = 66'000'000, kAway = 6'500'000'000;
+  for (uint64_t k = 0; k < 10; k++) frames.push(frame(k * kPeriod));
+  frames.lose_stream();
+  for (uint64_t k = 10; k < 20; k++) {
+    frames.push(frame(kAway + k * kPeriod));
+    EXPECT_EQ(frames.period(), kPeriod) << k;
+  }
+}
+
 TEST(CameraFrames, StoppingWakesBothSides) {
   for (int i = 0; i < 50; i++) {
     CameraFrames frames;
