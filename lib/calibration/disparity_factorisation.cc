@@ -76,9 +76,9 @@ Line fit_line(const std::vector<LinePoint>& points, double threshold, std::mt199
 
 class Factorisation {
  public:
-  Factorisation(const std::vector<Sight>& sights, size_t num_cameras, size_t num_columns, double threshold)
+  Factorisation(const std::vector<ColumnSight>& sights, size_t num_cameras, size_t num_columns, double threshold)
       : threshold_(threshold), by_camera_(num_cameras), by_column_(num_columns) {
-    for (const Sight& s : sights) {
+    for (const ColumnSight& s : sights) {
       by_camera_[s.camera].push_back(s);
       by_column_[s.column].push_back(s);
     }
@@ -105,10 +105,10 @@ class Factorisation {
                                                [](const auto& a, const auto& b) { return a.size() < b.size(); }) -
                               by_camera_.begin());
     std::vector<std::optional<Vec2>> at(by_column_.size());
-    for (const Sight& s : by_camera_[reference]) at[s.column] = s.uv;
+    for (const ColumnSight& s : by_camera_[reference]) at[s.column] = s.uv;
     const auto differences = [&](size_t i) {
       std::vector<std::pair<size_t, Vec2>> list;
-      for (const Sight& s : by_camera_[i])
+      for (const ColumnSight& s : by_camera_[i])
         if (at[s.column]) list.push_back({s.column, s.uv - *at[s.column]});
       return list;
     };
@@ -168,8 +168,8 @@ class Factorisation {
   // direction - C d = uv - o. From pairs of cameras where nothing is known of it.
   void solve_column(size_t j, bool search) {
     DisparityFactors::ColumnFactor& column = factors_.columns[j];
-    const std::vector<Sight>& sights = by_column_[j];
-    const auto error = [&](const Sight& s, const Vec2& direction, double d) {
+    const std::vector<ColumnSight>& sights = by_column_[j];
+    const auto error = [&](const ColumnSight& s, const Vec2& direction, double d) {
       const auto& camera = factors_.cameras[s.camera];
       const Vec2 e = direction - camera.centre * d + camera.turn - s.uv;
       return glm::dot(e, e);
@@ -179,8 +179,8 @@ class Factorisation {
       if (sights.empty()) return;
       double best = 0;
       for (int sample = 0; sample < kSamples; sample++) {
-        const Sight& a = sights[random_() % sights.size()];
-        const Sight& b = sights[random_() % sights.size()];
+        const ColumnSight& a = sights[random_() % sights.size()];
+        const ColumnSight& b = sights[random_() % sights.size()];
         if (!known_[a.camera] || !known_[b.camera]) continue;
         const auto &ca = factors_.cameras[a.camera], &cb = factors_.cameras[b.camera];
         const Vec2 base = ca.centre - cb.centre;
@@ -189,7 +189,7 @@ class Factorisation {
         const double d = -glm::dot(base, (a.uv - ca.turn) - (b.uv - cb.turn)) / squared;
         const Vec2 direction = a.uv - ca.turn + ca.centre * d;
         double score = 0;
-        for (const Sight& s : sights)
+        for (const ColumnSight& s : sights)
           if (known_[s.camera]) score += std::max(0.0, 1 - error(s, direction, d) / (threshold_ * threshold_));
         if (score > best) best = score, column.direction = direction, column.disparity = d;
       }
@@ -200,7 +200,7 @@ class Factorisation {
     for (int round = 0; round < (search ? 5 : 1); round++) {
       double s = 0, cc = 0, cy = 0;
       Vec2 c(0, 0), y(0, 0);
-      for (const Sight& sight : sights) {
+      for (const ColumnSight& sight : sights) {
         if (!known_[sight.camera]) continue;
         const auto& camera = factors_.cameras[sight.camera];
         const double w = weight_of(error(sight, column.direction, column.disparity), threshold_);
@@ -218,7 +218,7 @@ class Factorisation {
   void solve_camera(size_t i, bool search) {
     DisparityFactors::CameraFactor& camera = factors_.cameras[i];
     std::vector<LinePoint> points;
-    for (const Sight& s : by_camera_[i]) {
+    for (const ColumnSight& s : by_camera_[i]) {
       const auto& column = factors_.columns[s.column];
       if (column.known) points.push_back({column.disparity, s.uv - column.direction});
     }
@@ -270,7 +270,7 @@ class Factorisation {
     double all = 0, agree = 0;
     for (size_t i = 0; i < by_camera_.size(); i++) {
       double fit = 0;
-      for (const Sight& s : by_camera_[i]) {
+      for (const ColumnSight& s : by_camera_[i]) {
         const auto& column = factors_.columns[s.column];
         const Vec2 e =
             column.direction - factors_.cameras[i].centre * column.disparity + factors_.cameras[i].turn - s.uv;
@@ -283,7 +283,7 @@ class Factorisation {
   }
 
   double threshold_;
-  std::vector<std::vector<Sight>> by_camera_, by_column_;
+  std::vector<std::vector<ColumnSight>> by_camera_, by_column_;
   std::vector<char> known_;
   DisparityFactors factors_;
   std::mt19937 random_{1};
@@ -291,7 +291,7 @@ class Factorisation {
 
 }  // namespace
 
-DisparityFactors factorise_disparities(const std::vector<Sight>& sights, size_t num_cameras, size_t num_columns,
+DisparityFactors factorise_disparities(const std::vector<ColumnSight>& sights, size_t num_cameras, size_t num_columns,
                                        double threshold) {
   return Factorisation(sights, num_cameras, num_columns, threshold).run();
 }

@@ -9,7 +9,7 @@
 namespace lf {
 
 // A light of one place as one camera saw it: normalised coordinates (x/z, y/z of the line of sight).
-struct Sight {
+struct ColumnSight {
   uint32_t camera, column;
   Vec2 uv;
 };
@@ -35,7 +35,7 @@ struct DisparityFactors {
 };
 
 // `threshold`: how far a sight may be off, normalised; lens errors and rolled cameras count as such.
-DisparityFactors factorise_disparities(const std::vector<Sight>& sights, size_t num_cameras, size_t num_columns,
+DisparityFactors factorise_disparities(const std::vector<ColumnSight>& sights, size_t num_cameras, size_t num_columns,
                                        double threshold);
 
 }  // namespace lf

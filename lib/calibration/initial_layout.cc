@@ -30,7 +30,7 @@ Quat small_turn(const Vec2& turn) {
 
 double layout_from_disparities(Reconstruction& scene, const Tracks& tracks) {
   const uint32_t lights = tracks.bar ? 2 : 1;
-  std::vector<Sight> sights;
+  std::vector<ColumnSight> sights;
   for (const Observation& o : tracks.observations)
     if (const auto uv = scene.cameras[o.camera].lens().unproject(o.pixel))
       sights.push_back({o.camera, o.position * lights + o.light, *uv});

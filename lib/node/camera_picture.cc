@@ -18,7 +18,7 @@ std::shared_ptr<const ImageView> as_rgb(const ImageView& i420) {
     for (int y = 0; y < h; y++)
       std::copy_n(i420.plane[c] + y * i420.stride[c], w, packed.plane(c) + static_cast<ptrdiff_t>(y) * w);
   }
-  const auto converted = std::make_shared<Converted>(to_rgb(packed));
+  const auto converted = std::make_shared<Converted>(Converted{to_rgb(packed), {}});
   converted->view = converted->image.view();
   return {converted, &converted->view};
 }

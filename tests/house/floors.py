@@ -3,7 +3,8 @@
 """Checks that includes point down: a room of the house, which is a folder, knows only rooms of its own floor and below.
 
 Prints the floors with what each room includes. Rooms of one floor may know each other, one way. Exits 1 at an include that
-points up or comes back, at a room that stands on no floor, and at a floor's room that is not there.
+points up or comes back, at a room that stands on no floor, at a floor's room that is not there, and at a type's name that
+a namespace of the house has twice: the linker takes one of two templates of the same name, whatever their types are.
 
     floors.py SOURCE_ROOT
 """
@@ -47,6 +48,28 @@ def included_rooms(building):
     return rooms, found
 
 
+def types_of(path):
+    """Names, with their namespaces, of the types that a file defines outside of anonymous namespaces and other types."""
+    within, types = [], []
+    for line in path.read_text().splitlines():
+        if opened := re.match(r"(?:inline )?namespace ?([\w:]*) \{", line):
+            within.append(opened[1])
+        elif line.startswith("}  // namespace") and within:
+            within.pop()
+        elif all(within) and (defined := re.match(r"(?:struct|class|union|enum(?: class)?) (\w+)(?: final)?(?: :[^;]*)? \{", line)):
+            types.append("::".join([*within, defined[1]]))
+    return types
+
+
+def repeated_types(root):
+    places = collections.defaultdict(list)
+    for building in ("lib", "gst", "tools", "calib"):
+        for path in sorted((root / building).rglob("*")):
+            for name in types_of(path) if path.suffix in (".h", ".cc") else ():
+                places[name].append(str(path.relative_to(root)))
+    return [f"{name} is two types: {', '.join(files)}" for name, files in sorted(places.items()) if len(files) > 1]
+
+
 def main():
     root = pathlib.Path(sys.argv[1])
     faults = []
@@ -66,6 +89,7 @@ def main():
     library = re.compile(r'^#include [<"](gst/|glib)', re.M)
     faults += [f"{path.relative_to(root)} knows GStreamer"
                for path in sorted((root / "lib").rglob("*")) if path.suffix in (".h", ".cc") and library.search(path.read_text())]
+    faults += repeated_types(root)
     for fault in faults:
         print(fault, file=sys.stderr)
     return bool(faults)

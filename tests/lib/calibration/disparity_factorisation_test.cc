@@ -9,7 +9,7 @@ namespace lf {
 namespace {
 
 // Sights of random points by a 4x4 array whose cameras are turned a little, a share of them replaced.
-std::vector<Sight> make_sights(double missed, double mistaken, std::vector<Vec2>& centres) {
+std::vector<ColumnSight> make_sights(double missed, double mistaken, std::vector<Vec2>& centres) {
   std::mt19937 random(3);
   const auto uniform = [&](double a, double b) { return std::uniform_real_distribution<double>(a, b)(random); };
   std::vector<Vec2> turns;
@@ -17,7 +17,7 @@ std::vector<Sight> make_sights(double missed, double mistaken, std::vector<Vec2>
     centres.emplace_back(i % 4 - 1.5, i / 4 - 1.5);
     turns.emplace_back(uniform(-0.02, 0.02), uniform(-0.02, 0.02));
   }
-  std::vector<Sight> sights;
+  std::vector<ColumnSight> sights;
   for (uint32_t j = 0; j < 60; j++) {
     const Vec2 direction(uniform(-0.3, 0.3), uniform(-0.3, 0.3));
     const double disparity = uniform(0.02, 0.08);
@@ -58,8 +58,8 @@ TEST(DisparityFactorisation, MissesAndMistakesDoNotMatter) {
 
 TEST(DisparityFactorisation, ACameraThatSeesNothingIsUnknown) {
   std::vector<Vec2> centres;
-  std::vector<Sight> sights = make_sights(0, 0, centres);
-  std::erase_if(sights, [](const Sight& s) { return s.camera == 5; });
+  std::vector<ColumnSight> sights = make_sights(0, 0, centres);
+  std::erase_if(sights, [](const ColumnSight& s) { return s.camera == 5; });
   const auto factors = factorise_disparities(sights, 16, 60, 0.02);
   EXPECT_EQ(factors.cameras[5].inliers, 0);
   EXPECT_EQ(factors.inliers, 1);
