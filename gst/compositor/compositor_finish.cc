@@ -8,10 +8,12 @@
 // Live, a view that is asked for and that no node ever answers.
 static void note_silence(LfCompositor* self) {
   if (!lf_compositor_is_live(self) || !self->state->silence.composed(g_get_monotonic_time())) return;
-  GST_ELEMENT_WARNING(self, STREAM, FAILED,
-                      ("No node answers view %u: do its requests reach them, and their answers this compositor?",
-                       self->state->current->view_id),
-                      (nullptr));
+  GST_ELEMENT_WARNING(
+      self, STREAM, FAILED,
+      ("No node answers view %u: do its requests reach them, and their answers this compositor? Those on "
+       "other hosts need the same key-file as this viewer, and none if it has none.",
+       self->state->current->view_id),
+      (nullptr));
 }
 
 // Makes room for the next request. What probes are answered with says nothing of the nodes that is not said anyway.

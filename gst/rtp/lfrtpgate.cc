@@ -5,8 +5,8 @@
  * @short_description: lets in RTP packets of those who may send, and drops and counts all others
  *
  * With #lfrtpgate:key-file those may who have the same secret: #element-lfrtpseal has put their packets under a key,
- * this takes them out, each once. What is forged, damaged, cut short, sent again or more than a minute old is dropped.
- * Senders may begin anew at any time, and several may share a port.
+ * this takes them out, each once. What is not sealed, forged, damaged, cut short, sent again or more than a minute old
+ * is dropped. Senders may begin anew at any time, and several may share a port.
  *
  * Without a key those may who send from an address of #lfrtpgate:peers, which keeps out who is elsewhere by mistake,
  * but not who forges addresses; where nobody is named, the first address of loopback that sends. With a key peers count
@@ -61,15 +61,16 @@ struct Settings {
 };
 
 // What becomes of a packet.
-enum Fate { kPassed, kMalformed, kStale, kReplayed, kForged, kStrangers, kNumFates };
-constexpr std::array<const char*, kNumFates> kFateNames = {"passed",   "malformed", "stale",
+enum Fate { kPassed, kMalformed, kUnsealed, kStale, kReplayed, kForged, kStrangers, kNumFates };
+constexpr std::array<const char*, kNumFates> kFateNames = {"passed",   "malformed", "unsealed", "stale",
                                                            "replayed", "forged",    "strangers"};
 constexpr std::array<const char*, kNumFates> kFateWords = {
     "",
-    "too short, or not sealed",
+    "no RTP, or too short to be sealed",
+    "not sealed: the sender has no key-file, or another one and a clock that is off",
     "sealed more than a minute ago or ahead: sent again, or the clocks of the two hosts differ",
     "sent again",
-    "sealed with another key, not sealed, or damaged",
+    "sealed with another key, or damaged",
     "of an address that is not among peers"};
 
 constexpr gint64 kBetweenWarnings = 10 * G_USEC_PER_SEC;
@@ -109,6 +110,7 @@ static Fate to_fate(SealOpener::Result result) {
   switch (result) {
     case SealOpener::Result::kOpened: return kPassed;
     case SealOpener::Result::kMalformed: return kMalformed;
+    case SealOpener::Result::kUnsealed: return kUnsealed;
     case SealOpener::Result::kStale: return kStale;
     case SealOpener::Result::kReplayed: return kReplayed;
     case SealOpener::Result::kForged: return kForged;
@@ -240,10 +242,10 @@ static void lf_rtp_gate_class_init(LfRtpGateClass* klass) {
   object_class->finalize = lf_rtp_gate_finalize;
   lf::Properties<settings_of, stats_of>::install(
       object_class,
-      "Packets since the start (all uint64): passed; dropped: malformed (too short, or no RTP that is "
-      "sealed), stale (sealed more than a minute ago or ahead), replayed (have come before), forged "
-      "(without the key, or damaged), strangers (of other addresses than peers). And streams: "
-      "senders of the latest minutes who have the key");
+      "Packets since the start (all uint64): passed; dropped: malformed (no RTP, or too short to be "
+      "sealed), unsealed (of senders without a key), stale (sealed more than a minute ago or ahead), replayed "
+      "(have come before), forged (with another key, or damaged), strangers (of other addresses than peers). And "
+      "streams: senders of the latest minutes who have the key");
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_rtp_gate_change_state>;
   gst_element_class_add_static_pad_template(element_class, &sink_template);

@@ -21,9 +21,10 @@ class SealOpener {
   enum class Result {
     kOpened,
     kMalformed,  // no RTP, or too short to be sealed
-    kStale,      // of a minute that is over, or to come
+    kUnsealed,   // where sealed ones name their minute it has none: by somebody without a key
+    kStale,      // with the key, but of a minute that is over, or to come
     kReplayed,   // has been opened before
-    kForged,     // by somebody without the key, or damaged on the way
+    kForged,     // by somebody with another key, or damaged on the way
   };
 
   // Throws Error if GStreamer's srtpdec is not there.
