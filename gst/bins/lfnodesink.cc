@@ -73,7 +73,8 @@ struct Settings : lf::Admission {
   }
 };
 
-constexpr gint kStripPixels = 5120;  // 16 rows of 320: about a packet, so that a lost one loses no more
+// Strips of 16 rows of 320: about a packet, so that a lost one loses no more.
+constexpr lf::CopyDefault kNodeDefaults[] = {{"is-live", TRUE}, {"loop", TRUE}, {"strip-pixels", 5120}};
 
 // The network side: what was made for these properties.
 struct Links {
@@ -273,7 +274,8 @@ static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
       "lfrtpgate counts: packets that passed and those that were dropped, by reason");
   object_class->set_property = lf::callback<lf_node_sink_set_property>;
   object_class->get_property = lf::callback<lf_node_sink_get_property>;
-  const guint next = lf::install_copies(object_class, first_copy, LF_TYPE_CAMERA_NODE, {"is-live", "stats"});
+  const guint next =
+      lf::install_copies(object_class, first_copy, LF_TYPE_CAMERA_NODE, {"is-live", "stats"}, {}, kNodeDefaults);
   lf::install_copies(object_class, next, LF_TYPE_RTP_PAY, {"stats"}, {"mtu"});
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
@@ -293,7 +295,7 @@ static void lf_node_sink_init(LfNodeSink* self) {
   if (self->pay) gst_object_ref_sink(self->pay);
   self->node = gst_element_factory_make("lfcameranode", "node");
   if (!self->node) return;
-  g_object_set(self->node, "is-live", TRUE, "loop", TRUE, "strip-pixels", kStripPixels, nullptr);
+  lf::set_defaults(self->node, kNodeDefaults);
   gst_bin_add(GST_BIN(self), self->node);
   lf::forward_notifications(G_OBJECT(self), G_OBJECT(self->node));
 }

@@ -48,6 +48,17 @@ GParamSpec* copy_of(GParamSpec* spec) {
   return nullptr;
 }
 
+void set_default(GParamSpec* copy, gint64 value) {
+  if (G_IS_PARAM_SPEC_BOOLEAN(copy))
+    G_PARAM_SPEC_BOOLEAN(copy)->default_value = static_cast<gboolean>(value);
+  else if (G_IS_PARAM_SPEC_INT(copy))
+    G_PARAM_SPEC_INT(copy)->default_value = static_cast<gint>(value);
+  else if (G_IS_PARAM_SPEC_UINT64(copy))
+    G_PARAM_SPEC_UINT64(copy)->default_value = static_cast<guint64>(value);
+  else
+    g_return_if_reached();
+}
+
 void pass_on(GObject* bin, GParamSpec* changed) {
   GParamSpec* own = g_object_class_find_property(G_OBJECT_GET_CLASS(bin), changed->name);
   if (own && is_copy(own)) g_object_notify_by_pspec(bin, own);
@@ -56,12 +67,14 @@ void pass_on(GObject* bin, GParamSpec* changed) {
 }  // namespace
 
 guint install_copies(GObjectClass* klass, guint first_id, GType child, std::initializer_list<std::string_view> without,
-                     std::initializer_list<const char*> with) {
+                     std::initializer_list<const char*> with, std::span<const CopyDefault> defaults) {
   GObjectClass* child_class = static_cast<GObjectClass*>(g_type_class_ref(child));
   guint id = first_id, count = 0;
   const auto install = [&](GParamSpec* spec) {
     GParamSpec* copy = copy_of(spec);
     g_return_if_fail(copy);
+    for (const CopyDefault& d : defaults)
+      if (g_str_equal(d.name, spec->name)) set_default(copy, d.value);
     g_param_spec_set_qdata(copy, copy_quark(), GSIZE_TO_POINTER(child));
     g_object_class_install_property(klass, id++, copy);
   };
@@ -72,6 +85,10 @@ guint install_copies(GObjectClass* klass, guint first_id, GType child, std::init
   for (const char* name : with) install(g_object_class_find_property(child_class, name));
   g_type_class_unref(child_class);
   return id;
+}
+
+void set_defaults(GstElement* child, std::span<const CopyDefault> defaults) {
+  for (const CopyDefault& d : defaults) g_object_set(child, d.name, static_cast<gint>(d.value), nullptr);
 }
 
 bool is_copy(GParamSpec* spec, GType child) {

@@ -214,5 +214,6 @@ void lf_view_src_install_properties(GObjectClass* klass) {
   klass->get_property = lf::callback<lf_view_src_get_property>;
   const guint next = lf::install_copies(klass, first_copy, LF_TYPE_VIEW_REQUEST,
                                         {"rig", "view-id", "is-live", "navigation-from", "access"}, {"num-buffers"});
-  lf::install_copies(klass, next, LF_TYPE_COMPOSITOR, {"rig", "view-id"}, {"latency"});
+  constexpr lf::CopyDefault kLatency[] = {{"latency", LF_COMPOSITOR_LATENCY}};
+  lf::install_copies(klass, next, LF_TYPE_COMPOSITOR, {"rig", "view-id"}, {"latency"}, kLatency);
 }

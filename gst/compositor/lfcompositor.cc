@@ -65,12 +65,6 @@
 
 GST_DEBUG_CATEGORY(lf_compositor_debug);
 
-namespace {
-
-constexpr GstClockTime kDefaultLatency = 60 * GST_MSECOND;  // a frame period at 15/s; only live pipelines wait for it
-
-}  // namespace
-
 G_DEFINE_FINAL_TYPE(LfCompositor, lf_compositor, GST_TYPE_AGGREGATOR)
 GST_ELEMENT_REGISTER_DEFINE_WITH_CODE(lfcompositor, "lfcompositor", GST_RANK_NONE, LF_TYPE_COMPOSITOR,
                                       GST_DEBUG_CATEGORY_INIT(lf_compositor_debug, "lfcompositor", 0,
@@ -194,5 +188,5 @@ static void lf_compositor_init(LfCompositor* self) {
   self->state = new _LfCompositor::State(GST_AGGREGATOR(self));
   self->guard = lf_compositor_guard_new();
   lf_compositor_add_request_pad(self);
-  g_object_set(self, "latency", kDefaultLatency, nullptr);
+  g_object_set(self, "latency", LF_COMPOSITOR_LATENCY, nullptr);
 }

@@ -8,6 +8,9 @@ G_BEGIN_DECLS
 #define LF_TYPE_COMPOSITOR (lf_compositor_get_type())
 G_DECLARE_FINAL_TYPE(LfCompositor, lf_compositor, LF, COMPOSITOR, GstAggregator)
 
+// Property "latency" at first, of GstAggregator: a frame period at 15/s. Only live pipelines wait for it.
+#define LF_COMPOSITOR_LATENCY (60 * GST_MSECOND)
+
 // Property "incomplete": what is put out for a request of which something is missing.
 typedef enum {
   LF_COMPOSITOR_INCOMPLETE_CONCEAL,

@@ -62,8 +62,7 @@ def number(value):
     return "max" if value in (2**31 - 1, 2**32 - 1, 2**63 - 1, 2**64 - 1) else str(value)
 
 
-def default_of(prop):
-    value = prop.default_value
+def default_of(prop, value):
     gtype = prop.value_type
     if gtype.is_a(GObject.GEnum.__gtype__):
         return value.value_nick
@@ -72,8 +71,21 @@ def default_of(prop):
     if value is None or gtype.name.startswith("Gst") and gtype.name != "GstFraction":
         return ""
     if hasattr(value, "num"):
-        return f"{value.num}/{value.denom}"
+        return f"{value.num:.0f}/{value.denom:.0f}"
     return number(value) if isinstance(value, (int, float)) else str(value)
+
+
+def value_at_first(element, prop):
+    """What a new element has, as gst-inspect-1.0 shows it; of our own classes this is what the class says, too."""
+    both = GObject.ParamFlags.READABLE | GObject.ParamFlags.WRITABLE
+    if int(prop.flags) & both != both:
+        return prop.default_value
+    value = element.get_property(prop.name)
+    is_known = not isinstance(value, Gst.Fraction)  # PyGObject knows no defaults of these
+    if prop.owner_type.name.startswith("Lf") and is_known and value != prop.default_value:
+        sys.exit(f"elements.py: {element.get_factory().get_name()} {prop.name}: its class says {prop.default_value}, "
+                 f"it has {value}")
+    return value
 
 
 def range_of(prop):
@@ -102,8 +114,9 @@ def section(factory, sources):
     for prop in sorted(element.list_properties(), key=lambda p: p.name):
         if prop.owner_type.name in INHERITED:
             continue
-        rows.append(f"| `{prop.name}` | {names_of_type(prop)} | {range_of(prop)} | {default_of(prop)} | "
-                    f"{when_of(prop)} | {prop.blurb} |")
+        default = default_of(prop, value_at_first(element, prop))
+        rows.append(f"| `{prop.name}` | {names_of_type(prop)} | {range_of(prop)} | {default} | {when_of(prop)} | "
+                    f"{prop.blurb} |")
     if rows:
         out += ["\n| property | type | range | default | settable | what it is |\n| --- | --- | --- | --- | --- | --- |"]
         out += rows

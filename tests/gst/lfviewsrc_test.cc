@@ -38,9 +38,11 @@ TEST_F(LfViewSrcTest, PropertiesAreThoseOfItsChildren) {
       constexpr int kMutable = GST_PARAM_MUTABLE_READY | GST_PARAM_MUTABLE_PAUSED | GST_PARAM_MUTABLE_PLAYING;
       EXPECT_EQ(own->flags & kMutable, of_child->flags & kMutable) << own->name;
       if (G_IS_PARAM_SPEC_BOXED(own)) continue;
-      const GValue *own_default = g_param_spec_get_default_value(own),
-                   *child_default = g_param_spec_get_default_value(of_child);
-      EXPECT_EQ(g_param_values_cmp(own, own_default, child_default), 0) << own->name;
+      // Of "latency" another one than its class says.
+      GValue at_first = G_VALUE_INIT;
+      g_object_get_property(G_OBJECT(element.get()), own->name, &at_first);
+      EXPECT_EQ(g_param_values_cmp(own, g_param_spec_get_default_value(own), &at_first), 0) << own->name;
+      g_value_unset(&at_first);
     }
   }
   EXPECT_GT(copies, 30u);
