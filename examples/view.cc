@@ -84,9 +84,13 @@ int main(int argc, char** argv) {
 
   GstStructure* stats = nullptr;
   g_object_get(light_field, "stats", &stats, nullptr);
-  guint64 complete = 0;
+  guint64 complete = 0, incomplete = 0;
   gst_structure_get_uint64(stats, "complete", &complete);
-  std::printf("%d pictures, %d of them whole\n", shown, static_cast<int>(complete));
+  gst_structure_get_uint64(stats, "incomplete", &incomplete);
+  // More may have been made than came here: the latest are on their way, and of those that came faster than they were
+  // taken the appsink kept one.
+  std::printf("%d pictures shown; of %d that were made %d were whole\n", shown, static_cast<int>(complete + incomplete),
+              static_cast<int>(complete));
   gst_structure_free(stats);
 
   const bool wrong = failed(pipeline) || shown < pictures;

@@ -45,7 +45,10 @@ def main():
     if message:
         print(message.parse_error()[0].message, file=sys.stderr)
     stats = light_field.get_property("stats")
-    print(f"{shown} pictures, {stats.get_value('complete')} of them whole")
+    complete, incomplete = stats.get_value("complete"), stats.get_value("incomplete")
+    # More may have been made than came here: the latest are on their way, and of those that came faster than they were
+    # taken the appsink kept one.
+    print(f"{shown} pictures shown; of {complete + incomplete} that were made {complete} were whole")
     pipeline.set_state(Gst.State.NULL)
     return 0 if shown == pictures and not message else 1
 
