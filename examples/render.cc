@@ -1,9 +1,14 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // A picture of a light field from images that an application has: here, binary PPM files beside the rig's file, which
-// are named as the stills that it names (cam_00_00.png: cam_00_00.ppm).
+// are named as the stills that it names (cam_00_00.png: cam_00_00.ppm). A film of lf-scene has stills of its cameras;
+// these lines make PPM files of them:
 //
-//   g++ -std=c++20 render.cc $(pkg-config --cflags --libs lightfield) -o render && ./render rig.json out.ppm
+//   lf-scene --out scene --frames 1
+//   for still in scene/cam_*.png; do
+//     gst-launch-1.0 -q filesrc location=$still ! pngdec ! videoconvert ! pnmenc ! filesink location=${still%.png}.ppm
+//   done
+//   g++ -std=c++20 render.cc $(pkg-config --cflags --libs lightfield) -o render && ./render scene/rig.json out.ppm
 #include <lightfield/lightfield.h>
 
 #include <cstdio>
