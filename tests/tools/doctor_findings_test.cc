@@ -41,6 +41,30 @@ struct Healthy {
 
 TEST(Doctor, FindsNothingWhereNothingIs) { EXPECT_EQ(Healthy(4).findings(), ""); }
 
+TEST(Doctor, FilesAreNotPluggedIn) {
+  const struct {
+    const char *source, *image, *problem, *remedy;
+  } cases[] = {
+      {"a.mkv", "", "a.mkv: no such file", "is the path right? One that does not begin with / is relative"},
+      {"file:///a.mkv", "", "/a.mkv: no such file", "is the path right?"},
+      {"", "a.png", "a.png: no such file", "is the path right?"},
+      {"a_%d.png", "", "a_%d.png: no such files (the first number is 0 or 1)", "is the path right?"},
+      {"a.mkv", "", "file:///a.mkv: Could not determine type of stream", "is the file whole? See whether it plays"},
+      {"a.mkv", "", "a.mkv: there is no picture in it", "is the file whole?"},
+      {"a.mkv", "", "element jpegdec is not installed", "install the GStreamer plugin"},
+      {"v4l2:///dev/video9", "", "Cannot identify device '/dev/video9'", "plug it in"},
+      {"/dev/video9", "", "/dev/video9: no such file", "plug it in"},
+      {"rtsp://camera/x", "a.png", "rtsp://camera/x: gives nothing", "plugged in and switched on"},
+      {"v4l2src device=/dev/video9 ! image/jpeg", "", "gives nothing", "plugged in and switched on"},
+  };
+  for (const auto& c : cases) {
+    Camera camera;
+    camera.source = c.source;
+    camera.image = c.image;
+    EXPECT_THAT(remedy_of(camera, c.problem), HasSubstr(c.remedy)) << c.source << c.image << ": " << c.problem;
+  }
+}
+
 TEST(Doctor, NamesTheCameraAndTheRemedy) {
   const struct {
     void (*make_ill)(CameraExam&);

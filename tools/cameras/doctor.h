@@ -67,8 +67,9 @@ std::vector<LinkLoad> measured_loads(const Rig& rig, const std::vector<CameraExa
 // What is wrong, and what helps. doctor_findings.cc
 std::vector<Finding> find_trouble(const Rig& rig, const Exam& exam);
 
-// What helps where a camera does not work and that is why, in the light field's words or those of its source.
-std::string remedy_of(const std::string& problem);
+// What helps where a camera does not work and that is why, in the light field's words or those of its source: of a film
+// or still another thing than of what is plugged in.
+std::string remedy_of(const Camera& camera, const std::string& problem);
 
 // A line for each link. `when`: "as planned" or "measured". doctor_page.cc, as what follows
 std::string links_of(const std::vector<LinkLoad>& loads, const char* when);

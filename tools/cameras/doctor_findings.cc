@@ -5,6 +5,7 @@
 #include "base/number_text.h"
 #include "cameras/doctor.h"
 #include "cameras/rig_cameras.h"
+#include "rig/bin_description.h"
 
 namespace lf::cameras {
 namespace {
@@ -46,7 +47,7 @@ std::string without_place(const Rig& rig, const CameraExam& exam) {
 }
 
 void look_at_failure(const Rig& rig, const CameraExam& exam, Findings& findings) {
-  findings.error(exam, without_place(rig, exam), remedy_of(exam.problem));
+  findings.error(exam, without_place(rig, exam), remedy_of(rig.cameras[exam.camera], exam.problem));
 }
 
 void look_at_frames(const CameraExam& exam, double usual_rate, Findings& findings) {
@@ -153,23 +154,37 @@ bool brightness_moves(const CameraExam& exam) {
   return exam.brightest - exam.darkest > kMovingBrightness * exam.brightest && exam.brightest - exam.darkest > 2;
 }
 
+// Not of what is plugged in or in the network.
+bool is_of_file(const Camera& camera) {
+  const std::string& source = camera.source;
+  if (source.empty()) return !camera.image.empty();
+  if (is_bin_description(source) || source.starts_with("/dev/")) return false;
+  return !contains(source, "://") || source.starts_with("file://");
+}
+
 }  // namespace
 
-std::string remedy_of(const std::string& problem) {
+std::string remedy_of(const Camera& camera, const std::string& problem) {
   if (contains(problem, "the rig says"))
     return "write the true width and height into the rig (lens and poses then need another calibration), or set the "
            "camera to the rig's";
   if (contains(problem, "gives no pictures of")) return "choose a size that the camera has, and write it into the rig";
   if (contains(problem, "busy") || contains(problem, "in use"))
     return "another program has it: close that one (fuser -v /dev/video* names it)";
-  if (contains(problem, "no such file") || contains(problem, "Cannot identify") || contains(problem, "not found"))
-    return "nothing is there under this name: plug it in, or lf-rig new --devices lists what is";
+  const bool is_missing =
+      contains(problem, "no such file") || contains(problem, "Cannot identify") || contains(problem, "not found");
+  const bool lacks_elements = contains(problem, "is not installed") || contains(problem, "no element");
+  if (is_of_file(camera) && is_missing)
+    return "is the path right? One that does not begin with / is relative to the rig file";
+  if (is_of_file(camera) && !lacks_elements)
+    return "is the file whole? See whether it plays: "
+           "gst-launch-1.0 filesrc location=FILE ! decodebin ! videoconvert ! autovideosink";
+  if (is_missing) return "nothing is there under this name: plug it in, or lf-rig new --devices lists what is";
   if (contains(problem, "nauthorized") || contains(problem, "401"))
     return "it wants a user and a password: rtsp://USER:PASSWORD@HOST/...";
   if (contains(problem, "connect") || contains(problem, "resolve"))
     return "nobody answers at this address: see whether the camera is on and in this network (ping its host)";
-  if (contains(problem, "is not installed") || contains(problem, "no element"))
-    return "install the GStreamer plugin that has the element";
+  if (lacks_elements) return "install the GStreamer plugin that has the element";
   return "see whether it is plugged in and switched on, and whether its source in the rig is right";
 }
 

@@ -93,7 +93,7 @@ class Identify {
     opening_.reset();
     for (const lf::CameraIndex i : cameras_.cameras())
       if (const std::string problem = cameras_.problem(i); !problem.empty())
-        std::fprintf(stderr, "warning: %s: %s\n", problem.c_str(), remedy_of(problem).c_str());
+        std::fprintf(stderr, "warning: %s: %s\n", problem.c_str(), remedy_of(rig_.cameras[i], problem).c_str());
   }
 
   std::string state() {

@@ -140,7 +140,7 @@ std::vector<StuckControl> find_stuck_controls(const Rig& rig, const ControlValue
     const bool dark = usual[i].problem.empty() && !std::isnan(usual[i].mean[0]);
     stuck.push_back({i, "",
                      dark ? "its picture is black: nothing can be told of its controls"
-                          : usual[i].problem + ": " + remedy_of(usual[i].problem)});
+                          : usual[i].problem + ": " + remedy_of(rig.cameras[i], usual[i].problem)});
   }
   for (const auto& [control, value] : controls) {
     const auto factor = kTrialFactors.find(control);

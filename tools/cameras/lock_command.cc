@@ -47,7 +47,8 @@ int run(Options options) {
   try {
     values = lf::cameras::choose_controls(rig, options.lock);
   } catch (const lf::cameras::CameraFailure& failure) {
-    throw lf::Error(std::string(failure.what()) + ": " + lf::cameras::remedy_of(failure.what()));
+    throw lf::Error(std::string(failure.what()) + ": " +
+                    lf::cameras::remedy_of(rig.cameras[*reference], failure.what()));
   }
   progress.reset();
   std::map<uint32_t, lf::Controls> controls = lf::parse_controls(original, options.rig);

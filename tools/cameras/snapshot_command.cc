@@ -62,7 +62,7 @@ int run(Options options) {
     if (still.rgb.data().empty()) {
       missing++;
       std::printf("camera %s: %s: %s\n", lf::cameras::name_of(camera).c_str(), still.problem.c_str(),
-                  lf::cameras::remedy_of(still.problem).c_str());
+                  lf::cameras::remedy_of(camera, still.problem).c_str());
       continue;
     }
     camera.image = file_name(*rig, camera);
