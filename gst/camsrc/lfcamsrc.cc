@@ -191,10 +191,17 @@ static GstStateChangeReturn lf_cam_src_change_state(GstElement* element, GstStat
   return result;
 }
 
+// Of what other elements say, to be gone on after: most of them end with a period.
+static std::string without_period(std::string text) {
+  while (!text.empty() && strchr(". \n", text.back())) text.pop_back();
+  return text;
+}
+
 // What an error of a child is about, beside the text it has: the camera and what is known better here.
 static std::string describe(const std::string& place, const std::string& wanted, const GError* error,
                             const gchar* debug) {
-  if (wanted.empty() || !debug || !strstr(debug, "not-negotiated")) return place + ": " + error->message;
+  if (wanted.empty() || !debug || !strstr(debug, "not-negotiated"))
+    return place + ": " + without_period(error->message);
   const bool v4l2 = place.find("v4l2") != std::string::npos;
   return place + ": it gives no pictures of " + wanted +
          (v4l2 ? "; v4l2-ctl --list-formats-ext lists what a V4L2 device has" : "");

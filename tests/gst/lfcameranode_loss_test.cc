@@ -280,7 +280,8 @@ TEST_F(RtspLossTest, AServerIsStartedAfterItsViewers) {
     const Said said(pipeline.get());
     gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
     EXPECT_TRUE(eventually([&] { return said.lost(1) == 1 && said.out_of_service() == 1; }));
-    EXPECT_THAT(said.losses(), ElementsAre(AllOf(HasSubstr(uri), HasSubstr("until it is back"))));
+    EXPECT_THAT(said.losses(),
+                ElementsAre(AllOf(HasSubstr(uri), HasSubstr("writing: out of service until it is back"))));
     server = std::make_unique<RtspServer>(port);
     EXPECT_TRUE(eventually([&] { return said.found(1) == 1 && said.out_of_service() == 0; })) << said.reason(1);
     gst_element_set_state(pipeline.get(), GST_STATE_NULL);
