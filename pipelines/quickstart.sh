@@ -83,12 +83,13 @@ else
 fi
 lf-path --rig "$rig" --out "$out/views.json" --frames "$frames" --framerate "$framerate" "${path[@]}"
 
-# Prints a pipeline as a command that can be pasted, and runs it. What it says about its pictures goes to the file $1, each
-# line with the clock in front.
+# Prints a pipeline as a command that can be pasted, and runs it. What goes to the folder that is removed at the end would go
+# to the one that stays. What it says about its pictures goes to the file $1, each line with the clock in front.
 launch() {
   local log=$1
   shift
-  printf '\ngst-launch-1.0 -m %s\n' "$*"
+  local command="$*"
+  printf '\ngst-launch-1.0 -m %s\n' "${command//"$work"/"$out"}"
   if ! gst-launch-1.0 -m "$@" 2>"$log.errors" | grep --line-buffered -F lightfield-view, |
     while IFS= read -r line; do printf '%s %s\n' "$EPOCHREALTIME" "$line"; done >"$log"; then
     cat "$log.errors" >&2
