@@ -97,10 +97,31 @@ TEST_F(LfServeCameras, AServerOfACameraMayStopAndStartAgain) {
   EXPECT_TRUE(says(served, "/jpeg")) << served.said();
   EXPECT_THAT(served.said(), HasSubstr("out of service until it is back"));
   EXPECT_TRUE(is_told(client, "\"outOfService\":1")) << "its neighbours close the gap";
+  EXPECT_TRUE(is_told(client, "\"cameras\":{\"count\":4,\"working\":3}"));
   EXPECT_TRUE(goes_on(client));
   server = std::make_unique<RtspServer>(port);
   EXPECT_TRUE(says(served, "camera2 is back")) << served.said();
   EXPECT_TRUE(is_told(client, "\"outOfService\":0"));
+  EXPECT_TRUE(goes_on(client));
+  expect_one_viewer_up_to_a_good_end(served);
+}
+
+TEST_F(LfServeCameras, AllOfThemMayStopAndStartAgain) {
+  if (kRtspServerMissing) GTEST_SKIP() << kRtspServerMissing;
+  auto server = std::make_unique<RtspServer>();
+  const int port = server->port();
+  Served served({}, [&](Rig& rig) {
+    for (Camera& camera : rig.cameras) camera.source = server->uri("/jpeg");
+  });
+  ASSERT_NE(served.url(), "") << served.said();
+  const WhepClient client({.url = served.url()});
+  EXPECT_TRUE(is_told(client, "\"cameras\":{\"count\":4,\"working\":4}"));
+  server.reset();
+  EXPECT_TRUE(says(served, "No camera works any more: ")) << served.said();
+  EXPECT_TRUE(is_told(client, "\"cameras\":{\"count\":4,\"working\":0}"));
+  EXPECT_TRUE(goes_on(client)) << "with the picture that it has";
+  server = std::make_unique<RtspServer>(port);
+  EXPECT_TRUE(is_told(client, "\"cameras\":{\"count\":4,\"working\":4}")) << served.said();
   EXPECT_TRUE(goes_on(client));
   expect_one_viewer_up_to_a_good_end(served);
 }
