@@ -33,6 +33,8 @@ export interface LightfieldStatistics {
   /** Share of packets, 0..1. */
   loss: number;
   roundTripMs: number;
+  /** Of the server's own cameras; where none works the picture stays as it was. */
+  cameras?: { count: number; working: number };
   /** Hosts with cameras, where these are not the server's own; `silent` counts from 0. */
   nodes?: { count: number; silent: number[] };
   [name: string]: unknown;

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
+#include <optional>
 #include <string>
 #include <utility>
 
+#include "bins/grouped_reasons.h"
 #include "bins/lfcameranode_private.h"
 #include "camsrc/lfcamsrc.h"
+#include "common/common.h"
 #include "common/guard.h"
 
 using ElementPtr = std::unique_ptr<GstElement, decltype([](GstElement* element) { gst_object_unref(element); })>;
@@ -16,22 +19,55 @@ static std::vector<ElementPtr> lf_camera_node_cameras(LfCameraNode* self) {
   return cameras;
 }
 
-void lf_camera_node_check_cameras(LfCameraNode* self) {
+// Of a node none of whose cameras works.
+struct Losses {
   bool has_worked = false, for_good = true;
-  std::string reasons;
+  std::vector<std::string> reasons;
+};
+
+// Nothing where a camera works, or is still being opened for the first time.
+static std::optional<Losses> lf_camera_node_losses(LfCameraNode* self) {
+  Losses losses;
   for (const ElementPtr& camera : lf_camera_node_cameras(self)) {
     const lf::CameraService::Report report = lf_cam_src_service(LF_CAM_SRC(camera.get())).report();
-    if (report.state != lf::CameraService::State::kLost) return;
-    has_worked = has_worked || report.worked;
-    for_good = for_good && lf_cam_src_is_lost_for_good(LF_CAM_SRC(camera.get()));
-    reasons += "\n" + report.reason;
+    if (report.state != lf::CameraService::State::kLost) return std::nullopt;
+    losses.has_worked = losses.has_worked || report.worked;
+    losses.for_good = losses.for_good && lf_cam_src_is_lost_for_good(LF_CAM_SRC(camera.get()));
+    losses.reasons.push_back(report.reason);
   }
-  if (has_worked && !for_good) return;
-  GST_OBJECT_LOCK(self);
-  const bool known = std::exchange(self->failed, true);
-  GST_OBJECT_UNLOCK(self);
-  if (!known) GST_ELEMENT_ERROR(self, RESOURCE, NOT_FOUND, ("No camera works:%s", reasons.c_str()), (nullptr));
+  return losses;
 }
+
+static bool lf_camera_node_exchange(LfCameraNode* self, bool* flag, bool value) {
+  GST_OBJECT_LOCK(self);
+  const bool before = std::exchange(*flag, value);
+  GST_OBJECT_UNLOCK(self);
+  return before;
+}
+
+// All of them may come back.
+static void lf_camera_node_tell_none_works(LfCameraNode* self, const Losses& losses) {
+  if (lf_camera_node_exchange(self, &self->none_works, true)) return;
+  // One that came back before the line above has not been noticed by it.
+  if (!lf_camera_node_losses(self)) return lf_camera_node_note_found(self);
+  const std::string reasons = lf::grouped_reasons(losses.reasons, "; ");
+  GstStructure* structure =
+      gst_structure_new(LF_NO_CAMERA, "cameras", G_TYPE_UINT, static_cast<guint>(losses.reasons.size()), "reason",
+                        G_TYPE_STRING, reasons.c_str(), nullptr);
+  gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), structure));
+  GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND, ("No camera works any more: %s", reasons.c_str()), (nullptr));
+}
+
+void lf_camera_node_check_cameras(LfCameraNode* self) {
+  const std::optional<Losses> losses = lf_camera_node_losses(self);
+  if (!losses) return;
+  if (losses->has_worked && !losses->for_good) return lf_camera_node_tell_none_works(self, *losses);
+  if (lf_camera_node_exchange(self, &self->failed, true)) return;
+  GST_ELEMENT_ERROR(self, RESOURCE, NOT_FOUND,
+                    ("No camera works:\n%s", lf::grouped_reasons(losses->reasons, "\n").c_str()), (nullptr));
+}
+
+void lf_camera_node_note_found(LfCameraNode* self) { lf_camera_node_exchange(self, &self->none_works, false); }
 
 bool lf_camera_node_has_failed(LfCameraNode* self) {
   GST_OBJECT_LOCK(self);
@@ -42,7 +78,7 @@ bool lf_camera_node_has_failed(LfCameraNode* self) {
 
 void lf_camera_node_forget_failure(LfCameraNode* self) {
   GST_OBJECT_LOCK(self);
-  self->failed = false;
+  self->failed = self->none_works = false;
   GST_OBJECT_UNLOCK(self);
 }
 

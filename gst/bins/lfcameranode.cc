@@ -19,6 +19,11 @@
  *   lfcameranode name=n rig=rig.json ! c.sink_0  r. ! queue ! c.request \
  *   lfcompositor name=c rig=rig.json ! videoconvert ! pngenc ! multifilesink location=out_%02d.png
  * ]|
+ *
+ * ## Element messages
+ * Those of its cameras; and "lightfield-no-camera" when the last one that worked is lost and some are opened again:
+ * cameras (uint: how many there are), reason (string: those of all), beside one warning. The next
+ * "lightfield-camera-found" ends that.
  */
 
 #include "bins/lfcameranode.h"
@@ -178,6 +183,7 @@ static void lf_camera_node_handle_message(GstBin* bin, GstMessage* message) {
   const GstStructure* structure =
       GST_MESSAGE_TYPE(message) == GST_MESSAGE_ELEMENT ? gst_message_get_structure(message) : nullptr;
   const bool is_loss = structure && gst_structure_has_name(structure, LF_CAMERA_LOST);
+  if (structure && gst_structure_has_name(structure, LF_CAMERA_FOUND)) lf_camera_node_note_found(LF_CAMERA_NODE(bin));
   GST_BIN_CLASS(lf_camera_node_parent_class)->handle_message(bin, message);
   if (is_loss) lf_camera_node_check_cameras(LF_CAMERA_NODE(bin));
 }

@@ -18,11 +18,15 @@ struct _LfCameraNode {
   lf::CameraNodeSettings* opened;       // what the children were made for
   std::shared_ptr<const lf::Rig>* rig;  // the same
   std::vector<GstElement*>* cameras;    // borrowed from the bin's children; under the object lock
-  bool failed;                          // no camera works; under the object lock
+  bool failed;                          // no camera works, which ends the node; under the object lock
+  bool none_works;                      // no camera works for now, and that has been told; the same
 };
 
-// A camera has been lost: posts an error if none works. Some may come back where one has worked before. Any thread.
+// A camera has been lost: if none works any more that is an error, or where one has worked before and some may come
+// back a warning and an element message, once until one is back. Any thread.
 void lf_camera_node_check_cameras(LfCameraNode* self);
+// A camera is back. Any thread.
+void lf_camera_node_note_found(LfCameraNode* self);
 // Whether that error has been posted since it was forgotten.
 bool lf_camera_node_has_failed(LfCameraNode* self);
 void lf_camera_node_forget_failure(LfCameraNode* self);

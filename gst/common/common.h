@@ -35,6 +35,10 @@
 #define LF_CAMERA_LOST "lightfield-camera-lost"
 #define LF_CAMERA_FOUND "lightfield-camera-found"
 
+// Element message of lfcameranode: no camera works any more, until one is found again. "cameras" (uint: how many there
+// are), "reason" (string).
+#define LF_NO_CAMERA "lightfield-no-camera"
+
 // GstReferenceTimestampMeta reference of a frame's true capture time (stamp + the camera's time offset), and of the
 // capture time of a picture: clock time for live sources, stream time for others.
 #define LF_CAPTURE_TIME_CAPS "timestamp/x-lightfield-capture"

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 
@@ -133,20 +134,50 @@ TEST_F(LossTest, WithoutRetryACameraIsLostForGood) {
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
 }
 
+// The latest picture at a fakesink.
+std::vector<uint8_t> picture_at(GstElement* sink) {
+  GstSample* sample = nullptr;
+  g_object_get(sink, "last-sample", &sample, nullptr);
+  if (!sample) return {};
+  GstMapInfo map;
+  gst_buffer_map(gst_sample_get_buffer(sample), &map, GST_MAP_READ);
+  std::vector<uint8_t> bytes(map.data, map.data + map.size);
+  gst_buffer_unmap(gst_sample_get_buffer(sample), &map);
+  gst_sample_unref(sample);
+  return bytes;
+}
+
+// Viewers keep the picture that they have, and it is said once what they wait for.
 TEST_F(LossTest, AllThatHaveWorkedAreWaitedFor) {
   const ElementPtr pipeline = launch(line(devices(3)));
   ASSERT_TRUE(pipeline);
   const Said said(pipeline.get());
   gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
-  const ElementPtr node = child(pipeline.get(), "n");
+  const ElementPtr node = child(pipeline.get(), "n"), sink = child(pipeline.get(), "s0");
+  Pictures pictures(sink.get());
   for (const int id : {0, 1, 2})
     EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), id).state == "running"; }));
-  for (const size_t id : {0, 1, 2}) failing_device(id).broken = true;
-  for (const guint id : {0, 1, 2}) EXPECT_TRUE(eventually([&] { return said.lost(id) == 1; }));
-  for (const size_t id : {0, 1, 2}) failing_device(id).broken = false;
-  for (const guint id : {0, 1, 2}) EXPECT_TRUE(eventually([&] { return said.found(id) == 1; }));
+  EXPECT_TRUE(eventually([&] { return pictures.count() > 20 && said.out_of_service() == 0; }));
+  const std::vector<uint8_t> before = picture_at(sink.get());
+  EXPECT_NE(before, std::vector<uint8_t>(before.size(), before[0])) << "something is seen, and something is not";
+  for (const int round : {1, 2}) {
+    for (const size_t id : {0, 1, 2}) failing_device(id).broken = true;
+    for (const guint id : {0, 1, 2}) EXPECT_TRUE(eventually([&] { return said.lost(id) == round; }));
+    EXPECT_TRUE(eventually([&] { return said.none_works() == round; }));
+    EXPECT_THAT(said.none_works_because(), AllOf(HasSubstr("camera 0 (cam_0)"), HasSubstr("Device 2 is")));
+    const int then = pictures.count();
+    EXPECT_TRUE(eventually([&] { return pictures.count() > then + 10; }));
+    EXPECT_EQ(picture_at(sink.get()), before);
+    EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 0).retries > 0; }));
+    for (const size_t id : {0, 1, 2}) failing_device(id).broken = false;
+    for (const guint id : {0, 1, 2}) EXPECT_TRUE(eventually([&] { return said.found(id) == round; }));
+    EXPECT_EQ(said.none_works(), round) << "told once, tried often";
+  }
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   EXPECT_THAT(said.errors(), IsEmpty());
+  const std::vector<std::string> warnings = said.warnings();
+  EXPECT_EQ(std::ranges::count_if(warnings, [](const auto& w) { return w.starts_with("No camera works any more: "); }),
+            2);
 }
 
 TEST_F(LossTest, NoneThatWorksIsAnErrorWithAllReasons) {

@@ -47,6 +47,12 @@ class Said {
   }
   std::vector<std::string> errors() const { return copy(errors_); }
   bool has_ended() const { return ended_; }
+  // How often it was said that no camera works any more, and why at last.
+  int none_works() const { return none_works_; }
+  std::string none_works_because() const {
+    std::lock_guard lock(mutex_);
+    return none_works_because_;
+  }
   // By the latest message of the compositor.
   size_t out_of_service() const { return out_of_service_; }
 
@@ -82,6 +88,10 @@ class Said {
       }
       if (gst_structure_has_name(structure, "lightfield-camera-found")) self->found_[camera]++;
     }
+    if (structure && gst_structure_has_name(structure, "lightfield-no-camera")) {
+      self->none_works_because_ = gst_structure_get_string(structure, "reason");
+      self->none_works_++;
+    }
     if (structure && gst_structure_has_name(structure, "lightfield-out-of-service"))
       self->out_of_service_ = gst_value_array_get_size(gst_structure_get_value(structure, "cameras"));
     // As every application does.
@@ -100,6 +110,8 @@ class Said {
   std::map<guint, int> lost_, found_;
   std::map<guint, std::string> reasons_;
   std::vector<std::string> warnings_, errors_;
+  std::string none_works_because_;
+  std::atomic<int> none_works_ = 0;
   std::atomic<size_t> out_of_service_ = 0;
   std::atomic<bool> ended_ = false;
 };

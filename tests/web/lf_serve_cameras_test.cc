@@ -32,6 +32,16 @@ class LfServeCameras : public testing::Test {
     const uint64_t before = client.pictures();
     return becomes([&] { return client.pictures() >= before + 15; });
   }
+  // Whether the latest statistics come to have this in them.
+  static bool is_told(const WhepClient& client, const std::string& text) {
+    return becomes([&] {
+      const std::vector<std::string> messages = client.messages();
+      const auto last = std::find_if(messages.rbegin(), messages.rend(), [](const std::string& message) {
+        return message.find("\"statistics\"") != std::string::npos;
+      });
+      return last != messages.rend() && last->find(text) != std::string::npos;
+    });
+  }
   static void expect_one_viewer_up_to_a_good_end(Served& served) {
     EXPECT_EQ(served.metric("viewers"), "1");
     EXPECT_EQ(served.metric("viewers_total"), "1") << "nobody had to come again";
@@ -86,9 +96,30 @@ TEST_F(LfServeCameras, AServerOfACameraMayStopAndStartAgain) {
   server.reset();
   EXPECT_TRUE(says(served, "/jpeg")) << served.said();
   EXPECT_THAT(served.said(), HasSubstr("out of service until it is back"));
+  EXPECT_TRUE(is_told(client, "\"cameras\":{\"count\":4,\"working\":3}"));
   EXPECT_TRUE(goes_on(client));
   server = std::make_unique<RtspServer>(port);
   EXPECT_TRUE(says(served, "camera2 is back")) << served.said();
+  EXPECT_TRUE(goes_on(client));
+  expect_one_viewer_up_to_a_good_end(served);
+}
+
+TEST_F(LfServeCameras, AllOfThemMayStopAndStartAgain) {
+  if (kRtspServerMissing) GTEST_SKIP() << kRtspServerMissing;
+  auto server = std::make_unique<RtspServer>();
+  const int port = server->port();
+  Served served({}, [&](Rig& rig) {
+    for (Camera& camera : rig.cameras) camera.source = server->uri("/jpeg");
+  });
+  ASSERT_NE(served.url(), "") << served.said();
+  const WhepClient client({.url = served.url()});
+  EXPECT_TRUE(is_told(client, "\"cameras\":{\"count\":4,\"working\":4}"));
+  server.reset();
+  EXPECT_TRUE(says(served, "No camera works any more: ")) << served.said();
+  EXPECT_TRUE(is_told(client, "\"cameras\":{\"count\":4,\"working\":0}"));
+  EXPECT_TRUE(goes_on(client)) << "with the picture that it has";
+  server = std::make_unique<RtspServer>(port);
+  EXPECT_TRUE(is_told(client, "\"cameras\":{\"count\":4,\"working\":4}")) << served.said();
   EXPECT_TRUE(goes_on(client));
   expect_one_viewer_up_to_a_good_end(served);
 }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // What the page says and does while there is no picture, and how it comes by one; and links.
-import { writeFile } from 'node:fs/promises';
+import { readdir, readFile, truncate, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
-import { expect, launchBrowser, makeRig, newPage, openPage, runTests, serve, setView, shown, source, stateOf, until }
-  from './harness.mjs';
+import { compare, expect, launchBrowser, makeFilm, makeRig, newPage, openPage, picture, runTests, serve, setView, shown, source,
+  stateOf, until } from './harness.mjs';
 
 const { serversIn, serversInLinks } = await import(join(source, 'web/src/ice.js'));
 const folder = await makeRig('4x4');
@@ -124,6 +124,26 @@ async function silentHosts() {
   await served.stop();
 }
 
+// All cameras fail: who watches keeps the picture, and is told what is waited for.
+async function noCamera() {
+  const film = await makeFilm('2x2'), files = (await readdir(film)).filter(name => name.endsWith('.mkv'));
+  const served = await serve('--rig', join(film, 'rig.json'));
+  const page = await openPage(browser, served.url, size);
+  await shown(page, 20);
+  const films = await Promise.all(files.map(name => readFile(join(film, name))));
+  await Promise.all(files.map(name => truncate(join(film, name))));
+  await says(page, /No camera works/);
+  await page.waitForTimeout(500);
+  const [kept, still] = [await picture(page), (await page.waitForTimeout(700), await picture(page))];
+  const { mean, deviation } = await compare(page, kept, still);
+  expect(mean > 40 && deviation > 10, `there is a picture, not ${mean} +- ${deviation}`);
+  expect(served.said.match(/No camera works any more: /g).length === 1, `the log says it once: ${served.said}`);
+  await Promise.all(files.map((name, i) => writeFile(join(film, name), films[i])));
+  await until(async () => !await page.getByRole('status').isVisible(), 'the message goes');
+  await page.context().close();
+  await served.stop();
+}
+
 // Another link in an open tab; the token stays in the address, and in the tab where it was typed.
 async function linksAndTokens() {
   const token = join(folder, 'token');
@@ -236,6 +256,7 @@ await runTests([
   ['refused for ever', refusedForEver],
   ['a server that was away', awayAndBack],
   ['hosts with cameras that do not answer', silentHosts],
+  ['no camera that works', noCamera],
   ['links and tokens', linksAndTokens],
   ['ICE servers', iceServers],
   ['borders and glides', elastic],

@@ -11,8 +11,9 @@
 namespace lf::serve {
 namespace {
 
-// Cameras in this process do answer, however busy it is.
-constexpr GstClockTime kLocalPatience = 500 * GST_MSECOND;
+// How long a picture waits for what it is made of. Cameras in this process do answer, however busy it is; those of
+// other hosts after a round trip. Where all have answered nobody waits.
+constexpr GstClockTime kPatience = 500 * GST_MSECOND;
 
 std::string numbered(const char* name, int index) { return name + std::to_string(index); }
 
@@ -33,12 +34,14 @@ std::optional<ViewRequest> request_in(GstBuffer* buffer) {
   return request;
 }
 
-// Between the light field and the encoder the newest picture is the only one that counts.
+// Between the light field and the encoder the newest picture is the only one that counts. Answers may come as late as
+// they like (min-latency: with it an appsrc has no upper bound): where a source allows for less than the requests take
+// the compositor has no latency at all, takes itself for one that is not live, and waits for who is gone.
 std::string Eye::launch_line(int index, size_t nodes) {
   std::ostringstream line;
   for (size_t i = 0; i < nodes; i++)
     line << " appsrc name=answers" << index << '_' << i << " is-live=true format=time max-bytes=0 max-buffers=64 "
-         << "leaky-type=downstream caps=application/x-lightfield-answer ! c" << index << ".sink_" << i;
+         << "leaky-type=downstream min-latency=0 caps=application/x-lightfield-answer ! c" << index << ".sink_" << i;
   if (index > 0) line << " appsrc name=told is-live=true format=time max-bytes=0 max-buffers=4 leaky-type=downstream !";
   line << " lfviewrequest name=view" << index << " is-live=true eager=true ! tee name=r" << index << "  r" << index
        << ". ! appsink name=requests" << index << " sync=false async=false enable-last-sample=false  r" << index
@@ -65,9 +68,12 @@ Eye::Eye(GstElement* pipeline, int index, LightField& field, const EyeSettings& 
   gst_util_set_object_arg(G_OBJECT(compositor_), "focus", index > 0 ? "plane" : settings.focus_on.mode.c_str());
   if (!settings.focus_on.gains.empty())
     gst_util_set_object_arg(G_OBJECT(compositor_), "gains", settings.focus_on.gains.c_str());
+  g_object_set(compositor_, "latency", kPatience, nullptr);
   if (field.is_local()) {
-    g_object_set(compositor_, "latency", kLocalPatience, nullptr);
-    g_object_set(view_, "quality", 0u, nullptr);  // requests don't leave the process, and need not be small
+    // Nobody is waited for in vain, so that lost cameras need not leave the mesh: who is in its middle, where views
+    // begin, may be at the border of what is left of a small array, and see nothing.
+    g_object_set(compositor_, "max-missed", 0u, nullptr);
+    g_object_set(view_, "quality", 0u, nullptr);  // requests don't leave the process
   }
   if (settings.focus > 0) g_object_set(view_, "focus-distance", settings.focus, nullptr);
   if (index > 0) {
@@ -75,6 +81,7 @@ Eye::Eye(GstElement* pipeline, int index, LightField& field, const EyeSettings& 
     GstCaps* caps = gst_caps_new_simple("application/x-lightfield-request", "framerate", GST_TYPE_FRACTION,
                                         settings.framerate, 1, nullptr);
     gst_app_src_set_caps(told_, caps);
+    gst_app_src_set_latency(told_, settings.capture_delay, GST_CLOCK_TIME_NONE);  // of the requests beside it
     gst_caps_unref(caps);
   }
   if (!settings.path.empty()) g_object_set(view_, "location", settings.path.c_str(), "loop", TRUE, nullptr);

@@ -231,19 +231,18 @@ std::string LightField::mosaic_state() {
   return mosaic()->state(now(), [this](uint32_t camera) { return problem_of(camera); }).dump();
 }
 
-// Why the camera was lost; "" where nothing is known.
 std::string LightField::problem_of(uint32_t camera) const {
   GstElement* node = gst_bin_get_by_name(GST_BIN(pipeline_), "cameras");
-  GstElement* one = gst_bin_get_by_name(GST_BIN(node), ("camera" + std::to_string(camera)).c_str());
+  const std::string problem = camera_problem(node, camera);
   gst_object_unref(node);
-  if (!one) return "";
-  GstStructure* stats = nullptr;
-  g_object_get(one, "stats", &stats, nullptr);
-  gst_object_unref(one);
-  const char* reason = stats ? gst_structure_get_string(stats, "reason") : nullptr;
-  const std::string text = reason ? reason : "";
-  if (stats) gst_structure_free(stats);
-  return text;
+  return problem;
+}
+
+void LightField::look_at_cameras() {
+  if (!local_) return;
+  GstElement* node = gst_bin_get_by_name(GST_BIN(pipeline_), "cameras");
+  states_ = camera_states(node);
+  gst_object_unref(node);
 }
 
 void LightField::join(uint32_t view, OnAnswer on_answer) {

@@ -15,6 +15,7 @@
 
 #include "array_info.h"
 #include "base/host_list.h"
+#include "camera_states.h"
 #include "cameras/mosaic.h"
 
 namespace lf::serve {
@@ -58,6 +59,11 @@ class LightField {
   std::vector<uint8_t> mosaic_jpeg();
   std::string mosaic_state();
 
+  // How the cameras in this process are: none of them where they are on other hosts. As they were when they were looked
+  // at last.
+  CameraStates cameras() const { return states_; }
+  void look_at_cameras();
+
   void join(uint32_t view, OnAnswer on_answer);
   void leave(uint32_t view);         // when it returns, on_answer is not called any more
   void request(GstBuffer* request);  // takes a reference
@@ -78,7 +84,7 @@ class LightField {
   static GstFlowReturn take_answer(GstAppSink* sink, gpointer data);
   static void camera_added(GstBin* node, GstElement* child, gpointer self);
   std::shared_ptr<cameras::Mosaic> mosaic() const;
-  std::string problem_of(uint32_t camera) const;
+  std::string problem_of(uint32_t camera) const;  // why it was lost; "" where nothing is known
   static GstBusSyncReply bus_sync(GstBus* bus, GstMessage* message, gpointer data);
   static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
 
@@ -97,6 +103,7 @@ class LightField {
   std::string problem_;  // why the latest restart failed
   std::map<uint32_t, OnAnswer> views_;
   std::atomic<uint64_t> bytes_ = 0;
+  std::atomic<CameraStates> states_ = CameraStates{};
   std::atomic<int64_t> asked_ = 0, asked_since_ = 0;  // the last request, and the first since there was a pause
 };
 

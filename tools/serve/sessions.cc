@@ -139,6 +139,7 @@ void Sessions::tick() {
   const bool report = ++ticks_ % kTicksPerReport == 0;
   if (report) shed();
   if (report) watch_nodes();
+  if (report) field_.look_at_cameras();
   for (auto i = viewers_.begin(); i != viewers_.end();) {
     const auto& [name, session] = *i++;
     if (session.viewer->silence(now) > (session.viewer->connected() ? Limits::kSilence : Limits::kConnect))

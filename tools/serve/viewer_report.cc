@@ -91,6 +91,8 @@ void Viewer::report(const LinkReport& link) {
     focus["far"] = std::min(far, kFarthest * near);
   }
   info["focus"] = std::move(focus);
+  if (const CameraStates cameras = field_.cameras(); cameras.count > 0)
+    info["cameras"] = {{"count", cameras.count}, {"working", cameras.working}};
   if (!field_.is_local()) info["nodes"] = {{"count", field_.nodes()}, {"silent", field_.silent_nodes()}};
   info["monitored"] = settings_.monitored;
   if (const auto view = eyes_[0]->asked()) info["coverage"] = field_.array()->coverage(*view);

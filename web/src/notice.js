@@ -28,6 +28,16 @@ function silence({ count, silent } = {}) {
   return `Camera host${names.length ? `s ${names.join(', ')} and` : ''} ${last} of ${count} ${names.length ? 'do' : 'does'} not answer.`;
 }
 
+const kNoCamera = 'No camera works. Trying again';
+
+// What is wrong with the cameras: of the server, or of other hosts. The picture is without those that are silent; with
+// nothing left (`all`) it stays as it was.
+function trouble({ cameras, nodes }) {
+  if (cameras?.count > 0 && cameras.working === 0) return { words: kNoCamera, all: true };
+  const words = silence(nodes);
+  return { words, all: words && nodes.silent.length === nodes.count };
+}
+
 export class Notice {
   constructor(viewer, root) {
     this.viewer = viewer;
@@ -37,7 +47,7 @@ export class Notice {
     this.progress = root.querySelector('progress');
     this.form = root.querySelector('form');
     this.field = this.form.querySelector('input');
-    this.silence = '';  // what has been said of hosts that are silent
+    this.trouble = '';  // what has been said of cameras that don't work, or hosts that are silent
     this.last = root.querySelector('canvas.last');
     this.poster = root.querySelector('.poster');
     this.again.addEventListener('click', () => this.viewer.stream.again());
@@ -90,14 +100,15 @@ export class Notice {
 
   // A message of the server is there.
   answered() { this.heard = performance.now(); }
-  // Of the hosts with cameras, where these are on others. The picture is without those that are silent.
-  know(nodes) {
-    const words = silence(nodes), dark = words && nodes.silent.length === nodes.count;
-    if (words !== this.silence) this.viewer.say(words || 'All camera hosts answer.');
-    if (dark) this.show(words);
+  // Statistics of the server are there.
+  know(statistics) {
+    const { words, all } = trouble(statistics);
+    if (words !== this.trouble)
+      this.viewer.say(words || (this.trouble === kNoCamera ? 'Cameras work again.' : 'All camera hosts answer.'));
+    if (all) this.show(words);
     else if (this.dark) this.hide();
-    this.silence = words;
-    this.dark = dark;
+    this.trouble = words;
+    this.dark = all;
   }
 
   // `error`: a Refusal. `seconds` until another try; Infinity: none.

@@ -254,8 +254,9 @@ export class Viewer {
     if (applied) this.panel.applied(applied);
   }
   // What can be seen changes what is shown around the picture.
-  know({ coverage, focus, monitored, nodes }) {
-    this.notice.know(nodes);
+  know(statistics) {
+    const { coverage, focus, monitored } = statistics;
+    this.notice.know(statistics);
     this.root.querySelector('button.quality').hidden = !monitored;
     if (focus?.far > focus?.near) this.flight.scene = focus;
     this.vignette.know(coverage);
