@@ -129,8 +129,8 @@ class FocusControl {
   std::vector<Trial> next_trials(const FocalMap& map);
   bool is_automatic() const { return !(settings_.near > 0) || !(settings_.far > 0); }
 
-  // Requests from a search that found nothing to the next: where the eye moves, at most.
-  static constexpr unsigned kLeastPatience = 16, kMostPatience = 256;
+  // Requests from a search that found nothing to the next: where the eye moves, and at most where it does not.
+  static constexpr unsigned kMovingPatience = 16, kMostPatience = 256;
   static constexpr unsigned kSettling = 8;  // rounds of bettering until what was found has settled
 
   Settings settings_;
@@ -146,8 +146,8 @@ class FocusControl {
   Pose tried_from_;                        // where trials were last rested from
   Pose tried_with_;                        // what came of trials last
   bool moved_ = false;                     // the eye, since then
-  // Requests from a search that finds nothing to the next, twice as many each time: the first few are too early where
-  // cameras are not equally bright, see MeanTurns.
+  // Requests from a search that finds nothing to the next of an eye that rests, twice as many each time: the first few
+  // are too early where cameras are not equally bright, see MeanTurns.
   unsigned patience_ = 1;
   unsigned waited_ = 0;                        // requests for the answers to a search, or for the next one
   unsigned rounds_to_doubt_ = 0, doubts_ = 4;  // until the range may be searched anew as something seems to come near

@@ -57,6 +57,7 @@ void FocusControl::begin(const ViewRequest& request, const FocusArray& array, Vi
   fresh.load_ = load_;
   *this = std::move(fresh);
   begun_ = true;
+  tried_from_ = request.view.pose;
   const double focused = plane_inverse(request.view, array.from(), {0, 0, 1});
   const double distance = focused > 0 ? 1 / focused : 1;
   disparity_ = array.disparity();
@@ -210,7 +211,7 @@ std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
     return trials;
   }
   if (stage_ == Stage::kNothing) {
-    if (++waited_ < (moved_ ? std::min(kLeastPatience, patience_) : patience_)) return {};
+    if (++waited_ < (moved_ ? kMovingPatience : patience_)) return {};
     moved_ = false;
     search(map);
     return next_trials(map);
