@@ -202,6 +202,11 @@ uint64_t CameraFrames::period() const {
   return *middle;
 }
 
+uint64_t CameraFrames::mean_period() const {
+  std::lock_guard lock(mutex_);
+  return frames_.size() < 2 ? 0 : (frames_.back().time - frames_.front().time) / (frames_.size() - 1);
+}
+
 size_t CameraFrames::held() const {
   std::lock_guard lock(mutex_);
   return frames_.size();

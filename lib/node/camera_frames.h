@@ -63,8 +63,10 @@ class CameraFrames {
 
   std::optional<CameraFrame> newest() const;
   bool is_live() const;
-  uint64_t period()
-      const;  // nanoseconds from one of the frames held to the next, median; 0 where there are fewer than two
+  // Nanoseconds from one of the frames held to the next, 0 where there are fewer than two: the median, which is the
+  // camera's own, and the mean, which is longer where frames were dropped.
+  uint64_t period() const;
+  uint64_t mean_period() const;
   size_t held() const;
 
  private:

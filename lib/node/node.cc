@@ -130,7 +130,7 @@ Node::Reply Node::render(const wire::AnyRequest& any, const Array& array, Reques
     std::optional<CameraFrame> frame = frames.find(wanted, !options.live, requester.cancelled.get());
     if (frame && !frame->fits(array.rig->cameras[camera])) frame.reset();
     if (!frame || wanted == kNoTime || !frames.is_live()) return frame;
-    skews.push_back({camera, frame->time, wanted, frames.period(), frame->behind});
+    skews.push_back({camera, frame->time, wanted, frames.mean_period(), frame->behind});
     if (options.max_skew > 0 && time_between(frame->time, wanted) > options.max_skew) {
       frame.reset();
       stats_.stale_frames++;

@@ -138,6 +138,7 @@ TEST(CameraFrames, ThePeriodIsNotThatOfACameraThatWasAway) {
   for (uint64_t k = 10; k < 20; k++) {
     frames.push(frame(kAway + k * kPeriod));
     EXPECT_EQ(frames.period(), kPeriod) << k;
+    EXPECT_GE(frames.mean_period(), frames.period()) << k;
   }
 }
 
