@@ -143,8 +143,8 @@ TEST_P(InBetween, ChangesNothing) {
 }
 INSTANTIATE_TEST_SUITE_P(Each, InBetween,
                          testing::Values(std::pair{"identity", "sent again"},
-                                         std::pair{"rndbuffersize min=30 max=31", "too short, or not sealed"},
-                                         std::pair{"rndbuffersize min=300 max=301", "sealed "}),
+                                         std::pair{"rndbuffersize min=30 max=31", "no RTP, or too short to be sealed"},
+                                         std::pair{"rndbuffersize min=300 max=301", "not sealed: "}),
                          [](const auto& info) { return std::to_string(info.index); });
 
 TEST_F(Keys, CompositorHostsAndTheirViewersShareOne) {
