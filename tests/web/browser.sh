@@ -38,8 +38,8 @@ LF_SOURCE_ROOT=$(cd "$source/../.." && pwd)
 export LF_SOURCE_ROOT
 run=(node "$work/$(basename "$test")")
 [[ -n $needed ]] || exec "${run[@]}"
-# Without IPv6, whose addresses come seconds late: a browser drops what it is loading where one comes.
-network='sysctl -qw net.ipv6.conf.all.disable_ipv6=1 net.ipv6.conf.default.disable_ipv6=1 && ip link set lo up &&
+# Without IPv6 but for loopback's: its addresses come seconds late, and a browser drops what it is loading where one comes.
+network='ip link set lo up && sysctl -qw net.ipv6.conf.default.disable_ipv6=1 &&
   ip link add host type veth peer name other && ip addr add 10.77.0.1/24 dev host &&
   ip link set host up && ip link set other up'
 unshare --map-root-user --net bash -c "$network" 2>/dev/null || skip "no network namespaces"
