@@ -15,6 +15,10 @@
  * that stands in the middle of the array. Viewers come and go while everything runs, and none waits for another.
  * Pictures of a pad that is not linked are dropped.
  *
+ * Live, whoever takes pictures more slowly than they come gets the newest: the oldest are dropped behind the
+ * compositor, and the search for the focal surface goes on at its own pace. No queue is needed between the pads and
+ * their sinks.
+ *
  * Cameras are live unless `is-live` is false, which makes pictures as fast as they are taken and ends with the views of
  * `location`. Films begin again at their end, but with `node::loop=false`.
  *
@@ -40,8 +44,8 @@
  *   multifilesink location=out_%02d.png
  * ]| Pictures of the views in a file.
  * |[
- * gst-launch-1.0 lfviewsrc name=v rig=rig.json width=640 height=480  v.src ! queue ! videoconvert ! autovideosink \
- *   v.src_0 ! queue ! videoconvert ! autovideosink
+ * gst-launch-1.0 lfviewsrc name=v rig=rig.json width=640 height=480  v.src ! videoconvert ! autovideosink \
+ *   v.src_0 ! videoconvert ! autovideosink
  * ]| Two viewers, each with a window.
  * |[
  * gst-launch-1.0 lfviewsrc rig=rig.json nodes=CAMHOST0:6000:6100,CAMHOST1:6000:6101 ! videoconvert ! autovideosink

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "bins/viewer_chain.h"
 
+#include <algorithm>
+
 #include "base/error.h"
+#include "common/guard.h"
 
 namespace lf {
 namespace {
@@ -10,10 +13,27 @@ constexpr int kLeaky = 2;           // of queue: the oldest go
 constexpr guint kFewRequests = 4;   // with what goes along with one
 constexpr guint kManyParts = 4096;  // of answers that come in bursts
 constexpr guint kManyBytes = 1 << 26;
+constexpr GstClockTime kEarliest = GST_SECOND / 10;  // before its time that a picture is made, at least
 
 void link(GstElement* from, const char* from_pad, GstElement* to, const char* to_pad) {
   if (!gst_element_link_pads(from, from_pad, to, to_pad))
     throw Error(std::string(GST_OBJECT_NAME(from)) + " can't be linked with " + GST_OBJECT_NAME(to));
+}
+
+// A live picture is made as soon as its answers are there and waits for the time at which it is shown: no longer than
+// the pipeline's latency.
+GstPadProbeReturn follow_latency(GstPad* pad, GstPadProbeInfo* info, gpointer) {
+  GstEvent* event = gst_pad_probe_info_get_event(info);
+  if (GST_EVENT_TYPE(event) != GST_EVENT_LATENCY) return GST_PAD_PROBE_OK;
+  GstClockTime latency = 0;
+  gst_event_parse_latency(event, &latency);
+  GstElement* queue = gst_pad_get_parent_element(pad);
+  if (!queue) return GST_PAD_PROBE_OK;
+  gint leaky = 0;
+  g_object_get(queue, "leaky", &leaky, nullptr);
+  if (leaky == kLeaky) g_object_set(queue, "max-size-time", std::max(latency, kEarliest), nullptr);
+  gst_object_unref(queue);
+  return GST_PAD_PROBE_OK;
 }
 
 }  // namespace
@@ -37,6 +57,10 @@ ViewerChain::ViewerChain(GstBin* bin, guint view_id, const std::string& ending)
   for (GstElement* queue : {to_cameras_, to_compositor_})
     g_object_set(queue, "max-size-buffers", kFewRequests, "max-size-time", guint64{0}, "max-size-bytes", 0u, nullptr);
   compositor_ = add("lfcompositor", "compositor");
+  to_src_ = add("queue", "to_src");
+  GstPad* shown = gst_element_get_static_pad(to_src_, "src");
+  gst_pad_add_probe(shown, GST_PAD_PROBE_TYPE_EVENT_UPSTREAM, callback<follow_latency>, nullptr, nullptr);
+  gst_object_unref(shown);
   pictures_ = add("tee", "pictures");
   g_object_set(view_, "view-id", view_id, nullptr);
   g_object_set(compositor_, "view-id", view_id, nullptr);
@@ -46,7 +70,8 @@ ViewerChain::ViewerChain(GstBin* bin, guint view_id, const std::string& ending)
   link(requests_, "src_%u", to_cameras_, "sink");
   link(requests_, "src_%u", to_compositor_, "sink");
   link(to_compositor_, "src", compositor_, "request");
-  link(compositor_, "src", pictures_, "sink");
+  link(compositor_, "src", to_src_, "sink");
+  link(to_src_, "src", pictures_, "sink");
 }
 
 ViewerChain::~ViewerChain() {
@@ -54,7 +79,7 @@ ViewerChain::~ViewerChain() {
 }
 
 std::vector<GstElement*> ViewerChain::behind_cameras() const {
-  std::vector<GstElement*> elements = {pictures_, compositor_};
+  std::vector<GstElement*> elements = {pictures_, to_src_, compositor_};
   elements.insert(elements.end(), answers_.begin(), answers_.end());
   return elements;
 }
@@ -88,7 +113,10 @@ void ViewerChain::drop_answers() {
 
 void ViewerChain::set_live(bool live) {
   g_object_set(view_, "is-live", live, nullptr);
-  for (GstElement* queue : {to_cameras_, to_compositor_}) g_object_set(queue, "leaky", live ? kLeaky : 0, nullptr);
+  for (GstElement* queue : {to_cameras_, to_compositor_, to_src_})
+    g_object_set(queue, "leaky", live ? kLeaky : 0, nullptr);
+  g_object_set(to_src_, "max-size-buffers", live ? 0u : 1u, "max-size-bytes", 0u, "max-size-time",
+               live ? kEarliest : guint64{0}, nullptr);
 }
 
 std::vector<GstElement*> ViewerChain::all() const {

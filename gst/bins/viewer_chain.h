@@ -12,8 +12,13 @@ namespace lf {
 // One viewer inside of a bin: its lfviewrequest ("view"), its lfcompositor ("compositor"), and what is between them and
 // the cameras:
 //
-//   view ! requests (tee) ! queue ! [cameras] ! queue ! compositor.sink_N    compositor ! pictures (tee) ! [out]
+//   view ! requests (tee) ! queue ! [cameras] ! queue ! compositor.sink_N    compositor ! queue ! pictures (tee) !
+//   [out]
 //          requests       ! queue ! compositor.request
+//
+// Whoever takes pictures more slowly than they come keeps nobody waiting: live, the oldest are dropped behind the
+// compositor. In front of it they would wait as requests, and what comes of one request's trials would reach the view
+// several slow pictures later.
 //
 // The elements are the bin's; the ending of their names tells the viewers of a bin apart ("view_0"). All functions are
 // to be called by one thread at a time.
@@ -38,7 +43,7 @@ class ViewerChain {
   // Takes all of these away. While nothing runs.
   void drop_answers();
 
-  // Live, late requests are dropped, so that nobody waits for anybody. While nothing runs.
+  // Live, late requests and pictures are dropped, so that nobody waits for anybody. While nothing runs.
   void set_live(bool live);
   // Goes to the bin's state, those behind first, and on with it. Before, nothing runs, whatever the bin does.
   void follow_bin();
@@ -58,9 +63,9 @@ class ViewerChain {
   GstBin* bin_;
   guint view_id_;
   std::string ending_;
-  GstElement *view_, *requests_, *to_cameras_, *to_compositor_, *compositor_, *pictures_;  // with references
-  std::vector<GstElement*> answers_;                                                       // with references
-  bool follows_ = false;                                                                   // the state of the bin
+  GstElement *view_, *requests_, *to_cameras_, *to_compositor_, *compositor_, *to_src_, *pictures_;  // with references
+  std::vector<GstElement*> answers_;                                                                 // with references
+  bool follows_ = false;  // the state of the bin
 };
 
 }  // namespace lf

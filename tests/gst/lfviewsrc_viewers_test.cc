@@ -136,6 +136,10 @@ TEST_F(LfViewSrcTest, AStalledViewerStallsNobody) {
       &blocked, nullptr);
   ASSERT_TRUE(comes([&] { return blocked.load(); }));
   EXPECT_TRUE(more("s", 30));
+  // Nor does it stall what is found out for itself by the time that its sink goes on.
+  EXPECT_TRUE(comes([&, from = stat(child("compositor_0").get(), "pictures")] {
+    return stat(child("compositor_0").get(), "pictures") > from + 20;
+  }));
   gst_pad_remove_probe(sink.get(), probe);
   EXPECT_TRUE(more("t"));
 }
