@@ -16,7 +16,8 @@ mkdir -p src/sources/parts src/sources/lists/partial lib plugins bin
 
 as_root=()
 ((EUID == 0)) || as_root=(sudo)
-dpkg-query -W dpkg-dev flex bison >/dev/null 2>&1 ||
+# (dpkg-query ends well for packages that it knows and that are not installed, too.)
+[[ $(dpkg-query -W -f '${db:Status-Status}\n' dpkg-dev flex bison 2>/dev/null | grep -cx installed) == 3 ]] ||
   "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq -y --no-install-recommends install dpkg-dev flex bison \
     >/dev/null
 
