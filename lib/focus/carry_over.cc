@@ -205,6 +205,12 @@ void LatestSurface::leaves(const std::vector<Trial>& trials) {
   if (underway_.size() > kMostUnderway) underway_.pop_front();
 }
 
+void LatestSurface::lose(const std::vector<Trial>& trials) {
+  // Requests keep their order, so that those before it were lost, too.
+  const auto left = std::ranges::find(underway_, trials, &Underway::trials);
+  if (left != underway_.end()) underway_.erase(underway_.begin(), left + 1);
+}
+
 std::shared_ptr<const FocalMap> LatestSurface::seen_from(const View& view) const {
   return view_.focus.map ? carry_over(view_, view) : nullptr;
 }

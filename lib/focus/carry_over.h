@@ -65,6 +65,8 @@ class LatestSurface {
   size_t underway() const { return underway_.size(); }
   // A request is going to leave with these trials, of the surface as it is now.
   void leaves(const std::vector<Trial>& trials);
+  // Nothing came of a request's trials, and nothing will.
+  void lose(const std::vector<Trial>& trials);
   // What a request's trials came to: `map` has the choice for the request's view, and gets it for all that is known, in
   // its own range.
   void merge(const ViewRequest& request, const SurfaceChoice& choice, FocalMap& map);

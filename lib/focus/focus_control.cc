@@ -244,6 +244,7 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
     begin(request, array, plan.view);
   else
     reach_ = reach_from(request.view, array);
+  if (!is_first && map && moments.empty() && !request.trials.empty()) lose(request.trials);
   if (!is_first && map && !moments.empty()) {
     auto better = std::make_shared<FocalMap>(*map);
     take(request, moments, array, *better);

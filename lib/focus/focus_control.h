@@ -113,6 +113,7 @@ class FocusControl {
   void search_around(FocalMap& map);
   void end_search(const View& view, const FocusArray& array, FocalMap& map);
   void give_up();
+  void lose(const std::vector<Trial>& trials);
   void sweep(const FocalMap& map);
   void take(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array, FocalMap& map);
   void compare_with_plane(const SurfaceChoice& choice, std::span<const Moments> moments, const ViewRequest& request);
@@ -131,6 +132,7 @@ class FocusControl {
 
   // Requests from a search that found nothing to the next: where the eye moves, and at most where it does not.
   static constexpr unsigned kMovingPatience = 16, kMostPatience = 256;
+  static constexpr unsigned kMostLost = 8;  // requests of a search or a sweep that are sent again
   static constexpr unsigned kSettling = 8;  // rounds of bettering until what was found has settled
 
   Settings settings_;
@@ -149,6 +151,7 @@ class FocusControl {
   // Requests from a search that finds nothing to the next of an eye that rests, twice as many each time: the first few
   // are too early where cameras are not equally bright, see MeanTurns.
   unsigned patience_ = 1;
+  unsigned lost_ = 0;                          // requests of this search or sweep that were sent again
   unsigned waited_ = 0;                        // requests for the answers to a search, or for the next one
   unsigned rounds_to_doubt_ = 0, doubts_ = 4;  // until the range may be searched anew as something seems to come near
   double flat_inverse_ = 0;                    // where one plane is enough, 1/m
