@@ -57,6 +57,11 @@ CameraStream::CameraStream(GstElement* owner, const CameraChain& chain, const St
       film_end_(options.begin),
       film_start_(options.begin) {
   gst_segment_init(&segment_, GST_FORMAT_TIME);
+  for (GstPad* pad : {chain_.decoded, chain_.frames, chain_.out}) gst_object_ref(pad);
+}
+
+CameraStream::~CameraStream() {
+  for (GstPad* pad : {chain_.decoded, chain_.frames, chain_.out}) gst_object_unref(pad);
 }
 
 void CameraStream::watch() {

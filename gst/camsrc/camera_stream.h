@@ -50,6 +50,8 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   // `owner`: the element whose base time counts; it outlives the stream's data flow.
   CameraStream(GstElement* owner, const CameraChain& chain, const StreamOptions& options,
                const StreamListener& listener);
+  ~CameraStream();
+  CameraStream(const CameraStream&) = delete;
 
   // Call once, before data flows.
   void watch();
@@ -97,7 +99,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   void announce(GstPad* pad);
 
   GstElement* const owner_;
-  const CameraChain chain_;
+  const CameraChain chain_;  // with references to its pads: probes may be under way when the elements are gone
   const StreamOptions options_;
   const StreamListener listener_;
   std::atomic<bool> live_ = false;
