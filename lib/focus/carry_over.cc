@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "focus/surface_choice.h"
 
@@ -200,15 +201,36 @@ std::shared_ptr<const FocalMap> carry_over(const View& from, const View& to) {
   return carried;
 }
 
-void LatestSurface::leaves(const std::vector<Trial>& trials) {
-  underway_.push_back({trials, rounds_});
-  if (underway_.size() > kMostUnderway) underway_.pop_front();
+void LatestSurface::leaves(const std::vector<Trial>& trials, uint32_t sequence) {
+  underway_.push_back({trials, rounds_, sequence});
+  if (underway_.size() <= kMostUnderway) return;
+  lost_.push_back(std::move(underway_.front().trials));
+  underway_.pop_front();
 }
 
-void LatestSurface::lose(const std::vector<Trial>& trials) {
-  // Requests keep their order, so that those before it were lost, too.
-  const auto left = std::ranges::find(underway_, trials, &Underway::trials);
-  if (left != underway_.end()) underway_.erase(underway_.begin(), left + 1);
+// Which one was, if it is known. Requests keep their order: those before it were lost.
+std::optional<LatestSurface::Underway> LatestSurface::answered(const ViewRequest& request) {
+  const auto left = std::ranges::find(underway_, request.trials, &Underway::trials);
+  if (left == underway_.end()) return std::nullopt;
+  for (auto before = underway_.begin(); before != left; before++) lost_.push_back(std::move(before->trials));
+  const Underway found = std::move(*left);
+  underway_.erase(underway_.begin(), left + 1);
+  const uint32_t took = request.sequence - found.sequence;  // sequence numbers wrap
+  if (took < kMostUnderway) longest_ = std::max(longest_.value_or(0), took);
+  return found;
+}
+
+void LatestSurface::lose(const ViewRequest& request) {
+  if (answered(request)) lost_.push_back(request.trials);
+}
+
+std::vector<std::vector<Trial>> LatestSurface::take_lost(uint32_t sequence) {
+  const uint32_t most = kMostUnderway, patience = longest_ ? std::min(2 * *longest_ + kPatience, most) : most;
+  while (!underway_.empty() && sequence - underway_.front().sequence > patience) {
+    lost_.push_back(std::move(underway_.front().trials));
+    underway_.pop_front();
+  }
+  return std::exchange(lost_, {});
 }
 
 std::shared_ptr<const FocalMap> LatestSurface::seen_from(const View& view) const {
@@ -216,10 +238,8 @@ std::shared_ptr<const FocalMap> LatestSurface::seen_from(const View& view) const
 }
 
 void LatestSurface::merge(const ViewRequest& request, const SurfaceChoice& choice, FocalMap& map) {
-  // Requests keep their order; those before this one that were not answered are lost.
-  const auto left = std::ranges::find(underway_, request.trials, &Underway::trials);
-  const unsigned known = left == underway_.end() ? rounds_ : left->rounds;
-  if (left != underway_.end()) underway_.erase(underway_.begin(), left + 1);
+  const std::optional<Underway> left = answered(request);
+  const unsigned known = left ? left->rounds : rounds_;
   std::shared_ptr<const FocalMap> before;
   if (known < rounds_) before = seen_from(request.view);
   if (before && (before->farthest != map.farthest || before->nearest != map.nearest)) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "focus/surface_choice.h"
@@ -60,13 +61,19 @@ std::shared_ptr<const FocalMap> carry_over(const View& from, const View& to);
 class LatestSurface {
  public:
   static constexpr size_t kMostUnderway = 64;  // requests; older ones are thought to be lost
+  // And those that take so many requests more than twice as long as any answered one has.
+  static constexpr uint32_t kPatience = 8;
 
   // Rounds that requests are underway for.
   size_t underway() const { return underway_.size(); }
-  // A request is going to leave with these trials, of the surface as it is now.
-  void leaves(const std::vector<Trial>& trials);
+  // A request is going to leave with these trials, of the surface as it is now that the request `sequence` was
+  // answered.
+  void leaves(const std::vector<Trial>& trials, uint32_t sequence);
   // Nothing came of a request's trials, and nothing will.
-  void lose(const std::vector<Trial>& trials);
+  void lose(const ViewRequest& request);
+  // Trials of which nothing came, and nothing will, now that the request `sequence` was answered: those that were not
+  // returned yet, in their order.
+  std::vector<std::vector<Trial>> take_lost(uint32_t sequence);
   // What a request's trials came to: `map` has the choice for the request's view, and gets it for all that is known, in
   // its own range.
   void merge(const ViewRequest& request, const SurfaceChoice& choice, FocalMap& map);
@@ -78,9 +85,13 @@ class LatestSurface {
  private:
   struct Underway {
     std::vector<Trial> trials;
-    unsigned rounds;  // that its surface knows of
+    unsigned rounds;    // that its surface knows of
+    uint32_t sequence;  // of the request that was answered last when it was going to leave
   };
+  std::optional<Underway> answered(const ViewRequest& request);
   std::deque<Underway> underway_;
+  std::vector<std::vector<Trial>> lost_;
+  std::optional<uint32_t> longest_;  // requests that the answer to one has taken
   unsigned rounds_ = 0;
   View view_;
   // For each node the deviation that it was chosen for, and the round that moved it last. They stay where they are when

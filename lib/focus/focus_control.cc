@@ -244,7 +244,7 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
     begin(request, array, plan.view);
   else
     reach_ = reach_from(request.view, array);
-  if (!is_first && map && moments.empty() && !request.trials.empty()) lose(request.trials);
+  if (!is_first && map && moments.empty() && !request.trials.empty()) latest_.lose(request);
   if (!is_first && map && !moments.empty()) {
     auto better = std::make_shared<FocalMap>(*map);
     take(request, moments, array, *better);
@@ -252,9 +252,9 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
   } else if (std::shared_ptr<const FocalMap> latest = latest_.seen_from(request.view); latest && !is_first) {
     plan.view.focus.map = std::move(latest);
   }
+  for (const std::vector<Trial>& lost : latest_.take_lost(request.sequence)) ask_again(lost);
   // A search is over when all of it has been answered, or will not be.
-  if (stage_ == Stage::kSearch && sweeps_.empty() &&
-      (latest_.underway() == 0 || waited_ > LatestSurface::kMostUnderway)) {
+  if (stage_ == Stage::kSearch && sweeps_.empty() && latest_.underway() == 0) {
     auto searched = std::make_shared<FocalMap>(*plan.view.focus.map);
     end_search(request.view, array, *searched);
     plan.view.focus.map = std::move(searched);
@@ -268,7 +268,7 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
   state_.near = 1 / next.nearest;
   state_.far = 1 / next.farthest;
   plan.trials = next_trials(next);
-  if (!plan.trials.empty()) latest_.leaves(plan.trials);
+  if (!plan.trials.empty()) latest_.leaves(plan.trials, request.sequence);
   // Where one camera makes nearly all of the picture every surface seems to fit, and only displaces what it sees.
   const bool little = mean_of(array.evidence(plan.view, request.out_of_service)) < kEnoughEvidence;
   plan.on_plane = state_.on_plane || state_.flat || little;

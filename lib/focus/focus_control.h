@@ -113,7 +113,7 @@ class FocusControl {
   void search_around(FocalMap& map);
   void end_search(const View& view, const FocusArray& array, FocalMap& map);
   void give_up();
-  void lose(const std::vector<Trial>& trials);
+  void ask_again(const std::vector<Trial>& lost);
   void sweep(const FocalMap& map);
   void take(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array, FocalMap& map);
   void compare_with_plane(const SurfaceChoice& choice, std::span<const Moments> moments, const ViewRequest& request);
@@ -152,7 +152,7 @@ class FocusControl {
   // are too early where cameras are not equally bright, see MeanTurns.
   unsigned patience_ = 1;
   unsigned lost_ = 0;                          // requests of this search or sweep that were sent again
-  unsigned waited_ = 0;                        // requests for the answers to a search, or for the next one
+  unsigned waited_ = 0;                        // requests since a search found nothing
   unsigned rounds_to_doubt_ = 0, doubts_ = 4;  // until the range may be searched anew as something seems to come near
   double flat_inverse_ = 0;                    // where one plane is enough, 1/m
   DepthVotes votes_;

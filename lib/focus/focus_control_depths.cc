@@ -89,7 +89,7 @@ double FocusControl::reach_from(const View& view, const FocusArray& array) const
 
 void FocusControl::search(const FocalMap& map) {
   stage_ = Stage::kSearch;
-  waited_ = lost_ = 0;
+  lost_ = 0;
   votes_.clear();
   others_.clear();
   const double pixels = disparity_ > 0 ? disparity_ : kMostSweeps * kPlanes * kSearchStep / reach_;
@@ -125,7 +125,7 @@ void FocusControl::end_search(const View& view, const FocusArray& array, FocalMa
 
 void FocusControl::sweep(const FocalMap& map) {
   stage_ = Stage::kSweep;
-  waited_ = lost_ = 0;
+  lost_ = 0;
   LevelRange scene = scene_levels(map);
   const double per_level = (map.nearest - map.farthest) / FocalMap::kLevels;
   if (const std::optional<DepthRange> known = votes_.range(); known && disparity_ > 0) {
@@ -201,13 +201,12 @@ void FocusControl::give_up() {
   patience_ = std::min(2 * patience_, kMostPatience);
 }
 
-// What a busy node has not answered in time is asked again: of a search that lacks an answer nothing may be found, and
-// the next one may be hundreds of pictures away.
-void FocusControl::lose(const std::vector<Trial>& trials) {
-  latest_.lose(trials);
-  if (trials.size() < kSweep || (stage_ != Stage::kSearch && stage_ != Stage::kSweep) || lost_ >= kMostLost) return;
+// What a busy node has not answered in time, or what never got there, is asked again: of a search that lacks an answer
+// nothing may be found, and the next one may be hundreds of pictures away.
+void FocusControl::ask_again(const std::vector<Trial>& lost) {
+  if (lost.size() < kSweep || (stage_ != Stage::kSearch && stage_ != Stage::kSweep) || lost_ >= kMostLost) return;
   lost_++;
-  sweeps_.push_front(trials);
+  sweeps_.push_back(lost);
 }
 
 std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
@@ -226,8 +225,7 @@ std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
     return next_trials(map);
   }
   if (stage_ == Stage::kSearch || stage_ == Stage::kSweep) {  // what comes of it decides what comes next
-    const bool over = latest_.underway() == 0 || ++waited_ > LatestSurface::kMostUnderway;
-    if (stage_ == Stage::kSearch || !over) return {};
+    if (stage_ == Stage::kSearch || latest_.underway() > 0) return {};
     stage_ = Stage::kBetter;
   }
   constexpr unsigned kMovingFlatRest = 4;

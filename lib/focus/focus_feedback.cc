@@ -7,6 +7,7 @@
 
 #include "focus/autofocus.h"
 #include "focus/focus_array.h"
+#include "focus/surface_choice.h"
 
 namespace lf {
 namespace {
@@ -15,7 +16,8 @@ constexpr uint32_t kPatience = 30;  // requests until the answer to a sweep is t
 constexpr int kMostLost = 3;        // sweeps, until a search is given up
 constexpr uint32_t kRest = 8;       // requests from one sweep to the next, of a place that is followed
 constexpr size_t kMostSwept = 8;
-constexpr double kSame = 0.02;  // of a distance: a smaller change is none
+constexpr size_t kMostUnsent = 8;  // requests' trials
+constexpr double kSame = 0.02;     // of a distance: a smaller change is none
 
 }  // namespace
 
@@ -24,11 +26,26 @@ void FocusFeedback::announce(FoundFocus news) {
   if (std::ranges::find(swept_, news.sequence) != swept_.end()) {
     if (search_ && search_->asked == news.sequence) see_sweep(news);
   } else {
+    take_trials(news.plan);
     news_ = std::move(news);
     if (follows_ && news_->plan.view.focus.map)
       if (const auto distance = focus_distance_at(news_->plan.view, pixel_of(news_->plan.view))) find(*distance);
   }
   changed_.notify_all();
+}
+
+// Where pictures come in bursts there are several news between two requests. What is lost of a search or a sweep is
+// missed by all that follows: it waits for its turn. Trials that better a surface are as good as those in their place.
+void FocusFeedback::take_trials(FocusControl::Plan& plan) {
+  const auto is_of_other_levels = [](const FocalMap* a, const FocalMap* b) {
+    return !a || !b || a->farthest != b->farthest || a->nearest != b->nearest || a->step != b->step ||
+           !(a->from == b->from);
+  };
+  if (news_ && is_of_other_levels(news_->plan.view.focus.map.get(), plan.view.focus.map.get())) unsent_.clear();
+  if (plan.trials.empty()) return;
+  std::erase_if(unsent_, [](const std::vector<Trial>& trials) { return trials.size() < kSweep; });
+  unsent_.push_back(std::exchange(plan.trials, {}));
+  if (unsent_.size() > kMostUnsent) unsent_.pop_front();
 }
 
 Vec2 FocusFeedback::pixel_of(const View& view) const {
@@ -89,7 +106,7 @@ FocusFeedback::Waited FocusFeedback::wait_for(uint32_t sequence, std::chrono::mi
 
 bool FocusFeedback::has_trials() {
   const std::lock_guard lock(mutex_);
-  return news_ && !news_->plan.trials.empty();
+  return !unsent_.empty();
 }
 
 std::optional<ViewRequest> FocusFeedback::next_sweep(const ViewRequest& request, const Rig* rig) {
@@ -128,7 +145,10 @@ void FocusFeedback::apply(ViewRequest& request) {
         -view.focus.plane.signed_distance(view.pose.position) / glm::dot(view.focus.plane.normal, view.pose.forward());
     if (!news_ || !news_->plan.view.focus.map) return;
     search_.reset();
-    request.trials = std::exchange(news_->plan.trials, {});
+    if (!unsent_.empty()) {
+      request.trials = std::move(unsent_.front());
+      unsent_.pop_front();
+    }
     request.gains = std::exchange(news_->gains, {.use = news_->gains.use});
     plan = news_->plan;
   }
@@ -144,6 +164,7 @@ void FocusFeedback::set_unlocked(bool unlocked) {
 void FocusFeedback::clear() {
   const std::lock_guard lock(mutex_);
   news_.reset();
+  unsent_.clear();
   search_.reset();
   swept_.clear();
   found_.reset();

@@ -49,12 +49,14 @@ class FocusFeedback {
     int lost = 0;                   // requests of which nothing came
   };
   void see_sweep(const FoundFocus& news);
+  void take_trials(FocusControl::Plan& plan);
   void find(double distance);
   Vec2 pixel_of(const View& view) const;
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::optional<FoundFocus> news_;
+  std::optional<FoundFocus> news_;         // without trials:
+  std::deque<std::vector<Trial>> unsent_;  // for one request each, of the map of the news
   Vec2 place_{0.5, 0.5};
   bool follows_ = false;
   std::optional<Search> search_;

@@ -33,11 +33,18 @@ struct Loop {
       if (!request.trials.empty() && !loses)
         moments = walls.moments(request.view, request.trials, walls.own, request.out_of_service);
       trials += request.trials.size();
+      request.sequence++;
       const FocusControl::Plan plan = control.next(request, moments, array);
       // As lfviewrequest: what serves neither the picture nor trials is left out.
       request.view = viewers;
       request.out_of_service = out_of_service;
       request.trials = plan.trials;
+      if (drops && !request.trials.empty()) {  // the one that comes next is the one after
+        request.trials.clear();
+        request.sequence++;
+        dropped++;
+        if (dropped == drops) drops = 0;
+      }
       request.on_plane = plan.on_plane && !plan.trials.empty();
       if (!plan.on_plane || request.on_plane) request.view.focus.map = plan.view.focus.map;
       if (plan.plane) request.view.focus.plane = *plan.plane;
@@ -77,6 +84,8 @@ struct Loop {
   View surface;  // the latest that was found
   size_t trials = 0;
   bool loses = false;  // what comes of trials
+  int drops = 0;       // requests with trials that are lost on their way from now on
+  int dropped = 0;
 };
 
 // Nodes closer than the cameras' pixels are shown cost as much as others and tell nothing more.
@@ -138,6 +147,19 @@ TEST(FocusControl, WhatIsLostOfASearchIsAskedAgain) {
       EXPECT_GT(loop.right(), 0.97);
       EXPECT_TRUE(loop.shows_surface());
     }
+}
+
+// As by a queue that is full, or a compositor that skips what comes too late.
+TEST(FocusControl, RequestsOfASearchThatAreDroppedAreAskedAgain) {
+  for (const bool automatic : {true, false}) {
+    Loop loop = automatic ? Loop(FocusMode::kSurface, false, 0, 0) : Loop(FocusMode::kSurface, false);
+    loop.run(2);  // the first is answered
+    loop.drops = 3;
+    loop.run(60);
+    EXPECT_EQ(loop.dropped, 3);
+    EXPECT_GT(loop.right(), 0.97);
+    EXPECT_TRUE(loop.shows_surface());
+  }
 }
 
 // Nodes that answer no trials at all are not asked with every request.

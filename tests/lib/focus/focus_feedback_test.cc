@@ -5,6 +5,7 @@
 
 #include <thread>
 
+#include "focus/surface_choice.h"
 #include "lib/focus/array_of_walls.h"
 
 namespace lf {
@@ -54,6 +55,49 @@ TEST_F(FocusFeedbackTest, TheNextRequestHasTheSurfaceAndTheTrialsOnce) {
   next = request();
   feedback_.apply(next);
   EXPECT_FALSE(next.view.focus.map);
+}
+
+// Where pictures come in bursts there are several news before the next request.
+TEST_F(FocusFeedbackTest, TrialsOfASearchWaitForTheirTurn) {
+  const auto sweep_at = [](int16_t level) { return std::vector<Trial>(kSweep, {Trial::Kind::kPlane, level}); };
+  const auto trials_of_next = [&] {
+    ViewRequest next = request();
+    feedback_.apply(next);
+    return next.trials;
+  };
+  FoundFocus news = found(1);
+  for (const int16_t level : {1, 2}) {
+    news.plan.trials = sweep_at(level);
+    feedback_.announce(news);
+  }
+  news.plan.trials.clear();
+  feedback_.announce(news);
+  EXPECT_TRUE(feedback_.has_trials());
+  EXPECT_EQ(trials_of_next(), sweep_at(1));
+  EXPECT_EQ(trials_of_next(), sweep_at(2));
+  EXPECT_TRUE(trials_of_next().empty());
+
+  const FoundFocus better = found(2);
+  for (int i = 0; i < 2; i++) feedback_.announce(better);
+  EXPECT_EQ(trials_of_next(), better.plan.trials);
+  EXPECT_TRUE(trials_of_next().empty()) << "of those that better a surface the latest";
+
+  news.plan.trials = sweep_at(3);
+  feedback_.announce(news);
+  FoundFocus other = found(3);
+  FocalMap map = *other.plan.view.focus.map;
+  map.nearest = 2;
+  other.plan.view.focus.map = std::make_shared<const FocalMap>(map);
+  feedback_.announce(other);
+  EXPECT_EQ(trials_of_next(), other.plan.trials) << "the same levels are other depths now";
+  EXPECT_TRUE(trials_of_next().empty());
+
+  news.plan.trials = sweep_at(4);
+  for (int i = 0; i < 100; i++) feedback_.announce(news);
+  int most = 0;
+  while (!trials_of_next().empty()) most++;
+  EXPECT_LE(most, 8);
+  EXPECT_GT(most, 1);
 }
 
 TEST_F(FocusFeedbackTest, NewsOfARequestAreWaitedFor) {

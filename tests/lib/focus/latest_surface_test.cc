@@ -60,16 +60,16 @@ class LatestSurfaceTest : public testing::Test {
 using Levels = std::vector<uint8_t>;
 
 TEST_F(LatestSurfaceTest, IsWhatWasChosenWhereEachRequestKnowsOfTheOneBefore) {
-  latest_.leaves(kFirst);
+  latest_.leaves(kFirst, 0);
   EXPECT_EQ(merge(kFirst, {0, 0, 0}, {1, 0, 1}, {1, 1, 1}), (Levels{10, 0, 10}));
-  latest_.leaves(kSecond);
+  latest_.leaves(kSecond, 0);
   EXPECT_EQ(merge(kSecond, {10, 0, 10}, {0, 1, 1}, {9, 9, 9}), (Levels{10, 20, 20})) << "whatever it cost before";
   EXPECT_EQ(latest_.underway(), 0u);
 }
 
 TEST_F(LatestSurfaceTest, KeepsWhatIsBetterOfARoundThatTheRequestDidNotKnowOf) {
-  latest_.leaves(kFirst);
-  latest_.leaves(kSecond);
+  latest_.leaves(kFirst, 0);
+  latest_.leaves(kSecond, 0);
   merge(kFirst, {0, 0, 0}, {1, 1, 0}, {1, 5, 1});
   EXPECT_EQ(latest_.underway(), 1u);
   // The first node was better at 10, the second is at 20, the third was not moved before.
@@ -77,34 +77,50 @@ TEST_F(LatestSurfaceTest, KeepsWhatIsBetterOfARoundThatTheRequestDidNotKnowOf) {
 }
 
 TEST_F(LatestSurfaceTest, WhatIsAsGoodStays) {
-  latest_.leaves(kFirst);
-  latest_.leaves(kSecond);
+  latest_.leaves(kFirst, 0);
+  latest_.leaves(kSecond, 0);
   merge(kFirst, {0, 0, 0}, {1, 1, 1}, {1, 1, 1});
   EXPECT_EQ(merge(kSecond, {0, 0, 0}, {1, 0, 1}, {0.75f, 0.4f, kUnseen}), (Levels{10, 0, 10}))
       << "but for a lead of 0.5";
 }
 
 TEST_F(LatestSurfaceTest, RequestsThatWereLostDoNotCount) {
-  latest_.leaves(kFirst);
-  latest_.leaves(kSecond);
+  latest_.leaves(kFirst, 0);
+  latest_.leaves(kSecond, 0);
   merge(kFirst, {0, 0, 0}, {1, 1, 1}, {1, 1, 1});
-  latest_.leaves(kThird);
+  latest_.leaves(kThird, 0);
   EXPECT_EQ(merge(kThird, {10, 10, 10}, {1, 1, 1}, {2, 2, 2}), (Levels{30, 30, 30})) << "it knew of the first";
   EXPECT_EQ(latest_.underway(), 0u);
-  for (size_t i = 0; i < 2 * LatestSurface::kMostUnderway; i++) latest_.leaves(kFirst);
+  for (size_t i = 0; i < 2 * LatestSurface::kMostUnderway; i++) latest_.leaves(kFirst, 0);
   EXPECT_EQ(latest_.underway(), LatestSurface::kMostUnderway);
 }
 
 TEST_F(LatestSurfaceTest, StaysWhereItIsInAnotherRange) {
-  latest_.leaves(kFirst);
-  latest_.leaves(kSecond);
+  latest_.leaves(kFirst, 0);
+  latest_.leaves(kSecond, 0);
   merge(kFirst, {0, 0, 0}, {1, 1, 1}, {1, 1, 1}, {0, 2.55});
   EXPECT_EQ(merge(kSecond, {0, 0, 0}, {1, 1, 1}, {9, 9, 0}, {0, 5.1}), (Levels{5, 5, 20}));
 }
 
+TEST_F(LatestSurfaceTest, TellsWhatWasLost) {
+  using Lost = std::vector<std::vector<Trial>>;
+  latest_.leaves(kFirst, 0xfffffffe);
+  latest_.leaves(kSecond, 0xffffffff);
+  ViewRequest request = request_with(kSecond, {0, 0, 0});
+  request.sequence = 1;  // two requests later: numbers wrap
+  latest_.lose(request);
+  EXPECT_EQ(latest_.take_lost(1), (Lost{kFirst, kSecond})) << "requests keep their order";
+  EXPECT_EQ(latest_.take_lost(1), Lost{}) << "once";
+  latest_.leaves(kThird, 1);
+  const uint32_t patience = 2 * 2 + LatestSurface::kPatience;
+  EXPECT_EQ(latest_.take_lost(1 + patience), Lost{});
+  EXPECT_EQ(latest_.take_lost(2 + patience), Lost{kThird});
+  EXPECT_EQ(latest_.underway(), 0u);
+}
+
 TEST_F(LatestSurfaceTest, IsSeenFromWhereAnotherViewIs) {
   EXPECT_EQ(latest_.seen_from(request_with({}, {0, 0, 0}).view), nullptr);
-  latest_.leaves(kFirst);
+  latest_.leaves(kFirst, 0);
   merge(kFirst, {100, 100, 100}, {0, 0, 0}, {1, 1, 1});
   View view = request_with({}, {0, 0, 0}).view;
   EXPECT_EQ(latest_.seen_from(view)->levels, (Levels{100, 100, 100}));
