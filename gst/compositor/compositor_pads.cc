@@ -220,6 +220,11 @@ static GstAggregatorPad* lf_compositor_create_pad(GstAggregator* agg, GstPadTemp
   return GST_AGGREGATOR_PAD(pad);
 }
 
+static void lf_compositor_release_pad(GstElement* element, GstPad* pad) {
+  lf::NodeInput::of(GST_AGGREGATOR_PAD(pad)).let_go();
+  GST_ELEMENT_CLASS(parent_class())->release_pad(element, pad);
+}
+
 void lf_compositor_add_request_pad(LfCompositor* self) {
   GstPadTemplate* templ = gst_element_class_get_pad_template(GST_ELEMENT_GET_CLASS(self), "request");
   self->request = GST_PAD(
@@ -238,6 +243,7 @@ void lf_compositor_install_pads(LfCompositorClass* klass) {
   aggregator_class->sink_query = lf::callback<lf_compositor_sink_query>;
   aggregator_class->create_new_pad = lf::callback<lf_compositor_create_pad>;
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  element_class->release_pad = lf::callback<lf_compositor_release_pad>;
   gst_element_class_add_static_pad_template_with_gtype(element_class, &sink_template, GST_TYPE_AGGREGATOR_PAD);
   gst_element_class_add_static_pad_template_with_gtype(element_class, &request_template, GST_TYPE_AGGREGATOR_PAD);
   gst_element_class_add_static_pad_template_with_gtype(element_class, &src_template, GST_TYPE_AGGREGATOR_PAD);

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "compositor/node_input.h"
 
-#include <memory>
-
 #include "common/guard.h"
 #include "wire/bytes.h"
 
@@ -33,12 +31,27 @@ NodeInput& NodeInput::of(GstAggregatorPad* pad) {
   return *static_cast<NodeInput*>(g_object_get_qdata(G_OBJECT(pad), node_quark()));
 }
 
+void NodeInput::let_go() {
+  std::lock_guard lock(queue_mutex_);
+  let_go_ = true;
+}
+
+BufferPtr NodeInput::peek() const {
+  std::lock_guard lock(queue_mutex_);
+  return BufferPtr(let_go_ ? nullptr : gst_aggregator_pad_peek_buffer(pad_));
+}
+
+BufferPtr NodeInput::pop() {
+  std::lock_guard lock(queue_mutex_);
+  return BufferPtr(let_go_ ? nullptr : gst_aggregator_pad_pop_buffer(pad_));
+}
+
 // What came before this request had its turn. True if that was all of the answer.
 bool NodeInput::take_early(uint32_t sequence, const std::function<Taken(GstBuffer*)>& take_unit) {
   if (ahead_.size() == 0) return false;
   bool whole = false;
   for (GstBuffer* buffer : ahead_.take(sequence)) {
-    const std::unique_ptr<GstBuffer, decltype([](GstBuffer* b) { gst_buffer_unref(b); })> owned(buffer);
+    const BufferPtr owned(buffer);
     whole = whole || take_unit(buffer) == Taken::kLast;
   }
   return whole;
@@ -55,19 +68,23 @@ void NodeInput::take(uint32_t sequence, bool live, const std::function<Taken(Gst
     head_ = Head::kDone;
     return;
   }
-  while (GstBuffer* buffer = gst_aggregator_pad_peek_buffer(pad_)) {
-    gst_buffer_unref(buffer);  // the pad keeps it
+  // Its own reference keeps the head alive when the pad is flushed or released meanwhile.
+  while (const BufferPtr head = peek()) {
+    GstBuffer* buffer = head.get();
     if (buffer == seen_) return;
     const Taken taken = take_unit(buffer);
     if (taken == Taken::kDone) {
-      gst_aggregator_pad_drop_buffer(pad_);
+      pop();
       continue;
     }
     head_ = taken == Taken::kLast ? Head::kDone : Head::kAhead;
     const bool aside = taken == Taken::kAhead && live && ahead_.has_room(gst_buffer_get_size(buffer));
     seen_ = aside ? nullptr : buffer;
     if (!aside) return;
-    if (GstBuffer* popped = gst_aggregator_pad_pop_buffer(pad_)) ahead_.keep(sequence_of(popped), popped);
+    if (BufferPtr popped = pop()) {
+      const uint32_t of = sequence_of(popped.get());
+      ahead_.keep(of, popped.release());
+    }
   }
 }
 
@@ -84,9 +101,8 @@ bool NodeInput::is_awaited(bool live, unsigned max_missed) const {
 }
 
 bool NodeInput::has_news() const {
-  GstBuffer* head = gst_aggregator_pad_peek_buffer(pad_);
-  if (head) gst_buffer_unref(head);
-  return head && head != seen_ && head_ != Head::kDone;
+  const BufferPtr head = peek();
+  return head && head.get() != seen_ && head_ != Head::kDone;
 }
 
 void NodeInput::close(bool counts) {
@@ -101,7 +117,7 @@ void NodeInput::drop_answer() {
   if (head_ != Head::kDone || !seen_ || flushed_) return;
   head_ = Head::kUnseen;
   seen_ = nullptr;
-  gst_aggregator_pad_drop_buffer(pad_);
+  pop();
 }
 
 void NodeInput::forget() {
@@ -111,7 +127,7 @@ void NodeInput::forget() {
 }
 
 void NodeInput::drop_all() {
-  while (gst_aggregator_pad_drop_buffer(pad_)) {
+  while (pop()) {
   }
 }
 

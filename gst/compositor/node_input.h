@@ -3,10 +3,12 @@
 
 #include <atomic>
 #include <functional>
+#include <mutex>
 #include <vector>
 
 #include <gst/base/gstaggregator.h>
 
+#include "common/buffer_ptr.h"
 #include "compositor/ahead_answers.h"
 #include "wire/answer_parts.h"
 
@@ -20,6 +22,9 @@ class NodeInput {
   // Makes the pad's, which goes with it.
   static void attach(GstAggregatorPad* pad);
   static NodeInput& of(GstAggregatorPad* pad);
+  // Nobody looks at the pad's buffers from here on. Called before the pad is released, as GstAggregator 1.22 then drops
+  // the buffer that was peeked last without the pad's lock, so that it may be handed out and freed at once. Any thread.
+  void let_go();
 
   // What a unit was, for whoever it was given to.
   enum class Taken {
@@ -56,6 +61,8 @@ class NodeInput {
 
  private:
   explicit NodeInput(GstAggregatorPad* pad) : pad_(pad) {}
+  BufferPtr peek() const;
+  BufferPtr pop();
   bool take_early(uint32_t sequence, const std::function<Taken(GstBuffer*)>& take_unit);
 
   enum class Head {
@@ -64,6 +71,8 @@ class NodeInput {
     kAhead,   // an answer to a later request: the node skipped this one
   };
   GstAggregatorPad* const pad_;
+  mutable std::mutex queue_mutex_;  // held while a buffer is taken from pad_
+  bool let_go_ = false;             // under queue_mutex_
   Head head_ = Head::kUnseen;
   GstBuffer* seen_ = nullptr;  // the buffer that head_ is about; not owned
   wire::AnswerParts parts_;    // that have been added

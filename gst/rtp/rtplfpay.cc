@@ -31,6 +31,7 @@
 
 #include <memory>
 
+#include "common/buffer_ptr.h"
 #include "common/gst_wire.h"
 #include "common/properties.h"
 #include "rtp/pacer.h"
@@ -165,8 +166,6 @@ static GstBuffer* lf_rtp_pay_packet(LfRtpPay* self, const lf::rtp::Payload& payl
   return packet;
 }
 
-using UnrefBuffer = std::unique_ptr<GstBuffer, decltype([](GstBuffer* buffer) { gst_buffer_unref(buffer); })>;
-
 static GstFlowReturn lf_rtp_pay_unit(LfRtpPay* self, GstBuffer* buffer) {
   GstRTPBasePayload* base = GST_RTP_BASE_PAYLOAD(self);
   const guint sources = gst_rtp_base_payload_get_source_count(base, buffer);
@@ -206,7 +205,7 @@ static GstFlowReturn lf_rtp_pay_unit(LfRtpPay* self, GstBuffer* buffer) {
 
 static GstFlowReturn lf_rtp_pay_handle_buffer(GstRTPBasePayload* base, GstBuffer* buffer) {
   return lf::guarded_buffer(base, [=] {
-    const UnrefBuffer owned(buffer);
+    const lf::BufferPtr owned(buffer);
     return lf_rtp_pay_unit(LF_RTP_PAY(base), buffer);
   });
 }

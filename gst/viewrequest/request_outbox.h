@@ -2,16 +2,12 @@
 #pragma once
 
 #include <deque>
-#include <memory>
 
 #include <gst/gst.h>
 
-namespace lf {
+#include "common/buffer_ptr.h"
 
-struct UnrefBuffer {
-  void operator()(GstBuffer* buffer) const { gst_buffer_unref(buffer); }
-};
-using BufferPtr = std::unique_ptr<GstBuffer, UnrefBuffer>;
+namespace lf {
 
 // What leaves behind a request, buffer by buffer: GstBaseSrc 1.22 has a buffer list mistaken for a buffer where a live
 // source is stopped just after it was made. Streaming thread.

@@ -7,7 +7,7 @@
 
 #include <gst/gst.h>
 
-#include "viewrequest/request_outbox.h"
+#include "common/buffer_ptr.h"
 
 namespace lf {
 
