@@ -5,9 +5,17 @@
 
 #include "compositor/lfcompositor_private.h"
 
-// Live, a view that is asked for and that no node ever answers.
+// Live, a view that is asked for and that no node answers.
 static void note_silence(LfCompositor* self) {
-  if (!lf_compositor_is_live(self) || !self->state->silence.composed(g_get_monotonic_time())) return;
+  lf::SilenceWatch& silence = self->state->silence;
+  if (!lf_compositor_is_live(self) || !silence.composed(g_get_monotonic_time())) return;
+  if (silence.ever_answered()) {
+    GST_ELEMENT_WARNING(self, STREAM, FAILED,
+                        ("No node answers view %u any more: are their hosts, and the way to them, still there?",
+                         self->state->current->view_id),
+                        (nullptr));
+    return;
+  }
   GST_ELEMENT_WARNING(
       self, STREAM, FAILED,
       ("No node answers view %u: do its requests reach them, and their answers this compositor? Those on "

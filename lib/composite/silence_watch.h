@@ -3,20 +3,21 @@
 
 #include <atomic>
 #include <cstdint>
+#include <utility>
 
 namespace lf {
 
-// Notices that a view's compositor will never have anything to show: that nobody asks for the view, or that no node
-// answers. Each is said once. Times are of any one clock, microseconds, and not 0. Who sees requests come and who makes
-// pictures may be two threads; answered() is for any thread.
+// Notices that a view's compositor has nothing to show: that nobody asks for the view, or that no node answers. Each is
+// said once, and once more where nodes that had answered fall silent again. Times are of any one clock, microseconds,
+// and not 0. Who sees requests come and who makes pictures may be two threads; answered() is for any thread.
 class SilenceWatch {
  public:
   static constexpr int64_t kPatience = 5'000'000;
 
   // Before the others run.
   void clear() {
-    others_since_ = asked_since_ = 0;
-    asked_ = answered_ = told_ = false;
+    others_since_ = silent_since_ = composed_at_ = 0;
+    asked_ = answered_ = told_ = ever_answered_ = false;
   }
   // A request of the view has come.
   void asked() { asked_ = true; }
@@ -28,19 +29,28 @@ class SilenceWatch {
     return true;
   }
   void answered() { answered_ = true; }
-  // A request of the view has been composed in real time. True where for so long now no answer has come to any.
+  // A request of the view has been composed in real time. True where for so long now no answer has come to any of
+  // those that followed each other.
   bool composed(int64_t now) {
-    if (answered_ || told_) return false;
-    if (asked_since_ == 0) asked_since_ = now;
-    return told_ = now >= asked_since_ + kPatience;
+    const bool goes_on = now < std::exchange(composed_at_, now) + kPatience;  // there was no pause
+    if (answered_.exchange(false)) {
+      ever_answered_ = true;
+      told_ = false;
+      silent_since_ = now;
+    }
+    if (told_) return false;
+    if (!goes_on || silent_since_ == 0) silent_since_ = now;
+    return told_ = now >= silent_since_ + kPatience;
   }
+  // Whether an answer had ever come by then.
+  bool ever_answered() const { return ever_answered_; }
 
  private:
   int64_t others_since_ = 0;
   bool asked_ = false;
   std::atomic<bool> answered_ = false;
-  int64_t asked_since_ = 0;
-  bool told_ = false;
+  int64_t silent_since_ = 0, composed_at_ = 0;
+  bool told_ = false, ever_answered_ = false;
 };
 
 }  // namespace lf

@@ -32,5 +32,26 @@ TEST(SilenceWatch, AViewThatNobodyAnswersIsToldOfOnce) {
   EXPECT_FALSE(watch.composed(9 * kEnough));
 }
 
+TEST(SilenceWatch, NodesThatFallSilentAreToldOfOnceEachTime) {
+  SilenceWatch watch;
+  int64_t now = 1;
+  const auto told_in = [&](int steps) {
+    int told = 0;
+    for (int i = 0; i < steps; i++) told += watch.composed(now += kEnough / 10);
+    return told;
+  };
+  watch.answered();
+  EXPECT_EQ(told_in(10), 0);
+  EXPECT_EQ(told_in(30), 1);
+  EXPECT_TRUE(watch.ever_answered());
+  watch.answered();
+  EXPECT_EQ(told_in(10), 0) << "they are back";
+  EXPECT_EQ(told_in(30), 1) << "and gone again";
+  watch.answered();
+  EXPECT_EQ(told_in(5), 0);
+  now += 100 * kEnough;
+  EXPECT_EQ(told_in(9), 0) << "a pause is no silence";
+}
+
 }  // namespace
 }  // namespace lf
