@@ -17,6 +17,7 @@ void lf_compositor_use_rig(LfCompositor* self, std::shared_ptr<const lf::Rig> ri
   state.rig = rig;
   state.focus.set_rig(rig);
   state.assembly.set_rig(rig);
+  state.corners = rig ? lf::corner_cameras(*rig) : lf::CameraSet();
   state.extent = rig ? lf::array_extent(*rig) : 0;
   state.coverage.clear();
   state.warned_rig = false;
@@ -71,7 +72,7 @@ static bool find_request(LfCompositor* self, guint view_id) {
       try {
         lf_compositor_forget_request(self);
         state.focus.begin();
-        state.assembly.begin(*request);
+        state.assembly.begin(*request, state.health.out_of_service());
         note_sequence(self, request->sequence);
         use_rig_for_health(self, state.assembly.rig_hash());
         lf_compositor_refresh_latency(self);

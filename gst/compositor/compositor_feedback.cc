@@ -15,10 +15,12 @@ static void post(LfCompositor* self, GstStructure* structure) {
 void lf_compositor_announce_out_of_service(LfCompositor* self) {
   auto& state = *self->state;
   const lf::CameraSet& cameras = state.health.out_of_service();
+  const size_t known = state.rig ? state.rig->cameras.size() : 0;
+  const lf::CameraSet out = lf::out_of_mesh(cameras, state.corners, known);
   state.stats.set_out_of_service(cameras.size());
   const guint view_id = lf_compositor_view_id(self);
   GST_INFO_OBJECT(self, "%zu cameras are out of service", cameras.size());
-  tell(self, {.view_id = view_id, .out_of_service = cameras});
+  tell(self, {.view_id = view_id, .out_of_service = out});
   GstStructure* structure = gst_structure_new("lightfield-out-of-service", "lf-view-id", G_TYPE_UINT, view_id, nullptr);
   lf::set_cameras(structure, "cameras", cameras);
   post(self, structure);
@@ -48,6 +50,7 @@ static bool any_is_blind(const _LfCompositor::State& state) {
   lf::CameraRanges blind = state.assembly.cameras();
   blind.remove(state.assembly.seeing());
   blind.remove(lf::CameraRanges(state.current->out_of_service));
+  blind.remove(lf::CameraRanges(state.health.out_of_service()));
   return !blind.empty();
 }
 

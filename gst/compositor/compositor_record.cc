@@ -37,7 +37,9 @@ void lf_compositor_record(LfCompositor* self, int64_t answered, GstClockTime pts
   const lf::ViewRequest& request = *state.current;
   const lf::Assembly& assembly = state.assembly;
   const bool post = state.settings.post_messages;
-  const double coverage = state.rig ? state.coverage.share(*state.rig, request, post, g_get_monotonic_time()) : -1;
+  const double coverage =
+      state.rig ? state.coverage.share(*state.rig, request, state.health.out_of_service(), post, g_get_monotonic_time())
+                : -1;
   GstStructure* description = state.stats.record(
       {request.view_id, request.sequence, pts, assembly.fragments(), assembly.missing(), assembly.damaged(), coverage,
        state.bytes, state.focus.bytes(), assembly.skew(), answered, state.adding, g_get_monotonic_time()},

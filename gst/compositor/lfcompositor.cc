@@ -13,12 +13,13 @@
  * Live, what has come is composed when the request's deadline (`latency` after it) is over, and `incomplete` says what
  * is done with a picture of which something is missing. Cameras missing from more than `max-missed` pictures in a row
  * are announced upstream as out of service (custom event "lightfield-feedback"): lfviewrequest names them in the
- * requests from then on, and everybody leaves them out of the mesh, so that their neighbours close the gap. They come
- * back the same way. A node that is gone is not waited for.
+ * requests from then on, and everybody leaves them out of the mesh, so that their neighbours close the gap. Corners of
+ * the array (with `rig`, as long as three cameras work) stay in it: others show what they had a part in, and what the
+ * array covers does not shrink. They come back the same way. A node that is gone is not waited for.
  *
  * With `rig`, unless `focus` is plane, every pixel is focused on its own: requests have trials, whose moments (sums
  * that tell how far cameras disagree on a trial surface) come before the answers, and after each picture the better
- * surface and the next trials go upstream (the same event to the view's lfviewrequest. Files
+ * surface and the next trials go upstream (the same event) to the view's lfviewrequest. Files
  * in, files out, that waits for them, so that pictures do not depend on how fast anything is.
  *
  * With `monitor-interval` the array is watched as it runs: now and then one camera, each in turn, is predicted from the

@@ -61,6 +61,7 @@ struct _LfCompositor {
     int64_t adding = 0;                      // time spent adding them, microseconds
     lf::PastRequests past;
     lf::CameraHealth health;
+    lf::CameraSet corners;  // of the array, see lf::out_of_mesh()
     lf::FocusFinder focus;
     lf::CameraTurns turns;
     lf::ViewCoverage coverage;

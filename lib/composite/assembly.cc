@@ -24,9 +24,10 @@ void Assembly::set_rig(std::shared_ptr<const Rig> rig) {
   mesh_.clear();
 }
 
-void Assembly::begin(const ViewRequest& request) {
+void Assembly::begin(const ViewRequest& request, const CameraSet& lost) {
   if (rig_) mesh_.get(*rig_, request.out_of_service);
   request_ = request;
+  lost_ = lost;
   expected_rig_ = rig_hash_ != 0 ? rig_hash_ : request.rig_hash;
   family_ = PixelFamily::kNone;
   release();
@@ -211,7 +212,7 @@ void Assembly::add_missing(const ViewPlan& plan, const CameraSet& absent, const 
     std::vector<float> weights = pixel_weights(plan, owners, camera, rect);
     coverage_.take_out(camera, rect, weights);
     if (std::ranges::all_of(weights, [](float w) { return w == 0; })) continue;
-    missing_++;
+    if (!std::ranges::binary_search(lost_, camera)) missing_++;
     accumulator_.add_lost_weights(rect, weights);
   }
 }

@@ -30,8 +30,9 @@ class Assembly {
  public:
   // With the rig known, fragments that never came count as lost weight and pixels outside the mesh show the background.
   void set_rig(std::shared_ptr<const Rig> rig);
+  // `lost`: cameras that are known to give nothing, ascending: what they should have given is lost, but not missing.
   // Throws Error if the request names cameras out of service that the rig does not have.
-  void begin(const ViewRequest& request);
+  void begin(const ViewRequest& request, const CameraSet& lost = {});
 
   enum class Verdict {
     kAdded,
@@ -101,6 +102,7 @@ class Assembly {
   uint64_t rig_hash_ = 0;  // of rig_, 0 without
   MeshCache mesh_;
   ViewRequest request_;
+  CameraSet lost_;
   uint64_t expected_rig_ = 0;  // hash that answers must carry, 0: not known yet
   Accumulator accumulator_;
   std::shared_ptr<const void> kept_;  // owns memory that accumulator_ refers to

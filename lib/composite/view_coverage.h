@@ -18,13 +18,14 @@ class ViewCoverage {
 
   // The share of the request's pixels that cameras in service can see, 0..1: `exact`, or of a view up to kInterval ago.
   // `now`: of any one clock, microseconds. The rig is the same until clear().
-  double share(const Rig& rig, const ViewRequest& request, bool exact, int64_t now);
+  // `lost`: cameras of the mesh that see nothing, ascending.
+  double share(const Rig& rig, const ViewRequest& request, const CameraSet& lost, bool exact, int64_t now);
   void clear() { *this = {}; }
 
  private:
   MeshCache mesh_;
   View view_;  // of which it is known
-  CameraSet out_of_service_;
+  CameraSet out_of_service_, lost_;
   double share_ = -1;
   int64_t known_at_ = 0;
 };

@@ -74,7 +74,7 @@ std::vector<float> view_coverage(const Rig& rig, const ViewPlan& plan, const Own
   return coverage;
 }
 
-double mean_coverage(const Rig& rig, const ViewPlan& plan, int rows) {
+double mean_coverage(const Rig& rig, const ViewPlan& plan, int rows, const CameraSet& without) {
   const int width = plan.view().width, height = plan.view().height;
   double sum = 0;
   for (int i = 0; i < rows; i++) {
@@ -83,7 +83,7 @@ double mean_coverage(const Rig& rig, const ViewPlan& plan, int rows) {
     const OwnerMap owners(plan, row);
     for (const CameraIndex camera : plan.contributors()) {
       const Rect rect = intersect(plan.camera_rect(camera), row);
-      if (rect.empty()) continue;
+      if (rect.empty() || std::ranges::binary_search(without, camera)) continue;
       const std::vector<float> weights = valid_weights(plan, owners, camera, rig.cameras[camera], rect);
       sum = std::accumulate(weights.begin(), weights.end(), sum);
     }

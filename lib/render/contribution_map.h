@@ -23,8 +23,9 @@ std::vector<float> valid_weights(const ViewPlan& plan, const OwnerMap& owners, C
 // `owners.region()` contains the rectangles of all contributors; pixels outside them are 0.
 std::vector<float> view_coverage(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners);
 
-// The mean of that over `rows` rows of the view, evenly spaced: exact for `rows` = its height.
-double mean_coverage(const Rig& rig, const ViewPlan& plan, int rows);
+// The mean of that over `rows` rows of the view, evenly spaced: exact for `rows` = its height. `without`: cameras that
+// give nothing, ascending.
+double mean_coverage(const Rig& rig, const ViewPlan& plan, int rows, const CameraSet& without = {});
 
 struct PixelShare {
   CameraIndex camera;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <string>
 #include <utility>
 
@@ -102,6 +103,43 @@ Mesh build_mesh(const Rig& rig, const CameraSet& out_of_service) {
   mesh.faces.reserve(triangles.size());
   for (const Triangle& t : triangles) mesh.faces.push_back({t, {}});
   return mesh;
+}
+
+CameraSet corner_cameras(const Rig& rig) {
+  std::vector<Vec3> positions;
+  for (const Camera& camera : rig.cameras) positions.push_back(camera.pose.position);
+  const CameraCentres centres = normalised_centres(positions);
+  const PlaneAxes plane = plane_of_cameras(rig, centres);
+  using Place = std::pair<IntPoint, CameraIndex>;
+  std::vector<Place> places;
+  for (CameraIndex i = 0; i < positions.size(); ++i)
+    places.emplace_back(quantise(centres.at[i], plane, centres.quantum), i);
+  std::ranges::sort(places);
+  const auto repeated = std::ranges::unique(places, {}, &Place::first);
+  places.erase(repeated.begin(), repeated.end());
+  // Its lower and its upper half (Andrew 1979).
+  CameraSet corners;
+  for (int half = 0; half < 2; ++half) {
+    std::vector<Place> chain;
+    for (const Place& place : places) {
+      while (chain.size() >= 2 && orientation(chain[chain.size() - 2].first, chain.back().first, place.first) <= 0)
+        chain.pop_back();
+      chain.push_back(place);
+    }
+    for (const Place& place : chain) corners.push_back(place.second);
+    std::ranges::reverse(places);
+  }
+  std::ranges::sort(corners);
+  const auto twice = std::ranges::unique(corners);
+  corners.erase(twice.begin(), twice.end());
+  return corners;
+}
+
+CameraSet out_of_mesh(const CameraSet& lost, const CameraSet& corners, size_t num_cameras) {
+  if (lost.size() + 3 > num_cameras) return lost;
+  CameraSet out;
+  std::ranges::set_difference(lost, corners, std::back_inserter(out));
+  return out;
 }
 
 const Mesh& MeshCache::get(const Rig& rig, const CameraSet& out_of_service) {

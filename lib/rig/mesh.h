@@ -50,6 +50,17 @@ struct Mesh {
 // number of cameras, and a position that is not finite.
 Mesh build_mesh(const Rig& rig, const CameraSet& out_of_service = {});
 
+// The cameras that the array would see less without: the corners of the convex hull of all centres in their best-fit
+// plane, the ends of a line, one camera that is alone. Ascending; of cameras at one place the one with the lowest
+// index. Pure. Throws Error for a position that is not finite.
+CameraSet corner_cameras(const Rig& rig);
+
+// Those of `lost` cameras, which ascend, that are to be out of service, so that their neighbours close the gaps.
+// Corners (see corner_cameras()) stay in the mesh, though they give nothing: what they had a part in is shown by the
+// others, and the view of somebody in the middle of the array is not at its border when half of it is lost. With less
+// than three cameras that work, all are to be: strips and points have no border.
+CameraSet out_of_mesh(const CameraSet& lost, const CameraSet& corners, size_t num_cameras);
+
 // The mesh of a rig for the out-of-service set asked for last: sets change rarely. Not thread-safe.
 class MeshCache {
  public:

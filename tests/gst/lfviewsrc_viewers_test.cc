@@ -4,11 +4,14 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
 #include <set>
 
 #include "gst/lfviewsrc_fixture.h"
+#include "gst/other_rig.h"
 #include "gst/sanitizer.h"
+#include "scene/scene.h"
 
 namespace lf::test {
 namespace {
@@ -71,6 +74,35 @@ TEST_F(LfViewSrcTest, ViewersThatAreGoneLeaveNothing) {
 }
 
 // An application that has blocked a pad closes it in the callback, in a thread of that viewer.
+// Who is in the middle of the array is not at its border because the host of one half is gone.
+TEST_F(LfViewSrcTest, HalfOfTheArrayShowsTheHomeView) {
+  const OtherRig half(scene_rig(4, 4, 64, 48), [](Rig& rig) {
+    for (size_t i = 8; i < 16; i++) rig.cameras[i].source = "nowhere.mkv";
+  });
+  play("rig=" + half.path() + " width=64 height=48 framerate=15/1 focus=plane",
+       "v.src ! video/x-raw,format=RGB ! "
+       "fakesink name=s sync=false");
+  const auto stat = [&](const char* field, double of_none) {
+    g_autoptr(GstStructure) stats = get<GstStructure*>("v", "stats");
+    const GValue* value = gst_structure_get_value(stats, field);
+    GValue number = G_VALUE_INIT;
+    g_value_init(&number, G_TYPE_DOUBLE);
+    return value && g_value_transform(value, &number) ? g_value_get_double(&number) : of_none;
+  };
+  ASSERT_TRUE(comes([&] { return stat("out-of-service", 0) == 8; }));
+  ASSERT_TRUE(comes([&] { return stat("coverage", 0) > 0.5 && stat("coverage", 1) < 0.95; })) << stat("coverage", -1);
+  const double incomplete = stat("incomplete", -1);
+  ASSERT_TRUE(more("s", 10));
+  EXPECT_EQ(stat("incomplete", -1), incomplete) << "it is known that they give nothing";
+  g_autoptr(GstSample) sample = get<GstSample*>("s", "last-sample");
+  ASSERT_TRUE(sample);
+  GstMapInfo map;
+  ASSERT_TRUE(gst_buffer_map(gst_sample_get_buffer(sample), &map, GST_MAP_READ));
+  const auto dark = std::count_if(map.data, map.data + map.size, [](guint8 level) { return level < 8; });
+  EXPECT_LT(static_cast<double>(dark), 0.05 * static_cast<double>(map.size));
+  gst_buffer_unmap(gst_sample_get_buffer(sample), &map);
+}
+
 TEST_F(LfViewSrcTest, AViewerIsClosedByItsOwnThread) {
   play("");
   const PadPtr pad = add_viewer("t");

@@ -70,9 +70,6 @@ Eye::Eye(GstElement* pipeline, int index, LightField& field, const EyeSettings& 
     gst_util_set_object_arg(G_OBJECT(compositor_), "gains", settings.focus_on.gains.c_str());
   g_object_set(compositor_, "latency", kPatience, nullptr);
   if (field.is_local()) {
-    // Nobody is waited for in vain, so that lost cameras need not leave the mesh: who is in its middle, where views
-    // begin, may be at the border of what is left of a small array, and see nothing.
-    g_object_set(compositor_, "max-missed", 0u, nullptr);
     g_object_set(view_, "quality", 0u, nullptr);  // requests don't leave the process
   }
   if (settings.focus > 0) g_object_set(view_, "focus-distance", settings.focus, nullptr);

@@ -256,6 +256,16 @@ TEST_F(AssemblyTest, CamerasOutOfServiceAreNotMissing) {
   EXPECT_GE(range(assembly_.picture().resolve()).first, 178);
 }
 
+// As the corners of an array that are lost.
+TEST_F(AssemblyTest, CamerasThatAreKnownToGiveNothingAreMadeUpForAndNotMissing) {
+  assembly_.set_rig(rig_);
+  assembly_.begin(request_, {1});
+  add_answer(assembly_, answer({0, 2, 4, 5, 6, 7, 8}));
+  assembly_.finish(PixelFamily::kRgb, false);
+  EXPECT_EQ(assembly_.missing(), 1u) << "camera 3";
+  EXPECT_GE(range(assembly_.picture().resolve()).first, 178);
+}
+
 TEST_F(AssemblyTest, UnknownCamerasOutOfServiceAreAnError) {
   assembly_.set_rig(rig_);
   request_.out_of_service = {9};

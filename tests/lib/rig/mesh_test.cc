@@ -62,6 +62,55 @@ TEST(MeshOfGrid, LossesInsideTheCornersLeaveNoGap) {
   }
 }
 
+TEST(CornersOfArrays, AreThoseOfTheirHull) {
+  EXPECT_THAT(corner_cameras(as_grid(rig_at(grid_points(3, 4)), 3, 4)), ElementsAre(0, 3, 8, 11));
+  EXPECT_THAT(corner_cameras(rig_at(grid_points(1, 5))), ElementsAre(0, 4));
+  EXPECT_THAT(corner_cameras(rig_at(grid_points(1, 1))), ElementsAre(0));
+  EXPECT_THAT(corner_cameras({}), IsEmpty());
+  auto twice = grid_points(3, 3);
+  twice.push_back(twice[8]);
+  EXPECT_THAT(corner_cameras(rig_at(twice)), ElementsAre(0, 2, 6, 8));
+}
+
+TEST(CornersOfArrays, StayInTheMeshWhereThreeCamerasWork) {
+  EXPECT_THAT(out_of_mesh({0, 4, 5}, {0, 2, 6, 8}, 9), ElementsAre(4, 5));
+  EXPECT_THAT(out_of_mesh({0, 1, 3, 4, 5, 6}, {0, 2, 6, 8}, 9), ElementsAre(1, 3, 4, 5));
+  EXPECT_THAT(out_of_mesh({0, 1, 3, 4, 5, 6, 7}, {0, 2, 6, 8}, 9), ElementsAre(0, 1, 3, 4, 5, 6, 7)) << "a strip";
+}
+
+// Whatever is lost, up to three quarters: all that three cameras surround is seen by one that works, and more.
+TEST(CornersOfArrays, MakeTheMeshCoverAllThatWasCovered) {
+  std::mt19937 random(13);
+  for (int trial = 0; trial < 200; ++trial) {
+    const int rows = 2 + trial % 7, columns = 3 + trial % 6;
+    const CameraIndex n = rows * columns;
+    const auto points = grid_points(rows, columns, 1000, trial % 2 ? 0 : 300);
+    const Rig rig = trial % 3 ? as_grid(rig_at(points), rows, columns) : rig_at(points);
+    const CameraSet lost = random_set(random, n, n * (1 + trial % 3) / 4);
+    const auto before = corners(build_mesh(rig, lost));
+    if (std::ranges::any_of(before, [](const Triangle& t) { return t[2] == kNone; })) continue;  // strips
+    const auto now = corners(build_mesh(rig, out_of_mesh(lost, corner_cameras(rig), n)));
+    const auto has = [&](const std::vector<Triangle>& faces, IntPoint p) {
+      return std::ranges::any_of(faces, [&](const Triangle& t) {
+        const bool is_seen =
+            std::ranges::any_of(t, [&](CameraIndex i) { return !std::ranges::binary_search(lost, i); });
+        const bool turns = orientation(points[t[0]], points[t[1]], points[t[2]]) > 0;
+        return is_seen && in_closed_triangle(points[t[0]], points[turns ? t[1] : t[2]], points[turns ? t[2] : t[1]], p);
+      });
+    };
+    int seen_before = 0, seen_now = 0;
+    for (int k = 0; k < 300; ++k) {
+      const IntPoint p{static_cast<int>(random() % (1000 * (columns - 1))),
+                       static_cast<int>(random() % (1000 * (rows - 1)))};
+      const bool was = has(before, p), is = has(now, p);
+      EXPECT_TRUE(is || !was) << "trial " << trial << ": " << p.x << ", " << p.y;
+      seen_before += was;
+      seen_now += is;
+    }
+    EXPECT_GE(seen_now, seen_before);
+  }
+}
+
 TEST(MeshOfGrid, JitteredGridsStayPlanarWhateverIsLost) {
   std::mt19937 random(12);
   for (int trial = 0; trial < 60; ++trial) {
