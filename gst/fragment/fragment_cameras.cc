@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
+#include <optional>
 #include <vector>
 
 #include "common/common.h"
@@ -15,10 +16,12 @@ std::vector<lf::PadPtr> lf_fragment_camera_pads(LfFragment* self) {
 
 static lf::CameraInput& input_of(const lf::PadPtr& pad) { return *LF_FRAGMENT_PAD(pad.get())->input; }
 
-void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode) {
+// The mode is `mode` from now on, if it is `before` now or that is not given.
+static void change_mode(LfFragment* self, std::optional<lf::CameraFrames::Mode> before, lf::CameraFrames::Mode mode) {
   const bool running = mode == lf::CameraFrames::Mode::kRunning;
   lf::CameraInputs& inputs = self->state->node.inputs();
   lf::ObjectLock lock(self);
+  if (before && self->state->mode != *before) return;
   self->state->mode = mode;
   for (GList* item = GST_ELEMENT(self)->sinkpads; item; item = item->next) {
     if (!LF_IS_FRAGMENT_PAD(item->data)) continue;
@@ -28,6 +31,12 @@ void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode) {
   }
   lock.unlock();
   inputs.set_running(running);
+}
+
+void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode) { change_mode(self, std::nullopt, mode); }
+
+void lf_fragment_change_mode(LfFragment* self, lf::CameraFrames::Mode before, lf::CameraFrames::Mode mode) {
+  change_mode(self, before, mode);
 }
 
 uint64_t lf_fragment_needed_delay(LfFragment* self, uint64_t now) {
@@ -54,10 +63,7 @@ void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum) {
   if (!self->state->sought.is_new(seqnum)) return;
   std::vector<lf::PadPtr> pads = lf_fragment_camera_pads(self);
   std::erase_if(pads, [](const lf::PadPtr& pad) { return input_of(pad).is_live(); });
-  lf::ObjectLock lock(self);
-  const bool finished = self->state->mode == lf::CameraFrames::Mode::kFinished;
-  lock.unlock();
-  if (finished) lf_fragment_set_mode(self, lf::CameraFrames::Mode::kRunning);
+  lf_fragment_change_mode(self, lf::CameraFrames::Mode::kFinished, lf::CameraFrames::Mode::kRunning);
   for (const lf::PadPtr& pad : pads) {
     const gint64 position = seek_position(pad, time);
     GST_DEBUG_OBJECT(pad.get(), "seeking to %" GST_TIME_FORMAT, GST_TIME_ARGS(position));

@@ -18,16 +18,17 @@ static gboolean lf_fragment_pair_query(GstPad* pad, GstQuery* query) {
   return other && gst_pad_peer_query(other.get(), query);
 }
 
-// The cameras end with the last requester.
+// Cameras that are not live end with the last requester.
 static void lf_fragment_finish_if_all_ended(LfFragment* self) {
   lf::ObjectLock lock(self);
-  bool any = false, all = self->state->mode == lf::CameraFrames::Mode::kRunning;
+  bool any = false, all = true;
   for (Requester* requester : self->state->requesters) {
     any = any || requester->ended;
     all = all && (requester->ended || !gst_pad_is_linked(requester->pads.request().get()));
   }
   lock.unlock();
-  if (any && all) lf_fragment_set_mode(self, lf::CameraFrames::Mode::kFinished);
+  using Mode = lf::CameraFrames::Mode;
+  if (any && all) lf_fragment_change_mode(self, Mode::kRunning, Mode::kFinished);
 }
 
 static void lf_fragment_set_ended(LfFragment* self, Requester& requester, bool ended) {

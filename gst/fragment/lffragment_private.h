@@ -66,6 +66,8 @@ lf::FragmentSettings lf_fragment_settings(LfFragment* self);
 std::vector<lf::PadPtr> lf_fragment_camera_pads(LfFragment* self);
 // Stops, starts or finishes all cameras.
 void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode);
+// The same if their mode is `before`.
+void lf_fragment_change_mode(LfFragment* self, lf::CameraFrames::Mode before, lf::CameraFrames::Mode mode);
 // Requests go on at another time: seeks the cameras that are not live there, unless another requester has done so for
 // the seek with this number. Waits for no frames.
 void lf_fragment_seek_cameras(LfFragment* self, uint64_t time, guint32 seqnum);

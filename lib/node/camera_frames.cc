@@ -71,7 +71,7 @@ CameraFrames::Pushed CameraFrames::push_at(uint64_t time, std::optional<CameraFr
       return mode_ == Mode::kStopped || flushing_ || mode_ == Mode::kFinished || frames_.size() < kFileFrames;
     });
   if (mode_ == Mode::kStopped || flushing_) return Pushed::kStopped;
-  if (mode_ == Mode::kFinished) return Pushed::kEnded;
+  if (mode_ == Mode::kFinished && !live_) return Pushed::kEnded;  // who films now may be asked again
   // Time may jump back (a stream started again without a flush): what is held is then of another time line.
   if (!frames_.empty() && frames_.back().time > time) earliest_ = INT64_MAX;
   while (!frames_.empty() && frames_.back().time > time) drop_oldest();

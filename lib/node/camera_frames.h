@@ -27,7 +27,7 @@ class CameraFrames {
   enum class Mode {
     kStopped,  // nothing waits, nothing is taken (the state after construction)
     kRunning,
-    kFinished,  // no request will come any more: the camera is told EOS
+    kFinished,  // the last requester has ended: a camera that is not live is told EOS
   };
   void set_mode(Mode mode);
 
@@ -35,7 +35,7 @@ class CameraFrames {
   enum class Pushed {
     kTaken,
     kStopped,  // or flushing
-    kEnded,    // no request will come any more
+    kEnded,    // no request will come any more for what is not live
   };
   // Hands over a frame.
   Pushed push(CameraFrame frame);

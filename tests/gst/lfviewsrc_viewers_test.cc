@@ -73,7 +73,26 @@ TEST_F(LfViewSrcTest, ViewersThatAreGoneLeaveNothing) {
   }
 }
 
-// An application that has blocked a pad closes it in the callback, in a thread of that viewer.
+// The cameras film for whoever comes later, even if nobody is left in between.
+TEST_F(LfViewSrcTest, AViewerComesAfterAllHaveEnded) {
+  play("num-buffers=3");
+  const PadPtr last = add_viewer("l");
+  const PadPtr end(gst_element_get_static_pad(child("s").get(), "sink"));
+  ASSERT_TRUE(comes([&] { return GST_PAD_IS_EOS(end.get()); }));
+  ASSERT_TRUE(more("l"));
+  close_viewer(last.get(), "l");
+  g_usleep(1000000);  // of frames that nobody asks for
+  const PadPtr later = add_viewer("t");
+  EXPECT_TRUE(more("t", 45));  // frames of before are shown for a while
+  g_autoptr(GstSample) sample = get<GstSample*>("t", "last-sample");
+  ASSERT_TRUE(sample);
+  GstMapInfo map;
+  ASSERT_TRUE(gst_buffer_map(gst_sample_get_buffer(sample), &map, GST_MAP_READ));
+  const auto dark = std::count_if(map.data, map.data + map.size, [](guint8 level) { return level < 8; });
+  EXPECT_LT(static_cast<double>(dark), 0.05 * static_cast<double>(map.size));
+  gst_buffer_unmap(gst_sample_get_buffer(sample), &map);
+}
+
 // Who is in the middle of the array is not at its border because the host of one half is gone.
 TEST_F(LfViewSrcTest, HalfOfTheArrayShowsTheHomeView) {
   const OtherRig half(scene_rig(4, 4, 64, 48), [](Rig& rig) {
@@ -103,6 +122,7 @@ TEST_F(LfViewSrcTest, HalfOfTheArrayShowsTheHomeView) {
   gst_buffer_unmap(gst_sample_get_buffer(sample), &map);
 }
 
+// An application that has blocked a pad closes it in the callback, in a thread of that viewer.
 TEST_F(LfViewSrcTest, AViewerIsClosedByItsOwnThread) {
   play("");
   const PadPtr pad = add_viewer("t");

@@ -172,6 +172,18 @@ TEST(CameraFrames, FinishingTellsTheCameraEos) {
   EXPECT_EQ(last, Pushed::kEnded);
 }
 
+// The next requester finds a camera that films now, even if all who asked before have ended.
+TEST(CameraFrames, LiveCamerasDoNotFinish) {
+  CameraFrames frames;
+  frames.set_mode(Mode::kRunning);
+  frames.start_stream(true);
+  frames.set_mode(Mode::kFinished);
+  for (uint64_t t = 0; t < 10; t++) EXPECT_EQ(frames.push(frame(t)), Pushed::kTaken);
+  const auto found = frames.find(9, true);
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->time, 9u);
+}
+
 // Frames are told apart, never opened.
 struct Compressed : CameraPicture {
   int width() const override { return 8; }
