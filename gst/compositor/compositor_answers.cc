@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include <algorithm>
+#include <utility>
 
 #include "base/error.h"
 #include "compositor/lfcompositor_private.h"
@@ -127,13 +128,17 @@ static GstFlowReturn abandon_request(LfCompositor* self) {
 }
 
 // What comes in is of no use any more. That is this view's matter alone: told upstream, it would end the others behind
-// the same tee.
+// the same tee. Once nothing can come the base class is to rest: it calls aggregate() again and again while all of its
+// pads have ended.
 static GstFlowReturn drop_all(LfCompositor* self) {
   lf_compositor_forget_request(self);
-  for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->drop_all();
+  const lf::NodeInputs nodes(self->request);
+  for (lf::NodeInput* node : nodes) node->drop_all();
   while (gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request))) {
   }
-  return GST_AGGREGATOR_FLOW_NEED_DATA;
+  const bool ended = gst_aggregator_pad_is_eos(GST_AGGREGATOR_PAD(self->request)) &&
+                     std::ranges::all_of(nodes, [](lf::NodeInput* node) { return node->has_ended(); });
+  return ended ? GST_FLOW_EOS : GST_AGGREGATOR_FLOW_NEED_DATA;
 }
 
 GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
@@ -149,9 +154,14 @@ GstFlowReturn lf_compositor_aggregate(GstAggregator* agg, gboolean) {
     flow = lf::guarded(agg, GST_FLOW_ERROR, [self] { return abandon_request(self); });
   }
   switch (flow) {
-    case GST_FLOW_OK:
+    case GST_FLOW_OK: state.warned_unlinked = false; return flow;
     case GST_AGGREGATOR_FLOW_NEED_DATA: return flow;
     case GST_FLOW_FLUSHING: return GST_AGGREGATOR_FLOW_NEED_DATA;  // who stops or seeks it says so itself
+    case GST_FLOW_NOT_LINKED:                                      // until it is linked again
+      if (!std::exchange(state.warned_unlinked, true))
+        GST_ELEMENT_WARNING(self, CORE, PAD, ("The source pad is linked with nothing: pictures are thrown away."),
+                            (nullptr));
+      return GST_AGGREGATOR_FLOW_NEED_DATA;
     default: break;
   }
   if (!state.output.has_begun()) return flow;  // the base class begins a stream to end it

@@ -96,7 +96,7 @@ NodeInput::Taken NodeInput::part_added(bool last_of_node) {
 }
 
 bool NodeInput::is_awaited(bool live, unsigned max_missed) const {
-  if (head_ != Head::kUnseen || gst_aggregator_pad_is_eos(pad_)) return false;
+  if (head_ != Head::kUnseen || has_ended()) return false;
   return !live || max_missed == 0 || missed_ <= max_missed;
 }
 
@@ -107,7 +107,7 @@ bool NodeInput::has_news() const {
 
 void NodeInput::close(bool counts) {
   const bool took_part = head_ == Head::kDone;
-  missed_ = took_part || gst_aggregator_pad_is_eos(pad_) ? 0 : missed_ + counts;
+  missed_ = took_part || has_ended() ? 0 : missed_ + counts;
   if (!took_part) return;
   drop_answer();
   head_ = Head::kUnseen;

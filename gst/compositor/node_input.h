@@ -47,6 +47,8 @@ class NodeInput {
   bool is_awaited(bool live, unsigned max_missed) const;
   // Whether something is on the pad that has not been looked at.
   bool has_news() const;
+  // Whether nothing is on the pad and its stream has ended.
+  bool has_ended() const { return gst_aggregator_pad_is_eos(pad_); }
 
   // The picture of the current request is done. `counts`: that says something of the node.
   void close(bool counts);

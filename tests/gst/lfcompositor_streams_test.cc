@@ -130,6 +130,79 @@ TEST_F(LfCompositorStreamsTest, EosIsThatOfTheRequests) {
   }
 }
 
+// A view that has ended costs nothing until it is sought, and then goes on.
+TEST_F(LfCompositorStreamsTest, RestsOnceAllHasEnded) {
+  start(1);
+  const ViewRequest asked = array_.request(0, 0);
+  request(asked);
+  push(0, answer_of(asked, {0}));
+  pull();
+  for (GstHarness* each : {harness_.get(), nodes_[0].get()}) gst_harness_push_event(each, gst_event_new_eos());
+  GstPad* src = gst_element_get_static_pad(element_.get(), "src");
+  EXPECT_TRUE(comes([src] { return gst_pad_get_task_state(src) == GST_TASK_PAUSED; }));
+  int ends = 0;
+  while (GstEvent* event = gst_harness_try_pull_event(harness_.get())) {
+    ends += GST_EVENT_TYPE(event) == GST_EVENT_EOS;
+    gst_event_unref(event);
+  }
+  EXPECT_EQ(ends, 1);
+  GstSegment segment;
+  gst_segment_init(&segment, GST_FORMAT_TIME);
+  const guint32 seek = gst_util_seqnum_next();
+  const auto push_to_all = [&](const std::function<GstEvent*()>& event) {
+    for (GstHarness* each : {harness_.get(), nodes_[0].get()}) {
+      GstEvent* sent = event();
+      gst_event_set_seqnum(sent, seek);
+      gst_harness_push_event(each, sent);
+    }
+  };
+  push_to_all(gst_event_new_flush_start);
+  push_to_all([] { return gst_event_new_flush_stop(TRUE); });
+  push_to_all([&] { return gst_event_new_segment(&segment); });
+  const ViewRequest next = array_.request(1, kFrame);
+  request(next);
+  push(0, answer_of(next, {0}));
+  EXPECT_FALSE(pull().empty());
+  gst_object_unref(src);
+}
+
+// Applications link and unlink while it runs.
+TEST_F(LfCompositorStreamsTest, AnUnlinkedPadIsWarnedOfAndLinkedAgain) {
+  start(1);
+  GstBus* bus = gst_bus_new();
+  gst_element_set_bus(element_.get(), bus);
+  const auto show = [&](uint32_t i) {
+    const ViewRequest asked = array_.request(i, i * kFrame);
+    request(asked);
+    push(0, answer_of(asked, {0}));
+  };
+  show(0);
+  pull();
+  GstPad* src = gst_element_get_static_pad(element_.get(), "src");
+  ASSERT_TRUE(gst_pad_unlink(src, harness_->sinkpad));
+  for (uint32_t i = 1; i < 4; i++) show(i);
+  guint64 pictures = 0;
+  EXPECT_TRUE(comes([&] {
+    g_autoptr(GstStructure) stats = nullptr;
+    g_object_get(element_.get(), "stats", &stats, nullptr);
+    gst_structure_get_uint64(stats, "pictures", &pictures);
+    return pictures == 4;
+  })) << pictures;
+  ASSERT_EQ(gst_pad_link(src, harness_->sinkpad), GST_PAD_LINK_OK);
+  show(4);
+  pull();
+  EXPECT_EQ(last_pts_, 4 * kFrame);
+  int warnings = 0;
+  while (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING)) {
+    warnings++;
+    gst_message_unref(message);
+  }
+  EXPECT_EQ(warnings, 1);
+  gst_element_set_bus(element_.get(), nullptr);
+  gst_object_unref(bus);
+  gst_object_unref(src);
+}
+
 TEST_F(LfCompositorStreamsTest, PicturesAreInTheSegmentOfTheRequests) {
   start(1);
   GstSegment segment;
