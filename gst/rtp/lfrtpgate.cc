@@ -145,6 +145,13 @@ static void count(LfRtpGate* self, Fate fate, const std::optional<lf::Address>& 
 
 static GstFlowReturn lf_rtp_gate_chain(GstPad*, GstObject* parent, GstBuffer* packet) {
   LfRtpGate* self = LF_RTP_GATE(parent);
+  if (*self->key && !self->opener) {  // nothing passes that is not opened
+    gst_buffer_unref(packet);
+    GST_ELEMENT_ERROR(self, STREAM, FORMAT,
+                      ("No caps say what is sealed: set them on the source of the packets, such as udpsrc caps=..."),
+                      (nullptr));
+    return GST_FLOW_NOT_NEGOTIATED;
+  }
   const GstNetAddressMeta* meta = gst_buffer_get_net_address_meta(packet);
   const std::optional<lf::Address> sender = meta ? lf::address_of(meta->addr) : std::nullopt;
   GstBuffer* passed = nullptr;

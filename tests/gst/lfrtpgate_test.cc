@@ -117,6 +117,19 @@ TEST_F(LfRtpGateTest, OthersHaveNoKey) {
   EXPECT_EQ(stat(gate_.element(), "passed"), 0u);
 }
 
+// Whoever builds a pipeline may set caps behind the gate in place of before it.
+TEST_F(LfRtpGateTest, WithoutCapsNothingPasses) {
+  RtpElement uncapped(gate(key_).c_str(), nullptr);
+  gst_pad_push_event(uncapped.h()->srcpad, gst_event_new_stream_start("packets"));
+  GstSegment segment;
+  gst_segment_init(&segment, GST_FORMAT_TIME);
+  gst_pad_push_event(uncapped.h()->srcpad, gst_event_new_segment(&segment));
+  for (const Bytes& packet : {rtp_packet(1, 100), sealed(rtp_packet(2, 100))}) {
+    EXPECT_EQ(uncapped.push(packet), GST_FLOW_NOT_NEGOTIATED);
+    EXPECT_EQ(uncapped.units().size(), 0u);
+  }
+}
+
 TEST_F(LfRtpGateTest, ReplayedPacketsPassOnce) {
   std::vector<Bytes> sent;
   for (uint16_t i = 0; i < 50; i++) sent.push_back(sealed(rtp_packet(i, 30)));

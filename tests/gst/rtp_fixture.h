@@ -50,7 +50,7 @@ inline RtpPacket to_packet(GstBuffer* buffer) {
 class RtpElement {
  public:
   RtpElement(const char* element, const char* src_caps) : harness_(gst_harness_new_parse(element)) {
-    gst_harness_set_src_caps_str(h(), src_caps);
+    if (src_caps) gst_harness_set_src_caps_str(h(), src_caps);
     gst_harness_use_systemclock(h());  // answers are paced
   }
   GstHarness* h() { return harness_.get(); }
