@@ -72,6 +72,7 @@ class CameraInput {
   std::unique_ptr<FrameConverter> converter_;
   std::optional<std::pair<int, int>> jpeg_size_;
   bool warned_damaged_ = false;  // a person has been told
+  bool has_fitted_ = false;      // frames have had the rig's size
 };
 
 }  // namespace lf

@@ -252,6 +252,23 @@ TEST_F(LfFragmentRigTest, ACameraOfAnotherSizeThanTheNewRigsIsMissingUntilItsVid
   EXPECT_THAT(cameras_in(asked), ElementsAre(0, 1, 2, 3));
 }
 
+// Its stream begins anew, as after a loss: that it does not fit has been told, and the other cameras go on.
+TEST_F(LfFragmentRigTest, ACameraThatDoesNotFitTheNewRigMayBeginAnew) {
+  const OtherRig larger(array_.rig(), [](Rig& rig) {
+    rig.cameras[2].width = 48;
+    rig.cameras[2].lens = Lens::pinhole(30, 23.5, 11.5);
+  });
+  start(4);
+  push_frames(60, 0);
+  set("rig", larger.path().c_str());
+  const CapsPtr caps(gst_pad_get_current_caps(cameras_[2]->srcpad));
+  gst_harness_push_event(cameras_[2].get(), gst_event_new_caps(caps.get()));
+  push_frames(60, kFrame);
+  ViewRequest asked = array_.request(0, kFrame);
+  asked.rig_hash = larger.hash();
+  EXPECT_THAT(cameras_in(asked), ElementsAre(0, 1, 3));
+}
+
 TEST_F(LfFragmentRigTest, AFileThatCannotBeReadChangesNothing) {
   const TempFile broken({'{', '}'}, ".json");
   start(4);
