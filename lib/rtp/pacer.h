@@ -12,12 +12,16 @@ namespace lf::rtp {
 // have to wait. Not thread-safe.
 class Pacer {
  public:
-  // Not before `now`.
-  uint64_t next(uint64_t now) const { return std::max(now + kAhead, next_.value_or(now)) - kAhead; }
-  // `bytes` leave at `time`; `bits_per_second` not 0.
+  // Not before `now`. A clock on which what was sent last lies in the future is another one, or has been set back:
+  // nothing waits for that.
+  uint64_t next(uint64_t now) {
+    if (next_ && *next_ > now + lasts_ + 2 * kAhead) next_.reset();
+    return std::max(now + kAhead, next_.value_or(now)) - kAhead;
+  }
+  // `bytes` leave at `time`, the latest that next() has said; `bits_per_second` not 0.
   void sent(uint64_t time, uint64_t bytes, uint64_t bits_per_second) {
-    next_ = std::max(time, next_.value_or(time)) +
-            static_cast<uint64_t>(8e9 * static_cast<double>(bytes) / static_cast<double>(bits_per_second));
+    lasts_ = static_cast<uint64_t>(8e9 * static_cast<double>(bytes) / static_cast<double>(bits_per_second));
+    next_ = std::max(time, next_.value_or(time)) + lasts_;
   }
   void clear() { next_.reset(); }
 
@@ -25,6 +29,7 @@ class Pacer {
 
  private:
   std::optional<uint64_t> next_;
+  uint64_t lasts_ = 0;  // at the rate, what was sent last
 };
 
 }  // namespace lf::rtp

@@ -37,5 +37,13 @@ TEST(Pacer, DoesNotMakeUpForSilence) {
   EXPECT_EQ(pacer.next(5), 5u);
 }
 
+TEST(Pacer, DoesNotWaitForAClockThatHasBeenSetBack) {
+  Pacer pacer;
+  pacer.sent(pacer.next(3'600'000'000'000), 1000, 8'000'000);
+  EXPECT_EQ(pacer.next(1'000'000'000), 1'000'000'000u);
+  pacer.sent(1'000'000'000, 1000, 8'000'000);
+  EXPECT_EQ(pacer.next(1'000'000'000), 1'001'000'000u - Pacer::kAhead);
+}
+
 }  // namespace
 }  // namespace lf::rtp
