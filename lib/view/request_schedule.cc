@@ -31,8 +31,10 @@ std::optional<RequestSlot> RequestSchedule::next_live(uint64_t now, uint64_t bas
     slot->target_time = schedule_.instant(schedule_.index_at(base_time + slot->pts));
     return slot;
   }
-  // The newest instant that is old enough, but none twice and none before the stream begins.
-  const uint64_t earliest = base_time + (last_pts_ ? *last_pts_ + 1 : 0);
+  // The newest instant that is old enough, but none twice and none before the stream begins. A stamp that is still to
+  // come is of another base time.
+  const uint64_t farthest = now - std::min(now, base_time) + schedule_.instant(2);
+  const uint64_t earliest = base_time + (last_pts_ && *last_pts_ <= farthest ? *last_pts_ + 1 : 0);
   const uint64_t k = std::max(schedule_.index_at(now - std::min(now, capture_delay)), schedule_.first_from(earliest));
   slot->target_time = schedule_.instant(k);
   slot->pts = slot->target_time - base_time;

@@ -50,6 +50,17 @@ TEST(RequestSchedule, AFileEnds) {
   EXPECT_FALSE(RequestSchedule(kTenth, views({0, 0.5}), true).end());
 }
 
+// A request that was made while the pipeline had no base time yet is stamped with the time of the clock.
+TEST(RequestSchedule, AStampOfAnotherBaseTimeSilencesNobody) {
+  constexpr uint64_t kBase = 1000 * kSecond;
+  RequestSchedule schedule(kTenth);
+  schedule.advance(*schedule.next_live(kBase, 0, 0));
+  const auto slot = schedule.next_live(kBase + kSecond, kBase, 0);
+  ASSERT_TRUE(slot);
+  EXPECT_EQ(slot->target_time, kBase + kSecond);
+  EXPECT_EQ(slot->pts, kSecond);
+}
+
 TEST(RequestSchedule, LiveItIsTheNewestInstantThatIsOldEnough) {
   constexpr uint64_t kBase = 1000 * kSecond, kDelay = 30'000'000;
   RequestSchedule schedule(kTenth);
