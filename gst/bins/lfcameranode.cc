@@ -280,8 +280,8 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
 
   const guint next_id = Properties::install(
       object_class,
-      "What lffragment counts, see there, and of each of the cameras: state (opening, running, ended "
-      "or lost), reason of the latest loss, losses, retries, dropped frames, capture-time");
+      "What lffragment counts, see there, and of each of the cameras: state (opening, running, ended, "
+      "lost or stopped), reason of the latest loss, losses, retries, dropped frames, capture-time");
   object_class->set_property = lf::callback<lf_camera_node_set_property>;
   object_class->get_property = lf::callback<lf_camera_node_get_property>;
   // How lffragment answers is its own property under the same name.

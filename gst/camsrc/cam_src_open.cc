@@ -54,7 +54,9 @@ lf::StreamListener listener_of(LfCamSrc* self, guint serial) {
                 if (self->service->find(lf::now_ns())) lf_cam_src_tell_found(self);
               },
           .on_end = [self] { self->service->end(); },
-          .on_overload = [self](GstClockTimeDiff late) { lf_cam_src_tell_overload(self, late); }};
+          .on_overload = [self](GstClockTimeDiff late) { lf_cam_src_tell_overload(self, late); },
+          .on_cut_off = [self](GstClockTime lasted,
+                               GstClockTime missing) { lf_cam_src_tell_cut_off(self, lasted, missing); }};
 }
 
 lf::Controls controls_of(const lf::CamSrcSettings& settings, const lf::Camera& camera) {
@@ -113,6 +115,7 @@ void add_children(LfCamSrc* self, const lf::CamSrcSettings& settings, const std:
                         .has_end = !may_be_lost || (file && !settings.loop) || (!file && !network),
                         .may_be_lost = may_be_lost,
                         .catches_up = catches_up,
+                        .round = self->round,
                         .paced = paced,
                         .begin = self->live ? 0 : self->end,
                         .shedder = *self->shedder,
@@ -161,10 +164,27 @@ std::unique_ptr<CamSrcFailure> failure_of(F&& what) {
   }
 }
 
+// imagefreeze forgets its frame rate before it stops its thread, which may then divide by it: the thread is stopped
+// here.
+void stop_tail(const lf::CameraChain& chain) {
+  for (auto element = chain.tail.rbegin(); element != chain.tail.rend(); ++element) {
+    GstPad* src = gst_element_get_static_pad(*element, "src");
+    gst_pad_set_active(src, FALSE);
+    gst_object_unref(src);
+    gst_element_set_state(*element, GST_STATE_READY);
+  }
+}
+
 }  // namespace
 
+void lf_cam_src_stop_flow(LfCamSrc* self) {
+  if (!self->run) return;
+  self->run->stream->stop();
+  if (self->run->used) stop_tail(self->run->chain);
+}
+
 void lf_cam_src_close(LfCamSrc* self) {
-  if (self->run) self->run->stream->stop();
+  lf_cam_src_stop_flow(self);
   gst_ghost_pad_set_target(GST_GHOST_PAD(self->src), nullptr);
   while (GstElement* child = first_child(GST_BIN(self))) {
     gst_element_set_state(child, GST_STATE_NULL);
@@ -174,7 +194,10 @@ void lf_cam_src_close(LfCamSrc* self) {
   GST_OBJECT_LOCK(self);
   CamSrcRun* run = std::exchange(self->run, nullptr);
   GST_OBJECT_UNLOCK(self);
-  if (run) self->end = run->stream->ends_at();
+  if (run) {
+    self->end = run->stream->ends_at();
+    self->round = run->stream->round();
+  }
   delete run;
 }
 

@@ -122,6 +122,18 @@ void lf_cam_src_tell_overload(LfCamSrc* self, GstClockTimeDiff late) {
       ("further ones, of other cameras, too, are counted in stats"));
 }
 
+void lf_cam_src_tell_cut_off(LfCamSrc* self, GstClockTime lasted, GstClockTime missing) {
+  const auto seconds = [](GstClockTime time) { return static_cast<double>(time) / GST_SECOND; };
+  lf::ObjectLock lock(self);
+  const std::string place = self->run ? self->run->stream->place() : "";
+  lock.unlock();
+  GST_ELEMENT_WARNING(
+      self, STREAM, DECODE,
+      ("%s: is cut off: it ends after %.2f of %.2f s. It gives nothing for the rest, each time it loops", place.c_str(),
+       seconds(lasted), seconds(lasted + missing)),
+      (nullptr));
+}
+
 void lf_cam_src_push_lost(LfCamSrc* self) {
   gst_pad_push_event(self->src,
                      gst_event_new_custom(GST_EVENT_CUSTOM_DOWNSTREAM, gst_structure_new_empty(LF_CAMERA_LOST)));
@@ -220,7 +232,7 @@ void lf_cam_src_take_out(LfCamSrc* self, guint serial) {
 static void lf_cam_src_look_for_frames(LfCamSrc* self) {
   if (!self->run || self->service->state() == State::kEnded) return;
   constexpr uint64_t kLongestGap = 5'000'000'000, kLongestStart = 20'000'000'000;
-  const uint64_t now = lf::now_ns(), frames = self->run->stream->frames_out();
+  const uint64_t now = lf::now_ns(), frames = self->run->stream->frames_seen();
   const uint64_t activity = frames + (*self->shedder)->dropped();
   if (GST_STATE(self) != GST_STATE_PLAYING || activity != self->activity) {
     self->activity = activity;
@@ -273,6 +285,7 @@ void lf_cam_src_fail_to_start(LfCamSrc* self) {
         self, {GST_CORE_ERROR, GST_CORE_ERROR_STATE_CHANGE, self->run->stream->place() + ": can't be started", ""});
   g_atomic_int_inc(&self->serial);  // its errors have been told
   lf_cam_src_close(self);
+  if (GST_STATE(self) >= GST_STATE_PAUSED) lf_cam_src_push_lost(self);
   lf_cam_src_schedule_retry(self);
 }
 

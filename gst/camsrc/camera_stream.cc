@@ -54,6 +54,7 @@ CameraStream::CameraStream(GstElement* owner, const CameraChain& chain, const St
       listener_(listener),
       stream_end_(options.begin),
       round_start_(options.begin),
+      round_(options.round),
       film_end_(options.begin),
       film_start_(options.begin) {
   gst_segment_init(&segment_, GST_FORMAT_TIME);
@@ -102,7 +103,8 @@ void CameraStream::check_size(GstCaps* caps) {
 void CameraStream::check_size_of_jpeg(GstBuffer* buffer) {
   const auto bytes = std::make_shared<const MappedBuffer>(buffer);
   const std::shared_ptr<JpegFrame> frame = JpegFrame::open(bytes, bytes->bytes());
-  if (!frame) return;  // damaged
+  if (!frame) return;  // damaged: the next one tells
+  size_is_known_ = true;
   size_is_wrong_ = frame->width() != options_.width || frame->height() != options_.height;
   if (size_is_wrong_)
     fail(GST_STREAM_ERROR_FORMAT, "the picture is " + size_text(frame->width(), frame->height()) + ", the rig says " +
@@ -116,7 +118,7 @@ void CameraStream::stop() {
 
 GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* info) {
   if (info->type & GST_PAD_PROBE_TYPE_BUFFER) {
-    if (pictures_ == 0 && is_jpeg_) check_size_of_jpeg(GST_PAD_PROBE_INFO_BUFFER(info));
+    if (is_jpeg_ && !size_is_known_) check_size_of_jpeg(GST_PAD_PROBE_INFO_BUFFER(info));
     if (counts_time_) info->data = stamp(static_cast<GstBuffer*>(info->data));
     ++pictures_;
     return size_is_wrong_ ? refuse(info, GST_FLOW_ERROR) : GST_PAD_PROBE_OK;
@@ -139,6 +141,7 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* inf
       return GST_PAD_PROBE_OK;
     case GST_EVENT_SEGMENT:
       if (is_jpeg_) info->data = time_segment(event);
+      if (options_.catches_up && pictures_ == 0 && round_start_ == 0) pass_rounds();
       if (round_start_ > 0) info->data = later_segment(static_cast<GstEvent*>(info->data));
       return GST_PAD_PROBE_OK;
     case GST_EVENT_SEGMENT_DONE:
@@ -279,6 +282,7 @@ bool CameraStream::is_too_late(GstBuffer* buffer) {
   const GstClockTime now = gst_element_get_current_running_time(owner_);
   const GstClockTime stamp = gst_segment_to_running_time(&segment_, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
   is_on_time_ = !GST_CLOCK_TIME_IS_VALID(now) || !GST_CLOCK_TIME_IS_VALID(stamp) || stamp + GST_SECOND >= now;
+  left_out_ += !is_on_time_;
   return !is_on_time_;
 }
 

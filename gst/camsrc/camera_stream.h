@@ -27,6 +27,7 @@ struct StreamOptions {
   bool has_end = true;        // false: an end of the source, but for `num_frames`, is an error
   bool may_be_lost = false;   // an error ends the stream with the event LF_CAMERA_LOST, not with EOS
   bool catches_up = false;    // frames that are later than a second are left out until one is not
+  GstClockTime round = 0;     // how long a round of a film that loops has been found to be; 0: not known
   bool paced = false;         // frames are ready before their time, and wait for it
   GstClockTime begin = 0;     // running time of what has the source's time 0
   std::shared_ptr<CameraShedder> shedder;
@@ -40,6 +41,8 @@ struct StreamListener {
   std::function<void()> on_first_frame;
   std::function<void()> on_end;                            // as it should; not after an error
   std::function<void(GstClockTimeDiff late)> on_overload;  // frames are dropped before they are decoded
+  // A film that loops ended after `lasted`, and `missing` before the end that it says to have. Once.
+  std::function<void(GstClockTime lasted, GstClockTime missing)> on_cut_off;
 };
 
 // Watches the pads of a chain from one start to the next stop and makes of what passes a camera's stream: of the rig's
@@ -68,8 +71,12 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   const std::string& place() const { return options_.place; }
   // Frames sent so far.
   uint64_t frames_out() const { return static_cast<uint64_t>(frames_out_); }
+  // The same with those that were left out to catch up.
+  uint64_t frames_seen() const { return frames_out() + left_out_; }
   // Running time at which the newest frame ends. Call when nothing flows.
   GstClockTime ends_at() const { return stream_end_; }
+  // How long a round of a film that loops is; 0: it has had none yet. Call when nothing flows.
+  GstClockTime round() const { return round_; }
 
  private:
   // Each takes what passes and says what becomes of it.
@@ -85,6 +92,8 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   bool is_shed(GstPad* pad, GstBuffer* buffer, GstClockTime stamp);
   void count_dropped();
   bool is_too_late(GstBuffer* buffer);
+  void pass_rounds();  // camera_stream_seek.cc
+  GstClockTime missing_at_end() const;
 
   void fail(GstStreamError code, const std::string& text);
   void check_size(GstCaps* caps);
@@ -105,6 +114,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   std::atomic<bool> live_ = false;
   std::atomic<bool> ending_ = false, stopping_ = false, failed_ = false;
   std::atomic<gint64> frames_out_ = 0;
+  std::atomic<uint64_t> left_out_ = 0;
   std::mutex seeking_;
   std::atomic<guint32> loop_seqnum_ = GST_SEQNUM_INVALID;  // of the seek back to the beginning
   std::atomic<bool> sought_ = false;                       // by somebody else, since the latest segment
@@ -115,6 +125,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   guint64 pictures_ = 0;             // decoded
   GstClockTime stream_end_ = 0;      // running time at which the newest frame ends
   GstClockTime round_start_ = 0;     // running time at which this round of a loop began
+  GstClockTime round_ = 0;           // how long the latest whole round was
   GstClockTime film_end_ = 0;        // in the film, over all rounds, where the newest frame ends
   GstClockTime film_start_ = 0;      // the same of the beginning of this round, which a seek may have begun later
   GstClockTime capture_offset_ = 0;  // in the film, of the frame that has stream time 0
@@ -123,9 +134,10 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   guint64 round_frames_ = 0;         // frames since then
   gint fps_n_ = 0, fps_d_ = 1;
   bool counts_time_ = false;  // frames have no stamps of their own
-  bool is_jpeg_ = false, size_is_wrong_ = false, announced_ = false, eos_sent_ = false;
+  bool is_jpeg_ = false, size_is_wrong_ = false, size_is_known_ = false, announced_ = false, eos_sent_ = false;
   bool is_on_time_ = false;  // has caught up
   bool is_cut_off_ = false;  // more could have been sent when the source came to its end
+  bool told_cut_off_ = false;
 };
 
 }  // namespace lf

@@ -127,12 +127,38 @@ void CameraStream::seek_to_start(guint32 seqnum, bool flush) {
     fail(GST_STREAM_ERROR_FAILED, "can't begin again: there is no seeking in it");
 }
 
+// A film that loops and is opened again begins in the round that it would be in, not in the first of all: after hours
+// nobody could decode what there has been since. Rounds are as long as they were found to be, so that it stays in step.
+void CameraStream::pass_rounds() {
+  gint64 duration = static_cast<gint64>(round_);
+  const GstClockTime now = gst_element_get_current_running_time(owner_);
+  if (!options_.seek_to_loop || !GST_CLOCK_TIME_IS_VALID(now)) return;
+  if (duration == 0) gst_pad_peer_query_duration(chain_.decoded, GST_FORMAT_TIME, &duration);
+  if (duration > 0) round_start_ = stream_end_ = now - now % static_cast<guint64>(duration);
+}
+
+// How much longer the film says to be than it was; 0 for what is no more than a frame or two.
+GstClockTime CameraStream::missing_at_end() const {
+  gint64 duration = 0;
+  if (!gst_pad_peer_query_duration(chain_.decoded, GST_FORMAT_TIME, &duration) || duration <= 0) return 0;
+  const GstClockTime lasted = stream_end_ - round_start_, said = static_cast<GstClockTime>(duration);
+  const GstClockTime period = round_frames_ > 0 ? lasted / round_frames_ : 0;
+  return said > lasted + 2 * period + GST_SECOND / 50 ? said - lasted : 0;
+}
+
 // At the end of the file, or of a segment: true if it is to begin again.
 bool CameraStream::begin_again(bool flush) {
   // Nobody wants more frames, or the file has none: no reason to turn round and round.
   if (!options_.seek_to_loop || !is_cut_off_ || failed_ || round_frames_ == 0) return false;
   if (live_latency(chain_.decoded)) return false;  // no beginning to seek back to
 
+  // A film that is cut off has no frames for the rest of its round, so that those after it are in step with the
+  // others'.
+  const GstClockTime missing = missing_at_end();
+  if (missing > 0 && !std::exchange(told_cut_off_, true)) listener_.on_cut_off(stream_end_ - round_start_, missing);
+  stream_end_ += missing;
+  film_end_ += missing;
+  round_ = stream_end_ - round_start_;
   round_start_ = stream_end_;
   film_start_ = film_end_;
   round_frames_ = 0;

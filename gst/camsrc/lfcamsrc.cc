@@ -84,7 +84,8 @@ static gboolean on_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   GstClockTime min = 0, max = GST_CLOCK_TIME_NONE;
   gst_query_parse_latency(query, &live, &min, &max);
   if (!live) return TRUE;
-  gst_query_set_latency(query, live, std::max(min, lf_cam_src_period(LF_CAM_SRC(parent))), max);
+  min = std::max(min, lf_cam_src_period(LF_CAM_SRC(parent)));
+  gst_query_set_latency(query, live, min, std::max(min, max));  // GST_CLOCK_TIME_NONE, the largest, is no bound
   return TRUE;
 }
 
@@ -95,7 +96,7 @@ static gboolean on_query(GstPad* pad, GstObject* parent, GstQuery* query) {
 static bool open_camera(LfCamSrc* self) {
   lf_cam_src_close(self);
   self->live = false;
-  self->end = 0;
+  self->end = self->round = 0;
   std::unique_ptr<CamSrcFailure> failure;
   if (!lf_cam_src_open(self, &failure)) {
     lf_cam_src_post(self, GST_MESSAGE_ERROR, *failure);
@@ -104,17 +105,6 @@ static bool open_camera(LfCamSrc* self) {
   if (!failure) return true;
   lf_cam_src_fail(self, *failure);
   return lf_cam_src_may_be_lost(self);
-}
-
-// imagefreeze forgets its frame rate before it stops its thread, which may then divide by it: the thread is stopped
-// here.
-static void stop_tail(const lf::CameraChain& chain) {
-  for (auto element = chain.tail.rbegin(); element != chain.tail.rend(); ++element) {
-    GstPad* src = gst_element_get_static_pad(*element, "src");
-    gst_pad_set_active(src, FALSE);
-    gst_object_unref(src);
-    gst_element_set_state(*element, GST_STATE_READY);
-  }
 }
 
 static bool is_stale(LfCamSrc* self) {
@@ -139,8 +129,7 @@ static bool prepare(LfCamSrc* self, GstStateChange transition) {
   } else if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) {
     lf_cam_src_cancel_plans(self);
     if (!self->run) return true;
-    self->run->stream->stop();
-    stop_tail(self->run->chain);
+    lf_cam_src_stop_flow(self);
   }
   return true;
 }

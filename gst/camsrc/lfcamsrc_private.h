@@ -36,6 +36,7 @@ struct _LfCamSrc {
   CamSrcRun* run;          // null while there are no children
   std::atomic<bool> live;  // the camera is, as far as is known; read by any thread
   GstClockTime end;        // running time of the end of the stream before
+  GstClockTime round;      // how long a round of a film that loops has been found to be; 0: not known
   guint camera;            // id of the camera last opened
   std::string* name;
   gint expendable;   // its loss is no error; atomic
@@ -57,6 +58,8 @@ struct CamSrcFailure {
 bool lf_cam_src_open(LfCamSrc* self, std::unique_ptr<CamSrcFailure>* failure);
 // Puts into `stats` what the camera's controls are, which asks its device: not for every frame.
 void lf_cam_src_add_controls(LfCamSrc* self, GstStructure* stats);
+// Ends what flows between the children, as far as it has to end before they change state.
+void lf_cam_src_stop_flow(LfCamSrc* self);
 // Stops and removes the children.
 void lf_cam_src_close(LfCamSrc* self);
 // Starts the elements that decoders are linked with by and by: GstBin would start what is not linked yet in any order,
@@ -75,6 +78,7 @@ void lf_cam_src_fail_to_start(LfCamSrc* self);
 void lf_cam_src_take_out(LfCamSrc* self, guint serial);
 void lf_cam_src_tell_found(LfCamSrc* self);
 void lf_cam_src_tell_overload(LfCamSrc* self, GstClockTimeDiff late);
+void lf_cam_src_tell_cut_off(LfCamSrc* self, GstClockTime lasted, GstClockTime missing);
 // Downstream: no frame comes.
 void lf_cam_src_push_lost(LfCamSrc* self);
 // Plans the next attempt, if there is one to be.

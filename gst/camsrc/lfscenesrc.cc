@@ -49,6 +49,15 @@ static gboolean lf_scene_src_do_seek(GstBaseSrc* base, GstSegment* segment) {
   return TRUE;
 }
 
+// It has nothing that could run over: frames that come too late are left out.
+static gboolean lf_scene_src_query(GstBaseSrc* base, GstQuery* query) {
+  if (GST_QUERY_TYPE(query) != GST_QUERY_LATENCY || !gst_base_src_is_live(base))
+    return GST_BASE_SRC_CLASS(lf_scene_src_parent_class)->query(base, query);
+  const GstVideoInfo& info = LF_SCENE_SRC(base)->info;
+  gst_query_set_latency(query, TRUE, lf::Schedule(info.fps_n, info.fps_d).instant(1), GST_CLOCK_TIME_NONE);
+  return TRUE;
+}
+
 // Goes on to the next frame that is not over already. Returns the clock time of running time 0; 0 where there is no
 // clock.
 static GstClockTime catch_up(LfSceneSrc* self, const lf::Schedule& schedule) {
@@ -110,6 +119,7 @@ static void lf_scene_src_class_init(LfSceneSrcClass* klass) {
   base_class->start = lf::callback<lf_scene_src_start>;
   base_class->is_seekable = lf::callback<lf_scene_src_is_seekable>;
   base_class->do_seek = lf::callback<lf_scene_src_do_seek>;
+  base_class->query = lf::callback<lf_scene_src_query>;
   GST_PUSH_SRC_CLASS(klass)->create = lf_scene_src_create;
 }
 

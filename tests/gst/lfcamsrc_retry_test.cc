@@ -52,6 +52,36 @@ TEST_F(RetryTest, ADeviceThatFailsAfterTenFramesIsOpenedAgain) {
   EXPECT_THAT(said.errors(), IsEmpty());
 }
 
+// After days nobody could run through what a film that loops has shown since.
+TEST_F(RetryTest, AFilmThatLoopsIsTakenUpInItsRound) {
+  const std::string late = files->path("late.mkv");
+  const ElementPtr pipeline =
+      camera("is-live=true loop=true retry=true rig=" + rig(1, [](guint) { return "late.mkv"; }));
+  ASSERT_TRUE(pipeline);
+  const Said said(pipeline.get());
+  constexpr GstClockTime kRunning = 1000 * 3600 * GST_SECOND;
+  GstClock* clock = GST_CLOCK(g_object_new(GST_TYPE_SYSTEM_CLOCK, "clock-type", GST_CLOCK_TYPE_REALTIME, nullptr));
+  gst_pipeline_use_clock(GST_PIPELINE(pipeline.get()), clock);
+  gst_element_set_start_time(pipeline.get(), GST_CLOCK_TIME_NONE);
+  gst_element_set_base_time(pipeline.get(), gst_clock_get_time(clock) - kRunning);
+  gst_object_unref(clock);
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const ElementPtr sink = child(pipeline.get(), "sink");
+  Pictures frames(sink.get());
+  EXPECT_TRUE(eventually([&] { return said.lost(0) == 1; }));
+  std::filesystem::copy(files->path("mjpeg.mkv"), late);
+  EXPECT_TRUE(eventually([&] { return said.found(0) == 1 && frames.count() > 5; }));
+  g_autoptr(GstSample) sample = nullptr;
+  g_object_get(sink.get(), "last-sample", &sample, nullptr);
+  ASSERT_TRUE(sample);
+  const GstClockTime shown = gst_segment_to_running_time(gst_sample_get_segment(sample), GST_FORMAT_TIME,
+                                                         GST_BUFFER_PTS(gst_sample_get_buffer(sample)));
+  EXPECT_GE(shown, kRunning);
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  EXPECT_THAT(said.errors(), IsEmpty());
+  std::filesystem::remove(late);
+}
+
 // In PAUSED, too; and the end that an application asks for comes while there is no camera.
 TEST_F(RetryTest, AMissingDeviceIsLiveAllTheSame) {
   failing_device(0).broken = true;

@@ -6,6 +6,8 @@
 
 #include <atomic>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -75,6 +77,30 @@ TEST_F(CamSrcTest, LiveSceneKeepsToTheScheduleOfTheClock) {
   for (const Frame& frame : camera.frames) EXPECT_EQ(frame.capture_time % (GST_SECOND / 40), 0u) << "k / 40 s";
 }
 
+// Else a pipeline can't find a latency that suits it.
+TEST_F(CamSrcTest, LiveLatencyHasNoBoundBelowItsLeast) {
+  for (const std::string source : {"", "mjpeg.mkv"}) {
+    const ElementPtr pipeline =
+        launch("lfcamsrc name=camera is-live=true loop=true rig=" + rig_with_source(source) + " ! fakesink");
+    ASSERT_TRUE(pipeline);
+    gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+    gst_element_get_state(pipeline.get(), nullptr, nullptr, 10 * GST_SECOND);
+    const ElementPtr camera(gst_bin_get_by_name(GST_BIN(pipeline.get()), "camera"));
+    GstPad* src = gst_element_get_static_pad(camera.get(), "src");
+    GstQuery* query = gst_query_new_latency();
+    ASSERT_TRUE(gst_pad_query(src, query));
+    gboolean live = FALSE;
+    GstClockTime least = 0, most = 0;
+    gst_query_parse_latency(query, &live, &least, &most);
+    EXPECT_TRUE(live) << source;
+    EXPECT_GE(least, GST_SECOND / 15) << source;
+    EXPECT_GE(most, least) << source;
+    gst_query_unref(query);
+    gst_object_unref(src);
+    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  }
+}
+
 TEST_F(CamSrcTest, FramerateIsImposedOnVideosToo) {
   for (const int rate : {5, 30}) {
     CameraPipeline camera("rig=" + rig_with_source("mjpeg.mkv") + " framerate=" + std::to_string(rate) + "/1");
@@ -137,6 +163,29 @@ TEST_F(CamSrcTest, RoundsOfAFilmFollowEachOtherWithoutAFlush) {
   gst_object_unref(bus);
 }
 
+// Films of one array loop together, even if one has lost its end.
+TEST_F(CamSrcTest, AFilmThatIsCutOffLoopsInStepWithTheOthers) {
+  const std::string whole = files->path("mjpeg.mkv"), cut = files->path("cut.mkv");
+  std::filesystem::copy(whole, cut);
+  std::filesystem::resize_file(cut, std::filesystem::file_size(whole) * 6 / 10);
+  for (const std::string properties : {" loop=true num-frames=10", " loop=true num-frames=10 is-live=true"}) {
+    CameraPipeline all("rig=" + rig_with_source("mjpeg.mkv") + properties);
+    ASSERT_EQ(all.play(), "EOS");
+    CameraPipeline some("rig=" + rig_with_source("cut.mkv") + properties);
+    ASSERT_EQ(some.play(), "EOS");
+    // The first frame of the second round, by its grey.
+    const auto again = [](const CameraPipeline& camera) {
+      for (size_t i = 1; i < camera.frames.size(); i++)
+        if (camera.frames[i].level < camera.frames[i - 1].level)
+          return camera.frames[i].running_time - camera.frames[0].running_time;
+      return GstClockTime{0};
+    };
+    EXPECT_GT(again(all), GST_SECOND / 3) << properties;
+    EXPECT_NEAR(static_cast<double>(again(some)), static_cast<double>(again(all)), 2e6) << properties;
+    EXPECT_EQ(some.frames.size(), all.frames.size()) << properties;
+  }
+}
+
 TEST_F(CamSrcTest, RoundsBehindASeekHaveTheirPlaceInTheFilm) {
   CameraPipeline camera("rig=" + rig_with([](Camera& c) { c.source = "mjpeg.mkv"; }) + " loop=true num-frames=20");
   ASSERT_TRUE(camera.reach(GST_STATE_PAUSED));
@@ -196,6 +245,15 @@ TEST_F(CamSrcTest, JpegComesAsItIsWhereItIsNotDecoded) {
   }) + " ! fakesink");
   ASSERT_TRUE(wrong);
   EXPECT_THAT(run(wrong.get()), HasSubstr("the picture is 64x48, the rig says 65x48"));
+  // A damaged picture says nothing of the size.
+  std::ofstream(files->path("begins_00.jpg")) << "\xff\xd8\xff\xe0 and no more of a picture";
+  std::filesystem::copy(files->path("jpeg_00.jpg"), files->path("begins_01.jpg"));
+  const ElementPtr damaged = launch("lfcamsrc decode=false rig=" + files->save("damaged.json", 1, [](Camera& camera) {
+    camera.source = "begins_%02d.jpg";
+    camera.width = 65;
+  }) + " ! fakesink");
+  ASSERT_TRUE(damaged);
+  EXPECT_THAT(run(damaged.get()), HasSubstr("the picture is 64x48, the rig says 65x48"));
   for (const std::string source : {"raw.mkv", "png_%d.png"}) {  // nothing to bypass
     const ElementPtr pipeline =
         launch("lfcamsrc decode=false rig=" + rig_with_source(source) + " ! video/x-raw ! fakesink sync=false");
