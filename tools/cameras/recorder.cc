@@ -20,6 +20,18 @@ namespace fs = std::filesystem;
 
 constexpr int kQuality = 95;  // of JPEG, of cameras that give other pictures
 
+// Seconds that cameras run before: they adjust to the light, and network cameras tell when frames were taken with
+// their first sender report, whose interval is 5 s (RFC 3550). Stamps would jump there.
+constexpr double kWarmUp = 1, kFirstReport = 6;
+
+bool is_dated_by_arrival(const RigCameras& cameras, CameraIndex camera) {
+  GstStructure* stats = cameras.stats(camera);
+  const char* by = stats ? gst_structure_get_string(stats, "capture-time") : nullptr;
+  const bool arrival = by && std::string(by) == "arrival";
+  if (stats) gst_structure_free(stats);
+  return arrival;
+}
+
 // A camera's film. Frames come in one thread; the rest is asked when none comes any more.
 class Film {
  public:
@@ -86,6 +98,14 @@ std::vector<Recorded> record_cameras(std::shared_ptr<const Rig> rig, const std::
       return cameras.frames(i) > 0 || !cameras.problem(i).empty();
     });
   });
+  if (going) cameras.wait(kWarmUp);
+  if (going)
+    cameras.wait(kFirstReport - kWarmUp, [&] {
+      going = going && told(-1);
+      return !going || std::ranges::none_of(cameras.cameras(), [&](CameraIndex i) {
+        return cameras.problem(i).empty() && is_dated_by_arrival(cameras, i);
+      });
+    });
   begin = cameras.now();
   // Frames of the last instant take their time to come.
   constexpr double kLate = 0.5;
