@@ -52,10 +52,10 @@ MjpegWriter::MjpegWriter(const std::string& path, int width, int height) : path_
 
 void MjpegWriter::open(const std::string& coder, GstCaps* caps) {
   GError* error = nullptr;
-  pipeline_ = gst_parse_launch(("appsrc name=source format=time block=true max-buffers=4 ! " + coder +
-                                "matroskamux ! filesink name=sink")
-                                   .c_str(),
-                               &error);
+  pipeline_ = gst_parse_launch(
+      ("appsrc name=source format=time block=true max-buffers=4 ! " + coder + "matroskamux ! filesink name=sink")
+          .c_str(),
+      &error);
   if (error) {
     const std::string reason = error->message;
     g_error_free(error);

@@ -37,7 +37,7 @@ class MjpegWriter {
 
  private:
   void open(const std::string& coder, GstCaps* caps);  // takes the caps
-  void push(GstBuffer* buffer, GstClockTime time);      // takes it
+  void push(GstBuffer* buffer, GstClockTime time);     // takes it
   void close();
   [[noreturn]] void fail();  // with what the pipeline has to say
 

@@ -173,8 +173,7 @@ TEST(LfRigRecord, FilmsAllCamerasByOneClock) {
   dir.write("films/cam_00_02.mkv", "of last week");
   const Outcome outcome = lf_rig("record rig.json --out films --seconds 2", dir);
   EXPECT_EQ(outcome.status, 1) << "one is missing";
-  EXPECT_THAT(outcome.output,
-              AllOf(HasSubstr("camera 2 (cam_00_02): 0 frames: "), HasSubstr("films: 2 of 3 cameras")));
+  EXPECT_THAT(outcome.output, AllOf(HasSubstr("camera 2 (cam_00_02): 0 frames: "), HasSubstr("films: 2 of 3 cameras")));
   EXPECT_FALSE(std::filesystem::exists(dir / "films/cam_00_02.mkv")) << "what is old is of another evening";
   for (const auto& [name, rate] : {std::pair("cam_00_00", 30.0), std::pair("cam_00_01", 15.0)}) {
     const std::vector<double> stamps = stamps_of(dir / "films/" + name + ".mkv");
