@@ -5,15 +5,15 @@
 #include <csignal>
 #include <cstdio>
 #include <memory>
-#include <optional>
 #include <string>
+#include <vector>
 
 #include "base/error.h"
 #include "cameras/commands.h"
 #include "cameras/doctor.h"
 #include "cameras/recorder.h"
+#include "cameras/recording_progress.h"
 #include "cameras/rig_cameras.h"
-#include "progress.h"
 #include "rig/rig_json.h"
 
 namespace {
@@ -32,16 +32,12 @@ int run(Options options) {
   options.recording.cameras = lf::parse_camera_list(*rig, options.cameras);
   std::signal(SIGINT, [](int) { interrupted = 1; });
   std::signal(SIGTERM, [](int) { interrupted = 1; });
-  std::optional<Progress> bar;
-  const auto recorded =
-      lf::cameras::record_cameras(rig, options.rig, options.out, options.recording, [&](double share) {
-        if (share >= 0) {
-          if (!bar) bar.emplace("recording", 0), std::printf("recording\n"), std::fflush(stdout);
-          bar->reach(share);
-        }
-        return interrupted == 0;
-      });
-  bar.reset();
+  std::vector<lf::cameras::Recorded> recorded;
+  {
+    lf::cameras::RecordingProgress progress;
+    recorded = lf::cameras::record_cameras(rig, options.rig, options.out, options.recording,
+                                           [&](double share) { return progress.tell(share), interrupted == 0; });
+  }
   size_t whole = 0;
   for (const auto& [index, frames, problem] : recorded) {
     const lf::Camera& camera = rig->cameras[index];

@@ -25,10 +25,10 @@ struct Recorded {
 };
 
 // Films with all cameras of the rig that was read from `path`, opened as the light field opens them: FOLDER/NAME.mkv of
-// each, Motion JPEG, where JPEG comes as it does. Stamps are capture times by one clock, 0 when all are open, without the
-// offsets that the rig has: a calibration finds these anew. `told` is called with how much is done (0 to 1; less than 0:
-// cameras are being opened) and says whether to go on; what there is when it says no is kept. In the order of the
-// cameras. Throws Error where GStreamer's parts or the folder are missing, or names are none of files.
+// each, Motion JPEG, where JPEG comes as it does. Stamps are capture times by one clock, 0 when all are open, without
+// the offsets that the rig has: a calibration finds these anew. `told` is called with how much is done (0 to 1; less
+// than 0: cameras are being opened) and says whether to go on; what there is when it says no is kept. In the order of
+// the cameras. Throws Error where GStreamer's parts or the folder are missing, or names are none of files.
 std::vector<Recorded> record_cameras(std::shared_ptr<const Rig> rig, const std::string& path, const std::string& folder,
                                      const RecordingOptions& options, const std::function<bool(double)>& told);
 
