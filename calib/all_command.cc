@@ -180,7 +180,7 @@ class Afternoon {
                     {"colour", rig, "--recording", o_.colour, "--out", coloured, "--json", file("colour.json")},
                     {rig, o_.colour},
                     {coloured, file("colour.json")}});
-    colour_failed_ = !done;
+    if (!done) colour_failure_ = steps_.failure();
     return done ? coloured : rig;
   }
 
@@ -205,13 +205,12 @@ class Afternoon {
     ReportData data;
     std::vector<const char*> reports = {"track.json"};
     if (has_rig) reports.push_back("solve.json");
-    if (has_rig && !o_.colour.empty() && !colour_failed_) reports.push_back("colour.json");
+    if (has_rig && !o_.colour.empty() && !colour_failure_) reports.push_back("colour.json");
     for (const char* name : reports)
       if (fs::exists(file(name))) data.add(lf::parse_json(lf::read_text_file(file(name)), file(name)), file(name));
-    if (!has_rig) data.findings.push_back({"error", "no-rig", "no rig came of it: the steps' messages say why"});
-    if (colour_failed_)
-      data.findings.push_back(
-          {"warning", "no-colour", "colours are not measured: " + file("colour.log") + " says why"});
+    if (!has_rig) data.findings.push_back({"error", "no-rig", "no rig came of it: " + steps_.failure()});
+    if (colour_failure_)
+      data.findings.push_back({"warning", "no-colour", "colours are not measured: " + *colour_failure_});
     const ReportVerdict verdict = judge(data);
     const std::string page = file("report.html");
     lf::write_text_file(report_page(data, verdict, fs::path(out_).filename().string()), page);
@@ -225,7 +224,7 @@ class Afternoon {
   const Options& o_;
   const std::string out_, folder_;
   Steps steps_;
-  bool colour_failed_ = false;
+  std::optional<std::string> colour_failure_;
 };
 
 }  // namespace

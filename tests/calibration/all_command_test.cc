@@ -150,7 +150,7 @@ TEST_F(AllCommand, WhatIsWrongIsSaidWithWhatToDo) {
        "--lights lights --bar 0.3 --boards chart --board 9x6",
        0,
        {"no image shows the board of 9x6 inner corners: is that the board", "boards-0    failed"}},
-      {"no chart", [] {}, "--lights lights --bar 0.3 --colour nowhere", 0, {"colours are not measured"}},
+      {"no chart", [] {}, "--lights lights --bar 0.3 --colour nowhere", 0, {"- colours are not measured: nowhere"}},
       {"onto itself", [] {}, "--lights lights --out rig.json", 1, {"give another file as --out"}},
   };
   for (const auto& c : cases) {
