@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-calibrate all: recordings of an afternoon become a calibrated rig and a report, one step after the other.
+#include <gst/gst.h>
+
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
-#include <map>
+#include <iostream>
 #include <memory>
 #include <optional>
 #include <string>
@@ -14,6 +16,10 @@
 #include "base/error.h"
 #include "base/json_value.h"
 #include "base/number_text.h"
+#include "cameras/doctor.h"
+#include "cameras/recorder.h"
+#include "cameras/recording_progress.h"
+#include "cameras/rig_cameras.h"
 #include "commands.h"
 #include "recordings.h"
 #include "report_data.h"
@@ -29,7 +35,7 @@ using nlohmann::json;
 
 struct Options {
   std::string rig, lights, boards, colour, out, board, charuco;
-  double bar = 0;
+  double bar = 0, record = 0;
 };
 
 class Afternoon {
@@ -41,13 +47,22 @@ class Afternoon {
         steps_(folder_) {
     if (fs::exists(out_) && fs::equivalent(o.rig, out_))
       throw lf::Error(out_ + ": is the rig that the calibration begins with: give another file as --out");
-    check_folder(o.lights);
+    if (o.record == 0) check_folder(o.lights);
     check_folder(o.boards);
     if (!o.boards.empty() && o.board.empty())
       throw lf::Error("--boards: give --board, the inner corners of the board, as 9x6");
   }
 
   int run() {
+    if (o_.record > 0) {
+      record(o_.lights,
+             o_.bar > 0 ? "Make the room dark, switch on both lights of the bar"
+                        : "Make the room dark, switch on the light",
+             "move it near and far and into all corners of the pictures");
+      if (!o_.colour.empty())
+        record(o_.colour, "Light the room evenly, take the chart",
+               "hold it before the cameras, still for a moment, at a dozen places");
+    }
     std::optional<std::string> rig = geometry();
     if (rig && !o_.colour.empty()) rig = colour(*rig);
     if (rig) publish(*rig);
@@ -55,6 +70,35 @@ class Afternoon {
   }
 
  private:
+  // Asks for what is to be recorded, and records it; what is there already may stay.
+  void record(const std::string& folder, const char* before, const char* meanwhile) const {
+    const auto ask = [](const std::string& question) {
+      std::printf("%s ", question.c_str());
+      std::fflush(stdout);
+      std::string answer;
+      if (!std::getline(std::cin, answer)) throw lf::Error("--record: nobody answers; without it recordings are read");
+      return answer;
+    };
+    if (fs::is_directory(folder) && !fs::is_empty(folder) &&
+        ask(folder + " has recordings. Enter: they are used; n and Enter: they are made anew.") != "n")
+      return;
+    const std::string seconds = lf::number_text(o_.record);
+    ask(std::string(before) + ". Enter: the cameras are opened, and record for " + seconds + " s, while you " +
+        meanwhile + ".");
+    gst_init(nullptr, nullptr);
+    const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(o_.rig));
+    std::vector<lf::cameras::Recorded> recorded;
+    {
+      lf::cameras::RecordingProgress progress;
+      recorded = lf::cameras::record_cameras(rig, o_.rig, folder, {.cameras = {}, .seconds = o_.record},
+                                             [&](double share) { return progress.tell(share), true; });
+    }
+    for (const lf::cameras::Recorded& one : recorded)
+      if (const lf::Camera& camera = rig->cameras[one.camera]; !one.problem.empty())
+        std::printf("record      camera %s: %s: %s\n", lf::cameras::name_of(camera).c_str(), one.problem.c_str(),
+                    lf::cameras::remedy_of(camera, one.problem).c_str());
+  }
+
   std::string file(const char* name) const { return folder_ + "/" + name; }
 
   // The lenses that boards tell, in a rig file; the rig itself where there are none.
@@ -136,7 +180,7 @@ class Afternoon {
                     {"colour", rig, "--recording", o_.colour, "--out", coloured, "--json", file("colour.json")},
                     {rig, o_.colour},
                     {coloured, file("colour.json")}});
-    colour_failed_ = !done;
+    if (!done) colour_failure_ = steps_.failure();
     return done ? coloured : rig;
   }
 
@@ -161,13 +205,12 @@ class Afternoon {
     ReportData data;
     std::vector<const char*> reports = {"track.json"};
     if (has_rig) reports.push_back("solve.json");
-    if (has_rig && !o_.colour.empty() && !colour_failed_) reports.push_back("colour.json");
+    if (has_rig && !o_.colour.empty() && !colour_failure_) reports.push_back("colour.json");
     for (const char* name : reports)
       if (fs::exists(file(name))) data.add(lf::parse_json(lf::read_text_file(file(name)), file(name)), file(name));
-    if (!has_rig) data.findings.push_back({"error", "no-rig", "no rig came of it: the steps' messages say why"});
-    if (colour_failed_)
-      data.findings.push_back(
-          {"warning", "no-colour", "colours are not measured: " + file("colour.log") + " says why"});
+    if (!has_rig) data.findings.push_back({"error", "no-rig", "no rig came of it: " + steps_.failure()});
+    if (colour_failure_)
+      data.findings.push_back({"warning", "no-colour", "colours are not measured: " + *colour_failure_});
     const ReportVerdict verdict = judge(data);
     const std::string page = file("report.html");
     lf::write_text_file(report_page(data, verdict, fs::path(out_).filename().string()), page);
@@ -181,21 +224,28 @@ class Afternoon {
   const Options& o_;
   const std::string out_, folder_;
   Steps steps_;
-  bool colour_failed_ = false;
+  std::optional<std::string> colour_failure_;
 };
 
 }  // namespace
 
 void add_all_command(cli::App& app, int& status) {
   const auto o = std::make_shared<Options>();
-  cli::App* command = app.add_subcommand(
-      "all",
-      "The afternoon in one command: lenses, lights, cameras, colours and a report, of recordings. What is done and "
-      "whose inputs have not changed is not done again. Exit status 0: all cameras are fit for use");
+  cli::App* command =
+      app.add_subcommand("all",
+                         "The afternoon in one command: lenses, lights, cameras, colours and a report, of recordings "
+                         "or live. What is done and "
+                         "whose inputs have not changed is not done again. Exit status 0: all cameras are fit for use");
   command->add_option("RIG", o->rig, "Rig file, nominal (lf-rig new); is left as it is")->required();
   command->add_option("--lights", o->lights, "Folder with NAME.* of each camera: a light moved through the dark")
       ->required()
       ->type_name("DIR");
+  command
+      ->add_option("--record", o->record,
+                   "Record first, so many seconds each, with the cameras of RIG: says when to move the light, when to "
+                   "show the chart, and writes these folders")
+      ->type_name("SECONDS")
+      ->check(cli::PositiveNumber);
   command->add_option("--bar", o->bar, "Two lights were moved, so many metres apart: gives the scale")
       ->check(cli::PositiveNumber);
   command

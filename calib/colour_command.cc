@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-calibrate colour: the colours of an array's cameras, from a chart that all are shown or from what they have in
 // common.
+#include <gst/gst.h>
+
 #include <algorithm>
 #include <atomic>
 #include <cstdio>
@@ -13,9 +15,6 @@
 #include <vector>
 
 #include <nlohmann/json.hpp>
-#include <opencv2/core/utils/logger.hpp>
-#include <opencv2/imgproc.hpp>
-#include <opencv2/videoio.hpp>
 
 #include "base/error.h"
 #include "base/json_value.h"
@@ -29,6 +28,7 @@
 #include "progress.h"
 #include "recordings.h"
 #include "rig/rig_json.h"
+#include "video_pictures.h"
 
 namespace {
 
@@ -55,31 +55,54 @@ std::string name_of_frame(const std::string& pattern, size_t n) {
   return pattern.substr(0, begin) + number + pattern.substr(end + 1);
 }
 
-// A camera's frames, at most `most`, in time order: those of its source, or its still.
-std::vector<lf::Image> frames_of(const lf::Rig& rig, const lf::Camera& camera, size_t most) {
-  std::vector<lf::Image> frames;
+// A frame that shows the same place as other cameras' of the same number.
+struct Frame {
+  size_t place;
+  lf::Image image;
+};
+
+// A folder's image sequence left_%04d.png.
+bool is_sequence(const std::string& source) { return source.find('%') != std::string::npos && !lf::is_uri(source); }
+
+// The time from place to place, seconds: what recordings show is spread over the longest of them. 0 where lengths are
+// not known: every frame is a place then.
+double time_between_places(const lf::Rig& recorded, size_t places) {
+  double longest = 0;
+  for (const lf::Camera& camera : recorded.cameras)
+    if (const std::string source = recorded.resolve(camera.source);
+        !source.empty() && !is_sequence(source) && (!lf::is_uri(source) || source.starts_with("file:")))
+      longest = std::max(longest, length_of_video(source));
+  return longest / static_cast<double>(places);
+}
+
+// A camera's frames, of its source or its still: one a place, at most `most`. `trouble`: why there is none.
+std::vector<Frame> frames_of(const lf::Rig& rig, const lf::Camera& camera, size_t most, double between,
+                             std::string& trouble) {
+  std::vector<Frame> frames;
   const std::string source = rig.resolve(camera.source);
-  if (source.find('%') != std::string::npos && !lf::is_uri(source)) {
+  if (is_sequence(source)) {
     for (size_t n = 0; frames.size() < most; n++) {
       const std::string path = name_of_frame(source, n);
       if (!fs::exists(path)) break;
-      frames.push_back(lf::load_image(path));
+      frames.push_back({n, lf::load_image(path)});
     }
-  } else if (!source.empty()) {
-    const std::string uri = lf::is_uri(source) ? source : "file://" + fs::absolute(source).string();
-    if (uri.find('"') != std::string::npos) throw lf::Error(uri + ": has a quotation mark");
-    cv::VideoCapture video("uridecodebin uri=\"" + uri + "\" ! videoconvert ! video/x-raw,format=BGR ! appsink " +
-                               (uri.starts_with("file:") ? "sync=false" : "max-buffers=1 drop=true"),
-                           cv::CAP_GSTREAMER);
-    cv::Mat bgr;
-    while (frames.size() < most && video.isOpened() && video.read(bgr)) {
-      lf::Image& image = frames.emplace_back(lf::PixelFamily::kRgb, bgr.cols, bgr.rows);
-      cv::Mat rgb(bgr.rows, bgr.cols, CV_8UC3, image.data().data());
-      cv::cvtColor(bgr, rgb, cv::COLOR_BGR2RGB);
+  } else if (!source.empty())
+    try {
+      for_each_picture(source, VideoFormat::kRgb, [&](const VideoPicture& picture) {
+        const size_t place = between > 0 ? static_cast<size_t>(picture.time / between + 1e-6) : frames.size();
+        if (place >= most) return false;
+        if (!frames.empty() && place <= frames.back().place) return true;
+        lf::Image& image =
+            frames.emplace_back(place, lf::Image(lf::PixelFamily::kRgb, picture.width, picture.height)).image;
+        for (int y = 0; y < picture.height; y++)
+          std::copy_n(picture.samples + y * picture.stride, 3 * picture.width, image.pixel(0, y));
+        return true;
+      });
+    } catch (const lf::Error& error) {
+      trouble = error.what();
     }
-  }
-  if (frames.empty() && !camera.image.empty()) frames.push_back(lf::load_image(rig.resolve(camera.image)));
-  for (const lf::Image& frame : frames)
+  if (frames.empty() && !camera.image.empty()) frames.push_back({0, lf::load_image(rig.resolve(camera.image))});
+  for (const auto& [place, frame] : frames)
     if (frame.width() != camera.width || frame.height() != camera.height)
       throw lf::Error("camera " + std::to_string(camera.id) + ": its recording has " +
                       lf::size_text(frame.width(), frame.height()) + " pixels, the rig says " +
@@ -89,10 +112,10 @@ std::vector<lf::Image> frames_of(const lf::Rig& rig, const lf::Camera& camera, s
 }
 
 struct Recording {
-  lf::ColourSamples chart;                    // patches: 24 for each frame
-  std::vector<std::vector<lf::Image>> views;  // by frame, of each camera
+  lf::ColourSamples chart;                    // patches: 24 for each place
+  std::vector<std::vector<lf::Image>> views;  // by place, of each camera
   size_t charts = 0;                          // that were found
-  std::vector<std::string> without;           // cameras without a frame
+  std::vector<std::string> without;           // cameras without a frame, and why
 };
 
 // Reads the cameras side by side and looks for the chart in each frame; frames for views are kept.
@@ -105,6 +128,8 @@ Recording read(const lf::Rig& rig, const lf::Rig& recorded, const Options& optio
   out.views.assign(kViewFrames, std::vector<lf::Image>(n));
   std::vector<std::vector<lf::ColourSample>> found(n);
   std::vector<size_t> charts(n), lengths(n);
+  std::vector<std::string> troubles(n);
+  const double between = time_between_places(recorded, static_cast<size_t>(options.frames));
   std::atomic<size_t> next = 0;
   std::mutex mutex;
   std::exception_ptr error;
@@ -112,22 +137,23 @@ Recording read(const lf::Rig& rig, const lf::Rig& recorded, const Options& optio
   const auto work = [&] {
     for (size_t i; (i = next++) < n;) try {
         const auto index = recorded.index_of_id(rig.cameras[i].id);
-        std::vector<lf::Image> frames;
+        std::vector<Frame> frames;
         if (index) {
           lf::Camera camera = rig.cameras[i];
           camera.source = recorded.cameras[*index].source;
           camera.image = recorded.cameras[*index].image;
-          frames = frames_of(recorded, camera, static_cast<size_t>(options.frames));
+          frames = frames_of(recorded, camera, static_cast<size_t>(options.frames), between, troubles[i]);
         }
-        lengths[i] = frames.size();
+        lengths[i] = frames.empty() ? 0 : frames.back().place + 1;
         for (size_t k = 0; k < frames.size(); k++) {
           if (options.from != "views") {
-            const auto samples = lf::find_colour_checker(frames[k], static_cast<lf::CameraIndex>(i),
-                                                         static_cast<uint32_t>(k * lf::checker::kPatches));
+            const auto samples =
+                lf::find_colour_checker(frames[k].image, static_cast<lf::CameraIndex>(i),
+                                        static_cast<uint32_t>(frames[k].place * lf::checker::kPatches));
             charts[i] += !samples.empty();
             found[i].insert(found[i].end(), samples.begin(), samples.end());
           }
-          if (k < kViewFrames) out.views[k][i] = std::move(frames[k]);
+          if (frames[k].place < kViewFrames) out.views[frames[k].place][i] = std::move(frames[k].image);
         }
         const std::lock_guard lock(mutex);
         progress.step();
@@ -147,7 +173,9 @@ Recording read(const lf::Rig& rig, const lf::Rig& recorded, const Options& optio
     out.chart.all.insert(out.chart.all.end(), found[i].begin(), found[i].end());
     out.charts += charts[i];
     out.chart.patches = std::max(out.chart.patches, static_cast<uint32_t>(lengths[i] * lf::checker::kPatches));
-    if (lengths[i] == 0) out.without.push_back(std::to_string(rig.cameras[i].id));
+    if (lengths[i] == 0)
+      out.without.push_back("camera " + std::to_string(rig.cameras[i].id) + ": the recording has no picture of it" +
+                            (troubles[i].empty() ? "" : ": " + troubles[i]));
   }
   if (out.without.size() == n)
     throw lf::Error((options.recording.empty() ? options.rig : options.recording) +
@@ -222,16 +250,14 @@ void print(const lf::Rig& rig, const lf::ColourSolution& solution, const std::st
 }
 
 void measure(const Options& options) {
-  // It warns of what does not matter: how long a recording is.
-  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_ERROR);
+  gst_init(nullptr, nullptr);
   nlohmann::json original = lf::parse_json(lf::read_text_file(options.rig), options.rig);
   lf::Rig rig = lf::load_rig(options.rig);
   const lf::Rig recorded = options.recording.empty()             ? rig
                            : fs::is_directory(options.recording) ? recorded_in(options.recording, rig)
                                                                  : lf::load_rig(options.recording);
   const Recording recording = read(rig, recorded, options);
-  for (const std::string& id : recording.without)
-    std::printf("warning: camera %s: the recording has no picture of it\n", id.c_str());
+  for (const std::string& camera : recording.without) std::printf("warning: %s\n", camera.c_str());
   if (options.from == "chart" && recording.charts == 0)
     throw lf::Error(
         "no chart is found in any picture: show the cameras one of 24 colours (ColorChecker), a third of the "
@@ -269,7 +295,9 @@ void add_colour_command(cli::App& app) {
                    "calibrated geometry, or the chart where there is one")
       ->capture_default_str()
       ->check(cli::IsMember({"auto", "chart", "views"}));
-  command->add_option("--frames", o->frames, "Of each recording, from its beginning on, at most")
+  command
+      ->add_option("--frames", o->frames,
+                   "Of each recording, spread over its length, at most: recordings begin together")
       ->capture_default_str()
       ->check(cli::Range(1, 10000));
   command->add_option("--out", o->out, "Rig file to write; may be RIG")->required()->type_name("RIG");

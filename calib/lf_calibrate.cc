@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-calibrate: measures the cameras of an array, step by step.
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -64,6 +67,12 @@ int main(int argc, char** argv) {
   add_report_command(app);
   add_solve_command(app);
   add_track_command(app);
-  const int failed = cli::run_tool(app, argc, argv, [] {});
+  // A log says why nothing came of it, as the terminal does.
+  const int failed = cli::run_tool(
+      app, argc, argv, [] {},
+      [](const std::string& error) {
+        struct stat out = {};
+        if (fstat(STDOUT_FILENO, &out) == 0 && S_ISREG(out.st_mode)) std::printf("error: %s\n", error.c_str());
+      });
   return failed ? failed : status;
 }

@@ -9,9 +9,9 @@
 #include "base/number_text.h"
 #include "base/worker_pool.h"
 #include "calibration/light_detector.h"
-#include "grey_video.h"
 #include "progress.h"
 #include "recordings.h"
+#include "video_pictures.h"
 
 namespace {
 
@@ -27,7 +27,7 @@ Watched watch(const std::string& folder, const lf::Rig& rig, const lf::Camera& c
   watched.sights = {camera.id, camera.width, camera.height, {}};
   try {
     lf::LightDetector detector(camera.width, camera.height);
-    for_each_picture(recording_of(folder, rig, camera), [&](const GreyPicture& picture) {
+    for_each_picture(recording_of(folder, rig, camera), VideoFormat::kGrey, [&](const VideoPicture& picture) {
       if (picture.width != camera.width || picture.height != camera.height)
         throw lf::Error("its pictures are " + lf::size_text(picture.width, picture.height) + ", the rig has it as " +
                         lf::size_text(camera.width, camera.height));

@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <string_view>
 
 #include <nlohmann/json.hpp>
 
@@ -103,7 +104,14 @@ bool Steps::run(const Step& step) {
   std::vector<std::string> words = {"lf-calibrate"};
   words.insert(words.end(), step.arguments.begin(), step.arguments.end());
   const int status = run_program(words, log);
-  const std::string said = last_line(lf::read_text_file(log));
+  std::string said = last_line(lf::read_text_file(log));
+  constexpr std::string_view kError = "error: ";
+  if (status != 0 && said.starts_with(kError)) {
+    failure_ = said.substr(kError.size());
+    // It is on the terminal already; what was said before is the step's own last word.
+    const std::string text = lf::read_text_file(log);
+    said = last_line(text.substr(0, text.rfind(kError)));
+  }
   const bool left_all = std::ranges::all_of(step.outputs, [](const std::string& path) { return fs::exists(path); });
   std::printf("%-11s %s%s\n", step.name.c_str(), said.empty() ? "failed" : said.c_str(),
               status == 0 ? ""

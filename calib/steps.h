@@ -18,9 +18,11 @@ class Steps {
     std::vector<std::string> outputs;    // files; the first is what the step is for
   };
   // Runs the step unless there is nothing to do, and prints a line of what came of it. False where it failed and left
-  // nothing to go on with: its error is on standard error then.
+  // nothing to go on with: its error is on standard error then, and in failure().
   bool run(const Step& step);
+  const std::string& failure() const { return failure_; }
 
  private:
+  std::string failure_;  // of the last step that failed
   std::string folder_;
 };

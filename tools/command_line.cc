@@ -114,7 +114,8 @@ void App::callback(std::function<void()> job) { parts_->app->callback(std::move(
 
 App::operator bool() const { return parts_->app->parsed(); }
 
-int run_tool(App& app, int argc, char** argv, const std::function<void()>& job) {
+int run_tool(App& app, int argc, char** argv, const std::function<void()>& job,
+             const std::function<void(const std::string&)>& on_error) {
   CLI::App& parser = *app.parts_->app;
   try {
     parser.parse(argc, argv);
@@ -125,6 +126,7 @@ int run_tool(App& app, int argc, char** argv, const std::function<void()>& job) 
     std::fprintf(stderr, "%s: %s (see --help)\n", parser.get_name().c_str(), e.what());
   } catch (const std::exception& e) {
     std::fprintf(stderr, "%s: %s\n", parser.get_name().c_str(), e.what());
+    if (on_error) on_error(e.what());
   }
   return 1;
 }

@@ -71,7 +71,8 @@ class App {
   explicit operator bool() const;  // this command is on the command line
 
  private:
-  friend int run_tool(App& app, int argc, char** argv, const std::function<void()>& job);
+  friend int run_tool(App& app, int argc, char** argv, const std::function<void()>& job,
+                      const std::function<void(const std::string&)>& on_error);
   struct Parts;
   explicit App(std::shared_ptr<CLI::App> app);
 
@@ -79,7 +80,8 @@ class App {
 };
 
 // The main() of a tool: parses the command line into `app`'s options, then calls `job`. What goes wrong is one line on
-// standard error and exit status 1.
-int run_tool(App& app, int argc, char** argv, const std::function<void()>& job);
+// standard error and exit status 1; `on_error` is told, too.
+int run_tool(App& app, int argc, char** argv, const std::function<void()>& job,
+             const std::function<void(const std::string&)>& on_error = {});
 
 }  // namespace cli

@@ -276,6 +276,7 @@ int main(int argc, char** argv) {
   add_doctor_command(app, status);
   add_identify_command(app);
   add_lock_command(app, status);
+  add_record_command(app, status);
   add_snapshot_command(app, status);
   const int failed = cli::run_tool(app, argc, argv, [&] {
     if (*make) {

@@ -15,6 +15,7 @@
 
 #include "base/error.h"
 #include "command_line.h"
+#include "file_names.h"
 #include "image/image.h"
 #include "lf_scene_chart.h"
 #include "lf_scene_lights.h"
@@ -58,13 +59,6 @@ FrameRate rate_of(const std::string& text) {
   if (!(value >= 0.001 && value <= 1000))
     throw lf::Error("--framerate " + text + ": must be frames per second from 0.001 to 1000, as 15 or 30000/1001");
   return rate;
-}
-
-// Names become file names: they must not lead out of the folder, hide a pattern or name one file twice.
-void check_name(const std::string& name, const std::string& place, std::set<std::string>& taken) {
-  if (name.empty() || name == "." || name == ".." || name.find_first_of("/%") != std::string::npos)
-    throw lf::Error(place + ": \"" + name + "\" can't be the name of a file");
-  if (!taken.insert(name).second) throw lf::Error(place + ": \"" + name + "\" names two of them");
 }
 
 // An interrupted run leaves no half picture under a picture's name.
@@ -157,13 +151,12 @@ void film(const Options& options) {
   if (options.out.empty()) throw lf::Error("--out is required (see --help)");
   const lf::Rig rig = rig_of(options);
   const FrameRate rate = rate_of(options.framerate);
-  std::set<std::string> camera_names, view_names;
-  for (size_t i = 0; i < rig.cameras.size(); i++)
-    check_name(rig.cameras[i].name, "cameras[" + std::to_string(i) + "].name", camera_names);
+  check_file_names(rig);
+  std::set<std::string> view_names;
   std::vector<lf::NamedView> views;
   if (!options.truth.empty()) views = lf::load_views(options.truth);
   for (size_t i = 0; i < views.size(); i++)
-    check_name(views[i].name, options.truth + ": views[" + std::to_string(i) + "].name", view_names);
+    check_file_name(views[i].name, options.truth + ": views[" + std::to_string(i) + "].name", view_names);
 
   // The rig file comes last: where it is, all that it names is whole.
   const fs::path rig_path = fs::path(options.out) / "rig.json";

@@ -8,7 +8,6 @@
 #include <filesystem>
 #include <memory>
 #include <mutex>
-#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -18,6 +17,7 @@
 #include "base/error.h"
 #include "base/json_value.h"
 #include "base/worker_pool.h"
+#include "file_names.h"
 #include "mjpeg_writer.h"
 #include "progress.h"
 #include "rig/rig_json.h"
@@ -82,13 +82,9 @@ json record(const Options& options, const lf::LightsPath& path, const lf::Camera
 void film_lights(const Options& options) {
   const lf::Rig rig = lf::load_rig(options.rig);
   const lf::LightsPath path(rig, options.lights);
-  std::set<std::string> names;
+  check_file_names(rig);
   size_t frames = 0;
   for (size_t i = 0; i < rig.cameras.size(); i++) {
-    const std::string& name = rig.cameras[i].name;
-    if (name.empty() || name == "." || name == ".." || name.find('/') != std::string::npos ||
-        !names.insert(name).second)
-      throw lf::Error(options.rig + ": cameras[" + std::to_string(i) + "].name: \"" + name + "\" can't name a file");
     const FrameRate rate = parse_rate(options.framerates[i % options.framerates.size()]);
     const double seconds = parse_seconds(options.seconds[i % options.seconds.size()]);
     frames += std::max<int64_t>(1, std::llround(seconds * rate.numerator / rate.denominator));

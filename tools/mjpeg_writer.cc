@@ -42,28 +42,33 @@ GstBuffer* to_buffer(const lf::Image& i420, const GstVideoInfo& info) {
 
 MjpegWriter::MjpegWriter(const std::string& path, int width, int height, FrameRate rate, int quality)
     : path_(path), rate_(rate) {
+  const GstVideoInfo info = info_of(width, height, rate);
+  open("jpegenc quality=" + std::to_string(quality) + " ! ", gst_video_info_to_caps(&info));
+}
+
+MjpegWriter::MjpegWriter(const std::string& path, int width, int height) : path_(path), rate_{0, 1} {
+  open("", gst_caps_new_simple("image/jpeg", "width", G_TYPE_INT, width, "height", G_TYPE_INT, height, nullptr));
+}
+
+void MjpegWriter::open(const std::string& coder, GstCaps* caps) {
   GError* error = nullptr;
   pipeline_ = gst_parse_launch(
-      "appsrc name=source format=time block=true max-buffers=4 ! jpegenc name=encoder ! matroskamux ! filesink "
-      "name=sink",
+      ("appsrc name=source format=time block=true max-buffers=4 ! " + coder + "matroskamux ! filesink name=sink")
+          .c_str(),
       &error);
   if (error) {
     const std::string reason = error->message;
     g_error_free(error);
+    gst_caps_unref(caps);
     if (pipeline_) gst_object_unref(pipeline_);
-    throw lf::Error(path + ": can't be written: " + reason);
+    throw lf::Error(path_ + ": can't be written: " + reason);
   }
-  const auto element = [&](const char* name) { return gst_bin_get_by_name(GST_BIN(pipeline_), name); };
-  GstElement *encoder = element("encoder"), *sink = element("sink");
-  source_ = element("source");
-  g_object_set(encoder, "quality", quality, nullptr);
-  g_object_set(sink, "location", (path + ".part").c_str(), nullptr);
-  const GstVideoInfo info = info_of(width, height, rate);
-  GstCaps* caps = gst_video_info_to_caps(&info);
+  GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline_), "sink");
+  source_ = gst_bin_get_by_name(GST_BIN(pipeline_), "source");
+  g_object_set(sink, "location", (path_ + ".part").c_str(), nullptr);
+  gst_object_unref(sink);
   gst_app_src_set_caps(GST_APP_SRC(source_), caps);
   gst_caps_unref(caps);
-  gst_object_unref(encoder);
-  gst_object_unref(sink);
   if (gst_element_set_state(pipeline_, GST_STATE_PLAYING) == GST_STATE_CHANGE_FAILURE) fail();
 }
 
@@ -77,10 +82,20 @@ void MjpegWriter::close() {
   pipeline_ = nullptr;
 }
 
-void MjpegWriter::add(const lf::Image& rgb) {
+void MjpegWriter::add(const lf::Image& rgb, GstClockTime time) {
   GstBuffer* buffer = to_buffer(lf::to_i420(rgb), info_of(rgb.width(), rgb.height(), rate_));
-  GST_BUFFER_PTS(buffer) = GST_BUFFER_DTS(buffer) = rate_.time(frames_);
-  GST_BUFFER_DURATION(buffer) = rate_.time(frames_ + 1) - rate_.time(frames_);
+  if (rate_.numerator > 0) GST_BUFFER_DURATION(buffer) = rate_.time(frames_ + 1) - rate_.time(frames_);
+  push(buffer, time);
+}
+
+void MjpegWriter::add_jpeg(GstBuffer* jpeg, GstClockTime time) {
+  GstBuffer* buffer = gst_buffer_copy(jpeg);
+  GST_BUFFER_DURATION(buffer) = GST_CLOCK_TIME_NONE;
+  push(buffer, time);
+}
+
+void MjpegWriter::push(GstBuffer* buffer, GstClockTime time) {
+  GST_BUFFER_PTS(buffer) = GST_BUFFER_DTS(buffer) = time;
   frames_++;
   if (gst_app_src_push_buffer(GST_APP_SRC(source_), buffer) != GST_FLOW_OK) fail();
 }

@@ -17,20 +17,27 @@ struct FrameRate {
 };
 
 // Motion JPEG in a Matroska file, through GStreamer. The file has its name only once it is whole: until finish() it is
-// PATH.part. One thread at a time. Throws lf::Error naming the file.
+// PATH.part. One thread at a time. Throws lf::Error naming the file. gst_init() must have been called.
 class MjpegWriter {
  public:
-  // `quality`: of JPEG, 1..100. gst_init() must have been called.
+  // Of pictures. `quality`: of JPEG, 1..100. `rate`: 0/1 where every frame comes with its time.
   MjpegWriter(const std::string& path, int width, int height, FrameRate rate, int quality);
+  // Of frames that are JPEG already, which go to the file as they are.
+  MjpegWriter(const std::string& path, int width, int height);
   ~MjpegWriter();
   MjpegWriter(const MjpegWriter&) = delete;
   MjpegWriter& operator=(const MjpegWriter&) = delete;
 
-  // The next frame: RGB of the writer's size.
-  void add(const lf::Image& rgb);
+  // The next frame: RGB of the writer's size, at its time by the rate.
+  void add(const lf::Image& rgb) { add(rgb, rate_.time(frames_)); }
+  // At `time`, nanoseconds from the beginning on; later than the one before.
+  void add(const lf::Image& rgb, GstClockTime time);
+  void add_jpeg(GstBuffer* jpeg, GstClockTime time);  // borrowed
   void finish();
 
  private:
+  void open(const std::string& coder, GstCaps* caps);  // takes the caps
+  void push(GstBuffer* buffer, GstClockTime time);     // takes it
   void close();
   [[noreturn]] void fail();  // with what the pipeline has to say
 

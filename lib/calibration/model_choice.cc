@@ -148,9 +148,13 @@ bool choose_tangential(Reconstruction& scene, const Tracks& tracks, const Distor
   apply_model(more, candidates[1].options);
   std::vector<ModelTrial> tried;
   const size_t chosen = choose(scene, tracks, candidates, Start::kScene, num_observations, tried);
-  // The first is in the table already, where others were tried.
-  if (!trials.empty() && chosen > 0)
-    for (ModelTrial& trial : trials) trial.chosen = false;
+  // The first is in the table already, where others were tried, with a criterion that counts from another noise: only
+  // differences mean something.
+  for (ModelTrial& trial : trials) {
+    if (!trial.chosen) continue;
+    tried[1].bic += trial.bic - tried[0].bic;
+    trial.chosen = chosen == 0;
+  }
   trials.insert(trials.end(), tried.begin() + (trials.empty() ? 0 : 1), tried.end());
   return chosen > 0;
 }

@@ -21,6 +21,7 @@ namespace {
 constexpr size_t kMostInstants = 400;    // more tell little more
 constexpr size_t kFirstInstants = 120;   // for a first layout
 constexpr int kMostRounds = 16;          // of clocks and geometry in turn
+constexpr int kMostModels = 3;           // of the lenses, that clocks are read with
 constexpr double kSettled = 5e-5;        // seconds
 constexpr double kNearlySettled = 3e-3;  // seconds: what is off by more is no step yet
 constexpr double kWhole = 0.25;          // of a frame, that a step may differ from whole ones
@@ -80,21 +81,29 @@ class LightSolver {
     const Solution begun = solve_tracks(first, options_.solve);
     scene_ = begun.scene;
     model_ = begun.model;
-    double moved = 1;
     double first_reach = kFirstReach;
-    for (int round = 0; round < kMostRounds && (moved > kSettled || first_reach > reach()); round++) {
-      step("clocks: round " + std::to_string(round + 1));
-      moved = read_clocks(std::max(reach(), first_reach));
-      // Slowly: of a camera that is still late what moves fast would be left out, and it would never be found late.
-      first_reach *= kNearer;
+    // Clocks that are only guessed hide what lenses do: where more of that shows with the clocks that come out, these
+    // are read again, of lenses that are right.
+    for (int turn = 0; turn < kMostModels; turn++) {
+      double moved = 1;
+      for (int round = 0; round < kMostRounds && (moved > kSettled || first_reach > reach()); round++) {
+        step("clocks: round " + std::to_string(round + 1));
+        moved = read_clocks(std::max(reach(), first_reach));
+        // Slowly: of a camera that is still late what moves fast would be left out, and it would never be found late.
+        first_reach *= kNearer;
+      }
+      centre_clocks();
+      candidates_ = candidates_at(paths_, frame_times_, result_.clocks, result_.instants);
+      LightAssociation last = associate_by_geometry(cameras_, candidates_, scene_.cameras, reach());
+      keep_lost_cameras(last.tracks, reference);
+      result_.reflections = std::move(last.reflections);
+      result_.tracks = std::move(last.tracks);
+      result_.solution = solve_tracks(result_.tracks, options_.solve);
+      const AdjustmentOptions& found = result_.solution.model;
+      if (found.free == model_.free && found.shared == model_.shared) break;
+      scene_ = result_.solution.scene;
+      model_ = found;
     }
-    centre_clocks();
-    candidates_ = candidates_at(paths_, frame_times_, result_.clocks, result_.instants);
-    LightAssociation last = associate_by_geometry(cameras_, candidates_, scene_.cameras, reach());
-    keep_lost_cameras(last.tracks, reference);
-    result_.reflections = std::move(last.reflections);
-    result_.tracks = std::move(last.tracks);
-    result_.solution = solve_tracks(result_.tracks, options_.solve);
     return std::move(result_);
   }
 

@@ -82,6 +82,28 @@ TEST_F(AllCommand, TheAfternoonAndOnlyWhatChangedIsDoneAgain) {
               AllOf(HasSubstr("track       as before: "), Not(HasSubstr("solve       as before: "))));
 }
 
+// With cameras that show the recordings again and again.
+TEST_F(AllCommand, LiveItSaysWhatToDoAndRecords) {
+  setenv("GST_PLUGIN_PATH", (fs::path(LF_TOOLS_DIR) / "../gst").c_str(), 0);
+  Rig rig = load_rig(dir_ / "rig.json");
+  for (Camera& camera : rig.cameras) camera.source = "lights/" + camera.name + ".mkv", camera.time_offset = 0;
+  rig.cameras[3].source = "lights/none.mkv";
+  save_rig(rig, dir_ / "rig.json");
+  dir_.write("enter", "\n");
+  const std::string arguments = "all rig.json --record 4 --lights live --bar 0.3";
+  const Outcome first = run_program("lf-calibrate", arguments + " <enter", dir_.path());
+  EXPECT_EQ(first.status, 1) << first.output;
+  EXPECT_THAT(first.output, AllOf(HasSubstr("switch on both lights of the bar. Enter: "), HasSubstr("Recording now."),
+                                  HasSubstr("camera 3 (cam_01_01): "), HasSubstr("is the path right?"),
+                                  HasSubstr("tracks.json: 3 of 4 cameras"), HasSubstr("report.html")));
+  const Outcome again = run_program("lf-calibrate", arguments + " <enter", dir_.path());
+  EXPECT_THAT(again.output, AllOf(HasSubstr("live has recordings. Enter: they are used"),
+                                  HasSubstr("track       as before"), Not(HasSubstr("Recording now."))));
+  const Outcome nobody = run_program("lf-calibrate", arguments + " </dev/null", dir_.path());
+  EXPECT_EQ(nobody.status, 1);
+  EXPECT_THAT(nobody.output, HasSubstr("--record: nobody answers"));
+}
+
 void make_video(const std::string& path, const std::string& source) {
   const std::string line = "gst-launch-1.0 -q " + source +
                            " ! video/x-raw,width=240,height=180,framerate=15/1 ! jpegenc ! matroskamux ! filesink "
@@ -128,7 +150,7 @@ TEST_F(AllCommand, WhatIsWrongIsSaidWithWhatToDo) {
        "--lights lights --bar 0.3 --boards chart --board 9x6",
        0,
        {"no image shows the board of 9x6 inner corners: is that the board", "boards-0    failed"}},
-      {"no chart", [] {}, "--lights lights --bar 0.3 --colour nowhere", 0, {"colours are not measured"}},
+      {"no chart", [] {}, "--lights lights --bar 0.3 --colour nowhere", 0, {"- colours are not measured: nowhere"}},
       {"onto itself", [] {}, "--lights lights --out rig.json", 1, {"give another file as --out"}},
   };
   for (const auto& c : cases) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-calibrate colour as people run it, on recordings of lf-scene.
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 
 #include <gmock/gmock.h>
@@ -57,6 +58,38 @@ TEST_F(ColourCommand, AChartIsFilmedMeasuredAndCorrected) {
     const double lost = std::pow(1 + k1 + k2, -1 / truth["cameras"][i]["gamma"].get<double>());
     EXPECT_NEAR(level_factor(light_share(*rig.cameras[i].colour, 1)) / lost, 1, 0.03) << "camera " << i;
   }
+}
+
+// As cameras film it: each at its rate, the chart held still at each place for a second.
+TEST_F(ColourCommand, RecordingsAreReadOverTheirWholeLengthByTime) {
+  save_rig(scene_rig(2, 2, 320, 240), dir_ / "rig.json");
+  ASSERT_EQ(scene("chart --rig rig.json --out places --places 10 --faults 3").status, 0);
+  std::filesystem::create_directory(dir_ / "film");
+  for (const Camera& camera : load_rig(dir_ / "rig.json").cameras) {
+    const std::string line =
+        "gst-launch-1.0 -q filesrc location='" + (dir_ / "places/" + camera.name) +
+        ".mkv' ! matroskademux ! image/jpeg ! videorate ! image/jpeg,framerate=" + (camera.id % 2 ? "15" : "30") +
+        "/1 ! matroskamux ! filesink location='" + (dir_ / "film/" + camera.name) + ".mkv'";
+    ASSERT_EQ(std::system(line.c_str()), 0) << line;
+  }
+  const Outcome outcome = colour("rig.json --recording film --frames 10 --out out.json --json report.json");
+  ASSERT_EQ(outcome.status, 0) << outcome.output;
+  EXPECT_LE(json("report.json")["after"]["p95"].get<double>(), 3) << outcome.output;
+  const Rig rig = load_rig(dir_ / "out.json");
+  const nlohmann::json truth = json("places/colours.json");
+  for (size_t i = 0; i < 4; i++) {
+    const double k1 = truth["cameras"][i]["vignetting"][0], k2 = truth["cameras"][i]["vignetting"][1];
+    const double lost = std::pow(1 + k1 + k2, -1 / truth["cameras"][i]["gamma"].get<double>());
+    ASSERT_TRUE(rig.cameras[i].colour);
+    EXPECT_NEAR(level_factor(light_share(*rig.cameras[i].colour, 1)) / lost, 1, 0.02) << "camera " << i;
+  }
+
+  // One that can't be read is named, with why, and leaves the others alone.
+  dir_.write("film/cam_00_01.mkv", "this is no video");
+  const Outcome three = colour("rig.json --recording film --frames 10 --out three.json");
+  EXPECT_EQ(three.status, 0) << three.output;
+  EXPECT_THAT(three.output,
+              AllOf(HasSubstr("camera 1: the recording has no picture of it: "), HasSubstr("3 of 4 cameras")));
 }
 
 TEST_F(ColourCommand, TheSceneItselfWillDo) {

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // lf-rig's commands that open cameras, on simulated ones: elements, files and RTSP servers.
+#include <gst/app/gstappsink.h>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -140,6 +142,78 @@ TEST(LfRigSnapshot, TakesTheFramesNearestToOneInstant) {
     offsets.push_back(std::stod(outcome.output.substr(at + 6)));
   ASSERT_EQ(offsets.size(), 3u) << outcome.output;
   for (const double offset : offsets) EXPECT_LE(std::abs(offset), 25.1) << "half the time between frames, ms";
+}
+
+// Stamps of a film's frames, seconds.
+std::vector<double> stamps_of(const std::string& film) {
+  std::vector<double> stamps;
+  GstElement* pipeline = gst_parse_launch(
+      ("filesrc location=" + film + " ! matroskademux ! image/jpeg ! appsink name=sink sync=false").c_str(), nullptr);
+  GstElement* sink = gst_bin_get_by_name(GST_BIN(pipeline), "sink");
+  gst_element_set_state(pipeline, GST_STATE_PLAYING);
+  while (GstSample* sample = gst_app_sink_pull_sample(GST_APP_SINK(sink))) {
+    stamps.push_back(static_cast<double>(GST_BUFFER_PTS(gst_sample_get_buffer(sample))) / GST_SECOND);
+    gst_sample_unref(sample);
+  }
+  gst_element_set_state(pipeline, GST_STATE_NULL);
+  gst_object_unref(sink);
+  gst_object_unref(pipeline);
+  return stamps;
+}
+
+TEST(LfRigRecord, FilmsAllCamerasByOneClock) {
+  gst_init(nullptr, nullptr);
+  const TempDir dir;
+  const std::string live = "videotestsrc is-live=true pattern=red ! video/x-raw,framerate=";
+  write_rig(dir, {live + "30/1", live + "15/1 ! jpegenc", "none.mkv"});
+  Rig rig = load_rig(dir / "rig.json");
+  rig.cameras[1].time_offset = 5;  // of an earlier calibration: films have the camera's own stamps
+  save_rig(rig, dir / "rig.json");
+  std::filesystem::create_directory(dir / "films");
+  dir.write("films/cam_00_02.mkv", "of last week");
+  const Outcome outcome = lf_rig("record rig.json --out films --seconds 2", dir);
+  EXPECT_EQ(outcome.status, 1) << "one is missing";
+  EXPECT_THAT(outcome.output, AllOf(HasSubstr("camera 2 (cam_00_02): 0 frames: "), HasSubstr("films: 2 of 3 cameras")));
+  EXPECT_FALSE(std::filesystem::exists(dir / "films/cam_00_02.mkv")) << "what is old is of another evening";
+  for (const auto& [name, rate] : {std::pair("cam_00_00", 30.0), std::pair("cam_00_01", 15.0)}) {
+    const std::vector<double> stamps = stamps_of(dir / "films/" + name + ".mkv");
+    ASSERT_GT(stamps.size(), 5u) << outcome.output;
+    EXPECT_LE(stamps.front(), 1);
+    EXPECT_LE(stamps.back(), 2);
+    for (size_t i = 1; i < stamps.size(); i++) EXPECT_GT(stamps[i], stamps[i - 1]);
+    EXPECT_NEAR(static_cast<double>(stamps.size() - 1) / (stamps.back() - stamps.front()), rate, 0.5 * rate);
+  }
+}
+
+// The first sender report moves the stamps of a network camera: a film begins after it.
+TEST(LfRigRecord, WaitsUntilNetworkCamerasTellTheTime) {
+  if (test::kRtspServerMissing) GTEST_SKIP() << test::kRtspServerMissing;
+  gst_init(nullptr, nullptr);
+  const TempDir dir;
+  {
+    const test::RtspServer server;
+    write_rig(dir, {server.uri("/jpeg")});
+    const Outcome outcome = lf_rig("record rig.json --out films --seconds 4", dir);
+    ASSERT_EQ(outcome.status, 0) << outcome.output;
+    const std::vector<double> stamps = stamps_of(dir / "films/cam_00_00.mkv");
+    ASSERT_GT(stamps.size(), 10u);
+    for (const double stamp : stamps) {
+      const double off = std::remainder(stamp - stamps.back(), 1.0 / 30);
+      EXPECT_LE(std::abs(off), 0.0025) << "at " << stamp << " s";  // the file has milliseconds
+    }
+  }
+  test::RtspServer::clean_up();
+}
+
+TEST(LfRigRecord, NamesBecomeFiles) {
+  const TempDir dir;
+  write_rig(dir, {kGood, kGood});
+  Rig rig = load_rig(dir / "rig.json");
+  rig.cameras[1].name = "../up";
+  save_rig(rig, dir / "rig.json");
+  const Outcome outcome = lf_rig("record rig.json --out films --seconds 1", dir);
+  EXPECT_EQ(outcome.status, 1);
+  EXPECT_THAT(outcome.output, HasSubstr("cameras[1].name: \"../up\" can't be the name of a file"));
 }
 
 TEST(LfRigLock, NeedsACameraThatTells) {

@@ -8,4 +8,5 @@
 void add_doctor_command(cli::App& app, int& status);
 void add_identify_command(cli::App& app);  // until a signal comes
 void add_lock_command(cli::App& app, int& status);
+void add_record_command(cli::App& app, int& status);
 void add_snapshot_command(cli::App& app, int& status);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
-#include "grey_video.h"
+#include "video_pictures.h"
 
 #include <gst/app/gstappsink.h>
 #include <gst/video/video.h>
@@ -36,14 +36,14 @@ void decode_exactly(GstBin*, GstBin*, GstElement* element, gpointer) {
 
 class Pipeline {
  public:
-  // Formats whose first plane is brightness, as it was stored: its range is not stretched.
-  explicit Pipeline(const std::string& place) : place_(place) {
+  Pipeline(const std::string& place, VideoFormat format) : place_(place) {
     GError* error = nullptr;
     gchar* uri =
         gst_uri_is_valid(place.c_str()) ? g_strdup(place.c_str()) : gst_filename_to_uri(place.c_str(), nullptr);
     GstElement* made = gst_parse_launch(
-        "uridecodebin name=source ! videoconvert ! video/x-raw,format=GRAY8 ! appsink name=sink sync=false "
-        "max-buffers=4",
+        (std::string("uridecodebin name=source ! videoconvert ! video/x-raw,format=") +
+         (format == VideoFormat::kGrey ? "GRAY8" : "RGB") + " ! appsink name=sink sync=false max-buffers=4")
+            .c_str(),
         &error);
     if (error || !uri) {
       const std::string reason = error ? error->message : "is no path";
@@ -66,7 +66,7 @@ class Pipeline {
   }
 
   // False at the end. An error ends a stream, too: what came before it is good.
-  bool next(const std::function<bool(const GreyPicture&)>& use) {
+  bool next(const std::function<bool(const VideoPicture&)>& use) {
     GstSample* sample = nullptr;
     while (!sample) {
       sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink_.get()), 100 * GST_MSECOND);
@@ -89,16 +89,21 @@ class Pipeline {
         gst_segment_to_stream_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
     bool more = true;
     if (GST_CLOCK_TIME_IS_VALID(time)) {
-      gint64 length = 0;
-      if (!gst_element_query_duration(pipeline_.get(), GST_FORMAT_TIME, &length)) length = 0;
+      const double seconds = static_cast<double>(time) / GST_SECOND, all = length();
       any_ = true;
-      more =
-          use({static_cast<const uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&frame, 0)),
-               GST_VIDEO_FRAME_PLANE_STRIDE(&frame, 0), info.width, info.height, static_cast<double>(time) / GST_SECOND,
-               length > 0 ? std::min(1.0, static_cast<double>(time) / static_cast<double>(length)) : 0});
+      more = use({static_cast<const uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&frame, 0)),
+                  GST_VIDEO_FRAME_PLANE_STRIDE(&frame, 0), info.width, info.height, seconds,
+                  all > 0 ? std::min(1.0, seconds / all) : 0});
     }
     gst_video_frame_unmap(&frame);
     return more;
+  }
+
+  double length() const {
+    gint64 length = 0;
+    return gst_element_query_duration(pipeline_.get(), GST_FORMAT_TIME, &length) && length > 0
+               ? static_cast<double>(length) / GST_SECOND
+               : 0;
   }
 
  private:
@@ -114,8 +119,24 @@ class Pipeline {
 
 }  // namespace
 
-void for_each_picture(const std::string& path_or_uri, const std::function<bool(const GreyPicture&)>& use) {
-  Pipeline pipeline(path_or_uri);
+void for_each_picture(const std::string& path_or_uri, VideoFormat format,
+                      const std::function<bool(const VideoPicture&)>& use) {
+  Pipeline pipeline(path_or_uri, format);
   while (pipeline.next(use)) {
+  }
+}
+
+double length_of_video(const std::string& path_or_uri) {
+  try {
+    Pipeline pipeline(path_or_uri, VideoFormat::kGrey);
+    double length = 0;
+    // It is known once the first picture is there.
+    pipeline.next([&](const VideoPicture&) {
+      length = pipeline.length();
+      return false;
+    });
+    return length;
+  } catch (const lf::Error&) {
+    return 0;
   }
 }

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "cameras/recorder.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <filesystem>
+#include <optional>
+
+#include "base/error.h"
+#include "cameras/frame_picture.h"
+#include "cameras/rig_cameras.h"
+#include "file_names.h"
+#include "mjpeg_writer.h"
+
+namespace lf::cameras {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kQuality = 95;  // of JPEG, of cameras that give other pictures
+
+// Seconds that cameras run before: they adjust to the light, and network cameras tell when frames were taken with
+// their first sender report, whose interval is 5 s (RFC 3550). Stamps would jump there.
+constexpr double kWarmUp = 1, kFirstReport = 6;
+
+bool is_dated_by_arrival(const RigCameras& cameras, CameraIndex camera) {
+  GstStructure* stats = cameras.stats(camera);
+  const char* by = stats ? gst_structure_get_string(stats, "capture-time") : nullptr;
+  const bool arrival = by && std::string(by) == "arrival";
+  if (stats) gst_structure_free(stats);
+  return arrival;
+}
+
+// A camera's film. Frames come in one thread; the rest is asked when none comes any more.
+class Film {
+ public:
+  // At `time`, seconds from the beginning on.
+  void see(const CameraFrame& frame, const Camera& camera, const fs::path& file, double time) {
+    // What comes late, of a queue or of packets in disorder, is no part of a film.
+    if (!problem_.empty() || time < 0 || (frames_ > 0 && time <= last_)) return;
+    try {
+      const auto stamp = static_cast<GstClockTime>(std::llround(time * GST_SECOND));
+      const GstStructure* format = gst_caps_get_structure(gst_sample_get_caps(frame.sample), 0);
+      if (gst_structure_has_name(format, "image/jpeg")) {
+        if (!writer_) writer_.emplace(file.string(), camera.width, camera.height);
+        writer_->add_jpeg(gst_sample_get_buffer(frame.sample), stamp);
+      } else {
+        if (!writer_) writer_.emplace(file.string(), camera.width, camera.height, FrameRate{0, 1}, kQuality);
+        writer_->add(rgb_of(frame.sample), stamp);
+      }
+      frames_++;
+      last_ = time;
+    } catch (const Error& error) {
+      problem_ = error.what();
+    }
+  }
+  void finish(Recorded& recorded) {
+    recorded.frames = frames_;
+    recorded.problem = problem_;
+    if (writer_ && problem_.empty()) try {
+        writer_->finish();
+      } catch (const Error& error) {
+        recorded.problem = error.what();
+      }
+  }
+
+ private:
+  std::optional<MjpegWriter> writer_;
+  uint64_t frames_ = 0;
+  double last_ = 0;
+  std::string problem_;
+};
+
+}  // namespace
+
+std::vector<Recorded> record_cameras(std::shared_ptr<const Rig> rig, const std::string& path, const std::string& folder,
+                                     const RecordingOptions& options, const std::function<bool(double)>& told) {
+  check_file_names(*rig);
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw Error(folder + ": can't be made: " + error.message());
+  std::vector<Film> films(rig->cameras.size());
+  std::atomic<double> begin = INFINITY;
+  RigCameras cameras(rig, path, {.cameras = options.cameras, .decode = false}, [&](const CameraFrame& frame) {
+    const Camera& camera = rig->cameras[frame.camera];
+    const double time = frame.taken - camera.time_offset - begin;
+    if (time < options.seconds) films[frame.camera].see(frame, camera, fs::path(folder) / (camera.name + ".mkv"), time);
+  });
+  // Films of two evenings would be taken for one.
+  for (const CameraIndex index : cameras.cameras())
+    fs::remove(fs::path(folder) / (rig->cameras[index].name + ".mkv"), error);
+  bool going = true;
+  cameras.start();
+  cameras.wait(options.patience, [&] {
+    going = going && told(-1);
+    return !going || std::ranges::all_of(cameras.cameras(), [&](CameraIndex i) {
+      return cameras.frames(i) > 0 || !cameras.problem(i).empty();
+    });
+  });
+  if (going) cameras.wait(kWarmUp);
+  if (going)
+    cameras.wait(kFirstReport - kWarmUp, [&] {
+      going = going && told(-1);
+      return !going || std::ranges::none_of(cameras.cameras(), [&](CameraIndex i) {
+        return cameras.problem(i).empty() && is_dated_by_arrival(cameras, i);
+      });
+    });
+  begin = cameras.now();
+  // Frames of the last instant take their time to come.
+  constexpr double kLate = 0.5;
+  if (going)
+    cameras.wait(options.seconds + kLate,
+                 [&] { return !told(std::min(1.0, (cameras.now() - begin) / options.seconds)); });
+  cameras.stop();
+  std::vector<Recorded> all;
+  for (const CameraIndex index : cameras.cameras()) {
+    Recorded& recorded = all.emplace_back(Recorded{.camera = index});
+    films[index].finish(recorded);
+    if (recorded.problem.empty()) recorded.problem = cameras.problem(index);
+    if (recorded.problem.empty() && recorded.frames == 0) recorded.problem = "no frame came";
+  }
+  return all;
+}
+
+}  // namespace lf::cameras
