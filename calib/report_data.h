@@ -27,7 +27,7 @@ struct ReportData {
       std::vector<std::array<double, 4>> residuals;       // x, y, dx, dy
       std::optional<std::array<double, 3>> position;      // metres
       std::array<std::array<double, 3>, 3> covariance{};  // square metres
-      std::optional<double> offset_ms, offset_sigma_ms, drift_ppm;
+      std::optional<double> offset_ms, offset_sigma_ms;
       double reflections = 0;
     };
     std::optional<Solved> solved;

@@ -21,7 +21,6 @@ struct ColourTerms {
 
   // "brightness, white balance and vignetting".
   std::string name() const;
-  int per_camera() const;  // parameters
 };
 
 struct ColourFit {
@@ -29,7 +28,6 @@ struct ColourFit {
   std::vector<ColourModel> models;
   // Logarithm of the light that a camera takes for its own, over that of the mean: 0.69 is an exposure twice as long.
   std::vector<double> log_exposure;
-  bool converged = false;
   std::vector<std::array<double, 15>> parameters;  // of each camera, for another fit to begin with
 };
 

@@ -181,7 +181,6 @@ class Checker {
       if (then && now) shifts.push_back(glm::length(*now - *then));
     }
     if (!shifts.empty()) result.shift_px = median(std::move(shifts));
-    result.noise_px = fit.left;
     for (int k = 0; k < 3; k++) {
       result.move[k] = fit.change[k], result.move_sigma[k] = fit.sigma[k];
       result.turn[k] = fit.change[3 + k], result.turn_sigma[k] = fit.sigma[3 + k];

@@ -24,7 +24,6 @@ struct RigCheck {
     State state = State::kUnknown;
     size_t sights = 0;       // of lights that others place
     double residual_px = 0;  // median, as the rig has it
-    double noise_px = 0;     // median, once its pose is what the sights call for
     double shift_px = 0;     // how far its picture has moved: median over its sights
     // What became of its pose, along and about its own axes (x right, y down, z forward), with standard deviations.
     Vec3 move{0, 0, 0}, move_sigma{0, 0, 0};  // metres
