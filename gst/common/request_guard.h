@@ -30,7 +30,7 @@ class SecondlyMessage {
 // and a warning tells of it once a second at most. Thread-safe.
 class RequestGuard {
  public:
-  enum Property { kMaxPixels, kMaxAperture, kMaxTrials, kMaxRate, kMaxViews, kNumProperties };
+  enum Property { kMaxPixels, kMaxAperture, kMaxTrials, kMaxRate, kMaxViews };
   // As properties first_id, first_id + 1, ... of the class; the last one with `views` alone.
   static void install(GObjectClass* klass, guint first_id, bool views = true);
   // `first_id`: as install() was told.

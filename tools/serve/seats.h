@@ -17,7 +17,6 @@ namespace lf::serve {
 class Seats {
  public:
   static constexpr int64_t kPatience = 2000000;   // microseconds until one that does not connect holds no seat
-  static constexpr int kRetryAfter = 1;           // seconds from showing a ticket to showing it again
   static constexpr int64_t kForgotten = 3000000;  // microseconds until a ticket that is not shown is forgotten
   static constexpr size_t kMostWaiting = 64;
 
