@@ -4,7 +4,6 @@
 #include <atomic>
 #include <memory>
 #include <string>
-#include <vector>
 
 #include "camsrc/cam_src_settings.h"
 #include "camsrc/camera_chain.h"

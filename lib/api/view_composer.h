@@ -5,7 +5,6 @@
 #include <optional>
 #include <set>
 #include <span>
-#include <vector>
 
 #include <lightfield/compositor.h>
 

@@ -2,7 +2,6 @@
 #include "calibration/rig_check.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include <Eigen/Cholesky>

@@ -2,7 +2,6 @@
 #include "composite/assembly.h"
 
 #include <algorithm>
-#include <iterator>
 #include <optional>
 #include <utility>
 #include <vector>

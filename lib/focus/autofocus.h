@@ -2,7 +2,6 @@
 #pragma once
 
 #include <optional>
-#include <vector>
 
 #include "rig/rig.h"
 #include "view/view_request.h"

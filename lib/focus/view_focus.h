@@ -2,7 +2,6 @@
 #pragma once
 
 #include <optional>
-#include <span>
 
 #include "focus/camera_gains.h"
 #include "focus/focus_control.h"

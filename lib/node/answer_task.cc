@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <iterator>
-#include <string>
 
 #include "base/error.h"
 #include "focus/trial_renderer.h"

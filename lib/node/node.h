@@ -5,7 +5,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "base/byte_buffer.h"
 #include "base/worker_pool.h"

@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <optional>
 #include <span>
-#include <vector>
 
 #include "base/byte_buffer.h"
 #include "base/worker_pool.h"

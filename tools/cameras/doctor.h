@@ -3,9 +3,7 @@
 
 #include <cmath>
 #include <functional>
-#include <map>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 

@@ -7,7 +7,6 @@
 #define LF_RENDER_SIMD_CELL_SAMPLES_INL_H_
 #endif
 
-#include <algorithm>
 #include <cstring>
 #include <vector>
 
