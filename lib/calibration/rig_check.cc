@@ -11,7 +11,6 @@
 #include "base/error.h"
 #include "base/number_text.h"
 #include "base/percentiles.h"
-#include "calibration/noise.h"
 #include "calibration/triangulation.h"
 
 namespace lf {

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <iterator>
 
-#include "base/error.h"
 #include "focus/trial_renderer.h"
 #include "render/camera_projection.h"
 #include "wire/moments_codec.h"
