@@ -20,6 +20,6 @@ std::vector<ChartPose> chart_poses(const Rig& rig, int count);
 
 // What a camera without faults records: light averaged over each pixel, encoded as render_scene() does. Rays that the
 // lens does not see are black.
-Image render_chart(const SceneCamera& camera, const ChartPose& chart, int samples = 3);
+Image render_chart(const SceneCamera& camera, const ChartPose& chart);
 
 }  // namespace lf
