@@ -124,7 +124,7 @@ class Assembly {
 // more for each level of the tree, within half a level; JPEG adds its error. `header.family` is the accumulator's.
 // `memory` is recycled. Throws Error if the header is not fit for the wire.
 ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& sum, const CodedAs& form,
-                          ByteBuffer memory, const ParallelFor& parallel = serial_for);
+                          ByteBuffer memory);
 
 // Adds a unit of moments, which came from a node and belongs to the request, to what other nodes have answered. Why
 // not; empty: it was added.
