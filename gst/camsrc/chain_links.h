@@ -10,7 +10,8 @@ namespace lf {
 
 // Throws MissingElement.
 GstElement* add(GstBin* bin, const char* factory, const char* name = nullptr);
-GstElement* add_decoder(GstBin* bin, CameraSource::Codec codec);  // of pictures
+// Adds an element to the bin that decodes single pictures. Throws MissingElement.
+GstElement* add_decoder(GstBin* bin, CameraSource::Codec codec);
 // The pad without the reference: it stays as long as its element.
 GstPad* borrow_pad(GstElement* element, const char* name);
 // Appends `next` to the chain that ends in `tail`. The elements of a chain fit by construction, so nothing is checked.
