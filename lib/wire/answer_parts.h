@@ -13,7 +13,7 @@ class AnswerParts {
  public:
   // False, and nothing is changed, for a part that repeats fragments or contradicts the ones before.
   bool add(const AnswerPart& part);
-  // All fragments are there.
+  // Whether all fragments have come.
   bool complete() const { return any_ && received_ == total_; }
   void clear() { *this = {}; }
 
