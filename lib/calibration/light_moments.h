@@ -16,7 +16,7 @@ inline constexpr int kMomentsLargest = 80;    // pixels from the middle that are
 struct LightMoments {
   double weight = 0, squares = 0;                    // sums of weight x image, and of squared weights where noise shows
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();    // first moment about the weight's middle
-  Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();  // about the weight's middle
+  Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();  // second moment about the weight's middle
   Eigen::Vector2d skew = Eigen::Vector2d::Zero();    // third moment, in sigmas of the weight
   Eigen::Matrix2d by_noise = Eigen::Matrix2d::Zero();  // covariance of `mean` under noise of variance 1
 };

@@ -18,7 +18,7 @@ struct Uncertainty {
   std::vector<int> camera_row;  // first row of each camera; -1: not used
   int camera_size = 0;          // rows of each
   std::vector<int> lens_terms;  // lens terms that a camera's rows from the seventh on are of
-  Eigen::MatrixXd covariance;   // of all steps
+  Eigen::MatrixXd covariance;   // covariance of the steps of all cameras
   Eigen::MatrixXd
       prior_covariance;  // covariance of the lens terms as known before, lens_terms.size() rows for each camera
 

@@ -7,9 +7,9 @@
 
 namespace lf::rtp {
 
-// When the next packets may leave so that a burst is spread out to a rate. Times in nanoseconds of any clock. Time that
-// nothing was sent in is not made up for. Packets may leave a little ahead of their time: what is soon over does not
-// have to wait. Not thread-safe.
+// Says when the next packets may leave so that a burst is spread out to a rate. Times in nanoseconds of any clock. Time
+// that nothing was sent in is not made up for. Packets may leave a little ahead of their time: what is soon over does
+// not have to wait. Not thread-safe.
 class Pacer {
  public:
   // Not before `now`.
