@@ -10,7 +10,7 @@
 // Frames per second as a fraction.
 struct FrameRate {
   int numerator = 15, denominator = 1;
-  // Of frame `n` (from 0), nanoseconds.
+  // The time of frame `n`, counted from 0, nanoseconds.
   GstClockTime time(uint64_t n) const {
     return gst_util_uint64_scale(n, GST_SECOND * static_cast<guint64>(denominator), static_cast<guint64>(numerator));
   }
@@ -20,19 +20,19 @@ struct FrameRate {
 // PATH.part. One thread at a time. Throws lf::Error naming the file.
 class MjpegWriter {
  public:
-  // `quality`: of JPEG, 1..100. gst_init() must have been called.
+  // `quality`: JPEG's, 1..100. gst_init() must have been called.
   MjpegWriter(const std::string& path, int width, int height, FrameRate rate, int quality);
   ~MjpegWriter();
   MjpegWriter(const MjpegWriter&) = delete;
   MjpegWriter& operator=(const MjpegWriter&) = delete;
 
-  // The next frame: RGB of the writer's size.
+  // Writes the next frame: RGB of the writer's size.
   void add(const lf::Image& rgb);
   void finish();
 
  private:
   void close();
-  [[noreturn]] void fail();  // with what the pipeline has to say
+  [[noreturn]] void fail();  // throws lf::Error with what the pipeline has to say
 
   std::string path_;
   FrameRate rate_;
