@@ -39,7 +39,8 @@ struct StreamListener {
   std::function<void(GQuark domain, gint code, const std::string& text)> on_error;
   std::function<void()> on_first_frame;
   std::function<void()> on_end;  // the stream has ended as it should; not called after an error
-  std::function<void(GstClockTimeDiff late)> on_overload;  // frames are dropped before they are decoded
+  // Frames are dropped before they are decoded, as they come late by so much.
+  std::function<void(GstClockTimeDiff late)> on_overload;
 };
 
 // Watches the pads of a chain from one start to the next stop and makes of what passes a camera's stream: of the rig's

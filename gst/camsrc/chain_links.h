@@ -25,10 +25,11 @@ bool may_bypass(GstElement* head);
 // Links the first identity with the last: the video is JPEG and stays it. Before data flows.
 void bypass(GstElement* before);
 
-// Handlers of signals: link the first video with `head`, the sink of the chain. Of a decoder;
+// These handle signals of pads that appear: they link the first video with `head`, the sink of the chain. This one is a
+// decoder's.
 void on_decoded_pad(GstElement* decoder, GstPad* pad, gpointer head);
-// of a Matroska file: MJPEG goes through jpegdec on the demuxer's own thread, or stays as it is; what else there is
-// goes through decodebin, which brings queues and threads.
+// This one is a Matroska demuxer's: MJPEG goes through jpegdec on the demuxer's own thread, or stays as it is; what
+// else there is goes through decodebin, which brings queues and threads.
 void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer head);
 // Posts an error if there was no video.
 void on_no_more_pads(GstElement* element, gpointer unused);

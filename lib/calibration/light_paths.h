@@ -22,7 +22,7 @@ struct LightPath {
 // All paths in one camera's frames, at evened_stamps(). Sights that nothing continues are left out.
 std::vector<LightPath> link_light_paths(const LightSights::Camera& camera);
 
-// Where a path is between its points: the cubic through the four around.
+// The place of a path between its points: on the cubic through the four around.
 struct PathPlace {
   Vec2 pixel{0, 0};
   Vec2 velocity{0, 0};    // pixels a second

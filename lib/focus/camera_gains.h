@@ -136,7 +136,7 @@ class WideLuma {
   };
   struct Seen {
     std::vector<Camera> cameras;
-    Moments moments;  // of all cameras together, each weighted by its trust
+    Moments moments;  // moments of all cameras together, each weighted by its trust
     GainSum gains;    // the cameras' likely gains
   };
   // What the cameras see. `sources`: images of cameras() and maybe others. The result does not depend on `parallel`.

@@ -24,8 +24,9 @@ struct SurfaceChoice {
   std::vector<float> least;       // deviation through the chosen trial; infinity: not seen
   std::vector<float> lead;        // for each node the lead of the smoothed surface
   std::vector<uint8_t> informed;  // whether trials differ by so much that a node's choice tells where things are
-  std::vector<double> cost;    // of each trial: mean deviation over the nodes that all of them see; NaN: there are none
-  std::vector<double> energy;  // of each trial: mean squared deviation over these nodes, as in a picture's error
+  // For each trial the mean deviation over the nodes that all of them see; NaN: there are none.
+  std::vector<double> cost;
+  std::vector<double> energy;  // for each trial the mean squared deviation over these nodes, as in a picture's error
   double least_energy = 0;     // mean squared deviation of the choice, over the same nodes
 };
 

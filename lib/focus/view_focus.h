@@ -10,7 +10,7 @@
 
 namespace lf {
 
-// On which focal surface the next request of a view is focused, and what is tried for it.
+// The focal surface that the next request of a view is focused on, and what is tried for it.
 struct FoundFocus {
   uint32_t sequence = 0;  // the number of the request that it was found from
   FocusControl::Plan plan;

@@ -27,9 +27,9 @@ class SkewWatch {
   struct Report {
     CameraSet cameras;     // ascending; those that have come to be off with this request
     uint64_t skew = 0;     // the largest skew of these cameras, nanoseconds
-    uint64_t period = 0;   // of that camera
-    bool is_late = false;  // its frame is older than asked for
-    uint64_t behind = 0;   // of that camera
+    uint64_t period = 0;   // frame time of the camera with the largest skew, nanoseconds
+    bool is_late = false;  // the frame of the camera with the largest skew is older than asked for
+    uint64_t behind = 0;   // `behind` of the frame of that camera
   };
   // Takes the frames that answered a request, ascending cameras; returns what is to be told, if anything.
   std::optional<Report> see(std::span<const Frame> frames);

@@ -63,7 +63,7 @@ class CameraCorners {
     return face_weights(plan.faces()[owner], ray).w[corner_[owner]];
   }
 
-  // Which corner of the face (index into plan.faces()) the camera is; -1: none.
+  // The corner of the face (index into plan.faces()) that the camera is; -1: none.
   int of_face(int32_t face) const { return corner_[face]; }
 
   // The smallest rectangle in `rect` (inside runs.region()) that holds all of its pixels with a face of this camera.

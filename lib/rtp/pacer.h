@@ -12,7 +12,7 @@ namespace lf::rtp {
 // not have to wait. Not thread-safe.
 class Pacer {
  public:
-  // Not before `now`.
+  // When the next packet may leave, not before `now`.
   uint64_t next(uint64_t now) const { return std::max(now + kAhead, next_.value_or(now)) - kAhead; }
   // `bytes` leave at `time`; `bits_per_second` not 0.
   void sent(uint64_t time, uint64_t bytes, uint64_t bits_per_second) {

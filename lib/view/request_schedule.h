@@ -17,7 +17,7 @@ struct RequestSlot {
   const View* view = nullptr;
 };
 
-// Which request of a viewer is next. Times in nanoseconds. Not thread-safe.
+// Says which request of a viewer is next. Times in nanoseconds. Not thread-safe.
 class RequestSchedule {
  public:
   // A request each frame, for ever.

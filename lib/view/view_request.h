@@ -34,7 +34,7 @@ inline constexpr uint64_t kNoTime = UINT64_MAX;
 // |a - b|, nanoseconds. Neither may be kNoTime.
 inline uint64_t time_between(uint64_t a, uint64_t b) { return a > b ? a - b : b - a; }
 
-// Which picture is asked for, and when: what requests of all kinds begin with.
+// What requests of all kinds begin with: which picture is asked for, and when.
 struct RequestHeader {
   uint32_t view_id = 0;
   uint32_t sequence = 0;       // grows by one with each request of the view, and wraps

@@ -41,7 +41,7 @@ inline AnswerHeader answer_to(const RequestHeader& request, std::pair<int, int> 
           .rig_hash = rig_hash};
 }
 
-// Which of an answer's fragments are in a unit: `count` of `total` from number `first` on.
+// The part of an answer that is in a unit: `count` of its `total` fragments, from number `first` on.
 struct AnswerPart {
   uint32_t first = 0, count = 0, total = 0;
   bool whole() const { return count == total; }

@@ -8,7 +8,8 @@
 
 namespace lf::wire {
 
-// Which fragments of one answer have come, part by part, in any order. Memory: as many entries as parts were added.
+// Notes which fragments of one answer have come, part by part, in any order. Memory: as many entries as parts were
+// added.
 class AnswerParts {
  public:
   // False, and nothing is changed, for a part that repeats fragments or contradicts the ones before.
