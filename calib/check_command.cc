@@ -3,7 +3,6 @@
 #include <gst/gst.h>
 
 #include <cstdio>
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>

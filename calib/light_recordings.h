@@ -13,11 +13,11 @@ struct LightRecordings {
   struct Camera {
     lf::LightRecord record;
     lf::LightSummary summary;
-    std::string trouble;  // why it is of no use, and what to do about it; "": it is
+    std::string trouble;  // why the recording is of no use, and what to do about it; "": it is of use
   };
   lf::LightSights sights;
   std::vector<Camera> cameras;
-  std::vector<lf::Finding> findings;  // of all of them together
+  std::vector<lf::Finding> findings;  // findings about all recordings together
 
   size_t useful() const;
   // "camera 3 (cam_00_03) is black from ...", of each that is of no use.

@@ -8,7 +8,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
 #include "base/json_value.h"
 #include "commands.h"
 #include "report_data.h"

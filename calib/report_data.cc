@@ -121,7 +121,6 @@ void ReportData::add_solve(const json& report) {
     }
     solved.offset_ms = number(value, "time_offset_ms");
     solved.offset_sigma_ms = number(value, "time_offset_sigma_ms");
-    solved.drift_ppm = number(value, "clock_drift_ppm");
     solved.reflections = number(value, "reflections").value_or(0);
   }
 }

@@ -18,8 +18,8 @@ struct ReportData {
     uint32_t id = 0;
     std::string name;
     int width = 0, height = 0;
-    std::string trouble;               // of its recording, by track; "": none
-    std::vector<std::string> remarks;  // by track
+    std::string trouble;               // what is wrong with the camera's recording, by `track`; "": nothing
+    std::vector<std::string> remarks;  // remarks of `track` on the recording
     struct Solved {
       bool found = false;
       double observations = 0, outliers = 0, rms_px = 0;
@@ -27,7 +27,7 @@ struct ReportData {
       std::vector<std::array<double, 4>> residuals;       // x, y, dx, dy
       std::optional<std::array<double, 3>> position;      // metres
       std::array<std::array<double, 3>, 3> covariance{};  // square metres
-      std::optional<double> offset_ms, offset_sigma_ms, drift_ppm;
+      std::optional<double> offset_ms, offset_sigma_ms;
       double reflections = 0;
     };
     std::optional<Solved> solved;
@@ -66,7 +66,7 @@ struct ReportData {
     std::vector<Depth> projection;
     struct Mode {
       std::string text;
-      double share = 0;  // of what is worth a better recording
+      double share = 0;  // part of the uncertainty that is worth a better recording
       bool soft = false;
     };
     std::vector<Mode> modes;
@@ -78,7 +78,7 @@ struct ReportData {
       bool chosen = false;
     };
     std::string from;
-    std::vector<Row> rows;  // as cameras are; then what was tried
+    std::vector<Row> rows;  // differences of cameras as they are, then with each set of terms that was tried
     Row before, after;
   };
   struct Check {
@@ -87,7 +87,7 @@ struct ReportData {
     std::optional<double> residual_px;
   };
 
-  std::vector<Camera> cameras;  // by id
+  std::vector<Camera> cameras;  // the cameras, by id
   std::vector<Finding> findings;
   std::optional<Solve> solve;
   std::optional<Colour> colour;
@@ -96,7 +96,7 @@ struct ReportData {
   // Adds what `report` says, the contents of the file `name`. Throws lf::Error naming the file where it is no report of
   // lf-calibrate, or a damaged one.
   void add(const nlohmann::json& report, const std::string& name);
-  // Those of its findings that name the camera.
+  // The findings that name the camera.
   std::vector<Finding> findings_of(uint32_t camera) const;
 
  private:

@@ -2,8 +2,6 @@
 #include "report_page.h"
 
 #include <algorithm>
-#include <cmath>
-#include <cstdio>
 
 #include "report_plots.h"
 #include "report_style.h"

@@ -6,6 +6,6 @@
 #include "report_data.h"
 #include "report_verdict.h"
 
-// One page of HTML that needs nothing besides: what a calibration is worth, and what to do next. `title`: what was
+// A page of HTML that needs no other file: what a calibration is worth, and what to do next. `title`: what was
 // calibrated, in the words of its owner.
 std::string report_page(const ReportData& data, const ReportVerdict& verdict, const std::string& title);

@@ -13,15 +13,15 @@
 // ...).
 namespace plots {
 
-// "a < b" as HTML has it.
+// A text with "<", ">", "&" and quotes as HTML has them.
 std::string escaped(const std::string& text);
-// Three digits that count: "0.0113", "12.4", "340".
+// A number with three digits that count: "0.0113", "12.4", "340".
 std::string short_number(double value);
 
 // A value for each camera, beside others'.
 struct CameraChart {
   struct Bar {
-    std::string camera, value;  // in words, of what the pointer is on
+    std::string camera, value;  // texts that are shown for what the pointer is on
     std::optional<double> height;
     double sigma = 0;  // drawn as a whisker of two of these
     ReportVerdict::Grade grade = ReportVerdict::Grade::kGood;
@@ -29,7 +29,7 @@ struct CameraChart {
   std::string label, unit;
   std::vector<Bar> bars;
   std::vector<std::pair<double, std::string>> lines;  // across all, each with what it is
-  bool dots = false;                                  // in place of bars: values about 0
+  bool dots = false;                                  // dots in place of bars, for values about 0
 };
 std::string camera_chart(const CameraChart& chart);
 
@@ -40,13 +40,13 @@ std::string array_map(const ReportData& data, const ReportVerdict& verdict, bool
 std::string camera_tile(const ReportData::Camera& camera, int columns, int rows, double enlarged);
 // The residuals of all cameras, the mean in each part of the picture.
 std::string residual_field(const ReportData& data, double enlarged);
-// By how much to enlarge residuals so that the usual one can be seen.
+// How many times to enlarge residuals so that the usual one can be seen.
 double residual_enlargement(const ReportData& data);
 
 // How far a new point is from where it should appear, over its depth.
 std::string projection_chart(const ReportData::Solve& solve);
 
-// How much of what is worth a better recording: a bar of that share.
+// A bar that shows a share, 0 to 1, of what is worth a better recording.
 std::string share_bar(double share, bool soft);
 
 }  // namespace plots

@@ -13,9 +13,9 @@ struct ReportVerdict {
     Grade grade = Grade::kGood;
     std::vector<std::string> reasons;  // worst first; none for a good one
   };
-  Grade grade = Grade::kGood;     // of the whole
-  std::string headline;           // in one line
-  std::vector<Camera> cameras;    // one for each of the data's
+  Grade grade = Grade::kGood;     // grade of the whole calibration
+  std::string headline;           // the verdict in one line
+  std::vector<Camera> cameras;    // one for each camera of the data
   std::vector<std::string> next;  // what to do, most needed first
 };
 

@@ -12,7 +12,7 @@ class Steps {
   explicit Steps(const std::string& folder);
 
   struct Step {
-    std::string name;                    // what people read, and of the log
+    std::string name;                    // name of the step for people and of its log
     std::vector<std::string> arguments;  // of lf-calibrate
     std::vector<std::string> inputs;     // files and folders that it reads, all that is in these
     std::vector<std::string> outputs;    // files; the first is what the step is for

@@ -8,25 +8,14 @@
 #include <memory>
 
 #include "base/error.h"
+#include "posted_error.h"
 
 namespace {
 
 using Element = std::unique_ptr<GstElement, decltype(&gst_object_unref)>;
 
 // What went wrong, of the pipeline's own messages.
-std::string reason_of(GstElement* pipeline) {
-  std::string reason = "no video could be had from it";
-  GstBus* bus = gst_element_get_bus(pipeline);
-  if (GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR)) {
-    GError* error = nullptr;
-    gst_message_parse_error(message, &error, nullptr);
-    reason = error->message;
-    g_error_free(error);
-    gst_message_unref(message);
-  }
-  gst_object_unref(bus);
-  return reason;
-}
+std::string reason_of(GstElement* pipeline) { return lf::posted_error(pipeline, 0, "no video could be had from it"); }
 
 // jpegdec is quick by default, at the cost of errors that show in places of a hundredth of a pixel.
 void decode_exactly(GstBin*, GstBin*, GstElement* element, gpointer) {

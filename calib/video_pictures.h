@@ -13,7 +13,7 @@ struct VideoPicture {
   const uint8_t* samples;  // valid until the next picture
   ptrdiff_t stride;        // bytes from row to row
   int width, height;
-  double time;      // its stamp in the video, seconds
+  double time;      // stamp of the picture in the video, seconds
   double progress;  // share of the video that has passed, as far as its length is known; else 0
 };
 

@@ -16,7 +16,7 @@ class Validator;
 // that includes it costs several seconds of compiling. Nothing here is safe for several threads.
 namespace cli {
 
-// What a value must be.
+// These check a value and say what it must be.
 class Check {
  public:
   explicit Check(const CLI::Validator& validator);
@@ -40,7 +40,7 @@ class Option {
   Option* capture_default_str();  // --help shows what the variable holds now
   Option* type_name(const std::string& name);
   Option* check(const Check& check);
-  Option* delimiter(char between);  // of the values of a vector that come as one word
+  Option* delimiter(char between);  // the character between values of a vector that come as one word
   Option* needs(const Option* other);
   Option* excludes(const Option* other);
 
@@ -61,14 +61,14 @@ class App {
   Option* add_flag(const std::string& name, bool& variable, const std::string& help = "");
   App* add_subcommand(const std::string& name, const std::string& help);
   App* add_option_group(const std::string& name);
-  App* get_subcommand(const std::string& name);  // one that was added
+  App* get_subcommand(const std::string& name);  // a command that was added before
 
   App* require_subcommand(size_t count);
   App* require_subcommand(size_t least, size_t most);
   App* require_option(size_t count);
-  // Called where this command is on the command line, once all of it is parsed.
+  // Sets what is called where this command is on the command line, once all of it is parsed.
   void callback(std::function<void()> job);
-  explicit operator bool() const;  // this command is on the command line
+  explicit operator bool() const;  // whether this command is on the command line
 
  private:
   friend int run_tool(App& app, int argc, char** argv, const std::function<void()>& job,

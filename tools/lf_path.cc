@@ -5,7 +5,6 @@
 #include <optional>
 #include <string>
 
-#include "base/error.h"
 #include "command_line.h"
 #include "render/focus_range.h"
 #include "rig/rig_json.h"

@@ -2,7 +2,6 @@
 // lf-scene chart: what cameras record while a chart of 24 colours is held before them, here and there.
 #include "lf_scene_chart.h"
 
-#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>

@@ -3,7 +3,6 @@
 #include <glib-unix.h>
 #include <gst/gst.h>
 
-#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <string>

@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "base/error.h"
+#include "posted_error.h"
 
 namespace {
 
@@ -115,17 +116,8 @@ void MjpegWriter::finish() {
 }
 
 void MjpegWriter::fail() {
-  std::string reason = "the pipeline stopped";
-  GstBus* bus = gst_element_get_bus(pipeline_);
   // The error may still be on its way from another thread.
-  if (GstMessage* message = gst_bus_timed_pop_filtered(bus, GST_SECOND, GST_MESSAGE_ERROR)) {
-    GError* error = nullptr;
-    gst_message_parse_error(message, &error, nullptr);
-    reason = error->message;
-    g_error_free(error);
-    gst_message_unref(message);
-  }
-  gst_object_unref(bus);
+  const std::string reason = lf::posted_error(pipeline_, GST_SECOND, "the pipeline stopped");
   close();  // the constructor, too, ends here
   throw lf::Error(path_ + ": can't be written: " + reason);
 }

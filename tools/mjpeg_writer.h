@@ -10,7 +10,7 @@
 // Frames per second as a fraction.
 struct FrameRate {
   int numerator = 15, denominator = 1;
-  // Of frame `n` (from 0), nanoseconds.
+  // The time of frame `n`, counted from 0, nanoseconds.
   GstClockTime time(uint64_t n) const {
     return gst_util_uint64_scale(n, GST_SECOND * static_cast<guint64>(denominator), static_cast<guint64>(numerator));
   }
@@ -20,7 +20,7 @@ struct FrameRate {
 // PATH.part. One thread at a time. Throws lf::Error naming the file. gst_init() must have been called.
 class MjpegWriter {
  public:
-  // Of pictures. `quality`: of JPEG, 1..100. `rate`: 0/1 where every frame comes with its time.
+  // Writes pictures. `quality`: JPEG's, 1..100. `rate`: 0/1 where every frame comes with its time.
   MjpegWriter(const std::string& path, int width, int height, FrameRate rate, int quality);
   // Of frames that are JPEG already, which go to the file as they are.
   MjpegWriter(const std::string& path, int width, int height);
@@ -28,18 +28,18 @@ class MjpegWriter {
   MjpegWriter(const MjpegWriter&) = delete;
   MjpegWriter& operator=(const MjpegWriter&) = delete;
 
-  // The next frame: RGB of the writer's size, at its time by the rate.
+  // Writes the next frame, RGB of the writer's size, at its time by the rate.
   void add(const lf::Image& rgb) { add(rgb, rate_.time(frames_)); }
-  // At `time`, nanoseconds from the beginning on; later than the one before.
+  // Writes a frame at `time`, nanoseconds from the beginning on, later than the one before.
   void add(const lf::Image& rgb, GstClockTime time);
-  void add_jpeg(GstBuffer* jpeg, GstClockTime time);  // borrowed
+  void add_jpeg(GstBuffer* jpeg, GstClockTime time);  // the buffer is borrowed
   void finish();
 
  private:
   void open(const std::string& coder, GstCaps* caps);  // takes the caps
   void push(GstBuffer* buffer, GstClockTime time);     // takes it
   void close();
-  [[noreturn]] void fail();  // with what the pipeline has to say
+  [[noreturn]] void fail();  // throws lf::Error with what the pipeline has to say
 
   std::string path_;
   FrameRate rate_;

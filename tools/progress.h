@@ -20,7 +20,7 @@ class Progress {
     done_++;
     if (total_ > 0) reach(static_cast<double>(done_) / static_cast<double>(total_));
   }
-  // `share`: of 1; what comes before a later one is not shown again. `doing`: in words, what is done now.
+  // `share`: how much is done, of 1; less than was shown before is not shown. `doing`: in words, what is done now.
   void reach(double share, const std::string& doing = "") {
     const int percent = std::max(shown_, static_cast<int>(100 * std::clamp(share, 0.0, 1.0)));
     if (!visible_) {
@@ -38,7 +38,7 @@ class Progress {
                  std::string(kWidth - filled, '.').c_str(), percent, doing.empty() ? "" : "  ", doing.c_str());
     std::fflush(stderr);
   }
-  // Clears the line.
+  // Clears the line that the bar is on.
   void finish() {
     if (visible_ && shown_ >= 0) std::fprintf(stderr, "\r\033[K");
     shown_ = -1;

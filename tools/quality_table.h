@@ -7,12 +7,12 @@
 
 #include "quality/quality.h"
 
-// One line of the table and one entry of the JSON file.
+// One view: a line of the table and an entry of the JSON file.
 struct QualityRow {
   std::string name;
-  std::optional<lf::Quality> quality;  // with ground truth
+  std::optional<lf::Quality> quality;  // against ground truth; nothing where there is none
   double coverage = 0;                 // fraction of the pixels that count
-  double cameras = 0;                  // that contributed
+  double cameras = 0;                  // cameras that contributed
   double ms = 0;
 };
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -26,7 +25,7 @@ struct FaultOptions {
         ->type_name("LIST")
         ->needs(faults);
   }
-  // One for each camera; empty where none is asked for. Throws Error for ids that are none.
+  // The faults, one for each camera; empty where none are asked for. Throws Error for ids that are none.
   std::vector<lf::ColourFault> faults(const lf::Rig& rig) const {
     if (seed < 0) return {};
     std::vector<lf::ColourFault> faults = lf::random_faults(rig.cameras.size(), static_cast<uint32_t>(seed));

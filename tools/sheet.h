@@ -7,7 +7,7 @@
 #include "image/image.h"
 #include "rig/still_images.h"
 
-// One picture of a contact sheet; any size.
+// One picture of a contact sheet, of any size.
 struct Panel {
   std::string title;
   lf::Image picture;  // RGB
@@ -17,6 +17,7 @@ struct Panel {
 // At most 16 x 16 of them, evenly chosen. `width`: of the mosaic, pixels.
 lf::Image camera_mosaic(const lf::Rig& rig, const lf::CameraImages& images, int width);
 
-// `columns` panels a row under a heading, each with its title and scaled into one size, and a line of text at the foot.
+// A contact sheet: `columns` panels a row under a heading, each with its title and scaled into one size, and a line of
+// text at the foot.
 lf::Image make_sheet(const std::string& heading, const std::vector<Panel>& panels, int columns,
                      const std::string& foot);

@@ -6,8 +6,8 @@
 
 // A camera that is plugged in.
 struct VideoDevice {
-  std::string name;     // for people
-  std::string source;   // for a rig: a URI, or elements
+  std::string name;     // the name that people know the camera by
+  std::string source;   // what a rig has as source: a URI, or elements
   bool stable = false;  // the source means the same camera after a restart, or what else has been plugged in
 };
 

@@ -298,7 +298,7 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &more_src_template);
   gst_element_class_set_static_metadata(
       element_class, "Light field camera node", "Filter/Video",
-      "Answers view requests with the fragments of a range of cameras: an lfcamsrc each and one lffragment",
+      "Answers view requests with the sum of a range of cameras: an lfcamsrc each and one lffragment",
       "gst-lightfield");
 }
 

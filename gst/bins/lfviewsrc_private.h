@@ -22,8 +22,8 @@ G_DECLARE_FINAL_TYPE(LfViewSrc, lf_view_src, LF, VIEW_SRC, GstBin)
 struct LfViewSrcViewer {
   LfViewSrcViewer(GstBin* bin, guint view_id, const std::string& ending) : chain(bin, view_id, ending) {}
   lf::ViewerChain chain;
-  std::unique_ptr<lf::RequestedPads> pads;      // that link it with the cameras
-  std::unique_ptr<lf::RequestedPads> requests;  // and with those who ask for it on other hosts
+  std::unique_ptr<lf::RequestedPads> pads;      // link the viewer with the cameras
+  std::unique_ptr<lf::RequestedPads> requests;  // link the viewer with hosts that ask for its view
 };
 
 // Other hosts, as properties name them.
@@ -33,7 +33,7 @@ struct LfViewSrcHosts {
   bool any() const { return !nodes.empty() || !listen.empty(); }
 };
 
-// Its properties, but for those of its parts.
+// The properties of lfviewsrc, but for those of the elements inside.
 struct LfViewSrcSettings : LfViewSrcHosts {
   std::string rig;
   bool is_live = true;
@@ -47,15 +47,15 @@ struct _LfViewSrc {
   LfViewSrcSettings* settings;
   bool by_uri;  // the rig was named by a URI, which may come from anywhere
 
-  GstElement *view, *compositor;  // of `src`: children; null where the elements are not installed
+  GstElement *view, *compositor;  // the viewer of the pad `src`; null where the elements are not installed
   // What is inside, under its own lock, which is taken before any other: bins tell applications of children.
   struct Inside {
     std::recursive_mutex mutex;
-    std::map<std::string, std::shared_ptr<LfViewSrcViewer>> viewers;  // by the name of their pad
-    std::set<guint> view_ids;                                         // that have been used
+    std::map<std::string, std::shared_ptr<LfViewSrcViewer>> viewers;  // by the name of the viewer's pad
+    std::set<guint> view_ids;                                         // numbers that some viewer has or had
     std::unique_ptr<lf::ViewerCameras> cameras;
     std::unique_ptr<lf::ViewerRequests> requests;  // null where viewers make their own
-    LfViewSrcHosts hosts;                          // that these were made for
+    LfViewSrcHosts hosts;                          // the hosts that `cameras` and `requests` were made for
     GstClock* realtime = nullptr;                  // made when it is asked for
   } * inside;
 };
@@ -64,13 +64,13 @@ struct _LfViewSrc {
 void lf_view_src_install_properties(GObjectClass* klass);
 void lf_view_src_install_actions(GObjectClass* klass);
 void lf_view_src_uri_handler_init(gpointer iface, gpointer data);
-// Copies; "" where there is no rig.
+// The path of the rig that the element is set to; "" where there is none. Takes the object lock.
 std::string lf_view_src_rig(LfViewSrc* self);
 LfViewSrcHosts lf_view_src_hosts(LfViewSrc* self);
 bool lf_view_src_is_live(LfViewSrc* self);
-// Of lfcameranode, if there is one, what is the bin's to say.
+// Gives lfcameranode, if there is one inside, those of its properties that the bin decides.
 void lf_view_src_set_node(LfViewSrc* self);
-// What the viewers of a bin have in common goes over to one more.
+// Gives a new viewer the properties that all viewers of the bin have in common.
 void lf_view_src_copy_settings(LfViewSrc* self, const lf::ViewerChain& to);
 
 // view_src_viewers.cc

@@ -20,7 +20,8 @@ struct Admission {
   bool operator==(const Admission&) const = default;
 };
 
-// The host that packets are expected from, and this machine, where `peers` names nobody and there is no key.
+// Who may send, as the settings have it; where they name no peers and no key: `host`, which packets are expected from,
+// and this machine.
 Admission admission_of(const Admission& settings, const std::string& host);
 
 // Posts a warning, if there is no key, that those who are let in are not all who can get in.

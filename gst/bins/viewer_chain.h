@@ -33,39 +33,40 @@ class ViewerChain {
   guint view_id() const { return view_id_; }
   GstElement* view() const { return view_; }              // borrowed
   GstElement* compositor() const { return compositor_; }  // borrowed
-  // Where the pictures leave; what nobody takes is dropped. With a reference.
+  // The pad where the pictures leave, with a reference; a picture that nobody takes is dropped.
   GstPad* pictures() const { return gst_element_get_static_pad(pictures_, "src_0"); }
-  // Where requests leave for the cameras. With a reference.
+  // The pad where requests leave for the cameras, with a reference.
   GstPad* requests() const { return gst_element_get_static_pad(to_cameras_, "src"); }
-  // Where the answers of one more node come in; `drops`: the oldest go where they come too fast, else they wait. With a
-  // reference.
+  // A new pad where the answers of one more node come in, with a reference. `drops`: the oldest answers are dropped
+  // where they come too fast, else they wait.
   GstPad* add_answers(bool drops);
-  // Takes all of these away. While nothing runs.
+  // Takes away all pads that add_answers() made. Call while nothing runs.
   void drop_answers();
 
-  // Live, late requests and pictures are dropped, so that nobody waits for anybody. While nothing runs.
+  // Live, late requests and pictures are dropped, so that nobody waits for anybody. Call while nothing runs.
   void set_live(bool live);
-  // Goes to the bin's state, those behind first, and on with it. Before, nothing runs, whatever the bin does.
+  // Takes the elements to the bin's state, those behind first; from then on they follow its state. Before this call
+  // nothing runs, whatever the bin does.
   void follow_bin();
 
   // Takes the elements out of the bin, so that nothing they still say reaches it. They run on until close().
   void take_out();
-  // Stops the elements, those behind first, which wakes those before; `leave_cameras` is called in its turn. Not to be
-  // called by a thread of theirs.
+  // Stops the elements, those behind first, which wakes those before; `leave_cameras` is called where the cameras have
+  // their turn. Not to be called by a streaming thread of these elements.
   void close(const std::function<void()>& leave_cameras);
 
  private:
   GstElement* add(const char* factory, const char* name);
   std::vector<GstElement*> behind_cameras() const;
   std::vector<GstElement*> before_cameras() const;
-  std::vector<GstElement*> all() const;  // those behind first
+  std::vector<GstElement*> all() const;  // those farthest downstream first
 
   GstBin* bin_;
   guint view_id_;
   std::string ending_;
   GstElement *view_, *requests_, *to_cameras_, *to_compositor_, *compositor_, *to_src_, *pictures_;  // with references
   std::vector<GstElement*> answers_;                                                                 // with references
-  bool follows_ = false;  // the state of the bin
+  bool follows_ = false;  // the elements follow the bin's state
 };
 
 }  // namespace lf

@@ -3,7 +3,6 @@
 
 #include "base/schedule.h"
 #include "camsrc/camera_source.h"
-#include "camsrc/camera_states.h"
 #include "camsrc/lfcamsrc_private.h"
 #include "common/common.h"
 

@@ -16,11 +16,11 @@ namespace lf {
 // How lfcamsrc's frames are to come.
 struct ChainOptions {
   int fps_n = 0, fps_d = 1;  // 0/1: as the source has them, kDefaultFps where it has no rate of its own
-  bool live = false;         // each at its time on the clock
+  bool live = false;         // each frame comes at its time on the clock
   bool loop = false;         // image sequences begin again by themselves; other files are up to the caller
   bool decode = true;        // JPEG video too; stills always
-  Controls controls = {};    // of devices and elements
-  guint latency = 200;       // of network sources, milliseconds: how long packets are waited for and put in order
+  Controls controls = {};    // set on sources that are devices or elements
+  guint latency = 200;       // milliseconds that packets of network sources are waited for and put in order
 };
 
 inline constexpr int kDefaultFps = 15;
@@ -35,10 +35,10 @@ struct CameraChain {
   GstPad* frames = nullptr;             // source pad: one buffer for each frame the camera took
   GstPad* out = nullptr;                // source pad
   GstElement* sequence = nullptr;       // multifilesrc, of an image sequence
-  GstElement* device = nullptr;         // of kDevice and kBin: what may have controls
-  std::shared_ptr<SenderClock> sender;  // of a network camera that may tell its time; else null
+  GstElement* device = nullptr;         // the element that may have controls; null but for kDevice and kBin
+  std::shared_ptr<SenderClock> sender;  // null but for a network camera that may tell its time
   // The elements from `decoded` to `out`. Decoders are linked with them by and by, so that GstBin does not know that
-  // these are to be started first.
+  // the elements of the tail are to be started first.
   std::vector<GstElement*> tail;
 };
 

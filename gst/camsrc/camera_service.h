@@ -17,7 +17,7 @@ class CameraService {
 
   struct Report {
     State state = State::kStopped;
-    std::string reason;    // of the latest loss; "" without one
+    std::string reason;    // why the camera was lost the latest time; "" if it never was
     uint64_t losses = 0;   // times it was lost
     uint64_t retries = 0;  // times it was opened again
     bool worked = false;   // has given a frame since the start

@@ -20,8 +20,9 @@ class CameraShedder : public std::enable_shared_from_this<CameraShedder> {
  public:
   // Frames may be late by two of their periods, and by this, nanoseconds.
   static constexpr GstClockTimeDiff kTolerance = 100'000'000;
-  static constexpr uint64_t kPatience = 500'000'000;  // they have to be later for so long, and not catch up
-  static constexpr uint64_t kBetween = 250'000'000;   // between the beginnings of two cameras
+  // Frames have to be late for so long, and not catch up, before any is dropped.
+  static constexpr uint64_t kPatience = 500'000'000;
+  static constexpr uint64_t kBetween = 250'000'000;  // between the instants at which two cameras begin to drop
 
   // Watches the sink pad of `element`, if that decodes video. Before data flows through it.
   void watch(GstElement* element);
@@ -31,15 +32,15 @@ class CameraShedder : public std::enable_shared_from_this<CameraShedder> {
 
   enum class Verdict {
     kShow,
-    kLeaveOut,     // it went in before others were dropped
+    kLeaveOut,     // a frame that went into the decoder before others were dropped
     kBeginToDrop,  // frames are dropped from now on; leave this one out, too
   };
   // A frame has come out: `pts` its time in the stream, `late` how much later than its running time it is (negative:
-  // early), `latency` by how much its source says that it may be, `period` of the camera's frames (0: not known), `now`
-  // of a clock that never jumps.
+  // early), `latency` by how much its source says that it may be, `period` the time between the camera's frames (0: not
+  // known), `now` nanoseconds of a clock that never jumps.
   Verdict see(GstClockTime pts, GstClockTimeDiff late, GstClockTime latency, GstClockTime period, uint64_t now);
 
-  // By how much the newest frame was later than it could be; 0: not at all.
+  // By how many nanoseconds the newest frame was later than it could have been; 0: it was on time.
   GstClockTimeDiff behind() const;
   uint64_t dropped() const { return dropped_; }
   // The time in the stream at which the newest dropped frame ends; GST_CLOCK_TIME_NONE where none was since the last
@@ -54,9 +55,9 @@ class CameraShedder : public std::enable_shared_from_this<CameraShedder> {
   mutable std::mutex mutex_;
   GstClockTimeDiff best_ = G_MAXINT64, behind_ = 0;
   uint64_t late_since_ = 0;                        // 0: not late
-  GstClockTimeDiff late_by_ = 0;                   // then
-  GstClockTime skip_until_ = GST_CLOCK_TIME_NONE;  // in the stream; none: nothing is dropped
-  GstClockTime show_from_ = GST_CLOCK_TIME_NONE;   // the same, of what comes out
+  GstClockTimeDiff late_by_ = 0;                   // by how much frames were late at late_since_
+  GstClockTime skip_until_ = GST_CLOCK_TIME_NONE;  // stream time up to which input is dropped; none: nothing is
+  GstClockTime show_from_ = GST_CLOCK_TIME_NONE;  // stream time up to which decoded frames are not shown; none: all are
   GstClockTime dropped_end_ = GST_CLOCK_TIME_NONE;
   std::atomic<uint64_t> dropped_ = 0;
 };

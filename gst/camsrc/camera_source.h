@@ -18,14 +18,14 @@ class MissingFile : public Error {
 struct CameraSource {
   enum class Kind {
     kScene,     // the built-in scene; no location
-    kStill,     // one picture, shown for ever
+    kStill,     // one picture that is shown for ever
     kSequence,  // numbered pictures: `location` is a printf pattern with one %d, `first` the first number
     kMatroska,  // a Matroska file
     kDevice,    // a URI whose source gives pictures itself, of the sizes and rates it has (v4l2:///dev/video0)
     kBin,       // elements: `location` is a line as gst-launch-1.0 reads it, with one source pad left open
     kUri,       // anything else GStreamer plays: `location` is a URI
   };
-  enum class Codec { kOther, kPng, kJpeg };  // of the pictures of kStill and kSequence
+  enum class Codec { kOther, kPng, kJpeg };  // how pictures of kStill and kSequence are coded
 
   Kind kind = Kind::kScene;
   Codec codec = Codec::kOther;

@@ -10,20 +10,22 @@ namespace lf {
 // of its end, and the pipeline waits for ever. Nobody needs to wait for them: a sink prerolls with the frame it gets.
 // So the bin does not know: their state is locked and is changed here, and their messages about it end here.
 
-// For GstBinClass::element_added.
+// Locks the state of a child that decodes: the function for GstBinClass::element_added.
 void lock_decoder(GstBin* bin, GstElement* child);
 
-// In place of the parent class's change_state. `chain_up` is that.
+// Changes the states of the bin and of its locked children, in place of the parent class's change_state, which
+// `chain_up` is.
 GstStateChangeReturn change_camera_state(GstBin* bin, GstStateChange transition,
                                          GstStateChangeReturn (*chain_up)(GstElement*, GstStateChange));
 
 // Starts children that have just been put into the bin, which is in PAUSED or PLAYING: to PAUSED; who takes starts
 // first. As change_camera_state().
 GstStateChangeReturn pause_new_children(GstBin* bin);
-// From there to PLAYING.
+// Takes children that pause_new_children() has started from PAUSED to PLAYING.
 GstStateChangeReturn play_new_children(GstBin* bin);
 
-// For GstBinClass::handle_message: true if the message ends here; it is unreferenced then.
+// Takes a locked child's message about its state, in GstBinClass::handle_message: true if the message ends here,
+// unreferenced.
 bool take_decoder_message(GstBin* bin, GstMessage* message);
 
 }  // namespace lf

@@ -23,7 +23,7 @@ struct StreamOptions {
   int width = 0, height = 0;  // pixels
   double time_offset = 0;     // seconds, of the true capture time
   gint64 num_frames = -1;     // -1: all
-  bool seek_to_loop = false;  // at its end the source is sought back to its beginning
+  bool seek_to_loop = false;  // where the source ends it is sought back to its beginning
   bool has_end = true;        // false: an end of the source, but for `num_frames`, is an error
   bool may_be_lost = false;   // an error ends the stream with the event LF_CAMERA_LOST, not with EOS
   bool catches_up = false;    // frames that are later than a second are left out until one is not
@@ -36,12 +36,13 @@ struct StreamOptions {
 
 // What a camera's stream tells, from any of its threads.
 struct StreamListener {
-  // Once at most.
+  // An error; called once at most.
   std::function<void(GQuark domain, gint code, const std::string& text)> on_error;
   std::function<void()> on_first_frame;
-  std::function<void()> on_end;                            // as it should; not after an error
-  std::function<void(GstClockTimeDiff late)> on_overload;  // frames are dropped before they are decoded
-  // A film that loops ended after `lasted`, and `missing` before the end that it says to have. Once.
+  std::function<void()> on_end;  // the stream has ended as it should; not called after an error
+  // Frames are dropped before they are decoded, as they come late by so much.
+  std::function<void(GstClockTimeDiff late)> on_overload;
+  // A film that loops ended after `lasted`, and `missing` before the end that it says to have. Called once at most.
   std::function<void(GstClockTime lasted, GstClockTime missing)> on_cut_off;
 };
 
@@ -79,7 +80,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstClockTime round() const { return round_; }
 
  private:
-  // Each takes what passes and says what becomes of it.
+  // Probes of the chain's pads: each takes what passes and says what becomes of it.
   GstPadProbeReturn on_decoded(GstPad* pad, GstPadProbeInfo* info);
   GstPadProbeReturn on_frame(GstPad* pad, GstPadProbeInfo* info);
   GstPadProbeReturn on_output(GstPad* pad, GstPadProbeInfo* info);
@@ -108,7 +109,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   void announce(GstPad* pad);
 
   GstElement* const owner_;
-  const CameraChain chain_;  // with references to its pads: probes may be under way when the elements are gone
+  const CameraChain chain_;  // holds references to its pads, as probes may be under way when the elements are gone
   const StreamOptions options_;
   const StreamListener listener_;
   std::atomic<bool> live_ = false;
@@ -116,26 +117,26 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   std::atomic<gint64> frames_out_ = 0;
   std::atomic<uint64_t> left_out_ = 0;
   std::mutex seeking_;
-  std::atomic<guint32> loop_seqnum_ = GST_SEQNUM_INVALID;  // of the seek back to the beginning
-  std::atomic<bool> sought_ = false;                       // by somebody else, since the latest segment
-  std::atomic<GstClockTime> sequence_starts_at_ = 0;  // in the film, what an image sequence gives first from now on
+  std::atomic<guint32> loop_seqnum_ = GST_SEQNUM_INVALID;  // number of the seek back to the beginning
+  std::atomic<bool> sought_ = false;                       // somebody else has sought since the latest segment
+  std::atomic<GstClockTime> sequence_starts_at_ = 0;       // time in the film of the next picture of an image sequence
 
-  // Of the streaming thread.
-  GstSegment segment_;               // of the frames pad
-  guint64 pictures_ = 0;             // decoded
-  GstClockTime stream_end_ = 0;      // running time at which the newest frame ends
-  GstClockTime round_start_ = 0;     // running time at which this round of a loop began
-  GstClockTime round_ = 0;           // how long the latest whole round was
-  GstClockTime film_end_ = 0;        // in the film, over all rounds, where the newest frame ends
-  GstClockTime film_start_ = 0;      // the same of the beginning of this round, which a seek may have begun later
-  GstClockTime capture_offset_ = 0;  // in the film, of the frame that has stream time 0
+  // What follows belongs to the streaming thread.
+  GstSegment segment_;            // the latest segment on the frames pad
+  guint64 pictures_ = 0;          // pictures decoded so far
+  GstClockTime stream_end_ = 0;   // running time at which the newest frame ends
+  GstClockTime round_start_ = 0;  // running time at which this round of a loop began
+  GstClockTime round_ = 0;        // how long the latest whole round was
+  GstClockTime film_end_ = 0;     // time in the film, over all rounds, at which the newest frame ends
+  GstClockTime film_start_ = 0;   // time in the film at which this round began: later than its beginning after a seek
+  GstClockTime capture_offset_ = 0;  // time in the film of the frame that has stream time 0
   guint64 judged_ = 0;               // frames whose lateness was looked at
-  GstClockTime latency_ = 0;         // of the source, as it states it
-  guint64 round_frames_ = 0;         // frames since then
+  GstClockTime latency_ = 0;         // latency that the source states
+  guint64 round_frames_ = 0;         // frames since round_start_
   gint fps_n_ = 0, fps_d_ = 1;
   bool counts_time_ = false;  // frames have no stamps of their own
   bool is_jpeg_ = false, size_is_wrong_ = false, size_is_known_ = false, announced_ = false, eos_sent_ = false;
-  bool is_on_time_ = false;  // has caught up
+  bool is_on_time_ = false;  // a stream that catches up has done so
   bool is_cut_off_ = false;  // more could have been sent when the source came to its end
   bool told_cut_off_ = false;
 };

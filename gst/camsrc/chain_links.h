@@ -10,7 +10,8 @@ namespace lf {
 
 // Throws MissingElement.
 GstElement* add(GstBin* bin, const char* factory, const char* name = nullptr);
-GstElement* add_decoder(GstBin* bin, CameraSource::Codec codec);  // of pictures
+// Adds an element to the bin that decodes single pictures. Throws MissingElement.
+GstElement* add_decoder(GstBin* bin, CameraSource::Codec codec);
 // The pad without the reference: it stays as long as its element.
 GstPad* borrow_pad(GstElement* element, const char* name);
 // Appends `next` to the chain that ends in `tail`. The elements of a chain fit by construction, so nothing is checked.
@@ -24,10 +25,11 @@ bool may_bypass(GstElement* head);
 // Links the first identity with the last: the video is JPEG and stays it. Before data flows.
 void bypass(GstElement* before);
 
-// Handlers of signals: link the first video with `head`, the sink of the chain. Of a decoder;
+// These handle signals of pads that appear: they link the first video with `head`, the sink of the chain. This one is a
+// decoder's.
 void on_decoded_pad(GstElement* decoder, GstPad* pad, gpointer head);
-// of a Matroska file: MJPEG goes through jpegdec on the demuxer's own thread, or stays as it is; what else there is
-// goes through decodebin, which brings queues and threads.
+// This one is a Matroska demuxer's: MJPEG goes through jpegdec on the demuxer's own thread, or stays as it is; what
+// else there is goes through decodebin, which brings queues and threads.
 void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer head);
 // Posts an error if there was no video.
 void on_no_more_pads(GstElement* element, gpointer unused);

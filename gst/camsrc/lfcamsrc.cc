@@ -47,7 +47,6 @@
 #include <memory>
 #include <string>
 
-#include "base/error.h"
 #include "camsrc/camera_states.h"
 #include "camsrc/lfcamsrc_private.h"
 #include "common/common.h"

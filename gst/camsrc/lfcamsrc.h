@@ -13,11 +13,11 @@ GST_ELEMENT_REGISTER_DECLARE(lfcamsrc)
 
 G_END_DECLS
 
-// For lfcameranode. Any thread.
-// From now on the loss of this camera is no error, whatever `retry`, which then counts for live cameras alone.
+// From now on the loss of this camera is no error, whatever the property `retry` says, which then counts for live
+// cameras alone. For lfcameranode; any thread.
 void lf_cam_src_set_expendable(LfCamSrc* self);
 const lf::CameraService& lf_cam_src_service(LfCamSrc* self);
 // The `stats` property under this name; owned by the caller.
 GstStructure* lf_cam_src_stats(LfCamSrc* self, const char* name);
-// It is lost, and no attempt follows.
+// Whether the camera is lost and no attempt to open it again follows.
 bool lf_cam_src_is_lost_for_good(LfCamSrc* self);

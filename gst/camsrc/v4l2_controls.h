@@ -26,7 +26,7 @@ struct V4l2Control {
 };
 std::optional<V4l2Control> read_v4l2_control(const std::string& name, const ReadV4l2& read);
 
-// Of an open device (v4l2src's device-fd).
+// Reads the controls of an open device, `handle` (v4l2src's device-fd).
 ReadV4l2 v4l2_reader(int handle);
 
 }  // namespace lf

@@ -33,7 +33,7 @@ class AutoCaptureDelay {
     GstClockTime time, needed;
   };
   mutable std::mutex mutex_;
-  std::deque<Report> reports_;  // of the last kMemory, each larger than all after it
+  std::deque<Report> reports_;  // what nodes said within the last kMemory, each larger than all that came after it
   GstClockTime since_ = 0;      // when the first report of all came
   GstClockTime delay_ = 0;
 };

@@ -50,7 +50,7 @@
 
 namespace lf {
 
-// A seek that can't be taken; told before anything is flushed for it.
+// Whether the event is a seek in reverse, which can't be taken: to be refused before anything is flushed for it.
 bool is_reverse_seek(GstEvent* event);
 
 // LF_REQUEST_CAPS or LF_ANSWER_CAPS as caps, owned by the caller.
@@ -58,7 +58,7 @@ GstCaps* unit_caps(const gchar* media_type);
 // Caps that leave `parsed` away are taken, too: who makes them has no reason to think of it.
 void accept_unit_caps(GstPad* sink);
 
-// By how much what comes to this sink pad may be late; nothing where it does not come in real time.
+// By how many nanoseconds buffers on this sink pad may be late; nothing where they do not come in real time.
 std::optional<GstClockTime> live_latency(GstPad* sink);
 
 bool is_in_process_query(GstQuery* query);

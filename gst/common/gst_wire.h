@@ -23,9 +23,9 @@ namespace lf {
 
 std::optional<ViewRequest> decode_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
 std::optional<wire::AnyRequest> decode_any_request_buffer(GstBuffer* buffer, std::string* reason = nullptr);
-// What the first bytes say, without decoding the rest.
+// The view that an answer is of, by its first bytes; the rest is not decoded. Nothing for other bytes.
 std::optional<uint32_t> peek_answer_view(GstBuffer* buffer);
-// Moments, or cameras' trials.
+// Whether the buffer holds a unit of moments.
 bool is_moments_buffer(GstBuffer* buffer);
 std::optional<wire::AnswerPartHeader> parse_answer_buffer_header(GstBuffer* buffer, std::string* reason = nullptr);
 
@@ -49,11 +49,12 @@ class MappedBuffer {
 // system. Thread-safe; buffers may outlive whoever made them.
 class AnswerMemory {
  public:
-  AnswerMemory() { unused_.reserve(kMostKept); }  // to give some back takes none
+  AnswerMemory() { unused_.reserve(kMostKept); }  // so that giving memory back needs none
   ByteBuffer take();
   // `now`: now_ns(), or of any one clock.
   void give_back(ByteBuffer bytes, uint64_t now = now_ns());
-  // The minute passes: what was last needed before it goes. To be called now and then where nothing may come back.
+  // Gives memory back to the system that was last needed more than a minute ago. To be called now and then where no
+  // answer may come back.
   void trim(uint64_t now = now_ns());
   size_t kept_bytes() const;
 
@@ -65,11 +66,11 @@ class AnswerMemory {
   std::vector<ByteBuffer> unused_;
 };
 
-// New buffers, owned by the caller.
+// A new buffer with the request's bytes, owned by the caller; so are those of the functions below.
 GstBuffer* encode_request_buffer(const ViewRequest& request);
 GstBuffer* wrap_bytes(std::vector<uint8_t> bytes);
 GstBuffer* wrap_bytes(ByteBuffer bytes);
-// The memory goes back to `memory` with the buffer.
+// A new buffer of these bytes, owned by the caller. When it is freed its memory goes back to `memory`.
 GstBuffer* wrap_answer(ByteBuffer bytes, std::shared_ptr<AnswerMemory> memory);
 
 }  // namespace lf

@@ -26,11 +26,11 @@ class ObjectLock {
   GstObject* object_;
 };
 
-// Posts an error that says what was thrown, for an element or the one that has this pad. To be called in a handler.
+// Posts an error that says what was thrown, from an element, or from the parent of a pad. To be called in a handler.
 void post_current_exception(gpointer object);
 
-// The same as a warning, at most one a second of each element: what was thrown costs what was being made, and what
-// comes next is made as ever.
+// Posts a warning that says what was thrown, at most one a second from each element: only what was being made is lost.
+// To be called in a handler.
 void warn_of_current_exception(gpointer object);
 
 // What f() returns, which handles one buffer of a stream; if it throws the stream goes on without that.

@@ -9,7 +9,7 @@ namespace lf {
 
 // The pixel family of a raw video format, kNone if it is neither in the RGB family nor I420, NV12 or GRAY8.
 PixelFamily family_of(const GstVideoInfo& info);
-// Where R, G and B are in a format of the RGB family.
+// At which bytes of a pixel R, G and B are in a format of the RGB family.
 RgbLayout rgb_layout(const GstVideoInfo& info);
 // Sets what I420 means inside the system: full-range BT.601, centred chroma.
 void set_system_colorimetry(GstVideoInfo& info);

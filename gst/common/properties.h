@@ -87,7 +87,7 @@ Property<Settings> make_property(Field Settings::*, GParamFlags flags, const cha
               if ((settings.*field).empty()) g_value_set_static_string(value, "");
           }};
 }
-// `S`: the settings, where the field is of a base of theirs.
+// As property(), for a field of a base of the settings `S`.
 template <typename S, auto field, typename... Range>
 Property<S> inherited_property(GParamFlags flags, const char* name, const char* nick, const char* blurb,
                                Range... range) {
@@ -126,7 +126,8 @@ class PropertyTable {
  public:
   PropertyTable(std::initializer_list<Property<Settings>> rows) : rows_(rows) {}
 
-  // As properties first_id, first_id + 1, ... of the class, in the order of the table. Returns the next id.
+  // Installs the rows as properties first_id, first_id + 1, ... of the class, in the order of the table. Returns the id
+  // after the last one.
   guint install(GObjectClass* klass, guint first_id) {
     first_id_ = first_id;
     for (const Property<Settings>& row : rows_) g_object_class_install_property(klass, first_id++, row.spec);
@@ -185,7 +186,7 @@ struct EnumRow {
 };
 template <typename Enum>
 GType register_enum(const char* type_name, std::initializer_list<EnumRow<Enum>> rows) {
-  static auto& values = *new std::vector<GEnumValue>;  // for ever, and known to be in use
+  static auto& values = *new std::vector<GEnumValue>;  // never freed: the type system keeps pointers into it
   for (const EnumRow<Enum>& row : rows) values.push_back({static_cast<gint>(row.value), row.text, row.name});
   values.push_back({0, nullptr, nullptr});
   return g_enum_register_static(type_name, values.data());

@@ -16,11 +16,12 @@ class QosWatch {
  public:
   // The view that a QoS event names.
   static std::optional<uint32_t> view_of(GstEvent* event);
-  // The same event with the name of a view. Takes and gives a reference.
+  // Writes the name of a view into the event, or into a copy where others have the event, too. Takes and gives a
+  // reference.
   static GstEvent* name_view(GstEvent* event, uint32_t view_id);
 
   struct Late {
-    GstClockTimeDiff jitter;  // by how much, nanoseconds
+    GstClockTimeDiff jitter;  // nanoseconds by which pictures are late
     gdouble proportion;       // time that frames take over time there is
   };
   // Takes note of a QoS event that names its view. `live`: it comes no sooner if some are left out.

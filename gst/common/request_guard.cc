@@ -3,7 +3,6 @@
 
 #include <iterator>
 #include <numeric>
-#include <string>
 
 #include "base/schedule.h"
 #include "view/view.h"

@@ -11,7 +11,7 @@
 
 namespace lf {
 
-// At most one message a second. Not thread-safe.
+// Decides which messages leave: at most one a second. Not thread-safe.
 class SecondlyMessage {
  public:
   bool may_leave(uint64_t now_ns) {
@@ -30,12 +30,13 @@ class SecondlyMessage {
 // and a warning tells of it once a second at most. Thread-safe.
 class RequestGuard {
  public:
-  enum Property { kMaxPixels, kMaxAperture, kMaxTrials, kMaxRate, kMaxViews, kNumProperties };
-  // As properties first_id, first_id + 1, ... of the class; the last one with `views` alone.
+  enum Property { kMaxPixels, kMaxAperture, kMaxTrials, kMaxRate, kMaxViews };
+  // Installs the limits as properties first_id, first_id + 1, ... of the class; the last one, max-views, only if
+  // `views`.
   static void install(GObjectClass* klass, guint first_id, bool views = true);
   // `first_id`: as install() was told.
   explicit RequestGuard(guint first_id) : first_id_(first_id) {}
-  // False if the property of this id is another one.
+  // Sets or reads the limit that is the property of this id; false if the property is another one.
   bool set(guint id, const GValue* value);
   bool get(guint id, GValue* value) const;
 
@@ -44,10 +45,10 @@ class RequestGuard {
   bool admits(GstElement* element, std::span<const uint8_t> request, double extent, bool paced, uint32_t requester = 0);
   // No more requests come from this sender: its views make room for others.
   void forget(uint32_t requester);
-  // An answer is of so many pixels; one that nobody here asks for is counted as refused.
+  // Whether an answer of so many pixels may be taken; one larger than any request may ask for is counted as refused.
   bool admits_answer(int width, int height);
 
-  // Counted since the start.
+  // Sets the numbers of refused requests to 0.
   void clear();
   uint64_t refused() const;
   // Adds refused, and refused-pixels, -aperture, -trials, -rate, -views.

@@ -7,8 +7,8 @@
 
 namespace lf {
 
-// The same seek comes more than once: through the compositor's request pad and, by way of the nodes, through its answer
-// pads; and from every compositor behind a tee. Thread-safe.
+// Takes each seek once, though it comes several times: through the compositor's request pad and, by way of the nodes,
+// through its answer pads; and from every compositor behind a tee. Thread-safe.
 class SeekOnce {
  public:
   // Whether the seek with this number is another one than the latest.

@@ -26,10 +26,10 @@ namespace lf {
 struct ViewFeedback {
   guint view_id = 0;
   std::optional<FoundFocus> focus;
-  // From the next request on these cameras are out of service, and no others because of an event before.
+  // The cameras that are out of service from the next request on, in place of those that an earlier event named.
   std::optional<CameraSet> out_of_service;
-  // These are asked for beside the next request, once. Of each only the view, the cameras out of service, the rig and
-  // whether it is a probe count.
+  // Requests that are to be made beside the next one, once. Of each only the view, the cameras out of service, the rig
+  // and whether it is a probe count.
   std::vector<ViewRequest> extra_requests;
 };
 
@@ -44,9 +44,9 @@ void set_cameras(GstStructure* structure, const char* field, const CameraSet& ca
 // Whether somebody downstream of this source pad finds the focus of the view. *waits (may be null): whether who does is
 // waiting for its own downstream, as in a pipeline that is paused, and can't get on until that lets it.
 bool is_focus_found(GstPad* src, guint view_id, bool* waits = nullptr);
-// The answer of a compositor that finds it.
+// Writes into the query that a compositor finds the view's focus, and whether it waits for its own downstream.
 void set_focus_waits(GstQuery* query, bool waits);
-// Whether the query asks that, and of which view.
+// Whether the query asks for who finds a view's focus, and of which view.
 bool is_focus_query(GstQuery* query, guint* view_id);
 
 }  // namespace lf

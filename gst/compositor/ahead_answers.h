@@ -14,7 +14,8 @@ namespace lf {
 // behind it: a forged one is found out when its request has its turn, and hinders nothing until then. Not thread-safe.
 class AheadAnswers {
  public:
-  static constexpr int32_t kMostRequests = 64;  // that an answer may be ahead of the request that has its turn
+  // By so many requests an answer may be ahead of the one that has its turn.
+  static constexpr int32_t kMostRequests = 64;
   static constexpr size_t kMostBytes = size_t{64} << 20;
   static constexpr size_t kMostUnits = 4096;
 
@@ -25,9 +26,10 @@ class AheadAnswers {
 
   // Whether there is room for one more of so many bytes; there always is for a single one.
   bool has_room(size_t bytes) const;
-  // Takes the buffer.
+  // Takes over the buffer, an answer to the request of this number.
   void keep(uint32_t sequence, GstBuffer* buffer);
-  // Those of this request in the order in which they came, owned by the caller; those before it are thrown away.
+  // The answers to the request of this number in the order in which they came, owned by the caller. Answers to earlier
+  // requests are thrown away.
   std::vector<GstBuffer*> take(uint32_t sequence);
   void clear();
   size_t size() const { return waiting_.size(); }

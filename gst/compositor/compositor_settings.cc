@@ -77,13 +77,13 @@ PropertyTable<CompositorSettings>& CompositorSettings::properties() {
           "in common on trial surfaces, and the view's lfviewrequest is told of it. Without `rig` auto is plane",
           LF_TYPE_COMPOSITOR_FOCUS),
       property<&S::focus_near>(kWhilePlaying, "focus-near", "Focus near",
-                               "Nearest that a focal surface can be, metres from the array (0: at first 0.4 times the "
-                               "distance of the viewer's focal plane, then as the scene asks)",
+                               "Nearest that a focal surface can be, metres from the array (0: at first as near as the "
+                               "array can tell depths apart, then as the scene asks)",
                                0, kMaxFocus),
-      property<&S::focus_far>(kWhilePlaying, "focus-far", "Focus far",
-                              "Farthest that a focal surface can be, metres from the array (0: at first 4 times the "
-                              "distance of the viewer's focal plane, then as the scene asks)",
-                              0, kMaxFocus),
+      property<&S::focus_far>(
+          kWhilePlaying, "focus-far", "Focus far",
+          "Farthest that a focal surface can be, metres from the array (0: at first infinity, then as the scene asks)",
+          0, kMaxFocus),
       property<&S::monitor_interval>(
           kWhilePlaying, "monitor-interval", "Monitor interval",
           "Beside one of so many requests a camera, each in turn, is left out and predicted from the others, in a "

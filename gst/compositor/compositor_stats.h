@@ -25,8 +25,8 @@ class CompositorStats {
     kRepeatedPictures,
     kDroppedPictures,
     kSkippedRequests,
-    kStrayAnswers,    // to requests that nobody has asked
-    kFailedPictures,  // for lack of memory or another exception
+    kStrayAnswers,    // answers to requests that nobody has made
+    kFailedPictures,  // pictures that failed for lack of memory or another exception
     kNumCounters
   };
 
@@ -37,8 +37,8 @@ class CompositorStats {
     unsigned fragments = 0, missing = 0, damaged = 0;
     // Share of the view's pixels that cameras can see, 0..1; negative: not known, because there is no rig.
     double coverage = -1;
-    uint64_t bytes = 0;        // of the answers
-    uint64_t trial_bytes = 0;  // of what came of trials
+    uint64_t bytes = 0;        // bytes of the answers
+    uint64_t trial_bytes = 0;  // bytes of answers to trials
     uint64_t skew_ns = 0;      // largest |capture time - target time|
     int64_t answered = 0;      // when the last answer was in, or the deadline over
     int64_t adding = 0;        // how long answers were decoded and added
@@ -48,9 +48,9 @@ class CompositorStats {
   void reset();
   void count(Counter counter);
   void set_out_of_service(size_t cameras);
-  // After a picture whose trials, if any, came to this and took so many bytes.
+  // Notes what the focus is after a picture, and how many bytes the answers to the picture's trials had.
   void set_focus(const FocusControl::State& state, uint64_t trial_bytes);
-  // Of answers to probes, which do not count as the view's.
+  // Adds bytes of answers to the monitor's probes, which do not count as the view's.
   void add_monitor_bytes(uint64_t bytes);
   void set_monitor(const CameraMonitor& monitor);
   void request_arrived(uint32_t sequence, int64_t time);
@@ -74,7 +74,7 @@ class CompositorStats {
            out_of_service_ = 0;
   FocusControl::State focus_;
   uint64_t trial_bytes_ = 0;
-  std::optional<CameraMonitor> monitor_;  // as it was last
+  std::optional<CameraMonitor> monitor_;  // the monitor as set_monitor() was last given it
   uint64_t monitor_bytes_ = 0;
   std::map<uint32_t, int64_t> arrivals_;               // sequence to time, of requests not answered yet
   Percentiles answer_ns_, composite_ns_, latency_ns_;  // request in to last answer in to picture ready

@@ -36,7 +36,8 @@ struct _LfCompositor {
 
   // Under the object lock.
   lf::CompositorSettings* settings;
-  std::shared_ptr<const lf::Rig>* new_rig;  // set while running, from the next request on; null: none
+  // A rig set while running, which counts from the next request on; null: none.
+  std::shared_ptr<const lf::Rig>* new_rig;
 
   lf::RequestGuard* guard;  // thread-safe
 
@@ -46,22 +47,23 @@ struct _LfCompositor {
     // Any thread.
     lf::CompositorStats stats;
     lf::QosWatch qos;
-    lf::SilenceWatch silence;                   // has rules of its own
-    std::atomic<bool> live = false;             // as it was last seen to be: to ask takes queries to all pads
-    std::atomic<double> extent = 0;             // of the array, see array_extent()
+    lf::SilenceWatch silence;  // says itself which of its functions which thread may call
+    // Whether the stream is live, as it was last seen to be: asking takes queries to all pads.
+    std::atomic<bool> live = false;
+    std::atomic<double> extent = 0;             // metres that the array is wide, see array_extent()
     std::atomic<bool> request_flushed = false;  // the current request is gone
     std::atomic<bool> over = false;             // nobody takes pictures any more, or none will be asked for
 
     // Streaming thread.
-    lf::CompositorSettings settings;  // as they are when aggregate() is called
+    lf::CompositorSettings settings;  // copied when aggregate() is called
     std::shared_ptr<const lf::Rig> rig;
     std::optional<lf::ViewRequest> current;  // the request at the head of the request pad
-    lf::Assembly assembly;                   // of the answers to it
-    uint64_t bytes = 0;                      // of these
-    int64_t adding = 0;                      // time spent adding them, microseconds
+    lf::Assembly assembly;                   // what the answers to the current request have come to
+    uint64_t bytes = 0;                      // bytes of the current request's answers
+    int64_t adding = 0;                      // microseconds spent adding the current request's answers
     lf::PastRequests past;
     lf::CameraHealth health;
-    lf::CameraSet corners;  // of the array, see lf::out_of_mesh()
+    lf::CameraSet corners;  // the array's corners, see lf::out_of_mesh()
     lf::FocusFinder focus;
     lf::CameraTurns turns;
     lf::ViewCoverage coverage;
@@ -75,7 +77,7 @@ struct _LfCompositor {
 // compositor_properties.cc
 void lf_compositor_install_properties(GObjectClass* klass);
 lf::RequestGuard* lf_compositor_guard_new();
-// A copy, as they are now.
+// A copy of the properties, as they are now.
 lf::CompositorSettings lf_compositor_settings(LfCompositor* self);
 guint lf_compositor_view_id(LfCompositor* self);
 
@@ -102,12 +104,12 @@ void lf_compositor_skip_request(LfCompositor* self, const lf::QosWatch::Late& la
 
 // compositor_time.cc
 bool lf_compositor_is_live(LfCompositor* self);
-// GST_CLOCK_TIME_NONE without a clock.
+// The clock's time now; GST_CLOCK_TIME_NONE without a clock.
 GstClockTime lf_compositor_clock_time(LfCompositor* self);
 GstClockTime lf_compositor_running_time(LfCompositor* self, GstBuffer* request);
 // When the picture of the request at the head of its pad has to be out, in clock time.
 GstClockTime lf_compositor_deadline(LfCompositor* self);
-// The latency is asked for again if the request at the head comes later than it says.
+// Asks for the latency again if the request at the head of the pad has come later than the latency allows.
 void lf_compositor_refresh_latency(LfCompositor* self);
 
 // compositor_record.cc

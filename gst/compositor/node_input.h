@@ -19,7 +19,7 @@ namespace lf {
 // buffer on every pad when every node has answered. Streaming thread, but for flushed().
 class NodeInput {
  public:
-  // Makes the pad's, which goes with it.
+  // Makes the NodeInput of an answer pad, which lives as long as the pad.
   static void attach(GstAggregatorPad* pad);
   static NodeInput& of(GstAggregatorPad* pad);
   // Nobody looks at the pad's buffers from here on. Called before the pad is released, as GstAggregator 1.22 then drops
@@ -28,18 +28,18 @@ class NodeInput {
 
   // What a unit was, for whoever it was given to.
   enum class Taken {
-    kDone,   // there is no more to it
-    kLast,   // the same, and the node's answer to the current request is whole
-    kAhead,  // it is of a later request
+    kDone,   // the unit has been dealt with
+    kLast,   // the unit has been dealt with, and the node's answer to the current request is whole
+    kAhead,  // the unit answers a later request
   };
   // Gives what has come to `take_unit`, unit by unit, up to the last of the answer to the request of this number.
   // `live`: answers to later requests are kept aside, so that they stand in nobody's way.
   void take(uint32_t sequence, bool live, const std::function<Taken(GstBuffer*)>& take_unit);
-  // For `take_unit`: false if this part of the node's answer has been there.
+  // To be called by `take_unit`: false if this part of the node's answer had been there already.
   bool add_part(const wire::AnswerPart& part) { return parts_.add(part); }
-  // What the answer is, now that this part has been added.
+  // What `take_unit` is to return once add_part() has taken a part: kLast if the answer is whole now.
   Taken part_added(bool last_of_node);
-  // A late answer was there in time all the same.
+  // An answer that came late was in time all the same: the node has missed nothing.
   void was_in_time() { missed_ = 0; }
 
   // Whether the current request's picture waits for this node. `max_missed`: live, not for one that has missed more
@@ -50,7 +50,7 @@ class NodeInput {
   // Whether nothing is on the pad and its stream has ended.
   bool has_ended() const { return gst_aggregator_pad_is_eos(pad_); }
 
-  // The picture of the current request is done. `counts`: that says something of the node.
+  // The picture of the current request is done. `counts`: a node that is missing from it has missed one more.
   void close(bool counts);
   // The current request gets no picture: what is there of the answer is dropped.
   void drop_answer();
@@ -58,7 +58,7 @@ class NodeInput {
   void forget();
   void forget_later() { ahead_.clear(); }
   void drop_all();
-  // Its own stream has been flushed: what is on the pad is not what it was. Any thread.
+  // The pad's stream has been flushed: what is on the pad is not what it was. Any thread.
   void flushed() { flushed_ = true; }
 
  private:
@@ -68,7 +68,7 @@ class NodeInput {
   bool take_early(uint32_t sequence, const std::function<Taken(GstBuffer*)>& take_unit);
 
   enum class Head {
-    kUnseen,  // nothing there, or something that has not been looked at
+    kUnseen,  // nothing is there, or something that has not been looked at
     kDone,    // the last part of the node's answer
     kAhead,   // an answer to a later request: the node skipped this one
   };
@@ -77,8 +77,8 @@ class NodeInput {
   bool let_go_ = false;             // under queue_mutex_
   Head head_ = Head::kUnseen;
   GstBuffer* seen_ = nullptr;  // the buffer that head_ is about; not owned
-  wire::AnswerParts parts_;    // that have been added
-  AheadAnswers ahead_;         // live: of later requests
+  wire::AnswerParts parts_;    // parts of the current request's answer that have been added
+  AheadAnswers ahead_;         // live: answers to later requests
   unsigned missed_ = 0;        // pictures in a row that had to do without this node
   std::atomic<bool> flushed_ = false;
 };

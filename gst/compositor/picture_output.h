@@ -31,7 +31,7 @@ class PictureOutput {
   // The segment has to be sent again, whatever it is.
   void flush() { segment_ = {}; }
 
-  // For the functions of GstAggregatorClass of these names.
+  // What the functions of GstAggregatorClass of these names do.
   void negotiate();
   GstFlowReturn update_src_caps(GstCaps* downstream, GstCaps** caps);
   bool negotiated_src_caps(GstCaps* caps);
@@ -39,7 +39,8 @@ class PictureOutput {
 
   // The picture of what was added for a request of this view. Null if there is none; *flow then says why.
   GstBuffer* make_picture(Assembly& assembly, const View& view, const Background& background, GstFlowReturn* flow);
-  // The same as the answer of one node.
+  // What was added for the request as the answer of one node, of the number `node`. Null if there is none; *flow then
+  // says why.
   GstBuffer* make_answer(Assembly& assembly, const ViewRequest& request, guint node, CodecChoice codec,
                          GstFlowReturn* flow);
   // What is put out in place of a picture, as `incomplete` says: that picture, the one before again (kRepeated) or
@@ -64,18 +65,18 @@ class PictureOutput {
   GstAggregator* const element_;
   GstPad* request_ = nullptr;
   bool partial_ = false;
-  GstSegment segment_{};                  // of the output: that of the requests
-  GstVideoInfo info_{};                   // negotiated
-  std::atomic<bool> negotiated_ = false;  // since the start
+  GstSegment segment_{};                  // the segment that was sent downstream: that of the requests
+  GstVideoInfo info_{};                   // the negotiated format of pictures
+  std::atomic<bool> negotiated_ = false;  // whether caps were negotiated since the start
   // What the next picture is like, no width: not known yet. Whether downstream takes it, as it is now.
   PixelFamily family_ = PixelFamily::kNone;
   int width_ = 0, height_ = 0;
   bool agreed_ = false;
   PicturePool pool_;
-  std::shared_ptr<AnswerMemory> memory_ = std::make_shared<AnswerMemory>();  // of partial answers
-  bool root_is_near_ = false;          // the compositor that these go to is in this process
+  std::shared_ptr<AnswerMemory> memory_ = std::make_shared<AnswerMemory>();  // what partial answers are made in
+  bool root_is_near_ = false;          // the compositor that partial answers go to is in this process
   GstBuffer* last_picture_ = nullptr;  // what an incomplete picture may be replaced or mended with
-  uint64_t last_rig_ = 0;              // hash of the rig that it was made with, 0: not known
+  uint64_t last_rig_ = 0;              // hash of the rig that last_picture_ was made with; 0: not known
   std::atomic<bool> pushing_ = false;
 };
 

@@ -16,11 +16,13 @@ class PicturePool {
   PicturePool(const PicturePool&) = delete;
   PicturePool& operator=(const PicturePool&) = delete;
 
-  // For GstAggregatorClass::decide_allocation, of raw video: the first pool of the query is where pictures are to come
-  // from, downstream's own if it offers one that serves, else one of ours. False if there is no memory.
+  // Decides on the pool that pictures of raw video come from, in GstAggregatorClass::decide_allocation: it becomes the
+  // first one of the query, downstream's own if it offers one that serves, else one of ours. False if there is no
+  // memory.
   bool decide(GstQuery* query);
-  // From `chosen`, the pool that came of that. Nobody waits for one that has run out, as pictures are kept here to be
-  // shown again: what is missing then is ours. Owned by the caller; null if there is no memory.
+  // A buffer of `chosen`, the pool that decide() decided on, owned by the caller; null if there is no memory. Where
+  // that pool has run out the buffer is one of ours, as pictures are kept to be shown again and nobody may wait for
+  // them.
   GstBuffer* take(GstBufferPool* chosen);
   void clear();
 

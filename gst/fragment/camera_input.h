@@ -4,7 +4,6 @@
 #include <atomic>
 #include <memory>
 #include <optional>
-#include <string>
 #include <utility>
 
 #include "fragment/lffragment.h"
@@ -62,16 +61,16 @@ class CameraInput {
   LfFragmentPad* const pad_;
   Node& node_;
   const std::shared_ptr<CameraFrames> frames_ = std::make_shared<CameraFrames>();
-  std::atomic<int64_t> id_ = -1;      // of the camera, once it is known
+  std::atomic<int64_t> id_ = -1;      // id of the camera in the rig; -1: not known yet
   std::optional<guint> from_stream_;  // the id that the stream says
-  std::atomic<bool> live_ = false;    // known from the segment on
-  ArrivalWatch arrivals_;             // while live
-  GstClockTime latency_ = 0;          // the same
-  std::optional<Format> next_;        // from the caps, until the next frame
+  std::atomic<bool> live_ = false;    // whether frames come in real time, known from the segment on
+  ArrivalWatch arrivals_;             // how late frames arrive; of live streams alone
+  GstClockTime latency_ = 0;          // latency that the live stream states
+  std::optional<Format> next_;        // format of new caps, until the next frame
   std::optional<Format> format_;
   std::unique_ptr<FrameConverter> converter_;
   std::optional<std::pair<int, int>> jpeg_size_;
-  bool warned_damaged_ = false;  // a person has been told
+  bool warned_damaged_ = false;  // a warning of damaged frames has been posted
   bool has_fitted_ = false;      // frames have had the rig's size
 };
 

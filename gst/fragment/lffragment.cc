@@ -3,12 +3,12 @@
 /**
  * SECTION:element-lffragment
  * @title: lffragment
- * @short_description: the random access camera: answers view requests with its cameras' fragments
+ * @short_description: the random access camera: answers view requests with the sum of what its cameras see
  *
  * Takes the video of one or more cameras of a rig on its `sink_%u` pads and view requests on `request`. Each request is
- * answered with one buffer on `src`: every camera's own weighted contribution to the requested view, warped through the
- * requested focal plane, in a tight rectangle. `lfcompositor` adds the fragments up. Further requesters use the pads
- * `request_%u`, each paired with a `src_%u`.
+ * answered on `src` with the sum of what these cameras contribute to the requested view, of as much of the view as they
+ * have a weight in; where the request has trials, what they came to goes before it. `lfcompositor` adds the answers of
+ * all nodes up. Further requesters use the pads `request_%u`, each paired with a `src_%u`.
  *
  * With `access` the cameras are those of the paper's section 4.2 that know less: they take their part from warp or
  * pixel commands, which `lfviewrequest access=` sends behind its requests, and leave the requests themselves alone. Of
@@ -205,7 +205,7 @@ static void lf_fragment_class_init(LfFragmentClass* klass) {
   gst_element_class_add_static_pad_template(element_class, &more_src_template);
   gst_element_class_set_static_metadata(
       element_class, "Light field random access camera", "Filter/Video",
-      "Answers view requests with the fragments that its cameras contribute to the requested view",
+      "Answers view requests with the sum of what its cameras contribute to the requested view",
       "gst-lightfield developers");
 }
 

@@ -43,14 +43,14 @@ struct _LfFragment {
     lf::Card card;
     std::shared_ptr<lf::WorkerPool> workers = lf::WorkerPool::shared();
     std::mutex seeking;   // held while cameras are sought
-    lf::SeekOnce sought;  // of the cameras
+    lf::SeekOnce sought;  // the latest seek that the cameras followed
 
     // Under the object lock.
     lf::FragmentSettings settings;
     std::set<lf::Requester*> requesters;
-    lf::CameraFrames::Mode mode = lf::CameraFrames::Mode::kStopped;  // of all cameras
+    lf::CameraFrames::Mode mode = lf::CameraFrames::Mode::kStopped;  // mode of all cameras
     gint64 trimmed_at = 0;                                           // monotonic time, microseconds
-    guint next_camera_pad = 0, next_pair = 0;                        // their numbers
+    guint next_camera_pad = 0, next_pair = 0;  // numbers of the next camera pad and of the next pair of pads
     uint32_t next_requester = 0;
   } * state;
 };
@@ -61,8 +61,7 @@ _LfFragment::State* lf_fragment_state_new();
 // A copy of the properties, as they are now.
 lf::FragmentSettings lf_fragment_settings(LfFragment* self);
 
-// fragment_cameras.cc
-// The camera pads, held.
+// fragment_cameras.cc The camera pads of the element, each with a reference.
 std::vector<lf::PadPtr> lf_fragment_camera_pads(LfFragment* self);
 // Stops, starts or finishes all cameras.
 void lf_fragment_set_mode(LfFragment* self, lf::CameraFrames::Mode mode);

@@ -17,18 +17,18 @@ class LiveAnswers {
   LiveAnswers(ParallelFor parallel, std::shared_ptr<std::atomic<bool>> cancelled)
       : fair_(std::move(parallel), g_get_num_processors()), views_(std::move(cancelled)) {}
 
-  // Pushes one answer, of what is kept of its view. Thread of the answer pad.
+  // Makes one answer, with what is kept of its view, and pushes it. Called by the thread of the answer pad.
   using Answer = std::function<GstFlowReturn(Node::Requester&, const ParallelFor&)>;
-  // `work`: nanoseconds that it will take, as far as anybody knows. What the latest answer came to. True in *dropped if
-  // an older request of the view is dropped for this one.
+  // Queues an answer. `work`: nanoseconds that it will take, as far as anybody knows. *dropped becomes true if an older
+  // request of the view is dropped for this one. Returns how the latest answer could be pushed.
   GstFlowReturn add(GstPad* src, uint32_t view_id, uint64_t work, Answer answer, bool* dropped);
-  // What that thread does, again and again.
+  // Makes the answer whose turn it is: what the thread of the answer pad does, again and again.
   void work(GstPad* src);
 
-  // Of the answer pad.
+  // Starts the thread of the answer pad.
   void start();
   bool stop(GstPad* src);
-  // Nothing that came before is on its way any more.
+  // Waits until all answers to earlier requests have been pushed.
   void drain() { fair_.drain(); }
   void begin_flush() { fair_.clear(); }
   void end_flush();
@@ -36,7 +36,7 @@ class LiveAnswers {
  private:
   FairAnswers fair_;
   ViewRequesters views_;
-  std::atomic<GstFlowReturn> flow_ = GST_FLOW_OK;  // that the latest answer came to
+  std::atomic<GstFlowReturn> flow_ = GST_FLOW_OK;  // what came of pushing the latest answer
 };
 
 }  // namespace lf

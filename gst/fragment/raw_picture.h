@@ -14,13 +14,13 @@ namespace lf {
 // A picture of raw video, in the node's pixel family, or in its own where that was not chosen yet.
 class RawPicture : public CameraPicture {
  public:
-  // `original`: as it came, if it is converted and may have to be to the other family.
+  // `original`: the picture as it came, if it has been converted and may be wanted in the other family.
   RawPicture(std::shared_ptr<GstBuffer> buffer, const GstVideoInfo& info, std::shared_ptr<RawPicture> original = {})
       : buffer_(std::move(buffer)), info_(info), original_(std::move(original)) {}
   int width() const override { return info_.width; }
   int height() const override { return info_.height; }
   bool takes_work(PixelFamily family) const override { return family_of(info_) != family; }
-  // The same to the bit whether it was converted to the other family before or not.
+  // The pixels are the same to the bit whether the picture was converted to the other family before or not.
   std::shared_ptr<const ImageView> view(PixelFamily family, const Rect& region) override;
 
  private:
@@ -39,8 +39,8 @@ class FrameConverter {
   FrameConverter(const GstVideoInfo& input, PixelFamily family);
 
   PixelFamily family() const { return family_; }
-  // Takes ownership of `buffer`. Null if it can't be mapped. `keep_original`: so that the other family can be had of it
-  // as well as of the buffer.
+  // Takes ownership of `buffer`. Null if it can't be mapped. `keep_original`: the picture can give the other family as
+  // exactly as the buffer could.
   std::shared_ptr<RawPicture> convert(GstBuffer* buffer, bool keep_original = false) const;
 
  private:

@@ -34,8 +34,8 @@ class RequestPlace {
  private:
   std::atomic<bool> live_ = false;
   GstSegment segment_{};
-  uint64_t last_time_ = 0;  // asked for
-  bool flushed_ = false;    // since the latest request
+  uint64_t last_time_ = 0;  // time of the latest request
+  bool flushed_ = false;    // requests were flushed since the latest one
 };
 
 }  // namespace lf

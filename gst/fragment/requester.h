@@ -61,9 +61,9 @@ class CompositorSide {
   bool near_ = false;
 };
 
-// One requester of lffragment. Belongs to both of its pads.
+// One requester of lffragment, which belongs to its request pad and its answer pad.
 struct Requester {
-  // `number`: its own in the element. `parallel`: does the tasks of its live answers.
+  // `number`: tells the requesters of an element apart. `parallel`: does the tasks of this requester's live answers.
   Requester(GstPad* request, GstPad* src, uint32_t number, ParallelFor parallel)
       : pads(request, src), number(number), live_answers(std::move(parallel), kept.cancelled) {}
   static Requester& of(GstPad* pad) { return *static_cast<Requester*>(gst_pad_get_element_private(pad)); }
@@ -73,12 +73,12 @@ struct Requester {
   RequestPlace place;
   CompositorSide compositor;
   QosWatch qos;           // any thread
-  WorkEstimate estimate;  // of its answers
+  WorkEstimate estimate;  // what this requester's answers take
   DelayNotice delay;      // streaming thread
-  Node::Requester kept;   // of requests that are not live, and `cancelled` of all
+  Node::Requester kept;   // what is kept for requests that are not live; its `cancelled` is for all requests
   LiveAnswers live_answers;
   std::shared_ptr<AnswerMemory> memory = std::make_shared<AnswerMemory>();
-  bool ended = false;  // has sent EOS; under the object lock of the element
+  bool ended = false;  // the requester has sent EOS; under the object lock of the element
 };
 
 }  // namespace lf

@@ -2,7 +2,6 @@
 #include "rtp/peers.h"
 
 #include <algorithm>
-#include <memory>
 #include <sstream>
 
 #include "base/error.h"

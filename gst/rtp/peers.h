@@ -18,7 +18,7 @@ std::optional<Address> address_of(GSocketAddress* socket);
 bool is_loopback(const Address& address);
 std::string to_text(const Address& address);
 
-// Who may send: addresses, or, as nobody is named, the first that does on loopback.
+// Who may send packets: the addresses that are named, or, where none are, the first address of this machine that sends.
 class Peers {
  public:
   Peers() = default;

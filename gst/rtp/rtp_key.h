@@ -10,7 +10,7 @@
 // The secret of hosts that trust each other, and the keys that are made of it (lib/rtp/spec.md, "Under a key").
 namespace lf::rtp {
 
-inline constexpr size_t kMasterKeyBytes = 30;  // of AES-128 in counter mode, and the salt
+inline constexpr size_t kMasterKeyBytes = 30;  // a key of AES-128 in counter mode, and its salt
 inline constexpr size_t kMkiBytes = 12;
 inline constexpr size_t kTagBytes = 10;  // HMAC-SHA1-80
 // What comes on top of a packet.
@@ -19,7 +19,7 @@ inline constexpr size_t kSealBytes = kMkiBytes + kTagBytes;
 // What names the key of one sender for about a minute; travels with each of its packets.
 struct KeyName {
   uint32_t ssrc = 0;
-  uint32_t minute = 0;  // since 1970
+  uint32_t minute = 0;  // minutes since 1970
   uint32_t nonce = 0;
 };
 struct SessionKey {

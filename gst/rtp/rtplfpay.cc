@@ -29,8 +29,6 @@
 
 #include <gst/rtp/gstrtpbuffer.h>
 
-#include <memory>
-
 #include "common/buffer_ptr.h"
 #include "common/gst_wire.h"
 #include "common/properties.h"

@@ -21,10 +21,10 @@ class SealOpener {
   enum class Result {
     kOpened,
     kMalformed,  // no RTP, or too short to be sealed
-    kUnsealed,   // where sealed ones name their minute it has none: by somebody without a key
-    kStale,      // with the key, but of a minute that is over, or to come
+    kUnsealed,   // the packet has nothing where sealed ones name their minute: it is by somebody without a key
+    kStale,      // the packet was sealed with the key, but in a minute that is over, or to come
     kReplayed,   // has been opened before
-    kForged,     // by somebody with another key, or damaged on the way
+    kForged,     // the packet is by somebody with another key, or was damaged on the way
   };
 
   // Throws Error if GStreamer's srtpdec is not there.
@@ -35,7 +35,8 @@ class SealOpener {
   size_t streams() const { return streams_.size(); }
 
  private:
-  static constexpr size_t kMostStreams = 1024;  // of the latest minutes: a sender begins one a minute or 65536 packets
+  // The latest streams are kept: a sender begins one each minute, or each 65536 packets.
+  static constexpr size_t kMostStreams = 1024;
   static constexpr uint32_t kMinutesOff = 1;
 
   struct Stream {
@@ -49,7 +50,7 @@ class SealOpener {
 
   std::shared_ptr<const RtpKey> key_;
   std::string purpose_;
-  std::map<uint32_t, std::unique_ptr<Stream>> streams_;  // by SSRC
+  std::map<uint32_t, std::unique_ptr<Stream>> streams_;  // each by its SSRC
   const SessionKey* offered_ = nullptr;                  // while srtpdec asks for the key of a new stream
   GstBuffer* opened_ = nullptr;
   HiddenElement srtpdec_;

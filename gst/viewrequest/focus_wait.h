@@ -31,7 +31,7 @@ class FocusWait {
   GstPad* const src_;
   std::optional<bool> awaits_;    // whether somebody finds the focus, once it has been asked
   std::optional<uint32_t> last_;  // number of the latest request
-  unsigned rehearsals_ = 0;       // before the first picture
+  unsigned rehearsals_ = 0;       // rehearsals made before the first picture
   bool rehearses_ = false;        // the latest request
 };
 

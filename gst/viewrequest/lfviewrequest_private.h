@@ -46,14 +46,14 @@ struct _LfViewRequest {
     lf::ViewRequestSettings settings;
     lf::ViewControl control;
     std::unique_ptr<lf::RequestStream> stream;  // null when stopped
-    gint requests_left = -1;                    // to be made of `num_buffers`, -1: no end
+    gint requests_left = -1;                    // how many of `num_buffers` are still to be made; -1: no end
 
     // Streaming thread.
     lf::FocusWait focus_wait;
     lf::RequestOutbox outbox;
     bool warned_commands = false;
 
-    lf::NavigationTap navigation_tap;  // from start to stop
+    lf::NavigationTap navigation_tap;  // watches the elements of navigation-from, from start to stop
   } * state;
 };
 
@@ -67,7 +67,7 @@ std::shared_ptr<const lf::VisibleShare> lf_view_request_visible_share(const lf::
 guint lf_view_request_view_id(LfViewRequest* self);
 // The actions set-view and focus-at.
 void lf_view_request_install_signals(GObjectClass* klass);
-// As the properties say. With the object lock, while running.
+// The view as the properties say. Call with the object lock held, while running.
 lf::View lf_view_request_view(LfViewRequest* self);
 // Runs `change` on the view under the lock and then tells who watches the properties. Returns what `change` returns.
 gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gboolean(lf::ViewControl&)>& change);
@@ -75,7 +75,7 @@ gboolean lf_view_request_change_view(LfViewRequest* self, const std::function<gb
 void lf_view_request_set_focus_distance(LfViewRequest* self, double distance);
 // Mouse, keys, or an event "lf-view-request".
 bool lf_view_request_is_steering(GstEvent* event);
-// By such an event; false if nothing comes of it.
+// Moves the view as a navigation event or an lf-view-request event says; false if nothing comes of the event.
 gboolean lf_view_request_steer(LfViewRequest* self, GstEvent* event);
 
 // view_request_turn.cc

@@ -35,7 +35,7 @@ class RequestRelay {
   // The next request, owned by the caller; waits for it. GST_FLOW_EOS behind the last.
   GstFlowReturn pop(GstBuffer** request);
 
-  void set_flushing(bool flushing);  // of the stream that comes in; drops what waits
+  void set_flushing(bool flushing);  // the stream that comes in is flushed: drops what waits
   void set_unlocked(bool unlocked);  // nobody waits
   void clear();
 

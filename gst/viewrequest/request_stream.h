@@ -21,7 +21,7 @@ class RequestStream {
   explicit RequestStream(const ViewRequestSettings& settings);
 
   RequestSchedule schedule;  // streaming thread
-  uint32_t next_number = 0;  // of requests; streaming thread
+  uint32_t next_number = 0;  // number of the next request; streaming thread
 
   // How the view's cameras have to be told of their parts; null: they find out themselves.
   const CameraAccess* access() const { return access_; }
@@ -33,8 +33,8 @@ class RequestStream {
   int default_height() const { return default_height_; }
   const Viewpoint& default_viewpoint() const { return default_viewpoint_; }
 
-  // Another rig, or null. The view stays where it is. Throws Error, and nothing has changed, where this rig does not
-  // have the cameras of `out_of_service` (see below).
+  // Takes another rig, or none (null); the view stays where it is. Throws Error, and nothing has changed, where this
+  // rig does not have the cameras of `out_of_service` (see below).
   void set_rig(std::shared_ptr<const Rig> rig, const std::string& out_of_service);
   // Ids of cameras of the rig; unlike in tools, "" is none. Throws Error.
   void set_out_of_service(const std::string& list);
@@ -48,7 +48,7 @@ class RequestStream {
   std::shared_ptr<const Rig> rig_;
   const CameraAccess* const access_;
   MeshCache mesh_;
-  std::shared_ptr<const Rig> mesh_rig_;  // of mesh_
+  std::shared_ptr<const Rig> mesh_rig_;  // the rig that mesh_ is of
   uint64_t rig_hash_ = 0;
   CameraSet out_of_service_;
   int default_width_ = ViewRequestSettings::kDefaultWidth, default_height_ = ViewRequestSettings::kDefaultHeight;

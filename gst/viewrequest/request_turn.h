@@ -21,7 +21,8 @@ class RequestTurn {
   // is looked at. `or_change`: until the view is changed, if that is before.
   GstFlowReturn wait_until(GstClock* clock, GstClockTime time, bool or_change = false);
 
-  // Between the two calls for a seek, named by its number, others are still to take part in it (hold_event.h).
+  // Holds requests back from the call with `held` to the one without, for the seek of this number: others are still to
+  // take part in it (hold_event.h).
   void hold(guint32 seqnum, bool held);
   GstFlowReturn wait_for_seek();
   void forget_seek() { hold(GST_SEQNUM_INVALID, true); }
@@ -29,8 +30,8 @@ class RequestTurn {
  private:
   std::mutex mutex_;
   std::condition_variable released_;
-  GstClockID clock_id_ = nullptr;  // while it is waited for
-  bool ends_with_change_ = false;  // that wait
+  GstClockID clock_id_ = nullptr;  // the clock's entry of the wait under way; null: none
+  bool ends_with_change_ = false;  // the wait under way ends when the view is changed
   bool unlocked_ = false, changed_ = false;
   guint32 held_for_ = GST_SEQNUM_INVALID;  // the seek that is not over, during which nothing leaves
 };

@@ -13,7 +13,7 @@
 
 namespace lf {
 
-// One number of a view: its property, and its field in set-view structures.
+// One number of a view: the property of lfviewrequest, and the field of set-view structures, that it is.
 struct ViewField {
   const char *name, *nick, *blurb;
   double min, max, initial;
@@ -50,7 +50,8 @@ class ViewControl {
   const ViewValues& values() const { return values_; }
 
   void set(int field, double value);  // finite
-  // All or nothing: false if there is no number of a view in it, or one that is not finite, or a field that is unknown.
+  // Sets all numbers that the structure has, or none of them: false if it has no number of a view, one that is not
+  // finite, or a field that is unknown.
   bool set_view(const GstStructure* structure);
   // What was set by set() or set_view() stays, everything else is as in `defaults`; "home" is here.
   void begin(const Viewpoint& defaults);
@@ -58,7 +59,7 @@ class ViewControl {
   void keep_visible(std::shared_ptr<const VisibleShare> share);
   // A GstNavigation event of a picture of this size in pixels. False if it means nothing here.
   bool navigate(GstEvent* event, int view_width, int view_height);
-  // Where the picture was clicked since, pixels: pressed with the first button and let go without a drag.
+  // Where the picture was clicked since the last call, pixels: the first button was pressed and let go without a drag.
   std::optional<Vec2> take_click() { return std::exchange(click_, std::nullopt); }
 
  private:
@@ -78,7 +79,7 @@ class ViewControl {
   std::optional<Drag> drag_;
   std::optional<Vec2> click_;
   std::shared_ptr<const VisibleShare> share_;
-  double aspect_ = 0;  // that the navigator knows
+  double aspect_ = 0;  // width / height of the view that the navigator knows
 };
 
 }  // namespace lf

@@ -54,10 +54,11 @@ PropertyTable<S>& ViewRequestSettings::properties() {
       capture_delay_property(),
       property<&S::navigation>(kWhilePlaying, "navigation", "Navigation",
                                "Let GstNavigation events move the view: drag orbits, shift-drag pans, the wheel "
-                               "dollies, with ctrl it focuses; keys are arrows, w s a d q e, + -, [ ], r"),
-      property<&S::keep_visible>(kWhilePlaying, "keep-visible", "Keep visible",
-                                 "Mouse and keys, but with shift, lose sight of no more than half of what is seen from "
-                                 "the start: the view is held back. Needs rig"),
+                               "zooms, with ctrl it focuses; keys are arrows, w s a d q e, + -, [ ], r"),
+      property<&S::keep_visible>(
+          kWhilePlaying, "keep-visible", "Keep visible",
+          "Mouse and keys, but with shift, lose sight of no more than a twentieth of what is seen from "
+          "the start: the view is held back. Needs rig"),
       property<&S::quality>(kWhilePlaying, "quality", "Quality",
                             "Quality of the JPEG in which answers come over links (0: uncompressed)", 0, 100),
       property<&S::out_of_service>(kWhilePlaying, "out-of-service", "Out of service",

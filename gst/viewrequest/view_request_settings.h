@@ -14,7 +14,7 @@ inline constexpr char kFocusContinuous[] = "focus-continuous";
 
 // lfviewrequest's properties but for the numbers of the view itself (view_control.h).
 struct ViewRequestSettings {
-  static constexpr int kDefaultWidth = 640, kDefaultHeight = 480;  // without a rig
+  static constexpr int kDefaultWidth = 640, kDefaultHeight = 480;  // pixels of views where there is no rig
 
   std::string location, rig, out_of_service, navigation_from;
   guint view_id = 0;

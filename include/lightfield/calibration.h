@@ -10,7 +10,8 @@
 
 #include <lightfield/rig.h>
 
-// Of the library lightfield-calibration (pkg-config lightfield-calibration), which brings Ceres and OpenCV along.
+// Calibration is a library of its own, lightfield-calibration (pkg-config lightfield-calibration), which brings Ceres
+// and OpenCV along.
 namespace lightfield {
 
 // What all cameras saw of a light, or of two lights on a rigid bar, at a sequence of places; or of the features of a
@@ -18,15 +19,15 @@ namespace lightfield {
 struct Tracks {
   struct Camera {
     uint32_t id = 0;            // unique
-    int width = 0, height = 0;  // of its images, pixels
+    int width = 0, height = 0;  // size of the camera's images, pixels
   };
   // One light as one camera saw it.
   struct Observation {
-    uint32_t camera = 0;    // index into cameras
-    uint32_t position = 0;  // of the light or the bar, counted from 0
+    uint32_t camera = 0;    // index into Tracks::cameras
+    uint32_t position = 0;  // number of the light's or the bar's place, counted from 0
     uint32_t light = 0;     // 0, or 1 for the second light of a bar
     double x = 0, y = 0;    // pixels; (0, 0) is the centre of the top-left one
-    double sigma = 1;       // of x and of y, beside that of other observations
+    double sigma = 1;       // standard deviation of x and of y, in proportion to those of other observations
   };
   std::vector<Camera> cameras;
   bool bar = false;     // positions have two lights, always equally far apart
@@ -48,7 +49,7 @@ struct CalibrationOptions {
   // bar, between two cameras, between neighbouring cameras (the median); else the prior's layout.
   double bar_length = 0;
   struct Distance {
-    uint32_t a = 0, b = 0;  // ids
+    uint32_t a = 0, b = 0;  // ids of the two cameras
     double metres = 0;
   };
   std::optional<Distance> distance = {};
@@ -71,16 +72,16 @@ struct Covariance {
 struct Finding {
   enum class Severity { kNote, kWarning, kError };
   Severity severity = Severity::kNote;
-  std::string code;  // for programs: "swapped-cameras"
-  std::string text;  // for people
+  std::string code;  // a name for programs: "swapped-cameras"
+  std::string text;  // a sentence for people
 };
 
 struct Calibration {
   Rig rig;                              // the cameras that were found; json() and save_rig() have the covariances, too
-  std::vector<Covariance> covariances;  // of its cameras, in its order
+  std::vector<Covariance> covariances;  // one for each camera of the rig, in the rig's order
   std::vector<Finding> findings;
-  double sigma = 0;        // of the noise in x and in y, pixels, estimated from what fits
-  size_t outliers = 0;     // observations that do not
+  double sigma = 0;        // estimated standard deviation of an observation's x and y, pixels, by those that fit
+  size_t outliers = 0;     // observations that do not fit
   std::string scale_from;  // "the bar's length", ...; empty where nothing gives it: neighbours are 1 apart
 };
 

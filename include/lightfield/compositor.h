@@ -16,15 +16,17 @@ namespace lightfield {
 // How a picture is asked for, beside its view.
 struct RequestOptions {
   Focus focus = Focus::kPlane;
-  // With kAuto: where surfaces may be, metres from the array. Where either is 0 the range follows the scene.
+  // With kAuto: where surfaces may be, metres from the array. Where either is 0 the range follows what is found in the
+  // scene.
   double nearest = 0, farthest = 0;
-  // With kAuto: cameras that are brighter or darker than the others are made as bright, by what they see of the
-  // surface. Nothing: only where the rig has no camera's colours.
+  // With kAuto: whether cameras that are brighter or darker than the others are made as bright, by what they see of the
+  // surface. Without a value: only where the rig says nothing of its cameras' colours.
   std::optional<bool> match_brightness = {};
   // How answers' pixels travel: 1 to 100: JPEG of this quality; 0: 16 bits a value, by which the picture is, to the
   // bit, that of a Renderer with all cameras, and large.
   int quality = 90;
-  // Of the frames that are asked for, nanoseconds of a clock that all nodes share; kNewest: whichever are newest.
+  // When the frames that are asked for were captured, nanoseconds of a clock that all nodes share; kNewest: whichever
+  // are newest.
   uint64_t time = kNewest;
   // Indices of cameras that are known to have no picture, in any order: their neighbours close the gap.
   std::vector<uint32_t> out_of_service = {};

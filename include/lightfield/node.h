@@ -13,7 +13,7 @@ namespace lightfield {
 
 struct NodeOptions {
   Resampling resampling = Resampling::kSharpened;  // how cameras' images are sampled
-  unsigned threads = 0;                            // that work on an answer at most; 0: as many as processors
+  unsigned threads = 0;  // how many work on an answer at most; 0: as many as there are processors
 };
 
 // The cameras of one machine: answers the requests of any number of viewers with the sum of what its cameras contribute
@@ -31,8 +31,8 @@ class Node {
 
   const std::vector<uint32_t>& cameras() const;
 
-  // Those of its cameras of which frames are looked at for this request, ascending; others need not be decoded. Throws
-  // Error as answer() does.
+  // Indices of the node's cameras whose frames are looked at for this request, ascending; frames of others need not be
+  // decoded. Throws Error as answer() does.
   std::vector<uint32_t> cameras_for(const Bytes& request) const;
 
   // The answer: one part or a few, to be carried to the viewer's Compositor, in any order. `frames`: one for each of

@@ -14,10 +14,11 @@ namespace lightfield {
 // How a picture is made of a view.
 struct RenderOptions {
   Focus focus = Focus::kPlane;
-  // With kAuto: where surfaces may be, metres from the array. Where either is 0 the range follows the scene.
+  // With kAuto: where surfaces may be, metres from the array. Where either is 0 the range follows what is found in the
+  // scene.
   double nearest = 0, farthest = 0;
-  // With kAuto: cameras that are brighter or darker than the others are made as bright, by what they see of the
-  // surface. Nothing: only where the rig has no camera's colours.
+  // With kAuto: whether cameras that are brighter or darker than the others are made as bright, by what they see of the
+  // surface. Without a value: only where the rig says nothing of its cameras' colours.
   std::optional<bool> match_brightness = {};
   Resampling resampling = Resampling::kSharpened;  // how cameras' images are sampled
   Colour background = {};                          // is shown where no camera sees anything

@@ -18,9 +18,9 @@ constexpr uint64_t kNewest = std::numeric_limits<uint64_t>::max();
 
 // What whoever carries requests, or chooses frames, has to know of one.
 struct RequestInfo {
-  uint32_t view_id = 0;     // whose request it is
-  uint32_t sequence = 0;    // grows by one with each of this view, and wraps
-  uint64_t time = kNewest;  // of the frames that are asked for, nanoseconds
+  uint32_t view_id = 0;     // the number of the viewer whose request this is
+  uint32_t sequence = 0;    // grows by one with each request of this viewer, and wraps
+  uint64_t time = kNewest;  // when the frames that are asked for were captured, nanoseconds
 };
 
 // Throws Error if the bytes are not exactly one request. They may come from anywhere.

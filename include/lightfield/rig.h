@@ -24,7 +24,8 @@ struct Quaternion {
   double w = 1, x = 0, y = 0, z = 0;
 };
 
-// Takes points of a camera to the world. The default camera stands in the world's origin and looks along z.
+// The pose of a camera, which takes points of the camera to the world. The default camera stands in the world's origin
+// and looks along z.
 struct Pose {
   Vec3 position = {};           // the centre of projection in the world
   Quaternion orientation = {};  // turns the camera's axes to where they point in the world
@@ -34,7 +35,7 @@ struct Pose {
 // Error where the two are one place or the line of sight is vertical.
 Pose look_at(const Vec3& eye, const Vec3& target);
 
-// Between camera coordinates and pixels. (0, 0) is the centre of the top-left pixel. With u = X / Z, v = Y / Z and
+// A lens maps camera coordinates to pixels. (0, 0) is the centre of the top-left pixel. With u = X / Z, v = Y / Z and
 // r^2 = u^2 + v^2 (Brown's model as in OpenCV's calib3d and COLMAP's OPENCV):
 //   u' = u (1 + k1 r^2 + k2 r^4) + 2 p1 u v + p2 (r^2 + 2 u^2),  v' = v (1 + ...) + p1 (r^2 + 2 v^2) + 2 p2 u v
 // and the pixel is (fx u' + cx, fy v' + cy).
@@ -49,35 +50,35 @@ struct Lens {
 //   light = ((v - black) / 255) ^ gamma,  level = 255 (matrix light / (1 + k1 r^2 + k2 r^4)) ^ (1 / 2.2)
 // but for levels below 30, where powers are straight lines. See docs/design.md, "Colours".
 struct CameraColour {
-  Vec3 black = {};  // of R, G, B: -64 to 64
+  Vec3 black = {};  // levels of R, G and B that a camera gives for no light: -64 to 64
   double gamma = 2.2;
-  std::array<double, 9> matrix = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // row by row
+  std::array<double, 9> matrix = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // entries row by row
   std::array<double, 2> vignetting = {0, 0};                   // k1, k2
 };
 
 // One camera of an array.
 struct Camera {
-  uint32_t id = 0;  // for people; unique in the rig
+  uint32_t id = 0;  // a number for people; unique in the rig
   std::string name = {};
-  int width = 0, height = 0;  // of its images, pixels, 1 to 16384
+  int width = 0, height = 0;  // size of the camera's images, pixels, 1 to 16384
   Lens lens = {};
   Pose world_from_camera = {};
   std::string image = {},
               source = {};  // a still and a stream, relative to the rig's file, for those who open them; may be empty
-  std::optional<CameraColour> colour = {};  // as it was measured; nothing: taken as it comes
+  std::optional<CameraColour> colour = {};  // as it was measured; without a value colours are taken as they come
 };
 
 // The triangles whose corners are cameras: a line of sight takes its colour from the corners of the triangle that it
 // passes. See docs/design.md, "The rendering rule".
 struct Topology {
   enum class Type {
-    kDelaunay,   // of the cameras' places in the plane that fits them best
-    kGrid,       // of rows x columns cameras, row by row
-    kTriangles,  // as listed
+    kDelaunay,   // the Delaunay triangulation of the cameras' places in the plane that fits them best
+    kGrid,       // cells of rows x columns cameras, row by row, each cut into two triangles
+    kTriangles,  // the triangles that are listed
   };
   Type type = Type::kDelaunay;
-  int rows = 0, columns = 0;                            // of kGrid: as many as there are cameras
-  std::vector<std::array<uint32_t, 3>> triangles = {};  // of kTriangles: indices of cameras
+  int rows = 0, columns = 0;                            // for kGrid: rows x columns is the number of cameras
+  std::vector<std::array<uint32_t, 3>> triangles = {};  // for kTriangles: indices of cameras
 };
 
 // An array of cameras that never changes: copies share it, from any thread. Everywhere else in this library a camera is
@@ -90,7 +91,7 @@ class Rig {
   size_t size() const;
   // Throws Error for an index that is not one.
   Camera camera(size_t index) const;
-  // Of all that pictures depend on: sizes, lenses, poses and triangles. Requests and answers carry it.
+  // A number made of all that pictures depend on: sizes, lenses, poses and triangles. Requests and answers carry it.
   uint64_t hash() const;
 
   // The rig as the text of a rig file, to the last bit. What this version does not know of the text that it was read
@@ -108,7 +109,7 @@ class Rig {
 // Read and write rig files. Throw Error naming the file and the place in it.
 Rig load_rig(const std::string& path);
 void save_rig(const Rig& rig, const std::string& path);
-// From the text of such a file; `name` stands for it in errors.
+// A rig from the text of a rig file. Throws Error in which `name` stands for the file.
 Rig parse_rig(const std::string& json, const std::string& name = "rig");
 
 }  // namespace lightfield

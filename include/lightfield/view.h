@@ -18,14 +18,14 @@ struct View {
   double aperture = 0;            // metres: a lens so wide, which blurs what is off that plane; 0: as sharp as can be
 };
 
-// Where to stand to begin with: amid the cameras, looking where they look, with the vertical field of view of the
+// A view to begin with: it stands amid the cameras, looking where they look, with the vertical field of view of the
 // middle one, focused at four times the diameter of the array (at 1 m where it has none). Throws Error for sizes that
 // no view has.
 View home_view(const Rig& rig, int width, int height);
 
 // How a view is focused.
 enum class Focus : uint8_t {
-  kPlane,  // on its plane
+  kPlane,  // on the plane at focus_distance
   kAuto,  // every pixel on its own, on a surface that is found from where the cameras agree, better with every picture;
           // on the plane until that is clearly better. See docs/focus.md
 };

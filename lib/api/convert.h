@@ -24,7 +24,8 @@ struct [[gnu::visibility("hidden")]] lightfield::Rig::Data {
 
 namespace lf::api {
 
-// Between the public API's plain values and the library's own. All throw Error for what no such value can be.
+// These convert the public API's plain values to the library's own, and back. All throw Error for values that make no
+// sense.
 Pose to_pose(const lightfield::Pose& pose);
 Lens to_lens(const lightfield::Lens& lens);
 View to_view(const lightfield::View& view);

@@ -26,7 +26,7 @@ class LocalNode {
   // What the request comes to. Throws Error for a request of another rig, and for what does not fit this one.
   std::unique_ptr<const AnswerTask> plan(const ViewRequest& request);
   // The units of the answer. `frames`: one for each of cameras(). `in_process`: as AnswerTask::Options has it. `memory`
-  // is recycled. Throws Error for frames that do not fit, too.
+  // is recycled. Throws Error as plan() does, and for frames that do not fit.
   AnswerMaker::Units answer(const ViewRequest& request, const std::vector<lightfield::ImageView>& frames,
                             lightfield::Resampling resampling, bool in_process, ByteBuffer memory = {});
 
@@ -34,7 +34,7 @@ class LocalNode {
   const std::shared_ptr<const Rig> rig_;
   const uint64_t rig_hash_;
   const std::vector<CameraIndex> cameras_;
-  std::vector<CameraIndex> own_;  // ascending
+  std::vector<CameraIndex> own_;  // cameras_ in ascending order
   std::vector<size_t> frame_of_;  // for each of own_ its place in cameras_
   const unsigned threads_;
   const std::shared_ptr<WorkerPool> workers_ = WorkerPool::shared();

@@ -5,7 +5,6 @@
 #include <optional>
 #include <set>
 #include <span>
-#include <vector>
 
 #include <lightfield/compositor.h>
 
@@ -24,7 +23,8 @@ class ViewComposer {
 
   ViewComposer(std::shared_ptr<const Rig> rig, uint64_t rig_hash, uint32_t view_id);
 
-  // Begins the next picture; the request to answer. Throws Error for a view or an option that is none.
+  // Begins the next picture and returns the request that nodes are to answer. Throws Error for a view or an option that
+  // is none.
   const ViewRequest& begin(const lightfield::View& view, const lightfield::RequestOptions& options);
   // Adds a unit of an answer. `owner`: what keeps the bytes where they are; with it they may be used there until
   // finish().
@@ -52,7 +52,7 @@ class ViewComposer {
   std::set<size_t> tried_;
   ViewFocus::Answers answers_;
   ViewFocus focus_;
-  std::optional<FocusArray> array_;  // once a surface is looked for
+  std::optional<FocusArray> array_;  // made when a surface is first looked for
   unsigned missing_ = 0;
 };
 

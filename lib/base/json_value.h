@@ -13,12 +13,12 @@
 
 namespace lf {
 
-// The whole of a file. Throws Error naming it.
+// Reads the whole of a file. Throws Error naming it.
 std::string read_text_file(const std::string& path);
 // Replaces the file as a whole: a reader sees the old text or the new one. Throws Error naming it.
 void write_text_file(const std::string& text, const std::string& path);
 
-// Whether JSON can hold it.
+// Whether the text is valid UTF-8: JSON can hold no other.
 bool is_utf8(const std::string& text);
 
 // Parses JSON; `name` stands for the file in messages. Throws Error with line and column, and with the place
@@ -34,14 +34,14 @@ class JsonValue {
   JsonValue(const nlohmann::json&&, const std::string&) = delete;
 
   [[noreturn]] void fail(const std::string& what) const;
-  // For a message that names a member itself: fail_inside("params[0]: must be positive").
+  // Throws Error for a place inside this value: fail_inside("params[0]: must be positive").
   [[noreturn]] void fail_inside(const std::string& place_and_what) const;
   const std::string& file() const { return *file_; }
 
-  // Objects: a member that must be there, or may be.
+  // The value must be an object: at() gives a member that must be there, find() one that may be.
   JsonValue at(const char* key) const;
   std::optional<JsonValue> find(const char* key) const;
-  // Arrays: the elements; of exactly `count` where that is given.
+  // The value must be an array, of exactly `count` elements where that is given.
   std::vector<JsonValue> elements() const;
   std::vector<JsonValue> elements(size_t count) const;
 
@@ -52,7 +52,7 @@ class JsonValue {
   Vec3 vec3() const;
   Quat unit_quaternion() const;  // [w, x, y, z], unit norm within kUnitTolerance; kept as it is
 
-  // "format" and "version" as they must be in an object.
+  // The value must be an object whose "format" and "version" are these.
   void require_format(const std::string& format, int version) const;
 
  private:

@@ -31,7 +31,7 @@ class PeakNeed {
   }
 
   uint64_t began_ = 0;
-  size_t latest_ = 0, before_ = 0;  // in the minute that began then, and in the one before
+  size_t latest_ = 0, before_ = 0;  // largest sizes in the minute that began at began_, and in the one before
 };
 
 }  // namespace lf

@@ -8,7 +8,8 @@
 
 namespace lf {
 
-// The upper one of the two in the middle where their number is even. `values` must not be empty, nor hold NaN.
+// The median: the upper one of the two in the middle where the number of values is even. `values` must not be empty,
+// nor hold NaN.
 template <typename T>
 T median(std::vector<T> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);

@@ -18,7 +18,7 @@ inline Rect intersect(const Rect& a, const Rect& b) {
   return {std::max(a.x0, b.x0), std::max(a.y0, b.y0), std::min(a.x1, b.x1), std::min(a.y1, b.y1)};
 }
 
-// The smallest that holds both; an empty one adds nothing.
+// The smallest rectangle that holds both; an empty one adds nothing.
 inline Rect unite(const Rect& a, const Rect& b) {
   if (a.empty()) return b;
   if (b.empty()) return a;

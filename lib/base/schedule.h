@@ -17,7 +17,7 @@ inline uint64_t now_ns() {
 // capture schedule all cameras and viewers of that rate agree on without a word.
 class Schedule {
  public:
-  // Both positive.
+  // The rate as a fraction, frames per second; both numbers are positive.
   Schedule(int numerator, int denominator) : numerator_(numerator), denominator_(denominator) {}
 
   uint64_t instant(uint64_t k) const;               // nanoseconds

@@ -24,7 +24,7 @@ inline void serial_for(size_t count, const std::function<void(size_t)>& task) {
 // Thread-safe.
 class WorkerPool {
  public:
-  // The one that is in use, or a new one: it goes when nobody holds it any more.
+  // The pool of this process, made by the first who asks; it goes when nobody holds it any more.
   static std::shared_ptr<WorkerPool> shared();
 
   WorkerPool() = default;
@@ -41,8 +41,8 @@ class WorkerPool {
   void help();
 
   std::mutex mutex_;
-  std::condition_variable come_;                // a batch waits, or the pool ends
-  std::deque<std::shared_ptr<Batch>> waiting_;  // one for each helper that is to come
+  std::condition_variable come_;                // signalled when a batch waits, or the pool ends
+  std::deque<std::shared_ptr<Batch>> waiting_;  // each batch as often as threads are to help with it
   std::vector<std::thread> threads_;
   bool ended_ = false;
 };

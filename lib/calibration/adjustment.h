@@ -15,7 +15,7 @@ namespace lf {
 
 // The lens parameters that calibration can set, in this order everywhere. The rest (fy/fx) stays as given.
 enum LensTerm { kF, kCx, kCy, kK1, kK2, kP1, kP2, kNumLensTerms };
-// Their names in covariances.
+// The names of lens terms in covariances.
 inline constexpr const char* kLensTermNames[kNumLensTerms] = {"f", "cx", "cy", "k1", "k2", "p1", "p2"};
 
 // One camera while it is being measured: a flat block of parameters, world_from_camera, then the lens.
@@ -30,7 +30,7 @@ struct CameraState {
   void set_pose(const Pose& pose);
   double* lens_terms() { return v.data() + 7; }
   const double* lens_terms() const { return v.data() + 7; }
-  // RADIAL, or OPENCV where that is needed.
+  // The lens as RADIAL, or as OPENCV where p1 or p2 are not 0.
   Lens lens() const;
   void set_lens(const Lens& lens);
 };
@@ -41,7 +41,7 @@ struct TargetState {
   enum class Kind : uint8_t { kNone, kPoint, kBar };
   std::array<double, 6> v{};
   Kind kind = Kind::kNone;
-  uint32_t light = 0;  // which light, where the target is a point
+  uint32_t light = 0;  // which light of a bar this is, where the target is a point
 
   bool has(uint32_t which) const { return kind == Kind::kBar || (kind == Kind::kPoint && light == which); }
   Vec3 point(uint32_t which) const;
@@ -56,7 +56,7 @@ struct LensPrior {
 };
 
 // What is known of a pose before: x, y, z and a turn about the world's axes, as a rig's covariance counts them, in the
-// frame and the metres of the rig that says so. Zero rows and columns as above.
+// frame and the metres of the rig that says so. Rows and columns of terms that nothing is known of are zero.
 struct PosePrior {
   static constexpr int kNumTerms = 6;
   Pose mean;
@@ -71,15 +71,15 @@ struct BatchPrior {
 
 struct Reconstruction {
   std::vector<CameraState> cameras;
-  std::vector<TargetState> targets;                   // one a position
+  std::vector<TargetState> targets;                   // one for each position of the light
   std::vector<std::optional<LensPrior>> lens_priors;  // per camera; cameras without one have the batch's
   BatchPrior batch;
-  std::array<double, kNumLensTerms> batch_mean{};  // estimated
-  // Per camera, or empty: only once the scene is in the frame that they are of.
+  std::array<double, kNumLensTerms> batch_mean{};  // the batch's mean, as estimated
+  // What is known of poses, per camera, or empty: only once the scene is in the frame that they are given in.
   std::vector<std::optional<PosePrior>> pose_priors;
   double metres = 1;  // metres in a unit of the scene: estimated where a bar is the unit
 
-  // Whether the term was measured before in that camera (it is the batch's otherwise), or in any.
+  // Whether the term was measured before in this camera (else it has the batch's prior), or in any camera.
   bool measured(size_t camera, int term) const { return lens_priors[camera] && lens_priors[camera]->known[term]; }
   bool measured(int term) const;
   // How far the term may be from the batch's mean, one sigma.
@@ -89,11 +89,11 @@ struct Reconstruction {
 struct AdjustmentOptions {
   std::array<bool, kNumLensTerms> free{};    // lens terms
   std::array<bool, kNumLensTerms> shared{};  // which free terms are alike in all cameras that had none measured
-  double sigma = 1;                          // of an observation's x and of its y, pixels
+  double sigma = 1;                          // standard deviation of an observation's x and of its y, pixels
   double robust = 0;                         // beyond this many sigmas an error counts less; 0: least squares
-  bool redescending = true;                  // less and less (Cauchy), or by its length (Huber)
+  bool redescending = true;                  // such an error counts less and less (Cauchy), or by its length (Huber)
   int max_iterations = 50;
-  double tolerance = 1e-9;  // relative, of the cost
+  double tolerance = 1e-9;  // relative change of the cost at which it ends
   double trust = 1e4;       // first radius of the trust region; more where the start is good: soft modes are long
   bool free_poses = true, free_targets = true;
 };
@@ -104,21 +104,21 @@ struct AdjustmentSummary {
   int iterations = 0;
 };
 
-// Whether an observation takes part, one a observation.
+// Whether observations take part, one value for each.
 using Inliers = std::vector<char>;
 
 // Clocks that are adjusted with the scene: an observation whose clock is late shows its light where it was then.
 struct ClockAdjustment {
-  // Of one camera, in seconds that are to be added to its clock: `terms` are an offset, a drift (seconds a second,
-  // about the stamp `middle`), and what comes on top from the stamp `step_at` on, where that is finite.
+  // What is to be added to one camera's clock, seconds: `terms` are an offset, a drift (seconds a second, about the
+  // stamp `middle`), and what comes on top from the stamp `step_at` on, where that is finite.
   struct Camera {
     std::array<double, 3> terms{};
     double middle = 0, step_at = std::numeric_limits<double>::infinity();
     std::array<double, 3> by(double stamp) const { return {1, stamp - middle, stamp >= step_at ? 1.0 : 0.0}; }
   };
   std::vector<Camera> cameras;
-  std::vector<Vec2> velocity;  // of each observation: pixels a second
-  std::vector<double> stamp;   // of each observation: seconds
+  std::vector<Vec2> velocity;  // for each observation: how fast its light moves, pixels a second
+  std::vector<double> stamp;   // for each observation: the camera's stamp, seconds
 };
 
 // Bundle adjustment over the observations with use[i] of cameras that are used and targets that have that light. With
@@ -126,7 +126,8 @@ struct ClockAdjustment {
 AdjustmentSummary adjust(Reconstruction& scene, const std::vector<Observation>& observations, const Inliers& use,
                          const AdjustmentOptions& options, ClockAdjustment* clocks = nullptr);
 
-// Pixels from where `target` should appear in `camera`; nothing behind it.
+// How far an observation is, in pixels, from where `target` should appear in `camera`; nothing where it is behind the
+// camera.
 std::optional<Vec2> residual(const CameraState& camera, const TargetState& target, const Observation& observation);
 
 // b_from_a between two frames: rotation, uniform scale and shift.

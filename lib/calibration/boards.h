@@ -23,7 +23,7 @@ struct Checkerboard {
 
 // What one image shows of the board.
 struct BoardView {
-  std::string name;           // for people
+  std::string name;           // tells a person which image this is
   std::vector<Vec2> corners;  // pixels
   std::vector<int> ids;       // which of the board's corners these are; empty: all of them, in order
 
@@ -38,7 +38,7 @@ std::optional<std::vector<Vec2>> find_checkerboard(const Image& image, const Che
 // neighbours, so that a part of the board will do, up to the edges of the image, where lenses bend most.
 struct CharucoBoard {
   Checkerboard corners;
-  std::string dictionary;  // of the markers: "4X4_50", "5X5_100", ... "7X7_1000", "ARUCO_ORIGINAL"
+  std::string dictionary;  // the dictionary of the markers: "4X4_50", "5X5_100", ... "7X7_1000", "ARUCO_ORIGINAL"
   double marker = 0.5;     // side of a marker, over that of a square
 };
 
@@ -48,13 +48,13 @@ void check_charuco_board(const CharucoBoard& board);
 // The corners that an RGB image shows, to a fraction of a pixel; nothing where these are too few, or in one line.
 std::optional<BoardView> find_charuco(const Image& image, const CharucoBoard& board);
 
-// Which frames of a board that is moved before a camera are worth keeping: where it stands still, so that nothing is
+// Chooses the frames of a board moved before a camera that are worth keeping: where it stands still, so that nothing is
 // blurred or sheared by a rolling shutter, and not as in any frame kept before.
 class ViewChooser {
  public:
-  explicit ViewChooser(int width) : width_(width) {}  // of the images
+  explicit ViewChooser(int width) : width_(width) {}  // the images' width, pixels
 
-  // Frames in order, those without the board left out. True: keep it.
+  // Takes frames in order, those without the board left out. True: the frame is worth keeping.
   bool take(const BoardView& view);
 
  private:

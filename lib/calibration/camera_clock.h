@@ -13,14 +13,14 @@ namespace lf {
 struct CameraClock {
   // Frames that came to nothing without leaving a gap between the stamps.
   struct Step {
-    double stamp = 0;    // of the first frame after them
-    double seconds = 0;  // that later frames are later than their stamps say
+    double stamp = 0;    // stamp of the first frame after those that were lost
+    double seconds = 0;  // by so much frames from there on are later than their stamps say
     int frames = 0;
   };
   double offset = 0;  // seconds, before the first step
-  double sigma = 0;   // of the offset, seconds
+  double sigma = 0;   // standard deviation of the offset, seconds
   double drift = 0;   // seconds a second, about `middle`
-  double middle = 0;  // a stamp: of the recording
+  double middle = 0;  // the stamp in the middle of the recording
   std::vector<Step> steps;
   bool known = false;  // the camera saw a light move as others did
 
@@ -38,7 +38,7 @@ size_t coarse_clocks(const std::vector<std::vector<LightPath>>& paths, const std
 // How far a camera's clock is off at one place of a light.
 struct ClockSample {
   double stamp = 0;    // seconds
-  double seconds = 0;  // to be added to the offset
+  double seconds = 0;  // what is to be added to the clock's offset
   double sigma = 0;    // seconds
 };
 // Improves a clock by all samples of its camera: robust, with steps of whole frames where the samples call for it, and

@@ -101,7 +101,7 @@ inline constexpr int kLight = 3;
 inline constexpr double kSlope = 0.05;
 inline constexpr double kChartSigma = 1;  // levels: a chart is not all matt, and not all flat
 
-// That a patch has its colour in the light that the chart is in.
+// How far a patch is from the colour that the chart has there, in the light that the chart is in.
 struct ChartCost {
   double u, v;  // -1 to 1 along the chart
 
@@ -116,7 +116,7 @@ struct ChartCost {
 struct LightPrior {
   template <typename T>
   bool operator()(const T* light, T* residual) const {
-    residual[0] = light[0] - 1.0;  // as the same chart may be lighter everywhere in less light
+    residual[0] = light[0] - 1.0;  // since a lighter chart in less light would look the same
     for (int i = 1; i < kLight; i++) residual[i] = light[i] / kSlope;
     return true;
   }
@@ -130,7 +130,7 @@ struct PriorCost {
   }
 };
 
-// That the mean of the cameras has no fault but vignetting, which is no matter of taste.
+// How far the mean of the cameras is from a camera without faults, but for vignetting, which is no matter of taste.
 class MeanCost : public ceres::CostFunction {
  public:
   explicit MeanCost(int cameras) : weight_(1 / (kSigma * cameras)) {

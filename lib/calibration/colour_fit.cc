@@ -105,8 +105,6 @@ std::string ColourTerms::name() const {
   return text;
 }
 
-int ColourTerms::per_camera() const { return kCount - static_cast<int>(constant_places(*this).size()); }
-
 ColourFit fit_colours(const Rig& rig, const ColourSamples& samples, const ColourTerms& terms,
                       const std::vector<bool>& apart, const std::vector<bool>& patches, const ColourFit* start) {
   std::vector<Parameters> cameras(samples.cameras, Parameters{});
@@ -168,7 +166,6 @@ ColourFit fit_colours(const Rig& rig, const ColourSamples& samples, const Colour
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     ceres::Solve(options, &problem, &summary);
-    fit.converged = summary.IsSolutionUsable();
   } else {
     delete order;
   }

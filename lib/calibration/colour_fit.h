@@ -10,37 +10,35 @@
 
 namespace lf {
 
-// Which of their colours' parameters cameras are allowed to differ in. Brightness is always one.
+// The parameters of colour in which cameras are allowed to differ. Brightness always is one of them.
 struct ColourTerms {
   bool balance = false;     // gains of red and blue beside green's
   bool black = false;       // a black level for each channel
-  bool gamma = false;       // one for all channels
-  bool crosstalk = false;   // between channels; greys stay grey
+  bool gamma = false;       // one exponent for all channels
+  bool crosstalk = false;   // a matrix between channels, under which greys stay grey
   bool vignetting = false;  // k1 and k2
   bool operator==(const ColourTerms&) const = default;
 
   // "brightness, white balance and vignetting".
   std::string name() const;
-  int per_camera() const;  // parameters
 };
 
 struct ColourFit {
-  // One for each camera; the default for those without samples.
+  // One model for each camera; the default for cameras without samples.
   std::vector<ColourModel> models;
   // Logarithm of the light that a camera takes for its own, over that of the mean: 0.69 is an exposure twice as long.
   std::vector<double> log_exposure;
-  bool converged = false;
-  std::vector<std::array<double, 15>> parameters;  // of each camera, for another fit to begin with
+  std::vector<std::array<double, 15>> parameters;  // the parameters of each camera, for another fit to begin with
 };
 
-// The parameters of all cameras and the colours of all patches at once: the least squares of what samples are off the
-// levels that the model foretells, over their sigma, under a Cauchy loss of 2. Patches of a chart have the same colours
-// wherever it was held, but for how bright it was there, and brighter to one side: that tells what lenses take away
-// towards their edges. The mean of the
-// cameras' parameters, but for vignetting, is that of a camera without faults: the mean correction of the array is
-// none. What the samples leave open besides weak priors settle. `apart`: cameras that are no part of that mean, one a
-// camera, may be empty. `patches`: samples of others are left out; empty: all count. `start`: of a fit with fewer
-// terms; may be null. Models are sound (fault_of()), where need be by shrinking them.
+// Fits the parameters of all cameras and the colours of all patches at once: the least squares of what samples are off
+// the levels that the model foretells, over their sigma, under a Cauchy loss of 2. Patches of a chart have the same
+// colours wherever it was held, but for how bright it was there, and brighter to one side: that tells what lenses take
+// away towards their edges. The mean of the cameras' parameters, but for vignetting, is that of a camera without
+// faults: the mean correction of the array is none. What the samples leave open besides weak priors settle. `apart`:
+// cameras that are no part of that mean, one a camera, may be empty. `patches`: samples of others are left out; empty:
+// all count. `start`: of a fit with fewer terms; may be null. Models are sound (fault_of()), where need be by shrinking
+// them.
 ColourFit fit_colours(const Rig& rig, const ColourSamples& samples, const ColourTerms& terms,
                       const std::vector<bool>& apart = {}, const std::vector<bool>& patches = {},
                       const ColourFit* start = nullptr);
@@ -51,8 +49,8 @@ struct ColourDifferences {
   double median = 0, p95 = 0, rms = 0;
   size_t pairs = 0;
 };
-// Of the patches and cameras that are true in the lists (empty: all). Differences of more than 12 levels count as 12 in
-// the rms: of such a sample something else is wrong.
+// The differences on the patches and between the cameras that are true in the lists (empty: all). Differences of more
+// than 12 levels count as 12 in the rms: of such a sample something else is wrong.
 ColourDifferences colour_differences(const Rig& rig, const ColourSamples& samples,
                                      const std::vector<ColourModel>& models, const std::vector<bool>& patches = {},
                                      const std::vector<bool>& cameras = {});

@@ -16,17 +16,17 @@ namespace lf {
 struct ColourSample {
   CameraIndex camera = 0;
   uint32_t patch = 0;
-  Vec2 place{0, 0};              // its middle in the camera's image, pixels
-  Vec3 level{0, 0, 0};           // the mean of its pixels, 0..255
-  std::array<bool, 3> usable{};  // channels in which none of its pixels was clipped
-  double sigma = 1;              // of the mean, levels
+  Vec2 place{0, 0};              // middle of the patch in the camera's image, pixels
+  Vec3 level{0, 0, 0};           // mean of the patch's pixels, 0..255
+  std::array<bool, 3> usable{};  // channels in which the patch's pixels are not clipped
+  double sigma = 1;              // standard deviation of the mean, levels
 };
 
 struct ColourSamples {
-  size_t cameras = 0;  // of the rig; not all need to have samples
+  size_t cameras = 0;  // cameras of the rig, of which not all need to have samples
   uint32_t patches = 0;
-  // Where patches are those of a chart: patch p is the same one as p + columns x rows, when the chart was elsewhere. 0:
-  // each is something else.
+  // Patches of a chart in a row and in a column: patch p is the same as patch p + columns x rows, with the chart
+  // elsewhere. 0: there is no chart, and no two patches are the same.
   int chart_columns = 0, chart_rows = 0;
   std::vector<ColourSample> all;
 };

@@ -17,24 +17,24 @@ struct ColourSolveOptions {
 
 // The colours of an array's cameras, by as few parameters as the samples call for.
 struct ColourSolution {
-  // One a camera; nothing for those of which too little is seen.
+  // One model for each camera; nothing for those of which too little is seen.
   std::vector<std::optional<ColourModel>> models;
-  ColourTerms terms;  // that were taken
+  ColourTerms terms;  // the terms that were chosen
   // Terms that were tried, and how far cameras were from each other by them on patches that the fit did not see.
   struct Trial {
     ColourTerms terms;
     ColourDifferences held_out;
   };
   std::vector<Trial> trials;
-  // On the held-out patches: as the cameras give them, and as a fit to the other patches corrects them. Cameras that
-  // are stuck are left out.
+  // How far cameras differ on the held-out patches: as they give them, and as a fit to the other patches corrects them.
+  // Cameras that are stuck are left out.
   ColourDifferences before, after;
   struct Camera {
-    size_t samples = 0;     // with a channel that can be used
-    double clipped = 0;     // share of its samples with a channel that can not
-    double gain = 1;        // of its levels, over most others', by brightness alone
-    double rms = 0;         // of its differences from other cameras on held-out patches, corrected, levels
-    bool is_stuck = false;  // its exposure is not that of the others
+    size_t samples = 0;     // samples with a channel that can be used
+    double clipped = 0;     // share of the camera's samples with a channel that can not be used
+    double gain = 1;        // the camera's levels over most others', by brightness alone
+    double rms = 0;         // rms of the corrected camera's differences from others on held-out patches, levels
+    bool is_stuck = false;  // the camera's exposure is not that of the others
   };
   std::vector<Camera> cameras;
   std::vector<Finding> findings;  // what a person must know, and what to do about it

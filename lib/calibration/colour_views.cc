@@ -20,6 +20,8 @@ constexpr double kLeastTexture = 3;  // standard deviation of a window, levels: 
 constexpr double kAgrees = 0.9;      // correlation of windows
 constexpr double kMostOff = 5;       // levels that pixels of windows differ by that agree, but for brightness
 constexpr size_t kLeastCameras = 3;
+constexpr size_t kReferences = 16;  // cameras whose images places are taken from
+constexpr int kAcross = 16;         // places along a row of such an image
 
 // A window of luma, of zero mean and unit length.
 struct Window {
@@ -117,8 +119,7 @@ std::optional<Vec2> seen_at(const Camera& camera, const Vec3& x_world) {
 
 class Sampler {
  public:
-  Sampler(const Rig& rig, std::span<const Image> images, const ColourViewOptions& options)
-      : rig_(rig), images_(images), options_(options) {
+  Sampler(const Rig& rig, std::span<const Image> images) : rig_(rig), images_(images) {
     for (size_t i = 0; i < images.size(); i++) {
       const Camera& camera = rig.cameras[i];
       if (images[i].width() > 0 && (images[i].width() != camera.width || images[i].height() != camera.height))
@@ -127,19 +128,19 @@ class Sampler {
                     size_text(camera.width, camera.height));
       luma_.push_back(images[i].width() > 0 ? Luma(images[i]) : Luma());
     }
-    if (options_.nearest <= 0 || options_.farthest <= 0) find_range();
+    find_range();
   }
 
   ColourSamples run() {
     ColourSamples samples;
     samples.cameras = rig_.cameras.size();
-    const size_t n = rig_.cameras.size(), references = std::min<size_t>(n, static_cast<size_t>(options_.references));
+    const size_t n = rig_.cameras.size(), references = std::min(n, kReferences);
     for (size_t k = 0; k < references; k++) {
       const auto reference = static_cast<CameraIndex>((2 * k + 1) * n / (2 * references));
       if (images_[reference].width() == 0) continue;
       const Camera& camera = rig_.cameras[reference];
       const std::vector<CameraIndex> near = nearest_to(reference);
-      const double step = static_cast<double>(camera.width) / options_.across;
+      const double step = static_cast<double>(camera.width) / kAcross;
       for (double y = step / 2; y < camera.height; y += step)
         for (double x = step / 2; x < camera.width; x += step) add({x, y}, reference, near, samples);
     }
@@ -154,8 +155,8 @@ class Sampler {
       return black_;
     });
     if (!range) throw Error("the views have too little in common, or too little texture, to be compared");
-    options_.nearest = 0.6 * range->near;
-    options_.farthest = 2 * range->far;
+    nearest_ = 0.6 * range->near;
+    farthest_ = 2 * range->far;
   }
   std::vector<CameraIndex> nearest_to(CameraIndex reference) const {
     std::vector<CameraIndex> near;
@@ -175,7 +176,7 @@ class Sampler {
     if (!luma_[reference].window(pixel, kLeastTexture, window)) return;
     const std::optional<Vec2> ray = rig_.cameras[reference].lens.unproject(pixel);
     if (!ray) return;
-    const double first = 1 / options_.farthest, last = 1 / options_.nearest;
+    const double first = 1 / farthest_, last = 1 / nearest_;
     std::array<double, kDepths> like;
     for (int k = 0; k < kDepths; k++) {
       const Vec3 x = place(reference, *ray, first + (last - first) * k / (kDepths - 1));
@@ -222,16 +223,16 @@ class Sampler {
 
   const Rig& rig_;
   const std::span<const Image> images_;
-  ColourViewOptions options_;
+  double nearest_ = 0, farthest_ = 0;  // metres from the cameras: where places are looked for
   std::vector<Luma> luma_;
   Image black_;
 };
 
 }  // namespace
 
-ColourSamples sample_views(const Rig& rig, std::span<const Image> images, const ColourViewOptions& options) {
+ColourSamples sample_views(const Rig& rig, std::span<const Image> images) {
   if (images.size() != rig.cameras.size()) throw Error("there must be an image for each camera of the rig");
-  return Sampler(rig, images, options).run();
+  return Sampler(rig, images).run();
 }
 
 }  // namespace lf

@@ -7,18 +7,11 @@
 
 namespace lf {
 
-// How places of a scene are looked for that several cameras see.
-struct ColourViewOptions {
-  int references = 16;               // cameras whose images they are taken from
-  int across = 16;                   // places along a row of such an image
-  double nearest = 0, farthest = 0;  // metres from the cameras; 0: where the scene is
-};
-
 // Samples of places of a scene in overlapping views, without a chart: of each reference camera's image windows of 9 x 9
 // pixels that have texture, at the distance at which the other cameras' windows are most like them (a sweep of the
 // normalised correlation, which knows nothing of brightness), in all cameras whose windows agree. The rig's geometry is
 // calibrated. `images`: RGB, one a camera in the rig's order, of one instant, as they come; those of no size are left
 // out. Throws Error for an image that is not of its camera's size.
-ColourSamples sample_views(const Rig& rig, std::span<const Image> images, const ColourViewOptions& options = {});
+ColourSamples sample_views(const Rig& rig, std::span<const Image> images);
 
 }  // namespace lf

@@ -12,7 +12,7 @@
 
 namespace lf::projection {
 
-// From parameters to pixels: for the solver, which differentiates it, and for residuals.
+// These take parameters to pixels: for the solver, which differentiates them, and for residuals.
 
 // v = conjugate(q) * x * q: from the world's axes to the camera's.
 inline void rotate_to_camera(const double* q, const double* x, double* v) {
@@ -40,7 +40,7 @@ inline bool project_in_camera(const double* x, const double* lens, double aspect
   pixel[0] = f * du + lens[kCx];
   pixel[1] = g * dv + lens[kCy];
   if (!slopes) return true;
-  const double bend = 2 * (k1 + 2 * k2 * r2);  // of the radial factor, twice
+  const double bend = 2 * (k1 + 2 * k2 * r2);  // twice the slope of the radial factor over r^2
   const double across = uv * bend + 2 * (p1 * u + p2 * v);
   const double uu_slope = radial + uu * bend + 2 * p1 * v + 6 * p2 * u;
   const double vv_slope = radial + vv * bend + 6 * p1 * v + 2 * p2 * u;
@@ -183,8 +183,8 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, CameraState::kSize, 
   double weight_;
 };
 
-// The same, where the light moves and the camera's clock is not known: for each second that is added to the clock the
-// picture that belongs to an instant is an earlier one, and the light is by `velocity` less far.
+// A ReprojectionCost where the light moves and the camera's clock is not known: for each second that is added to the
+// clock the picture that belongs to an instant is an earlier one, and the light is by `velocity` less far.
 inline constexpr int kNumClockTerms = 3;
 template <bool kBar>
 class ClockedCost : public ceres::SizedCostFunction<2, CameraState::kSize, kBar ? 6 : 3, kNumClockTerms> {
@@ -211,7 +211,8 @@ class ClockedCost : public ceres::SizedCostFunction<2, CameraState::kSize, kBar 
   Eigen::Matrix<double, 2, kNumClockTerms> by_terms_;
 };
 
-// Weak: what all clocks have in common, and a step that no observation is behind, stay where they are.
+// A weak prior of a clock's terms: it keeps where they are what all clocks have in common, and a step that no
+// observation is behind.
 struct ClockPriorCost {
   template <class T>
   bool operator()(const T* terms, T* error) const {

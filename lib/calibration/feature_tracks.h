@@ -14,10 +14,10 @@ namespace lf {
 struct FeatureOptions {
   int references = 16;      // cameras whose corners are followed into all others, spread over the array
   int features = 400;       // corners a reference camera
-  int least_cameras = 4;    // that see a track
+  int least_cameras = 4;    // cameras that have to see a track
   double round_trip = 0.3;  // pixels: how far a corner may come back from where it started
   double epipolar = 1;      // pixels: how far a corner may lie from what a pair of cameras agrees on
-  std::function<void(const std::string& step)> progress;  // before each reference; may throw to cancel
+  std::function<void(const std::string& step)> progress;  // called before each reference; may throw to cancel
 };
 
 // Tracks of a still scene's corners through the images of an array: for arrays that one can't darken a room for.

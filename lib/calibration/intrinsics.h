@@ -11,12 +11,12 @@
 
 namespace lf {
 
-// One camera's lens from views of a board: bad views are left out, and the model is the smallest that the views speak
-// for.
+// How one camera's lens is found from views of a board: bad views are left out, and the model is the smallest that the
+// views speak for.
 struct IntrinsicsOptions {
   std::optional<LensModel> lens;                     // nothing: chosen by evidence
   std::optional<bool> free_board;                    // nothing: chosen by evidence
-  std::function<void(const std::string&)> progress;  // before each step; may throw to cancel
+  std::function<void(const std::string&)> progress;  // called before each step; may throw to cancel
 };
 
 struct IntrinsicsResult {
@@ -35,7 +35,7 @@ struct IntrinsicsResult {
   double held_out_rms = 0;  // pixels: views that a fit to the others did not see
   CameraCovariance covariance;
   std::vector<View> views;
-  std::vector<Model> models;          // all that were looked at
+  std::vector<Model> models;          // all models that were looked at
   std::vector<std::string> warnings;  // what the views do not determine, and what to do about it
 };
 

@@ -11,10 +11,10 @@ namespace lf {
 // How cameras that were found fit into the places of a nominal layout.
 struct LayoutAlignment {
   Similarity layout_from_scene;
-  // Of each camera that was found: the place that it stands at, no two at one. Its own where it is not clearly at
+  // For each camera that was found the place that it stands at, no two at one: its own where it is not clearly at
   // another's.
   std::vector<size_t> place;
-  std::vector<char> fits;     // of each camera: it is about where that place is
+  std::vector<char> fits;     // for each camera whether it is about where its place is
   double position_sigma = 0;  // how far cameras are from their places, one axis; units of the layout
   double turn_sigma = 0;      // radians, one axis
 };

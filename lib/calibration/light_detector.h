@@ -11,18 +11,18 @@ namespace lf {
 // A light as it was found in a picture.
 struct Sight {
   Vec2 pixel{0, 0};       // (0, 0) is the centre of the top-left pixel
-  double sigma = 0;       // of x and of y, pixels, predicted from the picture's noise
+  double sigma = 0;       // standard deviation of x and of y, pixels, predicted from the picture's noise
   double brightness = 0;  // above the background, summed over the light's image: compares lights of one camera
 };
 
 // The pictures of one camera so far.
 struct LightRecord {
   size_t frames = 0;
-  size_t lit = 0;         // that show a light
-  size_t busy = 0;        // of which so much is brighter than the background that no light can be told
-  double noise = 0;       // of a sample, one sigma, of 255
-  double background = 0;  // mean, of 255
-  double brightest = 0;   // sample of all, of 255
+  size_t lit = 0;         // frames that show a light
+  size_t busy = 0;        // frames so much of which is brighter than the background that no light can be told
+  double noise = 0;       // standard deviation of a sample, of 255
+  double background = 0;  // mean of the background, of 255
+  double brightest = 0;   // the brightest sample of all, of 255
 };
 
 // Finds small lights that move through a dark room, in one camera's pictures one after the other. What is there all the

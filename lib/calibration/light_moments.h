@@ -14,14 +14,15 @@ inline constexpr double kMomentsReach = 3.5;  // sigmas of the weight that are l
 inline constexpr int kMomentsLargest = 80;    // pixels from the middle that are looked at
 
 struct LightMoments {
-  double weight = 0, squares = 0;                      // of the image, of the weights
-  Eigen::Vector2d mean = Eigen::Vector2d::Zero();      // from the weight's middle
-  Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();    // about the weight's middle
-  Eigen::Vector2d skew = Eigen::Vector2d::Zero();      // third, in sigmas of the weight
-  Eigen::Matrix2d by_noise = Eigen::Matrix2d::Zero();  // of the mean's numerator, of noise of variance 1
+  double weight = 0, squares = 0;                    // sums of weight x image, and of squared weights where noise shows
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();    // first moment about the weight's middle
+  Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();  // second moment about the weight's middle
+  Eigen::Vector2d skew = Eigen::Vector2d::Zero();    // third moment, in sigmas of the weight
+  Eigen::Matrix2d by_noise = Eigen::Matrix2d::Zero();  // covariance of `mean` under noise of variance 1
 };
 
-// Those within reach of a weight's middle, `value(x, y)` and whether noise shows there.
+// The sums over the pixels within reach of a weight's middle: `value(x, y)` is a pixel's, `noisy(x, y)` whether noise
+// shows there.
 template <class Value, class Noisy>
 LightMoments light_moments(const Eigen::Vector2d& centre, const Eigen::Matrix2d& shape, int width, int height,
                            Value&& value, Noisy&& noisy) {

@@ -14,22 +14,22 @@ struct LightPath {
     double time = 0;  // the camera's stamp
     Sight sight;
   };
-  std::vector<Point> points;  // in the order of time; two at least
-  double brightness = 0;      // median
+  std::vector<Point> points;  // points in the order of time, two at least
+  double brightness = 0;      // median brightness of its points
   bool still = false;         // a lamp, or what has only been switched on: no light that is moved
 };
 
-// All of them in one camera's frames, at evened_stamps(). Sights that nothing continues are left out.
+// All paths in one camera's frames, at evened_stamps(). Sights that nothing continues are left out.
 std::vector<LightPath> link_light_paths(const LightSights::Camera& camera);
 
-// Where a path is between its points: the cubic through the four around.
+// The place of a path between its points: on the cubic through the four around.
 struct PathPlace {
   Vec2 pixel{0, 0};
   Vec2 velocity{0, 0};    // pixels a second
-  double sigma = 0;       // of the place, from those of the points
-  double brightness = 0;  // of the nearest point
+  double sigma = 0;       // standard deviation of the place, from those of the points around
+  double brightness = 0;  // brightness of the nearest point
 };
-// Nothing outside of the path, and in gaps of more than kMostMissed frames.
+// The place at a stamp; nothing outside of the path, and in gaps of more than kMostMissed frames.
 std::optional<PathPlace> place_at(const LightPath& path, double time, double frame_time);
 
 inline constexpr int kMostMissed = 2;

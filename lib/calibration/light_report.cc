@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "base/percentiles.h"
 #include "calibration/light_paths.h"

@@ -6,7 +6,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
 #include "base/json_value.h"
 #include "rig/rig.h"
 

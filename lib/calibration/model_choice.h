@@ -21,12 +21,13 @@ struct ModelChoice {
 ModelChoice choose_distortion(Reconstruction& scene, const Tracks& tracks, const AdjustmentOptions& options,
                               size_t num_observations);
 
-// In the same way, whether p1 and p2 are free beside `model`, whose terms `options` has: near which `scene` is.
+// Decides, as choose_distortion() does, whether p1 and p2 are free beside `model`, whose terms `options` has and whose
+// fit `scene` is.
 bool choose_tangential(Reconstruction& scene, const Tracks& tracks, const DistortionModel& model,
                        const AdjustmentOptions& options, size_t num_observations, std::vector<ModelTrial>& trials);
 
-// In the same way, whether the focal lengths, and the principal points (c), of all cameras are about the same: sets
-// that in `options`, whose lens terms are those of the distortion chosen, and adds to `trials`.
+// Decides, as choose_distortion() does, whether the focal lengths, and the principal points, of all cameras are about
+// the same: sets that in `options`, whose lens terms are those of the distortion chosen, and adds to `trials`.
 void choose_alike(Reconstruction& scene, const Tracks& tracks, AdjustmentOptions& options,
                   std::vector<ModelTrial>& trials);
 

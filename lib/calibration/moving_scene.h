@@ -7,8 +7,8 @@ namespace lf {
 
 // Whether things moved between the pictures that feature tracks are of.
 struct MovingScene {
-  double share = 0;     // of the tracks that five cameras see, those that moved
-  double taken_in = 0;  // of those that the solution relies on
+  double share = 0;     // the share, of tracks that five cameras see, of those that moved
+  double taken_in = 0;  // the share that moved of the tracks that the solution relies on
   double shift_px = 0;  // root of the mean square of what cameras see them off by
 };
 

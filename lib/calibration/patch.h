@@ -20,7 +20,7 @@ class SplineImage {
 
   // Whether the four pixels to each side that a sample needs are there.
   bool has(double x, double y) const { return x >= 1 && y >= 1 && x < width_ - 2 && y < height_ - 2; }
-  // Only where has(x, y).
+  // The value at a place, for which has(x, y).
   float value(double x, double y) const;
   struct Sample {
     float value, dx, dy;
@@ -43,10 +43,10 @@ class Patch {
 
   struct Match {
     Vec2 point;
-    double correlation = 0;  // of the patch with what is seen there, 1: the same
+    double correlation = 0;  // correlation of the patch with what is seen there; 1: the same
   };
-  // Near `guess` (2 pixels): inverse compositional Gauss-Newton steps (Baker and Matthews, "Lucas-Kanade 20 years on",
-  // 2004). Nothing where these leave the image, or go astray.
+  // Finds the patch near `guess` (within 2 pixels) by inverse compositional Gauss-Newton steps (Baker and Matthews,
+  // "Lucas-Kanade 20 years on", 2004). Nothing where these leave the image, or go astray.
   std::optional<Match> find(const SplineImage& image, const Vec2& guess) const;
 
  private:
@@ -56,11 +56,11 @@ class Patch {
 
   Patch() = default;
   static const Values& weights();
-  // To zero mean and unit variance; false where that is noise.
+  // Brings values to zero mean and unit variance; false where all of them is noise.
   static bool normalise(Values& values);
 
   Values values_;
-  Eigen::Matrix<float, kTerms, kSize> step_;  // from differences to steps
+  Eigen::Matrix<float, kTerms, kSize> step_;  // what takes differences of values to steps of the terms
 };
 
 }  // namespace lf

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -19,17 +18,17 @@ struct PlacementOptions {
   double pitch = 0;       // metres between neighbours (the median of the distances to the nearest); 0: not known
   double bar_length = 0;  // metres between the two lights; 0: not known
   struct Distance {
-    uint32_t a, b;  // ids
+    uint32_t a, b;  // ids of the two cameras
     double metres;
   };
-  std::optional<Distance> distance;  // between two cameras
+  std::optional<Distance> distance;  // the known distance of two cameras
 };
 
 struct Placement {
   Similarity world_from_scene;
   std::string scale_from;  // "the bar's length", "the pitch", ...; "" where nothing gives it: neighbours are 1 apart
-  // Of each camera of the tracks the id of the one of the prior rig whose place it stands at: its own, where their
-  // order is right. Empty without a layout.
+  // For each camera of the tracks the id of the prior rig's camera whose place it stands at: its own, where the order
+  // is right. Empty without a layout.
   std::vector<uint32_t> stands_at;
 };
 
@@ -39,21 +38,22 @@ struct Placement {
 Placement place_solution(const Solution& solution, const Tracks& tracks, const SolveOptions& options,
                          const PlacementOptions& placement);
 
-// The median of the distances to the nearest other one.
+// The median of the distances of poses to the nearest other one.
 double neighbour_distance(const std::vector<Pose>& poses);
 
 // The cameras that were found, placed, as a rig: names, sources and topology are the prior rig's where there is one.
 // They come in the order of the places where they stand, which a topology counts in.
 Rig make_rig(const Solution& solution, const Tracks& tracks, const SolveOptions& options, const Placement& placement);
 
-// As the rig's "covariance" of camera `index` of the tracks (which must be used), in the rig's frame and scale.
+// What a rig file says as "covariance" of camera `index` of the tracks (which must be used), in the rig's frame and
+// scale.
 CameraCovariance covariance_in_rig(const Uncertainty& uncertainty, size_t index, const Similarity& world_from_scene);
 
 // What a person must know about a calibration.
 struct Finding {
   enum class Severity { kNote, kWarning, kError };
   Severity severity;
-  std::string code;  // for programs: "swapped-cameras"
+  std::string code;  // a name for programs: "swapped-cameras"
   std::string text;
 };
 

@@ -2,7 +2,6 @@
 #include "calibration/rig_check.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include <Eigen/Cholesky>
@@ -12,7 +11,6 @@
 #include "base/error.h"
 #include "base/number_text.h"
 #include "base/percentiles.h"
-#include "calibration/noise.h"
 #include "calibration/triangulation.h"
 
 namespace lf {
@@ -181,7 +179,6 @@ class Checker {
       if (then && now) shifts.push_back(glm::length(*now - *then));
     }
     if (!shifts.empty()) result.shift_px = median(std::move(shifts));
-    result.noise_px = fit.left;
     for (int k = 0; k < 3; k++) {
       result.move[k] = fit.change[k], result.move_sigma[k] = fit.sigma[k];
       result.turn[k] = fit.change[3 + k], result.turn_sigma[k] = fit.sigma[3 + k];

@@ -16,31 +16,30 @@ struct RigCheck {
   enum class State {
     kHolds,
     kMoved,    // the camera stands or looks elsewhere
-    kLens,     // its focal length has changed: somebody turned focus or zoom
+    kLens,     // the focal length has changed: somebody turned focus or zoom
     kUnknown,  // too little of the light was seen
   };
   struct Camera {
     uint32_t id = 0;
     State state = State::kUnknown;
-    size_t sights = 0;       // of lights that others place
-    double residual_px = 0;  // median, as the rig has it
-    double noise_px = 0;     // median, once its pose is what the sights call for
+    size_t sights = 0;       // sights of lights that the other cameras place
+    double residual_px = 0;  // median residual with the camera as the rig has it, pixels
     double shift_px = 0;     // how far its picture has moved: median over its sights
     // What became of its pose, along and about its own axes (x right, y down, z forward), with standard deviations.
     Vec3 move{0, 0, 0}, move_sigma{0, 0, 0};  // metres
     Vec3 turn{0, 0, 0}, turn_sigma{0, 0, 0};  // radians
-    double focal_change = 0;                  // of 1; 0 unless the state is kLens
+    double focal_change = 0;                  // relative change of the focal length; 0 unless the state is kLens
   };
-  std::vector<Camera> cameras;  // those of the tracks
+  std::vector<Camera> cameras;  // the cameras of the tracks, in their order
   size_t lights = 0;            // places of a light that were compared
   double residual_px = 0;       // median of the residuals of cameras that hold
   double shift_px = 0;          // median of what these cameras' pictures have moved by: what the rig is off as a whole
-  // So many cameras are off that nothing tells which: the rig has to be calibrated anew.
+  // Whether so many cameras are off that nothing tells which: the rig has to be calibrated anew.
   bool is_lost = false;
   std::optional<double> bar;         // metres between the two lights as the rig has them, the median
-  std::optional<double> bar_spread;  // of these, one sigma
+  std::optional<double> bar_spread;  // standard deviation of these distances
 
-  bool holds() const;  // every camera, as far as it is known
+  bool holds() const;  // whether every camera holds, as far as it is known
 };
 
 // Pictures that move by less hold, in pixels.

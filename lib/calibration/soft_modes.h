@@ -14,7 +14,7 @@ struct SoftMode {
   std::string text;  // what that would be, in words, with its size
   double sigma = 0;  // one standard deviation, in `unit`
   std::string unit;  // "%", "degrees", "mm"
-  double limit = 0;  // in `unit`: beyond, it is worth a better recording
+  double limit = 0;  // a sigma beyond this, in `unit`, is worth a better recording
   bool is_soft() const { return !(sigma <= limit); }
 };
 
@@ -29,7 +29,7 @@ struct ProjectionError {
   double depth = 0;              // metres before the array's middle
   double middle = 0, worst = 0;  // the median of all cameras, and the worst
 };
-// At depths from half the nearest light to twice the farthest.
+// The errors at depths from half the nearest light to twice the farthest.
 std::vector<ProjectionError> projection_errors(const Solution& solution, const Placement& placement);
 
 // How far from the array's middle lights were, metres along its gaze: the nearest and the farthest twentieth left away.

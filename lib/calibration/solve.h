@@ -16,38 +16,40 @@ namespace lf {
 struct DistortionModel {
   int terms = 0;            // 0, 1: k1, 2: k1 and k2
   bool shared = false;      // about the same in all cameras
-  bool tangential = false;  // each camera its own: lenses stand askew by chance
+  bool tangential = false;  // each camera has p1 and p2 of its own, as lenses stand askew by chance
   bool operator==(const DistortionModel&) const = default;
   std::string name() const;
 };
 
-// One model that was tried.
+// One model of distortion that was tried.
 struct ModelTrial {
   std::string model;
-  double bic = 0;                     // Bayesian information criterion: less is better
-  std::optional<double> transfer_px;  // of observations held out, root of the mean square; where the BIC is good
+  double bic = 0;  // Bayesian information criterion: less is better
+  // Rms error of observations held out, pixels; nothing where the BIC already speaks against the model.
+  std::optional<double> transfer_px;
   bool chosen = false;
 };
 
 struct SolveOptions {
   std::optional<Rig> prior;                                        // nominal lenses and layout; cameras are found by id
-  std::vector<std::optional<CameraCovariance>> prior_covariances;  // of its cameras, each on its own; may be empty
+  std::vector<std::optional<CameraCovariance>> prior_covariances;  // for each camera of the prior rig; may be empty
   std::optional<DistortionModel> distortion;                       // nothing: chosen by evidence
   std::function<void(const std::string& step)> progress;           // called before each step; may throw to cancel
 };
 
 struct Solution {
-  Reconstruction scene;              // in the scale and frame of the solver: see align()
-  Inliers inliers;                   // one an observation
-  double sigma = 0;                  // of the inliers' noise in x and in y, pixels, estimated
-  std::vector<double> camera_noise;  // of a light's tracks: over that of most cameras, where a camera errs more; else 1
-  double expected_rms = 0;           // of the lengths of residuals if all were noise like their middle half, pixels
-  AdjustmentOptions model;           // which lens terms are free
+  Reconstruction scene;  // cameras and targets in the scale and frame of the solver: see align()
+  Inliers inliers;       // which observations count, a value for each
+  double sigma = 0;      // estimated standard deviation of the inliers in x and in y, pixels
+  // For each camera its noise over that of most, where it errs more in a light's tracks; else 1.
+  std::vector<double> camera_noise;
+  double expected_rms = 0;  // rms of residuals' lengths if all were noise like their middle half, pixels
+  AdjustmentOptions model;  // which lens terms are free
   DistortionModel distortion;
-  std::vector<ModelTrial> trials;          // empty where nothing was to be chosen
-  std::string start;                       // how the first layout was found
-  Uncertainty uncertainty;                 // in the solver's frame and scale
-  double disagreement = 0;                 // of halves of the tracks (disagreement_of_halves()); 0: not compared
+  std::vector<ModelTrial> trials;  // empty where nothing was to be chosen
+  std::string start;               // how the first layout was found
+  Uncertainty uncertainty;         // uncertainty in the solver's frame and scale
+  double disagreement = 0;         // how far halves of the tracks disagree (disagreement_of_halves()); 0: not compared
   std::vector<size_t> contradicted_poses;  // cameras that are not where the prior rig's covariance allows
 };
 

@@ -14,10 +14,10 @@ namespace lf {
 // One light as one camera saw it.
 struct Observation {
   uint32_t camera = 0;    // index into Tracks::cameras
-  uint32_t position = 0;  // of the light or the bar, counted from 0
+  uint32_t position = 0;  // number of the light's or the bar's place, counted from 0
   uint32_t light = 0;     // 0, or 1 for the second light of a bar
   Vec2 pixel{0, 0};       // (0, 0) is the centre of the top-left pixel
-  double sigma = 1;       // of x and of y, beside that of others
+  double sigma = 1;       // standard deviation of x and of y, in proportion to those of other observations
 };
 
 // What all cameras saw of a light (or of two on a rigid bar) at a sequence of places; or of the features of a still
@@ -54,7 +54,7 @@ std::string tracks_to_json(const Tracks& tracks);
 // centre of the top-left pixel is at (0, 0) in the files of programs that count from 0, and at (1, 1) in Matlab's own.
 struct MultiCamSelfCal {
   Tracks tracks;              // cameras have ids from 0
-  std::optional<Rig> lenses;  // all poses the same
+  std::optional<Rig> lenses;  // a rig of the lenses alone: all poses are the same
 };
 // Throws Error naming the file and the row.
 MultiCamSelfCal load_multicamselfcal(const std::string& directory, double first_pixel);

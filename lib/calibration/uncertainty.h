@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -18,10 +17,10 @@ namespace lf {
 struct Uncertainty {
   std::vector<int> camera_row;  // first row of each camera; -1: not used
   int camera_size = 0;          // rows of each
-  std::vector<int> lens_terms;  // which terms the rows from the seventh on are
-  Eigen::MatrixXd covariance;   // of all steps
+  std::vector<int> lens_terms;  // lens terms that a camera's rows from the seventh on are of
+  Eigen::MatrixXd covariance;   // covariance of the steps of all cameras
   Eigen::MatrixXd
-      prior_covariance;  // of the lens terms alone, as known before: camera by camera, lens_terms.size() each
+      prior_covariance;  // covariance of the lens terms as known before, lens_terms.size() rows for each camera
 
   // A functional of all steps: its standard deviation.
   double sigma_of(const Eigen::VectorXd& weights) const { return std::sqrt(weights.dot(covariance * weights)); }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "calibration/zhang.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include <Eigen/Dense>

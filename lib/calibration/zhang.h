@@ -9,7 +9,7 @@
 
 namespace lf {
 
-// Which terms of a lens are estimated, and whether the board is what it should be.
+// The terms of a lens that are estimated, and whether the board is taken for flat and even.
 struct ZhangModel {
   LensModel lens = LensModel::kRadial;
   // The corners' true places are estimated, too (Strobl and Hirzinger 2011): boards are printed and mounted by hand.
@@ -20,19 +20,20 @@ struct ZhangModel {
   std::string name() const;  // "RADIAL", "RADIAL, board free"
 };
 
-// One calibration from views of a board (Zhang 2000).
+// What a calibration from views of a board comes to (Zhang 2000).
 struct ZhangFit {
   ZhangModel model;
   Lens lens;
-  std::vector<double> covariance;  // of lens.params(), row by row; scaled by what the residuals show
+  std::vector<double> covariance;  // covariance of lens.params(), row by row, scaled by what the residuals show
   std::vector<Vec3> board;         // the corners as estimated, in the board's axes
-  std::vector<double> view_rms;    // one a view, pixels (of the distances)
+  std::vector<double> view_rms;    // rms distance of each view's corners, pixels
   double rms = 0;                  // pixels (of the distances, over all corners)
   size_t num_params = 0;           // lens, poses and board
   double bic = 0;                  // Bayesian information criterion: lower is better
 };
 
-// All views have the same size and at least 3 of them are there. Throws Error where the views do not determine a lens.
+// Fits lens, poses and, if it is free, the board to at least 3 views of one size. Throws Error where they do not
+// determine a lens.
 ZhangFit fit_zhang(const std::vector<BoardView>& views, const Checkerboard& board, int width, int height,
                    const ZhangModel& model);
 

@@ -26,8 +26,8 @@ class Accumulator {
   int height() const { return height_; }
 
   bool fits(PixelFamily family, const Rect& rect) const;
-  // False (and nothing added) if that says no: if the family differs or the rectangle is not inside the picture or
-  // begins at an odd pixel in kI420; for a Fragment also if its planes don't fill the rectangle.
+  // False, and nothing is added, where fits() says no: if the family differs or the rectangle is not inside the picture
+  // or begins at an odd pixel in kI420; for a Fragment also if its planes don't fill the rectangle.
   bool add(const FragmentPlanes& fragment);
   bool add(const Fragment& fragment);
   bool add(const ConstSumPlanes& sums);
@@ -44,7 +44,7 @@ class Accumulator {
   Image resolve(const Background& background = {}) const;
   // Per pixel, 0..1: how much of its weight was not lost, to 1e-4; 0 where no face owns it, as set_uncovered() says.
   std::vector<float> coverage() const;
-  // After it, the picture before shows where most of the weight was lost, see conceal().
+  // Call after resolve(): the picture before shows where most of the weight was lost, see conceal().
   void conceal(const ImageView& before, uint8_t* const plane[3], const ptrdiff_t stride[3]) const;
 
   // The sum of what was added so far, over the bounding rectangle of it all; nothing if nothing was added. Valid until
@@ -53,20 +53,20 @@ class Accumulator {
 
  private:
   Rect all() const { return {0, 0, width_, height_}; }
-  SumPlanes own();               // whole picture, after materialize()
-  ConstSumPlanes whole() const;  // own, kept, or zeros
-  void materialize();            // own memory holds what was added
+  SumPlanes own();               // the sum of the whole picture in own memory, after materialize()
+  ConstSumPlanes whole() const;  // the sum of the whole picture, in own or kept memory, or zeros
+  void materialize();            // copies what was added into own memory
   void materialize_lost();
 
   PixelFamily family_ = PixelFamily::kNone;
   int width_ = 0, height_ = 0;
-  Rect touched_;                                 // union of what was added
+  Rect touched_;                                 // bounds all rectangles that were added
   std::optional<ConstSumPlanes> kept_;           // the only sums so far, in the caller's memory
   bool own_set_ = false, own_lost_set_ = false;  // whether sum_, lost_ hold anything yet; they are cleared late
-  UninitializedVector<int16_t> sum_;             // three planes
+  UninitializedVector<int16_t> sum_;             // three planes, of the whole picture
   UninitializedVector<uint16_t> lost_;
-  std::vector<int16_t> zeros_;      // a row
-  std::vector<uint8_t> uncovered_;  // per pixel, empty: unknown
+  std::vector<int16_t> zeros_;      // a row of zeros
+  std::vector<uint8_t> uncovered_;  // per pixel, not 0: no face owns it; empty: not known
 };
 
 }  // namespace lf

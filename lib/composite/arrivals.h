@@ -15,18 +15,18 @@
 
 namespace lf {
 
-// Where in a view which cameras' contributions have come: nothing may be added twice, and what never came is lost.
-// Not thread-safe.
+// Notes where in a view which cameras' contributions have come: nothing may be added twice, and what never came is
+// lost. Not thread-safe.
 class Coverage {
  public:
   void clear() { *this = {}; }
 
-  // A fragment of one camera, or the sum of several. False, and nothing is noted, if one of the cameras has been there
-  // already somewhere in the rectangle, or it is one more set of cameras than kMaxSources.
+  // Notes a fragment of one camera, or of the sum of several. False, and nothing is noted, if one of the cameras has
+  // been there already somewhere in the rectangle, or it is one more set of cameras than kMaxSources.
   bool add(CameraIndex camera, const Rect& rect);
   bool add(const CameraRanges& cameras, const Rect& rect);
 
-  bool has(CameraIndex camera) const;  // anywhere
+  bool has(CameraIndex camera) const;  // whether anything of the camera has come, anywhere in the view
   // Sets to 0 what of `weights`, the camera's weights over `rect` row by row, has come.
   void take_out(CameraIndex camera, const Rect& rect, std::span<float> weights) const;
 
@@ -59,7 +59,7 @@ class CameraPixels {
   struct Pixels {
     ImageView image;
     jpeg::PooledBuffer memory;
-    std::vector<Rect> pieces;  // disjoint
+    std::vector<Rect> pieces;  // rectangles of the image that have come; they are disjoint
   };
   std::map<CameraIndex, Pixels> cameras_;
 };

@@ -2,7 +2,6 @@
 #include "composite/assembly.h"
 
 #include <algorithm>
-#include <iterator>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -232,7 +231,7 @@ void copy(const ConstSumPlanes& from, const SumPlanes& to) {
 }  // namespace
 
 ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& sum, const CodedAs& form,
-                          ByteBuffer memory, const ParallelFor& parallel) {
+                          ByteBuffer memory) {
   const std::optional<ConstSumPlanes> sums = sum.sums();
   if (!sums || sums->rect.empty()) return wire::AnswerWriter(header, 0, std::move(memory)).finish();
   if (form.codec == wire::Codec::kRaw16) {
@@ -241,11 +240,11 @@ ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& s
     return writer.finish();
   }
   const std::vector<Rect> rects = wire::cut_rows(sums->rect, wire::strip_rows(sums->rect.width()));
-  std::vector<Fragment> strips(rects.size());
-  parallel(rects.size(), [&](size_t i) { strips[i] = rounded_fragment(part_of(*sums, rects[i])); });
+  std::vector<Fragment> strips;
+  for (const Rect& rect : rects) strips.push_back(rounded_fragment(part_of(*sums, rect)));
   std::vector<wire::AnswerFragment> fragments;
   for (const Fragment& strip : strips) fragments.push_back({{}, planes_of(strip)});
-  return wire::encode_fragments(header, fragments, form.quality, std::move(memory), parallel);
+  return wire::encode_fragments(header, fragments, form.quality, std::move(memory), serial_for);
 }
 
 std::string add_moments(std::span<const uint8_t> unit, const wire::MomentsHeader& header, const ViewRequest& request,

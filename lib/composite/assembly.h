@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <optional>
 #include <span>
 #include <string>
 
@@ -28,7 +27,8 @@ namespace lf {
 // request. Not thread-safe.
 class Assembly {
  public:
-  // With the rig known, fragments that never came count as lost weight and pixels outside the mesh show the background.
+  // Sets the rig, or null: with it fragments that never came count as lost weight, and pixels outside the mesh show the
+  // background.
   void set_rig(std::shared_ptr<const Rig> rig);
   // `lost`: cameras that are known to give nothing, ascending: what they should have given is lost, but not missing.
   // Throws Error if the request names cameras out of service that the rig does not have.
@@ -52,8 +52,8 @@ class Assembly {
   // of the whole view and changes nothing if the background is black.
   void finish(PixelFamily fallback, bool mark_uncovered);
 
-  // Before it: whether there is something to be seen in the view and nothing of it has come. If so missing() is known
-  // and a picture need not be made, which is more work than any other: there is nothing to be seen in it.
+  // Call before finish(): whether there is something to be seen in the view and nothing of it has come. Then missing()
+  // is known, and a picture, which would be more work than any other, need not be made: it would show nothing.
   bool all_is_missing();
 
   // finish() of a compositor inside a tree: cameras of which nothing came are not missing, but another compositor's.
@@ -68,7 +68,7 @@ class Assembly {
   // Cameras of which something should have come and did not, or damaged; known after finish() and with a rig alone,
   // else 0.
   unsigned missing() const { return missing_; }
-  // Nothing is missing or damaged, as far as is known by then.
+  // Whether nothing is missing or damaged, as far as is known by then.
   bool complete() const { return missing_ == 0 && damaged_ == 0; }
   // Cameras that the answers so far speak for and that have pictures.
   const CameraRanges& seeing() const { return seeing_; }
@@ -77,7 +77,7 @@ class Assembly {
   // The largest |capture time - target time| of the answers, nanoseconds, and that capture time (kNoTime: none told).
   uint64_t skew() const { return skew_; }
   uint64_t actual_time() const { return actual_time_; }
-  uint64_t rig_hash() const { return expected_rig_; }  // of the answers; 0 before the first
+  uint64_t rig_hash() const { return expected_rig_; }  // hash of the answers' rig; 0 before the first answer
   // The picture has been taken: lets go of what it was made from.
   void release();
 
@@ -99,7 +99,7 @@ class Assembly {
   bool add_sums(const wire::FragmentView& fragment, const std::shared_ptr<const void>& bytes);
 
   std::shared_ptr<const Rig> rig_;
-  uint64_t rig_hash_ = 0;  // of rig_, 0 without
+  uint64_t rig_hash_ = 0;  // hash of rig_; 0 without a rig
   MeshCache mesh_;
   ViewRequest request_;
   CameraSet lost_;
@@ -108,7 +108,7 @@ class Assembly {
   std::shared_ptr<const void> kept_;  // owns memory that accumulator_ refers to
   wire::FragmentDecoder decoder_;
   PixelFamily family_ = PixelFamily::kNone;
-  std::map<std::pair<uint32_t, CameraRanges>, Source> sources_;  // by node and its cameras
+  std::map<std::pair<uint32_t, CameraRanges>, Source> sources_;  // by the node's number and its cameras
   Coverage coverage_;
   CameraPixels pixels_;
   CameraRanges incomplete_;                 // cameras whose pixels have come in part
@@ -125,10 +125,10 @@ class Assembly {
 // more for each level of the tree, within half a level; JPEG adds its error. `header.family` is the accumulator's.
 // `memory` is recycled. Throws Error if the header is not fit for the wire.
 ByteBuffer partial_answer(const wire::AnswerHeader& header, const Accumulator& sum, const CodedAs& form,
-                          ByteBuffer memory, const ParallelFor& parallel = serial_for);
+                          ByteBuffer memory);
 
-// Adds a unit of moments, which came from a node and belongs to the request, to what other nodes have answered. Why
-// not; empty: it was added.
+// Adds a unit of moments, which came from a node and belongs to the request, to what other nodes have answered. Returns
+// why it could not be added; "": it was.
 std::string add_moments(std::span<const uint8_t> unit, const wire::MomentsHeader& header, const ViewRequest& request,
                         ViewFocus::Answers& answers);
 

@@ -15,9 +15,9 @@ class DisjointRects {
  public:
   static constexpr size_t kFew = 32;
 
-  // Whether one of them has a pixel in `rect`, x0 and y0 at least 0.
+  // Whether one of the rectangles has a pixel in `rect`, whose x0 and y0 are at least 0.
   bool meets(const Rect& rect) const;
-  // False, and nothing is noted, if one of them does.
+  // Adds a rectangle; false, and nothing is noted, if it meets another one.
   bool add(const Rect& rect);
   const std::vector<Rect>& rects() const { return rects_; }
 
@@ -25,7 +25,8 @@ class DisjointRects {
   void mark(const Rect& rect);
 
   std::vector<Rect> rects_;
-  std::vector<std::vector<uint64_t>> rows_;  // of bits, each as long as it has to be; with more than kFew alone
+  // A bit for each pixel, rows as long as they have to be; used with more than kFew rectangles.
+  std::vector<std::vector<uint64_t>> rows_;
 };
 
 }  // namespace lf

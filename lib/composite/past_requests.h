@@ -16,17 +16,17 @@ class PastRequests {
 
   // A request has its turn. True if it is before the last one: its viewer has begun anew, and all is forgotten.
   bool begin(uint32_t sequence);
-  // It has been composed of what had come at its deadline, in any clock's nanoseconds; or left out.
+  // The request was composed of what had come at its deadline, in nanoseconds of any clock; or it was left out.
   void composed(uint32_t sequence, uint64_t deadline);
   void skipped(uint32_t sequence);
   void clear();
 
   enum class Answer {
-    kToSkipped,  // nobody waited for it
-    kLate,       // too late for the picture
-    kInTime,     // the same, but it was there before the deadline: its node was not waited for
+    kToSkipped,  // the request was left out: nobody waited for the answer
+    kLate,       // the answer came too late for the picture
+    kInTime,     // the answer missed the picture, but was there before the deadline: its node was not waited for
   };
-  // What an answer is that comes now to a request before the one that has its turn.
+  // Judges an answer that comes now to a request before the one that has its turn.
   Answer judge(uint32_t sequence, uint64_t now) const;
 
  private:

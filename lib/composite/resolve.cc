@@ -2,7 +2,6 @@
 #include "composite/resolve.h"
 
 #include <algorithm>
-#include <vector>
 
 #include "composite/rows.h"
 #include "render/sum_planes.h"

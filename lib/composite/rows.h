@@ -8,9 +8,9 @@
 
 namespace lf {
 
-// Adding one row of `n` values to a row of sums, saturating, so that hostile input can't wrap. Sums of values that are
-// not negative (all luma, RGB and lost weight) come out the same in any order even then. Rows do not overlap. The same
-// result with every instruction set.
+// These add one row of `n` values to a row of sums, saturating, so that hostile input can't wrap. Sums of values that
+// are not negative (all luma, RGB and lost weight) come out the same in any order even then. Rows do not overlap. The
+// same result with every instruction set.
 
 // 8 bits: luma; chroma, signed; RGB to three planes; lost weight.
 void add_row(int16_t* sum, const uint8_t* in, int n);
@@ -40,10 +40,11 @@ void write_chroma_row(uint8_t* out, const int16_t* sum, const Levels& levels, in
 // float wherever the result is not cut off, up to the rounding of the scale itself (2^-23 of the value).
 void scale_row(uint8_t* out, const int16_t* sum, const float* scale, float background, const Levels& levels, int n);
 
-// For chroma, which has one sample for up to four pixels. First, for each of its rows of `w` pixels: adds up the lost
-// weight (none if null) and the pixels whose scale is 0 of each sample, chroma_size(w) values.
+// The first step for chroma, which has one sample for up to four pixels, for each row of `w` pixels: adds up, for each
+// of chroma_size(w) samples, the lost weight (none if null) and the pixels whose scale is 0.
 void add_pairs(int32_t* lost, int32_t* hidden, const uint16_t* row_lost, const float* row_scale, int w);
-// Makes of these sums, over `pixels` pixels, each sample's factor and the share of the background in it.
+// Makes each chroma sample's factor, and the share of the background in it, of what add_pairs() has added up over
+// `pixels` pixels.
 void make_chroma_scales(float* scale, float* share, const int32_t* lost, const int32_t* hidden, float pixels, int n);
 // sum * scale * (1 - share) + background * share, as `levels` has it; sum * scale is cut off at -128 and 127.
 void scale_chroma_row(uint8_t* out, const int16_t* sum, const float* scale, const float* share, float background,

@@ -14,14 +14,15 @@ class SilenceWatch {
  public:
   static constexpr int64_t kPatience = 5'000'000;
 
-  // Before the others run.
+  // Forgets everything. Call before any of the other functions runs.
   void clear() {
     others_since_ = silent_since_ = composed_at_ = 0;
     asked_ = answered_ = told_ = ever_answered_ = false;
   }
   // A request of the view has come.
   void asked() { asked_ = true; }
-  // One of another view has. True where for so long now there have been no others: most often a wrong view id.
+  // A request of another view has come. True where for kPatience there have been none of this one: most often a wrong
+  // view id.
   bool others_asked(int64_t now) {
     if (others_since_ == 0) others_since_ = now;
     if (asked_ || now < others_since_ + kPatience) return false;
@@ -32,7 +33,8 @@ class SilenceWatch {
   // A request of the view has been composed in real time. True where for so long now no answer has come to any of
   // those that followed each other.
   bool composed(int64_t now) {
-    const bool goes_on = now < std::exchange(composed_at_, now) + kPatience;  // there was no pause
+    // Views followed each other without a pause.
+    const bool goes_on = now < std::exchange(composed_at_, now) + kPatience;
     if (answered_.exchange(false)) {
       ever_answered_ = true;
       told_ = false;

@@ -16,9 +16,9 @@ namespace lf {
 
 // What one view came to.
 struct Still {
-  Image picture;                     // of the images' family; RGB where no camera contributes
+  Image picture;                     // has the images' family; RGB where no camera contributes
   std::vector<float> coverage;       // per pixel, 0..1: how much of its weight cameras could give
-  std::vector<CameraIndex> cameras;  // that contributed, ascending
+  std::vector<CameraIndex> cameras;  // cameras that contributed, ascending
 };
 
 // Asks `images` only for cameras that contribute, each once; all must be of one family (else Error).

@@ -13,7 +13,7 @@ namespace lf {
 // because looking takes as long as a few rows of its picture. Not thread-safe.
 class ViewCoverage {
  public:
-  static constexpr int kRows = 12;               // of the view that are looked at
+  static constexpr int kRows = 12;               // rows of the view that are looked at
   static constexpr int64_t kInterval = 500'000;  // microseconds
 
   // The share of the request's pixels that cameras in service can see, 0..1: `exact`, or of a view up to kInterval ago.
@@ -24,7 +24,7 @@ class ViewCoverage {
 
  private:
   MeshCache mesh_;
-  View view_;  // of which it is known
+  View view_;  // the view that share_ is of
   CameraSet out_of_service_, lost_;
   double share_ = -1;
   int64_t known_at_ = 0;

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <optional>
-#include <vector>
 
 #include "rig/rig.h"
 #include "view/view_request.h"
@@ -14,7 +13,7 @@ namespace lf {
 std::optional<double> focus_distance_at(const View& view, const Vec2& pixel);
 
 // A small view of what is around a pixel of a view, which is then its middle.
-inline constexpr int kSweptPixels = 64;  // a side
+inline constexpr int kSweptPixels = 64;  // pixels along a side of view_around()
 View view_around(const View& view, const Vec2& pixel);
 
 // Asks the cameras where a view is in focus that has no map: gives the request the viewer's plane as a map, and planes
@@ -23,11 +22,12 @@ View view_around(const View& view, const Vec2& pixel);
 // focus_distance_at()). `from`: see FocalMap.
 void add_focus_sweep(ViewRequest& request, const Plane& from, std::optional<double> found, double reach = 0);
 
-// How near a first stage can reach without leaving anything out, 1/m: from plane to plane what neighbouring cameras see
-// moves by half of what the trials blur it.
+// How near the first stage of a sweep can reach without leaving anything out, 1/m: from plane to plane what
+// neighbouring cameras see moves by half of what the trials blur it.
 double sweep_reach(const Rig& rig, const View& view);
 
-// Whether a distance found by a second stage around `found` is no limit of it: beyond, nothing was tried.
+// Whether a distance that a second stage around `found` came to is inside what that stage tried, and not at its limit,
+// beyond which nothing was tried.
 bool is_inside_sweep(double distance, double found);
 
 }  // namespace lf

@@ -37,25 +37,26 @@ class CameraGains {
   // What most cameras agree on is looked for among those that differ from it by about this (logarithm): mean by mean it
   // moves to where most are (Fukunaga and Hostetler 1975: mean shift).
   static constexpr float kAround = 0.03f;
-  static constexpr float kUnknownTrust = 0.125f;  // of a camera of which nothing is known, beside those that are right
+  // The trust in a camera of which nothing is known, beside 1 in those that are right.
+  static constexpr float kUnknownTrust = 0.125f;
   // The first mean is that of cameras which all count alike: it takes those that are right along with those that are
-  // wrong. Images are divided by what this one says.
+  // wrong. Images are divided by gains from this mean on.
   static constexpr unsigned kMeans = 3;
 
   // What images are divided by: 1 for a camera of which nothing is known.
   float of(CameraIndex camera) const { return means_ < kMeans ? 1 : likely(camera); }
-  // What is known of it already, for the next mean.
+  // The gain that is likeliest by what was measured so far, for the next mean.
   float likely(CameraIndex camera) const;
-  // What the camera counts in what all have in common, 0 to 1: less the farther it is off.
+  // How much the camera counts in the mean that all have in common, 0 to 1: less the farther it is off.
   float trust(CameraIndex camera) const;
-  // A mean has come, and some cameras, divided by likely(), were compared with it.
+  // Takes what came of comparing some cameras, divided by likely(), with a mean.
   void take(const std::map<CameraIndex, BrightnessRatio>& ratios);
   const std::map<CameraIndex, BrightnessRatio>& measured() const { return measured_; }
 
  private:
   float usual(CameraIndex camera) const;
 
-  std::map<CameraIndex, BrightnessRatio> measured_;  // beside the mean, not divided by anything
+  std::map<CameraIndex, BrightnessRatio> measured_;  // ratios to the mean, of images that are not divided by anything
   unsigned means_ = 0;
 };
 
@@ -63,13 +64,13 @@ class CameraGains {
 // as they should be, so that most cameras decide what that is: in logarithms, so that their mean is that of what they
 // multiply.
 struct GainSum {
-  static constexpr int kWeightOne = 65536, kOctave = 256;  // gain 2
+  static constexpr int kWeightOne = 65536, kOctave = 256;  // kWeightOne: weight 1; kOctave: the logarithm of gain 2
   uint32_t weight = 0;
-  int32_t log2 = 0;  // weight x logarithm
+  int32_t log2 = 0;  // sum of weight x logarithm of the gain
 
   void add(float gain, float camera_weight);
   void add(const GainSum& other);
-  float mean() const;  // geometric; 1 of none
+  float mean() const;  // the geometric mean; 1 without cameras
   bool operator==(const GainSum&) const = default;
 };
 
@@ -79,18 +80,20 @@ struct GainSum {
 // do not wander off together.
 std::vector<uint8_t> mean_luma(const Moments& moments, const GainSum& gains);
 
-// Which requests of a view ask for the mean that cameras compare their brightness with, of those that have trials: the
-// first kFirst of them, so that cameras match before the first surface is found, then fewer and fewer, because whole
-// images of a dozen cameras are looked at for it. One asks at a time, because cameras keep what they saw for the latest
-// one alone, and because what is measured of gains that are being corrected would correct them once more. A plain value
-// without locks.
+// Decides which requests of a view ask for the mean that cameras compare their brightness with, out of those that have
+// trials: the first kFirst of them, so that cameras match before the first surface is found, then fewer and fewer,
+// because whole images of a dozen cameras are looked at for it. Only one asks at a time, because cameras keep what they
+// saw for the latest one alone, and because what is measured of gains that are being corrected would correct them once
+// more. A plain value without locks.
 class MeanTurns {
  public:
-  static constexpr unsigned kFirst = 4;      // as many as planes are swept in: see trials_of_round()
-  static constexpr unsigned kLongest = 32;   // requests with trials from one that asks to the next
-  static constexpr unsigned kPatience = 30;  // until what was asked for is thought to be lost
+  static constexpr unsigned kFirst = 4;     // as many requests as it takes to try all planes: see trials_of_round()
+  static constexpr unsigned kLongest = 32;  // requests with trials from one that asks to the next
+  // Requests with trials until a mean that has not come is thought to be lost.
+  static constexpr unsigned kPatience = 30;
 
-  // Whether the next request asks. `has_trials`: it; `came`: the mean that was asked for is there.
+  // Whether the next request asks for the mean. `has_trials`: it has trials; `came`: the mean that was asked for is
+  // there.
   bool next(bool has_trials, bool came) {
     if (came) awaited_ = 0;
     if (!has_trials) return false;
@@ -118,14 +121,14 @@ View mean_view(const View& view);
 class WideLuma {
  public:
   static constexpr double kWidest = 2.5;
-  static constexpr float kPeak = 0.125f;  // of the weights: over a grid they sum to 0.79
+  static constexpr float kPeak = 0.125f;  // the largest weight: over a grid of cameras weights sum to 0.79
 
   // `view`: a mean_view(). `own`: cameras in service, ascending.
   WideLuma(const Rig& rig, const Mesh& mesh, const View& view, std::span<const CameraIndex> own);
   // The node's cameras that have a weight, ascending: whole images of them are looked at.
   const std::vector<CameraIndex>& cameras() const { return cameras_; }
 
-  // What they saw, to be kept until there is a mean to compare with.
+  // What a camera saw, to be kept until there is a mean to compare with.
   struct Camera {
     CameraIndex camera = 0;
     std::vector<uint8_t> luma;  // divided by its likely gain, a value for each node
@@ -133,17 +136,17 @@ class WideLuma {
   };
   struct Seen {
     std::vector<Camera> cameras;
-    Moments moments;  // of all cameras together, each weighted by its trust
-    GainSum gains;    // likely ones
+    Moments moments;  // moments of all cameras together, each weighted by its trust
+    GainSum gains;    // the cameras' likely gains
   };
-  // `sources`: of cameras() and maybe others. The result does not depend on `parallel`. Throws Error for an image that
-  // is not of its camera's size.
+  // What the cameras see. `sources`: images of cameras() and maybe others. The result does not depend on `parallel`.
+  // Throws Error for an image that is not of its camera's size.
   Seen see(std::span<const Source> sources, const CameraGains& gains, const ParallelFor& parallel = serial_for) const;
 
   // How many times as bright as the mean a camera is, divided by its gain: the median over the nodes, nothing where
   // these are too few. `mean`: see mean_luma().
   static std::optional<BrightnessRatio> ratio(const Camera& seen, std::span<const uint8_t> mean);
-  // The same of several cameras; those that can't be compared are left out.
+  // The ratio() of several cameras; those that can't be compared are left out.
   static std::map<CameraIndex, BrightnessRatio> ratios(std::span<const Camera> seen, std::span<const uint8_t> mean);
 
  private:
@@ -152,8 +155,8 @@ class WideLuma {
   ViewPlan plan_;
   bool most_decide_ = false;  // Of two cameras that can be compared neither is most: half-way between them is right.
   std::vector<CameraIndex> cameras_;
-  Vec3 across_, down_;           // along the plane, in units of the pitch
-  std::vector<Vec2> crossings_;  // of the lines of sight with the plane, a value for each node
+  Vec3 across_, down_;           // axes along the plane, in units of the pitch
+  std::vector<Vec2> crossings_;  // where the nodes' lines of sight cross the plane
   std::vector<float> u_, v_;     // lines of sight of the nodes, and kTrialSpare values of no meaning
   ByteBuffer levels_;            // levels of the nodes, and as many of no meaning
 };

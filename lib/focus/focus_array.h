@@ -10,14 +10,14 @@
 
 namespace lf {
 
-// What focal maps of an array count distances from: through the mean of its centres, normal to the mean of its axes.
-// Requires at least one camera; cameras that look in opposite directions give the first one's axis.
+// The plane that focal maps of an array count distances from: it goes through the mean of its centres, normal to the
+// mean of its axes. Requires at least one camera; cameras that look in opposite directions give the first one's axis.
 Plane array_plane(const Rig& rig);
 
 // What geometry alone says of how well an array can tell depths apart. Not thread-safe.
 class FocusArray {
  public:
-  // Only what distances are counted from is known. Implicit, for who has no rig.
+  // An array of which only the plane that distances are counted from is known. Implicit, for callers without a rig.
   FocusArray(const Plane& from) : from_(from) {}  // NOLINT(google-explicit-constructor)
   // The rig must outlive this and have a camera.
   explicit FocusArray(const Rig& rig);
@@ -34,14 +34,15 @@ class FocusArray {
   double disparity() const { return disparity_; }
   // Metres from a camera to the next one, the median; 0: not known.
   double spacing() const { return spacing_; }
-  // Pixels, the cameras' median. 0: not known.
+  // The focal length of the cameras, pixels, the median; 0: not known.
   double focal() const { return focal_; }
   bool is_known() const { return rig_ != nullptr; }
 
   // For each node of the view's map how much of a disagreement between the cameras its moments can show: the square
-  // root of 1 - sum w^2 over that of three equal weights w. 1 there, 0 where one camera alone makes the picture and
-  // every depth looks the same, and where none has a weight. Ones without a rig. Told from every kApart-th node,
-  // bilinear in between: weights are continuous. Throws Error for cameras out of service that the rig does not have.
+  // root of 1 - sum w^2 over the same root for three equal weights w. It is 1 where weights are equal, 0 where one
+  // camera alone makes the picture and every depth looks the same, and where none has a weight; and 1 everywhere
+  // without a rig. It is computed at every kApart-th node, bilinear in between: weights are continuous. Throws Error
+  // for cameras out of service that the rig does not have.
   static constexpr int kApart = 4;
   std::vector<float> evidence(const View& view, const CameraSet& out_of_service) const;
 

@@ -27,7 +27,7 @@ enum class FocusMode {
 // plain value without locks.
 //
 // The viewer's plane is shown until the cameras agree clearly better through the surface, and again as soon as they do
-// not: a picture is never knowingly worse than the plane's.
+// not: no picture is knowingly worse than the plane's.
 class FocusControl {
  public:
   struct Settings {
@@ -47,15 +47,16 @@ class FocusControl {
   // this part of a quarter of the picture had gone: its squared error is what it lost over its part.
   static constexpr double kMovedLight = 5;
   static constexpr double kSmallestLost = 0.01;
-  // Nor is it shown where it would have more of the plane's squared error if another depth, as plausible, were the
-  // truth.
+  // The surface is not shown either where it would have more of the plane's squared error than this if another depth,
+  // as plausible, were the truth.
   static constexpr double kDoubtful = 0.7;
   // A rest begins when kQuietRounds did not get better by this; then fewer and fewer requests have trials. It ends when
   // a round gains that much more than kMoreAtRest times what it did before the rest.
   static constexpr unsigned kQuietRounds = 6;
   static constexpr double kMoreAtRest = 1.25;
-  static constexpr double kWorthwhile = 0.1;       // levels of luma
-  static constexpr double kWorthwhilePart = 0.05;  // of the residual: noise always seems to gain something
+  static constexpr double kWorthwhile = 0.1;  // levels of luma
+  // The part of the residual that a gain must have: noise always seems to gain something.
+  static constexpr double kWorthwhilePart = 0.05;
   static constexpr unsigned kLongestRest = 8, kLongestFlatRest = 16;  // requests from one with trials to the next
   // How much farther the cameras may disagree through one plane than through the surface for the plane to be enough.
   static constexpr double kFlatEnough = 0.05;  // levels of luma
@@ -74,7 +75,7 @@ class FocusControl {
     View view;
     std::vector<Trial> trials;
     bool on_plane = false;       // see ViewRequest
-    std::optional<Plane> plane;  // in place of the viewer's: a plane is all that the scene needs
+    std::optional<Plane> plane;  // a plane to show in place of the viewer's, where a plane is all that the scene needs
   };
   Plan next(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array);
 
@@ -82,21 +83,21 @@ class FocusControl {
   // kLeastTrials, and slowly more again.
   void keep_up(bool complete);
   static constexpr unsigned kLeastTrials = 4;
-  // Where time is short: at most one request in so many has trials, from 1 on.
+  // Spares time: at most one request in `requests`, 1 or more, has trials from now on.
   void spare(unsigned requests) { spared_ = requests; }
 
-  // What it came to, for statistics.
+  // What the control has come to, for statistics.
   struct State {
-    unsigned rounds = 0;  // trials whose moments came
+    unsigned rounds = 0;  // rounds of trials whose moments came
     double residual = 0;  // SurfaceChoice::residual of the latest round
     double gained = 0;
     unsigned interval = 1;     // requests from one with trials to the next
-    unsigned trials = 0;       // of the next request that has any
+    unsigned trials = 0;       // trials of the next request that has any
     bool flat = false;         // one plane is enough
     bool mixed = false;        // several cameras make the picture: their brightness should match
-    bool on_plane = true;      // a plane is shown, the viewer's or that one
+    bool on_plane = true;      // a plane is shown, the viewer's or the one that is enough
     double deviation = 0;      // how far cameras disagree through the surface, levels of luma, mean over the nodes
-    double bought = 0;         // by how much that is less than through the best plane tried lately
+    double bought = 0;         // by how much `deviation` is less than through the best plane tried lately
     double near = 0, far = 0;  // what is looked at, metres from the array; far may be infinite
     unsigned looks = 0;        // how often the scene was another one
   };
@@ -140,40 +141,40 @@ class FocusControl {
   LatestSurface latest_;
   bool begun_ = false;
   double most_reach_ = 0;  // largest inverse distance that the array can tell, 1/m
-  double reach_ = 0;       // that is looked for from where the eye is
+  double reach_ = 0;       // largest inverse distance that is looked for from where the eye is, 1/m
   double spacing_ = 0;     // metres between neighbouring cameras, 0: not known
   double disparity_ = 0;   // pixels for each 1/m, 0: not known
   Stage stage_ = Stage::kBetter;
-  std::deque<std::vector<Trial>> sweeps_;  // that the stage has still to send
-  Pose tried_from_;                        // where trials were last rested from
-  Pose tried_with_;                        // what came of trials last
-  bool moved_ = false;                     // the eye, since then
+  std::deque<std::vector<Trial>> sweeps_;  // trials that the stage has still to send, for one request each
+  Pose tried_from_;                        // the pose that movements of the eye are counted from
+  Pose tried_with_;                        // the pose of the request whose trials were answered last
+  bool moved_ = false;                     // the eye has moved since trials were last sent
   // Requests from a search that finds nothing to the next of an eye that rests, twice as many each time: the first few
   // are too early where cameras are not equally bright, see MeanTurns.
   unsigned patience_ = 1;
   unsigned lost_ = 0;                          // requests of this search or sweep that were sent again
   unsigned waited_ = 0;                        // requests since a search found nothing
   unsigned rounds_to_doubt_ = 0, doubts_ = 4;  // until the range may be searched anew as something seems to come near
-  double flat_inverse_ = 0;                    // where one plane is enough, 1/m
+  double flat_inverse_ = 0;                    // inverse distance of the plane that is enough, 1/m
   DepthVotes votes_;
-  std::optional<DepthRange> range_;       // of all maps, where the range follows the scene
-  std::vector<double> plane_deviations_;  // of the best plane of each of the latest rounds
+  std::optional<DepthRange> range_;       // range of all maps, where it follows the scene
+  std::vector<double> plane_deviations_;  // deviation through the best plane of each of the latest rounds
   OtherDepths others_;
   double doubt_ = 0;         // what other depths add to the surface's squared deviation, of the plane's
-  bool was_better_ = false;  // the surface, when the plane was measured last
+  bool was_better_ = false;  // the surface was better when the plane was measured last
   double rested_ = 0;        // deviation before the rest
   double gained_before_ = 0, usual_gain_ = 0;  // see is_worthwhile()
   double least_reached_ = std::numeric_limits<double>::infinity();
   double usual_ = 0;       // deviation of earlier rounds; 0: not known yet
-  unsigned round_ = 0;     // of trials_of_round()
+  unsigned round_ = 0;     // number of the round, for trials_of_round()
   unsigned quiet_ = 0;     // rounds in a row that were not worth while
   unsigned skipped_ = 0;   // requests since the last trials
   unsigned settling_ = 0;  // rounds until deviations tell something again
   unsigned load_ = 1;      // requests for one that may have trials: see keep_up()
-  unsigned spared_ = 1;    // the same, as it was told: see spare()
-  unsigned in_time_ = 0;   // pictures in a row
+  unsigned spared_ = 1;    // requests for one that may have trials, as told: see spare()
+  unsigned in_time_ = 0;   // pictures in a row that were complete in time
   unsigned held_ = 0;      // requests since one that might have had trials
-  unsigned looks_ = 0;     // in a row that did not help
+  unsigned looks_ = 0;     // searches of another scene in a row that did not help
 };
 
 }  // namespace lf

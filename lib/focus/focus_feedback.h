@@ -24,7 +24,7 @@ class FocusFeedback {
   Waited wait_for(uint32_t sequence, std::chrono::milliseconds longest);
   // Gives the request the surface as its view has it, and trials and gains, which are for one request only.
   void apply(ViewRequest& request);
-  // Whether such a request would have trials.
+  // Whether apply() would give a request trials now.
   bool has_trials();
   // What is to be asked for beside such a request to find the focus that is looked for: a small view around the place.
   // Its number is told once it has one. `rig`: that the view is of; may be null.
@@ -44,9 +44,9 @@ class FocusFeedback {
  private:
   // Looks for the focus at the place by sweeps.
   struct Search {
-    std::optional<double> found;    // by the first stage; nothing: that is to come
-    std::optional<uint32_t> asked;  // the sweep's request
-    int lost = 0;                   // requests of which nothing came
+    std::optional<double> found;    // distance found by the first stage; nothing: not yet
+    std::optional<uint32_t> asked;  // number of the request that carries the sweep under way
+    int lost = 0;                   // requests of the search that nothing came of
   };
   void see_sweep(const FoundFocus& news);
   void take_trials(FocusControl::Plan& plan);
@@ -55,16 +55,16 @@ class FocusFeedback {
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::optional<FoundFocus> news_;         // without trials:
-  std::deque<std::vector<Trial>> unsent_;  // for one request each, of the map of the news
+  std::optional<FoundFocus> news_;         // the latest news, but for their trials
+  std::deque<std::vector<Trial>> unsent_;  // trials not sent yet, for one request each, of the map of the news
   Vec2 place_{0.5, 0.5};
   bool follows_ = false;
   std::optional<Search> search_;
   std::deque<uint32_t> swept_;  // the latest sweeps, the newest last: what comes of them is no surface
-  uint32_t requests_ = 0;       // since the latest sweep
+  uint32_t requests_ = 0;       // requests since the latest sweep
   std::optional<double> found_;
-  std::optional<double> latest_;  // that was found at the place
-  double now_ = 0;                // of the latest request
+  std::optional<double> latest_;  // the distance last found at place_
+  double now_ = 0;                // focus distance of the latest request
   bool unlocked_ = false;
 };
 
@@ -72,12 +72,13 @@ class FocusFeedback {
 class RelayedFocus {
  public:
   void announce(uint32_t view_id, FoundFocus focus);
-  // Gives the request the surface and the trials of its view, if it has no surface of its own. Whether it did.
+  // Gives the request the surface and the trials of its view, if it has no surface of its own, and returns whether it
+  // did.
   bool apply(ViewRequest& request);
   void clear();
 
  private:
-  static constexpr size_t kMostViews = 64;  // then the lowest id is forgotten
+  static constexpr size_t kMostViews = 64;  // with more views the lowest id is forgotten
   FocusFeedback& view(uint32_t id);
   std::mutex mutex_;
   std::map<uint32_t, FocusFeedback> views_;

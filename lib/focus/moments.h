@@ -26,8 +26,8 @@ struct Moments {
   static uint16_t square_of(uint16_t luma, int value) { return static_cast<uint16_t>((luma * value + 64) >> 7); }
 
   void reset(int columns, int rows);
-  void add(const Moments& other);  // of the same size
-  // The same of a rectangle of nodes whose first one is at (column, row) of these.
+  void add(const Moments& other);  // adds moments of the same size
+  // Adds moments of a rectangle of nodes, whose first one is at (column, row) of these.
   void add(const Moments& part, int column, int row);
   // How far the cameras disagree at a node: the standard deviation of their luma, 0..127.5; NaN where less than half
   // of the weight is there.
@@ -43,14 +43,15 @@ struct Moments {
 // makes up the surface. `plane`: which of the trials is the plane.
 double moved_light(std::span<const Moments> trials, std::span<const uint8_t> chosen, size_t plane);
 
-// What choose_surface() compares, in vectors. The same values, to the bit, with every instruction set.
+// What choose_surface() compares, in SIMD vectors: the same values, to the bit, with every instruction set.
 
-// For every trial and node the mean over `radius` nodes around of the deviations there are, farther ones with less
-// weight (a tent: edges stay where they are better than in a box). Infinity where the node has none, or where its
+// For every trial and node the mean of the deviations of the nodes within `radius` that have one, farther ones with
+// less weight (a tent: edges stay where they are better than in a box). Infinity where the node has none, or where its
 // trial has clearly less weight than another: fewer cameras always agree better. `moments`: of one size, at least one.
 std::vector<std::vector<float>> trial_costs(std::span<const Moments> moments, int radius);
 
-// The upper one of the two in the middle of the finite ones, NaN if there are none. `values`: neither negative nor NaN.
+// The median of the finite values, the upper one of the two in the middle; NaN if there are none. `values`: neither
+// negative nor NaN.
 double median_of_finite(std::span<const float> values);
 
 // For each node the trial of the least cost, all but the first of which cost the node's `lead` more, the first of those

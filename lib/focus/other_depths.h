@@ -12,10 +12,10 @@
 
 namespace lf {
 
-// At which other depths the cameras agree as well as through the surface. Where things repeat, or a thing is seen past
-// by all cameras, a surface can agree and show what is not there: all that tells is that something else would have
-// agreed, too. So all planes of searches and sweeps are remembered: of each node the two best ones that are clearly
-// apart. A plain value.
+// Remembers at which other depths the cameras agree as well as through the surface. Where things repeat, or a thing is
+// seen past by all cameras, a surface can agree and show what is not there: all that tells is that something else would
+// have agreed, too. So all planes of searches and sweeps are remembered: of each node the two best ones that are
+// clearly apart. A plain value.
 class OtherDepths {
  public:
   // `apart`, 1/m: depths that differ by less are the same one, which moves no picture by more than a node.
@@ -54,7 +54,7 @@ class OtherDepths {
   bool is_from(const View& view) const;
 
   double apart_;
-  View view_;  // its map has only the range of the nodes' depths
+  View view_;  // the view that planes were tried for; its map has only the range of the nodes' depths
   std::vector<Node> nodes_;
 };
 

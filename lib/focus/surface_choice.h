@@ -15,25 +15,26 @@ namespace lf {
 
 // What trials say about the surface they were made of.
 struct SurfaceChoice {
-  std::vector<uint8_t> levels;  // of the better surface, one for each node
+  std::vector<uint8_t> levels;  // levels of the better surface, one for each node
   double residual = 0;  // median deviation through the smoothed surface, of nodes with evidence and as three equal
                         // cameras would have it, levels of luma; NaN: nothing is seen
-  double gained = 0;    // by how much the choice lowers deviations, mean over the nodes
+  double gained = 0;    // mean over the nodes of how much the choice lowers deviations
   double changed = 0;   // fraction of the nodes that left the smoothed surface
   std::vector<uint8_t> chosen;    // trial of each node; 0: the smoothed surface
   std::vector<float> least;       // deviation through the chosen trial; infinity: not seen
-  std::vector<float> lead;        // of the smoothed surface, of each node
+  std::vector<float> lead;        // for each node the lead of the smoothed surface
   std::vector<uint8_t> informed;  // whether trials differ by so much that a node's choice tells where things are
-  std::vector<double> cost;    // of each trial: mean deviation over the nodes that all of them see; NaN: there are none
-  std::vector<double> energy;  // of each trial: mean squared deviation over these nodes, as in a picture's error
-  double least_energy = 0;     // of the choice
+  // For each trial the mean deviation over the nodes that all of them see; NaN: there are none.
+  std::vector<double> cost;
+  std::vector<double> energy;  // for each trial the mean squared deviation over these nodes, as in a picture's error
+  double least_energy = 0;     // mean squared deviation of the choice, over the same nodes
 };
 
 // What can be told from trials besides their moments.
 struct ChoiceTerms {
-  std::span<const float> evidence;  // of each node: see FocusArray
+  std::span<const float> evidence;  // evidence of each node: see FocusArray
   int radius = 1;                   // nodes around that a deviation is averaged over
-  double levels_a_pixel = 8;        // of disparity between neighbouring cameras
+  double levels_a_pixel = 8;        // levels for a pixel of disparity between neighbouring cameras
   uint32_t jumps = 0;               // trials that have nothing to do with the surface, a bit for each: see kJump
 };
 
@@ -64,12 +65,12 @@ struct DepthRange {
   bool operator==(const DepthRange&) const = default;
 };
 
-// Gives the surface another range: each node is at the level nearest to where it was.
+// Gives the map another range: each node gets the level nearest to where it was.
 void set_range(const DepthRange& range, FocalMap& map);
 
-// At which depths a scene is, by the nodes that could tell in the latest rounds of trials: others, which see one camera
-// alone, or no texture, or lie outside of what the array covers, are where chance put them and have no say. A plain
-// value.
+// Counts at which depths a scene is, by the nodes that could tell in the latest rounds of trials: others, which see one
+// camera alone, or no texture, or lie outside of what the array covers, are where chance put them and have no say. A
+// plain value.
 class DepthVotes {
  public:
   // Depths up to `nearest`, 1/m, are told apart. `smallest`: nodes along a side of the smallest thing that is believed
@@ -89,7 +90,7 @@ class DepthVotes {
   static constexpr int kBins = 1024;
   double nearest_, smallest_;
   std::array<double, kBins> votes_{};
-  double nodes_ = 0;   // that could have voted
+  double nodes_ = 0;   // nodes that could have voted
   double of_map_ = 1;  // nodes of the latest round
 };
 

@@ -10,8 +10,8 @@
 
 namespace lf {
 
-// Where a line of sight (view coordinates) meets the viewer's focal plane, as inverse distance from `from` along its
-// normal; 0 if it does not.
+// The inverse distance from `from`, along its normal, at which a line of sight (view coordinates) meets the viewer's
+// focal plane; 0 if it does not.
 double plane_inverse(const View& view, const Plane& from, const Vec3& ray);
 
 // The viewer's focal plane as a map between two inverse distances (1/m, farthest < nearest), clamped to them. Nodes are
@@ -24,7 +24,7 @@ std::vector<uint8_t> trial_levels(const View& view, const Trial& trial);
 // The trial's levels where the map alone is known; kFocused counts as kBlurred.
 std::vector<uint8_t> trial_levels(const FocalMap& surface, const Trial& trial);
 
-// Levels from `first` to `last`.
+// A range of levels from `first` to `last`.
 struct LevelRange {
   int first = 0, last = 255;
   bool operator==(const LevelRange&) const = default;

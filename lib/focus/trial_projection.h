@@ -6,17 +6,18 @@
 
 namespace lf {
 
-// Where one camera looks for nodes of trials, many at a time. All in float, as positions are rounded to 256ths of a
-// pixel and luma to 8 bits anyway; both of the functions that project find the same positions, to the bit.
+// These functions find where one camera looks for nodes of trials, many at a time. They compute in float, as positions
+// are rounded to 256ths of a pixel and luma to 8 bits anyway; project_trial() and place_trials() find the same
+// positions, to the bit.
 
-// Where a camera looks, CameraProjection in float.
+// How a camera projects: CameraProjection in float.
 struct TrialProjection {
   // Line of sight (u, v, 1) to camera coordinates, row-major: base + inverse distance x slope, up to a positive factor.
   float base[9], slope[9];
   float fx, fy, cx, cy, k1, k2, p1, p2;
   bool distorted;
-  float max_r2;         // of undistorted coordinates: beyond, the lens shows nothing
-  float width, height;  // of its image, pixels
+  float max_r2;         // largest r^2 of undistorted coordinates that the lens shows
+  float width, height;  // of the camera's image, pixels
   // Inverse distance = farthest + level x per_level; the eye is at `eye_distance`.
   float farthest, per_level, eye_distance;
 };
@@ -27,10 +28,10 @@ struct TrialRays {
   int count;
 };
 
-// Where functions say `spare`, so many values of no meaning behind those of the nodes are read and written, too.
+// Functions whose arrays have `spare` values read and write so many of no meaning behind those of the nodes, too.
 inline constexpr size_t kTrialSpare = 16;
 
-// Positions in the image, and whether anything is seen there (0 or 1). `levels`: of the nodes.
+// The nodes' positions in the image, pixels, and whether anything is seen there (0 or 1). `levels`: of the nodes.
 void project_trial(const TrialProjection& projection, const TrialRays& rays, const uint8_t* levels, float* x, float* y,
                    uint8_t* seen);
 

@@ -16,10 +16,10 @@
 
 namespace lf {
 
-// Where cameras look for the nodes of trials: the same to the bit for whoever samples their images and for whoever adds
-// up what others have sampled.
+// These find where cameras look for the nodes of trials: the same places to the bit for whoever samples their images
+// and for whoever adds up what others have sampled.
 
-// CameraProjection in float. `plan`: of trial_view().
+// The projection of a camera in float. `plan`: of trial_view().
 TrialProjection trial_projection(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
 
 // One camera, and the nodes of a trial that it has a weight in: in each row from the first of them to the last; some in
@@ -34,7 +34,8 @@ struct TrialCamera {
   UninitializedVector<float> u, v, weight;  // lines of sight; the camera's weight
 
   TrialRays rays() const { return {u.data(), v.data(), static_cast<int>(u.size() - kTrialSpare)}; }
-  // What trials have at its nodes, as see_trials() takes it. `trials`: levels of each, of a map of `columns`.
+  // The levels of trials at this camera's nodes, as see_trials() takes them. `trials`: levels of each, of a map of
+  // `columns`.
   ByteBuffer levels_of(std::span<const std::vector<uint8_t>> trials, int columns) const;
 
  private:

@@ -18,7 +18,7 @@ inline constexpr int kTrialBox = 4;  // pixels
 // (x + 1/2, y + 1/2).
 struct BoxedLuma {
   static constexpr size_t kSpare = 1;  // values behind the others that may be read, too
-  Rect rect;                           // of the image
+  Rect rect;                           // part of the image that the values are of
   // Row-major, and kSpare of no meaning. The lower byte is the value, the upper one that of the row below (of no
   // meaning in the image's last row): four neighbours are in two values, so that one load has them.
   UninitializedVector<uint16_t> values;
@@ -35,7 +35,7 @@ using TrialValues = UninitializedVector<int16_t>;
 TrialValues see_trials(const TrialProjection& projection, const TrialRays& rays, const ByteBuffer& levels,
                        const ImageView& image);
 
-// What a value adds to each of the sums of Moments.
+// Rows of the sums of Moments, a value for each node.
 struct TrialSums {
   uint16_t *weight, *luma, *square;
 };

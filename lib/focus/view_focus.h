@@ -2,7 +2,6 @@
 #pragma once
 
 #include <optional>
-#include <span>
 
 #include "focus/camera_gains.h"
 #include "focus/focus_control.h"
@@ -11,11 +10,11 @@
 
 namespace lf {
 
-// On which focal surface the next request of a view is focused, and what is tried for it.
+// The focal surface that the next request of a view is focused on, and what is tried for it.
 struct FoundFocus {
   uint32_t sequence = 0;  // the number of the request that it was found from
   FocusControl::Plan plan;
-  GainRequest gains;  // of the next request
+  GainRequest gains;  // what the next request says of cameras' brightness
 };
 
 // Gives a request the surface of a plan, which was made for another request of its view, as its own view has it. The
@@ -23,8 +22,8 @@ struct FoundFocus {
 void apply_plan(const FocusControl::Plan& plan, ViewRequest& request);
 
 // What the next request of a view says of its cameras' brightness. `use`: whether gains are used; `has_trials`: whether
-// it has. `brightness`, `gains`: what came of the mean that `sequence`, the request before, asked for; of no size:
-// nothing.
+// that request has trials. `brightness`, `gains`: what came of the mean that `sequence`, the request before, asked for;
+// of no size: nothing.
 GainRequest next_gains(MeanTurns& turns, bool use, bool has_trials, const Moments& brightness, const GainSum& gains,
                        uint32_t sequence);
 
@@ -40,11 +39,11 @@ class ViewFocus {
   bool matches_gains() const { return match_gains_; }
   // Gives a request, whose view has no map, the surface as its view has it, and what is to be tried with it.
   void apply(ViewRequest& request);
-  // What came of such a request: moments of its trials, in their order, and of the brightness, empty where nothing
-  // came; and whether its picture was complete.
+  // What came of a request that apply() has made ready: moments of its trials, in their order, and of the brightness,
+  // empty where nothing came; and whether its picture was complete.
   struct Answers {
     std::vector<Moments> moments;
-    Moments brightness;  // of no size: nothing
+    Moments brightness;  // of no size where nothing came
     GainSum gains;
     bool complete = true;
   };
@@ -56,12 +55,12 @@ class ViewFocus {
   FocusControl control_;
   MeanTurns turns_;
   std::optional<FocusControl::Plan> plan_;
-  GainRequest gains_;  // of the next request
+  GainRequest gains_;  // what the next request says of cameras' brightness
 };
 
 // The rounds after which a focal surface has settled, from the viewer's plane on.
 inline constexpr int kSettledRounds = 12;
-// And after which cameras have matched their brightness on it, too.
+// The rounds after which cameras have matched their brightness on the surface, too.
 inline constexpr int kMatchedRounds = 24;
 
 // The view with the focal surface that `rounds` rounds of trials find, for an array that stands still: all that nodes

@@ -11,13 +11,13 @@
 
 namespace lf {
 
-// Inverse distances over a view: one node for every step x step pixels, in between bilinear, beyond the outer nodes as
-// at them. Node (i, j) stands in the middle of its pixels, at ((i + 1/2) step - 1/2, (j + 1/2) step - 1/2).
+// A map of inverse distances over a view: one node for every step x step pixels, in between bilinear, beyond the outer
+// nodes as at them. Node (i, j) stands in the middle of its pixels, at ((i + 1/2) step - 1/2, (j + 1/2) step - 1/2).
 struct FocalMap {
   static constexpr int kMaxStep = 64;  // pixels
   static constexpr size_t kMaxNodes = size_t{1} << 20;
   static constexpr int kFinestStep = 4;
-  Plane from;              // what distances are counted from, along its normal
+  Plane from;              // the plane that distances are counted from, along its normal
   int step = kFinestStep;  // pixels of the view
   int columns = 0, rows = 0;
   double farthest = 0, nearest = 0;  // inverse distances of levels 0 and 255, 1/m
@@ -48,7 +48,7 @@ struct FocalMap {
   bool operator==(const FocalMap&) const = default;
 };
 
-// Where a line of sight takes its colour: X = its meeting point with this surface. A plane, or a map: then X is at the
+// The surface on which a line of sight takes its colour: X is where the two meet. A plane, or a map: then X is at the
 // distance that the map has for the pixel.
 struct FocalSurface {
   Plane plane;                          // the viewer's; with a map, for those who can't do better

@@ -3,7 +3,6 @@
 
 #include <array>
 #include <optional>
-#include <string>
 #include <string_view>
 
 #include <nlohmann/json_fwd.hpp>
@@ -16,7 +15,7 @@ namespace lf {
 // COLMAP's camera models under COLMAP's names; the number of each is also its code on the wire.
 enum class LensModel { kSimplePinhole = 0, kPinhole = 1, kSimpleRadial = 2, kRadial = 3, kOpenCv = 4 };
 
-// Between camera coordinates and pixels. (0, 0) is the centre of the top-left pixel.
+// A lens maps camera coordinates to pixels. (0, 0) is the centre of the top-left pixel.
 //
 // A point (X, Y, Z) with Z > 0 has undistorted normalised coordinates (X/Z, Y/Z). Distortion maps these to distorted
 // ones (COLMAP's models.h, OpenCV's calib3d): with r^2 = u^2 + v^2,

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -24,7 +23,7 @@ class ColourCorrection {
   // `centre`: the lens's principal point, pixels. `family`: not kNone. The model has no fault.
   ColourCorrection(const ColourModel& model, PixelFamily family, int width, int height, const Vec2& centre);
 
-  // Whether it leaves every level as it is.
+  // Whether the correction leaves every level as it is.
   bool is_identity() const { return is_identity_; }
   // The image, of the family and size that this is for, with its part in `rect` (inside it; x0, y0 even in kI420)
   // corrected, in `memory`, of which the rest is left as it is: of the same size and layout. Valid as long as `memory`
@@ -50,7 +49,7 @@ class ColourCorrection {
   bool is_identity_ = false;
 };
 
-// The whole image, corrected: of a camera whose lens has its principal point there.
+// The whole image, corrected; `centre`: the principal point of the camera's lens.
 Image corrected(const Image& image, const ColourModel& model, const Vec2& centre);
 
 }  // namespace lf

@@ -31,13 +31,14 @@ struct ColourModel {
   std::array<double, 2> vignetting{0, 0};                   // k1, k2
   bool operator==(const ColourModel&) const = default;
 
-  static constexpr double kMostBlack = 64;                       // levels, either way
-  static constexpr double kLeastGamma = 0.5, kMostGamma = 5;     // as cameras may be set to
-  static constexpr double kMostEntry = 4;                        // of the matrix, either way
-  static constexpr double kLeastLight = 0.25, kMostLight = 2.5;  // that a lens lets through, of that in its middle
+  static constexpr double kMostBlack = 64;                    // levels, either way
+  static constexpr double kLeastGamma = 0.5, kMostGamma = 5;  // the exponents that cameras may be set to
+  static constexpr double kMostEntry = 4;                     // largest entry of the matrix, either way
+  // Shares of light that a lens may let through, of that in its middle.
+  static constexpr double kLeastLight = 0.25, kMostLight = 2.5;
 };
 
-// Where an image's pixels are for ColourModel::vignetting.
+// Tells how far an image's pixels are from the lens's middle, as ColourModel::vignetting counts it.
 class VignettingField {
  public:
   // `centre`: the principal point, pixels.

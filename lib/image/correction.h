@@ -14,10 +14,10 @@ namespace lf {
 struct PlaneCopy {
   const uint8_t* from;
   uint8_t* to;
-  ptrdiff_t stride;   // bytes from row to row, of both
+  ptrdiff_t stride;   // bytes from row to row, in the image and in the copy
   int step;           // bytes from pixel to pixel
   int width, height;  // pixels of the plane
-  Rect part;          // of the plane, that is asked for
+  Rect part;          // part of the plane that is asked for
   int index;          // 0; kI420: Y, Cb, Cr
 };
 
@@ -60,9 +60,9 @@ void divide_by_gain(std::span<uint8_t> luma, float gain);
 // two thirds of the way to Catmull-Rom's, at a fraction of the cost.
 inline constexpr double kSharpening = 0.3;
 
-// The image with its part in `rect` (inside it; x0, y0 even in kI420) sharpened, in `memory`, of which the rest is left
-// as it is: of the same size and layout, what is between the colours of a pixel sharpened, too. Valid as long as
-// `memory` is left alone. The same result with every instruction set.
+// The image with the part in `rect` (inside the image; x0, y0 even in kI420) sharpened, in `memory`, of which the rest
+// is left as it is: of the same size and layout, what is between the colours of a pixel sharpened, too. Valid as long
+// as `memory` is left alone. The same result with every instruction set.
 ImageView sharpen(const ImageView& image, const Rect& rect, ByteBuffer& memory);
 // The whole image, sharpened.
 Image sharpened(const Image& image);

@@ -58,13 +58,14 @@ class Image {
 // Bytes of a packed picture of this family and size.
 size_t packed_size(PixelFamily family, int width, int height);
 
-// Full-range BT.601 (JFIF). Chroma is the mean over 2x2 pixels on the way there, the nearest sample on the way back.
+// These convert by full-range BT.601 (JFIF). Chroma is the mean over 2x2 pixels on the way there, the nearest sample on
+// the way back.
 Image to_i420(const Image& rgb);
 Image to_rgb(const Image& i420);
 
-// PNG, JPEG and whatever else OpenCV's imgcodecs reads, as 8-bit RGB. Throws Error naming the file.
+// Reads PNG, JPEG and whatever else OpenCV's imgcodecs reads, as 8-bit RGB. Throws Error naming the file.
 Image load_image(const std::string& path);
-// By the name's ending: .png (lossless), .jpg (quality 95). Takes RGB. Throws Error naming the file.
+// Writes an RGB image, as the name's ending says: .png (lossless), .jpg (quality 95). Throws Error naming the file.
 void save_image(const Image& rgb, const std::string& path);
 
 // How cameras' images are sampled.

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <bit>
-#include <cstddef>
 #include <cstdint>
 #include <cstring>
 
@@ -28,7 +27,7 @@ class BitReader {
   }
   // The next `bits` bits, 1..32.
   uint32_t peek(int bits) const { return static_cast<uint32_t>(buffer_ >> (64 - bits)); }
-  // All that are available, the next one on top; what follows the last is no zeros.
+  // All bits that are available, the next one on top; below the last one anything may follow.
   uint64_t buffer() const { return buffer_; }
   // bits < 64, and no more than are available.
   void skip(unsigned bits) {

@@ -7,8 +7,8 @@
 #include "jpeg/huffman_table.h"
 #include "jpeg/idct.h"
 
-// One 8x8 block of a baseline scan (T.81 annex F): read, or passed over, which takes no more than the lengths of its
-// codes. Inline: BitReader has to stay in registers.
+// These read one 8x8 block of a baseline scan (T.81 annex F), or pass over it, which takes no more than the lengths of
+// its codes. Inline: BitReader has to stay in registers.
 namespace lf::jpeg {
 
 // Adds the block's difference to the predictor; false if its code is none. Takes 27 bits at most.
@@ -29,7 +29,7 @@ inline bool read_dc(BitReader& reader, const DcTable& table, int32_t& predictor)
   return true;
 }
 
-// One AC symbol at the reader; the fields of AcTable.
+// One AC symbol, with the fields of an entry of AcTable.
 struct AcSymbol {
   unsigned steps, code_bits, size;
 };
@@ -68,7 +68,7 @@ inline bool skip_ac(BitReader& reader, const AcTable& table) {
       reader.skip(AcTable::chain_bits(entry));
       return true;
     }
-    // One symbol by itself: a long code, or the chain goes on in the next block.
+    // Reads one symbol by itself: a long code, or the chain goes on in the next block.
     reader.refill();
     const AcSymbol symbol = find_ac(reader, table);
     if (symbol.steps == AcTable::kNone) return false;

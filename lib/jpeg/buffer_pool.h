@@ -14,9 +14,9 @@ struct GiveBack {
 };
 using PooledBuffer = std::unique_ptr<uint8_t[], GiveBack>;
 
-// At least `size` bytes, not initialised: whatever their last owner left there. Every frame of every camera needs a few
-// hundred kB for a moment; fresh pages each time would cost more than decoding a small region. The process keeps up to
-// kPooledBytes of unused memory. Thread-safe.
+// A buffer of at least `size` bytes, not initialised: it holds whatever its last owner left there. Every frame of every
+// camera needs a few hundred kB for a moment; fresh pages each time would cost more than decoding a small region. The
+// process keeps up to kPooledBytes of unused memory. Thread-safe.
 PooledBuffer take_buffer(size_t size);
 
 inline constexpr size_t kPooledBytes = size_t{256} << 20;

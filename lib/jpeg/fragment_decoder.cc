@@ -3,7 +3,6 @@
 
 #include <array>
 #include <cstring>
-#include <string>
 
 #include "base/byte_buffer.h"
 #include "base/error.h"

@@ -17,8 +17,8 @@ struct Component {
   uint8_t quant = 0, dc = 0, ac = 0;  // indices of tables
 };
 
-// Of a frame that has to be decoded as a whole: libjpeg keeps the coefficients of all of it in memory, whereas regions
-// touch no more memory than they cover.
+// The most pixels of a frame that has to be decoded as a whole: libjpeg keeps the coefficients of all of it in memory,
+// whereas regions touch no more memory than they cover.
 inline constexpr int kMaxWholePixels = 1 << 26;
 
 // What precedes the entropy-coded bytes of a frame of one or three components, 8 bits a sample, grey or YCbCr.
@@ -27,7 +27,7 @@ struct Header {
   int components = 0;         // 1 (grey) or 3 (Y, Cb, Cr)
   Component component[3];
   int h_max = 1, v_max = 1;    // largest h and v: an MCU covers 8 h_max x 8 v_max pixels
-  uint16_t quant[4][64] = {};  // in zigzag order
+  uint16_t quant[4][64] = {};  // quantisation tables, in zigzag order
   HuffmanSpec dc[4], ac[4];    // what the file does not define is as T.81 annex K has it, or empty
   int restart_interval = 0;    // MCUs between restart markers; 0: none
   size_t scan = 0;             // offset of the first scan's entropy-coded bytes

@@ -24,15 +24,15 @@ class LongCodes {
   HuffmanSymbol find(uint32_t next16) const;
 
  private:
-  std::array<uint32_t, 16> end_;    // of codes of i + 1 bits, the first number of 16 bits beyond them
-  std::array<int32_t, 16> offset_;  // from a code to the index of its symbol
+  std::array<uint32_t, 16> end_;    // the first number of 16 bits beyond the codes of i + 1 bits
+  std::array<int32_t, 16> offset_;  // what takes a code of i + 1 bits to the index of its symbol
   std::array<uint8_t, 256> symbols_;
 };
 
 // DC codes. An entry is the answer to the next kBits bits, as packed fields; 0: a longer code, or none.
 struct DcTable {
   static constexpr int kBits = 9;
-  static unsigned total_bits(uint32_t entry) { return entry & 0xff; }  // of the code and the difference
+  static unsigned total_bits(uint32_t entry) { return entry & 0xff; }  // bits of the code and the difference
   static unsigned code_bits(uint32_t entry) { return entry >> 8 & 0xff; }
   static unsigned size(uint32_t entry) { return entry >> 16; }  // bits of the difference, 0..11
 
@@ -57,7 +57,7 @@ struct AcTable {
   LongCodes long_codes;
   std::array<uint32_t, 1 << kBits> entries;
 
-  // One symbol with its value where both lie in the next kShortBits bits; else kNone.
+  // An entry holds one symbol with its value where both lie in the next kShortBits bits; else kNone.
   static constexpr int kShortBits = 10;
   static unsigned short_bits(uint32_t entry) { return entry & 0xff; }
   static unsigned short_steps(uint32_t entry) { return entry >> 8 & 0xff; }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "jpeg/i420_writer.h"
 
-#include <algorithm>
 #include <cstring>
 
 #include "jpeg/idct.h"

@@ -13,14 +13,14 @@ inline constexpr std::array<uint8_t, 64> kZigzag = {0,  1,  8,  16, 9,  2,  3,  
                                                     35, 42, 49, 56, 57, 50, 43, 36, 29, 22, 15, 23, 30, 37, 44, 51,
                                                     58, 59, 52, 45, 38, 31, 39, 46, 53, 60, 61, 54, 47, 55, 62, 63};
 
-// Where idct() wants a coefficient: rows 0 and 2, 1 and 3, 4 and 6, 5 and 7 lie element by element side by side, their
-// columns in the order 0 2 1 3 4 6 5 7. Vector instructions multiply and add such pairs at once, and whoever reads
-// coefficients one by one stores them as easily here as there.
+// The index at which idct() wants a coefficient: rows 0 and 2, 1 and 3, 4 and 6, 5 and 7 lie element by element side by
+// side, their columns in the order 0 2 1 3 4 6 5 7. Vector instructions multiply and add such pairs at once, and
+// whoever reads coefficients one by one stores them as easily here as there.
 constexpr int idct_place(int row, int column) {
   const int pair = row / 4 * 2 + row % 2, lane = column / 4 * 4 + column % 2 * 2 + column / 2 % 2;
   return pair * 16 + lane * 2 + row / 2 % 2;
 }
-inline constexpr std::array<uint8_t, 64> kIdctPlace = [] {  // of coefficient k of the zigzag order
+inline constexpr std::array<uint8_t, 64> kIdctPlace = [] {  // idct_place() of coefficient k of the zigzag order
   std::array<uint8_t, 64> place{};
   for (size_t k = 0; k < 64; k++) place[k] = static_cast<uint8_t>(idct_place(kZigzag[k] / 8, kZigzag[k] % 8));
   return place;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <mutex>
@@ -65,8 +64,8 @@ class JpegFrame {
   mutable std::mutex mutex_;  // guards what follows
   std::unique_ptr<jpeg::McuStream> stream_;
   std::unique_ptr<jpeg::I420Writer> writer_;
-  std::vector<bool> decoded_;   // for each MCU, row by row
-  std::optional<Image> whole_;  // in place of all these where regions can't be decoded
+  std::vector<bool> decoded_;   // whether each MCU is decoded, row by row
+  std::optional<Image> whole_;  // the whole picture, in place of the above where regions can't be decoded
   std::string damage_;          // why there will never be anything
 };
 

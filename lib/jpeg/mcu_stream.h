@@ -5,7 +5,6 @@
 #include <memory>
 #include <optional>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "jpeg/header.h"
@@ -47,7 +46,7 @@ class McuStream {
     const DcTable* dc;
     const AcTable* ac;
   };
-  // Where an MCU begins.
+  // The place in the data where an MCU begins.
   struct Position {
     int64_t mcu = -1;  // -1: not known
     uint64_t bit = 0;
@@ -67,8 +66,8 @@ class McuStream {
   std::vector<Block> blocks_;
   std::vector<std::shared_ptr<const void>> tables_;
   std::optional<ScanData> data_;
-  std::vector<Position> rows_;  // where rows begin, as far as it is known
-  Position at_;                 // of the next MCU; where a segment has ended, at its end
+  std::vector<Position> rows_;  // where rows of MCUs begin, as far as it is known
+  Position at_;                 // position of the next MCU; where a segment has ended, at its end
   int64_t run_end_ = -1;        // MCUs up to this one lie in the same row and segment as at_, whose
   uint64_t end_of_data_ = 0;    // bits end here; both not known if run_end_ <= at_.mcu
 };

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <csetjmp>
 #include <cstddef>
-#include <cstdint>
 #include <cstdio>
 
 #include <jpeglib.h>

@@ -23,7 +23,7 @@ class ScanData {
   // before it are entered empty; with any other wrong number the scan ends.
   ScanData(std::span<const uint8_t> scan, size_t max_segments);
 
-  // Of all segments up to where the scan ends, at least one.
+  // The number of segments up to where the scan ends, at least one.
   size_t segments() const { return segments_.size(); }
   // Offsets in bytes() of a segment; empty if there is none of that index.
   struct Range {
@@ -35,8 +35,8 @@ class ScanData {
 
  private:
   struct Segment {
-    size_t begin = 0, end = 0;  // of the stuffed bytes
-    size_t clean_end = 0;       // of those at the same place in bytes_, once they are there
+    size_t begin = 0, end = 0;  // range of the stuffed bytes
+    size_t clean_end = 0;       // where the clean bytes end, from `begin` in bytes_, once they are there
   };
   std::span<const uint8_t> scan_;
   std::vector<Segment> segments_;

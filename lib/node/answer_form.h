@@ -16,13 +16,13 @@ class SumDrawer;
 // How pixels are coded.
 struct CodedAs {
   wire::Codec codec = wire::Codec::kRaw;  // kRaw, kRaw16 or kJpeg
-  int quality = 0;                        // of JPEG
+  int quality = 0;                        // quality of JPEG, 1 to 100; else 0
   bool operator==(const CodedAs&) const = default;
 };
 
 // How what a node has to give for a view is put into its answer.
 struct AnswerForm : CodedAs {
-  int strip_pixels = wire::kStripPixels;  // in 8 bits: how large its fragments are at most
+  int strip_pixels = wire::kStripPixels;  // most pixels of a fragment in 8 bits
   size_t spare_pixels = 0;                // see sum_tiles()
   gl::SumDrawer* card = nullptr;          // see SumRenderer
   bool operator==(const AnswerForm&) const = default;
@@ -32,7 +32,7 @@ enum class CodecChoice {
   kAuto,   // 16 bits a value within a process; over links JPEG of the quality asked for
   kRaw,    // 8 bits a value
   kRaw16,  // 16 bits a value
-  kJpeg,   // of the quality asked for; raw where that is 0
+  kJpeg,   // JPEG of the quality asked for; raw where that is 0
 };
 
 // `in_process`: the compositor takes the bytes as they are, so that bytes cost nothing and coding them does. `quality`:

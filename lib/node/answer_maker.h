@@ -21,21 +21,21 @@ class AnswerMaker {
   struct Options : AnswerTask::Options {
     Resampling resampling = Resampling::kBilinear;
     ParallelFor parallel = serial_for;
-    const CameraColours* colours = nullptr;  // of the task's rig; null: colours are taken as they come
+    const CameraColours* colours = nullptr;  // the colours of the task's rig; null: colours are taken as they come
   };
   // The units that an answer comes to.
   struct Units {
-    ByteBuffer brightness, moments;  // go before the answer; empty: nothing does
+    ByteBuffer brightness, moments;  // units that go before the answer; empty: there is none
     RenderedAnswer answer;
-    uint64_t before_ns = 0;              // wall time of what goes before
-    const CameraGains* gains = nullptr;  // that the images were divided by, until the next call; null: by none
+    uint64_t before_ns = 0;              // nanoseconds of wall time that `brightness` and `moments` took
+    const CameraGains* gains = nullptr;  // gains that the images were divided by, valid until the next call; null: none
   };
   // `images`: of task.cameras(), as render_answer() takes them and with Source::resampling left alone. `memory` is
   // recycled. Throws Error as AnswerTask::render() does.
   Units make(const AnswerTask& task, const wire::AnswerHeader& header, std::span<const Source> images,
              const Options& options, ByteBuffer memory = {});
   void clear() { gains_.clear(); }
-  // What is learned of new views begins with what the other one's came to.
+  // New views begin with what the other maker has learned.
   void begin_like(const AnswerMaker& other) { gains_.begin_like(other.gains_); }
 
  private:

@@ -14,10 +14,10 @@ namespace lf {
 
 // What render_answer() came to.
 struct RenderedAnswer {
-  ByteBuffer bytes;  // one unit
+  ByteBuffer bytes;  // one unit of the answer stream
   size_t fragments = 0;
-  bool drawn = false;                     // by a card
-  uint64_t render_ns = 0, encode_ns = 0;  // wall time; rounding to 8 bits counts as rendering
+  bool drawn = false;                     // a graphics card has drawn the sum
+  uint64_t render_ns = 0, encode_ns = 0;  // nanoseconds of wall time; rounding to 8 bits counts as rendering
 };
 
 // Renders the sum of what a node's cameras give for a view straight into the bytes of its answer: as much of the view

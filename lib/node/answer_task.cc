@@ -3,9 +3,7 @@
 
 #include <algorithm>
 #include <iterator>
-#include <string>
 
-#include "base/error.h"
 #include "focus/trial_renderer.h"
 #include "render/camera_projection.h"
 #include "wire/moments_codec.h"

@@ -27,21 +27,21 @@ class AnswerTask {
   virtual ~AnswerTask() = default;
   // The node's cameras whose images are needed, ascending.
   virtual const std::vector<CameraIndex>& cameras() const = 0;
-  // What is needed of such an image, and what of that for the answer alone, without its moments.
+  // The part of a camera's image that is needed, and the part that is needed for the answer alone, without its moments.
   virtual Rect region(CameraIndex camera) const = 0;
   virtual Rect answer_region(CameraIndex camera) const { return region(camera); }
-  // Whether the answer shows what bilinear samples of such an image lose: see shows_detail().
+  // Whether the answer shows what bilinear samples of a camera's image lose: see shows_detail() of render/.
   virtual bool shows_detail(CameraIndex) const { return true; }
   // The answer. Arguments and errors as for render_answer(); `sources` are of cameras().
   virtual RenderedAnswer render(const wire::AnswerHeader& header, std::span<const Source> sources,
                                 const Options& options, ByteBuffer memory = {},
                                 const ParallelFor& parallel = serial_for) const = 0;
-  // What is needed of it for both; empty: the camera is only asked how bright it is.
+  // The part of a camera's image that answer and moments need; empty: the camera is only asked how bright it is.
   virtual Rect drawn(CameraIndex camera) const { return region(camera); }
   // How the cameras' brightness is to be matched; null: not at all.
   virtual const GainRequest* gains() const { return nullptr; }
-  // For the mean that a request asks for: the unit that goes before the answer, empty if it does not ask, and what is
-  // to be kept until there is that mean. `sources`: as they are, not divided by `gains`.
+  // What is made for the mean brightness that a request asks for: the unit that goes before the answer, empty if it
+  // does not ask, and what is to be kept until that mean comes. `sources`: images that are not divided by `gains`.
   struct Brightness {
     ByteBuffer bytes;
     std::vector<WideLuma::Camera> seen;
@@ -72,11 +72,11 @@ class SumTask : public AnswerTask {
   const RenderJob job_;
 
  private:
-  const int quality_;  // of JPEG
+  const int quality_;  // quality of JPEG
 };
 
-// A view request: its sum, and the moments and the brightness that it asks for. `own`: indices of the node's cameras,
-// ascending. `rig` must outlive the task. Throws Error for what does not fit the rig.
+// The task of a view request: its sum, and the moments and the brightness that it asks for. `own`: indices of the
+// node's cameras, ascending. `rig` must outlive the task. Throws Error for what does not fit the rig.
 std::unique_ptr<AnswerTask> make_task(const Rig& rig, const Mesh& mesh, const ViewRequest& request,
                                       std::span<const CameraIndex> own);
 

@@ -12,8 +12,9 @@ namespace lf {
 // How long after their capture the frames of one camera arrive. Times in nanoseconds of one clock. Thread-safe.
 class ArrivalWatch {
  public:
-  static constexpr size_t kFrames = 128;               // that count: the latest
-  static constexpr uint64_t kSilence = 2'000'000'000;  // after which a camera says nothing any more
+  static constexpr size_t kFrames = 128;  // so many of the latest frames count
+  // Nanoseconds without a frame, after which nothing is known of the camera.
+  static constexpr uint64_t kSilence = 2'000'000'000;
 
   void arrived(uint64_t captured, uint64_t now) {
     const std::lock_guard lock(mutex_);
@@ -47,7 +48,7 @@ class DelayNotice {
 
   // Whether it is time to look at what cameras need.
   bool is_due(uint64_t now) const { return now >= looked_at_ + kSecond / 10; }
-  // They need that much; 0: nothing is known. Whether the requester is to be told.
+  // Takes what cameras need now; 0: nothing is known. Returns whether the requester is to be told of it.
   bool see(uint64_t needed, uint64_t now) {
     if (needed == 0) return false;
     looked_at_ = now;

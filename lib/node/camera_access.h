@@ -21,9 +21,9 @@ class CameraAccess {
   // Tells all cameras that contribute to a view of their parts. `mesh`: without the cameras that the request counts as
   // out of service.
   virtual wire::AnyRequest command(const Rig& rig, const Mesh& mesh, const ViewRequest& request) const = 0;
-  // Of the weights that a view asks for those that such cameras can give.
+  // The blending that such cameras can give where a view asks for `asked`.
   virtual Blending blending(const Blending& asked) const { return asked; }
-  // What such a command comes to, see make_task().
+  // The task that such a command asks for, see make_task().
   virtual std::unique_ptr<AnswerTask> task(const Rig& rig, const wire::AnyRequest& command,
                                            std::span<const CameraIndex> own) const = 0;
 };
@@ -34,8 +34,8 @@ const CameraAccess& warp_access();
 // Cameras that only have pixels to give: each is told a rectangle of its image, and the compositor warps.
 const CameraAccess& pixel_access();
 
-// A request of any kind: `own` are indices of the node's cameras, ascending. `rig` must outlive the task; for commands
-// only the lenses and sizes of `own` are looked at. Throws Error for what does not fit the rig.
+// The task of a request of any kind: `own` are indices of the node's cameras, ascending. `rig` must outlive the task;
+// for commands only the lenses and sizes of `own` are looked at. Throws Error for what does not fit the rig.
 std::unique_ptr<AnswerTask> make_task(const Rig& rig, MeshCache& mesh, const wire::AnyRequest& request,
                                       std::span<const CameraIndex> own);
 

@@ -34,18 +34,18 @@ class CameraFrames {
   void start_stream(bool live);
   enum class Pushed {
     kTaken,
-    kStopped,  // or flushing
+    kStopped,  // the node is stopped or the stream is being flushed
     kEnded,    // no request will come any more for what is not live
   };
   // Hands over a frame.
   Pushed push(CameraFrame frame);
-  // The same for a frame that is damaged: the one before it serves in its place, too.
+  // As push(), for a frame that is damaged: the one before it serves in its place, too.
   Pushed push_damaged(uint64_t time);
   // The next frame to be handed over comes so much later than it was taken, nanoseconds.
   void note_arrival(int64_t late);
   void end_stream();   // EOS: the last frame stands for all times after it
   void lose_stream();  // the camera failed: there is nothing after the last frame's time, until one comes again
-  void set_flushing(bool flushing);  // of this camera's stream; drops what is held
+  void set_flushing(bool flushing);  // the camera's stream is being flushed: drops what is held
   void clear();                      // back to the state after construction, but for the mode
 
   // Requests have come to `time`: frames that none of them can need any more make room for newer ones. For cameras
@@ -81,21 +81,21 @@ class CameraFrames {
   Pushed push_at(uint64_t time, std::optional<CameraFrame> frame);
 
   struct Held {
-    uint64_t time;                                // of the frame, or of the damaged one in whose place it serves
-    CameraFrame frame;                            // without a picture where there was none to serve
-    std::shared_ptr<CameraPicture> damaged = {};  // in whose place that serves: others may still have it
+    uint64_t time;                                // time of the frame, or of the damaged one in whose place it serves
+    CameraFrame frame;                            // has no picture where there was none to serve
+    std::shared_ptr<CameraPicture> damaged = {};  // the picture in whose place `frame` serves: others may still hold it
   };
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   Mode mode_ = Mode::kStopped;
   std::deque<Held> frames_;  // ascending time
-  CameraFrame before_;       // compressed one that was held before these
+  CameraFrame before_;       // a compressed frame that was held before those of frames_
   bool started_ = false, live_ = false, ended_ = false, lost_ = false, flushing_ = false;
   uint64_t wanted_ = 0;           // time of the latest request that named one
   uint64_t reach_ = 0;            // how far behind the newest frame of a live camera requests look
-  int64_t earliest_ = INT64_MAX;  // arrival after capture, of this stream
+  int64_t earliest_ = INT64_MAX;  // the least that a frame of this stream has arrived after its capture, nanoseconds
   uint64_t behind_ = 0;
-  uint64_t last_period_ = 0;  // between the newest frame and the one before it
+  uint64_t last_period_ = 0;  // nanoseconds between the newest frame and the one before it
 };
 
 }  // namespace lf

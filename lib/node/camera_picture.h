@@ -19,8 +19,8 @@ class CameraPicture {
   virtual bool is_compressed() const { return false; }
   // Whether view() has to decode or to convert.
   virtual bool takes_work(PixelFamily family) const = 0;
-  // Its pixels in this family, as long as the result lives; of a compressed one those of `region` alone. Null where
-  // they can't be had.
+  // The picture's pixels in this family, valid as long as the result lives; of a compressed picture those of `region`
+  // alone. Null where they can't be had.
   virtual std::shared_ptr<const ImageView> view(PixelFamily family, const Rect& region) = 0;
 };
 

@@ -16,7 +16,7 @@ enum class RendererChoice { kCpu, kGl };
 // hundreds of milliseconds; and left alone for good once it can't be opened or is lost. Thread-safe.
 class Card {
  public:
-  // Null if the CPU has to do it. `news`: what the user should know, once: why there is no card (any more).
+  // The card's renderer; null if the CPU has to draw. `news` tells the user once why there is no card (any more).
   gl::SumDrawer* open(std::string& news);
   // The name of what draws, or "": nothing does (yet).
   std::string device() const;

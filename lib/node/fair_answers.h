@@ -31,7 +31,7 @@ class FairAnswers {
   explicit FairAnswers(ParallelFor parallel = serial_for, size_t threads = 1, std::function<uint64_t()> now = now_ns)
       : parallel_(std::move(parallel)), threads_(threads), now_(std::move(now)) {}
 
-  // Answers one request. Its tasks are to be done by the ParallelFor given.
+  // A function that answers one request, with its parallel tasks done by the ParallelFor given.
   using Answer = std::function<void(const ParallelFor&)>;
   // `work`: nanoseconds that it will take, as far as anybody knows. False while stopped. The oldest of the view is
   // dropped where too many wait: true in *dropped (may be null).
@@ -44,7 +44,7 @@ class FairAnswers {
   // Nobody waits any more, and what waited is dropped.
   void stop();
   void start();
-  void clear();  // what waits
+  void clear();  // drops what waits
   size_t waiting() const;
 
  private:
@@ -55,15 +55,15 @@ class FairAnswers {
   struct View {
     std::deque<Waiting> waiting;
     bool in_flight = false;
-    double used = 0;                                            // of the thread, as a virtual time: nanoseconds
-    uint64_t since = 0;                                         // order in which views came to wait
+    double used = 0;     // what the view has had of the thread, as a virtual time: nanoseconds
+    uint64_t since = 0;  // order in which views came to wait
     double end() const { return used + waiting.front().work; }  // used with the next answer
   };
   using Views = std::map<uint32_t, View>;
   bool goes_before(const View& view, uint32_t running) const;  // locked
   Views::iterator first_waiting();                             // locked
   void charge_running();                                       // locked
-  void answer_first(std::unique_lock<std::mutex>& lock);       // the first that waits
+  void answer_first(std::unique_lock<std::mutex>& lock);       // answers the request whose turn it is
   void run_tasks(uint32_t view, size_t count, const std::function<void(size_t)>& task);
   void let_others_go_first(uint32_t view);
 
@@ -79,7 +79,7 @@ class FairAnswers {
   int depth_ = 0;                     // answers in flight
   std::atomic<bool> urgent_ = false;  // another view is to go before the one that runs
   uint32_t running_ = 0;              // while depth_ > 0
-  uint64_t since_ = 0;                // not charged to it yet
+  uint64_t since_ = 0;                // when the running view was last charged, by now_()
 };
 
 }  // namespace lf

@@ -18,7 +18,7 @@ class FrameSources {
   // `region`: what is needed of a camera's image.
   FrameSources(const Rig& rig, std::function<Rect(CameraIndex)> region) : rig_(rig), region_(std::move(region)) {}
 
-  // Null: the camera has no frame.
+  // Adds a camera's frame; nothing: the camera has none.
   void add(CameraIndex camera, std::optional<CameraFrame> frame);
 
   // What serves in place of a damaged frame, if anything does.
@@ -27,11 +27,11 @@ class FrameSources {
   // needs. `replace` is called from the threads of `parallel`.
   void decode(PixelFamily family, const Replace& replace, const ParallelFor& parallel);
 
-  // Those whose frame is gone or damaged have no image.
+  // The sources of the request; those whose frame is gone or damaged have no image.
   const std::vector<Source>& sources() const { return sources_; }
   // Capture time of a source's frame; sources()[i] has an image.
   uint64_t time(size_t i) const { return frames_[i].time; }
-  // Of the images; kNone without any.
+  // The family of the images; kNone if there are none.
   PixelFamily family() const;
 
  private:

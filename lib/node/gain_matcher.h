@@ -18,12 +18,12 @@ namespace lf {
 // differ in what they make of it. Not thread-safe.
 class GainMatcher {
  public:
-  static constexpr size_t kMostViews = 64;  // those asked for longest ago are forgotten
+  static constexpr size_t kMostViews = 64;  // with more views those asked for longest ago are forgotten
 
   // The gains that a request's images are to be divided by, once its mean has told about the cameras that were seen for
   // it. A view that is new begins with what the one before came to.
   const CameraGains& gains_for(uint32_t view_id, const GainRequest& request);
-  // What was seen for a request, until there is its mean.
+  // Keeps what was seen for a request until its mean comes.
   void keep(uint32_t view_id, uint32_t sequence, std::vector<WideLuma::Camera> seen);
 
   // The images divided by `gains` where they are in `region` of a camera (empty: as they are). They stay until the next
@@ -31,13 +31,13 @@ class GainMatcher {
   std::vector<Source> match(std::span<const Source> sources, const CameraGains& gains,
                             const std::function<Rect(CameraIndex)>& region, const ParallelFor& parallel = serial_for);
   void clear();
-  // Views begin with what those of another one came to last.
+  // New views begin with what the other matcher's latest view came to.
   void begin_like(const GainMatcher& other) { latest_ = other.latest_; }
 
  private:
   struct View {
     CameraGains gains;
-    uint32_t sequence = 0;  // of the request that `seen` is of
+    uint32_t sequence = 0;  // number of the request that `seen` is of
     std::vector<WideLuma::Camera> seen;
     uint64_t used = 0;
   };

@@ -5,7 +5,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "base/byte_buffer.h"
 #include "base/worker_pool.h"
@@ -29,26 +28,26 @@ class Node {
 
   // What is kept of one requester.
   struct Requester {
-    std::shared_ptr<const Rig> rig;  // that the rest is about
+    std::shared_ptr<const Rig> rig;  // the rig that everything else here is about
     MeshCache mesh;
     SkewWatch watch;
     AnswerMaker maker;
     uint64_t warned_of = 0;      // hash of another rig that a person has been told of
     uint64_t warned_behind = 0;  // when one was told that frames come late, now_ns()
-    // Nothing is waited for, see cancel(); some may have it in common.
+    // While true nothing is waited for, see cancel(). Several requesters may share it.
     std::shared_ptr<std::atomic<bool>> cancelled = std::make_shared<std::atomic<bool>>(false);
   };
-  // From any thread: an answer being made for this requester waits for nothing any more.
+  // While `cancelled` an answer that is made for this requester waits for nothing. Any thread.
   void cancel(Requester& requester, bool cancelled);
   // How requests are to be answered.
   struct Options : AnswerMaker::Options {
-    bool live = false;       // the request is: nothing is waited for
-    uint64_t base_time = 0;  // of the pipeline: clock time of running time 0
-    uint64_t max_skew = 0;   // of a live camera's frame; what is farther from the target is none; 0: any
+    bool live = false;       // the request is live: nothing is waited for
+    uint64_t base_time = 0;  // clock time of the pipeline's running time 0
+    uint64_t max_skew = 0;   // nanoseconds that a live camera's frame may be from the target time; 0: any
   };
   struct Reply : AnswerMaker::Units {
     NodeStats::Stages stages;
-    std::string warning;  // for the user, where something is wrong
+    std::string warning;  // tells a user what is wrong; "": nothing
   };
   // Waits for the frames that belong to the request's time (see CameraFrames::find) and renders. Never throws; a
   // request that can't be served (another rig's) gets an answer without fragments. `memory` is recycled.

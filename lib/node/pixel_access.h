@@ -7,10 +7,10 @@
 
 namespace lf {
 
-// Which pixels of a camera's image are asked for.
+// Pixels of a camera's image that are asked for.
 struct PixelSource {
-  Source source;  // with an image
-  Rect rect;      // inside it; x0, y0 even
+  Source source;  // has an image
+  Rect rect;      // part of the image; x0, y0 even
 };
 
 // An answer with these pixels as they are: plain fragments, raw (quality 0) or JPEG in strips of `strip_pixels`. Throws

@@ -11,12 +11,12 @@ namespace lf {
 // What a node keeps of each view that one requester asks for. Not thread-safe.
 class ViewRequesters {
  public:
-  // That may be in use at once; of as many more the one that was asked for longest ago is forgotten.
+  // So many views may be in use at once; of as many more the one that was asked for longest ago is forgotten.
   static constexpr size_t kMostViews = 64;
 
-  // `cancelled`: that of all these views.
+  // `cancelled`: what all these views have as Node::Requester::cancelled.
   explicit ViewRequesters(std::shared_ptr<std::atomic<bool>> cancelled) : cancelled_(std::move(cancelled)) {}
-  // A view that is new begins with what was learned of the one that was asked for last.
+  // What is kept of a view. A new one begins with what was learned of the view that was asked for last.
   Node::Requester& of(uint32_t view_id);
   void clear() { views_.clear(); }
 

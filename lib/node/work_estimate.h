@@ -11,7 +11,7 @@ namespace lf {
 // thread, nanoseconds() from any.
 class WorkEstimate {
  public:
-  // Nanoseconds; 0: nothing is known.
+  // Nanoseconds that an answer will take; 0: nothing is known.
   uint64_t nanoseconds(double work) const { return static_cast<uint64_t>(per_work_ * work); }
   void done(double work, uint64_t took) {
     if (work <= 0) return;

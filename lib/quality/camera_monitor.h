@@ -34,14 +34,14 @@ class CameraMonitor {
   // Figures are unusual beyond kDeviations robust standard deviations (1.4826 MAD) from the median of all cameras, and
   // by at least these.
   static constexpr double kDeviations = 4;
-  static constexpr double kDb = 3;        // of PSNR
-  static constexpr double kGain = 0.03;   // of 1
+  static constexpr double kDb = 3;        // decibels of PSNR
+  static constexpr double kGain = 0.03;   // relative gain
   static constexpr double kShift = 0.25;  // pixels of the probe
   static constexpr size_t kFewest = 5;    // cameras whose figures are known, so that any can be unusual
 
   explicit CameraMonitor(const Rig& rig);
 
-  // Whose turn it is, and who is not to predict it, ascending. Nobody without a camera in service.
+  // The camera whose turn it is; nothing where no camera is in service.
   std::optional<CameraIndex> next(const CameraSet& out_of_service);
   CameraSet suspected() const;
   // Whether all cameras in service (of next()) have had a turn, and none is to be looked at again. Turns may go on.
@@ -67,7 +67,7 @@ class CameraMonitor {
     uint64_t taken = 0;                // number of its latest turn, 0: none yet
     uint64_t odd_since = 0;            // number of the turn; 0: not odd
     bool stale = false;                // odd, but because of one that has been accused since, maybe
-    bool out = false;                  // of service
+    bool out = false;                  // the camera is out of service
     std::vector<CameraIndex> nearest;  // cameras that may have a part in predicting this one
   };
   static Figures figures_of(const PredictionError& error);
@@ -96,8 +96,8 @@ struct CameraProbe {
   ViewRequest seen, predicted;  // view, out_of_service and probe are set
 };
 
-// At most this many columns: every so many pixels of the camera, each as it is, so that errors are those of its whole
-// image, of fewer pixels.
+// A probe has at most this many columns: every so many pixels of the camera, each as it is, so that errors are those of
+// its whole image, of fewer pixels.
 inline constexpr int kProbeColumns = 80;
 
 // `focused`: the view whose focal surface the others are focused on. `without` (ascending): cameras that predict

@@ -23,9 +23,10 @@ class CameraTurns {
   // out of turn ends it.
   bool expects(const ViewRequest& probe);
   enum class Came { kHalf, kTurn, kOtherSuspects };
-  // That picture: half of the turn, or all of it, after which other cameras may be suspect than before.
+  // Takes the picture of a probe that was expected: half of the turn, or all of it, after which other cameras may be
+  // suspect than before.
   Came take(const ViewRequest& probe, CoveredPicture picture);
-  // It can't be made of what came: the turn is over.
+  // The picture can't be made of what came: the turn is over.
   void lose();
 
   void clear() { *this = {}; }
@@ -34,8 +35,8 @@ class CameraTurns {
 
  private:
   std::optional<CameraMonitor> monitor_;
-  uint64_t rig_ = 0;       // hash of the rig whose cameras they are
-  unsigned requests_ = 0;  // since the latest turn
+  uint64_t rig_ = 0;       // hash of the rig that the monitor is of
+  unsigned requests_ = 0;  // requests since the latest turn
   std::optional<CameraProbe> asked_;
   std::optional<CoveredPicture> seen_;
 };

@@ -5,16 +5,12 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/percentiles.h"
+
 namespace lf {
 namespace {
 
 constexpr double kSameRate = 0.01;
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 }  // namespace
 

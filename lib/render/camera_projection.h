@@ -11,7 +11,8 @@
 
 namespace lf {
 
-// Where a view's line of sight takes its colour in one camera's image: through the focal surface and the camera's lens.
+// Finds where a view's line of sight takes its colour in one camera's image: through the focal surface and the camera's
+// lens.
 //
 // With the plane (p . d) t = c in view coordinates, X_view = t d, and X_camera = R X_view + T:
 // (p . d) X_camera = (c R + T p^T) d. The sign of c makes the factor positive for t > 0: a homography.
@@ -69,12 +70,12 @@ class CameraProjection {
 // and chroma reach: what has to be decoded of it. `rect`: of the view, where the camera may have a weight. The whole
 // image where that can't be told; empty if none of it is seen.
 Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, const Camera& rig_camera);
-// The needed pixels through a focal map with other levels than the view's own, from the least to the largest that there
-// are in `rect`.
+// The source region through a focal map with other levels than the view's own: `levels` are the least and the largest
+// that there are in `rect`.
 Rect source_region(const ViewPlan& plan, const Rect& rect, CameraIndex camera, const Camera& rig_camera,
                    const FocalMap::LevelRange& levels);
 
-// What has to be there of a contributing camera's image for all of its part in the view: the above, grown to whole
+// The pixels of a contributing camera's image that all of its part in the view needs: source_region(), grown to whole
 // chroma samples; one pixel where none is seen, because the part is lost weight then.
 Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
 // The needed pixels through all of several focal maps with other levels than the view's own; but empty where nothing is
@@ -88,7 +89,8 @@ Rect needed_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_c
 // camera's focal length down, pictures of the built-in scene are better without.
 inline bool is_coarse(const Lens& view, const Lens& camera) { return view.fy() < 0.75 * camera.fy(); }
 
-// Neither does one from the camera's own place, pixel for pixel: the samples are the pixels, and nothing is lost.
+// A view from the camera's own place, pixel for pixel, shows no such detail either: the samples are the pixels, and
+// nothing is lost.
 bool is_pixel_for_pixel(const View& view, const Camera& camera);
 
 inline bool shows_detail(const View& view, const Camera& camera) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <compare>
 #include <cstdint>
@@ -25,12 +24,13 @@ namespace lf {
 class BlendGrid {
  public:
   static constexpr int kOne = 32768;
-  static constexpr int kStep = 16, kStepBits = 4;  // pixels; a multiple of a SIMD block of the renderer
-  static constexpr size_t kMaxShares = 64;         // cameras of a node
+  // Pixels from node to node; a multiple of a SIMD block of the renderer.
+  static constexpr int kStep = 16, kStepBits = 4;
+  static constexpr size_t kMaxShares = 64;  // cameras that have weight at a node
 
   struct Share {
     CameraIndex camera;
-    double weight;  // not negative, finite; any scale
+    double weight;  // not negative, finite, of any scale
   };
 
   BlendGrid(int width, int height, size_t num_cameras);
@@ -38,7 +38,7 @@ class BlendGrid {
   int columns() const { return columns_; }
   int rows() const { return rows_; }
 
-  // The next node, row after row. `shares`: ascending by camera, at most kMaxShares, at least one with a weight.
+  // Adds the next node, row after row. `shares`: ascending by camera, at most kMaxShares, at least one with a weight.
   void add_node(std::span<const Share> shares);
 
   // One camera in the cell of pixels between four nodes: running sums without and with it at nodes (i, j), (i + 1, j),
@@ -46,7 +46,7 @@ class BlendGrid {
   struct Cell {
     std::array<int32_t, 4> before, with;
 
-    // In pixel (x, y) of the cell, 0..kStep - 1.
+    // The camera's weight in pixel (x, y) of the cell, each 0..kStep - 1, in units of 1 / kOne.
     int weight(int x, int y) const { return level(with, x, y) - level(before, x, y); }
 
    private:
@@ -55,9 +55,10 @@ class BlendGrid {
       return (left * kStep + (right - left) * x + (1 << (2 * kStepBits - 1))) >> (2 * kStepBits);
     }
   };
-  // False where the camera has no weight at any of the nodes. i < columns() - 1, j < rows() - 1.
+  // Finds the camera's cell; false where the camera has no weight at any of its four nodes. i < columns() - 1, j <
+  // rows() - 1.
   bool find(CameraIndex camera, int i, int j, Cell& cell) const;
-  // In units of 1 / kOne. (x, y) inside the view.
+  // The camera's weight in a pixel of the view, in units of 1 / kOne.
   int weight(CameraIndex camera, int x, int y) const {
     Cell cell;
     return find(camera, x / kStep, y / kStep, cell) ? cell.weight(x % kStep, y % kStep) : 0;
@@ -73,13 +74,13 @@ class BlendGrid {
   Entry lookup(size_t node, CameraIndex camera) const;
 
   int width_, height_, columns_, rows_;
-  std::vector<size_t> first_{0};  // per node, and the end
+  std::vector<size_t> first_{0};  // for each node its first of entries_, and the end
   std::vector<Entry> entries_;
   std::vector<Rect> rects_;
 };
 
-// What each camera should count for along one line of sight of a view: Blending::kAperture and kAngle. Weights change
-// continuously with the line, the view and the cameras, as long as no two cameras are at one place.
+// Computes what each camera should count for along one line of sight of a view, for Blending::kAperture and kAngle.
+// Weights change continuously with the line, the view and the cameras, as long as no two cameras are at one place.
 //
 // kAperture: as if an open lens of that diameter stood in the array. With p_i the distance of camera i's centre from
 // the line of sight and s_i = p_i^2 - min p^2, w_i = (1 - s_i / S)^2 where s_i < S = (diameter / 2)^2; never less than
@@ -99,14 +100,15 @@ class CameraWeights {
   // Weighs the cameras of the mesh. Everything must outlive this.
   CameraWeights(const Rig& rig, const Mesh& mesh, const View& view);
 
-  // The line of sight (u, v, 1) in view coordinates, and where it is in focus: at `t` times it; infinity is good, too.
-  // Ascending by camera, at most BlendGrid::kMaxShares; empty only if there are no cameras.
+  // The shares of cameras along the line of sight (u, v, 1) in view coordinates, which is in focus at `t` times it
+  // (infinity is good, too). They ascend by camera and are at most BlendGrid::kMaxShares; empty only if there are no
+  // cameras.
   void at(const Vec2& ray, double t, std::vector<BlendGrid::Share>& shares);
 
  private:
   struct Candidate {
     double penalty;
-    size_t i;  // in cameras_
+    size_t i;  // index into cameras_
     auto operator<=>(const Candidate&) const = default;
   };
   struct Seen {
@@ -125,7 +127,7 @@ class CameraWeights {
   const double view_focal_;
   std::vector<Seen> cameras_;
   std::vector<Candidate> by_angle_, candidates_;
-  std::vector<double> weights_;  // of candidates_
+  std::vector<double> weights_;  // weights of candidates_
 };
 
 // The weights of a view that is not blended by its mesh, at the nodes of a grid over it. Cost: nodes x cameras.

@@ -12,25 +12,26 @@
 
 namespace lf {
 
-// Which cameras make which pixel of a view: what a person looks at to understand a picture, and what tests count.
+// These tell which cameras make which pixel of a view: what a person looks at to understand a picture, and what tests
+// count.
 
 // What a camera can give to each pixel: its weight where it sees the point on the focal surface, 0 where that is
 // lost. Per pixel of `rect` (row-major, rect.width() * rect.height() values). `rect` inside owners.region().
 std::vector<float> valid_weights(const ViewPlan& plan, const OwnerMap& owners, CameraIndex camera,
                                  const Camera& rig_camera, const Rect& rect);
 
-// The sum of these over all cameras, per pixel of the view: 1 where nothing is lost, 0 outside the mesh.
+// The sum of valid_weights() over all cameras, per pixel of the view: 1 where nothing is lost, 0 outside the mesh.
 // `owners.region()` contains the rectangles of all contributors; pixels outside them are 0.
 std::vector<float> view_coverage(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners);
 
-// The mean of that over `rows` rows of the view, evenly spaced: exact for `rows` = its height. `without`: cameras that
-// give nothing, ascending.
+// The mean of view_coverage() over `rows` rows of the view, evenly spaced: exact for `rows` = the view's height.
+// `without`: cameras that give nothing, ascending.
 double mean_coverage(const Rig& rig, const ViewPlan& plan, int rows, const CameraSet& without = {});
 
 struct PixelShare {
   CameraIndex camera;
   float weight;
-  bool sees;  // else the weight is lost
+  bool sees;  // whether the camera sees what is in focus there; else its weight is lost
 };
 // The cameras that make the pixel (x, y) of the view, the heaviest first; none outside the mesh.
 std::vector<PixelShare> pixel_shares(const Rig& rig, const ViewPlan& plan, int x, int y);
@@ -59,9 +60,10 @@ class VisibleShare {
   // width over its height. Cost: that of a ViewPlan.
   double operator()(const Viewpoint& viewpoint, double aspect) const;
 
-  // Where to begin: default_viewpoint(), but inside of the nearest triangle of cameras, of which three make each pixel,
-  // rather than on an edge between two; and with the widest field of view, up to that of default_viewpoint(), that
-  // leaves no pixel dark, at `focus_distance` (see there) and far away. Cost: that of a dozen ViewPlans.
+  // The viewpoint to begin with: default_viewpoint(), but inside of the nearest triangle of cameras, of which three
+  // make each pixel, rather than on an edge between two; and with the widest field of view, up to that of
+  // default_viewpoint(), that leaves no pixel dark, at `focus_distance` (see there) and far away. Cost: that of a dozen
+  // ViewPlans.
   Viewpoint home(double aspect, double focus_distance = 0) const;
 
  private:

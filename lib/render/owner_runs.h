@@ -16,7 +16,7 @@ struct OwnerRun {
   bool operator==(const OwnerRun&) const = default;
 };
 
-// Which face owns each pixel of a part of a view, row by row. The owner is the lowest-numbered facing face that
+// Tells which face owns each pixel of a part of a view, row by row. The owner is the lowest-numbered facing face that
 // contains the pixel's line of sight; a pixel whose line of sight does not meet the focal surface at t > 0 has none.
 // Where meshes fold, several faces contain a pixel and cameras far apart must agree on its owner: looking it up among
 // all faces is both the exact rule and cheaper than testing each camera's ring per fragment.
@@ -29,7 +29,7 @@ class OwnerRuns {
   OwnerRuns(const ViewPlan& plan, const Rect& region);
 
   const Rect& region() const { return region_; }
-  // Ascending and disjoint; pixels between them have no owner. y inside region().
+  // The runs of a row, ascending and disjoint; pixels between them have no owner. y inside region().
   std::span<const OwnerRun> row(int y) const {
     const Row& r = rows_[static_cast<size_t>(y - region_.y0)];
     return {runs_.data() + r.begin, r.count};

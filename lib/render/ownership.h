@@ -23,7 +23,7 @@ class OwnerMap {
 
   const Rect& region() const { return region_; }
   const OwnerRuns& runs() const { return runs_; }
-  // Index into plan.faces(), or kNone. (x, y) inside region().
+  // The pixel's owner as index into plan.faces(), or kNone. (x, y) inside region().
   int32_t at(int x, int y) const {
     return owner_[static_cast<size_t>(y - region_.y0) * region_.width() + (x - region_.x0)];
   }
@@ -44,7 +44,8 @@ struct FaceWeights {
 };
 FaceWeights face_weights(const FacePlan& face, const Vec2& ray);
 
-// Which corner of each face a camera is, or where else it has weights from.
+// The weights of one camera in a view: which corner of each face it is, or, in views that are not blended by the mesh,
+// its weights of the grid.
 class CameraCorners {
  public:
   CameraCorners(const ViewPlan& plan, CameraIndex camera);
@@ -55,14 +56,14 @@ class CameraCorners {
     constexpr float kUnit = 1.f / BlendGrid::kOne;
     return owners.at(x, y) == OwnerMap::kNone ? 0 : kUnit * static_cast<float>(plan.blend()->weight(camera_, x, y));
   }
-  // Blended by the mesh: the camera's weight for a ray whose owner is `owner`: 0 if that is OwnerMap::kNone or a face
-  // of other cameras.
+  // In a view that is blended by the mesh: the camera's weight for a ray whose owner is `owner`: 0 if that is
+  // OwnerMap::kNone or a face of other cameras.
   float weight(const ViewPlan& plan, int32_t owner, const Vec2& ray) const {
     if (owner == OwnerMap::kNone || corner_[owner] < 0) return 0;
     return face_weights(plan.faces()[owner], ray).w[corner_[owner]];
   }
 
-  // Which corner of the face (index into plan.faces()) the camera is; -1: none.
+  // The corner of the face (index into plan.faces()) that the camera is; -1: none.
   int of_face(int32_t face) const { return corner_[face]; }
 
   // The smallest rectangle in `rect` (inside runs.region()) that holds all of its pixels with a face of this camera.
@@ -74,7 +75,7 @@ class CameraCorners {
   bool has(int32_t owner) const { return owner != OwnerMap::kNone && corner_[owner] >= 0; }
 
   CameraIndex camera_;
-  std::vector<int8_t> corner_;  // per plan.faces(); -1: none of them. Not blended by the mesh: 0
+  std::vector<int8_t> corner_;  // per plan.faces(): the camera's corner, -1: none. Not blended by the mesh: 0
 };
 
 // The weight of `camera` in each pixel of `rect` (row-major, rect.width() * rect.height() values),
@@ -91,7 +92,7 @@ class RenderJob {
   RenderJob(ViewPlan plan, std::span<const CameraIndex> own);
 
   const ViewPlan& plan() const { return plan_; }
-  // Cover the (chroma-aligned) rectangles of cameras().
+  // The owners of pixels, row by row; they cover the (chroma-aligned) rectangles of cameras().
   const OwnerRuns& runs() const { return runs_; }
   // The runs spread out, for looking up pixels; made when first asked for.
   const OwnerMap& owners() const;

@@ -20,8 +20,8 @@ class Rays {
     if (separable()) return {(x - cx_) * inv_fx_, (y - cy_) * inv_fy_};
     return table_[static_cast<size_t>(y) * width_ + x];
   }
-  // Between pixel centres, for chroma at (x + 0.5, y + 0.5): exact for pinholes, the mean of the four pixels otherwise
-  // (the pixels to the right and below are clamped to the view).
+  // The line of sight between pixel centres, at (x + 0.5, y + 0.5), for chroma: exact for pinholes, the mean of the
+  // four pixels otherwise (the pixels to the right and below are clamped to the view).
   Vec2 at_centre_of_four(int x, int y) const;
 
  private:
@@ -36,14 +36,14 @@ class RegionBounds {
   // `rays`, `lens`: of the view; `rays` must outlive this.
   RegionBounds(const Rays& rays, const Lens& lens, int width, int height);
 
-  // Pinholes: tight (the view's rectangle clipped by the half-planes). Distorted lenses: conservative, to whole tiles.
+  // The bounds: tight for pinholes (the view's rectangle clipped by the half-planes), whole tiles for distorted lenses.
   // Never misses a pixel, rounding included.
   Rect bound(std::span<const Vec3> half_planes) const;
 
  private:
   struct Tile {
     Rect rect;
-    Vec2 low, high;  // of its rays; low > high: no ray
+    Vec2 low, high;  // bounds of the tile's rays; low > high: there are none
   };
   Rect bound_polygon(std::span<const Vec3> half_planes) const;
   Rect bound_tiles(std::span<const Vec3> half_planes) const;

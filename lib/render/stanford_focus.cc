@@ -6,7 +6,6 @@
 #include <limits>
 #include <vector>
 
-#include "base/error.h"
 #include "base/number_text.h"
 #include "render/focus_range.h"
 #include "rig/still_images.h"

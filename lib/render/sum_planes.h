@@ -30,14 +30,15 @@ struct Fragment {
 // Fragment. Values as in Fragment.
 struct FragmentPlanes {
   PixelFamily family = PixelFamily::kNone;
-  Rect rect;                      // of the view; kI420: x0, y0 even
+  Rect rect;                      // part of the view; kI420: x0, y0 even
   const uint8_t* plane[3] = {};   // kRgb: plane[0], interleaved RGB; kI420: Y, Cb, Cr without the 128 offset
   ptrdiff_t stride[3] = {};       // bytes from row to row
   const uint8_t* lost = nullptr;  // null where nothing is lost
   ptrdiff_t lost_stride = 0;
 };
 
-// Planes one after the other without padding: packed_size(family, rect.width(), rect.height()) bytes at `pixels`.
+// The planes of a fragment that lie one after the other without padding: packed_size(family, rect.width(),
+// rect.height()) bytes at `pixels`.
 inline FragmentPlanes packed_planes(PixelFamily family, const Rect& rect, const uint8_t* pixels, const uint8_t* lost) {
   const int w = rect.width(), h = rect.height();
   FragmentPlanes out{.family = family, .rect = rect, .lost = lost, .lost_stride = w};
@@ -68,7 +69,7 @@ inline constexpr int kLostOne = 32768;
 template <typename Sample, typename Weight>
 struct BasicSumPlanes {
   PixelFamily family = PixelFamily::kNone;
-  Rect rect;  // of the view
+  Rect rect;  // part of the view
   Sample* plane[3] = {};
   ptrdiff_t stride[3] = {};  // samples from row to row
   Weight* lost = nullptr;
@@ -77,7 +78,7 @@ struct BasicSumPlanes {
 using SumPlanes = BasicSumPlanes<int16_t, uint16_t>;
 using ConstSumPlanes = BasicSumPlanes<const int16_t, const uint16_t>;
 
-// Samples along a row of plane c, and its rows.
+// Samples along a row of plane c, and how many rows it has.
 inline int plane_width(PixelFamily family, const Rect& rect, int c) {
   return c > 0 && family == PixelFamily::kI420 ? chroma_size(rect.width()) : rect.width();
 }
@@ -85,7 +86,7 @@ inline int plane_height(PixelFamily family, const Rect& rect, int c) {
   return c > 0 && family == PixelFamily::kI420 ? chroma_size(rect.height()) : rect.height();
 }
 
-// Planes one after the other without padding, packed_size() samples in all. `lost` may be null.
+// The planes of a sum that lie one after the other without padding, packed_size() samples in all. `lost` may be null.
 template <typename Sample, typename Weight>
 BasicSumPlanes<Sample, Weight> packed_sums(PixelFamily family, const Rect& rect, Sample* samples, Weight* lost) {
   BasicSumPlanes<Sample, Weight> out{.family = family, .rect = rect, .lost = lost, .lost_stride = rect.width()};
@@ -110,10 +111,10 @@ BasicSumPlanes<Sample, Weight> part_of(BasicSumPlanes<Sample, Weight> whole, con
   return whole;
 }
 
-// From sums in 16 bits to 8, to the nearest level, halves up, saturated. Rows of `n` values do not overlap;
-// the same result with every instruction set.
+// These round sums in 16 bits to 8, to the nearest level, halves up, saturated. Rows of `n` values do not overlap;
+// results are the same with every instruction set.
 
-// Lost weight in units of 1 / kLostOne to units of 1 / 255.
+// Rounds lost weight in units of 1 / kLostOne to units of 1 / 255.
 inline uint8_t round_lost(uint16_t lost) {
   return static_cast<uint8_t>((std::min<int>(lost, kLostOne) * 255 + kLostOne / 2) / kLostOne);
 }
@@ -124,7 +125,7 @@ void round_chroma_row(uint8_t* out, const int16_t* sum, int n, uint8_t offset);
 // Rounds three rows to one of pixels, whose fourth byte, where there is one, is set to 255.
 void round_rgb_row(uint8_t* out, const RgbLayout& layout, const int16_t* r, const int16_t* g, const int16_t* b, int n);
 
-// The sums in 8 bits, without a plane of lost weight where all of it rounds to 0.
+// The sums as a fragment in 8 bits, without a plane of lost weight where all of it rounds to 0.
 Fragment rounded_fragment(const ConstSumPlanes& sums);
 
 }  // namespace lf

@@ -22,9 +22,9 @@ class SumDrawer;
 // One camera and what it sees now.
 struct Source {
   CameraIndex camera = 0;              // index in the rig of the plan
-  const Camera* rig_camera = nullptr;  // what the rig says of it
-  ImageView image;                     // of the camera's size; family kNone: there is no picture, its weight is lost
-  Resampling resampling = Resampling::kBilinear;  // sharpened: the image is that already
+  const Camera* rig_camera = nullptr;  // what the rig says of the camera
+  ImageView image;  // has the camera's size; family kNone: there is no picture, and the camera's weight is lost
+  Resampling resampling = Resampling::kBilinear;  // kSharpened: the image has been sharpened already
 };
 
 // Throws Error unless the image is of the camera's size.
@@ -57,7 +57,7 @@ class SumRenderer {
 
   // Bounds what the sources contribute, from the plan: whole chroma samples in kI420; may be empty.
   const Rect& rect() const { return rect_; }
-  // Whether the card has drawn it.
+  // Whether the card has drawn the sum.
   bool is_drawn() const;
   // Writes rows [y0, y1) (y0 even; y1 even or the end of out.rect) of the sum into `out`, all samples of them, zeros
   // where nothing contributes; out.rect inside the runs' region. Lost weight is written to out.lost (all of it). True
@@ -83,7 +83,7 @@ const char* simd_target_name();
 std::vector<Rect> sum_tiles(const ViewPlan& plan, const OwnerRuns& runs, std::span<const CameraIndex> cameras,
                             PixelFamily family, size_t spare_pixels);
 
-// Rows that rectangles begin and end with, but for the first and the last: whole units of a JPEG.
+// Rectangles begin and end at multiples of so many rows, but for the first and the last: whole units of a JPEG.
 inline constexpr int kTileRows = 16;
 
 }  // namespace lf

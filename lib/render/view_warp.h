@@ -10,10 +10,10 @@ namespace lf {
 // What cameras have to be told of a view to render their parts of it without knowing where they or any others stand:
 // the plan of the view with the projections into the cameras. All is relative to the view's eye.
 struct ViewWarp {
-  int width = 0, height = 0;    // of the view, pixels
-  Lens lens;                    // of the view
+  int width = 0, height = 0;    // pixels of the view
+  Lens lens;                    // the view's lens
   Vec3 in_front{0};             // lines of sight d with in_front . d > 0 meet the focal plane
-  std::vector<FacePlan> faces;  // as in ViewPlan; numbered in their order
+  std::vector<FacePlan> faces;  // as in ViewPlan, numbered in their order
 
   struct Projection {
     CameraIndex camera = 0;
@@ -25,7 +25,7 @@ struct ViewWarp {
   bool operator==(const ViewWarp&) const = default;
 };
 
-// `rig`: that of the plan.
+// What cameras are to be told of the plan. `rig`: that of the plan.
 ViewWarp view_warp(const Rig& rig, const ViewPlan& plan);
 
 // Throws Error naming the field where a ViewPlan can't be made of it: sizes, numbers that are not finite, rectangles

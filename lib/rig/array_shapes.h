@@ -12,7 +12,7 @@ namespace lf {
 // that of the arc's middle: the centre lies at (0, 0, radius). Views blend along the arc, as along a row.
 struct ArcRigOptions {
   int cameras = 0;
-  double pitch = 0;   // between neighbours, along the straight line; metres
+  double pitch = 0;   // metres between neighbours, along the straight line
   double radius = 0;  // metres; the arc must be less than half a circle
   double fov_y_deg = 0;
   int width = 640, height = 480;  // pixels

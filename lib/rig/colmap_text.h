@@ -16,7 +16,7 @@ namespace lf {
 struct ColmapCamera {
   std::string model;           // any of COLMAP's
   int width = 0, height = 0;   // pixels, 1..kMaxImageSize
-  std::vector<double> params;  // as many as the model takes: `num_focal` focal lengths, cx, cy, distortion
+  std::vector<double> params;  // as many numbers as the model takes: `num_focal` focal lengths, cx, cy, distortion
   size_t num_focal = 1;
 };
 
@@ -24,12 +24,13 @@ struct ColmapImage {
   uint32_t id = 0, camera_id = 0;
   Quat q{1, 0, 0, 0};  // camera_from_world, of unit norm
   Vec3 t{0, 0, 0};     // camera_from_world
-  std::string name;    // of the image file; may have spaces and folders
+  std::string name;    // name of the image file; may have spaces and folders
 };
 
-// By CAMERA_ID. Throws Error naming file and line.
+// Reads cameras.txt; cameras by CAMERA_ID. Throws Error naming file and line.
 std::map<uint32_t, ColmapCamera> read_colmap_cameras(const std::string& path);
-// In the order of the file; their 2D points are checked for form and dropped. Throws Error naming file and line.
+// Reads images.txt, in the order of the file; 2D points are checked for form and dropped. Throws Error naming file and
+// line.
 std::vector<ColmapImage> read_colmap_images(const std::string& path, const std::map<uint32_t, ColmapCamera>& cameras);
 
 // Numbers are written so that they read back as the same numbers.

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <array>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,13 +17,13 @@ namespace lf {
 // What a reader has made of a file.
 struct RigImport {
   Rig rig;                         // directory "": image paths start at the current folder
-  std::vector<std::string> notes;  // for people: what was assumed
+  std::vector<std::string> notes;  // sentences that tell a person what was assumed
 };
 
 // What a writer has made of a rig.
 struct RigExport {
   double max_error = 0;            // pixels: reprojection error of what was written against the rig
-  std::vector<std::string> notes;  // for people: what the format can't hold
+  std::vector<std::string> notes;  // sentences that tell a person what the format can't hold
 };
 
 // What a format can hold beside lenses and poses.
@@ -39,7 +38,7 @@ RigExport describe_export(const Rig& rig, const Rig& written, const FormatCapaci
 RigExport export_text(const Rig& rig, const std::string& path, std::string (*text_of)(const Rig&),
                       Rig (*parse)(const std::string& text, const std::string& path));
 
-// "Camera ID: what": for lenses and names that a format can't hold.
+// Throws Error "Camera ID: what", for lenses and names that a format can't hold.
 [[noreturn]] void refuse_camera(const Camera& camera, const std::string& what);
 
 // How far apart two descriptions of the same cameras are, in pixels: the largest distance between where camera i of `b`
@@ -82,8 +81,8 @@ struct StanfordOptions {
   double unit = 1e-3;         // metres
 };
 
-// All files in `directory` with such names, row by row; a grid where no place is empty. The axis of the middle of the
-// array goes through the middle of the images. Throws Error naming the file or the option.
+// Imports all files in `directory` with such names, row by row; a grid where no place is empty. The axis of the middle
+// of the array goes through the middle of the images. Throws Error naming the file or the option.
 RigImport import_stanford(const std::string& directory, const StanfordOptions& options);
 
 // Copies the images under such names into `directory`, which is made where it is missing. The rig must be a grid of
@@ -108,9 +107,9 @@ struct ColmapImportOptions {
   int rows = 0, columns = 0;
 };
 
-// One camera per image: id = IMAGE_ID, name = NAME without its ending. An image file that is not there under its name
-// is the one whose name ends NAME, or the other way round ("20.23.45.jpg" for "2021-05-19 20.23.45.jpg"), where there
-// is exactly one. Models that our lenses can't express exactly are refused, unless `undistorted`.
+// Makes one camera of each image: id = IMAGE_ID, name = NAME without its ending. An image file that is not there under
+// its name is the one whose name ends NAME, or the other way round ("20.23.45.jpg" for "2021-05-19 20.23.45.jpg"),
+// where there is exactly one. Models that our lenses can't express exactly are refused, unless `undistorted`.
 RigImport import_colmap(const std::string& directory, const ColmapImportOptions& options = {});
 
 // Writes cameras.txt, images.txt and an empty points3D.txt (COLMAP wants one) into `directory`, which is made where it
@@ -177,7 +176,7 @@ Pose pose_of_world_from_camera(const RigidMotion& motion);
 Mat3 nearest_rotation(const Mat3& matrix, const JsonValue& value);
 // [[r, r, r, t], ...]: 3 rows, or 4 with 0 0 0 1.
 RigidMotion parse_rigid_motion(const JsonValue& rows);
-// As text that is JSON and YAML at once, with a fourth row.
+// The motion as text that is JSON and YAML at once, with a fourth row.
 std::string rigid_motion_text(const RigidMotion& motion);
 
 }  // namespace lf

@@ -2,8 +2,6 @@
 #include "rig/hole_filling.h"
 
 #include <algorithm>
-#include <cmath>
-#include <iterator>
 #include <map>
 #include <utility>
 

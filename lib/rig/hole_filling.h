@@ -23,7 +23,7 @@ void remove_camera(std::vector<Triangle>& faces, CameraIndex camera, const Camer
 // orientation()). Closed: a polygon. Open: a chain of the mesh's border, the hole is the bay on its left.
 struct Outline {
   std::vector<CameraIndex> camera;
-  std::vector<IntPoint> at;  // of each camera
+  std::vector<IntPoint> at;  // place of each camera
   bool closed = false;
 };
 

@@ -15,9 +15,9 @@ namespace lf {
 // A set of cameras out of service: ascending indices, no repeats.
 using CameraSet = std::vector<CameraIndex>;
 
-// One face of the camera mesh. A triangle has three cameras. A rig whose cameras make no triangle still has faces:
-// a *strip* of two cameras (collinear rigs: neighbours along the line; the face extends without end along `extent`,
-// so weights vary along the line of cameras alone), or a *point* of one camera (weight 1 for every line of sight).
+// A face of the camera mesh. A triangle has three cameras. A rig whose cameras make no triangle still has faces: a
+// *strip* of two cameras (collinear rigs: neighbours along the line; the face extends without end along `extent`, so
+// weights vary along the line of cameras alone), or a *point* of one camera (weight 1 for every line of sight).
 struct MeshFace {
   static constexpr CameraIndex kNone = UINT32_MAX;
   std::array<CameraIndex, 3> camera{kNone, kNone, kNone};  // unused corners are kNone, at the end
@@ -55,10 +55,10 @@ Mesh build_mesh(const Rig& rig, const CameraSet& out_of_service = {});
 // index. Pure. Throws Error for a position that is not finite.
 CameraSet corner_cameras(const Rig& rig);
 
-// Those of `lost` cameras, which ascend, that are to be out of service, so that their neighbours close the gaps.
-// Corners (see corner_cameras()) stay in the mesh, though they give nothing: what they had a part in is shown by the
-// others, and the view of somebody in the middle of the array is not at its border when half of it is lost. With less
-// than three cameras that work, all are to be: strips and points have no border.
+// The cameras of `lost`, which ascend, that are to be out of service, so that their neighbours close the gaps. Corners
+// (see corner_cameras()) stay in the mesh, though they give nothing: what they had a part in is shown by the others,
+// and the view of somebody in the middle of the array is not at its border when half of it is lost. With less than
+// three cameras that work, all are to be: strips and points have no border.
 CameraSet out_of_mesh(const CameraSet& lost, const CameraSet& corners, size_t num_cameras);
 
 // The mesh of a rig for the out-of-service set asked for last: sets change rarely. Not thread-safe.

@@ -64,7 +64,7 @@ struct CameraCentres {
 // `positions` in metres. Throws Error ("cameras[i].position: ...") if one is not finite.
 CameraCentres normalised_centres(std::span<const Vec3> positions);
 
-// Orthonormal, right-handed.
+// The axes of a plane, orthonormal and right-handed.
 struct PlaneAxes {
   Vec3 x{1, 0, 0}, y{0, 1, 0}, normal{0, 0, 1};
 };

@@ -28,7 +28,7 @@ struct Camera {
   std::string image;       // a still, relative to the rig file; may be empty
   std::string source;      // any GStreamer URI or path relative to the rig file; may be empty
   double time_offset = 0;  // seconds; true capture time = stamp + offset
-  // As they were measured; nothing: its colours are taken as they come.
+  // The camera's colours as they were measured; nothing: they are taken as they come.
   std::optional<ColourModel> colour;
 
   Vec2 principal_point() const { return {lens.cx(), lens.cy()}; }
@@ -51,7 +51,7 @@ struct Rig {
   // it: nodes correct their own cameras', and what they answer fits together.
   uint64_t hash() const;
   std::optional<CameraIndex> index_of_id(uint32_t id) const;
-  // Whether the colours of any of its cameras were measured.
+  // Whether the colours of any camera were measured.
   bool has_colour() const;
   // `path` as found in `image` or `source`: absolute paths and URIs stay as they are.
   std::string resolve(const std::string& path) const;

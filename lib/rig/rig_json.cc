@@ -9,7 +9,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "base/error.h"
 #include "base/json_value.h"
 #include "geometry/lens.h"
 

@@ -10,10 +10,10 @@ namespace lf {
 
 // What a person wants to know about a rig. Lengths in metres.
 struct RigSummary {
-  Vec3 extent{0, 0, 0};                   // of the box around the cameras, along the axes of the world
-  double baseline = 0;                    // between the two cameras farthest apart
+  Vec3 extent{0, 0, 0};                   // size of the box around the cameras, along the axes of the world
+  double baseline = 0;                    // distance of the two cameras farthest apart
   double mean_neighbour = 0;              // mean over cameras of the distance to the nearest other one; 0: one camera
-  size_t triangles = 0, other_faces = 0;  // of the mesh; others: strips and points
+  size_t triangles = 0, other_faces = 0;  // faces of the mesh; others: strips and points
   size_t images = 0, sources = 0;         // cameras that have one
   std::vector<std::string> lenses;        // "RADIAL, f 386.7 px, 64 cameras of 320x240": a line for each model
 };

@@ -20,7 +20,7 @@ namespace lf::rtp {
 
 struct Packet {
   uint32_t source = 0;    // SSRC
-  uint16_t sequence = 0;  // of the RTP header
+  uint16_t sequence = 0;  // sequence number of the RTP header
   uint32_t timestamp = 0;
   std::span<const uint8_t> payload;
 };
@@ -43,23 +43,24 @@ class Depacketizer {
   // Forgets what has come: a new stream begins.
   void clear();
   void set_limits(const Reassembly::Limits& limits) { reassembly_.set_limits(limits); }
-  // Asked for each unit that is about to be decoded: one that is not admitted is dropped, and not counted here.
+  // The depacketizer asks this for each unit that is about to be decoded: one that is not admitted is dropped, and not
+  // counted here.
   using Admit = std::function<bool(std::span<const uint8_t> bytes)>;
   void set_admit(Admit admit) { admit_ = std::move(admit); }
 
   struct Stats {
-    uint64_t packets = 0, bytes = 0;  // all that came; bytes of payload
-    uint64_t units = 0;               // delivered
+    uint64_t packets = 0, bytes = 0;  // packets that came, and bytes of their payloads
+    uint64_t units = 0;               // units delivered
     uint64_t chunks = 0;              // packets with a piece of a unit
-    uint64_t repeated = 0;            // requests known already: their repetition was not needed
+    uint64_t repeated = 0;            // requests that were known already: their repetition was not needed
     uint64_t lost = 0;                // packets missing in their source's sequence
     // Dropped:
     uint64_t superseded = 0;        // requests with more newer ones behind them in their packet than a turn uses
-    uint64_t duplicates = 0;        // packets
-    uint64_t bad_packets = 0;       // cut short, of another version or an unknown kind
-    uint64_t bad_chunks = 0;        // that contradict others, or too large a unit
-    uint64_t bad_units = 0;         // that are no sound unit of the stream
-    uint64_t incomplete_units = 0;  // given up with chunks missing
+    uint64_t duplicates = 0;        // packets that had come before
+    uint64_t bad_packets = 0;       // packets cut short, of another version or an unknown kind
+    uint64_t bad_chunks = 0;        // chunks that contradict others, or are of too large a unit
+    uint64_t bad_units = 0;         // bytes that are no sound unit of the stream
+    uint64_t incomplete_units = 0;  // units given up with chunks missing
   };
   Stats stats() const;
 
@@ -94,7 +95,7 @@ class Depacketizer {
   Recent<Source> sources_{kSources};
   Reassembly reassembly_;
   Admit admit_;
-  std::vector<Bytes> units_;  // of a packet; its memory is kept
+  std::vector<Bytes> units_;  // units of the packet in hand; the memory is kept
   Stats stats_;
 };
 

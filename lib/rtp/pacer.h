@@ -7,13 +7,13 @@
 
 namespace lf::rtp {
 
-// When the next packets may leave so that a burst is spread out to a rate. Times in nanoseconds of any clock. Time that
-// nothing was sent in is not made up for. Packets may leave a little ahead of their time: what is soon over does not
-// have to wait. Not thread-safe.
+// Says when the next packets may leave so that a burst is spread out to a rate. Times in nanoseconds of any clock. Time
+// that nothing was sent in is not made up for. Packets may leave a little ahead of their time: what is soon over does
+// not have to wait. Not thread-safe.
 class Pacer {
  public:
-  // Not before `now`. A clock on which what was sent last lies in the future is another one, or has been set back:
-  // nothing waits for that.
+  // When the next packet may leave, not before `now`. A clock on which what was sent last lies in the future is another
+  // one, or has been set back: nothing waits for that.
   uint64_t next(uint64_t now) {
     if (next_ && *next_ > now + lasts_ + 2 * kAhead) next_.reset();
     return std::max(now + kAhead, next_.value_or(now)) - kAhead;

@@ -21,7 +21,7 @@ struct Payload {
   std::array<uint8_t, kChunkHeaderBytes> header;
   size_t header_bytes = 0;
   std::vector<std::span<const uint8_t>> bytes;
-  bool last = false;  // of the answer or the request: the marker
+  bool last = false;  // the last packet of an answer or a request: has the marker
 
   size_t size() const;
   void copy_to(uint8_t* to) const;  // size() bytes
@@ -45,8 +45,8 @@ class Packetizer {
   void clear() { requests_.clear(); }
 
   struct Stats {
-    uint64_t units = 0;   // taken
-    uint64_t parts = 0;   // units sent in a packet of their own, parts of answers or whole
+    uint64_t units = 0;   // units taken
+    uint64_t parts = 0;   // units sent in a packet of their own, whole or parts of answers
     uint64_t chunks = 0;  // packets with a piece of a unit
     uint64_t tiles = 0;   // pieces that raw fragments were cut into
   };

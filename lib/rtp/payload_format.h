@@ -24,16 +24,16 @@ inline constexpr size_t kMinPayloadBytes = 256;
 
 struct Chunk {
   uint16_t unit = 0;    // number of the unit: one more for each that is sent in chunks; wraps
-  uint32_t offset = 0;  // of `bytes` in it
-  uint32_t size = 0;    // of the whole unit
+  uint32_t offset = 0;  // where in the unit `bytes` begin
+  uint32_t size = 0;    // bytes of the whole unit
   std::span<const uint8_t> bytes;
 };
 
-// Write the header in front of units or of a chunk's bytes.
+// These write the header in front of units or of a chunk's bytes.
 void put_units_header(uint8_t* to);
 void put_chunk_header(uint8_t* to, const Chunk& chunk);
 
-// One of these for a sound payload, where it lies; the units are not looked at, but there is at least one byte.
+// What a sound payload has, units or a chunk, where it lies; units are not looked at, but there is at least one byte.
 struct ParsedPayload {
   std::span<const uint8_t> units;
   std::optional<Chunk> chunk;

@@ -15,7 +15,7 @@ namespace lf::rtp {
 class Reassembly {
  public:
   struct Limits {
-    size_t bytes = size_t{64} << 20;  // of all units in the making, and of one
+    size_t bytes = size_t{64} << 20;  // most bytes of all units in the making together, and of one
     size_t units = 64;
   };
   explicit Reassembly(const Limits& limits) : limits_(limits) {}
@@ -23,16 +23,16 @@ class Reassembly {
   enum class Result {
     kKept,
     kComplete,   // `unit` is there
-    kDuplicate,  // exactly this has come before
-    kBad,        // contradicts what has come: another size of the unit, or an overlap
+    kDuplicate,  // exactly this chunk has come before
+    kBad,        // the chunk contradicts what has come: another size of the unit, or an overlap
     kTooLarge,   // the unit is beyond the limit
   };
   Result add(uint32_t source, const Chunk& chunk, ByteBuffer& unit);
 
   void set_limits(const Limits& limits) { limits_ = limits; }
-  // Throws all away; they count as dropped.
+  // Throws all units in the making away; they count as dropped.
   void clear();
-  // Units that others had to make room for.
+  // Units that had to make room for others.
   uint64_t dropped() const { return dropped_; }
   size_t bytes() const { return bytes_; }
   size_t units() const { return making_.size(); }
@@ -42,15 +42,15 @@ class Reassembly {
 
  private:
   struct Place {
-    size_t size, at;  // in Making::bytes
+    size_t size, at;  // bytes of the chunk, and where they are in Making::bytes
   };
   struct Making {
     uint32_t source;
     uint16_t number;
     uint32_t size;
     bool in_order = true;                // bytes are the unit's beginning
-    ByteBuffer bytes;                    // as they came
-    std::map<uint32_t, Place> chunks{};  // by offset
+    ByteBuffer bytes;                    // bytes of the chunks, in the order in which they came
+    std::map<uint32_t, Place> chunks{};  // places by offset in the unit
     size_t cost() const { return bytes.size() + chunks.size() * kChunkCost; }
   };
   void drop_oldest();
@@ -58,7 +58,7 @@ class Reassembly {
 
   Limits limits_;
   std::vector<Making> making_;  // the oldest first
-  size_t bytes_ = 0;            // what all cost
+  size_t bytes_ = 0;            // bytes that all units in the making take
   uint64_t dropped_ = 0;
 };
 

@@ -9,14 +9,14 @@
 
 namespace lf::rtp {
 
-// A value for each of the keys used last: what is kept of views and sources stays bounded, whatever comes. Values stay
-// where they are, however large: to use another key moves a few bytes for each. Not thread-safe.
+// Keeps a value for each of the keys used last: what is kept of views and sources stays bounded, whatever comes. Values
+// stay where they are, however large: to use another key moves a few bytes for each. Not thread-safe.
 template <typename Value>
 class Recent {
  public:
   explicit Recent(size_t most) : most_(most) {}
 
-  // The key's; a new one in place of that used longest ago if there is none. Valid until the next call.
+  // The value of a key: a new one, in place of that used longest ago, if there is none. Valid until the next call.
   Value& operator[](uint32_t key) {
     auto found = std::ranges::find(entries_, key, &Entry::first);
     if (found == entries_.end()) {
@@ -33,7 +33,7 @@ class Recent {
  private:
   using Entry = std::pair<uint32_t, std::unique_ptr<Value>>;
   size_t most_;
-  std::vector<Entry> entries_;  // used last: at the end
+  std::vector<Entry> entries_;  // the entry that was used last is at the end
 };
 
 }  // namespace lf::rtp

@@ -7,15 +7,15 @@
 
 namespace lf::rtp {
 
-// Which of one source's latest packets have come, by their sequence numbers (RFC 3550, appendix A.1): tells duplicates
-// from packets that were overtaken, and counts those that are missing. Nothing but duplicates is to be dropped. Not
-// thread-safe.
+// Notes which of one source's latest packets have come, by their sequence numbers (RFC 3550, appendix A.1): tells
+// duplicates from packets that were overtaken, and counts those that are missing. Nothing but duplicates is to be
+// dropped. Not thread-safe.
 class SequenceWindow {
  public:
   enum class Verdict {
     kNew,
     kDuplicate,
-    kRestarted,  // new, and its sender has begun anew
+    kRestarted,  // the packet is new, and its sender has begun anew
   };
   Verdict add(uint16_t sequence, uint32_t timestamp);
 
@@ -32,7 +32,7 @@ class SequenceWindow {
   enum class State : uint8_t { kUnknown, kMissing, kSeen };
   struct Slot {
     State state = State::kUnknown;
-    uint32_t timestamp = 0;  // of kSeen: two packets with one number and two times are no duplicates
+    uint32_t timestamp = 0;  // time of the packet: two packets with one number and two times are no duplicates
   };
   void restart(uint16_t sequence, uint32_t timestamp);
   Slot& slot(uint16_t sequence) { return slots_[sequence % kSize]; }

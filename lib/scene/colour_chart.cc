@@ -97,8 +97,8 @@ std::vector<ChartPose> chart_poses(const Rig& rig, int count) {
   return poses;
 }
 
-Image render_chart(const SceneCamera& camera, const ChartPose& chart, int samples) {
-  if (samples < 1) throw Error("samples: must be at least 1");
+Image render_chart(const SceneCamera& camera, const ChartPose& chart) {
+  constexpr int kSamples = 3;  // along a row and a column of a pixel
   const Board board(chart);
   const Mat3 rotation = camera.pose.rotation();
   // The wall is behind all that the array can be shown.
@@ -107,8 +107,8 @@ Image render_chart(const SceneCamera& camera, const ChartPose& chart, int sample
   for (int y = 0; y < camera.height; y++)
     for (int x = 0; x < camera.width; x++) {
       Light sum{};
-      for (int k = 0; k < samples * samples; k++) {
-        const Vec2 at(x - 0.5 + (k % samples + 0.5) / samples, y - 0.5 + (k / samples + 0.5) / samples);
+      for (int k = 0; k < kSamples * kSamples; k++) {
+        const Vec2 at(x - 0.5 + (k % kSamples + 0.5) / kSamples, y - 0.5 + (k / kSamples + 0.5) / kSamples);
         const std::optional<Vec2> ray = camera.lens.unproject(at);
         if (!ray) continue;
         const Vec3 d = rotation * Vec3(*ray, 1);
@@ -121,7 +121,7 @@ Image render_chart(const SceneCamera& camera, const ChartPose& chart, int sample
       }
       for (size_t c = 0; c < 3; c++)
         out.pixel(x, y)[c] =
-            static_cast<uint8_t>(255 * std::sqrt(std::clamp(sum[c] / (samples * samples), 0.0, 1.0)) + 0.5);
+            static_cast<uint8_t>(255 * std::sqrt(std::clamp(sum[c] / (kSamples * kSamples), 0.0, 1.0)) + 0.5);
     }
   return out;
 }

@@ -18,12 +18,12 @@ struct LightsOptions {
   double bar = 0.3;             // metres between the two lights; 0: one light
   double near = 0.8, far = 2;   // metres in front of the array: where the middle of the bar is moved
   double speed = 0.5;           // metres a second of the lights, root of the mean square
-  double radius = 0.006;        // of a light, metres
+  double radius = 0.006;        // metres
   double power = 4;             // light of a pixel amid a light's image, 1 m away and at rest: 1 saturates
-  double ambient = 0.002;       // of the built-in scene's own light that is left in the dark room
+  double ambient = 0.002;       // share of the built-in scene's own light that is left in the dark room
   double reflection = 0;        // share of the lights that a window behind them reflects
   double exposure = 1.0 / 120;  // seconds; the middle of it is when a picture was taken
-  double noise = 3;             // of a sample, one sigma, of 255
+  double noise = 3;             // standard deviation of a sample, of 255
 };
 
 // The path of the lights for the cameras of one rig. A plain value.
@@ -34,9 +34,9 @@ class LightsPath {
 
   int num_lights() const { return options_.bar > 0 ? 2 : 1; }
   const LightsOptions& options() const { return options_; }
-  // World, metres. Light 1 is that of light 0 where there is one alone.
+  // Where a light is in the world, metres. Light 1 is where light 0 is if there is one alone.
   std::array<Vec3, 2> lights(double time) const;
-  // Where the window's picture of a point is seen.
+  // The mirror image of a point in the window.
   Vec3 mirrored(const Vec3& point) const { return point - 2 * window_.signed_distance(point) * window_.normal; }
 
  private:
@@ -50,7 +50,7 @@ class LightsPath {
   std::array<Vec3, 2> lights_at(double phase) const;
 };
 
-// One camera that films them.
+// One camera that films moving lights.
 class LightsCamera {
  public:
   LightsCamera(const LightsPath& path, const SceneCamera& camera);
@@ -58,8 +58,8 @@ class LightsCamera {
   // The picture whose exposure is around `time`; grey, as RGB. `seed`: of its noise, any number, another one for each
   // picture. Gamma 2, as the built-in scene.
   Image picture(double time, uint64_t seed) const;
-  // Where the middle of each light's image is: the mean over the exposure. Then that of its reflections, where there is
-  // a window. Nothing where a light is not in the picture.
+  // Where the middle of each light's image is, the mean over the exposure; then those of the reflections, where there
+  // is a window. Nothing where a light is not in the picture.
   std::vector<std::optional<Vec2>> places(double time) const;
 
  private:
@@ -68,7 +68,7 @@ class LightsCamera {
 
   LightsPath path_;
   SceneCamera camera_;
-  std::vector<float> room_;  // its light, a value a pixel
+  std::vector<float> room_;  // light of the room, a value for each pixel
 };
 
 }  // namespace lf

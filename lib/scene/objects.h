@@ -42,7 +42,7 @@ struct Sphere {
   V3 centre;
   float radius;
   Paint paint;
-  glm::mat3 local_from_world{1.0f};  // of its texture
+  glm::mat3 local_from_world{1.0f};  // axes of the object's texture
 };
 
 // A segment from `base` to base + axis, thickened by `radius`.
@@ -61,7 +61,7 @@ struct Pillar {
 // A box turned about the vertical: its x axis points along (cosine, 0, sine) in the world.
 struct Block {
   V3 centre, half;
-  float radius;  // of the sphere around the block
+  float radius;  // radius of the sphere around the block
   float cosine, sine;
   Paint paint;
 };

@@ -95,8 +95,8 @@ struct Finish {
 
 enum class Kind : uint8_t { kNothing, kRoom, kSphere, kCapsule, kPillar, kBlock };
 
-// `index` is of the object among those of its kind; for kRoom it is the face: -x, +x, -y, +y (floor), -z, +z (back
-// wall).
+// `index` is the number of the object among those of its kind; for kRoom it is the face: -x, +x, -y, +y (floor), -z, +z
+// (back wall).
 Finish paint(const Objects& objects, Kind kind, uint32_t index, const Surface& surface);
 
 }  // namespace lf::scene

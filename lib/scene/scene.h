@@ -8,7 +8,8 @@
 namespace lf {
 
 // The built-in scene: analytic, dynamic, in front of the array of scene_rig(). Ray-traced per pixel, so that any lens
-// and pose at any time has an exact ground truth. A pure function of its arguments: every machine films the same scene.
+// and pose at any time has an exact ground truth. Pictures are a pure function of the arguments: every machine films
+// the same scene.
 struct Rgb {
   double r, g, b;  // 0..255, gamma-encoded
 };

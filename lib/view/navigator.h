@@ -32,9 +32,9 @@ bool is_finite(const Viewpoint& viewpoint);
 inline Vec3 pivot_of(const Viewpoint& v) { return v.pose.position + v.focus_distance * v.pose.forward(); }
 View make_view(const Viewpoint& viewpoint, int width, int height);
 
-// Where to stand before an array: at the mean of its centres, along the mean of its axes, with the vertical field of
-// view of its middle camera, focused at `focus_distance` or, where that is 0, at kFocusPerExtent times the diameter of
-// the array (1 m for an array without extent). Requires at least one camera.
+// The viewpoint to begin with before an array: at the mean of its centres, along the mean of its axes, with the
+// vertical field of view of its middle camera, focused at `focus_distance` or, where that is 0, at kFocusPerExtent
+// times the diameter of the array (1 m for an array without extent). Requires at least one camera.
 inline constexpr double kFocusPerExtent = 4;
 Viewpoint default_viewpoint(const Rig& rig, double focus_distance = 0);
 // An array is a window: from default_viewpoint() a drag over the height of the view moves the eye by its diameter.
@@ -71,22 +71,22 @@ class Navigator {
   }
   void reset() { now_ = home_; }
 
-  // Around the pivot, kOrbitPerHeight radians per height: dx about home's vertical (so that the horizon stays), dy
-  // about the view's right axis. The scene follows the mouse.
+  // Turns around the pivot, kOrbitPerHeight radians per height: dx about home's vertical (so that the horizon stays),
+  // dy about the view's right axis. The scene follows the mouse.
   void orbit(double dx, double dy);
-  // Sideways, so that what is in focus follows the mouse.
+  // Moves the eye sideways, so that what is in focus follows the mouse.
   void pan(double dx, double dy);
   // `steps` > 0: the focal plane moves away, by a tenth of its distance each.
   void focus(double steps);
   // `steps` > 0: a narrower field of view, by 5 % each. What is seen at `place`, from the middle of the view, stays
   // there.
   void zoom(double steps, const Vec2& place = {0, 0});
-  // In the view's own axes, in hundredths of the focus distance; the focus distance stays.
+  // Moves the eye along the view's own axes, in hundredths of the focus distance, which stays as it is.
   void fly(const Vec3& steps_camera);
 
-  // By the key's X keysym name, letters in either case. Arrows orbit, w/s fly forward and back, a/d left and right,
-  // q/e down and up, plus/minus zoom, bracketleft/bracketright focus nearer and farther, r goes home. False if the key
-  // means nothing here.
+  // Moves as a key asks, named by its X keysym, letters in either case. Arrows orbit, w/s fly forward and back, a/d
+  // left and right, q/e down and up, plus/minus zoom, bracketleft/bracketright focus nearer and farther, r goes home.
+  // False if the key means nothing here.
   bool key(std::string_view name);
 
  private:
@@ -98,7 +98,7 @@ class Navigator {
 
   Viewpoint home_, now_;
   Visible visible_;
-  std::optional<double> enough_;  // the least share that has to stay visible; once asked for
+  std::optional<double> enough_;  // the least share that has to stay visible; computed at the first movement
 };
 
 }  // namespace lf

@@ -11,13 +11,13 @@
 namespace lf {
 
 // What one request may ask of whoever serves it, and how many may. The defaults are above what this project's viewers
-// send. In one place for elements and servers alike.
+// send. Elements and servers alike have them from here.
 struct RequestLimits {
   uint64_t pixels = uint64_t{4096} * 2304;  // width x height of a view
   double aperture = 0;                      // metres; 0: as wide as the array
-  unsigned trials = kMaxTrials;             // of one request
-  unsigned requests_per_second = 500;       // of one view; 0: any number
-  unsigned views = 64;                      // at a time
+  unsigned trials = kMaxTrials;             // trial surfaces of one request
+  unsigned requests_per_second = 500;       // requests of one view a second; 0: any number
+  unsigned views = 64;                      // views that are served at a time
   bool operator==(const RequestLimits&) const = default;
 };
 
@@ -29,8 +29,8 @@ struct RequestCost {
   bool operator==(const RequestCost&) const = default;
 };
 
-// What answering it is about, in units that are the same for whatever is asked: the time that takes is a multiple of it
-// which a node learns.
+// How much work answering a request is, about, in a unit that is the same for all requests: the time that it takes is a
+// multiple of this, which a node learns.
 double planned_work(const RequestCost& cost);
 
 // How wide an array is, metres: the diagonal of the box around its cameras, which no two of them are farther apart
@@ -49,7 +49,7 @@ class RequestGate {
   // view's own. Requests that are refused count for the rate, too.
   Refusal check(uint64_t view, const RequestCost& cost, const RequestLimits& limits, double extent, uint64_t now);
   void clear() { views_.clear(); }
-  // Views that are known to be gone.
+  // Forgets views that are known to be gone.
   template <typename F>
   void forget_if(const F& is_gone) {
     std::erase_if(views_, [&is_gone](const auto& entry) { return is_gone(entry.first); });

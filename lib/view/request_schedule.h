@@ -17,7 +17,7 @@ struct RequestSlot {
   const View* view = nullptr;
 };
 
-// Which request of a viewer is next. Times in nanoseconds. Not thread-safe.
+// Says which request of a viewer is next. Times in nanoseconds. Not thread-safe.
 class RequestSchedule {
  public:
   // A request each frame, for ever.
@@ -27,20 +27,22 @@ class RequestSchedule {
       : schedule_(schedule), playback_(std::in_place, std::move(views), schedule, loop), loop_(loop) {}
 
   bool from_file() const { return playback_.has_value(); }
-  std::optional<uint64_t> end() const;  // running time; nothing: never
+  std::optional<uint64_t> end() const;  // running time at which the requests end; nothing: never
 
-  void seek(uint64_t running_time);  // not live
+  void seek(uint64_t running_time);  // goes on with the request of this running time; for schedules that are not live
   // The next request; nothing after the end.
   std::optional<RequestSlot> next() const;
-  // The same of a live stream at clock time `now`. It is stamped with the running time of its capture and leaves
-  // `capture_delay` later, at clock time base_time + pts + capture_delay.
+  // The next request of a live stream at clock time `now`. It is stamped with the running time of its capture and
+  // leaves `capture_delay` later, at clock time base_time + pts + capture_delay.
   std::optional<RequestSlot> next_live(uint64_t now, uint64_t base_time, uint64_t capture_delay) const;
-  // That one, leaving at clock time `now`, before its turn: for the newest capture that is old enough. As that has
-  // been asked for before, it is stamped with the time that would be just old enough.
+  // The request of a slot of next_live() that leaves at clock time `now`, before its turn, for the newest capture that
+  // is old enough. As that capture has been asked for before, the request is stamped with the time that would be just
+  // old enough.
   RequestSlot ahead_of_turn(const RequestSlot& slot, uint64_t now, uint64_t base_time, uint64_t capture_delay) const;
   // The slot is used: on to the next one.
   void advance(const RequestSlot& slot);
-  // Which slot is next, and on to the one after that, if it still is: a slot that makes no request.
+  // turn() is the number of the next slot; pass() goes on to the one after it without a request, if that slot is still
+  // next.
   uint64_t turn() const { return index_; }
   void pass(uint64_t turn) { index_ += index_ == turn; }
 
@@ -48,7 +50,7 @@ class RequestSchedule {
   Schedule schedule_;
   std::optional<ViewPlayback> playback_;
   bool loop_ = false;
-  uint64_t index_ = 0;  // of the next view of the file, or of the next frame
+  uint64_t index_ = 0;  // number of the next view of the file, or of the next frame
   std::optional<uint64_t> last_pts_;
 };
 

@@ -41,14 +41,15 @@ void validate(const View& view);
 // Throws Error ("NAME: ...") for pixels a side that no view has.
 void validate_size(const char* name, int pixels);
 
-// The same view from an eye `metres` to the right of it (less than 0: to the left), as one of two eyes has it: axes and
-// lens are parallel, and the focal surface stays where it is in the world.
+// The view of an eye that stands `metres` to the right of the given view's (less than 0: to the left), as one of two
+// eyes does: axes are parallel, the lens is the same, and the focal surface stays where it is in the world.
 View seen_beside(const View& view, double metres);
 
 // The plane facing the view at `distance` metres along its optical axis.
 Plane focal_plane_at(const Pose& view_pose, double distance);
 
-// As people choose it: by an aperture if there is one, else by angle if there is a number of cameras, else by the mesh.
+// The blending that a person chooses: by an aperture if there is one, else by angle if there is a number of cameras,
+// else by the mesh.
 Blending blending_of(double aperture, int nearest);
 
 // Throws Error ("blending: ...") for an aperture that is not positive or a number out of range, and for either beside a

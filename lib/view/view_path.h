@@ -15,14 +15,16 @@ namespace lf {
 // planes' [a, b, c, d] do. The lens' numbers move like the position. Immutable; thread-safe.
 class ViewPath {
  public:
-  // At least one key; times strictly increasing; one size and one lens model for all. Throws Error naming the key.
+  // Takes at least one key; times strictly increase, and all have one size and one lens model. Throws Error naming the
+  // key.
   explicit ViewPath(std::vector<NamedView> keys);
 
   double begin() const { return keys_.front().time; }  // seconds
   double end() const { return keys_.back().time; }
-  // Before begin() the first key, after end() the last.
+  // The view at a time in seconds: before begin() the first key, after end() the last.
   View at(double time) const;
-  // At begin(), begin() + 1/rate, ... up to and including end() (to a thousandth of a period); named "view_000000", ...
+  // Views at begin(), begin() + 1/rate, ... up to and including end() (to a thousandth of a period), named
+  // "view_000000", ...
   std::vector<NamedView> sample(double rate_hz) const;
 
  private:
@@ -37,7 +39,7 @@ struct FocusRange {
 
 struct TourOptions {
   int width = 0, height = 0;  // pixels of the views; 0: those of the middle camera
-  int frames = 1;             // at least 1
+  int frames = 1;             // views of the path, at least 1
   double rate_hz = 15;        // views per second
   bool still = false;         // all views at time 0, for a scene that stands still
 };

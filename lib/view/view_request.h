@@ -17,9 +17,9 @@ struct Trial {
   enum class Kind : uint8_t {
     kBlurred = 0,  // the surface, smoothed: [1 6 1] / 8 along rows and columns
     kFarther = 1,  // the least level of a node and its eight neighbours, smoothed
-    kNearer = 2,   // the largest
-    kShifted = 3,  // smoothed, `value` levels nearer
-    kPlane = 4,    // level `value` everywhere
+    kNearer = 2,   // the largest level of a node and its eight neighbours, smoothed
+    kShifted = 3,  // the surface, smoothed, `value` levels nearer
+    kPlane = 4,    // the level `value` everywhere
     kFocused = 6,  // the viewer's plane
   };
   Kind kind = Kind::kBlurred;
@@ -27,32 +27,33 @@ struct Trial {
   bool operator==(const Trial&) const = default;
 };
 
-inline constexpr size_t kMaxTrials = 16;  // of one request
+inline constexpr size_t kMaxTrials = 16;  // that one request may ask for
 
 inline constexpr uint64_t kNoTime = UINT64_MAX;
 
 // |a - b|, nanoseconds. Neither may be kNoTime.
 inline uint64_t time_between(uint64_t a, uint64_t b) { return a > b ? a - b : b - a; }
 
-// Which picture is asked for, and when: what requests of all kinds begin with.
+// What requests of all kinds begin with: which picture is asked for, and when.
 struct RequestHeader {
   uint32_t view_id = 0;
-  uint32_t sequence = 0;       // of this view; grows by one per request, wraps
+  uint32_t sequence = 0;       // grows by one with each request of the view, and wraps
   uint64_t target_time = 0;    // nanoseconds; capture time wanted, or kNoTime: the newest frame there is
   bool absolute_time = false;  // target_time is clock time (live), else running time from 0 (files)
-  bool probe = false;          // its picture is measured, not shown
-  bool rehearsal = false;      // no picture is made: only what comes of its trials counts
-  uint8_t quality = 0;         // of fragment payloads: 0 raw; 1..100 allow JPEG of this quality
-  uint64_t rig_hash = 0;       // of the rig the view was made for; 0: any
+  bool probe = false;          // the picture is measured, not shown
+  bool rehearsal = false;      // no picture is made: only the answers to the trials count
+  uint8_t quality = 0;         // how fragments are coded: 0: raw; 1..100: JPEG of this quality is allowed
+  uint64_t rig_hash = 0;       // the rig that the view was made for; 0: any
   bool operator==(const RequestHeader&) const = default;
 };
 
 // How cameras match their brightness: each compares what it has seen with what all have seen, and divides its images by
-// its gain. With a focal map alone.
+// its gain. For requests with a focal map.
 struct GainRequest {
-  bool use = false;  // of the gains that cameras know
-  bool ask = false;  // to be answered with what they see, for the mean: see WideLuma
-  // See mean_luma(), of the view's request with this sequence number; empty: none.
+  bool use = false;  // cameras divide their images by the gains that they know
+  bool ask = false;  // cameras answer with what they see, for the mean: see WideLuma
+  // The mean of what all cameras saw (mean_luma()) at the view's request with the sequence number `mean_of`; empty:
+  // none.
   std::vector<uint8_t> mean;
   uint32_t mean_of = 0;
   bool operator==(const GainRequest&) const = default;
@@ -62,8 +63,9 @@ struct GainRequest {
 struct ViewRequest : RequestHeader {
   View view;
   CameraSet out_of_service;
-  bool on_plane = false;      // the picture is drawn through the viewer's plane: the focal map serves the trials alone
-  std::vector<Trial> trials;  // of the view's focal map, to be answered with moments; at most kMaxTrials, none without
+  bool on_plane = false;  // the picture is drawn through the viewer's plane: the focal map serves the trials alone
+  // Surfaces to compare with the focal map, answered with moments; at most kMaxTrials, none without a map.
+  std::vector<Trial> trials;
   GainRequest gains;
   bool operator==(const ViewRequest&) const = default;
 };

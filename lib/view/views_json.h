@@ -37,13 +37,13 @@ class ViewPlayback {
     uint64_t time, duration, target_time;
   };
 
-  // At least one view, times in [0, 1e9] s and not decreasing, as load_views() gives them.
+  // Takes at least one view; times are in [0, 1e9] s and do not decrease, as load_views() gives them.
   ViewPlayback(std::vector<NamedView> views, const Schedule& schedule, bool loop);
 
   // The n-th view to show; nothing after the end.
   std::optional<Item> item(uint64_t n) const;
   bool has_times() const { return has_times_; }
-  uint64_t duration() const;                       // of one pass
+  uint64_t duration() const;                       // nanoseconds that one pass through the file takes
   uint64_t first_at(uint64_t running_time) const;  // the smallest n of the first pass with item(n).time >= running_time
 
  private:

@@ -20,18 +20,18 @@ struct AnswerHeader {
   uint32_t view_id = 0;
   uint32_t sequence = 0;
   int view_width = 0, view_height = 0;      // pixels
-  PixelFamily family = PixelFamily::kNone;  // of all its fragments; kNone: the node has no camera image yet
-  uint64_t target_time = kNoTime;           // as in the request, nanoseconds
+  PixelFamily family = PixelFamily::kNone;  // the family of all fragments; kNone: the node has no camera image yet
+  uint64_t target_time = kNoTime;           // the request's, nanoseconds
   uint64_t actual_time = kNoTime;           // capture time of the frame farthest from the target; same clock
   uint64_t rig_hash = 0;
   uint32_t node = 0;
   bool last_of_node = true;  // nothing more comes from this node for this request
-  CameraRanges cameras;      // whose contributions to the view are in the answer, or are nothing; empty: not told
-  CameraRanges blind;        // those of them that have no picture: in a sum, lost weight stands in its place
+  CameraRanges cameras;  // cameras whose contributions to the view are in the answer, or are nothing; empty: not told
+  CameraRanges blind;    // those of `cameras` that have no picture: in a sum, lost weight stands in its place
   bool operator==(const AnswerHeader&) const = default;
 };
 
-// The beginning of an answer: to which request, for a view of how many pixels, of which rig.
+// The beginning of an answer to this request, for a view of this width and height, of this rig.
 inline AnswerHeader answer_to(const RequestHeader& request, std::pair<int, int> view_size, uint64_t rig_hash) {
   return {.view_id = request.view_id,
           .sequence = request.sequence,
@@ -41,7 +41,7 @@ inline AnswerHeader answer_to(const RequestHeader& request, std::pair<int, int> 
           .rig_hash = rig_hash};
 }
 
-// Which of an answer's fragments are in a unit: `count` of `total` from number `first` on.
+// The part of an answer that is in a unit: `count` of its `total` fragments, from number `first` on.
 struct AnswerPart {
   uint32_t first = 0, count = 0, total = 0;
   bool whole() const { return count == total; }
@@ -62,8 +62,9 @@ enum class Codec : uint8_t {
 
 // An entry of the fragment table.
 struct FragmentHeader {
-  std::optional<CameraIndex> camera;        // whose pixels these are; nothing: part of the sum of the node's cameras
-  PixelFamily family = PixelFamily::kNone;  // the answer's
+  // The camera whose pixels these are; nothing: part of the sum of the node's cameras.
+  std::optional<CameraIndex> camera;
+  PixelFamily family = PixelFamily::kNone;  // the same as the answer's
   Rect rect;                                // inside the view, or the camera's image; kI420: x0, y0 even
   Codec codec = Codec::kRaw;
   uint8_t quality = 0;    // 1 to 100 of JPEG, else 0
@@ -71,7 +72,7 @@ struct FragmentHeader {
   bool operator==(const FragmentHeader&) const = default;
 };
 
-// With its bytes where they came in.
+// A fragment with its payload, which refers to the bytes of the answer.
 struct FragmentView : FragmentHeader {
   std::span<const uint8_t> payload;
 };

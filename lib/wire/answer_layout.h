@@ -11,17 +11,17 @@
 // What reading and writing answers have in common: numbers of spec.md, and what both ask of fields.
 namespace lf::wire {
 
-inline constexpr uint16_t kLastOfNode = 1;  // flag of the unit
+inline constexpr uint16_t kLastOfNode = 1;  // in the flags of the unit
 inline constexpr size_t kAnswerHeaderBytes = 72, kRangeBytes = 4, kFragmentBytes = 20;
-inline constexpr uint16_t kWeighted = 1, kLostPlane = 2;  // flags of a fragment
-inline constexpr uint16_t kSumOnWire = 0xffff;            // camera
+inline constexpr uint16_t kWeighted = 1, kLostPlane = 2;  // in the flags of a fragment
+inline constexpr uint16_t kSumOnWire = 0xffff;            // in the field `camera`: a sum
 
-// Throw Error naming the field.
+// These throw Error naming the field that is not fit for the wire.
 void check_header(const AnswerHeader& answer, size_t fragments);
 void check_part(const AnswerPart& part);
 void check_fragment(const AnswerHeader& answer, const FragmentHeader& fragment);
 
-// Where the fragment table begins.
+// How many bytes into the answer the fragment table begins.
 inline size_t table_offset(const AnswerHeader& answer) {
   return kAnswerHeaderBytes + kRangeBytes * (answer.cameras.ranges().size() + answer.blind.ranges().size());
 }

@@ -18,15 +18,16 @@ namespace lf::wire {
 // Nothing for bytes that are not exactly one valid answer; `reason` (may be null) then says why, naming the field.
 std::optional<AnswerView> parse_answer(std::span<const uint8_t> bytes, std::string* reason = nullptr);
 
-// The fields in front of the fragment table alone; cheap. Same checks for these fields. `bytes` may end anywhere after
+// Reads the fields in front of the fragment table alone, with the same checks; cheap. `bytes` may end anywhere after
 // them.
 std::optional<AnswerPartHeader> parse_answer_header(std::span<const uint8_t> bytes, std::string* reason = nullptr);
 
-// Whose view a unit of an answer stream, of any type, is about: enough to pass it by. Nothing for bytes that do not
-// begin as such a unit of this version does; what follows is not looked at.
+// The id of the view that a unit of an answer stream, of any type, is about: enough to pass it by. Nothing for bytes
+// that do not begin as such a unit of this version does; what follows is not looked at.
 std::optional<uint32_t> peek_answer_view(std::span<const uint8_t> bytes);
 
-// The size of that view, pixels, under the same conditions; nothing for units that are not fragments.
+// Width and height, pixels, of the view that a unit of fragments is about; nothing for other units, and for bytes that
+// do not begin as such a unit of this version does.
 std::optional<std::pair<int, int>> peek_answer_size(std::span<const uint8_t> bytes);
 
 }  // namespace lf::wire

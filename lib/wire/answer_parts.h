@@ -8,12 +8,13 @@
 
 namespace lf::wire {
 
-// Which fragments of one answer have come, part by part, in any order. Memory: as many entries as parts were added.
+// Notes which fragments of one answer have come, part by part, in any order. Memory: as many entries as parts were
+// added.
 class AnswerParts {
  public:
   // False, and nothing is changed, for a part that repeats fragments or contradicts the ones before.
   bool add(const AnswerPart& part);
-  // All fragments are there.
+  // Whether all fragments have come.
   bool complete() const { return any_ && received_ == total_; }
   void clear() { *this = {}; }
 

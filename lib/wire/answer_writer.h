@@ -29,13 +29,14 @@ class AnswerWriter {
   // thrown away and its capacity used.
   AnswerWriter(const AnswerHeader& header, size_t max_fragments, ByteBuffer memory = {});
 
-  // For those who know what all payloads will have together: nothing is moved while they are added.
+  // Reserves the bytes that all payloads will have together, so that nothing is moved while they are added.
   void reserve_payloads(size_t bytes);
 
   // kRaw and kRaw16: uninitialised memory of the payload's size (see payload.h for what lies where in it), valid until
   // the next call. 16-bit payloads must begin at an even offset: put them in front of others.
   std::span<uint8_t> add(const FragmentHeader& fragment);
-  // The same for kRaw16, as planes. They stay valid as long as there is room reserved for what else is added.
+  // As add() for kRaw16, with the memory as planes. They stay valid as long as there is room reserved for what else is
+  // added.
   SumPlanes add_sums(const FragmentHeader& fragment);
 
   // The lost weight of some of the fragments added so far, all of them kRaw16, turned out to be nothing: where
@@ -63,10 +64,10 @@ class AnswerWriter {
   void put_entry(const FragmentHeader& fragment, size_t length);
 
   AnswerHeader header_;
-  size_t table_;                    // where it begins
-  std::optional<AnswerPart> part_;  // without its count
+  size_t table_;                    // where the fragment table begins
+  std::optional<AnswerPart> part_;  // set by set_part(); its count is not used
   size_t max_fragments_, fragments_ = 0;
-  std::vector<std::pair<FragmentHeader, size_t>> added_;  // and where their payloads begin
+  std::vector<std::pair<FragmentHeader, size_t>> added_;  // fragments, and where their payloads begin
   ByteBuffer bytes_;
 };
 

@@ -24,7 +24,7 @@ void store(uint8_t* to, T value) {
   for (size_t i = 0; i < sizeof(T); i++) to[i] = static_cast<uint8_t>(bits >> (8 * (sizeof(T) - 1 - i)));
 }
 
-// Appends; memory is that of the size given.
+// Appends numbers and bytes to a vector, whose memory is reserved for the size given.
 class Writer {
  public:
   explicit Writer(size_t size) { bytes_.reserve(size); }
@@ -45,7 +45,7 @@ class Writer {
   std::vector<uint8_t> bytes_;
 };
 
-// The same into memory that is there and large enough.
+// Writes as Writer does, into memory that is there and large enough.
 class PlacedWriter {
  public:
   explicit PlacedWriter(uint8_t* to) : to_(to) {}
@@ -60,8 +60,8 @@ class PlacedWriter {
   uint8_t* to_;
 };
 
-// Reads from the front. Whatever lies beyond the end reads as 0 and makes ok() false for good: check it before using
-// what was read.
+// Reads numbers and bytes from the front. Whatever lies beyond the end reads as 0 and makes ok() false for good: check
+// it before using what was read.
 class Reader {
  public:
   explicit Reader(std::span<const uint8_t> bytes) : bytes_(bytes) {}

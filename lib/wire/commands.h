@@ -12,9 +12,9 @@ namespace lf {
 
 // What a camera has to know to take part in a view: the paper's three random access cameras.
 enum class Access {
-  kSelf,    // its place and its neighbours': it finds out from the view request
-  kWarp,    // its lens: it is told triangles and matrices
-  kPixels,  // nothing: it is told which of its pixels are wanted, as they are
+  kSelf,    // its own and its neighbours' places: it finds out what to do from the view request
+  kWarp,    // its own lens: it is told triangles and matrices
+  kPixels,  // nothing: it is told which of its image's pixels to send, as they are
 };
 
 namespace wire {
@@ -23,17 +23,17 @@ namespace wire {
 // cameras find out themselves. One for all cameras that contribute to the view: each takes its own. Like a view
 // request they are complete in themselves.
 
-// For cameras that know their lens alone.
+// The request for cameras that know their lens alone.
 struct WarpCommand : RequestHeader {
   ViewWarp warp;
   bool operator==(const WarpCommand&) const = default;
 };
 
-// For cameras that only have pixels to give.
+// The request for cameras that only have pixels to give.
 struct PixelCommand : RequestHeader {
   struct Region {
     CameraIndex camera = 0;
-    Rect rect;  // of the camera's image, not empty; x0, y0 even
+    Rect rect;  // a part of the camera's image, not empty; x0, y0 even
     bool operator==(const Region&) const = default;
   };
   int view_width = 0, view_height = 0;
@@ -41,7 +41,7 @@ struct PixelCommand : RequestHeader {
   bool operator==(const PixelCommand&) const = default;
 };
 
-// In the order of Access.
+// A request of any kind; kinds are in the order of Access.
 using AnyRequest = std::variant<ViewRequest, WarpCommand, PixelCommand>;
 
 inline const RequestHeader& head_of(const AnyRequest& request) {

@@ -10,7 +10,7 @@ namespace lf::wire {
 
 // RFC 1950 (zlib), at the fastest setting: what is coded so is small and made for every picture.
 std::vector<uint8_t> deflate_all(std::span<const uint8_t> bytes);
-// The same format for those to whom bytes cost nothing: as they are, in its blocks that are not compressed.
+// The zlib format for those to whom bytes cost nothing: the bytes as they are, in blocks that are not compressed.
 std::vector<uint8_t> store_all(std::span<const uint8_t> bytes);
 // Throws Error if the bytes are not those of exactly `size` bytes. Reserves no more memory than so few
 // bytes can hold.

@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <optional>
 #include <span>
-#include <vector>
 
 #include "base/byte_buffer.h"
 #include "base/worker_pool.h"
@@ -15,12 +14,13 @@
 
 namespace lf::wire {
 
-// Between fragments and payloads. Both keep memory and libjpeg's state from call to call: one for each thread.
+// FragmentEncoder makes payloads of fragments, FragmentDecoder fragments of payloads. Both keep memory and libjpeg's
+// state from call to call: one object for each thread.
 
 // Lost weight divides the picture: it is coded finer than the pixels (at most as coarse as this).
 inline constexpr int kLeastLostQuality = 90;
 
-// What an answer is to have, 8 bits a value.
+// A fragment that an answer is to have, 8 bits a value.
 struct AnswerFragment {
   std::optional<CameraIndex> camera;  // see FragmentHeader
   FragmentPlanes planes;
@@ -42,18 +42,18 @@ class FragmentEncoder {
   jpeg::FragmentEncoder jpeg_;
 };
 
-// The same answer by several threads, each with an encoder of its own.
+// The bytes that FragmentEncoder::encode() gives, by several threads, each with an encoder of its own.
 ByteBuffer encode_fragments(const AnswerHeader& header, std::span<const AnswerFragment> fragments, int quality,
                             ByteBuffer memory, const ParallelFor& parallel);
 
 class FragmentDecoder {
  public:
-  // A fragment, 8 bits a value: a raw one where it lies, JPEG decoded into memory of this object, valid until the next
-  // call. Nothing if the JPEG is damaged, or for one of 16 bits.
+  // The planes of a fragment of 8 bits a value: raw ones where they lie, JPEG decoded into memory of this object, valid
+  // until the next call. Nothing if the JPEG is damaged, or for a fragment of 16 bits.
   std::optional<FragmentPlanes> decode(const FragmentView& fragment);
 
-  // A 16-bit fragment: where it lies, or copied into memory of this object (valid until the next call) if it lies at an
-  // odd address. `*copied` (may be null) says which.
+  // The planes of a 16-bit fragment: where they lie, or copied into memory of this object (valid until the next call)
+  // if it lies at an odd address. `*copied` (may be null) says which.
   ConstSumPlanes sums(const FragmentView& fragment, bool* copied = nullptr);
 
  private:

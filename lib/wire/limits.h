@@ -17,7 +17,7 @@ inline constexpr size_t kMaxAnswerBytes = size_t{1} << 30;   // 1 GiB: 8192 x 81
 inline constexpr size_t kUsualAnswerBytes = size_t{80} << 20;
 inline constexpr size_t kMaxInflation = 1032;  // bytes that a byte of deflated ones can come to
 inline constexpr size_t kMaxSources = 4096;    // sets of cameras that the answers to one request speak for
-inline constexpr size_t kMaxTriangleRows = size_t{1} << 21;  // of the rectangles in a warp command, all together
+inline constexpr size_t kMaxTriangleRows = size_t{1} << 21;  // rows of all rectangles in a warp command together
 inline constexpr uint32_t kMaxFragments = kMaxCameras + 1;
 inline constexpr int kMaxViewSize = kMaxImageSize;  // pixels a side
 

@@ -20,12 +20,13 @@ struct MomentsHeader {
   uint32_t view_id = 0, sequence = 0;
   uint64_t rig_hash = 0;
   uint32_t node = 0;
-  // Of what cameras see with wide weights, the one trial of such a unit, for the mean that they compare themselves
-  // with: their gains. Nothing: of the request's trials.
+  // The gains of the node's cameras, in a unit whose one trial is what they see with wide weights, for the mean that
+  // cameras compare themselves with. Nothing in a unit of the request's trials.
   std::optional<GainSum> gains;
   bool operator==(const MomentsHeader&) const = default;
 };
-// Of the request's map, and how many trials it has: known to whoever has asked.
+// How many columns and rows of nodes the request's map has, and how many trials the request: known to whoever has
+// asked.
 struct MomentsShape {
   int columns = 0, rows = 0;
   size_t trials = 0;
@@ -33,10 +34,11 @@ struct MomentsShape {
 };
 struct MomentsUnit : MomentsHeader {
   MomentsShape shape;
-  Rect rect;                    // of the map's nodes: outside of it nothing has any weight
-  std::vector<Moments> trials;  // in the order of the request's, of the nodes in the rectangle
+  Rect rect;                    // the nodes of the map that have any weight are in it
+  std::vector<Moments> trials;  // one for each trial of the request, in its order, of the nodes in the rectangle
 
-  // Adds them to the sums of all nodes, which are as many as the shape says; or makes such sums of them.
+  // add_to() adds the unit's trials to sums over the whole map, of as many trials and map nodes as the shape says;
+  // sums() makes such sums of them.
   void add_to(std::span<Moments> sums) const;
   std::vector<Moments> sums() const;
 };
@@ -46,12 +48,12 @@ bool is_moments(std::span<const uint8_t> bytes);
 // Throws Error if there is no trial, or more than kMaxTrials, or they are not of one size. `small`: what one camera
 // alone has given takes a sixth of the bytes, and some time.
 ByteBuffer encode_moments(const MomentsHeader& header, std::span<const Moments> trials, bool small = false);
-// What a unit is about: its shape may be null. Nothing, and in *reason (may be null) why, if this is not the beginning
-// of one.
+// The beginning of a unit of moments; *shape (may be null) becomes its shape. Nothing, and in *reason (may be null)
+// why, if this is not the beginning of one.
 std::optional<MomentsHeader> parse_moments_header(std::span<const uint8_t> bytes, MomentsShape* shape = nullptr,
                                                   std::string* reason = nullptr);
-// Nothing, and in *reason (may be null) why, if this is not exactly one such unit of this shape. Memory: of the nodes
-// in its rectangle, whose bytes are there.
+// Nothing, and in *reason (may be null) why, if this is not exactly one unit of moments of this shape. No more memory
+// is taken than for the nodes in the unit's rectangle, whose bytes are there.
 std::optional<MomentsUnit> decode_moments(std::span<const uint8_t> bytes, const MomentsShape& expected,
                                           std::string* reason = nullptr);
 

@@ -26,13 +26,13 @@ inline size_t raw_size(const FragmentHeader& f) {
   return f.codec == Codec::kRaw16 ? 2 * values : values;
 }
 
-// Of a kRaw payload of raw_size().
+// The planes of a kRaw payload, which has raw_size() bytes.
 inline FragmentPlanes raw_planes(const FragmentHeader& f, const uint8_t* payload) {
   const size_t pixels = packed_size(f.family, f.rect.width(), f.rect.height());
   return packed_planes(f.family, f.rect, payload, f.has_lost ? payload + pixels : nullptr);
 }
 
-// Of a kRaw16 payload of raw_size(), at an even address. Byte is uint8_t or const uint8_t.
+// The planes of a kRaw16 payload, which has raw_size() bytes at an even address. Byte is uint8_t or const uint8_t.
 template <typename Byte>
 auto raw16_planes(const FragmentHeader& f, Byte* payload) {
   constexpr bool kConst = std::is_const_v<Byte>;
@@ -43,7 +43,7 @@ auto raw16_planes(const FragmentHeader& f, Byte* payload) {
   return packed_sums(f.family, f.rect, samples, f.has_lost ? reinterpret_cast<Weight*>(samples + pixels) : nullptr);
 }
 
-// Bytes: `height` rows of `width` bytes, packed. Returns the end of what it wrote.
+// Copies `height` rows of `width` bytes, without padding between them in `to`. Returns the end of what it wrote.
 inline uint8_t* copy_rows(const uint8_t* from, ptrdiff_t stride, size_t width, int height, uint8_t* to) {
   for (int y = 0; y < height; y++, to += width) std::memcpy(to, from + y * stride, width);
   return to;

@@ -22,7 +22,7 @@ std::optional<ViewRequest> decode_request(std::span<const uint8_t> bytes, std::s
 
 // What the first bytes of any unit of a request stream say: enough to pass it by without decoding it.
 struct RequestPeek {
-  uint8_t type = 0;  // of the unit, see unit.h
+  uint8_t type = 0;  // type of the unit, see unit.h
   RequestHeader head;
 };
 // Nothing for bytes that do not begin as a request of this version does; what follows is not looked at.

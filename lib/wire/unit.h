@@ -22,20 +22,21 @@ inline constexpr uint8_t kMagicPrefix[3] = {0x8f, 'L', 'F'};
 inline constexpr uint8_t kRequestMagic = 'Q', kAnswerMagic = 'A';
 
 // Types of units, see spec.md. Others are passed on by whoever only frames.
-inline constexpr uint8_t kViewRequestType = 1, kWarpCommandType = 3, kPixelCommandType = 4;  // of a request stream
-inline constexpr uint8_t kFragmentsType = 1, kMomentsType = 5;                               // of an answer stream
+// Types in a request stream.
+inline constexpr uint8_t kViewRequestType = 1, kWarpCommandType = 3, kPixelCommandType = 4;
+inline constexpr uint8_t kFragmentsType = 1, kMomentsType = 5;  // types in an answer stream
 
 struct UnitHeader {
   UnitKind kind;
-  size_t size;  // of the whole unit, header included; within limits.h
+  size_t size;  // bytes of the whole unit, header included; within limits.h
   uint8_t version = 0, type = 0;
   uint16_t flags = 0;
 };
-// From the first kUnitHeaderBytes bytes of a unit; nothing if it is not the beginning of one.
+// The header of a unit, from its first kUnitHeaderBytes bytes; nothing if they are not the beginning of one.
 std::optional<UnitHeader> peek_unit(std::span<const uint8_t> bytes);
 
-// Where no unit begins: how many bytes to pass over, at least 1, up to where a magic begins, or may begin if more bytes
-// come. `bytes` is not empty.
+// How many bytes of a stream to pass over, at least 1, where no unit begins: up to where a magic begins, or may begin
+// if more bytes come. `bytes` is not empty.
 size_t distance_to_magic(std::span<const uint8_t> bytes, bool more_to_come);
 
 // `out`: a Writer or PlacedWriter.

@@ -12,8 +12,8 @@ struct P2 {
   Real x = 0, y = 0;
 };
 
-// DESIGN's lens models, from a Lens's model and parameters alone. Everything that has to be solved is solved by
-// bisection or by Newton's method on differences: slow, and nothing to get wrong.
+// The lens models of docs/design.md, from a Lens's model and parameters alone. Everything that has to be solved is
+// solved by bisection or by Newton's method on differences: slow, and nothing to get wrong.
 class ReferenceLens {
  public:
   explicit ReferenceLens(const lf::Lens& lens);

@@ -6,6 +6,7 @@
 #include <regex>
 
 #include "base/error.h"
+#include "base/percentiles.h"
 #include "cameras/frame_picture.h"
 #include "cameras/rig_cameras.h"
 #include "rig/bin_description.h"
@@ -43,13 +44,6 @@ struct Watch {
   }
 };
 
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 void read_controls(const GstStructure* stats, CameraExam& exam) {
   const GValue* controls = gst_structure_get_value(stats, "controls");
   if (!controls || !GST_VALUE_HOLDS_STRUCTURE(controls)) return;
@@ -77,7 +71,7 @@ CameraExam result_of(const RigCameras& cameras, CameraIndex index, Watch& watch,
   gst_structure_free(stats);
   const std::lock_guard lock(watch.mutex);
   exam.times = measure_frame_times(watch.taken);
-  exam.delay = median(watch.delays);
+  exam.delay = watch.delays.empty() ? 0 : median(watch.delays);
   exam.bytes_per_second = static_cast<double>(cameras.source_bytes(index) - bytes) / duration;
   exam.brightness = watch.brightness;
   exam.darkest = watch.darkest;

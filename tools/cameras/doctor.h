@@ -3,9 +3,7 @@
 
 #include <cmath>
 #include <functional>
-#include <map>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,16 +19,16 @@ struct CameraExam {
   CameraIndex camera = 0;
   Attachment attachment;
   std::string problem;        // why it did not work, as the light field says it; "": it did
-  FrameTimes times;           // of capture
-  double delay = 0;           // from capture until a frame is here, median; seconds
-  double phase = NAN;         // behind the other cameras, seconds
-  std::string format;         // of its source: "JPEG", "YUY2"; "": not known
+  FrameTimes times;           // times of capture
+  double delay = 0;           // median seconds from capture until a frame is here
+  double phase = NAN;         // seconds that the camera is behind the others
+  std::string format;         // what the source gives: "JPEG", "YUY2"; "": not known
   std::string stamps;         // how capture times are known: "source", "sender-reports", "arrival"
-  size_t left_undecoded = 0;  // frames, as this machine can't decode all
+  size_t left_undecoded = 0;  // frames left undecoded, as this machine can't decode all
   double bytes_per_second = 0;
   double brightness = NAN, darkest = NAN, brightest = NAN;  // means of pictures, 0..255: the last one, and over time
-  Controls controls;                                        // as the camera has them; nothing: automatic
-  std::vector<std::string> not_taken;                       // controls of the rig that its source does not know
+  Controls controls;                                        // settings that the camera has; nothing: automatic
+  std::vector<std::string> not_taken;                       // controls in the rig that the source does not know
 };
 
 struct Finding {
@@ -48,9 +46,9 @@ struct Exam {
 };
 
 struct ExamOptions {
-  double seconds = 4;                                              // that cameras are watched, once they give frames
-  double patience = 10;                                            // seconds until they do
-  int fps = 0;                                                     // to ask of devices; 0: as they have it
+  double seconds = 4;    // seconds that cameras are watched, once they give frames
+  double patience = 10;  // seconds in which cameras must begin to give frames
+  int fps = 0;           // frames per second that devices are asked for; 0: as they have it
   std::function<void(const std::vector<LinkLoad>&)> on_plan = {};  // told what links will carry, before cameras open
   std::function<void(double)> on_progress = {};  // how much of the watching is done, 0..1; on the caller's thread
 };
@@ -64,7 +62,7 @@ Exam examine(std::shared_ptr<const Rig> rig, const std::string& path, const Exam
 std::vector<LinkLoad> planned_loads(const Rig& rig, const std::vector<CameraExam>& cameras, int fps);
 std::vector<LinkLoad> measured_loads(const Rig& rig, const std::vector<CameraExam>& cameras);
 
-// What is wrong, and what helps. doctor_findings.cc
+// What is wrong with the cameras, and what helps. In doctor_findings.cc.
 std::vector<Finding> find_trouble(const Rig& rig, const Exam& exam);
 
 // What helps where a camera does not work and that is why, in the light field's words or those of its source: of a film

@@ -17,11 +17,12 @@ namespace lf::cameras {
 class IdentifyServer {
  public:
   struct Source {
-    std::function<std::vector<uint8_t>()> jpeg;               // of the mosaic; may throw Error
-    std::function<std::string()> state;                       // JSON, see Mosaic
-    std::function<std::string(uint32_t a, uint32_t b)> swap;  // cameras by id; why not, "" where it is done
+    std::function<std::vector<uint8_t>()> jpeg;  // the mosaic as a JPEG file; may throw Error
+    std::function<std::string()> state;          // JSON, see Mosaic
+    // Swaps two cameras, by id; returns why not, "" where it is done.
+    std::function<std::string(uint32_t a, uint32_t b)> swap;
   };
-  // At this port, 0: any. Throws Error.
+  // Serves at this port, 0: any. Throws Error.
   IdentifyServer(int port, Source source);
   ~IdentifyServer();
   IdentifyServer(const IdentifyServer&) = delete;

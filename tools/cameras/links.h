@@ -13,8 +13,8 @@ struct Link {
   enum class Kind { kNone, kUsb, kNetwork };
   Kind kind = Kind::kNone;
   std::string name;            // "USB bus 1 (480 Mbit/s)", "network eth0"; cameras with the same share it
-  double capacity = 0;         // of pictures, bytes per second for all; 0: not known
-  double camera_capacity = 0;  // at most, of one camera; 0: as the link
+  double capacity = 0;         // bytes of pictures per second for all cameras together; 0: not known
+  double camera_capacity = 0;  // bytes per second that one camera can use at most; 0: as many as the link has
 };
 
 struct Attachment {
@@ -22,8 +22,8 @@ struct Attachment {
   Link link;
 };
 
-// Of a camera with a V4L2 device or an address, by URI or by elements. Looks into `sys`, the kernel's /sys; names of
-// hosts are resolved. Never throws: what can't be found is left empty.
+// The links of a camera with a V4L2 device or an address, by URI or by elements. Looks into `sys`, the kernel's /sys;
+// names of hosts are resolved. Never throws: what can't be found is left empty.
 Attachment find_attachment(const Rig& rig, const Camera& camera, const std::string& sys = "/sys");
 
 // What is left of a USB's speed (Mbit/s) for pictures. High speed: isochronous transfers may have 80 % of a microframe
@@ -34,8 +34,8 @@ Link usb_link(int bus, int speed);
 struct LinkLoad {
   Link link;
   std::vector<CameraIndex> cameras;
-  double needed = 0;       // bytes per second of all
-  double most_needed = 0;  // of the camera that needs most
+  double needed = 0;       // bytes per second of all cameras
+  double most_needed = 0;  // bytes per second of the camera that needs most
   double pixels = 0;       // per second of all
   bool raw = false;        // pictures are not compressed
 };
@@ -44,7 +44,7 @@ struct LinkAdvice {
   bool too_much = false;  // pictures will be lost; else little is left
   std::string what, remedy;
 };
-// Nothing for a link whose capacity is not known, or that has a fifth of it left.
+// What is wrong with a link; nothing for one whose capacity is not known, or that has a fifth of it left.
 std::vector<LinkAdvice> advise(const LinkLoad& load);
 
 // Bytes that a webcam's JPEG has for a pixel, about.

@@ -3,7 +3,6 @@
 
 #include <functional>
 #include <map>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -19,7 +18,7 @@ struct LockOptions {
   CameraIndex reference = 0;
   double settle = 4;            // seconds that automatic controls get, and pictures after a change
   double patience = 10;         // seconds until cameras give frames
-  std::optional<double> mains;  // hertz: exposures become whole half-waves of it, against flicker
+  std::optional<double> mains;  // hertz of the mains: exposures become whole half-waves, against flicker
 };
 
 // A camera that does not work, in the light field's words.

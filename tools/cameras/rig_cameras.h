@@ -20,7 +20,7 @@ struct CameraFrame {
   CameraIndex camera = 0;
   GstSample* sample = nullptr;  // borrowed; RGB of any order, I420 or JPEG, of the size in the rig
   double taken = 0;             // seconds of clock time; capture time as the light field takes it
-  double came = 0;              // the same clock
+  double came = 0;              // when the frame was here, seconds of the same clock
 };
 
 // The cameras of a rig, each opened as the light field opens it (lfcamsrc), side by side under one clock. One that
@@ -28,8 +28,8 @@ struct CameraFrame {
 class RigCameras {
  public:
   struct Options {
-    std::vector<CameraIndex> cameras;  // which; empty: all
-    bool decode = true;                // else JPEG comes as it is
+    std::vector<CameraIndex> cameras;  // indices of the cameras to open; empty: all
+    bool decode = true;                // JPEG is decoded; else it comes as it is
     int fps = 0;                       // asked of devices, frames per second; 0: as they have it
   };
   using OnFrame = std::function<void(const CameraFrame&)>;
@@ -39,21 +39,23 @@ class RigCameras {
   ~RigCameras();
   RigCameras(const RigCameras&) = delete;
 
-  // Does not wait for the cameras.
+  // Starts the cameras and does not wait for them.
   void start();
-  // Waits so long, or until `done`. To be called from one thread; what has failed is known afterwards.
+  // Waits for so many seconds, or until `done` is true. To be called from one thread; what has failed is known
+  // afterwards.
   void wait(double seconds, const std::function<bool()>& done = {});
-  // No frame comes any more.
+  // Stops the cameras: no frame comes any more.
   void stop();
 
   const std::vector<CameraIndex>& cameras() const { return options_.cameras; }
   double now() const;                             // seconds, by the clock of the frames
-  uint64_t frames(CameraIndex camera) const;      // that have come
+  uint64_t frames(CameraIndex camera) const;      // frames of the camera that have come
   std::string problem(CameraIndex camera) const;  // why it does not work, or did not for a while; "": it works
-  GstStructure* stats(CameraIndex camera) const;  // of its lfcamsrc; owned by the caller
-  // What comes from its source: "JPEG", "YUY2", "H264 by RTP"; "" before the first frame, and of files and the scene.
+  GstStructure* stats(CameraIndex camera) const;  // `stats` of the camera's lfcamsrc; owned by the caller
+  // What comes from the camera's source: "JPEG", "YUY2", "H264 by RTP"; "" before the first frame, and of files and the
+  // scene.
   std::string format(CameraIndex camera) const;
-  uint64_t source_bytes(CameraIndex camera) const;  // that its source has given
+  uint64_t source_bytes(CameraIndex camera) const;  // bytes that the camera's source has given
 
  private:
   struct One;
@@ -65,7 +67,7 @@ class RigCameras {
   OnFrame on_frame_;
   GstElement* pipeline_ = nullptr;
   GstClock* clock_ = nullptr;
-  std::vector<std::unique_ptr<One>> all_;  // by index in the rig; null where not asked for
+  std::vector<std::unique_ptr<One>> all_;  // by index in the rig; null for cameras that are not opened
 };
 
 // "3 (cam_00_03)".

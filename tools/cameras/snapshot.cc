@@ -5,7 +5,6 @@
 #include <atomic>
 #include <cmath>
 #include <mutex>
-#include <optional>
 
 #include "base/error.h"
 #include "cameras/frame_picture.h"

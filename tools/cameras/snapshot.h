@@ -11,8 +11,8 @@
 namespace lf::cameras {
 
 struct SnapshotOptions {
-  std::vector<CameraIndex> cameras;  // which; empty: all
-  double warm_up = 2;                // seconds that cameras run before: they adjust to the light
+  std::vector<CameraIndex> cameras;  // indices of the cameras; empty: all
+  double warm_up = 2;                // seconds that cameras run before, in which they adjust to the light
   double patience = 10;              // seconds until all give frames; those that don't are left out
 };
 
@@ -24,8 +24,8 @@ struct Still {
   std::string problem;  // why there is none
 };
 
-// Of each camera of the rig that was read from `path` the frame that is nearest to one instant, which lies behind the
-// warm-up of all. In the order of the cameras. Throws Error where GStreamer's parts are missing.
+// Takes of each camera of the rig that was read from `path` the frame that is nearest to one instant, which lies behind
+// the warm-up of all. In the order of the cameras. Throws Error where GStreamer's parts are missing.
 std::vector<Still> take_snapshot(std::shared_ptr<const Rig> rig, const std::string& path,
                                  const SnapshotOptions& options);
 

@@ -7,13 +7,13 @@
 
 namespace lf::serve {
 
-// In a time that tells nothing of where they differ, nor of the length of `secret`.
+// Whether both are the same, told in a time that depends neither on where they differ nor on the length of `secret`.
 bool is_same_secret(std::string_view given, std::string_view secret);
 
-// An address of this machine alone: "localhost", 127.0.0.0/8, ::1.
+// Whether it is an address of this machine alone: "localhost", 127.0.0.0/8, ::1.
 bool is_loopback(const std::string& address);
 
-// Who may ask, by the headers of a request. Immutable; thread-safe.
+// Decides who may ask, by the headers of a request. Immutable; thread-safe.
 class Access {
  public:
   // `token`: "" asks for none. `origins`: as browsers send them ("https://example.org"), beside the server's own; "*"

@@ -21,11 +21,12 @@ class ArrayInfo {
   // "right": [1, 0, 0], "down": [0, 1, 0]}: the axes of whoever stands before the array.
   const std::string& json() const { return json_; }
   const Rig& rig() const { return rig_; }
-  const std::vector<std::string>& names() const { return names_; }  // of the cameras
-  // Of all that pictures depend on, in hexadecimal digits.
+  const std::vector<std::string>& names() const { return names_; }  // names of the cameras
+  // The hash of all that pictures depend on, in hexadecimal digits.
   std::string hash() const;
   double size() const { return size_; }  // metres between the two cameras that are farthest apart
-  // Who makes a pixel, the heaviest first: [{"name": "cam_00_00", "weight": 0.5, "sees": true}, ...]
+  // The cameras that make a pixel of a view, the heaviest first: [{"name": "cam_00_00", "weight": 0.5, "sees": true},
+  // ...]
   nlohmann::json pixel(const View& view, int x, int y) const;
   // The share of the view that cameras make, 0..1.
   double coverage(const View& view) const;

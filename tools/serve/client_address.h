@@ -6,8 +6,8 @@
 
 namespace lf::serve {
 
-// Whom limits are for: an IPv4 address (IPv6 ones that stand for one, too), or the /64 of an IPv6 address, which is
-// what one customer has, as "2001:db8:1:2::/64". "" for what is no address.
+// The subscriber whom limits are for: an IPv4 address (IPv6 ones that stand for one, too), or the /64 of an IPv6
+// address, which is what one customer has, as "2001:db8:1:2::/64". "" for what is no address.
 std::string subscriber(const std::string& address);
 
 // The address that a request comes from, as text: `peer`, or where that is one of `proxies` the one that it names last

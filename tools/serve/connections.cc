@@ -2,7 +2,6 @@
 #include "connections.h"
 
 #include <algorithm>
-#include <vector>
 
 #include "base/error.h"
 #include "client_address.h"

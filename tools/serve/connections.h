@@ -25,8 +25,8 @@ class Connections {
 
   int port() const { return port_; }
   size_t size() const { return open_.size(); }
-  uint64_t closed() const { return closed_; }  // because they took too long or were too many
-  // The whole request is there.
+  uint64_t closed() const { return closed_; }  // connections closed because they took too long or were too many
+  // The whole request of this connection is there.
   void asked(SoupServerMessage* message);
 
  private:

@@ -23,15 +23,15 @@ using EventPtr = std::unique_ptr<GstEvent, UnrefEvent>;
 // of lfviewrequest: "lf-pixel", {"x": 20, "y": 10}, asks which cameras make that pixel.
 struct ControlMessage {
   static constexpr size_t kMaxBytes = 4096;
-  static constexpr size_t kMaxFields = 16;        // of a structure
+  static constexpr size_t kMaxFields = 16;        // fields of a structure
   static constexpr double kMaxPicture = 1 << 20;  // pixels and steps of a wheel
 
   struct Pixel {
     int x, y;
   };
-  std::optional<uint64_t> id;  // where the message has one, sound or not
-  EventPtr event;              // to be sent upstream; null: see pixel and error
-  std::optional<Pixel> pixel;  // that is asked about
+  std::optional<uint64_t> id;  // number of the message, where it has one, sound or not
+  EventPtr event;              // the event to send upstream; null: see pixel and error
+  std::optional<Pixel> pixel;  // the pixel that is asked about
   std::string error;
 };
 

@@ -9,14 +9,14 @@
 
 namespace lf::serve {
 
-// Whether an encoder for it is installed: of those for H.264 that are known here the one of the highest rank is used,
-// hardware or not.
+// Whether an encoder for the codec is installed: of those for H.264 that are known here the one of the highest rank is
+// used, hardware or not.
 bool can_encode(VideoCodec codec);
 
-// From raw video to RTP for webrtcbin, as a part of a launch line: an encoder "encoder" that keeps no picture back, and
-// a payloader "payloader" whose timestamps are 90,000 times the running time in seconds.
+// A part of a launch line from raw video to RTP for webrtcbin: an encoder "encoder" that keeps no picture back, and a
+// payloader "payloader" whose timestamps are 90,000 times the running time in seconds.
 std::string encoder_line(const Offer& offer, int bits_per_second);
-// While it runs.
+// Sets the bit rate of an encoder, while it runs.
 void set_bit_rate(GstElement* encoder, int bits_per_second);
 
 }  // namespace lf::serve

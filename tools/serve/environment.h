@@ -3,9 +3,10 @@
 
 namespace lf::serve {
 
-// What many viewers take of a process: more files than usual, and less memory. Before threads are started.
+// Prepares the process for many viewers, who take more files than usual, and less memory. Call before threads are
+// started.
 void prepare_process();
-// What viewers take of GStreamer: that all elements are installed, and a key for DTLS is made, which takes up to a
+// Prepares GStreamer for viewers: all elements must be installed, and a key for DTLS is made, which takes up to a
 // second; the first viewer should not wait for it. Throws Error that names the package of what is missing.
 void prepare_elements();
 

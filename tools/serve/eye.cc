@@ -4,7 +4,6 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "launch.h"
 #include "wire/request_codec.h"
 #include "wire/request_layout.h"
 

@@ -17,7 +17,7 @@
 namespace lf::serve {
 
 struct EyeSettings {
-  uint32_t view = 0;              // id
+  uint32_t view = 0;              // id of the view
   int width = 640, height = 480;  // pixels, even
   int framerate = 30;
   uint64_t capture_delay = 0;  // nanoseconds, how old a capture must be before it is asked for
@@ -36,19 +36,19 @@ class Eye {
 
   // The part of a launch line that makes eye number `index`, up to "... ! ", behind which its pictures come.
   static std::string launch_line(int index, size_t nodes);
-  // Of a pipeline made with that, which has not been started.
+  // The eye of a pipeline made with launch_line(), which has not been started.
   Eye(GstElement* pipeline, int index, LightField& field, const EyeSettings& settings, OnRequest on_request);
-  // After the pipeline was stopped.
+  // Call after the pipeline was stopped.
   ~Eye();
   Eye(const Eye&) = delete;
 
-  void close();                 // before the pipeline is stopped: no answers come any more
-  bool steer(GstEvent* event);  // takes it; false if it means nothing here
-  // Number 1: the same but for the eye, and of the same moment. Its own view id is put in.
+  void close();                 // call before the pipeline is stopped: no answers come any more
+  bool steer(GstEvent* event);  // takes the event; false if it means nothing here
+  // Makes number 1 ask for the same view and moment as this request of number 0, but for the eye and the view id.
   void ask(ViewRequest request, GstClockTime running_time);
-  // Of the pictures from the next request on, pixels, even; those of a path have their own.
+  // The size of pictures from the next request on, pixels, even; those of a path have their own.
   void set_size(int width, int height) { g_object_set(view_, "width", width, "height", height, nullptr); }
-  // The rig file is read again.
+  // Reads the rig file again.
   void set_rig(const std::string& rig) const {
     for (GstElement* element : {view_, compositor_}) g_object_set(element, "rig", rig.c_str(), nullptr);
   }
@@ -58,10 +58,10 @@ class Eye {
   void set_trials(unsigned interval) { g_object_set(compositor_, "trial-interval", interval, nullptr); }
   GstPad* requests() const { return view_pad_; }
   GstElement* compositor() const { return compositor_; }
-  GstStructure* stats() const;  // of the lfcompositor
+  GstStructure* stats() const;  // `stats` of the lfcompositor; owned by the caller
   // The numbers of the view, as the properties of lfviewrequest.
   nlohmann::json numbers() const;
-  std::optional<View> asked() const;  // for, last
+  std::optional<View> asked() const;  // the view that was asked for last
 
  private:
   static GstFlowReturn take_request(GstAppSink* sink, gpointer data);
@@ -72,7 +72,7 @@ class Eye {
   OnRequest on_request_;
   GstElement *compositor_ = nullptr, *view_ = nullptr;
   GstPad* view_pad_ = nullptr;  // takes upstream events
-  GstAppSrc* told_ = nullptr;   // of number 1
+  GstAppSrc* told_ = nullptr;   // where the requests of number 1 go in
   std::vector<GstAppSrc*> answers_;
   mutable std::mutex mutex_;
   GstBuffer* asked_ = nullptr;  // the latest request; decoded when somebody wants to know

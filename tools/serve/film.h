@@ -34,7 +34,7 @@ class Film {
   GDataInputStream* says_ = nullptr;
   GCancellable* cancellable_;
   int64_t began_;
-  double told_ = 0;  // of all, when it was told last
+  double told_ = 0;  // share of the film, 0 to 1, when it was last told
   int64_t told_at_ = 0;
   std::string last_line_;
 };

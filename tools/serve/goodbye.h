@@ -10,7 +10,7 @@
 
 namespace lf::serve {
 
-// That the end of the connection has left: another thread sends it, which must not be stopped before.
+// Waits until the end of a DTLS connection has left: another thread sends it, which must not be stopped before.
 class Goodbye {
  public:
   static GstPadProbeReturn on_packet(GstPad*, GstPadProbeInfo* info, gpointer data) {
@@ -21,7 +21,7 @@ class Goodbye {
     return GST_PAD_PROBE_OK;
   }
   void wait() {
-    constexpr std::chrono::milliseconds kLongest{250};  // on the main thread
+    constexpr std::chrono::milliseconds kLongest{250};  // most that the main thread waits
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, kLongest, [this] { return has_left_; });
   }

@@ -10,19 +10,19 @@
 
 namespace lf::serve {
 
-// Of the request; null if there is none.
+// A header of the request; null if there is none.
 const char* header(SoupServerMessage* message, const char* name);
-// Of the response.
+// Sets a header of the response.
 void set_header(SoupServerMessage* message, const char* name, const std::string& value);
 void respond(SoupServerMessage* message, guint status, const char* type, const std::string& body);
-// To OPTIONS: what a page of another site may ask for.
+// Answers OPTIONS: what a page of another site may ask for.
 void allow(SoupServerMessage* message, const char* methods);
 
 // Why something is refused, as docs/web-interface.md has it.
 struct Refusal {
   guint status;
-  const char* reason;   // for programs; one of kReasons
-  const char* title;    // for people
+  const char* reason;   // a name for programs, one of kReasons
+  const char* title;    // a sentence for people
   int retry_after = 0;  // seconds; 0: never
 };
 
@@ -49,7 +49,7 @@ class Refusals {
   void answer(SoupServerMessage* message, const std::string& client, const Refusal& refusal);
   void answer(SoupServerMessage* message, const std::string& client, const Refusal& refusal,
               const nlohmann::json& more);
-  // For Prometheus.
+  // How often each reason was given, in the format of Prometheus.
   std::string metrics() const;
 
  private:

@@ -24,7 +24,7 @@ struct ServerOptions {
   std::string token;
   std::set<std::string> origins, hosts, proxies;
   Whep::Options whep;
-  bool insecure = false;  // other addresses than loopback without TLS
+  bool insecure = false;  // addresses other than loopback are allowed without TLS
 };
 
 // The page, the WHEP endpoint, metrics and health over HTTP (docs/web-interface.md): the page from the beginning, the
@@ -37,10 +37,10 @@ class HttpServer {
   HttpServer(const HttpServer&) = delete;
 
   std::string url() const;
-  // What there is to wait for, until serve(): the first film, of which this part is done, or the cameras.
+  // Says what viewers have to wait for, until serve(): the first film, of which this part is done, or the cameras.
   void films(double progress) { filmed_ = progress; }
   void starts() { filmed_.reset(); }
-  // Both are borrowed, until stop().
+  // Serves the light field's views, too, from now on. Both are borrowed until stop().
   void serve(LightField& field, Sessions& sessions);
   void stop();
 

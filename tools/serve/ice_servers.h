@@ -22,7 +22,7 @@ class IceServers {
   bool empty() const { return servers_.empty(); }
   // The value of a Link header (RFC 9725, 4.6); `now`: seconds since 1970.
   std::string links(int64_t now) const;
-  // As webrtcbin takes them: "stun://HOST:PORT", "turn://USER:PASSWORD@HOST:PORT?transport=udp".
+  // The servers as webrtcbin takes them: "stun://HOST:PORT", "turn://USER:PASSWORD@HOST:PORT?transport=udp".
   std::vector<std::string> for_webrtcbin(int64_t now) const;
   // Addresses of the TURN servers, as text: packets that they pass on come from there. Blocks while names are looked
   // up; who is not found is said in the log.

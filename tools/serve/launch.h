@@ -21,7 +21,7 @@ inline GstElement* launch_pipeline(const std::string& line) {
   throw Error(text);
 }
 
-// A bin with a pad for what the line leaves open; floating. Throws Error likewise.
+// A bin with a pad for what the line leaves open; floating. Throws Error that names what is not installed.
 inline GstElement* launch_bin(const std::string& line) {
   GError* error = nullptr;
   GstElement* bin =
@@ -33,7 +33,7 @@ inline GstElement* launch_bin(const std::string& line) {
   throw Error(text);
 }
 
-// g_object_set() of the element of this name inside.
+// Sets properties of the element of this name inside a bin, as g_object_set() does.
 template <typename... Args>
 void set_in(GstElement* bin, const char* name, Args... args) {
   GstElement* element = gst_bin_get_by_name(GST_BIN(bin), name);
@@ -41,7 +41,7 @@ void set_in(GstElement* bin, const char* name, Args... args) {
   gst_object_unref(element);
 }
 
-// Of an error or a warning: which element says what.
+// The text of an error or a warning: which element says what.
 inline std::string text_of(GstMessage* message) {
   GError* error = nullptr;
   if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR)
@@ -53,7 +53,7 @@ inline std::string text_of(GstMessage* message) {
   return text;
 }
 
-// From any thread: runs it in the main loop, soon, never inside of this call.
+// Runs the job in the main loop, soon, and never inside of this call. Any thread.
 inline void on_main_thread(std::function<void()> job) {
   GSource* source = g_idle_source_new();
   g_source_set_priority(source, G_PRIORITY_DEFAULT);

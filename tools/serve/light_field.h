@@ -39,12 +39,13 @@ class LightField {
   // Blocks until the cameras run. Throws Error. `on_error` is called on the main thread, when they have failed later.
   void start(std::function<void(const std::string&)> on_error);
 
-  // The rig file has been read again as `array`. Whether its cameras are those that are open, with the same sources.
+  // Whether the cameras of `array`, a rig file that has been read again, are those that are open, with the same
+  // sources.
   bool has_cameras_of(const ArrayInfo& array) const;
-  // The same cameras go on with it, at once.
+  // Goes on with another rig of the same cameras, at once.
   void take_rig(std::shared_ptr<const ArrayInfo> array);
-  // Other cameras are opened, those there were are closed: blocks until they run. Not on the main thread. Throws Error;
-  // then there are none.
+  // Opens the cameras of another rig and closes those there were: blocks until they run. Not on the main thread. Throws
+  // Error; then there are none.
   void restart(std::shared_ptr<const ArrayInfo> array);
 
   // Pipelines of viewers run under the clock of the cameras.
@@ -52,10 +53,10 @@ class LightField {
   const std::string& rig() const { return rig_; }
   std::shared_ptr<const ArrayInfo> array() const;
   size_t nodes() const { return answers_.size(); }
-  bool is_local() const { return local_; }  // no other hosts
+  bool is_local() const { return local_; }  // the cameras are in this process
 
-  // Of the cameras in this process, small (cameras/mosaic.h): a JPEG file, and what it shows, as JSON. Throw Error
-  // where the cameras are on other hosts.
+  // Small pictures of the cameras in this process (cameras/mosaic.h): a JPEG file, and what it shows, as JSON. Throw
+  // Error where the cameras are on other hosts.
   std::vector<uint8_t> mosaic_jpeg();
   std::string mosaic_state();
 
@@ -69,7 +70,7 @@ class LightField {
   void request(GstBuffer* request);  // takes a reference
 
   uint64_t answer_bytes() const { return bytes_; }
-  // Numbers of the hosts that are asked and have not answered for kSilence, as they were named.
+  // Numbers of the hosts, in the order in which they were named, that are asked and have not answered for kSilence.
   std::vector<size_t> silent_nodes() const;
   // "HOST:PORT" of a host.
   const std::string& node_name(size_t node) const { return answers_[node]->name; }
@@ -84,7 +85,7 @@ class LightField {
   static GstFlowReturn take_answer(GstAppSink* sink, gpointer data);
   static void camera_added(GstBin* node, GstElement* child, gpointer self);
   std::shared_ptr<cameras::Mosaic> mosaic() const;
-  std::string problem_of(uint32_t camera) const;  // why it was lost; "" where nothing is known
+  std::string problem_of(uint32_t camera) const;  // why the camera was lost; "" where nothing is known
   static GstBusSyncReply bus_sync(GstBus* bus, GstMessage* message, gpointer data);
   static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
 

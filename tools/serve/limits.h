@@ -11,16 +11,16 @@ namespace lf::serve {
 
 // How pictures are focused, in lfcompositor's words.
 struct FocusOn {
-  std::string mode = "auto";  // its property "focus"
+  std::string mode = "auto";  // property "focus" of lfcompositor
   double near = 0, far = 0;   // metres from the array: "focus-near" and "focus-far"
-  std::string gains;          // "gains"; "": as it has it
+  std::string gains;          // property "gains"; "": as lfcompositor has it
 };
 
 // What viewers may ask of the server, and get.
 struct Limits {
   int viewers = 8;                         // views in fact: who has two eyes counts twice
-  int address_views = 2;                   // of one address
-  int max_width = 1280, max_height = 720;  // of a view, pixels
+  int address_views = 2;                   // views of one address
+  int max_width = 1280, max_height = 720;  // largest size of a view, pixels
   double max_aperture = 0;                 // metres; 0: the array's size
   int framerate = 30;
   int capture_delay_ms = 100;  // how old a capture must be before it is asked for: what the cameras take
@@ -28,14 +28,14 @@ struct Limits {
   FocusOn focus_on;
   int monitor = 0;                   // requests from one camera's turn to be watched to the next; 0: never
   int bit_rate = 6000000;            // bits per second, of one viewer's video
-  double messages_per_second = 240;  // on a data channel
-  double connects_per_second = 2;    // of one address, after the first `connect_burst`
+  double messages_per_second = 240;  // messages on a data channel
+  double connects_per_second = 2;    // connects of one address, after the first `connect_burst`
   double connect_burst = 40;
-  static constexpr double kMostBitsPerPixel = 0.22;  // of video at best, whatever `bit_rate` allows
+  static constexpr double kMostBitsPerPixel = 0.22;  // bits a pixel of video at best, whatever `bit_rate` allows
   static constexpr int kMinSize = 64;                // pixels a side
   static constexpr double kSilence = 5;              // seconds without a packet until a viewer is removed
   static constexpr double kConnect = 15;             // seconds from an offer until its viewer must be connected
-  static constexpr double kWrongTokens = 0.2, kWrongTokensAtOnce = 10;  // of one address, per second
+  static constexpr double kWrongTokens = 0.2, kWrongTokensAtOnce = 10;  // wrong tokens of one address per second
 };
 
 // Bits per second that a view's video gets at best: more of it looks no better.

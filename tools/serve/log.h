@@ -13,7 +13,7 @@ void say(const std::string& line);
 inline constexpr size_t kLongestLine = 200;
 inline constexpr double kLinesPerSecond = 5, kLinesAtOnce = 100;
 
-// As say() writes it.
+// A line as say() writes it.
 std::string printable(const std::string& line);
 
 }  // namespace lf::serve

@@ -22,7 +22,7 @@ using SdpPtr = std::unique_ptr<GstSDPMessage, FreeSdp>;
 struct Offer {
   static constexpr size_t kMaxBytes = 65536;
   static constexpr guint kMaxMedia = 16;
-  static constexpr size_t kMaxCandidates = 4;  // of a medium
+  static constexpr size_t kMaxCandidates = 4;  // candidates of one medium that are kept
 
   SdpPtr sdp;
   VideoCodec codec;

@@ -8,21 +8,22 @@
 
 namespace lf::serve {
 
-// Which of a viewer's requests are being answered. Where the machine or the network is slower than the frame rate,
-// requests that nobody has time for are not made: pictures come at the rate that there is, each whole and of the
-// newest moment, in place of queues that end in gaps. Thread-safe. Times are those of requests, nanoseconds, rising.
+// Decides which of a viewer's requests are made, and knows which are being answered. Where the machine or the network
+// is slower than the frame rate, requests that nobody has time for are not made: pictures come at the rate that there
+// is, each whole and of the newest moment, in place of queues that end in gaps. Thread-safe. Times are those of
+// requests, nanoseconds, rising.
 class Pace {
  public:
   static constexpr uint64_t kPatience = 1000000000;  // nanoseconds until an answer is not waited for any more
 
   explicit Pace(size_t most) : most_(most) {}
 
-  // Requests are at least this far apart, nanoseconds.
+  // Sets how far apart requests are at least, nanoseconds.
   void set_interval(uint64_t interval) {
     const std::lock_guard lock(mutex_);
     interval_ = interval;
   }
-  // The request of this time may be made, and is. False: not now.
+  // Whether the request of this time may be made now; if so it counts as made.
   bool begin(uint64_t time) {
     const std::lock_guard lock(mutex_);
     while (!under_way_.empty() && time - under_way_.front() > kPatience) under_way_.pop_front();
@@ -34,14 +35,14 @@ class Pace {
     under_way_.push_back(time);
     return true;
   }
-  // Of the requests since the last call that were not too soon, the part that was made; 1 where there were none.
+  // The part that was made of the requests since the last call that were not too soon; 1 where there were none.
   double kept() {
     const std::lock_guard lock(mutex_);
     const double part = wanted_ > 0 ? static_cast<double>(made_) / static_cast<double>(wanted_) : 1;
     wanted_ = made_ = 0;
     return part;
   }
-  // It has become a picture. What was asked for before never will.
+  // The request of this time has become a picture. What was asked for before never will.
   void end(uint64_t time) {
     const std::lock_guard lock(mutex_);
     while (!under_way_.empty() && under_way_.front() <= time) under_way_.pop_front();

@@ -15,8 +15,8 @@ struct ReceptionReport {
   int32_t lost = 0;      // packets; what came twice makes it smaller again
 };
 
-// The loss between reports. Their own "fraction lost" will not do: browsers report with every request for packets
-// again, so that it is that of some two or three packets.
+// Computes the loss between reports. Their own "fraction lost" will not do: browsers report with every request for
+// packets again, so that it is that of some two or three packets.
 class PacketLoss {
  public:
   // The newest report of each stream. Returns the part of the packets, 0 to 1, that was lost since the reports of the

@@ -23,11 +23,11 @@ inline constexpr char kUnanswerable[] = "the offer can't be answered";
 
 // What the receiver says of the last second.
 struct LinkReport {
-  double loss = 0;        // of the packets
+  double loss = 0;        // part of the packets that was lost, 0 to 1
   double round_trip = 0;  // seconds; 0: not known
 };
 
-// Where a peer is to be reached, and what helps it to be.
+// The addresses by which a peer is to be reached, and servers that help it.
 struct Route {
   std::string address;  // the only one of this machine, or ""
   std::vector<std::string>
@@ -41,10 +41,11 @@ struct Route {
 class Peer : public std::enable_shared_from_this<Peer> {
  public:
   struct Callbacks {
-    std::function<void(const std::string& sdp)> on_answer;  // with all candidates found within kGathering; once
-    std::function<void()> on_connected;                     // DTLS is up; once
+    std::function<void(const std::string& sdp)> on_answer;  // called once, with all candidates found within kGathering
+    std::function<void()> on_connected;                     // called once, when DTLS is up
     std::function<void(const std::string& why)> on_failed;
-    std::function<void(const std::string& text)> on_message;  // of the data channel "control"; a streaming thread
+    // A message of the data channel "control"; called by a streaming thread.
+    std::function<void(const std::string& text)> on_message;
     std::function<void(const LinkReport&)> on_report;
   };
 
@@ -53,20 +54,20 @@ class Peer : public std::enable_shared_from_this<Peer> {
   // `webrtc` is borrowed from its pipeline, which has not been started; its sink_0 is linked.
   static std::shared_ptr<Peer> make(GstElement* webrtc, Offer offer, uint32_t ssrc, const Route& route,
                                     Callbacks callbacks);
-  // After the pipeline was stopped.
+  // Call after the pipeline was stopped.
   ~Peer();
 
-  // Once the pipeline is PAUSED: answers the offer.
+  // Answers the offer. Call once the pipeline is PAUSED.
   void negotiate();
 
   // g_get_monotonic_time() of the last packet from the browser; 0: none yet. Thread-safe.
   int64_t heard() const { return heard_; }
   bool connected() const { return connected_; }
-  // To the data channel "control", if there is one. Thread-safe.
+  // Sends a text on the data channel "control", if there is one. Thread-safe.
   void send(const std::string& text);
   // Closes DTLS, so that the browser knows at once; the pipeline goes on for the moment that this takes.
   void say_goodbye();
-  // on_report follows.
+  // Asks webrtcbin for its statistics; on_report() follows.
   void ask_for_report();
 
  private:
@@ -84,12 +85,12 @@ class Peer : public std::enable_shared_from_this<Peer> {
   uint32_t ssrc_;
   Callbacks callbacks_;
   std::atomic<int64_t> heard_ = 0;
-  std::atomic<int> streams_ = 0;  // of SCTP, from the browser
+  std::atomic<int> streams_ = 0;  // SCTP streams from the browser
   std::atomic<bool> connected_ = false, answered_ = false, failed_ = false;
   std::mutex mutex_;
   GstWebRTCDataChannel* channel_ = nullptr;
   GstElement* dtls_ = nullptr;  // the encoder, borrowed from the webrtcbin
-  PacketLoss loss_;             // the main thread's
+  PacketLoss loss_;             // used by the main thread alone
 };
 
 }  // namespace lf::serve

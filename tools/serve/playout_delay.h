@@ -9,7 +9,7 @@ namespace lf::serve {
 // to make the gaps between pictures even. docs/measurements.md says what that saves.
 inline constexpr char kPlayoutDelayUri[] = "http://www.webrtc.org/experiments/rtp-hdrext/playout-delay";
 
-// Puts it into all packets of the payloader, under the number that the offer has for it, 1..14.
+// Puts the extension into all packets of the payloader, under the number that the offer has for it, 1..14.
 void add_playout_delay(GstElement* payloader, guint id);
 
 }  // namespace lf::serve

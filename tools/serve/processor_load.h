@@ -10,7 +10,7 @@ namespace lf::serve {
 // How much of this machine's processors is in use, by everybody, from /proc/stat.
 class ProcessorLoad {
  public:
-  // Since the call before, 0 to 1; 0 where nothing is known.
+  // The load since the call before, 0 to 1; 0 where nothing is known.
   double update() {
     std::ifstream stat("/proc/stat");
     std::string name;

@@ -5,12 +5,12 @@
 
 namespace lf::serve {
 
-// What the network takes: the bit rate falls at once where packets are lost or queue up, and comes back slowly. Where
-// it is too little for every pixel first every other picture is left out, then pictures are of half the size. Plain
-// arithmetic without clock or locks; update() once a second.
+// Follows what the network takes: the bit rate falls at once where packets are lost or queue up, and comes back slowly.
+// Where it is too little for every pixel first every other picture is left out, then pictures are of half the size.
+// Plain arithmetic without clock or locks; update() once a second.
 class QualityControl {
  public:
-  static constexpr double kMuchLoss = 0.05, kLittleLoss = 0.02;  // of the packets of a second
+  static constexpr double kMuchLoss = 0.05, kLittleLoss = 0.02;  // parts of a second's packets that were lost
   static constexpr double kQueueing = 0.1;                       // seconds of round trip beyond the least seen
   static constexpr double kFall = 0.75, kRise = 1.08;
   // Below, H.264 shows blocks where anything moves. To come back takes a little more, or steps would follow steps.
@@ -27,7 +27,7 @@ class QualityControl {
   }
 
   int bits_per_second() const { return static_cast<int>(now_); }
-  int pictures_left_out() const { return step_ > 0 ? 1 : 0; }  // after each that is shown
+  int pictures_left_out() const { return step_ > 0 ? 1 : 0; }  // pictures left out after each that is shown
   int size_divisor() const { return step_ > 1 ? 2 : 1; }
   bool wants_key_frame() const { return wants_key_frame_; }
 
@@ -48,7 +48,7 @@ class QualityControl {
   }
 
  private:
-  static constexpr double kShare[] = {1, 1.0 / 2, 1.0 / 8};  // of the pixels, at each step
+  static constexpr double kShare[] = {1, 1.0 / 2, 1.0 / 8};  // part of the pixels at each step
   static constexpr int kLastStep = 2;
 
   double needed(int step) const { return kLeastBitsPerPixel * pixels_ * kShare[step]; }
@@ -59,7 +59,7 @@ class QualityControl {
 
   double least_, most_, pixels_, now_, best_ = 0;
   int step_ = 0;
-  int repeats_ = 0;  // of the key frame, still to come
+  int repeats_ = 0;  // repetitions of the key frame still to come
   bool wants_key_frame_ = false;
 };
 

@@ -34,7 +34,7 @@ class AddressLimit {
   AddressLimit(double per_second, double burst) : per_second_(per_second), burst_(burst), others_(per_second, burst) {}
 
   bool take(const std::string& address, int64_t now) { return bucket(address, now).take(now); }
-  // Whether it could take one.
+  // Whether take() would give a token to this address now.
   bool has_one(const std::string& address, int64_t now) { return bucket(address, now).has_one(now); }
   size_t size() const { return buckets_.size(); }
 

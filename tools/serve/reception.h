@@ -15,7 +15,7 @@ struct Reception {
   double round_trip = 0;  // seconds
 };
 
-// Of the statistics that webrtcbin's get-stats gives.
+// Reads the reports out of the statistics that webrtcbin's get-stats gives.
 Reception read_reception(const GstStructure* stats);
 
 }  // namespace lf::serve

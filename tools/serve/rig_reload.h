@@ -15,7 +15,7 @@ namespace lf::serve {
 // which pictures pause. On the main thread alone.
 class RigReload {
  public:
-  // Both outlive this. Throws Error where files can't be watched.
+  // Both arguments must outlive this. Throws Error where files can't be watched.
   RigReload(LightField& field, Sessions& sessions);
   ~RigReload();
   RigReload(const RigReload&) = delete;
@@ -28,7 +28,7 @@ class RigReload {
   LightField& field_;
   Sessions& sessions_;
   RigWatch watch_;
-  std::thread opens_;  // cameras, which may take a minute
+  std::thread opens_;  // opens cameras, which may take a minute
   bool is_opening_ = false, changed_again_ = false;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
 };

@@ -9,15 +9,14 @@
 
 namespace lf::serve {
 
-// Who may watch, and who is next. A seat is a view: who has two eyes takes two. Each address has at most so many, and
-// those that have not connected yet have a quarter of all together: where it is used up the address with most of it
-// gives, and who has not connected after kPatience gives first. Where there is no seat there is a queue, each place
-// with a ticket that is shown again and again. Plain arithmetic without clock or locks; times are
+// Decides who may watch, and who is next. A seat is a view: who has two eyes takes two. Each address has at most so
+// many, and those that have not connected yet have a quarter of all together: where it is used up the address with most
+// of it gives, and who has not connected after kPatience gives first. Where there is no seat there is a queue, each
+// place with a ticket that is shown again and again. Plain arithmetic without clock or locks; times are
 // g_get_monotonic_time(), microseconds.
 class Seats {
  public:
   static constexpr int64_t kPatience = 2000000;   // microseconds until one that does not connect holds no seat
-  static constexpr int kRetryAfter = 1;           // seconds from showing a ticket to showing it again
   static constexpr int64_t kForgotten = 3000000;  // microseconds until a ticket that is not shown is forgotten
   static constexpr size_t kMostWaiting = 64;
 
@@ -33,7 +32,8 @@ class Seats {
   // ""; `new_ticket`: one that nobody can guess, given out where it is needed.
   Answer ask(const std::string& address, int views, const std::string& ticket, const std::string& new_ticket,
              int64_t now);
-  // After kSeat, and when those who had to leave have. `session`: its name.
+  // Takes the seats. Call after ask() has answered kSeat, and when those who had to leave have. `session`: the viewer's
+  // name.
   void take(const std::string& session, const std::string& address, int views, int64_t now);
   void connected(const std::string& session);
   void leave(const std::string& session);

@@ -30,7 +30,7 @@ class Sessions {
   Seats::Answer ask(const std::string& address, const Wish& wish, const std::string& ticket);
   // After ask() has answered kSeat: returns the session's name; `on_answer` is called once, later. Throws Error.
   std::string open(const std::string& address, Offer offer, const Wish& wish, Route route, OnAnswer on_answer);
-  // False if there is none. Not inside of a viewer's callback.
+  // Closes a session; false if there is none of this name. Not to be called inside of a viewer's callback.
   bool close(const std::string& name, const std::string& why);
 
   void close_all(const std::string& why);
@@ -41,14 +41,14 @@ class Sessions {
   const MonitorReport& monitor() const { return monitor_; }
   const Shedding& shedding() const { return shedding_; }
   uint64_t opened() const { return opened_; }
-  // Over all viewers, those gone included.
+  // Totals over all viewers, those gone included.
   Viewer::Figures figures() const;
 
  private:
   struct Session {
     std::unique_ptr<Viewer> viewer;
     uint32_t view;
-    OnAnswer on_answer;  // until it was called
+    OnAnswer on_answer;  // null once it was called
   };
   double max_aperture() const;
   void close_soon(const std::string& name, const std::string& why);
@@ -64,7 +64,7 @@ class Sessions {
   Viewer::Figures gone_;
   std::string watching_;  // the viewer whose requests the cameras are watched by
   MonitorReport monitor_;
-  std::vector<size_t> silent_nodes_;  // that have been said
+  std::vector<size_t> silent_nodes_;  // silent nodes that the log has named
   ProcessorLoad load_;
   Shedding shedding_;
   double busy_ = 0;

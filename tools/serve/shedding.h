@@ -11,15 +11,15 @@ namespace lf::serve {
 // be wrong makes the next one wait twice as long. Plain arithmetic without clock or locks; update() once a second.
 class Shedding {
  public:
-  static constexpr double kKept = 0.9;                  // of the requests that viewers would make: fewer is too few
-  static constexpr double kBusy = 0.85;                 // of the processors: else it is something else that is slow
-  static constexpr double kRelaxed = 0.65;              // of the processors: less leaves enough for a step back
-  static constexpr int kPatience = 3;                   // seconds that are too slow before a step is taken
+  static constexpr double kKept = 0.9;      // part of viewers' requests that is made: less is too little
+  static constexpr double kBusy = 0.85;     // part of the processors in use: with less something else is slow
+  static constexpr double kRelaxed = 0.65;  // part of the processors in use: less leaves enough for a step back
+  static constexpr int kPatience = 3;       // seconds that are too slow before a step is taken
   static constexpr int kRest = 10, kLongestRest = 160;  // seconds from a step to taking it back
 
   // Requests from one with trials to the next.
   unsigned trial_interval() const { return step_ == 0 ? 1 : step_ == 1 ? 3 : 8; }
-  int pictures_left_out() const { return step_ > 2 ? 1 : 0; }  // after each that is shown
+  int pictures_left_out() const { return step_ > 2 ? 1 : 0; }  // pictures left out after each that is shown
   int size_divisor() const { return step_ > 3 ? 2 : 1; }
   int step() const { return step_; }
 

@@ -28,7 +28,7 @@ class StereoPair {
   static GstSample* join(GstSample* left, GstSample* right);
 
   std::mutex mutex_;
-  std::array<std::deque<SamplePtr>, 2> waiting_;  // by stamp
+  std::array<std::deque<SamplePtr>, 2> waiting_;  // samples of each eye, by stamp
 };
 
 }  // namespace lf::serve

@@ -6,9 +6,9 @@
 
 namespace lf::serve {
 
-// Which part of the time between two pictures, 0 to 1, has passed when a viewer's requests leave. Those of viewers that
-// came one after the other are far apart, however many they are (multiples of the golden ratio: any n of them in a row
-// are at least 1 / (1 + sqrt 5) / n apart): all at the same instant, each would wait for the others' pictures.
+// The part of the time between two pictures, 0 to 1, that has passed when a viewer's requests leave. Those of viewers
+// that came one after the other are far apart, however many they are (multiples of the golden ratio: any n of them in a
+// row are at least 1 / (1 + sqrt 5) / n apart): all at the same instant, each would wait for the others' pictures.
 inline double turn_of(uint32_t view) {
   constexpr double kGoldenRatio = 0.6180339887498949;
   const double turns = kGoldenRatio * view;

@@ -27,7 +27,7 @@
 namespace lf::serve {
 
 struct ViewerSettings {
-  EyeSettings eye;          // of two eyes the left one has its view id, the right one the next
+  EyeSettings eye;          // the left of two eyes has this view id, the right one the next
   double eye_distance = 0;  // metres; 0: one eye
   int least_bit_rate = 100000, most_bit_rate = 6000000;
   double messages_per_second = 240;
@@ -44,7 +44,7 @@ class Viewer {
   struct Callbacks {
     std::function<void(const std::string& sdp)> on_answer;
     std::function<void()> on_connected;
-    std::function<void(const std::string& why)> on_gone;  // to be destroyed, but not inside of this call
+    std::function<void(const std::string& why)> on_gone;  // the viewer is to be destroyed, but not inside of this call
   };
 
   // Throws Error.
@@ -54,11 +54,11 @@ class Viewer {
 
   // Once a second: looks after the bit rate, and tells the page how things are. `busy`: of the processors, 0 to 1.
   void tick(double busy);
-  // The rig file has changed: reads it again, and tells the page. Metres.
+  // The rig file has changed: reads it again, and tells the page. `max_aperture` in metres.
   void take_rig(double max_aperture);
-  // Leaves away what it says.
+  // Leaves away what `shedding` says.
   void shed(const Shedding& shedding);
-  // See Pace, since the last call.
+  // The part of requests that was made since the last call, see Pace.
   double kept() { return pace_.kept(); }
   // Seconds since the browser was last heard, or asked, where it has not connected yet.
   double silence(int64_t now) const;
@@ -91,7 +91,7 @@ class Viewer {
   nlohmann::json shed_report() const;
   void tell_pixel(const ControlMessage::Pixel& pixel);
 
-  struct Half {  // of a picture for two eyes
+  struct Half {  // one eye's half of a picture for two eyes
     Viewer* viewer;
     StereoPair::Side side;
   };
@@ -116,16 +116,16 @@ class Viewer {
   uint64_t video_bytes_told_ = 0;
   std::atomic<uint64_t> video_bytes_ = 0, refused_messages_ = 0;
 
-  std::mutex mutex_;  // of what follows
+  std::mutex mutex_;  // guards what follows
   TokenBucket messages_;
   bool flooded_ = false;
   bool began_video_ = false;
   std::vector<std::string> early_;  // messages that came before
   struct Change {
-    uint64_t id;        // of the message
+    uint64_t id;        // number of the message
     GstClockTime time;  // running time just before it
   };
-  std::optional<Change> change_;  // the latest that no request has shown yet
+  std::optional<Change> change_;  // the latest change that no request has shown yet
 };
 
 }  // namespace lf::serve

@@ -21,21 +21,21 @@ class Whep {
   struct Options {
     std::map<std::string, std::string> paths;  // views.json files that viewers may have flown, by name
     IceServers ice;
-    std::set<std::string> relays;  // of these
-    std::string media_address;     // the only one that video comes from, or ""
+    std::set<std::string> relays;  // addresses of relays, whose candidates are taken
+    std::string media_address;     // the only address of this machine that video comes from, or ""
   };
   struct Client {
-    std::string address;  // as text
-    std::string prefix;   // that a proxy has put before our paths, or ""
+    std::string address;  // address of the client, as text
+    std::string prefix;   // the path that a proxy has put before ours, or ""
   };
 
   Whep(Options options, const Limits& limits, Refusals& refusals);
 
-  // To /whep.
+  // Answers requests to /whep.
   void endpoint(SoupServerMessage* message, const Client& client, GHashTable* query, Sessions& sessions);
-  // To /whep/NAME.
+  // Answers requests to /whep/NAME.
   void session(SoupServerMessage* message, const std::string& name, Sessions& sessions);
-  // To OPTIONS; `trusted`: it has shown the token.
+  // Answers OPTIONS; `trusted`: the client has shown the token.
   void options(SoupServerMessage* message, bool trusted);
 
  private:

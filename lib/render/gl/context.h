@@ -25,7 +25,7 @@ class Context {
 
   // What the driver says that it runs on: "llvmpipe (LLVM 15.0.6, 256 bits)".
   const std::string& device() const { return device_; }
-  // Whether that is the CPU.
+  // Whether the driver computes on the CPU.
   bool is_software() const { return software_; }
 
   // Makes the context that of the calling thread, for as long as this lives; others wait.
@@ -43,7 +43,7 @@ class Context {
     std::lock_guard<std::mutex> lock_;
     bool good_;
   };
-  // From now on the context is as one that its driver has lost. Any thread.
+  // Makes the context as if its driver had lost it, from now on. Any thread.
   void lose();
 
  private:

@@ -19,7 +19,8 @@ class Texture {
   ~Texture() {
     if (name_) glDeleteTextures(1, &name_);
   }
-  // Binds it, with room for as much; `layers` 0: of one image. Exactly as much where `exact`.
+  // Binds the texture, with room for at least width x height texels in `layers` layers (0: one image), or for exactly
+  // as many where `exact`.
   void bind(int unit, GLenum format, int width, int height, int layers = 0, bool exact = false) {
     glActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit));
     const bool fits = exact ? width == width_ && height == height_ : width <= width_ && height <= height_;
@@ -49,7 +50,7 @@ class Texture {
   int width_ = 0, height_ = 0, layers_ = 0;
 };
 
-// Textures' units.
+// The units that textures are bound to.
 enum Unit { kOwners, kTables, kLevels, kRays, kCentreRays, kImages, kChromaImages, kLumaSeen, kTargets };
 
 class Program {
@@ -60,7 +61,7 @@ class Program {
   ~Program() {
     if (name_) glDeleteProgram(name_);
   }
-  // Compiles and links it the first time; false with what the driver says in `why`.
+  // Makes the program current, compiled and linked the first time; false with what the driver says in `why`.
   bool use(SumProgram what, std::string& why) {
     if (!name_ && !make(what, why)) return false;
     glUseProgram(name_);

@@ -2,7 +2,6 @@
 #include "render/gl/sum_drawer.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "render/camera_projection.h"
 #include "render/gl/objects.h"

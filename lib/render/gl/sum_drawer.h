@@ -50,7 +50,7 @@ class SumDrawer {
   std::string why_not() const;
   // Whether the card is there no more, so that no draw() will ever succeed again.
   bool is_lost() const { return lost_; }
-  // From now on it is as if the driver had lost the context. Any thread.
+  // Makes the context as if its driver had lost it, from now on. Any thread.
   void lose() { context_->lose(); }
   // Pixels (and chroma samples) that the latest draw() left to the CPU.
   size_t mended() const { return mended_; }
@@ -62,15 +62,15 @@ class SumDrawer {
   bool refuse(std::string why);
 
   std::unique_ptr<Context> context_;
-  std::unique_ptr<Objects> objects_;  // of the context
+  std::unique_ptr<Objects> objects_;  // what the context holds
   mutable std::mutex why_mutex_;
-  std::string why_not_;  // under that
+  std::string why_not_;  // guarded by why_mutex_
   std::atomic<bool> lost_ = false;
   std::atomic<size_t> mended_ = 0;
 };
 
-// Computes what the card left open in double: pixels whose lost weight is kDoubt, chroma samples of kChromaDoubt. How
-// many there were.
+// Computes what the card left open in double: pixels whose lost weight is kDoubt, chroma samples of kChromaDoubt.
+// Returns how many there were.
 size_t mend(const simd::SumTask& task, DrawnSum& sum);
 
 }  // namespace lf::gl

@@ -25,11 +25,11 @@ enum FaceTexel {
 };
 enum SlotTexel {
   kSlotFrom,        // ProjectionTerms::from; w: x of the anchor
-  kSlotAlong,       // and along; w: y of the anchor
-  kSlotDown,        // and down; w: SlotFlags
+  kSlotAlong,       // ProjectionTerms::along; w: y of the anchor
+  kSlotDown,        // ProjectionTerms::down; w: SlotFlags
   kSlotPerFrom,     // ProjectionTerms::per_from; w: the level that inverse distances are counted from
-  kSlotPerAlong,    // w: ViewPlan::eye_distance()
-  kSlotPerDown,     // w: the inverse distance of that level
+  kSlotPerAlong,    // ProjectionTerms::per_along; w: ViewPlan::eye_distance()
+  kSlotPerDown,     // ProjectionTerms::per_down; w: the inverse distance of kSlotPerFrom's level
   kSlotLens,        // fx, fy, cx, cy
   kSlotDistortion,  // k1, k2, p1, p2
   kSlotImage,       // the largest squared radius; width, height of the image in pixels; its layer
@@ -38,11 +38,11 @@ enum SlotTexel {
 };
 enum SlotFlags { kHasImage = 1, kIsDistorted = 2, kIsCubic = 4 };
 
-// Pixels of a camera's image.
+// Pixels of a camera's image that positions may be off by.
 inline constexpr double kMaxPositionError = 1.0 / 128;
 
 std::string sum_shader(SumProgram program);
-// One triangle over the whole target.
+// The text of a vertex shader that draws one triangle over the whole target.
 std::string vertex_shader();
 
 }  // namespace lf::gl

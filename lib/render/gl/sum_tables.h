@@ -8,7 +8,8 @@
 namespace lf::gl {
 
 // The numbers that programs draw a task by, as sum_shader.h lays them out: texels of all faces of the plan, then of all
-// slots, whose layers are their numbers; filled up to whole rows. `values`: four of each texel. The first slot's texel.
+// slots, whose layers are their numbers; filled up to whole rows. `values`: four for each texel. Returns the texel of
+// the first slot.
 int make_tables(const simd::SumTask& task, std::vector<float>& values);
 
 }  // namespace lf::gl

@@ -16,9 +16,9 @@ namespace lf::simd {
 
 inline constexpr int kBlock = 16;       // pixels
 inline constexpr int kChromaBlock = 8;  // chroma samples of a block
-inline constexpr int kBandRows = 8;     // of pixels; as many as keep a band's data in the nearest caches
+inline constexpr int kBandRows = 8;     // rows of pixels: as many as keep a band's data in the nearest caches
 inline constexpr int kBandPairs = kBandRows / 2;
-inline constexpr int kPositionBits = 11;  // of fraction in positions relative to a block's window
+inline constexpr int kPositionBits = 11;  // bits of fraction in positions relative to a block's window
 
 // CameraProjection near a place of the view, in float: from + i along + j down, and times the inverse distance that is
 // more than `near`, per_from + i per_along + j per_down.
@@ -35,20 +35,20 @@ struct Slot {
   Rect rect;        // bounds the pixels in which the camera has a weight; even in x0, y0
   // RGB: which bytes of two runs of eight are R, G and B of a run's first pixel and of its right neighbour, in turn.
   alignas(16) uint8_t pixel_pairs[16] = {};
-  alignas(16) uint8_t pixel_taps[16] = {};  // of four pixels: all of R, all of G, all of B
+  alignas(16) uint8_t pixel_taps[16] = {};  // which bytes of four pixels are R, then G, then B
   Resampling resampling = Resampling::kBilinear;
   bool is_cubic() const { return resampling == Resampling::kCatmullRom; }
   const CameraProjection* projection = nullptr;
   // Camera coordinates of pixel (x, y) of the view, up to a positive factor: from_pixel * (x, y, 1).
   Mat3 from_pixel;
-  // With a focal map the terms above are those of inverse distance 0, and this times the inverse distance is added.
+  // With a focal map from_pixel is that of inverse distance 0, and per_inverse times the inverse distance is added.
   Mat3 per_inverse{0};
   ProjectionTerms terms;   // with a focal map: at the first pixel of the first block and band of its rectangle
   float eye_distance = 0;  // see ViewPlan
   float fx = 0, fy = 0, cx = 0, cy = 0, k1 = 0, k2 = 0, p1 = 0, p2 = 0, max_r2 = 0;
   bool radial = false, tangential = false;
-  // Rows in which all that it has a weight in lies well inside the image, nearly upright and at about its scale: see
-  // find_calm_rows().
+  // Rows in which all pixels that the camera has a weight in lie well inside its image, nearly upright and at about its
+  // scale: see find_calm_rows().
   int calm_y0 = 0, calm_y1 = 0;
   bool is_calm(int y0, int y1) const { return calm_y0 <= y0 && y1 <= calm_y1; }
 };
@@ -57,8 +57,8 @@ struct Slot {
 struct alignas(64) BlockWeights {
   int16_t w[kBandRows][kBlock];
   int32_t slot;
-  int32_t next;   // of the same block, -1: none
-  uint32_t rows;  // bit r: row r has some
+  int32_t next;   // number of the block's next BlockWeights, -1: none
+  uint32_t rows;  // bit r: row r has weights that are not 0
 };
 
 // How the samples of one plane and row of a block are fetched.
@@ -79,10 +79,10 @@ struct WindowPositions {
 };
 
 struct PlanePositions {
-  std::vector<float> node_x, node_y;  // at left edges, from one block before the first
+  std::vector<float> node_x, node_y;  // positions at blocks' left edges, from one block before the first
   std::vector<WindowPositions> window;
   std::vector<int32_t> corner;  // byte offset of the window in the plane
-  std::vector<int32_t> fetch;   // as in window
+  std::vector<int32_t> fetch;   // Fetch of each entry of `window`
   void resize(size_t n);
 };
 
@@ -91,7 +91,7 @@ struct PlanePositions {
 // and row lies between four of them; those of chroma are of the same places, per pair of rows.
 inline constexpr int kCell = FocalMap::kFinestStep;
 inline constexpr int kHalf = kBlock / 2;
-inline constexpr int kCellRows = kBandRows / kCell + 2;  // of nodes that a band lies between
+inline constexpr int kCellRows = kBandRows / kCell + 2;  // rows of nodes that a band lies between
 
 // Values at the nodes of kCellRows rows, or of the cells to the right of them or below: in even and odd columns, the
 // first even one to the left of the first pixel.
@@ -105,27 +105,27 @@ struct CellWork {
   CellNodes along_x, along_y, down_x, down_y, doubt;
   void resize(size_t n);
 };
-// One slot's positions in a band, through such a map. Half h of row k of nodes, or of the cells below, is at
-// entry(k, h): a band's last rows of nodes stay where they are for the next one.
+// One slot's positions in a band, through a focal map whose nodes are kCell apart. Half h of row k of nodes, or of the
+// cells below, is at entry(k, h): a band's last rows of nodes stay where they are for the next one.
 struct SurfaceBand {
-  int pitch = 0;      // of halves; whole vectors, and some more
-  int first_row = 0;  // where row 0 of nodes is
+  int pitch = 0;      // entries for a row of halves; whole vectors, and some more
+  int first_row = 0;  // place of row 0 of nodes in the arrays
   int row(int k) const { return (first_row + k) % kCellRows; }
   size_t entry(int k, size_t half) const { return static_cast<size_t>(row(k)) * pitch + half; }
-  CellNodes x, y, z, per_z;  // by row(); 1 / z
+  CellNodes x, y, z, per_z;  // rows of nodes by row(); per_z: 1 / z
   // Bounds of what lies between a half's nodes if all the view were at this row of them; NaN where fixed point doesn't
   // reach.
   std::vector<float> low_x, high_x, low_y, high_y;
   // How far positions may be outside of what lies between the bounds above and below; NaN: they are not good enough.
   std::vector<float> slack_x, slack_y;
-  // Eight values an entry: four of x and four of y, in fixed point (kPositionBits) modulo 2^16. Of nodes counted from
-  // any multiple of 2^16; bends to the right of them, the last one 0; bends down.
+  // Eight values an entry: four of x and four of y, in fixed point (kPositionBits) modulo 2^16. nodes: counted from any
+  // multiple of 2^16; along: bends to the right of them, the last one 0; bends down.
   std::vector<int16_t> nodes, along, down;
   // Half h of the band's row r at r * pitch + h, block b of its pair p at p * pitch / 2 + b: byte offsets of windows,
   // and where these begin in fixed point, x in the low bits and y; of chroma, in luma's pixels.
   std::vector<int32_t> luma_corner, chroma_corner;
   std::vector<uint32_t> luma_origin, chroma_origin;
-  std::vector<int32_t> calm_pairs;  // of a block: bit p: pair p is to be shuffled
+  std::vector<int32_t> calm_pairs;  // for each block: bit p: pair p is to be shuffled
   void resize(int blocks);
 };
 
@@ -135,18 +135,18 @@ struct SlotBand {
   // kTall: shuffled, but from windows of more than three rows; only with a focal map.
   enum Verdict : int32_t { kProject, kAllLost, kSample, kTall, kShuffle };
 
-  int y = -1;  // of the band; -1: none yet
+  int y = -1;  // first row of the band; -1: none yet
   const Slot* slot = nullptr;
   bool calm = false;    // all verdicts are kShuffle
   bool mapped = false;  // `surface` has the positions
   int first_block = 0, blocks = 0;
   int pitch = 0;                     // blocks + 3 nodes
-  std::vector<float> columns, rows;  // of the nodes, pixels from the first one; for this pitch
+  std::vector<float> columns, rows;  // where nodes are, pixels from the first one; for this pitch
   std::vector<float> node_z;
-  PlanePositions luma, chroma;   // luma: or RGB
-  std::vector<int32_t> verdict;  // of block b in pair p: p * verdict_pitch + b
+  PlanePositions luma, chroma;   // `luma` has the positions of RGB, too
+  std::vector<int32_t> verdict;  // Verdict on block b in pair p at p * verdict_pitch + b
   int verdict_pitch = 0;
-  SurfaceBand surface;  // with a focal map instead
+  SurfaceBand surface;  // positions of a view with a focal map, in place of the above
   // Bit p: the verdict on pair p of a block is kShuffle. Not all need be told.
   uint32_t calm_pairs(int block) const {
     if (calm) return ~0u;
@@ -160,8 +160,8 @@ struct FaceBlock {
   uint8_t corners;   // bit k: corner k is ours
   bool smooth;       // see fit_weights()
   int32_t entry[3];  // numbers of the BlockWeights of corners that are ours
-  // Where it is smooth: bit r: row r has pixels [x0, x1) of the block, whose weights are
-  // w(t) = at + t rise + t (t - 1)/4 bend, t = 0..1 along the block.
+  // Where `smooth`: bit r: row r has pixels [x0, x1) of the block, whose weights are w(t) = at + t rise + t (t - 1)/4
+  // bend, t = 0..1 along the block.
   uint32_t rows;
   uint8_t x0[kBandRows], x1[kBandRows];
   alignas(32) uint32_t at[3][kBandRows];         // 2^30 = 1, raised by kWeightOffset
@@ -171,7 +171,7 @@ struct FaceBlock {
 // The two faces that a block met last: those of the next row are mostly the same.
 struct LastFaces {
   int32_t face[2] = {-1, -1};
-  int32_t number[2] = {};  // in Scratch::faces
+  int32_t number[2] = {};  // index into Scratch::faces
 };
 
 // Memory of one thread, reused from band to band.
@@ -210,19 +210,19 @@ struct SumTask {
 void render_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch);
 const char* target_name();
 
-// At (x, y) of the view. A common factor changes nothing: it brings the depth there to about 1, far from the ends of
-// float. Without a focal map, and with one: distances count from `inverse`.
+// The projection into a slot's camera near (x, y) of the view, times a factor, which changes nothing, that brings the
+// depth there to about 1, far from the ends of float. With a focal map distances count from `inverse`.
 ProjectionTerms terms_at(const Slot& slot, double x, double y);
 ProjectionTerms terms_at(const Slot& slot, double x, double y, double inverse);
 
-// Sets calm_y0 and calm_y1: every block of these rows of the slot's rectangle can be shuffled and interpolates well.
-// Told from nodes kBlock rows apart, with room for what happens between; saves asking for each block. from_pixel, lens
-// and image are set.
+// Sets calm_y0 and calm_y1: every block of these rows of the slot's rectangle can be shuffled and interpolates well. It
+// looks at nodes kBlock rows apart, with room for what happens between, which saves asking for each block. from_pixel,
+// lens and image are set.
 void find_calm_rows(PixelFamily family, Slot& slot);
 
-// Where even that is in doubt: adds a camera's contribution to rows y + 2 pair and y + 2 pair + 1 (before y_end) of one
-// block pixel by pixel, in double, to scratch.sum and scratch.lost. `x`: the block's left edge; `out`: its number in
-// scratch.
+// Adds a camera's contribution where projecting each pixel in float leaves doubt: to rows y + 2 pair and y + 2 pair + 1
+// (before y_end) of one block pixel by pixel, in double, to scratch.sum and scratch.lost. `x`: the block's left edge;
+// `out`: its number in scratch.
 void add_mixed_block(const SumTask& task, const BlockWeights& weights, int pair, int x, int out, int y_end, int y,
                      Scratch& scratch);
 

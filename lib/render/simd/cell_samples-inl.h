@@ -7,7 +7,6 @@
 #define LF_RENDER_SIMD_CELL_SAMPLES_INL_H_
 #endif
 
-#include <algorithm>
 #include <cstring>
 #include <vector>
 
@@ -22,8 +21,9 @@ HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Where the samples of a half are among the cells of a focal map: from which node on, and how far. Eight of luma lie
-// between its four nodes, in x or in y; of chroma there are four, of which both are found at once.
+// Tells where the samples of a half are among the cells of a focal map: behind which node, and how far. A half has
+// eight samples of luma between four nodes, whose x and y take a lookup each, and four of chroma, whose x and y take
+// one together.
 struct CellTable {
   // Bytes in the four nodes of x and four of y, in 16 bits: of the node before each sample and of the one after it.
   alignas(16) uint8_t before[kBlock], after[kBlock];
@@ -51,7 +51,7 @@ inline constexpr CellTable kLumaXCells = make_cell_table(CellSamples::kLumaX),
                            kLumaYCells = make_cell_table(CellSamples::kLumaY),
                            kChromaCells = make_cell_table(CellSamples::kChroma);
 
-// Interpolates in 32 bits, four samples at a time, of four nodes each.
+// Tables to interpolate inverse distances in 32 bits, four samples at a time, between a half's four nodes.
 struct InverseTable {
   alignas(16) uint8_t before[2 * kBlock], after[2 * kBlock];
   alignas(32) float t[kHalf];
@@ -72,7 +72,7 @@ constexpr InverseTable make_inverse_table(bool chroma) {
 }
 inline constexpr InverseTable kLumaInverse = make_inverse_table(false), kChromaInverse = make_inverse_table(true);
 
-// Which bytes of windows' origins, four of the first half's and four of the second's, a half's nodes count from.
+// The bytes of windows' origins, four of the first half's and four of the second's, that a half's nodes count from.
 struct OriginTable {
   alignas(32) uint8_t at[2 * kBlock];
 };
@@ -83,7 +83,8 @@ constexpr OriginTable make_origin_table() {
 }
 inline constexpr OriginTable kOrigins = make_origin_table();
 
-// The nodes of a block's halves above and below a pair of rows, and of their bends; of vectors of eight one half's.
+// The nodes of a block's halves above and below a pair of rows, and how the sides between them bend; vectors of eight
+// values have those of one half.
 struct CellsOfPair {
   HWY_INLINE CellsOfPair(const SurfaceBand& cells, int pair, int block, size_t lane) {
     const D16 d;
@@ -99,9 +100,10 @@ struct CellsOfPair {
   V16 node, step, bend, bend_step, down;
 };
 
-// Positions of the samples of one row, in the middle of the pair if it is chroma's.
+// Interpolates the positions of the samples of one row of a pair; chroma's row is in the middle of the pair.
 struct CellsOfRow {
-  // `eighths`: of a cell. `origin`: of windows, for each node.
+  // `eighths`: how far the row is below the upper nodes, in eighths of a cell. `origin`: the windows' origins, for each
+  // node.
   HWY_INLINE CellsOfRow(const CellsOfPair& pair, int eighths, V16 origin) {
     const D16 d;
     const auto t = hn::Set(d, static_cast<int16_t>(eighths << 12));
@@ -125,7 +127,7 @@ struct CellsOfRow {
 };
 HWY_INLINE int first_eighths(int pair) { return static_cast<int>(8 * first_t(pair)); }
 
-// Samples of a row of a pair.
+// Positions of the luma samples of a row of a pair, in their windows.
 HWY_INLINE FixedPositions luma_between(const SurfaceBand& cells, const CellsOfPair& of, int pair, int row, int block,
                                        size_t lane) {
   const D16 d;
@@ -144,7 +146,7 @@ HWY_INLINE FixedPositions luma_between(const SurfaceBand& cells, const CellsOfPa
   const CellsOfRow cell(of, first_eighths(pair) + 2 * row, origin);
   return {cell.at(kLumaXCells), cell.at(kLumaYCells)};
 }
-// `of`: at `lane`.
+// Positions of the chroma samples of a pair, in their windows. `of`: the nodes at `lane`.
 HWY_INLINE FixedPositions chroma_between(const SurfaceBand& cells, const CellsOfPair& of, int pair, int block,
                                          size_t lane) {
   const D16 d;
@@ -205,7 +207,7 @@ inline void inverse_along(const CellNodes& inverse, const CellRow& row, size_t h
   const hn::Repartition<uint8_t, decltype(d)> d8;
   const InverseTable& table = chroma ? kChromaInverse : kLumaInverse;
   const hn::FixedTag<float, 4> d4;
-  alignas(16) float nodes[2][4];  // of the halves
+  alignas(16) float nodes[2][4];  // the four nodes of each half
   for (size_t k = 0; k < 2; k++) {
     const auto between = [&](const std::vector<float>* rows) HWY_ATTR {
       const auto upper = hn::LoadU(d4, rows[row.k].data() + half + k);

@@ -10,7 +10,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 #include <vector>
 
 #include <hwy/highway.h>
@@ -30,10 +29,12 @@ HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-inline constexpr float kBeforeCell = -2.5f;    // the first node's place, pixels from the band's or the block's first
-inline constexpr float kMostThird = 0.0482f;   // of t (1 - t) (1/2 - t)
-inline constexpr float kMostBend = 15.f / 64;  // of t (1 - t) at pixels, which are at odd eighths of a cell
-inline constexpr float kMostChange = 0.25f;    // of depth along a side; the above are good for small ones
+inline constexpr float kBeforeCell = -2.5f;   // the first node's place, pixels from the band's or the block's first
+inline constexpr float kMostThird = 0.0482f;  // the largest value of t (1 - t) (1/2 - t)
+// The largest value of t (1 - t) at pixels, which are at odd eighths of a cell.
+inline constexpr float kMostBend = 15.f / 64;
+// Largest relative change of depth along a side for which the above is good.
+inline constexpr float kMostChange = 0.25f;
 
 // Inverse distances at the map's nodes around a band's rows, over the whole view.
 inline void place_nodes(const FocalMap& map, int y, int width, CellNodes& out) {
@@ -78,7 +79,7 @@ inline void project_cells(const Slot& slot, const CellNodes& inverse, size_t fir
     x = hn::IfThenElse(seen, x, hn::NaN(d));
     y = hn::IfThenElse(seen, y, hn::NaN(d));
   };
-  // What is exact in the middle between two positions.
+  // The bend that makes the position in the middle between two others exact.
   const auto bend = [&](V middle, V from, V to)
                         HWY_ATTR { return hn::Mul(hn::Set(d, 4.f), hn::NegMulAdd(hn::Add(from, to), half, middle)); };
   constexpr float kEven = kBeforeCell, kOdd = kBeforeCell + kCell, kMiddle = kCell / 2.f;
@@ -150,12 +151,12 @@ struct CellDoubt {
   struct Side {
     V dx, dy, distance, change, doubt;
   };
-  // From the nodes at `i` of some to those at `j` of others; of x, y, z, 1 / z and inverse distance.
+  // The sides from the nodes at `i` of `from` to those at `j` of `to`, each with x, y, z, 1 / z and inverse distance.
   template <class D, class V = hn::Vec<D>>
   HWY_INLINE Side<V> side(D d, const float* const from[5], size_t i, const float* const to[5], size_t j,
                           float product) const {
     const auto difference = [&](int c) HWY_ATTR { return hn::Sub(hn::LoadU(d, to[c] + j), hn::LoadU(d, from[c] + i)); };
-    const auto per_z = hn::Max(hn::LoadU(d, from[3] + i), hn::LoadU(d, to[3] + j));  // of the nearer one
+    const auto per_z = hn::Max(hn::LoadU(d, from[3] + i), hn::LoadU(d, to[3] + j));  // 1 / z of the nearer node
     Side<V> out;
     out.dx = difference(0);
     out.dy = difference(1);
@@ -171,7 +172,7 @@ struct CellDoubt {
   float along, down, second, third;
 };
 
-// For each cell in each row of them, but the first `ready`.
+// Bounds what positions may be off by in each cell of the rows of cells from `ready` on.
 inline void doubt_cells(const Slot& slot, const CellNodes& inverse, size_t first, size_t count, int ready,
                         const SurfaceBand& band, CellNodes& out) {
   const hn::CappedTag<float, kBlock> d;

@@ -20,7 +20,7 @@ HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-inline constexpr int kTaps = 4;  // along each axis
+inline constexpr int kTaps = 4;  // taps along each axis
 
 // Weights of the taps at t, 32768 = 1, two to 32 bits: across, first and third, second and fourth; down, twice the
 // same.
@@ -28,7 +28,8 @@ struct CubicWeights {
   alignas(64) int16_t outer[2 * kBlock], inner[2 * kBlock], down[kTaps][2 * kBlock];
 };
 
-// Catmull-Rom's, of a = t (1 - t)^2 and b = t^2 (1 - t): -a/2, 1 - t + a - b/2, t + b - a/2, -b/2. They sum to 32767.
+// Catmull-Rom's weights, from a = t (1 - t)^2 and b = t^2 (1 - t): -a/2, 1 - t + a - b/2, t + b - a/2, -b/2. They sum
+// to 32767.
 HWY_INLINE void cubic_weights(V16 t, V16& w0, V16& w1, V16& w2, V16& w3) {
   const D16 d;
   const auto rest = hn::Sub(hn::Set(d, 32767), t), both = hn::MulFixedPoint15(t, rest);
@@ -52,13 +53,13 @@ HWY_INLINE void find_weights(const Positions& at, CubicWeights& out) {
   }
 }
 
-// From four rows of four bytes each, for as many samples as a vector has 32-bit lanes: times 128, clamped to 0..255.
+// Samples, times 128 and clamped to 0..255, from four rows of four bytes each, as many as a vector has 32-bit lanes.
 // Weights as in CubicWeights.
 template <class VU32>
 HWY_INLINE auto cubic_samples(const VU32 rows[kTaps], V16 outer, V16 inner, const V16 down[kTaps]) {
   const D16 d;
   const hn::DFromV<VU32> du32;
-  // In 64ths of a level: |sums| < 1.25 * 1.25 * 255 * 64.
+  // Sums are in 64ths of a level, so that |sums| < 1.25 * 1.25 * 255 * 64 fits.
   auto first_third = hn::Zero(d), second_fourth = hn::Zero(d);
   for (int k = 0; k < kTaps; k++) {
     const auto even = hn::ShiftLeft<6>(hn::And(rows[k], hn::Set(du32, 0x00ff00ff)));
@@ -74,8 +75,8 @@ HWY_INLINE auto cubic_samples(const VU32 rows[kTaps], V16 outer, V16 inner, cons
                      hn::TruncateTo(to, hn::BitCast(du32, hn::ShiftLeft<kSumFractionBits - 6>(level))));
 }
 
-// As sample_windows(), but nothing is cut off. Tall: on as many rows as it takes. `low`, `high`: a row above the
-// windows, a column before them.
+// As sample_windows(), for cubic samples of which nothing is cut off. kTall: on as many rows as it takes. `low`, `high`
+// are a row above the windows and a column before them.
 template <bool kTall>
 HWY_INLINE VU16 sample_cubic_windows(VU16 x, V16 y, const uint8_t* low, const uint8_t* high, ptrdiff_t stride,
                                      size_t lane) {
@@ -92,7 +93,7 @@ HWY_INLINE VU16 sample_cubic_windows(VU16 x, V16 y, const uint8_t* low, const ui
   const auto both = hn::Or(index, hn::ShiftLeft<8>(index));
   const auto pick_outer = hn::BitCast(d8, hn::Add(both, hn::Set(du, 0x0100))),
              pick_inner = hn::BitCast(d8, hn::Add(both, hn::Set(du, 0x0302)));
-  // Two taps each, bytes of 16 bits.
+  // Each half of a row has two taps, as the bytes of 16 bits.
   struct Row {
     VU16 left, right;
   };
@@ -101,8 +102,8 @@ HWY_INLINE VU16 sample_cubic_windows(VU16 x, V16 y, const uint8_t* low, const ui
     return Row{hn::BitCast(du, hn::TableLookupBytes(window, pick_outer)),
                hn::BitCast(du, hn::TableLookupBytes(window, pick_inner))};
   };
-  // In 64ths of a level, as in cubic_samples(). Every second sum has a 256th of the one before it besides: the bytes
-  // below its own are not taken out.
+  // Sums are in 64ths of a level, as in cubic_samples(). Every second sum has a 256th of the one before it besides: the
+  // bytes below its own are not taken out.
   V16 sum[kTaps] = {hn::Zero(d), hn::Zero(d), hn::Zero(d), hn::Zero(d)};
   if constexpr (kTall) {
     const auto row = hn::ShiftRight<kPositionBits>(hn::BitCast(du, y));
@@ -160,7 +161,7 @@ struct CubicPlane {
   int width, height, pixel_stride;
 };
 
-// Where in a plane the samples of a half are: positions count from its window's corner.
+// The places of a half's samples in a plane: positions count from its window's corner.
 struct CubicPlaces {
   CubicPlaces(const Positions& at, int half, const CubicPlane& plane)
       : y0(at.corner[half] / static_cast<int32_t>(plane.stride)),
@@ -215,7 +216,7 @@ HWY_INLINE void copy_taps(const Positions& at, int half, const CubicPlane& plane
   }
 }
 
-// As gather_bytes(): the halves may be of two planes.
+// Cubic samples as gather_bytes() has bilinear ones: the halves may be of two planes.
 inline void gather_cubic_bytes(const Positions& at, const CubicPlane& low, const CubicPlane& high, int16_t* out) {
   alignas(64) uint32_t rows[kTaps][kBlock];
   CubicWeights weights;
@@ -237,7 +238,7 @@ inline void gather_cubic_bytes(const Positions& at, const CubicPlane& low, const
   }
 }
 
-// As gather_pixels().
+// Cubic samples as gather_pixels() has bilinear ones.
 inline void gather_cubic_pixels(const Positions& at, const Slot& slot, int16_t out[3][kBlock]) {
   const ImageView& image = slot.image;
   const CubicPlane plane{image.plane[0], image.stride[0], image.width, image.height, image.layout.pixel_stride};
@@ -253,7 +254,7 @@ inline void gather_cubic_pixels(const Positions& at, const Slot& slot, int16_t o
   const hn::Repartition<uint32_t, D16> du32;
   const hn::Rebind<int16_t, decltype(du32)> d_out;
   alignas(64) int16_t mixed[4 * kBlock];
-  const size_t pixels = hn::Lanes(du32) / 4;  // of a vector
+  const size_t pixels = hn::Lanes(du32) / 4;  // pixels of four values in a vector
   for (size_t i = 0; i < kBlock; i += pixels) {
     // Each pixel's weights for its four lanes.
     const auto spread = [&](const int16_t* from) HWY_ATTR {

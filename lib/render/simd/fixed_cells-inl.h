@@ -35,18 +35,18 @@ static_assert(kCell == 4 && kBandRows == 8);
 inline constexpr int cell_of_pair(int pair) { return (pair + 1) / 2; }
 inline constexpr float first_t(int pair) { return pair % 2 ? 0.125f : 0.625f; }
 
-// What fixed point may be off by: nodes, steps and bends are rounded down and along.
+// Pixels that fixed point may be off by: nodes, steps and bends are rounded, both down and along.
 inline constexpr float kCellSlack = 4.f / (1 << kPositionBits);
-inline constexpr float kMostStep = kWindow - 1;  // from node to node, and bends: 16 is where 16 bits end
+inline constexpr float kMostStep = kWindow - 1;  // pixels from node to node, and of bends: 16 is where 16 bits end
 
-// A half in one coordinate, at a row of nodes: those around it and how it bends between them.
+// One coordinate of a half at a row of nodes: the nodes around it, and how positions bend between them.
 template <class D, class V = hn::Vec<D>>
 struct CellPiece {
   CellPiece(D d, const float* even, const float* odd, const float* even_bend, const float* odd_bend)
       : node{hn::LoadU(d, even), hn::LoadU(d, odd), hn::LoadU(d, even + 1), hn::LoadU(d, odd + 1)},
         bend{hn::LoadU(d, even_bend), hn::LoadU(d, odd_bend), hn::LoadU(d, even_bend + 1)} {}
-  // Of samples, the first of which is at 5/8 of the first cell and the last at 3/8 of the last one. NaN where there is
-  // one, which Min and Max may lose, or where steps are too large.
+  // Bounds of the samples, the first of which is at 5/8 of the first cell and the last at 3/8 of the last one. They are
+  // NaN where any node is, which Min and Max may lose, or where steps are too large.
   HWY_INLINE void bounds(D d, V& low, V& high) const {
     const auto set = [d](float v) HWY_ATTR { return hn::Set(d, v); };
     const V step0 = hn::Sub(node[1], node[0]), step1 = hn::Sub(node[2], node[1]), step2 = hn::Sub(node[3], node[2]);
@@ -79,7 +79,7 @@ HWY_INLINE void store_fixed(D d, const V x[4], V magic_x, const V y[4], V magic_
                         hn::RebindToUnsigned<D>(), reinterpret_cast<uint32_t*>(to));
 }
 
-// Fixed point and bounds at row k of nodes.
+// Makes the fixed-point nodes, and the bounds of samples, at row k of nodes.
 inline void fix_nodes(const CellWork& work, int k, size_t halves, SurfaceBand& out) {
   const hn::CappedTag<float, kBlock> d;
   const int row = out.row(k);
@@ -100,7 +100,7 @@ inline void fix_nodes(const CellWork& work, int k, size_t halves, SurfaceBand& o
     bounds(x, out.low_x, out.high_x);
     bounds(y, out.low_y, out.high_y);
     const auto zero = hn::Zero(d), magic = hn::Set(d, kMagic);
-    // Near the first node: there are not bits enough for all of an image.
+    // Positions count from near the first node: there are not bits enough for all of an image.
     const auto near = [&](const auto& of) HWY_ATTR {
       const auto turns = hn::Floor(hn::Mul(of.node[0], hn::Set(d, 1 / kTurn)));
       return hn::NegMulAdd(turns, hn::Set(d, kTurn * (1 << kPositionBits)), magic);
@@ -112,7 +112,7 @@ inline void fix_nodes(const CellWork& work, int k, size_t halves, SurfaceBand& o
   }
 }
 
-// The cells below row k of nodes.
+// Makes the bends down, and the slack, of the cells below row k of nodes.
 inline void fix_cells(const CellWork& work, int k, size_t halves, SurfaceBand& out) {
   const hn::CappedTag<float, kBlock> d;
   using V = hn::Vec<decltype(d)>;

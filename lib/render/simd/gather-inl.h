@@ -20,15 +20,15 @@ HWY_BEFORE_NAMESPACE();
 namespace lf::simd::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Positions of all samples of a block, as whole part and 15-bit fraction: in the plane's own coordinates, or of each
-// half in its window.
+// Positions of all samples of a block, as whole part and 15-bit fraction: in the plane's own coordinates, or each half
+// in its window.
 struct Positions {
   alignas(64) int32_t column[kBlock], row[kBlock];
   alignas(64) int16_t fx[kBlock], fy[kBlock];
   int32_t corner[2] = {};  // byte offsets of the halves' windows in the plane
 };
 
-// `largest`: of the whole part, so that there is a neighbour.
+// Splits positions into whole part and fraction. `largest`: of the whole part, so that there is a neighbour.
 template <class D, class V = hn::Vec<D>>
 HWY_INLINE void split(D d, V v, V largest, int32_t* whole, int16_t* fraction) {
   const hn::RebindToSigned<D> di;
@@ -39,7 +39,7 @@ HWY_INLINE void split(D d, V v, V largest, int32_t* whole, int16_t* fraction) {
   hn::Store(hn::BitCast(d16, to_fixed(d16, f)), d16, fraction);
 }
 
-// Entry `i` of a plane's positions.
+// Interpolates the positions of entry `i` of a plane.
 inline void interpolate_positions(const PlanePositions& at, int i, const UnitTable& table, Positions& out) {
   const hn::CappedTag<float, kBlock> d;
   const auto along = [&](const std::vector<float>& node, size_t lane) HWY_ATTR {
@@ -54,7 +54,7 @@ inline void interpolate_positions(const PlanePositions& at, int i, const UnitTab
   }
 }
 
-// How the samples of projected positions are.
+// Whether the samples at projected positions are seen: all, some, or rounding decides.
 enum class Sight { kAll, kSome, kDoubtful };
 
 // Positions that are projected one by one, for chroma or another plane, clamped to the image. `x`, `y`: from where
@@ -162,7 +162,7 @@ HWY_INLINE void part_colours(const int16_t* pixels, int16_t out[3][kBlock]) {
   }
 }
 
-// RGB, times 128.
+// Samples of R, G and B, times 128, from anywhere inside the image.
 HWY_INLINE void gather_pixels(const Positions& at, const Slot& slot, int16_t out[3][kBlock]) {
   const uint8_t* const plane = slot.image.plane[0];
   const ptrdiff_t stride = slot.image.stride[0], pixel_stride = slot.image.layout.pixel_stride;

@@ -32,13 +32,13 @@ inline bool add_part(const SumTask&, const Part&, const PairPlace&, Scratch&) { 
 
 // What add_part() works with: two rows and their chroma.
 struct PairSamples {
-  bool any_lost = false;  // or `lost` is not set
+  bool any_lost = false;  // some weight is lost; else `lost` is not set
   Positions at[3];
   alignas(64) int16_t weight[2][kBlock];
   alignas(64) int16_t lost[2][kBlock];
 };
 
-// Interpolated, of a pair of rows.
+// Interpolates the positions of a pair of rows.
 inline void interpolate_pair(const Part& part, int pair, bool i420, bool surface, Positions out[3]) {
   const SlotBand& band = *part.band;
   if (surface) {
@@ -61,7 +61,7 @@ inline void find_inverse(const FocalMap& map, const CellNodes& nodes, const Pair
   if (chroma) std::copy_n(out, kHalf, out + kHalf);
 }
 
-// Positions and weights of a pair of rows. False: in doubt.
+// Finds positions and weights of a pair of rows; false where rounding could decide on a sample.
 inline bool find_samples(const SumTask& task, const Part& part, bool project, const PairPlace& place,
                          const CellNodes& inverse_nodes, PairSamples& out) {
   const int upper = 2 * place.pair;

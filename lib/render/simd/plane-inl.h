@@ -40,7 +40,7 @@ inline void lay_nodes(int pitch, SlotBand& band) {
     }
 }
 
-// NaN where nothing is seen: behind the camera, beyond the fold of its lens.
+// Projects the band's nodes; NaN where nothing is seen: behind the camera, beyond the fold of its lens.
 inline void project_nodes(const Slot& slot, int y, SlotBand& out) {
   const hn::CappedTag<float, kBlock> d;
   const ProjectionTerms terms = terms_at(slot, (out.first_block - 1) * kBlock, y);
@@ -72,8 +72,8 @@ inline void place_chroma_nodes(SlotBand& band) {
   }
 }
 
-// How and where one plane's samples of `n` blocks are fetched, from its nodes. `node_z`: null for
-// chroma, which follows luma in what is lost.
+// Decides how and from where one plane's samples of `n` blocks are fetched, by its nodes. `node_z`: null for chroma,
+// which follows luma in what is lost.
 inline void place_blocks(const PlaneGeometry& plane, int n, const float* node_z, PlanePositions& out) {
   const hn::CappedTag<float, kBlock> d;
   const hn::RebindToSigned<decltype(d)> di;
@@ -183,7 +183,7 @@ inline void place_calm_blocks(const PlaneGeometry& plane, int n, PlanePositions&
   }
 }
 
-// What is done with each pair of rows of each block, all its planes considered.
+// Decides what is done with each pair of rows of each block, all its planes considered.
 inline void decide(bool i420, SlotBand& band) {
   constexpr int32_t kLost = static_cast<int32_t>(Fetch::kLost), kGather = static_cast<int32_t>(Fetch::kGather);
   for (int pair = 0; pair < kBandPairs; pair++) {
@@ -201,7 +201,7 @@ inline void decide(bool i420, SlotBand& band) {
   }
 }
 
-// See band_data.h.
+// Sets calm_y0 and calm_y1, see find_calm_rows() in band_data.h.
 inline void set_calm_rows(PixelFamily family, Slot& slot) {
   const ImageView& image = slot.image;
   if (family != PixelFamily::kI420 || image.family != family) return;
@@ -249,7 +249,7 @@ inline void set_calm_rows(PixelFamily family, Slot& slot) {
     const float third_x = x[at + 2] - x[at - 1] - 3 * dx, third_y = y[at + 2] - y[at - 1] - 3 * dy;
     return std::abs(third_x) < 0.5f * kLargestThird && std::abs(third_y) < 0.5f * kLargestThird;
   };
-  int begin = 1;  // of the calm rows of nodes up to j
+  int begin = 1;  // first of the calm rows of nodes up to j
   for (int j = 1; j + 1 < rows; j++) {
     bool good = seen[j - 1] && seen[j] && seen[j + 1];
     for (int i = 1; i + 1 < columns && good; i++) good = calm(j, i);
@@ -262,7 +262,8 @@ inline void set_calm_rows(PixelFamily family, Slot& slot) {
   }
 }
 
-// All that is known of a slot in a band before any pixel of it is read, without a focal map. band's blocks are set.
+// Places a slot in a band, without a focal map: all that is known before any pixel is read. `band` has its blocks
+// already.
 inline void place_plane(bool i420, const Slot& slot, int y, SlotBand& band) {
   lay_nodes(band.blocks + 3, band);
   band.verdict_pitch = band.pitch;

@@ -39,7 +39,7 @@ constexpr float bessel(float t) { return t * (t - 1) / 4; }
 // lost. Rounding stays small because what is linear in the view starts from double precision near the points.
 struct Projection {
   Projection(const Slot& slot, const ProjectionTerms& terms) : slot(slot), terms(terms) {}
-  // `i`, `j`: columns and rows from there.
+  // `i`, `j`: columns and rows from the place that the terms are of.
   template <class D, class V = hn::Vec<D>>
   HWY_INLINE void project(D d, V i, V j, V& x, V& y, V& z, V& r2) const {
     const auto at = [&](int k) HWY_ATTR {
@@ -48,7 +48,7 @@ struct Projection {
     };
     finish(d, at(0), at(1), at(2), x, y, z, r2);
   }
-  // With a map: `s` inverse distances. What is not in front of the eye has z = 0.
+  // Projects with a focal map: `s` are inverse distances. What is not in front of the eye has z = 0.
   template <class D, class V = hn::Vec<D>>
   HWY_INLINE void project(D d, V i, V j, V s, V& x, V& y, V& z, V& r2) const {
     const auto more = hn::Sub(s, hn::Set(d, static_cast<float>(terms.near)));
@@ -86,18 +86,18 @@ struct Projection {
   const ProjectionTerms& terms;
 };
 
-// One plane of an image, and where along a block its samples are.
+// The geometry of one plane of an image, and where along a block its samples are.
 struct PlaneGeometry {
-  float width, height;  // of the plane, samples
+  float width, height;  // samples of the plane
   int32_t stride, pixel_bytes;
-  float spare_columns;                  // on the right, left to the slow way
-  bool shuffles;                        // 8-bit samples side by side, rows of at least a window
+  float spare_columns;                  // columns on the right that are left to the slow way
+  bool shuffles;                        // samples are bytes side by side, and rows have at least a window
   float border;                         // taps on each side beyond those of bilinear samples
-  float t_before_half, t_half, t_last;  // of samples 7, 8 and 15, or of the only half's last one
+  float t_before_half, t_half, t_last;  // t of samples 7, 8 and 15, or of the last one of the only half
 };
 
 inline constexpr int kWindow = 16;                           // bytes
-inline constexpr float kSlack = 3.f / (1 << kPositionBits);  // by which fixed point may differ from float
+inline constexpr float kSlack = 3.f / (1 << kPositionBits);  // pixels by which fixed point may differ from float
 
 // The next term of the interpolation is t (t - 1) (t - 1/2) / 6 of the third difference: 0.0081 of it at most.
 inline constexpr float kLargestThird = static_cast<float>(kGridError / 0.0081);

@@ -7,7 +7,6 @@
 #include <hwy/highway.h>
 
 #include <algorithm>
-#include <cstring>
 
 #include "render/simd/band_data.h"
 #include "render/simd/parts-inl.h"

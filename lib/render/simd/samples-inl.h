@@ -23,7 +23,7 @@ using DU16 = hn::RebindToUnsigned<D16>;
 // a + (b - a) f, f in 0..1 as 15-bit fraction; a and b are levels times 128, so differences fit.
 HWY_INLINE V16 mix(V16 a, V16 b, V16 f) { return hn::Add(a, hn::MulFixedPoint15(hn::Sub(b, a), f)); }
 
-// Where the 16 samples of a unit are along its block: t, and Bessel's weight of it, in fixed point.
+// Tells where the 16 samples of a unit are along its block: t, and Bessel's weight of it, in fixed point.
 struct UnitTable {
   alignas(64) uint16_t t16[kBlock];  // 65536 = 1
   alignas(64) int16_t t15[kBlock];   // 32768 = 1
@@ -44,7 +44,7 @@ constexpr UnitTable make_unit_table(bool chroma) {
 }
 inline constexpr UnitTable kLumaTable = make_unit_table(false), kChromaTable = make_unit_table(true);
 
-// 16 bytes for each half of a vector of 16 samples; for shorter vectors those of the half they are in.
+// Loads 16 bytes for each half of a vector of 16 samples; for shorter vectors those of the half that they are in.
 HWY_INLINE auto load_windows(const uint8_t* low, const uint8_t* high, size_t lane) {
   const hn::Repartition<uint8_t, D16> d8;
   if constexpr (hn::MaxLanes(D16()) == kBlock) {
@@ -55,7 +55,7 @@ HWY_INLINE auto load_windows(const uint8_t* low, const uint8_t* high, size_t lan
   }
 }
 
-// One value for the samples of a block's first half, another for those of its second.
+// A vector with one value for the samples of a block's first half and another for those of its second.
 HWY_INLINE auto by_half(uint16_t low, uint16_t high, size_t lane) {
   const DU16 d;
   if constexpr (hn::MaxLanes(D16()) == kBlock)
@@ -72,7 +72,7 @@ HWY_INLINE VU16 blend(VU16 a, VU16 b, VU16 rest, VU16 f) { return hn::Add(hn::Mu
 // What sample_windows() cuts off from its products, on average: from nothing to twice as much.
 inline constexpr int kCutOff = 3;
 
-// Which rows samples begin on: the windows' first two, or more where a focal surface steps.
+// On how many rows of their windows samples may begin: the first two, or more where a focal surface steps.
 inline constexpr int kFlatSteps = 2, kTallSteps = 7, kTallChromaSteps = 4;
 
 // Samples lane.. of a block whose windows hold all that is needed, times 256, and kCutOff too small. `low`, `high`:
@@ -108,19 +108,19 @@ HWY_INLINE VU16 sample_windows(VU16 x, V16 y, const uint8_t* low, const uint8_t*
   return blend(across(upper), across(lower), rest_y, fy);
 }
 
-// In windows, in fixed point (kPositionBits).
+// Positions in windows, in fixed point (kPositionBits).
 struct FixedPositions {
   V16 x, y;
 };
 
-// On a plane.
+// Interpolates the positions of a block's samples on a plane.
 HWY_INLINE FixedPositions plane_between(const WindowPositions& at, const UnitTable& table, size_t lane) {
   const D16 d;
   const DU16 du;
   const auto bend = hn::Load(d, table.bessel15 + lane);
   const auto along = hn::Add(hn::MulHigh(hn::Set(du, at.dx), hn::Load(du, table.t16 + lane)),
                              hn::BitCast(du, hn::MulFixedPoint15(hn::Set(d, at.sx), bend)));
-  const auto x = hn::Add(by_half(at.x0, at.x0_half, lane), along);  // in each half's window
+  const auto x = hn::Add(by_half(at.x0, at.x0_half, lane), along);  // x in each half's window
   const auto y = hn::Add(hn::Add(hn::Set(d, at.y0), hn::MulFixedPoint15(hn::Set(d, at.sy), bend)),
                          hn::MulFixedPoint15(hn::Set(d, at.dy), hn::Load(d, table.t15 + lane)));
   return {hn::BitCast(d, x), y};

@@ -27,12 +27,12 @@ inline void spread_weights(const FaceBlock&, Scratch&) {}
 // half a unit for rounding.
 inline constexpr uint32_t kWeightOffset = (1u << 29) + (1u << 14);
 
-// By how much the parabola through three weights (at t = 0, 1/2 and 1) may miss those between: by 0.0481 c^2 rise,
+// The most that the parabola through three weights (at t = 0, 1/2 and 1) may miss those between by: by 0.0481 c^2 rise,
 // where the sum of the edge functions changes by the fraction c of itself along a block, and the weight by `rise`.
 inline constexpr float kLargestMiss = 1e-5f;
 
-// The weights of a face in the rows from y on of the block at x. False if they aren't smooth enough: depends on nothing
-// else, so that everybody decides alike.
+// Fits the weights of a face in the rows from y on of the block at x. False if they aren't smooth enough, which depends
+// on nothing else, so that everybody decides alike.
 inline bool fit_weights(const FacePlan& face, const Rays& rays, int x, int y, FaceBlock& out) {
   if (!rays.separable()) return false;
   const hn::CappedTag<float, kBandRows> d;
@@ -79,8 +79,8 @@ inline bool fit_weights(const FacePlan& face, const Rays& rays, int x, int y, Fa
   return hn::AllTrue(d, all);
 }
 
-// What multiplies rise and bend in the even and in the odd pixels of a block, pairs of 2^15 = 1, and masks of 16 lanes
-// that begin or end anywhere.
+// Factors of rise and bend in the even and in the odd pixels of a block, pairs of 2^15 = 1, and masks of 16 lanes that
+// begin or end anywhere.
 struct SpreadTable {
   alignas(64) int16_t even[kBlock], odd[kBlock];
   alignas(64) int16_t from[2 * kBlock], to[2 * kBlock];

@@ -19,13 +19,13 @@ struct PreparedTask {
   PreparedTask& operator=(const PreparedTask&) = delete;
 
   SumTask task;
-  Rect rect;  // of all slots
+  Rect rect;  // bounds the rectangles of all slots
 
  private:
   std::vector<CameraProjection> projections;
 };
 
-// This thread's memory, with room for a rectangle and a number of slots, and nothing known of them.
+// The calling thread's memory, with room for a rectangle and a number of slots, and nothing known of them.
 Scratch& scratch_for(const Rect& rect, size_t slots);
 
 }  // namespace lf::simd

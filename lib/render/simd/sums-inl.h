@@ -8,7 +8,6 @@
 #endif
 
 #include <algorithm>
-#include <cstring>
 #include <type_traits>
 
 #include <hwy/cache_control.h>
@@ -30,12 +29,12 @@ struct Part {
   const BlockWeights* weights;
   const SlotBand* band;
   int32_t block;    // among the band's
-  int32_t verdict;  // SlotBand::Verdict, of a pair of rows
+  int32_t verdict;  // SlotBand::Verdict of the pair of rows
 };
 
 // A pair of rows of a block.
 struct PairPlace {
-  int pair;  // in the band
+  int pair;  // number of the pair in the band
   int x, y;  // the block's and the band's first pixel
   int out;   // the block's number in scratch
 };
@@ -54,11 +53,11 @@ inline void sum_i420(const Part*, int, const PairPlace& at, Scratch& scratch) {
 // weights.
 template <int kBits>
 HWY_INLINE V16 chroma_weights(const int16_t* upper, const int16_t* lower) {
-  constexpr int kShift = 17 - kBits;  // of the sum of four
+  constexpr int kShift = 17 - kBits;  // takes the sum of four to their mean
   const D16 d;
   const DU16 du;
   const hn::Repartition<uint32_t, D16> d32;
-  const auto half = [&](size_t i) HWY_ATTR {  // of as many samples as a vector has 32-bit lanes
+  const auto half = [&](size_t i) HWY_ATTR {  // means of as many samples as a vector has 32-bit lanes
     const auto rows = hn::Add(hn::BitCast(du, hn::Load(d, upper + i)), hn::BitCast(du, hn::Load(d, lower + i)));
     const auto v = hn::BitCast(d32, rows);
     const auto sum = hn::Add(hn::And(v, hn::Set(d32, 0xffff)), hn::ShiftRight<16>(v));
@@ -79,7 +78,7 @@ HWY_INLINE V16 weigh_chroma(V16 samples, V16 weights) {
   return hn::MulFixedPoint15(hn::Sub(samples, hn::Set(D16(), 128 << kSumFractionBits)), weights);
 }
 
-// Rows to come: cameras' rows are too far apart for the machine to see a pattern.
+// Rows that are prefetched ahead: cameras' rows are too far apart for the machine to see a pattern.
 inline constexpr int kPrefetchRows = 8;
 
 // The weighted samples of a part's pair of rows, lane..: two rows of luma, and chroma.
@@ -94,7 +93,7 @@ HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
   const int upper = 2 * pair, lower = upper + 1;
   const BlockWeights& weights = *part.weights;
   const ptrdiff_t stride = image.stride[0], chroma_stride = image.stride[1];
-  // Where the windows of luma's halves begin, row by row, and those of chroma.
+  // Finds where the windows of luma's halves begin, row by row, and those of chroma.
   const SurfaceBand& cells = band.surface;
   const ptrdiff_t entry = upper * band.pitch + part.block, chroma_entry = pair * band.pitch + part.block;
   const ptrdiff_t cell = upper * ptrdiff_t{cells.pitch} + 2 * part.block,
@@ -137,7 +136,7 @@ HWY_INLINE WeightedPair weigh_windows(const Part& part, int pair, size_t lane) {
   }
   constexpr int kCut = kCubic ? 0 : kCutOff;
   const DU16 du;
-  // Half of 256 times the samples, with what was cut off.
+  // Takes half of the 256-fold samples, makes up for what was cut off, and weighs.
   const auto weigh = [&](VU16 samples, const int16_t* by) HWY_ATTR {
     const auto halved = hn::AverageRound(samples, hn::Set(du, kCut));
     return hn::MulFixedPoint15(hn::BitCast(d, halved), hn::Load(d, by + lane));

@@ -38,23 +38,22 @@ HWY_INLINE V most_of_block(V v) {
   return hn::Max(v, hn::Shuffle2301(v));
 }
 
-// How samples may be fetched; what all planes and halves of a block have in common decides. Flat windows may be too
-// near the image's end for tall ones.
+// Ways in which samples may be fetched; what all planes and halves of a block have in common decides. Flat windows may
+// be too near the image's end for tall ones.
 enum FetchBits : int32_t { kSampleBit = 1, kTallBit = 2, kFlatBit = 4 };
 
-// Where in an image, or a plane of chroma, the samples of a pair of rows are: bounds of both rows or, of chroma, of the
-// one. NaN fails every comparison.
+// Bounds the samples of a pair of rows in an image, or of its one row in a plane of chroma. NaN fails every comparison.
 template <class D, class V = hn::Vec<D>>
 struct CellPlace {
   V low_x, high_x, low_y, high_y;
   V column, width;     // columns of windows, and how far their samples reach
-  V last_row, height;  // of the lower row's windows, and the larger of both
+  V last_row, height;  // first row of the lower row's windows; rows that samples reach over, the larger number of both
   HWY_INLINE auto is_outside(D d, const PlaneGeometry& plane) const {
     return hn::Or(hn::Or(hn::Lt(high_x, hn::Set(d, -0.5f)), hn::Gt(low_x, hn::Set(d, plane.width - 0.5f))),
                   hn::Or(hn::Lt(high_y, hn::Set(d, -0.5f)), hn::Gt(low_y, hn::Set(d, plane.height - 0.5f))));
   }
-  // Which of FetchBits are good. `widest`: where fixed point ends across; `tall`: the most rows that samples may begin
-  // on in tall windows.
+  // The FetchBits that are good here. `widest`: where fixed point ends across; `tall`: the most rows that samples may
+  // begin on in tall windows.
   HWY_INLINE auto fetch(D d, const PlaneGeometry& plane, float widest, float tall) const {
     const hn::RebindToSigned<D> di;
     const auto set = [d](float v) HWY_ATTR { return hn::Set(d, v); };
@@ -79,7 +78,7 @@ struct CellPlace {
   }
 };
 
-// How the pairs of rows of each block are fetched, and from where: band.verdict, as decide().
+// Decides how the pairs of rows of each block are fetched, and from where: sets band.verdict, as decide() does.
 inline void decide_cells(const Slot& slot, bool i420, SlotBand& band) {
   const hn::CappedTag<float, kBlock> d;
   const hn::RebindToSigned<decltype(d)> di;
@@ -98,7 +97,7 @@ inline void decide_cells(const Slot& slot, bool i420, SlotBand& band) {
   const auto corner = [&](const PlaneGeometry& plane, VI column, VI row) HWY_ATTR {
     return hn::Add(hn::Mul(row, hn::Set(di, plane.stride)), hn::Mul(column, hn::Set(di, plane.pixel_bytes)));
   };
-  // In fixed point, pixels and 2^-kBits of one.
+  // Where a window begins, in fixed point: whole pixels and parts of 2^-kBits.
   const auto origin = [&](auto bits, VI column, VI row, uint32_t more) HWY_ATTR {
     constexpr int kBits = decltype(bits)::value;
     const auto x = hn::And(hn::ShiftLeft<kBits>(hn::BitCast(du, column)), hn::Set(du, 0xffff));
@@ -162,7 +161,7 @@ inline void decide_cells(const Slot& slot, bool i420, SlotBand& band) {
                    in_chroma_row = hn::ConvertTo(di, in_chroma.last_row);
         const size_t block = (static_cast<size_t>(pair) * pitch + i) / 2;
         store_blocks(corner(chroma, in_chroma_column, in_chroma_row), out.chroma_corner.data() + block);
-        // Luma's position of that, 2 k + 0.5.
+        // The position of chroma sample k in luma's pixels, 2 k + 0.5.
         constexpr std::integral_constant<int, kPositionBits + 1> kChroma;
         constexpr uint32_t kHalfPixel = 1 << (kPositionBits - 1);
         store_blocks(hn::BitCast(di, origin(kChroma, in_chroma_column, in_chroma_row, kHalfPixel << 16 | kHalfPixel)),
@@ -181,7 +180,7 @@ inline void decide_cells(const Slot& slot, bool i420, SlotBand& band) {
   }
 }
 
-// Where a map with nodes kCell apart is.
+// Places a slot in a band through a focal map whose nodes are kCell apart.
 inline void place_cells(const Slot& slot, bool i420, int y, bool follows, const CellNodes& inverse, CellWork& work,
                         SlotBand& band) {
   SurfaceBand& out = band.surface;
@@ -207,8 +206,9 @@ inline void place_cells(const Slot&, bool, int, bool, const CellNodes&, CellWork
 
 #endif
 
-// All that is known of a slot in a band before any pixel of it is read. band's blocks are set. `follows`: on the band
-// that is there already. `inverse`: null: of another map, all is to be projected.
+// Places a slot in a band with a focal map: all that is known before any pixel is read. `band` has its blocks already.
+// `follows`: the band follows the one that `band` has been. `inverse` null: the map has other nodes, and all is to be
+// projected.
 inline void place_surface(bool i420, const Slot& slot, int y, bool follows, const CellNodes* inverse, CellWork& work,
                           SlotBand& band) {
   SurfaceBand& out = band.surface;

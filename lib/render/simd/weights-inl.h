@@ -103,7 +103,7 @@ inline void weigh(const float e[3], const float step[3], int x0, int x1, uint8_t
   }
 }
 
-// Pixels [x, x1) of a run, in one block, pixel by pixel.
+// Weighs pixels [x, x1) of a run, in one block, pixel by pixel.
 inline void weigh_exactly(const SumTask& task, const OwnerRun& run, int y, int x, int x1, const FaceBlock& block,
                           Scratch& scratch) {
   const FacePlan& face = task.plan->faces()[run.face];
@@ -130,8 +130,8 @@ inline void weigh_exactly(const SumTask& task, const OwnerRun& run, int y, int x
   weigh(e, step, x - left, x1 - left, block.corners, out);
 }
 
-// Where the weights come from a grid: those of every slot in every block, as they are, where `runs` say there is
-// anything in focus. As weigh_band().
+// As weigh_band(), where weights come from a grid: it has those of every slot in every block, which count where `runs`
+// say that there is anything in focus.
 inline void blend_band(const SumTask& task, const Rect& rect, int y, Scratch& scratch) {
   static_assert(BlendGrid::kStep == kBlock && BlendGrid::kStep % kBandRows == 0 && BlendGrid::kOne == 1 << 15);
   const BlendGrid& grid = *task.plan->blend();
@@ -178,7 +178,8 @@ inline void weigh_band(const SumTask& task, const Rect& rect, int y, Scratch& sc
   std::fill_n(scratch.head.begin(), blocks, -1);
   if (task.plan->blend()) return blend_band(task, rect, y, scratch);
   std::fill_n(scratch.last_faces.begin(), blocks, LastFaces{});
-  // Whole blocks, wherever the rectangle begins in one: the same pixel has the same weights in all of them.
+  // Weights are made for whole blocks, wherever the rectangle begins in one: so a pixel has the same weights in every
+  // rectangle.
   const int blocks_x0 = first_block * kBlock, blocks_x1 = blocks_x0 + blocks * kBlock;
   for (int r = std::max(0, rect.y0 - y); r < kBandRows && y + r < rect.y1; r++)
     for (const OwnerRun& run : task.runs->row(y + r, blocks_x0, blocks_x1)) {
@@ -196,7 +197,7 @@ inline void weigh_band(const SumTask& task, const Rect& rect, int y, Scratch& sc
             if (corners >> k & 1) scratch.weights[face.entry[k]].rows |= 1u << r;
           continue;
         }
-        if (HWY_UNLIKELY(face.rows >> r & 1)) {  // it has a run of this row already
+        if (HWY_UNLIKELY(face.rows >> r & 1)) {  // the face has a run of this row already
           spread_weights(face, scratch);
           face.rows = 0;
         }
