@@ -3,6 +3,7 @@
 
 #include <GLES3/gl31.h>
 
+#include <map>
 #include <string>
 
 #include "render/gl/sum_shader.h"
@@ -36,6 +37,8 @@ class Texture {
       glTexStorage2D(target_, 1, format, width, height);
     glTexParameteri(target_, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
     glTexParameteri(target_, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    glTexParameteri(target_, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+    glTexParameteri(target_, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
     format_ = format;
     width_ = width;
     height_ = height;
@@ -50,74 +53,40 @@ class Texture {
 };
 
 // Textures' units.
-enum Unit { kOwners, kTables, kLevels, kRays, kCentreRays, kImages, kChromaImages, kLumaSeen, kTargets };
+enum Unit {
+  kOwners,
+  kBlockOwners,
+  kTables,
+  kLevels,
+  kRays,
+  kCentreRays,
+  kImages,
+  kChromaImages,
+  kChromaSums,
+  kTargets
+};
 
-class Program {
+// Where a program's numbers are.
+struct Program {
+  GLuint name = 0;
+  GLint origin = -1, size = -1, extent = -1, map_scale = -1;
+};
+
+// All programs that have been asked for.
+class Programs {
  public:
-  Program() = default;
-  Program(const Program&) = delete;
-  Program& operator=(const Program&) = delete;
-  ~Program() {
-    if (name_) glDeleteProgram(name_);
+  Programs() = default;
+  Programs(const Programs&) = delete;
+  Programs& operator=(const Programs&) = delete;
+  ~Programs() {
+    for (const auto& [what, program] : programs_) glDeleteProgram(program.name);
   }
-  // Compiles and links it the first time; false with what the driver says in `why`.
-  bool use(SumProgram what, std::string& why) {
-    if (!name_ && !make(what, why)) return false;
-    glUseProgram(name_);
-    return true;
-  }
-  void set(const char* name, int value) { glUniform1i(at(name), value); }
-  void set(const char* name, int x, int y) { glUniform2i(at(name), x, y); }
-  void set(const char* name, double x, double y) {
-    glUniform2f(at(name), static_cast<float>(x), static_cast<float>(y));
-  }
+  // In use from now on; compiled the first time, which takes tens of milliseconds. Null with what the driver says in
+  // `why`.
+  const Program* use(const SumProgram& what, std::string& why);
 
  private:
-  GLint at(const char* name) const { return glGetUniformLocation(name_, name); }
-  bool make(SumProgram what, std::string& why) {
-    const GLuint vertex = compile(GL_VERTEX_SHADER, vertex_shader(), why);
-    const GLuint fragment = vertex ? compile(GL_FRAGMENT_SHADER, sum_shader(what), why) : 0;
-    if (fragment) {
-      name_ = glCreateProgram();
-      glAttachShader(name_, vertex);
-      glAttachShader(name_, fragment);
-      glLinkProgram(name_);
-      GLint linked = 0;
-      glGetProgramiv(name_, GL_LINK_STATUS, &linked);
-      if (!linked) {
-        char text[512] = "";
-        glGetProgramInfoLog(name_, sizeof text, nullptr, text);
-        why = std::string("a shader does not link: ") + text;
-        glDeleteProgram(name_);
-        name_ = 0;
-      }
-    }
-    glDeleteShader(vertex);
-    glDeleteShader(fragment);
-    if (!name_) return false;
-    glUseProgram(name_);
-    for (const auto& [name, unit] :
-         {std::pair("owners", kOwners), std::pair("tables", kTables), std::pair("levels", kLevels),
-          std::pair("rays", kRays), std::pair("centre_rays", kCentreRays), std::pair("images", kImages),
-          std::pair("chroma_images", kChromaImages), std::pair("luma_seen", kLumaSeen)})
-      set(name, unit);
-    return true;
-  }
-  static GLuint compile(GLenum kind, const std::string& text, std::string& why) {
-    const GLuint shader = glCreateShader(kind);
-    const char* source = text.c_str();
-    glShaderSource(shader, 1, &source, nullptr);
-    glCompileShader(shader);
-    GLint compiled = 0;
-    glGetShaderiv(shader, GL_COMPILE_STATUS, &compiled);
-    if (compiled) return shader;
-    char log[512] = "";
-    glGetShaderInfoLog(shader, sizeof log, nullptr, log);
-    why = std::string("a shader does not compile: ") + log;
-    glDeleteShader(shader);
-    return 0;
-  }
-  GLuint name_ = 0;
+  std::map<SumProgram, Program> programs_;
 };
 
 }  // namespace lf::gl

@@ -7,8 +7,11 @@
 
 namespace lf::gl {
 
-// The numbers that programs draw a task by, as sum_shader.h lays them out: texels of all faces of the plan, then of all
-// slots, whose layers are their numbers; filled up to whole rows. `values`: four of each texel. The first slot's texel.
-int make_tables(const simd::SumTask& task, std::vector<float>& values);
+// The numbers that programs draw a task by, as sum_shader.h lays them out: a row of face_texels() for each face of the
+// plan. Layers are slots' numbers. `values`: four of each texel.
+void make_tables(const simd::SumTask& task, std::vector<float>& values);
+
+// What a face's pixels are counted from: the middle of its rectangle.
+Vec2 anchor_of(const FacePlan& face);
 
 }  // namespace lf::gl
