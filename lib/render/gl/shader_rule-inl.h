@@ -142,36 +142,45 @@ ivec2 pixel_before(inout vec2 position, vec2 image_size) {
   return first;
 }
 
-// Where textureGather() has the pixels (first.x, first.y + 1), (first.x + 1, first.y + 1), (first.x + 1, first.y) and
-// first.
-vec3 gathered(int k, ivec2 first, ivec3 array_size) {
-  return vec3(vec2(first + 1) / vec2(array_size.xy), corner(k, CORNER_FROM).w);
-}
+// Where the camera's image begins in the atlas.
+ivec2 place_of(int k) { return ivec2(corner(k, CORNER_FROM).w, corner(k, CORNER_IMAGE).w); }
+
+// Where textureGather() has the pixels (at.x, at.y + 1), (at.x + 1, at.y + 1), (at.x + 1, at.y) and (at.x, at.y).
+vec2 gathered(ivec2 at, ivec2 atlas_size) { return vec2(at + 1) / vec2(atlas_size); }
 float bilinear(vec4 gathered, vec2 part) {
   vec2 column = mix(gathered.wx, gathered.zy, part.x);
   return mix(column.x, column.y, part.y);
 }
 
+// What is lost is looked up as well, anywhere.
+#if defined(CAREFUL) || defined(CUBIC)
+#define IN_ATLAS(at) clamp(at, ivec2(0), textureSize(images, 0) - 1)
+#else
+#define IN_ATLAS(at) (at)
+#endif
+
 #ifdef RGB
-uniform highp sampler2DArray images;
-#define TEXEL(at) texel_of(k, texelFetch(images, ivec3(at, layer), 0))
+uniform highp sampler2D images;
+#define PLACE(k) place_of(k)
+#define TEXEL(at) texel_of(k, texelFetch(images, IN_ATLAS(at), 0))
 vec3 texel_of(int k, vec4 bytes) {
   int order = int(corner(k, CORNER_DOWN).w);
   return vec3(bytes[order & 3], bytes[(order >> 2) & 3], bytes[order >> 4]);
 }
 #elif defined(CHROMA)
-uniform highp usampler2DArray images; // Cb, and Cr in the next eight bits
-#define TEXEL(at) texel_of(texelFetch(images, ivec3(at, layer), 0).r)
+uniform highp usampler2D images; // Cb, and Cr in the next eight bits
+#define PLACE(k) (place_of(k) / 2)
+#define TEXEL(at) texel_of(texelFetch(images, IN_ATLAS(at), 0).r)
 vec3 texel_of(uint both) { return vec3(both & 255u, both >> 8, 0) / 255.0; }
 #else
-uniform highp sampler2DArray images;
-#define TEXEL(at) vec3(texelFetch(images, ivec3(at, layer), 0).r)
+uniform highp sampler2D images;
+#define PLACE(k) place_of(k)
+#define TEXEL(at) vec3(texelFetch(images, IN_ATLAS(at), 0).r)
 #endif
 
 // 0..1, at a position in camera k's image of that size.
 vec3 sampled(int k, vec2 image_size, vec2 position) {
-  ivec2 first = pixel_before(position, image_size);
-  int layer = int(corner(k, CORNER_FROM).w);
+  ivec2 first = pixel_before(position, image_size), place = PLACE(k);
 #ifdef CUBIC
   bool is_cubic = (int(corner(k, CORNER_ALONG).w) & IS_CUBIC) != 0;
   vec4 across = cubic_weights(position.x, is_cubic), down = cubic_weights(position.y, is_cubic);
@@ -179,17 +188,18 @@ vec3 sampled(int k, vec2 image_size, vec2 position) {
   vec3 sum = vec3(0.0);
   for (int j = 0; j < 4; j++)
     for (int i = 0; i < 4; i++)
-      sum += down[j] * across[i] * TEXEL(clamp(first + ivec2(i, j) - 1, ivec2(0), last));
+      sum += down[j] * across[i] * TEXEL(place + clamp(first + ivec2(i, j) - 1, ivec2(0), last));
   return clamp(sum, 0.0, 1.0);
 #elif defined(RGB)
+  first += place;
   vec3 upper = mix(TEXEL(first), TEXEL(first + ivec2(1, 0)), position.x);
   vec3 lower = mix(TEXEL(first + ivec2(0, 1)), TEXEL(first + ivec2(1, 1)), position.x);
   return mix(upper, lower, position.y);
 #elif defined(CHROMA)
-  uvec4 both = textureGather(images, gathered(k, first, textureSize(images, 0)));
+  uvec4 both = textureGather(images, gathered(place + first, textureSize(images, 0)));
   return vec3(bilinear(vec4(both & 255u), position), bilinear(vec4(both >> 8), position), 0) / 255.0;
 #else
-  return vec3(bilinear(textureGather(images, gathered(k, first, textureSize(images, 0))), position));
+  return vec3(bilinear(textureGather(images, gathered(place + first, textureSize(images, 0))), position));
 #endif
 }
 

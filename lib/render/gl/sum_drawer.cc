@@ -5,26 +5,25 @@
 #include <cstddef>
 
 #include "render/gl/face_cover.h"
-#include "render/gl/image_arrays.h"
+#include "render/gl/image_atlas.h"
 #include "render/gl/objects.h"
 #include "render/gl/view_textures.h"
 
 namespace lf::gl {
 
 struct SumDrawer::Objects {
-  Texture pixels{GL_TEXTURE_2D}, lost{GL_TEXTURE_2D}, chroma_sums{GL_TEXTURE_2D}, chroma{GL_TEXTURE_2D};
+  Texture pixels, lost, chroma_sums, chroma;
   ViewTextures view;
-  ImageArrays images;
+  ImageAtlas atlas;
   Programs programs;
   GLuint frame = 0, corners = 0;
-  GLint max_size = 0, max_layers = 0;
+  GLint max_size = 0;
   GLenum float_target = GL_RG16F;
 
   Objects() {
     glGenFramebuffers(1, &frame);
     glGenBuffers(1, &corners);
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &max_size);
-    glGetIntegerv(GL_MAX_ARRAY_TEXTURE_LAYERS, &max_layers);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     glPixelStorei(GL_PACK_ALIGNMENT, 1);
   }
@@ -145,18 +144,17 @@ bool SumDrawer::draw(const simd::SumTask& task, std::span<const Source> sources,
 bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out) {
   Objects& o = *objects_;
   const ViewPlan& plan = *task.plan;
-  int largest = std::max({rect.width(), rect.height(), static_cast<int>(plan.faces().size())});
-  for (const simd::Slot& slot : task.slots) largest = std::max({largest, slot.image.width, slot.image.height});
   if (plan.blend()) return refuse("the view is not blended by its mesh");
   if (plan.faces().size() >= kMixedOwners) return refuse("too many faces");
-  if (static_cast<int>(task.slots.size()) > o.max_layers) return refuse("too many cameras");
-  if (largest > o.max_size) return refuse("an image, a view or the array is too large");
+  if (std::max({rect.width(), rect.height(), static_cast<int>(plan.faces().size())}) > o.max_size)
+    return refuse("the view or the array is too large");
+  if (!o.atlas.lay_out(task, sources, o.max_size)) return refuse("the cameras' images are too large");
 
   out.family = task.family;
   out.rect = rect;
   const FaceCover cover = cover_faces(task, rect);
-  o.view.upload(task, rect);
-  o.images.upload(task, sources);
+  o.view.upload(task, o.atlas, rect);
+  o.atlas.upload();
   glBindFramebuffer(GL_FRAMEBUFFER, o.frame);
   glDepthFunc(GL_EQUAL);
   glDepthMask(GL_FALSE);
@@ -165,7 +163,7 @@ bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sour
   glFlush();  // while the card draws those, the rest goes up
   if (task.family == PixelFamily::kI420) {
     o.view.upload_blocks(task, rect);
-    o.images.upload_chroma(task, sources);
+    o.atlas.upload_chroma();
     if (!draw_chroma(task, cover, rect)) return false;
     glFlush();
   }

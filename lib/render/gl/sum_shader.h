@@ -42,12 +42,12 @@ enum FaceTexel {
   kFaceCorners = kFaceEdge + 3
 };
 enum CornerTexel {
-  kCornerFrom,        // ProjectionTerms::from; w: the layer of its image
+  kCornerFrom,        // ProjectionTerms::from; w: x of its image's place in the atlas
   kCornerAlong,       // and along; w: CornerFlags
   kCornerDown,        // and down; w: RGB: which byte of a pixel is red, + 4 of green, + 16 of blue
   kCornerLens,        // fx, fy, cx, cy
   kCornerDistortion,  // k1, k2, p1, p2
-  kCornerImage,       // width, height of the image in pixels; the largest squared radius
+  kCornerImage,       // width, height of the image in pixels; the largest squared radius; y of its place
   kCornerTexels,
   kCornerPerFrom = kCornerTexels,  // with a focal map: ProjectionTerms::per_from
   kCornerPerAlong,

@@ -62,8 +62,8 @@ void add_edges(Tables& tables, const simd::SumTask& task, const FacePlan& face, 
   }
 }
 
-void add_corner(Tables& tables, const simd::SumTask& task, const simd::Slot& slot, int layer, const Vec2& anchor,
-                double near) {
+void add_corner(Tables& tables, const simd::SumTask& task, const simd::Slot& slot, const ImageAtlas::Offset& place,
+                const Vec2& anchor, double near) {
   const ViewPlan& plan = *task.plan;
   const bool has_map = plan.view().focus.map != nullptr;
   const simd::ProjectionTerms terms = !plan.rays().separable() ? terms_of_rays(*slot.projection, near)
@@ -71,12 +71,12 @@ void add_corner(Tables& tables, const simd::SumTask& task, const simd::Slot& slo
                                                                : simd::terms_at(slot, anchor.x, anchor.y);
   const int flags = (slot.image.family != PixelFamily::kNone ? kHasImage : 0) | (slot.is_cubic() ? kIsCubic : 0);
   const RgbLayout& layout = slot.image.layout;
-  tables.add(terms.from, layer);
+  tables.add(terms.from, place.x);
   tables.add(terms.along, flags);
   tables.add(terms.down, layout.r + 4 * layout.g + 16 * layout.b);
   tables.add(slot.fx, slot.fy, slot.cx, slot.cy);
   tables.add(slot.k1, slot.k2, slot.p1, slot.p2);
-  tables.add(slot.image.width, slot.image.height, slot.max_r2, 0);
+  tables.add(slot.image.width, slot.image.height, slot.max_r2, place.y);
   if (!has_map) return;
   tables.add(terms.per_from, 0);
   tables.add(terms.per_along, 0);
@@ -97,7 +97,7 @@ Vec2 anchor_of(const FacePlan& face) {
   return Vec2((face.rect.x0 + face.rect.x1) / 2, (face.rect.y0 + face.rect.y1) / 2);
 }
 
-void make_tables(const simd::SumTask& task, std::vector<float>& values) {
+void make_tables(const simd::SumTask& task, const ImageAtlas& atlas, std::vector<float>& values) {
   Tables tables(values);
   const ViewPlan& plan = *task.plan;
   const FocalMap* map = plan.view().focus.map.get();
@@ -117,7 +117,7 @@ void make_tables(const simd::SumTask& task, std::vector<float>& values) {
         continue;
       }
       const int32_t slot = task.slot_of_camera[face.camera[k]];
-      add_corner(tables, task, task.slots[static_cast<size_t>(slot)], slot, anchor, near);
+      add_corner(tables, task, task.slots[static_cast<size_t>(slot)], atlas.offset(slot), anchor, near);
     }
   }
 }

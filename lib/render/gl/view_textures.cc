@@ -44,8 +44,8 @@ void ViewTextures::upload_block_owners(const Rect& rect) {
   glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, columns, rows, GL_DEPTH_COMPONENT, GL_UNSIGNED_SHORT, block_memory_.data());
 }
 
-void ViewTextures::upload_tables(const simd::SumTask& task) {
-  make_tables(task, table_memory_);
+void ViewTextures::upload_tables(const simd::SumTask& task, const ImageAtlas& atlas) {
+  make_tables(task, atlas, table_memory_);
   const int texels = face_texels(task.plan->view().focus.map != nullptr),
             faces = static_cast<int>(task.plan->faces().size());
   tables_.bind(kTables, GL_RGBA32F, kMaxTableTexels, faces);
@@ -65,7 +65,7 @@ void ViewTextures::upload_levels(const FocalMap& map) {
       for (const uint8_t level : {upper[i], upper[next], lower[i], lower[next]}) *to++ = level;
     }
   }
-  levels_.bind(kLevels, GL_RGBA8UI, width, height, 0, true);
+  levels_.bind(kLevels, GL_RGBA8UI, width, height, true);
   glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RGBA_INTEGER, GL_UNSIGNED_BYTE, level_memory_.data());
 }
 
@@ -84,11 +84,11 @@ void ViewTextures::upload_rays(const Rays& view_rays, const Rect& rect, bool cen
   glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RG, GL_FLOAT, ray_memory_.data());
 }
 
-void ViewTextures::upload(const simd::SumTask& task, const Rect& rect) {
+void ViewTextures::upload(const simd::SumTask& task, const ImageAtlas& atlas, const Rect& rect) {
   const ViewPlan& plan = *task.plan;
   glPixelStorei(GL_UNPACK_ROW_LENGTH, 0);
   upload_owners(task, rect);
-  upload_tables(task);
+  upload_tables(task, atlas);
   if (!plan.rays().separable()) upload_rays(plan.rays(), rect, false);
   if (const FocalMap* map = plan.view().focus.map.get()) upload_levels(*map);
 }

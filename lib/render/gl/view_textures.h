@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "render/gl/image_atlas.h"
 #include "render/gl/objects.h"
 #include "render/simd/band_data.h"
 
@@ -14,7 +15,7 @@ namespace lf::gl {
 class ViewTextures {
  public:
   // Sends and binds what pixels of `rect` need, and then what blocks of two by two of them do.
-  void upload(const simd::SumTask& task, const Rect& rect);
+  void upload(const simd::SumTask& task, const ImageAtlas& atlas, const Rect& rect);
   void upload_blocks(const simd::SumTask& task, const Rect& rect);
 
   // The depths of what is drawn, see sum_shader.h.
@@ -24,12 +25,11 @@ class ViewTextures {
  private:
   void upload_owners(const simd::SumTask& task, const Rect& rect);
   void upload_block_owners(const Rect& rect);
-  void upload_tables(const simd::SumTask& task);
+  void upload_tables(const simd::SumTask& task, const ImageAtlas& atlas);
   void upload_levels(const FocalMap& map);
   void upload_rays(const Rays& rays, const Rect& rect, bool centres);
 
-  Texture owners_{GL_TEXTURE_2D}, block_owners_{GL_TEXTURE_2D}, tables_{GL_TEXTURE_2D}, levels_{GL_TEXTURE_2D},
-      rays_{GL_TEXTURE_2D}, centre_rays_{GL_TEXTURE_2D};
+  Texture owners_, block_owners_, tables_, levels_, rays_, centre_rays_;
   std::vector<uint16_t> owner_memory_, block_memory_;
   std::vector<float> table_memory_, ray_memory_;
   std::vector<uint8_t> level_memory_;
