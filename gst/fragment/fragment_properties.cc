@@ -34,6 +34,8 @@ static GstStructure* stats_of(LfFragment* self) {
                       nullptr);
   if (!gains.empty()) gst_structure_set(stats, "gains", GST_TYPE_STRUCTURE, of_cameras, nullptr);
   gst_structure_free(of_cameras);
+  const std::string renderer = self->state->card.explain(lf_fragment_settings(self).renderer);
+  gst_structure_set(stats, "renderer", G_TYPE_STRING, renderer.c_str(), nullptr);
   self->state->guard.add_stats(stats);
   return stats;
 }

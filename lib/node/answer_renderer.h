@@ -17,6 +17,7 @@ struct RenderedAnswer {
   ByteBuffer bytes;  // one unit
   size_t fragments = 0;
   bool drawn = false;                     // by a card
+  size_t pixels = 0;                      // of the rectangle that bounds the sum
   uint64_t render_ns = 0, encode_ns = 0;  // wall time; rounding to 8 bits counts as rendering
 };
 

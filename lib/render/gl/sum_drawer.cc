@@ -112,7 +112,7 @@ std::unique_ptr<SumDrawer> SumDrawer::create(Context::Drivers drivers, std::stri
       drawer->context_->has_extension("GL_EXT_float_blend"))
     drawer->objects_->float_target = GL_RG32F;
   using Output = SumProgram::Output;
-  for (const Output output : {Output::kRgb, Output::kLuma, Output::kChroma, Output::kMixedChroma})
+  for (const Output output : {Output::kRgb, Output::kChroma})
     if (!drawer->objects_->programs.use({.output = output, .careful = true, .has_map = true}, why)) return nullptr;
   return drawer;
 }
