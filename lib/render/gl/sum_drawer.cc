@@ -11,18 +11,23 @@
 
 namespace lf::gl {
 
+constexpr GLenum kTimeElapsed = 0x88bf;  // GL_EXT_disjoint_timer_query: GL_TIME_ELAPSED_EXT
+
 struct SumDrawer::Objects {
   Texture pixels, lost, chroma_sums, chroma;
   ViewTextures view;
   ImageAtlas atlas;
   Programs programs;
   GLuint frame = 0, corners = 0;
+  GLuint times[2] = {};  // of pixels, of chroma
+  bool has_times = false;
   GLint max_size = 0;
   GLenum float_target = GL_RG16F;
 
   Objects() {
     glGenFramebuffers(1, &frame);
     glGenBuffers(1, &corners);
+    glGenQueries(2, times);
     glGetIntegerv(GL_MAX_TEXTURE_SIZE, &max_size);
     glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
     glPixelStorei(GL_PACK_ALIGNMENT, 1);
@@ -30,6 +35,7 @@ struct SumDrawer::Objects {
   ~Objects() {
     glDeleteFramebuffers(1, &frame);
     glDeleteBuffers(1, &corners);
+    glDeleteQueries(2, times);
   }
 
   // Of one kind, over what is bound as the frame; false with the reason in `why`.
@@ -55,6 +61,24 @@ struct SumDrawer::Objects {
     glEnableVertexAttribArray(1);
     glDrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(triangles.size()));
     return true;
+  }
+
+  template <class Fn>
+  bool timed(GLuint query, const Fn& draw) {
+    if (has_times) glBeginQuery(kTimeElapsed, query);
+    const bool drawn = draw();
+    if (has_times) glEndQuery(kTimeElapsed);
+    return drawn;
+  }
+  // Of those that were timed last; what is read back has waited for them.
+  uint64_t nanoseconds(bool both) const {
+    uint64_t sum = 0;
+    for (int i = 0; i < (has_times ? 1 + both : 0); i++) {
+      GLuint ns = 0;
+      glGetQueryObjectuiv(times[i], GL_QUERY_RESULT, &ns);
+      sum += ns;
+    }
+    return sum;
   }
 
   // Makes it what is drawn to there.
@@ -111,6 +135,7 @@ std::unique_ptr<SumDrawer> SumDrawer::create(Context::Drivers drivers, std::stri
   if (drawer->context_->has_extension("GL_EXT_color_buffer_float") &&
       drawer->context_->has_extension("GL_EXT_float_blend"))
     drawer->objects_->float_target = GL_RG32F;
+  drawer->objects_->has_times = drawer->context_->has_extension("GL_EXT_disjoint_timer_query");
   using Output = SumProgram::Output;
   for (const Output output : {Output::kRgb, Output::kChroma})
     if (!drawer->objects_->programs.use({.output = output, .careful = true, .has_map = true}, why)) return nullptr;
@@ -159,15 +184,16 @@ bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sour
   glDepthFunc(GL_EQUAL);
   glDepthMask(GL_FALSE);
   glEnable(GL_DEPTH_TEST);
-  if (!draw_pixels(task, cover, rect)) return false;
+  if (!o.timed(o.times[0], [&] { return draw_pixels(task, cover, rect); })) return false;
   glFlush();  // while the card draws those, the rest goes up
   if (task.family == PixelFamily::kI420) {
     o.view.upload_blocks(task, rect);
     o.atlas.upload_chroma();
-    if (!draw_chroma(task, cover, rect)) return false;
+    if (!o.timed(o.times[1], [&] { return draw_chroma(task, cover, rect); })) return false;
     glFlush();
   }
   read(cover, out);
+  drawn_ns_ = o.nanoseconds(task.family == PixelFamily::kI420);
   if (const GLenum error = glGetError(); error != GL_NO_ERROR) {
     lost_ = error == GL_OUT_OF_MEMORY || lost_;
     return refuse("OpenGL error " + std::to_string(error));

@@ -58,6 +58,9 @@ class SumDrawer {
   bool is_lost() const { return lost_; }
   // From now on it is as if the driver had lost the context. Any thread.
   void lose() { context_->lose(); }
+  // How long the card took for what the latest draw() had it draw, without sending anything there and back, nanoseconds;
+  // 0: its driver can't tell (GL_EXT_disjoint_timer_query).
+  uint64_t drawn_ns() const { return drawn_ns_; }
   // Pixels (and chroma samples) that the latest draw() left to the CPU.
   size_t mended() const { return mended_; }
 
@@ -76,6 +79,7 @@ class SumDrawer {
   std::string why_not_;  // under that
   std::atomic<bool> lost_ = false;
   std::atomic<size_t> mended_ = 0;
+  std::atomic<uint64_t> drawn_ns_ = 0;
 };
 
 // Computes what the card left open in double: pixels whose lost weight is kDoubt, chroma samples of kChromaDoubt. How
