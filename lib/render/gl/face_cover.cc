@@ -11,7 +11,7 @@ namespace lf::gl {
 namespace {
 
 // Parts that are not calm are halved down to this, pixels: what is left to careful programs is a seam.
-constexpr int kLeastPart = 48;
+constexpr int kLeastPart = 32;
 
 // Pixels: what corners are rounded by (GL_SUBPIXEL_BITS is 4 at least), and then some; and how far from a pixel the
 // middle of its block is.
