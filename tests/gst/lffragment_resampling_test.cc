@@ -124,8 +124,9 @@ TEST_F(LfFragmentResamplingTest, TheRendererChangesNoPixelByMoreThanOneLevel) {
     Assembly assembly;
     assembly.begin(asked);
     EXPECT_EQ(add_answer(assembly, pull()), Assembly::Verdict::kAdded);
-    if (std::string(renderer) != "auto")
+    if (std::string(renderer) != "auto") {  // which depends on the machine
       EXPECT_EQ(stat(element_.get(), "drawn"), drawn + (std::string(renderer) == "gl" ? 1 : 0));
+    }
     EXPECT_THAT(says(), testing::StartsWith(renderer));
     const std::vector<uint8_t> picture = assembly.picture().resolve().data();
     const std::vector<uint8_t> expected = rendered(asked, Resampling::kSharpened).data();
