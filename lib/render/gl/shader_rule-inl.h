@@ -15,7 +15,7 @@ uniform highp sampler2D rays;        // of distorted views: lines of sight of pi
 uniform highp sampler2D centre_rays; // and of the middle of four
 uniform ivec2 origin;     // of the target in the view
 uniform ivec2 size;       // of the sum, pixels
-uniform vec4 map_scale;   // the step of nodes, pixels; inverse distance of level 0 and of a level more; the eye's distance
+uniform vec4 map_scale;   // the step of nodes, pixels; inverse distance of level 0, of a level more; eye distance
 
 flat in vec4 face[FACE_TEXELS];
 

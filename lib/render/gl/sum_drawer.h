@@ -58,8 +58,8 @@ class SumDrawer {
   bool is_lost() const { return lost_; }
   // From now on it is as if the driver had lost the context. Any thread.
   void lose() { context_->lose(); }
-  // How long the card took for what the latest draw() had it draw, without sending anything there and back, nanoseconds;
-  // 0: its driver can't tell (GL_EXT_disjoint_timer_query).
+  // How long the card took for what the latest draw() had it draw, without sending anything there and back,
+  // nanoseconds; 0: its driver can't tell (GL_EXT_disjoint_timer_query).
   uint64_t drawn_ns() const { return drawn_ns_; }
   // Pixels (and chroma samples) that the latest draw() left to the CPU.
   size_t mended() const { return mended_; }
