@@ -17,6 +17,7 @@
 #include "focus/view_focus.h"
 #include "image/image.h"
 #include "node/answer_task.h"
+#include "node/card.h"
 #include "progress.h"
 #include "quality/quality.h"
 #include "render/focus_range.h"
@@ -29,7 +30,7 @@
 namespace {
 
 struct Options {
-  std::string rig, size;
+  std::string rig, size, renderer = "cpu";
   double distance = 0;  // metres, of the plane in focus
   int held_out = 4, quality = 90;
   double seconds = 1;  // for each timing
@@ -83,7 +84,8 @@ lf::View view_of(const Array& array, const Options& options) {
 class Link {
  public:
   // `jpeg`: over a link, of the quality asked for; else 16-bit sums within a process.
-  Link(const Array& array, const lf::View& view, bool jpeg, int quality) : array_(array) {
+  Link(const Array& array, const lf::View& view, bool jpeg, int quality, lf::RendererChoice renderer)
+      : array_(array), renderer_(renderer) {
     manner_.in_process = !jpeg;
     request_.view = view;
     request_.rig_hash = array.rig->hash();
@@ -100,15 +102,21 @@ class Link {
     lf::wire::AnswerHeader header = lf::wire::answer_to(request_, {view.width, view.height}, request_.rig_hash);
     header.family = lf::PixelFamily::kI420;
     header.cameras = lf::CameraRanges(array_.cameras);
-    bytes_ = task->render(header, sources, manner_, std::move(bytes_)).bytes;
+    std::string news;
+    manner_.card = card_.open(renderer_, news);
+    if (!news.empty()) throw lf::Error(news);
+    lf::RenderedAnswer rendered = task->render(header, sources, manner_, std::move(bytes_));
+    card_.rendered(renderer_, rendered);
+    bytes_ = std::move(rendered.bytes);
     const auto answer = lf::wire::parse_answer(bytes_);
     assembly_.begin(request_);
     if (!answer || assembly_.add(*answer) != lf::Assembly::Verdict::kAdded) throw lf::Error("an answer was not sound");
     assembly_.finish(lf::PixelFamily::kI420, false);
     picture_ = assembly_.picture().resolve();
   }
-  // The shortest time of many, milliseconds.
+  // The shortest time of many, milliseconds. A card compiles its programs before.
   double time(double seconds) {
+    render();
     double least = std::numeric_limits<double>::infinity();
     for (const uint64_t begun = lf::now_ns(); static_cast<double>(lf::now_ns() - begun) < 1e9 * seconds;) {
       const uint64_t start = lf::now_ns();
@@ -119,9 +127,12 @@ class Link {
   }
   size_t bytes() const { return bytes_.size(); }
   const lf::Image& picture() const { return picture_; }
+  std::string renderer() const { return card_.explain(renderer_); }
 
  private:
   const Array& array_;
+  const lf::RendererChoice renderer_;
+  lf::Card card_;
   lf::AnswerTask::Options manner_;
   lf::ViewRequest request_;
   lf::ByteBuffer bytes_;
@@ -175,17 +186,21 @@ void print_speed(const Array& array, const Options& options) {
   std::printf("%zu cameras, views of %dx%d, one thread (%s), from camera images in memory to the picture\n\n",
               array.cameras.size(), plane.width, plane.height, lf::simd_target_name());
   std::printf("%-34s %8s %8s %10s %10s %9s\n", "", "ms", "views/s", "bytes", "max error", "PSNR, dB");
+  const lf::RendererChoice renderer = *lf::renderer_choice(options.renderer);
+  std::string drawn_by;
   for (const bool jpeg : {false, true})
     for (const bool through_surface : {false, true}) {
       const lf::View& view = through_surface ? surface : plane;
-      Link link(array, view, jpeg, options.quality);
+      Link link(array, view, jpeg, options.quality, renderer);
       const double ms = link.time(options.seconds);
       const Error error = error_of(link.picture(), exact_luma(array, view));
       const std::string name = (jpeg ? "JPEG " + std::to_string(options.quality) : "16-bit sums") +
                                (through_surface ? ", focal surface" : ", one focal plane");
       std::printf("%-34s %8.2f %8.0f %10zu %10.2f %9.2f\n", name.c_str(), ms, 1000 / ms, link.bytes(), error.max,
                   error.psnr_db);
+      drawn_by = link.renderer();
     }
+  if (renderer != lf::RendererChoice::kCpu) std::printf("drawn by %s\n", drawn_by.c_str());
   std::printf("error: luma, of 255, against unrounded sums at exact positions\n");
 }
 
@@ -257,6 +272,9 @@ int main(int argc, char** argv) {
       ->capture_default_str()
       ->check(cli::NonNegativeNumber);
   app.add_option("--quality", o.quality, "Of JPEG")->capture_default_str()->check(cli::Range(1, 100));
+  app.add_option("--renderer", o.renderer, "What draws, as of lffragment")
+      ->capture_default_str()
+      ->check(cli::IsMember({"cpu", "gl", "auto"}));
   app.add_option("--seconds", o.seconds, "For each timing")->capture_default_str()->check(cli::PositiveNumber);
   return cli::run_tool(app, argc, argv, [&] {
     const std::unique_ptr<Array> array = load(o);

@@ -19,6 +19,7 @@
 #include "focus/view_focus.h"
 #include "image/correction.h"
 #include "image/image.h"
+#include "node/card.h"
 #include "progress.h"
 #include "quality/camera_monitor.h"
 #include "quality/quality.h"
@@ -35,7 +36,7 @@ struct Options {
   int every = 1;
   double distance = 0;  // of the focal plane, where the views don't say
   bool i420 = false, leave_one_out = false;
-  std::string focus = "surface", resampling = "sharpened", gains = "auto";
+  std::string focus = "surface", resampling = "sharpened", gains = "auto", renderer = "cpu";
   double aperture = 0;  // metres
   int nearest_cameras = 0;
   lf::FocusControl::Settings surface{.mode = lf::FocusMode::kSurface};
@@ -104,7 +105,14 @@ class Renderer {
     return out;
   }
   Rendered still(const std::string& name, const lf::Mesh& mesh, const lf::View& focused) {
-    lf::Still still = lf::render_still(rig_, mesh, focused, image_of_, options_.sampled());
+    lf::RenderedAnswer told{.pixels = static_cast<size_t>(focused.width) * focused.height};
+    lf::gl::SumDrawer* card = card_now();
+    const Clock::time_point start = Clock::now();
+    const double read_before = reading_;
+    lf::Still still = lf::render_still(rig_, mesh, focused, image_of_, options_.sampled(), {}, card);
+    told.drawn = card && !card->is_lost();
+    told.render_ns = static_cast<uint64_t>(1e6 * (ms_since(start) - (reading_ - read_before)));
+    card_.rendered(choice_, told);
     Rendered out{
         .row{name}, .focused = focused, .rgb = in_rgb(std::move(still.picture)), .coverage = std::move(still.coverage)};
     out.row.coverage = covered_fraction(out.coverage);
@@ -122,6 +130,12 @@ class Renderer {
   static lf::Image in_rgb(lf::Image image) {
     return image.family() == lf::PixelFamily::kI420 ? lf::to_rgb(image) : std::move(image);
   }
+  lf::gl::SumDrawer* card_now() {
+    std::string news;
+    lf::gl::SumDrawer* card = card_.open(choice_, news);
+    if (!news.empty()) std::fprintf(stderr, "lf-render: %s\n", news.c_str());
+    return card;
+  }
   const lf::Image& read(lf::CameraIndex camera) {
     const Clock::time_point start = Clock::now();
     const lf::Image& image = images_.get(camera);
@@ -137,6 +151,8 @@ class Renderer {
 
   const lf::Rig& rig_;
   const Options& options_;
+  const lf::RendererChoice choice_ = *lf::renderer_choice(options_.renderer);
+  lf::Card card_;
   lf::StillImages images_;
   lf::Image rgb_, matched_;
   lf::CameraGains gains_;  // of the view being rendered, that images are divided by
@@ -298,6 +314,9 @@ int main(int argc, char** argv) {
                  "Whether cameras match their brightness on a surface (auto: until the rig has their colours)")
       ->capture_default_str()
       ->check(cli::IsMember({"auto", "true", "false"}));
+  app.add_option("--renderer", options.renderer, "What draws, as of lffragment")
+      ->capture_default_str()
+      ->check(cli::IsMember({"cpu", "gl", "auto"}));
   app.add_flag("--i420", options.i420, "Render in YCbCr 4:2:0 as video sources would");
   return cli::run_tool(app, argc, argv, [&] {
     if (options.views.empty() && !options.leave_one_out) throw lf::Error("give --views or --leave-one-out");

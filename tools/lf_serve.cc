@@ -28,7 +28,7 @@ using namespace lf::serve;
 constexpr double kSceneFocus = 2.2;  // metres: the figure of the built-in scene
 
 struct Options {
-  std::string rig, nodes, key_file, token_file, ice_credentials, media, resampling = "sharpened";
+  std::string rig, nodes, key_file, token_file, ice_credentials, media, resampling = "sharpened", renderer = "cpu";
   std::vector<std::string> origins, paths, hosts, proxies, ice_servers;
   std::vector<lf::NodeAddress> node_addresses;
   ServerOptions server;
@@ -144,7 +144,7 @@ class Program {
       std::string problem;
       try {
         field_ = std::make_unique<LightField>(options_.rig, options_.node_addresses, options_.key_file,
-                                              options_.resampling, options_.limits.viewers);
+                                              options_.resampling, options_.renderer, options_.limits.viewers);
         field_->start([this](const std::string& what) { fail(what); });
       } catch (const lf::Error& error) {
         problem = error.what();
@@ -254,6 +254,9 @@ int main(int argc, char** argv) {
   app.add_option("--resampling", o.resampling, "how cameras' images are sampled (of --nodes: see lfcameranode)")
       ->capture_default_str()
       ->check(cli::IsMember({"bilinear", "sharpened", "catmull-rom"}));
+  app.add_option("--renderer", o.renderer, "what draws views: gl: OpenGL ES; auto: the faster one (of --nodes: theirs)")
+      ->capture_default_str()
+      ->check(cli::IsMember({"cpu", "gl", "auto"}));
   app.add_option(
          "--monitor", o.limits.monitor,
          "beside one of so many requests of a viewer a camera is left out and predicted from the others, each in "

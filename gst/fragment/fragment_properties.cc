@@ -34,6 +34,8 @@ static GstStructure* stats_of(LfFragment* self) {
                       nullptr);
   if (!gains.empty()) gst_structure_set(stats, "gains", GST_TYPE_STRUCTURE, of_cameras, nullptr);
   gst_structure_free(of_cameras);
+  const std::string renderer = self->state->card.explain(lf_fragment_settings(self).renderer);
+  gst_structure_set(stats, "renderer", G_TYPE_STRING, renderer.c_str(), nullptr);
   self->state->guard.add_stats(stats);
   return stats;
 }
@@ -60,7 +62,8 @@ _LfFragment::State* lf_fragment_state_new() { return new _LfFragment::State{.gua
 void lf_fragment_install_properties(GObjectClass* object_class) {
   Properties::install(
       object_class,
-      "Counts of requests, answers, of these skipped (too late to be shown) and drawn by OpenGL, requests refused for "
+      "Counts of requests, answers, of these skipped (too late to be shown) and drawn by OpenGL, what renders and why "
+      "(renderer), requests refused for "
       "one of the limits (refused, and of these refused-pixels, -aperture, -trials, -rate, -views), fragments, bytes, "
       "frames that were missing (of these stale: farther than max-skew) and frames that were damaged; the largest skew "
       "of a frame; what waiting for frames, decoding, rendering and encoding took: the latest answer's time and p50, "

@@ -100,11 +100,9 @@ static lf::Node::Options options_of(LfFragment* self, const lf::FragmentSettings
   options.max_skew = settings.max_skew;
   options.resampling = settings.resampling;
   options.base_time = gst_element_get_base_time(GST_ELEMENT(self));
-  if (settings.renderer == lf::RendererChoice::kGl) {
-    std::string news;
-    options.card = self->state->card.open(news);
-    if (!news.empty()) GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND, ("%s.", news.c_str()), (nullptr));
-  }
+  std::string news;
+  options.card = self->state->card.open(settings.renderer, news);
+  if (!news.empty()) GST_ELEMENT_WARNING(self, RESOURCE, NOT_FOUND, ("%s.", news.c_str()), (nullptr));
   return options;
 }
 
@@ -121,6 +119,7 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
   lf::Node::Reply reply = lf_fragment_is_too_late(pad, job)
                               ? node.skip(job.request)
                               : node.answer(job.request, kept, options, requester.memory->take());
+  self->state->card.rendered(settings.renderer, reply.answer);
   const lf::NodeStats::Stages& stages = reply.stages;
   if (stages.render > 0) requester.estimate.done(job.work, stages.decode + stages.render + stages.encode);
   if (!reply.warning.empty())

@@ -24,9 +24,11 @@ GType lf_fragment_resampling_get_type(void) {
 
 GType lf_fragment_renderer_get_type(void) {
   static const GType type = lf::register_enum<lf::RendererChoice>(
-      "LfFragmentRenderer", {{lf::RendererChoice::kCpu, "The CPU, with the widest vectors that it has", "cpu"},
-                             {lf::RendererChoice::kGl,
-                              "OpenGL ES 3.1 without a window, where there is a driver for it; else the CPU", "gl"}});
+      "LfFragmentRenderer",
+      {{lf::RendererChoice::kCpu, "The CPU, with the widest vectors that it has", "cpu"},
+       {lf::RendererChoice::kGl, "OpenGL ES 3.1 without a window, where there is a driver for it; else the CPU", "gl"},
+       {lf::RendererChoice::kAuto, "The faster one, as the first answers tell; never a driver that computes on the CPU",
+        "auto"}});
   return type;
 }
 
@@ -69,7 +71,7 @@ PropertyTable<FragmentSettings>& FragmentSettings::properties() {
                               0, G_MAXINT64),
       property<&S::renderer>(kWhilePlaying, "renderer", "Renderer",
                              "What draws the sums: both give the same picture to 1 of 255. Trials, and views that are "
-                             "not blended by the array's mesh, are the CPU's in any case",
+                             "not blended by the array's mesh, are the CPU's in any case; stats say what renders",
                              LF_TYPE_FRAGMENT_RENDERER),
   };
   return table;

@@ -4,12 +4,17 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include <lightfield/image.h>
 #include <lightfield/view.h>
 
 namespace lightfield {
+
+// What draws: SIMD on the CPU; OpenGL ES 3.1 without a window, where there is a driver for it; the faster one of them,
+// as the first pictures tell, and never a driver that computes on the CPU. All give the same picture to 1 of 255.
+enum class DrawnBy : uint8_t { kCpu, kGl, kAuto };
 
 // How a picture is made of a view.
 struct RenderOptions {
@@ -22,6 +27,7 @@ struct RenderOptions {
   std::optional<bool> match_brightness = {};
   Resampling resampling = Resampling::kSharpened;  // how cameras' images are sampled
   Colour background = {};                          // is shown where no camera sees anything
+  DrawnBy drawn_by = DrawnBy::kCpu;
 };
 
 // Pictures of one viewer from the images of all cameras, in this process: what Node and Compositor do between them, in
@@ -50,6 +56,9 @@ class Renderer {
   // images that do not fit.
   Image render(const View& view, const std::vector<ImageView>& images, const RenderOptions& options = {});
   Image render(const View& view, const std::vector<Image>& images, const RenderOptions& options = {});
+
+  // What draws, and why: "cpu", "gl: NVIDIA ...", "auto: cpu, there is no other: ...". As of the latest picture.
+  std::string drawn_by() const;
 
   // Forgets the focal surface, as when the scene has become another one. Other options of focus forget it, too.
   void reset_focus();

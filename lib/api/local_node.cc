@@ -26,6 +26,15 @@ Resampling to_resampling(lightfield::Resampling resampling) {
   throw Error("resampling: is none of the values that there are");
 }
 
+RendererChoice to_renderer(lightfield::DrawnBy drawn_by) {
+  switch (drawn_by) {
+    case lightfield::DrawnBy::kCpu: return RendererChoice::kCpu;
+    case lightfield::DrawnBy::kGl: return RendererChoice::kGl;
+    case lightfield::DrawnBy::kAuto: return RendererChoice::kAuto;
+  }
+  throw Error("drawn_by: is none of the values that there are");
+}
+
 }  // namespace
 
 LocalNode::LocalNode(std::shared_ptr<const Rig> rig, uint64_t rig_hash, std::vector<CameraIndex> cameras,
@@ -53,7 +62,8 @@ std::unique_ptr<const AnswerTask> LocalNode::plan(const ViewRequest& request) {
 }
 
 AnswerMaker::Units LocalNode::answer(const ViewRequest& request, const std::vector<lightfield::ImageView>& frames,
-                                     lightfield::Resampling resampling, bool in_process, ByteBuffer memory) {
+                                     lightfield::Resampling resampling, bool in_process, ByteBuffer memory,
+                                     lightfield::DrawnBy drawn_by) {
   check_count(frames.size(), cameras_.size());
   wire::AnswerHeader header = wire::answer_to(request, {request.view.width, request.view.height}, rig_hash_);
   header.actual_time = request.target_time;
@@ -64,6 +74,7 @@ AnswerMaker::Units LocalNode::answer(const ViewRequest& request, const std::vect
     images.push_back(to_image(frames[frame_of_[i]], rig_->cameras[own_[i]], own_[i]));
     if (images.back().family == PixelFamily::kNone) blind.push_back(own_[i]);
   }
+  renderer_ = to_renderer(drawn_by);
   AnswerMaker::Options options;
   options.resampling = to_resampling(resampling);
   options.in_process = in_process;
@@ -83,7 +94,11 @@ AnswerMaker::Units LocalNode::answer(const ViewRequest& request, const std::vect
       const auto place = static_cast<size_t>(std::ranges::lower_bound(own_, camera) - own_.begin());
       sources.push_back({camera, &rig_->cameras[camera], images[place]});
     }
-  return maker_.make(*task, header, sources, options, std::move(memory));
+  std::string news;  // is in drawn_by(), too
+  options.card = card_.open(renderer_, news);
+  AnswerMaker::Units units = maker_.make(*task, header, sources, options, std::move(memory));
+  card_.rendered(renderer_, units.answer);
+  return units;
 }
 }  // namespace lf::api
 

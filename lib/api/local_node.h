@@ -2,13 +2,15 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <vector>
 
-#include <lightfield/image.h>
+#include <lightfield/renderer.h>
 
 #include "base/byte_buffer.h"
 #include "base/worker_pool.h"
 #include "node/answer_maker.h"
+#include "node/card.h"
 #include "rig/mesh.h"
 #include "rig/rig.h"
 #include "view/view_request.h"
@@ -28,7 +30,10 @@ class LocalNode {
   // The units of the answer. `frames`: one for each of cameras(). `in_process`: as AnswerTask::Options has it. `memory`
   // is recycled. Throws Error as plan() does, and for frames that do not fit.
   AnswerMaker::Units answer(const ViewRequest& request, const std::vector<lightfield::ImageView>& frames,
-                            lightfield::Resampling resampling, bool in_process, ByteBuffer memory = {});
+                            lightfield::Resampling resampling, bool in_process, ByteBuffer memory = {},
+                            lightfield::DrawnBy drawn_by = lightfield::DrawnBy::kCpu);
+  // See Card::explain(); of the latest answer.
+  std::string drawn_by() const { return card_.explain(renderer_); }
 
  private:
   const std::shared_ptr<const Rig> rig_;
@@ -41,6 +46,8 @@ class LocalNode {
   const CameraColours colours_{*rig_};
   MeshCache mesh_;
   AnswerMaker maker_;
+  Card card_;
+  RendererChoice renderer_ = RendererChoice::kCpu;
 };
 
 }  // namespace lf::api

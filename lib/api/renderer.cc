@@ -68,7 +68,7 @@ Image Renderer::render(const View& view, const std::vector<ImageView>& images, c
   lf::api::ViewComposer& composer = state_->composer;
   const lf::ViewRequest& request = composer.begin(view, asked);
   const auto units = std::make_shared<lf::AnswerMaker::Units>(
-      state_->node.answer(request, images, options.resampling, true, std::move(state_->memory)));
+      state_->node.answer(request, images, options.resampling, true, std::move(state_->memory), options.drawn_by));
   for (const lf::ByteBuffer* unit : {&units->brightness, &units->moments, &units->answer.bytes})
     if (!unit->empty()) composer.add(*unit, units);
   Image picture = composer.finish();
@@ -79,6 +79,8 @@ Image Renderer::render(const View& view, const std::vector<ImageView>& images, c
 Image Renderer::render(const View& view, const std::vector<Image>& images, const RenderOptions& options) {
   return render(view, std::vector<ImageView>(images.begin(), images.end()), options);
 }
+
+std::string Renderer::drawn_by() const { return state_->node.drawn_by(); }
 
 void Renderer::reset_focus() { state_->composer.reset_focus(); }
 

@@ -11,7 +11,7 @@
 namespace lf {
 
 Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
-                   Resampling resampling, const Background& background) {
+                   Resampling resampling, const Background& background, gl::SumDrawer* card) {
   std::vector<CameraIndex> all(rig.cameras.size());
   std::iota(all.begin(), all.end(), 0);
   const RenderJob job(rig, mesh, view, all);
@@ -29,7 +29,7 @@ Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const Cam
     if (camera == job.cameras().front()) sum.reset(source.image.family, view.width, view.height);
     if (resampling == Resampling::kSharpened && shows_detail(view, rig_camera))
       source.image = sharpen(source.image, needed_pixels(job.plan(), camera, rig_camera), sharp);
-    const SumRenderer renderer(job.plan(), job.runs(), {&source, 1}, sum.family());
+    const SumRenderer renderer(job.plan(), job.runs(), {&source, 1}, sum.family(), Coordinates::kGrid, card);
     const Rect rect = renderer.rect();
     const size_t area = static_cast<size_t>(rect.width()) * rect.height();
     samples.resize(3 * area);

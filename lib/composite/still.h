@@ -11,6 +11,10 @@
 
 namespace lf {
 
+namespace gl {
+class SumDrawer;
+}
+
 // Views of an array that stands still, rendered in one go from its images: the whole path from camera images to a
 // picture without a stream in between, and the same picture to the bit.
 
@@ -24,7 +28,9 @@ struct Still {
 // Asks `images` only for cameras that contribute, each once; all must be of one family (else Error).
 // `mesh`: of `rig`. The view must be valid. `resampling`: as of a node; kSharpened sharpens images of which the view
 // shows what bilinear samples lose (render/camera_projection.h).
+// `card`: draws the cameras' parts, see SumRenderer; null: the CPU does.
 Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const CameraImages& images,
-                   Resampling resampling = Resampling::kBilinear, const Background& background = {});
+                   Resampling resampling = Resampling::kBilinear, const Background& background = {},
+                   gl::SumDrawer* card = nullptr);
 
 }  // namespace lf

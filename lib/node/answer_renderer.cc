@@ -70,6 +70,11 @@ std::vector<Fragment> render_strips(const SumRenderer& renderer, std::span<const
   return fragments;
 }
 
+void tell_of(const SumRenderer& renderer, RenderedAnswer& answer) {
+  answer.drawn = renderer.is_drawn();
+  answer.pixels = static_cast<size_t>(renderer.rect().width()) * renderer.rect().height();
+}
+
 }  // namespace
 
 RenderedAnswer render_answer(const wire::AnswerHeader& header, const RenderJob& job, std::span<const Source> sources,
@@ -84,7 +89,7 @@ RenderedAnswer render_answer(const wire::AnswerHeader& header, const RenderJob& 
   RenderedAnswer answer;
   if (form.codec == wire::Codec::kRaw16) {
     answer = render_sums16(header, renderer, tiles, std::move(memory), parallel);
-    answer.drawn = renderer.is_drawn();
+    tell_of(renderer, answer);
     answer.render_ns = now_ns() - begin;
     return answer;
   }
@@ -94,7 +99,7 @@ RenderedAnswer render_answer(const wire::AnswerHeader& header, const RenderJob& 
   for (const Fragment& strip : strips) fragments.push_back({{}, planes_of(strip)});
   answer.bytes = wire::encode_fragments(header, fragments, form.quality, std::move(memory), parallel);
   answer.fragments = fragments.size();
-  answer.drawn = renderer.is_drawn();
+  tell_of(renderer, answer);
   answer.render_ns = rendered - begin;
   answer.encode_ns = now_ns() - rendered;
   return answer;

@@ -1,26 +1,81 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "node/card.h"
 
-namespace lf {
+#include <algorithm>
+#include <cstdio>
+#include <utility>
 
-gl::SumDrawer* Card::open(std::string& news) {
-  const std::lock_guard lock(mutex_);
-  if (!tried_) {
-    tried_ = true;
-    std::string why;
-    drawer_ = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
-    if (!drawer_) news = "no OpenGL ES 3.1 to render with, the CPU does: " + why;
-  }
-  if (!drawer_) return nullptr;
-  if (!drawer_->is_lost()) return drawer_.get();
-  if (!told_) news = drawer_->device() + " is lost to this process, the CPU renders from now on";
-  told_ = true;
-  return nullptr;
+namespace lf {
+namespace {
+
+std::string per_pixel(double nanoseconds) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f", nanoseconds);
+  return text;
 }
 
-std::string Card::device() const {
+}  // namespace
+
+std::optional<RendererChoice> renderer_choice(const std::string& name) {
+  if (name == "cpu") return RendererChoice::kCpu;
+  if (name == "gl") return RendererChoice::kGl;
+  if (name == "auto") return RendererChoice::kAuto;
+  return std::nullopt;
+}
+
+bool RendererRace::card_is_next() const {
+  if (decided()) return best(true) < best(false);
+  return rounds_[true] <= rounds_[false];
+}
+
+void RendererRace::add(bool drawn, size_t pixels, uint64_t nanoseconds) {
+  if (decided() || pixels == 0) return;
+  if (drawn && !std::exchange(warm_, true)) return;
+  rounds_[drawn]++;
+  best_[drawn] = std::min(best_[drawn], static_cast<double>(nanoseconds) / static_cast<double>(pixels));
+}
+
+Card::Card(Open open) : open_(std::move(open)) {}
+
+bool Card::is_open(RendererChoice choice, std::string& news) {
+  const auto drivers = choice == RendererChoice::kAuto ? gl::Context::Drivers::kHardware : gl::Context::Drivers::kAny;
+  if (!drawer_ && tried_ != drivers && tried_ != gl::Context::Drivers::kAny) {
+    tried_ = drivers;
+    drawer_ = open_(drivers, why_);
+    if (!drawer_ && choice == RendererChoice::kGl) news = "no OpenGL ES 3.1 to render with, the CPU does: " + why_;
+  }
+  if (!drawer_) return false;
+  if (!drawer_->is_lost()) return choice == RendererChoice::kGl || !drawer_->is_software();
+  if (!std::exchange(told_, true)) news = drawer_->device() + " is lost to this process, the CPU renders from now on";
+  return false;
+}
+
+gl::SumDrawer* Card::open(RendererChoice choice, std::string& news) {
+  if (choice == RendererChoice::kCpu) return nullptr;
   const std::lock_guard lock(mutex_);
-  return drawer_ && !drawer_->is_lost() ? drawer_->device() : "";
+  if (!is_open(choice, news)) return nullptr;
+  return choice == RendererChoice::kGl || race_.card_is_next() ? drawer_.get() : nullptr;
+}
+
+void Card::rendered(RendererChoice choice, const RenderedAnswer& answer) {
+  if (choice != RendererChoice::kAuto) return;
+  const std::lock_guard lock(mutex_);
+  if (drawer_ && !drawer_->is_lost() && !drawer_->is_software())
+    race_.add(answer.drawn, answer.pixels, answer.render_ns);
+}
+
+std::string Card::explain(RendererChoice choice) const {
+  if (choice == RendererChoice::kCpu) return "cpu";
+  const std::lock_guard lock(mutex_);
+  const bool is_auto = choice == RendererChoice::kAuto;
+  const std::string name = is_auto ? "auto: " : "";
+  if (!drawer_) return tried_ ? name + "cpu, there is no other: " + why_ : name + "nothing has been rendered yet";
+  if (drawer_->is_lost()) return name + "cpu, " + drawer_->device() + " is lost";
+  if (!is_auto) return "gl: " + drawer_->device();
+  if (drawer_->is_software()) return name + "cpu, " + drawer_->device() + " is the CPU, too";
+  if (!race_.decided()) return name + "cpu and " + drawer_->device() + " by turns, to see which is faster";
+  return name + (race_.card_is_next() ? "gl" : "cpu") + ", " + drawer_->device() + " takes " +
+         per_pixel(race_.best(true)) + " ns a pixel, the CPU " + per_pixel(race_.best(false));
 }
 
 }  // namespace lf

@@ -1,30 +1,71 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <limits>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 
+#include "node/answer_renderer.h"
 #include "render/gl/sum_drawer.h"
 
 namespace lf {
 
-// What renders the sums of a node.
-enum class RendererChoice { kCpu, kGl };
+// What renders the sums of a node. kAuto: the faster one of the CPU and a graphics card that is not the CPU itself.
+enum class RendererChoice { kCpu, kGl, kAuto };
+// "cpu", "gl", "auto".
+std::optional<RendererChoice> renderer_choice(const std::string& name);
+
+// Which of two is faster, found out on what they have to do anyway: by turns, until both have been seen often enough.
+class RendererRace {
+ public:
+  // Answers of each that count. The card's first one does not: its programs are compiled then.
+  static constexpr int kRounds = 3;
+
+  bool decided() const { return rounds_[0] >= kRounds && rounds_[1] >= kRounds; }
+  // Whether the card is to draw the next one; until it is decided, by turns.
+  bool card_is_next() const;
+  // What one came to, with all that it took to get images to a card and sums back. `pixels`: of the sum.
+  void add(bool drawn, size_t pixels, uint64_t nanoseconds);
+  // The best, nanoseconds a pixel; infinity: not seen yet.
+  double best(bool drawn) const { return best_[drawn]; }
+
+ private:
+  bool warm_ = false;
+  int rounds_[2] = {};  // of the CPU, of the card
+  double best_[2] = {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
+};
 
 // The graphics card of a node that is to use one: opened when there is something to draw, as that takes tens to
 // hundreds of milliseconds; and left alone for good once it can't be opened or is lost. Thread-safe.
 class Card {
  public:
-  // The card's renderer; null if the CPU has to draw. `news` tells the user once why there is no card (any more).
-  gl::SumDrawer* open(std::string& news);
-  // The name of what draws, or "": nothing does (yet).
-  std::string device() const;
+  using Open = std::function<std::unique_ptr<gl::SumDrawer>(gl::Context::Drivers, std::string& why)>;
+  // `open`: as gl::SumDrawer::create().
+  explicit Card(Open open = gl::SumDrawer::create);
+
+  // What is to draw the next answer; null: the CPU has to render it. `news`: what the user should know, once: why there
+  // is no card (any more). Nobody needs to know that of kAuto.
+  gl::SumDrawer* open(RendererChoice choice, std::string& news);
+  // That answer, for kAuto to decide by.
+  void rendered(RendererChoice choice, const RenderedAnswer& answer);
+  // What renders, and why: "cpu", "gl: NVIDIA ...", "auto: cpu, there is no other: device 0: computes on the CPU".
+  std::string explain(RendererChoice choice) const;
 
  private:
+  bool is_open(RendererChoice choice, std::string& news);
+
+  const Open open_;
   mutable std::mutex mutex_;
   std::unique_ptr<gl::SumDrawer> drawer_;
-  bool tried_ = false, told_ = false;
+  std::optional<gl::Context::Drivers> tried_;  // the last ones
+  std::string why_;                            // there is no card for these
+  bool told_ = false;
+  RendererRace race_;
 };
 
 }  // namespace lf

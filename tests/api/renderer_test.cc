@@ -51,6 +51,26 @@ TEST(ApiRenderer, PicturesAreTheProductionRenderers) {
     }
 }
 
+TEST(ApiRenderer, WhoeverDrawsThePictureIsTheSameToOneLevel) {
+  for (const PixelFormat format : {PixelFormat::kRgb, PixelFormat::kI420}) {
+    Array array(format);
+    Renderer renderer(array.rig);
+    EXPECT_EQ(renderer.drawn_by(), "cpu");
+    const Image expected = renderer.render(array.view, array.images, kBilinear);
+    RenderOptions options = kBilinear;
+    for (const auto& [drawn_by, says] : {std::pair(DrawnBy::kGl, "gl: "), std::pair(DrawnBy::kAuto, "auto: ")}) {
+      options.drawn_by = drawn_by;
+      const Image picture = renderer.render(array.view, array.images, options);
+      EXPECT_EQ(renderer.drawn_by().rfind(says, 0), 0u) << renderer.drawn_by();
+      ASSERT_EQ(picture.pixels.size(), expected.pixels.size());
+      for (size_t i = 0; i < picture.pixels.size(); i++)
+        ASSERT_LE(std::abs(picture.pixels[i] - expected.pixels[i]), 1) << i;
+    }
+    options.drawn_by = static_cast<DrawnBy>(3);
+    EXPECT_THROW(renderer.render(array.view, array.images, options), Error);
+  }
+}
+
 TEST(ApiRenderer, PicturesAreWithinOneLevelOfTheReference) {
   lf::reference::Random random(7);
   size_t compared = 0;

@@ -43,6 +43,15 @@ class LfBench : public testing::Test {
   TempDir folder_;
 };
 
+TEST_F(LfBench, SaysWhatDraws) {
+  const Outcome gl = run("--rig rig.json --held-out 0 --renderer gl");
+  ASSERT_EQ(gl.status, 0) << gl.output;
+  EXPECT_THAT(gl.output, HasSubstr("\ndrawn by gl: "));
+  EXPECT_LE(figures(gl.output, "16-bit sums, focal surface").at(3), 1);
+  EXPECT_THAT(run("--rig rig.json --held-out 0 --renderer auto").output, HasSubstr("\ndrawn by auto: "));
+  EXPECT_THAT(run("--rig rig.json --held-out 0").output, testing::Not(HasSubstr("drawn by")));
+}
+
 TEST_F(LfBench, SpeedBytesErrorAndQualityOnAPage) {
   const Outcome outcome = run("--rig rig.json --held-out 2 --size 200x150");
   ASSERT_EQ(outcome.status, 0) << outcome.output;

@@ -151,6 +151,14 @@ TEST_F(LfRender, I420GivesTheSamePicture) {
   expect_grey(picture("v"), grey_of(2), 2);
 }
 
+TEST_F(LfRender, WhateverDrawsGivesTheSamePicture) {
+  save_views({view_at("v", 2)}, path("views.json"));
+  for (const std::string renderer : {"gl", "auto", "cpu"}) {
+    ASSERT_EQ(run("--renderer " + renderer), 0) << output_;
+    expect_grey(picture("v"), grey_of(2), 2);
+  }
+}
+
 TEST_F(LfRender, OddAndTinyViewsAndOnesThatSeeNothing) {
   NamedView tiny = view_at("tiny", 0), odd = view_at("odd", 0), away = view_at("away", 0);
   tiny.view.width = tiny.view.height = 1;

@@ -27,15 +27,16 @@ std::optional<uint32_t> view_of(GstBuffer* unit) {
 
 double now() { return static_cast<double>(g_get_monotonic_time()) * 1e-6; }
 
-std::string launch_line(const std::vector<NodeAddress>& nodes, const std::string& resampling) {
+std::string launch_line(const std::vector<NodeAddress>& nodes, const std::string& resampling,
+                        const std::string& renderer) {
   constexpr char kSink[] = "appsink sync=false async=false enable-last-sample=false name=answers";
   std::ostringstream line;
   line << "appsrc name=requests is-live=true format=time do-timestamp=true leaky-type=downstream max-bytes=0 caps=\""
        << kRequestCaps << "\" ! ";
   // Answers don't leave the process, although the compositors are in pipelines of their own.
   if (nodes.empty()) {
-    line << "lfcameranode name=cameras is-live=true loop=true codec=raw16 resampling=" << resampling << " ! " << kSink
-         << '0';
+    line << "lfcameranode name=cameras is-live=true loop=true codec=raw16 resampling=" << resampling
+         << " renderer=" << renderer << " ! " << kSink << '0';
     return line.str();
   }
   line << "rtplfpay ! lfrtpseal name=seal ! multiudpsink name=hosts sync=false async=false";
@@ -58,11 +59,11 @@ void set_up_host(GstElement* pipeline, size_t index, const NodeAddress& node, co
 }  // namespace
 
 LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& key_file,
-                       const std::string& resampling, int max_views)
+                       const std::string& resampling, const std::string& renderer, int max_views)
     : rig_(rig), local_(nodes.empty()) {
   array_ = std::make_shared<const ArrayInfo>(rig);
   mosaic_ = std::make_shared<cameras::Mosaic>(array_->rig());
-  pipeline_ = launch_pipeline(launch_line(nodes, resampling));
+  pipeline_ = launch_pipeline(launch_line(nodes, resampling, renderer));
   requests_ = GST_APP_SRC(gst_bin_get_by_name(GST_BIN(pipeline_), "requests"));
   gst_app_src_set_max_buffers(requests_, static_cast<guint64>(2 * max_views + 2));
   if (nodes.empty()) {

@@ -29,10 +29,11 @@ class LightField {
   // Called for each answer of the view, in a streaming thread; must not wait. The buffer is the caller's.
   using OnAnswer = std::function<void(size_t node, GstBuffer* answer)>;
 
-  // Cameras in this process, sampled as lffragment's property "resampling" says, or, where `nodes` has any, on those
-  // hosts, which share what is in `key_file` if there is one. `max_views` bounds what is in flight. Throws Error.
+  // Cameras in this process, sampled and rendered as lffragment's properties "resampling" and "renderer" say, or, where
+  // `nodes` has any, on those hosts, which share what is in `key_file` if there is one. `max_views` bounds what is in
+  // flight. Throws Error.
   LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& key_file,
-             const std::string& resampling, int max_views);
+             const std::string& resampling, const std::string& renderer, int max_views);
   ~LightField();
   LightField(const LightField&) = delete;
 

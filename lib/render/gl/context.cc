@@ -122,6 +122,8 @@ std::unique_ptr<Context> Context::create(Drivers drivers, std::string& why) {
       }
       const auto* renderer = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
       context->device_ = renderer ? renderer : "unknown";
+      const auto* extensions = reinterpret_cast<const char*>(glGetString(GL_EXTENSIONS));
+      context->extensions_ = extensions ? extensions : "";
       context->software_ = candidate.software || is_software_name(context->device_);
     }
     if (!context->software_ || drivers == Drivers::kAny) return context;
@@ -130,6 +132,8 @@ std::unique_ptr<Context> Context::create(Drivers drivers, std::string& why) {
   if (why.empty()) why = "EGL lists no device";
   return nullptr;
 }
+
+bool Context::has_extension(std::string_view name) const { return has(extensions_.c_str(), name); }
 
 void Context::lose() {
   const std::lock_guard lock(mutex_);

@@ -4,6 +4,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <string_view>
 
 namespace lf::gl {
 
@@ -27,6 +28,9 @@ class Context {
   const std::string& device() const { return device_; }
   // Whether the driver computes on the CPU.
   bool is_software() const { return software_; }
+
+  // Whether the driver has an extension of OpenGL ES.
+  bool has_extension(std::string_view name) const;
 
   // Makes the context that of the calling thread, for as long as this lives; others wait.
   class Current {
@@ -53,7 +57,7 @@ class Context {
   std::unique_ptr<Handles> handles_;
   std::mutex mutex_;  // held while the context is current
   bool lost_ = false;
-  std::string device_;
+  std::string device_, extensions_;
   bool software_ = false;
 };
 

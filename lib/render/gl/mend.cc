@@ -51,7 +51,7 @@ class Parts {
   int count_ = 0;
 };
 
-void mend_pixel(const simd::SumTask& task, int x, int y, uint16_t* out) {
+void mend_pixel(const simd::SumTask& task, int x, int y, uint16_t* out, uint16_t& out_lost) {
   double sum[3] = {}, lost = 0;
   const bool rgb = task.family == PixelFamily::kRgb;
   for (const Part& part : Parts(task, x, y)) {
@@ -67,7 +67,7 @@ void mend_pixel(const simd::SumTask& task, int x, int y, uint16_t* out) {
           part.weight * at.sample(image.plane[0] + offset[c], image.stride[0], rgb ? image.layout.pixel_stride : 1);
   }
   for (int c = 0; c < (rgb ? 3 : 1); c++) *out++ = bits(sum[c]);
-  *out = static_cast<uint16_t>(std::lrint(lost * kLostOne));
+  out_lost = static_cast<uint16_t>(std::lrint(lost * kLostOne));
 }
 
 // (x, y): the first of four pixels of `rect`.
@@ -108,20 +108,22 @@ void mend_chroma(const simd::SumTask& task, const Rect& rect, int x, int y, uint
 }  // namespace
 
 size_t mend(const simd::SumTask& task, DrawnSum& sum) {
-  const Rect& rect = sum.rect;
-  const size_t values = sum.family == PixelFamily::kRgb ? 4 : 2;
+  const Rect &rect = sum.rect, &part = sum.lost_rect;
+  const int values = sum.family == PixelFamily::kRgb ? 4 : 1;
   size_t mended = 0;
-  uint16_t* pixel = sum.pixels.data();
-  for (int y = rect.y0; y < rect.y1; y++)
-    for (int x = rect.x0; x < rect.x1; x++, pixel += values) {
-      if (pixel[values - 1] != kDoubt) continue;
-      mend_pixel(task, x, y, pixel);
+  uint16_t* lost = sum.lost.data();
+  for (int y = part.y0; y < part.y1; y++)
+    for (int x = part.x0; x < part.x1; x++, lost++) {
+      if (*lost != kDoubt) continue;
+      const size_t pixel = static_cast<size_t>(y - rect.y0) * rect.width() + (x - rect.x0);
+      mend_pixel(task, x, y, &sum.pixels[pixel * values], *lost);
       mended++;
     }
   if (sum.family != PixelFamily::kI420) return mended;
-  uint16_t* chroma = sum.chroma.data();
-  for (int y = rect.y0; y < rect.y1; y += 2)
-    for (int x = rect.x0; x < rect.x1; x += 2, chroma += 2) {
+  for (int y = part.y0; y < part.y1; y += 2)
+    for (int x = part.x0; x < part.x1; x += 2) {
+      const size_t row = static_cast<size_t>(y - rect.y0) / 2 * chroma_size(rect.width());
+      uint16_t* chroma = &sum.chroma[2 * (row + (x - rect.x0) / 2)];
       if (chroma[0] != kChromaDoubt) continue;
       mend_chroma(task, rect, x, y, chroma);
       mended++;
@@ -132,42 +134,53 @@ size_t mend(const simd::SumTask& task, DrawnSum& sum) {
 bool DrawnSum::copy_rows(int y0, int y1, const SumPlanes& out) const {
   // What is not in the sum's rectangle has nothing in it.
   const bool rgb = family == PixelFamily::kRgb;
-  const int values = rgb ? 4 : 2, planes = rgb ? 3 : 1;
   const Rect part = intersect(rect, {out.rect.x0, y0, out.rect.x1, y1});
   bool any_lost = false;
   for (int y = y0; y < y1; y++) {
-    int16_t* to[3];
-    for (int c = 0; c < planes; c++) {
-      to[c] = out.plane[c] + (y - out.rect.y0) * out.stride[c];
-      std::fill_n(to[c], out.rect.width(), int16_t{0});
-      to[c] += part.x0 - out.rect.x0;
+    const bool any = !part.empty() && y >= part.y0 && y < part.y1;
+    const auto row_of = [&](auto* plane, ptrdiff_t stride) {
+      auto* row = plane + (y - out.rect.y0) * stride;
+      if (!any || part.width() < out.rect.width()) std::fill_n(row, out.rect.width(), 0);
+      return row - out.rect.x0;
+    };
+    const size_t first = static_cast<size_t>(y - rect.y0) * rect.width() + (part.x0 - rect.x0);
+    for (int c = 0; c < (rgb ? 3 : 1); c++) {
+      int16_t* __restrict const to = row_of(out.plane[c], out.stride[c]) + part.x0;
+      if (!any) continue;
+      const uint16_t* const from = &pixels[rgb ? 4 * first + c : first];
+      const int step = rgb ? 4 : 1;
+      if (rgb)
+        for (int i = 0; i < part.width(); i++) to[i] = static_cast<int16_t>(from[i * step]);
+      else
+        std::copy_n(from, part.width(), reinterpret_cast<uint16_t*>(to));
     }
-    uint16_t* lost = out.lost ? out.lost + (y - out.rect.y0) * out.lost_stride : nullptr;
-    if (lost) {
-      std::fill_n(lost, out.rect.width(), uint16_t{0});
-      lost += part.x0 - out.rect.x0;
-    }
-    if (part.empty() || y < part.y0 || y >= part.y1) continue;
-    const uint16_t* from = &pixels[(static_cast<size_t>(y - rect.y0) * rect.width() + (part.x0 - rect.x0)) * values];
-    for (int i = 0; i < part.width(); i++, from += values) {
-      for (int c = 0; c < planes; c++) to[c][i] = static_cast<int16_t>(from[c]);
-      any_lost = any_lost || from[planes] != 0;
-      if (lost) lost[i] = from[planes];
-    }
+    const Rect with_loss = intersect(lost_rect, {out.rect.x0, y, out.rect.x1, y + 1});
+    if (out.lost) std::fill_n(out.lost + (y - out.rect.y0) * out.lost_stride, out.rect.width(), uint16_t{0});
+    if (with_loss.empty()) continue;
+    const uint16_t* from =
+        &lost[static_cast<size_t>(y - lost_rect.y0) * lost_rect.width() + (with_loss.x0 - lost_rect.x0)];
+    any_lost = any_lost || std::any_of(from, from + with_loss.width(), [](uint16_t v) { return v != 0; });
+    if (out.lost)
+      std::copy_n(from, with_loss.width(),
+                  out.lost + (y - out.rect.y0) * out.lost_stride + (with_loss.x0 - out.rect.x0));
   }
   if (rgb) return any_lost;
   for (int y = y0; y < y1; y += 2) {
     int16_t* to[2];
     for (int c = 0; c < 2; c++) {
       to[c] = out.plane[1 + c] + (y - out.rect.y0) / 2 * out.stride[1 + c];
-      std::fill_n(to[c], chroma_size(out.rect.width()), int16_t{0});
+      if (part.width() < out.rect.width() || y < part.y0 || y >= part.y1)
+        std::fill_n(to[c], chroma_size(out.rect.width()), int16_t{0});
       to[c] += (part.x0 - out.rect.x0) / 2;
     }
     if (part.empty() || y < part.y0 || y >= part.y1) continue;
     const size_t row = static_cast<size_t>(y - rect.y0) / 2 * chroma_size(rect.width());
     const uint16_t* from = &chroma[2 * (row + (part.x0 - rect.x0) / 2)];
-    for (int i = 0; i < chroma_size(part.width()); i++, from += 2)
-      for (int c = 0; c < 2; c++) to[c][i] = static_cast<int16_t>(from[c]);
+    int16_t* __restrict const cb = to[0], * __restrict const cr = to[1];
+    for (int i = 0; i < chroma_size(part.width()); i++) {
+      cb[i] = static_cast<int16_t>(from[2 * i]);
+      cr[i] = static_cast<int16_t>(from[2 * i + 1]);
+    }
   }
   return any_lost;
 }

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "base/byte_buffer.h"
 #include "base/rect.h"
 #include "render/gl/context.h"
 #include "render/simd/band_data.h"
@@ -17,20 +18,25 @@
 
 namespace lf::gl {
 
+struct FaceCover;
+
 // A sum as it came from the card.
 struct DrawnSum {
   PixelFamily family = PixelFamily::kNone;
   Rect rect;
-  std::vector<uint16_t> pixels;  // kRgb: R, G, B, lost weight of each; kI420: Y, lost weight. As in SumPlanes
-  std::vector<uint16_t> chroma;  // kI420: Cb, Cr of each two by two
+  UninitializedVector<uint16_t> pixels;  // kRgb: R, G, B and 0 of each; kI420: Y. As in SumPlanes
+  UninitializedVector<uint16_t> chroma;  // kI420: Cb, Cr of each two by two
+  Rect lost_rect;                        // where weight may be lost
+  UninitializedVector<uint16_t> lost;    // lost weight there
 
   // Rows [y0, y1) as SumRenderer::render_rows() has them. True if any weight was lost in them.
   bool copy_rows(int y0, int y1, const SumPlanes& out) const;
 };
 
 // Renders sums on a graphics card: positions, weights and samples in float, sums rounded once. Owners of pixels come
-// from the CPU, in double; and where float can't tell whether a sample is lost, or where exactly it is, the pixel is
-// computed there, too. So its bounds are SumRenderer's in every view.
+// from the CPU, in double; it also proves of most of a view that float is good enough there, and where neither it nor
+// float can tell whether a sample is lost, or where exactly it is, the pixel is computed there, too. So its bounds are
+// SumRenderer's in every view.
 class SumDrawer {
  public:
   // Null, with the reason in `why`, if the machine has no fit card (Drivers::kAny: no driver at all).
@@ -52,6 +58,9 @@ class SumDrawer {
   bool is_lost() const { return lost_; }
   // Makes the context as if its driver had lost it, from now on. Any thread.
   void lose() { context_->lose(); }
+  // How long the card took for what the latest draw() had it draw, without sending anything there and back,
+  // nanoseconds; 0: its driver can't tell (GL_EXT_disjoint_timer_query).
+  uint64_t drawn_ns() const { return drawn_ns_; }
   // Pixels (and chroma samples) that the latest draw() left to the CPU.
   size_t mended() const { return mended_; }
 
@@ -59,6 +68,9 @@ class SumDrawer {
   struct Objects;
   explicit SumDrawer(std::unique_ptr<Context> context);
   bool draw_now(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out);
+  bool draw_pixels(const simd::SumTask& task, const FaceCover& cover, const Rect& rect);
+  bool draw_chroma(const simd::SumTask& task, const FaceCover& cover, const Rect& rect);
+  void read(const FaceCover& cover, DrawnSum& out);
   bool refuse(std::string why);
 
   std::unique_ptr<Context> context_;
@@ -67,6 +79,7 @@ class SumDrawer {
   std::string why_not_;  // guarded by why_mutex_
   std::atomic<bool> lost_ = false;
   std::atomic<size_t> mended_ = 0;
+  std::atomic<uint64_t> drawn_ns_ = 0;
 };
 
 // Computes what the card left open in double: pixels whose lost weight is kDoubt, chroma samples of kChromaDoubt.

@@ -8,157 +8,224 @@
 namespace lf::gl {
 namespace {
 
+constexpr std::string_view kVertex = R"(
+precision highp float;
+precision highp int;
+layout(location = 0) in vec2 at;        // pixels of the view
+layout(location = 1) in highp uint row; // of the tables
+uniform highp sampler2D tables;
+uniform ivec2 origin;
+uniform vec2 extent; // of the target, pixels of the view
+flat out vec4 face[FACE_TEXELS];
+void main() {
+  for (int i = 0; i < FACE_TEXELS; i++) face[i] = texelFetch(tables, ivec2(i, int(row)), 0);
+#ifdef MIXED
+  float depth = 1.0;
+#else
+  float depth = face[0].z;
+#endif
+  gl_Position = vec4((at + 0.5 - vec2(origin)) / extent * 2.0 - 1.0, depth * 2.0 - 1.0, 1.0);
+}
+)";
+
+// One triangle over the whole target.
+constexpr std::string_view kWholeTarget = R"(
+void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 1.0, 1.0); }
+)";
+
 constexpr std::string_view kPixels = R"(
 #ifdef RGB
 layout(location = 0) out highp uvec4 result;
 #else
-layout(location = 0) out highp uvec2 result;
-layout(location = 1) out highp uint seen;
+layout(location = 0) out highp uint result;
+#endif
+#ifdef CAREFUL
+layout(location = 1) out highp uint lost_bits;
 #endif
 
 void main() {
   ivec2 here = ivec2(gl_FragCoord.xy);
-  int owner = int(texelFetch(owners, here, 0).r);
-#ifdef RGB
-  result = uvec4(0u);
+  vec2 pixel = vec2(here + origin);
+#ifdef RAYS
+  vec2 d = texelFetch(rays, here, 0).xy;
 #else
-  result = uvec2(0u);
-  seen = 0u;
+  vec2 d = pixel - face[0].xy;
 #endif
-  if (owner == 0) return;
-  Place place = Place(vec2(here + origin), has_rays ? texelFetch(rays, here, 0).xy : vec2(0.0));
-  Weights weights = weights_of(owner - 1, place);
-  float level = has_map ? level_at(place.pixel) : 0.0;
-  bool doubt = weights.doubt;
-  float lost = 0.0;
-  vec3 sum = vec3(0.0);
+  vec3 w = weights_at(d), sum = vec3(0.0);
+  float level = level_at(pixel), lost = 0.0;
   for (int k = 0; k < 3; k++) {
-    int slot = weights.slot[k];
-    float w = weights.w[k];
-    if (slot < 0 || w == 0.0) continue;
-    vec2 position;
-    int sight = project(slot, place, level, false, position);
+#ifdef CAREFUL
+    vec2 position = vec2(0.0);
+    int sight = w[k] > 0.0 ? project(k, d, level, false, position) : kSeen;
     doubt = doubt || sight == kUnknown;
-    if (sight == kLost) lost += w;
-    if (sight != kSeen) continue;
-    vec4 image = table(first_slot + slot * SLOT_TEXELS + SLOT_IMAGE);
-    vec4 colour = sampled(images, int(image.w), ivec2(image.yz), position, is_cubic(slot));
-#ifdef RGB
-    ivec3 order = ivec3(table(first_slot + slot * SLOT_TEXELS + SLOT_ORDER).xyz);
-    sum += w * vec3(colour[order.x], colour[order.y], colour[order.z]);
+    if (sight == kLost) lost += w[k];
+    if (sight != kSeen) w[k] = 0.0;
 #else
-    sum.x += w * colour.r;
-    seen |= 1u << uint(k);
+    vec3 x = camera_point(k, d, level * map_scale.z);
+    vec2 position = through_lens(k, x.xy / x.z);
 #endif
+    sum += w[k] * sampled(k, corner(k, CORNER_IMAGE).xy, position);
   }
-  uint lost_bits = doubt ? uint(DOUBT) : bits(32768.0 * lost);
   sum *= 255.0 * 128.0;
 #ifdef RGB
-  result = uvec4(bits(sum.r), bits(sum.g), bits(sum.b), lost_bits);
+  result = uvec4(bits(sum.r), bits(sum.g), bits(sum.b), 0u);
 #else
-  result = uvec2(bits(sum.x), lost_bits);
-  if (doubt) seen |= 8u;
+  result = bits(sum.x);
+#endif
+#ifdef CAREFUL
+  lost_bits = doubt ? uint(DOUBT) : bits(32768.0 * lost);
 #endif
 }
 )";
 
-// A camera's chroma is sampled in the middle of four pixels and weighs the mean of what it gives to them.
+// A camera's chroma is sampled in the middle of four pixels and weighs the mean of what it gives to them. Where all
+// four are the face's, and it is calm, that is its weight in the middle; of others, if they have several owners, each
+// face adds its part to sums.
 constexpr std::string_view kChroma = R"(
-uniform highp usampler2D luma_seen;
+#ifdef MIXED
+layout(location = 0) out highp vec2 result;
+#else
 layout(location = 0) out highp uvec2 result;
+#endif
 
-bool doubt = false;
-vec2 sum = vec2(0.0);
-
-void add(Weights weights, vec3 w, Place centre, float level) {
-  for (int k = 0; k < 3; k++) {
-    if (w[k] == 0.0) continue;
-    int slot = weights.slot[k];
-    vec2 position;
-    if (project(slot, centre, level, true, position) != kSeen) {
-      doubt = true;
-      continue;
+// What each camera weighs in the pixels of the block that are the face's, by how many pixels it has.
+vec3 weights_in(ivec2 first, ivec2 last) {
+  vec3 w = vec3(0.0);
+  float pixels = 0.0;
+  for (int n = 0; n < 4; n++) {
+    ivec2 at = first + ivec2(n & 1, n >> 1);
+    bool counts = all(lessThanEqual(at, last));
+    pixels += counts ? 1.0 : 0.0;
+    at = min(at, last);
+#ifdef MIXED
+    counts = counts && is_owner(at);
+#endif
+    vec2 pixel = vec2(at + origin);
+#ifdef RAYS
+    vec2 d = texelFetch(rays, at, 0).xy;
+#else
+    vec2 d = pixel - face[0].xy;
+#endif
+#ifdef CAREFUL
+    if (!counts) continue;
+    vec3 of_pixel = weights_at(d);
+    float level = level_at(pixel);
+    for (int k = 0; k < 3; k++) {
+      vec2 position = vec2(0.0);
+      int sight = of_pixel[k] > 0.0 ? project(k, d, level, false, position) : kLost;
+      doubt = doubt || sight == kUnknown;
+      if (sight == kSeen) w[k] += of_pixel[k];
     }
-    vec4 image = table(first_slot + slot * SLOT_TEXELS + SLOT_IMAGE);
-    ivec2 chroma_size = (ivec2(image.yz) + 1) / 2;
-    vec4 colour = sampled(chroma_images, int(image.w), chroma_size, (position - 0.5) / 2.0, is_cubic(slot));
-    sum += w[k] * (255.0 * colour.rg - 128.0);
+#else
+    w += counts ? weights_at(d) : vec3(0.0);
+#endif
   }
+  return w / pixels;
 }
 
 void main() {
   ivec2 here = ivec2(gl_FragCoord.xy);
   ivec2 first = 2 * here, last = min(first + 1, size - 1); // at the view's end there is no other
-  Place centre;
-  centre.pixel = vec2(first + last) / 2.0 + vec2(origin);
-  centre.at = has_rays ? texelFetch(centre_rays, here, 0).xy : vec2(0.0);
-  float level = has_map ? level_at(vec2(first + origin) + 0.5) : 0.0;
-  float pixels = 0.0;
-  int owner = 0;
-  Weights weights;
-  vec3 of_owner = vec3(0.0);
-  for (int n = 0; n < 4; n++) {
-    ivec2 pixel = 2 * here + ivec2(n & 1, n >> 1);
-    if (any(greaterThanEqual(pixel, size))) continue;
-    pixels += 1.0;
-    int next = int(texelFetch(owners, pixel, 0).r);
-    if (next == 0) continue;
-    uint seen = texelFetch(luma_seen, pixel, 0).r;
-    doubt = doubt || (seen & 8u) != 0u;
-    if (next != owner && owner != 0) {
-      add(weights, of_owner, centre, level);
-      of_owner = vec3(0.0);
+#ifdef RAYS
+  vec2 centre = texelFetch(centre_rays, here, 0).xy;
+#else
+  vec2 centre = vec2(first + last) / 2.0 + vec2(origin) - face[0].xy;
+#endif
+#if defined(CAREFUL) || defined(MIXED)
+  vec3 w = weights_in(first, last);
+#else
+  vec3 w = weights_at(centre);
+#endif
+  float level = level_at(vec2(first + origin) + 0.5);
+  vec2 sum = vec2(0.0);
+  for (int k = 0; k < 3; k++) {
+#ifdef CAREFUL
+    vec2 position = vec2(0.0);
+    if (w[k] > 0.0 && project(k, centre, level, true, position) != kSeen) {
+      doubt = true;
+      w[k] = 0.0;
     }
-    owner = next;
-    weights = weights_of(owner - 1, Place(vec2(pixel + origin), has_rays ? texelFetch(rays, pixel, 0).xy : vec2(0.0)));
-    of_owner += weights.w * vec3(seen & 1u, (seen >> 1) & 1u, (seen >> 2) & 1u);
+#else
+    vec3 x = camera_point(k, centre, level * map_scale.z);
+    vec2 position = through_lens(k, x.xy / x.z);
+#endif
+    vec2 chroma_size = floor((corner(k, CORNER_IMAGE).xy + 1.0) / 2.0);
+    sum += w[k] * (255.0 * sampled(k, chroma_size, (position - 0.5) / 2.0).xy - 128.0);
   }
-  if (owner != 0) add(weights, of_owner, centre, level);
-  sum *= 128.0 / pixels;
-  result = doubt ? uvec2(CHROMA_DOUBT, 0) : uvec2(bits(sum.x), bits(sum.y));
+#ifdef MIXED
+  result = doubt ? vec2(FLOAT_DOUBT, 0.0) : sum;
+#else
+  result = doubt ? uvec2(CHROMA_DOUBT, 0) : uvec2(bits(128.0 * sum.x), bits(128.0 * sum.y));
+#endif
 }
 )";
+
+constexpr std::string_view kChromaBits = R"(
+precision highp float;
+precision highp int;
+uniform highp sampler2D chroma_sums;
+layout(location = 0) out highp uvec2 result;
+void main() {
+  vec2 sum = texelFetch(chroma_sums, ivec2(gl_FragCoord.xy), 0).rg;
+  uvec2 bits = uvec2(ivec2(floor(128.0 * sum + 0.5))) & 0xffffu;
+  result = sum.x > FLOAT_DOUBT / 2.0 ? uvec2(CHROMA_DOUBT, 0) : bits;
+}
+)";
+// Four of them, and what else is added to them, are finite in 16 bits and beyond all sums.
+constexpr double kFloatDoubt = 8192;
 
 void define(std::string& text, std::string_view name, auto value) {
   text += "#define " + std::string(name) + " " + std::to_string(value) + "\n";
 }
 
-}  // namespace
-
-std::string sum_shader(SumProgram program) {
+std::string head(const SumProgram& program) {
   std::string text = "#version 310 es\n";
-  if (program == SumProgram::kRgb) text += "#define RGB\n";
-  define(text, "TABLE_WIDTH", kTableWidth);
-  define(text, "FACE_TEXELS", int{kFaceTexels});
+  if (program.output == SumProgram::Output::kRgb) text += "#define RGB\n";
+  if (program.output == SumProgram::Output::kChroma || program.output == SumProgram::Output::kMixedChroma)
+    text += "#define CHROMA\n";
+  if (program.output == SumProgram::Output::kMixedChroma) text += "#define MIXED\n";
+  if (program.careful) text += "#define CAREFUL\n";
+  if (program.has_map) text += "#define MAP\n";
+  if (program.has_rays) text += "#define RAYS\n";
+  if (program.is_distorted) text += "#define DISTORTED\n";
+  if (program.is_cubic) text += "#define CUBIC\n";
+  define(text, "FACE_TEXELS", face_texels(program.has_map));
   define(text, "FACE_EDGE", int{kFaceEdge});
-  define(text, "SLOT_TEXELS", int{kSlotTexels});
-  define(text, "SLOT_FROM", int{kSlotFrom});
-  define(text, "SLOT_ALONG", int{kSlotAlong});
-  define(text, "SLOT_DOWN", int{kSlotDown});
-  define(text, "SLOT_PER_FROM", int{kSlotPerFrom});
-  define(text, "SLOT_PER_ALONG", int{kSlotPerAlong});
-  define(text, "SLOT_PER_DOWN", int{kSlotPerDown});
-  define(text, "SLOT_LENS", int{kSlotLens});
-  define(text, "SLOT_DISTORTION", int{kSlotDistortion});
-  define(text, "SLOT_IMAGE", int{kSlotImage});
-  define(text, "SLOT_ORDER", int{kSlotOrder});
+  define(text, "FACE_CORNERS", int{kFaceCorners});
+  define(text, "CORNER_TEXELS", corner_texels(program.has_map));
+  define(text, "CORNER_FROM", int{kCornerFrom});
+  define(text, "CORNER_ALONG", int{kCornerAlong});
+  define(text, "CORNER_DOWN", int{kCornerDown});
+  define(text, "CORNER_LENS", int{kCornerLens});
+  define(text, "CORNER_DISTORTION", int{kCornerDistortion});
+  define(text, "CORNER_IMAGE", int{kCornerImage});
+  define(text, "CORNER_PER_FROM", int{kCornerPerFrom});
+  define(text, "CORNER_PER_ALONG", int{kCornerPerAlong});
+  define(text, "CORNER_PER_DOWN", int{kCornerPerDown});
   define(text, "HAS_IMAGE", int{kHasImage});
-  define(text, "IS_DISTORTED", int{kIsDistorted});
   define(text, "IS_CUBIC", int{kIsCubic});
   define(text, "DOUBT", kDoubt);
   define(text, "CHROMA_DOUBT", kChromaDoubt);
-  define(text, "MAX_POSITION_ERROR", kMaxPositionError);
-  text += kRule;
-  text += program == SumProgram::kChroma ? kChroma : kPixels;
+  text += "const highp float OWNERS = " + std::to_string(kMixedOwners) + ".0;\n";
+  text += "const highp float MAX_POSITION_ERROR = " + std::to_string(kMaxPositionError) + ";\n";
+  text += "const highp float FLOAT_ROUNDING = " + std::to_string(kFloatRounding * 1e6) + " * 1e-6;\n";
+  text += "const highp float MAX_WEIGHT_ERROR = " + std::to_string(kMaxWeightError) + ";\n";
+  text += "const highp float EYE_DOUBT = " + std::to_string(kEyeDoubt) + ";\n";
+  text += "const highp float FLOAT_DOUBT = " + std::to_string(kFloatDoubt) + ";\n";
   return text;
 }
 
-std::string vertex_shader() {
-  return R"(#version 310 es
-void main() {
-  gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
+}  // namespace
+
+std::string vertex_shader(const SumProgram& program) {
+  return head(program).append(program.output == SumProgram::Output::kChromaBits ? kWholeTarget : kVertex);
 }
-)";
+
+std::string fragment_shader(const SumProgram& program) {
+  std::string text = head(program);
+  if (program.output == SumProgram::Output::kChromaBits) return text.append(kChromaBits);
+  const bool pixels = program.output == SumProgram::Output::kRgb || program.output == SumProgram::Output::kLuma;
+  return text.append(kRule).append(pixels ? kPixels : kChroma);
 }
 
 }  // namespace lf::gl

@@ -1,48 +1,74 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <compare>
 #include <string>
 
 // The programs that draw sums, in the shading language of OpenGL ES 3.1. What they are given is laid out here, for both
 // sides.
+//
+// Triangles cover the pixels of one face of the mesh each, and carry all that the rule needs to know of it from their
+// corners on, so that a pixel looks up nothing but its owner and its cameras' samples. What depends on the view or on
+// the cameras' kind is compiled in: drivers that compute on the CPU go through both sides of every branch.
 namespace lf::gl {
 
-// What a program computes for each of its pixels.
-//   kRgb: R, G, B of the sum and the lost weight.
-//   kLuma: Y and the lost weight; beside it, which of the face's cameras see what is in focus (bits 0 to 2).
-//   kChroma: Cb and Cr, for two by two pixels of what kLuma has drawn.
-// All as 16 bits of SumPlanes, modulo 2^16. Where numbers in float can't tell whether a sample is lost, or where it is
-// to kMaxPositionError, the lost weight is kDoubt (kLuma: bit 3 is set, too), Cb is kChromaDoubt.
-enum class SumProgram { kRgb, kLuma, kChroma };
+struct SumProgram {
+  // What is computed for each pixel of the target.
+  //   kRgb: R, G, B of the sum. kLuma: Y. As 16 bits of SumPlanes, modulo 2^16; beside it, if careful, the lost weight.
+  //   kChroma: Cb and Cr of two by two pixels, as 16 bits.
+  //   kMixedChroma: what a face adds to those of pixels with several owners, in levels; added up in float.
+  //   kChromaBits: such sums as 16 bits.
+  enum class Output { kRgb, kLuma, kChroma, kMixedChroma, kChromaBits } output = Output::kRgb;
+  // With doubts: where numbers in float can't tell whether a sample is lost, or where it is to kMaxPositionError, the
+  // lost weight is kDoubt, Cb is kChromaDoubt. Else it has been proved that none is lost and none in doubt.
+  bool careful = false;
+  bool has_map = false;
+  bool has_rays = false;      // lines of sight are looked up; careful
+  bool is_distorted = false;  // a camera's lens is
+  bool is_cubic = false;      // a camera is sampled by Catmull-Rom
+
+  auto operator<=>(const SumProgram&) const = default;
+};
+// Owners of pixels are in the depth buffer, 16 bits of it, so that what is drawn of a face passes where its depth is
+// that of the pixel: its number and one by kMixedOwners; 0: none. Of blocks of pixels that have several: kMixedOwners.
+inline constexpr int kMixedOwners = 65535;
 inline constexpr int kDoubt = 0xffff, kChromaDoubt = 0x8000;
 
-// Numbers in `tables`: texels of four, kTableWidth a row. Of a face, then of a slot after all faces.
-inline constexpr int kTableWidth = 256;
+// Numbers in `tables`: texels of four, a row of them for each face.
 enum FaceTexel {
-  kFaceAnchor,  // x, y: what pixels (or lines of sight, where these are looked up) of its edges are counted from
-  kFaceEdge,    // three: edge function k is x i + y j + z; w: the slot of the camera in that corner, -1: none
-  kFaceTexels = kFaceEdge + 3
+  kFaceAnchor,  // x, y: what its pixels (or lines of sight, where these are looked up) are counted from; its depth;
+                // the level that inverse distances are counted from
+  kFaceEdge,    // three: edge function k is x i + y j + z; w: 1 if the camera in that corner is ours
+  kFaceCorners = kFaceEdge + 3
 };
-enum SlotTexel {
-  kSlotFrom,        // ProjectionTerms::from; w: x of the anchor
-  kSlotAlong,       // ProjectionTerms::along; w: y of the anchor
-  kSlotDown,        // ProjectionTerms::down; w: SlotFlags
-  kSlotPerFrom,     // ProjectionTerms::per_from; w: the level that inverse distances are counted from
-  kSlotPerAlong,    // ProjectionTerms::per_along; w: ViewPlan::eye_distance()
-  kSlotPerDown,     // ProjectionTerms::per_down; w: the inverse distance of kSlotPerFrom's level
-  kSlotLens,        // fx, fy, cx, cy
-  kSlotDistortion,  // k1, k2, p1, p2
-  kSlotImage,       // the largest squared radius; width, height of the image in pixels; its layer
-  kSlotOrder,       // RGB: which byte of a pixel is red, green, blue
-  kSlotTexels
+enum CornerTexel {
+  kCornerFrom,        // ProjectionTerms::from; w: x of its image's place in the atlas
+  kCornerAlong,       // and along; w: CornerFlags
+  kCornerDown,        // and down; w: RGB: which byte of a pixel is red, + 4 of green, + 16 of blue
+  kCornerLens,        // fx, fy, cx, cy
+  kCornerDistortion,  // k1, k2, p1, p2
+  kCornerImage,       // width, height of the image in pixels; the largest squared radius; y of its place
+  kCornerTexels,
+  kCornerPerFrom = kCornerTexels,  // with a focal map: ProjectionTerms::per_from
+  kCornerPerAlong,
+  kCornerPerDown,
+  kMapCornerTexels
 };
-enum SlotFlags { kHasImage = 1, kIsDistorted = 2, kIsCubic = 4 };
+constexpr int corner_texels(bool has_map) { return has_map ? kMapCornerTexels : kCornerTexels; }
+constexpr int face_texels(bool has_map) { return kFaceCorners + 3 * corner_texels(has_map); }
+inline constexpr int kMaxTableTexels = face_texels(true);
+enum CornerFlags { kHasImage = 1, kIsCubic = 2 };
 
-// Pixels of a camera's image that positions may be off by.
+// Pixels of a camera's image.
 inline constexpr double kMaxPositionError = 1.0 / 128;
+// Of float: each product and sum is good to 2^-24 of what goes into it, and five of them in a row to this.
+inline constexpr double kFloatRounding = 3e-7;
+// How much of a weight float may be off by.
+inline constexpr double kMaxWeightError = 2e-5;
+// How near to the eye a focal surface may be for float not to tell on which side of it.
+inline constexpr double kEyeDoubt = 1e-5;
 
-std::string sum_shader(SumProgram program);
-// The text of a vertex shader that draws one triangle over the whole target.
-std::string vertex_shader();
+std::string vertex_shader(const SumProgram& program);
+std::string fragment_shader(const SumProgram& program);
 
 }  // namespace lf::gl

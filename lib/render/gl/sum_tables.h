@@ -3,13 +3,16 @@
 
 #include <vector>
 
+#include "render/gl/image_atlas.h"
 #include "render/simd/band_data.h"
 
 namespace lf::gl {
 
-// The numbers that programs draw a task by, as sum_shader.h lays them out: texels of all faces of the plan, then of all
-// slots, whose layers are their numbers; filled up to whole rows. `values`: four for each texel. Returns the texel of
-// the first slot.
-int make_tables(const simd::SumTask& task, std::vector<float>& values);
+// The numbers that programs draw a task by, as sum_shader.h lays them out: a row of face_texels() for each face of the
+// plan. `atlas`: where the task's images are. `values`: four of each texel.
+void make_tables(const simd::SumTask& task, const ImageAtlas& atlas, std::vector<float>& values);
+
+// What a face's pixels are counted from: the middle of its rectangle.
+Vec2 anchor_of(const FacePlan& face);
 
 }  // namespace lf::gl

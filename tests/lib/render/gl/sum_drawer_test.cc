@@ -5,9 +5,11 @@
 
 #include <cmath>
 #include <cstdio>
+#include <functional>
 
 #include "lib/render/production.h"
 #include "lib/render/sum_arrays.h"
+#include "reference/hard_cases.h"
 
 namespace lf {
 namespace {
@@ -36,21 +38,24 @@ struct Difference {
   size_t mended = 0;
 };
 
-// Of the card's sums from the CPU's.
+// Of the card's sums from the CPU's. `change`: what is special about the sources.
 Difference difference(const Rig& rig, const View& view, const std::vector<Image>& rgb, PixelFamily family,
-                      Resampling resampling) {
+                      Resampling resampling, const std::function<void(std::vector<Source>&)>& change = {}) {
   const Mesh mesh = build_mesh(rig);
   const test::Production production(rig, mesh, view);
   const std::vector<Image> images = family == PixelFamily::kI420 ? test::i420_of(rgb) : rgb;
   std::vector<Source> sources = test::sources_of(rig, production.plan, images);
   for (Source& source : sources) source.resampling = resampling;
+  if (change) change(sources);
   const OwnerRuns& runs = production.owners.runs();
   const SumRenderer cpu(production.plan, runs, sources, family, Coordinates::kExact);
   const SumRenderer drawn(production.plan, runs, sources, family, Coordinates::kExact, &card());
-  EXPECT_TRUE(drawn.is_drawn()) << card().why_not();
+  EXPECT_TRUE(drawn.is_drawn() || drawn.rect().empty()) << card().why_not();
   const Rect whole = test::whole(view);
   Sum a(family, whole), b(family, whole);
-  EXPECT_EQ(cpu.render_rows(0, view.height, a.planes), drawn.render_rows(0, view.height, b.planes));
+  // Where the CPU has lost a weight that rounds to nothing it may say so.
+  const bool any_lost = cpu.render_rows(0, view.height, a.planes);
+  EXPECT_LE(drawn.render_rows(0, view.height, b.planes), any_lost);
   Difference worst{.mended = card().mended()};
   for (int c = 0; c < 3; c++)
     for (size_t i = 0; i < a.memory[c].size(); i++)
@@ -86,6 +91,82 @@ TEST(SumDrawer, DrawsWhatTheCpuDoes) {
           EXPECT_LE(worst.level, hard ? 0.75 : 0.2);
           EXPECT_LE(worst.lost, 1e-4);
         }
+}
+
+// Planes and surfaces through eyes, arrays behind them, meshes that fold, slivers: what is proved of a face's pixels on
+// the CPU, and what is left to doubts on the card.
+TEST(SumDrawer, DrawsTheHardCases) {
+  for (const reference::HardCase& small : reference::hard_cases())
+    for (const reference::HardCase& hard : {small, reference::enlarged(small, reference::kEnlarged)}) {
+      Difference worst;
+      for (int trial = 0; trial < 2; trial++) {
+        Random random(trial);
+        const auto [rig, view] = hard.make(random);
+        const auto images = images_of(rig, random, reference::smooth_image);
+        // Where a view ends in half a block the CPU's fast path samples chroma half a pixel further out than its exact
+        // one, which shows where pixels are as wide as a view.
+        const PixelFamily family =
+            view.width == 1 || view.width == reference::kEnlarged ? PixelFamily::kRgb : PixelFamily::kI420;
+        const Difference one = difference(rig, view, images, family, Resampling::kBilinear);
+        worst.level = std::max(worst.level, one.level);
+        worst.lost = std::max(worst.lost, one.lost);
+      }
+      SCOPED_TRACE(hard.name);
+      EXPECT_LE(worst.level, 0.2);
+      EXPECT_LE(worst.lost, 1e-4);
+    }
+}
+
+// Views with a lens, images of other layouts, cameras without a picture, and those of other nodes.
+TEST(SumDrawer, DrawsWhateverSourcesThereAre) {
+  constexpr int kSide = 4, kWidth = 161, kHeight = 121;
+  Random random(5);
+  const Rig rig = test::jittered_array(random, kSide, kWidth, kHeight, -0.2);
+  const auto images = images_of(rig, random, reference::smooth_image);
+  std::vector<Image> bgrx;
+  for (const Image& image : images) {
+    Image& made = bgrx.emplace_back(PixelFamily::kRgb, 4 * kWidth, kHeight);
+    for (int y = 0; y < kHeight; y++)
+      for (int x = 0; x < kWidth; x++)
+        for (int c = 0; c < 3; c++) made.data()[(size_t(y) * 4 * kWidth * 3) + 4 * x + 2 - c] = image.pixel(x, y)[c];
+  }
+  const auto others = [](std::vector<Source>& sources) {
+    std::erase_if(sources, [](const Source& source) { return source.camera % 2 == 0; });
+  };
+  const auto blind = [](std::vector<Source>& sources) {
+    for (Source& source : sources)
+      if (source.camera % 3 == 0) source.image = {};
+    for (Source& source : sources)
+      if (source.camera % 3 == 0) source.image.family = PixelFamily::kNone;
+  };
+  const auto mixed_layouts = [&](std::vector<Source>& sources) {
+    for (Source& source : sources) {
+      if (source.image.family != PixelFamily::kRgb || source.camera % 2 == 0) continue;
+      source.image.plane[0] = bgrx[source.camera].data().data();
+      source.image.stride[0] = 3 * 4 * kWidth;
+      source.image.layout = {4, 2, 1, 0};
+    }
+  };
+  const auto mixed_samples = [](std::vector<Source>& sources) {
+    for (Source& source : sources)
+      if (source.camera % 2 == 0) source.resampling = Resampling::kCatmullRom;
+  };
+  for (const PixelFamily family : {PixelFamily::kRgb, PixelFamily::kI420})
+    for (const bool lens : {false, true})
+      for (const bool map : {false, true}) {
+        View view = test::view_into(rig, kSide, kWidth, kHeight, random.small_rotation(0.2));
+        if (lens) view.lens = Lens(LensModel::kSimpleRadial, {1.25 * kWidth, 78, 60, -0.1});
+        if (map) view.focus.map = test::depths(random, view, FocalMap::kFinestStep, false);
+        int number = 0;
+        for (const auto& change :
+             {std::function<void(std::vector<Source>&)>{}, {others}, {blind}, {mixed_layouts}, {mixed_samples}}) {
+          SCOPED_TRACE(testing::Message() << (family == PixelFamily::kRgb ? "RGB" : "I420") << (lens ? ", lens" : "")
+                                          << (map ? ", map" : "") << ", sources " << number++);
+          const Difference one = difference(rig, view, images, family, Resampling::kBilinear, change);
+          EXPECT_LE(one.level, 0.2);
+          EXPECT_LE(one.lost, 1e-4);
+        }
+      }
 }
 
 // Samples right on the border of the images: (-0.5, y) is inside, and float can't tell.

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "node/card.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "lib/render/sum_arrays.h"
+#include "render/ownership.h"
+
+namespace lf {
+namespace {
+
+TEST(RendererRace, TheFasterOneWinsAndTheFirstOfTheCardDoesNotCount) {
+  for (const uint64_t card_ns : {500, 2000}) {
+    RendererRace race;
+    int turns[2] = {};
+    while (!race.decided()) {
+      const bool card = race.card_is_next();
+      // The card compiles its programs first. Half of the CPU's answers are held up by others.
+      race.add(card, 1000, card ? (turns[1] == 0 ? 1000000 : card_ns) : turns[0] % 2 ? 1000 : 90000);
+      ASSERT_LE(++turns[card], RendererRace::kRounds + 1);
+    }
+    EXPECT_EQ(turns[0], RendererRace::kRounds);
+    EXPECT_EQ(turns[1], RendererRace::kRounds + 1);
+    EXPECT_EQ(race.card_is_next(), card_ns < 1000);
+    race.add(true, 1000, 1);  // it is decided
+    EXPECT_EQ(race.card_is_next(), card_ns < 1000);
+    EXPECT_EQ(race.best(true), static_cast<double>(card_ns) / 1000);
+  }
+}
+
+// Where the card can't draw what is asked for, the CPU does, and nothing is decided.
+TEST(RendererRace, WhatTheCardRefusesDecidesNothing) {
+  RendererRace race;
+  for (int i = 0; i < 100; i++) race.add(false, 1000, 1000);
+  EXPECT_FALSE(race.decided());
+  EXPECT_TRUE(race.card_is_next());
+  race.add(true, 0, 1000);
+  EXPECT_EQ(race.best(true), std::numeric_limits<double>::infinity());
+}
+
+TEST(Card, AutoNeverTakesWhatComputesOnTheCpu) {
+  // Even if it is lied to about what it gets.
+  int opened = 0;
+  Card card([&](gl::Context::Drivers drivers, std::string& why) {
+    opened++;
+    EXPECT_EQ(drivers, gl::Context::Drivers::kHardware);
+    return gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
+  });
+  std::string news;
+  EXPECT_EQ(card.explain(RendererChoice::kAuto), "auto: nothing has been rendered yet");
+  for (int i = 0; i < 3; i++) EXPECT_EQ(card.open(RendererChoice::kAuto, news), nullptr);
+  EXPECT_EQ(opened, 1);
+  EXPECT_EQ(news, "");
+  EXPECT_THAT(card.explain(RendererChoice::kAuto), testing::HasSubstr("is the CPU, too"));
+  EXPECT_NE(card.open(RendererChoice::kGl, news), nullptr);  // who asks for it gets it
+  EXPECT_EQ(opened, 1);
+}
+
+TEST(Card, SaysWhyThereIsNone) {
+  int opened = 0;
+  Card card([&](gl::Context::Drivers, std::string& why) {
+    opened++;
+    why = "nothing here";
+    return std::unique_ptr<gl::SumDrawer>();
+  });
+  std::string news;
+  EXPECT_EQ(card.open(RendererChoice::kCpu, news), nullptr);
+  EXPECT_EQ(opened, 0);
+  EXPECT_EQ(card.open(RendererChoice::kAuto, news), nullptr);
+  EXPECT_EQ(news, "");
+  EXPECT_EQ(card.explain(RendererChoice::kAuto), "auto: cpu, there is no other: nothing here");
+  EXPECT_EQ(card.open(RendererChoice::kGl, news), nullptr);  // any driver will do now
+  EXPECT_EQ(news, "no OpenGL ES 3.1 to render with, the CPU does: nothing here");
+  news.clear();
+  for (const RendererChoice choice : {RendererChoice::kAuto, RendererChoice::kGl})
+    EXPECT_EQ(card.open(choice, news), nullptr);
+  EXPECT_EQ(opened, 2);
+  EXPECT_EQ(news, "");
+}
+
+// What a node has to give for one view, over and over.
+class CardLossTest : public testing::Test {
+ protected:
+  // Renders by the card if there is one; the largest difference from the CPU's, of 255.
+  double render(gl::SumDrawer* card, bool& drawn) {
+    const SumRenderer renderer(production_.plan, production_.owners.runs(), sources_, PixelFamily::kI420,
+                               Coordinates::kGrid, card);
+    const SumRenderer cpu(production_.plan, production_.owners.runs(), sources_, PixelFamily::kI420);
+    drawn = renderer.is_drawn();
+    const Rect whole = test::whole(view_);
+    test::Sum a(PixelFamily::kI420, whole), b(PixelFamily::kI420, whole);
+    renderer.render_rows(0, view_.height, a.planes);
+    cpu.render_rows(0, view_.height, b.planes);
+    int worst = 0;
+    for (int c = 0; c < 3; c++)
+      for (size_t i = 0; i < a.memory[c].size(); i++)
+        worst = std::max(worst, std::abs(a.memory[c][i] - b.memory[c][i]));
+    return worst / 128.0;
+  }
+
+  reference::Random random_{1};
+  const Rig rig_ = test::jittered_array(random_, 3, 64, 48, -0.1);
+  const View view_ = test::view_into(rig_, 3, 64, 48, random_.small_rotation(0.1));
+  const test::Production production_{rig_, build_mesh(rig_), view_};
+  const std::vector<Image> images_ = test::i420_of(images_of(rig_, random_, reference::smooth_image));
+  const std::vector<Source> sources_ = test::sources_of(rig_, production_.plan, images_);
+};
+
+// As many as LF_CYCLES says.
+TEST_F(CardLossTest, StartsAndStopsLeaveNothing) {
+  const char* const wanted = std::getenv("LF_CYCLES");
+  const int cycles = wanted ? std::atoi(wanted) : 8;
+  const auto resident = [] {
+    std::ifstream file("/proc/self/statm");
+    long size = 0, pages = 0;
+    file >> size >> pages;
+    return static_cast<double>(pages) * 4096 / (1 << 20);
+  };
+  const auto entries = [](const char* folder) {
+    return std::distance(std::filesystem::directory_iterator(folder), std::filesystem::directory_iterator());
+  };
+  double megabytes = 0;
+  ptrdiff_t files = 0, threads = 0;
+  for (int i = 0; i < cycles; i++) {
+    if (i == cycles / 4) {  // what is kept for good is there
+      megabytes = resident();
+      files = entries("/proc/self/fd");
+      threads = entries("/proc/self/task");
+    }
+    Card card;
+    std::string news;
+    gl::SumDrawer* const drawer = card.open(RendererChoice::kGl, news);
+    ASSERT_TRUE(drawer) << news;
+    bool drawn = false;
+    EXPECT_LE(render(drawer, drawn), 1);
+    EXPECT_TRUE(drawn);
+  }
+  std::printf("%d cycles: %.1f MiB more than after a quarter of them\n", cycles, resident() - megabytes);
+  EXPECT_LE(resident() - megabytes, 0.1 * megabytes + 8);
+  EXPECT_LE(entries("/proc/self/fd"), files);
+  EXPECT_LE(entries("/proc/self/task"), threads);
+}
+
+TEST_F(CardLossTest, PicturesGoOnThroughAHundredLosses) {
+  for (int i = 0; i < 100; i++) {
+    Card card;
+    std::string news;
+    gl::SumDrawer* const drawer = card.open(RendererChoice::kGl, news);
+    ASSERT_TRUE(drawer) << news;
+    bool drawn = false;
+    if (i % 10 == 0) {
+      EXPECT_LE(render(drawer, drawn), 1);
+      EXPECT_TRUE(drawn);
+    }
+    drawer->lose();
+    EXPECT_LE(render(card.open(RendererChoice::kGl, news), drawn), 1);  // found out on the way
+    EXPECT_FALSE(drawn);
+    EXPECT_EQ(news, "");
+    EXPECT_EQ(card.open(RendererChoice::kGl, news), nullptr);
+    EXPECT_EQ(news, drawer->device() + " is lost to this process, the CPU renders from now on");
+    EXPECT_EQ(card.explain(RendererChoice::kGl), "cpu, " + drawer->device() + " is lost");
+    EXPECT_EQ(card.explain(RendererChoice::kAuto), "auto: cpu, " + drawer->device() + " is lost");
+  }
+}
+
+}  // namespace
+}  // namespace lf
