@@ -186,6 +186,13 @@ Viewpoint far_from(const Viewpoint& viewpoint) {
   return far;
 }
 
+// How many rows a raster has, at most `most`, so that it has about `most_columns` at most: a raster of fewer columns
+// than its shape asks for would be that of a narrower view.
+int raster_rows(int most, int most_columns, double aspect) {
+  constexpr int kLeast = 6;
+  return std::clamp(static_cast<int>(most_columns / aspect), kLeast, most);
+}
+
 // The middle of the triangle nearest to `position`; of cameras that make none, `position`.
 Vec3 inside_of_a_face(const Rig& rig, const Mesh& mesh, const Vec3& position) {
   Vec3 nearest = position;
@@ -207,20 +214,22 @@ Vec3 inside_of_a_face(const Rig& rig, const Mesh& mesh, const Vec3& position) {
 VisibleShare::VisibleShare(const Rig& rig) : rig_(rig), mesh_(build_mesh(rig)) {}
 
 double VisibleShare::operator()(const Viewpoint& viewpoint, double aspect) const {
-  const int columns = std::clamp(static_cast<int>(std::lround(kRows * aspect)), 1, kMaxColumns);
-  return mean_coverage(rig_, ViewPlan(rig_, mesh_, make_view(far_from(viewpoint), columns, kRows)), kRows);
+  const int rows = raster_rows(kRows, kMaxColumns, aspect);
+  const int columns = std::max(static_cast<int>(std::lround(rows * aspect)), 1);
+  return mean_coverage(rig_, ViewPlan(rig_, mesh_, make_view(far_from(viewpoint), columns, rows)), rows);
 }
 
 // The middles of the outermost pixels of the raster lie a pixel of it outside of the view, so that no corner between
 // them is dark.
 bool VisibleShare::sees_all(const Viewpoint& viewpoint, double aspect) const {
-  const int columns = std::clamp(static_cast<int>(std::lround((kFineRows - 1) * aspect)) + 1, 2, kMaxFineColumns);
+  const int rows = raster_rows(kFineRows, kMaxFineColumns, aspect);
+  const int columns = std::max(static_cast<int>(std::lround((rows - 1) * aspect)) + 1, 2);
   // What is near is farther aside for cameras beside the eye.
   for (Viewpoint v : {far_from(viewpoint), viewpoint}) {
-    const double edge = std::tan(v.fov_y_deg * (M_PI / 360)) * kFineRows / (kFineRows - 3);
+    const double edge = std::tan(v.fov_y_deg * (M_PI / 360)) * rows / (rows - 3);
     v.fov_y_deg = std::atan(edge) * (360 / M_PI);
-    const ViewPlan plan(rig_, mesh_, make_view(clamped(v), columns, kFineRows));
-    const std::vector<float> seen = view_coverage(rig_, plan, OwnerMap(plan, {0, 0, columns, kFineRows}));
+    const ViewPlan plan(rig_, mesh_, make_view(clamped(v), columns, rows));
+    const std::vector<float> seen = view_coverage(rig_, plan, OwnerMap(plan, {0, 0, columns, rows}));
     if (std::ranges::any_of(seen, [](float share) { return share < kBright; })) return false;
   }
   return true;

@@ -213,7 +213,7 @@ TEST(VisibleShare, HomeFitsTheShapeOfTheView) {
       camera.pose.orientation = quat_from_euler({degrees(random), degrees(random), degrees(random)});
     const Mesh mesh = build_mesh(rig);
     const VisibleShare share(rig);
-    for (const double aspect : {0.5, 0.75, 1.0, kAspect, 16.0 / 9, 21.0 / 9}) {
+    for (const double aspect : {0.15, 0.5, 0.75, 1.0, kAspect, 16.0 / 9, 21.0 / 9, 4.8, 8.0}) {
       const Viewpoint home = share.home(aspect);
       const double high = std::tan(home.fov_y_deg * M_PI / 360), camera = std::tan(20 * M_PI / 180);
       if (error == 0) {
