@@ -193,6 +193,7 @@ void FocusControl::keep_up(bool complete) {
 void FocusControl::take(const ViewRequest& request, std::span<const Moments> moments, const FocusArray& array,
                         FocalMap& map) {
   const bool is_still = request.view.pose == tried_with_;
+  if (stage_ == Stage::kSearch) unanswered_--;
   tried_with_ = request.view.pose;
   SurfaceChoice choice = choice_of(request, moments, array, stage_ == Stage::kSearch ? kSearchRadius : 1, is_still);
   FocalMap chosen = map;

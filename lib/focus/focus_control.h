@@ -133,8 +133,9 @@ class FocusControl {
 
   // Requests from a search that found nothing to the next: where the eye moves, and at most where it does not.
   static constexpr unsigned kMovingPatience = 16, kMostPatience = 256;
-  static constexpr unsigned kMostLost = 8;  // requests of a search or a sweep that are sent again
-  static constexpr unsigned kSettling = 8;  // rounds of bettering until what was found has settled
+  static constexpr unsigned kBusyPatience = 64;  // at most, where not all of the search was answered
+  static constexpr unsigned kMostLost = 8;       // requests of a search or a sweep that are sent again
+  static constexpr unsigned kSettling = 8;       // rounds of bettering until what was found has settled
 
   Settings settings_;
   State state_;
@@ -153,6 +154,7 @@ class FocusControl {
   // are too early where cameras are not equally bright, see MeanTurns.
   unsigned patience_ = 1;
   unsigned lost_ = 0;                          // requests of this search or sweep that were sent again
+  int unanswered_ = 0;                         // requests of this search that nothing has come of
   unsigned waited_ = 0;                        // requests since a search found nothing
   unsigned rounds_to_doubt_ = 0, doubts_ = 4;  // until the range may be searched anew as something seems to come near
   double flat_inverse_ = 0;                    // inverse distance of the plane that is enough, 1/m

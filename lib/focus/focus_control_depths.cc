@@ -98,6 +98,7 @@ void FocusControl::search(const FocalMap& map) {
     levels.push_back(map.level_of(at / pixels));
   if (levels.size() > kMostSweeps * kPlanes) levels.resize(kMostSweeps * kPlanes);
   sweeps_ = requests_of(levels);
+  unanswered_ = static_cast<int>(sweeps_.size());
 }
 
 // Looks for all that is up to twice as near or as far as what is known.
@@ -193,12 +194,13 @@ void FocusControl::follow_range(FocalMap& map) {
   if (at_far_end || too_wide || too_near || stage_ == Stage::kSearch) use_range(right, map);
 }
 
-// Nothing tells depths apart: the viewer's plane it is, until something has changed.
+// Nothing tells depths apart: the viewer's plane it is, until something has changed. Where part of the search was never
+// answered, as by a machine that is too busy, that says less.
 void FocusControl::give_up() {
   stage_ = Stage::kNothing;
   state_.on_plane = true;
   waited_ = 0;
-  patience_ = std::min(2 * patience_, kMostPatience);
+  patience_ = std::min(2 * patience_, unanswered_ > 0 ? kBusyPatience : kMostPatience);
 }
 
 // What a busy node has not answered in time, or what never got there, is asked again: of a search that lacks an answer
@@ -211,7 +213,7 @@ void FocusControl::ask_again(const std::vector<Trial>& lost) {
 
 std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
   if (++held_ < std::max(load_, spared_)) return {};
-  held_ = 0;
+  const unsigned passed = std::exchange(held_, 0);  // requests since one that might have had trials
   if (!sweeps_.empty()) {
     std::vector<Trial> trials = std::move(sweeps_.front());
     sweeps_.pop_front();
@@ -219,7 +221,8 @@ std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
     return trials;
   }
   if (stage_ == Stage::kNothing) {
-    if (++waited_ < (moved_ ? kMovingPatience : patience_)) return {};
+    waited_ += passed;
+    if (waited_ < (moved_ ? kMovingPatience : patience_)) return {};
     moved_ = false;
     search(map);
     return next_trials(map);
@@ -230,7 +233,8 @@ std::vector<Trial> FocusControl::next_trials(const FocalMap& map) {
   }
   constexpr unsigned kMovingFlatRest = 4;
   const unsigned moving_rest = state_.flat ? std::min(state_.interval, kMovingFlatRest) : 1;
-  if (++skipped_ < (moved_ ? moving_rest : state_.interval)) return {};
+  skipped_ += passed;
+  if (skipped_ < (moved_ ? moving_rest : state_.interval)) return {};
   moved_ = false;
   skipped_ = 0;
   std::vector<Trial> trials;

@@ -162,6 +162,29 @@ TEST(FocusControl, RequestsOfASearchThatAreDroppedAreAskedAgain) {
   }
 }
 
+// A machine that was too busy for a search is asked for another one within a few seconds, and not after minutes.
+TEST(FocusControl, IsFoundSoonAfterAMachineHasBeenTooBusy) {
+  Loop loop(FocusMode::kSurface, false, 0, 0);
+  loop.control.spare(8);
+  loop.loses = true;
+  loop.run(3000);
+  loop.loses = false;
+  loop.run(300);
+  EXPECT_GT(loop.right(), 0.9);
+  EXPECT_TRUE(loop.shows_surface());
+}
+
+// Where time is short there are fewer rounds, but not as many fewer again because the scene is at rest.
+TEST(FocusControl, RestsNoLongerWhereTimeIsShort) {
+  Loop loop(FocusMode::kAuto, false);
+  loop.run(100);
+  ASSERT_EQ(loop.control.state().interval, FocusControl::kLongestRest);
+  loop.control.spare(8);
+  const unsigned before = loop.control.state().rounds;
+  loop.run(80);
+  EXPECT_GE(loop.control.state().rounds - before, 9u);
+}
+
 // Nodes that answer no trials at all are not asked with every request.
 TEST(FocusControl, WhatIsAlwaysLostIsAskedMoreAndMoreRarely) {
   Loop loop(FocusMode::kSurface, false, 0, 0);
