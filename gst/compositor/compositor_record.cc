@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // What is said of a picture that is put out, or left out.
+#include <utility>
+
 #include "compositor/lfcompositor_private.h"
 
 using lf::CompositorStats;
@@ -32,6 +34,18 @@ void lf_compositor_record_skipped(LfCompositor* self, const lf::QosWatch::Late& 
   gst_element_post_message(GST_ELEMENT(self), message);
 }
 
+// Somebody who asks for a view outside of the array gets black pictures, and should know why.
+// `coverage`: less than 0 where the array is not known. That of cameras out of service is no matter of the view.
+static void note_unseen(LfCompositor* self, double coverage) {
+  auto& state = *self->state;
+  if (coverage != 0 || !state.health.out_of_service().empty() || std::exchange(state.warned_unseen, true)) return;
+  GST_ELEMENT_WARNING(self, STREAM, FAILED,
+                      ("No camera sees anything of view %u: the eye, or all that it looks at, is outside of the array, "
+                       "which is %.2f m across. Such pictures are counted as unseen in stats.",
+                       state.current->view_id, state.extent.load()),
+                      (nullptr));
+}
+
 void lf_compositor_record(LfCompositor* self, int64_t answered, GstClockTime pts) {
   auto& state = *self->state;
   const lf::ViewRequest& request = *state.current;
@@ -44,5 +58,6 @@ void lf_compositor_record(LfCompositor* self, int64_t answered, GstClockTime pts
       {request.view_id, request.sequence, pts, assembly.fragments(), assembly.missing(), assembly.damaged(), coverage,
        state.bytes, state.focus.bytes(), assembly.skew(), answered, state.adding, g_get_monotonic_time()},
       post);
+  note_unseen(self, coverage);
   if (description) gst_element_post_message(GST_ELEMENT(self), gst_message_new_element(GST_OBJECT(self), description));
 }

@@ -108,6 +108,7 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   if (state.rig && !settings.partial) state.health.expect(state.rig->cameras.size());
   state.current.reset();
   state.request_flushed = state.over = false;
+  state.warned_unseen = state.warned_unlinked = false;
   state.latency_asked_at = 0;
   state.silence.clear();
   state.output.start(settings.partial, self->request);

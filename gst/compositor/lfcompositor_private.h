@@ -69,6 +69,7 @@ struct _LfCompositor {
     lf::ViewCoverage coverage;
     lf::PictureOutput output;
     bool warned_rig = false;
+    bool warned_unseen = false;    // since the start
     bool warned_unlinked = false;  // since the start, or since a picture was taken
     int64_t latency_asked_at = 0;  // monotonic time, microseconds
   } * state;

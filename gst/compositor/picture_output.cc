@@ -78,7 +78,9 @@ GstFlowReturn PictureOutput::agree_on(PixelFamily family, int width, int height)
   const char* name = family == PixelFamily::kI420 ? "I420" : "RGB";
   GST_ELEMENT_ERROR(
       element_, STREAM, FORMAT,
-      ("Downstream takes no %s video of %dx%d pixels: put a videoconvert behind lfcompositor.", name, width, height),
+      ("Downstream takes no %s video of %dx%d pixels: a videoconvert in between changes the format; the viewer's "
+       "properties width and height say the size.",
+       name, width, height),
       (nullptr));
   return GST_FLOW_NOT_NEGOTIATED;
 }

@@ -266,7 +266,7 @@ TEST_F(LfCompositorTest, ErrorsNameThePlace) {
   ASSERT_TRUE(message);
   GError* error = nullptr;
   gst_message_parse_error(message, &error, nullptr);
-  EXPECT_THAT(error->message, HasSubstr("put a videoconvert behind"));
+  EXPECT_THAT(error->message, HasSubstr("a videoconvert in between"));
   g_clear_error(&error);
   gst_message_unref(message);
   gst_element_set_bus(element_.get(), nullptr);

@@ -133,8 +133,10 @@ TEST_F(PictureOutputTest, WhoTakesNoSuchVideoIsTold) {
   ASSERT_TRUE(message);
   g_autoptr(GError) error = nullptr;
   gst_message_parse_error(message, &error, nullptr);
-  EXPECT_STREQ(error->message,
-               "Downstream takes no RGB video of 32x16 pixels: put a videoconvert behind lfcompositor.");
+  EXPECT_STREQ(
+      error->message,
+      "Downstream takes no RGB video of 32x16 pixels: a videoconvert in between changes the format; the viewer's "
+      "properties width and height say the size.");
   gst_message_unref(message);
   gst_element_set_bus(element_, nullptr);
   gst_object_unref(bus);
