@@ -3,6 +3,7 @@
 #include <glib-unix.h>
 #include <gst/gst.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -33,7 +34,8 @@ struct Options {
   std::vector<lf::NodeAddress> node_addresses;
   ServerOptions server;
   Limits limits;
-  bool watch = false;  // the rig file
+  bool watch = false;         // the rig file
+  int capture_delay_ms = -1;  // less than 0: by the kind of cameras
 };
 
 // "NAME=FILE".
@@ -158,7 +160,17 @@ class Program {
     });
   }
 
+  // Packets of network cameras are waited for and put in order, see `latency` of lfcamsrc.
+  int capture_delay() const {
+    constexpr int kOfNetworkCameras = 300;  // milliseconds
+    if (options_.capture_delay_ms >= 0) return options_.capture_delay_ms;
+    const bool any = std::ranges::any_of(field_->array()->rig().cameras,
+                                         [](const lf::Camera& camera) { return camera.source.starts_with("rtsp"); });
+    return any ? kOfNetworkCameras : options_.limits.capture_delay_ms;
+  }
+
   void serve() {
+    options_.limits.capture_delay_ms = capture_delay();
     sessions_ = std::make_unique<Sessions>(*field_, options_.limits);
     server_.serve(*field_, *sessions_);
     if (options_.watch) watch_ = std::make_unique<RigReload>(*field_, *sessions_);
@@ -232,9 +244,10 @@ int main(int argc, char** argv) {
   app.add_option("--framerate", o.limits.framerate, "pictures per second")
       ->capture_default_str()
       ->check(cli::Range(1, 120));
-  app.add_option("--capture-delay", o.limits.capture_delay_ms,
-                 "how old a capture must be before it is asked for: what the cameras take, milliseconds")
-      ->capture_default_str()
+  app.add_option(
+         "--capture-delay", o.capture_delay_ms,
+         "how old a capture must be before it is asked for: what the cameras take, milliseconds (default: 100, or "
+         "300 where some are behind RTSP)")
       ->check(cli::Range(0, 10000));
   app.add_option("--focus", o.limits.focus,
                  "distance of the viewer's plane to begin with, metres (default: 4 times the array)")
