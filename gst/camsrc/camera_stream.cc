@@ -170,6 +170,7 @@ GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
   const GstClockTime last_duration = stamp > stream_end_ ? stamp - stream_end_ : 0;
   const GstClockTime duration = GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : last_duration;
   stream_end_ = stamp + duration;
+  note_position(GST_BUFFER_PTS(buffer) + duration);
   if (live_ && is_shed(pad, buffer, stamp)) return GST_PAD_PROBE_DROP;
 
   // Of a film it is where in the film the frame is, which a seek does not begin anew.
@@ -212,6 +213,12 @@ void CameraStream::count_dropped() {
   ++round_frames_;
   const GstClockTime stamp = gst_segment_to_running_time(&segment_, GST_FORMAT_TIME, end);
   if (GST_CLOCK_TIME_IS_VALID(stamp)) stream_end_ = std::max(stream_end_, stamp);
+  note_position(end);
+}
+
+void CameraStream::note_position(GstClockTime end) {
+  const GstClockTime position = gst_segment_to_stream_time(&segment_, GST_FORMAT_TIME, end);
+  if (GST_CLOCK_TIME_IS_VALID(position)) position_ = position;
 }
 
 // Of a live frame's running time. Of one that a sender dates itself: when it was taken and not when it came.

@@ -95,6 +95,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   bool is_too_late(GstBuffer* buffer);
   void pass_rounds();  // camera_stream_seek.cc
   GstClockTime missing_at_end() const;
+  void note_position(GstClockTime end);
 
   void fail(GstStreamError code, const std::string& text);
   void check_size(GstCaps* caps);
@@ -124,6 +125,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   // What follows belongs to the streaming thread.
   GstSegment segment_;            // the latest segment on the frames pad
   guint64 pictures_ = 0;          // pictures decoded so far
+  GstClockTime position_ = 0;     // stream time, that of the source, at which the newest frame ends
   GstClockTime stream_end_ = 0;   // running time at which the newest frame ends
   GstClockTime round_start_ = 0;  // running time at which this round of a loop began
   GstClockTime round_ = 0;        // how long the latest whole round was

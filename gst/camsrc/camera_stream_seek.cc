@@ -137,13 +137,13 @@ void CameraStream::pass_rounds() {
   if (duration > 0) round_start_ = stream_end_ = now - now % static_cast<guint64>(duration);
 }
 
-// How much longer the film says to be than it was; 0 for what is no more than a frame or two.
+// How much earlier than at the end that it says to have the film has ended; 0 for what is no more than a frame or two.
 GstClockTime CameraStream::missing_at_end() const {
   gint64 duration = 0;
   if (!gst_pad_peer_query_duration(chain_.decoded, GST_FORMAT_TIME, &duration) || duration <= 0) return 0;
-  const GstClockTime lasted = stream_end_ - round_start_, said = static_cast<GstClockTime>(duration);
-  const GstClockTime period = round_frames_ > 0 ? lasted / round_frames_ : 0;
-  return said > lasted + 2 * period + GST_SECOND / 50 ? said - lasted : 0;
+  const GstClockTime period = round_frames_ > 0 ? (stream_end_ - round_start_) / round_frames_ : 0;
+  const auto said = static_cast<GstClockTime>(duration);
+  return said > position_ + 2 * period + GST_SECOND / 50 ? said - position_ : 0;
 }
 
 // At the end of the file, or of a segment: true if it is to begin again.
@@ -155,7 +155,7 @@ bool CameraStream::begin_again(bool flush) {
   // A film that is cut off has no frames for the rest of its round, so that those after it are in step with the
   // others'.
   const GstClockTime missing = missing_at_end();
-  if (missing > 0 && !std::exchange(told_cut_off_, true)) listener_.on_cut_off(stream_end_ - round_start_, missing);
+  if (missing > 0 && !std::exchange(told_cut_off_, true)) listener_.on_cut_off(position_, missing);
   stream_end_ += missing;
   film_end_ += missing;
   round_ = stream_end_ - round_start_;
