@@ -45,8 +45,8 @@ class RendererRace {
 class Card {
  public:
   using Open = std::function<std::unique_ptr<gl::SumDrawer>(gl::Context::Drivers, std::string& why)>;
-  // `open`: as gl::SumDrawer::create().
-  explicit Card(Open open = gl::SumDrawer::create);
+  Card() : Card(gl::SumDrawer::create) {}
+  explicit Card(Open open);  // in place of gl::SumDrawer::create()
 
   // What is to draw the next answer; null: the CPU has to render it. `news`: what the user should know, once: why there
   // is no card (any more). Nobody needs to know that of kAuto.
