@@ -37,6 +37,7 @@ struct LfViewSrcHosts {
 struct LfViewSrcSettings : LfViewSrcHosts {
   std::string rig;
   bool is_live = true;
+  std::string record;
 
   static lf::PropertyTable<LfViewSrcSettings>& properties();
 };
@@ -68,6 +69,7 @@ void lf_view_src_uri_handler_init(gpointer iface, gpointer data);
 std::string lf_view_src_rig(LfViewSrc* self);
 LfViewSrcHosts lf_view_src_hosts(LfViewSrc* self);
 bool lf_view_src_is_live(LfViewSrc* self);
+std::string lf_view_src_record(LfViewSrc* self);
 // Of lfcameranode, if there is one, what is the bin's to say.
 void lf_view_src_set_node(LfViewSrc* self);
 // What the viewers of a bin have in common goes over to one more.

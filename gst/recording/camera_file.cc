@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "recording/camera_file.h"
 
+#include <algorithm>
+#include <chrono>
 #include <utility>
 
 #include "base/error.h"
@@ -36,15 +38,37 @@ GstBuffer* text_buffer(const std::string& text) {
 
 }  // namespace
 
-CameraFile::CameraFile(GstBin* pipeline, const Camera& camera, const std::string& path, guint64 most_bytes)
-    : pipeline_(pipeline), width_(camera.width), height_(camera.height), path_(path), most_bytes_(most_bytes) {}
+CameraFile::CameraFile(const Camera& camera, const std::string& path, guint64 most_bytes,
+                       std::function<void(const std::string&)> on_error)
+    : width_(camera.width), height_(camera.height), path_(path), most_bytes_(most_bytes) {
+  outcome_->on_error = std::move(on_error);
+}
 
-CameraFile::~CameraFile() { gst_clear_buffer(&held_); }
+CameraFile::~CameraFile() {
+  end(0);
+  close(0);
+  gst_clear_buffer(&held_);
+}
+
+GstBusSyncReply CameraFile::on_message(GstBus* /*bus*/, GstMessage* message, gpointer data) {
+  Outcome& outcome = **static_cast<std::shared_ptr<Outcome>*>(data);
+  const bool is_error = GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
+  if (is_error || (GST_MESSAGE_TYPE(message) == GST_MESSAGE_EOS && GST_IS_BIN(GST_MESSAGE_SRC(message)))) {
+    g_autoptr(GError) error = nullptr;
+    if (is_error) gst_message_parse_error(message, &error, nullptr);
+    const std::lock_guard lock(outcome.mutex);
+    outcome.done = true;
+    outcome.changed.notify_all();
+    if (error && outcome.on_error) outcome.on_error(error->message);
+  }
+  gst_message_unref(message);
+  return GST_BUS_DROP;
+}
 
 GstElement* CameraFile::add_element(const char* factory) {
   GstElement* element = gst_element_factory_make(factory, nullptr);
   if (!element) throw Error(std::string("element ") + factory + " is not installed");
-  gst_bin_add(pipeline_, element);
+  gst_bin_add(GST_BIN(bin_), element);
   return element;
 }
 
@@ -59,6 +83,12 @@ GstElement* CameraFile::add_source(GstCaps* caps) {
 // A demuxer counts from the first block on, whatever its stamp is. Here that is the text's, so that all cameras count
 // from the beginning of the recording. Streamable: nothing is written at the end that a reader would miss.
 void CameraFile::build(bool jpeg, const std::string& begins) {
+  bin_ = GST_ELEMENT(gst_object_ref_sink(gst_bin_new(nullptr)));
+  GstBus* bus = GST_BUS(g_object_new(GST_TYPE_BUS, "enable-async", FALSE, nullptr));  // it takes no descriptors
+  gst_bus_set_sync_handler(bus, on_message, new std::shared_ptr(outcome_),
+                           [](gpointer outcome) { delete static_cast<std::shared_ptr<Outcome>*>(outcome); });
+  gst_element_set_bus(bin_, bus);
+  gst_object_unref(bus);
   GstElement* sink = add_element("filesink");
   g_object_set(sink, "location", path_.c_str(), "sync", FALSE, "async", FALSE, nullptr);
   gst_util_set_object_arg(G_OBJECT(sink), "buffer-mode", "unbuffered");
@@ -81,12 +111,13 @@ void CameraFile::build(bool jpeg, const std::string& begins) {
     last = encoder;
   }
   gst_element_link_pads(last, "src", mux, "video_%u");
-  for (GstElement* element : {sink, mux, encoder, format, convert, source, text})
-    if (element) gst_element_sync_state_with_parent(element);
   gst_app_src_push_buffer(GST_APP_SRC(text), text_buffer(begins));
   gst_app_src_end_of_stream(GST_APP_SRC(text));
   source_ = GST_APP_SRC(source);
   is_jpeg_ = jpeg;
+  // On a thread of its own, as a file is opened; sources take what is pushed before.
+  gst_element_call_async(
+      bin_, [](GstElement* bin, gpointer) { gst_element_set_state(bin, GST_STATE_PLAYING); }, nullptr, nullptr);
 }
 
 bool CameraFile::is_behind(GstBuffer* frame) const {
@@ -127,10 +158,31 @@ GstClockTime CameraFile::ends_at() const {
 }
 
 void CameraFile::end(GstClockTime time) {
+  const GstClockTime ends = ends_at();
   const std::lock_guard lock(mutex_);
   if (std::exchange(ended_, true) || !source_) return;
-  push_held(time);
+  push_held(std::max(time, ends));
   gst_app_src_end_of_stream(source_);
+}
+
+void CameraFile::close(gint64 deadline) {
+  std::unique_lock lock(mutex_);
+  GstElement* bin = std::exchange(bin_, nullptr);
+  const bool started = source_ != nullptr;
+  lock.unlock();
+  if (!bin) return;
+  std::unique_lock wait(outcome_->mutex);
+  const auto patience = std::chrono::microseconds(std::max<gint64>(0, deadline - g_get_monotonic_time()));
+  outcome_->changed.wait_for(wait, patience, [=, this] { return outcome_->done || !started; });
+  const bool done = outcome_->done || !started;
+  outcome_->on_error = nullptr;
+  wait.unlock();
+  const auto stop = [](GstElement* element, gpointer) { gst_element_set_state(element, GST_STATE_NULL); };
+  if (done)
+    stop(bin, nullptr);
+  else
+    gst_element_call_async(bin, stop, nullptr, nullptr);
+  gst_object_unref(bin);
 }
 
 CameraFile::Counts CameraFile::counts() const {

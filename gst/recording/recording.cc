@@ -14,7 +14,7 @@ namespace {
 
 // Of all cameras together, while they wait for the disk.
 constexpr guint64 kMostBytes = 256 << 20;
-constexpr GstClockTime kPatience = 5 * GST_SECOND;
+constexpr gint64 kPatience = 5 * G_USEC_PER_SEC;
 
 std::string file_name(const Camera& camera) { return "camera" + std::to_string(camera.id) + ".mkv"; }
 
@@ -49,17 +49,14 @@ Recording::Recording(GstElement* owner, const std::string& folder, const Rig& ri
   require_free(rig_path(folder), folder);
   for (const CameraIndex index : cameras) require_free(folder + "/" + file_name(rig.cameras[index]), folder);
   save(rig, rig_file);
-  pipeline_ = gst_pipeline_new("recording");
-  GstBus* bus = gst_element_get_bus(pipeline_);
-  gst_bus_set_sync_handler(bus, on_message, this, nullptr);
-  gst_object_unref(bus);
   for (const CameraIndex index : cameras) {
     const Camera& camera = rig.cameras[index];
     names_[camera.id] = "camera " + std::to_string(camera.id) + (camera.name.empty() ? "" : " (" + camera.name + ")");
-    files_[camera.id] = std::make_unique<CameraFile>(GST_BIN(pipeline_), camera, folder + "/" + file_name(camera),
-                                                     kMostBytes / cameras.size());
+    const std::string path = folder + "/" + file_name(camera);
+    files_[camera.id] =
+        std::make_unique<CameraFile>(camera, path, kMostBytes / cameras.size(),
+                                     [this, path](const std::string& problem) { stop(path + ": " + problem); });
   }
-  gst_element_set_state(pipeline_, GST_STATE_PLAYING);
 }
 
 Recording::~Recording() { finish(); }
@@ -132,22 +129,6 @@ void Recording::stop(const std::string& reason) {
       (nullptr));
 }
 
-// An element of a file knows nothing of cameras.
-GstBusSyncReply Recording::on_message(GstBus* /*bus*/, GstMessage* message, gpointer data) {
-  Recording* self = static_cast<Recording*>(data);
-  if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_EOS && GST_MESSAGE_SRC(message) == GST_OBJECT(self->pipeline_))
-    return GST_BUS_PASS;  // for finish()
-  if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR) {
-    g_autoptr(GError) error = nullptr;
-    g_autofree gchar* debug = nullptr;
-    gst_message_parse_error(message, &error, &debug);
-    GST_INFO_OBJECT(self->owner_, "%s", debug ? debug : "");
-    self->stop(error->message);
-  }
-  gst_message_unref(message);
-  return GST_BUS_DROP;
-}
-
 void Recording::finish() {
   if (finished_.exchange(true)) return;
   GstClockTime end = 0;
@@ -157,19 +138,8 @@ void Recording::finish() {
     any = any || file->counts().frames > 0;
   }
   for (const auto& [camera, file] : files_) file->end(end);
-  GstBus* bus = gst_element_get_bus(pipeline_);
-  GstMessage* ended = any && !stopped_ ? gst_bus_timed_pop_filtered(bus, kPatience, GST_MESSAGE_EOS) : nullptr;
-  gst_bus_set_sync_handler(bus, nullptr, nullptr, nullptr);
-  gst_object_unref(bus);
-  if (ended || !any) {
-    gst_element_set_state(pipeline_, GST_STATE_NULL);
-  } else {  // where the disk hangs, nobody waits for it
-    gst_element_call_async(
-        pipeline_, [](GstElement* pipeline, gpointer) { gst_element_set_state(pipeline, GST_STATE_NULL); }, nullptr,
-        nullptr);
-  }
-  gst_clear_message(&ended);
-  gst_object_unref(pipeline_);
+  const gint64 deadline = g_get_monotonic_time() + kPatience;
+  for (const auto& [camera, file] : files_) file->close(deadline);
   std::error_code ignored;
   if (!any) std::filesystem::remove(rig_path(folder_), ignored);  // a start that failed may be tried again
 }

@@ -20,9 +20,8 @@ namespace lf {
 // lfcameranode to play. A file a camera, because cameras come, fail and come back one by one, and any subset of them
 // can be copied and played.
 //
-// It is written by a pipeline of its own, whose troubles are nobody else's: what the disk does not take is dropped and
-// counted, and what ends the recording ends nothing else. Posts a warning and the element message
-// LF_RECORDING_STOPPED of `owner`. Thread-safe.
+// What the disk does not take is dropped and counted, and what ends the recording ends nothing else. Posts a warning
+// and the element message LF_RECORDING_STOPPED of `owner`. Thread-safe.
 class Recording {
  public:
   // Makes `folder` with its rig.json, of the rig that was read from `rig_file`; `owner` outlives this. Throws Error
@@ -50,11 +49,9 @@ class Recording {
   GstClockTime begin(GstClockTime captured, bool live);
   void stop(const std::string& reason);
   void tell_dropped(uint32_t camera);
-  static GstBusSyncReply on_message(GstBus* bus, GstMessage* message, gpointer self);
 
   GstElement* const owner_;
   const std::string folder_;
-  GstElement* pipeline_ = nullptr;
   std::map<uint32_t, std::unique_ptr<CameraFile>> files_;  // by the camera's id
   std::map<uint32_t, std::string> names_;                  // "camera 3 (cam_00_03)"
   std::atomic<bool> finished_ = false, stopped_ = false, has_dropped_ = false;
