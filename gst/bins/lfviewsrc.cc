@@ -53,8 +53,8 @@
  * gst-launch-1.0 lfviewsrc rig=rig.json nodes=CAMHOST0:6000:6100,CAMHOST1:6000:6101 ! videoconvert ! autovideosink
  * ]| The cameras of two other hosts.
  * |[
- * gst-launch-1.0 lfviewsrc rig=rig.json record=recording ! videoconvert ! autovideosink
- * ]| Seen and recorded; lfviewsrc rig=recording/rig.json shows it again.
+ * gst-launch-1.0 lfviewsrc rig=rig.json record=seen ! videoconvert ! autovideosink
+ * ]| Seen and recorded; lfviewsrc rig=seen/rig.json shows it again.
  */
 
 #include <memory>

@@ -82,7 +82,8 @@ GstElement* CameraFile::add_source(GstCaps* caps) {
 
 // A demuxer counts from the first block on, whatever its stamp is. Here that is the text's, so that all cameras count
 // from the beginning of the recording. Streamable: nothing is written at the end that a reader would miss.
-void CameraFile::build(bool jpeg, const std::string& begins) {
+void CameraFile::build(GstCaps* caps, const std::string& begins) {
+  const bool jpeg = is_jpeg(caps);
   bin_ = GST_ELEMENT(gst_object_ref_sink(gst_bin_new(nullptr)));
   GstBus* bus = GST_BUS(g_object_new(GST_TYPE_BUS, "enable-async", FALSE, nullptr));  // it takes no descriptors
   gst_bus_set_sync_handler(bus, on_message, new std::shared_ptr(outcome_),
@@ -98,7 +99,7 @@ void CameraFile::build(bool jpeg, const std::string& begins) {
   gst_element_link(mux, sink);
   GstElement* text = add_source(gst_caps_new_simple("text/x-raw", "format", G_TYPE_STRING, "utf8", nullptr));
   gst_element_link_pads(text, "src", mux, "subtitle_%u");
-  GstElement* source = add_source(jpeg ? jpeg_caps(width_, height_) : gst_caps_new_empty_simple("video/x-raw"));
+  GstElement* source = add_source(jpeg ? jpeg_caps(width_, height_) : gst_caps_ref(caps));
   GstElement *convert = nullptr, *format = nullptr, *encoder = nullptr, *last = source;
   if (!jpeg) {
     convert = add_element("videoconvert");
@@ -136,7 +137,7 @@ void CameraFile::push_held(GstClockTime until) {
 bool CameraFile::add(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins) {
   const std::lock_guard lock(mutex_);
   if (ended_ || (held_ && time <= GST_BUFFER_PTS(held_))) return true;
-  if (!source_) build(is_jpeg(caps), begins);
+  if (!source_) build(caps, begins);
   if (is_jpeg(caps) != is_jpeg_ || is_behind(frame)) {  // a file has one kind of video
     counts_.dropped++;
     return false;

@@ -56,7 +56,7 @@ class CameraFile {
     std::function<void(const std::string&)> on_error;
   };
   static GstBusSyncReply on_message(GstBus* bus, GstMessage* message, gpointer outcome);
-  void build(bool jpeg, const std::string& begins);
+  void build(GstCaps* caps, const std::string& begins);
   GstElement* add_element(const char* factory);
   GstElement* add_source(GstCaps* caps);
   bool is_behind(GstBuffer* frame) const;
