@@ -160,5 +160,22 @@ TEST_F(LfCameraNodeRecordingTest, AFilmIsRecordedAsItIs) {
   EXPECT_NEAR(static_cast<double>(times[5]), 5.0 * GST_SECOND / 15, 1e6);
 }
 
+// The bins around a node have its property.
+TEST_F(LfCameraNodeRecordingTest, AViewSourceRecordsItsCameras) {
+  const std::string source = "lfviewsrc name=v rig=" + devices(2) + " width=64 height=48 record=" + folder();
+  const ElementPtr pipeline = launch(source + " ! fakesink sync=false");
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const ElementPtr node = child(pipeline.get(), "node");
+  EXPECT_TRUE(eventually([&] { return recorded(node.get(), 0) > 5 && recorded(node.get(), 1) > 5; }));
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  EXPECT_GT(read_recorded(file(1)).times.size(), 4u);
+
+  const ElementPtr elsewhere = launch(source + "2 nodes=127.0.0.1:27433:27434 ! fakesink");
+  const Said said(elsewhere.get());
+  EXPECT_EQ(gst_element_set_state(elsewhere.get(), GST_STATE_PLAYING), GST_STATE_CHANGE_FAILURE);
+  EXPECT_THAT(said.errors(), testing::ElementsAre(HasSubstr("record: the cameras are on other hosts")));
+  gst_element_set_state(elsewhere.get(), GST_STATE_NULL);
+}
+
 }  // namespace
 }  // namespace lf::test
