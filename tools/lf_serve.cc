@@ -29,7 +29,8 @@ using namespace lf::serve;
 constexpr double kSceneFocus = 2.2;  // metres: the figure of the built-in scene
 
 struct Options {
-  std::string rig, nodes, key_file, token_file, ice_credentials, media, resampling = "sharpened", renderer = "cpu";
+  std::string rig, nodes, key_file, record, token_file, ice_credentials, media, resampling = "sharpened",
+                                                                                renderer = "cpu";
   std::vector<std::string> origins, paths, hosts, proxies, ice_servers;
   std::vector<lf::NodeAddress> node_addresses;
   ServerOptions server;
@@ -64,6 +65,10 @@ gboolean quit(gpointer loop) {
 void check_options(Options& options) {
   if (!options.nodes.empty() && options.rig.empty())
     throw lf::Error("--nodes: needs --rig, which says where cameras are");
+  if (!options.record.empty() && !options.nodes.empty())
+    throw lf::Error("--record: the hosts of --nodes record their own cameras (lfnodesink record=FOLDER)");
+  if (!options.record.empty() && options.watch)
+    throw lf::Error("--record: not with --watch, which may bring other cameras; a recording is of the same ones");
   if (options.watch && options.rig.empty()) throw lf::Error("--watch: needs --rig, the file to watch");
   if (!options.token_file.empty()) {
     std::string text = lf::read_text_file(options.token_file);
@@ -145,8 +150,9 @@ class Program {
     opens_ = std::thread([this] {
       std::string problem;
       try {
-        field_ = std::make_unique<LightField>(options_.rig, options_.node_addresses, options_.key_file,
-                                              options_.resampling, options_.renderer, options_.limits.viewers);
+        field_ =
+            std::make_unique<LightField>(options_.rig, options_.node_addresses, options_.key_file, options_.resampling,
+                                         options_.renderer, options_.record, options_.limits.viewers);
         field_->start([this](const std::string& what) { fail(what); });
       } catch (const lf::Error& error) {
         problem = error.what();
@@ -210,6 +216,9 @@ int main(int argc, char** argv) {
   app.add_option("--nodes", o.nodes,
                  "hosts that the cameras are on: HOST:PORT-THERE:[ADDRESS-HERE:]PORT-HERE,... (camera-node.sh)");
   app.add_option("--key-file", o.key_file, "of --nodes: the secret that they share, 32 or more random characters");
+  app.add_option("--record", o.record,
+                 "the cameras are recorded into this folder, with a rig.json to serve them by later")
+      ->type_name("FOLDER");
   app.add_option("--listen", o.server.address, "IP address; other than loopback with TLS or --insecure alone")
       ->capture_default_str();
   app.add_option("--port", o.server.port, "0: any")->capture_default_str()->check(cli::Range(0, 65535));

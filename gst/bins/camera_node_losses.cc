@@ -87,13 +87,23 @@ GstStructure* lf_camera_node_stats(LfCameraNode* self) {
   if (self->fragment) g_object_get(self->fragment, "stats", &stats, nullptr);
   if (!stats) stats = gst_structure_new_empty("application/x-lightfield-fragment-stats");
   g_autoptr(GstStructure) cameras = gst_structure_new_empty("cameras");
+  const std::shared_ptr<lf::Recording> recording = lf_camera_node_recording(self);
   for (const ElementPtr& camera : lf_camera_node_cameras(self)) {
     guint id = 0;
     g_object_get(camera.get(), "camera", &id, nullptr);
     const std::string name = "camera-" + std::to_string(id);
     g_autoptr(GstStructure) one = lf_cam_src_stats(LF_CAM_SRC(camera.get()), name.c_str());
+    if (recording) {
+      const lf::CameraFile::Counts counts = recording->counts(id);
+      gst_structure_set(one, "recorded", G_TYPE_UINT64, counts.frames, "unrecorded", G_TYPE_UINT64, counts.dropped,
+                        nullptr);
+    }
     gst_structure_set(cameras, name.c_str(), GST_TYPE_STRUCTURE, one, nullptr);
   }
   gst_structure_set(stats, "cameras", GST_TYPE_STRUCTURE, cameras, nullptr);
+  if (recording) {
+    g_autoptr(GstStructure) of_all = recording->stats();
+    gst_structure_set(stats, "recording", GST_TYPE_STRUCTURE, of_all, nullptr);
+  }
   return stats;
 }

@@ -28,6 +28,9 @@ PropertyTable<CameraNodeSettings>& CameraNodeSettings::properties() {
       property<&S::retry>(kWhileReady, "retry", "Retry",
                           "Live cameras that fail are opened again, after half a second at first and after ten seconds "
                           "at most; else they are lost for good, as files are that are not live"),
+      property<&S::record>(kWhileReady, "record", "Record",
+                           "Folder that the cameras are recorded into from the start to the stop, with a rig.json to "
+                           "play them by; it must not have one already (none: not recorded)"),
   };
   return table;
 }

@@ -20,6 +20,7 @@ struct CameraNodeSettings {
   guint latency = 200;  // ms
   guint node = 0;
   bool retry = true;
+  std::string record;
   bool operator==(const CameraNodeSettings&) const = default;
 
   static PropertyTable<CameraNodeSettings>& properties();

@@ -13,17 +13,26 @@
  * (`retry`), others are lost for good. #element-lfcamsrc tells which with its messages, `stats` have the state, the
  * reason and the retries of each. An error it is where no camera has worked, or none is opened again.
  *
- * ## Example launch line
+ * With `record` what the cameras give is on disk when the node stops, the views to be chosen later: the folder has a
+ * Matroska file for each of them and a rig.json, which this element plays as any other, with the same capture times.
+ * JPEG stays as it is; other video is encoded as JPEG of quality 95. A disk that is too slow, or full, costs frames of
+ * the recording (`stats`), and neither cameras nor viewers. After a crash the files can be played up to then.
+ *
+ * ## Example launch lines
  * |[
  * gst-launch-1.0 lfviewrequest location=views.json ! tee name=r  r. ! queue ! n.request \
  *   lfcameranode name=n rig=rig.json ! c.sink_0  r. ! queue ! c.request \
  *   lfcompositor name=c rig=rig.json ! videoconvert ! pngenc ! multifilesink location=out_%02d.png
  * ]|
+ * |[
+ * gst-launch-1.0 lfcameranode rig=rig.json is-live=true loop=true record=recording
+ * ]| Records all cameras until Ctrl-C.
  *
  * ## Element messages
  * Those of its cameras; and "lightfield-no-camera" when the last one that worked is lost and some are opened again:
  * cameras (uint: how many there are), reason (string: those of all), beside one warning. The next
- * "lightfield-camera-found" ends that.
+ * "lightfield-camera-found" ends that. "lightfield-recording-stopped" when no more is recorded, as the disk is full:
+ * folder, reason (strings), beside one warning.
  */
 
 #include "bins/lfcameranode.h"
@@ -96,6 +105,7 @@ static void add_camera(LfCameraNode* self, const Settings& settings, const lf::R
     const lf::ObjectLock lock(self);
     self->cameras->reserve(self->cameras->size() + 1);  // none is in the bin that is not known
   }
+  lf_camera_node_tap(self, camera, rig.cameras[index].id);
   gst_bin_add(GST_BIN(self), camera);
   lf::ObjectLock lock(self);
   self->cameras->push_back(camera);
@@ -173,6 +183,7 @@ static void lf_camera_node_set_rig(LfCameraNode* self, const gchar* path) {
       return;
     }
     g_object_set(self->fragment, "rig", path, nullptr);
+    if (const auto recording = lf_camera_node_recording(self)) recording->take_rig(*rig, path);
   }
   lf::ObjectLock lock(self);
   self->settings->rig = path ? path : "";
@@ -195,8 +206,13 @@ static GstStateChangeReturn lf_camera_node_change_state(GstElement* element, Gst
   if (stale && !open_cameras(self)) return GST_STATE_CHANGE_FAILURE;
   const bool starts = transition == GST_STATE_CHANGE_NULL_TO_READY || transition == GST_STATE_CHANGE_READY_TO_PAUSED;
   if (starts) lf_camera_node_forget_failure(self);
+  if (transition == GST_STATE_CHANGE_READY_TO_PAUSED && !lf_camera_node_start_recording(self))
+    return GST_STATE_CHANGE_FAILURE;
   GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_camera_node_parent_class)->change_state(element, transition);
   if (starts && lf_camera_node_has_failed(self)) result = GST_STATE_CHANGE_FAILURE;
+  if (transition == GST_STATE_CHANGE_PAUSED_TO_READY ||
+      (transition == GST_STATE_CHANGE_READY_TO_PAUSED && result == GST_STATE_CHANGE_FAILURE))
+    lf_camera_node_finish_recording(self);
   if (transition == GST_STATE_CHANGE_READY_TO_NULL ||
       (transition == GST_STATE_CHANGE_NULL_TO_READY && result == GST_STATE_CHANGE_FAILURE))
     remove_cameras(self);
@@ -228,6 +244,7 @@ static void lf_camera_node_finalize(GObject* object) {
   delete self->opened;
   delete self->rig;
   delete self->cameras;
+  delete self->recording;
   G_OBJECT_CLASS(lf_camera_node_parent_class)->finalize(object);
 }
 
@@ -281,7 +298,9 @@ static void lf_camera_node_class_init(LfCameraNodeClass* klass) {
   const guint next_id = Properties::install(
       object_class,
       "What lffragment counts, see there, and of each of the cameras: state (opening, running, ended, "
-      "lost or stopped), reason of the latest loss, losses, retries, dropped frames, capture-time");
+      "lost or stopped), reason of the latest loss, losses, retries, dropped frames, capture-time; while it records "
+      "also how many frames were recorded and how many not (unrecorded), and in recording: folder, begin (clock time "
+      "that live frames in it count from), reason why it has stopped");
   object_class->set_property = lf::callback<lf_camera_node_set_property>;
   object_class->get_property = lf::callback<lf_camera_node_get_property>;
   // How lffragment answers is its own property under the same name.
@@ -307,6 +326,7 @@ static void lf_camera_node_init(LfCameraNode* self) {
   self->opened = new Settings;
   self->rig = new std::shared_ptr<const lf::Rig>;
   self->cameras = new std::vector<GstElement*>;
+  self->recording = new std::shared_ptr<lf::Recording>;
   // It answers requests: their end, not an EOS event to its cameras, is the end of its output.
   // It is never the clock of a pipeline, whatever its cameras have.
   gst_bin_set_suppressed_flags(

@@ -22,6 +22,8 @@
  * Cameras are live unless `is-live` is false, which makes pictures as fast as they are taken and ends with the views of
  * `location`. Films begin again at their end, but with `node::loop=false`.
  *
+ * With `record` the cameras are on disk, too, for other views of the same (#element-lfcameranode).
+ *
  * With `listen` views are those that viewers on other hosts ask for at this port by RTP (`lfviewrequest ! rtplfpay !
  * lfrtpseal ! udpsink`): `src` shows view 0, `src_0` view 1, and so on. That is a host of compositors, for viewers that
  * take pictures. With `partial` it is one of a rack, whose `src` is the sum of the rack's cameras, for the next one.
@@ -50,6 +52,9 @@
  * |[
  * gst-launch-1.0 lfviewsrc rig=rig.json nodes=CAMHOST0:6000:6100,CAMHOST1:6000:6101 ! videoconvert ! autovideosink
  * ]| The cameras of two other hosts.
+ * |[
+ * gst-launch-1.0 lfviewsrc rig=rig.json record=seen ! videoconvert ! autovideosink
+ * ]| Seen and recorded; lfviewsrc rig=seen/rig.json shows it again.
  */
 
 #include <memory>
@@ -152,6 +157,8 @@ static bool prepare(LfViewSrc* self) {
     if (is_by_uri(self) && hosts.nodes.empty()) refuse_described_sources(*read, rig);
     if (hosts.any() && !lf_view_src_is_live(self))
       throw lf::Error("nodes, listen: what is on other hosts is live, is-live must be true");
+    if (!hosts.nodes.empty() && !lf_view_src_record(self).empty())
+      throw lf::Error("record: the cameras are on other hosts, which record their own (lfnodesink record=FOLDER)");
     if (!self->view) throw lf::Error("elements lfviewrequest and lfcompositor are not installed");
     if (!self->inside->cameras || self->inside->hosts != hosts) change_hosts(self, hosts);
     return true;

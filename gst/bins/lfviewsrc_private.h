@@ -37,6 +37,7 @@ struct LfViewSrcHosts {
 struct LfViewSrcSettings : LfViewSrcHosts {
   std::string rig;
   bool is_live = true;
+  std::string record;
 
   static lf::PropertyTable<LfViewSrcSettings>& properties();
 };
@@ -68,6 +69,7 @@ void lf_view_src_uri_handler_init(gpointer iface, gpointer data);
 std::string lf_view_src_rig(LfViewSrc* self);
 LfViewSrcHosts lf_view_src_hosts(LfViewSrc* self);
 bool lf_view_src_is_live(LfViewSrc* self);
+std::string lf_view_src_record(LfViewSrc* self);
 // Gives lfcameranode, if there is one inside, those of its properties that the bin decides.
 void lf_view_src_set_node(LfViewSrc* self);
 // Gives a new viewer the properties that all viewers of the bin have in common.

@@ -27,14 +27,16 @@ using Properties = lf::Properties<settings_of>;
 std::string lf_view_src_rig(LfViewSrc* self) { return Properties::now(self).rig; }
 LfViewSrcHosts lf_view_src_hosts(LfViewSrc* self) { return Properties::now(self); }
 bool lf_view_src_is_live(LfViewSrc* self) { return Properties::now(self).is_live; }
+std::string lf_view_src_record(LfViewSrc* self) { return Properties::now(self).record; }
 
 static GstElement* find_node(LfViewSrc* self) { return gst_bin_get_by_name(GST_BIN(self), "node"); }
 
 void lf_view_src_set_node(LfViewSrc* self) {
   GstElement* node = find_node(self);
   if (!node) return;
-  const std::string rig = lf_view_src_rig(self);
-  g_object_set(node, "is-live", lf_view_src_is_live(self), "rig", rig.empty() ? nullptr : rig.c_str(), nullptr);
+  const std::string rig = lf_view_src_rig(self), record = lf_view_src_record(self);
+  g_object_set(node, "is-live", lf_view_src_is_live(self), "rig", rig.empty() ? nullptr : rig.c_str(), "record",
+               record.empty() ? nullptr : record.c_str(), nullptr);
   gst_object_unref(node);
 }
 
@@ -79,6 +81,7 @@ static void lf_view_src_set_property(GObject* object, guint id, const GValue* va
   Properties::set(object, id, value, pspec);
   if (lf::is_named(pspec, "rig")) set_by_uri(self, false);
   if (lf::is_named(pspec, "is-live")) give_live(self, g_value_get_boolean(value));
+  if (lf::is_named(pspec, "record")) lf_view_src_set_node(self);
 }
 
 static void lf_view_src_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
@@ -204,6 +207,10 @@ lf::PropertyTable<LfViewSrcSettings>& LfViewSrcSettings::properties() {
       lf::property<&S::is_live>(lf::kWhileReady, "is-live", "Is live",
                                 "Pictures come in time with the clock, of frames that live cameras make, in place of "
                                 "as fast as they are taken"),
+      lf::property<&S::record>(
+          lf::kWhileReady, "record", "Record",
+          "Folder that the cameras are recorded into from the start to the stop, with a rig.json to play them by; it "
+          "must not have one already. Of nodes: see lfnodesink (none: not recorded)"),
   };
   return table;
 }

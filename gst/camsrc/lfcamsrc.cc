@@ -75,6 +75,8 @@ GstClockTime lf_cam_src_period(LfCamSrc* self) {
   return gst_util_uint64_scale(GST_SECOND, static_cast<guint64>(fps_d), static_cast<guint64>(fps_n));
 }
 
+bool lf_cam_src_is_live(LfCamSrc* self) { return self->live; }
+
 // A live stream may come up to one frame time after its stamps: a frame takes as long to be had.
 static gboolean on_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   if (!gst_pad_query_default(pad, parent, query)) return FALSE;

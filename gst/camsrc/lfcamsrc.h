@@ -17,6 +17,8 @@ G_END_DECLS
 // cameras alone. For lfcameranode; any thread.
 void lf_cam_src_set_expendable(LfCamSrc* self);
 const lf::CameraService& lf_cam_src_service(LfCamSrc* self);
+// Its frames come in real time, and their capture times are of the clock; known with the first frame.
+bool lf_cam_src_is_live(LfCamSrc* self);
 // The `stats` property under this name; owned by the caller.
 GstStructure* lf_cam_src_stats(LfCamSrc* self, const char* name);
 // Whether the camera is lost and no attempt to open it again follows.

@@ -39,6 +39,9 @@
 // are), "reason" (string).
 #define LF_NO_CAMERA "lightfield-no-camera"
 
+// Element message of lfcameranode: no more frames are recorded. "folder", "reason" (strings).
+#define LF_RECORDING_STOPPED "lightfield-recording-stopped"
+
 // GstReferenceTimestampMeta reference of a frame's true capture time (stamp + the camera's time offset), and of the
 // capture time of a picture: clock time for live sources, stream time for others.
 #define LF_CAPTURE_TIME_CAPS "timestamp/x-lightfield-capture"

@@ -160,6 +160,11 @@ void save_rig(const Rig& rig, const std::string& path, const json* original) {
   write_text_file(rig_to_json(rig, original), path);
 }
 
+void save_rig_like(const std::string& original_path, const Rig& rig, const std::string& path) {
+  const json original = parse_json(read_text_file(original_path), original_path);
+  save_rig(rig, path, &original);
+}
+
 std::string rig_to_json(const Rig& rig, const json* original) {
   std::unordered_map<uint32_t, const json*> original_cameras;
   if (original && original->contains("cameras"))

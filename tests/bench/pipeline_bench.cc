@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 //
 // Whole pipelines in one process, with 64 cameras: pictures per second as fast as they come, a live view of JPEG
-// cameras, and the latency of single requests. bench-pipeline [--seconds N] [--json FILE] [throughput] [live] [latency]
-// [overhead]
+// cameras, the latency of single requests, and what it costs to record. bench-pipeline [--seconds N] [--json FILE]
+// [throughput] [live] [latency] [overhead] [recording]
 #include <gst/gst.h>
 #include <sys/resource.h>
 
@@ -62,6 +62,7 @@ class Film {
     for (int n = 0; n < 3; n++) views.push_back({"view_" + std::to_string(n), 0, bench::make_view(width, height, n)});
     save_views(views, dir_ / "views.json");
   }
+  std::string folder(const std::string& name) const { return dir_ / name; }
   std::string requests(const std::string& more) const {
     return "lfviewrequest rig=" + dir_ / "rig.json" + " location=" + dir_ / "views.json" + " loop=true " + more;
   }
@@ -95,6 +96,18 @@ Stats stats_of(GstElement* pipeline, const char* name) {
   g_object_get(element, "stats", &stats, nullptr);
   gst_object_unref(element);
   return {stats, gst_structure_free};
+}
+
+// Over all cameras of a node.
+double sum(const GstStructure* stats, const char* field) {
+  const GValue* cameras = gst_structure_get_value(stats, "cameras");
+  double all = 0;
+  for (int i = 0; cameras && i < gst_structure_n_fields(gst_value_get_structure(cameras)); i++) {
+    const GstStructure* every = gst_value_get_structure(cameras);
+    all +=
+        number(gst_value_get_structure(gst_structure_get_value(every, gst_structure_nth_field_name(every, i))), field);
+  }
+  return all;
 }
 
 void wait(GstElement* pipeline, double seconds) {
@@ -138,6 +151,7 @@ std::map<std::string, double> play(const std::string& line, double seconds) {
   figures["processors"] = used / took;
   figures["damaged_frames"] = number(node.get(), "damaged-frames");
   figures["missing_frames"] = number(node.get(), "missing-frames");
+  for (const char* field : {"recorded", "unrecorded"}) figures[field] = sum(node.get(), field);
   for (const char* stage : {"answer", "add", "picture", "latency"})
     for (const char* p : {"p50", "p95", "p99"})
       figures[std::string(stage) + "_ms_" + p] = number(after.get(), (std::string(stage) + "-ns-" + p).c_str()) * 1e-6;
@@ -199,6 +213,25 @@ class Bench {
       }
     }
   }
+  // In turns, as other things may run on the machine. Goal: no frame left out, 1.3 times the latency.
+  void recording() {
+    const Film film(320, 240, true);
+    double without = 0, with = 0;
+    constexpr int kTurns = 3;
+    for (int turn = 0; turn < kTurns; turn++) {
+      for (const bool record : {false, true}) {
+        const std::string folder = film.folder("recording" + std::to_string(turn));
+        add(record ? "recorded" : "not recorded", 320, 240,
+            pipeline(film.requests("is-live=true framerate=30/1"), film.node(record ? "record=" + folder : ""),
+                     "fakesink sync=true"),
+            seconds_);
+        auto& f = rows_.back().figures;
+        (record ? with : without) += f["latency_ms_p95"] / kTurns;
+        if (record) std::printf("  %.0f frames recorded, %.0f left out\n", f["recorded"], f["unrecorded"]);
+      }
+    }
+    std::printf("  latency p95 %.2f ms, %.2f ms while it records: %.2f\n", without, with, with / without);
+  }
   void save(const std::string& path) const {
     std::ofstream out(path);
     out << "{\"rows\": [";
@@ -251,7 +284,7 @@ int main(int argc, char** argv) try {
     else
       parts.push_back(argv[i]);
   }
-  if (parts.empty()) parts = {"throughput", "live", "latency", "overhead"};
+  if (parts.empty()) parts = {"throughput", "live", "latency", "overhead", "recording"};
   lf::Bench bench(seconds);
   for (const std::string& part : parts) {
     if (part == "throughput")
@@ -262,8 +295,10 @@ int main(int argc, char** argv) try {
       bench.latency();
     else if (part == "overhead")
       bench.overhead();
+    else if (part == "recording")
+      bench.recording();
     else
-      throw std::runtime_error("there is no part \"" + part + "\": throughput, live, latency, overhead");
+      throw std::runtime_error("there is no part \"" + part + "\": throughput, live, latency, overhead, recording");
   }
   if (!json.empty()) bench.save(json);
   return 0;

@@ -97,7 +97,7 @@ def launch(words):
 
 
 def run_line(words):
-    """Until its end, until every sink has had a few pictures, or, where it listens to others, for a moment."""
+    """Until its end, until every sink has had a few pictures, or, where it listens to others or records, for a moment."""
     pipeline = launch(words)
     if pipeline is None:
         return "not here"
@@ -113,7 +113,7 @@ def run_line(words):
             counts[found[1].name] = 0
             pad.add_probe(Gst.PadProbeType.BUFFER, count, found[1].name)
     text = " ".join(words)
-    listens = re.search(r"\b(udpsrc|tcpserversrc|lfnodesink|udpsink|playbin)\b", text)
+    listens = re.search(r"\b(udpsrc|tcpserversrc|lfnodesink|udpsink|playbin|record)\b", text)
     pipeline.set_state(Gst.State.PLAYING)
     begun, said = time.monotonic(), ""
     try:

@@ -27,7 +27,7 @@ FLOORS = {
     ],
     "gst": [
         ["common"],
-        ["camsrc", "parse", "rtp", "viewrequest", "fragment", "compositor"],
+        ["camsrc", "recording", "parse", "rtp", "viewrequest", "fragment", "compositor"],
         ["bins"],
     ],
 }

@@ -59,7 +59,8 @@ void set_up_host(GstElement* pipeline, size_t index, const NodeAddress& node, co
 }  // namespace
 
 LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& key_file,
-                       const std::string& resampling, const std::string& renderer, int max_views)
+                       const std::string& resampling, const std::string& renderer, const std::string& record,
+                       int max_views)
     : rig_(rig), local_(nodes.empty()) {
   array_ = std::make_shared<const ArrayInfo>(rig);
   mosaic_ = std::make_shared<cameras::Mosaic>(array_->rig());
@@ -68,6 +69,7 @@ LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& n
   gst_app_src_set_max_buffers(requests_, static_cast<guint64>(2 * max_views + 2));
   if (nodes.empty()) {
     set_in(pipeline_, "cameras", "rig", rig.c_str());
+    if (!record.empty()) set_in(pipeline_, "cameras", "record", record.c_str());
     GstElement* node = gst_bin_get_by_name(GST_BIN(pipeline_), "cameras");
     g_signal_connect(node, "element-added", G_CALLBACK(camera_added), this);
     gst_object_unref(node);

@@ -30,10 +30,10 @@ class LightField {
   using OnAnswer = std::function<void(size_t node, GstBuffer* answer)>;
 
   // Cameras in this process, sampled and rendered as lffragment's properties "resampling" and "renderer" say, or, where
-  // `nodes` has any, on those hosts, which share what is in `key_file` if there is one. `max_views` bounds what is in
-  // flight. Throws Error.
+  // `nodes` has any, on those hosts, which share what is in `key_file` if there is one. Cameras in this process are
+  // recorded into the folder `record` ("": not). `max_views` bounds what is in flight. Throws Error.
   LightField(const std::string& rig, const std::vector<NodeAddress>& nodes, const std::string& key_file,
-             const std::string& resampling, const std::string& renderer, int max_views);
+             const std::string& resampling, const std::string& renderer, const std::string& record, int max_views);
   ~LightField();
   LightField(const LightField&) = delete;
 

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include "recording/camera_file.h"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "base/error.h"
+
+namespace lf {
+namespace {
+
+// What a stamp of a Matroska block is a multiple of. A block counts from its cluster in 16 bits, so that a cluster has
+// to be over before 0.32 s are.
+constexpr GstClockTime kTick = 10'000;
+constexpr GstClockTime kLongestCluster = 300 * GST_MSECOND;
+constexpr int kJpegQuality = 95;
+
+GstCaps* jpeg_caps(int width, int height) {
+  return gst_caps_new_simple("image/jpeg", "width", G_TYPE_INT, width, "height", G_TYPE_INT, height, "framerate",
+                             GST_TYPE_FRACTION, 0, 1, nullptr);
+}
+
+bool is_jpeg(GstCaps* caps) { return gst_structure_has_name(gst_caps_get_structure(caps, 0), "image/jpeg"); }
+
+void set_caps(GstElement* element, GstCaps* caps) {
+  g_object_set(element, "caps", caps, nullptr);
+  gst_caps_unref(caps);
+}
+
+GstBuffer* text_buffer(const std::string& text) {
+  GstBuffer* buffer = gst_buffer_new_allocate(nullptr, text.size(), nullptr);
+  gst_buffer_fill(buffer, 0, text.data(), text.size());
+  GST_BUFFER_PTS(buffer) = 0;
+  GST_BUFFER_DURATION(buffer) = GST_SECOND;
+  return buffer;
+}
+
+}  // namespace
+
+CameraFile::CameraFile(const Camera& camera, const std::string& path, guint64 most_bytes,
+                       std::function<void(const std::string&)> on_error)
+    : width_(camera.width), height_(camera.height), path_(path), most_bytes_(most_bytes) {
+  outcome_->on_error = std::move(on_error);
+}
+
+CameraFile::~CameraFile() {
+  end(0);
+  close(0);
+  gst_clear_buffer(&held_);
+}
+
+GstBusSyncReply CameraFile::on_message(GstBus* /*bus*/, GstMessage* message, gpointer data) {
+  Outcome& outcome = **static_cast<std::shared_ptr<Outcome>*>(data);
+  const bool is_error = GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
+  if (is_error || (GST_MESSAGE_TYPE(message) == GST_MESSAGE_EOS && GST_IS_BIN(GST_MESSAGE_SRC(message)))) {
+    g_autoptr(GError) error = nullptr;
+    if (is_error) gst_message_parse_error(message, &error, nullptr);
+    const std::lock_guard lock(outcome.mutex);
+    outcome.done = true;
+    outcome.changed.notify_all();
+    if (error && outcome.on_error) outcome.on_error(error->message);
+  }
+  gst_message_unref(message);
+  return GST_BUS_DROP;
+}
+
+GstElement* CameraFile::add_element(const char* factory) {
+  GstElement* element = gst_element_factory_make(factory, nullptr);
+  if (!element) throw Error(std::string("element ") + factory + " is not installed");
+  gst_bin_add(GST_BIN(bin_), element);
+  return element;
+}
+
+// Takes the caps. Its bounds are those of is_behind().
+GstElement* CameraFile::add_source(GstCaps* caps) {
+  GstElement* source = add_element("appsrc");
+  set_caps(source, caps);
+  g_object_set(source, "format", GST_FORMAT_TIME, "max-bytes", guint64{0}, nullptr);
+  return source;
+}
+
+// A demuxer counts from the first block on, whatever its stamp is. Here that is the text's, so that all cameras count
+// from the beginning of the recording. Streamable: nothing is written at the end that a reader would miss.
+void CameraFile::build(GstCaps* caps, const std::string& begins) {
+  const bool jpeg = is_jpeg(caps);
+  bin_ = GST_ELEMENT(gst_object_ref_sink(gst_bin_new(nullptr)));
+  GstBus* bus = GST_BUS(g_object_new(GST_TYPE_BUS, "enable-async", FALSE, nullptr));  // it takes no descriptors
+  gst_bus_set_sync_handler(bus, on_message, new std::shared_ptr(outcome_),
+                           [](gpointer outcome) { delete static_cast<std::shared_ptr<Outcome>*>(outcome); });
+  gst_element_set_bus(bin_, bus);
+  gst_object_unref(bus);
+  GstElement* sink = add_element("filesink");
+  g_object_set(sink, "location", path_.c_str(), "sync", FALSE, "async", FALSE, nullptr);
+  gst_util_set_object_arg(G_OBJECT(sink), "buffer-mode", "unbuffered");
+  GstElement* mux = add_element("matroskamux");
+  g_object_set(mux, "streamable", TRUE, "timecodescale", gint64{kTick}, "min-cluster-duration", gint64{kLongestCluster},
+               "max-cluster-duration", gint64{kLongestCluster}, nullptr);
+  gst_element_link(mux, sink);
+  GstElement* text = add_source(gst_caps_new_simple("text/x-raw", "format", G_TYPE_STRING, "utf8", nullptr));
+  gst_element_link_pads(text, "src", mux, "subtitle_%u");
+  GstElement* source = add_source(jpeg ? jpeg_caps(width_, height_) : gst_caps_ref(caps));
+  GstElement *convert = nullptr, *format = nullptr, *encoder = nullptr, *last = source;
+  if (!jpeg) {
+    convert = add_element("videoconvert");
+    format = add_element("capsfilter");
+    set_caps(format, gst_caps_from_string("video/x-raw,format=I420,colorimetry=1:4:0:0,chroma-site=jpeg"));
+    encoder = add_element("jpegenc");
+    g_object_set(encoder, "quality", kJpegQuality, nullptr);
+    gst_util_set_object_arg(G_OBJECT(encoder), "idct-method", "islow");
+    gst_element_link_many(source, convert, format, encoder, nullptr);
+    last = encoder;
+  }
+  gst_element_link_pads(last, "src", mux, "video_%u");
+  gst_app_src_push_buffer(GST_APP_SRC(text), text_buffer(begins));
+  gst_app_src_end_of_stream(GST_APP_SRC(text));
+  source_ = GST_APP_SRC(source);
+  is_jpeg_ = jpeg;
+  // On a thread of its own, as a file is opened; sources take what is pushed before.
+  gst_element_call_async(
+      bin_, [](GstElement* bin, gpointer) { gst_element_set_state(bin, GST_STATE_PLAYING); }, nullptr, nullptr);
+}
+
+bool CameraFile::is_behind(GstBuffer* frame) const {
+  constexpr guint64 kLeast = 4;
+  return gst_app_src_get_current_level_buffers(source_) >= kLeast &&
+         gst_app_src_get_current_level_bytes(source_) + gst_buffer_get_size(frame) > most_bytes_;
+}
+
+void CameraFile::push_held(GstClockTime until) {
+  GstBuffer* frame = std::exchange(held_, nullptr);
+  if (!frame) return;
+  GST_BUFFER_DURATION(frame) = until - GST_BUFFER_PTS(frame);
+  gst_app_src_push_buffer(source_, frame);
+}
+
+bool CameraFile::add(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins) {
+  const std::lock_guard lock(mutex_);
+  if (ended_ || (held_ && time <= GST_BUFFER_PTS(held_))) return true;
+  if (!source_) build(caps, begins);
+  if (is_jpeg(caps) != is_jpeg_ || is_behind(frame)) {  // a file has one kind of video
+    counts_.dropped++;
+    return false;
+  }
+  if (!is_jpeg_) gst_app_src_set_caps(source_, caps);
+  if (held_) period_ = time - GST_BUFFER_PTS(held_);
+  push_held(time);
+  // A camera's own buffers are few, and it needs them back.
+  held_ = gst_buffer_copy_deep(frame);
+  GST_BUFFER_PTS(held_) = time;
+  GST_BUFFER_DTS(held_) = GST_CLOCK_TIME_NONE;
+  counts_.frames++;
+  return true;
+}
+
+GstClockTime CameraFile::ends_at() const {
+  const std::lock_guard lock(mutex_);
+  return held_ ? GST_BUFFER_PTS(held_) + period_ : 0;
+}
+
+void CameraFile::end(GstClockTime time) {
+  const GstClockTime ends = ends_at();
+  const std::lock_guard lock(mutex_);
+  if (std::exchange(ended_, true) || !source_) return;
+  push_held(std::max(time, ends));
+  gst_app_src_end_of_stream(source_);
+}
+
+void CameraFile::close(gint64 deadline) {
+  std::unique_lock lock(mutex_);
+  GstElement* bin = std::exchange(bin_, nullptr);
+  const bool started = source_ != nullptr;
+  lock.unlock();
+  if (!bin) return;
+  std::unique_lock wait(outcome_->mutex);
+  const auto patience = std::chrono::microseconds(std::max<gint64>(0, deadline - g_get_monotonic_time()));
+  outcome_->changed.wait_for(wait, patience, [=, this] { return outcome_->done || !started; });
+  const bool done = outcome_->done || !started;
+  outcome_->on_error = nullptr;
+  wait.unlock();
+  const auto stop = [](GstElement* element, gpointer) { gst_element_set_state(element, GST_STATE_NULL); };
+  if (done)
+    stop(bin, nullptr);
+  else
+    gst_element_call_async(bin, stop, nullptr, nullptr);
+  gst_object_unref(bin);
+}
+
+CameraFile::Counts CameraFile::counts() const {
+  const std::lock_guard lock(mutex_);
+  return counts_;
+}
+
+}  // namespace lf

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// The files of a recording, fed without cameras.
+#include "recording/recording.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <filesystem>
+
+#include "base/error.h"
+#include "gst/gst_test.h"
+#include "rig/rig_json.h"
+#include "support/recorded.h"
+#include "support/temp_dir.h"
+
+namespace lf::test {
+namespace {
+
+constexpr GstClockTime kPeriod = GST_SECOND / 30;
+
+class RecordingTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    rig_ = make_grid_rig({.rows = 1, .columns = 3, .pitch = 0.1, .fov_y_deg = 40, .width = 64, .height = 48});
+    for (Camera& camera : rig_.cameras) camera.time_offset = 0.25;
+    save_rig(rig_, dir_ / "rig.json");
+    rig_.directory = dir_.path();
+  }
+  std::unique_ptr<Recording> record(const std::string& folder) {
+    return std::make_unique<Recording>(owner_.get(), dir_ / folder, rig_, dir_ / "rig.json",
+                                       std::vector<CameraIndex>{0, 1, 2});
+  }
+  // Bytes that look like JPEG to nobody: the files keep what they are given.
+  BufferPtr frame(size_t bytes = 1000) const { return BufferPtr(to_buffer(std::vector<uint8_t>(bytes, 7))); }
+  GstCaps* jpeg() const { return jpeg_.get(); }
+  std::string text_of(GstMessageType type) const {
+    GstMessage* message = gst_bus_timed_pop_filtered(bus_.get(), 0, type);
+    if (!message) return "";
+    g_autoptr(GError) error = nullptr;
+    gst_message_parse_warning(message, &error, nullptr);
+    gst_message_unref(message);
+    return error->message;
+  }
+
+  TempDir dir_;
+  Rig rig_;
+  ElementPtr owner_ = launch("fakesink");
+  std::unique_ptr<GstBus, Unref<gst_object_unref>> bus_ = [this] {
+    GstBus* bus = gst_bus_new();
+    gst_element_set_bus(owner_.get(), bus);
+    return std::unique_ptr<GstBus, Unref<gst_object_unref>>(bus);
+  }();
+  CapsPtr jpeg_{gst_caps_from_string("image/jpeg,width=64,height=48,framerate=30/1")};
+};
+
+// Live: the first frame of all begins the recording.
+TEST_F(RecordingTest, TimesAreThoseOfCaptureFromOneBeginningOn) {
+  const auto recording = record("r");
+  constexpr GstClockTime kBegin = 1'800'000'000 * GST_SECOND + 123'456'789;
+  const auto add = [&](uint32_t camera, GstClockTime time) {
+    recording->add(camera, frame().get(), jpeg(), kBegin + time, true);
+  };
+  add(0, 0);
+  for (GstClockTime i = 1; i < 90; i++) add(0, i * kPeriod);
+  for (GstClockTime i = 0; i < 30; i++) add(1, 7 * GST_SECOND + i * kPeriod);  // comes late
+  for (const GstClockTime gap : {0, 5})                                        // goes, and is back
+    for (GstClockTime i = 0; i < 10; i++) add(2, gap * GST_SECOND + i * kPeriod + 3 * GST_MSECOND);
+  add(2, 0);  // from before
+  const StructurePtr stats(recording->stats());
+  guint64 begin = 0;
+  EXPECT_TRUE(gst_structure_get_uint64(stats.get(), "begin", &begin));
+  EXPECT_EQ(begin, kBegin);
+  recording->finish();
+  constexpr GstClockTime kTick = 10 * GST_USECOND;
+  const auto expect_near = [=](GstClockTime a, GstClockTime b) { EXPECT_LE(a > b ? a - b : b - a, kTick); };
+  const GstClockTime end = 7 * GST_SECOND + 30 * kPeriod;
+  for (int camera = 0; camera < 3; camera++) {
+    const RecordedFile file = read_recorded(dir_ / "r/camera" + std::to_string(camera) + ".mkv");
+    ASSERT_EQ(file.times.size(), camera == 0 ? 90u : camera == 1 ? 30u : 20u);
+    expect_near(file.times.front(), camera == 0 ? 0 : camera == 1 ? 7 * GST_SECOND : 3 * GST_MSECOND);
+    if (camera == 2) expect_near(file.times[10], 5 * GST_SECOND + 3 * GST_MSECOND);
+    expect_near(file.end, end);  // all begin again together in a loop
+  }
+}
+
+TEST_F(RecordingTest, ItsRigIsThatOfTheFiles) {
+  rig_.cameras[1].image = "still.png";
+  const auto recording = record("deep/down");
+  const Rig recorded = load_rig(dir_ / "deep/down/rig.json");
+  EXPECT_EQ(recorded.hash(), rig_.hash());
+  EXPECT_EQ(recorded.cameras[2].source, "camera2.mkv");
+  EXPECT_EQ(recorded.cameras[1].image, "../../still.png");
+  EXPECT_EQ(recorded.cameras[1].time_offset, 0) << "it is in the files' times";
+  rig_.cameras[0].lens = Lens::pinhole(77, 31.5, 23.5);
+  recording->take_rig(rig_, dir_ / "rig.json");
+  EXPECT_EQ(load_rig(dir_ / "deep/down/rig.json").hash(), rig_.hash());
+}
+
+TEST_F(RecordingTest, NothingIsOverwritten) {
+  const auto problem = [&](const std::string& folder) -> std::string {
+    try {
+      record(folder);
+      return "";
+    } catch (const Error& error) {
+      return error.what();
+    }
+  };
+  dir_.write("a/rig.json", "mine");
+  EXPECT_NE(problem("a").find("/a: there is a recording in it already (rig.json)"), std::string::npos) << problem("a");
+  EXPECT_EQ(std::filesystem::file_size(dir_ / "a/rig.json"), 4u);
+  dir_.write("b/camera1.mkv", "mine, too");
+  EXPECT_NE(problem("b").find("(camera1.mkv)"), std::string::npos) << problem("b");
+  EXPECT_FALSE(std::filesystem::exists(dir_ / "b/rig.json"));
+  dir_.write("file", "");
+  EXPECT_NE(problem("file/r").find("can't be made"), std::string::npos) << problem("file/r");
+  EXPECT_EQ(problem("c"), "");
+  EXPECT_EQ(problem("c"), "") << "what has recorded nothing is no recording";
+}
+
+// A pipe that nobody reads is a disk that hangs.
+TEST_F(RecordingTest, ADiskThatHangsHoldsNobodyUp) {
+  auto recording = record("r");
+  ASSERT_EQ(mkfifo((dir_ / "r/camera1.mkv").c_str(), 0600), 0);
+  const gint64 start = g_get_monotonic_time();
+  constexpr size_t kBytes = 1 << 20;
+  constexpr int kFrames = 200;
+  for (GstClockTime i = 0; i < kFrames; i++) {
+    recording->add(1, frame(kBytes).get(), jpeg(), i * kPeriod, true);
+    recording->add(2, frame().get(), jpeg(), i * kPeriod, true);
+  }
+  const CameraFile::Counts hanging = recording->counts(1), other = recording->counts(2);
+  EXPECT_EQ(hanging.frames + hanging.dropped, kFrames);
+  EXPECT_GT(hanging.frames, 60u) << "a third of 256 MB waits";
+  EXPECT_LT(hanging.frames, 90u);
+  EXPECT_EQ(other.dropped, 0u);
+  const std::string told = text_of(GST_MESSAGE_WARNING);
+  EXPECT_NE(told.find("/r: the disk or this machine is too slow"), std::string::npos) << told;
+  EXPECT_NE(told.find("camera 1 (cam_00_01)"), std::string::npos) << told;
+  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "") << "told once";
+  recording.reset();
+  EXPECT_LT(g_get_monotonic_time() - start, 60 * G_USEC_PER_SEC);
+  EXPECT_EQ(read_recorded(dir_ / "r/camera2.mkv").times.size(), size_t{kFrames});
+  // Who waits to open the pipe is let go.
+  const ElementPtr reader = launch("filesrc location=" + dir_ / "r/camera1.mkv" + " ! fakesink");
+  gst_element_set_state(reader.get(), GST_STATE_PLAYING);
+  g_usleep(200000);
+  gst_element_set_state(reader.get(), GST_STATE_NULL);
+}
+
+TEST_F(RecordingTest, AFileThatCantBeWrittenStopsItAndIsToldOnce) {
+  const auto recording = record("r");
+  std::filesystem::remove_all(dir_ / "r");
+  for (uint32_t camera = 0; camera < 3; camera++) recording->add(camera, frame().get(), jpeg(), GST_SECOND, true);
+  GstMessage* message = gst_bus_timed_pop_filtered(bus_.get(), 20 * GST_SECOND, GST_MESSAGE_ELEMENT);
+  ASSERT_TRUE(message);
+  EXPECT_TRUE(gst_message_has_name(message, "lightfield-recording-stopped"));
+  EXPECT_STREQ(gst_structure_get_string(gst_message_get_structure(message), "folder"), (dir_ / "r").c_str());
+  const std::string reason = gst_structure_get_string(gst_message_get_structure(message), "reason");
+  EXPECT_NE(reason.find("r/camera"), std::string::npos) << reason;
+  gst_message_unref(message);
+  recording->finish();
+  EXPECT_NE(text_of(GST_MESSAGE_WARNING).find("recording has stopped"), std::string::npos);
+  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "");
+}
+
+TEST_F(RecordingTest, RawVideoIsEncoded) {
+  const auto recording = record("r");
+  const CapsPtr raw(gst_caps_from_string("video/x-raw,format=RGB,width=64,height=48,framerate=30/1"));
+  for (GstClockTime i = 0; i < 10; i++) recording->add(0, frame(64 * 48 * 3).get(), raw.get(), i * kPeriod, true);
+  recording->add(0, frame().get(), jpeg(), 10 * kPeriod, true);  // of another kind
+  EXPECT_EQ(recording->counts(0).frames, 10u);
+  EXPECT_EQ(recording->counts(0).dropped, 1u);
+  recording->finish();
+  EXPECT_EQ(read_recorded(dir_ / "r/camera0.mkv").times.size(), 10u);
+}
+
+}  // namespace
+}  // namespace lf::test

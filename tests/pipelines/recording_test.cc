@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// A recording, played: the same pictures as live, as often as one likes, and whatever became of the process.
+#include <gmock/gmock.h>
+#include <gst/app/gstappsink.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <filesystem>
+
+#include "gst/gst_test.h"
+#include "rig/rig_json.h"
+#include "support/recorded.h"
+#include "support/temp_dir.h"
+#include "view/navigator.h"
+#include "view/views_json.h"
+
+extern char** environ;
+
+namespace lf::test {
+namespace {
+
+constexpr int kRate = 15;
+
+using Bytes = std::vector<uint8_t>;
+struct Picture {
+  GstClockTime captured = GST_CLOCK_TIME_NONE;
+  Bytes bytes;
+  bool operator==(const Picture&) const = default;
+};
+
+Picture picture_of(GstSample* sample) {
+  GstBuffer* buffer = gst_sample_get_buffer(sample);
+  const CapsPtr reference(gst_caps_from_string("timestamp/x-lightfield-capture"));
+  const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(buffer, reference.get());
+  Picture picture{meta ? meta->timestamp : GST_CLOCK_TIME_NONE, to_bytes(buffer)};
+  gst_sample_unref(sample);
+  return picture;
+}
+
+ElementPtr child(const ElementPtr& bin, const char* name) {
+  return ElementPtr(gst_bin_get_by_name(GST_BIN(bin.get()), name));
+}
+
+// Up to the end, or to so many.
+std::vector<Picture> pictures_of(const ElementPtr& pipeline, size_t most = SIZE_MAX) {
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const ElementPtr sink = child(pipeline, "s");
+  std::vector<Picture> pictures;
+  while (pictures.size() < most) {
+    GstSample* sample = gst_app_sink_try_pull_sample(GST_APP_SINK(sink.get()), 20 * GST_SECOND);
+    if (!sample) break;
+    pictures.push_back(picture_of(sample));
+  }
+  return pictures;
+}
+
+class RecordingReplayTest : public testing::Test {
+ protected:
+  // Nine cameras in step, with films of JPEG.
+  static void SetUpTestSuite() {
+    scene = new TempDir;
+    const std::string command = std::string(LF_TOOLS_DIR) + "/lf-scene --out '" + *scene / "s" +
+                                "' --grid 3x3 --width 48 --height 36 --framerate " + std::to_string(kRate) +
+                                " --frames 20 >&2";
+    ASSERT_EQ(std::system(command.c_str()), 0);
+  }
+  static void TearDownTestSuite() {
+    delete scene;
+    scene = nullptr;
+  }
+  static std::string rig() { return *scene / "s/rig.json"; }
+  std::string folder() const { return dir_ / "recording"; }
+  std::string line(const std::string& requests, const std::string& node, const std::string& compositor = "") const {
+    return "lfviewrequest " + requests + " ! tee name=r  r. ! queue ! n.request  lfcameranode name=n " + node +
+           " ! c.sink_0  r. ! queue ! c.request  lfcompositor name=c focus=plane " + compositor +
+           " ! appsink name=s sync=false";
+  }
+  std::string replay(const std::string& views) const {
+    return line("location=" + views, "rig=" + folder() + "/rig.json", "rig=" + folder() + "/rig.json");
+  }
+  // Of the home view at these times.
+  std::string save(const std::vector<double>& times) const {
+    std::vector<NamedView> views;
+    const View view = make_view(default_viewpoint(load_rig(rig())), 64, 48);
+    for (const double time : times) views.push_back({"view_" + std::to_string(views.size()), time, view});
+    save_views(views, dir_ / "views.json");
+    return dir_ / "views.json";
+  }
+  // Seconds of the recording for which all cameras have frames.
+  double length() const {
+    GstClockTime end = GST_CLOCK_TIME_NONE;
+    for (int camera = 0; camera < 9; camera++) {
+      const RecordedFile file = read_recorded(folder() + "/camera" + std::to_string(camera) + ".mkv");
+      EXPECT_FALSE(file.times.empty()) << camera;
+      if (!file.times.empty()) end = std::min(end, file.times.back());
+    }
+    return static_cast<double>(end) / GST_SECOND;
+  }
+  // Every 100 ms of it.
+  std::string path() const {
+    std::vector<double> times;
+    for (double time = 0, end = length(); time < end; time += 0.1) times.push_back(time);
+    return save(times);
+  }
+  // A recording of at least so many seconds.
+  void record(double seconds) const {
+    const ElementPtr pipeline = launch("lfcameranode name=n is-live=true loop=true rig=" + rig() +
+                                       " record=" + folder() + " ! fakesink async=false");
+    gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+    g_usleep(static_cast<gulong>(seconds * G_USEC_PER_SEC));
+    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  }
+
+  static inline TempDir* scene = nullptr;
+  TempDir dir_;
+};
+
+TEST_F(RecordingReplayTest, ShowsWhatWasSeenLive) {
+  std::vector<Picture> live;
+  guint64 begin = 0;
+  {
+    const ElementPtr pipeline =
+        launch(line("is-live=true capture-delay=500000000 loop=true framerate=15/1 location=" + save({0}),
+                    "is-live=true loop=true rig=" + rig() + " record=" + folder(), "latency=1000000000 rig=" + rig()));
+    live = pictures_of(pipeline, 45);
+    const ElementPtr node = child(pipeline, "n");
+    GstStructure* stats = nullptr;
+    g_object_get(node.get(), "stats", &stats, nullptr);
+    const StructurePtr owner(stats);
+    const GstStructure* recording = gst_value_get_structure(gst_structure_get_value(stats, "recording"));
+    ASSERT_TRUE(gst_structure_get_uint64(recording, "begin", &begin));
+    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  }
+  ASSERT_EQ(live.size(), 45u);
+  // The first ones may have been of cameras that had only begun.
+  std::erase_if(live, [&](const Picture& picture) { return picture.captured < begin + GST_SECOND; });
+  ASSERT_GT(live.size(), 20u);
+  std::vector<double> times;
+  for (const Picture& picture : live) times.push_back(static_cast<double>(picture.captured - begin) / GST_SECOND);
+  const std::string views = save(times);
+  const std::vector<Picture> first = pictures_of(launch(replay(views))), second = pictures_of(launch(replay(views)));
+  EXPECT_TRUE(first == second) << "a replay is the same each time";
+  ASSERT_EQ(first.size(), live.size());
+  size_t other = 0, changes = 0;
+  for (size_t i = 0; i < live.size(); i++) {
+    other += first[i].bytes != live[i].bytes;
+    changes += i > 0 && first[i].bytes != first[i - 1].bytes;
+  }
+  EXPECT_EQ(other, 0u) << "of " << live.size() << " pictures";
+  EXPECT_GT(changes, 10u) << "something moves";
+}
+
+TEST_F(RecordingReplayTest, IsSoughtLikeAnyFilm) {
+  record(4);
+  const std::string views = path();
+  const std::vector<Picture> truth = pictures_of(launch(replay(views)));
+  ASSERT_GT(truth.size(), 20u);
+  const ElementPtr player = launch(replay(views)), sink = child(player, "s");
+  for (const size_t to : {20u, 3u, 11u}) {
+    gst_element_set_state(player.get(), GST_STATE_PAUSED);
+    ASSERT_EQ(gst_element_get_state(player.get(), nullptr, nullptr, 20 * GST_SECOND), GST_STATE_CHANGE_SUCCESS);
+    ASSERT_TRUE(gst_element_seek_simple(player.get(), GST_FORMAT_TIME, GST_SEEK_FLAG_FLUSH,
+                                        static_cast<gint64>(to) * 100 * GST_MSECOND));
+    GstSample* sample = gst_app_sink_try_pull_preroll(GST_APP_SINK(sink.get()), 20 * GST_SECOND);
+    ASSERT_TRUE(sample);
+    gst_sample_unref(sample);
+    const std::vector<Picture> rest = pictures_of(player);
+    EXPECT_TRUE(rest == std::vector(truth.begin() + static_cast<ptrdiff_t>(to), truth.end())) << to;
+  }
+  gst_element_set_state(player.get(), GST_STATE_NULL);
+}
+
+// The rounds of all cameras have one length.
+TEST_F(RecordingReplayTest, LoopsInStep) {
+  record(2.5);
+  GstClockTime round = 0;
+  for (int camera = 0; camera < 9; camera++) {
+    const RecordedFile file = read_recorded(folder() + "/camera" + std::to_string(camera) + ".mkv");
+    if (camera == 0) round = file.end;
+    EXPECT_NEAR(static_cast<double>(file.end), static_cast<double>(round), 1e5) << camera;
+  }
+  const double seconds = static_cast<double>(round) / GST_SECOND;
+  const std::string views = save({0.5, 1.0, 0.5 + seconds, 1.0 + seconds, 0.5 + 2 * seconds});
+  const std::vector<Picture> shown = pictures_of(
+      launch(line("location=" + views, "loop=true rig=" + folder() + "/rig.json", "rig=" + folder() + "/rig.json")));
+  ASSERT_EQ(shown.size(), 5u);
+  EXPECT_TRUE(shown[0].bytes == shown[2].bytes && shown[0].bytes == shown[4].bytes);
+  EXPECT_TRUE(shown[1].bytes == shown[3].bytes);
+  EXPECT_FALSE(shown[0].bytes == shown[1].bytes);
+}
+
+TEST_F(RecordingReplayTest, AfterAKillAllIsThere) {
+  const std::string of_rig = "rig=" + rig(), record = "record=" + folder();
+  const char* argv[] = {"gst-launch-1.0", "-q",           "lfcameranode", "is-live=true",
+                        "loop=true",      of_rig.c_str(), record.c_str(), nullptr};
+  pid_t process = 0;
+  ASSERT_EQ(posix_spawnp(&process, argv[0], nullptr, nullptr, const_cast<char**>(argv), environ), 0);
+  const auto size = [&](int camera) {
+    std::error_code error;
+    const auto bytes = std::filesystem::file_size(folder() + "/camera" + std::to_string(camera) + ".mkv", error);
+    return error ? uintmax_t{0} : bytes;
+  };
+  const uintmax_t frame = std::filesystem::file_size(*scene / "s/cam_00_00.mkv") / 20;
+  for (int i = 0; i < 4000 && size(8) < 40 * frame; i++) g_usleep(10000);
+  kill(process, SIGKILL);
+  int status = 0;
+  waitpid(process, &status, 0);
+  EXPECT_TRUE(WIFSIGNALED(status));
+  EXPECT_GT(length(), 2.0);
+  const std::string views = path();
+  const std::vector<Picture> first = pictures_of(launch(replay(views))), second = pictures_of(launch(replay(views)));
+  EXPECT_GT(first.size(), 20u);
+  EXPECT_TRUE(first == second);
+}
+
+}  // namespace
+}  // namespace lf::test
