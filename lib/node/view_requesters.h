@@ -16,17 +16,18 @@ class ViewRequesters {
 
   // `cancelled`: that of all these views.
   explicit ViewRequesters(std::shared_ptr<std::atomic<bool>> cancelled) : cancelled_(std::move(cancelled)) {}
-  // A view that is new begins with what was learned of the one that was asked for last.
-  Node::Requester& of(uint32_t view_id);
+  // A view that is new begins with what was learned of the one that was asked for last. To be held by who makes an
+  // answer of it: the view may be forgotten meanwhile.
+  std::shared_ptr<Node::Requester> of(uint32_t view_id);
   void clear() { views_.clear(); }
 
  private:
   struct View {
-    Node::Requester requester;
+    std::shared_ptr<Node::Requester> requester;
     uint64_t used = 0;
   };
   const std::shared_ptr<std::atomic<bool>> cancelled_;
-  std::map<uint32_t, std::unique_ptr<View>> views_;
+  std::map<uint32_t, View> views_;
   uint64_t uses_ = 0;
 };
 
