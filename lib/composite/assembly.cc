@@ -47,10 +47,16 @@ void Assembly::release() {
   pixels_.clear();
 }
 
+bool Assembly::is_beyond_rig(const wire::AnswerHeader& answer) const {
+  return rig_ && answer.rig_hash == rig_hash_ && !answer.cameras.empty() &&
+         answer.cameras.ranges().back().last >= rig_->cameras.size();
+}
+
 Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<const void> bytes) {
   if (answer.view_id != request_.view_id || answer.sequence != request_.sequence) return Verdict::kOtherRequest;
   if (expected_rig_ == 0) expected_rig_ = answer.rig_hash;
   if (answer.rig_hash != expected_rig_) return Verdict::kOtherRig;
+  if (is_beyond_rig(answer)) return Verdict::kBadFragment;
   if (answer.view_width != request_.view.width || answer.view_height != request_.view.height)
     return Verdict::kBadFragment;
   if (family_ == PixelFamily::kNone && answer.family != PixelFamily::kNone) {
