@@ -19,9 +19,9 @@ class LiveAnswers {
 
   // Pushes one answer, of what is kept of its view. Thread of the answer pad.
   using Answer = std::function<GstFlowReturn(Node::Requester&, const ParallelFor&)>;
-  // `work`: nanoseconds that it will take, as far as anybody knows. What the latest answer came to. True in *dropped if
-  // an older request of the view is dropped for this one.
-  GstFlowReturn add(GstPad* src, uint32_t view_id, uint64_t work, Answer answer, bool* dropped);
+  // `work`: that is planned for it. What the latest answer came to. True in *dropped if an older request of the view is
+  // dropped for this one.
+  GstFlowReturn add(GstPad* src, uint32_t view_id, double work, Answer answer, bool* dropped);
   // What that thread does, again and again.
   void work(GstPad* src);
 

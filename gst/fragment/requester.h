@@ -11,7 +11,6 @@
 #include "fragment/request_place.h"
 #include "node/arrival_watch.h"
 #include "node/node.h"
-#include "node/work_estimate.h"
 
 namespace lf {
 
@@ -72,10 +71,9 @@ struct Requester {
   const uint32_t number;
   RequestPlace place;
   CompositorSide compositor;
-  QosWatch qos;           // any thread
-  WorkEstimate estimate;  // of its answers
-  DelayNotice delay;      // streaming thread
-  Node::Requester kept;   // of requests that are not live, and `cancelled` of all
+  QosWatch qos;          // any thread
+  DelayNotice delay;     // streaming thread
+  Node::Requester kept;  // of requests that are not live, and `cancelled` of all
   LiveAnswers live_answers;
   std::shared_ptr<AnswerMemory> memory = std::make_shared<AnswerMemory>();
   bool ended = false;  // has sent EOS; under the object lock of the element

@@ -14,6 +14,7 @@
 #include "node/frame_sources.h"
 #include "node/node_stats.h"
 #include "node/skew_watch.h"
+#include "node/work_estimate.h"
 #include "rig/mesh.h"
 #include "wire/answer.h"
 #include "wire/commands.h"
@@ -33,6 +34,7 @@ class Node {
     MeshCache mesh;
     SkewWatch watch;
     AnswerMaker maker;
+    WorkEstimate estimate;       // of its answers, for whoever asks for them
     uint64_t warned_of = 0;      // hash of another rig that a person has been told of
     uint64_t warned_behind = 0;  // when one was told that frames come late, now_ns()
     // Nothing is waited for, see cancel(); some may have it in common.

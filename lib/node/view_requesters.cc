@@ -6,6 +6,7 @@
 namespace lf {
 
 std::shared_ptr<Node::Requester> ViewRequesters::of(uint32_t view_id) {
+  const std::lock_guard lock(mutex_);
   auto found = views_.find(view_id);
   if (found == views_.end()) {
     const auto used = [](const auto& view) { return view.second.used; };
@@ -18,6 +19,17 @@ std::shared_ptr<Node::Requester> ViewRequesters::of(uint32_t view_id) {
   }
   found->second.used = ++uses_;
   return found->second.requester;
+}
+
+uint64_t ViewRequesters::nanoseconds(uint32_t view_id, double work) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = views_.find(view_id);
+  return found == views_.end() ? 0 : found->second.requester->estimate.nanoseconds(work);
+}
+
+void ViewRequesters::clear() {
+  const std::lock_guard lock(mutex_);
+  views_.clear();
 }
 
 }  // namespace lf

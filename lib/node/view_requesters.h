@@ -3,12 +3,15 @@
 
 #include <map>
 #include <memory>
+#include <mutex>
 
 #include "node/node.h"
 
 namespace lf {
 
-// What a node keeps of each view that one requester asks for. Not thread-safe.
+// What a node keeps of each view that one requester asks for. Of a view that nothing is known of yet nothing is
+// expected: what others take tells nothing of it, as they may look where there is nothing to be seen. Thread-safe; a
+// view's answers are made in one thread.
 class ViewRequesters {
  public:
   // That may be in use at once; of as many more the one that was asked for longest ago is forgotten.
@@ -19,7 +22,9 @@ class ViewRequesters {
   // A view that is new begins with what was learned of the one that was asked for last. To be held by who makes an
   // answer of it: the view may be forgotten meanwhile.
   std::shared_ptr<Node::Requester> of(uint32_t view_id);
-  void clear() { views_.clear(); }
+  // How long its answer will take that has so much planned work.
+  uint64_t nanoseconds(uint32_t view_id, double work) const;
+  void clear();
 
  private:
   struct View {
@@ -27,6 +32,7 @@ class ViewRequesters {
     uint64_t used = 0;
   };
   const std::shared_ptr<std::atomic<bool>> cancelled_;
+  mutable std::mutex mutex_;
   std::map<uint32_t, View> views_;
   uint64_t uses_ = 0;
 };

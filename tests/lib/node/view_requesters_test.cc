@@ -29,6 +29,15 @@ TEST(ViewRequesters, TheOneAskedForLongestAgoIsForgotten) {
   EXPECT_EQ(views.of(1)->warned_of, 0u);
 }
 
+TEST(ViewRequesters, WhatOneViewsAnswersTakeTellsNothingOfAnothers) {
+  ViewRequesters views(std::make_shared<std::atomic<bool>>(false));
+  views.of(1)->estimate.done(1000, 5000);
+  EXPECT_EQ(views.nanoseconds(1, 100), 500u);
+  EXPECT_EQ(views.nanoseconds(2, 100), 0u) << "not known";
+  views.of(2);
+  EXPECT_EQ(views.nanoseconds(2, 100), 0u);
+}
+
 // An answer may be left for those of any number of other views, and is taken up again.
 TEST(ViewRequesters, WhatIsInUseStaysWhenItIsForgotten) {
   ViewRequesters views(std::make_shared<std::atomic<bool>>(false));
