@@ -2,7 +2,6 @@
 #pragma once
 
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
@@ -11,8 +10,7 @@
 #include <gst/gst.h>
 
 #include "base/byte_buffer.h"
-#include "base/peak_need.h"
-#include "base/schedule.h"
+#include "base/kept_memory.h"
 #include "wire/answer_parser.h"
 #include "wire/command_codec.h"
 #include "wire/request_codec.h"
@@ -44,26 +42,8 @@ class MappedBuffer {
   GstMapInfo map_{};
 };
 
-// Memory of answers that have been taken: the sums of a 1080p view have six megabytes, which cost more to get from the
-// system anew for each than to fill. What is much larger than the answers of the last minute is given back to the
-// system. Thread-safe; buffers may outlive whoever made them.
-class AnswerMemory {
- public:
-  AnswerMemory() { unused_.reserve(kMostKept); }  // to give some back takes none
-  ByteBuffer take();
-  // `now`: now_ns(), or of any one clock.
-  void give_back(ByteBuffer bytes, uint64_t now = now_ns());
-  // The minute passes: what was last needed before it goes. To be called now and then where nothing may come back.
-  void trim(uint64_t now = now_ns());
-  size_t kept_bytes() const;
-
- private:
-  static constexpr size_t kMostKept = 4;
-  PeakNeed need_;
-  void drop_large(uint64_t now);  // locked
-  mutable std::mutex mutex_;
-  std::vector<ByteBuffer> unused_;
-};
+// Of answers that have been taken: the sums of a 1080p view have six megabytes. Buffers may outlive whoever made them.
+using AnswerMemory = KeptMemory<ByteBuffer>;
 
 // New buffers, owned by the caller.
 GstBuffer* encode_request_buffer(const ViewRequest& request);

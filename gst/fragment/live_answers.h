@@ -14,8 +14,9 @@ namespace lf {
 // The answers to one requester's live requests, one view beside the other, by a thread of its answer pad.
 class LiveAnswers {
  public:
-  LiveAnswers(ParallelFor parallel, std::shared_ptr<std::atomic<bool>> cancelled)
-      : fair_(std::move(parallel), g_get_num_processors()), views_(std::move(cancelled)) {}
+  // `common`: whose are what all views have in common.
+  LiveAnswers(ParallelFor parallel, const Node::Requester& common)
+      : fair_(std::move(parallel), g_get_num_processors()), views_(common) {}
 
   // Pushes one answer, of what is kept of its view. Thread of the answer pad.
   using Answer = std::function<GstFlowReturn(Node::Requester&, const ParallelFor&)>;

@@ -64,7 +64,7 @@ class CompositorSide {
 struct Requester {
   // `number`: its own in the element. `parallel`: does the tasks of its live answers.
   Requester(GstPad* request, GstPad* src, uint32_t number, ParallelFor parallel)
-      : pads(request, src), number(number), live_answers(std::move(parallel), kept.cancelled) {}
+      : pads(request, src), number(number), live_answers(std::move(parallel), kept) {}
   static Requester& of(GstPad* pad) { return *static_cast<Requester*>(gst_pad_get_element_private(pad)); }
 
   PadPair pads;
@@ -73,7 +73,7 @@ struct Requester {
   CompositorSide compositor;
   QosWatch qos;          // any thread
   DelayNotice delay;     // streaming thread
-  Node::Requester kept;  // of requests that are not live, and `cancelled` of all
+  Node::Requester kept;  // of requests that are not live, and what all have in common
   LiveAnswers live_answers;
   std::shared_ptr<AnswerMemory> memory = std::make_shared<AnswerMemory>();
   bool ended = false;  // has sent EOS; under the object lock of the element

@@ -83,7 +83,7 @@ AnswerMaker::Units LocalNode::answer(const ViewRequest& request, const std::vect
       const auto place = static_cast<size_t>(std::ranges::lower_bound(own_, camera) - own_.begin());
       sources.push_back({camera, &rig_->cameras[camera], images[place]});
     }
-  return maker_.make(*task, header, sources, options, std::move(memory));
+  return maker_.make(*task, header, sources, options, scratch_, std::move(memory));
 }
 }  // namespace lf::api
 

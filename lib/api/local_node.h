@@ -41,6 +41,7 @@ class LocalNode {
   const CameraColours colours_{*rig_};
   MeshCache mesh_;
   AnswerMaker maker_;
+  ImageMemory scratch_;
 };
 
 }  // namespace lf::api

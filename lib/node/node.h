@@ -37,8 +37,9 @@ class Node {
     WorkEstimate estimate;       // of its answers, for whoever asks for them
     uint64_t warned_of = 0;      // hash of another rig that a person has been told of
     uint64_t warned_behind = 0;  // when one was told that frames come late, now_ns()
-    // Nothing is waited for, see cancel(); some may have it in common.
+    // Some may have these in common. Nothing is waited for, see cancel(); and memory for what is made of images.
     std::shared_ptr<std::atomic<bool>> cancelled = std::make_shared<std::atomic<bool>>(false);
+    std::shared_ptr<KeptImages> images = std::make_shared<KeptImages>();
   };
   // From any thread: an answer being made for this requester waits for nothing any more.
   void cancel(Requester& requester, bool cancelled);

@@ -13,6 +13,7 @@ std::shared_ptr<Node::Requester> ViewRequesters::of(uint32_t view_id) {
     if (views_.size() >= 2 * kMostViews) views_.erase(std::ranges::min_element(views_, {}, used));
     const auto requester = std::make_shared<Node::Requester>();
     requester->cancelled = cancelled_;
+    requester->images = images_;
     const auto latest = std::ranges::max_element(views_, {}, used);
     if (latest != views_.end()) requester->maker.begin_like(latest->second.requester->maker);
     found = views_.emplace(view_id, View{requester}).first;

@@ -17,8 +17,8 @@ class ViewRequesters {
   // That may be in use at once; of as many more the one that was asked for longest ago is forgotten.
   static constexpr size_t kMostViews = 64;
 
-  // `cancelled`: that of all these views.
-  explicit ViewRequesters(std::shared_ptr<std::atomic<bool>> cancelled) : cancelled_(std::move(cancelled)) {}
+  // What these views have in common is that of `common`.
+  explicit ViewRequesters(const Node::Requester& common) : cancelled_(common.cancelled), images_(common.images) {}
   // A view that is new begins with what was learned of the one that was asked for last. To be held by who makes an
   // answer of it: the view may be forgotten meanwhile.
   std::shared_ptr<Node::Requester> of(uint32_t view_id);
@@ -32,6 +32,7 @@ class ViewRequesters {
     uint64_t used = 0;
   };
   const std::shared_ptr<std::atomic<bool>> cancelled_;
+  const std::shared_ptr<KeptImages> images_;
   mutable std::mutex mutex_;
   std::map<uint32_t, View> views_;
   uint64_t uses_ = 0;
