@@ -96,8 +96,7 @@ class Assembly {
   CameraSet absent(const ViewPlan& plan) const;
   void add_missing(const ViewPlan& plan, const CameraSet& absent, const OwnerMap& owners);
   void render_pixels(const ViewPlan& plan);
-  bool covers(const wire::AnswerView& answer, const wire::FragmentView& fragment);
-  bool add_fragment(const wire::AnswerView& answer, const wire::FragmentView& fragment,
+  bool add_fragment(const wire::FragmentView& fragment, std::optional<Coverage::Sums>& sums,
                     const std::shared_ptr<const void>& bytes);
   bool add_pixels(const wire::FragmentView& fragment, const FragmentPlanes& planes);
   bool add_sums(const wire::FragmentView& fragment, const std::shared_ptr<const void>& bytes);
