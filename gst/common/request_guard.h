@@ -31,6 +31,8 @@ class SecondlyMessage {
 class RequestGuard {
  public:
   enum Property { kMaxPixels, kMaxAperture, kMaxTrials, kMaxRate, kMaxViews, kNumProperties };
+  static constexpr const char* kNames[kNumProperties] = {"max-pixels", "max-aperture", "max-trials",
+                                                         "max-requests-per-second", "max-views"};
   // As properties first_id, first_id + 1, ... of the class; the last one with `views` alone.
   static void install(GObjectClass* klass, guint first_id, bool views = true);
   // `first_id`: as install() was told.
