@@ -130,12 +130,8 @@ static void add_requester(LfNodeSink* self, size_t index, const lf::HostPort& fr
   GstElement* made = add(self, "queue", "made" + number);
   g_object_set(made, "max-size-buffers", 16, "max-size-time", guint64{0}, "max-size-bytes", 0, nullptr);
   GstElement* pay = add(self, "rtplfpay", "answers" + number + "_pay");
-  for (const char* name : {"mtu", "max-bitrate"}) {
-    GValue value = G_VALUE_INIT;
-    g_object_get_property(G_OBJECT(self->pay), name, &value);
-    g_object_set_property(G_OBJECT(pay), name, &value);
-    g_value_unset(&value);
-  }
+  for (const char* name : {"mtu", "max-bitrate"})
+    g_object_bind_property(self->pay, name, pay, name, G_BINDING_SYNC_CREATE);
   GstElement* seal = add(self, "lfrtpseal", "answers" + number + "_seal");
   if (!admission.key_file.empty()) g_object_set(seal, "key-file", admission.key_file.c_str(), nullptr);
   lf::check_host(to.host);
@@ -177,6 +173,7 @@ static bool prepare(LfNodeSink* self) {
       if (place.host.empty()) throw lf::Error("answers: " + std::to_string(place.port) + ": must be HOST:PORT");
     links.pads = std::make_unique<lf::RequestedPads>();
     for (size_t i = 0; i < from.size(); i++) add_requester(self, i, from[i], to[i], settings);
+    lf::follow_limits(GST_BIN(self), self->node);
     links.settings = settings;
     return true;
   } catch (const std::exception& error) {
@@ -203,18 +200,21 @@ static GstElement* owner_of(LfNodeSink* self, GParamSpec* copy) {
   return lf::is_copy(copy, LF_TYPE_CAMERA_NODE) ? self->node : self->pay;
 }
 
-static void set_all_payloaders(LfNodeSink* self, const char* name, const GValue* value) {
-  GstIterator* all = gst_bin_iterate_all_by_element_factory_name(GST_BIN(self), "rtplfpay");
-  GValue item = G_VALUE_INIT;
-  while (gst_iterator_next(all, &item) == GST_ITERATOR_OK) {
-    g_object_set_property(G_OBJECT(g_value_get_object(&item)), name, value);
-    g_value_reset(&item);
-  }
-  g_value_unset(&item);
-  gst_iterator_free(all);
+// Adds what a child counts.
+static void add_stats_of(LfNodeSink* self, const std::string& child, GstStructure* to) {
+  g_autoptr(GstElement) element = gst_bin_get_by_name(GST_BIN(self), child.c_str());
+  g_autoptr(GstStructure) stats = nullptr;
+  g_object_get(element, "stats", &stats, nullptr);
+  gst_structure_foreach(
+      stats,
+      [](GQuark field, const GValue* value, gpointer all) -> gboolean {
+        gst_structure_id_set_value(static_cast<GstStructure*>(all), field, value);
+        return TRUE;
+      },
+      to);
 }
 
-// What lfcameranode counts, and of each requester what its lfrtpgate does.
+// What lfcameranode counts, and of each requester what its lfrtpgate and rtplfdepay do.
 static GstStructure* make_stats(LfNodeSink* self) {
   GstStructure* stats = nullptr;
   if (self->node) g_object_get(self->node, "stats", &stats, nullptr);
@@ -222,10 +222,10 @@ static GstStructure* make_stats(LfNodeSink* self) {
   g_autoptr(GstStructure) all = gst_structure_new_empty("requests");
   for (int i = 0;; i++) {
     const std::string name = "requests" + std::to_string(i);
-    g_autoptr(GstElement) gate = gst_bin_get_by_name(GST_BIN(self), (name + "_gate").c_str());
-    if (!gate) break;
-    g_autoptr(GstStructure) one = nullptr;
-    g_object_get(gate, "stats", &one, nullptr);
+    g_autoptr(GstElement) queue = gst_bin_get_by_name(GST_BIN(self), name.c_str());
+    if (!queue) break;
+    g_autoptr(GstStructure) one = gst_structure_new_empty("application/x-lightfield-requests-stats");
+    for (const char* child : {"_gate", "_depay"}) add_stats_of(self, name + child, one);
     gst_structure_set(all, name.c_str(), GST_TYPE_STRUCTURE, one, nullptr);
   }
   gst_structure_set(stats, "requests", GST_TYPE_STRUCTURE, all, nullptr);
@@ -236,11 +236,9 @@ static Settings& settings_of(LfNodeSink* self) { return *self->settings; }
 using Properties = lf::Properties<settings_of, make_stats>;
 
 static void lf_node_sink_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
-  LfNodeSink* self = LF_NODE_SINK(object);
   if (!lf::is_copy(pspec)) return Properties::set(object, id, value, pspec);
-  GstElement* owner = owner_of(self, pspec);
-  if (owner) g_object_set_property(G_OBJECT(owner), pspec->name, value);
-  if (owner && owner == self->pay) set_all_payloaders(self, pspec->name, value);
+  if (GstElement* owner = owner_of(LF_NODE_SINK(object), pspec))
+    g_object_set_property(G_OBJECT(owner), pspec->name, value);
 }
 
 static void lf_node_sink_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {
@@ -271,7 +269,8 @@ static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
   const guint first_copy = Properties::install(
       object_class,
       "Those of lfcameranode, and in requests of each requester (requests0, requests1, ...) what its "
-      "lfrtpgate counts: packets that passed and those that were dropped, by reason");
+      "lfrtpgate and rtplfdepay count: packets that passed and those that were dropped, and requests that were "
+      "refused, by reason");
   object_class->set_property = lf::callback<lf_node_sink_set_property>;
   object_class->get_property = lf::callback<lf_node_sink_get_property>;
   const guint next =

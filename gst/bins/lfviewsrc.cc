@@ -126,6 +126,7 @@ static void change_hosts(LfViewSrc* self, const LfViewSrcHosts& hosts) {
     drop_hosts(self);
     throw;
   }
+  lf::follow_limits(GST_BIN(self), self->compositor);
   if (GstElement* node = gst_bin_get_by_name(GST_BIN(self), "node")) {
     g_object_set(node, "loop", TRUE, nullptr);
     gst_object_unref(node);

@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "base/error.h"
+#include "common/request_guard.h"
 
 namespace lf {
 namespace {
@@ -67,6 +68,19 @@ GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, co
   added->push_back(depay);
   if (!gst_element_link_many(udp, gate, depay, nullptr)) throw Error("udpsrc can't be linked with rtplfdepay");
   return gst_element_get_static_pad(depay, "src");
+}
+
+void follow_limits(GstBin* bin, GstElement* element) {
+  GstIterator* all = gst_bin_iterate_all_by_element_factory_name(bin, "rtplfdepay");
+  GValue item = G_VALUE_INIT;
+  while (gst_iterator_next(all, &item) == GST_ITERATOR_OK) {
+    for (const char* name : RequestGuard::kNames)
+      if (g_object_class_find_property(G_OBJECT_GET_CLASS(element), name))
+        g_object_bind_property(element, name, g_value_get_object(&item), name, G_BINDING_SYNC_CREATE);
+    g_value_reset(&item);
+  }
+  g_value_unset(&item);
+  gst_iterator_free(all);
 }
 
 void check_host(const std::string& host) {

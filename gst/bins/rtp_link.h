@@ -34,6 +34,10 @@ void warn_without_key(GstElement* element, const Admission& admission);
 GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, const Admission& admission,
                      const std::string& name, std::vector<GstElement*>* added);
 
+// What was added to the bin for RTP refuses the requests that `element` would, by the limits that it has now and those
+// that it is given later: who stands in front of it must let through what it is told to take.
+void follow_limits(GstBin* bin, GstElement* element);
+
 // Throws Error if nobody knows a machine of this name: sinks of UDP leave such a one out without a word. Asks the
 // network.
 void check_host(const std::string& host);

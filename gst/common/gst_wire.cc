@@ -53,35 +53,6 @@ std::optional<wire::AnswerPartHeader> parse_answer_buffer_header(GstBuffer* buff
   return decode(buffer, reason, wire::parse_answer_header);
 }
 
-ByteBuffer AnswerMemory::take() {
-  std::lock_guard lock(mutex_);
-  if (unused_.empty()) return {};
-  ByteBuffer bytes = std::move(unused_.back());
-  unused_.pop_back();
-  return bytes;
-}
-void AnswerMemory::drop_large(uint64_t now) {
-  const size_t most = 2 * need_.largest(now);
-  std::erase_if(unused_, [most](const ByteBuffer& buffer) { return buffer.capacity() > most; });
-}
-void AnswerMemory::give_back(ByteBuffer bytes, uint64_t now) {
-  std::lock_guard lock(mutex_);
-  need_.see(bytes.size(), now);
-  if (unused_.size() < kMostKept) unused_.push_back(std::move(bytes));
-  drop_large(now);
-}
-void AnswerMemory::trim(uint64_t now) {
-  std::lock_guard lock(mutex_);
-  drop_large(now);
-}
-
-size_t AnswerMemory::kept_bytes() const {
-  std::lock_guard lock(mutex_);
-  size_t bytes = 0;
-  for (const ByteBuffer& buffer : unused_) bytes += buffer.capacity();
-  return bytes;
-}
-
 GstBuffer* encode_request_buffer(const ViewRequest& request) { return wrap_bytes(wire::encode_request(request)); }
 GstBuffer* wrap_bytes(std::vector<uint8_t> bytes) {
   auto* owned = new std::vector<uint8_t>(std::move(bytes));

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
@@ -11,8 +10,7 @@
 #include <gst/gst.h>
 
 #include "base/byte_buffer.h"
-#include "base/peak_need.h"
-#include "base/schedule.h"
+#include "base/kept_memory.h"
 #include "wire/answer_parser.h"
 #include "wire/command_codec.h"
 #include "wire/request_codec.h"
@@ -44,27 +42,8 @@ class MappedBuffer {
   GstMapInfo map_{};
 };
 
-// Memory of answers that have been taken: the sums of a 1080p view have six megabytes, which cost more to get from the
-// system anew for each than to fill. What is much larger than the answers of the last minute is given back to the
-// system. Thread-safe; buffers may outlive whoever made them.
-class AnswerMemory {
- public:
-  AnswerMemory() { unused_.reserve(kMostKept); }  // so that giving memory back needs none
-  ByteBuffer take();
-  // `now`: now_ns(), or of any one clock.
-  void give_back(ByteBuffer bytes, uint64_t now = now_ns());
-  // Gives memory back to the system that was last needed more than a minute ago. To be called now and then where no
-  // answer may come back.
-  void trim(uint64_t now = now_ns());
-  size_t kept_bytes() const;
-
- private:
-  static constexpr size_t kMostKept = 4;
-  PeakNeed need_;
-  void drop_large(uint64_t now);  // locked
-  mutable std::mutex mutex_;
-  std::vector<ByteBuffer> unused_;
-};
+// Of answers that have been taken: the sums of a 1080p view have six megabytes. Buffers may outlive whoever made them.
+using AnswerMemory = KeptMemory<ByteBuffer>;
 
 // A new buffer with the request's bytes, owned by the caller; so are those of the functions below.
 GstBuffer* encode_request_buffer(const ViewRequest& request);

@@ -16,23 +16,23 @@ void RequestGuard::install(GObjectClass* klass, guint first_id, bool views) {
   const auto install = [&](Property property, GParamSpec* spec) {
     g_object_class_install_property(klass, first_id + property, spec);
   };
-  install(kMaxPixels, g_param_spec_uint64("max-pixels", "Maximum pixels",
+  install(kMaxPixels, g_param_spec_uint64(kNames[kMaxPixels], "Maximum pixels",
                                           "Pixels of a view at most, width times height: requests for more are refused",
                                           1, uint64_t{kMaxImageSize} * kMaxImageSize, kDefault.pixels, kFlags));
   install(kMaxAperture, g_param_spec_double(
-                            "max-aperture", "Maximum aperture",
+                            kNames[kMaxAperture], "Maximum aperture",
                             "Synthetic aperture of a view at most, metres: requests for a wider one are refused (0: as "
                             "wide as the array, where that is known)",
                             0, Blending::kMaxAperture, kDefault.aperture, kFlags));
-  install(kMaxTrials, g_param_spec_uint("max-trials", "Maximum trials",
+  install(kMaxTrials, g_param_spec_uint(kNames[kMaxTrials], "Maximum trials",
                                         "Trial surfaces of one request at most: requests for more are refused", 0,
                                         lf::kMaxTrials, kDefault.trials, kFlags));
-  install(kMaxRate, g_param_spec_uint("max-requests-per-second", "Maximum requests per second",
+  install(kMaxRate, g_param_spec_uint(kNames[kMaxRate], "Maximum requests per second",
                                       "Requests of one view a second at most, where they come in real time: others are "
                                       "refused (0: any number)",
                                       0, G_MAXUINT, kDefault.requests_per_second, kFlags));
   if (!views) return;
-  install(kMaxViews, g_param_spec_uint("max-views", "Maximum views",
+  install(kMaxViews, g_param_spec_uint(kNames[kMaxViews], "Maximum views",
                                        "Views that are served at a time at most: requests of more are refused, until "
                                        "another one has not asked for two seconds",
                                        1, 65536, kDefault.views, kFlags));

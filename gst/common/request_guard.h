@@ -30,7 +30,9 @@ class SecondlyMessage {
 // and a warning tells of it once a second at most. Thread-safe.
 class RequestGuard {
  public:
-  enum Property { kMaxPixels, kMaxAperture, kMaxTrials, kMaxRate, kMaxViews };
+  enum Property { kMaxPixels, kMaxAperture, kMaxTrials, kMaxRate, kMaxViews, kNumProperties };
+  static constexpr const char* kNames[kNumProperties] = {"max-pixels", "max-aperture", "max-trials",
+                                                         "max-requests-per-second", "max-views"};
   // Installs the limits as properties first_id, first_id + 1, ... of the class; the last one, max-views, only if
   // `views`.
   static void install(GObjectClass* klass, guint first_id, bool views = true);

@@ -84,6 +84,11 @@ static Taken take_fragments(LfCompositor* self, lf::NodeInput& node, GstBuffer* 
     return Taken::kDone;
   }
   if (answer->view_id != state.current->view_id) return Taken::kDone;
+  if (state.assembly.is_beyond_rig(*answer)) {
+    GST_WARNING_OBJECT(self, "node %u: speaks for cameras that the rig does not have", answer->node);
+    state.stats.count(CompositorStats::kBadAnswers);
+    return Taken::kDone;
+  }
   // Sequence numbers wrap: the sign of the difference tells the order.
   const auto ahead = static_cast<int32_t>(answer->sequence - state.current->sequence);
   if (is_stray(self, *answer, ahead)) {

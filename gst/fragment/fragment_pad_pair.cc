@@ -170,5 +170,8 @@ void lf_fragment_trim_memory(LfFragment* self) {
   const lf::ObjectLock lock(self);
   if (now < self->state->trimmed_at + kInterval) return;
   self->state->trimmed_at = now;
-  for (Requester* requester : self->state->requesters) requester->memory->trim();
+  for (Requester* requester : self->state->requesters) {
+    requester->memory->trim();
+    requester->kept.images->trim();
+  }
 }

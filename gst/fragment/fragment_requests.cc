@@ -57,10 +57,9 @@ static void lf_fragment_tell_delay(LfFragment* self, GstPad* pad) {
 }
 
 // Whether the picture would come too late to be shown.
-static bool lf_fragment_is_too_late(GstPad* pad, const Job& job) {
-  Requester& requester = Requester::of(pad);
-  if (job.due > 0 && lf::now_ns() + requester.estimate.nanoseconds(job.work) > job.due) {
-    requester.estimate.skipped();
+static bool lf_fragment_is_too_late(GstPad* pad, const Job& job, lf::WorkEstimate& estimate) {
+  if (job.due > 0 && lf::now_ns() + estimate.nanoseconds(job.work) > job.due) {
+    estimate.skipped();
     return true;
   }
   const lf::RequestHeader& head = lf::wire::head_of(job.request);
@@ -69,7 +68,7 @@ static bool lf_fragment_is_too_late(GstPad* pad, const Job& job) {
   g_autoptr(GstEvent) event = segment_event(pad, &segment);
   if (!event) return false;
   const GstClockTime time = gst_segment_to_running_time(segment, GST_FORMAT_TIME, job.pts);
-  return requester.qos.late(head.view_id, time).has_value();
+  return Requester::of(pad).qos.late(head.view_id, time).has_value();
 }
 
 static void lf_fragment_post_answer(LfFragment* self, const Job& job, const lf::Node::Reply& reply, guint64 bytes) {
@@ -116,12 +115,12 @@ static GstFlowReturn lf_fragment_answer(LfFragment* self, GstPad* pad, GstPad* s
   options.in_process = job.in_process;
   options.live = requester.place.is_live();
   options.parallel = std::move(parallel);
-  lf::Node::Reply reply = lf_fragment_is_too_late(pad, job)
+  lf::Node::Reply reply = lf_fragment_is_too_late(pad, job, kept.estimate)
                               ? node.skip(job.request)
                               : node.answer(job.request, kept, options, requester.memory->take());
   self->state->card.rendered(settings.renderer, reply.answer);
   const lf::NodeStats::Stages& stages = reply.stages;
-  if (stages.render > 0) requester.estimate.done(job.work, stages.decode + stages.render + stages.encode);
+  if (stages.render > 0) kept.estimate.done(job.work, stages.decode + stages.render + stages.encode);
   if (!reply.warning.empty())
     GST_ELEMENT_WARNING(self, STREAM, FAILED, ("View %u: %s.", head.view_id, reply.warning.c_str()), (nullptr));
   for (lf::ByteBuffer* before : {&reply.brightness, &reply.moments}) {
@@ -161,7 +160,7 @@ static GstFlowReturn lf_fragment_answer_later(LfFragment* self, GstPad* pad, Gst
   bool dropped = false;
   const auto shared = std::make_shared<const Job>(std::move(job));
   const GstFlowReturn flow = requester.live_answers.add(
-      src, lf::wire::head_of(shared->request).view_id, requester.estimate.nanoseconds(shared->work),
+      src, lf::wire::head_of(shared->request).view_id, shared->work,
       [self, pad, src, shared](lf::Node::Requester& kept, const lf::ParallelFor& parallel) {
         return lf_fragment_answer(self, pad, src, *shared, kept, parallel);
       },

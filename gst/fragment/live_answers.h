@@ -14,14 +14,15 @@ namespace lf {
 // The answers to one requester's live requests, one view beside the other, by a thread of its answer pad.
 class LiveAnswers {
  public:
-  LiveAnswers(ParallelFor parallel, std::shared_ptr<std::atomic<bool>> cancelled)
-      : fair_(std::move(parallel), g_get_num_processors()), views_(std::move(cancelled)) {}
+  // `common`: whose are what all views have in common.
+  LiveAnswers(ParallelFor parallel, const Node::Requester& common)
+      : fair_(std::move(parallel), g_get_num_processors()), views_(common) {}
 
   // Makes one answer, with what is kept of its view, and pushes it. Called by the thread of the answer pad.
   using Answer = std::function<GstFlowReturn(Node::Requester&, const ParallelFor&)>;
-  // Queues an answer. `work`: nanoseconds that it will take, as far as anybody knows. *dropped becomes true if an older
-  // request of the view is dropped for this one. Returns how the latest answer could be pushed.
-  GstFlowReturn add(GstPad* src, uint32_t view_id, uint64_t work, Answer answer, bool* dropped);
+  // Queues an answer. `work`: the work that is planned for it. *dropped becomes true if an older request of the view is
+  // dropped for this one. Returns how the latest answer could be pushed.
+  GstFlowReturn add(GstPad* src, uint32_t view_id, double work, Answer answer, bool* dropped);
   // Makes the answer whose turn it is: what the thread of the answer pad does, again and again.
   void work(GstPad* src);
 

@@ -11,7 +11,6 @@
 #include "fragment/request_place.h"
 #include "node/arrival_watch.h"
 #include "node/node.h"
-#include "node/work_estimate.h"
 
 namespace lf {
 
@@ -65,17 +64,16 @@ class CompositorSide {
 struct Requester {
   // `number`: tells the requesters of an element apart. `parallel`: does the tasks of this requester's live answers.
   Requester(GstPad* request, GstPad* src, uint32_t number, ParallelFor parallel)
-      : pads(request, src), number(number), live_answers(std::move(parallel), kept.cancelled) {}
+      : pads(request, src), number(number), live_answers(std::move(parallel), kept) {}
   static Requester& of(GstPad* pad) { return *static_cast<Requester*>(gst_pad_get_element_private(pad)); }
 
   PadPair pads;
   const uint32_t number;
   RequestPlace place;
   CompositorSide compositor;
-  QosWatch qos;           // any thread
-  WorkEstimate estimate;  // what this requester's answers take
-  DelayNotice delay;      // streaming thread
-  Node::Requester kept;   // what is kept for requests that are not live; its `cancelled` is for all requests
+  QosWatch qos;          // any thread
+  DelayNotice delay;     // streaming thread
+  Node::Requester kept;  // what is kept for requests that are not live, and what all requests have in common
   LiveAnswers live_answers;
   std::shared_ptr<AnswerMemory> memory = std::make_shared<AnswerMemory>();
   bool ended = false;  // the requester has sent EOS; under the object lock of the element

@@ -24,10 +24,12 @@ void forget(void* bytes, size_t count) { explicit_bzero(bytes, count); }
 }  // namespace
 
 RtpKey::RtpKey(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
   struct stat status {};
-  if (!file || stat(path.c_str(), &status) != 0 || !S_ISREG(status.st_mode))
-    throw Error(path + ": the key can't be read");
+  // Before it is opened, which for a FIFO takes until somebody writes.
+  const bool is_file = stat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode);
+  std::ifstream file;
+  if (is_file) file.open(path, std::ios::binary);
+  if (!file.is_open()) throw Error(path + ": the key can't be read");
   char bytes[kMaxBytes + 1];
   file.read(bytes, sizeof bytes);
   const std::string_view text(bytes, static_cast<size_t>(file.gcount()));

@@ -49,12 +49,21 @@ static bool keep_focus(LfViewRequest* self, guint view_id, lf::FoundFocus focus)
   return true;
 }
 
+// Cameras that the rig does not have are nobody's to name: every node would refuse the view's requests.
+static void announce_out_of_service(LfViewRequest* self, guint view_id, lf::CameraSet cameras) {
+  lf::ObjectLock lock(self);
+  const std::shared_ptr<const lf::Rig> rig = self->state->stream ? self->state->stream->rig() : nullptr;
+  lock.unlock();
+  if (rig) std::erase_if(cameras, [&rig](lf::CameraIndex camera) { return camera >= rig->cameras.size(); });
+  self->state->out_of_service.announce(view_id, std::move(cameras));
+}
+
 // Cameras out of service are named here for every view; all else is for whoever makes the view's requests, if it can be
 // reached, and a surface for which nobody can is kept here. False if nobody takes any of it.
 static gboolean take_feedback(LfViewRequest* self, GstEvent* event, lf::ViewFeedback feedback) {
   auto& state = *self->state;
   const bool for_all = feedback.out_of_service.has_value();
-  if (for_all) state.out_of_service.announce(feedback.view_id, std::move(*feedback.out_of_service));
+  if (for_all) announce_out_of_service(self, feedback.view_id, std::move(*feedback.out_of_service));
   if (!feedback.focus && feedback.extra_requests.empty()) return for_all;
   if (state.relay.is_on()) {
     const bool passed = push_upstream(self, event);

@@ -96,7 +96,7 @@ AnswerMaker::Units LocalNode::answer(const ViewRequest& request, const std::vect
     }
   std::string news;  // is in drawn_by(), too
   options.card = card_.open(renderer_, news);
-  AnswerMaker::Units units = maker_.make(*task, header, sources, options, std::move(memory));
+  AnswerMaker::Units units = maker_.make(*task, header, sources, options, scratch_, std::move(memory));
   card_.rendered(renderer_, units.answer);
   return units;
 }

@@ -46,6 +46,7 @@ class LocalNode {
   const CameraColours colours_{*rig_};
   MeshCache mesh_;
   AnswerMaker maker_;
+  ImageMemory scratch_;
   Card card_;
   RendererChoice renderer_ = RendererChoice::kCpu;
 };

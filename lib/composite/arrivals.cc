@@ -21,21 +21,27 @@ bool Coverage::add(CameraIndex camera, const Rect& rect) {
   return cameras_[camera].add(rect);
 }
 
-bool Coverage::add(const CameraRanges& cameras, const Rect& rect) {
-  for (const auto& [others, rects] : sums_)
-    if (others != cameras && others.intersects(cameras) && rects.meets(rect)) return false;
-  for (const auto& [camera, rects] : cameras_)
-    if (cameras.contains(camera) && rects.meets(rect)) return false;
-  const auto own = sums_.find(cameras);
-  if (own == sums_.end() && sums_.size() >= wire::kMaxSources) return false;
-  return (own == sums_.end() ? sums_[cameras] : own->second).add(rect);
+Coverage::Sums::Sums(Coverage& coverage, const CameraRanges& cameras) : coverage_(coverage), cameras_(cameras) {
+  const auto own = coverage.sums_.find(cameras);
+  own_ = own == coverage.sums_.end() ? nullptr : &own->second;
+  for (const auto& [camera, rects] : coverage.cameras_)
+    if (cameras.contains(camera)) others_.push_back(&rects);
+  if (!coverage.summed_.intersects(cameras)) return;
+  for (const auto& [others, rects] : coverage.sums_)
+    if (&rects != own_ && others.intersects(cameras)) others_.push_back(&rects);
 }
 
-bool Coverage::has(CameraIndex camera) const {
-  bool any = false;
-  for_each_rect(camera, [&any](const Rect&) { any = true; });
-  return any;
+bool Coverage::Sums::add(const Rect& rect) {
+  if (std::ranges::any_of(others_, [&rect](const DisjointRects* rects) { return rects->meets(rect); })) return false;
+  if (!own_) {
+    if (coverage_.sums_.size() >= wire::kMaxSources) return false;
+    own_ = &coverage_.sums_[cameras_];
+    coverage_.summed_.add(cameras_);
+  }
+  return own_->add(rect);
 }
+
+bool Coverage::has(CameraIndex camera) const { return cameras_.contains(camera) || summed_.contains(camera); }
 
 void Coverage::take_out(CameraIndex camera, const Rect& rect, std::span<float> weights) const {
   for_each_rect(camera, [&](const Rect& other) {

@@ -21,10 +21,25 @@ class Coverage {
  public:
   void clear() { *this = {}; }
 
-  // Notes a fragment of one camera, or of the sum of several. False, and nothing is noted, if one of the cameras has
-  // been there already somewhere in the rectangle, or it is one more set of cameras than kMaxSources.
+  // Notes a fragment of one camera. False, and nothing is noted, if it has been there already somewhere in the
+  // rectangle.
   bool add(CameraIndex camera, const Rect& rect);
-  bool add(const CameraRanges& cameras, const Rect& rect);
+
+  // The sums of a set of cameras that come in one answer: which of what came before has some of them is looked for once
+  // and not for each fragment, of which there may be many of few pixels. While it is there nothing else is added.
+  class Sums {
+   public:
+    // Both are borrowed.
+    Sums(Coverage& coverage, const CameraRanges& cameras);
+    // As for one camera. False, too, if it is one more set of cameras than kMaxSources.
+    bool add(const Rect& rect);
+
+   private:
+    Coverage& coverage_;
+    const CameraRanges& cameras_;
+    std::vector<const DisjointRects*> others_;
+    DisjointRects* own_;
+  };
 
   bool has(CameraIndex camera) const;  // whether anything of the camera has come, anywhere in the view
   // Sets to 0 what of `weights`, the camera's weights over `rect` row by row, has come.
@@ -36,6 +51,7 @@ class Coverage {
 
   std::map<CameraIndex, DisjointRects> cameras_;
   std::map<CameraRanges, DisjointRects> sums_;
+  CameraRanges summed_;  // cameras of sums_
 };
 
 // Pixels of cameras' images as plain fragments bring them, piece by piece, until a view is rendered from them. Memory:

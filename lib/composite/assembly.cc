@@ -46,10 +46,16 @@ void Assembly::release() {
   pixels_.clear();
 }
 
+bool Assembly::is_beyond_rig(const wire::AnswerHeader& answer) const {
+  return rig_ && answer.rig_hash == rig_hash_ && !answer.cameras.empty() &&
+         answer.cameras.ranges().back().last >= rig_->cameras.size();
+}
+
 Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<const void> bytes) {
   if (answer.view_id != request_.view_id || answer.sequence != request_.sequence) return Verdict::kOtherRequest;
   if (expected_rig_ == 0) expected_rig_ = answer.rig_hash;
   if (answer.rig_hash != expected_rig_) return Verdict::kOtherRig;
+  if (is_beyond_rig(answer)) return Verdict::kBadFragment;
   if (answer.view_width != request_.view.width || answer.view_height != request_.view.height)
     return Verdict::kBadFragment;
   if (family_ == PixelFamily::kNone && answer.family != PixelFamily::kNone) {
@@ -66,13 +72,16 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
   seeing_.add(seeing);
   const unsigned damaged_before = damaged_;
   bool all_good = true;
+  const bool any_sums = !std::ranges::all_of(answer.fragments, is_of_camera);
+  std::optional<Coverage::Sums> sums;
+  if (any_sums && !answer.cameras.empty()) sums.emplace(coverage_, answer.cameras);
   for (const wire::FragmentView& fragment : answer.fragments)
-    all_good = add_fragment(answer, fragment, bytes) && all_good;
+    all_good = add_fragment(fragment, sums, bytes) && all_good;
   Source& source = sources_[key];
   source.parts.add(answer.part);
   source.blind = answer.blind;
   source.spoilt |= damaged_ > damaged_before || !all_good;
-  source.sums |= !std::ranges::all_of(answer.fragments, is_of_camera);
+  source.sums |= any_sums;
   if (answer.actual_time != kNoTime && answer.target_time != kNoTime) {
     const uint64_t skew = time_between(answer.actual_time, answer.target_time);
     if (actual_time_ == kNoTime || skew > skew_) actual_time_ = answer.actual_time;
@@ -81,8 +90,9 @@ Assembly::Verdict Assembly::add(const wire::AnswerView& answer, std::shared_ptr<
   return all_good ? Verdict::kAdded : Verdict::kBadFragment;
 }
 
-// False if it does not fit, which is no damage.
-bool Assembly::add_fragment(const wire::AnswerView& answer, const wire::FragmentView& fragment,
+// `sums`: of which cameras it is, if it is of several; twice the same one (a duplicated packet, two nodes with one
+// camera) would be too bright. False if it does not fit, which is no damage.
+bool Assembly::add_fragment(const wire::FragmentView& fragment, std::optional<Coverage::Sums>& sums,
                             const std::shared_ptr<const void>& bytes) {
   std::optional<FragmentPlanes> planes;
   if (fragment.codec != wire::Codec::kRaw16) {
@@ -95,17 +105,11 @@ bool Assembly::add_fragment(const wire::AnswerView& answer, const wire::Fragment
   if (fragment.camera) {
     if (!add_pixels(fragment, *planes)) return false;
   } else {
-    if (!accumulator_.fits(fragment.family, fragment.rect) || !covers(answer, fragment)) return false;
+    if (!accumulator_.fits(fragment.family, fragment.rect) || (sums && !sums->add(fragment.rect))) return false;
+    have_unnamed_sums_ |= !sums;
     planes ? accumulator_.add(*planes) : add_sums(fragment, bytes);
   }
   fragments_++;
-  return true;
-}
-
-// Twice the same camera (a duplicated packet, two nodes with one camera) would be too bright.
-bool Assembly::covers(const wire::AnswerView& answer, const wire::FragmentView& fragment) {
-  if (!answer.cameras.empty()) return coverage_.add(answer.cameras, fragment.rect);
-  have_unnamed_sums_ = true;
   return true;
 }
 

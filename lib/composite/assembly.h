@@ -40,7 +40,7 @@ class Assembly {
     kOtherRig,      // rendered from another rig than the request, this compositor's or the first answer's
     kNeedsRig,      // plain pixels, which only somebody who knows the rig can use
     kBadFragment,   // another pixel family or view size than the first answer's, or cameras that have been there
-                    // already, or too many sets of cameras; other fragments of it were added
+                    // already, or that the rig does not have, or too many sets of cameras; other fragments were added
   };
   // Damaged fragments are left out and counted; the others of the answer are added. `bytes`: what owns the payloads
   // and keeps them where they are; with it the sums of a whole view are used in their place, until release() or
@@ -58,6 +58,10 @@ class Assembly {
 
   // finish() of a compositor inside a tree: cameras of which nothing came are not missing, but another compositor's.
   void finish_partial();
+
+  // Whether an answer of this rig speaks for cameras that the rig does not have: who believed it would miss them in all
+  // that comes.
+  bool is_beyond_rig(const wire::AnswerHeader& answer) const;
 
   // The pixel family of the answers so far; kNone before the first that names one.
   PixelFamily family() const { return family_; }
@@ -92,8 +96,7 @@ class Assembly {
   CameraSet absent(const ViewPlan& plan) const;
   void add_missing(const ViewPlan& plan, const CameraSet& absent, const OwnerMap& owners);
   void render_pixels(const ViewPlan& plan);
-  bool covers(const wire::AnswerView& answer, const wire::FragmentView& fragment);
-  bool add_fragment(const wire::AnswerView& answer, const wire::FragmentView& fragment,
+  bool add_fragment(const wire::FragmentView& fragment, std::optional<Coverage::Sums>& sums,
                     const std::shared_ptr<const void>& bytes);
   bool add_pixels(const wire::FragmentView& fragment, const FragmentPlanes& planes);
   bool add_sums(const wire::FragmentView& fragment, const std::shared_ptr<const void>& bytes);

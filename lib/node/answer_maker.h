@@ -9,13 +9,14 @@
 #include "image/image.h"
 #include "node/answer_task.h"
 #include "node/gain_matcher.h"
+#include "node/image_memory.h"
 #include "rig/camera_colours.h"
 
 namespace lf {
 
 // Makes a node's answers from its cameras' images: corrects their colours, matches their brightness, has them tried and
 // sampled, and renders.
-// It keeps what it learns of one requester's views, and memory. Not thread-safe.
+// It keeps what it learns of one requester's views. Not thread-safe.
 class AnswerMaker {
  public:
   struct Options : AnswerTask::Options {
@@ -30,22 +31,19 @@ class AnswerMaker {
     uint64_t before_ns = 0;              // nanoseconds of wall time that `brightness` and `moments` took
     const CameraGains* gains = nullptr;  // gains that the images were divided by, valid until the next call; null: none
   };
-  // `images`: of task.cameras(), as render_answer() takes them and with Source::resampling left alone. `memory` is
-  // recycled. Throws Error as AnswerTask::render() does.
+  // `images`: of task.cameras(), as render_answer() takes them and with Source::resampling left alone. `scratch`: for
+  // what is made of them. `memory` is recycled. Throws Error as AnswerTask::render() does.
   Units make(const AnswerTask& task, const wire::AnswerHeader& header, std::span<const Source> images,
-             const Options& options, ByteBuffer memory = {});
+             const Options& options, ImageMemory& scratch, ByteBuffer memory = {});
   void clear() { gains_.clear(); }
   // New views begin with what the other maker has learned.
   void begin_like(const AnswerMaker& other) { gains_.begin_like(other.gains_); }
 
  private:
-  void correct(const AnswerTask& task, const Options& options, std::vector<Source>& images);
   void match_gains(const AnswerTask& task, const wire::AnswerHeader& header, const Options& options,
-                   std::vector<Source>& images, Units& units);
-  void resample(const AnswerTask& task, const Options& options, std::vector<Source>& images);
+                   std::vector<ByteBuffer>& memory, std::vector<Source>& images, Units& units);
 
   GainMatcher gains_;
-  std::vector<ByteBuffer> corrected_, sharpened_;  // memory of images
 };
 
 }  // namespace lf

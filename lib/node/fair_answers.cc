@@ -4,60 +4,95 @@
 #include <algorithm>
 #include <utility>
 
+#include "view/request_limits.h"
+
 namespace lf {
 
-// Where it would end before what the running one has had by now.
+// Where it would end before what the running one has had by now. Nobody is left for an answer that may take any time.
 bool FairAnswers::goes_before(const View& view, uint32_t running) const {
-  return !view.waiting.empty() && !view.in_flight && view.end() < views_.at(running).used;
+  if (!view.waits() || view.waiting.front().work == 0) return false;
+  const View& other = views_.at(running);
+  if (view.is_new && other.is_new) return view.end() < other.used;
+  return used_among_all(view) + view.waiting.front().work < used_among_all(other);
+}
+
+// None of its requests waits yet.
+void FairAnswers::begin_to_wait(View& view) {
+  view.since = order_++;
+  if (view.in_flight) return;
+  if (!view.is_new) {
+    view.used = std::max(view.used, virtual_time_ - kClaim);
+    return;
+  }
+  const auto is_there = [](const auto& entry) {
+    return entry.second.is_new && (entry.second.in_flight || entry.second.waits());
+  };
+  if (std::ranges::none_of(views_, is_there)) used_by_new_ = std::max(used_by_new_, virtual_time_ + kClaim);
 }
 
 bool FairAnswers::add(uint32_t view, uint64_t work, Answer answer, bool* dropped) {
   const std::lock_guard lock(mutex_);
   if (stopped_) return false;
-  View& state = views_[view];
-  if (state.waiting.empty()) {
-    state.since = order_++;
-    if (!state.in_flight) state.used = std::max(state.used, virtual_time_ - kClaim);
+  if (depth_ > 0) charge_running();
+  const uint64_t now = now_();
+  const auto [at, is_first] = views_.try_emplace(view);
+  View& state = at->second;
+  if (is_first) {
+    state.began = now;
+    for (const auto& [id, other] : views_)
+      if (other.is_new) state.used = std::max(state.used, other.used);
   }
+  state.asked = now;
+  if (state.is_new && now > state.began + RequestGate::kViewQuiet) {
+    state.is_new = false;
+    state.used = used_by_new_;
+  }
+  if (state.waiting.empty()) begin_to_wait(state);
   state.waiting.push_back({static_cast<double>(work), std::move(answer)});
   const bool too_many = state.waiting.size() > kMostWaiting;
   if (too_many) state.waiting.pop_front();
   if (dropped) *dropped = too_many;
-  if (depth_ > 0 && depth_ < kDeepest) {
-    charge_running();
-    urgent_ = urgent_ || goes_before(state, running_);
-  }
+  if (depth_ > 0 && depth_ < kDeepest) urgent_ = urgent_ || goes_before(state, running_);
   changed_.notify_all();
   return true;
 }
 
-FairAnswers::Views::iterator FairAnswers::first_waiting() {
-  auto first = views_.end();
+template <typename May>
+FairAnswers::Views::iterator FairAnswers::first_of(const May& may) {
+  Views::iterator first[2] = {views_.end(), views_.end()};  // of those that are new, and of the others
   for (auto view = views_.begin(); view != views_.end(); ++view) {
     const View& state = view->second;
-    if (state.waiting.empty() || state.in_flight) continue;
-    if (first == views_.end() ||
-        std::pair(state.end(), state.since) < std::pair(first->second.end(), first->second.since))
-      first = view;
+    if (!may(state)) continue;
+    Views::iterator& best = first[state.is_new ? 0 : 1];
+    if (best == views_.end() || std::pair(state.end(), state.since) < std::pair(best->second.end(), best->second.since))
+      best = view;
   }
-  return first;
+  const auto [of_new, of_others] = first;
+  if (of_new == views_.end() || of_others == views_.end()) return of_new == views_.end() ? of_others : of_new;
+  return used_by_new_ + of_new->second.waiting.front().work < of_others->second.end() ? of_new : of_others;
+}
+
+FairAnswers::Views::iterator FairAnswers::first_waiting() {
+  return first_of([](const View& view) { return view.waits(); });
 }
 
 void FairAnswers::charge_running() {
   const uint64_t now = now_();
-  views_[running_].used += static_cast<double>(now - since_);
+  const auto took = static_cast<double>(now - since_);
+  View& running = views_.at(running_);
+  running.used += took;
+  if (running.is_new) used_by_new_ += took;
   since_ = now;
 }
 
-void FairAnswers::answer_first(std::unique_lock<std::mutex>& lock) {
-  const auto first = first_waiting();
+void FairAnswers::answer(Views::iterator first, std::unique_lock<std::mutex>& lock) {
   const uint32_t view = first->first;
   View& state = first->second;
-  const Answer answer = std::move(state.waiting.front().answer);
+  const Answer make = std::move(state.waiting.front().answer);
   state.waiting.pop_front();
   state.since = order_++;
   state.in_flight = true;
-  virtual_time_ = std::max(virtual_time_, state.used);
+  virtual_time_ = std::max(virtual_time_, used_among_all(state));
   running_ = view;
   since_ = now_();
   depth_++;
@@ -67,15 +102,15 @@ void FairAnswers::answer_first(std::unique_lock<std::mutex>& lock) {
     charge_running();
     state.in_flight = false;
     depth_--;
-    // What is no more than the others have had tells nothing.
-    std::erase_if(views_, [this](const auto& entry) {
-      return entry.second.waiting.empty() && !entry.second.in_flight && entry.second.used <= virtual_time_ - kClaim;
+    std::erase_if(views_, [now = since_](const auto& entry) {
+      const View& other = entry.second;
+      return other.waiting.empty() && !other.in_flight && now > other.asked + RequestGate::kViewQuiet;
     });
     changed_.notify_all();
   };
   lock.unlock();
   try {
-    answer([this, view](size_t count, const std::function<void(size_t)>& task) { run_tasks(view, count, task); });
+    make([this, view](size_t count, const std::function<void(size_t)>& task) { run_tasks(view, count, task); });
   } catch (...) {
     finish();
     throw;
@@ -101,10 +136,10 @@ void FairAnswers::let_others_go_first(uint32_t view) {
   std::unique_lock lock(mutex_);
   charge_running();
   while (!stopped_ && depth_ < kDeepest) {
-    const auto first = first_waiting();
-    if (first == views_.end() || !goes_before(first->second, view)) break;
+    const auto first = first_of([&](const View& other) { return goes_before(other, view); });
+    if (first == views_.end()) break;
     try {
-      answer_first(lock);
+      answer(first, lock);
     } catch (...) {
       running_ = view;
       since_ = now_();
@@ -120,7 +155,7 @@ bool FairAnswers::work() {
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [this] { return stopped_ || first_waiting() != views_.end(); });
   if (stopped_) return false;
-  answer_first(lock);
+  answer(first_waiting(), lock);
   return true;
 }
 
@@ -152,6 +187,11 @@ size_t FairAnswers::waiting() const {
   size_t count = 0;
   for (const auto& [view, state] : views_) count += state.waiting.size();
   return count;
+}
+
+size_t FairAnswers::views() const {
+  const std::lock_guard lock(mutex_);
+  return views_.size();
 }
 
 }  // namespace lf

@@ -17,9 +17,12 @@ namespace lf {
 // The requests of several views that one thread answers, so that none of them has to wait for what another asks for:
 // each view has one request in flight, and the view goes first that will have had the least of the thread with its next
 // answer, even in the middle of another's, which is left between two of its parallel tasks for one that will still have
-// had less by its end, and taken up again then. A view that
-// has asked for little keeps a claim to a quarter of a second, and to no more. add() from any thread, work() from the
-// one that answers.
+// had less by its end, and taken up again then. A view that has asked for little keeps a claim to a quarter of a
+// second, and to no more.
+// Views that are new, of the latest two seconds (RequestGate::kViewQuiet), are together as one view among the others,
+// which begins as much behind them, and share its part in the same way: whoever makes up numbers gets no more of the
+// thread by it than with one. After as long a silence a view is forgotten.
+// add() from any thread, work() from the one that answers.
 class FairAnswers {
  public:
   // Requests of a view that wait at most: two turns of lfviewrequest with what goes along. Then the newest ones stay.
@@ -33,8 +36,9 @@ class FairAnswers {
 
   // A function that answers one request, with its parallel tasks done by the ParallelFor given.
   using Answer = std::function<void(const ParallelFor&)>;
-  // `work`: nanoseconds that it will take, as far as anybody knows. False while stopped. The oldest of the view is
-  // dropped where too many wait: true in *dropped (may be null).
+  // `work`: nanoseconds that it will take, as far as anybody knows; 0: nobody does, and it is not begun in the middle
+  // of another. False while stopped. The oldest of the view is dropped where too many wait: true in *dropped (may be
+  // null).
   bool add(uint32_t view, uint64_t work, Answer answer, bool* dropped = nullptr);
   // Answers the next request, and those that go before it meanwhile; waits for one. False once stopped. What an answer
   // throws comes out; the others are as before.
@@ -46,6 +50,7 @@ class FairAnswers {
   void start();
   void clear();  // drops what waits
   size_t waiting() const;
+  size_t views() const;  // that are not forgotten
 
  private:
   struct Waiting {
@@ -55,17 +60,25 @@ class FairAnswers {
   struct View {
     std::deque<Waiting> waiting;
     bool in_flight = false;
-    double used = 0;     // what the view has had of the thread, as a virtual time: nanoseconds
-    uint64_t since = 0;  // order in which views came to wait
+    bool is_new = true;
+    double used = 0;                // of the thread, as a virtual time, while it is new since it began: nanoseconds
+    uint64_t began = 0, asked = 0;  // when it asked first and last, now_()
+    uint64_t since = 0;             // order in which views came to wait
+    bool waits() const { return !waiting.empty() && !in_flight; }
     double end() const { return used + waiting.front().work; }  // used with the next answer
   };
   using Views = std::map<uint32_t, View>;
-  bool goes_before(const View& view, uint32_t running) const;  // locked
-  Views::iterator first_waiting();                             // locked
-  void charge_running();                                       // locked
-  void answer_first(std::unique_lock<std::mutex>& lock);       // answers the request whose turn it is
-  void run_tasks(uint32_t view, size_t count, const std::function<void(size_t)>& task);
-  void let_others_go_first(uint32_t view);
+  // All these with the lock held.
+  double used_among_all(const View& view) const { return view.is_new ? used_by_new_ : view.used; }
+  bool goes_before(const View& view, uint32_t running) const;
+  template <typename May>
+  Views::iterator first_of(const May& may);  // of those that wait, if they may
+  Views::iterator first_waiting();
+  void charge_running();
+  void begin_to_wait(View& view);
+  void answer(Views::iterator first, std::unique_lock<std::mutex>& lock);
+  void run_tasks(uint32_t view, size_t count, const std::function<void(size_t)>& task);  // without the lock
+  void let_others_go_first(uint32_t view);                                               // without the lock
 
   const ParallelFor parallel_;
   const size_t threads_;
@@ -74,6 +87,7 @@ class FairAnswers {
   std::condition_variable changed_;
   Views views_;
   double virtual_time_ = 0;  // what the view that was chosen last had used
+  double used_by_new_ = 0;   // by all views that are new, as one of them
   uint64_t order_ = 0;
   bool stopped_ = false;
   int depth_ = 0;                     // answers in flight

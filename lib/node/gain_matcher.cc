@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "image/correction.h"
+#include "node/image_memory.h"
 
 namespace lf {
 
@@ -34,14 +35,15 @@ void GainMatcher::keep(uint32_t view_id, uint32_t sequence, std::vector<WideLuma
 }
 
 std::vector<Source> GainMatcher::match(std::span<const Source> sources, const CameraGains& gains,
-                                       const std::function<Rect(CameraIndex)>& region, const ParallelFor& parallel) {
+                                       const std::function<Rect(CameraIndex)>& region, std::vector<ByteBuffer>& memory,
+                                       const ParallelFor& parallel) {
   std::vector<Source> matched(sources.begin(), sources.end());
-  memory_.resize(std::max(memory_.size(), sources.size()));
+  make_room(memory, sources.size());
   parallel(sources.size(), [&](size_t i) {
     const float gain = gains.of(sources[i].camera);
     if (std::abs(gain - 1) < kLeastGain || sources[i].image.family == PixelFamily::kNone) return;
     const Rect rect = region(sources[i].camera);
-    if (!rect.empty()) matched[i].image = divide_by_gain(sources[i].image, rect, gain, memory_[i]);
+    if (!rect.empty()) matched[i].image = divide_by_gain(sources[i].image, rect, gain, memory[i]);
   });
   return matched;
 }

@@ -26,10 +26,10 @@ class GainMatcher {
   // Keeps what was seen for a request until its mean comes.
   void keep(uint32_t view_id, uint32_t sequence, std::vector<WideLuma::Camera> seen);
 
-  // The images divided by `gains` where they are in `region` of a camera (empty: as they are). They stay until the next
-  // call.
-  std::vector<Source> match(std::span<const Source> sources, const CameraGains& gains,
-                            const std::function<Rect(CameraIndex)>& region, const ParallelFor& parallel = serial_for);
+  // The images divided by `gains` where they are in `region` of a camera (empty: as they are), in `memory`.
+  static std::vector<Source> match(std::span<const Source> sources, const CameraGains& gains,
+                                   const std::function<Rect(CameraIndex)>& region, std::vector<ByteBuffer>& memory,
+                                   const ParallelFor& parallel = serial_for);
   void clear();
   // New views begin with what the other matcher's latest view came to.
   void begin_like(const GainMatcher& other) { latest_ = other.latest_; }
@@ -46,7 +46,6 @@ class GainMatcher {
   std::map<uint32_t, View> views_;
   CameraGains latest_;
   uint64_t uses_ = 0;
-  std::vector<ByteBuffer> memory_;
 };
 
 }  // namespace lf

@@ -186,7 +186,9 @@ Node::Reply Node::render(const wire::AnyRequest& any, const Array& array, Reques
   if (!nothing) images = sources.sources();
   AnswerMaker::Options how = options;
   how.colours = array.colours.get();
-  Reply reply{requester.maker.make(*task, header, images, how, std::move(memory)), {}, {}};
+  ImageMemory scratch = requester.images->take();
+  Reply reply{requester.maker.make(*task, header, images, how, scratch, std::move(memory)), {}, {}};
+  requester.images->give_back(std::move(scratch));
   if (reply.gains) stats_.set_gains(images, *reply.gains);
   reply.stages = {.wait = waited + (found - planned),
                   .decode = decoded - found,

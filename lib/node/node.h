@@ -13,6 +13,7 @@
 #include "node/frame_sources.h"
 #include "node/node_stats.h"
 #include "node/skew_watch.h"
+#include "node/work_estimate.h"
 #include "rig/mesh.h"
 #include "wire/answer.h"
 #include "wire/commands.h"
@@ -32,10 +33,13 @@ class Node {
     MeshCache mesh;
     SkewWatch watch;
     AnswerMaker maker;
+    WorkEstimate estimate;       // of its answers, for whoever asks for them
     uint64_t warned_of = 0;      // hash of another rig that a person has been told of
     uint64_t warned_behind = 0;  // when one was told that frames come late, now_ns()
-    // While true nothing is waited for, see cancel(). Several requesters may share it.
+    // Several requesters may share what follows. While *cancelled nothing is waited for, see cancel(); `images` is the
+    // memory for what is made of images.
     std::shared_ptr<std::atomic<bool>> cancelled = std::make_shared<std::atomic<bool>>(false);
+    std::shared_ptr<KeptImages> images = std::make_shared<KeptImages>();
   };
   // While `cancelled` an answer that is made for this requester waits for nothing. Any thread.
   void cancel(Requester& requester, bool cancelled);

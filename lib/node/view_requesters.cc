@@ -5,20 +5,32 @@
 
 namespace lf {
 
-Node::Requester& ViewRequesters::of(uint32_t view_id) {
+std::shared_ptr<Node::Requester> ViewRequesters::of(uint32_t view_id) {
+  const std::lock_guard lock(mutex_);
   auto found = views_.find(view_id);
   if (found == views_.end()) {
-    const auto used = [](const auto& view) { return view.second->used; };
-    // One that is in use, in an answer that was left for this one's, is among those asked for last.
+    const auto used = [](const auto& view) { return view.second.used; };
     if (views_.size() >= 2 * kMostViews) views_.erase(std::ranges::min_element(views_, {}, used));
-    auto view = std::make_unique<View>();
-    view->requester.cancelled = cancelled_;
+    const auto requester = std::make_shared<Node::Requester>();
+    requester->cancelled = cancelled_;
+    requester->images = images_;
     const auto latest = std::ranges::max_element(views_, {}, used);
-    if (latest != views_.end()) view->requester.maker.begin_like(latest->second->requester.maker);
-    found = views_.emplace(view_id, std::move(view)).first;
+    if (latest != views_.end()) requester->maker.begin_like(latest->second.requester->maker);
+    found = views_.emplace(view_id, View{requester}).first;
   }
-  found->second->used = ++uses_;
-  return found->second->requester;
+  found->second.used = ++uses_;
+  return found->second.requester;
+}
+
+uint64_t ViewRequesters::nanoseconds(uint32_t view_id, double work) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = views_.find(view_id);
+  return found == views_.end() ? 0 : found->second.requester->estimate.nanoseconds(work);
+}
+
+void ViewRequesters::clear() {
+  const std::lock_guard lock(mutex_);
+  views_.clear();
 }
 
 }  // namespace lf

@@ -40,6 +40,26 @@ TEST_F(CompositorLimitsTest, AForgedAnswerCostsAtMostOnePicture) {
   EXPECT_THAT(announced(), IsEmpty());
 }
 
+// Nobody has camera 900 (or 2 to 65534): who missed it would have it named in every request from then on, which every
+// node refuses.
+TEST_F(CompositorLimitsTest, AForgedAnswerOfCamerasThatNobodyHasCostsNothing) {
+  begin();
+  for (int i = 0; i < 2; i++) EXPECT_TRUE(is_complete());
+  for (const CameraIndex first : {900u, 2u}) {
+    for (const uint32_t behind : {0u, 1u}) {  // to the request that comes next, and to the one before
+      const uint32_t number = sequence_ - behind;
+      wire::Answer forged = answer_of(array_.request(number, kNow + number * kFrame), {0, 1});
+      forged.fragments.clear();
+      forged.cameras = {};
+      forged.cameras.append({first, first == 900u ? first : kMaxCameras - 1});
+      push(0, forged);
+      for (int i = 0; i < 8; i++) EXPECT_TRUE(is_complete()) << first << ", " << behind;
+    }
+  }
+  EXPECT_EQ(stat(element_.get(), "bad-answers"), 4u);
+  EXPECT_THAT(announced(), IsEmpty());
+}
+
 TEST_F(CompositorLimitsTest, AnotherRigsAnswerCostsAtMostOnePicture) {
   begin();
   EXPECT_TRUE(is_complete());

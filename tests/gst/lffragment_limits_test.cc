@@ -72,6 +72,29 @@ TEST_F(FragmentLimitsTest, FilesAreAskedForAsFastAsTheyCanBeMade) {
   for (int i = 0; i < 10; i++) EXPECT_TRUE(is_answered(asked(1)));
 }
 
+// What few pixels, or none that show anything, took tells nothing of another view's: a second for each pixel would end
+// all pictures.
+TEST_F(FragmentLimitsTest, RequestsOfOnePixelTakeNobodysPictures) {
+  gst_harness_set_live(harness_.get(), TRUE);
+  GstSegment segment;
+  gst_segment_init(&segment, GST_FORMAT_TIME);
+  gst_harness_push_event(harness_.get(), gst_event_new_segment(&segment));
+  set("max-delay", "20000000000");
+  for (int i = 0; i < 20; i++) {
+    ViewRequest tiny = asked(2);
+    tiny.view.width = tiny.view.height = 1;
+    tiny.view.lens = Lens::from_fov_y(20, 1, 1);
+    EXPECT_EQ(request(tiny), GST_FLOW_OK);
+    pull();
+    ViewRequest ordinary = asked(1);
+    ordinary.view.width = ordinary.view.height = 1500;
+    ordinary.view.lens = Lens::from_fov_y(20, 1500, 1500);
+    EXPECT_EQ(request(ordinary), GST_FLOW_OK);
+    EXPECT_FALSE(pull().fragments.empty()) << i;
+  }
+  EXPECT_EQ(stat(element_.get(), "skipped"), 0u);
+}
+
 Bytes packet_of(const std::vector<Bytes>& units, uint16_t number) {
   Bytes payload(rtp::kUnitsHeaderBytes);
   rtp::put_units_header(payload.data());

@@ -156,6 +156,34 @@ TEST_F(LfViewSrcOnHostsTest, HostsSayWhatIsWrong) {
   }
 }
 
+// What is told to take more than by default gets it, and who refuses a request is counted where one looks.
+TEST_F(LfViewSrcOnHostsTest, LimitsHoldForWhatComesIn) {
+  const auto depay_pixels = [](GstElement* bin, const char* depay) {
+    const ElementPtr inner(gst_bin_get_by_name(GST_BIN(bin), depay));
+    guint64 pixels = 0;
+    if (inner) g_object_get(inner.get(), "max-pixels", &pixels, nullptr);
+    return pixels;
+  };
+  const ElementPtr bin = make("lfnodesink");
+  g_object_set(bin.get(), "rig", array_.rig_path().c_str(), "listen", std::to_string(there_[0]).c_str(), "answers",
+               ("127.0.0.1:" + std::to_string(here_[0])).c_str(), "max-pixels", guint64{33'177'600}, nullptr);
+  ASSERT_EQ(gst_element_set_state(bin.get(), GST_STATE_READY), GST_STATE_CHANGE_SUCCESS);
+  EXPECT_EQ(depay_pixels(bin.get(), "requests0_depay"), 33'177'600u);
+  g_object_set(bin.get(), "max-pixels", guint64{100}, nullptr);
+  EXPECT_EQ(depay_pixels(bin.get(), "requests0_depay"), 100u);
+  EXPECT_EQ(requests(bin.get(), 0, "refused"), 0u);
+  gst_element_set_state(bin.get(), GST_STATE_NULL);
+
+  const ElementPtr viewer = make("lfviewsrc");
+  const std::string port = std::to_string(there_[1]);
+  g_object_set(viewer.get(), "rig", array_.rig_path().c_str(), "nodes",
+               ("127.0.0.1:" + port + ":" + std::to_string(here_[1])).c_str(), "max-pixels", guint64{33'177'600},
+               nullptr);
+  ASSERT_EQ(gst_element_set_state(viewer.get(), GST_STATE_READY), GST_STATE_CHANGE_SUCCESS);
+  EXPECT_EQ(depay_pixels(viewer.get(), "host0_depay"), 33'177'600u);
+  gst_element_set_state(viewer.get(), GST_STATE_NULL);
+}
+
 TEST_F(LfViewSrcOnHostsTest, TheOtherEndHasThePropertiesOfItsNode) {
   const ElementPtr bin = make("lfnodesink");
   g_object_set(bin.get(), "rig", array_.rig_path().c_str(), "cameras", "1-2", "node", 3u, "mtu", 700u, nullptr);

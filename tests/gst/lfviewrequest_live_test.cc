@@ -97,6 +97,17 @@ TEST(LfViewRequestLive, ARigIsReadAgainWhileRunning) {
   EXPECT_EQ(unit.request.out_of_service, CameraSet{5});
 }
 
+TEST(LfViewRequestLive, CamerasThatTheRigDoesNotHaveAreNotNamed) {
+  Source source;
+  const OtherRig rig(test_rig(), [](Rig&) {});
+  source.set("rig", rig.path().c_str());
+  source.play_live();
+  source.next_live();
+  source.send(view_feedback_event({.view_id = 0, .out_of_service = CameraSet{5, 900}}));
+  source.next_live();
+  EXPECT_EQ(source.next_live().request.out_of_service, CameraSet{5});
+}
+
 TEST(LfViewRequestLive, InstantsThatPassedAreLeftOut) {
   Source source;
   source.set("framerate", 10, 1, "capture-delay", 30 * kMs);

@@ -2,6 +2,7 @@
 #include "rtp/rtp_key.h"
 
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <gtest/gtest.h>
 
@@ -59,6 +60,14 @@ TEST(RtpKey, FilesThatWillNotDoAreNamed) {
   const TempFile empty({}), few(text(std::string(31, 'k') + std::string(40, ' '))), many(text(std::string(4097, 'k')));
   for (const TempFile* bad : {&empty, &few, &many})
     EXPECT_ERROR(RtpKey(bad->path()), bad->path() + ": a key has 32 to");
+}
+
+// To open one would take until somebody writes into it.
+TEST(RtpKey, AFifoIsNotWaitedFor) {
+  const std::string path = std::string(g_get_tmp_dir()) + "/lf_fifo_" + std::to_string(getpid());
+  ASSERT_EQ(mkfifo(path.c_str(), 0600), 0);
+  EXPECT_ERROR(RtpKey(path), path + ": the key can't be read");
+  unlink(path.c_str());
 }
 
 TEST(RtpKey, KnowsWhetherEverybodyMayReadIt) {

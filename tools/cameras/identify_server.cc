@@ -14,7 +14,7 @@ using lf::serve::header;
 using lf::serve::respond;
 using lf::serve::set_header;
 
-constexpr goffset kLongestBody = 1000;
+constexpr size_t kLongestBody = 1000;
 
 void respond_json(SoupServerMessage* message, guint status, const nlohmann::json& json) {
   respond(message, status, "application/json", json.dump());
@@ -24,36 +24,48 @@ void respond_json(SoupServerMessage* message, guint status, const nlohmann::json
 
 IdentifyServer::IdentifyServer(int port, Source source)
     : source_(std::move(source)), access_("", {}, {}), server_(soup_server_new("server-header", "lf-rig", nullptr)) {
+  soup_server_add_early_handler(
+      server_, nullptr,
+      [](SoupServer*, SoupServerMessage* message, const char*, GHashTable*, gpointer self) {
+        static_cast<IdentifyServer*>(self)->begin(message);
+      },
+      this, nullptr);
   soup_server_add_handler(
       server_, nullptr,
       [](SoupServer*, SoupServerMessage* message, const char* path, GHashTable*, gpointer self) {
         static_cast<IdentifyServer*>(self)->handle(message, path);
       },
       this, nullptr);
-  g_autoptr(GError) error = nullptr;
-  if (!soup_server_listen_local(server_, static_cast<guint>(port), SOUP_SERVER_LISTEN_IPV4_ONLY, &error)) {
+  try {
+    connections_ = std::make_unique<lf::serve::Connections>(server_, "127.0.0.1", port, nullptr);
+  } catch (const Error& error) {
     g_object_unref(server_);
-    throw Error("port " + std::to_string(port) + ": " + error->message);
+    throw Error("port " + std::to_string(port) + ": " + error.what());
   }
 }
 
 IdentifyServer::~IdentifyServer() {
+  connections_.reset();
   soup_server_disconnect(server_);
   g_object_unref(server_);
 }
 
-std::string IdentifyServer::url() const {
-  GSList* uris = soup_server_get_uris(server_);
-  const std::string url =
-      "http://127.0.0.1:" + std::to_string(uris ? g_uri_get_port(static_cast<GUri*>(uris->data)) : 0) + "/";
-  g_slist_free_full(uris, reinterpret_cast<GDestroyNotify>(g_uri_unref));
-  return url;
+std::string IdentifyServer::url() const { return "http://127.0.0.1:" + std::to_string(connections_->port()) + "/"; }
+
+// Before the body is read: pages of other sites may send any.
+void IdentifyServer::begin(SoupServerMessage* message) {
+  set_header(message, "Connection", "close");  // as lf-serve does, and Connections expects
+  set_header(message, "Cache-Control", "no-store");
+  set_header(message, "X-Content-Type-Options", "nosniff");
+  const lf::serve::Refusal* const refusal = lf::serve::refuse_body(message, kLongestBody);
+  if (!refusal) return;
+  connections_->asked(message);
+  respond(message, refusal->status, "text/plain", std::string(refusal->title) + "\n");
 }
 
 // Pages of other sites that this machine's browser shows must neither see the cameras nor write the rig.
 void IdentifyServer::handle(SoupServerMessage* message, const std::string& path) {
-  set_header(message, "Cache-Control", "no-store");
-  set_header(message, "X-Content-Type-Options", "nosniff");
+  connections_->asked(message);
   const char* host = header(message, "Host");
   if (!access_.allows_host(host) || !access_.allows_origin(header(message, "Origin"), host))
     return respond(message, SOUP_STATUS_FORBIDDEN, "text/plain", "not for other pages\n");
@@ -86,7 +98,7 @@ void IdentifyServer::handle(SoupServerMessage* message, const std::string& path)
 void IdentifyServer::swap(SoupServerMessage* message) {
   const char* type = header(message, "Content-Type");
   SoupMessageBody* body = soup_server_message_get_request_body(message);
-  if (!type || !std::string(type).starts_with("application/json") || body->length > kLongestBody)
+  if (!type || !std::string(type).starts_with("application/json"))
     return respond_json(message, SOUP_STATUS_UNSUPPORTED_MEDIA_TYPE, {{"problem", "must be application/json"}});
   const auto json = nlohmann::json::parse(body->data, body->data + body->length, nullptr, false);
   const auto id = [&](const char* key) -> std::optional<uint32_t> {

@@ -5,10 +5,12 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "serve/access.h"
+#include "serve/connections.h"
 
 namespace lf::cameras {
 
@@ -30,12 +32,14 @@ class IdentifyServer {
   std::string url() const;
 
  private:
+  void begin(SoupServerMessage* message);
   void handle(SoupServerMessage* message, const std::string& path);
   void swap(SoupServerMessage* message);
 
   Source source_;
   lf::serve::Access access_;
   SoupServer* server_;
+  std::unique_ptr<lf::serve::Connections> connections_;
 };
 
 }  // namespace lf::cameras

@@ -28,7 +28,7 @@ Connections::Connections(SoupServer* server, const std::string& address, int por
   GError* error = nullptr;
   if (!bound || !g_socket_listener_add_address(G_SOCKET_LISTENER(service_), bound, G_SOCKET_TYPE_STREAM,
                                                G_SOCKET_PROTOCOL_TCP, nullptr, &effective, &error)) {
-    const std::string text = "--listen " + address + ": " + (error ? error->message : "must be an IP address");
+    const std::string text = address + ": " + (error ? error->message : "must be an IP address");
     g_clear_error(&error);
     g_object_unref(service_);
     throw Error(text);

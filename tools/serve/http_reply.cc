@@ -27,6 +27,16 @@ void respond(SoupServerMessage* message, guint status, const char* type, const s
   soup_server_message_set_response(message, type, SOUP_MEMORY_COPY, body.data(), body.size());
 }
 
+const Refusal* refuse_body(SoupServerMessage* message, size_t most) {
+  SoupMessageHeaders* headers = soup_server_message_get_request_headers(message);
+  const SoupEncoding encoding = soup_message_headers_get_encoding(headers);
+  const bool has_length = encoding == SOUP_ENCODING_CONTENT_LENGTH;
+  const bool too_long = has_length && soup_message_headers_get_content_length(headers) > static_cast<goffset>(most);
+  if (!too_long && (has_length || encoding == SOUP_ENCODING_NONE)) return nullptr;
+  soup_message_body_set_accumulate(soup_server_message_get_request_body(message), FALSE);
+  return too_long ? &refusal::kBody : &refusal::kLength;
+}
+
 void allow(SoupServerMessage* message, const char* methods) {
   set_header(message, "Access-Control-Allow-Methods", methods);
   set_header(message, "Access-Control-Allow-Headers", "Authorization, Content-Type");

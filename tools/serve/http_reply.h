@@ -42,6 +42,10 @@ inline constexpr Refusal kStarting{503, "starting", "the cameras are being opene
 inline constexpr Refusal kPath{404, "path", "there is no such path (--path)"};
 }  // namespace refusal
 
+// Before a request's body is read: why it is not to be, as it is longer than `most` bytes or does not say how long;
+// what comes of it is not kept. Null: it may be read.
+const Refusal* refuse_body(SoupServerMessage* message, size_t most);
+
 // Answers with refusals, and counts them by their reason. On the main thread alone.
 class Refusals {
  public:

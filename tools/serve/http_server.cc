@@ -71,9 +71,9 @@ HttpServer::HttpServer(const ServerOptions& options, const Limits& limits)
   try {
     connections_ = std::make_unique<Connections>(
         server_, options.address == "localhost" ? "127.0.0.1" : options.address, options.port, certificate);
-  } catch (const Error&) {
+  } catch (const Error& error) {
     g_object_unref(server_);
-    throw;
+    throw Error(std::string("--listen ") + error.what());
   }
 }
 
@@ -114,14 +114,10 @@ void HttpServer::begin(SoupServerMessage* message) {
   set_header(message, "Cache-Control", "no-cache");
   set_header(message, "X-Content-Type-Options", "nosniff");
   set_header(message, "Referrer-Policy", "no-referrer");
-  SoupMessageHeaders* headers = soup_server_message_get_request_headers(message);
-  const SoupEncoding encoding = soup_message_headers_get_encoding(headers);
-  const bool too_long = encoding == SOUP_ENCODING_CONTENT_LENGTH &&
-                        soup_message_headers_get_content_length(headers) > static_cast<goffset>(Offer::kMaxBytes);
-  if (!too_long && (encoding == SOUP_ENCODING_CONTENT_LENGTH || encoding == SOUP_ENCODING_NONE)) return;
-  soup_message_body_set_accumulate(soup_server_message_get_request_body(message), FALSE);
+  const Refusal* const refusal = refuse_body(message, Offer::kMaxBytes);
+  if (!refusal) return;
   connections_->asked(message);
-  refusals_.answer(message, client_of(message).address, too_long ? refusal::kBody : refusal::kLength);
+  refusals_.answer(message, client_of(message).address, *refusal);
 }
 
 void HttpServer::handle(SoupServerMessage* message, const std::string& path, GHashTable* query) {

@@ -71,6 +71,8 @@ LightField::LightField(const std::string& rig, const std::vector<NodeAddress>& n
     set_in(pipeline_, "cameras", "rig", rig.c_str());
     if (!record.empty()) set_in(pipeline_, "cameras", "record", record.c_str());
     GstElement* node = gst_bin_get_by_name(GST_BIN(pipeline_), "cameras");
+    // Those that have gone count for a while.
+    g_object_set(node, "max-views", static_cast<guint>(2 * max_views), nullptr);
     g_signal_connect(node, "element-added", G_CALLBACK(camera_added), this);
     gst_object_unref(node);
   } else {

@@ -240,7 +240,9 @@ void Viewer::control(const std::string& text) {
     }
     // The data channel may be open before there is anything to be steered: a link's view comes first of all.
     if (!began_video_) {
-      early_.push_back(text);  // few: see messages_
+      const bool fits = text.size() <= ControlMessage::kMaxBytes;
+      if (fits) early_.push_back(text);  // few: see messages_
+      refused_messages_ += !fits;
       return;
     }
   }

@@ -10,6 +10,10 @@ namespace {
 
 const CameraRanges kRow(CameraSet{4, 5, 6, 7});
 
+bool add(Coverage& coverage, const CameraRanges& cameras, const Rect& rect) {
+  return Coverage::Sums(coverage, cameras).add(rect);
+}
+
 TEST(Coverage, ACameraMayComeInStripsButNotTwice) {
   Coverage coverage;
   EXPECT_TRUE(coverage.add(3, {0, 0, 10, 4}));
@@ -22,22 +26,45 @@ TEST(Coverage, ACameraMayComeInStripsButNotTwice) {
 
 TEST(Coverage, ASumStandsForItsCameras) {
   Coverage coverage;
-  EXPECT_TRUE(coverage.add(kRow, {0, 0, 10, 4}));
+  EXPECT_TRUE(add(coverage, kRow, {0, 0, 10, 4}));
   EXPECT_FALSE(coverage.add(5, {5, 0, 20, 4}));
   EXPECT_TRUE(coverage.add(5, {5, 4, 20, 8}));
   EXPECT_TRUE(coverage.add(8, {0, 0, 10, 4}));
-  EXPECT_FALSE(coverage.add(CameraRanges(CameraSet{7, 9}), {0, 3, 1, 9}));
-  EXPECT_FALSE(coverage.add(CameraRanges(CameraSet{5, 9}), {5, 6, 6, 9}));
-  EXPECT_TRUE(coverage.add(CameraRanges(CameraSet{6, 9}), {5, 6, 6, 9}));
+  EXPECT_FALSE(add(coverage, CameraRanges(CameraSet{7, 9}), {0, 3, 1, 9}));
+  EXPECT_FALSE(add(coverage, CameraRanges(CameraSet{5, 9}), {5, 6, 6, 9}));
+  EXPECT_TRUE(add(coverage, CameraRanges(CameraSet{6, 9}), {5, 6, 6, 9}));
   EXPECT_TRUE(coverage.has(6));
   coverage.clear();
   EXPECT_FALSE(coverage.has(6));
   EXPECT_TRUE(coverage.add(5, {5, 0, 20, 4}));
 }
 
+// An answer of as many fragments as there may be, beside many sets of many runs of cameras: to look at all of them for
+// each fragment would take minutes.
+TEST(Coverage, OtherSetsAreLookedThroughOnceInAnAnswer) {
+  Coverage coverage;
+  CameraRanges even;
+  for (CameraIndex camera = 0; camera < 2000; camera += 2) even.append({camera, camera});
+  for (int node = 0; node < 300; node++) {
+    CameraRanges cameras = even;
+    cameras.append({3000 + 2 * static_cast<CameraIndex>(node), 3000 + 2 * static_cast<CameraIndex>(node)});
+    EXPECT_TRUE(add(coverage, cameras, {node, 0, node + 1, 1}));
+  }
+  const CameraRanges odd(CameraSet{2001}), both(CameraSet{3002, 3005});
+  Coverage::Sums sums(coverage, odd), shared(coverage, both);
+  int added = 0;
+  for (int y = 0; y < 256; y++)
+    for (int x = 0; x < 256; x++) added += sums.add({x, y, x + 1, y + 1});
+  EXPECT_EQ(added, 256 * 256);
+  EXPECT_FALSE(shared.add({1, 0, 2, 1})) << "of node 1";
+  EXPECT_TRUE(shared.add({2, 0, 3, 1}));
+  EXPECT_TRUE(coverage.has(2));
+  EXPECT_FALSE(coverage.has(1));
+}
+
 TEST(Coverage, TakesOutWhatHasCome) {
   Coverage coverage;
-  coverage.add(kRow, {0, 0, 4, 1});
+  add(coverage, kRow, {0, 0, 4, 1});
   coverage.add(5, {3, 1, 9, 2});
   std::vector<float> own(4 * 3, 0.5f);
   coverage.take_out(5, {2, 0, 6, 3}, own);

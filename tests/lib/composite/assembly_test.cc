@@ -55,6 +55,20 @@ TEST_F(AssemblyTest, AddsNodesInAnyOrder) {
   EXPECT_LE(high, 182);
 }
 
+TEST_F(AssemblyTest, CamerasThatTheRigDoesNotHaveAreRefused) {
+  assembly_.set_rig(rig_);
+  assembly_.begin(request_);
+  wire::Answer forged = answer({0});
+  forged.cameras.append({9, 9});
+  EXPECT_TRUE(assembly_.is_beyond_rig(forged));
+  EXPECT_EQ(add_answer(assembly_, forged), Assembly::Verdict::kBadFragment);
+  EXPECT_EQ(assembly_.fragments(), 0u);
+  EXPECT_TRUE(assembly_.seeing().empty());
+  EXPECT_EQ(add_answer(assembly_, answer(all_)), Assembly::Verdict::kAdded);
+  assembly_.finish(PixelFamily::kRgb, false);
+  EXPECT_TRUE(assembly_.complete());
+}
+
 TEST_F(AssemblyTest, EveryCameraCountsOnce) {
   assembly_.begin(request_);
   add_answer(assembly_, answer(all_));

@@ -26,13 +26,14 @@ class AnswerMakerTest : public testing::Test {
     const auto task = make_task(walls_.rig, walls_.mesh, request_, walls_.own);
     std::vector<Source> sources;
     for (const CameraIndex camera : task->cameras()) sources.push_back(all[camera]);
-    return maker_.make(*task, header_, sources, options_);
+    return maker_.make(*task, header_, sources, options_, scratch_);
   }
   test::ArrayOfWalls walls_;
   ViewRequest request_;
   wire::AnswerHeader header_;
   AnswerMaker::Options options_;
   AnswerMaker maker_;
+  ImageMemory scratch_;
 };
 
 TEST_F(AnswerMakerTest, SharpensWhereThatIsAsked) {
@@ -99,6 +100,35 @@ TEST_F(AnswerMakerTest, TrialsAndBrightnessGoBeforeTheAnswer) {
   EXPECT_NE(units.answer.bytes, before);
   maker_.clear();
   EXPECT_EQ(make(walls_.sources()).gains->of(4), 1);
+}
+
+// Megabytes are not kept for each view that ever was.
+TEST_F(AnswerMakerTest, ImagesOfOneViewAreMadeInAnothersMemory) {
+  KeptImages kept;
+  options_.resampling = Resampling::kSharpened;
+  request_.gains = {.use = true, .ask = true};
+  const auto answer = [&](uint32_t view_id, AnswerMaker& maker) {
+    header_.view_id = view_id;
+    const auto task = make_task(walls_.rig, walls_.mesh, request_, walls_.own);
+    std::vector<Source> sources;
+    for (const CameraIndex camera : task->cameras()) sources.push_back(walls_.sources()[camera]);
+    ImageMemory memory = kept.take();
+    const ByteBuffer bytes = maker.make(*task, header_, sources, options_, memory).answer.bytes;
+    std::vector<const uint8_t*> places;
+    for (const ByteBuffer& image : memory.sharpened) places.push_back(image.data());
+    kept.give_back(std::move(memory));
+    return std::pair(places, bytes);
+  };
+  const auto [first, picture] = answer(1, maker_);
+  EXPECT_FALSE(first.empty());
+  const size_t needed = kept.kept_bytes();
+  EXPECT_GT(needed, 0u);
+  for (uint32_t view = 2; view < 20; view++) {
+    AnswerMaker other;
+    EXPECT_EQ(answer(view, other).first, first);
+  }
+  EXPECT_EQ(answer(1, maker_).second, picture);
+  EXPECT_EQ(kept.kept_bytes(), needed);
 }
 
 }  // namespace

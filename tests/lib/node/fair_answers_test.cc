@@ -23,9 +23,10 @@ class Simulation {
     uint64_t at;  // in tiles
     size_t tiles;
     uint32_t view;
+    bool expected = true;  // somebody knows what its answer takes
   };
   explicit Simulation(std::vector<Asked> to_come) : to_come_(std::move(to_come)) {
-    std::ranges::sort(to_come_, {}, &Asked::at);
+    std::ranges::stable_sort(to_come_, {}, &Asked::at);
   }
 
   // Until all is answered, or for so long.
@@ -54,6 +55,7 @@ class Simulation {
   }
   uint64_t tile() const { return time_ / kTile; }
   size_t dropped() const { return dropped_; }
+  size_t most_views() const { return most_views_; }  // that were known at a time
 
  private:
   void let_come() {
@@ -61,7 +63,7 @@ class Simulation {
       const Asked asked = to_come_[next_++];
       bool dropped = false;
       answers_.add(
-          asked.view, asked.tiles * kTile,
+          asked.view, asked.expected ? asked.tiles * kTile : 0,
           [this, asked](const ParallelFor& parallel) {
             parallel(asked.tiles, [this](size_t) {
               time_ += kTile;
@@ -71,6 +73,7 @@ class Simulation {
           },
           &dropped);
       dropped_ += dropped;
+      most_views_ = std::max(most_views_, answers_.views());
     }
   }
 
@@ -78,7 +81,7 @@ class Simulation {
   std::vector<Asked> to_come_;
   size_t next_ = 0;
   std::vector<std::pair<uint32_t, uint64_t>> delays_;
-  size_t dropped_ = 0;
+  size_t dropped_ = 0, most_views_ = 0;
   FairAnswers answers_{serial_for, 1, [this] { return time_; }};
 };
 
@@ -92,7 +95,7 @@ void append(std::vector<Simulation::Asked>& to, const std::vector<Simulation::As
   to.insert(to.end(), more.begin(), more.end());
 }
 
-constexpr uint64_t kEnd = 20'000;
+constexpr uint64_t kEnd = 20'000, kNew = 2'100;  // until then views are new that asked first of all
 
 // One view asks for ten times as much as there is time for, in small requests or in large ones.
 TEST(FairAnswers, AGreedyViewDelaysNobody) {
@@ -111,6 +114,51 @@ TEST(FairAnswers, AGreedyViewDelaysNobody) {
       EXPECT_GT(both.dropped(), 100u);
     }
   }
+}
+
+// As many numbers as RequestGate lets in, each asked for once, one after the other or all at once; what their answers
+// take is not known before.
+TEST(FairAnswers, NumbersThatAreMadeUpDelayNobody) {
+  for (const size_t own : {10, 30, 60}) {
+    Simulation alone(every(200, own, 1, kEnd));
+    alone.run(kEnd);
+    for (const size_t at_once : {1, 8, 64}) {
+      for (const size_t tiles : {5, 250, 1000}) {
+        std::vector<Simulation::Asked> asked = every(200, own, 1, kEnd);
+        uint32_t made_up = 100;
+        for (uint64_t at = kNew; at < kEnd; at += 2000 * at_once / 64)
+          for (size_t i = 0; i < at_once; i++) asked.push_back({at, tiles, made_up++, false});
+        Simulation both(asked);
+        both.run(kEnd);
+        EXPECT_LE(static_cast<double>(both.p95(1)), 1.3 * static_cast<double>(alone.p95(1)))
+            << own << " beside " << tiles << " of " << at_once << " at once";
+        EXPECT_GE(both.answered(1) + 1, alone.answered(1));
+        EXPECT_GT(both.answered(100), 0u) << "what is left is theirs";
+      }
+    }
+  }
+}
+
+// Nor those that stay, of which nobody ever learns what their answers take.
+TEST(FairAnswers, NobodyIsLeftForWhatMayTakeAnyTime) {
+  Simulation alone(every(200, 10, 1, kEnd));
+  alone.run(kEnd);
+  std::vector<Simulation::Asked> asked = every(200, 10, 1, kEnd);
+  for (uint32_t view = 2; view < 20; view++)
+    for (uint64_t at = kNew + view; at < kEnd; at += 500)
+      asked.push_back({at, view % 2 ? size_t{1} : size_t{1000}, view, false});
+  Simulation both(asked);
+  both.run(kEnd);
+  EXPECT_LE(static_cast<double>(both.p95(1)), 1.3 * static_cast<double>(alone.p95(1)));
+}
+
+TEST(FairAnswers, NumbersThatAreMadeUpAreForgotten) {
+  std::vector<Simulation::Asked> asked;
+  for (uint32_t i = 0; i < 10'000; i++) asked.push_back({10 + 32 * i, 5, i});
+  Simulation made_up(asked);
+  made_up.run(10'000 * 40);
+  EXPECT_EQ(made_up.answered(9'999), 1u);
+  EXPECT_LE(made_up.most_views(), 64u + 1);
 }
 
 TEST(FairAnswers, ViewsThatAskForTooMuchShareAlike) {
@@ -176,7 +224,7 @@ TEST(FairAnswers, EachTaskIsDoneOnce) {
   });
   for (int round = 0; round < 20; round++) {
     for (auto* tasks : {&first, &second})
-      answers.add(tasks == &first ? 1 : 2, 0,
+      answers.add(tasks == &first ? 1 : 2, 1,
                   [tasks](const ParallelFor& parallel) { parallel(tasks->size(), [=](size_t i) { (*tasks)[i]++; }); });
     answers.drain();
   }

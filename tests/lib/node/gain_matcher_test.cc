@@ -71,8 +71,13 @@ TEST(GainMatcher, DividesImages) {
   for (unsigned i = 0; i < CameraGains::kMeans; i++)
     gains.take({{0, {std::log(1.5f / gains.likely(0)), 0}}, {2, {std::log(1.5f / gains.likely(2)), 0}}});
   ASSERT_NEAR(gains.of(0), 1.5, 0.001);
-  GainMatcher matcher;
-  const std::vector<Source> out = matcher.match(sources, gains, [](CameraIndex) { return Rect{0, 0, 8, 8}; });
+  std::vector<ByteBuffer> memory;
+  const std::vector<Source> out = GainMatcher::match(
+      sources, gains,
+      [](CameraIndex) {
+        return Rect{0, 0, 8, 8};
+      },
+      memory);
   EXPECT_NEAR(out[0].image.plane[0][100], 110 / gains.of(0), 1);
   EXPECT_EQ(out[1].image.plane[0], grey.view().plane[0]) << "costs nothing";
   EXPECT_EQ(out[2].image.family, PixelFamily::kNone);

@@ -93,5 +93,14 @@ TEST(RequestGate, HoldsAViewToARateFromWhenItHasOne) {
   EXPECT_EQ(gate.check(1, {}, limits, 0, 5), RequestGate::kRate);
 }
 
+// A request of one pixel takes about as long as one of some thousands: a view that goes on with an ordinary one is not
+// expected to take minutes.
+TEST(PlannedWork, WhatFewPixelsTookTellsLittleOfMany) {
+  const double ratio = planned_work({.width = 320, .height = 240}) / planned_work({.width = 1, .height = 1});
+  EXPECT_LT(ratio, 10);
+  EXPECT_GT(planned_work({.width = 320, .height = 240, .aperture = 1}), planned_work({.width = 320, .height = 240}));
+  EXPECT_GT(planned_work({.width = 3200, .height = 2400}), 50 * planned_work({.width = 320, .height = 240}));
+}
+
 }  // namespace
 }  // namespace lf
