@@ -78,13 +78,15 @@ class Array {
     return sources;
   }
   std::vector<Source> match(const std::vector<Source>& sources, const GainRequest& gains) {
-    return matcher_.match(sources, matcher_.gains_for(0, gains), [&](CameraIndex camera) { return whole(camera); });
+    const auto all = [&](CameraIndex camera) { return whole(camera); };
+    return GainMatcher::match(sources, matcher_.gains_for(0, gains), all, divided_);
   }
 
   const Situation& s_;
   const Mesh mesh_;
   std::vector<CameraIndex> own_;
   std::vector<ByteBuffer> sharp_;
+  std::vector<ByteBuffer> divided_;
   GainMatcher matcher_;
   MeanTurns turns_;
 };

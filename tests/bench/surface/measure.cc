@@ -107,9 +107,10 @@ class Renderer {
     return mean;
   }
   std::vector<Source> match(const RenderJob& job, const std::vector<Source>& sources, const CameraGains& gains) {
-    return matcher_.match(sources, gains, [&](CameraIndex camera) {
+    const auto needed = [&](CameraIndex camera) {
       return needed_pixels(job.plan(), camera, case_.rig.cameras[camera]);
-    });
+    };
+    return GainMatcher::match(sources, gains, needed, divided_);
   }
 
   std::vector<Source> sources_of(const RenderJob& job, size_t number) const {
@@ -122,6 +123,7 @@ class Renderer {
   const Case& case_;
   const Resampling resampling_;
   const bool matched_;
+  std::vector<ByteBuffer> divided_;
   GainMatcher matcher_;
   MeanTurns mean_turns_;
   std::vector<ByteBuffer> sharp_;
