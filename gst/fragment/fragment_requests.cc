@@ -14,7 +14,7 @@ struct Job {
   lf::wire::AnyRequest request;
   GstClockTime pts, duration;
   bool in_process;
-  double work = 0;   // planned_work()
+  double work = 0;   // of its answer, see WorkEstimate
   uint64_t due = 0;  // live: when its answer is of no use any more, now_ns(); 0: never
 };
 
@@ -185,7 +185,7 @@ static GstFlowReturn lf_fragment_take_request(LfFragment* self, GstPad* pad, Gst
   lf_fragment_follow_requests(self, pad, lf::wire::head_of(*request));
   lf_fragment_tell_delay(self, pad);
   Job job{std::move(*request), GST_BUFFER_PTS(buffer), GST_BUFFER_DURATION(buffer), requester.compositor.is_near(src),
-          lf::planned_work(lf::wire::peek_request_cost(mapped.bytes()))};
+          lf::WorkEstimate::kAnyAnswer + lf::planned_work(lf::wire::peek_request_cost(mapped.bytes()))};
   if (requester.place.is_live()) return lf_fragment_answer_later(self, pad, src, std::move(job));
   return lf_fragment_answer(self, pad, src, job, requester.kept, lf_fragment_workers(self));
 }

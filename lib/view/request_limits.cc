@@ -23,11 +23,8 @@ std::string metres(double value) { return format_text("%.4g m", value); }
 double planned_work(const RequestCost& cost) {
   // By an aperture many cameras make a pixel; a trial is looked at for every 4 x 4 or more of them.
   constexpr double kByAperture = 16, kTrial = 1.0 / 16;
-  // Any answer takes as long as some pixels, to look for frames, to plan and to wake threads: what few pixels took
-  // tells little of many.
-  constexpr double kEach = 65536;
   const double pixels = static_cast<double>(cost.width) * cost.height;
-  return kEach + pixels * ((cost.aperture > 0 ? kByAperture : 1) + kTrial * cost.trials);
+  return pixels * ((cost.aperture > 0 ? kByAperture : 1) + kTrial * cost.trials);
 }
 
 double array_extent(const Rig& rig) {

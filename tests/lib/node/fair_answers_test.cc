@@ -255,5 +255,13 @@ TEST(WorkEstimate, FollowsWhatAnswersTake) {
   EXPECT_LT(estimate.nanoseconds(100), 10u) << "one is tried again";
 }
 
+// A view that asks for one pixel and then for an ordinary picture is not expected to take seconds for it.
+TEST(WorkEstimate, WhatFewPixelsTookTellsLittleOfMany) {
+  WorkEstimate estimate;
+  for (int i = 0; i < 20; i++) estimate.done(WorkEstimate::kAnyAnswer + 1, 140'000);
+  EXPECT_NEAR(static_cast<double>(estimate.nanoseconds(WorkEstimate::kAnyAnswer + 1)), 140'000, 1000);
+  EXPECT_LT(estimate.nanoseconds(WorkEstimate::kAnyAnswer + 320 * 240), 5'000'000u);
+}
+
 }  // namespace
 }  // namespace lf

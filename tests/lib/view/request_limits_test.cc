@@ -79,8 +79,7 @@ TEST(RequestLimits, AnArrayIsAsWideAsItsCamerasAreApart) {
 TEST(RequestLimits, WorkFollowsWhatIsAskedFor) {
   EXPECT_GT(planned_work({640, 480, 0.1, 0}), 5 * planned_work({640, 480, 0, 0}));
   EXPECT_GT(planned_work({640, 480, 0, 8}), planned_work({640, 480, 0, 0}));
-  const double any = planned_work({});  // what the smallest takes
-  EXPECT_DOUBLE_EQ(planned_work({1280, 960, 0, 0}) - any, 4 * (planned_work({640, 480, 0, 0}) - any));
+  EXPECT_DOUBLE_EQ(planned_work({1280, 960, 0, 0}), 4 * planned_work({640, 480, 0, 0}));
 }
 
 // A view is only held to a rate once it is known to be live.
@@ -92,15 +91,6 @@ TEST(RequestGate, HoldsAViewToARateFromWhenItHasOne) {
   limits.requests_per_second = 10;
   for (int i = 0; i < 10; i++) EXPECT_EQ(gate.check(1, {}, limits, 0, 5), RequestGate::kNone) << i;
   EXPECT_EQ(gate.check(1, {}, limits, 0, 5), RequestGate::kRate);
-}
-
-// A request of one pixel takes about as long as one of some thousands: a view that goes on with an ordinary one is not
-// expected to take minutes.
-TEST(PlannedWork, WhatFewPixelsTookTellsLittleOfMany) {
-  const double ratio = planned_work({.width = 320, .height = 240}) / planned_work({.width = 1, .height = 1});
-  EXPECT_LT(ratio, 10);
-  EXPECT_GT(planned_work({.width = 320, .height = 240, .aperture = 1}), planned_work({.width = 320, .height = 240}));
-  EXPECT_GT(planned_work({.width = 3200, .height = 2400}), 50 * planned_work({.width = 320, .height = 240}));
 }
 
 }  // namespace
