@@ -56,7 +56,8 @@ CameraStream::CameraStream(GstElement* owner, const CameraChain& chain, const St
       round_start_(options.begin),
       round_(options.round),
       film_end_(options.begin),
-      film_start_(options.begin) {
+      film_start_(options.begin),
+      dropped_before_(options.shedder ? options.shedder->dropped() : 0) {
   gst_segment_init(&segment_, GST_FORMAT_TIME);
   for (GstPad* pad : {chain_.decoded, chain_.frames, chain_.out}) gst_object_ref(pad);
 }

@@ -141,6 +141,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   bool is_on_time_ = false;  // a stream that catches up has done so
   bool is_cut_off_ = false;  // more could have been sent when the source came to its end
   bool told_cut_off_ = false;
+  uint64_t dropped_before_ = 0;  // frames that the shedder had dropped when this round began
 };
 
 }  // namespace lf

@@ -152,10 +152,11 @@ bool CameraStream::begin_again(bool flush) {
   if (!options_.seek_to_loop || !is_cut_off_ || failed_ || round_frames_ == 0) return false;
   if (live_latency(chain_.decoded)) return false;  // no beginning to seek back to
 
-  // A film that is cut off has no frames for the rest of its round, so that those after it are in step with the
-  // others'.
+  // A film that is cut off, or whose last frames were dropped, has none for the rest of its round, so that those after
+  // it are in step with the others'.
   const GstClockTime missing = missing_at_end();
-  if (missing > 0 && !std::exchange(told_cut_off_, true)) listener_.on_cut_off(position_, missing);
+  const bool dropped = options_.shedder->dropped() != std::exchange(dropped_before_, options_.shedder->dropped());
+  if (missing > 0 && !dropped && !std::exchange(told_cut_off_, true)) listener_.on_cut_off(position_, missing);
   stream_end_ += missing;
   film_end_ += missing;
   round_ = stream_end_ - round_start_;

@@ -274,8 +274,11 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
   const bool little = mean_of(array.evidence(plan.view, request.out_of_service)) < kEnoughEvidence;
   plan.on_plane = state_.on_plane || state_.flat || little;
   state_.mixed = !little;
+  // A plane at infinity has no distance.
+  constexpr double kFarthestPlane = 1e-6;  // 1/m
   if (state_.flat && !state_.on_plane && !little)
-    plan.plane = Plane{next.from.normal, next.from.d - 1 / next.inverse_of(next.levels.front())};
+    plan.plane =
+        Plane{next.from.normal, next.from.d - 1 / std::max(next.inverse_of(next.levels.front()), kFarthestPlane)};
   return plan;
 }
 
