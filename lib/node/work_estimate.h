@@ -11,8 +11,8 @@ namespace lf {
 // thread, nanoseconds() from any.
 class WorkEstimate {
  public:
-  // Of work whose unit is a pixel's: what any answer takes beside, to look for frames, to plan and to wake threads. With
-  // it what few pixels took tells little of many.
+  // Of work whose unit is a pixel's: what any answer takes beside, to look for frames, to plan and to wake threads.
+  // With it what few pixels took tells little of many.
   static constexpr double kAnyAnswer = 65536;
 
   // Nanoseconds that an answer will take; 0: nothing is known.
