@@ -103,6 +103,9 @@ constexpr size_t kLeastNodes = 24;
 // scene), and that is no gain.
 constexpr double kNear = 1.25;                            // edges
 constexpr float kNearWeight = WideLuma::kPeak * 0.4578f;  // there
+// Of a row of cameras only two are that near to an eye between them. Then all that have a weight compare themselves,
+// and may differ by the shine of one and a half cameras.
+constexpr float kShineFromAfar = 0.03f;
 // Nodes are no samples of their own, because a whole thing is in focus or not: they tell as much as so many.
 constexpr float kThings = 4;
 constexpr float kRounded = 0.4f;                       // standard deviation of a quotient of rounded luma, levels
@@ -175,11 +178,16 @@ WideLuma::WideLuma(const Rig& rig, const Mesh& mesh, const View& view, std::span
   };
   std::ranges::copy_if(own, std::back_inserter(cameras_),
                        [&](CameraIndex camera) { return is_within(camera, kWidest); });
-  std::set<CameraIndex> compared;
-  for (const MeshFace& face : mesh.faces)
-    for (int k = 0; k < face.corners(); k++)
-      if (is_within(face.camera[k], kNear)) compared.insert(face.camera[k]);
-  most_decide_ = compared.size() > 2;
+  const auto decide_within = [&](double edges) {
+    std::set<CameraIndex> compared;
+    for (const MeshFace& face : mesh.faces)
+      for (int k = 0; k < face.corners(); k++)
+        if (is_within(face.camera[k], edges)) compared.insert(face.camera[k]);
+    return compared.size() > 2;
+  };
+  is_from_afar_ = !decide_within(kNear) && decide_within(kWidest);
+  most_decide_ = is_from_afar_ || decide_within(kNear);
+  if (!most_decide_ && decide_within(INFINITY)) cameras_.clear();
 }
 
 WideLuma::Camera WideLuma::see(const Source& source, float gain) const {
@@ -190,7 +198,7 @@ WideLuma::Camera WideLuma::see(const Source& source, float gain) const {
   const size_t nodes = crossings_.size();
   const TrialValues values =
       see_trials(projection, {u_.data(), v_.data(), static_cast<int>(nodes)}, levels_, source.image);
-  WideLuma::Camera out{source.camera, std::vector<uint8_t>(nodes), std::vector<float>(nodes)};
+  WideLuma::Camera out{source.camera, std::vector<uint8_t>(nodes), std::vector<float>(nodes), is_from_afar_};
   for (size_t i = 0; i < nodes; i++) {
     const Vec2 d = crossings_[i] - at;
     const auto squared = static_cast<float>(glm::dot(d, d));
@@ -240,11 +248,11 @@ std::map<CameraIndex, BrightnessRatio> WideLuma::ratios(std::span<const Camera> 
 
 std::optional<BrightnessRatio> WideLuma::ratio(const Camera& seen, std::span<const uint8_t> mean) {
   if (mean.size() != seen.luma.size()) return std::nullopt;
+  const float least = seen.is_from_afar ? 0 : kNearWeight, shine = seen.is_from_afar ? kShineFromAfar : 0;
   std::vector<float> ratios;
   float dark = 0;  // how much of a logarithm a level is
   for (size_t i = 0; i < mean.size(); i++)
-    if (mean[i] != 0 && seen.weight[i] > kNearWeight && seen.luma[i] >= kDarkestSeen &&
-        seen.luma[i] <= kBrightestSeen) {
+    if (mean[i] != 0 && seen.weight[i] > least && seen.luma[i] >= kDarkestSeen && seen.luma[i] <= kBrightestSeen) {
       ratios.push_back(std::log(static_cast<float>(seen.luma[i]) / static_cast<float>(mean[i])));
       dark += 1 / static_cast<float>(mean[i]);
     }
@@ -253,7 +261,7 @@ std::optional<BrightnessRatio> WideLuma::ratio(const Camera& seen, std::span<con
   const size_t n = ratios.size();
   const float deviation = (ratios[3 * n / 4] - ratios[n / 4]) / 1.35f;  // if they were normal
   const float differs = deviation / std::sqrt(kThings), rounded = kRounded * dark / static_cast<float>(n);
-  return BrightnessRatio{ratios[n / 2], std::hypot(differs, rounded)};
+  return BrightnessRatio{ratios[n / 2], std::hypot(differs, rounded, shine)};
 }
 
 }  // namespace lf

@@ -133,6 +133,7 @@ class WideLuma {
     CameraIndex camera = 0;
     std::vector<uint8_t> luma;  // divided by its likely gain, a value for each node
     std::vector<float> weight;  // 0 where the camera sees nothing
+    bool is_from_afar = false;  // It is compared with cameras that are farther away, because too few are near.
   };
   struct Seen {
     std::vector<Camera> cameras;
@@ -153,7 +154,10 @@ class WideLuma {
   Camera see(const Source& source, float gain) const;
 
   ViewPlan plan_;
-  bool most_decide_ = false;  // Of two cameras that can be compared neither is most: half-way between them is right.
+  // Of two cameras neither is most. Where no third one can be compared with them, half-way between them is right if the
+  // array has no more; else they stay as they are, as most of the array may be as bright as either of them.
+  bool most_decide_ = false;
+  bool is_from_afar_ = false;  // see Camera
   std::vector<CameraIndex> cameras_;
   Vec3 across_, down_;           // axes along the plane, in units of the pitch
   std::vector<Vec2> crossings_;  // where the nodes' lines of sight cross the plane

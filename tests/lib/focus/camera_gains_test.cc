@@ -235,32 +235,59 @@ TEST(WideLuma, TheMeanMovesToWhereMostCamerasAre) {
   for (const CameraIndex other : {3, 5}) EXPECT_NEAR(gains.of(other), 1, 0.002);
 }
 
+// Gains after many means of a row of some cameras of the walls, moved aside by so many pitches. They all see the same
+// grey, but one is 10 % too bright.
+CameraGains gains_of_row(const Wide& wide, const std::vector<CameraIndex>& row, CameraIndex bright, double aside = 0) {
+  Rig rig = wide.walls.rig;
+  rig.topology = {};
+  rig.cameras.clear();
+  std::vector<CameraIndex> own;
+  for (const CameraIndex camera : row) {
+    own.push_back(static_cast<CameraIndex>(rig.cameras.size()));
+    rig.cameras.push_back(wide.walls.rig.cameras[camera]);
+    rig.cameras.back().pose.position.x += aside * kScenePitch;
+  }
+  const WideLuma luma(rig, build_mesh(rig), wide.view, own);
+  Image grey(PixelFamily::kRgb, 160, 120);
+  std::ranges::fill(grey.data(), 120);
+  ByteBuffer memory;
+  std::vector<Source> sources;
+  for (const CameraIndex camera : own) sources.push_back({camera, &rig.cameras[camera], grey.view()});
+  sources[bright].image = divide_by_gain(sources[bright].image, {0, 0, 160, 120}, 1 / 1.1f, memory);
+  CameraGains gains;
+  for (int k = 0; k < 30; k++) {
+    const WideLuma::Seen seen = luma.see(sources, gains);
+    gains.take(WideLuma::ratios(seen.cameras, mean_luma(seen.moments, seen.gains)));
+  }
+  return gains;
+}
+
 // One of the two differs, and nobody can say which: following either would make the picture as wrong as it is.
 TEST(WideLuma, TwoCamerasMeetHalfWay) {
   const Wide wide;
-  Rig rig = wide.walls.rig;
-  rig.cameras = {rig.cameras[4], rig.cameras[5]};
-  rig.topology = {};
-  const std::vector<CameraIndex> own{0, 1};
-  const WideLuma luma(rig, build_mesh(rig), wide.view, own);
-  for (const CameraIndex bright : own) {
-    const Image grey = [] {
-      Image image(PixelFamily::kRgb, 160, 120);
-      std::ranges::fill(image.data(), 120);
-      return image;
-    }();
-    ByteBuffer memory;
-    std::vector<Source> sources{{0, rig.cameras.data(), grey.view()}, {1, &rig.cameras[1], grey.view()}};
-    sources[bright].image = divide_by_gain(sources[bright].image, {0, 0, 160, 120}, 1 / 1.1f, memory);
-    CameraGains gains;
-    for (int round = 0; round < 30; round++) {
-      const WideLuma::Seen seen = luma.see(sources, gains);
-      gains.take(WideLuma::ratios(seen.cameras, mean_luma(seen.moments, seen.gains)));
-    }
+  for (const CameraIndex bright : {0, 1}) {
+    const CameraGains gains = gains_of_row(wide, {4, 5}, bright);
     const float other = gains.of(1 - bright);
     EXPECT_NEAR(gains.of(bright) / other, 1.1, 0.01);
     EXPECT_NEAR(gains.of(bright) * other, 1, 0.03) << "nearer to the one that the eye is nearer to";
   }
+}
+
+// Only two of a row are near to an eye between them: the third decides which of them differs.
+TEST(WideLuma, OfARowThoseFartherAwayAreCompared) {
+  const Wide wide;
+  for (const CameraIndex bright : {0, 1}) {
+    const CameraGains gains = gains_of_row(wide, {4, 5, 3}, bright);
+    EXPECT_GT(gains.of(bright), 1.03) << "less than 1.1, as half of that may be shine";
+    EXPECT_LT(gains.of(bright), 1.1);
+    EXPECT_NEAR(gains.of(1 - bright), 1, 0.001);
+  }
+}
+
+// Most of the array may be as bright as either of the two.
+TEST(WideLuma, TwoOfALargerArrayStayAsTheyAre) {
+  const Wide wide;
+  for (const CameraIndex bright : {0, 1}) EXPECT_TRUE(gains_of_row(wide, {3, 4, 5}, bright, 2.2).measured().empty());
 }
 
 TEST(WideLuma, PartsOfAnArrayAddUpToTheWhole) {
