@@ -57,11 +57,12 @@ void CameraInput::name(CameraIndex camera) {
 
 bool CameraInput::check_size(int width, int height) {
   const auto camera = this->camera();
-  const bool fits = !camera || (width == camera->width && height == camera->height);
-  if (fits || has_fitted_) {  // else there is another rig since, which has been told of: the frames are left out
-    has_fitted_ = true;
+  const std::pair size(width, height);
+  if (!camera || size == std::pair(camera->width, camera->height)) {
+    fitted_ = size;
     return true;
   }
+  if (size == fitted_) return true;  // there is another rig since, which has been told of: the frames are left out
   const std::string path = lf_fragment_settings(element_).rig;
   GST_ELEMENT_ERROR(element_, STREAM, FORMAT,
                     ("Pad %s: the video of camera %u has %dx%d pixels, the rig %s says %dx%d.", GST_PAD_NAME(pad_),
@@ -199,7 +200,8 @@ void CameraInput::reset() {
   format_.reset();
   jpeg_size_.reset();
   from_stream_.reset();
-  warned_damaged_ = has_fitted_ = false;
+  warned_damaged_ = false;
+  fitted_.reset();
   id_ = -1;
 }
 

@@ -70,8 +70,8 @@ class CameraInput {
   std::optional<Format> format_;
   std::unique_ptr<FrameConverter> converter_;
   std::optional<std::pair<int, int>> jpeg_size_;
-  bool warned_damaged_ = false;  // a warning of damaged frames has been posted
-  bool has_fitted_ = false;      // frames have had the rig's size
+  bool warned_damaged_ = false;                // a warning of damaged frames has been posted
+  std::optional<std::pair<int, int>> fitted_;  // the size of frames that had the rig's
 };
 
 }  // namespace lf

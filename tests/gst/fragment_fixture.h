@@ -79,12 +79,13 @@ class LfFragmentTest : public testing::Test {
     bus_.reset(gst_bus_new());
     gst_element_set_bus(element_.get(), bus_.get());
   }
-  // The texts of the warnings since the last call.
-  std::vector<std::string> warnings() {
+  // The texts of the warnings, or errors, since the last call.
+  std::vector<std::string> warnings(GstMessageType type = GST_MESSAGE_WARNING) {
     std::vector<std::string> texts;
-    while (GstMessage* message = gst_bus_pop_filtered(bus_.get(), GST_MESSAGE_WARNING)) {
+    while (GstMessage* message = gst_bus_pop_filtered(bus_.get(), type)) {
       g_autoptr(GError) error = nullptr;
-      gst_message_parse_warning(message, &error, nullptr);
+      const auto parse = type == GST_MESSAGE_WARNING ? gst_message_parse_warning : gst_message_parse_error;
+      parse(message, &error, nullptr);
       texts.emplace_back(error->message);
       gst_message_unref(message);
     }

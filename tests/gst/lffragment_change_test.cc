@@ -269,6 +269,15 @@ TEST_F(LfFragmentRigTest, ACameraThatDoesNotFitTheNewRigMayBeginAnew) {
   EXPECT_THAT(cameras_in(asked), ElementsAre(0, 1, 3));
 }
 
+TEST_F(LfFragmentRigTest, VideoThatChangesItsSizeIsAnError) {
+  start(4);
+  push_frames(60, 0);
+  gst_harness_set_src_caps_str(cameras_[2].get(), "video/x-raw,format=RGB,width=48,height=24,framerate=10/1");
+  EXPECT_EQ(gst_harness_push(cameras_[2].get(), to_buffer(std::vector<uint8_t>(48 * 24 * 3, 60))),
+            GST_FLOW_NOT_NEGOTIATED);
+  EXPECT_THAT(warnings(GST_MESSAGE_ERROR), ElementsAre(HasSubstr("the video of camera 2 has 48x24 pixels")));
+}
+
 TEST_F(LfFragmentRigTest, AFileThatCannotBeReadChangesNothing) {
   const TempFile broken({'{', '}'}, ".json");
   start(4);
