@@ -234,7 +234,9 @@ static void lf_cam_src_look_for_frames(LfCamSrc* self) {
   constexpr uint64_t kLongestGap = 5'000'000'000, kLongestStart = 20'000'000'000;
   const uint64_t now = lf::now_ns(), frames = self->run->stream->frames_seen();
   const uint64_t activity = frames + (*self->shedder)->dropped();
-  if (GST_STATE(self) != GST_STATE_PLAYING || activity != self->activity) {
+  const GstClockTime time = gst_element_get_current_running_time(GST_ELEMENT(self));
+  const bool is_waiting = GST_CLOCK_TIME_IS_VALID(time) && time < self->run->stream->due();
+  if (GST_STATE(self) != GST_STATE_PLAYING || activity != self->activity || is_waiting) {
     self->activity = activity;
     self->active = now;
   }

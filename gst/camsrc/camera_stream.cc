@@ -168,6 +168,7 @@ GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
   const GstClockTime stamp = gst_segment_to_running_time(&segment_, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
   ++round_frames_;
   if (!GST_CLOCK_TIME_IS_VALID(stamp)) return GST_PAD_PROBE_OK;
+  if (options_.paced || options_.catches_up) due_ = stamp;
   const GstClockTime last_duration = stamp > stream_end_ ? stamp - stream_end_ : 0;
   const GstClockTime duration = GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : last_duration;
   stream_end_ = stamp + duration;

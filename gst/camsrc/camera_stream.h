@@ -74,6 +74,9 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   uint64_t frames_out() const { return static_cast<uint64_t>(frames_out_); }
   // The same with those that were left out to catch up.
   uint64_t frames_seen() const { return frames_out() + left_out_; }
+  // Of a live film, whose frames are ready before their time, the running time of the next one: it may pause, and does
+  // where its end is cut off.
+  GstClockTime due() const { return due_; }
   // Running time at which the newest frame ends. Call when nothing flows.
   GstClockTime ends_at() const { return stream_end_; }
   // How long a round of a film that loops is; 0: it has had none yet. Call when nothing flows.
@@ -117,6 +120,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   std::atomic<bool> ending_ = false, stopping_ = false, failed_ = false;
   std::atomic<gint64> frames_out_ = 0;
   std::atomic<uint64_t> left_out_ = 0;
+  std::atomic<GstClockTime> due_ = 0;
   std::mutex seeking_;
   std::atomic<guint32> loop_seqnum_ = GST_SEQNUM_INVALID;  // number of the seek back to the beginning
   std::atomic<bool> sought_ = false;                       // somebody else has sought since the latest segment

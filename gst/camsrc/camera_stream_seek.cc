@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "camsrc/camera_stream.h"
+#include "camsrc/chain_links.h"
 #include "common/common.h"
 
 namespace lf {
@@ -143,7 +144,8 @@ GstClockTime CameraStream::missing_at_end() const {
   if (!gst_pad_peer_query_duration(chain_.decoded, GST_FORMAT_TIME, &duration) || duration <= 0) return 0;
   const GstClockTime period = round_frames_ > 0 ? (stream_end_ - round_start_) / round_frames_ : 0;
   const auto said = static_cast<GstClockTime>(duration);
-  return said > position_ + 2 * period + GST_SECOND / 50 ? said - position_ : 0;
+  const bool is_shorter = said > position_ + 2 * period + GST_SECOND / 50;
+  return is_shorter && !has_sound(GST_BIN(owner_)) ? said - position_ : 0;  // which may be longer
 }
 
 // At the end of the file, or of a segment: true if it is to begin again.
@@ -159,6 +161,7 @@ bool CameraStream::begin_again(bool flush) {
   if (missing > 0 && !dropped && !std::exchange(told_cut_off_, true)) listener_.on_cut_off(position_, missing);
   stream_end_ += missing;
   film_end_ += missing;
+  if (options_.paced || options_.catches_up) due_ = stream_end_;
   round_ = stream_end_ - round_start_;
   round_start_ = stream_end_;
   film_start_ = film_end_;

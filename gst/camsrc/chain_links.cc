@@ -105,6 +105,28 @@ void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer head) {
   gst_object_unref(bin);
 }
 
+bool has_sound(GstBin* bin) {
+  bool found = false;
+  const GstElementForeachPadFunc look = [](GstElement*, GstPad* pad, gpointer sound) -> gboolean {
+    *static_cast<bool*>(sound) |= is_media(pad, "audio/");
+    return TRUE;
+  };
+  GstIterator* elements = gst_bin_iterate_recurse(bin);
+  GValue item = G_VALUE_INIT;
+  GstIteratorResult next = GST_ITERATOR_OK;
+  while ((next = gst_iterator_next(elements, &item)) == GST_ITERATOR_OK || next == GST_ITERATOR_RESYNC) {
+    if (next == GST_ITERATOR_RESYNC) {
+      gst_iterator_resync(elements);
+      continue;
+    }
+    gst_element_foreach_src_pad(GST_ELEMENT(g_value_get_object(&item)), look, &found);
+    g_value_reset(&item);
+  }
+  g_value_unset(&item);
+  gst_iterator_free(elements);
+  return found;
+}
+
 void on_no_more_pads(GstElement* element, gpointer /*unused*/) {
   bool linked = false;
   GST_OBJECT_LOCK(element);

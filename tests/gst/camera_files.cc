@@ -11,7 +11,6 @@
 #include "rig/rig_json.h"
 
 namespace lf::test {
-namespace {
 
 void run_to_end(const std::string& launch_line) {
   g_autoptr(GError) error = nullptr;
@@ -28,6 +27,8 @@ void run_to_end(const std::string& launch_line) {
   gst_object_unref(pipeline);
   if (!done) throw std::runtime_error(launch_line + ": did not end");
 }
+
+namespace {
 
 bool is_installed(const char* name) {
   GstElementFactory* factory = gst_element_factory_find(name);

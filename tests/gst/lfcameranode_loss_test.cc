@@ -230,6 +230,32 @@ TEST_F(LossTest, DamagedFilesEndNothing) {
   }
 }
 
+// Films of one array keep their round: one that is cut off has nothing for the rest of it, and is no camera that fails.
+TEST_F(LossTest, AFilmThatPausesIsNotLost) {
+  const std::string whole = files->path("long.mkv"), cut = files->path("long-cut.mkv");
+  run_to_end(
+      "videotestsrc num-buffers=120 ! video/x-raw,format=I420,width=64,height=48,framerate=15/1 ! jpegenc ! "
+      "matroskamux ! filesink location=" +
+      whole);
+  std::filesystem::copy(whole, cut, std::filesystem::copy_options::overwrite_existing);
+  std::filesystem::resize_file(cut, std::filesystem::file_size(whole) / 10);
+  const std::string path = files->save(
+      "loss.json", 2, [&](Camera& camera) { camera.source = camera.id == 1 ? "long-cut.mkv" : "long.mkv"; });
+  const ElementPtr pipeline =
+      launch("lfviewrequest is-live=true framerate=15/1 width=64 height=48 rig=" + path +
+             " ! lfcameranode is-live=true loop=true name=n rig=" + path + " ! fakesink sync=false");
+  ASSERT_TRUE(pipeline);
+  const Said said(pipeline.get());
+  const ElementPtr node = child(pipeline.get(), "n");
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  g_usleep(8'500'000);  // longer than its round, of which 7 s are missing
+  EXPECT_EQ(camera_stats(node.get(), 1).losses, 0u);
+  EXPECT_EQ(camera_stats(node.get(), 1).state, "running");
+  EXPECT_EQ(said.lost(0) + said.lost(1), 0);
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  EXPECT_THAT(said.errors(), IsEmpty());
+}
+
 TEST_F(LossTest, StatesChangeAtEveryStageOfALoss) {
   const ElementPtr pipeline = launch(line(devices(3)));
   ASSERT_TRUE(pipeline);

@@ -186,6 +186,20 @@ TEST_F(CamSrcTest, AFilmThatIsCutOffLoopsInStepWithTheOthers) {
   }
 }
 
+// The whole lasts as long as its sound: that its pictures end before is no cut.
+TEST_F(CamSrcTest, AFilmWithSoundBeginsAgainWhereItsPicturesEnd) {
+  run_to_end("multifilesrc location=" + files->path("jpeg_%02d.jpg") +
+             " caps=image/jpeg,framerate=15/1 ! jpegdec ! jpegenc ! matroskamux name=m ! filesink location=" +
+             files->path("both.mkv") + " audiotestsrc num-buffers=50 ! m.");
+  CameraPipeline camera("rig=" + rig_with_source("both.mkv") + " loop=true num-frames=20");
+  ASSERT_EQ(camera.play(), "EOS");
+  ASSERT_EQ(camera.frames.size(), 20u);
+  for (size_t k = 1; k < camera.frames.size(); k++)
+    EXPECT_NEAR(static_cast<double>(camera.frames[k].running_time - camera.frames[k - 1].running_time),
+                static_cast<double>(kPeriod), 2e6)
+        << k;
+}
+
 TEST_F(CamSrcTest, RoundsBehindASeekHaveTheirPlaceInTheFilm) {
   CameraPipeline camera("rig=" + rig_with([](Camera& c) { c.source = "mjpeg.mkv"; }) + " loop=true num-frames=20");
   ASSERT_TRUE(camera.reach(GST_STATE_PAUSED));
