@@ -39,6 +39,7 @@
 #include "bins/rtp_link.h"
 #include "common/properties.h"
 #include "common/requested_pads.h"
+#include "rtp/host_lookup.h"
 #include "rtp/rtplfpay.h"
 
 GST_DEBUG_CATEGORY_STATIC(lf_node_sink_debug);
@@ -120,8 +121,10 @@ static GstElement* add(LfNodeSink* self, const char* factory, const std::string&
 static void add_requester(LfNodeSink* self, size_t index, const lf::HostPort& from, const lf::HostPort& to,
                           const lf::Admission& admission) {
   const std::string number = std::to_string(index);
-  GstPad* received = lf::add_receiver(GST_BIN(self), from, "X-LIGHTFIELD-REQUEST", lf::admission_of(admission, to.host),
-                                      "requests" + number, &self->links->elements);
+  const std::vector<std::string> addresses = lf::addresses_of(to.host);
+  GstPad* received =
+      lf::add_receiver(GST_BIN(self), from, "X-LIGHTFIELD-REQUEST", lf::admission_of(admission, addresses),
+                       "requests" + number, &self->links->elements);
   GstElement* queue = add(self, "queue", "requests" + number);
   // Late requests are of no use.
   gst_util_set_object_arg(G_OBJECT(queue), "leaky", "downstream");
@@ -134,9 +137,8 @@ static void add_requester(LfNodeSink* self, size_t index, const lf::HostPort& fr
     g_object_bind_property(self->pay, name, pay, name, G_BINDING_SYNC_CREATE);
   GstElement* seal = add(self, "lfrtpseal", "answers" + number + "_seal");
   if (!admission.key_file.empty()) g_object_set(seal, "key-file", admission.key_file.c_str(), nullptr);
-  lf::check_host(to.host);
   GstElement* udp = add(self, "udpsink", "answers" + number + "_udp");
-  g_object_set(udp, "host", to.host.c_str(), "port", to.port, "sync", FALSE, "async", FALSE, nullptr);
+  g_object_set(udp, "host", addresses.front().c_str(), "port", to.port, "sync", FALSE, "async", FALSE, nullptr);
 
   std::string ending;
   if (index > 0) {
@@ -204,7 +206,8 @@ static GstElement* owner_of(LfNodeSink* self, GParamSpec* copy) {
 static void add_stats_of(LfNodeSink* self, const std::string& child, GstStructure* to) {
   g_autoptr(GstElement) element = gst_bin_get_by_name(GST_BIN(self), child.c_str());
   g_autoptr(GstStructure) stats = nullptr;
-  g_object_get(element, "stats", &stats, nullptr);
+  if (element) g_object_get(element, "stats", &stats, nullptr);
+  if (!stats) return;  // its links are being taken apart
   gst_structure_foreach(
       stats,
       [](GQuark field, const GValue* value, gpointer all) -> gboolean {

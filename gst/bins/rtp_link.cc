@@ -33,9 +33,11 @@ GstElement* add_element(GstBin* bin, const char* factory, const std::string& nam
   return element;
 }
 
-Admission admission_of(const Admission& settings, const std::string& host) {
+Admission admission_of(const Admission& settings, const std::vector<std::string>& addresses) {
   if (!settings.key_file.empty() || !settings.peers.empty()) return settings;
-  return {"", host + ",127.0.0.0/8,::1"};
+  std::string peers;
+  for (const std::string& address : addresses) peers += address + ",";
+  return {"", peers + "127.0.0.0/8,::1"};
 }
 
 void warn_without_key(GstElement* element, const Admission& admission) {
@@ -81,14 +83,6 @@ void follow_limits(GstBin* bin, GstElement* element) {
   }
   g_value_unset(&item);
   gst_iterator_free(all);
-}
-
-void check_host(const std::string& host) {
-  g_autoptr(GResolver) resolver = g_resolver_get_default();
-  g_autoptr(GError) error = nullptr;
-  GList* addresses = g_resolver_lookup_by_name(resolver, host.c_str(), nullptr, &error);
-  g_resolver_free_addresses(addresses);
-  if (error) throw Error(host + ": " + error->message);
 }
 
 GstClock* new_realtime_clock() {

@@ -20,9 +20,9 @@ struct Admission {
   bool operator==(const Admission&) const = default;
 };
 
-// Who may send, as the settings have it; where they name no peers and no key: `host`, which packets are expected from,
-// and this machine.
-Admission admission_of(const Admission& settings, const std::string& host);
+// Who may send, as the settings have it; where they name no peers and no key: a host at these addresses, which packets
+// are expected from, and this machine.
+Admission admission_of(const Admission& settings, const std::vector<std::string>& addresses);
 
 // Posts a warning, if there is no key, that those who are let in are not all who can get in.
 void warn_without_key(GstElement* element, const Admission& admission);
@@ -37,10 +37,6 @@ GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, co
 // What was added to the bin for RTP refuses the requests that `element` would, by the limits that it has now and those
 // that it is given later: who stands in front of it must let through what it is told to take.
 void follow_limits(GstBin* bin, GstElement* element);
-
-// Throws Error if nobody knows a machine of this name: sinks of UDP leave such a one out without a word. Asks the
-// network.
-void check_host(const std::string& host);
 
 // The machine's time of day, by which hosts name capture times. Owned by the caller.
 GstClock* new_realtime_clock();

@@ -4,6 +4,7 @@
 #include "base/error.h"
 #include "bins/rtp_link.h"
 #include "bins/view_split.h"
+#include "rtp/host_lookup.h"
 
 namespace lf {
 namespace {
@@ -87,16 +88,17 @@ class CamerasOnHosts : public ViewerCameras {
     if (!key_file.empty()) g_object_set(seal, "key-file", key_file.c_str(), nullptr);
     GstElement* udp = add("multiudpsink", "request_udp");
     g_object_set(udp, "sync", FALSE, "async", FALSE, nullptr);
+    std::vector<std::vector<std::string>> addresses;
     for (const NodeAddress& node : nodes) {
-      check_host(node.host);
-      g_signal_emit_by_name(udp, "add", node.host.c_str(), node.request_port, nullptr);
+      addresses.push_back(addresses_of(node.host));
+      g_signal_emit_by_name(udp, "add", addresses.back().front().c_str(), node.request_port, nullptr);
     }
     if (!gst_element_link_many(requests_, pay, seal, udp, nullptr))
       throw Error("requests can't be linked with the network");
     for (size_t i = 0; i < nodes.size(); i++) {
       const std::string name = "host" + std::to_string(i);
       GstPad* answers = add_receiver(bin_, place_of_answers(nodes[i]), "X-LIGHTFIELD-ANSWER",
-                                     admission_of({key_file, ""}, nodes[i].host), name, &all_);
+                                     admission_of({key_file, ""}, addresses[i]), name, &all_);
       GstElement* split = GST_ELEMENT(g_object_new(LF_TYPE_VIEW_SPLIT, "name", (name + "_answers").c_str(), nullptr));
       gst_bin_add(bin_, split);
       all_.push_back(split);

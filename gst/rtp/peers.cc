@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "base/error.h"
+#include "rtp/host_lookup.h"
 
 namespace lf {
 namespace {
@@ -68,14 +69,12 @@ void Peers::add(const std::string& item) {
     ranges_.push_back({first, g_inet_address_mask_get_length(mask) + (is_ipv4(first) ? 96 : 0)});
     return;
   }
-  g_autoptr(GResolver) resolver = g_resolver_get_default();
-  g_autoptr(GError) error = nullptr;
-  GList* addresses = item.empty() ? nullptr : g_resolver_lookup_by_name(resolver, item.c_str(), nullptr, &error);
-  for (GList* each = addresses; each; each = each->next)
-    ranges_.push_back({to_address(G_INET_ADDRESS(each->data)), 128});
-  g_resolver_free_addresses(addresses);
-  if (!addresses)
-    throw Error("\"" + item + "\": " + (error ? error->message : "must be a name, an address or a network"));
+  if (item.empty() || item.find('/') != std::string::npos)
+    throw Error("\"" + item + "\": must be a name, an address or a network");
+  for (const std::string& address : addresses_of(item)) {
+    g_autoptr(GInetAddress) inet = g_inet_address_new_from_string(address.substr(0, address.find('%')).c_str());
+    if (inet) ranges_.push_back({to_address(inet), 128});
+  }
 }
 
 bool Peers::admits(const Address& address) {
