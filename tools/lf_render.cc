@@ -320,6 +320,8 @@ int main(int argc, char** argv) {
   app.add_flag("--i420", options.i420, "Render in YCbCr 4:2:0 as video sources would");
   return cli::run_tool(app, argc, argv, [&] {
     if (options.views.empty() && !options.leave_one_out) throw lf::Error("give --views or --leave-one-out");
+    if (options.surface.far > 0 && options.surface.near >= options.surface.far)
+      throw lf::Error("--focus-near: must be nearer than --focus-far");
     run(options);
   });
 }

@@ -70,6 +70,10 @@ void check_options(Options& options) {
   if (!options.record.empty() && options.watch)
     throw lf::Error("--record: not with --watch, which may bring other cameras; a recording is of the same ones");
   if (options.watch && options.rig.empty()) throw lf::Error("--watch: needs --rig, the file to watch");
+  if (!options.key_file.empty() && options.nodes.empty())
+    throw lf::Error("--key-file: needs --nodes, the hosts that have the same");
+  const FocusOn& focus = options.limits.focus_on;
+  if (focus.far > 0 && focus.near >= focus.far) throw lf::Error("--focus-near: must be nearer than --focus-far");
   if (!options.token_file.empty()) {
     std::string text = lf::read_text_file(options.token_file);
     while (!text.empty() && g_ascii_isspace(text.back())) text.pop_back();

@@ -158,6 +158,9 @@ static bool prepare(LfViewSrc* self) {
     if (is_by_uri(self) && hosts.nodes.empty()) refuse_described_sources(*read, rig);
     if (hosts.any() && !lf_view_src_is_live(self))
       throw lf::Error("nodes, listen: what is on other hosts is live, is-live must be true");
+    if (!hosts.any() && !hosts.key_file.empty())
+      throw lf::Error("key-file: nothing goes over the network without nodes or listen");
+    if (hosts.listen.empty() && !hosts.peers.empty()) throw lf::Error("peers: nobody sends requests without listen");
     if (!hosts.nodes.empty() && !lf_view_src_record(self).empty())
       throw lf::Error("record: the cameras are on other hosts, which record their own (lfnodesink record=FOLDER)");
     if (!self->view) throw lf::Error("elements lfviewrequest and lfcompositor are not installed");

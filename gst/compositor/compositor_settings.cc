@@ -39,8 +39,12 @@ namespace lf {
 
 FocusControl::Settings CompositorSettings::view_focus() const {
   const bool on_plane = partial || (focus == FocusMode::kAuto && rig.empty());
-  return {.mode = on_plane ? FocusMode::kPlane : focus, .near = focus_near, .far = focus_far};
+  const FocusMode mode = on_plane ? FocusMode::kPlane : focus;
+  if (!has_focus_range()) return {.mode = mode};
+  return {.mode = mode, .near = focus_near, .far = focus_far};
 }
+
+bool CompositorSettings::has_focus_range() const { return focus_far == 0 || focus_near < focus_far; }
 
 PropertyTable<CompositorSettings>& CompositorSettings::properties() {
   using S = CompositorSettings;

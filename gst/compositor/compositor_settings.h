@@ -32,6 +32,8 @@ struct CompositorSettings {
   // What a view is focused on: `auto` is for arrays that are known, and a compositor inside a tree leaves it to the
   // root.
   FocusControl::Settings view_focus() const;
+  // False if the near end of the range of depths is not nearer than the far one: then the scene decides on both.
+  bool has_focus_range() const;
 
   // Whether cameras match their brightness. `has_colour`: the rig in use says how their colours are to be corrected.
   bool match_gains(bool has_colour) const {

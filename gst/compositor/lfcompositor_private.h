@@ -80,6 +80,8 @@ void lf_compositor_install_properties(GObjectClass* klass);
 lf::RequestGuard* lf_compositor_guard_new();
 // A copy of the properties, as they are now.
 lf::CompositorSettings lf_compositor_settings(LfCompositor* self);
+// Posts a warning where no range of depths can be looked for.
+void lf_compositor_check_focus_range(LfCompositor* self);
 guint lf_compositor_view_id(LfCompositor* self);
 
 // compositor_answers.cc

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // Moments that are not what was asked for: counted and dropped, whatever they are, and the picture comes all the same.
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <functional>
 #include <random>
@@ -152,6 +152,24 @@ TEST_F(LfCompositorTrialsTest, WhatIsNotWhatWasAskedForIsCountedAndDropped) {
     EXPECT_EQ(after, picture) << test.what;
     EXPECT_EQ(dropped, 1u) << test.what;
   }
+}
+
+TEST_F(LfCompositorTrialsTest, ARangeWithItsEndsExchangedIsLeftOutAndSaid) {
+  g_autoptr(GstBus) bus = gst_bus_new();
+  gst_element_set_bus(element_.get(), bus);
+  const auto set = [&](const char* name, double metres) { g_object_set(element_.get(), name, metres, nullptr); };
+  const auto warning = [&]() -> std::string {
+    g_autoptr(GstMessage) message = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING);
+    if (!message) return "";
+    g_autoptr(GError) error = nullptr;
+    gst_message_parse_warning(message, &error, nullptr);
+    return error->message;
+  };
+  set("focus-far", 2);
+  EXPECT_THAT(warning(), testing::HasSubstr("focus-near is 3 m and focus-far 2 m: the near end must be nearer"));
+  set("focus-near", 1);
+  EXPECT_EQ(warning(), "");
+  gst_element_set_bus(element_.get(), nullptr);
 }
 
 TEST_F(LfCompositorTrialsTest, WithoutTrialsThereIsNothingToSay) {

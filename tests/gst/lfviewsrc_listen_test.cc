@@ -113,7 +113,9 @@ TEST_F(LfViewSrcListenTest, ErrorsSayWhatIsWrong) {
        {Case{"listen=here", "listen: here: must be PORT"}, Case{"listen=1,2", "listen: must be one port"},
         Case{"listen=7 is-live=false", "is-live must be true"},
         Case{"listen=7 key-file=/nobody", "key-file: /nobody: the key can't be read"},
-        Case{"listen=7 peers=nobody.invalid", "peers: \"nobody.invalid\""}}) {
+        Case{"key-file=/nobody", "key-file: nothing goes over the network without nodes or listen"},
+        Case{"peers=localhost", "peers: nobody sends requests without listen"},
+        Case{"listen=7 peers=nobody.invalid", "peers: nobody.invalid: "}}) {
     pipeline_ = launch("lfviewsrc name=v rig=" + array_.rig_path() + " " + c.properties + " ! fakesink");
     ASSERT_TRUE(pipeline_);
     EXPECT_EQ(gst_element_set_state(pipeline_.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE) << c.properties;
