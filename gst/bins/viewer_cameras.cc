@@ -73,9 +73,10 @@ class CamerasOnHosts : public ViewerCameras {
     auto pads = std::make_unique<RequestedPads>();
     GstPad* request = gst_element_request_pad_simple(requests_, "sink_%u");
     link(viewer.requests(), GST_PAD(gst_object_ref(pads->add(requests_, request))));
-    for (GstElement* split : splits_) {
+    for (size_t i = 0; i < splits_.size(); i++) {
+      GstElement* split = splits_[i];
       GstPad* answers = GST_PAD(gst_object_ref(lf_view_split_add_view(LF_VIEW_SPLIT(split), viewer.view_id())));
-      link(GST_PAD(gst_object_ref(pads->add(split, answers))), viewer.add_answers(true));
+      link(GST_PAD(gst_object_ref(pads->add(split, answers))), viewer.add_answers(true, hosts_[i]));
     }
     return pads;
   }
@@ -91,6 +92,7 @@ class CamerasOnHosts : public ViewerCameras {
     std::vector<std::vector<std::string>> addresses;
     for (const NodeAddress& node : nodes) {
       addresses.push_back(addresses_of(node.host));
+      hosts_.push_back(node.host + ":" + std::to_string(node.request_port));
       g_signal_emit_by_name(udp, "add", addresses.back().front().c_str(), node.request_port, nullptr);
     }
     if (!gst_element_link_many(requests_, pay, seal, udp, nullptr))
@@ -120,6 +122,7 @@ class CamerasOnHosts : public ViewerCameras {
   std::vector<GstElement*> all_;
   GstElement* requests_ = nullptr;
   std::vector<GstElement*> splits_;
+  std::vector<std::string> hosts_;  // as many, as users named them
 };
 
 }  // namespace

@@ -86,9 +86,9 @@ std::vector<GstElement*> ViewerChain::behind_cameras() const {
 
 std::vector<GstElement*> ViewerChain::before_cameras() const { return {to_cameras_, to_compositor_, requests_, view_}; }
 
-GstPad* ViewerChain::add_answers(bool drops) {
+GstPad* ViewerChain::add_answers(bool drops, const std::string& from) {
   const std::string number = std::to_string(answers_.size());
-  GstElement* queue = add("queue", ("answers" + number).c_str());
+  GstElement* queue = add("queue", ("answers" + number + (from.empty() ? "" : " of " + from)).c_str());
   answers_.push_back(queue);
   if (drops)
     g_object_set(queue, "leaky", kLeaky, "max-size-buffers", kManyParts, "max-size-bytes", kManyBytes, "max-size-time",

@@ -38,8 +38,8 @@ class ViewerChain {
   // The pad where requests leave for the cameras, with a reference.
   GstPad* requests() const { return gst_element_get_static_pad(to_cameras_, "src"); }
   // A new pad where the answers of one more node come in, with a reference. `drops`: the oldest answers are dropped
-  // where they come too fast, else they wait.
-  GstPad* add_answers(bool drops);
+  // where they come too fast, else they wait. `from`: what users call the node, in warnings of lfcompositor.
+  GstPad* add_answers(bool drops, const std::string& from = "");
   // Takes away all pads that add_answers() made. Call while nothing runs.
   void drop_answers();
 

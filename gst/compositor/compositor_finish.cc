@@ -2,13 +2,34 @@
 //
 // How a request ends: with a picture, or left out because that would come too late.
 #include <utility>
+#include <vector>
 
 #include "compositor/lfcompositor_private.h"
 
-// Live, a view that is asked for and that no node answers.
-static void note_silence(LfCompositor* self) {
+// Nodes that say nothing, while others do.
+static void warn_of_silent(LfCompositor* self, const std::vector<lf::NodeInput*>& nodes) {
+  for (lf::NodeInput* node : nodes) {
+    const char* const hint =
+        node->silence().ever_answered()
+            ? "any more: is its host, and the way to it, still there?"
+            : "though other nodes answer: do requests reach it, and has it the same key-file, if any?";
+    GST_ELEMENT_WARNING(self, STREAM, FAILED, ("Nothing comes from a node (%s) %s", node->name().c_str(), hint),
+                        (nullptr));
+  }
+}
+
+// Live, a view that is asked for and that no node answers, or not every one.
+static void note_silence(LfCompositor* self, const lf::NodeInputs& nodes) {
+  if (!lf_compositor_is_live(self)) return;
+  const gint64 now = g_get_monotonic_time();
   lf::SilenceWatch& silence = self->state->silence;
-  if (!lf_compositor_is_live(self) || !silence.composed(g_get_monotonic_time())) return;
+  std::vector<lf::NodeInput*> silent;
+  for (lf::NodeInput* node : nodes)
+    if (!node->has_ended() && node->silence().composed(now)) silent.push_back(node);
+  if (!silence.composed(now)) {
+    if (!silence.is_silent()) warn_of_silent(self, silent);
+    return;
+  }
   if (silence.ever_answered()) {
     GST_ELEMENT_WARNING(self, STREAM, FAILED,
                         ("No node answers view %u any more: are their hosts, and the way to them, still there?",
@@ -27,7 +48,7 @@ static void note_silence(LfCompositor* self) {
 // Makes room for the next request. What probes are answered with says nothing of the nodes that is not said anyway.
 static void close_request(LfCompositor* self, const lf::NodeInputs& nodes, GstClockTime due) {
   auto& state = *self->state;
-  note_silence(self);
+  note_silence(self, nodes);
   for (lf::NodeInput* node : nodes) node->close(!state.current->probe);
   if (lf_compositor_is_live(self) && !state.current->probe) {
     state.past.composed(state.current->sequence, due);

@@ -186,12 +186,13 @@ static GstBuffer* give_duration(GstBuffer* answer) {
   return answer;
 }
 
-static GstPadProbeReturn lf_compositor_answer_arrives(GstPad*, GstPadProbeInfo* info, gpointer data) {
+static GstPadProbeReturn lf_compositor_answer_arrives(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
   if (LF_COMPOSITOR(data)->state->over) return GST_PAD_PROBE_DROP;
   GstBuffer* answer = GST_PAD_PROBE_INFO_BUFFER(info);
   const std::optional<uint32_t> view_id = lf::peek_answer_view(answer);
   if (view_id && *view_id != lf_compositor_view_id(LF_COMPOSITOR(data))) return GST_PAD_PROBE_DROP;
   LF_COMPOSITOR(data)->state->silence.answered();
+  lf::NodeInput::of(GST_AGGREGATOR_PAD(pad)).silence().answered();
   if (!GST_BUFFER_PTS_IS_VALID(answer) && !GST_BUFFER_DTS_IS_VALID(answer)) info->data = give_duration(answer);
   return GST_PAD_PROBE_OK;
 }

@@ -112,6 +112,7 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   state.warned_unseen = state.warned_unlinked = false;
   state.latency_asked_at = 0;
   state.silence.clear();
+  for (lf::NodeInput* node : lf::NodeInputs(self->request)) node->silence().clear();
   state.output.start(settings.partial, self->request);
   state.past.clear();
   state.qos.clear();

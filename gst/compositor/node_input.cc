@@ -131,6 +131,15 @@ void NodeInput::drop_all() {
   }
 }
 
+std::string NodeInput::name() const {
+  g_autoptr(GstPad) peer = gst_pad_get_peer(GST_PAD(pad_));
+  g_autoptr(GstElement) from = peer ? gst_pad_get_parent_element(peer) : nullptr;
+  g_autofree gchar* pad_name = gst_object_get_name(GST_OBJECT(pad_));
+  if (!from) return pad_name;
+  g_autofree gchar* name = gst_object_get_name(GST_OBJECT(from));
+  return std::string(name) + ", pad " + pad_name;
+}
+
 NodeInputs::NodeInputs(GstPad* request) {
   GstElement* element = GST_ELEMENT(GST_PAD_PARENT(request));
   lf::ObjectLock lock(element);

@@ -4,11 +4,13 @@
 #include <atomic>
 #include <functional>
 #include <mutex>
+#include <string>
 #include <vector>
 
 #include <gst/base/gstaggregator.h>
 
 #include "common/buffer_ptr.h"
+#include "composite/silence_watch.h"
 #include "compositor/ahead_answers.h"
 #include "wire/answer_parts.h"
 
@@ -58,6 +60,10 @@ class NodeInput {
   void forget();
   void forget_later() { ahead_.clear(); }
   void drop_all();
+  // Whether anything comes from the node at all.
+  SilenceWatch& silence() { return silence_; }
+  // Where its answers come from: the pad and, as far as that is linked, the element before it.
+  std::string name() const;
   // The pad's stream has been flushed: what is on the pad is not what it was. Any thread.
   void flushed() { flushed_ = true; }
 
@@ -79,6 +85,7 @@ class NodeInput {
   GstBuffer* seen_ = nullptr;  // the buffer that head_ is about; not owned
   wire::AnswerParts parts_;    // parts of the current request's answer that have been added
   AheadAnswers ahead_;         // live: answers to later requests
+  SilenceWatch silence_;       // says itself which of its functions which thread may call
   unsigned missed_ = 0;        // pictures in a row that had to do without this node
   std::atomic<bool> flushed_ = false;
 };

@@ -44,6 +44,8 @@ class SilenceWatch {
     if (!goes_on || silent_since_ == 0) silent_since_ = now;
     return told_ = now >= silent_since_ + kPatience;
   }
+  // Whether composed() has said so since the last answer.
+  bool is_silent() const { return told_; }
   // Whether an answer had ever come by then.
   bool ever_answered() const { return ever_answered_; }
 

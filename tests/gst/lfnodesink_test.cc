@@ -92,6 +92,26 @@ TEST_F(LfViewSrcOnHostsTest, CamerasChangeBetweenRuns) {
   for (ElementPtr& host : hosts) stop_host(host);
 }
 
+TEST_F(LfViewSrcOnHostsTest, AHostThatNeverAnswersIsNamed) {
+  ElementPtr host = start_host(0);
+  play(nodes());
+  const auto warns = [&] {
+    bool found = false;
+    g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_.get());
+    while (g_autoptr(GstMessage) message = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING)) {
+      g_autoptr(GError) error = nullptr;
+      gst_message_parse_warning(message, &error, nullptr);
+      const std::string text = error->message;
+      EXPECT_EQ(text.find("127.0.0.1:" + std::to_string(there_[0])), text.npos) << text;
+      found |= text.find("127.0.0.1:" + std::to_string(there_[1])) != text.npos;
+    }
+    return found;
+  };
+  EXPECT_TRUE(comes(warns));
+  stop();
+  stop_host(host);
+}
+
 // Of requester `index`, what its gate counts.
 uint64_t requests(GstElement* host, int index, const char* field) {
   GstStructure* whole = nullptr;
