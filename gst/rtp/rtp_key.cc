@@ -26,10 +26,11 @@ void forget(void* bytes, size_t count) { explicit_bzero(bytes, count); }
 RtpKey::RtpKey(const std::string& path) {
   struct stat status {};
   // Before it is opened, which for a FIFO takes until somebody writes.
-  const bool is_file = stat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode);
+  const bool is_there = stat(path.c_str(), &status) == 0, is_file = is_there && S_ISREG(status.st_mode);
   std::ifstream file;
   if (is_file) file.open(path, std::ios::binary);
-  if (!file.is_open()) throw Error(path + ": the key can't be read");
+  if (!file.is_open())
+    throw Error(path + ": the key can't be read: " + (is_there && !is_file ? "it is no file" : std::strerror(errno)));
   char bytes[kMaxBytes + 1];
   file.read(bytes, sizeof bytes);
   const std::string_view text(bytes, static_cast<size_t>(file.gcount()));
