@@ -131,6 +131,14 @@ async function noCamera() {
   const page = await openPage(browser, served.url, size);
   await shown(page, 20);
   const films = await Promise.all(files.map(name => readFile(join(film, name))));
+  // One alone is told beside the picture, which goes on.
+  await truncate(join(film, files[0]));
+  const told = page.locator('.trouble').getByText('1 of 4 cameras does not work.');
+  await until(() => told.isVisible(), 'a camera that is lost is told');
+  expect(!await page.getByRole('status').isVisible(), 'the picture goes on');
+  await page.screenshot({ path: join(process.env.LF_ARTEFACTS, 'one-camera-lost.png') });
+  await writeFile(join(film, files[0]), films[0]);
+  await until(async () => !await page.locator('.trouble').isVisible(), 'it is back');
   await Promise.all(files.map(name => truncate(join(film, name))));
   await says(page, /No camera works/);
   await page.waitForTimeout(500);

@@ -30,12 +30,18 @@ function silence({ count, silent } = {}) {
 
 const kNoCamera = 'No camera works. Trying again';
 
+// "2 of 64 cameras do not work."
+function losses({ count, working } = {}) {
+  const lost = count - working;
+  return lost > 0 ? `${lost} of ${count} cameras ${lost > 1 ? 'do' : 'does'} not work.` : '';
+}
+
 // What is wrong with the cameras: of the server, or of other hosts. The picture is without those that are silent; with
 // nothing left (`all`) it stays as it was.
 function trouble({ cameras, nodes }) {
   if (cameras?.count > 0 && cameras.working === 0) return { words: kNoCamera, all: true };
   const words = silence(nodes);
-  return { words, all: words && nodes.silent.length === nodes.count };
+  return { words: words || losses(cameras), all: words && nodes.silent.length === nodes.count };
 }
 
 export class Notice {
@@ -47,6 +53,7 @@ export class Notice {
     this.progress = root.querySelector('progress');
     this.form = root.querySelector('form');
     this.field = this.form.querySelector('input');
+    this.part = root.querySelector('.trouble');  // says what a part of the picture is without, for as long as it is
     this.trouble = '';  // what has been said of cameras that don't work, or hosts that are silent
     this.last = root.querySelector('canvas.last');
     this.poster = root.querySelector('.poster');
@@ -104,7 +111,9 @@ export class Notice {
   know(statistics) {
     const { words, all } = trouble(statistics);
     if (words !== this.trouble)
-      this.viewer.say(words || (this.trouble === kNoCamera ? 'Cameras work again.' : 'All camera hosts answer.'));
+      this.viewer.say(words || (/^Camera host/.test(this.trouble) ? 'All camera hosts answer.' : 'All cameras work again.'));
+    this.part.textContent = all ? '' : words;
+    this.part.hidden = all || !words;
     if (all) this.show(words);
     else if (this.dark) this.hide();
     this.trouble = words;
