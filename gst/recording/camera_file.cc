@@ -178,6 +178,11 @@ CameraFile::Added CameraFile::add(GstBuffer* frame, GstCaps* caps, GstClockTime 
   return added;
 }
 
+void CameraFile::leave_out() {
+  const std::lock_guard lock(mutex_);
+  counts_.dropped++;
+}
+
 GstClockTime CameraFile::ends_at() const {
   const std::lock_guard lock(mutex_);
   return held_ ? GST_BUFFER_PTS(held_) + period_ : 0;

@@ -22,7 +22,7 @@ class CameraFile {
  public:
   struct Counts {
     uint64_t frames = 0;   // given to the file
-    uint64_t dropped = 0;  // not, for one of the reasons that Added has
+    uint64_t dropped = 0;  // not, for one of the reasons that Added has, or left out
   };
   // What became of a frame.
   enum class Added {
@@ -46,6 +46,8 @@ class CameraFile {
 
   // A frame of JPEG or raw video, which stays the caller's. `begins`: in words, when the recording began.
   Added add(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins);
+  // A frame is dropped that was never for the file.
+  void leave_out();
   // Where the newest frame would end that lasts as long as the one before it; 0 without frames.
   GstClockTime ends_at() const;
   // The newest frame lasts until `time`, and none follows.

@@ -84,21 +84,36 @@ void Recording::take_rig(const Rig& rig, const std::string& rig_file) {
   }
 }
 
-// Where time 0 of the files is.
-GstClockTime Recording::begin(GstClockTime captured, bool live) {
-  const std::lock_guard lock(mutex_);
-  if (begin_) return *begin_;
-  begins_ = time_of_day();
-  begin_ = live ? captured : 0;
-  return *begin_;
+// Where it belongs in the camera's file; nothing: it was taken before the recording began. A film has its own times.
+std::optional<GstClockTime> Recording::time_of(uint32_t camera, GstClockTime captured, bool live) {
+  std::unique_lock lock(mutex_);
+  if (!timeline_) {
+    begins_ = time_of_day();
+    timeline_.emplace(live ? captured : 0);
+  }
+  if (!live) return captured;
+  const CaptureTimeline::Place place = timeline_->place(camera, captured);
+  lock.unlock();
+  if (place.set_back > 0) tell_set_back(place.set_back);
+  if (place.time >= 0) return static_cast<GstClockTime>(place.time);
+  if (place.time < -CaptureTimeline::kSetBack) tracks_.at(camera).file->leave_out();
+  return std::nullopt;
+}
+
+void Recording::tell_set_back(gint64 nanoseconds) {
+  if (has_told_set_back_.exchange(true)) return;
+  GST_ELEMENT_WARNING(owner_, CORE, CLOCK,
+                      ("%s: the clock was set back by %.1f s: the recording goes on right behind what it has.",
+                       folder_.c_str(), static_cast<double>(nanoseconds) / GST_SECOND),
+                      (nullptr));
 }
 
 void Recording::add(uint32_t camera, GstBuffer* frame, GstCaps* caps, GstClockTime captured, bool live) {
   if (stopped_ || finished_) return;
-  const GstClockTime begin = this->begin(captured, live);
-  if (captured < begin) return;
+  const std::optional<GstClockTime> time = time_of(camera, captured, live);
+  if (!time) return;
   Track& track = tracks_.at(camera);
-  tell(track, caps, track.file->add(frame, caps, captured - begin, begins_));
+  tell(track, caps, track.file->add(frame, caps, *time, begins_));
 }
 
 // What the user should know of what became of a frame.
@@ -183,7 +198,7 @@ CameraFile::Counts Recording::counts(uint32_t camera) const {
 GstStructure* Recording::stats() const {
   const std::lock_guard lock(mutex_);
   return gst_structure_new("recording", "folder", G_TYPE_STRING, folder_.c_str(), "begin", G_TYPE_UINT64,
-                           begin_.value_or(0), "reason", G_TYPE_STRING, reason_.c_str(), nullptr);
+                           timeline_ ? timeline_->begin() : 0, "reason", G_TYPE_STRING, reason_.c_str(), nullptr);
 }
 
 }  // namespace lf

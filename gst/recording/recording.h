@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "recording/camera_file.h"
+#include "recording/capture_timeline.h"
 #include "rig/rig.h"
 
 namespace lf {
@@ -54,7 +55,8 @@ class Recording {
     std::atomic<bool> has_told_kind = false, has_told_failed = false;
   };
   void save(const Rig& rig, const std::string& rig_file) const;
-  GstClockTime begin(GstClockTime captured, bool live);
+  std::optional<GstClockTime> time_of(uint32_t camera, GstClockTime captured, bool live);
+  void tell_set_back(gint64 nanoseconds);
   void tell(Track& track, GstCaps* caps, CameraFile::Added added);
   void tell_behind(const Track& track);
   void tell_other_kind(Track& track, GstCaps* caps);
@@ -65,11 +67,11 @@ class Recording {
   const std::string folder_;
   std::map<uint32_t, Track> tracks_;  // by the camera's id
   std::atomic<size_t> failed_ = 0;    // of these
-  std::atomic<bool> finished_ = false, stopped_ = false, has_told_behind_ = false;
+  std::atomic<bool> finished_ = false, stopped_ = false, has_told_behind_ = false, has_told_set_back_ = false;
   mutable std::mutex mutex_;
-  std::optional<GstClockTime> begin_;
-  std::string begins_;  // the same as the time of day
-  std::string reason_;  // why it stopped
+  std::optional<CaptureTimeline> timeline_;  // from the first frame on
+  std::string begins_;                       // its beginning as the time of day
+  std::string reason_;                       // why it stopped
 };
 
 }  // namespace lf

@@ -93,6 +93,46 @@ TEST_F(RecordingTest, TimesAreThoseOfCaptureFromOneBeginningOn) {
   }
 }
 
+// Frames of before may come behind the first one of afterwards.
+TEST_F(RecordingTest, GoesOnWhereTheClockIsSetBack) {
+  const auto recording = record("r");
+  constexpr GstClockTime kBegin = 1'800'000'000 * GST_SECOND, kHour = 3600 * GST_SECOND;
+  const auto add = [&](uint32_t camera, GstClockTime i) {
+    recording->add(camera, frame().get(), jpeg(), kBegin + i * kPeriod - (i < 10 ? 0 : kHour), true);
+  };
+  for (GstClockTime i = 0; i < 20; i++) {
+    add(0, i);
+    if (i > 0) add(1, i - 1);
+    if (i > 14) add(2, i);  // is there only now
+  }
+  add(1, 19);
+  recording->add(0, frame().get(), jpeg(), kBegin + 19 * kPeriod - kHour, true);  // once more
+  EXPECT_EQ(recording->counts(0).frames, 19u);
+  EXPECT_EQ(recording->counts(0).dropped, 2u) << "the first one of afterwards, and that";
+  EXPECT_EQ(recording->counts(1).dropped, 0u);
+  const std::string told = text_of(GST_MESSAGE_WARNING);
+  EXPECT_NE(told.find("/r: the clock was set back by 3600.0 s: the recording goes on"), std::string::npos) << told;
+  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "") << "told once";
+  recording->finish();
+  for (int camera = 0; camera < 3; camera++) {
+    const std::vector<GstClockTime> times = read_recorded(dir_ / "r/camera" + std::to_string(camera) + ".mkv").times;
+    std::vector<GstClockTime> expected;
+    for (GstClockTime i = camera == 2 ? 15 : 0; i < 20; i++)
+      if (camera != 0 || i != 10) expected.push_back(i * kPeriod);
+    ASSERT_EQ(times.size(), expected.size()) << camera;
+    for (size_t i = 0; i < times.size(); i++)
+      EXPECT_NEAR(static_cast<double>(times[i]), static_cast<double>(expected[i]), 1e4) << camera;
+  }
+}
+
+TEST_F(RecordingTest, WhatIsLongBeforeItsBeginningIsCounted) {
+  const auto recording = record("r");
+  for (const GstClockTime time : {20, 18, 22})
+    recording->add(time == 20 ? 0 : 1, frame().get(), jpeg(), time * GST_SECOND, true);
+  EXPECT_EQ(recording->counts(1).frames, 1u);
+  EXPECT_EQ(recording->counts(1).dropped, 1u);
+}
+
 TEST_F(RecordingTest, ItsRigIsThatOfTheFiles) {
   rig_.cameras[1].image = "still.png";
   const auto recording = record("deep/down");
