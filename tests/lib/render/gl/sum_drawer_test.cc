@@ -50,7 +50,7 @@ Difference difference(const Rig& rig, const View& view, const std::vector<Image>
   const OwnerRuns& runs = production.owners.runs();
   const SumRenderer cpu(production.plan, runs, sources, family, Coordinates::kExact);
   const SumRenderer drawn(production.plan, runs, sources, family, Coordinates::kExact, &card());
-  EXPECT_TRUE(drawn.is_drawn() || drawn.rect().empty()) << card().why_not();
+  EXPECT_TRUE(drawn.drawing().drawn || drawn.rect().empty()) << drawn.drawing().why_not;
   const Rect whole = test::whole(view);
   Sum a(family, whole), b(family, whole);
   const auto has_lost = [](const Sum& sum) {
@@ -213,7 +213,7 @@ TEST(SumDrawer, IsLostForGoodAndTheCpuGoesOn) {
     const SumRenderer renderer(production.plan, production.owners.runs(), sources, PixelFamily::kRgb,
                                Coordinates::kExact, drawer.get());
     renderer.render_rows(0, view.height, sum.planes);
-    return renderer.is_drawn();
+    return renderer.drawing().drawn;
   };
   const Rect whole = test::whole(view);
   Sum before(PixelFamily::kRgb, whole), after(PixelFamily::kRgb, whole), later(PixelFamily::kRgb, whole);
