@@ -217,7 +217,7 @@ bool SumDrawer::draw_pixels(const simd::SumTask& task, const FaceCover& cover, c
   if (!o.begin(o.pixels, rgb ? GL_RGBA16UI : GL_R16UI, o.view.owners(), width, height))
     return refuse(why, "16-bit targets can't be drawn to");
   if (!o.draw(program_of(task, output, false), cover.calm.pixels, task, rect, width, height, why)) return false;
-  if (cover.careful.pixels.empty()) return true;
+  if (cover.careful_rect.empty()) return true;
   o.attach(GL_COLOR_ATTACHMENT1, o.lost, GL_R16UI, width, height);
   constexpr GLenum kBoth[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
   glDrawBuffers(2, kBoth);
