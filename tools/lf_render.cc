@@ -110,7 +110,7 @@ class Renderer {
     const Clock::time_point start = Clock::now();
     const double read_before = reading_;
     lf::Still still = lf::render_still(rig_, mesh, focused, image_of_, options_.sampled(), {}, card);
-    told.drawn = card && !card->is_lost();
+    told.drawing = still.drawing;
     told.render_ns = static_cast<uint64_t>(1e6 * (ms_since(start) - (reading_ - read_before)));
     card_.rendered(choice_, told);
     Rendered out{

@@ -37,6 +37,7 @@
 #include "bins/lfcameranode.h"
 #include "bins/property_copy.h"
 #include "bins/rtp_link.h"
+#include "common/guard.h"
 #include "common/properties.h"
 #include "common/requested_pads.h"
 #include "rtp/host_lookup.h"
@@ -251,7 +252,10 @@ static void lf_node_sink_get_property(GObject* object, guint id, GValue* value, 
 }
 
 static void lf_node_sink_dispose(GObject* object) {
-  remove_links(LF_NODE_SINK(object));
+  lf::guarded(object, false, [object] {
+    remove_links(LF_NODE_SINK(object));
+    return true;
+  });
   gst_clear_object(&LF_NODE_SINK(object)->pay);
   LF_NODE_SINK(object)->node = nullptr;
   G_OBJECT_CLASS(lf_node_sink_parent_class)->dispose(object);

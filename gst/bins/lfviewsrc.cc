@@ -64,6 +64,7 @@
 #include "bins/lfviewsrc_private.h"
 #include "bins/rtp_link.h"
 #include "common/common.h"
+#include "common/guard.h"
 #include "rig/bin_description.h"
 
 GST_DEBUG_CATEGORY(lf_view_src_debug);
@@ -219,8 +220,11 @@ static gboolean lf_view_src_send_event(GstElement* element, GstEvent* event) {
 
 static void lf_view_src_dispose(GObject* object) {
   LfViewSrc* self = LF_VIEW_SRC(object);
-  drop_hosts(self);
-  self->inside->viewers.clear();
+  lf::guarded(self, false, [self] {
+    drop_hosts(self);
+    self->inside->viewers.clear();
+    return true;
+  });
   self->view = self->compositor = nullptr;
   G_OBJECT_CLASS(lf_view_src_parent_class)->dispose(object);
 }

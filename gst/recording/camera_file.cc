@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "common/guard.h"
 
 namespace lf {
 namespace {
@@ -19,6 +20,15 @@ constexpr int kJpegQuality = 95;
 GstCaps* jpeg_caps(int width, int height) {
   return gst_caps_new_simple("image/jpeg", "width", G_TYPE_INT, width, "height", G_TYPE_INT, height, "framerate",
                              GST_TYPE_FRACTION, 0, 1, nullptr);
+}
+
+// Of raw video: what a frame looks like, and not what may change from frame to frame. Times are in the frames, and a
+// muxer takes no other caps than its first ones.
+GstCaps* picture_caps(const GstCaps* caps) {
+  GstCaps* picture = gst_caps_copy(caps);
+  gst_caps_set_simple(picture, "framerate", GST_TYPE_FRACTION, 0, 1, "pixel-aspect-ratio", GST_TYPE_FRACTION, 1, 1,
+                      nullptr);
+  return picture;
 }
 
 bool is_jpeg(GstCaps* caps) { return gst_structure_has_name(gst_caps_get_structure(caps, 0), "image/jpeg"); }
@@ -38,11 +48,8 @@ GstBuffer* text_buffer(const std::string& text) {
 
 }  // namespace
 
-CameraFile::CameraFile(const Camera& camera, const std::string& path, guint64 most_bytes,
-                       std::function<void(const std::string&)> on_error)
-    : width_(camera.width), height_(camera.height), path_(path), most_bytes_(most_bytes) {
-  outcome_->on_error = std::move(on_error);
-}
+CameraFile::CameraFile(const Camera& camera, const std::string& path, guint64 most_bytes)
+    : width_(camera.width), height_(camera.height), path_(path), most_bytes_(most_bytes) {}
 
 CameraFile::~CameraFile() {
   end(0);
@@ -50,17 +57,18 @@ CameraFile::~CameraFile() {
   gst_clear_buffer(&held_);
 }
 
+// It only takes down what is said, on threads of the bin's, so that nobody waits for it.
 GstBusSyncReply CameraFile::on_message(GstBus* /*bus*/, GstMessage* message, gpointer data) {
   Outcome& outcome = **static_cast<std::shared_ptr<Outcome>*>(data);
   const bool is_error = GST_MESSAGE_TYPE(message) == GST_MESSAGE_ERROR;
-  if (is_error || (GST_MESSAGE_TYPE(message) == GST_MESSAGE_EOS && GST_IS_BIN(GST_MESSAGE_SRC(message)))) {
-    g_autoptr(GError) error = nullptr;
-    if (is_error) gst_message_parse_error(message, &error, nullptr);
-    const std::lock_guard lock(outcome.mutex);
-    outcome.done = true;
-    outcome.changed.notify_all();
-    if (error && outcome.on_error) outcome.on_error(error->message);
-  }
+  if (is_error || (GST_MESSAGE_TYPE(message) == GST_MESSAGE_EOS && GST_IS_BIN(GST_MESSAGE_SRC(message))))
+    guarded(nullptr, false, [&] {
+      const std::lock_guard lock(outcome.mutex);
+      if (is_error && !outcome.error) gst_message_parse_error(message, &outcome.error, nullptr);
+      outcome.done = true;
+      outcome.changed.notify_all();
+      return true;
+    });
   gst_message_unref(message);
   return GST_BUS_DROP;
 }
@@ -99,7 +107,7 @@ void CameraFile::build(GstCaps* caps, const std::string& begins) {
   gst_element_link(mux, sink);
   GstElement* text = add_source(gst_caps_new_simple("text/x-raw", "format", G_TYPE_STRING, "utf8", nullptr));
   gst_element_link_pads(text, "src", mux, "subtitle_%u");
-  GstElement* source = add_source(jpeg ? jpeg_caps(width_, height_) : gst_caps_ref(caps));
+  GstElement* source = add_source(jpeg ? jpeg_caps(width_, height_) : picture_caps(caps));
   GstElement *convert = nullptr, *format = nullptr, *encoder = nullptr, *last = source;
   if (!jpeg) {
     convert = add_element("videoconvert");
@@ -134,15 +142,32 @@ void CameraFile::push_held(GstClockTime until) {
   gst_app_src_push_buffer(source_, frame);
 }
 
-bool CameraFile::add(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins) {
-  const std::lock_guard lock(mutex_);
-  if (ended_ || (held_ && time <= GST_BUFFER_PTS(held_))) return true;
-  if (!source_) build(caps, begins);
-  if (is_jpeg(caps) != is_jpeg_ || is_behind(frame)) {  // a file has one kind of video
-    counts_.dropped++;
-    return false;
+CameraFile::Added CameraFile::added(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins) {
+  if (problem()) return Added::kFailed;
+  if (held_ && time <= GST_BUFFER_PTS(held_)) return Added::kNoLater;
+  try {
+    if (!source_) build(caps, begins);
+  } catch (const Error& error) {
+    const std::lock_guard lock(outcome_->mutex);
+    outcome_->error = g_error_new_literal(GST_CORE_ERROR, GST_CORE_ERROR_MISSING_PLUGIN, error.what());
+    return Added::kFailed;
   }
-  if (!is_jpeg_) gst_app_src_set_caps(source_, caps);
+  if (is_jpeg(caps) != is_jpeg_) return Added::kOtherKind;
+  return is_behind(frame) ? Added::kBehind : Added::kTaken;
+}
+
+CameraFile::Added CameraFile::add(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins) {
+  const std::lock_guard lock(mutex_);
+  if (ended_) return Added::kTaken;
+  const Added added = this->added(frame, caps, time, begins);
+  if (added != Added::kTaken) {
+    counts_.dropped++;
+    return added;
+  }
+  if (!is_jpeg_) {
+    g_autoptr(GstCaps) picture = picture_caps(caps);
+    gst_app_src_set_caps(source_, picture);
+  }
   if (held_) period_ = time - GST_BUFFER_PTS(held_);
   push_held(time);
   // A camera's own buffers are few, and it needs them back.
@@ -150,7 +175,12 @@ bool CameraFile::add(GstBuffer* frame, GstCaps* caps, GstClockTime time, const s
   GST_BUFFER_PTS(held_) = time;
   GST_BUFFER_DTS(held_) = GST_CLOCK_TIME_NONE;
   counts_.frames++;
-  return true;
+  return added;
+}
+
+void CameraFile::leave_out() {
+  const std::lock_guard lock(mutex_);
+  counts_.dropped++;
 }
 
 GstClockTime CameraFile::ends_at() const {
@@ -176,7 +206,6 @@ void CameraFile::close(gint64 deadline) {
   const auto patience = std::chrono::microseconds(std::max<gint64>(0, deadline - g_get_monotonic_time()));
   outcome_->changed.wait_for(wait, patience, [=, this] { return outcome_->done || !started; });
   const bool done = outcome_->done || !started;
-  outcome_->on_error = nullptr;
   wait.unlock();
   const auto stop = [](GstElement* element, gpointer) { gst_element_set_state(element, GST_STATE_NULL); };
   if (done)
@@ -189,6 +218,14 @@ void CameraFile::close(gint64 deadline) {
 CameraFile::Counts CameraFile::counts() const {
   const std::lock_guard lock(mutex_);
   return counts_;
+}
+
+std::optional<CameraFile::Problem> CameraFile::problem() const {
+  const std::lock_guard lock(outcome_->mutex);
+  const GError* error = outcome_->error;
+  if (!error) return std::nullopt;
+  return Problem{path_ + ": " + error->message,
+                 g_error_matches(error, GST_RESOURCE_ERROR, GST_RESOURCE_ERROR_NO_SPACE_LEFT) != FALSE};
 }
 
 }  // namespace lf

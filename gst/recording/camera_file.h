@@ -6,9 +6,9 @@
 
 #include <condition_variable>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "rig/rig.h"
@@ -22,21 +22,32 @@ class CameraFile {
  public:
   struct Counts {
     uint64_t frames = 0;   // given to the file
-    uint64_t dropped = 0;  // not: the disk, or the encoder, is behind
+    uint64_t dropped = 0;  // not, for one of the reasons that Added has, or left out
+  };
+  // What became of a frame.
+  enum class Added {
+    kTaken,
+    kBehind,     // the disk, or the encoder, is
+    kOtherKind,  // a file has JPEG as it came, or encoded raw video
+    kNoLater,    // than one before
+    kFailed,     // nothing more can be written, see problem()
+  };
+  // What has ended the file before its time.
+  struct Problem {
+    std::string text;
+    bool disk_is_full = false;
   };
 
-  // `most_bytes`: what may wait for the disk; four frames always may. `on_error`: what hinders it, in words, is told by
-  // any thread, and not after close().
-  CameraFile(const Camera& camera, const std::string& path, guint64 most_bytes,
-             std::function<void(const std::string&)> on_error);
+  // `most_bytes`: what may wait for the disk; four frames always may.
+  CameraFile(const Camera& camera, const std::string& path, guint64 most_bytes);
   ~CameraFile();
   CameraFile(const CameraFile&) = delete;
   CameraFile& operator=(const CameraFile&) = delete;
 
-  // A frame of JPEG or raw video, which stays the caller's. Frames that are no later than one before are left out.
-  // `begins`: in words, when the recording began. False if the frame was dropped. Throws Error where an element is not
-  // installed.
-  bool add(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins);
+  // A frame of JPEG or raw video, which stays the caller's. `begins`: in words, when the recording began.
+  Added add(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins);
+  // A frame is dropped that was never for the file.
+  void leave_out();
   // Where the newest frame would end that lasts as long as the one before it; 0 without frames.
   GstClockTime ends_at() const;
   // The newest frame lasts until `time`, and none follows.
@@ -46,14 +57,16 @@ class CameraFile {
   void close(gint64 deadline);
 
   Counts counts() const;
+  std::optional<Problem> problem() const;
 
  private:
   // What the bin says; it may outlive this.
   struct Outcome {
+    ~Outcome() { g_clear_error(&error); }
     std::mutex mutex;
     std::condition_variable changed;
-    bool done = false;  // written, or failed
-    std::function<void(const std::string&)> on_error;
+    bool done = false;        // written, or failed
+    GError* error = nullptr;  // what failed first
   };
   static GstBusSyncReply on_message(GstBus* bus, GstMessage* message, gpointer outcome);
   void build(GstCaps* caps, const std::string& begins);
@@ -61,6 +74,7 @@ class CameraFile {
   GstElement* add_source(GstCaps* caps);
   bool is_behind(GstBuffer* frame) const;
   void push_held(GstClockTime until);
+  Added added(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins);
 
   const int width_, height_;
   const std::string path_;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "recording/recording.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <utility>
@@ -51,11 +53,9 @@ Recording::Recording(GstElement* owner, const std::string& folder, const Rig& ri
   save(rig, rig_file);
   for (const CameraIndex index : cameras) {
     const Camera& camera = rig.cameras[index];
-    names_[camera.id] = "camera " + std::to_string(camera.id) + (camera.name.empty() ? "" : " (" + camera.name + ")");
-    const std::string path = folder + "/" + file_name(camera);
-    files_[camera.id] =
-        std::make_unique<CameraFile>(camera, path, kMostBytes / cameras.size(),
-                                     [this, path](const std::string& problem) { stop(path + ": " + problem); });
+    Track& track = tracks_[camera.id];
+    track.name = "camera " + std::to_string(camera.id) + (camera.name.empty() ? "" : " (" + camera.name + ")");
+    track.file = std::make_unique<CameraFile>(camera, folder + "/" + file_name(camera), kMostBytes / cameras.size());
   }
 }
 
@@ -84,33 +84,77 @@ void Recording::take_rig(const Rig& rig, const std::string& rig_file) {
   }
 }
 
-// Where time 0 of the files is.
-GstClockTime Recording::begin(GstClockTime captured, bool live) {
-  const std::lock_guard lock(mutex_);
-  if (begin_) return *begin_;
-  begins_ = time_of_day();
-  begin_ = live ? captured : 0;
-  return *begin_;
+// Where it belongs in the camera's file; nothing: it was taken before the recording began. A film has its own times.
+std::optional<GstClockTime> Recording::time_of(uint32_t camera, GstClockTime captured, bool live) {
+  std::unique_lock lock(mutex_);
+  if (!timeline_) {
+    begins_ = time_of_day();
+    timeline_.emplace(live ? captured : 0);
+  }
+  if (!live) return captured;
+  const CaptureTimeline::Place place = timeline_->place(camera, captured);
+  lock.unlock();
+  if (place.set_back > 0) tell_set_back(place.set_back);
+  if (place.time >= 0) return static_cast<GstClockTime>(place.time);
+  if (place.time < -CaptureTimeline::kSetBack) tracks_.at(camera).file->leave_out();
+  return std::nullopt;
+}
+
+void Recording::tell_set_back(gint64 nanoseconds) {
+  if (has_told_set_back_.exchange(true)) return;
+  GST_ELEMENT_WARNING(owner_, CORE, CLOCK,
+                      ("%s: the clock was set back by %.1f s: the recording goes on right behind what it has.",
+                       folder_.c_str(), static_cast<double>(nanoseconds) / GST_SECOND),
+                      (nullptr));
 }
 
 void Recording::add(uint32_t camera, GstBuffer* frame, GstCaps* caps, GstClockTime captured, bool live) {
   if (stopped_ || finished_) return;
-  const GstClockTime begin = this->begin(captured, live);
-  if (captured < begin) return;
-  try {
-    if (!files_.at(camera)->add(frame, caps, captured - begin, begins_)) tell_dropped(camera);
-  } catch (const Error& error) {
-    stop(names_.at(camera) + ": " + error.what());
+  const std::optional<GstClockTime> time = time_of(camera, captured, live);
+  if (!time) return;
+  Track& track = tracks_.at(camera);
+  tell(track, caps, track.file->add(frame, caps, *time, begins_));
+}
+
+// What the user should know of what became of a frame.
+void Recording::tell(Track& track, GstCaps* caps, CameraFile::Added added) {
+  switch (added) {
+    case CameraFile::Added::kTaken:
+    case CameraFile::Added::kNoLater: return;
+    case CameraFile::Added::kBehind: return tell_behind(track);
+    case CameraFile::Added::kOtherKind: return tell_other_kind(track, caps);
+    case CameraFile::Added::kFailed: return tell_failed(track);
   }
 }
 
-void Recording::tell_dropped(uint32_t camera) {
-  if (has_dropped_.exchange(true)) return;
+void Recording::tell_behind(const Track& track) {
+  if (has_told_behind_.exchange(true)) return;
   GST_ELEMENT_WARNING(owner_, RESOURCE, WRITE,
                       ("%s: the disk or this machine is too slow to record all frames: some are left out, of %s at "
                        "first",
-                       folder_.c_str(), names_.at(camera).c_str()),
+                       folder_.c_str(), track.name.c_str()),
                       ("further ones, of other cameras, too, are counted in stats"));
+}
+
+void Recording::tell_other_kind(Track& track, GstCaps* caps) {
+  if (track.has_told_kind.exchange(true)) return;
+  const char* const kind = gst_structure_get_name(gst_caps_get_structure(caps, 0));
+  GST_ELEMENT_WARNING(owner_, STREAM, FORMAT,
+                      ("%s: %s gives %s now, which is not what its file has: a file has either JPEG as it came or "
+                       "encoded raw video. Such frames are left out.",
+                       folder_.c_str(), track.name.c_str(), kind),
+                      ("they are counted in stats"));
+}
+
+void Recording::tell_failed(Track& track) {
+  if (stopped_ || track.has_told_failed.exchange(true)) return;
+  const CameraFile::Problem problem = track.file->problem().value_or(CameraFile::Problem{});
+  const bool is_last = ++failed_ == tracks_.size();
+  if (is_last || problem.disk_is_full || access(folder_.c_str(), W_OK | X_OK) != 0) return stop(problem.text);
+  GST_ELEMENT_WARNING(owner_, RESOURCE, WRITE,
+                      ("%s is not recorded any more: %s What was recorded before can be played.", track.name.c_str(),
+                       problem.text.c_str()),
+                      ("its further frames are counted in stats"));
 }
 
 // The files stay as they are, which can be played.
@@ -133,26 +177,28 @@ void Recording::finish() {
   if (finished_.exchange(true)) return;
   GstClockTime end = 0;
   bool any = false;
-  for (const auto& [camera, file] : files_) {
-    end = std::max(end, file->ends_at());
-    any = any || file->counts().frames > 0;
+  for (const auto& [camera, track] : tracks_) {
+    end = std::max(end, track.file->ends_at());
+    any = any || track.file->counts().frames > 0;
   }
-  for (const auto& [camera, file] : files_) file->end(end);
+  for (const auto& [camera, track] : tracks_) track.file->end(end);
   const gint64 deadline = g_get_monotonic_time() + kPatience;
-  for (const auto& [camera, file] : files_) file->close(deadline);
+  for (const auto& [camera, track] : tracks_) track.file->close(deadline);
+  for (auto& [camera, track] : tracks_)
+    if (track.file->problem()) tell_failed(track);
   std::error_code ignored;
   if (!any) std::filesystem::remove(rig_path(folder_), ignored);  // a start that failed may be tried again
 }
 
 CameraFile::Counts Recording::counts(uint32_t camera) const {
-  const auto found = files_.find(camera);
-  return found == files_.end() ? CameraFile::Counts{} : found->second->counts();
+  const auto found = tracks_.find(camera);
+  return found == tracks_.end() ? CameraFile::Counts{} : found->second.file->counts();
 }
 
 GstStructure* Recording::stats() const {
   const std::lock_guard lock(mutex_);
   return gst_structure_new("recording", "folder", G_TYPE_STRING, folder_.c_str(), "begin", G_TYPE_UINT64,
-                           begin_.value_or(0), "reason", G_TYPE_STRING, reason_.c_str(), nullptr);
+                           timeline_ ? timeline_->begin() : 0, "reason", G_TYPE_STRING, reason_.c_str(), nullptr);
 }
 
 }  // namespace lf

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "recording/camera_file.h"
+#include "recording/capture_timeline.h"
 #include "rig/rig.h"
 
 namespace lf {
@@ -20,8 +21,10 @@ namespace lf {
 // lfcameranode to play. A file a camera, because cameras come, fail and come back one by one, and any subset of them
 // can be copied and played.
 //
-// What the disk does not take is dropped and counted, and what ends the recording ends nothing else. Posts a warning
-// and the element message LF_RECORDING_STOPPED of `owner`. Thread-safe.
+// What the disk does not take is dropped and counted. A file that can't be written any more ends for itself, with a
+// warning of `owner`; a full disk, or a folder that can't be written to, ends the recording, with the element message
+// LF_RECORDING_STOPPED as well, and nothing else. It is told with the next frame, by the thread that brings it.
+// Thread-safe.
 class Recording {
  public:
   // Makes `folder` with its rig.json, of the rig that was read from `rig_file`; `owner` outlives this. Throws Error
@@ -45,20 +48,30 @@ class Recording {
   GstStructure* stats() const;
 
  private:
+  // What is recorded of one camera.
+  struct Track {
+    std::string name;  // "camera 3 (cam_00_03)"
+    std::unique_ptr<CameraFile> file;
+    std::atomic<bool> has_told_kind = false, has_told_failed = false;
+  };
   void save(const Rig& rig, const std::string& rig_file) const;
-  GstClockTime begin(GstClockTime captured, bool live);
+  std::optional<GstClockTime> time_of(uint32_t camera, GstClockTime captured, bool live);
+  void tell_set_back(gint64 nanoseconds);
+  void tell(Track& track, GstCaps* caps, CameraFile::Added added);
+  void tell_behind(const Track& track);
+  void tell_other_kind(Track& track, GstCaps* caps);
+  void tell_failed(Track& track);
   void stop(const std::string& reason);
-  void tell_dropped(uint32_t camera);
 
   GstElement* const owner_;
   const std::string folder_;
-  std::map<uint32_t, std::unique_ptr<CameraFile>> files_;  // by the camera's id
-  std::map<uint32_t, std::string> names_;                  // "camera 3 (cam_00_03)"
-  std::atomic<bool> finished_ = false, stopped_ = false, has_dropped_ = false;
+  std::map<uint32_t, Track> tracks_;  // by the camera's id
+  std::atomic<size_t> failed_ = 0;    // of these
+  std::atomic<bool> finished_ = false, stopped_ = false, has_told_behind_ = false, has_told_set_back_ = false;
   mutable std::mutex mutex_;
-  std::optional<GstClockTime> begin_;
-  std::string begins_;  // the same as the time of day
-  std::string reason_;  // why it stopped
+  std::optional<CaptureTimeline> timeline_;  // from the first frame on
+  std::string begins_;                       // its beginning as the time of day
+  std::string reason_;                       // why it stopped
 };
 
 }  // namespace lf

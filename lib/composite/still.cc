@@ -16,7 +16,7 @@ Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const Cam
   std::iota(all.begin(), all.end(), 0);
   const RenderJob job(rig, mesh, view, all);
 
-  Still still{.picture = {}, .coverage = {}, .cameras = job.cameras()};
+  Still still{.picture = {}, .coverage = {}, .cameras = job.cameras(), .drawing = {}};
   Accumulator sum;
   sum.reset(PixelFamily::kRgb, view.width, view.height);
   ByteBuffer sharp;
@@ -30,6 +30,7 @@ Still render_still(const Rig& rig, const Mesh& mesh, const View& view, const Cam
     if (resampling == Resampling::kSharpened && shows_detail(view, rig_camera))
       source.image = sharpen(source.image, needed_pixels(job.plan(), camera, rig_camera), sharp);
     const SumRenderer renderer(job.plan(), job.runs(), {&source, 1}, sum.family(), Coordinates::kGrid, card);
+    still.drawing = renderer.drawing();
     const Rect rect = renderer.rect();
     const size_t area = static_cast<size_t>(rect.width()) * rect.height();
     samples.resize(3 * area);

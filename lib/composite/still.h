@@ -5,15 +5,12 @@
 
 #include "composite/accumulator.h"
 #include "image/image.h"
+#include "render/sum_renderer.h"
 #include "rig/mesh.h"
 #include "rig/still_images.h"
 #include "view/view.h"
 
 namespace lf {
-
-namespace gl {
-class SumDrawer;
-}
 
 // Views of an array that stands still, rendered in one go from its images: the whole path from camera images to a
 // picture without a stream in between, and the same picture to the bit.
@@ -23,6 +20,7 @@ struct Still {
   Image picture;                     // has the images' family; RGB where no camera contributes
   std::vector<float> coverage;       // per pixel, 0..1: how much of its weight cameras could give
   std::vector<CameraIndex> cameras;  // cameras that contributed, ascending
+  Drawing drawing;                   // of the last camera's part
 };
 
 // Asks `images` only for cameras that contribute, each once; all must be of one family (else Error).

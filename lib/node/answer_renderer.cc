@@ -71,7 +71,7 @@ std::vector<Fragment> render_strips(const SumRenderer& renderer, std::span<const
 }
 
 void tell_of(const SumRenderer& renderer, RenderedAnswer& answer) {
-  answer.drawn = renderer.is_drawn();
+  answer.drawing = renderer.drawing();
   answer.pixels = static_cast<size_t>(renderer.rect().width()) * renderer.rect().height();
 }
 

@@ -16,7 +16,7 @@ namespace lf {
 struct RenderedAnswer {
   ByteBuffer bytes;  // one unit of the answer stream
   size_t fragments = 0;
-  bool drawn = false;                     // a graphics card has drawn the sum
+  Drawing drawing;                        // of the sum
   size_t pixels = 0;                      // of the rectangle that bounds the sum
   uint64_t render_ns = 0, encode_ns = 0;  // nanoseconds of wall time; rounding to 8 bits counts as rendering
 };

@@ -35,7 +35,12 @@ void RendererRace::add(bool drawn, size_t pixels, uint64_t nanoseconds) {
   best_[drawn] = std::min(best_[drawn], static_cast<double>(nanoseconds) / static_cast<double>(pixels));
 }
 
-Card::Card(Open open) : open_(std::move(open)) {}
+void Patience::add(bool refused, uint64_t now) {
+  refusals_ = refused ? refusals_ + 1 : 0;
+  rests_until_ = refusals_ < kRefusals ? 0 : now + kRest;
+}
+
+Card::Card(Open open, Clock now) : open_(std::move(open)), now_(std::move(now)) {}
 
 bool Card::is_open(RendererChoice choice, std::string& news) {
   const auto drivers = choice == RendererChoice::kAuto ? gl::Context::Drivers::kHardware : gl::Context::Drivers::kAny;
@@ -54,14 +59,27 @@ gl::SumDrawer* Card::open(RendererChoice choice, std::string& news) {
   if (choice == RendererChoice::kCpu) return nullptr;
   const std::lock_guard lock(mutex_);
   if (!is_open(choice, news)) return nullptr;
+  if (patience_.is_at_end(now_())) {
+    if (choice == RendererChoice::kGl && std::exchange(told_refusal_, refusal_) != refusal_)
+      news = drawer_->device() + " can't draw what is asked for, the CPU does: " + refusal_;
+    return nullptr;
+  }
   return choice == RendererChoice::kGl || race_.card_is_next() ? drawer_.get() : nullptr;
 }
 
 void Card::rendered(RendererChoice choice, const RenderedAnswer& answer) {
-  if (choice != RendererChoice::kAuto) return;
+  if (choice == RendererChoice::kCpu || answer.pixels == 0) return;
+  const Drawing& drawing = answer.drawing;
   const std::lock_guard lock(mutex_);
+  const uint64_t now = now_();
+  if (drawing.drawn || drawing.refused) patience_.add(drawing.refused, now);
+  if (drawing.refused) refusal_ = drawing.why_not;
+  const bool is_left_alone = !drawing.drawn && patience_.is_at_end(now);
+  why_not_ = drawing.why_not.empty() && is_left_alone ? refusal_ : drawing.why_not;
+  // A sum that no card draws, or that one has been asked for in vain, tells nothing about which is faster.
+  if (choice != RendererChoice::kAuto || !drawing.why_not.empty()) return;
   if (drawer_ && !drawer_->is_lost() && !drawer_->is_software())
-    race_.add(answer.drawn, answer.pixels, answer.render_ns);
+    race_.add(drawing.drawn, answer.pixels, answer.render_ns);
 }
 
 std::string Card::explain(RendererChoice choice) const {
@@ -71,8 +89,9 @@ std::string Card::explain(RendererChoice choice) const {
   const std::string name = is_auto ? "auto: " : "";
   if (!drawer_) return tried_ ? name + "cpu, there is no other: " + why_ : name + "nothing has been rendered yet";
   if (drawer_->is_lost()) return name + "cpu, " + drawer_->device() + " is lost";
+  if (is_auto && drawer_->is_software()) return name + "cpu, " + drawer_->device() + " is the CPU, too";
+  if (!why_not_.empty()) return name + "cpu, " + drawer_->device() + " does not draw this: " + why_not_;
   if (!is_auto) return "gl: " + drawer_->device();
-  if (drawer_->is_software()) return name + "cpu, " + drawer_->device() + " is the CPU, too";
   if (!race_.decided()) return name + "cpu and " + drawer_->device() + " by turns, to see which is faster";
   return name + (race_.card_is_next() ? "gl" : "cpu") + ", " + drawer_->device() + " takes " +
          per_pixel(race_.best(true)) + " ns a pixel, the CPU " + per_pixel(race_.best(false));

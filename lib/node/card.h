@@ -10,6 +10,7 @@
 #include <optional>
 #include <string>
 
+#include "base/schedule.h"
 #include "node/answer_renderer.h"
 #include "render/gl/sum_drawer.h"
 
@@ -40,18 +41,35 @@ class RendererRace {
   double best_[2] = {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
 };
 
+// With what refuses again and again: it is left alone for a while, as asking takes time, too.
+class Patience {
+ public:
+  static constexpr int kRefusals = 3;                // in a row
+  static constexpr uint64_t kRest = 10'000'000'000;  // nanoseconds
+
+  // What came of asking at `now`, nanoseconds of any clock that never jumps.
+  void add(bool refused, uint64_t now);
+  bool is_at_end(uint64_t now) const { return now < rests_until_; }
+
+ private:
+  int refusals_ = 0;
+  uint64_t rests_until_ = 0;
+};
+
 // The graphics card of a node that is to use one: opened when there is something to draw, as that takes tens to
-// hundreds of milliseconds; and left alone for good once it can't be opened or is lost. Thread-safe.
+// hundreds of milliseconds; left alone for good once it can't be opened or is lost, and for a while where it refuses
+// what it is asked for. Thread-safe.
 class Card {
  public:
   using Open = std::function<std::unique_ptr<gl::SumDrawer>(gl::Context::Drivers, std::string& why)>;
+  using Clock = std::function<uint64_t()>;
   Card() : Card(gl::SumDrawer::create) {}
-  explicit Card(Open open);  // in place of gl::SumDrawer::create()
+  explicit Card(Open open, Clock now = now_ns);  // in place of gl::SumDrawer::create(), and of now_ns()
 
   // What is to draw the next answer; null: the CPU has to render it. `news`: what the user should know, once: why there
-  // is no card (any more). Nobody needs to know that of kAuto.
+  // is no card (any more), or why it does not draw. Nobody needs to know that of kAuto.
   gl::SumDrawer* open(RendererChoice choice, std::string& news);
-  // That answer, for kAuto to decide by.
+  // That answer, to decide by.
   void rendered(RendererChoice choice, const RenderedAnswer& answer);
   // What renders, and why: "cpu", "gl: NVIDIA ...", "auto: cpu, there is no other: device 0: computes on the CPU".
   std::string explain(RendererChoice choice) const;
@@ -60,12 +78,16 @@ class Card {
   bool is_open(RendererChoice choice, std::string& news);
 
   const Open open_;
+  const Clock now_;
   mutable std::mutex mutex_;
   std::unique_ptr<gl::SumDrawer> drawer_;
   std::optional<gl::Context::Drivers> tried_;  // the last ones
   std::string why_;                            // there is no card for these
   bool told_ = false;
   RendererRace race_;
+  Patience patience_;
+  std::string why_not_;                 // the latest answer was not drawn
+  std::string refusal_, told_refusal_;  // the latest reason to refuse one, and what of it the user knows
 };
 
 }  // namespace lf

@@ -195,7 +195,7 @@ Node::Reply Node::render(const wire::AnyRequest& any, const Array& array, Reques
                   .render = planned - begun + reply.before_ns + reply.answer.render_ns,
                   .encode = reply.answer.encode_ns};
   stats_.add(reply.stages);
-  if (reply.answer.drawn) stats_.drawn++;
+  if (reply.answer.drawing.drawn) stats_.drawn++;
   if (worst_skew > stats_.max_skew_ns) stats_.max_skew_ns = worst_skew;
   reply.warning = skew_warning(*array.rig, requester.watch.see(skews), requester);
   return reply;

@@ -14,21 +14,27 @@ namespace lf {
 struct SumRenderer::State : simd::PreparedTask {
   using PreparedTask::PreparedTask;
   gl::DrawnSum drawn;
-  bool is_drawn = false;
+  Drawing drawing;
 };
 
 SumRenderer::SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources,
                          PixelFamily family, Coordinates coordinates, gl::SumDrawer* card)
     : state_(std::make_unique<State>(plan, runs, sources, family, coordinates)), rect_(state_->rect) {
-  state_->is_drawn = card && !rect_.empty() && card->draw(state_->task, sources, rect_, state_->drawn);
+  Drawing& drawing = state_->drawing;
+  if (plan.blend()) {
+    drawing.why_not = "the view is not blended by its mesh";
+  } else if (card && !rect_.empty()) {
+    drawing.drawn = card->draw(state_->task, sources, rect_, state_->drawn, drawing.why_not);
+    drawing.refused = !drawing.drawn;
+  }
 }
 
 SumRenderer::~SumRenderer() = default;
 
-bool SumRenderer::is_drawn() const { return state_->is_drawn; }
+const Drawing& SumRenderer::drawing() const { return state_->drawing; }
 
 bool SumRenderer::render_rows(int y0, int y1, const SumPlanes& out) const {
-  if (state_->is_drawn) return state_->drawn.copy_rows(y0, y1, out);
+  if (state_->drawing.drawn) return state_->drawn.copy_rows(y0, y1, out);
   const simd::SumTask& task = state_->task;
   const Rect& rect = out.rect;
   const bool i420 = task.family == PixelFamily::kI420;

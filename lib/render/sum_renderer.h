@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "base/rect.h"
@@ -38,6 +39,13 @@ enum class Coordinates {
 };
 inline constexpr double kGridError = 1.0 / 512;  // pixels of the camera's image
 
+// What a graphics card has to do with a sum.
+struct Drawing {
+  bool drawn = false;    // by the card
+  bool refused = false;  // the card was asked to draw it, and could not
+  std::string why_not;   // of what is refused; also of what no card is asked for
+};
+
 // Adds up the contributions of any number of cameras to one view: the fast path. Weight x colour of up to three cameras
 // a pixel meet in registers, in 16 bits with 7 bits of fraction, so that rounding to 8 bits comes once and at the end.
 // Portable SIMD (Highway): SSE2, SSE4, AVX2, AVX-512 or NEON as the processor has them.
@@ -48,7 +56,7 @@ class SumRenderer {
  public:
   // Everything must outlive this. Sources: one family, images of their cameras' sizes (else Error), no camera twice.
   // `card`: draws the sum here and now, where there is one and it can; else the CPU does, row by row, as it is asked
-  // for.
+  // for. It is asked only for views that are blended by their mesh.
   SumRenderer(const ViewPlan& plan, const OwnerRuns& runs, std::span<const Source> sources, PixelFamily family,
               Coordinates coordinates = Coordinates::kGrid, gl::SumDrawer* card = nullptr);
   ~SumRenderer();
@@ -57,8 +65,7 @@ class SumRenderer {
 
   // Bounds what the sources contribute, from the plan: whole chroma samples in kI420; may be empty.
   const Rect& rect() const { return rect_; }
-  // Whether the card has drawn the sum.
-  bool is_drawn() const;
+  const Drawing& drawing() const;
   // Writes rows [y0, y1) (y0 even; y1 even or the end of out.rect) of the sum into `out`, all samples of them, zeros
   // where nothing contributes; out.rect inside the runs' region. Lost weight is written to out.lost (all of it). True
   // if any weight was lost. Call from several threads for different rows.

@@ -120,7 +120,7 @@ void Sum(benchmark::State& state, PixelFamily family, bool distorted, Coordinate
     const uint64_t begin = now_ns();
     const SumRenderer renderer(plan, runs, sources, family, coordinates, card);
     if (card) drawn_ns += static_cast<double>(card->drawn_ns());
-    if (card && !renderer.is_drawn()) return state.SkipWithError(card->why_not().c_str());
+    if (card && !renderer.drawing().drawn) return state.SkipWithError(renderer.drawing().why_not.c_str());
     out.rect = renderer.rect();
     for (int c = 0; c < 3; c++) {
       out.plane[c] = scene.sum[c].data();

@@ -6,7 +6,10 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <atomic>
 #include <filesystem>
+#include <functional>
+#include <future>
 
 #include "base/error.h"
 #include "gst/gst_test.h"
@@ -41,6 +44,12 @@ class RecordingTest : public testing::Test {
     gst_message_parse_warning(message, &error, nullptr);
     gst_message_unref(message);
     return error->message;
+  }
+
+  // Calls add() with the times of frames until it returns true, for 20 seconds at most.
+  static void add_until(const std::function<bool(GstClockTime)>& add) {
+    const gint64 end = g_get_monotonic_time() + 20 * G_USEC_PER_SEC;
+    for (GstClockTime time = GST_SECOND; !add(time) && g_get_monotonic_time() < end; time += kPeriod) g_usleep(10000);
   }
 
   TempDir dir_;
@@ -82,6 +91,46 @@ TEST_F(RecordingTest, TimesAreThoseOfCaptureFromOneBeginningOn) {
     if (camera == 2) expect_near(file.times[10], 5 * GST_SECOND + 3 * GST_MSECOND);
     expect_near(file.end, end);  // all begin again together in a loop
   }
+}
+
+// Frames of before may come behind the first one of afterwards.
+TEST_F(RecordingTest, GoesOnWhereTheClockIsSetBack) {
+  const auto recording = record("r");
+  constexpr GstClockTime kBegin = 1'800'000'000 * GST_SECOND, kHour = 3600 * GST_SECOND;
+  const auto add = [&](uint32_t camera, GstClockTime i) {
+    recording->add(camera, frame().get(), jpeg(), kBegin + i * kPeriod - (i < 10 ? 0 : kHour), true);
+  };
+  for (GstClockTime i = 0; i < 20; i++) {
+    add(0, i);
+    if (i > 0) add(1, i - 1);
+    if (i > 14) add(2, i);  // is there only now
+  }
+  add(1, 19);
+  recording->add(0, frame().get(), jpeg(), kBegin + 19 * kPeriod - kHour, true);  // once more
+  EXPECT_EQ(recording->counts(0).frames, 19u);
+  EXPECT_EQ(recording->counts(0).dropped, 2u) << "the first one of afterwards, and that";
+  EXPECT_EQ(recording->counts(1).dropped, 0u);
+  const std::string told = text_of(GST_MESSAGE_WARNING);
+  EXPECT_NE(told.find("/r: the clock was set back by 3600.0 s: the recording goes on"), std::string::npos) << told;
+  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "") << "told once";
+  recording->finish();
+  for (int camera = 0; camera < 3; camera++) {
+    const std::vector<GstClockTime> times = read_recorded(dir_ / "r/camera" + std::to_string(camera) + ".mkv").times;
+    std::vector<GstClockTime> expected;
+    for (GstClockTime i = camera == 2 ? 15 : 0; i < 20; i++)
+      if (camera != 0 || i != 10) expected.push_back(i * kPeriod);
+    ASSERT_EQ(times.size(), expected.size()) << camera;
+    for (size_t i = 0; i < times.size(); i++)
+      EXPECT_NEAR(static_cast<double>(times[i]), static_cast<double>(expected[i]), 1e4) << camera;
+  }
+}
+
+TEST_F(RecordingTest, WhatIsLongBeforeItsBeginningIsCounted) {
+  const auto recording = record("r");
+  for (const GstClockTime time : {20, 18, 22})
+    recording->add(time == 20 ? 0 : 1, frame().get(), jpeg(), time * GST_SECOND, true);
+  EXPECT_EQ(recording->counts(1).frames, 1u);
+  EXPECT_EQ(recording->counts(1).dropped, 1u);
 }
 
 TEST_F(RecordingTest, ItsRigIsThatOfTheFiles) {
@@ -151,8 +200,11 @@ TEST_F(RecordingTest, ADiskThatHangsHoldsNobodyUp) {
 TEST_F(RecordingTest, AFileThatCantBeWrittenStopsItAndIsToldOnce) {
   const auto recording = record("r");
   std::filesystem::remove_all(dir_ / "r");
-  for (uint32_t camera = 0; camera < 3; camera++) recording->add(camera, frame().get(), jpeg(), GST_SECOND, true);
-  GstMessage* message = gst_bus_timed_pop_filtered(bus_.get(), 20 * GST_SECOND, GST_MESSAGE_ELEMENT);
+  GstMessage* message = nullptr;
+  add_until([&](GstClockTime time) {
+    for (uint32_t camera = 0; camera < 3; camera++) recording->add(camera, frame().get(), jpeg(), time, true);
+    return (message = gst_bus_pop_filtered(bus_.get(), GST_MESSAGE_ELEMENT)) != nullptr;
+  });
   ASSERT_TRUE(message);
   EXPECT_TRUE(gst_message_has_name(message, "lightfield-recording-stopped"));
   EXPECT_STREQ(gst_structure_get_string(gst_message_get_structure(message), "folder"), (dir_ / "r").c_str());
@@ -164,15 +216,96 @@ TEST_F(RecordingTest, AFileThatCantBeWrittenStopsItAndIsToldOnce) {
   EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "");
 }
 
+// One camera's, that is, in a folder that takes the others'.
+TEST_F(RecordingTest, AFileThatFailsEndsForItself) {
+  const auto recording = record("r");
+  std::filesystem::create_directories(dir_ / "r/camera1.mkv");
+  std::string told;
+  GstClockTime last = 0;
+  add_until([&](GstClockTime time) {
+    for (const uint32_t camera : {0, 1}) recording->add(camera, frame().get(), jpeg(), last = time, true);
+    return !(told = text_of(GST_MESSAGE_WARNING)).empty();
+  });
+  EXPECT_NE(told.find("camera 1 (cam_00_01) is not recorded any more: "), std::string::npos) << told;
+  EXPECT_NE(told.find("/r/camera1.mkv: "), std::string::npos) << told;
+  const uint64_t dropped = recording->counts(1).dropped;
+  for (GstClockTime i = 1; i <= 10; i++)
+    for (uint32_t camera = 0; camera < 3; camera++)
+      recording->add(camera, frame().get(), jpeg(), last + i * kPeriod, true);
+  EXPECT_EQ(recording->counts(1).dropped, dropped + 10);
+  const uint64_t frames = recording->counts(0).frames;
+  recording->finish();
+  EXPECT_GT(frames, 10u);
+  EXPECT_EQ(read_recorded(dir_ / "r/camera0.mkv").times.size(), frames);
+  EXPECT_EQ(read_recorded(dir_ / "r/camera2.mkv").times.size(), 10u) << "one that comes later";
+  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "") << "told once, and nothing else";
+}
+
+// Applications stop where they are told.
+TEST_F(RecordingTest, WhoIsToldThatItHasStoppedMayFinishIt) {
+  struct Told {
+    Recording* recording;
+    std::future<void> finished;
+    std::atomic<int> in_time = -1;
+  } told{record("r").release(), {}, -1};
+  const std::unique_ptr<Recording> owner(told.recording);
+  gst_bus_set_sync_handler(
+      bus_.get(),
+      [](GstBus*, GstMessage* message, gpointer data) {
+        auto& told = *static_cast<Told*>(data);
+        if (GST_MESSAGE_TYPE(message) == GST_MESSAGE_ELEMENT) {
+          told.finished = std::async(std::launch::async, [&told] { told.recording->finish(); });
+          told.in_time = told.finished.wait_for(std::chrono::seconds(20)) == std::future_status::ready;
+        }
+        return GST_BUS_PASS;
+      },
+      &told, nullptr);
+  std::filesystem::remove_all(dir_ / "r");
+  add_until([&](GstClockTime time) {
+    told.recording->add(0, frame().get(), jpeg(), time, true);
+    return told.in_time >= 0;
+  });
+  EXPECT_EQ(told.in_time, 1);
+  gst_bus_set_sync_handler(bus_.get(), nullptr, nullptr, nullptr);
+}
+
 TEST_F(RecordingTest, RawVideoIsEncoded) {
   const auto recording = record("r");
-  const CapsPtr raw(gst_caps_from_string("video/x-raw,format=RGB,width=64,height=48,framerate=30/1"));
-  for (GstClockTime i = 0; i < 10; i++) recording->add(0, frame(64 * 48 * 3).get(), raw.get(), i * kPeriod, true);
-  recording->add(0, frame().get(), jpeg(), 10 * kPeriod, true);  // of another kind
+  const auto raw = [](int framerate) {
+    return CapsPtr(gst_caps_from_string(
+        ("video/x-raw,format=RGB,width=64,height=48,framerate=" + std::to_string(framerate) + "/1").c_str()));
+  };
+  for (GstClockTime i = 0; i < 10; i++)  // the camera is opened again, with another rate
+    recording->add(0, frame(64 * 48 * 3).get(), raw(i < 5 ? 30 : 15).get(), i * kPeriod, true);
   EXPECT_EQ(recording->counts(0).frames, 10u);
-  EXPECT_EQ(recording->counts(0).dropped, 1u);
+  EXPECT_EQ(recording->counts(0).dropped, 0u);
+  for (GstClockTime i = 0; i < 10; i++) recording->add(1, frame().get(), jpeg(), i * kPeriod, true);
   recording->finish();
   EXPECT_EQ(read_recorded(dir_ / "r/camera0.mkv").times.size(), 10u);
+  EXPECT_EQ(read_recorded(dir_ / "r/camera1.mkv").times.size(), 10u);
+  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "");
+}
+
+TEST_F(RecordingTest, AnotherKindOfVideoIsToldAsSuch) {
+  const auto recording = record("r");
+  const CapsPtr raw(gst_caps_from_string("video/x-raw,format=RGB,width=64,height=48,framerate=30/1"));
+  const auto add = [&](uint32_t camera, bool is_raw, GstClockTime number) {
+    recording->add(camera, frame(64 * 48 * 3).get(), is_raw ? raw.get() : jpeg(), number * kPeriod, true);
+  };
+  for (const uint32_t camera : {0, 1}) {
+    const bool first = camera == 0;
+    add(camera, first, 1);
+    for (GstClockTime i = 2; i < 5; i++) add(camera, !first, i);
+    add(camera, first, 5);
+    EXPECT_EQ(recording->counts(camera).frames, 2u);
+    EXPECT_EQ(recording->counts(camera).dropped, 3u);
+    const std::string told = text_of(GST_MESSAGE_WARNING);
+    EXPECT_NE(told.find(first ? "(cam_00_00) gives image/jpeg now" : "(cam_00_01) gives video/x-raw now"),
+              std::string::npos)
+        << told;
+    EXPECT_EQ(told.find("too slow"), std::string::npos) << told;
+    EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "") << "told once";
+  }
 }
 
 }  // namespace

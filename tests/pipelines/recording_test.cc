@@ -10,6 +10,7 @@
 
 #include <cstdlib>
 #include <filesystem>
+#include <set>
 
 #include "gst/gst_test.h"
 #include "rig/rig_json.h"
@@ -27,7 +28,7 @@ constexpr int kRate = 15;
 
 using Bytes = std::vector<uint8_t>;
 struct Picture {
-  GstClockTime captured = GST_CLOCK_TIME_NONE;
+  GstClockTime pts = GST_CLOCK_TIME_NONE, captured = GST_CLOCK_TIME_NONE;
   Bytes bytes;
   bool operator==(const Picture&) const = default;
 };
@@ -36,7 +37,7 @@ Picture picture_of(GstSample* sample) {
   GstBuffer* buffer = gst_sample_get_buffer(sample);
   const CapsPtr reference(gst_caps_from_string("timestamp/x-lightfield-capture"));
   const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(buffer, reference.get());
-  Picture picture{meta ? meta->timestamp : GST_CLOCK_TIME_NONE, to_bytes(buffer)};
+  Picture picture{GST_BUFFER_PTS(buffer), meta ? meta->timestamp : GST_CLOCK_TIME_NONE, to_bytes(buffer)};
   gst_sample_unref(sample);
   return picture;
 }
@@ -64,6 +65,25 @@ std::vector<Picture> pictures_of(ElementPtr&& pipeline) {
   std::vector<Picture> pictures = pictures_of(played);
   gst_element_set_state(played.get(), GST_STATE_NULL);
   return pictures;
+}
+
+// PTS of those that are all that they could be, as far as the compositor has told of them: each camera has answered,
+// with the frame that was taken nearest to what was asked for. Where a busy machine answers later than ever before, the
+// node has let go of that frame already, and shows the next one.
+std::set<GstClockTime> told_to_be_whole(const ElementPtr& pipeline) {
+  const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_element_get_bus(pipeline.get()));
+  std::set<GstClockTime> whole;
+  while (GstMessage* message = gst_bus_pop_filtered(bus.get(), GST_MESSAGE_ELEMENT)) {
+    const GstStructure* view = gst_message_get_structure(message);
+    gboolean complete = FALSE;
+    guint64 pts = 0, skew = 0;
+    if (gst_structure_get(view, "complete", G_TYPE_BOOLEAN, &complete, "pts", G_TYPE_UINT64, &pts, "skew-ns",
+                          G_TYPE_UINT64, &skew, nullptr) &&
+        complete && skew < GST_SECOND / kRate / 2)
+      whole.insert(pts);
+    gst_message_unref(message);
+  }
+  return whole;
 }
 
 class RecordingReplayTest : public testing::Test {
@@ -133,8 +153,12 @@ TEST_F(RecordingReplayTest, ShowsWhatWasSeenLive) {
   {
     const ElementPtr pipeline =
         launch(line("is-live=true capture-delay=500000000 loop=true framerate=15/1 location=" + save({0}),
-                    "is-live=true loop=true rig=" + rig() + " record=" + folder(), "latency=1000000000 rig=" + rig()));
-    live = pictures_of(pipeline, 45);
+                    "is-live=true loop=true rig=" + rig() + " record=" + folder(),
+                    "post-messages=true latency=1000000000 rig=" + rig()));
+    live = pictures_of(pipeline, 60);
+    const std::set<GstClockTime> whole = told_to_be_whole(pipeline);
+    ASSERT_EQ(live.size(), 60u);
+    std::erase_if(live, [&](const Picture& picture) { return !whole.contains(picture.pts); });
     const ElementPtr node = child(pipeline, "n");
     GstStructure* stats = nullptr;
     g_object_get(node.get(), "stats", &stats, nullptr);
@@ -143,7 +167,6 @@ TEST_F(RecordingReplayTest, ShowsWhatWasSeenLive) {
     ASSERT_TRUE(gst_structure_get_uint64(recording, "begin", &begin));
     gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   }
-  ASSERT_EQ(live.size(), 45u);
   // The first ones may have been of cameras that had only begun.
   std::erase_if(live, [&](const Picture& picture) { return picture.captured < begin + GST_SECOND; });
   ASSERT_GT(live.size(), 20u);
@@ -158,8 +181,7 @@ TEST_F(RecordingReplayTest, ShowsWhatWasSeenLive) {
     other += first[i].bytes != live[i].bytes;
     changes += i > 0 && first[i].bytes != first[i - 1].bytes;
   }
-  // A frame that came too late to be seen live is in its place in the recording.
-  EXPECT_LE(other, live.size() / 10) << "of " << live.size() << " pictures";
+  EXPECT_EQ(other, 0u) << "of " << live.size() << " pictures";
   EXPECT_GT(changes, 10u) << "something moves";
 }
 

@@ -18,7 +18,8 @@ struct Sum {
     samples.resize(packed_size(family, view.width, view.height));
     lost.resize(static_cast<size_t>(view.width) * view.height);
     const SumRenderer renderer(plans.plan, plans.owners.runs(), sources, family, coordinates, card);
-    if (card && !renderer.rect().empty() && !renderer.is_drawn()) throw Error("not drawn: " + card->why_not());
+    if (card && !renderer.rect().empty() && !renderer.drawing().drawn)
+      throw Error("not drawn: " + renderer.drawing().why_not);
     const bool any_lost = renderer.render_rows(0, view.height, packed_sums(family, all, samples.data(), lost.data()));
     planes = packed_sums<const int16_t, const uint16_t>(family, all, samples.data(), any_lost ? lost.data() : nullptr);
   }

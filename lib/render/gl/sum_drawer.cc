@@ -142,38 +142,33 @@ std::unique_ptr<SumDrawer> SumDrawer::create(Context::Drivers drivers, std::stri
   return drawer;
 }
 
-std::string SumDrawer::why_not() const {
-  const std::lock_guard lock(why_mutex_);
-  return why_not_;
-}
-
-bool SumDrawer::refuse(std::string why) {
-  const std::lock_guard lock(why_mutex_);
-  why_not_ = std::move(why);
+static bool refuse(std::string& why, std::string reason) {
+  why = std::move(reason);
   return false;
 }
 
-bool SumDrawer::draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out) {
+bool SumDrawer::draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out,
+                     std::string& why) {
   {
     const Context::Current current(*context_);
     if (!current) {
       lost_ = true;
-      return refuse("the context is lost");
+      return refuse(why, "the context is lost");
     }
-    if (!draw_now(task, sources, rect, out)) return false;
+    if (!draw_now(task, sources, rect, out, why)) return false;
   }
   mended_ = mend(task, out);
   return true;
 }
 
-bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out) {
+bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out,
+                         std::string& why) {
   Objects& o = *objects_;
   const ViewPlan& plan = *task.plan;
-  if (plan.blend()) return refuse("the view is not blended by its mesh");
-  if (plan.faces().size() >= kMixedOwners) return refuse("too many faces");
+  if (plan.faces().size() >= kMixedOwners) return refuse(why, "too many faces");
   if (std::max({rect.width(), rect.height(), static_cast<int>(plan.faces().size())}) > o.max_size)
-    return refuse("the view or the array is too large");
-  if (!o.atlas.lay_out(task, sources, o.max_size)) return refuse("the cameras' images are too large");
+    return refuse(why, "the view or the array is too large");
+  if (!o.atlas.lay_out(task, sources, o.max_size)) return refuse(why, "the cameras' images are too large");
 
   out.family = task.family;
   out.rect = rect;
@@ -184,19 +179,19 @@ bool SumDrawer::draw_now(const simd::SumTask& task, std::span<const Source> sour
   glDepthFunc(GL_EQUAL);
   glDepthMask(GL_FALSE);
   glEnable(GL_DEPTH_TEST);
-  if (!o.timed(o.times[0], [&] { return draw_pixels(task, cover, rect); })) return false;
+  if (!o.timed(o.times[0], [&] { return draw_pixels(task, cover, rect, why); })) return false;
   glFlush();  // while the card draws those, the rest goes up
   if (task.family == PixelFamily::kI420) {
     o.view.upload_blocks(task, rect);
     o.atlas.upload_chroma();
-    if (!o.timed(o.times[1], [&] { return draw_chroma(task, cover, rect); })) return false;
+    if (!o.timed(o.times[1], [&] { return draw_chroma(task, cover, rect, why); })) return false;
     glFlush();
   }
   read(cover, out);
   drawn_ns_ = o.nanoseconds(task.family == PixelFamily::kI420);
   if (const GLenum error = glGetError(); error != GL_NO_ERROR) {
     lost_ = error == GL_OUT_OF_MEMORY || lost_;
-    return refuse("OpenGL error " + std::to_string(error));
+    return refuse(why, "OpenGL error " + std::to_string(error));
   }
   return true;
 }
@@ -214,16 +209,15 @@ static SumProgram program_of(const simd::SumTask& task, SumProgram::Output outpu
 }
 
 // Pixels, and where they are careful what they have lost.
-bool SumDrawer::draw_pixels(const simd::SumTask& task, const FaceCover& cover, const Rect& rect) {
+bool SumDrawer::draw_pixels(const simd::SumTask& task, const FaceCover& cover, const Rect& rect, std::string& why) {
   Objects& o = *objects_;
   const bool rgb = task.family == PixelFamily::kRgb;
   const SumProgram::Output output = rgb ? SumProgram::Output::kRgb : SumProgram::Output::kLuma;
   const int width = rect.width(), height = rect.height();
   if (!o.begin(o.pixels, rgb ? GL_RGBA16UI : GL_R16UI, o.view.owners(), width, height))
-    return refuse("16-bit targets can't be drawn to");
-  std::string why;
-  if (!o.draw(program_of(task, output, false), cover.calm.pixels, task, rect, width, height, why)) return refuse(why);
-  if (cover.careful.pixels.empty()) return true;
+    return refuse(why, "16-bit targets can't be drawn to");
+  if (!o.draw(program_of(task, output, false), cover.calm.pixels, task, rect, width, height, why)) return false;
+  if (cover.careful_rect.empty()) return true;
   o.attach(GL_COLOR_ATTACHMENT1, o.lost, GL_R16UI, width, height);
   constexpr GLenum kBoth[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
   glDrawBuffers(2, kBoth);
@@ -231,29 +225,28 @@ bool SumDrawer::draw_pixels(const simd::SumTask& task, const FaceCover& cover, c
   glClearBufferuiv(GL_COLOR, 1, kZeros);
   const bool drawn = o.draw(program_of(task, output, true), cover.careful.pixels, task, rect, width, height, why);
   glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT1, GL_TEXTURE_2D, 0, 0);
-  return drawn || refuse(why);
+  return drawn;
 }
 
-bool SumDrawer::draw_chroma(const simd::SumTask& task, const FaceCover& cover, const Rect& rect) {
+bool SumDrawer::draw_chroma(const simd::SumTask& task, const FaceCover& cover, const Rect& rect, std::string& why) {
   Objects& o = *objects_;
   const int width = chroma_size(rect.width()), height = chroma_size(rect.height());
-  std::string why;
   bool drawn = true;
   const auto draw = [&](SumProgram::Output output, bool careful, const std::vector<CoverCorner>& triangles) {
     drawn = drawn && o.draw(program_of(task, output, careful), triangles, task, rect, 2 * width, 2 * height, why);
   };
   if (!o.begin(o.chroma_sums, o.float_target, o.view.block_owners(), width, height))
-    return refuse("sums in float can't be drawn to");
+    return refuse(why, "sums in float can't be drawn to");
   glEnable(GL_BLEND);
   glBlendFunc(GL_ONE, GL_ONE);
   draw(SumProgram::Output::kMixedChroma, false, cover.calm.blocks);
   draw(SumProgram::Output::kMixedChroma, true, cover.careful.blocks);
   glDisable(GL_BLEND);
   if (!o.begin(o.chroma, GL_RG16UI, o.view.block_owners(), width, height))
-    return refuse("16-bit targets can't be drawn to");
+    return refuse(why, "16-bit targets can't be drawn to");
   draw(SumProgram::Output::kChroma, false, cover.calm.pixels);
   draw(SumProgram::Output::kChroma, true, cover.careful.pixels);
-  if (!drawn || !o.programs.use({.output = SumProgram::Output::kChromaBits}, why)) return refuse(why);
+  if (!drawn || !o.programs.use({.output = SumProgram::Output::kChromaBits}, why)) return false;
   glActiveTexture(GL_TEXTURE0 + kChromaSums);
   glBindTexture(GL_TEXTURE_2D, o.chroma_sums.name());
   glDisableVertexAttribArray(0);

@@ -4,7 +4,6 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
-#include <mutex>
 #include <span>
 #include <string>
 #include <vector>
@@ -47,13 +46,12 @@ class SumDrawer {
   bool is_software() const { return context_->is_software(); }
 
   // Draws the sum of the task's slots in `rect`, which bounds them (even, but for the view's right and lower end, in
-  // kI420), into `out`. `sources`: those the task was made of. False where that can't be done, with the reason in
-  // why_not(): views that are not blended by their mesh, sizes beyond the card's, a context that is lost.
+  // kI420), into `out`. `sources`: those the task was made of, of a view that is blended by its mesh. False where that
+  // can't be done, with the reason in `why`: sizes beyond the card's, a context that is lost.
   // Any thread; threads wait for each other.
-  bool draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out);
+  bool draw(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out,
+            std::string& why);
 
-  // Why the latest draw() of any thread was refused.
-  std::string why_not() const;
   // Whether the card is there no more, so that no draw() will ever succeed again.
   bool is_lost() const { return lost_; }
   // Makes the context as if its driver had lost it, from now on. Any thread.
@@ -67,16 +65,14 @@ class SumDrawer {
  private:
   struct Objects;
   explicit SumDrawer(std::unique_ptr<Context> context);
-  bool draw_now(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out);
-  bool draw_pixels(const simd::SumTask& task, const FaceCover& cover, const Rect& rect);
-  bool draw_chroma(const simd::SumTask& task, const FaceCover& cover, const Rect& rect);
+  bool draw_now(const simd::SumTask& task, std::span<const Source> sources, const Rect& rect, DrawnSum& out,
+                std::string& why);
+  bool draw_pixels(const simd::SumTask& task, const FaceCover& cover, const Rect& rect, std::string& why);
+  bool draw_chroma(const simd::SumTask& task, const FaceCover& cover, const Rect& rect, std::string& why);
   void read(const FaceCover& cover, DrawnSum& out);
-  bool refuse(std::string why);
 
   std::unique_ptr<Context> context_;
   std::unique_ptr<Objects> objects_;  // what the context holds
-  mutable std::mutex why_mutex_;
-  std::string why_not_;  // guarded by why_mutex_
   std::atomic<bool> lost_ = false;
   std::atomic<size_t> mended_ = 0;
   std::atomic<uint64_t> drawn_ns_ = 0;

@@ -34,14 +34,53 @@ TEST(RendererRace, TheFasterOneWinsAndTheFirstOfTheCardDoesNotCount) {
   }
 }
 
-// Where the card can't draw what is asked for, the CPU does, and nothing is decided.
-TEST(RendererRace, WhatTheCardRefusesDecidesNothing) {
+TEST(RendererRace, OneAloneDecidesNothing) {
   RendererRace race;
   for (int i = 0; i < 100; i++) race.add(false, 1000, 1000);
   EXPECT_FALSE(race.decided());
   EXPECT_TRUE(race.card_is_next());
   race.add(true, 0, 1000);
   EXPECT_EQ(race.best(true), std::numeric_limits<double>::infinity());
+}
+
+RenderedAnswer answer(bool drawn, const std::string& refused_why = "") {
+  return {.drawing = {drawn, !refused_why.empty(), refused_why}, .pixels = 1000, .render_ns = 1000};
+}
+
+TEST(Card, IsLeftAloneForAWhileWhereItRefuses) {
+  constexpr uint64_t kSecond = 1'000'000'000;
+  uint64_t now = 77 * kSecond;
+  Card card(gl::SumDrawer::create, [&] { return now; });
+  std::string news;
+  gl::SumDrawer* const drawer = card.open(RendererChoice::kGl, news);
+  ASSERT_TRUE(drawer) << news;
+  const std::string draws = "gl: " + drawer->device();
+  const auto refuse = [&](const std::string& why) {
+    EXPECT_EQ(card.open(RendererChoice::kGl, news), drawer);
+    card.rendered(RendererChoice::kGl, answer(false, why));
+    EXPECT_EQ(news, "");
+    EXPECT_EQ(card.explain(RendererChoice::kGl), "cpu, " + drawer->device() + " does not draw this: " + why);
+  };
+  for (int i = 0; i < 2; i++) {
+    refuse("too large");
+    refuse("too large");
+    card.rendered(RendererChoice::kGl, answer(true));  // not three in a row
+    EXPECT_EQ(card.explain(RendererChoice::kGl), draws);
+  }
+  for (int i = 0; i < 3; i++) refuse("too large");
+  for (int i = 0; i < 10; i++, now += kSecond) {
+    EXPECT_EQ(card.open(RendererChoice::kGl, news), nullptr) << i;
+    EXPECT_EQ(news, i > 0 ? "" : drawer->device() + " can't draw what is asked for, the CPU does: too large");
+    news.clear();
+    card.rendered(RendererChoice::kGl, answer(false));
+    EXPECT_EQ(card.explain(RendererChoice::kGl), "cpu, " + drawer->device() + " does not draw this: too large");
+  }
+  refuse("too large");  // once more is enough
+  for (int i = 0; i < 10; i++, now += kSecond) EXPECT_EQ(card.open(RendererChoice::kGl, news), nullptr) << i;
+  EXPECT_EQ(news, "") << "that is known";
+  EXPECT_EQ(card.open(RendererChoice::kGl, news), drawer);
+  card.rendered(RendererChoice::kGl, answer(true));
+  EXPECT_EQ(card.explain(RendererChoice::kGl), draws);
 }
 
 TEST(Card, AutoNeverTakesWhatComputesOnTheCpu) {
@@ -92,7 +131,7 @@ class CardLossTest : public testing::Test {
     const SumRenderer renderer(production_.plan, production_.owners.runs(), sources_, PixelFamily::kI420,
                                Coordinates::kGrid, card);
     const SumRenderer cpu(production_.plan, production_.owners.runs(), sources_, PixelFamily::kI420);
-    drawn = renderer.is_drawn();
+    drawn = renderer.drawing().drawn;
     const Rect whole = test::whole(view_);
     test::Sum a(PixelFamily::kI420, whole), b(PixelFamily::kI420, whole);
     renderer.render_rows(0, view_.height, a.planes);
@@ -111,6 +150,49 @@ class CardLossTest : public testing::Test {
   const std::vector<Image> images_ = test::i420_of(images_of(rig_, random_, reference::smooth_image));
   const std::vector<Source> sources_ = test::sources_of(rig_, production_.plan, images_);
 };
+
+// What no card draws is not even asked for: one that is lost would have been found out.
+TEST_F(CardLossTest, ViewsThatAreNotBlendedByTheMeshAreNoneOfTheCards) {
+  Card card;
+  std::string news;
+  gl::SumDrawer* const drawer = card.open(RendererChoice::kGl, news);
+  ASSERT_TRUE(drawer) << news;
+  drawer->lose();
+  View wide = view_;
+  wide.blending = blending_of(0.3, 0);
+  const std::vector<CameraIndex> all{0, 1, 2, 3, 4, 5, 6, 7, 8};
+  const RenderJob job(rig_, build_mesh(rig_), wide, all);
+  const std::vector<Source> sources = test::sources_of(rig_, job.plan(), images_);
+  const SumRenderer renderer(job.plan(), job.runs(), sources, PixelFamily::kI420, Coordinates::kGrid, drawer);
+  EXPECT_FALSE(drawer->is_lost());
+  EXPECT_FALSE(renderer.drawing().drawn);
+  EXPECT_FALSE(renderer.drawing().refused);
+  EXPECT_EQ(renderer.drawing().why_not, "the view is not blended by its mesh");
+  for (int i = 0; i < 5; i++) {  // nor is the card blamed for it
+    card.rendered(RendererChoice::kGl, {.drawing = renderer.drawing(), .pixels = 1000, .render_ns = 1000});
+    EXPECT_EQ(card.open(RendererChoice::kGl, news), drawer);
+  }
+  EXPECT_EQ(card.explain(RendererChoice::kGl),
+            "cpu, " + drawer->device() + " does not draw this: the view is not blended by its mesh");
+}
+
+TEST_F(CardLossTest, WhatIsTooLargeIsRefusedWithTheReason) {
+  Card card;
+  std::string news;
+  gl::SumDrawer* const drawer = card.open(RendererChoice::kGl, news);
+  ASSERT_TRUE(drawer) << news;
+  View wide = view_;
+  wide.width = 1 << 16;
+  wide.height = 2;
+  wide.lens = Lens::pinhole(1.25 * wide.width, (wide.width - 1) / 2.0, 0.5);
+  const test::Production production(rig_, build_mesh(rig_), wide);
+  const std::vector<Source> sources = test::sources_of(rig_, production.plan, images_);
+  const SumRenderer renderer(production.plan, production.owners.runs(), sources, PixelFamily::kI420, Coordinates::kGrid,
+                             drawer);
+  EXPECT_FALSE(renderer.drawing().drawn);
+  EXPECT_TRUE(renderer.drawing().refused);
+  EXPECT_EQ(renderer.drawing().why_not, "the view or the array is too large");
+}
 
 // As many as LF_CYCLES says.
 TEST_F(CardLossTest, StartsAndStopsLeaveNothing) {

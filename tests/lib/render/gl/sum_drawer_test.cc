@@ -10,6 +10,8 @@
 #include "lib/render/production.h"
 #include "lib/render/sum_arrays.h"
 #include "reference/hard_cases.h"
+#include "render/gl/face_cover.h"
+#include "render/simd/sum_task.h"
 
 namespace lf {
 namespace {
@@ -50,7 +52,7 @@ Difference difference(const Rig& rig, const View& view, const std::vector<Image>
   const OwnerRuns& runs = production.owners.runs();
   const SumRenderer cpu(production.plan, runs, sources, family, Coordinates::kExact);
   const SumRenderer drawn(production.plan, runs, sources, family, Coordinates::kExact, &card());
-  EXPECT_TRUE(drawn.is_drawn() || drawn.rect().empty()) << card().why_not();
+  EXPECT_TRUE(drawn.drawing().drawn || drawn.rect().empty()) << drawn.drawing().why_not;
   const Rect whole = test::whole(view);
   Sum a(family, whole), b(family, whole);
   const auto has_lost = [](const Sum& sum) {
@@ -199,6 +201,55 @@ TEST(SumDrawer, LeavesWhatItCannotTellToTheCpu) {
   }
 }
 
+// A face may reach blocks of two by two pixels where it reaches no pixel: what is lost there is nothing, and not what
+// the sum before has lost. Here one node of the map, beside the array's right border, is too near to be proved calm.
+TEST(SumDrawer, NothingIsLostWhereOnlyBlocksAreReached) {
+  constexpr int kWidth = 128, kHeight = 96;
+  Random random(1);
+  Rig rig;
+  for (int i = 0; i < 4; i++)
+    rig.cameras.push_back(reference::make_camera(i, 160, 120, Lens::pinhole(80, 79.5, 59.5),
+                                                 {Vec3(0.1 * (i % 2), 0.1 * (i / 2), 0), Quat(1, 0, 0, 0)}));
+  rig.topology = {Topology::Type::kGrid, 2, 2, {}};
+  const auto images = images_of(rig, random, reference::smooth_image);
+  View view;
+  view.width = kWidth;
+  view.height = kHeight;
+  view.pose = {Vec3(0.05, 0.05, -0.1), Quat(std::cos(0.25), 0, 0, std::sin(0.25))};
+  view.lens = Lens::pinhole(125, 43, 47.5);
+  view.focus.plane = plane_through({0, 0, 2}, {0, 0, -1});
+  FocalMap map;
+  map.from = plane_through({0, 0, 0}, {0, 0, 1});
+  map.step = 1;
+  map.columns = kWidth;
+  map.rows = kHeight;
+  map.farthest = 0.5;
+  map.nearest = 50;
+  map.levels.assign(static_cast<size_t>(map.columns) * map.rows, 0);
+  map.levels[static_cast<size_t>(22) * kWidth + 105] = 255;
+  view.focus.map = std::make_shared<FocalMap>(std::move(map));
+
+  const test::Production production(rig, build_mesh(rig), view);
+  const std::vector<Image> i420 = test::i420_of(images);
+  const std::vector<Source> sources = test::sources_of(rig, production.plan, i420);
+  const simd::PreparedTask prepared(production.plan, production.owners.runs(), sources, PixelFamily::kI420,
+                                    Coordinates::kExact);
+  const gl::FaceCover cover = gl::cover_faces(prepared.task, prepared.rect);
+  ASSERT_TRUE(cover.careful.pixels.empty());
+  ASSERT_FALSE(cover.careful_rect.empty());
+
+  View before = view;  // shows the array there, and has lost all of it
+  before.focus.map = nullptr;
+  before.lens = Lens::pinhole(125, 63.5, 47.5);
+  const auto blind = [](std::vector<Source>& of) {
+    for (Source& source : of) source.image = {.family = PixelFamily::kNone};
+  };
+  EXPECT_LE(difference(rig, before, images, PixelFamily::kI420, Resampling::kBilinear, blind).lost, 1e-4);
+  const Difference one = difference(rig, view, images, PixelFamily::kI420, Resampling::kBilinear);
+  EXPECT_LE(one.level, 0.2);
+  EXPECT_LE(one.lost, 1e-4);
+}
+
 TEST(SumDrawer, IsLostForGoodAndTheCpuGoesOn) {
   std::string why;
   const auto drawer = gl::SumDrawer::create(gl::Context::Drivers::kAny, why);
@@ -213,7 +264,7 @@ TEST(SumDrawer, IsLostForGoodAndTheCpuGoesOn) {
     const SumRenderer renderer(production.plan, production.owners.runs(), sources, PixelFamily::kRgb,
                                Coordinates::kExact, drawer.get());
     renderer.render_rows(0, view.height, sum.planes);
-    return renderer.is_drawn();
+    return renderer.drawing().drawn;
   };
   const Rect whole = test::whole(view);
   Sum before(PixelFamily::kRgb, whole), after(PixelFamily::kRgb, whole), later(PixelFamily::kRgb, whole);
