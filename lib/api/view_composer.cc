@@ -22,8 +22,7 @@ namespace {
 
 CameraSet to_camera_set(std::vector<uint32_t> cameras, size_t count) {
   std::ranges::sort(cameras);
-  const auto repeats = std::ranges::unique(cameras);
-  cameras.erase(repeats.begin(), repeats.end());
+  cameras.erase(std::unique(cameras.begin(), cameras.end()), cameras.end());
   if (!cameras.empty() && cameras.back() >= count)
     throw Error("out_of_service: " + std::to_string(cameras.back()) + " is not one of the rig's " +
                 std::to_string(count) + " cameras");

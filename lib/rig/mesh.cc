@@ -115,8 +115,8 @@ CameraSet corner_cameras(const Rig& rig) {
   for (CameraIndex i = 0; i < positions.size(); ++i)
     places.emplace_back(quantise(centres.at[i], plane, centres.quantum), i);
   std::ranges::sort(places);
-  const auto repeated = std::ranges::unique(places, {}, &Place::first);
-  places.erase(repeated.begin(), repeated.end());
+  const auto same_place = [](const Place& a, const Place& b) { return a.first == b.first; };
+  places.erase(std::unique(places.begin(), places.end(), same_place), places.end());
   // Its lower and its upper half (Andrew 1979).
   CameraSet corners;
   for (int half = 0; half < 2; ++half) {
@@ -130,8 +130,7 @@ CameraSet corner_cameras(const Rig& rig) {
     std::ranges::reverse(places);
   }
   std::ranges::sort(corners);
-  const auto twice = std::ranges::unique(corners);
-  corners.erase(twice.begin(), twice.end());
+  corners.erase(std::unique(corners.begin(), corners.end()), corners.end());
   return corners;
 }
 
