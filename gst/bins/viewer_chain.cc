@@ -74,8 +74,11 @@ ViewerChain::ViewerChain(GstBin* bin, guint view_id, const std::string& ending)
   link(to_src_, "src", pictures_, "sink");
 }
 
+// Nothing is allocated, as nothing that is thrown would get out of here.
 ViewerChain::~ViewerChain() {
-  for (GstElement* element : all()) gst_object_unref(element);
+  for (GstElement* answers : answers_) gst_object_unref(answers);
+  for (GstElement* element : {pictures_, to_src_, compositor_, to_cameras_, to_compositor_, requests_, view_})
+    gst_object_unref(element);
 }
 
 std::vector<GstElement*> ViewerChain::behind_cameras() const {

@@ -141,6 +141,36 @@ TEST_F(Exceptions, InStateChanges) {
   EXPECT_GT(places_, 100);
 }
 
+// With everything inside that a run has made.
+TEST_F(Exceptions, WhereBinsGo) {
+  const auto each_place_of_going = [&](const char* factory, const Step& prepare) {
+    SCOPED_TRACE(factory);
+    int places = 0;
+    for (bool reached_end = false; !reached_end; places++) {
+      ASSERT_LT(places, 20000);
+      GstElement* element = GST_ELEMENT(gst_object_ref_sink(gst_element_factory_make(factory, nullptr)));
+      ASSERT_TRUE(element);
+      prepare(element);
+      EXPECT_EQ(gst_element_set_state(element, GST_STATE_READY), GST_STATE_CHANGE_SUCCESS);
+      gst_element_set_state(element, GST_STATE_NULL);
+      gpointer still_there = element;
+      g_object_add_weak_pointer(G_OBJECT(element), &still_there);
+      left = places;
+      gst_object_unref(element);
+      reached_end = left.exchange(-1) >= 0;
+      EXPECT_FALSE(still_there);
+    }
+    places_ += places;
+  };
+  each_place_of_going("lfnodesink", [&](GstElement* element) {
+    set_rig(element);
+    g_object_set(element, "listen", "27431", "answers", "127.0.0.1:27432", nullptr);
+  });
+  each_place_of_going("lfviewsrc", [&](GstElement* element) {
+    g_object_set(element, "rig", array_.rig_path().c_str(), "nodes", "127.0.0.1:27433:27434", nullptr);
+  });
+}
+
 TEST_F(Exceptions, WhereCamerasAnswer) {
   const std::vector<uint8_t> bytes = wire::encode_request(array_.request(0, 0));
   const BufferPtr frame(ArrayFixture::frame("RGB", 100, 0));
