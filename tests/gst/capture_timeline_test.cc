@@ -27,7 +27,9 @@ TEST_F(CaptureTimelineTest, TimesCountFromTheBeginning) {
 
 TEST_F(CaptureTimelineTest, OneThatHasStrayedMovesNothing) {
   for (gint64 i = 0; i < 200; i++) {
-    if (i % 50 == 40) EXPECT_LT(time(0, (i - 30) * kPeriod), (i - 25) * kPeriod);
+    if (i % 50 == 40) {
+      EXPECT_LT(time(0, (i - 30) * kPeriod), (i - 25) * kPeriod);
+    }
     EXPECT_EQ(time(0, i * kPeriod), i * kPeriod);
   }
 }
@@ -59,7 +61,9 @@ TEST_F(CaptureTimelineTest, ACameraThatWasAwayMeanwhileIsInStepAgain) {
   constexpr gint64 kBack = 5 * GST_SECOND;
   const auto see = [&](gint64 i, gint64 back) {
     const gint64 seen = time(0, i * kPeriod - back);
-    if (i != 100 && i != 1500 && i != 1700) EXPECT_EQ(seen, i * kPeriod);
+    if (i != 100 && i != 1500 && i != 1700) {
+      EXPECT_EQ(seen, i * kPeriod);
+    }
   };
   for (gint64 i = 0; i < 1000; i++) see(i, i < 100 ? 0 : kBack);
   EXPECT_EQ(time(1, 1000 * kPeriod - kBack), 1000 * kPeriod);
