@@ -262,8 +262,10 @@ TEST_F(FocusedArray, AClickFocusesOnWhatIsThere) {
     }
     for (const auto& [x, y, distance] : {std::tuple(20, 20, kSceneFar), {32, 85, kSceneNear}}) {
       viewer.click(x, y);
+      int looks = 0;
       const auto is_there = [&] {
-        if (kFallsBehind && !on_plane) viewer.click(x, y);  // the surface is still being found
+        // The surface is still being found; or, on a plane, too many answers came too late, and the search was given up.
+        if (kFallsBehind && (!on_plane || ++looks % 300 == 0)) viewer.click(x, y);
         return std::abs(viewer.focus_distance() / distance - 1) < 0.15;
       };
       EXPECT_TRUE(LiveViewer::comes_true(is_there)) << viewer.focus_distance() << " m, not " << distance;
