@@ -56,7 +56,7 @@ else
     chmod +x "$build/launchers/$program"
   done
   PATH=$build/launchers:$PATH
-  # Documents are looked at by programs that can't load a sanitized plugin.
+  # Documents are looked at by programs that can't load a sanitized plugin, as examples are.
   what=(--no-suite slow --no-suite documents) log=testlog
 fi
 status=0
