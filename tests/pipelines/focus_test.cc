@@ -264,7 +264,8 @@ TEST_F(FocusedArray, AClickFocusesOnWhatIsThere) {
       viewer.click(x, y);
       int looks = 0;
       const auto is_there = [&] {
-        // The surface is still being found; or, on a plane, too many answers came too late, and the search was given up.
+        // The surface is still being found; or, on a plane, too many answers came too late, and the search was given
+        // up.
         if (kFallsBehind && (!on_plane || ++looks % 300 == 0)) viewer.click(x, y);
         return std::abs(viewer.focus_distance() / distance - 1) < 0.15;
       };
