@@ -31,8 +31,6 @@ void on_decoded_pad(GstElement* decoder, GstPad* pad, gpointer head);
 // This one is a Matroska demuxer's: MJPEG goes through jpegdec on the demuxer's own thread, or stays as it is; what
 // else there is goes through decodebin, which brings queues and threads.
 void on_matroska_pad(GstElement* demuxer, GstPad* pad, gpointer head);
-// Whether there is sound in what the elements of the bin read: its length may be longer than that of the pictures.
-bool has_sound(GstBin* bin);
 // Whether there is sound in what the bin's elements read: the pictures may end before the whole does.
 bool has_sound(GstBin* bin);
 // Posts an error if there was no video.

@@ -55,8 +55,8 @@ TEST(RtpKey, EachStreamHasItsOwn) {
 }
 
 TEST(RtpKey, FilesThatWillNotDoAreNamed) {
-  EXPECT_ERROR(RtpKey("/nobody/key"), "/nobody/key: the key can't be read");
-  EXPECT_ERROR(RtpKey("/tmp"), "/tmp: the key can't be read");
+  EXPECT_ERROR(RtpKey("/nobody/key"), "/nobody/key: the key can't be read: No such file");
+  EXPECT_ERROR(RtpKey("/tmp"), "/tmp: the key can't be read: it is no file");
   const TempFile empty({}), few(text(std::string(31, 'k') + std::string(40, ' '))), many(text(std::string(4097, 'k')));
   for (const TempFile* bad : {&empty, &few, &many})
     EXPECT_ERROR(RtpKey(bad->path()), bad->path() + ": a key has 32 to");

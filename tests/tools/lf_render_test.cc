@@ -248,5 +248,11 @@ TEST(LfRenderLeaveOneOut, NamesTheCameraThatIsOff) {
   EXPECT_EQ(run("--focus surface --focus-near 1 --focus-far 6").find("stands out"), std::string::npos);
 }
 
+TEST(LfRenderLeaveOneOut, ARangeWithItsEndsExchangedIsAnError) {
+  const Outcome outcome = run_program("lf-render", "--rig rig.json --leave-one-out --focus-near 5 --focus-far 1");
+  EXPECT_NE(outcome.status, 0);
+  EXPECT_THAT(outcome.output, testing::HasSubstr("--focus-near: must be nearer than --focus-far"));
+}
+
 }  // namespace
 }  // namespace lf

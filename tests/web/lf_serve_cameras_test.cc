@@ -167,8 +167,11 @@ TEST_F(LfServeCameras, AWatchedRigGoesLiveWithoutARestart) {
   expect_one_viewer_up_to_a_good_end(served);
 }
 
-TEST_F(LfServeCameras, WatchingNeedsAFile) {
+TEST_F(LfServeCameras, OptionsThatCantWorkAreSaid) {
   EXPECT_THAT(run_program("lf-serve", "--watch").output, HasSubstr("--watch: needs --rig"));
+  EXPECT_THAT(run_program("lf-serve", "--key-file /nobody").output, HasSubstr("--key-file: needs --nodes"));
+  EXPECT_THAT(run_program("lf-serve", "--focus-near 5 --focus-far 1").output,
+              HasSubstr("--focus-near: must be nearer than --focus-far"));
 }
 
 }  // namespace
