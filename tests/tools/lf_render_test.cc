@@ -249,7 +249,8 @@ TEST(LfRenderLeaveOneOut, NamesTheCameraThatIsOff) {
 }
 
 TEST(LfRenderLeaveOneOut, ARangeWithItsEndsExchangedIsAnError) {
-  const Outcome outcome = run_program("lf-render", "--rig rig.json --leave-one-out --focus-near 5 --focus-far 1");
+  const Outcome outcome =
+      run_program("lf-render", "--rig rig.json --leave-one-out --out out --focus-near 5 --focus-far 1");
   EXPECT_NE(outcome.status, 0);
   EXPECT_THAT(outcome.output, testing::HasSubstr("--focus-near: must be nearer than --focus-far"));
 }
