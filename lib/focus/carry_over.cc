@@ -166,6 +166,7 @@ std::shared_ptr<const FocalMap> carry_over(const View& from, const View& to) {
   carried->columns = FocalMap::nodes(to.width, map->step);
   carried->rows = FocalMap::nodes(to.height, map->step);
   const size_t nodes = static_cast<size_t>(carried->columns) * static_cast<size_t>(carried->rows);
+  if (nodes > FocalMap::kMaxNodes) return nullptr;
   std::vector<int> levels(nodes, kHole);
 
   CarriedNodes nodes_of(from, to, carried->columns, carried->rows);

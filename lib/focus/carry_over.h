@@ -50,8 +50,8 @@ class CarriedNodes {
 
 // The focal map of `from` as another view of the same scene has it: what each node is in focus at moves to where the
 // other view sees it. Where several nodes meet the nearest wins, where none does the farther of the neighbours along
-// the row: what comes into sight behind an edge is the background. The map itself if the view is the same. `from` has a
-// map.
+// the row: what comes into sight behind an edge is the background. The map itself if the view is the same, null if it
+// would have more than FocalMap::kMaxNodes. `from` has a map.
 std::shared_ptr<const FocalMap> carry_over(const View& from, const View& to);
 
 // The surface of a view that rounds of trials have come to. Pictures may take longer than requests are apart: then a

@@ -20,6 +20,10 @@ void apply_plan(const FocusControl::Plan& plan, ViewRequest& request) {
   if (plan.plane) request.view.focus.plane = *plan.plane;
   request.on_plane = plan.on_plane && serves;
   if (!plan.on_plane || serves) request.view.focus.map = carry_over(plan.view, view);
+  if (request.view.focus.map) return;
+  // A view that is too large for a map has nothing that is of one.
+  request.trials.clear();
+  request.gains.ask = request.on_plane = false;
 }
 
 GainRequest next_gains(MeanTurns& turns, bool use, bool has_trials, const Moments& brightness, const GainSum& gains,

@@ -129,6 +129,15 @@ TEST(CarryOver, KeepsTheMapOfTheSameView) {
   EXPECT_EQ(carry_over(view, view), view.focus.map);
 }
 
+TEST(CarryOver, KeepsNoMapForAViewThatIsTooLarge) {
+  const View from = two_walls({0, 0, 0});
+  View to = from;
+  to.width = to.height = 4096;
+  EXPECT_EQ(carry_over(from, to)->levels.size(), FocalMap::kMaxNodes);
+  to.width++;
+  EXPECT_EQ(carry_over(from, to), nullptr);
+}
+
 TEST(CarryOver, FollowsTheEye) {
   const View from = two_walls({0, 0, 0});
   for (const Vec3& eye : {Vec3(0.1, 0, 0), Vec3(-0.1, 0, 0), Vec3(0, 0.05, 0.2), Vec3(0.03, 0.02, -0.3)}) {

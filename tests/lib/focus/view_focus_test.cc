@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "lib/focus/array_of_walls.h"
+#include "wire/request_codec.h"
 
 namespace lf {
 namespace {
@@ -65,6 +66,19 @@ TEST(ViewFocus, APlaneIsShownWithoutAMapUnlessTheMapServes) {
   apply_plan(plan, request);
   EXPECT_TRUE(request.gains.mean.empty()) << "of another size";
   EXPECT_FALSE(request.view.focus.map);
+}
+
+TEST(ViewFocus, AViewThatIsTooLargeForAMapIsAskedForOnThePlane) {
+  const test::ArrayOfWalls walls;
+  const FocusControl::Plan plan{.view = walls.view(80), .on_plane = true};
+  ViewRequest request = request_of(walls.view(0));
+  request.view.width = request.view.height = kMaxImageSize;
+  request.trials = {{Trial::Kind::kPlane, 3}};
+  request.gains.ask = true;
+  apply_plan(plan, request);
+  EXPECT_FALSE(request.view.focus.map);
+  EXPECT_FALSE(request.on_plane);
+  EXPECT_NO_THROW(wire::encode_request(request));
 }
 
 TEST(ViewFocus, GainsAreAskedForAndComeBack) {
