@@ -20,6 +20,11 @@ bool has_ipv6() {
   return interfaces.peek() != std::ifstream::traits_type::eof();
 }
 
+bool is_group(const std::string& host) {
+  g_autoptr(GInetAddress) address = g_inet_address_new_from_string(host.c_str());
+  return address && g_inet_address_get_is_multicast(address);
+}
+
 const char* text_or_null(const std::string& text) { return text.empty() ? nullptr : text.c_str(); }
 
 }  // namespace
@@ -54,6 +59,8 @@ GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, co
                      const std::string& name, std::vector<GstElement*>* added) {
   GstElement* udp = add_element(bin, "udpsrc", name + "_udp");
   added->push_back(udp);
+  // What comes to a port that two have taken reaches one of them: the second one is an error. A group's reaches both.
+  g_object_set(udp, "reuse", is_group(from.host), nullptr);
   if (!from.host.empty())
     g_object_set(udp, "address", from.host.c_str(), "auto-multicast", TRUE, nullptr);
   else if (has_ipv6())

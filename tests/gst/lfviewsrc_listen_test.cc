@@ -105,6 +105,19 @@ TEST_F(LfViewSrcListenTest, ListensNoMoreAfterwards) {
   EXPECT_FALSE(child("listen_gate"));
 }
 
+TEST_F(LfViewSrcListenTest, APortIsTakenOnce) {
+  play(listen());
+  ElementPtr other = launch("lfviewsrc rig=" + array_.rig_path() + " " + listen() + " ! fakesink");
+  EXPECT_EQ(gst_element_set_state(other.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
+  std::swap(pipeline_, other);
+  drop();
+  std::swap(pipeline_, other);
+  ElementPtr viewer = ask(0, 30);
+  EXPECT_TRUE(more("s")) << "the first one goes on";
+  stop();
+  end(viewer);
+}
+
 TEST_F(LfViewSrcListenTest, ErrorsSayWhatIsWrong) {
   struct Case {
     std::string properties, words;
