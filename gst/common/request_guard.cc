@@ -3,6 +3,7 @@
 
 #include <iterator>
 #include <numeric>
+#include <utility>
 
 #include "base/schedule.h"
 #include "view/view.h"
@@ -74,16 +75,19 @@ bool RequestGuard::admits(GstElement* element, std::span<const uint8_t> request,
   const RequestGate::Refusal refusal =
       gate_.check(uint64_t{requester} << 32 | peek->head.view_id, cost, limits, extent, now);
   if (refusal == RequestGate::kNone) return true;
-  refused_[refusal]++;
-  const bool tell = told_.may_leave(now);
-  const uint64_t refused = std::accumulate(std::begin(refused_), std::end(refused_), uint64_t{0});
-  lock.unlock();
-  if (tell)
+  if (const std::optional<uint64_t> refused = refuse(refusal, now, std::move(lock)))
     GST_ELEMENT_WARNING(element, RESOURCE, SETTINGS,
                         ("View %u %s: its request is refused (%" G_GUINT64_FORMAT " were so far).", peek->head.view_id,
-                         refusal_text(refusal, cost, limits, extent).c_str(), refused),
+                         refusal_text(refusal, cost, limits, extent).c_str(), *refused),
                         (nullptr));
   return false;
+}
+
+std::optional<uint64_t> RequestGuard::refuse(RequestGate::Refusal refusal, uint64_t now,
+                                             std::unique_lock<std::mutex> lock) {
+  refused_[refusal]++;
+  if (!told_.may_leave(now)) return std::nullopt;
+  return std::accumulate(std::begin(refused_), std::end(refused_), uint64_t{0});
 }
 
 void RequestGuard::forget(uint32_t requester) {
@@ -91,11 +95,18 @@ void RequestGuard::forget(uint32_t requester) {
   gate_.forget_if([requester](uint64_t view) { return view >> 32 == requester; });
 }
 
-bool RequestGuard::admits_answer(int width, int height) {
-  const std::lock_guard lock(mutex_);
-  const bool fits = static_cast<uint64_t>(width) * static_cast<uint64_t>(height) <= limits_.pixels;
-  refused_[RequestGate::kPixels] += !fits;
-  return fits;
+bool RequestGuard::admits_answer(GstElement* element, int width, int height) {
+  std::unique_lock lock(mutex_);
+  const RequestLimits limits = limits_;
+  const uint64_t pixels = static_cast<uint64_t>(width) * static_cast<uint64_t>(height);
+  if (pixels <= limits.pixels) return true;
+  if (const std::optional<uint64_t> refused = refuse(RequestGate::kPixels, now_ns(), std::move(lock)))
+    GST_ELEMENT_WARNING(element, RESOURCE, SETTINGS,
+                        ("An answer of %dx%d pixels is more than max-pixels (%" G_GUINT64_FORMAT
+                         "): it is refused (%" G_GUINT64_FORMAT " were so far).",
+                         width, height, limits.pixels, *refused),
+                        (nullptr));
+  return false;
 }
 
 void RequestGuard::clear() {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <mutex>
+#include <optional>
 #include <span>
 
 #include <gst/gst.h>
@@ -47,8 +48,8 @@ class RequestGuard {
   bool admits(GstElement* element, std::span<const uint8_t> request, double extent, bool paced, uint32_t requester = 0);
   // No more requests come from this sender: its views make room for others.
   void forget(uint32_t requester);
-  // Whether an answer of so many pixels may be taken; one larger than any request may ask for is counted as refused.
-  bool admits_answer(int width, int height);
+  // Whether an answer of so many pixels may be taken; one larger than any request may ask for is refused.
+  bool admits_answer(GstElement* element, int width, int height);
 
   // Sets the numbers of refused requests to 0.
   void clear();
@@ -57,6 +58,9 @@ class RequestGuard {
   void add_stats(GstStructure* stats) const;
 
  private:
+  // Counts a refusal, and says how many there were so far if it is to be told of. `lock`: of mutex_, given back.
+  std::optional<uint64_t> refuse(RequestGate::Refusal refusal, uint64_t now, std::unique_lock<std::mutex> lock);
+
   const guint first_id_;
   mutable std::mutex mutex_;
   RequestLimits limits_;

@@ -82,7 +82,7 @@ GST_ELEMENT_REGISTER_DEFINE(rtplfdepay, "rtplfdepay", GST_RANK_SECONDARY, LF_TYP
 static bool lf_rtp_depay_admits(LfRtpDepay* self, lf::wire::UnitKind kind, std::span<const uint8_t> unit) {
   if (kind == lf::wire::UnitKind::kRequest) return self->guard->admits(GST_ELEMENT(self), unit, 0, true);
   const std::optional<std::pair<int, int>> size = lf::wire::peek_answer_size(unit);
-  return !size || self->guard->admits_answer(size->first, size->second);
+  return !size || self->guard->admits_answer(GST_ELEMENT(self), size->first, size->second);
 }
 
 static gboolean lf_rtp_depay_set_caps(GstRTPBaseDepayload* base, GstCaps* caps) {

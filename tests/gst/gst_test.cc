@@ -67,6 +67,16 @@ uint64_t stat(GstElement* element, const char* field) {
   return value;
 }
 
+std::string warnings_on(GstBus* bus) {
+  std::string texts;
+  while (g_autoptr(GstMessage) message = gst_bus_pop_filtered(bus, GST_MESSAGE_WARNING)) {
+    g_autoptr(GError) error = nullptr;
+    gst_message_parse_warning(message, &error, nullptr);
+    texts += error->message;
+  }
+  return texts;
+}
+
 TempFile::TempFile(const std::vector<uint8_t>& bytes, const std::string& ending) {
   std::string name = (std::filesystem::temp_directory_path() / "lf-test-XXXXXX").string() + ending;
   const int file = mkstemps(name.data(), static_cast<int>(ending.size()));

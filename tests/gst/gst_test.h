@@ -42,6 +42,9 @@ std::string caps_of(GstPad* pad);
 // A uint64 field of an element's `stats` structure; fails the test where there is none.
 uint64_t stat(GstElement* element, const char* field);
 
+// The texts of the warnings that wait on a bus, one behind the other; they wait no more.
+std::string warnings_on(GstBus* bus);
+
 // A file that is gone with the object.
 class TempFile {
  public:

@@ -148,8 +148,12 @@ TEST(RtpLfDepayLimits, RequestsBeyondALimitGoNoFurther) {
 
 TEST(RtpLfDepayLimits, AnswersOfLargerViewsGoNoFurther) {
   RtpElement depay("rtplfdepay max-pixels=1000", kRtpAnswerCaps);
+  g_autoptr(GstBus) bus = gst_bus_new();
+  gst_element_set_bus(depay.element(), bus);
   depay.push(packet_of({rtp::answer(1, 20, 20, 80)}, 1));
   EXPECT_THAT(depay.units(), IsEmpty());
+  EXPECT_THAT(warnings_on(bus), HasSubstr("max-pixels (1000)"));
+  gst_element_set_bus(depay.element(), nullptr);
   EXPECT_EQ(stat(depay.element(), "refused-pixels"), 1u);
 }
 
