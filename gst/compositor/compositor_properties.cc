@@ -41,14 +41,9 @@ static bool lf_compositor_may_be_partial(LfCompositor* self, gboolean partial) {
   return false;
 }
 
-void lf_compositor_check_focus_range(LfCompositor* self) {
-  const Settings settings = lf_compositor_settings(self);
-  if (settings.has_focus_range()) return;
-  GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
-                      ("focus-near is %g m and focus-far %g m: the near end must be nearer. Both are left out, and the "
-                       "surface is looked for as the scene asks.",
-                       settings.focus_near, settings.focus_far),
-                      (nullptr));
+void lf_compositor_warn_without_effect(LfCompositor* self, const std::string& before) {
+  const std::string text = lf_compositor_settings(self).without_effect();
+  if (!text.empty() && text != before) GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS, ("%s", text.c_str()), (nullptr));
 }
 
 static void lf_compositor_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
@@ -58,9 +53,9 @@ static void lf_compositor_set_property(GObject* object, guint id, const GValue* 
     if (lf::is_named(pspec, "rig") && !lf_compositor_reload_rig(self, g_value_get_string(value))) return;
     if (lf::is_named(pspec, "partial") && !lf_compositor_may_be_partial(self, g_value_get_boolean(value))) return;
   }
+  const std::string before = lf_compositor_settings(self).without_effect();
   Properties::set(object, id, value, pspec);
-  if (!lf::is_running(GST_ELEMENT(self))) return;
-  if (lf::is_named(pspec, "focus-near") || lf::is_named(pspec, "focus-far")) lf_compositor_check_focus_range(self);
+  if (lf::is_running(GST_ELEMENT(self))) lf_compositor_warn_without_effect(self, before);
 }
 
 static void lf_compositor_get_property(GObject* object, guint id, GValue* value, GParamSpec* pspec) {

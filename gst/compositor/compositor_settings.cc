@@ -44,7 +44,22 @@ FocusControl::Settings CompositorSettings::view_focus() const {
   return {.mode = mode, .near = focus_near, .far = focus_far};
 }
 
-bool CompositorSettings::has_focus_range() const { return focus_far == 0 || focus_near < focus_far; }
+std::string CompositorSettings::without_effect() const {
+  std::string text;
+  const auto say = [&text](bool idle, const std::string& why) {
+    if (idle) text += (text.empty() ? "" : " ") + why;
+  };
+  g_autofree gchar* range = g_strdup_printf("focus-near is %g m and focus-far %g m", focus_near, focus_far);
+  say(!has_focus_range(), std::string(range) + ": the near end must be nearer. Both are left out, and the surface is " +
+                              "looked for as the scene asks.");
+  say(partial && focus == FocusMode::kSurface,
+      "focus: inside a tree (partial) no surface is looked for; set it at the tree's root.");
+  say(!partial && node != 0, "node: only a compositor inside a tree (partial) carries a number.");
+  say(monitor_interval > 0 && rig.empty(), "monitor-interval: without a rig no camera is watched.");
+  say(gains == LF_COMPOSITOR_GAINS_TRUE && view_focus().mode == FocusMode::kPlane,
+      "gains: cameras match their brightness where a surface is looked for, not on a plane.");
+  return text;
+}
 
 PropertyTable<CompositorSettings>& CompositorSettings::properties() {
   using S = CompositorSettings;

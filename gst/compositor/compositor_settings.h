@@ -32,8 +32,8 @@ struct CompositorSettings {
   // What a view is focused on: `auto` is for arrays that are known, and a compositor inside a tree leaves it to the
   // root.
   FocusControl::Settings view_focus() const;
-  // False if the near end of the range of depths is not nearer than the far one: then the scene decides on both.
-  bool has_focus_range() const;
+  // What is set and can have no effect beside the other settings, and why, for a person to read; empty if nothing is.
+  std::string without_effect() const;
 
   // Whether cameras match their brightness. `has_colour`: the rig in use says how their colours are to be corrected.
   bool match_gains(bool has_colour) const {
@@ -41,6 +41,10 @@ struct CompositorSettings {
   }
 
   static PropertyTable<CompositorSettings>& properties();
+
+ private:
+  // False if the near end of the range of depths is not nearer than the far one: then the scene decides on both.
+  bool has_focus_range() const { return focus_far == 0 || focus_near < focus_far; }
 };
 
 }  // namespace lf

@@ -104,7 +104,7 @@ static gboolean lf_compositor_start(GstAggregator* agg) {
   GST_OBJECT_LOCK(self);
   delete std::exchange(self->new_rig, nullptr);  // of the run before; `rig` may have been set again since
   GST_OBJECT_UNLOCK(self);
-  lf_compositor_check_focus_range(self);
+  lf_compositor_warn_without_effect(self);
   state.health = lf::CameraHealth(settings.max_missed);
   if (state.rig && !settings.partial) state.health.expect(state.rig->cameras.size());
   state.current.reset();

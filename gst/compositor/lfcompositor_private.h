@@ -4,6 +4,7 @@
 #include <atomic>
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "common/common.h"
 #include "common/gst_wire.h"
@@ -80,8 +81,8 @@ void lf_compositor_install_properties(GObjectClass* klass);
 lf::RequestGuard* lf_compositor_guard_new();
 // A copy of the properties, as they are now.
 lf::CompositorSettings lf_compositor_settings(LfCompositor* self);
-// Posts a warning where no range of depths can be looked for.
-void lf_compositor_check_focus_range(LfCompositor* self);
+// Posts a warning of what is set without effect, but where it is the same as `before`.
+void lf_compositor_warn_without_effect(LfCompositor* self, const std::string& before = "");
 guint lf_compositor_view_id(LfCompositor* self);
 
 // compositor_answers.cc

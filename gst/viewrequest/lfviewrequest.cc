@@ -154,8 +154,9 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
     GST_ELEMENT_ERROR(self, RESOURCE, SETTINGS, ("%s", error.what()), (nullptr));
     return FALSE;
   }
-  base->segment.duration = stream->schedule.end().value_or(GST_CLOCK_TIME_NONE);
+  lf_view_request_warn_without_effect(self);
   GST_OBJECT_LOCK(self);
+  base->segment.duration = stream->schedule.end().value_or(GST_CLOCK_TIME_NONE);
   self->state->requests_left = settings.num_buffers;
   GST_OBJECT_UNLOCK(self);
   GST_INFO_OBJECT(self, "view %u at %d/%d frames/s, %s", settings.view_id, settings.fps_n, settings.fps_d,

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <memory>
+#include <string>
 
 #include "common/capture_delay.h"
 #include "common/common.h"
@@ -62,6 +63,8 @@ void lf_view_request_install_properties(GObjectClass* klass);
 // What mouse and keys are held back by; null if they are not.
 std::shared_ptr<const lf::VisibleShare> lf_view_request_visible_share(const lf::ViewRequestSettings& settings,
                                                                       const std::shared_ptr<const lf::Rig>& rig);
+// Posts a warning of what is set without effect, but where it is the same as `before`.
+void lf_view_request_warn_without_effect(LfViewRequest* self, const std::string& before = "");
 
 // view_request_steering.cc
 guint lf_view_request_view_id(LfViewRequest* self);

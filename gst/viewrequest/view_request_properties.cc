@@ -28,6 +28,12 @@ static void set_rig(LfViewRequest* self, const lf::ViewRequestSettings& changed,
   if (self->state->stream->rig_hash() != before) self->state->out_of_service.clear();
 }
 
+static std::string without_effect(LfViewRequest* self) {
+  const bool live = gst_base_src_is_live(GST_BASE_SRC(self));
+  const lf::ObjectLock lock(self);
+  return self->state->settings.without_effect(live);
+}
+
 static void set_setting(LfViewRequest* self, guint id, const GValue* value, const GParamSpec* pspec) {
   const bool is_rig = lf::is_named(pspec, "rig");
   const gchar* path = is_rig ? g_value_get_string(value) : nullptr;
@@ -56,6 +62,11 @@ static void set_setting(LfViewRequest* self, guint id, const GValue* value, cons
                         (nullptr));
 }
 
+void lf_view_request_warn_without_effect(LfViewRequest* self, const std::string& before) {
+  const std::string text = without_effect(self);
+  if (!text.empty() && text != before) GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS, ("%s", text.c_str()), (nullptr));
+}
+
 static void lf_view_request_set_property(GObject* object, guint id, const GValue* value, GParamSpec* pspec) {
   LfViewRequest* self = LF_VIEW_REQUEST(object);
   if (id == PROP_IS_LIVE) {
@@ -65,7 +76,9 @@ static void lf_view_request_set_property(GObject* object, guint id, const GValue
     self->state->settings.num_buffers = g_value_get_int(value);
     GST_OBJECT_UNLOCK(self);
   } else if (id >= PROP_FIRST_SETTING) {
+    const std::string before = without_effect(self);
     set_setting(self, id, value, pspec);
+    if (lf::is_running(GST_ELEMENT(self))) lf_view_request_warn_without_effect(self, before);
   } else if (id >= PROP_FIRST_FIELD) {
     lf::ObjectLock lock(self);
     self->state->control.set(static_cast<int>(id) - PROP_FIRST_FIELD, g_value_get_double(value));

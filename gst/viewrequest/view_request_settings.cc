@@ -28,6 +28,21 @@ Property<S> capture_delay_property() {
 
 }  // namespace
 
+std::string ViewRequestSettings::without_effect(bool live) const {
+  std::string text;
+  const auto say = [&text](bool idle, const char* why) {
+    if (idle) text += (text.empty() ? "" : " ") + std::string(why);
+  };
+  const bool from_file = !location.empty();
+  say(eager && !live, "eager: nothing waits for its turn that is not live.");
+  say(eager && live && from_file, "eager: views of a file (location) come in their own time.");
+  say(capture_delay > 0 && GST_CLOCK_TIME_IS_VALID(capture_delay) && !live,
+      "capture-delay: what is not live waits for no camera.");
+  say(from_file && (width > 0 || height > 0), "width and height: views of a file (location) have sizes of their own.");
+  say(loop && !from_file, "loop: there is no file (location) to begin again.");
+  return text;
+}
+
 PropertyTable<S>& ViewRequestSettings::properties() {
   static PropertyTable<S> table = {
       property<&S::location>(

@@ -29,6 +29,9 @@ struct ViewRequestSettings {
   // The property of GstBaseSrc, which would count what goes along with requests, too. -1: no end.
   gint num_buffers = -1;
 
+  // What is set and can have no effect beside the other settings, and why, for a person to read; empty if nothing is.
+  std::string without_effect(bool live) const;
+
   static PropertyTable<ViewRequestSettings>& properties();
 };
 

@@ -92,5 +92,28 @@ TEST_F(LfCompositorTreeTest, NeedsTheRig) {
   EXPECT_THAT(run(pipeline.get(), 5), HasSubstr("set the property \"rig\""));
 }
 
+TEST(LfCompositorSettings, WhatHasNoEffectIsSaid) {
+  const ArrayFixture array;
+  const std::string rig = "rig=" + array.rig_path();
+  struct Case {
+    std::string properties, words;
+  };
+  for (const Case& c :
+       {Case{"", ""}, Case{rig + " monitor-interval=8 gains=true focus-near=1 focus-far=2", ""},
+        Case{rig + " partial=true node=7 codec=jpeg", ""}, Case{rig + " node=7", "node: "},
+        Case{rig + " partial=true focus=surface", "focus: inside a tree"},
+        Case{"monitor-interval=8", "monitor-interval: without a rig"}, Case{"gains=true", "gains: "},
+        Case{rig + " gains=true focus=plane node=1 focus-near=2 focus-far=1", "nearer"}}) {
+    const ElementPtr pipeline = launch("lfcompositor " + c.properties + " ! fakesink async=false");
+    ASSERT_TRUE(pipeline);
+    ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
+    g_autoptr(GstBus) bus = gst_element_get_bus(pipeline.get());
+    const std::string told = warnings_on(bus);
+    EXPECT_THAT(told, HasSubstr(c.words)) << c.properties;
+    EXPECT_EQ(told.empty(), c.words.empty()) << c.properties << ": " << told;
+    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  }
+}
+
 }  // namespace
 }  // namespace lf::test

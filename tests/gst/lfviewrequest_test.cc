@@ -337,6 +337,32 @@ TEST(LfViewRequestProperties, OutOfServiceChangesWhilePlaying) {
   EXPECT_EQ(source.next_live().request.out_of_service, CameraSet{});
 }
 
+TEST(LfViewRequestProperties, WhatHasNoEffectIsSaid) {
+  const TemporaryFiles files;
+  save_views(test_views({0, 1}), files.path("views.json"));
+  const std::string views = "location=" + files.path("views.json");
+  struct Case {
+    std::string properties, words;
+  };
+  for (const Case& c :
+       {Case{"", ""}, Case{views + " loop=true", ""}, Case{"is-live=true eager=true capture-delay=1000", ""},
+        Case{"eager=true", "eager: nothing waits"}, Case{views + " is-live=true eager=true", "eager: views of a file"},
+        Case{"capture-delay=1000", "capture-delay: "}, Case{views + " width=64", "width and height: "},
+        Case{"loop=true", "loop: "}}) {
+    const ElementPtr pipeline = launch("lfviewrequest name=v " + c.properties + " ! fakesink async=false");
+    ASSERT_TRUE(pipeline);
+    ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE) << c.properties;
+    g_autoptr(GstBus) bus = gst_element_get_bus(pipeline.get());
+    const std::string told = warnings_on(bus);
+    EXPECT_THAT(told, testing::HasSubstr(c.words)) << c.properties;
+    EXPECT_EQ(told.empty(), c.words.empty()) << c.properties << ": " << told;
+    const ElementPtr view(gst_bin_get_by_name(GST_BIN(pipeline.get()), "v"));
+    g_object_set(view.get(), "quality", 80, nullptr);
+    EXPECT_EQ(warnings_on(bus), "") << "said once";
+    gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  }
+}
+
 TEST(LfViewRequestProperties, OutOfServiceNeedsCamerasOfTheRig) {
   const TemporaryFiles files;
   save_rig(test_rig(), files.path("rig.json"));
