@@ -11,7 +11,8 @@
 namespace lf {
 
 Image load_image(const std::string& path) {
-  if (!std::filesystem::exists(path)) throw Error(path + ": no such image file");
+  std::error_code ignored;
+  if (!std::filesystem::exists(path, ignored)) throw Error(path + ": no such image file");
   cv::Mat bgr;
   try {
     bgr = cv::imread(path, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION);

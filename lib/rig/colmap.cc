@@ -76,7 +76,8 @@ RigImport import_colmap(const std::string& directory, const ColmapImportOptions&
   }
 
   std::string folder = options.images;
-  if (folder.empty() && fs::is_directory(path_in(directory, "images"))) folder = path_in(directory, "images");
+  std::error_code ignored;
+  if (folder.empty() && fs::is_directory(path_in(directory, "images"), ignored)) folder = path_in(directory, "images");
   if (folder.empty()) {
     if (options.undistorted)
       throw Error(directory + ": undistorted images have sizes of their own: their folder must be given");
@@ -189,7 +190,7 @@ bool ends_with_word(const std::string& text, const std::string& end) {
 ImageSearch::ImageSearch(const std::string& directory) : directory_(directory) {
   std::error_code error;
   for (fs::recursive_directory_iterator it(directory, error), end; !error && it != end; it.increment(error))
-    if (it->is_regular_file()) files_.push_back(it->path().lexically_relative(directory).generic_string());
+    if (std::error_code ignored; it->is_regular_file(ignored)) files_.push_back(it->path().lexically_relative(directory).generic_string());
   if (error) throw Error(directory + ": can't be read: " + error.message());
   std::sort(files_.begin(), files_.end());
 }

@@ -69,7 +69,9 @@ Camera parse_camera(const JsonValue& value, const JsonValue& file, const fs::pat
   const Frame frame(value, file);
   if (const auto path = value.find("file_path")) {
     fs::path name = path->text();
-    if (!fs::exists(directory / name) && fs::exists(directory / (name.string() + ".png"))) name += ".png";
+    std::error_code ignored;  // a name that can't be that of a file is left as it is
+    if (!fs::exists(directory / name, ignored) && fs::exists(directory / (name.string() + ".png"), ignored))
+      name += ".png";
     camera.image = (directory / name).lexically_normal().string();
     camera.name = name.stem().string();
   }

@@ -100,12 +100,18 @@ bool is_uri(const std::string& path) {
 
 void relocate(Rig& rig, const std::string& directory) {
   namespace fs = std::filesystem;
-  const fs::path to = fs::weakly_canonical(directory.empty() ? "." : directory);
+  const auto canonical = [](const fs::path& path) {
+    std::error_code error;
+    const fs::path found = fs::weakly_canonical(path, error);
+    if (error) throw Error(path.string() + ": " + error.message());
+    return found;
+  };
+  const fs::path to = canonical(directory.empty() ? "." : directory);
   const auto rewrite = [&](std::string& path) {
     if (path.empty() || is_uri(path) || fs::path(path).is_absolute()) return;
     // Folders may be links, which ".." does not go back through; what the file itself is does not matter.
     const fs::path from = fs::path(rig.directory.empty() ? "." : rig.directory) / path;
-    path = (fs::weakly_canonical(from.parent_path()) / from.filename()).lexically_relative(to).string();
+    path = (canonical(from.parent_path()) / from.filename()).lexically_relative(to).string();
   };
   for (Camera& camera : rig.cameras) {
     rewrite(camera.image);

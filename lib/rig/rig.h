@@ -61,7 +61,7 @@ struct Rig {
 bool is_uri(const std::string& path);
 
 // Rewrites relative paths of images and sources so that they mean the same from `directory` ("": the current one),
-// which becomes Rig::directory.
+// which becomes Rig::directory. Throws Error where a folder cannot be that of a file (its name is too long).
 void relocate(Rig& rig, const std::string& directory);
 
 // A rig of the cameras named by their index, in that order and with their ids and names; a grid stays a grid where

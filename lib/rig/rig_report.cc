@@ -132,7 +132,9 @@ void check_files(const Rig& rig, size_t index, std::vector<RigFinding>& findings
   if (!camera.source.empty() && !is_uri(camera.source) && !is_bin_description(camera.source)) {
     fs::path file = rig.resolve(camera.source);
     if (camera.source.find('%') != std::string::npos) file = file.has_parent_path() ? file.parent_path() : ".";
-    if (!fs::exists(file)) findings.push_back({Severity::kError, place + ".source: " + file.string() + " is missing"});
+    std::error_code ignored;
+    if (!fs::exists(file, ignored))
+      findings.push_back({Severity::kError, place + ".source: " + file.string() + " is missing"});
   }
 }
 

@@ -44,6 +44,14 @@ TEST(Nerf, ReadsTheFirstNerfsFiles) {
   EXPECT_EQ(camera.lens, Lens::pinhole(4 / std::tan(0.5), 3.5, 2.5));
 }
 
+TEST(Nerf, ANameTooLongForAFileIsThatOfNone) {
+  const TempDir dir;
+  const std::string name(300, 'a');
+  dir.write("t.json", R"({"w": 4, "h": 3, "fl_x": 5, "frames": [{"file_path": ")" + name + "\", " + kIdentity + "}]}");
+  EXPECT_EQ(import_nerf(dir / "t.json").rig.cameras.at(0).image, dir / name);
+  EXPECT_ERROR(load_image(dir / name), "no such image file");
+}
+
 TEST(Nerf, RoundTripsEveryModelWithin1e9Pixels) {
   const TempDir dir;
   const Rig rig = mixed_rig();

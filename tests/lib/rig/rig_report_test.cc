@@ -51,10 +51,13 @@ TEST_F(CheckRig, NamesBadImages) {
 
 TEST_F(CheckRig, NamesMissingSources) {
   dir_.write("film.mkv", "");
-  const char* sources[] = {"film.mkv", "none.mkv", "frame_%03d.png", "none/frame_%03d.png", "rtsp://host/x", ""};
+  const std::string long_name(300, 'a');
+  const std::string sources[] = {"film.mkv", "none.mkv", "frame_%03d.png", "none/frame_%03d.png", "rtsp://host/x",
+                                 long_name};
   for (size_t i = 0; i < 6; i++) rig_.cameras[i].source = sources[i];
   EXPECT_THAT(check(rig_), ElementsAre("error: cameras[1].source: " + dir_ / "none.mkv" + " is missing",
-                                       "error: cameras[3].source: " + dir_ / "none" + " is missing"));
+                                       "error: cameras[3].source: " + dir_ / "none" + " is missing",
+                                       "error: cameras[5].source: " + dir_ / long_name + " is missing"));
 }
 
 TEST_F(CheckRig, WarnsOfCamerasWithoutAPicture) {

@@ -146,6 +146,13 @@ TEST(Relocate, PathsMeanTheSameFromTheNewFolder) {
   }
 }
 
+TEST(Relocate, AFolderWhoseNameIsTooLongIsAnErrorThatNamesIt) {
+  Rig rig = grid(1, 1);
+  const std::string name(300, 'a');
+  rig.cameras[0].image = name + "/x.png";
+  EXPECT_ERROR(relocate(rig, "b"), name);
+}
+
 TEST(SubRig, StaysAGridWhereItIsRowsTimesColumns) {
   const Rig rig = grid(4, 5);
   struct {
