@@ -175,10 +175,10 @@ TEST_F(ArrayNetworkTest, AKilledNodeIsClosedOverAndComesBack) {
     ASSERT_TRUE(array.wait_for_pictures(0, 5));
     const Image picture = array.next_picture(0, &sequence);
     const Image& full = all[sequence % all.size()];
-    back = compare(picture, full).psnr_db > compare(picture, without[sequence % all.size()]).psnr_db;
+    const double psnr_db = compare(picture, full).psnr_db;  // its cameras may come one by one
+    back = psnr_db >= kJpegPsnr && psnr_db > compare(picture, without[sequence % all.size()]).psnr_db;
     if (!back) continue;
     save_for_people(picture, "node-back.png");
-    EXPECT_GE(compare(picture, full).psnr_db, kJpegPsnr);
     std::printf("back with all cameras %.2f s after the restart\n", now_seconds() - restarted);
   }
   EXPECT_TRUE(back);

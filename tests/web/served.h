@@ -5,6 +5,7 @@
 
 #include <functional>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -103,23 +104,24 @@ class Served {
     process_ = g_subprocess_launcher_spawnv(launcher, argv.data(), nullptr);
     g_object_unref(launcher);
     out_ = g_data_input_stream_new(g_subprocess_get_stdout_pipe(process_));
-    for (std::string line = read_line(); !line.empty(); line = read_line()) {
-      said_ += line + "\n";
-      if (const size_t at = line.find(" at http"); line.starts_with(beginning) && at != line.npos) {
-        url_ = line.substr(at + 4);
+    while (const std::optional<std::string> line = read_line()) {
+      said_ += *line + "\n";
+      if (const size_t at = line->find(" at http"); line->starts_with(beginning) && at != line->npos) {
+        url_ = line->substr(at + 4);
         break;
       }
     }
     listener_ = std::thread([this] {
-      for (std::string line = read_line(); !line.empty(); line = read_line()) {
+      while (const std::optional<std::string> line = read_line()) {
         const std::lock_guard lock(mutex_);
-        said_ += line + "\n";
+        said_ += *line + "\n";
       }
     });
   }
-  std::string read_line() {
+  // Lines may be empty, as those that GLib's warnings begin with. Nothing at the end.
+  std::optional<std::string> read_line() {
     g_autofree gchar* line = g_data_input_stream_read_line(out_, nullptr, nullptr, nullptr);
-    return line ? line : "";
+    return line ? std::optional<std::string>(line) : std::nullopt;
   }
 
   TempDir dir_;
