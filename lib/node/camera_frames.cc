@@ -57,10 +57,11 @@ CameraFrames::Pushed CameraFrames::push(CameraFrame frame) {
 
 CameraFrames::Pushed CameraFrames::push_damaged(uint64_t time) { return push_at(time, std::nullopt); }
 
-// The frame before the earliest time looked for is kept too: it may be the nearest.
+// Two frames before the earliest time looked for are kept, too: one may be the nearest, and an answer may be a frame
+// later than those before it were.
 bool CameraFrames::has_too_many() const {
   if (frames_.size() <= kLiveFrames) return false;
-  return frames_.size() > kMostLiveFrames || frames_.back().time - frames_[1].time >= reach_;
+  return frames_.size() > kMostLiveFrames || frames_.back().time - frames_[2].time >= reach_;
 }
 
 CameraFrames::Pushed CameraFrames::push_at(uint64_t time, std::optional<CameraFrame> frame) {
