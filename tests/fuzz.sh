@@ -43,6 +43,8 @@ if [[ $runs == keep ]]; then
     sort -n | head -n 40 | cut -d ' ' -f 2)
   exit
 fi
+# Targets that read files write one for each input: not to a disk.
+[[ -w /dev/shm ]] && export TMPDIR=/dev/shm
 export UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
 export LSAN_OPTIONS="suppressions=$PWD/tests/sanitize/lsan.supp:print_suppressions=0" # GLib's own tables
 exec "$build/tests/fuzz/fuzz-$target" -runs="$runs" -max_len=8192 -rss_limit_mb=2048 -timeout=10 -print_final_stats=1 \
