@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #pragma once
 
+#include <gtest/gtest.h>
 #include <libsoup/soup.h>
 
 #include <functional>
@@ -50,9 +51,10 @@ class Served {
   explicit Served(const Unfilmed& unfilmed) {
     begin({LF_TOOLS_DIR "/lf-serve", "--port", "0"}, "filming", unfilmed.cache.c_str());
   }
-  // Ends it as a service would; its exit status is expected to be 0.
+  // Ends it as a service would; what it said is expected to have no CRITICAL.
   ~Served() {
     stop();
+    EXPECT_EQ(said_.find("CRITICAL"), said_.npos) << said_;
     g_object_unref(out_);
     g_object_unref(process_);
   }
