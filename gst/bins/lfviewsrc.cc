@@ -19,6 +19,9 @@
  * compositor, and the search for the focal surface goes on at its own pace. No queue is needed between the pads and
  * their sinks.
  *
+ * With `views` there are several eyes, side by side around the view, whose pictures of one moment make one: a stereo
+ * pair, a row, a quilt (#element-lfviewrequest).
+ *
  * Cameras are live unless `is-live` is false, which makes pictures as fast as they are taken and ends with the views of
  * `location`. Films begin again at their end, but with `node::loop=false`.
  *
@@ -49,6 +52,9 @@
  * gst-launch-1.0 lfviewsrc name=v rig=rig.json width=640 height=480  v.src ! videoconvert ! autovideosink \
  *   v.src_0 ! videoconvert ! autovideosink
  * ]| Two viewers, each with a window.
+ * |[
+ * gst-launch-1.0 lfviewsrc rig=rig.json views=stereo ! videoconvert ! autovideosink
+ * ]| A stereo pair, side by side.
  * |[
  * gst-launch-1.0 lfviewsrc rig=rig.json nodes=CAMHOST0:6000:6100,CAMHOST1:6000:6101 ! videoconvert ! autovideosink
  * ]| The cameras of two other hosts.

@@ -167,7 +167,7 @@ void lf_view_src_install_actions(GObjectClass* klass) {
   /**
    * LfViewSrc::focus-at:
    * @src: the element
-   * @x: pixels of the view, from the middle of its first one
+   * @x: pixels of the view, of a set of the whole picture, from the middle of its first one
    * @y: the same
    *
    * Focuses the view of `src` at a pixel, as the same action of lfviewrequest does.

@@ -5,12 +5,13 @@
 
 #include "base/error.h"
 #include "common/guard.h"
+#include "view/view_set.h"
 
 namespace lf {
 namespace {
 
 constexpr int kLeaky = 2;           // of queue: the oldest go
-constexpr guint kFewRequests = 4;   // with what goes along with one
+constexpr guint kFewTurns = 4;      // of requests
 constexpr guint kManyParts = 4096;  // of answers that come in bursts
 constexpr guint kManyBytes = 1 << 26;
 constexpr GstClockTime kEarliest = GST_SECOND / 10;  // before its time that a picture is made, at least
@@ -54,8 +55,12 @@ ViewerChain::ViewerChain(GstBin* bin, guint view_id, const std::string& ending)
   requests_ = add("tee", "requests");
   to_cameras_ = add("queue", "to_cameras");
   to_compositor_ = add("queue", "to_compositor");
-  for (GstElement* queue : {to_cameras_, to_compositor_})
-    g_object_set(queue, "max-size-buffers", kFewRequests, "max-size-time", guint64{0}, "max-size-bytes", 0u, nullptr);
+  for (GstElement* queue : {to_cameras_, to_compositor_}) {
+    g_object_set(queue, "max-size-time", guint64{0}, "max-size-bytes", 0u, nullptr);
+    make_room_in(queue, 1);
+    for (const char* signal : {"notify::views", "notify::columns", "notify::rows"})
+      g_signal_connect_object(view_, signal, G_CALLBACK(callback<follow_set>), queue, GConnectFlags(0));
+  }
   compositor_ = add("lfcompositor", "compositor");
   to_src_ = add("queue", "to_src");
   GstPad* shown = gst_element_get_static_pad(to_src_, "src");
@@ -72,6 +77,18 @@ ViewerChain::ViewerChain(GstBin* bin, guint view_id, const std::string& ending)
   link(to_compositor_, "src", compositor_, "request");
   link(compositor_, "src", to_src_, "sink");
   link(to_src_, "src", pictures_, "sink");
+}
+
+void ViewerChain::make_room_in(GstElement* queue, guint requests) {
+  g_object_set(queue, "max-size-buffers", kFewTurns * requests, nullptr);
+}
+
+void ViewerChain::follow_set(GstElement* view, GParamSpec*, gpointer queue) {
+  gint layout = 0;
+  ViewSet set;
+  g_object_get(view, "views", &layout, "columns", &set.columns, "rows", &set.rows, nullptr);
+  set.layout = static_cast<SetLayout>(layout);
+  make_room_in(GST_ELEMENT(queue), static_cast<guint>(set.place(0).count()));
 }
 
 // Nothing is allocated, as nothing that is thrown would get out of here.

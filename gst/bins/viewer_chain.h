@@ -43,6 +43,8 @@ class ViewerChain {
   // Takes away all pads that add_answers() made. Call while nothing runs.
   void drop_answers();
 
+  // So many requests that leave at once have room on their way, as the chain's own have that are of a set.
+  void make_room(guint requests) { make_room_in(to_cameras_, requests), make_room_in(to_compositor_, requests); }
   // Live, late requests and pictures are dropped, so that nobody waits for anybody. Call while nothing runs.
   void set_live(bool live);
   // Takes the elements to the bin's state, those behind first; from then on they follow its state. Before this call
@@ -56,6 +58,8 @@ class ViewerChain {
   void close(const std::function<void()>& leave_cameras);
 
  private:
+  static void make_room_in(GstElement* queue, guint requests);
+  static void follow_set(GstElement* view, GParamSpec* changed, gpointer queue);
   GstElement* add(const char* factory, const char* name);
   std::vector<GstElement*> behind_cameras() const;
   std::vector<GstElement*> before_cameras() const;

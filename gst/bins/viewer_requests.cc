@@ -32,6 +32,8 @@ void ViewerRequests::remove() {
 }
 
 std::unique_ptr<RequestedPads> ViewerRequests::connect(ViewerChain& viewer) {
+  constexpr guint kAtOnce = 16;  // what comes is not known: four sets of as many views, or one of 64
+  viewer.make_room(kAtOnce);
   auto pads = std::make_unique<RequestedPads>();
   GstPad* out = lf_view_split_add_view(LF_VIEW_SPLIT(split_), viewer.view_id());
   if (out) pads->add(split_, GST_PAD(gst_object_ref(out)));

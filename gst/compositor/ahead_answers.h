@@ -8,14 +8,16 @@
 
 #include <gst/gst.h>
 
+#include "view/view_set.h"
+
 namespace lf {
 
 // Answers of a node that came before their request's turn, live, so that none of them stands in front of what comes
 // behind it: a forged one is found out when its request has its turn, and hinders nothing until then. Not thread-safe.
 class AheadAnswers {
  public:
-  // By so many requests an answer may be ahead of the one that has its turn.
-  static constexpr int32_t kMostRequests = 64;
+  // By so many requests an answer may be ahead of the one that has its turn; two sets of views are among them.
+  static constexpr int32_t kMostRequests = 64 + 2 * PlaceInSet::kMostViews;
   static constexpr size_t kMostBytes = size_t{64} << 20;
   static constexpr size_t kMostUnits = 4096;
 

@@ -81,7 +81,8 @@ static bool find_request(LfCompositor* self, guint view_id) {
         state.bytes = 0;
         state.adding = 0;
         // Nothing can come of trials that it does not have: the next request's are on their way at once.
-        if (!state.settings.partial && !state.current->probe && !state.current->view.focus.map)
+        if (!state.settings.partial && !state.current->probe && state.current->place.leads() &&
+            !state.current->view.focus.map)
           lf_compositor_find_focus(self);
         return true;
       } catch (const lf::Error& error) {

@@ -49,9 +49,11 @@ static void note_silence(LfCompositor* self, const lf::NodeInputs& nodes) {
 static void close_request(LfCompositor* self, const lf::NodeInputs& nodes, GstClockTime due) {
   auto& state = *self->state;
   note_silence(self, nodes);
-  for (lf::NodeInput* node : nodes) node->close(!state.current->probe);
-  if (lf_compositor_is_live(self) && !state.current->probe) {
-    state.past.composed(state.current->sequence, due);
+  // Of a set, which is of one moment, one view counts.
+  const bool counts = !state.current->probe && state.current->place.leads();
+  for (lf::NodeInput* node : nodes) node->close(counts);
+  if (lf_compositor_is_live(self) && !state.current->probe) state.past.composed(state.current->sequence, due);
+  if (lf_compositor_is_live(self) && counts) {
     const bool reset = state.health.use_rig(state.assembly.rig_hash());
     if (state.health.picture(state.assembly.seeing()) || reset) lf_compositor_announce_out_of_service(self);
   }
@@ -67,7 +69,10 @@ static GstBuffer* make_output(LfCompositor* self, GstFlowReturn* flow) {
   const guint32 argb = settings.background;
   const lf::Background background{static_cast<uint8_t>(argb >> 16), static_cast<uint8_t>(argb >> 8),
                                   static_cast<uint8_t>(argb)};
-  return state.output.make_picture(state.assembly, state.current->view, background, flow);
+  bool dropped = false;
+  GstBuffer* picture = state.output.make_picture(state.assembly, *state.current, background, flow, &dropped);
+  if (dropped) state.stats.count(lf::CompositorStats::kDroppedPictures);
+  return picture;
 }
 
 // What came of trials goes on before a partial answer.
@@ -102,9 +107,10 @@ GstFlowReturn lf_compositor_finish_request(LfCompositor* self, const lf::NodeInp
     gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request));
     return GST_FLOW_OK;
   }
-  state.focus.keep_pace(state.assembly.complete(), state.settings.trial_interval);
+  const bool leads = state.current->place.leads();
+  if (leads) state.focus.keep_pace(state.assembly.complete(), state.settings.trial_interval);
   // Before the picture is made: the next request may wait for it.
-  if (!partial && state.current->view.focus.map) lf_compositor_find_focus(self);
+  if (!partial && leads && state.current->view.focus.map) lf_compositor_find_focus(self);
   if (!partial && state.current->rehearsal) {
     close_request(self, nodes, due);
     gst_aggregator_pad_drop_buffer(GST_AGGREGATOR_PAD(self->request));
@@ -112,10 +118,10 @@ GstFlowReturn lf_compositor_finish_request(LfCompositor* self, const lf::NodeInp
   }
   GstFlowReturn flow = GST_FLOW_OK;
   GstBuffer* out = make_output(self, &flow);
-  if (!out) return flow;
+  if (!out && flow != GST_FLOW_OK) return flow;
   GstBuffer* request = gst_aggregator_pad_pop_buffer(GST_AGGREGATOR_PAD(self->request));
   if (!request) {  // flushed meanwhile
-    gst_buffer_unref(out);
+    gst_clear_buffer(&out);
     lf_compositor_forget_request(self);
     return GST_FLOW_OK;
   }
@@ -125,9 +131,9 @@ GstFlowReturn lf_compositor_finish_request(LfCompositor* self, const lf::NodeInp
   lf_compositor_record(self, answered, pts);
   if (partial)
     flow = push_moments(self, pts);
-  else
+  else if (leads)
     lf_compositor_monitor(self);
-  replace_incomplete(self, &out);
+  if (out) replace_incomplete(self, &out);
   const uint64_t captured =
       state.current->target_time != lf::kNoTime ? state.current->target_time : state.assembly.actual_time();
   close_request(self, nodes, due);
@@ -145,7 +151,7 @@ GstFlowReturn lf_compositor_finish_request(LfCompositor* self, const lf::NodeInp
 
 std::optional<lf::QosWatch::Late> lf_compositor_is_too_late(LfCompositor* self) {
   auto& state = *self->state;
-  if (state.current->probe || state.current->rehearsal) return std::nullopt;
+  if (state.current->probe || state.current->rehearsal || state.output.is_drawing(*state.current)) return std::nullopt;
   GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
   if (!request) return std::nullopt;
   const GstClockTime time = lf_compositor_running_time(self, request);
@@ -157,7 +163,8 @@ void lf_compositor_skip_request(LfCompositor* self, const lf::QosWatch::Late& la
   auto& state = *self->state;
   lf_compositor_record_skipped(self, late);
   // Who waits for the surface that comes of it goes on.
-  if (!state.settings.partial && state.current->view.focus.map) lf_compositor_find_focus(self);
+  if (!state.settings.partial && state.current->place.leads() && state.current->view.focus.map)
+    lf_compositor_find_focus(self);
   state.past.skipped(state.current->sequence);
   lf_compositor_drop_request(self);
 }

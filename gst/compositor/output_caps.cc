@@ -1,12 +1,30 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "compositor/output_caps.h"
 
+#include <gst/video/video.h>
+
 #include "common/common.h"
 #include "common/pixel_family.h"
 
 namespace lf {
+namespace {
 
-GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height) {
+// Nothing is said of other layouts: players would show one view of them.
+void set_multiview(GstCaps* caps, SetLayout layout) {
+  const bool crossed = layout == SetLayout::kCrossEyed;
+  const auto mode = layout == SetLayout::kTopBottom           ? GST_VIDEO_MULTIVIEW_MODE_TOP_BOTTOM
+                    : layout == SetLayout::kStereo || crossed ? GST_VIDEO_MULTIVIEW_MODE_SIDE_BY_SIDE
+                                                              : GST_VIDEO_MULTIVIEW_MODE_NONE;
+  if (mode == GST_VIDEO_MULTIVIEW_MODE_NONE) return;
+  const guint flags = crossed ? GST_VIDEO_MULTIVIEW_FLAGS_RIGHT_VIEW_FIRST : GST_VIDEO_MULTIVIEW_FLAGS_NONE;
+  gst_caps_set_simple(caps, "multiview-mode", G_TYPE_STRING, gst_video_multiview_mode_to_caps_string(mode),
+                      "multiview-flags", GST_TYPE_VIDEO_MULTIVIEW_FLAGSET, flags, GST_FLAG_SET_MASK_EXACT, nullptr);
+}
+
+}  // namespace
+
+GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height,
+                            SetLayout layout) {
   constexpr char kRgb[] = "video/x-raw, format=(string){ " LF_RGB_FORMATS " }";
   // The cameras' range first, then video's, for those who ask for that.
   constexpr char kYCbCr[] = "video/x-raw, format=(string){ I420, NV12 }, colorimetry=(string){ 1:4:0:0, bt601 }";
@@ -21,6 +39,7 @@ GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily fa
   }
   gst_caps_set_simple(wanted, "width", G_TYPE_INT, width, "height", G_TYPE_INT, height, "framerate", GST_TYPE_FRACTION,
                       rate_n, rate_d, "pixel-aspect-ratio", GST_TYPE_FRACTION, 1, 1, nullptr);
+  set_multiview(wanted, layout);
   GstCaps* chosen = gst_caps_intersect_full(wanted, downstream, GST_CAPS_INTERSECT_FIRST);
   gst_caps_unref(wanted);
   if (gst_caps_is_empty(chosen)) {

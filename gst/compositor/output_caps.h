@@ -4,13 +4,16 @@
 #include <gst/gst.h>
 
 #include "image/image.h"
+#include "view/view_set.h"
 
 namespace lf {
 
 // Fixed caps of a picture of width x height pixels out of `downstream`, what is taken there; of the fragments' own
-// family where `family` is known; null if there are none. YCbCr has the range of cameras, or that of video where
+// family where `family` is known; null if there are none. Of a set in this layout that GStreamer has a multiview-mode
+// for they have that. YCbCr has the range of cameras, or that of video where
 // downstream wants BT.601 so: nobody then has to convert it (GstVideoConverter 1.22 would leave the range as it is).
 // The frame rate is that of the requests that come to the pad `request`. Owned by the caller.
-GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height);
+GstCaps* choose_output_caps(GstCaps* downstream, GstPad* request, PixelFamily family, int width, int height,
+                            SetLayout layout);
 
 }  // namespace lf

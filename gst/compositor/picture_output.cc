@@ -31,6 +31,7 @@ void PictureOutput::start(bool partial, GstPad* request) {
 }
 
 void PictureOutput::stop() {
+  drop_sheet();
   gst_clear_buffer(&last_picture_);
   pool_.clear();
 }
@@ -43,15 +44,18 @@ void PictureOutput::negotiate() {
 }
 
 GstFlowReturn PictureOutput::update_src_caps(GstCaps* downstream, GstCaps** caps) {
-  *caps =
-      partial_ ? unit_caps(LF_ANSWER_MEDIA_TYPE) : choose_output_caps(downstream, request_, family_, width_, height_);
+  *caps = partial_ ? unit_caps(LF_ANSWER_MEDIA_TYPE)
+                   : choose_output_caps(downstream, request_, family_, width_, height_, layout_);
   return *caps ? GST_FLOW_OK : GST_FLOW_NOT_NEGOTIATED;
 }
 
 bool PictureOutput::negotiated_src_caps(GstCaps* caps) {
   GstVideoInfo info = {};
   if (!partial_ && !gst_video_info_from_caps(&info, caps)) return false;
-  if (!negotiated_ || !gst_video_info_is_equal(&info, &info_)) gst_clear_buffer(&last_picture_);
+  if (!negotiated_ || !gst_video_info_is_equal(&info, &info_)) {
+    gst_clear_buffer(&last_picture_);
+    drop_sheet();
+  }
   info_ = info;
   negotiated_ = true;
   return true;
@@ -64,8 +68,9 @@ bool PictureOutput::decide_allocation(GstQuery* query) {
 }
 
 // Has the base class agree with downstream on caps and memory for pictures like this.
-GstFlowReturn PictureOutput::agree_on(PixelFamily family, int width, int height) {
+GstFlowReturn PictureOutput::agree_on(PixelFamily family, int width, int height, SetLayout layout) {
   family_ = family;
+  layout_ = layout;
   width_ = width;
   height_ = height;
   gst_aggregator_negotiate(element_);
@@ -85,20 +90,25 @@ GstFlowReturn PictureOutput::agree_on(PixelFamily family, int width, int height)
   return GST_FLOW_NOT_NEGOTIATED;
 }
 
-GstFlowReturn PictureOutput::agree_on_picture(PixelFamily family, int width, int height) {
-  const bool same =
-      info_.width == width && info_.height == height && (family == PixelFamily::kNone || family_of(info_) == family);
-  return same && agreed_ ? GST_FLOW_OK : agree_on(family, width, height);
+GstFlowReturn PictureOutput::agree_on_picture(PixelFamily family, const ViewRequest& request) {
+  const PlaceInSet& place = request.place;
+  const int width = place.columns * request.view.width, height = place.rows * request.view.height;
+  const bool same = info_.width == width && info_.height == height && layout_ == place.layout &&
+                    (family == PixelFamily::kNone || family_of(info_) == family);
+  return same && agreed_ ? GST_FLOW_OK : agree_on(family, width, height, place.layout);
 }
 
-// Where a picture's colours are: R, G and B in one plane, or Y, Cb and Cr.
+// Where the colours of a view's picture are: R, G and B in one plane, or Y, Cb and Cr.
 struct PictureOutput::Planes {
-  explicit Planes(const GstVideoFrame& frame) {
+  Planes(const GstVideoFrame& frame, const ViewRequest& request) {
+    const int x = request.place.column() * request.view.width, y = request.place.row() * request.view.height;
     const guint count = family_of(frame.info) == PixelFamily::kRgb ? 1 : 3;
     for (guint i = 0; i < count; i++) {
-      data[i] = static_cast<uint8_t*>(count == 1 ? GST_VIDEO_FRAME_PLANE_DATA(&frame, 0)
-                                                 : GST_VIDEO_FRAME_COMP_DATA(&frame, i));
+      const int halves = i > 0 ? 2 : 1;  // of chroma
       stride[i] = count == 1 ? GST_VIDEO_FRAME_PLANE_STRIDE(&frame, 0) : GST_VIDEO_FRAME_COMP_STRIDE(&frame, i);
+      data[i] = static_cast<uint8_t*>(count == 1 ? GST_VIDEO_FRAME_PLANE_DATA(&frame, 0)
+                                                 : GST_VIDEO_FRAME_COMP_DATA(&frame, i)) +
+                x / halves * GST_VIDEO_FRAME_COMP_PSTRIDE(&frame, i) + y / halves * stride[i];
     }
   }
   uint8_t* data[3] = {};
@@ -106,51 +116,72 @@ struct PictureOutput::Planes {
 };
 
 // What is wholly lost is taken from the picture before, if not part of the picture is made with another rig than that.
-void PictureOutput::conceal(const Assembly& assembly, const Planes& picture) {
+void PictureOutput::conceal(const Assembly& assembly, const ViewRequest& request, const Planes& picture) {
   if (assembly.fragments() > 0 && assembly.rig_hash() != last_rig_) return;
   GstVideoFrame before;
   if (!last_picture_ || !gst_video_frame_map(&before, &info_, last_picture_, GST_MAP_READ)) return;
   ImageView view;
   view.family = family_of(info_);
-  view.width = info_.width;
-  view.height = info_.height;
+  view.width = request.view.width;
+  view.height = request.view.height;
   if (view.family == PixelFamily::kRgb) view.layout = rgb_layout(info_);
-  const Planes planes(before);
+  const Planes planes(before, request);
   std::ranges::copy(planes.data, view.plane);
   std::ranges::copy(planes.stride, view.stride);
   assembly.picture().conceal(view, picture.data, picture.stride);
   gst_video_frame_unmap(&before);
 }
 
-GstBuffer* PictureOutput::make_picture(Assembly& assembly, const View& view, const Background& background,
-                                       GstFlowReturn* flow) {
-  *flow = agree_on_picture(assembly.family(), view.width, view.height);
-  if (*flow != GST_FLOW_OK) return nullptr;
-  // It would show the picture before, and the work would make a machine that is too slow slower still.
-  if (last_picture_ && assembly.all_is_missing()) return gst_buffer_copy(last_picture_);
-  assembly.finish(family_of(info_), background != Background{});
-
+// False if there is no memory.
+bool PictureOutput::begin_sheet(const ViewRequest& request) {
+  drop_sheet();
   GstBufferPool* pool = gst_aggregator_get_buffer_pool(element_);
-  GstBuffer* out = pool_.take(pool);
+  sheet_ = {pool_.take(pool), first_of_set(request), std::vector<bool>(static_cast<size_t>(request.place.count())),
+            true};
   gst_clear_object(&pool);
+  return sheet_.buffer;
+}
+
+// The picture of one view, where it has its place. False if the memory can't be had.
+bool PictureOutput::draw(Assembly& assembly, const ViewRequest& request, const Background& background) {
+  assembly.finish(family_of(info_), background != Background{});
   GstVideoFrame frame;
-  if (!out || !gst_video_frame_map(&frame, &info_, out, GST_MAP_WRITE)) {
-    if (out) gst_buffer_unref(out);
-    *flow = GST_PAD_IS_FLUSHING(GST_AGGREGATOR_SRC_PAD(element_)) ? GST_FLOW_FLUSHING : no_memory(element_);
-    return nullptr;
-  }
-  const Planes planes(frame);
+  if (!gst_video_frame_map(&frame, &info_, sheet_.buffer, GST_MAP_WRITE)) return false;
+  const Planes planes(frame, request);
   const RgbLayout layout = family_of(info_) == PixelFamily::kRgb ? rgb_layout(info_) : RgbLayout{};
   const Levels levels = has_video_levels(info_) ? kVideoLevels : kFullLevels;
   assembly.picture().resolve(background, layout, planes.data, planes.stride, levels);
-  if (!assembly.complete()) conceal(assembly, planes);
+  if (!assembly.complete()) conceal(assembly, request, planes);
   gst_video_frame_unmap(&frame);
-  return out;
+  sheet_.drawn[static_cast<size_t>(request.place.index)] = true;
+  sheet_.complete = sheet_.complete && assembly.complete();
+  return true;
+}
+
+GstBuffer* PictureOutput::make_picture(Assembly& assembly, const ViewRequest& request, const Background& background,
+                                       GstFlowReturn* flow, bool* dropped) {
+  const bool had_begun = sheet_.buffer;
+  *flow = agree_on_picture(assembly.family(), request);
+  if (*flow != GST_FLOW_OK) return nullptr;
+  const bool goes_on = is_drawing(request) && sheet_.drawn.size() == static_cast<size_t>(request.place.count());
+  *dropped = had_begun && !goes_on;
+  // It would show the picture before, and the work would make a machine that is too slow slower still.
+  if (last_picture_ && request.place.count() == 1 && assembly.all_is_missing()) {
+    sheet_.complete = false;
+    return gst_buffer_copy(last_picture_);
+  }
+  if ((!goes_on && !begin_sheet(request)) || !draw(assembly, request, background)) {
+    drop_sheet();
+    *flow = GST_PAD_IS_FLUSHING(GST_AGGREGATOR_SRC_PAD(element_)) ? GST_FLOW_FLUSHING : no_memory(element_);
+    return nullptr;
+  }
+  const bool whole = std::ranges::find(sheet_.drawn, false) == sheet_.drawn.end();
+  return whole ? std::exchange(sheet_.buffer, nullptr) : nullptr;
 }
 
 GstFlowReturn PictureOutput::agree_on_answers(const View& view) {
   if (agreed_) return GST_FLOW_OK;
-  const GstFlowReturn flow = agree_on(PixelFamily::kNone, view.width, view.height);
+  const GstFlowReturn flow = agree_on(PixelFamily::kNone, view.width, view.height, SetLayout::kMono);
   if (flow == GST_FLOW_OK) root_is_near_ = compositor_is_near(GST_AGGREGATOR_SRC_PAD(element_));
   return flow;
 }
@@ -179,7 +210,7 @@ GstBuffer* PictureOutput::make_answer(Assembly& assembly, const ViewRequest& req
 
 PictureOutput::Shown PictureOutput::replace_incomplete(const Assembly& assembly, LfCompositorIncomplete incomplete,
                                                        GstBuffer** picture) {
-  const bool whole = partial_ || assembly.complete();
+  const bool whole = partial_ || sheet_.complete;
   if (!whole && incomplete == LF_COMPOSITOR_INCOMPLETE_REPEAT && last_picture_) {
     gst_buffer_unref(std::exchange(*picture, gst_buffer_copy(last_picture_)));
     return Shown::kRepeated;

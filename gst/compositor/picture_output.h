@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <memory>
+#include <vector>
 
 #include <gst/base/gstaggregator.h>
 #include <gst/video/video.h>
@@ -21,7 +22,7 @@ namespace lf {
 class PictureOutput {
  public:
   explicit PictureOutput(GstAggregator* element) : element_(element) {}
-  ~PictureOutput() { gst_clear_buffer(&last_picture_); }
+  ~PictureOutput() { stop(); }
   PictureOutput(const PictureOutput&) = delete;
   PictureOutput& operator=(const PictureOutput&) = delete;
 
@@ -29,7 +30,7 @@ class PictureOutput {
   void start(bool partial, GstPad* request);
   void stop();
   // The segment has to be sent again, whatever it is.
-  void flush() { segment_ = {}; }
+  void flush() { segment_ = {}, drop_sheet(); }
 
   // What the functions of GstAggregatorClass of these names do.
   void negotiate();
@@ -37,14 +38,19 @@ class PictureOutput {
   bool negotiated_src_caps(GstCaps* caps);
   bool decide_allocation(GstQuery* query);
 
-  // The picture of what was added for a request of this view. Null if there is none; *flow then says why.
-  GstBuffer* make_picture(Assembly& assembly, const View& view, const Background& background, GstFlowReturn* flow);
+  // The picture of what was added for a request, with those of the other views of its set. Null if there is none: *flow
+  // says why, and is GST_FLOW_OK where other views are still to come. *dropped becomes true where another set has begun
+  // that has not all of its views: of that there is no picture.
+  GstBuffer* make_picture(Assembly& assembly, const ViewRequest& request, const Background& background,
+                          GstFlowReturn* flow, bool* dropped);
+  // Whether views of the request's set have been drawn, and it is not whole yet.
+  bool is_drawing(const ViewRequest& request) const { return sheet_.buffer && sheet_.first == first_of_set(request); }
   // What was added for the request as the answer of one node, of the number `node`. Null if there is none; *flow then
   // says why.
   GstBuffer* make_answer(Assembly& assembly, const ViewRequest& request, guint node, CodecChoice codec,
                          GstFlowReturn* flow);
-  // What is put out in place of a picture, as `incomplete` says: that picture, the one before again (kRepeated) or
-  // nothing (kDropped). Takes the picture.
+  // What is put out in place of a picture that was made last, as `incomplete` says: that picture, the one before again
+  // (kRepeated) or nothing (kDropped). Takes the picture.
   enum class Shown { kPicture, kRepeated, kDropped };
   Shown replace_incomplete(const Assembly& assembly, LfCompositorIncomplete incomplete, GstBuffer** picture);
 
@@ -56,11 +62,17 @@ class PictureOutput {
   bool has_begun() const { return negotiated_; }
 
  private:
-  GstFlowReturn agree_on(PixelFamily family, int width, int height);
-  GstFlowReturn agree_on_picture(PixelFamily family, int width, int height);
+  GstFlowReturn agree_on(PixelFamily family, int width, int height, SetLayout layout);
+  GstFlowReturn agree_on_picture(PixelFamily family, const ViewRequest& request);
   GstFlowReturn agree_on_answers(const View& view);
   struct Planes;
-  void conceal(const Assembly& assembly, const Planes& picture);
+  void conceal(const Assembly& assembly, const ViewRequest& request, const Planes& picture);
+  bool begin_sheet(const ViewRequest& request);
+  bool draw(Assembly& assembly, const ViewRequest& request, const Background& background);
+  // The number of the request that the set begins with.
+  static uint32_t first_of_set(const ViewRequest& request) {
+    return request.sequence - static_cast<uint32_t>(request.place.turn());
+  }
 
   GstAggregator* const element_;
   GstPad* request_ = nullptr;
@@ -71,8 +83,17 @@ class PictureOutput {
   // What the next picture is like, no width: not known yet. Whether downstream takes it, as it is now.
   PixelFamily family_ = PixelFamily::kNone;
   int width_ = 0, height_ = 0;
+  SetLayout layout_ = SetLayout::kMono;
   bool agreed_ = false;
   PicturePool pool_;
+  // The picture that views of a set are being drawn into.
+  struct Sheet {
+    GstBuffer* buffer = nullptr;  // null: none
+    uint32_t first = 0;           // see first_of_set()
+    std::vector<bool> drawn;      // view by view
+    bool complete = true;         // all views that were drawn were complete
+  } sheet_;
+  void drop_sheet() { gst_clear_buffer(&sheet_.buffer); }
   std::shared_ptr<AnswerMemory> memory_ = std::make_shared<AnswerMemory>();  // what partial answers are made in
   bool root_is_near_ = false;          // the compositor that partial answers go to is in this process
   GstBuffer* last_picture_ = nullptr;  // what an incomplete picture may be replaced or mended with

@@ -5,14 +5,15 @@
 
 namespace lf {
 
-GstFlowReturn LiveAnswers::add(GstPad* src, uint32_t view_id, double work, Answer answer, bool* dropped) {
+GstFlowReturn LiveAnswers::add(GstPad* src, uint32_t view_id, double work, Answer answer, bool* dropped,
+                               size_t of_set) {
   const auto make = [this, src, view_id, answer = std::move(answer)](const ParallelFor& parallel) {
     flow_ = guarded_buffer(src, [&] {
       const std::shared_ptr<Node::Requester> kept = views_.of(view_id);
       return answer(*kept, parallel);
     });
   };
-  if (!fair_.add(view_id, views_.nanoseconds(view_id, work), make, dropped)) return GST_FLOW_FLUSHING;
+  if (!fair_.add(view_id, views_.nanoseconds(view_id, work), make, dropped, of_set)) return GST_FLOW_FLUSHING;
   return flow_;
 }
 

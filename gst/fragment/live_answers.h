@@ -21,8 +21,8 @@ class LiveAnswers {
   // Makes one answer, with what is kept of its view, and pushes it. Called by the thread of the answer pad.
   using Answer = std::function<GstFlowReturn(Node::Requester&, const ParallelFor&)>;
   // Queues an answer. `work`: the work that is planned for it. *dropped becomes true if an older request of the view is
-  // dropped for this one. Returns how the latest answer could be pushed.
-  GstFlowReturn add(GstPad* src, uint32_t view_id, double work, Answer answer, bool* dropped);
+  // dropped for this one. `of_set`: see FairAnswers. Returns how the latest answer could be pushed.
+  GstFlowReturn add(GstPad* src, uint32_t view_id, double work, Answer answer, bool* dropped, size_t of_set);
   // Makes the answer whose turn it is: what the thread of the answer pad does, again and again.
   void work(GstPad* src);
 

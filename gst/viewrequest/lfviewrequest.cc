@@ -42,8 +42,13 @@
  * leave behind it. A relay lets no commands through, because they were made before it knew which cameras are out of
  * service: it makes them itself.
  *
- * Two of them that are given the same events are the two eyes of one viewer, with an `eye-offset` each. Unless they
- * are `eager` they name the same capture times, and lfcompositors make pictures with the same stamps of them.
+ * With `views` there is more than one eye, and a request for each: a stereo pair, a row, a quilt for displays of light
+ * fields. They are of one moment and have one focal surface, which is found for the view next to the middle and carried
+ * over to the others. lfcompositor makes one picture of them, with GStreamer's multiview-mode for pairs. Each view must
+ * have an even width and height. Mouse and keys move all of them together.
+ *
+ * Two of them that are given the same events are the two eyes of one viewer, too, with an `eye-offset` each. Unless
+ * they are `eager` they name the same capture times, and lfcompositors make pictures with the same stamps of them.
  *
  * Upstream events that carry a field "lf-view-id" (uint) are for the view of that id alone.
  *
@@ -144,6 +149,7 @@ static gboolean lf_view_request_start(GstBaseSrc* base) {
   std::shared_ptr<const lf::VisibleShare> share;
   std::optional<lf::Viewpoint> home;
   try {
+    lf::validate(settings.place(0), 0, 0);
     stream = std::make_unique<lf::RequestStream>(settings);
     share = lf_view_request_visible_share(settings, stream->rig());
     if (share && !stream->from_file()) {

@@ -92,10 +92,11 @@ GstFlowReturn lf_view_request_create(GstPushSrc* push, GstBuffer** out);
 void lf_view_request_install_events(GstBaseSrcClass* klass);
 
 // view_request_send.cc
-// What is to leave right after a request, if anything is: the command for the cameras, and extra requests. `stamps`:
-// the request's buffer.
+// What is to leave right after a request, if anything is: the command for the cameras, `beside`, the requests for the
+// other views of its set, which get their numbers here, and extra requests. `stamps`: the request's buffer.
 void lf_view_request_send_more(LfViewRequest* self, const lf::ViewRequest& request,
-                               const std::shared_ptr<const lf::Rig>& rig, GstBuffer* stamps);
+                               const std::shared_ptr<const lf::Rig>& rig, GstBuffer* stamps,
+                               std::vector<lf::ViewRequest> beside = {});
 
 // view_request_relay.cc
 void lf_view_request_install_relay(GstElementClass* klass);

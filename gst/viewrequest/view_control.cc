@@ -138,7 +138,7 @@ void ViewControl::keep_visible(std::shared_ptr<const VisibleShare> share) {
   navigator_.set_visible(nullptr);
 }
 
-bool ViewControl::navigate(GstEvent* event, int view_width, int view_height) {
+bool ViewControl::navigate(GstEvent* event, int view_width, int view_height, int columns, int rows) {
   if (const double aspect = static_cast<double>(view_width) / view_height; share_ && aspect != aspect_) {
     aspect_ = aspect;
     navigator_.set_visible([share = share_, aspect](const Viewpoint& v) { return (*share)(v, aspect); });
@@ -149,9 +149,13 @@ bool ViewControl::navigate(GstEvent* event, int view_width, int view_height) {
   double x = 0, y = 0, delta_x = 0, delta_y = 0;
   int button = 0;
   const gchar* key = nullptr;
+  const auto in_view = [](double at, int side, int views) {
+    return at >= 0 && at < static_cast<double>(side) * views ? std::fmod(at, side) : at;
+  };
   // A pointer from the middle of the view, in heights of it; one that is nowhere counts as there.
   const auto place = [&] {
-    const Vec2 at((x + 0.5 - view_width / 2.0) / view_height, (y + 0.5 - view_height / 2.0) / view_height);
+    const Vec2 at((in_view(x + 0.5, view_width, columns) - view_width / 2.0) / view_height,
+                  (in_view(y + 0.5, view_height, rows) - view_height / 2.0) / view_height);
     const double widest = static_cast<double>(view_width) / view_height / 2;
     return std::abs(at.x) <= widest && std::abs(at.y) <= 0.5 ? at : Vec2(0, 0);
   };

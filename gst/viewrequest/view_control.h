@@ -57,8 +57,8 @@ class ViewControl {
   void begin(const Viewpoint& defaults);
   // Mouse and keys go as far as something is visible of this array; null: anywhere.
   void keep_visible(std::shared_ptr<const VisibleShare> share);
-  // A GstNavigation event of a picture of this size in pixels. False if it means nothing here.
-  bool navigate(GstEvent* event, int view_width, int view_height);
+  // A GstNavigation event of a picture of columns x rows views of this size in pixels. False if it means nothing here.
+  bool navigate(GstEvent* event, int view_width, int view_height, int columns = 1, int rows = 1);
   // Where the picture was clicked since the last call, pixels: the first button was pressed and let go without a drag.
   std::optional<Vec2> take_click() { return std::exchange(click_, std::nullopt); }
 

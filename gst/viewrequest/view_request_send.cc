@@ -19,10 +19,16 @@ static GstBuffer* command_of(LfViewRequest* self, const lf::ViewRequest& request
 }
 
 void lf_view_request_send_more(LfViewRequest* self, const lf::ViewRequest& request,
-                               const std::shared_ptr<const lf::Rig>& rig, GstBuffer* stamps) {
+                               const std::shared_ptr<const lf::Rig>& rig, GstBuffer* stamps,
+                               std::vector<lf::ViewRequest> beside) {
   auto& state = *self->state;
   const auto send = [&](GstBuffer* buffer) { state.outbox.put(buffer, stamps); };
   send(command_of(self, request, rig));
+  for (lf::ViewRequest& other : beside) {
+    other.sequence = state.stream->next_number++;
+    send(lf::encode_request_buffer(other));
+    send(command_of(self, other, rig));
+  }
   if (!state.stream->access() && !state.relay.is_on())
     if (std::optional<lf::ViewRequest> sweep = state.focus.next_sweep(request, rig.get())) {
       sweep->sequence = state.stream->next_number++;

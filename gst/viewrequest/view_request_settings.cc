@@ -93,6 +93,26 @@ PropertyTable<S>& ViewRequestSettings::properties() {
                                "How far to the right of the view its picture is made from, in metres, as by one of two "
                                "eyes that fly together; the focal plane stays that of the view",
                                -kMostEyeOffset, kMostEyeOffset),
+      inherited_property<S, &S::layout>(
+          kWhilePlaying, "views", "Views",
+          "Views of one moment from eyes in a row around the view, whose pictures, of width x height each, make one",
+          LF_TYPE_SET_LAYOUT),
+      inherited_property<S, &S::columns>(kWhilePlaying, "columns", "Columns",
+                                         "Views side by side, with views=row and views=quilt", 1,
+                                         PlaceInSet::kMostViews),
+      inherited_property<S, &S::rows>(kWhilePlaying, "rows", "Rows", "Rows of views, with views=quilt", 1,
+                                      PlaceInSet::kMostViews),
+      inherited_property<S, &S::eye_distance>(kWhilePlaying, "eye-distance", "Eye distance",
+                                              "Metres between neighbouring eyes of the views", 0.0, kMostEyeOffset),
+      inherited_property<S, &S::cone>(
+          kWhilePlaying, "view-cone", "View cone",
+          "Degrees between the outermost eyes of the views, as seen from the middle of the focal plane, in place of "
+          "eye-distance (0: eye-distance)",
+          0.0, 179.0),
+      inherited_property<S, &S::converged>(
+          kWhilePlaying, "converged", "Converged",
+          "Shift the pictures of the views so that what is in the focal plane is in the same place of all, as on a "
+          "screen that stands there; else lines of sight are parallel, as headsets want them"),
       property<&S::focus_continuous>(
           kWhilePlaying, kFocusContinuous, "Focus continuous",
           "Keep the place of the view in focus that a click or focus-at named last (before: the middle), as what is "
@@ -109,3 +129,17 @@ PropertyTable<S>& ViewRequestSettings::properties() {
 }
 
 }  // namespace lf
+
+GType lf_set_layout_get_type(void) {
+  using lf::SetLayout;
+  static const GType type = lf::register_enum<SetLayout>(
+      "LfSetLayout",
+      {{SetLayout::kMono, "One view", "mono"},
+       {SetLayout::kStereo, "Two, side by side", "stereo"},
+       {SetLayout::kCrossEyed, "Two, side by side, the right one on the left: for eyes that cross", "cross-eyed"},
+       {SetLayout::kTopBottom, "Two, the left one on top", "top-bottom"},
+       {SetLayout::kRow, "One row of \"columns\", from left to right", "row"},
+       {SetLayout::kQuilt, "\"rows\" of \"columns\", from the bottom left, as displays of light fields take them",
+        "quilt"}});
+  return type;
+}

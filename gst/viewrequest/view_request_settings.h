@@ -7,13 +7,17 @@
 
 #include "common/access.h"
 #include "common/properties.h"
+#include "view/view_set.h"
 
 namespace lf {
 
 inline constexpr char kFocusContinuous[] = "focus-continuous";
 
+// Property "views": lf::SetLayout.
+#define LF_TYPE_SET_LAYOUT (lf_set_layout_get_type())
+
 // lfviewrequest's properties but for the numbers of the view itself (view_control.h).
-struct ViewRequestSettings {
+struct ViewRequestSettings : ViewSet {
   static constexpr int kDefaultWidth = 640, kDefaultHeight = 480;  // pixels of views where there is no rig
 
   std::string location, rig, out_of_service, navigation_from;
@@ -36,3 +40,5 @@ struct ViewRequestSettings {
 };
 
 }  // namespace lf
+
+GType lf_set_layout_get_type(void);

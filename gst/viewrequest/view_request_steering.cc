@@ -45,12 +45,16 @@ static gboolean lf_view_request_focus_at(LfViewRequest* self, gdouble x, gdouble
   GST_OBJECT_LOCK(self);
   // Cameras that are told where to look (access) try nothing.
   const bool can = self->state->stream && !self->state->stream->from_file() && !self->state->stream->access();
-  const lf::View view = can ? lf_view_request_view(self) : lf::View();
+  const lf::View middle = can ? lf_view_request_view(self) : lf::View();
+  const lf::ViewSet set = self->state->settings;
   GST_OBJECT_UNLOCK(self);
   if (!can) return FALSE;
-  const lf::Vec2 place((x + 0.5) / view.width, (y + 0.5) / view.height);
-  if (place.x < 0 || place.x > 1 || place.y < 0 || place.y > 1) return FALSE;
-  if (const std::optional<double> distance = self->state->focus.focus_at(place))
+  const lf::Vec2 place((x + 0.5) / middle.width, (y + 0.5) / middle.height);
+  const std::optional<lf::PlaceInSet> shown = set.place_at(place);
+  if (!shown) return FALSE;
+  const lf::View seen = set.view(middle, *shown);
+  const lf::Vec2 in_view(place.x - shown->column(), place.y - shown->row());
+  if (const auto distance = self->state->focus.focus_at(in_view, shown->count() > 1 ? &seen : nullptr))
     lf_view_request_set_focus_distance(self, *distance);
   return TRUE;
 }
@@ -80,7 +84,9 @@ gboolean lf_view_request_steer(LfViewRequest* self, GstEvent* event) {
     if (!lf::is_for_view(event, self->state->settings.view_id)) return FALSE;
     if (is_view(event)) return gboolean(control.set_view(gst_event_get_structure(event)));
     const lf::View view = lf_view_request_view(self);
-    const bool changed = self->state->settings.navigation && control.navigate(event, view.width, view.height);
+    const lf::PlaceInSet place = self->state->settings.place(0);
+    const bool changed =
+        self->state->settings.navigation && control.navigate(event, view.width, view.height, place.columns, place.rows);
     click = control.take_click();
     return gboolean(changed);
   });
@@ -108,7 +114,7 @@ void lf_view_request_install_signals(GObjectClass* klass) {
   /**
    * LfViewRequest::focus-at:
    * @request: the element
-   * @x: pixels of the view, from the middle of its first one
+   * @x: pixels of the view, of a set of the whole picture, from the middle of its first one
    * @y: the same
    *
    * Puts the focal plane where the view is in focus at a pixel, as a click on the picture does: at once if its

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "common/gst_wire.h"
 #include "viewrequest/lfviewrequest_private.h"
@@ -62,6 +63,21 @@ static GstFlowReturn wait_live(LfViewRequest* self, std::optional<lf::RequestSlo
   return *slot ? wait_for_turn(self, clock, base_time, capture_delay, **slot, leaves) : GST_FLOW_EOS;
 }
 
+// The requests for the other views of the set around `middle`, of the moment and with the surface of the one that
+// leads.
+static std::vector<lf::ViewRequest> rest_of_set(const lf::ViewRequest& leader, const lf::ViewSet& set,
+                                                const lf::View& middle) {
+  std::vector<lf::ViewRequest> rest;
+  for (const lf::PlaceInSet& place : set.places()) {
+    if (place.leads()) continue;
+    lf::ViewRequest& beside = rest.emplace_back(leader);
+    beside.place = place;
+    beside.view = set.view(middle, place);
+    lf::apply_leader(leader, beside);
+  }
+  return rest;
+}
+
 static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   const bool live = gst_base_src_is_live(GST_BASE_SRC(self));
   std::optional<lf::RequestSlot> turn;
@@ -95,8 +111,12 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   request.quality = static_cast<uint8_t>(self->state->settings.quality);
   request.out_of_service =
       self->state->out_of_service.with_announced(request.view_id, self->state->stream->out_of_service());
-  request.view = lf::seen_beside(slot.view ? *slot.view : lf_view_request_view(self), self->state->settings.eye_offset);
-  request.view.blending = current_blending(self);
+  const lf::ViewSet set = self->state->settings;
+  lf::View middle =
+      lf::seen_beside(slot.view ? *slot.view : lf_view_request_view(self), self->state->settings.eye_offset);
+  middle.blending = current_blending(self);
+  request.place = set.places().front();
+  request.view = set.view(middle, request.place);
   self->state->turn.forget_change();
   lock.unlock();
 
@@ -108,7 +128,7 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   GST_BUFFER_DURATION(*out) = slot.duration;
   GST_LOG_OBJECT(self, "request %u of view %u for %" GST_TIME_FORMAT, request.sequence, request.view_id,
                  GST_TIME_ARGS(request.target_time));
-  if (!rehearsal) lf_view_request_send_more(self, request, rig, *out);
+  if (!rehearsal) lf_view_request_send_more(self, request, rig, *out, rest_of_set(request, set, middle));
   return GST_FLOW_OK;
 }
 

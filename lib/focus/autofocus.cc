@@ -43,10 +43,7 @@ std::optional<double> focus_distance_at(const View& view, const Vec2& pixel) {
 View view_around(const View& view, const Vec2& pixel) {
   View around = view;
   around.width = around.height = kSweptPixels;
-  std::array<double, Lens::kMaxParams> params = view.lens.params();
-  const auto centre = static_cast<size_t>(lens_model_num_focal(view.lens.model()));
-  for (int i = 0; i < 2; i++) params[centre + static_cast<size_t>(i)] += (kSweptPixels - 1) / 2.0 - pixel[i];
-  around.lens = Lens(view.lens.model(), params);
+  around.lens = view.lens.shifted(Vec2((kSweptPixels - 1) / 2.0) - pixel);
   around.focus.map = nullptr;
   return around;
 }

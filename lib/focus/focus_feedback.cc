@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "focus/autofocus.h"
+#include "focus/carry_over.h"
 #include "focus/focus_array.h"
 #include "focus/surface_choice.h"
 
@@ -75,11 +76,15 @@ void FocusFeedback::see_sweep(const FoundFocus& news) {
   }
 }
 
-std::optional<double> FocusFeedback::focus_at(const Vec2& place) {
+std::optional<double> FocusFeedback::focus_at(const Vec2& place, const View* seen) {
   const std::lock_guard lock(mutex_);
   place_ = place;
   latest_.reset();
-  if (news_ && news_->plan.view.focus.map) return focus_distance_at(news_->plan.view, pixel_of(news_->plan.view));
+  if (news_ && news_->plan.view.focus.map) {
+    View view = seen ? *seen : news_->plan.view;
+    if (seen) view.focus.map = carry_over(news_->plan.view, view);
+    return focus_distance_at(view, pixel_of(view));
+  }
   search_ = Search{};
   return std::nullopt;
 }
@@ -145,11 +150,12 @@ void FocusFeedback::apply(ViewRequest& request) {
         -view.focus.plane.signed_distance(view.pose.position) / glm::dot(view.focus.plane.normal, view.pose.forward());
     if (!news_ || !news_->plan.view.focus.map) return;
     search_.reset();
-    if (!unsent_.empty()) {
+    if (!unsent_.empty() && request.place.leads()) {
       request.trials = std::move(unsent_.front());
       unsent_.pop_front();
     }
-    request.gains = std::exchange(news_->gains, {.use = news_->gains.use});
+    request.gains = {.use = news_->gains.use};
+    if (request.place.leads()) std::swap(request.gains, news_->gains);
     plan = news_->plan;
   }
   apply_plan(plan, request);

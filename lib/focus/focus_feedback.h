@@ -22,7 +22,8 @@ class FocusFeedback {
   // Waits until there are news from this request or a later one.
   enum class Waited { kCame, kTooLong, kUnlocked };
   Waited wait_for(uint32_t sequence, std::chrono::milliseconds longest);
-  // Gives the request the surface as its view has it, and trials and gains, which are for one request only.
+  // Gives the request the surface as its view has it, and trials and gains, which are for one request only, and of a
+  // set for the view that leads.
   void apply(ViewRequest& request);
   // Whether apply() would give a request trials now.
   bool has_trials();
@@ -32,8 +33,9 @@ class FocusFeedback {
   void sweep_sent(uint32_t sequence);
 
   // A place of the view that is to be in focus, as parts of its width and height. Its distance, if a surface is known;
-  // else the next requests ask for it.
-  std::optional<double> focus_at(const Vec2& place);
+  // else the next requests ask for it. `seen`: the view that shows the place, one of a set, whose eyes look the same
+  // way; null: the view itself, as it was when the surface was found.
+  std::optional<double> focus_at(const Vec2& place, const View* seen = nullptr);
   // Whether that place (to begin with, the middle) is kept in focus from now on.
   void follow(bool follows);
   // The distance that was found since, once.

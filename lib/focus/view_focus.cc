@@ -26,6 +26,15 @@ void apply_plan(const FocusControl::Plan& plan, ViewRequest& request) {
   request.gains.ask = request.on_plane = false;
 }
 
+void apply_leader(const ViewRequest& leader, ViewRequest& beside) {
+  beside.view.focus.plane = leader.view.focus.plane;
+  const bool has_surface = leader.view.focus.map && !leader.on_plane;
+  beside.view.focus.map = has_surface ? carry_over(leader.view, beside.view) : nullptr;
+  beside.on_plane = false;
+  beside.trials.clear();
+  beside.gains = {.use = leader.gains.use};
+}
+
 GainRequest next_gains(MeanTurns& turns, bool use, bool has_trials, const Moments& brightness, const GainSum& gains,
                        uint32_t sequence) {
   GainRequest next{.use = use};

@@ -21,6 +21,10 @@ struct FoundFocus {
 // request has no map, and has the trials and gains already that it is to have.
 void apply_plan(const FocusControl::Plan& plan, ViewRequest& request);
 
+// Gives a request for another view of a set the surface of the one that leads, as its own view has it, and the same
+// gains. Nothing is tried with it.
+void apply_leader(const ViewRequest& leader, ViewRequest& beside);
+
 // What the next request of a view says of its cameras' brightness. `use`: whether gains are used; `has_trials`: whether
 // that request has trials. `brightness`, `gains`: what came of the mean that `sequence`, the request before, asked for;
 // of no size: nothing.

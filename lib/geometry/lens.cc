@@ -84,6 +84,13 @@ Lens Lens::from_fov_y(double fov_y_deg, int width, int height) {
 
 int Lens::num_params() const { return info(model_).num_params; }
 
+Lens Lens::shifted(const Vec2& pixels) const {
+  std::array<double, kMaxParams> params = params_;
+  const auto centre = static_cast<size_t>(lens_model_num_focal(model_));
+  for (int i = 0; i < 2; i++) params[centre + static_cast<size_t>(i)] += pixels[i];
+  return {model_, params};
+}
+
 std::optional<Vec2> Lens::distort(const Vec2& u) const {
   if (!has_distortion()) return u;
   const double r2 = glm::dot(u, u);

@@ -49,6 +49,8 @@ class Lens {
   double p1() const { return p1_; }
   double p2() const { return p2_; }
   bool has_distortion() const { return k1_ != 0 || k2_ != 0 || p1_ != 0 || p2_ != 0; }
+  // The same lens with its image, and so its principal point, moved by so many pixels.
+  Lens shifted(const Vec2& pixels) const;
   // The largest undistorted radius that the lens sees (infinity without a fold).
   double max_radius() const { return max_radius_; }
 

@@ -30,7 +30,7 @@ void FairAnswers::begin_to_wait(View& view) {
   if (std::ranges::none_of(views_, is_there)) used_by_new_ = std::max(used_by_new_, virtual_time_ + kClaim);
 }
 
-bool FairAnswers::add(uint32_t view, uint64_t work, Answer answer, bool* dropped) {
+bool FairAnswers::add(uint32_t view, uint64_t work, Answer answer, bool* dropped, size_t of_set) {
   const std::lock_guard lock(mutex_);
   if (stopped_) return false;
   if (depth_ > 0) charge_running();
@@ -49,7 +49,7 @@ bool FairAnswers::add(uint32_t view, uint64_t work, Answer answer, bool* dropped
   }
   if (state.waiting.empty()) begin_to_wait(state);
   state.waiting.push_back({static_cast<double>(work), std::move(answer)});
-  const bool too_many = state.waiting.size() > kMostWaiting;
+  const bool too_many = state.waiting.size() > kMostWaiting + 2 * (of_set - 1);
   if (too_many) state.waiting.pop_front();
   if (dropped) *dropped = too_many;
   if (depth_ > 0 && depth_ < kDeepest) urgent_ = urgent_ || goes_before(state, running_);

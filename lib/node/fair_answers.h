@@ -25,7 +25,8 @@ namespace lf {
 // add() from any thread, work() from the one that answers.
 class FairAnswers {
  public:
-  // Requests of a view that wait at most: two turns of lfviewrequest with what goes along. Then the newest ones stay.
+  // Requests of a view that wait at most: two turns of lfviewrequest with what goes along; of a set twice as many more
+  // as it has other views. Then the newest ones stay.
   static constexpr size_t kMostWaiting = 8;
   static constexpr int kDeepest = 8;        // answers that are left for others at once
   static constexpr double kClaim = 0.25e9;  // nanoseconds of work that a view may have had less than others
@@ -38,8 +39,8 @@ class FairAnswers {
   using Answer = std::function<void(const ParallelFor&)>;
   // `work`: nanoseconds that it will take, as far as anybody knows; 0: nobody does, and it is not begun in the middle
   // of another. False while stopped. The oldest of the view is dropped where too many wait: true in *dropped (may be
-  // null).
-  bool add(uint32_t view, uint64_t work, Answer answer, bool* dropped = nullptr);
+  // null). `of_set`: views of the set that the request is one of.
+  bool add(uint32_t view, uint64_t work, Answer answer, bool* dropped = nullptr, size_t of_set = 1);
   // Answers the next request, and those that go before it meanwhile; waits for one. False once stopped. What an answer
   // throws comes out; the others are as before.
   bool work();

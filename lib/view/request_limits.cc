@@ -9,7 +9,9 @@ namespace lf {
 namespace {
 
 RequestGate::Refusal check_cost(const RequestCost& cost, const RequestLimits& limits, double extent) {
-  if (static_cast<uint64_t>(cost.width) * static_cast<uint64_t>(cost.height) > limits.pixels)
+  const uint64_t pixels = static_cast<uint64_t>(cost.width) * static_cast<uint64_t>(cost.height);
+  const uint64_t views = static_cast<uint64_t>(cost.columns) * static_cast<uint64_t>(cost.rows);
+  if (pixels > limits.pixels || (views > 1 && pixels * views / RequestLimits::kOfSet > limits.pixels))
     return RequestGate::kPixels;
   const double widest = limits.aperture > 0 ? limits.aperture : extent;
   if (widest > 0 && cost.aperture > widest) return RequestGate::kAperture;
@@ -59,8 +61,11 @@ std::string refusal_text(RequestGate::Refusal refusal, const RequestCost& cost, 
                          double extent) {
   switch (refusal) {
     case RequestGate::kPixels:
-      return "asks for " + std::to_string(cost.width) + "x" + std::to_string(cost.height) + " pixels, more than the " +
-             std::to_string(limits.pixels) + " of max-pixels";
+      return "asks for " + std::to_string(cost.width) + "x" + std::to_string(cost.height) + " pixels" +
+             (cost.columns * cost.rows > 1 ? " " + std::to_string(cost.columns * cost.rows) + " times" : "") +
+             ", more than the " + std::to_string(limits.pixels) + " of max-pixels" +
+             (cost.columns * cost.rows > 1 ? " (of a set " + std::to_string(RequestLimits::kOfSet) + " times that)"
+                                           : "");
     case RequestGate::kAperture:
       return "asks for an aperture of " + metres(cost.aperture) +
              (limits.aperture > 0 ? ", more than the " + metres(limits.aperture) + " of max-aperture"

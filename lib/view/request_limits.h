@@ -13,11 +13,12 @@ namespace lf {
 // What one request may ask of whoever serves it, and how many may. The defaults are above what this project's viewers
 // send. Elements and servers alike have them from here.
 struct RequestLimits {
-  uint64_t pixels = uint64_t{4096} * 2304;  // width x height of a view
+  uint64_t pixels = uint64_t{4096} * 2304;  // width x height of a view; of all views of a set together kOfSet as many
   double aperture = 0;                      // metres; 0: as wide as the array
   unsigned trials = kMaxTrials;             // trial surfaces of one request
   unsigned requests_per_second = 500;       // requests of one view a second; 0: any number
   unsigned views = 64;                      // views that are served at a time
+  static constexpr uint64_t kOfSet = 4;
   bool operator==(const RequestLimits&) const = default;
 };
 
@@ -26,6 +27,7 @@ struct RequestCost {
   int width = 0, height = 0;  // pixels
   double aperture = 0;        // metres; 0: the view is not blended by one
   unsigned trials = 0;
+  int columns = 1, rows = 1;  // views of its set, whose pictures make one
   bool operator==(const RequestCost&) const = default;
 };
 

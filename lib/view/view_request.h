@@ -8,6 +8,7 @@
 
 #include "rig/mesh.h"
 #include "view/view.h"
+#include "view/view_set.h"
 
 namespace lf {
 
@@ -62,6 +63,7 @@ struct GainRequest {
 // The whole state of one view: no history is needed to answer it.
 struct ViewRequest : RequestHeader {
   View view;
+  PlaceInSet place;  // one of a set: the others are asked for beside it, of the same moment
   CameraSet out_of_service;
   bool on_plane = false;  // the picture is drawn through the viewer's plane: the focal map serves the trials alone
   // Surfaces to compare with the focal map, answered with moments; at most kMaxTrials, none without a map.

@@ -18,6 +18,8 @@ constexpr uint8_t kLayers = 5;     // kind of trial, reserved
 constexpr int kBlendingShift = 4;  // of its kind, in the same byte
 constexpr size_t kPoseBytes = 7 * 8, kPlaneBytes = 4 * 8;
 
+constexpr size_t kSetBytes = 4;
+
 size_t mean_nodes(const FocalMap& map) {
   return static_cast<size_t>(FocalMap::nodes(map.columns, 2)) * static_cast<size_t>(FocalMap::nodes(map.rows, 2));
 }
@@ -33,6 +35,7 @@ void check_gains(const ViewRequest& request) {
 void check(const ViewRequest& request) {
   check_request_head(request);
   validate(request.view);
+  validate(request.place, request.view.width, request.view.height);
   if (request.trials.size() > kMaxTrials)
     throw Error("trials: at most " + std::to_string(kMaxTrials) + ", not " + std::to_string(request.trials.size()));
   if (!request.trials.empty() && !request.view.focus.map) throw Error("trials: of a map that is not there");
@@ -78,6 +81,22 @@ void read_blending(Reader& in, Blending& blending) {
   if (blending.kind == Blending::Kind::kAperture) blending.aperture = in.get<double>();
   if (blending.kind == Blending::Kind::kAngle) blending.nearest = in.get<uint8_t>();
   need_more(in, "blending");
+}
+
+void put_place(Writer& out, const PlaceInSet& place) {
+  out.put(static_cast<uint8_t>(place.layout));
+  out.put(static_cast<uint8_t>(place.columns));
+  out.put(static_cast<uint8_t>(place.rows));
+  out.put(static_cast<uint8_t>(place.index));
+}
+
+void read_place(Reader& in, PlaceInSet& place) {
+  place.layout = static_cast<SetLayout>(in.get<uint8_t>());
+  place.columns = in.get<uint8_t>();
+  place.rows = in.get<uint8_t>();
+  place.index = in.get<uint8_t>();
+  need_more(in, "set");
+  if (place == PlaceInSet()) throw Error("set: of a view that is alone");
 }
 
 void put_map(Writer& out, const FocalMap& map, std::span<const uint8_t> deflated, std::span<const Trial> trials) {
@@ -138,7 +157,8 @@ void read_mean(Reader& in, const FocalMap& map, GainRequest& gains) {
 ViewRequest read_request(std::span<const uint8_t> bytes) {
   ViewRequest request;
   View& view = request.view;
-  Reader in = read_request_head(bytes, kViewRequestType, request, view.width, view.height);
+  uint16_t of_set = kOfSet;
+  Reader in = read_request_head(bytes, kViewRequestType, request, view.width, view.height, &of_set);
   const auto need = [&](const char* field) { need_more(in, field); };
   const uint8_t model_code = in.get<uint8_t>();
   const uint8_t surface = in.get<uint8_t>();
@@ -166,8 +186,10 @@ ViewRequest read_request(std::span<const uint8_t> bytes) {
 
   const uint32_t count = in.get<uint32_t>();
   need("out_of_service");
-  const size_t cameras = size_t{count} * 2, wanted = cameras + blending_bytes(view.blending.kind);
-  if (in.left() >= cameras && in.left() < wanted) throw Error("blending: the request ends before it does");
+  const size_t cameras = size_t{count} * 2, blended = cameras + blending_bytes(view.blending.kind),
+               wanted = blended + (of_set ? kSetBytes : 0);
+  if (in.left() >= cameras && in.left() < wanted)
+    throw Error(std::string(in.left() < blended ? "blending" : "set") + ": the request ends before it does");
   if (surface == kFocalMap ? in.left() < wanted : in.left() != wanted)
     throw Error("out_of_service: " + std::to_string(count) + " cameras do not fill the " + std::to_string(in.left()) +
                 " bytes left");
@@ -176,6 +198,7 @@ ViewRequest read_request(std::span<const uint8_t> bytes) {
   if (surface == kFocalMap) read_map(in, request);
   if (gains & kMeanFollows) read_mean(in, *view.focus.map, request.gains);
   read_blending(in, view.blending);
+  if (of_set) read_place(in, request.place);
   if (in.left() != 0) throw Error("focal_map: " + std::to_string(in.left()) + " bytes too many");
   check(request);
   return request;
@@ -200,10 +223,11 @@ std::vector<uint8_t> encode_request(const ViewRequest& request) {
     deflated = packed(map->levels);
     size += 6 * 8 + 2 + 3 * request.trials.size() + 4 + deflated.size();
   }
-  size += blending_bytes(view.blending.kind);
+  const bool of_set = request.place != PlaceInSet();
+  size += blending_bytes(view.blending.kind) + (of_set ? kSetBytes : 0);
 
   Writer out(size);
-  put_request_head(out, kViewRequestType, request, view.width, view.height, size);
+  put_request_head(out, kViewRequestType, request, view.width, view.height, size, of_set ? kOfSet : 0);
   out.put(static_cast<uint8_t>(view.lens.model()));
   out.put(map ? kFocalMap : kFocalPlane);
   out.put(static_cast<uint8_t>((gains.use ? kUseGains : 0) | (gains.ask ? kAskMean : 0) |
@@ -221,6 +245,7 @@ std::vector<uint8_t> encode_request(const ViewRequest& request) {
   if (map) put_map(out, *map, deflated, request.trials);
   if (!gains.mean.empty()) put_mean(out, gains, mean);
   put_blending(out, view.blending);
+  if (of_set) put_place(out, request.place);
   return out.take();
 }
 
@@ -251,9 +276,15 @@ RequestCost peek_request_cost(std::span<const uint8_t> bytes) {
     in.get_bytes(kPlaneBytes + 8 + 8 + 1);
     cost.trials = in.get<uint8_t>();
   }
-  if (blending == static_cast<uint8_t>(Blending::Kind::kAperture) && in.left() >= sizeof(double)) {
-    in.get_bytes(in.left() - sizeof(double));
-    cost.aperture = in.get<double>();
+  const bool of_set = unit->flags & kOfSet, wide = blending == static_cast<uint8_t>(Blending::Kind::kAperture);
+  const size_t behind = (wide ? sizeof(double) : 0) + (of_set ? kSetBytes : 0);
+  if (in.left() < behind) return cost;
+  in.get_bytes(in.left() - behind);
+  if (wide) cost.aperture = in.get<double>();
+  if (of_set) {
+    in.get<uint8_t>();
+    cost.columns = in.get<uint8_t>();
+    cost.rows = in.get<uint8_t>();
   }
   return cost;
 }

@@ -17,9 +17,10 @@ void check_request_head(const RequestHeader& head) {
     throw Error("quality: must be 0 to " + std::to_string(kMaxQuality) + ", is " + std::to_string(head.quality));
 }
 
-void put_request_head(Writer& out, uint8_t type, const RequestHeader& head, int width, int height, size_t size) {
-  const int flags =
-      (head.absolute_time ? kAbsoluteTime : 0) | (head.probe ? kProbe : 0) | (head.rehearsal ? kRehearsal : 0);
+void put_request_head(Writer& out, uint8_t type, const RequestHeader& head, int width, int height, size_t size,
+                      uint16_t more_flags) {
+  const int flags = (head.absolute_time ? kAbsoluteTime : 0) | (head.probe ? kProbe : 0) |
+                    (head.rehearsal ? kRehearsal : 0) | more_flags;
   put_unit_header(out, UnitKind::kRequest, type, static_cast<uint16_t>(flags), size);
   out.put(head.view_id);
   out.put(head.sequence);
@@ -43,11 +44,14 @@ std::pair<int, int> get_request_head(Reader& in, uint16_t flags, RequestHeader& 
   return {width, height};
 }
 
-Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHeader& head, int& width, int& height) {
+Reader read_request_head(std::span<const uint8_t> bytes, uint8_t type, RequestHeader& head, int& width, int& height,
+                         uint16_t* more_flags) {
+  constexpr uint16_t kOfAll = kAbsoluteTime | kProbe | kRehearsal;
+  const uint16_t known = static_cast<uint16_t>(kOfAll | (more_flags ? *more_flags : 0));
   std::string reason;
-  const std::optional<UnitHeader> unit =
-      check_unit_header(bytes, UnitKind::kRequest, type, kAbsoluteTime | kProbe | kRehearsal, reason);
+  const std::optional<UnitHeader> unit = check_unit_header(bytes, UnitKind::kRequest, type, known, reason);
   if (!unit || !check_unit_size(bytes, *unit, reason)) throw Error(reason);
+  if (more_flags) *more_flags &= unit->flags;
   Reader in(bytes.subspan(kUnitHeaderBytes));
   std::tie(width, height) = get_request_head(in, unit->flags, head);
   need_more(in, "view");

@@ -27,8 +27,8 @@ from gi.repository import GLib, Gst  # noqa: E402
 
 BUILD, SOURCE = (pathlib.Path(path).resolve() for path in sys.argv[1:3])
 PICTURES, PATIENCE_S, LISTENING_S = 3, 60, 1
-# Elements that documents name and that are not of Debian 12.
-OF_OTHERS = {"whepclientsrc"}
+# Elements that documents name and that are not of Debian 12, or of a package that nothing else needs.
+OF_OTHERS = {"whepclientsrc", "glviewconvert"}
 CAPITALS = re.compile(r"\b[A-Z][A-Z0-9_]{2,}\b")
 # Words in capitals that mean themselves: of caps.
 THEMSELVES = {"JPEG", "RGB", "LIGHTFIELD", "REQUEST", "ANSWER"}
@@ -255,6 +255,7 @@ def introspect(what):
 def main():
     global TARGETS, TESTS
     os.environ["GST_PLUGIN_PATH"] = str(BUILD / "gst")
+    os.environ |= {"GST_GL_PLATFORM": "egl", "GST_GL_WINDOW": "egl-device"}  # without a display
     Gst.init(None)
     TARGETS = {pathlib.Path(name).name for target in introspect("--targets")
                for name in [target["name"], *target["filename"]]} | {"benchmarks", "elements-md", "install"}

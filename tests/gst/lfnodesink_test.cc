@@ -47,6 +47,14 @@ class LfViewSrcOnHostsTest : public LfViewSrcTest {
   const int nobody_[2] = {free_port(SOCK_DGRAM), free_port(SOCK_DGRAM)};
 };
 
+TEST_F(LfViewSrcOnHostsTest, ShowsASetOfViews) {
+  ElementPtr hosts[2] = {start_host(0), start_host(1)};
+  play(nodes() + " views=row columns=5 eye-distance=0.005 width=32 height=24");
+  EXPECT_TRUE(comes([&] { return complete("compositor") > 25; })) << "each view counts";
+  EXPECT_TRUE(more("s"));
+  for (ElementPtr& host : hosts) stop_host(host);
+}
+
 TEST_F(LfViewSrcOnHostsTest, ShowsTheirCamerasToEachViewer) {
   ElementPtr hosts[2] = {start_host(0), start_host(1)};
   play(nodes(), "v.src ! fakesink name=s sync=false  v.src_0 ! fakesink name=t sync=false");

@@ -77,6 +77,33 @@ TEST(LfViewRequestNavigation, EachKindMovesTheVeryNextRequest) {
   check("r");
 }
 
+// Pixels are those of the whole picture, and what is under the pointer is in one of its views.
+TEST(LfViewRequestNavigation, ThePointerIsInOneOfASetsViews) {
+  Source source;
+  set_somewhere(source);
+  gst_util_set_object_arg(G_OBJECT(source.element()), "views", "top-bottom");
+  source.set("eye-distance", 0.0);
+  source.play_live();
+  Navigator expected(somewhere());
+  source.next_live();
+  const auto check = [&](const std::string& what) {
+    source.pull();  // the other view of the set
+    expect_near(source.next_live().request.view, make_view(expected.viewpoint(), 320, 200), what);
+  };
+  EXPECT_TRUE(source.send(gst_navigation_event_new_mouse_scroll(1, 201, 0, 1, kPlain)));
+  expected.zoom(1, {(1.5 - 160) / 200, (1.5 - 100) / 200});
+  check("wheel");
+  EXPECT_TRUE(source.send(gst_navigation_event_new_mouse_button_press(1, 100, 190, kPlain)));
+  EXPECT_TRUE(source.send(gst_navigation_event_new_mouse_move(100, 210, kPlain)));
+  expected.orbit(0, 20 / 200.0);
+  check("a drag from view to view");
+  gboolean done = FALSE;
+  for (const auto& [y, inside] : {std::pair(399.0, TRUE), std::pair(401.0, FALSE)}) {
+    g_signal_emit_by_name(source.element(), "focus-at", 10.0, y, &done);
+    EXPECT_EQ(done, inside) << y;
+  }
+}
+
 // How far a drag over twice the height takes the eye, metres.
 double drag_far(Source& source, GstNavigationModifierType state) {
   const Vec3 before = source.next_live().request.view.pose.position;

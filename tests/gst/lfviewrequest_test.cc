@@ -55,6 +55,32 @@ TEST(LfViewRequestFile, APathKeepsItsTimes) {
   EXPECT_TRUE(source.wait_eos());
 }
 
+TEST(LfViewRequestFile, OfASetEachViewIsAskedForAtOneMoment) {
+  const TemporaryFiles files;
+  const std::vector<NamedView> views = test_views({0.5, 1});
+  std::vector<NamedView> even = views;
+  for (NamedView& named : even) named.view.width = 32;
+  save_views(even, files.path("views.json"));
+  Source source;
+  gst_util_set_object_arg(G_OBJECT(source.element()), "views", "quilt");
+  source.set("location", files.path("views.json").c_str(), "columns", 3, "rows", 2, "eye-distance", 0.01, "num-buffers",
+             2);
+  source.play();
+  const ViewSet set{.layout = SetLayout::kQuilt, .columns = 3, .rows = 2, .eye_distance = 0.01};
+  uint32_t sequence = 0;
+  for (const NamedView& named : even)
+    for (const PlaceInSet& place : set.places()) {
+      const Unit unit = source.pull();
+      EXPECT_EQ(unit.request.place, place);
+      EXPECT_EQ(unit.request.view, set.view(named.view, place)) << place.index;
+      EXPECT_EQ(unit.request.sequence, sequence++);
+      EXPECT_EQ(unit.request.target_time, static_cast<uint64_t>(named.time * 1e9));
+      EXPECT_EQ(unit.pts, unit.request.target_time);
+    }
+  EXPECT_TRUE(source.wait_eos());
+  EXPECT_EQ(gst_harness_buffers_in_queue(source.harness()), 0u) << "num-buffers counts pictures";
+}
+
 TEST(LfViewRequestFile, LoopsWithoutTimesGoingBack) {
   const TemporaryFiles files;
   save_views(test_views({0, 1}), files.path("views.json"));

@@ -132,6 +132,35 @@ TEST_F(LfViewSrcTest, FliesByNavigation) {
   EXPECT_LT(get("view_0", "x"), x0);
 }
 
+TEST_F(LfViewSrcTest, ASetIsOnePictureAndFliesAsOne) {
+  play("width=64 height=48 views=stereo v.src ! videoconvert ! fakesink name=s sync=false",
+       "v.src_0 ! queue ! fakesink name=t sync=false");
+  ASSERT_TRUE(more("s"));
+  ASSERT_TRUE(more("t"));
+  const auto caps = [&](const char* sink) {
+    const PadPtr pad(gst_element_get_static_pad(child(sink).get(), "sink"));
+    const CapsPtr now(gst_pad_get_current_caps(pad.get()));
+    g_autofree gchar* text = gst_caps_to_string(now.get());
+    return std::string(text);
+  };
+  EXPECT_THAT(caps("s"), HasSubstr("width=(int)128, height=(int)48"));
+  EXPECT_THAT(caps("s"), HasSubstr("multiview-mode=(string)side-by-side"));
+  EXPECT_THAT(caps("t"), HasSubstr("width=(int)128")) << "a further viewer has the settings";
+  const double x = get("v", "x");
+  press(child("s").get(), "d");
+  EXPECT_GT(get("v", "x"), x);
+  ASSERT_TRUE(more("s"));
+
+  // Another set while it runs.
+  gst_util_set_object_arg(G_OBJECT(child("v").get()), "views", "quilt");
+  g_object_set(child("v").get(), "columns", 4, "rows", 3, nullptr);
+  EXPECT_TRUE(comes([&] { return caps("s").find("width=(int)256, height=(int)144") != std::string::npos; }));
+  EXPECT_EQ(caps("s").find("multiview-mode=(string)side-by-side"), std::string::npos);
+  ASSERT_TRUE(more("s"));
+  EXPECT_EQ(get<guint>("to_cameras", "max-size-buffers"), 4u * 12) << "as many moments have room";
+  EXPECT_THAT(caps("t"), HasSubstr("width=(int)128"));
+}
+
 TEST_F(LfViewSrcTest, ActionsSetTheView) {
   play("");
   ASSERT_TRUE(more("s"));

@@ -61,15 +61,28 @@ class PictureOutputTest : public testing::Test {
   void answer(const std::vector<CameraIndex>& cameras, uint8_t grey) {
     assembly_.begin(request_);
     if (cameras.empty()) return;
-    Image image(PixelFamily::kRgb, rig_.cameras[0].width, rig_.cameras[0].height);
-    std::ranges::fill(image.data(), grey);
+    const int width = rig_.cameras[0].width, height = rig_.cameras[0].height;
+    Image image(family_, width, height);
+    std::ranges::fill(image.data(), family_ == PixelFamily::kRgb ? grey : uint8_t{128});
+    std::fill_n(image.data().begin(), width * height, grey);
     const ByteBuffer bytes = node_answer_bytes(rig_, request_, cameras, image);
     ASSERT_EQ(assembly_.add(*wire::parse_answer(bytes)), Assembly::Verdict::kAdded);
   }
   // The picture of what was added; null, and `flow_` says why, if there is none.
   GstBuffer* make() {
     GstBuffer* picture = nullptr;
-    in_stream([&] { picture = output_->make_picture(assembly_, request_.view, {}, &flow_); });
+    bool dropped = false;
+    in_stream([&] { picture = output_->make_picture(assembly_, request_, {}, &flow_, &dropped); });
+    dropped_ += dropped;
+    return picture;
+  }
+  // The picture that view `index` of a set completes, in one colour; null: others are still to come.
+  GstBuffer* add_view(const ViewSet& set, int index, uint32_t first, uint8_t grey) {
+    request_.place = set.place(index);
+    request_.sequence = first + static_cast<uint32_t>(request_.place.turn());
+    answer({0, 1, 2, 3}, grey);
+    GstBuffer* picture = make();
+    EXPECT_EQ(flow_, GST_FLOW_OK);
     return picture;
   }
   GstFlowReturn push(GstBuffer* picture, GstClockTime pts = 0) {
@@ -92,6 +105,8 @@ class PictureOutputTest : public testing::Test {
   ViewRequest request_;
   Assembly assembly_;
   GstFlowReturn flow_ = GST_FLOW_OK;
+  int dropped_ = 0;
+  PixelFamily family_ = PixelFamily::kRgb;
 };
 
 TEST_F(PictureOutputTest, PicturesLeaveInCapsThatDownstreamTakes) {
@@ -169,6 +184,100 @@ TEST_F(PictureOutputTest, WithoutAnyAnswerThePictureBeforeIsShown) {
   answer({}, 0);
   const BufferPtr again(make());
   EXPECT_EQ(middle(again.get()), 100);
+}
+
+// A quilt has its first view at the bottom left.
+class PictureOutputQuilt : public PictureOutputTest {
+ protected:
+  void check(const std::string& format, PixelFamily family) {
+    begin(false, ("video/x-raw, format=" + format).c_str());
+    family_ = family;
+    const ViewSet set{.layout = SetLayout::kQuilt, .columns = 3, .rows = 2};
+    GstBuffer* picture = nullptr;
+    for (const PlaceInSet& place : set.places()) {
+      EXPECT_FALSE(picture);
+      picture = add_view(set, place.index, 10, static_cast<uint8_t>(40 * (place.index + 1)));
+    }
+    ASSERT_TRUE(picture) << format;
+    ASSERT_EQ(push(picture), GST_FLOW_OK);
+    const BufferPtr out(gst_harness_pull(harness_.get()));
+    const CapsPtr caps(gst_pad_get_current_caps(harness_->sinkpad));
+    GstVideoInfo info;
+    ASSERT_TRUE(gst_video_info_from_caps(&info, caps.get()));
+    EXPECT_EQ(info.width, 96);
+    EXPECT_EQ(info.height, 32);
+    EXPECT_EQ(GST_VIDEO_INFO_MULTIVIEW_MODE(&info), GST_VIDEO_MULTIVIEW_MODE_NONE);
+    GstVideoFrame frame;
+    ASSERT_TRUE(gst_video_frame_map(&frame, &info, out.get(), GST_MAP_READ));
+    for (int y = 0; y < 32; y++)
+      for (int x = 0; x < 96; x++) {
+        const int index = (1 - y / 16) * 3 + x / 32;
+        const auto* row = static_cast<const guint8*>(GST_VIDEO_FRAME_COMP_DATA(&frame, 0)) +
+                          y * GST_VIDEO_FRAME_COMP_STRIDE(&frame, 0);
+        ASSERT_EQ(row[x * GST_VIDEO_FRAME_COMP_PSTRIDE(&frame, 0)], 40 * (index + 1)) << format << " " << x << " " << y;
+      }
+    gst_video_frame_unmap(&frame);
+    EXPECT_EQ(dropped_, 0);
+  }
+};
+
+TEST_F(PictureOutputQuilt, OfRgb) { check("RGB", PixelFamily::kRgb); }
+TEST_F(PictureOutputQuilt, OfYCbCr) { check("I420", PixelFamily::kI420); }
+TEST_F(PictureOutputQuilt, OfYCbCrWithItsChromaTogether) { check("NV12", PixelFamily::kI420); }
+
+TEST_F(PictureOutputTest, PairsSayHowTheyStandInGStreamersWords) {
+  const std::pair<SetLayout, const char*> layouts[] = {{SetLayout::kStereo, "multiview-mode=(string)side-by-side"},
+                                                       {SetLayout::kTopBottom, "multiview-mode=(string)top-bottom"},
+                                                       {SetLayout::kCrossEyed, "right-view-first"}};
+  begin(false, "video/x-raw, format=RGB");
+  uint32_t first = 10;
+  for (const auto& [layout, words] : layouts) {
+    const ViewSet set{.layout = layout};
+    EXPECT_FALSE(add_view(set, 0, first, 100));
+    EXPECT_TRUE(output_->is_drawing(request_));
+    GstBuffer* picture = add_view(set, 1, first, 200);
+    ASSERT_TRUE(picture);
+    const std::vector<uint8_t> bytes = to_bytes(picture);
+    EXPECT_EQ(bytes.front(), layout == SetLayout::kCrossEyed ? 200 : 100);
+    EXPECT_EQ(bytes.back(), layout == SetLayout::kCrossEyed ? 100 : 200);
+    ASSERT_EQ(push(picture, first * GST_SECOND), GST_FLOW_OK);
+    gst_buffer_unref(gst_harness_pull(harness_.get()));
+    EXPECT_NE(caps_of(harness_->sinkpad).find(words), std::string::npos) << caps_of(harness_->sinkpad);
+    first += 2;
+  }
+}
+
+// What is put out is of one moment.
+TEST_F(PictureOutputTest, ASetThatLacksAViewIsDropped) {
+  begin(false, "video/x-raw, format=RGB");
+  const ViewSet set{.layout = SetLayout::kStereo};
+  EXPECT_FALSE(add_view(set, 0, 10, 100));
+  EXPECT_FALSE(add_view(set, 1, 12, 150)) << "of the next moment";
+  EXPECT_EQ(dropped_, 1);
+  const BufferPtr picture(add_view(set, 0, 12, 50));
+  ASSERT_TRUE(picture);
+  EXPECT_EQ(to_bytes(picture.get()).front(), 50);
+  EXPECT_EQ(to_bytes(picture.get()).back(), 150);
+  EXPECT_EQ(dropped_, 1);
+}
+
+TEST_F(PictureOutputTest, WhatIsLostOfAViewIsTakenFromThePictureBefore) {
+  begin(false, "video/x-raw, format=RGB");
+  const ViewSet set{.layout = SetLayout::kStereo};
+  add_view(set, 0, 10, 100);
+  GstBuffer* whole = add_view(set, 1, 10, 200);
+  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_REPEAT, &whole), Shown::kPicture);
+  ASSERT_EQ(push(whole), GST_FLOW_OK);
+  request_.place = set.place(0);
+  request_.sequence = 12;
+  answer({}, 0);
+  EXPECT_FALSE(make());
+  GstBuffer* mended = add_view(set, 1, 12, 220);
+  ASSERT_TRUE(mended);
+  EXPECT_EQ(to_bytes(mended).front(), 100);
+  EXPECT_EQ(to_bytes(mended).back(), 220);
+  EXPECT_EQ(output_->replace_incomplete(assembly_, LF_COMPOSITOR_INCOMPLETE_DROP, &mended), Shown::kDropped)
+      << "one of its views was incomplete";
 }
 
 TEST_F(PictureOutputTest, PartialAnswersSpeakForTheCamerasThatCame) {

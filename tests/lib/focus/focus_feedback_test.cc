@@ -57,6 +57,40 @@ TEST_F(FocusFeedbackTest, TheNextRequestHasTheSurfaceAndTheTrialsOnce) {
   EXPECT_FALSE(next.view.focus.map);
 }
 
+// A relay that adds surfaces meets all views of a set.
+TEST_F(FocusFeedbackTest, OfASetOneViewHasTheTrials) {
+  feedback_.announce(found(1));
+  const ViewSet set{.layout = SetLayout::kStereo};
+  ViewRequest right = request(), left = request();
+  right.place = set.place(1);
+  left.place = set.place(0);
+  feedback_.apply(right);
+  EXPECT_TRUE(right.view.focus.map);
+  EXPECT_TRUE(right.trials.empty());
+  feedback_.apply(left);
+  EXPECT_EQ(left.trials.size(), 1u);
+}
+
+// Where a place is seen by another eye than the surface was found for, it is another pixel.
+TEST_F(FocusFeedbackTest, APlaceIsThatOfTheViewThatShowsIt) {
+  FoundFocus news = found(1);
+  news.plan.view = walls_.view(0);
+  ASSERT_TRUE(news.plan.view.focus.map);
+  FocalMap map = *news.plan.view.focus.map;
+  map.farthest = 1 / 3.0;
+  map.nearest = 1 / 1.5;
+  for (int j = 0; j < map.rows; j++)
+    for (int i = 0; i < map.columns; i++)
+      map.levels[static_cast<size_t>(j) * map.columns + i] = i < map.columns / 2 ? 0 : 255;
+  news.plan.view.focus.map = std::make_shared<const FocalMap>(map);
+  feedback_.announce(news);
+  // The near half begins in the middle; from 0.3 m farther right it begins farther left.
+  const View seen = seen_beside(news.plan.view, 0.3);
+  const Vec2 place(0.4, 0.5);
+  ASSERT_NEAR(*feedback_.focus_at(place), 3, 0.2);
+  EXPECT_NEAR(*feedback_.focus_at(place, &seen), 1.5, 0.1);
+}
+
 // Where pictures come in bursts there are several news before the next request.
 TEST_F(FocusFeedbackTest, TrialsOfASearchWaitForTheirTurn) {
   const auto sweep_at = [](int16_t level) { return std::vector<Trial>(kSweep, {Trial::Kind::kPlane, level}); };

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "focus/carry_over.h"
 #include "lib/focus/array_of_walls.h"
 #include "wire/request_codec.h"
 
@@ -44,6 +45,28 @@ TEST(ViewFocus, FindsASurfaceAndCarriesItOver) {
   focus.apply(next);
   EXPECT_TRUE(next.trials.empty()) << "trials are for one request";
   EXPECT_TRUE(next.view.focus.map);
+}
+
+// Of a set one view has trials; the others have its surface as they see it.
+TEST(ViewFocus, TheOthersOfASetHaveTheLeadersSurface) {
+  const test::ArrayOfWalls walls;
+  ViewRequest leader = request_of(walls.view(0));
+  leader.view = walls.view(80);
+  leader.trials = {{Trial::Kind::kPlane, 3}};
+  leader.gains = {.use = true, .ask = true, .mean = {1}, .mean_of = 7};
+  ViewRequest beside = leader;
+  beside.view = seen_beside(leader.view, 0.06);
+  const View view = beside.view;
+  apply_leader(leader, beside);
+  EXPECT_TRUE(beside.trials.empty());
+  EXPECT_EQ(beside.gains, GainRequest{.use = true});
+  ASSERT_TRUE(beside.view.focus.map);
+  EXPECT_EQ(*beside.view.focus.map, *carry_over(leader.view, view));
+  leader.on_plane = true;
+  apply_leader(leader, beside);
+  EXPECT_FALSE(beside.view.focus.map) << "one plane for all";
+  EXPECT_FALSE(beside.on_plane);
+  EXPECT_EQ(beside.view.focus.plane, leader.view.focus.plane);
 }
 
 TEST(ViewFocus, APlaneIsShownWithoutAMapUnlessTheMapServes) {

@@ -196,6 +196,22 @@ TEST(FairAnswers, TheNewestOfAViewStay) {
   EXPECT_EQ(done, (std::vector<int>{4, 5, 6, 7, 8, 9, 10, 11}));
 }
 
+// Two sets wait, of which none has lost a view.
+TEST(FairAnswers, ASetHasRoom) {
+  constexpr size_t kViews = 48;
+  FairAnswers answers;
+  int dropped = 0;
+  for (size_t i = 0; i < 3 * kViews; i++) {
+    bool one = false;
+    EXPECT_TRUE(answers.add(
+        1, 0, [](const ParallelFor&) {}, &one, kViews));
+    dropped += one;
+  }
+  EXPECT_GE(answers.waiting(), 2 * kViews);
+  EXPECT_EQ(answers.waiting() + static_cast<size_t>(dropped), 3 * kViews);
+  EXPECT_GT(dropped, 0) << "not any number";
+}
+
 TEST(FairAnswers, EndsForWhoWaits) {
   FairAnswers answers;
   std::thread thread([&] {

@@ -24,6 +24,10 @@ TEST(RequestGate, HoldsCostsAgainstLimits) {
   EXPECT_EQ(check({640, 480, 0.51, 0}), RequestGate::kAperture);
   EXPECT_EQ(check({640, 480, 0.51, 0}, 0), RequestGate::kNone) << "the array is not known";
   EXPECT_EQ(check({640, 480, 0, 17}), RequestGate::kTrials);
+  EXPECT_EQ(check({420, 560, 0, 0, 8, 6}), RequestGate::kNone) << "of a set one picture is made";
+  EXPECT_EQ(check({4096, 2304, 0, 0, 2, 2}), RequestGate::kNone);
+  EXPECT_EQ(check({4096, 2304, 0, 0, 5, 1}), RequestGate::kPixels);
+  EXPECT_EQ(check({65535, 65535, 0, 0, 255, 255}), RequestGate::kPixels);
 }
 
 TEST(RequestGate, BoundsTheRateOfEachView) {
@@ -64,6 +68,8 @@ TEST(RequestGate, TellsWhatIsInTheWay) {
               testing::AllOf(HasSubstr("16384x16384"), HasSubstr("9437184 of max-pixels")));
   EXPECT_THAT(refusal_text(RequestGate::kAperture, {1, 1, 2.5, 0}, limits, 0.7),
               testing::AllOf(HasSubstr("2.5 m"), HasSubstr("0.7 m"), HasSubstr("max-aperture")));
+  EXPECT_THAT(refusal_text(RequestGate::kPixels, {4096, 2304, 0, 0, 5, 1}, limits, 0),
+              testing::AllOf(HasSubstr("4096x2304 pixels 5 times"), HasSubstr("of a set 4 times")));
   EXPECT_THAT(refusal_text(RequestGate::kRate, kSmall, limits, 0), HasSubstr("500 times a second"));
 }
 

@@ -62,6 +62,13 @@ ViewRequest random_request(std::mt19937& random) {
   r.view.focus.plane = {glm::normalize(Vec3(number(random), number(random), number(random) + 1.001)), number(random)};
   for (CameraIndex camera = random() % 4; camera < 1000 && random() % 8; camera += 1 + random() % 300)
     r.out_of_service.push_back(camera);
+  if (random() % 2) {
+    r.view.width += r.view.width % 2;
+    r.view.height += r.view.height % 2;
+    const ViewSet set{.layout = static_cast<SetLayout>(1 + random() % 5), .columns = 8, .rows = 2};
+    if (r.view.width <= 2048 && r.view.height <= 8192)
+      r.place = set.place(static_cast<int>(random() % static_cast<unsigned>(set.place(0).count())));
+  }
   return r;
 }
 
@@ -107,6 +114,37 @@ TEST(RequestCodec, GoldenBytes) {
   const std::optional<ViewRequest> decoded = decode_request(from_hex(kGolden));
   ASSERT_TRUE(decoded.has_value());
   EXPECT_EQ(*decoded, golden_request());
+}
+
+TEST(RequestCodec, OneOfASetSaysSoAtTheEnd) {
+  ViewRequest request = golden_request();
+  request.place = {SetLayout::kQuilt, 8, 6, 47};
+  std::vector<uint8_t> wanted = from_hex(kGolden);
+  wanted[7] = 9;
+  wanted[11] = static_cast<uint8_t>(wanted[11] + 4);
+  for (const uint8_t byte : {5, 8, 6, 47}) wanted.push_back(byte);
+  EXPECT_EQ(encode_request(request), wanted);
+  EXPECT_EQ(decode_request(wanted), request);
+  EXPECT_EQ(peek_request_cost(wanted), (RequestCost{.width = 640, .height = 480, .columns = 8, .rows = 6}));
+  request.view.blending = blending_of(0.25, 0);
+  EXPECT_EQ(decode_request(encode_request(request)), request);
+  EXPECT_EQ(peek_request_cost(encode_request(request)),
+            (RequestCost{.width = 640, .height = 480, .aperture = 0.25, .columns = 8, .rows = 6}));
+
+  const auto with_end = [&](std::initializer_list<uint8_t> end) {
+    std::vector<uint8_t> bytes = wanted;
+    std::copy(end.begin(), end.end(), bytes.end() - 4);
+    return reason_of(bytes);
+  };
+  using testing::HasSubstr;
+  EXPECT_THAT(with_end({5, 8, 6, 48}), HasSubstr("set: view 48 is none of its 48"));
+  EXPECT_THAT(with_end({1, 8, 6, 0}), HasSubstr("set: layout 1 has no 8x6 views"));
+  EXPECT_THAT(with_end({6, 1, 1, 0}), HasSubstr("set: layout 6"));
+  EXPECT_THAT(with_end({0, 1, 1, 0}), HasSubstr("set: of a view that is alone"));
+  EXPECT_THAT(with_end({5, 16, 9, 0}), HasSubstr("set: 16x9 views are more than 128"));
+  EXPECT_THAT(with_end({5, 40, 3, 0}), HasSubstr("16384"));
+  wanted[7] = 1;
+  EXPECT_THAT(reason_of(wanted), HasSubstr("bytes left"));
 }
 
 TEST(RequestCodec, FocalMapsRoundTrip) {

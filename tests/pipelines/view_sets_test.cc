@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+//
+// Sets of views in one picture: against the views one by one, against geometry, and against ground truth.
+#include <gst/app/gstappsink.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+
+#include "gst/gst_test.h"
+#include "image/image.h"
+#include "pipelines/gst_launch.h"
+#include "quality/quality.h"
+#include "rig/rig_json.h"
+#include "scene/scene.h"
+#include "support/temp_dir.h"
+#include "view/view_set.h"
+#include "view/views_json.h"
+
+namespace lf::test {
+namespace {
+
+constexpr int kWidth = 80, kHeight = 60;
+
+class ViewSets : public testing::Test {
+ protected:
+  // A view from between the cameras, focused at a distance in metres.
+  static View view(double focus, int width = kWidth, int height = kHeight) {
+    View view;
+    view.width = width;
+    view.height = height;
+    view.lens = Lens::from_fov_y(30, width, height);
+    view.pose.position = {0.003, -0.002, 0};
+    view.focus.plane = focal_plane_at(view.pose, focus);
+    return view;
+  }
+  // The built-in scene, which moves.
+  void film(int side, int width = kWidth, int height = kHeight) {
+    rig_ = scene_rig(side, side, width, height);
+    for (Camera& camera : rig_.cameras) camera.image.clear();
+    save_rig(rig_, dir_ / "rig.json");
+  }
+  void save(const std::string& name, const std::vector<View>& views, const std::vector<double>& times) {
+    std::vector<NamedView> path;
+    for (size_t i = 0; i < views.size(); i++) path.push_back({"view_" + std::to_string(i), times[i], views[i]});
+    save_views(path, dir_ / name);
+  }
+  // The pictures of views in a file, one behind the other, R, G and B.
+  std::vector<uint8_t> pictures(const std::string& views, const std::string& properties) {
+    const std::string out = dir_ / "out.rgb";
+    const Launched run =
+        gst_launch("lfviewsrc is-live=false rig=" + dir_ / "rig.json" + " location=" + dir_ / views + " " + properties +
+                   " ! videoconvert ! video/x-raw,format=RGB ! filesink location=" + out);
+    EXPECT_EQ(run.status, 0) << run.output;
+    EXPECT_EQ(run.output, "");
+    std::ifstream file(out, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+  // One view's picture out of that of its set.
+  static Image part(const uint8_t* whole, const PlaceInSet& place, int width = kWidth, int height = kHeight) {
+    Image image(PixelFamily::kRgb, width, height);
+    const size_t row = 3 * static_cast<size_t>(width), stride = row * static_cast<size_t>(place.columns);
+    for (int y = 0; y < height; y++)
+      std::copy_n(whole + (static_cast<size_t>(place.row() * height + y)) * stride + place.column() * row, row,
+                  image.data().begin() + static_cast<ptrdiff_t>(y * row));
+    return image;
+  }
+  static std::string properties_of(const ViewSet& set) {
+    const char* const names[] = {"mono", "stereo", "cross-eyed", "top-bottom", "row", "quilt"};
+    return std::string("views=") + names[static_cast<int>(set.layout)] + " columns=" + std::to_string(set.columns) +
+           " rows=" + std::to_string(set.rows) + " eye-distance=" + std::to_string(set.eye_distance) +
+           " view-cone=" + std::to_string(set.cone) + " converged=" + (set.converged ? "true" : "false");
+  }
+
+  TempDir dir_;
+  Rig rig_;
+};
+
+// At each of three moments of a scene that moves, on one plane: to the bit.
+TEST_F(ViewSets, AreTheirViewsOneByOneAtOneMoment) {
+  film(3);
+  const std::vector<View> middles = {view(2.2), view(1.5), view(3)};
+  const std::vector<double> times = {0, 0.4, 1.1};
+  save("middle.json", middles, times);
+  const ViewSet sets[] = {
+      {.layout = SetLayout::kQuilt, .columns = 3, .rows = 2, .eye_distance = 0.012},
+      {.layout = SetLayout::kRow, .columns = 5, .cone = 2},
+      {.layout = SetLayout::kStereo, .eye_distance = 0.03, .converged = false},
+      {.layout = SetLayout::kCrossEyed, .eye_distance = 0.03},
+      {.layout = SetLayout::kTopBottom, .eye_distance = 0.03},
+  };
+  for (const ViewSet& set : sets) {
+    SCOPED_TRACE(properties_of(set));
+    const std::vector<uint8_t> sheets = pictures("middle.json", "focus=plane " + properties_of(set));
+    const int count = set.place(0).count();
+    const size_t bytes = size_t{3} * kWidth * kHeight;
+    ASSERT_EQ(sheets.size(), middles.size() * bytes * static_cast<size_t>(count));
+    for (int index = 0; index < count; index++) {
+      std::vector<View> eyes;
+      for (const View& middle : middles) eyes.push_back(set.view(middle, set.place(index)));
+      save("eye.json", eyes, times);
+      const std::vector<uint8_t> alone = pictures("eye.json", "focus=plane");
+      ASSERT_EQ(alone.size(), middles.size() * bytes);
+      for (size_t i = 0; i < middles.size(); i++) {
+        const Image of_set = part(&sheets[i * bytes * static_cast<size_t>(count)], set.place(index));
+        EXPECT_TRUE(
+            std::equal(of_set.data().begin(), of_set.data().end(), alone.begin() + static_cast<ptrdiff_t>(i * bytes)))
+            << "view " << index << ", picture " << i;
+      }
+    }
+  }
+}
+
+// Cameras that see one bright spot; its centre in a picture.
+Vec2 spot_in(const Image& image) {
+  double sum = 0;
+  Vec2 centre(0, 0);
+  for (int y = 0; y < image.height(); y++)
+    for (int x = 0; x < image.width(); x++) {
+      const double light = image.data()[3 * (static_cast<size_t>(y) * image.width() + x)];
+      sum += light;
+      centre += light * Vec2(x, y);
+    }
+  return centre / sum;
+}
+
+TEST_F(ViewSets, DisparityIsThatOfGeometry) {
+  constexpr double kEyes = 0.06;
+  for (const double depth : {1.2, 3.0})
+    for (const bool converged : {true, false}) {
+      const double focus = depth;
+      const Vec3 spot(0.02 * depth, -0.03 * depth, depth);
+      rig_ = scene_rig(4, 4, 160, 120);
+      for (Camera& camera : rig_.cameras) {
+        Image image(PixelFamily::kRgb, camera.width, camera.height);
+        const Vec2 at = *camera.lens.project(camera.pose.camera_from_world(spot));
+        for (int y = 0; y < camera.height; y++)
+          for (int x = 0; x < camera.width; x++)
+            for (int c = 0; c < 3; c++)
+              image.data()[3 * (static_cast<size_t>(y) * camera.width + x) + c] =
+                  static_cast<uint8_t>(std::lround(250 * std::exp(-glm::dot(at - Vec2(x, y), at - Vec2(x, y)) / 18)));
+        camera.image = camera.name + ".png";
+        save_image(image, dir_ / camera.image);
+      }
+      save_rig(rig_, dir_ / "rig.json");
+      const View middle = view(focus, 160, 120);
+      save("middle.json", {middle}, {0});
+      const ViewSet set{.layout = SetLayout::kStereo, .eye_distance = kEyes, .converged = converged};
+      const std::vector<uint8_t> pair = pictures("middle.json", "focus=plane " + properties_of(set));
+      ASSERT_EQ(pair.size(), 2u * 160 * 120 * 3);
+      const Vec2 left = spot_in(part(pair.data(), set.place(0), 160, 120));
+      const Vec2 right = spot_in(part(pair.data(), set.place(1), 160, 120));
+      const double expected = middle.lens.fx() * kEyes * (1 / depth - (converged ? 1 / focus : 0));
+      std::printf("at %.1f m, %s: disparity %.3f pixels, by geometry %.3f; %.3f along columns\n", depth,
+                  converged ? "converged" : "parallel", left.x - right.x, expected, left.y - right.y);
+      EXPECT_NEAR(left.x - right.x, expected, 0.1);
+      EXPECT_NEAR(left.y - right.y, 0, 0.1);
+    }
+}
+
+double psnr(const Image& picture, const View& view) {
+  return compare(picture, render_scene({view.width, view.height, view.lens, view.pose}, 0.5)).psnr_db;
+}
+
+// The surface is found once, from the middle, and serves all views as well as one that each finds for itself.
+TEST_F(ViewSets, HaveTheSurfaceThatTheMiddleFinds) {
+  constexpr int kPictures = 8;
+  rig_ = scene_rig(4, 4, 160, 120);
+  for (Camera& camera : rig_.cameras) {
+    camera.image = camera.name + ".png";
+    save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0.5), dir_ / camera.image);
+  }
+  save_rig(rig_, dir_ / "rig.json");
+  const View middle = view(kSceneMiddle, 160, 120);
+  std::vector<double> times;
+  for (int i = 0; i < kPictures; i++) times.push_back(i / 15.0);
+  save("middle.json", std::vector<View>(kPictures, middle), times);
+  const ViewSet set{.layout = SetLayout::kQuilt, .columns = 3, .rows = 2, .eye_distance = 0.018};
+  const size_t bytes = size_t{3} * 160 * 120, last = (kPictures - 1) * bytes;
+  const std::vector<uint8_t> focused = pictures("middle.json", properties_of(set));
+  const std::vector<uint8_t> flat = pictures("middle.json", "focus=plane " + properties_of(set));
+  ASSERT_EQ(focused.size(), 6 * kPictures * bytes);
+  for (int index = 0; index < 6; index++) {
+    const PlaceInSet place = set.place(index);
+    const View eye = set.view(middle, place);
+    save("eye.json", std::vector<View>(kPictures, eye), times);
+    const std::vector<uint8_t> alone = pictures("eye.json", "");
+    const double of_set = psnr(part(&focused[6 * last], place, 160, 120), eye);
+    const double on_plane = psnr(part(&flat[6 * last], place, 160, 120), eye);
+    const double by_itself = psnr(part(&alone[last], PlaceInSet(), 160, 120), eye);
+    std::printf("view %d: %.2f dB with the set's surface, %.2f with its own, %.2f on the plane\n", index, of_set,
+                by_itself, on_plane);
+    EXPECT_GT(of_set, on_plane + 3);
+    EXPECT_GT(of_set, by_itself - 1);
+  }
+}
+
+// What is behind a seek is what a run straight through shows there.
+TEST_F(ViewSets, AreSoughtAndEnd) {
+  film(2);
+  std::vector<double> times;
+  for (int i = 0; i < 10; i++) times.push_back(i / 10.0);
+  save("middle.json", std::vector<View>(10, view(2)), times);
+  const std::string set = "focus=plane views=stereo eye-distance=0.02";
+  const std::vector<uint8_t> straight = pictures("middle.json", set);
+  const size_t bytes = size_t{2} * 3 * kWidth * kHeight;
+  ASSERT_EQ(straight.size(), 10 * bytes);
+  const ElementPtr pipeline =
+      launch("lfviewsrc is-live=false rig=" + dir_ / "rig.json" + " location=" + dir_ / "middle.json" + " " + set +
+             " ! videoconvert ! video/x-raw,format=RGB ! appsink name=s sync=false");
+  ASSERT_TRUE(pipeline);
+  const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
+  const auto pull = [&] { return gst_app_sink_try_pull_sample(GST_APP_SINK(sink.get()), 30 * GST_SECOND); };
+  gst_element_set_state(pipeline.get(), GST_STATE_PAUSED);
+  ASSERT_EQ(gst_element_get_state(pipeline.get(), nullptr, nullptr, 30 * GST_SECOND), GST_STATE_CHANGE_SUCCESS);
+  for (const size_t to : {size_t{6}, size_t{3}}) {
+    ASSERT_TRUE(gst_element_seek_simple(pipeline.get(), GST_FORMAT_TIME,
+                                        GstSeekFlags(GST_SEEK_FLAG_FLUSH | GST_SEEK_FLAG_ACCURATE),
+                                        static_cast<gint64>(to * GST_SECOND / 10)));
+    gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+    for (size_t i = to; i < (to == 6 ? size_t{8} : size_t{10}); i++) {
+      GstSample* sample = pull();
+      ASSERT_TRUE(sample) << to << " " << i;
+      const std::vector<uint8_t> picture = to_bytes(gst_sample_get_buffer(sample));
+      EXPECT_TRUE(std::equal(picture.begin(), picture.end(), straight.begin() + static_cast<ptrdiff_t>(i * bytes)))
+          << to << " " << i;
+      gst_sample_unref(sample);
+    }
+  }
+  EXPECT_FALSE(pull());
+  EXPECT_TRUE(gst_app_sink_is_eos(GST_APP_SINK(sink.get())));
+  EXPECT_EQ(gst_element_set_state(pipeline.get(), GST_STATE_NULL), GST_STATE_CHANGE_SUCCESS);
+}
+
+// Whoever asks for what can't be is told why.
+TEST_F(ViewSets, AreRefusedByName) {
+  film(2);
+  const auto refused = [&](const std::string& properties) {
+    const Launched run =
+        gst_launch("lfviewsrc is-live=false num-buffers=2 rig=" + dir_ / "rig.json" + " " + properties + " ! fakesink");
+    EXPECT_NE(run.status, 0) << properties;
+    return run.output;
+  };
+  EXPECT_PRED_FORMAT2(testing::IsSubstring, "set: 16x16 views are more than 128",
+                      refused("views=quilt columns=16 rows=16"));
+  EXPECT_PRED_FORMAT2(testing::IsSubstring, "set: views must have an even width and height, not 33x24",
+                      refused("views=stereo width=33 height=24"));
+  EXPECT_PRED_FORMAT2(testing::IsSubstring, "more than the 16384 a side", refused("views=row columns=128 width=130"));
+}
+
+}  // namespace
+}  // namespace lf::test
