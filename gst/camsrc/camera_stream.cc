@@ -286,11 +286,18 @@ GstPadProbeReturn CameraStream::on_output_end(GstPad* pad) {
 }
 
 // A film that is opened again stays in step with the others: it runs through what they have shown since.
+// Viewers would wait for late frames, as capture delays follow how late the latest frames come. A stream that is late by
+// less than a second, and not on time another second later, is on a machine that can't do better.
 bool CameraStream::is_too_late(GstBuffer* buffer) {
+  constexpr GstClockTime kLate = GST_SECOND / 20, kPatience = GST_SECOND;
   if (!options_.catches_up || is_on_time_) return false;
   const GstClockTime now = gst_element_get_current_running_time(owner_);
   const GstClockTime stamp = gst_segment_to_running_time(&segment_, GST_FORMAT_TIME, GST_BUFFER_PTS(buffer));
-  is_on_time_ = !GST_CLOCK_TIME_IS_VALID(now) || !GST_CLOCK_TIME_IS_VALID(stamp) || stamp + GST_SECOND >= now;
+  is_on_time_ = !GST_CLOCK_TIME_IS_VALID(now) || !GST_CLOCK_TIME_IS_VALID(stamp) || stamp + kLate >= now;
+  if (!is_on_time_ && stamp + GST_SECOND >= now) {
+    if (nearly_since_ == 0) nearly_since_ = now;
+    is_on_time_ = now >= nearly_since_ + kPatience;
+  }
   left_out_ += !is_on_time_;
   return !is_on_time_;
 }

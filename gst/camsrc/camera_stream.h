@@ -26,7 +26,7 @@ struct StreamOptions {
   bool seek_to_loop = false;  // where the source ends it is sought back to its beginning
   bool has_end = true;        // false: an end of the source, but for `num_frames`, is an error
   bool may_be_lost = false;   // an error ends the stream with the event LF_CAMERA_LOST, not with EOS
-  bool catches_up = false;    // frames that are later than a second are left out until one is not
+  bool catches_up = false;    // frames are left out until one is not late, see CameraStream::is_too_late()
   GstClockTime round = 0;     // how long a round of a film that loops has been found to be; 0: not known
   bool paced = false;         // frames are ready before their time, and wait for it
   GstClockTime begin = 0;     // running time of what has the source's time 0
@@ -142,7 +142,8 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   gint fps_n_ = 0, fps_d_ = 1;
   bool counts_time_ = false;  // frames have no stamps of their own
   bool is_jpeg_ = false, size_is_wrong_ = false, size_is_known_ = false, announced_ = false, eos_sent_ = false;
-  bool is_on_time_ = false;  // a stream that catches up has done so
+  bool is_on_time_ = false;       // a stream that catches up has done so
+  GstClockTime nearly_since_ = 0;  // running time since when it has been late by a second at most; 0: it is not yet
   bool is_cut_off_ = false;  // more could have been sent when the source came to its end
   bool told_cut_off_ = false;
   uint64_t dropped_before_ = 0;  // frames that the shedder had dropped when this round began

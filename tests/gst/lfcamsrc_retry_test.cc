@@ -82,6 +82,34 @@ TEST_F(RetryTest, AFilmThatLoopsIsTakenUpInItsRound) {
   std::filesystem::remove(late);
 }
 
+// Viewers would wait for frames that are late because their film has to come to where it is in its round first.
+TEST_F(RetryTest, AFilmThatComesBackIsNotLate) {
+  const std::string late = files->path("late-long.mkv"), whole = files->path("whole-long.mkv");
+  run_to_end(
+      "videotestsrc num-buffers=60 ! video/x-raw,format=I420,width=64,height=48,framerate=15/1 ! jpegenc ! "
+      "matroskamux ! filesink location=" +
+      whole);
+  const ElementPtr pipeline =
+      camera("is-live=true loop=true retry=true rig=" + rig(1, [](guint) { return "late-long.mkv"; }));
+  ASSERT_TRUE(pipeline);
+  const Said said(pipeline.get());
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const ElementPtr sink = child(pipeline.get(), "sink");
+  Pictures frames(sink.get());
+  EXPECT_TRUE(eventually([&] { return said.lost(0) == 1; }));
+  g_usleep(2'000'000);
+  std::filesystem::copy(whole, late);
+  EXPECT_TRUE(eventually([&] { return frames.count() > 0; }));
+  g_autoptr(GstSample) first = nullptr;
+  g_object_get(sink.get(), "last-sample", &first, nullptr);
+  ASSERT_TRUE(first);
+  const GstClockTime taken = gst_segment_to_running_time(gst_sample_get_segment(first), GST_FORMAT_TIME,
+                                                         GST_BUFFER_PTS(gst_sample_get_buffer(first)));
+  EXPECT_LT(gst_element_get_current_running_time(pipeline.get()), taken + GST_SECOND / 2);
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  EXPECT_THAT(said.errors(), IsEmpty());
+}
+
 // In PAUSED, too; and the end that an application asks for comes while there is no camera.
 TEST_F(RetryTest, AMissingDeviceIsLiveAllTheSame) {
   failing_device(0).broken = true;
