@@ -269,6 +269,10 @@ static void lf_node_sink_finalize(GObject* object) {
   G_OBJECT_CLASS(lf_node_sink_parent_class)->finalize(object);
 }
 
+static void lf_node_sink_handle_message(GstBin* bin, GstMessage* message) {
+  GST_BIN_CLASS(lf_node_sink_parent_class)->handle_message(bin, lf::with_port(message));
+}
+
 static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
   object_class->dispose = lf_node_sink_dispose;
@@ -286,6 +290,7 @@ static void lf_node_sink_class_init(LfNodeSinkClass* klass) {
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_node_sink_change_state>;
+  GST_BIN_CLASS(klass)->handle_message = lf::callback<lf_node_sink_handle_message>;
   element_class->provide_clock = lf::callback<lf_node_sink_provide_clock>;
   gst_element_class_set_static_metadata(
       element_class, "Light field node sink", "Sink/Network/Video",

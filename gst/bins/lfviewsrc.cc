@@ -243,6 +243,10 @@ static void lf_view_src_finalize(GObject* object) {
   G_OBJECT_CLASS(lf_view_src_parent_class)->finalize(object);
 }
 
+static void lf_view_src_handle_message(GstBin* bin, GstMessage* message) {
+  GST_BIN_CLASS(lf_view_src_parent_class)->handle_message(bin, lf::with_port(message));
+}
+
 static void lf_view_src_class_init(LfViewSrcClass* klass) {
   GObjectClass* object_class = G_OBJECT_CLASS(klass);
   object_class->dispose = lf_view_src_dispose;
@@ -252,6 +256,7 @@ static void lf_view_src_class_init(LfViewSrcClass* klass) {
 
   GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
   element_class->change_state = lf::callback<lf_view_src_change_state>;
+  GST_BIN_CLASS(klass)->handle_message = lf::callback<lf_view_src_handle_message>;
   element_class->provide_clock = lf::callback<lf_view_src_provide_clock>;
   element_class->send_event = lf::callback<lf_view_src_send_event>;
   lf_view_src_install_pads(element_class);

@@ -3,6 +3,7 @@
 
 #include <gio/gio.h>
 
+#include <cstring>
 #include <fstream>
 
 #include "base/error.h"
@@ -80,16 +81,37 @@ GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, co
 }
 
 void follow_limits(GstBin* bin, GstElement* element) {
-  GstIterator* all = gst_bin_iterate_all_by_element_factory_name(bin, "rtplfdepay");
-  GValue item = G_VALUE_INIT;
-  while (gst_iterator_next(all, &item) == GST_ITERATOR_OK) {
-    for (const char* name : RequestGuard::kNames)
-      if (g_object_class_find_property(G_OBJECT_GET_CLASS(element), name))
-        g_object_bind_property(element, name, g_value_get_object(&item), name, G_BINDING_SYNC_CREATE);
-    g_value_reset(&item);
+  for (const char* factory : {"rtplfdepay", "lfcameranode"}) {
+    GstIterator* all = gst_bin_iterate_all_by_element_factory_name(bin, factory);
+    GValue item = G_VALUE_INIT;
+    while (gst_iterator_next(all, &item) == GST_ITERATOR_OK) {
+      auto* const follower = static_cast<GObject*>(g_value_get_object(&item));
+      for (const char* name : RequestGuard::kNames)
+        if (follower != G_OBJECT(element) && g_object_class_find_property(G_OBJECT_GET_CLASS(element), name))
+          g_object_bind_property(element, name, follower, name, G_BINDING_SYNC_CREATE);
+      g_value_reset(&item);
+    }
+    g_value_unset(&item);
+    gst_iterator_free(all);
   }
-  g_value_unset(&item);
-  gst_iterator_free(all);
+}
+
+GstMessage* with_port(GstMessage* message) {
+  if (GST_MESSAGE_TYPE(message) != GST_MESSAGE_ERROR || !GST_IS_ELEMENT(GST_MESSAGE_SRC(message))) return message;
+  GstElementFactory* factory = gst_element_get_factory(GST_ELEMENT(GST_MESSAGE_SRC(message)));
+  if (!factory || g_strcmp0(GST_OBJECT_NAME(factory), "udpsrc") != 0) return message;
+  g_autoptr(GError) error = nullptr;
+  g_autofree gchar* debug = nullptr;
+  gst_message_parse_error(message, &error, &debug);
+  gint port = 0;
+  g_object_get(GST_MESSAGE_SRC(message), "port", &port, nullptr);
+  const gchar* reason = debug ? std::strrchr(debug, '\n') : nullptr;  // behind the place in udpsrc's source
+  g_autoptr(GError) told =
+      g_error_new(error->domain, error->code, "UDP port %d: %s", port, reason ? reason + 1 : error->message);
+  GstMessage* better = gst_message_new_error(GST_MESSAGE_SRC(message), told, debug);
+  gst_message_set_seqnum(better, gst_message_get_seqnum(message));
+  gst_message_unref(message);
+  return better;
 }
 
 GstClock* new_realtime_clock() {

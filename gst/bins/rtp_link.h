@@ -34,9 +34,13 @@ void warn_without_key(GstElement* element, const Admission& admission);
 GstPad* add_receiver(GstBin* bin, const HostPort& from, const char* encoding, const Admission& admission,
                      const std::string& name, std::vector<GstElement*>* added);
 
-// What was added to the bin for RTP refuses the requests that `element` would, by the limits that it has now and those
-// that it is given later: who stands in front of it must let through what it is told to take.
+// What was added to the bin for RTP, and cameras in it, refuse the requests that `element` would, by the limits that it
+// has now and those that it is given later: who stands in front of it or beside it must take what it is told to take.
 void follow_limits(GstBin* bin, GstElement* element);
+
+// The message, or one that says it so that a person can act on it: of a receiver's error, which port can't be had and
+// why. Takes and gives a reference.
+GstMessage* with_port(GstMessage* message);
 
 // The machine's time of day, by which hosts name capture times. Owned by the caller.
 GstClock* new_realtime_clock();

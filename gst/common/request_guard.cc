@@ -84,7 +84,7 @@ bool RequestGuard::admits(GstElement* element, std::span<const uint8_t> request,
 }
 
 std::optional<uint64_t> RequestGuard::refuse(RequestGate::Refusal refusal, uint64_t now,
-                                             std::unique_lock<std::mutex> lock) {
+                                             [[maybe_unused]] std::unique_lock<std::mutex> lock) {
   refused_[refusal]++;
   if (!told_.may_leave(now)) return std::nullopt;
   return std::accumulate(std::begin(refused_), std::end(refused_), uint64_t{0});

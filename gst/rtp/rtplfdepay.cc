@@ -59,6 +59,7 @@ struct _LfRtpDepay {
 
   // Streaming thread.
   lf::rtp::Depacketizer* depacketizer;  // null before caps
+  bool warned_foreign;                  // since the start
 
   lf::RequestGuard* guard;
 
@@ -144,6 +145,17 @@ static GstPadProbeReturn lf_rtp_depay_query(GstPad*, GstPadProbeInfo* info, gpoi
   return lf::is_in_process_query(GST_PAD_PROBE_INFO_QUERY(info)) ? GST_PAD_PROBE_DROP : GST_PAD_PROBE_OK;
 }
 
+// Sealed packets look so where nothing opens them.
+static void warn_of_foreign(LfRtpDepay* self, const lf::rtp::Depacketizer::Stats& stats) {
+  constexpr uint64_t kMany = 20;
+  const uint64_t bad = stats.bad_packets + stats.bad_chunks + stats.bad_units;
+  if (self->warned_foreign || stats.units > 0 || bad < kMany) return;
+  self->warned_foreign = true;
+  GST_ELEMENT_WARNING(self, RESOURCE, SETTINGS,
+                      ("Packets come and none can be read: does who sends them have a key-file, and this end none?"),
+                      ("%" G_GUINT64_FORMAT " packets", stats.packets));
+}
+
 static void lf_rtp_depay_packet(LfRtpDepay* self, GstRTPBuffer* rtp) {
   GstRTPBaseDepayload* base = GST_RTP_BASE_DEPAYLOAD(self);
   GST_OBJECT_LOCK(self);
@@ -170,6 +182,7 @@ static void lf_rtp_depay_packet(LfRtpDepay* self, GstRTPBuffer* rtp) {
   GST_OBJECT_LOCK(self);
   self->stats = stats;
   GST_OBJECT_UNLOCK(self);
+  warn_of_foreign(self, stats);
 }
 
 static GstBuffer* lf_rtp_depay_process(GstRTPBaseDepayload* base, GstRTPBuffer* rtp) {
@@ -201,6 +214,7 @@ static GstStateChangeReturn lf_rtp_depay_change_state(GstElement* element, GstSt
     self->bad_rtp = 0;
     GST_OBJECT_UNLOCK(self);
     self->guard->clear();
+    self->warned_foreign = false;
   }
   const GstStateChangeReturn result = GST_ELEMENT_CLASS(lf_rtp_depay_parent_class)->change_state(element, transition);
   if (transition == GST_STATE_CHANGE_PAUSED_TO_READY) {

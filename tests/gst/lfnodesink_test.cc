@@ -186,7 +186,7 @@ TEST_F(LfViewSrcOnHostsTest, HostsSayWhatIsWrong) {
 
 // What is told to take more than by default gets it, and who refuses a request is counted where one looks.
 TEST_F(LfViewSrcOnHostsTest, LimitsHoldForWhatComesIn) {
-  const auto depay_pixels = [](GstElement* bin, const char* depay) {
+  const auto pixels_of = [](GstElement* bin, const char* depay) {
     const ElementPtr inner(gst_bin_get_by_name(GST_BIN(bin), depay));
     guint64 pixels = 0;
     if (inner) g_object_get(inner.get(), "max-pixels", &pixels, nullptr);
@@ -196,9 +196,9 @@ TEST_F(LfViewSrcOnHostsTest, LimitsHoldForWhatComesIn) {
   g_object_set(bin.get(), "rig", array_.rig_path().c_str(), "listen", std::to_string(there_[0]).c_str(), "answers",
                ("127.0.0.1:" + std::to_string(here_[0])).c_str(), "max-pixels", guint64{33'177'600}, nullptr);
   ASSERT_EQ(gst_element_set_state(bin.get(), GST_STATE_READY), GST_STATE_CHANGE_SUCCESS);
-  EXPECT_EQ(depay_pixels(bin.get(), "requests0_depay"), 33'177'600u);
+  EXPECT_EQ(pixels_of(bin.get(), "requests0_depay"), 33'177'600u);
   g_object_set(bin.get(), "max-pixels", guint64{100}, nullptr);
-  EXPECT_EQ(depay_pixels(bin.get(), "requests0_depay"), 100u);
+  EXPECT_EQ(pixels_of(bin.get(), "requests0_depay"), 100u);
   EXPECT_EQ(requests(bin.get(), 0, "refused"), 0u);
   gst_element_set_state(bin.get(), GST_STATE_NULL);
 
@@ -208,7 +208,11 @@ TEST_F(LfViewSrcOnHostsTest, LimitsHoldForWhatComesIn) {
                ("127.0.0.1:" + port + ":" + std::to_string(here_[1])).c_str(), "max-pixels", guint64{33'177'600},
                nullptr);
   ASSERT_EQ(gst_element_set_state(viewer.get(), GST_STATE_READY), GST_STATE_CHANGE_SUCCESS);
-  EXPECT_EQ(depay_pixels(viewer.get(), "host0_depay"), 33'177'600u);
+  EXPECT_EQ(pixels_of(viewer.get(), "host0_depay"), 33'177'600u);
+  gst_element_set_state(viewer.get(), GST_STATE_NULL);
+  g_object_set(viewer.get(), "nodes", nullptr, nullptr);
+  ASSERT_EQ(gst_element_set_state(viewer.get(), GST_STATE_READY), GST_STATE_CHANGE_SUCCESS);
+  EXPECT_EQ(pixels_of(viewer.get(), "node"), 33'177'600u) << "the cameras here take what the compositor does";
   gst_element_set_state(viewer.get(), GST_STATE_NULL);
 }
 

@@ -87,6 +87,16 @@ TEST_F(LfViewSrcListenTest, RequestsAreThoseOfTheKey) {
   end(viewer);
 }
 
+TEST_F(LfViewSrcListenTest, SealedRequestsAreToldWhereThereIsNoKey) {
+  play(listen());
+  g_autoptr(GstBus) bus = gst_element_get_bus(pipeline_.get());
+  ElementPtr viewer = ask(0, 36, with_key());
+  EXPECT_TRUE(comes([&] { return warnings_on(bus).find("key-file, and this end none") != std::string::npos; }));
+  EXPECT_EQ(shown_["s"], 0);
+  stop();
+  end(viewer);
+}
+
 // What a host of a rack sends is an answer.
 TEST_F(LfViewSrcListenTest, APartialOneIsANode) {
   play(listen() + "partial=true node=5", "v.src ! application/x-lightfield-answer ! fakesink name=s sync=false");
@@ -110,6 +120,9 @@ TEST_F(LfViewSrcListenTest, APortIsTakenOnce) {
   ElementPtr other = launch("lfviewsrc rig=" + array_.rig_path() + " " + listen() + " ! fakesink");
   EXPECT_EQ(gst_element_set_state(other.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE);
   std::swap(pipeline_, other);
+  const std::string told = error();
+  EXPECT_THAT(told, HasSubstr("UDP port " + std::to_string(port_)));
+  EXPECT_THAT(told, HasSubstr("already in use"));
   drop();
   std::swap(pipeline_, other);
   ElementPtr viewer = ask(0, 30);
