@@ -8,7 +8,8 @@ const kPatience = 5000;    // after which a request is given up
 const mosaic = document.getElementById('mosaic'), told = document.getElementById('told');
 const asks = document.getElementById('asks');
 const tiles = new Map();   // by the cameras' ids
-let token = '', swaps = false, chosen = null;
+const tokenOfAddress = () => new URLSearchParams(location.hash.slice(1)).get('token') ?? '';
+let token = tokenOfAddress(), swaps = false, chosen = null, turns = 0;
 
 const ask = async (name, options = {}) => {
   const headers = { ...options.headers, ...token && { Authorization: `Bearer ${token}` } };
@@ -21,6 +22,11 @@ const ask = async (name, options = {}) => {
 asks.addEventListener('submit', event => {
   event.preventDefault();
   token = asks.querySelector('input').value;
+  turn();
+});
+addEventListener('hashchange', () => {
+  token = tokenOfAddress();
+  turn();
 });
 
 function tileOf({ id, name, column, row }, [width, height]) {
@@ -92,7 +98,9 @@ function show(state, picture) {
   }
 }
 
+// A server that asks for a token is left alone until it is given one.
 async function turn() {
+  const latest = ++turns;
   try {
     const [state, jpeg] = await Promise.all([
       ask('mosaic.json').then(response => response.json()), ask('mosaic.jpg').then(response => response.blob())]);
@@ -103,6 +111,6 @@ async function turn() {
     told.textContent = asks.hidden ? `Nothing comes from the cameras: ${error.message}` : 'The server asks for a token.';
     told.dataset.failed = 'yes';
   }
-  setTimeout(turn, kEvery);
+  if (latest === turns && asks.hidden) setTimeout(turn, kEvery);
 }
 turn();
