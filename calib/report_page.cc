@@ -79,8 +79,8 @@ class Page {
     for (const std::string& step : verdict_.next) out_ += "<li>" + escaped(step) + "</li>";
     if (verdict_.next.empty())
       out_ +=
-          "<li>Look at it: <code>lf-serve --rig RIG --watch</code>, and <code>lf-bench --rig RIG</code> for "
-          "figures.</li>"
+          "<li>Look at it: <code>lf-serve --rig RIG --watch</code>, and, for figures, <code>lf-rig snapshot RIG --out "
+          "STILLS</code> and <code>lf-bench --rig STILLS/rig.json</code>.</li>"
           "<li>Whenever somebody has touched the cameras: <code>lf-calibrate check</code>.</li>";
     out_ += "</ol>";
   }

@@ -18,7 +18,8 @@ usage: pipelines/quickstart.sh [--out DIR] [--rig RIG.json] [--frames N] [--wind
 Renders a virtual camera on a smooth path with changing focus and writes view.mkv, sheet.png and report.json.
 
   --out DIR       where to (default: quickstart-out)
-  --rig RIG.json  any rig with images, in place of the built-in scene filmed by an 8x8 array
+  --rig RIG.json  any rig, in place of the built-in scene filmed by an 8x8 array; of cameras that are live a film is taken
+                  first, to DIR/film, for as long as the path
   --frames N      length of the path (default: $frames)
   --window        afterwards open a window in which mouse and keys fly: drag orbits, shift-drag pans, the wheel
                   zooms and with ctrl focuses; arrows, w s a d q e, + -, [ ], r
@@ -63,6 +64,17 @@ mkdir -p "$out"
 work=$(mktemp -d "$out/.quickstart.XXXXXX")
 trap 'rm -rf "$work"' EXIT
 
+# Whether a source is no file: a URI of another kind, or a description of elements.
+names_live_cameras() {
+  python3 - "$1" <<'END'
+import json, os, sys
+folder = os.path.dirname(sys.argv[1])
+sources = [camera.get('source', '') for camera in json.load(open(sys.argv[1]))['cameras']]
+is_file = lambda source: source.startswith('file:') or '%' in source or os.path.exists(os.path.join(folder, source))
+sys.exit(all(not source or is_file(source) for source in sources))
+END
+}
+
 # The camera path, and what the cameras are. Films are kept from run to run; another scene is another film.
 if [[ -z $rig ]]; then
   cache=${XDG_CACHE_HOME:+$XDG_CACHE_HOME/gst-lightfield}
@@ -80,6 +92,13 @@ if [[ -z $rig ]]; then
 else
   path=()
   report=()
+  if names_live_cameras "$rig"; then
+    echo "filming with the cameras of $rig, to $out/film"
+    rm -rf "$out/film"
+    gst-launch-1.0 -q lfviewsrc "rig=$rig" "framerate=$framerate/1" width=64 height=48 focus=plane "record=$out/film" \
+      "num-buffers=$((frames + framerate))" ! fakesink sync=false
+    rig=$out/film/rig.json
+  fi
 fi
 lf-path --rig "$rig" --out "$out/views.json" --frames "$frames" --framerate "$framerate" "${path[@]}"
 
@@ -100,8 +119,8 @@ launch() {
 
 # Everything between cameras and pictures is in one element.
 light_field() { # is-live, more properties
-  pipeline=(lfviewsrc "rig=$rig" "location=$out/views.json" "framerate=$framerate/1" "node::framerate=$framerate/1"
-    "is-live=$1" post-messages=true "${@:2}")
+  pipeline=(lfviewsrc "rig=$rig" "location=$out/views.json" "framerate=$framerate/1" "is-live=$1" post-messages=true
+    "${@:2}")
 }
 
 light_field false

@@ -22,7 +22,7 @@ const Image& StillImages::get(CameraIndex camera) {
   const Camera& rig_camera = rig_.cameras[camera];
   const std::string name =
       "camera " + std::to_string(rig_camera.id) + (rig_camera.name.empty() ? "" : " (" + rig_camera.name + ")") + ": ";
-  if (rig_camera.image.empty()) throw Error(name + "the rig names no image for it");
+  if (rig_camera.image.empty()) throw Error(name + "the rig names no image for it (lf-rig snapshot takes one of each camera)");
   const std::string path = rig_.resolve(rig_camera.image);
   Image image;
   try {
