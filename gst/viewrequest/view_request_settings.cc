@@ -40,6 +40,12 @@ std::string ViewRequestSettings::without_effect(bool live) const {
       "capture-delay: what is not live waits for no camera.");
   say(from_file && (width > 0 || height > 0), "width and height: views of a file (location) have sizes of their own.");
   say(loop && !from_file, "loop: there is no file (location) to begin again.");
+  const S initial;
+  say(layout == SetLayout::kMono && (cone != 0 || eye_distance != initial.eye_distance),
+      "eye-distance and view-cone: one view (views) has no other beside it.");
+  const bool is_row = layout == SetLayout::kRow;
+  say(layout != SetLayout::kQuilt && (rows != initial.rows || (!is_row && columns != initial.columns)),
+      "columns and rows: only a row has columns, and only a quilt has both (views).");
   return text;
 }
 

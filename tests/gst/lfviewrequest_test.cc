@@ -374,7 +374,9 @@ TEST(LfViewRequestProperties, WhatHasNoEffectIsSaid) {
        {Case{"", ""}, Case{views + " loop=true", ""}, Case{"is-live=true eager=true capture-delay=1000", ""},
         Case{"eager=true", "eager: nothing waits"}, Case{views + " is-live=true eager=true", "eager: views of a file"},
         Case{"capture-delay=1000", "capture-delay: "}, Case{views + " width=64", "width and height: "},
-        Case{"loop=true", "loop: "}}) {
+        Case{"loop=true", "loop: "}, Case{"view-cone=7", "view-cone: one view"}, Case{"columns=3", "columns and rows"},
+        Case{"views=row columns=3 eye-distance=0.01", ""}, Case{"views=quilt columns=3 rows=2 view-cone=7", ""},
+        Case{"views=row rows=2", "columns and rows"}}) {
     const ElementPtr pipeline = launch("lfviewrequest name=v " + c.properties + " ! fakesink async=false");
     ASSERT_TRUE(pipeline);
     ASSERT_NE(gst_element_set_state(pipeline.get(), GST_STATE_PAUSED), GST_STATE_CHANGE_FAILURE) << c.properties;
