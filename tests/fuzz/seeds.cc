@@ -115,6 +115,9 @@ std::map<std::string, std::vector<Bytes>> seeds() {
   asked.view.width = asked.view.height = 64;
   asked.view.lens = Lens::from_fov_y(40, 64, 64);
   asked.view.focus.plane = focal_plane_at(asked.view.pose, 2);
+  asked.place = {SetLayout::kQuilt, 8, 6, 5};
+  all["request"].push_back(wire::encode_request(asked));
+  asked.place = {};
   const Rig rig = scene_rig(2, 2, 64, 48);
   for (const Access access : {Access::kWarp, Access::kPixels})
     all["request"].push_back(wire::encode_any_request(CameraAccess::of(access)->command(rig, build_mesh(rig), asked)));

@@ -98,7 +98,7 @@ TEST(LfViewRequestNavigation, ThePointerIsInOneOfASetsViews) {
   expected.orbit(0, 20 / 200.0);
   check("a drag from view to view");
   gboolean done = FALSE;
-  for (const auto& [y, inside] : {std::pair(399.0, TRUE), std::pair(401.0, FALSE)}) {
+  for (const auto& [y, inside] : {std::pair<double, gboolean>(399, TRUE), std::pair<double, gboolean>(401, FALSE)}) {
     g_signal_emit_by_name(source.element(), "focus-at", 10.0, y, &done);
     EXPECT_EQ(done, inside) << y;
   }
