@@ -54,8 +54,11 @@ std::string CompositorSettings::without_effect() const {
                               "looked for as the scene asks.");
   say(partial && focus == FocusMode::kSurface,
       "focus: inside a tree (partial) no surface is looked for; set it at the tree's root.");
-  say(!partial && node != 0, "node: only a compositor inside a tree (partial) carries a number.");
+  say(!partial && (node != 0 || codec != CodecChoice::kAuto),
+      "node and codec: only a compositor inside a tree (partial) has answers of its own.");
   say(monitor_interval > 0 && rig.empty(), "monitor-interval: without a rig no camera is watched.");
+  say(view_focus().mode == FocusMode::kPlane && (focus_near > 0 || focus_far > 0),
+      "focus-near and focus-far: on a plane no depth is looked for.");
   say(gains == LF_COMPOSITOR_GAINS_TRUE && view_focus().mode == FocusMode::kPlane,
       "gains: cameras match their brightness where a surface is looked for, not on a plane.");
   return text;

@@ -100,7 +100,8 @@ TEST(LfCompositorSettings, WhatHasNoEffectIsSaid) {
   };
   for (const Case& c :
        {Case{"", ""}, Case{rig + " monitor-interval=8 gains=true focus-near=1 focus-far=2", ""},
-        Case{rig + " partial=true node=7 codec=jpeg", ""}, Case{rig + " node=7", "node: "},
+        Case{rig + " partial=true node=7 codec=jpeg", ""}, Case{rig + " node=7", "node and codec: "},
+        Case{rig + " codec=jpeg", "node and codec: "}, Case{rig + " focus=plane focus-far=3", "on a plane no depth"},
         Case{rig + " partial=true focus=surface", "focus: inside a tree"},
         Case{"monitor-interval=8", "monitor-interval: without a rig"}, Case{"gains=true", "gains: "},
         Case{rig + " gains=true focus=plane node=1 focus-near=2 focus-far=1", "nearer"}}) {
