@@ -20,6 +20,7 @@ void lf_compositor_record_skipped(LfCompositor* self, const lf::QosWatch::Late& 
   constexpr gint kFullQuality = 1'000'000;  // of what is shown at all
   auto& state = *self->state;
   state.stats.request_skipped(state.current->sequence);
+  if (!state.current->place.leads()) return;  // of a set one message tells
   GstBuffer* request = gst_aggregator_pad_peek_buffer(GST_AGGREGATOR_PAD(self->request));
   if (!request) return;
   const GstSegment& segment = GST_AGGREGATOR_PAD(self->request)->segment;

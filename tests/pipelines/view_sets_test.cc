@@ -164,7 +164,8 @@ double psnr(const Image& picture, const View& view) {
   return compare(picture, render_scene({view.width, view.height, view.lens, view.pose}, 0.5)).psnr_db;
 }
 
-// The surface is found once, from the middle, and serves all views as well as one that each finds for itself.
+// The surface is found once, from the middle. What only other views see beside near things is not in it: views that are
+// a camera's pitch and more away lose up to 2 dB of the 6 or so that a surface of their own would give.
 TEST_F(ViewSets, HaveTheSurfaceThatTheMiddleFinds) {
   constexpr int kPictures = 8;
   rig_ = scene_rig(4, 4, 160, 120);
@@ -182,6 +183,7 @@ TEST_F(ViewSets, HaveTheSurfaceThatTheMiddleFinds) {
   const std::vector<uint8_t> focused = pictures("middle.json", properties_of(set));
   const std::vector<uint8_t> flat = pictures("middle.json", "focus=plane " + properties_of(set));
   ASSERT_EQ(focused.size(), 6 * kPictures * bytes);
+  double lost = 0;
   for (int index = 0; index < 6; index++) {
     const PlaceInSet place = set.place(index);
     const View eye = set.view(middle, place);
@@ -193,8 +195,11 @@ TEST_F(ViewSets, HaveTheSurfaceThatTheMiddleFinds) {
     std::printf("view %d: %.2f dB with the set's surface, %.2f with its own, %.2f on the plane\n", index, of_set,
                 by_itself, on_plane);
     EXPECT_GT(of_set, on_plane + 3);
-    EXPECT_GT(of_set, by_itself - 1);
+    EXPECT_GT(of_set, by_itself - 2.5);
+    EXPECT_TRUE(!place.leads() || of_set == by_itself);
+    lost += (by_itself - of_set) / 6;
   }
+  EXPECT_LT(lost, 1);
 }
 
 // What is behind a seek is what a run straight through shows there.
