@@ -95,7 +95,7 @@ TEST(RtpLfDepay, BufferListsAreTaken) {
   EXPECT_EQ(stat(depay.element(), "bad-rtp"), 1u);
 }
 
-TEST(RtpLfDepay, WhatIsNoRtpIsCountedWithoutAWord) {
+TEST(RtpLfDepay, WhatIsNoneOfOursIsCountedAndToldOnce) {
   RtpElement depay("rtplfdepay", kRtpAnswerCaps);
   GstBus* bus = gst_bus_new();
   gst_element_set_bus(depay.element(), bus);
@@ -111,6 +111,10 @@ TEST(RtpLfDepay, WhatIsNoRtpIsCountedWithoutAWord) {
   EXPECT_TRUE(depay.units().empty());
   EXPECT_GT(stat(depay.element(), "bad-rtp"), 500u);
   EXPECT_GT(stat(depay.element(), "bad-units") + stat(depay.element(), "duplicates"), 500u);
+  GstMessage* told = gst_bus_pop(bus);
+  ASSERT_TRUE(told);
+  EXPECT_EQ(GST_MESSAGE_TYPE(told), GST_MESSAGE_WARNING);
+  gst_message_unref(told);
   EXPECT_FALSE(gst_bus_have_pending(bus));
   gst_element_set_bus(depay.element(), nullptr);
   gst_object_unref(bus);
