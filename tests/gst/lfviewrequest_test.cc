@@ -228,7 +228,7 @@ TEST(LfViewRequestProperties, EveryOneIsDocumentedAndTheViewIsControllable) {
     g_value_unset(&value);
   }
   g_free(pspecs);
-  EXPECT_EQ(own, 28);
+  EXPECT_EQ(own, 34);
   EXPECT_EQ(controllable, 9);
 }
 
