@@ -17,10 +17,11 @@ void RequestGuard::install(GObjectClass* klass, guint first_id, bool views) {
   const auto install = [&](Property property, GParamSpec* spec) {
     g_object_class_install_property(klass, first_id + property, spec);
   };
-  install(kMaxPixels, g_param_spec_uint64(kNames[kMaxPixels], "Maximum pixels",
-                                          "Pixels of a view at most, width times height, and four times as many of all views "
-                                          "of a set together: requests for more are refused",
-                                          1, uint64_t{kMaxImageSize} * kMaxImageSize, kDefault.pixels, kFlags));
+  install(kMaxPixels,
+          g_param_spec_uint64(kNames[kMaxPixels], "Maximum pixels",
+                              "Pixels of a view at most, width times height, and four times as many of all views "
+                              "of a set together: requests for more are refused",
+                              1, uint64_t{kMaxImageSize} * kMaxImageSize, kDefault.pixels, kFlags));
   install(kMaxAperture, g_param_spec_double(
                             kNames[kMaxAperture], "Maximum aperture",
                             "Synthetic aperture of a view at most, metres: requests for a wider one are refused (0: as "

@@ -22,8 +22,8 @@
  * surface and the next trials go upstream (the same event) to the view's lfviewrequest. Files
  * in, files out, that waits for them, so that pictures do not depend on how fast anything is.
  *
- * Of a set of views (`lfviewrequest views`) the pictures make one, which is put out when the last of them is there. That
- * of a pair has GStreamer's multiview-mode in its caps. In `stats` and messages each view counts as a picture.
+ * Of a set of views (`lfviewrequest views`) the pictures make one, which is put out when the last of them is there.
+ * That of a pair has GStreamer's multiview-mode in its caps. In `stats` and messages each view counts as a picture.
  *
  * With `monitor-interval` the array is watched as it runs: now and then one camera, each in turn, is predicted from the
  * others and compared with what it sees itself. For that its lfviewrequest asks for two small views more (the same
