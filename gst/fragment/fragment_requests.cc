@@ -152,11 +152,6 @@ static bool lf_fragment_is_to_be_answered(LfFragment* self, const Requester& req
                                    requester.place.is_live(), requester.number);
 }
 
-static size_t views_of_set(const lf::wire::AnyRequest& request) {
-  const auto* const view = std::get_if<lf::ViewRequest>(&request);
-  return view ? static_cast<size_t>(view->place.count()) : 1;
-}
-
 // Hands the request over to the answer pad's thread.
 static GstFlowReturn lf_fragment_answer_later(LfFragment* self, GstPad* pad, GstPad* src, Job job) {
   Requester& requester = Requester::of(pad);
@@ -164,12 +159,13 @@ static GstFlowReturn lf_fragment_answer_later(LfFragment* self, GstPad* pad, Gst
   if (max_delay > 0) job.due = lf::now_ns() + max_delay;
   bool dropped = false;
   const auto shared = std::make_shared<const Job>(std::move(job));
+  const auto* const view = std::get_if<lf::ViewRequest>(&shared->request);
   const GstFlowReturn flow = requester.live_answers.add(
       src, lf::wire::head_of(shared->request).view_id, shared->work,
       [self, pad, src, shared](lf::Node::Requester& kept, const lf::ParallelFor& parallel) {
         return lf_fragment_answer(self, pad, src, *shared, kept, parallel);
       },
-      &dropped, views_of_set(shared->request));
+      &dropped, view ? lf::views_that_wait_together(*view) : 1);
   self->state->node.stats().superseded += dropped;
   if (flow != GST_FLOW_FLUSHING && gst_pad_get_task_state(src) != GST_TASK_STARTED)
     gst_pad_start_task(src, lf_fragment_answer_loop, src, nullptr);

@@ -194,4 +194,10 @@ size_t FairAnswers::views() const {
   return views_.size();
 }
 
+size_t views_that_wait_together(const ViewRequest& request) {
+  const size_t kept = request.gains.mean.size() + (request.view.focus.map ? request.view.focus.map->levels.size() : 0);
+  const size_t most = FairAnswers::kMostWaiting / 2 * FocalMap::kMaxNodes / std::max<size_t>(kept, 1);
+  return std::clamp<size_t>(most, 1, static_cast<size_t>(request.place.count()));
+}
+
 }  // namespace lf

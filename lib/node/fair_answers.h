@@ -11,6 +11,7 @@
 
 #include "base/schedule.h"
 #include "base/worker_pool.h"
+#include "view/view_request.h"
 
 namespace lf {
 
@@ -96,5 +97,9 @@ class FairAnswers {
   uint32_t running_ = 0;              // while depth_ > 0
   uint64_t since_ = 0;                // when the running view was last charged, by now_()
 };
+
+// As many views of the set that the request is one of as may wait together, for add(): what they keep is then no more
+// than what the largest requests of a view that is alone do.
+size_t views_that_wait_together(const ViewRequest& request);
 
 }  // namespace lf

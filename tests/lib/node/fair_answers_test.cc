@@ -212,6 +212,26 @@ TEST(FairAnswers, ASetHasRoom) {
   EXPECT_GT(dropped, 0) << "not any number";
 }
 
+// The quilts that displays have wait whole; of a set whose maps are as large as can be no more waits than of one view.
+TEST(FairAnswers, LargeMapsHaveLittleRoom) {
+  ViewRequest request;
+  request.place = {.columns = 16, .rows = 8};
+  EXPECT_EQ(views_that_wait_together(request), 128u);
+  const auto with_map = [&](size_t nodes) {
+    auto map = std::make_shared<FocalMap>();
+    map->levels.resize(nodes);
+    request.view.focus.map = map;
+    return views_that_wait_together(request);
+  };
+  EXPECT_EQ(with_map(size_t{256} * 256), 64u);
+  EXPECT_EQ(with_map(1024), 128u);
+  EXPECT_EQ(with_map(FocalMap::kMaxNodes), 4u);
+  request.gains.mean.resize(4 * FocalMap::kMaxNodes);
+  EXPECT_EQ(views_that_wait_together(request), 1u);
+  request.place = {};
+  EXPECT_EQ(with_map(64), 1u);
+}
+
 TEST(FairAnswers, EndsForWhoWaits) {
   FairAnswers answers;
   std::thread thread([&] {
