@@ -20,6 +20,7 @@ struct TrialProjection {
   float width, height;  // of the camera's image, pixels
   // Inverse distance = farthest + level x per_level; the eye is at `eye_distance`.
   float farthest, per_level, eye_distance;
+  int box = 4;  // side, pixels, of the box that luma is low-passed by before it is sampled, see box_luma()
 };
 
 // Lines of sight (u, v, 1) of nodes; NaN where there is none.

@@ -2,8 +2,10 @@
 #include "focus/trial_renderer.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <memory>
+#include <numbers>
 
 #include "focus/trial_samples.h"
 #include "render/camera_projection.h"
@@ -38,6 +40,34 @@ TrialProjection trial_projection(const ViewPlan& plan, CameraIndex camera, const
   return projection;
 }
 
+int trial_box(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera) {
+  const Rect rect = plan.camera_rect(camera);
+  const View& view = plan.view();
+  if (rect.empty() || view.width < 2 || view.height < 2) return kTrialBox;
+  const CameraProjection projection(plan, camera, rig_camera);
+  const int x = std::min((rect.x0 + rect.x1) / 2, view.width - 2),
+            y = std::min((rect.y0 + rect.y1) / 2, view.height - 2);
+  const double inverse = (view.focus.map->farthest + view.focus.map->nearest) / 2;
+  Vec2 at, right, down;
+  if (!projection.project_beyond(plan.rays().at(x, y), inverse, at) ||
+      !projection.project_beyond(plan.rays().at(x + 1, y), inverse, right) ||
+      !projection.project_beyond(plan.rays().at(x, y + 1), inverse, down))
+    return kTrialBox;
+  const double apart = std::sqrt(glm::distance(at, right) * glm::distance(at, down));
+  int box = kTrialBox;
+  while (box < kLargestTrialBox && apart > box * std::numbers::sqrt2) box *= 2;
+  return box;
+}
+
+Rect trial_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera,
+                  std::span<const std::vector<uint8_t>> trials) {
+  const Rect least = needed_pixels(plan, camera, rig_camera, trials);
+  if (least.empty()) return least;
+  const int more = trial_box(plan, camera, rig_camera) - kTrialBox;  // twice what a box reaches further: even numbers
+  return intersect({least.x0 - more, least.y0 - more, least.x1 + more, least.y1 + more},
+                   {0, 0, rig_camera.width, rig_camera.height});
+}
+
 namespace {
 
 // Weights of the nodes of a run of row y.
@@ -61,6 +91,7 @@ void weigh(const ViewPlan& plan, const OwnerRun& run, int y, int corner, float* 
 
 TrialCamera::TrialCamera(const RenderJob& job, CameraIndex index, const Camera& rig_camera)
     : projection(trial_projection(job.plan(), index, rig_camera)) {
+  projection.box = trial_box(job.plan(), index, rig_camera);
   const CameraCorners corners(job.plan(), index);
   const Rect& region = job.plan().camera_rect(index);
   const auto most = static_cast<size_t>(region.width()) * region.height() + kTrialSpare;

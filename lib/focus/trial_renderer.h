@@ -19,8 +19,16 @@ namespace lf {
 // These find where cameras look for the nodes of trials: the same places to the bit for whoever samples their images
 // and for whoever adds up what others have sampled.
 
-// The projection of a camera in float. `plan`: of trial_view().
+// The projection of a camera in float, with the least box. `plan`: of trial_view().
 TrialProjection trial_projection(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
+
+// The size of box that belongs to how far apart nodes are in a camera's image, in the middle of what the camera
+// contributes to and of the map's range: the nearest power of two. With smaller ones most pixels would not count, and
+// it would be chance how bright a camera's part of a trial is. `plan`: of trial_view().
+int trial_box(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
+// The pixels of a camera's image that trials look at, as needed_pixels(). `plan`: of trial_view().
+Rect trial_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera,
+                  std::span<const std::vector<uint8_t>> trials);
 
 // One camera, and the nodes of a trial that it has a weight in: in each row from the first of them to the last; some in
 // between may have none. What is known of them lies one after the other, row by row, and kTrialSpare values of no

@@ -139,6 +139,29 @@ void box(const ImageView& image, const LumaWeights& of, const Rect& rect, uint8_
   means({memory, stride}, rect.width(), rect.height(), out);
 }
 
+// Makes values of boxes twice as large, those of four boxes `offset` to each side, of all but the outer `offset` rows
+// and columns. They replace the others, row by row: what is read lies at or behind what is written.
+void widen(int width, int height, int offset, uint16_t* values) {
+  const ptrdiff_t stride = width, below = 2 * offset * stride;
+  const int inner = width - 2 * offset;
+  for (int y = 0; y < height - 2 * offset; y++) {
+    const uint16_t* const from = values + y * stride;
+    uint16_t* const to = values + ptrdiff_t{y} * inner;
+    // Not map_lanes(): nothing may be read again that was overwritten.
+    for_lanes<uint16_t>(inner, [&](auto d, int x) HWY_ATTR {
+      const auto at = [&](ptrdiff_t place) HWY_ATTR { return hn::LoadU(d, from + x + place); };
+      const auto a = at(0), b = at(2 * offset), e = at(below), f = at(below + 2 * offset);
+      const auto low = hn::Set(d, 255), rounding = hn::Set(d, 2);
+      const auto mean = [&](auto p, auto q, auto r, auto s) HWY_ATTR {
+        return hn::ShiftRight<2>(hn::Add(hn::Add(hn::Add(p, q), hn::Add(r, s)), rounding));
+      };
+      const auto value = mean(hn::And(a, low), hn::And(b, low), hn::And(e, low), hn::And(f, low));
+      const auto next = mean(hn::ShiftRight<8>(a), hn::ShiftRight<8>(b), hn::ShiftRight<8>(e), hn::ShiftRight<8>(f));
+      hn::StoreU(hn::Or(value, hn::ShiftLeft<8>(next)), d, to + x);
+    });
+  }
+}
+
 // Bilinear, in 8 bits of fraction.
 void samples(const BoxedLuma& luma, const int32_t* HWY_RESTRICT x, const int32_t* HWY_RESTRICT y, int count,
              int16_t* HWY_RESTRICT out) {
@@ -222,17 +245,25 @@ namespace lf {
 namespace {
 
 HWY_EXPORT(box);
+HWY_EXPORT(widen);
 
 }  // namespace
 
-void box_luma(const ImageView& image, const Rect& rect, BoxedLuma& out) {
+void box_luma(const ImageView& image, const Rect& rect, BoxedLuma& out, int box) {
   out.rect = rect;
-  const auto width = static_cast<size_t>(rect.width());
-  out.values.resize(width * rect.height() + BoxedLuma::kSpare);
-  std::fill_n(out.values.end() - BoxedLuma::kSpare, BoxedLuma::kSpare, uint16_t{0});
+  const int more = (box - kTrialBox) / 2;  // values at each side that larger boxes are made of
+  Rect all{rect.x0 - more, rect.y0 - more, rect.x1 + more, rect.y1 + more};
+  const auto width = static_cast<size_t>(all.width()), height = static_cast<size_t>(all.height());
+  out.values.resize(width * height + BoxedLuma::kSpare);
   thread_local ByteBuffer memory;
-  memory.resize((width + kTrialBox) * (static_cast<size_t>(rect.height()) + kTrialBox));
-  HWY_DYNAMIC_DISPATCH(box)(image, {77, 150, 29}, rect, memory.data(), out.values.data());
+  memory.resize((width + kTrialBox) * (height + kTrialBox));
+  HWY_DYNAMIC_DISPATCH(box)(image, {77, 150, 29}, all, memory.data(), out.values.data());
+  for (int offset = kTrialBox / 2; 2 * offset < box; offset *= 2) {
+    HWY_DYNAMIC_DISPATCH(widen)(all.width(), all.height(), offset, out.values.data());
+    all = {all.x0 + offset, all.y0 + offset, all.x1 - offset, all.y1 - offset};
+  }
+  out.values.resize(static_cast<size_t>(rect.width()) * rect.height() + BoxedLuma::kSpare);
+  std::fill_n(out.values.end() - BoxedLuma::kSpare, BoxedLuma::kSpare, uint16_t{0});
   constexpr size_t kKept = size_t{1} << 20;  // of whole large images nothing is kept
   if (memory.size() > kKept) memory = ByteBuffer();
 }
@@ -251,7 +282,7 @@ TrialValues see_trials(const TrialProjection& projection, const TrialRays& rays,
   const PlaceBounds all =
       place_trials(projection, rays, levels.data(), static_cast<int>(levels.size() / stride), x.data(), y.data());
   const Rect rect{all.left >> 8, all.top >> 8, std::min((all.right >> 8) + 2, image.width), (all.bottom >> 8) + 1};
-  box_luma(image, all.right < 0 ? Rect{0, 0, 1, 1} : rect, luma);
+  box_luma(image, all.right < 0 ? Rect{0, 0, 1, 1} : rect, luma, projection.box);
   TrialValues values(levels.size());
   for (size_t at = 0; at < levels.size(); at += stride)
     HWY_DYNAMIC_DISPATCH(samples)(luma, &x[at], &y[at], rays.count, &values[at]);

@@ -11,11 +11,13 @@
 
 namespace lf {
 
-// Luma of an image, low-passed by a box of kTrialBox x kTrialBox pixels: what trials sample, so that a quarter of the
-// view's resolution is enough. At full resolution: sampling an image of a quarter of the size costs 1 dB.
-inline constexpr int kTrialBox = 4;  // pixels
-// Value (x, y) is the mean of luma at x - 1 .. x + 2 and y - 1 .. y + 2, as far as the image goes: it belongs to
-// (x + 1/2, y + 1/2).
+// Luma of an image, low-passed by a box of as many pixels as the nodes of trials are apart: what trials sample, so that
+// a quarter of the view's resolution is enough. At full resolution: sampling an image of a quarter of the size costs
+// 1 dB. Sides of boxes, pixels: the least, which belongs to a view with pixels as large as the camera's, and this times
+// powers of two.
+inline constexpr int kTrialBox = 4, kLargestTrialBox = 32;
+// Value (x, y) is the mean of luma at x - 1 .. x + 2 and y - 1 .. y + 2 (in larger boxes by as much more at each side),
+// as if the image went on beyond its edges as it is there: it belongs to (x + 1/2, y + 1/2).
 struct BoxedLuma {
   static constexpr size_t kSpare = 1;  // values behind the others that may be read, too
   Rect rect;                           // part of the image that the values are of
@@ -23,8 +25,9 @@ struct BoxedLuma {
   // meaning in the image's last row): four neighbours are in two values, so that one load has them.
   UninitializedVector<uint16_t> values;
 };
-// `rect`: what is needed, inside the image. The same result with every instruction set.
-void box_luma(const ImageView& image, const Rect& rect, BoxedLuma& out);
+// `rect`: what is needed, inside the image. `box`: pixels a side; values of larger boxes are the rounded means of four
+// of half their size. The same result with every instruction set.
+void box_luma(const ImageView& image, const Rect& rect, BoxedLuma& out, int box = kTrialBox);
 
 // Luma that a camera has at nodes of a trial, sampled bilinearly from its BoxedLuma and rounded to 8 bits.
 // -1: not seen.

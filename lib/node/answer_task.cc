@@ -31,7 +31,7 @@ class ViewTask : public SumTask {
     if (!is_in_view(camera)) return {};
     const Rect colour = answer_region(camera);
     if (trials_.empty() || trial_job_->plan().camera_rect(camera).empty()) return colour;
-    return unite(colour, needed_pixels(trial_job_->plan(), camera, rig_.cameras[camera], trials_));
+    return unite(colour, trial_pixels(trial_job_->plan(), camera, rig_.cameras[camera], trials_));
   }
   Rect answer_region(CameraIndex camera) const override { return SumTask::region(camera); }
   bool shows_detail(CameraIndex camera) const override {

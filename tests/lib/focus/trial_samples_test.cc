@@ -77,6 +77,41 @@ TEST(BoxedLuma, OfYCbCrIsOfItsLuma) {
   expect_boxes(image.view(), luma, {4, 4, 30, 12});
 }
 
+// Against the mean of all pixels of a box: each doubling rounds once, by half a level at most.
+TEST(BoxedLuma, LargerBoxesAreMeansOfTheirPixels) {
+  reference::Random random(6);
+  for (const auto& [width, height] : {std::pair{70, 50}, {33, 40}, {9, 70}, {3, 2}, {1, 1}}) {
+    Image image(PixelFamily::kI420, width + width % 2, height + height % 2);
+    for (uint8_t& value : image.data()) value = static_cast<uint8_t>(random.uniform(0, 256));
+    const int w = image.view().width, h = image.view().height;
+    for (int box = kTrialBox, rounds = 0; box <= kLargestTrialBox; box *= 2, rounds++)
+      for (const Rect& rect : {Rect{0, 0, w, h}, Rect{w / 2, h / 3, w, h}, Rect{w / 3, h / 2, w / 3 + 1, h / 2 + 1}}) {
+        SCOPED_TRACE(std::to_string(w) + "x" + std::to_string(h) + ", boxes of " + std::to_string(box));
+        test::on_every_target([&] {
+          BoxedLuma out;
+          box_luma(image.view(), rect, out, box);
+          ASSERT_EQ(out.rect, rect);
+          ASSERT_EQ(out.values.size(), static_cast<size_t>(rect.width()) * rect.height() + BoxedLuma::kSpare);
+          const auto mean = [&](int x, int y) {
+            double sum = 0;
+            for (int j = y - box / 2 + 1; j <= y + box / 2; j++)
+              for (int i = x - box / 2 + 1; i <= x + box / 2; i++)
+                sum += image.data()[std::clamp(j, 0, h - 1) * w + std::clamp(i, 0, w - 1)];
+            return sum / box / box;
+          };
+          for (int y = rect.y0; y < rect.y1; y++)
+            for (int x = rect.x0; x < rect.x1; x++) {
+              const int both = out.values[(y - rect.y0) * rect.width() + x - rect.x0];
+              EXPECT_NEAR(both & 255, mean(x, y), 0.5 * (rounds + 1)) << x << ", " << y;
+              if (y + 1 < h) {
+                EXPECT_NEAR(both >> 8, mean(x, y + 1), 0.5 * (rounds + 1)) << x << ", " << y << ", below";
+              }
+            }
+        });
+      }
+  }
+}
+
 using test::RandomRays;
 
 // Positions as project_trial() has them, sampled one after the other from the luma of the whole image: the same values,
