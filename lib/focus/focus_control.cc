@@ -16,6 +16,15 @@ namespace {
 // A search, and a sweep of a place, is not helped by what was found before: patches of 36 pixels tell depths apart that
 // 12 do not.
 constexpr int kSearchRadius = 4;
+// A patch of a small map is no larger than this part of its shorter side: all of what is far and near would be one.
+constexpr double kLargestPatch = 0.3;
+int search_radius(const FocalMap& map) {
+  const int side = std::min(map.columns, map.rows);
+  return std::clamp(static_cast<int>((kLargestPatch * side - 1) / 2), 1, kSearchRadius);
+}
+
+// Nodes below which the viewer's plane is shown: a quarter of the picture has too few to tell lost light from chance.
+constexpr size_t kFewestNodes = 150;
 
 // Mean evidence below which the viewer's plane is shown.
 constexpr double kEnoughEvidence = 0.15;
@@ -195,7 +204,8 @@ void FocusControl::take(const ViewRequest& request, std::span<const Moments> mom
   const bool is_still = request.view.pose == tried_with_;
   if (stage_ == Stage::kSearch) unanswered_--;
   tried_with_ = request.view.pose;
-  SurfaceChoice choice = choice_of(request, moments, array, stage_ == Stage::kSearch ? kSearchRadius : 1, is_still);
+  SurfaceChoice choice =
+      choice_of(request, moments, array, stage_ == Stage::kSearch ? search_radius(map) : 1, is_still);
   FocalMap chosen = map;
   chosen.levels = choice.levels;
   if (stage_ != Stage::kSearch || state_.on_plane)
@@ -232,7 +242,7 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
     if (!map || moments.empty()) return plan;
     // The viewer asks where it would be in focus: see add_focus_sweep().
     auto found = std::make_shared<FocalMap>(*map);
-    found->levels = choice_of(request, moments, array, kSearchRadius, true).levels;
+    found->levels = choice_of(request, moments, array, search_radius(*map), true).levels;
     plan.view.focus.map = std::move(found);
     return plan;
   }
@@ -271,7 +281,8 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
   plan.trials = next_trials(next);
   if (!plan.trials.empty()) latest_.leaves(plan.trials, request.sequence);
   // Where one camera makes nearly all of the picture every surface seems to fit, and only displaces what it sees.
-  const bool little = mean_of(array.evidence(plan.view, request.out_of_service)) < kEnoughEvidence;
+  const bool little =
+      next.levels.size() < kFewestNodes || mean_of(array.evidence(plan.view, request.out_of_service)) < kEnoughEvidence;
   plan.on_plane = state_.on_plane || state_.flat || little;
   state_.mixed = !little;
   // A plane at infinity has no distance.
