@@ -12,7 +12,7 @@
 namespace {
 
 // Of one viewer and no other.
-constexpr std::array kOwnProperties = {"location", "loop", "eye-offset", "num-buffers"};
+constexpr std::array kOwnProperties = {"location", "loop", "num-buffers"};
 
 bool is_own(const char* name) {
   return std::ranges::any_of(kOwnProperties, [name](const char* own) { return g_str_equal(own, name); }) ||

@@ -47,9 +47,6 @@
  * over to the others. lfcompositor makes one picture of them, with GStreamer's multiview-mode for pairs. Each view must
  * have an even width and height. Mouse and keys move all of them together.
  *
- * Two of them that are given the same events are the two eyes of one viewer, too, with an `eye-offset` each. Unless
- * they are `eager` they name the same capture times, and lfcompositors make pictures with the same stamps of them.
- *
  * Upstream events that carry a field "lf-view-id" (uint) are for the view of that id alone.
  *
  * Not live, requests leave as fast as they are taken and ask for the stream time of their frame. Where an lfcompositor

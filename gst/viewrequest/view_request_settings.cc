@@ -10,7 +10,7 @@ namespace {
 using S = ViewRequestSettings;
 
 constexpr GstClockTime kMostCaptureDelay = 60 * GST_SECOND;
-constexpr double kMostEyeOffset = 1e6;  // metres
+constexpr double kMostEyeDistance = 1e6;  // metres
 
 Property<S> capture_delay_property() {
   Property<S> bounded = property<&S::capture_delay>(
@@ -95,10 +95,6 @@ PropertyTable<S>& ViewRequestSettings::properties() {
                           "Live, without location: once the view is changed the next request does not wait for its "
                           "turn, but for a quarter of a frame after the turn before, and asks for the newest capture "
                           "there is. No more requests are made for it"),
-      property<&S::eye_offset>(kWhilePlaying, "eye-offset", "Eye offset",
-                               "How far to the right of the view its picture is made from, in metres, as by one of two "
-                               "eyes that fly together; the focal plane stays that of the view",
-                               -kMostEyeOffset, kMostEyeOffset),
       inherited_property<S, &S::layout>(
           kWhilePlaying, "views", "Views",
           "Views of one moment from eyes in a row around the view, whose pictures, of width x height each, make one",
@@ -109,7 +105,7 @@ PropertyTable<S>& ViewRequestSettings::properties() {
       inherited_property<S, &S::rows>(kWhilePlaying, "rows", "Rows", "Rows of views, with views=quilt", 1,
                                       PlaceInSet::kMostViews),
       inherited_property<S, &S::eye_distance>(kWhilePlaying, "eye-distance", "Eye distance",
-                                              "Metres between neighbouring eyes of the views", 0.0, kMostEyeOffset),
+                                              "Metres between neighbouring eyes of the views", 0.0, kMostEyeDistance),
       inherited_property<S, &S::cone>(
           kWhilePlaying, "view-cone", "View cone",
           "Degrees between the outermost eyes of the views, as seen from the middle of the focal plane, in place of "

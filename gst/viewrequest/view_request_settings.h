@@ -28,7 +28,6 @@ struct ViewRequestSettings : ViewSet {
   bool navigation = true, keep_visible = true, loop = false, eager = false;
   guint quality = 90, nearest_cameras = 0;
   Access access = Access::kSelf;
-  double eye_offset = 0;  // metres
   bool focus_continuous = false;
   // The property of GstBaseSrc, which would count what goes along with requests, too. -1: no end.
   gint num_buffers = -1;

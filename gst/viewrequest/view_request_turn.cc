@@ -112,8 +112,7 @@ static GstFlowReturn make_request(LfViewRequest* self, GstBuffer** out) {
   request.out_of_service =
       self->state->out_of_service.with_announced(request.view_id, self->state->stream->out_of_service());
   const lf::ViewSet set = self->state->settings;
-  lf::View middle =
-      lf::seen_beside(slot.view ? *slot.view : lf_view_request_view(self), self->state->settings.eye_offset);
+  lf::View middle = slot.view ? *slot.view : lf_view_request_view(self);
   middle.blending = current_blending(self);
   request.place = set.places().front();
   request.view = set.view(middle, request.place);

@@ -228,7 +228,7 @@ TEST(LfViewRequestProperties, EveryOneIsDocumentedAndTheViewIsControllable) {
     g_value_unset(&value);
   }
   g_free(pspecs);
-  EXPECT_EQ(own, 34);
+  EXPECT_EQ(own, 33);
   EXPECT_EQ(controllable, 9);
 }
 
@@ -262,15 +262,6 @@ TEST(LfViewRequestFile, IsBlendedAsThePropertiesSay) {
   source.set("location", files.path("views.json").c_str(), "aperture", 0.5);
   source.play();
   EXPECT_EQ(source.pull().request.view.blending, (Blending{Blending::Kind::kAperture, 0.5, 0}));
-}
-
-TEST(LfViewRequestProperties, EyeOffsetMovesTheEyeAlone) {
-  Source source;
-  set_somewhere(source);
-  source.set("eye-offset", -0.03, "num-buffers", 1);
-  source.play();
-  expect_near(source.pull().request.view, seen_beside(make_view(somewhere(), 320, 200), -0.03));
-  EXPECT_EQ(source.get("x"), 1);
 }
 
 TEST(LfViewRequestProperties, MakeTheView) {

@@ -14,7 +14,13 @@ namespace {
 // other hosts after a round trip. Where all have answered nobody waits.
 constexpr GstClockTime kPatience = 500 * GST_MSECOND;
 
-std::string numbered(const char* name, int index) { return name + std::to_string(index); }
+std::optional<ViewRequest> request_in(GstBuffer* buffer) {
+  GstMapInfo map;
+  if (!gst_buffer_map(buffer, &map, GST_MAP_READ)) return std::nullopt;
+  auto request = wire::decode_request({map.data, map.size});
+  gst_buffer_unmap(buffer, &map);
+  return request;
+}
 
 }  // namespace
 
@@ -25,46 +31,38 @@ bool is_probe(GstBuffer* request) {
   return !unit || (unit->flags & wire::kProbe);
 }
 
-std::optional<ViewRequest> request_in(GstBuffer* buffer) {
-  GstMapInfo map;
-  if (!gst_buffer_map(buffer, &map, GST_MAP_READ)) return std::nullopt;
-  auto request = wire::decode_request({map.data, map.size});
-  gst_buffer_unmap(buffer, &map);
-  return request;
-}
-
 // Between the light field and the encoder the newest picture is the only one that counts. Answers may come as late as
 // they like (min-latency: with it an appsrc has no upper bound): where a source allows for less than the requests take
 // the compositor has no latency at all, takes itself for one that is not live, and waits for who is gone.
-std::string Eye::launch_line(int index, size_t nodes) {
+std::string Eye::launch_line(size_t nodes) {
   std::ostringstream line;
   for (size_t i = 0; i < nodes; i++)
-    line << " appsrc name=answers" << index << '_' << i << " is-live=true format=time max-bytes=0 max-buffers=64 "
-         << "leaky-type=downstream min-latency=0 caps=application/x-lightfield-answer ! c" << index << ".sink_" << i;
-  if (index > 0) line << " appsrc name=told is-live=true format=time max-bytes=0 max-buffers=4 leaky-type=downstream !";
-  line << " lfviewrequest name=view" << index << " is-live=true eager=true ! tee name=r" << index << "  r" << index
-       << ". ! appsink name=requests" << index << " sync=false async=false enable-last-sample=false  r" << index
-       << ". ! queue leaky=downstream max-size-buffers=4 ! c" << index << ".request  lfcompositor name=c" << index
-       << " ! queue leaky=downstream max-size-buffers=1 max-size-bytes=0 max-size-time=0 ! videoconvert ! "
-          "video/x-raw,format=I420,colorimetry=bt601 ! ";
+    line << " appsrc name=answers" << i << " is-live=true format=time max-bytes=0 max-buffers=64 "
+         << "leaky-type=downstream min-latency=0 caps=application/x-lightfield-answer ! compositor.sink_" << i;
+  line << " lfviewrequest name=view is-live=true eager=true ! tee name=r  r. ! appsink name=requests sync=false "
+          "async=false enable-last-sample=false  r. ! queue leaky=downstream max-size-buffers=4 ! compositor.request  "
+          "lfcompositor name=compositor ! queue leaky=downstream max-size-buffers=1 max-size-bytes=0 max-size-time=0 ! "
+          "videoconvert ! video/x-raw,format=I420,colorimetry=bt601 ! ";
   return line.str();
 }
 
-Eye::Eye(GstElement* pipeline, int index, LightField& field, const EyeSettings& settings, OnRequest on_request)
+Eye::Eye(GstElement* pipeline, LightField& field, const EyeSettings& settings, OnRequest on_request)
     : field_(field), id_(settings.view), on_request_(std::move(on_request)) {
   const auto find = [pipeline](const std::string& name) {
     return gst_bin_get_by_name(GST_BIN(pipeline), name.c_str());
   };
-  compositor_ = find(numbered("c", index));
-  view_ = find(numbered("view", index));
+  compositor_ = find("compositor");
+  view_ = find("view");
   view_pad_ = gst_element_get_static_pad(view_, "src");
   g_object_set(view_, "rig", field.rig().c_str(), "view-id", id_, "width", settings.width, "height", settings.height,
-               "framerate", settings.framerate, 1, "capture-delay", settings.capture_delay, "eye-offset",
-               settings.offset, nullptr);
+               "framerate", settings.framerate, 1, "capture-delay", settings.capture_delay, nullptr);
+  if (settings.eye_distance > 0) {
+    gst_util_set_object_arg(G_OBJECT(view_), "views", "stereo");
+    g_object_set(view_, "eye-distance", settings.eye_distance, "converged", FALSE, nullptr);
+  }
   g_object_set(compositor_, "rig", field.rig().c_str(), "view-id", id_, "focus-near", settings.focus_on.near,
                "focus-far", settings.focus_on.far, nullptr);
-  // One eye looks for the focus: the other's requests come with what it found.
-  gst_util_set_object_arg(G_OBJECT(compositor_), "focus", index > 0 ? "plane" : settings.focus_on.mode.c_str());
+  gst_util_set_object_arg(G_OBJECT(compositor_), "focus", settings.focus_on.mode.c_str());
   if (!settings.focus_on.gains.empty())
     gst_util_set_object_arg(G_OBJECT(compositor_), "gains", settings.focus_on.gains.c_str());
   g_object_set(compositor_, "latency", kPatience, nullptr);
@@ -72,29 +70,20 @@ Eye::Eye(GstElement* pipeline, int index, LightField& field, const EyeSettings& 
     g_object_set(view_, "quality", 0u, nullptr);  // requests don't leave the process
   }
   if (settings.focus > 0) g_object_set(view_, "focus-distance", settings.focus, nullptr);
-  if (index > 0) {
-    told_ = GST_APP_SRC(find("told"));
-    GstCaps* caps = gst_caps_new_simple("application/x-lightfield-request", "framerate", GST_TYPE_FRACTION,
-                                        settings.framerate, 1, nullptr);
-    gst_app_src_set_caps(told_, caps);
-    gst_app_src_set_latency(told_, settings.capture_delay, GST_CLOCK_TIME_NONE);  // of the requests beside it
-    gst_caps_unref(caps);
-  }
   if (!settings.path.empty()) g_object_set(view_, "location", settings.path.c_str(), "loop", TRUE, nullptr);
 
-  GstElement* requests = find(numbered("requests", index));
+  GstElement* requests = find("requests");
   GstAppSinkCallbacks sink_callbacks = {};
   sink_callbacks.new_sample = take_request;
   gst_app_sink_set_callbacks(GST_APP_SINK(requests), &sink_callbacks, this, nullptr);
   gst_object_unref(requests);
   for (size_t i = 0; i < field.nodes(); i++)
-    answers_.push_back(GST_APP_SRC(find(numbered("answers", index) + "_" + std::to_string(i))));
+    answers_.push_back(GST_APP_SRC(find("answers" + std::to_string(i))));
   field.join(id_, [this](size_t node, GstBuffer* answer) { take_answer(node, answer); });
 }
 
 Eye::~Eye() {
   for (GstAppSrc* source : answers_) gst_object_unref(source);
-  if (told_) gst_object_unref(told_);
   gst_object_unref(view_pad_);
   gst_object_unref(view_);
   gst_object_unref(compositor_);
@@ -104,14 +93,6 @@ Eye::~Eye() {
 void Eye::close() { field_.leave(id_); }
 
 bool Eye::steer(GstEvent* event) { return gst_pad_send_event(view_pad_, event); }
-
-void Eye::ask(ViewRequest request, GstClockTime running_time) {
-  request.view_id = id_;
-  const std::vector<uint8_t> bytes = wire::encode_request(request);
-  GstBuffer* buffer = gst_buffer_new_memdup(bytes.data(), bytes.size());
-  GST_BUFFER_PTS(buffer) = running_time;
-  gst_app_src_push_buffer(told_, buffer);
-}
 
 GstStructure* Eye::stats() const {
   GstStructure* stats = nullptr;
@@ -150,16 +131,19 @@ GstFlowReturn Eye::take_request(GstAppSink* sink, gpointer data) {
   if (!sample) return GST_FLOW_OK;
   GstBuffer* buffer = gst_sample_get_buffer(sample);
   self->field_.request(buffer);
-  if (!is_probe(buffer)) {
-    {
-      const std::lock_guard lock(self->mutex_);
-      gst_buffer_replace(&self->asked_, buffer);
-    }
+  if (!is_probe(buffer) && self->begins(buffer))
     self->on_request_(
-        buffer, gst_segment_to_running_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer)));
-  }
+        gst_segment_to_running_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(buffer)));
   gst_sample_unref(sample);
   return GST_FLOW_OK;
+}
+
+// The requests of one picture follow each other, and have one time.
+bool Eye::begins(GstBuffer* request) {
+  const std::lock_guard lock(mutex_);
+  if (asked_ && GST_BUFFER_PTS(asked_) == GST_BUFFER_PTS(request)) return false;
+  gst_buffer_replace(&asked_, request);
+  return true;
 }
 
 void Eye::take_answer(size_t node, GstBuffer* answer) {

@@ -23,30 +23,28 @@ struct EyeSettings {
   uint64_t capture_delay = 0;  // nanoseconds, how old a capture must be before it is asked for
   double focus = 0;            // metres, to begin with; 0: as lfviewrequest chooses
   FocusOn focus_on;
-  double offset = 0;  // metres to the right of the view
-  std::string path;   // a views.json that is flown over and over, or ""
+  double eye_distance = 0;  // metres between two eyes; 0: one eye
+  std::string path;         // a views.json that is flown over and over, or ""
 };
 
-// One eye of a viewer inside of the viewer's pipeline: requests go to the light field, answers come from there, and
-// pictures leave. Number 0 flies; number 1 asks for what it is told to ask for.
+// The eye of a viewer, or both, inside of the viewer's pipeline: requests go to the light field, answers come from
+// there, and pictures leave, those of two eyes side by side.
 class Eye {
  public:
-  // Streaming thread: a request has gone, for a picture of this running time.
-  using OnRequest = std::function<void(GstBuffer* request, GstClockTime)>;
+  // Streaming thread: the requests for a picture of this running time begin to go.
+  using OnRequest = std::function<void(GstClockTime)>;
 
-  // The part of a launch line that makes eye number `index`, up to "... ! ", behind which its pictures come.
-  static std::string launch_line(int index, size_t nodes);
+  // The part of a launch line that makes the eye, up to "... ! ", behind which its pictures come.
+  static std::string launch_line(size_t nodes);
   // The eye of a pipeline made with launch_line(), which has not been started.
-  Eye(GstElement* pipeline, int index, LightField& field, const EyeSettings& settings, OnRequest on_request);
+  Eye(GstElement* pipeline, LightField& field, const EyeSettings& settings, OnRequest on_request);
   // Call after the pipeline was stopped.
   ~Eye();
   Eye(const Eye&) = delete;
 
   void close();                 // call before the pipeline is stopped: no answers come any more
   bool steer(GstEvent* event);  // takes the event; false if it means nothing here
-  // Makes number 1 ask for the same view and moment as this request of number 0, but for the eye and the view id.
-  void ask(ViewRequest request, GstClockTime running_time);
-  // The size of pictures from the next request on, pixels, even; those of a path have their own.
+  // The size of an eye's pictures from the next request on, pixels, even; those of a path have their own.
   void set_size(int width, int height) { g_object_set(view_, "width", width, "height", height, nullptr); }
   // Reads the rig file again.
   void set_rig(const std::string& rig) const {
@@ -61,26 +59,24 @@ class Eye {
   GstStructure* stats() const;  // `stats` of the lfcompositor; owned by the caller
   // The numbers of the view, as the properties of lfviewrequest.
   nlohmann::json numbers() const;
-  std::optional<View> asked() const;  // the view that was asked for last
+  std::optional<View> asked() const;  // the view that was asked for last, of two that of the left eye
 
  private:
   static GstFlowReturn take_request(GstAppSink* sink, gpointer data);
+  bool begins(GstBuffer* request);
   void take_answer(size_t node, GstBuffer* answer);
 
   LightField& field_;
-  uint32_t id_;
-  OnRequest on_request_;
+  const uint32_t id_;
+  const OnRequest on_request_;
   GstElement *compositor_ = nullptr, *view_ = nullptr;
   GstPad* view_pad_ = nullptr;  // takes upstream events
-  GstAppSrc* told_ = nullptr;   // where the requests of number 1 go in
   std::vector<GstAppSrc*> answers_;
   mutable std::mutex mutex_;
-  GstBuffer* asked_ = nullptr;  // the latest request; decoded when somebody wants to know
+  GstBuffer* asked_ = nullptr;  // the first of the latest picture's requests; decoded when somebody wants to know
 };
 
 // Whether it becomes no picture: one that measures cameras, or none at all.
 bool is_probe(GstBuffer* request);
-// Nothing for what is no request.
-std::optional<ViewRequest> request_in(GstBuffer* buffer);
 
 }  // namespace lf::serve

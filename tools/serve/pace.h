@@ -23,9 +23,12 @@ class Pace {
     const std::lock_guard lock(mutex_);
     interval_ = interval;
   }
-  // Whether the request of this time may be made now; if so it counts as made.
+  // Whether the request of this time may be made now; if so it counts as made. What is said of the first request of a
+  // time holds for those that follow it: they are for the other eye.
   bool begin(uint64_t time) {
     const std::lock_guard lock(mutex_);
+    if (time == asked_) return time == latest_;
+    asked_ = time;
     while (!under_way_.empty() && time - under_way_.front() > kPatience) under_way_.pop_front();
     if (latest_ && time < *latest_ + interval_) return false;
     wanted_++;
@@ -53,7 +56,7 @@ class Pace {
   std::mutex mutex_;
   std::deque<uint64_t> under_way_;
   uint64_t interval_ = 0, wanted_ = 0, made_ = 0;
-  std::optional<uint64_t> latest_;
+  std::optional<uint64_t> asked_, latest_;  // times of the latest request, and of the latest that was made
 };
 
 }  // namespace lf::serve

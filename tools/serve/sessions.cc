@@ -76,9 +76,8 @@ Seats::Answer Sessions::ask(const std::string& address, const Wish& wish, const 
 
 std::string Sessions::open(const std::string& address, Offer offer, const Wish& wish, Route route, OnAnswer on_answer) {
   ViewerSettings settings;
-  settings.eye_distance = wish.eye_distance;
-  settings.eye.view = next_view_;
-  next_view_ += static_cast<uint32_t>(wish.views());
+  settings.eye.view = next_view_++;
+  settings.eye.eye_distance = wish.eye_distance;
   settings.eye.width = wish.width;
   settings.eye.height = wish.height;
   settings.eye.framerate = limits_.framerate;

@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 
 #include "encoder.h"
-#include "focus/carry_over.h"
 #include "launch.h"
 #include "log.h"
 #include "playout_delay.h"
@@ -20,17 +19,6 @@ using nlohmann::json;
 // Requests of a viewer that are under way. Over a network a round trip may be longer than a frame.
 constexpr int kMostLocal = 2, kMostRemote = 4;
 
-constexpr char kPicturesOfEye[] =
-    "appsink sync=false async=false enable-last-sample=false max-buffers=2 drop=true name=";
-
-std::string launch_line(const Offer& offer, size_t nodes, const ViewerSettings& settings) {
-  std::string line = Eye::launch_line(0, nodes);
-  if (settings.eye_distance > 0)
-    line += kPicturesOfEye + std::string("left ") + Eye::launch_line(1, nodes) + kPicturesOfEye + "right " +
-            "appsrc name=pictures is-live=true format=time max-bytes=0 max-buffers=1 leaky-type=downstream ! ";
-  return line + encoder_line(offer, settings.most_bit_rate);
-}
-
 }  // namespace
 
 Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, Callbacks callbacks)
@@ -43,7 +31,7 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
       quality_(settings.least_bit_rate, settings.most_bit_rate,
                static_cast<double>(settings.eye.width) * settings.eye.height * settings.eye.framerate),
       messages_(settings.messages_per_second, 2 * settings.messages_per_second) {
-  video_ = launch_bin(launch_line(offer, field.nodes(), settings));
+  video_ = launch_bin(Eye::launch_line(field.nodes()) + encoder_line(offer, settings.most_bit_rate));
   GstElement* webrtc = gst_element_factory_make("webrtcbin", nullptr);
   if (!webrtc) {
     gst_object_unref(video_);
@@ -56,17 +44,7 @@ Viewer::Viewer(LightField& field, Offer offer, const ViewerSettings& settings, C
   const auto find = [this](const std::string& name) { return gst_bin_get_by_name(GST_BIN(video_), name.c_str()); };
   encoder_ = find("encoder");
   encoder_name_ = GST_OBJECT_NAME(gst_element_get_factory(encoder_));
-  EyeSettings eye = settings.eye;
-  eye.offset = -settings.eye_distance / 2;
-  const auto eye_that = [&](Eye::OnRequest on_request) {
-    return std::make_unique<Eye>(video_, static_cast<int>(eyes_.size()), field, eye, std::move(on_request));
-  };
-  eyes_.push_back(eye_that([this](GstBuffer* request, GstClockTime time) { requested(request, time); }));
-  if (settings.eye_distance > 0) {
-    eye.view++;
-    eyes_.push_back(eye_that([](GstBuffer*, GstClockTime) {}));
-    join_eyes();
-  }
+  eye_ = std::make_unique<Eye>(video_, field, settings.eye, [this](GstClockTime time) { requested(time); });
   watch_pace();
 
   const uint32_t ssrc = std::max<uint32_t>(g_random_int(), 1);
@@ -132,22 +110,21 @@ void Viewer::begin_video() {
 }
 
 Viewer::~Viewer() {
-  for (const auto& eye : eyes_) eye->close();
+  eye_->close();
   g_source_remove(watch_);
   peer_->say_goodbye();
   gst_element_set_locked_state(video_, TRUE);
   gst_element_set_state(video_, GST_STATE_NULL);
   gst_element_set_state(pipeline_, GST_STATE_NULL);
   peer_.reset();
-  eyes_.clear();
-  if (pictures_) gst_object_unref(pictures_);
+  eye_.reset();
   gst_object_unref(encoder_);
   gst_object_unref(pipeline_);
 }
 
 void Viewer::watch_pace() {
   gst_pad_add_probe(
-      eyes_[0]->requests(), GST_PAD_PROBE_TYPE_BUFFER,
+      eye_->requests(), GST_PAD_PROBE_TYPE_BUFFER,
       [](GstPad*, GstPadProbeInfo* info, gpointer data) {
         GstBuffer* request = GST_PAD_PROBE_INFO_BUFFER(info);
         if (is_probe(request)) return GST_PAD_PROBE_OK;
@@ -155,8 +132,7 @@ void Viewer::watch_pace() {
         return static_cast<Pace*>(data)->begin(time) ? GST_PAD_PROBE_OK : GST_PAD_PROBE_DROP;
       },
       &pace_, nullptr);
-  if (eyes_.size() > 1) return;  // it ends where both pictures are there
-  GstPad* pictures = gst_element_get_static_pad(eyes_[0]->compositor(), "src");
+  GstPad* pictures = gst_element_get_static_pad(eye_->compositor(), "src");
   gst_pad_add_probe(
       pictures, GST_PAD_PROBE_TYPE_BUFFER,
       [](GstPad*, GstPadProbeInfo* info, gpointer data) {
@@ -165,30 +141,6 @@ void Viewer::watch_pace() {
       },
       &pace_, nullptr);
   gst_object_unref(pictures);
-}
-
-void Viewer::join_eyes() {
-  pictures_ = GST_APP_SRC(gst_bin_get_by_name(GST_BIN(video_), "pictures"));
-  halves_ = {{{this, StereoPair::kLeft}, {this, StereoPair::kRight}}};
-  for (Half& half : halves_) {
-    GstElement* sink = gst_bin_get_by_name(GST_BIN(video_), half.side == StereoPair::kLeft ? "left" : "right");
-    GstAppSinkCallbacks callbacks = {};
-    callbacks.new_sample = take_picture;
-    gst_app_sink_set_callbacks(GST_APP_SINK(sink), &callbacks, &half, nullptr);
-    gst_object_unref(sink);
-  }
-}
-
-GstFlowReturn Viewer::take_picture(GstAppSink* sink, gpointer data) {
-  const auto& [self, side] = *static_cast<Half*>(data);
-  GstSample* sample = gst_app_sink_pull_sample(sink);
-  if (!sample) return GST_FLOW_OK;
-  GstSample* both = self->pair_.add(side, sample);
-  if (!both) return GST_FLOW_OK;
-  self->pace_.end(GST_BUFFER_PTS(gst_sample_get_buffer(both)));
-  const GstFlowReturn flow = gst_app_src_push_sample(self->pictures_, both);
-  gst_sample_unref(both);
-  return flow;
 }
 
 // A browser that goes makes an error of its own pipeline: it is a departure.
@@ -206,14 +158,7 @@ GstClockTime Viewer::running_time() const {
   return gst_clock_get_time(field_.clock()) - gst_element_get_base_time(pipeline_);
 }
 
-void Viewer::requested(GstBuffer* buffer, GstClockTime time) {
-  if (const auto request = eyes_.size() > 1 ? request_in(buffer) : std::nullopt) {
-    ViewRequest beside = *request;
-    beside.view = seen_beside(request->view, settings_.eye_distance);
-    beside.trials.clear();  // one eye looks for the focus
-    if (request->view.focus.map) beside.view.focus.map = carry_over(request->view, beside.view);
-    eyes_[1]->ask(std::move(beside), time);
-  }
+void Viewer::requested(GstClockTime time) {
   std::optional<uint64_t> applied;
   {
     const std::lock_guard lock(mutex_);
@@ -226,7 +171,7 @@ void Viewer::requested(GstBuffer* buffer, GstClockTime time) {
   if (!applied) return;
   const auto stamp = static_cast<uint32_t>(gst_util_uint64_scale_int(time, 90000, GST_SECOND));
   peer_->send(
-      info_message(json{{"applied", {{"id", *applied}, {"rtpTimestamp", stamp}}}, {"view", eyes_[0]->numbers()}}));
+      info_message(json{{"applied", {{"id", *applied}, {"rtpTimestamp", stamp}}}, {"view", eye_->numbers()}}));
 }
 
 void Viewer::control(const std::string& text) {
@@ -261,14 +206,13 @@ void Viewer::obey(const std::string& text) {
     change_ = {*message.id, running_time()};
   }
   // That a key or a movement means nothing here is no error.
-  if (message.event && !eyes_[0]->steer(message.event.release())) {
+  if (message.event && !eye_->steer(message.event.release())) {
     const std::lock_guard lock(mutex_);
     if (change_ && change_->id == *message.id) change_ = before;
   }
   if (message.id) peer_->send(control_response(*message.id, message.error));
 }
 
-// Two eyes have their pictures side by side.
 void Viewer::tick(double busy) {
   busy_ = busy;
   if (connected()) peer_->ask_for_report();
@@ -276,7 +220,7 @@ void Viewer::tick(double busy) {
 
 void Viewer::take_rig(double max_aperture) {
   max_aperture_ = max_aperture;
-  for (const auto& eye : eyes_) eye->set_rig(field_.rig());
+  eye_->set_rig(field_.rig());
   if (connected()) peer_->send(info_message(json{{"rig", field_.array()->hash()}}));
 }
 
@@ -290,9 +234,9 @@ void Viewer::use_quality() {
   // A little less, because requests of an eager view do not leave on the dot.
   const uint64_t period = GST_SECOND / static_cast<uint64_t>(settings_.eye.framerate);
   pace_.set_interval(static_cast<uint64_t>(pictures_left_out()) * (2 * period - period / 4));
-  eyes_[0]->set_trials(shedding_.trial_interval());
+  eye_->set_trials(shedding_.trial_interval());
   const auto side = [this](int full) { return full / size_divisor() & ~1; };
-  eyes_[0]->set_size(side(settings_.eye.width), side(settings_.eye.height));
+  eye_->set_size(side(settings_.eye.width), side(settings_.eye.height));
 }
 
 double Viewer::silence(int64_t now) const {

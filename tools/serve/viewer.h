@@ -4,7 +4,6 @@
 #include <gst/app/app.h>
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <functional>
 #include <memory>
@@ -22,13 +21,11 @@
 #include "quality_control.h"
 #include "rate_limit.h"
 #include "shedding.h"
-#include "stereo_pair.h"
 
 namespace lf::serve {
 
 struct ViewerSettings {
-  EyeSettings eye;          // the left of two eyes has this view id, the right one the next
-  double eye_distance = 0;  // metres; 0: one eye
+  EyeSettings eye;
   int least_bit_rate = 100000, most_bit_rate = 6000000;
   double messages_per_second = 240;
   double max_aperture = 0;  // metres
@@ -63,7 +60,7 @@ class Viewer {
   // Seconds since the browser was last heard, or asked, where it has not connected yet.
   double silence(int64_t now) const;
   // Watches the cameras by its requests, see Limits::monitor.
-  void set_monitor(int interval) { eyes_[0]->set_monitor(interval); }
+  void set_monitor(int interval) { eye_->set_monitor(interval); }
   MonitorReport monitor() const;
   bool connected() const { return peer_ && peer_->connected(); }
 
@@ -74,37 +71,27 @@ class Viewer {
   Figures figures() const;
 
  private:
-  static GstFlowReturn take_picture(GstAppSink* sink, gpointer data);
   static gboolean bus_message(GstBus* bus, GstMessage* message, gpointer data);
   void control(const std::string& text);
   void obey(const std::string& text);
   void take_turn();
   void begin_video();
-  void join_eyes();
   void watch_pace();
   void use_quality();
   GstClockTime running_time() const;
-  void requested(GstBuffer* buffer, GstClockTime time);
+  void requested(GstClockTime time);
   void report(const LinkReport& link);
   int pictures_left_out() const { return std::max(quality_.pictures_left_out(), shedding_.pictures_left_out()); }
   int size_divisor() const { return std::max(quality_.size_divisor(), shedding_.size_divisor()); }
   nlohmann::json shed_report() const;
   void tell_pixel(const ControlMessage::Pixel& pixel);
 
-  struct Half {  // one eye's half of a picture for two eyes
-    Viewer* viewer;
-    StereoPair::Side side;
-  };
-
   LightField& field_;
   ViewerSettings settings_;
   std::atomic<double> max_aperture_;  // metres
   Callbacks callbacks_;
   GstElement *pipeline_ = nullptr, *video_ = nullptr, *encoder_ = nullptr;  // `video_`: all but the webrtcbin
-  std::vector<std::unique_ptr<Eye>> eyes_;
-  std::array<Half, 2> halves_;
-  StereoPair pair_;
-  GstAppSrc* pictures_ = nullptr;  // for two eyes
+  std::unique_ptr<Eye> eye_;
   std::shared_ptr<Peer> peer_;
   guint watch_ = 0;
   int64_t began_;

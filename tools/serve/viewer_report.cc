@@ -21,10 +21,10 @@ uint64_t count_in(const GstStructure* stats, const char* name) {
 }  // namespace
 
 void Viewer::tell_pixel(const ControlMessage::Pixel& pixel) {
-  auto view = eyes_[0]->asked();
-  const bool right = eyes_.size() > 1 && view && pixel.x >= view->width;
-  if (right) view = eyes_[1]->asked();
+  auto view = eye_->asked();
   if (!view) return;
+  const bool right = settings_.eye.eye_distance > 0 && pixel.x >= view->width;
+  if (right) view = seen_beside(*view, settings_.eye.eye_distance);
   nlohmann::json cameras = field_.array()->pixel(*view, pixel.x - (right ? view->width : 0), pixel.y);
   peer_->send(info_message(json{{"pixel", {{"x", pixel.x}, {"y", pixel.y}, {"cameras", std::move(cameras)}}}}));
 }
@@ -49,7 +49,7 @@ void Viewer::report(const LinkReport& link) {
   if (quality_.update(link.loss, link.round_trip)) use_quality();
   if (quality_.wants_key_frame())
     gst_element_send_event(encoder_, gst_video_event_new_upstream_force_key_unit(GST_CLOCK_TIME_NONE, TRUE, 0));
-  GstStructure* stats = eyes_[0]->stats();
+  GstStructure* stats = eye_->stats();
   const auto ms = [stats](const char* name) { return static_cast<double>(count_in(stats, name)) * 1e-6; };
   json info = {{"pictures", count_in(stats, "pictures")},
                {"incomplete", count_in(stats, "incomplete")},
@@ -95,14 +95,14 @@ void Viewer::report(const LinkReport& link) {
     info["cameras"] = {{"count", cameras.count}, {"working", cameras.working}};
   if (!field_.is_local()) info["nodes"] = {{"count", field_.nodes()}, {"silent", field_.silent_nodes()}};
   info["monitored"] = settings_.monitored;
-  if (const auto view = eyes_[0]->asked()) info["coverage"] = field_.array()->coverage(*view);
+  if (const auto view = eye_->asked()) info["coverage"] = field_.array()->coverage(*view);
   json message = {{"statistics", std::move(info)}};
-  if (settings_.eye.path.empty()) message["view"] = eyes_[0]->numbers();
+  if (settings_.eye.path.empty()) message["view"] = eye_->numbers();
   peer_->send(info_message(message));
 }
 
 MonitorReport Viewer::monitor() const {
-  GstStructure* stats = eyes_[0]->stats();
+  GstStructure* stats = eye_->stats();
   MonitorReport report = monitor_report(stats);
   gst_structure_free(stats);
   return report;
@@ -112,13 +112,11 @@ Viewer::Figures Viewer::figures() const {
   Figures figures{.video_bytes = video_bytes_,
                   .refused_messages = refused_messages_,
                   .bits_per_second = quality_.bits_per_second()};
-  for (const auto& eye : eyes_) {
-    GstStructure* stats = eye->stats();
-    figures.pictures += count_in(stats, "pictures");
-    figures.incomplete += count_in(stats, "incomplete");
-    figures.answer_bytes += count_in(stats, "bytes");
-    gst_structure_free(stats);
-  }
+  GstStructure* stats = eye_->stats();
+  figures.pictures += count_in(stats, "pictures");
+  figures.incomplete += count_in(stats, "incomplete");
+  figures.answer_bytes += count_in(stats, "bytes");
+  gst_structure_free(stats);
   return figures;
 }
 
