@@ -192,6 +192,11 @@ bool CameraFrames::is_live() const {
   return live_;
 }
 
+bool CameraFrames::has_ended() const {
+  std::lock_guard lock(mutex_);
+  return ended_;
+}
+
 // The median is not that of a camera that was away.
 uint64_t CameraFrames::period() const {
   std::lock_guard lock(mutex_);

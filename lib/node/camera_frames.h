@@ -63,6 +63,8 @@ class CameraFrames {
 
   std::optional<CameraFrame> newest() const;
   bool is_live() const;
+  // Whether end_stream() was the last that came: no frame is too old then.
+  bool has_ended() const;
   // Nanoseconds from one of the frames held to the next, 0 where there are fewer than two: the median, which is the
   // camera's own, and the mean, which is longer where frames were dropped.
   uint64_t period() const;

@@ -129,7 +129,7 @@ Node::Reply Node::render(const wire::AnyRequest& any, const Array& array, Reques
     const uint64_t wanted = wanted_of(request, frames, options.base_time);
     std::optional<CameraFrame> frame = frames.find(wanted, !options.live, requester.cancelled.get());
     if (frame && !frame->fits(array.rig->cameras[camera])) frame.reset();
-    if (!frame || wanted == kNoTime || !frames.is_live()) return frame;
+    if (!frame || wanted == kNoTime || !frames.is_live() || frames.has_ended()) return frame;
     skews.push_back({camera, frame->time, wanted, frames.mean_period(), frame->behind});
     if (options.max_skew > 0 && time_between(frame->time, wanted) > options.max_skew) {
       frame.reset();

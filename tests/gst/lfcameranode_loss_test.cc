@@ -263,6 +263,24 @@ TEST_F(LossTest, AFilmThatPausesIsNotLost) {
   EXPECT_THAT(said.errors(), IsEmpty());
 }
 
+// The last frame stands for all times behind it: it is not too old, and nobody is told to look after the camera.
+TEST_F(LossTest, AFilmThatEndsStands) {
+  const std::string path = files->save("loss.json", 2, [&](Camera& camera) { camera.source = "mjpeg.mkv"; });
+  const ElementPtr pipeline =
+      launch("lfviewrequest is-live=true framerate=15/1 width=64 height=48 rig=" + path +
+             " ! lfcameranode is-live=true name=n rig=" + path + " ! fakesink name=s0 sync=false");
+  ASSERT_TRUE(pipeline);
+  const Said said(pipeline.get());
+  const ElementPtr node = child(pipeline.get(), "n"), sink = child(pipeline.get(), "s0");
+  Pictures answers(sink.get());
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  EXPECT_TRUE(eventually([&] { return camera_stats(node.get(), 1).state == "ended"; }));
+  EXPECT_TRUE(eventually([&, then = answers.count()] { return answers.count() > then + 20; }));
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  EXPECT_THAT(said.errors(), IsEmpty());
+  EXPECT_THAT(said.warnings(), IsEmpty());
+}
+
 TEST_F(LossTest, StatesChangeAtEveryStageOfALoss) {
   const ElementPtr pipeline = launch(line(devices(3)));
   ASSERT_TRUE(pipeline);
