@@ -63,5 +63,5 @@ status=0
 meson test -C "$build" --timeout-multiplier 10 --print-errorlogs "${what[@]}" "$@" || status=$?
 # Which reports there are, and how many of each.
 find "$build" -maxdepth 1 -name 'reports.*' -exec cat {} + | sed -n 's/^SUMMARY: //p' | sort | uniq -c | sort -rn
-python3 tests/summary.py "$build/meson-logs/$log.json" "$build/meson-logs/$log.junit.xml" || status=1
+python3 tests/summary.py "$build/meson-logs/$log" || status=1
 exit "$status"

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: LGPL-2.1-or-later
-"""Counts the test cases of a run of `meson test`: summary.py testlog.json testlog.junit.xml.
+"""Counts the test cases of a run of `meson test`: summary.py LOGS [LOGS_AGAIN], each the path before .json and .junit.xml.
 
-Says why cases were skipped. The last line is "N passed, N failed, N skipped"; exit status 1 if any failed or none ran.
+LOGS_AGAIN are those of a second run of programs that failed in the first one: what these are in the second run counts,
+and is told. Says why cases were skipped. The last line is "N passed, N failed, N skipped"; exit status 1 if any failed
+or none ran. summary.py --failed LOGS prints the names of the programs that failed.
 """
 
 import json
@@ -9,9 +11,34 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 
-def main(log_path, junit_path):
+def programs_of(logs):
+    """The results of all programs, by name."""
+    with open(f'{logs}.json', encoding='utf-8') as log:
+        return {program['name']: program['result'] for program in map(json.loads, log)}
+
+
+def failed_of(programs):
+    return [name for name, result in programs.items() if result not in ('OK', 'SKIP', 'EXPECTEDFAIL')]
+
+
+def cases_of(logs):
+    """Test cases and the suites that they are of, which are named after programs where these have cases of their own."""
+    for suite in ElementTree.parse(f'{logs}.junit.xml').iter('testsuite'):
+        for case in suite.iter('testcase'):
+            yield suite.get('name', ''), case
+
+
+def main(logs, again=None):
+    first = programs_of(logs)
+    second = programs_of(again) if again else {}
+
+    def is_of_second(suite, case):
+        return any(case.get('name') == name or f'.{name}.' in suite for name in second)
+
+    cases = [case for suite, case in cases_of(logs) if not is_of_second(suite, case)]
+    cases += [case for _, case in cases_of(again)] if again else []
     passed = failed = skipped = 0
-    for case in ElementTree.parse(junit_path).iter('testcase'):
+    for case in cases:
         skip = case.find('skipped')
         if case.find('failure') is not None or case.find('error') is not None:
             failed += 1
@@ -25,15 +52,16 @@ def main(log_path, junit_path):
             passed += 1
 
     # A program can fail as a whole with all its cases passed: at exit, or by running out of time.
-    with open(log_path, encoding='utf-8') as log:
-        programs = [json.loads(line) for line in log]
-    broken = [p['name'] for p in programs if p['result'] not in ('OK', 'SKIP', 'EXPECTEDFAIL')]
-    for name in broken:
-        print(f'failed: {name}')
+    broken = failed_of(first | second)
+    for name in failed_of(first):
+        print(f'failed: {name}' if name in broken else f'failed among others, passed alone: {name}')
     failed = max(failed, len(broken))
     print(f'{passed} passed, {failed} failed, {skipped} skipped')
     return 1 if failed or not passed else 0
 
 
 if __name__ == '__main__':
-    sys.exit(main(*sys.argv[1:]))
+    if sys.argv[1] == '--failed':
+        print('\n'.join(failed_of(programs_of(sys.argv[2]))))
+    else:
+        sys.exit(main(*sys.argv[1:]))
