@@ -23,7 +23,7 @@ Made by `ninja -C build elements-md` from the plugin and from the comments in [g
 """
 
 # Properties that every element has from its base classes.
-INHERITED = {"GstObject", "GstBin", "GstBaseSrc", "GstBaseSink", "GstPushSrc", "GstAggregator", "GstElement"}
+INHERITED = {"GstObject", "GstBin", "GstBaseSrc", "GstBaseSink", "GstPushSrc", "GstAggregator", "GstElement", "GstVideoFilter", "GstBaseTransform"}
 
 WHEN = ((1 << 12, "any time"), (1 << 11, "paused or before"), (1 << 10, "ready or before"))
 

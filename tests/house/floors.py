@@ -27,7 +27,7 @@ FLOORS = {
     ],
     "gst": [
         ["common"],
-        ["camsrc", "recording", "parse", "rtp", "viewrequest", "fragment", "compositor"],
+        ["camsrc", "display", "recording", "parse", "rtp", "viewrequest", "fragment", "compositor"],
         ["bins"],
     ],
 }

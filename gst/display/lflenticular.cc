@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+/**
+ * SECTION:element-lflenticular
+ * @title: lflenticular
+ * @short_description: puts a quilt of views behind the lenses of a display
+ *
+ * Displays of light fields have a sheet of slanted cylinder lenses before their pixels: each lens shows another stripe
+ * of what is behind it to each side. This makes the picture that belongs behind the lenses of a quilt, which lfviewsrc
+ * and lfcompositor make with views=quilt or views=row: every red, green and blue stripe of every pixel is of the view
+ * that is seen there.
+ *
+ * The picture must reach the display pixel for pixel: its size, which what follows asks for, is the display's own.
+ * Where pictures stand deep side out `reversed` turns stripes round; `centre` is right where the middle view is seen
+ * from straight before the display. A lens that covers N pixels along a row has 3 N stripes to share out.
+ *
+ * ## A display of 2560x1600 pixels whose lenses are 9.3 pixels wide and lean 12 degrees to the left
+ * |[
+ * gst-launch-1.0 lfviewsrc rig=rig.json views=quilt columns=8 rows=6 view-cone=7 width=420 height=262 framerate=5/1 ! \
+ *   videoconvert ! lflenticular columns=8 rows=6 lens-width=9.3 slant=-12 ! video/x-raw,width=2560,height=1600 ! \
+ *   videoconvert ! autovideosink
+ * ]|
+ */
+#include <gst/video/gstvideofilter.h>
+#include <gst/video/video.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "base/worker_pool.h"
+#include "common/common.h"
+#include "common/properties.h"
+#include "view/lens_display.h"
+#include "view/view_set.h"
+
+namespace {
+
+struct Settings : lf::LensDisplay {
+  gint columns = lf::ViewSet().columns, rows = lf::ViewSet().rows;
+  Settings() { lens_width = 8; }
+
+  static lf::PropertyTable<Settings>& properties() {
+    using S = Settings;
+    constexpr double kMostPixels = 16384, kMostSlant = 80, kMostCentre = 1e6;
+    static lf::PropertyTable<S> table = {
+        lf::property<&S::columns>(lf::kWhilePlaying, "columns", "Columns", "Views side by side in the quilt that comes",
+                                  1, lf::PlaceInSet::kMostViews),
+        lf::property<&S::rows>(lf::kWhilePlaying, "rows", "Rows",
+                               "Rows of views in the quilt that comes, view 0 at the bottom left", 1,
+                               lf::PlaceInSet::kMostViews),
+        lf::inherited_property<S, &S::lens_width>(
+            lf::kWhilePlaying, "lens-width", "Lens width",
+            "Pixels of the display that a lens covers along a row: with lenses of p to an inch across, D pixels to an "
+            "inch and the slant a, D / (p cos a)",
+            0.5, kMostPixels),
+        lf::inherited_property<S, &S::slant>(lf::kWhilePlaying, "slant", "Slant",
+                                             "Degrees that the lenses lean to the right from upright", -kMostSlant,
+                                             kMostSlant),
+        lf::inherited_property<S, &S::centre>(
+            lf::kWhilePlaying, "centre", "Centre",
+            "How far to the right of the display's middle the middle of a lens is, in lens widths", -kMostCentre,
+            kMostCentre),
+        lf::inherited_property<S, &S::reversed>(lf::kWhilePlaying, "reversed", "Reversed",
+                                                "The views follow each other the other way round behind each lens")};
+    return table;
+  }
+};
+
+}  // namespace
+
+G_DECLARE_FINAL_TYPE(LfLenticular, lf_lenticular, LF, LENTICULAR, GstVideoFilter)
+
+struct _LfLenticular {
+  GstVideoFilter parent;
+  Settings settings;  // object lock
+  std::shared_ptr<lf::WorkerPool> workers;
+};
+
+G_DEFINE_TYPE(LfLenticular, lf_lenticular, GST_TYPE_VIDEO_FILTER)
+GST_ELEMENT_REGISTER_DEFINE(lflenticular, "lflenticular", GST_RANK_NONE, lf_lenticular_get_type())
+
+static GstStaticPadTemplate sink_template =
+    GST_STATIC_PAD_TEMPLATE("sink", GST_PAD_SINK, GST_PAD_ALWAYS, GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("RGB")));
+static GstStaticPadTemplate src_template =
+    GST_STATIC_PAD_TEMPLATE("src", GST_PAD_SRC, GST_PAD_ALWAYS, GST_STATIC_CAPS(GST_VIDEO_CAPS_MAKE("RGB")));
+
+static Settings& settings_of(LfLenticular* self) { return self->settings; }
+using Properties = lf::Properties<settings_of>;
+
+// Pictures of any size become such of any other.
+static GstCaps* lf_lenticular_transform_caps(GstBaseTransform*, GstPadDirection, GstCaps* caps, GstCaps* filter) {
+  GstCaps* any = gst_caps_copy(caps);
+  for (guint i = 0; i < gst_caps_get_size(any); i++) {
+    GstStructure* structure = gst_caps_get_structure(any, i);
+    gst_structure_set(structure, "width", GST_TYPE_INT_RANGE, 1, G_MAXINT, "height", GST_TYPE_INT_RANGE, 1, G_MAXINT,
+                      nullptr);
+    gst_structure_remove_field(structure, "pixel-aspect-ratio");
+  }
+  if (!filter) return any;
+  GstCaps* filtered = gst_caps_intersect_full(filter, any, GST_CAPS_INTERSECT_FIRST);
+  gst_caps_unref(any);
+  return filtered;
+}
+
+// Who does not ask for a size gets one view's.
+static GstCaps* lf_lenticular_fixate_caps(GstBaseTransform* base, GstPadDirection direction, GstCaps* caps,
+                                          GstCaps* other) {
+  other = gst_caps_make_writable(gst_caps_truncate(other));
+  gint width = 0, height = 0;
+  const GstStructure* given = gst_caps_get_structure(caps, 0);
+  if (direction == GST_PAD_SINK && gst_structure_get_int(given, "width", &width) &&
+      gst_structure_get_int(given, "height", &height)) {
+    const Settings settings = Properties::now(LF_LENTICULAR(base));
+    GstStructure* structure = gst_caps_get_structure(other, 0);
+    gst_structure_fixate_field_nearest_int(structure, "width", std::max(width / settings.columns, 1));
+    gst_structure_fixate_field_nearest_int(structure, "height", std::max(height / settings.rows, 1));
+  }
+  return gst_caps_fixate(other);
+}
+
+static GstFlowReturn lf_lenticular_transform_frame(GstVideoFilter* filter, GstVideoFrame* in, GstVideoFrame* out) {
+  LfLenticular* self = LF_LENTICULAR(filter);
+  const Settings settings = Properties::now(self);
+  const gint width = GST_VIDEO_FRAME_WIDTH(in), height = GST_VIDEO_FRAME_HEIGHT(in);
+  if (width % settings.columns != 0 || height % settings.rows != 0) {
+    GST_ELEMENT_ERROR(self, STREAM, FORMAT,
+                      ("A quilt of %dx%d pixels can't have %d columns and %d rows: set columns and rows as they are in "
+                       "what makes it.",
+                       width, height, settings.columns, settings.rows),
+                      (nullptr));
+    return GST_FLOW_ERROR;
+  }
+  const lf::Quilt quilt{{.family = lf::PixelFamily::kRgb,
+                         .width = width,
+                         .height = height,
+                         .layout = {},
+                         .plane = {static_cast<const uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(in, 0))},
+                         .stride = {GST_VIDEO_FRAME_PLANE_STRIDE(in, 0)}},
+                        settings.columns,
+                        settings.rows};
+  lf::interleave(settings, quilt, GST_VIDEO_FRAME_WIDTH(out), GST_VIDEO_FRAME_HEIGHT(out),
+                 GST_VIDEO_FRAME_PLANE_STRIDE(out, 0), static_cast<uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(out, 0)),
+                 [self](size_t count, const std::function<void(size_t)>& task) {
+                   self->workers->run(g_get_num_processors(), count, task);
+                 });
+  return GST_FLOW_OK;
+}
+
+static void lf_lenticular_finalize(GObject* object) {
+  std::destroy_at(&LF_LENTICULAR(object)->workers);
+  G_OBJECT_CLASS(lf_lenticular_parent_class)->finalize(object);
+}
+
+static void lf_lenticular_class_init(LfLenticularClass* klass) {
+  G_OBJECT_CLASS(klass)->finalize = lf_lenticular_finalize;
+  Properties::install(G_OBJECT_CLASS(klass));
+  GstElementClass* element_class = GST_ELEMENT_CLASS(klass);
+  gst_element_class_add_static_pad_template(element_class, &sink_template);
+  gst_element_class_add_static_pad_template(element_class, &src_template);
+  gst_element_class_set_static_metadata(element_class, "Light field lens display", "Filter/Effect/Video",
+                                        "Makes the picture behind the lenses of a display of a quilt of views",
+                                        "gst-lightfield developers");
+  GstBaseTransformClass* transform_class = GST_BASE_TRANSFORM_CLASS(klass);
+  transform_class->transform_caps = lf::callback<lf_lenticular_transform_caps>;
+  transform_class->fixate_caps = lf::callback<lf_lenticular_fixate_caps>;
+  GST_VIDEO_FILTER_CLASS(klass)->transform_frame = lf::callback<lf_lenticular_transform_frame>;
+}
+
+static void lf_lenticular_init(LfLenticular* self) {
+  self->settings = Settings();
+  std::construct_at(&self->workers, lf::WorkerPool::shared());
+}

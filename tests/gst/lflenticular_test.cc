@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+#include <gmock/gmock.h>
+#include <gst/check/gstharness.h>
+#include <gst/video/video.h>
+#include <gtest/gtest.h>
+
+#include "gst/gst_test.h"
+#include "view/lens_display.h"
+
+namespace lf::test {
+namespace {
+
+using testing::HasSubstr;
+
+// A quilt of 3 x 2 views of 16x12 pixels.
+constexpr int kColumns = 3, kRows = 2, kWidth = 48, kHeight = 24;
+const LensDisplay kDisplay{.lens_width = 5.5, .slant = -11, .centre = 0.25};
+
+GstCaps* rgb(int width, int height) {
+  return gst_caps_new_simple("video/x-raw", "format", G_TYPE_STRING, "RGB", "width", G_TYPE_INT, width, "height",
+                             G_TYPE_INT, height, "framerate", GST_TYPE_FRACTION, 15, 1, nullptr);
+}
+
+class LfLenticular : public testing::Test {
+ protected:
+  void SetUp() override {
+    harness_ = gst_harness_new("lflenticular");
+    g_object_set(harness_->element, "columns", kColumns, "rows", kRows, "lens-width", kDisplay.lens_width, "slant",
+                 kDisplay.slant, "centre", kDisplay.centre, nullptr);
+    quilt_ = Image(PixelFamily::kRgb, kWidth, kHeight);
+    for (size_t i = 0; i < quilt_.data().size(); i++) quilt_.data()[i] = static_cast<uint8_t>(i * 37 + i / 144 * 11);
+  }
+  void TearDown() override { gst_harness_teardown(harness_); }
+
+  GstFlowReturn push() {
+    gst_harness_set_src_caps(harness_, rgb(kWidth, kHeight));
+    GstBuffer* buffer = gst_buffer_new_memdup(quilt_.data().data(), quilt_.data().size());
+    GST_BUFFER_PTS(buffer) = 5 * GST_SECOND;
+    return gst_harness_push(harness_, buffer);
+  }
+  // What comes out of a display of this size.
+  void expect_picture(int width, int height) {
+    GstBuffer* out = gst_harness_pull(harness_);
+    ASSERT_TRUE(out);
+    EXPECT_EQ(GST_BUFFER_PTS(out), 5 * GST_SECOND);
+    GstVideoInfo info;
+    gst_video_info_set_format(&info, GST_VIDEO_FORMAT_RGB, width, height);
+    ASSERT_EQ(gst_buffer_get_size(out), GST_VIDEO_INFO_SIZE(&info));
+    const ptrdiff_t stride = GST_VIDEO_INFO_PLANE_STRIDE(&info, 0);
+    std::vector<uint8_t> expected(GST_VIDEO_INFO_SIZE(&info));
+    interleave(kDisplay, {quilt_.view(), kColumns, kRows}, width, height, stride, expected.data());
+    GstMapInfo map;
+    ASSERT_TRUE(gst_buffer_map(out, &map, GST_MAP_READ));
+    for (int y = 0; y < height; y++)
+      EXPECT_TRUE(std::equal(map.data + y * stride, map.data + y * stride + 3 * width, &expected[y * stride])) << y;
+    gst_buffer_unmap(out, &map);
+    gst_buffer_unref(out);
+  }
+
+  GstHarness* harness_ = nullptr;
+  Image quilt_;
+};
+
+TEST_F(LfLenticular, FillsTheDisplayThatIsAskedFor) {
+  gst_harness_set_sink_caps(harness_, rgb(83, 41));
+  EXPECT_EQ(push(), GST_FLOW_OK);
+  expect_picture(83, 41);
+}
+
+TEST_F(LfLenticular, IsAsLargeAsAViewWhereNobodyAsks) {
+  EXPECT_EQ(push(), GST_FLOW_OK);
+  expect_picture(kWidth / kColumns, kHeight / kRows);
+}
+
+TEST_F(LfLenticular, TellsWhatIsNoQuilt) {
+  g_object_set(harness_->element, "columns", 5, nullptr);
+  GstBus* bus = gst_bus_new();
+  gst_element_set_bus(harness_->element, bus);
+  EXPECT_EQ(push(), GST_FLOW_ERROR);
+  GstMessage* message = gst_bus_pop_filtered(bus, GST_MESSAGE_ERROR);
+  ASSERT_TRUE(message);
+  g_autoptr(GError) error = nullptr;
+  gst_message_parse_error(message, &error, nullptr);
+  EXPECT_THAT(error->message, HasSubstr("48x24 pixels can't have 5 columns and 2 rows"));
+  gst_message_unref(message);
+  gst_element_set_bus(harness_->element, nullptr);
+  gst_object_unref(bus);
+}
+
+}  // namespace
+}  // namespace lf::test
