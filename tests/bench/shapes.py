@@ -3,11 +3,10 @@
 """Arrays of all shapes, and with wide baselines, before the built-in scene: views along a short path against ground truth,
 on the plane that they are focused on and through the surface that is found.
 
-    tests/bench/shapes.py [BUILD]
-
 The path goes from one camera of the array to a neighbour of it, diagonally where there is one: what lies in between is as
 far from all cameras as it gets. Views are 320x240, cameras 480x360 with the same focal length, so that they see more.
 """
+import argparse
 import json
 import math
 import pathlib
@@ -16,13 +15,12 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-TOOLS = (pathlib.Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "build").resolve() / "tools"
 FOV, VIEW_FOV, VIEWS, FOCUS = 50, 34.52, 8, 2.2  # degrees, degrees, number, metres
 
 
 def tool(name, *arguments):
     """Runs one of our programs quietly."""
-    run = subprocess.run([TOOLS / name, *map(str, arguments)], capture_output=True, text=True, check=False)
+    run = subprocess.run([OPTIONS.build / "tools" / name, *map(str, arguments)], capture_output=True, text=True, check=False)
     if run.returncode:
         sys.exit(f"{name} {' '.join(map(str, arguments))}: {run.stderr}{run.stdout}")
 
@@ -111,4 +109,7 @@ def main():
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build", help="the folder of the programs")
+    OPTIONS = parser.parse_args()
     main()
