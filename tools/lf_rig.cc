@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <string>
+#include <tuple>
 
 #include <gst/gst.h>
 #include <nlohmann/json.hpp>
@@ -28,7 +29,7 @@ using lf::Rig;
 
 struct Arguments {
   std::string grid;
-  int line = 0, arc = 0, ring = 0;
+  int line = 0, arc = 0, ring = 0, inward = 0, outward = 0, rows = 2;
   double radius = 0;
   lf::GridRigOptions new_rig;
   bool devices = false;
@@ -75,19 +76,21 @@ void assign_devices(Rig& rig) {
 
 Rig make_rig(Arguments& arguments) {
   lf::GridRigOptions& grid = arguments.new_rig;
-  if (arguments.radius != 0 && !arguments.arc && !arguments.ring) throw lf::Error("--radius: of --arc or --ring");
+  const bool around = arguments.inward || arguments.outward;
+  if (arguments.radius != 0 && !arguments.arc && !arguments.ring && !around)
+    throw lf::Error("--radius: of --arc, --ring, --inward or --outward");
+  if (around)
+    return lf::make_cylinder_rig({arguments.rows, arguments.inward + arguments.outward, grid.pitch, arguments.radius,
+                                  arguments.inward > 0, grid.fov_y_deg, grid.width, grid.height});
   if (arguments.arc)
     return lf::make_arc_rig({arguments.arc, grid.pitch, arguments.radius, grid.fov_y_deg, grid.width, grid.height});
   if (arguments.ring) {
     if (grid.pitch != 0) throw lf::Error("--pitch: a ring has --radius");
     return lf::make_ring_rig({arguments.ring, arguments.radius, grid.fov_y_deg, grid.width, grid.height});
   }
-  if (arguments.line) {
-    grid.rows = 1;
-    grid.columns = arguments.line;
-  } else {
-    parse_grid(arguments.grid, grid.rows, grid.columns);
-  }
+  grid.rows = 1;
+  grid.columns = arguments.line;
+  if (!arguments.line) parse_grid(arguments.grid, grid.rows, grid.columns);
   return lf::make_grid_rig(grid);
 }
 
@@ -239,15 +242,17 @@ int main(int argc, char** argv) {
   cli::App* make = app.add_subcommand("new", "A first rig for cameras that have just been mounted");
   cli::App* shape = make->add_option_group("shape");
   shape->add_option("--grid", arguments.grid, "Rows x columns, row 0 at the top")->type_name("RxC");
-  shape->add_option("--line", arguments.line, "So many cameras in a row, from left to right")
-      ->check(cli::PositiveNumber);
-  shape->add_option("--arc", arguments.arc, "So many on an arc, from left to right, that look at its centre")
-      ->check(cli::PositiveNumber);
-  shape->add_option("--ring", arguments.ring, "So many on a circle that all look forward, clockwise from the top")
-      ->check(cli::PositiveNumber);
+  const std::tuple<const char*, int&, const char*> shapes[] = {
+      {"--line", arguments.line, "So many cameras in a row, from left to right"},
+      {"--arc", arguments.arc, "So many on an arc, from left to right, that look at its centre"},
+      {"--ring", arguments.ring, "So many on a circle that all look forward, clockwise from the top"},
+      {"--inward", arguments.inward, "So many a row around a cylinder, that look at its axis"},
+      {"--outward", arguments.outward, "So many a row around a cylinder, that look away from its axis"}};
+  for (const auto& [name, cameras, help] : shapes) shape->add_option(name, cameras, help)->check(cli::PositiveNumber);
   shape->require_option(1);
+  make->add_option("--rows", arguments.rows, "Of --inward and --outward, --pitch apart")->capture_default_str();
   make->add_option("--pitch", arguments.new_rig.pitch, "Between neighbours, metres");
-  make->add_option("--radius", arguments.radius, "Of the arc or ring, metres");
+  make->add_option("--radius", arguments.radius, "Of the arc, ring or cylinder, metres");
   make->add_option("--fov", arguments.new_rig.fov_y_deg, "Vertical field of view, degrees")->required();
   make->add_option("--width", arguments.new_rig.width, "Pixels")->capture_default_str();
   make->add_option("--height", arguments.new_rig.height, "Pixels")->capture_default_str();

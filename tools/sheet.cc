@@ -6,11 +6,16 @@
 
 #include <opencv2/imgproc.hpp>
 
+#include "image/heat_map.h"
+
 namespace {
 
 constexpr int kPanelWidth = 480, kPanelHeight = 360, kGap = 16, kTitleHeight = 30, kHeadingHeight = 52,
               kFootHeight = 36;
-constexpr int kMostTiles = 16;  // a side of the mosaic
+constexpr int kMostTiles = 16;   // a side of the mosaic
+constexpr double kCapital = 21;  // pixels that a capital of scale 1 is high
+constexpr int kScaleGap = 8, kBarHeight = 12, kLineHeight = 18;
+constexpr double kSmall = 9;
 const cv::Scalar kPaper(24, 26, 30), kInk(235, 235, 235), kQuiet(160, 165, 170);
 
 cv::Mat as_mat(const lf::Image& rgb) {
@@ -42,7 +47,7 @@ std::vector<int> evenly(int n, int most) {
 
 }  // namespace
 
-lf::Image camera_mosaic(const lf::Rig& rig, const lf::CameraImages& images, int width) {
+lf::Image camera_mosaic(const lf::Rig& rig, const lf::CameraImages& images, int width, bool names) {
   const int n = static_cast<int>(rig.cameras.size());
   int columns = static_cast<int>(std::ceil(std::sqrt(n))), rows = (n + columns - 1) / columns;
   if (rig.topology.type == lf::Topology::Type::kGrid) {
@@ -59,10 +64,65 @@ lf::Image camera_mosaic(const lf::Rig& rig, const lf::CameraImages& images, int 
     for (size_t c = 0; c < xs.size(); c++) {
       const int camera = ys[r] * columns + xs[c];
       if (camera >= n) continue;
-      const cv::Rect tile(static_cast<int>(c) * tile_width, static_cast<int>(r) * tile_height, tile_width, tile_height);
+      cv::Rect tile(static_cast<int>(c) * tile_width, static_cast<int>(r) * tile_height, tile_width, tile_height);
+      if (names) tile.width -= tile.width > 1, tile.height -= tile.height > 1;  // a line between them
       place(images(static_cast<lf::CameraIndex>(camera)), out(tile));
+      if (!names) continue;
+      const std::string& name = rig.cameras[static_cast<size_t>(camera)].name;
+      const std::string text = name.empty() ? std::to_string(rig.cameras[static_cast<size_t>(camera)].id) : name;
+      const double size = std::min(10.0, 0.7 * tile_width / text_width(text, 1));
+      write_text(mosaic, text, {tile.x + 0.5 * size, tile.y + tile.height - 0.5 * size}, size);
     }
   return mosaic;
+}
+
+void write_text(lf::Image& on, const std::string& text, lf::Vec2 at, double size, bool centred) {
+  cv::Mat out = as_mat(on);
+  if (centred) at += lf::Vec2(-text_width(text, size) / 2, size / 2);
+  const cv::Point place(static_cast<int>(std::lround(at.x)), static_cast<int>(std::lround(at.y)));
+  const double scale = size / kCapital;
+  cv::putText(out, text, place, cv::FONT_HERSHEY_DUPLEX, scale, kPaper, 3, cv::LINE_AA);
+  write(out, text, place, scale, kInk);
+}
+
+double text_width(const std::string& text, double size) {
+  int baseline = 0;
+  return cv::getTextSize(text, cv::FONT_HERSHEY_DUPLEX, 1, 1, &baseline).width * size / kCapital;
+}
+
+lf::Image with_scale(const lf::Image& picture, const HeatScale& scale) {
+  const int width = picture.width(), left = kScaleGap, right = width - kScaleGap;
+  const int scale_height = 2 * kScaleGap + kBarHeight + kLineHeight * (1 + static_cast<int>(scale.lines.size()));
+  lf::Image whole(lf::PixelFamily::kRgb, width, picture.height() + scale_height);
+  cv::Mat out = as_mat(whole);
+  out.setTo(kPaper);
+  as_mat(picture).copyTo(out(cv::Rect(0, 0, width, picture.height())));
+  const int bar = picture.height() + kScaleGap;
+  for (int x = left; x < right; x++) {
+    const auto [r, g, b] = lf::heat_colour(static_cast<double>(x - left) / std::max(1, right - left - 1));
+    out(cv::Rect(x, bar, 1, kBarHeight)).setTo(cv::Scalar(r, g, b));
+  }
+  // Text shrinks where a picture is too narrow for it.
+  const double room = right - left, squares = scale.none.empty() ? 1 : 3;
+  const double size = std::min(kSmall, (room - 16 * squares) / text_width(scale.low + scale.none + scale.high, 1));
+  int line = bar + kBarHeight + kLineHeight;
+  const auto at = [&](const std::string& text, double x, const cv::Scalar& colour, double high) {
+    write(out, text, {static_cast<int>(x), line}, high / kCapital, colour);
+  };
+  at(scale.low, left, kInk, size);
+  at(scale.high, right - text_width(scale.high, size), kInk, size);
+  if (!scale.none.empty()) {
+    const double x =
+        left +
+        (room + text_width(scale.low, size) - text_width(scale.high, size) - text_width(scale.none, size) + 16) / 2;
+    out(cv::Rect(static_cast<int>(x) - 16, line - 10, 11, 11)).setTo(cv::Scalar::all(lf::kNoHeat));
+    at(scale.none, x, kInk, size);
+  }
+  for (const std::string& text : scale.lines) {
+    line += kLineHeight;
+    at(text, left, kQuiet, std::min(kSmall, room / text_width(text, 1)));
+  }
+  return whole;
 }
 
 lf::Image make_sheet(const std::string& heading, const std::vector<Panel>& panels, int columns,

@@ -21,12 +21,15 @@ constexpr int kRadius = 5;  // of the 11x11 window
 constexpr double kSigma = 1.5;
 constexpr double kC1 = (0.01 * 255) * (0.01 * 255), kC2 = (0.03 * 255) * (0.03 * 255);
 
-void require_alike(const Image& a, const Image& b) {
+void require_alike(const Image& a, const Image& b, const std::vector<float>& coverage = {}) {
   if (a.family() != PixelFamily::kRgb || b.family() != PixelFamily::kRgb)
     throw Error("pictures to compare must both be RGB");
   if (a.width() != b.width() || a.height() != b.height())
     throw Error("pictures to compare differ in size: " + size_text(a.width(), a.height()) + " and " +
                 size_text(b.width(), b.height()));
+  if (!coverage.empty() && coverage.size() != static_cast<size_t>(a.width()) * a.height())
+    throw Error("coverage has " + std::to_string(coverage.size()) + " values for a picture of " +
+                size_text(a.width(), a.height()));
 }
 
 std::vector<double> luma(const Image& rgb) {
@@ -90,11 +93,8 @@ std::vector<double> ssim_map(const Image& picture, const Image& truth) {
 }  // namespace
 
 Quality compare(const Image& picture, const Image& truth, const std::vector<float>& coverage) {
-  require_alike(picture, truth);
+  require_alike(picture, truth, coverage);
   const size_t pixels = static_cast<size_t>(picture.width()) * picture.height();
-  if (!coverage.empty() && coverage.size() != pixels)
-    throw Error("coverage has " + std::to_string(coverage.size()) + " values for a picture of " +
-                size_text(picture.width(), picture.height()));
   const std::vector<double> ssim = ssim_map(picture, truth);
   Quality q;
   size_t counted = 0;
@@ -118,6 +118,21 @@ Quality compare(const Image& picture, const Image& truth, const std::vector<floa
   q.ssim = ssim_sum / static_cast<double>(counted);
   q.coverage = static_cast<double>(counted) / static_cast<double>(pixels);
   return q;
+}
+
+std::vector<float> differences(const Image& picture, const Image& truth, const std::vector<float>& coverage) {
+  require_alike(picture, truth, coverage);
+  std::vector<float> out(static_cast<size_t>(picture.width()) * picture.height(), NAN);
+  for (size_t i = 0; i < out.size(); i++) {
+    if (!coverage.empty() && !(coverage[i] > kCovered)) continue;
+    int squares = 0;
+    for (size_t c = 3 * i; c < 3 * i + 3; c++) {
+      const int difference = picture.data()[c] - truth.data()[c];
+      squares += difference * difference;
+    }
+    out[i] = std::sqrt(static_cast<float>(squares) / 3);
+  }
+  return out;
 }
 
 namespace {

@@ -26,6 +26,10 @@ inline constexpr float kCovered = 0.999f;  // pixels with coverage above this ar
 // is 0.
 Quality compare(const Image& picture, const Image& truth, const std::vector<float>& coverage = {});
 
+// How far each pixel is from its ground truth: the root of the mean square of its channels' differences, 0..255; NaN
+// where it is not counted. Pictures and `coverage` as for compare(), whose PSNR follows from the mean square of these.
+std::vector<float> differences(const Image& picture, const Image& truth, const std::vector<float>& coverage = {});
+
 // A picture, and how far each of its pixels can be relied upon.
 struct CoveredPicture {
   Image rgb;

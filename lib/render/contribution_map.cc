@@ -74,6 +74,35 @@ std::vector<float> view_coverage(const Rig& rig, const ViewPlan& plan, const Own
   return coverage;
 }
 
+std::vector<float> lost_weights(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners) {
+  std::vector<float> lost = view_coverage(rig, plan, owners);
+  const int width = plan.view().width;
+  for (size_t i = 0; i < lost.size(); i++) {
+    const bool owned = owners.at(static_cast<int>(i % width), static_cast<int>(i / width)) != OwnerMap::kNone;
+    lost[i] = owned ? std::max(0.f, 1 - lost[i]) : NAN;
+  }
+  return lost;
+}
+
+std::vector<CameraPlace> camera_places(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners) {
+  std::vector<CameraPlace> places;
+  for (const CameraIndex camera : plan.contributors()) {
+    const Rect rect = plan.camera_rect(camera);
+    const std::vector<float> weights = valid_weights(plan, owners, camera, rig.cameras[camera], rect);
+    CameraPlace place{camera, {0, 0}, 0};
+    const float* weight = weights.data();
+    for (int y = rect.y0; y < rect.y1; y++)
+      for (int x = rect.x0; x < rect.x1; x++, weight++) {
+        place.middle += static_cast<double>(*weight) * Vec2(x, y);
+        place.weight += *weight;
+      }
+    if (!(place.weight > 0)) continue;
+    place.middle /= place.weight;
+    places.push_back(place);
+  }
+  return places;
+}
+
 double mean_coverage(const Rig& rig, const ViewPlan& plan, int rows, const CameraSet& without) {
   const int width = plan.view().width, height = plan.view().height;
   double sum = 0;

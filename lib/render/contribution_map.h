@@ -24,6 +24,18 @@ std::vector<float> valid_weights(const ViewPlan& plan, const OwnerMap& owners, C
 // `owners.region()` contains the rectangles of all contributors; pixels outside them are 0.
 std::vector<float> view_coverage(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners);
 
+// The weight that is lost, 0..1, per pixel of the view; NaN outside the mesh, where nobody has any. `owners` as above.
+std::vector<float> lost_weights(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners);
+
+// Where in a view a camera is at work.
+struct CameraPlace {
+  CameraIndex camera;
+  Vec2 middle;    // the mean of its pixels, each by what the camera gives to it
+  double weight;  // sum of valid_weights(), in pixels; above 0
+};
+// The cameras that give something to the view, ascending. `owners` as above.
+std::vector<CameraPlace> camera_places(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners);
+
 // The mean of view_coverage() over `rows` rows of the view, evenly spaced: exact for `rows` = the view's height.
 // `without`: cameras that give nothing, ascending.
 double mean_coverage(const Rig& rig, const ViewPlan& plan, int rows, const CameraSet& without = {});

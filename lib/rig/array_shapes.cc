@@ -59,4 +59,30 @@ Rig make_ring_rig(const RingRigOptions& options) {
   return rig;
 }
 
+Rig make_cylinder_rig(const CylinderRigOptions& options) {
+  require_length("pitch", options.pitch);
+  require_length("radius", options.radius);
+  if (options.rows < 2) throw Error("rows: around a cylinder at least 2, has " + std::to_string(options.rows));
+  if (options.columns < 3) throw Error("columns: around a cylinder at least 3, has " + std::to_string(options.columns));
+  Rig rig =
+      make_grid_rig({options.rows, options.columns, options.pitch, options.fov_y_deg, options.width, options.height});
+  const double side = options.inward ? -1 : 1;
+  for (size_t i = 0; i < rig.cameras.size(); i++) {
+    const double angle = 2 * std::numbers::pi * static_cast<double>(i % options.columns) / options.columns;
+    Pose& pose = rig.cameras[i].pose;
+    pose.position.x = options.radius * std::sin(angle);
+    pose.position.z = options.radius * (side * std::cos(angle) + (options.inward ? 1 : 0));
+    pose.orientation = Quat(std::cos(angle / 2), 0, side * std::sin(angle / 2), 0);
+  }
+  rig.topology = {.type = Topology::Type::kTriangles};
+  const CameraIndex columns = static_cast<CameraIndex>(options.columns);
+  for (CameraIndex row = 0; row + 1 < static_cast<CameraIndex>(options.rows); row++)
+    for (CameraIndex column = 0; column < columns; column++) {
+      const CameraIndex a = row * columns + column, b = row * columns + (column + 1) % columns;
+      rig.topology.triangles.push_back({a, b, a + columns});
+      rig.topology.triangles.push_back({b, b + columns, a + columns});
+    }
+  return rig;
+}
+
 }  // namespace lf

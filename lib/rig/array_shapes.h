@@ -31,4 +31,20 @@ struct RingRigOptions {
 // Throws Error ("radius: must be positive").
 Rig make_ring_rig(const RingRigOptions& options);
 
+// Rows of cameras around an upright cylinder, evenly, that look at its axis or away from it. Row 0 is the top one, and
+// in each row cameras follow to the right as they see it. The world is that of camera 0's column: it looks along +z,
+// from (0, y, 0) at the axis, which is at (0, radius) in x and z, or from (0, y, radius) away from the one at (0, 0);
+// the rows' middle is at y = 0. The mesh closes around the cylinder, so that every line of sight that passes between
+// two rows has its triangle.
+struct CylinderRigOptions {
+  int rows = 0, columns = 0;  // two and three at least
+  double pitch = 0;           // metres between rows
+  double radius = 0;          // metres
+  bool inward = true;
+  double fov_y_deg = 0;
+  int width = 640, height = 480;  // pixels
+};
+// Throws Error ("radius: must be positive").
+Rig make_cylinder_rig(const CylinderRigOptions& options);
+
 }  // namespace lf

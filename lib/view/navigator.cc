@@ -97,6 +97,21 @@ Viewpoint default_viewpoint(const Rig& rig, double focus_distance) {
   return clamped(v);
 }
 
+Viewpoint viewpoint_behind(const Rig& rig, double aspect, double focus_distance) {
+  constexpr double kBorder = 0.8;  // of half the view's width and height that cameras are inside of
+  Viewpoint v = default_viewpoint(rig, focus_distance);
+  const double half_y = kBorder * std::tan(v.fov_y_deg * (M_PI / 360)), half_x = half_y * aspect;
+  double back = 0;
+  for (const Camera& camera : rig.cameras) {
+    const Vec3 at = v.pose.camera_from_world(camera.pose.position);
+    if (glm::dot(camera.pose.forward(), v.pose.forward()) <= 0) continue;
+    back = std::max(back, std::max(std::abs(at.x) / half_x, std::abs(at.y) / half_y) - at.z);
+  }
+  v.pose.position -= back * v.pose.forward();
+  v.focus_distance += back;
+  return clamped(v);
+}
+
 // The orientation turned so that it looks along `forward`; the horizon stays as it was. As it is where there is none.
 Quat Navigator::turned_to(const Quat& orientation, const Vec3& forward) const {
   const Vec3 before = glm::mat3_cast(orientation)[2], down = home_.pose.down();

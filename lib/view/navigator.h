@@ -39,6 +39,11 @@ inline constexpr double kFocusPerExtent = 4;
 Viewpoint default_viewpoint(const Rig& rig, double focus_distance = 0);
 // An array is a window: from default_viewpoint() a drag over the height of the view moves the eye by its diameter.
 inline constexpr double kOrbitPerHeight = 1 / kFocusPerExtent;
+
+// From behind the array, along the mean of its axes: all cameras that look that way are inside of the view, with a
+// tenth of its height and width around them, and what was in focus at `focus_distance` from the array still is. Other
+// than that, default_viewpoint(). `aspect`: the view's width over its height.
+Viewpoint viewpoint_behind(const Rig& rig, double aspect, double focus_distance = 0);
 // The camera nearest to the mean of the centres; ties go to the lowest index.
 CameraIndex middle_camera(const Rig& rig);
 

@@ -48,6 +48,18 @@ double facing_distance(const View& view) {
   return faces && distance > 0 ? distance : 0;
 }
 
+std::string numbered(size_t i) {
+  char name[32];
+  std::snprintf(name, sizeof name, "view_%06zu", i);
+  return name;
+}
+
+void require_range(const FocusRange& focus) {
+  if (!(focus.near > 0 && focus.near <= focus.far && std::isfinite(focus.far)))
+    throw Error("focus: must be 0 < near <= far, is " + std::to_string(focus.near) + " and " +
+                std::to_string(focus.far));
+}
+
 }  // namespace
 
 ViewPath::ViewPath(std::vector<NamedView> keys) : keys_(std::move(keys)) {
@@ -104,11 +116,23 @@ std::vector<NamedView> ViewPath::sample(double rate_hz) const {
   const size_t count = static_cast<size_t>(std::floor((end() - begin()) * rate_hz + 1e-3)) + 1;
   std::vector<NamedView> views(count);
   for (size_t i = 0; i < count; i++) {
-    char name[32];
-    std::snprintf(name, sizeof name, "view_%06zu", i);
-    views[i].name = name;
+    views[i].name = numbered(i);
     views[i].time = begin() + static_cast<double>(i) / rate_hz;
     views[i].view = at(views[i].time);
+  }
+  return views;
+}
+
+std::vector<NamedView> make_focus_sweep(const View& view, const FocusRange& range, int planes) {
+  require_range(range);
+  if (planes < 1) throw Error("planes: must be at least 1");
+  std::vector<NamedView> views;
+  for (int i = 0; i < planes; i++) {
+    const double share = planes > 1 ? static_cast<double>(i) / (planes - 1) : 0;
+    NamedView named{numbered(static_cast<size_t>(i)), 0, view};
+    const double inverse = (1 - share) / range.near + share / range.far;
+    named.view.focus = {focal_plane_at(view.pose, 1 / inverse), nullptr};
+    views.push_back(named);
   }
   return views;
 }
@@ -130,9 +154,7 @@ constexpr int kNumKeys = std::size(kKeys);
 }  // namespace
 
 std::vector<NamedView> make_tour(const Rig& rig, const FocusRange& focus, const TourOptions& options) {
-  if (!(focus.near > 0 && focus.near <= focus.far && std::isfinite(focus.far)))
-    throw Error("focus: must be 0 < near <= far, is " + std::to_string(focus.near) + " and " +
-                std::to_string(focus.far));
+  require_range(focus);
   if (options.frames < 1) throw Error("frames: must be at least 1");
   if (!(options.rate_hz > 0)) throw Error("rate: must be positive");
 

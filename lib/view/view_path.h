@@ -44,6 +44,12 @@ struct TourOptions {
   bool still = false;         // all views at time 0, for a scene that stands still
 };
 
+// The view focused on one plane after the other, from the nearest to the farthest: `planes` of them that face it, even
+// in inverse distance, so that what is out of focus moves by the same from each to the next. Distances are from the
+// eye. Views are named "view_000000", ... All are at time 0. Throws Error for a range that is none and less than one
+// plane; one plane is the nearest.
+std::vector<NamedView> make_focus_sweep(const View& view, const FocusRange& range, int planes);
+
 // A smooth closed path that shows what an array can do: from its middle to both sides, forward and back, as far as the
 // array still covers the whole view, while the focus moves from near to far and back. It begins at the middle with the
 // near focus and reaches the far one half-way. Views look along the mean of the cameras' axes and are a little narrower

@@ -190,7 +190,7 @@ def check_names(words, known, with_option):
 
 
 # Quick, and all that they need is here.
-RUN = {"lf-rig", "lf-path"}
+RUN = {"lf-rig", "lf-path", "lf-show"}
 
 
 def check(words, is_mention):

@@ -68,6 +68,18 @@ TEST(LfRig, NewMakesARigThatInfoDescribes) {
   for (const std::string& text : texts) EXPECT_THAT(info.output, HasSubstr(text));
 }
 
+TEST(LfRig, NewMakesCylinders) {
+  const TempDir dir;
+  EXPECT_SUCCESS(lf_rig("new --inward 12 --radius 2 --pitch 0.3 --fov 60 --out in.json", dir.path()));
+  EXPECT_SUCCESS(lf_rig("new --outward 6 --rows 3 --radius 0.2 --pitch 0.3 --fov 60 --out out.json", dir.path()));
+  EXPECT_EQ(load_rig(dir / "in.json").cameras.size(), 24u);
+  EXPECT_EQ(load_rig(dir / "out.json").cameras.size(), 18u);
+  EXPECT_SUCCESS(lf_rig("check in.json", dir.path()));
+  EXPECT_FAILURE(lf_rig("new --inward 12 --pitch 0.3 --fov 60 --out no.json", dir.path()), "radius: must be positive");
+  EXPECT_FAILURE(lf_rig("new --grid 2x2 --radius 1 --pitch 1 --fov 60 --out no.json", dir.path()),
+                 "--radius: of --arc");
+}
+
 TEST(LfRig, NewRefusesNonsense) {
   const TempDir dir;
   const std::string rest = " --out rig.json";

@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "scene/scene.h"
+#include "support/expect_error.h"
 
 namespace lf {
 namespace {
@@ -183,6 +184,32 @@ TEST(Prediction, NothingIsToldOfNothing) {
   EXPECT_TRUE(std::isnan(compare_prediction(flat, flat, {}).gain));
   EXPECT_TRUE(std::isnan(compare_prediction(picture(), picture(), std::vector<float>(80 * 60)).psnr_db));
   EXPECT_THROW(compare_prediction(picture(), Image(PixelFamily::kRgb, 8, 8), {}), Error);
+}
+
+TEST(Differences, AreWhatThePsnrIsOf) {
+  Image a(PixelFamily::kRgb, 7, 5), b(PixelFamily::kRgb, 7, 5);
+  for (size_t i = 0; i < a.data().size(); i++) {
+    a.data()[i] = static_cast<uint8_t>(37 * i % 251);
+    b.data()[i] = static_cast<uint8_t>(101 * i % 241);
+  }
+  std::vector<float> coverage(35, 1);
+  coverage[3] = 0.5f;
+  const std::vector<float> off = differences(a, b, coverage);
+  ASSERT_EQ(off.size(), 35u);
+  double squares = 0;
+  for (size_t i = 0; i < 35; i++) {
+    if (i == 3) {
+      EXPECT_TRUE(std::isnan(off[i])) << "not counted";
+      continue;
+    }
+    double sum = 0;
+    for (size_t c = 0; c < 3; c++) sum += std::pow(double{a.data()[3 * i + c] * 1.0} - b.data()[3 * i + c], 2);
+    EXPECT_NEAR(off[i], std::sqrt(sum / 3), 1e-4);
+    squares += off[i] * off[i];
+  }
+  EXPECT_NEAR(compare(a, b, coverage).psnr_db, 10 * std::log10(255 * 255 * 34 / squares), 1e-4);
+  EXPECT_ERROR(differences(a, Image(PixelFamily::kRgb, 5, 7)), "differ in size");
+  EXPECT_ERROR(differences(a, b, {1, 1}), "coverage has 2 values");
 }
 
 }  // namespace

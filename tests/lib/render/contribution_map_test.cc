@@ -241,6 +241,48 @@ TEST(VisibleShare, HomeOfARingIsTheDefault) {
   EXPECT_EQ(VisibleShare(ring).home(kAspect, 3).focus_distance, 3);
 }
 
+TEST(LostWeights, AreWhatIsMissingOfTheCoverage) {
+  Rig rig = grid(3, 3);
+  rig.cameras[4].pose.orientation = Quat(0, 0, 1, 0);  // looks back: what it is to give is lost
+  const View view = from_behind(rig, 0.3);
+  const ViewPlan plan(rig, build_mesh(rig), view);
+  const OwnerMap owners(plan, {0, 0, 64, 64});
+  const std::vector<float> lost = lost_weights(rig, plan, owners), seen = view_coverage(rig, plan, owners);
+  int outside = 0, some = 0;
+  for (int y = 0; y < 64; y++)
+    for (int x = 0; x < 64; x++) {
+      const size_t i = static_cast<size_t>(y) * 64 + x;
+      if (owners.at(x, y) == OwnerMap::kNone) {
+        EXPECT_TRUE(std::isnan(lost[i]));
+        outside++;
+      } else {
+        EXPECT_NEAR(lost[i] + seen[i], 1, 1e-6);
+        some += lost[i] > 0.5f;
+      }
+    }
+  EXPECT_GT(outside, 100);
+  EXPECT_GT(some, 100);
+}
+
+TEST(CameraPlaces, AreWhereCamerasAreSeenFromBehind) {
+  const Rig rig = grid(3, 3);
+  const View view = from_behind(rig, 0.5);
+  const ViewPlan plan(rig, build_mesh(rig), view);
+  const OwnerMap owners(plan, {0, 0, 64, 64});
+  const std::vector<CameraPlace> places = camera_places(rig, plan, owners);
+  ASSERT_EQ(places.size(), 9u);
+  double sum = 0;
+  for (const CameraPlace& place : places) sum += place.weight;
+  double coverage = 0;
+  for (const float c : view_coverage(rig, plan, owners)) coverage += c;
+  EXPECT_NEAR(sum, coverage, 1e-2);
+  // The middle one's hat is symmetric about it.
+  const Vec2 middle = *view.lens.project(view.pose.camera_from_world(rig.cameras[4].pose.position));
+  EXPECT_NEAR(glm::length(places[4].middle - middle), 0, 0.2);
+  EXPECT_LT(places[3].middle.x, places[4].middle.x);
+  EXPECT_LT(places[1].middle.y, places[4].middle.y);
+}
+
 }  // namespace
 
 }  // namespace lf

@@ -56,5 +56,50 @@ TEST(RingRig, IsACircleThatLooksForward) {
   EXPECT_ERROR(make_ring_rig({.cameras = 5, .radius = 0, .fov_y_deg = 60}), "radius: must be positive");
 }
 
+TEST(CylinderRig, StandsAroundItsAxisAndClosesItsMesh) {
+  for (const bool inward : {true, false}) {
+    const Rig rig =
+        make_cylinder_rig({.rows = 3, .columns = 10, .pitch = 0.2, .radius = 1.5, .inward = inward, .fov_y_deg = 50});
+    ASSERT_EQ(rig.cameras.size(), 30u);
+    const Vec3 middle(0, 0, inward ? 1.5 : 0);
+    for (size_t i = 0; i < 30; i++) {
+      const Pose& pose = rig.cameras[i].pose;
+      const Vec3 from_axis = pose.position - Vec3(middle.x, pose.position.y, middle.z);
+      EXPECT_NEAR(glm::length(from_axis), 1.5, 1e-12);
+      EXPECT_NEAR(pose.position.y, 0.2 * (static_cast<double>(i / 10) - 1), 1e-12);
+      EXPECT_NEAR(glm::length(pose.forward() - (inward ? -1.0 : 1.0) * from_axis / 1.5), 0, 1e-12);
+      EXPECT_NEAR(glm::length(pose.down() - Vec3(0, 1, 0)), 0, 1e-12) << "upright";
+      const Pose& next = rig.cameras[i / 10 * 10 + (i + 1) % 10].pose;
+      EXPECT_GT(pose.camera_from_world(next.position).x, 0) << "to the right";
+    }
+    EXPECT_NEAR(glm::length(rig.cameras[10].pose.forward() - Vec3(0, 0, 1)), 0, 1e-12);
+    EXPECT_EQ(rig.cameras[23].name, "cam_02_03");
+    const Mesh mesh = build_mesh(rig);
+    EXPECT_EQ(mesh.faces.size(), 40u);
+    std::vector<int> faces(30);
+    for (const MeshFace& face : mesh.faces)
+      for (const CameraIndex camera : face.camera) faces[camera]++;
+    for (size_t i = 0; i < 30; i++) EXPECT_EQ(faces[i], i / 10 == 1 ? 6 : 3) << "the same all around";
+    EXPECT_EQ(parse_rig(rig_to_json(rig), "cylinder").hash(), rig.hash());
+  }
+}
+
+TEST(CylinderRig, RefusesNonsense) {
+  const CylinderRigOptions good{.rows = 2, .columns = 3, .pitch = 0.1, .radius = 1, .fov_y_deg = 50};
+  EXPECT_EQ(make_cylinder_rig(good).cameras.size(), 6u);
+  CylinderRigOptions options = good;
+  options.rows = 1;
+  EXPECT_ERROR(make_cylinder_rig(options), "rows: around a cylinder at least 2");
+  options = good;
+  options.columns = 2;
+  EXPECT_ERROR(make_cylinder_rig(options), "columns: around a cylinder at least 3");
+  options = good;
+  options.radius = 0;
+  EXPECT_ERROR(make_cylinder_rig(options), "radius: must be positive");
+  options = good;
+  options.pitch = -1;
+  EXPECT_ERROR(make_cylinder_rig(options), "pitch: must be positive");
+}
+
 }  // namespace
 }  // namespace lf

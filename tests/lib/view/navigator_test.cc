@@ -300,5 +300,23 @@ TEST(DefaultViewpoint, OneCameraAndCamerasThatLookEverywhere) {
   validate(make_view(inside, 320, 240));
 }
 
+TEST(ViewpointBehind, SeesAllCameras) {
+  Rig rig = make_grid_rig({.rows = 3, .columns = 7, .pitch = 0.1, .fov_y_deg = 40, .width = 320, .height = 240});
+  for (Camera& camera : rig.cameras) camera.pose.position += Vec3(5, -2, 0.05 * camera.pose.position.x);
+  for (const double aspect : {0.5, 4.0 / 3, 3.0}) {
+    const Viewpoint front = default_viewpoint(rig, 2), behind = viewpoint_behind(rig, aspect, 2);
+    const View view = make_view(behind, static_cast<int>(400 * aspect), 400);
+    double farthest = 0;
+    for (const Camera& camera : rig.cameras) {
+      const Vec3 at = view.pose.camera_from_world(camera.pose.position);
+      ASSERT_GT(at.z, 0);
+      const Vec2 pixel = *view.lens.project(at);
+      farthest = std::max({farthest, std::abs(pixel.x / (view.width - 1) - 0.5), std::abs(pixel.y / 399 - 0.5)});
+    }
+    EXPECT_NEAR(farthest, 0.4, 0.01) << "a tenth of the view is left around them";
+    EXPECT_NEAR(glm::length(pivot_of(front) - pivot_of(behind)), 0, 1e-9) << "what is in focus stays there";
+  }
+}
+
 }  // namespace
 }  // namespace lf

@@ -207,6 +207,24 @@ TEST(Tour, RefusesImpossibleOptions) {
   EXPECT_ERROR(make_tour(grid(2, 2), {1, 2}, {.rate_hz = 0}), "rate: must be positive");
 }
 
+TEST(FocusSweep, GoesFromNearToFarEvenInInverseDistance) {
+  const View view = key(0, {1, 2, 3}, {20, 5, 0}, 7).view;
+  const std::vector<NamedView> views = make_focus_sweep(view, {1.5, 6}, 4);
+  ASSERT_EQ(views.size(), 4u);
+  for (int i = 0; i < 4; i++) {
+    const double distance = 1 / ((3 - i) / 3.0 / 1.5 + i / 3.0 / 6);
+    const Vec3 on_axis = view.pose.position + distance * view.pose.forward();
+    EXPECT_NEAR(views[i].view.focus.plane.signed_distance(on_axis), 0, 1e-12) << i;
+    EXPECT_NEAR(std::abs(glm::dot(views[i].view.focus.plane.normal, view.pose.forward())), 1, 1e-12);
+    EXPECT_EQ(views[i].view.pose, view.pose);
+  }
+  EXPECT_EQ(views[3].name, "view_000003");
+  EXPECT_EQ(make_focus_sweep(view, {2, 2}, 1).size(), 1u);
+  EXPECT_ERROR(make_focus_sweep(view, {2, 1}, 3), "0 < near <= far");
+  EXPECT_ERROR(make_focus_sweep(view, {0, 1}, 3), "0 < near <= far");
+  EXPECT_ERROR(make_focus_sweep(view, {1, 2}, 0), "planes: must be at least 1");
+}
+
 }  // namespace
 
 }  // namespace lf

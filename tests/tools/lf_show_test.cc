@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-show as a program: each of its pictures, of a small array before the built-in scene, and errors.
+#include <algorithm>
+#include <filesystem>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "image/heat_map.h"
+#include "image/image.h"
+#include "rig/rig_json.h"
+#include "scene/scene.h"
+#include "support/run_program.h"
+#include "support/temp_dir.h"
+#include "view/views_json.h"
+
+namespace lf {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class LfShow : public testing::Test {
+ protected:
+  void SetUp() override {
+    rig_ = scene_rig(4, 4, 96, 72);
+    for (Camera& camera : rig_.cameras) {
+      camera.image = camera.name + ".png";
+      save_image(render_scene({camera.width, camera.height, camera.lens, camera.pose}, 0, 1), path(camera.image));
+    }
+    save_rig(rig_, path("rig.json"));
+  }
+  std::string path(const std::string& name) const { return folder_ / name; }
+  Outcome run(const std::string& arguments) const { return run_program("lf-show", arguments, folder_.path()); }
+  // The picture that the command writes to out.png.
+  Image picture(const std::string& arguments) const {
+    const Outcome outcome = run(arguments + " --rig rig.json --out out.png");
+    EXPECT_EQ(outcome.status, 0) << outcome.output;
+    return load_image(path("out.png"));
+  }
+  void expect_failure(const std::string& arguments, const std::string& text) const {
+    const Outcome outcome = run(arguments);
+    EXPECT_EQ(outcome.status, 1) << arguments;
+    EXPECT_EQ(std::count(outcome.output.begin(), outcome.output.end(), '\n'), 1) << outcome.output;
+    EXPECT_THAT(outcome.output, HasSubstr(text));
+  }
+  static int light(const Image& image, int x, int y) {
+    return image.pixel(x, y)[0] + image.pixel(x, y)[1] + image.pixel(x, y)[2];
+  }
+  // Pixels of a part that are as bright as that.
+  static int count(const Image& image, const Rect& part, int least) {
+    int n = 0;
+    for (int y = part.y0; y < part.y1; y++)
+      for (int x = part.x0; x < part.x1; x++) n += light(image, x, y) >= least;
+    return n;
+  }
+
+  TempDir folder_;
+  Rig rig_;
+};
+
+TEST_F(LfShow, MosaicHasWhatEachCameraSawAndItsName) {
+  rig_.cameras[5].image.clear();
+  save_rig(rig_, path("rig.json"));
+  const Image mosaic = picture("mosaic --width 400");
+  ASSERT_EQ(mosaic.width(), 400);
+  ASSERT_EQ(mosaic.height(), 300);
+  EXPECT_GT(count(mosaic, {0, 0, 100, 60}, 150), 3000);
+  EXPECT_EQ(count(mosaic, {100, 75, 200, 135}, 150), 0) << "one that gave nothing";
+  EXPECT_GT(count(mosaic, {100, 135, 200, 150}, 600), 50) << "its name";
+}
+
+TEST_F(LfShow, ContributionsFromTheEyeAndFromBehind) {
+  const Image eye = picture("contributions --focus plane");
+  EXPECT_GT(count(eye, {4, 4, 92, 68}, 60), 80 * 60) << "cameras make all of the home view";
+  const Image behind = picture("contributions --behind --size 200x150 --ids");
+  ASSERT_EQ(behind.width(), 200);
+  EXPECT_EQ(count(behind, {0, 0, 200, 14}, 1), 0) << "a tenth of the view is left around the array";
+  EXPECT_GT(count(behind, {40, 20, 160, 130}, 60), 4000);
+  expect_failure("contributions --rig rig.json --behind --views v.json --out o.png", "--behind: ");
+}
+
+TEST_F(LfShow, CoverageTellsLostWeightFromNoCamera) {
+  const Image all = picture("coverage --focus plane");
+  EXPECT_EQ(all.width(), 96);
+  EXPECT_GT(all.height(), 72) << "a scale below";
+  EXPECT_NEAR(all.pixel(48, 36)[0], all.pixel(48, 36)[1], 6) << "nothing is lost: dim and grey";
+  // A wide view: of its outer parts the cameras see nothing. Moved aside and back: part of it has no cameras.
+  const Image wide = picture("coverage --focus plane --fov 90");
+  EXPECT_EQ(wide.pixel(2, 2)[2], heat_colour(1)[2]);
+  const Image beside = picture("coverage --focus plane --move 0.05,0,-0.3");
+  EXPECT_EQ(light(beside, 94, 36), 3 * kNoHeat);
+}
+
+TEST_F(LfShow, EpipolarPlaneImageOfARowAndAColumn) {
+  const Image row = picture("epi --row 1 --focus-distance 2.2 --stripe 4");
+  EXPECT_EQ(row.width(), 96);
+  EXPECT_EQ(row.height(), 16);
+  for (int x = 0; x < 96; x++) EXPECT_EQ(light(row, x, 0), light(row, x, 3)) << "a camera's stripe";
+  const Image column = picture("epi --column 0 --width 50");
+  EXPECT_EQ(column.width(), 50);
+  EXPECT_EQ(column.height(), 64);
+  expect_failure("epi --rig rig.json --out o.png", "--row or --column");
+  expect_failure("epi --rig rig.json --out o.png --row 4", "row 4: must be 0 to 3");
+}
+
+TEST_F(LfShow, SweepIsSharpOnOnePlaneAfterTheOther) {
+  ASSERT_EQ(run("sweep --rig rig.json --near 1 --far 5 --planes 3 --out s_%02d.png").status, 0);
+  EXPECT_TRUE(fs::exists(path("s_00.png")) && fs::exists(path("s_01.png")) && fs::exists(path("s_02.png")));
+  EXPECT_NE(load_image(path("s_00.png")).data(), load_image(path("s_02.png")).data());
+  const Outcome film = run("sweep --rig rig.json --planes 4 --out s.mkv");
+  ASSERT_EQ(film.status, 0) << film.output;
+  EXPECT_THAT(film.output, HasSubstr("4 planes from "));
+  EXPECT_GT(fs::file_size(path("s.mkv")), 2000u);
+  expect_failure("sweep --rig rig.json --out s.png", "must be numbered pictures");
+  expect_failure("sweep --rig rig.json --out s.avi", "--out s.avi: must be NAME.png");
+  expect_failure("sweep --rig rig.json --out s_%s.png", "--out s_%s.png: must be NAME.png");
+}
+
+TEST_F(LfShow, DifferenceFromWhatItShouldLookLike) {
+  const Outcome scene = run("difference --rig rig.json --scene --out scene.png");
+  ASSERT_EQ(scene.status, 0) << scene.output;
+  EXPECT_THAT(scene.output, HasSubstr("PSNR 2"));
+  const Outcome out = run("difference --rig rig.json --left-out 5 --out left.png");
+  ASSERT_EQ(out.status, 0) << out.output;
+  EXPECT_THAT(out.output, HasSubstr("PSNR "));
+  // At a camera, what it saw: no difference.
+  const Camera& camera = rig_.cameras[6];
+  save_views({{"at", 0, {96, 72, camera.lens, camera.pose, {focal_plane_at(camera.pose, 2)}}}}, path("v.json"));
+  const Outcome same =
+      run("difference --rig rig.json --views v.json --focus plane --truth " + camera.image + " --out same.png");
+  ASSERT_EQ(same.status, 0) << same.output;
+  EXPECT_THAT(same.output, HasSubstr("SSIM 1.0000"));
+  EXPECT_EQ(count(load_image(path("same.png")), {0, 0, 96, 72}, 20), 0);
+  expect_failure("difference --rig rig.json --out o.png", "give one of --truth, --scene and --left-out");
+  expect_failure("difference --rig rig.json --out o.png --left-out 99", "99");
+  expect_failure("difference --rig rig.json --out o.png --size 40x30 --truth " + camera.image,
+                 "must have the view's size");
+}
+
+TEST_F(LfShow, AFilmOfEveryViewOfAPath) {
+  std::vector<NamedView> views;
+  for (int i = 0; i < 3; i++) {
+    View view{48, 36, Lens::from_fov_y(30, 48, 36), {}, {}};
+    view.pose.position.x = 0.02 * i;
+    view.focus.plane = focal_plane_at(view.pose, 2);
+    views.push_back({"v" + std::to_string(i), 0, view});
+  }
+  save_views(views, path("v.json"));
+  ASSERT_EQ(run("contributions --rig rig.json --views v.json --focus plane --out c_%d.png").status, 0);
+  EXPECT_TRUE(fs::exists(path("c_2.png")));
+  EXPECT_EQ(run("coverage --rig rig.json --views v.json --focus plane --out c.mkv").status, 0);
+  EXPECT_TRUE(fs::exists(path("c.mkv")));
+}
+
+TEST_F(LfShow, ErrorsNameTheOptionOrTheFile) {
+  expect_failure("mosaic --rig nowhere.json --out o.png", "nowhere.json");
+  expect_failure("coverage --rig rig.json --size 0x3 --out o.png", "--size 0x3: must be WIDTHxHEIGHT");
+  expect_failure("coverage --rig rig.json --move 1,2 --out o.png", "--move: must be three numbers");
+  for (Camera& camera : rig_.cameras) camera.image.clear();
+  save_rig(rig_, path("bare.json"));
+  expect_failure("mosaic --rig bare.json --out o.png", "lf-rig snapshot takes one");
+  for (const char* command : {"mosaic", "contributions", "coverage", "epi", "sweep", "difference"})
+    EXPECT_EQ(run(std::string(command) + " --help").status, 0) << command;
+}
+
+}  // namespace
+}  // namespace lf
