@@ -35,8 +35,9 @@ Counted count(const Rig& rig, const Viewpoint& viewpoint) {
       double sum = 0;
       for (const auto& own : own_weights) {
         const double weight = own.weight[static_cast<size_t>(y) * kWidth + x];
-        if (expected.at(x, y).owner_margin > 1e-9)
+        if (expected.at(x, y).owner_margin > 1e-9) {
           EXPECT_NEAR(weight, expected.weight_of(x, y, own.camera), 1e-6) << x << ", " << y;
+        }
         sum += weight;
       }
       counted.pixels++;
