@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "base/rect.h"
 #include "image/heat_map.h"
 #include "image/image.h"
 #include "rig/rig_json.h"

@@ -63,7 +63,6 @@ TEST(EpipolarImage, LeansByTheDepth) {
     const double step = f * 0.02 * (1 / kFocus - 1 / depth);
     const double moved = phase(epi, 35, 25) - phase(epi, 25, 25);  // cameras 3 and 2
     EXPECT_NEAR(std::remainder(moved - step, 25), 0, 0.05) << depth;
-    EXPECT_NEAR(step, depth == kFocus ? 0 : step, 1e-12);
   }
 }
 
