@@ -15,8 +15,9 @@
  *
  * With `record` what the cameras give is on disk when the node stops, the views to be chosen later: the folder has a
  * Matroska file for each of them and a rig.json, which this element plays as any other, with the same capture times.
- * JPEG stays as it is; other video is encoded as JPEG of quality 95. A disk that is too slow, or full, costs frames of
- * the recording (`stats`), and neither cameras nor viewers. After a crash the files can be played up to then.
+ * JPEG, H.264, H.265, VP8, VP9 and AV1 stay as they come; raw video is encoded as JPEG of quality 95. A disk that is
+ * too slow, or full, costs frames of the recording (`stats`), and neither cameras nor viewers. After a crash the files
+ * can be played up to then.
  *
  * ## Example launch lines
  * |[

@@ -32,7 +32,7 @@ void lf_camera_node_note_found(LfCameraNode* self);
 // Whether that error has been posted since it was forgotten.
 bool lf_camera_node_has_failed(LfCameraNode* self);
 void lf_camera_node_forget_failure(LfCameraNode* self);
-// A camera that has just been made: what leaves it is recorded while there is a recording.
+// A camera that has just been made: what it gives is recorded while there is a recording.
 void lf_camera_node_tap(LfCameraNode* self, GstElement* camera, guint id);
 // From now on, between two starts, its cameras are recorded, if its property says so. False, after posting the reason,
 // where they can't be.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 #include "camsrc/camera_stream.h"
 
+#include <gst/video/gstvideodecoder.h>
 #include <gst/video/video.h>
 
 #include <algorithm>
@@ -44,6 +45,12 @@ GstPadProbeReturn call(GstPad* pad, GstPadProbeInfo* info, gpointer data) {
   return guarded(pad, GST_PAD_PROBE_DROP, [&] { return ((*stream).*method)(pad, info); });
 }
 
+// `callback`: one of call<>.
+void add_probe(GstPad* pad, int type, GstPadProbeCallback callback, const std::weak_ptr<CameraStream>& stream) {
+  gst_pad_add_probe(pad, GstPadProbeType(type), callback, new std::weak_ptr(stream),
+                    [](gpointer data) { delete static_cast<std::weak_ptr<CameraStream>*>(data); });
+}
+
 }  // namespace
 
 CameraStream::CameraStream(GstElement* owner, const CameraChain& chain, const StreamOptions& options,
@@ -64,13 +71,21 @@ CameraStream::CameraStream(GstElement* owner, const CameraChain& chain, const St
 
 CameraStream::~CameraStream() {
   for (GstPad* pad : {chain_.decoded, chain_.frames, chain_.out}) gst_object_unref(pad);
+  gst_clear_object(&coded_pad_);
+}
+
+void CameraStream::watch_decoder(GstElement* element) {
+  if (!GST_IS_VIDEO_DECODER(element)) return;
+  GstPad* sink = gst_element_get_static_pad(element, "sink");
+  if (!sink) return;
+  add_probe(sink, GST_PAD_PROBE_TYPE_BUFFER, call<&CameraStream::on_coded>, weak_from_this());
+  gst_object_unref(sink);
 }
 
 void CameraStream::watch() {
   constexpr auto kData = GST_PAD_PROBE_TYPE_BUFFER | GST_PAD_PROBE_TYPE_EVENT_DOWNSTREAM;
   const auto probe = [this](GstPad* pad, int type, GstPadProbeCallback callback) {
-    gst_pad_add_probe(pad, GstPadProbeType(type), callback, new std::weak_ptr<CameraStream>(weak_from_this()),
-                      [](gpointer data) { delete static_cast<std::weak_ptr<CameraStream>*>(data); });
+    add_probe(pad, type, callback, weak_from_this());
   };
   probe(chain_.decoded, kData | GST_PAD_PROBE_TYPE_EVENT_FLUSH, call<&CameraStream::on_decoded>);
   if (chain_.sequence) {
@@ -233,18 +248,34 @@ GstClockTime CameraStream::clock_time(GstClockTime stamp) const {
                                    GST_CLOCK_DIFF(*taken, now));
 }
 
-// From running time to the true capture time. Only here: while a live frame waits for PLAYING there is no base time.
+// The true one, of a frame that was taken at a running time, or where in a film. While a live frame waits for PLAYING
+// there is no base time.
+GstClockTime CameraStream::capture_time(GstClockTime taken) const {
+  if (live_) taken = clock_time(taken);
+  const auto offset = static_cast<GstClockTimeDiff>(options_.time_offset * GST_SECOND);
+  const bool before_zero = offset < 0 && taken < static_cast<GstClockTime>(-offset);
+  return before_zero ? 0 : taken + offset;
+}
+
+// Only where a frame is sent.
 GstBuffer* CameraStream::complete_capture_time(GstBuffer* buffer) const {
   buffer = gst_buffer_make_writable(buffer);
   GstCaps* reference = capture_time_reference();
   GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(buffer, reference);
   gst_caps_unref(reference);
   if (!meta) return buffer;  // a frame without a stamp
-  if (live_) meta->timestamp = clock_time(meta->timestamp);
-  const auto offset = static_cast<GstClockTimeDiff>(options_.time_offset * GST_SECOND);
-  const bool before_zero = offset < 0 && meta->timestamp < static_cast<GstClockTime>(-offset);
-  meta->timestamp = before_zero ? 0 : meta->timestamp + offset;
+  meta->timestamp = capture_time(meta->timestamp);
   return buffer;
+}
+
+// What is sent of a camera whose coded pictures are not kept.
+void CameraStream::keep_frame(GstPad* pad, GstBuffer* frame) const {
+  if (coded_pad_) return;
+  GstCaps* reference = capture_time_reference();
+  const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(frame, reference);
+  gst_caps_unref(reference);
+  g_autoptr(GstCaps) caps = meta ? gst_pad_get_current_caps(pad) : nullptr;
+  if (caps) listener_.on_keepsake(frame, caps, meta->timestamp);
 }
 
 void CameraStream::announce(GstPad* pad) {
@@ -286,8 +317,8 @@ GstPadProbeReturn CameraStream::on_output_end(GstPad* pad) {
 }
 
 // A film that is opened again stays in step with the others: it runs through what they have shown since.
-// Viewers would wait for late frames, as capture delays follow how late the latest frames come. A stream that is late by
-// less than a second, and not on time another second later, is on a machine that can't do better.
+// Viewers would wait for late frames, as capture delays follow how late the latest frames come. A stream that is late
+// by less than a second, and not on time another second later, is on a machine that can't do better.
 bool CameraStream::is_too_late(GstBuffer* buffer) {
   constexpr GstClockTime kLate = GST_SECOND / 20, kPatience = GST_SECOND;
   if (!options_.catches_up || is_on_time_) return false;
@@ -316,7 +347,11 @@ GstPadProbeReturn CameraStream::on_output(GstPad* pad, GstPadProbeInfo* info) {
   if (is_too_late(GST_PAD_PROBE_INFO_BUFFER(info))) return GST_PAD_PROBE_DROP;
   info->data = complete_capture_time(static_cast<GstBuffer*>(info->data));
   announce(pad);
-  if (frames_out_++ == 0) listener_.on_first_frame();
+  if (frames_out_++ == 0) {
+    listener_.on_first_frame();
+    keep_waiting();
+  }
+  keep_frame(pad, GST_PAD_PROBE_INFO_BUFFER(info));
   return GST_PAD_PROBE_OK;
 }
 

@@ -8,10 +8,12 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "camsrc/camera_chain.h"
 #include "camsrc/camera_shedder.h"
+#include "camsrc/coded_pictures.h"
 #include "rig/rig.h"
 
 namespace lf {
@@ -44,6 +46,10 @@ struct StreamListener {
   std::function<void(GstClockTimeDiff late)> on_overload;
   // A film that loops ended after `lasted`, and `missing` before the end that it says to have. Called once at most.
   std::function<void(GstClockTime lasted, GstClockTime missing)> on_cut_off;
+  // Something to be kept of the camera, which stays the stream's, with its true capture time: a coded picture, which
+  // may need the ones before it, as it comes to the decoder, whether that has the time for it or not; else, where no
+  // file could take it so, a frame as it is sent.
+  std::function<void(GstBuffer* buffer, GstCaps* caps, GstClockTime captured)> on_keepsake;
 };
 
 // Watches the pads of a chain from one start to the next stop and makes of what passes a camera's stream: of the rig's
@@ -59,6 +65,8 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
 
   // Call once, before data flows.
   void watch();
+  // The same for elements inside of the chain, as they are made: what comes to a decoder.
+  void watch_decoder(GstElement* element);
   // Frames come at their time on a clock, which their capture times are to be of. Before data flows.
   void set_live() { live_ = true; }
   // The next frame is no more sent; the stream ends. Any thread.
@@ -93,6 +101,11 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstPadProbeReturn on_sequence(GstPad* pad, GstPadProbeInfo* info);
   void seek_sequence(guint64 time, GstSeekFlags flags, guint32 seqnum);  // under seeking_
   GstPadProbeReturn on_output_end(GstPad* pad);
+  // camera_stream_coded.cc
+  GstPadProbeReturn on_coded(GstPad* pad, GstPadProbeInfo* info);
+  std::optional<GstClockTime> taken_at(GstSegment segment, GstClockTime stamp) const;
+  void keep_waiting();
+  void keep_frame(GstPad* pad, GstBuffer* frame) const;
   bool is_shed(GstPad* pad, GstBuffer* buffer, GstClockTime stamp);
   void count_dropped();
   bool is_too_late(GstBuffer* buffer);
@@ -109,6 +122,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   void seek_to_start(guint32 seqnum, bool flush);
   GstEvent* later_segment(GstEvent* event) const;
   GstClockTime clock_time(GstClockTime stamp) const;
+  GstClockTime capture_time(GstClockTime taken) const;
   GstBuffer* complete_capture_time(GstBuffer* buffer) const;
   void announce(GstPad* pad);
 
@@ -142,10 +156,12 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   gint fps_n_ = 0, fps_d_ = 1;
   bool counts_time_ = false;  // frames have no stamps of their own
   bool is_jpeg_ = false, size_is_wrong_ = false, size_is_known_ = false, announced_ = false, eos_sent_ = false;
-  bool is_on_time_ = false;       // a stream that catches up has done so
+  bool is_on_time_ = false;        // a stream that catches up has done so
   GstClockTime nearly_since_ = 0;  // running time since when it has been late by a second at most; 0: it is not yet
-  bool is_cut_off_ = false;  // more could have been sent when the source came to its end
+  bool is_cut_off_ = false;        // more could have been sent when the source came to its end
   bool told_cut_off_ = false;
+  GstPad* coded_pad_ = nullptr;  // a reference: where pictures come to the decoder that are kept as they are; or null
+  CodedPictures coded_;
   uint64_t dropped_before_ = 0;  // frames that the shedder had dropped when this round began
 };
 

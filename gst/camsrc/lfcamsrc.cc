@@ -77,6 +77,8 @@ GstClockTime lf_cam_src_period(LfCamSrc* self) {
 
 bool lf_cam_src_is_live(LfCamSrc* self) { return self->live; }
 
+void lf_cam_src_set_keeper(LfCamSrc* self, const lf::CameraKeeper& keeper) { *self->keeper = keeper; }
+
 // A live stream may come up to one frame time after its stamps: a frame takes as long to be had.
 static gboolean on_query(GstPad* pad, GstObject* parent, GstQuery* query) {
   if (!gst_pad_query_default(pad, parent, query)) return FALSE;
@@ -233,7 +235,12 @@ static void lf_cam_src_handle_message(GstBin* bin, GstMessage* message) {
 }
 
 static void lf_cam_src_deep_element_added(GstBin* bin, GstBin* parent, GstElement* child) {
-  (*LF_CAM_SRC(bin)->shedder)->watch(child);
+  LfCamSrc* self = LF_CAM_SRC(bin);
+  lf::ObjectLock lock(self);
+  const std::shared_ptr<lf::CameraStream> stream = self->run ? self->run->stream : nullptr;
+  lock.unlock();
+  if (stream) stream->watch_decoder(child);  // before what the shedder leaves out
+  (*self->shedder)->watch(child);
   GST_BIN_CLASS(lf_cam_src_parent_class)->deep_element_added(bin, parent, child);  // tells the bins around this one
 }
 
@@ -270,6 +277,7 @@ static void lf_cam_src_finalize(GObject* object) {
   delete self->settings;
   delete self->service;
   delete self->shedder;
+  delete self->keeper;
   delete self->name;
   G_OBJECT_CLASS(lf_cam_src_parent_class)->finalize(object);
 }
@@ -303,6 +311,7 @@ static void lf_cam_src_init(LfCamSrc* self) {
   self->settings = new Settings;
   self->service = new lf::CameraService;
   self->shedder = new std::shared_ptr<lf::CameraShedder>(std::make_shared<lf::CameraShedder>());
+  self->keeper = new lf::CameraKeeper;
   self->name = new std::string;
   // A source also while it has no children, and never the clock of a pipeline.
   gst_bin_set_suppressed_flags(

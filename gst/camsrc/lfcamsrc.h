@@ -3,6 +3,8 @@
 
 #include <gst/gst.h>
 
+#include <functional>
+
 #include "camsrc/camera_service.h"
 
 G_BEGIN_DECLS
@@ -13,6 +15,15 @@ GST_ELEMENT_REGISTER_DECLARE(lfcamsrc)
 
 G_END_DECLS
 
+namespace lf {
+
+// Takes what is to be kept of a camera, StreamListener::on_keepsake.
+using CameraKeeper = std::function<void(GstBuffer* buffer, GstCaps* caps, GstClockTime captured)>;
+
+}  // namespace lf
+
+// Who keeps what the camera gives; called by the threads that stream. Before the camera is opened.
+void lf_cam_src_set_keeper(LfCamSrc* self, const lf::CameraKeeper& keeper);
 // From now on the loss of this camera is no error, whatever the property `retry` says, which then counts for live
 // cameras alone. For lfcameranode; any thread.
 void lf_cam_src_set_expendable(LfCamSrc* self);

@@ -31,6 +31,7 @@ struct _LfCamSrc {
   lf::CamSrcSettings* settings;  // under the object lock
   lf::CameraService* service;
   std::shared_ptr<lf::CameraShedder>* shedder;
+  lf::CameraKeeper* keeper;  // set before it starts
   // What follows changes under the state lock alone; `run`, `name` and `camera` under the object lock, too.
   CamSrcRun* run;          // null while there are no children
   std::atomic<bool> live;  // whether the camera is live, as far as is known; read by any thread

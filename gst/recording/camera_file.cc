@@ -15,7 +15,11 @@ namespace {
 // to be over before 0.32 s are.
 constexpr GstClockTime kTick = 10'000;
 constexpr GstClockTime kLongestCluster = 300 * GST_MSECOND;
+// Of coded video, whose last frame has to be in the cluster of the one before it, see CameraFile::end().
+constexpr GstClockTime kCodedTick = 20'000, kLongestLastCluster = 650 * GST_MSECOND;
 constexpr int kJpegQuality = 95;
+
+const char* name_of(const GstCaps* caps) { return gst_structure_get_name(gst_caps_get_structure(caps, 0)); }
 
 GstCaps* jpeg_caps(int width, int height) {
   return gst_caps_new_simple("image/jpeg", "width", G_TYPE_INT, width, "height", G_TYPE_INT, height, "framerate",
@@ -31,7 +35,18 @@ GstCaps* picture_caps(const GstCaps* caps) {
   return picture;
 }
 
-bool is_jpeg(GstCaps* caps) { return gst_structure_has_name(gst_caps_get_structure(caps, 0), "image/jpeg"); }
+// Of coded video: what a decoder has to know beside the pictures. The rest, which parsers find out, may change.
+GstCaps* coded_caps(const GstCaps* caps) {
+  GstCaps* coded = gst_caps_new_empty_simple(name_of(caps));
+  for (const char* field : {"stream-format", "alignment", "codec_data", "width", "height", "profile", "colorimetry",
+                            "chroma-site", "pixel-aspect-ratio", "interlace-mode"})
+    if (const GValue* value = gst_structure_get_value(gst_caps_get_structure(caps, 0), field))
+      gst_caps_set_value(coded, field, value);
+  gst_caps_set_simple(coded, "framerate", GST_TYPE_FRACTION, 0, 1, nullptr);
+  return coded;
+}
+
+bool is_key(GstBuffer* frame) { return !GST_BUFFER_FLAG_IS_SET(frame, GST_BUFFER_FLAG_DELTA_UNIT); }
 
 void set_caps(GstElement* element, GstCaps* caps) {
   g_object_set(element, "caps", caps, nullptr);
@@ -54,7 +69,6 @@ CameraFile::CameraFile(const Camera& camera, const std::string& path, guint64 mo
 CameraFile::~CameraFile() {
   end(0);
   close(0);
-  gst_clear_buffer(&held_);
 }
 
 // It only takes down what is said, on threads of the bin's, so that nobody waits for it.
@@ -88,42 +102,73 @@ GstElement* CameraFile::add_source(GstCaps* caps) {
   return source;
 }
 
+GstElement* CameraFile::add_jpeg_encoder(GstElement* source) {
+  GstElement *convert = add_element("videoconvert"), *format = add_element("capsfilter");
+  set_caps(format, gst_caps_from_string("video/x-raw,format=I420,colorimetry=1:4:0:0,chroma-site=jpeg"));
+  GstElement* encoder = add_element("jpegenc");
+  g_object_set(encoder, "quality", kJpegQuality, nullptr);
+  gst_util_set_object_arg(G_OBJECT(encoder), "idct-method", "islow");
+  gst_element_link_many(source, convert, format, encoder, nullptr);
+  return encoder;
+}
+
+// The muxer (GStreamer 1.22) writes what has a duration of its own as if it were a key frame, and parsers give all one.
+// The parser before a decoder takes the first picture for a key frame, as it puts parameter sets there; this one knows.
+GstPadProbeReturn CameraFile::on_coded(GstPad* /*pad*/, GstPadProbeInfo* info, gpointer data) {
+  Outcome& outcome = **static_cast<std::shared_ptr<Outcome>*>(data);
+  GstBuffer* picture = gst_buffer_make_writable(GST_PAD_PROBE_INFO_BUFFER(info));
+  info->data = picture;
+  if (is_key(picture)) outcome.has_key = true;
+  if (!outcome.has_key) return GST_PAD_PROBE_DROP;
+  if (GST_BUFFER_PTS(picture) != outcome.last) GST_BUFFER_DURATION(picture) = GST_CLOCK_TIME_NONE;
+  return GST_PAD_PROBE_OK;
+}
+
+// Of coded video: what comes before the muxer.
+GstElement* CameraFile::add_parser(GstElement* source) {
+  if (!coded_->parser) return source;
+  GstElement *parser = add_element(coded_->parser), *form = add_element("capsfilter");
+  set_caps(form, gst_caps_from_string(coded_->muxed));
+  gst_element_link_many(source, parser, form, nullptr);
+  return form;
+}
+
 // A demuxer counts from the first block on, whatever its stamp is. Here that is the text's, so that all cameras count
 // from the beginning of the recording. Streamable: nothing is written at the end that a reader would miss.
 void CameraFile::build(GstCaps* caps, const std::string& begins) {
-  const bool jpeg = is_jpeg(caps);
+  kind_ = name_of(caps);
+  coded_ = find_coded_video(caps);
   bin_ = GST_ELEMENT(gst_object_ref_sink(gst_bin_new(nullptr)));
   GstBus* bus = GST_BUS(g_object_new(GST_TYPE_BUS, "enable-async", FALSE, nullptr));  // it takes no descriptors
-  gst_bus_set_sync_handler(bus, on_message, new std::shared_ptr(outcome_),
-                           [](gpointer outcome) { delete static_cast<std::shared_ptr<Outcome>*>(outcome); });
+  const GDestroyNotify forget = [](gpointer outcome) { delete static_cast<std::shared_ptr<Outcome>*>(outcome); };
+  gst_bus_set_sync_handler(bus, on_message, new std::shared_ptr(outcome_), forget);
   gst_element_set_bus(bin_, bus);
   gst_object_unref(bus);
   GstElement* sink = add_element("filesink");
   g_object_set(sink, "location", path_.c_str(), "sync", FALSE, "async", FALSE, nullptr);
   gst_util_set_object_arg(G_OBJECT(sink), "buffer-mode", "unbuffered");
   GstElement* mux = add_element("matroskamux");
-  g_object_set(mux, "streamable", TRUE, "timecodescale", gint64{kTick}, "min-cluster-duration", gint64{kLongestCluster},
-               "max-cluster-duration", gint64{kLongestCluster}, nullptr);
+  // A seek looks for a cluster that begins with a key frame.
+  g_object_set(mux, "streamable", TRUE, "timecodescale", gint64{coded_ ? kCodedTick : kTick}, "min-cluster-duration",
+               gint64{coded_ ? 0 : kLongestCluster}, "max-cluster-duration", gint64{kLongestCluster}, nullptr);
+  mux_ = mux;
   gst_element_link(mux, sink);
   GstElement* text = add_source(gst_caps_new_simple("text/x-raw", "format", G_TYPE_STRING, "utf8", nullptr));
   gst_element_link_pads(text, "src", mux, "subtitle_%u");
-  GstElement* source = add_source(jpeg ? jpeg_caps(width_, height_) : picture_caps(caps));
-  GstElement *convert = nullptr, *format = nullptr, *encoder = nullptr, *last = source;
-  if (!jpeg) {
-    convert = add_element("videoconvert");
-    format = add_element("capsfilter");
-    set_caps(format, gst_caps_from_string("video/x-raw,format=I420,colorimetry=1:4:0:0,chroma-site=jpeg"));
-    encoder = add_element("jpegenc");
-    g_object_set(encoder, "quality", kJpegQuality, nullptr);
-    gst_util_set_object_arg(G_OBJECT(encoder), "idct-method", "islow");
-    gst_element_link_many(source, convert, format, encoder, nullptr);
-    last = encoder;
-  }
+  const bool is_jpeg = kind_ == "image/jpeg";
+  GstElement* source = add_source(coded_    ? coded_caps(caps)
+                                  : is_jpeg ? jpeg_caps(width_, height_)
+                                            : picture_caps(caps));
+  GstElement* last = coded_ ? add_parser(source) : is_jpeg ? source : add_jpeg_encoder(source);
   gst_element_link_pads(last, "src", mux, "video_%u");
+  if (coded_) {
+    GstPad* pad = gst_element_get_static_pad(last, "src");
+    gst_pad_add_probe(pad, GST_PAD_PROBE_TYPE_BUFFER, on_coded, new std::shared_ptr(outcome_), forget);
+    gst_object_unref(pad);
+  }
   gst_app_src_push_buffer(GST_APP_SRC(text), text_buffer(begins));
   gst_app_src_end_of_stream(GST_APP_SRC(text));
   source_ = GST_APP_SRC(source);
-  is_jpeg_ = jpeg;
   // On a thread of its own, as a file is opened; sources take what is pushed before.
   gst_element_call_async(
       bin_, [](GstElement* bin, gpointer) { gst_element_set_state(bin, GST_STATE_PLAYING); }, nullptr, nullptr);
@@ -136,15 +181,20 @@ bool CameraFile::is_behind(GstBuffer* frame) const {
 }
 
 void CameraFile::push_held(GstClockTime until) {
-  GstBuffer* frame = std::exchange(held_, nullptr);
-  if (!frame) return;
-  GST_BUFFER_DURATION(frame) = until - GST_BUFFER_PTS(frame);
-  gst_app_src_push_buffer(source_, frame);
+  const std::vector<GstBuffer*> frames = std::exchange(held_, {});
+  if (!frames.empty()) GST_BUFFER_DURATION(frames.front()) = until - GST_BUFFER_PTS(frames.front());
+  for (GstBuffer* frame : frames) gst_app_src_push_buffer(source_, frame);
+}
+
+// Coded pictures may be seen in another order, but for key frames.
+bool CameraFile::is_no_later(GstBuffer* frame, GstClockTime time) const {
+  return !held_.empty() && time <= GST_BUFFER_PTS(held_.front()) && (!coded_ || is_key(frame));
 }
 
 CameraFile::Added CameraFile::added(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins) {
   if (problem()) return Added::kFailed;
-  if (held_ && time <= GST_BUFFER_PTS(held_)) return Added::kNoLater;
+  if (is_no_later(frame, time)) return Added::kNoLater;
+  if (!source_ && find_coded_video(caps) && !is_key(frame)) return Added::kNoKey;
   try {
     if (!source_) build(caps, begins);
   } catch (const Error& error) {
@@ -152,7 +202,8 @@ CameraFile::Added CameraFile::added(GstBuffer* frame, GstCaps* caps, GstClockTim
     outcome_->error = g_error_new_literal(GST_CORE_ERROR, GST_CORE_ERROR_MISSING_PLUGIN, error.what());
     return Added::kFailed;
   }
-  if (is_jpeg(caps) != is_jpeg_) return Added::kOtherKind;
+  if (kind_ != name_of(caps)) return Added::kOtherKind;
+  if (coded_ && waits_for_key_ && !is_key(frame)) return Added::kNoKey;
   return is_behind(frame) ? Added::kBehind : Added::kTaken;
 }
 
@@ -160,38 +211,46 @@ CameraFile::Added CameraFile::add(GstBuffer* frame, GstCaps* caps, GstClockTime 
   const std::lock_guard lock(mutex_);
   if (ended_) return Added::kTaken;
   const Added added = this->added(frame, caps, time, begins);
+  waits_for_key_ = added != Added::kTaken;
   if (added != Added::kTaken) {
     counts_.dropped++;
     return added;
   }
-  if (!is_jpeg_) {
-    g_autoptr(GstCaps) picture = picture_caps(caps);
-    gst_app_src_set_caps(source_, picture);
+  if (kind_ != "image/jpeg") {
+    g_autoptr(GstCaps) own = coded_ ? coded_caps(caps) : picture_caps(caps);
+    gst_app_src_set_caps(source_, own);
   }
-  if (held_) period_ = time - GST_BUFFER_PTS(held_);
-  push_held(time);
+  const bool is_newest = held_.empty() || time > GST_BUFFER_PTS(held_.front());
+  if (is_newest) {
+    if (!held_.empty()) period_ = time - GST_BUFFER_PTS(held_.front());
+    push_held(time);
+  }
   // A camera's own buffers are few, and it needs them back.
-  held_ = gst_buffer_copy_deep(frame);
-  GST_BUFFER_PTS(held_) = time;
-  GST_BUFFER_DTS(held_) = GST_CLOCK_TIME_NONE;
+  GstBuffer* copy = held_.emplace_back(gst_buffer_copy_deep(frame));
+  GST_BUFFER_PTS(copy) = time;
+  GST_BUFFER_DTS(copy) = GST_BUFFER_DURATION(copy) = GST_CLOCK_TIME_NONE;
   counts_.frames++;
   return added;
 }
 
 void CameraFile::leave_out() {
   const std::lock_guard lock(mutex_);
+  waits_for_key_ = true;
   counts_.dropped++;
 }
 
 GstClockTime CameraFile::ends_at() const {
   const std::lock_guard lock(mutex_);
-  return held_ ? GST_BUFFER_PTS(held_) + period_ : 0;
+  return held_.empty() ? 0 : GST_BUFFER_PTS(held_.front()) + period_;
 }
 
 void CameraFile::end(GstClockTime time) {
   const GstClockTime ends = ends_at();
   const std::lock_guard lock(mutex_);
   if (std::exchange(ended_, true) || !source_) return;
+  // No seek should begin with the frame that is seen last, for it has a duration.
+  if (coded_) g_object_set(mux_, "max-cluster-duration", gint64{kLongestLastCluster}, nullptr);
+  if (coded_ && !held_.empty()) outcome_->last = GST_BUFFER_PTS(held_.front());
   push_held(std::max(time, ends));
   gst_app_src_end_of_stream(source_);
 }

@@ -4,20 +4,25 @@
 #include <gst/app/app.h>
 #include <gst/gst.h>
 
+#include <atomic>
 #include <condition_variable>
 #include <cstdint>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "common/coded_video.h"
 #include "rig/rig.h"
 
 namespace lf {
 
 // The Matroska file of one camera in a recording. Each frame has the time at which it was taken, counted from the
-// recording's beginning, and lasts until the next one. A bin of its own writes it, whose troubles are nobody else's.
-// Thread-safe; nothing but close() waits for the disk.
+// recording's beginning, and lasts until the next one. JPEG and coded video (common/coded_video.h) are in it as they
+// came, the latter from a key frame on, and from the next one on where a frame was dropped; raw video is encoded as
+// JPEG. A bin of its own writes it, whose troubles are nobody else's. Thread-safe; nothing but close() waits for the
+// disk.
 class CameraFile {
  public:
   struct Counts {
@@ -28,8 +33,9 @@ class CameraFile {
   enum class Added {
     kTaken,
     kBehind,     // the disk, or the encoder, is
-    kOtherKind,  // a file has JPEG as it came, or encoded raw video
-    kNoLater,    // than one before
+    kOtherKind,  // of video than the file is of
+    kNoLater,    // than one before, though it should be
+    kNoKey,      // it needs a frame that is not in the file
     kFailed,     // nothing more can be written, see problem()
   };
   // What has ended the file before its time.
@@ -44,7 +50,7 @@ class CameraFile {
   CameraFile(const CameraFile&) = delete;
   CameraFile& operator=(const CameraFile&) = delete;
 
-  // A frame of JPEG or raw video, which stays the caller's. `begins`: in words, when the recording began.
+  // A frame, which stays the caller's, of JPEG, raw or coded video. `begins`: in words, when the recording began.
   Added add(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins);
   // A frame is dropped that was never for the file.
   void leave_out();
@@ -65,14 +71,20 @@ class CameraFile {
     ~Outcome() { g_clear_error(&error); }
     std::mutex mutex;
     std::condition_variable changed;
-    bool done = false;        // written, or failed
-    GError* error = nullptr;  // what failed first
+    bool done = false;                                     // written, or failed
+    std::atomic<bool> has_key = false;                     // of coded video: a key frame has come to the muxer
+    std::atomic<GstClockTime> last = GST_CLOCK_TIME_NONE;  // stamp of the coded picture that is seen last
+    GError* error = nullptr;                               // what failed first
   };
   static GstBusSyncReply on_message(GstBus* bus, GstMessage* message, gpointer outcome);
+  static GstPadProbeReturn on_coded(GstPad* pad, GstPadProbeInfo* info, gpointer outcome);
   void build(GstCaps* caps, const std::string& begins);
   GstElement* add_element(const char* factory);
   GstElement* add_source(GstCaps* caps);
+  GstElement* add_jpeg_encoder(GstElement* source);
+  GstElement* add_parser(GstElement* source);
   bool is_behind(GstBuffer* frame) const;
+  bool is_no_later(GstBuffer* frame, GstClockTime time) const;
   void push_held(GstClockTime until);
   Added added(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins);
 
@@ -82,10 +94,14 @@ class CameraFile {
   const std::shared_ptr<Outcome> outcome_ = std::make_shared<Outcome>();
   mutable std::mutex mutex_;
   GstElement* bin_ = nullptr;    // null before the first frame
-  GstAppSrc* source_ = nullptr;  // borrowed from it
-  bool is_jpeg_ = false, ended_ = false;
-  GstBuffer* held_ = nullptr;  // the newest frame, which lasts until the next one
-  GstClockTime period_ = 0;    // between the latest two
+  GstAppSrc* source_ = nullptr;  // borrowed from it, as is the muxer
+  GstElement* mux_ = nullptr;
+  std::string kind_;                   // of video: the name of its caps
+  const CodedVideo* coded_ = nullptr;  // what is known of it; null: each frame is whole
+  bool waits_for_key_ = true, ended_ = false;
+  // The newest frame, which lasts until the next one, and of coded video those behind it that are seen before it.
+  std::vector<GstBuffer*> held_;
+  GstClockTime period_ = 0;  // between the latest two
   Counts counts_;
 };
 

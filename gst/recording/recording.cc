@@ -85,7 +85,8 @@ void Recording::take_rig(const Rig& rig, const std::string& rig_file) {
 }
 
 // Where it belongs in the camera's file; nothing: it was taken before the recording began. A film has its own times.
-std::optional<GstClockTime> Recording::time_of(uint32_t camera, GstClockTime captured, bool live) {
+// Coded pictures from just before are needed by those that follow.
+std::optional<GstClockTime> Recording::time_of(uint32_t camera, GstClockTime captured, bool live, bool coded) {
   std::unique_lock lock(mutex_);
   if (!timeline_) {
     begins_ = time_of_day();
@@ -96,7 +97,10 @@ std::optional<GstClockTime> Recording::time_of(uint32_t camera, GstClockTime cap
   lock.unlock();
   if (place.set_back > 0) tell_set_back(place.set_back);
   if (place.time >= 0) return static_cast<GstClockTime>(place.time);
-  if (place.time < -CaptureTimeline::kSetBack) tracks_.at(camera).file->leave_out();
+  if (place.time < -CaptureTimeline::kSetBack)
+    tracks_.at(camera).file->leave_out();
+  else if (coded)
+    return 0;
   return std::nullopt;
 }
 
@@ -110,7 +114,7 @@ void Recording::tell_set_back(gint64 nanoseconds) {
 
 void Recording::add(uint32_t camera, GstBuffer* frame, GstCaps* caps, GstClockTime captured, bool live) {
   if (stopped_ || finished_) return;
-  const std::optional<GstClockTime> time = time_of(camera, captured, live);
+  const std::optional<GstClockTime> time = time_of(camera, captured, live, find_coded_video(caps));
   if (!time) return;
   Track& track = tracks_.at(camera);
   tell(track, caps, track.file->add(frame, caps, *time, begins_));
@@ -120,7 +124,8 @@ void Recording::add(uint32_t camera, GstBuffer* frame, GstCaps* caps, GstClockTi
 void Recording::tell(Track& track, GstCaps* caps, CameraFile::Added added) {
   switch (added) {
     case CameraFile::Added::kTaken:
-    case CameraFile::Added::kNoLater: return;
+    case CameraFile::Added::kNoLater:
+    case CameraFile::Added::kNoKey: return;
     case CameraFile::Added::kBehind: return tell_behind(track);
     case CameraFile::Added::kOtherKind: return tell_other_kind(track, caps);
     case CameraFile::Added::kFailed: return tell_failed(track);
@@ -140,8 +145,8 @@ void Recording::tell_other_kind(Track& track, GstCaps* caps) {
   if (track.has_told_kind.exchange(true)) return;
   const char* const kind = gst_structure_get_name(gst_caps_get_structure(caps, 0));
   GST_ELEMENT_WARNING(owner_, STREAM, FORMAT,
-                      ("%s: %s gives %s now, which is not what its file has: a file has either JPEG as it came or "
-                       "encoded raw video. Such frames are left out.",
+                      ("%s: %s gives %s now, which is not what its file has: a file is of one kind of video. Such "
+                       "frames are left out.",
                        folder_.c_str(), track.name.c_str(), kind),
                       ("they are counted in stats"));
 }

@@ -37,7 +37,8 @@ class Recording {
 
   // The rig has been measured anew: the files are played with it.
   void take_rig(const Rig& rig, const std::string& rig_file);
-  // A frame of the camera with this id, which was taken at `captured`: clock time if it is live, else time in the film.
+  // A frame of the camera with this id (see CameraFile), which was taken at `captured`: clock time if it is live, else
+  // time in the film.
   void add(uint32_t camera, GstBuffer* frame, GstCaps* caps, GstClockTime captured, bool live);
   // All that was added is in the files, and they are closed; unless the disk hangs for five seconds. No frame is taken
   // any more.
@@ -55,7 +56,7 @@ class Recording {
     std::atomic<bool> has_told_kind = false, has_told_failed = false;
   };
   void save(const Rig& rig, const std::string& rig_file) const;
-  std::optional<GstClockTime> time_of(uint32_t camera, GstClockTime captured, bool live);
+  std::optional<GstClockTime> time_of(uint32_t camera, GstClockTime captured, bool live, bool coded);
   void tell_set_back(gint64 nanoseconds);
   void tell(Track& track, GstCaps* caps, CameraFile::Added added);
   void tell_behind(const Track& track);

@@ -41,7 +41,8 @@ bool is_installed(const char* name) {
 
 std::string CameraFiles::h264_encoder() {
   if (!is_installed("h264parse") || !(is_installed("avdec_h264") || is_installed("openh264dec"))) return "";
-  if (is_installed("x264enc")) return "x264enc tune=zerolatency quantizer=18 pass=quant ! video/x-h264,profile=main";
+  if (is_installed("x264enc"))
+    return "x264enc tune=zerolatency key-int-max=30 quantizer=18 pass=quant ! video/x-h264,profile=main";
   return is_installed("openh264enc") ? "openh264enc" : "";
 }
 

@@ -61,6 +61,30 @@ TEST_F(LfCameraNodeRecordingTest, WhatCamerasGiveIsInTheirFiles) {
   EXPECT_THAT(said.errors(), IsEmpty());
 }
 
+// A film that is live, over and over: each round from its key frame on, as it is in the film.
+TEST_F(LfCameraNodeRecordingTest, CodedPicturesStayAsTheyCame) {
+  if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
+  const auto film = slices_of(read_recorded(files->path("h264.mkv")));
+  ASSERT_EQ(film.size(), size_t{CameraFiles::kFrames});
+  const ElementPtr pipeline = launch(line_of(rig(2, [](guint id) { return id ? "h264.mp4" : "h264.mkv"; })));
+  const Said said(pipeline.get());
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const ElementPtr node = child(pipeline.get(), "n");
+  EXPECT_TRUE(eventually([&] { return recorded(node.get(), 0) > 20 && recorded(node.get(), 1) > 20; }));
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  EXPECT_THAT(said.errors(), IsEmpty());
+  for (const int camera : {0, 1}) {
+    const RecordedFile recording = read_recorded(file(camera));
+    EXPECT_EQ(recording.kind, "video/x-h264");
+    const auto slices = slices_of(recording);
+    ASSERT_GT(slices.size(), 20u);
+    for (size_t i = 0; i < slices.size(); i++) EXPECT_EQ(slices[i], film[i % film.size()]) << camera << " " << i;
+    for (size_t i = 0; i + 1 < slices.size(); i++) EXPECT_EQ(recording.keys[i], i % film.size() == 0) << i;
+    for (size_t i = 1; i < slices.size(); i++)
+      EXPECT_NEAR(static_cast<double>(recording.times[i] - recording.times[i - 1]) / GST_SECOND, 1.0 / 15, 2e-3) << i;
+  }
+}
+
 TEST_F(LfCameraNodeRecordingTest, AnotherRecordingIsNotWrittenOver) {
   const std::string line = line_of(devices(2));
   for (const bool first : {true, false}) {

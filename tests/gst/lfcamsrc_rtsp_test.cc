@@ -5,14 +5,18 @@
 #include <gst/gst.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cstdlib>
+#include <filesystem>
 #include <string>
 
 #include "../gst/common/common.h"
 #include "gst/camera_pipeline.h"
 #include "gst/gst_test.h"
 #include "gst/rtsp_server.h"
+#include "support/recorded.h"
+#include "support/temp_dir.h"
 
 namespace lf::test {
 namespace {
@@ -129,6 +133,44 @@ TEST_F(RtspTest, ErrorsNameThePlace) {
               HasSubstr(server->uri("/jpeg") + ": the picture is 64x48, the rig says 66x48"));
   EXPECT_THAT(CameraPipeline("rig=" + rig("/nothing")).play(),
               HasSubstr("camera 0 (cam_0): " + server->uri("/nothing")));
+}
+
+// Another client of the camera knows what it gives.
+TEST_F(RtspTest, ANodeRecordsCodedPicturesAsTheyCome) {
+  if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
+  const TempDir dir;
+  const std::string other = dir / "other.mkv", folder = dir / "recording";
+  const ElementPtr client = launch("rtspsrc latency=50 location=" + server->uri("/h264") +
+                                   " ! rtph264depay ! h264parse ! matroskamux ! filesink location=" + other);
+  const ElementPtr pipeline = launch("lfcameranode name=n is-live=true latency=50 rig=" + rig("/h264") +
+                                     " record=" + folder + " ! fakesink async=false");
+  const ElementPtr node(gst_bin_get_by_name(GST_BIN(pipeline.get()), "n"));
+  gst_element_set_state(client.get(), GST_STATE_PLAYING);
+  g_usleep(500000);
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const auto size = [&] {
+    std::error_code error;
+    const auto bytes = std::filesystem::file_size(folder + "/camera0.mkv", error);
+    return error ? 0 : bytes;
+  };
+  for (int i = 0; i < 400 && size() < 3000; i++) g_usleep(50000);
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  gst_element_send_event(client.get(), gst_event_new_eos());
+  const std::unique_ptr<GstBus, Unref<gst_object_unref>> bus(gst_element_get_bus(client.get()));
+  GstMessage* end = gst_bus_timed_pop_filtered(bus.get(), 20 * GST_SECOND, GST_MESSAGE_EOS);
+  EXPECT_TRUE(end);
+  gst_clear_message(&end);
+  gst_element_set_state(client.get(), GST_STATE_NULL);
+  const RecordedFile recorded = read_recorded(folder + "/camera0.mkv");
+  const auto came = slices_of(read_recorded(other)), kept = slices_of(recorded);
+  ASSERT_GT(kept.size(), 10u) << came.size();
+  EXPECT_EQ(recorded.kind, "video/x-h264");
+  EXPECT_TRUE(recorded.keys[0]);
+  const auto begin = std::ranges::find(came, kept[0]);
+  ASSERT_NE(begin, came.end());
+  const auto common = std::min(kept.size(), static_cast<size_t>(came.end() - begin));
+  EXPECT_GT(common, 10u);
+  for (size_t i = 0; i < common; i++) EXPECT_EQ(kept[i], begin[static_cast<ptrdiff_t>(i)]) << i;
 }
 
 // A node of a network camera, which is late, and a film: both are in the picture.

@@ -286,6 +286,62 @@ TEST_F(RecordingTest, RawVideoIsEncoded) {
   EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "");
 }
 
+// VP8, of which nobody looks into the pictures here.
+TEST_F(RecordingTest, CodedVideoGoesOnWithKeyFrames) {
+  const auto recording = record("r");
+  const CapsPtr coded(gst_caps_from_string("video/x-vp8,width=64,height=48,framerate=30/1"));
+  GstClockTime time = 0;
+  const auto add = [&](bool key, GstCaps* caps = nullptr, GstClockTime back = 0) {
+    const BufferPtr picture = frame();
+    if (!key) GST_BUFFER_FLAG_SET(picture.get(), GST_BUFFER_FLAG_DELTA_UNIT);
+    recording->add(0, picture.get(), caps ? caps : coded.get(), (time += kPeriod) - back, true);
+    return recording->counts(0).frames;
+  };
+  EXPECT_EQ(add(false), 0u) << "it needs others";
+  EXPECT_EQ(add(true), 1u);
+  EXPECT_EQ(add(false), 2u);
+  EXPECT_EQ(add(true, jpeg()), 2u);
+  EXPECT_NE(text_of(GST_MESSAGE_WARNING).find("gives image/jpeg now"), std::string::npos);
+  EXPECT_EQ(add(false), 2u) << "one is missing";
+  EXPECT_EQ(add(true), 3u);
+  EXPECT_EQ(add(true, nullptr, 10 * kPeriod), 3u) << "seen before the one before";
+  EXPECT_EQ(add(false), 3u);
+  EXPECT_EQ(add(true), 4u);
+  EXPECT_EQ(add(false), 5u);
+  EXPECT_EQ(add(false), 6u);
+  EXPECT_EQ(recording->counts(0).dropped, 5u);
+  recording->finish();
+  const RecordedFile file = read_recorded(dir_ / "r/camera0.mkv");
+  EXPECT_EQ(file.kind, "video/x-vp8");
+  ASSERT_EQ(file.keys.size(), 6u);
+  EXPECT_EQ(std::vector(file.keys.begin(), file.keys.end() - 1), (std::vector{true, false, true, true, false}))
+      << "the muxer says of none but the last one what it is not";
+  EXPECT_EQ(text_of(GST_MESSAGE_WARNING), "");
+}
+
+// Coded in another order than it is seen, with a key frame that was taken before the recording began.
+TEST_F(RecordingTest, CodedVideoKeepsItsOrder) {
+  const auto recording = record("r");
+  const CapsPtr coded(gst_caps_from_string("video/x-vp8,width=64,height=48,framerate=30/1"));
+  constexpr GstClockTime kBegin = 1000 * GST_SECOND;
+  recording->add(1, frame().get(), jpeg(), kBegin, true);
+  for (const int number : {-2, 1, -1, 0, 4, 2, 3}) {
+    const BufferPtr picture = frame();
+    if (number > -2) GST_BUFFER_FLAG_SET(picture.get(), GST_BUFFER_FLAG_DELTA_UNIT);
+    recording->add(0, picture.get(), coded.get(), kBegin + kPeriod * 3 / 2 + kPeriod * (number - 1), true);
+  }
+  recording->add(1, frame().get(), jpeg(), kBegin + GST_SECOND, true);
+  recording->finish();
+  const RecordedFile file = read_recorded(dir_ / "r/camera0.mkv");
+  std::vector<double> periods;
+  for (const GstClockTime time : file.times) periods.push_back(static_cast<double>(time) / kPeriod);
+  const std::vector<double> expected = {0, 1.5, 0, 0.5, 4.5, 2.5, 3.5};
+  ASSERT_EQ(periods.size(), expected.size());
+  for (size_t i = 0; i < expected.size(); i++) EXPECT_NEAR(periods[i], expected[i], 0.001) << i;
+  EXPECT_NEAR(static_cast<double>(file.end), static_cast<double>(read_recorded(dir_ / "r/camera1.mkv").end), 2e4)
+      << "the picture seen last lasts to the end";
+}
+
 TEST_F(RecordingTest, AnotherKindOfVideoIsToldAsSuch) {
   const auto recording = record("r");
   const CapsPtr raw(gst_caps_from_string("video/x-raw,format=RGB,width=64,height=48,framerate=30/1"));

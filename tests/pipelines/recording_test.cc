@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <set>
 
+#include "gst/camera_files.h"
 #include "gst/gst_test.h"
 #include "rig/rig_json.h"
 #include "support/recorded.h"
@@ -86,21 +87,38 @@ std::set<GstClockTime> told_to_be_whole(const ElementPtr& pipeline) {
   return whole;
 }
 
-class RecordingReplayTest : public testing::Test {
+// By the kind of video that the cameras give: JPEG, or H.264 with a key frame in ten.
+class RecordingReplayTest : public testing::TestWithParam<const char*> {
  protected:
-  // Nine cameras in step, with films of JPEG.
+  static bool is_coded() { return GetParam() == std::string("h264"); }
+  void SetUp() override {
+    if (is_coded() && CameraFiles::h264_encoder().empty())
+      GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
+  }
+  // Nine cameras in step, with films of both kinds.
   static void SetUpTestSuite() {
     scene = new TempDir;
     const std::string command = std::string(LF_TOOLS_DIR) + "/lf-scene --out '" + *scene / "s" +
                                 "' --grid 3x3 --width 48 --height 36 --framerate " + std::to_string(kRate) +
                                 " --frames 20 >&2";
     ASSERT_EQ(std::system(command.c_str()), 0);
+    if (CameraFiles::h264_encoder().empty()) return;
+    const std::string folder = *scene / "h264";
+    std::filesystem::create_directory(folder);
+    for (const auto& file : std::filesystem::directory_iterator(*scene / "s")) {
+      const std::string to = folder + "/" + file.path().filename().string();
+      if (file.path().extension() == ".json") std::filesystem::copy_file(file, to);
+      if (file.path().extension() == ".mkv")
+        run_to_end("filesrc location=" + file.path().string() + " ! matroskademux ! jpegdec ! videoconvert ! " +
+                   "x264enc tune=zerolatency key-int-max=10 ! video/x-h264,profile=main ! h264parse ! matroskamux ! " +
+                   "filesink location=" + to);
+    }
   }
   static void TearDownTestSuite() {
     delete scene;
     scene = nullptr;
   }
-  static std::string rig() { return *scene / "s/rig.json"; }
+  static std::string rig() { return *scene / (is_coded() ? "h264/rig.json" : "s/rig.json"); }
   std::string folder() const { return dir_ / "recording"; }
   std::string line(const std::string& requests, const std::string& node, const std::string& compositor = "") const {
     return "lfviewrequest " + requests + " ! tee name=r  r. ! queue ! n.request  lfcameranode name=n " + node +
@@ -147,7 +165,7 @@ class RecordingReplayTest : public testing::Test {
   TempDir dir_;
 };
 
-TEST_F(RecordingReplayTest, ShowsWhatWasSeenLive) {
+TEST_P(RecordingReplayTest, ShowsWhatWasSeenLive) {
   std::vector<Picture> live;
   guint64 begin = 0;
   {
@@ -185,7 +203,7 @@ TEST_F(RecordingReplayTest, ShowsWhatWasSeenLive) {
   EXPECT_GT(changes, 10u) << "something moves";
 }
 
-TEST_F(RecordingReplayTest, IsSoughtLikeAnyFilm) {
+TEST_P(RecordingReplayTest, IsSoughtLikeAnyFilm) {
   record(4);
   const std::string views = path();
   const std::vector<Picture> truth = pictures_of(launch(replay(views)));
@@ -206,7 +224,7 @@ TEST_F(RecordingReplayTest, IsSoughtLikeAnyFilm) {
 }
 
 // The rounds of all cameras have one length.
-TEST_F(RecordingReplayTest, LoopsInStep) {
+TEST_P(RecordingReplayTest, LoopsInStep) {
   record(2.5);
   GstClockTime round = 0;
   for (int camera = 0; camera < 9; camera++) {
@@ -224,7 +242,7 @@ TEST_F(RecordingReplayTest, LoopsInStep) {
   EXPECT_FALSE(shown[0].bytes == shown[1].bytes);
 }
 
-TEST_F(RecordingReplayTest, AfterAKillAllIsThere) {
+TEST_P(RecordingReplayTest, AfterAKillAllIsThere) {
   const std::string of_rig = "rig=" + rig(), record = "record=" + folder();
   const char* argv[] = {"gst-launch-1.0", "-q",           "lfcameranode", "is-live=true",
                         "loop=true",      of_rig.c_str(), record.c_str(), nullptr};
@@ -235,7 +253,7 @@ TEST_F(RecordingReplayTest, AfterAKillAllIsThere) {
     const auto bytes = std::filesystem::file_size(folder() + "/camera" + std::to_string(camera) + ".mkv", error);
     return error ? uintmax_t{0} : bytes;
   };
-  const uintmax_t frame = std::filesystem::file_size(*scene / "s/cam_00_00.mkv") / 20;
+  const uintmax_t frame = std::filesystem::file_size(std::filesystem::path(rig()).parent_path() / "cam_00_00.mkv") / 20;
   for (int i = 0; i < 4000 && size(8) < 40 * frame; i++) g_usleep(10000);
   kill(process, SIGKILL);
   int status = 0;
@@ -247,6 +265,9 @@ TEST_F(RecordingReplayTest, AfterAKillAllIsThere) {
   EXPECT_GT(first.size(), 20u);
   EXPECT_TRUE(first == second);
 }
+
+INSTANTIATE_TEST_SUITE_P(Of, RecordingReplayTest, testing::Values("jpeg", "h264"),
+                         [](const auto& info) { return std::string(info.param); });
 
 }  // namespace
 }  // namespace lf::test

@@ -4,6 +4,8 @@
 #include <gst/app/gstappsink.h>
 #include <gst/gst.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -13,7 +15,10 @@ namespace lf::test {
 
 // The times, in the file, of the video frames of a Matroska file, and where the last one ends.
 struct RecordedFile {
+  std::string kind;  // of video
   std::vector<GstClockTime> times;
+  std::vector<bool> keys;  // which can be decoded without others
+  std::vector<std::vector<uint8_t>> frames;
   GstClockTime end = 0;
 };
 
@@ -27,11 +32,33 @@ inline RecordedFile read_recorded(const std::string& path) {
     GstBuffer* frame = gst_sample_get_buffer(sample);
     file.times.push_back(
         gst_segment_to_stream_time(gst_sample_get_segment(sample), GST_FORMAT_TIME, GST_BUFFER_PTS(frame)));
-    if (GST_BUFFER_DURATION_IS_VALID(frame)) file.end = file.times.back() + GST_BUFFER_DURATION(frame);
+    if (GST_BUFFER_DURATION_IS_VALID(frame))
+      file.end = std::max(file.end, file.times.back() + GST_BUFFER_DURATION(frame));
+    file.kind = gst_structure_get_name(gst_caps_get_structure(gst_sample_get_caps(sample), 0));
+    file.keys.push_back(!GST_BUFFER_FLAG_IS_SET(frame, GST_BUFFER_FLAG_DELTA_UNIT));
+    file.frames.push_back(to_bytes(frame));
     gst_sample_unref(sample);
   }
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   return file;
+}
+
+// What is coded of pictures in each frame of an H.264 file, without what is said about them.
+inline std::vector<std::vector<uint8_t>> slices_of(const RecordedFile& file) {
+  std::vector<std::vector<uint8_t>> all;
+  for (const std::vector<uint8_t>& frame : file.frames) {
+    std::vector<uint8_t>& slices = all.emplace_back();
+    for (size_t at = 0; at + 5 <= frame.size();) {
+      size_t size = 0;
+      for (int i = 0; i < 4; i++) size = size << 8 | frame[at++];
+      const int type = frame[at] & 31;
+      const auto begin = frame.begin() + static_cast<ptrdiff_t>(at);
+      size = std::min(size, frame.size() - at);
+      if (type == 1 || type == 5) slices.insert(slices.end(), begin, begin + static_cast<ptrdiff_t>(size));
+      at += size;
+    }
+  }
+  return all;
 }
 
 }  // namespace lf::test
