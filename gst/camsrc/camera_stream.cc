@@ -270,7 +270,7 @@ GstBuffer* CameraStream::complete_capture_time(GstBuffer* buffer) const {
 
 // What is sent of a camera whose coded pictures are not kept.
 void CameraStream::keep_frame(GstPad* pad, GstBuffer* frame) const {
-  if (coded_pad_) return;
+  if (const std::lock_guard lock(keeping_); coded_pad_) return;
   GstCaps* reference = capture_time_reference();
   const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(frame, reference);
   gst_caps_unref(reference);

@@ -160,6 +160,7 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstClockTime nearly_since_ = 0;  // running time since when it has been late by a second at most; 0: it is not yet
   bool is_cut_off_ = false;        // more could have been sent when the source came to its end
   bool told_cut_off_ = false;
+  mutable std::mutex keeping_;   // guards the next two: a decoder may send frames by a thread of its own
   GstPad* coded_pad_ = nullptr;  // a reference: where pictures come to the decoder that are kept as they are; or null
   CodedPictures coded_;
   uint64_t dropped_before_ = 0;  // frames that the shedder had dropped when this round began

@@ -27,6 +27,7 @@ GstPadProbeReturn CameraStream::on_coded(GstPad* pad, GstPadProbeInfo* info) {
   GstBuffer* picture = GST_PAD_PROBE_INFO_BUFFER(info);
   g_autoptr(GstCaps) caps = gst_pad_get_current_caps(pad);
   if (!caps || !find_coded_video(caps)) return GST_PAD_PROBE_OK;
+  const std::lock_guard lock(keeping_);
   if (!coded_pad_) coded_pad_ = GST_PAD(gst_object_ref(pad));
   g_autoptr(GstEvent) event = pad == coded_pad_ ? gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0) : nullptr;
   if (!event) return GST_PAD_PROBE_OK;
@@ -46,6 +47,7 @@ GstPadProbeReturn CameraStream::on_coded(GstPad* pad, GstPadProbeInfo* info) {
 
 // What has waited for the first frame to be sent.
 void CameraStream::keep_waiting() {
+  const std::lock_guard lock(keeping_);
   if (!coded_pad_) return;
   g_autoptr(GstCaps) caps = gst_pad_get_current_caps(coded_pad_);
   for (const CodedPictures::Picture& picture : coded_.take_waiting())

@@ -10,7 +10,7 @@
 namespace lf {
 
 // What is to be known of a stream of coded pictures to keep them: from which one on they can be decoded, and in which
-// order they are to be seen. Of one stream; one thread.
+// order they are to be seen. Of one stream; without locks.
 class CodedPictures {
  public:
   struct Picture {
