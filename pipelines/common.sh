@@ -46,6 +46,6 @@ send() { # HOST:PORT
 # Runs a pipeline under the clock that all hosts share (chrony or PTP keep it so), after printing it as a command that
 # can be pasted.
 launch() {
-  printf 'gst-launch-1.0 clockselect. \\( clock-id=realtime %s \\)\n' "$(printf '%q ' "$@")"
-  exec gst-launch-1.0 clockselect. '(' clock-id=realtime "$@" ')'
+  printf 'gst-launch-1.0 -m clockselect. \\( clock-id=realtime %s \\)\n' "$(printf '%q ' "$@")"
+  exec gst-launch-1.0 -m clockselect. '(' clock-id=realtime "$@" ')'
 }

@@ -242,7 +242,7 @@ FocusControl::Plan FocusControl::next(const ViewRequest& request, std::span<cons
     if (!map || moments.empty()) return plan;
     // The viewer asks where it would be in focus: see add_focus_sweep().
     auto found = std::make_shared<FocalMap>(*map);
-    found->levels = choice_of(request, moments, array, search_radius(*map), true).levels;
+    found->levels = choice_of(request, moments, array, kSearchRadius, true).levels;
     plan.view.focus.map = std::move(found);
     return plan;
   }
