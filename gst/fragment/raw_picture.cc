@@ -17,6 +17,16 @@ bool is_system_i420(const GstVideoInfo& info) {
          info.colorimetry.matrix == GST_VIDEO_COLOR_MATRIX_BT601 && centred;
 }
 
+// Nothing for video of which GStreamer does not know what it stands for.
+std::optional<YcbcrKind> kind_of(const GstVideoInfo& info) {
+  YcbcrKind kind;
+  if (!gst_video_color_matrix_get_Kr_Kb(info.colorimetry.matrix, &kind.kr, &kind.kb)) return std::nullopt;
+  kind.full_range = info.colorimetry.range == GST_VIDEO_COLOR_RANGE_0_255;
+  if (info.chroma_site & GST_VIDEO_CHROMA_SITE_H_COSITED) kind.right = -0.5;
+  if (info.chroma_site & GST_VIDEO_CHROMA_SITE_V_COSITED) kind.down = -0.5;
+  return kind;
+}
+
 }  // namespace
 
 FrameConverter::FrameConverter(const GstVideoInfo& input, PixelFamily family) : input_(input), family_(family) {
@@ -25,9 +35,7 @@ FrameConverter::FrameConverter(const GstVideoInfo& input, PixelFamily family) : 
     if (GST_VIDEO_INFO_FORMAT(&input) != GST_VIDEO_FORMAT_I420) add_planar_step(input);
     const GstVideoInfo planar = steps_.empty() ? input : steps_.back().to;
     if (is_system_i420(planar)) return;
-    // From I420 to I420 GstVideoConverter 1.22 copies and leaves range and siting as they are: go through RGB.
-    add_step(planar, GST_VIDEO_FORMAT_RGB);
-    add_step(steps_.back().to, GST_VIDEO_FORMAT_I420);
+    add_ycbcr_step(planar);
   } else {
     add_step(input, family == PixelFamily::kRgb ? GST_VIDEO_FORMAT_RGB : GST_VIDEO_FORMAT_I420);
   }
@@ -40,7 +48,20 @@ void FrameConverter::add_step(const GstVideoInfo& from, GstVideoFormat format) {
   to.fps_d = from.fps_d;
   set_system_colorimetry(to);
   GstVideoInfo in = from, out = to;
-  steps_.push_back({from, to, {gst_video_converter_new(&in, &out, nullptr), gst_video_converter_free}});
+  steps_.push_back({from, to, {gst_video_converter_new(&in, &out, nullptr), gst_video_converter_free}, {}});
+}
+
+// From I420 to I420 GstVideoConverter 1.22 copies and leaves range and siting as they are, and by way of RGB what it
+// makes of video levels is up to 3 of 255 too dark.
+void FrameConverter::add_ycbcr_step(const GstVideoInfo& from) {
+  GstVideoInfo to = from;
+  set_system_colorimetry(to);
+  const std::optional<YcbcrKind> kind = kind_of(from);
+  if (!kind) {
+    add_step(from, GST_VIDEO_FORMAT_RGB);
+    return add_step(steps_.back().to, GST_VIDEO_FORMAT_I420);
+  }
+  steps_.push_back({from, to, {nullptr, gst_video_converter_free}, YcbcrConversion(*kind)});
 }
 
 // GstVideoConverter would sample chroma anew.
@@ -57,7 +78,7 @@ void FrameConverter::add_planar_step(const GstVideoInfo& from) {
     set_system_colorimetry(to);
     if (range == GST_VIDEO_COLOR_RANGE_16_235) to.colorimetry.range = range;
   }
-  steps_.push_back({from, to, {nullptr, gst_video_converter_free}});
+  steps_.push_back({from, to, {nullptr, gst_video_converter_free}, {}});
 }
 
 static void copy_rows(const uint8_t* from, gint from_stride, uint8_t* to, gint to_stride, int width, int height) {
@@ -89,6 +110,19 @@ static void lay_out_planar(const GstVideoFrame& in, GstVideoFrame& out) {
   }
 }
 
+static void convert_ycbcr(const YcbcrConversion& conversion, const GstVideoFrame& in, GstVideoFrame& out) {
+  ImageView from{.family = PixelFamily::kI420, .width = in.info.width, .height = in.info.height};
+  uint8_t* to[3];
+  ptrdiff_t stride[3];
+  for (guint i = 0; i < 3; i++) {
+    from.plane[i] = static_cast<const uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&in, i));
+    from.stride[i] = GST_VIDEO_FRAME_PLANE_STRIDE(&in, i);
+    to[i] = static_cast<uint8_t*>(GST_VIDEO_FRAME_PLANE_DATA(&out, i));
+    stride[i] = GST_VIDEO_FRAME_PLANE_STRIDE(&out, i);
+  }
+  conversion.convert(from, to, stride);
+}
+
 std::shared_ptr<GstBuffer> FrameConverter::run(const Step& step, GstBuffer* buffer) {
   std::shared_ptr<GstBuffer> result = share(gst_buffer_new_allocate(nullptr, step.to.size, nullptr));
   GstVideoFrame in, out;
@@ -96,6 +130,8 @@ std::shared_ptr<GstBuffer> FrameConverter::run(const Step& step, GstBuffer* buff
   if (gst_video_frame_map(&out, const_cast<GstVideoInfo*>(&step.to), result.get(), GST_MAP_WRITE)) {
     if (step.converter)
       gst_video_converter_frame(step.converter.get(), &in, &out);
+    else if (step.ycbcr)
+      convert_ycbcr(*step.ycbcr, in, out);
     else
       lay_out_planar(in, out);
     gst_video_frame_unmap(&out);

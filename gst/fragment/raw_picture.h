@@ -2,11 +2,13 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include <gst/video/video.h>
 
 #include "common/pixel_family.h"
+#include "image/ycbcr_conversion.h"
 #include "node/camera_picture.h"
 
 namespace lf {
@@ -46,11 +48,14 @@ class FrameConverter {
  private:
   struct Step {
     GstVideoInfo from, to;
-    std::unique_ptr<GstVideoConverter, void (*)(GstVideoConverter*)> converter;  // null: another layout alone
+    // By GStreamer, or by ourselves; neither: another layout alone.
+    std::unique_ptr<GstVideoConverter, void (*)(GstVideoConverter*)> converter;
+    std::optional<YcbcrConversion> ycbcr;
   };
   static std::shared_ptr<GstBuffer> run(const Step& step, GstBuffer* buffer);
   void add_step(const GstVideoInfo& from, GstVideoFormat format);
   void add_planar_step(const GstVideoInfo& from);
+  void add_ycbcr_step(const GstVideoInfo& from);
 
   GstVideoInfo input_;
   PixelFamily family_;
