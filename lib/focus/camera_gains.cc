@@ -193,7 +193,8 @@ WideLuma::WideLuma(const Rig& rig, const Mesh& mesh, const View& view, std::span
 WideLuma::Camera WideLuma::see(const Source& source, float gain) const {
   const lf::Camera& camera = *source.rig_camera;
   check_image(camera, source.image);
-  const TrialProjection projection = trial_projection(plan_, source.camera, camera);
+  TrialProjection projection = trial_projection(plan_, source.camera, camera);
+  projection.box = trial_box(plan_, source.camera, camera);
   const Vec2 at(glm::dot(across_, camera.pose.position), glm::dot(down_, camera.pose.position));
   const size_t nodes = crossings_.size();
   const TrialValues values =

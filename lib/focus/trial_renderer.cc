@@ -41,9 +41,9 @@ TrialProjection trial_projection(const ViewPlan& plan, CameraIndex camera, const
 }
 
 int trial_box(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera) {
-  const Rect rect = plan.camera_rect(camera);
   const View& view = plan.view();
-  if (rect.empty() || view.width < 2 || view.height < 2) return kTrialBox;
+  if (view.width < 2 || view.height < 2) return kTrialBox;
+  const Rect own = plan.camera_rect(camera), rect = own.empty() ? Rect{0, 0, view.width, view.height} : own;
   const CameraProjection projection(plan, camera, rig_camera);
   const int x = std::min((rect.x0 + rect.x1) / 2, view.width - 2),
             y = std::min((rect.y0 + rect.y1) / 2, view.height - 2);

@@ -23,8 +23,9 @@ namespace lf {
 TrialProjection trial_projection(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
 
 // The size of box that belongs to how far apart nodes are in a camera's image, in the middle of what the camera
-// contributes to and of the map's range: the nearest power of two. With smaller ones most pixels would not count, and
-// it would be chance how bright a camera's part of a trial is. `plan`: of trial_view().
+// contributes to (of the view, if that is nothing) and of the map's range: the nearest power of two. With smaller ones
+// most pixels would not count, and it would be chance how bright a camera's part of a trial is. `plan`: of
+// trial_view().
 int trial_box(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera);
 // The pixels of a camera's image that trials look at, as needed_pixels(). `plan`: of trial_view().
 Rect trial_pixels(const ViewPlan& plan, CameraIndex camera, const Camera& rig_camera,
