@@ -149,8 +149,9 @@ void CameraFile::build(GstCaps* caps, const std::string& begins) {
   gst_util_set_object_arg(G_OBJECT(sink), "buffer-mode", "unbuffered");
   GstElement* mux = add_element("matroskamux");
   // A seek looks for a cluster that begins with a key frame.
-  g_object_set(mux, "streamable", TRUE, "timecodescale", gint64{coded_ ? kCodedTick : kTick}, "min-cluster-duration",
-               static_cast<gint64>(coded_ ? 0 : kLongestCluster), "max-cluster-duration", gint64{kLongestCluster}, nullptr);
+  g_object_set(mux, "streamable", TRUE, "timecodescale", static_cast<gint64>(coded_ ? kCodedTick : kTick),
+               "min-cluster-duration", static_cast<gint64>(coded_ ? 0 : kLongestCluster), "max-cluster-duration",
+               gint64{kLongestCluster}, nullptr);
   mux_ = mux;
   gst_element_link(mux, sink);
   GstElement* text = add_source(gst_caps_new_simple("text/x-raw", "format", G_TYPE_STRING, "utf8", nullptr));
