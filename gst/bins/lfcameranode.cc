@@ -106,7 +106,7 @@ static void add_camera(LfCameraNode* self, const Settings& settings, const lf::R
     const lf::ObjectLock lock(self);
     self->cameras->reserve(self->cameras->size() + 1);  // none is in the bin that is not known
   }
-  lf_camera_node_tap(self, camera, rig.cameras[index].id);
+  if (!settings.record.empty()) lf_camera_node_tap(self, camera, rig.cameras[index].id);
   gst_bin_add(GST_BIN(self), camera);
   lf::ObjectLock lock(self);
   self->cameras->push_back(camera);

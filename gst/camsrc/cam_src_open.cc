@@ -56,10 +56,7 @@ lf::StreamListener listener_of(LfCamSrc* self, guint serial) {
           .on_overload = [self](GstClockTimeDiff late) { lf_cam_src_tell_overload(self, late); },
           .on_cut_off = [self](GstClockTime lasted,
                                GstClockTime missing) { lf_cam_src_tell_cut_off(self, lasted, missing); },
-          .on_keepsake =
-              [self](GstBuffer* buffer, GstCaps* caps, GstClockTime captured) {
-                if (*self->keeper) (*self->keeper)(buffer, caps, captured);
-              }};
+          .on_keepsake = *self->keeper};
 }
 
 lf::Controls controls_of(const lf::CamSrcSettings& settings, const lf::Camera& camera) {

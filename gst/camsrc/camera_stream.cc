@@ -75,7 +75,7 @@ CameraStream::~CameraStream() {
 }
 
 void CameraStream::watch_decoder(GstElement* element) {
-  if (!GST_IS_VIDEO_DECODER(element)) return;
+  if (!listener_.on_keepsake || !GST_IS_VIDEO_DECODER(element)) return;
   GstPad* sink = gst_element_get_static_pad(element, "sink");
   if (!sink) return;
   add_probe(sink, GST_PAD_PROBE_TYPE_BUFFER, call<&CameraStream::on_coded>, weak_from_this());
@@ -270,6 +270,7 @@ GstBuffer* CameraStream::complete_capture_time(GstBuffer* buffer) const {
 
 // What is sent of a camera whose coded pictures are not kept.
 void CameraStream::keep_frame(GstPad* pad, GstBuffer* frame) const {
+  if (!listener_.on_keepsake) return;
   if (const std::lock_guard lock(keeping_); coded_pad_) return;
   GstCaps* reference = capture_time_reference();
   const GstReferenceTimestampMeta* meta = gst_buffer_get_reference_timestamp_meta(frame, reference);

@@ -48,7 +48,7 @@ struct StreamListener {
   std::function<void(GstClockTime lasted, GstClockTime missing)> on_cut_off;
   // Something to be kept of the camera, which stays the stream's, with its true capture time: a coded picture, which
   // may need the ones before it, as it comes to the decoder, whether that has the time for it or not; else, where no
-  // file could take it so, a frame as it is sent.
+  // file could take it so, a frame as it is sent. Empty where nobody keeps anything.
   std::function<void(GstBuffer* buffer, GstCaps* caps, GstClockTime captured)> on_keepsake;
 };
 
