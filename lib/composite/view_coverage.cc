@@ -10,7 +10,7 @@ double ViewCoverage::share(const Rig& rig, const ViewRequest& request, const Cam
   const bool same = known && view_ == request.view && out_of_service_ == request.out_of_service && lost_ == lost;
   if (same || (known && !exact && now < known_at_ + kInterval)) return share_;
   const Mesh& mesh = mesh_.get(rig, request.out_of_service);
-  share_ = mean_coverage(rig, ViewPlan(rig, mesh, request.view), kRows, lost);
+  share_ = mean_coverage(rig, ViewPlan(rig, mesh, request.view), kColumns, kRows, lost);
   view_ = request.view;
   out_of_service_ = request.out_of_service;
   lost_ = lost;

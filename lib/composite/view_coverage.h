@@ -9,12 +9,12 @@
 
 namespace lf {
 
-// How much of a view an array's cameras can see, from request to request. A view that moves is looked at now and then,
-// because looking takes as long as a few rows of its picture. Not thread-safe.
+// How much of a view an array's cameras can see, from request to request. A view that moves is looked at now and then.
+// Not thread-safe.
 class ViewCoverage {
  public:
-  static constexpr int kRows = 12;               // rows of the view that are looked at
-  static constexpr int64_t kInterval = 500'000;  // microseconds
+  static constexpr int kColumns = 32, kRows = 24;  // of pixels of the view that are looked at
+  static constexpr int64_t kInterval = 500'000;    // microseconds
 
   // The share of the request's pixels that cameras in service can see, 0..1: `exact`, or of a view up to kInterval ago.
   // `now`: of any one clock, microseconds. The rig is the same until clear().

@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "base/error.h"
 #include "render/camera_projection.h"
@@ -103,21 +102,34 @@ std::vector<CameraPlace> camera_places(const Rig& rig, const ViewPlan& plan, con
   return places;
 }
 
-double mean_coverage(const Rig& rig, const ViewPlan& plan, int rows, const CameraSet& without) {
+double mean_coverage(const Rig& rig, const ViewPlan& plan, int columns, int rows, const CameraSet& without) {
   const int width = plan.view().width, height = plan.view().height;
+  const auto place = [](int i, int count, int size) { return (2 * i + 1) * size / (2 * count); };
+  std::vector<OwnerMap> owners;
+  owners.reserve(rows);
+  for (int j = 0; j < rows; j++) {
+    const int y = place(j, rows, height);
+    owners.emplace_back(plan, Rect{0, y, width, y + 1});
+  }
   double sum = 0;
-  for (int i = 0; i < rows; i++) {
-    const int y = (2 * i + 1) * height / (2 * rows);
-    const Rect row{0, y, width, y + 1};
-    const OwnerMap owners(plan, row);
-    for (const CameraIndex camera : plan.contributors()) {
-      const Rect rect = intersect(plan.camera_rect(camera), row);
-      if (rect.empty() || std::ranges::binary_search(without, camera)) continue;
-      const std::vector<float> weights = valid_weights(plan, owners, camera, rig.cameras[camera], rect);
-      sum = std::accumulate(weights.begin(), weights.end(), sum);
+  for (const CameraIndex camera : plan.contributors()) {
+    if (std::ranges::binary_search(without, camera)) continue;
+    const Rect rect = plan.camera_rect(camera);
+    const CameraCorners corners(plan, camera);
+    const CameraProjection projection(plan, camera, rig.cameras[camera]);
+    for (const OwnerMap& row : owners) {
+      const int y = row.region().y0;
+      if (y < rect.y0 || y >= rect.y1) continue;
+      for (int i = 0; i < columns; i++) {
+        const int x = place(i, columns, width);
+        if (x < rect.x0 || x >= rect.x1) continue;
+        const float weight = corners.weight_at(plan, row, x, y);
+        Vec2 pixel;
+        if (weight > 0 && projection.project(plan.rays().at(x, y), plan.inverse_at(x, y), pixel)) sum += weight;
+      }
     }
   }
-  return sum / (static_cast<double>(rows) * width);
+  return sum / (static_cast<double>(columns) * rows);
 }
 
 std::vector<PixelShare> pixel_shares(const Rig& rig, const ViewPlan& plan, int x, int y) {
@@ -245,7 +257,7 @@ VisibleShare::VisibleShare(const Rig& rig) : rig_(rig), mesh_(build_mesh(rig)) {
 double VisibleShare::operator()(const Viewpoint& viewpoint, double aspect) const {
   const int rows = raster_rows(kRows, kMaxColumns, aspect);
   const int columns = std::max(static_cast<int>(std::lround(rows * aspect)), 1);
-  return mean_coverage(rig_, ViewPlan(rig_, mesh_, make_view(far_from(viewpoint), columns, rows)), rows);
+  return mean_coverage(rig_, ViewPlan(rig_, mesh_, make_view(far_from(viewpoint), columns, rows)), columns, rows);
 }
 
 // The middles of the outermost pixels of the raster lie a pixel of it outside of the view, so that no corner between

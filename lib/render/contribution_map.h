@@ -36,9 +36,9 @@ struct CameraPlace {
 // The cameras that give something to the view, ascending. `owners` as above.
 std::vector<CameraPlace> camera_places(const Rig& rig, const ViewPlan& plan, const OwnerMap& owners);
 
-// The mean of view_coverage() over `rows` rows of the view, evenly spaced: exact for `rows` = the view's height.
-// `without`: cameras that give nothing, ascending.
-double mean_coverage(const Rig& rig, const ViewPlan& plan, int rows, const CameraSet& without = {});
+// The mean of view_coverage() over `columns` times `rows` pixels of the view, evenly spaced: exact for the view's width
+// and height. `without`: cameras that give nothing, ascending.
+double mean_coverage(const Rig& rig, const ViewPlan& plan, int columns, int rows, const CameraSet& without = {});
 
 struct PixelShare {
   CameraIndex camera;

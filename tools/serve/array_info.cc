@@ -12,8 +12,6 @@
 namespace lf::serve {
 namespace {
 
-constexpr int kCoverageRows = 16;
-
 std::string name_of(const Camera& camera) { return camera.name.empty() ? std::to_string(camera.id) : camera.name; }
 
 nlohmann::json numbers(const Vec3& v) { return {v.x, v.y, v.z}; }
@@ -53,7 +51,8 @@ nlohmann::json ArrayInfo::pixel(const View& view, int x, int y) const {
 }
 
 double ArrayInfo::coverage(const View& view) const {
-  return mean_coverage(rig_, ViewPlan(rig_, mesh_, view), std::min(kCoverageRows, view.height));
+  constexpr int kColumns = 32, kRows = 24;  // of pixels that are looked at
+  return mean_coverage(rig_, ViewPlan(rig_, mesh_, view), kColumns, kRows);
 }
 
 }  // namespace lf::serve

@@ -69,8 +69,8 @@ TEST(MeanCoverage, IsTheMeanOfTheCoverage) {
   const ViewPlan plan(rig, build_mesh(rig), view);
   double sum = 0;
   for (const float c : view_coverage(rig, plan, OwnerMap(plan, {0, 0, 64, 64}))) sum += c;
-  EXPECT_NEAR(mean_coverage(rig, plan, 64), sum / (64 * 64), 1e-9);
-  EXPECT_NEAR(mean_coverage(rig, plan, 16), sum / (64 * 64), 0.05);
+  EXPECT_NEAR(mean_coverage(rig, plan, 64, 64), sum / (64 * 64), 1e-9);
+  EXPECT_NEAR(mean_coverage(rig, plan, 24, 12), sum / (64 * 64), 0.02);
   EXPECT_GT(sum, 0);
 }
 
