@@ -17,8 +17,7 @@
 #include "base/json_value.h"
 #include "base/number_text.h"
 #include "cameras/doctor.h"
-#include "cameras/recorder.h"
-#include "cameras/recording_progress.h"
+#include "cameras/guided_recording.h"
 #include "cameras/rig_cameras.h"
 #include "commands.h"
 #include "recordings.h"
@@ -47,8 +46,10 @@ class Afternoon {
         steps_(folder_) {
     if (fs::exists(out_) && fs::equivalent(o.rig, out_))
       throw lf::Error(out_ + ": is the rig that the calibration begins with: give another file as --out");
-    if (o.record == 0) check_folder(o.lights);
-    check_folder(o.boards);
+    if (o.record == 0) {
+      check_folder(o.lights);
+      check_folder(o.boards);
+    }
     if (!o.boards.empty() && o.board.empty())
       throw lf::Error("--boards: give --board, the inner corners of the board, as 9x6");
   }
@@ -58,10 +59,13 @@ class Afternoon {
       record(o_.lights,
              o_.bar > 0 ? "Make the room dark, switch on both lights of the bar"
                         : "Make the room dark, switch on the light",
-             "move it near and far and into all corners of the pictures");
+             "move it near and far and into all corners of the pictures", {.lights = o_.bar > 0 ? 2 : 1});
+      if (!o_.boards.empty())
+        record(o_.boards, ("Light the room evenly, take the board of " + o_.board + " inner corners").c_str(),
+               "hold it where you are told to", {.prompts = lf::cameras::board_prompts()});
       if (!o_.colour.empty())
         record(o_.colour, "Light the room evenly, take the chart",
-               "hold it before the cameras, still for a moment, at a dozen places");
+               "hold it before the cameras, still for a moment, at a dozen places", {});
     }
     std::optional<std::string> rig = geometry();
     if (rig && !o_.colour.empty()) rig = colour(*rig);
@@ -71,7 +75,8 @@ class Afternoon {
 
  private:
   // Asks for what is to be recorded, and records it; what is there already may stay.
-  void record(const std::string& folder, const char* before, const char* meanwhile) const {
+  void record(const std::string& folder, const char* before, const char* meanwhile,
+              const lf::cameras::RecordingGuide& guide) const {
     const auto ask = [](const std::string& question) {
       std::printf("%s ", question.c_str());
       std::fflush(stdout);
@@ -87,12 +92,8 @@ class Afternoon {
         meanwhile + ".");
     gst_init(nullptr, nullptr);
     const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(o_.rig));
-    std::vector<lf::cameras::Recorded> recorded;
-    {
-      lf::cameras::RecordingProgress progress;
-      recorded = lf::cameras::record_cameras(rig, o_.rig, folder, {.cameras = {}, .seconds = o_.record},
-                                             [&](double share) { return progress.tell(share), true; });
-    }
+    const std::vector<lf::cameras::Recorded> recorded =
+        lf::cameras::record_guided(rig, o_.rig, folder, {.seconds = o_.record}, guide, [] { return true; });
     for (const lf::cameras::Recorded& one : recorded)
       if (const lf::Camera& camera = rig->cameras[one.camera]; !one.problem.empty())
         std::printf("record      camera %s: %s: %s\n", lf::cameras::name_of(camera).c_str(), one.problem.c_str(),
@@ -241,9 +242,10 @@ void add_all_command(cli::App& app, int& status) {
       ->required()
       ->type_name("DIR");
   command
-      ->add_option("--record", o->record,
-                   "Record first, so many seconds each, with the cameras of RIG: says when to move the light, when to "
-                   "show the chart, and writes these folders")
+      ->add_option(
+          "--record", o->record,
+          "Record first, so many seconds each, with the cameras of RIG: says when to move the light and where it "
+          "was not yet, when to hold the board where, when to show the chart, and writes these folders")
       ->type_name("SECONDS")
       ->check(cli::PositiveNumber);
   command->add_option("--bar", o->bar, "Two lights were moved, so many metres apart: gives the scale")

@@ -32,7 +32,9 @@ constexpr double kSettled = 2e-3;          // pixels
 constexpr double kWhole = 2.2;             // sigmas of an image that are in the picture on all sides
 constexpr double kLean = 0.5, kLeans = 4;  // of the third moment, that the centre is off by; sigmas that are no chance
 constexpr double kWander = 3;              // sigmas that the middle may move from where it was first
-constexpr double kSystematic = 0.007;      // pixels: of images that are not what they are taken for
+// Pixels that images are off by which are not what they are taken for: any image, and one that is clipped all over.
+// Those that are clipped in part are off by less, as a power of that part that simulated lights show.
+constexpr double kSystematic = 0.0015, kClipped = 0.0185, kClippedPower = 1.5;
 constexpr double kParting = 0.5, kParted = 0.02;  // of what parting moved a light by, and pixels at least
 constexpr double kSkirts = 5;                     // sigmas of an image that are not background
 constexpr int kProbes = 3;                        // places without light, for each light, that the noise is watched at
@@ -52,11 +54,14 @@ Matrix2d bounded(const Matrix2d& shape) {
 
 struct LightDetector::Blob {
   Vector2d centre, first;
-  Matrix2d shape;    // covariance of the weight
-  double flux = 0;   // of the image
-  double sigma = 0;  // of the centre if the noise were white
+  Matrix2d shape;      // covariance of the weight
+  double flux = 0;     // of the image
+  double sigma = 0;    // of the centre if the noise were white
+  double clipped = 0;  // share of the weighted image that is clipped
   int label = 0;
 
+  // Of the centre, whatever the noise.
+  double systematic() const { return std::hypot(kSystematic, kClipped * std::pow(clipped, kClippedPower)); }
   // The image of its own flux and shape.
   double light(int x, int y) const {
     const Vector2d from(x - centre.x(), y - centre.y());
@@ -121,7 +126,8 @@ std::vector<Sight> LightDetector::look(const uint8_t* grey, ptrdiff_t stride) {
   const double excess = std::sqrt(std::max(1.0, (correlated_ + kTrust) / (white_ + kTrust)));
   for (const Blob& blob : blobs) {
     if (sights.size() == kMostSights) break;
-    sights.push_back({{blob.centre.x(), blob.centre.y()}, std::hypot(blob.sigma * excess, kSystematic), blob.flux});
+    sights.push_back(
+        {{blob.centre.x(), blob.centre.y()}, std::hypot(blob.sigma * excess, blob.systematic()), blob.flux});
   }
   record_.lit += !sights.empty();
   learn(grey, stride);
@@ -172,20 +178,22 @@ std::vector<LightDetector::Blob> LightDetector::find_blobs(float threshold) {
 // To where the image equals its weight; false where there is no such place near, or the light is too faint.
 bool LightDetector::refine(Blob& blob, const std::vector<Blob>& others, const uint8_t* grey, ptrdiff_t stride) {
   const double faint = std::pow(kAbove * record_.noise, 2);
-  const auto value = [&](int x, int y) {
+  const auto sample = [&](int x, int y) -> LightSample {
     // What a light has left, since it is in the background yet, must not push its neighbours away.
     double d = std::max(static_cast<double>(at(x, y)), -4 * record_.noise);
     for (const Blob& other : others) d -= other.light(x, y);
-    // Cameras encode about the square root of light: on top of a bright light the background is next to nothing.
+    // Cameras encode about the square root of light: on top of a bright light the background is next to nothing. What
+    // that makes of a pixel's value it makes of its noise, too.
     const double b = background_[static_cast<size_t>(y) * width_ + x], over = std::max(0.0, d);
-    return d + b * over * over / (over * over + b * b + faint);
+    const double dark = b * b + faint, all = over * over + dark;
+    const bool clipped = grey[y * stride + x] >= kSaturated;
+    return {d + b * over * over / all, clipped ? 0 : 1 + 2 * b * over * dark / (all * all)};
   };
-  const auto noisy = [&](int x, int y) { return grey[y * stride + x] < kSaturated; };
   LightMoments m;
   Matrix2d step = Matrix2d::Identity();
   bool settled = false;
   for (int round = 0; round < kRounds && !settled; round++) {
-    m = light_moments(blob.centre, blob.shape, width_, height_, value, noisy);
+    m = light_moments(blob.centre, blob.shape, width_, height_, sample);
     if (!(m.weight > 0)) return false;
     m.mean /= m.weight, m.spread /= m.weight;
     // How the mean answers to a shift of the weight.
@@ -210,9 +218,10 @@ bool LightDetector::refine(Blob& blob, const std::vector<Blob>& others, const ui
   if (m.weight < kClear * std::sqrt(variance * std::max(m.squares, 1.0))) return false;
   const Matrix2d of_centre = step * (variance * m.by_noise / (m.weight * m.weight)) * step.transpose();
   blob.sigma = std::sqrt(of_centre.trace() / 2);
+  blob.clipped = m.clipped / m.weight;
   // An image that leans to one side is that of two lights, or of one and its reflection.
   const double lean = kLean * (m.skew / m.weight).norm();
-  if (lean > kLeans * std::hypot(blob.sigma, kSystematic)) blob.sigma = std::hypot(blob.sigma, lean);
+  if (lean > kLeans * std::hypot(blob.sigma, blob.systematic())) blob.sigma = std::hypot(blob.sigma, lean);
   // The weight halves the sum of a normal distribution of its own size.
   blob.flux = 2 * m.weight;
   return true;
@@ -251,8 +260,7 @@ void LightDetector::mark_lit(const std::vector<Blob>& blobs) {
 // What compression, or a camera's own filters, leave of the noise is not white. The first moments that place a light
 // are taken where there is none, too: how large they are there, over what white noise would do.
 void LightDetector::watch_noise(const std::vector<Blob>& blobs) {
-  const auto value = [&](int x, int y) { return static_cast<double>(at(x, y)); };
-  const auto everywhere = [](int, int) { return true; };
+  const auto sample = [&](int x, int y) { return LightSample{at(x, y), 1}; };
   for (const Blob& blob : blobs)
     for (int i = 0; i < kProbes; i++) {
       const auto draw = [&](int range) {
@@ -272,7 +280,7 @@ void LightDetector::watch_noise(const std::vector<Blob>& blobs) {
         dark = std::none_of(&lit_[static_cast<size_t>(y) * width_ + x0], &lit_[static_cast<size_t>(y) * width_ + x1],
                             [](uint8_t l) { return l != 0; });
       if (!dark) continue;
-      const LightMoments m = light_moments(at, blob.shape, width_, height_, value, everywhere);
+      const LightMoments m = light_moments(at, blob.shape, width_, height_, sample);
       const double expected = record_.noise * record_.noise * m.by_noise.trace();
       if (!(expected > 0)) continue;
       white_ += 1;

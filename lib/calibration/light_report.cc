@@ -3,10 +3,10 @@
 #include "base/number_text.h"
 
 #include <algorithm>
-#include <array>
 
 #include "base/percentiles.h"
 #include "calibration/light_paths.h"
+#include "calibration/picture_places.h"
 
 namespace lf {
 namespace {
@@ -16,25 +16,10 @@ constexpr double kBright = 50;                       // of 255: a room that is n
 constexpr double kMostBusy = 0.2;                    // share of the pictures
 constexpr double kLeastCoverage = 0.5;
 constexpr double kShorter = 0.9;  // of the longest recording
-constexpr int kColumns = 4, kRows = 3;
 
 double seconds_of(const LightSights::Camera& camera) {
   if (camera.frames.size() < 2) return 0;
   return camera.frames.back().time - camera.frames.front().time;
-}
-
-// Where in the picture nothing came, in words.
-std::string missing_places(const std::array<bool, kColumns * kRows>& seen) {
-  static constexpr const char* kAcross[] = {"left", "left", "right", "right"};
-  static constexpr const char* kDown[] = {"upper", "middle", "lower"};
-  std::vector<std::string> names;
-  for (int i = 0; i < kColumns * kRows; i++) {
-    const std::string name = std::string(kDown[i / kColumns]) + " " + kAcross[i % kColumns];
-    if (!seen[i] && std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
-  }
-  std::string all;
-  for (const std::string& name : names) all += (all.empty() ? "" : ", ") + name;
-  return all;
 }
 
 std::optional<std::string> trouble_of(const LightSights::Camera& camera, const LightRecord& record, bool moves) {
@@ -65,27 +50,23 @@ LightSummary summarize_lights(const LightSights::Camera& camera, const LightReco
   LightSummary summary;
   summary.seconds = seconds_of(camera);
   summary.lit = static_cast<double>(record.lit) / static_cast<double>(std::max<size_t>(1, record.frames));
-  std::array<bool, kColumns * kRows> seen{};
+  PicturePlaces places(camera.width, camera.height);
   std::vector<double> sigmas;
   bool moves = false;
   for (const LightPath& path : link_light_paths(camera)) {
     if (path.still) continue;
     moves = true;
-    for (const LightPath::Point& point : path.points) {
-      const int column = static_cast<int>((point.sight.pixel.x + 0.5) * kColumns / camera.width);
-      const int row = static_cast<int>((point.sight.pixel.y + 0.5) * kRows / camera.height);
-      seen[std::clamp(row, 0, kRows - 1) * kColumns + std::clamp(column, 0, kColumns - 1)] = true;
-    }
+    for (const LightPath::Point& point : path.points) places.come(point.sight.pixel);
   }
   for (const LightSights::Frame& frame : camera.frames)
     if (!frame.sights.empty()) sigmas.push_back(frame.sights[0].sigma);
   if (!sigmas.empty()) summary.sigma = median(std::move(sigmas));
-  summary.coverage = static_cast<double>(std::count(seen.begin(), seen.end(), true)) / (kColumns * kRows);
+  summary.coverage = places.share();
   summary.trouble = trouble_of(camera, record, moves);
   if (summary.trouble) return summary;
   if (summary.coverage < kLeastCoverage)
     summary.remarks.push_back(format_text("the light came to %.0f %% of its picture: move it to the %s, too",
-                                          100 * summary.coverage, missing_places(seen).c_str()));
+                                          100 * summary.coverage, listed(places.gaps()).c_str()));
   if (record.background > kBright)
     summary.remarks.push_back(
         format_text("the room is not dark (%.0f of 255 on average): weak lights are missed", record.background));

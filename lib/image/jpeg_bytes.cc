@@ -23,4 +23,20 @@ std::vector<uint8_t> encode_jpeg(const Image& rgb, int quality) {
   return bytes;
 }
 
+GreyPicture decode_grey_jpeg(const std::vector<uint8_t>& bytes, int smaller) {
+  try {
+    const cv::Mat grey = cv::imdecode(bytes, smaller == 8   ? cv::IMREAD_REDUCED_GRAYSCALE_8
+                                             : smaller == 4 ? cv::IMREAD_REDUCED_GRAYSCALE_4
+                                             : smaller == 2 ? cv::IMREAD_REDUCED_GRAYSCALE_2
+                                                            : cv::IMREAD_GRAYSCALE);
+    if (grey.empty()) throw Error("no JPEG");
+    GreyPicture picture{grey.cols, grey.rows, {}};
+    for (int y = 0; y < grey.rows; y++)
+      picture.samples.insert(picture.samples.end(), grey.ptr<uint8_t>(y), grey.ptr<uint8_t>(y) + grey.cols);
+    return picture;
+  } catch (const cv::Exception& error) {
+    throw Error(error.what());
+  }
+}
+
 }  // namespace lf

@@ -94,14 +94,34 @@ TEST_F(AllCommand, LiveItSaysWhatToDoAndRecords) {
   const Outcome first = run_program("lf-calibrate", arguments + " <enter", dir_.path());
   EXPECT_EQ(first.status, 1) << first.output;
   EXPECT_THAT(first.output, AllOf(HasSubstr("switch on both lights of the bar. Enter: "), HasSubstr("Recording now."),
-                                  HasSubstr("camera 3 (cam_01_01): "), HasSubstr("is the path right?"),
-                                  HasSubstr("tracks.json: 3 of 4 cameras"), HasSubstr("report.html")));
+                                  HasSubstr("The light came to "), HasSubstr("camera 3 (cam_01_01): "),
+                                  HasSubstr("is the path right?"), HasSubstr("tracks.json: 3 of 4 cameras"),
+                                  HasSubstr("report.html")));
   const Outcome again = run_program("lf-calibrate", arguments + " <enter", dir_.path());
   EXPECT_THAT(again.output, AllOf(HasSubstr("live has recordings. Enter: they are used"),
                                   HasSubstr("track       as before"), Not(HasSubstr("Recording now."))));
   const Outcome nobody = run_program("lf-calibrate", arguments + " </dev/null", dir_.path());
   EXPECT_EQ(nobody.status, 1);
   EXPECT_THAT(nobody.output, HasSubstr("--record: nobody answers"));
+}
+
+// Boards are asked for, pose by pose; cameras that show none leave their lenses to the lights.
+TEST_F(AllCommand, LiveItSaysWhereToHoldTheBoard) {
+  setenv("GST_PLUGIN_PATH", (fs::path(LF_TOOLS_DIR) / "../gst").c_str(), 0);
+  Rig rig = load_rig(dir_ / "rig.json");
+  for (Camera& camera : rig.cameras) camera.source = "lights/" + camera.name + ".mkv", camera.time_offset = 0;
+  save_rig(rig, dir_ / "rig.json");
+  dir_.write("enter", "\n\n");
+  const Outcome outcome =
+      run_program("lf-calibrate",
+                  "all rig.json --record 1 --lights lights --boards boards --board 9x6 --bar 0.3 <enter", dir_.path());
+  EXPECT_THAT(outcome.output,
+              AllOf(HasSubstr("lights has recordings. Enter: they are used"),
+                    HasSubstr("take the board of 9x6 inner corners. Enter: "), HasSubstr("1/12  Amid the pictures"),
+                    HasSubstr("12/12  As near as before"), Not(HasSubstr("The light came to "))));
+  for (const std::string& name : names_) EXPECT_TRUE(fs::exists(dir_ / "boards/" + name + ".mkv")) << name;
+  EXPECT_THAT(outcome.output, HasSubstr("no image shows the board of 9x6 inner corners"));
+  EXPECT_EQ(outcome.status, 0) << outcome.output;
 }
 
 void make_video(const std::string& path, const std::string& source) {

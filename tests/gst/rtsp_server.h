@@ -33,6 +33,10 @@ class RtspServer {
     });
   }
   ~RtspServer() {
+    if (thread_.joinable()) stop();
+  }
+  // Nobody is served any more.
+  void stop() {
     gst_rtsp_server_client_filter(
         server_, [](GstRTSPServer*, GstRTSPClient*, gpointer) { return GST_RTSP_FILTER_REMOVE; }, nullptr);
     // In the loop itself, which may not have begun to run.
@@ -51,6 +55,7 @@ class RtspServer {
     g_main_loop_unref(loop_);
     g_main_context_unref(context_);
   }
+  GstRTSPServer* server() const { return server_; }
   // After the last one.
   static void clean_up() { gst_rtsp_thread_pool_cleanup(); }
   std::string uri(const std::string& path) const { return "rtsp://127.0.0.1:" + std::to_string(port()) + path; }

@@ -67,6 +67,47 @@ Image rgb_of(GstBuffer* buffer, GstCaps* caps) {
   return image;
 }
 
+GreyPicture small_grey_of(GstSample* sample, int smaller) {
+  GstVideoInfo info;
+  GstVideoFrame frame;
+  GstCaps* caps = gst_sample_get_caps(sample);
+  if (!caps || !gst_video_info_from_caps(&info, caps) ||
+      !gst_video_frame_map(&frame, &info, gst_sample_get_buffer(sample), GST_MAP_READ))
+    throw Error("a frame that can't be read");
+  GreyPicture picture{info.width / smaller, info.height / smaller, {}};
+  picture.samples.reserve(static_cast<size_t>(picture.width) * static_cast<size_t>(picture.height));
+  // Luma, or the mean of red, green and blue: lights have colours.
+  const int components = GST_VIDEO_INFO_IS_RGB(&info) ? 3 : 1;
+  const int count = smaller * smaller * components;
+  for (int y = 0; y < picture.height; y++)
+    for (int x = 0; x < picture.width; x++) {
+      int sum = 0;
+      for (int c = 0; c < components; c++) {
+        const int step = GST_VIDEO_FRAME_COMP_PSTRIDE(&frame, c);
+        const auto* row = static_cast<const uint8_t*>(GST_VIDEO_FRAME_COMP_DATA(&frame, c)) +
+                          static_cast<ptrdiff_t>(y) * smaller * GST_VIDEO_FRAME_COMP_STRIDE(&frame, c) +
+                          static_cast<ptrdiff_t>(x) * smaller * step;
+        for (int v = 0; v < smaller; v++, row += GST_VIDEO_FRAME_COMP_STRIDE(&frame, c))
+          for (int u = 0; u < smaller; u++) sum += row[u * step];
+      }
+      picture.samples.push_back(static_cast<uint8_t>(sum / count));
+    }
+  gst_video_frame_unmap(&frame);
+  return picture;
+}
+
+bool is_jpeg(GstSample* sample) {
+  GstCaps* caps = gst_sample_get_caps(sample);
+  return caps && gst_structure_has_name(gst_caps_get_structure(caps, 0), "image/jpeg");
+}
+
+std::vector<uint8_t> bytes_of(GstSample* sample) {
+  GstBuffer* buffer = gst_sample_get_buffer(sample);
+  std::vector<uint8_t> bytes(gst_buffer_get_size(buffer));
+  gst_buffer_extract(buffer, 0, bytes.data(), bytes.size());
+  return bytes;
+}
+
 double brightness_of(const Image& rgb) {
   uint64_t sum = 0;
   for (size_t i = 0; i + 2 < rgb.data().size(); i += 3)

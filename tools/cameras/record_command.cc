@@ -11,8 +11,7 @@
 #include "base/error.h"
 #include "cameras/commands.h"
 #include "cameras/doctor.h"
-#include "cameras/recorder.h"
-#include "cameras/recording_progress.h"
+#include "cameras/guided_recording.h"
 #include "cameras/rig_cameras.h"
 #include "rig/rig_json.h"
 
@@ -21,6 +20,7 @@ namespace {
 struct Options {
   std::string rig, out, cameras;
   lf::cameras::RecordingOptions recording;
+  lf::cameras::RecordingGuide guide;
 };
 
 // Ctrl-C ends a recording, and what there is becomes whole files.
@@ -32,12 +32,8 @@ int run(Options options) {
   options.recording.cameras = lf::parse_camera_list(*rig, options.cameras);
   std::signal(SIGINT, [](int) { interrupted = 1; });
   std::signal(SIGTERM, [](int) { interrupted = 1; });
-  std::vector<lf::cameras::Recorded> recorded;
-  {
-    lf::cameras::RecordingProgress progress;
-    recorded = lf::cameras::record_cameras(rig, options.rig, options.out, options.recording,
-                                           [&](double share) { return progress.tell(share), interrupted == 0; });
-  }
+  const std::vector<lf::cameras::Recorded> recorded = lf::cameras::record_guided(
+      rig, options.rig, options.out, options.recording, options.guide, [] { return interrupted == 0; });
   size_t whole = 0;
   for (const auto& [index, frames, problem] : recorded) {
     const lf::Camera& camera = rig->cameras[index];
@@ -62,5 +58,9 @@ void add_record_command(cli::App& app, int& status) {
   command->add_option("--seconds", o->recording.seconds, "Length; ctrl-C ends it before")
       ->capture_default_str()
       ->check(cli::Range(0.1, 86400.0));
+  command
+      ->add_option("--lights", o->guide.lights,
+                   "So many are moved through the dark: says meanwhile where they were not yet")
+      ->check(cli::Range(1, 2));
   command->callback([o, &status] { status = run(*o); });
 }

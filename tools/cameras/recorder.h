@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "cameras/rig_cameras.h"
 #include "rig/rig.h"
 
 namespace lf::cameras {
@@ -15,6 +16,7 @@ struct RecordingOptions {
   std::vector<CameraIndex> cameras;  // which; empty: all
   double seconds = 60;               // from when all are open
   double patience = 10;              // seconds until all give frames; those that don't are left out
+  RigCameras::OnFrame shown;  // every frame from when the films begin on, in the thread that brings it; may be none
 };
 
 // What there is of a camera.

@@ -3,6 +3,7 @@
 
 #include <cstdio>
 #include <optional>
+#include <string>
 
 #include "progress.h"
 #include "timed_progress.h"
@@ -25,6 +26,12 @@ class RecordingProgress {
       recording_.emplace("recording", 0);
     }
     recording_->reach(share);
+  }
+  // A line for the person before the cameras, above the bar.
+  void say(const std::string& line) {
+    if (recording_) recording_->finish();
+    std::printf("%s\n", line.c_str());
+    std::fflush(stdout);
   }
 
  private:
