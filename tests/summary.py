@@ -7,6 +7,7 @@ or none ran. summary.py --failed LOGS prints the names of the programs that fail
 """
 
 import json
+import re
 import sys
 import xml.etree.ElementTree as ElementTree
 
@@ -23,7 +24,10 @@ def failed_of(programs):
 
 def cases_of(logs):
     """Test cases and the suites that they are of, which are named after programs where these have cases of their own."""
-    for suite in ElementTree.parse(f'{logs}.junit.xml').iter('testsuite'):
+    with open(f'{logs}.junit.xml', encoding='utf-8', errors='replace') as log:
+        # What programs have printed is in it as it was, colours for a terminal, too, and XML has no such characters.
+        text = re.sub('[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]', '', log.read())
+    for suite in ElementTree.fromstring(text.encode()).iter('testsuite'):
         for case in suite.iter('testcase'):
             yield suite.get('name', ''), case
 
