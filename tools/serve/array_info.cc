@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "composite/view_coverage.h"
 #include "render/contribution_map.h"
 #include "rig/rig_json.h"
 #include "view/navigator.h"
@@ -51,8 +52,7 @@ nlohmann::json ArrayInfo::pixel(const View& view, int x, int y) const {
 }
 
 double ArrayInfo::coverage(const View& view) const {
-  constexpr int kColumns = 32, kRows = 24;  // of pixels that are looked at
-  return mean_coverage(rig_, ViewPlan(rig_, mesh_, view), kColumns, kRows);
+  return mean_coverage(rig_, ViewPlan(rig_, mesh_, view), ViewCoverage::kColumns, ViewCoverage::kRows);
 }
 
 }  // namespace lf::serve
