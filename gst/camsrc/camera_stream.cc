@@ -74,11 +74,14 @@ CameraStream::~CameraStream() {
   gst_clear_object(&coded_pad_);
 }
 
-void CameraStream::watch_decoder(GstElement* element) {
-  if (!listener_.on_keepsake || !GST_IS_VIDEO_DECODER(element)) return;
+void CameraStream::watch_element(GstElement* element) {
+  GstElementFactory* factory = gst_element_get_factory(element);
+  const bool is_parser = factory && gst_element_factory_list_is_type(factory, GST_ELEMENT_FACTORY_TYPE_PARSER);
+  if (!is_parser && (!listener_.on_keepsake || !GST_IS_VIDEO_DECODER(element))) return;
   GstPad* sink = gst_element_get_static_pad(element, "sink");
   if (!sink) return;
-  add_probe(sink, GST_PAD_PROBE_TYPE_BUFFER, call<&CameraStream::on_coded>, weak_from_this());
+  add_probe(sink, GST_PAD_PROBE_TYPE_BUFFER,
+            is_parser ? call<&CameraStream::on_parsed> : call<&CameraStream::on_coded>, weak_from_this());
   gst_object_unref(sink);
 }
 
@@ -154,6 +157,7 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* inf
       if (looping) return GST_PAD_PROBE_DROP;
       loop_seqnum_ = GST_SEQNUM_INVALID;  // it does not begin again, but is where it was sought
       round_start_ = stream_end_ = film_start_ = film_end_ = 0;
+      told_end_ = GST_CLOCK_TIME_NONE;
       return GST_PAD_PROBE_OK;
     case GST_EVENT_SEGMENT:
       if (is_jpeg_) info->data = time_segment(event);
@@ -188,6 +192,7 @@ GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
   const GstClockTime duration = GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : last_duration;
   stream_end_ = stamp + duration;
   note_position(GST_BUFFER_PTS(buffer) + duration);
+  newest_ = position_ > duration ? position_ - duration : 0;
   if (live_ && is_shed(pad, buffer, stamp)) return GST_PAD_PROBE_DROP;
 
   // Of a film it is where in the film the frame is, which a seek does not begin anew.

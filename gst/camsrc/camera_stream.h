@@ -65,8 +65,8 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
 
   // Call once, before data flows.
   void watch();
-  // The same for elements inside of the chain, as they are made: what comes to a decoder.
-  void watch_decoder(GstElement* element);
+  // The same for elements inside of the chain, as they are made: what comes to a decoder, or to a parser before it.
+  void watch_element(GstElement* element);
   // Frames come at their time on a clock, which their capture times are to be of. Before data flows.
   void set_live() { live_ = true; }
   // The next frame is no more sent; the stream ends. Any thread.
@@ -103,6 +103,8 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   GstPadProbeReturn on_output_end(GstPad* pad);
   // camera_stream_coded.cc
   GstPadProbeReturn on_coded(GstPad* pad, GstPadProbeInfo* info);
+  GstPadProbeReturn on_parsed(GstPad* pad, GstPadProbeInfo* info);
+  void end_round_as_told();
   std::optional<GstClockTime> taken_at(GstSegment segment, GstClockTime stamp) const;
   void keep_waiting();
   void keep_frame(GstPad* pad, GstBuffer* frame) const;
@@ -139,11 +141,14 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   std::atomic<guint32> loop_seqnum_ = GST_SEQNUM_INVALID;  // number of the seek back to the beginning
   std::atomic<bool> sought_ = false;                       // somebody else has sought since the latest segment
   std::atomic<GstClockTime> sequence_starts_at_ = 0;       // time in the film of the next picture of an image sequence
+  // Stream time at which the coded picture ends that is seen last, by what its file says; none: no picture has an end.
+  std::atomic<GstClockTime> told_end_ = GST_CLOCK_TIME_NONE;
 
   // What follows belongs to the streaming thread.
   GstSegment segment_;            // the latest segment on the frames pad
   guint64 pictures_ = 0;          // pictures decoded so far
-  GstClockTime position_ = 0;     // stream time, that of the source, at which the newest frame ends
+  GstClockTime newest_ = 0;       // stream time, that of the source, at which the newest frame begins
+  GstClockTime position_ = 0;     // and at which it ends
   GstClockTime stream_end_ = 0;   // running time at which the newest frame ends
   GstClockTime round_start_ = 0;  // running time at which this round of a loop began
   GstClockTime round_ = 0;        // how long the latest whole round was

@@ -148,6 +148,17 @@ GstClockTime CameraStream::missing_at_end() const {
   return is_shorter && !has_sound(GST_BIN(owner_)) ? said - position_ : 0;  // which may be longer
 }
 
+// The newest frame lasts until the end that its file tells, so that all cameras of a recording have rounds of one length.
+// An end that comes before that frame is one of an earlier frame.
+void CameraStream::end_round_as_told() {
+  const GstClockTime told = told_end_.exchange(GST_CLOCK_TIME_NONE);
+  if (!GST_CLOCK_TIME_IS_VALID(told) || told <= newest_) return;
+  const GstClockTimeDiff later = GST_CLOCK_DIFF(position_, told);
+  stream_end_ = static_cast<GstClockTime>(static_cast<GstClockTimeDiff>(stream_end_) + later);
+  film_end_ = static_cast<GstClockTime>(static_cast<GstClockTimeDiff>(film_end_) + later);
+  position_ = told;
+}
+
 // At the end of the file, or of a segment: true if it is to begin again.
 bool CameraStream::begin_again(bool flush) {
   // Nobody wants more frames, or the file has none: no reason to turn round and round.
@@ -156,6 +167,7 @@ bool CameraStream::begin_again(bool flush) {
 
   // A film that is cut off, or whose last frames were dropped, has none for the rest of its round, so that those after
   // it are in step with the others'.
+  end_round_as_told();
   const GstClockTime missing = missing_at_end();
   const bool dropped = options_.shedder->dropped() != std::exchange(dropped_before_, options_.shedder->dropped());
   if (missing > 0 && !dropped && !std::exchange(told_cut_off_, true)) listener_.on_cut_off(position_, missing);

@@ -239,7 +239,7 @@ static void lf_cam_src_deep_element_added(GstBin* bin, GstBin* parent, GstElemen
   lf::ObjectLock lock(self);
   const std::shared_ptr<lf::CameraStream> stream = self->run ? self->run->stream : nullptr;
   lock.unlock();
-  if (stream) stream->watch_decoder(child);  // before what the shedder leaves out
+  if (stream) stream->watch_element(child);  // before what the shedder leaves out
   (*self->shedder)->watch(child);
   GST_BIN_CLASS(lf_cam_src_parent_class)->deep_element_added(bin, parent, child);  // tells the bins around this one
 }

@@ -94,7 +94,7 @@ GstElement* CameraFile::add_element(const char* factory) {
   return element;
 }
 
-// Takes the caps. Its bounds are those of is_behind().
+// Takes the caps. Its bounds are those of has_room().
 GstElement* CameraFile::add_source(GstCaps* caps) {
   GstElement* source = add_element("appsrc");
   set_caps(source, caps);
@@ -112,7 +112,8 @@ GstElement* CameraFile::add_jpeg_encoder(GstElement* source) {
   return encoder;
 }
 
-// The muxer (GStreamer 1.22) writes what has a duration of its own as if it were a key frame, and parsers give all one.
+// The muxer (GStreamer 1.22) writes what has a duration of its own as if it were a key frame, and parsers give all
+// pictures one of theirs, or none.
 // The parser before a decoder takes the first picture for a key frame, as it puts parameter sets there; this one knows.
 GstPadProbeReturn CameraFile::on_coded(GstPad* /*pad*/, GstPadProbeInfo* info, gpointer data) {
   Outcome& outcome = **static_cast<std::shared_ptr<Outcome>*>(data);
@@ -120,7 +121,8 @@ GstPadProbeReturn CameraFile::on_coded(GstPad* /*pad*/, GstPadProbeInfo* info, g
   info->data = picture;
   if (is_key(picture)) outcome.has_key = true;
   if (!outcome.has_key) return GST_PAD_PROBE_DROP;
-  if (GST_BUFFER_PTS(picture) != outcome.last) GST_BUFFER_DURATION(picture) = GST_CLOCK_TIME_NONE;
+  const bool is_last = GST_BUFFER_PTS(picture) == outcome.last;
+  GST_BUFFER_DURATION(picture) = is_last ? outcome.end - GST_BUFFER_PTS(picture) : GST_CLOCK_TIME_NONE;
   return GST_PAD_PROBE_OK;
 }
 
@@ -175,10 +177,16 @@ void CameraFile::build(GstCaps* caps, const std::string& begins) {
       bin_, [](GstElement* bin, gpointer) { gst_element_set_state(bin, GST_STATE_PLAYING); }, nullptr, nullptr);
 }
 
-bool CameraFile::is_behind(GstBuffer* frame) const {
+// What has not begun has room.
+bool CameraFile::has_room(size_t bytes) const {
   constexpr guint64 kLeast = 4;
-  return gst_app_src_get_current_level_buffers(source_) >= kLeast &&
-         gst_app_src_get_current_level_bytes(source_) + gst_buffer_get_size(frame) > most_bytes_;
+  return !source_ || gst_app_src_get_current_level_buffers(source_) < kLeast ||
+         gst_app_src_get_current_level_bytes(source_) + bytes <= most_bytes_;
+}
+
+bool CameraFile::is_behind(size_t bytes) const {
+  const std::lock_guard lock(mutex_);
+  return !has_room(bytes);
 }
 
 void CameraFile::push_held(GstClockTime until) {
@@ -205,7 +213,7 @@ CameraFile::Added CameraFile::added(GstBuffer* frame, GstCaps* caps, GstClockTim
   }
   if (kind_ != name_of(caps)) return Added::kOtherKind;
   if (coded_ && waits_for_key_ && !is_key(frame)) return Added::kNoKey;
-  return is_behind(frame) ? Added::kBehind : Added::kTaken;
+  return has_room(gst_buffer_get_size(frame)) ? Added::kTaken : Added::kBehind;
 }
 
 CameraFile::Added CameraFile::add(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins) {
@@ -251,8 +259,12 @@ void CameraFile::end(GstClockTime time) {
   if (std::exchange(ended_, true) || !source_) return;
   // No seek should begin with the frame that is seen last, for it has a duration.
   if (coded_) g_object_set(mux_, "max-cluster-duration", gint64{kLongestLastCluster}, nullptr);
-  if (coded_ && !held_.empty()) outcome_->last = GST_BUFFER_PTS(held_.front());
-  push_held(std::max(time, ends));
+  const GstClockTime until = std::max(time, ends);
+  if (coded_ && !held_.empty()) {
+    outcome_->end = until;
+    outcome_->last = GST_BUFFER_PTS(held_.front());
+  }
+  push_held(until);
   gst_app_src_end_of_stream(source_);
 }
 

@@ -52,6 +52,8 @@ class CameraFile {
 
   // A frame, which stays the caller's, of JPEG, raw or coded video. `begins`: in words, when the recording began.
   Added add(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins);
+  // Whether a frame of so many bytes would be left out now, as the disk or the encoder is behind.
+  bool is_behind(size_t bytes) const;
   // A frame is dropped that was never for the file.
   void leave_out();
   // Where the newest frame would end that lasts as long as the one before it; 0 without frames.
@@ -74,6 +76,7 @@ class CameraFile {
     bool done = false;                                     // written, or failed
     std::atomic<bool> has_key = false;                     // of coded video: a key frame has come to the muxer
     std::atomic<GstClockTime> last = GST_CLOCK_TIME_NONE;  // stamp of the coded picture that is seen last
+    std::atomic<GstClockTime> end = 0;                     // until when that picture lasts
     GError* error = nullptr;                               // what failed first
   };
   static GstBusSyncReply on_message(GstBus* bus, GstMessage* message, gpointer outcome);
@@ -83,7 +86,7 @@ class CameraFile {
   GstElement* add_source(GstCaps* caps);
   GstElement* add_jpeg_encoder(GstElement* source);
   GstElement* add_parser(GstElement* source);
-  bool is_behind(GstBuffer* frame) const;
+  bool has_room(size_t bytes) const;
   bool is_no_later(GstBuffer* frame, GstClockTime time) const;
   void push_held(GstClockTime until);
   Added added(GstBuffer* frame, GstCaps* caps, GstClockTime time, const std::string& begins);

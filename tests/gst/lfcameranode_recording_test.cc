@@ -73,9 +73,12 @@ TEST_F(LfCameraNodeRecordingTest, CodedPicturesStayAsTheyCame) {
   EXPECT_TRUE(eventually([&] { return recorded(node.get(), 0) > 20 && recorded(node.get(), 1) > 20; }));
   gst_element_set_state(pipeline.get(), GST_STATE_NULL);
   EXPECT_THAT(said.errors(), IsEmpty());
+  std::vector<double> ends;
   for (const int camera : {0, 1}) {
     const RecordedFile recording = read_recorded(file(camera));
     EXPECT_EQ(recording.kind, "video/x-h264");
+    ends.push_back(static_cast<double>(recording.end));
+    EXPECT_GT(recording.end, recording.times.back());
     const auto slices = slices_of(recording);
     ASSERT_GT(slices.size(), 20u);
     for (size_t i = 0; i < slices.size(); i++) EXPECT_EQ(slices[i], film[i % film.size()]) << camera << " " << i;
@@ -83,6 +86,7 @@ TEST_F(LfCameraNodeRecordingTest, CodedPicturesStayAsTheyCame) {
     for (size_t i = 1; i < slices.size(); i++)
       EXPECT_NEAR(static_cast<double>(recording.times[i] - recording.times[i - 1]) / GST_SECOND, 1.0 / 15, 2e-3) << i;
   }
+  EXPECT_NEAR(ends[0], ends[1], 4e4) << "all begin again together in a loop";
 }
 
 TEST_F(LfCameraNodeRecordingTest, AnotherRecordingIsNotWrittenOver) {
