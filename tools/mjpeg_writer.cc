@@ -12,6 +12,11 @@
 
 namespace {
 
+// Times are multiples of 10 us: of milliseconds, a third of one would be lost on average. A block counts from its
+// cluster in 16 bits, hence the clusters' length, ns.
+constexpr char kMuxer[] =
+    "matroskamux timecodescale=10000 min-cluster-duration=300000000 max-cluster-duration=300000000";
+
 // The conventions of Image: full-range BT.601, chroma in the middle of its four pixels.
 GstVideoInfo info_of(int width, int height, FrameRate rate) {
   GstVideoInfo info;
@@ -54,8 +59,7 @@ MjpegWriter::MjpegWriter(const std::string& path, int width, int height) : path_
 void MjpegWriter::open(const std::string& coder, GstCaps* caps) {
   GError* error = nullptr;
   pipeline_ = gst_parse_launch(
-      ("appsrc name=source format=time block=true max-buffers=4 ! " + coder + "matroskamux ! filesink name=sink")
-          .c_str(),
+      ("appsrc name=source format=time block=true max-buffers=4 ! " + coder + kMuxer + " ! filesink name=sink").c_str(),
       &error);
   if (error) {
     const std::string reason = error->message;
