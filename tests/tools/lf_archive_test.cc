@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: LGPL-2.1-or-later
+// lf-archive as a program: what of a recording stays when it is kept in less bytes.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+
+#include "gst/camera_files.h"
+#include "gst/gst_test.h"
+#include "recording/camera_file.h"
+#include "rig/rig_json.h"
+#include "support/recorded.h"
+#include "support/run_program.h"
+#include "support/temp_dir.h"
+
+namespace lf::test {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+
+class LfArchive : public testing::Test {
+ protected:
+  Outcome run(const std::string& arguments) const { return run_program("lf-archive", arguments, dir_.path()); }
+  // Films of the built-in scene, 12 frames of 2 cameras.
+  void film() const {
+    const Outcome outcome =
+        run_program("lf-scene", "--out films --grid 1x2 --frames 12 --framerate 15", dir_.path());
+    ASSERT_EQ(outcome.status, 0) << outcome.output;
+  }
+  // The number behind a text.
+  static double number(const std::string& output, const std::string& text) {
+    const size_t at = output.find(text);
+    return at == std::string::npos ? -1 : std::strtod(output.c_str() + at + text.size(), nullptr);
+  }
+
+  TempDir dir_;
+};
+
+TEST_F(LfArchive, IsPlayedAsTheRecordingIs) {
+  if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
+  film();
+  const Outcome outcome = run("films/rig.json --out archive");
+  ASSERT_EQ(outcome.status, 0) << outcome.output;
+  EXPECT_LT(number(outcome.output, "MB -> "), number(outcome.output, "archive: ") / 3) << outcome.output;
+  EXPECT_GT(number(outcome.output, "times less, "), 38) << outcome.output;
+  const Rig before = load_rig(dir_ / "films/rig.json"), after = load_rig(dir_ / "archive/rig.json");
+  EXPECT_EQ(after.hash(), before.hash());
+  for (size_t i = 0; i < 2; i++) {
+    const RecordedFile film = read_recorded(before.resolve(before.cameras[i].source)),
+                       archived = read_recorded(after.resolve(after.cameras[i].source));
+    EXPECT_EQ(archived.kind, "video/x-h264");
+    ASSERT_EQ(archived.times.size(), 12u);
+    for (size_t k = 0; k < 12; k++)
+      EXPECT_NEAR(static_cast<double>(archived.times[k]), static_cast<double>(film.times[k]), 3e4) << k;
+    EXPECT_NEAR(static_cast<double>(archived.end), static_cast<double>(film.end), 4e4);
+    EXPECT_TRUE(archived.keys[0]);
+  }
+  // The better quantizer is nearer, and larger.
+  const Outcome better = run("films/rig.json --out better --quantizer 10");
+  EXPECT_GT(number(better.output, "times less, "), number(outcome.output, "times less, ") + 2) << better.output;
+  EXPECT_GT(number(better.output, "MB -> "), number(outcome.output, "MB -> "));
+}
+
+// As a node has recorded them: times with gaps, an end that all have in common, the time of day.
+TEST_F(LfArchive, ARecordingKeepsItsTimesAndItsBeginning) {
+  if (CameraFiles::h264_encoder().empty()) GTEST_SKIP() << "no encoder and decoder of H.264 are installed";
+  film();
+  Rig rig = load_rig(dir_ / "films/rig.json");
+  const RecordedFile jpegs = read_recorded(rig.resolve(rig.cameras[0].source));
+  const CapsPtr jpeg(gst_caps_from_string("image/jpeg,width=320,height=240,framerate=30/1"));
+  constexpr GstClockTime kEnd = 9 * GST_SECOND;
+  const std::string begins = "2026-01-02T03:04:05.678901Z";
+  dir_.write("recording/rig.json", "");
+  for (Camera& camera : rig.cameras) {
+    camera.source = "camera" + std::to_string(camera.id) + ".mkv";
+    CameraFile file(camera, dir_ / "recording/" + camera.source, 1 << 20);
+    for (GstClockTime i = 0; i < (camera.id == 0 ? 12 : 8); i++) {
+      const BufferPtr frame(to_buffer(jpegs.frames[i]));
+      const GstClockTime time = i * 33'333'333 + camera.id * 123'456 + (i > 5 ? 7 * GST_SECOND : 0);
+      ASSERT_EQ(file.add(frame.get(), jpeg.get(), time, begins), CameraFile::Added::kTaken);
+    }
+    file.end(kEnd);
+    file.close(g_get_monotonic_time() + 10 * G_USEC_PER_SEC);
+  }
+  save_rig(rig, dir_ / "recording/rig.json");
+  const Outcome outcome = run("recording --out archive");
+  ASSERT_EQ(outcome.status, 0) << outcome.output;
+  const ElementPtr pipeline = launch("filesrc location=" + dir_ / "archive/camera0.mkv" +
+                                     " ! matroskademux name=d d.subtitle_0 ! queue ! appsink name=s sync=false "
+                                     "d.video_0 ! fakesink");
+  gst_element_set_state(pipeline.get(), GST_STATE_PLAYING);
+  const ElementPtr sink(gst_bin_get_by_name(GST_BIN(pipeline.get()), "s"));
+  GstSample* text = gst_app_sink_try_pull_sample(GST_APP_SINK(sink.get()), 10 * GST_SECOND);
+  ASSERT_TRUE(text);
+  const std::vector<uint8_t> bytes = to_bytes(gst_sample_get_buffer(text));
+  gst_sample_unref(text);
+  gst_element_set_state(pipeline.get(), GST_STATE_NULL);
+  EXPECT_EQ(std::string(bytes.begin(), bytes.end()), begins);
+  for (const std::string camera : {"0", "1"}) {
+    const RecordedFile before = read_recorded(dir_ / "recording/camera" + camera + ".mkv"),
+                       after = read_recorded(dir_ / "archive/camera" + camera + ".mkv");
+    ASSERT_EQ(after.times.size(), camera == "0" ? 12u : 8u);
+    for (size_t k = 0; k < after.times.size(); k++)
+      EXPECT_NEAR(static_cast<double>(after.times[k]), static_cast<double>(before.times[k]), 3e4) << k;
+    EXPECT_NEAR(static_cast<double>(after.end), static_cast<double>(kEnd), 4e4);
+  }
+  // What is coded by changes already stays as it is.
+  const Outcome again = run("archive --out again");
+  EXPECT_THAT(again.output, HasSubstr("as it was"));
+  EXPECT_EQ(read_recorded(dir_ / "again/camera0.mkv").frames, read_recorded(dir_ / "archive/camera0.mkv").frames);
+}
+
+TEST_F(LfArchive, SaysWhatItCantDo) {
+  film();
+  const auto expect_failure = [&](const std::string& arguments, const std::string& text) {
+    const Outcome outcome = run(arguments);
+    EXPECT_EQ(outcome.status, 1) << arguments;
+    EXPECT_THAT(outcome.output, HasSubstr(text));
+    EXPECT_FALSE(fs::exists(dir_ / "out/rig.json")) << arguments;
+  };
+  expect_failure("films/rig.json --out films", "there is a recording already");
+  Rig rig = load_rig(dir_ / "films/rig.json");
+  rig.cameras[1].source = "videotestsrc is-live=true";
+  save_rig(rig, dir_ / "films/live.json");
+  expect_failure("films/live.json --out out", "camera 1: its source is no file");
+  dir_.write("films/broken.mkv", "no film");
+  rig.cameras[1].source = "broken.mkv";
+  save_rig(rig, dir_ / "films/broken.json");
+  expect_failure("films/broken.json --out out", "films/broken.mkv: ");
+  dir_.write("file", "");
+  expect_failure("films/rig.json --out file/out", "can't be made");
+}
+
+}  // namespace
+}  // namespace lf::test
