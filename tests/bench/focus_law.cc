@@ -4,6 +4,7 @@
 // their pictures (truth, plane, surface). Exits 1 if the law is broken.
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -50,6 +51,7 @@ int main(int argc, char** argv) {
                                40, 50, 60, 80, 100, 150, 200, 300, 400, 600, 1000, 1500, 2000};
     std::erase_if(looked_at, [&](int p) { return p > pictures; });
     std::vector<Found> worst;
+    if (!out.empty()) std::filesystem::create_directories(out);  // a search is long, and should not end without it
     double gain = 0, least = 0;
     size_t measured = 0, below = 0;
     for (uint64_t seed = first; seed < first + situations; seed++) {
