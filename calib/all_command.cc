@@ -35,6 +35,7 @@ using nlohmann::json;
 struct Options {
   std::string rig, lights, boards, colour, out, board, charuco;
   double bar = 0, record = 0;
+  int page = -1;
 };
 
 class Afternoon {
@@ -91,9 +92,11 @@ class Afternoon {
     ask(std::string(before) + ". Enter: the cameras are opened, and record for " + seconds + " s, while you " +
         meanwhile + ".");
     gst_init(nullptr, nullptr);
+    lf::cameras::RecordingGuide guided = guide;
+    if (o_.page >= 0) guided.page = o_.page;
     const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(o_.rig));
     const std::vector<lf::cameras::Recorded> recorded =
-        lf::cameras::record_guided(rig, o_.rig, folder, {.seconds = o_.record}, guide, [] { return true; });
+        lf::cameras::record_guided(rig, o_.rig, folder, {.seconds = o_.record}, guided, [] { return true; });
     for (const lf::cameras::Recorded& one : recorded)
       if (const lf::Camera& camera = rig->cameras[one.camera]; !one.problem.empty())
         std::printf("record      camera %s: %s: %s\n", lf::cameras::name_of(camera).c_str(), one.problem.c_str(),
@@ -248,6 +251,10 @@ void add_all_command(cli::App& app, int& status) {
           "was not yet, when to hold the board where, when to show the chart, and writes these folders")
       ->type_name("SECONDS")
       ->check(cli::PositiveNumber);
+  command
+      ->add_option("--page", o->page,
+                   "Port of a page on this machine that shows the cameras as they record, and what is said; 0: any")
+      ->check(cli::Range(0, 65535));
   command->add_option("--bar", o->bar, "Two lights were moved, so many metres apart: gives the scale")
       ->check(cli::PositiveNumber);
   command

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // All cameras live, side by side as they stand, with names and health. The one that a hand is held before lights up. Where
 // the server lets it (lf-rig identify), a camera that is dragged onto another changes places with it; so do two that are
-// chosen one after the other, by clicks or keys.
+// chosen one after the other, by clicks or keys. While a moved light is recorded (lf-rig record --lights) the places of each
+// picture that it came to are green, and where it is to go is said.
 
 const kEvery = 200;        // milliseconds
 const kPatience = 5000;    // after which a request is given up
@@ -81,21 +82,37 @@ function show(state, picture) {
     mosaic.replaceChildren();
     tiles.clear();
     for (const camera of state.cameras) tiles.set(camera.id, tileOf(camera, state.tile));
-    // As large as leaves all of them, with their two lines of words, in the window.
-    const fits = `((100vh - 70px) / ${state.rows} - 46px) * ${width / height}`;
+    // As large as leaves all of them, with their two lines of words, in the window, below what is told.
+    const fits = `((100vh - ${state.told ? 150 : 70}px) / ${state.rows} - 46px) * ${width / height}`;
     mosaic.style.gridTemplateColumns = `repeat(${state.columns}, minmax(0, max(64px, min(${width * 2}px, ${fits}))))`;
   }
   swaps = state.swaps === true;
-  for (const { id, column, row, rate, problem, lit } of state.cameras) {
+  if (state.told && told.textContent !== state.told) told.textContent = state.told;
+  told.classList.toggle('asks', state.told !== undefined);
+  for (const { id, column, row, rate, problem, lit, came, wanted } of state.cameras) {
     const tile = tiles.get(id);
     tile.draggable = swaps;
     tile.classList.toggle('lit', lit);
     tile.classList.toggle('ill', problem !== '');
-    const health = tile.querySelector('.health'), words = problem || `${rate.toFixed(1)} frames/s`;
+    tile.classList.toggle('done', came !== undefined && wanted === '');
+    const health = tile.querySelector('.health'), words = problem || wanted || `${rate.toFixed(1)} frames/s`;
     if (health.textContent !== words) health.textContent = words;
-    tile.querySelector('canvas').getContext('2d')
-      .drawImage(picture, column * width, row * height, width, height, 0, 0, width, height);
+    const context = tile.querySelector('canvas').getContext('2d');
+    context.drawImage(picture, column * width, row * height, width, height, 0, 0, width, height);
+    if (came) showPlaces(context, came, state.places, width, height);
   }
+}
+
+// Green where the light came to, framed where it is to go.
+function showPlaces(context, came, [columns, rows], width, height) {
+  const w = width / columns, h = height / rows;
+  came.forEach((yes, i) => {
+    const x = i % columns * w, y = Math.floor(i / columns) * h;
+    context.fillStyle = 'rgba(60, 200, 90, 0.4)';
+    context.strokeStyle = 'rgba(255, 255, 255, 0.35)';
+    if (yes) context.fillRect(x, y, w, h);
+    else context.strokeRect(x + 1.5, y + 1.5, w - 3, h - 3);
+  });
 }
 
 // A server that asks for a token is left alone until it is given one.
@@ -105,7 +122,7 @@ async function turn() {
     const [state, jpeg] = await Promise.all([
       ask('mosaic.json').then(response => response.json()), ask('mosaic.jpg').then(response => response.blob())]);
     show(state, await createImageBitmap(jpeg));
-    if (told.dataset.failed) told.textContent = 'Hold a hand before a camera: it lights up.';
+    if (told.dataset.failed && !state.told) told.textContent = 'Hold a hand before a camera: it lights up.';
     delete told.dataset.failed;
   } catch (error) {
     told.textContent = asks.hidden ? `Nothing comes from the cameras: ${error.message}` : 'The server asks for a token.';

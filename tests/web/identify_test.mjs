@@ -27,15 +27,16 @@ async function makeRig() {
 const wavedAt = async () =>
   JSON.parse(await readFile(file, 'utf8')).cameras.findIndex(({ source }) => source.includes('blink'));
 
-async function identify() {
-  const child = spawn(tool, ['identify', file, '--port', '0'], { stdio: ['ignore', 'pipe', 'inherit'] });
+// A command of lf-rig that serves the page, until it is stopped or, where it ends by itself, over.
+async function start(...command) {
+  const child = spawn(tool, command, { stdio: ['ignore', 'pipe', 'inherit'] });
   process.on('exit', () => child.kill('SIGKILL'));
   const url = await new Promise((resolve, reject) => {
     createInterface({ input: child.stdout }).on('line', line => {
-      const match = line.match(/cameras at (http\S+\/)/);
+      const match = line.match(/cameras (?:are )?at (http\S+\/)/);
       if (match) resolve(match[1]);
     });
-    child.on('exit', () => reject(new Error('lf-rig identify ended')));
+    child.on('exit', () => reject(new Error(`lf-rig ${command[0]} ended`)));
   });
   const stop = async () => {
     child.removeAllListeners('exit');
@@ -46,6 +47,7 @@ async function identify() {
   };
   return { url, stop };
 }
+const identify = () => start('identify', file, '--port', '0');
 
 async function open(url) {
   const page = await browser.newPage({ viewport: { width: 800, height: 600 } });
@@ -121,8 +123,38 @@ async function servedBesideTheLightField() {
   await served.stop();
 }
 
+// A bar of two lights that is moved before three cameras; the fourth looks elsewhere.
+async function saysWhereALightIsToGo() {
+  const run = promisify(execFile), lights = join(folder, 'lights');
+  await run(tool, ['new', '--grid', '2x2', '--pitch', '0.1', '--fov', '45', '--width', '320', '--height', '240', '--out', file]);
+  await run(join(process.env.LF_TOOLS_DIR, 'lf-scene'),
+    ['lights', '--rig', file, '--out', lights, '--seconds', '6', '--framerate', '15']);
+  const filmed = join(lights, 'rig.json'), rig = JSON.parse(await readFile(filmed, 'utf8'));
+  rig.cameras[3].source = 'videotestsrc is-live=true pattern=black ! video/x-raw,width=320,height=240,framerate=15/1';
+  await writeFile(filmed, JSON.stringify(rig));
+  const program = await start('record', filmed, '--out', join(folder, 'films'), '--seconds', '60', '--lights', '2', '--page', '0');
+  const page = await open(program.url), said = page.locator('#told');
+  await until(async () => (await said.textContent()).startsWith('Left and right are those of the pictures'), 'how it begins');
+  await until(async () => /^The light came to \d+ % of the pictures\. Next: /.test(await said.textContent()), 'what is next');
+  const health = id => page.locator(`[data-id="${id}"] .health`).textContent();
+  await until(async () => /left|right|middle/.test(await health(3)), 'where no light came it is to go');
+  const green = id => page.evaluate(id => {
+    const canvas = document.querySelector(`[data-id="${id}"] canvas`);
+    const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+    return data.filter((value, i) => i % 4 === 1 && value > data[i - 1] + 30).length / (data.length / 4);
+  }, id);
+  await until(async () => await green(0) > 0.1, 'where it came is green');
+  expect(await green(3) < 0.01, 'and nowhere else');
+  await page.screenshot({ path: join(artefacts, 'record.png') });
+  expect((await fetch(new URL('swap', program.url), { method: 'POST', body: '{"a":0,"b":1}' })).status === 405, 'no swap');
+  expect(!page.problems.length, page.problems.join('; '));
+  await page.close();
+  await program.stop();
+}
+
 await runTests([
   ['the camera that is waved at lights up, and goes where it is dragged', lightsUpAndSwaps],
   ['only the page itself may change the rig', isOnlyForThisMachinesPage],
   ['lf-serve has the same view', servedBesideTheLightField],
+  ['a recording says where a light is to go', saysWhereALightIsToGo],
 ]);

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "cameras/light_watch.h"
+#include "cameras/recording_page.h"
 #include "cameras/recording_progress.h"
 
 namespace lf::cameras {
@@ -22,23 +23,36 @@ std::vector<Recorded> record_guided(std::shared_ptr<const Rig> rig, const std::s
     watch.emplace(*rig, guide.lights);
     options.shown = [&](const CameraFrame& frame) { watch->see(frame); };
   }
+  std::optional<RecordingPage> page;
+  if (guide.page) {
+    page.emplace(*rig, watch ? &*watch : nullptr, *guide.page);
+    std::printf("The cameras are at %s\n", page->url().c_str());
+    std::fflush(stdout);
+    options.seen = [&](const CameraFrame& frame) { page->see(frame); };
+  }
   RecordingProgress progress;
+  const auto say = [&](const std::string& line) {
+    progress.say(line);
+    if (page) page->say(line);
+  };
   bool begun = false;
   double next_line = kLineEvery;
   size_t said = 0;
   std::vector<Recorded> recorded = record_cameras(rig, path, folder, options, [&](double share) {
     progress.tell(share);
+    if (page) page->serve();
     if (share < 0) return going();
     if (watch && !begun)
-      progress.say("Left and right are those of the pictures: face the cameras, and the left is on your right.");
+      say("Left and right are those of the pictures: face the cameras, and the left is on your right.");
+    if (page && !watch && !begun) page->say("Recording now.");
     begun = true;
     if (watch && share < 1 && share * options.seconds >= next_line) {
-      progress.say(watch->told());
+      say(watch->told());
       next_line = share * options.seconds + kLineEvery;
     }
     const auto due = static_cast<size_t>(share * static_cast<double>(guide.prompts.size()));
     for (; said < guide.prompts.size() && said <= due; said++)
-      progress.say(std::to_string(said + 1) + "/" + std::to_string(guide.prompts.size()) + "  " + guide.prompts[said]);
+      say(std::to_string(said + 1) + "/" + std::to_string(guide.prompts.size()) + "  " + guide.prompts[said]);
     return going();
   });
   if (watch && begun) progress.say(watch->told());

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,9 +15,11 @@ namespace lf::cameras {
 struct RecordingGuide {
   int lights = 0;                    // that are moved: every few seconds, where they are to go next; 0: none
   std::vector<std::string> prompts;  // said one after the other, evenly over the recording
+  std::optional<int> page;           // port of a page on this machine that shows the cameras and all this, 0: any
 };
 
-// record_cameras() with its progress on the terminal. `going` says whether to go on.
+// record_cameras() with its progress on the terminal. `going` says whether to go on. Throws Error for what
+// record_cameras() throws for, and where the page's port is taken.
 std::vector<Recorded> record_guided(std::shared_ptr<const Rig> rig, const std::string& path, const std::string& folder,
                                     RecordingOptions options, const RecordingGuide& guide,
                                     const std::function<bool()>& going);

@@ -70,7 +70,7 @@ void IdentifyServer::handle(SoupServerMessage* message, const std::string& path)
   if (!access_.allows_host(host) || !access_.allows_origin(header(message, "Origin"), host))
     return respond(message, SOUP_STATUS_FORBIDDEN, "text/plain", "not for other pages\n");
   const std::string method = soup_server_message_get_method(message);
-  if (path == "/swap" && method == "POST") return swap(message);
+  if (path == "/swap" && method == "POST" && source_.swap) return swap(message);
   if (method != "GET" && method != "HEAD")
     return respond(message, SOUP_STATUS_METHOD_NOT_ALLOWED, "text/plain", "GET only\n");
   if (path == "/mosaic.json") return respond(message, SOUP_STATUS_OK, "application/json", source_.state());

@@ -21,7 +21,7 @@ class IdentifyServer {
   struct Source {
     std::function<std::vector<uint8_t>()> jpeg;  // the mosaic as a JPEG file; may throw Error
     std::function<std::string()> state;          // JSON, see Mosaic
-    // Swaps two cameras, by id; returns why not, "" where it is done.
+    // Swaps two cameras, by id; returns why not, "" where it is done. None: nobody may.
     std::function<std::string(uint32_t a, uint32_t b)> swap;
   };
   // Serves at this port, 0: any. Throws Error.

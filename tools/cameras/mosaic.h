@@ -30,7 +30,10 @@ class Mosaic {
   // A JPEG file of all tiles, in rows. Throws Error.
   std::vector<uint8_t> jpeg(double now);
   // {"columns": 8, "rows": 8, "tile": [160, 120], "cameras": [{"id": 0, "name": "cam_00_00", "column": 0, "row": 0,
-  // "rate": 29.9, "problem": "", "lit": false}, ...]}: `problem` says why a camera gives no frames.
+  // "rate": 29.9, "problem": "", "lit": false}, ...]}: `problem` says why a camera gives no frames. A page of a recording
+  // has more (RecordingPage): "told", a line for the person before the cameras; "places": [4, 3], those of each picture
+  // that a light should come to; and of each camera "came", for each place whether it did, row by row, and "wanted",
+  // where it is to go.
   nlohmann::json state(double now, const std::function<std::string(uint32_t id)>& problem) const;
 
  private:

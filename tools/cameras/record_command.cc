@@ -21,6 +21,7 @@ struct Options {
   std::string rig, out, cameras;
   lf::cameras::RecordingOptions recording;
   lf::cameras::RecordingGuide guide;
+  int page = -1;
 };
 
 // Ctrl-C ends a recording, and what there is becomes whole files.
@@ -30,6 +31,7 @@ int run(Options options) {
   gst_init(nullptr, nullptr);
   const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(options.rig));
   options.recording.cameras = lf::parse_camera_list(*rig, options.cameras);
+  if (options.page >= 0) options.guide.page = options.page;
   std::signal(SIGINT, [](int) { interrupted = 1; });
   std::signal(SIGTERM, [](int) { interrupted = 1; });
   const std::vector<lf::cameras::Recorded> recorded = lf::cameras::record_guided(
@@ -62,5 +64,9 @@ void add_record_command(cli::App& app, int& status) {
       ->add_option("--lights", o->guide.lights,
                    "So many are moved through the dark: says meanwhile where they were not yet")
       ->check(cli::Range(1, 2));
+  command
+      ->add_option("--page", o->page,
+                   "Port of a page on this machine that shows the cameras, and what is said; 0: any (default: none)")
+      ->check(cli::Range(0, 65535));
   command->callback([o, &status] { status = run(*o); });
 }

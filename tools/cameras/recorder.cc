@@ -85,6 +85,7 @@ std::vector<Recorded> record_cameras(std::shared_ptr<const Rig> rig, const std::
   RigCameras cameras(rig, path, {.cameras = options.cameras, .decode = false}, [&](const CameraFrame& frame) {
     const Camera& camera = rig->cameras[frame.camera];
     const double time = frame.taken - camera.time_offset - begin;
+    if (options.seen) options.seen(frame);
     if (time >= options.seconds) return;
     films[frame.camera].see(frame, camera, fs::path(folder) / (camera.name + ".mkv"), time);
     if (time >= 0 && options.shown) options.shown(frame);

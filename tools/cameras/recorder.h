@@ -16,7 +16,8 @@ struct RecordingOptions {
   std::vector<CameraIndex> cameras;  // which; empty: all
   double seconds = 60;               // from when all are open
   double patience = 10;              // seconds until all give frames; those that don't are left out
-  RigCameras::OnFrame shown;  // every frame from when the films begin on, in the thread that brings it; may be none
+  RigCameras::OnFrame seen;   // every frame, in the thread that brings it; may be none
+  RigCameras::OnFrame shown;  // the same, from when the films begin on
 };
 
 // What there is of a camera.
