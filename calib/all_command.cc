@@ -97,10 +97,14 @@ class Afternoon {
     const auto rig = std::make_shared<const lf::Rig>(lf::load_rig(o_.rig));
     const std::vector<lf::cameras::Recorded> recorded =
         lf::cameras::record_guided(rig, o_.rig, folder, {.seconds = o_.record}, guided, [] { return true; });
-    for (const lf::cameras::Recorded& one : recorded)
-      if (const lf::Camera& camera = rig->cameras[one.camera]; !one.problem.empty())
-        std::printf("record      camera %s: %s: %s\n", lf::cameras::name_of(camera).c_str(), one.problem.c_str(),
+    for (const lf::cameras::Recorded& one : recorded) {
+      const lf::Camera& camera = rig->cameras[one.camera];
+      const std::string name = lf::cameras::name_of(camera);
+      if (!one.problem.empty())
+        std::printf("record      camera %s: %s: %s\n", name.c_str(), one.problem.c_str(),
                     lf::cameras::remedy_of(camera, one.problem).c_str());
+      if (!one.note.empty()) std::printf("record      camera %s: %s\n", name.c_str(), one.note.c_str());
+    }
   }
 
   std::string file(const char* name) const { return folder_ + "/" + name; }

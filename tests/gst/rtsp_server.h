@@ -15,7 +15,8 @@ namespace lf::test {
 #if LF_HAS_RTSP_SERVER
 inline constexpr const char* kRtspServerMissing = nullptr;
 
-// Serves white pictures of 64x48 at 30 frames/s, /jpeg and (where there is an encoder) /h264, until it is destroyed.
+// Serves white pictures of 64x48 at 30 frames/s, /jpeg and (where there is an encoder) /h264, until it is destroyed; also
+// /undated, JPEG without sender reports.
 class RtspServer {
  public:
   // `port`: of an RtspServer that is gone, in its place; 0: any.
@@ -24,6 +25,7 @@ class RtspServer {
     gst_rtsp_server_set_address(server_, "127.0.0.1");
     gst_rtsp_server_set_service(server_, std::to_string(port).c_str());
     mount("/jpeg", "jpegenc ! rtpjpegpay name=pay0");
+    mount("/undated", "jpegenc ! rtpjpegpay name=pay0", false);
     mount("/h264", CameraFiles::h264_encoder() + " ! rtph264pay name=pay0");
     gst_rtsp_server_attach(server_, context_);
     thread_ = std::thread([this] {
@@ -62,7 +64,14 @@ class RtspServer {
   int port() const { return gst_rtsp_server_get_bound_port(server_); }
 
  private:
-  void mount(const char* path, const std::string& coder) {
+  // No report is due for hours.
+  static void leave_out_reports(GstRTSPMedia* media, gpointer) {
+    GObject* session = gst_rtsp_stream_get_rtpsession(gst_rtsp_media_get_stream(media, 0));
+    g_object_set(session, "rtcp-min-interval", guint64{10'000 * GST_SECOND}, nullptr);
+    g_object_unref(session);
+  }
+
+  void mount(const char* path, const std::string& coder, bool reports = true) {
     GstRTSPMountPoints* mounts = gst_rtsp_server_get_mount_points(server_);
     GstRTSPMediaFactory* factory = gst_rtsp_media_factory_new();
     const std::string line =
@@ -70,6 +79,12 @@ class RtspServer {
         coder + " )";
     gst_rtsp_media_factory_set_launch(factory, line.c_str());
     gst_rtsp_media_factory_set_shared(factory, TRUE);
+    if (!reports)
+      g_signal_connect(factory, "media-configure",
+                       G_CALLBACK(+[](GstRTSPMediaFactory*, GstRTSPMedia* media, gpointer) {
+                         g_signal_connect(media, "prepared", G_CALLBACK(leave_out_reports), nullptr);
+                       }),
+                       nullptr);
     gst_rtsp_mount_points_add_factory(mounts, path, factory);  // takes it
     g_object_unref(mounts);
   }

@@ -192,14 +192,18 @@ TEST(LfRigRecord, WaitsUntilNetworkCamerasTellTheTime) {
   const TempDir dir;
   {
     const test::RtspServer server;
-    write_rig(dir, {server.uri("/jpeg")});
+    write_rig(dir, {server.uri("/jpeg"), server.uri("/undated")});
     const Outcome outcome = lf_rig("record rig.json --out films --seconds 4", dir);
     ASSERT_EQ(outcome.status, 0) << outcome.output;
+    const size_t undated = outcome.output.find("camera 1 (cam_00_01)"), note = outcome.output.find("dated as they came");
+    ASSERT_NE(note, std::string::npos) << outcome.output;
+    EXPECT_LT(undated, note) << outcome.output;
+    EXPECT_EQ(outcome.output.find("dated as they came", note + 1), std::string::npos) << outcome.output;
     const std::vector<double> stamps = stamps_of(dir / "films/cam_00_00.mkv");
     ASSERT_GT(stamps.size(), 10u);
     for (const double stamp : stamps) {
       const double off = std::remainder(stamp - stamps.back(), 1.0 / 30);
-      EXPECT_LE(std::abs(off), 0.0025) << "at " << stamp << " s";  // the file has milliseconds
+      EXPECT_LE(std::abs(off), 0.0025) << "at " << stamp << " s";
     }
   }
   test::RtspServer::clean_up();

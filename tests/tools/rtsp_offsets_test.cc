@@ -21,6 +21,7 @@ namespace lf {
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 
 #if LF_HAS_RTSP_SERVER
 
@@ -114,6 +115,7 @@ TEST(RtspOffsets, AreFoundToHalfAMillisecond) {
     save_rig(rig, dir / "rig.json");
     const Outcome recorded = run_program("lf-rig", "record rig.json --out lights --seconds 10 --lights 2", dir.path());
     ASSERT_EQ(recorded.status, 0) << recorded.output;
+    EXPECT_THAT(recorded.output, Not(HasSubstr("dated as they came")));
     server.stop();
   }
   test::RtspServer::clean_up();

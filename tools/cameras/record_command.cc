@@ -37,11 +37,12 @@ int run(Options options) {
   const std::vector<lf::cameras::Recorded> recorded = lf::cameras::record_guided(
       rig, options.rig, options.out, options.recording, options.guide, [] { return interrupted == 0; });
   size_t whole = 0;
-  for (const auto& [index, frames, problem] : recorded) {
+  for (const auto& [index, frames, problem, note] : recorded) {
     const lf::Camera& camera = rig->cameras[index];
     std::printf("camera %s: %llu frames%s%s\n", lf::cameras::name_of(camera).c_str(),
                 static_cast<unsigned long long>(frames), problem.empty() ? "" : ": ",
                 problem.empty() ? "" : (problem + ": " + lf::cameras::remedy_of(camera, problem)).c_str());
+    if (!note.empty()) std::printf("  %s\n", note.c_str());
     whole += problem.empty();
   }
   std::printf("%s: %zu of %zu cameras\n", options.out.c_str(), whole, recorded.size());

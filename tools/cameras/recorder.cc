@@ -21,8 +21,8 @@ namespace fs = std::filesystem;
 constexpr int kQuality = 95;  // of JPEG, of cameras that give other pictures
 
 // Seconds that cameras run before: they adjust to the light, and network cameras tell when frames were taken with
-// their first sender report, whose interval is 5 s (RFC 3550). Stamps would jump there.
-constexpr double kWarmUp = 1, kFirstReport = 6;
+// their first sender report, whose interval is 5 s and half as much more at most (RFC 3550). Stamps would jump there.
+constexpr double kWarmUp = 1, kFirstReport = 8;
 
 bool is_dated_by_arrival(const RigCameras& cameras, CameraIndex camera) {
   GstStructure* stats = cameras.stats(camera);
@@ -109,6 +109,8 @@ std::vector<Recorded> record_cameras(std::shared_ptr<const Rig> rig, const std::
         return cameras.problem(i).empty() && is_dated_by_arrival(cameras, i);
       });
     });
+  std::vector<bool> by_arrival(rig->cameras.size());
+  for (const CameraIndex index : cameras.cameras()) by_arrival[index] = is_dated_by_arrival(cameras, index);
   begin = cameras.now();
   // Frames of the last instant take their time to come.
   constexpr double kLate = 0.5;
@@ -120,6 +122,9 @@ std::vector<Recorded> record_cameras(std::shared_ptr<const Rig> rig, const std::
   for (const CameraIndex index : cameras.cameras()) {
     Recorded& recorded = all.emplace_back(Recorded{.camera = index});
     films[index].finish(recorded);
+    if (by_arrival[index])
+      recorded.note = "frames are dated as they came, as no sender report told when they were taken: time offsets are "
+                      "not its own";
     if (recorded.problem.empty()) recorded.problem = cameras.problem(index);
     if (recorded.problem.empty() && recorded.frames == 0) recorded.problem = "no frame came";
   }

@@ -25,6 +25,7 @@ struct Recorded {
   CameraIndex camera = 0;
   uint64_t frames = 0;
   std::string problem;  // why there is nothing, or not all; "": all is well
+  std::string note;     // what is to be known of its frames, "": nothing
 };
 
 // Films with all cameras of the rig that was read from `path`, opened as the light field opens them: FOLDER/NAME.mkv of
