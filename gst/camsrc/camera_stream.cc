@@ -157,7 +157,7 @@ GstPadProbeReturn CameraStream::on_decoded(GstPad* /*pad*/, GstPadProbeInfo* inf
       if (looping) return GST_PAD_PROBE_DROP;
       loop_seqnum_ = GST_SEQNUM_INVALID;  // it does not begin again, but is where it was sought
       round_start_ = stream_end_ = film_start_ = film_end_ = 0;
-      told_end_ = GST_CLOCK_TIME_NONE;
+      told_begin_ = told_end_ = GST_CLOCK_TIME_NONE;
       return GST_PAD_PROBE_OK;
     case GST_EVENT_SEGMENT:
       if (is_jpeg_) info->data = time_segment(event);
@@ -192,7 +192,6 @@ GstPadProbeReturn CameraStream::on_frame(GstPad* pad, GstPadProbeInfo* info) {
   const GstClockTime duration = GST_BUFFER_DURATION_IS_VALID(buffer) ? GST_BUFFER_DURATION(buffer) : last_duration;
   stream_end_ = stamp + duration;
   note_position(GST_BUFFER_PTS(buffer) + duration);
-  newest_ = position_ > duration ? position_ - duration : 0;
   if (live_ && is_shed(pad, buffer, stamp)) return GST_PAD_PROBE_DROP;
 
   // Of a film it is where in the film the frame is, which a seek does not begin anew.

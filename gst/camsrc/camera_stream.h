@@ -141,14 +141,14 @@ class CameraStream : public std::enable_shared_from_this<CameraStream> {
   std::atomic<guint32> loop_seqnum_ = GST_SEQNUM_INVALID;  // number of the seek back to the beginning
   std::atomic<bool> sought_ = false;                       // somebody else has sought since the latest segment
   std::atomic<GstClockTime> sequence_starts_at_ = 0;       // time in the film of the next picture of an image sequence
-  // Stream time at which the coded picture ends that is seen last, by what its file says; none: no picture has an end.
-  std::atomic<GstClockTime> told_end_ = GST_CLOCK_TIME_NONE;
+  // Stream times at which the coded picture of this round begins that is seen last, and ends by what its file says; none:
+  // there is no such picture, or nothing is said.
+  std::atomic<GstClockTime> told_begin_ = GST_CLOCK_TIME_NONE, told_end_ = GST_CLOCK_TIME_NONE;
 
   // What follows belongs to the streaming thread.
   GstSegment segment_;            // the latest segment on the frames pad
   guint64 pictures_ = 0;          // pictures decoded so far
-  GstClockTime newest_ = 0;       // stream time, that of the source, at which the newest frame begins
-  GstClockTime position_ = 0;     // and at which it ends
+  GstClockTime position_ = 0;     // stream time, that of the source, at which the newest frame ends
   GstClockTime stream_end_ = 0;   // running time at which the newest frame ends
   GstClockTime round_start_ = 0;  // running time at which this round of a loop began
   GstClockTime round_ = 0;        // how long the latest whole round was

@@ -45,20 +45,21 @@ GstPadProbeReturn CameraStream::on_coded(GstPad* pad, GstPadProbeInfo* info) {
   return GST_PAD_PROBE_OK;
 }
 
-// How long a coded picture lasts its file may say; parsers put a period of theirs in its place.
+// A file may say how long a coded picture lasts; parsers put a period of theirs in its place.
 GstPadProbeReturn CameraStream::on_parsed(GstPad* pad, GstPadProbeInfo* info) {
   const GstBuffer* picture = GST_PAD_PROBE_INFO_BUFFER(info);
-  if (!GST_BUFFER_PTS_IS_VALID(picture) || !GST_BUFFER_DURATION_IS_VALID(picture)) return GST_PAD_PROBE_OK;
   g_autoptr(GstCaps) caps = gst_pad_get_current_caps(pad);
   g_autoptr(GstEvent) event = gst_pad_get_sticky_event(pad, GST_EVENT_SEGMENT, 0);
-  if (!event || !caps || !find_coded_video(caps)) return GST_PAD_PROBE_OK;
+  if (!event || !caps || !find_coded_video(caps) || !GST_BUFFER_PTS_IS_VALID(picture)) return GST_PAD_PROBE_OK;
   const GstSegment* segment = nullptr;
   gst_event_parse_segment(event, &segment);
-  if (segment->format != GST_FORMAT_TIME) return GST_PAD_PROBE_OK;
-  const GstClockTime end = gst_segment_to_stream_time(segment, GST_FORMAT_TIME,
-                                                      GST_BUFFER_PTS(picture) + GST_BUFFER_DURATION(picture));
-  const GstClockTime told = told_end_;
-  if (GST_CLOCK_TIME_IS_VALID(end) && (!GST_CLOCK_TIME_IS_VALID(told) || end > told)) told_end_ = end;
+  guint64 begin = 0;
+  if (segment->format != GST_FORMAT_TIME ||
+      gst_segment_to_stream_time_full(segment, GST_FORMAT_TIME, GST_BUFFER_PTS(picture), &begin) != 1)
+    return GST_PAD_PROBE_OK;
+  if (const GstClockTime last = told_begin_; GST_CLOCK_TIME_IS_VALID(last) && begin < last) return GST_PAD_PROBE_OK;
+  told_begin_ = begin;
+  told_end_ = GST_BUFFER_DURATION_IS_VALID(picture) ? begin + GST_BUFFER_DURATION(picture) : GST_CLOCK_TIME_NONE;
   return GST_PAD_PROBE_OK;
 }
 

@@ -148,11 +148,11 @@ GstClockTime CameraStream::missing_at_end() const {
   return is_shorter && !has_sound(GST_BIN(owner_)) ? said - position_ : 0;  // which may be longer
 }
 
-// The newest frame lasts until the end that its file tells, so that all cameras of a recording have rounds of one length.
-// An end that comes before that frame is one of an earlier frame.
+// The last frame lasts until the end that its file tells, so that all cameras of a recording have rounds of one length.
 void CameraStream::end_round_as_told() {
+  told_begin_ = GST_CLOCK_TIME_NONE;
   const GstClockTime told = told_end_.exchange(GST_CLOCK_TIME_NONE);
-  if (!GST_CLOCK_TIME_IS_VALID(told) || told <= newest_) return;
+  if (!GST_CLOCK_TIME_IS_VALID(told)) return;
   const GstClockTimeDiff later = GST_CLOCK_DIFF(position_, told);
   stream_end_ = static_cast<GstClockTime>(static_cast<GstClockTimeDiff>(stream_end_) + later);
   film_end_ = static_cast<GstClockTime>(static_cast<GstClockTimeDiff>(film_end_) + later);

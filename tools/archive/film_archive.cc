@@ -5,7 +5,6 @@
 #include <gst/video/video.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -20,10 +19,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kKeyFrames = 30;       // at least one of so many frames is a key frame: what a seek decodes at most
-constexpr guint64 kMostBytes = 8 << 20;  // that wait for the disk
+constexpr int kKeyFrames = 30;  // at least one of so many frames is a key frame: what a seek decodes at most
+constexpr guint64 kMostBytes = 8 << 20;             // that wait for the disk
 constexpr gint64 kPatience = 600 * G_USEC_PER_SEC;  // for the disk, at the end
-constexpr GstClockTime kTicks = 30'000;  // what times in both files are rounded by together, see CameraFile
+constexpr GstClockTime kTicks = 30'000;             // what times in both files are rounded by together, see CameraFile
 
 // Behind the demuxer: pictures as they are, in the conventions of Image.
 const std::string kAsImage = " ! videoconvert ! video/x-raw,format=I420,colorimetry=1:4:0:0,chroma-site=jpeg ! ";
@@ -148,11 +147,11 @@ size_t encode(const std::string& film, const Contents& contents, int quantizer, 
 
 class Picture {
  public:
-  explicit Picture(const Sample& sample) {
+  Picture(const Sample& sample, const std::string& film) {
     GstVideoInfo info;
-    is_mapped_ = gst_video_info_from_caps(&info, gst_sample_get_caps(sample.get())) &&
-                 gst_video_frame_map(&frame_, &info, gst_sample_get_buffer(sample.get()), GST_MAP_READ);
-    if (!is_mapped_) throw Error("a picture can't be read");
+    if (!gst_video_info_from_caps(&info, gst_sample_get_caps(sample.get())) ||
+        !gst_video_frame_map(&frame_, &info, gst_sample_get_buffer(sample.get()), GST_MAP_READ))
+      throw Error(film + ": a picture can't be read");
   }
   ~Picture() { gst_video_frame_unmap(&frame_); }
   Picture(const Picture&) = delete;
@@ -166,7 +165,6 @@ class Picture {
 
  private:
   GstVideoFrame frame_;
-  bool is_mapped_ = false;
 };
 
 // Sum of squared differences of luma.
@@ -190,7 +188,7 @@ void compare(const std::string& film, const std::string& out, ArchivedFilm& arch
     if (!a || !b) throw Error(place + " is missing");
     const auto apart = static_cast<int64_t>(time_of(a.get()) - time_of(b.get()));
     if (std::abs(apart) > static_cast<int64_t>(kTicks)) throw Error(place + " has another time");
-    const Picture one(a), other(b);
+    const Picture one(a, film), other(b, out);
     if (one.width() != other.width() || one.height() != other.height()) throw Error(place + " has another size");
     archived.squares += squares_between(one, other);
     archived.pixels += static_cast<uint64_t>(one.width()) * static_cast<uint64_t>(one.height());

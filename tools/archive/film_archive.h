@@ -11,12 +11,12 @@ namespace lf::archive {
 
 // What became of the film of a camera.
 struct ArchivedFilm {
-  uint64_t frames = 0;      // of the archived film
-  uint64_t unreadable = 0;  // frames of the film that no decoder takes: they are left out
+  uint64_t frames = 0;                         // of the archived film
+  uint64_t unreadable = 0;                     // frames of the film that no decoder takes: they are left out
   uint64_t bytes_before = 0, bytes_after = 0;  // of the files
-  bool is_copy = false;  // the film was no Motion JPEG, and stays as it is
-  double squares = 0;    // sum of squared differences of luma between the film's pictures and the archived ones
-  uint64_t pixels = 0;   // of all pictures together; 0 of a copy
+  bool is_copy = false;                        // the film was no Motion JPEG, and stays as it is
+  double squares = 0;   // sum of squared differences of luma between the film's pictures and the archived ones
+  uint64_t pixels = 0;  // of all pictures together; 0 of a copy
 
   // Of luma, dB; infinite where nothing differs.
   double psnr() const;
