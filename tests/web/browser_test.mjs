@@ -230,11 +230,18 @@ function pretendHeadset() {
     constructor(session, gl) { Object.assign(this, { gl, framebuffer: null }); }
     getViewport({ eye }) { return { x: eye === 'left' ? 0 : 320, y: 0, width: 320, height: 320 }; }
   };
+  globalThis.XRRigidTransform = class {
+    constructor(position, orientation) { Object.assign(this, { position, orientation }); }
+  };
+  globalThis.XRMediaBinding = class {
+    createQuadLayer(video, options) { return globalThis.quad = { video, ...options }; }
+  };
   class Session extends EventTarget {
     renderState = {};
+    enabledFeatures = globalThis.sessionHasLayers ? ['layers'] : [];
     updateRenderState(state) {
       Object.assign(this.renderState, state);
-      Object.assign(state.baseLayer.gl.canvas, { width: 640, height: 320 });
+      if (state.baseLayer) Object.assign(state.baseLayer.gl.canvas, { width: 640, height: 320 });
     }
     async requestReferenceSpace() { return {}; }
     requestAnimationFrame(draw) { this.over || setTimeout(() => draw(performance.now(), { getViewerPose: pose }), 16); }
@@ -301,6 +308,50 @@ async function headset() {
       console.log(`# display ${side}, turned by ${turned}: ${psnr.toFixed(1)} dB`);
       expect(psnr > (turned ? 28 : 30), `display ${side}, turned by ${turned}: ${psnr.toFixed(1)} dB`);
     }
+  }
+  await page.evaluate(() => session.end());
+  await page.waitForFunction(() => inside().mode === 'one');
+  expect(!page.problems.length, page.problems.join('; '));
+  await page.context().close();
+  await served.stop();
+}
+
+// The same where the browser has media layers: what its compositor would show, by the layer's place, is what the eye sees.
+async function headsetOfLayers() {
+  const served = await serve(...rig, '--max-width', '480', '--max-height', '320');
+  const page = await openPage(browser, served.url, size, { before: pretendHeadset });
+  await shown(page, 5);
+  await page.evaluate(() => { globalThis.sessionHasLayers = true; });
+  await page.getByLabel('Eyes').selectOption('headset');
+  await page.waitForFunction(() => {
+    const { flight: { seen }, video } = inside();
+    return video.videoWidth > video.videoHeight * 1.5 && Math.abs(seen?.yaw + 0.05 * 180 / Math.PI) < 1e-3 && quad.transform;
+  }, null, { timeout: patience });
+  const { layout, isVideo, layers, lines, eye, most } = await page.evaluate(async () => {
+    await new Promise(done => session.requestAnimationFrame(done));
+    const { headset, flight: { seen }, video } = inside(), { transform: { position: p, orientation: q }, width, height } = quad;
+    // Corners of the layer, as the head sees them; a rotation by a quaternion.
+    const turned = ([x, y, z]) => {
+      const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+      const u = [q.x, q.y, q.z], t = cross(u, [x, y, z]).map(v => 2 * v), c = cross(u, t);
+      return [x + q.w * t[0] + c[0], y + q.w * t[1] + c[1], z + q.w * t[2] + c[2]];
+    };
+    const lines = [[-1, 1], [1, 1], [1, -1], [-1, -1]].map(([i, j]) => {
+      const corner = turned([i * width / 2, j * height / 2, 0]);
+      return [corner[0] + p.x, corner[1] + p.y, corner[2] + p.z];
+    });
+    const most = { y: Math.tan(seen.fov * Math.PI / 360), x: 0 };
+    most.x = most.y * video.videoWidth / 2 / video.videoHeight;
+    return { layout: quad.layout, isVideo: quad.video === video, layers: session.renderState.layers.length, lines, most, eye: head };
+  });
+  expect(layout === 'stereo-left-right' && isVideo && layers === 1, 'the video itself is the layer');
+  // The head of pretendHeadset() is turned about its y alone.
+  const [c, s] = [Math.cos(eye.angle), Math.sin(eye.angle)];
+  for (const [k, [i, j]] of [[-1, 1], [1, 1], [1, -1], [-1, -1]].entries()) {
+    const [x, y, z] = [lines[k][0] - eye.x, lines[k][1] - eye.y, lines[k][2] - eye.z];
+    const [right, up, back] = [c * x - s * z, y, s * x + c * z];
+    expect(back < 0 && Math.abs(-right / back - i * most.x) < 1e-4 && Math.abs(-up / back - j * most.y) < 1e-4,
+      `corner ${k} is seen at ${-right / back}, ${-up / back}`);
   }
   await page.evaluate(() => session.end());
   await page.waitForFunction(() => inside().mode === 'one');
@@ -594,6 +645,7 @@ await runTests([
   ['two eyes', twoEyes],
   ['a click focuses', clickFocuses],
   ['a headset', headset],
+  ['a headset with media layers', headsetOfLayers],
   ['a path of the server', kiosk],
   ['touches and sticks', touchesAndSticks],
   ['told in words, from here alone', toldInWords],

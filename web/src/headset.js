@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: LGPL-2.1-or-later
 // A WebXR headset: the head flies the view, and each eye gets its half of the picture. What the picture is late is made
-// up for: it is shown where it belongs, turned by how the head has turned since it was asked for.
+// up for: it is shown where it belongs, turned by how the head has turned since it was asked for. Where the browser has
+// media layers its compositor takes the video itself, and shows it so at the display's own rate; else a shader does.
 
 import { axesOf, dot } from './view.js';
 
+const kFar = 100;     // metres to the layer: what the eyes are apart is less than a quarter of a pixel there
 const kHeight = 960;  // pixels of an eye's picture; the server has limits of its own
 
 const kVertex = `#version 300 es
@@ -50,6 +52,16 @@ function anglesOf({ right, down, forward }) {
   return { yaw: Math.atan2(forward[0], forward[2]) * degrees, pitch: Math.asin(-forward[1]) * degrees,
     roll: Math.atan2(right[1], down[1]) * degrees };
 }
+// Of a rotation, by what it makes of the axes. Of the four ways to begin, the one that divides by the most.
+function quaternionOf([m00, m10, m20], [m01, m11, m21], [m02, m12, m22]) {
+  const [x, y, z, w] = [1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22, 1 + m00 + m11 + m22];
+  const most = Math.max(x, y, z, w);
+  const q = most === w ? [m21 - m12, m02 - m20, m10 - m01, w] : most === x ? [x, m01 + m10, m02 + m20, m21 - m12]
+    : most === y ? [m01 + m10, y, m12 + m21, m02 - m20] : [m02 + m20, m12 + m21, z, m10 - m01];
+  const length = Math.hypot(...q);
+  return { x: q[0] / length, y: q[1] / length, z: q[2] / length, w: q[3] / length };
+}
+
 // Tangents from the middle of the display to its borders.
 function tangents([sx, , , , , sy, , , px, py]) {
   return { x: Math.max((1 + px) / sx, (1 - px) / sx), y: Math.max((1 + py) / sy, (1 - py) / sy) };
@@ -65,16 +77,21 @@ export class Headset {
   async start() {
     this.base = this.viewer.flight.state;
     if (!this.base) throw new Error('there is no picture yet');
-    const session = this.session = await navigator.xr.requestSession('immersive-vr');
+    const session = this.session = await navigator.xr.requestSession('immersive-vr', { optionalFeatures: ['layers'] });
     session.addEventListener('end', () => {
       this.session = null;
       this.ended();
     });
-    const canvas = document.createElement('canvas');
-    const gl = this.gl = canvas.getContext('webgl2', { xrCompatible: true });
-    session.updateRenderState({ baseLayer: new XRWebGLLayer(session, gl) });
     this.space = await session.requestReferenceSpace('local');
-    this.prepare();
+    if (globalThis.XRMediaBinding && session.enabledFeatures?.includes('layers')) {
+      this.layer = new XRMediaBinding(session).createQuadLayer(this.viewer.video,
+        { space: this.space, layout: 'stereo-left-right', width: 1, height: 1 });
+      session.updateRenderState({ layers: [this.layer] });
+    } else {
+      const gl = this.gl = document.createElement('canvas').getContext('webgl2', { xrCompatible: true });
+      session.updateRenderState({ baseLayer: new XRWebGLLayer(session, gl) });
+      this.prepare();
+    }
     session.requestAnimationFrame((time, frame) => this.frame(frame));
   }
   stop() { return this.session?.end(); }
@@ -106,7 +123,8 @@ export class Headset {
     const pose = frame.getViewerPose(this.space);
     if (!pose || pose.views.length < 2) return;
     this.fly(pose);
-    this.draw(pose);
+    if (this.layer) this.place();
+    else this.draw(pose);
   }
 
   // From where the flight was, as the head moves.
@@ -123,6 +141,21 @@ export class Headset {
     }
     this.viewer.flight.sendView({ x: this.base.x + dx, y: this.base.y + dy, z: this.base.z + dz,
       ...anglesOf(turned(base, axesOfXr(orientation))), fov: 2 * Math.atan(most.y) * 180 / Math.PI });
+  }
+
+  // The layer is where the eyes looked when the picture was asked for, and as large as they see there.
+  place() {
+    const { layer, viewer: { video, flight: { seen } } } = this;
+    if (!seen || !video.videoWidth) return;
+    const base = axesOf(this.base), { right, down, forward } = axesOf(seen);
+    // Of the world, in the headset's space, whose y is up and whose z is back.
+    const inSpace = line => [dot(base.right, line), -dot(base.down, line), -dot(base.forward, line)];
+    const back = inSpace(forward).map(v => -v);
+    const eye = inSpace([seen.x - this.base.x, seen.y - this.base.y, seen.z - this.base.z]);
+    const [x, y, z] = eye.map((at, i) => at - kFar * back[i]);
+    layer.transform = new XRRigidTransform({ x, y, z }, quaternionOf(inSpace(right), inSpace(down).map(v => -v), back));
+    layer.height = 2 * kFar * Math.tan(seen.fov * Math.PI / 360);
+    layer.width = layer.height * video.videoWidth / 2 / video.videoHeight;
   }
 
   draw(pose) {
